@@ -1,0 +1,43 @@
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+namespace unfurl {
+
+// What the person running the program, or calling the library, can mend. Numerical outcomes are
+// not errors: they are returned as data. Broken invariants of ours are assertions.
+enum class ErrorKind {
+  kBadInput,  // the input or its use is wrong; exit code 2
+  kMachine,   // the machine refused: disk full, no permission; exit code 4
+};
+
+// One line: WHERE: WHAT; REMEDY. `where` is file:line:key, as far as known.
+class Error : public std::runtime_error {
+ public:
+  Error(const std::string& what, const std::string& where, const std::string& remedy,
+        ErrorKind kind = ErrorKind::kBadInput);
+
+  ErrorKind kind() const { return kind_; }
+
+ private:
+  ErrorKind kind_;
+};
+
+// Thrown where long work notices that Ctrl-C was pressed; exit code 130.
+class Interrupted : public std::runtime_error {
+ public:
+  Interrupted() : std::runtime_error("interrupted") {}
+};
+
+// Exit codes of the program, documented in docs/formats.md.
+enum ExitCode : int {
+  kExitGood = 0,
+  kExitNotUsable = 1,  // ran, but the result is not usable
+  kExitBadInput = 2,
+  kExitFault = 3,  // a fault of ours
+  kExitMachine = 4,
+  kExitInterrupted = 130,
+};
+
+}  // namespace unfurl

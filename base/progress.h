@@ -1,0 +1,35 @@
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <string>
+
+namespace unfurl {
+
+// Ctrl-C and SIGTERM set a flag that long work polls; the work then stops cleanly by throwing
+// Interrupted, and its destructors remove what is half written.
+void InstallInterruptHandler();
+bool InterruptRequested();
+void ThrowIfInterrupted();
+
+// A line on the terminal with what is done and an estimate of what is left. Silent in a pipe and
+// where `enabled` is false. Safe to call from several threads.
+class Progress {
+ public:
+  Progress(std::string label, bool enabled);
+  ~Progress();
+  Progress(const Progress&) = delete;
+  Progress& operator=(const Progress&) = delete;
+
+  // `fraction` in [0, 1]; `note` such as "best so far 1.03". Throws Interrupted after Ctrl-C.
+  void Update(double fraction, const std::string& note = {});
+
+ private:
+  std::string label_;
+  bool on_terminal_;
+  std::chrono::steady_clock::time_point start_;
+  std::atomic<std::int64_t> last_ms_{-1000};
+  std::atomic<bool> drawn_{false};
+};
+
+}  // namespace unfurl

@@ -1,0 +1,79 @@
+#include "base/statistics.h"
+
+#include <algorithm>
+#include <boost/math/distributions/binomial.hpp>
+#include <boost/math/distributions/chi_squared.hpp>
+#include <boost/math/distributions/normal.hpp>
+#include <boost/math/distributions/students_t.hpp>
+#include <cmath>
+#include <vector>
+
+namespace unfurl {
+
+namespace bm = boost::math;
+
+double ChiSquareQuantile(double p, double degrees_of_freedom) {
+  return bm::quantile(bm::chi_squared(degrees_of_freedom), p);
+}
+
+double NormalQuantile(double p) { return bm::quantile(bm::normal(), p); }
+
+double StudentQuantile(double p, double degrees_of_freedom) {
+  return bm::quantile(bm::students_t(degrees_of_freedom), p);
+}
+
+double ChiSquareTail(double x, double degrees_of_freedom) {
+  return bm::cdf(bm::complement(bm::chi_squared(degrees_of_freedom), x));
+}
+
+std::pair<double, double> BinomialInterval(std::size_t successes, std::size_t trials,
+                                           double confidence) {
+  using Binomial = bm::binomial_distribution<double>;
+  const double alpha = (1.0 - confidence) / 2.0;
+  const double n = static_cast<double>(trials);
+  const double k = static_cast<double>(successes);
+  const double low = successes == 0 ? 0.0 : Binomial::find_lower_bound_on_p(n, k, alpha);
+  const double high = successes == trials ? 1.0 : Binomial::find_upper_bound_on_p(n, k, alpha);
+  return {low, high};
+}
+
+double Mean(std::span<const double> x) {
+  double sum = 0.0;
+  for (double v : x) sum += v;
+  return x.empty() ? 0.0 : sum / static_cast<double>(x.size());
+}
+
+double Variance(std::span<const double> x) {
+  if (x.size() < 2) return 0.0;
+  const double mean = Mean(x);
+  double sum = 0.0;
+  for (double v : x) sum += (v - mean) * (v - mean);
+  return sum / static_cast<double>(x.size() - 1);
+}
+
+double Rms(std::span<const double> x) {
+  double sum = 0.0;
+  for (double v : x) sum += v * v;
+  return x.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(x.size()));
+}
+
+double Quantile(std::span<const double> x, double p) {
+  if (x.empty()) return std::nan("");
+  std::vector<double> sorted(x.begin(), x.end());
+  std::sort(sorted.begin(), sorted.end());
+  const double at = std::clamp(p, 0.0, 1.0) * static_cast<double>(sorted.size() - 1);
+  const std::size_t below = static_cast<std::size_t>(at);
+  const std::size_t above = std::min(below + 1, sorted.size() - 1);
+  return sorted[below] + (at - static_cast<double>(below)) * (sorted[above] - sorted[below]);
+}
+
+double Median(std::span<const double> x) { return Quantile(x, 0.5); }
+
+double RobustSigma(std::span<const double> x) {
+  const double median = Median(x);
+  std::vector<double> deviation(x.begin(), x.end());
+  for (double& v : deviation) v = std::abs(v - median);
+  return 1.482602218505602 * Median(deviation);
+}
+
+}  // namespace unfurl

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include <nlohmann/json_fwd.hpp>
+
+#include "data/provenance.h"
+
+namespace CLI {
+class App;
+}
+
+namespace unfurl::cli {
+
+// What every verb shares: the options --json and --quiet, and the command as typed.
+struct Common {
+  bool json = false;
+  bool quiet = false;
+  std::string command_line;
+};
+
+// One file per verb defines one of these: it declares its options on the program and gives what to
+// run when its name was typed. `run` returns an exit code (0, or 1 for "ran but not usable");
+// everything else is thrown.
+struct Verb {
+  CLI::App* app = nullptr;
+  std::function<int()> run;
+};
+
+Verb AddSimulate(CLI::App& program, const Common& common);
+Verb AddExpose(CLI::App& program, const Common& common);
+Verb AddCalibrate(CLI::App& program, const Common& common);
+Verb AddReconstruct(CLI::App& program, const Common& common);
+Verb AddCorrelate(CLI::App& program, const Common& common);
+Verb AddFit(CLI::App& program, const Common& common);
+Verb AddInfo(CLI::App& program, const Common& common);
+Verb AddConvert(CLI::App& program, const Common& common);
+
+// Declares a verb with --json, --quiet and an example in its --help.
+CLI::App* DeclareVerb(CLI::App& program, const Common& common, const std::string& name,
+                      const std::string& summary, const std::string& example);
+
+// The record's name with another ending, for an output that was not named: "a/run.toml" and ".h5"
+// give "run.h5" in the current folder.
+std::string DefaultOutput(const std::string& input, const std::string& suffix);
+
+// Provenance with this program's version and the command as typed; add inputs and options to it.
+data::Provenance StartProvenance(const Common& common);
+
+// Ends a verb: the summary as JSON on stdout with --json, `text` otherwise, nothing with --quiet.
+void Finish(const Common& common, const nlohmann::ordered_json& summary, const std::string& text);
+
+// A table for terminals: columns aligned, numbers right.
+std::string AlignedTable(const std::vector<std::vector<std::string>>& rows);
+
+}  // namespace unfurl::cli

@@ -1,0 +1,31 @@
+# What each is for, and why it and not another: docs/dependencies.md. Debian names: packages.txt.
+find_package(Eigen3 3.4 REQUIRED NO_MODULE)
+find_package(fmt 9 REQUIRED)
+find_package(Ceres 2.1 REQUIRED)
+find_package(OpenCV 4.6 REQUIRED COMPONENTS core imgproc imgcodecs)
+find_package(HDF5 1.10 REQUIRED COMPONENTS C)
+find_package(nlohmann_json 3.11 REQUIRED)
+find_package(CLI11 2.1 REQUIRED)
+find_package(tomlplusplus 3.3 REQUIRED)
+find_package(Boost 1.74 REQUIRED)  # Boost.Math, headers only
+find_package(PkgConfig REQUIRED)
+pkg_check_modules(FFTW REQUIRED IMPORTED_TARGET fftw3)
+pkg_check_modules(LIBMD REQUIRED IMPORTED_TARGET libmd)
+find_package(Threads REQUIRED)
+
+find_path(UNFURL_DYGRAPHS_DIR dygraph.min.js
+          PATHS /usr/share/javascript/dygraphs /usr/share/javascript/dygraphs/dist REQUIRED)
+
+if(UNFURL_TESTS)
+  find_package(GTest REQUIRED)
+endif()
+
+# Debian's Ceres is built for baseline x86-64; a TU compiled for wider vectors would align
+# Eigen's objects differently, so UNFURL_NATIVE applies only to files that name it.
+function(unfurl_native)
+  if(UNFURL_NATIVE)
+    set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "-march=native;-O3")
+  else()
+    set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "-O3")
+  endif()
+endfunction()

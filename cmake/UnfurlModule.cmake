@@ -1,0 +1,48 @@
+# One static library per room, with its links declared:
+#   unfurl_module(calib SOURCES bundle.cc ... LINKS unfurl::measure PRIVATE_LINKS Ceres::ceres)
+# and one test program per folder of tests:
+#   unfurl_test(calib_test SOURCES bundle_test.cc ... LINKS unfurl::calib LABELS slow)
+
+function(unfurl_compile_options target)
+  target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor)
+  if(UNFURL_WERROR)
+    target_compile_options(${target} PRIVATE -Werror)
+  endif()
+  if(UNFURL_SANITIZE)
+    target_compile_options(${target} PUBLIC -fsanitize=address,undefined -fno-sanitize-recover=all
+                           -fno-omit-frame-pointer)
+    target_link_options(${target} PUBLIC -fsanitize=address,undefined)
+  endif()
+endfunction()
+
+function(unfurl_module name)
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINKS;PRIVATE_LINKS" ${ARGN})
+  add_library(unfurl_${name} STATIC ${ARG_SOURCES})
+  add_library(unfurl::${name} ALIAS unfurl_${name})
+  set_target_properties(unfurl_${name} PROPERTIES EXPORT_NAME ${name})
+  target_include_directories(unfurl_${name} PUBLIC
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}> $<INSTALL_INTERFACE:include/unfurl>)
+  target_link_libraries(unfurl_${name} PUBLIC ${ARG_LINKS} PRIVATE ${ARG_PRIVATE_LINKS})
+  target_compile_features(unfurl_${name} PUBLIC cxx_std_20)
+  unfurl_compile_options(unfurl_${name})
+  set_property(GLOBAL APPEND PROPERTY UNFURL_MODULES unfurl_${name})
+  file(GLOB headers RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} CONFIGURE_DEPENDS *.h)
+  foreach(header ${headers})
+    install(FILES ${header} DESTINATION include/unfurl/${name} COMPONENT dev)
+  endforeach()
+endfunction()
+
+# Each TEST becomes one CTest entry; LABELS slow keeps it out of the default set.
+function(unfurl_test name)
+  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LINKS;LABELS" ${ARGN})
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 300)
+  endif()
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE ${ARG_LINKS} GTest::gtest GTest::gmock GTest::gtest_main)
+  target_compile_definitions(${name} PRIVATE UNFURL_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
+  unfurl_compile_options(${name})
+  include(GoogleTest)
+  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
+    PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
+endfunction()

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace unfurl::data {
+
+// A table as a person or an instrument wrote it: comma-separated, a header line of `name` or
+// `name [unit]`, lines that start with # are comments, blank lines are passed over.
+struct CsvColumn {
+  std::string name;
+  std::string unit;  // empty when the header gives none
+};
+
+class CsvTable {
+ public:
+  static CsvTable Load(const std::string& path);
+
+  const std::string& path() const { return path_; }
+  const std::vector<CsvColumn>& columns() const { return columns_; }
+  std::size_t rows() const { return lines_.size(); }
+  const std::vector<std::string>& comments() const { return comments_; }
+
+  int Find(std::string_view name) const;                    // -1 when absent
+  // The column's index; throws when absent, without a unit or with another one than `unit`
+  // (empty `unit`: a column that has none, such as an id).
+  int Require(std::string_view name, std::string_view unit) const;
+  std::string Text(std::size_t row, int column) const;      // trimmed
+  bool Empty(std::size_t row, int column) const;
+  double Number(std::size_t row, int column) const;         // finite, or throws
+  double NumberOrNan(std::size_t row, int column) const;    // NaN for an empty cell
+  std::string Where(std::size_t row, int column) const;     // "points.csv:12:sx"
+
+ private:
+  std::string path_;
+  std::vector<CsvColumn> columns_;
+  std::vector<std::vector<std::string>> cells_;
+  std::vector<int> lines_;
+  std::vector<std::string> comments_;
+};
+
+// Writes numbers so that they read back exactly; NaN as an empty cell.
+class CsvWriter {
+ public:
+  explicit CsvWriter(std::vector<CsvColumn> columns);
+  void Row(const std::vector<std::string>& cells);
+  void Row(const std::vector<double>& values);
+  void Comment(const std::string& text);
+  std::string text() const;  // hand it to WriteTextFile
+
+ private:
+  std::string header_;
+  std::string comments_;
+  std::string body_;
+};
+
+}  // namespace unfurl::data

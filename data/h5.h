@@ -1,0 +1,140 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "data/provenance.h"
+
+namespace unfurl::data {
+
+// HDF5 behind the few calls that the records need. Every dataset carries the attributes `units`
+// and `description`; every file the root attributes `schema`, `schema_version` and its provenance.
+
+enum class H5Type { kDouble, kFloat, kInt32, kUint16, kUint8 };
+
+struct H5Field {
+  std::string path;         // "/series/hub.x"; groups are made as needed
+  std::string units;        // "m", "rad", "s", "px", "1" for none
+  std::string description;  // one line
+};
+
+class H5Writer;
+
+// A dataset that grows by rows, in constant memory.
+class H5Series {
+ public:
+  H5Series() = default;
+  // `values` holds rows x (product of the row's dimensions) entries, row after row. The type must
+  // be the one the series was made with.
+  void Append(std::span<const double> values);
+  void Append(std::span<const float> values);
+  void Append(std::span<const std::int32_t> values);
+  void Append(std::span<const std::uint16_t> values);
+  void Append(std::span<const std::uint8_t> values);
+
+ private:
+  friend class H5Writer;
+  void AppendRaw(const void* values, std::size_t count, H5Type type);
+  H5Writer* writer_ = nullptr;
+  std::int64_t dataset_ = -1;
+  H5Type type_ = H5Type::kDouble;
+  std::string path_;
+  std::vector<std::size_t> row_;  // dimensions of one row; empty for scalars
+  std::size_t rows_ = 0;
+};
+
+class H5Writer {
+ public:
+  // `schema` such as "unfurl/run". Creates the temporary file; nothing bears the name `path` until
+  // Commit. Throws Error (kMachine for a full disk or a refused permission).
+  H5Writer(const std::string& path, const std::string& schema, int schema_version,
+           const Provenance& provenance);
+  ~H5Writer();
+  H5Writer(const H5Writer&) = delete;
+  H5Writer& operator=(const H5Writer&) = delete;
+
+  // A whole dataset; `dims` empty means one dimension of values.size().
+  void Write(const H5Field& field, std::span<const double> values,
+             std::vector<std::size_t> dims = {});
+  void Write(const H5Field& field, std::span<const std::int32_t> values,
+             std::vector<std::size_t> dims = {});
+  void Write(const H5Field& field, std::span<const std::uint16_t> values,
+             std::vector<std::size_t> dims = {});
+  void Write(const H5Field& field, const Eigen::MatrixXd& matrix);  // rows x cols, C order on disk
+  void Write(const H5Field& field, const std::vector<std::string>& values);
+
+  // A growing dataset: rows of `row_dims` (empty: scalars); chunk of `chunk_rows`; `deflate` 0..9.
+  H5Series Series(const H5Field& field, H5Type type, std::vector<std::size_t> row_dims = {},
+                  std::size_t chunk_rows = 1024, int deflate = 0);
+
+  // Attributes of a group or dataset ("/" for the root; groups are made as needed).
+  void Attribute(const std::string& object, const std::string& name, const std::string& value);
+  void Attribute(const std::string& object, const std::string& name, double value);
+  void Attribute(const std::string& object, const std::string& name, std::int64_t value);
+
+  // Flushes, closes, syncs and renames. Call once, last.
+  void Commit();
+
+ private:
+  friend class H5Series;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+class H5Reader {
+ public:
+  // Throws one clear Error for: no such file, not HDF5, truncated, another schema, a newer version.
+  H5Reader(const std::string& path, const std::string& schema, int newest_version);
+  ~H5Reader();
+  H5Reader(const H5Reader&) = delete;
+  H5Reader& operator=(const H5Reader&) = delete;
+
+  // The schema of any Unfurl file; throws Error when it is not one.
+  static std::string SchemaOf(const std::string& path);
+
+  const std::string& path() const;
+  int schema_version() const;
+  Provenance ReadProvenance() const;
+
+  bool Has(const std::string& path) const;
+  std::vector<std::string> Children(const std::string& group) const;  // by creation order
+  std::vector<std::size_t> Dims(const std::string& dataset) const;
+  std::string Units(const std::string& dataset) const;
+  std::string Description(const std::string& dataset) const;
+
+  // Whole datasets. `units` must equal the stored ones (empty: not checked). Non-finite values are
+  // let through: NaN marks "not seen" in some fields; each record checks its own.
+  std::vector<double> ReadDoubles(const std::string& dataset, const std::string& units = {}) const;
+  std::vector<std::int32_t> ReadInts(const std::string& dataset) const;
+  std::vector<std::string> ReadStrings(const std::string& dataset) const;
+  Eigen::MatrixXd ReadMatrix(const std::string& dataset, const std::string& units = {}) const;
+
+  // `count` rows from `first`, into `out` (count x row size entries).
+  void ReadRows(const std::string& dataset, std::size_t first, std::size_t count,
+                std::span<double> out) const;
+  void ReadRows(const std::string& dataset, std::size_t first, std::size_t count,
+                std::span<std::uint16_t> out) const;
+  void ReadRows(const std::string& dataset, std::size_t first, std::size_t count,
+                std::span<std::int32_t> out) const;
+
+  bool HasAttribute(const std::string& object, const std::string& name) const;
+  std::string StringAttribute(const std::string& object, const std::string& name) const;
+  double DoubleAttribute(const std::string& object, const std::string& name) const;
+  std::int64_t IntAttribute(const std::string& object, const std::string& name) const;
+
+  // An Error that names this file and the dataset or attribute.
+  [[noreturn]] void Fail(const std::string& what, const std::string& object,
+                         const std::string& remedy) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace unfurl::data

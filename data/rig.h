@@ -1,0 +1,56 @@
+#pragma once
+
+#include <array>
+#include <map>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "data/provenance.h"
+
+namespace unfurl::data {
+
+// What is known of one camera. Camera frame C: origin at the slit's centre, X along the sensor row
+// (growing u), Z along the optical axis towards the scene, Y = Z x X along the lens axis.
+// With (X, Y, Z) the point in C, x = X / Z and y = Y / (Z + e):
+//   u = u0 + f x + sum of terms,   in px. [docs/physics.md, the two-centre model]
+inline constexpr std::array<const char*, 10> kCameraTerms = {
+    "x^3", "x y^2", "x^5", "x^3 y^2", "x y^4", "x^2", "x y", "y^2", "x^2 y", "y^3"};
+
+struct RigCamera {
+  std::string name;
+  Eigen::Matrix3d R_CW = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d p_WC = Eigen::Vector3d::Zero();  // the slit's centre in W [m]
+  double f_px = 0.0;                               // image scale [px]
+  double u0_px = 0.0;                              // reading on the optical axis [px]
+  double e = 0.0;                                  // distance between the two centres [m]
+  std::array<double, 10> terms_px{};               // in the order of kCameraTerms [px]
+};
+
+// Parameters of one camera, in this order, wherever a covariance or a Jacobian is laid out:
+// 0-2 rotation w, R_CW <- Exp(w) R_CW [rad]; 3-5 p_WC [m]; 6 f [px]; 7 u0 [px]; 8 e [m];
+// 9-18 terms [px].
+inline constexpr int kCameraParameters = 19;
+
+struct Rig {
+  std::vector<RigCamera> cameras;  // c
+  // Joint covariance of all cameras' parameters, 19 c x 19 c; zero rows for what was held fixed.
+  Eigen::MatrixXd covariance;
+  double model_floor_px = 0.0;  // added in quadrature to each reading's sigma [px]
+  // The box of the surveyed points, in W [m]: outside it the camera model extrapolates.
+  Eigen::Vector3d volume_low = Eigen::Vector3d::Zero();
+  Eigen::Vector3d volume_high = Eigen::Vector3d::Zero();
+  // Checks by name with unit in the name ("held_out_rms [m]"), and the verdict in words.
+  std::map<std::string, double> checks;
+  std::string verdict;               // "good", "usable with care", "do not use"
+  std::vector<std::string> reasons;  // why
+};
+
+inline constexpr char kRigSchema[] = "unfurl/rig";
+inline constexpr int kRigVersion = 1;
+
+void WriteRig(const std::string& path, const Rig& rig, const Provenance& provenance);
+Rig ReadRig(const std::string& path);
+
+}  // namespace unfurl::data

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "data/line_format.h"
+#include "data/provenance.h"
+
+namespace unfurl::data {
+
+// Points that a total station measured while each camera saw the LED that stood there: n points,
+// c cameras. Readings come as numbers, or as raw lines from which `calibrate` finds them.
+struct Survey {
+  std::vector<std::string> id;                   // n, unique
+  Eigen::Matrix3Xd p;                            // 3 x n, in the station's frame W [m]
+  Eigen::Matrix<double, 6, Eigen::Dynamic> cov;  // xx, xy, xz, yy, yz, zz by n [m^2]
+  std::vector<std::string> cameras;              // c names
+
+  Eigen::MatrixXd u_px;  // n x c readings [px]; NaN: not seen. Empty (0 x 0) where there are lines
+  Eigen::MatrixXd s_px;  // n x c standard deviations [px]; NaN where u is NaN
+
+  // Raw lines, both n x c x elements in C order, or both empty: with the LED lit, and dark.
+  LineFormat format;
+  std::vector<std::uint16_t> lit;
+  std::vector<std::uint16_t> dark;
+
+  std::size_t size() const { return id.size(); }
+  bool has_lines() const { return !lit.empty(); }
+};
+
+inline constexpr char kSurveySchema[] = "unfurl/survey";
+inline constexpr int kSurveyVersion = 1;
+
+// By content: HDF5, or CSV with the columns id, x, y, z, then sx, sy, sz or cxx, cxy, cxz, cyy,
+// cyz, czz, then u1.. and s1.. (empty cells: not seen), each with its unit in the header.
+Survey ReadSurvey(const std::string& path);
+void WriteSurvey(const std::string& path, const Survey& survey, const Provenance& provenance);
+void WriteSurveyCsv(const std::string& path, const Survey& survey);  // readings only
+
+// The points alone, for `expose --survey`: id, x, y, z and, if given, their sigmas.
+Survey ReadPointsCsv(const std::string& path);
+
+}  // namespace unfurl::data

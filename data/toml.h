@@ -1,0 +1,96 @@
+#pragma once
+
+#include <limits>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace unfurl::data {
+
+// A TOML file that a person wrote, read strictly: each key read is remembered, and what is left
+// unread is an error that names the nearest key the reader would have taken. Errors carry
+// file:line:key. Include toml++ nowhere else.
+
+class TomlTable;
+
+struct TomlRange {
+  double low = -std::numeric_limits<double>::infinity();
+  double high = std::numeric_limits<double>::infinity();
+  bool open_low = false;   // low itself is refused
+  bool open_high = false;  // high itself is refused
+};
+inline constexpr TomlRange kAny{};
+inline constexpr TomlRange kPositive{0.0, std::numeric_limits<double>::infinity(), true, false};
+inline constexpr TomlRange kNonNegative{0.0};
+
+// `overrides` are "dotted.key=value" with a TOML value (a bare word is taken as a string), applied
+// before anything is read; a value for a table that is not there makes it. Errors in them are
+// placed at "--set dotted.key".
+TomlTable LoadToml(const std::string& path, const std::vector<std::string>& overrides = {});
+TomlTable ParseToml(const std::string& text, const std::string& name);
+
+class TomlTable {
+ public:
+  TomlTable() = default;
+
+  bool Has(std::string_view key) const;
+
+  // Required values; NaN and infinity are refused always.
+  double Number(std::string_view key, TomlRange range = kAny) const;
+  int Integer(std::string_view key, int low, int high) const;
+  bool Bool(std::string_view key) const;
+  std::string String(std::string_view key) const;
+  std::string Choice(std::string_view key, const std::vector<std::string>& allowed) const;
+  // `size` < 0: any length.
+  std::vector<double> Numbers(std::string_view key, int size, TomlRange range = kAny) const;
+  std::vector<std::string> Strings(std::string_view key) const;
+  // Rows of equal length `columns`.
+  std::vector<std::vector<double>> Rows(std::string_view key, int columns) const;
+
+  // The same, with a default for an absent key.
+  double NumberOr(std::string_view key, double fallback, TomlRange range = kAny) const;
+  int IntegerOr(std::string_view key, int fallback, int low, int high) const;
+  bool BoolOr(std::string_view key, bool fallback) const;
+  std::string StringOr(std::string_view key, const std::string& fallback) const;
+  std::string ChoiceOr(std::string_view key, const std::string& fallback,
+                       const std::vector<std::string>& allowed) const;
+  std::vector<double> NumbersOr(std::string_view key, std::vector<double> fallback, int size,
+                                TomlRange range = kAny) const;
+  std::vector<std::string> StringsOr(std::string_view key, std::vector<std::string> fallback) const;
+
+  // [key]; the required one throws when absent.
+  TomlTable Table(std::string_view key) const;
+  std::optional<TomlTable> TableOrNone(std::string_view key) const;
+  // [key.NAME] ..., in file order.
+  std::vector<std::pair<std::string, TomlTable>> NamedTables(std::string_view key) const;
+  // [[key]] ..., in file order; empty when absent.
+  std::vector<TomlTable> TableArray(std::string_view key) const;
+
+  // True when `key` holds a number, a string, an array, a table: for keys that take several forms.
+  bool IsNumber(std::string_view key) const;
+  bool IsString(std::string_view key) const;
+  bool IsArray(std::string_view key) const;
+  bool IsTable(std::string_view key) const;
+
+  // Throws on the first key, here or in any table below, that was never asked for.
+  void RefuseUnknownKeys() const;
+
+  // "scene.toml:12:beam.beam1.mass", for an Error about that key; empty key: the table itself.
+  std::string Where(std::string_view key = {}) const;
+  // "beam.beam1": the dotted path of this table.
+  const std::string& path() const;
+  [[noreturn]] void Fail(std::string_view key, const std::string& what,
+                         const std::string& remedy) const;
+
+ private:
+  friend TomlTable LoadToml(const std::string&, const std::vector<std::string>&);
+  friend TomlTable ParseToml(const std::string&, const std::string&);
+  struct Node;
+  explicit TomlTable(std::shared_ptr<Node> node) : node_(std::move(node)) {}
+  std::shared_ptr<Node> node_;
+};
+
+}  // namespace unfurl::data

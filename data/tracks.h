@@ -1,0 +1,58 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "data/provenance.h"
+
+namespace unfurl::data {
+
+// Where each sample of a track stands; the reason is the word itself.
+enum class SampleStatus : std::int32_t {
+  kGood = 0,             // four readings that agree
+  kThreeCameras = 1,     // solved from three: nothing left over to check it with
+  kRejectedReading = 2,  // four readings that disagree; one was left out
+  kUnsolvable = 3,       // too few readings, or planes too near to parallel; position is NaN
+};
+const char* Name(SampleStatus status);
+inline bool Usable(SampleStatus s) { return s != SampleStatus::kUnsolvable; }
+
+// Marks in time, sample by sample in order of time; n samples of m marks.
+//
+// The error of sample i is  e_i = random_i + F_i z:  random_i has covariance cov_i and is
+// independent between samples; F_i is the 3 x k factor `shared.block(0, i * k, 3, k)` of what the
+// calibration's uncertainty does to it, and z ~ N(0, I_k) is one draw common to all samples.
+struct Tracks {
+  std::string frame;               // frame of p: "rig" (W of the survey) or "model"
+  std::vector<std::string> marks;  // m names
+  bool smoothed = false;           // a fit refuses smoothed tracks
+
+  std::vector<double> t;             // n, each sample's own time stamp [s]
+  std::vector<std::int32_t> mark;    // n, index into `marks`
+  Eigen::Matrix3Xd p;                // 3 x n [m]
+  Eigen::Matrix<double, 6, Eigen::Dynamic> cov;  // xx, xy, xz, yy, yz, zz by n [m^2]
+  std::vector<SampleStatus> status;  // n
+  int shared_rank = 0;               // k
+  Eigen::Matrix3Xd shared;           // 3 x (n k) [m]
+
+  std::size_t size() const { return t.size(); }
+  Eigen::Matrix3d Covariance(std::size_t i) const;
+  // Indices of the usable samples of one mark, in order of time.
+  std::vector<std::size_t> SamplesOf(std::int32_t mark_index) const;
+  // Index of a mark's name, or -1.
+  int FindMark(const std::string& name) const;
+};
+
+inline constexpr char kTracksSchema[] = "unfurl/tracks";
+inline constexpr int kTracksVersion = 1;
+
+void WriteTracks(const std::string& path, const Tracks& tracks, const Provenance& provenance);
+Tracks ReadTracks(const std::string& path);
+// Columns t, mark, x, y, z, cxx .. czz, status, with units in the header; no shared part.
+void WriteTracksCsv(const std::string& path, const Tracks& tracks);
+Tracks ReadTracksCsv(const std::string& path);
+
+}  // namespace unfurl::data
