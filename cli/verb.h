@@ -29,17 +29,17 @@ struct Verb {
   std::function<int()> run;
 };
 
-Verb AddSimulate(CLI::App& program, const Common& common);
-Verb AddExpose(CLI::App& program, const Common& common);
-Verb AddCalibrate(CLI::App& program, const Common& common);
-Verb AddReconstruct(CLI::App& program, const Common& common);
-Verb AddCorrelate(CLI::App& program, const Common& common);
-Verb AddFit(CLI::App& program, const Common& common);
-Verb AddInfo(CLI::App& program, const Common& common);
-Verb AddConvert(CLI::App& program, const Common& common);
+Verb AddSimulate(CLI::App& program, Common& common);
+Verb AddExpose(CLI::App& program, Common& common);
+Verb AddCalibrate(CLI::App& program, Common& common);
+Verb AddReconstruct(CLI::App& program, Common& common);
+Verb AddCorrelate(CLI::App& program, Common& common);
+Verb AddFit(CLI::App& program, Common& common);
+Verb AddInfo(CLI::App& program, Common& common);
+Verb AddConvert(CLI::App& program, Common& common);
 
 // Declares a verb with --json, --quiet and an example in its --help.
-CLI::App* DeclareVerb(CLI::App& program, const Common& common, const std::string& name,
+CLI::App* DeclareVerb(CLI::App& program, Common& common, const std::string& name,
                       const std::string& summary, const std::string& example);
 
 // The record's name with another ending, for an output that was not named: "a/run.toml" and ".h5"
