@@ -29,8 +29,8 @@ RigidFit FitRigid(const Eigen::Matrix3Xd& p_A, const Eigen::Matrix3Xd& p_B,
   const double total = w.sum();
   const Eigen::Vector3d mean_A = p_A * w / total;
   const Eigen::Vector3d mean_B = p_B * w / total;
-  const Eigen::Matrix3d H = (p_B.colwise() - mean_B) * w.asDiagonal() *
-                            (p_A.colwise() - mean_A).transpose();
+  const Eigen::Matrix3d H =
+      (p_B.colwise() - mean_B) * w.asDiagonal() * (p_A.colwise() - mean_A).transpose();
   const Eigen::JacobiSVD<Eigen::Matrix3d> svd(H, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Eigen::Vector3d sign(1.0, 1.0, 1.0);
   if ((svd.matrixV() * svd.matrixU().transpose()).determinant() < 0.0) sign.z() = -1.0;

@@ -17,9 +17,9 @@ class Rng {
   // draws of all others as they were.
   Rng Stream(std::string_view purpose, std::uint64_t index = 0) const;
 
-  double Uniform();                         // in [0, 1)
-  double Uniform(double low, double high);  // in [low, high)
-  double Normal();                          // mean 0, variance 1
+  double Uniform();                            // in [0, 1)
+  double Uniform(double low, double high);     // in [low, high)
+  double Normal();                             // mean 0, variance 1
   std::uint64_t Integer(std::uint64_t bound);  // in [0, bound)
   // Photon counts: exact below a mean of 30 (inversion), rounded normal with the exact mean and
   // variance above, where the two differ by less than any count's own scatter.

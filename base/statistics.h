@@ -20,8 +20,8 @@ std::pair<double, double> BinomialInterval(std::size_t successes, std::size_t tr
 double Mean(std::span<const double> x);
 double Variance(std::span<const double> x);  // with n - 1; 0 for fewer than two values
 double Rms(std::span<const double> x);
-double Median(std::span<const double> x);                   // copies
-double Quantile(std::span<const double> x, double p);       // linear between order statistics; copies
-double RobustSigma(std::span<const double> x);              // 1.4826 times the median absolute deviation
+double Median(std::span<const double> x);              // copies
+double Quantile(std::span<const double> x, double p);  // linear between order statistics; copies
+double RobustSigma(std::span<const double> x);         // 1.4826 times the median absolute deviation
 
 }  // namespace unfurl

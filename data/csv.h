@@ -22,15 +22,15 @@ class CsvTable {
   std::size_t rows() const { return lines_.size(); }
   const std::vector<std::string>& comments() const { return comments_; }
 
-  int Find(std::string_view name) const;                    // -1 when absent
+  int Find(std::string_view name) const;  // -1 when absent
   // The column's index; throws when absent, without a unit or with another one than `unit`
   // (empty `unit`: a column that has none, such as an id).
   int Require(std::string_view name, std::string_view unit) const;
-  std::string Text(std::size_t row, int column) const;      // trimmed
+  std::string Text(std::size_t row, int column) const;  // trimmed
   bool Empty(std::size_t row, int column) const;
-  double Number(std::size_t row, int column) const;         // finite, or throws
-  double NumberOrNan(std::size_t row, int column) const;    // NaN for an empty cell
-  std::string Where(std::size_t row, int column) const;     // "points.csv:12:sx"
+  double Number(std::size_t row, int column) const;       // finite, or throws
+  double NumberOrNan(std::size_t row, int column) const;  // NaN for an empty cell
+  std::string Where(std::size_t row, int column) const;   // "points.csv:12:sx"
 
  private:
   std::string path_;

@@ -9,13 +9,13 @@ namespace unfurl::data {
 // Defaults: TCD1206. The reading u_px counts active pixels: centre of active pixel k at u = k.
 struct LineFormat {
   std::string sensor = "TCD1206";
-  int dummy = 13;         // elements before the dark ones
-  int dark = 51;          // optically shielded
+  int dummy = 13;  // elements before the dark ones
+  int dark = 51;   // optically shielded
   int active = 2160;
   int dark_after = 9;
-  int parity = 2;         // last elements, no light information
-  int bits = 12;          // counts run from 0 to 2^bits - 1
-  double pitch = 14e-6;   // [m]
+  int parity = 2;        // last elements, no light information
+  int bits = 12;         // counts run from 0 to 2^bits - 1
+  double pitch = 14e-6;  // [m]
   // What the makers or a dark/flat record tell of the noise, for the weights of the estimators.
   double electrons_per_count = 0.0;  // [e-/count]; > 0
   double read_noise_counts = 0.0;    // standard deviation of one element in the dark [count]

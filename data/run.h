@@ -1,12 +1,11 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <map>
 #include <memory>
 #include <span>
 #include <string>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "data/h5.h"
 #include "data/provenance.h"
@@ -23,9 +22,9 @@ struct Quantity {
 };
 
 struct RunEvent {
-  double t = 0.0;     // [s]
-  std::string kind;   // "latch", "contact_start", "contact_end"
-  std::string where;  // joint
+  double t = 0.0;                      // [s]
+  std::string kind;                    // "latch", "contact_start", "contact_end"
+  std::string where;                   // joint
   std::map<std::string, double> data;  // by name with unit: "theta_rate [rad/s]"
 };
 
@@ -36,8 +35,8 @@ inline constexpr int kRunVersion = 1;
 class RunWriter {
  public:
   // `quantities` without t, which every run has first. `marks` are the mark names, in order.
-  RunWriter(const std::string& path, const Provenance& provenance,
-            std::vector<Quantity> quantities, std::vector<std::string> marks);
+  RunWriter(const std::string& path, const Provenance& provenance, std::vector<Quantity> quantities,
+            std::vector<std::string> marks);
   ~RunWriter();
   // `values` in the order of `quantities`.
   void Append(double t, std::span<const double> values);
@@ -61,7 +60,7 @@ struct Run {
   std::map<std::string, double> summary;
   std::map<std::string, std::string> text;
 
-  int Find(const std::string& name) const;  // -1 when absent
+  int Find(const std::string& name) const;                           // -1 when absent
   const std::vector<double>& Column(const std::string& name) const;  // throws Error when absent
 };
 Run ReadRun(const std::string& path);

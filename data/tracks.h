@@ -1,10 +1,9 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <cstdint>
 #include <string>
 #include <vector>
-
-#include <Eigen/Core>
 
 #include "data/provenance.h"
 
@@ -30,13 +29,13 @@ struct Tracks {
   std::vector<std::string> marks;  // m names
   bool smoothed = false;           // a fit refuses smoothed tracks
 
-  std::vector<double> t;             // n, each sample's own time stamp [s]
-  std::vector<std::int32_t> mark;    // n, index into `marks`
-  Eigen::Matrix3Xd p;                // 3 x n [m]
+  std::vector<double> t;                         // n, each sample's own time stamp [s]
+  std::vector<std::int32_t> mark;                // n, index into `marks`
+  Eigen::Matrix3Xd p;                            // 3 x n [m]
   Eigen::Matrix<double, 6, Eigen::Dynamic> cov;  // xx, xy, xz, yy, yz, zz by n [m^2]
-  std::vector<SampleStatus> status;  // n
-  int shared_rank = 0;               // k
-  Eigen::Matrix3Xd shared;           // 3 x (n k) [m]
+  std::vector<SampleStatus> status;              // n
+  int shared_rank = 0;                           // k
+  Eigen::Matrix3Xd shared;                       // 3 x (n k) [m]
 
   std::size_t size() const { return t.size(); }
   Eigen::Matrix3d Covariance(std::size_t i) const;

@@ -1,0 +1,331 @@
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "data/h5.h"
+#include "data/h5_handle.h"
+
+namespace unfurl::data {
+
+namespace {
+
+H5Handle OpenFile(const std::string& path) {
+  H5Quiet();
+  std::error_code ignored;
+  if (!std::filesystem::exists(path, ignored)) {
+    throw Error("no such file", path, "check the name");
+  }
+  if (std::filesystem::is_directory(path, ignored)) {
+    throw Error("is a folder, not a file", path, "name a file");
+  }
+  if (access(path.c_str(), R_OK) != 0) {
+    throw Error(fmt::format("cannot read: {}", std::strerror(errno)), path,
+                "ask for permission to read it", ErrorKind::kMachine);
+  }
+  if (H5Fis_hdf5(path.c_str()) <= 0) {
+    throw Error("is not an HDF5 file", path, "give a file that an unfurl verb wrote");
+  }
+  H5Handle file(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
+  if (!file.valid()) {
+    const std::string message = H5LastMessage(nullptr);
+    const bool truncated = message.find("truncated") != std::string::npos;
+    throw Error(truncated ? "is truncated: the end of the file is missing"
+                          : fmt::format("is damaged: {}", message),
+                path, "copy it again, or make it again");
+  }
+  return file;
+}
+
+// A text attribute, of fixed or variable length; empty when absent.
+std::string ReadText(hid_t object, const std::string& name) {
+  if (H5Aexists(object, name.c_str()) <= 0) return {};
+  const H5Handle attribute(H5Aopen(object, name.c_str(), H5P_DEFAULT), H5Aclose);
+  const H5Handle type(H5Aget_type(attribute.get()), H5Tclose);
+  if (H5Tget_class(type.get()) != H5T_STRING) return {};
+  if (H5Tis_variable_str(type.get()) > 0) {
+    char* text = nullptr;
+    if (H5Aread(attribute.get(), type.get(), &text) < 0 || text == nullptr) return {};
+    std::string value(text);
+    H5free_memory(text);
+    return value;
+  }
+  std::string value(H5Tget_size(type.get()), '\0');
+  const H5Handle memory = H5Text(value.size());
+  if (H5Aread(attribute.get(), memory.get(), value.data()) < 0) return {};
+  value.resize(std::strlen(value.c_str()));
+  return value;
+}
+
+}  // namespace
+
+struct H5Reader::Impl {
+  std::string path;
+  H5Handle file;
+  int version = 0;
+
+  H5Handle Dataset(const H5Reader& owner, const std::string& name) const {
+    H5Handle set;
+    if (owner.Has(name)) set = H5Handle(H5Dopen2(file.get(), name.c_str(), H5P_DEFAULT), H5Dclose);
+    if (!set.valid()) {
+      owner.Fail("has no such dataset", name, "make the file again with this version of unfurl");
+    }
+    return set;
+  }
+
+  std::vector<hsize_t> Size(hid_t set) const {
+    const H5Handle space(H5Dget_space(set), H5Sclose);
+    const int rank = H5Sget_simple_extent_ndims(space.get());
+    std::vector<hsize_t> size(static_cast<std::size_t>(std::max(rank, 0)));
+    if (rank > 0) H5Sget_simple_extent_dims(space.get(), size.data(), nullptr);
+    return size;
+  }
+
+  template <typename T>
+  std::vector<T> ReadAll(const H5Reader& owner, const std::string& name, hid_t memory) const {
+    const H5Handle set = Dataset(owner, name);
+    const H5Handle type(H5Dget_type(set.get()), H5Tclose);
+    if (H5Tget_class(type.get()) == H5T_STRING) {
+      owner.Fail("holds text, not numbers", name, "make the file again");
+    }
+    std::size_t count = 1;
+    for (hsize_t d : Size(set.get())) count *= d;
+    std::vector<T> values(count);
+    if (count > 0 && H5Dread(set.get(), memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0) {
+      owner.Fail(fmt::format("cannot be read: {}", H5LastMessage(nullptr)), name,
+                 "copy the file again, or make it again");
+    }
+    return values;
+  }
+
+  void ReadRows(const H5Reader& owner, const std::string& name, std::size_t first,
+                std::size_t count, hid_t memory_type, void* out, std::size_t out_size) const {
+    const H5Handle set = Dataset(owner, name);
+    std::vector<hsize_t> size = Size(set.get());
+    std::vector<hsize_t> start(size.size(), 0);
+    if (size.empty() || first + count > size[0]) {
+      owner.Fail(fmt::format("holds fewer than {} rows", first + count), name,
+                 "make the file again");
+    }
+    start[0] = first;
+    size[0] = count;
+    std::size_t needed = 1;
+    for (hsize_t d : size) needed *= d;
+    if (needed > out_size) throw std::logic_error("H5Reader::ReadRows: buffer too small");
+    if (needed == 0) return;
+    const H5Handle space(H5Dget_space(set.get()), H5Sclose);
+    H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, start.data(), nullptr, size.data(), nullptr);
+    const H5Handle memory(H5Screate_simple(static_cast<int>(size.size()), size.data(), nullptr),
+                          H5Sclose);
+    if (H5Dread(set.get(), memory_type, memory.get(), space.get(), H5P_DEFAULT, out) < 0) {
+      owner.Fail(fmt::format("cannot be read: {}", H5LastMessage(nullptr)), name,
+                 "copy the file again, or make it again");
+    }
+  }
+
+  H5Handle Object(const H5Reader& owner, const std::string& object) const {
+    H5Handle opened(H5Oopen(file.get(), object.c_str(), H5P_DEFAULT), H5Oclose);
+    if (!opened.valid()) owner.Fail("has no such object", object, "make the file again");
+    return opened;
+  }
+
+  template <typename T>
+  T Number(const H5Reader& owner, const std::string& object, const std::string& name,
+           hid_t memory) const {
+    const H5Handle opened = Object(owner, object);
+    T value{};
+    if (H5Aexists(opened.get(), name.c_str()) <= 0) {
+      owner.Fail("has no such attribute", object + "@" + name, "make the file again");
+    }
+    const H5Handle attribute(H5Aopen(opened.get(), name.c_str(), H5P_DEFAULT), H5Aclose);
+    if (H5Aread(attribute.get(), memory, &value) < 0) {
+      owner.Fail("is not a number", object + "@" + name, "make the file again");
+    }
+    return value;
+  }
+};
+
+H5Reader::H5Reader(const std::string& path, const std::string& schema, int newest_version)
+    : impl_(std::make_unique<Impl>()) {
+  impl_->path = path;
+  impl_->file = OpenFile(path);
+  const H5Handle root(H5Oopen(impl_->file.get(), "/", H5P_DEFAULT), H5Oclose);
+  const std::string found = ReadText(root.get(), "schema");
+  if (found != schema) {
+    Fail(found.empty() ? "is not a file of ours: it names no schema"
+                       : fmt::format("holds '{}', where '{}' is needed", found, schema),
+         "", "give the file that the right verb wrote (`unfurl info` tells what a file is)");
+  }
+  impl_->version = static_cast<int>(IntAttribute("/", "schema_version"));
+  if (impl_->version > newest_version) {
+    Fail(fmt::format("was written in version {} of '{}'; this program reads up to {}",
+                     impl_->version, schema, newest_version),
+         "", "use a newer unfurl");
+  }
+}
+
+H5Reader::~H5Reader() = default;
+
+std::string H5Reader::SchemaOf(const std::string& path) {
+  const H5Handle file = OpenFile(path);
+  const H5Handle root(H5Oopen(file.get(), "/", H5P_DEFAULT), H5Oclose);
+  const std::string schema = ReadText(root.get(), "schema");
+  if (schema.empty()) {
+    throw Error("is not a file of ours: it names no schema", path,
+                "give a file that an unfurl verb wrote");
+  }
+  return schema;
+}
+
+const std::string& H5Reader::path() const { return impl_->path; }
+int H5Reader::schema_version() const { return impl_->version; }
+
+Provenance H5Reader::ReadProvenance() const {
+  const H5Handle root = impl_->Object(*this, "/");
+  Provenance provenance;
+  provenance.program = ReadText(root.get(), "program");
+  provenance.command = ReadText(root.get(), "command");
+  const auto parse = [&](const char* name) {
+    return nlohmann::json::parse(ReadText(root.get(), name), nullptr, false);
+  };
+  const nlohmann::json inputs = parse("inputs");
+  if (inputs.is_array()) {
+    for (const auto& input : inputs) {
+      provenance.inputs.push_back({input.value("path", ""), input.value("sha256", "")});
+    }
+  }
+  const nlohmann::json options = parse("options");
+  if (options.is_object()) {
+    for (const auto& [key, value] : options.items()) {
+      if (value.is_string()) provenance.options[key] = value.get<std::string>();
+    }
+  }
+  const std::string seed = ReadText(root.get(), "seed");
+  if (!seed.empty()) provenance.seed = std::strtoull(seed.c_str(), nullptr, 10);
+  return provenance;
+}
+
+bool H5Reader::Has(const std::string& path) const {
+  std::size_t slash = 0;
+  while ((slash = path.find('/', slash + 1)) != std::string::npos) {
+    if (H5Lexists(impl_->file.get(), path.substr(0, slash).c_str(), H5P_DEFAULT) <= 0) return false;
+  }
+  return H5Lexists(impl_->file.get(), path.c_str(), H5P_DEFAULT) > 0;
+}
+
+std::vector<std::string> H5Reader::Children(const std::string& group) const {
+  std::vector<std::string> names;
+  if (group != "/" && !Has(group)) return names;
+  const H5Handle opened = impl_->Object(*this, group);
+  const auto collect = [](hid_t, const char* name, const H5L_info_t*, void* out) -> herr_t {
+    static_cast<std::vector<std::string>*>(out)->emplace_back(name);
+    return 0;
+  };
+  if (H5Literate(opened.get(), H5_INDEX_CRT_ORDER, H5_ITER_INC, nullptr, collect, &names) < 0) {
+    names.clear();  // a file of another writer may not track the order
+    H5Literate(opened.get(), H5_INDEX_NAME, H5_ITER_INC, nullptr, collect, &names);
+  }
+  return names;
+}
+
+std::vector<std::size_t> H5Reader::Dims(const std::string& dataset) const {
+  const std::vector<hsize_t> size = impl_->Size(impl_->Dataset(*this, dataset).get());
+  return std::vector<std::size_t>(size.begin(), size.end());
+}
+
+std::string H5Reader::Units(const std::string& dataset) const {
+  return ReadText(impl_->Dataset(*this, dataset).get(), "units");
+}
+
+std::string H5Reader::Description(const std::string& dataset) const {
+  return ReadText(impl_->Dataset(*this, dataset).get(), "description");
+}
+
+std::vector<double> H5Reader::ReadDoubles(const std::string& dataset,
+                                          const std::string& units) const {
+  if (!units.empty() && Has(dataset) && Units(dataset) != units) {
+    Fail(fmt::format("is in [{}], not [{}]", Units(dataset), units), dataset,
+         "convert it, and state the unit in its attribute `units`");
+  }
+  return impl_->ReadAll<double>(*this, dataset, H5T_NATIVE_DOUBLE);
+}
+
+std::vector<std::int32_t> H5Reader::ReadInts(const std::string& dataset) const {
+  return impl_->ReadAll<std::int32_t>(*this, dataset, H5T_NATIVE_INT32);
+}
+
+std::vector<std::string> H5Reader::ReadStrings(const std::string& dataset) const {
+  const H5Handle set = impl_->Dataset(*this, dataset);
+  const H5Handle type(H5Dget_type(set.get()), H5Tclose);
+  if (H5Tget_class(type.get()) != H5T_STRING || H5Tis_variable_str(type.get()) > 0) {
+    Fail("does not hold fixed-width text", dataset, "make the file again");
+  }
+  std::size_t count = 1;
+  for (std::size_t d : Dims(dataset)) count *= d;
+  const std::size_t width = H5Tget_size(type.get());
+  std::string packed(width * std::max<std::size_t>(1, count), '\0');
+  const H5Handle memory = H5Text(width);
+  if (count > 0 &&
+      H5Dread(set.get(), memory.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, packed.data()) < 0) {
+    Fail("cannot be read", dataset, "copy the file again, or make it again");
+  }
+  std::vector<std::string> values(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    const char* text = packed.data() + i * width;
+    values[i].assign(text, strnlen(text, width));
+  }
+  return values;
+}
+
+Eigen::MatrixXd H5Reader::ReadMatrix(const std::string& dataset, const std::string& units) const {
+  const std::vector<double> values = ReadDoubles(dataset, units);
+  const std::vector<std::size_t> dims = Dims(dataset);
+  if (dims.size() != 2) Fail("is not a matrix", dataset, "make the file again");
+  using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+  return Eigen::Map<const RowMajor>(values.data(), static_cast<Eigen::Index>(dims[0]),
+                                    static_cast<Eigen::Index>(dims[1]));
+}
+
+void H5Reader::ReadRows(const std::string& dataset, std::size_t first, std::size_t count,
+                        std::span<double> out) const {
+  impl_->ReadRows(*this, dataset, first, count, H5T_NATIVE_DOUBLE, out.data(), out.size());
+}
+void H5Reader::ReadRows(const std::string& dataset, std::size_t first, std::size_t count,
+                        std::span<std::uint16_t> out) const {
+  impl_->ReadRows(*this, dataset, first, count, H5T_NATIVE_UINT16, out.data(), out.size());
+}
+void H5Reader::ReadRows(const std::string& dataset, std::size_t first, std::size_t count,
+                        std::span<std::int32_t> out) const {
+  impl_->ReadRows(*this, dataset, first, count, H5T_NATIVE_INT32, out.data(), out.size());
+}
+
+bool H5Reader::HasAttribute(const std::string& object, const std::string& name) const {
+  return H5Aexists(impl_->Object(*this, object).get(), name.c_str()) > 0;
+}
+
+std::string H5Reader::StringAttribute(const std::string& object, const std::string& name) const {
+  const H5Handle opened = impl_->Object(*this, object);
+  if (H5Aexists(opened.get(), name.c_str()) <= 0) {
+    Fail("has no such attribute", object + "@" + name, "make the file again");
+  }
+  return ReadText(opened.get(), name);
+}
+
+double H5Reader::DoubleAttribute(const std::string& object, const std::string& name) const {
+  return impl_->Number<double>(*this, object, name, H5T_NATIVE_DOUBLE);
+}
+
+std::int64_t H5Reader::IntAttribute(const std::string& object, const std::string& name) const {
+  return impl_->Number<std::int64_t>(*this, object, name, H5T_NATIVE_INT64);
+}
+
+void H5Reader::Fail(const std::string& what, const std::string& object,
+                    const std::string& remedy) const {
+  throw Error(what, object.empty() ? impl_->path : impl_->path + ":" + object, remedy);
+}
+
+}  // namespace unfurl::data

@@ -1,0 +1,285 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "data/atomic_file.h"
+#include "data/h5.h"
+#include "data/h5_handle.h"
+
+namespace unfurl::data {
+
+namespace {
+
+hid_t DiskType(H5Type type) {
+  switch (type) {
+    case H5Type::kDouble:
+      return H5T_IEEE_F64LE;
+    case H5Type::kFloat:
+      return H5T_IEEE_F32LE;
+    case H5Type::kInt32:
+      return H5T_STD_I32LE;
+    case H5Type::kUint16:
+      return H5T_STD_U16LE;
+    case H5Type::kUint8:
+      return H5T_STD_U8LE;
+  }
+  return -1;
+}
+
+hid_t MemoryType(H5Type type) {
+  switch (type) {
+    case H5Type::kDouble:
+      return H5T_NATIVE_DOUBLE;
+    case H5Type::kFloat:
+      return H5T_NATIVE_FLOAT;
+    case H5Type::kInt32:
+      return H5T_NATIVE_INT32;
+    case H5Type::kUint16:
+      return H5T_NATIVE_UINT16;
+    case H5Type::kUint8:
+      return H5T_NATIVE_UINT8;
+  }
+  return -1;
+}
+
+std::vector<hsize_t> ToHsize(const std::vector<std::size_t>& dims) {
+  return std::vector<hsize_t>(dims.begin(), dims.end());
+}
+
+}  // namespace
+
+struct H5Writer::Impl {
+  std::string path;
+  AtomicFile file;
+  H5Handle handle;
+  std::vector<H5Handle> series;
+
+  explicit Impl(const std::string& p) : path(p), file(p) {}
+
+  [[noreturn]] void Fail(const std::string& object) {
+    int number = 0;
+    const std::string message = H5LastMessage(&number);
+    if (number != 0) ThrowWriteError(path, number);
+    throw Error(fmt::format("cannot write {}: {}", object, message), path,
+                "check the disk and try again", ErrorKind::kMachine);
+  }
+
+  void MakeGroups(const std::string& object) {
+    std::string group;
+    std::size_t slash = 0;
+    while ((slash = object.find('/', slash + 1)) != std::string::npos)
+      MakeGroup(object.substr(0, slash));
+  }
+
+  void MakeGroup(const std::string& group) {
+    if (group.empty() || group == "/" || H5Lexists(handle.get(), group.c_str(), H5P_DEFAULT) > 0)
+      return;
+    H5Handle properties(H5Pcreate(H5P_GROUP_CREATE), H5Pclose);
+    H5Pset_link_creation_order(properties.get(), H5P_CRT_ORDER_TRACKED | H5P_CRT_ORDER_INDEXED);
+    H5Pset_obj_track_times(properties.get(), 0);
+    H5Handle made(
+        H5Gcreate2(handle.get(), group.c_str(), H5P_DEFAULT, properties.get(), H5P_DEFAULT),
+        H5Gclose);
+    if (!made.valid()) Fail(group);
+  }
+
+  H5Handle Open(const std::string& object) {
+    if (object != "/" && H5Lexists(handle.get(), object.c_str(), H5P_DEFAULT) <= 0) {
+      MakeGroups(object);
+      MakeGroup(object);
+    }
+    return H5Handle(H5Oopen(handle.get(), object.c_str(), H5P_DEFAULT), H5Oclose);
+  }
+
+  void PutAttribute(hid_t object, const std::string& name, hid_t disk, hid_t memory,
+                    const void* value) {
+    H5Handle space(H5Screate(H5S_SCALAR), H5Sclose);
+    if (H5Aexists(object, name.c_str()) > 0) H5Adelete(object, name.c_str());
+    H5Handle attribute(
+        H5Acreate2(object, name.c_str(), disk, space.get(), H5P_DEFAULT, H5P_DEFAULT), H5Aclose);
+    if (!attribute.valid() || H5Awrite(attribute.get(), memory, value) < 0) Fail(name);
+  }
+
+  void PutText(hid_t object, const std::string& name, const std::string& value) {
+    const H5Handle type = H5Text(value.size());
+    const std::string padded = value.empty() ? std::string(1, '\0') : value;
+    PutAttribute(object, name, type.get(), type.get(), padded.data());
+  }
+
+  H5Handle Create(const H5Field& field, hid_t disk, hid_t space, hid_t properties) {
+    MakeGroups(field.path);
+    H5Pset_obj_track_times(properties, 0);
+    H5Handle set(H5Dcreate2(handle.get(), field.path.c_str(), disk, space, H5P_DEFAULT, properties,
+                            H5P_DEFAULT),
+                 H5Dclose);
+    if (!set.valid()) Fail(field.path);
+    PutText(set.get(), "units", field.units);
+    PutText(set.get(), "description", field.description);
+    return set;
+  }
+
+  void WriteAll(const H5Field& field, hid_t disk, hid_t memory, const void* values,
+                std::size_t count, std::vector<std::size_t> dims) {
+    if (dims.empty()) dims = {count};
+    const std::vector<hsize_t> size = ToHsize(dims);
+    H5Handle space(H5Screate_simple(static_cast<int>(size.size()), size.data(), nullptr), H5Sclose);
+    H5Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+    H5Handle set = Create(field, disk, space.get(), properties.get());
+    if (count > 0 && H5Dwrite(set.get(), memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, values) < 0) {
+      Fail(field.path);
+    }
+    if (!set.Close()) Fail(field.path);
+  }
+};
+
+H5Writer::H5Writer(const std::string& path, const std::string& schema, int schema_version,
+                   const Provenance& provenance)
+    : impl_(std::make_unique<Impl>(path)) {
+  H5Quiet();
+  H5Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+  // Creation order and attributes past 64 kB need the 1.8 layout or newer.
+  H5Pset_libver_bounds(access.get(), H5F_LIBVER_V18, H5F_LIBVER_V110);
+  H5Pset_fclose_degree(access.get(), H5F_CLOSE_STRONG);
+  H5Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose);
+  H5Pset_link_creation_order(creation.get(), H5P_CRT_ORDER_TRACKED | H5P_CRT_ORDER_INDEXED);
+  H5Pset_obj_track_times(creation.get(), 0);
+  impl_->handle = H5Handle(
+      H5Fcreate(impl_->file.temporary().c_str(), H5F_ACC_TRUNC, creation.get(), access.get()),
+      H5Fclose);
+  if (!impl_->handle.valid()) impl_->Fail("the file");
+  Attribute("/", "schema", schema);
+  Attribute("/", "schema_version", static_cast<std::int64_t>(schema_version));
+  Attribute("/", "program", provenance.program);
+  Attribute("/", "command", provenance.command);
+  nlohmann::ordered_json inputs = nlohmann::ordered_json::array();
+  for (const InputFile& input : provenance.inputs) {
+    inputs.push_back({{"path", input.path}, {"sha256", input.sha256}});
+  }
+  Attribute("/", "inputs", inputs.dump());
+  Attribute("/", "options", nlohmann::ordered_json(provenance.options).dump());
+  if (provenance.seed) Attribute("/", "seed", std::to_string(*provenance.seed));
+}
+
+H5Writer::~H5Writer() = default;
+
+void H5Writer::Write(const H5Field& field, std::span<const double> values,
+                     std::vector<std::size_t> dims) {
+  impl_->WriteAll(field, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, values.data(), values.size(),
+                  std::move(dims));
+}
+
+void H5Writer::Write(const H5Field& field, std::span<const std::int32_t> values,
+                     std::vector<std::size_t> dims) {
+  impl_->WriteAll(field, H5T_STD_I32LE, H5T_NATIVE_INT32, values.data(), values.size(),
+                  std::move(dims));
+}
+
+void H5Writer::Write(const H5Field& field, std::span<const std::uint16_t> values,
+                     std::vector<std::size_t> dims) {
+  impl_->WriteAll(field, H5T_STD_U16LE, H5T_NATIVE_UINT16, values.data(), values.size(),
+                  std::move(dims));
+}
+
+void H5Writer::Write(const H5Field& field, const Eigen::MatrixXd& matrix) {
+  const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> rows = matrix;
+  Write(field, std::span<const double>(rows.data(), static_cast<std::size_t>(rows.size())),
+        {static_cast<std::size_t>(rows.rows()), static_cast<std::size_t>(rows.cols())});
+}
+
+void H5Writer::Write(const H5Field& field, const std::vector<std::string>& values) {
+  std::size_t width = 1;
+  for (const std::string& value : values) width = std::max(width, value.size());
+  std::string packed(width * std::max<std::size_t>(1, values.size()), '\0');
+  for (std::size_t i = 0; i < values.size(); ++i) values[i].copy(packed.data() + i * width, width);
+  const H5Handle type = H5Text(width);
+  impl_->WriteAll(field, type.get(), type.get(), packed.data(), values.size(), {values.size()});
+}
+
+H5Series H5Writer::Series(const H5Field& field, H5Type type, std::vector<std::size_t> row_dims,
+                          std::size_t chunk_rows, int deflate) {
+  std::vector<hsize_t> size = {0}, limit = {H5S_UNLIMITED}, chunk = {chunk_rows};
+  for (std::size_t d : row_dims) {
+    size.push_back(d);
+    limit.push_back(d);
+    chunk.push_back(d);
+  }
+  H5Handle space(H5Screate_simple(static_cast<int>(size.size()), size.data(), limit.data()),
+                 H5Sclose);
+  H5Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+  H5Pset_chunk(properties.get(), static_cast<int>(chunk.size()), chunk.data());
+  if (deflate > 0) {
+    H5Pset_shuffle(properties.get());
+    H5Pset_deflate(properties.get(), static_cast<unsigned>(deflate));
+  }
+  impl_->series.push_back(impl_->Create(field, DiskType(type), space.get(), properties.get()));
+  H5Series series;
+  series.writer_ = this;
+  series.dataset_ = impl_->series.back().get();
+  series.type_ = type;
+  series.path_ = field.path;
+  series.row_ = std::move(row_dims);
+  return series;
+}
+
+void H5Series::AppendRaw(const void* values, std::size_t count, H5Type type) {
+  if (type != type_) throw std::logic_error("H5Series: appended another type to " + path_);
+  std::size_t row_size = 1;
+  for (std::size_t d : row_) row_size *= d;
+  if (count == 0) return;
+  if (count % row_size != 0) throw std::logic_error("H5Series: half a row appended to " + path_);
+  const std::size_t added = count / row_size;
+  std::vector<hsize_t> total = {rows_ + added}, start = {rows_}, extent = {added};
+  for (std::size_t d : row_) {
+    total.push_back(d);
+    start.push_back(0);
+    extent.push_back(d);
+  }
+  if (H5Dset_extent(dataset_, total.data()) < 0) writer_->impl_->Fail(path_);
+  H5Handle space(H5Dget_space(dataset_), H5Sclose);
+  H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, start.data(), nullptr, extent.data(), nullptr);
+  H5Handle memory(H5Screate_simple(static_cast<int>(extent.size()), extent.data(), nullptr),
+                  H5Sclose);
+  if (H5Dwrite(dataset_, MemoryType(type), memory.get(), space.get(), H5P_DEFAULT, values) < 0) {
+    writer_->impl_->Fail(path_);
+  }
+  rows_ += added;
+}
+
+void H5Series::Append(std::span<const double> v) { AppendRaw(v.data(), v.size(), H5Type::kDouble); }
+void H5Series::Append(std::span<const float> v) { AppendRaw(v.data(), v.size(), H5Type::kFloat); }
+void H5Series::Append(std::span<const std::int32_t> v) {
+  AppendRaw(v.data(), v.size(), H5Type::kInt32);
+}
+void H5Series::Append(std::span<const std::uint16_t> v) {
+  AppendRaw(v.data(), v.size(), H5Type::kUint16);
+}
+void H5Series::Append(std::span<const std::uint8_t> v) {
+  AppendRaw(v.data(), v.size(), H5Type::kUint8);
+}
+
+void H5Writer::Attribute(const std::string& object, const std::string& name,
+                         const std::string& value) {
+  impl_->PutText(impl_->Open(object).get(), name, value);
+}
+
+void H5Writer::Attribute(const std::string& object, const std::string& name, double value) {
+  impl_->PutAttribute(impl_->Open(object).get(), name, H5T_IEEE_F64LE, H5T_NATIVE_DOUBLE, &value);
+}
+
+void H5Writer::Attribute(const std::string& object, const std::string& name, std::int64_t value) {
+  impl_->PutAttribute(impl_->Open(object).get(), name, H5T_STD_I64LE, H5T_NATIVE_INT64, &value);
+}
+
+void H5Writer::Commit() {
+  for (H5Handle& set : impl_->series) {
+    if (!set.Close()) impl_->Fail("a dataset");
+  }
+  if (H5Fflush(impl_->handle.get(), H5F_SCOPE_GLOBAL) < 0) impl_->Fail("the file");
+  if (!impl_->handle.Close()) impl_->Fail("the file");
+  impl_->file.Commit();
+}
+
+}  // namespace unfurl::data

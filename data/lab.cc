@@ -1,0 +1,157 @@
+#include "data/lab.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "data/toml.h"
+
+namespace unfurl::data {
+
+namespace {
+
+Eigen::Vector3d Vector(const TomlTable& table, const char* key) {
+  const std::vector<double> v = table.Numbers(key, 3);
+  return {v[0], v[1], v[2]};
+}
+
+std::array<double, 2> Pair(const TomlTable& table, const char* key) {
+  const std::vector<double> v = table.Numbers(key, 2);
+  return {v[0], v[1]};
+}
+
+LabLens ReadLens(const TomlTable& t) {
+  LabLens lens;
+  lens.index = t.Number("index", {1.0, 4.0, true, false});
+  lens.radius = t.Number("radius", kPositive);
+  lens.thickness = t.Number("thickness", kPositive);
+  lens.curved = t.Choice("curved", {"back", "front", "both"});
+  lens.width = t.Number("width", kPositive);
+  lens.length = t.Number("length", kPositive);
+  lens.focus_distance = t.Number("focus_distance", kPositive);
+  const double half = 0.5 * lens.width;
+  if (half >= lens.radius) {
+    t.Fail("width", "the lens is wider than its cylinder", "give a width below twice the radius");
+  }
+  const double sag = lens.radius - std::sqrt(lens.radius * lens.radius - half * half);
+  if (lens.thickness <= (lens.curved == "both" ? 2.0 : 1.0) * sag) {
+    t.Fail("thickness", "the lens has no edge left at this width", "make it thicker or narrower");
+  }
+  return lens;
+}
+
+LabSlit ReadSlit(const TomlTable& t) {
+  return {.width = t.Number("width", kPositive),
+          .length = t.Number("length", kPositive),
+          .distance = t.Number("distance", kPositive)};
+}
+
+LabSensor ReadSensor(const TomlTable& t) {
+  LabSensor s;
+  LineFormat& f = s.format;
+  f.sensor = t.StringOr("name", f.sensor);
+  f.dummy = t.IntegerOr("dummy", f.dummy, 0, 1000);
+  f.dark = t.IntegerOr("dark", f.dark, 1, 1000);
+  f.active = t.IntegerOr("active", f.active, 16, 100000);
+  f.dark_after = t.IntegerOr("dark_after", f.dark_after, 0, 1000);
+  f.parity = t.IntegerOr("parity", f.parity, 0, 1000);
+  f.pitch = t.NumberOr("pitch", f.pitch, kPositive);
+  f.bits = t.Integer("bits", 8, 16);
+  s.full_well = t.Number("full_well", kPositive);
+  s.shot_noise = t.Bool("shot_noise");
+  s.read_noise = t.Number("read_noise", kNonNegative);
+  s.dark_level = t.Number("dark_level", kNonNegative);
+  if (s.dark_level >= 0.5 * s.full_well) {
+    t.Fail("dark_level", "the dark level takes half of the full scale or more",
+           "give electrons well below full_well");
+  }
+  s.dark_drift = t.NumberOr("dark_drift", 0.0, kNonNegative);
+  s.dark_drift_period = t.NumberOr("dark_drift_period", 1.0, kPositive);
+  s.blur = t.Number("blur", kPositive);
+  f.electrons_per_count = s.full_well / f.full_scale();
+  f.read_noise_counts = s.read_noise / f.electrons_per_count;
+  return s;
+}
+
+LabLed ReadLed(const TomlTable& t) {
+  return {.peak = t.Number("peak", kPositive),
+          .flash = t.Number("flash", kPositive),
+          .survey_flash = t.Number("survey_flash", kPositive)};
+}
+
+LabStrobe ReadStrobe(const TomlTable& t, const LabLed& led) {
+  LabStrobe s;
+  s.line_rate = t.Number("line_rate", kPositive);
+  s.slots = t.Strings("slots");
+  if (s.slots.empty()) t.Fail("slots", "no slot", R"(list mark names and "dark")");
+  if (std::count(s.slots.begin(), s.slots.end(), kDarkSlot) == 0) {
+    t.Fail("slots", "no dark slot", R"(add "dark": the background is taken from it)");
+  }
+  s.lead = Pair(t, "lead");
+  if (s.lead[0] < 0.0 || s.lead[1] < s.lead[0]) {
+    t.Fail("lead", "not a range of times", "give [shortest, longest] in s, not negative");
+  }
+  s.clock_drift = t.NumberOr("clock_drift", 0.0, {-0.01, 0.01});
+  if (led.flash * s.line_rate > 1.0) {
+    t.Fail("line_rate", "a flash is longer than a line", "lower line_rate or led.flash");
+  }
+  return s;
+}
+
+LabMounting ReadMounting(const TomlTable& t) {
+  const TomlRange angle{0.0, 0.2};
+  return {.position = t.Number("position", kNonNegative),
+          .rotation = t.Number("rotation", angle),
+          .sensor_shift = t.Number("sensor_shift", kNonNegative),
+          .sensor_roll = t.Number("sensor_roll", angle),
+          .sensor_tilt = t.Number("sensor_tilt", angle),
+          .lens_decentre = t.Number("lens_decentre", kNonNegative)};
+}
+
+LabCamera ReadCamera(const std::string& name, const TomlTable& t) {
+  LabCamera camera{
+      .name = name, .position = Vector(t, "position"), .look_at = Vector(t, "look_at")};
+  camera.roll = t.Number("roll");
+  const Eigen::Vector3d sight = camera.look_at - camera.position;
+  if (sight.norm() < 1e-6) {
+    t.Fail("look_at", "the camera looks at itself", "give a point in front of it");
+  }
+  if (sight.head<2>().norm() < 1e-6 * sight.norm()) {
+    t.Fail("look_at", "the optical axis is vertical, so that roll has no reference",
+           "move position or look_at sideways by a millimetre");
+  }
+  return camera;
+}
+
+}  // namespace
+
+Lab ReadLab(const std::string& path, const std::vector<std::string>& overrides) {
+  const TomlTable root = LoadToml(path, overrides);
+  Lab lab;
+  lab.path = path;
+  lab.seed = static_cast<std::uint64_t>(root.Integer("seed", 0, 2147483647));
+  const TomlTable volume = root.Table("volume");
+  lab.volume_low = Vector(volume, "low");
+  lab.volume_high = Vector(volume, "high");
+  if (!(lab.volume_low.array() < lab.volume_high.array()).all()) {
+    volume.Fail("high", "the volume is empty", "give a corner above `low` in x, y and z");
+  }
+  lab.lens = ReadLens(root.Table("lens"));
+  lab.slit = ReadSlit(root.Table("slit"));
+  lab.sensor = ReadSensor(root.Table("sensor"));
+  lab.led = ReadLed(root.Table("led"));
+  lab.strobe = ReadStrobe(root.Table("strobe"), lab.led);
+  lab.mounting = ReadMounting(root.Table("mounting"));
+  const TomlTable model = root.Table("model");
+  lab.model.position = Vector(model, "position");
+  lab.model.yaw = model.Number("yaw");
+  lab.model.tilt = Pair(model, "tilt");
+  lab.survey.sigma = root.Table("survey").Number("sigma", kPositive);
+  for (const auto& [name, table] : root.NamedTables("camera")) {
+    lab.cameras.push_back(ReadCamera(name, table));
+  }
+  if (lab.cameras.empty()) root.Fail("camera", "no camera", "add a table [camera.NAME]");
+  root.RefuseUnknownKeys();
+  return lab;
+}
+
+}  // namespace unfurl::data

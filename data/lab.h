@@ -1,0 +1,109 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "data/line_format.h"
+
+namespace unfurl::data {
+
+// The physical truth of a virtual experiment, as a person wrote it in TOML. Keys of the file equal
+// the fields' names; docs/lab.md lists them with units and marks what is assumed. Frames: W world,
+// M the model's plane (z = 0 in M), C camera (data/rig.h).
+
+struct LabLens {
+  double index = 0.0;      // of the glass at the LEDs' wavelength [-]
+  double radius = 0.0;     // of each curved face [m]
+  double thickness = 0.0;  // on the axis [m]
+  std::string curved;      // faces that are curved: "back" (towards the sensor), "front", "both"
+  double width = 0.0;      // across the cylinder's axis [m]
+  double length = 0.0;     // along it [m]
+  double focus_distance = 0.0;  // slit to the point that is imaged sharpest [m]
+};
+
+struct LabSlit {
+  double width = 0.0;     // [m]
+  double length = 0.0;    // along the cylinder's axis [m]
+  double distance = 0.0;  // slit to the lens' first vertex [m]
+};
+
+// Each effect of the sensor is off at 0 (or false); values no datasheet gives are assumed.
+struct LabSensor {
+  LineFormat format;             // layout, bits; its noise entries follow from what is below
+  double full_well = 0.0;        // electrons at full scale [e-]
+  bool shot_noise = true;        // of signal and dark electrons
+  double read_noise = 0.0;       // [e-]
+  double dark_level = 0.0;       // electronic offset under every element [e-]
+  double dark_drift = 0.0;       // amplitude of a slow sine of that offset [e-]
+  double dark_drift_period = 1;  // [s]
+  double blur = 0.0;             // sigma of diffraction and charge diffusion on the sensor [m]
+};
+
+struct LabLed {
+  double peak = 0.0;          // of the brightest pixel over full scale, on the optical axis at the
+                              // focus distance, with `flash` [-]
+  double flash = 0.0;         // length of a strobe [s]
+  double survey_flash = 0.0;  // exposure of one line of the survey, same LED [s]
+};
+
+struct LabStrobe {
+  double line_rate = 0.0;          // [1/s]
+  std::vector<std::string> slots;  // what is lit in each line, in turn: a mark's name or "dark"
+  std::array<double, 2> lead{};    // recording starts this long before release: drawn from here [s]
+  double clock_drift = 0.0;        // of the recorder against true time, relative [-]
+};
+
+// Each a standard deviation, drawn once per camera from the seed; the user never learns the draw.
+struct LabMounting {
+  double position = 0.0;       // of the slit, per axis [m]
+  double rotation = 0.0;       // of the camera, per axis [rad]
+  double sensor_shift = 0.0;   // of the sensor along its row [m]
+  double sensor_roll = 0.0;    // of the row about the optical axis, against the cylinder [rad]
+  double sensor_tilt = 0.0;    // of the sensor about the cylinder's axis [rad]
+  double lens_decentre = 0.0;  // of the lens across the slit [m]
+};
+
+// [camera.NAME], where it is meant to be.
+struct LabCamera {
+  std::string name;
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // of the slit in W [m]
+  Eigen::Vector3d look_at = Eigen::Vector3d::Zero();   // in W [m]
+  double roll = 0.0;  // of the lens axis about the optical axis, from the plane that holds it and
+                      // W's z axis [rad]
+};
+
+struct LabModelPlane {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // of M's origin in W [m]
+  double yaw = 0.0;                                    // about W's z axis [rad]
+  std::array<double, 2> tilt{};                        // then about M's x and y axes [rad]
+};
+
+struct LabSurvey {
+  double sigma = 0.0;  // of the total station, per axis [m]
+};
+
+struct Lab {
+  std::string path;
+  std::uint64_t seed = 0;
+  Eigen::Vector3d volume_low = Eigen::Vector3d::Zero();  // the volume, in W [m]
+  Eigen::Vector3d volume_high = Eigen::Vector3d::Zero();
+  LabLens lens;
+  LabSlit slit;
+  LabSensor sensor;
+  LabLed led;
+  LabStrobe strobe;
+  LabMounting mounting;
+  LabModelPlane model;
+  LabSurvey survey;
+  std::vector<LabCamera> cameras;
+};
+
+// Throws Error with file:line:key for whatever is missing, unknown or impossible.
+Lab ReadLab(const std::string& path, const std::vector<std::string>& overrides = {});
+
+inline constexpr char kDarkSlot[] = "dark";
+
+}  // namespace unfurl::data
