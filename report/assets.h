@@ -1,0 +1,15 @@
+#pragma once
+
+#include <string_view>
+
+namespace unfurl::report {
+
+// Files that every page carries inside; the build turns them into strings
+// (cmake/UnfurlEmbed.cmake).
+extern const std::string_view kDygraphsScript;      // without its comments
+extern const std::string_view kSynchronizerScript;  // dygraphs' own extra: zoom several together
+extern const std::string_view kDygraphsStyle;
+extern const std::string_view kPageScript;
+extern const std::string_view kPageStyle;
+
+}  // namespace unfurl::report

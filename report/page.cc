@@ -1,0 +1,211 @@
+#include "report/page.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "base/error.h"
+#include "data/atomic_file.h"
+#include "report/assets.h"
+#include "report/chart.h"
+#include "report/escape.h"
+#include "report/paths.h"
+
+namespace unfurl::report {
+namespace {
+
+// dygraphs travels inside every page; its licence asks that this notice goes with it.
+constexpr char kDygraphsNotice[] =
+    "/* dygraphs 2, (c) 2006-2023 Dan Vanderkam, Paul Felix, Robert Konigsberg, David Eberlein,\n"
+    "Google, Inc., Petr Shevtsov, mirabilos, Deutsche Telekom LLCTO and contributors. MIT "
+    "licence:\n"
+    "Permission is hereby granted, free of charge, to any person obtaining a copy of this "
+    "software\n"
+    "and associated documentation files (the \"Software\"), to deal in the Software without\n"
+    "restriction, including without limitation the rights to use, copy, modify, merge, publish,\n"
+    "distribute, sublicense, and/or sell copies of the Software, and to permit persons to whom "
+    "the\n"
+    "Software is furnished to do so, subject to the following conditions: The above copyright\n"
+    "notice and this permission notice shall be included in all copies or substantial portions of\n"
+    "the Software. THE SOFTWARE IS PROVIDED \"AS IS\", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR\n"
+    "IMPLIED, INCLUDING BUT NOT LIMITED TO THE WARRANTIES OF MERCHANTABILITY, FITNESS FOR A\n"
+    "PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS OR COPYRIGHT HOLDERS "
+    "BE\n"
+    "LIABLE FOR ANY CLAIM, DAMAGES OR OTHER LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR\n"
+    "OTHERWISE, ARISING FROM, OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER\n"
+    "DEALINGS IN THE SOFTWARE. */\n";
+
+// The browser itself is told to fetch nothing, whatever the page holds.
+constexpr char kPolicy[] =
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:";
+
+const char* ClassOf(Level level) {
+  switch (level) {
+    case Level::kGood:
+      return " good";
+    case Level::kCare:
+      return " care";
+    case Level::kBad:
+      return " bad";
+    case Level::kNeutral:
+      break;
+  }
+  return "";
+}
+
+// The level in a word and a shape, for whoever does not see the colour.
+const char* SignOf(Level level) {
+  switch (level) {
+    case Level::kGood:
+      return "\u2713 good";
+    case Level::kCare:
+      return "\u25b2 with care";
+    case Level::kBad:
+      return "\u2715 not usable";
+    case Level::kNeutral:
+      break;
+  }
+  return "";
+}
+
+std::string Heading(const std::string& title, const std::string& note) {
+  std::string html;
+  if (!title.empty()) html += "<h3>" + EscapeHtml(title) + "</h3>\n";
+  if (!note.empty()) html += "<p class=\"note\">" + EscapeHtml(note) + "</p>\n";
+  return html;
+}
+
+}  // namespace
+
+Page::Page(std::string title, std::string subtitle)
+    : title_(std::move(title)), subtitle_(std::move(subtitle)) {}
+
+void Page::AddWords(Level level, const std::string& headline,
+                    const std::vector<std::string>& details) {
+  body_ += fmt::format("<section class=\"panel words{}\">\n", ClassOf(level));
+  if (level != Level::kNeutral) {
+    body_ += fmt::format("<div class=\"sign\">{}</div>\n", SignOf(level));
+  }
+  body_ += "<p class=\"headline\">" + EscapeHtml(headline) + "</p>\n";
+  for (const std::string& text : details) body_ += "<p>" + EscapeHtml(text) + "</p>\n";
+  body_ += "</section>\n";
+}
+
+void Page::AddSection(const std::string& title, const std::string& words) {
+  body_ += "<h2>" + EscapeHtml(title) + "</h2>\n";
+  if (!words.empty()) body_ += "<p class=\"note\">" + EscapeHtml(words) + "</p>\n";
+}
+
+void Page::AddFigures(const std::vector<Figure>& figures) {
+  body_ += "<div class=\"figures\">\n";
+  for (const Figure& f : figures) {
+    body_ += fmt::format(
+        "<div class=\"figure{}\"><div class=\"name\">{}</div><div class=\"value\">{}</div>"
+        "<div class=\"about\">{}</div></div>\n",
+        ClassOf(f.level), EscapeHtml(f.name), EscapeHtml(f.value), EscapeHtml(f.note));
+  }
+  body_ += "</div>\n";
+}
+
+void Page::AddTable(const Table& table) {
+  const auto cell = [&](const char* tag, std::size_t column, const std::string& text) {
+    const bool is_text = std::find(table.text_columns.begin(), table.text_columns.end(),
+                                   static_cast<int>(column)) != table.text_columns.end();
+    return fmt::format("<{0}{1}>{2}</{0}>", tag, is_text ? " class=\"text\"" : "",
+                       EscapeHtml(text));
+  };
+  body_ += "<section class=\"panel\">\n" + Heading(table.title, table.note);
+  body_ += "<div class=\"table\"><table>\n<thead><tr>";
+  for (std::size_t k = 0; k < table.header.size(); ++k) body_ += cell("th", k, table.header[k]);
+  body_ += "</tr></thead>\n<tbody>\n";
+  for (const auto& row : table.rows) {
+    if (row.size() != table.header.size()) {
+      throw Error(
+          fmt::format("a row of {} cells under a header of {}", row.size(), table.header.size()),
+          "report: table \"" + table.title + "\"", "give every row one cell per column");
+    }
+    body_ += "<tr>";
+    for (std::size_t k = 0; k < row.size(); ++k) body_ += cell("td", k, row[k]);
+    body_ += "</tr>\n";
+  }
+  body_ += "</tbody></table></div>\n</section>\n";
+}
+
+void Page::AddTimeSeries(Chart chart) {
+  if (chart.group.empty()) chart.group = "time";
+  AddChart(chart);
+}
+
+void Page::AddSpectrum(Chart chart) {
+  if (chart.group.empty()) chart.group = "spectrum";
+  AddChart(chart);
+}
+
+void Page::AddChart(const Chart& chart) {
+  body_ += ChartHtml(chart, fmt::format("plot{}", charts_));
+  ++charts_;
+}
+
+void Page::AddPaths(const Paths& paths) {
+  body_ += "<figure class=\"panel paths\">\n" + Heading(paths.title, paths.note) + PathsSvg(paths) +
+           "</figure>\n";
+}
+
+void Page::AddPicture(const std::string& title, const std::string& note,
+                      std::span<const std::uint8_t> png, const std::string& alternative) {
+  body_ += "<figure class=\"panel picture\">\n" + Heading(title, note) + "<img alt=\"" +
+           EscapeHtml(alternative) + "\" src=\"data:image/png;base64," + Base64(png) +
+           "\">\n</figure>\n";
+}
+
+void Page::AddOrigin(const std::string& name, const std::string& value) {
+  origin_.emplace_back(name, value);
+}
+
+std::string Page::Html() const {
+  std::string html = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n";
+  html += fmt::format("<meta http-equiv=\"Content-Security-Policy\" content=\"{}\">\n", kPolicy);
+  html += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
+  html += "<title>" + EscapeHtml(title_) + "</title>\n<style>\n";
+  if (charts_ > 0) html += std::string(kDygraphsStyle) + "\n";
+  html += std::string(kPageStyle) + "</style>\n</head>\n<body>\n<header class=\"page\">\n<h1>" +
+          EscapeHtml(title_) + "</h1>\n";
+  if (!subtitle_.empty()) html += "<p>" + EscapeHtml(subtitle_) + "</p>\n";
+  html += "</header>\n<main>\n";
+  if (charts_ > 0) {
+    html +=
+        "<noscript><section class=\"panel\">The charts need scripts, which this browser has "
+        "switched off; words, tables and still pictures are all here.</section></noscript>\n";
+  }
+  html += body_ + "</main>\n<footer>\n";
+  if (charts_ > 0) {
+    html +=
+        "<p class=\"hint\">Drag across a chart to zoom, double-click to see all of it; charts "
+        "over the same axis move together. Click a name in a legend to hide it.</p>\n";
+  }
+  if (!origin_.empty()) {
+    html += "<dl>\n";
+    for (const auto& [name, value] : origin_) {
+      html += "<dt>" + EscapeHtml(name) + "</dt><dd>" + EscapeHtml(value) + "</dd>\n";
+    }
+    html += "</dl>\n";
+  }
+  html += "</footer>\n";
+  if (charts_ > 0) {
+    html += "<script>\n";
+    html += kDygraphsNotice;
+    html += kDygraphsScript;
+    html += "\n</script>\n<script>\n";
+    html += "/* From dygraphs too, under the same licence. */\n";
+    html += kSynchronizerScript;
+    html += "\n</script>\n<script>\n";
+    html += kPageScript;
+    html += "</script>\n";
+  }
+  html += "</body>\n</html>\n";
+  return html;
+}
+
+void Page::Write(const std::string& path) const { data::WriteTextFile(path, Html()); }
+
+}  // namespace unfurl::report

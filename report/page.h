@@ -1,0 +1,123 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace unfurl::report {
+
+// A page of panels as one HTML file that opens anywhere, without a network: the chart library, the
+// style and the data are inside. It shows what it is given and knows nothing of what that means.
+// All text is plain text; it is escaped here. The same calls give the same bytes.
+
+// How a statement or a figure is coloured; each level has a sign of its own beside the colour.
+enum class Level { kNeutral, kGood, kCare, kBad };
+
+// Measured data are dots with a band, computed data a line: told apart without colour.
+enum class Style { kLine, kDots, kDashes };
+
+struct Axis {
+  std::string label;  // "time"
+  std::string unit;   // "s"; empty or "1" for none
+  bool log = false;   // values <= 0 are left out
+};
+
+struct Series {
+  std::string name;
+  std::vector<double> x;           // rising; need not be shared between series
+  std::vector<double> y;           // as many; NaN is a gap
+  std::vector<double> half_width;  // of the error band around y, or empty; NaN: no band there
+  Style style = Style::kLine;
+  int color = -1;  // index into the palette of eight; -1: the next one
+};
+
+// A thin vertical line with words: an event in time, a peak in a spectrum.
+struct Marker {
+  double x = 0.0;
+  std::string label;
+  int color = -1;  // index into the palette; -1: grey
+};
+
+struct Chart {
+  std::string title;
+  std::string note;  // what is to be seen here, in a sentence or two; may be empty
+  Axis x;
+  Axis y;
+  std::vector<Series> series;
+  std::vector<Marker> markers;
+  // Charts of one group zoom together along x; empty: alone. AddTimeSeries fills in "time".
+  std::string group;
+  int height_px = 280;
+};
+
+struct Table {
+  std::string title;
+  std::string note;
+  std::vector<std::string> header;
+  std::vector<std::vector<std::string>> rows;  // each as long as the header
+  // Columns of text stand left, all others right; by default the first is text.
+  std::vector<int> text_columns = {0};
+};
+
+// One large number with its name: "clearance", "0.005213 ± 0.000021 rad", "true 0.0052".
+struct Figure {
+  std::string name;
+  std::string value;
+  std::string note;
+  Level level = Level::kNeutral;
+};
+
+struct Path {
+  std::string name;
+  std::vector<double> x;  // [axis unit]
+  std::vector<double> y;  // NaN lifts the pen
+  Style style = Style::kLine;
+  int color = -1;
+  bool ends = true;  // a ring where it starts, a disc where it ends
+};
+
+// Curves in a plane at equal scale, drawn as a still picture.
+struct Paths {
+  std::string title;
+  std::string note;
+  Axis x;
+  Axis y;
+  std::vector<Path> paths;
+};
+
+class Page {
+ public:
+  explicit Page(std::string title, std::string subtitle = {});
+
+  // The statement in words, best first on a page. `details` are paragraphs.
+  void AddWords(Level level, const std::string& headline,
+                const std::vector<std::string>& details = {});
+  // A heading between panels, with a paragraph that may be empty.
+  void AddSection(const std::string& title, const std::string& words = {});
+  void AddFigures(const std::vector<Figure>& figures);
+  void AddTable(const Table& table);
+  void AddTimeSeries(Chart chart);  // charts of time zoom together
+  void AddSpectrum(Chart chart);    // so do spectra; logarithmic axes where the Axis says so
+  void AddChart(const Chart& chart);
+  void AddPaths(const Paths& paths);
+  // `png` are the bytes of a PNG file; `alternative` says in words what it shows.
+  void AddPicture(const std::string& title, const std::string& note,
+                  std::span<const std::uint8_t> png, const std::string& alternative);
+  // Who made the page, from what: name and value, at its foot.
+  void AddOrigin(const std::string& name, const std::string& value);
+
+  // Misuse (arrays of different lengths, x that falls, a row of the wrong length) throws Error when
+  // it is added.
+  std::string Html() const;
+  void Write(const std::string& path) const;  // whole or not at all
+
+ private:
+  std::string title_;
+  std::string subtitle_;
+  std::string body_;
+  std::vector<std::pair<std::string, std::string>> origin_;
+  int charts_ = 0;
+};
+
+}  // namespace unfurl::report
