@@ -74,8 +74,9 @@ struct TomlTable::Node {
         const std::vector<std::string> known(asked.begin(), asked.end());
         const std::string nearest = NearestName(name, known);
         throw Error("unknown key", WhereOf(name),
-                    nearest.empty() ? "remove it; known here: " + JoinWords(known)
-                                    : "did you mean '" + nearest + "'?");
+                    !nearest.empty() ? "did you mean '" + nearest + "'?"
+                    : known.empty()  ? "remove it"
+                                     : "remove it; known here: " + JoinWords(known));
       }
     }
     for (const auto& [slot, child] : tables) child->Refuse();

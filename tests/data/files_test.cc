@@ -1,0 +1,201 @@
+// HDF5, TOML and CSV as the records use them: round trips, and what each refuses.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "base/error.h"
+#include "data/atomic_file.h"
+#include "data/csv.h"
+#include "data/h5.h"
+#include "data/toml.h"
+
+namespace unfurl::data {
+namespace {
+
+using ::testing::HasSubstr;
+
+class Files : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
+    folder_ = std::filesystem::temp_directory_path() /
+              (std::string("unfurl_") + info->name() + "_" + std::to_string(getpid()));
+    std::filesystem::create_directories(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+  std::string Path(const std::string& name) const { return (folder_ / name).string(); }
+  std::string Put(const std::string& name, const std::string& text) const {
+    std::ofstream(Path(name), std::ios::binary) << text;
+    return Path(name);
+  }
+  std::size_t FileCount() const {
+    return static_cast<std::size_t>(
+        std::distance(std::filesystem::directory_iterator(folder_), {}));
+  }
+  std::filesystem::path folder_;
+};
+
+template <typename F>
+std::string ErrorOf(F&& f) {
+  try {
+    f();
+  } catch (const Error& e) {
+    return e.what();
+  }
+  return "no error";
+}
+
+void WriteSample(const std::string& path) {
+  Provenance provenance{.program = "unfurl test", .command = "test"};
+  provenance.options["rtol"] = "1e-6";
+  provenance.seed = 18446744073709551615ULL;
+  H5Writer writer(path, "unfurl/sample", 2, provenance);
+  H5Series series = writer.Series({"/a/b", "m", "rows"}, H5Type::kDouble, {2}, 3, 1);
+  for (int i = 0; i < 5; ++i) {
+    const double row[] = {1.0 * i, 10.0 * i};
+    series.Append(row);
+  }
+  writer.Write({"/names", "1", "names"}, std::vector<std::string>{"one", "", "three"});
+  writer.Write({"/matrix", "px", "m"}, Eigen::MatrixXd{{1, 2, 3}, {4, 5, 6}});
+  writer.Attribute("/a", "depth", 3.5);
+  writer.Attribute("/", "long", std::string(200000, 'x'));
+  writer.Commit();
+}
+
+TEST_F(Files, Hdf5GivesBackWhatWasWritten) {
+  WriteSample(Path("s.h5"));
+  const H5Reader reader(Path("s.h5"), "unfurl/sample", 2);
+  EXPECT_EQ(reader.Dims("/a/b"), (std::vector<std::size_t>{5, 2}));
+  EXPECT_EQ(reader.ReadDoubles("/a/b", "m")[7], 30.0);
+  std::vector<double> rows(4);
+  reader.ReadRows("/a/b", 2, 2, rows);
+  EXPECT_EQ(rows, (std::vector<double>{2, 20, 3, 30}));
+  EXPECT_EQ(reader.ReadStrings("/names"), (std::vector<std::string>{"one", "", "three"}));
+  EXPECT_EQ(reader.ReadMatrix("/matrix")(1, 2), 6.0);
+  EXPECT_EQ(reader.DoubleAttribute("/a", "depth"), 3.5);
+  EXPECT_EQ(reader.StringAttribute("/", "long").size(), 200000u);
+  EXPECT_EQ(reader.Children("/"), (std::vector<std::string>{"a", "names", "matrix"}));
+  EXPECT_EQ(reader.ReadProvenance().seed, 18446744073709551615ULL);
+  EXPECT_EQ(reader.ReadProvenance().options.at("rtol"), "1e-6");
+}
+
+TEST_F(Files, Hdf5OfTheSameContentHasTheSameBytes) {
+  WriteSample(Path("a.h5"));
+  WriteSample(Path("b.h5"));
+  EXPECT_EQ(ReadTextFile(Path("a.h5")), ReadTextFile(Path("b.h5")));
+}
+
+TEST_F(Files, Hdf5UncommittedLeavesNothing) {
+  {
+    H5Writer writer(Path("s.h5"), "unfurl/sample", 1, {});
+    writer.Write({"/x", "m", "x"}, std::vector<double>{1.0});
+  }
+  EXPECT_EQ(FileCount(), 0u);
+}
+
+TEST_F(Files, Hdf5RefusesByName) {
+  WriteSample(Path("s.h5"));
+  const std::string whole = ReadTextFile(Path("s.h5"));
+  const auto open = [](const std::string& p) {
+    return ErrorOf([&] { H5Reader(p, "unfurl/run", 1); });
+  };
+  EXPECT_THAT(open(Path("none.h5")), HasSubstr("no such file"));
+  EXPECT_THAT(open(Put("text.h5", "hello")), HasSubstr("not an HDF5 file"));
+  EXPECT_THAT(open(Path("s.h5")), HasSubstr("holds 'unfurl/sample', where 'unfurl/run' is needed"));
+  EXPECT_THAT(open(Put("half.h5", whole.substr(0, whole.size() / 2))), HasSubstr("truncated"));
+  EXPECT_THAT(ErrorOf([&] { H5Reader(Path("s.h5"), "unfurl/sample", 1); }), HasSubstr("newer"));
+  const H5Reader reader(Path("s.h5"), "unfurl/sample", 2);
+  EXPECT_THAT(ErrorOf([&] { reader.ReadDoubles("/a/b", "s"); }), HasSubstr("is in [m], not [s]"));
+  EXPECT_THAT(ErrorOf([&] { reader.ReadDoubles("/a/c"); }), HasSubstr("/a/c: has no such dataset"));
+  EXPECT_THAT(ErrorOf([&] { reader.ReadDoubles("/names"); }), HasSubstr("text, not numbers"));
+}
+
+TEST_F(Files, AtomicFileRefusesAFolderThatIsNotThere) {
+  EXPECT_THAT(ErrorOf([&] { AtomicFile(Path("no/where.h5")); }), HasSubstr("no such folder"));
+}
+
+TEST_F(Files, AtomicFileKeepsTheOldFileUntilCommit) {
+  WriteTextFile(Path("f"), "old");
+  { AtomicFile file(Path("f")); }
+  EXPECT_EQ(ReadTextFile(Path("f")), "old");
+  WriteTextFile(Path("f"), "new");
+  EXPECT_EQ(ReadTextFile(Path("f")), "new");
+  EXPECT_EQ(FileCount(), 1u);
+}
+
+TEST(Toml, UnknownKeysNameTheNearest) {
+  const TomlTable t = ParseToml("mass = 1.0\n[beam.b1]\nlenght = 2.0\n", "s.toml");
+  EXPECT_EQ(t.Number("mass"), 1.0);
+  const auto beams = t.NamedTables("beam");
+  ASSERT_EQ(beams.size(), 1u);
+  EXPECT_EQ(beams[0].second.NumberOr("length", 5.0), 5.0);
+  EXPECT_EQ(ErrorOf([&] { t.RefuseUnknownKeys(); }),
+            "s.toml:3:beam.b1.lenght: unknown key; did you mean 'length'?");
+}
+
+TEST(Toml, ErrorsAreLocated) {
+  const TomlTable t = ParseToml("a = -1\nb = nan\nc = 'x'\nd = [1, 2]\n[t]\n", "s.toml");
+  const auto error = [&](const char* key) { return ErrorOf([&] { t.Number(key, kPositive); }); };
+  EXPECT_EQ(error("a"), "s.toml:1:a: -1 is out of range; it must be above 0");
+  EXPECT_THAT(error("b"), HasSubstr("s.toml:2:b: is not a finite number"));
+  EXPECT_THAT(error("c"), HasSubstr("s.toml:3:c: holds a string, not a number"));
+  EXPECT_THAT(error("e"), HasSubstr("'e' is missing"));
+  EXPECT_THAT(ErrorOf([&] { t.Numbers("d", 3); }), HasSubstr("holds 2 values; give 3"));
+  EXPECT_THAT(ErrorOf([&] { t.Choice("c", {"xy", "z"}); }), HasSubstr("did you mean 'xy'?"));
+  EXPECT_THAT(ErrorOf([&] { t.Integer("a", 0, 9); }), HasSubstr("from 0 to 9"));
+  EXPECT_THAT(ErrorOf([&] { ParseToml("a = = 1", "s.toml"); }), HasSubstr("s.toml:1:"));
+}
+
+TEST(Toml, NamedTablesKeepTheOrderOfTheFile) {
+  const TomlTable t = ParseToml("[j.z]\n[j.a]\n[j.m]\n[[k]]\nv = 1\n[[k]]\nv = 2\n", "s.toml");
+  std::string order;
+  for (const auto& [name, table] : t.NamedTables("j")) order += name;
+  EXPECT_EQ(order, "zam");
+  EXPECT_EQ(t.TableArray("k").at(0).Number("v"), 1.0);
+  EXPECT_EQ(t.TableArray("k").at(1).Number("v"), 2.0);
+  t.RefuseUnknownKeys();
+}
+
+TEST_F(Files, TomlOverridesReplaceAndAdd) {
+  const std::string path = Put("s.toml", "[beam.b1]\nsegments = 4\n");
+  const TomlTable t =
+      LoadToml(path, {"beam.b1.segments=8", "beam.b1.axial=rigid", "gravity.g=9.5"});
+  const TomlTable b1 = t.Table("beam").Table("b1");
+  EXPECT_EQ(b1.Integer("segments", 1, 100), 8);
+  EXPECT_EQ(b1.String("axial"), "rigid");
+  EXPECT_EQ(t.Table("gravity").Number("g"), 9.5);
+  EXPECT_THAT(ErrorOf([&] { b1.Integer("segments", 1, 4); }), HasSubstr("--set beam.b1.segments"));
+  EXPECT_THAT(ErrorOf([&] { LoadToml(path, {"beam"}); }), HasSubstr("has no '='"));
+  EXPECT_THAT(ErrorOf([&] { LoadToml(path, {"beam.b1.segments.x=1"}); }), HasSubstr("not a table"));
+}
+
+TEST_F(Files, CsvReadsUnitsAndPlacesErrors) {
+  const std::string path =
+      Put("p.csv", "# made by hand\nid,x [m],u1 [px]\nA,1.5,\n\"B\",nan,3\nC,2,4\n");
+  const CsvTable table = CsvTable::Load(path);
+  EXPECT_EQ(table.rows(), 3u);
+  EXPECT_EQ(table.comments().at(0), "made by hand");
+  const int x = table.Require("x", "m"), u = table.Require("u1", "px");
+  EXPECT_EQ(table.Number(0, x), 1.5);
+  EXPECT_TRUE(std::isnan(table.NumberOrNan(0, u)));
+  EXPECT_EQ(table.Text(1, 0), "B");
+  EXPECT_THAT(ErrorOf([&] { table.Number(1, x); }), HasSubstr("p.csv:4:x: 'nan' is not a finite"));
+  EXPECT_THAT(ErrorOf([&] { table.Require("x", "mm"); }), HasSubstr("is in [m]"));
+  EXPECT_THAT(ErrorOf([&] { table.Require("y", "m"); }),
+              HasSubstr("add it to the header as 'y [m]'"));
+  EXPECT_THAT(ErrorOf([&] { CsvTable::Load(Put("q.csv", "a,b\n1\n")); }), HasSubstr("q.csv:2"));
+  EXPECT_THAT(ErrorOf([&] { CsvTable::Load(Put("e.csv", "")); }), HasSubstr("no header"));
+}
+
+TEST_F(Files, CsvNumbersReadBackExactly) {
+  CsvWriter writer({{"x", "m"}, {"y", ""}});
+  writer.Row(std::vector<double>{0.1 + 0.2, std::nan("")});
+  const CsvTable table = CsvTable::Load(Put("r.csv", writer.text()));
+  EXPECT_EQ(table.Number(0, 0), 0.1 + 0.2);
+  EXPECT_TRUE(table.Empty(0, 1));
+}
+
+}  // namespace
+}  // namespace unfurl::data
