@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -47,6 +48,20 @@ struct Tracks {
 
 inline constexpr char kTracksSchema[] = "unfurl/tracks";
 inline constexpr int kTracksVersion = 1;
+
+// Streams samples to disk in constant memory; the file gets its name on Commit. `like` gives frame,
+// marks, `smoothed` and the shared rank; its samples, if any, are not written.
+class TracksWriter {
+ public:
+  TracksWriter(const std::string& path, const Tracks& like, const Provenance& provenance);
+  ~TracksWriter();
+  void Append(const Tracks& block);
+  void Commit();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
 
 void WriteTracks(const std::string& path, const Tracks& tracks, const Provenance& provenance);
 Tracks ReadTracks(const std::string& path);

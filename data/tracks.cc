@@ -1,0 +1,234 @@
+#include "data/tracks.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "base/error.h"
+#include "data/atomic_file.h"
+#include "data/csv.h"
+#include "data/h5.h"
+
+namespace unfurl::data {
+
+namespace {
+
+constexpr std::array<const char*, 6> kCovariance = {"cxx", "cxy", "cxz", "cyy", "cyz", "czz"};
+constexpr std::array<const char*, 4> kStatusNames = {"good", "three_cameras", "rejected_reading",
+                                                     "unsolvable"};
+
+}  // namespace
+
+const char* Name(SampleStatus status) { return kStatusNames[static_cast<std::size_t>(status)]; }
+
+Eigen::Matrix3d Tracks::Covariance(std::size_t i) const {
+  const auto c = cov.col(static_cast<Eigen::Index>(i));
+  Eigen::Matrix3d C;
+  C << c(0), c(1), c(2), c(1), c(3), c(4), c(2), c(4), c(5);
+  return C;
+}
+
+std::vector<std::size_t> Tracks::SamplesOf(std::int32_t mark_index) const {
+  std::vector<std::size_t> samples;
+  for (std::size_t i = 0; i < size(); ++i) {
+    if (mark[i] == mark_index && Usable(status[i])) samples.push_back(i);
+  }
+  return samples;
+}
+
+int Tracks::FindMark(const std::string& name) const {
+  const auto found = std::find(marks.begin(), marks.end(), name);
+  return found == marks.end() ? -1 : static_cast<int>(found - marks.begin());
+}
+
+struct TracksWriter::Impl {
+  H5Writer file;
+  H5Series t, mark, p, cov, status, shared;
+  std::size_t rank;
+
+  Impl(const std::string& path, const Tracks& like, const Provenance& provenance)
+      : file(path, kTracksSchema, kTracksVersion, provenance),
+        rank(static_cast<std::size_t>(like.shared_rank)) {
+    file.Write({"/marks", "1", "marks' names"}, like.marks);
+    file.Attribute("/", "frame", like.frame);
+    file.Attribute("/", "smoothed", static_cast<std::int64_t>(like.smoothed));
+    file.Attribute("/", "shared_rank", static_cast<std::int64_t>(like.shared_rank));
+    t = file.Series({"/t", "s", "time stamp of the sample"}, H5Type::kDouble);
+    mark = file.Series({"/mark", "1", "index into marks"}, H5Type::kInt32);
+    p = file.Series({"/p", "m", "x, y, z; NaN where unsolvable"}, H5Type::kDouble, {3});
+    cov = file.Series({"/cov", "m^2", "random covariance: xx, xy, xz, yy, yz, zz"}, H5Type::kDouble,
+                      {6});
+    status =
+        file.Series({"/status", "1", "0 good, 1 three cameras, 2 rejected reading, 3 unsolvable"},
+                    H5Type::kInt32);
+    if (rank > 0) {
+      shared = file.Series(
+          {"/shared", "m", "factor F: the calibration's error is F z, z ~ N(0, 1), one z for all"},
+          H5Type::kDouble, {3, rank}, 256, 1);
+    }
+  }
+};
+
+TracksWriter::TracksWriter(const std::string& path, const Tracks& like,
+                           const Provenance& provenance)
+    : impl_(std::make_unique<Impl>(path, like, provenance)) {}
+
+TracksWriter::~TracksWriter() = default;
+
+void TracksWriter::Append(const Tracks& block) {
+  const std::size_t n = block.size();
+  impl_->t.Append(std::span<const double>(block.t));
+  impl_->mark.Append(std::span<const std::int32_t>(block.mark));
+  impl_->p.Append(std::span<const double>(block.p.data(), 3 * n));
+  impl_->cov.Append(std::span<const double>(block.cov.data(), 6 * n));
+  std::vector<std::int32_t> status(n);
+  for (std::size_t i = 0; i < n; ++i) status[i] = static_cast<std::int32_t>(block.status[i]);
+  impl_->status.Append(std::span<const std::int32_t>(status));
+  if (impl_->rank == 0) return;
+  // Columns of one sample lie side by side in memory, its rows on disk.
+  const Eigen::Index k = static_cast<Eigen::Index>(impl_->rank);
+  std::vector<double> rows(3 * impl_->rank * n);
+  using RowMajor = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>;
+  for (std::size_t i = 0; i < n; ++i) {
+    Eigen::Map<RowMajor>(&rows[3 * impl_->rank * i], 3, k) =
+        block.shared.middleCols(static_cast<Eigen::Index>(i) * k, k);
+  }
+  impl_->shared.Append(std::span<const double>(rows));
+}
+
+void TracksWriter::Commit() { impl_->file.Commit(); }
+
+void WriteTracks(const std::string& path, const Tracks& tracks, const Provenance& provenance) {
+  TracksWriter writer(path, tracks, provenance);
+  writer.Append(tracks);
+  writer.Commit();
+}
+
+Tracks ReadTracks(const std::string& path) {
+  const H5Reader file(path, kTracksSchema, kTracksVersion);
+  Tracks tracks;
+  tracks.marks = file.ReadStrings("/marks");
+  tracks.frame = file.StringAttribute("/", "frame");
+  tracks.smoothed = file.IntAttribute("/", "smoothed") != 0;
+  tracks.shared_rank = static_cast<int>(file.IntAttribute("/", "shared_rank"));
+  tracks.t = file.ReadDoubles("/t", "s");
+  tracks.mark = file.ReadInts("/mark");
+  const std::size_t n = tracks.size();
+  const std::vector<std::int32_t> status = file.ReadInts("/status");
+  const std::size_t k = static_cast<std::size_t>(std::max(0, tracks.shared_rank));
+  if (tracks.mark.size() != n || status.size() != n ||
+      file.Dims("/p") != std::vector<std::size_t>{n, 3} ||
+      file.Dims("/cov") != std::vector<std::size_t>{n, 6} ||
+      (k > 0 && file.Dims("/shared") != std::vector<std::size_t>{n, 3, k})) {
+    file.Fail("holds series of different lengths", "/t", "make the file again");
+  }
+  tracks.p = file.ReadMatrix("/p", "m").transpose();
+  tracks.cov = file.ReadMatrix("/cov", "m^2").transpose();
+  const int marks = static_cast<int>(tracks.marks.size());
+  tracks.status.resize(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    if (status[i] < 0 || status[i] > 3 || tracks.mark[i] < 0 || tracks.mark[i] >= marks ||
+        !std::isfinite(tracks.t[i])) {
+      file.Fail(fmt::format("sample {} has an impossible status, mark or time", i), "/status",
+                "make the file again");
+    }
+    tracks.status[i] = static_cast<SampleStatus>(status[i]);
+    const Eigen::Index col = static_cast<Eigen::Index>(i);
+    if (Usable(tracks.status[i]) &&
+        !(tracks.p.col(col).allFinite() && tracks.cov.col(col).allFinite())) {
+      file.Fail(fmt::format("sample {} is called {} but is not finite", i, Name(tracks.status[i])),
+                "/p", "make the file again");
+    }
+  }
+  if (k > 0) {
+    const std::vector<double> rows = file.ReadDoubles("/shared", "m");
+    tracks.shared.resize(3, static_cast<Eigen::Index>(n * k));
+    using RowMajor = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>;
+    const Eigen::Index rank = static_cast<Eigen::Index>(k);
+    for (std::size_t i = 0; i < n; ++i) {
+      tracks.shared.middleCols(static_cast<Eigen::Index>(i) * rank, rank) =
+          Eigen::Map<const RowMajor>(&rows[3 * k * i], 3, rank);
+    }
+  }
+  return tracks;
+}
+
+void WriteTracksCsv(const std::string& path, const Tracks& tracks) {
+  std::vector<CsvColumn> columns = {{"t", "s"}, {"mark", ""}, {"x", "m"}, {"y", "m"}, {"z", "m"}};
+  for (const char* name : kCovariance) columns.push_back({name, "m^2"});
+  columns.push_back({"status", ""});
+  CsvWriter writer(std::move(columns));
+  writer.Comment(fmt::format("frame: {}", tracks.frame));
+  writer.Comment(fmt::format("smoothed: {}", tracks.smoothed ? "yes" : "no"));
+  const auto cell = [](double v) { return std::isnan(v) ? std::string() : fmt::format("{}", v); };
+  for (std::size_t i = 0; i < tracks.size(); ++i) {
+    const Eigen::Index col = static_cast<Eigen::Index>(i);
+    std::vector<std::string> cells = {cell(tracks.t[i]),
+                                      tracks.marks[static_cast<std::size_t>(tracks.mark[i])]};
+    for (Eigen::Index k = 0; k < 3; ++k) cells.push_back(cell(tracks.p(k, col)));
+    for (Eigen::Index k = 0; k < 6; ++k) cells.push_back(cell(tracks.cov(k, col)));
+    cells.emplace_back(Name(tracks.status[i]));
+    writer.Row(cells);
+  }
+  WriteTextFile(path, writer.text());
+}
+
+Tracks ReadTracksCsv(const std::string& path) {
+  const CsvTable table = CsvTable::Load(path);
+  const std::size_t n = table.rows();
+  if (n == 0) throw Error("holds no sample", path, "give one line per sample");
+  const int t = table.Require("t", "s");
+  const int mark = table.Require("mark", "");
+  const std::array<int, 3> p = {table.Require("x", "m"), table.Require("y", "m"),
+                                table.Require("z", "m")};
+  std::array<int, 6> cov;
+  for (std::size_t k = 0; k < 6; ++k) cov[k] = table.Require(kCovariance[k], "m^2");
+  const int status = table.Find("status");
+
+  Tracks tracks;
+  tracks.frame = "rig";
+  for (const std::string& comment : table.comments()) {
+    if (comment.starts_with("frame: ")) tracks.frame = comment.substr(7);
+    if (comment == "smoothed: yes") tracks.smoothed = true;
+  }
+  tracks.p.resize(3, static_cast<Eigen::Index>(n));
+  tracks.cov.resize(6, static_cast<Eigen::Index>(n));
+  tracks.shared.resize(3, 0);
+  for (std::size_t i = 0; i < n; ++i) {
+    const Eigen::Index col = static_cast<Eigen::Index>(i);
+    tracks.t.push_back(table.Number(i, t));
+    const std::string name = table.Text(i, mark);
+    if (name.empty()) throw Error("a sample without a mark", table.Where(i, mark), "name its mark");
+    if (tracks.FindMark(name) < 0) tracks.marks.push_back(name);
+    tracks.mark.push_back(tracks.FindMark(name));
+    SampleStatus s = SampleStatus::kGood;
+    if (status >= 0) {
+      const std::string word = table.Text(i, status);
+      const auto found = std::find(kStatusNames.begin(), kStatusNames.end(), word);
+      if (found == kStatusNames.end()) {
+        throw Error(fmt::format("'{}' is no status", word), table.Where(i, status),
+                    "write good, three_cameras, rejected_reading or unsolvable");
+      }
+      s = static_cast<SampleStatus>(found - kStatusNames.begin());
+    } else if (table.Empty(i, p[0])) {
+      s = SampleStatus::kUnsolvable;
+    }
+    tracks.status.push_back(s);
+    for (std::size_t k = 0; k < 9; ++k) {
+      const int column = k < 3 ? p[k] : cov[k - 3];
+      const double value =
+          Usable(s) ? table.Number(i, column) : std::numeric_limits<double>::quiet_NaN();
+      if (k < 3) {
+        tracks.p(static_cast<Eigen::Index>(k), col) = value;
+      } else {
+        tracks.cov(static_cast<Eigen::Index>(k - 3), col) = value;
+      }
+    }
+  }
+  return tracks;
+}
+
+}  // namespace unfurl::data

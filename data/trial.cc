@@ -1,0 +1,114 @@
+#include "data/trial.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "data/h5.h"
+#include "data/line_format_io.h"
+
+namespace unfurl::data {
+
+void TrialBlock::Resize(std::size_t lines, const TrialHeader& header) {
+  t.resize(lines);
+  slot.resize(lines);
+  counts.resize(lines * header.line_counts());
+}
+
+struct TrialWriter::Impl {
+  H5Writer file;
+  H5Series t, slot, lines;
+
+  Impl(const std::string& path, const Provenance& provenance)
+      : file(path, kTrialSchema, kTrialVersion, provenance) {}
+};
+
+TrialWriter::TrialWriter(const std::string& path, const TrialHeader& header,
+                         const Provenance& provenance)
+    : impl_(std::make_unique<Impl>(path, provenance)) {
+  // 16 lines of four cameras fill a chunk that HDF5's own cache holds. Deflate 1 halves the size
+  // for little time; higher levels gain nothing on noise.
+  constexpr std::size_t kChunk = 16;
+  constexpr int kDeflate = 1;
+  H5Writer& file = impl_->file;
+  file.Write({"/cameras", "1", "names, in the order of the lines' second dimension"},
+             header.cameras);
+  file.Write({"/slots", "1", "what a line may show: a mark's name, or dark"}, header.slots);
+  impl_->t = file.Series({"/t", "s", "middle of the line's flash on the recorder's clock"},
+                         H5Type::kDouble, {}, 4096);
+  impl_->slot =
+      file.Series({"/slot", "1", "what was lit: index into slots"}, H5Type::kInt32, {}, 4096);
+  impl_->lines = file.Series({"/lines", "count", "counts: line x camera x element in read-out"},
+                             H5Type::kUint16, {header.cameras.size(), header.format.elements()},
+                             kChunk, kDeflate);
+  WriteLineFormat(file, "/lines", header.format);
+  file.Attribute("/lines", "line_rate [1/s]", header.line_rate);
+}
+
+TrialWriter::~TrialWriter() = default;
+
+void TrialWriter::Append(const TrialBlock& block) {
+  impl_->t.Append(std::span<const double>(block.t));
+  impl_->slot.Append(std::span<const std::int32_t>(block.slot));
+  impl_->lines.Append(std::span<const std::uint16_t>(block.counts));
+}
+
+void TrialWriter::Commit() { impl_->file.Commit(); }
+
+struct TrialReader::Impl {
+  H5Reader file;
+  TrialHeader header;
+  std::size_t lines = 0;
+
+  explicit Impl(const std::string& path) : file(path, kTrialSchema, kTrialVersion) {}
+};
+
+TrialReader::TrialReader(const std::string& path) : impl_(std::make_unique<Impl>(path)) {
+  const H5Reader& file = impl_->file;
+  TrialHeader& header = impl_->header;
+  const std::vector<std::size_t> dims = file.Dims("/lines");
+  if (dims.size() != 3) file.Fail("is not line x camera x element", "/lines", "make it again");
+  header.cameras = file.ReadStrings("/cameras");
+  header.slots = file.ReadStrings("/slots");
+  header.format = ReadLineFormat(file, "/lines", dims[2]);
+  header.line_rate = file.DoubleAttribute("/lines", "line_rate [1/s]");
+  impl_->lines = dims[0];
+  if (dims[1] != header.cameras.size()) {
+    file.Fail(fmt::format("holds {} cameras, but {} are named", dims[1], header.cameras.size()),
+              "/lines", "make the file again");
+  }
+  for (const char* name : {"/t", "/slot"}) {
+    if (file.Dims(name) != std::vector<std::size_t>{dims[0]}) {
+      file.Fail(fmt::format("does not hold one entry for each of {} lines", dims[0]), name,
+                "make the file again");
+    }
+  }
+}
+
+TrialReader::~TrialReader() = default;
+
+const std::string& TrialReader::path() const { return impl_->file.path(); }
+const TrialHeader& TrialReader::header() const { return impl_->header; }
+std::size_t TrialReader::size() const { return impl_->lines; }
+Provenance TrialReader::ReadProvenance() const { return impl_->file.ReadProvenance(); }
+
+void TrialReader::Read(std::size_t first, std::size_t count, TrialBlock* block) const {
+  block->Resize(count, impl_->header);
+  impl_->file.ReadRows("/t", first, count, std::span<double>(block->t));
+  impl_->file.ReadRows("/slot", first, count, std::span<std::int32_t>(block->slot));
+  impl_->file.ReadRows("/lines", first, count, std::span<std::uint16_t>(block->counts));
+  const int slots = static_cast<int>(impl_->header.slots.size());
+  for (std::size_t i = 0; i < count; ++i) {
+    if (!std::isfinite(block->t[i])) {
+      impl_->file.Fail(fmt::format("the stamp of line {} is not finite", first + i), "/t",
+                       "make the file again");
+    }
+    if (block->slot[i] < 0 || block->slot[i] >= slots) {
+      impl_->file.Fail(fmt::format("line {} names slot {} of {}", first + i, block->slot[i], slots),
+                       "/slot", "make the file again");
+    }
+  }
+}
+
+}  // namespace unfurl::data

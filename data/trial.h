@@ -1,0 +1,69 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "data/line_format.h"
+#include "data/provenance.h"
+
+namespace unfurl::data {
+
+// What the cameras recorded: per line a time stamp (the middle of its flash, on the recorder's own
+// clock, which starts at 0), what was lit, and each camera's counts.
+struct TrialHeader {
+  std::vector<std::string> cameras;  // c names
+  std::vector<std::string> slots;    // what may be lit: mark names and "dark"
+  LineFormat format;
+  double line_rate = 0.0;  // [1/s]
+
+  std::size_t line_counts() const { return cameras.size() * format.elements(); }
+};
+
+inline constexpr char kTrialSchema[] = "unfurl/trial";
+inline constexpr int kTrialVersion = 1;
+
+// A block of consecutive lines, its buffers kept from block to block.
+struct TrialBlock {
+  std::vector<double> t;              // n [s]
+  std::vector<std::int32_t> slot;     // n, index into the header's slots
+  std::vector<std::uint16_t> counts;  // n x c x elements
+
+  std::size_t size() const { return t.size(); }
+  void Resize(std::size_t lines, const TrialHeader& header);
+};
+
+// Streams lines to disk in constant memory; the file gets its name on Commit.
+class TrialWriter {
+ public:
+  TrialWriter(const std::string& path, const TrialHeader& header, const Provenance& provenance);
+  ~TrialWriter();
+  void Append(const TrialBlock& block);
+  void Commit();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+// Reads them back in blocks. Throws Error for a file that contradicts itself.
+class TrialReader {
+ public:
+  explicit TrialReader(const std::string& path);
+  ~TrialReader();
+
+  const std::string& path() const;
+  const TrialHeader& header() const;
+  std::size_t size() const;  // lines
+  Provenance ReadProvenance() const;
+  // Lines [first, first + count).
+  void Read(std::size_t first, std::size_t count, TrialBlock* block) const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace unfurl::data

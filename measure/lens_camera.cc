@@ -1,0 +1,141 @@
+#include "measure/lens_camera.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace unfurl::measure {
+
+namespace {
+
+// The ray behind the lens.
+bool TraceGlass(const LensCamera& camera, const Eigen::Vector3d& p_C, double x, double y, Ray* ray,
+                double* transmission) {
+  const Glass& glass = camera.glass;
+  ray->origin = {x, y, 0.0};
+  ray->direction = (ray->origin - p_C).normalized();
+  *transmission = 1.0;
+  double n1 = 1.0;
+  double n2 = glass.index;
+  for (const Surface& face : glass.faces) {
+    Eigen::Vector3d hit, normal, refracted;
+    if (!face.Intersect(*ray, &hit, &normal)) return false;
+    if (std::abs(hit.x() - face.x0) > glass.half_width || std::abs(hit.y()) > glass.half_length) {
+      return false;
+    }
+    if (!Refract(ray->direction, normal, n1, n2, &refracted)) return false;
+    *transmission *=
+        Transmission(std::abs(ray->direction.dot(normal)), std::abs(refracted.dot(normal)), n1, n2);
+    ray->origin = hit;
+    ray->direction = refracted;
+    std::swap(n1, n2);
+  }
+  return true;
+}
+
+}  // namespace
+
+bool TraceThroughSlit(const LensCamera& camera, const Eigen::Vector3d& p_C, double x, double y,
+                      Landing* landing) {
+  Ray ray;
+  if (!TraceGlass(camera, p_C, x, y, &ray, &landing->transmission)) return false;
+  const SensorRow& s = camera.sensor;
+  const Eigen::Vector3d normal = s.row.cross(s.column);
+  const double t = normal.dot(s.centre - ray.origin) / normal.dot(ray.direction);
+  const Eigen::Vector3d offset = ray.origin + t * ray.direction - s.centre;
+  landing->u = 0.5 * (s.pixels - 1) + offset.dot(s.row) / s.pitch;
+  landing->across = offset.dot(s.column);
+  return true;
+}
+
+bool TraceSpot(const LensCamera& camera, const Eigen::Vector3d& p_W, SpotLight* spot) {
+  constexpr double kTolerance = 1e-9;  // of where a ray meets the row [m]
+  constexpr double kStep = 1e-4;       // for the derivative along the slit [m]
+  constexpr int kMaxSteps = 12;
+
+  const Eigen::Vector3d p_C = camera.X_WC.inverse() * p_W;
+  spot->count = 0;
+  spot->flux = 0.0;
+  if (p_C.z() <= 0.05) return false;
+
+  // As if the glass were air; Newton mends the rest.
+  const double depth = -camera.sensor.centre.z();
+  double y = p_C.y() * depth / (p_C.z() + depth);
+
+  // Rays through the edges of kSlitSamples equal strips of the slit; each strip's light is spread
+  // between where its two edges land.
+  Landing edges[kSlitSamples + 1];
+  double flux[kSlitSamples + 1];
+  bool arrives[kSlitSamples + 1];
+  const double strip = 2.0 * camera.slit_half_width / kSlitSamples;
+  for (int i = 0; i <= kSlitSamples; ++i) {
+    const double x = -camera.slit_half_width + i * strip;
+    Landing here, beside;
+    bool found = false;
+    double slope = 0.0;
+    for (int step = 0; step < kMaxSteps && !found; ++step) {
+      if (!TraceThroughSlit(camera, p_C, x, y, &here)) break;
+      if (slope == 0.0) {
+        if (!TraceThroughSlit(camera, p_C, x, y + kStep, &beside)) break;
+        slope = (beside.across - here.across) / kStep;
+        if (std::abs(slope) < 1e-3) break;
+      }
+      found = std::abs(here.across) < kTolerance;
+      if (!found) y -= here.across / slope;
+    }
+    arrives[i] = found && std::abs(y) <= camera.slit_half_length;
+    if (!arrives[i]) continue;
+    edges[i] = here;
+    // Solid angle of the slit's piece that sees the row: its length along the slit is the row's
+    // height over the magnification `slope`.
+    const Eigen::Vector3d sight = p_C - Eigen::Vector3d(x, y, 0.0);
+    const double r = sight.norm();
+    const double height = camera.sensor.pitch / std::abs(slope);
+    flux[i] = height * strip * sight.z() / (r * r * r) * here.transmission;
+  }
+
+  double first = 0.0;
+  double second = 0.0;
+  for (int i = 0; i < kSlitSamples; ++i) {
+    if (!arrives[i] || !arrives[i + 1]) continue;
+    Bundle& b = spot->bundles[static_cast<std::size_t>(spot->count++)];
+    b.low = std::min(edges[i].u, edges[i + 1].u);
+    b.high = std::max(edges[i].u, edges[i + 1].u);
+    b.flux = 0.5 * (flux[i] + flux[i + 1]);
+    const double middle = 0.5 * (b.low + b.high);
+    const double width = b.high - b.low;
+    spot->flux += b.flux;
+    first += b.flux * middle;
+    second += b.flux * (middle * middle + width * width / 12.0);
+  }
+  if (spot->count == 0) return false;
+  spot->centre_px = first / spot->flux;
+  spot->sigma_px =
+      std::sqrt(std::max(0.0, second / spot->flux - spot->centre_px * spot->centre_px));
+  // Further out than any tail of the blur reaches, the row sees nothing.
+  return spot->centre_px > -50.0 && spot->centre_px < camera.sensor.pixels + 49.0;
+}
+
+double FocusedSensorDistance(const LensCamera& camera, double distance) {
+  // x = a + b z of each ray behind the lens; the variance over the slit is least at
+  // z = -cov(a, b) / var(b), below the slit.
+  constexpr int kRays = 64;
+  const Eigen::Vector3d source(0.0, 0.0, distance);
+  double sum_a = 0.0, sum_b = 0.0, sum_ab = 0.0, sum_bb = 0.0;
+  int n = 0;
+  for (int i = 0; i < kRays; ++i) {
+    const double x = camera.slit_half_width * (2.0 * (i + 0.5) / kRays - 1.0);
+    Ray ray;
+    double transmission;
+    if (!TraceGlass(camera, source, x, 0.0, &ray, &transmission)) continue;
+    const double b = ray.direction.x() / ray.direction.z();
+    const double a = ray.origin.x() - b * ray.origin.z();
+    sum_a += a;
+    sum_b += b;
+    sum_ab += a * b;
+    sum_bb += b * b;
+    ++n;
+  }
+  return (sum_ab - sum_a * sum_b / n) / (sum_bb - sum_b * sum_b / n);
+}
+
+}  // namespace unfurl::measure
