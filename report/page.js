@@ -5,7 +5,9 @@
   // A tick or a value without the noise of binary fractions.
   function tidy(value, scale) {
     if (Math.abs(value) < 1e-9 * scale) return '0';
-    return String(+value.toPrecision(7)).replace('-', '\u2212').replace('e\u2212', 'e-');
+    var text = Math.abs(value) < 1e-4 ? value.toExponential(6).replace(/\.?0*e/, 'e')
+      : String(+value.toPrecision(7));
+    return text.replace('-', '\u2212').replace('e\u2212', 'e-');
   }
 
   // Places x series of their own stamps on one rising axis. A missing value (null) is bridged by
@@ -13,7 +15,7 @@
   function merge(data) {
     var stamps = new Set();
     data.series.forEach(function (s) {
-      data.axes[s.axis].forEach(function (x) { stamps.add(x); });
+      data.axes[s.axis].forEach(function (x) { if (!data.x.log || x > 0) stamps.add(x); });
     });
     var xs = Array.from(stamps).sort(function (a, b) { return a - b; });
     var row = new Map();
@@ -26,6 +28,7 @@
     });
     data.series.forEach(function (s, k) {
       data.axes[s.axis].forEach(function (x, i) {
+        if (data.x.log && x <= 0) return;
         var y = s.y[i] === null || (data.y.log && s.y[i] <= 0) ? NaN : s.y[i];
         var w = s.w && s.w[i] !== null ? s.w[i] : 0;
         var low = y - w;
@@ -53,7 +56,7 @@
     context.textBaseline = 'top';
     var ends = [];
     markers.slice().sort(function (a, b) { return a.x - b.x; }).forEach(function (m) {
-      var x = Math.round(g.toDomXCoord(m.x)) + 0.5;
+      var x = Math.round(area.x + g.toPercentXCoord(m.x) * area.w) + 0.5;
       if (!(x >= area.x && x <= area.x + area.w)) return;
       var width = context.measureText(m.label).width + 8;
       var flipped = x + width > area.x + area.w;
@@ -115,15 +118,15 @@
       yLabelWidth: 20,
       axisLabelFontSize: 12,
       axisLineColor: '#888',
-      gridLineColor: '#e4e4e4',
+      gridLineColor: '#dfe3e8',
       highlightCircleSize: 3,
       animatedZooms: false,
       yRangePad: 8 + (data.markers.length ? 20 : 0),
-      xRangePad: 4,
+      xRangePad: data.x.log ? 0 : 4,  // a pad would take a logarithmic axis below zero
       logscale: false,
       axes: {
         x: {logscale: data.x.log, axisLabelFormatter: ticks('x'), pixelsPerLabel: 70},
-        y: {logscale: data.y.log, axisLabelFormatter: ticks('y'), axisLabelWidth: 64}
+        y: {logscale: data.y.log, axisLabelFormatter: ticks('y'), axisLabelWidth: 64, pixelsPerLabel: 26}
       },
       underlayCallback: function (context, area, g) {
         drawMarkers(data.markers, context, area, g);
