@@ -5,7 +5,8 @@
 
 function(unfurl_compile_options target)
   target_compile_options(${target} PRIVATE -Wall -Wextra -Wpedantic -Wshadow -Wnon-virtual-dtor
-    -Wno-missing-field-initializers)  # designated initialisers leave the rest to its defaults
+    -Wno-missing-field-initializers  # designated initialisers leave the rest to its defaults
+    $<$<CXX_COMPILER_ID:GNU>:-Wno-restrict>)  # false alarms on std::string, GCC bug 105651
   if(UNFURL_WERROR)
     target_compile_options(${target} PRIVATE -Werror)
   endif()

@@ -5,7 +5,7 @@
 #include <memory>
 #include <span>
 #include <string>
-#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "data/provenance.h"
@@ -103,6 +103,7 @@ class H5Reader {
 
   bool Has(const std::string& path) const;
   std::vector<std::string> Children(const std::string& group) const;  // by creation order
+  bool IsDataset(const std::string& path) const;
   std::vector<std::size_t> Dims(const std::string& dataset) const;
   std::string Units(const std::string& dataset) const;
   std::string Description(const std::string& dataset) const;
@@ -122,6 +123,8 @@ class H5Reader {
   void ReadRows(const std::string& dataset, std::size_t first, std::size_t count,
                 std::span<std::int32_t> out) const;
 
+  // All attributes of a group or dataset as text, by name.
+  std::vector<std::pair<std::string, std::string>> Attributes(const std::string& object) const;
   bool HasAttribute(const std::string& object, const std::string& name) const;
   std::string StringAttribute(const std::string& object, const std::string& name) const;
   double DoubleAttribute(const std::string& object, const std::string& name) const;

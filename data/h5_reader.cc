@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -232,6 +233,13 @@ std::vector<std::string> H5Reader::Children(const std::string& group) const {
   return names;
 }
 
+bool H5Reader::IsDataset(const std::string& path) const {
+  H5O_info_t info;
+  return Has(path) &&
+         H5Oget_info_by_name1(impl_->file.get(), path.c_str(), &info, H5P_DEFAULT) >= 0 &&
+         info.type == H5O_TYPE_DATASET;
+}
+
 std::vector<std::size_t> H5Reader::Dims(const std::string& dataset) const {
   const std::vector<hsize_t> size = impl_->Size(impl_->Dataset(*this, dataset).get());
   return std::vector<std::size_t>(size.begin(), size.end());
@@ -301,6 +309,37 @@ void H5Reader::ReadRows(const std::string& dataset, std::size_t first, std::size
 void H5Reader::ReadRows(const std::string& dataset, std::size_t first, std::size_t count,
                         std::span<std::int32_t> out) const {
   impl_->ReadRows(*this, dataset, first, count, H5T_NATIVE_INT32, out.data(), out.size());
+}
+
+std::vector<std::pair<std::string, std::string>> H5Reader::Attributes(
+    const std::string& object) const {
+  const H5Handle opened = impl_->Object(*this, object);
+  std::vector<std::string> names;
+  H5Aiterate2(
+      opened.get(), H5_INDEX_NAME, H5_ITER_INC, nullptr,
+      [](hid_t, const char* name, const H5A_info_t*, void* out) -> herr_t {
+        static_cast<std::vector<std::string>*>(out)->emplace_back(name);
+        return 0;
+      },
+      &names);
+  std::vector<std::pair<std::string, std::string>> all;
+  for (const std::string& name : names) {
+    const H5Handle attribute(H5Aopen(opened.get(), name.c_str(), H5P_DEFAULT), H5Aclose);
+    const H5Handle type(H5Aget_type(attribute.get()), H5Tclose);
+    std::string value;
+    switch (H5Tget_class(type.get())) {
+      case H5T_STRING:
+        value = ReadText(opened.get(), name);
+        break;
+      case H5T_INTEGER:
+        value = std::to_string(IntAttribute(object, name));
+        break;
+      default:
+        value = fmt::format("{}", DoubleAttribute(object, name));
+    }
+    all.emplace_back(name, value);
+  }
+  return all;
 }
 
 bool H5Reader::HasAttribute(const std::string& object, const std::string& name) const {

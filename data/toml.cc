@@ -7,6 +7,7 @@
 #include <cmath>
 #include <map>
 #include <set>
+#include <sstream>
 
 #include "base/error.h"
 #include "base/text.h"
@@ -397,6 +398,30 @@ std::vector<TomlTable> TomlTable::TableArray(std::string_view key) const {
                                             const_cast<toml::table*>(array->get(i)->as_table()))));
   }
   return tables;
+}
+
+namespace {
+
+void ListKeys(const toml::table& table, const std::string& prefix,
+              std::vector<std::pair<std::string, std::string>>* out) {
+  for (const auto& [key, node] : table) {
+    const std::string dotted = prefix + std::string(key.str());
+    if (const toml::table* child = node.as_table()) {
+      ListKeys(*child, dotted + ".", out);
+      continue;
+    }
+    std::ostringstream text;
+    node.visit([&](const auto& value) { text << value; });
+    out->emplace_back(dotted, text.str());
+  }
+}
+
+}  // namespace
+
+std::vector<std::pair<std::string, std::string>> TomlTable::Outline() const {
+  std::vector<std::pair<std::string, std::string>> keys;
+  ListKeys(*node_->table, node_->path.empty() ? "" : node_->path + ".", &keys);
+  return keys;
 }
 
 void TomlTable::RefuseUnknownKeys() const { node_->Refuse(); }

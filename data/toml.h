@@ -75,6 +75,9 @@ class TomlTable {
   bool IsArray(std::string_view key) const;
   bool IsTable(std::string_view key) const;
 
+  // Every key of the document from here on, dotted, with its value as text: for `unfurl info`.
+  std::vector<std::pair<std::string, std::string>> Outline() const;
+
   // Throws on the first key, here or in any table below, that was never asked for.
   void RefuseUnknownKeys() const;
 

@@ -1,0 +1,93 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "cli/verb.h"
+#include "data/atomic_file.h"
+#include "data/csv.h"
+#include "data/h5.h"
+#include "data/run.h"
+#include "data/survey.h"
+#include "data/tracks.h"
+
+namespace unfurl::cli {
+
+namespace {
+
+std::string Ending(const std::string& path) {
+  return std::filesystem::path(path).extension().string();
+}
+
+void RunToCsv(const std::string& in, const std::string& out) {
+  const data::Run run = data::ReadRun(in);
+  std::vector<data::CsvColumn> columns = {{"t", "s"}};
+  for (const data::Quantity& quantity : run.quantities) {
+    columns.push_back({quantity.name, quantity.units});
+  }
+  data::CsvWriter writer(columns);
+  std::vector<double> row(columns.size());
+  for (std::size_t i = 0; i < run.t.size(); ++i) {
+    row[0] = run.t[i];
+    for (std::size_t q = 0; q < run.columns.size(); ++q) row[q + 1] = run.columns[q][i];
+    writer.Row(row);
+  }
+  data::WriteTextFile(out, writer.text());
+}
+
+[[noreturn]] void Refuse(const std::string& what, const std::string& out) {
+  throw Error(fmt::format("{} cannot become '{}'", what, Ending(out)), out,
+              "runs become .csv; tracks and surveys go between .h5 and .csv");
+}
+
+std::string ConvertFile(const Common& common, const std::string& in, const std::string& out) {
+  data::Provenance provenance = StartProvenance(common);
+  if (Ending(in) == ".csv") {
+    if (Ending(out) != ".h5") Refuse("a CSV file", out);
+    provenance.AddInput(in);
+    if (data::CsvTable::Load(in).Find("mark") >= 0) {
+      data::WriteTracks(out, data::ReadTracksCsv(in), provenance);
+      return data::kTracksSchema;
+    }
+    data::WriteSurvey(out, data::ReadSurvey(in), provenance);
+    return data::kSurveySchema;
+  }
+  const std::string schema = data::H5Reader::SchemaOf(in);
+  if (Ending(out) != ".csv") Refuse(schema, out);
+  if (schema == data::kRunSchema) {
+    RunToCsv(in, out);
+  } else if (schema == data::kTracksSchema) {
+    data::WriteTracksCsv(out, data::ReadTracks(in));
+  } else if (schema == data::kSurveySchema) {
+    data::WriteSurveyCsv(out, data::ReadSurvey(in));
+  } else {
+    Refuse(schema, out);
+  }
+  return schema;
+}
+
+}  // namespace
+
+Verb AddConvert(CLI::App& program, Common& common) {
+  CLI::App* app = DeclareVerb(program, common, "convert",
+                              "A run, tracks or survey in another format, for other tools",
+                              "unfurl convert run.h5 run.csv");
+  struct Arguments {
+    std::string in, out;
+  };
+  auto arguments = std::make_shared<Arguments>();
+  app->add_option("IN", arguments->in, "A run, tracks or survey (.h5), tracks or a survey (.csv)")
+      ->required();
+  app->add_option("OUT", arguments->out, "The file to write; its ending tells the format")
+      ->required();
+  return {app, [&common, arguments] {
+            const std::string schema = ConvertFile(common, arguments->in, arguments->out);
+            Finish(common, {{"in", arguments->in}, {"out", arguments->out}, {"schema", schema}},
+                   fmt::format("{} -> {}  ({})", arguments->in, arguments->out, schema));
+            return kExitGood;
+          }};
+}
+
+}  // namespace unfurl::cli

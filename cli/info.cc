@@ -1,0 +1,141 @@
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "base/text.h"
+#include "cli/verb.h"
+#include "data/atomic_file.h"
+#include "data/csv.h"
+#include "data/h5.h"
+#include "data/toml.h"
+
+namespace unfurl::cli {
+
+namespace {
+
+using nlohmann::ordered_json;
+
+std::string DimsText(const std::vector<std::size_t>& dims) {
+  std::vector<std::string> words;
+  for (std::size_t d : dims) words.push_back(std::to_string(d));
+  return fmt::format("{}", fmt::join(words, " x "));
+}
+
+// Walks all groups; a dataset is what has a size.
+void ListDatasets(const data::H5Reader& reader, const std::string& group, ordered_json* sets,
+                  std::vector<std::vector<std::string>>* rows) {
+  for (const std::string& name : reader.Children(group)) {
+    const std::string path = (group == "/" ? "/" : group + "/") + name;
+    if (!reader.IsDataset(path)) {
+      ListDatasets(reader, path, sets, rows);
+      continue;
+    }
+    const std::string shape = DimsText(reader.Dims(path));
+    sets->push_back({{"path", path},
+                     {"shape", reader.Dims(path)},
+                     {"units", reader.Units(path)},
+                     {"description", reader.Description(path)}});
+    rows->push_back({path, shape, "[" + reader.Units(path) + "]", reader.Description(path)});
+  }
+}
+
+int InfoHdf5(const Common& common, const std::string& path) {
+  const std::string schema = data::H5Reader::SchemaOf(path);
+  const data::H5Reader reader(path, schema, std::numeric_limits<int>::max());
+  const data::Provenance made = reader.ReadProvenance();
+
+  ordered_json summary = {{"file", path},
+                          {"schema", schema},
+                          {"schema_version", reader.schema_version()},
+                          {"program", made.program},
+                          {"command", made.command}};
+  std::string text = fmt::format("{}: {} (version {})\n", path, schema, reader.schema_version());
+  text += fmt::format("made by   {}\ncommand   {}\n", made.program, made.command);
+  for (const data::InputFile& input : made.inputs) {
+    summary["inputs"].push_back({{"path", input.path}, {"sha256", input.sha256}});
+    text += fmt::format("from      {}  sha256 {}...\n", input.path, input.sha256.substr(0, 16));
+  }
+  for (const auto& [key, value] : made.options) {
+    summary["options"][key] = value;
+    text += fmt::format("option    {} = {}\n", key, value);
+  }
+  if (made.seed) {
+    summary["seed"] = *made.seed;
+    text += fmt::format("seed      {}\n", *made.seed);
+  }
+  for (const auto& [name, value] : reader.Attributes("/")) {
+    if (made.options.contains(name) || name == "schema" || name == "schema_version" ||
+        name == "program" || name == "command" || name == "inputs" || name == "options" ||
+        name == "seed") {
+      continue;
+    }
+    summary["attributes"][name] = value;
+    const std::string first = value.substr(0, value.find('\n'));
+    text += fmt::format("{:<9} {}{}\n", name, first.substr(0, 100),
+                        first.size() < value.size() || first.size() > 100 ? " ..." : "");
+  }
+  std::vector<std::vector<std::string>> rows = {{"dataset", "shape", "unit", "what it is"}};
+  summary["datasets"] = ordered_json::array();
+  ListDatasets(reader, "/", &summary["datasets"], &rows);
+  Finish(common, summary, text + AlignedTable(rows));
+  return kExitGood;
+}
+
+int InfoCsv(const Common& common, const std::string& path) {
+  const data::CsvTable table = data::CsvTable::Load(path);
+  ordered_json summary = {{"file", path}, {"rows", table.rows()}};
+  std::string text = fmt::format("{}: CSV, {} rows\n", path, table.rows());
+  for (const std::string& comment : table.comments()) text += "# " + comment + "\n";
+  std::vector<std::vector<std::string>> rows = {{"column", "unit", "first", "last"}};
+  for (std::size_t c = 0; c < table.columns().size(); ++c) {
+    const data::CsvColumn& column = table.columns()[c];
+    summary["columns"].push_back({{"name", column.name}, {"units", column.unit}});
+    const int index = static_cast<int>(c);
+    rows.push_back({column.name, "[" + column.unit + "]",
+                    table.rows() > 0 ? table.Text(0, index) : "",
+                    table.rows() > 0 ? table.Text(table.rows() - 1, index) : ""});
+  }
+  Finish(common, summary, text + AlignedTable(rows));
+  return kExitGood;
+}
+
+int InfoToml(const Common& common, const std::string& path) {
+  const data::TomlTable table = data::LoadToml(path);
+  std::string kind = "TOML";
+  if (table.Has("joint") || table.Has("beam") || table.Has("body")) {
+    kind = "scene";
+  } else if (table.Has("camera")) {
+    kind = "lab";
+  } else if (table.Has("parameter")) {
+    kind = "study";
+  }
+  ordered_json summary = {{"file", path}, {"kind", kind}, {"sha256", data::FileSha256(path)}};
+  std::vector<std::vector<std::string>> rows = {{"key", "holds"}};
+  for (const auto& [key, holds] : table.Outline()) {
+    summary["keys"][key] = holds;
+    rows.push_back({key, holds});
+  }
+  Finish(common, summary, fmt::format("{}: {}\n", path, kind) + AlignedTable(rows));
+  return kExitGood;
+}
+
+}  // namespace
+
+Verb AddInfo(CLI::App& program, Common& common) {
+  CLI::App* app = DeclareVerb(program, common, "info",
+                              "What a file is, who made it from what, and what it holds",
+                              "unfurl info tracks.h5");
+  auto file = std::make_shared<std::string>();
+  app->add_option("FILE", *file, "Any file that unfurl reads or writes")->required();
+  return {app, [&common, file] {
+            const std::string ending = std::filesystem::path(*file).extension().string();
+            if (ending == ".toml") return InfoToml(common, *file);
+            if (ending == ".csv") return InfoCsv(common, *file);
+            return InfoHdf5(common, *file);
+          }};
+}
+
+}  // namespace unfurl::cli

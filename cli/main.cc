@@ -1,0 +1,121 @@
+#include <CLI/CLI.hpp>
+#include <cstdio>
+#include <new>
+#include <vector>
+
+#include "base/error.h"
+#include "base/progress.h"
+#include "cli/verb.h"
+
+namespace {
+
+using unfurl::cli::Verb;
+
+constexpr char kFooter[] =
+    "The main job, in order:\n"
+    "  unfurl simulate scene.toml -o run.h5               the deployment\n"
+    "  unfurl expose --survey points.csv --lab lab.toml   a virtual survey, where there is no real "
+    "one\n"
+    "  unfurl expose run.h5 --lab lab.toml                a virtual trial, likewise\n"
+    "  unfurl calibrate survey.h5 -o rig.h5               the cameras\n"
+    "  unfurl reconstruct trial.h5 --rig rig.h5           the marks in time\n"
+    "  unfurl correlate tracks.h5 run.h5                  both, side by side\n"
+    "  unfurl fit study.toml                              the parameters, with standard errors\n\n"
+    "Exit codes: 0 good, 1 ran but the result is not usable, 2 bad input, 3 a fault of ours,\n"
+    "4 the machine (disk full, no permission), 130 interrupted.\n"
+    "`unfurl VERB --help` tells the options of a verb and gives an example.";
+
+std::string CommandLine(int argc, char** argv) {
+  std::string line = "unfurl";
+  for (int i = 1; i < argc; ++i) {
+    const std::string argument = argv[i];
+    const bool plain =
+        !argument.empty() && argument.find_first_of(" \t'\"\\$") == std::string::npos;
+    line += plain ? " " + argument : " '" + argument + "'";
+  }
+  return line;
+}
+
+int Run(int argc, char** argv) {
+  unfurl::cli::Common common;
+  common.command_line = CommandLine(argc, argv);
+
+  CLI::App program(
+      "Unfurl: calibrate a rig of line cameras, reconstruct a deployment trial, simulate "
+      "it, and fit the one to the other.");
+  program.set_version_flag("--version", unfurl::data::ProgramVersion());
+  program.require_subcommand(1);
+  program.footer(kFooter);
+  std::vector<Verb> verbs;
+  using AddVerb = Verb (*)(CLI::App&, unfurl::cli::Common&);
+  const AddVerb all[] = {
+#ifndef UNFURL_WITHOUT_simulate
+      unfurl::cli::AddSimulate,
+#endif
+#ifndef UNFURL_WITHOUT_expose
+      unfurl::cli::AddExpose,
+#endif
+#ifndef UNFURL_WITHOUT_calibrate
+      unfurl::cli::AddCalibrate,
+#endif
+#ifndef UNFURL_WITHOUT_reconstruct
+      unfurl::cli::AddReconstruct,
+#endif
+#ifndef UNFURL_WITHOUT_correlate
+      unfurl::cli::AddCorrelate,
+#endif
+#ifndef UNFURL_WITHOUT_fit
+      unfurl::cli::AddFit,
+#endif
+      unfurl::cli::AddInfo,        unfurl::cli::AddConvert};
+  for (const AddVerb add : all) {
+    verbs.push_back(add(program, common));
+  }
+
+  if (argc < 2) {
+    std::fputs(program.help().c_str(), stdout);
+    return unfurl::kExitBadInput;
+  }
+  try {
+    program.parse(argc, argv);
+  } catch (const CLI::Success& asked) {  // --help and --version
+    return program.exit(asked);
+  } catch (const CLI::ParseError& error) {
+    throw unfurl::Error(error.what(), "command line", "see `unfurl --help`");
+  }
+  for (const Verb& verb : verbs) {
+    if (verb.app->parsed()) return verb.run();
+  }
+  return unfurl::kExitBadInput;
+}
+
+void Complain(const char* text) { std::fprintf(stderr, "unfurl: %s\n", text); }
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  unfurl::InstallInterruptHandler();
+  int code = unfurl::kExitFault;
+  try {
+    code = Run(argc, argv);
+  } catch (const unfurl::Error& error) {
+    Complain(error.what());
+    code =
+        error.kind() == unfurl::ErrorKind::kMachine ? unfurl::kExitMachine : unfurl::kExitBadInput;
+  } catch (const unfurl::Interrupted&) {
+    Complain("interrupted; nothing was written");
+    code = unfurl::kExitInterrupted;
+  } catch (const std::bad_alloc&) {
+    Complain("the machine has not enough memory for this; use fewer segments or a shorter run");
+    code = unfurl::kExitMachine;
+  } catch (const std::exception& error) {
+    Complain((std::string("a fault of ours: ") + error.what() +
+              "; please report it with the command that you typed")
+                 .c_str());
+  }
+  if (std::fflush(stdout) != 0 && code == unfurl::kExitGood) {
+    Complain("standard output: cannot write; free some space or redirect it elsewhere");
+    code = unfurl::kExitMachine;
+  }
+  return code;
+}
