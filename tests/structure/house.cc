@@ -1,0 +1,248 @@
+#include "house.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <functional>
+#include <map>
+#include <set>
+
+namespace unfurl::structure {
+namespace {
+
+constexpr int kReportedLines = 400;
+constexpr int kMostLines = 500;
+
+const std::map<std::string, std::set<std::string>, std::less<>>& Below() {
+  static const std::map<std::string, std::set<std::string>, std::less<>> kBelow = {
+      {"base", {}},
+      {"data", {"base"}},
+      {"sim", {"base", "data"}},
+      {"measure", {"base", "data"}},
+      {"correlate", {"base", "data"}},
+      {"report", {"base", "data"}},
+      {"calib", {"base", "data", "measure"}},
+      {"cli", {"base", "data", "sim", "measure", "correlate", "report", "calib"}},
+  };
+  return kBelow;
+}
+
+bool IsSource(const std::string& path) { return path.ends_with(".cc"); }
+
+bool IsDocument(const std::string& path) { return path.ends_with(".md"); }
+
+struct Wrapped {
+  std::string header;  // how the name in <...> begins
+  std::function<bool(const std::string& room, const std::string& path)> allowed;
+  std::string where;
+};
+
+const std::vector<Wrapped>& WrappedHeaders() {
+  const auto rooms = [](std::set<std::string> names) {
+    return [names = std::move(names)](const std::string& room, const std::string&) {
+      return names.contains(room);
+    };
+  };
+  const auto in_file = [](const std::string& prefix) {
+    return
+        [prefix](const std::string&, const std::string& path) { return path.starts_with(prefix); };
+  };
+  const auto ceres = [](const std::string& room, const std::string& path) {
+    return (room == "calib" || room == "correlate") && IsSource(path);
+  };
+  static const std::vector<Wrapped> kWrapped = {
+      {"toml++/", in_file("data/toml.cc"), "data/toml.cc"},
+      {"toml.hpp", in_file("data/toml.cc"), "data/toml.cc"},
+      {"hdf5", in_file("data/h5"), "data/h5*"},
+      {"H5", in_file("data/h5"), "data/h5*"},
+      {"fftw3", rooms({"correlate"}), "correlate/"},
+      {"ceres/", ceres, "the .cc files of calib/ and correlate/"},
+      {"CLI/", rooms({"cli"}), "cli/"},
+      {"opencv2/", rooms({"measure", "cli"}), "measure/ and cli/"},
+      {"boost/", in_file("base/statistics.cc"), "base/statistics.cc"},
+      {"sha256.h", in_file("data/provenance.cc"), "data/provenance.cc"},
+      {"gtest/", rooms({}), "tests/"},
+      {"gmock/", rooms({}), "tests/"},
+  };
+  return kWrapped;
+}
+
+std::string RoomOf(const std::string& path) {
+  const std::size_t slash = path.find('/');
+  if (slash == std::string::npos) return {};
+  const std::string room = path.substr(0, slash);
+  return Below().contains(room) ? room : std::string();
+}
+
+void ForEachLine(std::string_view text, const std::function<void(int, std::string_view)>& visit) {
+  int number = 1;
+  while (!text.empty()) {
+    const std::size_t end = text.find('\n');
+    visit(number++, text.substr(0, end));
+    text = end == std::string_view::npos ? std::string_view() : text.substr(end + 1);
+  }
+}
+
+// What an #include line names, and whether in quotes; empty when it is none.
+struct Include {
+  std::string name;
+  bool quoted = false;
+};
+
+Include ParseInclude(std::string_view line) {
+  const auto skip_blanks = [&line] {
+    while (!line.empty() && (line.front() == ' ' || line.front() == '\t')) line.remove_prefix(1);
+  };
+  skip_blanks();
+  if (!line.starts_with('#')) return {};
+  line.remove_prefix(1);
+  skip_blanks();
+  if (!line.starts_with("include")) return {};
+  line.remove_prefix(std::string_view("include").size());
+  skip_blanks();
+  if (line.empty() || (line.front() != '"' && line.front() != '<')) return {};
+  const bool quoted = line.front() == '"';
+  const std::size_t end = line.find(quoted ? '"' : '>', 1);
+  if (end == std::string_view::npos) return {};
+  return {std::string(line.substr(1, end - 1)), quoted};
+}
+
+bool IsWordCharacter(char c) {
+  return std::isalnum(static_cast<unsigned char>(c)) != 0 || c == '_' || c == '.' || c == '-' ||
+         c == '/' || c == '$' || c == '{' || c == '}';
+}
+
+// The words of a CMakeLists.txt outside comments.
+std::vector<std::string> CMakeWords(std::string_view text) {
+  std::vector<std::string> words;
+  ForEachLine(text, [&](int, std::string_view line) {
+    line = line.substr(0, line.find('#'));
+    std::string word;
+    for (std::size_t i = 0; i <= line.size(); ++i) {
+      if (i < line.size() && (IsWordCharacter(line[i]) || line[i] == ':')) {
+        word += line[i];
+      } else if (!word.empty()) {
+        words.push_back(word);
+        word.clear();
+      }
+    }
+  });
+  return words;
+}
+
+void CheckArrow(const std::string& room, const std::string& target, const std::string& where,
+                Findings* findings) {
+  if (!Below().contains(target) || target == room || Below().at(room).contains(target)) return;
+  findings->push_back(fmt::format("{}: {} must not know {}", where, room, target));
+}
+
+}  // namespace
+
+Findings CheckIncludes(const std::string& path, std::string_view text) {
+  Findings findings;
+  const std::string room = RoomOf(path);
+  if (room.empty()) return findings;
+  ForEachLine(text, [&](int number, std::string_view line) {
+    const Include include = ParseInclude(line);
+    if (include.name.empty()) return;
+    const std::string where = fmt::format("{}:{}", path, number);
+    const std::string target = RoomOf(include.name);
+    if (!target.empty()) {
+      CheckArrow(room, target, where, &findings);
+      return;
+    }
+    if (include.quoted) {
+      findings.push_back(
+          fmt::format("{}: \"{}\" is not named from the root of the tree", where, include.name));
+      return;
+    }
+    for (const Wrapped& wrapped : WrappedHeaders()) {
+      if (include.name.starts_with(wrapped.header) && !wrapped.allowed(room, path)) {
+        findings.push_back(
+            fmt::format("{}: <{}> belongs in {} only", where, include.name, wrapped.where));
+      }
+    }
+  });
+  return findings;
+}
+
+Findings CheckLinks(const std::string& path, std::string_view text) {
+  Findings findings;
+  const std::string room = RoomOf(path);
+  if (room.empty()) return findings;
+  for (const std::string& word : CMakeWords(text)) {
+    const std::string_view prefix = "unfurl::";
+    if (word.starts_with(prefix)) {
+      CheckArrow(room, word.substr(prefix.size()), path, &findings);
+    }
+  }
+  return findings;
+}
+
+Findings CheckSources(const std::string& path, std::string_view text,
+                      const std::vector<std::string>& present) {
+  Findings findings;
+  std::set<std::string> listed;
+  for (const std::string& word : CMakeWords(text)) {
+    if (IsSource(word) && word.find('$') == std::string::npos) listed.insert(word);
+  }
+  const std::set<std::string> there(present.begin(), present.end());
+  for (const std::string& file : listed) {
+    // A path into another folder is that folder's matter.
+    if (file.find('/') == std::string::npos && !there.contains(file)) {
+      findings.push_back(fmt::format("{}: lists {}, which does not exist", path, file));
+    }
+  }
+  for (const std::string& file : there) {
+    if (IsSource(file) && !listed.contains(file)) {
+      findings.push_back(fmt::format("{}: does not list {}, so it is never built", path, file));
+    }
+  }
+  return findings;
+}
+
+Findings CheckMachinePaths(const std::string& path, std::string_view text) {
+  Findings findings;
+  // Split, so that this file does not name them.
+  std::vector<std::string> forbidden = {std::string("/wo") + "rk/", std::string("/ro") + "ot/"};
+  if (IsDocument(path)) forbidden.push_back(std::string("/t") + "mp/");
+  ForEachLine(text, [&](int number, std::string_view line) {
+    for (const std::string& name : forbidden) {
+      for (std::size_t at = line.find(name); at != std::string_view::npos;
+           at = line.find(name, at + 1)) {
+        if (at > 0 && IsWordCharacter(line[at - 1])) continue;  // "some/work/" is relative
+        findings.push_back(
+            fmt::format("{}:{}: names {}, a folder of one machine", path, number, name));
+      }
+    }
+  });
+  return findings;
+}
+
+Findings CheckLength(const std::string& path, std::string_view text, bool* is_long) {
+  int lines = 0;
+  ForEachLine(text, [&](int number, std::string_view) { lines = number; });
+  *is_long = lines > kReportedLines;
+  if (lines <= kMostLines) return {};
+  return {fmt::format("{}: {} lines; split it by concept (at most {})", path, lines, kMostLines)};
+}
+
+Findings CheckHeader(const std::string& path, std::string_view text) {
+  if (!path.ends_with(".h") || text.find("#pragma once") != std::string_view::npos) return {};
+  return {path + ": a header without #pragma once"};
+}
+
+Findings CheckPackages(std::string_view packages, std::string_view document) {
+  Findings findings;
+  ForEachLine(packages, [&](int number, std::string_view line) {
+    const std::string name(line.substr(0, line.find_first_of("# \t")));
+    if (!name.empty() && document.find("`" + name + "`") == std::string_view::npos) {
+      findings.push_back(
+          fmt::format("packages.txt:{}: {} has no row in docs/dependencies.md", number, name));
+    }
+  });
+  return findings;
+}
+
+}  // namespace unfurl::structure

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace unfurl::structure {
+
+// The rules of the house (docs/architecture.md) as functions of a file's path and text, so that
+// each can be shown a violation. A finding is one line: "sim/joint.cc:3: ...".
+using Findings = std::vector<std::string>;
+
+// #include lines of a room's file: only rooms below it, and third-party headers only where they
+// are wrapped. `path` is relative to the tree's root.
+Findings CheckIncludes(const std::string& path, std::string_view text);
+
+// Links in a room's CMakeLists.txt: the same arrows.
+Findings CheckLinks(const std::string& path, std::string_view text);
+
+// Sources that a CMakeLists.txt lists and that are not among `present` (file names in its folder),
+// and those present that it does not list. Paths with a variable in them are passed over.
+Findings CheckSources(const std::string& path, std::string_view text,
+                      const std::vector<std::string>& present);
+
+// Paths of one machine: nothing in the tree may name them; in documents, no temporary folder
+// either.
+Findings CheckMachinePaths(const std::string& path, std::string_view text);
+
+// More than 500 lines is a finding; `is_long` tells of more than 400.
+Findings CheckLength(const std::string& path, std::string_view text, bool* is_long);
+
+// Headers are guarded by #pragma once.
+Findings CheckHeader(const std::string& path, std::string_view text);
+
+// Each package of packages.txt has a row in docs/dependencies.md.
+Findings CheckPackages(std::string_view packages, std::string_view document);
+
+}  // namespace unfurl::structure

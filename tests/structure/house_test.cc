@@ -1,0 +1,131 @@
+// The rules themselves: each is seen to find a planted violation, and to pass what is allowed.
+#include "house.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <string>
+
+namespace unfurl::structure {
+namespace {
+
+using testing::ElementsAre;
+using testing::HasSubstr;
+using testing::IsEmpty;
+
+TEST(CheckIncludes, FindsEveryForbiddenArrow) {
+  const std::vector<std::pair<std::string, std::string>> forbidden = {
+      {"base", "data"},         {"base", "cli"},   {"data", "sim"},        {"data", "report"},
+      {"sim", "measure"},       {"sim", "calib"},  {"measure", "sim"},     {"measure", "calib"},
+      {"correlate", "sim"},     {"report", "sim"}, {"report", "cli"},      {"correlate", "report"},
+      {"correlate", "measure"}, {"calib", "sim"},  {"calib", "correlate"}, {"calib", "report"},
+      {"calib", "cli"}};
+  for (const auto& [from, to] : forbidden) {
+    const Findings found =
+        CheckIncludes(from + "/a.cc", "#include <cmath>\n#include \"" + to + "/b.h\"\n");
+    EXPECT_THAT(found, ElementsAre(from + "/a.cc:2: " + from + " must not know " + to));
+  }
+}
+
+TEST(CheckIncludes, PassesTheArrowsOfTheHouse) {
+  const std::vector<std::pair<std::string, std::string>> allowed = {
+      {"data", "base"},   {"sim", "data"},      {"measure", "base"}, {"correlate", "data"},
+      {"report", "data"}, {"calib", "measure"}, {"cli", "sim"},      {"cli", "report"},
+      {"cli", "calib"},   {"sim", "sim"}};
+  for (const auto& [from, to] : allowed) {
+    EXPECT_THAT(CheckIncludes(from + "/a.h", "#include \"" + to + "/b.h\"\n"), IsEmpty());
+  }
+}
+
+TEST(CheckIncludes, IsNotFooledBySpelling) {
+  EXPECT_THAT(CheckIncludes("sim/a.cc", "  #  include   \"cli/verb.h\"  // why"),
+              ElementsAre(HasSubstr("sim must not know cli")));
+  EXPECT_THAT(CheckIncludes("sim/a.cc", "#include <cli/verb.h>"),
+              ElementsAre(HasSubstr("sim must not know cli")));
+  EXPECT_THAT(CheckIncludes("sim/a.cc", "#include \"../cli/verb.h\""),
+              ElementsAre(HasSubstr("not named from the root")));
+  EXPECT_THAT(CheckIncludes("sim/a.cc", "// #include \"cli/verb.h\"\n"), IsEmpty());
+}
+
+TEST(CheckIncludes, KeepsThirdPartyHeadersWhereTheyAreWrapped) {
+  const auto finds = [](const std::string& path, const std::string& header) {
+    return CheckIncludes(path, "#include <" + header + ">\n").size() == 1;
+  };
+  EXPECT_TRUE(finds("sim/scene.cc", "toml++/toml.h"));
+  EXPECT_FALSE(finds("data/toml.cc", "toml++/toml.h"));
+  EXPECT_TRUE(finds("data/run.cc", "hdf5.h"));
+  EXPECT_FALSE(finds("data/h5_reader.cc", "hdf5.h"));
+  EXPECT_TRUE(finds("measure/spot.cc", "fftw3.h"));
+  EXPECT_FALSE(finds("correlate/spectrum.cc", "fftw3.h"));
+  EXPECT_TRUE(finds("calib/bundle.h", "ceres/ceres.h"));
+  EXPECT_FALSE(finds("calib/bundle.cc", "ceres/ceres.h"));
+  EXPECT_FALSE(finds("correlate/fit.cc", "ceres/problem.h"));
+  EXPECT_TRUE(finds("sim/fit.cc", "ceres/problem.h"));
+  EXPECT_TRUE(finds("base/text.h", "CLI/CLI.hpp"));
+  EXPECT_FALSE(finds("cli/main.cc", "CLI/CLI.hpp"));
+  EXPECT_TRUE(finds("report/page.cc", "opencv2/imgcodecs.hpp"));
+  EXPECT_FALSE(finds("measure/streak.cc", "opencv2/imgproc.hpp"));
+  EXPECT_TRUE(finds("sim/a.cc", "gtest/gtest.h"));
+}
+
+TEST(CheckIncludes, LeavesTestsAndBenchesFree) {
+  EXPECT_THAT(CheckIncludes("tests/sim/a_test.cc", "#include \"cli/verb.h\"\n"), IsEmpty());
+  EXPECT_THAT(CheckIncludes("bench/a.cc", "#include <fftw3.h>\n"), IsEmpty());
+}
+
+TEST(CheckLinks, FindsAForbiddenArrow) {
+  EXPECT_THAT(CheckLinks("sim/CMakeLists.txt",
+                         "unfurl_module(sim SOURCES a.cc\n  LINKS unfurl::data unfurl::report)"),
+              ElementsAre("sim/CMakeLists.txt: sim must not know report"));
+  EXPECT_THAT(CheckLinks("calib/CMakeLists.txt", "LINKS unfurl::measure  # not unfurl::sim"),
+              IsEmpty());
+}
+
+TEST(CheckSources, FindsTheAbsentAndTheForgotten) {
+  EXPECT_THAT(CheckSources("sim/CMakeLists.txt", "unfurl_module(sim SOURCES a.cc b.cc ${c}/d.cc)",
+                           {"a.cc", "a.h", "e.cc"}),
+              ElementsAre("sim/CMakeLists.txt: lists b.cc, which does not exist",
+                          "sim/CMakeLists.txt: does not list e.cc, so it is never built"));
+  EXPECT_THAT(CheckSources("sim/CMakeLists.txt", "unfurl_module(sim SOURCES a.cc)", {"a.cc"}),
+              IsEmpty());
+}
+
+TEST(CheckMachinePaths, FindsPathsOfOneMachine) {
+  const std::string machine = std::string("/wo") + "rk/main";
+  const std::string temporary = std::string("/t") + "mp/x";
+  EXPECT_THAT(CheckMachinePaths("sim/a.cc", "// see " + machine + "\n"),
+              ElementsAre(HasSubstr("sim/a.cc:1:")));
+  EXPECT_THAT(CheckMachinePaths("README.md", "a\nwrites " + temporary),
+              ElementsAre(HasSubstr("README.md:2:")));
+  EXPECT_THAT(CheckMachinePaths("tests/a.cc", temporary), IsEmpty());
+  EXPECT_THAT(CheckMachinePaths("README.md", "home" + machine), IsEmpty());
+}
+
+TEST(CheckLength, ReportsAndFails) {
+  const auto lines = [](int n) {
+    std::string text;
+    for (int i = 0; i < n; ++i) text += "x\n";
+    return text;
+  };
+  bool is_long = true;
+  EXPECT_THAT(CheckLength("a.cc", lines(400), &is_long), IsEmpty());
+  EXPECT_FALSE(is_long);
+  EXPECT_THAT(CheckLength("a.cc", lines(401), &is_long), IsEmpty());
+  EXPECT_TRUE(is_long);
+  EXPECT_THAT(CheckLength("a.cc", lines(500), &is_long), IsEmpty());
+  EXPECT_THAT(CheckLength("a.cc", lines(501), &is_long), ElementsAre(HasSubstr("501 lines")));
+}
+
+TEST(CheckHeader, WantsAGuard) {
+  EXPECT_THAT(CheckHeader("a.h", "int x;\n"), ElementsAre(HasSubstr("#pragma once")));
+  EXPECT_THAT(CheckHeader("a.h", "#pragma once\n"), IsEmpty());
+  EXPECT_THAT(CheckHeader("a.cc", "int x;\n"), IsEmpty());
+}
+
+TEST(CheckPackages, WantsARowForEach) {
+  EXPECT_THAT(CheckPackages("# words\ncmake\nlibx-dev  # for y\n", "| `cmake` | builds |"),
+              ElementsAre(HasSubstr("packages.txt:3: libx-dev")));
+}
+
+}  // namespace
+}  // namespace unfurl::structure

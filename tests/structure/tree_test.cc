@@ -1,0 +1,123 @@
+// The rules of the house, held against the tree as it is.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <map>
+#include <string>
+
+#include "house.h"
+
+namespace unfurl::structure {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::uintmax_t kLargestText = 2u << 20;  // larger files are data
+
+std::string Read(const fs::path& path) {
+  std::ifstream in(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(in), {}};
+}
+
+bool Skip(const fs::path& folder) {
+  const std::string name = folder.filename().string();
+  return name == "build" || name == "demo" || (name.starts_with('.') && name != ".ci");
+}
+
+// Every text file of the tree, by its path from the root. What a build or a demo leaves is not of
+// the tree.
+const std::map<std::string, std::string>& Tree() {
+  static const std::map<std::string, std::string> kTree = [] {
+    std::map<std::string, std::string> files;
+    const fs::path root = UNFURL_SOURCE_DIR;
+    for (auto it = fs::recursive_directory_iterator(root); it != fs::end(it); ++it) {
+      if (it->is_directory()) {
+        if (Skip(it->path())) it.disable_recursion_pending();
+        continue;
+      }
+      if (!it->is_regular_file() || it->file_size() > kLargestText) continue;
+      std::string text = Read(it->path());
+      if (text.find('\0') != std::string::npos) continue;
+      files.emplace(it->path().lexically_relative(root).generic_string(), std::move(text));
+    }
+    return files;
+  }();
+  return kTree;
+}
+
+bool IsCode(const std::string& path) {
+  return std::ranges::any_of(std::vector<std::string>{".h", ".cc", ".js", ".css"},
+                             [&](const std::string& end) { return path.ends_with(end); });
+}
+
+void Expect(const Findings& findings) {
+  for (const std::string& finding : findings) ADD_FAILURE() << finding;
+}
+
+TEST(Tree, IsThere) {
+  EXPECT_GT(Tree().size(), 50u);
+  for (const char* path : {"CMakeLists.txt", "README.md", "packages.txt", "base/error.h",
+                           "data/h5.h", "report/page.cc", "tests/structure/house.cc"}) {
+    EXPECT_TRUE(Tree().contains(path)) << path;
+  }
+}
+
+TEST(Tree, IncludesFollowTheHouse) {
+  for (const auto& [path, text] : Tree()) {
+    if (IsCode(path)) Expect(CheckIncludes(path, text));
+  }
+}
+
+TEST(Tree, LinksFollowTheHouse) {
+  for (const auto& [path, text] : Tree()) {
+    if (path.ends_with("/CMakeLists.txt")) Expect(CheckLinks(path, text));
+  }
+}
+
+TEST(Tree, EverySourceIsListedAndExists) {
+  std::map<std::string, std::vector<std::string>> by_folder;
+  for (const auto& [path, text] : Tree()) {
+    const fs::path file(path);
+    by_folder[file.parent_path().generic_string()].push_back(file.filename().string());
+  }
+  for (const auto& [folder, files] : by_folder) {
+    const std::string lists = (folder.empty() ? "" : folder + "/") + "CMakeLists.txt";
+    if (Tree().contains(lists)) {
+      Expect(CheckSources(lists, Tree().at(lists), files));
+      continue;
+    }
+    for (const std::string& file : files) {
+      EXPECT_FALSE(file.ends_with(".cc"))
+          << folder << "/" << file << ": no CMakeLists.txt beside it";
+    }
+  }
+}
+
+TEST(Tree, NamesNoMachine) {
+  for (const auto& [path, text] : Tree()) Expect(CheckMachinePaths(path, text));
+}
+
+TEST(Tree, FilesAreShort) {
+  for (const auto& [path, text] : Tree()) {
+    if (!IsCode(path)) continue;
+    bool is_long = false;
+    Expect(CheckLength(path, text, &is_long));
+    if (is_long) std::printf("note: %s has more than 400 lines\n", path.c_str());
+  }
+}
+
+TEST(Tree, HeadersAreGuarded) {
+  for (const auto& [path, text] : Tree()) Expect(CheckHeader(path, text));
+}
+
+TEST(Tree, EveryPackageIsJustified) {
+  ASSERT_TRUE(Tree().contains("docs/dependencies.md"));
+  Expect(CheckPackages(Tree().at("packages.txt"), Tree().at("docs/dependencies.md")));
+}
+
+}  // namespace
+}  // namespace unfurl::structure
