@@ -1,0 +1,201 @@
+#include "correlate/align.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "base/text.h"
+
+namespace unfurl::correlate {
+
+namespace {
+
+constexpr std::size_t kFewest = 20;  // samples for six frame numbers, an offset and a check
+
+struct Refined {
+  RegistrationFit fit;
+  Prediction reference;
+  bool converged = false;
+};
+
+// Frame and offset together, the reference asked anew at each offset.
+Refined Refine(const Observations& a, const SampledModel& b, double offset,
+               const AlignOptions& options) {
+  constexpr int kMaxRounds = 30;
+  Refined out;
+  out.reference = b.Evaluate({}, a.StampsAt(offset));
+  Registration start = StartingFrame(a, out.reference, offset);
+  RegistrationOptions one = options.registration;
+  for (int round = 0; round < kMaxRounds; ++round) {
+    // The linear step in time holds near the reference's stamps only: one step, then ask again.
+    one.max_iterations = 1;
+    out.fit = FitRegistration(a, out.reference, offset, start, one);
+    start = out.fit.at;
+    if (out.fit.known < kFewest) return out;
+    const Eigen::Index time = options.registration.fit_frame ? 6 : 0;
+    const double sigma = options.registration.fit_offset ? out.fit.sigma(time) : 1.0;
+    const double moved = std::abs(out.fit.at.offset - offset);
+    offset = out.fit.at.offset;
+    out.reference = b.Evaluate({}, a.StampsAt(offset));
+    // Without sigmas the unit weight is 1 m: then round-off decides.
+    if (round > 0 && moved <= std::min(1e-3 * sigma, 1e-7)) {
+      out.converged = true;
+      break;
+    }
+  }
+  one.max_iterations = options.registration.max_iterations;
+  out.fit = FitRegistration(a, out.reference, offset, start, one);
+  return out;
+}
+
+// Sum of squares of the residuals and of the marks' motion about their own means [m^2].
+std::pair<double, double> Squares(const Observations& a, const Refined& r) {
+  const auto residuals = ResidualsInModelFrame(a, r.reference, r.fit.at.offset, r.fit.at);
+  double left = 0.0, motion = 0.0;
+  for (std::size_t m = 0; m < a.marks.size(); ++m) {
+    const auto& known = r.reference.marks[m].known;
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    double n = 0.0;
+    for (Eigen::Index i = 0; i < a.marks[m].p.cols(); ++i) {
+      if (known.empty() || known[static_cast<std::size_t>(i)]) mean += a.marks[m].p.col(i), n += 1;
+    }
+    if (n == 0.0) continue;
+    mean /= n;
+    for (Eigen::Index i = 0; i < a.marks[m].p.cols(); ++i) {
+      if (!known.empty() && !known[static_cast<std::size_t>(i)]) continue;
+      left += residuals[m].col(i).squaredNorm();
+      motion += (a.marks[m].p.col(i) - mean).squaredNorm();
+    }
+  }
+  return {left, motion};
+}
+
+void FillCovariance(const Observations& a, Alignment* out) {
+  const Eigen::MatrixXd& J = out->fit.jacobian;
+  out->unknowns.resize(static_cast<std::size_t>(J.cols()));
+  const Eigen::MatrixXd normal = J.transpose() * J;
+  const Eigen::MatrixXd inverse =
+      normal.ldlt().solve(Eigen::MatrixXd::Identity(J.cols(), J.cols()));
+  // Without sigmas the residuals themselves set the scale.
+  out->noise = EstimateResidualNoise(a, out->fit.residual, a.has_sigma ? 1.0 : 0.0);
+  const Eigen::Index k = a.shared_rank;
+  Eigen::MatrixXd middle = out->noise.Middle(J);
+  if (k > 0) middle += J.bottomRows(k).transpose() * J.bottomRows(k);
+  out->covariance = inverse * middle * inverse;
+  const double unit = a.has_sigma ? 1.0 : out->noise.variance;
+  out->white_sigma = (unit * inverse.diagonal()).cwiseMax(0.0).cwiseSqrt();
+}
+
+}  // namespace
+
+const char* Name(AlignStatus status) {
+  switch (status) {
+    case AlignStatus::kGood:
+      return "good";
+    case AlignStatus::kNothingShared:
+      return "nothing shared";
+    case AlignStatus::kTooLittle:
+      return "too little in common";
+    case AlignStatus::kNotConverged:
+      return "not converged";
+  }
+  return "";
+}
+
+double Alignment::Sigma(const std::string& unknown) const {
+  for (std::size_t i = 0; i < unknowns.size(); ++i) {
+    const auto j = static_cast<Eigen::Index>(i);
+    if (unknowns[i] == unknown) return std::sqrt(std::max(0.0, covariance(j, j)));
+  }
+  return 0.0;
+}
+
+Alignment Align(const Observations& a, const SampledModel& b, const AlignOptions& options) {
+  Alignment out;
+  std::vector<std::string> marks;
+  for (const MarkSeries& m : a.marks) marks.push_back(m.name);
+  const OffsetSearch search = FindOffset(SampledModel(a), b, marks, options.search);
+  out.signal = search.signal;
+  if (search.candidates.empty()) {
+    out.message = fmt::format(
+        "no time offset leaves enough in common: {} samples against {}, at least {:.0f}% of the "
+        "shorter record must overlap and move",
+        a.size(), b.samples().size(), 100.0 * options.search.min_overlap);
+    return out;
+  }
+  out.correlation = search.candidates.front().correlation;
+  if (out.correlation < options.min_correlation) {
+    out.status = AlignStatus::kNothingShared;
+    out.message = fmt::format(
+        "the records share nothing: over all time offsets the {} correlate by {:.2f} at most "
+        "({:.2f} is asked)",
+        out.signal, out.correlation, options.min_correlation);
+    return out;
+  }
+
+  bool found = false;
+  Refined best;
+  for (const OffsetCandidate& candidate : search.candidates) {
+    if (candidate.correlation < options.min_correlation) continue;
+    Refined refined = Refine(a, b, candidate.offset, options);
+    if (refined.fit.known < kFewest) continue;
+    auto per_sample = [](const Refined& r) {
+      return r.fit.SumOfSquares() / static_cast<double>(r.fit.known);
+    };
+    if (!found || per_sample(refined) < per_sample(best)) {
+      best = std::move(refined);
+      out.correlation = candidate.correlation;
+      found = true;
+    }
+  }
+  if (!found) {
+    out.message = fmt::format("fewer than {} samples have a counterpart in the reference", kFewest);
+    return out;
+  }
+  const auto [left, motion] = Squares(a, best);
+  out.fit = std::move(best.fit);
+  out.reference = std::move(best.reference);
+  out.at = out.fit.at;
+  out.r2 = motion > 0.0 ? 1.0 - left / motion : 0.0;
+  FillCovariance(a, &out);
+  out.unknowns = NuisanceNames(options.registration, a.shared_rank);
+  const double dof =
+      std::max(1.0, 3.0 * static_cast<double>(out.fit.known) -
+                        static_cast<double>(out.fit.jacobian.cols() - a.shared_rank));
+  out.chi2_per_dof = a.has_sigma ? out.fit.SumOfSquares() / dof : 0.0;
+  double first = std::numeric_limits<double>::infinity(), last = -first;
+  for (std::size_t m = 0; m < a.marks.size(); ++m) {
+    const auto& known = out.reference.marks[m].known;
+    for (std::size_t i = 0; i < a.marks[m].size(); ++i) {
+      if (!known.empty() && !known[i]) continue;
+      first = std::min(first, a.marks[m].t[i]);
+      last = std::max(last, a.marks[m].t[i]);
+    }
+  }
+  out.overlap_start = first;
+  out.overlap_end = last;
+  if (out.r2 < options.min_r2) {
+    out.status = AlignStatus::kNothingShared;
+    out.message = fmt::format(
+        "the records share nothing: with the best frame and time offset ({:.4f} s) the reference "
+        "explains {:.0f}% of the marks' motion ({:.0f}% is asked)",
+        out.at.offset, 100.0 * std::max(0.0, out.r2), 100.0 * options.min_r2);
+    return out;
+  }
+  if (!best.converged) {
+    out.status = AlignStatus::kNotConverged;
+    out.message = "frame and time offset did not settle";
+    return out;
+  }
+  out.status = AlignStatus::kGood;
+  out.message = fmt::format("aligned on {} samples; the reference explains {:.3f}% of the motion",
+                            out.fit.known, 100.0 * out.r2);
+  if (!out.fit.weak.empty()) {
+    out.message += "; not determined by these marks: " + JoinWords(out.fit.weak);
+  }
+  return out;
+}
+
+}  // namespace unfurl::correlate

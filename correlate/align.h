@@ -1,0 +1,56 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "correlate/autocorrelation.h"
+#include "correlate/offset.h"
+#include "correlate/registration.h"
+#include "correlate/sampled_model.h"
+
+namespace unfurl::correlate {
+
+enum class AlignStatus {
+  kGood,
+  kNothingShared,  // the two records do not show the same motion
+  kTooLittle,      // too few samples in common to say
+  kNotConverged,
+};
+const char* Name(AlignStatus status);
+
+struct AlignOptions {
+  OffsetOptions search;
+  double min_correlation = 0.5;  // of the frame-independent signals at the best offset, (0, 1)
+  double min_r2 = 0.5;           // of the aligned positions: below, the records share nothing
+  RegistrationOptions registration;
+};
+
+// Time offset and rigid frame of `a` (in W) with respect to `b` (in M).
+struct Alignment {
+  AlignStatus status = AlignStatus::kTooLittle;
+  std::string message;  // in words, with numbers
+  bool Usable() const { return status == AlignStatus::kGood; }
+
+  Registration at;
+  std::vector<std::string> unknowns;  // of `covariance`, see NuisanceNames
+  Eigen::MatrixXd covariance;         // inflated for what the residuals' correlation shows
+  Eigen::VectorXd white_sigma;        // what it would be were the residuals white [rad, m, s]
+  double Sigma(const std::string& unknown) const;  // 0 when it was not fitted
+
+  double correlation = 0.0;   // of the coarse signals at the peak
+  std::string signal;         // which these were
+  double r2 = 0.0;            // share of the marks' motion that the reference explains
+  double chi2_per_dof = 0.0;  // of whitened residuals; 0 without a sigma
+  double overlap_start = 0.0, overlap_end = 0.0;  // on a's clock [s]
+  RegistrationFit fit;                            // residuals and Jacobian at the solution
+  Prediction reference;                           // b at the stamps of a
+  ResidualNoise noise;
+};
+
+// Coarse offset by cross-correlation, then frame and offset together by weighted least squares
+// with the covariances of both. `a` holds the marks that are to be compared; `b` must hold them
+// too. What cannot be aligned is a status with a message, not an error.
+Alignment Align(const Observations& a, const SampledModel& b, const AlignOptions& options = {});
+
+}  // namespace unfurl::correlate

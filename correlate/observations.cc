@@ -1,0 +1,174 @@
+#include "correlate/observations.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <numeric>
+
+#include "base/error.h"
+#include "base/text.h"
+
+namespace unfurl::correlate {
+
+namespace {
+
+std::vector<std::string> Chosen(const std::vector<std::string>& wanted,
+                                const std::vector<std::string>& there) {
+  for (const std::string& name : wanted) {
+    if (std::find(there.begin(), there.end(), name) == there.end()) {
+      throw Error("there is no mark '" + name + "'", "marks", "the record has " + JoinWords(there));
+    }
+  }
+  return wanted.empty() ? there : wanted;
+}
+
+MarkSeries Select(const MarkSeries& from, const std::vector<std::size_t>& keep, int rank) {
+  MarkSeries to;
+  to.name = from.name;
+  const auto n = static_cast<Eigen::Index>(keep.size());
+  to.p.resize(3, n);
+  to.cov.resize(6, n);
+  to.shared.resize(3, n * rank);
+  to.t.reserve(keep.size());
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const auto k = static_cast<Eigen::Index>(keep[static_cast<std::size_t>(i)]);
+    to.t.push_back(from.t[static_cast<std::size_t>(k)]);
+    to.p.col(i) = from.p.col(k);
+    to.cov.col(i) = from.cov.col(k);
+    to.shared.middleCols(i * rank, rank) = from.shared.middleCols(k * rank, rank);
+  }
+  return to;
+}
+
+}  // namespace
+
+Eigen::Matrix3d Symmetric(const Eigen::Matrix<double, 6, 1>& c) {
+  Eigen::Matrix3d m;
+  m << c(0), c(1), c(2), c(1), c(3), c(4), c(2), c(4), c(5);
+  return m;
+}
+
+std::size_t Observations::size() const {
+  std::size_t n = 0;
+  for (const MarkSeries& m : marks) n += m.size();
+  return n;
+}
+
+double Observations::Start() const {
+  double t = std::numeric_limits<double>::infinity();
+  for (const MarkSeries& m : marks) {
+    if (m.size() > 0) t = std::min(t, m.t.front());
+  }
+  return t;
+}
+
+double Observations::End() const {
+  double t = -std::numeric_limits<double>::infinity();
+  for (const MarkSeries& m : marks) {
+    if (m.size() > 0) t = std::max(t, m.t.back());
+  }
+  return t;
+}
+
+int Observations::FindMark(const std::string& name) const {
+  for (std::size_t m = 0; m < marks.size(); ++m) {
+    if (marks[m].name == name) return static_cast<int>(m);
+  }
+  return -1;
+}
+
+Stamps Observations::StampsAt(double offset) const {
+  Stamps stamps;
+  for (const MarkSeries& m : marks) {
+    stamps.marks.push_back(m.name);
+    stamps.t.push_back(m.t);
+    for (double& t : stamps.t.back()) t -= offset;
+  }
+  return stamps;
+}
+
+Observations FromTracks(const data::Tracks& tracks, const std::vector<std::string>& marks,
+                        const Window& window) {
+  Observations out;
+  out.shared_rank = tracks.shared_rank;
+  out.frame = tracks.frame;
+  const int k = tracks.shared_rank;
+  for (const std::string& name : Chosen(marks, tracks.marks)) {
+    std::vector<std::size_t> keep;
+    for (std::size_t i : tracks.SamplesOf(tracks.FindMark(name))) {
+      if (window.Contains(tracks.t[i])) keep.push_back(i);
+    }
+    MarkSeries series;
+    series.name = name;
+    const auto n = static_cast<Eigen::Index>(keep.size());
+    series.p.resize(3, n);
+    series.cov.resize(6, n);
+    series.shared.resize(3, n * k);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const std::size_t from = keep[static_cast<std::size_t>(i)];
+      const auto column = static_cast<Eigen::Index>(from);
+      if (!series.t.empty() && tracks.t[from] <= series.t.back()) {
+        throw Error(fmt::format("the stamps of {} do not ascend at t = {} s", name, tracks.t[from]),
+                    "tracks", "write the samples in order of time, one per stamp and mark");
+      }
+      const Eigen::LLT<Eigen::Matrix3d> llt(Symmetric(tracks.cov.col(column)));
+      if (llt.info() != Eigen::Success) {
+        throw Error(fmt::format("the covariance of {} at t = {} s is not positive definite", name,
+                                tracks.t[from]),
+                    "tracks", "give each sample its 3 x 3 covariance in m^2");
+      }
+      series.t.push_back(tracks.t[from]);
+      series.p.col(i) = tracks.p.col(column);
+      series.cov.col(i) = tracks.cov.col(column);
+      if (k > 0) series.shared.middleCols(i * k, k) = tracks.shared.middleCols(column * k, k);
+    }
+    out.marks.push_back(std::move(series));
+  }
+  return out;
+}
+
+Observations FromRun(const data::Run& run, const std::vector<std::string>& marks,
+                     const Window& window) {
+  Observations out;
+  out.has_sigma = false;
+  out.held_before = true;
+  out.frame = "model";
+  std::vector<std::size_t> keep;
+  for (std::size_t i = 0; i < run.t.size(); ++i) {
+    if (window.Contains(run.t[i])) keep.push_back(i);
+  }
+  for (const std::string& name : Chosen(marks, run.marks)) {
+    const std::vector<double>& x = run.Column(name + ".x");
+    const std::vector<double>& y = run.Column(name + ".y");
+    MarkSeries series;
+    series.name = name;
+    const auto n = static_cast<Eigen::Index>(keep.size());
+    series.p = Eigen::Matrix3Xd::Zero(3, n);
+    series.cov = Eigen::Matrix<double, 6, Eigen::Dynamic>::Zero(6, n);
+    series.shared.resize(3, 0);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const std::size_t from = keep[static_cast<std::size_t>(i)];
+      series.t.push_back(run.t[from]);
+      series.p(0, i) = x[from];
+      series.p(1, i) = y[from];
+      series.cov.col(i) << 1.0, 0.0, 0.0, 1.0, 0.0, 1.0;
+    }
+    out.marks.push_back(std::move(series));
+  }
+  return out;
+}
+
+Observations Cut(const Observations& all, const Window& window) {
+  Observations out = all;
+  for (MarkSeries& series : out.marks) {
+    std::vector<std::size_t> keep;
+    for (std::size_t i = 0; i < series.size(); ++i) {
+      if (window.Contains(series.t[i])) keep.push_back(i);
+    }
+    if (keep.size() < series.size()) series = Select(series, keep, all.shared_rank);
+  }
+  return out;
+}
+
+}  // namespace unfurl::correlate

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <limits>
+#include <string>
+#include <vector>
+
+#include "correlate/model.h"
+#include "data/run.h"
+#include "data/tracks.h"
+
+namespace unfurl::correlate {
+
+// One mark's samples, in order of time. The error of sample i is random_i + F_i z, see
+// data::Tracks: random_i of covariance cov_i, z one draw common to all samples of all marks.
+struct MarkSeries {
+  std::string name;
+  std::vector<double> t;                         // n [s]
+  Eigen::Matrix3Xd p;                            // 3 x n [m]
+  Eigen::Matrix<double, 6, Eigen::Dynamic> cov;  // xx, xy, xz, yy, yz, zz by n [m^2]
+  Eigen::Matrix3Xd shared;                       // 3 x (n k) [m]
+
+  std::size_t size() const { return t.size(); }
+};
+
+// What is compared with a model: the usable samples, mark by mark.
+struct Observations {
+  std::vector<MarkSeries> marks;
+  int shared_rank = 0;       // k
+  bool has_sigma = true;     // false: cov is a unit weight only, and the scatter gives the scale
+  bool held_before = false;  // before the first stamp the marks stood still (a run before release)
+  std::string frame;
+
+  std::size_t size() const;  // samples of all marks
+  double Start() const;      // of the earliest and the latest sample [s]
+  double End() const;
+  int FindMark(const std::string& name) const;  // -1 when absent
+  // The stamps of all samples, less `offset`.
+  Stamps StampsAt(double offset) const;
+};
+
+struct Window {
+  double low = -std::numeric_limits<double>::infinity();  // [s], on the record's own clock
+  double high = std::numeric_limits<double>::infinity();
+  bool Contains(double t) const { return t >= low && t <= high; }
+};
+
+// `marks` empty: all of them. Throws Error for a mark that is not there, a mark without usable
+// samples, a covariance that is not positive definite. Stamps of one mark must ascend.
+Observations FromTracks(const data::Tracks& tracks, const std::vector<std::string>& marks = {},
+                        const Window& window = {});
+// A run's marks, planar (z = 0), without a sigma.
+Observations FromRun(const data::Run& run, const std::vector<std::string>& marks = {},
+                     const Window& window = {});
+
+// The part of `all` within the window.
+Observations Cut(const Observations& all, const Window& window);
+
+// 6 entries to the symmetric matrix.
+Eigen::Matrix3d Symmetric(const Eigen::Matrix<double, 6, 1>& c);
+
+}  // namespace unfurl::correlate

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "correlate/model.h"
+#include "correlate/observations.h"
+#include "data/run.h"
+
+namespace unfurl::correlate {
+
+// A record as a model without parameters: what a run or a track says at any stamp.
+//
+// A run is interpolated by cubic Hermite polynomials through its positions and velocities. Tracks
+// are interpolated by the cubic through the four nearest samples, and their covariance goes along.
+// Nothing is invented: a stamp outside the record, or in a gap of more than `max_gap` median steps,
+// is answered "not known". The one exception is a run before its start, when the marks are held.
+class SampledModel : public Model {
+ public:
+  static constexpr double kMaxGap = 2.5;  // a single missing sample is bridged, two are not
+
+  explicit SampledModel(const data::Run& run, const std::vector<std::string>& marks = {});
+  explicit SampledModel(Observations tracks);
+  // What another model says, sampled evenly; `held_before` as for a run.
+  SampledModel(const Model& model, std::span<const double> theta,
+               const std::vector<std::string>& marks, double low, double high, double step);
+
+  const Observations& samples() const { return samples_; }
+  bool good() const { return good_; }  // false: the sampled model's evaluation failed
+  const std::string& message() const { return message_; }
+
+  Prediction Evaluate(std::span<const double> theta, const Stamps& stamps) const override;
+
+ private:
+  Observations samples_;
+  std::vector<Eigen::Matrix3Xd> velocity_;  // per mark, 3 x n [m/s]; empty: none known
+  std::vector<double> median_step_;         // per mark [s]
+  bool good_ = true;
+  std::string message_;
+  void FindSteps();
+};
+
+// The cubic through the four samples nearest to `t` (fewer where there are fewer): indices
+// first .. first + count - 1 with weights for the value and for its derivative [1/s].
+struct LocalCubic {
+  std::size_t first = 0;
+  int count = 0;
+  double value[4] = {};
+  double slope[4] = {};
+};
+LocalCubic CubicAt(std::span<const double> stamps, double t);
+
+double MedianStep(std::span<const double> stamps);  // 0 for fewer than two
+
+}  // namespace unfurl::correlate

@@ -1,0 +1,221 @@
+#include "correlate/align.h"
+
+#include <gtest/gtest.h>
+
+#include "base/statistics.h"
+#include "correlate/body_angle.h"
+#include "correlate/metrics.h"
+#include "tests/correlate/two_link.h"
+
+namespace unfurl::correlate {
+namespace {
+
+SampledModel Reference(double duration = 4.0) {
+  return SampledModel(TwoLink(), TwoLink::Truth(), TwoLink::Marks(), 0.0, duration, 1e-3);
+}
+
+Observations NoisyTrial(const Trial& trial, std::uint64_t seed) {
+  Rng rng(seed);
+  return Record(TwoLink(), TwoLink::Truth(), TwoLink::Marks(), trial, rng);
+}
+
+double AngleBetween(const Pose& a, const Pose& b) {
+  return VectorFromRotation(a.linear() * b.linear().transpose()).norm();
+}
+
+TEST(Align, FindsOffsetAndFrameOfAnExactRecord) {
+  Trial trial = TiltedTrial();
+  trial.sigma = 1e-9;
+  const Alignment a = Align(NoisyTrial(trial, 1), Reference());
+  ASSERT_TRUE(a.Usable()) << a.message;
+  // What is left is the cubic interpolation of a 1 kHz record.
+  EXPECT_NEAR(a.at.offset, trial.offset, 1e-8);
+  EXPECT_LT((a.at.X_WM.translation() - trial.X_WM.translation()).norm(), 1e-7);
+  EXPECT_LT(AngleBetween(a.at.X_WM, trial.X_WM), 1e-7);
+}
+
+TEST(Align, ScatterOverSeedsIsWhatItPredicts) {
+  constexpr int kSeeds = 120;
+  const SampledModel reference = Reference();
+  std::vector<double> z_offset, z_rotation, chi2;
+  for (int seed = 0; seed < kSeeds; ++seed) {
+    const Trial trial = TiltedTrial();
+    const Alignment a = Align(NoisyTrial(trial, 100 + static_cast<std::uint64_t>(seed)), reference);
+    ASSERT_TRUE(a.Usable()) << a.message;
+    z_offset.push_back((a.at.offset - trial.offset) / a.Sigma("time offset"));
+    const Eigen::Vector3d w =
+        VectorFromRotation(trial.X_WM.linear() * a.at.X_WM.linear().transpose());
+    z_rotation.push_back(w.z() / a.Sigma("frame rotation about z"));
+    chi2.push_back(a.chi2_per_dof);
+  }
+  // Variance of n normalised errors: 1 within four of its own standard deviations, sqrt(2/n).
+  const double band = 4.0 * std::sqrt(2.0 / kSeeds);
+  EXPECT_NEAR(Variance(z_offset), 1.0, band);
+  EXPECT_NEAR(Variance(z_rotation), 1.0, band);
+  EXPECT_NEAR(Mean(z_offset), 0.0, 4.0 / std::sqrt(kSeeds));
+  EXPECT_NEAR(Mean(chi2), 1.0, 0.01);
+}
+
+TEST(Align, CorrelatedNoiseWidensTheStandardErrorsAsItShould) {
+  constexpr int kSeeds = 120;
+  const SampledModel reference = Reference();
+  Trial trial = TiltedTrial();
+  trial.rho = 0.9;
+  std::vector<double> z, white;
+  for (int seed = 0; seed < kSeeds; ++seed) {
+    const Alignment a = Align(NoisyTrial(trial, 500 + static_cast<std::uint64_t>(seed)), reference);
+    ASSERT_TRUE(a.Usable());
+    EXPECT_FALSE(a.noise.white());
+    z.push_back((a.at.offset - trial.offset) / a.Sigma("time offset"));
+    white.push_back((a.at.offset - trial.offset) / a.white_sigma(6));
+  }
+  EXPECT_NEAR(Variance(z), 1.0, 4.0 * std::sqrt(2.0 / kSeeds));
+  EXPECT_GT(Variance(white), 2.0);  // what ignoring the correlation would claim
+}
+
+TEST(Align, ReportsMotionAcrossThePlaneInsteadOfDroppingIt) {
+  Trial trial = TiltedTrial();
+  trial.across = 0.004;
+  const Observations o = NoisyTrial(trial, 7);
+  const Alignment a = Align(o, Reference());
+  ASSERT_TRUE(a.Usable());
+  const std::vector<MarkError> errors = Errors(o, a.reference, a.at.offset, a.fit);
+  EXPECT_NEAR(errors.back().rmse_across, trial.across / std::sqrt(2.0), 0.05 * trial.across);
+  EXPECT_LT(errors.back().rmse_in_plane, 2.0 * trial.sigma);
+  EXPECT_GT(errors.back().sigmas, 5.0);
+}
+
+TEST(Align, TakesTracksAsReferenceWithTheirOwnNoise) {
+  // The same motion measured twice by two rigs, the second with gaps, at another rate.
+  const Trial first = TiltedTrial();
+  Trial second;
+  second.step = 0.004;
+  second.offset = -2.25;
+  second.X_WM.linear() = RotationFromVector({0.1, 0.2, -2.0});
+  std::vector<double> z;
+  constexpr int kSeeds = 60;
+  for (std::uint64_t seed = 0; seed < kSeeds; ++seed) {
+    Observations b = NoisyTrial(second, 900 + seed);
+    for (MarkSeries& m : b.marks) {  // the gap: 0.3 s lost
+      Observations one;
+      one.marks = {m};
+      const Observations head = Cut(one, {-10.0, -2.25 + 1.5}),
+                         tail = Cut(one, {-2.25 + 1.8, 10.0});
+      MarkSeries joined = head.marks[0];
+      const MarkSeries& t = tail.marks[0];
+      const auto n = static_cast<Eigen::Index>(joined.size());
+      joined.t.insert(joined.t.end(), t.t.begin(), t.t.end());
+      joined.p.conservativeResize(3, n + t.p.cols());
+      joined.p.rightCols(t.p.cols()) = t.p;
+      joined.cov.conservativeResize(6, n + t.p.cols());
+      joined.cov.rightCols(t.p.cols()) = t.cov;
+      m = joined;
+    }
+    const Observations o = NoisyTrial(first, 1900 + seed);
+    const Alignment a = Align(o, SampledModel(b));
+    ASSERT_TRUE(a.Usable()) << a.message;
+    EXPECT_LT(a.fit.known, o.size() - 4 * 50u);  // samples in the gap have no counterpart
+    z.push_back((a.at.offset - (first.offset - second.offset)) / a.Sigma("time offset"));
+    EXPECT_LT(AngleBetween(a.at.X_WM, first.X_WM * second.X_WM.inverse()), 1e-3);
+  }
+  EXPECT_NEAR(Variance(z), 1.0, 4.0 * std::sqrt(2.0 / kSeeds));
+}
+
+TEST(Align, OneMarkIsAlignedByItsSpeed) {
+  const Trial trial = TiltedTrial();
+  Rng rng(3);
+  const Observations o = Record(TwoLink(), TwoLink::Truth(), {"tip"}, trial, rng);
+  const Alignment a = Align(o, Reference());
+  ASSERT_TRUE(a.Usable()) << a.message;
+  EXPECT_EQ(a.signal, "speeds of 1 marks");
+  EXPECT_NEAR(a.at.offset, trial.offset, 5.0 * a.Sigma("time offset"));
+}
+
+TEST(Align, RefusesRecordsThatShareNothing) {
+  // Noise about fixed points, against a deployment-like motion.
+  const Trial trial = TiltedTrial();
+  Observations o = NoisyTrial(trial, 11);
+  Rng rng(12);
+  for (MarkSeries& m : o.marks) {
+    for (Eigen::Index i = 0; i < m.p.cols(); ++i) {
+      for (int axis = 0; axis < 3; ++axis) m.p(axis, i) = 0.2 * rng.Normal();
+    }
+  }
+  const Alignment a = Align(o, Reference());
+  EXPECT_FALSE(a.Usable());
+  EXPECT_EQ(a.status, AlignStatus::kNothingShared);
+  EXPECT_NE(a.message.find("share nothing"), std::string::npos);
+}
+
+TEST(Align, RefusesAMotionAtAnotherFrequency) {
+  const Trial trial = TiltedTrial();
+  Rng rng(13);
+  const std::vector<double> other = {3.1, 0.05};
+  const Observations o = Record(TwoLink(), other, {"elbow", "tip"}, trial, rng);
+  const Alignment a = Align(o, Reference());
+  EXPECT_FALSE(a.Usable()) << a.r2 << " " << a.correlation;
+}
+
+TEST(Align, TooFewSamplesAreSaidToBeTooFew) {
+  const Trial trial = TiltedTrial();
+  const Observations o = Cut(NoisyTrial(trial, 5), {1.0, 1.02});
+  const Alignment a = Align(o, Reference());
+  EXPECT_EQ(a.status, AlignStatus::kTooLittle);
+}
+
+TEST(Align, AnUndeterminedDirectionIsNamed) {
+  // Marks that move along one line leave the rotation about it open.
+  class OnALine : public Model {
+   public:
+    Prediction Evaluate(std::span<const double>, const Stamps& stamps) const override {
+      Prediction out;
+      for (const auto& list : stamps.t) {
+        MarkMotion motion;
+        motion.p.setZero(3, static_cast<Eigen::Index>(list.size()));
+        motion.v.setZero(3, static_cast<Eigen::Index>(list.size()));
+        for (std::size_t i = 0; i < list.size(); ++i) {
+          const auto c = static_cast<Eigen::Index>(i);
+          motion.p(0, c) = std::sin(2.0 * list[i]) + (out.marks.empty() ? 0.0 : 2.0 + list[i]);
+          motion.v(0, c) = 2.0 * std::cos(2.0 * list[i]) + (out.marks.empty() ? 0.0 : 1.0);
+        }
+        out.marks.push_back(motion);
+      }
+      return out;
+    }
+  };
+  Rng rng(4);
+  Trial trial;
+  const Observations o = Record(OnALine(), {}, {"a", "b"}, trial, rng);
+  const Alignment a = Align(o, SampledModel(OnALine(), {}, {"a", "b"}, -1.0, 5.0, 1e-3));
+  ASSERT_FALSE(a.fit.weak.empty());
+  EXPECT_EQ(a.fit.weak.front(), "frame rotation about x");
+}
+
+TEST(BodyAngle, FollowsTheLineBetweenTwoStrobedMarks) {
+  const Trial trial = TiltedTrial();
+  const Observations o = NoisyTrial(trial, 21);
+  const SampledModel reference = Reference();
+  const Alignment a = Align(o, reference);
+  ASSERT_TRUE(a.Usable());
+  const auto pairs = RigidPairs(
+      reference.Evaluate(
+          {}, Stamps{TwoLink::Marks(), std::vector<std::vector<double>>(4, {0.0, 0.5, 1.0, 2.0})}),
+      TwoLink::Marks());
+  ASSERT_EQ(pairs.size(), 2u);  // the outer link is rigid too
+  EXPECT_EQ(pairs[0].first, "base");
+  EXPECT_EQ(pairs[0].second, "base2");
+  const BodyAngle angle = MeasureBodyAngle(o, reference, {}, a.at, "base", "base2");
+  ASSERT_GT(angle.t.size(), 700u);
+  std::vector<double> z;
+  for (std::size_t i = 0; i < angle.t.size(); ++i) {
+    const double t = std::max(0.0, angle.t[i] - trial.offset);
+    const double truth = 0.05 * std::sin(2.0 * std::numbers::pi * 0.4 * t);
+    EXPECT_NEAR(angle.simulated[i], truth, 1e-5);
+    z.push_back((angle.measured[i] - truth) / angle.sigma[i]);
+  }
+  // Interpolated neighbours share samples, so the scatter of the variance is wider than white.
+  EXPECT_NEAR(Variance(z), 1.0, 0.2);
+}
+
+}  // namespace
+}  // namespace unfurl::correlate
