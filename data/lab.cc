@@ -115,8 +115,8 @@ LabCamera ReadCamera(const std::string& name, const TomlTable& t) {
   if (sight.norm() < 1e-6) {
     t.Fail("look_at", "the camera looks at itself", "give a point in front of it");
   }
-  if (sight.head<2>().norm() < 1e-6 * sight.norm()) {
-    t.Fail("look_at", "the optical axis is vertical, so that roll has no reference",
+  if (sight.tail<2>().norm() < 1e-6 * sight.norm()) {
+    t.Fail("look_at", "the optical axis lies along x, so that roll has no reference",
            "move position or look_at sideways by a millimetre");
   }
   return camera;

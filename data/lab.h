@@ -71,8 +71,8 @@ struct LabCamera {
   std::string name;
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // of the slit in W [m]
   Eigen::Vector3d look_at = Eigen::Vector3d::Zero();   // in W [m]
-  double roll = 0.0;  // of the lens axis about the optical axis, from the plane that holds it and
-                      // W's z axis [rad]
+  // Of the lens axis about the optical axis, from W's x axis as the camera sees it [rad].
+  double roll = 0.0;
 };
 
 struct LabModelPlane {

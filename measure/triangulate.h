@@ -14,7 +14,7 @@ struct TriangulateOptions {
   double residual_level = 1e-4;
   // What one pixel in the worst combination of readings may move the point [m/px]. A sound layout
   // has 1 to 3 mm; above this the planes count as parallel.
-  double max_dilution = 0.03;
+  double max_dilution = 0.02;
   // How far beyond the surveyed box a point is still believed, in sizes of the box [-].
   double volume_margin = 0.5;
   // Share of the calibration's variance that the reduction of its factor may lose [-].

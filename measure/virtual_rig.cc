@@ -45,8 +45,8 @@ Eigen::Vector3d Draw(Rng& rng, double sigma) {
 
 Pose NominalPose(const data::LabCamera& camera) {
   const Eigen::Vector3d Z = (camera.look_at - camera.position).normalized();
-  const Eigen::Vector3d up = (Eigen::Vector3d::UnitZ() - Z.z() * Z).normalized();
-  const Eigen::Vector3d Y = Eigen::AngleAxisd(camera.roll, Z) * up;
+  const Eigen::Vector3d across = (Eigen::Vector3d::UnitX() - Z.x() * Z).normalized();
+  const Eigen::Vector3d Y = Eigen::AngleAxisd(camera.roll, Z) * across;
   Pose X_WC = Pose::Identity();
   X_WC.linear() << Y.cross(Z), Y, Z;
   X_WC.translation() = camera.position;
