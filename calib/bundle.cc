@@ -1,0 +1,308 @@
+#include "calib/bundle.h"
+
+#include <ceres/ceres.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "base/pose.h"
+#include "base/statistics.h"
+#include "calib/covariance.h"
+#include "measure/camera_model.h"
+
+namespace unfurl::calib {
+namespace {
+
+// A camera as Ceres stores it: R_CW row by row, then p_WC, f, u0, e and the terms.
+constexpr int kAmbient = 25;
+constexpr int kTail = 16;  // what follows the rotation
+using CameraBlock = std::array<double, kAmbient>;
+
+CameraBlock Pack(const data::RigCamera& camera) {
+  CameraBlock x;
+  for (int k = 0; k < 9; ++k) x[static_cast<std::size_t>(k)] = camera.R_CW(k / 3, k % 3);
+  for (int k = 0; k < 3; ++k) x[static_cast<std::size_t>(9 + k)] = camera.p_WC(k);
+  x[12] = camera.f_px;
+  x[13] = camera.u0_px;
+  x[14] = camera.e;
+  std::copy(camera.terms_px.begin(), camera.terms_px.end(), x.begin() + 15);
+  return x;
+}
+
+void Unpack(const double* x, data::RigCamera* camera) {
+  camera->R_CW = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(x);
+  camera->p_WC = Eigen::Map<const Eigen::Vector3d>(x + 9);
+  camera->f_px = x[12];
+  camera->u0_px = x[13];
+  camera->e = x[14];
+  std::copy(x + 15, x + kAmbient, camera->terms_px.begin());
+}
+
+// Rotation by a small vector, R <- Exp(w) R; the rest by addition. The cost functions below give
+// their derivatives by the tangent in the first 3 and last 16 of the 25 ambient columns, so
+// PlusJacobian only picks those.
+class CameraManifold : public ceres::Manifold {
+ public:
+  int AmbientSize() const override { return kAmbient; }
+  int TangentSize() const override { return data::kCameraParameters; }
+
+  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
+    using Rotation = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+    const Eigen::Vector3d w(delta[0], delta[1], delta[2]);
+    const Rotation turned = RotationFromVector(w) * Eigen::Map<const Rotation>(x);
+    std::copy(turned.data(), turned.data() + 9, x_plus_delta);
+    for (int k = 0; k < kTail; ++k) x_plus_delta[9 + k] = x[9 + k] + delta[3 + k];
+    return true;
+  }
+
+  bool PlusJacobian(const double*, double* jacobian) const override {
+    Eigen::Map<Eigen::Matrix<double, kAmbient, data::kCameraParameters, Eigen::RowMajor>> J(
+        jacobian);
+    J.setZero();
+    J.topLeftCorner<3, 3>().setIdentity();
+    J.bottomRightCorner<kTail, kTail>().setIdentity();
+    return true;
+  }
+
+  bool Minus(const double* y, const double* x, double* y_minus_x) const override {
+    using Rotation = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
+    const Eigen::Matrix3d R =
+        Eigen::Map<const Rotation>(y) * Eigen::Map<const Rotation>(x).transpose();
+    const Eigen::Vector3d w = VectorFromRotation(R);
+    std::copy(w.data(), w.data() + 3, y_minus_x);
+    for (int k = 0; k < kTail; ++k) y_minus_x[3 + k] = y[9 + k] - x[9 + k];
+    return true;
+  }
+
+  bool MinusJacobian(const double*, double* jacobian) const override {
+    Eigen::Map<Eigen::Matrix<double, data::kCameraParameters, kAmbient, Eigen::RowMajor>> J(
+        jacobian);
+    J.setZero();
+    J.topLeftCorner<3, 3>().setIdentity();
+    J.bottomRightCorner<kTail, kTail>().setIdentity();
+    return true;
+  }
+};
+
+class ReadingCost : public ceres::SizedCostFunction<1, kAmbient, 3> {
+ public:
+  ReadingCost(double u_px, double sigma_px) : u_px_(u_px), weight_(1.0 / sigma_px) {}
+
+  bool Evaluate(double const* const* x, double* residual, double** jacobians) const override {
+    data::RigCamera camera;
+    Unpack(x[0], &camera);
+    const Eigen::Vector3d p(x[1][0], x[1][1], x[1][2]);
+    if (!jacobians) {
+      double u = 0.0;
+      if (!measure::Project(camera, p, &u)) return false;
+      residual[0] = weight_ * (u - u_px_);
+      return true;
+    }
+    measure::Projection projection;
+    if (!measure::Project(camera, p, &projection)) return false;
+    residual[0] = weight_ * (projection.u_px - u_px_);
+    if (jacobians[0]) {
+      Eigen::Map<Eigen::Matrix<double, 1, kAmbient>> J(jacobians[0]);
+      J.setZero();
+      J.head<3>() = weight_ * projection.du_dc.head<3>();
+      J.tail<kTail>() = weight_ * projection.du_dc.tail<kTail>();
+    }
+    if (jacobians[1]) {
+      Eigen::Map<Eigen::RowVector3d>(jacobians[1], 3) = weight_ * projection.du_dp;
+    }
+    return true;
+  }
+
+ private:
+  double u_px_, weight_;
+};
+
+// Whitened difference between a point and the survey's: L^-1 (P - p) with L L^T the covariance.
+class SurveyCost : public ceres::SizedCostFunction<3, 3> {
+ public:
+  SurveyCost(const Eigen::Vector3d& p, const Eigen::Matrix3d& cov) : p_(p) {
+    whiten_ = Eigen::LLT<Eigen::Matrix3d>(cov).matrixL().solve(Eigen::Matrix3d::Identity());
+  }
+
+  bool Evaluate(double const* const* x, double* residual, double** jacobians) const override {
+    const Eigen::Vector3d difference(x[0][0] - p_(0), x[0][1] - p_(1), x[0][2] - p_(2));
+    Eigen::Map<Eigen::Vector3d>(residual, 3) = whiten_ * difference;
+    if (jacobians && jacobians[0]) {
+      Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(jacobians[0], 3, 3) = whiten_;
+    }
+    return true;
+  }
+
+ private:
+  Eigen::Vector3d p_;
+  Eigen::Matrix3d whiten_;
+};
+
+constexpr int kPriorRows = 12;  // e, position along the lens axis, ten terms
+
+class PriorCost : public ceres::SizedCostFunction<kPriorRows, kAmbient> {
+ public:
+  explicit PriorCost(const CameraPrior& prior) : prior_(prior) {}
+
+  bool Evaluate(double const* const* x, double* residual, double** jacobians) const override {
+    const double* p = x[0] + 9;
+    const double along = prior_.axis(0) * p[0] + prior_.axis(1) * p[1] + prior_.axis(2) * p[2];
+    residual[0] = (x[0][14] - prior_.e_mean) / prior_.e_sigma;
+    residual[1] = (along - prior_.along) / prior_.along_sigma;
+    for (int k = 0; k < 10; ++k) residual[2 + k] = x[0][15 + k] / Sigma(k);
+    if (!jacobians || !jacobians[0]) return true;
+    Eigen::Map<Eigen::Matrix<double, kPriorRows, kAmbient, Eigen::RowMajor>> J(jacobians[0]);
+    J.setZero();
+    J(0, 14) = 1.0 / prior_.e_sigma;
+    for (int k = 0; k < 3; ++k) J(1, 9 + k) = prior_.axis(k) / prior_.along_sigma;
+    for (int k = 0; k < 10; ++k) J(2 + k, 15 + k) = 1.0 / Sigma(k);
+    return true;
+  }
+
+ private:
+  double Sigma(int k) const { return prior_.term_sigma_px[static_cast<std::size_t>(k)]; }
+  CameraPrior prior_;
+};
+
+class CoreLoss : public ceres::LossFunction {
+ public:
+  explicit CoreLoss(double width) : square_(width * width) {}
+  void Evaluate(double s, double rho[3]) const override {
+    if (s <= square_) {
+      rho[0] = s;
+      rho[1] = 1.0;
+      rho[2] = 0.0;
+      return;
+    }
+    rho[0] = square_ * (1.0 + std::log(s / square_));
+    rho[1] = square_ / s;
+    rho[2] = -rho[1] / s;
+  }
+
+ private:
+  double square_;
+};
+
+double WhitenedSquare(const Observations& data, const BundleState& state, Eigen::Index i) {
+  const Eigen::Vector3d d = state.points.col(i) - data.p.col(i);
+  return d.dot(data.cov[static_cast<std::size_t>(i)].llt().solve(d));
+}
+
+void Summarise(const Observations& data, const std::vector<CameraPrior>& priors, double floor_px,
+               const BundleOptions& options, const BundleState& state, BundleSummary* summary) {
+  double chi_square = 0.0, dof = 0.0;
+  for (const Reading& r : data.readings) {
+    double u = 0.0;
+    const data::RigCamera& camera = state.cameras[static_cast<std::size_t>(r.camera)];
+    if (!measure::Project(camera, state.points.col(r.point), &u)) {
+      summary->residual_px.push_back(0.0);
+      summary->reading_weight.push_back(0.0);
+      continue;
+    }
+    const double residual = r.u_px - u;
+    const double s = residual * residual / (r.s_px * r.s_px + floor_px * floor_px);
+    summary->residual_px.push_back(residual);
+    summary->reading_weight.push_back(LossWeight(s, options.loss_width));
+    if (summary->reading_weight.back() < 1.0) continue;
+    chi_square += s;
+    dof += 1.0;
+  }
+  for (Eigen::Index i = 0; i < data.p.cols(); ++i) {
+    const double s = options.fix_points ? 0.0 : WhitenedSquare(data, state, i);
+    summary->survey_weight.push_back(LossWeight(s, SurveyLossWidth(options.loss_width)));
+    if (summary->survey_weight.back() < 1.0) {
+      dof -= 3.0;
+    } else {
+      chi_square += s;
+    }
+  }
+  const Eigen::MatrixXd prior = PriorInformation(priors);
+  summary->information = prior + DataInformation(data, floor_px, options.fix_points, state,
+                                                 summary->reading_weight, summary->survey_weight);
+  // What the data determine: the number of parameters, less each one's share that is the prior's.
+  const double from_prior = (CameraCovariance(summary->information).cwiseProduct(prior)).sum();
+  dof -= static_cast<double>(prior.rows()) - from_prior;
+  summary->chi_square = chi_square;
+  summary->degrees_of_freedom = dof;
+}
+
+}  // namespace
+
+double LossWeight(double s, double width) {
+  const double square = width * width;
+  return s <= square ? 1.0 : square / s;
+}
+
+double SurveyLossWidth(double width) {
+  return std::sqrt(ChiSquareQuantile(1.0 - ChiSquareTail(width * width, 1.0), 3.0));
+}
+
+int BundleSummary::gross_readings() const {
+  return static_cast<int>(std::count_if(reading_weight.begin(), reading_weight.end(),
+                                        [](double w) { return w < 1.0; }));
+}
+
+int BundleSummary::gross_points() const {
+  return static_cast<int>(
+      std::count_if(survey_weight.begin(), survey_weight.end(), [](double w) { return w < 1.0; }));
+}
+
+BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrior>& priors,
+                          double floor_px, const BundleOptions& options, BundleState* state) {
+  ceres::Problem::Options ownership;
+  ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  ownership.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  CoreLoss reading_loss(options.loss_width), survey_loss(SurveyLossWidth(options.loss_width));
+  CameraManifold manifold;
+  ceres::Problem problem(ownership);
+
+  std::vector<CameraBlock> blocks;
+  for (const data::RigCamera& camera : state->cameras) blocks.push_back(Pack(camera));
+  auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
+  for (std::size_t j = 0; j < blocks.size(); ++j) {
+    problem.AddParameterBlock(blocks[j].data(), kAmbient, &manifold);
+    problem.AddResidualBlock(new PriorCost(priors[j]), nullptr, blocks[j].data());
+    ordering->AddElementToGroup(blocks[j].data(), 1);
+  }
+  for (Eigen::Index i = 0; i < data.p.cols(); ++i) {
+    double* point = state->points.col(i).data();
+    problem.AddParameterBlock(point, 3);
+    if (options.fix_points) {
+      problem.SetParameterBlockConstant(point);
+      continue;
+    }
+    problem.AddResidualBlock(new SurveyCost(data.p.col(i), data.cov[static_cast<std::size_t>(i)]),
+                             &survey_loss, point);
+    ordering->AddElementToGroup(point, 0);
+  }
+  for (const Reading& r : data.readings) {
+    const auto j = static_cast<std::size_t>(r.camera);
+    double u = 0.0;
+    if (!measure::Project(state->cameras[j], state->points.col(r.point), &u)) continue;
+    problem.AddResidualBlock(new ReadingCost(r.u_px, std::hypot(r.s_px, floor_px)), &reading_loss,
+                             blocks[j].data(), state->points.col(r.point).data());
+  }
+
+  ceres::Solver::Options solver;
+  solver.linear_solver_type = options.fix_points ? ceres::DENSE_QR : ceres::DENSE_SCHUR;
+  if (!options.fix_points) solver.linear_solver_ordering = ordering;
+  solver.max_num_iterations = options.max_iterations;
+  solver.function_tolerance = 1e-10;
+  solver.gradient_tolerance = 1e-14;
+  solver.parameter_tolerance = 1e-12;
+  solver.num_threads = 1;
+  solver.logging_type = ceres::SILENT;
+  ceres::Solver::Summary report;
+  ceres::Solve(solver, &problem, &report);
+
+  for (std::size_t j = 0; j < blocks.size(); ++j) Unpack(blocks[j].data(), &state->cameras[j]);
+  BundleSummary summary;
+  summary.converged = report.termination_type == ceres::CONVERGENCE;
+  summary.iterations = static_cast<int>(report.iterations.size());
+  Summarise(data, priors, floor_px, options, *state, &summary);
+  return summary;
+}
+
+}  // namespace unfurl::calib

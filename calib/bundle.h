@@ -1,0 +1,73 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <vector>
+
+#include "calib/observations.h"
+#include "data/rig.h"
+
+namespace unfurl::calib {
+
+// What is believed of a camera before its readings speak: weak, in physical units, and there so
+// that a direction which the survey does not determine stays near something sensible instead of
+// being declared known (a term fixed at zero) or left to drift.
+struct CameraPrior {
+  double e_mean = 0.03, e_sigma = 0.03;  // distance between the two centres [m]
+  // Position along the lens axis: axis . p_WC = along +- along_sigma; axis a unit vector in W.
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitY();
+  double along = 0.0, along_sigma = 1.0;   // [m]
+  std::array<double, 10> term_sigma_px{};  // of each term's coefficient, about zero [px]
+};
+
+struct BundleOptions {
+  // A whitened residual is squared up to this many sigmas; beyond, its pull falls off as 1/r.
+  double loss_width = 3.0;
+  int max_iterations = 100;
+  bool fix_points = false;  // hold the points where the survey has them
+};
+
+struct BundleState {
+  std::vector<data::RigCamera> cameras;  // c
+  Eigen::Matrix3Xd points;               // 3 x n [m]
+};
+
+// How a bundle ended; the numbers are at the solution.
+struct BundleSummary {
+  bool converged = false;
+  int iterations = 0;
+  // Sum of squared whitened residuals of the readings and surveyed points that lie in the loss's
+  // quadratic core, and its degrees of freedom: readings, less three for each surveyed point
+  // outside the core, less what the data (not the priors) determine of the cameras. With fixed
+  // points both are of the readings alone.
+  double chi_square = 0.0;
+  double degrees_of_freedom = 0.0;
+  Eigen::MatrixXd information;  // of the cameras, 19 c x 19 c, priors included (calib/covariance.h)
+  std::vector<double> residual_px;     // u - prediction, per reading
+  std::vector<double> reading_weight;  // of the loss, 1 in the core; 0 if the point is behind
+  std::vector<double> survey_weight;   // the same per point
+
+  int gross_readings() const;  // with a weight below 1
+  int gross_points() const;
+  double chi_square_per_dof() const {
+    return degrees_of_freedom > 0.0 ? chi_square / degrees_of_freedom : 0.0;
+  }
+};
+
+// Minimises, over all cameras' 19 parameters and the points,
+//   sum_r loss((u_r - h(c, P))^2 / (s_r^2 + floor^2)) + sum_i loss(|P_i - p_i|^2 in the metric of
+//   the survey's covariance) + the priors,
+// with Ceres and the analytic derivatives of measure::Project, starting from `state`. A reading
+// whose point starts behind its camera takes no part.
+BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrior>& priors,
+                          double floor_px, const BundleOptions& options, BundleState* state);
+
+// The loss on a squared whitened residual s, which has `dimensions` components: s up to w^2, then
+// w^2 (1 + log(s / w^2)). It is least squares for what is plausible, so that clean data lose no
+// efficiency, and its influence redescends as Cauchy's does for what is not.
+double LossWeight(double s, double width);
+// The width that leaves the same share of good data outside for a survey point's three coordinates
+// as `width` does for one reading.
+double SurveyLossWidth(double width);
+
+}  // namespace unfurl::calib

@@ -1,0 +1,83 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "calib/bundle.h"
+#include "calib/initial_guess.h"
+#include "calib/observations.h"
+#include "data/rig.h"
+
+namespace unfurl::calib {
+
+struct CalibrateOptions {
+  GuessOptions guess;
+  BundleOptions bundle;
+  int folds = 10;           // of the held-out check; at least 2
+  std::size_t workers = 0;  // for the folds; 0: all cores. Changes no result
+};
+
+// A reading as the fit left it.
+struct ReadingReport {
+  int point = 0;
+  int camera = 0;
+  double u_px = 0.0;
+  double residual_px = 0.0;  // reading less prediction
+  double sigma_px = 0.0;     // with the floor
+  double weight = 1.0;       // of the loss; below 1: the fit gave way to it little or not at all
+};
+
+struct CameraReport {
+  std::string name;
+  int readings = 0;
+  int gross = 0;                 // with a weight below 1
+  double residual_rms_px = 0.0;  // of the others
+  double guess_sigma_px = 0.0;   // robust scale before the points were free
+};
+
+// A surveyed point, left out of the fit of its fold and then found from its readings.
+struct HeldOutPoint {
+  int point = 0;
+  int readings = 0;
+  Eigen::Vector3d error = Eigen::Vector3d::Zero();      // found less surveyed [m]
+  Eigen::Matrix3d predicted = Eigen::Matrix3d::Zero();  // its covariance, survey's part included
+  double squared = 0.0;                                 // error' predicted^-1 error
+};
+
+// A parameter of which the survey says little: its prior supplies most of what is known.
+struct WeakParameter {
+  int camera = 0;
+  std::string name;  // "position along the lens axis", "e", a term
+  std::string unit;
+  double sigma = 0.0;
+  double prior_sigma = 0.0;
+};
+
+struct CalibrationReport {
+  std::vector<std::string> ids;  // of the points
+  std::vector<CameraReport> cameras;
+  std::vector<ReadingReport> readings;
+  std::vector<double> survey_weight;   // per point, of the loss
+  Eigen::Matrix3Xd survey_shift;       // adjusted less surveyed, 3 x n [m]
+  std::vector<HeldOutPoint> held_out;  // of usable points
+  int held_out_unsolved = 0;           // points whose readings gave no position
+  std::vector<WeakParameter> weak;
+  double chi_square = 0.0;
+  double degrees_of_freedom = 0.0;
+  bool converged = false;
+};
+
+struct Calibration {
+  data::Rig rig;  // with checks, verdict and reasons
+  CalibrationReport report;
+};
+
+// From a survey to a rig, without an initial guess: guess per camera, bundle with the model-error
+// floor, covariance, held-out check, verdict. `where` names the survey in errors. Throws Error for
+// a survey that cannot determine the cameras (see GuessCameras) or has fewer than three cameras.
+Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
+                      const std::string& where);
+
+}  // namespace unfurl::calib

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "calib/bundle.h"
+#include "calib/observations.h"
+#include "data/rig.h"
+
+namespace unfurl::calib {
+
+struct GuessOptions {
+  // Fewest readings of one camera. The linear pinhole has 7 unknowns; 12 leave something to reject
+  // a gross error with.
+  int fewest_points = 12;
+  // A survey whose smallest standard deviation in any direction is below this share of its largest
+  // counts as flat: one plane (or line) does not tell image scale from distance.
+  double flatness = 0.05;
+  // Prior of the distance between the two centres [m]: cylinder lenses in front of a linear CCD
+  // have it near their focal length.
+  double e_mean = 0.03, e_sigma = 0.03;
+  // Prior of the position along the lens axis, about where the points' centre has Y = 0, as a share
+  // of the distance to that centre: the camera was pointed at the volume to within some 17 degrees.
+  double along_sigma_share = 0.3;
+  // Priors of the terms, by what each does to a reading at the edge of the surveyed volume [px]:
+  // x^3 and x y^2; the fifth-order ones; the even ones, which misalignment of slit and lens makes.
+  double cubic_sigma_px = 150.0, quintic_sigma_px = 40.0, even_sigma_px = 20.0;
+  std::uint64_t seed = 1;  // of the random subsets
+};
+
+// A camera found from its readings alone, with the survey taken as exact.
+struct CameraGuess {
+  data::RigCamera camera;
+  CameraPrior prior;
+  double sigma_px = 0.0;  // robust scale of its residuals
+  int readings = 0;
+};
+
+// For each camera: the robust direct linear transformation, then its own 19 parameters by robust
+// least squares with the loss's scale taken from the residuals (twice). Needs no starting values.
+// Throws Error, naming camera and reason, for too few readings, points that are coplanar or
+// collinear, and readings that no camera explains.
+std::vector<CameraGuess> GuessCameras(const Observations& data, const GuessOptions& options,
+                                      const std::string& where);
+
+// How the points lie: standard deviations along their principal axes, largest first [m], and the
+// direction of the least one.
+struct PointSpread {
+  Eigen::Vector3d sigma;
+  Eigen::Vector3d normal;
+};
+PointSpread SpreadOf(const Eigen::Matrix3Xd& p);
+
+}  // namespace unfurl::calib

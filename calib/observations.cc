@@ -1,0 +1,85 @@
+#include "calib/observations.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <cmath>
+
+#include "base/error.h"
+
+namespace unfurl::calib {
+namespace {
+
+Eigen::Matrix3d Covariance(const data::Survey& survey, Eigen::Index i) {
+  const auto c = survey.cov.col(i);
+  Eigen::Matrix3d cov;
+  cov << c(0), c(1), c(2), c(1), c(3), c(4), c(2), c(4), c(5);
+  return cov;
+}
+
+}  // namespace
+
+Observations FromSurvey(const data::Survey& survey, const std::string& where) {
+  Observations out;
+  out.ids = survey.id;
+  out.cameras = survey.cameras;
+  out.p = survey.p;
+  for (Eigen::Index i = 0; i < survey.p.cols(); ++i) {
+    const std::string& id = survey.id[static_cast<std::size_t>(i)];
+    const Eigen::Matrix3d cov = Covariance(survey, i);
+    const Eigen::LLT<Eigen::Matrix3d> factor(cov);
+    if (!survey.p.col(i).allFinite() || !cov.allFinite() || factor.info() != Eigen::Success) {
+      throw Error(fmt::format("point \"{}\" has no finite position with a positive definite "
+                              "covariance",
+                              id),
+                  where, "give each point positive standard deviations");
+    }
+    out.cov.push_back(cov);
+    for (Eigen::Index j = 0; j < survey.u_px.cols(); ++j) {
+      if (std::isnan(survey.u_px(i, j))) continue;
+      if (!std::isfinite(survey.u_px(i, j)) || !std::isfinite(survey.s_px(i, j)) ||
+          !(survey.s_px(i, j) > 0.0)) {
+        throw Error(fmt::format("point \"{}\", camera \"{}\": reading {} px with sigma {} px", id,
+                                survey.cameras[static_cast<std::size_t>(j)], survey.u_px(i, j),
+                                survey.s_px(i, j)),
+                    where, "give each reading a positive standard deviation, or leave it empty");
+      }
+      out.readings.push_back(
+          {static_cast<int>(i), static_cast<int>(j), survey.u_px(i, j), survey.s_px(i, j)});
+    }
+  }
+  return out;
+}
+
+Observations SelectPoints(const Observations& all, const std::vector<int>& keep) {
+  Observations out;
+  out.cameras = all.cameras;
+  out.p.resize(3, static_cast<Eigen::Index>(keep.size()));
+  std::vector<int> renumbered(static_cast<std::size_t>(all.points()), -1);
+  for (std::size_t k = 0; k < keep.size(); ++k) {
+    const auto i = static_cast<std::size_t>(keep[k]);
+    renumbered[i] = static_cast<int>(k);
+    out.p.col(static_cast<Eigen::Index>(k)) = all.p.col(keep[k]);
+    out.cov.push_back(all.cov[i]);
+    out.ids.push_back(all.ids[i]);
+  }
+  for (Reading r : all.readings) {
+    r.point = renumbered[static_cast<std::size_t>(r.point)];
+    if (r.point >= 0) out.readings.push_back(r);
+  }
+  return out;
+}
+
+Observations SelectCamera(const Observations& all, int camera) {
+  Observations out = all;
+  out.cameras = {all.cameras[static_cast<std::size_t>(camera)]};
+  out.readings.clear();
+  for (Reading r : all.readings) {
+    if (r.camera != camera) continue;
+    r.camera = 0;
+    out.readings.push_back(r);
+  }
+  return out;
+}
+
+}  // namespace unfurl::calib

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "data/survey.h"
+
+namespace unfurl::calib {
+
+// One number that one camera gave for one surveyed point.
+struct Reading {
+  int point = 0;
+  int camera = 0;
+  double u_px = 0.0;
+  double s_px = 0.0;  // standard deviation
+};
+
+// A survey as the bundle sees it: n points with their covariance, c cameras, and the readings that
+// exist, ordered by point and then by camera.
+struct Observations {
+  std::vector<std::string> ids;      // n
+  std::vector<std::string> cameras;  // c
+  Eigen::Matrix3Xd p;                // surveyed, 3 x n, in W [m]
+  std::vector<Eigen::Matrix3d> cov;  // n [m^2]
+  std::vector<Reading> readings;
+
+  int points() const { return static_cast<int>(p.cols()); }
+  int camera_count() const { return static_cast<int>(cameras.size()); }
+};
+
+// Takes the numbers of a survey that has readings (FindReadings makes them of lines). Throws Error,
+// naming the point and `where` (the survey's file), for a covariance that is not positive definite
+// and for a reading without a positive sigma.
+Observations FromSurvey(const data::Survey& survey, const std::string& where);
+
+// Points `keep` (ascending), renumbered, with their readings.
+Observations SelectPoints(const Observations& all, const std::vector<int>& keep);
+// The readings of one camera, as a one-camera survey of all points.
+Observations SelectCamera(const Observations& all, int camera);
+
+}  // namespace unfurl::calib
