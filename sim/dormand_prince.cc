@@ -1,0 +1,191 @@
+#include "sim/dormand_prince.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace unfurl::sim {
+namespace {
+
+constexpr double kA21 = 1.0 / 5;
+constexpr double kA31 = 3.0 / 40, kA32 = 9.0 / 40;
+constexpr double kA41 = 44.0 / 45, kA42 = -56.0 / 15, kA43 = 32.0 / 9;
+constexpr double kA51 = 19372.0 / 6561, kA52 = -25360.0 / 2187, kA53 = 64448.0 / 6561,
+                 kA54 = -212.0 / 729;
+constexpr double kA61 = 9017.0 / 3168, kA62 = -355.0 / 33, kA63 = 46732.0 / 5247, kA64 = 49.0 / 176,
+                 kA65 = -5103.0 / 18656;
+constexpr double kB1 = 35.0 / 384, kB3 = 500.0 / 1113, kB4 = 125.0 / 192, kB5 = -2187.0 / 6784,
+                 kB6 = 11.0 / 84;
+// Difference between the fifth and the fourth order weights.
+constexpr double kE1 = 71.0 / 57600, kE3 = -71.0 / 16695, kE4 = 71.0 / 1920,
+                 kE5 = -17253.0 / 339200, kE6 = 22.0 / 525, kE7 = -1.0 / 40;
+constexpr double kD1 = -12715105075.0 / 11282082432.0, kD3 = 87487479700.0 / 32700410799.0,
+                 kD4 = -10690763975.0 / 1880347072.0, kD5 = 701980252875.0 / 199316789632.0,
+                 kD6 = -1453857185.0 / 822651844.0, kD7 = 69997945.0 / 29380423.0;
+
+}  // namespace
+
+DormandPrince::DormandPrince(Dynamics& dynamics, const ErrorScale& scale)
+    : dynamics_(dynamics),
+      scale_(scale),
+      n_(dynamics.model().slots.count),
+      size_(dynamics.model().index.size()),
+      y_(size_, 0.0),
+      trial_(size_, 0.0),
+      stage_(size_, 0.0),
+      position_weight_(n_, 0.0),
+      angle_weight_(n_, 0.0),
+      mask_(n_, 0.0) {
+  for (Array& k : k_) k.assign(size_, 0.0);
+  int moving = 0;
+  for (int s = 0; s < n_; ++s) {
+    if (!dynamics.model().slots.IsDynamic(s)) continue;
+    position_weight_[s] = 1.0 / (scale.rtol * scale.length);
+    angle_weight_[s] = 1.0 / (scale.rtol * scale.angle);
+    mask_[s] = 1.0;
+    ++moving;
+  }
+  norm_factor_ = 1.0 / (6.0 * std::max(moving, 1));
+}
+
+void DormandPrince::Start(const std::vector<double>& y) {
+  std::copy(y.begin(), y.end(), y_.begin());
+  Refresh();
+}
+
+void DormandPrince::Refresh() {
+  dynamics_.RightSide(y_.data(), k_[0].data());
+  ++evaluations_;
+}
+
+double DormandPrince::Try(double h) {
+  const int size = size_;
+  const double* __restrict y = y_.data();
+  const double* __restrict k1 = k_[0].data();
+  const double* __restrict k2 = k_[1].data();
+  const double* __restrict k3 = k_[2].data();
+  const double* __restrict k4 = k_[3].data();
+  const double* __restrict k5 = k_[4].data();
+  const double* __restrict k6 = k_[5].data();
+  double* __restrict s = stage_.data();
+  double* __restrict out = trial_.data();
+  h_ = h;
+  for (int i = 0; i < size; ++i) s[i] = y[i] + h * (kA21 * k1[i]);
+  dynamics_.RightSide(s, k_[1].data());
+  for (int i = 0; i < size; ++i) s[i] = y[i] + h * (kA31 * k1[i] + kA32 * k2[i]);
+  dynamics_.RightSide(s, k_[2].data());
+  for (int i = 0; i < size; ++i) s[i] = y[i] + h * (kA41 * k1[i] + kA42 * k2[i] + kA43 * k3[i]);
+  dynamics_.RightSide(s, k_[3].data());
+  for (int i = 0; i < size; ++i) {
+    s[i] = y[i] + h * (kA51 * k1[i] + kA52 * k2[i] + kA53 * k3[i] + kA54 * k4[i]);
+  }
+  dynamics_.RightSide(s, k_[4].data());
+  for (int i = 0; i < size; ++i) {
+    s[i] = y[i] + h * (kA61 * k1[i] + kA62 * k2[i] + kA63 * k3[i] + kA64 * k4[i] + kA65 * k5[i]);
+  }
+  dynamics_.RightSide(s, k_[5].data());
+  for (int i = 0; i < size; ++i) {
+    out[i] = y[i] + h * (kB1 * k1[i] + kB3 * k3[i] + kB4 * k4[i] + kB5 * k5[i] + kB6 * k6[i]);
+  }
+  dynamics_.RightSide(out, k_[6].data());
+  evaluations_ += 6;
+  return ErrorNorm(h);
+}
+
+double DormandPrince::ErrorNorm(double h) {
+  const double* __restrict k1 = k_[0].data();
+  const double* __restrict k3 = k_[2].data();
+  const double* __restrict k4 = k_[3].data();
+  const double* __restrict k5 = k_[4].data();
+  const double* __restrict k6 = k_[5].data();
+  const double* __restrict k7 = k_[6].data();
+  const double* __restrict y = y_.data();
+  const double* __restrict out = trial_.data();
+  const double* __restrict mask = mask_.data();
+  double sum[kBlock] = {};
+  const auto error = [&](int i) {
+    return h * (kE1 * k1[i] + kE3 * k3[i] + kE4 * k4[i] + kE5 * k5[i] + kE6 * k6[i] + kE7 * k7[i]);
+  };
+  for (int block = 0; block < 3; ++block) {
+    const double* __restrict weight = block < 2 ? position_weight_.data() : angle_weight_.data();
+    for (int i = 0; i < n_; i += kBlock) {
+      for (int k = 0; k < kBlock; ++k) {
+        const double e = weight[i + k] * error(block * n_ + i + k);
+        sum[k] += e * e;
+      }
+    }
+  }
+  for (int block = 3; block < 6; ++block) {
+    const double floor = block < 5 ? scale_.speed : scale_.spin;
+    const double inverse_rtol = 1.0 / scale_.rtol;
+    for (int i = 0; i < n_; i += kBlock) {
+      for (int k = 0; k < kBlock; ++k) {
+        const int j = block * n_ + i + k;
+        const double a = std::fabs(y[j]), b = std::fabs(out[j]);
+        const double e = mask[i + k] * inverse_rtol * error(j) / (floor + (a > b ? a : b));
+        sum[k] += e * e;
+      }
+    }
+  }
+  double total = 0.0;
+  for (double part : sum) total += part;
+  return std::sqrt(total * norm_factor_);
+}
+
+double DormandPrince::WeightedError(int i, double h) const {
+  const double error = h * (kE1 * k_[0][i] + kE3 * k_[2][i] + kE4 * k_[3][i] + kE5 * k_[4][i] +
+                            kE6 * k_[5][i] + kE7 * k_[6][i]);
+  const int block = i / n_, slot = i % n_;
+  if (block < 2) return position_weight_[slot] * error;
+  if (block < 3) return angle_weight_[slot] * error;
+  const double floor = block < 5 ? scale_.speed : scale_.spin;
+  return mask_[slot] * error / (scale_.rtol * (floor + std::fabs(y_[i])));
+}
+
+int DormandPrince::WorstSlot() const {
+  int worst = 0;
+  double largest = -1.0;
+  for (int i = 0; i < 6 * n_; ++i) {
+    const double e = std::fabs(WeightedError(i, h_));
+    if (e > largest || (!std::isfinite(e) && std::isfinite(largest))) {
+      largest = e;
+      worst = i % n_;
+    }
+  }
+  return worst;
+}
+
+void DormandPrince::Accept() {
+  std::swap(y_, trial_);
+  std::swap(k_[0], k_[6]);
+}
+
+void DormandPrince::AcceptUntil(double sigma) {
+  Dense(sigma, stage_.data());
+  std::swap(y_, stage_);
+}
+
+double DormandPrince::Dense(int i, double sigma) const {
+  const double difference = trial_[i] - y_[i];
+  const double c3 = h_ * k_[0][i] - difference;
+  const double c4 = difference - h_ * k_[6][i] - c3;
+  const double c5 = h_ * (kD1 * k_[0][i] + kD3 * k_[2][i] + kD4 * k_[3][i] + kD5 * k_[4][i] +
+                          kD6 * k_[5][i] + kD7 * k_[6][i]);
+  const double rest = 1.0 - sigma;
+  return y_[i] + sigma * (difference + rest * (c3 + sigma * (c4 + rest * c5)));
+}
+
+void DormandPrince::Dense(double sigma, double* out) const {
+  for (int i = 0; i < size_; ++i) out[i] = Dense(i, sigma);
+}
+
+std::array<double, 5> DormandPrince::Polynomial(int i) const {
+  const double difference = trial_[i] - y_[i];
+  const double c3 = h_ * k_[0][i] - difference;
+  const double c4 = difference - h_ * k_[6][i] - c3;
+  const double c5 = h_ * (kD1 * k_[0][i] + kD3 * k_[2][i] + kD4 * k_[3][i] + kD5 * k_[4][i] +
+                          kD6 * k_[5][i] + kD7 * k_[6][i]);
+  // s (d + (1 - s)(c3 + s (c4 + (1 - s) c5))), expanded.
+  return {y_[i], difference + c3, c4 + c5 - c3, -c4 - 2.0 * c5, c5};
+}
+
+}  // namespace unfurl::sim

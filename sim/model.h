@@ -1,0 +1,85 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "data/scene.h"
+#include "sim/bending.h"
+#include "sim/constraints.h"
+#include "sim/gravity.h"
+#include "sim/latches.h"
+#include "sim/slots.h"
+#include "sim/springs.h"
+#include "sim/suspension.h"
+
+namespace unfurl::sim {
+
+// A point that moves with a slot.
+struct MovingPoint {
+  int slot = -1;
+  double px = 0.0, py = 0.0;  // in the slot's frame [m]
+};
+
+// A scene made ready to be simulated; immutable, so that several threads may share one. What is not
+// in the scene leaves its effect empty, and empty effects are not called.
+struct Model {
+  struct Body {  // of the scene; several share a slot where they are welded
+    std::string name;
+    MovingPoint centre;
+    double angle = 0.0;  // of its x axis against the slot's [rad]
+  };
+  struct Beam {
+    std::string name;
+    int first = -1;  // slot of the first segment
+    int segments = 0;
+    double segment_length = 0.0;  // [m]
+  };
+  struct Joint {
+    std::string name;
+    Hinge hinge;
+    MovingPoint pin;
+    int spring = -1;  // into springs, latches
+    int latch = -1;
+  };
+  struct Mark {
+    std::string name;
+    MovingPoint point;
+  };
+  struct EffectCount {
+    std::string name;
+    int count;
+  };
+
+  std::string name;
+  double duration = 0.0;      // [s]
+  double length_scale = 0.0;  // of the whole, for tolerances [m]
+  Slots slots;
+  StateIndex index;
+
+  Bending bending;
+  Springs springs;
+  Latches latches;
+  Suspension suspension;
+  Gravity gravity;
+  Constraints constraints;
+
+  std::vector<Body> bodies;
+  std::vector<Beam> beams;
+  std::vector<Joint> joints;
+  std::vector<Mark> marks;
+
+  std::vector<double> initial_state;
+  std::vector<LatchMode> initial_modes;  // by latch
+
+  // What the scene called for: name of the effect and how many instances it holds.
+  std::vector<EffectCount> Effects() const;
+  int FindMark(const std::string& mark) const;  // -1 when absent
+  // Number of bodies that have a mass of their own (welded ones count once), segments included.
+  int DynamicBodies() const;
+};
+
+// Throws Error (file:line:key, joints by name) for a scene that does not fit together: a loop that
+// cannot close, redundant constraints, places given twice, welds that nothing can carry.
+Model Compile(const data::Scene& scene);
+
+}  // namespace unfurl::sim

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <cstdint>
+#include <utility>
+#include <vector>
+
+namespace unfurl::sim {
+
+// L D L^T of a sparse symmetric positive definite matrix whose pattern never changes. Order of
+// elimination (least degree first, the oldest among equals, so that independent chains are worked
+// on in turn) and fill are found once; factoring then walks flat lists, allocates nothing, and on a
+// chain or tree takes O(n).
+//
+// Values: the diagonal by row, and off-diagonal entries at storage places that the caller chose;
+// places for fill are added after them.
+class SparseLdlt {
+ public:
+  struct Entry {
+    int row, column;  // different; each pair once
+    int place;        // in the off-diagonal values
+  };
+
+  SparseLdlt() = default;
+  // Rows not in `active` have no equation and are left alone. `places`: how many the caller has
+  // taken. Work and memory are O(rows + fill).
+  SparseLdlt(int rows, const std::vector<std::uint8_t>& active, const std::vector<Entry>& entries,
+             int places);
+
+  int places() const { return places_; }  // with those of the fill
+  int size() const { return static_cast<int>(order_.size()); }
+  int nonzeros() const { return static_cast<int>(place_.size()); }  // of L, below the diagonal
+
+  // Factors in place: `diagonal` becomes D, `off` L, and `inverse` 1 / D; forward-substitutes `x`
+  // on the way (L z = x, then z / D).
+  void FactorAndForward(double* diagonal, double* off, double* inverse, double* x) const;
+  // The same for another right side, after FactorAndForward.
+  void Forward(const double* off, const double* inverse, double* x) const;
+  // L^T x = z.
+  void Backward(const double* off, double* x) const;
+
+  const std::vector<int>& order() const { return order_; }
+
+ private:
+  int places_ = 0;
+  std::vector<int> order_;   // row eliminated at each step
+  std::vector<int> begin_;   // entries of the step's column: [begin_[k], begin_[k + 1])
+  std::vector<int> place_;   // of each entry
+  std::vector<int> row_;     // of each entry
+  std::vector<int> target_;  // place of each pair of a column's entries, in order of use
+};
+
+}  // namespace unfurl::sim

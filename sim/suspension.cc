@@ -1,0 +1,45 @@
+#include "sim/suspension.h"
+
+#include <cmath>
+
+namespace unfurl::sim {
+
+Suspension::Suspension(int slots) : stiffness_(slots, 0.0), x_(slots, 0.0), y_(slots, 0.0) {}
+
+void Suspension::Set(int slot, double stiffness, double x_hang, double y_hang, double kappa,
+                     double theta_hang) {
+  stiffness_[slot] = stiffness;
+  x_[slot] = x_hang;
+  y_[slot] = y_hang;
+  if (kappa > 0.0) turning_.push_back({slot, kappa, theta_hang});
+  ++count_;
+}
+
+void Suspension::AddLoad(const Motion& motion, Load load) const {
+  const int n = static_cast<int>(stiffness_.size());
+  const double* __restrict k = stiffness_.data();
+  double* __restrict fx = load.fx;
+  double* __restrict fy = load.fy;
+  for (int i = 0; i < n; ++i) {
+    fx[i] -= k[i] * (motion.x[i] - x_[i]);
+    fy[i] -= k[i] * (motion.y[i] - y_[i]);
+  }
+  for (const Turning& t : turning_) {
+    load.m[t.slot] -= t.kappa * std::sin(motion.theta[t.slot] - t.theta_hang);
+  }
+}
+
+double Suspension::Energy(const Motion& motion) const {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < stiffness_.size(); ++i) {
+    const double dx = motion.x[i] - x_[i], dy = motion.y[i] - y_[i];
+    sum += 0.5 * stiffness_[i] * (dx * dx + dy * dy);
+  }
+  for (const Turning& t : turning_) {
+    const double half = std::sin(0.5 * (motion.theta[t.slot] - t.theta_hang));
+    sum += 2.0 * t.kappa * half * half;
+  }
+  return sum;
+}
+
+}  // namespace unfurl::sim
