@@ -16,8 +16,8 @@
 namespace unfurl::measure {
 
 struct ReconstructOptions {
-  SpotOptions spot;
-  TriangulateOptions point;
+  SpotOptions spot{};
+  TriangulateOptions point{};
   // Continuity, for telling which of four readings is wrong: a mark moves on as it did, within half
   // this acceleration times the square of the time since [m/s^2] (a latch kicks), and within this
   // many sigmas. Older samples than `longest_gap` [s] tell nothing.

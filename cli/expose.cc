@@ -1,0 +1,158 @@
+#include "measure/expose.h"
+
+#include <fmt/format.h>
+
+#include <CLI/CLI.hpp>
+#include <chrono>
+#include <memory>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "base/progress.h"
+#include "cli/verb.h"
+#include "data/lab.h"
+#include "data/run.h"
+#include "data/survey.h"
+#include "data/tracks.h"
+#include "data/trial.h"
+
+namespace unfurl::cli {
+
+namespace {
+
+using nlohmann::ordered_json;
+
+struct Settings {
+  std::string run, points, lab, output, truth;
+  std::vector<std::string> overrides;
+  std::size_t workers = 0;
+};
+
+double Seconds(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+data::Provenance ProvenanceOf(const Common& common, const Settings& s, const data::Lab& lab) {
+  data::Provenance provenance = StartProvenance(common);
+  provenance.AddInput(s.points.empty() ? s.run : s.points);
+  provenance.AddInput(s.lab);
+  provenance.seed = lab.seed;
+  for (const std::string& setting : s.overrides) {
+    const std::size_t equals = setting.find('=');
+    if (equals != std::string::npos) {
+      provenance.options[setting.substr(0, equals)] = setting.substr(equals + 1);
+    }
+  }
+  return provenance;
+}
+
+// Where the surveyed LED truly stood, one sample per point.
+data::Tracks TrueTracks(const data::Survey& points) {
+  data::Tracks truth;
+  truth.frame = "rig";
+  truth.marks = points.id;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    truth.t.push_back(0.0);
+    truth.mark.push_back(static_cast<std::int32_t>(i));
+    truth.status.push_back(data::SampleStatus::kGood);
+  }
+  truth.p = points.p;
+  truth.cov.setZero(6, points.p.cols());
+  return truth;
+}
+
+std::size_t Outside(const Eigen::Matrix3Xd& p, const data::Lab& lab) {
+  std::size_t outside = 0;
+  for (Eigen::Index i = 0; i < p.cols(); ++i) {
+    outside += !((p.col(i).array() >= lab.volume_low.array()).all() &&
+                 (p.col(i).array() <= lab.volume_high.array()).all());
+  }
+  return outside;
+}
+
+int ExposeSurveyVerb(const Common& common, const Settings& s) {
+  const auto start = std::chrono::steady_clock::now();
+  const data::Lab lab = data::ReadLab(s.lab, s.overrides);
+  const data::Survey points = data::ReadPointsCsv(s.points);
+  const data::Provenance provenance = ProvenanceOf(common, s, lab);
+  Progress progress("expose", !common.quiet && !common.json);
+  measure::ExposeOptions options{.workers = s.workers,
+                                 .progress = [&](double done) { progress.Update(done); }};
+  const data::Survey survey = measure::ExposeSurvey(lab, points, options);
+  data::WriteSurvey(s.output, survey, provenance);
+  if (!s.truth.empty()) data::WriteTracks(s.truth, TrueTracks(points), provenance);
+
+  const std::size_t outside = Outside(points.p, lab);
+  const ordered_json summary = {{"output", s.output},
+                                {"points", survey.size()},
+                                {"cameras", survey.cameras},
+                                {"points_outside_volume", outside},
+                                {"seconds", Seconds(start)}};
+  std::string text = fmt::format("{}: {} points, lit and dark lines of {} cameras, {:.1f} s\n",
+                                 s.output, survey.size(), survey.cameras.size(), Seconds(start));
+  if (outside > 0) text += fmt::format("{} of the points lie outside the lab's volume\n", outside);
+  Finish(common, summary, text);
+  return kExitGood;
+}
+
+int ExposeTrialVerb(const Common& common, const Settings& s) {
+  const auto start = std::chrono::steady_clock::now();
+  const data::Lab lab = data::ReadLab(s.lab, s.overrides);
+  const data::Run run = data::ReadRun(s.run);
+  const data::Provenance provenance = ProvenanceOf(common, s, lab);
+  const data::TrialHeader header = measure::HeaderOf(lab);
+  Progress progress("expose", !common.quiet && !common.json);
+  measure::ExposeOptions options{.workers = s.workers,
+                                 .progress = [&](double done) { progress.Update(done); }};
+  data::Tracks truth;
+  data::TrialWriter trial(s.output, header, provenance);
+  measure::ExposeTrial(lab, run, trial, options, &truth);
+  trial.Commit();
+  if (!s.truth.empty()) data::WriteTracks(s.truth, truth, provenance);
+
+  const std::size_t outside = Outside(truth.p, lab);
+  const double duration = truth.t.empty() ? 0.0 : truth.t.back();
+  const ordered_json summary = {
+      {"output", s.output},       {"cameras", header.cameras},         {"marks", truth.marks},
+      {"flashes", truth.size()},  {"flashes_outside_volume", outside}, {"duration_s", duration},
+      {"seconds", Seconds(start)}};
+  std::string text =
+      fmt::format("{}: {:.2f} s of {} cameras at {:g} lines/s, {} flashes of {} marks, {:.1f} s\n",
+                  s.output, duration, header.cameras.size(), header.line_rate, truth.size(),
+                  truth.marks.size(), Seconds(start));
+  if (outside > 0) {
+    text += fmt::format(
+        "{} flashes lie outside the lab's volume: the rig is not calibrated there\n", outside);
+  }
+  Finish(common, summary, text);
+  return kExitGood;
+}
+
+}  // namespace
+
+Verb AddExpose(CLI::App& program, Common& common) {
+  CLI::App* app = DeclareVerb(program, common, "expose",
+                              "A virtual experiment: what the cameras of a lab would record",
+                              "unfurl expose run.h5 --lab lab.toml -o trial.h5\n"
+                              "  unfurl expose --survey points.csv --lab lab.toml -o survey.h5");
+  auto s = std::make_shared<Settings>();
+  auto* run = app->add_option("RUN", s->run, "The run whose marks are recorded [HDF5]");
+  auto* survey = app->add_option("--survey", s->points, "Record a survey of these points [CSV]");
+  run->excludes(survey);
+  app->add_option("--lab", s->lab, "The laboratory [TOML]")->required();
+  app->add_option("-o,--output", s->output, "Output [HDF5]; default trial.h5 or survey.h5");
+  app->add_option("--truth", s->truth, "Also write where every mark truly was [HDF5 tracks]");
+  app->add_option("--set", s->overrides, "KEY=VALUE: another value for a key of the lab")
+      ->allow_extra_args(false);
+  app->add_option("--workers", s->workers, "Threads; 0: all cores");
+  return {app, [&common, s] {
+            if (s->run.empty() == s->points.empty()) {
+              throw Error("names neither a run nor a survey", "command line",
+                          "give RUN.h5, or --survey POINTS.csv");
+            }
+            if (s->output.empty()) s->output = s->points.empty() ? "trial.h5" : "survey.h5";
+            return s->points.empty() ? ExposeTrialVerb(common, *s) : ExposeSurveyVerb(common, *s);
+          }};
+}
+
+}  // namespace unfurl::cli
