@@ -168,21 +168,15 @@ class PriorCost : public ceres::SizedCostFunction<kPriorRows, kAmbient> {
 
 class CoreLoss : public ceres::LossFunction {
  public:
-  explicit CoreLoss(double width) : square_(width * width) {}
+  explicit CoreLoss(double width) : width_(width) {}
   void Evaluate(double s, double rho[3]) const override {
-    if (s <= square_) {
-      rho[0] = s;
-      rho[1] = 1.0;
-      rho[2] = 0.0;
-      return;
-    }
-    rho[0] = square_ * (1.0 + std::log(s / square_));
-    rho[1] = square_ / s;
-    rho[2] = -rho[1] / s;
+    rho[0] = Loss(s, width_);
+    rho[1] = LossWeight(s, width_);
+    rho[2] = rho[1] < 1.0 ? -rho[1] / s : 0.0;
   }
 
  private:
-  double square_;
+  double width_;
 };
 
 double WhitenedSquare(const Observations& data, const BundleState& state, Eigen::Index i) {
@@ -229,6 +223,11 @@ void Summarise(const Observations& data, const std::vector<CameraPrior>& priors,
 }
 
 }  // namespace
+
+double Loss(double s, double width) {
+  const double square = width * width;
+  return s <= square ? s : square * (1.0 + std::log(s / square));
+}
 
 double LossWeight(double s, double width) {
   const double square = width * width;

@@ -65,7 +65,8 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
 // The loss on a squared whitened residual s, which has `dimensions` components: s up to w^2, then
 // w^2 (1 + log(s / w^2)). It is least squares for what is plausible, so that clean data lose no
 // efficiency, and its influence redescends as Cauchy's does for what is not.
-double LossWeight(double s, double width);
+double Loss(double s, double width);
+double LossWeight(double s, double width);  // its derivative by s
 // The width that leaves the same share of good data outside for a survey point's three coordinates
 // as `width` does for one reading.
 double SurveyLossWidth(double width);

@@ -12,6 +12,8 @@
 #include "calib/held_out.h"
 #include "calib/model_floor.h"
 #include "calib/verdict.h"
+#include "measure/camera_model.h"
+#include "measure/triangulate.h"
 
 namespace unfurl::calib {
 namespace {
@@ -67,40 +69,93 @@ std::vector<CameraReport> ReportCameras(const std::vector<CameraGuess>& guesses,
   return out;
 }
 
+// What the loss makes of one point at `p`: its readings and its survey.
+double PointCost(const Observations& data, const BundleState& state, std::size_t first, int point,
+                 const Eigen::Vector3d& p, double floor_px, double width) {
+  const auto i = static_cast<std::size_t>(point);
+  const Eigen::Vector3d d = p - data.p.col(point);
+  double cost = Loss(d.dot(data.cov[i].llt().solve(d)), SurveyLossWidth(width));
+  for (std::size_t k = first; k < data.readings.size() && data.readings[k].point == point; ++k) {
+    const Reading& r = data.readings[k];
+    double u = 0.0;
+    if (!measure::Project(state.cameras[static_cast<std::size_t>(r.camera)], p, &u)) continue;
+    const double variance = r.s_px * r.s_px + floor_px * floor_px;
+    cost += Loss((r.u_px - u) * (r.u_px - u) / variance, width);
+  }
+  return cost;
+}
+
+// A point starts where the survey has it, or where its readings do if the loss prefers that: then
+// the survey is in gross error there, and a loss that redescends would not find out by itself.
+void ChoosePointStarts(const Observations& data, double floor_px, double width,
+                       BundleState* state) {
+  data::Rig rig;
+  rig.cameras = state->cameras;
+  rig.model_floor_px = floor_px;
+  rig.volume_low = data.p.rowwise().minCoeff();
+  rig.volume_high = data.p.rowwise().maxCoeff();
+  const measure::Triangulator triangulator(rig);
+  std::vector<double> u(rig.cameras.size()), s(rig.cameras.size());
+  std::size_t k = 0;
+  for (int i = 0; i < data.points(); ++i) {
+    std::fill(u.begin(), u.end(), std::numeric_limits<double>::quiet_NaN());
+    const std::size_t first = k;
+    for (; k < data.readings.size() && data.readings[k].point == i; ++k) {
+      u[static_cast<std::size_t>(data.readings[k].camera)] = data.readings[k].u_px;
+      s[static_cast<std::size_t>(data.readings[k].camera)] = data.readings[k].s_px;
+    }
+    const measure::PointSolution found = triangulator.Solve(u, s, data.p.col(i));
+    if (found.outcome != measure::PointOutcome::kSolved) continue;
+    if (PointCost(data, *state, first, i, found.p, floor_px, width) <
+        PointCost(data, *state, first, i, data.p.col(i), floor_px, width)) {
+      state->points.col(i) = found.p;
+    }
+  }
+}
+
+// The box of the points that fit; a gross error of the survey may lie anywhere.
+void SetVolume(const Observations& data, const BundleSummary& summary, data::Rig* rig) {
+  rig->volume_low.setConstant(std::numeric_limits<double>::infinity());
+  rig->volume_high.setConstant(-std::numeric_limits<double>::infinity());
+  for (Eigen::Index i = 0; i < data.p.cols(); ++i) {
+    if (summary.survey_weight[static_cast<std::size_t>(i)] < 1.0) continue;
+    rig->volume_low = rig->volume_low.cwiseMin(data.p.col(i));
+    rig->volume_high = rig->volume_high.cwiseMax(data.p.col(i));
+  }
+}
+
 }  // namespace
 
-Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
-                      const std::string& where) {
+RigFit FitRig(const Observations& data, const CalibrateOptions& options, const std::string& where) {
   if (data.camera_count() < 3) {
     throw Error(fmt::format("the survey has readings of {} cameras", data.camera_count()), where,
                 "three cameras or more are needed to find a point");
   }
-  const std::vector<CameraGuess> guesses = GuessCameras(data, options.guess, where);
-  std::vector<CameraPrior> priors;
+  RigFit fit;
+  fit.guesses = GuessCameras(data, options.guess, where);
   BundleState start;
   start.points = data.p;
   double start_floor_px = 0.0;
-  for (const CameraGuess& guess : guesses) {
-    priors.push_back(guess.prior);
+  for (const CameraGuess& guess : fit.guesses) {
+    fit.priors.push_back(guess.prior);
     start.cameras.push_back(guess.camera);
     start_floor_px = std::max(start_floor_px, 2.0 * guess.sigma_px);
   }
-  const FlooredBundle full =
-      SolveWithFloor(data, priors, start_floor_px, options.bundle, std::move(start));
+  ChoosePointStarts(data, start_floor_px, options.bundle.loss_width, &start);
+  fit.bundle = SolveWithFloor(data, fit.priors, start_floor_px, options.bundle, std::move(start));
+  fit.rig.cameras = fit.bundle.state.cameras;
+  fit.rig.model_floor_px = fit.bundle.floor_px;
+  fit.rig.covariance = CameraCovariance(fit.bundle.summary.information);
+  SetVolume(data, fit.bundle.summary, &fit.rig);
+  return fit;
+}
 
+Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
+                      const std::string& where) {
+  const RigFit fit = FitRig(data, options, where);
+  const FlooredBundle& full = fit.bundle;
   Calibration out;
-  out.rig.cameras = full.state.cameras;
-  out.rig.model_floor_px = full.floor_px;
-  out.rig.covariance = CameraCovariance(full.summary.information);
-  // The volume of the points that fit; a gross error of the survey may lie anywhere.
-  out.rig.volume_low.setConstant(std::numeric_limits<double>::infinity());
-  out.rig.volume_high.setConstant(-std::numeric_limits<double>::infinity());
-  for (Eigen::Index i = 0; i < data.p.cols(); ++i) {
-    if (full.summary.survey_weight[static_cast<std::size_t>(i)] < 1.0) continue;
-    out.rig.volume_low = out.rig.volume_low.cwiseMin(data.p.col(i));
-    out.rig.volume_high = out.rig.volume_high.cwiseMax(data.p.col(i));
-  }
-
+  out.rig = fit.rig;
   CalibrationReport& report = out.report;
   report.ids = data.ids;
   report.converged = full.summary.converged;
@@ -113,10 +168,10 @@ Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
     report.readings.push_back({r.point, r.camera, r.u_px, full.summary.residual_px[k],
                                std::hypot(r.s_px, full.floor_px), full.summary.reading_weight[k]});
   }
-  report.cameras = ReportCameras(guesses, report.readings);
-  report.weak = FindWeak(priors, out.rig.covariance);
+  report.cameras = ReportCameras(fit.guesses, report.readings);
+  report.weak = FindWeak(fit.priors, out.rig.covariance);
   HeldOutResult held_out =
-      CheckHeldOut(data, priors, full, options.bundle, options.folds, options.workers);
+      CheckHeldOut(data, fit.priors, full, options.bundle, options.folds, options.workers);
   report.held_out = std::move(held_out.points);
   report.held_out_unsolved = held_out.unsolved;
   Judge(report, data, &out.rig);

@@ -7,6 +7,7 @@
 
 #include "calib/bundle.h"
 #include "calib/initial_guess.h"
+#include "calib/model_floor.h"
 #include "calib/observations.h"
 #include "data/rig.h"
 
@@ -73,6 +74,16 @@ struct Calibration {
   data::Rig rig;  // with checks, verdict and reasons
   CalibrationReport report;
 };
+
+// The fit alone: guess per camera, bundle with the model-error floor, joint covariance; what
+// Calibrate checks and judges, and what a study of many calibrations repeats.
+struct RigFit {
+  std::vector<CameraGuess> guesses;
+  std::vector<CameraPrior> priors;
+  FlooredBundle bundle;
+  data::Rig rig;  // cameras, covariance, floor and volume
+};
+RigFit FitRig(const Observations& data, const CalibrateOptions& options, const std::string& where);
 
 // From a survey to a rig, without an initial guess: guess per camera, bundle with the model-error
 // floor, covariance, held-out check, verdict. `where` names the survey in errors. Throws Error for

@@ -45,14 +45,14 @@ FlooredBundle SolveWithFloor(const Observations& data, const std::vector<CameraP
   }
   const double negligible = kNegligible * least_sigma;
   double low = negligible;
-  // Down in halves first: each solution is the next one's start, and few readings change sides.
+  // Down in quarters first: each solution is the next one's start, and few readings change sides.
   while (high.floor_px > negligible) {
-    FlooredBundle half = solve(0.5 * high.floor_px, high.state);
-    if (excess(half) > 0.0) {
-      low = half.floor_px;
+    FlooredBundle lower = solve(0.25 * high.floor_px, high.state);
+    if (excess(lower) > 0.0) {
+      low = lower.floor_px;
       break;
     }
-    high = std::move(half);
+    high = std::move(lower);
   }
   if (high.floor_px <= negligible) return solve(0.0, high.state);
 

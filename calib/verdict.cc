@@ -18,6 +18,9 @@ constexpr double kChance = 1e-3;
 constexpr double kHonestyLimit = 4.0;
 // Points to be told apart from errors of this size are what such rigs are for [m].
 constexpr double kErrorForCare = 1e-3, kErrorForNo = 10e-3;
+// Share of the points that may be worse than kErrorForCare, or have too few readings to be found:
+// corners of the volume where three cameras see.
+constexpr double kPoorShare = 0.1;
 // Share of gross errors that the robust loss stands with some margin.
 constexpr double kGrossForCare = 0.05, kGrossForNo = 0.3;
 // A floor beyond this says that the lens is not of the model's kind [px].
@@ -29,63 +32,81 @@ struct Tally {
   std::vector<std::string> no, care, fine;
 };
 
-void JudgeHeldOut(const CalibrationReport& report, const Observations& data, data::Rig* rig,
-                  Tally* tally) {
-  double squares = 0.0, predicted = 0.0, survey = 0.0, nees = 0.0, worst = 0.0;
-  std::vector<double> sizes;
+// Sums over the held-out points: measured, predicted and the survey's squared errors.
+struct HeldOutSums {
+  double n = 0.0, squares = 0.0, predicted = 0.0, survey = 0.0, nees = 0.0;
+  double variance = 0.0;           // of `squares`, if the prediction is true
+  std::vector<double> sizes, own;  // |error|, and predicted without the survey's part [m]
+};
+
+HeldOutSums Sum(const CalibrationReport& report, const Observations& data) {
+  HeldOutSums sums;
   for (const HeldOutPoint& point : report.held_out) {
-    squares += point.error.squaredNorm();
-    predicted += point.predicted.trace();
-    survey += data.cov[static_cast<std::size_t>(point.point)].trace();
-    nees += point.squared;
-    sizes.push_back(point.error.norm());
-    worst = std::max(worst, sizes.back());
+    const double survey = data.cov[static_cast<std::size_t>(point.point)].trace();
+    sums.n += 1.0;
+    sums.squares += point.error.squaredNorm();
+    sums.predicted += point.predicted.trace();
+    sums.survey += survey;
+    sums.nees += point.squared;
+    sums.variance += 2.0 * point.predicted.squaredNorm();
+    sums.sizes.push_back(point.error.norm());
+    sums.own.push_back(std::sqrt(std::max(0.0, point.predicted.trace() - survey)));
   }
-  const auto n = static_cast<double>(report.held_out.size());
-  if (n == 0.0) {
+  return sums;
+}
+
+void JudgeHeldOut(const CalibrationReport& report, const HeldOutSums& sums, data::Rig* rig,
+                  Tally* tally) {
+  if (sums.n == 0.0) {
     tally->no.push_back("no held-out point could be found from its readings");
     return;
   }
-  const double rms = std::sqrt(squares / n);
-  const double own = std::sqrt(std::max(0.0, squares - survey) / n);
-  const double own_predicted = std::sqrt((predicted - survey) / n);
-  const double ratio = nees / (3.0 * n);
-  rig->checks["held_out_points [1]"] = n;
-  rig->checks["held_out_rms [m]"] = rms;
-  rig->checks["held_out_rms_predicted [m]"] = std::sqrt(predicted / n);
-  rig->checks["held_out_rms_without_survey [m]"] = own;
-  rig->checks["held_out_rms_without_survey_predicted [m]"] = own_predicted;
-  rig->checks["held_out_p95 [m]"] = Quantile(sizes, 0.95);
-  rig->checks["held_out_max [m]"] = worst;
-  rig->checks["held_out_nees_per_dof [1]"] = ratio;
+  const double n = sums.n, rms = std::sqrt(sums.squares / n);
+  const double upper = NormalQuantile(0.95) * std::sqrt(sums.variance);
+  const double ratio = sums.nees / (3.0 * n);
+  const double typical = Median(sums.own);
+  auto& checks = rig->checks;
+  checks["held_out_points [1]"] = n;
+  checks["held_out_rms [m]"] = rms;
+  checks["held_out_rms_predicted [m]"] = std::sqrt(sums.predicted / n);
+  checks["held_out_p95 [m]"] = Quantile(sums.sizes, 0.95);
+  checks["held_out_max [m]"] = *std::max_element(sums.sizes.begin(), sums.sizes.end());
+  checks["held_out_nees_per_dof [1]"] = ratio;
+  checks["own_error_rms [m]"] = std::sqrt(std::max(0.0, sums.squares - sums.survey) / n);
+  checks["own_error_rms_at_most [m]"] =
+      std::sqrt(std::max(0.0, sums.squares - sums.survey + upper) / n);
+  checks["own_error_rms_predicted [m]"] = std::sqrt((sums.predicted - sums.survey) / n);
+  checks["own_error_median_predicted [m]"] = typical;
 
-  tally->fine.push_back(
-      fmt::format("{} points that took no part in the fit were found {:.2f} mm RMS from the survey "
-                  "(predicted {:.2f} mm, of which the survey's own error is {:.2f} mm)",
-                  report.held_out.size(), 1e3 * rms, 1e3 * std::sqrt(predicted / n),
-                  1e3 * std::sqrt(survey / n)));
+  tally->fine.push_back(fmt::format(
+      "{:.0f} points that took no part in the fit were found {:.2f} mm RMS from the "
+      "survey (predicted {:.2f} mm, of which the survey's own error is {:.2f} mm)",
+      n, 1e3 * rms, 1e3 * std::sqrt(sums.predicted / n), 1e3 * std::sqrt(sums.survey / n)));
   if (ratio > kHonestyLimit) {
     tally->no.push_back(fmt::format(
         "held-out points miss by {:.1f} times what was predicted: the error bars are not to be "
         "believed",
         std::sqrt(ratio)));
-  } else if (ChiSquareTail(nees, 3.0 * n) < kChance) {
+  } else if (ChiSquareTail(sums.nees, 3.0 * n) < kChance) {
     tally->care.push_back(fmt::format(
         "held-out points miss by {:.2f} times what was predicted, more than chance explains",
         std::sqrt(ratio)));
   }
-  if (own_predicted > kErrorForNo) {
+  if (typical > kErrorForNo) {
     tally->no.push_back(
-        fmt::format("points are predicted to be wrong by {:.0f} mm RMS: more or "
+        fmt::format("half of the points are predicted to be wrong by more than {:.0f} mm: more or "
                     "better survey points, or crossed lens axes, are needed",
-                    1e3 * own_predicted));
-  } else if (own_predicted > kErrorForCare) {
-    tally->care.push_back(
-        fmt::format("points are predicted to be wrong by {:.1f} mm RMS", 1e3 * own_predicted));
+                    1e3 * typical));
+    return;
   }
-  if (report.held_out_unsolved > 0) {
-    tally->care.push_back(fmt::format("{} points have too few readings to be found from them",
-                                      report.held_out_unsolved));
+  const auto poor = static_cast<double>(std::count_if(
+      sums.own.begin(), sums.own.end(), [](double error) { return error > kErrorForCare; }));
+  const double share = (poor + report.held_out_unsolved) / (n + report.held_out_unsolved);
+  if (share > kPoorShare) {
+    tally->care.push_back(fmt::format(
+        "{:.0f}% of the surveyed places are predicted to be wrong by more than {:.0f} mm, or are "
+        "seen by too few cameras",
+        100.0 * share, 1e3 * kErrorForCare));
   }
 }
 
@@ -139,7 +160,7 @@ void JudgeFit(const CalibrationReport& report, data::Rig* rig, Tally* tally) {
 
 void Judge(const CalibrationReport& report, const Observations& data, data::Rig* rig) {
   Tally tally;
-  JudgeHeldOut(report, data, rig, &tally);
+  JudgeHeldOut(report, Sum(report, data), rig, &tally);
   JudgeFit(report, rig, &tally);
   if (report.cameras.size() == 3) {
     tally.care.push_back("with three cameras nothing is left over to check a reading with");
