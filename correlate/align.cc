@@ -39,8 +39,8 @@ Refined Refine(const Observations& a, const SampledModel& b, double offset,
     const double moved = std::abs(out.fit.at.offset - offset);
     offset = out.fit.at.offset;
     out.reference = b.Evaluate({}, a.StampsAt(offset));
-    // Without sigmas the unit weight is 1 m: then round-off decides.
-    if (round > 0 && moved <= std::min(1e-3 * sigma, 1e-7)) {
+    // Without sigmas the unit weight is 1 m: then 10 ns decide.
+    if (round > 0 && moved <= (a.has_sigma ? 1e-3 * sigma : 1e-8)) {
       out.converged = true;
       break;
     }

@@ -143,6 +143,17 @@ RegistrationFit FitRegistration(const Observations& observations, const Predicti
     for (Eigen::Index i = 0; i < motion.p.cols(); ++i) fit.known += Known(motion, i) ? 1 : 0;
   }
 
+  // The reference's own covariance turns with the frame; that second-order effect is left to the
+  // caller's next round.
+  std::vector<Eigen::Matrix3d> whitener;
+  whitener.reserve(observations.size());
+  for (std::size_t m = 0; m < observations.marks.size(); ++m) {
+    for (Eigen::Index i = 0; i < observations.marks[m].p.cols(); ++i) {
+      whitener.push_back(
+          Whitener(observations.marks[m], prediction.marks[m], i, start.X_WM.linear()));
+    }
+  }
+
   // Residuals and, with `jacobian`, their derivatives at fit.at.
   auto evaluate = [&](bool jacobian) {
     const Eigen::Matrix3d R = fit.at.X_WM.linear();
@@ -156,7 +167,7 @@ RegistrationFit FitRegistration(const Observations& observations, const Predicti
           fit.residual.segment<3>(row).setZero();
           continue;
         }
-        const Eigen::Matrix3d W = Whitener(series, motion, i, R);
+        const Eigen::Matrix3d& W = whitener[static_cast<std::size_t>(row / 3)];
         const Eigen::Vector3d y = motion.p.col(i) - ahead * motion.v.col(i);
         Eigen::Vector3d e = series.p.col(i) - fit.at.X_WM * y;
         if (k > 0) e -= series.shared.middleCols(i * k, k) * fit.at.z;

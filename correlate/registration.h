@@ -22,7 +22,7 @@ struct RegistrationOptions {
   bool fit_frame = true;
   bool fit_offset = true;
   int max_iterations = 30;
-  double tolerance = 1e-6;  // ends when no unknown moves by more than this part of its sigma
+  double tolerance = 1e-5;  // ends when no unknown moves by more than this part of its sigma
 };
 
 // Nuisance unknowns in the order of the columns below: rotation w (3, X_WM <- Exp(w) about the
