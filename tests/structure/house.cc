@@ -233,6 +233,20 @@ Findings CheckHeader(const std::string& path, std::string_view text) {
   return {path + ": a header without #pragma once"};
 }
 
+std::vector<std::string> LinksOf(std::string_view text) {
+  std::vector<std::string> links;
+  for (std::size_t at = text.find("]("); at != std::string_view::npos;
+       at = text.find("](", at + 1)) {
+    const std::size_t begin = at + 2;
+    const std::size_t end = text.find_first_of(") \n", begin);
+    if (end == std::string_view::npos || text[end] != ')') continue;
+    std::string target(text.substr(begin, end - begin));
+    target = target.substr(0, target.find('#'));
+    if (!target.empty() && target.find(':') == std::string::npos) links.push_back(target);
+  }
+  return links;
+}
+
 Findings CheckPackages(std::string_view packages, std::string_view document) {
   Findings findings;
   ForEachLine(packages, [&](int number, std::string_view line) {

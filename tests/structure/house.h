@@ -32,6 +32,9 @@ Findings CheckLength(const std::string& path, std::string_view text, bool* is_lo
 // Headers are guarded by #pragma once.
 Findings CheckHeader(const std::string& path, std::string_view text);
 
+// Targets of links in a Markdown file, without anchors; those that leave the tree are passed over.
+std::vector<std::string> LinksOf(std::string_view text);
+
 // Each package of packages.txt has a row in docs/dependencies.md.
 Findings CheckPackages(std::string_view packages, std::string_view document);
 

@@ -122,6 +122,12 @@ TEST(CheckHeader, WantsAGuard) {
   EXPECT_THAT(CheckHeader("a.cc", "int x;\n"), IsEmpty());
 }
 
+TEST(LinksOf, FindsWhatCanBeChecked) {
+  EXPECT_THAT(LinksOf("see [a](docs/a.md#part), ![b](b.png), [c](#here) and [d](mailto:e@f)"),
+              ElementsAre("docs/a.md", "b.png"));
+  EXPECT_THAT(LinksOf("f[i](x y)"), IsEmpty());
+}
+
 TEST(CheckPackages, WantsARowForEach) {
   EXPECT_THAT(CheckPackages("# words\ncmake\nlibx-dev  # for y\n", "| `cmake` | builds |"),
               ElementsAre(HasSubstr("packages.txt:3: libx-dev")));

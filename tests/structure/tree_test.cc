@@ -114,6 +114,16 @@ TEST(Tree, HeadersAreGuarded) {
   for (const auto& [path, text] : Tree()) Expect(CheckHeader(path, text));
 }
 
+TEST(Tree, LinksLeadSomewhere) {
+  for (const auto& [path, text] : Tree()) {
+    if (!path.ends_with(".md")) continue;
+    const fs::path folder = (fs::path(UNFURL_SOURCE_DIR) / path).parent_path();
+    for (const std::string& link : LinksOf(text)) {
+      EXPECT_TRUE(fs::exists(folder / link)) << path << " links to " << link;
+    }
+  }
+}
+
 TEST(Tree, EveryPackageIsJustified) {
   ASSERT_TRUE(Tree().contains("docs/dependencies.md"));
   Expect(CheckPackages(Tree().at("packages.txt"), Tree().at("docs/dependencies.md")));
