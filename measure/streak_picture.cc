@@ -56,7 +56,9 @@ StreakPicture::StreakPicture(const data::TrialHeader& header, std::size_t lines)
     : impl_(std::make_unique<Impl>()) {
   impl_->header = header;
   impl_->lines = std::max<std::size_t>(lines, 1);
-  impl_->width = static_cast<int>(std::min<std::size_t>(impl_->lines, kWidth));
+  // A column holds a whole round of slots at least, so that each mark is in each.
+  const std::size_t rounds = std::max<std::size_t>(1, impl_->lines / header.slots.size());
+  impl_->width = static_cast<int>(std::min<std::size_t>(rounds, kWidth));
   impl_->dark.resize(header.cameras.size());
   impl_->noise.resize(header.cameras.size(), 0.0);
   for (std::size_t c = 0; c < header.cameras.size(); ++c) {
