@@ -14,20 +14,23 @@ struct Relative {
   double dx, dy, dtheta;
 };
 
-inline Relative Relate(const Motion& m, int e) {
-  const double sum_c = m.c[e] + m.c[e + 1];
-  const double sum_s = m.s[e] + m.s[e + 1];
+inline Relative Relate(double ci, double cj, double si, double sj, double rx, double ry,
+                       double dtheta) {
+  const double sum_c = ci + cj, sum_s = si + sj;
   // The sum of two unit vectors points along the mean of their angles.
   const double inverse = 1.0 / std::sqrt(sum_c * sum_c + sum_s * sum_s + kTiny);
   Relative r;
   r.ce = sum_c * inverse;
   r.se = sum_s * inverse;
-  const double rx = m.x[e + 1] - m.x[e];
-  const double ry = m.y[e + 1] - m.y[e];
   r.dx = r.ce * rx + r.se * ry;
   r.dy = r.ce * ry - r.se * rx;
-  r.dtheta = m.theta[e + 1] - m.theta[e];
+  r.dtheta = dtheta;
   return r;
+}
+
+Relative RelateAt(const Motion& m, int e) {
+  return Relate(m.c[e], m.c[e + 1], m.s[e], m.s[e + 1], m.x[e + 1] - m.x[e], m.y[e + 1] - m.y[e],
+                m.theta[e + 1] - m.theta[e]);
 }
 
 }  // namespace
@@ -56,8 +59,16 @@ void Bending::Set(int e, const Element& element) {
 
 template <bool kDamped, bool kAxial, bool kPower>
 void Bending::Forces(const Motion& motion, double* scratch) const {
-  const Motion m = motion;
-  const int stride = beam_count_ + kBlock;
+  const int count = beam_count_;
+  const int stride = count + kBlock;
+  const double* __restrict px = motion.x;
+  const double* __restrict py = motion.y;
+  const double* __restrict pt = motion.theta;
+  const double* __restrict pc = motion.c;
+  const double* __restrict ps = motion.s;
+  const double* __restrict vx = motion.vx;
+  const double* __restrict vy = motion.vy;
+  const double* __restrict omega = motion.omega;
   double* __restrict ex = scratch + 1;  // entry -1 stays 0
   double* __restrict ey = ex + stride;
   double* __restrict mi = ey + stride;
@@ -69,15 +80,17 @@ void Bending::Forces(const Motion& motion, double* scratch) const {
   const double* __restrict axial = axial_stiffness_.data();
   const double* __restrict beta = beta_.data();
   const double* __restrict gradient = gradient_.data();
-  for (int e = 0; e < beam_count_; ++e) {
-    const Relative r = Relate(m, e);
+#pragma GCC ivdep
+  for (int e = 0; e < count; ++e) {
+    const Relative r = Relate(pc[e], pc[e + 1], ps[e], ps[e + 1], px[e + 1] - px[e],
+                              py[e + 1] - py[e], pt[e + 1] - pt[e]);
     double y = r.dy, theta = r.dtheta, x = r.dx - length[e];
     if constexpr (kDamped) {
-      const double rvx = m.vx[e + 1] - m.vx[e];
-      const double rvy = m.vy[e + 1] - m.vy[e];
-      const double spin = 0.5 * (m.omega[e] + m.omega[e + 1]);
+      const double rvx = vx[e + 1] - vx[e];
+      const double rvy = vy[e + 1] - vy[e];
+      const double spin = 0.5 * (omega[e] + omega[e + 1]);
       const double y_rate = r.ce * rvy - r.se * rvx - spin * r.dx;
-      const double theta_rate = m.omega[e + 1] - m.omega[e];
+      const double theta_rate = omega[e + 1] - omega[e];
       y += beta[e] * y_rate;
       theta += beta[e] * theta_rate;
       double x_rate = 0.0;
@@ -130,6 +143,7 @@ void Bending::AddLoad(const Motion& motion, double* scratch, Load load, double* 
   double* __restrict fx = load.fx;
   double* __restrict fy = load.fy;
   double* __restrict m = load.m;
+#pragma GCC ivdep
   for (int k = 0; k < beam_count_; ++k) {
     fx[k] += ex[k] - ex[k - 1];
     fy[k] += ey[k] - ey[k - 1];
@@ -149,8 +163,9 @@ void Bending::AddLoad(const Motion& motion, double* scratch, Load load, double* 
 
 double Bending::Energy(const Motion& motion) const {
   double sum = 0.0;
+#pragma GCC ivdep
   for (int e = 0; e < beam_count_; ++e) {
-    const Relative r = Relate(motion, e);
+    const Relative r = RelateAt(motion, e);
     sum += 0.5 * (shear_[e] * r.dy * r.dy + bend_[e] * r.dtheta * r.dtheta);
   }
   return sum;
@@ -159,7 +174,7 @@ double Bending::Energy(const Motion& motion) const {
 double Bending::AxialEnergy(const Motion& motion) const {
   double sum = 0.0;
   for (int e = 0; e < beam_count_ && axial_; ++e) {
-    const double x = Relate(motion, e).dx - length_[e];
+    const double x = RelateAt(motion, e).dx - length_[e];
     sum += 0.5 * axial_stiffness_[e] * x * x;
   }
   return sum;

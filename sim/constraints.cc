@@ -61,7 +61,7 @@ Constraints::Constraints(const Slots& slots, const std::vector<double>& element_
   const auto row_of = [&](const Block& b) {
     return b.pin < 0 ? b.row : beam_count_ + 2 * b.pin + b.row;
   };
-  std::vector<SparseLdlt::Entry> entries;
+  std::vector<SparseLdlt::Pair> entries;
   std::map<std::pair<int, int>, int> place_of;
   int places = beam_count_;
   for (int e = 0; e + 1 < beam_count_; ++e) {

@@ -4,11 +4,29 @@
 #include "sim/constraints.h"
 
 namespace unfurl::sim {
+namespace {
+
+// `values` come in whole blocks, zero beyond the rows.
+double LargestMagnitude(const Array& values) {
+  double largest[kBlock] = {};
+  for (std::size_t i = 0; i < values.size(); i += kBlock) {
+    for (int k = 0; k < kBlock; ++k) {
+      const double v = std::fabs(values[i + k]);
+      largest[k] = v > largest[k] ? v : largest[k];
+    }
+  }
+  double all = 0.0;
+  for (const double v : largest) all = v > all ? v : all;
+  return all;
+}
+
+}  // namespace
 
 void Constraints::FillGeometry(const Motion& m, Work* work) const {
   double* __restrict tilt = work->tilt.data();
   double* __restrict tilt_i = work->tilt_i.data();
   const double* __restrict active = active_.data();
+#pragma GCC ivdep
   for (int e = 0; e < beam_count_; ++e) {
     const double t = active[e] * ((m.y[e + 1] - m.y[e]) * m.c[e] - (m.x[e + 1] - m.x[e]) * m.s[e]);
     tilt[e] = t;
@@ -44,10 +62,14 @@ void Constraints::AssembleSchur(const Motion& m, Work* work) const {
   const double* __restrict inertia_i = inertia_i_.data();
   const double* __restrict inertia_j = inertia_j_.data();
   const double* __restrict shared = shared_.data();
-  for (int e = 0; e < beam_count_; ++e) {
+  const double* __restrict c = m.c;
+  const double* __restrict s = m.s;
+  const int count = beam_count_;
+#pragma GCC ivdep
+  for (int e = 0; e < count; ++e) {
     diagonal[e] =
         mass_sum[e] + inertia_i[e] * tilt_i[e] * tilt_i[e] + inertia_j[e] * tilt_j[e] * tilt_j[e];
-    off[e] = -shared[e] * (m.c[e] * m.c[e + 1] + m.s[e] * m.s[e + 1]);
+    off[e] = -shared[e] * (c[e] * c[e + 1] + s[e] * s[e + 1]);
   }
   for (int k = beam_count_; k < ldlt_.places(); ++k) off[k] = 0.0;
   const double* o = work->pin_points.data();
@@ -92,17 +114,21 @@ void Constraints::ConstraintLoad(const Motion& m, Work* work) const {
   double* __restrict mm = work->m.data();
   const double* __restrict lambda = work->lambda.data();
   const double* __restrict tilt = work->tilt.data();
-  if (beam_count_ > 0) {
-    fx[0] = -m.c[0] * lambda[0];
-    fy[0] = -m.s[0] * lambda[0];
+  const double* __restrict c = m.c;
+  const double* __restrict sine = m.s;
+  const int count = beam_count_;
+  if (count > 0) {
+    fx[0] = -c[0] * lambda[0];
+    fy[0] = -sine[0] * lambda[0];
     mm[0] = tilt[0] * lambda[0];
   }
-  for (int k = 1; k < beam_count_; ++k) {
-    fx[k] = m.c[k - 1] * lambda[k - 1] - m.c[k] * lambda[k];
-    fy[k] = m.s[k - 1] * lambda[k - 1] - m.s[k] * lambda[k];
+#pragma GCC ivdep
+  for (int k = 1; k < count; ++k) {
+    fx[k] = c[k - 1] * lambda[k - 1] - c[k] * lambda[k];
+    fy[k] = sine[k - 1] * lambda[k - 1] - sine[k] * lambda[k];
     mm[k] = tilt[k] * lambda[k];
   }
-  for (int k = beam_count_; k < n_; ++k) fx[k] = fy[k] = mm[k] = 0.0;
+  for (int k = count; k < n_; ++k) fx[k] = fy[k] = mm[k] = 0.0;
   const double* offset = work->station.data();
   for (const Station& s : stations_) {
     fx[s.body] += fx[s.slot];
@@ -131,10 +157,15 @@ void Constraints::Accelerate(const Motion& m, Load load, Work* work) const {
   double* __restrict alpha = work->alpha.data();
   const double* __restrict im = inverse_mass_.data();
   const double* __restrict ii = inverse_inertia_.data();
-  for (int k = 0; k < n_; ++k) {
-    ax[k] = load.fx[k] * im[k];
-    ay[k] = load.fy[k] * im[k];
-    alpha[k] = load.m[k] * ii[k];
+  const double* __restrict load_x = load.fx;
+  const double* __restrict load_y = load.fy;
+  const double* __restrict load_m = load.m;
+  const int n = n_;
+#pragma GCC ivdep
+  for (int k = 0; k < n; ++k) {
+    ax[k] = load_x[k] * im[k];
+    ay[k] = load_y[k] * im[k];
+    alpha[k] = load_m[k] * ii[k];
   }
   if (count() == 0) return;
 
@@ -151,11 +182,20 @@ void Constraints::Accelerate(const Motion& m, Load load, Work* work) const {
   double* __restrict b = work->lambda.data();
   const double* __restrict tilt = work->tilt.data();
   const double* __restrict active = active_.data();
-  for (int e = 0; e < beam_count_; ++e) {
-    const double c = m.c[e], s = m.s[e], w = m.omega[e];
-    const double along = (m.x[e + 1] - m.x[e]) * c + (m.y[e + 1] - m.y[e]) * s;
+  const double* __restrict x = m.x;
+  const double* __restrict y = m.y;
+  const double* __restrict vx = m.vx;
+  const double* __restrict vy = m.vy;
+  const double* __restrict omega = m.omega;
+  const double* __restrict cosine = m.c;
+  const double* __restrict sine = m.s;
+  const int elements = beam_count_;
+#pragma GCC ivdep
+  for (int e = 0; e < elements; ++e) {
+    const double c = cosine[e], s = sine[e], w = omega[e];
+    const double along = (x[e + 1] - x[e]) * c + (y[e + 1] - y[e]) * s;
     const double gamma =
-        w * (2.0 * ((m.vx[e + 1] - m.vx[e]) * s - (m.vy[e + 1] - m.vy[e]) * c) + w * along);
+        w * (2.0 * ((vx[e + 1] - vx[e]) * s - (vy[e + 1] - vy[e]) * c) + w * along);
     b[e] = active[e] * (gamma - (ax[e + 1] - ax[e]) * c - (ay[e + 1] - ay[e]) * s) -
            tilt[e] * alpha[e];
   }
@@ -176,31 +216,36 @@ void Constraints::Accelerate(const Motion& m, Load load, Work* work) const {
   const double* __restrict fx = work->fx.data();
   const double* __restrict fy = work->fy.data();
   const double* __restrict mm = work->m.data();
-  for (int k = 0; k < n_; ++k) {
-    ax[k] = (load.fx[k] + fx[k]) * im[k];
-    ay[k] = (load.fy[k] + fy[k]) * im[k];
-    alpha[k] = (load.m[k] + mm[k]) * ii[k];
+#pragma GCC ivdep
+  for (int k = 0; k < n; ++k) {
+    ax[k] = (load_x[k] + fx[k]) * im[k];
+    ay[k] = (load_y[k] + fy[k]) * im[k];
+    alpha[k] = (load_m[k] + mm[k]) * ii[k];
   }
 }
 
 double Constraints::PositionDrift(const Motion& m, Work* work) const {
-  double worst = 0.0;
-  double* phi = work->lambda.data();
-  for (int e = 0; e < beam_count_; ++e) {
-    const double along = (m.x[e + 1] - m.x[e]) * m.c[e] + (m.y[e + 1] - m.y[e]) * m.s[e];
-    phi[e] = active_[e] * (along - length_[e]);
-    worst = std::fmax(worst, std::fabs(phi[e]));
+  double* __restrict phi = work->lambda.data();
+  const double* __restrict x = m.x;
+  const double* __restrict y = m.y;
+  const double* __restrict c = m.c;
+  const double* __restrict s = m.s;
+  const double* __restrict active = active_.data();
+  const double* __restrict length = length_.data();
+  const int count = beam_count_;
+#pragma GCC ivdep
+  for (int e = 0; e < count; ++e) {
+    phi[e] = active[e] * ((x[e + 1] - x[e]) * c[e] + (y[e + 1] - y[e]) * s[e] - length[e]);
   }
   const double* o = work->pin_points.data();
-  phi += beam_count_;
+  double* pin_phi = phi + beam_count_;
   for (const Pin& pin : pins_) {
-    phi[0] = m.x[pin.outer] + o[2] - m.x[pin.inner] - o[0];
-    phi[1] = m.y[pin.outer] + o[3] - m.y[pin.inner] - o[1];
-    worst = std::fmax(worst, std::fmax(std::fabs(phi[0]), std::fabs(phi[1])));
-    phi += 2;
+    pin_phi[0] = x[pin.outer] + o[2] - x[pin.inner] - o[0];
+    pin_phi[1] = y[pin.outer] + o[3] - y[pin.inner] - o[1];
+    pin_phi += 2;
     o += 4;
   }
-  return worst;
+  return LargestMagnitude(work->lambda);
 }
 
 double Constraints::PositionDriftAt(const Motion& m, Work* work) const {
@@ -209,24 +254,30 @@ double Constraints::PositionDriftAt(const Motion& m, Work* work) const {
 }
 
 double Constraints::VelocityDrift(const Motion& m, Work* work) const {
-  double worst = 0.0;
-  double* rate = work->lambda.data();
-  for (int e = 0; e < beam_count_; ++e) {
-    rate[e] = active_[e] * ((m.vx[e + 1] - m.vx[e]) * m.c[e] + (m.vy[e + 1] - m.vy[e]) * m.s[e]) +
-              work->tilt[e] * m.omega[e];
-    worst = std::fmax(worst, std::fabs(rate[e]));
+  double* __restrict rate = work->lambda.data();
+  const double* __restrict vx = m.vx;
+  const double* __restrict vy = m.vy;
+  const double* __restrict omega = m.omega;
+  const double* __restrict c = m.c;
+  const double* __restrict s = m.s;
+  const double* __restrict active = active_.data();
+  const double* __restrict tilt = work->tilt.data();
+  const int count = beam_count_;
+#pragma GCC ivdep
+  for (int e = 0; e < count; ++e) {
+    rate[e] =
+        active[e] * ((vx[e + 1] - vx[e]) * c[e] + (vy[e + 1] - vy[e]) * s[e]) + tilt[e] * omega[e];
   }
   const double* o = work->pin_points.data();
-  rate += beam_count_;
+  double* pin_rate = rate + beam_count_;
   for (const Pin& pin : pins_) {
-    const double wi = m.omega[pin.inner], wo = m.omega[pin.outer];
-    rate[0] = m.vx[pin.outer] - wo * o[3] - m.vx[pin.inner] + wi * o[1];
-    rate[1] = m.vy[pin.outer] + wo * o[2] - m.vy[pin.inner] - wi * o[0];
-    worst = std::fmax(worst, std::fmax(std::fabs(rate[0]), std::fabs(rate[1])));
-    rate += 2;
+    const double wi = omega[pin.inner], wo = omega[pin.outer];
+    pin_rate[0] = vx[pin.outer] - wo * o[3] - vx[pin.inner] + wi * o[1];
+    pin_rate[1] = vy[pin.outer] + wo * o[2] - vy[pin.inner] - wi * o[0];
+    pin_rate += 2;
     o += 4;
   }
-  return worst;
+  return LargestMagnitude(work->lambda);
 }
 
 void Constraints::RemoveDrift(const Motion& m, Work* work, double* x, double* y,
@@ -244,7 +295,8 @@ void Constraints::RemoveDrift(const Motion& m, Work* work, double* x, double* y,
 double Constraints::SmallestPivot(const Work& work, int* row) const {
   double smallest = 1.0;
   *row = -1;
-  for (int r : ldlt_.order()) {
+  for (int k = 0; k < ldlt_.size(); ++k) {
+    const int r = ldlt_.RowAt(k);
     double first = 0.0;  // the diagonal entry before elimination
     if (r < beam_count_) {
       first = mass_sum_[r] + inertia_i_[r] * work.tilt_i[r] * work.tilt_i[r] +
@@ -252,10 +304,10 @@ double Constraints::SmallestPivot(const Work& work, int* row) const {
     } else {
       const Pin& pin = pins_[(r - beam_count_) / 2];
       const double* o = &work.pin_points[4 * ((r - beam_count_) / 2)];
-      const int k = (r - beam_count_) % 2 == 0 ? 1 : 0;
+      const int axis = (r - beam_count_) % 2 == 0 ? 1 : 0;
       first = inverse_mass_[pin.inner] + inverse_mass_[pin.outer] +
-              inverse_inertia_[pin.inner] * o[k] * o[k] +
-              inverse_inertia_[pin.outer] * o[k + 2] * o[k + 2];
+              inverse_inertia_[pin.inner] * o[axis] * o[axis] +
+              inverse_inertia_[pin.outer] * o[axis + 2] * o[axis + 2];
     }
     const double ratio = work.diagonal[r] / first;
     if (!(ratio >= smallest)) {

@@ -15,6 +15,7 @@ void Gravity::AddLoad(Load load) const {
   const int n = static_cast<int>(mass_.size());
   double* __restrict fx = load.fx;
   double* __restrict fy = load.fy;
+#pragma GCC ivdep
   for (int i = 0; i < n; ++i) {
     fx[i] += mass_[i] * gx_;
     fy[i] += mass_[i] * gy_;

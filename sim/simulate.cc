@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "base/progress.h"
 #include "sim/dormand_prince.h"
+#include "sim/flush_denormals.h"
 #include "sim/observables.h"
 
 namespace unfurl::sim {
@@ -42,6 +43,7 @@ class Run {
   }
 
   SimulateReport Go() {
+    const FlushDenormals flush;
     const auto begin = std::chrono::steady_clock::now();
     stepper_.Start(model_.initial_state);
     CorrectDrift();

@@ -15,7 +15,7 @@ namespace unfurl::sim {
 // places for fill are added after them.
 class SparseLdlt {
  public:
-  struct Entry {
+  struct Pair {
     int row, column;  // different; each pair once
     int place;        // in the off-diagonal values
   };
@@ -23,12 +23,12 @@ class SparseLdlt {
   SparseLdlt() = default;
   // Rows not in `active` have no equation and are left alone. `places`: how many the caller has
   // taken. Work and memory are O(rows + fill).
-  SparseLdlt(int rows, const std::vector<std::uint8_t>& active, const std::vector<Entry>& entries,
+  SparseLdlt(int rows, const std::vector<std::uint8_t>& active, const std::vector<Pair>& pairs,
              int places);
 
   int places() const { return places_; }  // with those of the fill
-  int size() const { return static_cast<int>(order_.size()); }
-  int nonzeros() const { return static_cast<int>(place_.size()); }  // of L, below the diagonal
+  int size() const { return static_cast<int>(steps_.size()); }
+  int nonzeros() const { return static_cast<int>(entries_.size()); }  // of L, below the diagonal
 
   // Factors in place: `diagonal` becomes D, `off` L, and `inverse` 1 / D; forward-substitutes `x`
   // on the way (L z = x, then z / D).
@@ -38,15 +38,22 @@ class SparseLdlt {
   // L^T x = z.
   void Backward(const double* off, double* x) const;
 
-  const std::vector<int>& order() const { return order_; }
+  // Row eliminated at step k.
+  int RowAt(int k) const { return steps_[k].row; }
 
  private:
+  struct Step {
+    int row;
+    int count;  // of the entries of its column, below the diagonal
+  };
+  struct Entry {
+    int place;
+    int row;
+  };
   int places_ = 0;
-  std::vector<int> order_;   // row eliminated at each step
-  std::vector<int> begin_;   // entries of the step's column: [begin_[k], begin_[k + 1])
-  std::vector<int> place_;   // of each entry
-  std::vector<int> row_;     // of each entry
-  std::vector<int> target_;  // place of each pair of a column's entries, in order of use
+  std::vector<Step> steps_;
+  std::vector<Entry> entries_;  // step after step
+  std::vector<int> target_;     // place of each pair of a column's entries, in order of use
 };
 
 }  // namespace unfurl::sim

@@ -6,11 +6,11 @@
 namespace unfurl::sim {
 
 SparseLdlt::SparseLdlt(int rows, const std::vector<std::uint8_t>& active,
-                       const std::vector<Entry>& entries, int places)
+                       const std::vector<Pair>& pairs, int places)
     : places_(places) {
   // The graph of what is not yet eliminated: neighbours of each row, with the entry's place.
   std::vector<std::vector<std::pair<int, int>>> graph(rows);
-  for (const Entry& e : entries) {
+  for (const Pair& e : pairs) {
     graph[e.row].emplace_back(e.column, e.place);
     graph[e.column].emplace_back(e.row, e.place);
   }
@@ -32,7 +32,6 @@ SparseLdlt::SparseLdlt(int rows, const std::vector<std::uint8_t>& active,
     ++remaining;
   }
   std::vector<std::uint8_t> done(rows, 0);
-  begin_.push_back(0);
   while (remaining > 0) {
     while (by_degree[lowest].empty()) ++lowest;
     const int row = by_degree[lowest].front();
@@ -40,14 +39,12 @@ SparseLdlt::SparseLdlt(int rows, const std::vector<std::uint8_t>& active,
     if (done[row] || queued[row] != static_cast<int>(lowest)) continue;  // queued anew elsewhere
     done[row] = 1;
     --remaining;
-    order_.push_back(row);
     const std::vector<std::pair<int, int>> column = std::move(graph[row]);
     for (const auto& [other, place] : column) {
-      place_.push_back(place);
-      row_.push_back(other);
+      entries_.push_back({place, other});
       std::erase_if(graph[other], [&](const auto& n) { return n.first == row; });
     }
-    begin_.push_back(static_cast<int>(place_.size()));
+    steps_.push_back({row, static_cast<int>(column.size())});
     for (std::size_t a = 0; a < column.size(); ++a) {
       for (std::size_t b = a + 1; b < column.size(); ++b) {
         const int first = column[a].first, second = column[b].first;

@@ -18,11 +18,16 @@ void Suspension::Set(int slot, double stiffness, double x_hang, double y_hang, d
 void Suspension::AddLoad(const Motion& motion, Load load) const {
   const int n = static_cast<int>(stiffness_.size());
   const double* __restrict k = stiffness_.data();
+  const double* __restrict x = motion.x;
+  const double* __restrict y = motion.y;
+  const double* __restrict x_hang = x_.data();
+  const double* __restrict y_hang = y_.data();
   double* __restrict fx = load.fx;
   double* __restrict fy = load.fy;
+#pragma GCC ivdep
   for (int i = 0; i < n; ++i) {
-    fx[i] -= k[i] * (motion.x[i] - x_[i]);
-    fy[i] -= k[i] * (motion.y[i] - y_[i]);
+    fx[i] -= k[i] * (x[i] - x_hang[i]);
+    fy[i] -= k[i] * (y[i] - y_hang[i]);
   }
   for (const Turning& t : turning_) {
     load.m[t.slot] -= t.kappa * std::sin(motion.theta[t.slot] - t.theta_hang);
