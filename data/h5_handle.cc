@@ -8,6 +8,8 @@ namespace unfurl::data {
 
 void H5Quiet() {
   static const bool once = [] {
+    // The library's own clean-up at exit writes again what a full disk has refused, and crashes.
+    H5dont_atexit();
     H5open();
     H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
     return true;

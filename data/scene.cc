@@ -46,10 +46,10 @@ class SceneReader {
     ReadJoints();
     ReadMarks();
     ReadFields();
+    root_.RefuseUnknownKeys();  // first: a misspelt [body] is what left the scene empty
     if (scene_.bodies.empty() && scene_.beams.empty()) {
       root_.Fail("", "the scene has neither bodies nor beams", "add a [body.NAME] or [beam.NAME]");
     }
-    root_.RefuseUnknownKeys();
     return std::move(scene_);
   }
 

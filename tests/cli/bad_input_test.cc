@@ -1,0 +1,165 @@
+// Bad input through the real program: the documented exit code, one line that names the file, the
+// key and the remedy, and no output file left behind.
+#include <gmock/gmock.h>
+#include <sys/mount.h>
+
+#include "tests/cli/program.h"
+
+namespace unfurl::cli {
+namespace {
+
+using ::testing::HasSubstr;
+
+class BadInput : public ProgramTest {
+ protected:
+  // A run so short that making it costs nothing.
+  void MakeRun(const std::string& name) const {
+    const Outcome made =
+        Run({"simulate", Shipped("scene_suspension.toml"), "--duration", "0.02", "--set",
+             "beam.beam1.segments=2", "--set", "beam.beam2.segments=2", "--set",
+             "beam.beam3.segments=2", "--set", "beam.beam4.segments=2", "-o", name});
+    ASSERT_EQ(made.code, 0) << made.err;
+  }
+};
+
+TEST_F(BadInput, MissingFile) {
+  ExpectRefused(Run({"simulate", "nowhere.toml"}), {"nowhere.toml", "check the name"}, {});
+  ExpectRefused(Run({"info", "nowhere.h5"}), {"nowhere.h5", "no such file", "check the name"}, {});
+  ExpectRefused(Run({"calibrate", "nowhere.csv"}), {"nowhere.csv", "check the name"}, {});
+  ExpectRefused(Run({"fit", "nowhere.toml"}), {"nowhere.toml", "check the name"}, {});
+}
+
+TEST_F(BadInput, NotHdf5) {
+  Put("text.h5", "this is no HDF5 file");
+  for (const auto& command :
+       std::vector<std::vector<std::string>>{{"reconstruct", "text.h5", "--rig", "text.h5"},
+                                             {"expose", "text.h5", "--lab", Shipped("lab.toml")},
+                                             {"correlate", "text.h5", "text.h5"},
+                                             {"info", "text.h5"},
+                                             {"convert", "text.h5", "out.csv"}}) {
+    ExpectRefused(Run(command), {"text.h5", "is not an HDF5 file", "give"}, {"text.h5"});
+  }
+}
+
+TEST_F(BadInput, WrongSchema) {
+  MakeRun("run.h5");
+  ExpectRefused(Run({"reconstruct", "run.h5", "--rig", "run.h5"}),
+                {"run.h5", "unfurl/run", "is needed", "unfurl info"}, {"run.h5"});
+  ExpectRefused(Run({"calibrate", "run.h5"}), {"run.h5", "unfurl/survey", "is needed"}, {"run.h5"});
+}
+
+TEST_F(BadInput, TruncatedFile) {
+  MakeRun("run.h5");
+  const std::string whole = Get("run.h5");
+  for (const double part : {0.3, 0.9, 0.999}) {
+    Put("run.h5",
+        whole.substr(0, static_cast<std::size_t>(part * static_cast<double>(whole.size()))));
+    ExpectRefused(Run({"expose", "run.h5", "--lab", Shipped("lab.toml")}),
+                  {"run.h5", "truncated", "copy it again"}, {"run.h5"});
+  }
+}
+
+TEST_F(BadInput, DamagedInside) {
+  MakeRun("run.h5");
+  std::string whole = Get("run.h5");
+  for (std::size_t at = 200; at < whole.size(); at += 97) whole[at] = static_cast<char>(0xff);
+  Put("run.h5", whole);
+  const Outcome outcome = Run({"convert", "run.h5", "run.csv"});
+  ExpectRefused(outcome, {"run.h5"}, {"run.h5"});
+}
+
+TEST_F(BadInput, UnknownKey) {
+  ExpectRefused(Run({"simulate", Shipped("scene_clearance.toml"), "--set", "body.hub.mas=3"}),
+                {"body.hub.mas", "unknown key", "did you mean 'mass'?"}, {});
+  Put("scene.toml", "[scene]\nname = 'x'\nduration = 1.0\n[bodi.a]\nmass = 1.0\n");
+  ExpectRefused(Run({"simulate", "scene.toml"}), {"scene.toml:4:bodi", "did you mean 'body'?"},
+                {"scene.toml"});
+}
+
+TEST_F(BadInput, NegativeMass) {
+  ExpectRefused(Run({"simulate", Shipped("scene_clearance.toml"), "--set", "body.hub.mass=-36"}),
+                {"body.hub.mass", "-36", "above 0"}, {});
+}
+
+TEST_F(BadInput, LoopThatCannotClose) {
+  // Four bars of 1 m between pins 10 m apart.
+  std::string scene = "[scene]\nname = 'four-bar'\nduration = 1.0\n";
+  for (const char* bar : {"a", "b", "c"}) {
+    scene += std::string("[body.") + bar + "]\nmass = 1.0\ninertia = 0.1\n";
+  }
+  const auto joint = [&](const char* name, const char* inner, const char* inner_point,
+                         const char* outer, const char* outer_point) {
+    scene += std::string("[joint.") + name + "]\ninner = '" + inner +
+             "'\ninner_point = " + inner_point + "\nouter = '" + outer +
+             "'\nouter_point = " + outer_point + "\n";
+  };
+  joint("left", "ground", "[0.0, 0.0]", "a", "[-0.5, 0.0]");
+  joint("elbow", "a", "[0.5, 0.0]", "b", "[-0.5, 0.0]");
+  joint("wrist", "b", "[0.5, 0.0]", "c", "[-0.5, 0.0]");
+  joint("right", "ground", "[10.0, 0.0]", "c", "[0.5, 0.0]");
+  scene += "[mark.m]\non = 'b'\n";
+  Put("scene.toml", scene);
+  ExpectRefused(Run({"simulate", "scene.toml"}), {"scene.toml", "right", "clos"}, {"scene.toml"});
+}
+
+TEST_F(BadInput, SurveyWithoutUnits) {
+  Put("survey.csv",
+      "id,x,y,z,sx,sy,sz,u1,u2,u3,u4,s1,s2,s3,s4\nA,1,2,3,.1,.1,.1,5,5,5,5,1,1,1,1\n");
+  ExpectRefused(Run({"calibrate", "survey.csv"}), {"survey.csv", "'x' has no unit", "'x [m]'"},
+                {"survey.csv"});
+}
+
+TEST_F(BadInput, RigThatDoesNotMatchTheTrial) {
+  MakeRun("run.h5");
+  ASSERT_EQ(Run({"expose", "run.h5", "--lab", Shipped("lab.toml"), "-o", "trial.h5"}).code, 0);
+  // The same survey with its cameras under other names gives a rig for another trial.
+  ASSERT_EQ(Run({"convert", Shipped("survey.h5"), "survey.csv"}).code, 0);
+  ASSERT_EQ(Run({"calibrate", "survey.csv", "-o", "rig.h5"}).code, 0);
+  const auto before = Files();
+  ExpectRefused(Run({"reconstruct", "trial.h5", "--rig", "rig.h5"}), {"trial.h5", "camera"},
+                before);
+}
+
+TEST_F(BadInput, OutputFolderThatIsNotThere) {
+  ExpectRefused(Run({"simulate", Shipped("scene_clearance.toml"), "-o", "no/where/run.h5"}),
+                {"no/where", "no such folder", "-o"}, {});
+}
+
+TEST_F(BadInput, CommandLine) {
+  ExpectRefused(Run({"simulat", "x.toml"}), {"command line", "--help"}, {});
+  ExpectRefused(Run({"simulate"}), {"command line", "--help"}, {});
+  ExpectRefused(Run({"simulate", Shipped("scene_clearance.toml"), "--rtol", "zero"}), {"rtol"}, {});
+  ExpectRefused(Run({"simulate", Shipped("scene_clearance.toml"), "--rtol", "0"}), {"rtol"}, {});
+  ExpectRefused(Run({"simulate", Shipped("scene_clearance.toml"), "--rtol", "nan"}), {"rtol"}, {});
+}
+
+TEST_F(BadInput, FullDisk) {
+  // Every write past 20 kB of one file fails, whatever the file system.
+  const Outcome limited = RunProgram(
+      {"simulate", Shipped("scene_suspension.toml"), "--duration", "0.5", "-o", "run.h5"}, folder_,
+      20000);
+  ExpectRefused(limited, {"run.h5", "cannot write", "free some space"}, {}, 4);
+}
+
+TEST_F(BadInput, FullFileSystem) {
+  const std::filesystem::path small = folder_ / "small";
+  std::filesystem::create_directory(small);
+  if (mount("tmpfs", small.c_str(), "tmpfs", 0, "size=64k") != 0) {
+    GTEST_SKIP() << "only root can mount a small file system; FullDisk covers the same path";
+  }
+  const Outcome full = Run(
+      {"simulate", Shipped("scene_suspension.toml"), "--duration", "0.5", "-o", "small/run.h5"});
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(small), {}), 0);
+  umount(small.c_str());
+  ExpectRefused(full, {"small/run.h5", "No space left on device", "free some space"}, {"small"}, 4);
+}
+
+TEST_F(BadInput, InterruptLeavesNothing) {
+  const Outcome stopped = RunProgram({"simulate", Shipped("scene_suspension.toml"), "--set",
+                                      "scene.duration=5000", "-o", "run.h5"},
+                                     folder_, 0, 500);
+  ExpectRefused(stopped, {"interrupted"}, {}, 130);
+}
+
+}  // namespace
+}  // namespace unfurl::cli
