@@ -1,0 +1,162 @@
+// Throughput of the measuring half, one thread unless said: exposing lines, finding spots,
+// triangulating, with and without the calibration's part.
+//   measure_bench [LAB.toml]
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <functional>
+#include <vector>
+
+#include "base/error.h"
+#include "data/lab.h"
+#include "measure/background.h"
+#include "measure/camera_model.h"
+#include "measure/expose.h"
+#include "measure/sensor.h"
+#include "measure/spot.h"
+#include "measure/spot_painter.h"
+#include "measure/triangulate.h"
+
+namespace {
+
+using namespace unfurl;
+using namespace unfurl::measure;
+
+// Seconds per call: the median of five rounds of `count` calls.
+double SecondsEach(std::size_t count, const std::function<void(std::size_t)>& call) {
+  std::vector<double> rounds;
+  for (int round = 0; round < 5; ++round) {
+    const auto start = std::chrono::steady_clock::now();
+    for (std::size_t i = 0; i < count; ++i) call(i);
+    const auto end = std::chrono::steady_clock::now();
+    rounds.push_back(std::chrono::duration<double>(end - start).count() /
+                     static_cast<double>(count));
+  }
+  std::sort(rounds.begin(), rounds.end());
+  return rounds[2];
+}
+
+void Report(const char* what, double seconds, const char* unit) {
+  fmt::print("{:<44} {:>9.3f} us {:>12.0f} {}/s\n", what, 1e6 * seconds, 1.0 / seconds, unit);
+}
+
+// The cameras as they truly stand, without the terms that a calibration would find: enough to be
+// timed with.
+data::Rig PlainRig(const data::Lab& lab, const VirtualRig& truth) {
+  data::Rig rig;
+  for (const LensCamera& camera : truth.cameras) {
+    data::RigCamera c;
+    c.name = camera.name;
+    c.R_CW = camera.X_WC.linear().transpose();
+    c.p_WC = camera.X_WC.translation();
+    c.f_px = 2234.0;
+    c.u0_px = 1079.5;
+    c.e = 0.04;
+    rig.cameras.push_back(c);
+  }
+  const auto size = static_cast<Eigen::Index>(rig.cameras.size()) * data::kCameraParameters;
+  rig.covariance = 1e-10 * Eigen::MatrixXd::Identity(size, size);
+  rig.volume_low = lab.volume_low;
+  rig.volume_high = lab.volume_high;
+  return rig;
+}
+
+void Run(const std::string& path) {
+  const data::Lab lab = data::ReadLab(path);
+  const VirtualRig truth = MakeVirtualRig(lab);
+  const data::LineFormat& format = lab.sensor.format;
+  const LensCamera& camera = truth.cameras[0];
+  Rng rng(1);
+  std::vector<Eigen::Vector3d> points;
+  for (int i = 0; i < 256; ++i) {
+    points.emplace_back(rng.Uniform(-0.8, 0.8), rng.Uniform(-0.8, 0.8), rng.Uniform(-0.8, 0.8));
+  }
+
+  SpotLight light;
+  Report("trace a spot through the lens",
+         SecondsEach(2000, [&](std::size_t i) { TraceSpot(camera, points[i % 256], &light); }),
+         "spots");
+  SpotPainter painter(lab.sensor.blur / format.pitch);
+  std::vector<double> pixels(static_cast<std::size_t>(format.active), 0.0);
+  Report("paint it on the pixels",
+         SecondsEach(2000, [&](std::size_t) { painter.Add(light, 1.0, pixels); }), "spots");
+  std::vector<std::uint16_t> line(format.elements());
+  std::fill(pixels.begin(), pixels.end(), 0.0);
+  Report("read out a line with noise",
+         SecondsEach(2000, [&](std::size_t) { ReadOut(lab.sensor, pixels, 900.0, rng, line); }),
+         "lines");
+
+  data::Survey survey;
+  survey.p.resize(3, 64);
+  survey.cov.setZero(6, 64);
+  for (int i = 0; i < 64; ++i) {
+    survey.id.push_back(std::to_string(i));
+    survey.p.col(i) = points[static_cast<std::size_t>(i)];
+  }
+  // Each point: a lit and a dark line of every camera.
+  const double camera_lines = 2.0 * 64.0 * static_cast<double>(truth.cameras.size());
+  Report("expose a camera's line, all cores",
+         SecondsEach(1, [&](std::size_t) { ExposeSurvey(lab, survey, {}); }) / camera_lines,
+         "lines");
+
+  Background background(format);
+  for (int i = 0; i < 64; ++i) {
+    ReadOut(lab.sensor, pixels, 900.0, rng, line);
+    background.Add(line);
+  }
+  std::vector<std::vector<std::uint16_t>> lines;
+  for (const Eigen::Vector3d& p : points) {
+    std::fill(pixels.begin(), pixels.end(), 0.0);
+    if (TraceSpot(camera, p, &light)) painter.Add(light, truth.flash_electrons, pixels);
+    ReadOut(lab.sensor, pixels, 900.0, rng, line);
+    lines.push_back(line);
+  }
+  Report("learn the background from a dark line",
+         SecondsEach(2000, [&](std::size_t) { background.Add(line); }), "lines");
+  SpotFinder finder(format);
+  std::size_t found = 0;
+  Report(
+      "find and fit a line's spot",
+      SecondsEach(4000,
+                  [&](std::size_t i) { found += Usable(finder.Find(lines[i % 256], background)); }),
+      "lines");
+
+  const data::Rig rig = PlainRig(lab, truth);
+  const Triangulator triangulator(rig);
+  const std::size_t cameras = rig.cameras.size();
+  std::vector<std::vector<double>> readings;
+  for (const Eigen::Vector3d& p : points) {
+    readings.emplace_back(cameras);
+    for (std::size_t c = 0; c < cameras; ++c) Project(rig.cameras[c], p, &readings.back()[c]);
+  }
+  const std::vector<double> s(cameras, 0.02);
+  double sum = 0.0;
+  const Eigen::Vector3d step(0.005, 0.003, 0.0);  // a mark's way between two samples at 1 m/s
+  Report("triangulate, from the sample before",
+         SecondsEach(20000,
+                     [&](std::size_t i) {
+                       const std::size_t k = i % 256;
+                       sum += triangulator.Solve(readings[k], s, points[k] + step).p.x();
+                     }),
+         "points");
+  Eigen::Matrix3Xd F(3, triangulator.shared_rank());
+  const PointSolution point = triangulator.Solve(readings[0], s, points[0]);
+  Report(fmt::format("the calibration's part, rank {}", triangulator.shared_rank()).c_str(),
+         SecondsEach(20000, [&](std::size_t) { triangulator.SharedFactor(point, s, F); }),
+         "points");
+  if (found == 0 || sum == 0.0) fmt::print("nothing was found\n");
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  try {
+    Run(argc > 1 ? argv[1] : UNFURL_SOURCE_DIR "/data/sets/deployment/lab.toml");
+  } catch (const unfurl::Error& error) {
+    std::fprintf(stderr, "measure_bench: %s\n", error.what());
+    return unfurl::kExitBadInput;
+  }
+  return 0;
+}
