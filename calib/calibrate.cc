@@ -18,8 +18,10 @@
 namespace unfurl::calib {
 namespace {
 
-// Posterior over prior sigma above which a parameter counts as known from its prior.
+// Posterior over prior sigma above which a parameter counts as known from its prior; a position
+// along the lens axis, which real glass tells to millimetres and a pinhole not at all, by its size.
 constexpr double kPriorDominated = 0.5;
+constexpr double kWeakPosition = 0.05;  // [m]
 
 std::vector<WeakParameter> FindWeak(const std::vector<CameraPrior>& priors,
                                     const Eigen::MatrixXd& covariance) {
@@ -28,19 +30,20 @@ std::vector<WeakParameter> FindWeak(const std::vector<CameraPrior>& priors,
     const CameraPrior& prior = priors[j];
     const auto first = static_cast<Eigen::Index>(j) * data::kCameraParameters;
     const auto add = [&](const std::string& name, const std::string& unit, double variance,
-                         double prior_sigma) {
+                         double prior_sigma, double limit) {
       const double sigma = std::sqrt(std::max(0.0, variance));
-      if (sigma > kPriorDominated * prior_sigma) {
+      if (sigma > limit) {
         out.push_back({static_cast<int>(j), name, unit, sigma, prior_sigma});
       }
     };
     add("position along the lens axis", "m",
         prior.axis.dot(covariance.block<3, 3>(first + 3, first + 3) * prior.axis),
-        prior.along_sigma);
-    add("e", "m", covariance(first + 8, first + 8), prior.e_sigma);
+        prior.along_sigma, kWeakPosition);
+    add("e", "m", covariance(first + 8, first + 8), prior.e_sigma, kPriorDominated * prior.e_sigma);
     for (std::size_t k = 0; k < data::kCameraTerms.size(); ++k) {
       const Eigen::Index at = first + 9 + static_cast<Eigen::Index>(k);
-      add(data::kCameraTerms[k], "px", covariance(at, at), prior.term_sigma_px[k]);
+      add(data::kCameraTerms[k], "px", covariance(at, at), prior.term_sigma_px[k],
+          kPriorDominated * prior.term_sigma_px[k]);
     }
   }
   return out;

@@ -47,7 +47,7 @@ struct HeldOutPoint {
   double squared = 0.0;                                 // error' predicted^-1 error
 };
 
-// A parameter of which the survey says little: its prior supplies most of what is known.
+// A parameter of which the survey says little: its prior supplies much of what is known.
 struct WeakParameter {
   int camera = 0;
   std::string name;  // "position along the lens axis", "e", a term

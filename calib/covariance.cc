@@ -65,11 +65,13 @@ Eigen::MatrixXd DataInformation(const Observations& data, double floor_px, bool 
     for (const Eigen::Index a : seen_by) {
       const CameraColumns left = mixed[static_cast<std::size_t>(a)] * inverse;
       for (const Eigen::Index b : seen_by) {
+        if (b > a) continue;  // the lower triangle; mirrored at the end
         information.block<kParameters, kParameters>(kParameters * a, kParameters * b) -=
             left * mixed[static_cast<std::size_t>(b)].transpose();
       }
     }
   }
+  information.triangularView<Eigen::StrictlyUpper>() = information.transpose();
   return information;
 }
 

@@ -9,9 +9,24 @@ namespace {
 
 constexpr double kInfinite = std::numeric_limits<double>::infinity();
 constexpr int kDoublings = 12;    // of a start that was too small
-constexpr int kBisections = 20;   // of the floor's logarithm
+constexpr int kSearch = 25;       // solves between a floor too low and one too high
 constexpr double kCloseTo = 0.1;  // of chi-square per degree of freedom, in its standard deviations
 constexpr double kNegligible = 0.02;  // of the least reading's sigma: such a floor changes nothing
+
+// A floor's square and what is left of  dof / chi-square - 1, which is nearly linear in it and
+// negative where the floor is too low; -infinity where the loss had to discard too much.
+struct Trial {
+  double square = 0.0;
+  double balance = 0.0;
+};
+
+// The next square to try between a floor too low and one too high: by the straight line through
+// both, kept away from either end, or their geometric mean where there is no line.
+double Between(const Trial& low, const Trial& high, double least) {
+  if (low.balance == -kInfinite) return std::sqrt(std::max(low.square, least) * high.square);
+  const double share = low.balance / (low.balance - high.balance);
+  return low.square + std::clamp(share, 0.02, 0.98) * (high.square - low.square);
+}
 
 }  // namespace
 
@@ -20,51 +35,47 @@ FlooredBundle SolveWithFloor(const Observations& data, const std::vector<CameraP
                              double discard_share) {
   double least_sigma = kInfinite;
   for (const Reading& r : data.readings) least_sigma = std::min(least_sigma, r.s_px);
-
-  FlooredBundle high;
-  high.state = std::move(state);
   const auto solve = [&](double floor_px, const BundleState& from) {
     FlooredBundle out{floor_px, from, {}};
     out.summary = SolveBundle(data, priors, floor_px, options, &out.state);
     return out;
   };
   int gross_at_start = 0;
-  // Positive: the floor is too low.
-  const auto excess = [&](const FlooredBundle& bundle) {
-    const double dof = std::max(1.0, bundle.summary.degrees_of_freedom);
+  const auto judge = [&](const FlooredBundle& bundle) {
+    Trial trial{bundle.floor_px * bundle.floor_px, -kInfinite};
     const double discarded = bundle.summary.gross_readings() - gross_at_start;
-    if (discarded > discard_share * static_cast<double>(data.readings.size())) return kInfinite;
-    return (bundle.summary.chi_square / dof - 1.0) / std::sqrt(2.0 / dof);
+    if (discarded > discard_share * static_cast<double>(data.readings.size())) return trial;
+    const double per_dof =
+        bundle.summary.chi_square / std::max(1.0, bundle.summary.degrees_of_freedom);
+    trial.balance = 1.0 / std::max(per_dof, 1e-12) - 1.0;
+    return trial;
   };
 
-  high = solve(std::max(start_px, least_sigma), high.state);
-  gross_at_start = high.summary.gross_readings();
-  for (int k = 0; k < kDoublings && excess(high) > 0.0; ++k) {
-    high = solve(2.0 * high.floor_px, high.state);
-    gross_at_start = std::min(gross_at_start, high.summary.gross_readings());
+  FlooredBundle best = solve(std::max(start_px, least_sigma), state);
+  gross_at_start = best.summary.gross_readings();
+  for (int k = 0; k < kDoublings && judge(best).balance < 0.0; ++k) {
+    best = solve(2.0 * best.floor_px, best.state);
+    gross_at_start = std::min(gross_at_start, best.summary.gross_readings());
   }
-  const double negligible = kNegligible * least_sigma;
-  double low = negligible;
-  // Down in quarters first: each solution is the next one's start, and few readings change sides.
-  while (high.floor_px > negligible) {
-    FlooredBundle lower = solve(0.25 * high.floor_px, high.state);
-    if (excess(lower) > 0.0) {
-      low = lower.floor_px;
-      break;
-    }
-    high = std::move(lower);
-  }
-  if (high.floor_px <= negligible) return solve(0.0, high.state);
+  Trial high = judge(best);
+  FlooredBundle without = solve(0.0, best.state);
+  Trial low = judge(without);
+  if (low.balance >= 0.0) return without;
 
-  for (int k = 0; k < kBisections && excess(high) < -kCloseTo; ++k) {
-    FlooredBundle middle = solve(std::sqrt(low * high.floor_px), high.state);
-    if (excess(middle) > 0.0) {
-      low = middle.floor_px;
+  const double negligible = kNegligible * kNegligible * least_sigma * least_sigma;
+  for (int k = 0; k < kSearch && high.square > negligible; ++k) {
+    const double dof = std::max(1.0, best.summary.degrees_of_freedom);
+    if (high.balance < kCloseTo * std::sqrt(2.0 / dof)) break;
+    FlooredBundle middle = solve(std::sqrt(Between(low, high, negligible)), best.state);
+    const Trial trial = judge(middle);
+    if (trial.balance < 0.0) {
+      low = trial;
     } else {
-      high = std::move(middle);
+      high = trial;
+      best = std::move(middle);
     }
   }
-  return high;
+  return best;
 }
 
 }  // namespace unfurl::calib

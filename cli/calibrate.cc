@@ -67,13 +67,12 @@ std::string HeldOutTable(const data::Rig& rig) {
 std::string WeakText(const calib::Calibration& result) {
   std::string text;
   for (const calib::WeakParameter& weak : result.report.weak) {
-    text +=
-        fmt::format("  {}: {} is known to {:.2g} {}, mostly from what was assumed ({:.2g} {})\n",
-                    result.rig.cameras[static_cast<std::size_t>(weak.camera)].name, weak.name,
-                    weak.sigma, weak.unit, weak.prior_sigma, weak.unit);
+    text += fmt::format("  {}: {}: sigma {:.2g} {} ({:.2g} {} were assumed beforehand)\n",
+                        result.rig.cameras[static_cast<std::size_t>(weak.camera)].name, weak.name,
+                        weak.sigma, weak.unit, weak.prior_sigma, weak.unit);
   }
   if (text.empty()) return text;
-  return "\nNot determined by this survey (points are not harmed by it: their error bars hold "
+  return "\nBarely determined by this survey (found points are not harmed: their error bars hold "
          "it):\n" +
          text;
 }

@@ -100,11 +100,4 @@ inline Observations Observe(const std::vector<data::RigCamera>& cameras, const E
   return out;
 }
 
-// True error of a rig: true points of the volume, seen without noise by the true cameras, found
-// with the estimated ones.
-struct TrueError {
-  double rms = 0.0, worst = 0.0;  // [m]
-  int points = 0, unsolved = 0;
-};
-
 }  // namespace unfurl::calib::testing

@@ -1,0 +1,178 @@
+#include "calib/calibrate.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "calib/verdict.h"
+#include "tests/calib/fixtures.h"
+
+namespace unfurl::calib {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using testing::MakeStudy;
+using testing::Observe;
+using testing::PointsInCube;
+using testing::Study;
+
+std::string Refusal(const Observations& data) {
+  try {
+    FitRig(data, {}, "survey.csv");
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+Observations Survey(const Eigen::Matrix3Xd& points) {
+  return Observe(MakeStudy(1).truth, points, 3e-4, 0.05, Rng(4));
+}
+
+TEST(Refusal, TooFewPoints) {
+  EXPECT_THAT(Refusal(Survey(PointsInCube(11, 0.5, Rng(1)))),
+              AllOf(HasSubstr("survey.csv"), HasSubstr("11 points"), HasSubstr("12")));
+}
+
+TEST(Refusal, CoplanarPointsWithTheirPlane) {
+  Eigen::Matrix3Xd points = PointsInCube(60, 0.9, Rng(2));
+  points.row(2).setConstant(0.2);
+  EXPECT_THAT(Refusal(Survey(points)), AllOf(HasSubstr("coplanar"), HasSubstr("1.00)")));
+}
+
+TEST(Refusal, CollinearPoints) {
+  Eigen::Matrix3Xd points = PointsInCube(60, 0.9, Rng(2));
+  points.row(1) = 0.3 * points.row(0);
+  points.row(2) = -0.2 * points.row(0);
+  EXPECT_THAT(Refusal(Survey(points)), HasSubstr("collinear"));
+}
+
+TEST(Refusal, ACameraThatSawTooLittle) {
+  Observations data = MakeStudy(1).data;
+  int left = 9;
+  std::erase_if(data.readings, [&](const Reading& r) { return r.camera == 2 && left-- <= 0; });
+  EXPECT_THAT(Refusal(data), AllOf(HasSubstr("camera \"c3\""), HasSubstr("sees 9 ")));
+}
+
+TEST(Refusal, ACameraThatSawOnePlaneOnly) {
+  const Study study = MakeStudy(1, 600);
+  Observations data = study.data;
+  std::erase_if(data.readings, [&](const Reading& r) {
+    return r.camera == 1 && std::abs(study.points(0, r.point)) > 0.04;
+  });
+  EXPECT_THAT(Refusal(data), AllOf(HasSubstr("camera \"c2\""), HasSubstr("coplanar")));
+}
+
+TEST(Refusal, ReadingsThatBelongToOtherPoints) {
+  Observations data = MakeStudy(1).data;
+  Rng rng(5);
+  for (Reading& r : data.readings) {
+    if (r.camera == 0) r.u_px = rng.Uniform(0.0, testing::kPixels - 1.0);
+  }
+  EXPECT_THAT(Refusal(data), AllOf(HasSubstr("camera \"c1\""), HasSubstr("do not fit any camera")));
+}
+
+TEST(Refusal, TwoCameras) {
+  Observations data = MakeStudy(1).data;
+  data.cameras.resize(2);
+  std::erase_if(data.readings, [](const Reading& r) { return r.camera > 1; });
+  EXPECT_THAT(Refusal(data), HasSubstr("2 cameras"));
+}
+
+TEST(Calibrate, SoundSurveyIsGoodAndItsHeldOutErrorsArePredicted) {
+  Study study = MakeStudy(11);
+  study.data = Observe(study.truth, PointsInCube(200, 0.9, Rng(11)), 3e-4, 0.05, Rng(12));
+  const Calibration result = Calibrate(study.data, {}, "test");
+  EXPECT_EQ(result.rig.verdict, kGood);
+  EXPECT_FALSE(result.rig.reasons.empty());
+  EXPECT_TRUE(result.report.converged);
+  EXPECT_EQ(result.report.readings.size(), study.data.readings.size());
+  EXPECT_GT(result.report.held_out.size(), 180U);
+  // 3 x 190 squares of unit mean, correlated within a fold: their mean is within a fifth of one.
+  EXPECT_NEAR(result.rig.checks.at("held_out_nees_per_dof [1]"), 1.0, 0.2);
+  // Two degrees of freedom per hundred are lost to what the loss leaves out.
+  const double dof = result.report.degrees_of_freedom;
+  EXPECT_NEAR(result.report.chi_square / dof, 1.0, 4.0 * std::sqrt(2.0 / dof) + 0.02);
+  EXPECT_NEAR(dof, static_cast<double>(study.data.readings.size()) - 76.0, 20.0);
+}
+
+TEST(Calibrate, ResultDoesNotDependOnWorkers) {
+  const Study study = MakeStudy(12, 60);
+  CalibrateOptions one, four;
+  one.workers = 1;
+  four.workers = 4;
+  const Calibration a = Calibrate(study.data, one, "test"), b = Calibrate(study.data, four, "test");
+  EXPECT_EQ(a.rig.checks, b.rig.checks);
+  EXPECT_EQ(a.rig.covariance, b.rig.covariance);
+}
+
+// A lens that does what no term can: 0.5 px of ripple along the sensor. The floor takes it up, the
+// error bars stay true, and the verdict says so.
+TEST(ModelFloor, RisesWhenTheLensIsNotOfTheModelsKind) {
+  Study study = MakeStudy(13);
+  const Calibration before = Calibrate(study.data, {}, "test");
+  for (Reading& r : study.data.readings) r.u_px += 0.5 * std::sin(r.u_px / 40.0 + r.camera);
+  const Calibration after = Calibrate(study.data, {}, "test");
+  EXPECT_LT(before.rig.model_floor_px, 0.04);
+  EXPECT_NEAR(after.rig.model_floor_px, 0.5 / std::sqrt(2.0), 0.1);  // the ripple's RMS
+  EXPECT_NEAR(after.report.chi_square / after.report.degrees_of_freedom, 1.0, 0.05);
+  EXPECT_NEAR(after.rig.checks.at("held_out_nees_per_dof [1]"), 1.0, 0.3);
+  EXPECT_EQ(after.rig.verdict, kWithCare);
+  EXPECT_THAT(after.rig.reasons, ::testing::Contains(HasSubstr("not as modelled")));
+}
+
+// What the survey cannot tell is named, and only that: a pinhole's place along its lens axis, which
+// glass betrays by its terms in y.
+TEST(WeakParameters, PositionAlongTheLensAxisIsNamedForAPinhole) {
+  const auto named = [](const Calibration& result) {
+    return std::count_if(result.report.weak.begin(), result.report.weak.end(),
+                         [](const WeakParameter& weak) {
+                           return weak.name == "position along the lens axis" && weak.unit == "m" &&
+                                  weak.sigma > 0.05;
+                         });
+  };
+  const Study study = MakeStudy(14, 100, {.distortion = 0.0});
+  const Calibration pinhole = Calibrate(study.data, {}, "test");
+  EXPECT_EQ(named(pinhole), 4);
+  EXPECT_EQ(named(Calibrate(MakeStudy(14, 100).data, {}, "test")), 0);
+  // And it harms no point: a hundred points of 0.3 mm give 0.3 mm.
+  const auto errors = testing::ErrorsOf(pinhole.rig, study.truth, testing::CheckPoints(14));
+  EXPECT_LT(errors.Rms(), 5e-4);
+}
+
+TEST(Verdict, DishonestErrorBarsAreNotToBeUsed) {
+  const Study study = MakeStudy(15, 60);
+  Calibration result = Calibrate(study.data, {}, "test");
+  for (HeldOutPoint& point : result.report.held_out) {
+    point.error *= 3.0;
+    point.squared *= 9.0;
+  }
+  Judge(result.report, study.data, &result.rig);
+  EXPECT_EQ(result.rig.verdict, kDoNotUse);
+  EXPECT_THAT(result.rig.reasons.front(), HasSubstr("error bars"));
+}
+
+TEST(Verdict, TooFewPointsForTheirCamerasAreNotGood) {
+  const Calibration result = Calibrate(MakeStudy(16, 20).data, {}, "test");
+  EXPECT_NE(result.rig.verdict, kGood);
+}
+
+TEST(Observations, RefusesReadingsWithoutSigma) {
+  data::Survey survey;
+  survey.id = {"p1"};
+  survey.p = Eigen::Vector3d::Zero();
+  survey.cov.resize(6, 1);
+  survey.cov << 1e-8, 0.0, 0.0, 1e-8, 0.0, 1e-8;
+  survey.cameras = {"c1"};
+  survey.u_px = Eigen::MatrixXd::Constant(1, 1, 100.0);
+  survey.s_px = Eigen::MatrixXd::Constant(1, 1, 0.0);
+  EXPECT_THROW(FromSurvey(survey, "s.csv"), Error);
+  survey.s_px(0, 0) = 0.1;
+  EXPECT_EQ(FromSurvey(survey, "s.csv").readings.size(), 1U);
+  survey.cov(0, 0) = -1.0;
+  EXPECT_THROW(FromSurvey(survey, "s.csv"), Error);
+}
+
+}  // namespace
+}  // namespace unfurl::calib
