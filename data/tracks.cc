@@ -65,9 +65,10 @@ struct TracksWriter::Impl {
         file.Series({"/status", "1", "0 good, 1 three cameras, 2 rejected reading, 3 unsolvable"},
                     H5Type::kInt32);
     if (rank > 0) {
+      // Seven digits of an uncertainty are plenty, and it is most of the file.
       shared = file.Series(
           {"/shared", "m", "factor F: the calibration's error is F z, z ~ N(0, 1), one z for all"},
-          H5Type::kDouble, {3, rank}, 256, 1);
+          H5Type::kFloat, {3, rank}, 256, 1);
     }
   }
 };
@@ -90,13 +91,13 @@ void TracksWriter::Append(const Tracks& block) {
   if (impl_->rank == 0) return;
   // Columns of one sample lie side by side in memory, its rows on disk.
   const Eigen::Index k = static_cast<Eigen::Index>(impl_->rank);
-  std::vector<double> rows(3 * impl_->rank * n);
-  using RowMajor = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>;
+  std::vector<float> rows(3 * impl_->rank * n);
+  using RowMajor = Eigen::Matrix<float, 3, Eigen::Dynamic, Eigen::RowMajor>;
   for (std::size_t i = 0; i < n; ++i) {
     Eigen::Map<RowMajor>(&rows[3 * impl_->rank * i], 3, k) =
-        block.shared.middleCols(static_cast<Eigen::Index>(i) * k, k);
+        block.shared.middleCols(static_cast<Eigen::Index>(i) * k, k).cast<float>();
   }
-  impl_->shared.Append(std::span<const double>(rows));
+  impl_->shared.Append(std::span<const float>(rows));
 }
 
 void TracksWriter::Commit() { impl_->file.Commit(); }
