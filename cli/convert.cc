@@ -12,6 +12,7 @@
 #include "data/run.h"
 #include "data/survey.h"
 #include "data/tracks.h"
+#include "measure/survey_readings.h"
 
 namespace unfurl::cli {
 
@@ -61,7 +62,9 @@ std::string ConvertFile(const Common& common, const std::string& in, const std::
   } else if (schema == data::kTracksSchema) {
     data::WriteTracksCsv(out, data::ReadTracks(in));
   } else if (schema == data::kSurveySchema) {
-    data::WriteSurveyCsv(out, data::ReadSurvey(in));
+    data::Survey survey = data::ReadSurvey(in);
+    measure::FindSurveyReadings(&survey);  // a CSV holds numbers, not lines
+    data::WriteSurveyCsv(out, survey);
   } else {
     Refuse(schema, out);
   }

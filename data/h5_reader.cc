@@ -56,8 +56,7 @@ std::string ReadText(hid_t object, const std::string& name) {
     return value;
   }
   std::string value(H5Tget_size(type.get()), '\0');
-  const H5Handle memory = H5Text(value.size());
-  if (H5Aread(attribute.get(), memory.get(), value.data()) < 0) return {};
+  if (H5Aread(attribute.get(), type.get(), value.data()) < 0) return {};
   value.resize(std::strlen(value.c_str()));
   return value;
 }
@@ -276,9 +275,8 @@ std::vector<std::string> H5Reader::ReadStrings(const std::string& dataset) const
   for (std::size_t d : Dims(dataset)) count *= d;
   const std::size_t width = H5Tget_size(type.get());
   std::string packed(width * std::max<std::size_t>(1, count), '\0');
-  const H5Handle memory = H5Text(width);
   if (count > 0 &&
-      H5Dread(set.get(), memory.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, packed.data()) < 0) {
+      H5Dread(set.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, packed.data()) < 0) {
     Fail("cannot be read", dataset, "copy the file again, or make it again");
   }
   std::vector<std::string> values(count);

@@ -12,7 +12,7 @@ namespace unfurl::data {
 
 // A TOML file that a person wrote, read strictly: each key read is remembered, and what is left
 // unread is an error that names the nearest key the reader would have taken. Errors carry
-// file:line:key. Include toml++ nowhere else.
+// file:line:key. toml++ stays behind data/toml_node.h.
 
 class TomlTable;
 

@@ -52,8 +52,8 @@ const std::vector<Wrapped>& WrappedHeaders() {
     return (room == "calib" || room == "correlate") && IsSource(path);
   };
   static const std::vector<Wrapped> kWrapped = {
-      {"toml++/", in_file("data/toml.cc"), "data/toml.cc"},
-      {"toml.hpp", in_file("data/toml.cc"), "data/toml.cc"},
+      {"toml++/", in_file("data/toml_"), "data/toml_*"},
+      {"toml.hpp", in_file("data/toml_"), "data/toml_*"},
       {"hdf5", in_file("data/h5"), "data/h5*"},
       {"H5", in_file("data/h5"), "data/h5*"},
       {"fftw3", rooms({"correlate"}), "correlate/"},

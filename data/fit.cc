@@ -1,0 +1,200 @@
+#include "data/fit.h"
+
+#include "data/h5.h"
+
+namespace unfurl::data {
+
+namespace {
+
+// The numbers of a parameter in the order of the columns of /parameters/numbers.
+constexpr const char* kParameterColumns =
+    "start, low, high, value, sigma, sigma_data, sigma_white, sigma_model, model_shift in the "
+    "parameter's unit; kink [1]";
+constexpr Eigen::Index kParameterNumbers = 10;
+
+template <typename List, typename Get>
+std::vector<std::string> Texts(const List& list, Get get) {
+  std::vector<std::string> out;
+  for (const auto& item : list) out.push_back(get(item));
+  return out;
+}
+
+}  // namespace
+
+void WriteFit(const std::string& path, const FitRecord& fit, const Provenance& provenance) {
+  H5Writer w(path, kFitSchema, kFitVersion, provenance);
+  w.Attribute("/", "study", fit.study);
+  w.Attribute("/", "status", fit.status);
+  w.Attribute("/", "message", fit.message);
+  w.Attribute("/", "verdict", fit.verdict);
+  w.Write({"/reasons", "1", "why the verdict is what it is"}, fit.reasons);
+
+  const auto p = static_cast<Eigen::Index>(fit.parameters.size());
+  using Parameter = FitRecord::Parameter;
+  auto parameter_text = [&](const char* name, const char* what, auto member) {
+    w.Write({std::string("/parameters/") + name, "1", what},
+            Texts(fit.parameters, [&](const Parameter& q) { return q.*member; }));
+  };
+  parameter_text("name", "parameters' names, p", &Parameter::name);
+  parameter_text("unit", "their units", &Parameter::unit);
+  parameter_text("verdict", "what the trial says of each", &Parameter::verdict);
+  parameter_text("reason", "in words, with numbers", &Parameter::reason);
+  w.Write({"/parameters/keys", "1", "keys of the scene that each drives, separated by spaces"},
+          Texts(fit.parameters, [](const Parameter& q) {
+            std::string all;
+            for (const std::string& key : q.keys) all += (all.empty() ? "" : " ") + key;
+            return all;
+          }));
+  Eigen::MatrixXd numbers(p, kParameterNumbers);
+  for (Eigen::Index j = 0; j < p; ++j) {
+    const Parameter& q = fit.parameters[static_cast<std::size_t>(j)];
+    numbers.row(j) << q.start, q.low, q.high, q.value, q.sigma, q.sigma_data, q.sigma_white,
+        q.sigma_model, q.model_shift, q.kink;
+  }
+  w.Write({"/parameters/numbers", "1", std::string("p rows: ") + kParameterColumns}, numbers);
+  w.Write({"/parameters/covariance", "1",
+           "p x p covariance of the values, all parts; entry (i, j) in the product of the units"},
+          fit.covariance);
+
+  std::vector<double> values, sigmas;
+  for (const auto& n : fit.nuisances) values.push_back(n.value), sigmas.push_back(n.sigma);
+  using Nuisance = FitRecord::Nuisance;
+  w.Write({"/nuisances/name", "1", "what was fitted beside the parameters"},
+          Texts(fit.nuisances, [](const Nuisance& n) { return n.name; }));
+  w.Write({"/nuisances/unit", "1", "their units"},
+          Texts(fit.nuisances, [](const Nuisance& n) { return n.unit; }));
+  w.Write({"/nuisances/value", "1", "values, each in its unit"}, values);
+  w.Write({"/nuisances/sigma", "1", "standard errors, each in its unit"}, sigmas);
+
+  const auto count = static_cast<Eigen::Index>(fit.evaluations.size());
+  Eigen::MatrixXd theta(count, p);
+  std::vector<std::int32_t> stage, failed;
+  std::vector<double> cost, seconds;
+  for (Eigen::Index i = 0; i < count; ++i) {
+    const auto& e = fit.evaluations[static_cast<std::size_t>(i)];
+    for (Eigen::Index j = 0; j < p; ++j) theta(i, j) = e.theta[static_cast<std::size_t>(j)];
+    stage.push_back(e.stage);
+    failed.push_back(e.failed ? 1 : 0);
+    cost.push_back(e.cost);
+    seconds.push_back(e.seconds);
+  }
+  using Evaluation = FitRecord::Evaluation;
+  w.Write({"/evaluations/theta", "1", "parameters of each evaluation, e x p"}, theta);
+  w.Write({"/evaluations/purpose", "1", "what it was for"},
+          Texts(fit.evaluations, [](const Evaluation& e) { return e.purpose; }));
+  w.Write({"/evaluations/message", "1", "of a failure"},
+          Texts(fit.evaluations, [](const Evaluation& e) { return e.message; }));
+  w.Write({"/evaluations/stage", "1", "stage of the horizon, from 0"}, stage);
+  w.Write({"/evaluations/failed", "1", "1: the model could not be evaluated there"}, failed);
+  w.Write({"/evaluations/cost", "1",
+           "half the sum of squares of the whitened residuals; -1: not compared with the data"},
+          cost);
+  w.Write({"/evaluations/seconds", "s", "wall-clock time of each evaluation"}, seconds);
+
+  w.Write({"/samples/marks", "1", "marks' names"}, fit.marks);
+  w.Write({"/samples/t", "s", "time of each sample on the tracks' clock"}, fit.t);
+  w.Write({"/samples/mark", "1", "index into marks"}, fit.mark);
+  w.Write({"/samples/measured", "m", "x, y, z in the model's frame, n x 3"},
+          Eigen::MatrixXd(fit.measured.transpose()));
+  w.Write({"/samples/sigma", "m", "their standard deviations, n x 3"},
+          Eigen::MatrixXd(fit.sigma.transpose()));
+  w.Write({"/samples/simulated", "m", "the model at the estimate, n x 3"},
+          Eigen::MatrixXd(fit.simulated.transpose()));
+  if (fit.model_error.cols() > 0) {
+    w.Write({"/samples/model_error", "m", "the model's own error, from a finer one, n x 3"},
+            Eigen::MatrixXd(fit.model_error.transpose()));
+  }
+  for (const auto& [check, value] : fit.checks) {  // "chi2_per_dof [1]": name and unit
+    const std::size_t open = check.find(" [");
+    const std::string units =
+        open == std::string::npos ? "1" : check.substr(open + 2, check.size() - open - 3);
+    w.Write({"/checks/" + check.substr(0, open), units, check}, std::vector<double>{value});
+  }
+  w.Commit();
+}
+
+FitRecord ReadFit(const std::string& path) {
+  const H5Reader r(path, kFitSchema, kFitVersion);
+  FitRecord fit;
+  fit.study = r.StringAttribute("/", "study");
+  fit.status = r.StringAttribute("/", "status");
+  fit.message = r.StringAttribute("/", "message");
+  fit.verdict = r.StringAttribute("/", "verdict");
+  fit.reasons = r.ReadStrings("/reasons");
+
+  const auto names = r.ReadStrings("/parameters/name"), units = r.ReadStrings("/parameters/unit");
+  const auto verdicts = r.ReadStrings("/parameters/verdict");
+  const auto reasons = r.ReadStrings("/parameters/reason");
+  const auto keys = r.ReadStrings("/parameters/keys");
+  const Eigen::MatrixXd numbers = r.ReadMatrix("/parameters/numbers");
+  const std::size_t p = names.size();
+  if (units.size() != p || verdicts.size() != p || reasons.size() != p || keys.size() != p ||
+      numbers.rows() != static_cast<Eigen::Index>(p) || numbers.cols() != kParameterNumbers) {
+    r.Fail("lists of different lengths", "/parameters", "write the file again with `unfurl fit`");
+  }
+  for (std::size_t j = 0; j < p; ++j) {
+    FitRecord::Parameter q;
+    q.name = names[j];
+    q.unit = units[j];
+    q.verdict = verdicts[j];
+    q.reason = reasons[j];
+    for (std::size_t from = 0; from < keys[j].size();) {
+      const std::size_t to = std::min(keys[j].find(' ', from), keys[j].size());
+      q.keys.push_back(keys[j].substr(from, to - from));
+      from = to + 1;
+    }
+    const auto n = numbers.row(static_cast<Eigen::Index>(j));
+    q.start = n(0), q.low = n(1), q.high = n(2), q.value = n(3), q.sigma = n(4);
+    q.sigma_data = n(5), q.sigma_white = n(6), q.sigma_model = n(7), q.model_shift = n(8);
+    q.kink = n(9);
+    fit.parameters.push_back(std::move(q));
+  }
+  fit.covariance = r.ReadMatrix("/parameters/covariance");
+
+  const auto nuisance = r.ReadStrings("/nuisances/name"), unit = r.ReadStrings("/nuisances/unit");
+  const auto value = r.ReadDoubles("/nuisances/value"), sigma = r.ReadDoubles("/nuisances/sigma");
+  for (std::size_t i = 0; i < nuisance.size(); ++i) {
+    fit.nuisances.push_back({nuisance[i], unit.at(i), value.at(i), sigma.at(i)});
+  }
+
+  const Eigen::MatrixXd theta = r.ReadMatrix("/evaluations/theta");
+  const auto purpose = r.ReadStrings("/evaluations/purpose");
+  const auto message = r.ReadStrings("/evaluations/message");
+  const auto stage = r.ReadInts("/evaluations/stage"), failed = r.ReadInts("/evaluations/failed");
+  const auto cost = r.ReadDoubles("/evaluations/cost");
+  const auto seconds = r.ReadDoubles("/evaluations/seconds", "s");
+  for (std::size_t i = 0; i < purpose.size(); ++i) {
+    FitRecord::Evaluation e;
+    for (Eigen::Index j = 0; j < theta.cols(); ++j) {
+      e.theta.push_back(theta(static_cast<Eigen::Index>(i), j));
+    }
+    e.purpose = purpose[i];
+    e.message = message.at(i);
+    e.stage = stage.at(i);
+    e.failed = failed.at(i) != 0;
+    e.cost = cost.at(i);
+    e.seconds = seconds.at(i);
+    fit.evaluations.push_back(std::move(e));
+  }
+
+  fit.marks = r.ReadStrings("/samples/marks");
+  fit.t = r.ReadDoubles("/samples/t", "s");
+  fit.mark = r.ReadInts("/samples/mark");
+  fit.measured = r.ReadMatrix("/samples/measured", "m").transpose();
+  fit.sigma = r.ReadMatrix("/samples/sigma", "m").transpose();
+  fit.simulated = r.ReadMatrix("/samples/simulated", "m").transpose();
+  if (r.Has("/samples/model_error")) {
+    fit.model_error = r.ReadMatrix("/samples/model_error", "m").transpose();
+  }
+  if (r.Has("/checks")) {
+    for (const std::string& name : r.Children("/checks")) {
+      const std::vector<double> number = r.ReadDoubles("/checks/" + name);
+      if (number.size() == 1) {
+        fit.checks[name + " [" + r.Units("/checks/" + name) + "]"] = number[0];
+      }
+    }
+  }
+  return fit;
+}
+
+}  // namespace unfurl::data

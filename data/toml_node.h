@@ -1,0 +1,104 @@
+#pragma once
+
+#include <fmt/format.h>
+#include <toml++/toml.h>
+
+#include <map>
+#include <memory>
+#include <set>
+#include <string>
+
+#include "base/error.h"
+#include "base/text.h"
+#include "data/toml.h"
+
+namespace unfurl::data {
+
+// One table of the document, shared by all TomlTable that look at it: so keys read through any of
+// them are remembered in one place. Nodes keep the whole document alive.
+struct TomlTable::Node {
+  std::shared_ptr<toml::table> document;
+  toml::table* table = nullptr;
+  std::string file;
+  std::string path;
+  int line = 0;
+  std::set<std::string> asked;                                           // keys a reader knows
+  std::map<std::string, std::shared_ptr<Node>> tables;                   // by key, or "key[i]"
+  std::shared_ptr<std::map<const toml::node*, std::string>> overridden;  // node -> dotted key
+
+  std::string Dotted(std::string_view key) const {
+    if (key.empty()) return path;
+    return path.empty() ? std::string(key) : path + "." + std::string(key);
+  }
+
+  const toml::node* Get(std::string_view key) {
+    asked.insert(std::string(key));
+    return table->get(key);
+  }
+
+  std::string WhereOf(std::string_view key) const {
+    const toml::node* node = key.empty() ? nullptr : table->get(key);
+    if (node != nullptr) {
+      const auto set = overridden->find(node);
+      if (set != overridden->end()) return "--set " + set->second;
+    }
+    const int at = node != nullptr && node->source().begin.line > 0
+                       ? static_cast<int>(node->source().begin.line)
+                       : line;
+    const std::string dotted = Dotted(key);
+    std::string where = file;
+    if (at > 0) where += fmt::format(":{}", at);
+    if (!dotted.empty()) where += ":" + dotted;
+    return where;
+  }
+
+  std::shared_ptr<Node> Child(const std::string& slot, const std::string& child_path,
+                              toml::table* child) {
+    auto& node = tables[slot];
+    if (!node) {
+      node = std::make_shared<Node>();
+      node->document = document;
+      node->table = child;
+      node->file = file;
+      node->path = child_path;
+      node->line = static_cast<int>(child->source().begin.line);
+      node->overridden = overridden;
+    }
+    return node;
+  }
+
+  void Refuse() const {
+    for (const auto& [key, value] : *table) {
+      const std::string name(key.str());
+      if (!asked.contains(name)) {
+        const std::vector<std::string> known(asked.begin(), asked.end());
+        const std::string nearest = NearestName(name, known);
+        throw Error("unknown key", WhereOf(name),
+                    !nearest.empty() ? "did you mean '" + nearest + "'?"
+                    : known.empty()  ? "remove it"
+                                     : "remove it; known here: " + JoinWords(known));
+      }
+    }
+    for (const auto& [slot, child] : tables) child->Refuse();
+  }
+};
+
+inline const char* TypeName(const toml::node& node) {
+  switch (node.type()) {
+    case toml::node_type::string:
+      return "a string";
+    case toml::node_type::integer:
+    case toml::node_type::floating_point:
+      return "a number";
+    case toml::node_type::boolean:
+      return "true or false";
+    case toml::node_type::array:
+      return "an array";
+    case toml::node_type::table:
+      return "a table";
+    default:
+      return "a date or time";
+  }
+}
+
+}  // namespace unfurl::data
