@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/progress.h"
+#include "base/text.h"
 #include "cli/verb.h"
 #include "data/lab.h"
 #include "data/run.h"
@@ -70,6 +71,14 @@ std::size_t Outside(const Eigen::Matrix3Xd& p, const data::Lab& lab) {
   return outside;
 }
 
+void CheckMarks(const data::Run& run, const Settings& s, const data::Lab& lab) {
+  for (const std::string& slot : lab.strobe.slots) {
+    if (slot == data::kDarkSlot || run.Find(slot + ".x") >= 0) continue;
+    throw Error(fmt::format("holds no mark '{}', which a slot of {} lights", slot, s.lab), s.run,
+                fmt::format("its marks are {}; list those in strobe.slots", JoinWords(run.marks)));
+  }
+}
+
 int ExposeSurveyVerb(const Common& common, const Settings& s) {
   const auto start = std::chrono::steady_clock::now();
   const data::Lab lab = data::ReadLab(s.lab, s.overrides);
@@ -79,8 +88,8 @@ int ExposeSurveyVerb(const Common& common, const Settings& s) {
   measure::ExposeOptions options{.workers = s.workers,
                                  .progress = [&](double done) { progress.Update(done); }};
   const data::Survey survey = measure::ExposeSurvey(lab, points, options);
-  data::WriteSurvey(s.output, survey, provenance);
   if (!s.truth.empty()) data::WriteTracks(s.truth, TrueTracks(points), provenance);
+  data::WriteSurvey(s.output, survey, provenance);
 
   const std::size_t outside = Outside(points.p, lab);
   const ordered_json summary = {{"output", s.output},
@@ -99,6 +108,7 @@ int ExposeTrialVerb(const Common& common, const Settings& s) {
   const auto start = std::chrono::steady_clock::now();
   const data::Lab lab = data::ReadLab(s.lab, s.overrides);
   const data::Run run = data::ReadRun(s.run);
+  CheckMarks(run, s, lab);
   const data::Provenance provenance = ProvenanceOf(common, s, lab);
   const data::TrialHeader header = measure::HeaderOf(lab);
   Progress progress("expose", !common.quiet && !common.json);
@@ -107,8 +117,8 @@ int ExposeTrialVerb(const Common& common, const Settings& s) {
   data::Tracks truth;
   data::TrialWriter trial(s.output, header, provenance);
   measure::ExposeTrial(lab, run, trial, options, &truth);
-  trial.Commit();
   if (!s.truth.empty()) data::WriteTracks(s.truth, truth, provenance);
+  trial.Commit();
 
   const std::size_t outside = Outside(truth.p, lab);
   const double duration = truth.t.empty() ? 0.0 : truth.t.back();

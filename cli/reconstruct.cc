@@ -99,9 +99,9 @@ int ReconstructVerb(const Common& common, const Settings& s) {
       progress.Update(static_cast<double>(first + block.size()) /
                       static_cast<double>(trial.size()));
     }
+    if (picture) picture->Write(s.picture);  // first: if it cannot be written, nothing is left
     writer.Commit();
   }
-  if (picture) picture->Write(s.picture);
   const double seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 
