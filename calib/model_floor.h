@@ -16,9 +16,10 @@ struct FlooredBundle {
   BundleSummary summary;
 };
 
-// Starts from `state` with a floor of `start_px` that is plainly too large, so that the loss's first
-// scale is generous, then searches between that and none. A floor at which the loss would have to
-// discard more than `discard_share` of the readings beyond those at the start is too low as well.
+// Starts from `state` with a floor of `start_px` that is plainly too large, so that the loss has a
+// generous scale first, then searches between that and none. A floor at which the loss would have
+// to discard more than `discard_share` of the readings beyond those at the start is too low as
+// well.
 FlooredBundle SolveWithFloor(const Observations& data, const std::vector<CameraPrior>& priors,
                              double start_px, const BundleOptions& options, BundleState state,
                              double discard_share = 0.1);

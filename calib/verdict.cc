@@ -114,10 +114,7 @@ void JudgeFit(const CalibrationReport& report, data::Rig* rig, Tally* tally) {
   const double per_dof =
       report.degrees_of_freedom > 0.0 ? report.chi_square / report.degrees_of_freedom : 0.0;
   int gross = 0;
-  for (const CameraReport& camera : report.cameras) {
-    gross += camera.gross;
-    rig->checks[fmt::format("{}.residual_rms [px]", camera.name)] = camera.residual_rms_px;
-  }
+  for (const CameraReport& camera : report.cameras) gross += camera.gross;
   const auto gross_points = std::count_if(report.survey_weight.begin(), report.survey_weight.end(),
                                           [](double w) { return w < 1.0; });
   const double share =

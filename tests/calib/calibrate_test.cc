@@ -153,6 +153,22 @@ TEST(Verdict, DishonestErrorBarsAreNotToBeUsed) {
   EXPECT_THAT(result.rig.reasons.front(), HasSubstr("error bars"));
 }
 
+// Four cameras on a horizontal circle, all lens axes upright: no reading tells a height.
+TEST(Verdict, ParallelLensAxesAreNotToBeUsed) {
+  Study study = MakeStudy(17, 100);
+  for (std::size_t j = 0; j < 4; ++j) {
+    const double turn = 1.4 * static_cast<double>(j);
+    const data::RigCamera pose = testing::LookAt({3.2 * std::cos(turn), 3.2 * std::sin(turn), 0.0},
+                                                 Eigen::Vector3d::Zero(), 0.0);
+    study.truth[j].R_CW = pose.R_CW;
+    study.truth[j].p_WC = pose.p_WC;
+    study.truth[j].terms_px.fill(0.0);
+  }
+  study.data = Observe(study.truth, study.points, 3e-4, 0.05, Rng(18));
+  const Calibration result = Calibrate(study.data, {}, "test");
+  EXPECT_EQ(result.rig.verdict, kDoNotUse);
+}
+
 TEST(Verdict, TooFewPointsForTheirCamerasAreNotGood) {
   const Calibration result = Calibrate(MakeStudy(16, 20).data, {}, "test");
   EXPECT_NE(result.rig.verdict, kGood);
