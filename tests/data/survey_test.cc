@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <cstdio>
@@ -16,7 +17,10 @@ namespace {
 
 using ::testing::HasSubstr;
 
-std::string Path(const std::string& name) { return testing::TempDir() + name; }
+// Apart from what other processes write.
+std::string Path(const std::string& name) {
+  return testing::TempDir() + std::to_string(getpid()) + name;
+}
 
 Survey WithReadings() {
   Survey survey;

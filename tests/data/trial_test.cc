@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cstdio>
 #include <filesystem>
@@ -38,7 +39,7 @@ TrialBlock RandomBlock(const TrialHeader& header, std::size_t lines, Rng& rng, s
 }
 
 TEST(Trial, StreamsBothWaysInAnyBlocks) {
-  const std::string path = testing::TempDir() + "trial_stream.h5";
+  const std::string path = testing::TempDir() + std::to_string(getpid()) + "trial_stream.h5";
   const TrialHeader header = SmallHeader();
   Rng rng(1);
   TrialBlock all;
@@ -78,7 +79,8 @@ TEST(Trial, StreamsBothWaysInAnyBlocks) {
 }
 
 TEST(Trial, AnUnfinishedOneLeavesNothing) {
-  const std::filesystem::path folder = testing::TempDir() + "trial_unfinished";
+  const std::filesystem::path folder =
+      testing::TempDir() + std::to_string(getpid()) + "trial_unfinished";
   std::filesystem::create_directory(folder);
   {
     Rng rng(1);
@@ -90,7 +92,7 @@ TEST(Trial, AnUnfinishedOneLeavesNothing) {
 }
 
 TEST(Trial, RefusesAnotherSchemaAndASlotThatIsNotThere) {
-  const std::string path = testing::TempDir() + "trial_bad.h5";
+  const std::string path = testing::TempDir() + std::to_string(getpid()) + "trial_bad.h5";
   {
     H5Writer other(path, "unfurl/run", 1, {});
     other.Commit();

@@ -1,6 +1,7 @@
 #include "measure/expose.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
 #include <cstdio>
@@ -14,7 +15,8 @@ namespace {
 
 class TemporaryTrial {
  public:
-  explicit TemporaryTrial(const std::string& name) : path_(testing::TempDir() + name) {}
+  explicit TemporaryTrial(const std::string& name)
+      : path_(testing::TempDir() + std::to_string(getpid()) + name) {}
   ~TemporaryTrial() { std::remove(path_.c_str()); }
   const std::string& path() const { return path_; }
 

@@ -1,6 +1,7 @@
 #include "measure/reconstruct.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -22,7 +23,7 @@ struct Recorded {
   VirtualRig truth_rig = MakeVirtualRig(lab);
   data::Rig rig = FitRig(truth_rig, lab.volume_low, lab.volume_high);
   data::Tracks truth;
-  std::string path = testing::TempDir() + "recorded.h5";
+  std::string path = testing::TempDir() + std::to_string(getpid()) + "recorded.h5";
 
   Recorded() {
     rig.model_floor_px = 0.008;  // what FitCamera leaves
@@ -55,7 +56,7 @@ std::string Edited(const std::string& name, const Edit& edit) {
                                     static_cast<std::size_t>(header.format.active)));
     }
   }
-  const std::string path = testing::TempDir() + name;
+  const std::string path = testing::TempDir() + std::to_string(getpid()) + name;
   data::TrialWriter writer(path, header, {});
   writer.Append(block);
   writer.Commit();
@@ -218,7 +219,7 @@ TEST(Reconstruct, RefusesATrialWithoutDarkLines) {
   for (std::string& slot : header.slots) {
     if (slot == data::kDarkSlot) slot = "mark9";
   }
-  const std::string path = testing::TempDir() + "undark.h5";
+  const std::string path = testing::TempDir() + std::to_string(getpid()) + "undark.h5";
   data::TrialBlock block;
   whole.Read(0, 200, &block);
   data::TrialWriter writer(path, header, {});

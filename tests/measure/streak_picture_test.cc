@@ -1,6 +1,7 @@
 #include "measure/streak_picture.h"
 
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cstdio>
@@ -40,7 +41,7 @@ cv::Mat PictureOf(int pixel) {
   }
   StreakPicture picture(header, kLines);
   picture.Add(block);
-  const std::string path = testing::TempDir() + "streak.png";
+  const std::string path = testing::TempDir() + std::to_string(getpid()) + "streak.png";
   picture.Write(path);
   const cv::Mat image = cv::imread(path);
   std::remove(path.c_str());
