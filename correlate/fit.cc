@@ -18,6 +18,9 @@ namespace {
 // velocities carry it. Accelerations of 1 km/s^2 at impacts make 1e-6 m of it.
 constexpr double kOffsetSettled = 5e-5;  // [s]
 
+// Of a standard error: how near to its minimum a stage that only leads the way has to come.
+constexpr double kLeadingTolerance = 0.5;
+
 std::vector<std::string> MarkNames(const Observations& o) {
   std::vector<std::string> names;
   for (const MarkSeries& m : o.marks) names.push_back(m.name);
@@ -151,7 +154,8 @@ FitResult Fit(const FitProblem& problem, const FitOptions& options) {
       FitProgress progress{static_cast<int>(s), static_cast<int>(ends.size()), 0, 0.0, {}};
       SolverOptions solver;
       solver.max_iterations = options.max_iterations;
-      solver.step_tolerance = options.step_tolerance;
+      // Only the end has to be sharp; until then a stage leads the way.
+      solver.step_tolerance = last && round > 0 ? options.step_tolerance : kLeadingTolerance;
       solver.difference_target = options.difference_sigma * sigma;
       ReducedProblem::Point point;
       if (reduced.At(u, &point, "trial")) {
@@ -180,7 +184,7 @@ FitResult Fit(const FitProblem& problem, const FitOptions& options) {
       }
       at = point.registration.at;
       const bool settled = std::abs(at.offset - offset_ref) <= kOffsetSettled;
-      if (!settled && last && round + 1 < kMaxRounds) continue;
+      if (last && (round == 0 || (!settled && round + 1 < kMaxRounds))) continue;
       r.status = solved.status == SolverStatus::kConverged ? FitStatus::kConverged
                                                            : FitStatus::kNotConverged;
       r.message = solved.message;

@@ -42,7 +42,7 @@ struct FitOptions {
   int max_iterations = 25;  // of the solver, per stage
   // A stage ends when the next step would move every parameter by less than this part of its
   // standard error [-].
-  double step_tolerance = 0.02;
+  double step_tolerance = 0.05;
   // Differences move the marks by this part of their sigma, RMS, or by `noise_factor` times the
   // model's own noise, whichever is more [-].
   double difference_sigma = 0.1;

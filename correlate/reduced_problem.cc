@@ -62,25 +62,41 @@ bool ReducedProblem::At(const std::vector<double>& u, Point* point, const std::s
   return true;
 }
 
+bool ReducedProblem::Shifted(const std::vector<double>& u, std::size_t j, int side,
+                             std::vector<double>* moved) const {
+  *moved = u;
+  (*moved)[j] += side * steps_[j];
+  const double inside = ToInternal(parameters_[j], FromInternal(parameters_[j], (*moved)[j]));
+  return std::abs(inside - (*moved)[j]) < 1e-3 * steps_[j];
+}
+
+bool ReducedProblem::CentralSensitivity(const std::vector<double>& u, const Point& at,
+                                        Eigen::MatrixXd* J) {
+  std::vector<Evaluator::Request> forward;
+  for (std::size_t j = 0; j < u.size(); ++j) {
+    std::vector<double> moved;
+    if (Shifted(u, j, +1, &moved)) {
+      forward.push_back({&model_, Values(parameters_, moved.data()), "difference", false});
+    }
+  }
+  Eigen::MatrixXd other;
+  if (!Sensitivity(u, at, -1, J, nullptr, forward) || !Sensitivity(u, at, +1, &other)) return false;
+  *J = 0.5 * (*J + other);
+  return true;
+}
+
 bool ReducedProblem::Sensitivity(const std::vector<double>& u, const Point& at, int sign,
                                  Eigen::MatrixXd* J, Change* change_out,
                                  const std::vector<Evaluator::Request>& beside) {
   const std::size_t p = parameters_.size();
-  auto shifted = [&](std::size_t j, int side) {
-    std::vector<double> moved = u;
-    moved[j] += side * steps_[j];
-    const double inside = ToInternal(parameters_[j], FromInternal(parameters_[j], moved[j]));
-    const bool ok = std::abs(inside - moved[j]) < 1e-3 * steps_[j];
-    return std::pair(moved, ok);
-  };
   std::vector<int> side(p, sign);
   std::vector<Evaluator::Request> requests(beside);  // first: they may be the long ones
   std::vector<std::vector<double>> points(p);
   for (std::size_t j = 0; j < p; ++j) {
-    auto [moved, ok] = shifted(j, side[j]);
-    if (!ok) {
+    std::vector<double> moved;
+    if (!Shifted(u, j, side[j], &moved)) {
       side[j] = -side[j];
-      moved = shifted(j, side[j]).first;
+      Shifted(u, j, side[j], &moved);
     }
     points[j] = moved;
     requests.push_back({&model_, Values(parameters_, moved.data()), "difference", false});
@@ -91,8 +107,8 @@ bool ReducedProblem::Sensitivity(const std::vector<double>& u, const Point& at, 
   for (std::size_t j = 0; j < p; ++j) {
     if (answers[j]->status != ModelStatus::kGood) {  // a recorded failure: try the other side
       side[j] = -side[j];
-      const auto [moved, ok] = shifted(j, side[j]);
-      if (!ok) return false;
+      std::vector<double> moved;
+      if (!Shifted(u, j, side[j], &moved)) return false;
       points[j] = moved;
       answers[j] =
           evaluator_.Evaluate({&model_, Values(parameters_, moved.data()), "difference", false});

@@ -42,6 +42,9 @@ class ReducedProblem {
   bool Sensitivity(const std::vector<double>& u, const Point& at, int sign, Eigen::MatrixXd* J,
                    Change* change = nullptr, const std::vector<Evaluator::Request>& beside = {});
 
+  // The mean of both sides, all points in one batch.
+  bool CentralSensitivity(const std::vector<double>& u, const Point& at, Eigen::MatrixXd* J);
+
   // Takes the part out of J that a change of the registration imitates (Kaufman's form).
   Eigen::MatrixXd Project(const Point& at, const Eigen::MatrixXd& J) const;
 
@@ -51,6 +54,10 @@ class ReducedProblem {
   const std::vector<double>& steps() const { return steps_; }
 
  private:
+  // u with component j moved by one step to `side`; false: a bound is in the way.
+  bool Shifted(const std::vector<double>& u, std::size_t j, int side,
+               std::vector<double>* moved) const;
+
   const Model& model_;
   const std::vector<Parameter>& parameters_;
   const Observations& observations_;

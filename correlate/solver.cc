@@ -29,11 +29,14 @@ class ReducedCost : public ceres::CostFunction {
       if (!problem_.At(u, &point, "trial")) return false;
       Eigen::Map<Eigen::VectorXd>(residuals, problem_.rows()) = point.residual;
       if (jacobians == nullptr || jacobians[0] == nullptr) return true;
+      // One-sided differences lead the way; at the end their bias would hold the solver off the
+      // minimum wherever the residuals are large.
       Eigen::MatrixXd J;
-      if (!problem_.Sensitivity(u, point, +1, &J)) return false;
-      if (!have_steps) {
+      if (jacobian_count++ == 0) {
+        if (!problem_.Sensitivity(u, point, +1, &J)) return false;
         problem_.SetSteps(J, point, options_.difference_target);
-        have_steps = true;
+      } else if (!problem_.CentralSensitivity(u, point, &J)) {
+        return false;
       }
       last_u = u;
       last_residual = point.residual;
@@ -48,7 +51,7 @@ class ReducedCost : public ceres::CostFunction {
     }
   }
 
-  mutable bool have_steps = false;
+  mutable int jacobian_count = 0;
   mutable std::vector<double> last_u;
   mutable Eigen::VectorXd last_residual;
   mutable Eigen::MatrixXd last_projected;
@@ -69,14 +72,22 @@ class StepWatch : public ceres::IterationCallback {
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
     if (cost_.error) return ceres::SOLVER_ABORT;
     if (options_.on_iteration) options_.on_iteration(summary.cost, cost_.last_u);
-    if (!summary.step_is_successful && summary.iteration > 0) return ceres::SOLVER_CONTINUE;
     const GaussNewton next = StepAndSigma(cost_.last_projected, cost_.last_residual);
+    double tolerance = options_.step_tolerance;
+    if (!summary.step_is_successful && summary.iteration > 0) {
+      // A step of less than a standard error that does not lead down: the model's own roughness.
+      constexpr double kRough = 1.0;
+      if (++unsuccessful < 2) return ceres::SOLVER_CONTINUE;
+      tolerance = kRough;
+    } else {
+      unsuccessful = 0;
+    }
     for (std::size_t j = 0; j < parameters_.size(); ++j) {
       const auto i = static_cast<Eigen::Index>(j);
       const double here = FromInternal(parameters_[j], cost_.last_u[j]);
       const bool outward = (here <= parameters_[j].low && next.step(i) < 0.0) ||
                            (here >= parameters_[j].high && next.step(i) > 0.0);
-      if (!outward && std::abs(next.step(i)) > options_.step_tolerance * next.sigma(i)) {
+      if (!outward && std::abs(next.step(i)) > tolerance * next.sigma(i)) {
         return ceres::SOLVER_CONTINUE;
       }
     }
@@ -85,6 +96,7 @@ class StepWatch : public ceres::IterationCallback {
   }
 
   bool small = false;
+  int unsuccessful = 0;
 
  private:
   const ReducedCost& cost_;
@@ -132,9 +144,10 @@ SolverResult Solve(ReducedProblem& problem, const std::vector<Parameter>& parame
   solver.trust_region_strategy_type = ceres::LEVENBERG_MARQUARDT;
   solver.linear_solver_type = ceres::DENSE_QR;
   solver.max_num_iterations = options.max_iterations;
-  // With bounds Ceres tries the step by a line search first; without gradients in it, its first
-  // point is the trial point itself and costs nothing more.
+  // With bounds Ceres tries the step by a line search first. One point of it, without gradients, is
+  // the trial point itself and costs nothing more; a longer one would spend evaluations.
   solver.line_search_interpolation_type = ceres::BISECTION;
+  solver.max_num_line_search_step_size_iterations = 1;
   solver.function_tolerance = 1e-9;
   solver.parameter_tolerance = 1e-10;
   solver.gradient_tolerance = 1e-14;

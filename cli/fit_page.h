@@ -1,0 +1,20 @@
+#pragma once
+
+#include <string>
+
+#include "correlate/fit.h"
+#include "data/fit.h"
+
+namespace unfurl::cli {
+
+// What the page of a fit shows.
+struct FitPageInput {
+  const data::FitRecord& record;
+  const correlate::FitProblem& problem;
+  const correlate::FitResult& result;
+  const correlate::Observations& observations;
+  data::Provenance provenance;
+};
+void WriteFitPage(const std::string& path, const FitPageInput& input);
+
+}  // namespace unfurl::cli
