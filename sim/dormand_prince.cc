@@ -134,6 +134,12 @@ double DormandPrince::ErrorNorm(double h) {
   }
   double total = 0.0;
   for (double part : sum) total += part;
+  if (scale_.energy > 0.0) {
+    for (const int k : {kExtraContact, kExtraBeams}) {
+      const double e = error(6 * n_ + k) / (scale_.rtol * scale_.energy);
+      total += e * e;
+    }
+  }
   return std::sqrt(total * norm_factor_);
 }
 

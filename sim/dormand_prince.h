@@ -14,6 +14,7 @@ struct ErrorScale {
   double length = 1.0;  // of positions [m]
   double angle = 1.0;   // [rad]
   double speed = 1.0;   // of velocities, to which |v| is added [m/s]
+  double energy = 0.0;  // of what is dissipated; 0: not controlled [J]
   double spin = 1.0;    // of angular velocities, to which |omega| is added [rad/s]
 };
 
@@ -27,6 +28,7 @@ class DormandPrince {
   // Sets the state and evaluates the right side there.
   void Start(const std::vector<double>& y);
   double* state() { return y_.data(); }
+  const double* state() const { return y_.data(); }
   double* trial() { return trial_.data(); }
   long evaluations() const { return evaluations_; }
 

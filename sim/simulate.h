@@ -16,7 +16,7 @@ struct SimulateOptions {
   double rate = 1000.0;   // samples per second, by dense output; steps do not depend on it [1/s]
   // Error allowed per step, relative to the scales below; in [1e-13, 1e-2]. Looser than 1e-4,
   // contacts with the paper's stiffness begin to go wrong.
-  double rtol = 1e-5;
+  double rtol = 1e-6;
   double length = 0.0;     // scale of positions; 0: the longest beam [m]
   double time = 1.0;       // velocities: length / time, plus what they are [s]
   double max_step = 0.01;  // [s]
