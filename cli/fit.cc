@@ -146,7 +146,7 @@ data::FitRecord RecordOf(const data::Study& study,
   }
   for (const correlate::EvaluationRecord& e : r.evaluations) {
     record.evaluations.push_back({e.theta, e.purpose, e.message, e.stage,
-                                  e.status != correlate::ModelStatus::kGood, e.cost, e.seconds});
+                                  e.status != correlate::ModelStatus::kGood, e.cost});
   }
   record.checks["evaluations [1]"] = static_cast<double>(r.evaluations.size());
   if (r.prediction.marks.empty()) {

@@ -34,7 +34,13 @@ bool AlignStart(const FitProblem& problem, const FitOptions& options, Evaluator&
   const Observations& o = *problem.observations;
   std::vector<double> theta;
   for (const Parameter& p : problem.parameters) theta.push_back(p.start);
-  const SampledModel sampled(*problem.model, theta, MarkNames(o), 0.0, o.End() - o.Start(), kGrid);
+  // Late motion at wrong parameters aligns anything with anything: where there are stages, the
+  // first one's horizon is what is aligned.
+  double horizon = o.End() - o.Start();
+  if (!options.stages.empty()) {
+    horizon = std::min(horizon, *std::min_element(options.stages.begin(), options.stages.end()));
+  }
+  const SampledModel sampled(*problem.model, theta, MarkNames(o), 0.0, horizon, kGrid);
   EvaluationRecord record;
   record.theta = theta;
   record.purpose = "alignment";
@@ -142,18 +148,23 @@ FitResult Fit(const FitProblem& problem, const FitOptions& options) {
   for (std::size_t s = 0; s < ends.size(); ++s) {
     const bool last = s + 1 == ends.size();
     data = Cut(all, {-std::numeric_limits<double>::infinity(), ends[s] + at.offset});
+    constexpr std::size_t kFewest = 50;  // samples; a shorter horizon leads nowhere
+    if (data.size() < kFewest && !last) continue;
     StageResult stage;
     stage.end = ends[s];
     stage.samples = data.size();
     constexpr int kMaxRounds = 4;
+    std::vector<double> steps;
     for (int round = 0; round < kMaxRounds; ++round) {
       const double offset_ref = at.offset;
       evaluator.SetStamps(data.StampsAt(offset_ref), static_cast<int>(s));
       ReducedProblem reduced(*problem.model, problem.parameters, data, offset_ref, at,
                              options.align.registration, evaluator);
+      if (round > 0) reduced.TakeSteps(steps);
       FitProgress progress{static_cast<int>(s), static_cast<int>(ends.size()), 0, 0.0, {}};
       SolverOptions solver;
       solver.max_iterations = options.max_iterations;
+      solver.central_from_start = round > 0;
       // Only the end has to be sharp; until then a stage leads the way.
       solver.step_tolerance = last && round > 0 ? options.step_tolerance : kLeadingTolerance;
       solver.difference_target = options.difference_sigma * sigma;
@@ -175,6 +186,7 @@ FitResult Fit(const FitProblem& problem, const FitOptions& options) {
       stage.solver_message = solved.message;
       stage.cost = solved.cost;
       u = solved.u;
+      steps = reduced.steps();
       stage.theta = Values(problem.parameters, u.data());
       if (solved.status == SolverStatus::kStartFailed || !reduced.At(u, &point, "trial")) {
         r.status = FitStatus::kModelFailed;

@@ -183,7 +183,10 @@ OffsetSearch FindOffset(const SampledModel& a, const SampledModel& b,
   if (numerator.empty()) return out;
   const double total_a = *std::max_element(variance_a.begin(), variance_a.end());
   const double total_b = *std::max_element(variance_b.begin(), variance_b.end());
-  const double shorter = std::max(1.0, std::min(shorter_a, shorter_b));
+  // The time before a run's start, in which it is held, is there to be overlapped but not to be
+  // asked for.
+  const double own_b = shorter_b * std::min(1.0, (end_b - B.Start()) / (end_b - start_b));
+  const double shorter = std::max(1.0, std::min(shorter_a, own_b));
 
   // Entry l: sample i of a beside sample i + l - (count_a - 1) of b.
   auto offset_at = [&](double l) {

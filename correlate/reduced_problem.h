@@ -52,6 +52,7 @@ class ReducedProblem {
   // tenth of the range between the bounds. Before the first: `relative` of the value.
   void SetSteps(const Eigen::MatrixXd& J, const Point& at, double target);
   const std::vector<double>& steps() const { return steps_; }
+  void TakeSteps(std::vector<double> steps) { steps_ = std::move(steps); }
 
  private:
   // u with component j moved by one step to `side`; false: a bound is in the way.

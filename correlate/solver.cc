@@ -32,12 +32,12 @@ class ReducedCost : public ceres::CostFunction {
       // One-sided differences lead the way; at the end their bias would hold the solver off the
       // minimum wherever the residuals are large.
       Eigen::MatrixXd J;
-      if (jacobian_count++ == 0) {
-        if (!problem_.Sensitivity(u, point, +1, &J)) return false;
-        problem_.SetSteps(J, point, options_.difference_target);
-      } else if (!problem_.CentralSensitivity(u, point, &J)) {
+      const bool one_sided = jacobian_count++ == 0 && !options_.central_from_start;
+      if (one_sided ? !problem_.Sensitivity(u, point, +1, &J)
+                    : !problem_.CentralSensitivity(u, point, &J)) {
         return false;
       }
+      if (one_sided) problem_.SetSteps(J, point, options_.difference_target);
       last_u = u;
       last_residual = point.residual;
       last_projected = problem_.Project(point, J);

@@ -10,8 +10,9 @@ namespace unfurl::correlate {
 
 struct SolverOptions {
   int max_iterations = 25;
-  double step_tolerance = 0.02;    // of each parameter's standard error
-  double difference_target = 0.0;  // RMS change of the marks by one difference step [m]
+  double step_tolerance = 0.02;     // of each parameter's standard error
+  bool central_from_start = false;  // else the first differences are one-sided
+  double difference_target = 0.0;   // RMS change of the marks by one difference step [m]
   std::function<void(double cost, const std::vector<double>& u)> on_iteration;
 };
 

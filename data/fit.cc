@@ -69,14 +69,13 @@ void WriteFit(const std::string& path, const FitRecord& fit, const Provenance& p
   const auto count = static_cast<Eigen::Index>(fit.evaluations.size());
   Eigen::MatrixXd theta(count, p);
   std::vector<std::int32_t> stage, failed;
-  std::vector<double> cost, seconds;
+  std::vector<double> cost;
   for (Eigen::Index i = 0; i < count; ++i) {
     const auto& e = fit.evaluations[static_cast<std::size_t>(i)];
     for (Eigen::Index j = 0; j < p; ++j) theta(i, j) = e.theta[static_cast<std::size_t>(j)];
     stage.push_back(e.stage);
     failed.push_back(e.failed ? 1 : 0);
     cost.push_back(e.cost);
-    seconds.push_back(e.seconds);
   }
   using Evaluation = FitRecord::Evaluation;
   w.Write({"/evaluations/theta", "1", "parameters of each evaluation, e x p"}, theta);
@@ -89,7 +88,6 @@ void WriteFit(const std::string& path, const FitRecord& fit, const Provenance& p
   w.Write({"/evaluations/cost", "1",
            "half the sum of squares of the whitened residuals; -1: not compared with the data"},
           cost);
-  w.Write({"/evaluations/seconds", "s", "wall-clock time of each evaluation"}, seconds);
 
   w.Write({"/samples/marks", "1", "marks' names"}, fit.marks);
   w.Write({"/samples/t", "s", "time of each sample on the tracks' clock"}, fit.t);
@@ -162,7 +160,6 @@ FitRecord ReadFit(const std::string& path) {
   const auto message = r.ReadStrings("/evaluations/message");
   const auto stage = r.ReadInts("/evaluations/stage"), failed = r.ReadInts("/evaluations/failed");
   const auto cost = r.ReadDoubles("/evaluations/cost");
-  const auto seconds = r.ReadDoubles("/evaluations/seconds", "s");
   for (std::size_t i = 0; i < purpose.size(); ++i) {
     FitRecord::Evaluation e;
     for (Eigen::Index j = 0; j < theta.cols(); ++j) {
@@ -173,7 +170,6 @@ FitRecord ReadFit(const std::string& path) {
     e.stage = stage.at(i);
     e.failed = failed.at(i) != 0;
     e.cost = cost.at(i);
-    e.seconds = seconds.at(i);
     fit.evaluations.push_back(std::move(e));
   }
 

@@ -46,7 +46,6 @@ struct FitRecord {
     int stage = 0;
     bool failed = false;
     double cost = -1.0;  // half the sum of squares of whitened residuals; -1: not compared
-    double seconds = 0.0;
   };
   std::vector<Evaluation> evaluations;
 
