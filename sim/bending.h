@@ -5,9 +5,9 @@
 
 namespace unfurl::sim {
 
-// The elastic elements of all beams, [paper, eq. (4) to (13)] as physics.md has them: with dx, dy
-// the relative position of the two stations in the element's axes (at the mean of their angles) and
-// dtheta the relative angle,
+// The elastic elements of all beams, [paper, eq. (4) to (13)] as docs/physics-simulator.md has
+// them: with dx, dy the relative position of the two stations in the element's axes (at the mean of
+// their angles) and dtheta the relative angle,
 //   U = (12 EI / l^3) dy^2 / 2 + (EI / l) dtheta^2 / 2 + (EA / l) (dx - l)^2 / 2,
 // and the damped forces are those of d + beta d_dot. Element e joins slots e and e + 1; entries
 // that are no element have zero stiffness.

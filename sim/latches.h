@@ -15,8 +15,9 @@ struct LatchMode {
   std::uint8_t lower_contact = 0;  // the lower stop (at -theta_b)
 };
 
-// Locking joints with clearance and contact, [paper, eq. (14) to (25)] as physics.md section 4 has
-// them: delta = x_p theta_c, f = K delta^1.5 + C T(delta) d(delta)/dt, never pulling (selectable).
+// Locking joints with clearance and contact, [paper, eq. (14) to (25)] as docs/physics-simulator.md
+// has them: delta = x_p theta_c, f = K delta^1.5 + C T(delta) d(delta)/dt, never pulling
+// (selectable).
 class Latches {
  public:
   struct Law {
