@@ -12,6 +12,7 @@
 #include "base/error.h"
 #include "base/progress.h"
 #include "base/text.h"
+#include "cli/comparison.h"
 #include "cli/fit_page.h"
 #include "cli/scene_model.h"
 #include "cli/verb.h"
@@ -61,20 +62,6 @@ std::vector<correlate::Parameter> ParametersOf(const data::Study& study) {
     out.push_back(std::move(p));
   }
   return out;
-}
-
-// A number with its error to two digits of the error: "0.005213 ± 0.000021".
-std::string WithError(double value, double sigma) {
-  if (!(sigma > 0.0) || !std::isfinite(sigma)) return fmt::format("{:.6g}", value);
-  const int digits = static_cast<int>(std::floor(std::log10(sigma)));
-  if (digits < -6 || digits > 3) {
-    const int power = static_cast<int>(std::floor(std::log10(std::max(std::abs(value), sigma))));
-    const double unit = std::pow(10.0, power);
-    const int places = std::max(0, power - digits + 1);
-    return fmt::format("({:.{}f} ± {:.{}f})e{}", value / unit, places, sigma / unit, places, power);
-  }
-  const int places = std::max(0, 1 - digits);
-  return fmt::format("{:.{}f} ± {:.{}f}", value, places, sigma, places);
 }
 
 // The whole in one sentence, worst news first.
@@ -252,6 +239,28 @@ ordered_json Json(const data::FitRecord& record, const std::string& output, doub
   return json;
 }
 
+// Trial and model at the estimate, side by side, for the page.
+Comparison AtEstimate(const SceneModel& model, const data::FitRecord& record,
+                      const correlate::Observations& observations) {
+  constexpr double kStep = 5e-4;  // [s]
+  Comparison c;
+  c.record = "the trial";
+  c.reference = "the model at the estimate";
+  c.reference_is_run = true;
+  c.observations = observations;
+  for (const correlate::MarkSeries& m : observations.marks) c.marks.push_back(m.name);
+  std::vector<double> theta;
+  for (const auto& p : record.parameters) theta.push_back(p.value);
+  const double end = observations.End() - observations.Start();
+  const correlate::SampledModel sampled(model, theta, c.marks, 0.0, end, kStep);
+  if (!sampled.good()) return c;
+  for (const correlate::ModelEvent& e : sampled.events()) {
+    if (e.kind == "latch") c.latches.push_back(e);
+  }
+  CompareWith(sampled, {}, &c);
+  return c;
+}
+
 int FitVerb(const Common& common, const Settings& s) {
   const auto start = std::chrono::steady_clock::now();
   const data::Study study = data::ReadStudy(s.study, s.sets);
@@ -314,7 +323,9 @@ int FitVerb(const Common& common, const Settings& s) {
   const std::string output = s.output.empty() ? DefaultOutput(s.study, ".h5") : s.output;
   data::WriteFit(output, record, provenance);
   if (!s.report.empty()) {
-    WriteFitPage(s.report, {record, problem, result, observations, provenance});
+    Comparison comparison;
+    if (result.Usable()) comparison = AtEstimate(model, record, observations);
+    WriteFitPage(s.report, {record, problem, result, comparison, provenance});
   }
   const double seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

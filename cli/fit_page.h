@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "cli/comparison.h"
 #include "correlate/fit.h"
 #include "data/fit.h"
 
@@ -12,7 +13,7 @@ struct FitPageInput {
   const data::FitRecord& record;
   const correlate::FitProblem& problem;
   const correlate::FitResult& result;
-  const correlate::Observations& observations;
+  const Comparison& comparison;  // at the estimate; without errors: none
   data::Provenance provenance;
 };
 void WriteFitPage(const std::string& path, const FitPageInput& input);

@@ -81,6 +81,7 @@ SampledModel::SampledModel(const Model& model, std::span<const double> theta,
     message_ = prediction.message;
     return;
   }
+  events_ = std::move(prediction.events);
   for (std::size_t m = 0; m < marks.size(); ++m) {
     MarkSeries series;
     series.name = marks[m];

@@ -28,6 +28,7 @@ class SampledModel : public Model {
   const Observations& samples() const { return samples_; }
   bool good() const { return good_; }  // false: the sampled model's evaluation failed
   const std::string& message() const { return message_; }
+  const std::vector<ModelEvent>& events() const { return events_; }  // of a sampled model
 
   Prediction Evaluate(std::span<const double> theta, const Stamps& stamps) const override;
 
@@ -37,6 +38,7 @@ class SampledModel : public Model {
   std::vector<double> median_step_;         // per mark [s]
   bool good_ = true;
   std::string message_;
+  std::vector<ModelEvent> events_;
   void FindSteps();
 };
 

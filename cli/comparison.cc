@@ -1,0 +1,257 @@
+#include "cli/comparison.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <optional>
+
+#include "base/error.h"
+#include "base/text.h"
+#include "correlate/body_angle.h"
+#include "data/h5.h"
+
+namespace unfurl::cli {
+
+namespace {
+
+struct Loaded {
+  std::optional<data::Run> run;
+  std::optional<data::Tracks> tracks;
+
+  const std::vector<std::string>& marks() const { return run ? run->marks : tracks->marks; }
+};
+
+Loaded Load(const std::string& path) {
+  Loaded out;
+  if (path.size() > 4 && path.substr(path.size() - 4) == ".csv") {
+    out.tracks = data::ReadTracksCsv(path);
+    return out;
+  }
+  const std::string schema = data::H5Reader::SchemaOf(path);
+  if (schema == data::kRunSchema) {
+    out.run = data::ReadRun(path);
+  } else if (schema == data::kTracksSchema) {
+    out.tracks = data::ReadTracks(path);
+  } else {
+    throw Error("a file of schema " + schema + " cannot be correlated", path,
+                "give runs (of `simulate`) or tracks (of `reconstruct`)");
+  }
+  return out;
+}
+
+void ChooseMarks(const Loaded& a, const Loaded& b, const std::vector<std::string>& wanted,
+                 Comparison* c) {
+  auto has = [](const std::vector<std::string>& list, const std::string& name) {
+    return std::find(list.begin(), list.end(), name) != list.end();
+  };
+  for (const std::string& name : wanted) {
+    for (const Loaded* one : {&a, &b}) {
+      if (!has(one->marks(), name)) {
+        throw Error("there is no mark '" + name + "'", one == &a ? c->record : c->reference,
+                    "it has " + JoinWords(one->marks()));
+      }
+    }
+  }
+  for (const std::string& name : a.marks()) {
+    if (!wanted.empty() && !has(wanted, name)) continue;
+    (has(b.marks(), name) ? c->marks : c->left_out).push_back(name);
+  }
+  if (wanted.empty()) {
+    for (const std::string& name : b.marks()) {
+      if (!has(a.marks(), name)) c->left_out.push_back(name);
+    }
+  }
+  if (c->marks.empty()) {
+    throw Error("no mark has the same name in both", c->record + " and " + c->reference,
+                "the first has " + JoinWords(a.marks()) + ", the second " + JoinWords(b.marks()));
+  }
+}
+
+// Coordinates of each mark in the reference's frame, and angles of pairs that sit on one body.
+void FillSignals(const correlate::SampledModel& reference, Comparison* c) {
+  const correlate::Registration& at = c->alignment.at;
+  for (const auto& [first, second] : correlate::RigidPairs(c->alignment.reference, c->marks)) {
+    correlate::BodyAngle angle =
+        correlate::MeasureBodyAngle(c->observations, reference, {}, at, first, second);
+    if (angle.t.size() < 8) continue;
+    c->signals.push_back({"angle of " + first + "-" + second, "rad", std::move(angle.t),
+                          std::move(angle.measured), std::move(angle.sigma),
+                          std::move(angle.simulated)});
+  }
+  const auto measured = correlate::InModelFrame(c->observations, at);
+  const auto sigma = correlate::SigmasInModelFrame(c->observations, at);
+  for (std::size_t m = 0; m < c->marks.size(); ++m) {
+    const correlate::MarkMotion& motion = c->alignment.reference.marks[m];
+    for (Eigen::Index axis = 0; axis < 3; ++axis) {
+      ComparedSignal s;
+      s.name = c->marks[m] + " " + std::string(1, "xyz"[axis]);
+      s.unit = "m";
+      for (Eigen::Index i = 0; i < motion.p.cols(); ++i) {
+        const auto k = static_cast<std::size_t>(i);
+        if (!motion.known.empty() && !motion.known[k]) continue;
+        s.t.push_back(c->observations.marks[m].t[k]);
+        s.measured.push_back(measured[m](axis, i));
+        s.sigma.push_back(c->observations.has_sigma ? sigma[m](axis, i) : 0.0);
+        s.reference.push_back(motion.p(axis, i));
+      }
+      c->signals.push_back(std::move(s));
+    }
+  }
+}
+
+void FillSpectra(const ComparisonOptions& options, Comparison* c) {
+  c->spectrum_from = options.from;
+  c->spectrum_to = options.to;
+  if (!(options.from < options.to)) {
+    // What vibrates freely: after the last latch; without latches, all.
+    c->spectrum_from = c->alignment.overlap_start;
+    c->spectrum_to = c->alignment.overlap_end;
+    for (const correlate::ModelEvent& e : c->latches) {
+      c->spectrum_from = std::max(c->spectrum_from, e.t + c->alignment.at.offset);
+    }
+  }
+  for (const ComparedSignal& s : c->signals) {
+    if (s.name.back() == 'z') continue;  // nothing moves there: its residuals tell all
+    const auto first = static_cast<std::size_t>(
+        std::lower_bound(s.t.begin(), s.t.end(), c->spectrum_from) - s.t.begin());
+    const auto last = static_cast<std::size_t>(
+        std::upper_bound(s.t.begin(), s.t.end(), c->spectrum_to) - s.t.begin());
+    if (last < first + 16) continue;
+    const auto stretch = correlate::LongestEvenStretch(std::span(s.t).subspan(first, last - first));
+    if (stretch.count < 16) continue;
+    const std::size_t from = first + stretch.first;
+    ComparedSpectrum out;
+    out.name = s.name;
+    out.measured = correlate::AmplitudeSpectrum(std::span(s.measured).subspan(from, stretch.count),
+                                                stretch.dt, s.unit);
+    out.reference = correlate::AmplitudeSpectrum(
+        std::span(s.reference).subspan(from, stretch.count), stretch.dt, s.unit);
+    out.measured_peaks = correlate::FindPeaks(out.measured);
+    out.reference_peaks = correlate::FindPeaks(out.reference);
+    out.pairs =
+        correlate::PairPeaks(out.measured_peaks, out.reference_peaks, out.measured.resolution);
+    if (!stretch.whole) {
+      out.note = fmt::format("{} of {} samples: the longest stretch without a gap", stretch.count,
+                             last - first);
+    }
+    c->spectra.push_back(std::move(out));
+  }
+}
+
+void Judge(Comparison* c) {
+  const correlate::Alignment& a = c->alignment;
+  const correlate::MarkError& all = c->errors.back();
+  double range = 0.0;  // of the largest motion of any mark
+  for (const ComparedSignal& s : c->signals) {
+    if (s.unit != "m" || s.measured.empty()) continue;
+    const auto [low, high] = std::minmax_element(s.measured.begin(), s.measured.end());
+    range = std::max(range, *high - *low);
+  }
+  const double part = all.rmse / std::max(range, 1e-12);
+  const bool within = all.sigmas > 0.0 && all.sigmas < 1.2;
+  c->verdict = fmt::format(
+      "The two agree to {:.3g} mm RMS, {:.2g}% of the motion{}", 1e3 * all.rmse, 100.0 * part,
+      all.sigmas <= 0.0 ? "."
+      : within          ? ": no more than the measurement's own error."
+                        : fmt::format(": {:.2g} times the measurement's own error.", all.sigmas));
+  const correlate::MarkError* worst = &c->errors.front();
+  for (const auto& e : c->errors) {
+    if (e.mark != "all" && e.rmse > worst->rmse) worst = &e;
+  }
+  c->reasons.push_back(
+      fmt::format("Farthest apart is {}: {:.3g} mm RMS, {:.3g} mm at most, at {:.3f} s.",
+                  worst->mark, 1e3 * worst->rmse, 1e3 * worst->largest, worst->largest_at));
+  c->reasons.push_back(fmt::format(
+      "Out of the plane the marks stray by {:.3g} mm RMS (mean {:+.3g} mm); the reference is {}.",
+      1e3 * all.rmse_across, 1e3 * all.bias_across, c->reference_is_run ? "planar" : "measured"));
+  c->reasons.push_back(fmt::format(
+      "The record's clock shows {:.6f} ± {:.6f} s when the reference's shows 0; found from {}, "
+      "then together with the frame.",
+      a.at.offset, a.Sigma("time offset"), a.signal));
+  std::size_t pairs = 0, all_peaks = 0;
+  double farthest = 0.0;
+  for (const ComparedSpectrum& s : c->spectra) {
+    for (const correlate::PeakPair& p : s.pairs) {
+      if (p.a < 0) continue;
+      ++all_peaks;
+      if (p.b < 0) continue;
+      ++pairs;
+      const double f = s.measured_peaks[static_cast<std::size_t>(p.a)].frequency;
+      farthest = std::max(
+          farthest, std::abs(s.reference_peaks[static_cast<std::size_t>(p.b)].frequency - f) / f);
+    }
+  }
+  if (all_peaks > 0) {
+    c->reasons.push_back(fmt::format(
+        "Of {} spectral peaks measured after {:.2f} s, {} have a partner in the reference within "
+        "two bins, at most {:.1f}% away in frequency.",
+        all_peaks, c->spectrum_from, pairs, 100.0 * farthest));
+  }
+  if (!a.noise.white() && c->observations.has_sigma) {
+    c->reasons.push_back(
+        "The residuals follow one another in time, so the two differ by more than chance; the "
+        "standard errors above are widened for it.");
+  }
+  if (!a.fit.weak.empty()) {
+    c->reasons.push_back("These marks do not determine: " + JoinWords(a.fit.weak) + ".");
+  }
+  if (!c->left_out.empty()) {
+    c->reasons.push_back("Only one of the two has " + JoinWords(c->left_out) + ": left out.");
+  }
+}
+
+}  // namespace
+
+Comparison Compare(const std::string& record, const std::string& reference,
+                   const ComparisonOptions& options) {
+  Comparison c;
+  c.record = record;
+  c.reference = reference;
+  const Loaded a = Load(record), b = Load(reference);
+  ChooseMarks(a, b, options.marks, &c);
+  c.reference_is_run = b.run.has_value();
+  c.observations =
+      a.run ? correlate::FromRun(*a.run, c.marks) : correlate::FromTracks(*a.tracks, c.marks);
+  const correlate::SampledModel model =
+      b.run ? correlate::SampledModel(*b.run, c.marks)
+            : correlate::SampledModel(correlate::FromTracks(*b.tracks, c.marks));
+  if (b.run) {
+    for (const data::RunEvent& e : b.run->events) {
+      if (e.kind == "latch") c.latches.push_back({e.t, e.kind, e.where});
+    }
+  }
+  CompareWith(model, options, &c);
+  return c;
+}
+
+void CompareWith(const correlate::SampledModel& reference, const ComparisonOptions& options,
+                 Comparison* c) {
+  c->alignment = correlate::Align(c->observations, reference);
+  if (!c->alignment.Usable()) {
+    c->verdict = std::string("Not correlated: ") + correlate::Name(c->alignment.status) + ".";
+    c->reasons.push_back(c->alignment.message + ".");
+    return;
+  }
+  c->errors = correlate::Errors(c->observations, c->alignment.reference, c->alignment.at.offset,
+                                c->alignment.fit);
+  FillSignals(reference, c);
+  FillSpectra(options, c);
+  Judge(c);
+}
+
+std::string WithError(double value, double sigma) {
+  if (!(sigma > 0.0) || !std::isfinite(sigma)) return fmt::format("{:.6g}", value);
+  const int digit = static_cast<int>(std::floor(std::log10(sigma)));
+  if (digit >= -6 && digit <= 3) {
+    const int places = std::max(0, 1 - digit);
+    return fmt::format("{:.{}f} ± {:.{}f}", value, places, sigma, places);
+  }
+  const int power = static_cast<int>(std::floor(std::log10(std::max(std::abs(value), sigma))));
+  const double unit = std::pow(10.0, power);
+  const int places = std::max(0, power - digit + 1);
+  return fmt::format("({:.{}f} ± {:.{}f})e{}", value / unit, places, sigma / unit, places, power);
+}
+
+}  // namespace unfurl::cli

@@ -1,0 +1,267 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/text.h"
+#include "cli/comparison.h"
+#include "report/page.h"
+
+namespace unfurl::cli {
+
+namespace {
+
+using report::Chart;
+using report::Series;
+using report::Style;
+
+constexpr double kBand = 2.0;  // sigmas of the error band
+constexpr double kMilli = 1e3;
+
+std::vector<double> Scaled(const std::vector<double>& x, double factor) {
+  std::vector<double> out(x);
+  for (double& v : out) v *= factor;
+  return out;
+}
+
+double Shown(const ComparedSignal& s) { return s.unit == "m" || s.unit == "rad" ? kMilli : 1.0; }
+std::string ShownUnit(const std::string& unit) {
+  return unit == "m" ? "mm" : unit == "rad" ? "mrad" : unit;
+}
+
+std::vector<report::Marker> LatchMarkers(const Comparison& c) {
+  std::vector<report::Marker> out;
+  for (const correlate::ModelEvent& e : c.latches) {
+    out.push_back({e.t + c.alignment.at.offset, e.where + " latches", -1});
+  }
+  return out;
+}
+
+const ComparedSignal* Find(const Comparison& c, const std::string& name) {
+  for (const ComparedSignal& s : c.signals) {
+    if (s.name == name) return &s;
+  }
+  return nullptr;
+}
+
+// Dots with a band for what was measured, a line for the reference.
+void AddBoth(const ComparedSignal& s, const std::string& of, int color, Chart* chart) {
+  const double k = Shown(s);
+  Series measured{"measured" + of, s.t,  Scaled(s.measured, k), Scaled(s.sigma, kBand * k),
+                  Style::kDots,    color};
+  Series reference{"reference" + of, s.t, Scaled(s.reference, k), {}, Style::kLine, color + 1};
+  chart->series.push_back(std::move(reference));
+  chart->series.push_back(std::move(measured));
+}
+
+void AddMotion(const Comparison& c, report::Page* page) {
+  page->AddSection("Measured over computed",
+                   fmt::format("Dots: measured, with a band of ±{:.0f} standard deviations. Lines: "
+                               "the reference. Drag to zoom; all charts of time follow.",
+                               kBand));
+  for (const ComparedSignal& s : c.signals) {
+    if (s.unit != "rad") continue;
+    Chart chart;
+    chart.title = "Turn of the body: " + s.name;
+    chart.note = "Two marks on one body give its angle.";
+    chart.y = {"angle", ShownUnit(s.unit), false};
+    AddBoth(s, "", 0, &chart);
+    chart.markers = LatchMarkers(c);
+    page->AddTimeSeries(std::move(chart));
+  }
+  // The marks that move most come first.
+  std::vector<std::pair<double, std::string>> order;
+  for (const std::string& mark : c.marks) {
+    double range = 0.0;
+    for (const char* axis : {" x", " y"}) {
+      const ComparedSignal* s = Find(c, mark + axis);
+      if (s == nullptr || s->measured.empty()) continue;
+      const auto [low, high] = std::minmax_element(s->measured.begin(), s->measured.end());
+      range = std::max(range, *high - *low);
+    }
+    order.emplace_back(-range, mark);
+  }
+  std::stable_sort(order.begin(), order.end());
+  for (std::size_t i = 0; i < std::min<std::size_t>(order.size(), 2); ++i) {
+    Chart chart;
+    chart.title = order[i].second + ": where it is";
+    chart.y = {"position", "mm", false};
+    chart.height_px = 320;
+    if (const auto* s = Find(c, order[i].second + " x")) AddBoth(*s, " x", 0, &chart);
+    if (const auto* s = Find(c, order[i].second + " y")) AddBoth(*s, " y", 2, &chart);
+    chart.markers = LatchMarkers(c);
+    page->AddTimeSeries(std::move(chart));
+  }
+}
+
+void AddPlane(const Comparison& c, report::Page* page) {
+  report::Paths paths;
+  paths.title = "The plane of the motion";
+  paths.note = "The marks' ways, measured and computed, at equal scale.";
+  paths.x = {"x", "m", false};
+  paths.y = {"y", "m", false};
+  int color = 0;
+  for (const std::string& mark : c.marks) {
+    const ComparedSignal *x = Find(c, mark + " x"), *y = Find(c, mark + " y");
+    if (x == nullptr || y == nullptr) continue;
+    paths.paths.push_back(
+        {mark + " computed", x->reference, y->reference, Style::kLine, color, true});
+    paths.paths.push_back(
+        {mark + " measured", x->measured, y->measured, Style::kDots, color + 1, false});
+    color += 2;
+  }
+  page->AddPaths(paths);
+}
+
+void AddResiduals(const Comparison& c, report::Page* page) {
+  page->AddSection("What is left",
+                   fmt::format("Measured less computed, with a band of ±{:.0f} standard deviations "
+                               "of the measurement about zero: where the two agree, the dots fill "
+                               "the band and nothing else. z is across the model's plane.",
+                               kBand));
+  for (const std::string& mark : c.marks) {
+    Chart chart;
+    chart.title = mark + ": measured less computed";
+    chart.y = {"difference", "mm", false};
+    chart.height_px = 220;
+    int color = 0;
+    for (const char* axis : {" x", " y", " z"}) {
+      const ComparedSignal* s = Find(c, mark + axis);
+      if (s == nullptr) continue;
+      std::vector<double> left(s->t.size());
+      for (std::size_t i = 0; i < left.size(); ++i) {
+        left[i] = kMilli * (s->measured[i] - s->reference[i]);
+      }
+      if (c.observations.has_sigma && axis[1] == 'x') {
+        chart.series.push_back({"measurement's own error", s->t,
+                                std::vector<double>(s->t.size(), 0.0),
+                                Scaled(s->sigma, kBand * kMilli), Style::kLine, 7});
+      }
+      chart.series.push_back({axis + 1, s->t, std::move(left), {}, Style::kDots, color++});
+    }
+    chart.markers = LatchMarkers(c);
+    page->AddTimeSeries(std::move(chart));
+  }
+}
+
+std::string Hertz(const std::vector<correlate::Peak>& peaks, int index, bool amplitude, double k) {
+  if (index < 0) return "-";
+  const correlate::Peak& p = peaks[static_cast<std::size_t>(index)];
+  return amplitude ? fmt::format("{:.3g}", k * p.amplitude) : fmt::format("{:.3f}", p.frequency);
+}
+
+void AddSpectra(const Comparison& c, report::Page* page) {
+  if (c.spectra.empty()) return;
+  page->AddSection(
+      "Both spectra",
+      fmt::format("From {:.2f} to {:.2f} s on the record's clock{}. Each spectrum: {}.",
+                  c.spectrum_from, c.spectrum_to, c.latches.empty() ? "" : ", after the last latch",
+                  c.spectra.front().measured.convention));
+  report::Table table;
+  table.title = "Peaks";
+  table.note = "Frequencies between the bins, strongest first; partners lie within two bins.";
+  table.header = {"signal",    "measured [Hz]", "reference [Hz]", "difference [%]", "measured",
+                  "reference", "unit"};
+  table.text_columns = {0, 6};
+  for (const ComparedSpectrum& s : c.spectra) {
+    const bool angle = s.name.rfind("angle", 0) == 0;
+    const double k = kMilli;
+    const bool shown = angle || s.name.back() == 'y';
+    if (shown) {
+      Chart chart;
+      chart.title = "Spectrum of " + s.name;
+      chart.note = s.note;
+      chart.x = {"frequency", "Hz", false};
+      chart.y = {"amplitude", angle ? "mrad" : "mm", true};
+      auto curve = [&](const char* name, const correlate::Spectrum& of, Style style, int color) {
+        // The first bin holds what detrending left.
+        Series series{name, {}, {}, {}, style, color};
+        for (std::size_t i = 1; i < of.frequency.size(); ++i) {
+          series.x.push_back(of.frequency[i]);
+          series.y.push_back(k * of.amplitude[i]);
+        }
+        chart.series.push_back(std::move(series));
+      };
+      curve("reference", s.reference, Style::kLine, 1);
+      curve("measured", s.measured, Style::kLine, 0);
+      for (const correlate::Peak& p : s.measured_peaks) {
+        chart.markers.push_back({p.frequency, fmt::format("{:.2f} Hz", p.frequency), -1});
+      }
+      page->AddSpectrum(std::move(chart));
+    }
+    for (const correlate::PeakPair& p : s.pairs) {
+      std::string difference = "-";
+      if (p.a >= 0 && p.b >= 0) {
+        const double a = s.measured_peaks[static_cast<std::size_t>(p.a)].frequency;
+        const double b = s.reference_peaks[static_cast<std::size_t>(p.b)].frequency;
+        difference = fmt::format("{:+.2f}", 100.0 * (b - a) / a);
+      }
+      table.rows.push_back({s.name, Hertz(s.measured_peaks, p.a, false, k),
+                            Hertz(s.reference_peaks, p.b, false, k), difference,
+                            Hertz(s.measured_peaks, p.a, true, k),
+                            Hertz(s.reference_peaks, p.b, true, k), angle ? "mrad" : "mm"});
+    }
+  }
+  if (!table.rows.empty()) page->AddTable(table);
+}
+
+void AddErrors(const Comparison& c, report::Page* page) {
+  report::Table table;
+  table.title = "Errors, mark by mark";
+  table.note =
+      "Root mean squares of the distance between measured and computed, after alignment. "
+      "One sigma is what the measurement claims for itself.";
+  table.header = {"mark",        "samples",      "RMSE [mm]", "in the plane [mm]",
+                  "across [mm]", "largest [mm]", "at [s]",    "in sigmas"};
+  for (const correlate::MarkError& e : c.errors) {
+    table.rows.push_back({e.mark, std::to_string(e.samples), fmt::format("{:.3f}", kMilli * e.rmse),
+                          fmt::format("{:.3f}", kMilli * e.rmse_in_plane),
+                          fmt::format("{:.3f}", kMilli * e.rmse_across),
+                          fmt::format("{:.3f}", kMilli * e.largest),
+                          fmt::format("{:.3f}", e.largest_at),
+                          e.sigmas > 0.0 ? fmt::format("{:.2f}", e.sigmas) : "-"});
+  }
+  page->AddTable(table);
+}
+
+}  // namespace
+
+void AddComparisonPanels(const Comparison& c, report::Page* page) {
+  AddMotion(c, page);
+  AddPlane(c, page);
+  AddResiduals(c, page);
+  AddErrors(c, page);
+  AddSpectra(c, page);
+}
+
+void WriteComparisonPage(const std::string& path, const Comparison& c,
+                         const data::Provenance& provenance) {
+  report::Page page("Correlation", c.record + " against " + c.reference);
+  const correlate::Alignment& a = c.alignment;
+  if (!a.Usable()) {
+    page.AddWords(report::Level::kBad, c.verdict, c.reasons);
+  } else {
+    const correlate::MarkError& all = c.errors.back();
+    const bool within = all.sigmas > 0.0 && all.sigmas < 1.2;
+    page.AddWords(within ? report::Level::kGood : report::Level::kCare, c.verdict, c.reasons);
+    page.AddFigures(
+        {{"distance, RMS", fmt::format("{:.3g} mm", kMilli * all.rmse),
+          all.sigmas > 0.0 ? fmt::format("{:.2f} of the measurement's sigma", all.sigmas) : "",
+          within ? report::Level::kGood : report::Level::kCare},
+         {"time offset", WithError(a.at.offset, a.Sigma("time offset")) + " s", "",
+          report::Level::kNeutral},
+         {"across the plane, RMS", fmt::format("{:.3g} mm", kMilli * all.rmse_across),
+          fmt::format("mean {:+.3g} mm", kMilli * all.bias_across), report::Level::kNeutral},
+         {"motion explained", fmt::format("{:.3f} %", 100.0 * a.r2), "R squared of the positions",
+          report::Level::kNeutral}});
+    AddComparisonPanels(c, &page);
+  }
+  page.AddOrigin("program", provenance.program);
+  page.AddOrigin("command", provenance.command);
+  for (const data::InputFile& input : provenance.inputs) {
+    page.AddOrigin(input.path, "sha256 " + input.sha256);
+  }
+  page.Write(path);
+}
+
+}  // namespace unfurl::cli
