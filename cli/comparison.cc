@@ -72,7 +72,11 @@ void ChooseMarks(const Loaded& a, const Loaded& b, const std::vector<std::string
 // Coordinates of each mark in the reference's frame, and angles of pairs that sit on one body.
 void FillSignals(const correlate::SampledModel& reference, Comparison* c) {
   const correlate::Registration& at = c->alignment.at;
-  for (const auto& [first, second] : correlate::RigidPairs(c->alignment.reference, c->marks)) {
+  correlate::Stamps common;  // the marks flash one after another: pairs need them at once
+  common.marks = c->marks;
+  common.t.assign(c->marks.size(), c->observations.StampsAt(at.offset).t.front());
+  for (const auto& [first, second] :
+       correlate::RigidPairs(reference.Evaluate({}, common), c->marks)) {
     correlate::BodyAngle angle =
         correlate::MeasureBodyAngle(c->observations, reference, {}, at, first, second);
     if (angle.t.size() < 8) continue;
@@ -164,12 +168,12 @@ void Judge(Comparison* c) {
       fmt::format("Farthest apart is {}: {:.3g} mm RMS, {:.3g} mm at most, at {:.3f} s.",
                   worst->mark, 1e3 * worst->rmse, 1e3 * worst->largest, worst->largest_at));
   c->reasons.push_back(fmt::format(
-      "Out of the plane the marks stray by {:.3g} mm RMS (mean {:+.3g} mm); the reference is {}.",
+      "Out of the plane the marks stray by {:.3g} mm RMS (mean {:+.3f} mm); the reference is {}.",
       1e3 * all.rmse_across, 1e3 * all.bias_across, c->reference_is_run ? "planar" : "measured"));
   c->reasons.push_back(fmt::format(
-      "The record's clock shows {:.6f} ± {:.6f} s when the reference's shows 0; found from {}, "
-      "then together with the frame.",
-      a.at.offset, a.Sigma("time offset"), a.signal));
+      "The record's clock shows {} s when the reference's shows 0: found from {}, then together "
+      "with the frame.",
+      WithError(a.at.offset, a.Sigma("time offset")), a.signal));
   std::size_t pairs = 0, all_peaks = 0;
   double farthest = 0.0;
   for (const ComparedSpectrum& s : c->spectra) {

@@ -37,6 +37,8 @@ std::vector<report::Marker> LatchMarkers(const Comparison& c) {
   return out;
 }
 
+const char* Other(const Comparison& c) { return c.reference_is_run ? "simulated" : "reference"; }
+
 const ComparedSignal* Find(const Comparison& c, const std::string& name) {
   for (const ComparedSignal& s : c.signals) {
     if (s.name == name) return &s;
@@ -45,27 +47,28 @@ const ComparedSignal* Find(const Comparison& c, const std::string& name) {
 }
 
 // Dots with a band for what was measured, a line for the reference.
-void AddBoth(const ComparedSignal& s, const std::string& of, int color, Chart* chart) {
+void AddBoth(const ComparedSignal& s, const std::string& of, const char* other, int color,
+             Chart* chart) {
   const double k = Shown(s);
   Series measured{"measured" + of, s.t,  Scaled(s.measured, k), Scaled(s.sigma, kBand * k),
                   Style::kDots,    color};
-  Series reference{"reference" + of, s.t, Scaled(s.reference, k), {}, Style::kLine, color + 1};
+  Series reference{other + of, s.t, Scaled(s.reference, k), {}, Style::kLine, color + 1};
   chart->series.push_back(std::move(reference));
   chart->series.push_back(std::move(measured));
 }
 
 void AddMotion(const Comparison& c, report::Page* page) {
-  page->AddSection("Measured over computed",
+  page->AddSection(c.reference_is_run ? "Measured over simulated" : "The one over the other",
                    fmt::format("Dots: measured, with a band of ±{:.0f} standard deviations. Lines: "
-                               "the reference. Drag to zoom; all charts of time follow.",
-                               kBand));
+                               "{}. Drag to zoom; all charts of time follow.",
+                               kBand, Other(c)));
   for (const ComparedSignal& s : c.signals) {
     if (s.unit != "rad") continue;
     Chart chart;
     chart.title = "Turn of the body: " + s.name;
     chart.note = "Two marks on one body give its angle.";
     chart.y = {"angle", ShownUnit(s.unit), false};
-    AddBoth(s, "", 0, &chart);
+    AddBoth(s, "", Other(c), 0, &chart);
     chart.markers = LatchMarkers(c);
     page->AddTimeSeries(std::move(chart));
   }
@@ -87,8 +90,8 @@ void AddMotion(const Comparison& c, report::Page* page) {
     chart.title = order[i].second + ": where it is";
     chart.y = {"position", "mm", false};
     chart.height_px = 320;
-    if (const auto* s = Find(c, order[i].second + " x")) AddBoth(*s, " x", 0, &chart);
-    if (const auto* s = Find(c, order[i].second + " y")) AddBoth(*s, " y", 2, &chart);
+    if (const auto* s = Find(c, order[i].second + " x")) AddBoth(*s, " x", Other(c), 0, &chart);
+    if (const auto* s = Find(c, order[i].second + " y")) AddBoth(*s, " y", Other(c), 2, &chart);
     chart.markers = LatchMarkers(c);
     page->AddTimeSeries(std::move(chart));
   }
@@ -97,7 +100,7 @@ void AddMotion(const Comparison& c, report::Page* page) {
 void AddPlane(const Comparison& c, report::Page* page) {
   report::Paths paths;
   paths.title = "The plane of the motion";
-  paths.note = "The marks' ways, measured and computed, at equal scale.";
+  paths.note = "The marks' ways at equal scale.";
   paths.x = {"x", "m", false};
   paths.y = {"y", "m", false};
   int color = 0;
@@ -105,7 +108,7 @@ void AddPlane(const Comparison& c, report::Page* page) {
     const ComparedSignal *x = Find(c, mark + " x"), *y = Find(c, mark + " y");
     if (x == nullptr || y == nullptr) continue;
     paths.paths.push_back(
-        {mark + " computed", x->reference, y->reference, Style::kLine, color, true});
+        {mark + " " + Other(c), x->reference, y->reference, Style::kLine, color, true});
     paths.paths.push_back(
         {mark + " measured", x->measured, y->measured, Style::kDots, color + 1, false});
     color += 2;
@@ -115,13 +118,13 @@ void AddPlane(const Comparison& c, report::Page* page) {
 
 void AddResiduals(const Comparison& c, report::Page* page) {
   page->AddSection("What is left",
-                   fmt::format("Measured less computed, with a band of ±{:.0f} standard deviations "
+                   fmt::format("Measured less {}, with a band of ±{:.0f} standard deviations "
                                "of the measurement about zero: where the two agree, the dots fill "
                                "the band and nothing else. z is across the model's plane.",
-                               kBand));
+                               Other(c), kBand));
   for (const std::string& mark : c.marks) {
     Chart chart;
-    chart.title = mark + ": measured less computed";
+    chart.title = mark + ": measured less " + Other(c);
     chart.y = {"difference", "mm", false};
     chart.height_px = 220;
     int color = 0;
@@ -160,8 +163,9 @@ void AddSpectra(const Comparison& c, report::Page* page) {
   report::Table table;
   table.title = "Peaks";
   table.note = "Frequencies between the bins, strongest first; partners lie within two bins.";
-  table.header = {"signal",    "measured [Hz]", "reference [Hz]", "difference [%]", "measured",
-                  "reference", "unit"};
+  table.header = {
+      "signal", "measured [Hz]", std::string(Other(c)) + " [Hz]", "difference [%]", "measured",
+      Other(c), "unit"};
   table.text_columns = {0, 6};
   for (const ComparedSpectrum& s : c.spectra) {
     const bool angle = s.name.rfind("angle", 0) == 0;
@@ -182,7 +186,7 @@ void AddSpectra(const Comparison& c, report::Page* page) {
         }
         chart.series.push_back(std::move(series));
       };
-      curve("reference", s.reference, Style::kLine, 1);
+      curve(Other(c), s.reference, Style::kLine, 1);
       curve("measured", s.measured, Style::kLine, 0);
       for (const correlate::Peak& p : s.measured_peaks) {
         chart.markers.push_back({p.frequency, fmt::format("{:.2f} Hz", p.frequency), -1});
@@ -209,7 +213,7 @@ void AddErrors(const Comparison& c, report::Page* page) {
   report::Table table;
   table.title = "Errors, mark by mark";
   table.note =
-      "Root mean squares of the distance between measured and computed, after alignment. "
+      "Root mean squares of the distance between the two, after alignment. "
       "One sigma is what the measurement claims for itself.";
   table.header = {"mark",        "samples",      "RMSE [mm]", "in the plane [mm]",
                   "across [mm]", "largest [mm]", "at [s]",    "in sigmas"};
@@ -246,12 +250,12 @@ void WriteComparisonPage(const std::string& path, const Comparison& c,
     page.AddWords(within ? report::Level::kGood : report::Level::kCare, c.verdict, c.reasons);
     page.AddFigures(
         {{"distance, RMS", fmt::format("{:.3g} mm", kMilli * all.rmse),
-          all.sigmas > 0.0 ? fmt::format("{:.2f} of the measurement's sigma", all.sigmas) : "",
+          all.sigmas > 0.0 ? fmt::format("{:.3g} times the measurement's sigma", all.sigmas) : "",
           within ? report::Level::kGood : report::Level::kCare},
          {"time offset", WithError(a.at.offset, a.Sigma("time offset")) + " s", "",
           report::Level::kNeutral},
          {"across the plane, RMS", fmt::format("{:.3g} mm", kMilli * all.rmse_across),
-          fmt::format("mean {:+.3g} mm", kMilli * all.bias_across), report::Level::kNeutral},
+          fmt::format("mean {:+.3f} mm", kMilli * all.bias_across), report::Level::kNeutral},
          {"motion explained", fmt::format("{:.3f} %", 100.0 * a.r2), "R squared of the positions",
           report::Level::kNeutral}});
     AddComparisonPanels(c, &page);
