@@ -30,8 +30,9 @@ std::vector<std::string> MarkNames(const Observations& o) {
 // Where in time and space the data sit beside the model at the start parameters.
 bool AlignStart(const FitProblem& problem, const FitOptions& options, Evaluator& evaluator,
                 FitResult* result) {
-  constexpr double kGrid = 1e-3;  // [s]; the alignment is only a start
   const Observations& o = *problem.observations;
+  // Positions and velocities on half the data's own step carry any motion that the data can show.
+  const double grid = std::clamp(0.5 * MedianStep(o.marks.front().t), 1e-3, 1e-2);
   std::vector<double> theta;
   for (const Parameter& p : problem.parameters) theta.push_back(p.start);
   // Late motion at wrong parameters aligns anything with anything: where there are stages, the
@@ -40,7 +41,7 @@ bool AlignStart(const FitProblem& problem, const FitOptions& options, Evaluator&
   if (!options.stages.empty()) {
     horizon = std::min(horizon, *std::min_element(options.stages.begin(), options.stages.end()));
   }
-  const SampledModel sampled(*problem.model, theta, MarkNames(o), 0.0, horizon, kGrid);
+  const SampledModel sampled(*problem.model, theta, MarkNames(o), 0.0, horizon, grid);
   EvaluationRecord record;
   record.theta = theta;
   record.purpose = "alignment";

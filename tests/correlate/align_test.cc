@@ -35,7 +35,7 @@ TEST(Align, FindsOffsetAndFrameOfAnExactRecord) {
 }
 
 TEST(Align, ScatterOverSeedsIsWhatItPredicts) {
-  constexpr int kSeeds = 120;
+  constexpr int kSeeds = 80;
   const SampledModel reference = Reference();
   std::vector<double> z_offset, z_rotation, chi2;
   for (int seed = 0; seed < kSeeds; ++seed) {
@@ -57,7 +57,7 @@ TEST(Align, ScatterOverSeedsIsWhatItPredicts) {
 }
 
 TEST(Align, CorrelatedNoiseWidensTheStandardErrorsAsItShould) {
-  constexpr int kSeeds = 120;
+  constexpr int kSeeds = 80;
   const SampledModel reference = Reference();
   Trial trial = TiltedTrial();
   trial.rho = 0.9;
@@ -93,7 +93,7 @@ TEST(Align, TakesTracksAsReferenceWithTheirOwnNoise) {
   second.offset = -2.25;
   second.X_WM.linear() = RotationFromVector({0.1, 0.2, -2.0});
   std::vector<double> z;
-  constexpr int kSeeds = 60;
+  constexpr int kSeeds = 40;
   for (std::uint64_t seed = 0; seed < kSeeds; ++seed) {
     Observations b = NoisyTrial(second, 900 + seed);
     for (MarkSeries& m : b.marks) {  // the gap: 0.3 s lost

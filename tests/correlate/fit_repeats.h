@@ -1,0 +1,90 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <vector>
+
+#include "base/statistics.h"
+#include "base/worker_pool.h"
+#include "correlate/fit.h"
+#include "tests/correlate/two_link.h"
+
+namespace unfurl::correlate {
+
+inline std::vector<Parameter> TwoLinkParameters() {
+  std::vector<Parameter> all(2);
+  Parameter& frequency = all[0];
+  frequency.name = "frequency";
+  frequency.unit = "Hz";
+  frequency.start = 0.95;
+  frequency.low = 0.5;
+  frequency.high = 2.0;
+  Parameter& decay = all[1];
+  decay.name = "decay";
+  decay.unit = "1/s";
+  decay.start = 0.5;
+  decay.low = 0.01;
+  decay.high = 5.0;
+  decay.log = true;
+  return all;
+}
+
+// Few samples, so that hundreds of fits stay cheap.
+inline Trial SparseTrial() {
+  Trial trial = TiltedTrial();
+  trial.duration = 3.0;
+  trial.step = 0.025;
+  return trial;
+}
+
+struct Coverage {
+  int trials = 0;
+  int covered[2] = {0, 0};  // by +-1.96 standard errors
+  int covered_white[2] = {0, 0};
+  std::vector<double> z[2];
+};
+
+// Repeats fits of TwoLink to noisy trials of it.
+inline Coverage Repeat(const Trial& trial, int seeds, std::uint64_t first) {
+  constexpr double k95 = 1.959964;
+  Coverage out;
+  out.trials = seeds;
+  const TwoLink model;
+  std::vector<FitResult> fits(static_cast<std::size_t>(seeds));
+  ParallelFor(fits.size(), 0, [&](std::size_t i) {
+    Rng rng(first + i);
+    const Observations data = Record(model, TwoLink::Truth(), {"base", "elbow", "tip"}, trial, rng);
+    FitProblem problem;
+    problem.model = &model;
+    problem.parameters = TwoLinkParameters();
+    problem.observations = &data;
+    FitOptions options;
+    options.workers = 1;
+    fits[i] = Fit(problem, options);
+  });
+  for (const FitResult& fit : fits) {
+    if (!fit.Usable()) continue;  // counts as a miss
+    for (std::size_t j = 0; j < 2; ++j) {
+      const ParameterEstimate& e = fit.parameters[j];
+      const double error = e.value - TwoLink::Truth()[j];
+      out.covered[j] += std::abs(error) <= k95 * e.sigma ? 1 : 0;
+      out.covered_white[j] += std::abs(error) <= k95 * e.sigma_white ? 1 : 0;
+      out.z[j].push_back(error / e.sigma);
+    }
+  }
+  return out;
+}
+
+inline void ExpectHonest(const Coverage& c, double low = 0.95, double high = 0.95) {
+  for (std::size_t j = 0; j < 2; ++j) {
+    // At 99.9%, so that eight such intervals fail by chance once in a hundred code changes at most;
+    // the seeds are fixed, so a given code either passes or not.
+    const auto [from, to] = BinomialInterval(static_cast<std::size_t>(c.covered[j]),
+                                             static_cast<std::size_t>(c.trials), 0.999);
+    EXPECT_LE(from, high) << "parameter " << j << ": " << c.covered[j] << " of " << c.trials;
+    EXPECT_GE(to, low) << "parameter " << j << ": " << c.covered[j] << " of " << c.trials;
+  }
+}
+
+}  // namespace unfurl::correlate
