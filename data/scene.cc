@@ -13,6 +13,7 @@ namespace unfurl::data {
 namespace {
 
 constexpr int kMostSegments = 1'000'000;
+constexpr double kLongest = 1e7;  // of a run [s]
 
 std::array<double, 2> Pair(const std::vector<double>& v) { return {v[0], v[1]}; }
 
@@ -38,7 +39,7 @@ class SceneReader {
     scene_.path = path;
     const TomlTable head = root_.Table("scene");
     scene_.name = head.String("name");
-    scene_.duration = head.Number("duration", kPositive);
+    scene_.duration = head.Number("duration", TomlRange{0.0, kLongest, true, false});
     ReadBodies();
     ReadBeams();
     ReadWelds();
