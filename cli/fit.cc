@@ -239,6 +239,19 @@ ordered_json Json(const data::FitRecord& record, const std::string& output, doub
   return json;
 }
 
+// The scene with the study's keys; what the scene does not take is placed at the study.
+SceneModel Bind(const data::Study& study, const SceneModelOptions& options,
+                std::span<const double> theta) {
+  try {
+    return SceneModel(options, theta);
+  } catch (const Error& e) {
+    const std::string text = e.what();
+    if (text.rfind("--set ", 0) != 0) throw;
+    throw Error("the scene does not take a key that the study drives: " + text.substr(6),
+                study.path, "look the key up in " + study.scene);
+  }
+}
+
 // Trial and model at the estimate, side by side, for the page.
 Comparison AtEstimate(const SceneModel& model, const data::FitRecord& record,
                       const correlate::Observations& observations) {
@@ -276,7 +289,7 @@ int FitVerb(const Common& common, const Settings& s) {
     theta.push_back(problem.parameters[j].start);
     binding.keys.push_back(study.parameters[j].keys);
   }
-  SceneModel model(binding, theta);
+  SceneModel model = Bind(study, binding, theta);
   std::unique_ptr<SceneModel> finer;
   if (study.mesh_check) {
     SceneModelOptions fine = binding;
@@ -284,7 +297,7 @@ int FitVerb(const Common& common, const Settings& s) {
       fine.set.push_back(fmt::format("{}={:.17g}", key, study.mesh_check->value));
     }
     fine.rtol = 0.1 * binding.rtol;
-    finer = std::make_unique<SceneModel>(fine, theta);
+    finer = std::make_unique<SceneModel>(Bind(study, fine, theta));
     const double gain = std::pow(study.mesh_check->spacing_ratio, study.mesh_check->order);
     problem.finer = finer.get();
     problem.finer_factor = gain / (gain - 1.0);  // Richardson: what is left of the coarse error
