@@ -48,26 +48,10 @@ int Run(int argc, char** argv) {
   program.footer(kFooter);
   std::vector<Verb> verbs;
   using AddVerb = Verb (*)(CLI::App&, unfurl::cli::Common&);
-  const AddVerb all[] = {
-#ifndef UNFURL_WITHOUT_simulate
-      unfurl::cli::AddSimulate,
-#endif
-#ifndef UNFURL_WITHOUT_expose
-      unfurl::cli::AddExpose,
-#endif
-#ifndef UNFURL_WITHOUT_calibrate
-      unfurl::cli::AddCalibrate,
-#endif
-#ifndef UNFURL_WITHOUT_reconstruct
-      unfurl::cli::AddReconstruct,
-#endif
-#ifndef UNFURL_WITHOUT_correlate
-      unfurl::cli::AddCorrelate,
-#endif
-#ifndef UNFURL_WITHOUT_fit
-      unfurl::cli::AddFit,
-#endif
-      unfurl::cli::AddInfo,        unfurl::cli::AddConvert};
+  const AddVerb all[] = {unfurl::cli::AddSimulate,  unfurl::cli::AddExpose,
+                         unfurl::cli::AddCalibrate, unfurl::cli::AddReconstruct,
+                         unfurl::cli::AddCorrelate, unfurl::cli::AddFit,
+                         unfurl::cli::AddInfo,      unfurl::cli::AddConvert};
   for (const AddVerb add : all) {
     verbs.push_back(add(program, common));
   }
