@@ -2,35 +2,12 @@
 
 #include <gtest/gtest.h>
 
-#include <atomic>
 #include <cmath>
-#include <cstdlib>
-#include <new>
 #include <thread>
 
 #include "base/error.h"
 #include "scenes.h"
 #include "sim/observables.h"
-
-// Counts every allocation of this program, for the test that the loop makes none.
-namespace {
-std::atomic<long> allocations{0};
-}
-void* operator new(std::size_t size) {
-  ++allocations;
-  if (void* p = std::malloc(size)) return p;
-  throw std::bad_alloc();
-}
-void* operator new(std::size_t size, std::align_val_t alignment) {
-  ++allocations;
-  const auto a = static_cast<std::size_t>(alignment);
-  if (void* p = std::aligned_alloc(a, (size + a - 1) / a * a)) return p;
-  throw std::bad_alloc();
-}
-void operator delete(void* p) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t) noexcept { std::free(p); }
-void operator delete(void* p, std::align_val_t) noexcept { std::free(p); }
-void operator delete(void* p, std::size_t, std::align_val_t) noexcept { std::free(p); }
 
 namespace unfurl::sim {
 namespace {
@@ -176,20 +153,6 @@ TEST(Simulate, VelocitiesAreTheDerivativesOfPositions) {
       EXPECT_NEAR((t.y[m][i + 1] - t.y[m][i - 1]) / dt, t.vy[m][i], 1e-3);
     }
   }
-}
-
-TEST(Simulate, TheLoopAllocatesNothing) {
-  const Model model = Compile(Deployment("suspension", 4));
-  const auto count = [&](double duration) {
-    SimulateOptions options;
-    options.duration = duration;
-    const long before = allocations;
-    EXPECT_TRUE(Simulate(model, options, nullptr).Usable());
-    return allocations - before;
-  };
-  count(0.01);
-  // Neither ends after the first latch, so no event is recorded.
-  EXPECT_EQ(count(0.2), count(0.5));
 }
 
 TEST(Simulate, ThreadsDoNotDisturbEachOther) {
