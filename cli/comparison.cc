@@ -155,11 +155,12 @@ void Judge(Comparison* c) {
   }
   const double part = all.rmse / std::max(range, 1e-12);
   const bool within = all.sigmas > 0.0 && all.sigmas < 1.2;
-  c->verdict = fmt::format(
-      "The two agree to {:.3g} mm RMS, {:.2g}% of the motion{}", 1e3 * all.rmse, 100.0 * part,
-      all.sigmas <= 0.0 ? "."
-      : within          ? ": no more than the measurement's own error."
-                        : fmt::format(": {:.2g} times the measurement's own error.", all.sigmas));
+  c->verdict = fmt::format("The two agree to {:.3g} mm RMS, {:.2g}% of the motion{}",
+                           1e3 * all.rmse, 100.0 * part,
+                           all.sigmas <= 0.0 ? "."
+                           : within          ? ": no more than the measurement's own error."
+                                    : fmt::format(": {:.{}f} times the measurement's own error.",
+                                                  all.sigmas, all.sigmas < 10.0 ? 1 : 0));
   const correlate::MarkError* worst = &c->errors.front();
   for (const auto& e : c->errors) {
     if (e.mark != "all" && e.rmse > worst->rmse) worst = &e;

@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "base/text.h"
+
 namespace unfurl::cli {
 
 CLI::App* DeclareVerb(CLI::App& program, Common& common, const std::string& name,
@@ -39,10 +41,9 @@ void Finish(const Common& common, const nlohmann::ordered_json& summary, const s
 
 namespace {
 
-bool LooksNumeric(const std::string& cell) {
-  return !cell.empty() &&
-         (std::isdigit(static_cast<unsigned char>(cell.front())) ||
-          ((cell.front() == '-' || cell.front() == '+' || cell.front() == '.') && cell.size() > 1));
+bool IsNumber(const std::string& cell) {
+  double value;
+  return ParseDouble(cell, &value);
 }
 
 // Columns in UTF-8 are as wide as their code points.
@@ -60,7 +61,7 @@ std::string AlignedTable(const std::vector<std::vector<std::string>>& rows) {
     for (std::size_t c = 0; c < rows[r].size(); ++c) {
       if (c >= width.size()) width.push_back(0), numeric.push_back(true);
       width[c] = std::max(width[c], Width(rows[r][c]));
-      if (r > 0 && !rows[r][c].empty() && !LooksNumeric(rows[r][c])) numeric[c] = false;
+      if (r > 0 && !rows[r][c].empty() && !IsNumber(rows[r][c])) numeric[c] = false;
     }
   }
   std::string text;

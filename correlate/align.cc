@@ -72,6 +72,34 @@ std::pair<double, double> Squares(const Observations& a, const Refined& r) {
   return {left, motion};
 }
 
+// The same marks with a variance added to each coordinate of each sample [m^2].
+Observations Loosened(Observations a, double variance) {
+  for (MarkSeries& m : a.marks) {
+    for (int diagonal : {0, 3, 5}) m.cov.row(diagonal).array() += variance;
+  }
+  return a;
+}
+
+// A reference that does not fit must not be followed at the price of the calibration's draw, and it
+// is its misfit, not the marks' sigma, that limits the alignment: the variance that the residuals
+// show is added to the marks' own until it changes no more. Gives that variance [m^2].
+double RefineWithMisfit(const Observations& a, const SampledModel& b, const AlignOptions& options,
+                        Refined* best) {
+  constexpr double kFits = 4.0;  // squared residuals in sigmas, above which the reference does not
+  constexpr int kRounds = 6;
+  double variance = 0.0;
+  if (!a.has_sigma) return variance;
+  for (int round = 0; round < kRounds; ++round) {
+    const double samples = 3.0 * static_cast<double>(best->fit.known);
+    if (round == 0 && best->fit.SumOfSquares() < kFits * samples) break;
+    const double before = variance;
+    variance = Squares(a, *best).first / samples;
+    if (round > 0 && std::abs(variance - before) < 0.01 * variance) break;
+    *best = Refine(Loosened(a, variance), b, best->fit.at.offset, options);
+  }
+  return variance;
+}
+
 void FillCovariance(const Observations& a, Alignment* out) {
   const Eigen::MatrixXd& J = out->fit.jacobian;
   out->unknowns.resize(static_cast<std::size_t>(J.cols()));
@@ -154,13 +182,20 @@ Alignment Align(const Observations& a, const SampledModel& b, const AlignOptions
     out.message = fmt::format("fewer than {} samples have a counterpart in the reference", kFewest);
     return out;
   }
+  const double variance = RefineWithMisfit(a, b, options, &best);
+  out.misfit = std::sqrt(variance);
   const auto [left, motion] = Squares(a, best);
   out.fit = std::move(best.fit);
   out.reference = std::move(best.reference);
   out.at = out.fit.at;
   out.r2 = motion > 0.0 ? 1.0 - left / motion : 0.0;
-  FillCovariance(a, &out);
+  FillCovariance(variance > 0.0 ? Loosened(a, variance) : a, &out);
   out.unknowns = NuisanceNames(options.registration, a.shared_rank);
+  if (variance > 0.0) {  // what was weighed less is still told in the marks' own sigmas
+    RegistrationOptions none = options.registration;
+    none.max_iterations = 0;
+    out.fit.residual = FitRegistration(a, out.reference, out.at.offset, out.at, none).residual;
+  }
   const double dof =
       std::max(1.0, 3.0 * static_cast<double>(out.fit.known) -
                         static_cast<double>(out.fit.jacobian.cols() - a.shared_rank));

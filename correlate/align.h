@@ -41,7 +41,8 @@ struct Alignment {
   double correlation = 0.0;   // of the coarse signals at the peak
   std::string signal;         // which these were
   double r2 = 0.0;            // share of the marks' motion that the reference explains
-  double chi2_per_dof = 0.0;  // of whitened residuals; 0 without a sigma
+  double chi2_per_dof = 0.0;  // of residuals in the marks' own sigmas; 0 without one
+  double misfit = 0.0;        // what the reference fails to explain, per coordinate; 0: it fits [m]
   double overlap_start = 0.0, overlap_end = 0.0;  // on a's clock [s]
   RegistrationFit fit;                            // residuals and Jacobian at the solution
   Prediction reference;                           // b at the stamps of a

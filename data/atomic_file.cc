@@ -53,6 +53,11 @@ AtomicFile::AtomicFile(std::string path) : path_(std::move(path)) {
   if (std::filesystem::is_directory(path_, ignored)) {
     throw Error("is a folder, not a file", path_, "name a file with -o");
   }
+  if (std::filesystem::exists(path_, ignored) &&
+      !std::filesystem::is_regular_file(path_, ignored)) {
+    // A rename would replace the device or pipe by a file.
+    throw Error("is a device or pipe, not a file", path_, "name a file with -o");
+  }
   const std::string name = std::filesystem::path(path_).filename().string();
   temporary_ = fmt::format("{}/.{}.{}.tmp", folder, name, getpid());
   const int fd = open(temporary_.c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC, 0644);

@@ -131,6 +131,24 @@ TEST(Align, OneMarkIsAlignedByItsSpeed) {
   EXPECT_NEAR(a.at.offset, trial.offset, 5.0 * a.Sigma("time offset"));
 }
 
+TEST(Align, AReferenceThatDoesNotFitIsAlignedWithoutBendingTheCalibration) {
+  Trial trial = TiltedTrial();
+  trial.sigma = 1e-5;
+  trial.shared_rank = 3;
+  trial.shared_size = 5e-5;
+  std::vector<double> other = TwoLink::Truth();
+  for (double& value : other) value *= 1.01;  // millimetres to centimetres, against 10 um of sigma
+  Rng rng(5);
+  const Observations record = Record(TwoLink(), other, TwoLink::Marks(), trial, rng);
+  const Alignment a = Align(record, Reference());
+  ASSERT_TRUE(a.Usable()) << a.message;
+  EXPECT_GT(a.misfit, 10.0 * trial.sigma);
+  EXPECT_GT(a.chi2_per_dof, 100.0);
+  // Three draws of a standard normal: one beyond five is one in two million.
+  EXPECT_LT(a.at.z.cwiseAbs().maxCoeff(), 5.0);
+  EXPECT_GT(a.Sigma("time offset"), a.misfit * 1e-3);  // no longer that of 10 um
+}
+
 TEST(Align, RefusesRecordsThatShareNothing) {
   // Noise about fixed points, against a deployment-like motion.
   const Trial trial = TiltedTrial();

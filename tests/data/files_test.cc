@@ -116,6 +116,10 @@ TEST_F(Files, AtomicFileRefusesAFolderThatIsNotThere) {
   EXPECT_THAT(ErrorOf([&] { AtomicFile(Path("no/where.h5")); }), HasSubstr("no such folder"));
 }
 
+TEST_F(Files, AtomicFileRefusesToReplaceADevice) {
+  EXPECT_THAT(ErrorOf([&] { AtomicFile("/dev/null"); }), HasSubstr("not a file"));
+}
+
 TEST_F(Files, AtomicFileKeepsTheOldFileUntilCommit) {
   WriteTextFile(Path("f"), "old");
   { AtomicFile file(Path("f")); }
