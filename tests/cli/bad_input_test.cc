@@ -114,6 +114,10 @@ TEST_F(BadInput, RigThatDoesNotMatchTheTrial) {
   ASSERT_EQ(Run({"expose", "run.h5", "--lab", Shipped("lab.toml"), "-o", "trial.h5"}).code, 0);
   // The same survey with its cameras under other names gives a rig for another trial.
   ASSERT_EQ(Run({"convert", Shipped("survey.h5"), "survey.csv"}).code, 0);
+  std::string survey = Get("survey.csv");
+  const std::size_t name = survey.find("north_east");
+  ASSERT_NE(name, std::string::npos);
+  Put("survey.csv", survey.replace(name, 10, "by_the_door"));
   ASSERT_EQ(Run({"calibrate", "survey.csv", "-o", "rig.h5"}).code, 0);
   const auto before = Files();
   ExpectRefused(Run({"reconstruct", "trial.h5", "--rig", "rig.h5"}), {"trial.h5", "camera"},
