@@ -53,7 +53,7 @@ double NanosecondsPerRightSide(const Model& model) {
   constexpr int kCalls = 20000, kRepeats = 7;
   for (int r = 0; r < kRepeats; ++r) {
     const auto begin = std::chrono::steady_clock::now();
-    for (int k = 0; k < kCalls; ++k) dynamics.RightSide(y.data(), rate.data());
+    for (int k = 0; k < kCalls; ++k) dynamics.RightSide(0.0, y.data(), rate.data());
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
     best = std::min(best, took.count() / kCalls * 1e9);
   }

@@ -35,7 +35,7 @@ class RunRecorder : public sim::Observer {
       : model_(model), observables_(model), writer_(writer), progress_("simulate", progress) {}
 
   void OnSample(double t, double* state, const std::vector<sim::LatchMode>& modes) override {
-    writer_->Append(t, observables_.Row(state, modes));
+    writer_->Append(t, observables_.Row(t, state, modes));
     const sim::Balance& b = observables_.balance();
     const double residual = b.Stored() + b.Dissipated() - observables_.energy_at_start();
     worst_residual_ = std::max(worst_residual_, std::abs(residual));

@@ -5,19 +5,22 @@
 #include <string>
 #include <vector>
 
+#include "data/time_function.h"
+
 namespace unfurl::data {
 
 // A planar flexible mechanism as a person wrote it; every key with unit, default and equation is in
-// docs/scene.md. Bodies are rigid; beams are chains of rigid segments joined by massless elastic
-// elements; joints are revolute; welds are rigid. Numbers here are checked one by one; whether they
+// docs/scene.md. Bodies are rigid; beams are flexible, by one of two models; joints are revolute,
+// sliders or pins in slots; welds are rigid. Numbers here are checked one by one; whether they
 // fit together (names, loops, latches) is checked when the model is compiled.
 
 // What an end of a joint or weld holds on to.
 struct SceneEnd {
-  enum class Kind { kGround, kBody, kBeamStart, kBeamEnd };
+  enum class Kind { kGround, kBody, kBeamStart, kBeamEnd, kAlongBeam };
   Kind kind = Kind::kGround;
   int index = -1;                     // into Scene::bodies or Scene::beams; -1 for ground
   std::array<double, 2> point{0, 0};  // in the body's frame, or in the world for ground [m]
+  double at = 0.0;                    // kAlongBeam: place on the axis, of the length, in [0, 1]
 };
 
 struct SceneBody {
@@ -31,6 +34,10 @@ struct SceneBody {
   std::string where;                              // file:line:key, for messages
 };
 
+// How a beam deforms: a chain of rigid segments joined by massless elastic elements (the paper's),
+// or one smooth centre line.
+enum class BeamModel { kSegments, kKirchhoff };
+
 // The beam's own x axis runs from its start (inboard) to its end (outboard).
 struct SceneBeam {
   std::string name;
@@ -38,7 +45,9 @@ struct SceneBeam {
   double mass = 0.0;    // [kg]
   double EI = 0.0;      // [N m^2]
   double EA = 0.0;      // [N]; needed only where axial_elastic
-  int segments = 8;
+  BeamModel model = BeamModel::kSegments;
+  int segments = 8;  // kSegments
+  int order = 5;     // kKirchhoff: shape functions of the centre line's angle
   bool axial_elastic = false;
   double damping = 0.0;       // Kelvin-Voigt beta [s]
   bool gradient_form = true;  // element forces as the gradient of an energy; false: as printed
@@ -54,10 +63,47 @@ struct SceneWeld {
   std::string where;
 };
 
-// Moment on theta: -stiffness (theta + preload).
+// What acts on a joint's coordinate: theta of a revolute joint, the travel of a slider or of a pin in
+// a slot. Units are given for the angle; for the travel read N for N m and m for rad.
+
+// Moment -stiffness (coordinate + preload).
 struct SceneSpring {
   double stiffness = 0.0;  // [N m/rad]
   double preload = 0.0;    // [rad]
+  std::string where;
+};
+
+// Moment -damping d(coordinate)/dt.
+struct SceneDamper {
+  double damping = 0.0;  // [N m s/rad]
+  std::string where;
+};
+
+// Moment as a function of the coordinate (a tape spring): monotone cubic through the points (Fritsch
+// and Carlson), straight beyond the ends.
+struct SceneMomentTable {
+  std::vector<double> coordinate;  // rising [rad]
+  std::vector<double> moment;      // on the coordinate [N m]
+  std::string where;
+};
+
+// Dry friction, moment -moment tanh(rate / creep_rate).
+struct SceneFriction {
+  double moment = 0.0;      // [N m]
+  double creep_rate = 0.0;  // where the moment has reached 76% [rad/s]
+  std::string where;
+};
+
+// The coordinate is prescribed: by itself, or by its rate from its value at the start.
+struct SceneDrive {
+  bool by_rate = false;
+  TimeFunction function;  // [rad], [rad/s]
+  std::string where;
+};
+
+// A moment on the coordinate as a function of time.
+struct SceneMotor {
+  TimeFunction moment;  // [N m]
   std::string where;
 };
 
@@ -80,18 +126,67 @@ struct SceneLatch {
   std::string where;
 };
 
-// Revolute: the two points coincide, and
+// kRevolute: the two points coincide, and
 //   angle(outer) - angle(inner) = zero_angle + sign * theta.
+// kSlider: outer's point lies on the line through inner's point along `axis`, at `sign * travel`, and
+//   angle(outer) - angle(inner) = zero_angle.
+// kPinInSlot: like a slider, but outer turns freely: theta as for a revolute joint.
 struct SceneJoint {
+  enum class Kind { kRevolute, kSlider, kPinInSlot };
   std::string name;
+  Kind kind = Kind::kRevolute;
   SceneEnd inner, outer;
-  double sign = 1.0;        // +1 or -1
-  double zero_angle = 0.0;  // [rad]
-  double theta = 0.0;       // at the start [rad]
-  double theta_rate = 0.0;  // at the start [rad/s]
-  double hang_theta = 0.0;  // where the suspension's strings hang vertically [rad]
+  double sign = 1.0;         // +1 or -1
+  double zero_angle = 0.0;   // [rad]
+  double axis = 0.0;         // of the slot, in inner's frame [rad]
+  double theta = 0.0;        // at the start [rad]
+  double theta_rate = 0.0;   // at the start [rad/s]
+  double travel = 0.0;       // at the start [m]
+  double travel_rate = 0.0;  // at the start [m/s]
+  double hang_theta = 0.0;   // where the suspension's strings hang vertically [rad]
+  double hang_travel = 0.0;  // likewise [m]
   std::optional<SceneSpring> spring;
-  std::optional<SceneLatch> latch;
+  std::optional<SceneDamper> damper;
+  std::optional<SceneMomentTable> table;
+  std::optional<SceneFriction> friction;
+  std::optional<SceneDrive> drive;
+  std::optional<SceneMotor> motor;
+  std::optional<SceneLatch> latch;  // revolute only
+  std::string where;
+};
+
+// A spring and damper between two points: tension stiffness (distance - free_length) + damping
+// d(distance)/dt.
+struct SceneLinearSpring {
+  std::string name;
+  SceneEnd a, b;
+  double stiffness = 0.0;             // [N/m]
+  double damping = 0.0;               // [N s/m]
+  std::optional<double> free_length;  // none: the distance at the start [m]
+  std::string where;
+};
+
+// A force at a point, a torque, or a force per length all along a beam.
+struct SceneForce {
+  enum class Kind { kForce, kTorque, kPerLength };
+  std::string name;
+  Kind kind = Kind::kForce;
+  SceneEnd on;                           // kPerLength: index of the beam
+  std::array<TimeFunction, 2> force;     // [N]; kPerLength: [N/m]
+  TimeFunction torque;                   // [N m]
+  bool follows = false;                  // components in the frame of the body or beam
+  std::string where;
+};
+
+// Something to be located in time: `quantity` (JOINT.theta, JOINT.theta_rate, JOINT.travel, BODY.x,
+// BODY.theta, MARK.x, ...) crosses `level`.
+struct SceneWatch {
+  enum class Direction { kRising, kFalling, kBoth };
+  std::string name;
+  std::string quantity;
+  double level = 0.0;
+  Direction direction = Direction::kBoth;
+  bool stop = false;  // the run ends there
   std::string where;
 };
 
@@ -120,6 +215,9 @@ struct Scene {
   std::vector<SceneWeld> welds;
   std::vector<SceneJoint> joints;
   std::vector<SceneContact> contacts;
+  std::vector<SceneLinearSpring> linear_springs;
+  std::vector<SceneForce> forces;
+  std::vector<SceneWatch> watches;
   std::vector<SceneMark> marks;
   std::optional<SceneGravity> gravity;
   std::optional<SceneSuspension> suspension;

@@ -66,6 +66,8 @@ class Compiler {
         return {};
       case SceneEnd::Kind::kBeamEnd:
         return {scene_.beams[end.index].length, 0.0, 0.0};
+      case SceneEnd::Kind::kAlongBeam:
+        return {end.at * scene_.beams[end.index].length, 0.0, 0.0};
     }
     return {};
   }
@@ -416,14 +418,14 @@ class Compiler {
     if (model_.constraints.count() == 0) return;
     Dynamics dynamics(model_);
     std::vector<double> rate(model_.initial_state.size());
-    dynamics.RightSide(model_.initial_state.data(), rate.data());
+    dynamics.RightSide(0.0, model_.initial_state.data(), rate.data());
     std::string name;
     const double pivot = dynamics.SmallestPivot(&name);
     if (!(pivot > kRedundant)) {
       throw Error(fmt::format("the constraints are not independent (found at '{}')", name),
                   scene_.path, "remove a joint or weld that repeats what others already hold");
     }
-    dynamics.Project(model_.initial_state.data());
+    dynamics.Project(0.0, model_.initial_state.data());
   }
 
   const data::Scene& scene_;

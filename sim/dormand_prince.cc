@@ -1,7 +1,6 @@
 #include "sim/dormand_prince.h"
 
 #include <algorithm>
-#include <cmath>
 
 namespace unfurl::sim {
 namespace {
@@ -25,35 +24,12 @@ constexpr double kD1 = -12715105075.0 / 11282082432.0, kD3 = 87487479700.0 / 327
 }  // namespace
 
 DormandPrince::DormandPrince(Dynamics& dynamics, const ErrorScale& scale)
-    : dynamics_(dynamics),
-      scale_(scale),
-      n_(dynamics.model().slots.count),
-      size_(dynamics.model().index.size()),
-      y_(size_, 0.0),
-      trial_(size_, 0.0),
-      stage_(size_, 0.0),
-      position_weight_(n_, 0.0),
-      angle_weight_(n_, 0.0),
-      mask_(n_, 0.0) {
+    : Stepper(dynamics, scale) {
   for (Array& k : k_) k.assign(size_, 0.0);
-  int moving = 0;
-  for (int s = 0; s < n_; ++s) {
-    if (!dynamics.model().slots.IsDynamic(s)) continue;
-    position_weight_[s] = 1.0 / (scale.rtol * scale.length);
-    angle_weight_[s] = 1.0 / (scale.rtol * scale.angle);
-    mask_[s] = 1.0;
-    ++moving;
-  }
-  norm_factor_ = 1.0 / (6.0 * std::max(moving, 1));
-}
-
-void DormandPrince::Start(const std::vector<double>& y) {
-  std::copy(y.begin(), y.end(), y_.begin());
-  Refresh();
 }
 
 void DormandPrince::Refresh() {
-  dynamics_.RightSide(y_.data(), k_[0].data());
+  dynamics_.RightSide(t_, y_.data(), k_[0].data());
   ++evaluations_;
 }
 
@@ -71,109 +47,44 @@ double DormandPrince::Try(double h) {
   h_ = h;
 #pragma GCC ivdep
   for (int i = 0; i < size; ++i) s[i] = y[i] + h * (kA21 * k1[i]);
-  dynamics_.RightSide(s, k_[1].data());
+  dynamics_.RightSide(t_ + 0.2 * h, s, k_[1].data());
 #pragma GCC ivdep
   for (int i = 0; i < size; ++i) s[i] = y[i] + h * (kA31 * k1[i] + kA32 * k2[i]);
-  dynamics_.RightSide(s, k_[2].data());
+  dynamics_.RightSide(t_ + 0.3 * h, s, k_[2].data());
 #pragma GCC ivdep
   for (int i = 0; i < size; ++i) s[i] = y[i] + h * (kA41 * k1[i] + kA42 * k2[i] + kA43 * k3[i]);
-  dynamics_.RightSide(s, k_[3].data());
+  dynamics_.RightSide(t_ + 0.8 * h, s, k_[3].data());
 #pragma GCC ivdep
   for (int i = 0; i < size; ++i) {
     s[i] = y[i] + h * (kA51 * k1[i] + kA52 * k2[i] + kA53 * k3[i] + kA54 * k4[i]);
   }
-  dynamics_.RightSide(s, k_[4].data());
+  dynamics_.RightSide(t_ + 8.0 / 9.0 * h, s, k_[4].data());
 #pragma GCC ivdep
   for (int i = 0; i < size; ++i) {
     s[i] = y[i] + h * (kA61 * k1[i] + kA62 * k2[i] + kA63 * k3[i] + kA64 * k4[i] + kA65 * k5[i]);
   }
-  dynamics_.RightSide(s, k_[5].data());
+  dynamics_.RightSide(t_ + h, s, k_[5].data());
 #pragma GCC ivdep
   for (int i = 0; i < size; ++i) {
     out[i] = y[i] + h * (kB1 * k1[i] + kB3 * k3[i] + kB4 * k4[i] + kB5 * k5[i] + kB6 * k6[i]);
   }
-  dynamics_.RightSide(out, k_[6].data());
+  dynamics_.RightSide(t_ + h, out, k_[6].data());
   evaluations_ += 6;
-  return ErrorNorm(h);
-}
-
-double DormandPrince::ErrorNorm(double h) {
-  const double* __restrict k1 = k_[0].data();
-  const double* __restrict k3 = k_[2].data();
-  const double* __restrict k4 = k_[3].data();
-  const double* __restrict k5 = k_[4].data();
-  const double* __restrict k6 = k_[5].data();
   const double* __restrict k7 = k_[6].data();
-  const double* __restrict y = y_.data();
-  const double* __restrict out = trial_.data();
-  const double* __restrict mask = mask_.data();
-  double sum[kBlock] = {};
-  const auto error = [&](int i) {
+  return Norm(y, out, [=](int i) {
     return h * (kE1 * k1[i] + kE3 * k3[i] + kE4 * k4[i] + kE5 * k5[i] + kE6 * k6[i] + kE7 * k7[i]);
-  };
-  for (int block = 0; block < 3; ++block) {
-    const double* __restrict weight = block < 2 ? position_weight_.data() : angle_weight_.data();
-    for (int i = 0; i < n_; i += kBlock) {
-      for (int k = 0; k < kBlock; ++k) {
-        const double e = weight[i + k] * error(block * n_ + i + k);
-        sum[k] += e * e;
-      }
-    }
-  }
-  for (int block = 3; block < 6; ++block) {
-    const double floor = block < 5 ? scale_.speed : scale_.spin;
-    const double inverse_rtol = 1.0 / scale_.rtol;
-    for (int i = 0; i < n_; i += kBlock) {
-      for (int k = 0; k < kBlock; ++k) {
-        const int j = block * n_ + i + k;
-        const double a = std::fabs(y[j]), b = std::fabs(out[j]);
-        const double e = mask[i + k] * inverse_rtol * error(j) / (floor + (a > b ? a : b));
-        sum[k] += e * e;
-      }
-    }
-  }
-  double total = 0.0;
-  for (double part : sum) total += part;
-  if (scale_.energy > 0.0) {
-    for (const int k : {kExtraContact, kExtraBeams}) {
-      const double e = error(6 * n_ + k) / (scale_.rtol * scale_.energy);
-      total += e * e;
-    }
-  }
-  return std::sqrt(total * norm_factor_);
+  });
 }
 
-double DormandPrince::WeightedError(int i, double h) const {
-  const double error = h * (kE1 * k_[0][i] + kE3 * k_[2][i] + kE4 * k_[3][i] + kE5 * k_[4][i] +
-                            kE6 * k_[5][i] + kE7 * k_[6][i]);
-  const int block = i / n_, slot = i % n_;
-  if (block < 2) return position_weight_[slot] * error;
-  if (block < 3) return angle_weight_[slot] * error;
-  const double floor = block < 5 ? scale_.speed : scale_.spin;
-  return mask_[slot] * error / (scale_.rtol * (floor + std::fabs(y_[i])));
+double DormandPrince::ErrorOf(int i) const {
+  return h_ * (kE1 * k_[0][i] + kE3 * k_[2][i] + kE4 * k_[3][i] + kE5 * k_[4][i] + kE6 * k_[5][i] +
+               kE7 * k_[6][i]);
 }
 
-int DormandPrince::WorstSlot() const {
-  int worst = 0;
-  double largest = -1.0;
-  for (int i = 0; i < 6 * n_; ++i) {
-    const double e = std::fabs(WeightedError(i, h_));
-    if (e > largest || (!std::isfinite(e) && std::isfinite(largest))) {
-      largest = e;
-      worst = i % n_;
-    }
-  }
-  return worst;
-}
-
-void DormandPrince::Accept() {
+void DormandPrince::Accept(double t) {
+  t_ = t;
   std::swap(y_, trial_);
   std::swap(k_[0], k_[6]);
-}
-
-void DormandPrince::AcceptUntil(double sigma) {
-  Dense(sigma, stage_.data());
-  std::swap(y_, stage_);
 }
 
 double DormandPrince::Dense(int i, double sigma) const {
@@ -186,18 +97,18 @@ double DormandPrince::Dense(int i, double sigma) const {
   return y_[i] + sigma * (difference + rest * (c3 + sigma * (c4 + rest * c5)));
 }
 
-void DormandPrince::Dense(double sigma, double* out) const {
+void DormandPrince::Dense(double sigma, double* out) {
   for (int i = 0; i < size_; ++i) out[i] = Dense(i, sigma);
 }
 
-std::array<double, 5> DormandPrince::Polynomial(int i) const {
+DensePolynomial DormandPrince::Polynomial(int i) {
   const double difference = trial_[i] - y_[i];
   const double c3 = h_ * k_[0][i] - difference;
   const double c4 = difference - h_ * k_[6][i] - c3;
   const double c5 = h_ * (kD1 * k_[0][i] + kD3 * k_[2][i] + kD4 * k_[3][i] + kD5 * k_[4][i] +
                           kD6 * k_[5][i] + kD7 * k_[6][i]);
   // s (d + (1 - s)(c3 + s (c4 + (1 - s) c5))), expanded.
-  return {y_[i], difference + c3, c4 + c5 - c3, -c4 - 2.0 * c5, c5};
+  return {{y_[i], difference + c3, c4 + c5 - c3, -c4 - 2.0 * c5, c5}, 5};
 }
 
 }  // namespace unfurl::sim

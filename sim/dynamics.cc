@@ -47,7 +47,7 @@ Dynamics::Dynamics(const Model& model)
       scratch_(model.bending.ScratchSize(), 0.0),
       work_(model.constraints.MakeWork()) {}
 
-Motion Dynamics::Update(double* y) {
+Motion Dynamics::Update(double t, double* y) {
   const int n = model_.slots.count;
   double* x = y;
   double* yy = y + n;
@@ -72,11 +72,17 @@ Motion Dynamics::Update(double* y) {
     vx[s.slot] = vx[s.body] - w * oy;
     vy[s.slot] = vy[s.body] + w * ox;
   }
-  return {x, yy, theta, vx, vy, omega, cosine_.data(), sine_.data()};
+  return {t, x, yy, theta, vx, vy, omega, cosine_.data(), sine_.data()};
+}
+
+Motion Dynamics::MotionAt(double t, double* y) const {
+  const int n = model_.slots.count;
+  return {t,         y,         y + n,          y + 2 * n,   y + 3 * n,
+          y + 4 * n, y + 5 * n, cosine_.data(), sine_.data()};
 }
 
 template <bool kProfile>
-void Dynamics::Evaluate(double* y, double* dydt) {
+void Dynamics::Evaluate(double t, double* y, double* dydt) {
   std::conditional_t<kProfile, PartTimer, NoTimer> timer = [&] {
     if constexpr (kProfile) {
       return PartTimer(profile->data());
@@ -85,7 +91,7 @@ void Dynamics::Evaluate(double* y, double* dydt) {
     }
   }();
   const int n = model_.slots.count;
-  const Motion motion = Update(y);
+  const Motion motion = Update(t, y);
   const Load load{fx_.data(), fy_.data(), m_.data()};
   std::fill_n(load.fx, n, 0.0);
   std::fill_n(load.fy, n, 0.0);
@@ -131,33 +137,28 @@ void Dynamics::Evaluate(double* y, double* dydt) {
   timer.Mark(kConstraints);
 }
 
-void Dynamics::RightSide(double* y, double* dydt) {
-  profile != nullptr ? Evaluate<true>(y, dydt) : Evaluate<false>(y, dydt);
+void Dynamics::RightSide(double t, double* y, double* dydt) {
+  profile != nullptr ? Evaluate<true>(t, y, dydt) : Evaluate<false>(t, y, dydt);
 }
 
-double Dynamics::PositionDrift(double* y) {
+double Dynamics::PositionDrift(double t, double* y) {
   if (model_.constraints.count() == 0) return 0.0;
-  const int n = model_.slots.count;
-  const Motion motion{y,         y + n,     y + 2 * n,      y + 3 * n,
-                      y + 4 * n, y + 5 * n, cosine_.data(), sine_.data()};
+  const Motion motion = MotionAt(t, y);
   return model_.constraints.PositionDrift(motion, &work_);
 }
 
-double Dynamics::VelocityDrift(double* y) {
+double Dynamics::VelocityDrift(double t, double* y) {
   if (model_.constraints.count() == 0) return 0.0;
-  const int n = model_.slots.count;
-  const Motion motion{y,         y + n,     y + 2 * n,      y + 3 * n,
-                      y + 4 * n, y + 5 * n, cosine_.data(), sine_.data()};
+  const Motion motion = MotionAt(t, y);
   return model_.constraints.VelocityDrift(motion, &work_);
 }
 
-void Dynamics::Project(double* y) {
+void Dynamics::Project(double t, double* y) {
   if (model_.constraints.count() == 0) return;
-  const int n = model_.slots.count;
-  const Motion motion{y,         y + n,     y + 2 * n,      y + 3 * n,
-                      y + 4 * n, y + 5 * n, cosine_.data(), sine_.data()};
+  const Motion motion = MotionAt(t, y);
   // Velocities first: their rows are at the positions that the factor knows.
   model_.constraints.VelocityDrift(motion, &work_);
+  const int n = model_.slots.count;
   model_.constraints.RemoveDrift(motion, &work_, y + 3 * n, y + 4 * n, y + 5 * n);
   model_.constraints.PositionDrift(motion, &work_);
   model_.constraints.RemoveDrift(motion, &work_, y, y + n, y + 2 * n);
@@ -171,11 +172,11 @@ double Dynamics::SmallestPivot(std::string* where) const {
   return ratio;
 }
 
-Balance Dynamics::BalanceAt(double* y) {
+Balance Dynamics::BalanceAt(double t, double* y) {
   Balance b;
   const Slots& slots = model_.slots;
   const int n = slots.count;
-  const Motion m = Update(y);
+  const Motion m = Update(t, y);
   double total_mass = 0.0;
   for (int k = 0; k < n; ++k) {
     const double mass = slots.mass[k];

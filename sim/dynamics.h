@@ -50,26 +50,29 @@ class Dynamics {
   // Where given, seconds spent by part are added up (costs some 10%).
   std::array<double, kParts>* profile = nullptr;
 
-  // dydt of `y` (StateIndex layout, one spare block after it). Fills the stations' entries of y.
-  void RightSide(double* y, double* dydt);
+  // dydt of `y` (StateIndex layout, one spare block after it) at time t [s]. Fills the stations'
+  // entries of y.
+  void RightSide(double t, double* y, double* dydt);
 
   // Brings stations, cosines and sines up to date with y; the result points into y and this.
-  Motion Update(double* y);
+  Motion Update(double t, double* y);
 
   // Drift of the constraints at the state of the last RightSide; needs no new factor.
-  double PositionDrift(double* y);
-  double VelocityDrift(double* y);
+  double PositionDrift(double t, double* y);
+  double VelocityDrift(double t, double* y);
   // One mass-weighted Newton step on the positions and one on the velocities, with the factor of
   // the last RightSide, which must have been at `y`.
-  void Project(double* y);
+  void Project(double t, double* y);
 
-  Balance BalanceAt(double* y);
+  Balance BalanceAt(double t, double* y);
   // Smallest pivot of the last factor relative to its diagonal entry; `where` names its joint.
   double SmallestPivot(std::string* where) const;
 
  private:
+  // The motion at y, stations, cosines and sines as the last Update left them.
+  Motion MotionAt(double t, double* y) const;
   template <bool kProfile>
-  void Evaluate(double* y, double* dydt);
+  void Evaluate(double t, double* y, double* dydt);
 
   const Model& model_;
   std::vector<LatchMode> modes_;

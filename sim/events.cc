@@ -5,15 +5,6 @@
 namespace unfurl::sim {
 namespace {
 
-using Polynomial = std::array<double, 5>;
-
-double Value(const Polynomial& p, double s) {
-  return p[0] + s * (p[1] + s * (p[2] + s * (p[3] + s * p[4])));
-}
-double Slope(const Polynomial& p, double s) {
-  return p[1] + s * (2.0 * p[2] + s * (3.0 * p[3] + s * 4.0 * p[4]));
-}
-
 constexpr int kBisections = 52;  // down to rounding of sigma
 
 // f(low) <= 0 < f(high): returns the upper end of the last bracket, where f > 0.
@@ -27,23 +18,22 @@ double Bisect(double low, double high, F f) {
 }
 
 // Where e first rises above zero in (0, 1]; -1 when it does not.
-double FirstCrossing(const Polynomial& e) {
-  const double start = e[0], end = Value(e, 1.0);
-  const double slope_start = e[1], slope_end = Slope(e, 1.0);
-  const auto value = [&](double s) { return Value(e, s); };
+double FirstCrossing(const DensePolynomial& e) {
+  const double start = e.c[0], end = e(1.0);
+  const double slope_start = e.c[1], slope_end = e.Slope(1.0);
   if (start <= 0.0) {
-    if (end > 0.0) return Bisect(0.0, 1.0, value);
+    if (end > 0.0) return Bisect(0.0, 1.0, e);
     // Both ends below: a rise and fall between them?
     if (!(slope_start > 0.0 && slope_end < 0.0)) return -1.0;
     if (start + slope_start <= 0.0 && end - slope_end <= 0.0) return -1.0;
-    const double top = Bisect(0.0, 1.0, [&](double s) { return -Slope(e, s); });
-    return Value(e, top) > 0.0 ? Bisect(0.0, top, value) : -1.0;
+    const double top = Bisect(0.0, 1.0, [&](double s) { return -e.Slope(s); });
+    return e(top) > 0.0 ? Bisect(0.0, top, e) : -1.0;
   }
   // Already above, by rounding or since it was just left: it counts once it turns up again.
   if (slope_start >= 0.0) return 0.0;
   if (end <= 0.0 || slope_end <= 0.0) return -1.0;
-  const double bottom = Bisect(0.0, 1.0, [&](double s) { return Slope(e, s); });
-  return Value(e, bottom) < 0.0 ? Bisect(bottom, 1.0, value) : bottom;
+  const double bottom = Bisect(0.0, 1.0, [&](double s) { return e.Slope(s); });
+  return e(bottom) < 0.0 ? Bisect(bottom, 1.0, e) : bottom;
 }
 
 }  // namespace
@@ -84,22 +74,24 @@ int EventFinder::Watches(int latch, const LatchMode& mode, Watch out[3]) const {
   return count;
 }
 
-bool EventFinder::FindFirst(const DormandPrince& stepper, const std::vector<LatchMode>& modes,
+bool EventFinder::FindFirst(Stepper& stepper, const std::vector<LatchMode>& modes,
                             double* sigma) {
   double first = 2.0;
   Watch watches[3];
   for (int k = 0; k < model_.latches.count(); ++k) {
     const Hinge& hinge = model_.latches.hinge(k);
-    const Polynomial outer = stepper.Polynomial(model_.index.theta(hinge.outer));
-    const Polynomial inner = stepper.Polynomial(model_.index.theta(hinge.inner));
-    Polynomial theta;
-    for (int p = 0; p < 5; ++p) theta[p] = hinge.sign * (outer[p] - inner[p]);
-    theta[0] -= hinge.sign * hinge.zero;
+    const DensePolynomial outer = stepper.Polynomial(model_.index.theta(hinge.outer));
+    const DensePolynomial inner = stepper.Polynomial(model_.index.theta(hinge.inner));
+    DensePolynomial theta;
+    theta.count = outer.count;
+    for (int p = 0; p < theta.count; ++p) theta.c[p] = hinge.sign * (outer.c[p] - inner.c[p]);
+    theta.c[0] -= hinge.sign * hinge.zero;
     const int count = Watches(k, modes[k], watches);
     for (int w = 0; w < count; ++w) {
-      Polynomial e;
-      for (int p = 0; p < 5; ++p) e[p] = watches[w].side * theta[p];
-      e[0] -= watches[w].side * watches[w].level;
+      DensePolynomial e;
+      e.count = theta.count;
+      for (int p = 0; p < e.count; ++p) e.c[p] = watches[w].side * theta.c[p];
+      e.c[0] -= watches[w].side * watches[w].level;
       const double at = FirstCrossing(e);
       if (at >= 0.0 && at < first) {
         first = at;

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "sim/dormand_prince.h"
+#include "sim/stepper.h"
 
 namespace unfurl::sim {
 
@@ -29,7 +29,7 @@ class EventFinder {
 
   // The first event in the step just tried by `stepper`; false when there is none. `sigma` is its
   // place in the step, just past the crossing.
-  bool FindFirst(const DormandPrince& stepper, const std::vector<LatchMode>& modes, double* sigma);
+  bool FindFirst(Stepper& stepper, const std::vector<LatchMode>& modes, double* sigma);
 
   // Changes the modes for all events that are due at state `y` (at least the one just found), and
   // appends them to `events`.

@@ -17,7 +17,7 @@ PointMotion MotionOf(const Model& model, const MovingPoint& p, const double* sta
 
 double LatchMoment(const Model& model, int latch, const double* state, const LatchMode& mode) {
   const int n = model.index.n;
-  const Motion motion{state,         state + n,     state + 2 * n, state + 3 * n,
+  const Motion motion{0.0,         state,         state + n,     state + 2 * n, state + 3 * n,
                       state + 4 * n, state + 5 * n, nullptr,       nullptr};
   return model.latches.Moment(latch, motion, mode);
 }
@@ -95,10 +95,11 @@ void Observables::Declare() {
   row_.reserve(quantities_.size());
 }
 
-const std::vector<double>& Observables::Row(double* state, const std::vector<LatchMode>& modes) {
+const std::vector<double>& Observables::Row(double t, double* state,
+                                            const std::vector<LatchMode>& modes) {
   dynamics_.modes() = modes;
-  balance_ = dynamics_.BalanceAt(state);
-  const Motion m = dynamics_.Update(state);
+  balance_ = dynamics_.BalanceAt(t, state);
+  const Motion m = dynamics_.Update(t, state);
   if (!started_) {
     start_ = balance_.Stored() + balance_.Dissipated();
     started_ = true;

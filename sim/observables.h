@@ -28,7 +28,7 @@ class Observables {
 
   const std::vector<data::Quantity>& quantities() const { return quantities_; }
   // One row; the energies' residual is against the first call. `state` gets its stations filled.
-  const std::vector<double>& Row(double* state, const std::vector<LatchMode>& modes);
+  const std::vector<double>& Row(double t, double* state, const std::vector<LatchMode>& modes);
   const Balance& balance() const { return balance_; }  // of the last row
   double energy_at_start() const { return start_; }
 

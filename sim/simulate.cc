@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <memory>
 
 #include "base/error.h"
 #include "base/progress.h"
+#include "base/text.h"
 #include "sim/dormand_prince.h"
 #include "sim/flush_denormals.h"
 #include "sim/observables.h"
@@ -17,13 +19,17 @@ namespace {
 
 // Controller of Hairer, Norsett and Wanner (Solving ODEs I, II.4), with memory against the
 // oscillation of steps that stability limits.
-constexpr double kSafety = 0.9, kMemory = 0.04, kExponent = 0.2 - 0.75 * kMemory;
+constexpr double kSafety = 0.9, kMemory = 0.2;  // memory times the order
 constexpr double kMostGrowth = 5.0, kMostShrink = 0.2;
 constexpr double kFirstStep = 1e-6;      // [s]; grows fivefold per step from there
 constexpr double kSmallestStep = 1e-15;  // relative to the time reached, or to 1 s
 constexpr double kSingularPivot = 1e-12;
 constexpr double kZonePart = 0.25;  // of a contact's transition zone, per step on the way out
 constexpr int kPollSteps = 512;     // between looks at Ctrl-C, pivots and progress
+
+std::unique_ptr<Stepper> MakeStepper(Method, Dynamics& dynamics, const ErrorScale& scale) {
+  return std::make_unique<DormandPrince>(dynamics, scale);
+}
 
 class Run {
  public:
@@ -33,10 +39,12 @@ class Run {
         observer_(observer),
         dynamics_(model),
         scale_(Scale(model, options)),
-        stepper_(dynamics_, scale_),
+        stepper_(MakeStepper(options.method, dynamics_, scale_)),
         finder_(model),
         sample_(model.index.size(), 0.0),
         end_(options.duration > 0.0 ? options.duration : model.duration),
+        exponent_((1.0 - 0.75 * kMemory) / stepper_->ErrorOrder()),
+        memory_(kMemory / stepper_->ErrorOrder()),
         zone_part_(kZonePart * std::min(2.0, std::pow(options.rtol / 1e-6, 0.2))) {
     dynamics_.track_energy = options.track_energy;
     report_.peak_moment.assign(model.latches.count(), 0.0);
@@ -47,7 +55,7 @@ class Run {
   SimulateReport Go() {
     const FlushDenormals flush;
     const auto begin = std::chrono::steady_clock::now();
-    stepper_.Start(model_.initial_state);
+    stepper_->Start(0.0, model_.initial_state);
     CorrectDrift();
     SampleNow();
     double h = std::min(kFirstStep, options_.max_step);
@@ -55,7 +63,7 @@ class Run {
     while (t_ < end_ && report_.status == SimulateStatus::kGood) {
       const bool last = t_ + h >= end_ * (1.0 - 1e-15);
       if (last) h = end_ - t_;
-      const double error = stepper_.Try(h);
+      const double error = stepper_->Try(h);
       if (!(error <= 1.0)) {
         ++report_.rejected;
         Shrink(error, &h);
@@ -63,14 +71,15 @@ class Run {
       }
       Advance(h, last);
       double factor =
-          std::pow(std::max(error, 1e-10), kExponent) / std::pow(last_error, kMemory) / kSafety;
+          std::pow(std::max(error, 1e-10), exponent_) / std::pow(last_error, memory_) / kSafety;
       factor = std::clamp(factor, 1.0 / kMostGrowth, 1.0 / kMostShrink);
       last_error = std::max(error, 1e-4);
       h = std::min({h / factor, options_.max_step, ContactStep()});
       if (++report_.steps % kPollSteps == 0) Poll();
     }
     report_.t_end = t_;
-    report_.evaluations = stepper_.evaluations();
+    report_.method = stepper_->name();
+    report_.evaluations = stepper_->evaluations();
     report_.seconds =
         std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     return std::move(report_);
@@ -86,7 +95,7 @@ class Run {
     scale.spin = 1.0 / o.time;
     if (o.track_energy) {
       std::vector<double> start = model.initial_state;
-      const Balance b = Dynamics(model).BalanceAt(start.data());
+      const Balance b = Dynamics(model).BalanceAt(0.0, start.data());
       scale.energy = b.kinetic + b.bending + b.axial + b.spring + b.suspension + b.contact;
     }
     return scale;
@@ -94,7 +103,7 @@ class Run {
 
   void Shrink(double error, double* h) {
     const double factor =
-        std::isfinite(error) ? std::max(kMostShrink, kSafety * std::pow(error, -0.2)) : 0.1;
+        std::isfinite(error) ? std::max(kMostShrink, kSafety * std::pow(error, -1.0 / stepper_->ErrorOrder())) : 0.1;
     *h *= factor;
     if (*h > kSmallestStep * std::max(t_, 1.0)) return;
     std::string where;
@@ -104,7 +113,7 @@ class Run {
     } else {
       Fail(std::isfinite(error) ? SimulateStatus::kStepTooSmall : SimulateStatus::kNotFinite,
            fmt::format("the step shrank to {:.1e} s, worst at {}", *h,
-                       NameOfSlot(model_, stepper_.WorstSlot())));
+                       NameOfSlot(model_, stepper_->WorstSlot())));
     }
   }
 
@@ -117,25 +126,25 @@ class Run {
   void Advance(double h, bool last) {
     double sigma = 1.0;
     const bool event =
-        model_.latches.count() > 0 && finder_.FindFirst(stepper_, dynamics_.modes(), &sigma);
+        model_.latches.count() > 0 && finder_.FindFirst(*stepper_, dynamics_.modes(), &sigma);
     const double t_new = event ? t_ + sigma * h : last ? end_ : t_ + h;
     SampleStep(h, t_new);
     t_ = t_new;
     if (!event) {
-      stepper_.Accept();
+      stepper_->Accept(t_);
       CorrectDrift();
       WatchPeaks();
       return;
     }
-    stepper_.AcceptUntil(sigma);
+    stepper_->AcceptUntil(sigma, t_);
     const std::size_t before = report_.events.size();
-    finder_.Apply(stepper_.state(), t_, &dynamics_.modes(), &report_.events);
+    finder_.Apply(stepper_->state(), t_, &dynamics_.modes(), &report_.events);
     if (observer_ != nullptr) {
       for (std::size_t k = before; k < report_.events.size(); ++k) {
         observer_->OnEvent(report_.events[k]);
       }
     }
-    stepper_.Refresh();
+    stepper_->Refresh();
     CorrectDrift();
   }
 
@@ -143,16 +152,16 @@ class Run {
   void CorrectDrift() {
     if (model_.constraints.count() == 0) return;
     const double length = options_.rtol * scale_.length, speed = options_.rtol * scale_.speed;
-    const double position = dynamics_.PositionDrift(stepper_.state());
-    const double velocity = dynamics_.VelocityDrift(stepper_.state());
+    const double position = dynamics_.PositionDrift(t_, stepper_->state());
+    const double velocity = dynamics_.VelocityDrift(t_, stepper_->state());
     report_.largest_position_drift = std::max(report_.largest_position_drift, position);
     report_.largest_velocity_drift = std::max(report_.largest_velocity_drift, velocity);
     if (position <= options_.drift_fraction * length &&
         velocity <= options_.drift_fraction * speed) {
       return;
     }
-    dynamics_.Project(stepper_.state());
-    stepper_.Refresh();
+    dynamics_.Project(t_, stepper_->state());
+    stepper_->Refresh();
     ++report_.projections;
   }
 
@@ -166,7 +175,7 @@ class Run {
       if (!(mode.upper_contact | mode.lower_contact)) continue;
       const Hinge& hinge = model_.latches.hinge(k);
       const Latches::Law& law = model_.latches.law(k);
-      const double* y = stepper_.state();
+      const double* y = stepper_->state();
       const StateIndex& i = model_.index;
       const double theta =
           hinge.sign * (y[i.theta(hinge.outer)] - y[i.theta(hinge.inner)] - hinge.zero);
@@ -188,13 +197,13 @@ class Run {
   void SampleStep(double h, double t_new) {
     while (SampleTime() <= std::min(t_new, end_ * (1.0 + 1e-12))) {
       const double t = SampleTime();
-      stepper_.Dense(std::clamp((t - t_) / h, 0.0, 1.0), sample_.data());
+      stepper_->Dense(std::clamp((t - t_) / h, 0.0, 1.0), sample_.data());
       Hand(t);
     }
   }
 
   void SampleNow() {
-    std::copy_n(stepper_.state(), sample_.size(), sample_.begin());
+    std::copy_n(stepper_->state(), sample_.size(), sample_.begin());
     Hand(0.0);
   }
 
@@ -207,7 +216,7 @@ class Run {
     for (int k = 0; k < model_.latches.count(); ++k) {
       const LatchMode& mode = dynamics_.modes()[k];
       if (!(mode.upper_contact | mode.lower_contact)) continue;
-      const double moment = std::fabs(LatchMoment(model_, k, stepper_.state(), mode));
+      const double moment = std::fabs(LatchMoment(model_, k, stepper_->state(), mode));
       if (moment > report_.peak_moment[k]) {
         report_.peak_moment[k] = moment;
         report_.peak_time[k] = t_;
@@ -233,11 +242,12 @@ class Run {
   Observer* observer_;
   Dynamics dynamics_;
   ErrorScale scale_;
-  DormandPrince stepper_;
+  std::unique_ptr<Stepper> stepper_;
   EventFinder finder_;
   SimulateReport report_;
   Array sample_;
   double end_ = 0.0;
+  double exponent_ = 0.0, memory_ = 0.0;  // of the step control
   double zone_part_ = 0.0;
   double t_ = 0.0;
 };
@@ -297,6 +307,32 @@ void SimulateOptions::Check() const {
   if (!positive(drift_fraction)) {
     BadOption("drift_fraction", fmt::format("{} is not a fraction", drift_fraction), "use 0.1");
   }
+}
+
+const char* MethodName(Method method) {
+  switch (method) {
+    case Method::kProjected:
+      return "projected";
+    case Method::kPartitioned:
+      return "partitioned";
+    case Method::kImplicit:
+      return "implicit";
+    default:
+      return "auto";
+  }
+}
+
+Method MethodOf(const std::string& name) {
+  constexpr Method kAll[] = {Method::kAuto, Method::kProjected, Method::kPartitioned,
+                             Method::kImplicit};
+  std::vector<std::string> known;
+  for (const Method method : kAll) {
+    if (name == MethodName(method)) return method;
+    known.push_back(MethodName(method));
+  }
+  const std::string nearest = NearestName(name, known);
+  throw Error(fmt::format("there is no method \"{}\"", name), "option method",
+              nearest.empty() ? "use " + JoinWords(known) : "did you mean \"" + nearest + "\"?");
 }
 
 const char* StatusName(SimulateStatus status) {

@@ -11,7 +11,14 @@
 
 namespace unfurl::sim {
 
+// How the constraints are kept and the steps are taken; docs/physics-simulator.md, "Methods".
+enum class Method { kAuto, kProjected, kPartitioned, kImplicit };
+const char* MethodName(Method method);  // "auto", "projected", ...
+// Throws Error naming the nearest one.
+Method MethodOf(const std::string& name);
+
 struct SimulateOptions {
+  Method method = Method::kAuto;
   double duration = 0.0;  // [s]; 0: the scene's
   double rate = 1000.0;   // samples per second, by dense output; steps do not depend on it [1/s]
   // Error allowed per step, relative to the scales below; in [1e-13, 1e-2]. Looser than 1e-4,
@@ -49,6 +56,7 @@ struct SimulateReport {
   SimulateStatus status = SimulateStatus::kGood;
   std::string message;  // what happened, where and when, if not good
   double t_end = 0.0;   // reached [s]
+  std::string method;   // what was used, in words
   std::vector<Event> events;
   long steps = 0, rejected = 0, evaluations = 0, projections = 0, samples = 0;
   double largest_position_drift = 0.0;  // before it was removed [m]

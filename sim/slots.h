@@ -38,6 +38,9 @@ struct Slots {
 // integrated beside: kExtras energies. One entry past each block is read by the element loops.
 inline constexpr int kExtraContact = 0;  // dissipated in contacts [J]
 inline constexpr int kExtraBeams = 1;    // dissipated in beams [J]
+inline constexpr int kExtraDampers = 2;  // dissipated in dampers and by friction [J]
+inline constexpr int kExtraWork = 3;     // done by drives, motors and applied forces [J]
+inline constexpr int kExtrasUsed = 4;
 inline constexpr int kExtras = kBlock;
 
 struct StateIndex {
@@ -54,6 +57,7 @@ struct StateIndex {
 
 // Positions and rates by slot, with cosine and sine of theta.
 struct Motion {
+  double t;  // [s]
   const double* x;
   const double* y;
   const double* theta;

@@ -35,7 +35,7 @@ class BendingTest : public ::testing::Test {
 
   Motion Now() {
     SinCos(theta.data(), kSlots, s.data(), c.data());
-    return {x.data(),  y.data(),     theta.data(), vx.data(),
+    return {0.0, x.data(),  y.data(),     theta.data(), vx.data(),
             vy.data(), omega.data(), c.data(),     s.data()};
   }
 

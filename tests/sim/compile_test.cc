@@ -58,7 +58,7 @@ TEST(Compile, DeploymentIsPlacedAsDescribed) {
   EXPECT_EQ(model.springs.count(), 4);
   Observables observables(model);
   std::vector<double> y = model.initial_state;
-  const std::vector<double> row = observables.Row(y.data(), model.initial_modes);
+  const std::vector<double> row = observables.Row(0.0, y.data(), model.initial_modes);
   const auto value = [&](const std::string& name) {
     for (std::size_t q = 0; q < observables.quantities().size(); ++q) {
       if (observables.quantities()[q].name == name) return row[q];
@@ -120,8 +120,8 @@ TEST(Compile, ClosesLoops) {
   const Model model = ModelFrom(FourBar(1.2));
   Dynamics dynamics(model);
   std::vector<double> y = model.initial_state, rate(y.size());
-  dynamics.RightSide(y.data(), rate.data());
-  EXPECT_LT(dynamics.PositionDrift(y.data()), 1e-10);
+  dynamics.RightSide(0.0, y.data(), rate.data());
+  EXPECT_LT(dynamics.PositionDrift(0.0, y.data()), 1e-10);
   EXPECT_EQ(model.constraints.count(), 8);
 }
 
@@ -192,8 +192,8 @@ TEST(Compile, StartingVelocitiesFollowTheJointRates) {
   const Model model = ModelFrom(text);
   Dynamics dynamics(model);
   std::vector<double> y = model.initial_state, rate(y.size());
-  dynamics.RightSide(y.data(), rate.data());
-  EXPECT_LT(dynamics.VelocityDrift(y.data()), 1e-12);
+  dynamics.RightSide(0.0, y.data(), rate.data());
+  EXPECT_LT(dynamics.VelocityDrift(0.0, y.data()), 1e-12);
 }
 
 }  // namespace

@@ -44,7 +44,7 @@ Comparison Compare(const data::Scene& scene, DenseFormulation& dense, const Mode
   Dynamics dynamics(model);
   dynamics.modes() = modes;
   std::vector<double> rate(y.size());
-  dynamics.RightSide(y.data(), rate.data());
+  dynamics.RightSide(0.0, y.data(), rate.data());
   const StateIndex& i = model.index;
   const Eigen::Index n = 3 * dense.bodies();
   Eigen::VectorXd q(n), v(n), a(n);
@@ -190,8 +190,8 @@ TEST(Dynamics, MultipliersAgreeWithTheDenseSchurComplement) {
   const int n = model.slots.count;
   Dynamics dynamics(model);
   std::vector<double> y = RandomState(model, &rng), rate(y.size());
-  dynamics.RightSide(y.data(), rate.data());
-  const Motion motion = dynamics.Update(y.data());
+  dynamics.RightSide(0.0, y.data(), rate.data());
+  const Motion motion = dynamics.Update(0.0, y.data());
   Constraints::Work work = model.constraints.MakeWork();
   for (std::size_t k = 0; k < model.slots.stations.size(); ++k) {
     const Station& s = model.slots.stations[k];
@@ -222,7 +222,7 @@ TEST(Dynamics, MultipliersAgreeWithTheDenseSchurComplement) {
   }
   std::vector<double> still(y);
   for (int k = 3 * n; k < 6 * n; ++k) still[k] = 0.0;  // no velocity, so gamma = 0
-  const Motion at_rest = dynamics.Update(still.data());
+  const Motion at_rest = dynamics.Update(0.0, still.data());
   model.constraints.Accelerate(at_rest, {fx.data(), fy.data(), m.data()}, &work);
   const Eigen::VectorXd free = W.asDiagonal() * f;
   const Eigen::MatrixXd S = J * W.asDiagonal() * J.transpose();
@@ -250,14 +250,14 @@ TEST(Dynamics, ProjectionRemovesDriftToSecondOrder) {
   }
   double before = 0.0;
   for (int k = 0; k < 3; ++k) {
-    dynamics.RightSide(y.data(), rate.data());
-    if (k == 0) before = dynamics.PositionDrift(y.data());
-    dynamics.Project(y.data());
+    dynamics.RightSide(0.0, y.data(), rate.data());
+    if (k == 0) before = dynamics.PositionDrift(0.0, y.data());
+    dynamics.Project(0.0, y.data());
   }
-  dynamics.RightSide(y.data(), rate.data());
+  dynamics.RightSide(0.0, y.data(), rate.data());
   EXPECT_GT(before, 1e-6);
-  EXPECT_LT(dynamics.PositionDrift(y.data()), 1e-15);  // rounding of lengths near 1 m
-  EXPECT_LT(dynamics.VelocityDrift(y.data()), 1e-14);
+  EXPECT_LT(dynamics.PositionDrift(0.0, y.data()), 1e-15);  // rounding of lengths near 1 m
+  EXPECT_LT(dynamics.VelocityDrift(0.0, y.data()), 1e-14);
 }
 
 }  // namespace

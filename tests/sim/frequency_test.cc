@@ -35,7 +35,7 @@ std::vector<double> Frequencies(const Model& model) {
     for (const auto& [at, weight] : {std::pair{1.0, 8.0}, {-1.0, -8.0}, {2.0, -1.0}, {-2.0, 1.0}}) {
       std::vector<double> y = model.initial_state, rate(y.size());
       y[q[c]] += at * h;
-      dynamics.RightSide(y.data(), rate.data());
+      dynamics.RightSide(0.0, y.data(), rate.data());
       for (Eigen::Index r = 0; r < n; ++r) sum[r] += weight * rate[a[r]];
     }
     A.col(c) = sum / (12.0 * h);

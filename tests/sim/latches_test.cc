@@ -227,7 +227,7 @@ TEST(LatchingBar, PrintedLawPullsAndOursDoesNot) {
     explicit LeastForce(const Model& m) : model(m) {}
     void OnSample(double, double* y, const std::vector<LatchMode>& modes) override {
       const int n = model.index.n;
-      const Motion motion{y, y + n, y + 2 * n, y + 3 * n, y + 4 * n, y + 5 * n, nullptr, nullptr};
+      const Motion motion{0.0, y, y + n, y + 2 * n, y + 3 * n, y + 4 * n, y + 5 * n, nullptr, nullptr};
       if (modes[0].lower_contact) {
         least = std::min(least, model.latches.Moment(0, motion, modes[0]));
       }

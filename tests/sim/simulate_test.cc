@@ -73,8 +73,8 @@ TEST(Simulate, FlexibleDoublePendulumKeepsItsEnergy) {
   const Model model = ModelFrom(text);
   struct Energy : Observer {
     explicit Energy(const Model& m) : observables(m) {}
-    void OnSample(double, double* y, const std::vector<LatchMode>& modes) override {
-      observables.Row(y, modes);
+    void OnSample(double t, double* y, const std::vector<LatchMode>& modes) override {
+      observables.Row(t, y, modes);
       const double residual = observables.balance().Stored() - observables.energy_at_start();
       worst = std::max(worst, std::fabs(residual));
       scale = std::max(scale, observables.balance().kinetic);

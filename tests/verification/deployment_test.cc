@@ -28,8 +28,8 @@ data::Scene Deployment(const std::string& variant, int segments = 0, double damp
 // The largest departures from the balances over a run.
 struct Books : Observer {
   explicit Books(const Model& model) : observables(model) {}
-  void OnSample(double, double* y, const std::vector<LatchMode>& modes) override {
-    observables.Row(y, modes);
+  void OnSample(double t, double* y, const std::vector<LatchMode>& modes) override {
+    observables.Row(t, y, modes);
     const Balance& b = observables.balance();
     if (!started) start = b, started = true;
     energy =
@@ -99,8 +99,8 @@ TEST(DeploymentBalance, HubMovesAgainstTheArms) {
     double At(const std::vector<double>& row, const std::string& name) const {
       return row[std::find(names.begin(), names.end(), name) - names.begin()];
     }
-    void OnSample(double, double* y, const std::vector<LatchMode>& modes) override {
-      const std::vector<double>& row = observables.Row(y, modes);
+    void OnSample(double t, double* y, const std::vector<LatchMode>& modes) override {
+      const std::vector<double>& row = observables.Row(t, y, modes);
       double p = 36.0 * At(row, "hub.vy"), rest = 0.0;
       for (int j = 1; j <= 4; ++j) {
         for (const char* half : {"_in", "_out"}) {

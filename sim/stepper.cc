@@ -1,0 +1,67 @@
+#include "sim/stepper.h"
+
+#include <algorithm>
+
+namespace unfurl::sim {
+
+Stepper::Stepper(Dynamics& dynamics, const ErrorScale& scale)
+    : dynamics_(dynamics),
+      scale_(scale),
+      n_(dynamics.model().slots.count),
+      size_(dynamics.model().index.size()),
+      y_(size_, 0.0),
+      trial_(size_, 0.0),
+      stage_(size_, 0.0),
+      position_weight_(n_, 0.0),
+      angle_weight_(n_, 0.0),
+      mask_(n_, 0.0) {
+  int moving = 0;
+  for (int s = 0; s < n_; ++s) {
+    if (!dynamics.model().slots.IsDynamic(s)) continue;
+    position_weight_[s] = 1.0 / (scale.rtol * scale.length);
+    angle_weight_[s] = 1.0 / (scale.rtol * scale.angle);
+    mask_[s] = 1.0;
+    ++moving;
+  }
+  norm_factor_ = 1.0 / (6.0 * std::max(moving, 1));
+}
+
+void Stepper::Start(double t, const std::vector<double>& y) {
+  t_ = t;
+  std::copy(y.begin(), y.end(), y_.begin());
+  Refresh();
+}
+
+void Stepper::AcceptUntil(double sigma, double t) {
+  Dense(sigma, stage_.data());
+  std::swap(y_, stage_);
+  t_ = t;
+}
+
+void Stepper::Dense(double sigma, double* out) {
+  for (int i = 0; i < size_; ++i) out[i] = Polynomial(i)(sigma);
+}
+
+double Stepper::WeightedError(int i) const {
+  const double error = ErrorOf(i);
+  const int block = i / n_, slot = i % n_;
+  if (block < 2) return position_weight_[slot] * error;
+  if (block < 3) return angle_weight_[slot] * error;
+  const double floor = block < 5 ? scale_.speed : scale_.spin;
+  return mask_[slot] * error / (scale_.rtol * (floor + std::fabs(y_[i])));
+}
+
+int Stepper::WorstSlot() const {
+  int worst = 0;
+  double largest = -1.0;
+  for (int i = 0; i < 6 * n_; ++i) {
+    const double e = std::fabs(WeightedError(i));
+    if (e > largest || (!std::isfinite(e) && std::isfinite(largest))) {
+      largest = e;
+      worst = i % n_;
+    }
+  }
+  return worst;
+}
+
+}  // namespace unfurl::sim
