@@ -284,7 +284,7 @@ class Compiler {
   }
 
   void FillJoints() {
-    std::vector<Constraints::Pin> pins;
+    JointRows rows;
     for (std::size_t j = 0; j < scene_.joints.size(); ++j) {
       const data::SceneJoint& joint = scene_.joints[j];
       double inner_angle = 0.0, outer_angle = 0.0;
@@ -294,7 +294,7 @@ class Compiler {
         throw Error(fmt::format("joint '{}' joins a rigid body to itself", joint.name), joint.where,
                     "join two bodies that are not welded together");
       }
-      pins.push_back({inner.slot, outer.slot, inner.px, inner.py, outer.px, outer.py, joint.name});
+      rows.pins.push_back({inner.slot, outer.slot, inner.px, inner.py, outer.px, outer.py, joint.name});
       Model::Joint out;
       out.name = joint.name;
       out.pin = inner;
@@ -327,7 +327,7 @@ class Compiler {
       }
       model_.joints.push_back(out);
     }
-    model_.constraints = Constraints(model_.slots, element_length_, pins, element_names_);
+    model_.constraints = Constraints(model_.slots, element_length_, std::move(rows), element_names_);
   }
 
   double SlotAngle(const SceneEnd& raw) { return start_.node[NodeOf(Carrier(raw))].angle; }

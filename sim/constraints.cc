@@ -9,15 +9,15 @@
 namespace unfurl::sim {
 
 Constraints::Constraints(const Slots& slots, const std::vector<double>& element_length,
-                         const std::vector<Pin>& pins,
-                         const std::vector<std::string>& element_names)
+                         JointRows joints, const std::vector<std::string>& element_names)
     : n_(slots.count),
       beam_count_(slots.beam_count),
-      rows_(slots.beam_count + 2 * static_cast<int>(pins.size())),
+      rows_(slots.beam_count + joints.rows()),
       inverse_mass_(slots.inverse_mass),
       inverse_inertia_(slots.inverse_inertia),
       stations_(slots.stations),
-      pins_(pins),
+      station_of_(slots.count, -1),
+      joints_(std::move(joints)),
       element_names_(element_names),
       active_(beam_count_, 0.0),
       length_(beam_count_, 0.0),
@@ -25,7 +25,7 @@ Constraints::Constraints(const Slots& slots, const std::vector<double>& element_
       inertia_i_(beam_count_, 0.0),
       inertia_j_(beam_count_, 0.0),
       shared_(beam_count_, 0.0) {
-  std::vector<int> station_of(n_, -1);
+  std::vector<int>& station_of = station_of_;
   for (std::size_t k = 0; k < stations_.size(); ++k) {
     station_of[stations_[k].slot] = static_cast<int>(k);
   }
@@ -33,7 +33,11 @@ Constraints::Constraints(const Slots& slots, const std::vector<double>& element_
     return station_of[slot] < 0 ? slot : stations_[station_of[slot]].body;
   };
   std::vector<std::uint8_t> has_equation(rows_, 0);
-  std::vector<std::vector<Block>> incidence(n_);  // by body
+  struct Incident {  // a row that touches a body
+    int row;
+    bool outer;
+  };
+  std::vector<std::vector<Incident>> incidence(n_);  // by body
   for (int e = 0; e + 1 < beam_count_; ++e) {
     if (!(element_length[e] > 0.0)) continue;
     has_equation[e] = 1;
@@ -47,20 +51,16 @@ Constraints::Constraints(const Slots& slots, const std::vector<double>& element_
       j_sides_.push_back({e, station_of[e + 1], j});
       inertia_j_[e] = inverse_inertia_[j];
     }
-    incidence[i].push_back({e, -1, false});
-    incidence[j].push_back({e, -1, true});
+    incidence[i].push_back({e, false});
+    incidence[j].push_back({e, true});
   }
-  for (int p = 0; p < static_cast<int>(pins_.size()); ++p) {
-    for (int axis = 0; axis < 2; ++axis) {
-      has_equation[beam_count_ + 2 * p + axis] = 1;
-      incidence[pins_[p].inner].push_back({axis, p, false});
-      incidence[pins_[p].outer].push_back({axis, p, true});
-    }
+  for (int k = 0; k < joints_.rows(); ++k) {
+    has_equation[beam_count_ + k] = 1;
+    incidence[joints_.Inner(k)].push_back({beam_count_ + k, false});
+    incidence[joints_.Outer(k)].push_back({beam_count_ + k, true});
   }
+  driven_ = joints_.driven();
 
-  const auto row_of = [&](const Block& b) {
-    return b.pin < 0 ? b.row : beam_count_ + 2 * b.pin + b.row;
-  };
   std::vector<SparseLdlt::Pair> entries;
   std::map<std::pair<int, int>, int> place_of;
   int places = beam_count_;
@@ -72,30 +72,36 @@ Constraints::Constraints(const Slots& slots, const std::vector<double>& element_
       place_of[{e, e + 1}] = e;
     }
   }
-  for (int p = 0; p < static_cast<int>(pins_.size()); ++p) {
+  for (int p = 0; p < static_cast<int>(joints_.pins.size()); ++p) {
     const int row = beam_count_ + 2 * p;
     place_of[{row, row + 1}] = places;
     entries.push_back({row, row + 1, places++});
   }
   for (int body = 0; body < n_; ++body) {
     if (inverse_mass_[body] == 0.0) continue;
-    const std::vector<Block>& on = incidence[body];
-    std::vector<int> block_index(on.size(), -1);
+    const std::vector<Incident>& on = incidence[body];
+    std::vector<int> element_block(on.size(), -1);
+    // Where the row's Jacobian block of this body stands in work.blocks.
     const auto block = [&](std::size_t k) {
-      if (block_index[k] < 0) {
-        block_index[k] = static_cast<int>(blocks_.size());
-        blocks_.push_back(on[k]);
+      if (on[k].row >= beam_count_) {
+        return 6 * (on[k].row - beam_count_) + (on[k].outer ? 3 : 0);
       }
-      return block_index[k];
+      if (element_block[k] < 0) {
+        element_block[k] = 6 * joints_.rows() + 3 * static_cast<int>(blocks_.size());
+        blocks_.push_back({on[k].row, on[k].outer});
+      }
+      return element_block[k];
     };
     for (std::size_t a = 0; a < on.size(); ++a) {
       for (std::size_t b = a + 1; b < on.size(); ++b) {
-        const int row_a = row_of(on[a]), row_b = row_of(on[b]);
-        if (on[a].pin >= 0 && on[a].pin == on[b].pin) continue;  // the pin's own block
+        const int row_a = on[a].row, row_b = on[b].row;
         const std::pair<int, int> key{std::min(row_a, row_b), std::max(row_a, row_b)};
+        const bool own_pin = key.first >= beam_count_ && key.second == key.first + 1 &&
+                             (key.first - beam_count_) % 2 == 0 &&
+                             key.second - beam_count_ < 2 * static_cast<int>(joints_.pins.size());
         const bool chain =
-            on[a].pin < 0 && on[b].pin < 0 && key.second == key.first + 1 && body == key.first + 1;
-        if (chain) continue;  // shared_
+            key.second < beam_count_ && key.second == key.first + 1 && body == key.first + 1;
+        if (own_pin || chain) continue;  // assembled apart
         const auto [found, added] = place_of.emplace(key, places);
         if (added) entries.push_back({key.first, key.second, places++});
         crosses_.push_back({found->second, block(a), block(b), body});
@@ -106,7 +112,7 @@ Constraints::Constraints(const Slots& slots, const std::vector<double>& element_
 }
 
 std::string Constraints::NameOf(int row) const {
-  if (row >= beam_count_) return pins_[(row - beam_count_) / 2].name;
+  if (row >= beam_count_) return joints_.NameOf(row - beam_count_);
   return element_names_[row];
 }
 
@@ -118,44 +124,47 @@ Constraints::Work Constraints::MakeWork() const {
   w.off = Array(ldlt_.places() + kBlock, 0.0);
   w.lambda.assign(w.lambda.size(), 0.0);
   w.fx = w.fy = w.m = w.ax = w.ay = w.alpha = Array(n_ + kBlock, 0.0);
-  w.pin_points.assign(4 * pins_.size(), 0.0);
-  w.blocks.assign(3 * blocks_.size(), 0.0);
+  w.joints.assign(joints_.GeometrySize(), 0.0);
+  w.blocks.assign(6 * joints_.rows() + 3 * blocks_.size(), 0.0);
   w.station.assign(2 * stations_.size(), 0.0);
   return w;
 }
 
+int Constraints::InnerBody(int row) const {
+  if (row >= beam_count_) return joints_.Inner(row - beam_count_);
+  return station_of_[row] < 0 ? row : stations_[station_of_[row]].body;
+}
+
+int Constraints::OuterBody(int row) const {
+  if (row >= beam_count_) return joints_.Outer(row - beam_count_);
+  return station_of_[row + 1] < 0 ? row + 1 : stations_[station_of_[row + 1]].body;
+}
+
+void Constraints::Jacobian(const Motion& m, const Work& work, double* six) const {
+  for (int e = 0; e < beam_count_; ++e, six += 6) {
+    const double on = active_[e];
+    six[0] = -on * m.c[e];
+    six[1] = -on * m.s[e];
+    six[2] = on * work.tilt_i[e];
+    six[3] = on * m.c[e];
+    six[4] = on * m.s[e];
+    six[5] = on * work.tilt_j[e];
+  }
+  std::copy_n(work.blocks.data(), 6 * joints_.rows(), six);
+}
+
 std::vector<double> Constraints::DenseJacobian(const Motion& m, Work* work) const {
   const int columns = 3 * n_;
-  std::vector<double> J(static_cast<std::size_t>(rows_) * columns, 0.0);
-  std::vector<int> station_of(n_, -1);
-  for (std::size_t k = 0; k < stations_.size(); ++k) {
-    station_of[stations_[k].slot] = static_cast<int>(k);
-  }
+  std::vector<double> J(static_cast<std::size_t>(rows_) * columns, 0.0), six(6 * rows_, 0.0);
   FillGeometry(m, work);
-  const auto add = [&](int row, int slot, double jx, double jy, double jt) {
-    int body = slot;
-    if (station_of[slot] >= 0) {
-      const int k = station_of[slot];
-      body = stations_[k].body;
-      jt += jy * work->station[2 * k] - jx * work->station[2 * k + 1];
+  Jacobian(m, *work, six.data());
+  for (int row = 0; row < rows_; ++row) {
+    if (!IsActive(row)) continue;
+    double* at = &J[static_cast<std::size_t>(row) * columns];
+    for (int k = 0; k < 3; ++k) {
+      at[3 * InnerBody(row) + k] += six[6 * row + k];
+      at[3 * OuterBody(row) + k] += six[6 * row + 3 + k];
     }
-    double* at = &J[static_cast<std::size_t>(row) * columns + 3 * body];
-    at[0] += jx;
-    at[1] += jy;
-    at[2] += jt;
-  };
-  for (int e = 0; e < beam_count_; ++e) {
-    if (active_[e] == 0.0) continue;
-    add(e, e, -m.c[e], -m.s[e], work->tilt[e]);
-    add(e, e + 1, m.c[e], m.s[e], 0.0);
-  }
-  for (std::size_t p = 0; p < pins_.size(); ++p) {
-    const double* o = &work->pin_points[4 * p];
-    const int row = beam_count_ + 2 * static_cast<int>(p);
-    add(row, pins_[p].inner, -1, 0, o[1]);
-    add(row + 1, pins_[p].inner, 0, -1, -o[0]);
-    add(row, pins_[p].outer, 1, 0, -o[3]);
-    add(row + 1, pins_[p].outer, 0, 1, o[2]);
   }
   return J;
 }

@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "sim/joint_rows.h"
 #include "sim/slots.h"
 #include "sim/sparse_ldlt.h"
 
@@ -11,18 +12,10 @@ namespace unfurl::sim {
 // All constraints, and the multipliers that keep them, [paper, eq. (26) to (33)]:
 //   M a = Q + J^T lambda,   J a = gamma,   (J M^-1 J^T) lambda = gamma - J M^-1 Q.
 // Rows: the longitudinal constraint (r_j - r_i).e_xi - l of element e is row e (rows of pairs that
-// are no such element stay empty); the pins follow, two rows each (x, y of the gap between the two
-// points), from row Slots::beam_count on. M is diagonal, so the Schur complement is as sparse as
+// are no such element stay empty); the joints' rows follow from row Slots::beam_count on. M is diagonal, so the Schur complement is as sparse as
 // the graph of the constraints: along a beam it is tridiagonal.
 class Constraints {
  public:
-  struct Pin {
-    int inner, outer;  // slots
-    double ix, iy;     // the point in the inner body's frame [m]
-    double ox, oy;     // in the outer's [m]
-    std::string name;  // of the joint
-  };
-
   // Mutable arrays of one simulation.
   struct Work {
     Array tilt;                      // d(row)/d(theta_i), in the station's coordinates, by row
@@ -31,20 +24,29 @@ class Constraints {
     Array lambda;                    // by row
     Array fx, fy, m;                 // J^T lambda by slot
     Array ax, ay, alpha;             // accelerations by slot
-    std::vector<double> pin_points;  // offsets in the world, 4 per pin
-    std::vector<double> blocks;      // Jacobian blocks used in cross terms, 3 each
-    std::vector<double> station;     // offsets in the world, 2 per station
+    std::vector<double> joints;   // geometry of the joints' rows
+    std::vector<double> blocks;   // Jacobian of the joints' rows, 6 each, then the blocks of elements
+                                  // that cross terms use, 3 each
+    std::vector<double> station;  // offsets in the world, 2 per station
   };
 
   Constraints() = default;
   // `element_length[e]` is l where the longitudinal constraint holds on (e, e + 1), else 0.
   Constraints(const Slots& slots, const std::vector<double>& element_length,
-              const std::vector<Pin>& pins, const std::vector<std::string>& element_names);
+              JointRows joints, const std::vector<std::string>& element_names);
 
   int count() const { return ldlt_.size(); }  // equations
   int rows() const { return rows_; }          // with empty ones
   const SparseLdlt& ldlt() const { return ldlt_; }
-  bool IsActive(int row) const { return active_[row] != 0.0; }
+  bool IsActive(int row) const { return row >= beam_count_ || active_[row] != 0.0; }
+  const JointRows& joints() const { return joints_; }
+  int first_joint_row() const { return beam_count_; }
+  // The bodies that a row joins (stations stand for the bodies that carry them).
+  int InnerBody(int row) const;
+  int OuterBody(int row) const;
+  // J at the motion of the last Accelerate: six entries a row, x, y, theta of the inner body, then of
+  // the outer; zeros for rows without an equation.
+  void Jacobian(const Motion& motion, const Work& work, double* six_per_row) const;
   // Of the joint or beam that the row belongs to.
   std::string NameOf(int row) const;
   Work MakeWork() const;
@@ -65,6 +67,11 @@ class Constraints {
 
   // The row with the smallest pivot relative to its first diagonal entry, and that ratio.
   double SmallestPivot(const Work& work, int* row) const;
+  // Power that the drives give, with the multipliers of the last Accelerate [W].
+  double DrivePower(double t, const Work& work) const {
+    return joints_.DrivePower(t, work.lambda.data() + beam_count_);
+  }
+  bool driven() const { return driven_; }
 
   // Dense J (rows() x 3 slots; x, y, theta of slot k in columns 3 k to 3 k + 2, stations folded
   // into their bodies) for tests and checks.
@@ -74,15 +81,19 @@ class Constraints {
   struct Side {  // a row's i or j station that is carried by a body
     int row, station, body;
   };
-  struct Block {  // which Jacobian block a cross term reads
-    int row;      // of an element, or 0/1 for the x/y row of a pin
-    int pin;      // -1 for an element's row
-    bool outer;   // the j side
+  struct Block {  // of an element's Jacobian, used in cross terms
+    int row;
+    bool outer;  // the j side
   };
-  struct Cross {  // off[place] += a . M_body^-1 . b
+  struct Cross {  // off[place] += a . M_body^-1 . b, with a and b at these places of work.blocks
     int place, a, b, body;
   };
 
+  // a . M_body^-1 . b
+  double BodyProduct(int body, const double* a, const double* b) const {
+    return inverse_mass_[body] * (a[0] * b[0] + a[1] * b[1]) +
+           inverse_inertia_[body] * a[2] * b[2];
+  }
   void FillGeometry(const Motion& motion, Work* work) const;
   void AssembleSchur(const Motion& motion, Work* work) const;
   void ConstraintLoad(const Motion& motion, Work* work) const;
@@ -90,7 +101,8 @@ class Constraints {
   int n_ = 0, beam_count_ = 0, rows_ = 0;
   Array inverse_mass_, inverse_inertia_;  // by slot
   std::vector<Station> stations_;
-  std::vector<Pin> pins_;
+  std::vector<int> station_of_;  // by slot; -1: none
+  JointRows joints_;
   std::vector<std::string> element_names_;  // by slot of the beam
   Array active_, length_;                   // by row of elements
   Array mass_sum_;                          // 1/m_i + 1/m_j by row
@@ -99,6 +111,7 @@ class Constraints {
   std::vector<Side> i_sides_, j_sides_;
   std::vector<Block> blocks_;
   std::vector<Cross> crosses_;
+  bool driven_ = false;
   SparseLdlt ldlt_;
 };
 

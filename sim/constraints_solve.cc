@@ -41,16 +41,7 @@ void Constraints::FillGeometry(const Motion& m, Work* work) const {
     const double ox = work->station[2 * side.station], oy = work->station[2 * side.station + 1];
     tilt_j[side.row] = m.s[side.row] * ox - m.c[side.row] * oy;
   }
-  double* point = work->pin_points.data();
-  for (const Pin& pin : pins_) {
-    const double ci = m.c[pin.inner], si = m.s[pin.inner];
-    const double co = m.c[pin.outer], so = m.s[pin.outer];
-    point[0] = ci * pin.ix - si * pin.iy;
-    point[1] = si * pin.ix + ci * pin.iy;
-    point[2] = co * pin.ox - so * pin.oy;
-    point[3] = so * pin.ox + co * pin.oy;
-    point += 4;
-  }
+  joints_.FillGeometry(m, work->joints.data(), work->blocks.data());
 }
 
 void Constraints::AssembleSchur(const Motion& m, Work* work) const {
@@ -72,39 +63,31 @@ void Constraints::AssembleSchur(const Motion& m, Work* work) const {
     off[e] = -shared[e] * (c[e] * c[e + 1] + s[e] * s[e + 1]);
   }
   for (int k = beam_count_; k < ldlt_.places(); ++k) off[k] = 0.0;
-  const double* o = work->pin_points.data();
-  int row = beam_count_, place = beam_count_;
-  for (const Pin& pin : pins_) {
-    const double mass = inverse_mass_[pin.inner] + inverse_mass_[pin.outer];
+  const double* joint = work->blocks.data();
+  const int joint_rows = joints_.rows();
+  for (int k = 0; k < joint_rows; ++k) {
+    diagonal[beam_count_ + k] = BodyProduct(joints_.Inner(k), joint, joint) +
+                                BodyProduct(joints_.Outer(k), joint + 3, joint + 3);
+    joint += 6;
+  }
+  const double* o = work->joints.data();
+  int place = beam_count_;
+  for (const JointRows::Pin& pin : joints_.pins) {
     const double ii = inverse_inertia_[pin.inner], io = inverse_inertia_[pin.outer];
-    diagonal[row] = mass + ii * o[1] * o[1] + io * o[3] * o[3];
-    diagonal[row + 1] = mass + ii * o[0] * o[0] + io * o[2] * o[2];
     off[place] = -ii * o[0] * o[1] - io * o[2] * o[3];
-    row += 2;
     ++place;
     o += 4;
   }
-  double* block = work->blocks.data();
+  double* block = work->blocks.data() + 6 * joint_rows;
   for (const Block& b : blocks_) {
-    if (b.pin < 0) {
-      const double sign = b.outer ? 1.0 : -1.0;
-      block[0] = sign * m.c[b.row];
-      block[1] = sign * m.s[b.row];
-      block[2] = b.outer ? tilt_j[b.row] : tilt_i[b.row];
-    } else {
-      const double* p = work->pin_points.data() + 4 * b.pin + (b.outer ? 2 : 0);
-      const double sign = b.outer ? 1.0 : -1.0;
-      block[0] = b.row == 0 ? sign : 0.0;
-      block[1] = b.row == 0 ? 0.0 : sign;
-      block[2] = b.row == 0 ? -sign * p[1] : sign * p[0];
-    }
+    const double sign = b.outer ? 1.0 : -1.0;
+    block[0] = sign * m.c[b.row];
+    block[1] = sign * m.s[b.row];
+    block[2] = b.outer ? tilt_j[b.row] : tilt_i[b.row];
     block += 3;
   }
   for (const Cross& x : crosses_) {
-    const double* a = &work->blocks[3 * x.a];
-    const double* b = &work->blocks[3 * x.b];
-    off[x.place] += inverse_mass_[x.body] * (a[0] * b[0] + a[1] * b[1]) +
-                    inverse_inertia_[x.body] * a[2] * b[2];
+    off[x.place] += BodyProduct(x.body, &work->blocks[x.a], &work->blocks[x.b]);
   }
 }
 
@@ -136,19 +119,7 @@ void Constraints::ConstraintLoad(const Motion& m, Work* work) const {
     mm[s.body] += mm[s.slot] + offset[0] * fy[s.slot] - offset[1] * fx[s.slot];
     offset += 2;
   }
-  const double* o = work->pin_points.data();
-  const double* pin_lambda = lambda + beam_count_;
-  for (const Pin& pin : pins_) {
-    const double lx = pin_lambda[0], ly = pin_lambda[1];
-    fx[pin.inner] -= lx;
-    fy[pin.inner] -= ly;
-    mm[pin.inner] -= o[0] * ly - o[1] * lx;
-    fx[pin.outer] += lx;
-    fy[pin.outer] += ly;
-    mm[pin.outer] += o[2] * ly - o[3] * lx;
-    pin_lambda += 2;
-    o += 4;
-  }
+  joints_.AddLoad(work->joints.data(), work->blocks.data(), lambda + beam_count_, fx, fy, mm);
 }
 
 void Constraints::Accelerate(const Motion& m, Load load, Work* work) const {
@@ -199,16 +170,7 @@ void Constraints::Accelerate(const Motion& m, Load load, Work* work) const {
     b[e] = active[e] * (gamma - (ax[e + 1] - ax[e]) * c - (ay[e + 1] - ay[e]) * s) -
            tilt[e] * alpha[e];
   }
-  const double* o = work->pin_points.data();
-  double* pin_b = b + beam_count_;
-  for (const Pin& pin : pins_) {
-    const double wi2 = m.omega[pin.inner] * m.omega[pin.inner], ai = alpha[pin.inner];
-    const double wo2 = m.omega[pin.outer] * m.omega[pin.outer], ao = alpha[pin.outer];
-    pin_b[0] = wo2 * o[2] - wi2 * o[0] - (ax[pin.outer] - ao * o[3] - ax[pin.inner] + ai * o[1]);
-    pin_b[1] = wo2 * o[3] - wi2 * o[1] - (ay[pin.outer] + ao * o[2] - ay[pin.inner] - ai * o[0]);
-    pin_b += 2;
-    o += 4;
-  }
+  joints_.Residual(m, work->joints.data(), work->blocks.data(), ax, ay, alpha, b + beam_count_);
   AssembleSchur(m, work);
   ldlt_.FactorAndForward(work->diagonal.data(), work->off.data(), work->inverse.data(), b);
   ldlt_.Backward(work->off.data(), b);
@@ -237,14 +199,7 @@ double Constraints::PositionDrift(const Motion& m, Work* work) const {
   for (int e = 0; e < count; ++e) {
     phi[e] = active[e] * ((x[e + 1] - x[e]) * c[e] + (y[e + 1] - y[e]) * s[e] - length[e]);
   }
-  const double* o = work->pin_points.data();
-  double* pin_phi = phi + beam_count_;
-  for (const Pin& pin : pins_) {
-    pin_phi[0] = x[pin.outer] + o[2] - x[pin.inner] - o[0];
-    pin_phi[1] = y[pin.outer] + o[3] - y[pin.inner] - o[1];
-    pin_phi += 2;
-    o += 4;
-  }
+  joints_.Positions(m, work->joints.data(), phi + beam_count_);
   return LargestMagnitude(work->lambda);
 }
 
@@ -268,15 +223,7 @@ double Constraints::VelocityDrift(const Motion& m, Work* work) const {
     rate[e] =
         active[e] * ((vx[e + 1] - vx[e]) * c[e] + (vy[e + 1] - vy[e]) * s[e]) + tilt[e] * omega[e];
   }
-  const double* o = work->pin_points.data();
-  double* pin_rate = rate + beam_count_;
-  for (const Pin& pin : pins_) {
-    const double wi = omega[pin.inner], wo = omega[pin.outer];
-    pin_rate[0] = vx[pin.outer] - wo * o[3] - vx[pin.inner] + wi * o[1];
-    pin_rate[1] = vy[pin.outer] + wo * o[2] - vy[pin.inner] - wi * o[0];
-    pin_rate += 2;
-    o += 4;
-  }
+  joints_.Velocities(m, work->joints.data(), work->blocks.data(), rate + beam_count_);
   return LargestMagnitude(work->lambda);
 }
 
@@ -302,12 +249,9 @@ double Constraints::SmallestPivot(const Work& work, int* row) const {
       first = mass_sum_[r] + inertia_i_[r] * work.tilt_i[r] * work.tilt_i[r] +
               inertia_j_[r] * work.tilt_j[r] * work.tilt_j[r];
     } else {
-      const Pin& pin = pins_[(r - beam_count_) / 2];
-      const double* o = &work.pin_points[4 * ((r - beam_count_) / 2)];
-      const int axis = (r - beam_count_) % 2 == 0 ? 1 : 0;
-      first = inverse_mass_[pin.inner] + inverse_mass_[pin.outer] +
-              inverse_inertia_[pin.inner] * o[axis] * o[axis] +
-              inverse_inertia_[pin.outer] * o[axis + 2] * o[axis + 2];
+      const double* J = &work.blocks[6 * (r - beam_count_)];
+      first = BodyProduct(joints_.Inner(r - beam_count_), J, J) +
+              BodyProduct(joints_.Outer(r - beam_count_), J + 3, J + 3);
     }
     const double ratio = work.diagonal[r] / first;
     if (!(ratio >= smallest)) {
