@@ -37,7 +37,7 @@ class RunRecorder : public sim::Observer {
   void OnSample(double t, double* state, const std::vector<sim::LatchMode>& modes) override {
     writer_->Append(t, observables_.Row(t, state, modes));
     const sim::Balance& b = observables_.balance();
-    const double residual = b.Stored() + b.Dissipated() - observables_.energy_at_start();
+    const double residual = b.Conserved() - observables_.energy_at_start();
     worst_residual_ = std::max(worst_residual_, std::abs(residual));
   }
   void OnEvent(const sim::Event& event) override {

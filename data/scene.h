@@ -31,6 +31,7 @@ struct SceneBody {
   // weld gives (the root of its component).
   std::optional<std::array<double, 3>> pose;      // x, y [m], angle [rad]
   std::optional<std::array<double, 3>> velocity;  // [m/s], [m/s], [rad/s]
+  bool implied = false;                           // not written by the person; not in the results
   std::string where;                              // file:line:key, for messages
 };
 
@@ -51,8 +52,9 @@ struct SceneBeam {
   bool axial_elastic = false;
   double damping = 0.0;       // Kelvin-Voigt beta [s]
   bool gradient_form = true;  // element forces as the gradient of an energy; false: as printed
-  std::optional<std::array<double, 3>> pose;      // of the start, as for a body
-  std::optional<std::array<double, 3>> velocity;  // of the start
+  std::array<bool, 2> carried_ends{false, false};  // an implied body holds part of the end's mass
+  std::optional<std::array<double, 3>> pose;       // of the start, as for a body
+  std::optional<std::array<double, 3>> velocity;   // of the start
   std::string where;
 };
 
@@ -63,8 +65,8 @@ struct SceneWeld {
   std::string where;
 };
 
-// What acts on a joint's coordinate: theta of a revolute joint, the travel of a slider or of a pin in
-// a slot. Units are given for the angle; for the travel read N for N m and m for rad.
+// What acts on a joint's coordinate: theta of a revolute joint, the travel of a slider or of a pin
+// in a slot. Units are given for the angle; for the travel read N for N m and m for rad.
 
 // Moment -stiffness (coordinate + preload).
 struct SceneSpring {
@@ -79,8 +81,8 @@ struct SceneDamper {
   std::string where;
 };
 
-// Moment as a function of the coordinate (a tape spring): monotone cubic through the points (Fritsch
-// and Carlson), straight beyond the ends.
+// Moment as a function of the coordinate (a tape spring): monotone cubic through the points
+// (Fritsch and Carlson), straight beyond the ends.
 struct SceneMomentTable {
   std::vector<double> coordinate;  // rising [rad]
   std::vector<double> moment;      // on the coordinate [N m]
@@ -128,7 +130,8 @@ struct SceneLatch {
 
 // kRevolute: the two points coincide, and
 //   angle(outer) - angle(inner) = zero_angle + sign * theta.
-// kSlider: outer's point lies on the line through inner's point along `axis`, at `sign * travel`, and
+// kSlider: outer's point lies on the line through inner's point along `axis`, at `sign * travel`,
+// and
 //   angle(outer) - angle(inner) = zero_angle.
 // kPinInSlot: like a slider, but outer turns freely: theta as for a revolute joint.
 struct SceneJoint {
@@ -171,10 +174,10 @@ struct SceneForce {
   enum class Kind { kForce, kTorque, kPerLength };
   std::string name;
   Kind kind = Kind::kForce;
-  SceneEnd on;                           // kPerLength: index of the beam
-  std::array<TimeFunction, 2> force;     // [N]; kPerLength: [N/m]
-  TimeFunction torque;                   // [N m]
-  bool follows = false;                  // components in the frame of the body or beam
+  SceneEnd on;                        // kPerLength: index of the beam
+  std::array<TimeFunction, 2> force;  // [N]; kPerLength: [N/m]
+  TimeFunction torque;                // [N m]
+  bool follows = false;               // components in the frame of the body or beam
   std::string where;
 };
 

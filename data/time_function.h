@@ -11,8 +11,8 @@ struct TimeValue {
   double value = 0.0, rate = 0.0, acceleration = 0.0;
 };
 
-// A scalar function of time as a scene gives it: a number, an expression of t, or a table. Immutable
-// and cheap to copy; evaluating allocates nothing.
+// A scalar function of time as a scene gives it: a number, an expression of t, or a table.
+// Immutable and cheap to copy; evaluating allocates nothing.
 class TimeFunction {
  public:
   TimeFunction() : TimeFunction(0.0) {}  // zero

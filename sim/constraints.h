@@ -12,28 +12,29 @@ namespace unfurl::sim {
 // All constraints, and the multipliers that keep them, [paper, eq. (26) to (33)]:
 //   M a = Q + J^T lambda,   J a = gamma,   (J M^-1 J^T) lambda = gamma - J M^-1 Q.
 // Rows: the longitudinal constraint (r_j - r_i).e_xi - l of element e is row e (rows of pairs that
-// are no such element stay empty); the joints' rows follow from row Slots::beam_count on. M is diagonal, so the Schur complement is as sparse as
-// the graph of the constraints: along a beam it is tridiagonal.
+// are no such element stay empty); the joints' rows follow from row Slots::beam_count on. M is
+// diagonal, so the Schur complement is as sparse as the graph of the constraints: along a beam it
+// is tridiagonal.
 class Constraints {
  public:
   // Mutable arrays of one simulation.
   struct Work {
-    Array tilt;                      // d(row)/d(theta_i), in the station's coordinates, by row
-    Array tilt_i, tilt_j;            // the same for the bodies that carry the stations
-    Array diagonal, off, inverse;    // the Schur complement, then its factor
-    Array lambda;                    // by row
-    Array fx, fy, m;                 // J^T lambda by slot
-    Array ax, ay, alpha;             // accelerations by slot
-    std::vector<double> joints;   // geometry of the joints' rows
-    std::vector<double> blocks;   // Jacobian of the joints' rows, 6 each, then the blocks of elements
-                                  // that cross terms use, 3 each
+    Array tilt;                    // d(row)/d(theta_i), in the station's coordinates, by row
+    Array tilt_i, tilt_j;          // the same for the bodies that carry the stations
+    Array diagonal, off, inverse;  // the Schur complement, then its factor
+    Array lambda;                  // by row
+    Array fx, fy, m;               // J^T lambda by slot
+    Array ax, ay, alpha;           // accelerations by slot
+    std::vector<double> joints;    // geometry of the joints' rows
+    std::vector<double> blocks;    // Jacobian of the joints' rows, 6 each, then the blocks of
+                                 // elements that cross terms use, 3 each
     std::vector<double> station;  // offsets in the world, 2 per station
   };
 
   Constraints() = default;
   // `element_length[e]` is l where the longitudinal constraint holds on (e, e + 1), else 0.
-  Constraints(const Slots& slots, const std::vector<double>& element_length,
-              JointRows joints, const std::vector<std::string>& element_names);
+  Constraints(const Slots& slots, const std::vector<double>& element_length, JointRows joints,
+              const std::vector<std::string>& element_names);
 
   int count() const { return ldlt_.size(); }  // equations
   int rows() const { return rows_; }          // with empty ones
@@ -44,8 +45,8 @@ class Constraints {
   // The bodies that a row joins (stations stand for the bodies that carry them).
   int InnerBody(int row) const;
   int OuterBody(int row) const;
-  // J at the motion of the last Accelerate: six entries a row, x, y, theta of the inner body, then of
-  // the outer; zeros for rows without an equation.
+  // J at the motion of the last Accelerate: six entries a row, x, y, theta of the inner body, then
+  // of the outer; zeros for rows without an equation.
   void Jacobian(const Motion& motion, const Work& work, double* six_per_row) const;
   // Of the joint or beam that the row belongs to.
   std::string NameOf(int row) const;
@@ -91,8 +92,7 @@ class Constraints {
 
   // a . M_body^-1 . b
   double BodyProduct(int body, const double* a, const double* b) const {
-    return inverse_mass_[body] * (a[0] * b[0] + a[1] * b[1]) +
-           inverse_inertia_[body] * a[2] * b[2];
+    return inverse_mass_[body] * (a[0] * b[0] + a[1] * b[1]) + inverse_inertia_[body] * a[2] * b[2];
   }
   void FillGeometry(const Motion& motion, Work* work) const;
   void AssembleSchur(const Motion& motion, Work* work) const;

@@ -9,8 +9,8 @@ namespace unfurl::sim {
 // revolute joint, or the travel of outer's point from inner's along the slot's axis,
 //   travel = sign (r_o - r_i) . e,   e fixed in the inner body.
 struct Coordinate {
-  Hinge hinge;          // slots and sign; `zero` only for the angle
-  bool travel = false;  // else the angle
+  Hinge hinge;                // slots and sign; `zero` only for the angle
+  bool travel = false;        // else the angle
   double ix = 0.0, iy = 0.0;  // inner's point in its slot's frame [m]
   double ox = 0.0, oy = 0.0;  // outer's [m]
   double ax = 1.0, ay = 0.0;  // the axis in the inner slot's frame, of length 1

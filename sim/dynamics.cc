@@ -77,8 +77,7 @@ Motion Dynamics::Update(double t, double* y) {
 
 Motion Dynamics::MotionAt(double t, double* y) const {
   const int n = model_.slots.count;
-  return {t,         y,         y + n,          y + 2 * n,   y + 3 * n,
-          y + 4 * n, y + 5 * n, cosine_.data(), sine_.data()};
+  return {t, y, y + n, y + 2 * n, y + 3 * n, y + 4 * n, y + 5 * n, cosine_.data(), sine_.data()};
 }
 
 template <bool kProfile>
@@ -130,6 +129,9 @@ void Dynamics::Evaluate(double t, double* y, double* dydt) {
     timer.Mark(kGravity);
   }
   model_.constraints.Accelerate(motion, load, &work_);
+  if (model_.constraints.driven() && track_energy) {
+    extra[kExtraWork] += model_.constraints.DrivePower(t, work_);
+  }
   std::copy_n(y + 3 * n, 3 * n, dydt);
   std::copy_n(work_.ax.data(), n, dydt + 3 * n);
   std::copy_n(work_.ay.data(), n, dydt + 4 * n);
@@ -203,6 +205,8 @@ Balance Dynamics::BalanceAt(double t, double* y) {
   b.contact = model_.latches.Stored(m, modes_, &lost);
   b.dissipated_contact = y[model_.index.extra(kExtraContact)] + lost;
   b.dissipated_beams = y[model_.index.extra(kExtraBeams)];
+  b.dissipated_dampers = y[model_.index.extra(kExtraDampers)];
+  b.work = y[model_.index.extra(kExtraWork)];
   if (model_.constraints.count() > 0) {
     b.position_drift = model_.constraints.PositionDriftAt(m, &work_);
     b.velocity_drift = model_.constraints.VelocityDrift(m, &work_);

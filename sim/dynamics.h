@@ -10,18 +10,22 @@ namespace unfurl::sim {
 // Energies by kind [J], momentum, and what the constraints have drifted, at one state.
 struct Balance {
   double kinetic = 0.0, bending = 0.0, axial = 0.0, spring = 0.0, suspension = 0.0, gravity = 0.0;
-  double contact = 0.0;                       // stored in contacts
-  double dissipated_contact = 0.0;            // since the start, with what held contacts still have
-  double dissipated_beams = 0.0;              // since the start
-  double momentum_x = 0.0, momentum_y = 0.0;  // [kg m/s]
-  double angular_momentum = 0.0;              // about the origin [kg m^2/s]
-  double centre_x = 0.0, centre_y = 0.0;      // of all mass [m]
+  double contact = 0.0;             // stored in contacts
+  double dissipated_contact = 0.0;  // since the start, with what held contacts still have
+  double dissipated_beams = 0.0;    // since the start
+  double dissipated_dampers = 0.0;  // since the start, friction included
+  double work = 0.0;                // of drives, motors and applied forces, since the start
+  double momentum_x = 0.0, momentum_y = 0.0;          // [kg m/s]
+  double angular_momentum = 0.0;                      // about the origin [kg m^2/s]
+  double centre_x = 0.0, centre_y = 0.0;              // of all mass [m]
   double position_drift = 0.0, velocity_drift = 0.0;  // [m], [m/s]
 
   double Stored() const {
     return kinetic + bending + axial + spring + suspension + gravity + contact;
   }
-  double Dissipated() const { return dissipated_contact + dissipated_beams; }
+  double Dissipated() const { return dissipated_contact + dissipated_beams + dissipated_dampers; }
+  // Constant but for the error of the integration.
+  double Conserved() const { return Stored() + Dissipated() - work; }
 };
 
 // The equations of motion of a model, with the work arrays of one simulation. The discrete modes of

@@ -74,8 +74,7 @@ int EventFinder::Watches(int latch, const LatchMode& mode, Watch out[3]) const {
   return count;
 }
 
-bool EventFinder::FindFirst(Stepper& stepper, const std::vector<LatchMode>& modes,
-                            double* sigma) {
+bool EventFinder::FindFirst(Stepper& stepper, const std::vector<LatchMode>& modes, double* sigma) {
   double first = 2.0;
   Watch watches[3];
   for (int k = 0; k < model_.latches.count(); ++k) {

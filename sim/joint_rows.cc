@@ -75,9 +75,8 @@ void JointRows::FillGeometry(const Motion& m, double* g, double* jacobian) const
   }
 }
 
-void JointRows::Residual(const Motion& m, const double* g, const double* jacobian,
-                         const double* ax, const double* ay, const double* alpha,
-                         double* b) const {
+void JointRows::Residual(const Motion& m, const double* g, const double* jacobian, const double* ax,
+                         const double* ay, const double* alpha, double* b) const {
   for (const Pin& pin : pins) {
     const double wi2 = m.omega[pin.inner] * m.omega[pin.inner], ai = alpha[pin.inner];
     const double wo2 = m.omega[pin.outer] * m.omega[pin.outer], ao = alpha[pin.outer];
@@ -96,8 +95,8 @@ void JointRows::Residual(const Motion& m, const double* g, const double* jacobia
     const double ex = g[0], ey = g[1], px = g[2], py = g[3], qx = g[4], qy = g[5];
     const double rx = m.vx[a.outer] - wo * qy - m.vx[a.inner] + wi * py;
     const double ry = m.vy[a.outer] + wo * qx - m.vy[a.inner] - wi * px;
-    const double centripetal = wi * wi * (ex * (px - g[6]) + ey * (py - g[7])) -
-                               wo * wo * (ex * qx + ey * qy);
+    const double centripetal =
+        wi * wi * (ex * (px - g[6]) + ey * (py - g[7])) - wo * wo * (ex * qx + ey * qy);
     const double coriolis = 2.0 * wi * (ex * ry - ey * rx);
     *b++ = a.target.At(m.t).acceleration - a.sign * (centripetal + coriolis) +
            minus_Ja(a.inner, a.outer);
@@ -169,8 +168,7 @@ void JointRows::Velocities(const Motion& m, const double* g, const double* jacob
   for (const Along& a : alongs) {
     *rate++ = jacobian[0] * m.vx[a.inner] + jacobian[1] * m.vy[a.inner] +
               jacobian[2] * m.omega[a.inner] + jacobian[3] * m.vx[a.outer] +
-              jacobian[4] * m.vy[a.outer] + jacobian[5] * m.omega[a.outer] -
-              a.target.At(m.t).rate;
+              jacobian[4] * m.vy[a.outer] + jacobian[5] * m.omega[a.outer] - a.target.At(m.t).rate;
     jacobian += 6;
   }
   for (const Angle& a : angles) {

@@ -10,7 +10,8 @@ namespace unfurl::sim {
 
 // The constraints of joints, of three kinds, with r = r_outer - r_inner between the two points:
 //   pin     r = 0, two rows (x, y);                                      [paper, eq. (26) to (29)]
-//   along   sign e.r - f(t) = 0, e fixed in the inner body: a slot when e is its normal and f = 0, a
+//   along   sign e.r - f(t) = 0, e fixed in the inner body: a slot when e is its normal and f = 0,
+//   a
 //           drive of the travel when e is the axis;
 //   angle   sign (theta_outer - theta_inner - zero) - f(t) = 0: what holds a slider, or a drive.
 // Rows are numbered in that order: 2 p, 2 p + 1 for pin p, then the alongs, then the angles.
@@ -42,9 +43,7 @@ class JointRows {
   std::vector<Along> alongs;
   std::vector<Angle> angles;
 
-  int rows() const {
-    return static_cast<int>(2 * pins.size() + alongs.size() + angles.size());
-  }
+  int rows() const { return static_cast<int>(2 * pins.size() + alongs.size() + angles.size()); }
   int Inner(int row) const;
   int Outer(int row) const;
   const std::string& NameOf(int row) const;

@@ -6,6 +6,7 @@
 #include "data/scene.h"
 #include "sim/bending.h"
 #include "sim/constraints.h"
+#include "sim/coordinate.h"
 #include "sim/gravity.h"
 #include "sim/latches.h"
 #include "sim/slots.h"
@@ -18,6 +19,9 @@ namespace unfurl::sim {
 struct MovingPoint {
   int slot = -1;
   double px = 0.0, py = 0.0;  // in the slot's frame [m]
+  // Where two segments of a beam meet, the mean of the places that both give; -1: one slot alone.
+  int other_slot = -1;
+  double other_px = 0.0;  // [m]
 };
 
 // A scene made ready to be simulated; immutable, so that several threads may share one. What is not
@@ -36,9 +40,10 @@ struct Model {
   };
   struct Joint {
     std::string name;
-    Hinge hinge;
-    MovingPoint pin;
-    int spring = -1;  // into springs, latches
+    data::SceneJoint::Kind kind = data::SceneJoint::Kind::kRevolute;
+    Coordinate coordinate;  // what springs and drives act on; its hinge gives theta
+    MovingPoint pin;        // outer's point
+    int spring = -1;        // into springs, latches
     int latch = -1;
   };
   struct Mark {

@@ -8,6 +8,11 @@ namespace unfurl::sim {
 
 PointMotion MotionOf(const Model& model, const MovingPoint& p, const double* state) {
   const StateIndex& i = model.index;
+  if (p.other_slot >= 0) {
+    const PointMotion a = MotionOf(model, {p.slot, p.px, p.py}, state);
+    const PointMotion b = MotionOf(model, {p.other_slot, p.other_px, 0.0}, state);
+    return {0.5 * (a.x + b.x), 0.5 * (a.y + b.y), 0.5 * (a.vx + b.vx), 0.5 * (a.vy + b.vy)};
+  }
   const double c = std::cos(state[i.theta(p.slot)]), s = std::sin(state[i.theta(p.slot)]);
   const double ox = c * p.px - s * p.py, oy = s * p.px + c * p.py;
   const double w = state[i.omega(p.slot)];
@@ -17,8 +22,8 @@ PointMotion MotionOf(const Model& model, const MovingPoint& p, const double* sta
 
 double LatchMoment(const Model& model, int latch, const double* state, const LatchMode& mode) {
   const int n = model.index.n;
-  const Motion motion{0.0,         state,         state + n,     state + 2 * n, state + 3 * n,
-                      state + 4 * n, state + 5 * n, nullptr,       nullptr};
+  const Motion motion{0.0,           state,         state + n, state + 2 * n, state + 3 * n,
+                      state + 4 * n, state + 5 * n, nullptr,   nullptr};
   return model.latches.Moment(latch, motion, mode);
 }
 
@@ -83,8 +88,12 @@ void Observables::Declare() {
   if (model_.bending.damped()) {
     add("energy.dissipated_beams", "J", "lost in the beams' material since the start");
   }
+  if (model_.constraints.driven()) {
+    add("energy.work", "J", "work of drives, motors and applied forces since the start");
+  }
   add("energy.total", "J", "all stored energy");
-  add("energy.residual", "J", "stored and dissipated energy less the energy at the start");
+  add("energy.residual", "J",
+      "stored and dissipated energy less work done and the energy at the start");
   add("momentum.x", "kg m/s", "linear momentum");
   add("momentum.y", "kg m/s", "linear momentum");
   add("momentum.angular", "kg m^2/s", "angular momentum about the origin");
@@ -101,7 +110,7 @@ const std::vector<double>& Observables::Row(double t, double* state,
   balance_ = dynamics_.BalanceAt(t, state);
   const Motion m = dynamics_.Update(t, state);
   if (!started_) {
-    start_ = balance_.Stored() + balance_.Dissipated();
+    start_ = balance_.Conserved();
     started_ = true;
   }
   row_.clear();
@@ -111,8 +120,8 @@ const std::vector<double>& Observables::Row(double t, double* state,
     put(p.x), put(p.y), put(p.vx), put(p.vy);
   }
   for (const Model::Joint& joint : model_.joints) {
-    put(joint.hinge.Theta(m));
-    put(joint.hinge.Rate(m));
+    put(joint.coordinate.hinge.Theta(m));
+    put(joint.coordinate.hinge.Rate(m));
     if (joint.latch >= 0) put(model_.latches.Moment(joint.latch, m, modes[joint.latch]));
     if (joint.spring >= 0) put(model_.springs.Moment(joint.spring, m));
     const PointMotion p = MotionOf(model_, joint.pin, state);
@@ -140,8 +149,9 @@ const std::vector<double>& Observables::Row(double t, double* state,
   if (!model_.gravity.empty()) put(b.gravity);
   if (model_.latches.count() > 0) put(b.contact), put(b.dissipated_contact);
   if (model_.bending.damped()) put(b.dissipated_beams);
+  if (model_.constraints.driven()) put(b.work);
   put(b.Stored());
-  put(b.Stored() + b.Dissipated() - start_);
+  put(b.Conserved() - start_);
   put(b.momentum_x), put(b.momentum_y), put(b.angular_momentum);
   put(b.centre_x), put(b.centre_y);
   put(b.position_drift), put(b.velocity_drift);

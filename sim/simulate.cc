@@ -103,7 +103,9 @@ class Run {
 
   void Shrink(double error, double* h) {
     const double factor =
-        std::isfinite(error) ? std::max(kMostShrink, kSafety * std::pow(error, -1.0 / stepper_->ErrorOrder())) : 0.1;
+        std::isfinite(error)
+            ? std::max(kMostShrink, kSafety * std::pow(error, -1.0 / stepper_->ErrorOrder()))
+            : 0.1;
     *h *= factor;
     if (*h > kSmallestStep * std::max(t_, 1.0)) return;
     std::string where;
