@@ -44,6 +44,7 @@ function(unfurl_test name)
   target_link_libraries(${name} PRIVATE ${ARG_LINKS} GTest::gtest GTest::gmock GTest::gtest_main)
   target_compile_definitions(${name} PRIVATE UNFURL_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
   unfurl_compile_options(${name})
+  target_compile_options(${name} PRIVATE -O1)  # most of a clean build is tests; what they test is -O3
   include(GoogleTest)
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
     PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
