@@ -126,8 +126,7 @@ correlate::Prediction SceneModel::Run(std::span<const double> theta,
     out.marks.push_back(std::move(motion));
   }
   for (const sim::Event& event : report.events) {
-    const auto joint = static_cast<std::size_t>(event.joint);
-    out.events.push_back({event.t, sim::EventName(event.kind), model.joints[joint].name});
+    out.events.push_back({event.t, sim::EventName(event.kind), sim::PlaceOf(model, event)});
   }
   out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return out;

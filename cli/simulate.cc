@@ -44,9 +44,13 @@ class RunRecorder : public sim::Observer {
     data::RunEvent record;
     record.t = event.t;
     record.kind = sim::EventName(event.kind);
-    record.where = model_.joints[event.joint].name;
-    record.data["theta_rate [rad/s]"] = event.theta_rate;
-    if (event.kind != sim::EventKind::kLatch) record.data["stop [1]"] = event.upper ? 1.0 : -1.0;
+    record.where = sim::PlaceOf(model_, event);
+    if (event.kind == sim::EventKind::kWatch) {
+      record.data["direction [1]"] = event.upper ? 1.0 : -1.0;
+    } else {
+      record.data["theta_rate [rad/s]"] = event.theta_rate;
+      if (event.kind != sim::EventKind::kLatch) record.data["stop [1]"] = event.upper ? 1.0 : -1.0;
+    }
     if (event.kind == sim::EventKind::kContactEnd) {
       record.data["duration [s]"] = event.duration;
       record.data["restitution [1]"] = event.restitution;
@@ -76,7 +80,7 @@ std::string LatchTable(const sim::Model& model, const sim::SimulateReport& repor
     if (joint.latch < 0) continue;
     std::string latched = "-", rate = "-";
     ordered_json entry = {{"joint", joint.name}, {"latched", nullptr}};
-    int upper = 0, lower = 0;
+    const sim::EventLog::LatchCount& impacts = report.latch_counts[joint.latch];
     std::vector<double> restitution;
     for (const sim::Event& event : report.events) {
       if (event.latch != joint.latch) continue;
@@ -85,24 +89,22 @@ std::string LatchTable(const sim::Model& model, const sim::SimulateReport& repor
         rate = fmt::format("{:.3f}", event.theta_rate);
         entry["latched"] = event.t;
         entry["rate"] = event.theta_rate;
-      } else if (event.kind == sim::EventKind::kContactStart) {
-        ++(event.upper ? upper : lower);
-      } else {
+      } else if (event.kind == sim::EventKind::kContactEnd) {
         restitution.push_back(event.restitution);
       }
     }
     const std::string median =
         restitution.empty() ? "-" : fmt::format("{:.3f}", Median(restitution));
-    entry["impacts"] = upper + lower;
-    entry["upper"] = upper;
-    entry["lower"] = lower;
-    entry["ended"] = restitution.size();
+    entry["impacts"] = impacts.upper + impacts.lower;
+    entry["upper"] = impacts.upper;
+    entry["lower"] = impacts.lower;
+    entry["ended"] = impacts.ended;
     if (!restitution.empty()) entry["median_restitution"] = Median(restitution);
     entry["peak_moment"] = report.peak_moment[joint.latch];
     entry["peak_time"] = report.peak_time[joint.latch];
     json->push_back(entry);
-    rows.push_back({joint.name, latched, rate, fmt::format("{}", upper + lower),
-                    fmt::format("{}", upper), fmt::format("{}", lower), median,
+    rows.push_back({joint.name, latched, rate, fmt::format("{}", impacts.upper + impacts.lower),
+                    fmt::format("{}", impacts.upper), fmt::format("{}", impacts.lower), median,
                     fmt::format("{:.3f}", report.peak_moment[joint.latch]),
                     fmt::format("{:.4f}", report.peak_time[joint.latch])});
   }
@@ -176,7 +178,7 @@ int Run(const Common& common, const Arguments& arguments) {
   const sim::SimulateReport report = sim::Simulate(model, options, &recorder);
 
   writer.SetText("scene", data::ReadTextFile(arguments.scene));
-  writer.SetText("method", "Dormand-Prince 5(4), coordinate projection");
+  writer.SetText("method", report.method);
   writer.SetText("status", sim::StatusName(report.status));
   if (!report.message.empty()) writer.SetText("message", report.message);
   const auto summarise = [&](const char* name, double value, const char* units) {

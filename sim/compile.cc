@@ -223,6 +223,10 @@ void Compiler::CheckConstraints() {
   dynamics.Project(0.0, model_.initial_state.data());
 }
 
-Model Compile(const data::Scene& scene) { return Compiler(scene).Run(); }
+Model Compile(const data::Scene& scene) {
+  Model model = Compiler(scene).Run();
+  model.watches = Watches(scene, model);
+  return model;
+}
 
 }  // namespace unfurl::sim

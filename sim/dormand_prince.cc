@@ -21,6 +21,9 @@ constexpr double kD1 = -12715105075.0 / 11282082432.0, kD3 = 87487479700.0 / 327
                  kD4 = -10690763975.0 / 1880347072.0, kD5 = 701980252875.0 / 199316789632.0,
                  kD6 = -1453857185.0 / 822651844.0, kD7 = 69997945.0 / 29380423.0;
 
+// From here on h |lambda| is at the edge of stability (Hairer, Norsett and Wanner's own value).
+constexpr double kStabilityEdge = 3.25;
+
 }  // namespace
 
 DormandPrince::DormandPrince(Dynamics& dynamics, const ErrorScale& scale)
@@ -30,6 +33,11 @@ DormandPrince::DormandPrince(Dynamics& dynamics, const ErrorScale& scale)
 
 void DormandPrince::Refresh() {
   dynamics_.RightSide(t_, y_.data(), k_[0].data());
+  ++evaluations_;
+}
+
+void DormandPrince::RefreshTrial() {
+  dynamics_.RightSide(t_ + h_, trial_.data(), k_[6].data());
   ++evaluations_;
 }
 
@@ -85,6 +93,11 @@ void DormandPrince::Accept(double t) {
   t_ = t;
   std::swap(y_, trial_);
   std::swap(k_[0], k_[6]);
+}
+
+double DormandPrince::StabilityUse() const {
+  return h_ / kStabilityEdge *
+         FastestRate(trial_.data(), k_[6].data(), stage_.data(), k_[5].data());
 }
 
 double DormandPrince::Dense(int i, double sigma) const {

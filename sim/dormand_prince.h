@@ -17,9 +17,12 @@ class DormandPrince : public Stepper {
   const char* name() const override { return "Dormand-Prince 5(4)"; }
   void Refresh() override;
   double Try(double h) override;
+  bool EndsAtTrial() const override { return true; }
+  void RefreshTrial() override;
   void Accept(double t) override;
   DensePolynomial Polynomial(int entry) override;
   void Dense(double sigma, double* out) override;
+  double StabilityUse() const override;
 
  protected:
   double ErrorOf(int entry) const override;

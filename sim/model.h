@@ -12,6 +12,7 @@
 #include "sim/slots.h"
 #include "sim/springs.h"
 #include "sim/suspension.h"
+#include "sim/watches.h"
 
 namespace unfurl::sim {
 
@@ -72,6 +73,7 @@ struct Model {
   std::vector<Beam> beams;
   std::vector<Joint> joints;
   std::vector<Mark> marks;
+  Watches watches;
 
   std::vector<double> initial_state;
   std::vector<LatchMode> initial_modes;  // by latch

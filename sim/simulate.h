@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "sim/dynamics.h"
+#include "sim/event_log.h"
 #include "sim/events.h"
 #include "sim/model.h"
 
@@ -24,6 +25,8 @@ struct SimulateOptions {
   // Error allowed per step, relative to the scales below; in [1e-13, 1e-2]. Looser than 1e-4,
   // contacts with the paper's stiffness begin to go wrong.
   double rtol = 1e-6;
+  // Of the explicit pair: 4, 5 or 8; 0: 8 where rtol is tight (docs/physics-simulator.md, "Methods").
+  int order = 0;
   double length = 0.0;     // scale of positions; 0: the longest beam [m]
   double time = 1.0;       // velocities: length / time, plus what they are [s]
   double max_step = 0.01;  // [s]
@@ -52,12 +55,27 @@ class Observer {
 enum class SimulateStatus { kGood, kStepTooSmall, kNotFinite, kSingular, kTooManySteps };
 const char* StatusName(SimulateStatus status);
 
+// What kept a step from being longer: the error allowed; the edge of stability (judged by the
+// difference of two stages at the step's end, on every eighth step); growth from a smaller one, at
+// most fivefold; options.max_step; the way out of a contact; an event in it; the end of the run.
+// Samples never do.
+enum class StepLimit { kError, kStability, kGrowth, kMaxStep, kContactExit, kEvent, kEnd };
+inline constexpr int kStepLimits = 7;
+const char* LimitName(StepLimit limit);
+
 struct SimulateReport {
   SimulateStatus status = SimulateStatus::kGood;
-  std::string message;  // what happened, where and when, if not good
-  double t_end = 0.0;   // reached [s]
-  std::string method;   // what was used, in words
+  std::string message;     // what happened, where and when, if not good
+  double t_end = 0.0;      // reached [s]
+  std::string method;      // what was used, in words
+  std::string stopped_by;  // the watch that ended the run, if one did
+  // The first and the last of them where there are very many; EventLog.
   std::vector<Event> events;
+  long events_left_out = 0;
+  std::array<long, kEventKinds> event_counts{};
+  std::vector<EventLog::LatchCount> latch_counts;  // by latch
+  std::array<long, kStepLimits> limited{};         // steps by what limited them
+  long repartitions = 0;                           // method partitioned
   long steps = 0, rejected = 0, evaluations = 0, projections = 0, samples = 0;
   double largest_position_drift = 0.0;  // before it was removed [m]
   double largest_velocity_drift = 0.0;  // [m/s]
@@ -67,7 +85,7 @@ struct SimulateReport {
   std::array<double, Dynamics::kParts> part_seconds{};  // with options.profile
 
   bool Usable() const { return status == SimulateStatus::kGood; }
-  long Count(EventKind kind) const;
+  long Count(EventKind kind) const { return event_counts[static_cast<int>(kind)]; }
 };
 
 // Runs the model from its initial state. Numerical failure is a status, with what was reached kept;

@@ -42,6 +42,11 @@ void Stepper::Dense(double sigma, double* out) {
   for (int i = 0; i < size_; ++i) out[i] = Polynomial(i)(sigma);
 }
 
+DensePolynomial Stepper::Cubic(int entry, double* margin) const {
+  *margin = 0.0;
+  return const_cast<Stepper*>(this)->Polynomial(entry);
+}
+
 double Stepper::WeightedError(int i) const {
   const double error = ErrorOf(i);
   const int block = i / n_, slot = i % n_;
@@ -49,6 +54,22 @@ double Stepper::WeightedError(int i) const {
   if (block < 3) return angle_weight_[slot] * error;
   const double floor = block < 5 ? scale_.speed : scale_.spin;
   return mask_[slot] * error / (scale_.rtol * (floor + std::fabs(y_[i])));
+}
+
+double Stepper::FastestRate(const double* state_a, const double* rate_a, const double* state_b,
+                            const double* rate_b) const {
+  const Slots& slots = dynamics_.model().slots;
+  double states = 0.0, rates = 0.0;
+  for (int block = 0; block < 3; ++block) {
+    const double* mass = block < 2 ? slots.mass.data() : slots.inertia.data();
+    for (int k = 0; k < n_; ++k) {
+      const int x = block * n_ + k, v = x + 3 * n_;
+      const double dx = state_a[x] - state_b[x], da = rate_a[v] - rate_b[v];
+      states += mass[k] * dx * dx;
+      rates += mass[k] * da * da;
+    }
+  }
+  return states > 0.0 ? std::sqrt(std::sqrt(rates / states)) : 0.0;
 }
 
 int Stepper::WorstSlot() const {

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <string>
 #include <vector>
 
 #include "sim/aligned.h"
@@ -53,17 +54,26 @@ class Stepper {
   double time() const { return t_; }
   double* state() { return y_.data(); }
   const double* state() const { return y_.data(); }
+  double* trial() { return trial_.data(); }
   const double* trial() const { return trial_.data(); }
   long evaluations() const { return evaluations_; }  // of the right side
 
   // Exponent by which the error falls with the step, for step control: 5 for a pair 5(4).
   virtual int ErrorOrder() const = 0;
   virtual const char* name() const = 0;
+  // The method in words, as reports have it.
+  virtual std::string Description() const {
+    return std::string(name()) + ", coordinate projection";
+  }
   // Evaluates the right side at state() anew.
   virtual void Refresh() = 0;
   // Tries a step of size h [s]; returns the error in units of what is allowed (1: just accepted;
   // not finite: the step ran away).
   virtual double Try(double h) = 0;
+  // Where Try ends with the right side at an accepted trial, drift is removed there, before the
+  // dense output is made: who writes to trial() then calls RefreshTrial.
+  virtual bool EndsAtTrial() const { return false; }
+  virtual void RefreshTrial() {}
   // The trial becomes the state, at time t.
   virtual void Accept(double t) = 0;
   // The state becomes the dense point at sigma in (0, 1], at time t; call Refresh after the modes
@@ -73,6 +83,13 @@ class Stepper {
   // right side some more times.
   virtual DensePolynomial Polynomial(int entry) = 0;
   virtual void Dense(double sigma, double* out);
+  // Whether Polynomial costs no further evaluation.
+  virtual bool DenseIsFree() const { return true; }
+  // A cheaper stand-in for Polynomial, off by at most about `margin` anywhere in the step.
+  virtual DensePolynomial Cubic(int entry, double* margin) const;
+  // After Try: h |lambda| of the fastest motion seen, over what the method is stable for (some 1
+  // where stability and not accuracy limits the step); 0 where the method cannot tell.
+  virtual double StabilityUse() const { return 0.0; }
 
   // The slot whose error weighs most in the last tried step.
   int WorstSlot() const;
@@ -81,6 +98,10 @@ class Stepper {
   // Error of an entry in the last tried step, in its own unit.
   virtual double ErrorOf(int entry) const = 0;
   double WeightedError(int entry) const;
+  // |lambda| [1/s] as two states at one time and their rates tell it: of a motion x'' = f(x, x'),
+  // the square root of the difference in x'' over that in x, both in the norm of the masses.
+  double FastestRate(const double* state_a, const double* rate_a, const double* state_b,
+                     const double* rate_b) const;
 
   // Root mean square of error(entry) over what is allowed. `error` is called for every entry, those
   // that do not move included.

@@ -1,0 +1,277 @@
+#include "sim/integration.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include "base/progress.h"
+#include "sim/dormand_prince.h"
+#include "sim/dormand_prince8.h"
+#include "sim/flush_denormals.h"
+#include "sim/observables.h"
+#include "sim/runge_kutta_43.h"
+
+namespace unfurl::sim {
+namespace {
+
+// Controller of Hairer, Norsett and Wanner (Solving ODEs I, II.4), with memory against the
+// oscillation of steps that stability limits.
+constexpr double kSafety = 0.9, kMemory = 0.2;  // memory times the order
+constexpr double kMostGrowth = 5.0, kMostShrink = 0.2;
+constexpr double kFirstStep = 1e-6;      // [s]; grows fivefold per step from there
+constexpr double kSmallestStep = 1e-15;  // relative to the time reached, or to 1 s
+constexpr double kSingularPivot = 1e-12;
+constexpr double kZonePart = 0.25;     // of a contact's transition zone, per step on the way out
+constexpr int kPollSteps = 512;        // between looks at Ctrl-C, pivots and progress
+constexpr int kStabilitySteps = 8;     // between looks at stability
+constexpr double kStabilityUse = 0.7;  // from here on stability is what limits the step
+
+// From here on the pair of order 8 costs less (docs/accuracy.md).
+constexpr double kTightTolerance = 1e-7;
+
+std::unique_ptr<Stepper> MakeStepper(const SimulateOptions& options, Dynamics& dynamics,
+                                     const ErrorScale& scale) {
+  if (options.order == 4) return std::make_unique<RungeKutta43>(dynamics, scale);
+  const bool eighth = options.order == 0 ? options.rtol <= kTightTolerance : options.order == 8;
+  if (eighth) return std::make_unique<DormandPrince8>(dynamics, scale);
+  return std::make_unique<DormandPrince>(dynamics, scale);
+}
+
+ErrorScale ScaleOf(const Model& model, const SimulateOptions& o) {
+  ErrorScale scale;
+  scale.rtol = o.rtol;
+  scale.length = o.length > 0.0 ? o.length : model.length_scale;
+  scale.angle = 1.0;
+  scale.speed = scale.length / o.time;
+  scale.spin = 1.0 / o.time;
+  if (o.track_energy) {
+    std::vector<double> start = model.initial_state;
+    const Balance b = Dynamics(model).BalanceAt(0.0, start.data());
+    scale.energy = b.kinetic + b.bending + b.axial + b.spring + b.suspension + b.contact;
+  }
+  return scale;
+}
+
+}  // namespace
+
+Integration::Integration(const Model& model, const SimulateOptions& options, Observer* observer)
+    : model_(model),
+      options_(options),
+      observer_(observer),
+      dynamics_(model),
+      scale_(ScaleOf(model, options)),
+      stepper_(MakeStepper(options, dynamics_, scale_)),
+      finder_(model),
+      log_(model.latches.count()),
+      sample_(model.index.size(), 0.0),
+      end_(options.duration > 0.0 ? options.duration : model.duration),
+      exponent_((1.0 - 0.75 * kMemory) / stepper_->ErrorOrder()),
+      memory_(kMemory / stepper_->ErrorOrder()),
+      last_error_(1e-4),
+      zone_part_(kZonePart * std::min(2.0, std::pow(options.rtol / 1e-6, 0.2))) {
+  dynamics_.track_energy = options.track_energy;
+  report_.peak_moment.assign(model.latches.count(), 0.0);
+  report_.peak_time.assign(model.latches.count(), 0.0);
+  if (options.profile) dynamics_.profile = &report_.part_seconds;
+}
+
+SimulateReport Integration::Go() {
+  const FlushDenormals flush;
+  const auto begin = std::chrono::steady_clock::now();
+  stepper_->Start(0.0, model_.initial_state);
+  if (RemoveDrift(t_, stepper_->state())) stepper_->Refresh();
+  std::copy_n(stepper_->state(), sample_.size(), sample_.begin());
+  Hand(0.0);
+  double h = std::min(kFirstStep, options_.max_step);
+  while (t_ < end_ && report_.status == SimulateStatus::kGood && !stopped_) {
+    const bool last = t_ + h >= end_ * (1.0 - 1e-15);
+    if (last) {
+      h = end_ - t_;
+      limit_ = StepLimit::kEnd;
+    }
+    const double error = stepper_->Try(h);
+    if (!(error <= 1.0)) {
+      ++report_.rejected;
+      Shrink(error, &h);
+      continue;
+    }
+    if (report_.steps % kStabilitySteps == 0) {
+      stable_ = stepper_->StabilityUse() < kStabilityUse;
+    }
+    Advance(h, last);
+    ++report_.limited[static_cast<int>(limit_)];
+    NextStep(error, &h);
+    if (++report_.steps % kPollSteps == 0) Poll();
+  }
+  report_.t_end = t_;
+  report_.method = stepper_->Description();
+  report_.evaluations = stepper_->evaluations();
+  report_.events = log_.Kept(&report_.events_left_out);
+  report_.event_counts = log_.counts();
+  report_.latch_counts = log_.latches();
+  report_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return std::move(report_);
+}
+
+void Integration::NextStep(double error, double* h) {
+  const double wanted =
+      std::pow(std::max(error, 1e-10), exponent_) / std::pow(last_error_, memory_) / kSafety;
+  const double factor = std::clamp(wanted, 1.0 / kMostGrowth, 1.0 / kMostShrink);
+  last_error_ = std::max(error, 1e-4);
+  limit_ = factor > wanted ? StepLimit::kGrowth
+           : stable_       ? StepLimit::kError
+                           : StepLimit::kStability;
+  *h /= factor;
+  const double contact = ContactStep();
+  if (contact < *h) {
+    *h = contact;
+    limit_ = StepLimit::kContactExit;
+  }
+  if (options_.max_step < *h) {
+    *h = options_.max_step;
+    limit_ = StepLimit::kMaxStep;
+  }
+}
+
+void Integration::Shrink(double error, double* h) {
+  const double factor =
+      std::isfinite(error)
+          ? std::max(kMostShrink, kSafety * std::pow(error, -1.0 / stepper_->ErrorOrder()))
+          : 0.1;
+  *h *= factor;
+  limit_ = stable_ ? StepLimit::kError : StepLimit::kStability;
+  if (*h > kSmallestStep * std::max(t_, 1.0) || FailIfDependent()) return;
+  Fail(std::isfinite(error) ? SimulateStatus::kStepTooSmall : SimulateStatus::kNotFinite,
+       fmt::format("the step shrank to {:.1e} s, worst at {}", *h,
+                   NameOfSlot(model_, stepper_->WorstSlot())));
+}
+
+void Integration::Fail(SimulateStatus status, const std::string& what) {
+  report_.status = status;
+  report_.message = fmt::format("{}, at t = {:.9g} s", what, t_);
+}
+
+bool Integration::FailIfDependent() {
+  std::string where;
+  if (!(dynamics_.SmallestPivot(&where) < kSingularPivot)) return false;
+  Fail(SimulateStatus::kSingular, fmt::format("the constraints became dependent at '{}'", where));
+  return true;
+}
+
+void Integration::Advance(double h, bool last) {
+  const bool at_trial = stepper_->EndsAtTrial();
+  if (at_trial && RemoveDrift(t_ + h, stepper_->trial())) stepper_->RefreshTrial();
+  double sigma = 1.0;
+  const bool event = !finder_.empty() && finder_.FindFirst(*stepper_, dynamics_.modes(), &sigma);
+  const double t_new = event ? t_ + sigma * h : last ? end_ : t_ + h;
+  SampleStep(h, t_new);
+  t_ = t_new;
+  if (!event) {
+    stepper_->Accept(t_);
+    if (!at_trial && RemoveDrift(t_, stepper_->state())) stepper_->Refresh();
+    finder_.Follow(stepper_->state());
+    WatchPeaks();
+    return;
+  }
+  limit_ = StepLimit::kEvent;
+  stepper_->AcceptUntil(sigma, t_);
+  HandleEvents();
+  stepper_->Refresh();
+  if (RemoveDrift(t_, stepper_->state())) stepper_->Refresh();
+}
+
+void Integration::HandleEvents() {
+  found_.clear();
+  const int ending = finder_.Apply(stepper_->state(), t_, &dynamics_.modes(), &found_);
+  for (const Event& event : found_) {
+    log_.Add(event);
+    if (observer_ != nullptr) observer_->OnEvent(event);
+  }
+  if (ending >= 0) {
+    stopped_ = true;
+    report_.stopped_by = model_.watches.at(ending).name;
+  }
+}
+
+// Brings the constraints back where they have drifted too far, with the factor of the last right
+// side, which was at `y`. True when `y` was changed.
+bool Integration::RemoveDrift(double t, double* y) {
+  if (model_.constraints.count() == 0) return false;
+  const double length = options_.rtol * scale_.length, speed = options_.rtol * scale_.speed;
+  const double position = dynamics_.PositionDrift(t, y);
+  const double velocity = dynamics_.VelocityDrift(t, y);
+  report_.largest_position_drift = std::max(report_.largest_position_drift, position);
+  report_.largest_velocity_drift = std::max(report_.largest_velocity_drift, velocity);
+  if (position <= options_.drift_fraction * length && velocity <= options_.drift_fraction * speed) {
+    return false;
+  }
+  dynamics_.Project(t, y);
+  ++report_.projections;
+  return true;
+}
+
+// The longest step that does not leap over the end of a contact. Where f is held at zero nothing
+// slows the steps down, and yet f comes back for an instant in the transition zone
+// (delta < epsilon), between two stages of a long step.
+double Integration::ContactStep() const {
+  double longest = HUGE_VAL;
+  for (int k = 0; k < model_.latches.count(); ++k) {
+    const LatchMode mode = dynamics_.modes()[k];
+    if (!(mode.upper_contact | mode.lower_contact)) continue;
+    const Hinge& hinge = model_.latches.hinge(k);
+    const Latches::Law& law = model_.latches.law(k);
+    const double* y = stepper_->state();
+    const StateIndex& i = model_.index;
+    const double theta =
+        hinge.sign * (y[i.theta(hinge.outer)] - y[i.theta(hinge.inner)] - hinge.zero);
+    const double rate = hinge.sign * (y[i.omega(hinge.outer)] - y[i.omega(hinge.inner)]);
+    for (const bool upper : {true, false}) {
+      if (!(upper ? mode.upper_contact : mode.lower_contact)) continue;
+      const double depth = law.lever * (upper ? theta - law.theta_a : -theta - law.theta_b);
+      const double leaving = law.lever * (upper ? -rate : rate);
+      if (leaving <= 0.0 || depth <= 0.0) continue;
+      const double above = depth - law.epsilon, part = zone_part_ * law.epsilon;
+      longest = std::min(longest, std::max(above, part) / leaving);
+    }
+  }
+  return longest;
+}
+
+void Integration::SampleStep(double h, double t_new) {
+  for (;;) {
+    const double t = static_cast<double>(report_.samples) / options_.rate;
+    if (t > std::min(t_new, end_ * (1.0 + 1e-12))) return;
+    stepper_->Dense(std::clamp((t - t_) / h, 0.0, 1.0), sample_.data());
+    Hand(t);
+  }
+}
+
+void Integration::Hand(double t) {
+  if (observer_ != nullptr) observer_->OnSample(t, sample_.data(), dynamics_.modes());
+  ++report_.samples;
+}
+
+void Integration::WatchPeaks() {
+  for (int k = 0; k < model_.latches.count(); ++k) {
+    const LatchMode& mode = dynamics_.modes()[k];
+    if (!(mode.upper_contact | mode.lower_contact)) continue;
+    const double moment = std::fabs(LatchMoment(model_, k, stepper_->state(), mode));
+    if (moment > report_.peak_moment[k]) {
+      report_.peak_moment[k] = moment;
+      report_.peak_time[k] = t_;
+    }
+  }
+}
+
+void Integration::Poll() {
+  if (observer_ != nullptr) observer_->OnProgress(t_ / end_);
+  ThrowIfInterrupted();
+  if (report_.steps >= options_.max_steps) {
+    Fail(SimulateStatus::kTooManySteps, fmt::format("{} steps taken", report_.steps));
+  }
+  FailIfDependent();
+}
+
+}  // namespace unfurl::sim

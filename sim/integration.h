@@ -1,0 +1,55 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "sim/event_log.h"
+#include "sim/simulate.h"
+#include "sim/stepper.h"
+
+namespace unfurl::sim {
+
+// One run of a model: step control, drift, events, samples. Used once.
+class Integration {
+ public:
+  Integration(const Model& model, const SimulateOptions& options, Observer* observer);
+  SimulateReport Go();
+
+ private:
+  void Shrink(double error, double* h);
+  void Fail(SimulateStatus status, const std::string& what);
+  bool FailIfDependent();
+  // The tried step is good: sample it, and accept it, up to the first event in it.
+  void Advance(double h, bool last);
+  void HandleEvents();
+  void NextStep(double error, double* h);
+  bool RemoveDrift(double t, double* y);
+  double ContactStep() const;
+  void SampleStep(double h, double t_new);
+  void Hand(double t);
+  void WatchPeaks();
+  void Poll();
+
+  const Model& model_;
+  const SimulateOptions& options_;
+  Observer* observer_;
+  Dynamics dynamics_;
+  ErrorScale scale_;
+  std::unique_ptr<Stepper> stepper_;
+  EventFinder finder_;
+  EventLog log_;
+  std::vector<Event> found_;  // of one instant
+  SimulateReport report_;
+  Array sample_;
+  double end_ = 0.0;
+  double exponent_ = 0.0, memory_ = 0.0;  // of the step control
+  double last_error_ = 0.0;
+  double zone_part_ = 0.0;
+  double t_ = 0.0;
+  StepLimit limit_ = StepLimit::kGrowth;  // of the step about to be tried
+  bool stable_ = true;                    // as last judged
+  bool stopped_ = false;                  // by a watch
+};
+
+}  // namespace unfurl::sim

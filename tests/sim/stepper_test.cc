@@ -1,0 +1,163 @@
+#include "sim/stepper.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+
+#include "jacobi.h"
+#include "scenes.h"
+#include "sim/dormand_prince.h"
+#include "sim/dormand_prince8.h"
+
+namespace unfurl::sim {
+namespace {
+
+constexpr double kTheta0 = 2.8;
+const double kOmega = std::sqrt(2.0 * 9.81 * 0.5 / (0.1 + 2.0 * 0.5 * 0.5));  // m g r / I
+
+// The pendulum's angle, from the state of its bar.
+double Theta(const Model& model, const double* y) {
+  return y[model.index.theta(model.bodies[0].centre.slot)] + M_PI / 2;
+}
+
+struct Errors {
+  double end = 0.0;     // of the angle after the time of two swings [rad]
+  double inside = 0.0;  // largest of the dense output within the middle step [rad]
+};
+
+// Steps all alike, against the closed form.
+template <typename Method>
+Errors ErrorsOf(int steps) {
+  const Model model = ModelFrom(PendulumScene(kTheta0));
+  Dynamics dynamics(model);
+  Method method(dynamics, {});
+  method.Start(0.0, model.initial_state);
+  const double k = std::sin(0.5 * kTheta0);
+  const double duration = 2.2 * std::comp_ellint_1(k) / kOmega;
+  const double h = duration / steps;
+  Errors errors;
+  std::vector<double> y(model.index.size());
+  double theta, rate;
+  for (int i = 0; i < steps; ++i) {
+    method.Try(h);
+    if (i == steps / 2) {
+      for (const double sigma : {0.2, 0.35, 0.5, 0.65, 0.8}) {
+        method.Dense(sigma, y.data());
+        PendulumAt((i + sigma) * h, kTheta0, kOmega, &theta, &rate);
+        errors.inside = std::max(errors.inside, std::fabs(Theta(model, y.data()) - theta));
+      }
+    }
+    method.Accept((i + 1) * h);
+  }
+  PendulumAt(duration, kTheta0, kOmega, &theta, &rate);
+  const double omega = method.state()[model.index.omega(model.bodies[0].centre.slot)];
+  errors.end = std::hypot(Theta(model, method.state()) - theta, (omega - rate) / kOmega);
+  return errors;
+}
+
+double Order(double coarse, double fine, double ratio) {
+  return std::log(coarse / fine) / std::log(ratio);
+}
+
+TEST(Stepper, ClosedFormOfThePendulumIsOne) {
+  // Against its own equation: theta'' = -omega^2 sin theta, by differences of the rate.
+  constexpr double kStep = 1e-5, kTolerance = 1e-8;  // differences of second order
+  for (const double t : {0.0, 0.3, 0.7, 1.9}) {
+    double theta, rate, before, after, unused;
+    PendulumAt(t, kTheta0, kOmega, &theta, &rate);
+    PendulumAt(t - kStep, kTheta0, kOmega, &unused, &before);
+    PendulumAt(t + kStep, kTheta0, kOmega, &unused, &after);
+    EXPECT_NEAR((after - before) / (2 * kStep), -kOmega * kOmega * std::sin(theta), 1e-6);
+    EXPECT_NEAR(0.5 * rate * rate, kOmega * kOmega * (std::cos(theta) - std::cos(kTheta0)),
+                kTolerance);
+  }
+}
+
+TEST(Stepper, FifthOrder) {
+  const Errors coarse = ErrorsOf<DormandPrince>(400), fine = ErrorsOf<DormandPrince>(800);
+  EXPECT_GT(Order(coarse.end, fine.end, 2.0), 4.6);
+  EXPECT_LT(Order(coarse.end, fine.end, 2.0), 5.4);
+  // Dense output of fourth order: its error falls as h^5.
+  const Errors one = ErrorsOf<DormandPrince>(100), two = ErrorsOf<DormandPrince>(200);
+  EXPECT_GT(Order(one.inside, two.inside, 2.0), 4.5);
+  EXPECT_LT(Order(one.inside, two.inside, 2.0), 5.5);
+}
+
+TEST(Stepper, EighthOrder) {
+  // The error's terms of order 8 were made so small that those of order 9 still show.
+  const Errors coarse = ErrorsOf<DormandPrince8>(40), fine = ErrorsOf<DormandPrince8>(80);
+  EXPECT_GT(Order(coarse.end, fine.end, 2.0), 7.6);
+  EXPECT_LT(Order(coarse.end, fine.end, 2.0), 9.4);
+  // Dense output of seventh order: its error falls as h^8.
+  const Errors one = ErrorsOf<DormandPrince8>(20), two = ErrorsOf<DormandPrince8>(40);
+  EXPECT_GT(Order(one.inside, two.inside, 2.0), 7.5);
+  EXPECT_LT(Order(one.inside, two.inside, 2.0), 8.5);
+}
+
+TEST(Stepper, ThePolynomialIsTheDenseOutput) {
+  const Model model = ModelFrom(PendulumScene(kTheta0));
+  Dynamics dynamics(model);
+  DormandPrince fifth(dynamics, {});
+  DormandPrince8 eighth(dynamics, {});
+  for (Stepper* method : {static_cast<Stepper*>(&fifth), static_cast<Stepper*>(&eighth)}) {
+    method->Start(0.0, model.initial_state);
+    method->Try(0.05);
+    method->Accept(0.05);
+    method->Try(0.1);
+    std::vector<double> y(model.index.size());
+    constexpr double kRounding = 1e-13;
+    for (const double sigma : {0.0, 0.3, 0.77, 1.0}) {
+      method->Dense(sigma, y.data());
+      for (int i = 0; i < model.index.size(); ++i) {
+        EXPECT_NEAR(method->Polynomial(i)(sigma), y[i], kRounding) << method->name();
+      }
+    }
+    for (int i = 0; i < model.index.size(); ++i) {
+      EXPECT_NEAR(method->Polynomial(i)(1.0), method->trial()[i], kRounding);
+    }
+  }
+}
+
+TEST(Stepper, TheCubicIsOffByNoMoreThanItSays) {
+  const Model model = ModelFrom(PendulumScene(kTheta0));
+  Dynamics dynamics(model);
+  DormandPrince8 method(dynamics, {});
+  method.Start(0.0, model.initial_state);
+  constexpr double kStep = 0.15;
+  for (int step = 0; step < 10; ++step) {
+    method.Try(kStep);
+    for (int i = 0; i < 6 * model.index.n; ++i) {
+      double margin = 0.0;
+      const DensePolynomial cubic = method.Cubic(i, &margin);
+      double off = 0.0;
+      for (double s = 0.0; s <= 1.0; s += 0.05) {
+        off = std::max(off, std::fabs(cubic(s) - method.Polynomial(i)(s)));
+      }
+      EXPECT_LE(off, margin + 1e-12);
+    }
+    method.Accept((step + 1) * kStep);
+  }
+}
+
+TEST(Stepper, ForeseesTheEdgeOfStability) {
+  for (const bool eighth : {false, true}) {
+    const Model model = ModelFrom(PendulumScene(0.01));
+    Dynamics dynamics(model);
+    std::unique_ptr<Stepper> method;
+    if (eighth) {
+      method = std::make_unique<DormandPrince8>(dynamics, ErrorScale{});
+    } else {
+      method = std::make_unique<DormandPrince>(dynamics, ErrorScale{});
+    }
+    method->Start(0.0, model.initial_state);
+    const double edge = (eighth ? 6.1 : 3.25) / kOmega;
+    method->Try(0.1 * edge);
+    // Small swings have the frequency omega: h |lambda| = h omega; 2% for what swings are not
+    // small.
+    EXPECT_NEAR(method->StabilityUse(), 0.1, 0.002) << method->name();
+  }
+}
+
+}  // namespace
+}  // namespace unfurl::sim
