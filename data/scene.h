@@ -9,6 +9,8 @@
 
 namespace unfurl::data {
 
+class TomlTable;
+
 // A planar flexible mechanism as a person wrote it; every key with unit, default and equation is in
 // docs/scene.md. Bodies are rigid; beams are flexible, by one of two models; joints are revolute,
 // sliders or pins in slots; welds are rigid. Numbers here are checked one by one; whether they
@@ -193,6 +195,13 @@ struct SceneWatch {
   std::string where;
 };
 
+// What the command line may override; absent: its defaults.
+struct SceneSolver {
+  std::optional<std::string> method;  // "auto", "projected", "partitioned", "implicit"
+  std::optional<double> rtol;         // [-]
+  std::optional<double> rate;         // samples per second [1/s]
+};
+
 struct SceneMark {
   std::string name;
   SceneEnd on;
@@ -211,8 +220,9 @@ struct SceneSuspension {
 
 struct Scene {
   std::string name;
-  std::string path;       // the file it came from
-  double duration = 0.0;  // [s]
+  std::string path;                // the file it came from
+  std::vector<std::string> files;  // that file and those that it includes
+  double duration = 0.0;           // [s]
   std::vector<SceneBody> bodies;
   std::vector<SceneBeam> beams;
   std::vector<SceneWeld> welds;
@@ -224,11 +234,13 @@ struct Scene {
   std::vector<SceneMark> marks;
   std::optional<SceneGravity> gravity;
   std::optional<SceneSuspension> suspension;
+  SceneSolver solver;
 };
 
 // `overrides`: "dotted.key=value", see LoadToml. Throws Error (file:line:key) for anything that is
 // missing, unknown, out of range or not finite.
 Scene ReadScene(const std::string& path, const std::vector<std::string>& overrides = {});
+Scene ReadScene(const TomlTable& root, const std::string& name);
 Scene ParseScene(const std::string& text, const std::string& name);
 
 // K of eq. (15) with (16). A radius of infinity stands for a plane.

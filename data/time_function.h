@@ -1,15 +1,13 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
-namespace unfurl::data {
+#include "data/time_value.h"
 
-// A value with its first and second derivative in time.
-struct TimeValue {
-  double value = 0.0, rate = 0.0, acceleration = 0.0;
-};
+namespace unfurl::data {
 
 // A scalar function of time as a scene gives it: a number, an expression of t, or a table.
 // Immutable and cheap to copy; evaluating allocates nothing.
@@ -26,14 +24,26 @@ class TimeFunction {
                             const std::string& where);
 
   TimeValue At(double t) const;
+  double Value(double t) const;  // the same, without derivatives
   // The function whose rate this is and that has `start` at t = 0: its value is the integral, to
-  // 1e-12 of its range over [0, duration] where this is smooth.
+  // 1e-12 of its range over [0, duration] where this is smooth. Throws Error when that takes too
+  // many pieces.
   TimeFunction Integral(double start, double duration) const;
   bool is_constant() const;
+
+  // Throws Error when the function, or one of its first `derivatives`, is found not to be finite
+  // somewhere in [0, duration]; Expression::FindFault says what is found. `cells`: how closely to
+  // look.
+  void CheckFinite(double duration, int derivatives, int cells = 4096) const;
+  // Finite at t?
+  bool IsFinite(double t, int derivatives) const;
+  // `"1 / (t - 0.3)" (scene.toml:12:joint.a.motor.moment)`, for messages.
+  std::string Describe() const;
 
   struct Impl;
 
  private:
+  explicit TimeFunction(std::shared_ptr<const Impl> impl) : impl_(std::move(impl)) {}
   std::shared_ptr<const Impl> impl_;
 };
 

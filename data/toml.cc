@@ -8,22 +8,12 @@
 #include <sstream>
 
 #include "data/atomic_file.h"
+#include "data/toml_include.h"
 #include "data/toml_node.h"
 
 namespace unfurl::data {
 
 namespace {
-
-toml::table ParseDocument(const std::string& text, const std::string& name) {
-  try {
-    return toml::parse(text, name);
-  } catch (const toml::parse_error& error) {
-    throw Error(
-        fmt::format("not valid TOML: {}", error.description()),
-        fmt::format("{}:{}:{}", name, error.source().begin.line, error.source().begin.column),
-        "correct the line");
-  }
-}
 
 // The right-hand side of --set as a TOML value; a bare word is taken as a string.
 toml::table ParseOverride(const std::string& value, const std::string& dotted) {
@@ -67,19 +57,35 @@ const toml::node* ApplyOverride(toml::table& root, const std::string& assignment
 
 TomlTable ParseToml(const std::string& text, const std::string& name) {
   auto node = std::make_shared<TomlTable::Node>();
-  node->document = std::make_shared<toml::table>(ParseDocument(text, name));
-  node->table = node->document.get();
+  node->owner = std::make_shared<toml::table>(ParseTomlDocument(text, name));
+  node->document = std::make_shared<TomlTable::Node::Document>();
+  node->document->files.push_back(name);
+  node->table = node->owner.get();
   node->file = name;
-  node->overridden = std::make_shared<std::map<const toml::node*, std::string>>();
   return TomlTable(std::move(node));
 }
 
 TomlTable LoadToml(const std::string& path, const std::vector<std::string>& overrides) {
   TomlTable table = ParseToml(ReadTextFile(path), path);
-  for (const std::string& assignment : overrides) {
+  TomlTable::Node& root = *table.node_;
+  TomlTable::Node::Document& document = *root.document;
+  const auto override_with = [&](const std::string& assignment) {
     std::string dotted;
-    const toml::node* node = ApplyOverride(*table.node_->table, assignment, &dotted);
-    (*table.node_->overridden)[node] = dotted;
+    const toml::node* node = ApplyOverride(*root.table, assignment, &dotted);
+    document.overridden[node] = dotted;
+  };
+  // An include from the command line must be known before the rest can be applied.
+  const auto is_include = [](const std::string& assignment) {
+    return Trim(assignment.substr(0, assignment.find('='))) == kIncludeKey;
+  };
+  for (const std::string& assignment : overrides) {
+    if (is_include(assignment)) override_with(assignment);
+  }
+  if (root.Get(kIncludeKey) != nullptr) {
+    MergeIncludes(root.table, path, &document.files, &document.order);
+  }
+  for (const std::string& assignment : overrides) {
+    if (!is_include(assignment)) override_with(assignment);
   }
   return table;
 }
@@ -113,15 +119,27 @@ std::vector<std::pair<std::string, TomlTable>> TomlTable::NamedTables(std::strin
   std::vector<std::pair<std::string, TomlTable>> named;
   const std::optional<TomlTable> group = TableOrNone(key);
   if (!group) return named;
-  std::vector<std::pair<std::size_t, std::string>> order;  // toml++ sorts keys; restore the file's
+  // toml++ sorts keys; restore the file's order, or that of first mention in merged files.
+  struct Place {
+    int rank;
+    unsigned line, column;
+    auto operator<=>(const Place&) const = default;
+  };
+  constexpr unsigned kLast = std::numeric_limits<unsigned>::max();  // from --set
+  std::vector<std::pair<Place, std::string>> order;
   for (const auto& [name, value] : *group->node_->table) {
     const auto begin = value.source().begin;
-    const std::size_t line = begin.line > 0 ? begin.line : std::numeric_limits<unsigned>::max();
-    order.emplace_back(line, std::string(name.str()));
+    const auto known = node_->document->order.find(fmt::format("{}.{}", key, name.str()));
+    Place place{0, begin.line > 0 ? begin.line : kLast, begin.column};
+    if (known != node_->document->order.end())
+      place = {known->second, 0, 0};
+    else if (begin.line == 0)
+      place.rank = std::numeric_limits<int>::max();
+    order.emplace_back(place, std::string(name.str()));
   }
   std::stable_sort(order.begin(), order.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
-  for (const auto& [line, name] : order) named.emplace_back(name, group->Table(name));
+  for (const auto& [place, name] : order) named.emplace_back(name, group->Table(name));
   return named;
 }
 
@@ -140,6 +158,38 @@ std::vector<TomlTable> TomlTable::TableArray(std::string_view key) const {
                                             const_cast<toml::table*>(array->get(i)->as_table()))));
   }
   return tables;
+}
+
+TomlTable TomlTable::Items(std::string_view key, int size) const {
+  const toml::node* node = node_->Get(key);
+  if (node == nullptr) throw Error(fmt::format("'{}' is missing", key), Where(), "add the key");
+  const toml::array* array = node->as_array();
+  if (array == nullptr || array->size() != static_cast<std::size_t>(size)) {
+    Fail(key,
+         array == nullptr ? fmt::format("holds {}, not an array", TypeName(*node))
+                          : fmt::format("holds {} values", array->size()),
+         fmt::format("give [{} values]", size));
+  }
+  auto& child = node_->tables[std::string(key) + "[]"];
+  if (!child) {
+    child = std::make_shared<Node>();
+    child->owner = std::make_shared<toml::table>();
+    child->document = node_->document;
+    child->table = child->owner.get();
+    child->file = Node::FileOf(*node, node_->file);
+    child->path = node_->Dotted(key);
+    child->line = static_cast<int>(node->source().begin.line);
+    const auto set = node_->document->overridden.find(node);
+    for (std::size_t i = 0; i < array->size(); ++i) {
+      const std::string slot = fmt::format("{}", i);
+      array->get(i)->visit([&](const auto& item) { child->table->insert(slot, item); });
+      if (set != node_->document->overridden.end()) {
+        const std::string dotted = set->second;
+        node_->document->overridden[child->table->get(slot)] = dotted;
+      }
+    }
+  }
+  return TomlTable(child);
 }
 
 namespace {
@@ -165,6 +215,14 @@ std::vector<std::pair<std::string, std::string>> TomlTable::Outline() const {
   ListKeys(*node_->table, node_->path.empty() ? "" : node_->path + ".", &keys);
   return keys;
 }
+
+std::vector<std::string> TomlTable::Asked() const {
+  std::vector<std::string> keys;
+  node_->ListAsked(&keys);
+  return keys;
+}
+
+std::vector<std::string> TomlTable::Files() const { return node_->document->files; }
 
 void TomlTable::RefuseUnknownKeys() const { node_->Refuse(); }
 

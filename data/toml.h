@@ -29,6 +29,11 @@ inline constexpr TomlRange kNonNegative{0.0};
 // `overrides` are "dotted.key=value" with a TOML value (a bare word is taken as a string), applied
 // before anything is read; a value for a table that is not there makes it. Errors in them are
 // placed at "--set dotted.key".
+//
+// `include = ["common.toml"]` at the top of a file merges those files under it, table by table: the
+// file's own keys win, then those of a later file in the list. Names are relative to the file that
+// includes; a file that includes itself, directly or not, is refused. Errors name the file that a
+// key stands in.
 TomlTable LoadToml(const std::string& path, const std::vector<std::string>& overrides = {});
 TomlTable ParseToml(const std::string& text, const std::string& name);
 
@@ -69,6 +74,10 @@ class TomlTable {
   // [[key]] ..., in file order; empty when absent.
   std::vector<TomlTable> TableArray(std::string_view key) const;
 
+  // The items of the array `key` as a table with keys "0", "1", ..: for arrays whose items take
+  // several forms.
+  TomlTable Items(std::string_view key, int size) const;
+
   // True when `key` holds a number, a string, an array, a table: for keys that take several forms.
   bool IsNumber(std::string_view key) const;
   bool IsString(std::string_view key) const;
@@ -77,6 +86,12 @@ class TomlTable {
 
   // Every key of the document from here on, dotted, with its value as text: for `unfurl info`.
   std::vector<std::pair<std::string, std::string>> Outline() const;
+
+  // Every key asked for so far, here and in any table below, dotted.
+  std::vector<std::string> Asked() const;
+
+  // The files that the document came from, the first one first.
+  std::vector<std::string> Files() const;
 
   // Throws on the first key, here or in any table below, that was never asked for.
   void RefuseUnknownKeys() const;

@@ -7,6 +7,7 @@
 #include <memory>
 #include <set>
 #include <string>
+#include <vector>
 
 #include "base/error.h"
 #include "base/text.h"
@@ -17,14 +18,20 @@ namespace unfurl::data {
 // One table of the document, shared by all TomlTable that look at it: so keys read through any of
 // them are remembered in one place. Nodes keep the whole document alive.
 struct TomlTable::Node {
-  std::shared_ptr<toml::table> document;
+  // What all tables of a document share.
+  struct Document {
+    std::vector<std::string> files;
+    std::map<std::string, int> order;                     // of "body.hub" where files were merged
+    std::map<const toml::node*, std::string> overridden;  // node -> dotted key
+  };
+  std::shared_ptr<toml::table> owner;  // keeps `table` alive
+  std::shared_ptr<Document> document;
   toml::table* table = nullptr;
   std::string file;
   std::string path;
   int line = 0;
-  std::set<std::string> asked;                                           // keys a reader knows
-  std::map<std::string, std::shared_ptr<Node>> tables;                   // by key, or "key[i]"
-  std::shared_ptr<std::map<const toml::node*, std::string>> overridden;  // node -> dotted key
+  std::set<std::string> asked;                          // keys a reader knows
+  std::map<std::string, std::shared_ptr<Node>> tables;  // by key, or "key[i]"
 
   std::string Dotted(std::string_view key) const {
     if (key.empty()) return path;
@@ -36,17 +43,23 @@ struct TomlTable::Node {
     return table->get(key);
   }
 
+  // Merged documents hold nodes of several files.
+  static std::string FileOf(const toml::node& node, const std::string& fallback) {
+    const auto& path = node.source().path;
+    return path && !path->empty() ? *path : fallback;
+  }
+
   std::string WhereOf(std::string_view key) const {
     const toml::node* node = key.empty() ? nullptr : table->get(key);
     if (node != nullptr) {
-      const auto set = overridden->find(node);
-      if (set != overridden->end()) return "--set " + set->second;
+      const auto set = document->overridden.find(node);
+      if (set != document->overridden.end()) return "--set " + set->second;
     }
     const int at = node != nullptr && node->source().begin.line > 0
                        ? static_cast<int>(node->source().begin.line)
                        : line;
     const std::string dotted = Dotted(key);
-    std::string where = file;
+    std::string where = node != nullptr ? FileOf(*node, file) : file;
     if (at > 0) where += fmt::format(":{}", at);
     if (!dotted.empty()) where += ":" + dotted;
     return where;
@@ -57,14 +70,19 @@ struct TomlTable::Node {
     auto& node = tables[slot];
     if (!node) {
       node = std::make_shared<Node>();
+      node->owner = owner;
       node->document = document;
       node->table = child;
-      node->file = file;
+      node->file = FileOf(*child, file);
       node->path = child_path;
       node->line = static_cast<int>(child->source().begin.line);
-      node->overridden = overridden;
     }
     return node;
+  }
+
+  void ListAsked(std::vector<std::string>* keys) const {
+    for (const std::string& key : asked) keys->push_back(Dotted(key));
+    for (const auto& [slot, child] : tables) child->ListAsked(keys);
   }
 
   void Refuse() const {

@@ -1,0 +1,333 @@
+#include "data/expression.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <type_traits>
+#include <utility>
+
+#include "data/expression_parser.h"
+
+namespace unfurl::data {
+namespace {
+
+using Op = Expression::Op;
+
+int Operands(Op op) {
+  switch (op) {
+    case Op::kNumber:
+    case Op::kTime:
+      return 0;
+    case Op::kAdd:
+    case Op::kSubtract:
+    case Op::kMultiply:
+    case Op::kDivide:
+    case Op::kPower:
+    case Op::kMin:
+    case Op::kMax:
+      return 2;
+    default:
+      return 1;
+  }
+}
+
+// Quintic that joins 0 and 1 with two continuous derivatives.
+double SmoothStep(double x) {
+  if (x <= 0.0) return 0.0;
+  if (x >= 1.0) return 1.0;
+  return x * x * x * (10.0 + x * (6.0 * x - 15.0));
+}
+
+double Unary(Op op, double x) {
+  switch (op) {
+    case Op::kNegate:
+      return -x;
+    case Op::kSin:
+      return std::sin(x);
+    case Op::kCos:
+      return std::cos(x);
+    case Op::kTan:
+      return std::tan(x);
+    case Op::kAsin:
+      return std::asin(x);
+    case Op::kAcos:
+      return std::acos(x);
+    case Op::kAtan:
+      return std::atan(x);
+    case Op::kSinh:
+      return std::sinh(x);
+    case Op::kCosh:
+      return std::cosh(x);
+    case Op::kTanh:
+      return std::tanh(x);
+    case Op::kExp:
+      return std::exp(x);
+    case Op::kLog:
+      return std::log(x);
+    case Op::kSqrt:
+      return std::sqrt(x);
+    case Op::kAbs:
+      return std::fabs(x);
+    case Op::kStep:
+      return x < 0.0 ? 0.0 : 1.0;
+    case Op::kRamp:
+      return x < 0.0 ? 0.0 : x;
+    default:
+      return SmoothStep(x);
+  }
+}
+
+TimeValue Unary(Op op, const TimeValue& u) {
+  const double x = u.value, f = Unary(op, x);
+  switch (op) {
+    case Op::kNegate:
+      return -u;
+    case Op::kSin:
+      return Chain(u, f, std::cos(x), -f);
+    case Op::kCos:
+      return Chain(u, f, -std::sin(x), -f);
+    case Op::kTan:
+      return Chain(u, f, 1.0 + f * f, 2.0 * f * (1.0 + f * f));
+    case Op::kAsin: {
+      const double d = 1.0 / std::sqrt(1.0 - x * x);
+      return Chain(u, f, d, x * d * d * d);
+    }
+    case Op::kAcos: {
+      const double d = -1.0 / std::sqrt(1.0 - x * x);
+      return Chain(u, f, d, x * d * d * d);
+    }
+    case Op::kAtan: {
+      const double d = 1.0 / (1.0 + x * x);
+      return Chain(u, f, d, -2.0 * x * d * d);
+    }
+    case Op::kSinh:
+      return Chain(u, f, std::cosh(x), f);
+    case Op::kCosh:
+      return Chain(u, f, std::sinh(x), f);
+    case Op::kTanh:
+      return Chain(u, f, 1.0 - f * f, -2.0 * f * (1.0 - f * f));
+    case Op::kExp:
+      return Chain(u, f, f, f);
+    case Op::kLog:
+      return Chain(u, f, 1.0 / x, -1.0 / (x * x));
+    case Op::kSqrt:
+      return Chain(u, f, 0.5 / f, -0.25 / (f * x));
+    case Op::kAbs:
+      return Chain(u, f, x < 0.0 ? -1.0 : 1.0, 0.0);
+    case Op::kStep:
+      return {f, 0.0, 0.0};
+    case Op::kRamp:
+      return x < 0.0 ? TimeValue{} : u;
+    default: {
+      if (x <= 0.0 || x >= 1.0) return {f, 0.0, 0.0};
+      const double r = x * (1.0 - x);
+      return Chain(u, f, 30.0 * r * r, 60.0 * r * (1.0 - 2.0 * x));
+    }
+  }
+}
+
+double Power(double u, double v) { return std::pow(u, v); }
+
+TimeValue Power(const TimeValue& u, const TimeValue& v) {
+  const double c = v.value, f = std::pow(u.value, c);
+  if (v.rate == 0.0 && v.acceleration == 0.0) {
+    // Whole exponents are differentiable at zero, where the factors alone would say 0 * infinity.
+    const double f1 = c == 0.0 ? 0.0 : c * std::pow(u.value, c - 1.0);
+    const double f2 = c == 0.0 || c == 1.0 ? 0.0 : c * (c - 1.0) * std::pow(u.value, c - 2.0);
+    return Chain(u, f, f1, f2);
+  }
+  const TimeValue exponent = v * Unary(Op::kLog, u);
+  return Chain(exponent, f, f, f);
+}
+
+double ValueOf(double u) { return u; }
+double ValueOf(const TimeValue& u) { return u.value; }
+
+template <typename T>
+T Binary(Op op, const T& u, const T& v) {
+  switch (op) {
+    case Op::kAdd:
+      return u + v;
+    case Op::kSubtract:
+      return u - v;
+    case Op::kMultiply:
+      return u * v;
+    case Op::kDivide:
+      return u / v;
+    case Op::kPower:
+      return Power(u, v);
+    case Op::kMin:
+      return ValueOf(v) < ValueOf(u) ? v : u;
+    default:
+      return ValueOf(v) > ValueOf(u) ? v : u;
+  }
+}
+
+bool Finite(const TimeValue& v, int derivatives) {
+  return std::isfinite(v.value) && (derivatives < 1 || std::isfinite(v.rate)) &&
+         (derivatives < 2 || std::isfinite(v.acceleration));
+}
+
+// What must not pass through zero: a divisor, the cosine in a tangent, a base with a negative
+// exponent.
+bool Divides(Op op) { return op == Op::kDivide || op == Op::kTan || op == Op::kPower; }
+
+}  // namespace
+
+Expression::Expression(const std::string& text, const std::string& where)
+    : Expression(ParseExpression(text, where)) {
+  text_ = text;
+}
+
+Expression::Expression(std::vector<Instruction> program) : program_(std::move(program)) {
+  for (const Instruction& i : program_) divisions_ += Divides(i.op);
+}
+
+bool Expression::is_constant() const {
+  return std::none_of(program_.begin(), program_.end(),
+                      [](const Instruction& i) { return i.op == Op::kTime; });
+}
+
+template <typename T>
+T Expression::Run(double t) const {
+  std::array<T, kExpressionDepth> stack;
+  T* top = stack.data() - 1;
+  for (const Instruction& i : program_) {
+    switch (Operands(i.op)) {
+      case 0:
+        if constexpr (std::is_same_v<T, double>) {
+          *++top = i.op == Op::kTime ? t : i.number;
+        } else {
+          *++top = i.op == Op::kTime ? T{t, 1.0, 0.0} : T{i.number, 0.0, 0.0};
+        }
+        break;
+      case 1:
+        *top = Unary(i.op, *top);
+        break;
+      default:
+        --top;
+        *top = Binary(i.op, top[0], top[1]);
+    }
+  }
+  return *top;
+}
+
+double Expression::Value(double t) const { return Run<double>(t); }
+TimeValue Expression::At(double t) const { return Run<TimeValue>(t); }
+
+double Expression::Divisor(int k, double t) const {
+  std::array<double, kExpressionDepth> stack;
+  double* top = stack.data() - 1;
+  for (const Instruction& i : program_) {
+    const int operands = Operands(i.op);
+    if (Divides(i.op) && k-- == 0) {
+      if (i.op == Op::kDivide) return *top;
+      if (i.op == Op::kTan) return std::cos(*top);
+      return *top < 0.0 ? top[-1] : 1.0;
+    }
+    if (operands == 0) {
+      *++top = i.op == Op::kTime ? t : i.number;
+    } else if (operands == 1) {
+      *top = Unary(i.op, *top);
+    } else {
+      --top;
+      *top = Binary(i.op, top[0], top[1]);
+    }
+  }
+  return 1.0;
+}
+
+std::string Expression::Reason(double t) const {
+  std::array<double, kExpressionDepth> stack;
+  double* top = stack.data() - 1;
+  for (const Instruction& i : program_) {
+    const int operands = Operands(i.op);
+    if (operands == 0) {
+      *++top = i.op == Op::kTime ? t : i.number;
+      continue;
+    }
+    if (operands == 2) --top;
+    const double u = top[0], v = operands == 2 ? top[1] : 0.0;
+    *top = operands == 1 ? Unary(i.op, u) : Binary(i.op, u, v);
+    if (std::isfinite(*top)) continue;
+    switch (i.op) {
+      case Op::kDivide:
+        return v == 0.0 ? "divides by zero" : "grows beyond all numbers";
+      case Op::kLog:
+        return "takes the logarithm of a number that is not positive";
+      case Op::kSqrt:
+        return "takes the square root of a negative number";
+      case Op::kAsin:
+      case Op::kAcos:
+        return "takes the inverse sine or cosine of a number beyond 1";
+      case Op::kPower:
+        if (u == 0.0) return "divides by zero";
+        return u < 0.0 ? "takes a broken power of a negative number" : "grows beyond all numbers";
+      default:
+        return "grows beyond all numbers";
+    }
+  }
+  return "has no finite rate or acceleration";
+}
+
+std::optional<Expression::Fault> Expression::FindFault(double duration, int derivatives,
+                                                       int cells) const {
+  constexpr int kBisections = 200;  // to neighbouring numbers
+  // A divisor that is this small beside its value one cell away is zero; a double zero is found to
+  // the square root of rounding only.
+  constexpr double kZero = 1e-7;
+  const auto bad = [&](double t) {
+    return derivatives == 0 ? !std::isfinite(Value(t)) : !Finite(At(t), derivatives);
+  };
+  if (is_constant()) {
+    if (bad(0.0)) return Fault{0.0, Reason(0.0)};
+    return std::nullopt;
+  }
+  const auto time = [&](int k) { return duration * k / cells; };
+  std::vector<double> before(divisions_), here(divisions_), after(divisions_);
+  for (int k = 0; k <= cells; ++k) {
+    if (bad(time(k))) {
+      double good = time(std::max(k - 1, 0)), wrong = time(k);
+      for (int i = 0; i < kBisections && k > 0; ++i) {
+        const double middle = 0.5 * (good + wrong);
+        if (middle == good || middle == wrong) break;
+        (bad(middle) ? wrong : good) = middle;
+      }
+      return Fault{wrong, Reason(wrong)};
+    }
+    for (int d = 0; d < divisions_; ++d) {
+      after[d] = Divisor(d, time(k));
+      const double largest =
+          std::max({std::fabs(before[d]), std::fabs(here[d]), std::fabs(after[d])});
+      if (k > 0 && here[d] * after[d] < 0.0) {
+        double low = time(k - 1), high = time(k);
+        for (int i = 0; i < kBisections; ++i) {
+          const double middle = 0.5 * (low + high);
+          if (middle == low || middle == high) break;
+          (Divisor(d, middle) * here[d] > 0.0 ? low : high) = middle;
+        }
+        const double left = std::fabs(Divisor(d, low)), right = std::fabs(Divisor(d, high));
+        if (std::max(left, right) < kZero * largest) return Fault{high, "divides by zero"};
+      } else if (k > 1 && std::fabs(here[d]) < std::fabs(before[d]) &&
+                 std::fabs(here[d]) <= std::fabs(after[d])) {
+        double low = time(k - 2), high = time(k);
+        for (int i = 0; i < kBisections && high - low > 1e-15 * high; ++i) {
+          const double left = low + 0.382 * (high - low), right = low + 0.618 * (high - low);
+          if (std::fabs(Divisor(d, left)) < std::fabs(Divisor(d, right))) {
+            high = right;
+          } else {
+            low = left;
+          }
+        }
+        if (std::fabs(Divisor(d, 0.5 * (low + high))) < kZero * largest) {
+          return Fault{0.5 * (low + high), "divides by zero"};
+        }
+      }
+    }
+    before.swap(here);
+    here.swap(after);
+  }
+  return std::nullopt;
+}
+
+}  // namespace unfurl::data

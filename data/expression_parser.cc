@@ -1,0 +1,236 @@
+#include "data/expression_parser.h"
+
+#include <fmt/format.h>
+
+#include <charconv>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "base/error.h"
+#include "base/text.h"
+
+namespace unfurl::data {
+namespace {
+
+using Op = Expression::Op;
+using Program = std::vector<Expression::Instruction>;
+
+struct Function {
+  const char* name;
+  Op op;
+  int arguments;
+};
+
+constexpr Function kFunctions[] = {{"sin", Op::kSin, 1},   {"cos", Op::kCos, 1},
+                                   {"tan", Op::kTan, 1},   {"asin", Op::kAsin, 1},
+                                   {"acos", Op::kAcos, 1}, {"atan", Op::kAtan, 1},
+                                   {"sinh", Op::kSinh, 1}, {"cosh", Op::kCosh, 1},
+                                   {"tanh", Op::kTanh, 1}, {"exp", Op::kExp, 1},
+                                   {"log", Op::kLog, 1},   {"sqrt", Op::kSqrt, 1},
+                                   {"abs", Op::kAbs, 1},   {"step", Op::kStep, 1},
+                                   {"ramp", Op::kRamp, 1}, {"smoothstep", Op::kSmoothStep, 1},
+                                   {"min", Op::kMin, 2},   {"max", Op::kMax, 2}};
+
+bool IsLetter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; }
+bool IsDigit(char c) { return c >= '0' && c <= '9'; }
+
+// Recursive descent:
+//   sum     = product { (+|-) product }
+//   product = signed { (*|/) signed }
+//   signed  = (+|-) signed | power
+//   power   = atom [ ^ signed ]            so -2^2 = -4 and 2^3^2 = 2^9
+//   atom    = number | name | name ( sum {, sum} ) | ( sum )
+class Parser {
+ public:
+  Parser(const std::string& text, const std::string& where) : text_(text), where_(where) {}
+
+  Program Parse() {
+    if (text_.size() > kExpressionLongest) {
+      throw Error(fmt::format("an expression of {} characters", text_.size()), where_,
+                  fmt::format("keep it to {}, or give a table", kExpressionLongest));
+    }
+    Skip();
+    if (at_ == text_.size()) throw Error("the expression is empty", where_, "give one of t");
+    Sum();
+    if (at_ < text_.size()) {
+      if (text_[at_] == ')') Fail(at_, "a ')' closes nothing", "remove it");
+      Fail(at_, fmt::format("'{}' where an operator is needed", Word()),
+           "write + - * / ^ between the parts");
+    }
+    return std::move(program_);
+  }
+
+ private:
+  [[noreturn]] void Fail(std::size_t at, const std::string& what, const std::string& remedy) const {
+    constexpr std::size_t kShown = 80;
+    const std::string shown = text_.size() > kShown ? text_.substr(0, kShown) + "..." : text_;
+    throw Error(fmt::format("column {} of \"{}\": {}", at + 1, shown, what), where_, remedy);
+  }
+  void Skip() {
+    while (at_ < text_.size() && (text_[at_] == ' ' || text_[at_] == '\t' || text_[at_] == '\n')) {
+      ++at_;
+    }
+  }
+  bool Take(char c) {
+    if (at_ == text_.size() || text_[at_] != c) return false;
+    ++at_;
+    Skip();
+    return true;
+  }
+  std::string Word() const {
+    std::size_t end = at_;
+    while (end < text_.size() && (IsLetter(text_[end]) || IsDigit(text_[end]))) ++end;
+    return text_.substr(at_, std::max<std::size_t>(end - at_, 1));
+  }
+
+  void Push(Op op, double number = 0.0) {
+    program_.push_back({op, number});
+    if (++depth_ > kExpressionDepth) {
+      Fail(at_, "too many parts wait for each other", "write fewer nested parentheses");
+    }
+  }
+  // Operators on numbers alone are worked out here.
+  void Emit(Op op, int operands) {
+    depth_ -= operands - 1;
+    bool constant = true;
+    for (int k = 0; k < operands; ++k) constant &= program_.rbegin()[k].op == Op::kNumber;
+    program_.push_back({op});
+    if (!constant) return;
+    const double value =
+        Expression(Program(program_.end() - operands - 1, program_.end())).Value(0);
+    if (!std::isfinite(value)) return;  // left for FindFault, which tells why
+    program_.resize(program_.size() - operands - 1);
+    program_.push_back({Op::kNumber, value});
+  }
+
+  void Sum() {
+    if (++nesting_ > kMostNesting) Fail(at_, "nested too deeply", "write fewer parentheses");
+    Product();
+    for (;;) {
+      if (Take('+')) {
+        Product();
+        Emit(Op::kAdd, 2);
+      } else if (Take('-')) {
+        Product();
+        Emit(Op::kSubtract, 2);
+      } else {
+        break;
+      }
+    }
+    --nesting_;
+  }
+
+  void Product() {
+    Signed();
+    for (;;) {
+      if (Take('*')) {
+        if (at_ < text_.size() && text_[at_] == '*') Fail(at_, "there is no '**'", "write ^");
+        Signed();
+        Emit(Op::kMultiply, 2);
+      } else if (Take('/')) {
+        Signed();
+        Emit(Op::kDivide, 2);
+      } else {
+        return;
+      }
+    }
+  }
+
+  void Signed() {
+    bool negative = false;
+    for (;;) {
+      if (Take('-')) {
+        negative = !negative;
+      } else if (!Take('+')) {
+        break;
+      }
+    }
+    Power();
+    if (negative) Emit(Op::kNegate, 1);
+  }
+
+  void Power() {
+    Atom();
+    if (!Take('^')) return;
+    if (++nesting_ > kMostNesting) Fail(at_, "nested too deeply", "write parentheses");
+    Signed();
+    --nesting_;
+    Emit(Op::kPower, 2);
+  }
+
+  void Atom() {
+    const std::size_t begin = at_;
+    if (at_ == text_.size()) Fail(at_, "the expression ends too early", "complete it");
+    if (Take('(')) {
+      Sum();
+      if (!Take(')'))
+        Fail(at_, fmt::format("the '(' of column {} is not closed", begin + 1), "add a ')'");
+      return;
+    }
+    const char c = text_[at_];
+    if (IsDigit(c) || c == '.') return Number();
+    if (!IsLetter(c)) {
+      Fail(at_, fmt::format("'{}' where a number, t or a function is needed", c), "correct it");
+    }
+    const std::string name = Word();
+    at_ += name.size();
+    Skip();
+    if (name == "t") return Push(Op::kTime);
+    if (name == "pi") return Push(Op::kNumber, std::numbers::pi);
+    if (name == "e") return Push(Op::kNumber, std::numbers::e);
+    for (const Function& f : kFunctions) {
+      if (name == f.name) return Call(f, begin);
+    }
+    std::vector<std::string> known{"t", "pi", "e"};
+    for (const Function& f : kFunctions) known.push_back(f.name);
+    const std::string nearest = NearestName(name, known);
+    Fail(begin, fmt::format("'{}' is not known", name),
+         nearest.empty() ? "use " + JoinWords(known) : "did you mean '" + nearest + "'?");
+  }
+
+  void Call(const Function& f, std::size_t begin) {
+    const char* form = f.arguments == 2 ? "(a, b)" : "(x)";
+    const std::string remedy = fmt::format("write {}{}", f.name, form);
+    if (!Take('('))
+      Fail(begin, fmt::format("'{}' needs its argument in parentheses", f.name), remedy);
+    for (int k = 0; k < f.arguments; ++k) {
+      if (k > 0 && !Take(','))
+        Fail(at_, fmt::format("'{}' takes {} arguments", f.name, f.arguments), remedy);
+      Sum();
+    }
+    if (at_ < text_.size() && text_[at_] == ',') {
+      Fail(
+          at_,
+          fmt::format("'{}' takes {}", f.name, f.arguments == 1 ? "one argument" : "two arguments"),
+          remedy);
+    }
+    if (!Take(')')) Fail(at_, fmt::format("the '(' of '{}' is not closed", f.name), "add a ')'");
+    Emit(f.op, f.arguments);
+  }
+
+  void Number() {
+    double value = 0.0;
+    const auto [end, error] =
+        std::from_chars(text_.data() + at_, text_.data() + text_.size(), value);
+    if (error != std::errc()) Fail(at_, "a number that cannot be read", "correct it");
+    at_ = static_cast<std::size_t>(end - text_.data());
+    Skip();
+    Push(Op::kNumber, value);
+  }
+
+  static constexpr int kMostNesting = 200;
+  const std::string& text_;
+  const std::string& where_;
+  std::size_t at_ = 0;
+  int depth_ = 0, nesting_ = 0;
+  Program program_;
+};
+
+}  // namespace
+
+Program ParseExpression(const std::string& text, const std::string& where) {
+  return Parser(text, where).Parse();
+}
+
+}  // namespace unfurl::data

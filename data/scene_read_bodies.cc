@@ -1,0 +1,97 @@
+// Bodies, beams and welds.
+#include "data/scene_reader.h"
+
+namespace unfurl::data {
+namespace {
+
+constexpr int kMostSegments = 1'000'000;
+constexpr int kHighestOrder = 30;  // shape functions of one beam
+
+std::optional<std::array<double, 3>> TripleOrNone(const TomlTable& table, const char* key) {
+  if (!table.Has(key)) return std::nullopt;
+  const std::vector<double> v = table.Numbers(key, 3);
+  return std::array<double, 3>{v[0], v[1], v[2]};
+}
+
+}  // namespace
+
+void SceneReader::ReadBodies() {
+  for (const auto& [name, table] : root_.NamedTables("body")) {
+    Register(table, name, Thing::kBody);
+    SceneBody body;
+    body.name = name;
+    body.mass = table.Number("mass", kPositive);
+    body.inertia = table.Number("inertia", kPositive);
+    body.pose = TripleOrNone(table, "pose");
+    body.velocity = TripleOrNone(table, "velocity");
+    body.where = table.Where();
+    ends_[name] = {SceneEnd::Kind::kBody, static_cast<int>(scene_.bodies.size()), {0, 0}};
+    scene_.bodies.push_back(body);
+  }
+}
+
+void SceneReader::ReadBeams() {
+  for (const auto& [name, table] : root_.NamedTables("beam")) {
+    Register(table, name, Thing::kBeam);
+    SceneBeam beam;
+    beam.name = name;
+    beam.length = table.Number("length", kPositive);
+    beam.mass = table.Number("mass", kPositive);
+    // Both models' keys may stand side by side, so that one word changes the model.
+    beam.model = table.ChoiceOr("model", "segments", {"segments", "kirchhoff"}) == "segments"
+                     ? BeamModel::kSegments
+                     : BeamModel::kKirchhoff;
+    beam.segments = table.IntegerOr("segments", 8, 1, kMostSegments);
+    beam.order = table.IntegerOr("order", 5, 1, kHighestOrder);
+    beam.axial_elastic = table.ChoiceOr("axial", "rigid", {"rigid", "elastic"}) == "elastic";
+    beam.damping = table.NumberOr("damping", 0.0, kNonNegative);
+    beam.gradient_form = table.ChoiceOr("form", "gradient", {"gradient", "printed"}) == "gradient";
+    ReadSection(table, &beam);
+    beam.pose = TripleOrNone(table, "pose");
+    beam.velocity = TripleOrNone(table, "velocity");
+    beam.where = table.Where();
+    const int index = static_cast<int>(scene_.beams.size());
+    beams_[name] = index;
+    ends_[name + ".start"] = {SceneEnd::Kind::kBeamStart, index, {0, 0}};
+    ends_[name + ".end"] = {SceneEnd::Kind::kBeamEnd, index, {0, 0}};
+    scene_.beams.push_back(beam);
+  }
+}
+
+void SceneReader::ReadSection(const TomlTable& table, SceneBeam* beam) {
+  const bool by_modulus = table.Has("E");
+  const double E = by_modulus ? table.Number("E", kPositive) : 0.0;
+  if (table.Has("EI")) {
+    if (table.Has("I")) table.Fail("I", "EI and I are both given", "remove one of them");
+    beam->EI = table.Number("EI", kPositive);
+  } else if (by_modulus) {
+    beam->EI = E * table.Number("I", kPositive);
+  } else {
+    table.Fail("EI", "the beam has no bending stiffness", "give EI, or E and I");
+  }
+  if (table.Has("EA")) {
+    beam->EA = table.Number("EA", kPositive);
+  } else if (by_modulus && table.Has("area")) {
+    beam->EA = E * table.Number("area", kPositive);
+  } else if (by_modulus && table.Has("density")) {
+    beam->EA = E * beam->mass / (table.Number("density", kPositive) * beam->length);
+  } else if (beam->axial_elastic) {
+    table.Fail("EA", "axial = \"elastic\" needs an axial stiffness",
+               "give EA, or E with area or density");
+  }
+}
+
+void SceneReader::ReadWelds() {
+  for (const auto& [name, table] : root_.NamedTables("weld")) {
+    CheckName(table, name);
+    SceneWeld weld;
+    weld.name = name;
+    weld.inner = ReadEnd(table, "inner", "inner_point");
+    weld.outer = ReadEnd(table, "outer", "outer_point");
+    weld.angle = table.NumberOr("angle", 0.0);
+    weld.where = table.Where();
+    scene_.welds.push_back(weld);
+  }
+}
+
+}  // namespace unfurl::data

@@ -1,0 +1,170 @@
+// What acts between bodies and from outside, what is watched, and how to solve.
+#include <fmt/format.h>
+
+#include "base/text.h"
+#include "data/scene_reader.h"
+
+namespace unfurl::data {
+namespace {
+
+std::array<double, 2> Pair(const std::vector<double>& v) { return {v[0], v[1]}; }
+
+}  // namespace
+
+void SceneReader::ReadLinearSprings() {
+  for (const auto& [name, table] : root_.NamedTables("spring")) {
+    Register(table, name, Thing::kSpring);
+    SceneLinearSpring spring;
+    spring.name = name;
+    spring.a = ReadEnd(table, "a", "a_point", "a_at");
+    spring.b = ReadEnd(table, "b", "b_point", "b_at");
+    spring.stiffness = table.NumberOr("stiffness", 0.0, kNonNegative);
+    spring.damping = table.NumberOr("damping", 0.0, kNonNegative);
+    if (spring.stiffness == 0.0 && spring.damping == 0.0) {
+      table.Fail("", "the spring has neither stiffness nor damping", "give one of them, or both");
+    }
+    if (table.Has("free_length")) spring.free_length = table.Number("free_length", kNonNegative);
+    spring.where = table.Where();
+    if (spring.a.kind == spring.b.kind && spring.a.index == spring.b.index &&
+        spring.a.kind != SceneEnd::Kind::kAlongBeam) {
+      table.Fail("b", "both ends of the spring hold the same body", "name two");
+    }
+    scene_.linear_springs.push_back(std::move(spring));
+  }
+}
+
+void SceneReader::ReadForces() {
+  for (const auto& [name, table] : root_.NamedTables("force")) {
+    CheckName(table, name);
+    SceneForce force;
+    force.name = name;
+    force.where = table.Where();
+    const bool by_force = table.Has("force"), by_torque = table.Has("torque"),
+               by_length = table.Has("per_length");
+    if (by_force + by_torque + by_length != 1) {
+      table.Fail("", "a force says exactly one of force, torque and per_length",
+                 by_force + by_torque + by_length == 0 ? "add one" : "keep one");
+    }
+    if (by_length) {
+      force.kind = SceneForce::Kind::kPerLength;
+      const std::string on = table.String("on");
+      const auto beam = beams_.find(on);
+      if (beam == beams_.end()) {
+        std::vector<std::string> known;
+        for (const auto& [n, i] : beams_) known.push_back(n);
+        const std::string nearest = NearestName(on, known);
+        table.Fail("on", "there is no beam \"" + on + "\"",
+                   nearest.empty() ? "per_length acts along a whole beam: name one"
+                                   : "did you mean \"" + nearest + "\"?");
+      }
+      force.on.kind = SceneEnd::Kind::kAlongBeam;
+      force.on.index = beam->second;
+    } else {
+      force.on = ReadEnd(table, "on", "point", "at");
+      if (force.on.kind == SceneEnd::Kind::kGround) {
+        table.Fail("on", "a force on the ground moves nothing", "name a body or a beam's end");
+      }
+    }
+    if (by_torque) {
+      force.kind = SceneForce::Kind::kTorque;
+      force.torque = ReadFunction(table, "torque", 0);
+    } else {
+      const TomlTable items = table.Items(by_length ? "per_length" : "force", 2);
+      force.force = {ReadFunction(items, "0", 0), ReadFunction(items, "1", 0)};
+      force.follows = table.ChoiceOr("frame", "world", {"world", "body"}) == "body";
+    }
+    scene_.forces.push_back(std::move(force));
+  }
+}
+
+void SceneReader::ReadMarks() {
+  for (const auto& [name, table] : root_.NamedTables("mark")) {
+    Register(table, name, Thing::kMark);
+    scene_.marks.push_back({name, ReadEnd(table, "on", "point", "at"), table.Where()});
+  }
+}
+
+void SceneReader::ReadWatches() {
+  for (const auto& [name, table] : root_.NamedTables("event")) {
+    CheckName(table, name);
+    SceneWatch watch;
+    watch.name = name;
+    watch.quantity = table.String("when");
+    CheckQuantity(table, watch.quantity);
+    watch.level = table.NumberOr("level", 0.0);
+    const std::string direction =
+        table.ChoiceOr("direction", "both", {"rising", "falling", "both"});
+    watch.direction = direction == "rising"    ? SceneWatch::Direction::kRising
+                      : direction == "falling" ? SceneWatch::Direction::kFalling
+                                               : SceneWatch::Direction::kBoth;
+    watch.stop = table.BoolOr("stop", false);
+    watch.where = table.Where();
+    scene_.watches.push_back(std::move(watch));
+  }
+}
+
+void SceneReader::CheckQuantity(const TomlTable& table, const std::string& quantity) const {
+  const std::size_t dot = quantity.find('.');
+  const std::string name = quantity.substr(0, dot);
+  const std::string column = dot == std::string::npos ? "" : quantity.substr(dot + 1);
+  const auto thing = things_.find(name);
+  if (thing == things_.end() || thing->second == Thing::kBeam || thing->second == Thing::kSpring) {
+    std::vector<std::string> known;
+    for (const auto& [n, t] : things_) {
+      if (t != Thing::kBeam && t != Thing::kSpring) known.push_back(n);
+    }
+    const std::string nearest = NearestName(name, known);
+    table.Fail("when", "there is no joint, body or mark \"" + name + "\"",
+               nearest.empty() ? "write it as NAME.theta, NAME.x"
+                               : "did you mean \"" + nearest + "." + column + "\"?");
+  }
+  std::vector<std::string> columns;
+  switch (thing->second) {
+    case Thing::kJoint: {
+      SceneJoint::Kind kind = SceneJoint::Kind::kRevolute;
+      for (const SceneJoint& joint : scene_.joints) {
+        if (joint.name == name) kind = joint.kind;
+      }
+      if (kind != SceneJoint::Kind::kSlider) columns = {"theta", "theta_rate"};
+      if (kind != SceneJoint::Kind::kRevolute) {
+        columns.insert(columns.end(), {"travel", "travel_rate"});
+      }
+      break;
+    }
+    case Thing::kBody:
+      columns = {"x", "y", "theta", "vx", "vy", "omega"};
+      break;
+    default:
+      columns = {"x", "y", "vx", "vy"};
+  }
+  for (const std::string& known : columns) {
+    if (column == known) return;
+  }
+  table.Fail("when", "\"" + name + "\" has no \"" + column + "\" to be watched",
+             "use " + JoinWords(columns));
+}
+
+void SceneReader::ReadFields() {
+  if (const auto gravity = root_.TableOrNone("gravity")) {
+    scene_.gravity = SceneGravity{Pair(gravity->Numbers("acceleration", 2))};
+  }
+  if (const auto suspension = root_.TableOrNone("suspension")) {
+    scene_.suspension = SceneSuspension{suspension->Number("length", kPositive),
+                                        suspension->NumberOr("gravity", 9.81, kPositive)};
+  }
+}
+
+void SceneReader::ReadSolver() {
+  const auto solver = root_.TableOrNone("solver");
+  if (!solver) return;
+  if (solver->Has("method")) {
+    scene_.solver.method =
+        solver->Choice("method", {"auto", "projected", "partitioned", "implicit"});
+  }
+  if (solver->Has("rtol")) scene_.solver.rtol = solver->Number("rtol", TomlRange{1e-13, 1e-2});
+  if (solver->Has("rate")) {
+    scene_.solver.rate = solver->Number("rate", TomlRange{0.0, 1e7, true, false});
+  }
+}
+
+}  // namespace unfurl::data

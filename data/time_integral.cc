@@ -1,0 +1,159 @@
+// The integral of an expression: Chebyshev series of the rate on pieces that are halved until the
+// series has ended, integrated term by term.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+
+#include "base/error.h"
+#include "data/time_function_impl.h"
+
+namespace unfurl::data {
+namespace {
+
+using Impl = TimeFunction::Impl;
+
+constexpr int kTerms = 17;  // of a piece's series
+constexpr int kFirstPieces = 16;
+constexpr int kMostHalvings = 46;  // of a first piece, towards a jump
+constexpr std::size_t kMostPieces = 1 << 17;
+// The last two terms of a series, against the largest value of the rate. What is left out is as
+// small as they are, and it is integrated over one piece.
+constexpr double kEnd = 3e-14;
+
+struct Piece {
+  double begin, end;
+  double sum;                        // integral up to `begin`
+  std::array<double, kTerms + 1> c;  // of the integral from `begin`, in Chebyshev polynomials
+};
+
+using Series = std::array<double, kTerms>;
+
+// cos(pi j k / (kTerms - 1)).
+const std::array<Series, kTerms>& Cosines() {
+  static const std::array<Series, kTerms> table = [] {
+    std::array<Series, kTerms> c;
+    for (int j = 0; j < kTerms; ++j) {
+      for (int k = 0; k < kTerms; ++k) {
+        c[j][k] = std::cos(std::numbers::pi * (j * k % (2 * (kTerms - 1))) / (kTerms - 1));
+      }
+    }
+    return c;
+  }();
+  return table;
+}
+
+// Through the function at the Chebyshev points of [a, b].
+Series Fit(const Impl& f, double a, double b) {
+  constexpr int n = kTerms - 1;
+  const auto& cosine = Cosines();
+  Series values, c;
+  for (int j = 0; j <= n; ++j) {
+    values[j] = f.Value(0.5 * (a + b) + 0.5 * (b - a) * cosine[1][j]);
+  }
+  values[0] *= 0.5;
+  values[n] *= 0.5;
+  for (int k = 0; k <= n; ++k) {
+    double sum = 0.0;
+    for (int j = 0; j <= n; ++j) sum += values[j] * cosine[j][k];
+    c[k] = sum * 2.0 / n;
+  }
+  c[0] *= 0.5;
+  c[n] *= 0.5;
+  return c;
+}
+
+// Sum c_k T_k(x), by Clenshaw.
+double Evaluate(const std::array<double, kTerms + 1>& c, double x) {
+  double b1 = 0.0, b2 = 0.0;
+  for (int k = kTerms; k >= 1; --k) {
+    const double b = 2.0 * x * b1 - b2 + c[k];
+    b2 = b1;
+    b1 = b;
+  }
+  return x * b1 - b2 + c[0];
+}
+
+struct SmoothIntegral : Impl {
+  std::shared_ptr<const Impl> rate;
+  double start = 0.0;
+  std::vector<Piece> pieces;
+
+  TimeValue At(double t) const override {
+    const TimeValue r = rate->At(t);
+    return {Value(t), r.value, r.rate};
+  }
+  double Value(double t) const override {
+    const auto after = std::upper_bound(pieces.begin() + 1, pieces.end(), t,
+                                        [](double at, const Piece& p) { return at < p.begin; });
+    const Piece& p = *(after - 1);
+    if (t > p.end) return start + p.sum + Evaluate(p.c, 1.0) + Beyond(p.end, t);
+    const double x = (2.0 * t - p.begin - p.end) / (p.end - p.begin);
+    return start + p.sum + Evaluate(p.c, x);
+  }
+  // Past the duration that was announced: three-point Gauss rule on steps like the mean piece.
+  double Beyond(double from, double t) const {
+    const double mean = pieces.back().end / static_cast<double>(pieces.size());
+    const int steps = static_cast<int>(std::clamp((t - from) / mean * 4.0, 1.0, 1e6));
+    const double h = (t - from) / steps, reach = std::sqrt(0.15);
+    double sum = 0.0;
+    for (int k = 0; k < steps; ++k) {
+      const double middle = from + (k + 0.5) * h;
+      sum += 8.0 * rate->Value(middle) + 5.0 * rate->Value(middle - reach * h) +
+             5.0 * rate->Value(middle + reach * h);
+    }
+    return sum * h / 18.0;
+  }
+  std::shared_ptr<const Impl> Integral(double, double) const override {
+    throw Error("an integral of an integral", where, "give the function itself");
+  }
+  std::string text() const override { return rate->text(); }
+
+  // Adds pieces for [a, b].
+  void Add(double a, double b, double scale, int halvings) {
+    const Series c = Fit(*rate, a, b);
+    const double rest = std::fabs(c[kTerms - 1]) + std::fabs(c[kTerms - 2]);
+    if (rest > kEnd * scale && halvings < kMostHalvings) {
+      Add(a, 0.5 * (a + b), scale, halvings + 1);
+      Add(0.5 * (a + b), b, scale, halvings + 1);
+      return;
+    }
+    if (pieces.size() >= kMostPieces) {
+      throw Error(fmt::format("\"{}\" changes too fast to be integrated over the run", text()),
+                  where, "give the position instead of the rate, or a shorter duration");
+    }
+    Piece p{a, b, 0.0, {}};
+    if (!pieces.empty()) p.sum = pieces.back().sum + Evaluate(pieces.back().c, 1.0);
+    const double half = 0.5 * (b - a);
+    const auto at = [&](int k) { return k < kTerms ? c[k] : 0.0; };
+    for (int k = 1; k <= kTerms; ++k) {
+      p.c[k] = half * ((k == 1 ? 2.0 : 1.0) * at(k - 1) - at(k + 1)) / (2.0 * k);
+    }
+    double at_begin = 0.0;
+    for (int k = 1; k <= kTerms; ++k) at_begin += k % 2 == 0 ? p.c[k] : -p.c[k];
+    p.c[0] = -at_begin;
+    pieces.push_back(p);
+  }
+};
+
+}  // namespace
+
+std::shared_ptr<const Impl> IntegrateSmooth(std::shared_ptr<const Impl> rate, double start,
+                                            double duration) {
+  auto integral = std::make_shared<SmoothIntegral>();
+  integral->rate = rate;
+  integral->start = start;
+  integral->where = rate->where;
+  double scale = 1e-300;
+  for (int k = 0; k <= 1024; ++k) {
+    scale = std::max(scale, std::fabs(rate->Value(duration * k / 1024.0)));
+  }
+  for (int k = 0; k < kFirstPieces; ++k) {
+    integral->Add(duration * k / kFirstPieces, duration * (k + 1) / kFirstPieces, scale, 0);
+  }
+  return integral;
+}
+
+}  // namespace unfurl::data

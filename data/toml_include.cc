@@ -1,0 +1,136 @@
+#include "data/toml_include.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <utility>
+
+#include "base/error.h"
+#include "data/atomic_file.h"
+
+namespace unfurl::data {
+namespace {
+
+constexpr std::size_t kMostFiles = 1000;
+
+class Merger {
+ public:
+  Merger(std::vector<std::string>* files, std::map<std::string, int>* order)
+      : files_(files), order_(order) {}
+
+  void Merge(toml::table* document, const std::string& path) {
+    chain_.push_back(std::filesystem::weakly_canonical(path));
+    std::vector<toml::table> below;
+    if (const toml::node* list = document->get(kIncludeKey)) {
+      for (const std::string& name : Names(*list, path)) below.push_back(Load(name, *list, path));
+    }
+    NoteOrder(*document);
+    for (auto base = below.rbegin(); base != below.rend(); ++base) MergeUnder(document, &*base);
+    chain_.pop_back();
+  }
+
+ private:
+  static std::string Where(const toml::node& list, const std::string& path) {
+    const auto line = list.source().begin.line;  // none: from the command line
+    return line > 0 ? fmt::format("{}:{}:{}", path, line, kIncludeKey) : "--set include";
+  }
+
+  static std::vector<std::string> Names(const toml::node& list, const std::string& path) {
+    std::vector<std::string> names;
+    const toml::array* array = list.as_array();
+    bool good = array != nullptr;
+    for (std::size_t k = 0; good && k < array->size(); ++k) {
+      good = array->get(k)->is_string();
+      if (good) names.push_back(*array->get(k)->value<std::string>());
+    }
+    if (!good) {
+      throw Error("is not a list of file names", Where(list, path),
+                  "write include = [\"common.toml\"]");
+    }
+    return names;
+  }
+
+  toml::table Load(const std::string& name, const toml::node& list, const std::string& from) {
+    const std::filesystem::path file = std::filesystem::path(from).parent_path() / name;
+    const auto canonical = std::filesystem::weakly_canonical(file);
+    const auto above = std::find(chain_.begin(), chain_.end(), canonical);
+    if (above != chain_.end()) {
+      std::string round;
+      for (auto link = above; link != chain_.end(); ++link)
+        round += link->filename().string() + " > ";
+      throw Error(fmt::format("the files include each other in a circle: {}{}", round,
+                              canonical.filename().string()),
+                  Where(list, from), "remove one of the includes");
+    }
+    if (!std::filesystem::is_regular_file(file)) {
+      throw Error(fmt::format("there is no file \"{}\" to include", file.string()),
+                  Where(list, from), "names are relative to the file that includes");
+    }
+    if (files_->size() >= kMostFiles) {
+      throw Error(fmt::format("more than {} files are included", kMostFiles), Where(list, from),
+                  "include each file once");
+    }
+    files_->push_back(file.string());
+    toml::table document = ParseTomlDocument(ReadTextFile(file.string()), file.string());
+    Merge(&document, file.string());
+    document.erase(kIncludeKey);
+    return document;
+  }
+
+  void NoteOrder(const toml::table& document) {
+    struct Place {
+      unsigned line, column;
+      std::string name;
+      auto operator<=>(const Place&) const = default;
+    };
+    std::vector<Place> places;
+    for (const auto& [group, node] : document) {
+      const toml::table* tables = node.as_table();
+      if (tables == nullptr) continue;
+      for (const auto& [name, value] : *tables) {
+        const auto begin = value.source().begin;
+        places.push_back({begin.line, begin.column, fmt::format("{}.{}", group.str(), name.str())});
+      }
+    }
+    std::sort(places.begin(), places.end());
+    for (Place& p : places)
+      order_->try_emplace(std::move(p.name), static_cast<int>(order_->size()));
+  }
+
+  // Nodes move, since copies lose where they stand.
+  static void MergeUnder(toml::table* top, toml::table* base) {
+    for (auto&& [key, node] : *base) {
+      toml::node* own = top->get(key.str());
+      if (own == nullptr) {
+        node.visit([&](auto& value) { top->insert(key, std::move(value)); });
+      } else if (own->is_table() && node.is_table()) {
+        MergeUnder(own->as_table(), node.as_table());
+      }
+    }
+  }
+
+  std::vector<std::string>* files_;
+  std::map<std::string, int>* order_;
+  std::vector<std::filesystem::path> chain_;  // from the first file to the one being merged
+};
+
+}  // namespace
+
+toml::table ParseTomlDocument(const std::string& text, const std::string& name) {
+  try {
+    return toml::parse(text, name);
+  } catch (const toml::parse_error& error) {
+    throw Error(
+        fmt::format("not valid TOML: {}", error.description()),
+        fmt::format("{}:{}:{}", name, error.source().begin.line, error.source().begin.column),
+        "correct the line");
+  }
+}
+
+void MergeIncludes(toml::table* document, const std::string& path, std::vector<std::string>* files,
+                   std::map<std::string, int>* order) {
+  Merger(files, order).Merge(document, path);
+}
+
+}  // namespace unfurl::data
