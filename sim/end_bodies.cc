@@ -36,15 +36,19 @@ class EndBodies {
   }
 
   data::Scene Run() {
-    for (data::SceneWeld& weld : scene_.welds) {
-      if (!IsBeamEnd(weld.inner) || !IsBeamEnd(weld.outer)) continue;
+    const std::size_t welds = scene_.welds.size();  // BodyAt adds to them
+    for (std::size_t w = 0; w < welds; ++w) {
+      SceneEnd inner = scene_.welds[w].inner, outer = scene_.welds[w].outer;
+      if (!IsBeamEnd(inner) || !IsBeamEnd(outer)) continue;
       // The first beam's end body carries the second beam too, at the weld's angle.
-      if (Segmented(weld.inner)) {
-        weld.inner = BodyAt(weld.inner);
-        if (Segmented(weld.outer)) GiveUpMass(weld.outer, &scene_.bodies[weld.inner.index]);
-      } else if (Segmented(weld.outer)) {
-        weld.outer = BodyAt(weld.outer);
+      if (Segmented(inner)) {
+        inner = BodyAt(inner);
+        if (Segmented(outer)) GiveUpMass(outer, &scene_.bodies[inner.index]);
+      } else if (Segmented(outer)) {
+        outer = BodyAt(outer);
       }
+      scene_.welds[w].inner = inner;
+      scene_.welds[w].outer = outer;
     }
     for (data::SceneJoint& joint : scene_.joints) {
       if (!CarriesMoment(joint)) continue;
