@@ -21,6 +21,7 @@ constexpr double kD1 = -12715105075.0 / 11282082432.0, kD3 = 87487479700.0 / 327
                  kD4 = -10690763975.0 / 1880347072.0, kD5 = 701980252875.0 / 199316789632.0,
                  kD6 = -1453857185.0 / 822651844.0, kD7 = 69997945.0 / 29380423.0;
 
+constexpr double kGivenUp = 1e6;  // error of a step whose constraints could not be met
 // From here on h |lambda| is at the edge of stability (Hairer, Norsett and Wanner's own value).
 constexpr double kStabilityEdge = 3.25;
 
@@ -41,6 +42,13 @@ void DormandPrince::RefreshTrial() {
   ++evaluations_;
 }
 
+bool DormandPrince::Stage(double t, double* y, double* rate) {
+  if (!Settle(t, y)) return false;
+  dynamics_.RightSide(t, y, rate);
+  ++evaluations_;
+  return true;
+}
+
 double DormandPrince::Try(double h) {
   const int size = size_;
   const double* __restrict y = y_.data();
@@ -55,29 +63,28 @@ double DormandPrince::Try(double h) {
   h_ = h;
 #pragma GCC ivdep
   for (int i = 0; i < size; ++i) s[i] = y[i] + h * (kA21 * k1[i]);
-  dynamics_.RightSide(t_ + 0.2 * h, s, k_[1].data());
+  if (!Stage(t_ + 0.2 * h, s, k_[1].data())) return kGivenUp;
 #pragma GCC ivdep
   for (int i = 0; i < size; ++i) s[i] = y[i] + h * (kA31 * k1[i] + kA32 * k2[i]);
-  dynamics_.RightSide(t_ + 0.3 * h, s, k_[2].data());
+  if (!Stage(t_ + 0.3 * h, s, k_[2].data())) return kGivenUp;
 #pragma GCC ivdep
   for (int i = 0; i < size; ++i) s[i] = y[i] + h * (kA41 * k1[i] + kA42 * k2[i] + kA43 * k3[i]);
-  dynamics_.RightSide(t_ + 0.8 * h, s, k_[3].data());
+  if (!Stage(t_ + 0.8 * h, s, k_[3].data())) return kGivenUp;
 #pragma GCC ivdep
   for (int i = 0; i < size; ++i) {
     s[i] = y[i] + h * (kA51 * k1[i] + kA52 * k2[i] + kA53 * k3[i] + kA54 * k4[i]);
   }
-  dynamics_.RightSide(t_ + 8.0 / 9.0 * h, s, k_[4].data());
+  if (!Stage(t_ + 8.0 / 9.0 * h, s, k_[4].data())) return kGivenUp;
 #pragma GCC ivdep
   for (int i = 0; i < size; ++i) {
     s[i] = y[i] + h * (kA61 * k1[i] + kA62 * k2[i] + kA63 * k3[i] + kA64 * k4[i] + kA65 * k5[i]);
   }
-  dynamics_.RightSide(t_ + h, s, k_[5].data());
+  if (!Stage(t_ + h, s, k_[5].data())) return kGivenUp;
 #pragma GCC ivdep
   for (int i = 0; i < size; ++i) {
     out[i] = y[i] + h * (kB1 * k1[i] + kB3 * k3[i] + kB4 * k4[i] + kB5 * k5[i] + kB6 * k6[i]);
   }
-  dynamics_.RightSide(t_ + h, out, k_[6].data());
-  evaluations_ += 6;
+  if (!Stage(t_ + h, out, k_[6].data())) return kGivenUp;
   const double* __restrict k7 = k_[6].data();
   return Norm(y, out, [=](int i) {
     return h * (kE1 * k1[i] + kE3 * k3[i] + kE4 * k4[i] + kE5 * k5[i] + kE6 * k6[i] + kE7 * k7[i]);

@@ -25,10 +25,13 @@ class DormandPrince : public Stepper {
   double StabilityUse() const override;
 
  protected:
+  // Called at every stage and at the trial, before its right side; false: give the step up.
+  virtual bool Settle(double /*t*/, double* /*y*/) { return true; }
   double ErrorOf(int entry) const override;
 
  private:
   double Dense(int entry, double sigma) const;
+  bool Stage(double t, double* y, double* rate);
 
   std::array<Array, 7> k_;
 };

@@ -155,6 +155,18 @@ double Dynamics::VelocityDrift(double t, double* y) {
   return model_.constraints.VelocityDrift(motion, &work_);
 }
 
+double Dynamics::EvaluateConstraints(double t, double* y) {
+  return model_.constraints.PositionDriftAt(Update(t, y), &work_);
+}
+
+double Dynamics::EvaluateConstraintRates(double t, double* y) {
+  return model_.constraints.VelocityDrift(Update(t, y), &work_);
+}
+
+void Dynamics::Jacobian(double t, double* y, double* six_per_row) const {
+  model_.constraints.Jacobian(MotionAt(t, y), work_, six_per_row);
+}
+
 void Dynamics::Project(double t, double* y) {
   if (model_.constraints.count() == 0) return;
   const Motion motion = MotionAt(t, y);

@@ -68,6 +68,14 @@ class Dynamics {
   // the last RightSide, which must have been at `y`.
   void Project(double t, double* y);
 
+  // For methods that keep the constraints themselves: the rows at y, or their rates, left in
+  // constraint_rows(); return the largest [m], [m/s].
+  double EvaluateConstraints(double t, double* y);
+  double EvaluateConstraintRates(double t, double* y);
+  double* constraint_rows() { return work_.lambda.data(); }
+  // At the y of the last RightSide or EvaluateConstraints; as Constraints::Jacobian.
+  void Jacobian(double t, double* y, double* six_per_row) const;
+
   Balance BalanceAt(double t, double* y);
   // Smallest pivot of the last factor relative to its diagonal entry; `where` names its joint.
   double SmallestPivot(std::string* where) const;

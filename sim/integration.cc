@@ -11,6 +11,7 @@
 #include "sim/dormand_prince8.h"
 #include "sim/flush_denormals.h"
 #include "sim/observables.h"
+#include "sim/partitioned.h"
 #include "sim/runge_kutta_43.h"
 
 namespace unfurl::sim {
@@ -33,6 +34,9 @@ constexpr double kTightTolerance = 1e-7;
 
 std::unique_ptr<Stepper> MakeStepper(const SimulateOptions& options, Dynamics& dynamics,
                                      const ErrorScale& scale) {
+  if (options.method == Method::kPartitioned) {
+    return std::make_unique<Partitioned>(dynamics, scale);
+  }
   if (options.order == 4) return std::make_unique<RungeKutta43>(dynamics, scale);
   const bool eighth = options.order == 0 ? options.rtol <= kTightTolerance : options.order == 8;
   if (eighth) return std::make_unique<DormandPrince8>(dynamics, scale);
@@ -108,6 +112,7 @@ SimulateReport Integration::Go() {
   report_.t_end = t_;
   report_.method = stepper_->Description();
   report_.evaluations = stepper_->evaluations();
+  report_.repartitions = stepper_->repartitions();
   report_.events = log_.Kept(&report_.events_left_out);
   report_.event_counts = log_.counts();
   report_.latch_counts = log_.latches();

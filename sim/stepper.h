@@ -90,6 +90,8 @@ class Stepper {
   // After Try: h |lambda| of the fastest motion seen, over what the method is stable for (some 1
   // where stability and not accuracy limits the step); 0 where the method cannot tell.
   virtual double StabilityUse() const { return 0.0; }
+  // Times that dependent coordinates were chosen anew; method partitioned.
+  virtual long repartitions() const { return 0; }
 
   // The slot whose error weighs most in the last tried step.
   int WorstSlot() const;

@@ -1,0 +1,46 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "sim/dormand_prince.h"
+#include "sim/partition.h"
+
+namespace unfurl::sim {
+
+// The paper's method: generalized coordinate partitioning with a variable-step Runge-Kutta method
+// of fourth and fifth order (Dormand and Prince's). Independent coordinates and velocities are
+// integrated; at every stage the dependent ones follow from the constraints, coordinates by
+// Newton's method, velocities by the linear equations. Where the pivots of the dependent
+// coordinates turn bad, others are chosen.
+class Partitioned : public DormandPrince {
+ public:
+  Partitioned(Dynamics& dynamics, const ErrorScale& scale);
+
+  const char* name() const override { return "partitioned"; }
+  std::string Description() const override {
+    return "generalized coordinate partitioning, Dormand-Prince 5(4)";
+  }
+  void Refresh() override;
+  void RefreshTrial() override;
+  double Try(double h) override;
+  void Accept(double t) override;
+  long repartitions() const override { return repartitions_; }
+
+ protected:
+  // Dependent coordinates and velocities from the independent ones; false where Newton fails.
+  bool Settle(double t, double* y) override;
+
+ private:
+  void FactorAt(double t, double* y);
+  // Chooses dependent coordinates at `y`.
+  void Repartition(double t, double* y);
+  bool Iterate(double t, double* y, bool velocities, double enough);
+
+  Partition partition_;
+  std::vector<double> jacobian_;  // six a row
+  bool chosen_ = false, factored_ = false;
+  long repartitions_ = 0;
+};
+
+}  // namespace unfurl::sim
