@@ -21,7 +21,6 @@ constexpr double kD1 = -12715105075.0 / 11282082432.0, kD3 = 87487479700.0 / 327
                  kD4 = -10690763975.0 / 1880347072.0, kD5 = 701980252875.0 / 199316789632.0,
                  kD6 = -1453857185.0 / 822651844.0, kD7 = 69997945.0 / 29380423.0;
 
-constexpr double kGivenUp = 1e6;  // error of a step whose constraints could not be met
 // From here on h |lambda| is at the edge of stability (Hairer, Norsett and Wanner's own value).
 constexpr double kStabilityEdge = 3.25;
 

@@ -27,6 +27,7 @@ class DormandPrince : public Stepper {
  protected:
   // Called at every stage and at the trial, before its right side; false: give the step up.
   virtual bool Settle(double /*t*/, double* /*y*/) { return true; }
+  static constexpr double kGivenUp = 1e6;  // error of a step that was given up
   double ErrorOf(int entry) const override;
 
  private:

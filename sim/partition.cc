@@ -7,7 +7,7 @@
 namespace unfurl::sim {
 namespace {
 
-constexpr double kThreshold = 0.3;     // a pivot is at least this part of the largest in its row
+constexpr double kThreshold = 0.5;     // a pivot is at least this part of the largest in its row
 constexpr double kNothingLeft = 1e-9;  // of a row's largest entry before: redundant
 constexpr int kMostCost = 63;          // Markowitz costs beyond count alike
 
@@ -112,10 +112,10 @@ void Partition::Choose(const double* six) {
     if (done[r] || queued[r] != static_cast<int>(lowest)) continue;
     done[r] = 1;
     --remaining;
-    for (const Entry& e : row[r]) std::erase(in_column[e.column], r);
     const double largest = largest_of(r);
     int cost;
     const int best = best_of(r, &cost);
+    for (const Entry& e : row[r]) std::erase(in_column[e.column], r);
     if (best < 0 || largest <= kNothingLeft * before[r]) {
       redundant_.push_back(r);
       for (const Entry& e : row[r]) {
@@ -126,7 +126,7 @@ void Partition::Choose(const double* six) {
     const Entry pivot = row[r][best];
     smallest_pivot_ = std::min(smallest_pivot_,
                                std::fabs(value_[pivot.place] * scale_[pivot.column]) / before[r]);
-    Step step{r, pivot.place, pivot.column, 0, 0, 0};
+    Step step{r, pivot.place, pivot.column, 0, 0, 0, value_[pivot.place] < 0.0};
     for (const Entry& e : row[r]) {
       if (e.column == pivot.column) continue;
       rest_places_.push_back(e.place);
@@ -178,7 +178,7 @@ void Partition::Choose(const double* six) {
   }
 }
 
-double Partition::Factor(const double* six) {
+double Partition::Factor(const double* six, bool* turned) {
   std::copy(six, six + 6 * rows_, value_.begin());
   std::fill(value_.begin() + 6 * rows_, value_.end(), 0.0);
   double* v = value_.data();
@@ -187,8 +187,11 @@ double Partition::Factor(const double* six) {
   const int* sum = sums_.data();
   const Target* target = targets_.data();
   double worst = 1.0;
-  for (const Step& step : steps_) {
+  *turned = false;
+  for (Step& step : steps_) {
     const double inverse = 1.0 / v[step.pivot];
+    *turned |= step.negative != (inverse < 0.0);
+    step.negative = inverse < 0.0;
     double largest = 0.0;
     for (int k = 0; k < step.rest; ++k) {
       largest = std::max(largest, std::fabs(v[rest[k]] * rest_scale[k]));

@@ -27,7 +27,8 @@ class Partition {
   void Choose(const double* six);
   // Factors with the pivots chosen. The smallest pivot over the largest entry of its row then:
   // where that is small, others would be better.
-  double Factor(const double* six);
+  // `turned`: whether one has changed its sign since the factor before.
+  double Factor(const double* six, bool* turned);
   // Solves J_u x = b for the dependent coordinates (J_u their columns of J): `b` by row, destroyed;
   // out[column] -= x[column].
   void Correct(double* b, double* out) const;
@@ -44,6 +45,7 @@ class Partition {
     int column;
     int targets, rest;  // how many rows it is eliminated from; entries of its row beside the pivot
     int later;          // of those, in columns of pivots that follow
+    bool negative;      // the pivot, when last factored
   };
   struct Target {
     int row, place;  // place of the entry below the pivot, then of the multiplier

@@ -5,7 +5,9 @@
 namespace unfurl::sim {
 namespace {
 
-constexpr double kBadPivot = 0.05;   // over the largest entry of its row
+// Pivots over the largest entry of their row: below the first others are chosen for the next step,
+// below the second the step that led there is not trusted.
+constexpr double kBadPivot = 0.35, kLostPivot = 0.1;
 constexpr double kEnough = 0.01;     // of the tolerance: constraints are met that well
 constexpr double kRounding = 1e-13;  // of the scale: they are not asked to be met better than that
 constexpr int kMostIterations = 5;   // with one factor
@@ -15,23 +17,24 @@ constexpr int kMostIterations = 5;   // with one factor
 Partitioned::Partitioned(Dynamics& dynamics, const ErrorScale& scale)
     : DormandPrince(dynamics, scale),
       partition_(dynamics.model().constraints, dynamics.model().slots, scale.length),
-      jacobian_(6 * dynamics.model().constraints.rows(), 0.0) {}
+      jacobian_(6 * dynamics.model().constraints.rows(), 0.0),
+      constrained_(dynamics.model().constraints.count() > 0) {}
 
 void Partitioned::Repartition(double t, double* y) {
   dynamics_.EvaluateConstraints(t, y);
   dynamics_.Jacobian(t, y, jacobian_.data());
   partition_.Choose(jacobian_.data());
+  worst_ = 1.0;
   factored_ = true;
 }
 
-void Partitioned::FactorAt(double t, double* y) {
+bool Partitioned::FactorAt(double t, double* y) {
   dynamics_.EvaluateConstraints(t, y);
   dynamics_.Jacobian(t, y, jacobian_.data());
-  const double worst = partition_.Factor(jacobian_.data());
+  bool turned = false;
+  worst_ = partition_.Factor(jacobian_.data(), &turned);
   factored_ = true;
-  if (worst >= kBadPivot) return;
-  partition_.Choose(jacobian_.data());
-  ++repartitions_;
+  return !turned && worst_ > kLostPivot;
 }
 
 bool Partitioned::Iterate(double t, double* y, bool velocities, double enough) {
@@ -48,42 +51,43 @@ bool Partitioned::Iterate(double t, double* y, bool velocities, double enough) {
 }
 
 bool Partitioned::Settle(double t, double* y) {
-  if (dynamics_.model().constraints.count() == 0) return true;
-  if (!chosen_) {
-    Repartition(t, y);
-    chosen_ = true;
-  }
-  if (!factored_) FactorAt(t, y);
+  if (!constrained_) return true;
   const double length = std::max(kEnough * scale_.rtol, kRounding) * scale_.length;
   const double speed = std::max(kEnough * scale_.rtol, kRounding) * scale_.speed;
-  if (!Iterate(t, y, false, length)) {
-    FactorAt(t, y);
-    if (!Iterate(t, y, false, length)) return false;
+  for (const bool velocities : {false, true}) {
+    const double enough = velocities ? speed : length;
+    if (Iterate(t, y, velocities, enough)) continue;
+    if (!FactorAt(t, y) || !Iterate(t, y, velocities, enough)) return false;
   }
-  if (Iterate(t, y, true, speed)) return true;
-  FactorAt(t, y);
-  return Iterate(t, y, true, speed);
+  return true;
 }
 
 void Partitioned::Refresh() {
-  factored_ = false;
-  Settle(t_, y_.data());
+  if (constrained_) {
+    Repartition(t_, y_.data());
+    Settle(t_, y_.data());
+  }
   DormandPrince::Refresh();
 }
 
 void Partitioned::RefreshTrial() {
-  Settle(t_ + h_, trial_.data());
+  if (constrained_) Settle(t_ + h_, trial_.data());
   DormandPrince::RefreshTrial();
 }
 
 double Partitioned::Try(double h) {
-  if (!factored_ && dynamics_.model().constraints.count() > 0) FactorAt(t_, y_.data());
-  return DormandPrince::Try(h);
-}
-
-void Partitioned::Accept(double t) {
-  DormandPrince::Accept(t);
+  if (!constrained_) return DormandPrince::Try(h);
+  if (!factored_) lost_ = !FactorAt(t_, y_.data()) || lost_;
+  if (lost_ || worst_ < kBadPivot) {
+    Repartition(t_, y_.data());
+    ++repartitions_;
+    lost_ = false;
+  }
+  const double error = DormandPrince::Try(h);
+  if (error <= 1.0 && FactorAt(t_ + h, trial_.data())) return error;
   factored_ = false;
+  lost_ = error <= 1.0 || error >= kGivenUp;
+  return lost_ ? kGivenUp : error;
 }
 
 }  // namespace unfurl::sim

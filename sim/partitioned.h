@@ -24,7 +24,6 @@ class Partitioned : public DormandPrince {
   void Refresh() override;
   void RefreshTrial() override;
   double Try(double h) override;
-  void Accept(double t) override;
   long repartitions() const override { return repartitions_; }
 
  protected:
@@ -32,14 +31,18 @@ class Partitioned : public DormandPrince {
   bool Settle(double t, double* y) override;
 
  private:
-  void FactorAt(double t, double* y);
+  // False where the dependent coordinates chosen cannot be trusted there.
+  bool FactorAt(double t, double* y);
   // Chooses dependent coordinates at `y`.
   void Repartition(double t, double* y);
   bool Iterate(double t, double* y, bool velocities, double enough);
 
   Partition partition_;
   std::vector<double> jacobian_;  // six a row
-  bool chosen_ = false, factored_ = false;
+  const bool constrained_;
+  bool factored_ = false;  // at state(), or at the trial
+  bool lost_ = false;      // the last step left where they can be trusted
+  double worst_ = 1.0;     // pivot of that factor
   long repartitions_ = 0;
 };
 
