@@ -111,25 +111,29 @@ TEST(Partition, ARingHasBoundedFill) {
   EXPECT_LT(partition.fill(), 12 * bars);
 }
 
-data::Scene FourBar(double crank_rate) {
-  // Grashof: the crank turns round, the rocker swings; open assembly.
+// Bars of lengths a (crank), b, c (rocker) over a ground of length d.
+data::Scene FourBar(double a, double b, double c, double d, double crank_rate) {
   const std::string text = fmt::format(
       "[scene]\nname = \"four bar\"\nduration = 2.0\n"
       "[body.crank]\nmass = 1.0\ninertia = 0.02\n[body.rod]\nmass = 1.0\ninertia = 0.3\n"
       "[body.rocker]\nmass = 1.0\ninertia = 0.2\n"
-      "[joint.a]\ninner = \"ground\"\nouter = \"crank\"\nouter_point = [-0.2, 0.0]\ntheta = 1.0\n"
-      "theta_rate = {}\n"
-      "[joint.b]\ninner = \"crank\"\ninner_point = [0.2, 0.0]\nouter = \"rod\"\n"
-      "outer_point = [-0.6, 0.0]\ntheta = -0.7\n"
-      "[joint.c]\ninner = \"rod\"\ninner_point = [0.6, 0.0]\nouter = \"rocker\"\n"
-      "outer_point = [0.5, 0.0]\ntheta = 1.2\n"
-      "[joint.d]\ninner = \"ground\"\ninner_point = [1.2, 0.0]\nouter = \"rocker\"\n"
-      "outer_point = [-0.5, 0.0]\ntheta = 1.5\n"
+      "[joint.a]\ninner = \"ground\"\nouter = \"crank\"\nouter_point = [{0}, 0.0]\ntheta = 1.0\n"
+      "theta_rate = {4}\n"
+      "[joint.b]\ninner = \"crank\"\ninner_point = [{1}, 0.0]\nouter = \"rod\"\n"
+      "outer_point = [{5}, 0.0]\ntheta = -0.7\n"
+      "[joint.c]\ninner = \"rod\"\ninner_point = [{2}, 0.0]\nouter = \"rocker\"\n"
+      "outer_point = [{3}, 0.0]\ntheta = 1.2\n"
+      "[joint.d]\ninner = \"ground\"\ninner_point = [{7}, 0.0]\nouter = \"rocker\"\n"
+      "outer_point = [{6}, 0.0]\ntheta = 1.5\n"
       "[gravity]\nacceleration = [0.0, -9.81]\n"
-      "[mark.end]\non = \"rocker\"\npoint = [0.5, 0.0]\n",
-      crank_rate);
+      "[mark.end]\non = \"rocker\"\npoint = [{3}, 0.0]\n",
+      -a / 2, a / 2, b / 2, c / 2, crank_rate, -b / 2, -c / 2, d);
   return data::ParseScene(text, "test.toml");
 }
+// The crank turns round (Grashof), so that its angle would do for ever.
+data::Scene CrankRocker() { return FourBar(0.4, 1.2, 1.0, 1.2, 12.0); }
+// No bar turns round: each comes to dead centres, where its angle will not do.
+data::Scene TripleRocker() { return FourBar(0.8, 0.7, 0.8, 1.5, 6.0); }
 
 double WorstDistance(const MarkTracks& a, const MarkTracks& b) {
   double worst = 0.0;
@@ -147,7 +151,7 @@ TEST(Partitioned, AgreesWithProjection) {
   deployment.duration = 0.5;
   data::Scene chain = data::ParseScene(
       ChainScene(4) + "[gravity]\nacceleration = [0.0, -9.81]\n[mark.tip]\non = \"b3\"\n", "t");
-  for (const data::Scene& scene : {deployment, chain, FourBar(12.0)}) {
+  for (const data::Scene& scene : {deployment, chain, CrankRocker(), TripleRocker()}) {
     const Model model = Compile(scene);
     SimulateOptions options;
     options.rtol = 1e-9;
@@ -157,7 +161,7 @@ TEST(Partitioned, AgreesWithProjection) {
     ASSERT_TRUE(partitioned.report.Usable()) << scene.name << partitioned.report.message;
     ASSERT_EQ(partitioned.t.size(), projected.t.size());
     // Both are off by some ten times the tolerance, of marks that move a metre.
-    EXPECT_LT(WorstDistance(projected, partitioned), 1e-7) << scene.name;
+    EXPECT_LT(WorstDistance(projected, partitioned), 2e-7) << scene.name;
     EXPECT_EQ(partitioned.report.projections, 0);
     EXPECT_LT(partitioned.report.largest_position_drift, 1e-10);
   }
@@ -166,14 +170,14 @@ TEST(Partitioned, AgreesWithProjection) {
 TEST(Partitioned, ChoosesAnewAsTheMechanismTurns) {
   SimulateOptions options;
   options.method = Method::kPartitioned;
-  const SimulateReport report = Simulate(Compile(FourBar(12.0)), options, nullptr);
+  const SimulateReport report = Simulate(Compile(TripleRocker()), options, nullptr);
   ASSERT_TRUE(report.Usable()) << report.message;
   EXPECT_GT(report.repartitions, 0);
   EXPECT_LT(report.repartitions, report.steps / 4);
 }
 
 TEST(Partitioned, ErrorFollowsTheTolerance) {
-  const Model model = Compile(FourBar(12.0));
+  const Model model = Compile(CrankRocker());
   SimulateOptions options;
   options.max_step = 1.0;  // the tolerance alone decides
   options.rtol = 1e-12;
@@ -182,7 +186,7 @@ TEST(Partitioned, ErrorFollowsTheTolerance) {
   for (const double rtol : {1e-5, 1e-7, 1e-9}) {
     options.rtol = rtol;
     const double error = WorstDistance(SimulateMarks(model, options), reference);
-    EXPECT_LT(error, 10 * rtol);
+    EXPECT_LT(error, 30 * rtol);
     EXPECT_GT(error, 0.005 * rtol);
   }
 }
