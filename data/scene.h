@@ -84,7 +84,7 @@ struct SceneDamper {
 };
 
 // Moment as a function of the coordinate (a tape spring): monotone cubic through the points
-// (Fritsch and Carlson), straight beyond the ends.
+// (Fritsch and Butland), straight beyond the ends.
 struct SceneMomentTable {
   std::vector<double> coordinate;  // rising [rad]
   std::vector<double> moment;      // on the coordinate [N m]

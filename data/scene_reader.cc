@@ -68,6 +68,8 @@ SceneEnd SceneReader::ReadEnd(const TomlTable& table, const char* key, const cha
     end.kind = SceneEnd::Kind::kAlongBeam;
     end.index = beam->second;
     end.at = table.Number(at_key, TomlRange{0.0, 1.0});
+    if (end.at == 0.0) end.kind = SceneEnd::Kind::kBeamStart;
+    if (end.at == 1.0) end.kind = SceneEnd::Kind::kBeamEnd;
   } else if (name != "ground") {
     const auto found = ends_.find(name);
     if (found == ends_.end()) {
@@ -81,7 +83,7 @@ SceneEnd SceneReader::ReadEnd(const TomlTable& table, const char* key, const cha
     end = found->second;
   }
   const bool on_beam = end.kind != SceneEnd::Kind::kGround && end.kind != SceneEnd::Kind::kBody;
-  if (at_key != nullptr && end.kind != SceneEnd::Kind::kAlongBeam && table.Has(at_key)) {
+  if (at_key != nullptr && !beams_.contains(name) && table.Has(at_key)) {
     table.Fail(at_key, "\"" + name + "\" is not a whole beam", "remove the key, or name a beam");
   }
   if (table.Has(point_key)) {

@@ -41,6 +41,8 @@ Model Compiler::Run() {
   PlaceAll();
   FillBending();
   FillJoints();
+  FillLinearSprings();
+  FillForces();
   FillFields();
   FillOutputs();
   FillState();

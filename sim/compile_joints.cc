@@ -71,6 +71,25 @@ void Compiler::AddEffects(std::size_t j, Model::Joint* out) {
     out->spring = model_.springs.count();
     model_.springs.Add(out->coordinate, joint.spring->stiffness, joint.spring->preload);
   }
+  if (joint.damper) {
+    out->damper = model_.dampers.count();
+    model_.dampers.Add(out->coordinate, joint.damper->damping);
+  }
+  if (joint.table) {
+    out->table = model_.tables.count();
+    model_.tables.Add(out->coordinate, joint.table->coordinate, joint.table->moment);
+  }
+  if (joint.friction) {
+    out->friction = model_.frictions.count();
+    model_.frictions.Add(out->coordinate, joint.friction->moment, joint.friction->creep_rate);
+  }
+  if (joint.motor) {
+    out->motor = model_.motors.count();
+    model_.motors.Add(out->coordinate, joint.motor->moment);
+    model_.functions.push_back({joint.motor->moment, 0});
+  }
+  if (joint.drive)
+    model_.functions.push_back({joint.drive->function, joint.drive->by_rate ? 1 : 2});
   if (!joint.latch) return;
   const data::SceneContact& c = scene_.contacts[joint.latch->contact];
   const double theta = start_.at.theta[j];

@@ -40,6 +40,10 @@ class Compiler {
   void FillBending();
   void AddStation(const BeamEnd& end, int beam);
   void FillFields();
+  // compile_loads.cc
+  void FillLinearSprings();
+  void FillForces();
+  LoadPoint LoadPointOf(const data::SceneEnd& end, double* angle);
   // compile_joints.cc
   void FillJoints();
   void AddRows(std::size_t joint, const Model::Joint& out, JointRows* rows);

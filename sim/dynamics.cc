@@ -32,7 +32,8 @@ struct NoTimer {
 
 const char* Dynamics::PartName(int part) {
   constexpr std::array<const char*, kParts> kNames = {
-      "kinematics", "bending", "springs", "latches", "suspension", "gravity", "constraints"};
+      "kinematics",     "bending", "springs", "dampers",    "moment tables", "friction",   "motors",
+      "linear springs", "forces",  "latches", "suspension", "gravity",       "constraints"};
   return kNames[part];
 }
 
@@ -99,6 +100,8 @@ void Dynamics::Evaluate(double t, double* y, double* dydt) {
   std::fill_n(extra, kExtras, 0.0);
   double* lost_contact = track_energy ? extra + kExtraContact : nullptr;
   double* lost_beams = track_energy ? extra + kExtraBeams : nullptr;
+  double* lost_dampers = track_energy ? extra + kExtraDampers : nullptr;
+  double* work_done = track_energy ? extra + kExtraWork : nullptr;
   timer.Mark(kKinematics);
 
   if (model_.bending.count() > 0) {
@@ -115,6 +118,30 @@ void Dynamics::Evaluate(double t, double* y, double* dydt) {
   if (model_.springs.count() > 0) {
     model_.springs.AddLoad(motion, load);
     timer.Mark(kSprings);
+  }
+  if (model_.dampers.count() > 0) {
+    model_.dampers.AddLoad(motion, load, lost_dampers);
+    timer.Mark(kDampers);
+  }
+  if (model_.tables.count() > 0) {
+    model_.tables.AddLoad(motion, load);
+    timer.Mark(kTables);
+  }
+  if (model_.frictions.count() > 0) {
+    model_.frictions.AddLoad(motion, load, lost_dampers);
+    timer.Mark(kFriction);
+  }
+  if (model_.motors.count() > 0) {
+    model_.motors.AddLoad(motion, load, work_done);
+    timer.Mark(kMotors);
+  }
+  if (model_.linear_springs.count() > 0) {
+    model_.linear_springs.AddLoad(motion, load, lost_dampers);
+    timer.Mark(kLinearSprings);
+  }
+  if (model_.forces.count() > 0) {
+    model_.forces.AddLoad(motion, load, work_done);
+    timer.Mark(kForces);
   }
   if (model_.latches.count() > 0) {
     model_.latches.AddLoad(motion, modes_, load, lost_contact);
@@ -211,6 +238,8 @@ Balance Dynamics::BalanceAt(double t, double* y) {
   b.bending = model_.bending.Energy(m);
   b.axial = model_.bending.AxialEnergy(m);
   b.spring = model_.springs.Energy(m);
+  b.table = model_.tables.Energy(m);
+  b.linear_spring = model_.linear_springs.Energy(m);
   b.suspension = model_.suspension.Energy(m);
   b.gravity = model_.gravity.Energy(m);
   double lost = 0.0;

@@ -10,6 +10,8 @@ namespace unfurl::sim {
 // Energies by kind [J], momentum, and what the constraints have drifted, at one state.
 struct Balance {
   double kinetic = 0.0, bending = 0.0, axial = 0.0, spring = 0.0, suspension = 0.0, gravity = 0.0;
+  double table = 0.0;  // of the moment tables, zero at their first points
+  double linear_spring = 0.0;
   double contact = 0.0;             // stored in contacts
   double dissipated_contact = 0.0;  // since the start, with what held contacts still have
   double dissipated_beams = 0.0;    // since the start
@@ -21,7 +23,8 @@ struct Balance {
   double position_drift = 0.0, velocity_drift = 0.0;  // [m], [m/s]
 
   double Stored() const {
-    return kinetic + bending + axial + spring + suspension + gravity + contact;
+    return kinetic + bending + axial + spring + table + linear_spring + suspension + gravity +
+           contact;
   }
   double Dissipated() const { return dissipated_contact + dissipated_beams + dissipated_dampers; }
   // Constant but for the error of the integration.
@@ -36,6 +39,12 @@ class Dynamics {
     kKinematics,
     kBending,
     kSprings,
+    kDampers,
+    kTables,
+    kFriction,
+    kMotors,
+    kLinearSprings,
+    kForces,
     kLatches,
     kSuspension,
     kGravity,

@@ -58,6 +58,10 @@ class EndBodies {
         }
       }
     }
+    for (data::SceneForce& force : scene_.forces) {
+      if (force.kind != data::SceneForce::Kind::kTorque || !IsBeamEnd(force.on)) continue;
+      if (Segmented(force.on) && !welded_.contains(KeyOf(force.on))) force.on = BodyAt(force.on);
+    }
     return std::move(scene_);
   }
 

@@ -21,8 +21,9 @@ namespace {
 // oscillation of steps that stability limits.
 constexpr double kSafety = 0.9, kMemory = 0.2;  // memory times the order
 constexpr double kMostGrowth = 5.0, kMostShrink = 0.2;
-constexpr double kFirstStep = 1e-6;      // [s]; grows fivefold per step from there
-constexpr double kSmallestStep = 1e-15;  // relative to the time reached, or to 1 s
+constexpr double kFirstStep = 1e-6;       // [s]; grows fivefold per step from there
+constexpr double kFunctionsAhead = 1e-9;  // [s]; where a function of time is looked for that fails
+constexpr double kSmallestStep = 1e-15;   // relative to the time reached, or to 1 s
 constexpr double kSingularPivot = 1e-12;
 constexpr double kZonePart = 0.25;     // of a contact's transition zone, per step on the way out
 constexpr int kPollSteps = 512;        // between looks at Ctrl-C, pivots and progress
@@ -148,9 +149,14 @@ void Integration::Shrink(double error, double* h) {
   *h *= factor;
   limit_ = stable_ ? StepLimit::kError : StepLimit::kStability;
   if (*h > kSmallestStep * std::max(t_, 1.0) || FailIfDependent()) return;
+  std::string cause;
+  for (const double ahead : {0.0, 10.0 * *h, kFunctionsAhead}) {
+    if (cause.empty()) cause = model_.FaultyFunctions(t_ + ahead);
+  }
+  if (!cause.empty()) cause = "; not finite near here: " + cause;
   Fail(std::isfinite(error) ? SimulateStatus::kStepTooSmall : SimulateStatus::kNotFinite,
-       fmt::format("the step shrank to {:.1e} s, worst at {}", *h,
-                   NameOfSlot(model_, stepper_->WorstSlot())));
+       fmt::format("the step shrank to {:.1e} s, worst at {}{}", *h,
+                   NameOfSlot(model_, stepper_->WorstSlot()), cause));
 }
 
 void Integration::Fail(SimulateStatus status, const std::string& what) {

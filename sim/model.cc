@@ -1,6 +1,7 @@
 #include "sim/model.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace unfurl::sim {
 
@@ -14,11 +15,29 @@ std::vector<Model::EffectCount> Model::Effects() const {
   if (bending.axial()) add("axial elasticity", 1);
   if (bending.damped()) add("material damping", 1);
   add("springs", springs.count());
+  add("dampers", dampers.count());
+  add("moment tables", tables.count());
+  add("friction", frictions.count());
+  add("motors", motors.count());
+  add("linear springs", linear_springs.count());
+  add("forces", forces.count());
   add("latches", latches.count());
   add("suspension", suspension.count());
   add("gravity", gravity.count());
   add("constraints", constraints.count());
   return effects;
+}
+
+std::string Model::FaultyFunctions(double t) const {
+  constexpr double kShort = 1e-9;  // [s]
+  std::string names;
+  for (const Function& f : functions) {
+    const data::TimeValue v = f.function.At(t);
+    const bool runs_away = std::fabs(v.rate) * kShort > std::fabs(v.value) && v.value != 0.0;
+    if (f.function.IsFinite(t, f.derivatives) && !runs_away) continue;
+    names += (names.empty() ? "" : ", ") + f.function.Describe();
+  }
+  return names;
 }
 
 int Model::FindMark(const std::string& mark) const {

@@ -7,8 +7,14 @@
 #include "sim/bending.h"
 #include "sim/constraints.h"
 #include "sim/coordinate.h"
+#include "sim/dampers.h"
+#include "sim/forces.h"
+#include "sim/frictions.h"
 #include "sim/gravity.h"
 #include "sim/latches.h"
+#include "sim/linear_springs.h"
+#include "sim/moment_tables.h"
+#include "sim/motors.h"
 #include "sim/slots.h"
 #include "sim/springs.h"
 #include "sim/suspension.h"
@@ -46,6 +52,11 @@ struct Model {
     MovingPoint pin;        // outer's point
     int spring = -1;        // into springs, latches
     int latch = -1;
+    int damper = -1, table = -1, friction = -1, motor = -1;  // into the effects of that name
+  };
+  struct Function {  // of time, in a drive, motor or force
+    data::TimeFunction function;
+    int derivatives;  // that are needed
   };
   struct Mark {
     std::string name;
@@ -64,6 +75,12 @@ struct Model {
 
   Bending bending;
   Springs springs;
+  Dampers dampers;
+  MomentTables tables;
+  Frictions frictions;
+  Motors motors;
+  LinearSprings linear_springs;
+  Forces forces;
   Latches latches;
   Suspension suspension;
   Gravity gravity;
@@ -73,6 +90,8 @@ struct Model {
   std::vector<Beam> beams;
   std::vector<Joint> joints;
   std::vector<Mark> marks;
+  std::vector<std::string> linear_spring_names;
+  std::vector<Function> functions;
   Watches watches;
 
   std::vector<double> initial_state;
@@ -80,6 +99,9 @@ struct Model {
 
   // What the scene called for: name of the effect and how many instances it holds.
   std::vector<EffectCount> Effects() const;
+  // Names the functions of time that are not finite at t, or that change by more than their own
+  // size within a nanosecond, as they do before a pole; empty when all is well.
+  std::string FaultyFunctions(double t) const;
   int FindMark(const std::string& mark) const;  // -1 when absent
   // Number of bodies that have a mass of their own (welded ones count once), segments included.
   int DynamicBodies() const;

@@ -60,6 +60,16 @@ void Observables::Declare() {
     if (joint.spring >= 0) {
       add(joint.name + ".spring_moment", "N m", "moment of the spring on the angle");
     }
+    const bool travel = joint.coordinate.travel;
+    const auto add_moment = [&](int effect, const std::string& of) {
+      if (effect < 0) return;
+      add(joint.name + "." + of + (travel ? "_force" : "_moment"), travel ? "N" : "N m",
+          "of the " + of + " on the joint's coordinate");
+    };
+    add_moment(joint.damper, "damper");
+    add_moment(joint.table, "table");
+    add_moment(joint.friction, "friction");
+    add_moment(joint.motor, "motor");
     add(joint.name + ".x", "m", "position of the pin");
     add(joint.name + ".y", "m", "position of the pin");
   }
@@ -75,10 +85,18 @@ void Observables::Declare() {
   for (const Model::Beam& beam : model_.beams) {
     add_body(beam.name, "the beam's centre of mass (angle: mean of its segments)");
   }
+  for (const std::string& name : model_.linear_spring_names) {
+    add(name + ".length", "m", "distance of the spring's ends");
+    add(name + ".tension", "N", "of spring and damper");
+  }
   add("energy.kinetic", "J", "kinetic energy");
   if (model_.bending.count() > 0) add("energy.bending", "J", "energy of bending");
   if (model_.bending.axial()) add("energy.axial", "J", "energy of stretching");
   if (model_.springs.count() > 0) add("energy.spring", "J", "energy of the torsion springs");
+  if (model_.tables.count() > 0) add("energy.table", "J", "potential of the moment tables");
+  if (model_.linear_springs.count() > 0) {
+    add("energy.linear_spring", "J", "energy of the linear springs");
+  }
   if (model_.suspension.count() > 0) add("energy.suspension", "J", "energy of the suspension");
   if (!model_.gravity.empty()) add("energy.gravity", "J", "energy in the field of gravity");
   if (model_.latches.count() > 0) {
@@ -88,7 +106,10 @@ void Observables::Declare() {
   if (model_.bending.damped()) {
     add("energy.dissipated_beams", "J", "lost in the beams' material since the start");
   }
-  if (model_.constraints.driven()) {
+  if (model_.dampers.count() + model_.frictions.count() > 0 || model_.linear_springs.damped()) {
+    add("energy.dissipated_dampers", "J", "lost in dampers and friction since the start");
+  }
+  if (model_.constraints.driven() || model_.motors.count() + model_.forces.count() > 0) {
     add("energy.work", "J", "work of drives, motors and applied forces since the start");
   }
   add("energy.total", "J", "all stored energy");
@@ -124,6 +145,10 @@ const std::vector<double>& Observables::Row(double t, double* state,
     put(joint.coordinate.hinge.Rate(m));
     if (joint.latch >= 0) put(model_.latches.Moment(joint.latch, m, modes[joint.latch]));
     if (joint.spring >= 0) put(model_.springs.Moment(joint.spring, m));
+    if (joint.damper >= 0) put(model_.dampers.Moment(joint.damper, m));
+    if (joint.table >= 0) put(model_.tables.Moment(joint.table, m));
+    if (joint.friction >= 0) put(model_.frictions.Moment(joint.friction, m));
+    if (joint.motor >= 0) put(model_.motors.Moment(joint.motor, m));
     const PointMotion p = MotionOf(model_, joint.pin, state);
     put(p.x), put(p.y);
   }
@@ -140,16 +165,27 @@ const std::vector<double>& Observables::Row(double t, double* state,
     }
     for (const double s : sum) put(s / beam.segments);
   }
+  for (int k = 0; k < model_.linear_springs.count(); ++k) {
+    const LinearSprings::State s = model_.linear_springs.At(k, m);
+    put(s.length), put(s.tension);
+  }
   const Balance& b = balance_;
   put(b.kinetic);
   if (model_.bending.count() > 0) put(b.bending);
   if (model_.bending.axial()) put(b.axial);
   if (model_.springs.count() > 0) put(b.spring);
+  if (model_.tables.count() > 0) put(b.table);
+  if (model_.linear_springs.count() > 0) put(b.linear_spring);
   if (model_.suspension.count() > 0) put(b.suspension);
   if (!model_.gravity.empty()) put(b.gravity);
   if (model_.latches.count() > 0) put(b.contact), put(b.dissipated_contact);
   if (model_.bending.damped()) put(b.dissipated_beams);
-  if (model_.constraints.driven()) put(b.work);
+  if (model_.dampers.count() + model_.frictions.count() > 0 || model_.linear_springs.damped()) {
+    put(b.dissipated_dampers);
+  }
+  if (model_.constraints.driven() || model_.motors.count() + model_.forces.count() > 0) {
+    put(b.work);
+  }
   put(b.Stored());
   put(b.Conserved() - start_);
   put(b.momentum_x), put(b.momentum_y), put(b.angular_momentum);

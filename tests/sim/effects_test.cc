@@ -1,0 +1,345 @@
+// Dampers, friction, motors, moment tables, springs between points, forces from outside: each held
+// to a closed form, forces to the gradients of their energies, and all together to the balance of
+// energy.
+#include "effects.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <functional>
+#include <utility>
+
+#include "base/random.h"
+#include "sim/dynamics.h"
+#include "sim/load_point.h"
+
+namespace unfurl::sim {
+namespace {
+
+using ::testing::HasSubstr;
+
+// Each step may be wrong by kTight of 1 rad or 1 m; a run of some hundred steps by a hundred times
+// that, another ten for what the motion itself stretches.
+constexpr double kClosedForm = 1000 * kTight;
+
+TEST(Effects, DampedOscillator) {
+  const double m = 2.0, k = 50.0, c = 3.0, x0 = 0.2, v0 = -0.4, free = 0.1;
+  const Model model = ModelFrom(BlockScene(
+      fmt::format("travel = {}\ntravel_rate = {}\n[joint.slide.spring]\nstiffness = {}\nfree = {}\n"
+                  "[joint.slide.damper]\ndamping = {}\n",
+                  x0, v0, k, free, c)));
+  Sampled run(model);
+  RunTight(model, 2.0, &run);
+  const std::vector<double> x = run["block.x"], lost = run["energy.dissipated_dampers"];
+  const double a = c / (2 * m), w = std::sqrt(k / m - a * a), b = (v0 + a * (x0 - free)) / w;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const double t = run.t[i], e = std::exp(-a * t);
+    const double u = e * ((x0 - free) * std::cos(w * t) + b * std::sin(w * t));
+    EXPECT_NEAR(x[i], free + u, kClosedForm);
+    EXPECT_GE(lost[i], 0.0);
+  }
+  EXPECT_LT(run.residual, kClosedForm * k * x0 * x0);
+  EXPECT_GT(lost.back(), 0.5 * (0.5 * m * v0 * v0));
+}
+
+// I dw/dt = -M tanh(w / w_c) gives sinh(w / w_c) = sinh(w_0 / w_c) exp(-M t / (I w_c)): nearly a
+// straight line down to the creep rate at t = I w_0 / M.
+TEST(Effects, FrictionStopsAWheel) {
+  const double I = 0.5, M = 2.0, w0 = 5.0, creep = 0.1;
+  const Model model = ModelFrom(WheelScene(fmt::format(
+      "theta_rate = {}\n[joint.axle.friction]\nmoment = {}\ncreep_rate = {}\n", w0, M, creep)));
+  Sampled run(model);
+  RunTight(model, 2.0, &run);
+  const std::vector<double> w = run["axle.theta_rate"], moment = run["axle.friction_moment"];
+  for (std::size_t i = 0; i < w.size(); ++i) {
+    const double expected =
+        creep * std::asinh(std::sinh(w0 / creep) * std::exp(-M * run.t[i] / (I * creep)));
+    EXPECT_NEAR(w[i], expected, kClosedForm * w0);
+    EXPECT_NEAR(moment[i], -M * std::tanh(w[i] / creep), 1e-12);
+  }
+  // The stop: the straight line's end, I w_0 / M = 1.25 s.
+  const double slow = w[static_cast<std::size_t>(1.25 * 200)];
+  EXPECT_LT(slow, creep);
+  EXPECT_GT(w[static_cast<std::size_t>(1.20 * 200)], creep);
+  EXPECT_NEAR(run["energy.dissipated_dampers"].back(), 0.5 * I * w0 * w0, 1e-6);
+}
+
+// I dw/dt = M sin(p t).
+TEST(Effects, MotorTurnsAWheel) {
+  const double I = 0.5, M = 3.0, p = 4.0;
+  const Model model = ModelFrom(WheelScene("[joint.axle.motor]\nmoment = '3 * sin(4 * t)'\n"));
+  Sampled run(model);
+  RunTight(model, 2.0, &run);
+  const std::vector<double> w = run["axle.theta_rate"], theta = run["axle.theta"];
+  const std::vector<double> work = run["energy.work"];
+  for (std::size_t i = 0; i < w.size(); ++i) {
+    const double t = run.t[i], expected = M / (I * p) * (1 - std::cos(p * t));
+    EXPECT_NEAR(w[i], expected, kClosedForm);
+    EXPECT_NEAR(theta[i], M / (I * p) * (t - std::sin(p * t) / p), kClosedForm);
+    EXPECT_NEAR(work[i], 0.5 * I * expected * expected, kClosedForm);
+  }
+}
+
+TEST(Effects, ConstantForceDoesForceTimesWay) {
+  const Model model = ModelFrom(FreeScene("[force.f]\non = 'box'\nforce = [3.0, -4.0]\n"));
+  Sampled run(model);
+  RunTight(model, 2.0, &run);
+  const std::vector<double> x = run["box.x"], y = run["box.y"], work = run["energy.work"];
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const double s = 0.5 * run.t[i] * run.t[i] / 2.0;
+    EXPECT_NEAR(x[i], 3.0 * s, kClosedForm);
+    EXPECT_NEAR(y[i], -4.0 * s, kClosedForm);
+    EXPECT_NEAR(work[i], 25.0 * s, kClosedForm * 25.0);
+  }
+}
+
+// A force along the axis of a body that spins at w: m x'' = F cos(w t), m y'' = F sin(w t).
+TEST(Effects, ForcesFollowTheirBody) {
+  const double F = 5.0, w = 3.0, m = 2.0;
+  const Model model = ModelFrom(FreeScene(
+      "velocity = [0, 0, 3.0]\n[force.f]\non = 'box'\nforce = [5.0, 0]\nframe = 'body'\n"));
+  Sampled run(model);
+  RunTight(model, 2.0, &run);
+  const std::vector<double> x = run["box.x"], y = run["box.y"];
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const double t = run.t[i], a = F / (m * w * w);
+    EXPECT_NEAR(x[i], a * (1 - std::cos(w * t)), kClosedForm);
+    EXPECT_NEAR(y[i], a * (w * t - std::sin(w * t)), kClosedForm);
+  }
+}
+
+TEST(Effects, OffCentreForceAndTorqueTurn) {
+  // A force at (0, 0.2) in a body that a torque keeps from turning: F x r is -0.2 F_x.
+  const Model model =
+      ModelFrom(FreeScene("[force.f]\non = 'box'\npoint = [0.0, 0.2]\nforce = [3.0, "
+                          "0]\n[force.turn]\non = 'box'\ntorque = 0.6\n"));
+  Sampled run(model);
+  RunTight(model, 1.0, &run);
+  EXPECT_NEAR(run["box.theta"].back(), 0.0, 1e-15);
+  EXPECT_NEAR(run["box.x"].back(), 0.75, kClosedForm);
+}
+
+// The same forces as gravity, segment by segment.
+TEST(Effects, LoadPerLengthLikeWeightMovesLikeWeight) {
+  const std::string rod = "[weld.root]\ninner = 'ground'\nouter = 'rod.start'\n";
+  const std::string base =
+      "[scene]\nname = 's'\nduration = 1.0\n[beam.rod]\nlength = 0.8\nmass = 0.4\nEI = 5.0\n"
+      "segments = 4\n[mark.tip]\non = 'rod.end'\n";
+  const Model weight = ModelFrom(base + rod + "[gravity]\nacceleration = [0.0, -9.81]\n");
+  const Model load = ModelFrom(base + rod + "[force.q]\non = 'rod'\nper_length = [0.0, -4.905]\n");
+  Sampled a(weight), b(load);
+  RunTight(weight, 0.3, &a);
+  RunTight(load, 0.3, &b);
+  const std::vector<double> ya = a["tip.y"], yb = b["tip.y"];
+  EXPECT_LT(*std::min_element(ya.begin(), ya.end()), -0.02);
+  for (std::size_t i = 0; i < ya.size(); ++i) EXPECT_NEAR(ya[i], yb[i], kClosedForm);
+}
+
+// A bar on a pin, tied to the ground by a spring from its end: one degree of freedom, written down
+// by hand and integrated by the classical Runge-Kutta method.
+TEST(Effects, PendulumOnALinearSpring) {
+  const double m = 2.0, r = 0.5, I = 0.1 + m * r * r, k = 80.0, d0 = 0.4, c = 1.5, g = 9.81;
+  const double ax = 0.3, ay = -1.3;
+  const Model model = ModelFrom(
+      PendulumScene(0.8) + fmt::format("[spring.tie]\na = 'ground'\na_point = [{}, {}]\nb = 'bar'\n"
+                                       "b_point = [{}, 0]\nstiffness = {}\ndamping = {}\n"
+                                       "free_length = {}\n",
+                                       ax, ay, r, k, c, d0));
+  Sampled run(model);
+  RunTight(model, 1.0, &run);
+  const auto rate = [&](std::array<double, 2> s) {
+    // theta from the downward vertical; the tip at 2 r.
+    const double x = 2 * r * std::sin(s[0]), y = -2 * r * std::cos(s[0]);
+    const double tx = 2 * r * std::cos(s[0]), ty = 2 * r * std::sin(s[0]);  // d(tip)/d(theta)
+    const double dx = x - ax, dy = y - ay, d = std::hypot(dx, dy);
+    const double along = (dx * tx + dy * ty) / d;
+    const double tension = k * (d - d0) + c * along * s[1];
+    return std::array<double, 2>{s[1], (-m * g * r * std::sin(s[0]) - tension * along) / I};
+  };
+  std::array<double, 2> s{0.8, 0.0};
+  constexpr int kParts = 50;  // of a sample's 5 ms; Runge-Kutta's error there is 1e-13
+  const double h = 0.005 / kParts;
+  const std::vector<double> theta = run["pivot.theta"], length = run["tie.length"];
+  for (std::size_t i = 0; i < theta.size(); ++i) {
+    EXPECT_NEAR(theta[i], s[0], kClosedForm) << run.t[i];
+    EXPECT_NEAR(length[i], std::hypot(2 * r * std::sin(s[0]) - ax, -2 * r * std::cos(s[0]) - ay),
+                kClosedForm);
+    for (int part = 0; part < kParts; ++part) {
+      const auto at = [&](double f, const std::array<double, 2>& q) {
+        return std::array<double, 2>{s[0] + f * q[0], s[1] + f * q[1]};
+      };
+      const auto k1 = rate(s), k2 = rate(at(h / 2, k1)), k3 = rate(at(h / 2, k2)),
+                 k4 = rate(at(h, k3));
+      for (int j = 0; j < 2; ++j) s[j] += h / 6 * (k1[j] + 2 * k2[j] + 2 * k3[j] + k4[j]);
+    }
+  }
+  EXPECT_LT(run.residual, 1e-8);
+}
+
+TEST(Effects, FreeLengthIsTheDistanceAtTheStartUnlessGiven) {
+  const Model model = ModelFrom(PendulumScene(0.0) +
+                                "[spring.tie]\na = 'ground'\na_point = [0.4, -1.0]\nb = 'bar'\n"
+                                "b_point = [0.5, 0]\nstiffness = 80.0\n");
+  Sampled run(model);
+  RunTight(model, 0.2, &run);
+  EXPECT_NEAR(run["tie.length"].front(), 0.4, 1e-15);
+  EXPECT_NEAR(run["tie.tension"].front(), 0.0, 1e-12);
+  EXPECT_NEAR(run["pivot.theta"].back(), 0.0, kClosedForm);  // hanging, with a spring at rest
+}
+
+// The load of an effect that has an energy is the energy's negative gradient, here by differences
+// along every coordinate of every slot.
+TEST(Effects, ForcesAreGradientsOfTheirEnergies) {
+  const Model model = ModelFrom(EverythingScene());
+  Dynamics dynamics(model);
+  Rng rng(21);
+  const int n = model.index.n;
+  Array fx(n + kBlock, 0.0), fy(n + kBlock, 0.0), m(n + kBlock, 0.0);
+  struct Effect {
+    const char* name;
+    std::function<void(const Motion&, Load)> load;
+    std::function<double(const Motion&)> energy;
+  };
+  const Effect effects[] = {
+      {"springs", [&](const Motion& q, Load l) { model.springs.AddLoad(q, l); },
+       [&](const Motion& q) { return model.springs.Energy(q); }},
+      {"tables", [&](const Motion& q, Load l) { model.tables.AddLoad(q, l); },
+       [&](const Motion& q) { return model.tables.Energy(q); }},
+      {"linear springs",
+       [&](const Motion& q, Load l) { model.linear_springs.AddLoad(q, l, nullptr); },
+       [&](const Motion& q) { return model.linear_springs.Energy(q); }},
+  };
+  // Central differences with this step are wrong by its square times third derivatives, and by
+  // rounding of energies of some J over it: 1e-8 of forces of some tens of N.
+  constexpr double kStep = 1e-5, kNear = 1e-6;
+  for (int trial = 0; trial < 3; ++trial) {
+    std::vector<double> y = model.initial_state;
+    y.resize(y.size() + kBlock);
+    for (int s = 0; s < n; ++s) {
+      if (!model.slots.IsDynamic(s)) continue;
+      for (const int at : {model.index.x(s), model.index.y(s), model.index.theta(s)}) {
+        y[at] += 0.1 * rng.Normal();
+        y[3 * n + at] = 0.0;  // at rest no damper adds to the forces
+      }
+    }
+    for (const Effect& e : effects) {
+      std::fill(fx.begin(), fx.end(), 0.0);
+      std::fill(fy.begin(), fy.end(), 0.0);
+      std::fill(m.begin(), m.end(), 0.0);
+      e.load(dynamics.Update(0.0, y.data()), {fx.data(), fy.data(), m.data()});
+      double largest = 0.0;
+      for (int s = 0; s < n; ++s) {
+        if (!model.slots.IsDynamic(s)) continue;
+        const std::array<std::pair<int, double>, 3> entries = {
+            {{model.index.x(s), fx[s]}, {model.index.y(s), fy[s]}, {model.index.theta(s), m[s]}}};
+        for (const auto& [at, load] : entries) {
+          std::vector<double> moved = y;
+          moved[at] = y[at] + kStep;
+          const double up = e.energy(dynamics.Update(0.0, moved.data()));
+          moved[at] = y[at] - kStep;
+          const double down = e.energy(dynamics.Update(0.0, moved.data()));
+          EXPECT_NEAR(load, -(up - down) / (2 * kStep), kNear) << e.name << ", entry " << at;
+          largest = std::max(largest, std::fabs(load));
+        }
+      }
+      EXPECT_GT(largest, 0.1) << e.name;
+    }
+  }
+}
+
+// Loss and work are what the loads do on the velocities.
+TEST(Effects, PowersAreLoadsTimesVelocities) {
+  const Model model = ModelFrom(EverythingScene());
+  Dynamics dynamics(model);
+  Rng rng(22);
+  const int n = model.index.n;
+  std::vector<double> y = model.initial_state;
+  for (int s = 0; s < n; ++s) {
+    if (!model.slots.IsDynamic(s)) continue;
+    for (const int at : {model.index.vx(s), model.index.vy(s), model.index.omega(s)}) {
+      y[at] = rng.Normal();
+    }
+  }
+  const Motion q = dynamics.Update(0.3, y.data());
+  const auto check = [&](const char* name, double sign, const auto& add) {
+    Array fx(n + kBlock, 0.0), fy(n + kBlock, 0.0), m(n + kBlock, 0.0);
+    double power = 0.0, expected = 0.0;
+    add(Load{fx.data(), fy.data(), m.data()}, &power);
+    for (int s = 0; s < n; ++s) {
+      expected += fx[s] * q.vx[s] + fy[s] * q.vy[s] + m[s] * q.omega[s];
+    }
+    EXPECT_NEAR(power, sign * expected, 1e-12) << name;
+    EXPECT_NE(power, 0.0) << name;
+  };
+  check("dampers", -1, [&](Load l, double* p) { model.dampers.AddLoad(q, l, p); });
+  check("friction", -1, [&](Load l, double* p) { model.frictions.AddLoad(q, l, p); });
+  check("motors", 1, [&](Load l, double* p) { model.motors.AddLoad(q, l, p); });
+  check("forces", 1, [&](Load l, double* p) { model.forces.AddLoad(q, l, p); });
+  // Of the springs between points only the damped part is lost: the rest is d(energy)/dt.
+  check("linear springs", -1, [&](Load l, double* p) {
+    model.linear_springs.AddLoad(q, l, p);
+    constexpr double h = 1e-6;
+    std::vector<double> ahead = y, behind = y;
+    for (int k = 0; k < 3 * n; ++k) {
+      ahead[k] += h * y[3 * n + k];
+      behind[k] -= h * y[3 * n + k];
+    }
+    Dynamics other(model);
+    const double up = model.linear_springs.Energy(other.Update(0.0, ahead.data()));
+    const double down = model.linear_springs.Energy(other.Update(0.0, behind.data()));
+    EXPECT_GT(*p, 0.0);
+    const double stored = (up - down) / (2 * h);
+    double loads = 0.0;
+    for (int s = 0; s < n; ++s)
+      loads += l.fx[s] * q.vx[s] + l.fy[s] * q.vy[s] + l.m[s] * q.omega[s];
+    EXPECT_NEAR(loads, -*p - stored, 1e-7);
+    *p = -loads;
+  });
+}
+
+TEST(Effects, EnergyBalances) {
+  const Model model = ModelFrom(EverythingScene());
+  Sampled run(model);
+  SimulateOptions options;
+  options.rtol = 1e-9;
+  ASSERT_TRUE(Simulate(model, options, &run).Usable());
+  EXPECT_GT(std::fabs(run["energy.work"].back()), 0.1);
+  EXPECT_GT(run["energy.dissipated_dampers"].back(), 0.1);
+  // Some thousand steps, each within the tolerance of energies of some J.
+  EXPECT_LT(run.residual, 1e-7);
+}
+
+TEST(Effects, WhatIsNotInTheSceneIsNotCounted) {
+  std::vector<std::string> names;
+  for (const auto& e : ModelFrom(PendulumScene(0.1)).Effects()) names.push_back(e.name);
+  EXPECT_THAT(names, testing::ElementsAre("bodies", "gravity", "constraints"));
+  names.clear();
+  for (const auto& e : ModelFrom(EverythingScene()).Effects()) names.push_back(e.name);
+  for (const char* name :
+       {"dampers", "moment tables", "friction", "motors", "linear springs", "forces"}) {
+    EXPECT_THAT(names, testing::Contains(name));
+  }
+}
+
+// The scene ends before the pole, the run does not.
+TEST(Effects, ARunThatMeetsAPoleNamesTheExpression) {
+  const Model model = ModelFrom(
+      "[scene]\nname = 's'\nduration = 0.2\n[body.wheel]\nmass = 1.0\ninertia = 1.0\n"
+      "[joint.axle]\ninner = 'ground'\nouter = 'wheel'\n"
+      "[joint.axle.motor]\nmoment = '1 / (t - 0.3) ^ 2'\n");
+  Sampled run(model);
+  SimulateOptions options;
+  options.duration = 1.0;
+  const SimulateReport report = Simulate(model, options, &run);
+  EXPECT_FALSE(report.Usable());
+  EXPECT_NEAR(report.t_end, 0.3, 1e-6);
+  EXPECT_THAT(report.message,
+              HasSubstr("\"1 / (t - 0.3) ^ 2\" (test.toml:11:joint.axle.motor.moment)"));
+  EXPECT_THAT(report.message, HasSubstr("at t = 0.3"));
+  EXPECT_GT(run.rows.size(), 50u);  // the results so far are kept
+}
+
+}  // namespace
+}  // namespace unfurl::sim
