@@ -8,6 +8,15 @@
 
 namespace unfurl::sim {
 
+void Compiler::RefuseInsideSmoothBeam(const data::SceneEnd& end, const std::string& name,
+                                      const std::string& where) const {
+  if (end.kind != data::SceneEnd::Kind::kAlongBeam) return;
+  if (scene_.beams[end.index].model == data::BeamModel::kSegments) return;
+  throw Error(
+      fmt::format("'{}' acts inside the smooth beam '{}'", name, scene_.beams[end.index].name),
+      where, "use model = \"segments\", or let it act on an end of the beam");
+}
+
 LoadPoint Compiler::LoadPointOf(const data::SceneEnd& end, double* angle) {
   const MovingPoint p = PointOf(end, angle);
   return {p.slot, p.px, p.py, p.other_slot, p.other_px};
@@ -15,6 +24,9 @@ LoadPoint Compiler::LoadPointOf(const data::SceneEnd& end, double* angle) {
 
 void Compiler::FillLinearSprings() {
   for (const data::SceneLinearSpring& spring : scene_.linear_springs) {
+    for (const data::SceneEnd* end : {&spring.a, &spring.b}) {
+      RefuseInsideSmoothBeam(*end, spring.name, spring.where);
+    }
     double angle = 0.0;
     const LoadPoint a = LoadPointOf(spring.a, &angle), b = LoadPointOf(spring.b, &angle);
     const PlanePose at_a = start_.node[NodeOf(spring.a)] * InNode(spring.a);
@@ -35,13 +47,7 @@ void Compiler::FillLinearSprings() {
 
 void Compiler::FillForces() {
   for (const data::SceneForce& force : scene_.forces) {
-    const data::SceneBeam* beam =
-        force.on.kind == data::SceneEnd::Kind::kBody ? nullptr : &scene_.beams[force.on.index];
-    if (beam != nullptr && beam->model != data::BeamModel::kSegments &&
-        force.on.kind == data::SceneEnd::Kind::kAlongBeam) {
-      throw Error(fmt::format("force '{}' acts along a smooth beam", force.name), force.where,
-                  "use model = \"segments\", or let it act on an end of the beam");
-    }
+    RefuseInsideSmoothBeam(force.on, force.name, force.where);
     double angle = 0.0;
     switch (force.kind) {
       case data::SceneForce::Kind::kForce: {
@@ -53,9 +59,11 @@ void Compiler::FillForces() {
         model_.forces.AddTorque(LoadPointOf(force.on, &angle), force.torque);
         model_.functions.push_back({force.torque, 0});
         continue;
-      case data::SceneForce::Kind::kPerLength:
-        model_.forces.AddPerLength(first_segment_[force.on.index], beam->segments,
-                                   beam->length / beam->segments, force.force, force.follows);
+      case data::SceneForce::Kind::kPerLength: {
+        const data::SceneBeam& beam = scene_.beams[force.on.index];
+        model_.forces.AddPerLength(first_segment_[force.on.index], beam.segments,
+                                   beam.length / beam.segments, force.force, force.follows);
+      }
     }
     for (const data::TimeFunction& f : force.force) model_.functions.push_back({f, 0});
   }

@@ -137,6 +137,60 @@ TEST(Effects, LoadPerLengthLikeWeightMovesLikeWeight) {
   for (std::size_t i = 0; i < ya.size(); ++i) EXPECT_NEAR(ya[i], yb[i], kClosedForm);
 }
 
+// A free beam pushed where two of its segments meet, off its middle: force and moment about the
+// origin change its momenta, whatever the bending does.
+TEST(Effects, ForcesInsideABeamChangeItsMomenta) {
+  const Model model = ModelFrom(
+      "[scene]\nname = 's'\nduration = 1.0\n[beam.rod]\nlength = 1.0\nmass = 1.0\nEI = 10.0\n"
+      "segments = 4\n[force.f]\non = 'rod'\nat = 0.25\nforce = [0.5, 3.0]\n[mark.m]\non = 'rod'\n"
+      "at = 0.25\n");
+  Sampled run(model);
+  RunTight(model, 0.2, &run);
+  const std::vector<double> px = run["momentum.x"], py = run["momentum.y"],
+                            angular = run["momentum.angular"], x = run["m.x"], y = run["m.y"];
+  double moment = 0.0;  // by Simpson's rule over the samples
+  constexpr double h = 0.005, kRule = 1e-6;
+  for (std::size_t i = 0; i < px.size(); ++i) {
+    EXPECT_NEAR(px[i], 0.5 * run.t[i], kClosedForm);
+    EXPECT_NEAR(py[i], 3.0 * run.t[i], kClosedForm);
+    const auto at = [&](std::size_t k) { return x[k] * 3.0 - y[k] * 0.5; };
+    if (i % 2 == 1 || i == 0) continue;
+    moment += h / 3 * (at(i - 2) + 4 * at(i - 1) + at(i));
+    EXPECT_NEAR(angular[i], moment, kRule);
+  }
+  EXPECT_GT(angular.back(), 0.1);
+  EXPECT_LT(run.residual, kClosedForm * 10.0);
+}
+
+// A couple M on the end of a cantilever bends it to a circle. Without a half element at the end the
+// last half segment would not bend, and halving the segments would only halve the error.
+TEST(Effects, ATorqueOnABeamsEndBendsAllOfIt) {
+  double last = 0.0;
+  for (const int n : {4, 8}) {
+    // The material damps the high modes, a far dashpot on the tip the lowest.
+    const Model model = ModelFrom(BeamScene("clamped", n, "damping = 0.002\n") +
+                                  "[force.m]\non = 'rod.end'\ntorque = 4.0\n"
+                                  "[spring.dashpot]\na = 'ground'\na_point = [1.0, -50.0]\n"
+                                  "b = 'rod.end'\ndamping = 3.0\n");
+    Sampled run(model);
+    SimulateOptions options;
+    options.duration = 4.0;
+    options.rate = 10.0;
+    const SimulateReport report = Simulate(model, options, &run);
+    ASSERT_TRUE(report.Usable()) << report.message;
+    const std::vector<double> x = run["tip.x"], y = run["tip.y"];
+    EXPECT_NEAR(y.back(), y[y.size() - 5], 1e-6);  // at rest
+    // From clamp to tip of an arc of radius EI / M = 2.5 m and length 1 m.
+    const double error =
+        std::hypot(x.back() - 2.5 * std::sin(0.4), y.back() - 2.5 * (1 - std::cos(0.4)));
+    if (last > 0.0) {
+      EXPECT_GT(std::log2(last / error), 1.8);
+      EXPECT_LT(std::log2(last / error), 2.2);
+    }
+    last = error;
+  }
+}
+
 // A bar on a pin, tied to the ground by a spring from its end: one degree of freedom, written down
 // by hand and integrated by the classical Runge-Kutta method.
 TEST(Effects, PendulumOnALinearSpring) {
