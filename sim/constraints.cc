@@ -111,6 +111,30 @@ Constraints::Constraints(const Slots& slots, const std::vector<double>& element_
   ldlt_ = SparseLdlt(rows_, has_equation, entries, places);
 }
 
+bool Constraints::HasLoops() const {
+  // Joins bodies row by row; the rows between the same two bodies are one edge.
+  std::vector<int> root(n_);
+  for (int k = 0; k < n_; ++k) root[k] = k;
+  const auto find = [&](int k) {
+    while (root[k] != k) k = root[k] = root[root[k]];
+    return k;
+  };
+  std::map<std::pair<int, int>, int> edges;
+  for (int row = 0; row < rows_; ++row) {
+    if (!IsActive(row)) continue;
+    int a = InnerBody(row), b = OuterBody(row);
+    if (inverse_mass_[a] == 0.0) a = n_ - 1;  // the ground is one, whatever stands for it
+    if (inverse_mass_[b] == 0.0) b = n_ - 1;
+    if (++edges[{std::min(a, b), std::max(a, b)}] > 1) continue;
+    if (find(a) == find(b)) return true;
+    root[find(a)] = find(b);
+  }
+  for (const auto& [edge, rows] : edges) {
+    if (rows > 3) return true;
+  }
+  return false;
+}
+
 std::string Constraints::NameOf(int row) const {
   if (row >= beam_count_) return joints_.NameOf(row - beam_count_);
   return element_names_[row];

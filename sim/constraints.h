@@ -48,6 +48,8 @@ class Constraints {
   // J at the motion of the last Accelerate: six entries a row, x, y, theta of the inner body, then
   // of the outer; zeros for rows without an equation.
   void Jacobian(const Motion& motion, const Work& work, double* six_per_row) const;
+  // Whether joints close loops: only then can constraints come to depend on one another.
+  bool HasLoops() const;
   // Of the joint or beam that the row belongs to.
   std::string NameOf(int row) const;
   Work MakeWork() const;

@@ -209,7 +209,7 @@ double Dynamics::SmallestPivot(std::string* where) const {
   if (model_.constraints.count() == 0) return 1.0;
   int row = -1;
   const double ratio = model_.constraints.SmallestPivot(work_, &row);
-  if (row >= 0) *where = model_.constraints.NameOf(row);
+  if (row >= 0 && where != nullptr) *where = model_.constraints.NameOf(row);
   return ratio;
 }
 

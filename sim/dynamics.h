@@ -86,7 +86,8 @@ class Dynamics {
   void Jacobian(double t, double* y, double* six_per_row) const;
 
   Balance BalanceAt(double t, double* y);
-  // Smallest pivot of the last factor relative to its diagonal entry; `where` names its joint.
+  // Smallest pivot of the last factor relative to its diagonal entry; `where`, unless null,
+  // gets the name of its joint.
   double SmallestPivot(std::string* where) const;
 
  private:

@@ -25,6 +25,16 @@ constexpr double kFirstStep = 1e-6;       // [s]; grows fivefold per step from t
 constexpr double kFunctionsAhead = 1e-9;  // [s]; where a function of time is looked for that fails
 constexpr double kSmallestStep = 1e-15;   // relative to the time reached, or to 1 s
 constexpr double kSingularPivot = 1e-12;
+// Where the smallest pivot has fallen to this part of the largest that it has been, constraints are
+// near to depending on one another (it goes with the square of the distance), and the drift of an
+// explicit step in absolute coordinates comes back magnified.
+constexpr double kNearPivot = 0.1;
+constexpr double kFarAgain = 1.5;    // times that: far enough
+constexpr double kLeapShrink = 0.1;  // of the steps before: they have shrunk
+constexpr double kLeapError = 1e5;   // over the error allowed: taken all the same
+constexpr double kLeapGrowth = 1.3;
+constexpr int kMostLeaps = 6;          // of growing length
+constexpr double kForget = 0.97;       // a step, of the longest one
 constexpr double kZonePart = 0.25;     // of a contact's transition zone, per step on the way out
 constexpr int kPollSteps = 512;        // between looks at Ctrl-C, pivots and progress
 constexpr int kStabilitySteps = 8;     // between looks at stability
@@ -67,16 +77,20 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       observer_(observer),
       dynamics_(model),
       scale_(ScaleOf(model, options)),
-      stepper_(MakeStepper(options, dynamics_, scale_)),
+      far_(MakeStepper(options, dynamics_, scale_)),
+      stepper_(far_.get()),
       finder_(model),
       log_(model.latches.count()),
       sample_(model.index.size(), 0.0),
       end_(options.duration > 0.0 ? options.duration : model.duration),
-      exponent_((1.0 - 0.75 * kMemory) / stepper_->ErrorOrder()),
-      memory_(kMemory / stepper_->ErrorOrder()),
       last_error_(1e-4),
       zone_part_(kZonePart * std::min(2.0, std::pow(options.rtol / 1e-6, 0.2))) {
   dynamics_.track_energy = options.track_energy;
+  loops_ = model.constraints.HasLoops();
+  if (loops_ && options.method != Method::kPartitioned) {
+    near_ = std::make_unique<Partitioned>(dynamics_, scale_);
+    start_.assign(sample_.size(), 0.0);
+  }
   report_.peak_moment.assign(model.latches.count(), 0.0);
   report_.peak_time.assign(model.latches.count(), 0.0);
   if (options.profile) dynamics_.profile = &report_.part_seconds;
@@ -97,23 +111,28 @@ SimulateReport Integration::Go() {
       limit_ = StepLimit::kEnd;
     }
     const double error = stepper_->Try(h);
-    if (!(error <= 1.0)) {
+    if (!(error <= 1.0) && !(leap_ && error <= kLeapError)) {
       ++report_.rejected;
       Shrink(error, &h);
+      Leap(&h);
       continue;
     }
+    leap_ = false;
+    leaps_ = 0;
+    longest_ = std::max(h, kForget * longest_);
     if (report_.steps % kStabilitySteps == 0) {
       stable_ = stepper_->StabilityUse() < kStabilityUse;
     }
     Advance(h, last);
     ++report_.limited[static_cast<int>(limit_)];
     NextStep(error, &h);
+    if (loops_) SwitchNearDependence();
     if (++report_.steps % kPollSteps == 0) Poll();
   }
   report_.t_end = t_;
-  report_.method = stepper_->Description();
-  report_.evaluations = stepper_->evaluations();
-  report_.repartitions = stepper_->repartitions();
+  report_.method = far_->Description();
+  report_.evaluations = far_->evaluations() + (near_ ? near_->evaluations() : 0);
+  report_.repartitions = far_->repartitions() + (near_ ? near_->repartitions() : 0);
   report_.events = log_.Kept(&report_.events_left_out);
   report_.event_counts = log_.counts();
   report_.latch_counts = log_.latches();
@@ -121,9 +140,41 @@ SimulateReport Integration::Go() {
   return std::move(report_);
 }
 
+// Near a state where constraints depend on one another steps are taken by method partitioned, which
+// meets them at every stage.
+void Integration::SwitchNearDependence() {
+  const double pivot = dynamics_.SmallestPivot(nullptr);
+  largest_pivot_ = std::max(largest_pivot_, pivot);
+  if (is_near_ ? pivot < kFarAgain * kNearPivot * largest_pivot_
+               : pivot >= kNearPivot * largest_pivot_) {
+    return;
+  }
+  is_near_ = !is_near_;
+  if (is_near_) ++report_.near_dependence;
+  if (near_ == nullptr) return;  // partitioned anyway
+  std::copy_n(stepper_->state(), sample_.size(), start_.begin());
+  stepper_ = is_near_ ? near_.get() : far_.get();
+  stepper_->Start(t_, start_);
+}
+
+// The motion goes smoothly through a state where constraints depend on one another; what its
+// neighbourhood spoils is the estimate of the error, and the shorter the steps the nearer they
+// come. So where steps have shrunk there, one of the length that was good before is taken across.
+void Integration::Leap(double* h) {
+  if (!is_near_ || *h > kLeapShrink * longest_ || leaps_ >= kMostLeaps) {
+    leap_ = false;
+    return;
+  }
+  leap_ = true;
+  ++leaps_;
+  *h = std::min(longest_ * std::pow(kLeapGrowth, leaps_ - 1), end_ - t_);
+}
+
 void Integration::NextStep(double error, double* h) {
+  const int order = stepper_->ErrorOrder();
+  const double exponent = (1.0 - 0.75 * kMemory) / order, memory = kMemory / order;
   const double wanted =
-      std::pow(std::max(error, 1e-10), exponent_) / std::pow(last_error_, memory_) / kSafety;
+      std::pow(std::max(error, 1e-10), exponent) / std::pow(last_error_, memory) / kSafety;
   const double factor = std::clamp(wanted, 1.0 / kMostGrowth, 1.0 / kMostShrink);
   last_error_ = std::max(error, 1e-4);
   limit_ = factor > wanted ? StepLimit::kGrowth
@@ -282,7 +333,6 @@ void Integration::Poll() {
   if (report_.steps >= options_.max_steps) {
     Fail(SimulateStatus::kTooManySteps, fmt::format("{} steps taken", report_.steps));
   }
-  FailIfDependent();
 }
 
 }  // namespace unfurl::sim

@@ -23,6 +23,8 @@ class Integration {
   // The tried step is good: sample it, and accept it, up to the first event in it.
   void Advance(double h, bool last);
   void HandleEvents();
+  void SwitchNearDependence();
+  void Leap(double* h);
   void NextStep(double error, double* h);
   bool RemoveDrift(double t, double* y);
   double ContactStep() const;
@@ -36,16 +38,23 @@ class Integration {
   Observer* observer_;
   Dynamics dynamics_;
   ErrorScale scale_;
-  std::unique_ptr<Stepper> stepper_;
+  std::unique_ptr<Stepper> far_, near_;  // near_: where constraints nearly depend on one another
+  Stepper* stepper_;                     // the one in use
   EventFinder finder_;
   EventLog log_;
   std::vector<Event> found_;  // of one instant
   SimulateReport report_;
   Array sample_;
+  std::vector<double> start_;  // of a stepper that takes over
   double end_ = 0.0;
-  double exponent_ = 0.0, memory_ = 0.0;  // of the step control
   double last_error_ = 0.0;
   double zone_part_ = 0.0;
+  bool loops_ = false;          // constraints may come to depend on one another
+  bool is_near_ = false;        // they nearly do
+  double largest_pivot_ = 0.0;  // that the smallest has been
+  double longest_ = 0.0;        // of the last good steps [s]
+  bool leap_ = false;           // the step about to be tried is to cross
+  int leaps_ = 0;
   double t_ = 0.0;
   StepLimit limit_ = StepLimit::kGrowth;  // of the step about to be tried
   bool stable_ = true;                    // as last judged

@@ -124,8 +124,8 @@ void Partition::Choose(const double* six) {
       continue;
     }
     const Entry pivot = row[r][best];
-    smallest_pivot_ = std::min(smallest_pivot_,
-                               std::fabs(value_[pivot.place] * scale_[pivot.column]) / before[r]);
+    smallest_pivot_ =
+        std::min(smallest_pivot_, std::fabs(value_[pivot.place] * scale_[pivot.column]));
     Step step{r, pivot.place, pivot.column, 0, 0, 0, value_[pivot.place] < 0.0};
     for (const Entry& e : row[r]) {
       if (e.column == pivot.column) continue;
@@ -188,6 +188,7 @@ double Partition::Factor(const double* six, bool* turned) {
   const Target* target = targets_.data();
   double worst = 1.0;
   *turned = false;
+  smallest_pivot_ = 1.0;
   for (Step& step : steps_) {
     const double inverse = 1.0 / v[step.pivot];
     *turned |= step.negative != (inverse < 0.0);
@@ -197,6 +198,7 @@ double Partition::Factor(const double* six, bool* turned) {
       largest = std::max(largest, std::fabs(v[rest[k]] * rest_scale[k]));
     }
     const double pivot = std::fabs(v[step.pivot] * scale_[step.column]);
+    smallest_pivot_ = std::min(smallest_pivot_, pivot);
     if (pivot < worst * largest || !std::isfinite(inverse)) {
       worst = std::isfinite(inverse) ? pivot / largest : 0.0;
     }

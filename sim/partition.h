@@ -35,7 +35,8 @@ class Partition {
 
   const std::vector<int>& dependents() const { return columns_; }   // in the order of elimination
   const std::vector<int>& redundant() const { return redundant_; }  // rows
-  // Smallest pivot over the largest entry of its row before elimination, at the last Choose.
+  // Smallest pivot (angles scaled) of the last factor: near zero where constraints depend on one
+  // another.
   double smallest_pivot() const { return smallest_pivot_; }
   int fill() const { return places_ - 6 * rows_; }
 

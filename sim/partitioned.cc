@@ -1,6 +1,7 @@
 #include "sim/partitioned.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace unfurl::sim {
 namespace {
@@ -8,8 +9,9 @@ namespace {
 // Pivots over the largest entry of their row: below the first others are chosen for the next step,
 // below the second the step that led there is not trusted.
 constexpr double kBadPivot = 0.35, kLostPivot = 0.1;
-constexpr double kEnough = 0.01;     // of the tolerance: constraints are met that well
-constexpr double kRounding = 1e-13;  // of the scale: they are not asked to be met better than that
+constexpr double kNearPivot = 0.1;  // from here on constraints are near to depending on one another
+constexpr double kEnough = 0.01;    // of the tolerance: constraints are met that well
+constexpr double kRounding = 1e-14;  // of the largest coordinate and velocity
 constexpr int kMostIterations = 5;   // with one factor
 
 }  // namespace
@@ -52,18 +54,31 @@ bool Partitioned::Iterate(double t, double* y, bool velocities, double enough) {
 
 bool Partitioned::Settle(double t, double* y) {
   if (!constrained_) return true;
-  const double length = std::max(kEnough * scale_.rtol, kRounding) * scale_.length;
-  const double speed = std::max(kEnough * scale_.rtol, kRounding) * scale_.speed;
+  // Near a state where constraints depend on one another, what is left of them counts for more.
+  const double near = std::min(1.0, partition_.smallest_pivot() / kNearPivot);
+  const double part = kEnough * scale_.rtol * near * near;
   for (const bool velocities : {false, true}) {
-    const double enough = velocities ? speed : length;
+    const double enough = velocities ? std::max(part * scale_.speed, kRounding * fastest_)
+                                     : std::max(part * scale_.length, kRounding * farthest_);
     if (Iterate(t, y, velocities, enough)) continue;
-    if (!FactorAt(t, y) || !Iterate(t, y, velocities, enough)) return false;
+    FactorAt(t, y);
+    if (!Iterate(t, y, velocities, enough)) return false;
   }
   return true;
 }
 
+void Partitioned::Measure() {
+  farthest_ = scale_.length;
+  fastest_ = scale_.speed;
+  for (int k = 0; k < 2 * n_; ++k) {
+    farthest_ = std::max(farthest_, std::fabs(y_[k]));
+    fastest_ = std::max(fastest_, std::fabs(y_[3 * n_ + k]));
+  }
+}
+
 void Partitioned::Refresh() {
   if (constrained_) {
+    Measure();
     Repartition(t_, y_.data());
     Settle(t_, y_.data());
   }
@@ -77,17 +92,26 @@ void Partitioned::RefreshTrial() {
 
 double Partitioned::Try(double h) {
   if (!constrained_) return DormandPrince::Try(h);
-  if (!factored_) lost_ = !FactorAt(t_, y_.data()) || lost_;
-  if (lost_ || worst_ < kBadPivot) {
-    Repartition(t_, y_.data());
-    ++repartitions_;
-    lost_ = false;
+  Measure();
+  const bool good = factored_ || FactorAt(t_, y_.data());
+  bool fresh = !good || worst_ < kBadPivot;
+  for (;; fresh = true) {
+    if (fresh) {
+      Repartition(t_, y_.data());
+      ++repartitions_;
+    }
+    const double error = DormandPrince::Try(h);
+    factored_ = false;
+    if (error > 1.0 && (error < kGivenUp || fresh)) return error;
+    // Where the coordinates were just chosen and the step is good, a lost pivot is the constraints'
+    // own: they depend on one another somewhere in the step.
+    if (error <= 1.0) {
+      factored_ = true;
+      if (FactorAt(t_ + h, trial_.data()) || fresh) return error;
+    } else if (!std::isfinite(error)) {
+      return error;
+    }
   }
-  const double error = DormandPrince::Try(h);
-  if (error <= 1.0 && FactorAt(t_ + h, trial_.data())) return error;
-  factored_ = false;
-  lost_ = error <= 1.0 || error >= kGivenUp;
-  return lost_ ? kGivenUp : error;
 }
 
 }  // namespace unfurl::sim

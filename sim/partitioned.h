@@ -37,11 +37,14 @@ class Partitioned : public DormandPrince {
   void Repartition(double t, double* y);
   bool Iterate(double t, double* y, bool velocities, double enough);
 
+  // How far out and how fast things are, for what rounding leaves of the constraints.
+  void Measure();
+
   Partition partition_;
-  std::vector<double> jacobian_;  // six a row
+  double farthest_ = 0.0, fastest_ = 0.0;  // [m], [m/s]
+  std::vector<double> jacobian_;           // six a row
   const bool constrained_;
   bool factored_ = false;  // at state(), or at the trial
-  bool lost_ = false;      // the last step left where they can be trusted
   double worst_ = 1.0;     // pivot of that factor
   long repartitions_ = 0;
 };

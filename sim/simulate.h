@@ -25,7 +25,8 @@ struct SimulateOptions {
   // Error allowed per step, relative to the scales below; in [1e-13, 1e-2]. Looser than 1e-4,
   // contacts with the paper's stiffness begin to go wrong.
   double rtol = 1e-6;
-  // Of the explicit pair: 4, 5 or 8; 0: 8 where rtol is tight (docs/physics-simulator.md, "Methods").
+  // Of the explicit pair: 4, 5 or 8; 0: 8 where rtol is tight (docs/physics-simulator.md,
+  // "Methods").
   int order = 0;
   double length = 0.0;     // scale of positions; 0: the longest beam [m]
   double time = 1.0;       // velocities: length / time, plus what they are [s]
@@ -75,7 +76,8 @@ struct SimulateReport {
   std::array<long, kEventKinds> event_counts{};
   std::vector<EventLog::LatchCount> latch_counts;  // by latch
   std::array<long, kStepLimits> limited{};         // steps by what limited them
-  long repartitions = 0;                           // method partitioned
+  long repartitions = 0;     // dependent coordinates chosen anew; method partitioned
+  long near_dependence = 0;  // times that constraints came near to depending on one another
   long steps = 0, rejected = 0, evaluations = 0, projections = 0, samples = 0;
   double largest_position_drift = 0.0;  // before it was removed [m]
   double largest_velocity_drift = 0.0;  // [m/s]
