@@ -5,6 +5,8 @@
 
 namespace unfurl::sim {
 
+class Tangent;
+
 // The elastic elements of all beams, [paper, eq. (4) to (13)] as docs/physics-simulator.md has
 // them: with dx, dy the relative position of the two stations in the element's axes (at the mean of
 // their angles) and dtheta the relative angle,
@@ -33,6 +35,7 @@ class Bending {
   // `dissipated` is given, it receives the power turned into heat [W].
   void AddLoad(const Motion& motion, double* scratch, Load load, double* dissipated) const;
   int ScratchSize() const { return 5 * (beam_count_ + kBlock); }
+  void AddTangent(const Motion& motion, Tangent* tangent) const;
 
   double Energy(const Motion& motion) const;       // bending [J]
   double AxialEnergy(const Motion& motion) const;  // [J]

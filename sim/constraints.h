@@ -9,6 +9,8 @@
 
 namespace unfurl::sim {
 
+class Tangent;
+
 // All constraints, and the multipliers that keep them, [paper, eq. (26) to (33)]:
 //   M a = Q + J^T lambda,   J a = gamma,   (J M^-1 J^T) lambda = gamma - J M^-1 Q.
 // Rows: the longitudinal constraint (r_j - r_i).e_xi - l of element e is row e (rows of pairs that
@@ -76,6 +78,10 @@ class Constraints {
   }
   bool driven() const { return driven_; }
 
+  // The stiffness that the multipliers give, -d(J^T lambda)/dq; `lambda` by row. To be called at the
+  // geometry of the last Accelerate.
+  void AddTangent(const Motion& motion, const Work& work, const double* lambda,
+                  Tangent* tangent) const;
   // Dense J (rows() x 3 slots; x, y, theta of slot k in columns 3 k to 3 k + 2, stations folded
   // into their bodies) for tests and checks.
   std::vector<double> DenseJacobian(const Motion& motion, Work* work) const;

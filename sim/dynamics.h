@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "sim/model.h"
+#include "sim/tangent.h"
 
 namespace unfurl::sim {
 
@@ -84,6 +85,12 @@ class Dynamics {
   double* constraint_rows() { return work_.lambda.data(); }
   // At the y of the last RightSide or EvaluateConstraints; as Constraints::Jacobian.
   void Jacobian(double t, double* y, double* six_per_row) const;
+  // The tangent of the last RightSide, which must have been at `y`; `lambda` are its multipliers by
+  // row. An empty `tangent` is made first.
+  void FillTangent(double t, double* y, const double* lambda, Tangent* tangent) const;
+  const Constraints::Work& constraint_work() const { return work_; }
+  // The motion at y where the last RightSide was, stations included.
+  Motion MotionAt(double t, double* y) const;
 
   Balance BalanceAt(double t, double* y);
   // Smallest pivot of the last factor relative to its diagonal entry; `where`, unless null,
@@ -91,8 +98,6 @@ class Dynamics {
   double SmallestPivot(std::string* where) const;
 
  private:
-  // The motion at y, stations, cosines and sines as the last Update left them.
-  Motion MotionAt(double t, double* y) const;
   template <bool kProfile>
   void Evaluate(double t, double* y, double* dydt);
 

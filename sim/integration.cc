@@ -12,6 +12,7 @@
 #include "sim/flush_denormals.h"
 #include "sim/observables.h"
 #include "sim/partitioned.h"
+#include "sim/rosenbrock.h"
 #include "sim/runge_kutta_43.h"
 
 namespace unfurl::sim {
@@ -47,6 +48,9 @@ std::unique_ptr<Stepper> MakeStepper(const SimulateOptions& options, Dynamics& d
                                      const ErrorScale& scale) {
   if (options.method == Method::kPartitioned) {
     return std::make_unique<Partitioned>(dynamics, scale);
+  }
+  if (options.method == Method::kImplicit) {
+    return std::make_unique<Rosenbrock>(dynamics, scale, Ros34Pw2());
   }
   if (options.order == 4) return std::make_unique<RungeKutta43>(dynamics, scale);
   const bool eighth = options.order == 0 ? options.rtol <= kTightTolerance : options.order == 8;

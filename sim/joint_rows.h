@@ -8,6 +8,8 @@
 
 namespace unfurl::sim {
 
+class Tangent;
+
 // The constraints of joints, of three kinds, with r = r_outer - r_inner between the two points:
 //   pin     r = 0, two rows (x, y);                                      [paper, eq. (26) to (29)]
 //   along   sign e.r - f(t) = 0, e fixed in the inner body: a slot when e is its normal and f = 0,
@@ -65,6 +67,8 @@ class JointRows {
   void Positions(const Motion& motion, const double* geometry, double* phi) const;
   void Velocities(const Motion& motion, const double* geometry, const double* jacobian,
                   double* rate) const;
+  // The stiffness that the multipliers give, -d(J^T lambda)/dq.
+  void AddTangent(const double* geometry, const double* lambda, Tangent* tangent) const;
   // Power that the drives give, sum of lambda f'(t) [W].
   double DrivePower(double t, const double* lambda) const;
 

@@ -7,6 +7,8 @@
 
 namespace unfurl::sim {
 
+class Tangent;
+
 // What of a latch does not follow from the state. It is held fixed within a step, so that the right
 // side is smooth there and a trial stage may overshoot a stop; the events change it.
 struct LatchMode {
@@ -50,6 +52,9 @@ class Latches {
 
   void AddLoad(const Motion& motion, const std::vector<LatchMode>& modes, Load load,
                double* dissipated) const;
+  // Piecewise, by the modes as the load is.
+  void AddTangent(const Motion& motion, const std::vector<LatchMode>& modes,
+                  Tangent* tangent) const;
   double Moment(int k, const Motion& motion, const LatchMode& mode) const;  // of contact, on theta
   // Energy in the contacts [J]; what a held contact still has counts as `lost` instead.
   double Stored(const Motion& motion, const std::vector<LatchMode>& modes, double* lost) const;

@@ -9,6 +9,7 @@
 #include "base/text.h"
 #include "sim/integration.h"
 #include "sim/observables.h"
+#include "sim/rosenbrock.h"
 
 namespace unfurl::sim {
 namespace {

@@ -11,6 +11,9 @@ namespace unfurl::sim {
 // on in turn) and fill are found once; factoring then walks flat lists, allocates nothing, and on a
 // chain or tree takes O(n).
 //
+// A saddle-point matrix [W J^T; J 0] with W definite may be factored too: rows of J wait until all
+// that they couple is eliminated, and then have negative pivots.
+//
 // Values: the diagonal by row, and off-diagonal entries at storage places that the caller chose;
 // places for fill are added after them.
 class SparseLdlt {
@@ -22,9 +25,9 @@ class SparseLdlt {
 
   SparseLdlt() = default;
   // Rows not in `active` have no equation and are left alone. `places`: how many the caller has
-  // taken. Work and memory are O(rows + fill).
+  // taken. `constraint`, where given, marks the rows of J. Work and memory are O(rows + fill).
   SparseLdlt(int rows, const std::vector<std::uint8_t>& active, const std::vector<Pair>& pairs,
-             int places);
+             int places, const std::vector<std::uint8_t>& constraint = {});
 
   int places() const { return places_; }  // with those of the fill
   int size() const { return static_cast<int>(steps_.size()); }

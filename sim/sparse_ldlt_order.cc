@@ -6,8 +6,18 @@
 namespace unfurl::sim {
 
 SparseLdlt::SparseLdlt(int rows, const std::vector<std::uint8_t>& active,
-                       const std::vector<Pair>& pairs, int places)
+                       const std::vector<Pair>& pairs, int places,
+                       const std::vector<std::uint8_t>& constraint)
     : places_(places) {
+  // Rows of J, by each row that they wait for, and how many each still waits for.
+  std::vector<std::vector<int>> waiting(constraint.empty() ? 0 : rows);
+  std::vector<int> left(rows, 0);
+  for (const Pair& e : pairs) {
+    if (constraint.empty() || constraint[e.row] == constraint[e.column]) continue;
+    const int row = constraint[e.row] ? e.row : e.column;
+    waiting[constraint[e.row] ? e.column : e.row].push_back(row);
+    ++left[row];
+  }
   // The graph of what is not yet eliminated: neighbours of each row, with the entry's place.
   std::vector<std::vector<std::pair<int, int>>> graph(rows);
   for (const Pair& e : pairs) {
@@ -18,6 +28,7 @@ SparseLdlt::SparseLdlt(int rows, const std::vector<std::uint8_t>& active,
   std::vector<int> queued(rows, -1);  // degree under which a row was queued last
   std::size_t lowest = 0;
   const auto queue = [&](int row) {
+    if (left[row] > 0) return;
     const std::size_t degree = graph[row].size();
     if (queued[row] == static_cast<int>(degree)) return;
     queued[row] = static_cast<int>(degree);
@@ -60,6 +71,9 @@ SparseLdlt::SparseLdlt(int rows, const std::vector<std::uint8_t>& active,
         }
         target_.push_back(place);
       }
+    }
+    if (!waiting.empty()) {
+      for (const int other : waiting[row]) --left[other];
     }
     for (const auto& entry : column) queue(entry.first);
   }

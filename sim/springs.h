@@ -6,6 +6,8 @@
 
 namespace unfurl::sim {
 
+class Tangent;
+
 // Springs on joints' coordinates: moment -K_t (theta + theta_pre) on theta, [paper, eq. (25)], or
 // the like force on a travel.
 class Springs {
@@ -14,6 +16,7 @@ class Springs {
   int count() const { return static_cast<int>(coordinates_.size()); }
 
   void AddLoad(const Motion& motion, Load load) const;
+  void AddTangent(const Motion& motion, Tangent* tangent) const;
   double Moment(int k, const Motion& motion) const;  // on theta [N m]
   double Energy(const Motion& motion) const;         // K_t (theta + theta_pre)^2 / 2 [J]
 

@@ -7,6 +7,8 @@
 
 namespace unfurl::sim {
 
+class Tangent;
+
 // Long vertical strings: force -(m g / L)(r - r_hang) on every centre of mass. Bodies welded
 // together hang on a string each; since their moments about the common centre vanish to first
 // order, they add to one force there and the moment -kappa sin(theta - theta_hang), with
@@ -20,6 +22,7 @@ class Suspension {
   int count() const { return count_; }
 
   void AddLoad(const Motion& motion, Load load) const;
+  void AddTangent(const Motion& motion, Tangent* tangent) const;
   double Energy(const Motion& motion) const;  // [J]
 
  private:

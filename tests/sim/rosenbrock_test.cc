@@ -1,0 +1,192 @@
+#include "sim/rosenbrock.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "scenes.h"
+#include "sim/dormand_prince.h"
+#include "sim/simulate.h"
+
+namespace unfurl::sim {
+namespace {
+
+// The conditions of order three for any matrix A, and of order two for the embedded weights; the
+// coefficients are printed with 17 digits.
+TEST(Rosenbrock, OrderConditionsForAnyMatrix) {
+  constexpr double kDigits = 1e-14;
+  const RosenbrockTable& t = Ros34Pw2();
+  const int s = t.stages;
+  double sum = 0, a = 0, g = 0, aa = 0, sq = 0, ag = 0, ga = 0, gg = 0, hat = 0, hat_a = 0,
+         hat_g = 0;
+  const auto full = [&](int i, int j) { return i == j ? t.gamma : t.coupling[i][j]; };
+  double ai[4] = {}, gi[4] = {};
+  for (int i = 0; i < s; ++i) {
+    for (int j = 0; j <= i; ++j) {
+      ai[i] += t.alpha[i][j];
+      gi[i] += full(i, j);
+    }
+  }
+  for (int i = 0; i < s; ++i) {
+    sum += t.b[i];
+    a += t.b[i] * ai[i];
+    g += t.b[i] * gi[i];
+    sq += t.b[i] * ai[i] * ai[i];
+    hat += t.b_hat[i];
+    hat_a += t.b_hat[i] * ai[i];
+    hat_g += t.b_hat[i] * gi[i];
+    for (int j = 0; j <= i; ++j) {
+      aa += t.b[i] * t.alpha[i][j] * ai[j];
+      ag += t.b[i] * t.alpha[i][j] * gi[j];
+      ga += t.b[i] * full(i, j) * ai[j];
+      gg += t.b[i] * full(i, j) * gi[j];
+    }
+  }
+  EXPECT_NEAR(sum, 1.0, kDigits);
+  EXPECT_NEAR(a, 1.0 / 2, kDigits);
+  EXPECT_NEAR(g, 0.0, kDigits);
+  EXPECT_NEAR(sq, 1.0 / 3, kDigits);
+  EXPECT_NEAR(aa, 1.0 / 6, kDigits);
+  EXPECT_NEAR(ag, 0.0, kDigits);
+  EXPECT_NEAR(ga, 0.0, kDigits);
+  EXPECT_NEAR(gg, 0.0, kDigits);
+  EXPECT_NEAR(hat, 1.0, kDigits);
+  EXPECT_NEAR(hat_a, 1.0 / 2, kDigits);
+  EXPECT_NEAR(hat_g, 0.0, kDigits);
+  // Stiffly accurate: the last stage is the step itself.
+  for (int j = 0; j < s; ++j) EXPECT_NEAR(t.b[j], t.alpha[3][j] + full(3, j), kDigits);
+}
+
+constexpr double kAnyError = 1e3;  // steps of a given size are taken, whatever their error
+
+// The state after `steps` equal steps.
+std::vector<double> Fixed(Stepper* stepper, const Model& model, double end, int steps) {
+  stepper->Start(0.0, model.initial_state);
+  for (int k = 1; k <= steps; ++k) {
+    stepper->Try(end / steps);
+    stepper->Accept(end * k / steps);
+  }
+  return {stepper->state(), stepper->state() + model.index.size()};
+}
+
+// A swinging beam on a pin: what the tangent leaves out (the constraints turn) costs no order.
+TEST(Rosenbrock, ThirdOrderOnASwingingBeam) {
+  const Model model = ModelFrom(
+      "[scene]\nname = \"swing\"\nduration = 1.0\n"
+      "[beam.rod]\nlength = 1.0\nmass = 1.0\nEI = 10.0\nsegments = 3\n"
+      "[joint.pivot]\ninner = \"ground\"\nouter = \"rod.start\"\ntheta = 0.3\n"
+      "[gravity]\nacceleration = [0.0, -9.81]\n");
+  constexpr double kEnd = 0.1;
+  ErrorScale scale;
+  scale.rtol = kAnyError;
+  Dynamics dynamics(model);
+  DormandPrince reference(dynamics, scale);
+  const std::vector<double> exact = Fixed(&reference, model, kEnd, 4000);
+  Rosenbrock stepper(dynamics, scale, Ros34Pw2());
+  double error[3];
+  for (int k = 0; k < 3; ++k) {
+    const std::vector<double> y = Fixed(&stepper, model, kEnd, 200 << k);
+    error[k] = 0.0;
+    for (int s = 0; s < model.slots.count; ++s) {
+      if (!model.slots.IsDynamic(s)) continue;
+      for (int d = 0; d < 6; ++d) {
+        const int i = d * model.slots.count + s;
+        error[k] = std::max(error[k], std::fabs(y[i] - exact[i]));
+      }
+    }
+  }
+  // 3, but for the next power at these steps.
+  for (int k = 0; k < 2; ++k) {
+    const double order = std::log2(error[k] / error[k + 1]);
+    EXPECT_GT(order, 2.8);
+    EXPECT_LT(order, 3.3);
+  }
+}
+
+// The dense output is as good as the step: value and rate at the ends, and in between.
+TEST(Rosenbrock, DenseOutput) {
+  const Model model = ModelFrom(PendulumScene(0.7));
+  ErrorScale scale;
+  scale.rtol = kAnyError;
+  Dynamics dynamics(model);
+  const double h = 0.01;
+  Rosenbrock stepper(dynamics, scale, Ros34Pw2());
+  stepper.Start(0.0, model.initial_state);
+  stepper.Try(h);
+  DormandPrince reference(dynamics, scale);
+  const std::vector<double> middle = Fixed(&reference, model, 0.4 * h, 20);
+  std::vector<double> dense(model.index.size());
+  stepper.Dense(0.4, dense.data());
+  const int slot = model.bodies[0].centre.slot;
+  // Of the fourth derivative, 1e3 at most, Hermite leaves h^4 / 384, and the step h^4 / 20.
+  for (const int i : {model.index.theta(slot), model.index.omega(slot), model.index.x(slot)}) {
+    EXPECT_NEAR(dense[i], middle[i], 5e-7);
+    EXPECT_NEAR(stepper.Polynomial(i)(0.4), dense[i], 1e-14);
+  }
+}
+
+// Energy, stored and dissipated, against that at the start.
+struct EnergyWatch : Observer {
+  explicit EnergyWatch(const Model& model) : dynamics(model) {}
+  void OnSample(double t, double* y, const std::vector<LatchMode>& modes) override {
+    dynamics.modes() = modes;
+    const Balance b = dynamics.BalanceAt(t, y);
+    const double total = b.Stored() + b.Dissipated();
+    if (first) start = total;
+    first = false;
+    most = std::max(most, total - start);
+    least = std::min(least, total - start);
+  }
+  Dynamics dynamics;
+  bool first = true;
+  double start = 0.0, most = 0.0, least = 0.0;
+};
+
+// At a loose tolerance high modes are damped, never fed: what is gained stays within the tolerance
+// of the energy at the start (the springs'), what is lost may be more.
+TEST(Rosenbrock, InventsNoEnergy) {
+  constexpr double kRtol = 1e-3;
+  data::Scene scene = data::ReadScene(DeploymentPath("clearance"));
+  for (auto& beam : scene.beams) beam.axial_elastic = true;
+  for (const Model& model : {Compile(scene), ModelFrom(LatchingBarScene())}) {
+    SimulateOptions options;
+    options.method = Method::kImplicit;
+    options.rtol = kRtol;
+    options.duration = std::min(model.duration, 1.8);  // beyond the first latches
+    EnergyWatch watch(model);
+    const SimulateReport report = Simulate(model, options, &watch);
+    ASSERT_TRUE(report.Usable()) << report.message;
+    EXPECT_GT(report.Count(EventKind::kContactStart), 0);
+    EXPECT_LT(watch.most, kRtol * watch.start);
+    EXPECT_LT(watch.least, 0.0);
+  }
+}
+
+// Stiff by its damping: explicit steps are bound by beta omega^2, implicit ones are not.
+TEST(Rosenbrock, StiffBeamInFewSteps) {
+  const Model model =
+      ModelFrom(BeamScene("clamped", 24, "damping = 1e-3\nEA = 1e6\naxial = \"elastic\"\n") +
+                "[gravity]\nacceleration = [0.0, -9.81]\n");
+  constexpr double kRtol = 1e-5;
+  const auto tip = [&](Method method, SimulateReport* report) {
+    SimulateOptions options;
+    options.method = method;
+    options.rtol = kRtol;
+    options.duration = 0.1;
+    options.track_energy = false;
+    MarkTracks tracks = SimulateMarks(model, options);
+    *report = tracks.report;
+    return tracks.y[0];
+  };
+  SimulateReport implicit, projected;
+  const std::vector<double> a = tip(Method::kImplicit, &implicit);
+  const std::vector<double> b = tip(Method::kProjected, &projected);
+  ASSERT_TRUE(implicit.Usable());
+  EXPECT_LT(100 * implicit.evaluations, projected.evaluations);
+  double worst = 0.0;
+  for (std::size_t k = 0; k < a.size(); ++k) worst = std::max(worst, std::fabs(a[k] - b[k]));
+  EXPECT_LT(worst, 10.0 * kRtol);  // of 1 m; tolerances mean what they say within ten
+}
+
+}  // namespace
+}  // namespace unfurl::sim
