@@ -187,4 +187,16 @@ void Tangent::AddDamping(double factor, const double* v, double* out) const {
   }
 }
 
+void Tangent::AddStiffness(double factor, const double* v, double* out) const {
+  for (int s = 0; s < n_; ++s) {
+    if (is_dynamic_[s] != 0) Multiply(k_[s], factor, v, s, out, s, n_);
+  }
+  for (std::size_t p = 0; p < pairs_.size(); ++p) {
+    const Pair& pair = pairs_[p];
+    if (pair.a < 0) continue;
+    Multiply(k_[n_ + p], factor, v, pair.b, out, pair.a, n_);
+    MultiplyTransposed(k_[n_ + p], factor, v, pair.a, out, pair.b, n_);
+  }
+}
+
 }  // namespace unfurl::sim

@@ -73,6 +73,8 @@ class Tangent {
   const std::vector<int>& damped_pairs() const { return damped_pairs_; }
   // out += factor D v; vectors as three blocks of the slots.
   void AddDamping(double factor, const double* v, double* out) const;
+  // out += factor K v.
+  void AddStiffness(double factor, const double* v, double* out) const;
 
  private:
   int PlaceOf(int a, int b);

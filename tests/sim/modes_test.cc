@@ -1,0 +1,141 @@
+#include "sim/modes.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "scenes.h"
+#include "sim/equilibrium.h"
+
+namespace unfurl::sim {
+namespace {
+
+ModesReport ModesOf(const Model& model, int count, ModesSolver solver = ModesSolver::kAuto) {
+  Dynamics dynamics(model);
+  std::vector<double> y = model.initial_state;
+  const EquilibriumReport report = FindEquilibrium(&dynamics, y.data());
+  EXPECT_TRUE(report.found) << report.iterations << " " << report.acceleration;
+  return FindModes(&dynamics, y.data(), count, solver);
+}
+
+// Rounding of a frequency: half of that of omega^2, some 1e-16 of the stiffest over the softest.
+constexpr double kRounding = 1e-9;
+
+TEST(Modes, PendulumHangsAndSwings) {
+  const double r = 0.5, inertia = 0.1, mass = 2.0, g = 9.81;
+  const ModesReport report = ModesOf(ModelFrom(PendulumScene(2.0, r, inertia)), 3);
+  ASSERT_EQ(report.modes.size(), 1u);
+  EXPECT_EQ(report.rigid, 0);
+  const double omega = std::sqrt(mass * g * r / (inertia + mass * r * r));
+  EXPECT_NEAR(2.0 * M_PI * report.modes[0].frequency, omega, kRounding * omega);
+}
+
+TEST(Modes, UprightPendulumFalls) {
+  const double r = 0.5, inertia = 0.1, mass = 2.0, g = 9.81;
+  const Model model = ModelFrom(PendulumScene(M_PI, r, inertia));
+  Dynamics dynamics(model);
+  std::vector<double> y = model.initial_state;
+  const ModesReport report = FindModes(&dynamics, y.data(), 3);
+  ASSERT_EQ(report.modes.size(), 1u);
+  EXPECT_EQ(report.modes[0].frequency, 0.0);
+  EXPECT_NEAR(report.modes[0].growth, std::sqrt(mass * g * r / (inertia + mass * r * r)), 1e-8);
+}
+
+// Two bars on springs, one on the other: the roots of the 2 x 2 problem by hand. With both pivots
+// in one place and the centres there too, angles are the coordinates: I1, I2 with k1, k2 in series.
+TEST(Modes, TwoDisksOnSprings) {
+  const double I1 = 0.3, I2 = 0.2, k1 = 5.0, k2 = 3.0;
+  const Model model = ModelFrom(
+      "[scene]\nname = \"disks\"\nduration = 1.0\n"
+      "[body.a]\nmass = 1.0\ninertia = 0.3\n[body.b]\nmass = 1.0\ninertia = 0.2\n"
+      "[joint.one]\ninner = \"ground\"\nouter = \"a\"\ntheta = 0.4\n"
+      "[joint.one.spring]\nstiffness = 5.0\npreload = 0.0\n"
+      "[joint.two]\ninner = \"a\"\nouter = \"b\"\ntheta = -0.7\n"
+      "[joint.two.spring]\nstiffness = 3.0\npreload = 0.0\n");
+  const ModesReport report = ModesOf(model, 3);
+  ASSERT_EQ(report.modes.size(), 2u);
+  const double p = (k1 + k2) / I1 + k2 / I2, q = k1 * k2 / (I1 * I2);
+  for (int k = 0; k < 2; ++k) {
+    const double root = std::sqrt(0.5 * (p + (k == 0 ? -1.0 : 1.0) * std::sqrt(p * p - 4.0 * q)));
+    EXPECT_NEAR(2.0 * M_PI * report.modes[k].frequency, root, kRounding * root);
+  }
+}
+
+// Euler-Bernoulli's beta L. The order in n from both sides: higher terms are a few (l k)^2, below
+// 0.05 here.
+void ExpectSecondOrder(const std::string& scene12, const std::string& scene24,
+                       const std::string& scene48, const double* roots, int rigid, double low) {
+  constexpr double kHigh = 2.07;
+  const double scale = std::sqrt(10.0);  // sqrt(EI / (rho A)) of a 1 m, 1 kg beam
+  double error[3][3];
+  int k = 0;
+  for (const std::string& text : {scene12, scene24, scene48}) {
+    const ModesReport report = ModesOf(ModelFrom(text), 3);
+    EXPECT_EQ(report.rigid, rigid);
+    for (int mode = 0; mode < 3; ++mode) {
+      const double exact = roots[mode] * roots[mode] * scale;
+      error[k][mode] = 2.0 * M_PI * report.modes.at(mode).frequency / exact - 1.0;
+    }
+    ++k;
+  }
+  for (int mode = 0; mode < 3; ++mode) {
+    for (int i = 0; i < 2; ++i) {
+      const double order = std::log2(error[i][mode] / error[i + 1][mode]);
+      EXPECT_GT(order, low) << mode;
+      EXPECT_LT(order, kHigh) << mode;
+    }
+  }
+}
+
+TEST(Modes, CantileverAndFreeBeamAreOfSecondOrder) {
+  const double cantilever[] = {1.87510406871196, 4.69409113297418, 7.85475743823761};
+  const double free_free[] = {4.73004074486270, 7.85320462409584, 10.9956078380017};
+  for (const bool clamped : {true, false}) {
+    const char* ends = clamped ? "clamped" : "free";
+    ExpectSecondOrder(BeamScene(ends, 12), BeamScene(ends, 24), BeamScene(ends, 48),
+                      clamped ? cantilever : free_free, clamped ? 0 : 3, 1.93);
+  }
+}
+
+// Kelvin-Voigt: the ratio of every mode is beta omega / 2.
+TEST(Modes, MaterialDampingGivesRatiosByFrequency) {
+  constexpr double kBeta = 1e-4;
+  const ModesReport report =
+      ModesOf(ModelFrom(BeamScene("clamped", 10, "damping = 1e-4\n")), 5);
+  ASSERT_EQ(report.modes.size(), 5u);
+  for (const NaturalMode& mode : report.modes) {
+    const double expected = 0.5 * kBeta * 2.0 * M_PI * mode.frequency;
+    EXPECT_NEAR(mode.damping, expected, 1e-6 * expected);
+  }
+}
+
+// Two algorithms on the latched deployment: dense on the null space, and subspace iteration.
+TEST(Modes, BothSolversAgreeOnTheLatchedDeployment) {
+  data::Scene scene = data::ReadScene(DeploymentPath("clearance"));
+  for (auto& joint : scene.joints) joint.theta = -joint.latch->theta_b;
+  const Model model = Compile(scene);
+  Dynamics dynamics(model);
+  std::vector<double> y = model.initial_state;
+  const EquilibriumReport report = FindLatchedEquilibrium(&dynamics, y.data());
+  ASSERT_TRUE(report.found) << report.iterations << " " << report.acceleration;
+  // Each spring is carried by its contact: K delta^1.5 x_p = K_t (preload - theta_b).
+  const Motion motion = dynamics.MotionAt(0.0, y.data());
+  for (int k = 0; k < model.latches.count(); ++k) {
+    EXPECT_EQ(dynamics.modes()[k].lower_contact, 1);
+    const double theta = model.latches.hinge(k).Theta(motion);
+    const double moment = model.latches.Moment(k, motion, dynamics.modes()[k]);
+    EXPECT_NEAR(moment, 0.218 * (theta + 1.57), 1e-8);
+  }
+  const ModesReport a = FindModes(&dynamics, y.data(), 10, ModesSolver::kDense);
+  const ModesReport b = FindModes(&dynamics, y.data(), 10, ModesSolver::kSubspace);
+  EXPECT_EQ(a.rigid, 3);
+  EXPECT_EQ(b.rigid, 3);
+  ASSERT_EQ(b.modes.size(), 10u);
+  for (int k = 0; k < 10; ++k) {
+    EXPECT_NEAR(a.modes[k].frequency, b.modes[k].frequency, 1e-6 * a.modes[k].frequency) << k;
+    EXPECT_GT(a.modes[k].damping, 0.0);  // of the contacts
+  }
+}
+
+}  // namespace
+}  // namespace unfurl::sim
