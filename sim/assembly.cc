@@ -201,14 +201,20 @@ void Assembly::FailToClose(const LoopSystem& loops) const {
       worst = c;
     }
   }
-  std::vector<std::string> names;
+  std::vector<std::string> names, driven;
+  const auto take = [&](const Link& link) {
+    names.push_back("'" + link.name + "'");
+    if (link.theta_driven || link.travel_driven) driven.push_back(names.back());
+  };
   for (const int k : LoopOf(cut_[worst])) {
-    if (links_[k].turns || links_[k].slides) names.push_back("'" + links_[k].name + "'");
+    if (links_[k].turns || links_[k].slides) take(links_[k]);
   }
   const Link& link = links_[cut_[worst]];
-  names.push_back("'" + link.name + "'");
-  throw Error(fmt::format("the loop through {} cannot close: a gap of {:.3g} m is left at '{}'",
-                          JoinWords(names), largest, link.name),
+  take(link);
+  const std::string drives =
+      driven.size() < 2 ? "" : fmt::format(" (the drives of {} may fight)", JoinWords(driven));
+  throw Error(fmt::format("the loop through {} cannot close: a gap of {:.3g} m is left at '{}'{}",
+                          JoinWords(names), largest, link.name, drives),
               link.where, "change the lengths or points of the loop, or the starting angles");
 }
 

@@ -219,8 +219,11 @@ void Compiler::CheckConstraints() {
   std::string name;
   const double pivot = dynamics.SmallestPivot(&name);
   if (!(pivot > kRedundant)) {
-    throw Error(fmt::format("the constraints are not independent (found at '{}')", name),
-                scene_.path, "remove a joint or weld that repeats what others already hold");
+    throw Error(
+        fmt::format("the constraints are not independent (found at '{}')", name), scene_.path,
+        model_.constraints.driven()
+            ? "remove a joint, weld or drive that repeats or fights what others already hold"
+            : "remove a joint or weld that repeats what others already hold");
   }
   dynamics.Project(0.0, model_.initial_state.data());
 }

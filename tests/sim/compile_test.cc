@@ -137,6 +137,18 @@ TEST(Compile, RefusesRedundantConstraints) {
   ExpectRefused(text, {"not independent"});
 }
 
+TEST(Compile, RefusesDrivesThatFight) {
+  // One degree of freedom: a second drive repeats what the first already says, or contradicts it.
+  ExpectRefused(FourBar(1.0) +
+                    "theta = 1.5707963267948966\n[joint.a.drive]\nrate = 1.0\n"
+                    "[joint.d.drive]\nrate = 2.0\n",
+                {"not independent", "drive that repeats or fights"});
+  ExpectRefused(
+      FourBar(1.2) +
+          "[joint.a.drive]\nposition = '1.5707963267948966 + t'\n[joint.d.drive]\nposition = 0.1\n",
+      {"cannot close", "the drives of", "'a'", "'d'", "may fight"});
+}
+
 TEST(Compile, RefusesWhatDoesNotFit) {
   const std::string latching = LatchingBarScene();
   ExpectRefused(Replaced(latching, "mass = 0.5", "mass = -0.5"), {"body.bar.mass", "test.toml:"});
