@@ -38,14 +38,15 @@ bool Compiler::OnSmooth(const data::SceneEnd& end) const {
   return OnBeam(end) && IsSmooth(end.index);
 }
 
-Compiler::Attached& Compiler::AttachmentAt(const data::SceneEnd& end) {
+Compiler::Attached& Compiler::AttachmentAt(const data::SceneEnd& end, bool loaded) {
   const double at = PlaceOn(end);
   std::vector<Attached>& list = smooth_[end.index].attached;
+  KirchhoffShapes::Ends& ends = smooth_[end.index].ends;
+  ends.force_at_start = ends.force_at_start || (loaded && end.kind == Kind::kBeamStart);
+  ends.force_at_end = ends.force_at_end || (loaded && end.kind == Kind::kBeamEnd);
   for (Attached& a : list) {
     if (a.at == at) return a;
   }
-  if (end.kind == Kind::kBeamStart) smooth_[end.index].ends.force_at_start = true;
-  if (end.kind == Kind::kBeamEnd) smooth_[end.index].ends.force_at_end = true;
   list.push_back({at, -1, -1});
   return list.back();
 }
@@ -100,6 +101,14 @@ void Compiler::FindAttachments() {
     if (force.kind == data::SceneForce::Kind::kPerLength || !OnSmooth(end)) continue;
     AttachmentAt(end);
     if (force.kind == data::SceneForce::Kind::kTorque) bends(end);
+  }
+  // A watched mark needs its motion in the state; other marks are worked out when they are sampled.
+  for (const data::SceneMark& mark : scene_.marks) {
+    const data::SceneEnd end = Carrier(mark.on);
+    if (!OnSmooth(end)) continue;
+    for (const data::SceneWatch& watch : scene_.watches) {
+      if (watch.quantity.rfind(mark.name + ".", 0) == 0) AttachmentAt(end, false);
+    }
   }
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
     const data::SceneBeam& beam = scene_.beams[b];

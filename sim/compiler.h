@@ -35,7 +35,8 @@ class Compiler {
     KirchhoffShapes::Ends ends;
     int index = -1;  // into Model::kirchhoff
   };
-  Attached& AttachmentAt(const data::SceneEnd& end);
+  // `loaded`: something may act there.
+  Attached& AttachmentAt(const data::SceneEnd& end, bool loaded = true);
 
   // compile.cc
   void FindBeamWelds();

@@ -53,6 +53,9 @@ TEST(Simulate, TheLoopAllocatesNothing) {
   // Neither ends after the first latch, so no event is recorded.
   EXPECT_EQ(count(deployment, 0.2), count(deployment, 0.5));
   EXPECT_EQ(count(everything, 0.2), count(everything, 0.5));
+  for (auto& beam : scene.beams) beam.model = data::BeamModel::kKirchhoff;
+  const Model smooth = Compile(scene);
+  EXPECT_EQ(count(smooth, 0.2), count(smooth, 0.5));
 #endif
 }
 
