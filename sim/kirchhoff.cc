@@ -24,19 +24,23 @@ KirchhoffRod::KirchhoffRod(const Properties& properties, std::vector<Attachment>
       total_mass_(properties.mass),
       kernel_(shapes_.kernel),
       stiffness_(shapes_.stiffness),
-      column_(shapes_.width * shapes_.points, 0.0) {
+      stations_(PaddedSize(shapes_.points + static_cast<int>(attachments_.size()))),
+      column_(shapes_.width * stations_, 0.0) {
   const double L = properties.length;
   for (double& k : kernel_) k *= properties.mass * L * L;
   for (double& s : stiffness_) s *= properties.EI / L;
   for (int q = 0; q < shapes_.points; ++q) {
     for (int k = 0; k < shapes_.width; ++k) {
-      column_[k * shapes_.points + q] = shapes_.shape[q * shapes_.width + k];
+      column_[k * stations_ + q] = shapes_.shape[q * shapes_.width + k];
     }
   }
+  int station = shapes_.points;
   for (const Attachment& attachment : attachments_) {
     for (const double w : shapes_.Arm(attachment.at)) arm_.push_back(L * w);
     const Array shape = shapes_.ShapesAt(attachment.at);
     attached_shape_.insert(attached_shape_.end(), shape.begin(), shape.end());
+    for (int k = 0; k < shapes_.width; ++k) column_[k * stations_ + station] = shape[k];
+    ++station;
     total_mass_ += attachment.mass;
     bodies_ = bodies_ || attachment.mass > 0.0 || attachment.inertia > 0.0;
   }
@@ -46,7 +50,7 @@ KirchhoffRod::Work KirchhoffRod::MakeWork() const {
   Work w;
   const int points = PaddedSize(shapes_.points), width = shapes_.width;
   const int attached = static_cast<int>(attachments_.size());
-  w.theta = w.cosine = w.sine = w.rate = Array(points, 0.0);
+  w.theta = w.cosine = w.sine = w.rate = Array(stations_, 0.0);
   w.a = w.a_rate = w.alpha = w.inverse = w.centre_x = w.centre_y = Array(width, 0.0);
   w.products = Array(shapes_.points * shapes_.points, 0.0);
   w.push = Array(4 * points, 0.0);
@@ -60,24 +64,26 @@ KirchhoffRod::Work KirchhoffRod::MakeWork() const {
 }
 
 void KirchhoffRod::Update(const double* q, const double* rate, Work* work) const {
-  const int points = shapes_.points, width = shapes_.width, used = shapes_.count + 1;
+  const int points = shapes_.points, used = shapes_.count + 1, stations = stations_;
   std::copy_n(q + 2, used, work->a.data());
   std::copy_n(rate + 2, used, work->a_rate.data());
   double* __restrict theta = work->theta.data();
   double* __restrict spin = work->rate.data();
-  std::fill_n(theta, points, work->a[0]);
-  std::fill_n(spin, points, work->a_rate[0]);
+  std::fill_n(theta, stations, work->a[0]);
+  std::fill_n(spin, stations, work->a_rate[0]);
   for (int k = 1; k < used; ++k) {
     const double a = work->a[k], a_rate = work->a_rate[k];
-    const double* __restrict column = &column_[k * points];
-    for (int p = 0; p < points; ++p) {
-      theta[p] += a * column[p];
-      spin[p] += a_rate * column[p];
+    const double* __restrict column = &column_[k * stations];
+    for (int p = 0; p < stations; p += kBlock) {
+      for (int l = 0; l < kBlock; ++l) {
+        theta[p + l] += a * column[p + l];
+        spin[p + l] += a_rate * column[p + l];
+      }
     }
   }
   double* __restrict c = work->cosine.data();
   double* __restrict s = work->sine.data();
-  SinCos(theta, PaddedSize(points), s, c);
+  SinCos(theta, stations, s, c);
   for (std::size_t b = 0; b < attachments_.size(); ++b) {
     const double* __restrict arm = &arm_[b * points];
     double sums[6][kLanes] = {};
@@ -94,21 +100,11 @@ void KirchhoffRod::Update(const double* q, const double* rate, Work* work) const
     }
     double sum[6];
     for (int k = 0; k < 6; ++k) sum[k] = (sums[k][0] + sums[k][1]) + (sums[k][2] + sums[k][3]);
-    const double* shape = &attached_shape_[b * width];
-    double angle = 0.0, omega = 0.0;
-    for (int k = 0; k < used; ++k) {
-      angle += shape[k] * work->a[k];
-      omega += shape[k] * work->a_rate[k];
-    }
     const Attachment& at = attachments_[b];
-    double ox = 0.0, oy = 0.0;
-    if (at.px != 0.0 || at.py != 0.0) {
-      const double ca = std::cos(angle), sa = std::sin(angle);
-      ox = ca * at.px - sa * at.py;
-      oy = sa * at.px + ca * at.py;
-    }
+    const double omega = spin[points + b], ca = c[points + b], sa = s[points + b];
+    const double ox = ca * at.px - sa * at.py, oy = sa * at.px + ca * at.py;
     work->frame[b] = {q[0] + sum[0] + ox,           q[1] + sum[1] + oy,
-                      angle + at.angle,             rate[0] - sum[3] - omega * oy,
+                      theta[points + b] + at.angle, rate[0] - sum[3] - omega * oy,
                       rate[1] + sum[2] + omega * ox, omega};
     work->bias[2 * b] = -sum[4] - omega * omega * ox;
     work->bias[2 * b + 1] = -sum[5] - omega * omega * oy;
@@ -176,8 +172,8 @@ KirchhoffRod::Frame KirchhoffRod::At(const Place& place, const double* q,
   for (int p = 0; p < shapes_.points; ++p) {
     double theta = 0.0, spin = 0.0;
     for (int k = 0; k <= shapes_.count; ++k) {
-      theta += column_[k * shapes_.points + p] * q[2 + k];
-      spin += column_[k * shapes_.points + p] * rate[2 + k];
+      theta += column_[k * stations_ + p] * q[2 + k];
+      spin += column_[k * stations_ + p] * rate[2 + k];
     }
     const double w = properties_.length * place.arm[p];
     const double c = std::cos(theta), s = std::sin(theta);

@@ -48,7 +48,7 @@ class KirchhoffRod {
 
   // Mutable arrays of one simulation.
   struct Work {
-    Array theta, cosine, sine, rate;  // by point
+    Array theta, cosine, sine, rate;  // by point, then by attachment
     Array a, a_rate;                  // theta_0 and amplitudes; shapes().width entries, as all below
     Array products;                   // K_qq' cos(theta_q - theta_q')
     Array push;                       // by point, 3 arrays
@@ -107,6 +107,8 @@ class KirchhoffRod {
  private:
   int row() const { return shapes_.width + PaddedSize(3 * static_cast<int>(attachments_.size()) + 1); }
   template <int kWidth>
+  void AssembleAttachments(Work* work) const;
+  template <int kWidth>
   void AssembleMass(Work* work) const;
   template <int kWidth>
   void AssembleForce(const double load[2], const double* attached, Work* work,
@@ -129,7 +131,8 @@ class KirchhoffRod {
   bool bodies_ = false;      // some attachment has mass
   Array kernel_;             // m L^2 times the shapes' [kg m^2]
   Array stiffness_;          // EI / L times the shapes' [N m]
-  Array column_;             // the shapes' by column, width x Q
+  int stations_ = 0;         // points and attachments, padded
+  Array column_;             // N_k at points and attachments, by column
   Array arm_;                // by attachment, L times the shapes' [m]
   Array attached_shape_;     // by attachment
 };

@@ -17,41 +17,19 @@ Block* Blocks(double* row) { return reinterpret_cast<Block*>(row); }
 
 }  // namespace
 
-// The mass matrix of theta_0 and the amplitudes about the common centre, and the attachments'
-// columns beside it.
+// How places move with theta_0 and the amplitudes: the attachments' about the common centre, beside
+// the mass matrix.
 template <int kWidth>
-void KirchhoffRod::AssembleMass(Work* work) const {
-  const int points = shapes_.points, used = shapes_.count + 1, stride = row();
-  const double* __restrict shape = shapes_.shape.data();
-  const double* __restrict c = work->cosine.data();
-  const double* __restrict s = work->sine.data();
-  FillProducts(work);
-  double* system = work->system.data();
+void KirchhoffRod::AssembleAttachments(Work* work) const {
   constexpr int kRow = kWidth / kBlock;
-  // N^T (A N), four rows of A N at a time.
-  Block total[kWidth][kRow] = {};
-  for (int p = 0; p < points; p += kLanes) {
-    Block sum[kLanes][kRow] = {};
-    const double* products = &work->products[p * points];
-    for (int q = 0; q < points; ++q) {
-      for (int l = 0; l < kLanes; ++l) {
-        for (int k = 0; k < kRow; ++k) {
-          sum[l][k] += products[l * points + q] * Blocks(shape + q * kWidth)[k];
-        }
-      }
-    }
-    for (int l = 0; l < kLanes; ++l) {
-      for (int j = 0; j < kWidth; ++j) {
-        for (int k = 0; k < kRow; ++k) total[j][k] += shape[(p + l) * kWidth + j] * sum[l][k];
-      }
-    }
-  }
-  for (int j = 0; j < used; ++j) {
-    for (int k = 0; k < kRow; ++k) Blocks(system + j * stride)[k] = total[j][k];
-  }
+  const int points = shapes_.points, used = shapes_.count + 1, stride = row();
+  const double* shape = shapes_.shape.data();
+  const double* c = work->cosine.data();
+  const double* s = work->sine.data();
+  double* system = work->system.data();
   const int count = static_cast<int>(attachments_.size());
-  double* __restrict cx = work->centre_x.data();
-  double* __restrict cy = work->centre_y.data();
+  double* cx = work->centre_x.data();
+  double* cy = work->centre_y.data();
   for (int k = 0; k < kWidth; ++k) cx[k] = cy[k] = 0.0;
   for (int b = 0; b < count; ++b) {
     double* jx = &work->jx[b * kWidth];
@@ -76,27 +54,11 @@ void KirchhoffRod::AssembleMass(Work* work) const {
       Blocks(jy)[k] = y[k];
     }
   }
-  if (bodies_) {
-    for (int b = 0; b < count; ++b) {
-      const double m = attachments_[b].mass, inertia = attachments_[b].inertia;
-      if (m == 0.0 && inertia == 0.0) continue;
-      const double* __restrict jx = &work->jx[b * kWidth];
-      const double* __restrict jy = &work->jy[b * kWidth];
-      const double* __restrict at = &attached_shape_[b * kWidth];
-      for (int j = 0; j < used; ++j) {
-        double* __restrict out = system + j * stride;
-        const double wx = m * jx[j], wy = m * jy[j], wt = inertia * at[j];
-        for (int k = 0; k < kWidth; ++k) out[k] += wx * jx[k] + wy * jy[k] + wt * at[k];
-      }
-      for (int k = 0; k < kWidth; ++k) {
-        cx[k] += m / total_mass_ * jx[k];
-        cy[k] += m / total_mass_ * jy[k];
-      }
-    }
-    for (int j = 0; j < used; ++j) {
-      double* __restrict out = system + j * stride;
-      const double wx = total_mass_ * cx[j], wy = total_mass_ * cy[j];
-      for (int k = 0; k < kWidth; ++k) out[k] -= wx * cx[k] + wy * cy[k];
+  for (int b = 0; bodies_ && b < count; ++b) {
+    const double part = attachments_[b].mass / total_mass_;
+    for (int k = 0; k < kRow; ++k) {
+      Blocks(cx)[k] += part * Blocks(&work->jx[b * kWidth])[k];
+      Blocks(cy)[k] += part * Blocks(&work->jy[b * kWidth])[k];
     }
   }
   for (int b = 0; b < count; ++b) {
@@ -107,6 +69,52 @@ void KirchhoffRod::AssembleMass(Work* work) const {
       out[2] = attached_shape_[b * kWidth + j];
     }
   }
+}
+
+// The mass matrix of theta_0 and the amplitudes about the common centre.
+template <int kWidth>
+void KirchhoffRod::AssembleMass(Work* work) const {
+  const int points = shapes_.points, used = shapes_.count + 1, stride = row();
+  const double* __restrict shape = shapes_.shape.data();
+  FillProducts(work);
+  double* system = work->system.data();
+  constexpr int kRow = kWidth / kBlock;
+  // N^T (A N), four rows of A N at a time.
+  Block total[kWidth][kRow] = {};
+  for (int p = 0; p < points; p += kLanes) {
+    Block sum[kLanes][kRow] = {};
+    const double* products = &work->products[p * points];
+    for (int q = 0; q < points; ++q) {
+      for (int l = 0; l < kLanes; ++l) {
+        for (int k = 0; k < kRow; ++k) {
+          sum[l][k] += products[l * points + q] * Blocks(shape + q * kWidth)[k];
+        }
+      }
+    }
+    for (int l = 0; l < kLanes; ++l) {
+      for (int j = 0; j < kWidth; ++j) {
+        for (int k = 0; k < kRow; ++k) total[j][k] += shape[(p + l) * kWidth + j] * sum[l][k];
+      }
+    }
+  }
+  for (int j = 0; j < used; ++j) {
+    for (int k = 0; k < kRow; ++k) Blocks(system + j * stride)[k] = total[j][k];
+  }
+  if (!bodies_) return;
+  const auto add = [&](double factor, const double* row) {
+    for (int j = 0; j < used; ++j) {
+      for (int k = 0; k < kRow; ++k) {
+        Blocks(system + j * stride)[k] += factor * row[j] * Blocks(row)[k];
+      }
+    }
+  };
+  for (std::size_t b = 0; b < attachments_.size(); ++b) {
+    const double m = attachments_[b].mass, inertia = attachments_[b].inertia;
+    if (m > 0.0) add(m, &work->jx[b * kWidth]), add(m, &work->jy[b * kWidth]);
+    if (inertia > 0.0) add(inertia, &attached_shape_[b * kWidth]);
+  }
+  add(-total_mass_, work->centre_x.data());
+  add(-total_mass_, work->centre_y.data());
 }
 
 // The generalized force in the last used column of the system, and the common centre's acceleration.
@@ -197,8 +205,11 @@ void KirchhoffRod::Eliminate(Work* work) const {
 template <int kWidth>
 void KirchhoffRod::SolveAs(const double load[2], const double* attached, Work* work,
                            double* acceleration, double* compliance, double* dissipated) const {
-  AssembleMass<kWidth>(work);
+  // The mass matrix last: what is written entry by entry has then long reached the cache when
+  // elimination reads it in blocks.
+  AssembleAttachments<kWidth>(work);
   AssembleForce<kWidth>(load, attached, work, dissipated);
+  AssembleMass<kWidth>(work);
   Eliminate<kWidth>(work);
   const int used = shapes_.count + 1, stride = row();
   const int rows = 3 * static_cast<int>(attachments_.size());
