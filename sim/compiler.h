@@ -65,8 +65,6 @@ class Compiler {
   void FillLinearSprings();
   void FillForces();
   // Smooth beams take loads at their ends only.
-  void RefuseInsideSmoothBeam(const data::SceneEnd& end, const std::string& name,
-                              const std::string& where) const;
   LoadPoint LoadPointOf(const data::SceneEnd& end, double* angle);
   // compile_joints.cc
   void FillJoints();
