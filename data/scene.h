@@ -50,7 +50,7 @@ struct SceneBeam {
   double EA = 0.0;      // [N]; needed only where axial_elastic
   BeamModel model = BeamModel::kSegments;
   int segments = 8;  // kSegments
-  int order = 5;     // kKirchhoff: shape functions of the centre line's angle
+  int order = 3;     // kKirchhoff: modes of the free beam among its shapes, 1 to 11
   bool axial_elastic = false;
   double damping = 0.0;       // Kelvin-Voigt beta [s]
   bool gradient_form = true;  // element forces as the gradient of an energy; false: as printed

@@ -5,7 +5,7 @@ namespace unfurl::data {
 namespace {
 
 constexpr int kMostSegments = 1'000'000;
-constexpr int kHighestOrder = 30;  // shape functions of one beam
+constexpr int kHighestOrder = 11;  // modes of one smooth beam
 
 std::optional<std::array<double, 3>> TripleOrNone(const TomlTable& table, const char* key) {
   if (!table.Has(key)) return std::nullopt;
@@ -42,7 +42,7 @@ void SceneReader::ReadBeams() {
                      ? BeamModel::kSegments
                      : BeamModel::kKirchhoff;
     beam.segments = table.IntegerOr("segments", 8, 1, kMostSegments);
-    beam.order = table.IntegerOr("order", 5, 1, kHighestOrder);
+    beam.order = table.IntegerOr("order", 3, 1, kHighestOrder);
     beam.axial_elastic = table.ChoiceOr("axial", "rigid", {"rigid", "elastic"}) == "elastic";
     beam.damping = table.NumberOr("damping", 0.0, kNonNegative);
     beam.gradient_form = table.ChoiceOr("form", "gradient", {"gradient", "printed"}) == "gradient";

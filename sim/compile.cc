@@ -36,10 +36,12 @@ Model Compiler::Run() {
   model_.name = scene_.name;
   model_.duration = scene_.duration;
   FindBeamWelds();
+  FindAttachments();
   NumberSlots();
   MakeLinks();
   PlaceAll();
   FillBending();
+  FillSmooth();
   FillJoints();
   FillLinearSprings();
   FillForces();
@@ -93,6 +95,7 @@ MovingPoint Compiler::PointOf(const data::SceneEnd& raw, double* angle) {
     *angle = in.angle;
     return {slot_of_composite_[NodeOf(end)], in.x, in.y};
   }
+  if (IsSmooth(end.index)) return SmoothPoint(end);
   const data::SceneBeam& beam = scene_.beams[end.index];
   const double at = end.kind == Kind::kBeamStart ? 0.0 : end.kind == Kind::kBeamEnd ? 1.0 : end.at;
   const double place = at * beam.segments;  // in segments
@@ -111,6 +114,7 @@ void Compiler::FindBeamWelds() {
   beam_ends_.resize(scene_.beams.size());
   for (const data::SceneWeld& weld : scene_.welds) {
     if (JoinsBodies(weld)) continue;
+    if (IsBeamEnd(weld.inner) && IsBeamEnd(weld.outer)) continue;  // two smooth beams
     BeamEnd& end = EndOf(BeamSide(weld));
     if (end.weld != nullptr) {
       throw Error(fmt::format("weld '{}' holds a beam's end that weld '{}' already holds",
@@ -125,6 +129,7 @@ void Compiler::NumberSlots() {
   int next = 0;
   first_segment_.resize(scene_.beams.size());
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
+    if (IsSmooth(static_cast<int>(b))) continue;
     if (beam_ends_[b][0].weld != nullptr) beam_ends_[b][0].station = next++;
     first_segment_[b] = next;
     next += scene_.beams[b].segments;
@@ -135,6 +140,7 @@ void Compiler::NumberSlots() {
   next = slots.beam_count;
   slot_of_composite_.assign(merged_.list.size(), -1);
   for (std::size_t c = 1; c < merged_.list.size(); ++c) slot_of_composite_[c] = next++;
+  next = NumberSmoothSlots(next);
   slots.ground = next++;
   slot_of_composite_[0] = slots.ground;
   slots.count = PaddedSize(next);
@@ -142,6 +148,10 @@ void Compiler::NumberSlots() {
   slots.mass = slots.inertia = Array(slots.count, 0.0);
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
     const data::SceneBeam& beam = scene_.beams[b];
+    if (IsSmooth(static_cast<int>(b))) {
+      slots.mass[first_segment_[b]] = beam.mass;  // its turning is the beam's own
+      continue;
+    }
     const double l = beam.length / beam.segments, m = beam.mass / beam.segments;
     for (int k = 0; k < beam.segments; ++k) {
       slots.mass[first_segment_[b] + k] = SegmentMass(beam, k);
@@ -157,6 +167,9 @@ void Compiler::NumberSlots() {
     if (slots.mass[k] > 0.0) slots.inverse_mass[k] = 1.0 / slots.mass[k];
     if (slots.inertia[k] > 0.0) slots.inverse_inertia[k] = 1.0 / slots.inertia[k];
   }
+  for (const std::vector<int>& attached : slots.attached) {
+    for (const int slot : attached) slots.inverse_mass[slot] = slots.inverse_inertia[slot] = 0.0;
+  }
 }
 
 void Compiler::FillOutputs() {
@@ -168,8 +181,12 @@ void Compiler::FillOutputs() {
   }
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
     const data::SceneBeam& beam = scene_.beams[b];
-    model_.beams.push_back(
-        {beam.name, first_segment_[b], beam.segments, beam.length / beam.segments});
+    if (IsSmooth(static_cast<int>(b))) {
+      model_.beams.push_back({beam.name, first_segment_[b], 1, beam.length, smooth_[b].index});
+    } else {
+      model_.beams.push_back(
+          {beam.name, first_segment_[b], beam.segments, beam.length / beam.segments});
+    }
     model_.length_scale = std::max(model_.length_scale, beam.length);
   }
   for (const data::SceneMark& mark : scene_.marks) {
@@ -203,8 +220,9 @@ void Compiler::FillState() {
   }
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
     const int node = NodeOfBeam(static_cast<int>(b));
-    const double l = scene_.beams[b].length / scene_.beams[b].segments;
-    for (int k = 0; k < scene_.beams[b].segments; ++k) {
+    const int segments = IsSmooth(static_cast<int>(b)) ? 1 : scene_.beams[b].segments;
+    const double l = scene_.beams[b].length / segments;
+    for (int k = 0; k < segments; ++k) {
       set(first_segment_[b] + k, start_.node[node], start_.velocity[node], (k + 0.5) * l);
     }
   }
@@ -226,6 +244,7 @@ void Compiler::CheckConstraints() {
             : "remove a joint or weld that repeats what others already hold");
   }
   dynamics.Project(0.0, model_.initial_state.data());
+  dynamics.Update(0.0, model_.initial_state.data());
 }
 
 Model Compile(const data::Scene& scene) {

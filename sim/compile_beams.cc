@@ -12,6 +12,7 @@ void Compiler::FillBending() {
   element_names_.assign(slots.beam_count, "");
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
     const data::SceneBeam& beam = scene_.beams[b];
+    if (IsSmooth(static_cast<int>(b))) continue;
     const double l = beam.length / beam.segments;
     const auto add = [&](int e, double length) {
       model_.bending.Set(e, {length, beam.EI, beam.axial_elastic ? beam.EA : 0.0, beam.damping,
@@ -56,9 +57,11 @@ void Compiler::FillFields() {
   model_.suspension = Suspension(model_.slots.count);
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
     const data::SceneBeam& beam = scene_.beams[b];
-    const double l = beam.length / beam.segments;
+    // Of a smooth beam the centre here; how the strings turn and bend it is the beam's own.
+    const int segments = IsSmooth(static_cast<int>(b)) ? 1 : beam.segments;
+    const double l = beam.length / segments;
     const PlanePose& at = hang_.node[NodeOfBeam(static_cast<int>(b))];
-    for (int k = 0; k < beam.segments; ++k) {
+    for (int k = 0; k < segments; ++k) {
       const PlanePose centre = at * PlanePose{(k + 0.5) * l, 0.0, 0.0};
       const int slot = first_segment_[b] + k;
       model_.suspension.Set(slot, per_mass * model_.slots.mass[slot], centre.x, centre.y, 0.0, 0.0);

@@ -41,6 +41,7 @@ void Compiler::FillJoints() {
     AddEffects(j, &out);
     model_.joints.push_back(out);
   }
+  AddWeldRows(&rows);
   model_.constraints = Constraints(model_.slots, element_length_, std::move(rows), element_names_);
 }
 

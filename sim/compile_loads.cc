@@ -8,15 +8,6 @@
 
 namespace unfurl::sim {
 
-void Compiler::RefuseInsideSmoothBeam(const data::SceneEnd& end, const std::string& name,
-                                      const std::string& where) const {
-  if (end.kind != data::SceneEnd::Kind::kAlongBeam) return;
-  if (scene_.beams[end.index].model == data::BeamModel::kSegments) return;
-  throw Error(
-      fmt::format("'{}' acts inside the smooth beam '{}'", name, scene_.beams[end.index].name),
-      where, "use model = \"segments\", or let it act on an end of the beam");
-}
-
 LoadPoint Compiler::LoadPointOf(const data::SceneEnd& end, double* angle) {
   const MovingPoint p = PointOf(end, angle);
   return {p.slot, p.px, p.py, p.other_slot, p.other_px};
@@ -24,9 +15,6 @@ LoadPoint Compiler::LoadPointOf(const data::SceneEnd& end, double* angle) {
 
 void Compiler::FillLinearSprings() {
   for (const data::SceneLinearSpring& spring : scene_.linear_springs) {
-    for (const data::SceneEnd* end : {&spring.a, &spring.b}) {
-      RefuseInsideSmoothBeam(*end, spring.name, spring.where);
-    }
     double angle = 0.0;
     const LoadPoint a = LoadPointOf(spring.a, &angle), b = LoadPointOf(spring.b, &angle);
     const PlanePose at_a = start_.node[NodeOf(spring.a)] * InNode(spring.a);
@@ -47,7 +35,6 @@ void Compiler::FillLinearSprings() {
 
 void Compiler::FillForces() {
   for (const data::SceneForce& force : scene_.forces) {
-    RefuseInsideSmoothBeam(force.on, force.name, force.where);
     double angle = 0.0;
     switch (force.kind) {
       case data::SceneForce::Kind::kForce: {
@@ -61,8 +48,15 @@ void Compiler::FillForces() {
         continue;
       case data::SceneForce::Kind::kPerLength: {
         const data::SceneBeam& beam = scene_.beams[force.on.index];
-        model_.forces.AddPerLength(first_segment_[force.on.index], beam.segments,
-                                   beam.length / beam.segments, force.force, force.follows);
+        const bool smooth = IsSmooth(force.on.index);
+        if (smooth && force.follows) {
+          throw Error(fmt::format("'{}' turns with the smooth beam '{}'", force.name, beam.name),
+                      force.where, "use frame = \"world\", or model = \"segments\"");
+        }
+        // On a smooth beam it acts as one force on the centre of mass does.
+        const int parts = smooth ? 1 : beam.segments;
+        model_.forces.AddPerLength(first_segment_[force.on.index], parts, beam.length / parts,
+                                   force.force, force.follows);
       }
     }
     for (const data::TimeFunction& f : force.force) model_.functions.push_back({f, 0});

@@ -25,12 +25,33 @@ class Compiler {
     int station = -1;                       // slot
   };
 
+  struct Attached {      // to a smooth beam
+    double at = 0.0;     // place, of the length
+    int composite = -1;  // what rides there and is part of the beam; -1: none
+    int slot = -1;
+  };
+  struct Smooth {
+    std::vector<Attached> attached;
+    KirchhoffShapes::Ends ends;
+    int index = -1;  // into Model::kirchhoff
+  };
+  // `loaded`: something may act there.
+  Attached& AttachmentAt(const data::SceneEnd& end, bool loaded = true);
+
   // compile.cc
   void FindBeamWelds();
   void NumberSlots();
   void FillOutputs();
   void FillState();
   void CheckConstraints();
+  // compile_kirchhoff.cc
+  bool IsSmooth(int beam) const;
+  bool OnSmooth(const data::SceneEnd& end) const;
+  void FindAttachments();
+  int NumberSmoothSlots(int next);
+  void FillSmooth();
+  void AddWeldRows(JointRows* rows);
+  MovingPoint SmoothPoint(const data::SceneEnd& end);
   // compile_places.cc
   void MakeLinks();
   void PlaceAll();
@@ -44,8 +65,6 @@ class Compiler {
   void FillLinearSprings();
   void FillForces();
   // Smooth beams take loads at their ends only.
-  void RefuseInsideSmoothBeam(const data::SceneEnd& end, const std::string& name,
-                              const std::string& where) const;
   LoadPoint LoadPointOf(const data::SceneEnd& end, double* angle);
   // compile_joints.cc
   void FillJoints();
@@ -68,7 +87,9 @@ class Compiler {
   Composites merged_;
   Model model_;
   std::vector<std::array<BeamEnd, 2>> beam_ends_;
-  std::vector<int> first_segment_;  // slot by beam
+  std::vector<Smooth> smooth_;      // by beam
+  std::vector<const data::SceneWeld*> weld_rows_;
+  std::vector<int> first_segment_;  // slot by beam; of a smooth one its root
   std::vector<int> slot_of_composite_;
   std::vector<Link> links_;
   Placement start_, hang_;

@@ -108,6 +108,36 @@ Constraints::Constraints(const Slots& slots, const std::vector<double>& element_
       }
     }
   }
+  // Slots of a smooth beam's attachments: every two rows on the beam meet.
+  int at = 0;
+  for (const std::vector<int>& attached : slots.attached) {
+    const int stride = 3 * static_cast<int>(attached.size());
+    struct Touch {
+      int row, block, place;  // of the row's Jacobian, of the attachment
+    };
+    std::vector<Touch> touches;
+    for (std::size_t k = 0; k < attached.size(); ++k) {
+      for (const Incident& on : incidence[attached[k]]) {
+        touches.push_back({on.row, 6 * (on.row - beam_count_) + (on.outer ? 3 : 0),
+                           3 * static_cast<int>(k)});
+      }
+    }
+    for (std::size_t a = 0; a < touches.size(); ++a) {
+      for (std::size_t b = a; b < touches.size(); ++b) {
+        const Touch &i = touches[a], &j = touches[b];
+        const int entry = at + i.place * stride + j.place;
+        if (i.row == j.row) {
+          answers_.push_back({i.row, true, i.block, j.block, entry, stride, a == b ? 1.0 : 2.0});
+          continue;
+        }
+        const std::pair<int, int> key{std::min(i.row, j.row), std::max(i.row, j.row)};
+        const auto [found, added] = place_of.emplace(key, places);
+        if (added) entries.push_back({key.first, key.second, places++});
+        answers_.push_back({found->second, false, i.block, j.block, entry, stride, 1.0});
+      }
+    }
+    at += stride * stride;
+  }
   ldlt_ = SparseLdlt(rows_, has_equation, entries, places);
 }
 

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "sim/joint_rows.h"
+#include "sim/kirchhoff_beams.h"
 #include "sim/slots.h"
 #include "sim/sparse_ldlt.h"
 
@@ -31,6 +32,8 @@ class Constraints {
     std::vector<double> blocks;    // Jacobian of the joints' rows, 6 each, then the blocks of
                                  // elements that cross terms use, 3 each
     std::vector<double> station;  // offsets in the world, 2 per station
+    const KirchhoffBeams* smooth = nullptr;  // where the model has any
+    KirchhoffBeams::Work smooth_work;
   };
 
   Constraints() = default;
@@ -98,6 +101,16 @@ class Constraints {
     int place, a, b, body;
   };
 
+  struct Answer {  // off[place] (or diagonal[place]) += factor a . C . b, C a block of the answers
+    int place;     // that slots attached to one smooth beam give to loads on one another
+    bool diagonal;
+    int a, b;        // in work.blocks
+    int at, stride;  // of C's first entry in smooth_work.compliance
+    double factor;
+  };
+  double Product(const Answer& answer, const Work& work) const;
+  void AddAnswers(Work* work) const;
+
   // a . M_body^-1 . b
   double BodyProduct(int body, const double* a, const double* b) const {
     return inverse_mass_[body] * (a[0] * b[0] + a[1] * b[1]) + inverse_inertia_[body] * a[2] * b[2];
@@ -119,6 +132,7 @@ class Constraints {
   std::vector<Side> i_sides_, j_sides_;
   std::vector<Block> blocks_;
   std::vector<Cross> crosses_;
+  std::vector<Answer> answers_;
   bool driven_ = false;
   SparseLdlt ldlt_;
 };

@@ -89,6 +89,26 @@ void Constraints::AssembleSchur(const Motion& m, Work* work) const {
   for (const Cross& x : crosses_) {
     off[x.place] += BodyProduct(x.body, &work->blocks[x.a], &work->blocks[x.b]);
   }
+  if (!answers_.empty()) AddAnswers(work);
+}
+
+double Constraints::Product(const Answer& answer, const Work& work) const {
+  const double* a = &work.blocks[answer.a];
+  const double* b = &work.blocks[answer.b];
+  const double* c = &work.smooth_work.compliance[answer.at];
+  double sum = 0.0;
+  for (int i = 0; i < 3; ++i) {
+    sum += a[i] * (c[0] * b[0] + c[1] * b[1] + c[2] * b[2]);
+    c += answer.stride;
+  }
+  return answer.factor * sum;
+}
+
+void Constraints::AddAnswers(Work* work) const {
+  for (const Answer& answer : answers_) {
+    double* out = answer.diagonal ? work->diagonal.data() : work->off.data();
+    out[answer.place] += Product(answer, *work);
+  }
 }
 
 void Constraints::ConstraintLoad(const Motion& m, Work* work) const {
@@ -138,6 +158,13 @@ void Constraints::Accelerate(const Motion& m, Load load, Work* work) const {
     ay[k] = load_y[k] * im[k];
     alpha[k] = load_m[k] * ii[k];
   }
+  if (work->smooth != nullptr) {
+    work->smooth->Solve(load, &work->smooth_work, ax, ay, alpha);
+    if (count() == 0) {
+      work->smooth->Accelerate(work->fx.data(), work->fy.data(), work->m.data(),
+                               &work->smooth_work, ax, ay, alpha);
+    }
+  }
   if (count() == 0) return;
 
   // What the stations' accelerations would be without multipliers.
@@ -183,6 +210,9 @@ void Constraints::Accelerate(const Motion& m, Load load, Work* work) const {
     ax[k] = (load_x[k] + fx[k]) * im[k];
     ay[k] = (load_y[k] + fy[k]) * im[k];
     alpha[k] = (load_m[k] + mm[k]) * ii[k];
+  }
+  if (work->smooth != nullptr) {
+    work->smooth->Accelerate(fx, fy, mm, &work->smooth_work, ax, ay, alpha);
   }
 }
 
@@ -237,6 +267,10 @@ void Constraints::RemoveDrift(const Motion& m, Work* work, double* x, double* y,
     y[k] -= inverse_mass_[k] * work->fy[k];
     theta[k] -= inverse_inertia_[k] * work->m[k];
   }
+  if (work->smooth != nullptr) {
+    work->smooth->Respond(work->fx.data(), work->fy.data(), work->m.data(), &work->smooth_work, x,
+                          y, theta);
+  }
 }
 
 double Constraints::SmallestPivot(const Work& work, int* row) const {
@@ -252,6 +286,9 @@ double Constraints::SmallestPivot(const Work& work, int* row) const {
       const double* J = &work.blocks[6 * (r - beam_count_)];
       first = BodyProduct(joints_.Inner(r - beam_count_), J, J) +
               BodyProduct(joints_.Outer(r - beam_count_), J + 3, J + 3);
+      for (const Answer& answer : answers_) {
+        if (answer.diagonal && answer.place == r) first += Product(answer, work);
+      }
     }
     const double ratio = work.diagonal[r] / first;
     if (!(ratio >= smallest)) {

@@ -46,7 +46,11 @@ Dynamics::Dynamics(const Model& model)
       fy_(model.slots.count + kBlock, 0.0),
       m_(model.slots.count + kBlock, 0.0),
       scratch_(model.bending.ScratchSize(), 0.0),
-      work_(model.constraints.MakeWork()) {}
+      work_(model.constraints.MakeWork()) {
+  if (model.kirchhoff.count() == 0) return;
+  work_.smooth = &model.kirchhoff;
+  work_.smooth_work = model.kirchhoff.MakeWork();
+}
 
 Motion Dynamics::Update(double t, double* y) {
   const int n = model_.slots.count;
@@ -56,6 +60,9 @@ Motion Dynamics::Update(double t, double* y) {
   double* vx = y + 3 * n;
   double* vy = y + 4 * n;
   double* omega = y + 5 * n;
+  if (work_.smooth != nullptr) {
+    work_.smooth->Update(x, yy, theta, vx, vy, omega, &work_.smooth_work);
+  }
   for (const Station& s : model_.slots.stations) {
     theta[s.slot] = theta[s.body] + s.angle;
     omega[s.slot] = omega[s.body];
@@ -159,6 +166,7 @@ void Dynamics::Evaluate(double t, double* y, double* dydt) {
   if (model_.constraints.driven() && track_energy) {
     extra[kExtraWork] += model_.constraints.DrivePower(t, work_);
   }
+  if (work_.smooth != nullptr && track_energy) extra[kExtraBeams] += work_.smooth_work.power;
   std::copy_n(y + 3 * n, 3 * n, dydt);
   std::copy_n(work_.ax.data(), n, dydt + 3 * n);
   std::copy_n(work_.ay.data(), n, dydt + 4 * n);
@@ -241,6 +249,12 @@ Balance Dynamics::BalanceAt(double t, double* y) {
   b.table = model_.tables.Energy(m);
   b.linear_spring = model_.linear_springs.Energy(m);
   b.suspension = model_.suspension.Energy(m);
+  if (work_.smooth != nullptr) {
+    b.kinetic += work_.smooth->KineticAboutCentres(&work_.smooth_work);
+    b.angular_momentum += work_.smooth->AngularMomentum(&work_.smooth_work);
+    b.bending += work_.smooth->Bending(work_.smooth_work);
+    b.suspension += work_.smooth->OfStrings(work_.smooth_work);
+  }
   b.gravity = model_.gravity.Energy(m);
   double lost = 0.0;
   b.contact = model_.latches.Stored(m, modes_, &lost);

@@ -13,7 +13,8 @@ std::vector<Model::EffectCount> Model::Effects() const {
   add("bodies", DynamicBodies());
   add("bending elements", bending.count());
   if (bending.axial()) add("axial elasticity", 1);
-  if (bending.damped()) add("material damping", 1);
+  add("smooth beams", kirchhoff.count());
+  if (bending.damped() || kirchhoff.damped()) add("material damping", 1);
   add("springs", springs.count());
   add("dampers", dampers.count());
   add("moment tables", tables.count());

@@ -11,6 +11,7 @@
 #include "sim/forces.h"
 #include "sim/frictions.h"
 #include "sim/gravity.h"
+#include "sim/kirchhoff_beams.h"
 #include "sim/latches.h"
 #include "sim/linear_springs.h"
 #include "sim/moment_tables.h"
@@ -29,6 +30,8 @@ struct MovingPoint {
   // Where two segments of a beam meet, the mean of the places that both give; -1: one slot alone.
   int other_slot = -1;
   double other_px = 0.0;  // [m]
+  // Into KirchhoffBeams: a place along a smooth beam that has no slot; -1: none.
+  int watched = -1;
 };
 
 // A scene made ready to be simulated; immutable, so that several threads may share one. What is not
@@ -44,6 +47,8 @@ struct Model {
     int first = -1;  // slot of the first segment
     int segments = 0;
     double segment_length = 0.0;  // [m]
+    // Into KirchhoffBeams, for a smooth one: `first` is its root slot, taken as one segment.
+    int smooth = -1;
   };
   struct Joint {
     std::string name;
@@ -84,6 +89,7 @@ struct Model {
   Latches latches;
   Suspension suspension;
   Gravity gravity;
+  KirchhoffBeams kirchhoff;
   Constraints constraints;
 
   std::vector<Body> bodies;

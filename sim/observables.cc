@@ -8,6 +8,10 @@ namespace unfurl::sim {
 
 PointMotion MotionOf(const Model& model, const MovingPoint& p, const double* state) {
   const StateIndex& i = model.index;
+  if (p.watched >= 0) {
+    const KirchhoffRod::Frame f = model.kirchhoff.MotionAt(p.watched, state, i.n);
+    return {f.x, f.y, f.vx, f.vy};
+  }
   if (p.other_slot >= 0) {
     const PointMotion a = MotionOf(model, {p.slot, p.px, p.py}, state);
     const PointMotion b = MotionOf(model, {p.other_slot, p.other_px, 0.0}, state);
@@ -29,8 +33,16 @@ double LatchMoment(const Model& model, int latch, const double* state, const Lat
 
 std::string NameOfSlot(const Model& model, int slot) {
   for (const Model::Beam& beam : model.beams) {
+    if (slot == beam.first && beam.smooth >= 0) return fmt::format("beam '{}'", beam.name);
     if (slot >= beam.first && slot < beam.first + beam.segments) {
       return fmt::format("beam '{}', segment {}", beam.name, slot - beam.first + 1);
+    }
+  }
+  for (int b = 0; b < model.kirchhoff.count(); ++b) {
+    const KirchhoffBeams::Beam& beam = model.kirchhoff.beam(b);
+    const int k = slot - beam.first_amplitude();
+    if (k >= 0 && k < beam.amplitude_slots()) {
+      return fmt::format("beam '{}', amplitudes from {}", beam.name, 3 * k + 1);
     }
   }
   for (const Model::Body& body : model.bodies) {
@@ -90,7 +102,9 @@ void Observables::Declare() {
     add(name + ".tension", "N", "of spring and damper");
   }
   add("energy.kinetic", "J", "kinetic energy");
-  if (model_.bending.count() > 0) add("energy.bending", "J", "energy of bending");
+  if (model_.bending.count() + model_.kirchhoff.count() > 0) {
+    add("energy.bending", "J", "energy of bending");
+  }
   if (model_.bending.axial()) add("energy.axial", "J", "energy of stretching");
   if (model_.springs.count() > 0) add("energy.spring", "J", "energy of the torsion springs");
   if (model_.tables.count() > 0) add("energy.table", "J", "potential of the moment tables");
@@ -103,7 +117,7 @@ void Observables::Declare() {
     add("energy.contact", "J", "energy stored in the latches' contacts");
     add("energy.dissipated_contact", "J", "lost in contacts since the start");
   }
-  if (model_.bending.damped()) {
+  if (model_.bending.damped() || model_.kirchhoff.damped()) {
     add("energy.dissipated_beams", "J", "lost in the beams' material since the start");
   }
   if (model_.dampers.count() + model_.frictions.count() > 0 || model_.linear_springs.damped()) {
@@ -171,7 +185,7 @@ const std::vector<double>& Observables::Row(double t, double* state,
   }
   const Balance& b = balance_;
   put(b.kinetic);
-  if (model_.bending.count() > 0) put(b.bending);
+  if (model_.bending.count() + model_.kirchhoff.count() > 0) put(b.bending);
   if (model_.bending.axial()) put(b.axial);
   if (model_.springs.count() > 0) put(b.spring);
   if (model_.tables.count() > 0) put(b.table);
@@ -179,7 +193,7 @@ const std::vector<double>& Observables::Row(double t, double* state,
   if (model_.suspension.count() > 0) put(b.suspension);
   if (!model_.gravity.empty()) put(b.gravity);
   if (model_.latches.count() > 0) put(b.contact), put(b.dissipated_contact);
-  if (model_.bending.damped()) put(b.dissipated_beams);
+  if (model_.bending.damped() || model_.kirchhoff.damped()) put(b.dissipated_beams);
   if (model_.dampers.count() + model_.frictions.count() > 0 || model_.linear_springs.damped()) {
     put(b.dissipated_dampers);
   }

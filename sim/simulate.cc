@@ -136,6 +136,13 @@ const char* LimitName(StepLimit limit) {
 
 SimulateReport Simulate(const Model& model, const SimulateOptions& options, Observer* observer) {
   options.Check();
+  const bool explicit_method =
+      options.method == Method::kAuto || options.method == Method::kProjected;
+  if (model.kirchhoff.count() > 0 && !explicit_method) {
+    throw Error(fmt::format("the method {} does not know smooth beams", MethodName(options.method)),
+                "option method",
+                "use \"projected\", or model = \"segments\" for every beam");
+  }
   return Integration(model, options, observer).Go();
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <vector>
 
 #include "sim/aligned.h"
@@ -30,8 +31,17 @@ struct Slots {
   Array inverse_mass;     // [1/kg]
   Array inverse_inertia;  // [1/(kg m^2)]
   std::vector<Station> stations;
+  // Slots attached to a smooth beam, by beam: their motion is filled in from the beam's coordinates
+  // and they answer to loads on one another, so their inverse masses are zero here too.
+  std::vector<std::vector<int>> attached;
+  // Slots that hold amplitudes of a smooth beam, rising.
+  std::vector<int> amplitudes;
 
-  bool IsDynamic(int slot) const { return inverse_mass[static_cast<std::size_t>(slot)] > 0.0; }
+  // Whether the slot holds coordinates that are integrated.
+  bool IsDynamic(int slot) const {
+    return inverse_mass[static_cast<std::size_t>(slot)] > 0.0 ||
+           std::binary_search(amplitudes.begin(), amplitudes.end(), slot);
+  }
 };
 
 // A state vector holds, one after another, x, y, theta of all slots, their rates, and what is

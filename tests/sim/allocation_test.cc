@@ -57,6 +57,9 @@ TEST(Simulate, TheLoopAllocatesNothing) {
     EXPECT_EQ(count(deployment, 0.2, method), count(deployment, 0.5, method));
     EXPECT_EQ(count(everything, 0.2, method), count(everything, 0.5, method));
   }
+  for (auto& beam : scene.beams) beam.model = data::BeamModel::kKirchhoff;
+  const Model smooth = Compile(scene);
+  EXPECT_EQ(count(smooth, 0.2, Method::kProjected), count(smooth, 0.5, Method::kProjected));
 #endif
 }
 
