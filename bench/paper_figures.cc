@@ -172,7 +172,7 @@ Record Deployment(bool clearance, const Case& c, double duration) {
   sim::SimulateOptions options;
   options.duration = duration;
   options.rtol = 1e-6;
-  options.rate = 2000.0;
+  options.rate = 5000.0;  // shorter than the contacts
   return Run(scene, options);
 }
 
@@ -199,7 +199,8 @@ double LastLatch(const Record& run) {
 // The strongest peaks [Hz] of a column's spectrum from `begin` on, Hann's window, lowest first.
 std::vector<double> Peaks(const Column& t, const Column& v, double begin, int count) {
   Column x, time;
-  for (std::size_t k = 0; k < t.size(); ++k) {
+  constexpr std::size_t kEvery = 10;  // 500 a second are enough
+  for (std::size_t k = 0; k < t.size(); k += kEvery) {
     if (t[k] >= begin) x.push_back(v[k]), time.push_back(t[k]);
   }
   const double n = static_cast<double>(x.size());
@@ -239,7 +240,8 @@ std::vector<double> Peaks(const Column& t, const Column& v, double begin, int co
 }
 
 struct Numbers {
-  double range_y, range_angle, after_angle, moment, last_latch;
+  double range_y, range_angle, after_angle, last_latch;
+  double moment, locking;  // largest at joint 2: within 5 s, within 0.1 s of its latch [N m]
   long impacts;
   std::vector<double> hub, tip;  // peaks of the spectra [Hz]
 };
@@ -259,8 +261,18 @@ Numbers NumbersOf(const Record& run) {
   n.range_y = range(run["hub.y"], 0.0, five);
   n.range_angle = range(run["hub.theta"], 0.0, five);
   n.after_angle = range(run["hub.theta"], n.last_latch, n.last_latch + 2.0);
-  n.moment = 0.0;
-  n.moment = run.report.peak_moment[1];
+  double latch = NAN;
+  for (const Event& e : run.report.events) {
+    if (e.kind == EventKind::kLatch && e.joint == 1) latch = e.t;
+  }
+  const Column& moment = run["joint2.contact_moment"];
+  n.moment = n.locking = 0.0;
+  for (std::size_t k = 0; k < run.t.size() && run.t[k] <= five; ++k) {
+    n.moment = std::max(n.moment, std::fabs(moment[k]));
+    if (run.t[k] >= latch && run.t[k] <= latch + 0.1) {
+      n.locking = std::max(n.locking, std::fabs(moment[k]));
+    }
+  }
   n.impacts = 0;
   for (const Event& e : run.report.events) {
     if (e.kind == EventKind::kContactStart && e.t < five) ++n.impacts;
@@ -313,7 +325,7 @@ void Claims() {
       "[mm] | of hub.theta [rad] | in the 2 s after the last latch | peak moment at joint 2 [N m] "
       "| "
       "peaks of hub.theta [Hz] | of the tip's deflection [Hz] |\n"
-      "|---|---|---|---|---|---|---|---|---|---|---|---|\n");
+      "|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
   const std::vector<Case> cases = {{4, 0.0, "zigzag"},  {8, 0.0, "zigzag"},  {16, 0.0, "zigzag"},
                                    {4, 5e-5, "zigzag"}, {8, 5e-5, "zigzag"}, {8, 5e-4, "zigzag"},
                                    {4, 0.0, "roll"},    {8, 5e-5, "roll"},   {4, 0.0, "ajar"},
@@ -322,9 +334,11 @@ void Claims() {
     for (const bool clearance : {true, false}) {
       const Numbers n = NumbersOf(Deployment(clearance, c, 10.0));
       fmt::print(
-          "| {} | {:g} | {} | {} | {:.3f} | {} | {:.1f} | {:.4f} | {:.4f} | {:.1f} | {} | {} |\n",
+          "| {} | {:g} | {} | {} | {:.3f} | {} | {:.1f} | {:.4f} | {:.4f} | {:.1f} | {:.1f} | {} | "
+          "{} |\n",
           c.segments, c.damping, c.fold, clearance ? "yes" : "no", n.last_latch, n.impacts,
-          1e3 * n.range_y, n.range_angle, n.after_angle, n.moment, Listed(n.hub), Listed(n.tip));
+          1e3 * n.range_y, n.range_angle, n.after_angle, n.moment, n.locking, Listed(n.hub),
+          Listed(n.tip));
       std::fflush(stdout);
     }
   }
