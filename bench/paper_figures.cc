@@ -320,10 +320,8 @@ std::string Listed(const std::vector<double>& values) {
 
 void Claims() {
   fmt::print(
-      "\n| n | beta [s] | fold | clearance | last latch [s] | contacts begun in 5 s | range of "
-      "hub.y "
-      "[mm] | of hub.theta [rad] | in the 2 s after the last latch | peak moment at joint 2 [N m] "
-      "| "
+      "\n| n | beta [s] | fold | clearance | last latch [s] | contacts in 5 s | hub.y [mm] | "
+      "hub.theta [rad] | in the 2 s after the last latch | moment at joint 2 [N m] | at locking | "
       "peaks of hub.theta [Hz] | of the tip's deflection [Hz] |\n"
       "|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
   const std::vector<Case> cases = {{4, 0.0, "zigzag"},  {8, 0.0, "zigzag"},  {16, 0.0, "zigzag"},
