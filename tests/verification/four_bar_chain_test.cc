@@ -1,6 +1,7 @@
-// The chain of four-bars of data/sets/four_bar_chain, N = 2 and 40, up to the first flat state. Source: problem A02 of
-// the IFToMM library of multibody benchmarks (unit links, 1 m/s, 9.81 m/s^2). Quantity: the angle
-// of the first rod, and the energy. Reference: the chain's one degree of freedom,
+// The chain of four-bars of data/sets/four_bar_chain, N = 2 and 40, up to the first flat state.
+// Source: problem A02 of the IFToMM library of multibody benchmarks (unit links, 1 m/s, 9.81
+// m/s^2). Quantity: the angle of the first rod, and the energy. Reference: the chain's one degree
+// of freedom,
 //   ((N + 1) / 3 + N) phi'' = -g cos(phi) ((N + 1) / 2 + N)      (phi from the x axis, unit links),
 // Fehlberg 7(8) at 1e-14. The constraints are dependent whenever sin(phi) = 0, twice a turn.
 // Tolerance: named below. Not checked: time, which bench/ measures.
