@@ -25,8 +25,10 @@ constexpr double kFirstStep = 1e-6;       // [s]; grows fivefold per step from t
 constexpr double kFunctionsAhead = 1e-9;  // [s]; where a function of time is looked for that fails
 constexpr double kSmallestStep = 1e-15;   // relative to the time reached, or to 1 s
 constexpr double kSingularPivot = 1e-12;
-constexpr double kZonePart = 0.25;     // of a contact's transition zone, per step on the way out
-constexpr int kPollSteps = 512;        // between looks at Ctrl-C, pivots and progress
+constexpr double kZonePart = 0.25;  // of a contact's transition zone, per step on the way out
+// Steps between looks at Ctrl-C, pivots and progress: at most so many, and fewer where steps are
+// long, so that a look comes every tenth of a second or so.
+constexpr int kPollSteps = 512, kPollSlots = 100'000;
 constexpr int kStabilitySteps = 8;     // between looks at stability
 constexpr double kStabilityUse = 0.7;  // from here on stability is what limits the step
 
@@ -70,6 +72,9 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       stepper_(MakeStepper(options, dynamics_, scale_)),
       finder_(model),
       log_(model.latches.count()),
+      forces_(model),
+      pin_force_(model.joints.size(), 0.0),
+      poll_steps_(std::clamp(kPollSlots / model.slots.count, 1, kPollSteps)),
       sample_(model.index.size(), 0.0),
       end_(options.duration > 0.0 ? options.duration : model.duration),
       exponent_((1.0 - 0.75 * kMemory) / stepper_->ErrorOrder()),
@@ -79,6 +84,9 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
   dynamics_.track_energy = options.track_energy;
   report_.peak_moment.assign(model.latches.count(), 0.0);
   report_.peak_time.assign(model.latches.count(), 0.0);
+  report_.peak_pin_force.assign(model.joints.size(), 0.0);
+  report_.peak_pin_time.assign(model.joints.size(), 0.0);
+  report_.worst_slots.assign(model.slots.count, 0);
   if (options.profile) dynamics_.profile = &report_.part_seconds;
 }
 
@@ -86,6 +94,8 @@ SimulateReport Integration::Go() {
   const FlushDenormals flush;
   const auto begin = std::chrono::steady_clock::now();
   stepper_->Start(0.0, model_.initial_state);
+  if (options_.track_forces) ReadPinForces();
+  WatchPeaks();
   if (RemoveDrift(t_, stepper_->state())) stepper_->Refresh();
   std::copy_n(stepper_->state(), sample_.size(), sample_.begin());
   Hand(0.0);
@@ -108,7 +118,7 @@ SimulateReport Integration::Go() {
     Advance(h, last);
     ++report_.limited[static_cast<int>(limit_)];
     NextStep(error, &h);
-    if (++report_.steps % kPollSteps == 0) Poll();
+    if (++report_.steps % poll_steps_ == 0) Poll();
   }
   report_.t_end = t_;
   report_.method = stepper_->Description();
@@ -172,6 +182,7 @@ bool Integration::FailIfDependent() {
 }
 
 void Integration::Advance(double h, bool last) {
+  if (options_.track_forces) ReadPinForces();
   const bool at_trial = stepper_->EndsAtTrial();
   if (at_trial && RemoveDrift(t_ + h, stepper_->trial())) stepper_->RefreshTrial();
   double sigma = 1.0;
@@ -264,7 +275,22 @@ void Integration::Hand(double t) {
   ++report_.samples;
 }
 
+// Of the last right side, which was at the step's end or near it; who looks at the drift loses it.
+void Integration::ReadPinForces() {
+  const Motion motion = dynamics_.LastMotion();
+  for (std::size_t j = 0; j < pin_force_.size(); ++j) {
+    const JointForces::Force force =
+        forces_.Of(static_cast<int>(j), motion, dynamics_.JointMultipliers());
+    pin_force_[j] = std::hypot(force.fx, force.fy);
+  }
+}
+
 void Integration::WatchPeaks() {
+  for (std::size_t j = 0; j < pin_force_.size(); ++j) {
+    if (!(pin_force_[j] > report_.peak_pin_force[j])) continue;
+    report_.peak_pin_force[j] = pin_force_[j];
+    report_.peak_pin_time[j] = t_;
+  }
   for (int k = 0; k < model_.latches.count(); ++k) {
     const LatchMode& mode = dynamics_.modes()[k];
     if (!(mode.upper_contact | mode.lower_contact)) continue;
@@ -277,6 +303,7 @@ void Integration::WatchPeaks() {
 }
 
 void Integration::Poll() {
+  ++report_.worst_slots[stepper_->WorstSlot()];
   if (observer_ != nullptr) observer_->OnProgress(t_ / end_);
   ThrowIfInterrupted();
   if (report_.steps >= options_.max_steps) {

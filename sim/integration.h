@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "sim/event_log.h"
+#include "sim/joint_forces.h"
 #include "sim/simulate.h"
 #include "sim/stepper.h"
 
@@ -28,6 +29,7 @@ class Integration {
   double ContactStep() const;
   void SampleStep(double h, double t_new);
   void Hand(double t);
+  void ReadPinForces();
   void WatchPeaks();
   void Poll();
 
@@ -41,6 +43,9 @@ class Integration {
   EventLog log_;
   std::vector<Event> found_;  // of one instant
   SimulateReport report_;
+  JointForces forces_;
+  std::vector<double> pin_force_;  // at the end of the step just tried, by joint [N]
+  int poll_steps_ = 1;
   Array sample_;
   double end_ = 0.0;
   double exponent_ = 0.0, memory_ = 0.0;  // of the step control

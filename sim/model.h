@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -44,6 +45,8 @@ struct Model {
     int first = -1;  // slot of the first segment
     int segments = 0;
     double segment_length = 0.0;  // [m]
+    // Slots of the stations where its start and end are welded; -1: not welded.
+    std::array<int, 2> stations{-1, -1};
   };
   struct Joint {
     std::string name;
