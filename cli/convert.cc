@@ -22,20 +22,30 @@ std::string Ending(const std::string& path) {
   return std::filesystem::path(path).extension().string();
 }
 
+// Block by block: a run may be larger than memory.
 void RunToCsv(const std::string& in, const std::string& out) {
-  const data::Run run = data::ReadRun(in);
+  constexpr std::size_t kBlockRows = 4096;
+  const data::RunReader run(in);
   std::vector<data::CsvColumn> columns = {{"t", "s"}};
-  for (const data::Quantity& quantity : run.quantities) {
+  for (const data::Quantity& quantity : run.quantities()) {
     columns.push_back({quantity.name, quantity.units});
   }
+  data::TextFileWriter file(out);
   data::CsvWriter writer(columns);
-  std::vector<double> row(columns.size());
-  for (std::size_t i = 0; i < run.t.size(); ++i) {
-    row[0] = run.t[i];
-    for (std::size_t q = 0; q < run.columns.size(); ++q) row[q + 1] = run.columns[q][i];
-    writer.Row(row);
+  std::vector<double> row(columns.size()), t;
+  std::vector<std::vector<double>> block;
+  for (std::size_t first = 0; first < run.samples(); first += kBlockRows) {
+    const std::size_t count = std::min(kBlockRows, run.samples() - first);
+    run.Read(first, count, &t, &block);
+    for (std::size_t i = 0; i < count; ++i) {
+      row[0] = t[i];
+      for (std::size_t q = 0; q < block.size(); ++q) row[q + 1] = block[q][i];
+      writer.Row(row);
+    }
+    file.Append(writer.Take());
   }
-  data::WriteTextFile(out, writer.text());
+  file.Append(writer.Take());
+  file.Commit();
 }
 
 [[noreturn]] void Refuse(const std::string& what, const std::string& out) {

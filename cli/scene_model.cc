@@ -105,7 +105,7 @@ correlate::Prediction SceneModel::Run(std::span<const double> theta,
   sim::SimulateOptions simulate;
   simulate.rate = kRate;
   simulate.rtol = rtol;
-  simulate.track_energy = false;
+  simulate.track_energy = simulate.track_forces = false;
   simulate.duration = last + 2.0 / kRate;  // so that the last stamp lies between two samples
   Collector collector(model, stamps.marks);
   const sim::SimulateReport report = sim::Simulate(model, simulate, &collector);

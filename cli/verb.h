@@ -34,6 +34,7 @@ Verb AddCalibrate(CLI::App& program, Common& common);
 Verb AddReconstruct(CLI::App& program, Common& common);
 Verb AddCorrelate(CLI::App& program, Common& common);
 Verb AddFit(CLI::App& program, Common& common);
+Verb AddCost(CLI::App& program, Common& common);
 Verb AddInfo(CLI::App& program, Common& common);
 Verb AddConvert(CLI::App& program, Common& common);
 

@@ -10,6 +10,7 @@
 #include <cstring>
 #include <filesystem>
 #include <memory>
+#include <utility>
 
 #include "base/error.h"
 
@@ -43,7 +44,7 @@ void ThrowWriteError(const std::string& path, int error_number) {
               ErrorKind::kMachine);
 }
 
-AtomicFile::AtomicFile(std::string path) : path_(std::move(path)) {
+AtomicFile::AtomicFile(std::string path, Temporary kind) : path_(std::move(path)) {
   const std::string folder = Folder(path_);
   std::error_code ignored;
   if (!std::filesystem::is_directory(folder, ignored)) {
@@ -59,33 +60,64 @@ AtomicFile::AtomicFile(std::string path) : path_(std::move(path)) {
     throw Error("is a device or pipe, not a file", path_, "name a file with -o");
   }
   const std::string name = std::filesystem::path(path_).filename().string();
-  temporary_ = fmt::format("{}/.{}.{}.tmp", folder, name, getpid());
-  const int fd = open(temporary_.c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC, 0644);
+  const bool partial = kind == Temporary::kPartial;
+  temporary_ = partial ? path_ + ".partial" : fmt::format("{}/.{}.{}.tmp", folder, name, getpid());
+  const int fd = open(temporary_.c_str(), O_CREAT | O_WRONLY | O_CLOEXEC, 0644);
   if (fd < 0) ThrowWriteError(path_, errno);
-  close(fd);
+  if (partial) {
+    lock_ = fd;
+    // A lock of the open file, not of the process; HDF5's own (flock) is another kind.
+    struct flock whole = {};
+    whole.l_type = F_WRLCK;
+    whole.l_whence = SEEK_SET;
+    if (fcntl(fd, F_OFD_SETLK, &whole) != 0 && (errno == EAGAIN || errno == EACCES)) {
+      close(fd);
+      throw Error("another program is writing it", temporary_,
+                  "wait until it has ended, or name another output with -o");
+    }
+  }
+  if (ftruncate(fd, 0) != 0) ThrowWriteError(path_, errno);
+  if (!partial) close(fd);
 }
 
 AtomicFile::~AtomicFile() {
-  if (!committed_) std::remove(temporary_.c_str());
+  if (!settled_) std::remove(temporary_.c_str());
+  if (lock_ >= 0) close(lock_);
 }
 
 void AtomicFile::Commit() {
   if (!SyncPath(temporary_, O_RDONLY)) ThrowWriteError(path_, errno);
   if (std::rename(temporary_.c_str(), path_.c_str()) != 0) ThrowWriteError(path_, errno);
-  committed_ = true;
+  settled_ = true;
   SyncPath(Folder(path_), O_RDONLY | O_DIRECTORY);  // best effort: the content is safe already
 }
 
-void WriteTextFile(const std::string& path, const std::string& text) {
-  AtomicFile file(path);
-  const std::unique_ptr<std::FILE, int (*)(std::FILE*)> stream(
-      std::fopen(file.temporary().c_str(), "wb"),
-      [](std::FILE* f) { return f ? std::fclose(f) : 0; });
-  if (!stream) ThrowWriteError(path, errno);
-  if (std::fwrite(text.data(), 1, text.size(), stream.get()) != text.size() ||
-      std::fflush(stream.get()) != 0) {
-    ThrowWriteError(path, errno);
+TextFileWriter::TextFileWriter(const std::string& path) : file_(path) {
+  stream_ = std::fopen(file_.temporary().c_str(), "wb");
+  if (stream_ == nullptr) ThrowWriteError(path, errno);
+}
+
+TextFileWriter::~TextFileWriter() {
+  if (stream_ != nullptr) std::fclose(stream_);
+}
+
+void TextFileWriter::Append(const std::string& text) {
+  if (std::fwrite(text.data(), 1, text.size(), stream_) != text.size()) {
+    ThrowWriteError(file_.path(), errno);
   }
+}
+
+void TextFileWriter::Commit() {
+  std::FILE* stream = std::exchange(stream_, nullptr);
+  const bool flushed = std::fflush(stream) == 0;
+  const int error = errno;
+  if (std::fclose(stream) != 0 || !flushed) ThrowWriteError(file_.path(), flushed ? errno : error);
+  file_.Commit();
+}
+
+void WriteTextFile(const std::string& path, const std::string& text) {
+  TextFileWriter file(path);
+  file.Append(text);
   file.Commit();
 }
 

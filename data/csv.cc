@@ -155,6 +155,14 @@ void CsvWriter::Row(const std::vector<double>& values) {
 
 void CsvWriter::Comment(const std::string& text) { comments_ += "# " + text + "\n"; }
 
+std::string CsvWriter::Take() {
+  std::string all = text();
+  comments_.clear();
+  header_.clear();
+  body_.clear();
+  return all;
+}
+
 std::string CsvWriter::text() const { return comments_ + header_ + body_; }
 
 }  // namespace unfurl::data

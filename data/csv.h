@@ -48,6 +48,8 @@ class CsvWriter {
   void Row(const std::vector<double>& values);
   void Comment(const std::string& text);
   std::string text() const;  // hand it to WriteTextFile
+  // What there is so far, for long tables: from then on the writer holds what comes after it.
+  std::string Take();
 
  private:
   std::string header_;

@@ -29,6 +29,7 @@ class H5Writer;
 class H5Series {
  public:
   H5Series() = default;
+  std::size_t rows() const { return rows_; }
   // `values` holds rows x (product of the row's dimensions) entries, row after row. The type must
   // be the one the series was made with.
   void Append(std::span<const double> values);
@@ -36,24 +37,32 @@ class H5Series {
   void Append(std::span<const std::int32_t> values);
   void Append(std::span<const std::uint16_t> values);
   void Append(std::span<const std::uint8_t> values);
+  void Append(const std::vector<std::string>& values);  // of a text series; cut to its width
 
  private:
   friend class H5Writer;
   void AppendRaw(const void* values, std::size_t count, H5Type type);
+  void AppendRows(const void* values, std::size_t count, std::int64_t memory_type);
   H5Writer* writer_ = nullptr;
   std::int64_t dataset_ = -1;
   H5Type type_ = H5Type::kDouble;
   std::string path_;
   std::vector<std::size_t> row_;  // dimensions of one row; empty for scalars
+  std::size_t width_ = 0;         // of text; 0: numbers
   std::size_t rows_ = 0;
 };
 
 class H5Writer {
  public:
+  // How a file comes to be: whole or not at all; or streamed to NAME.partial, which can be read
+  // while it grows and after the program was killed (HDF5's single-writer mode: from StartStreaming
+  // on, nothing is lost but what came after the last Flush; chunks carry checksums).
+  enum class Mode { kWhole, kStreamed };
+
   // `schema` such as "unfurl/run". Creates the temporary file; nothing bears the name `path` until
   // Commit. Throws Error (kMachine for a full disk or a refused permission).
   H5Writer(const std::string& path, const std::string& schema, int schema_version,
-           const Provenance& provenance);
+           const Provenance& provenance, Mode mode = Mode::kWhole);
   ~H5Writer();
   H5Writer(const H5Writer&) = delete;
   H5Writer& operator=(const H5Writer&) = delete;
@@ -72,6 +81,16 @@ class H5Writer {
   H5Series Series(const H5Field& field, H5Type type, std::vector<std::size_t> row_dims = {},
                   std::size_t chunk_rows = 1024, int deflate = 0);
 
+  // The same of text, each entry of fixed width.
+  H5Series TextSeries(const H5Field& field, std::size_t width, std::size_t chunk_rows = 1024);
+
+  // Of a streamed file, once every dataset and attribute is there: from here on series grow and
+  // Overwrite replaces values, and nothing else is made.
+  void StartStreaming();
+  void Overwrite(const std::string& dataset, std::span<const double> values);
+  void OverwriteText(const std::string& dataset, const std::string& value);
+  void Flush();
+
   // Attributes of a group or dataset ("/" for the root; groups are made as needed).
   void Attribute(const std::string& object, const std::string& name, const std::string& value);
   void Attribute(const std::string& object, const std::string& name, double value);
@@ -79,9 +98,15 @@ class H5Writer {
 
   // Flushes, closes, syncs and renames. Call once, last.
   void Commit();
+  // Instead of Commit: closes NAME.partial and leaves it there. The destructor alone removes it.
+  void Keep();
+  // The same after a failed write: NAME.partial stays as the last Flush left it.
+  void Abandon();
+  const std::string& temporary() const;  // the name until Commit
 
  private:
   friend class H5Series;
+  void CloseAll();
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };

@@ -34,6 +34,10 @@ H5Handle OpenFile(const std::string& path) {
   H5Handle file(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
   if (!file.valid()) {
     const std::string message = H5LastMessage(nullptr);
+    // A streamed file that is growing, or whose writer was killed.
+    file =
+        H5Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY | H5F_ACC_SWMR_READ, H5P_DEFAULT), H5Fclose);
+    if (file.valid()) return file;
     const bool truncated = message.find("truncated") != std::string::npos;
     throw Error(truncated ? "is truncated: the end of the file is missing"
                           : fmt::format("is damaged: {}", message),

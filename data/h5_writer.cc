@@ -56,8 +56,12 @@ struct H5Writer::Impl {
   AtomicFile file;
   H5Handle handle;
   std::vector<H5Handle> series;
+  bool streamed;
 
-  explicit Impl(const std::string& p) : path(p), file(p) {}
+  Impl(const std::string& p, bool stream)
+      : path(p),
+        file(p, stream ? AtomicFile::Temporary::kPartial : AtomicFile::Temporary::kHidden),
+        streamed(stream) {}
 
   [[noreturn]] void Fail(const std::string& object) {
     int number = 0;
@@ -112,13 +116,41 @@ struct H5Writer::Impl {
   H5Handle Create(const H5Field& field, hid_t disk, hid_t space, hid_t properties) {
     MakeGroups(field.path);
     H5Pset_obj_track_times(properties, 0);
+    H5Handle access(H5Pcreate(H5P_DATASET_ACCESS), H5Pclose);
+    // Writers of many series append whole chunks: a cache for each would only hold memory.
+    if (streamed) H5Pset_chunk_cache(access.get(), 1, 0, 1.0);
     H5Handle set(H5Dcreate2(handle.get(), field.path.c_str(), disk, space, H5P_DEFAULT, properties,
-                            H5P_DEFAULT),
+                            access.get()),
                  H5Dclose);
     if (!set.valid()) Fail(field.path);
     PutText(set.get(), "units", field.units);
     PutText(set.get(), "description", field.description);
     return set;
+  }
+
+  H5Series Grow(const H5Field& field, hid_t disk, const std::vector<std::size_t>& row_dims,
+                std::size_t chunk_rows, int deflate) {
+    std::vector<hsize_t> size = {0}, limit = {H5S_UNLIMITED}, chunk = {chunk_rows};
+    for (std::size_t d : row_dims) {
+      size.push_back(d);
+      limit.push_back(d);
+      chunk.push_back(d);
+    }
+    H5Handle space(H5Screate_simple(static_cast<int>(size.size()), size.data(), limit.data()),
+                   H5Sclose);
+    H5Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+    H5Pset_chunk(properties.get(), static_cast<int>(chunk.size()), chunk.data());
+    if (deflate > 0) {
+      H5Pset_shuffle(properties.get());
+      H5Pset_deflate(properties.get(), static_cast<unsigned>(deflate));
+    }
+    if (streamed) H5Pset_fletcher32(properties.get());
+    series.push_back(Create(field, disk, space.get(), properties.get()));
+    H5Series out;
+    out.dataset_ = series.back().get();
+    out.path_ = field.path;
+    out.row_ = row_dims;
+    return out;
   }
 
   void WriteAll(const H5Field& field, hid_t disk, hid_t memory, const void* values,
@@ -136,12 +168,13 @@ struct H5Writer::Impl {
 };
 
 H5Writer::H5Writer(const std::string& path, const std::string& schema, int schema_version,
-                   const Provenance& provenance)
-    : impl_(std::make_unique<Impl>(path)) {
+                   const Provenance& provenance, Mode mode)
+    : impl_(std::make_unique<Impl>(path, mode == Mode::kStreamed)) {
   H5Quiet();
   H5Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-  // Creation order and attributes past 64 kB need the 1.8 layout or newer.
-  H5Pset_libver_bounds(access.get(), H5F_LIBVER_V18, H5F_LIBVER_V110);
+  // Creation order and attributes past 64 kB need the 1.8 layout or newer, streaming that of 1.10.
+  H5Pset_libver_bounds(access.get(), impl_->streamed ? H5F_LIBVER_V110 : H5F_LIBVER_V18,
+                       H5F_LIBVER_V110);
   H5Pset_fclose_degree(access.get(), H5F_CLOSE_STRONG);
   H5Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose);
   H5Pset_link_creation_order(creation.get(), H5P_CRT_ORDER_TRACKED | H5P_CRT_ORDER_INDEXED);
@@ -200,32 +233,38 @@ void H5Writer::Write(const H5Field& field, const std::vector<std::string>& value
 
 H5Series H5Writer::Series(const H5Field& field, H5Type type, std::vector<std::size_t> row_dims,
                           std::size_t chunk_rows, int deflate) {
-  std::vector<hsize_t> size = {0}, limit = {H5S_UNLIMITED}, chunk = {chunk_rows};
-  for (std::size_t d : row_dims) {
-    size.push_back(d);
-    limit.push_back(d);
-    chunk.push_back(d);
-  }
-  H5Handle space(H5Screate_simple(static_cast<int>(size.size()), size.data(), limit.data()),
-                 H5Sclose);
-  H5Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
-  H5Pset_chunk(properties.get(), static_cast<int>(chunk.size()), chunk.data());
-  if (deflate > 0) {
-    H5Pset_shuffle(properties.get());
-    H5Pset_deflate(properties.get(), static_cast<unsigned>(deflate));
-  }
-  impl_->series.push_back(impl_->Create(field, DiskType(type), space.get(), properties.get()));
-  H5Series series;
+  H5Series series = impl_->Grow(field, DiskType(type), row_dims, chunk_rows, deflate);
   series.writer_ = this;
-  series.dataset_ = impl_->series.back().get();
   series.type_ = type;
-  series.path_ = field.path;
-  series.row_ = std::move(row_dims);
+  return series;
+}
+
+H5Series H5Writer::TextSeries(const H5Field& field, std::size_t width, std::size_t chunk_rows) {
+  const H5Handle type = H5Text(width);
+  H5Series series = impl_->Grow(field, type.get(), {}, chunk_rows, 0);
+  series.writer_ = this;
+  series.width_ = std::max<std::size_t>(1, width);
   return series;
 }
 
 void H5Series::AppendRaw(const void* values, std::size_t count, H5Type type) {
-  if (type != type_) throw std::logic_error("H5Series: appended another type to " + path_);
+  if (type != type_ || width_ > 0) {
+    throw std::logic_error("H5Series: appended another type to " + path_);
+  }
+  AppendRows(values, count, MemoryType(type));
+}
+
+void H5Series::Append(const std::vector<std::string>& values) {
+  if (width_ == 0) throw std::logic_error("H5Series: appended text to numbers " + path_);
+  std::string packed(width_ * values.size(), '\0');
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    values[i].copy(packed.data() + i * width_, width_);
+  }
+  const H5Handle type = H5Text(width_);
+  AppendRows(packed.data(), values.size(), type.get());
+}
+
+void H5Series::AppendRows(const void* values, std::size_t count, std::int64_t memory_type) {
   std::size_t row_size = 1;
   for (std::size_t d : row_) row_size *= d;
   if (count == 0) return;
@@ -242,7 +281,7 @@ void H5Series::AppendRaw(const void* values, std::size_t count, H5Type type) {
   H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, start.data(), nullptr, extent.data(), nullptr);
   H5Handle memory(H5Screate_simple(static_cast<int>(extent.size()), extent.data(), nullptr),
                   H5Sclose);
-  if (H5Dwrite(dataset_, MemoryType(type), memory.get(), space.get(), H5P_DEFAULT, values) < 0) {
+  if (H5Dwrite(dataset_, memory_type, memory.get(), space.get(), H5P_DEFAULT, values) < 0) {
     writer_->impl_->Fail(path_);
   }
   rows_ += added;
@@ -273,13 +312,63 @@ void H5Writer::Attribute(const std::string& object, const std::string& name, std
   impl_->PutAttribute(impl_->Open(object).get(), name, H5T_STD_I64LE, H5T_NATIVE_INT64, &value);
 }
 
-void H5Writer::Commit() {
+void H5Writer::StartStreaming() {
+  if (!impl_->streamed) throw std::logic_error("H5Writer: made to be written whole");
+  if (H5Fstart_swmr_write(impl_->handle.get()) < 0) impl_->Fail("the file");
+}
+
+void H5Writer::Overwrite(const std::string& dataset, std::span<const double> values) {
+  const H5Handle set(H5Dopen2(impl_->handle.get(), dataset.c_str(), H5P_DEFAULT), H5Dclose);
+  if (!set.valid() ||
+      H5Dwrite(set.get(), H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0) {
+    impl_->Fail(dataset);
+  }
+}
+
+void H5Writer::OverwriteText(const std::string& dataset, const std::string& value) {
+  const H5Handle set(H5Dopen2(impl_->handle.get(), dataset.c_str(), H5P_DEFAULT), H5Dclose);
+  if (!set.valid()) impl_->Fail(dataset);
+  const H5Handle type(H5Dget_type(set.get()), H5Tclose);
+  std::string padded = value;
+  padded.resize(H5Tget_size(type.get()), '\0');
+  if (H5Dwrite(set.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, padded.data()) < 0) {
+    impl_->Fail(dataset);
+  }
+}
+
+void H5Writer::Flush() {
+  if (H5Fflush(impl_->handle.get(), H5F_SCOPE_GLOBAL) < 0) impl_->Fail("the file");
+}
+
+void H5Writer::CloseAll() {
   for (H5Handle& set : impl_->series) {
     if (!set.Close()) impl_->Fail("a dataset");
   }
-  if (H5Fflush(impl_->handle.get(), H5F_SCOPE_GLOBAL) < 0) impl_->Fail("the file");
+  Flush();
   if (!impl_->handle.Close()) impl_->Fail("the file");
+}
+
+void H5Writer::Commit() {
+  CloseAll();
   impl_->file.Commit();
 }
+
+void H5Writer::Keep() {
+  impl_->file.Keep();  // first: what is on disk by now stays even where closing fails
+  CloseAll();
+}
+
+void H5Writer::Abandon() {
+  impl_->file.Keep();
+  // Closing would write again what the disk has refused, and leave metadata that points past the
+  // end of the file. As the last Flush left it, it can be read: so it is left open until the
+  // program ends.
+  static std::vector<H5Handle> left_open;
+  for (H5Handle& set : impl_->series) left_open.push_back(std::move(set));
+  left_open.push_back(std::move(impl_->handle));
+  impl_->series.clear();
+}
+
+const std::string& H5Writer::temporary() const { return impl_->file.temporary(); }
 
 }  // namespace unfurl::data

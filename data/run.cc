@@ -4,112 +4,66 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <set>
 
 #include "base/error.h"
-#include "data/h5.h"
 
 namespace unfurl::data {
 
 namespace {
 
-constexpr std::size_t kBufferRows = 1024;
+constexpr std::size_t kBlockRows = 65536;
 
-// "theta_rate [rad/s]" as the dataset's name and its unit.
-std::pair<std::string, std::string> NameAndUnit(const std::string& text) {
-  const std::size_t open = text.find(" [");
-  if (open == std::string::npos || text.back() != ']') return {text, "1"};
-  return {text.substr(0, open), text.substr(open + 2, text.size() - open - 3)};
+// A run that did not end may have lengths that differ: it is read as far as all of them go.
+std::size_t Rows(const H5Reader& file, const std::vector<std::string>& datasets, bool ended) {
+  std::size_t least = file.Dims(datasets.front()).at(0);
+  for (const std::string& at : datasets) {
+    const std::size_t rows = file.Dims(at).at(0);
+    if (ended && rows != least) {
+      file.Fail(fmt::format("has {} rows where {} has {}", rows, datasets.front(), least), at,
+                "make the file again");
+    }
+    least = std::min(least, rows);
+  }
+  return least;
 }
 
 }  // namespace
 
-struct RunWriter::Impl {
-  H5Writer file;
-  std::vector<Quantity> quantities;
-  H5Series t;
-  std::vector<H5Series> series;
-  std::vector<double> t_buffer;
-  std::vector<std::vector<double>> buffer;  // by quantity
-  std::vector<RunEvent> events;
-
-  Impl(const std::string& path, const Provenance& provenance, std::vector<Quantity> q,
-       const std::vector<std::string>& marks)
-      : file(path, kRunSchema, kRunVersion, provenance), quantities(std::move(q)) {
-    file.Write({"/marks", "1", "marks' names"}, marks);
-    t = file.Series({"/t", "s", "time of the sample"}, H5Type::kDouble);
-    for (const Quantity& quantity : quantities) {
-      series.push_back(file.Series(
-          {"/series/" + quantity.name, quantity.units, quantity.description}, H5Type::kDouble));
-    }
-    buffer.resize(quantities.size());
-    for (auto& column : buffer) column.reserve(kBufferRows);
+RunReader::RunReader(const std::string& path) : file_(path, kRunSchema, kRunVersion) {
+  if (file_.Has("/text/status")) {
+    const std::vector<std::string> status = file_.ReadStrings("/text/status");
+    ended_ = status.empty() || status[0] != kRunning;
   }
-
-  void Flush() {
-    if (t_buffer.empty()) return;
-    t.Append(std::span<const double>(t_buffer));
-    t_buffer.clear();
-    for (std::size_t q = 0; q < series.size(); ++q) {
-      series[q].Append(std::span<const double>(buffer[q]));
-      buffer[q].clear();
-    }
+  std::vector<std::string> datasets = {"/t"};
+  for (const std::string& name : file_.Children("/series")) {
+    datasets.push_back("/series/" + name);
+    quantities_.push_back({name, file_.Units(datasets.back()), file_.Description(datasets.back())});
   }
-
-  void WriteEvents() {
-    std::vector<double> times;
-    std::vector<std::string> kinds, places;
-    std::set<std::string> names;
-    for (const RunEvent& event : events) {
-      times.push_back(event.t);
-      kinds.push_back(event.kind);
-      places.push_back(event.where);
-      for (const auto& [name, value] : event.data) names.insert(name);
-    }
-    file.Write({"/events/t", "s", "time of the event"}, times);
-    file.Write({"/events/kind", "1", "latch, contact_start or contact_end"}, kinds);
-    file.Write({"/events/where", "1", "joint"}, places);
-    for (const std::string& name : names) {
-      std::vector<double> column;
-      for (const RunEvent& event : events) {
-        const auto found = event.data.find(name);
-        column.push_back(found != event.data.end() ? found->second
-                                                   : std::numeric_limits<double>::quiet_NaN());
-      }
-      const auto [plain, unit] = NameAndUnit(name);
-      file.Write({"/events/data/" + plain, unit, "of the event; NaN where it has none"}, column);
-    }
-  }
-};
-
-RunWriter::RunWriter(const std::string& path, const Provenance& provenance,
-                     std::vector<Quantity> quantities, std::vector<std::string> marks)
-    : impl_(std::make_unique<Impl>(path, provenance, std::move(quantities), marks)) {}
-
-RunWriter::~RunWriter() = default;
-
-void RunWriter::Append(double t, std::span<const double> values) {
-  impl_->t_buffer.push_back(t);
-  for (std::size_t q = 0; q < impl_->buffer.size(); ++q) impl_->buffer[q].push_back(values[q]);
-  if (impl_->t_buffer.size() == kBufferRows) impl_->Flush();
+  samples_ = Rows(file_, datasets, ended_);
 }
 
-void RunWriter::AddEvent(RunEvent event) { impl_->events.push_back(std::move(event)); }
-
-void RunWriter::SetSummary(const std::string& name, double value, const std::string& units) {
-  impl_->file.Write({"/summary/" + name, units, "of the whole run"},
-                    std::span<const double>(&value, 1));
-}
-
-void RunWriter::SetText(const std::string& name, const std::string& text) {
-  impl_->file.Write({"/text/" + name, "1", "in words"}, std::vector<std::string>{text});
-}
-
-void RunWriter::Commit() {
-  impl_->Flush();
-  impl_->WriteEvents();
-  impl_->file.Commit();
+void RunReader::Read(std::size_t first, std::size_t count, std::vector<double>* t,
+                     std::vector<std::vector<double>>* columns) const {
+  const std::size_t before = first > 0 ? 1 : 0;
+  std::vector<double> times(count + before);
+  file_.ReadRows("/t", first - before, count + before, std::span<double>(times));
+  for (std::size_t i = 0; i < times.size(); ++i) {
+    if (!std::isfinite(times[i]) || (i > 0 && times[i] <= times[i - 1])) {
+      file_.Fail(fmt::format("sample {} does not come after the one before", first - before + i),
+                 "/t", "make the file again");
+    }
+  }
+  t->assign(times.begin() + static_cast<std::ptrdiff_t>(before), times.end());
+  columns->resize(quantities_.size());
+  for (std::size_t q = 0; q < quantities_.size(); ++q) {
+    std::vector<double>& column = (*columns)[q];
+    column.resize(count);
+    const std::string at = "/series/" + quantities_[q].name;
+    file_.ReadRows(at, first, count, std::span<double>(column));
+    if (!std::all_of(column.begin(), column.end(), [](double v) { return std::isfinite(v); })) {
+      file_.Fail("holds a value that is not finite", at, "make the file again");
+    }
+  }
 }
 
 int Run::Find(const std::string& name) const {
@@ -127,30 +81,46 @@ const std::vector<double>& Run::Column(const std::string& name) const {
   return columns[static_cast<std::size_t>(index)];
 }
 
+namespace {
+
+void ReadEvents(const H5Reader& file, bool ended, Run* run) {
+  std::vector<std::string> datasets = {"/events/t", "/events/kind", "/events/where"};
+  const std::vector<std::string> names = file.Children("/events/data");
+  for (const std::string& name : names) datasets.push_back("/events/data/" + name);
+  const std::size_t rows = Rows(file, datasets, ended);
+  const std::vector<double> times = file.ReadDoubles("/events/t", "s");
+  const std::vector<std::string> kinds = file.ReadStrings("/events/kind");
+  const std::vector<std::string> places = file.ReadStrings("/events/where");
+  for (std::size_t i = 0; i < rows; ++i) run->events.push_back({times[i], kinds[i], places[i], {}});
+  for (const std::string& name : names) {
+    const std::string at = "/events/data/" + name;
+    const std::vector<double> column = file.ReadDoubles(at);
+    const std::string key = fmt::format("{} [{}]", name, file.Units(at));
+    for (std::size_t i = 0; i < rows; ++i) {
+      if (!std::isnan(column[i])) run->events[i].data[key] = column[i];
+    }
+  }
+}
+
+}  // namespace
+
 Run ReadRun(const std::string& path) {
-  const H5Reader file(path, kRunSchema, kRunVersion);
+  const RunReader reader(path);
+  const H5Reader& file = reader.file();
   Run run;
-  run.t = file.ReadDoubles("/t", "s");
-  for (std::size_t i = 0; i < run.t.size(); ++i) {
-    if (!std::isfinite(run.t[i]) || (i > 0 && run.t[i] <= run.t[i - 1])) {
-      file.Fail(fmt::format("sample {} does not come after the one before", i), "/t",
-                "make the file again");
+  run.quantities = reader.quantities();
+  run.columns.resize(run.quantities.size());
+  std::vector<double> t;
+  std::vector<std::vector<double>> block;
+  for (std::size_t first = 0; first < reader.samples(); first += kBlockRows) {
+    const std::size_t count = std::min(kBlockRows, reader.samples() - first);
+    reader.Read(first, count, &t, &block);
+    run.t.insert(run.t.end(), t.begin(), t.end());
+    for (std::size_t q = 0; q < block.size(); ++q) {
+      run.columns[q].insert(run.columns[q].end(), block[q].begin(), block[q].end());
     }
   }
   run.marks = file.ReadStrings("/marks");
-  for (const std::string& name : file.Children("/series")) {
-    const std::string at = "/series/" + name;
-    run.quantities.push_back({name, file.Units(at), file.Description(at)});
-    run.columns.push_back(file.ReadDoubles(at));
-    const std::vector<double>& column = run.columns.back();
-    if (column.size() != run.t.size()) {
-      file.Fail(fmt::format("has {} samples where t has {}", column.size(), run.t.size()), at,
-                "make the file again");
-    }
-    if (!std::all_of(column.begin(), column.end(), [](double v) { return std::isfinite(v); })) {
-      file.Fail("holds a value that is not finite", at, "make the file again");
-    }
-  }
   for (const std::string& mark : run.marks) {
     for (const char* part : {".x", ".y"}) {
       if (run.Find(mark + part) < 0) {
@@ -158,30 +128,14 @@ Run ReadRun(const std::string& path) {
       }
     }
   }
-  const std::vector<double> times = file.ReadDoubles("/events/t", "s");
-  const std::vector<std::string> kinds = file.ReadStrings("/events/kind");
-  const std::vector<std::string> places = file.ReadStrings("/events/where");
-  if (kinds.size() != times.size() || places.size() != times.size()) {
-    file.Fail("holds columns of different lengths", "/events/t", "make the file again");
-  }
-  for (std::size_t i = 0; i < times.size(); ++i) {
-    run.events.push_back({times[i], kinds[i], places[i], {}});
-  }
-  for (const std::string& name : file.Children("/events/data")) {
-    const std::string at = "/events/data/" + name;
-    const std::vector<double> column = file.ReadDoubles(at);
-    const std::string key = fmt::format("{} [{}]", name, file.Units(at));
-    for (std::size_t i = 0; i < std::min(column.size(), times.size()); ++i) {
-      if (!std::isnan(column[i])) run.events[i].data[key] = column[i];
-    }
-  }
+  ReadEvents(file, reader.ended(), &run);
   for (const std::string& name : file.Children("/summary")) {
     const std::vector<double> value = file.ReadDoubles("/summary/" + name);
-    if (value.size() == 1) run.summary[name] = value[0];
+    if (value.size() == 1 && !std::isnan(value[0])) run.summary[name] = value[0];
   }
   for (const std::string& name : file.Children("/text")) {
     const std::vector<std::string> text = file.ReadStrings("/text/" + name);
-    if (text.size() == 1) run.text[name] = text[0];
+    if (text.size() == 1 && !text[0].empty()) run.text[name] = text[0];
   }
   return run;
 }

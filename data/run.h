@@ -12,8 +12,8 @@
 
 namespace unfurl::data {
 
-// What a simulation leaves: sampled quantities, events, and a summary. Names and units:
-// docs/formats.md; among them t, BODY.x/.y/.theta, JOINT.theta/.theta_rate/.contact_moment/
+// What a simulation leaves: sampled quantities, beam shapes, events, and a summary. Names and
+// units: docs/formats.md; among them t, BODY.x/.y/.theta, JOINT.theta/.theta_rate/.contact_moment/
 // .spring_moment, MARK.x/.y/.vx/.vy (in the model's plane), energy.*.
 struct Quantity {
   std::string name;  // "hub.x"
@@ -28,23 +28,56 @@ struct RunEvent {
   std::map<std::string, double> data;  // by name with unit: "theta_rate [rad/s]"
 };
 
+// A beam whose centre line is kept at a rate of its own.
+struct BeamShape {
+  std::string name;
+  std::vector<double> at;  // places of the points, from the beam's start at rest [m]
+};
+
+// Everything a run will hold, told before its first sample.
+struct RunLayout {
+  std::vector<Quantity> quantities;  // of a sample, without t, which every run has first
+  std::vector<std::string> marks;    // names, in order; those whose .x and .y are sampled
+  std::vector<BeamShape> shapes;
+  std::vector<Quantity> event_data;         // what an event may carry
+  std::vector<std::string> event_places;    // what `where` may say, for its width
+  std::vector<Quantity> summary;            // numbers of the whole run; absent until set
+  std::map<std::string, std::string> text;  // words that are known now, such as "scene"
+};
+
 inline constexpr char kRunSchema[] = "unfurl/run";
 inline constexpr int kRunVersion = 1;
 
-// Streams rows to disk in constant memory; the file gets its name on Commit.
+// Text "status" of a run that has not ended: one that still grows, or whose program was killed.
+inline constexpr char kRunning[] = "running";
+
+// Streams a run to NAME.partial in constant memory; it gets its name on Commit. The destructor
+// alone removes it.
 class RunWriter {
  public:
-  // `quantities` without t, which every run has first. `marks` are the mark names, in order.
-  RunWriter(const std::string& path, const Provenance& provenance, std::vector<Quantity> quantities,
-            std::vector<std::string> marks);
+  RunWriter(const std::string& path, const Provenance& provenance, RunLayout layout);
   ~RunWriter();
-  // `values` in the order of `quantities`.
+  // `values` in the order of RunLayout::quantities.
   void Append(double t, std::span<const double> values);
-  void AddEvent(RunEvent event);
-  // One number of the summary: steps, evaluations, seconds by part, drift, impacts, ...
-  void SetSummary(const std::string& name, double value, const std::string& units);
-  void SetText(const std::string& name, const std::string& text);  // "method", "scene" (its TOML)
+  // The centre line of every beam in RunLayout::shapes: x, y of each point, beam after beam [m].
+  void AppendShapes(double t, std::span<const double> points);
+  void AddEvent(const RunEvent& event);
+  // One number of RunLayout::summary: steps, evaluations, drift, impacts, ...
+  void SetSummary(const std::string& name, double value);
+  // "status", "message", "method" or "stopped_by".
+  void SetText(const std::string& name, const std::string& text);
+  // What was given so far is on disk afterwards, and stays should the program be killed.
+  void Flush();
+  // Whether a sample has got to the disk.
+  bool holds_samples() const;
+  const std::string& partial() const;  // the file's name until Commit
+
   void Commit();
+  void Keep();     // instead: leaves NAME.partial
+  void Abandon();  // the same after a failed write, as the last Flush left it
+
+  // Bytes of a file of so many samples and shapes, events apart.
+  static double FileSize(const RunLayout& layout, double samples, double shapes);
 
  private:
   struct Impl;
@@ -63,6 +96,27 @@ struct Run {
   int Find(const std::string& name) const;                           // -1 when absent
   const std::vector<double>& Column(const std::string& name) const;  // throws Error when absent
 };
+// Of a run that did not end: as much as all its series have.
 Run ReadRun(const std::string& path);
+
+// The samples of a run, block by block, for files larger than memory.
+class RunReader {
+ public:
+  explicit RunReader(const std::string& path);
+  const std::vector<Quantity>& quantities() const { return quantities_; }
+  std::size_t samples() const { return samples_; }
+  bool ended() const { return ended_; }
+  const H5Reader& file() const { return file_; }
+  // `count` samples from `first`: t, and one column per quantity. Throws Error for times that do
+  // not rise and for values that are not finite.
+  void Read(std::size_t first, std::size_t count, std::vector<double>* t,
+            std::vector<std::vector<double>>* columns) const;
+
+ private:
+  H5Reader file_;
+  std::vector<Quantity> quantities_;
+  std::size_t samples_ = 0;
+  bool ended_ = true;
+};
 
 }  // namespace unfurl::data

@@ -186,6 +186,10 @@ void Compiler::FillOutputs() {
     } else {
       model_.beams.push_back(
           {beam.name, first_segment_[b], beam.segments, beam.length / beam.segments});
+      for (int k = 0; k < 2; ++k) {
+        const BeamEnd& end = beam_ends_[b][k];
+        if (end.weld != nullptr) model_.beams.back().stations[k] = end.station;
+      }
     }
     model_.length_scale = std::max(model_.length_scale, beam.length);
   }

@@ -71,6 +71,17 @@ class Dynamics {
   // Brings stations, cosines and sines up to date with y; the result points into y and this.
   Motion Update(double t, double* y);
 
+  // Cosines and sines of the last RightSide or Update; no positions.
+  Motion LastMotion() const {
+    return {0.0,     nullptr, nullptr,        nullptr,     nullptr,
+            nullptr, nullptr, cosine_.data(), sine_.data()};
+  }
+  // Multipliers of the joints' rows (JointRows), [N] and [N m]; of the last RightSide, before any
+  // look at the drift.
+  const double* JointMultipliers() const {
+    return work_.lambda.data() + model_.constraints.first_joint_row();
+  }
+
   // Drift of the constraints at the state of the last RightSide; needs no new factor.
   double PositionDrift(double t, double* y);
   double VelocityDrift(double t, double* y);

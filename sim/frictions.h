@@ -17,6 +17,7 @@ class Frictions {
   // Adds the power that is lost to `lost` [W], where given.
   void AddLoad(const Motion& motion, Load load, double* lost) const;
   double Moment(int k, const Motion& motion) const;  // on theta [N m]
+  double largest(int k) const { return moment_[k]; }  // M [N m]
   // -d(moment)/d(rate) [N m s/rad].
   double Damping(int k, const Motion& motion) const;
 

@@ -37,7 +37,9 @@ constexpr double kLeapGrowth = 1.3;
 constexpr int kMostLeaps = 6;          // of growing length
 constexpr double kForget = 0.97;       // a step, of the longest one
 constexpr double kZonePart = 0.25;     // of a contact's transition zone, per step on the way out
-constexpr int kPollSteps = 512;        // between looks at Ctrl-C, pivots and progress
+// Steps between looks at Ctrl-C, pivots and progress: at most so many, and fewer where steps are
+// long, so that a look comes every tenth of a second or so.
+constexpr int kPollSteps = 512, kPollSlots = 100'000;
 constexpr int kStabilitySteps = 8;     // between looks at stability
 constexpr double kStabilityUse = 0.7;  // from here on stability is what limits the step
 
@@ -85,18 +87,26 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       stepper_(far_.get()),
       finder_(model),
       log_(model.latches.count()),
+      forces_(model),
+      pin_force_(model.joints.size(), 0.0),
+      poll_steps_(std::clamp(kPollSlots / model.slots.count, 1, kPollSteps)),
       sample_(model.index.size(), 0.0),
       end_(options.duration > 0.0 ? options.duration : model.duration),
       last_error_(1e-4),
       zone_part_(kZonePart * std::min(2.0, std::pow(options.rtol / 1e-6, 0.2))) {
   dynamics_.track_energy = options.track_energy;
   loops_ = model.constraints.HasLoops();
+  // Smooth beams are not known to the partitioned method.
+  loops_ = loops_ && model.kirchhoff.count() == 0;
   if (loops_ && options.method != Method::kPartitioned) {
     near_ = std::make_unique<Partitioned>(dynamics_, scale_);
     start_.assign(sample_.size(), 0.0);
   }
   report_.peak_moment.assign(model.latches.count(), 0.0);
   report_.peak_time.assign(model.latches.count(), 0.0);
+  report_.peak_pin_force.assign(model.joints.size(), 0.0);
+  report_.peak_pin_time.assign(model.joints.size(), 0.0);
+  report_.worst_slots.assign(model.slots.count, 0);
   if (options.profile) dynamics_.profile = &report_.part_seconds;
 }
 
@@ -104,6 +114,8 @@ SimulateReport Integration::Go() {
   const FlushDenormals flush;
   const auto begin = std::chrono::steady_clock::now();
   stepper_->Start(0.0, model_.initial_state);
+  if (options_.track_forces) ReadPinForces();
+  WatchPeaks();
   if (RemoveDrift(t_, stepper_->state())) stepper_->Refresh();
   std::copy_n(stepper_->state(), sample_.size(), sample_.begin());
   Hand(0.0);
@@ -131,7 +143,7 @@ SimulateReport Integration::Go() {
     ++report_.limited[static_cast<int>(limit_)];
     NextStep(error, &h);
     if (loops_) SwitchNearDependence();
-    if (++report_.steps % kPollSteps == 0) Poll();
+    if (++report_.steps % poll_steps_ == 0) Poll();
   }
   report_.t_end = t_;
   report_.method = far_->Description();
@@ -227,6 +239,7 @@ bool Integration::FailIfDependent() {
 }
 
 void Integration::Advance(double h, bool last) {
+  if (options_.track_forces) ReadPinForces();
   const bool at_trial = stepper_->EndsAtTrial();
   if (at_trial && RemoveDrift(t_ + h, stepper_->trial())) stepper_->RefreshTrial();
   double sigma = 1.0;
@@ -319,7 +332,22 @@ void Integration::Hand(double t) {
   ++report_.samples;
 }
 
+// Of the last right side, which was at the step's end or near it; who looks at the drift loses it.
+void Integration::ReadPinForces() {
+  const Motion motion = dynamics_.LastMotion();
+  for (std::size_t j = 0; j < pin_force_.size(); ++j) {
+    const JointForces::Force force =
+        forces_.Of(static_cast<int>(j), motion, dynamics_.JointMultipliers());
+    pin_force_[j] = std::hypot(force.fx, force.fy);
+  }
+}
+
 void Integration::WatchPeaks() {
+  for (std::size_t j = 0; j < pin_force_.size(); ++j) {
+    if (!(pin_force_[j] > report_.peak_pin_force[j])) continue;
+    report_.peak_pin_force[j] = pin_force_[j];
+    report_.peak_pin_time[j] = t_;
+  }
   for (int k = 0; k < model_.latches.count(); ++k) {
     const LatchMode& mode = dynamics_.modes()[k];
     if (!(mode.upper_contact | mode.lower_contact)) continue;
@@ -332,6 +360,7 @@ void Integration::WatchPeaks() {
 }
 
 void Integration::Poll() {
+  ++report_.worst_slots[stepper_->WorstSlot()];
   if (observer_ != nullptr) observer_->OnProgress(t_ / end_);
   ThrowIfInterrupted();
   if (report_.steps >= options_.max_steps) {

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "sim/event_log.h"
+#include "sim/joint_forces.h"
 #include "sim/simulate.h"
 #include "sim/stepper.h"
 
@@ -30,6 +31,7 @@ class Integration {
   double ContactStep() const;
   void SampleStep(double h, double t_new);
   void Hand(double t);
+  void ReadPinForces();
   void WatchPeaks();
   void Poll();
 
@@ -44,6 +46,9 @@ class Integration {
   EventLog log_;
   std::vector<Event> found_;  // of one instant
   SimulateReport report_;
+  JointForces forces_;
+  std::vector<double> pin_force_;  // at the end of the step just tried, by joint [N]
+  int poll_steps_ = 1;
   Array sample_;
   std::vector<double> start_;  // of a stepper that takes over
   double end_ = 0.0;

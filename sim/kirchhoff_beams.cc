@@ -50,8 +50,8 @@ KirchhoffBeams::Work KirchhoffBeams::MakeWork() const {
   return work;
 }
 
-void KirchhoffBeams::Gather(const Beam& beam, const double* x, const double* y,
-                            const double* theta, double* q) {
+void KirchhoffBeams::Gather(const Beam& beam, const double* x, const double* y, const double* theta,
+                            double* q) {
   const double* block[3] = {x, y, theta};
   const double inverse_length = 1.0 / beam.rod.properties().length;
   const int count = beam.rod.amplitudes();
@@ -125,9 +125,8 @@ void KirchhoffBeams::Accelerate(const double* fx, const double* fy, const double
     ax[beam.root] = q[0];
     ay[beam.root] = q[1];
     alpha[beam.root] = q[2];
-    EachAmplitude(beam, [&](int k, int c, int slot, double scale) {
-      block[c][slot] = scale * q[3 + k];
-    });
+    EachAmplitude(beam,
+                  [&](int k, int c, int slot, double scale) { block[c][slot] = scale * q[3 + k]; });
     const double* free = work->free.data() + free_at_[b];
     const double* answer = work->compliance.data() + compliance_at_[b];
     for (const int slot : beam.attached) {
@@ -189,6 +188,14 @@ double KirchhoffBeams::OfStrings(const Work& work) const {
   double sum = 0.0;
   for (std::size_t b = 0; b < beams_.size(); ++b) sum += beams_[b].rod.OfStrings(work.rods[b]);
   return sum;
+}
+
+KirchhoffRod::Frame KirchhoffBeams::FrameAt(int b, const KirchhoffRod::Place& place,
+                                            const Motion& m) const {
+  double q[KirchhoffShapes::kMostShapes + 3], rate[KirchhoffShapes::kMostShapes + 3];
+  Gather(beams_[b], m.x, m.y, m.theta, q);
+  Gather(beams_[b], m.vx, m.vy, m.omega, rate);
+  return beams_[b].rod.At(place, q, rate);
 }
 
 KirchhoffRod::Frame KirchhoffBeams::MotionAt(int watched, const double* state, int n) const {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 
@@ -49,6 +50,8 @@ struct Model {
     double segment_length = 0.0;  // [m]
     // Into KirchhoffBeams, for a smooth one: `first` is its root slot, taken as one segment.
     int smooth = -1;
+    // Slots of the stations where its start and end are welded; -1: not welded.
+    std::array<int, 2> stations{-1, -1};
   };
   struct Joint {
     std::string name;

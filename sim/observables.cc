@@ -2,7 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+
+#include "base/error.h"
+#include "base/text.h"
 
 namespace unfurl::sim {
 
@@ -51,161 +55,430 @@ std::string NameOfSlot(const Model& model, int slot) {
   return fmt::format("slot {}", slot);
 }
 
-Observables::Observables(const Model& model) : model_(model), dynamics_(model) { Declare(); }
+namespace {
+
+// * stands for any letters, ? for one.
+bool Fits(const char* pattern, const char* name) {
+  for (; *pattern != '\0'; ++pattern, ++name) {
+    if (*pattern == '*') {
+      for (const char* rest = name;; ++rest) {
+        if (Fits(pattern + 1, rest)) return true;
+        if (*rest == '\0') return false;
+      }
+    }
+    if (*name == '\0' || (*pattern != '?' && *pattern != *name)) return false;
+  }
+  return *name == '\0';
+}
+
+PointMotion MotionAt(const Model& model, const MovingPoint& p, const Motion& m) {
+  if (p.watched >= 0) {
+    const KirchhoffRod::Frame f = model.kirchhoff.MotionAt(p.watched, m.x, model.index.n);
+    return {f.x, f.y, f.vx, f.vy};
+  }
+  if (p.other_slot >= 0) {
+    const PointMotion a = MotionAt(model, {p.slot, p.px, p.py}, m);
+    const PointMotion b = MotionAt(model, {p.other_slot, p.other_px, 0.0}, m);
+    return {0.5 * (a.x + b.x), 0.5 * (a.y + b.y), 0.5 * (a.vx + b.vx), 0.5 * (a.vy + b.vy)};
+  }
+  const double ox = m.c[p.slot] * p.px - m.s[p.slot] * p.py;
+  const double oy = m.s[p.slot] * p.px + m.c[p.slot] * p.py;
+  const double w = m.omega[p.slot];
+  return {m.x[p.slot] + ox, m.y[p.slot] + oy, m.vx[p.slot] - w * oy, m.vy[p.slot] + w * ox};
+}
+
+double MeanOver(const Model::Beam& beam, const double* values) {
+  double sum = 0.0;
+  for (int k = beam.first; k < beam.first + beam.segments; ++k) sum += values[k];
+  return sum / beam.segments;
+}
+
+}  // namespace
+
+Observables::Observables(const Model& model, const std::vector<std::string>& wanted)
+    : model_(model),
+      dynamics_(model),
+      margins_(model),
+      forces_(model),
+      rates_(model.index.size(), 0.0) {
+  for (const Model::Beam& beam : model.beams) {
+    lines_.emplace_back(model, beam);
+    places_.push_back(ShapePlaces(beam));
+  }
+  Declare();
+  if (!wanted.empty()) Keep(wanted);
+  for (const data::Quantity& q : quantities_) {
+    for (const char* part : {".pin_force", ".drive_", ".hold_"}) {
+      wants_forces_ = wants_forces_ || q.name.find(part) != std::string::npos;
+    }
+  }
+  row_.reserve(quantities_.size());
+}
+
+void Observables::Add(const std::string& name, const char* units, const std::string& what,
+                      Value value, int index) {
+  quantities_.push_back({name, units, what});
+  columns_.push_back({value, index});
+}
+
+void Observables::Keep(const std::vector<std::string>& wanted) {
+  std::vector<bool> used(wanted.size(), false);
+  std::size_t kept = 0;
+  for (std::size_t q = 0; q < quantities_.size(); ++q) {
+    bool keep = false;
+    for (std::size_t k = 0; k < wanted.size(); ++k) {
+      if (!Fits(wanted[k].c_str(), quantities_[q].name.c_str())) continue;
+      keep = used[k] = true;
+    }
+    if (!keep) continue;
+    std::swap(quantities_[kept], quantities_[q]);
+    columns_[kept++] = columns_[q];
+  }
+  for (std::size_t k = 0; k < wanted.size(); ++k) {
+    if (used[k]) continue;
+    std::vector<std::string> names;
+    for (const data::Quantity& q : quantities_) names.push_back(q.name);
+    const std::string nearest = NearestName(wanted[k], names);
+    throw Error(fmt::format("the scene has no quantity '{}'", wanted[k]), "option quantities",
+                nearest.empty() ? "name quantities of a run, such as 'joint1.*' or 'energy.*'"
+                                : "did you mean '" + nearest + "'?");
+  }
+  quantities_.resize(kept);
+  columns_.resize(kept);
+}
+
+std::vector<std::string> Observables::marks() const {
+  const auto has = [&](const std::string& name) {
+    return std::any_of(quantities_.begin(), quantities_.end(),
+                       [&](const data::Quantity& q) { return q.name == name; });
+  };
+  std::vector<std::string> names;
+  for (const Model::Mark& mark : model_.marks) {
+    if (has(mark.name + ".x") && has(mark.name + ".y")) names.push_back(mark.name);
+  }
+  return names;
+}
+
+std::vector<data::BeamShape> Observables::shapes() const {
+  std::vector<data::BeamShape> shapes;
+  for (std::size_t b = 0; b < places_.size(); ++b) {
+    shapes.push_back({model_.beams[b].name, places_[b]});
+  }
+  return shapes;
+}
 
 void Observables::Declare() {
-  const auto add = [&](const std::string& name, const char* units, const std::string& what) {
-    quantities_.push_back({name, units, what});
-  };
-  for (const Model::Mark& mark : model_.marks) {
-    add(mark.name + ".x", "m", "position of the mark");
-    add(mark.name + ".y", "m", "position of the mark");
-    add(mark.name + ".vx", "m/s", "velocity of the mark");
-    add(mark.name + ".vy", "m/s", "velocity of the mark");
+  for (int k = 0; k < static_cast<int>(model_.marks.size()); ++k) {
+    const std::string& name = model_.marks[k].name;
+    Add(
+        name + ".x", "m", "position of the mark",
+        [](const Frame& f, int i) {
+          return MotionAt(f.self.model_, f.self.model_.marks[i].point, f.motion).x;
+        },
+        k);
+    Add(
+        name + ".y", "m", "position of the mark",
+        [](const Frame& f, int i) {
+          return MotionAt(f.self.model_, f.self.model_.marks[i].point, f.motion).y;
+        },
+        k);
+    Add(
+        name + ".vx", "m/s", "velocity of the mark",
+        [](const Frame& f, int i) {
+          return MotionAt(f.self.model_, f.self.model_.marks[i].point, f.motion).vx;
+        },
+        k);
+    Add(
+        name + ".vy", "m/s", "velocity of the mark",
+        [](const Frame& f, int i) {
+          return MotionAt(f.self.model_, f.self.model_.marks[i].point, f.motion).vy;
+        },
+        k);
   }
-  for (const Model::Joint& joint : model_.joints) {
-    add(joint.name + ".theta", "rad", "angle of the joint");
-    add(joint.name + ".theta_rate", "rad/s", "rate of the joint's angle");
+  DeclareJoints();
+  DeclareBodies();
+  DeclareLinearSprings();
+  DeclareTotals();
+}
+
+void Observables::DeclareJoints() {
+  for (int k = 0; k < static_cast<int>(model_.joints.size()); ++k) {
+    const Model::Joint& joint = model_.joints[k];
+    const bool travel = joint.coordinate.travel;
+    const char* unit = travel ? "N" : "N m";
+    const std::string kind = travel ? "_force" : "_moment";
+    const std::string on = travel ? " on the travel" : " on the angle";
+    if (joint.kind != data::SceneJoint::Kind::kSlider) {
+      Add(
+          joint.name + ".theta", "rad", "angle of the joint",
+          [](const Frame& f, int i) { return f.Joint(i).coordinate.hinge.Theta(f.motion); }, k);
+      Add(
+          joint.name + ".theta_rate", "rad/s", "rate of the joint's angle",
+          [](const Frame& f, int i) { return f.Joint(i).coordinate.hinge.Rate(f.motion); }, k);
+    }
+    if (travel) {
+      Add(
+          joint.name + ".travel", "m", "travel along the joint's axis",
+          [](const Frame& f, int i) { return f.Joint(i).coordinate.Value(f.motion); }, k);
+      Add(
+          joint.name + ".travel_rate", "m/s", "its rate",
+          [](const Frame& f, int i) { return f.Joint(i).coordinate.Rate(f.motion); }, k);
+    }
     if (joint.latch >= 0) {
-      add(joint.name + ".contact_moment", "N m", "moment of the latch's contact on the angle");
+      Add(
+          joint.name + ".contact_moment", "N m", "moment of the latch's contact on the angle",
+          [](const Frame& f, int i) {
+            return f.self.model_.latches.Moment(i, f.motion, f.modes[i]);
+          },
+          joint.latch);
     }
     if (joint.spring >= 0) {
-      add(joint.name + ".spring_moment", "N m", "moment of the spring on the angle");
+      Add(
+          joint.name + ".spring" + kind, unit, "of the spring" + on,
+          [](const Frame& f, int i) { return f.self.model_.springs.Moment(i, f.motion); },
+          joint.spring);
     }
-    const bool travel = joint.coordinate.travel;
-    const auto add_moment = [&](int effect, const std::string& of) {
-      if (effect < 0) return;
-      add(joint.name + "." + of + (travel ? "_force" : "_moment"), travel ? "N" : "N m",
-          "of the " + of + " on the joint's coordinate");
-    };
-    add_moment(joint.damper, "damper");
-    add_moment(joint.table, "table");
-    add_moment(joint.friction, "friction");
-    add_moment(joint.motor, "motor");
-    add(joint.name + ".x", "m", "position of the pin");
-    add(joint.name + ".y", "m", "position of the pin");
+    if (joint.damper >= 0) {
+      Add(
+          joint.name + ".damper" + kind, unit, "of the damper" + on,
+          [](const Frame& f, int i) { return f.self.model_.dampers.Moment(i, f.motion); },
+          joint.damper);
+    }
+    if (joint.table >= 0) {
+      Add(
+          joint.name + ".table" + kind, unit, "of the table" + on,
+          [](const Frame& f, int i) { return f.self.model_.tables.Moment(i, f.motion); },
+          joint.table);
+    }
+    if (joint.friction >= 0) {
+      Add(
+          joint.name + ".friction" + kind, unit, "of dry friction" + on,
+          [](const Frame& f, int i) { return f.self.model_.frictions.Moment(i, f.motion); },
+          joint.friction);
+    }
+    if (joint.motor >= 0) {
+      Add(
+          joint.name + ".motor" + kind, unit, "of the motor" + on,
+          [](const Frame& f, int i) { return f.self.model_.motors.Moment(i, f.motion); },
+          joint.motor);
+    }
+    if (forces_.driven(k)) {
+      Add(
+          joint.name + ".drive" + kind, unit, "that the drive needs" + on,
+          [](const Frame& f, int i) { return f.Force(i).drive; }, k);
+    }
+    if (forces_.held(k)) {
+      Add(
+          joint.name + ".hold_moment", "N m",
+          "that keeps the slider from turning, on its outer side",
+          [](const Frame& f, int i) { return f.Force(i).hold; }, k);
+    }
+    Add(
+        joint.name + ".x", "m", "position of the pin",
+        [](const Frame& f, int i) { return MotionAt(f.self.model_, f.Joint(i).pin, f.motion).x; },
+        k);
+    Add(
+        joint.name + ".y", "m", "position of the pin",
+        [](const Frame& f, int i) { return MotionAt(f.self.model_, f.Joint(i).pin, f.motion).y; },
+        k);
+    Add(
+        joint.name + ".pin_force_x", "N", "force of the inner side on the outer at the pin",
+        [](const Frame& f, int i) { return f.Force(i).fx; }, k);
+    Add(
+        joint.name + ".pin_force_y", "N", "force of the inner side on the outer at the pin",
+        [](const Frame& f, int i) { return f.Force(i).fy; }, k);
+    Add(
+        joint.name + ".pin_force", "N", "its magnitude",
+        [](const Frame& f, int i) {
+          const JointForces::Force force = f.Force(i);
+          return std::hypot(force.fx, force.fy);
+        },
+        k);
   }
-  const auto add_body = [&](const std::string& name, const std::string& of) {
-    add(name + ".x", "m", "position of " + of);
-    add(name + ".y", "m", "position of " + of);
-    add(name + ".theta", "rad", "angle of " + name);
-    add(name + ".vx", "m/s", "velocity of " + of);
-    add(name + ".vy", "m/s", "velocity of " + of);
-    add(name + ".omega", "rad/s", "angular velocity of " + name);
-  };
-  for (const Model::Body& body : model_.bodies) add_body(body.name, "the centre of mass");
-  for (const Model::Beam& beam : model_.beams) {
-    add_body(beam.name, "the beam's centre of mass (angle: mean of its segments)");
+}
+
+void Observables::DeclareBodies() {
+  for (int k = 0; k < static_cast<int>(model_.bodies.size()); ++k) {
+    const std::string& name = model_.bodies[k].name;
+    Add(
+        name + ".x", "m", "position of the centre of mass",
+        [](const Frame& f, int i) {
+          return MotionAt(f.self.model_, f.self.model_.bodies[i].centre, f.motion).x;
+        },
+        k);
+    Add(
+        name + ".y", "m", "position of the centre of mass",
+        [](const Frame& f, int i) {
+          return MotionAt(f.self.model_, f.self.model_.bodies[i].centre, f.motion).y;
+        },
+        k);
+    Add(
+        name + ".theta", "rad", "angle of " + name,
+        [](const Frame& f, int i) {
+          const Model::Body& body = f.self.model_.bodies[i];
+          return f.motion.theta[body.centre.slot] + body.angle;
+        },
+        k);
+    Add(
+        name + ".vx", "m/s", "velocity of the centre of mass",
+        [](const Frame& f, int i) {
+          return MotionAt(f.self.model_, f.self.model_.bodies[i].centre, f.motion).vx;
+        },
+        k);
+    Add(
+        name + ".vy", "m/s", "velocity of the centre of mass",
+        [](const Frame& f, int i) {
+          return MotionAt(f.self.model_, f.self.model_.bodies[i].centre, f.motion).vy;
+        },
+        k);
+    Add(
+        name + ".omega", "rad/s", "angular velocity of " + name,
+        [](const Frame& f, int i) { return f.motion.omega[f.self.model_.bodies[i].centre.slot]; },
+        k);
   }
-  for (const std::string& name : model_.linear_spring_names) {
-    add(name + ".length", "m", "distance of the spring's ends");
-    add(name + ".tension", "N", "of spring and damper");
+  for (int k = 0; k < static_cast<int>(model_.beams.size()); ++k) {
+    const std::string& name = model_.beams[k].name;
+    const std::string of = "the beam's centre of mass";
+    Add(
+        name + ".x", "m", "position of " + of,
+        [](const Frame& f, int i) { return MeanOver(f.self.model_.beams[i], f.motion.x); }, k);
+    Add(
+        name + ".y", "m", "position of " + of,
+        [](const Frame& f, int i) { return MeanOver(f.self.model_.beams[i], f.motion.y); }, k);
+    Add(
+        name + ".theta", "rad", "mean angle of the beam",
+        [](const Frame& f, int i) { return MeanOver(f.self.model_.beams[i], f.motion.theta); }, k);
+    Add(
+        name + ".vx", "m/s", "velocity of " + of,
+        [](const Frame& f, int i) { return MeanOver(f.self.model_.beams[i], f.motion.vx); }, k);
+    Add(
+        name + ".vy", "m/s", "velocity of " + of,
+        [](const Frame& f, int i) { return MeanOver(f.self.model_.beams[i], f.motion.vy); }, k);
+    Add(
+        name + ".omega", "rad/s", "mean angular velocity of the beam",
+        [](const Frame& f, int i) { return MeanOver(f.self.model_.beams[i], f.motion.omega); }, k);
+    Add(
+        name + ".mid_deflection", "m", "of the middle from the chord, positive to its left",
+        [](const Frame& f, int i) { return f.self.lines_[i].MidDeflection(f.motion); }, k);
+    Add(
+        name + ".tip_deflection", "m",
+        "of the end from the tangent at the start, positive to its left",
+        [](const Frame& f, int i) { return f.self.lines_[i].TipDeflection(f.motion); }, k);
   }
-  add("energy.kinetic", "J", "kinetic energy");
+}
+
+void Observables::DeclareLinearSprings() {
+  for (int k = 0; k < model_.linear_springs.count(); ++k) {
+    const std::string& name = model_.linear_spring_names[k];
+    Add(
+        name + ".length", "m", "distance of the spring's ends",
+        [](const Frame& f, int i) { return f.self.model_.linear_springs.At(i, f.motion).length; },
+        k);
+    Add(
+        name + ".tension", "N", "of spring and damper",
+        [](const Frame& f, int i) { return f.self.model_.linear_springs.At(i, f.motion).tension; },
+        k);
+  }
+}
+
+void Observables::DeclareTotals() {
+  Add("energy.kinetic", "J", "kinetic energy",
+      [](const Frame& f, int) { return f.self.balance_.kinetic; });
   if (model_.bending.count() + model_.kirchhoff.count() > 0) {
-    add("energy.bending", "J", "energy of bending");
+    Add("energy.bending", "J", "energy of bending",
+        [](const Frame& f, int) { return f.self.balance_.bending; });
   }
-  if (model_.bending.axial()) add("energy.axial", "J", "energy of stretching");
-  if (model_.springs.count() > 0) add("energy.spring", "J", "energy of the torsion springs");
-  if (model_.tables.count() > 0) add("energy.table", "J", "potential of the moment tables");
+  if (model_.bending.axial()) {
+    Add("energy.axial", "J", "energy of stretching",
+        [](const Frame& f, int) { return f.self.balance_.axial; });
+  }
+  if (model_.springs.count() > 0) {
+    Add("energy.spring", "J", "energy of the torsion springs",
+        [](const Frame& f, int) { return f.self.balance_.spring; });
+  }
+  if (model_.tables.count() > 0) {
+    Add("energy.table", "J", "potential of the moment tables",
+        [](const Frame& f, int) { return f.self.balance_.table; });
+  }
   if (model_.linear_springs.count() > 0) {
-    add("energy.linear_spring", "J", "energy of the linear springs");
+    Add("energy.linear_spring", "J", "energy of the linear springs",
+        [](const Frame& f, int) { return f.self.balance_.linear_spring; });
   }
-  if (model_.suspension.count() > 0) add("energy.suspension", "J", "energy of the suspension");
-  if (!model_.gravity.empty()) add("energy.gravity", "J", "energy in the field of gravity");
+  if (model_.suspension.count() > 0) {
+    Add("energy.suspension", "J", "energy of the suspension",
+        [](const Frame& f, int) { return f.self.balance_.suspension; });
+  }
+  if (!model_.gravity.empty()) {
+    Add("energy.gravity", "J", "energy in the field of gravity",
+        [](const Frame& f, int) { return f.self.balance_.gravity; });
+  }
   if (model_.latches.count() > 0) {
-    add("energy.contact", "J", "energy stored in the latches' contacts");
-    add("energy.dissipated_contact", "J", "lost in contacts since the start");
+    Add("energy.contact", "J", "energy stored in the latches' contacts",
+        [](const Frame& f, int) { return f.self.balance_.contact; });
+    Add("energy.dissipated_contact", "J", "lost in contacts since the start",
+        [](const Frame& f, int) { return f.self.balance_.dissipated_contact; });
   }
   if (model_.bending.damped() || model_.kirchhoff.damped()) {
-    add("energy.dissipated_beams", "J", "lost in the beams' material since the start");
+    Add("energy.dissipated_beams", "J", "lost in the beams' material since the start",
+        [](const Frame& f, int) { return f.self.balance_.dissipated_beams; });
   }
   if (model_.dampers.count() + model_.frictions.count() > 0 || model_.linear_springs.damped()) {
-    add("energy.dissipated_dampers", "J", "lost in dampers and friction since the start");
+    Add("energy.dissipated_dampers", "J", "lost in dampers and friction since the start",
+        [](const Frame& f, int) { return f.self.balance_.dissipated_dampers; });
   }
   if (model_.constraints.driven() || model_.motors.count() + model_.forces.count() > 0) {
-    add("energy.work", "J", "work of drives, motors and applied forces since the start");
+    Add("energy.work", "J", "work of drives, motors and applied forces since the start",
+        [](const Frame& f, int) { return f.self.balance_.work; });
   }
-  add("energy.total", "J", "all stored energy");
-  add("energy.residual", "J",
-      "stored and dissipated energy less work done and the energy at the start");
-  add("momentum.x", "kg m/s", "linear momentum");
-  add("momentum.y", "kg m/s", "linear momentum");
-  add("momentum.angular", "kg m^2/s", "angular momentum about the origin");
-  add("centre.x", "m", "centre of all mass");
-  add("centre.y", "m", "centre of all mass");
-  add("constraint.position", "m", "largest violation of a constraint");
-  add("constraint.velocity", "m/s", "largest rate of a constraint");
-  row_.reserve(quantities_.size());
+  Add("energy.total", "J", "all stored energy",
+      [](const Frame& f, int) { return f.self.balance_.Stored(); });
+  Add("energy.residual", "J",
+      "stored and dissipated energy less work done and the energy at the start",
+      [](const Frame& f, int) { return f.self.residual(); });
+  Add("momentum.x", "kg m/s", "linear momentum",
+      [](const Frame& f, int) { return f.self.balance_.momentum_x; });
+  Add("momentum.y", "kg m/s", "linear momentum",
+      [](const Frame& f, int) { return f.self.balance_.momentum_y; });
+  Add("momentum.angular", "kg m^2/s", "angular momentum about the origin",
+      [](const Frame& f, int) { return f.self.balance_.angular_momentum; });
+  Add("centre.x", "m", "centre of all mass",
+      [](const Frame& f, int) { return f.self.balance_.centre_x; });
+  Add("centre.y", "m", "centre of all mass",
+      [](const Frame& f, int) { return f.self.balance_.centre_y; });
+  Add("constraint.position", "m", "largest violation of a constraint",
+      [](const Frame& f, int) { return f.self.balance_.position_drift; });
+  Add("constraint.velocity", "m/s", "largest rate of a constraint",
+      [](const Frame& f, int) { return f.self.balance_.velocity_drift; });
 }
 
 const std::vector<double>& Observables::Row(double t, double* state,
                                             const std::vector<LatchMode>& modes) {
   dynamics_.modes() = modes;
   balance_ = dynamics_.BalanceAt(t, state);
-  const Motion m = dynamics_.Update(t, state);
   if (!started_) {
     start_ = balance_.Conserved();
     started_ = true;
   }
+  if (wants_forces_) dynamics_.RightSide(t, state, rates_.data());
+  const Motion motion = dynamics_.Update(t, state);
+  margins_.Watch(motion, modes);
+  const Frame frame{*this, motion, modes};
   row_.clear();
-  const auto put = [&](double v) { row_.push_back(v); };
-  for (const Model::Mark& mark : model_.marks) {
-    const PointMotion p = MotionOf(model_, mark.point, state);
-    put(p.x), put(p.y), put(p.vx), put(p.vy);
-  }
-  for (const Model::Joint& joint : model_.joints) {
-    put(joint.coordinate.hinge.Theta(m));
-    put(joint.coordinate.hinge.Rate(m));
-    if (joint.latch >= 0) put(model_.latches.Moment(joint.latch, m, modes[joint.latch]));
-    if (joint.spring >= 0) put(model_.springs.Moment(joint.spring, m));
-    if (joint.damper >= 0) put(model_.dampers.Moment(joint.damper, m));
-    if (joint.table >= 0) put(model_.tables.Moment(joint.table, m));
-    if (joint.friction >= 0) put(model_.frictions.Moment(joint.friction, m));
-    if (joint.motor >= 0) put(model_.motors.Moment(joint.motor, m));
-    const PointMotion p = MotionOf(model_, joint.pin, state);
-    put(p.x), put(p.y);
-  }
-  for (const Model::Body& body : model_.bodies) {
-    const PointMotion p = MotionOf(model_, body.centre, state);
-    put(p.x), put(p.y), put(m.theta[body.centre.slot] + body.angle);
-    put(p.vx), put(p.vy), put(m.omega[body.centre.slot]);
-  }
-  for (const Model::Beam& beam : model_.beams) {
-    double sum[6] = {};
-    for (int k = beam.first; k < beam.first + beam.segments; ++k) {
-      const double values[6] = {m.x[k], m.y[k], m.theta[k], m.vx[k], m.vy[k], m.omega[k]};
-      for (int c = 0; c < 6; ++c) sum[c] += values[c];
-    }
-    for (const double s : sum) put(s / beam.segments);
-  }
-  for (int k = 0; k < model_.linear_springs.count(); ++k) {
-    const LinearSprings::State s = model_.linear_springs.At(k, m);
-    put(s.length), put(s.tension);
-  }
-  const Balance& b = balance_;
-  put(b.kinetic);
-  if (model_.bending.count() + model_.kirchhoff.count() > 0) put(b.bending);
-  if (model_.bending.axial()) put(b.axial);
-  if (model_.springs.count() > 0) put(b.spring);
-  if (model_.tables.count() > 0) put(b.table);
-  if (model_.linear_springs.count() > 0) put(b.linear_spring);
-  if (model_.suspension.count() > 0) put(b.suspension);
-  if (!model_.gravity.empty()) put(b.gravity);
-  if (model_.latches.count() > 0) put(b.contact), put(b.dissipated_contact);
-  if (model_.bending.damped() || model_.kirchhoff.damped()) put(b.dissipated_beams);
-  if (model_.dampers.count() + model_.frictions.count() > 0 || model_.linear_springs.damped()) {
-    put(b.dissipated_dampers);
-  }
-  if (model_.constraints.driven() || model_.motors.count() + model_.forces.count() > 0) {
-    put(b.work);
-  }
-  put(b.Stored());
-  put(b.Conserved() - start_);
-  put(b.momentum_x), put(b.momentum_y), put(b.angular_momentum);
-  put(b.centre_x), put(b.centre_y);
-  put(b.position_drift), put(b.velocity_drift);
+  for (const Column& column : columns_) row_.push_back(column.value(frame, column.index));
   return row_;
+}
+
+const std::vector<double>& Observables::ShapeRow(double t, double* state) {
+  const Motion motion = dynamics_.Update(t, state);
+  shape_row_.clear();
+  for (std::size_t b = 0; b < lines_.size(); ++b) {
+    for (const double place : places_[b]) {
+      const PlanePoint p = lines_[b].At(motion, place);
+      shape_row_.push_back(p.x);
+      shape_row_.push_back(p.y);
+    }
+  }
+  return shape_row_;
 }
 
 }  // namespace unfurl::sim

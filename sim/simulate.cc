@@ -148,7 +148,7 @@ SimulateReport Simulate(const Model& model, const SimulateOptions& options, Obse
 
 MarkTracks SimulateMarks(const Model& model, SimulateOptions options) {
   options.Check();
-  options.track_energy = false;
+  options.track_energy = options.track_forces = false;
   MarkTracks tracks;
   const double duration = options.duration > 0.0 ? options.duration : model.duration;
   MarkCollector collector(model, &tracks, static_cast<std::size_t>(duration * options.rate) + 2);

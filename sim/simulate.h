@@ -36,6 +36,7 @@ struct SimulateOptions {
   // (positions) or rtol * length / time (velocities).
   double drift_fraction = 0.1;
   bool track_energy = true;  // integrate what contacts and beams dissipate
+  bool track_forces = true;  // watch the pins' forces for their peaks (costs one percent)
   bool profile = false;      // measure the share of each part
 
   // Throws Error naming the field.
@@ -83,6 +84,9 @@ struct SimulateReport {
   double largest_velocity_drift = 0.0;  // [m/s]
   std::vector<double> peak_moment;      // of contact, largest magnitude by latch [N m]
   std::vector<double> peak_time;        // [s]
+  // Force between a joint's sides, the largest at the ends of steps, by joint [N], and when [s].
+  std::vector<double> peak_pin_force, peak_pin_time;
+  std::vector<long> worst_slots;        // where the error weighed most, looked at now and then
   double seconds = 0.0;                 // wall clock
   std::array<double, Dynamics::kParts> part_seconds{};  // with options.profile
 

@@ -1,0 +1,211 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+
+#include "data/run.h"
+
+namespace unfurl::data {
+
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+// Numbers held back per buffer: what bounds the memory of a run with thousands of quantities.
+constexpr std::size_t kBufferNumbers = std::size_t{1} << 20;
+constexpr std::size_t kMostRows = 1024, kLeastRows = 64;
+constexpr std::size_t kEventRows = 256;
+constexpr std::size_t kEventKindWidth = 32;
+constexpr std::size_t kWordsWidth = 1024;  // of "status", "message", "method" and "stopped_by"
+constexpr double kBytesPerObject = 700.0;  // header, attributes and index of a dataset
+
+std::size_t RowsPerChunk(std::size_t numbers_per_row) {
+  return std::clamp(kBufferNumbers / std::max<std::size_t>(numbers_per_row, 1), kLeastRows,
+                    kMostRows);
+}
+
+std::string NameWithUnit(const Quantity& q) { return fmt::format("{} [{}]", q.name, q.units); }
+
+}  // namespace
+
+struct RunWriter::Impl {
+  H5Writer file;
+  RunLayout layout;
+  std::size_t rows_per_chunk, shapes_per_chunk;
+
+  H5Series t, shape_t, event_t, event_kind, event_where;
+  std::vector<H5Series> series, shapes, event_data;
+
+  std::vector<double> t_buffer, shape_t_buffer, event_t_buffer;
+  std::vector<std::vector<double>> buffer;        // by quantity
+  std::vector<std::vector<double>> shape_buffer;  // by beam
+  std::vector<std::vector<double>> event_buffer;  // by event_data
+  std::vector<std::string> kinds, places;
+
+  Impl(const std::string& path, const Provenance& provenance, RunLayout l)
+      : file(path, kRunSchema, kRunVersion, provenance, H5Writer::Mode::kStreamed),
+        layout(std::move(l)),
+        rows_per_chunk(RowsPerChunk(layout.quantities.size())) {
+    file.Write({"/marks", "1", "marks' names"}, layout.marks);
+    t = file.Series({"/t", "s", "time of the sample"}, H5Type::kDouble, {}, rows_per_chunk);
+    for (const Quantity& q : layout.quantities) {
+      series.push_back(file.Series({"/series/" + q.name, q.units, q.description}, H5Type::kDouble,
+                                   {}, rows_per_chunk));
+    }
+    buffer.resize(layout.quantities.size());
+    MakeShapes();
+    MakeEvents();
+    for (const Quantity& q : layout.summary) {
+      file.Write({"/summary/" + q.name, q.units, q.description}, std::span<const double>(&kNaN, 1));
+    }
+    for (const auto& [name, words] : layout.text) {
+      file.Write({"/text/" + name, "1", "in words"}, std::vector<std::string>{words});
+    }
+    for (const char* name : {"status", "message", "method", "stopped_by"}) {
+      std::string words = std::string(name) == "status" ? kRunning : "";
+      words.resize(kWordsWidth, '\0');
+      file.Write({fmt::format("/text/{}", name), "1", "in words"}, std::vector<std::string>{words});
+    }
+    file.StartStreaming();
+  }
+
+  void MakeShapes() {
+    std::size_t numbers = 0;
+    for (const BeamShape& shape : layout.shapes) numbers += 2 * shape.at.size();
+    shapes_per_chunk = std::max<std::size_t>(1, RowsPerChunk(numbers) / 16);
+    if (layout.shapes.empty()) return;
+    shape_t = file.Series({"/beam_shape_t", "s", "time of the beams' shapes"}, H5Type::kDouble, {},
+                          shapes_per_chunk);
+    for (const BeamShape& shape : layout.shapes) {
+      shapes.push_back(file.Series({"/beam_shape/" + shape.name, "m", "x, y of the centre line"},
+                                   H5Type::kDouble, {shape.at.size(), 2}, shapes_per_chunk));
+      file.Write({"/beam_place/" + shape.name, "m", "places of its points along the beam"},
+                 std::span<const double>(shape.at));
+    }
+    shape_buffer.resize(shapes.size());
+  }
+
+  void MakeEvents() {
+    std::size_t width = 1;
+    for (const std::string& place : layout.event_places) width = std::max(width, place.size());
+    event_t = file.Series({"/events/t", "s", "time of the event"}, H5Type::kDouble, {}, kEventRows);
+    event_kind =
+        file.TextSeries({"/events/kind", "1", "what happened"}, kEventKindWidth, kEventRows);
+    event_where =
+        file.TextSeries({"/events/where", "1", "joint, or name of the event"}, width, kEventRows);
+    for (const Quantity& q : layout.event_data) {
+      event_data.push_back(file.Series({"/events/data/" + q.name, q.units, q.description},
+                                       H5Type::kDouble, {}, kEventRows));
+    }
+    event_buffer.resize(event_data.size());
+  }
+
+  static void Move(H5Series* series, std::vector<double>* values) {
+    series->Append(std::span<const double>(*values));
+    values->clear();
+  }
+
+  void FlushSamples() {
+    if (t_buffer.empty()) return;
+    for (std::size_t q = 0; q < series.size(); ++q) Move(&series[q], &buffer[q]);
+    Move(&t, &t_buffer);
+  }
+
+  void FlushShapes() {
+    if (shape_t_buffer.empty()) return;
+    for (std::size_t b = 0; b < shapes.size(); ++b) Move(&shapes[b], &shape_buffer[b]);
+    Move(&shape_t, &shape_t_buffer);
+  }
+
+  void FlushEvents() {
+    if (event_t_buffer.empty()) return;
+    for (std::size_t q = 0; q < event_data.size(); ++q) Move(&event_data[q], &event_buffer[q]);
+    event_kind.Append(kinds);
+    event_where.Append(places);
+    kinds.clear();
+    places.clear();
+    Move(&event_t, &event_t_buffer);
+  }
+};
+
+RunWriter::RunWriter(const std::string& path, const Provenance& provenance, RunLayout layout)
+    : impl_(std::make_unique<Impl>(path, provenance, std::move(layout))) {}
+
+RunWriter::~RunWriter() = default;
+
+void RunWriter::Append(double t, std::span<const double> values) {
+  impl_->t_buffer.push_back(t);
+  for (std::size_t q = 0; q < impl_->buffer.size(); ++q) impl_->buffer[q].push_back(values[q]);
+  if (impl_->t_buffer.size() == impl_->rows_per_chunk) Flush();
+}
+
+void RunWriter::AppendShapes(double t, std::span<const double> points) {
+  impl_->shape_t_buffer.push_back(t);
+  for (std::size_t b = 0; b < impl_->shapes.size(); ++b) {
+    const std::size_t numbers = 2 * impl_->layout.shapes[b].at.size();
+    impl_->shape_buffer[b].insert(impl_->shape_buffer[b].end(), points.begin(),
+                                  points.begin() + static_cast<std::ptrdiff_t>(numbers));
+    points = points.subspan(numbers);
+  }
+  if (impl_->shape_t_buffer.size() == impl_->shapes_per_chunk) impl_->FlushShapes();
+}
+
+void RunWriter::AddEvent(const RunEvent& event) {
+  impl_->event_t_buffer.push_back(event.t);
+  impl_->kinds.push_back(event.kind);
+  impl_->places.push_back(event.where);
+  std::size_t found_all = 0;
+  for (std::size_t q = 0; q < impl_->event_buffer.size(); ++q) {
+    const auto found = event.data.find(NameWithUnit(impl_->layout.event_data[q]));
+    found_all += found != event.data.end() ? 1 : 0;
+    impl_->event_buffer[q].push_back(found != event.data.end() ? found->second : kNaN);
+  }
+  if (found_all != event.data.size()) {
+    throw std::logic_error("RunWriter: an event carries what its layout does not name");
+  }
+  if (impl_->event_t_buffer.size() == kEventRows) impl_->FlushEvents();
+}
+
+void RunWriter::SetSummary(const std::string& name, double value) {
+  impl_->file.Overwrite("/summary/" + name, std::span<const double>(&value, 1));
+}
+
+void RunWriter::SetText(const std::string& name, const std::string& text) {
+  impl_->file.OverwriteText("/text/" + name, text);
+}
+
+void RunWriter::Flush() {
+  impl_->FlushSamples();
+  impl_->FlushShapes();
+  impl_->FlushEvents();
+  impl_->file.Flush();
+}
+
+bool RunWriter::holds_samples() const { return impl_->t.rows() > 0; }
+const std::string& RunWriter::partial() const { return impl_->file.temporary(); }
+
+void RunWriter::Commit() {
+  Flush();
+  impl_->file.Commit();
+}
+
+void RunWriter::Keep() {
+  Flush();
+  impl_->file.Keep();
+}
+
+void RunWriter::Abandon() { impl_->file.Abandon(); }
+
+double RunWriter::FileSize(const RunLayout& layout, double samples, double shapes) {
+  double points = 0.0;
+  for (const BeamShape& shape : layout.shapes) points += static_cast<double>(shape.at.size());
+  const double q = static_cast<double>(layout.quantities.size());
+  const double rows = static_cast<double>(RowsPerChunk(layout.quantities.size()));
+  const double whole_chunks = std::ceil(samples / rows) * rows;
+  return 8.0 * (1.0 + q) * whole_chunks + 8.0 * (1.0 + 2.0 * points) * shapes +
+         kBytesPerObject * (q + static_cast<double>(layout.summary.size())) +
+         16.0 * (1.0 + q) * samples / rows;
+}
+
+}  // namespace unfurl::data

@@ -1,0 +1,221 @@
+#include "sim/observables.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.h"
+#include "sim/simulate.h"
+#include "tests/sim/scenes.h"
+
+namespace unfurl::sim {
+namespace {
+
+// Every sampled row of a run.
+class Rows : public Observer {
+ public:
+  explicit Rows(const Model& model) : observables(model) {}
+  void OnSample(double time, double* state, const std::vector<LatchMode>& modes) override {
+    t.push_back(time);
+    rows.push_back(observables.Row(time, state, modes));
+  }
+  double At(std::size_t row, const std::string& name) const {
+    const auto& q = observables.quantities();
+    const auto found =
+        std::find_if(q.begin(), q.end(), [&](const data::Quantity& x) { return x.name == name; });
+    EXPECT_NE(found, q.end()) << name;
+    return rows[row][static_cast<std::size_t>(found - q.begin())];
+  }
+  Observables observables;
+  std::vector<double> t;
+  std::vector<std::vector<double>> rows;
+};
+
+SimulateOptions Sampled(double duration, double rate) {
+  SimulateOptions options;
+  options.duration = duration;
+  options.rate = rate;
+  options.rtol = 1e-10;
+  return options;
+}
+
+// The multipliers are accelerations times masses: good to the drift that the tolerance allows.
+constexpr double kForceError = 1e-7;  // [N], of some 20 to 60
+
+TEST(Observables, PinForceOfAPendulumIsNewtons) {
+  constexpr double kMass = 2.0, kRadius = 0.5, kInertia = 0.1, kGravity = 9.81;
+  const Model model = ModelFrom(PendulumScene(1.2, kRadius, kInertia));
+  Rows run(model);
+  const SimulateReport report = Simulate(model, Sampled(2.0, 500.0), &run);
+  ASSERT_TRUE(report.Usable());
+  double largest = 0.0;
+  for (std::size_t i = 0; i < run.t.size(); ++i) {
+    const double theta = run.At(i, "pivot.theta"), rate = run.At(i, "pivot.theta_rate");
+    const double phi = theta - M_PI / 2;
+    const double spin =
+        -kMass * kGravity * kRadius * std::sin(theta) / (kInertia + kMass * kRadius * kRadius);
+    const double ax = kRadius * (-spin * std::sin(phi) - rate * rate * std::cos(phi));
+    const double ay = kRadius * (spin * std::cos(phi) - rate * rate * std::sin(phi));
+    EXPECT_NEAR(run.At(i, "pivot.pin_force_x"), kMass * ax, kForceError);
+    EXPECT_NEAR(run.At(i, "pivot.pin_force_y"), kMass * (ay + kGravity), kForceError);
+    EXPECT_NEAR(run.At(i, "pivot.pin_force"), std::hypot(kMass * ax, kMass * (ay + kGravity)),
+                kForceError);
+    largest = std::max(largest, run.At(i, "pivot.pin_force"));
+  }
+  // The peak is looked for at the ends of steps, which are not the samples: near the bottom the
+  // force is flat, so both find it.
+  EXPECT_NEAR(report.peak_pin_force[0], largest, 1e-2 * largest);
+}
+
+TEST(Observables, DrivenSliderTellsItsForces) {
+  constexpr double kMass = 2.0, kGravity = 9.81, kArm = 0.2;
+  const Model model = ModelFrom(
+      "[scene]\nname = \"slider\"\nduration = 1.0\n"
+      "[body.block]\nmass = 2.0\ninertia = 0.1\n"
+      "[joint.slide]\ntype = \"slider\"\ninner = \"ground\"\nouter = \"block\"\n"
+      "outer_point = [0.2, 0.0]\n"
+      "[joint.slide.drive]\nposition = \"0.1 * sin(3 * t)\"\n"
+      "[gravity]\nacceleration = [0.0, -9.81]\n"
+      "[mark.m]\non = \"block\"\n");
+  Rows run(model);
+  ASSERT_TRUE(Simulate(model, Sampled(1.0, 100.0), &run).Usable());
+  for (std::size_t i = 0; i < run.t.size(); ++i) {
+    const double t = run.t[i];
+    EXPECT_NEAR(run.At(i, "slide.travel"), 0.1 * std::sin(3 * t), kForceError);
+    EXPECT_NEAR(run.At(i, "slide.travel_rate"), 0.3 * std::cos(3 * t), kForceError);
+    EXPECT_NEAR(run.At(i, "slide.drive_force"), -kMass * 0.9 * std::sin(3 * t), kForceError);
+    EXPECT_NEAR(run.At(i, "slide.pin_force_x"), 0.0, kForceError);
+    EXPECT_NEAR(run.At(i, "slide.pin_force_y"), kMass * kGravity, kForceError);
+    EXPECT_NEAR(run.At(i, "slide.hold_moment"), -kMass * kGravity * kArm, kForceError);
+  }
+}
+
+// A beam laid along an arc of a circle, with its segments' centres on it.
+double DeflectionError(int segments, bool tip) {
+  constexpr double kRadius = 0.8, kLength = 1.0;
+  const Model model = ModelFrom(BeamScene("free", segments));
+  std::vector<double> state = model.initial_state;
+  const StateIndex& index = model.index;
+  for (int k = 0; k < segments; ++k) {
+    const double angle = (k + 0.5) * kLength / segments / kRadius;
+    const int slot = model.beams[0].first + k;
+    state[index.x(slot)] = kRadius * std::sin(angle);
+    state[index.y(slot)] = kRadius * (1.0 - std::cos(angle));
+    state[index.theta(slot)] = angle;
+  }
+  Dynamics dynamics(model);
+  const Motion motion = dynamics.Update(0.0, state.data());
+  const CentreLine line(model.beams[0]);
+  // Sagitta of the chord (to the right of it), and the end's distance from the start's tangent.
+  const double truth = tip ? kRadius * (1.0 - std::cos(kLength / kRadius))
+                           : -kRadius * (1.0 - std::cos(0.5 * kLength / kRadius));
+  return (tip ? line.TipDeflection(motion) : line.MidDeflection(motion)) - truth;
+}
+
+TEST(CentreLine, DeflectionsOfAnArcConvergeInSecondOrder) {
+  for (const bool tip : {false, true}) {
+    for (const int n : {8, 9}) {  // the middle is a segment's centre, or between two
+      const double coarse = DeflectionError(n, tip), fine = DeflectionError(2 * n, tip);
+      const double order = std::log2(std::fabs(coarse / fine));
+      EXPECT_LT(std::fabs(coarse), 0.01) << n << tip;
+      if (n == 8) {
+        EXPECT_NEAR(order, 2.0, 0.15) << tip;
+      }
+    }
+  }
+}
+
+TEST(CentreLine, EveryBeamOfTheDeploymentStartsStraight) {
+  // Neighbouring beams' stations lie side by side: none may be taken for another's.
+  const Model model = Compile(data::ReadScene(DeploymentPath("clearance")));
+  Observables observables(model);
+  std::vector<double> state = model.initial_state;
+  const std::vector<double> row = observables.Row(0.0, state.data(), model.initial_modes);
+  int deflections = 0;
+  for (std::size_t q = 0; q < row.size(); ++q) {
+    if (!observables.quantities()[q].name.ends_with("_deflection")) continue;
+    EXPECT_NEAR(row[q], 0.0, 1e-12) << observables.quantities()[q].name;
+    ++deflections;
+  }
+  EXPECT_EQ(deflections, 8);
+  const std::vector<double> shapes = observables.ShapeRow(0.0, state.data());
+  ASSERT_EQ(shapes.size(), 4u * 2u * (static_cast<std::size_t>(model.beams[0].segments) + 1u));
+  // Beam 1 stands on the folded root joint: its ends are its length apart.
+  const std::size_t last = 2 * static_cast<std::size_t>(model.beams[0].segments);
+  EXPECT_NEAR(std::hypot(shapes[last] - shapes[0], shapes[last + 1] - shapes[1]), 0.8, 1e-12);
+}
+
+TEST(CentreLine, ShapePlacesAreBounded) {
+  const Model fine = ModelFrom(BeamScene("clamped", 200));
+  const std::vector<double> places = ShapePlaces(fine.beams[0]);
+  ASSERT_EQ(places.size(), static_cast<std::size_t>(kMostShapePoints));
+  EXPECT_EQ(places.front(), 0.0);
+  EXPECT_NEAR(places.back(), 1.0, 1e-12);
+  EXPECT_TRUE(std::is_sorted(places.begin(), places.end()));
+}
+
+TEST(Observables, LeastDrivingMomentIsTheSprings) {
+  constexpr double kStiffness = 0.218, kPreload = 1.57, kThetaA = 0.0052;
+  const Model model = ModelFrom(LatchingBarScene(kThetaA));
+  Rows run(model);
+  ASSERT_TRUE(Simulate(model, Sampled(2.0, 2000.0), &run).Usable());
+  const TorqueMargin& margin = run.observables.margins().of(0);
+  EXPECT_TRUE(margin.seen());
+  EXPECT_FALSE(margin.resisted());
+  // The spring pushes least just before the latch closes; samples come up to one short of it.
+  const double at_latch = kStiffness * (kThetaA + kPreload);
+  constexpr double kMostRate = 10.0;  // [rad/s]
+  EXPECT_GE(margin.least_driving, at_latch);
+  EXPECT_LE(margin.least_driving, at_latch + kStiffness * kMostRate / 2000.0);
+}
+
+TEST(Observables, TorqueMarginCountsFrictionInFull) {
+  constexpr double kStiffness = 0.218, kPreload = 1.57, kThetaA = 0.0052, kFriction = 0.05;
+  const Model model = ModelFrom(
+      LatchingBarScene(kThetaA, "[joint.hinge.friction]\nmoment = 0.05\ncreep_rate = 0.01\n"));
+  Rows run(model);
+  ASSERT_TRUE(Simulate(model, Sampled(3.0, 2000.0), &run).Usable());
+  ASSERT_LT(run.At(run.t.size() - 1, "hinge.theta"), kThetaA) << "it must latch";
+  const TorqueMargin& margin = run.observables.margins().of(0);
+  ASSERT_TRUE(margin.resisted());
+  // Least just before the latch, as the spring is; samples come up to one short of it.
+  const double at_latch = kStiffness * (kThetaA + kPreload) / kFriction;
+  constexpr double kMostRate = 10.0;  // [rad/s]
+  EXPECT_GE(margin.ratio, at_latch);
+  EXPECT_LE(margin.ratio, at_latch + kStiffness * kMostRate / 2000.0 / kFriction);
+  EXPECT_GE(margin.ratio_theta, kThetaA);
+  EXPECT_LE(margin.ratio_theta, kThetaA + kMostRate / 2000.0);
+}
+
+TEST(Observables, OnlyWhatIsWanted) {
+  const Model model = ModelFrom(LatchingBarScene());
+  const Observables some(model, {"hinge.theta*", "energy.total", "tip.x", "tip.?"});
+  std::vector<std::string> names;
+  for (const data::Quantity& q : some.quantities()) names.push_back(q.name);
+  EXPECT_EQ(names, (std::vector<std::string>{"tip.x", "tip.y", "hinge.theta", "hinge.theta_rate",
+                                             "energy.total"}));
+  EXPECT_EQ(some.marks(), std::vector<std::string>{"tip"});
+  EXPECT_TRUE(Observables(model, {"tip.x"}).marks().empty());
+  Observables all(model), two(model, {"energy.kinetic", "hinge.pin_force"});
+  std::vector<double> state = model.initial_state;
+  const std::vector<double> whole = all.Row(0.0, state.data(), model.initial_modes);
+  const std::vector<double> part = two.Row(0.0, state.data(), model.initial_modes);
+  for (std::size_t q = 0; q < part.size(); ++q) {
+    const auto& list = all.quantities();
+    const auto found = std::find_if(list.begin(), list.end(), [&](const data::Quantity& x) {
+      return x.name == two.quantities()[q].name;
+    });
+    EXPECT_EQ(part[q], whole[static_cast<std::size_t>(found - list.begin())]);
+  }
+  try {
+    Observables(model, {"hinge.thet"});
+    FAIL() << "an unknown quantity must be refused";
+  } catch (const Error& error) {
+    EXPECT_NE(std::string(error.what()).find("did you mean 'hinge.theta'?"), std::string::npos)
+        << error.what();
+  }
+}
+
+}  // namespace
+}  // namespace unfurl::sim
