@@ -106,7 +106,7 @@ double DeflectionError(int segments, bool tip) {
   }
   Dynamics dynamics(model);
   const Motion motion = dynamics.Update(0.0, state.data());
-  const CentreLine line(model.beams[0]);
+  const CentreLine line(model, model.beams[0]);
   // Sagitta of the chord (to the right of it), and the end's distance from the start's tangent.
   const double truth = tip ? kRadius * (1.0 - std::cos(kLength / kRadius))
                            : -kRadius * (1.0 - std::cos(0.5 * kLength / kRadius));
