@@ -50,8 +50,8 @@ KirchhoffBeams::Work KirchhoffBeams::MakeWork() const {
   return work;
 }
 
-void KirchhoffBeams::Gather(const Beam& beam, const double* x, const double* y,
-                            const double* theta, double* q) {
+void KirchhoffBeams::Gather(const Beam& beam, const double* x, const double* y, const double* theta,
+                            double* q) {
   const double* block[3] = {x, y, theta};
   const double inverse_length = 1.0 / beam.rod.properties().length;
   const int count = beam.rod.amplitudes();
@@ -125,9 +125,8 @@ void KirchhoffBeams::Accelerate(const double* fx, const double* fy, const double
     ax[beam.root] = q[0];
     ay[beam.root] = q[1];
     alpha[beam.root] = q[2];
-    EachAmplitude(beam, [&](int k, int c, int slot, double scale) {
-      block[c][slot] = scale * q[3 + k];
-    });
+    EachAmplitude(beam,
+                  [&](int k, int c, int slot, double scale) { block[c][slot] = scale * q[3 + k]; });
     const double* free = work->free.data() + free_at_[b];
     const double* answer = work->compliance.data() + compliance_at_[b];
     for (const int slot : beam.attached) {

@@ -9,9 +9,9 @@
 namespace unfurl::sim {
 
 // The smooth beams of a model, and where their coordinates stand among the slots: x_c, y_c and
-// theta_0 in the beam's root slot, the amplitudes three to a slot in the slots that follow it (x and
-// y hold a_k times the length, so that tolerances of lengths fit them; theta holds a_k itself). Each
-// attachment has a slot too, which others see as a body: its motion is filled in from the
+// theta_0 in the beam's root slot, the amplitudes three to a slot in the slots that follow it (x
+// and y hold a_k times the length, so that tolerances of lengths fit them; theta holds a_k itself).
+// Each attachment has a slot too, which others see as a body: its motion is filled in from the
 // coordinates, loads on it are passed on.
 class KirchhoffBeams {
  public:
@@ -63,10 +63,10 @@ class KirchhoffBeams {
                double* y, double* theta) const;
 
   // After Update. Attached bodies and the centre's motion are the slots' own.
-  double KineticAboutCentres(Work* work) const;    // [J]
-  double AngularMomentum(Work* work) const;        // each about its centre [kg m^2/s]
-  double Bending(const Work& work) const;          // [J]
-  double OfStrings(const Work& work) const;        // [J]
+  double KineticAboutCentres(Work* work) const;  // [J]
+  double AngularMomentum(Work* work) const;      // each about its centre [kg m^2/s]
+  double Bending(const Work& work) const;        // [J]
+  double OfStrings(const Work& work) const;      // [J]
 
   // At a state of `n` slots.
   KirchhoffRod::Frame MotionAt(int watched, const double* state, int n) const;
