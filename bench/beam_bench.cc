@@ -1,11 +1,11 @@
 // The two beam models against each other: time to an accuracy, on two scenes with their parameters
 // in the source below (docs/decisions/010-second-beam.md).
 //   beam_bench [repeats]                                   (default 9)
-// Columns: model with its segments or modes, order of the method, tolerance, evaluations, median milliseconds of the run (thread's
-// CPU), and the root mean square of the error against the reference: of the rod's middle against
-// its chord, in % of its peak (slider-crank); of the tip, in mm (two beams). The reference is the
-// smooth model of high order at a tight tolerance; how far the segments' finest runs, extrapolated
-// in n^-2, are from it is printed too.
+// Columns: model with its segments or modes, order of the method, tolerance, evaluations, median
+// milliseconds of the run (thread's CPU), and the root mean square of the error against the
+// reference: of the rod's middle against its chord, in % of its peak (slider-crank); of the tip, in
+// mm (two beams). The reference is the smooth model of high order at a tight tolerance; how far the
+// segments' finest runs, extrapolated in n^-2, are from it is printed too.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -195,8 +195,7 @@ void Table(Scene (*make)(const BeamChoice&), double rate, int repeats) {
     }
   }
   fmt::print("segments 13: {:.6f}, 25: {:.6f}, extrapolated: {:.6f}\n",
-             scale * RootMeanSquare(n13, reference), raw,
-             scale * RootMeanSquare(n25, reference));
+             scale * RootMeanSquare(n13, reference), raw, scale * RootMeanSquare(n25, reference));
   fmt::print("{:>12} {:>6} {:>7} {:>8} {:>9} {:>11}\n", "beams", "method", "rtol", "evals", "ms",
              crank ? "error [%]" : "error [mm]");
   std::vector<BeamChoice> choices;

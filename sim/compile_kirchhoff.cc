@@ -114,8 +114,9 @@ void Compiler::FindAttachments() {
     const data::SceneBeam& beam = scene_.beams[b];
     if (!IsSmooth(static_cast<int>(b))) continue;
     if (beam.axial_elastic) {
-      throw Error(fmt::format("beam '{}' is to stretch, which the smooth model does not", beam.name),
-                  beam.where, "use axial = \"rigid\", or model = \"segments\"");
+      throw Error(
+          fmt::format("beam '{}' is to stretch, which the smooth model does not", beam.name),
+          beam.where, "use axial = \"rigid\", or model = \"segments\"");
     }
     if (beam.order < 1 || beam.order > KirchhoffShapes::kMostModes) {
       throw Error(fmt::format("beam '{}' has order {}", beam.name, beam.order), beam.where,
@@ -167,9 +168,9 @@ void Compiler::FillSmooth() {
       strings.gravity_per_length = scene_.suspension->gravity / scene_.suspension->length;
       strings.angle = hang_.node[NodeOfBeam(static_cast<int>(b))].angle;
     }
-    out.rod = KirchhoffRod(
-        {beam.length, beam.mass, beam.EI, beam.damping, beam.order, smooth_[b].ends},
-        std::move(attachments), strings);
+    out.rod =
+        KirchhoffRod({beam.length, beam.mass, beam.EI, beam.damping, beam.order, smooth_[b].ends},
+                     std::move(attachments), strings);
     out.root = first_segment_[b];
     out.name = beam.name;
     smooth_[b].index = model_.kirchhoff.count();

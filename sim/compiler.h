@@ -64,7 +64,6 @@ class Compiler {
   // compile_loads.cc
   void FillLinearSprings();
   void FillForces();
-  // Smooth beams take loads at their ends only.
   LoadPoint LoadPointOf(const data::SceneEnd& end, double* angle);
   // compile_joints.cc
   void FillJoints();

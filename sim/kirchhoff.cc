@@ -103,9 +103,12 @@ void KirchhoffRod::Update(const double* q, const double* rate, Work* work) const
     const Attachment& at = attachments_[b];
     const double omega = spin[points + b], ca = c[points + b], sa = s[points + b];
     const double ox = ca * at.px - sa * at.py, oy = sa * at.px + ca * at.py;
-    work->frame[b] = {q[0] + sum[0] + ox,           q[1] + sum[1] + oy,
-                      theta[points + b] + at.angle, rate[0] - sum[3] - omega * oy,
-                      rate[1] + sum[2] + omega * ox, omega};
+    work->frame[b] = {q[0] + sum[0] + ox,
+                      q[1] + sum[1] + oy,
+                      theta[points + b] + at.angle,
+                      rate[0] - sum[3] - omega * oy,
+                      rate[1] + sum[2] + omega * ox,
+                      omega};
     work->bias[2 * b] = -sum[4] - omega * omega * ox;
     work->bias[2 * b + 1] = -sum[5] - omega * omega * oy;
     work->offset[2 * b] = ox;

@@ -30,11 +30,11 @@ class KirchhoffRod {
     KirchhoffShapes::Ends ends;
   };
   struct Attachment {
-    double at = 0.0;               // place, of the length
-    double px = 0.0, py = 0.0;     // of the attached frame, in the beam's frame there [m]
-    double angle = 0.0;            // against the beam's [rad]
-    double mass = 0.0;             // of the body there [kg]
-    double inertia = 0.0;          // about the attached frame's origin [kg m^2]
+    double at = 0.0;            // place, of the length
+    double px = 0.0, py = 0.0;  // of the attached frame, in the beam's frame there [m]
+    double angle = 0.0;         // against the beam's [rad]
+    double mass = 0.0;          // of the body there [kg]
+    double inertia = 0.0;       // about the attached frame's origin [kg m^2]
   };
   // Long strings on every point of the beam, vertical when it is straight at `angle` (Suspension
   // holds its centre).
@@ -49,18 +49,18 @@ class KirchhoffRod {
   // Mutable arrays of one simulation.
   struct Work {
     Array theta, cosine, sine, rate;  // by point, then by attachment
-    Array a, a_rate;                  // theta_0 and amplitudes; shapes().width entries, as all below
-    Array products;                   // K_qq' cos(theta_q - theta_q')
-    Array push;                       // by point, 3 arrays
-    Array jx, jy;                     // d(place)/d(theta_0, a) by attachment, about the centre
-    Array centre_x, centre_y;         // the same of the common centre with the attached bodies
-    Array system;                     // mass matrix and its right sides, row() entries a row
-    Array factor, inverse;            // M = L D L^T: L by rows, 1 / D
-    Array alpha;                      // right side, then solution
-    std::vector<Frame> frame;         // by attachment
-    std::vector<double> offset;       // x, y: of its origin from the beam's line [m]
-    std::vector<double> bias;         // x, y: acceleration of the place at q'' = 0 [m/s^2]
-    double drift[2] = {0.0, 0.0};     // acceleration of the common centre [m/s^2]
+    Array a, a_rate;               // theta_0 and amplitudes; shapes().width entries, as all below
+    Array products;                // K_qq' cos(theta_q - theta_q')
+    Array push;                    // by point, 3 arrays
+    Array jx, jy;                  // d(place)/d(theta_0, a) by attachment, about the centre
+    Array centre_x, centre_y;      // the same of the common centre with the attached bodies
+    Array system;                  // mass matrix and its right sides, row() entries a row
+    Array factor, inverse;         // M = L D L^T: L by rows, 1 / D
+    Array alpha;                   // right side, then solution
+    std::vector<Frame> frame;      // by attachment
+    std::vector<double> offset;    // x, y: of its origin from the beam's line [m]
+    std::vector<double> bias;      // x, y: acceleration of the place at q'' = 0 [m/s^2]
+    double drift[2] = {0.0, 0.0};  // acceleration of the common centre [m/s^2]
   };
 
   KirchhoffRod() = default;
@@ -79,8 +79,8 @@ class KirchhoffRod {
 
   // Mass matrix and forces. `load`: on the centre, fx and fy; `attached`: fx, fy, m by attachment,
   // about its origin. Fills the accelerations of the attachments, 3 each, and how they answer to
-  // loads on them, a symmetric matrix of (3 attachments)^2: accelerations += C loads. Adds the power
-  // turned into heat to `dissipated` where given.
+  // loads on them, a symmetric matrix of (3 attachments)^2: accelerations += C loads. Adds the
+  // power turned into heat to `dissipated` where given.
   void Solve(const double load[2], const double* attached, Work* work, double* acceleration,
              double* compliance, double* dissipated) const;
   // q'' with further loads on the attachments (of constraints), 3 each; after Solve.
@@ -89,10 +89,10 @@ class KirchhoffRod {
   void Respond(const double* attached, Work* work, double* change) const;
 
   // Energies relative to the centre's motion and without attached bodies; after Update.
-  double KineticAboutCentre(Work* work) const;   // [J]
-  double AngularMomentum(Work* work) const;      // about the centre of mass [kg m^2/s]
-  double Bending(const Work& work) const;        // [J]
-  double OfStrings(const Work& work) const;           // less the centre's [J]
+  double KineticAboutCentre(Work* work) const;  // [J]
+  double AngularMomentum(Work* work) const;     // about the centre of mass [kg m^2/s]
+  double Bending(const Work& work) const;       // [J]
+  double OfStrings(const Work& work) const;     // less the centre's [J]
 
   // A place along the beam, with its tables.
   struct Place {
@@ -105,7 +105,9 @@ class KirchhoffRod {
   double Curvature(double at, const double* q) const;
 
  private:
-  int row() const { return shapes_.width + PaddedSize(3 * static_cast<int>(attachments_.size()) + 1); }
+  int row() const {
+    return shapes_.width + PaddedSize(3 * static_cast<int>(attachments_.size()) + 1);
+  }
   template <int kWidth>
   void AssembleAttachments(Work* work) const;
   template <int kWidth>

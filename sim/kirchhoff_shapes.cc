@@ -42,9 +42,9 @@ std::vector<double> CentredIntegrals(int n, double x) {
   return integral;
 }
 
-// Points that integrate accelerations to 1e-4 of the largest with any of these numbers of modes, the
-// rod bent by a fifth of a radian, and low frequencies to 1e-7; what is left out of the space is
-// more. Energy is kept whatever their number, since it is the same sum.
+// Points that integrate accelerations to 1e-4 of the largest with any of these numbers of modes,
+// the rod bent by a fifth of a radian, and low frequencies to 1e-7; what is left out of the space
+// is more. Energy is kept whatever their number, since it is the same sum.
 int PointsFor(int modes) { return 8 + 4 * (modes / 2); }
 
 // Angle and slope of the free beam's modes, k = 0 the first; z = x - 1/2. Symmetric modes have
@@ -61,7 +61,8 @@ double WaveNumber(int k) {
 }
 double ModeSlope(int k, double z) {
   const double b = WaveNumber(k);
-  if (k % 2 == 0) return std::cosh(b * z) / std::cosh(0.5 * b) - std::cos(b * z) / std::cos(0.5 * b);
+  if (k % 2 == 0)
+    return std::cosh(b * z) / std::cosh(0.5 * b) - std::cos(b * z) / std::cos(0.5 * b);
   return std::sinh(b * z) / std::sinh(0.5 * b) - std::sin(b * z) / std::sin(0.5 * b);
 }
 double ModeAngle(int k, double z) {

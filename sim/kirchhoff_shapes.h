@@ -22,15 +22,14 @@ struct KirchhoffShapes {
   struct Ends {  // what may act there
     bool force_at_start = false, moment_at_start = false;
     bool force_at_end = false, moment_at_end = false;
-    int count() const {
-      return force_at_start + moment_at_start + force_at_end + moment_at_end;
-    }
+    int count() const { return force_at_start + moment_at_start + force_at_end + moment_at_end; }
   };
   static constexpr int kMostModes = 11;
   static constexpr int kMostShapes = kMostModes + 4;
 
   KirchhoffShapes() = default;
-  // `modes` of the free beam, in [0, kMostModes]; with none and no force at an end there is nothing.
+  // `modes` of the free beam, in [0, kMostModes]; with none and no force at an end there is
+  // nothing.
   KirchhoffShapes(int modes, Ends ends);
 
   // N_k(x), k = 0 the constant 1, and its derivative.

@@ -117,7 +117,8 @@ void KirchhoffRod::AssembleMass(Work* work) const {
   add(-total_mass_, work->centre_y.data());
 }
 
-// The generalized force in the last used column of the system, and the common centre's acceleration.
+// The generalized force in the last used column of the system, and the common centre's
+// acceleration.
 template <int kWidth>
 void KirchhoffRod::AssembleForce(const double load[2], const double* attached, Work* work,
                                  double* dissipated) const {
@@ -180,7 +181,8 @@ void KirchhoffRod::AssembleForce(const double load[2], const double* attached, W
   work->drift[1] = fy / total_mass_;
   double* column = work->system.data() + kWidth + 3 * attachments_.size();
   for (int k = 0; k < used; ++k) {
-    column[k * stride] = force[k / kBlock][k % kBlock] - work->centre_x[k] * fx - work->centre_y[k] * fy;
+    column[k * stride] =
+        force[k / kBlock][k % kBlock] - work->centre_x[k] * fx - work->centre_y[k] * fy;
   }
 }
 

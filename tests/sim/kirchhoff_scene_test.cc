@@ -46,7 +46,8 @@ MarkTracks Tracks(const std::string& scene, double rtol, double duration = 0.0) 
 double Largest(const MarkTracks& a, const MarkTracks& b, int mark) {
   double largest = 0.0;
   for (std::size_t i = 0; i < a.t.size(); ++i) {
-    largest = std::max(largest, std::hypot(a.x[mark][i] - b.x[mark][i], a.y[mark][i] - b.y[mark][i]));
+    largest =
+        std::max(largest, std::hypot(a.x[mark][i] - b.x[mark][i], a.y[mark][i] - b.y[mark][i]));
   }
   return largest;
 }
@@ -54,8 +55,8 @@ double Largest(const MarkTracks& a, const MarkTracks& b, int mark) {
 // Two formulations that share no equation of a beam. The segments come towards the smooth beam with
 // the square of their number, from both sides of that order.
 TEST(SmoothBeams, SegmentsConvergeToThem) {
-  // Undamped, the release of the springs rings every mode of the mesh, and the largest difference is
-  // that of their phases.
+  // Undamped, the release of the springs rings every mode of the mesh, and the largest difference
+  // is that of their phases.
   const std::string damping = "damping = 2e-4";
   const MarkTracks smooth = Tracks(TwoBeams(Smooth(5), damping), 1e-9);
   const MarkTracks few = Tracks(TwoBeams(Segments(10), damping), 1e-7);
@@ -102,7 +103,8 @@ TEST(SmoothBeams, CarriedBodyMovesAsAConstrainedOne) {
            "[beam.rod]\nlength = 0.8\nmass = 0.4\nEI = 3.0\n" +
            Smooth(2) +
            "\n[body.tip]\nmass = 0.3\ninertia = 2e-3\n"
-           "[joint.root]\ninner = \"ground\"\nouter = \"rod.start\"\ntheta = 0.3\ntheta_rate = 4.0\n"
+           "[joint.root]\ninner = \"ground\"\nouter = \"rod.start\"\ntheta = 0.3\ntheta_rate = "
+           "4.0\n"
            "[joint.root.spring]\nstiffness = 2.0\npreload = 1.0\n" +
            std::string(hold) +
            "[gravity]\nacceleration = [0.0, -9.81]\n"
@@ -112,7 +114,8 @@ TEST(SmoothBeams, CarriedBodyMovesAsAConstrainedOne) {
   const std::string points = "inner = \"rod.end\"\nouter = \"tip\"\nouter_point = [-0.07, 0.02]\n";
   const MarkTracks carried = Tracks(scene(("[weld.w]\nangle = 0.4\n" + points).c_str()), 1e-10);
   const MarkTracks held = Tracks(
-      scene(("[joint.j]\nzero_angle = 0.4\n" + points + "[joint.j.drive]\nposition = 0.0\n").c_str()),
+      scene(
+          ("[joint.j]\nzero_angle = 0.4\n" + points + "[joint.j.drive]\nposition = 0.0\n").c_str()),
       1e-10);
   constexpr double kTolerance = 1e-8;  // [m], of a path of half a metre at rtol 1e-10
   for (const int mark : {0, 1}) EXPECT_LT(Largest(carried, held, mark), kTolerance);

@@ -90,8 +90,9 @@ TEST(KirchhoffFrequencies, FreeModesAreTheShapesThemselves) {
   for (int k = 0; k < 3; ++k) EXPECT_NEAR(found[k] / kFreeFree[k], 1.0, kDifferenceError) << k;
 }
 
-// Held in other ways the modes come from the space. What is left falls with the number of free modes
-// faster than its 3.5th power (clamped; the fifth and more otherwise), where segments have the second.
+// Held in other ways the modes come from the space. What is left falls with the number of free
+// modes faster than its 3.5th power (clamped; the fifth and more otherwise), where segments have
+// the second.
 void ExpectHighOrder(Ends ends, const Held& held, const double* exact) {
   constexpr int kFew = 2, kMany = 4;
   const std::vector<double> few = Frequencies(kFew, ends, held);
@@ -109,9 +110,7 @@ TEST(KirchhoffFrequencies, Pinned) { ExpectHighOrder(kPins, {0, 1, 4}, kPinned);
 TEST(KirchhoffFrequencies, PinnedAndFree) {
   ExpectHighOrder({true, false, false, false}, {0, 1}, kPinnedAndFree);
 }
-TEST(KirchhoffFrequencies, Cantilever) {
-  ExpectHighOrder(kClampAndFree, {0, 1, 2}, kCantilever);
-}
+TEST(KirchhoffFrequencies, Cantilever) { ExpectHighOrder(kClampAndFree, {0, 1, 2}, kCantilever); }
 TEST(KirchhoffFrequencies, ClampedAtBothEnds) {  // has the frequencies of the free one
   ExpectHighOrder(kAll, {0, 1, 2, 4, 5}, kFreeFree);
 }
@@ -135,7 +134,8 @@ class SecondFormulation {
       const auto gradient = [&](auto f) {
         return (8.0 * (f(e) - f(-e)) - (f(2 * e) - f(-2 * e))) / (12.0 * h);
       };
-      rhs[j] = gradient([&](const VectorXd& d) { return Kinetic(q + d, v) - Potential(q + d, load, string); });
+      rhs[j] = gradient(
+          [&](const VectorXd& d) { return Kinetic(q + d, v) - Potential(q + d, load, string); });
     }
     const auto momentum = [&](const VectorXd& at) {
       VectorXd p(n);
@@ -213,9 +213,10 @@ TEST(Kirchhoff, EquationsMatchASecondFormulation) {
   std::mt19937 random(5);
   std::uniform_real_distribution<double> any(-1.0, 1.0);
   for (const Ends ends : {kFree, kPins, kClampAndFree, kAll}) {
-    const KirchhoffRod rod({1.3, 0.7, 4.0, 0.0, 2, ends},
-                           {{0.0, 0.1, 0.02, 0.3, 0.4, 0.01}, {0.4}, {1.0, -0.05, 0.0, 0.0, 0.2, 0.003}},
-                           {kString, 0.0});
+    const KirchhoffRod rod(
+        {1.3, 0.7, 4.0, 0.0, 2, ends},
+        {{0.0, 0.1, 0.02, 0.3, 0.4, 0.01}, {0.4}, {1.0, -0.05, 0.0, 0.0, 0.2, 0.003}},
+        {kString, 0.0});
     VectorXd q(rod.coordinates()), v(rod.coordinates()), load(9);
     for (double& x : q) x = any(random);
     for (double& x : v) x = 3.0 * any(random);
@@ -223,7 +224,8 @@ TEST(Kirchhoff, EquationsMatchASecondFormulation) {
     q.tail(rod.amplitudes()) *= 0.2;
     const VectorXd found = Accelerations(rod, q, v, {}, load);
     const VectorXd expected = SecondFormulation(rod).Accelerations(q, v, load, kString);
-    EXPECT_LT((found - expected).cwiseAbs().maxCoeff(), kTolerance * expected.cwiseAbs().maxCoeff());
+    EXPECT_LT((found - expected).cwiseAbs().maxCoeff(),
+              kTolerance * expected.cwiseAbs().maxCoeff());
   }
 }
 
@@ -268,7 +270,8 @@ TEST(Kirchhoff, ElasticaUnderEndLoad) {
   const Held clamp{0, 1, 2};
   VectorXd q = VectorXd::Zero(n);
   q[0] = 0.5;
-  for (const Case& c : {Case{1.0, 0.30172, 0.05643, 0.46135}, {2.0, 0.49346, 0.16064, 0.78175},
+  for (const Case& c : {Case{1.0, 0.30172, 0.05643, 0.46135},
+                        {2.0, 0.49346, 0.16064, 0.78175},
                         {5.0, 0.71379, 0.38763, 1.21537}}) {
     VectorXd load = VectorXd::Zero(6);
     load[4] = c.load * 10.0;
@@ -357,7 +360,8 @@ TEST(Kirchhoff, DampingTakesWhatItReports) {
   const auto energy = [&](double t) {
     const VectorXd qt = q + t * v + 0.5 * t * t * a, vt = v + t * a;
     rod.Update(qt.data(), vt.data(), &work);
-    return 0.5 * (vt[0] * vt[0] + vt[1] * vt[1]) + rod.KineticAboutCentre(&work) + rod.Bending(work);
+    return 0.5 * (vt[0] * vt[0] + vt[1] * vt[1]) + rod.KineticAboutCentre(&work) +
+           rod.Bending(work);
   };
   constexpr double h = 1e-6;
   const double rate = (energy(h) - energy(-h)) / (2.0 * h);
