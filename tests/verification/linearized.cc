@@ -43,49 +43,4 @@ std::vector<double> TransverseFrequencies(const Model& model, double rigid) {
   return frequencies;
 }
 
-double FindEquilibrium(const Model& model, std::vector<double>* state) {
-  Dynamics dynamics(model);
-  const StateIndex& index = model.index;
-  std::vector<int> q, a;
-  for (int s = 0; s < model.slots.count; ++s) {
-    if (!model.slots.IsDynamic(s)) continue;
-    q.insert(q.end(), {index.x(s), index.y(s), index.theta(s)});
-    a.insert(a.end(), {index.vx(s), index.vy(s), index.omega(s)});
-  }
-  const Eigen::Index n = static_cast<Eigen::Index>(q.size());
-  std::vector<double> rate(state->size());
-  const auto accelerations = [&](std::vector<double> y) {
-    dynamics.RightSide(0.0, y.data(), rate.data());
-    Eigen::VectorXd out(n);
-    for (Eigen::Index k = 0; k < n; ++k) out[k] = rate[a[k]];
-    return out;
-  };
-  constexpr double kStep = 1e-6;
-  constexpr int kRounds = 40;
-  double left = 0.0;
-  for (int round = 0; round < kRounds; ++round) {
-    const Eigen::VectorXd at = accelerations(*state);
-    left = at.cwiseAbs().maxCoeff();
-    Eigen::MatrixXd A(n, n);
-    for (Eigen::Index c = 0; c < n; ++c) {
-      std::vector<double> more = *state, less = *state;
-      more[q[c]] += kStep, less[q[c]] -= kStep;
-      A.col(c) = (accelerations(more) - accelerations(less)) / (2.0 * kStep);
-    }
-    // Directions that constraints forbid give no acceleration worth the name: least norm.
-    Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> solver;
-    solver.setThreshold(1e-9);
-    Eigen::VectorXd step = solver.compute(A).solve(-at);
-    step *= std::min(1.0, 0.3 / step.cwiseAbs().maxCoeff());  // [m], [rad]
-    for (Eigen::Index k = 0; k < n; ++k) (*state)[q[k]] += step[k];
-    for (int k = 0; k < 4; ++k) {
-      dynamics.RightSide(0.0, state->data(), rate.data());
-      dynamics.Project(0.0, state->data());
-    }
-    for (const int entry : a) (*state)[entry] = 0.0;
-    if (step.cwiseAbs().maxCoeff() < 1e-11) break;
-  }
-  return left;
-}
-
 }  // namespace unfurl::sim

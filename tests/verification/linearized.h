@@ -14,9 +14,4 @@ namespace unfurl::sim {
 // out.
 std::vector<double> TransverseFrequencies(const Model& model, double rigid = 1.0);
 
-// Moves `state` (StateIndex layout, at rest) to the equilibrium near it, under the loads at t = 0:
-// Newton on the accelerations with a numerical tangent, constraints met after each step. Returns
-// the largest acceleration that was left before the last step [m/s^2, rad/s^2].
-double FindEquilibrium(const Model& model, std::vector<double>* state);
-
 }  // namespace unfurl::sim
