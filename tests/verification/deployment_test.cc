@@ -53,7 +53,10 @@ struct Books : Observer {
 class Variant : public ::testing::TestWithParam<std::string> {};
 
 TEST_P(Variant, FourLatchWithinFiveSeconds) {
-  const Model model = Compile(Deployment(GetParam()));
+  const data::Scene scene = Deployment(GetParam());
+  const bool eight = GetParam() == "suspension" || GetParam().ends_with("_8");
+  for (const auto& beam : scene.beams) ASSERT_EQ(beam.segments, eight ? 8 : 4);
+  const Model model = Compile(scene);
   const SimulateReport report = Simulate(model, {}, nullptr);
   ASSERT_TRUE(report.Usable()) << report.message;
   EXPECT_EQ(report.t_end, 5.0);
@@ -64,7 +67,8 @@ TEST_P(Variant, FourLatchWithinFiveSeconds) {
   EXPECT_EQ(latched, std::vector<int>(4, 1));
 }
 INSTANTIATE_TEST_SUITE_P(Scenes, Variant,
-                         ::testing::Values("clearance", "no_clearance", "suspension"));
+                         ::testing::Values("clearance", "no_clearance", "suspension", "clearance_8",
+                                           "no_clearance_8", "suspension_4"));
 
 // Without suspension nothing acts from outside: momentum stays zero to rounding, angular momentum
 // to the tolerance, and what is not stored is dissipated. With damping both ways of losing are at
