@@ -29,6 +29,7 @@ struct Verb {
 };
 
 Verb AddSimulate(CLI::App& program, Common& common);
+Verb AddModes(CLI::App& program, Common& common);
 Verb AddExpose(CLI::App& program, Common& common);
 Verb AddCalibrate(CLI::App& program, Common& common);
 Verb AddReconstruct(CLI::App& program, Common& common);

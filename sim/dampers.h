@@ -6,6 +6,8 @@
 
 namespace unfurl::sim {
 
+class Tangent;
+
 // Dampers on joints' coordinates: moment -c d(theta)/dt on theta, or the like force on a travel.
 class Dampers {
  public:
@@ -17,6 +19,7 @@ class Dampers {
   // Adds c (d(theta)/dt)^2 to `lost` [W], where given.
   void AddLoad(const Motion& motion, Load load, double* lost) const;
   double Moment(int k, const Motion& motion) const;  // on theta [N m]
+  void AddTangent(const Motion& motion, Tangent* tangent) const;
 
  private:
   std::vector<Coordinate> coordinates_;

@@ -9,10 +9,10 @@ namespace unfurl::sim {
 namespace {
 
 constexpr int kMostIterations = 2000;
-constexpr double kFirstStep = 0.02;    // of pseudo-time [s]
-constexpr double kLongestStep = 1e4;   // [s]; steps this long are Newton's
-constexpr double kLongestTurn = 0.2;   // of an angle in one iteration [rad], lengths alike
-constexpr double kStill = 1e-13;       // of an iteration's step, of the length scale
+constexpr double kFirstStep = 0.02;   // of pseudo-time [s]
+constexpr double kLongestStep = 1e4;  // [s]; steps this long are Newton's
+constexpr double kLongestTurn = 0.2;  // of an angle in one iteration [rad], lengths alike
+constexpr double kStill = 1e-13;      // of an iteration's step, of the length scale
 constexpr double kMostGrowth = 4.0, kMostShrink = 0.25;
 
 }  // namespace

@@ -7,7 +7,8 @@ namespace unfurl::sim {
 struct EquilibriumReport {
   bool found = false;
   int iterations = 0;
-  double acceleration = 0.0;  // what is left, largest of x, y and theta times the length scale [m/s^2]
+  double acceleration =
+      0.0;  // what is left, largest of x, y and theta times the length scale [m/s^2]
 };
 
 // Lets the state at rest slide to where no acceleration is left, with the modes of the latches held

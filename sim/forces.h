@@ -8,6 +8,8 @@
 
 namespace unfurl::sim {
 
+class Tangent;
+
 // Forces at points, torques, and forces per length along beams, as functions of time; components
 // in the world's axes, or in those of the body or segment that they act on.
 class Forces {
@@ -24,6 +26,8 @@ class Forces {
 
   // Adds the power delivered to `work` [W], where given.
   void AddLoad(const Motion& motion, Load load, double* work) const;
+  // Of forces at points that keep their direction; a follower has no symmetric stiffness to speak of.
+  void AddTangent(const Motion& motion, Tangent* tangent) const;
 
  private:
   struct Force {

@@ -6,6 +6,8 @@
 
 namespace unfurl::sim {
 
+class Tangent;
+
 // Dry friction on joints' coordinates: moment -M tanh(d(theta)/dt / w) on theta. Below the creep
 // rate w the joint does not stick but creeps; the moment does not depend on the load of the joint.
 class Frictions {
@@ -20,6 +22,7 @@ class Frictions {
   double largest(int k) const { return moment_[k]; }  // M [N m]
   // -d(moment)/d(rate) [N m s/rad].
   double Damping(int k, const Motion& motion) const;
+  void AddTangent(const Motion& motion, Tangent* tangent) const;
 
  private:
   std::vector<Coordinate> coordinates_;

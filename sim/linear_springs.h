@@ -6,6 +6,8 @@
 
 namespace unfurl::sim {
 
+class Tangent;
+
 // Springs and dampers between two points: tension k (d - d_0) + c d(d)/dt along the line between
 // them, d their distance. They push as well as pull. Where the points meet there is no line and no
 // force.
@@ -27,6 +29,7 @@ class LinearSprings {
     double ex, ey;   // from a to b, of length 1; zeros where the points meet
   };
   State At(int k, const Motion& motion) const;
+  void AddTangent(const Motion& motion, Tangent* tangent) const;
 
  private:
   struct Spring {

@@ -21,6 +21,19 @@ struct LoadPoint {
     const At b = InSlot(m, other, other_px, 0.0);
     return {0.5 * (a.x + b.x), 0.5 * (a.y + b.y), 0.5 * (a.vx + b.vx), 0.5 * (a.vy + b.vy)};
   }
+  // The slots that carry the point, with their share and the offset in the world; returns how many.
+  struct Part {
+    int slot;
+    double share, ox, oy;
+  };
+  int Parts(const Motion& m, Part out[2]) const {
+    const double share = other < 0 ? 1.0 : 0.5;
+    const double c = m.c[slot], s = m.s[slot];
+    out[0] = {slot, share, c * px - s * py, s * px + c * py};
+    if (other < 0) return 1;
+    out[1] = {other, share, m.c[other] * other_px, m.s[other] * other_px};
+    return 2;
+  }
   void Apply(const Motion& m, double fx, double fy, Load load) const {
     if (other < 0) return ApplyTo(m, slot, px, py, fx, fy, load);
     ApplyTo(m, slot, px, py, 0.5 * fx, 0.5 * fy, load);

@@ -13,9 +13,9 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr int kDenseBodies = 150;    // up to here the dense solution takes a second at most
-constexpr double kRigid = 1e-11;     // of the largest omega^2, below which rounding hides a stiffness
-constexpr int kGuard = 8;            // vectors of the subspace beyond those wanted
+constexpr int kDenseBodies = 150;  // up to here the dense solution takes a second at most
+constexpr double kRigid = 1e-11;   // of the largest omega^2, below which rounding hides a stiffness
+constexpr int kGuard = 8;          // vectors of the subspace beyond those wanted
 constexpr int kMostIterations = 200;
 constexpr double kConverged = 1e-10;  // change of omega^2 in an iteration, relative
 
@@ -152,8 +152,8 @@ Pairs SolveSubspace(const Linearised& system, int wanted) {
     double change = 0.0;
     const double rigid = kRigid * system.stiffest();
     for (int k = 0; k < std::min(wanted, columns); ++k) {
-      change = std::max(change,
-                        std::fabs(found[k] - square[k]) / std::max(std::fabs(found[k]), rigid));
+      change =
+          std::max(change, std::fabs(found[k] - square[k]) / std::max(std::fabs(found[k]), rigid));
     }
     square = found;
     if (change < kConverged) break;

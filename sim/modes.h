@@ -18,8 +18,8 @@ struct NaturalMode {
 };
 
 struct ModesReport {
-  int rigid = 0;                    // motions without stiffness
-  std::vector<NaturalMode> modes;   // unstable ones first, then by frequency; rigid ones left out
+  int rigid = 0;                   // motions without stiffness
+  std::vector<NaturalMode> modes;  // unstable ones first, then by frequency; rigid ones left out
 };
 
 enum class ModesSolver { kAuto, kDense, kSubspace };

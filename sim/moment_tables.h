@@ -6,6 +6,8 @@
 
 namespace unfurl::sim {
 
+class Tangent;
+
 // Moments on joints' coordinates given by points, as measured on a tape spring: the monotone cubic
 // through them (Fritsch and Butland, SIAM J. Sci. Stat. Comput. 5, 1984), which has no bulge that
 // the points have not, and a straight line on beyond each end. The moment depends on the coordinate
@@ -19,6 +21,7 @@ class MomentTables {
   const Coordinate& coordinate(int k) const { return coordinates_[k]; }
 
   void AddLoad(const Motion& motion, Load load) const;
+  void AddTangent(const Motion& motion, Tangent* tangent) const;
   double Moment(int k, const Motion& motion) const;  // on the coordinate [N m]
   double Energy(const Motion& motion) const;         // [J]
 

@@ -65,6 +65,14 @@ int Tangent::PlaceOf(int a, int b) {
 }
 
 void Tangent::AddPair(int a, int b, const Block& k, const Block* d) {
+  if (a == b) {  // the slot with itself
+    if (d != nullptr) NoteDamped(a);
+    for (int i = 0; i < 9; ++i) {
+      k_[a][i] += k[i];
+      if (d != nullptr) d_[a][i] += (*d)[i];
+    }
+    return;
+  }
   const int place = PlaceOf(a, b);
   for (int i = 0; i < 9; ++i) k_[n_ + place][i] += k[i];
   if (d == nullptr) return;

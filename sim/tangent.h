@@ -57,7 +57,8 @@ class Tangent {
   // The same on a joint's coordinate, angle or travel, that bears `moment` now.
   void AddCoordinate(const Motion& motion, const Coordinate& coordinate, double stiffness,
                      double damping, double moment);
-  // Blocks of any two slots; d may be null where nothing ever damps.
+  // Blocks of any two slots (once for the pair), or of a slot with itself; d may be null where
+  // nothing ever damps.
   void AddPair(int a, int b, const Block& k, const Block* d);
   // Says that slots e and e + 1 are coupled, and whether by damping too. Counts in the first pass.
   void NoteElement(int e, bool damps);

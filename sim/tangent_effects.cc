@@ -3,7 +3,13 @@
 #include <cmath>
 
 #include "sim/bending.h"
+#include "sim/dampers.h"
+#include "sim/forces.h"
+#include "sim/frictions.h"
 #include "sim/latches.h"
+#include "sim/linear_springs.h"
+#include "sim/moment_tables.h"
+#include "sim/motors.h"
 #include "sim/springs.h"
 #include "sim/suspension.h"
 #include "sim/tangent.h"
@@ -47,6 +53,89 @@ void Bending::AddTangent(const Motion& motion, Tangent* tangent) const {
 void Springs::AddTangent(const Motion& motion, Tangent* tangent) const {
   for (int k = 0; k < count(); ++k) {
     tangent->AddCoordinate(motion, coordinates_[k], stiffness_[k], 0.0, Moment(k, motion));
+  }
+}
+
+void Dampers::AddTangent(const Motion& motion, Tangent* tangent) const {
+  for (int k = 0; k < count(); ++k) {
+    tangent->AddCoordinate(motion, coordinates_[k], 0.0, damping_[k], Moment(k, motion));
+  }
+}
+
+void Frictions::AddTangent(const Motion& motion, Tangent* tangent) const {
+  for (int k = 0; k < count(); ++k) {
+    tangent->AddCoordinate(motion, coordinates_[k], 0.0, Damping(k, motion), Moment(k, motion));
+  }
+}
+
+void Motors::AddTangent(const Motion& motion, Tangent* tangent) const {
+  for (int k = 0; k < count(); ++k) {
+    if (coordinates_[k].travel) {
+      tangent->AddCoordinate(motion, coordinates_[k], 0.0, 0.0, Moment(k, motion));
+    }
+  }
+}
+
+void MomentTables::AddTangent(const Motion& motion, Tangent* tangent) const {
+  for (int k = 0; k < count(); ++k) {
+    const Value v = At(k, coordinates_[k].Value(motion));
+    tangent->AddCoordinate(motion, coordinates_[k], -v.slope, 0.0, v.moment);
+  }
+}
+
+// With e along the line, T the tension and d the distance, H = k e e^T + T / d (1 - e e^T) between
+// the two points, spread over the slots by d(point) = share [1 0 -oy; 0 1 ox] dq.
+void LinearSprings::AddTangent(const Motion& motion, Tangent* tangent) const {
+  for (int k = 0; k < count(); ++k) {
+    const Spring& spring = springs_[k];
+    const State s = At(k, motion);
+    const double across = s.length > 0.0 ? s.tension / s.length : 0.0;
+    LoadPoint::Part parts[4];
+    const int of_a = spring.a.Parts(motion, parts);
+    const int count = of_a + spring.b.Parts(motion, parts + of_a);
+    double along[4][3], normal[4][3];  // e.d(point), n.d(point), n = (-ey, ex)
+    for (int i = 0; i < count; ++i) {
+      const LoadPoint::Part& p = parts[i];
+      const double w = i < of_a ? -p.share : p.share;
+      const double e[3] = {w * s.ex, w * s.ey, w * (p.ox * s.ey - p.oy * s.ex)};
+      const double n[3] = {-w * s.ey, w * s.ex, w * (p.ox * s.ex + p.oy * s.ey)};
+      std::copy_n(e, 3, along[i]);
+      std::copy_n(n, 3, normal[i]);
+      // The offset turns: its second derivative is minus itself.
+      tangent->DiagonalK(p.slot)[8] -= s.tension * w * (s.ex * p.ox + s.ey * p.oy);
+    }
+    for (int i = 0; i < count; ++i) {
+      for (int j = i; j < count; ++j) {
+        Tangent::Block stiff{}, damp{};
+        for (int r = 0; r < 3; ++r) {
+          for (int c = 0; c < 3; ++c) {
+            const double ee = along[i][r] * along[j][c];
+            stiff[3 * r + c] = spring.stiffness * ee + across * normal[i][r] * normal[j][c];
+            damp[3 * r + c] = spring.damping * ee;
+          }
+        }
+        if (i != j && parts[i].slot == parts[j].slot) {
+          for (Tangent::Block* block : {&stiff, &damp}) {
+            const Tangent::Block once = *block;
+            for (int m = 0; m < 9; ++m) (*block)[m] += once[m % 3 * 3 + m / 3];
+          }
+        }
+        tangent->AddPair(parts[i].slot, parts[j].slot, stiff, &damp);
+      }
+    }
+  }
+}
+
+void Forces::AddTangent(const Motion& motion, Tangent* tangent) const {
+  for (const Force& f : forces_) {
+    if (f.follows) continue;
+    LoadPoint::Part parts[2];
+    const int count = f.point.Parts(motion, parts);
+    const double fx = f.force[0].Value(motion.t), fy = f.force[1].Value(motion.t);
+    for (int i = 0; i < count; ++i) {
+      tangent->DiagonalK(parts[i].slot)[8] +=
+          parts[i].share * (fx * parts[i].ox + fy * parts[i].oy);
+    }
   }
 }
 

@@ -100,8 +100,7 @@ TEST(Modes, CantileverAndFreeBeamAreOfSecondOrder) {
 // Kelvin-Voigt: the ratio of every mode is beta omega / 2.
 TEST(Modes, MaterialDampingGivesRatiosByFrequency) {
   constexpr double kBeta = 1e-4;
-  const ModesReport report =
-      ModesOf(ModelFrom(BeamScene("clamped", 10, "damping = 1e-4\n")), 5);
+  const ModesReport report = ModesOf(ModelFrom(BeamScene("clamped", 10, "damping = 1e-4\n")), 5);
   ASSERT_EQ(report.modes.size(), 5u);
   for (const NaturalMode& mode : report.modes) {
     const double expected = 0.5 * kBeta * 2.0 * M_PI * mode.frequency;

@@ -201,6 +201,29 @@ TEST(Tangent, Contact) {
   }
 }
 
+// Springs between points, dampers, tables, friction and a force at a point; at rest, where what
+// depends on the rates has no stiffness.
+TEST(Tangent, SpringsBetweenPointsDampersTablesAndForces) {
+  ExpectTangent(ModelFrom("[scene]\nname = \"effects\"\nduration = 1.0\n"
+                          "[body.arm]\nmass = 1.0\ninertia = 0.1\n"
+                          "[beam.rod]\nlength = 1.0\nmass = 1.0\nEI = 10.0\nsegments = 4\n"
+                          "[joint.pivot]\ninner = \"ground\"\nouter = \"arm\"\n"
+                          "outer_point = [-0.3, 0.1]\ntheta = 0.2\n"
+                          "[joint.pivot.damper]\ndamping = 0.4\n"
+                          "[joint.pivot.table]\ntheta = [-1.0, 0.0, 1.0]\n"
+                          "moment = [2.0, -1.0, -1.5]\n"
+                          "[joint.pivot.friction]\nmoment = 0.3\ncreep_rate = 0.5\n"
+                          "[weld.root]\ninner = \"arm\"\ninner_point = [0.2, 0.0]\n"
+                          "outer = \"rod.start\"\n"
+                          "[spring.stay]\na = \"ground\"\na_point = [0.4, 1.1]\n"
+                          "b = \"rod.end\"\nstiffness = 7.0\nfree_length = 0.5\n"
+                          "damping = 0.6\n"
+                          "[spring.tie]\na = \"arm\"\na_point = [0.1, 0.3]\nb = \"rod.end\"\n"
+                          "stiffness = 4.0\nfree_length = 1.5\n"
+                          "[force.push]\non = \"arm\"\npoint = [0.1, 0.2]\nforce = [0.7, 0.5]\n"),
+                {}, {0.01, 0.1, 0.0});
+}
+
 // A slot and a spring along it, whose directions turn.
 TEST(Tangent, PinInASlotWithASpring) {
   ExpectTangent(ModelFrom("[scene]\nname = \"slot\"\nduration = 1.0\n"
