@@ -55,9 +55,10 @@ class CostVerb {
     std::vector<correlate::CostSetting> settings = Settings();
     for (const correlate::CostSetting& s : settings) Options(s).Check();
 
-    const int finest = arguments_.segments.empty() ? 0
-                                                   : *std::max_element(arguments_.segments.begin(),
-                                                                       arguments_.segments.end());
+    const int finest = arguments_.segments.empty()
+                           ? 0
+                           : kFinerMesh * *std::max_element(arguments_.segments.begin(),
+                                                            arguments_.segments.end());
     const double tight = std::max(
         kTightest,
         kFiner * *std::min_element(arguments_.tolerances.begin(), arguments_.tolerances.end()));

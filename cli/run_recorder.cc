@@ -68,6 +68,9 @@ data::RunLayout RunRecorder::Layout(const std::string& scene, bool profile) cons
                     {"rejected", "1", "steps tried in vain"},
                     {"evaluations", "1", "of the right side"},
                     {"projections", "1", "times that drift was removed"},
+                    {"near_dependence", "1",
+                     "times that constraints came near to depending on "
+                     "one another"},
                     {"repartitions", "1", "times that the coordinates were chosen anew"},
                     {"impacts", "1", "contacts that began"},
                     {"largest_position_drift", "m", "of a constraint, before it was removed"},
@@ -141,6 +144,7 @@ void RunRecorder::Finish(const sim::SimulateReport& report, const std::string& s
   set("evaluations", report.evaluations);
   set("projections", report.projections);
   set("repartitions", report.repartitions);
+  set("near_dependence", report.near_dependence);
   set("largest_position_drift", report.largest_position_drift);
   set("largest_velocity_drift", report.largest_velocity_drift);
   for (int k = 0; k < sim::kStepLimits; ++k) {

@@ -363,9 +363,9 @@ void H5Writer::Abandon() {
   // Closing would write again what the disk has refused, and leave metadata that points past the
   // end of the file. As the last Flush left it, it can be read: so it is left open until the
   // program ends.
-  static std::vector<H5Handle> left_open;
-  for (H5Handle& set : impl_->series) left_open.push_back(std::move(set));
-  left_open.push_back(std::move(impl_->handle));
+  static auto* left_open = new std::vector<H5Handle>;
+  for (H5Handle& set : impl_->series) left_open->push_back(std::move(set));
+  left_open->push_back(std::move(impl_->handle));
   impl_->series.clear();
 }
 
