@@ -158,6 +158,10 @@ int Run(const Common& common, const Arguments& arguments) {
     }
   }
   const sim::Model model = sim::Compile(scene);
+  if (model.kirchhoff.count() > 0) {
+    throw Error("the modes of smooth beams are not known", arguments.scene,
+                "use model = \"segments\" for the beams");
+  }
   sim::Dynamics dynamics(model);
   std::vector<double> y = model.initial_state;
   if (run && arguments.at > 0.0) {

@@ -283,9 +283,8 @@ bool Integration::RemoveDrift(double t, double* y) {
   const double velocity = dynamics_.VelocityDrift(t, y);
   report_.largest_position_drift = std::max(report_.largest_position_drift, position);
   report_.largest_velocity_drift = std::max(report_.largest_velocity_drift, velocity);
-  if (position <= options_.drift_fraction * length && velocity <= options_.drift_fraction * speed) {
-    return false;
-  }
+  const double part = options_.drift_fraction / stepper_->Strictness();
+  if (position <= part * length && velocity <= part * speed) return false;
   dynamics_.Project(t, y);
   ++report_.projections;
   return true;

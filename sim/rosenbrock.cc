@@ -78,6 +78,8 @@ Rosenbrock::Rosenbrock(Dynamics& dynamics, const ErrorScale& scale, const Rosenb
   jacobian_ = Array(6 * constraints.rows() + kBlock, 0.0);
 }
 
+double Rosenbrock::Strictness() const { return kStrictness; }
+
 void Rosenbrock::Refresh() {
   dynamics_.RightSide(t_, y_.data(), f0_.data());
   ++evaluations_;

@@ -39,6 +39,7 @@ class Rosenbrock : public Stepper {
 
   int ErrorOrder() const override { return table_.error_order; }
   const char* name() const override { return table_.name; }
+  double Strictness() const override;
   void Refresh() override;
   double Try(double h) override;
   bool EndsAtTrial() const override { return true; }

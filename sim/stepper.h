@@ -65,6 +65,8 @@ class Stepper {
   virtual std::string Description() const {
     return std::string(name()) + ", coordinate projection";
   }
+  // How much smaller than the tolerance a step keeps its error, and drift is kept with it.
+  virtual double Strictness() const { return 1.0; }
   // Evaluates the right side at state() anew.
   virtual void Refresh() = 0;
   // Tries a step of size h [s]; returns the error in units of what is allowed (1: just accepted;
