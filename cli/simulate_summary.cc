@@ -245,6 +245,9 @@ std::string SummaryText(const SummaryInput& in, ordered_json* json) {
         "{} times the constraints came near to depending on one another (a dead "
         "centre, a flat chain); where they do, what follows may hang on rounding\n",
         report.near_dependence);
+  for (const std::string& warning : in.model.warnings) {
+    text += "warning: " + warning + "\n";
+    j["warnings"].push_back(warning);
   }
   text += "the scene calls for:";
   for (const sim::Model::EffectCount& effect : in.model.Effects()) {
