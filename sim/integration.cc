@@ -34,9 +34,9 @@ constexpr double kFarAgain = 1.5;    // times that: far enough
 constexpr double kLeapShrink = 0.1;  // of the steps before: they have shrunk
 constexpr double kLeapError = 1e5;   // over the error allowed: taken all the same
 constexpr double kLeapGrowth = 1.3;
-constexpr int kMostLeaps = 6;          // of growing length
-constexpr double kForget = 0.97;       // a step, of the longest one
-constexpr double kZonePart = 0.25;     // of a contact's transition zone, per step on the way out
+constexpr int kMostLeaps = 6;       // of growing length
+constexpr double kForget = 0.97;    // a step, of the longest one
+constexpr double kZonePart = 0.25;  // of a contact's transition zone, per step on the way out
 // Steps between looks at Ctrl-C, pivots and progress: at most so many, and fewer where steps are
 // long, so that a look comes every tenth of a second or so.
 constexpr int kPollSteps = 512, kPollSlots = 100'000;
