@@ -245,35 +245,36 @@ std::string SummaryText(const SummaryInput& in, ordered_json* json) {
         "{} times the constraints came near to depending on one another (a dead "
         "centre, a flat chain); where they do, what follows may hang on rounding\n",
         report.near_dependence);
-    for (const std::string& warning : in.model.warnings) {
-      text += "warning: " + warning + "\n";
-      j["warnings"].push_back(warning);
-    }
-    text += "the scene calls for:";
-    for (const sim::Model::EffectCount& effect : in.model.Effects()) {
-      j["effects"][effect.name] = effect.count;
-      text += fmt::format(" {} {};", effect.count, effect.name);
-    }
-    text.back() = '\n';
-    text += fmt::format(
-        "{}: {} steps ({} rejected), {} evaluations, {} projections, {} samples, {} events\n",
-        report.method, report.steps, report.rejected, report.evaluations, report.projections,
-        in.recorder.samples(), in.recorder.events());
-    text += fmt::format("steps limited by: {}\n", LimitSentence(in));
-    j["method"] = report.method;
-    j["steps"] = report.steps;
-    j["rejected"] = report.rejected;
-    j["evaluations"] = report.evaluations;
-    j["projections"] = report.projections;
-    j["samples"] = in.recorder.samples();
-    j["events"] = in.recorder.events();
-    j["seconds"] = report.seconds;
-    for (int k = 0; k < sim::kStepLimits; ++k) {
-      j["limits"][sim::LimitName(static_cast<sim::StepLimit>(k))] =
-          report.limited[static_cast<std::size_t>(k)];
-    }
-    if (in.profile) text += ProfileText(report, &j["profile"]);
-    return text;
   }
+  for (const std::string& warning : in.model.warnings) {
+    text += "warning: " + warning + "\n";
+    j["warnings"].push_back(warning);
+  }
+  text += "the scene calls for:";
+  for (const sim::Model::EffectCount& effect : in.model.Effects()) {
+    j["effects"][effect.name] = effect.count;
+    text += fmt::format(" {} {};", effect.count, effect.name);
+  }
+  text.back() = '\n';
+  text += fmt::format(
+      "{}: {} steps ({} rejected), {} evaluations, {} projections, {} samples, {} events\n",
+      report.method, report.steps, report.rejected, report.evaluations, report.projections,
+      in.recorder.samples(), in.recorder.events());
+  text += fmt::format("steps limited by: {}\n", LimitSentence(in));
+  j["method"] = report.method;
+  j["steps"] = report.steps;
+  j["rejected"] = report.rejected;
+  j["evaluations"] = report.evaluations;
+  j["projections"] = report.projections;
+  j["samples"] = in.recorder.samples();
+  j["events"] = in.recorder.events();
+  j["seconds"] = report.seconds;
+  for (int k = 0; k < sim::kStepLimits; ++k) {
+    j["limits"][sim::LimitName(static_cast<sim::StepLimit>(k))] =
+        report.limited[static_cast<std::size_t>(k)];
+  }
+  if (in.profile) text += ProfileText(report, &j["profile"]);
+  return text;
+}
 
 }  // namespace unfurl::cli
