@@ -5,9 +5,11 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "sim/compiler.h"
 #include "sim/dynamics.h"
 #include "sim/end_bodies.h"
+#include "sim/redundancy.h"
 
 namespace unfurl::sim {
 namespace {
@@ -235,6 +237,28 @@ void Compiler::FillState() {
 // Independent constraints have a definite Schur complement; starting velocities are made to fit.
 void Compiler::CheckConstraints() {
   if (model_.constraints.count() == 0) return;
+  const Redundancy redundancy = FindRedundancy(model_);
+  if (!redundancy.rows.empty()) {
+    std::vector<std::string> names;
+    for (const int row : redundancy.rows) {
+      const std::string name = "'" + model_.constraints.NameOf(row) + "'";
+      if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+    }
+    const std::string which = JoinWords(names);
+    if (redundancy.singular) {
+      throw Error(
+          fmt::format("the constraints depend on one another at the start (found at {})", which),
+          scene_.path, "start a little away from this singular state");
+    }
+    model_.warnings.push_back(fmt::format(
+        "{} of the constraints of {} {} from the others and {} left out; how the joints of the "
+        "loop "
+        "share its loads is not determined",
+        redundancy.rows.size(), which, redundancy.rows.size() == 1 ? "follows" : "follow",
+        redundancy.rows.size() == 1 ? "is" : "are"));
+    model_.constraints = Constraints(model_.slots, element_length_, model_.constraints.joints(),
+                                     element_names_, redundancy.rows);
+  }
   Dynamics dynamics(model_);
   std::vector<double> rate(model_.initial_state.size());
   dynamics.RightSide(0.0, model_.initial_state.data(), rate.data());

@@ -9,7 +9,8 @@
 namespace unfurl::sim {
 
 Constraints::Constraints(const Slots& slots, const std::vector<double>& element_length,
-                         JointRows joints, const std::vector<std::string>& element_names)
+                         JointRows joints, const std::vector<std::string>& element_names,
+                         const std::vector<int>& dropped)
     : n_(slots.count),
       beam_count_(slots.beam_count),
       rows_(slots.beam_count + joints.rows()),
@@ -32,14 +33,21 @@ Constraints::Constraints(const Slots& slots, const std::vector<double>& element_
   const auto body_of = [&](int slot) {
     return station_of[slot] < 0 ? slot : stations_[station_of[slot]].body;
   };
-  std::vector<std::uint8_t> has_equation(rows_, 0);
+  is_dropped_.assign(joints_.rows(), 0);
+  std::vector<std::uint8_t> has_equation(rows_, 0), left_out(rows_, 0);
+  for (const int row : dropped) {
+    left_out[row] = 1;
+    if (row < beam_count_) continue;
+    is_dropped_[row - beam_count_] = 1;
+    dropped_.push_back(row);
+  }
   struct Incident {  // a row that touches a body
     int row;
     bool outer;
   };
   std::vector<std::vector<Incident>> incidence(n_);  // by body
   for (int e = 0; e + 1 < beam_count_; ++e) {
-    if (!(element_length[e] > 0.0)) continue;
+    if (!(element_length[e] > 0.0) || left_out[e]) continue;
     has_equation[e] = 1;
     active_[e] = 1.0;
     length_[e] = element_length[e];
@@ -55,6 +63,7 @@ Constraints::Constraints(const Slots& slots, const std::vector<double>& element_
     incidence[j].push_back({e, true});
   }
   for (int k = 0; k < joints_.rows(); ++k) {
+    if (is_dropped_[k]) continue;
     has_equation[beam_count_ + k] = 1;
     incidence[joints_.Inner(k)].push_back({beam_count_ + k, false});
     incidence[joints_.Outer(k)].push_back({beam_count_ + k, true});
@@ -75,7 +84,8 @@ Constraints::Constraints(const Slots& slots, const std::vector<double>& element_
   for (int p = 0; p < static_cast<int>(joints_.pins.size()); ++p) {
     const int row = beam_count_ + 2 * p;
     place_of[{row, row + 1}] = places;
-    entries.push_back({row, row + 1, places++});
+    if (has_equation[row] && has_equation[row + 1]) entries.push_back({row, row + 1, places});
+    ++places;
   }
   for (int body = 0; body < n_; ++body) {
     if (inverse_mass_[body] == 0.0) continue;
@@ -205,6 +215,7 @@ void Constraints::Jacobian(const Motion& m, const Work& work, double* six) const
     six[5] = on * work.tilt_j[e];
   }
   std::copy_n(work.blocks.data(), 6 * joints_.rows(), six);
+  for (const int row : dropped_) std::fill_n(six + 6 * (row - beam_count_), 6, 0.0);
 }
 
 std::vector<double> Constraints::DenseJacobian(const Motion& m, Work* work) const {

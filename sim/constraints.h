@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -38,13 +39,16 @@ class Constraints {
 
   Constraints() = default;
   // `element_length[e]` is l where the longitudinal constraint holds on (e, e + 1), else 0.
+  // `dropped`: rows that get no equation, as they follow from others.
   Constraints(const Slots& slots, const std::vector<double>& element_length, JointRows joints,
-              const std::vector<std::string>& element_names);
+              const std::vector<std::string>& element_names, const std::vector<int>& dropped = {});
 
   int count() const { return ldlt_.size(); }  // equations
   int rows() const { return rows_; }          // with empty ones
   const SparseLdlt& ldlt() const { return ldlt_; }
-  bool IsActive(int row) const { return row >= beam_count_ || active_[row] != 0.0; }
+  bool IsActive(int row) const {
+    return row < beam_count_ ? active_[row] != 0.0 : !is_dropped_[row - beam_count_];
+  }
   const JointRows& joints() const { return joints_; }
   int first_joint_row() const { return beam_count_; }
   // The bodies that a row joins (stations stand for the bodies that carry them).
@@ -116,6 +120,9 @@ class Constraints {
     return inverse_mass_[body] * (a[0] * b[0] + a[1] * b[1]) + inverse_inertia_[body] * a[2] * b[2];
   }
   void FillGeometry(const Motion& motion, Work* work) const;
+  void ClearDropped(double* rows) const {
+    for (const int row : dropped_) rows[row] = 0.0;
+  }
   void AssembleSchur(const Motion& motion, Work* work) const;
   void ConstraintLoad(const Motion& motion, Work* work) const;
 
@@ -133,6 +140,8 @@ class Constraints {
   std::vector<Block> blocks_;
   std::vector<Cross> crosses_;
   std::vector<Answer> answers_;
+  std::vector<std::uint8_t> is_dropped_;  // by row of the joints
+  std::vector<int> dropped_;              // such rows
   bool driven_ = false;
   SparseLdlt ldlt_;
 };

@@ -198,6 +198,7 @@ void Constraints::Accelerate(const Motion& m, Load load, Work* work) const {
            tilt[e] * alpha[e];
   }
   joints_.Residual(m, work->joints.data(), work->blocks.data(), ax, ay, alpha, b + beam_count_);
+  ClearDropped(b);
   AssembleSchur(m, work);
   ldlt_.FactorAndForward(work->diagonal.data(), work->off.data(), work->inverse.data(), b);
   ldlt_.Backward(work->off.data(), b);
@@ -230,6 +231,7 @@ double Constraints::PositionDrift(const Motion& m, Work* work) const {
     phi[e] = active[e] * ((x[e + 1] - x[e]) * c[e] + (y[e + 1] - y[e]) * s[e] - length[e]);
   }
   joints_.Positions(m, work->joints.data(), phi + beam_count_);
+  ClearDropped(phi);
   return LargestMagnitude(work->lambda);
 }
 
@@ -254,6 +256,7 @@ double Constraints::VelocityDrift(const Motion& m, Work* work) const {
         active[e] * ((vx[e + 1] - vx[e]) * c[e] + (vy[e + 1] - vy[e]) * s[e]) + tilt[e] * omega[e];
   }
   joints_.Velocities(m, work->joints.data(), work->blocks.data(), rate + beam_count_);
+  ClearDropped(rate);
   return LargestMagnitude(work->lambda);
 }
 

@@ -103,6 +103,8 @@ struct Model {
   std::vector<Function> functions;
   Watches watches;
 
+  std::vector<std::string> warnings;  // about the scene, one line each
+
   std::vector<double> initial_state;
   std::vector<LatchMode> initial_modes;  // by latch
 
