@@ -20,7 +20,8 @@ double Direction(int k) { return std::fmod(0.6180339887498949 * (k + 1), 1.0) * 
 
 Redundancy FindRedundancy(const Model& model) {
   Redundancy found;
-  if (!model.constraints.HasLoops()) return found;
+  // Smooth beams bring coordinates that the partition does not know.
+  if (!model.constraints.HasLoops() || model.kirchhoff.count() > 0) return found;
   const double length = model.length_scale;
   const int n = model.slots.count, rows = model.constraints.rows();
   Dynamics dynamics(model);
