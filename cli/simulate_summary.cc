@@ -239,6 +239,10 @@ std::string SummaryText(const SummaryInput& in, ordered_json* json) {
                       report.largest_position_drift, report.largest_velocity_drift);
   j["largest_position_drift"] = report.largest_position_drift;
   j["largest_velocity_drift"] = report.largest_velocity_drift;
+  for (const std::string& warning : in.model.warnings) {
+    text += "warning: " + warning + "\n";
+    j["warnings"].push_back(warning);
+  }
   text += "the scene calls for:";
   for (const sim::Model::EffectCount& effect : in.model.Effects()) {
     j["effects"][effect.name] = effect.count;
