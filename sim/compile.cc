@@ -234,6 +234,26 @@ void Compiler::FillState() {
   }
 }
 
+// A drive that takes part in a redundancy prescribes what is not free to be prescribed.
+void Compiler::RefuseDrivesThatFight(std::size_t redundant, const std::string& which) const {
+  const Constraints& all = model_.constraints;
+  std::vector<int> drives;
+  std::vector<std::string> names;
+  for (int k = 0; k < all.joints().rows(); ++k) {
+    if (!all.joints().IsDrive(k)) continue;
+    drives.push_back(all.first_joint_row() + k);
+    names.push_back("'" + all.joints().NameOf(k) + "'");
+  }
+  if (drives.empty()) return;
+  Model passive = model_;
+  passive.constraints =
+      Constraints(model_.slots, element_length_, all.joints(), element_names_, drives);
+  if (FindRedundancy(passive).rows.size() == redundant) return;
+  throw Error(fmt::format("the drives of {} fight or repeat what others already hold (found at {})",
+                          JoinWords(names), which),
+              scene_.path, "remove a drive, or a joint that leaves it no freedom");
+}
+
 // Independent constraints have a definite Schur complement; starting velocities are made to fit.
 void Compiler::CheckConstraints() {
   if (model_.constraints.count() == 0) return;
@@ -245,6 +265,7 @@ void Compiler::CheckConstraints() {
       if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
     }
     const std::string which = JoinWords(names);
+    RefuseDrivesThatFight(redundancy.rows.size(), which);
     if (redundancy.singular) {
       throw Error(
           fmt::format("the constraints depend on one another at the start (found at {})", which),

@@ -48,22 +48,23 @@ void Compiler::FillJoints() {
 void Compiler::AddRows(std::size_t j, const Model::Joint& out, JointRows* rows) {
   const data::SceneJoint& joint = scene_.joints[j];
   const Coordinate& c = out.coordinate;
-  const auto along = [&](double ax, double ay, double sign, const data::TimeFunction& target) {
-    rows->alongs.push_back(
-        {c.hinge.inner, c.hinge.outer, c.ix, c.iy, c.ox, c.oy, ax, ay, sign, target, joint.name});
+  const auto along = [&](double ax, double ay, double sign, const data::TimeFunction& target,
+                         bool drive) {
+    rows->alongs.push_back({c.hinge.inner, c.hinge.outer, c.ix, c.iy, c.ox, c.oy, ax, ay, sign,
+                            target, joint.name, drive});
   };
-  const auto angle = [&](const data::TimeFunction& target) {
+  const auto angle = [&](const data::TimeFunction& target, bool drive) {
     rows->angles.push_back(
-        {c.hinge.inner, c.hinge.outer, c.hinge.zero, c.hinge.sign, target, joint.name});
+        {c.hinge.inner, c.hinge.outer, c.hinge.zero, c.hinge.sign, target, joint.name, drive});
   };
   if (!c.travel) {
     rows->pins.push_back({c.hinge.inner, c.hinge.outer, c.ix, c.iy, c.ox, c.oy, joint.name});
-    if (joint.drive) angle(TargetOf(joint));
+    if (joint.drive) angle(TargetOf(joint), true);
     return;
   }
-  along(-c.ay, c.ax, 1.0, data::TimeFunction());
-  if (joint.kind == data::SceneJoint::Kind::kSlider) angle(data::TimeFunction());
-  if (joint.drive) along(c.ax, c.ay, c.hinge.sign, TargetOf(joint));
+  along(-c.ay, c.ax, 1.0, data::TimeFunction(), false);
+  if (joint.kind == data::SceneJoint::Kind::kSlider) angle(data::TimeFunction(), false);
+  if (joint.drive) along(c.ax, c.ay, c.hinge.sign, TargetOf(joint), true);
 }
 
 void Compiler::AddEffects(std::size_t j, Model::Joint* out) {

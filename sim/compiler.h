@@ -44,6 +44,7 @@ class Compiler {
   void FillOutputs();
   void FillState();
   void CheckConstraints();
+  void RefuseDrivesThatFight(std::size_t redundant, const std::string& which) const;
   // compile_kirchhoff.cc
   bool IsSmooth(int beam) const;
   bool OnSmooth(const data::SceneEnd& end) const;
@@ -86,7 +87,7 @@ class Compiler {
   Composites merged_;
   Model model_;
   std::vector<std::array<BeamEnd, 2>> beam_ends_;
-  std::vector<Smooth> smooth_;      // by beam
+  std::vector<Smooth> smooth_;  // by beam
   std::vector<const data::SceneWeld*> weld_rows_;
   std::vector<int> first_segment_;  // slot by beam; of a smooth one its root
   std::vector<int> slot_of_composite_;

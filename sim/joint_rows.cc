@@ -30,6 +30,12 @@ bool JointRows::driven() const {
   return false;
 }
 
+bool JointRows::IsDrive(int row) const {
+  if (row < first_along()) return false;
+  if (row < first_angle()) return alongs[row - first_along()].drive;
+  return angles[row - first_angle()].drive;
+}
+
 void JointRows::FillGeometry(const Motion& m, double* g, double* jacobian) const {
   for (const Pin& pin : pins) {
     const double ci = m.c[pin.inner], si = m.s[pin.inner];

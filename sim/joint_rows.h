@@ -32,6 +32,7 @@ class JointRows {
     double sign = 1.0;
     data::TimeFunction target;  // f [m]
     std::string name;
+    bool drive = false;  // f is what a drive says
   };
   struct Angle {
     int inner, outer;
@@ -39,6 +40,7 @@ class JointRows {
     double sign = 1.0;
     data::TimeFunction target;  // f [rad]
     std::string name;
+    bool drive = false;
   };
 
   std::vector<Pin> pins;
@@ -50,6 +52,7 @@ class JointRows {
   int Outer(int row) const;
   const std::string& NameOf(int row) const;
   bool driven() const;  // a target that changes with time
+  bool IsDrive(int row) const;
 
   // Entries of `geometry`: pins' offsets in the world, 4 each (inner x, y, outer x, y); alongs, 8
   // each: e, inner offset, outer offset, r.
