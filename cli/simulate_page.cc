@@ -129,6 +129,10 @@ class Composer {
       }
       details.push_back(words);
     }
+    for (const std::string& warning : in_.model.warnings) {
+      details.push_back("Warning: " + warning + ".");
+      level = std::max(level, Level::kCare);
+    }
     std::string calls = "The scene calls for";
     for (const sim::Model::EffectCount& effect : in_.model.Effects()) {
       calls += fmt::format(" {} {},", effect.count, effect.name);
