@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/random.h"
+#include "effects.h"
 #include "scenes.h"
 #include "sim/dynamics.h"
 
@@ -141,6 +142,22 @@ data::Scene SmallDeployment(const char* variant, int segments) {
 TEST(Tangent, BendingSpringsPinsAndRigidAxes) {
   const Model model = Compile(SmallDeployment("clearance", 3));
   ExpectTangent(model, model.initial_modes, {});
+}
+
+// At rest, where the directions of dampers do not count.
+TEST(Tangent, EveryEffectAtOnce) {
+  std::string text = EverythingScene();
+  // A force that follows its body has no symmetric tangent.
+  text.replace(text.find("frame = 'body'"), 14, "frame = 'world'");
+  ExpectTangent(ModelFrom(text), {}, {0.01, 0.1, 0.0});
+}
+
+// Two points of one beam, each between two segments, with a segment in common.
+TEST(Tangent, SpringAlongABeam) {
+  const Model model = ModelFrom(BeamScene("clamped", 4) +
+                                "[spring.s]\na = 'rod'\na_at = 0.25\nb = 'rod'\nb_at = 0.5\n"
+                                "stiffness = 30.0\ndamping = 2.0\nfree_length = 0.3\n");
+  ExpectTangent(model, {}, {0.02, 0.1, 0.0});
 }
 
 TEST(Tangent, SuspensionAndOneSegment) {
