@@ -22,11 +22,10 @@ struct SimulateOptions {
   Method method = Method::kAuto;
   double duration = 0.0;  // [s]; 0: the scene's
   double rate = 1000.0;   // samples per second, by dense output; steps do not depend on it [1/s]
-  // Error allowed per step, relative to the scales below; in [1e-13, 1e-2]. Looser than 1e-4,
-  // contacts with the paper's stiffness begin to go wrong.
+  // Error allowed per step, relative to the scales below; in [1e-13, 1e-2].
   double rtol = 1e-6;
-  // Of the explicit pair: 4, 5 or 8; 0: 8 where rtol is tight (docs/physics-simulator.md,
-  // "Methods").
+  // Of the explicit pair: 4, 5 or 8; 0: 4 where rtol is loose, 8 where it is tight
+  // (docs/accuracy.md).
   int order = 0;
   double length = 0.0;     // scale of positions; 0: the longest beam [m]
   double time = 1.0;       // velocities: length / time, plus what they are [s]

@@ -9,6 +9,7 @@
 #include "scenes.h"
 #include "sim/dormand_prince.h"
 #include "sim/dormand_prince8.h"
+#include "sim/runge_kutta_43.h"
 
 namespace unfurl::sim {
 namespace {
@@ -72,6 +73,16 @@ TEST(Stepper, ClosedFormOfThePendulumIsOne) {
     EXPECT_NEAR(0.5 * rate * rate, kOmega * kOmega * (std::cos(theta) - std::cos(kTheta0)),
                 kTolerance);
   }
+}
+
+TEST(Stepper, FourthOrder) {
+  const Errors coarse = ErrorsOf<RungeKutta43>(1600), fine = ErrorsOf<RungeKutta43>(3200);
+  EXPECT_GT(Order(coarse.end, fine.end, 2.0), 3.7);
+  EXPECT_LT(Order(coarse.end, fine.end, 2.0), 4.3);
+  // Dense output of third order: its error falls as h^4.
+  const Errors one = ErrorsOf<RungeKutta43>(100), two = ErrorsOf<RungeKutta43>(200);
+  EXPECT_GT(Order(one.inside, two.inside, 2.0), 3.5);
+  EXPECT_LT(Order(one.inside, two.inside, 2.0), 4.5);
 }
 
 TEST(Stepper, FifthOrder) {

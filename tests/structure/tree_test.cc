@@ -39,6 +39,7 @@ const std::map<std::string, std::string>& Tree() {
         if (Skip(it->path())) it.disable_recursion_pending();
         continue;
       }
+      if (it->path().filename() == ".git") continue;  // of a linked work tree
       if (!it->is_regular_file() || it->file_size() > kLargestText) continue;
       std::string text = Read(it->path());
       if (text.find('\0') != std::string::npos) continue;
