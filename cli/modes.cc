@@ -188,7 +188,7 @@ int Run(const Common& common, const Arguments& arguments) {
   const sim::ModesReport report = sim::FindModes(&dynamics, y.data(), arguments.count);
 
   data::Provenance provenance = StartProvenance(common);
-  provenance.AddInput(arguments.scene);
+  for (const std::string& file : scene.files) provenance.AddInput(file);
   if (!arguments.out.empty()) WriteShapes(arguments, provenance, model, y, report);
 
   const char* state = latched ? "latched, every clearance closed on the side that the load presses"
