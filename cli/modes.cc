@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "base/error.h"
 #include "cli/verb.h"
@@ -30,7 +31,7 @@ constexpr double kMostCount = 1000;
 struct Arguments {
   std::string scene, out, state = "auto";
   std::vector<std::string> sets;
-  double at = -1.0;
+  std::optional<double> at;  // [s]
   bool as_is = false;
   int count = 12;
 };
@@ -149,7 +150,11 @@ int Run(const Common& common, const Arguments& arguments) {
   if (arguments.state == "latched" && !latches) {
     throw Error("the scene has no latch", "option state", "use drawn");
   }
-  const bool run = arguments.at >= 0.0;
+  const bool run = arguments.at.has_value();
+  const double at = arguments.at.value_or(0.0);
+  if (!(at >= 0.0) || !std::isfinite(at)) {
+    throw Error(fmt::format("{} s is not a time of a run", at), "option at", "use 0 s or more");
+  }
   const bool latched =
       !run && (arguments.state == "latched" || (arguments.state == "auto" && latches));
   if (latched) {
@@ -164,16 +169,16 @@ int Run(const Common& common, const Arguments& arguments) {
   }
   sim::Dynamics dynamics(model);
   std::vector<double> y = model.initial_state;
-  if (run && arguments.at > 0.0) {
+  if (at > 0.0) {
     sim::SimulateOptions options;
-    options.duration = arguments.at;
-    options.rate = 1.0 / arguments.at;  // a sample at the end
+    options.duration = at;
+    options.rate = 1.0 / at;  // a sample at the end
     LastState last;
     last.y = y;
     const sim::SimulateReport report = sim::Simulate(model, options, &last);
     if (!report.Usable()) {
-      throw Error(fmt::format("the run to {} s failed: {}", arguments.at, report.message),
-                  arguments.scene, "take an earlier time");
+      throw Error(fmt::format("the run to {} s failed: {}", at, report.message), arguments.scene,
+                  "take an earlier time");
     }
     y = last.y;
     dynamics.modes() = last.at_end;
@@ -200,7 +205,7 @@ int Run(const Common& common, const Arguments& arguments) {
                                          : "drawn"},
                        {"equilibrium", equilibrium.found},
                        {"rigid_motions", report.rigid}};
-  if (run) json["at"] = arguments.at;
+  if (run) json["at"] = at;
   std::string text = fmt::format("{}: \"{}\", {}\n", arguments.scene, scene.name, state);
   if (arguments.as_is) {
     text += "linearised about that state as it is, in equilibrium or not\n";

@@ -1,0 +1,58 @@
+// `unfurl modes` as a person uses it.
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+#include <numbers>
+
+#include "tests/cli/program.h"
+
+namespace unfurl::cli {
+namespace {
+
+using ::testing::HasSubstr;
+
+class Modes : public ProgramTest {
+ protected:
+  // A straight cantilever without gravity, EI = 100, m = L = 1.
+  static std::string Cantilever() {
+    return "[scene]\nname = 'cantilever'\nduration = 1.0\n"
+           "[beam.rod]\nlength = 1.0\nmass = 1.0\nEI = 100.0\nsegments = 16\ndamping = 1e-4\n"
+           "[weld.clamp]\ninner = 'ground'\nouter = 'rod.start'\n[mark.tip]\non = 'rod.end'\n";
+  }
+};
+
+TEST_F(Modes, OfACantilever) {
+  Put("scene.toml", Cantilever());
+  const Outcome outcome =
+      Run({"modes", "scene.toml", "--count", "3", "-o", "shapes.csv", "--json"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const auto modes = nlohmann::json::parse(outcome.out)["modes"];
+  ASSERT_EQ(modes.size(), 3u);
+  // Roots of 1 + cos cosh = 0; 16 segments leave (l^2 / 24) int(v v'') / int(v^2), 0.03 to 0.7%.
+  constexpr double kRoots[] = {1.8751040687, 4.6940911330, 7.8547574382};
+  constexpr double kLeft[] = {5e-4, 4e-3, 1e-2};
+  for (int k = 0; k < 3; ++k) {
+    const double omega = kRoots[k] * kRoots[k] * 10.0;
+    const double found = 2.0 * std::numbers::pi * modes[k]["frequency"].get<double>();
+    EXPECT_NEAR(found, omega, kLeft[k] * omega);
+    // Kelvin-Voigt: beta omega / 2, whatever the mesh.
+    EXPECT_NEAR(modes[k]["damping"].get<double>(), 0.5 * 1e-4 * found, 1e-6 * found * 1e-4);
+  }
+  EXPECT_THAT(Get("shapes.csv"), HasSubstr("tip"));
+}
+
+TEST_F(Modes, BadInput) {
+  Put("scene.toml", Cantilever());
+  const std::vector<std::string> before = {"scene.toml"};
+  ExpectRefused(Run({"modes", "scene.toml", "--state", "folded"}), {"state", "folded", "drawn"},
+                before);
+  ExpectRefused(Run({"modes", "scene.toml", "--count", "0"}), {"count", "use 1 to"}, before);
+  ExpectRefused(Run({"modes", "scene.toml", "--at", "-1"}), {"at"}, before);
+  ExpectRefused(Run({"modes", "scene.toml", "--set", "beam.rod.model=\"kirchhoff\""}), {"smooth"},
+                before);
+  ExpectRefused(Run({"modes", "nowhere.toml"}), {"nowhere.toml"}, before);
+}
+
+}  // namespace
+}  // namespace unfurl::cli
