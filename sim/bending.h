@@ -28,6 +28,10 @@ class Bending {
   void Set(int e, const Element& element);
 
   int count() const { return count_; }
+  int slots() const { return beam_count_; }                  // elements are numbered below
+  double shear_stiffness(int e) const { return shear_[e]; }  // 12 EI / l^3 [N/m]
+  double axial_stiffness(int e) const { return axial_stiffness_[e]; }  // EA / l [N/m]
+  double damping(int e) const { return beta_[e]; }                     // [s]
   bool damped() const { return damped_; }
   bool axial() const { return axial_; }
 

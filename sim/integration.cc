@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "base/progress.h"
+#include "sim/choose_method.h"
 #include "sim/dormand_prince.h"
 #include "sim/dormand_prince8.h"
 #include "sim/flush_denormals.h"
@@ -45,16 +46,17 @@ constexpr double kStabilityUse = 0.7;  // from here on stability is what limits 
 
 // From here on the pair of order 8 costs less (docs/accuracy.md).
 constexpr double kTightTolerance = 1e-7;
-// And from here up that of order 4: its steps reach twice as far where undamped beams limit them, and
-// contacts stay right at tolerances where Dormand-Prince's begin to chatter.
+// And from here up that of order 4: its steps reach twice as far where undamped beams limit them,
+// and contacts stay right at tolerances where Dormand-Prince's begin to chatter.
 constexpr double kLooseTolerance = 3e-4;
 
 std::unique_ptr<Stepper> MakeStepper(const SimulateOptions& options, Dynamics& dynamics,
                                      const ErrorScale& scale) {
-  if (options.method == Method::kPartitioned) {
+  const Method method = ChooseMethod(options, dynamics.model());
+  if (method == Method::kPartitioned) {
     return std::make_unique<Partitioned>(dynamics, scale);
   }
-  if (options.method == Method::kImplicit) {
+  if (method == Method::kImplicit) {
     return std::make_unique<Rosenbrock>(dynamics, scale, Ros34Pw2());
   }
   const bool fourth = options.order == 0 ? options.rtol >= kLooseTolerance : options.order == 4;

@@ -1,5 +1,6 @@
 #include "sim/simulate.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -205,6 +206,25 @@ TEST(SimulateOptions, RefusesWhatCannotBe) {
   refused([](auto& o) { o.max_steps = 0; });
   refused([](auto& o) { o.time = INFINITY; });
   SimulateOptions().Check();
+}
+
+// What the scene holds and the tolerance decide; docs/decisions/012-implicit.md.
+TEST(Simulate, AutoTakesTheMethodThatTheSceneCallsFor) {
+  const auto method = [](const std::string& more, double rtol) {
+    SimulateOptions options;
+    options.rtol = rtol;
+    options.duration = 1e-4;
+    return Simulate(ModelFrom(BeamScene("clamped", 24, more)), options, nullptr).method;
+  };
+  using ::testing::HasSubstr;
+  EXPECT_THAT(method("", 1e-3), HasSubstr("4(3)"));
+  EXPECT_THAT(method("", 1e-5), HasSubstr("5(4)"));
+  EXPECT_THAT(method("", 1e-8), HasSubstr("8(5,3)"));
+  const std::string damped = "damping = 1e-3\n", elastic = "axial = \"elastic\"\nEA = 1e8\n";
+  for (const std::string& stiff : {damped, elastic}) {
+    EXPECT_THAT(method(stiff, 1e-4), HasSubstr("osenbrock")) << stiff;
+    EXPECT_THAT(method(stiff, 1e-6), HasSubstr("5(4)")) << stiff;
+  }
 }
 
 }  // namespace
