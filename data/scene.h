@@ -132,8 +132,7 @@ struct SceneLatch {
 
 // kRevolute: the two points coincide, and
 //   angle(outer) - angle(inner) = zero_angle + sign * theta.
-// kSlider: outer's point lies on the line through inner's point along `axis`, at `sign * travel`,
-// and
+// kSlider: outer's point lies at `sign * travel` on the line through inner's along `axis`, and
 //   angle(outer) - angle(inner) = zero_angle.
 // kPinInSlot: like a slider, but outer turns freely: theta as for a revolute joint.
 struct SceneJoint {

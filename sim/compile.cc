@@ -21,8 +21,11 @@ constexpr double kRedundant = 1e-11;
 
 using Kind = data::SceneEnd::Kind;
 
-bool IsBeamEnd(const data::SceneEnd& end) {
-  return end.kind == Kind::kBeamStart || end.kind == Kind::kBeamEnd;
+bool OnBeam(const data::SceneEnd& end) {
+  return end.kind != Kind::kGround && end.kind != Kind::kBody;
+}
+double PlaceOn(const data::SceneEnd& end) {
+  return end.kind == Kind::kBeamStart ? 0.0 : end.kind == Kind::kBeamEnd ? 1.0 : end.at;
 }
 const data::SceneEnd& BodySide(const data::SceneWeld& weld) {
   return IsBeamEnd(weld.inner) ? weld.outer : weld.inner;
@@ -92,15 +95,14 @@ double Compiler::SlotAngle(const data::SceneEnd& end) {
 MovingPoint Compiler::PointOf(const data::SceneEnd& raw, double* angle) {
   const data::SceneEnd end = Carrier(raw);
   *angle = 0.0;
-  if (end.kind == Kind::kGround || end.kind == Kind::kBody) {
+  if (!OnBeam(end)) {
     const PlanePose in = InNode(end);
     *angle = in.angle;
     return {slot_of_composite_[NodeOf(end)], in.x, in.y};
   }
   if (IsSmooth(end.index)) return SmoothPoint(end);
   const data::SceneBeam& beam = scene_.beams[end.index];
-  const double at = end.kind == Kind::kBeamStart ? 0.0 : end.kind == Kind::kBeamEnd ? 1.0 : end.at;
-  const double place = at * beam.segments;  // in segments
+  const double place = PlaceOn(end) * beam.segments;  // in segments
   const int k = std::clamp(static_cast<int>(std::floor(place)), 0, beam.segments - 1);
   const double l = beam.length / beam.segments;
   MovingPoint point{first_segment_[end.index] + k, (place - k - 0.5) * l, 0.0};
@@ -273,8 +275,7 @@ void Compiler::CheckConstraints() {
     }
     model_.warnings.push_back(fmt::format(
         "{} of the constraints of {} {} from the others and {} left out; how the joints of the "
-        "loop "
-        "share its loads is not determined",
+        "loop share its loads is not determined",
         redundancy.rows.size(), which, redundancy.rows.size() == 1 ? "follows" : "follow",
         redundancy.rows.size() == 1 ? "is" : "are"));
     model_.constraints = Constraints(model_.slots, element_length_, model_.constraints.joints(),

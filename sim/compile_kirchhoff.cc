@@ -5,30 +5,11 @@
 
 #include "base/error.h"
 #include "sim/compiler.h"
+#include "sim/end_bodies.h"
 
 namespace unfurl::sim {
 
 using Kind = data::SceneEnd::Kind;
-
-namespace {
-
-double PlaceOn(const data::SceneEnd& end) {
-  return end.kind == Kind::kBeamStart ? 0.0 : end.kind == Kind::kBeamEnd ? 1.0 : end.at;
-}
-
-bool OnBeam(const data::SceneEnd& end) {
-  return end.kind != Kind::kGround && end.kind != Kind::kBody;
-}
-
-// Whether a joint hands a moment to what it joins.
-bool HandsMoment(const data::SceneJoint& joint) {
-  if (joint.kind == data::SceneJoint::Kind::kSlider) return true;
-  if (joint.kind == data::SceneJoint::Kind::kPinInSlot) return false;
-  return joint.spring || joint.damper || joint.table || joint.friction || joint.drive ||
-         joint.motor || joint.latch;
-}
-
-}  // namespace
 
 bool Compiler::IsSmooth(int beam) const {
   return scene_.beams[beam].model == data::BeamModel::kKirchhoff;
@@ -88,7 +69,7 @@ void Compiler::FindAttachments() {
       const data::SceneEnd end = Carrier(*raw);
       if (!OnSmooth(end)) continue;
       AttachmentAt(end);
-      if (HandsMoment(joint)) bends(end);
+      if (CarriesMoment(joint)) bends(end);
     }
   }
   for (const data::SceneLinearSpring& spring : scene_.linear_springs) {

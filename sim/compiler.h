@@ -97,7 +97,9 @@ class Compiler {
   std::vector<std::string> element_names_;
 };
 
-bool IsBeamEnd(const data::SceneEnd& end);
+bool OnBeam(const data::SceneEnd& end);
+// Place on a beam, of its length.
+double PlaceOn(const data::SceneEnd& end);
 // Of a weld between a body and a beam's end.
 const data::SceneEnd& BodySide(const data::SceneWeld& weld);
 const data::SceneEnd& BeamSide(const data::SceneWeld& weld);

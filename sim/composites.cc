@@ -13,10 +13,6 @@ using data::SceneEnd;
 
 constexpr double kSamePlace = 1e-9;  // [m], [rad]: welds written twice may differ by rounding
 
-bool IsBeam(const SceneEnd& end) {
-  return end.kind == SceneEnd::Kind::kBeamStart || end.kind == SceneEnd::Kind::kBeamEnd;
-}
-
 // Pose of the outer body in the inner's frame.
 PlanePose OuterInInner(const data::SceneWeld& weld) {
   const PlanePose at_point{weld.inner.point[0], weld.inner.point[1], weld.angle};
@@ -36,7 +32,13 @@ PlanePose PlanePose::Inverse() const {
   return {-c * x - s * y, s * x - c * y, -angle};
 }
 
-bool JoinsBodies(const data::SceneWeld& weld) { return !IsBeam(weld.inner) && !IsBeam(weld.outer); }
+bool IsBeamEnd(const SceneEnd& end) {
+  return end.kind == SceneEnd::Kind::kBeamStart || end.kind == SceneEnd::Kind::kBeamEnd;
+}
+
+bool JoinsBodies(const data::SceneWeld& weld) {
+  return !IsBeamEnd(weld.inner) && !IsBeamEnd(weld.outer);
+}
 
 Composites MergeWeldedBodies(const data::Scene& scene) {
   const int bodies = static_cast<int>(scene.bodies.size());

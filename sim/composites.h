@@ -31,6 +31,8 @@ struct Composites {
 // Throws Error when welds contradict each other.
 Composites MergeWeldedBodies(const data::Scene& scene);
 
+bool IsBeamEnd(const data::SceneEnd& end);
+
 // Whether a weld joins two bodies (or a body and the ground), no beam.
 bool JoinsBodies(const data::SceneWeld& weld);
 

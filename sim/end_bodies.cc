@@ -4,6 +4,8 @@
 #include <set>
 #include <utility>
 
+#include "sim/composites.h"
+
 namespace unfurl::sim {
 namespace {
 
@@ -12,17 +14,6 @@ using Kind = SceneEnd::Kind;
 
 constexpr double kMassPart = 0.25;    // of a segment's mass
 constexpr double kInertiaPart = 0.5;  // of a segment's inertia
-
-bool IsBeamEnd(const SceneEnd& end) {
-  return end.kind == Kind::kBeamStart || end.kind == Kind::kBeamEnd;
-}
-
-bool CarriesMoment(const data::SceneJoint& joint) {
-  if (joint.kind == data::SceneJoint::Kind::kSlider) return true;
-  if (joint.kind == data::SceneJoint::Kind::kPinInSlot) return false;
-  return joint.spring || joint.damper || joint.table || joint.friction || joint.drive ||
-         joint.motor || joint.latch;
-}
 
 class EndBodies {
  public:
@@ -116,6 +107,13 @@ class EndBodies {
 };
 
 }  // namespace
+
+bool CarriesMoment(const data::SceneJoint& joint) {
+  if (joint.kind == data::SceneJoint::Kind::kSlider) return true;
+  if (joint.kind == data::SceneJoint::Kind::kPinInSlot) return false;
+  return joint.spring || joint.damper || joint.table || joint.friction || joint.drive ||
+         joint.motor || joint.latch;
+}
 
 data::Scene WithEndBodies(const data::Scene& scene) { return EndBodies(scene).Run(); }
 

@@ -101,9 +101,8 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       last_error_(1e-4),
       zone_part_(kZonePart * std::min(2.0, std::pow(options.rtol / 1e-6, 0.2))) {
   dynamics_.track_energy = options.track_energy;
-  loops_ = model.constraints.HasLoops();
   // Smooth beams are not known to the partitioned method.
-  loops_ = loops_ && model.kirchhoff.count() == 0;
+  loops_ = model.constraints.HasLoops() && model.kirchhoff.count() == 0;
   if (loops_ && options.method != Method::kPartitioned) {
     near_ = std::make_unique<Partitioned>(dynamics_, scale_);
     start_.assign(sample_.size(), 0.0);

@@ -12,9 +12,8 @@ class Tangent;
 
 // The constraints of joints, of three kinds, with r = r_outer - r_inner between the two points:
 //   pin     r = 0, two rows (x, y);                                      [paper, eq. (26) to (29)]
-//   along   sign e.r - f(t) = 0, e fixed in the inner body: a slot when e is its normal and f = 0,
-//   a
-//           drive of the travel when e is the axis;
+//   along   sign e.r - f(t) = 0, e fixed in the inner body: a slot when e is its normal
+//           and f = 0, a drive of the travel when e is the axis;
 //   angle   sign (theta_outer - theta_inner - zero) - f(t) = 0: what holds a slider, or a drive.
 // Rows are numbered in that order: 2 p, 2 p + 1 for pin p, then the alongs, then the angles.
 class JointRows {

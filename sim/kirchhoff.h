@@ -120,6 +120,8 @@ class KirchhoffRod {
   template <int kWidth>
   void SolveAs(const double load[2], const double* attached, Work* work, double* acceleration,
                double* compliance, double* dissipated) const;
+  // q'' with loads on the attachments; without `free`, only what these add to it.
+  void Answer(const double* attached, bool free, Work* work, double* out) const;
   // alpha = D^-1 L^-T of work->alpha.
   void BackSubstitute(Work* work) const;
   void FillProducts(Work* work) const;

@@ -45,9 +45,6 @@ class KirchhoffBeams {
   // Returns an index for MotionAt.
   int Watch(int beam, double at);
   Work MakeWork() const;
-  // Where the answers of beam b stand in Work::compliance, a square of 3 attachments.
-  int ComplianceAt(int b) const { return compliance_at_[b]; }
-  int ComplianceSize() const { return compliance_size_; }
 
   // Fills the attachments' slots of the six blocks of a state.
   void Update(double* x, double* y, double* theta, double* vx, double* vy, double* omega,

@@ -256,7 +256,7 @@ void KirchhoffRod::BackSubstitute(Work* work) const {
   }
 }
 
-void KirchhoffRod::Accelerate(const double* attached, Work* work, double* acceleration) const {
+void KirchhoffRod::Answer(const double* attached, bool free, Work* work, double* out) const {
   const int used = shapes_.count + 1, stride = row();
   const int rows = 3 * static_cast<int>(attachments_.size());
   double fx = 0.0, fy = 0.0;
@@ -267,42 +267,26 @@ void KirchhoffRod::Accelerate(const double* attached, Work* work, double* accele
   const double* base = work->system.data() + shapes_.width;
   for (int k = 0; k < used; ++k) {
     const double* y = base + k * stride;
-    double sum = y[rows];
+    double sum = free ? y[rows] : 0.0;
     for (int i = 0; i < rows; ++i) sum += y[i] * attached[i];
     work->alpha[k] = sum;
   }
   BackSubstitute(work);
-  acceleration[0] = work->drift[0] + fx / total_mass_;
-  acceleration[1] = work->drift[1] + fy / total_mass_;
+  out[0] = (free ? work->drift[0] : 0.0) + fx / total_mass_;
+  out[1] = (free ? work->drift[1] : 0.0) + fy / total_mass_;
   for (int k = 0; k < used; ++k) {
-    acceleration[0] -= work->centre_x[k] * work->alpha[k];
-    acceleration[1] -= work->centre_y[k] * work->alpha[k];
-    acceleration[2 + k] = work->alpha[k];
+    out[0] -= work->centre_x[k] * work->alpha[k];
+    out[1] -= work->centre_y[k] * work->alpha[k];
+    out[2 + k] = work->alpha[k];
   }
 }
 
+void KirchhoffRod::Accelerate(const double* attached, Work* work, double* acceleration) const {
+  Answer(attached, true, work, acceleration);
+}
+
 void KirchhoffRod::Respond(const double* attached, Work* work, double* change) const {
-  const int used = shapes_.count + 1, stride = row();
-  const int rows = 3 * static_cast<int>(attachments_.size());
-  double fx = 0.0, fy = 0.0;
-  for (int i = 0; i < rows; i += 3) {
-    fx += attached[i];
-    fy += attached[i + 1];
-  }
-  const double* base = work->system.data() + shapes_.width;
-  for (int k = 0; k < used; ++k) {
-    double sum = 0.0;
-    for (int i = 0; i < rows; ++i) sum += base[k * stride + i] * attached[i];
-    work->alpha[k] = sum;
-  }
-  BackSubstitute(work);
-  change[0] = fx / total_mass_;
-  change[1] = fy / total_mass_;
-  for (int k = 0; k < used; ++k) {
-    change[0] -= work->centre_x[k] * work->alpha[k];
-    change[1] -= work->centre_y[k] * work->alpha[k];
-    change[2 + k] = work->alpha[k];
-  }
+  Answer(attached, false, work, change);
 }
 
 }  // namespace unfurl::sim

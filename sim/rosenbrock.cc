@@ -147,7 +147,6 @@ double Rosenbrock::Try(double h) {
     const double hg = h * table_.gamma;
     saddle_->Factor(tangent_, jacobian_.data(), hg, hg * hg);
     factored_h_ = h;
-    ++factorizations_;
   }
   const double* __restrict y = y_.data();
   double* __restrict at = stage_.data();

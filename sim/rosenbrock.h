@@ -48,7 +48,6 @@ class Rosenbrock : public Stepper {
   void AcceptUntil(double sigma, double t) override;
   DensePolynomial Polynomial(int entry) override;
   void Dense(double sigma, double* out) override;
-  long factorizations() const { return factorizations_; }
 
  protected:
   double ErrorOf(int entry) const override;
@@ -70,7 +69,6 @@ class Rosenbrock : public Stepper {
   Array f0_, f1_, rate_, solution_, row_, jacobian_, lambda_, end_lambda_;
   bool linearised_ = false;
   double factored_h_ = 0.0;
-  long factorizations_ = 0;
 };
 
 }  // namespace unfurl::sim

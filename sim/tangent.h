@@ -70,8 +70,6 @@ class Tangent {
   const Block& D(int slot) const { return d_[slot]; }
   const Block& PairK(int p) const { return k_[n_ + p]; }
   const Block& PairD(int p) const { return d_[n_ + p]; }
-  const std::vector<int>& damped_slots() const { return damped_slots_; }
-  const std::vector<int>& damped_pairs() const { return damped_pairs_; }
   // out += factor D v; vectors as three blocks of the slots.
   void AddDamping(double factor, const double* v, double* out) const;
   // out += factor K v.

@@ -10,6 +10,7 @@
 #include "data/csv.h"
 #include "data/h5.h"
 #include "data/toml.h"
+#include "errors.h"
 
 namespace unfurl::data {
 namespace {
@@ -36,16 +37,6 @@ class Files : public ::testing::Test {
   }
   std::filesystem::path folder_;
 };
-
-template <typename F>
-std::string ErrorOf(F&& f) {
-  try {
-    f();
-  } catch (const Error& e) {
-    return e.what();
-  }
-  return "no error";
-}
 
 void WriteSample(const std::string& path) {
   Provenance provenance{.program = "unfurl test", .command = "test"};
