@@ -11,6 +11,7 @@
 #include "base/text.h"
 #include "correlate/body_angle.h"
 #include "data/h5.h"
+#include "report/number.h"
 
 namespace unfurl::cli {
 
@@ -174,7 +175,7 @@ void Judge(Comparison* c) {
   c->reasons.push_back(fmt::format(
       "The record's clock shows {} s when the reference's shows 0: found from {}, then together "
       "with the frame.",
-      WithError(a.at.offset, a.Sigma("time offset")), a.signal));
+      report::NumberWithError(a.at.offset, a.Sigma("time offset")), a.signal));
   std::size_t pairs = 0, all_peaks = 0;
   double farthest = 0.0;
   for (const ComparedSpectrum& s : c->spectra) {
@@ -244,19 +245,6 @@ void CompareWith(const correlate::SampledModel& reference, const ComparisonOptio
   FillSignals(reference, c);
   FillSpectra(options, c);
   Judge(c);
-}
-
-std::string WithError(double value, double sigma) {
-  if (!(sigma > 0.0) || !std::isfinite(sigma)) return fmt::format("{:.6g}", value);
-  const int digit = static_cast<int>(std::floor(std::log10(sigma)));
-  if (digit >= -6 && digit <= 3) {
-    const int places = std::max(0, 1 - digit);
-    return fmt::format("{:.{}f} ± {:.{}f}", value, places, sigma, places);
-  }
-  const int power = static_cast<int>(std::floor(std::log10(std::max(std::abs(value), sigma))));
-  const double unit = std::pow(10.0, power);
-  const int places = std::max(0, power - digit + 1);
-  return fmt::format("({:.{}f} ± {:.{}f})e{}", value / unit, places, sigma / unit, places, power);
 }
 
 }  // namespace unfurl::cli

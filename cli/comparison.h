@@ -62,9 +62,6 @@ Comparison Compare(const std::string& record, const std::string& reference,
 void CompareWith(const correlate::SampledModel& reference, const ComparisonOptions& options,
                  Comparison* c);
 
-// A number with its error, to two digits of the error: "0.005213 ± 0.000021".
-std::string WithError(double value, double sigma);
-
 // Charts and tables of a comparison that succeeded, onto any page.
 void AddComparisonPanels(const Comparison& comparison, report::Page* page);
 

@@ -5,6 +5,7 @@
 
 #include "base/text.h"
 #include "cli/comparison.h"
+#include "report/number.h"
 #include "report/page.h"
 
 namespace unfurl::cli {
@@ -252,7 +253,7 @@ void WriteComparisonPage(const std::string& path, const Comparison& c,
         {{"distance, RMS", fmt::format("{:.3g} mm", kMilli * all.rmse),
           all.sigmas > 0.0 ? fmt::format("{:.3g} times the measurement's sigma", all.sigmas) : "",
           within ? report::Level::kGood : report::Level::kCare},
-         {"time offset", WithError(a.at.offset, a.Sigma("time offset")) + " s", "",
+         {"time offset", report::NumberWithError(a.at.offset, a.Sigma("time offset")) + " s", "",
           report::Level::kNeutral},
          {"across the plane, RMS", fmt::format("{:.3g} mm", kMilli * all.rmse_across),
           fmt::format("mean {:+.3f} mm", kMilli * all.bias_across), report::Level::kNeutral},
