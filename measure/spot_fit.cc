@@ -134,6 +134,8 @@ class Fit {
         }
       }
       spot.s_px = std::sqrt(variance * (misfits ? misfit : 1.0));
+      // Nowhere to within its own width: there is no reading in it.
+      if (!(spot.s_px <= spot.width_px + 0.5)) spot.flags |= kSpotPoorFit;
       if (TailSigmas(misfit, dof) > kShapeSigmas) spot.flags |= kSpotShape;
     }
     return true;
