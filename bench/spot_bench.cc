@@ -1,7 +1,7 @@
 // Spot estimators: accuracy on Gaussian spots of known noise against the Cramer-Rao bound, what
 // each misses of the true centre of spots through glass, and what each costs in time, beside the
 // time that it takes to read the same lines once from memory.
-//   spot_bench [PICTURES_FOLDER]
+//   spot_bench speed | all | PICTURES_FOLDER
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -379,12 +379,17 @@ void Draw(const std::string& folder, const std::vector<Cell>& cells, const Misse
 
 int main(int argc, char** argv) {
   try {
+    const std::string what = argc > 1 ? argv[1] : "all";
+    if (what == "speed") {
+      Speeds();
+      return 0;
+    }
     constexpr int kRepeats = 4000;  // a scatter to 1.1%
     const std::vector<Cell> cells = Gaussians(12, kRepeats);
     Gaussians(8, kRepeats / 4);
     const Missed missed = ThroughGlass(400);
     const Speed speed = Speeds();
-    if (argc > 1) Draw(argv[1], cells, missed, speed);
+    if (what != "all") Draw(what, cells, missed, speed);
   } catch (const unfurl::Error& error) {
     std::fprintf(stderr, "spot_bench: %s\n", error.what());
     return unfurl::kExitBadInput;

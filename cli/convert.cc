@@ -5,13 +5,17 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/progress.h"
 #include "cli/verb.h"
 #include "data/atomic_file.h"
 #include "data/csv.h"
 #include "data/h5.h"
+#include "data/raw_layout.h"
 #include "data/run.h"
 #include "data/survey.h"
 #include "data/tracks.h"
+#include "data/trial.h"
+#include "measure/raw_lines.h"
 #include "measure/survey_readings.h"
 
 namespace unfurl::cli {
@@ -48,12 +52,44 @@ void RunToCsv(const std::string& in, const std::string& out) {
   file.Commit();
 }
 
+// Raw lines, described by a person, into a trial. Returns the number of lines.
+std::size_t RawToTrial(const Common& common, const std::string& in, const std::string& out) {
+  constexpr std::size_t kBlock = 256;  // lines held at once
+  const data::RawLayout layout = data::ReadRawLayout(in);
+  data::Provenance provenance = StartProvenance(common);
+  provenance.AddInput(in);
+  for (const data::RawLayout::Files& files : layout.files) {
+    for (const auto* list : {&files.lines, &files.flat, &files.flat_dark}) {
+      for (const std::string& file : *list) provenance.AddInput(file);
+    }
+  }
+  if (!layout.stamps.empty()) provenance.AddInput(layout.stamps);
+  Progress progress("convert", !common.quiet && !common.json);
+  measure::RawLines lines(layout);
+  data::TrialWriter trial(out, lines.header(), provenance);
+  data::TrialBlock block;
+  std::size_t count = 0;
+  while (lines.Read(kBlock, &block)) {
+    trial.Append(block);
+    count += block.size();
+    progress.Update(lines.done());
+  }
+  trial.Commit();
+  return count;
+}
+
 [[noreturn]] void Refuse(const std::string& what, const std::string& out) {
   throw Error(fmt::format("{} cannot become '{}'", what, Ending(out)), out,
-              "runs become .csv; tracks and surveys go between .h5 and .csv");
+              "runs become .csv; tracks and surveys go between .h5 and .csv; a description of raw "
+              "lines (.toml) becomes a trial (.h5)");
 }
 
 std::string ConvertFile(const Common& common, const std::string& in, const std::string& out) {
+  if (Ending(in) == ".toml") {
+    if (Ending(out) != ".h5") Refuse("a description of raw lines", out);
+    RawToTrial(common, in, out);
+    return data::kTrialSchema;
+  }
   data::Provenance provenance = StartProvenance(common);
   if (Ending(in) == ".csv") {
     if (Ending(out) != ".h5") Refuse("a CSV file", out);
@@ -85,13 +121,17 @@ std::string ConvertFile(const Common& common, const std::string& in, const std::
 
 Verb AddConvert(CLI::App& program, Common& common) {
   CLI::App* app = DeclareVerb(program, common, "convert",
-                              "A run, tracks or survey in another format, for other tools",
-                              "unfurl convert run.h5 run.csv");
+                              "A run, tracks or survey in another format; raw lines into a trial",
+                              "unfurl convert run.h5 run.csv\n"
+                              "  unfurl convert lines.toml trial.h5     (raw lines of a frame "
+                              "grabber, described in TOML)");
   struct Arguments {
     std::string in, out;
   };
   auto arguments = std::make_shared<Arguments>();
-  app->add_option("IN", arguments->in, "A run, tracks or survey (.h5), tracks or a survey (.csv)")
+  app->add_option("IN", arguments->in,
+                  "A run, tracks or survey (.h5), tracks or a survey (.csv), "
+                  "a description of raw lines (.toml)")
       ->required();
   app->add_option("OUT", arguments->out, "The file to write; its ending tells the format")
       ->required();

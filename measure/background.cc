@@ -20,9 +20,13 @@ std::array<float, 2> Background::Shielded(std::span<const std::uint16_t> line) c
   const std::size_t after = active + mean_.size();
   std::uint32_t sum[2] = {0, 0}, count[2] = {0, 0};
   const auto add = [&](std::size_t from, std::size_t to) {
-    for (std::size_t k = from; k < to; ++k) sum[k & 1U] += line[k];
-    count[0] += static_cast<std::uint32_t>((to + 1) / 2 - (from + 1) / 2);
-    count[1] += static_cast<std::uint32_t>(to / 2 - from / 2);
+    std::uint32_t here = 0, next = 0;  // from and its like, and those between
+    for (std::size_t k = from; k + 1 < to; k += 2) here += line[k], next += line[k + 1];
+    if ((to - from) % 2 == 1) here += line[to - 1];
+    sum[from & 1U] += here;
+    sum[1 - (from & 1U)] += next;
+    count[from & 1U] += static_cast<std::uint32_t>((to - from + 1) / 2);
+    count[1 - (from & 1U)] += static_cast<std::uint32_t>((to - from) / 2);
   };
   add(before, active);
   add(after, after + static_cast<std::size_t>(format_.dark_after));
@@ -51,7 +55,8 @@ void Background::Add(std::span<const std::uint16_t> dark_line) {
   const std::array<float, 2> shift = Levels(dark_line);
   const std::uint16_t* active = dark_line.data() + format_.first_active();
   const std::size_t n = mean_.size();
-  if (lines_ > 0) {
+  // Noise changes slowly: once it is known, every eighth line tells enough.
+  if (lines_ > 0 && (lines_ < kEarly || lines_ % kSeldom == 0)) {
     // The median of |difference| is 0.6745 sigma; a passing light does not move it. Light that
     // falls on all elements alike, such as a lamp's flicker, is no noise of theirs.
     const std::size_t stride = std::max<std::size_t>(1, n / kSample);
@@ -66,7 +71,7 @@ void Background::Add(std::span<const std::uint16_t> dark_line) {
     for (float& x : scratch_) x = std::abs(x - centre);
     std::nth_element(scratch_.begin(), middle, scratch_.end());
     const double sigma = *middle / 0.674489750196082 / std::sqrt(1.0 + mean_variance());
-    const double weight = 1.0 / std::min(lines_, kMemory);
+    const double weight = 1.0 / std::min(lines_, kEarly);
     noise_ += weight * (sigma - noise_);
   }
   ++lines_;

@@ -41,6 +41,8 @@ class Background {
   static constexpr int kMemory = 256;
   // Elements per line that the noise is learned from, another set in each.
   static constexpr std::size_t kSample = 135;
+  static constexpr int kEarly = 64;  // lines that all count for the noise
+  static constexpr int kSeldom = 8;  // of the later ones, each of so many
 
   data::LineFormat format_;
   std::vector<float> mean_;

@@ -60,14 +60,16 @@ void SpotFinder::SubtractBaseline(float sigma) {
   constexpr int kBlock = 30;      // six sums of five
   constexpr int kPerSection = 9;  // blocks whose median counts; a spot is in three at most
   constexpr int kMostSections = 64;
-  constexpr float kTells = 4.0F;  // sigmas of a section's median
+  constexpr float kTells = 5.0F;  // sigmas of a section's median
   const int n = format_.active;
   const int sections = std::min(kMostSections, n / (kBlock * kPerSection));
   if (sections < 1) return;
   const float* m = sums_.data();
   float level[kMostSections];
   bool tells = false;
-  const float error = 1.2533F * sigma / std::sqrt(static_cast<float>(kBlock * kPerSection));
+  // Of a section's median, and of the level that the shielded elements gave.
+  const float error = sigma * std::sqrt(1.571F / (kBlock * kPerSection) +
+                                        1.0F / static_cast<float>(format_.dark + 1));
   for (int s = 0; s < sections; ++s) {
     float mean[kPerSection];
     for (int b = 0; b < kPerSection; ++b) {
@@ -175,12 +177,17 @@ void SpotFinder::Read(std::span<const std::uint16_t> line, std::size_t first, st
   const int full = static_cast<int>(format_.full_scale());
   const bool fits = options_.estimator == SpotEstimator::kMaximumLikelihood ||
                     options_.estimator == SpotEstimator::kLeastSquares;
+  for (int k = from; k <= to && !inverse_response_.empty(); ++k) {
+    d[k] *= inverse_response_[static_cast<std::size_t>(k)];
+  }
   for (int k = from; k <= to; ++k) {
-    if (!inverse_response_.empty()) d[k] *= inverse_response_[static_cast<std::size_t>(k)];
     if (counts[k] < full) continue;
-    if (fits) d[k] = std::numeric_limits<float>::quiet_NaN();
     for (std::size_t i = first; i < last; ++i) {
       if (k >= peaks_[i].low && k <= peaks_[i].high) spots[i - first].flags |= kSpotSaturated;
+    }
+    // The neighbours of full pixels may hold what these could not.
+    for (int j = std::max(from, k - 1); fits && j <= std::min(to, k + 1); ++j) {
+      d[j] = std::numeric_limits<float>::quiet_NaN();
     }
   }
   const PixelNoise noise{.electrons_per_count = format_.electrons_per_count,

@@ -62,7 +62,9 @@ class Fit {
 
   bool Run(const SpotOptions& options, std::span<Spot> spots) {
     constexpr int kMaxSteps = 40;
-    constexpr double kConverged = 1e-4;  // of the centre's step, which the next one would square
+    // Squared length of a step in units of the parameters' own sigmas; the next one would square
+    // it.
+    constexpr double kConverged = 1e-4;
     constexpr double kNarrowest = 0.15;  // width that a pixel can still tell from a point [px]
     for (int q = 0; q < Q; ++q) {
       c_[q] = spots[q].u_px;
@@ -87,16 +89,17 @@ class Fit {
     bool converged = false;
     for (int step = 0; step < kMaxSteps && !converged; ++step) {
       Pass(false);
+      const std::array<double, kParameters> gradient = g_;
       if (!Cholesky<kParameters>(A_)) return false;
       Solve<kParameters>(A_, g_);
-      converged = true;
+      double length = 0.0;
+      for (int a = 0; a < kParameters; ++a) length += gradient[a] * g_[a];
+      converged = length < kConverged * (weighted_ ? 1.0 : noise_.dark_variance);
       for (int q = 0; q < Q; ++q) {
-        const double dc = std::clamp(g_[3 * q], -0.7 * s_[q], 0.7 * s_[q]);
+        c_[q] += std::clamp(g_[3 * q], -0.7 * s_[q], 0.7 * s_[q]);
         const double ds = std::clamp(g_[3 * q + 1], -0.4 * s_[q], 0.6 * s_[q]);
-        c_[q] += dc;
         s_[q] = std::max(s_[q] + ds, kNarrowest);
         flux_[q] += g_[3 * q + 2];
-        converged &= std::abs(dc) < kConverged && std::abs(ds) < 10.0 * kConverged;
         if (!(flux_[q] > 0.0)) return false;
       }
       level_ += g_[kConstant];
@@ -107,7 +110,7 @@ class Fit {
     }
     if (!converged) return false;
 
-    // The matrix and chi-square of the last step: the solution was less than kConverged away.
+    // The matrix and chi-square of the last step: the solution was a hundredth of a sigma away.
     const double dof = used_ - kParameters;
     const double misfit = chi_square_ / dof;
     const bool misfits = misfit > 1.0 + options.misfit_sigmas * std::sqrt(2.0 / dof);
@@ -131,6 +134,8 @@ class Fit {
         }
       }
       spot.s_px = std::sqrt(variance * (misfits ? misfit : 1.0));
+      // Nowhere to within its own width: there is no reading in it.
+      if (!(spot.s_px <= spot.width_px + 0.5)) spot.flags |= kSpotPoorFit;
       if (TailSigmas(misfit, dof) > kShapeSigmas) spot.flags |= kSpotShape;
     }
     return true;

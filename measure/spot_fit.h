@@ -30,7 +30,8 @@ inline void FitGaussian(std::span<const float> counts, int first, const PixelNoi
 }
 
 // The centroids: values above a tenth of the highest and four sigmas, or squared; width from the
-// second moment. The background is taken as known.
+// second moment. The background is taken as known. Their sigma holds what the place within a pixel
+// does to narrow spots.
 void ReadCentroid(std::span<const float> counts, int first, const PixelNoise& noise,
                   const SpotOptions& options, Spot* spot);
 

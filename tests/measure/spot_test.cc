@@ -186,7 +186,9 @@ TEST(SpotFinder, ASaturatedSpotIsReadFromItsTailsHonestly) {
     bench.Clear();
     bench.AddGaussian(centre, 1.5, 60000.0 * 6.0);
     const Spot spot = bench.Find(rng);
-    ASSERT_EQ(spot.flags, kSpotSaturated);
+    ASSERT_EQ(spot.flags, kSpotSaturated)
+        << "chi-square " << spot.misfit << " centre " << spot.u_px - centre << " width "
+        << spot.width_px << " s " << spot.s_px << " repeat " << i;
     whitened.push_back((spot.u_px - centre) / spot.s_px);
     stated.push_back(spot.s_px);
   }

@@ -1,0 +1,170 @@
+#include "data/raw_layout.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "base/error.h"
+#include "base/text.h"
+#include "data/lab.h"
+#include "data/toml.h"
+
+namespace unfurl::data {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+// Names relative to the description; one '*' in the last part stands for anything, in order of
+// names.
+std::vector<std::string> FilesOf(const TomlTable& table, const char* key, const fs::path& folder) {
+  std::vector<std::string> names;
+  for (const std::string& name : table.Strings(key)) {
+    const fs::path path = fs::path(name).is_absolute() ? fs::path(name) : folder / name;
+    const std::string last = path.filename().string();
+    const std::size_t star = last.find('*');
+    if (star == std::string::npos) {
+      if (!fs::is_regular_file(path)) {
+        table.Fail(key, fmt::format("there is no file '{}'", path.string()), "check the name");
+      }
+      names.push_back(path.string());
+      continue;
+    }
+    const std::string before = last.substr(0, star), after = last.substr(star + 1);
+    std::vector<std::string> found;
+    std::error_code ignored;
+    for (const auto& entry : fs::directory_iterator(path.parent_path(), ignored)) {
+      const std::string here = entry.path().filename().string();
+      if (here.size() >= before.size() + after.size() && here.starts_with(before) &&
+          here.ends_with(after) && entry.is_regular_file()) {
+        found.push_back(entry.path().string());
+      }
+    }
+    if (found.empty()) {
+      table.Fail(key, fmt::format("no file is named like '{}'", path.string()), "check the name");
+    }
+    std::sort(found.begin(), found.end());
+    names.insert(names.end(), found.begin(), found.end());
+  }
+  if (names.empty()) table.Fail(key, "names no file", "list the files in order");
+  return names;
+}
+
+RawLayout::Files ReadFiles(const TomlTable& table, const fs::path& folder) {
+  RawLayout::Files files{.where = table.Where("files"), .lines = FilesOf(table, "files", folder)};
+  if (table.Has("flat") != table.Has("flat_dark")) {
+    table.Fail(table.Has("flat") ? "flat" : "flat_dark", "a flat field needs lit and dark lines",
+               "give both `flat` and `flat_dark`, or none");
+  }
+  if (table.Has("flat")) {
+    files.flat = FilesOf(table, "flat", folder);
+    files.flat_dark = FilesOf(table, "flat_dark", folder);
+  }
+  return files;
+}
+
+void ReadSensor(const TomlTable& t, LineFormat* f) {
+  f->sensor = t.StringOr("name", f->sensor);
+  f->dummy = t.IntegerOr("dummy", f->dummy, 0, 1000);
+  f->dark = t.IntegerOr("dark", f->dark, 0, 1000);
+  f->active = t.IntegerOr("active", f->active, 64, 100000);
+  f->dark_after = t.IntegerOr("dark_after", f->dark_after, 0, 1000);
+  f->parity = t.IntegerOr("parity", f->parity, 0, 1000);
+  f->pitch = t.NumberOr("pitch", f->pitch, kPositive);
+  f->bits = t.Integer("bits", 8, 16);
+  f->electrons_per_count = t.Number("electrons_per_count", kPositive);
+  f->read_noise_counts = t.Number("read_noise_counts", kNonNegative);
+}
+
+void ReadSchedule(const TomlTable& t, RawLayout* layout) {
+  const std::vector<std::string> slots = t.Strings("slots");
+  std::vector<std::string>& known = layout->header.slots;
+  for (const std::string& slot : slots) {
+    if (Trim(slot).empty())
+      t.Fail("slots", "a slot has no name", R"(give a mark's name or "dark")");
+    auto at = std::find(known.begin(), known.end(), slot);
+    if (at == known.end()) at = known.insert(known.end(), slot);
+    layout->cycle.push_back(static_cast<std::int32_t>(at - known.begin()));
+  }
+  if (std::count(known.begin(), known.end(), kDarkSlot) == 0) {
+    t.Fail("slots", "no dark slot", R"(add "dark": the background is taken from it)");
+  }
+  layout->first_slot =
+      static_cast<std::size_t>(t.IntegerOr("first_slot", 0, 0, static_cast<int>(slots.size()) - 1));
+  layout->header.line_rate = t.Number("line_rate", kPositive);
+  layout->start = t.NumberOr("start", 0.5 / layout->header.line_rate);
+}
+
+void ReadBinary(const TomlTable& t, RawLayout* layout) {
+  constexpr int kMostBytes = 1 << 30;
+  layout->bytes = t.IntegerOr("bytes", 2, 1, 2);
+  layout->big_endian = t.ChoiceOr("byte_order", "little", {"little", "big"}) == "big";
+  layout->shift = t.IntegerOr("shift", 0, 0, 8);
+  layout->file_header = static_cast<std::size_t>(t.IntegerOr("file_header", 0, 0, kMostBytes));
+  layout->line_header = static_cast<std::size_t>(t.IntegerOr("line_header", 0, 0, kMostBytes));
+  layout->line_trailer = static_cast<std::size_t>(t.IntegerOr("line_trailer", 0, 0, kMostBytes));
+  if (layout->header.format.bits + layout->shift > 8 * layout->bytes) {
+    t.Fail("bytes",
+           fmt::format("{} bits shifted by {} do not fit into {} byte(s)",
+                       layout->header.format.bits, layout->shift, layout->bytes),
+           "correct bytes, shift or sensor.bits");
+  }
+}
+
+}  // namespace
+
+RawLayout ReadRawLayout(const std::string& path) {
+  const TomlTable root = LoadToml(path);
+  const fs::path folder = fs::path(path).parent_path();
+  RawLayout layout;
+  layout.path = path;
+  ReadSensor(root.Table("sensor"), &layout.header.format);
+  const TomlTable recording = root.Table("recording");
+  const std::string format = recording.Choice("format", {"binary", "csv", "png"});
+  layout.format = format == "binary" ? RawLayout::Format::kBinary
+                  : format == "csv"  ? RawLayout::Format::kCsv
+                                     : RawLayout::Format::kPng;
+  ReadSchedule(recording, &layout);
+  if (recording.Has("stamps")) {
+    const std::string name = recording.String("stamps");
+    const fs::path stamps = fs::path(name).is_absolute() ? fs::path(name) : folder / name;
+    if (!fs::is_regular_file(stamps)) {
+      recording.Fail("stamps", fmt::format("there is no file '{}'", stamps.string()),
+                     "check the name");
+    }
+    layout.stamps = stamps.string();
+  }
+  if (layout.format == RawLayout::Format::kBinary) ReadBinary(recording, &layout);
+
+  const auto cameras = root.NamedTables("camera");
+  if (recording.Has("cameras")) {
+    if (!cameras.empty()) {
+      recording.Fail("cameras", "cameras are named here and in tables of their own",
+                     "list them here with `files`, or give each a table [camera.NAME]");
+    }
+    layout.header.cameras = recording.Strings("cameras");
+    layout.files.push_back(ReadFiles(recording, folder));
+  } else {
+    for (const auto& [name, table] : cameras) {
+      layout.header.cameras.push_back(name);
+      layout.files.push_back(ReadFiles(table, folder));
+    }
+  }
+  std::vector<std::string> names = layout.header.cameras;
+  std::sort(names.begin(), names.end());
+  if (names.empty() || std::adjacent_find(names.begin(), names.end()) != names.end()) {
+    root.Fail("camera", names.empty() ? "no camera" : "a camera is named twice",
+              "add a table [camera.NAME], or list recording.cameras");
+  }
+  for (const RawLayout::Files& files : layout.files) {
+    if (files.flat.empty() != layout.files[0].flat.empty()) {
+      throw Error("some cameras have a flat field and some have none", files.where,
+                  "give `flat` and `flat_dark` to all of them");
+    }
+  }
+  root.RefuseUnknownKeys();
+  return layout;
+}
+
+}  // namespace unfurl::data

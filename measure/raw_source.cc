@@ -1,0 +1,245 @@
+#include "measure/raw_source.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <charconv>
+#include <filesystem>
+#include <fstream>
+#include <opencv2/core.hpp>
+#include <opencv2/imgcodecs.hpp>
+#include <string_view>
+
+#include "base/error.h"
+#include "base/text.h"
+
+namespace unfurl::measure {
+
+namespace {
+
+// What the three kinds share: the list of files and where in it one is.
+class FileList : public RawSource {
+ public:
+  FileList(const data::RawLayout& layout, const std::vector<std::string>& files)
+      : layout_(layout),
+        files_(files),
+        full_(static_cast<unsigned>(layout.header.format.full_scale())) {}
+
+  double done() const override {
+    return static_cast<double>(next_file_) / static_cast<double>(files_.size());
+  }
+
+ protected:
+  const std::string& file() const { return files_[next_file_ - 1]; }
+
+  // `line` counts from 1, `element` from 0.
+  void Check(unsigned count, std::size_t line, std::size_t element) const {
+    if (count <= full_) return;
+    throw Error(fmt::format("the count {} of element {} is beyond {} bits", count, element,
+                            layout_.header.format.bits),
+                fmt::format("{}:{}", file(), line),
+                "correct sensor.bits, or recording.shift and byte_order");
+  }
+
+  const data::RawLayout& layout_;
+  const std::vector<std::string>& files_;
+  std::size_t next_file_ = 0;
+  unsigned full_;
+};
+
+class BinarySource : public FileList {
+ public:
+  using FileList::FileList;
+
+  std::size_t Read(std::size_t count, std::uint16_t* out) override {
+    const std::size_t width = layout_.width(), bytes = static_cast<std::size_t>(layout_.bytes);
+    const std::size_t stride = layout_.line_header + width * bytes + layout_.line_trailer;
+    buffer_.resize(stride);
+    std::size_t lines = 0;
+    while (lines < count) {
+      if (!stream_.is_open() && !Open()) break;
+      stream_.read(buffer_.data(), static_cast<std::streamsize>(stride));
+      const std::size_t got = static_cast<std::size_t>(stream_.gcount());
+      if (got == 0) {
+        stream_.close();
+        continue;
+      }
+      ++line_;
+      if (got < stride) {
+        throw Error(fmt::format("ends {} bytes into line {}, which has {}", got, line_, stride),
+                    fmt::format("{}:{}", file(), line_),
+                    "correct the sensor's elements, bytes, file_header, line_header or "
+                    "line_trailer, or cut the file at a line's end");
+      }
+      const unsigned char* from =
+          reinterpret_cast<const unsigned char*>(buffer_.data()) + layout_.line_header;
+      std::uint16_t* to = out + lines * width;
+      for (std::size_t k = 0; k < width; ++k, from += bytes) {
+        const unsigned low = layout_.big_endian && bytes == 2 ? from[1] : from[0];
+        const unsigned high = bytes == 1 ? 0U : layout_.big_endian ? from[0] : from[1];
+        const unsigned value = (low | high << 8U) >> static_cast<unsigned>(layout_.shift);
+        Check(value, line_, k);
+        to[k] = static_cast<std::uint16_t>(value);
+      }
+      ++lines;
+    }
+    return lines;
+  }
+
+ private:
+  bool Open() {
+    if (next_file_ == files_.size()) return false;
+    stream_.open(files_[next_file_++], std::ios::binary);
+    stream_.seekg(0, std::ios::end);
+    if (!stream_ || static_cast<std::size_t>(stream_.tellg()) < layout_.file_header) {
+      throw Error("cannot be read, or is shorter than its header", file(),
+                  "check the file and recording.file_header");
+    }
+    stream_.seekg(static_cast<std::streamoff>(layout_.file_header));
+    line_ = 0;
+    return true;
+  }
+
+  std::ifstream stream_;
+  std::vector<char> buffer_;
+  std::size_t line_ = 0;
+};
+
+class CsvSource : public FileList {
+ public:
+  using FileList::FileList;
+
+  std::size_t Read(std::size_t count, std::uint16_t* out) override {
+    const std::size_t width = layout_.width();
+    std::size_t lines = 0;
+    while (lines < count) {
+      if (!stream_.is_open() && !Open()) break;
+      if (!std::getline(stream_, text_)) {
+        stream_.close();
+        continue;
+      }
+      ++line_;
+      const std::string_view row = Trim(text_);
+      if (row.empty() || row.front() == '#') continue;
+      // The first row may name its columns.
+      if (first_ && row.find_first_of("0123456789") != 0) {
+        first_ = false;
+        continue;
+      }
+      first_ = false;
+      Parse(row, out + lines * width);
+      ++lines;
+    }
+    return lines;
+  }
+
+ private:
+  bool Open() {
+    if (next_file_ == files_.size()) return false;
+    stream_.open(files_[next_file_++]);
+    if (!stream_) throw Error("cannot be read", file(), "check the file");
+    line_ = 0;
+    first_ = true;
+    return true;
+  }
+
+  void Parse(std::string_view row, std::uint16_t* out) const {
+    const std::size_t width = layout_.width();
+    const char* at = row.data();
+    const char* end = at + row.size();
+    std::size_t k = 0;
+    for (; at < end; ++k) {
+      unsigned value = 0;
+      const auto [stop, error] = std::from_chars(at, end, value);
+      if (error != std::errc()) {
+        throw Error(fmt::format("cell {} is not a whole number", k + 1),
+                    fmt::format("{}:{}", file(), line_), "give counts, separated by commas");
+      }
+      if (k < width) {
+        Check(value, line_, k);
+        out[k] = static_cast<std::uint16_t>(value);
+      }
+      at = stop;
+      while (at < end && (*at == ' ' || *at == '\t')) ++at;
+      if (at < end && (*at == ',' || *at == ';')) ++at;
+      while (at < end && (*at == ' ' || *at == '\t')) ++at;
+    }
+    if (k != width) {
+      throw Error(fmt::format("holds {} counts, but a line has {}", k, width),
+                  fmt::format("{}:{}", file(), line_), "correct the sensor's elements, or the row");
+    }
+  }
+
+  std::ifstream stream_;
+  std::string text_;
+  std::size_t line_ = 0;
+  bool first_ = true;
+};
+
+// Rows of pictures are lines.
+class PngSource : public FileList {
+ public:
+  using FileList::FileList;
+
+  std::size_t Read(std::size_t count, std::uint16_t* out) override {
+    const std::size_t width = layout_.width();
+    std::size_t lines = 0;
+    while (lines < count) {
+      if (row_ == picture_.rows && !Open()) break;
+      for (std::size_t k = 0; k < width; ++k) {
+        const int column = static_cast<int>(k);
+        const unsigned value = picture_.depth() == CV_8U ? picture_.at<std::uint8_t>(row_, column)
+                                                         : picture_.at<std::uint16_t>(row_, column);
+        const unsigned shifted = value >> static_cast<unsigned>(layout_.shift);
+        Check(shifted, static_cast<std::size_t>(row_) + 1, k);
+        out[lines * width + k] = static_cast<std::uint16_t>(shifted);
+      }
+      ++row_;
+      ++lines;
+    }
+    return lines;
+  }
+
+ private:
+  bool Open() {
+    if (next_file_ == files_.size()) return false;
+    const std::string& path = files_[next_file_++];
+    try {
+      picture_ = cv::imread(path, cv::IMREAD_UNCHANGED);
+    } catch (const cv::Exception&) {
+      picture_ = cv::Mat();
+    }
+    if (picture_.empty()) throw Error("is no picture that can be read", path, "give a PNG file");
+    if (picture_.channels() != 1 || (picture_.depth() != CV_8U && picture_.depth() != CV_16U)) {
+      throw Error(fmt::format("has {} colours, not grey of 8 or 16 bits", picture_.channels()),
+                  path, "save it as grey");
+    }
+    if (static_cast<std::size_t>(picture_.cols) != layout_.width()) {
+      throw Error(
+          fmt::format("is {} pixels wide, but a line has {}", picture_.cols, layout_.width()), path,
+          "correct the sensor's elements");
+    }
+    row_ = 0;
+    return true;
+  }
+
+  cv::Mat picture_;
+  int row_ = 0;
+};
+
+}  // namespace
+
+std::unique_ptr<RawSource> OpenRawSource(const data::RawLayout& layout,
+                                         const std::vector<std::string>& files) {
+  switch (layout.format) {
+    case data::RawLayout::Format::kBinary:
+      return std::make_unique<BinarySource>(layout, files);
+    case data::RawLayout::Format::kCsv:
+      return std::make_unique<CsvSource>(layout, files);
+    case data::RawLayout::Format::kPng:
+      return std::make_unique<PngSource>(layout, files);
+  }
+  return nullptr;
+}
+
+}  // namespace unfurl::measure
