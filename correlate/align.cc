@@ -25,7 +25,11 @@ struct Refined {
 // is given its stamps anew.
 Refined Refine(const Observations& record, const SampledModel& b, double offset, double drift,
                const AlignOptions& options) {
+  // Rounds end at a thousandth of a standard error. Where samples cross a jump of the reference as
+  // the offset moves, they may go to and fro for ever by more; a tenth adds half a per cent to the
+  // error and is let pass.
   constexpr int kMaxRounds = 30;
+  constexpr double kSettled = 1e-3, kLetPass = 0.1;
   const bool drifts = options.registration.fit_drift;
   const double pivot = options.registration.drift_pivot;
   Refined out;
@@ -44,7 +48,8 @@ Refined Refine(const Observations& record, const SampledModel& b, double offset,
     if (out.fit.known < kFewest) return out;
     double turned = 0.0;  // standard errors by which the drift still moved
     if (drifts) {
-      turned = std::abs(start.drift) / out.fit.sigma(options.registration.fit_frame ? 7 : 1);
+      const double sigma = out.fit.sigma(options.registration.fit_frame ? 7 : 1);
+      turned = sigma > 0.0 ? std::abs(start.drift) / sigma : 0.0;  // 0: not determined, not moved
       out.drift = (1.0 + out.drift) / (1.0 - start.drift) - 1.0;
       restamped = WithoutDrift(record, out.drift, pivot);
       start.drift = 0.0;
@@ -54,12 +59,12 @@ Refined Refine(const Observations& record, const SampledModel& b, double offset,
     const double moved = std::abs(out.fit.at.offset - offset);
     offset = out.fit.at.offset;
     out.reference = b.Evaluate({}, a.StampsAt(offset));
-    // Without sigmas the unit weight is 1 m: then 10 ns decide.
-    if (round > 0 && moved <= (a.has_sigma ? 1e-3 * sigma : 1e-8) &&
-        (!a.has_sigma || turned <= 1e-3)) {
-      out.converged = true;
-      break;
-    }
+    // Without sigmas the unit weight is 1 m: then 10 ns settle it.
+    constexpr double kNoSigma = 1e-5;  // [s]
+    const double moves =
+        a.has_sigma ? std::max(sigma > 0.0 ? moved / sigma : 0.0, turned) : moved / kNoSigma;
+    out.converged = round > 0 && moves <= (round + 1 < kMaxRounds ? kSettled : kLetPass);
+    if (out.converged) break;
   }
   one.max_iterations = options.registration.max_iterations;
   out.fit = FitRegistration(a, out.reference, offset, start, one);
