@@ -174,10 +174,18 @@ Alignment Align(const Observations& record, const SampledModel& b, const AlignOp
   Alignment out;
   AlignOptions options = asked;
   if (record.size() > 0) options.registration.drift_pivot = 0.5 * (record.Start() + record.End());
+  if (record.size() < kFewest) {
+    out.message =
+        fmt::format("the record has {} samples; {} are the fewest", record.size(), kFewest);
+    return out;
+  }
   std::vector<std::string> marks;
   for (const MarkSeries& m : record.marks) marks.push_back(m.name);
   const OffsetSearch search = FindOffset(SampledModel(record), b, marks, options.search);
   out.signal = search.signal;
+  const double min_correlation =
+      search.independent > 1 ? options.min_correlation : options.min_correlation_of_one;
+  const double min_r2 = search.independent > 1 ? options.min_r2 : options.min_r2_of_one;
   if (search.candidates.empty()) {
     out.message = fmt::format(
         "no time offset leaves enough in common: {} samples against {}, at least {:.0f}% of the "
@@ -186,19 +194,19 @@ Alignment Align(const Observations& record, const SampledModel& b, const AlignOp
     return out;
   }
   out.correlation = search.candidates.front().correlation;
-  if (out.correlation < options.min_correlation) {
+  if (out.correlation < min_correlation) {
     out.status = AlignStatus::kNothingShared;
     out.message = fmt::format(
         "the records share nothing: over all time offsets the {} correlate by {:.2f} at most "
         "({:.2f} is asked)",
-        out.signal, out.correlation, options.min_correlation);
+        out.signal, out.correlation, min_correlation);
     return out;
   }
 
   bool found = false;
   Refined best;
   for (const OffsetCandidate& candidate : search.candidates) {
-    if (candidate.correlation < options.min_correlation) continue;
+    if (candidate.correlation < min_correlation) continue;
     Refined refined = Refine(record, b, candidate.offset, 0.0, options);
     if (refined.fit.known < kFewest) continue;
     auto per_sample = [](const Refined& r) {
@@ -246,12 +254,12 @@ Alignment Align(const Observations& record, const SampledModel& b, const AlignOp
   }
   out.overlap_start = first;
   out.overlap_end = last;
-  if (out.r2 < options.min_r2) {
+  if (out.r2 < min_r2) {
     out.status = AlignStatus::kNothingShared;
     out.message = fmt::format(
         "the records share nothing: with the best frame and time offset ({:.4f} s) the reference "
         "explains {:.0f}% of the marks' motion ({:.0f}% is asked)",
-        out.at.offset, 100.0 * std::max(0.0, out.r2), 100.0 * options.min_r2);
+        out.at.offset, 100.0 * std::max(0.0, out.r2), 100.0 * min_r2);
     return out;
   }
   if (!best.converged) {
