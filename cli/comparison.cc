@@ -157,6 +157,8 @@ void Judge(Comparison* c) {
         "Its free decay holds {} modes, {} of which the reference has too (within 10% and alike in "
         "shape).",
         c->measured_modes.decay.modes.size(), shared));
+  } else if (!c->measured_modes.decay.message.empty()) {
+    c->reasons.push_back("No modes: " + c->measured_modes.decay.message + ".");
   }
   std::size_t pairs = 0, all_peaks = 0;
   double farthest = 0.0;

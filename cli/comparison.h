@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -79,7 +80,8 @@ struct Comparison {
 
 struct ComparisonOptions {
   std::vector<std::string> marks;  // empty: those that both have
-  double from = 0.0, to = 0.0;     // of the spectra, on the record's clock [s]; equal: by itself
+  // Of spectra and modes, on the record's clock [s]; unset: from the last latch, to the end.
+  std::optional<double> from, to;
   correlate::SpectralWindow window = correlate::SpectralWindow::kHann;
   bool clock_drift = false;  // whether the record's clock may run at another rate
 };

@@ -269,16 +269,13 @@ void FillScores(Comparison* c) {
 }
 
 void FillSpectra(const ComparisonOptions& options, Comparison* c) {
-  c->spectrum_from = options.from;
-  c->spectrum_to = options.to;
-  if (!(options.from < options.to)) {
-    // What vibrates freely: after the last latch; without latches, all.
-    c->spectrum_from = c->alignment.overlap_start;
-    c->spectrum_to = c->alignment.overlap_end;
-    for (const correlate::ModelEvent& e : c->latches) {
-      c->spectrum_from = std::max(c->spectrum_from, e.t + c->alignment.at.offset);
-    }
+  // What vibrates freely: after the last latch; without latches, all.
+  c->spectrum_from = c->alignment.overlap_start;
+  for (const correlate::ModelEvent& e : c->latches) {
+    c->spectrum_from = std::max(c->spectrum_from, e.t + c->alignment.at.offset);
   }
+  c->spectrum_from = options.from.value_or(c->spectrum_from);
+  c->spectrum_to = options.to.value_or(c->alignment.overlap_end);
   for (const ComparedSignal& s : c->signals) {
     if (s.name.back() == 'z') continue;  // nothing moves there: its residuals tell all
     const auto [first, last] = Within(*c, s);

@@ -49,6 +49,27 @@ Chart StabilisationChart(const std::string& whose, const correlate::ModalFit& fi
   return chart;
 }
 
+// A mark that swings far moves on an arc, and across it at twice the frequency: no mode.
+std::string Harmonics(const std::vector<correlate::Mode>& modes) {
+  constexpr double kSigmas = 3.0;
+  std::string words;
+  for (const correlate::Mode& m : modes) {
+    for (const correlate::Mode& of : modes) {
+      const double off = m.frequency - 2.0 * of.frequency;
+      if (std::abs(off) > kSigmas * std::hypot(m.frequency_sigma, 2.0 * of.frequency_sigma) ||
+          m.share > of.share) {
+        continue;
+      }
+      words += fmt::format(
+          " {} Hz is twice {} Hz within its error and weaker: rather the second harmonic of that "
+          "large "
+          "motion than a mode of its own.",
+          Number(m.frequency, 4), Number(of.frequency, 4));
+    }
+  }
+  return words;
+}
+
 void AddModeTable(const Comparison& c, report::Page* page) {
   report::Table table;
   table.title = "Modes";
@@ -192,13 +213,13 @@ void AddScorePanels(const Comparison& c, report::Page* page) {
 
 void AddDensityPanels(const Comparison& c, report::Page* page) {
   // Of the strongest signal alone: the file of numbers has them all.
-  const std::vector<std::string> marks = MarksByMotion(c);
   const ComparedSpectrum* shown = nullptr;
+  double most = -1.0;
   for (const ComparedSpectrum& s : c.spectra) {
-    if (s.density.segments < 2) continue;
-    const bool strongest = !marks.empty() && s.name.rfind(marks.front() + " ", 0) == 0;
-    if (shown == nullptr || strongest) shown = &s;
-    if (strongest) break;
+    const double peak = s.measured_peaks.empty() ? 0.0 : s.measured_peaks.front().amplitude;
+    if (s.density.segments < 2 || s.name.rfind("angle", 0) == 0 || peak <= most) continue;
+    shown = &s;
+    most = peak;
   }
   if (shown != nullptr) {
     const correlate::CrossSpectrum& d = shown->density;
@@ -206,11 +227,10 @@ void AddDensityPanels(const Comparison& c, report::Page* page) {
     power.title = "Power spectral density of " + shown->name;
     power.note = d.convention + ".";
     power.x = coherence.x = {"frequency", "Hz", false};
-    const bool angle = shown->name.rfind("angle", 0) == 0;
-    power.y = {"density", angle ? "rad\u00b2/Hz" : "m\u00b2/Hz", true};
+    power.y = {"density", "m\u00b2/Hz", true};
     coherence.title = "Coherence of " + shown->name;
     coherence.note = fmt::format(
-        "1 where the two are one linear function of the other at that frequency, 0 where they are "
+        "1 where one is a linear function of the other at that frequency, 0 where they are "
         "unrelated; below the dashed line, {:.2f}, it may be chance. With a decay in few segments "
         "it "
         "says which frequencies both hold, not more.",
@@ -263,6 +283,7 @@ void AddModePanels(const Comparison& c, report::Page* page) {
         "fits best. The standard errors are widened for it.",
         Number(std::sqrt(d.chi2_per_dof), 2));
   }
+  words += Harmonics(d.modes);
   page->AddSection("Modes from the free decay", words);
   AddModeTable(c, page);
   AddShapeTable(c, page);

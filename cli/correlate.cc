@@ -95,6 +95,10 @@ correlate::SpectralWindow WindowNamed(const std::string& name) {
 
 int CorrelateVerb(const Common& common, Settings& s) {
   s.options.window = WindowNamed(s.window);
+  if (s.options.from && s.options.to && !(*s.options.from < *s.options.to)) {
+    throw Error(fmt::format("no time between {} and {} s", *s.options.from, *s.options.to),
+                "--from, --to", "give the earlier one first");
+  }
   const Comparison comparison = Compare(s.record, s.reference, s.options);
   data::Provenance provenance = StartProvenance(common);
   provenance.AddInput(s.record);
@@ -126,8 +130,10 @@ Verb AddCorrelate(CLI::App& program, Common& common) {
                   "A folder for the paper's figures 15, 16 and 17 of this trial (SVG)");
   app->add_option("--marks", settings->options.marks, "Marks to compare (default: all in common)")
       ->delimiter(',');
-  app->add_option("--from", settings->options.from, "Spectra from this time on A's clock [s]");
-  app->add_option("--to", settings->options.to, "to this (default: after the last latch)");
+  app->add_option(
+      "--from", settings->options.from,
+      "Spectra and modes from this time on A's clock [s]\n(default: after the last latch)");
+  app->add_option("--to", settings->options.to, "to this (default: the end)");
   app->add_option(
       "--window", settings->window,
       "Of the spectra: hann, rectangular, hamming, blackman, blackman-harris, flat-top");

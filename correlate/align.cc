@@ -25,7 +25,11 @@ struct Refined {
 // is given its stamps anew.
 Refined Refine(const Observations& record, const SampledModel& b, double offset, double drift,
                const AlignOptions& options) {
+  // Rounds end at a thousandth of a standard error. Where samples cross a jump of the reference as
+  // the offset moves, they may go to and fro for ever by more; a tenth adds half a per cent to the
+  // error and is let pass.
   constexpr int kMaxRounds = 30;
+  constexpr double kSettled = 1e-3, kLetPass = 0.1;
   const bool drifts = options.registration.fit_drift;
   const double pivot = options.registration.drift_pivot;
   Refined out;
@@ -44,7 +48,8 @@ Refined Refine(const Observations& record, const SampledModel& b, double offset,
     if (out.fit.known < kFewest) return out;
     double turned = 0.0;  // standard errors by which the drift still moved
     if (drifts) {
-      turned = std::abs(start.drift) / out.fit.sigma(options.registration.fit_frame ? 7 : 1);
+      const double sigma = out.fit.sigma(options.registration.fit_frame ? 7 : 1);
+      turned = sigma > 0.0 ? std::abs(start.drift) / sigma : 0.0;  // 0: not determined, not moved
       out.drift = (1.0 + out.drift) / (1.0 - start.drift) - 1.0;
       restamped = WithoutDrift(record, out.drift, pivot);
       start.drift = 0.0;
@@ -54,12 +59,12 @@ Refined Refine(const Observations& record, const SampledModel& b, double offset,
     const double moved = std::abs(out.fit.at.offset - offset);
     offset = out.fit.at.offset;
     out.reference = b.Evaluate({}, a.StampsAt(offset));
-    // Without sigmas the unit weight is 1 m: then 10 ns decide.
-    if (round > 0 && moved <= (a.has_sigma ? 1e-3 * sigma : 1e-8) &&
-        (!a.has_sigma || turned <= 1e-3)) {
-      out.converged = true;
-      break;
-    }
+    // Without sigmas the unit weight is 1 m: then 10 ns settle it.
+    constexpr double kNoSigma = 1e-5;  // [s]
+    const double moves =
+        a.has_sigma ? std::max(sigma > 0.0 ? moved / sigma : 0.0, turned) : moved / kNoSigma;
+    out.converged = round > 0 && moves <= (round + 1 < kMaxRounds ? kSettled : kLetPass);
+    if (out.converged) break;
   }
   one.max_iterations = options.registration.max_iterations;
   out.fit = FitRegistration(a, out.reference, offset, start, one);
@@ -169,10 +174,18 @@ Alignment Align(const Observations& record, const SampledModel& b, const AlignOp
   Alignment out;
   AlignOptions options = asked;
   if (record.size() > 0) options.registration.drift_pivot = 0.5 * (record.Start() + record.End());
+  if (record.size() < kFewest) {
+    out.message =
+        fmt::format("the record has {} samples; {} are the fewest", record.size(), kFewest);
+    return out;
+  }
   std::vector<std::string> marks;
   for (const MarkSeries& m : record.marks) marks.push_back(m.name);
   const OffsetSearch search = FindOffset(SampledModel(record), b, marks, options.search);
   out.signal = search.signal;
+  const double min_correlation =
+      search.independent > 1 ? options.min_correlation : options.min_correlation_of_one;
+  const double min_r2 = search.independent > 1 ? options.min_r2 : options.min_r2_of_one;
   if (search.candidates.empty()) {
     out.message = fmt::format(
         "no time offset leaves enough in common: {} samples against {}, at least {:.0f}% of the "
@@ -181,19 +194,19 @@ Alignment Align(const Observations& record, const SampledModel& b, const AlignOp
     return out;
   }
   out.correlation = search.candidates.front().correlation;
-  if (out.correlation < options.min_correlation) {
+  if (out.correlation < min_correlation) {
     out.status = AlignStatus::kNothingShared;
     out.message = fmt::format(
         "the records share nothing: over all time offsets the {} correlate by {:.2f} at most "
         "({:.2f} is asked)",
-        out.signal, out.correlation, options.min_correlation);
+        out.signal, out.correlation, min_correlation);
     return out;
   }
 
   bool found = false;
   Refined best;
   for (const OffsetCandidate& candidate : search.candidates) {
-    if (candidate.correlation < options.min_correlation) continue;
+    if (candidate.correlation < min_correlation) continue;
     Refined refined = Refine(record, b, candidate.offset, 0.0, options);
     if (refined.fit.known < kFewest) continue;
     auto per_sample = [](const Refined& r) {
@@ -241,12 +254,12 @@ Alignment Align(const Observations& record, const SampledModel& b, const AlignOp
   }
   out.overlap_start = first;
   out.overlap_end = last;
-  if (out.r2 < options.min_r2) {
+  if (out.r2 < min_r2) {
     out.status = AlignStatus::kNothingShared;
     out.message = fmt::format(
         "the records share nothing: with the best frame and time offset ({:.4f} s) the reference "
         "explains {:.0f}% of the marks' motion ({:.0f}% is asked)",
-        out.at.offset, 100.0 * std::max(0.0, out.r2), 100.0 * options.min_r2);
+        out.at.offset, 100.0 * std::max(0.0, out.r2), 100.0 * min_r2);
     return out;
   }
   if (!best.converged) {

@@ -21,8 +21,11 @@ const char* Name(AlignStatus status);
 
 struct AlignOptions {
   OffsetOptions search;
-  double min_correlation = 0.5;      // of the frame-independent signals at the best offset, (0, 1)
-  double min_r2 = 0.5;               // of the aligned positions: below, the records share nothing
+  double min_correlation = 0.5;  // of the frame-independent signals at the best offset, (0, 1)
+  double min_r2 = 0.5;           // of the aligned positions: below, the records share nothing
+  // The same where a single history was correlated (two marks, one body): a frame and an offset
+  // make any two smooth openings of one mark look somewhat alike (docs/physics-correlation.md).
+  double min_correlation_of_one = 0.8, min_r2_of_one = 0.8;
   RegistrationOptions registration;  // its drift_pivot is set to the record's middle
 };
 

@@ -21,6 +21,7 @@ double Branch(double angle, double near) {
 std::vector<std::pair<std::string, std::string>> RigidPairs(const Prediction& prediction,
                                                             const std::vector<std::string>& marks) {
   constexpr double kConstant = 1e-4;
+  constexpr double kNoise = 10.0;  // sigmas between the ends of thousands of normal draws
   std::vector<std::pair<std::string, std::string>> out;
   std::vector<bool> used(marks.size(), false);
   for (std::size_t a = 0; a < marks.size(); ++a) {
@@ -28,15 +29,19 @@ std::vector<std::pair<std::string, std::string>> RigidPairs(const Prediction& pr
       const MarkMotion& A = prediction.marks[a];
       const MarkMotion& B = prediction.marks[b];
       const Eigen::Index n = std::min(A.p.cols(), B.p.cols());
-      double low = std::numeric_limits<double>::infinity(), high = 0.0;
+      double low = std::numeric_limits<double>::infinity(), high = 0.0, sigma = 0.0;
       for (Eigen::Index i = 0; i < n; ++i) {
         const auto k = static_cast<std::size_t>(i);
         if ((!A.known.empty() && !A.known[k]) || (!B.known.empty() && !B.known[k])) continue;
         const double d = (A.p.col(i) - B.p.col(i)).norm();
         low = std::min(low, d);
         high = std::max(high, d);
+        if (A.cov.cols() > i && B.cov.cols() > i) {  // a reference that was measured
+          const Eigen::Matrix<double, 6, 1> cov = A.cov.col(i) + B.cov.col(i);
+          sigma = std::max(sigma, std::sqrt(std::max({cov(0), cov(3), cov(5)})));
+        }
       }
-      if (used[b] || high <= 0.0 || high - low > kConstant * high) continue;
+      if (used[b] || high <= 0.0 || high - low > kConstant * high + kNoise * sigma) continue;
       out.emplace_back(marks[a], marks[b]);
       used[a] = used[b] = true;
     }

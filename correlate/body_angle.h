@@ -10,7 +10,7 @@
 namespace unfurl::correlate {
 
 // Pairs of marks that sit on one body: their distance in the model stays constant within 1e-4 of
-// itself. Each mark is named in one pair at most.
+// itself and, where the model is a measurement, its noise. Each mark is named in one pair at most.
 std::vector<std::pair<std::string, std::string>> RigidPairs(const Prediction& prediction,
                                                             const std::vector<std::string>& marks);
 

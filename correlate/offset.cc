@@ -138,6 +138,7 @@ OffsetSearch FindOffset(const SampledModel& a, const SampledModel& b,
     }
   }
   out.signal = fmt::format("{} distances between marks", signal_a.size());
+  out.independent = std::max<std::size_t>(1, signal_a.size());
   if (signal_a.empty()) {
     signal_a = Speeds(grid_a, step);
     signal_b = Speeds(grid_b, step);

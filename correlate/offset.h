@@ -27,7 +27,10 @@ struct OffsetCandidate {
 struct OffsetSearch {
   std::vector<OffsetCandidate> candidates;  // may be empty: no lag with enough overlap
   std::string signal;                       // in words: what was correlated
-  double step = 0.0;                        // of the grid [s]
+  // How many histories that may differ freely: the distances, or 1 for speeds, which one rigid body
+  // or one mark makes alike.
+  std::size_t independent = 0;
+  double step = 0.0;  // of the grid [s]
 };
 
 // Both must hold the marks named. Gaps are left out of every sum, not filled (masked normalised

@@ -148,13 +148,23 @@ std::string StillSvg(const Chart& chart, int width_px, int height_px) {
         "text-anchor=\"end\">{5}</text>\n",
         kLeft, Y(y), width - kRight, kLeft - 6, Y(y) + 4, Word(y, y_step));
   }
-  for (const Marker& m : chart.markers) {
+  std::vector<Marker> markers = chart.markers;
+  std::stable_sort(markers.begin(), markers.end(),
+                   [](const Marker& a, const Marker& b) { return a.x < b.x; });
+  double last_x = -1e9, down = 0.0;
+  for (const Marker& m : markers) {
     if (!X.Shows(m.x) || X(m.x) < kLeft || X(m.x) > width - kRight) continue;
+    // Words of neighbours stand one below the other.
+    constexpr double kApart = 12.0, kLetter = 6.0;
+    const double previous = down;
+    down = X(m.x) - last_x < kApart ? previous : 0.0;
+    last_x = X(m.x);
     svg += fmt::format(
         "<path d=\"M{0:.1f} {1:.1f}V{2:.1f}\" stroke=\"#888\" stroke-dasharray=\"3 3\"/><text "
         "x=\"{3:.1f}\" y=\"{4:.1f}\" font-size=\"10\" fill=\"#555\" transform=\"rotate(-90 {3:.1f} "
         "{4:.1f})\" text-anchor=\"end\">{5}</text>\n",
-        X(m.x), top, height - kBottom, X(m.x) - 3, top + 4, EscapeHtml(m.label));
+        X(m.x), top, height - kBottom, X(m.x) - 3, top + 4 + down, EscapeHtml(m.label));
+    down += kLetter * static_cast<double>(m.label.size()) + 6.0;
   }
   double key_x = kLeft, key_y = 38.0;
   for (std::size_t k = 0; k < chart.series.size(); ++k) {
