@@ -14,6 +14,7 @@ constexpr double kFloorChance = 0.05;   // below: a camera's readings are worse 
 constexpr double kSurveyChance = 1e-3;  // the same of the survey
 constexpr double kFewRedundant = 8.0;   // readings' worth; less, and a camera shares its floor
 constexpr double kSettled = 0.02;       // change of a reading's variance that no longer matters
+constexpr double kRough = 1e-7;         // of the cost, until nothing else changes
 constexpr double kUseful = 0.1;         // redundancy above which a residual tells of its error
 
 // t^2 with  sum r^2 / (s^2 + t^2) = redundancy,  or 0.
@@ -123,6 +124,7 @@ RefinedBundle Refine(const Observations& data, const std::vector<CameraPrior>& p
   BundleOptions squares;
   squares.loss_width = std::numeric_limits<double>::infinity();
   squares.max_iterations = options.max_iterations;
+  squares.function_tolerance = kRough;
   for (int round = 0; round < options.rounds; ++round) {
     bool changed = false;
     if (options.choose_gross) {
@@ -138,6 +140,8 @@ RefinedBundle Refine(const Observations& data, const std::vector<CameraPrior>& p
     if (!changed && round > 0 && change < kSettled) break;
     if (round + 1 < options.rounds) out.weighting = std::move(next);
   }
+  squares.function_tolerance = BundleOptions{}.function_tolerance;
+  out.summary = SolveBundle(data, priors, out.weighting, squares, &out.state);
   return out;
 }
 
