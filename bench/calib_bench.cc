@@ -3,10 +3,12 @@
 //   calib_bench points [RIGS]    number of survey points against error, bound and time
 //   calib_bench order [RIGS]     order of the lens model against error and time
 //   calib_bench region [RIGS]    error by region: RMS, 95%, largest, over the bound
+//   calib_bench lost [RIGS]      error without each of the four cameras, over what is predicted
 //   calib_bench gross [RIGS]     share of gross readings and points found, by their size
 //   calib_bench efficiency [RIGS]  error over the bound, model as generator
 #include <fmt/format.h>
 
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
@@ -78,7 +80,7 @@ struct Errors {
   std::vector<double> bound;  // [m^2]
 };
 
-Errors FindCheckPoints(const TracedLab& lab, const data::Rig& rig, int count) {
+Errors FindCheckPoints(const TracedLab& lab, const data::Rig& rig, int count, int lost = -1) {
   Errors out;
   const measure::Triangulator triangulator(rig, {.residual_level = 1e-12});
   Eigen::Matrix3Xd F(3, triangulator.shared_rank());
@@ -92,7 +94,7 @@ Errors FindCheckPoints(const TracedLab& lab, const data::Rig& rig, int count) {
       u[c] += kReading * noise.Normal();
     }
     if (!all) continue;
-    const auto found = triangulator.Solve(u, s, points.col(i));
+    const auto found = triangulator.Solve(u, s, points.col(i), lost < 0 ? ~0U : ~(1U << lost));
     if (found.outcome != measure::PointOutcome::kSolved) continue;
     triangulator.SharedFactor(found, s, F);
     out.at.push_back(points.col(i));
@@ -229,6 +231,24 @@ void Region(std::size_t rigs) {
   }
 }
 
+void Lost(std::size_t rigs) {
+  std::vector<std::array<Sums, 4>> all(rigs);
+  ParallelFor(rigs, 0, [&](std::size_t k) {
+    const TracedLab lab(500 + k);
+    const data::Rig rig = FitRig(lab.Survey(200), {}, "bench").rig;
+    for (int c = 0; c < 4; ++c) {
+      all[k][static_cast<std::size_t>(c)].Add(FindCheckPoints(lab, rig, 200, c));
+    }
+  });
+  fmt::print("| lost camera | error RMS [mm] | predicted [mm] | ratio |\n");
+  for (std::size_t c = 0; c < 4; ++c) {
+    Sums sum;
+    for (const auto& one : all) sum.Add(one[c]);
+    fmt::print("| {} | {:.3f} | {:.3f} | {:.3f} |\n", c + 1, 1e3 * std::sqrt(sum.squares / sum.n),
+               1e3 * std::sqrt(sum.bound / sum.n), std::sqrt(sum.squares / sum.bound));
+  }
+}
+
 // One in ten readings, or points of the survey, wrong by `size` sigmas; model as generator.
 void Gross(std::size_t rigs) {
   fmt::print("| size [sigmas] | readings found [%] | points found [%] |\n");
@@ -315,6 +335,7 @@ int main(int argc, char** argv) {
   if (what == "points") Points(rigs);
   if (what == "order") Order(rigs);
   if (what == "region") Region(rigs);
+  if (what == "lost") Lost(rigs);
   if (what == "gross") Gross(rigs);
   if (what == "efficiency") Efficiency(rigs);
   return 0;

@@ -14,6 +14,7 @@ constexpr double kFloorChance = 0.05;   // below: a camera's readings are worse 
 constexpr double kSurveyChance = 1e-3;  // the same of the survey
 constexpr double kFewRedundant = 8.0;   // readings' worth; less, and a camera shares its floor
 constexpr double kSettled = 0.02;       // change of a reading's variance that no longer matters
+constexpr double kPlausible = 0.25;     // share of gross errors; more say that the model is wrong
 constexpr double kRough = 1e-7;         // of the cost, until nothing else changes
 constexpr double kUseful = 0.1;         // redundancy above which a residual tells of its error
 
@@ -89,8 +90,7 @@ double UpdateVariances(const Observations& data, const RefinedBundle& bundle,
   return change;
 }
 
-}  // namespace
-
+// Floors from the residuals of a robust solution, by their median: gross errors spoil it little.
 std::vector<double> RobustFloors(const Observations& data, const std::vector<CameraPrior>& priors,
                                  const Weighting& weighting, const BundleState& state,
                                  const BundleSummary& summary) {
@@ -114,6 +114,40 @@ std::vector<double> RobustFloors(const Observations& data, const std::vector<Cam
     out[j] = std::sqrt(std::max(0.0, sigma * sigma - s * s));
   }
   return out;
+}
+
+}  // namespace
+
+Weighting StartWeighting(const Observations& data, const std::vector<CameraPrior>& priors,
+                         double robust_floor_px, const GrossOptions& options,
+                         const BundleState& state, const BundleSummary& summary) {
+  const std::size_t cameras = data.cameras.size();
+  std::vector<std::vector<double>> stated(cameras);
+  for (const Reading& r : data.readings) {
+    stated[static_cast<std::size_t>(r.camera)].push_back(r.s_px);
+  }
+  Weighting trial = EqualWeighting(data, 0.0);
+  for (std::size_t j = 0; j < cameras; ++j) {
+    if (!stated[j].empty()) trial.floor_px[j] = Median(stated[j]);
+  }
+  BundleState scratch = state;
+  ChooseGross(data, options, &trial, &scratch);
+  std::vector<double> out(cameras, 0.0);
+  for (std::size_t k = 0; k < data.readings.size(); ++k) {
+    if (!trial.Uses(k)) out[static_cast<std::size_t>(data.readings[k].camera)] += 1.0;
+  }
+  double points_out = 0.0;
+  for (const char use : trial.use_survey) points_out += use == 0 ? 1.0 : 0.0;
+  const bool survey_plausible = points_out <= kPlausible * static_cast<double>(data.points());
+
+  Weighting start = EqualWeighting(data, robust_floor_px);
+  const std::vector<double> robust = RobustFloors(data, priors, start, state, summary);
+  for (std::size_t j = 0; j < cameras; ++j) {
+    const bool plausible =
+        survey_plausible && out[j] <= kPlausible * static_cast<double>(stated[j].size());
+    start.floor_px[j] = plausible ? std::min(trial.floor_px[j], robust[j]) : robust[j];
+  }
+  return start;
 }
 
 RefinedBundle Refine(const Observations& data, const std::vector<CameraPrior>& priors,

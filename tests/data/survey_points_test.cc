@@ -105,8 +105,8 @@ TEST_F(SurveyPoints, AnglesTellLeftHandedCoordinates) {
 }
 
 TEST_F(SurveyPoints, RefusesWhatItCannotUse) {
-  Survey survey;
   const auto refuse = [&](const std::string& text, const std::string& words) {
+    Survey survey;
     try {
       ReadSurveyPoints(CsvTable::Load(Write("bad.csv", text)), &survey);
       ADD_FAILURE() << words;
