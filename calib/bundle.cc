@@ -311,7 +311,7 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
   solver.linear_solver_type = options.fix_points ? ceres::DENSE_QR : ceres::DENSE_SCHUR;
   if (!options.fix_points) solver.linear_solver_ordering = ordering;
   solver.max_num_iterations = options.max_iterations;
-  solver.function_tolerance = 1e-10;
+  solver.function_tolerance = options.function_tolerance;
   solver.gradient_tolerance = 1e-14;
   solver.parameter_tolerance = 1e-12;
   solver.num_threads = 1;

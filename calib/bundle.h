@@ -31,7 +31,8 @@ struct BundleOptions {
   // Infinity: least squares of what takes part.
   double loss_width = 3.0;
   int max_iterations = 100;
-  bool fix_points = false;  // hold the points where the survey has them
+  double function_tolerance = 1e-10;  // of the cost, relative: where the search ends
+  bool fix_points = false;            // hold the points where the survey has them
 };
 
 struct BundleState {

@@ -137,8 +137,8 @@ RigFit FitRig(const Observations& data, const CalibrateOptions& options, const s
   ChoosePointStarts(data, start_floor_px, options.bundle.loss_width, &start);
   FlooredBundle robust =
       SolveWithFloor(data, fit.priors, start_floor_px, options.bundle, std::move(start));
-  Weighting weighting = EqualWeighting(data, robust.floor_px);
-  weighting.floor_px = RobustFloors(data, fit.priors, weighting, robust.state, robust.summary);
+  const Weighting weighting = StartWeighting(data, fit.priors, robust.floor_px,
+                                             options.refine.gross, robust.state, robust.summary);
   fit.bundle = Refine(data, fit.priors, weighting, options.refine, std::move(robust.state));
   if (options.order != kAutomaticOrder && options.order != kFullOrder) {
     fit.priors = WithOrder(fit.priors, options.order);

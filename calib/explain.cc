@@ -157,7 +157,7 @@ class Explainer {
         Add(GrossKind::kSwappedPoints, points, -1, size, text);
       } else {
         const std::string text = fmt::format(
-            "labels shifted: of points {}, each has the place of the next", Ids(points));
+            "labels shifted: of points {}, each one's place stands under the next", Ids(points));
         Add(GrossKind::kShiftedLabels, points, -1, size, text);
       }
     }

@@ -25,6 +25,7 @@ HeldOutResult CheckFold(const Observations& data, const std::vector<CameraPrior>
   const Weighting& weighting = full.weighting;
   BundleOptions options;
   options.loss_width = std::numeric_limits<double>::infinity();
+  options.function_tolerance = 1e-7;  // less than a hundredth of one sigma in all
   const BundleSummary summary =
       SolveBundle(kept, priors, SelectPoints(weighting, data, keep), options, &state);
   data::Rig rig;

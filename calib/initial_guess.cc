@@ -120,6 +120,33 @@ CameraGuess GuessCamera(const Observations& data, int index, const GuessOptions&
   return guess;
 }
 
+// Two columns with the very same numbers are one camera, pasted twice: their noise cannot agree.
+void RefuseCopies(const Observations& data, int fewest, const std::string& where) {
+  const auto c = static_cast<std::size_t>(data.camera_count());
+  std::vector<int> common(c * c, 0), same(c * c, 0);
+  for (std::size_t first = 0; first < data.readings.size();) {
+    std::size_t end = first;
+    while (end < data.readings.size() && data.readings[end].point == data.readings[first].point) {
+      ++end;
+    }
+    for (std::size_t a = first; a < end; ++a) {
+      for (std::size_t b = a + 1; b < end; ++b) {
+        const std::size_t pair = static_cast<std::size_t>(data.readings[a].camera) * c +
+                                 static_cast<std::size_t>(data.readings[b].camera);
+        ++common[pair];
+        same[pair] += data.readings[a].u_px == data.readings[b].u_px ? 1 : 0;
+      }
+    }
+    first = end;
+  }
+  for (std::size_t pair = 0; pair < common.size(); ++pair) {
+    if (common[pair] < fewest || same[pair] < common[pair]) continue;
+    throw Error(fmt::format("cameras \"{}\" and \"{}\" have the very same readings",
+                            data.cameras[pair / c], data.cameras[pair % c]),
+                where, "give each camera its own");
+  }
+}
+
 }  // namespace
 
 PointSpread SpreadOf(const Eigen::Matrix3Xd& p) {
@@ -137,6 +164,7 @@ std::vector<CameraGuess> GuessCameras(const Observations& data, const GuessOptio
                 fmt::format("survey at least {}", options.fewest_points));
   }
   RefuseFlat(data.p, options.flatness, "the survey's points", where);
+  RefuseCopies(data, options.fewest_points, where);
   std::vector<CameraGuess> out;
   for (int j = 0; j < data.camera_count(); ++j) {
     out.push_back(GuessCamera(data, j, options, where));

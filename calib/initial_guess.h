@@ -40,7 +40,7 @@ struct CameraGuess {
 // For each camera: the robust direct linear transformation, then its own 19 parameters by robust
 // least squares with the loss's scale taken from the residuals (twice). Needs no starting values.
 // Throws Error, naming camera and reason, for too few readings, points that are coplanar or
-// collinear, and readings that no camera explains.
+// collinear, readings that no camera explains, and two cameras with the very same readings.
 std::vector<CameraGuess> GuessCameras(const Observations& data, const GuessOptions& options,
                                       const std::string& where);
 

@@ -32,6 +32,7 @@ double Resect(const Observations& data, const CameraPrior& prior, const Weightin
   }
   BundleOptions options;
   options.fix_points = true;
+  options.function_tolerance = 1e-7;
   double scale = 1e3;  // [px]: plain least squares first
   for (int pass = 0; pass < 3; ++pass) {
     mine.floor_px[0] = scale;
@@ -98,6 +99,7 @@ FoldResult CheckFold(const Observations& data, const OrderTrial& trial, int fold
   BundleState state{trial.bundle.state.cameras, trial.bundle.state.points(Eigen::all, keep)};
   BundleOptions options;
   options.loss_width = std::numeric_limits<double>::infinity();
+  options.function_tolerance = 1e-7;  // less than a hundredth of one sigma in all
   const BundleSummary summary =
       SolveBundle(kept, trial.priors, SelectPoints(all, data, keep), options, &state);
   Eigen::MatrixXd covariance = CameraCovariance(summary.information);

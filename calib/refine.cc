@@ -14,6 +14,8 @@ constexpr double kFloorChance = 0.05;   // below: a camera's readings are worse 
 constexpr double kSurveyChance = 1e-3;  // the same of the survey
 constexpr double kFewRedundant = 8.0;   // readings' worth; less, and a camera shares its floor
 constexpr double kSettled = 0.02;       // change of a reading's variance that no longer matters
+constexpr double kPlausible = 0.25;     // share of gross errors; more say that the model is wrong
+constexpr double kRough = 1e-7;         // of the cost, until nothing else changes
 constexpr double kUseful = 0.1;         // redundancy above which a residual tells of its error
 
 // t^2 with  sum r^2 / (s^2 + t^2) = redundancy,  or 0.
@@ -88,8 +90,7 @@ double UpdateVariances(const Observations& data, const RefinedBundle& bundle,
   return change;
 }
 
-}  // namespace
-
+// Floors from the residuals of a robust solution, by their median: gross errors spoil it little.
 std::vector<double> RobustFloors(const Observations& data, const std::vector<CameraPrior>& priors,
                                  const Weighting& weighting, const BundleState& state,
                                  const BundleSummary& summary) {
@@ -115,6 +116,40 @@ std::vector<double> RobustFloors(const Observations& data, const std::vector<Cam
   return out;
 }
 
+}  // namespace
+
+Weighting StartWeighting(const Observations& data, const std::vector<CameraPrior>& priors,
+                         double robust_floor_px, const GrossOptions& options,
+                         const BundleState& state, const BundleSummary& summary) {
+  const std::size_t cameras = data.cameras.size();
+  std::vector<std::vector<double>> stated(cameras);
+  for (const Reading& r : data.readings) {
+    stated[static_cast<std::size_t>(r.camera)].push_back(r.s_px);
+  }
+  Weighting trial = EqualWeighting(data, 0.0);
+  for (std::size_t j = 0; j < cameras; ++j) {
+    if (!stated[j].empty()) trial.floor_px[j] = Median(stated[j]);
+  }
+  BundleState scratch = state;
+  ChooseGross(data, options, &trial, &scratch);
+  std::vector<double> out(cameras, 0.0);
+  for (std::size_t k = 0; k < data.readings.size(); ++k) {
+    if (!trial.Uses(k)) out[static_cast<std::size_t>(data.readings[k].camera)] += 1.0;
+  }
+  double points_out = 0.0;
+  for (const char use : trial.use_survey) points_out += use == 0 ? 1.0 : 0.0;
+  const bool survey_plausible = points_out <= kPlausible * static_cast<double>(data.points());
+
+  Weighting start = EqualWeighting(data, robust_floor_px);
+  const std::vector<double> robust = RobustFloors(data, priors, start, state, summary);
+  for (std::size_t j = 0; j < cameras; ++j) {
+    const bool plausible =
+        survey_plausible && out[j] <= kPlausible * static_cast<double>(stated[j].size());
+    start.floor_px[j] = plausible ? std::min(trial.floor_px[j], robust[j]) : robust[j];
+  }
+  return start;
+}
+
 RefinedBundle Refine(const Observations& data, const std::vector<CameraPrior>& priors,
                      const Weighting& weighting, const RefineOptions& options, BundleState state) {
   RefinedBundle out;
@@ -123,6 +158,7 @@ RefinedBundle Refine(const Observations& data, const std::vector<CameraPrior>& p
   BundleOptions squares;
   squares.loss_width = std::numeric_limits<double>::infinity();
   squares.max_iterations = options.max_iterations;
+  squares.function_tolerance = kRough;
   for (int round = 0; round < options.rounds; ++round) {
     bool changed = false;
     if (options.choose_gross) {
@@ -138,6 +174,8 @@ RefinedBundle Refine(const Observations& data, const std::vector<CameraPrior>& p
     if (!changed && round > 0 && change < kSettled) break;
     if (round + 1 < options.rounds) out.weighting = std::move(next);
   }
+  squares.function_tolerance = BundleOptions{}.function_tolerance;
+  out.summary = SolveBundle(data, priors, out.weighting, squares, &out.state);
   return out;
 }
 

@@ -34,10 +34,12 @@ struct RefinedBundle {
 RefinedBundle Refine(const Observations& data, const std::vector<CameraPrior>& priors,
                      const Weighting& weighting, const RefineOptions& options, BundleState state);
 
-// Floors from the residuals of a robust solution, by their median: a start that gross errors spoil
-// little. `residual_px` of all readings, under the weighting.
-std::vector<double> RobustFloors(const Observations& data, const std::vector<CameraPrior>& priors,
-                                 const Weighting& weighting, const BundleState& state,
-                                 const BundleSummary& summary);
+// Where the refinement starts: each camera's readings at about their stated sigmas, if the gross
+// errors that this asks for are a plausible share of its readings and of the survey; else its floor
+// is from the median of its residuals. The first finds small gross errors, which would otherwise
+// hide in the floor; the second is for lenses that are not of the model's kind.
+Weighting StartWeighting(const Observations& data, const std::vector<CameraPrior>& priors,
+                         double robust_floor_px, const GrossOptions& options,
+                         const BundleState& state, const BundleSummary& summary);
 
 }  // namespace unfurl::calib

@@ -10,11 +10,15 @@
 
 #include "base/error.h"
 #include "base/text.h"
+#include "calib/layout.h"
 #include "calib/observations.h"
 #include "calib/verdict.h"
+#include "cli/calibrate_page.h"
 #include "cli/verb.h"
+#include "data/lab.h"
 #include "data/rig.h"
 #include "data/survey.h"
+#include "data/survey_points.h"
 #include "measure/survey_readings.h"
 
 namespace unfurl::cli {
@@ -24,8 +28,10 @@ namespace {
 using nlohmann::ordered_json;
 
 struct Arguments {
-  std::string survey, out;
+  std::string survey, readings, layout, out, report;
   std::string order = "auto";
+  data::StationSigmas sigmas;
+  std::vector<double> station;
   calib::CalibrateOptions options;
 };
 
@@ -192,6 +198,42 @@ int OrderOf(const std::string& name) {
               "give one of " + JoinWords(known));
 }
 
+data::Survey ReadWhole(const Arguments& arguments) {
+  const std::string& path = arguments.survey;
+  const bool gsi = !data::IsSurveyH5(path) && data::LooksLikeGsi(path);
+  if (arguments.readings.empty()) {
+    if (gsi) throw Error("holds no readings", path, "give them with --readings READINGS.csv");
+    return data::ReadSurvey(path);
+  }
+  data::Survey survey;
+  if (gsi) {
+    survey = data::ReadGsi(path, arguments.sigmas);
+  } else if (!data::ReadSurveyPoints(data::CsvTable::Load(path), &survey)) {
+    if (!(arguments.sigmas.coordinate > 0.0)) {
+      throw Error("states no uncertainty of its points", path,
+                  "add columns 'sx [m]', 'sy [m]' and 'sz [m]', or give --sigma");
+    }
+    const double variance = arguments.sigmas.coordinate * arguments.sigmas.coordinate;
+    for (const Eigen::Index k : {0, 3, 5}) survey.cov.row(k).setConstant(variance);
+  }
+  data::JoinReadings(data::ReadReadingsCsv(arguments.readings), arguments.readings, &survey);
+  return survey;
+}
+
+// A survey in the order N, E, H mirrors the world, and no reading tells; the layout does.
+void CheckHand(const std::string& path, data::Rig* rig) {
+  const calib::LayoutMatch match = calib::CompareLayout(*rig, data::ReadLab(path));
+  rig->checks["layout_rms [m]"] = match.rms;
+  if (!match.mirrored) return;
+  rig->verdict = calib::kDoNotUse;
+  rig->reasons.insert(
+      rig->reasons.begin(),
+      fmt::format("the survey is left-handed: the cameras are {:.2f} m RMS from where {} has them, "
+                  "and their mirror image {:.2f} m; its first two columns are N, E and not E, N: "
+                  "name them so, or exchange them",
+                  match.rms, path, match.rms_mirrored));
+}
+
 int RunCalibrate(const Common& common, const Arguments& arguments) {
   data::Provenance provenance = StartProvenance(common);
   provenance.AddInput(arguments.survey);
@@ -201,11 +243,24 @@ int RunCalibrate(const Common& common, const Arguments& arguments) {
   provenance.options["order"] = arguments.order;
   provenance.seed = arguments.options.guess.seed;
 
-  data::Survey survey = data::ReadSurvey(arguments.survey);
+  data::Survey survey = ReadWhole(arguments);
+  if (!arguments.readings.empty()) provenance.AddInput(arguments.readings);
+  if (!arguments.layout.empty()) provenance.AddInput(arguments.layout);
   measure::FindSurveyReadings(&survey, arguments.options.workers);
-  const calib::Calibration result = calib::Calibrate(calib::FromSurvey(survey, arguments.survey),
-                                                     arguments.options, arguments.survey);
+  const calib::Observations data = calib::FromSurvey(survey, arguments.survey);
+  calib::CalibrateOptions options = arguments.options;
+  options.explain.station = survey.station;
+  if (arguments.station.size() == 3) {
+    options.explain.station = Eigen::Vector3d::Map(arguments.station.data());
+  }
+  if (survey.has_lines()) options.explain.pixels = static_cast<double>(survey.format.active);
+  calib::Calibration result = calib::Calibrate(data, options, arguments.survey);
+  for (const std::string& note : survey.notes) result.rig.reasons.push_back(note);
+  if (!arguments.layout.empty()) CheckHand(arguments.layout, &result.rig);
   data::WriteRig(arguments.out, result.rig, provenance);
+  if (!arguments.report.empty()) {
+    WriteCalibratePage(arguments.report, arguments.survey, data, result, provenance);
+  }
   Finish(common, Json(result, arguments), Text(result, arguments.out));
   return result.rig.verdict == calib::kDoNotUse ? kExitNotUsable : kExitGood;
 }
@@ -221,6 +276,22 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
                   "Surveyed points with readings (.csv, .h5) or raw lines (.h5)")
       ->required();
   app->add_option("-o,--output", arguments->out, "The rig to write; SURVEY with .rig.h5 if absent");
+  app->add_option("--report", arguments->report,
+                  "A page: verdict, residuals, gross errors, map of uncertainty [HTML]");
+  app->add_option("--readings", arguments->readings,
+                  "Readings by id, where SURVEY holds points only [CSV]; repeats are averaged");
+  app->add_option("--sigma", arguments->sigmas.coordinate,
+                  "Of the points per axis, where SURVEY states none [m]")
+      ->check(CLI::PositiveNumber);
+  app->add_option("--angle-sigma", arguments->sigmas.angle, "Of a GSI file's angles [rad]")
+      ->check(CLI::PositiveNumber);
+  app->add_option("--distance-sigma", arguments->sigmas.distance, "Of a GSI file's distances [m]")
+      ->check(CLI::PositiveNumber);
+  app->add_option("--station", arguments->station,
+                  "Where the total station stood: x y z in the survey's frame [m]")
+      ->expected(3);
+  app->add_option("--layout", arguments->layout,
+                  "Where the cameras were meant to stand [lab TOML]: tells a left-handed survey");
   app->add_option("--folds", arguments->options.folds,
                   "Parts of the survey that are held out in turn")
       ->capture_default_str()

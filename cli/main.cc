@@ -49,10 +49,10 @@ int Run(int argc, char** argv) {
   std::vector<Verb> verbs;
   using AddVerb = Verb (*)(CLI::App&, unfurl::cli::Common&);
   const AddVerb all[] = {
-      unfurl::cli::AddSimulate,  unfurl::cli::AddModes,       unfurl::cli::AddExpose,
-      unfurl::cli::AddCalibrate, unfurl::cli::AddReconstruct, unfurl::cli::AddCorrelate,
-      unfurl::cli::AddFit,       unfurl::cli::AddCost,        unfurl::cli::AddInfo,
-      unfurl::cli::AddConvert};
+      unfurl::cli::AddSimulate,    unfurl::cli::AddModes,     unfurl::cli::AddExpose,
+      unfurl::cli::AddPlan,        unfurl::cli::AddCalibrate, unfurl::cli::AddCheck,
+      unfurl::cli::AddReconstruct, unfurl::cli::AddCorrelate, unfurl::cli::AddFit,
+      unfurl::cli::AddCost,        unfurl::cli::AddInfo,      unfurl::cli::AddConvert};
   for (const AddVerb add : all) {
     verbs.push_back(add(program, common));
   }

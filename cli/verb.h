@@ -32,6 +32,8 @@ Verb AddSimulate(CLI::App& program, Common& common);
 Verb AddModes(CLI::App& program, Common& common);
 Verb AddExpose(CLI::App& program, Common& common);
 Verb AddCalibrate(CLI::App& program, Common& common);
+Verb AddCheck(CLI::App& program, Common& common);
+Verb AddPlan(CLI::App& program, Common& common);
 Verb AddReconstruct(CLI::App& program, Common& common);
 Verb AddCorrelate(CLI::App& program, Common& common);
 Verb AddFit(CLI::App& program, Common& common);

@@ -5,7 +5,6 @@
 #include <array>
 #include <cmath>
 #include <fstream>
-#include <set>
 
 #include "base/error.h"
 #include "base/text.h"
@@ -13,13 +12,13 @@
 #include "data/csv.h"
 #include "data/h5.h"
 #include "data/line_format_io.h"
+#include "data/survey_points.h"
 
 namespace unfurl::data {
 
 namespace {
 
 constexpr std::array<const char*, 6> kCovariance = {"cxx", "cxy", "cxz", "cyy", "cyz", "czz"};
-constexpr std::array<const char*, 3> kSigma = {"sx", "sy", "sz"};
 constexpr std::array<const char*, 3> kPosition = {"x", "y", "z"};
 
 bool IsHdf5(const std::string& path) {
@@ -37,63 +36,10 @@ bool Possible(const Eigen::Matrix<double, 6, 1>& c) {
   return c(0) > 0.0 && minor > 0.0 && det > 0.0;
 }
 
-// id, x, y, z, and the covariance in either form where it is there.
-bool ReadPoints(const CsvTable& table, Survey* survey) {
-  const std::size_t n = table.rows();
-  if (n == 0) {
-    throw Error("holds no point", table.path(), "give one line per surveyed point");
-  }
-  const Eigen::Index count = static_cast<Eigen::Index>(n);
-  const int id = table.Require("id", "");
-  std::array<int, 3> xyz, sigma;
-  std::array<int, 6> cov;
-  for (std::size_t k = 0; k < 3; ++k) xyz[k] = table.Require(kPosition[k], "m");
-  const bool has_sigma = table.Find("sx") >= 0;
-  const bool has_cov = table.Find("cxx") >= 0;
-  if (has_sigma && has_cov) {
-    throw Error("states both sigmas and covariances", table.path(), "leave one of them out");
-  }
-  for (std::size_t k = 0; has_sigma && k < 3; ++k) sigma[k] = table.Require(kSigma[k], "m");
-  for (std::size_t k = 0; has_cov && k < 6; ++k) cov[k] = table.Require(kCovariance[k], "m^2");
-
-  survey->p.resize(3, count);
-  survey->cov.setZero(6, count);
-  std::set<std::string> seen;
-  for (std::size_t i = 0; i < n; ++i) {
-    const Eigen::Index col = static_cast<Eigen::Index>(i);
-    survey->id.push_back(table.Text(i, id));
-    if (survey->id.back().empty() || !seen.insert(survey->id.back()).second) {
-      throw Error(fmt::format("the id '{}' is {}", survey->id.back(),
-                              survey->id.back().empty() ? "empty" : "there twice"),
-                  table.Where(i, id), "give each point an id of its own");
-    }
-    for (std::size_t k = 0; k < 3; ++k) {
-      survey->p(static_cast<Eigen::Index>(k), col) = table.Number(i, xyz[k]);
-    }
-    for (std::size_t k = 0; has_sigma && k < 3; ++k) {
-      const double s = table.Number(i, sigma[k]);
-      if (s <= 0.0) {
-        throw Error(fmt::format("a sigma of {} is impossible", s), table.Where(i, sigma[k]),
-                    "give a standard deviation above 0");
-      }
-      constexpr std::array<Eigen::Index, 3> kDiagonal = {0, 3, 5};
-      survey->cov(kDiagonal[k], col) = s * s;
-    }
-    for (std::size_t k = 0; has_cov && k < 6; ++k) {
-      survey->cov(static_cast<Eigen::Index>(k), col) = table.Number(i, cov[k]);
-    }
-    if (has_cov && !Possible(survey->cov.col(col))) {
-      throw Error("the covariance is not positive definite", table.Where(i, cov[0]),
-                  "correct the line");
-    }
-  }
-  return has_sigma || has_cov;
-}
-
 Survey ReadCsv(const std::string& path) {
   const CsvTable table = CsvTable::Load(path);
   Survey survey;
-  if (!ReadPoints(table, &survey)) {
+  if (!ReadSurveyPoints(table, &survey)) {
     throw Error("states no uncertainty of its points", path,
                 "add columns 'sx [m]', 'sy [m]' and 'sz [m]'");
   }
@@ -191,11 +137,13 @@ Survey ReadH5(const std::string& path) {
 
 }  // namespace
 
+bool IsSurveyH5(const std::string& path) { return IsHdf5(path); }
+
 Survey ReadSurvey(const std::string& path) { return IsHdf5(path) ? ReadH5(path) : ReadCsv(path); }
 
 Survey ReadPointsCsv(const std::string& path) {
   Survey survey;
-  ReadPoints(CsvTable::Load(path), &survey);
+  ReadSurveyPoints(CsvTable::Load(path), &survey);
   return survey;
 }
 

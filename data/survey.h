@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -17,6 +18,9 @@ struct Survey {
   Eigen::Matrix3Xd p;                            // 3 x n, in the station's frame W [m]
   Eigen::Matrix<double, 6, Eigen::Dynamic> cov;  // xx, xy, xz, yy, yz, zz by n [m^2]
   std::vector<std::string> cameras;              // c names
+  // Where the total station stood, in W [m]; NaN: not said. Not stored.
+  Eigen::Vector3d station = Eigen::Vector3d::Constant(NAN);
+  std::vector<std::string> notes;  // what was made of the file, for the user. Not stored
 
   Eigen::MatrixXd u_px;  // n x c readings [px]; NaN: not seen. Empty (0 x 0) where there are lines
   Eigen::MatrixXd s_px;  // n x c standard deviations [px]; NaN where u is NaN
@@ -34,13 +38,14 @@ struct Survey {
 inline constexpr char kSurveySchema[] = "unfurl/survey";
 inline constexpr int kSurveyVersion = 1;
 
-// By content: HDF5, or CSV with the columns id, x, y, z, then sx, sy, sz or cxx, cxy, cxz, cyy,
-// cyz, czz, then u1.. and s1.. (empty cells: not seen), each with its unit in the header.
+// By content: HDF5, or CSV with points (data/survey_points.h), then u1.. and s1.. (empty cells: not
+// seen), each with its unit in the header.
 Survey ReadSurvey(const std::string& path);
+bool IsSurveyH5(const std::string& path);  // HDF5 at all, by its first bytes
 void WriteSurvey(const std::string& path, const Survey& survey, const Provenance& provenance);
 void WriteSurveyCsv(const std::string& path, const Survey& survey);  // readings only
 
-// The points alone, for `expose --survey`: id, x, y, z and, if given, their sigmas.
+// The points alone: id, coordinates and, if given, their sigmas.
 Survey ReadPointsCsv(const std::string& path);
 
 }  // namespace unfurl::data

@@ -9,6 +9,7 @@
 #include "report/assets.h"
 #include "report/chart.h"
 #include "report/escape.h"
+#include "report/map.h"
 #include "report/paths.h"
 
 namespace unfurl::report {
@@ -148,6 +149,11 @@ void Page::AddChart(const Chart& chart) {
 
 void Page::AddPaths(const Paths& paths) {
   body_ += "<figure class=\"panel paths\">\n" + Heading(paths.title, paths.note) + PathsSvg(paths) +
+           "</figure>\n";
+}
+
+void Page::AddMap(const Map& map) {
+  body_ += "<figure class=\"panel paths\">\n" + Heading(map.title, map.note) + MapSvg(map) +
            "</figure>\n";
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <string>
 #include <vector>
@@ -86,6 +87,33 @@ struct Paths {
   std::vector<Path> paths;
 };
 
+// A place with a value of its own, coloured by it; NaN: white.
+struct MapDot {
+  double x = 0.0, y = 0.0;  // [axis unit]
+  double value = 0.0;
+  std::string label;  // shown under the pointer
+  bool large = false;
+};
+
+struct MapPane {
+  std::string title;           // "z = -0.7 m"
+  std::vector<double> values;  // row by row from the lowest y, Map::columns each; NaN: left grey
+  std::vector<MapDot> dots;
+};
+
+// A quantity over a plane, by colour, in panes side by side (slices through a volume); still.
+struct Map {
+  std::string title;
+  std::string note;
+  Axis x, y, value;
+  double x_low = 0.0, x_high = 1.0, y_low = 0.0, y_high = 1.0;  // what each pane spans
+  int columns = 0;                                              // of the grid of values
+  // Ends of the colours; NaN: the least and the largest value.
+  double low = std::numeric_limits<double>::quiet_NaN();
+  double high = std::numeric_limits<double>::quiet_NaN();
+  std::vector<MapPane> panes;
+};
+
 class Page {
  public:
   explicit Page(std::string title, std::string subtitle = {});
@@ -101,6 +129,7 @@ class Page {
   void AddSpectrum(Chart chart);    // so do spectra; logarithmic axes where the Axis says so
   void AddChart(const Chart& chart);
   void AddPaths(const Paths& paths);
+  void AddMap(const Map& map);
   // `png` are the bytes of a PNG file; `alternative` says in words what it shows.
   void AddPicture(const std::string& title, const std::string& note,
                   std::span<const std::uint8_t> png, const std::string& alternative);

@@ -73,6 +73,21 @@ TEST(Refusal, ReadingsThatBelongToOtherPoints) {
   EXPECT_THAT(Refusal(data), AllOf(HasSubstr("camera \"c1\""), HasSubstr("do not fit any camera")));
 }
 
+TEST(Refusal, OneCamerasReadingsGivenTwice) {
+  Observations data = MakeStudy(1).data;
+  std::vector<double> first(data.ids.size(), NAN);
+  for (const Reading& r : data.readings) {
+    if (r.camera == 0) first[static_cast<std::size_t>(r.point)] = r.u_px;
+  }
+  std::erase_if(data.readings, [&](const Reading& r) {
+    return r.camera == 3 && std::isnan(first[static_cast<std::size_t>(r.point)]);
+  });
+  for (Reading& r : data.readings) {
+    if (r.camera == 3) r.u_px = first[static_cast<std::size_t>(r.point)];
+  }
+  EXPECT_THAT(Refusal(data), AllOf(HasSubstr("\"c1\" and \"c4\""), HasSubstr("same readings")));
+}
+
 TEST(Refusal, TwoCameras) {
   Observations data = MakeStudy(1).data;
   data.cameras.resize(2);
@@ -193,6 +208,41 @@ TEST(Verdict, ParallelLensAxesAreNotToBeUsed) {
   study.data = Observe(study.truth, study.points, 3e-4, 0.05, Rng(18));
   const Calibration result = Calibrate(study.data, {}, "test");
   EXPECT_EQ(result.rig.verdict, kDoNotUse);
+}
+
+// Two cameras in one place, each with its own noise: a rig of three and a spare.
+TEST(Calibrate, TwoCamerasInOnePlaceWork) {
+  Study study = MakeStudy(27, 120);
+  const std::string name = study.truth[3].name;
+  study.truth[3] = study.truth[0];
+  study.truth[3].name = name;
+  study.data = Observe(study.truth, study.points, 3e-4, 0.05, Rng(28));
+  const RigFit fit = FitRig(study.data, {}, "test");
+  const auto errors = testing::ErrorsOf(fit.rig, study.truth, testing::CheckPoints(27));
+  ASSERT_GT(errors.error.size(), 100U);
+  // One calibration has some 24 independent errors: its RMS is within 50% of its prediction.
+  EXPECT_NEAR(errors.Rms(), errors.PredictedRms(), 0.5 * errors.PredictedRms());
+}
+
+// The fewest points that are taken: a rig comes out, its error bars know how little that is, and
+// the verdict says so.
+TEST(Calibrate, TwelvePointsWorkAndSaySo) {
+  double squares = 0.0, predicted = 0.0;
+  int rigs = 0;
+  for (std::uint64_t seed = 61; seed < 66; ++seed) {
+    Study study = MakeStudy(seed);
+    study.data = Observe(study.truth, PointsInCube(12, 0.9, Rng(seed)), 3e-4, 0.05, Rng(seed + 1));
+    if (study.data.readings.size() < 48) continue;  // a camera that sees fewer refuses by name
+    const Calibration result = Calibrate(study.data, {}, "test");
+    EXPECT_NE(result.rig.verdict, kGood);
+    const auto errors =
+        testing::ErrorsOf(result.rig, study.truth, PointsInCube(100, 0.6, Rng(seed).Stream("in")));
+    squares += errors.Rms() * errors.Rms();
+    predicted += errors.PredictedRms() * errors.PredictedRms();
+    ++rigs;
+  }
+  ASSERT_GE(rigs, 3);
+  EXPECT_LT(std::sqrt(squares / predicted), 2.0);
 }
 
 TEST(Verdict, TooFewPointsForTheirCamerasAreNotGood) {

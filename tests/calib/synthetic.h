@@ -42,7 +42,22 @@ inline data::RigCamera LookAt(const Eigen::Vector3d& place, const Eigen::Vector3
   return camera;
 }
 
-// Four (or more) cameras at the corners of a square, axes alternately at +45 and -45 degrees, with
+// The same, the lens axis turned by `roll` from the world's x axis, as in a laboratory's file.
+inline data::RigCamera LookAtFromX(const Eigen::Vector3d& place, const Eigen::Vector3d& target,
+                                   double roll) {
+  const Eigen::Vector3d Z = (target - place).normalized();
+  const Eigen::Vector3d across = (Eigen::Vector3d::UnitX() - Z.x() * Z).normalized();
+  const Eigen::Vector3d Y = std::cos(roll) * across + std::sin(roll) * Z.cross(across);
+  data::RigCamera camera;
+  camera.R_CW.row(0) = Y.cross(Z);
+  camera.R_CW.row(1) = Y;
+  camera.R_CW.row(2) = Z;
+  camera.p_WC = place;
+  return camera;
+}
+
+// Four (or more) cameras as in the shipped laboratory: at the corners of a square, lens axes
+// alternately at +45 and -45 degrees from the world's x axis, so that any three fix a point; with
 // the distortion of a plano-convex cylinder behind a slit, all of it disturbed at random.
 inline std::vector<data::RigCamera> MakeRig(const RigOptions& options, Rng rng) {
   std::vector<data::RigCamera> cameras;
@@ -52,7 +67,7 @@ inline std::vector<data::RigCamera> MakeRig(const RigOptions& options, Rng rng) 
     const Eigen::Vector3d place(side * std::cos(turn), side * std::sin(turn),
                                 std::sqrt(options.distance * options.distance - 2.0));
     data::RigCamera camera =
-        LookAt(place, Eigen::Vector3d::Zero(), (j % 2 == 0 ? 1.0 : -1.0) * M_PI / 4.0);
+        LookAtFromX(place, Eigen::Vector3d::Zero(), (j % 2 == 0 ? 1.0 : -1.0) * M_PI / 4.0);
     const auto error = [&] { return options.pose_error * rng.Normal(); };
     camera.R_CW = RotationFromVector({error(), error(), error()}) * camera.R_CW;
     camera.p_WC += Eigen::Vector3d(error(), error(), error());

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/observations.h"
+#include "data/rig.h"
+
+namespace unfurl::calib {
+
+// Is a calibration still valid? A chance below kDoubtful says that something has changed, one
+// between that and kPerhaps that it might have.
+inline constexpr double kDoubtful = 1e-4, kPerhaps = 1e-2;
+
+struct CheckedCamera {
+  std::string name;
+  int readings = 0;
+  double rms_px = 0.0;  // of readings from what rig and survey predict
+  double rms_predicted_px = 0.0;
+  double chance_without = 0.0;  // of the rest, without this camera
+};
+
+struct CheckedPoint {
+  std::string id;
+  double error = 0.0;           // found less surveyed [m]; NaN: not found
+  double predicted = 0.0;       // its sigma, 3-D [m]
+  double chance_without = 0.0;  // of the rest, without this point
+};
+
+struct CheckResult {
+  double chance = 0.0;                    // of so large a misfit, were the calibration valid
+  double rms = 0.0, rms_predicted = 0.0;  // of found points, or of lengths [m]
+  std::vector<CheckedCamera> cameras;
+  std::vector<CheckedPoint> points;
+  std::string verdict;  // "still valid", "doubtful", "no longer valid"
+  std::vector<std::string> reasons;
+};
+
+// Against points of known place: readings less what the rig predicts at the surveyed places, all at
+// once, with the covariance of rig, survey and readings. Where the whole is impossible it is tried
+// without each point and without each camera: the one whose absence mends it is named. Throws
+// Error where cameras differ from the rig's.
+CheckResult CheckPoints(const data::Rig& rig, const Observations& data, const std::string& where);
+
+// Against a bar of known length. `data` holds two points for each placement, one after the other;
+// their places and covariances are not used, but as where the search starts.
+struct Bar {
+  double length = 0.0, sigma = 0.0;  // [m]
+};
+CheckResult CheckBar(const data::Rig& rig, const Observations& data, const Bar& bar,
+                     const std::string& where);
+
+}  // namespace unfurl::calib

@@ -1,0 +1,283 @@
+#include "cli/calibrate_page.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "calib/plan.h"
+#include "calib/verdict.h"
+#include "cli/uncertainty_panel.h"
+#include "report/page.h"
+
+namespace unfurl::cli {
+
+namespace {
+
+using calib::Calibration;
+using report::Level;
+
+constexpr std::size_t kWorst = 15;
+constexpr int kSlabs = 3;  // of the volume's height, for dots
+
+std::string Cell(const Calibration& result, const char* check, double scale, int decimals) {
+  const auto found = result.rig.checks.find(check);
+  return found == result.rig.checks.end() ? "-"
+                                          : fmt::format("{:.{}f}", scale * found->second, decimals);
+}
+
+Level LevelOf(const std::string& verdict) {
+  if (verdict == calib::kGood) return Level::kGood;
+  return verdict == calib::kWithCare ? Level::kCare : Level::kBad;
+}
+
+void AddHead(const Calibration& result, report::Page* page) {
+  page->AddWords(LevelOf(result.rig.verdict), "Verdict: " + result.rig.verdict, result.rig.reasons);
+  const auto& report = result.report;
+  page->AddFigures(
+      {{"error of a found point (predicted, median)",
+        Cell(result, "own_error_median_predicted [m]", 1e3, 3) + " mm",
+        "3-D, of calibration and readings"},
+       {"held-out points from the survey", Cell(result, "held_out_rms [m]", 1e3, 3) + " mm",
+        "predicted " + Cell(result, "held_out_rms_predicted [m]", 1e3, 3) +
+            " mm, with the survey's own error"},
+       {"95% of them within", Cell(result, "held_out_p95 [m]", 1e3, 3) + " mm",
+        "largest " + Cell(result, "held_out_max [m]", 1e3, 3) + " mm"},
+       {"lens model", calib::kLensOrders[static_cast<std::size_t>(report.order)].name,
+        report.order_chosen ? "by cross-validation" : "as asked for"},
+       {"left out as gross",
+        fmt::format("{} readings, {} points", Cell(result, "gross_readings [1]", 1.0, 0),
+                    Cell(result, "gross_points [1]", 1.0, 0)),
+        fmt::format("of {} and {}", report.readings.size(), report.survey_weight.size())}});
+}
+
+void AddGross(const Calibration& result, report::Page* page) {
+  if (result.report.gross.empty()) return;
+  report::Table table;
+  table.title = "Gross errors";
+  table.note = "Left out of the fit. Correct what is plainly a slip and calibrate again.";
+  table.header = {"kind", "what", "size"};
+  table.text_columns = {0, 1};
+  for (const calib::GrossFinding& finding : result.report.gross) {
+    table.rows.push_back({calib::Name(finding.kind), finding.text,
+                          finding.camera >= 0 ? fmt::format("{:.2f} px", finding.size)
+                                              : fmt::format("{:.1f} mm", 1e3 * finding.size)});
+  }
+  page->AddTable(table);
+}
+
+void AddCameras(const Calibration& result, report::Page* page) {
+  report::Table table;
+  table.title = "Cameras";
+  table.note =
+      "The floor is what had to be added to each reading's sigma for the lens model's own error. "
+      "The "
+      "last two columns are the part of the sensor on which there were readings: outside it the "
+      "model "
+      "extrapolates.";
+  table.header = {"camera",     "x [m]",      "y [m]",    "z [m]",
+                  "f [px]",     "readings",   "left out", "residual RMS [px]",
+                  "floor [px]", "from pixel", "to pixel"};
+  for (std::size_t j = 0; j < result.rig.cameras.size(); ++j) {
+    const data::RigCamera& c = result.rig.cameras[j];
+    const calib::CameraReport& fit = result.report.cameras[j];
+    table.rows.push_back({c.name, fmt::format("{:.4f}", c.p_WC.x()),
+                          fmt::format("{:.4f}", c.p_WC.y()), fmt::format("{:.4f}", c.p_WC.z()),
+                          fmt::format("{:.2f}", c.f_px), std::to_string(fit.readings),
+                          std::to_string(fit.gross), fmt::format("{:.4f}", fit.residual_rms_px),
+                          fmt::format("{:.4f}", fit.floor_px), fmt::format("{:.0f}", fit.low_px),
+                          fmt::format("{:.0f}", fit.high_px)});
+  }
+  page->AddTable(table);
+}
+
+void AddResiduals(const Calibration& result, report::Page* page) {
+  report::Chart chart;
+  chart.title = "Residuals along the sensor";
+  chart.note =
+      "Reading less prediction, over what one expects of it (its sigma and its redundancy): within "
+      "3 "
+      "where all is well, and without a pattern along the sensor.";
+  chart.x = {"reading", "px"};
+  chart.y = {"residual over its sigma", "1"};
+  for (std::size_t j = 0; j < result.report.cameras.size(); ++j) {
+    std::vector<std::pair<double, double>> points;
+    for (const calib::ReadingReport& r : result.report.readings) {
+      if (r.camera != static_cast<int>(j) || !(r.weight > 0.0) || r.redundancy < 0.01) continue;
+      points.push_back({r.u_px, r.residual_px / (r.sigma_px * std::sqrt(r.redundancy))});
+    }
+    std::sort(points.begin(), points.end());
+    report::Series series;
+    series.name = result.report.cameras[j].name;
+    series.style = report::Style::kDots;
+    for (const auto& [u, residual] : points) {
+      series.x.push_back(u);
+      series.y.push_back(residual);
+    }
+    chart.series.push_back(std::move(series));
+  }
+  page->AddChart(chart);
+}
+
+// Surveyed points by height, coloured by a value of their own.
+void AddDots(const calib::Observations& data, const Calibration& result,
+             const std::vector<double>& value, const std::string& title, const std::string& note,
+             const report::Axis& axis, report::Page* page) {
+  report::Map map;
+  map.title = title;
+  map.note = note;
+  map.x = {"x", "m"};
+  map.y = {"y", "m"};
+  map.value = axis;
+  const Eigen::Vector3d low = result.rig.volume_low, high = result.rig.volume_high;
+  const Eigen::Vector3d margin = 0.05 * (high - low);
+  map.x_low = low.x() - margin.x();
+  map.x_high = high.x() + margin.x();
+  map.y_low = low.y() - margin.y();
+  map.y_high = high.y() + margin.y();
+  const double step = (high.z() - low.z()) / kSlabs;
+  for (int slab = 0; slab < kSlabs; ++slab) {
+    map.panes.push_back({fmt::format("z from {:.2f} to {:.2f} m", low.z() + step * slab,
+                                     low.z() + step * (slab + 1)),
+                         {},
+                         {}});
+  }
+  for (int i = 0; i < data.points(); ++i) {
+    const auto point = static_cast<std::size_t>(i);
+    if (!std::isfinite(value[point]) || result.report.survey_weight[point] < 1.0) continue;
+    const int slab = std::clamp(static_cast<int>((data.p(2, i) - low.z()) / step), 0, kSlabs - 1);
+    map.panes[static_cast<std::size_t>(slab)].dots.push_back(
+        {data.p(0, i), data.p(1, i), value[point],
+         fmt::format("{}: {:.3f} {}", data.ids[point], value[point], axis.unit)});
+  }
+  page->AddMap(map);
+}
+
+void AddVolume(const calib::Observations& data, const Calibration& result, report::Page* page) {
+  page->AddSection("Over the volume");
+  const double none = std::nan("");
+  std::vector<double> contradiction(data.ids.size(), 0.0), count(data.ids.size(), 0.0);
+  for (const calib::ReadingReport& r : result.report.readings) {
+    if (!(r.weight > 0.0)) continue;
+    contradiction[static_cast<std::size_t>(r.point)] += r.residual_px * r.residual_px;
+    count[static_cast<std::size_t>(r.point)] += 1.0;
+  }
+  for (std::size_t i = 0; i < count.size(); ++i) {
+    contradiction[i] = count[i] > 3.0 ? std::sqrt(contradiction[i] / count[i]) : none;
+  }
+  AddDots(data, result, contradiction, "Residuals of the readings",
+          "RMS over the cameras that see the point; only points with readings to spare.",
+          {"residual", "px"}, page);
+  std::vector<double> held_out(data.ids.size(), none);
+  for (const calib::HeldOutPoint& point : result.report.held_out) {
+    held_out[static_cast<std::size_t>(point.point)] = 1e3 * point.error.norm();
+  }
+  AddDots(
+      data, result, held_out, "Held-out points",
+      "Distance of each from the survey when it took no part in the fit; the survey's own error "
+      "is in it.",
+      {"distance", "mm"}, page);
+  calib::MapOptions options;
+  const calib::UncertaintyMap map =
+      calib::MapUncertainty(result.rig, calib::SeenOnRow(result.rig), options);
+  page->AddMap(UncertaintyPanel(
+      map, "Uncertainty",
+      fmt::format("Of a point found with readings of {} px: calibration and readings. Grey: fewer "
+                  "than three cameras see it, or their planes are too near to parallel.",
+                  options.reading_sigma_px),
+      std::nan("")));
+}
+
+void AddWorst(const calib::Observations& data, const Calibration& result, report::Page* page) {
+  std::vector<std::size_t> order(result.report.held_out.size());
+  std::iota(order.begin(), order.end(), 0U);
+  const auto& held = result.report.held_out;
+  std::sort(order.begin(), order.end(),
+            [&](std::size_t a, std::size_t b) { return held[a].squared > held[b].squared; });
+  report::Table table;
+  table.title = "Worst of the held-out points";
+  table.header = {"point",   "x [m]",       "y [m]",          "z [m]",
+                  "cameras", "off by [mm]", "predicted [mm]", "in sigmas"};
+  for (std::size_t k = 0; k < order.size() && k < kWorst; ++k) {
+    const calib::HeldOutPoint& point = held[order[k]];
+    const Eigen::Vector3d p = data.p.col(point.point);
+    table.rows.push_back({data.ids[static_cast<std::size_t>(point.point)],
+                          fmt::format("{:.3f}", p.x()), fmt::format("{:.3f}", p.y()),
+                          fmt::format("{:.3f}", p.z()), std::to_string(point.readings),
+                          fmt::format("{:.3f}", 1e3 * point.error.norm()),
+                          fmt::format("{:.3f}", 1e3 * std::sqrt(point.predicted.trace())),
+                          fmt::format("{:.2f}", std::sqrt(point.squared / 3.0))});
+  }
+  page->AddTable(table);
+}
+
+void AddOrders(const Calibration& result, report::Page* page) {
+  if (result.report.orders.empty()) return;
+  report::Table table;
+  table.title = "Lens models";
+  table.note =
+      "Each fitted without a fifth of the points in turn. What counts is how likely the left-out "
+      "points' readings were; the simplest model that loses next to nothing is taken.";
+  table.header = {"model",
+                  "less likely by [nats]",
+                  "readings contradict each other by [px]",
+                  "from the survey [mm]",
+                  "largest floor [px]",
+                  "seconds"};
+  for (const calib::OrderTrial& trial : result.report.orders) {
+    std::string name = calib::kLensOrders[static_cast<std::size_t>(trial.order)].name;
+    if (trial.order == result.report.order) name += " (taken)";
+    table.rows.push_back(
+        {name, fmt::format("{:.1f}", trial.loss), fmt::format("{:.4f}", trial.contradiction_px),
+         fmt::format("{:.3f}", 1e3 * trial.held_out_rms),
+         fmt::format("{:.4f}", trial.largest_floor_px), fmt::format("{:.2f}", trial.seconds)});
+  }
+  page->AddTable(table);
+}
+
+void AddWeak(const Calibration& result, report::Page* page) {
+  if (result.report.weak.empty()) return;
+  report::Table table;
+  table.title = "What the survey barely determines";
+  table.note =
+      "Directions in a camera's parameters that are not known to 1 mrad, 10 mm, 0.1% of image "
+      "scale, "
+      "2 px of offset, 5 mm between the centres, or 1 px at the edge of the field. What one sigma "
+      "of "
+      "it does to found points says whether it matters.";
+  table.header = {
+      "camera", "direction", "sigma", "known from the prior [%]", "moves points by [mm]", "advice"};
+  table.text_columns = {0, 1, 5};
+  for (const calib::WeakDirection& weak : result.report.weak) {
+    table.rows.push_back({result.rig.cameras[static_cast<std::size_t>(weak.camera)].name, weak.name,
+                          fmt::format("{:.2g} {}", weak.sigma, weak.unit),
+                          fmt::format("{:.0f}", 100.0 * weak.by_prior),
+                          fmt::format("{:.3f}", 1e3 * weak.point_rms), weak.advice});
+  }
+  page->AddTable(table);
+}
+
+}  // namespace
+
+void WriteCalibratePage(const std::string& path, const std::string& survey,
+                        const calib::Observations& data, const calib::Calibration& result,
+                        const data::Provenance& provenance) {
+  report::Page page("Calibration", survey);
+  AddHead(result, &page);
+  AddGross(result, &page);
+  AddCameras(result, &page);
+  AddResiduals(result, &page);
+  AddVolume(data, result, &page);
+  AddWorst(data, result, &page);
+  AddOrders(result, &page);
+  AddWeak(result, &page);
+  page.AddOrigin("program", provenance.program);
+  page.AddOrigin("command", provenance.command);
+  for (const data::InputFile& input : provenance.inputs) {
+    page.AddOrigin(input.path, "sha256 " + input.sha256);
+  }
+  page.Write(path);
+}
+
+}  // namespace unfurl::cli

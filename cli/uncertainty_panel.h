@@ -1,0 +1,29 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "calib/plan.h"
+#include "report/page.h"
+
+namespace unfurl::cli {
+
+// Slices of the map, one pane a layer; `high_mm` ends the colours, so that several maps compare
+// (NaN: the map's own 98% quantile).
+report::Map UncertaintyPanel(const calib::UncertaintyMap& map, const std::string& title,
+                             const std::string& note, double high_mm);
+
+// "z = -0.73 m", by layer.
+std::vector<std::string> LayerTitles(const calib::UncertaintyMap& map);
+
+// 3-D error with all cameras and with each one lost: share of the volume, median, 95%, largest
+// [mm].
+struct LossRow {
+  std::string name;  // "all cameras", "without north_east"
+  calib::UncertaintyMap map;
+};
+std::vector<LossRow> LossRows(const data::Rig& rig, const calib::Visibility& sees,
+                              const calib::MapOptions& options);
+std::vector<std::vector<std::string>> LossTable(const std::vector<LossRow>& rows);
+
+}  // namespace unfurl::cli

@@ -1,0 +1,171 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include "base/error.h"
+#include "base/text.h"
+#include "data/survey_points.h"
+
+namespace unfurl::data {
+
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kNotable = 1.2;  // a widening of sigmas that is worth a word
+
+struct One {
+  double u = 0.0, s = 0.0;
+};
+
+// Repeats of each (point, camera), in order of appearance.
+struct Collected {
+  std::vector<std::string> id, cameras;
+  std::map<std::pair<std::size_t, std::size_t>, std::vector<One>> readings;
+
+  std::size_t Index(std::vector<std::string>* names, const std::string& name) {
+    const auto found = std::find(names->begin(), names->end(), name);
+    if (found != names->end()) return static_cast<std::size_t>(found - names->begin());
+    names->push_back(name);
+    return names->size() - 1;
+  }
+};
+
+void Add(const CsvTable& table, std::size_t row, int u_column, int s_column, std::size_t point,
+         std::size_t camera, Collected* out) {
+  const double u = table.NumberOrNan(row, u_column), s = table.NumberOrNan(row, s_column);
+  if (std::isnan(u) != std::isnan(s)) {
+    throw Error("a reading without its sigma, or a sigma without a reading",
+                table.Where(row, s_column), "fill in both cells, or leave both empty");
+  }
+  if (std::isnan(u)) return;
+  if (!(s > 0.0)) {
+    throw Error(fmt::format("a sigma of {} is impossible", s), table.Where(row, s_column),
+                "give a standard deviation above 0");
+  }
+  out->readings[{point, camera}].push_back({u, s});
+}
+
+Collected Collect(const CsvTable& table) {
+  Collected out;
+  const int id = table.Require("id", "");
+  if (table.Find("camera") >= 0) {
+    const int camera = table.Require("camera", "");
+    const int u = table.Require("u", "px"), s = table.Require("s", "px");
+    for (std::size_t row = 0; row < table.rows(); ++row) {
+      const std::size_t point = out.Index(&out.id, table.Text(row, id));
+      Add(table, row, u, s, point, out.Index(&out.cameras, table.Text(row, camera)), &out);
+    }
+    return out;
+  }
+  std::vector<int> u, s;
+  for (int c = 1; table.Find(fmt::format("u{}", c)) >= 0; ++c) {
+    u.push_back(table.Require(fmt::format("u{}", c), "px"));
+    s.push_back(table.Require(fmt::format("s{}", c), "px"));
+    out.cameras.push_back(fmt::format("camera{}", c));
+  }
+  if (u.empty()) {
+    throw Error("holds no readings", table.path(),
+                "add columns 'u1 [px]', 's1 [px]', ..., or 'camera', 'u [px]', 's [px]'");
+  }
+  for (const std::string& comment : table.comments()) {
+    if (!comment.starts_with("cameras:")) continue;
+    std::vector<std::string> names;
+    for (const std::string& name : Split(comment.substr(8), ',')) names.emplace_back(Trim(name));
+    if (names.size() != u.size()) {
+      throw Error(fmt::format("names {} cameras, but holds readings of {}", names.size(), u.size()),
+                  table.path(), "name as many as there are columns u1, u2, ...");
+    }
+    out.cameras = names;
+  }
+  for (std::size_t row = 0; row < table.rows(); ++row) {
+    const std::size_t point = out.Index(&out.id, table.Text(row, id));
+    for (std::size_t c = 0; c < u.size(); ++c) Add(table, row, u[c], s[c], point, c, &out);
+  }
+  return out;
+}
+
+}  // namespace
+
+ReadingTable ReadReadingsCsv(const std::string& path) {
+  const CsvTable table = CsvTable::Load(path);
+  const Collected all = Collect(table);
+  ReadingTable out;
+  out.id = all.id;
+  out.cameras = all.cameras;
+  const auto n = static_cast<Eigen::Index>(all.id.size());
+  const auto c = static_cast<Eigen::Index>(all.cameras.size());
+  out.u_px.setConstant(n, c, kNone);
+  out.s_px.setConstant(n, c, kNone);
+  std::vector<double> squares(all.cameras.size(), 0.0), spare(all.cameras.size(), 0.0);
+  for (const auto& [where, ones] : all.readings) {
+    double weight = 0.0, sum = 0.0;
+    for (const One& one : ones) {
+      weight += 1.0 / (one.s * one.s);
+      sum += one.u / (one.s * one.s);
+    }
+    const double mean = sum / weight;
+    out.u_px(static_cast<Eigen::Index>(where.first), static_cast<Eigen::Index>(where.second)) =
+        mean;
+    out.s_px(static_cast<Eigen::Index>(where.first), static_cast<Eigen::Index>(where.second)) =
+        1.0 / std::sqrt(weight);
+    for (const One& one : ones) {
+      squares[where.second] += (one.u - mean) * (one.u - mean) / (one.s * one.s);
+    }
+    spare[where.second] += static_cast<double>(ones.size()) - 1.0;
+  }
+  for (std::size_t k = 0; k < all.cameras.size(); ++k) {
+    if (!(spare[k] > 0.0)) continue;
+    const double factor = std::sqrt(squares[k] / spare[k]);
+    // Widened only beyond what chance gives a factor from so few repeats (two of its sigmas).
+    if (factor <= 1.0 + 2.0 / std::sqrt(2.0 * spare[k])) continue;
+    out.s_px.col(static_cast<Eigen::Index>(k)) *= factor;
+    if (factor > kNotable) {
+      out.notes.push_back(
+          fmt::format("camera {}: repeats scatter {:.2f} times their sigmas, which were widened",
+                      all.cameras[k], factor));
+    }
+  }
+  return out;
+}
+
+void JoinReadings(const ReadingTable& readings, const std::string& where, Survey* survey) {
+  std::map<std::string, Eigen::Index> row;
+  for (std::size_t k = 0; k < readings.id.size(); ++k) {
+    row[readings.id[k]] = static_cast<Eigen::Index>(k);
+  }
+  std::vector<Eigen::Index> points, rows;
+  std::vector<std::string> ids;
+  for (std::size_t i = 0; i < survey->id.size(); ++i) {
+    const auto found = row.find(survey->id[i]);
+    if (found == row.end()) continue;
+    points.push_back(static_cast<Eigen::Index>(i));
+    rows.push_back(found->second);
+    ids.push_back(survey->id[i]);
+  }
+  if (ids.empty()) {
+    throw Error("no reading has the id of a surveyed point", where,
+                "use the same ids in both files");
+  }
+  const std::size_t lone_points = survey->id.size() - ids.size();
+  const std::size_t lone_readings = readings.id.size() - ids.size();
+  if (lone_points > 0) {
+    survey->notes.push_back(fmt::format("{} surveyed points have no readings", lone_points));
+  }
+  if (lone_readings > 0) {
+    survey->notes.push_back(fmt::format("readings of {} ids were not surveyed", lone_readings));
+  }
+  const Eigen::Matrix3Xd p = survey->p(Eigen::all, points);
+  const Eigen::Matrix<double, 6, Eigen::Dynamic> cov = survey->cov(Eigen::all, points);
+  survey->p = p;
+  survey->cov = cov;
+  survey->id = ids;
+  survey->cameras = readings.cameras;
+  survey->u_px = readings.u_px(rows, Eigen::all);
+  survey->s_px = readings.s_px(rows, Eigen::all);
+  survey->notes.insert(survey->notes.end(), readings.notes.begin(), readings.notes.end());
+}
+
+}  // namespace unfurl::data

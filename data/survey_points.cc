@@ -1,0 +1,290 @@
+#include "data/survey_points.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <set>
+
+#include "base/error.h"
+#include "base/text.h"
+
+namespace unfurl::data {
+
+namespace {
+
+constexpr std::array<const char*, 6> kCovariance = {"cxx", "cxy", "cxz", "cyy", "cyz", "czz"};
+constexpr std::array<const char*, 3> kSigma = {"sx", "sy", "sz"};
+constexpr std::array<const char*, 3> kSigmaEnh = {"sE", "sN", "sH"};
+constexpr std::array<const char*, 3> kSigmaPolar = {"shz", "sv", "sd"};
+
+int FindAny(const CsvTable& table, std::initializer_list<const char*> names) {
+  for (const char* name : names) {
+    if (const int column = table.Find(name); column >= 0) return column;
+  }
+  return -1;
+}
+
+std::array<int, 3> FindEnh(const CsvTable& table) {
+  return {FindAny(table, {"E", "e", "east", "East", "easting", "Easting"}),
+          FindAny(table, {"N", "n", "north", "North", "northing", "Northing"}),
+          FindAny(table, {"H", "h", "height", "Height", "elevation", "Elevation"})};
+}
+
+bool AllThere(const std::array<int, 3>& columns) {
+  return std::all_of(columns.begin(), columns.end(), [](int c) { return c >= 0; });
+}
+
+// [rad] or [m] of one unit of a column.
+double AngleUnit(const CsvTable& table, int column) {
+  const std::string& unit = table.columns()[static_cast<std::size_t>(column)].unit;
+  if (unit == "rad") return 1.0;
+  if (unit == "gon") return std::numbers::pi / 200.0;
+  if (unit == "mgon") return std::numbers::pi / 200e3;
+  if (unit == "deg") return std::numbers::pi / 180.0;
+  if (unit == "arcsec") return std::numbers::pi / 648e3;
+  throw Error(
+      fmt::format("the unit '{}' is none of an angle", unit),
+      fmt::format("{}:{}", table.path(), table.columns()[static_cast<std::size_t>(column)].name),
+      "give rad, gon, mgon, deg or arcsec");
+}
+
+// "station: 1, 2, 3" of the comments; false when there is none.
+bool Note(const CsvTable& table, const std::string& name, std::size_t count,
+          std::vector<double>* values) {
+  for (const std::string& comment : table.comments()) {
+    if (!comment.starts_with(name + ":")) continue;
+    std::string text = comment.substr(name.size() + 1);
+    if (const std::size_t open = text.find('['); open != std::string::npos) text.resize(open);
+    values->clear();
+    for (const std::string& part : Split(text, ',')) {
+      double value = 0.0;
+      if (!ParseDouble(Trim(part), &value) || !std::isfinite(value)) {
+        throw Error(fmt::format("'{}' is not a number", Trim(part)),
+                    fmt::format("{}: # {}", table.path(), name), "write it as a number in metres");
+      }
+      values->push_back(value);
+    }
+    if (values->size() != count) {
+      throw Error(fmt::format("holds {} numbers", values->size()),
+                  fmt::format("{}: # {}", table.path(), name), fmt::format("give {}", count));
+    }
+    return true;
+  }
+  return false;
+}
+
+// A covariance that no instrument states: not positive.
+bool Possible(const Eigen::Matrix3d& c) {
+  return c(0, 0) > 0.0 && c.topLeftCorner<2, 2>().determinant() > 0.0 && c.determinant() > 0.0;
+}
+
+void Store(const Eigen::Matrix3d& c, Eigen::Index i, Survey* survey) {
+  survey->cov.col(i) << c(0, 0), c(0, 1), c(0, 2), c(1, 1), c(1, 2), c(2, 2);
+}
+Eigen::Matrix3d Load(const Survey& survey, Eigen::Index i) {
+  const auto c = survey.cov.col(i);
+  Eigen::Matrix3d out;
+  out << c(0), c(1), c(2), c(1), c(3), c(4), c(2), c(4), c(5);
+  return out;
+}
+
+double PositiveSigma(const CsvTable& table, std::size_t row, int column) {
+  const double s = table.Number(row, column);
+  if (s <= 0.0) {
+    throw Error(fmt::format("a sigma of {} is impossible", s), table.Where(row, column),
+                "give a standard deviation above 0");
+  }
+  return s;
+}
+
+void ReadIds(const CsvTable& table, Survey* survey) {
+  const int id = table.Require("id", "");
+  std::set<std::string> seen;
+  for (std::size_t i = 0; i < table.rows(); ++i) {
+    survey->id.push_back(table.Text(i, id));
+    if (survey->id.back().empty() || !seen.insert(survey->id.back()).second) {
+      throw Error(fmt::format("the id '{}' is {}", survey->id.back(),
+                              survey->id.back().empty() ? "empty" : "there twice"),
+                  table.Where(i, id), "give each point an id of its own");
+    }
+  }
+}
+
+// Sigmas per axis or a covariance; whether there were any.
+bool ReadSpread(const CsvTable& table, const std::array<const char*, 3>& names, Survey* survey) {
+  const bool has_sigma = table.Find(names[0]) >= 0, has_cov = table.Find("cxx") >= 0;
+  if (has_sigma && has_cov) {
+    throw Error("states both sigmas and covariances", table.path(), "leave one of them out");
+  }
+  for (std::size_t k = 0; has_sigma && k < 3; ++k) {
+    const int column = table.Require(names[k], "m");
+    for (std::size_t i = 0; i < table.rows(); ++i) {
+      const double s = PositiveSigma(table, i, column);
+      constexpr std::array<Eigen::Index, 3> kDiagonal = {0, 3, 5};
+      survey->cov(kDiagonal[k], static_cast<Eigen::Index>(i)) = s * s;
+    }
+  }
+  for (std::size_t k = 0; has_cov && k < 6; ++k) {
+    const int column = table.Require(kCovariance[k], "m^2");
+    for (std::size_t i = 0; i < table.rows(); ++i) {
+      survey->cov(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(i)) =
+          table.Number(i, column);
+    }
+  }
+  for (std::size_t i = 0; has_cov && i < table.rows(); ++i) {
+    if (!Possible(Load(*survey, static_cast<Eigen::Index>(i)))) {
+      throw Error("the covariance is not positive definite", table.Where(i, table.Find("cxx")),
+                  "correct the line");
+    }
+  }
+  return has_sigma || has_cov;
+}
+
+// Coordinates from hz, v, d about the station, with the covariance that their sigmas give.
+bool ReadPolar(const CsvTable& table, const Eigen::Vector3d& station, double prism_offset,
+               Eigen::Matrix3Xd* p, Survey* with_spread) {
+  const int hz = table.Find("hz"), v = table.Find("v"), d = table.Require("d", "m");
+  const double hz_unit = AngleUnit(table, hz), v_unit = AngleUnit(table, v);
+  std::array<int, 3> sigma;
+  for (std::size_t k = 0; k < 3; ++k) sigma[k] = table.Find(kSigmaPolar[k]);
+  const bool has_sigma = AllThere(sigma);
+  p->resize(3, static_cast<Eigen::Index>(table.rows()));
+  for (std::size_t i = 0; i < table.rows(); ++i) {
+    const auto column = static_cast<Eigen::Index>(i);
+    const double distance = table.Number(i, d) + prism_offset;
+    if (!(distance > 0.0)) {
+      throw Error("the distance is not positive", table.Where(i, d),
+                  "give metres from the station");
+    }
+    Eigen::Matrix3d J;
+    p->col(column) = station + FromPolar(hz_unit * table.Number(i, hz), v_unit * table.Number(i, v),
+                                         distance, &J);
+    if (!has_sigma || !with_spread) continue;
+    const Eigen::Vector3d s(PositiveSigma(table, i, sigma[0]) * AngleUnit(table, sigma[0]),
+                            PositiveSigma(table, i, sigma[1]) * AngleUnit(table, sigma[1]),
+                            PositiveSigma(table, i, table.Require("sd", "m")));
+    Store(J * s.cwiseAbs2().asDiagonal() * J.transpose(), column, with_spread);
+  }
+  return has_sigma;
+}
+
+// +1: the coordinates turn as the angles do; -1: they are mirrored; 0: neither fits.
+int Handedness(const Eigen::Matrix3Xd& p, const Eigen::Matrix3Xd& polar) {
+  const Eigen::Matrix3Xd a = p.colwise() - p.rowwise().mean();
+  const Eigen::Matrix3Xd b = polar.colwise() - polar.rowwise().mean();
+  // Kabsch without the condition on the determinant: the sign of what fits best.
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(a * b.transpose(),
+                                              Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const Eigen::Matrix3d R = svd.matrixU() * svd.matrixV().transpose();
+  const double left = (a - R * b).squaredNorm(), all = a.squaredNorm();
+  if (!(left < 0.01 * all) || svd.singularValues()(2) < 1e-3 * svd.singularValues()(0)) return 0;
+  return R.determinant() > 0.0 ? 1 : -1;
+}
+
+}  // namespace
+
+Eigen::Vector3d FromPolar(double hz, double v, double d, Eigen::Matrix3d* derivative) {
+  const double sh = std::sin(hz), ch = std::cos(hz), sv = std::sin(v), cv = std::cos(v);
+  if (derivative) {
+    *derivative << d * sv * ch, d * cv * sh, sv * sh,  //
+        -d * sv * sh, d * cv * ch, sv * ch,            //
+        0.0, -d * sv, cv;
+  }
+  return d * Eigen::Vector3d(sv * sh, sv * ch, cv);
+}
+
+bool ReadSurveyPoints(const CsvTable& table, Survey* survey) {
+  if (table.rows() == 0) {
+    throw Error("holds no point", table.path(), "give one line per surveyed point");
+  }
+  const auto n = static_cast<Eigen::Index>(table.rows());
+  ReadIds(table, survey);
+  survey->p.resize(3, n);
+  survey->cov.setZero(6, n);
+  std::vector<double> values;
+  if (Note(table, "station", 3, &values)) {
+    survey->station = Eigen::Vector3d(values[0], values[1], values[2]);
+  }
+  double prism_offset = 0.0;
+  if (Note(table, "prism offset", 1, &values)) prism_offset = values[0];
+
+  const std::array<int, 3> enh = FindEnh(table);
+  const bool has_polar = table.Find("hz") >= 0 && table.Find("v") >= 0;
+  const bool has_xyz = table.Find("x") >= 0;
+  bool spread = false;
+  if (has_xyz || AllThere(enh)) {
+    std::array<int, 3> columns = enh;
+    if (has_xyz) {
+      columns = {table.Require("x", "m"), table.Require("y", "m"), table.Require("z", "m")};
+    } else {
+      for (const int c : enh) table.Require(table.columns()[static_cast<std::size_t>(c)].name, "m");
+      if (enh[1] < enh[0]) {
+        survey->notes.push_back(
+            "the columns stand in the order N, E, H, which is left-handed: read as x = E, y = N, "
+            "z = H");
+      }
+    }
+    for (Eigen::Index i = 0; i < n; ++i) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        survey->p(static_cast<Eigen::Index>(k), i) =
+            table.Number(static_cast<std::size_t>(i), columns[k]);
+      }
+    }
+    spread = ReadSpread(table, has_xyz ? kSigma : kSigmaEnh, survey);
+    if (has_polar) {
+      Eigen::Matrix3Xd polar;
+      ReadPolar(table, Eigen::Vector3d::Zero(), 0.0, &polar, nullptr);
+      const int hand = Handedness(survey->p, polar);
+      if (hand == 0 && n >= 4) {
+        throw Error("coordinates and angles do not belong together, whichever way round",
+                    table.path(), "leave out the wrong ones");
+      }
+      if (hand < 0) {
+        // N, E, H under other names: exchanging the first two makes it right-handed again.
+        survey->p.row(0).swap(survey->p.row(1));
+        for (Eigen::Index i = 0; i < n; ++i) {
+          Eigen::Matrix3d exchange = Eigen::Matrix3d::Identity();
+          exchange.col(0).swap(exchange.col(1));
+          Store(exchange * Load(*survey, i) * exchange.transpose(), i, survey);
+        }
+        survey->notes.push_back(
+            "the angles show that the coordinates are left-handed (N, E, H): the first two were "
+            "exchanged");
+      }
+    }
+    if (prism_offset != 0.0) {
+      if (!survey->station.allFinite()) {
+        throw Error("a prism offset without the station's place", table.path() + ": # prism offset",
+                    "add a comment '# station: E, N, H'");
+      }
+      for (Eigen::Index i = 0; i < n; ++i) {
+        const Eigen::Vector3d way = survey->p.col(i) - survey->station;
+        survey->p.col(i) += prism_offset * way.normalized();
+      }
+    }
+  } else if (has_polar) {
+    if (!survey->station.allFinite()) survey->station.setZero();
+    Eigen::Matrix3Xd p;
+    spread = ReadPolar(table, survey->station, prism_offset, &p, survey);
+    survey->p = p;
+  } else {
+    table.Require("x", "m");  // throws, naming it
+  }
+  if (prism_offset != 0.0) {
+    survey->notes.push_back(
+        fmt::format("{:+.1f} mm were added to every distance", 1e3 * prism_offset));
+  }
+  if (Note(table, "led offset", 3, &values)) {
+    survey->p.colwise() += Eigen::Vector3d(values[0], values[1], values[2]);
+    survey->notes.push_back(
+        fmt::format("the LED stands ({:+.1f}, {:+.1f}, {:+.1f}) mm from the prism's centre: added",
+                    1e3 * values[0], 1e3 * values[1], 1e3 * values[2]));
+  }
+  return spread;
+}
+
+}  // namespace unfurl::data

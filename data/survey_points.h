@@ -1,0 +1,53 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "data/csv.h"
+#include "data/survey.h"
+
+namespace unfurl::data {
+
+// Points as total stations give them, into x, y, z of a right-handed frame with covariances [m].
+//
+// A CSV's columns may be `x, y, z`; or `E, N, H` in any order (E becomes x, N y, H z: the order
+// N, E, H, which is left-handed as it stands, is so put right, and said); or `hz, v, d`: the
+// direction clockwise from north, the angle from the zenith and the slope distance. If both
+// coordinates and angles are there, the angles tell whether the coordinates are left-handed.
+// Comments give `station: E, N, H [m]`, `prism offset: d [m]` (added to each distance),
+// `led offset: dE, dN, dH [m]` (from prism centre to LED).
+// Fills id, p, cov, station and notes. False when no uncertainty is stated.
+bool ReadSurveyPoints(const CsvTable& table, Survey* survey);
+
+// What a station that states no uncertainty is taken to have.
+struct StationSigmas {
+  double coordinate = 0.0;  // per axis [m]; 0: not known
+  double angle = 0.0;       // [rad]
+  double distance = 0.0;    // [m]
+};
+
+// A Leica GSI-8 or GSI-16 file: point ids (word 11), and coordinates (81, 82, 83) or else angles
+// and distance (21, 22, 31), with the station's place (84, 85, 86). Throws Error with file:line for
+// what is not GSI, and where the sigmas that it needs are not given.
+Survey ReadGsi(const std::string& path, const StationSigmas& sigmas);
+bool LooksLikeGsi(const std::string& path);
+
+// A direction and a distance as a place relative to the station: E, N, H, and the derivatives by
+// hz, v, d.
+Eigen::Vector3d FromPolar(double hz, double v, double d, Eigen::Matrix3d* derivative = nullptr);
+
+// Points with the readings of another table, joined by id; what has no partner is left out and
+// said.
+struct ReadingTable {
+  std::vector<std::string> id, cameras;
+  Eigen::MatrixXd u_px, s_px;  // id x camera; NaN: not seen
+  std::vector<std::string> notes;
+};
+// A CSV with `id` and either `u1 [px]`, `s1 [px]`, ... or `camera`, `u [px]`, `s [px]`. An id that
+// comes again is a repeat: repeats are averaged, and where a camera's scatter more than their
+// sigmas say, its sigmas are widened to that, and it is said.
+ReadingTable ReadReadingsCsv(const std::string& path);
+void JoinReadings(const ReadingTable& readings, const std::string& where, Survey* survey);
+
+}  // namespace unfurl::data

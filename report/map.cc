@@ -1,0 +1,168 @@
+#include "report/map.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "base/error.h"
+#include "report/chart.h"
+#include "report/escape.h"
+#include "report/number.h"
+#include "report/paths.h"
+
+namespace unfurl::report {
+namespace {
+
+constexpr double kPane = 300.0, kLeft = 52.0, kTop = 24.0, kBottom = 44.0, kGap = 14.0;
+constexpr double kBar = 54.0;  // height of the scale with its numbers
+
+struct Scale {
+  double low = 0.0, high = 1.0;
+  bool log = false;
+  double Share(double value) const {
+    const double share =
+        log ? std::log(value / low) / std::log(high / low) : (value - low) / (high - low);
+    return std::clamp(share, 0.0, 1.0);
+  }
+  double Value(double share) const {
+    return log ? low * std::pow(high / low, share) : low + share * (high - low);
+  }
+};
+
+Scale ScaleOf(const Map& map) {
+  double low = std::numeric_limits<double>::infinity(), high = -low;
+  const auto take = [&](double value) {
+    if (!std::isfinite(value) || (map.value.log && value <= 0.0)) return;
+    low = std::min(low, value);
+    high = std::max(high, value);
+  };
+  for (const MapPane& pane : map.panes) {
+    for (const double value : pane.values) take(value);
+    for (const MapDot& dot : pane.dots) take(dot.value);
+  }
+  if (!(low <= high)) low = high = 1.0;
+  if (std::isfinite(map.high)) high = map.high;
+  if (std::isfinite(map.low)) low = map.low;
+  if (!(high > low)) high = low + std::max(1e-12, std::abs(low));
+  return {low, high, map.value.log && low > 0.0};
+}
+
+std::string Rect(double x, double y, double w, double h, const std::string& fill,
+                 const std::string& title) {
+  return fmt::format(
+      "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.2f}\" height=\"{:.2f}\" fill=\"{}\">"
+      "<title>{}</title></rect>",
+      x, y, w, h, fill, EscapeHtml(title));
+}
+
+}  // namespace
+
+std::string ScaleColor(double share) {
+  static constexpr std::array<std::array<int, 3>, 9> kAnchors = {{{68, 1, 84},
+                                                                  {71, 44, 122},
+                                                                  {59, 81, 139},
+                                                                  {44, 113, 142},
+                                                                  {33, 144, 141},
+                                                                  {39, 173, 129},
+                                                                  {92, 200, 99},
+                                                                  {170, 220, 50},
+                                                                  {253, 231, 37}}};
+  const double at = std::clamp(share, 0.0, 1.0) * 8.0;
+  const auto k = std::min<std::size_t>(7, static_cast<std::size_t>(at));
+  const double f = at - static_cast<double>(k);
+  std::array<int, 3> rgb;
+  for (std::size_t c = 0; c < 3; ++c) {
+    rgb[c] = static_cast<int>(std::lround((1.0 - f) * kAnchors[k][c] + f * kAnchors[k + 1][c]));
+  }
+  return fmt::format("#{:02x}{:02x}{:02x}", rgb[0], rgb[1], rgb[2]);
+}
+
+std::string MapSvg(const Map& map) {
+  const Scale scale = ScaleOf(map);
+  const double span_x = map.x_high - map.x_low, span_y = map.y_high - map.y_low;
+  if (!(span_x > 0.0) || !(span_y > 0.0) || map.panes.empty()) {
+    throw Error("has no extent or no pane", "report: map \"" + map.title + "\"",
+                "give low below high and at least one pane");
+  }
+  const double height = std::clamp(kPane * span_y / span_x, 0.3 * kPane, 2.0 * kPane);
+  const double step = kPane + kGap;
+  const double width = kLeft + step * static_cast<double>(map.panes.size());
+  const double whole = kTop + height + kBottom + kBar;
+  std::string svg = fmt::format(
+      "<svg viewBox=\"0 0 {0:.0f} {1:.0f}\" width=\"{0:.0f}\" height=\"{1:.0f}\" role=\"img\" "
+      "aria-label=\"{2}\">\n",
+      width, whole, EscapeHtml(map.title));
+  const auto X = [&](double left, double x) { return left + kPane * (x - map.x_low) / span_x; };
+  const auto Y = [&](double y) { return kTop + height * (map.y_high - y) / span_y; };
+  const std::string unit =
+      map.value.unit.empty() || map.value.unit == "1" ? "" : " " + map.value.unit;
+  for (std::size_t k = 0; k < map.panes.size(); ++k) {
+    const MapPane& pane = map.panes[k];
+    const double left = kLeft + step * static_cast<double>(k);
+    svg += fmt::format("<text x=\"{:.1f}\" y=\"15\">{}</text>\n", left, EscapeHtml(pane.title));
+    svg += fmt::format(
+        "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" fill=\"#eceff3\" "
+        "stroke=\"#566072\"/>\n",
+        left, kTop, kPane, height);
+    if (!pane.values.empty()) {
+      if (map.columns < 1 || pane.values.size() % static_cast<std::size_t>(map.columns) != 0) {
+        throw Error(fmt::format("{} values in rows of {}", pane.values.size(), map.columns),
+                    "report: map \"" + map.title + "\"", "give whole rows");
+      }
+      const std::size_t columns = static_cast<std::size_t>(map.columns);
+      const std::size_t rows = pane.values.size() / columns;
+      const double w = kPane / static_cast<double>(columns), h = height / static_cast<double>(rows);
+      for (std::size_t i = 0; i < pane.values.size(); ++i) {
+        const double value = pane.values[i];
+        if (!std::isfinite(value)) continue;  // stays grey
+        const double column = static_cast<double>(i % columns);
+        const double row = static_cast<double>(rows - 1 - i / columns);
+        svg += Rect(left + w * column, kTop + h * row, w + 0.3, h + 0.3,
+                    ScaleColor(scale.Share(value)), Number(value, 3) + unit);
+      }
+      svg += "\n";
+    }
+    for (const MapDot& dot : pane.dots) {
+      svg += fmt::format(
+          "<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\" fill=\"{}\" stroke=\"#1c2430\" "
+          "stroke-width=\"0.6\"><title>{}</title></circle>",
+          X(left, dot.x), Y(dot.y), dot.large ? 6 : 3.6,
+          std::isfinite(dot.value) ? ScaleColor(scale.Share(dot.value)) : "#ffffff",
+          EscapeHtml(dot.label));
+    }
+    svg += "\n";
+    for (const double tick : Ticks(map.x_low, map.x_high, 5)) {
+      svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"middle\">{}</text>",
+                         X(left, tick), kTop + height + 16.0, Number(tick, 2));
+    }
+    svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"middle\">{}</text>\n",
+                       left + 0.5 * kPane, kTop + height + 34.0, EscapeHtml(AxisTitle(map.x)));
+  }
+  for (const double tick : Ticks(map.y_low, map.y_high, 5)) {
+    svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"end\">{}</text>", kLeft - 6.0,
+                       Y(tick) + 4.0, Number(tick, 2));
+  }
+  svg += fmt::format(
+      "<text x=\"12\" y=\"{0:.1f}\" text-anchor=\"middle\" transform=\"rotate(-90 12 "
+      "{0:.1f})\">{1}</text>\n",
+      kTop + 0.5 * height, EscapeHtml(AxisTitle(map.y)));
+  const double bar_y = kTop + height + kBottom;
+  constexpr int kSteps = 60;
+  for (int k = 0; k < kSteps; ++k) {
+    svg += fmt::format(
+        "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.2f}\" height=\"12\" fill=\"{}\"/>",
+        kLeft + kPane * k / kSteps, bar_y, kPane / kSteps + 0.4, ScaleColor((k + 0.5) / kSteps));
+  }
+  for (const double share : {0.0, 0.25, 0.5, 0.75, 1.0}) {
+    svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"middle\">{}</text>",
+                       kLeft + kPane * share, bar_y + 27.0, Number(scale.Value(share), 2));
+  }
+  svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"middle\">{}</text>\n</svg>\n",
+                     kLeft + 0.5 * kPane, bar_y + 44.0, EscapeHtml(AxisTitle(map.value)));
+  return svg;
+}
+
+}  // namespace unfurl::report

@@ -1,0 +1,151 @@
+#include "calib/check.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "calib/layout.h"
+#include "calib/plan.h"
+#include "tests/calib/fixtures.h"
+
+namespace unfurl::calib {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using testing::MakeStudy;
+using testing::Observe;
+using testing::PointsInCube;
+using testing::Study;
+
+// One calibration, and checks of it with fresh points and noise.
+class Check : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    study_ = new Study(MakeStudy(41));
+    rig_ = new data::Rig(FitRig(study_->data, {}, "test").rig);
+  }
+  static void TearDownTestSuite() {
+    delete study_;
+    delete rig_;
+  }
+  static Observations Ten(std::uint64_t seed) {
+    return Observe(study_->truth, PointsInCube(10, 0.7, Rng(seed).Stream("ten")), 3e-4, 0.05,
+                   Rng(seed));
+  }
+  static Study* study_;
+  static data::Rig* rig_;
+};
+Study* Check::study_ = nullptr;
+data::Rig* Check::rig_ = nullptr;
+
+// Under the truth the chance is even between 0 and 1: of 40 checks with one calibration (whose own
+// error they share), few lie below 1%.
+TEST_F(Check, AnUnchangedRigIsStillValid) {
+  int doubted = 0;
+  double sum = 0.0;
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    const CheckResult result = CheckPoints(*rig_, Ten(seed), "test");
+    doubted += result.verdict != "still valid";
+    sum += result.chance;
+  }
+  EXPECT_LE(doubted, 3);  // 0.4 expected
+  EXPECT_NEAR(sum / 40.0, 0.5, 0.2);
+}
+
+TEST_F(Check, ACameraThatMovedIsNamed) {
+  Observations data = Ten(50);
+  for (Reading& r : data.readings) {
+    if (r.camera == 2) r.u_px += 3.0;  // 1.4 mrad
+  }
+  const CheckResult result = CheckPoints(*rig_, data, "test");
+  EXPECT_EQ(result.verdict, "no longer valid");
+  EXPECT_THAT(result.reasons, Contains(HasSubstr("without camera \"c3\"")));
+}
+
+TEST_F(Check, AWrongPointIsNamedAndTheRigStands) {
+  Observations data = Ten(51);
+  data.p.col(4) += Eigen::Vector3d(0.02, 0.0, 0.0);
+  const CheckResult result = CheckPoints(*rig_, data, "test");
+  EXPECT_EQ(result.verdict, "doubtful");
+  EXPECT_THAT(result.reasons, Contains(HasSubstr("without point \"p5\"")));
+}
+
+Observations BarAt(const std::vector<data::RigCamera>& truth, double length, std::uint64_t seed) {
+  Rng rng(seed);
+  Eigen::Matrix3Xd ends(3, 12);
+  for (Eigen::Index k = 0; k < 6; ++k) {
+    Eigen::Vector3d way(rng.Normal(), rng.Normal(), rng.Normal());
+    way *= 0.5 * length / way.norm();
+    const Eigen::Vector3d middle(rng.Uniform(-0.2, 0.2), rng.Uniform(-0.2, 0.2),
+                                 rng.Uniform(-0.2, 0.2));
+    ends.col(2 * k) = middle - way;
+    ends.col(2 * k + 1) = middle + way;
+  }
+  return Observe(truth, ends, 0.0, 0.05, rng);
+}
+
+TEST_F(Check, ABarOfKnownLength) {
+  Observations data = BarAt(study_->truth, 1.2, 60);
+  for (Eigen::Index i = 0; i < 12; ++i) data.p.col(i).setZero();  // where they are is not told
+  const CheckResult good = CheckBar(*rig_, data, {1.2, 2e-5}, "test");
+  EXPECT_EQ(good.verdict, "still valid") << good.chance;
+  EXPECT_LT(good.rms, 0.5e-3);
+  const CheckResult bad = CheckBar(*rig_, data, {1.203, 2e-5}, "test");
+  EXPECT_EQ(bad.verdict, "no longer valid");
+  EXPECT_NEAR(bad.rms, 3e-3, 0.3e-3);
+  EXPECT_THAT(bad.reasons, Contains(HasSubstr("mm too short")));
+}
+
+// What the map says of a place is what the rig's covariance says there, by the other way round:
+// errors of many re-calibrations are not needed for that, the covariance tests have them.
+TEST_F(Check, MapAgreesWithTheRigsOwnCovariance) {
+  MapOptions options;
+  options.columns = 3;
+  options.layers = 2;
+  options.low = Eigen::Vector3d::Constant(-0.6);
+  options.high = Eigen::Vector3d::Constant(0.6);
+  options.reading_sigma_px = 0.05;
+  const UncertaintyMap map = MapUncertainty(*rig_, SeenOnRow(*rig_), options);
+  ASSERT_EQ(map.sigma.size(), 18U);
+  EXPECT_EQ(map.Found(), 1.0);
+  EXPECT_LT((map.Middle(0) - Eigen::Vector3d(-0.4, -0.4, -0.3)).norm(), 1e-12);
+  EXPECT_LT((map.Middle(17) - Eigen::Vector3d(0.4, 0.4, 0.3)).norm(), 1e-12);
+  for (std::size_t k = 0; k < map.sigma.size(); ++k) {
+    // Normal equations of this place by hand: cov = (J^T J)^-1 s^2, plus L Sigma L^T.
+    Eigen::MatrixXd J(4, 3), G = Eigen::MatrixXd::Zero(4, 76);
+    for (Eigen::Index c = 0; c < 4; ++c) {
+      measure::Projection h;
+      ASSERT_TRUE(measure::Project(rig_->cameras[static_cast<std::size_t>(c)], map.Middle(k), &h));
+      const double s = std::hypot(0.05, data::FloorOf(*rig_, static_cast<std::size_t>(c)));
+      J.row(c) = h.du_dp / s;
+      G.block(c, 19 * c, 1, 19) = h.du_dc / s;
+    }
+    const Eigen::MatrixXd A = (J.transpose() * J).inverse(), L = A * J.transpose() * G;
+    const double expected = std::sqrt(A.trace() + (L * rig_->covariance * L.transpose()).trace());
+    EXPECT_NEAR(map.sigma[k], expected, 1e-4 * expected);
+  }
+  // Less light, less to see by: a lost camera makes no place better.
+  const UncertaintyMap lost = MapUncertainty(*rig_, SeenOnRow(*rig_), options, 1);
+  for (std::size_t k = 0; k < map.sigma.size(); ++k) EXPECT_GT(lost.sigma[k], map.sigma[k]);
+}
+
+TEST_F(Check, AMirroredWorldIsToldByTheLayout) {
+  data::Lab lab;
+  for (const auto& camera : study_->truth) {
+    data::LabCamera nominal;
+    nominal.name = camera.name;
+    nominal.position = camera.p_WC + Eigen::Vector3d(0.05, -0.03, 0.02);
+    nominal.look_at.setZero();
+    lab.cameras.push_back(nominal);
+  }
+  EXPECT_FALSE(CompareLayout(*rig_, lab).mirrored);
+  Observations mirrored = study_->data;
+  mirrored.p.row(0).swap(mirrored.p.row(1));  // N, E, H
+  const data::Rig rig = FitRig(mirrored, {}, "test").rig;
+  EXPECT_TRUE(CompareLayout(rig, lab).mirrored);
+}
+
+}  // namespace
+}  // namespace unfurl::calib
