@@ -194,12 +194,12 @@ void AddScorePanels(const Comparison& c, report::Page* page) {
   rating.text_columns = {0, 6};
   for (const ComparedScore& s : c.scores) {
     const auto& v = s.score;
-    errors.rows.push_back({s.name, Number(kMilli * v.rmse, 3), Percent(v.nrmse),
-                           fmt::format("{:.5f}", v.r2), Number(kMilli * v.largest, 3),
-                           s.sigmas > 0.0 ? Number(s.sigmas, 3) : "-",
-                           Number(v.sprague_geers_magnitude, 2), Number(v.sprague_geers_phase, 2),
-                           Number(v.sprague_geers, 2), Number(v.russell_magnitude, 2),
-                           Number(v.russell_phase, 2), Number(v.russell, 2)});
+    errors.rows.push_back(
+        {s.name, Number(kMilli * v.rmse, 3), Percent(v.nrmse),
+         std::isfinite(v.r2) ? fmt::format("{:.5f}", v.r2) : "-", Number(kMilli * v.largest, 3),
+         s.sigmas > 0.0 ? Number(s.sigmas, 3) : "-", Number(v.sprague_geers_magnitude, 2),
+         Number(v.sprague_geers_phase, 2), Number(v.sprague_geers, 2),
+         Number(v.russell_magnitude, 2), Number(v.russell_phase, 2), Number(v.russell, 2)});
     if (!s.rated) continue;
     auto score = [](double x) { return fmt::format("{:.3f}", x); };
     rating.rows.push_back({s.name, score(s.rating.corridor), score(s.rating.phase),
