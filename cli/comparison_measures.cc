@@ -12,7 +12,28 @@ namespace unfurl::cli {
 
 namespace {
 
+using correlate::ObjectiveRating;
+using correlate::SignalScore;
+
 constexpr std::size_t kFewest = 16;  // samples of a spectrum
+
+// What the scores of all marks are the mean of; a mark's rating too, over its coordinates.
+constexpr double SignalScore::*kMeans[] = {
+    &SignalScore::sprague_geers_magnitude, &SignalScore::sprague_geers_phase,
+    &SignalScore::sprague_geers,           &SignalScore::russell_magnitude,
+    &SignalScore::russell_phase,           &SignalScore::russell};
+constexpr double ObjectiveRating::*kRatings[] = {
+    &ObjectiveRating::corridor, &ObjectiveRating::phase, &ObjectiveRating::magnitude,
+    &ObjectiveRating::slope, &ObjectiveRating::overall};
+// What is measured by the test's own motion.
+constexpr double SignalScore::*kRelative[] = {&SignalScore::nrmse,
+                                              &SignalScore::r2,
+                                              &SignalScore::sprague_geers_magnitude,
+                                              &SignalScore::sprague_geers_phase,
+                                              &SignalScore::sprague_geers,
+                                              &SignalScore::russell_magnitude,
+                                              &SignalScore::russell_phase,
+                                              &SignalScore::russell};
 
 const ComparedSignal* Find(const Comparison& c, const std::string& name) {
   for (const ComparedSignal& s : c.signals) {
@@ -45,6 +66,21 @@ bool Rate(const std::vector<double>& t, const std::vector<double>& test,
   return true;
 }
 
+// The range below which a history is that of something that stands still: noise, or round-off, over
+// which no share of motion means anything.
+double Stillness(const Comparison& c, const std::vector<const ComparedSignal*>& parts) {
+  constexpr double kNoise = 10.0;  // sigmas between the ends of thousands of normal draws
+  constexpr double kPart = 1e-6;   // of the largest motion of any mark
+  double least = 0.0;
+  for (const ComparedSignal* s : parts) least = std::max(least, kNoise * Rms(s->sigma));
+  for (const ComparedSignal& s : c.signals) {
+    if (s.unit != parts.front()->unit || s.reference.empty()) continue;
+    const auto [low, high] = std::minmax_element(s.reference.begin(), s.reference.end());
+    least = std::max(least, kPart * (*high - *low));
+  }
+  return least;
+}
+
 // One mark's coordinates, or one angle, as what moved since the reference's first sample.
 ComparedScore Score(const Comparison& c, const std::string& name,
                     const std::vector<const ComparedSignal*>& parts) {
@@ -67,6 +103,13 @@ ComparedScore Score(const Comparison& c, const std::string& name,
     pairs.push_back({parts[k]->t, test[k], computed[k], {}});
   }
   out.score = correlate::ScoreSignals(pairs);
+  for (const correlate::MarkError& e : c.errors) {
+    if (e.mark == name) out.sigmas = e.sigmas;
+  }
+  if (largest <= Stillness(c, parts)) {
+    for (const auto member : kRelative) out.score.*member = std::nan("");
+    return out;
+  }
   // The rating is of one history: that of a mark is the mean over the coordinates in which it
   // moves.
   constexpr double kMoves = 0.05;  // of the larger coordinate's range
@@ -78,22 +121,12 @@ ComparedScore Score(const Comparison& c, const std::string& name,
       continue;
     }
     count += 1.0;
-    out.rating.corridor += one.corridor;
-    out.rating.phase += one.phase;
-    out.rating.magnitude += one.magnitude;
-    out.rating.slope += one.slope;
-    out.rating.overall += one.overall;
+    for (const auto member : kRatings) out.rating.*member += one.*member;
   }
   out.rated = count > 0.0;
   if (out.rated) {
-    for (double* v : {&out.rating.corridor, &out.rating.phase, &out.rating.magnitude,
-                      &out.rating.slope, &out.rating.overall}) {
-      *v /= count;
-    }
+    for (const auto member : kRatings) out.rating.*member /= count;
     out.rating.grade = correlate::GradeOf(out.rating.overall);
-  }
-  for (const correlate::MarkError& e : c.errors) {
-    if (e.mark == name) out.sigmas = e.sigmas;
   }
   return out;
 }
@@ -212,7 +245,6 @@ void FillOperatingShapes(Comparison* c) {
 }  // namespace
 
 void FillScores(Comparison* c) {
-  std::vector<const ComparedSignal*> everything;
   for (const ComparedSignal& s : c->signals) {
     if (s.unit == "rad") c->scores.push_back(Score(*c, s.name, {&s}));
   }
@@ -235,34 +267,20 @@ void FillScores(Comparison* c) {
       all.score.largest = s.score.largest;
       all.score.largest_at = s.score.largest_at;
     }
+    if (!std::isfinite(s.score.sprague_geers)) continue;  // one of the two does not move
     count += 1.0;
     all.rated = s.rated && (all.rated || count == 1.0);
     all.rating_step = s.rating_step;
-    const auto add = [&](double* sum, double value) { *sum += value; };
-    add(&all.score.sprague_geers_magnitude, s.score.sprague_geers_magnitude);
-    add(&all.score.sprague_geers_phase, s.score.sprague_geers_phase);
-    add(&all.score.sprague_geers, s.score.sprague_geers);
-    add(&all.score.russell_magnitude, s.score.russell_magnitude);
-    add(&all.score.russell_phase, s.score.russell_phase);
-    add(&all.score.russell, s.score.russell);
-    add(&all.rating.corridor, s.rating.corridor);
-    add(&all.rating.phase, s.rating.phase);
-    add(&all.rating.magnitude, s.rating.magnitude);
-    add(&all.rating.slope, s.rating.slope);
-    add(&all.rating.overall, s.rating.overall);
+    for (const auto member : kMeans) all.score.*member += s.score.*member;
+    for (const auto member : kRatings) all.rating.*member += s.rating.*member;
   }
-  if (count == 0.0) return;
-  for (double* v :
-       {&all.score.sprague_geers_magnitude, &all.score.sprague_geers_phase,
-        &all.score.sprague_geers, &all.score.russell_magnitude, &all.score.russell_phase,
-        &all.score.russell, &all.rating.corridor, &all.rating.phase, &all.rating.magnitude,
-        &all.rating.slope, &all.rating.overall}) {
-    *v /= count;
-  }
+  if (all.score.samples == 0) return;
+  for (const auto member : kMeans) all.score.*member /= std::max(count, 1.0);
+  for (const auto member : kRatings) all.rating.*member /= std::max(count, 1.0);
   all.rating.grade = correlate::GradeOf(all.rating.overall);
   all.score.rmse = std::sqrt(squares / static_cast<double>(all.score.samples));
   all.score.range = std::sqrt(range2);
-  all.score.nrmse = all.score.rmse / all.score.range;
+  all.score.nrmse = all.score.range > 0.0 ? all.score.rmse / all.score.range : 0.0;
   all.score.r2 = unexplained > 0.0 ? 1.0 - squares / unexplained : 1.0;
   all.sigmas = c->errors.back().sigmas;
   c->scores.push_back(all);

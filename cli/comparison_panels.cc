@@ -131,7 +131,8 @@ void AddShapeTable(const Comparison& c, report::Page* page) {
   table.title = "Measured shapes";
   table.note =
       "Each mark's part in each mode, over that of the mark that moves most, with its standard "
-      "error; in brackets the phase in degrees: 0 moves with it, 180 against it.";
+      "error; in brackets, where it is clear, the phase in degrees: 0 moves with it, 180 against "
+      "it.";
   table.header = {"signal"};
   for (const correlate::Mode& m : modes) table.header.push_back(Number(m.frequency, 4) + " Hz");
   for (std::size_t j = 0; j < c.mode_signals.size(); ++j) {
@@ -140,10 +141,12 @@ void AddShapeTable(const Comparison& c, report::Page* page) {
       const auto at = static_cast<Eigen::Index>(j);
       const std::complex<double> v = m.shape(at);
       const double sigma = std::hypot(m.shape_sigma(0, at), m.shape_sigma(1, at)) / std::sqrt(2.0);
-      row.push_back(sigma > 0.0
-                        ? fmt::format("{} ({:.0f})", report::NumberWithError(std::abs(v), sigma),
-                                      57.29577951308232 * std::arg(v))
-                        : "1");
+      std::string cell = sigma > 0.0 ? report::NumberWithError(std::abs(v), sigma) : "1";
+      // A part that is no more than its error has no phase.
+      if (sigma > 0.0 && std::abs(v) > 2.0 * sigma) {
+        cell += fmt::format(" ({})", std::lround(57.29577951308232 * std::arg(v)));
+      }
+      row.push_back(std::move(cell));
     }
     table.rows.push_back(std::move(row));
   }
@@ -194,12 +197,12 @@ void AddScorePanels(const Comparison& c, report::Page* page) {
   rating.text_columns = {0, 6};
   for (const ComparedScore& s : c.scores) {
     const auto& v = s.score;
-    errors.rows.push_back({s.name, Number(kMilli * v.rmse, 3), Percent(v.nrmse),
-                           fmt::format("{:.5f}", v.r2), Number(kMilli * v.largest, 3),
-                           s.sigmas > 0.0 ? Number(s.sigmas, 3) : "-",
-                           Number(v.sprague_geers_magnitude, 2), Number(v.sprague_geers_phase, 2),
-                           Number(v.sprague_geers, 2), Number(v.russell_magnitude, 2),
-                           Number(v.russell_phase, 2), Number(v.russell, 2)});
+    errors.rows.push_back(
+        {s.name, Number(kMilli * v.rmse, 3), Percent(v.nrmse),
+         std::isfinite(v.r2) ? fmt::format("{:.5f}", v.r2) : "-", Number(kMilli * v.largest, 3),
+         s.sigmas > 0.0 ? Number(s.sigmas, 3) : "-", Number(v.sprague_geers_magnitude, 2),
+         Number(v.sprague_geers_phase, 2), Number(v.sprague_geers, 2),
+         Number(v.russell_magnitude, 2), Number(v.russell_phase, 2), Number(v.russell, 2)});
     if (!s.rated) continue;
     auto score = [](double x) { return fmt::format("{:.3f}", x); };
     rating.rows.push_back({s.name, score(s.rating.corridor), score(s.rating.phase),

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -53,9 +54,11 @@ std::string Text(const Comparison& c) {
   text += AlignedTable(rows);
   rows = {{"", "NRMSE [%]", "R2", "Sprague-Geers", "Russell", "ISO/TS 18571", "grade"}};
   for (const ComparedScore& v : c.scores) {
-    rows.push_back({v.name, fmt::format("{:.3g}", 100.0 * v.score.nrmse),
-                    fmt::format("{:.5f}", v.score.r2), fmt::format("{:.3g}", v.score.sprague_geers),
-                    fmt::format("{:.3g}", v.score.russell),
+    auto number = [](double x, const char* format) {
+      return std::isfinite(x) ? fmt::format(fmt::runtime(format), x) : std::string("-");
+    };
+    rows.push_back({v.name, number(100.0 * v.score.nrmse, "{:.3g}"), number(v.score.r2, "{:.5f}"),
+                    number(v.score.sprague_geers, "{:.3g}"), number(v.score.russell, "{:.3g}"),
                     v.rated ? fmt::format("{:.3f}", v.rating.overall) : "-",
                     v.rated ? correlate::Name(v.rating.grade) : "-"});
   }

@@ -177,11 +177,14 @@ DecayFit FitDecay(std::span<const DecaySignal> signals, std::span<const Complex>
     metres += c.residual.cwiseQuotient(problem.weight(j)).squaredNorm();
     const Eigen::MatrixXd& p = problem.polynomial(j);
     Eigen::VectorXd about = problem.value(j);
-    if (p.cols() > 0) about -= p * p.householderQr().solve(about);
+    const Eigen::HouseholderQR<Eigen::MatrixXd> trend(p);
+    if (p.cols() > 0) about -= p * trend.solve(about);
     motion += about.squaredNorm();
     for (Eigen::Index k = 0; k < modes; ++k) {
-      share[static_cast<std::size_t>(k)] +=
-          (c.basis.middleCols(2 * k, 2) * c.coefficient.segment<2>(2 * k)).squaredNorm();
+      // What a trend could have shown as well is not the mode's.
+      Eigen::VectorXd own = c.basis.middleCols(2 * k, 2) * c.coefficient.segment<2>(2 * k);
+      if (p.cols() > 0) own -= p * trend.solve(own);
+      share[static_cast<std::size_t>(k)] += own.squaredNorm();
     }
     channels.push_back(std::move(c));
   }

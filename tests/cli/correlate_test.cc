@@ -31,14 +31,14 @@ double Decay(const Ring& r, double t) {
 }
 
 // Opens within a second, then rings: marks `left` and `right` on one body that turns a little, and
-// `tip`, strobed one after another.
+// `tip`, and `post` that stands still, strobed one after another.
 std::string Tracks(double sigma, double offset, double drift, double first_factor, Rng rng) {
   std::string csv =
       "t [s],mark,x [m],y [m],z [m],cxx [m^2],cxy [m^2],cxz [m^2],cyy [m^2],cyz [m^2],czz "
       "[m^2],status\n";
   for (int i = 0; i < 1000; ++i) {
-    for (int m = 0; m < 3; ++m) {
-      const double t = 0.005 * i + 0.0015 * m;
+    for (int m = 0; m < 4; ++m) {
+      const double t = 0.005 * i + 0.001 * m;
       const double open = t < 1.0 ? 0.5 - 0.5 * std::cos(std::numbers::pi * t) : 1.0;
       const double a = first_factor * Decay(kFirst, t), b = Decay(kSecond, t);
       const double turn = 0.3 * open + 0.01 * a - 0.004 * b;
@@ -47,13 +47,13 @@ std::string Tracks(double sigma, double offset, double drift, double first_facto
         x = (m == 0 ? -0.2 : 0.2) * std::cos(turn);
         y = (m == 0 ? -0.2 : 0.2) * std::sin(turn);
       }
+      if (m == 3) x = 0.5, y = -0.5;
+      const double noise = m == 3 ? 0.0 : sigma;
+      const char* const names[] = {"left", "right", "tip", "post"};
       const double middle = 2.5, shown = middle + (t - middle) * (1.0 + drift) + offset;
       csv += fmt::format("{:.9f},{},{:.9f},{:.9f},{:.9f},{:.3e},0,0,{:.3e},0,{:.3e},good\n", shown,
-                         m == 0   ? "left"
-                         : m == 1 ? "right"
-                                  : "tip",
-                         x + sigma * rng.Normal(), y + sigma * rng.Normal(), sigma * rng.Normal(),
-                         sigma * sigma, sigma * sigma, sigma * sigma);
+                         names[m], x + noise * rng.Normal(), y + noise * rng.Normal(),
+                         noise * rng.Normal(), sigma * sigma, sigma * sigma, sigma * sigma);
     }
   }
   return csv;
@@ -76,6 +76,12 @@ TEST_F(CorrelateTest, TellsWhatWasPlanted) {
   EXPECT_EQ(all.at("name"), "all");
   EXPECT_EQ(all.at("iso_18571").at("grade"), "excellent");
   EXPECT_GT(all.at("r2").get<double>(), 0.9999);
+  for (const auto& score : json.at("scores")) {
+    if (score.at("name") != "post") continue;
+    // What stands still has no motion to be measured by. Its errors are those of the frame.
+    EXPECT_TRUE(score.at("r2").is_null() && score.at("iso_18571").is_null()) << score;
+    EXPECT_LT(score.at("largest").get<double>(), 1e-4);
+  }
   EXPECT_LT(all.at("sprague_geers").at("combined").get<double>(), 0.01);
   // The body's angle has frames' signs, but the same frequencies.
   const auto& modes = json.at("modes").at("measured").at("modes");
