@@ -38,7 +38,8 @@ SpotFinder::SpotFinder(const data::LineFormat& format, const SpotOptions& option
       options_(options),
       signal_(static_cast<std::size_t>(format.active)),
       sums_(signal_.size()),
-      scratch_(signal_.size()) {
+      scratch_(signal_.size()),
+      window_(signal_.size()) {
   peaks_.reserve(64);
 }
 
@@ -149,7 +150,8 @@ void SpotFinder::Read(std::span<const std::uint16_t> line, std::size_t first, st
                       std::span<Spot> spots) {
   const int n = format_.active;
   const std::uint16_t* counts = line.data() + format_.first_active();
-  float* d = signal_.data();
+  const float* d = signal_.data();
+  float* w = window_.data();
   for (std::size_t i = first; i < last; ++i) {
     const SpotPeak& p = peaks_[i];
     Spot& spot = spots[i - first];
@@ -177,8 +179,9 @@ void SpotFinder::Read(std::span<const std::uint16_t> line, std::size_t first, st
   const int full = static_cast<int>(format_.full_scale());
   const bool fits = options_.estimator == SpotEstimator::kMaximumLikelihood ||
                     options_.estimator == SpotEstimator::kLeastSquares;
+  std::copy(d + from, d + to + 1, w + from);
   for (int k = from; k <= to && !inverse_response_.empty(); ++k) {
-    d[k] *= inverse_response_[static_cast<std::size_t>(k)];
+    w[k] *= inverse_response_[static_cast<std::size_t>(k)];
   }
   for (int k = from; k <= to; ++k) {
     if (counts[k] < full) continue;
@@ -187,18 +190,18 @@ void SpotFinder::Read(std::span<const std::uint16_t> line, std::size_t first, st
     }
     // The neighbours of full pixels may hold what these could not.
     for (int j = std::max(from, k - 1); fits && j <= std::min(to, k + 1); ++j) {
-      d[j] = std::numeric_limits<float>::quiet_NaN();
+      w[j] = std::numeric_limits<float>::quiet_NaN();
     }
   }
   const PixelNoise noise{.electrons_per_count = format_.electrons_per_count,
                          .dark_variance = dark_variance_};
   if (fits) {
-    FitGaussians({d + from, static_cast<std::size_t>(to - from + 1)}, from, noise, options_, spots);
+    FitGaussians({w + from, static_cast<std::size_t>(to - from + 1)}, from, noise, options_, spots);
   } else {
     for (std::size_t i = first; i < last; ++i) {
       const int low = std::max(from, peaks_[i].low - kMargin);
       const int high = std::min(to, peaks_[i].high + kMargin);
-      ReadCentroid({d + low, static_cast<std::size_t>(high - low + 1)}, low, noise, options_,
+      ReadCentroid({w + low, static_cast<std::size_t>(high - low + 1)}, low, noise, options_,
                    &spots[i - first]);
     }
   }

@@ -18,7 +18,8 @@ enum SpotFlag : std::uint8_t {
   kSpotDim = 8,        // nothing above the noise
   kSpotSecond = 16,    // another spot elsewhere on the line
   kSpotPoorFit = 32,   // the fit did not converge, or to something that is no spot
-  kSpotShape = 64,     // chi-square says that this is not one Gaussian: perhaps two spots in one
+  kSpotShape = 64,     // by chi-square not one Gaussian: two lights in one, part of one hidden, or
+                       // bright and out of focus
 };
 
 struct Spot {
@@ -76,8 +77,8 @@ class SpotFinder {
 
   // Every spot of the line that stands out of the noise, by growing u: how many, at most
   // spots.size(); where there are more, the brightest. kSpotSecond marks that there are several.
-  // Two lights nearer to each other than about 4 of their widths are one spot here; where they
-  // are bright enough to tell, it has kSpotShape.
+  // Two lights nearer to each other than about 4 of their widths make one hill and are one spot
+  // here; where they are bright enough to tell, it has kSpotShape.
   std::size_t FindAll(std::span<const std::uint16_t> line, const Background& background,
                       std::span<Spot> spots);
 
@@ -97,7 +98,8 @@ class SpotFinder {
   std::vector<float> inverse_response_;  // of the active pixels; empty: 1
   std::vector<float> signal_;            // active pixels above the background [count]
   std::vector<float> sums_;              // of five of them, or of fifteen [count]
-  std::vector<float> scratch_;
+  std::vector<float> scratch_;           // sums_ in the making
+  std::vector<float> window_;            // signal_ by response; NaN: left out
   std::vector<SpotPeak> peaks_;
   double dark_variance_ = 0.0;  // of one pixel of this line [count^2]
 };

@@ -57,8 +57,11 @@ class Fit {
   static constexpr int kConstant = 3 * Q;
   static constexpr int kPairs = kParameters * (kParameters + 1) / 2;
 
-  Fit(std::span<const float> counts, int first, const PixelNoise& noise, bool weighted)
-      : counts_(counts), first_(first), noise_(noise), weighted_(weighted) {}
+  Fit(std::span<const float> counts, int first, const PixelNoise& noise, const SpotOptions& options)
+      : counts_(counts),
+        first_(first),
+        noise_(noise),
+        weighted_(options.estimator != SpotEstimator::kLeastSquares) {}
 
   bool Run(const SpotOptions& options, std::span<Spot> spots) {
     constexpr int kMaxSteps = 40;
@@ -239,8 +242,7 @@ class Fit {
 template <int Q>
 bool FitOf(std::span<const float> counts, int first, const PixelNoise& noise,
            const SpotOptions& options, std::span<Spot> spots) {
-  const bool weighted = options.estimator != SpotEstimator::kLeastSquares;
-  return Fit<Q>(counts, first, noise, weighted).Run(options, spots);
+  return Fit<Q>(counts, first, noise, options).Run(options, spots);
 }
 
 }  // namespace

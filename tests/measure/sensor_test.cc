@@ -93,5 +93,51 @@ TEST(Sensor, DarkLevelDrifts) {
   EXPECT_NEAR(DarkLevel(sensor, 6.0, 0.0), sensor.dark_level - 150.0, 1e-9);
 }
 
+TEST(Sensor, BloomingKeepsTheChargeAndTheSymmetry) {
+  data::LabSensor sensor = ShippedLab().sensor;
+  sensor.full_well = 1000.0;
+  std::vector<double> pixels(41, 0.0);
+  pixels[20] = 6000.0;
+  pixels[19] = pixels[21] = 1500.0;
+  pixels[17] = pixels[23] = 600.0;
+  for (const double share : {1.0, 0.4}) {
+    sensor.blooming = share;
+    std::vector<double> bloomed = pixels;
+    Bloom(sensor, bloomed);
+    const double excess = 5000.0 + 2 * 500.0;
+    EXPECT_NEAR(Mean(bloomed) * 41, Mean(pixels) * 41 - (1.0 - share) * excess, 1e-9);
+    for (std::size_t k = 0; k < 41; ++k) {
+      EXPECT_LE(bloomed[k], 1000.0);
+      EXPECT_GE(bloomed[k], std::min(pixels[k], 1000.0));
+      EXPECT_NEAR(bloomed[k], bloomed[40 - k], 1e-9);
+    }
+  }
+  std::vector<double> dim(41, 900.0);
+  Bloom(sensor, dim);
+  EXPECT_EQ(dim, std::vector<double>(41, 900.0));
+}
+
+TEST(Sensor, PatternsAreWhatTheLabAsksFor) {
+  data::LabSensor sensor = ShippedLab().sensor;
+  EXPECT_TRUE(DrawPattern(sensor, Rng(1)).gain.empty());
+  EXPECT_TRUE(DrawPattern(sensor, Rng(1)).response.empty());
+  sensor.nonuniformity = 0.02;
+  sensor.dark_nonuniformity = 40.0;
+  sensor.odd_gain = 0.03;
+  sensor.odd_offset = 200.0;
+  const SensorPattern pattern = DrawPattern(sensor, Rng(1));
+  // 2160 values know their sigma to 1.5%.
+  EXPECT_NEAR(std::sqrt(Variance(pattern.response)) / 0.02, 1.0, 0.07);
+  EXPECT_NEAR(Mean(pattern.response), 1.0, 4 * 0.02 / std::sqrt(2160.0));
+  std::vector<double> odd, even;
+  for (std::size_t k = 0; k < 2160; ++k) {
+    const std::size_t element = k + sensor.format.first_active();
+    (k % 2 == 1 ? odd : even).push_back(pattern.offset[element]);
+    EXPECT_EQ(pattern.gain[element], k % 2 == 1 ? 1.03 : 1.0);
+  }
+  EXPECT_NEAR(Mean(odd) - Mean(even), 200.0, 4 * 40.0 * std::sqrt(2.0 / 1080.0));
+  EXPECT_NEAR(std::sqrt(Variance(odd)) / 40.0, 1.0, 0.1);
+}
+
 }  // namespace
 }  // namespace unfurl::measure
