@@ -251,9 +251,10 @@ void Lost(std::size_t rigs) {
 
 // One in ten readings, or points of the survey, wrong by `size` sigmas; model as generator.
 void Gross(std::size_t rigs) {
-  fmt::print("| size [sigmas] | readings found [%] | points found [%] |\n");
+  // Best: with the true cameras and the true sigmas, which no calibration has.
+  fmt::print("| size [sigmas] | readings found [%] | best [%] | points found [%] | best [%] |\n");
   for (const double size : {6.0, 10.0, 15.0, 20.0, 30.0, 100.0, 1000.0}) {
-    std::vector<std::array<double, 4>> counts(rigs);
+    std::vector<std::array<double, 6>> counts(rigs);
     ParallelFor(2 * rigs, 0, [&](std::size_t job) {
       const std::size_t k = job / 2;
       const bool survey = job % 2 == 1;
@@ -272,18 +273,22 @@ void Gross(std::size_t rigs) {
         }
       }
       const RigFit fit = FitRig(study.data, {}, "bench");
+      Weighting best = EqualWeighting(study.data, 0.0);
+      BundleState true_state{study.truth, study.data.p};
+      ChooseGross(study.data, {}, &best, &true_state);
       for (const std::size_t i : bad) {
         const Weighting& w = fit.bundle.weighting;
         counts[k][survey ? 2 : 0] += survey ? !w.UsesSurvey(i) : !w.Uses(i);
         counts[k][survey ? 3 : 1] += 1.0;
+        counts[k][survey ? 5 : 4] += survey ? !best.UsesSurvey(i) : !best.Uses(i);
       }
     });
-    std::array<double, 4> sum{};
+    std::array<double, 6> sum{};
     for (const auto& one : counts) {
-      for (std::size_t m = 0; m < 4; ++m) sum[m] += one[m];
+      for (std::size_t m = 0; m < 6; ++m) sum[m] += one[m];
     }
-    fmt::print("| {} | {:.1f} | {:.1f} |\n", size, 100.0 * sum[0] / sum[1],
-               100.0 * sum[2] / sum[3]);
+    fmt::print("| {} | {:.1f} | {:.1f} | {:.1f} | {:.1f} |\n", size, 100.0 * sum[0] / sum[1],
+               100.0 * sum[4] / sum[1], 100.0 * sum[2] / sum[3], 100.0 * sum[5] / sum[3]);
     std::fflush(stdout);
   }
 }

@@ -1,10 +1,10 @@
 #include "calib/gross.h"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <bit>
 #include <cmath>
 
-#include "base/statistics.h"
 #include "measure/camera_model.h"
 
 namespace unfurl::calib {
@@ -78,7 +78,9 @@ bool FitPoint(const Observations& data, const Weighting& weighting,
 GrossChoice ChooseGross(const Observations& data, const GrossOptions& options, Weighting* weighting,
                         BundleState* state) {
   const double reading_price = options.sigmas * options.sigmas;
-  const double survey_price = ChiSquareQuantile(1.0 - ChiSquareTail(reading_price, 1.0), 3.0);
+  const double at_all = 2.0 * std::log((1.0 - options.gross_share) /
+                                       options.gross_share);  // 9.2 for one in a hundred
+  const double survey_price = at_all + 3.0 * std::max(0.0, reading_price - at_all);
   GrossChoice out;
   weighting->use_reading.resize(data.readings.size(), 1);
   weighting->use_survey.resize(static_cast<std::size_t>(data.points()), 1);

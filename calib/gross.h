@@ -9,9 +9,11 @@
 namespace unfurl::calib {
 
 struct GrossOptions {
-  // What leaving out one reading must gain, in sigmas: 4 are reached by chance once in 16,000.
-  // Leaving out a point's survey must gain what three coordinates reach as rarely.
+  // What leaving out one reading must gain, in sigmas: 4 are reached by chance once in 16,000. That
+  // is the price of a datum being gross at all (one in a hundred is) and of its being anywhere; a
+  // survey pays the first once and the second for each of its three coordinates.
   double sigmas = 4.0;
+  double gross_share = 0.01;
 };
 
 // For each point, given the cameras: which of its readings and its survey to believe. Every subset

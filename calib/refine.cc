@@ -15,6 +15,8 @@ constexpr double kSurveyChance = 1e-3;  // the same of the survey
 constexpr double kFewRedundant = 8.0;   // readings' worth; less, and a camera shares its floor
 constexpr double kSettled = 0.02;       // change of a reading's variance that no longer matters
 constexpr double kPlausible = 0.25;     // share of gross errors; more say that the model is wrong
+constexpr double kMuch = 0.02;          // share of a camera's readings left out
+constexpr double kLittleFloor = 0.75;   // of sigma; a total of 1.25: three sigmas of the median's
 constexpr double kRough = 1e-7;         // of the cost, until nothing else changes
 constexpr double kUseful = 0.1;         // redundancy above which a residual tells of its error
 
@@ -44,6 +46,26 @@ double FloorSquare(const Observations& data, const std::vector<std::size_t>& whi
   return 0.5 * (low + high);
 }
 
+// Floors from the median of residuals, each over the root of its redundancy: gross errors spoil it
+// little. As `otherwise` where a camera has few.
+std::vector<double> RobustFloors(const Observations& data, const Redundancy& redundancy,
+                                 const BundleSummary& summary, std::vector<double> otherwise) {
+  std::vector<std::vector<double>> whole(data.cameras.size()), stated(data.cameras.size());
+  for (std::size_t k = 0; k < data.readings.size(); ++k) {
+    if (redundancy.reading[k] < kUseful || !std::isfinite(summary.residual_px[k])) continue;
+    const auto j = static_cast<std::size_t>(data.readings[k].camera);
+    whole[j].push_back(std::abs(summary.residual_px[k]) / std::sqrt(redundancy.reading[k]));
+    stated[j].push_back(data.readings[k].s_px);
+  }
+  for (std::size_t j = 0; j < otherwise.size(); ++j) {
+    if (static_cast<double>(whole[j].size()) < kFewRedundant) continue;
+    const double sigma = 1.4826 * Median(whole[j]);
+    const double s = Median(stated[j]);
+    otherwise[j] = std::sqrt(std::max(0.0, sigma * sigma - s * s));
+  }
+  return otherwise;
+}
+
 // Sets floors and factor from the solution; the largest relative change of a reading's variance.
 double UpdateVariances(const Observations& data, const RefinedBundle& bundle,
                        Weighting* weighting) {
@@ -61,13 +83,25 @@ double UpdateVariances(const Observations& data, const RefinedBundle& bundle,
     redundant_all += bundle.redundancy.reading[k];
     least[j] = std::min(least[j], data.readings[k].s_px);
   }
+  // Where much was left out, some of its kind is still in: the median's word against the squares'.
+  std::vector<double> out(cameras, 0.0), whole(cameras, 0.0);
+  for (std::size_t k = 0; k < data.readings.size(); ++k) {
+    const auto j = static_cast<std::size_t>(data.readings[k].camera);
+    whole[j] += 1.0;
+    if (!weighting->Uses(k)) out[j] += 1.0;
+  }
+  const std::vector<double> robust =
+      RobustFloors(data, bundle.redundancy, bundle.summary, weighting->floor_px);
   double change = 0.0;
   const double shared = FloorSquare(data, all, bundle.summary.residual_px, redundant_all);
   for (std::size_t j = 0; j < cameras; ++j) {
-    const double square =
-        redundant[j] < kFewRedundant
-            ? shared
-            : FloorSquare(data, which[j], bundle.summary.residual_px, redundant[j]);
+    double square = redundant[j] < kFewRedundant
+                        ? shared
+                        : FloorSquare(data, which[j], bundle.summary.residual_px, redundant[j]);
+    if (out[j] > kMuch * whole[j]) {
+      const bool little = robust[j] < kLittleFloor * least[j];
+      square = little ? 0.0 : std::min(square, robust[j] * robust[j]);
+    }
     double& floor = weighting->floor_px[j];
     change = std::max(change, std::abs(square - floor * floor) / (least[j] * least[j] + square));
     floor = std::sqrt(square);
@@ -90,32 +124,6 @@ double UpdateVariances(const Observations& data, const RefinedBundle& bundle,
   return change;
 }
 
-// Floors from the residuals of a robust solution, by their median: gross errors spoil it little.
-std::vector<double> RobustFloors(const Observations& data, const std::vector<CameraPrior>& priors,
-                                 const Weighting& weighting, const BundleState& state,
-                                 const BundleSummary& summary) {
-  const Redundancy redundancy =
-      RedundancyOf(data, priors, weighting, state, CameraCovariance(summary.information));
-  std::vector<std::vector<double>> whole(data.cameras.size()), stated(data.cameras.size());
-  for (std::size_t k = 0; k < data.readings.size(); ++k) {
-    if (redundancy.reading[k] < kUseful || !std::isfinite(summary.residual_px[k])) continue;
-    const auto j = static_cast<std::size_t>(data.readings[k].camera);
-    whole[j].push_back(summary.residual_px[k] / std::sqrt(redundancy.reading[k]));
-    stated[j].push_back(data.readings[k].s_px);
-  }
-  std::vector<double> out = weighting.floor_px;
-  for (std::size_t j = 0; j < out.size(); ++j) {
-    if (static_cast<double>(whole[j].size()) < kFewRedundant) continue;
-    const double sigma = 1.4826 * [&] {
-      for (double& r : whole[j]) r = std::abs(r);
-      return Median(whole[j]);
-    }();
-    const double s = Median(stated[j]);
-    out[j] = std::sqrt(std::max(0.0, sigma * sigma - s * s));
-  }
-  return out;
-}
-
 }  // namespace
 
 Weighting StartWeighting(const Observations& data, const std::vector<CameraPrior>& priors,
@@ -127,9 +135,6 @@ Weighting StartWeighting(const Observations& data, const std::vector<CameraPrior
     stated[static_cast<std::size_t>(r.camera)].push_back(r.s_px);
   }
   Weighting trial = EqualWeighting(data, 0.0);
-  for (std::size_t j = 0; j < cameras; ++j) {
-    if (!stated[j].empty()) trial.floor_px[j] = Median(stated[j]);
-  }
   BundleState scratch = state;
   ChooseGross(data, options, &trial, &scratch);
   std::vector<double> out(cameras, 0.0);
@@ -141,11 +146,13 @@ Weighting StartWeighting(const Observations& data, const std::vector<CameraPrior
   const bool survey_plausible = points_out <= kPlausible * static_cast<double>(data.points());
 
   Weighting start = EqualWeighting(data, robust_floor_px);
-  const std::vector<double> robust = RobustFloors(data, priors, start, state, summary);
+  const std::vector<double> robust = RobustFloors(
+      data, RedundancyOf(data, priors, start, state, CameraCovariance(summary.information)),
+      summary, start.floor_px);
   for (std::size_t j = 0; j < cameras; ++j) {
     const bool plausible =
         survey_plausible && out[j] <= kPlausible * static_cast<double>(stated[j].size());
-    start.floor_px[j] = plausible ? std::min(trial.floor_px[j], robust[j]) : robust[j];
+    start.floor_px[j] = plausible ? 0.0 : robust[j];
   }
   return start;
 }

@@ -26,14 +26,16 @@ constexpr std::size_t kRigs = 100;
 constexpr std::size_t kRigs = 6;
 #endif
 
-enum class Where { kSurvey, kReadings };
+enum class Where { kSurvey, kReadings, kReadingsAnywhere };
 
 struct Outcome {
   double clean = 0.0, gross = 0.0;  // squared RMS of true errors [m^2]
-  int planted = 0, found = 0, good = 0, false_alarms = 0;
+  int planted = 0, found = 0, best = 0, good = 0, false_alarms = 0;
 };
 
-// 10% of one kind of datum wrong by 10 to 1000 sigmas, as likely in each decade.
+// 10% of one kind of datum wrong: by 10 to 1000 sigmas, as likely in each decade, or a reading
+// anywhere on the sensor. `best` of them are found with the true cameras and sigmas, which nobody
+// has.
 Outcome Plant(Where where, std::uint64_t seed) {
   Study study = MakeStudy(seed);
   const Eigen::Matrix3Xd check = CheckPoints(seed);
@@ -54,20 +56,29 @@ Outcome Plant(Where where, std::uint64_t seed) {
     for (std::size_t k = 0; k < bad_reading.size(); ++k) {
       if (rng.Uniform() > 0.1) continue;
       bad_reading[k] = 1;
-      study.data.readings[k].u_px += (rng.Uniform() < 0.5 ? -0.05 : 0.05) * size();
+      double& u = study.data.readings[k].u_px;
+      if (where == Where::kReadings) {
+        u += (rng.Uniform() < 0.5 ? -0.05 : 0.05) * size();
+      } else {
+        u = rng.Uniform(0.0, testing::kPixels - 1.0);
+      }
     }
   }
   const RigFit fit = FitRig(study.data, {}, "test");
   out.gross = std::pow(ErrorsOf(fit.rig, study.truth, check).Rms(), 2);
-  const auto count = [&](bool bad, bool flagged) {
+  Weighting best = EqualWeighting(study.data, 0.0);
+  BundleState truth{study.truth, study.data.p};
+  ChooseGross(study.data, {}, &best, &truth);
+  const auto count = [&](bool bad, bool flagged, bool by_best) {
     (bad ? out.planted : out.good) += 1;
+    if (bad && by_best) ++out.best;
     if (flagged) (bad ? out.found : out.false_alarms) += 1;
   };
   for (std::size_t k = 0; k < bad_reading.size(); ++k) {
-    count(bad_reading[k] != 0, !fit.bundle.weighting.Uses(k));
+    count(bad_reading[k] != 0, !fit.bundle.weighting.Uses(k), !best.Uses(k));
   }
   for (std::size_t i = 0; i < bad_point.size(); ++i) {
-    count(bad_point[i] != 0, !fit.bundle.weighting.UsesSurvey(i));
+    count(bad_point[i] != 0, !fit.bundle.weighting.UsesSurvey(i), !best.UsesSurvey(i));
   }
   return out;
 }
@@ -81,13 +92,16 @@ Outcome PlantMany(Where where) {
     sum.gross += one.gross;
     sum.planted += one.planted;
     sum.found += one.found;
+    sum.best += one.best;
     sum.good += one.good;
     sum.false_alarms += one.false_alarms;
   }
-  std::printf("%s: error %.3f times clean, %.2f%% of %d found, %.3f%% of %d false\n",
-              where == Where::kSurvey ? "survey" : "readings", std::sqrt(sum.gross / sum.clean),
-              100.0 * sum.found / sum.planted, sum.planted, 100.0 * sum.false_alarms / sum.good,
-              sum.good);
+  constexpr const char* kNames[] = {"survey", "readings", "readings, anywhere"};
+  std::printf(
+      "%s: error %.3f times clean, %.2f%% of %d found (at best %.2f%%), %.3f%% of %d false\n",
+      kNames[static_cast<int>(where)], std::sqrt(sum.gross / sum.clean),
+      100.0 * sum.found / sum.planted, sum.planted, 100.0 * sum.best / sum.planted,
+      100.0 * sum.false_alarms / sum.good, sum.good);
   return sum;
 }
 
@@ -98,11 +112,19 @@ TEST(GrossErrors, TenPercentOfTheSurvey) {
   EXPECT_LT(std::sqrt(sum.gross / sum.clean), 1.2);
 }
 
-// Near 10 sigmas (0.5 px, some 0.8 mm) a survey of 0.3 mm cannot always tell which of four readings
-// is the wrong one: found is then that something at the point was left out for it.
+TEST(GrossErrors, TenPercentOfTheReadingsAnywhere) {
+  const Outcome sum = PlantMany(Where::kReadingsAnywhere);
+  EXPECT_GE(sum.found, 0.95 * sum.planted);
+  EXPECT_LE(sum.false_alarms, 0.01 * sum.good);
+  EXPECT_LT(std::sqrt(sum.gross / sum.clean), 1.2);
+}
+
+// Near 10 sigmas (0.5 px, some 0.7 mm) a survey of 0.3 mm cannot tell which of four readings is the
+// wrong one, and one that moves its point by less than the survey's error need not even show: what
+// can be asked is nearly what the true cameras would find.
 TEST(GrossErrors, TenPercentOfTheReadings) {
   const Outcome sum = PlantMany(Where::kReadings);
-  EXPECT_GE(sum.found, 0.95 * sum.planted);
+  EXPECT_GE(sum.found, 0.95 * sum.best);
   EXPECT_LE(sum.false_alarms, 0.01 * sum.good);
   EXPECT_LT(std::sqrt(sum.gross / sum.clean), 1.2);
 }
