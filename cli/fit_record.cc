@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 
 #include "base/text.h"
-#include "cli/comparison.h"
 #include "cli/verb.h"
 #include "correlate/metrics.h"
+#include "report/number.h"
 
 namespace unfurl::cli {
 
@@ -111,9 +111,10 @@ void JudgeWhole(const correlate::FitResult& r, const std::vector<correlate::Para
   words[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(words[0])));
   record->verdict = words + ".";
   for (std::size_t j = 0; j < parameters.size(); ++j) {
-    record->reasons.push_back(fmt::format("{} = {} {}: {}", parameters[j].name,
-                                          WithError(r.parameters[j].value, r.parameters[j].sigma),
-                                          parameters[j].unit, r.parameters[j].reason));
+    record->reasons.push_back(
+        fmt::format("{} = {} {}: {}", parameters[j].name,
+                    report::NumberWithError(r.parameters[j].value, r.parameters[j].sigma),
+                    parameters[j].unit, r.parameters[j].reason));
   }
   AddTrialWords(r, record);
   const std::size_t semicolon = r.message.find("; a profile");
@@ -290,7 +291,7 @@ std::string FitText(const data::FitRecord& record, double seconds) {
     text += fmt::format(
         "time offset{} {} s\n",
         record.trials.size() > 1 ? " of " + record.trials[static_cast<std::size_t>(n.trial)] : "",
-        WithError(n.value, n.sigma));
+        report::NumberWithError(n.value, n.sigma));
   }
   return text + cost;
 }

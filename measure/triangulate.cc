@@ -11,6 +11,11 @@ namespace unfurl::measure {
 
 namespace {
 
+double FloorSquare(const data::Rig& rig, std::size_t camera) {
+  const double floor = data::FloorOf(rig, camera);
+  return floor * floor;
+}
+
 constexpr int kMaxCameras = 32;  // bits of the camera set
 
 }  // namespace
@@ -58,7 +63,6 @@ PointSolution Triangulator::Solve(std::span<const double> u_px, std::span<const 
   }
   if (point.readings < 3) return point;
 
-  const double floor2 = rig_.model_floor_px * rig_.model_floor_px;
   point.p = start;
   point.outcome = PointOutcome::kOutside;
   Eigen::Matrix3d A, geometry;
@@ -72,7 +76,7 @@ PointSolution Triangulator::Solve(std::span<const double> u_px, std::span<const 
       if ((point.cameras >> c & 1U) == 0) continue;
       Projection here;
       if (!Project(rig_.cameras[c], point.p, &here)) return point;
-      const double w = 1.0 / (s_px[c] * s_px[c] + floor2);
+      const double w = 1.0 / (s_px[c] * s_px[c] + FloorSquare(rig_, c));
       const double r = u_px[c] - here.u_px;
       const Eigen::Matrix3d outer = here.du_dp.transpose() * here.du_dp;
       A += w * outer;
@@ -120,13 +124,12 @@ PointSolution Triangulator::Solve(std::span<const double> u_px, std::span<const 
 void Triangulator::SharedFactor(const PointSolution& point, std::span<const double> s_px,
                                 Eigen::Ref<Eigen::Matrix3Xd> F) const {
   // The readings are held; the point moves with the rig: A dp = -sum w du_dp^T du_dc dc.
-  const double floor2 = rig_.model_floor_px * rig_.model_floor_px;
   F.setZero();
   for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
     if ((point.cameras >> c & 1U) == 0) continue;
     Projection here;
     if (!Project(rig_.cameras[c], point.p, &here)) continue;
-    const double w = 1.0 / (s_px[c] * s_px[c] + floor2);
+    const double w = 1.0 / (s_px[c] * s_px[c] + FloorSquare(rig_, c));
     const Eigen::Vector3d lever = -w * (point.cov * here.du_dp.transpose());
     const auto rows = factor_.middleRows(static_cast<Eigen::Index>(c) * data::kCameraParameters,
                                          data::kCameraParameters);
