@@ -25,20 +25,28 @@ Level LevelOf(correlate::Verdict verdict) {
   }
 }
 
+std::string Limit(double x) { return std::isfinite(x) ? fmt::format("{:.5g}", x) : "open"; }
+
 void AddParameters(const FitPageInput& in, report::Page* page) {
   std::vector<report::Figure> figures;
   report::Table values, parts;
   values.title = "What was fitted";
-  values.header = {"parameter", "start", "value",   "standard error",
-                   "%",         "unit",  "verdict", "keys of the scene"};
-  values.text_columns = {0, 5, 6, 7};
+  values.header = {"parameter",      "start",   "value",
+                   "standard error", "%",       "95% of the data, by profile",
+                   "unit",           "verdict", "keys"};
+  values.text_columns = {0, 6, 7, 8};
   parts.title = "What the standard errors are made of";
   parts.note =
       "Of the data: the samples' own errors and the calibration's, widened for what the residuals' "
       "correlation shows. Of the model: its mesh and tolerance, judged by a finer mesh at the "
-      "estimate; the last column says where the value would go with no mesh error at all.";
-  parts.header = {"parameter", "were the residuals white", "of the data", "of the model",
-                  "all",       "the finer mesh's shift",   "roughness"};
+      "estimate; the shift says where the value would go with no mesh error at all. Alone: what "
+      "the "
+      "data would give were all other parameters known. Roughness: by how much the differences of "
+      "the marks to either side of the estimate disagree, |D+ - D-| / |D+ + D-|: 0 for a smooth "
+      "model, 1 where impacts come and go within the step. Above 0.3 they are not averaged: the "
+      "side that leads downhill moves the solver, and the flatter one sets the standard error.";
+  parts.header = {"parameter", "were the residuals white", "of the data", "of the model", "all",
+                  "alone",     "the finer mesh's shift",   "roughness"};
   for (std::size_t j = 0; j < in.record.parameters.size(); ++j) {
     const auto& p = in.record.parameters[j];
     const auto& e = in.result.parameters[j];
@@ -46,14 +54,15 @@ void AddParameters(const FitPageInput& in, report::Page* page) {
                        LevelOf(e.verdict)});
     const std::string keys =
         p.keys.front() + (p.keys.size() > 1 ? fmt::format(" and {} more", p.keys.size() - 1) : "");
-    values.rows.push_back({p.name, fmt::format("{:.4g}", p.start), fmt::format("{:.6g}", p.value),
-                           fmt::format("{:.2g}", p.sigma),
-                           fmt::format("{:.2f}", 100.0 * p.sigma / std::abs(p.value)), p.unit,
-                           p.verdict, keys});
+    values.rows.push_back(
+        {p.name, fmt::format("{:.4g}", p.start), fmt::format("{:.6g}", p.value),
+         fmt::format("{:.2g}", p.sigma), fmt::format("{:.2f}", 100.0 * p.sigma / std::abs(p.value)),
+         in.record.profiles.empty() ? "-" : Limit(p.low95) + " to " + Limit(p.high95), p.unit,
+         p.verdict, keys});
     parts.rows.push_back({p.name, fmt::format("{:.2g}", p.sigma_white),
                           fmt::format("{:.2g}", p.sigma_data), fmt::format("{:.2g}", p.sigma_model),
-                          fmt::format("{:.2g}", p.sigma), fmt::format("{:+.2g}", p.model_shift),
-                          fmt::format("{:.2g}", p.kink)});
+                          fmt::format("{:.2g}", p.sigma), fmt::format("{:.2g}", p.sigma_alone),
+                          fmt::format("{:+.2g}", p.model_shift), fmt::format("{:.2g}", p.kink)});
   }
   page->AddFigures(figures);
   page->AddTable(values);
@@ -67,7 +76,8 @@ void AddModelError(const FitPageInput& in, report::Page* page) {
       fmt::format("What a finer mesh moves the marks by at the estimate: {:.3g} mm RMS, {:.2g} of "
                   "their sigma. It is counted in the standard errors as an error common to all "
                   "samples, once as a whole and once in pieces by mark and time.",
-                  1e3 * in.result.model_error_rms, in.result.model_error_sigmas));
+                  1e3 * in.result.trials.front().model_error_rms,
+                  in.result.trials.front().model_error_sigmas));
   report::Chart chart;
   chart.title = "Distance to the finer mesh";
   chart.y = {"distance", "mm", false};
@@ -75,13 +85,211 @@ void AddModelError(const FitPageInput& in, report::Page* page) {
     report::Series s;
     s.name = in.record.marks[m];
     for (std::size_t i = 0; i < in.record.t.size(); ++i) {
-      if (in.record.mark[i] != static_cast<std::int32_t>(m)) continue;
+      if (in.record.mark[i] != static_cast<std::int32_t>(m) || in.record.trial[i] != 0) continue;
       s.x.push_back(in.record.t[i]);
       s.y.push_back(1e3 * in.record.model_error.col(static_cast<Eigen::Index>(i)).norm());
     }
     chart.series.push_back(std::move(s));
   }
   page->AddTimeSeries(std::move(chart));
+}
+
+// Deviance against each parameter: how well it is known with all others free.
+void AddProfiles(const FitPageInput& in, report::Page* page) {
+  if (in.record.profiles.empty()) return;
+  page->AddSection(
+      "Profiles",
+      "Each parameter is held at values to either side and everything else is fitted anew; the "
+      "deviance is what that costs. Where it crosses the dashed line the 95% interval of the data "
+      "ends; a profile that stays below it says that the data do not determine this parameter by "
+      "itself. The parabola is what the standard error of the data alone would give.");
+  for (std::size_t j = 0; j < in.record.parameters.size(); ++j) {
+    const auto& p = in.record.parameters[j];
+    report::Chart chart;
+    chart.title = p.name;
+    chart.x = {p.name, p.unit, false};
+    chart.y = {"deviance", "1", false};
+    report::Series found, parabola, level;
+    found.name = "others at their best";
+    found.style = report::Style::kDots;
+    parabola.name = "from the standard error";
+    level.name = "95%";
+    level.style = report::Style::kDashes;
+    const double dispersion = in.result.parameters[j].profile.dispersion;
+    for (const auto& point : in.record.profiles) {
+      if (point.parameter != static_cast<std::int32_t>(j) || !point.settled) continue;
+      found.x.push_back(point.theta[j]);
+      found.y.push_back(point.deviance);
+    }
+    if (found.x.size() < 2) continue;
+    constexpr int kPoints = 81;
+    const double low = found.x.front(), high = found.x.back();
+    for (int i = 0; i < kPoints; ++i) {
+      const double x = low + (high - low) * i / (kPoints - 1);
+      const double z = p.sigma_data > 0.0 ? (x - p.value) / p.sigma_data : 0.0;
+      parabola.x.push_back(x);
+      parabola.y.push_back(std::min(z * z, 12.0) * dispersion);
+    }
+    level.x = {low, high};
+    level.y.assign(2, correlate::kDeviance95 * dispersion);
+    chart.series = {found, parabola, level};
+    page->AddChart(chart);
+  }
+}
+
+// Where several starts ended, best first.
+void AddWaterfall(const FitPageInput& in, report::Page* page) {
+  if (in.record.starts.size() < 2) return;
+  report::Chart chart;
+  chart.title = "Starts, best end first";
+  chart.note =
+      "Half the sum of squares over the whole record to which each start led. A step that many "
+      "share is a minimum found again and again; the lowest one is the answer.";
+  chart.x = {"start", "1", false};
+  chart.y = {"half the sum of squares", "1", true};
+  report::Series ends;
+  ends.name = "ends";
+  ends.style = report::Style::kDots;
+  report::Table table;
+  table.title = "Where they began and ended";
+  table.header = {"start", "half the sum of squares"};
+  for (const auto& p : in.record.parameters) {
+    table.header.push_back(p.name + " from");
+    table.header.push_back("to");
+  }
+  table.header.push_back("ended");
+  table.text_columns = {static_cast<int>(table.header.size()) - 1};
+  for (std::size_t i = 0; i < in.record.starts.size(); ++i) {
+    const auto& s = in.record.starts[i];
+    if (s.cost >= 0.0) {
+      ends.x.push_back(static_cast<double>(i + 1));
+      ends.y.push_back(s.cost);
+    }
+    std::vector<std::string> row = {std::to_string(i + 1),
+                                    s.cost >= 0.0 ? fmt::format("{:.6g}", s.cost) : "failed"};
+    for (std::size_t j = 0; j < in.record.parameters.size(); ++j) {
+      row.push_back(fmt::format("{:.4g}", s.from[j]));
+      row.push_back(j < s.to.size() ? fmt::format("{:.6g}", s.to[j]) : "-");
+    }
+    row.push_back(s.message);
+    table.rows.push_back(std::move(row));
+  }
+  chart.series.push_back(ends);
+  page->AddChart(chart);
+  page->AddTable(table);
+}
+
+// Mean autocorrelation over all series of residuals, in steps of the samples.
+report::Series Autocorrelation(const correlate::ResidualNoise& noise,
+                               const Eigen::VectorXd& residual, const std::string& name) {
+  constexpr std::size_t kLags = 60;
+  std::vector<double> sum(kLags + 1, 0.0);
+  for (const auto& series : noise.series) {
+    std::vector<double> x(series.slot.empty() ? 0 : series.slot.back() + 1, 0.0);
+    for (std::size_t i = 0; i < series.row.size(); ++i) {
+      x[series.slot[i]] = residual(series.row[i]);
+    }
+    for (std::size_t l = 0; l <= kLags && l < x.size(); ++l) {
+      for (std::size_t i = l; i < x.size(); ++i) sum[l] += x[i] * x[i - l];
+    }
+  }
+  report::Series out;
+  out.name = name;
+  for (std::size_t l = 0; l <= kLags; ++l) {
+    out.x.push_back(static_cast<double>(l));
+    out.y.push_back(sum[0] > 0.0 ? sum[l] / sum[0] : 0.0);
+  }
+  return out;
+}
+
+void AddResiduals(const FitPageInput& in, report::Page* page) {
+  page->AddSection("Residuals",
+                   "White residuals have no autocorrelation beyond lag 0. What there is says that "
+                   "the model, or the optics, are wrong in a way that lasts from sample to sample; "
+                   "the fit is then weighted for it, and what is left widens the standard errors.");
+  const bool several = in.result.trials.size() > 1;
+  for (const correlate::TrialResult& t : in.result.trials) {
+    report::Chart chart;
+    chart.title = "Autocorrelation of the residuals" + (several ? ", " + t.name : std::string());
+    chart.x = {"lag", "samples of a mark", false};
+    chart.y = {"autocorrelation", "1", false};
+    chart.series.push_back(Autocorrelation(t.plain, t.residual, "as they are"));
+    if (!t.noise.series.empty() && !t.noise.white()) {
+      chart.series.push_back(
+          Autocorrelation(t.whitened, t.registration.residual, "weighted for it"));
+    }
+    page->AddChart(chart);
+  }
+  report::Table table;
+  table.title = "Noise found in the residuals";
+  table.note =
+      "Variance in units of the samples' own; the share of it that is correlated from sample to "
+      "sample, and by how much. Axes are those of the whitened residual, close to the rig's.";
+  table.header = {"trial", "mark", "axis", "variance", "correlated share", "correlation"};
+  table.text_columns = {0, 1, 2};
+  constexpr const char* kAxes[] = {"1", "2", "3"};
+  for (const auto& n : in.record.noise) {
+    table.rows.push_back({in.record.trials[static_cast<std::size_t>(n.trial)],
+                          in.record.marks[static_cast<std::size_t>(n.mark)], kAxes[n.axis],
+                          fmt::format("{:.3g}", n.variance), fmt::format("{:.3g}", n.share),
+                          fmt::format("{:.4g}", n.rho)});
+  }
+  if (!table.rows.empty()) page->AddTable(table);
+  if (in.record.less_weight.empty()) return;
+  report::Table less;
+  less.title = "Where samples count less";
+  less.note =
+      "There the marks move with the solver's tolerance: impacts have magnified every last digit, "
+      "and what the simulation says is not better known than this.";
+  less.header = {"trial", "mark", "from [s]", "to [s]", "solver's noise [mm]", "weight"};
+  less.text_columns = {0, 1};
+  for (const auto& l : in.record.less_weight) {
+    less.rows.push_back({in.record.trials[static_cast<std::size_t>(l.trial)],
+                         in.record.marks[static_cast<std::size_t>(l.mark)],
+                         fmt::format("{:.3f}", l.from), fmt::format("{:.3f}", l.to),
+                         fmt::format("{:.3g}", 1e3 * l.noise), fmt::format("{:.2g}", l.weight)});
+  }
+  page->AddTable(less);
+}
+
+// The simulated marks with what the parameters' errors leave open, over the measured ones.
+void AddBands(const FitPageInput& in, report::Page* page) {
+  page->AddSection(
+      "What the model predicts now",
+      "Simulated marks in the model's plane, with a band of two standard errors for what is not "
+      "known of the parameters (carried through linearly), over the measured ones.");
+  constexpr const char* kAxes[] = {"x", "y"};
+  for (std::size_t trial = 0; trial < in.record.trials.size(); ++trial) {
+    for (std::size_t m = 0; m < in.record.marks.size(); ++m) {
+      report::Chart chart;
+      chart.title = in.record.marks[m];
+      if (in.record.trials.size() > 1) chart.title += ", " + in.record.trials[trial];
+      chart.y = {"position", "m", false};
+      for (Eigen::Index axis = 0; axis < 2; ++axis) {
+        report::Series measured, simulated;
+        measured.name = std::string("measured ") + kAxes[axis];
+        measured.style = report::Style::kDots;
+        simulated.name = std::string("simulated ") + kAxes[axis];
+        measured.color = simulated.color = static_cast<int>(axis);
+        for (std::size_t i = 0; i < in.record.t.size(); ++i) {
+          if (in.record.mark[i] != static_cast<std::int32_t>(m) ||
+              in.record.trial[i] != static_cast<std::int32_t>(trial)) {
+            continue;
+          }
+          const auto column = static_cast<Eigen::Index>(i);
+          measured.x.push_back(in.record.t[i]);
+          measured.y.push_back(in.record.measured(axis, column));
+          simulated.y.push_back(in.record.simulated(axis, column));
+          simulated.half_width.push_back(2.0 * in.record.band(axis, column));
+        }
+        simulated.x = measured.x;
+        if (measured.x.empty()) continue;
+        chart.series.push_back(std::move(simulated));
+        chart.series.push_back(std::move(measured));
+      }
+      if (!chart.series.empty()) page->AddTimeSeries(std::move(chart));
+    }
+  }
 }
 
 void AddSearch(const FitPageInput& in, report::Page* page) {
@@ -101,6 +309,7 @@ void AddSearch(const FitPageInput& in, report::Page* page) {
     stages.rows.push_back(std::move(row));
   }
   page->AddTable(stages);
+  AddWaterfall(in, page);
 }
 
 }  // namespace
@@ -112,10 +321,13 @@ void WriteFitPage(const std::string& path, const FitPageInput& in) {
     if (in.result.Usable()) level = std::max(level, LevelOf(p.verdict));
   }
   page.AddWords(level, in.record.verdict, in.record.reasons);
-  if (!in.result.prediction.marks.empty()) {
+  if (in.record.measured.cols() > 0) {
     AddParameters(in, &page);
+    AddProfiles(in, &page);
     if (!in.comparison.errors.empty()) AddComparisonPanels(in.comparison, &page);
     AddModelError(in, &page);
+    AddResiduals(in, &page);
+    AddBands(in, &page);
     AddSearch(in, &page);
   }
   page.AddOrigin("program", in.provenance.program);

@@ -4,11 +4,9 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 
 #include "base/error.h"
 #include "base/progress.h"
-#include "base/worker_pool.h"
 #include "data/scene.h"
 #include "sim/observables.h"
 #include "sim/simulate.h"
@@ -74,6 +72,7 @@ SceneModel::SceneModel(SceneModelOptions options, std::span<const double> theta)
   const data::Scene scene = data::ReadScene(options_.scene, Overrides(theta));
   sim::Compile(scene);
   duration_ = scene.duration;
+  files_ = scene.files;
   for (const data::SceneMark& mark : scene.marks) marks_.push_back(mark.name);
 }
 
@@ -89,14 +88,8 @@ std::vector<std::string> SceneModel::Overrides(std::span<const double> theta) co
 
 correlate::Prediction SceneModel::Evaluate(std::span<const double> theta,
                                            const correlate::Stamps& stamps) const {
-  return Run(theta, stamps, options_.rtol);
-}
-
-correlate::Prediction SceneModel::Run(std::span<const double> theta,
-                                      const correlate::Stamps& stamps, double rtol) const {
   const auto start = std::chrono::steady_clock::now();
   correlate::Prediction out;
-  out.noise = noise_;
   const sim::Model model = sim::Compile(data::ReadScene(options_.scene, Overrides(theta)));
   double last = 0.0;
   for (const auto& list : stamps.t) {
@@ -104,7 +97,7 @@ correlate::Prediction SceneModel::Run(std::span<const double> theta,
   }
   sim::SimulateOptions simulate;
   simulate.rate = kRate;
-  simulate.rtol = rtol;
+  simulate.rtol = options_.rtol;
   simulate.track_energy = simulate.track_forces = false;
   simulate.duration = last + 2.0 / kRate;  // so that the last stamp lies between two samples
   Collector collector(model, stamps.marks);
@@ -130,24 +123,6 @@ correlate::Prediction SceneModel::Run(std::span<const double> theta,
   }
   out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return out;
-}
-
-void SceneModel::MeasureNoise(std::span<const double> theta, const correlate::Stamps& stamps,
-                              std::size_t workers) {
-  correlate::Prediction loose, tight;
-  ParallelFor(2, workers, [&](std::size_t i) {
-    (i == 0 ? tight : loose) = Run(theta, stamps, (i == 0 ? 0.1 : 1.0) * options_.rtol);
-  });
-  if (loose.status != correlate::ModelStatus::kGood ||
-      tight.status != correlate::ModelStatus::kGood) {
-    return;
-  }
-  double sum = 0.0, n = 0.0;
-  for (std::size_t m = 0; m < loose.marks.size(); ++m) {
-    sum += (loose.marks[m].p - tight.marks[m].p).squaredNorm();
-    n += static_cast<double>(loose.marks[m].p.cols());
-  }
-  noise_ = n > 0.0 ? std::sqrt(sum / n) : 0.0;
 }
 
 }  // namespace unfurl::cli

@@ -21,28 +21,20 @@ class SceneModel : public correlate::Model {
   // placed at its file, and not a failure of every evaluation.
   SceneModel(SceneModelOptions options, std::span<const double> theta);
 
-  // Simulates to the last stamp. Events are those of the joints. Noise: how far the marks move,
-  // RMS, when the tolerance is ten times tighter; measured by MeasureNoise.
+  // Simulates to the last stamp. Events are those of the joints.
   correlate::Prediction Evaluate(std::span<const double> theta,
                                  const correlate::Stamps& stamps) const override;
 
   const std::vector<std::string>& marks() const { return marks_; }
-  double duration() const { return duration_; }  // the scene's [s]
-
-  // One run at each of two tolerances; what they differ by is noise() from then on.
-  void MeasureNoise(std::span<const double> theta, const correlate::Stamps& stamps,
-                    std::size_t workers);
-  double noise() const { return noise_; }  // [m]
+  const std::vector<std::string>& files() const { return files_; }  // that the scene came from
+  double duration() const { return duration_; }                     // the scene's [s]
 
  private:
-  correlate::Prediction Run(std::span<const double> theta, const correlate::Stamps& stamps,
-                            double rtol) const;
   std::vector<std::string> Overrides(std::span<const double> theta) const;
 
   SceneModelOptions options_;
-  std::vector<std::string> marks_;
+  std::vector<std::string> marks_, files_;
   double duration_ = 0.0;
-  double noise_ = 0.0;
 };
 
 }  // namespace unfurl::cli

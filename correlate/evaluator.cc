@@ -1,104 +1,103 @@
 #include "correlate/evaluator.h"
 
-#include <fmt/format.h>
-
-#include <exception>
-
-#include "base/error.h"
-#include "base/progress.h"
-#include "base/worker_pool.h"
-
 namespace unfurl::correlate {
 
-namespace {
-
-// A model's answer is used only when it is whole: what is missing or not finite is a failure here
-// and not a NaN somewhere later.
-void CheckWhole(const Stamps& stamps, Prediction* p) {
-  if (p->status != ModelStatus::kGood) return;
-  auto fail = [&](const std::string& why) {
-    p->status = ModelStatus::kFailed;
-    p->message = why;
-  };
-  if (p->marks.size() != stamps.marks.size()) return fail("the model did not answer for all marks");
-  for (std::size_t m = 0; m < p->marks.size(); ++m) {
-    const MarkMotion& motion = p->marks[m];
-    const auto n = static_cast<Eigen::Index>(stamps.t[m].size());
-    if (motion.p.cols() != n || motion.v.cols() != n) {
-      return fail("the model did not answer at all stamps of " + stamps.marks[m]);
-    }
-    if (!motion.p.allFinite() || !motion.v.allFinite()) {
-      return fail("the model's motion of " + stamps.marks[m] + " is not finite");
-    }
-    for (std::uint8_t known : motion.known) {
-      if (!known) return fail("the model's motion of " + stamps.marks[m] + " ends too early");
-    }
+const Model* ModelOf(const FitTrial& trial, Fidelity fidelity) {
+  switch (fidelity) {
+    case Fidelity::kTighter:
+      return trial.tighter;
+    case Fidelity::kFiner:
+      return trial.finer;
+    case Fidelity::kMain:
+      break;
   }
+  return trial.model;
 }
 
-}  // namespace
-
-void Evaluator::SetStamps(Stamps stamps, int stage) {
+void Evaluator::SetStamps(std::vector<Stamps> stamps, int stage) {
   stamps_ = std::move(stamps);
   stage_ = stage;
   cache_.clear();
+  age_.clear();
 }
 
-Evaluator::Answer Evaluator::Evaluate(const Request& request) {
-  return Evaluate(std::vector<Request>{request}).front();
+std::vector<Evaluator::Answer> Evaluator::Ask(const std::vector<const Request*>& requests,
+                                              const std::vector<const Stamps*>& stamps) {
+  std::vector<Job> jobs;
+  for (std::size_t i = 0; i < requests.size(); ++i) {
+    const Request& r = *requests[i];
+    jobs.push_back(
+        {r.trial, r.fidelity, ModelOf(problem_.trials[r.trial], r.fidelity), r.theta, stamps[i]});
+  }
+  std::vector<Answer> answers(requests.size());
+  workers_.Run(jobs, [&](std::size_t i, Prediction answer) {
+    answers[i] = std::make_shared<const Prediction>(std::move(answer));
+  });
+  for (std::size_t i = 0; i < requests.size(); ++i) {
+    EvaluationRecord record;
+    record.theta = requests[i]->theta;
+    record.purpose = requests[i]->purpose;
+    record.stage = stage_;
+    record.start = start_;
+    record.trial = static_cast<int>(requests[i]->trial);
+    record.fidelity = requests[i]->fidelity;
+    record.status = answers[i]->status;
+    record.message = answers[i]->message;
+    records_.push_back(std::move(record));
+  }
+  if (on_batch && !requests.empty()) on_batch();
+  return answers;
+}
+
+std::vector<Evaluator::Answer> Evaluator::EvaluateAt(const std::vector<Request>& requests,
+                                                     const std::vector<Stamps>& stamps) {
+  std::vector<const Request*> which;
+  std::vector<const Stamps*> where;
+  for (std::size_t i = 0; i < requests.size(); ++i) {
+    which.push_back(&requests[i]);
+    where.push_back(&stamps[i]);
+  }
+  return Ask(which, where);
 }
 
 std::vector<Evaluator::Answer> Evaluator::Evaluate(const std::vector<Request>& requests) {
   std::vector<const Request*> fresh;
+  std::vector<const Stamps*> where;
+  std::map<Key, Answer> mine;  // what this call needs, whatever the cache drops meanwhile
   for (const Request& request : requests) {
-    const Key key{request.model, request.theta};
-    if (cache_.emplace(key, nullptr).second) fresh.push_back(&request);
+    const Key key{{request.trial, request.fidelity}, request.theta};
+    const auto cached = cache_.find(key);
+    if (cached != cache_.end()) {
+      mine[key] = cached->second;
+    } else if (mine.emplace(key, nullptr).second) {
+      fresh.push_back(&request);
+      where.push_back(&stamps_[request.trial]);
+    }
   }
-  std::vector<std::shared_ptr<Prediction>> answers(fresh.size());
-  try {
-    ParallelFor(fresh.size(), workers_, [&](std::size_t i) {
-      ThrowIfInterrupted();
-      auto answer = std::make_shared<Prediction>();
-      try {
-        *answer = fresh[i]->model->Evaluate(fresh[i]->theta, stamps_);
-        CheckWhole(stamps_, answer.get());
-      } catch (const Interrupted&) {
-        throw;
-      } catch (const std::exception& e) {
-        answer->status = ModelStatus::kFailed;
-        answer->message = e.what();
-      }
-      answers[i] = std::move(answer);
-    });
-  } catch (...) {
-    for (const Request* request : fresh) cache_.erase(Key{request->model, request->theta});
-    throw;
-  }
+  const std::vector<Answer> answers = Ask(fresh, where);
   for (std::size_t i = 0; i < fresh.size(); ++i) {
-    EvaluationRecord record;
-    record.theta = fresh[i]->theta;
-    record.purpose = fresh[i]->purpose;
-    record.stage = stage_;
-    record.status = answers[i]->status;
-    record.message = answers[i]->message;
-    record.seconds = answers[i]->seconds;
-    record.finer = fresh[i]->finer;
-    records_.push_back(std::move(record));
-    cache_[Key{fresh[i]->model, fresh[i]->theta}] = std::move(answers[i]);
+    const Key key{{fresh[i]->trial, fresh[i]->fidelity}, fresh[i]->theta};
+    mine[key] = cache_[key] = answers[i];
+    age_.push_back(key);
+  }
+  while (age_.size() > kCached) {
+    cache_.erase(age_.front());
+    age_.pop_front();
   }
   std::vector<Answer> out;
-  for (const Request& request : requests)
-    out.push_back(cache_.at(Key{request.model, request.theta}));
-  if (on_batch && !fresh.empty()) on_batch();
+  for (const Request& request : requests) {
+    out.push_back(mine.at(Key{{request.trial, request.fidelity}, request.theta}));
+  }
   return out;
 }
 
 void Evaluator::NoteCost(const std::vector<double>& theta, double cost) {
-  for (auto record = records_.rbegin(); record != records_.rend(); ++record) {
-    if (record->theta == theta && !record->finer && record->stage == stage_) {
-      if (record->cost < 0.0) record->cost = cost;
-      return;
-    }
+  std::size_t left = problem_.trials.size();
+  for (auto record = records_.rbegin(); record != records_.rend() && left > 0; ++record) {
+    if (record->stage != stage_) return;
+    if (record->theta != theta || record->fidelity != Fidelity::kMain) continue;
+    if (record->cost < 0.0) record->cost = cost;
+    --left;
   }
 }
 

@@ -1,65 +1,75 @@
 #pragma once
 
 #include <cstddef>
+#include <deque>
 #include <functional>
 #include <map>
 #include <memory>
 #include <string>
 #include <vector>
 
-#include "correlate/model.h"
+#include "correlate/fit_problem.h"
+#include "correlate/workers.h"
 
 namespace unfurl::correlate {
 
-// Every call of the model that a fit made, in an order that does not depend on the workers.
+// Every call of a model that a fit made, in an order that does not depend on the workers.
 struct EvaluationRecord {
   std::vector<double> theta;
-  std::string purpose;  // "alignment", "trial", "difference", "finer model", ...
+  std::string purpose;  // "alignment", "trial", "difference", "finer model", "profile", ...
   int stage = 0;
+  int start = -1;  // which of several starts; -1: not of one
+  int trial = 0;
+  Fidelity fidelity = Fidelity::kMain;
   ModelStatus status = ModelStatus::kGood;
   std::string message;
   double cost = -1.0;  // half the sum of squares; -1: it was not compared with the data
-  double seconds = 0.0;
-  bool finer = false;
 };
 
-// Calls models for batches of parameters, several at once, and never twice for the same question.
-// This is the seam behind which evaluations could be sent elsewhere than to local threads.
+// Asks models for batches of parameters, never twice for the same question within a stage, and
+// keeps the record. What carries the questions out is the Workers.
 class Evaluator {
  public:
   struct Request {
-    const Model* model = nullptr;
+    std::size_t trial = 0;
     std::vector<double> theta;
     std::string purpose;
-    bool finer = false;
+    Fidelity fidelity = Fidelity::kMain;
   };
   using Answer = std::shared_ptr<const Prediction>;
 
-  explicit Evaluator(std::size_t workers) : workers_(workers) {}
+  Evaluator(const FitProblem& problem, Workers& workers, int start = -1)
+      : problem_(problem), workers_(workers), start_(start) {}
 
-  // New stamps: what was cached for others is dropped.
-  void SetStamps(Stamps stamps, int stage);
-  const Stamps& stamps() const { return stamps_; }
+  // New stamps for each trial: what was cached for others is dropped.
+  void SetStamps(std::vector<Stamps> stamps, int stage);
 
-  // One answer per request, in their order. A model that throws anything but Interrupted is a
-  // failed evaluation with the exception's text.
+  // One answer per request, in their order; a failure is an answer.
   std::vector<Answer> Evaluate(const std::vector<Request>& requests);
-  Answer Evaluate(const Request& request);
+  // At stamps of its own, one set per request; not cached.
+  std::vector<Answer> EvaluateAt(const std::vector<Request>& requests,
+                                 const std::vector<Stamps>& stamps);
 
-  // Adds what an evaluation cost the data; the latest record of `theta` takes it.
+  // Adds what an evaluation cost the data; the latest records of `theta` take it.
   void NoteCost(const std::vector<double>& theta, double cost);
-  void Note(EvaluationRecord record) { records_.push_back(std::move(record)); }
 
+  const FitProblem& problem() const { return problem_; }
   const std::vector<EvaluationRecord>& records() const { return records_; }
-  std::size_t count() const { return records_.size(); }
   std::function<void()> on_batch;  // after each batch: progress
 
  private:
-  using Key = std::pair<const Model*, std::vector<double>>;
-  std::size_t workers_;
-  Stamps stamps_;
+  using Key = std::pair<std::pair<std::size_t, Fidelity>, std::vector<double>>;
+  static constexpr std::size_t kCached = 200;  // answers; a long record takes 200 kB each
+  std::vector<Answer> Ask(const std::vector<const Request*>& requests,
+                          const std::vector<const Stamps*>& stamps);
+
+  const FitProblem& problem_;
+  Workers& workers_;
+  int start_;
+  std::vector<Stamps> stamps_;
   int stage_ = 0;
   std::map<Key, Answer> cache_;
+  std::deque<Key> age_;
   std::vector<EvaluationRecord> records_;
 };
 

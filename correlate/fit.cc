@@ -3,216 +3,467 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <limits>
+#include <mutex>
+#include <numeric>
 
 #include "base/error.h"
+#include "base/worker_pool.h"
 #include "correlate/fit_covariance.h"
 #include "correlate/reduced_problem.h"
-#include "correlate/solver.h"
+#include "correlate/search.h"
+#include "correlate/verdict.h"
 
 namespace unfurl::correlate {
 
 namespace {
 
-// Beyond this the prediction is asked at new stamps, and the stage solved again: to this far the
-// velocities carry it. Accelerations of 1 km/s^2 at impacts make 1e-6 m of it.
-constexpr double kOffsetSettled = 5e-5;  // [s]
+// Counts answers and tells what is going on.
+class Watched : public Workers {
+ public:
+  Watched(Workers& inner, const FitOptions& options) : inner_(inner), options_(options) {}
 
-// Of a standard error: how near to its minimum a stage that only leads the way has to come.
-constexpr double kLeadingTolerance = 0.5;
+  void Run(std::span<const Job> jobs,
+           const std::function<void(std::size_t, Prediction)>& done) override {
+    inner_.Run(jobs, [&](std::size_t i, Prediction answer) {
+      done(i, std::move(answer));
+      const std::lock_guard<std::mutex> lock(mutex_);
+      ++progress_.evaluations;
+      Tell();
+    });
+  }
 
-std::vector<std::string> MarkNames(const Observations& o) {
-  std::vector<std::string> names;
-  for (const MarkSeries& m : o.marks) names.push_back(m.name);
-  return names;
-}
+  void Phase(const std::string& phase, std::size_t expected_more) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    progress_.phase = phase;
+    progress_.expected = progress_.evaluations + expected_more;
+    Tell();
+  }
+  void Best(double cost, const std::vector<double>& theta) {
+    const std::lock_guard<std::mutex> lock(mutex_);
+    progress_.best_cost = cost;
+    progress_.best_theta = theta;
+    Tell();
+  }
 
-// Where in time and space the data sit beside the model at the start parameters.
-bool AlignStart(const FitProblem& problem, const FitOptions& options, Evaluator& evaluator,
-                FitResult* result) {
-  const Observations& o = *problem.observations;
-  // Positions and velocities on half the data's own step carry any motion that the data can show.
-  const double grid = std::clamp(0.5 * MedianStep(o.marks.front().t), 1e-3, 1e-2);
-  std::vector<double> theta;
-  for (const Parameter& p : problem.parameters) theta.push_back(p.start);
-  // Late motion at wrong parameters aligns anything with anything: where there are stages, the
-  // first one's horizon is what is aligned.
-  double horizon = o.End() - o.Start();
-  if (!options.stages.empty()) {
-    horizon = std::min(horizon, *std::min_element(options.stages.begin(), options.stages.end()));
+ private:
+  void Tell() const {
+    if (options_.progress) options_.progress(progress_);
   }
-  const SampledModel sampled(*problem.model, theta, MarkNames(o), 0.0, horizon, grid);
-  EvaluationRecord record;
-  record.theta = theta;
-  record.purpose = "alignment";
-  record.status = sampled.good() ? ModelStatus::kGood : ModelStatus::kFailed;
-  record.message = sampled.message();
-  evaluator.Note(record);
-  if (!sampled.good()) {
-    result->status = FitStatus::kModelFailed;
-    result->message = "the model failed at the start parameters: " + sampled.message();
-    return false;
-  }
-  result->alignment = Align(o, sampled, options.align);
-  // An alignment that did not settle is start enough; one of unrelated records is not.
-  if (result->alignment.status == AlignStatus::kGood ||
-      result->alignment.status == AlignStatus::kNotConverged) {
-    return true;
-  }
-  result->status = FitStatus::kNotAligned;
-  result->message = result->alignment.message;
-  return false;
-}
+  Workers& inner_;
+  const FitOptions& options_;
+  std::mutex mutex_;
+  FitProgress progress_;
+};
 
-void FillPrediction(const FitProblem& problem, const std::vector<double>& u,
-                    ReducedProblem& reduced, const ReducedProblem::Point& point,
-                    Evaluator& evaluator, FitResult* r) {
-  const std::size_t p = problem.parameters.size();
-  const std::vector<double> theta = Values(problem.parameters, u.data());
-  std::vector<Evaluator::Request> beside;
-  if (problem.finer != nullptr) beside.push_back({problem.finer, theta, "finer model", true});
-  Eigen::MatrixXd forward, backward;
-  ReducedProblem::Change change_forward, change_backward;
-  // The finer model takes longest: it goes first, beside the backward differences.
-  const bool two_sided = reduced.Sensitivity(u, point, -1, &backward, &change_backward, beside) &&
-                         reduced.Sensitivity(u, point, +1, &forward, &change_forward);
-  if (!two_sided) {
-    r->status = FitStatus::kModelFailed;
-    r->message = "the model could not be evaluated beside the estimate";
-    return;
+void CheckProblem(const FitProblem& problem) {
+  if (problem.parameters.empty()) {
+    throw Error("a study without parameters", "parameters", "name at least one");
   }
-  r->prediction = *point.prediction;
-  r->registration = point.registration;
-  r->offset_ref = reduced.offset_ref();
-  r->model_noise = point.prediction->noise;
-  r->sensitivity = 0.5 * (forward + backward);
-  r->change = change_forward;
-  for (std::size_t j = 0; j < p; ++j) {
-    const auto column = static_cast<Eigen::Index>(j);
-    ParameterEstimate& e = r->parameters[j];
-    e.value = theta[j];
-    const double sum = (forward.col(column) + backward.col(column)).norm();
-    e.kink = sum > 0.0 ? (forward.col(column) - backward.col(column)).norm() / sum : 0.0;
-    const double slope = Slope(problem.parameters[j], e.value);
-    r->sensitivity.col(column) /= slope;
-    for (std::size_t m = 0; m < change_forward[j].size(); ++m) {
-      r->change[j][m] = (change_forward[j][m] + change_backward[j][m]) * (0.5 / slope);
+  for (const Parameter& p : problem.parameters) Check(p);
+  if (problem.trials.empty()) {
+    throw Error("a study without a trial", "trials", "name at least one");
+  }
+  for (const FitTrial& trial : problem.trials) {
+    if (!trial.observations->has_sigma) {
+      throw Error("the data carry no covariances", "tracks",
+                  "fit to tracks; a run is compared by `correlate`");
     }
   }
-  if (problem.finer == nullptr) return;
-  const Evaluator::Answer finer = evaluator.Evaluate(beside.front());
-  if (finer->status != ModelStatus::kGood) {
-    r->message =
-        "the finer model failed, so the model's own error is not in the standard errors: " +
-        finer->message;
-    return;
+}
+
+double RmsDifference(const Prediction& a, const Prediction& b) {
+  double sum = 0.0, n = 0.0;
+  for (std::size_t m = 0; m < a.marks.size(); ++m) {
+    sum += (a.marks[m].p - b.marks[m].p).squaredNorm();
+    n += static_cast<double>(a.marks[m].p.cols());
   }
-  for (std::size_t m = 0; m < finer->marks.size(); ++m) {
-    r->model_error.push_back(problem.finer_factor *
-                             (finer->marks[m].p - point.prediction->marks[m].p));
+  return n > 0.0 ? std::sqrt(sum / n) : 0.0;
+}
+
+// Where the model's own noise is more than a third of the marks' sigma, it is added to their
+// covariance: after many impacts the motion answers to the last digit of every parameter, and what
+// the simulation says there is no more than a guess. Empty result: nothing to do.
+std::vector<LessWeight> WeighSections(const Observations& all, const Prediction& plain,
+                                      const Prediction& tight, int sections, Observations* out) {
+  constexpr double kNoticed = 1.0 / 3.0;
+  std::vector<LessWeight> less;
+  *out = all;
+  const double start = all.Start(), span = std::max(1e-12, all.End() - start);
+  for (std::size_t m = 0; m < all.marks.size(); ++m) {
+    const MarkSeries& mark = all.marks[m];
+    for (int s = 0; s < sections; ++s) {
+      const double from = start + span * s / sections, to = start + span * (s + 1) / sections;
+      double noise = 0.0, sigma = 0.0, n = 0.0;
+      std::vector<Eigen::Index> members;
+      for (std::size_t i = 0; i < mark.size(); ++i) {
+        const bool last = s + 1 == sections;
+        if (mark.t[i] < from || (mark.t[i] >= to && !last)) continue;
+        const auto column = static_cast<Eigen::Index>(i);
+        members.push_back(column);
+        noise += (plain.marks[m].p.col(column) - tight.marks[m].p.col(column)).squaredNorm() / 2.0;
+        sigma += (mark.cov(0, column) + mark.cov(3, column) + mark.cov(5, column)) / 3.0;
+        n += 1.0;
+      }
+      if (n == 0.0 || noise < kNoticed * kNoticed * sigma) continue;
+      less.push_back({mark.name, from, to, std::sqrt(noise / n), sigma / (sigma + noise)});
+      for (Eigen::Index column : members) {
+        for (Eigen::Index row : {0, 3, 5}) out->marks[m].cov(row, column) += noise / n;
+      }
+    }
   }
+  return less;
+}
+
+// Two-sided differences at the estimate, the finer models beside them.
+bool FillEstimate(const FitProblem& problem, StageRunner& runner, FitResult* r) {
+  ReducedProblem& reduced = runner.reduced();
+  const std::vector<double>& u = runner.u();
+  const ReducedProblem::Point& point = runner.point();
+  const std::vector<double> theta = Values(problem.parameters, u.data());
+  std::vector<Evaluator::Request> beside;
+  for (std::size_t t = 0; t < problem.trials.size(); ++t) {
+    const FitTrial& trial = problem.trials[t];
+    if (trial.finer != nullptr) {
+      beside.push_back({t, theta, "finer model", Fidelity::kFiner});
+    } else if (trial.tighter != nullptr) {
+      beside.push_back({t, theta, "tighter tolerance", Fidelity::kTighter});
+    }
+  }
+  Eigen::MatrixXd forward, backward;
+  ReducedProblem::Change up, down;
+  // The finer model takes longest: it goes first, beside the backward differences.
+  if (!reduced.Sensitivity(u, point, -1, &backward, &down, beside) ||
+      !reduced.Sensitivity(u, point, +1, &forward, &up)) {
+    r->status = FitStatus::kModelFailed;
+    r->message = "the model could not be evaluated beside the estimate";
+    return false;
+  }
+  r->sensitivity = 0.5 * (forward + backward);
+  r->cost = point.cost;
+  const Eigen::MatrixXd projected_up = reduced.Project(point, forward);
+  const Eigen::MatrixXd projected_down = reduced.Project(point, backward);
+  for (std::size_t j = 0; j < theta.size(); ++j) {
+    const auto c = static_cast<Eigen::Index>(j);
+    ParameterEstimate& e = r->parameters[j];
+    e.value = theta[j];
+    const double sum = (projected_up.col(c) + projected_down.col(c)).norm();
+    e.kink = sum > 0.0 ? (projected_up.col(c) - projected_down.col(c)).norm() / sum : 0.0;
+    // At a kink the flatter side bounds what the data say.
+    if (e.kink > kKink) {
+      r->sensitivity.col(c) = projected_up.col(c).norm() < projected_down.col(c).norm()
+                                  ? forward.col(c)
+                                  : backward.col(c);
+    }
+    r->sensitivity.col(c) /= Slope(problem.parameters[j], e.value);
+  }
+  for (std::size_t t = 0; t < problem.trials.size(); ++t) {
+    TrialResult& trial = r->trials[t];
+    trial.prediction = *point.prediction[t];
+    trial.registration = point.registration[t];
+    trial.at = trial.registration.at;
+    trial.offset_ref = reduced.parts()[t].offset_ref;
+    trial.change = up[t];
+    for (std::size_t j = 0; j < theta.size(); ++j) {
+      const double slope = Slope(problem.parameters[j], theta[j]);
+      for (std::size_t m = 0; m < up[t][j].size(); ++m) {
+        trial.change[j][m] = (up[t][j][m] + down[t][j][m]) * (0.5 / slope);
+      }
+    }
+  }
+  for (const Evaluator::Request& request : beside) {
+    const Evaluator::Answer finer = runner.evaluator().Evaluate({request}).front();
+    TrialResult& trial = r->trials[request.trial];
+    if (finer->status != ModelStatus::kGood) {
+      r->message =
+          "the finer model failed, so the model's own error is not in the standard errors: " +
+          finer->message;
+      continue;
+    }
+    const double factor =
+        request.fidelity == Fidelity::kFiner ? problem.trials[request.trial].finer_factor : 1.0;
+    for (std::size_t m = 0; m < finer->marks.size(); ++m) {
+      trial.model_error.push_back(factor * (finer->marks[m].p - trial.prediction.marks[m].p));
+    }
+  }
+  return true;
+}
+
+// What the solver's steps need before anything else is known: where the data sit beside the model
+// at each candidate, and how much of the model's answer is its solver's noise.
+std::vector<Candidate> Begin(const FitProblem& problem, const FitOptions& options,
+                             Evaluator& evaluator, std::vector<double>* noise) {
+  std::vector<std::vector<double>> points(1);
+  for (const Parameter& p : problem.parameters) points[0].push_back(p.start);
+  if (options.search.screened > 0) {
+    for (auto& point :
+         LatinHypercube(problem.parameters, static_cast<std::size_t>(options.search.screened),
+                        options.search.seed)) {
+      points.push_back(std::move(point));
+    }
+  }
+  std::vector<Evaluator::Request> beside;
+  std::vector<Stamps> stamps;
+  for (std::size_t t = 0; t < problem.trials.size(); ++t) {
+    if (problem.trials[t].tighter == nullptr) continue;
+    const Observations& o = *problem.trials[t].observations;
+    for (Fidelity fidelity : {Fidelity::kTighter, Fidelity::kMain}) {
+      beside.push_back({t, points[0], "noise", fidelity});
+      stamps.push_back(o.StampsAt(o.Start()));
+    }
+  }
+  std::vector<Evaluator::Answer> answers;
+  std::vector<Candidate> candidates =
+      Screen(problem, options, points, evaluator, beside, stamps, &answers);
+  noise->assign(problem.trials.size(), 0.0);
+  for (std::size_t i = 0; i + 1 < answers.size(); i += 2) {
+    if (answers[i]->status == ModelStatus::kGood && answers[i + 1]->status == ModelStatus::kGood) {
+      (*noise)[beside[i].trial] = RmsDifference(*answers[i], *answers[i + 1]);
+    }
+  }
+  return candidates;
+}
+
+// The candidates to carry on, best first. The study's own start is always among them: a person
+// chose it.
+std::vector<std::size_t> Choose(const std::vector<Candidate>& candidates, int wanted) {
+  std::vector<std::size_t> order;
+  for (std::size_t i = 0; i < candidates.size(); ++i) {
+    if (candidates[i].usable) order.push_back(i);
+  }
+  std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+    return candidates[a].misfit < candidates[b].misfit;
+  });
+  const auto count = static_cast<std::size_t>(std::max(1, wanted));
+  if (order.size() > count) {
+    const bool own = candidates[0].usable;
+    const bool there =
+        std::find(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(count),
+                  std::size_t{0}) != order.begin() + static_cast<std::ptrdiff_t>(count);
+    order.resize(count);
+    if (own && !there) order.back() = 0;
+  }
+  return order;
+}
+
+// The places of least cost, at most `wanted`, none within a twentieth of the range of every
+// parameter of one that is better.
+std::vector<std::size_t> Separate(const std::vector<Parameter>& parameters,
+                                  const std::vector<std::vector<double>>& points,
+                                  const std::vector<double>& costs, std::size_t wanted) {
+  constexpr double kNear = 0.05;
+  std::vector<std::size_t> order(points.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return costs[a] < costs[b]; });
+  std::vector<std::size_t> out;
+  for (std::size_t i : order) {
+    if (out.size() >= wanted || !std::isfinite(costs[i])) break;
+    const bool close = std::any_of(out.begin(), out.end(), [&](std::size_t k) {
+      for (std::size_t j = 0; j < parameters.size(); ++j) {
+        const Parameter& p = parameters[j];
+        const double range = ToInternal(p, p.high) - ToInternal(p, p.low);
+        const double away = ToInternal(p, points[i][j]) - ToInternal(p, points[k][j]);
+        if (std::abs(away) > kNear * range) return false;
+      }
+      return true;
+    });
+    if (!close) out.push_back(i);
+  }
+  return out;
+}
+
+void Sort(std::vector<StartResult>* starts) {
+  std::stable_sort(starts->begin(), starts->end(), [](const StartResult& a, const StartResult& b) {
+    if ((a.cost < 0.0) != (b.cost < 0.0)) return b.cost < 0.0;
+    return a.cost < b.cost;
+  });
 }
 
 }  // namespace
 
 FitResult Fit(const FitProblem& problem, const FitOptions& options) {
-  if (problem.parameters.empty()) {
-    throw Error("a study without parameters", "parameters", "name at least one");
-  }
-  for (const Parameter& p : problem.parameters) Check(p);
-  const Observations& all = *problem.observations;
-  if (!all.has_sigma) {
-    throw Error("the data carry no covariances", "tracks",
-                "fit to tracks; a run is compared by `correlate`");
-  }
-
+  CheckProblem(problem);
   FitResult r;
   r.parameters.resize(problem.parameters.size());
-  Evaluator evaluator(options.workers);
-  if (!AlignStart(problem, options, evaluator, &r)) {
-    r.evaluations = evaluator.records();
+  r.trials.resize(problem.trials.size());
+  for (std::size_t t = 0; t < problem.trials.size(); ++t) r.trials[t].name = problem.trials[t].name;
+  std::unique_ptr<Workers> local;
+  if (options.where == nullptr) local = LocalWorkers(options.workers);
+  Watched workers(options.where != nullptr ? *options.where : *local, options);
+
+  // A stage takes some rounds of a trial point and differences; what follows, known counts.
+  const std::size_t p = problem.parameters.size(), trials = problem.trials.size();
+  const std::size_t per_stage = trials * (3 * (1 + p) + 1);
+  const std::size_t starts_wanted = static_cast<std::size_t>(std::max(1, options.search.starts));
+  const std::size_t leading = starts_wanted * per_stage * (options.stages.size() + 1);
+  const std::size_t sharp = trials * (2 * (1 + 2 * p) + 1);
+  const std::size_t profiles =
+      options.profile.wanted ? trials * 2 * p * options.profile.levels.size() * 3 : 0;
+  const std::size_t screen = trials * (static_cast<std::size_t>(options.search.screened) + 3);
+
+  workers.Phase("screening", screen + leading + sharp + profiles);
+  Evaluator beginning(problem, workers);
+  std::vector<double> noise;
+  const std::vector<Candidate> candidates = Begin(problem, options, beginning, &noise);
+  const std::vector<std::size_t> chosen = Choose(candidates, options.search.starts);
+  r.evaluations = beginning.records();
+  if (chosen.empty()) {
+    r.status = candidates[0].failed ? FitStatus::kModelFailed : FitStatus::kNotAligned;
+    r.message = candidates[0].message;
+    for (std::size_t t = 0; t < candidates[0].alignment.size(); ++t) {
+      r.trials[t].alignment = candidates[0].alignment[t];
+    }
     return r;
   }
-  Registration at = r.alignment.at;
-  std::vector<double> u;
-  for (const Parameter& p : problem.parameters) u.push_back(ToInternal(p, p.start));
 
-  std::vector<double> ends;
-  for (double end : options.stages) {
-    if (end + at.offset < all.End()) ends.push_back(end);
+  workers.Phase(chosen.size() > 1 ? fmt::format("{} starts", chosen.size()) : "the way there",
+                leading + sharp + profiles);
+  std::vector<std::unique_ptr<StageRunner>> runners, retired;
+  auto add = [&](const Candidate& from) {
+    const auto start = static_cast<int>(runners.size() + retired.size());
+    runners.push_back(std::make_unique<StageRunner>(problem, options, from, workers, start));
+    runners.back()->SetModelNoise(noise);
+    runners.back()->on_best = [&workers](double cost, const std::vector<double>& theta) {
+      workers.Best(cost, theta);
+    };
+  };
+  for (std::size_t i : chosen) add(candidates[i]);
+  // A thread per start; how many simulate at a time is the workers' matter.
+  std::vector<std::uint8_t> failed(runners.size(), 0);
+  auto lead = [&](std::size_t from, std::size_t to) {
+    failed.resize(runners.size(), 0);
+    ParallelFor(runners.size(), runners.size(), [&](std::size_t s) {
+      for (std::size_t i = from; i < std::min(to, runners[s]->stages()) && !failed[s]; ++i) {
+        failed[s] = runners[s]->Lead(i) ? 0 : 1;
+      }
+    });
+  };
+  lead(0, 1);
+  // What the first stage leaves open is scattered over its bounds, and looked at a stage further.
+  StageRunner* first = nullptr;
+  for (std::size_t s = 0; s < runners.size(); ++s) {
+    if (failed[s] || runners[s]->stages() < 2) continue;
+    if (first == nullptr || runners[s]->misfit() < first->misfit()) first = runners[s].get();
   }
-  std::sort(ends.begin(), ends.end());
-  ends.push_back(std::numeric_limits<double>::infinity());
-  const double sigma = TypicalSigma(all);
-
-  Observations data;
-  for (std::size_t s = 0; s < ends.size(); ++s) {
-    const bool last = s + 1 == ends.size();
-    data = Cut(all, {-std::numeric_limits<double>::infinity(), ends[s] + at.offset});
-    constexpr std::size_t kFewest = 50;  // samples; a shorter horizon leads nowhere
-    if (data.size() < kFewest && !last) continue;
-    StageResult stage;
-    stage.end = ends[s];
-    stage.samples = data.size();
-    constexpr int kMaxRounds = 4;
-    std::vector<double> steps;
-    for (int round = 0; round < kMaxRounds; ++round) {
-      const double offset_ref = at.offset;
-      evaluator.SetStamps(data.StampsAt(offset_ref), static_cast<int>(s));
-      ReducedProblem reduced(*problem.model, problem.parameters, data, offset_ref, at,
-                             options.align.registration, evaluator);
-      if (round > 0) reduced.TakeSteps(steps);
-      FitProgress progress{static_cast<int>(s), static_cast<int>(ends.size()), 0, 0.0, {}};
-      SolverOptions solver;
-      solver.max_iterations = options.max_iterations;
-      solver.central_from_start = round > 0;
-      // Only the end has to be sharp; until then a stage leads the way.
-      solver.step_tolerance = last && round > 0 ? options.step_tolerance : kLeadingTolerance;
-      solver.difference_target = options.difference_sigma * sigma;
-      ReducedProblem::Point point;
-      if (reduced.At(u, &point, "trial")) {
-        solver.difference_target =
-            std::max(solver.difference_target, options.noise_factor * point.prediction->noise);
+  if (first != nullptr && options.search.screened > 0) {
+    std::vector<std::vector<double>> points = first->ScatterOpen(
+        LatinHypercube(problem.parameters, static_cast<std::size_t>(options.search.screened),
+                       options.search.seed + 1));
+    if (!points.empty()) {
+      points.push_back(Values(problem.parameters, first->u().data()));
+      const std::vector<double> costs = first->CostsAt(points, 1);
+      retired = std::move(runners);
+      runners.clear();
+      failed.clear();
+      for (std::size_t i : Separate(problem.parameters, points, costs, starts_wanted)) {
+        add(first->candidate());
+        runners.back()->MoveTo(points[i], *first);
       }
-      solver.on_iteration = [&](double cost, const std::vector<double>& best) {
-        progress.best_cost = cost;
-        progress.best_theta = best.empty() ? best : Values(problem.parameters, best.data());
-      };
-      evaluator.on_batch = [&] {
-        progress.evaluations = evaluator.count();
-        if (options.progress) options.progress(progress);
-      };
-      const SolverResult solved = Solve(reduced, problem.parameters, u, solver);
-      stage.iterations += solved.iterations;
-      stage.solver_message = solved.message;
-      stage.cost = solved.cost;
-      u = solved.u;
-      steps = reduced.steps();
-      stage.theta = Values(problem.parameters, u.data());
-      if (solved.status == SolverStatus::kStartFailed || !reduced.At(u, &point, "trial")) {
-        r.status = FitStatus::kModelFailed;
-        r.message = solved.message;
-        if (point.prediction) r.message += ": " + point.prediction->message;
-        break;
-      }
-      at = point.registration.at;
-      const bool settled = std::abs(at.offset - offset_ref) <= kOffsetSettled;
-      if (last && (round == 0 || (!settled && round + 1 < kMaxRounds))) continue;
-      r.status = solved.status == SolverStatus::kConverged ? FitStatus::kConverged
-                                                           : FitStatus::kNotConverged;
-      r.message = solved.message;
-      if (last) {
-        FillPrediction(problem, u, reduced, point, evaluator, &r);
-        if (!r.prediction.marks.empty()) FillCovariance(problem, data, options, &r);
-      }
-      break;
     }
-    evaluator.on_batch = nullptr;
-    r.stages.push_back(stage);
-    if (r.status == FitStatus::kModelFailed) break;
   }
-  r.evaluations = evaluator.records();
+  lead(1, std::numeric_limits<std::size_t>::max());
+  StageRunner* best = nullptr;
+  for (const auto& runner : runners) {
+    if (runner->result().cost < 0.0) continue;
+    if (best == nullptr || runner->result().cost < best->result().cost) best = runner.get();
+  }
+  auto finish = [&] {
+    for (const auto& runner : retired) {
+      const auto& records = runner->evaluator().records();
+      r.evaluations.insert(r.evaluations.end(), records.begin(), records.end());
+    }
+    for (const auto& runner : runners) {
+      const auto& records = runner->evaluator().records();
+      r.evaluations.insert(r.evaluations.end(), records.begin(), records.end());
+      StartResult start = runner->result();
+      if (runner.get() == best) r.stages = start.stages;
+      r.starts.push_back(std::move(start));
+    }
+    if (best == nullptr) r.stages = runners.front()->result().stages;
+    Sort(&r.starts);
+  };
+  if (best == nullptr) {
+    r.status = FitStatus::kModelFailed;
+    r.message = runners.front()->message();
+    finish();
+    return r;
+  }
+  for (std::size_t t = 0; t < trials; ++t) r.trials[t].alignment = best->candidate().alignment[t];
+
+  workers.Phase("polishing", sharp + profiles);
+  best->Polish();
+
+  // Sharpening: where the model's own noise tells, samples count less.
+  workers.Phase("sharpening", sharp + profiles);
+  std::vector<Observations> weighed(trials);
+  std::vector<const Observations*> data;
+  std::vector<RowWhitening> whitening(trials);
+  std::vector<const RowWhitening*> whiteners;
+  for (std::size_t t = 0; t < trials; ++t) {
+    const FitTrial& trial = problem.trials[t];
+    weighed[t] = *trial.observations;
+    if (trial.tighter != nullptr) {
+      const std::vector<double> theta = Values(problem.parameters, best->u().data());
+      const Evaluator::Answer tight =
+          best->evaluator().Evaluate({{t, theta, "noise", Fidelity::kTighter}}).front();
+      if (tight->status == ModelStatus::kGood) {
+        const Prediction& plain = *best->point().prediction[t];
+        noise[t] = std::max(noise[t], RmsDifference(plain, *tight));
+        r.trials[t].less_weight = WeighSections(*trial.observations, plain, *tight,
+                                                std::max(1, options.error_sections), &weighed[t]);
+      }
+    }
+    r.trials[t].model_noise = std::max(noise[t], best->point().prediction[t]->noise);
+    data.push_back(&weighed[t]);
+    whiteners.push_back(nullptr);
+  }
+  best->SetModelNoise(noise);
+  bool good = best->Sharpen(data, whiteners, "sharpened");
+  if (good && options.whiten) {
+    Eigen::MatrixXd J;
+    good = best->reduced().CentralSensitivity(best->u(), best->point(), &J);
+    bool coloured = false;
+    for (std::size_t t = 0; t < trials && good; ++t) {
+      const RegistrationFit& at = best->point().registration[t];
+      const Eigen::Index rows = at.residual.size();
+      Eigen::MatrixXd A(rows, J.cols() + at.jacobian.cols());
+      A << J.middleRows(best->reduced().first_row(t), rows), at.jacobian;
+      r.trials[t].noise = FitSeriesNoise(weighed[t], at.residual, A);
+      whitening[t] = RowWhitening(weighed[t], r.trials[t].noise);
+      whiteners[t] = &whitening[t];
+      coloured = coloured || !whitening[t].identity();
+    }
+    if (good && coloured) good = best->Sharpen(data, whiteners, "whitened");
+  }
+  r.status = best->status();
+  r.message = best->message();
+  if (good && FillEstimate(problem, *best, &r)) {
+    FillCovariance(problem, data, whiteners, options, &r);
+    if (options.profile.wanted) {
+      workers.Phase("profiles", profiles);
+      FillProfiles(problem, best->reduced(), best->u(), best->point(), options, &r);
+    }
+    Judge(problem, best->reduced(), best->point(), &r);
+  }
+  finish();
   return r;
+}
+
+const char* Name(FitStatus status) {
+  switch (status) {
+    case FitStatus::kConverged:
+      return "converged";
+    case FitStatus::kNotAligned:
+      return "not aligned";
+    case FitStatus::kModelFailed:
+      return "model failed";
+    case FitStatus::kNotConverged:
+      return "not converged";
+  }
+  return "";
 }
 
 }  // namespace unfurl::correlate

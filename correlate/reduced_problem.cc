@@ -12,6 +12,14 @@ constexpr double kFirstStep = 1e-3;   // of the value, before any sensitivity is
 constexpr double kWidestStep = 0.05;  // of the value or of log: differences stay local
 constexpr double kNarrowest = 1e-7;
 
+double SizeOf(const Parameter& p) {
+  if (p.log) return 1.0;
+  const double range = p.high - p.low;
+  // A value that starts at zero has its size from its bounds.
+  const double fallback = std::isfinite(range) ? 0.1 * range : 1e-12;
+  return p.start != 0.0 ? std::abs(p.start) : fallback;
+}
+
 }  // namespace
 
 double TypicalSigma(const Observations& o) {
@@ -22,142 +30,216 @@ double TypicalSigma(const Observations& o) {
   return std::sqrt(sum / std::max(1.0, 3.0 * static_cast<double>(o.size())));
 }
 
-ReducedProblem::ReducedProblem(const Model& model, const std::vector<Parameter>& parameters,
-                               const Observations& observations, double offset_ref,
-                               const Registration& start, const RegistrationOptions& options,
+ReducedProblem::ReducedProblem(std::vector<Part> parts, const RegistrationOptions& options,
                                Evaluator& evaluator)
-    : model_(model),
-      parameters_(parameters),
-      observations_(observations),
-      offset_ref_(offset_ref),
-      start_(start),
-      options_(options),
-      evaluator_(evaluator) {
-  rows_ = 3 * static_cast<Eigen::Index>(observations.size()) + observations.shared_rank;
-  for (const Parameter& p : parameters) {
+    : parts_(std::move(parts)), options_(options), evaluator_(evaluator) {
+  for (const Part& part : parts_) {
+    first_.push_back(rows_);
+    rows_ +=
+        3 * static_cast<Eigen::Index>(part.observations->size()) + part.observations->shared_rank;
+  }
+  first_.push_back(rows_);
+  for (const Parameter& p : parameters()) {
     rows_ += p.has_prior ? 1 : 0;
-    const double size = p.log ? 1.0 : std::max(std::abs(p.start), 1e-12);
-    steps_.push_back(kFirstStep * size);
+    steps_.push_back(kFirstStep * SizeOf(p));
   }
 }
 
-bool ReducedProblem::At(const std::vector<double>& u, Point* point, const std::string& purpose) {
-  const std::vector<double> theta = Values(parameters_, u.data());
-  point->prediction = evaluator_.Evaluate({&model_, theta, purpose, false});
-  if (point->prediction->status != ModelStatus::kGood) return false;
-  point->registration =
-      FitRegistration(observations_, *point->prediction, offset_ref_, start_, options_);
+std::vector<Evaluator::Request> ReducedProblem::RequestsAt(const std::vector<double>& u,
+                                                           const std::string& purpose) const {
+  std::vector<Evaluator::Request> out;
+  const std::vector<double> theta = Values(parameters(), u.data());
+  for (const Part& part : parts_) out.push_back({part.trial, theta, purpose});
+  return out;
+}
+
+bool ReducedProblem::Finish(const std::vector<double>& u,
+                            std::span<const Evaluator::Answer> answers, Point* point) {
+  const std::vector<double> theta = Values(parameters(), u.data());
+  point->prediction.assign(answers.begin(), answers.end());
+  point->registration.clear();
+  for (const Evaluator::Answer& answer : answers) {
+    if (answer->status != ModelStatus::kGood) {
+      point->failure = answer->message;
+      return false;
+    }
+  }
   point->residual.setZero(rows_);
-  const Eigen::Index data = point->registration.residual.size();
-  point->residual.head(data) = point->registration.residual;
-  Eigen::Index row = data;
-  for (std::size_t j = 0; j < parameters_.size(); ++j) {
-    if (!parameters_[j].has_prior) continue;
-    point->residual(row++) = (theta[j] - parameters_[j].prior_mean) / parameters_[j].prior_sigma;
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    const Part& part = parts_[i];
+    point->registration.push_back(FitRegistration(*part.observations, *answers[i], part.offset_ref,
+                                                  part.start, options_, part.whitening));
+    const Eigen::VectorXd& r = point->registration.back().residual;
+    point->residual.segment(first_[i], r.size()) = r;
+  }
+  Eigen::Index row = first_prior_row();
+  for (std::size_t j = 0; j < parameters().size(); ++j) {
+    const Parameter& p = parameters()[j];
+    if (p.has_prior) point->residual(row++) = (theta[j] - p.prior_mean) / p.prior_sigma;
   }
   point->cost = 0.5 * point->residual.squaredNorm();
   evaluator_.NoteCost(theta, point->cost);
-  if (!std::isfinite(point->cost)) return false;
-  start_ = point->registration.at;  // nearer than the first for every later point
+  if (!std::isfinite(point->cost)) {
+    point->failure = "the residuals are not finite";
+    return false;
+  }
   return true;
+}
+
+bool ReducedProblem::At(const std::vector<double>& u, Point* point, const std::string& purpose) {
+  if (!Finish(u, evaluator_.Evaluate(RequestsAt(u, purpose)), point)) return false;
+  // Nearer than the first for every later point.
+  for (std::size_t i = 0; i < parts_.size(); ++i) parts_[i].start = point->registration[i].at;
+  return true;
+}
+
+std::vector<bool> ReducedProblem::AtAll(const std::vector<std::vector<double>>& u,
+                                        std::vector<Point>* points, const std::string& purpose) {
+  std::vector<Evaluator::Request> requests;
+  for (const std::vector<double>& one : u) {
+    for (Evaluator::Request& r : RequestsAt(one, purpose)) requests.push_back(std::move(r));
+  }
+  const std::vector<Evaluator::Answer> answers = evaluator_.Evaluate(requests);
+  points->resize(u.size());
+  std::vector<bool> good(u.size());
+  for (std::size_t i = 0; i < u.size(); ++i) {
+    good[i] =
+        Finish(u[i], std::span(answers).subspan(i * parts_.size(), parts_.size()), &(*points)[i]);
+  }
+  return good;
 }
 
 bool ReducedProblem::Shifted(const std::vector<double>& u, std::size_t j, int side,
                              std::vector<double>* moved) const {
   *moved = u;
   (*moved)[j] += side * steps_[j];
-  const double inside = ToInternal(parameters_[j], FromInternal(parameters_[j], (*moved)[j]));
+  const Parameter& p = parameters()[j];
+  const double inside = ToInternal(p, FromInternal(p, (*moved)[j]));
   return std::abs(inside - (*moved)[j]) < 1e-3 * steps_[j];
 }
 
 bool ReducedProblem::CentralSensitivity(const std::vector<double>& u, const Point& at,
-                                        Eigen::MatrixXd* J) {
+                                        Eigen::MatrixXd* J, std::vector<double>* kinks) {
   std::vector<Evaluator::Request> forward;
   for (std::size_t j = 0; j < u.size(); ++j) {
     std::vector<double> moved;
-    if (Shifted(u, j, +1, &moved)) {
-      forward.push_back({&model_, Values(parameters_, moved.data()), "difference", false});
-    }
+    if (!Shifted(u, j, +1, &moved)) continue;
+    for (Evaluator::Request& r : RequestsAt(moved, "difference")) forward.push_back(std::move(r));
   }
-  Eigen::MatrixXd other;
-  if (!Sensitivity(u, at, -1, J, nullptr, forward) || !Sensitivity(u, at, +1, &other)) return false;
-  *J = 0.5 * (*J + other);
+  Eigen::MatrixXd minus, plus;
+  if (!Sensitivity(u, at, -1, &minus, nullptr, forward) || !Sensitivity(u, at, +1, &plus)) {
+    return false;
+  }
+  *J = 0.5 * (minus + plus);
+  const Eigen::MatrixXd down = Project(at, minus), up = Project(at, plus);
+  if (kinks != nullptr) kinks->assign(u.size(), 0.0);
+  for (Eigen::Index j = 0; j < J->cols(); ++j) {
+    const double sum = (up.col(j) + down.col(j)).norm();
+    const double kink = sum > 0.0 ? (up.col(j) - down.col(j)).norm() / sum : 0.0;
+    if (kinks != nullptr) (*kinks)[static_cast<std::size_t>(j)] = kink;
+    if (kink <= kKink) continue;
+    const double rise = up.col(j).dot(at.residual), fall = -down.col(j).dot(at.residual);
+    bool forward_side;
+    if (rise < 0.0 && fall < 0.0) {
+      forward_side = rise / up.col(j).norm() < fall / down.col(j).norm();
+    } else if (rise < 0.0 || fall < 0.0) {
+      forward_side = rise < 0.0;
+    } else {
+      forward_side = up.col(j).norm() > down.col(j).norm();
+    }
+    J->col(j) = forward_side ? plus.col(j) : minus.col(j);
+  }
   return true;
 }
 
 bool ReducedProblem::Sensitivity(const std::vector<double>& u, const Point& at, int sign,
                                  Eigen::MatrixXd* J, Change* change_out,
                                  const std::vector<Evaluator::Request>& beside) {
-  const std::size_t p = parameters_.size();
-  std::vector<int> side(p, sign);
+  const std::size_t p = parameters().size(), parts = parts_.size();
   std::vector<Evaluator::Request> requests(beside);  // first: they may be the long ones
   std::vector<std::vector<double>> points(p);
   for (std::size_t j = 0; j < p; ++j) {
-    std::vector<double> moved;
-    if (!Shifted(u, j, side[j], &moved)) {
-      side[j] = -side[j];
-      Shifted(u, j, side[j], &moved);
+    if (!Shifted(u, j, sign, &points[j])) Shifted(u, j, -sign, &points[j]);
+    for (Evaluator::Request& r : RequestsAt(points[j], "difference")) {
+      requests.push_back(std::move(r));
     }
-    points[j] = moved;
-    requests.push_back({&model_, Values(parameters_, moved.data()), "difference", false});
   }
   std::vector<Evaluator::Answer> answers = evaluator_.Evaluate(requests);
   answers.erase(answers.begin(), answers.begin() + static_cast<std::ptrdiff_t>(beside.size()));
-  Change change(p);
+  auto good = [&](std::size_t j) {
+    for (std::size_t i = 0; i < parts; ++i) {
+      if (answers[j * parts + i]->status != ModelStatus::kGood) return false;
+    }
+    return true;
+  };
+  Change change(parts, std::vector<std::vector<Eigen::Matrix3Xd>>(p));
   for (std::size_t j = 0; j < p; ++j) {
-    if (answers[j]->status != ModelStatus::kGood) {  // a recorded failure: try the other side
-      side[j] = -side[j];
-      std::vector<double> moved;
-      if (!Shifted(u, j, side[j], &moved)) return false;
-      points[j] = moved;
-      answers[j] =
-          evaluator_.Evaluate({&model_, Values(parameters_, moved.data()), "difference", false});
-      if (answers[j]->status != ModelStatus::kGood) return false;
+    if (!good(j)) {  // a recorded failure: try the other side
+      const int side = points[j][j] > u[j] ? -1 : +1;
+      if (!Shifted(u, j, side, &points[j])) return false;
+      const auto other = evaluator_.Evaluate(RequestsAt(points[j], "difference"));
+      std::copy(other.begin(), other.end(),
+                answers.begin() + static_cast<std::ptrdiff_t>(j * parts));
+      if (!good(j)) return false;
     }
     const double h = points[j][j] - u[j];
-    for (std::size_t m = 0; m < answers[j]->marks.size(); ++m) {
-      change[j].push_back((answers[j]->marks[m].p - at.prediction->marks[m].p) / h);
+    for (std::size_t i = 0; i < parts; ++i) {
+      const Prediction& moved = *answers[j * parts + i];
+      for (std::size_t m = 0; m < moved.marks.size(); ++m) {
+        change[i][j].push_back((moved.marks[m].p - at.prediction[i]->marks[m].p) / h);
+      }
     }
   }
   J->setZero(rows_, static_cast<Eigen::Index>(p));
-  const Eigen::MatrixXd data =
-      WhitenedSensitivity(observations_, *at.prediction, at.registration.at.X_WM, change);
-  J->topRows(data.rows()) = data;
-  Eigen::Index row = data.rows();
+  for (std::size_t i = 0; i < parts; ++i) {
+    Eigen::MatrixXd data = WhitenedSensitivity(*parts_[i].observations, *at.prediction[i],
+                                               at.registration[i].at.X_WM, change[i]);
+    if (parts_[i].whitening != nullptr) parts_[i].whitening->Apply(data);
+    J->middleRows(first_[i], data.rows()) = data;
+  }
+  Eigen::Index row = first_prior_row();
   for (std::size_t j = 0; j < p; ++j) {
-    if (!parameters_[j].has_prior) continue;
-    const double value = FromInternal(parameters_[j], u[j]);
-    (*J)(row++, static_cast<Eigen::Index>(j)) =
-        Slope(parameters_[j], value) / parameters_[j].prior_sigma;
+    const Parameter& q = parameters()[j];
+    if (!q.has_prior) continue;
+    (*J)(row++, static_cast<Eigen::Index>(j)) = Slope(q, FromInternal(q, u[j])) / q.prior_sigma;
   }
   if (change_out != nullptr) *change_out = std::move(change);
   return true;
 }
 
 Eigen::MatrixXd ReducedProblem::Project(const Point& at, const Eigen::MatrixXd& J) const {
-  const Eigen::MatrixXd& N = at.registration.jacobian;
-  const Eigen::Index data = N.rows();
-  if (N.cols() == 0) return J;
-  // Unit columns first: rotations, metres and seconds share one normal matrix.
-  const Eigen::VectorXd scale = N.colwise().norm().cwiseMax(1e-300).cwiseInverse();
-  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(N.cols(), N.cols());
-  normal.selfadjointView<Eigen::Lower>().rankUpdate(N.transpose());
-  normal.triangularView<Eigen::StrictlyUpper>() = normal.transpose();
-  normal = scale.asDiagonal() * normal * scale.asDiagonal();
-  const Eigen::MatrixXd right = scale.asDiagonal() * (N.transpose() * J.topRows(data));
-  const Eigen::MatrixXd coefficients = normal.completeOrthogonalDecomposition().solve(right);
   Eigen::MatrixXd out = J;
-  out.topRows(data).noalias() -= N * (scale.asDiagonal() * coefficients);
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    const Eigen::MatrixXd& N = at.registration[i].jacobian;
+    if (N.cols() == 0) continue;
+    const auto rows = J.middleRows(first_[i], N.rows());
+    // Unit columns first: rotations, metres and seconds share one normal matrix.
+    const Eigen::VectorXd scale = N.colwise().norm().cwiseMax(1e-300).cwiseInverse();
+    Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(N.cols(), N.cols());
+    normal.selfadjointView<Eigen::Lower>().rankUpdate(N.transpose());
+    normal.triangularView<Eigen::StrictlyUpper>() = normal.transpose();
+    normal = scale.asDiagonal() * normal * scale.asDiagonal();
+    const Eigen::MatrixXd right = scale.asDiagonal() * (N.transpose() * rows);
+    const Eigen::MatrixXd coefficients = normal.completeOrthogonalDecomposition().solve(right);
+    out.middleRows(first_[i], N.rows()).noalias() -= N * (scale.asDiagonal() * coefficients);
+  }
   return out;
 }
 
 void ReducedProblem::SetSteps(const Eigen::MatrixXd& J, const Point& at, double target) {
-  // Whitened rows times the typical sigma are metres.
-  const double metres = TypicalSigma(observations_);
-  const double n = std::max(1.0, 3.0 * static_cast<double>(at.registration.known));
-  for (std::size_t j = 0; j < parameters_.size(); ++j) {
+  // Rows times the typical sigma are metres where no whitening in time is at work.
+  double metres = 0.0, n = 0.0;
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    const double count = 3.0 * static_cast<double>(at.registration[i].known);
+    const double sigma = TypicalSigma(*parts_[i].observations);
+    metres += count * sigma * sigma;
+    n += count;
+  }
+  n = std::max(1.0, n);
+  metres = std::sqrt(metres / n);
+  for (std::size_t j = 0; j < parameters().size(); ++j) {
     const double rms = metres * J.col(static_cast<Eigen::Index>(j)).norm() / std::sqrt(n);
-    const double size = parameters_[j].log ? 1.0 : std::max(std::abs(parameters_[j].start), 1e-12);
+    const double size = SizeOf(parameters()[j]);
     const double widest = kWidestStep * size;
     steps_[j] = rms > 0.0 ? std::clamp(target / rms, kNarrowest * size, widest) : widest;
   }

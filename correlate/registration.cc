@@ -55,6 +55,7 @@ Eigen::MatrixXd InvertNormal(const Eigen::MatrixXd& normal, const std::vector<st
   // round-off of the differences that made the rows, not information.
   constexpr double kRank = 1e-11;
   const Eigen::Index n = normal.rows();
+  if (n == 0) return normal;
   Eigen::VectorXd scale = normal.diagonal().cwiseSqrt();
   for (Eigen::Index i = 0; i < n; ++i) {
     if (scale(i) > 0.0) {
@@ -124,7 +125,7 @@ Registration StartingFrame(const Observations& observations, const Prediction& p
 
 RegistrationFit FitRegistration(const Observations& observations, const Prediction& prediction,
                                 double offset_ref, const Registration& start,
-                                const RegistrationOptions& options) {
+                                const RegistrationOptions& options, const RowWhitening* whitening) {
   const int k = observations.shared_rank;
   const std::vector<std::string> names = NuisanceNames(options, k);
   const auto unknowns = static_cast<Eigen::Index>(names.size());
@@ -158,6 +159,8 @@ RegistrationFit FitRegistration(const Observations& observations, const Predicti
 
   // Residuals and, with `jacobian`, their derivatives at fit.at.
   auto evaluate = [&](bool jacobian) {
+    // Whitening fills in what the blocks below leave at zero.
+    if (jacobian && whitening != nullptr && !whitening->identity()) fit.jacobian.setZero();
     const Eigen::Matrix3d R = fit.at.X_WM.linear();
     const double ahead = fit.at.offset - offset_ref;
     Eigen::Index row = 0;
@@ -190,6 +193,10 @@ RegistrationFit FitRegistration(const Observations& observations, const Predicti
           fit.jacobian.block(row, draw, 3, k).noalias() = -W * series.shared.middleCols(i * k, k);
         }
       }
+    }
+    if (whitening != nullptr && !whitening->identity()) {
+      whitening->Apply(fit.residual);
+      if (jacobian) whitening->Apply(fit.jacobian);
     }
     fit.residual.tail(k) = fit.at.z;
     if (jacobian && k > 0) fit.jacobian.bottomRightCorner(k, k).setIdentity();

@@ -7,6 +7,7 @@
 #include "base/pose.h"
 #include "correlate/model.h"
 #include "correlate/observations.h"
+#include "correlate/series_noise.h"
 
 namespace unfurl::correlate {
 
@@ -51,10 +52,12 @@ struct RegistrationFit {
 };
 
 // `prediction` must be for observations.StampsAt(offset_ref); away from it the offset acts through
-// the predicted velocities, so a caller iterates until at.offset and offset_ref agree.
+// the predicted velocities, so a caller iterates until at.offset and offset_ref agree. With
+// `whitening`, rows are its innovations: generalised least squares for correlated noise.
 RegistrationFit FitRegistration(const Observations& observations, const Prediction& prediction,
                                 double offset_ref, const Registration& start,
-                                const RegistrationOptions& options = {});
+                                const RegistrationOptions& options = {},
+                                const RowWhitening* whitening = nullptr);
 
 // A start for the frame from the marks alone (Kabsch, weighted).
 Registration StartingFrame(const Observations& observations, const Prediction& prediction,

@@ -63,16 +63,24 @@ SampledModel::SampledModel(Observations tracks) : samples_(std::move(tracks)) {
   FindSteps();
 }
 
-SampledModel::SampledModel(const Model& model, std::span<const double> theta,
-                           const std::vector<std::string>& marks, double low, double high,
-                           double step) {
+Stamps EvenStamps(const std::vector<std::string>& marks, double low, double high, double step) {
   Stamps stamps;
   stamps.marks = marks;
   const auto count = static_cast<std::size_t>(std::max(2.0, std::ceil((high - low) / step) + 1.0));
   std::vector<double> grid(count);
   for (std::size_t i = 0; i < count; ++i) grid[i] = low + static_cast<double>(i) * step;
   stamps.t.assign(marks.size(), grid);
-  Prediction prediction = model.Evaluate(theta, stamps);
+  return stamps;
+}
+
+SampledModel::SampledModel(const Model& model, std::span<const double> theta,
+                           const std::vector<std::string>& marks, double low, double high,
+                           double step) {
+  const Stamps stamps = EvenStamps(marks, low, high, step);
+  *this = SampledModel(stamps, model.Evaluate(theta, stamps));
+}
+
+SampledModel::SampledModel(const Stamps& stamps, Prediction prediction) {
   samples_.has_sigma = false;
   samples_.held_before = true;
   samples_.frame = "model";
@@ -82,10 +90,10 @@ SampledModel::SampledModel(const Model& model, std::span<const double> theta,
     return;
   }
   events_ = std::move(prediction.events);
-  for (std::size_t m = 0; m < marks.size(); ++m) {
+  for (std::size_t m = 0; m < stamps.marks.size(); ++m) {
     MarkSeries series;
-    series.name = marks[m];
-    series.t = grid;
+    series.name = stamps.marks[m];
+    series.t = stamps.t[m];
     series.p = std::move(prediction.marks[m].p);
     series.cov.resize(6, series.p.cols());
     series.cov.colwise() = (Eigen::Matrix<double, 6, 1>() << 1, 0, 0, 1, 0, 1).finished();

@@ -24,6 +24,8 @@ class SampledModel : public Model {
   // What another model says, sampled evenly; `held_before` as for a run.
   SampledModel(const Model& model, std::span<const double> theta,
                const std::vector<std::string>& marks, double low, double high, double step);
+  // The same from its answer at EvenStamps.
+  SampledModel(const Stamps& stamps, Prediction prediction);
 
   const Observations& samples() const { return samples_; }
   bool good() const { return good_; }  // false: the sampled model's evaluation failed
@@ -51,6 +53,9 @@ struct LocalCubic {
   double slope[4] = {};
 };
 LocalCubic CubicAt(std::span<const double> stamps, double t);
+
+// From `low` on, past `high` by less than a step, the same for all marks.
+Stamps EvenStamps(const std::vector<std::string>& marks, double low, double high, double step);
 
 double MedianStep(std::span<const double> stamps);  // 0 for fewer than two
 

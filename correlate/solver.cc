@@ -84,6 +84,7 @@ class StepWatch : public ceres::IterationCallback {
     }
     for (std::size_t j = 0; j < parameters_.size(); ++j) {
       const auto i = static_cast<Eigen::Index>(j);
+      if (!options_.held.empty() && options_.held[j]) continue;
       const double here = FromInternal(parameters_[j], cost_.last_u[j]);
       const bool outward = (here <= parameters_[j].low && next.step(i) < 0.0) ||
                            (here >= parameters_[j].high && next.step(i) > 0.0);
@@ -126,6 +127,7 @@ SolverResult Solve(ReducedProblem& problem, const std::vector<Parameter>& parame
 
   ceres::Problem::Options problem_options;
   problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  problem_options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem ceres_problem(problem_options);
   ceres_problem.AddResidualBlock(&cost, nullptr, result.u.data());
   for (std::size_t j = 0; j < parameters.size(); ++j) {
@@ -139,6 +141,12 @@ SolverResult Solve(ReducedProblem& problem, const std::vector<Parameter>& parame
                                            ToInternal(parameters[j], parameters[j].high));
     }
   }
+  std::vector<int> held;
+  for (std::size_t j = 0; j < options.held.size(); ++j) {
+    if (options.held[j]) held.push_back(static_cast<int>(j));
+  }
+  ceres::SubsetManifold subset(static_cast<int>(parameters.size()), held);
+  if (!held.empty()) ceres_problem.SetManifold(result.u.data(), &subset);
   ceres::Solver::Options solver;
   solver.minimizer_type = ceres::TRUST_REGION;
   solver.trust_region_strategy_type = ceres::LEVENBERG_MARQUARDT;

@@ -29,7 +29,11 @@ struct FitRecord {
     double sigma_model = 0.0;  // from the model's own error
     double model_shift = 0.0;  // what the finer model would change the value by
     double kink = 0.0;         // roughness of the differences [-]
+    double sigma_alone = 0.0;  // of the data, were all other parameters known
+    double imitated = 0.0;     // share of its effect that frame, offset, calibration imitate [-]
+    double low95 = 0.0, high95 = 0.0;  // interval of the data by profile; NaN: open, or no profile
     std::string verdict, reason;
+    std::vector<std::string> with;  // what it is determined only in combination with
   };
   std::vector<Parameter> parameters;  // p
   Eigen::MatrixXd covariance;         // p x p, in the products of the units
@@ -37,33 +41,75 @@ struct FitRecord {
   struct Nuisance {
     std::string name, unit;
     double value = 0.0, sigma = 0.0;
+    std::int32_t trial = 0;
   };
   std::vector<Nuisance> nuisances;
+
+  // Profile likelihoods: a parameter held, all others at their best.
+  struct ProfilePoint {
+    std::int32_t parameter = 0;
+    double deviance = 0.0;  // twice the rise of the cost [-]
+    bool settled = false;
+    std::vector<double> theta;  // p
+  };
+  std::vector<ProfilePoint> profiles;
+
+  // Where the search began and ended, best first.
+  struct Start {
+    std::vector<double> from, to;  // p
+    double screened = 0.0;         // mean square of the residuals over the first horizon [-]
+    double cost = -1.0;            // half the sum of squares over the whole record; -1: failed
+    std::string message;
+  };
+  std::vector<Start> starts;
 
   struct Evaluation {
     std::vector<double> theta;  // p
     std::string purpose, message;
     int stage = 0;
     bool failed = false;
-    double cost = -1.0;  // half the sum of squares of whitened residuals; -1: not compared
+    std::int32_t start = -1;  // which of several; -1: not of one
+    std::int32_t trial = 0;
+    std::int32_t fidelity = 0;  // 0 the model, 1 with a tighter tolerance, 2 with a finer mesh
+    double cost = -1.0;         // half the sum of squares of whitened residuals; -1: not compared
   };
   std::vector<Evaluation> evaluations;
 
+  std::vector<std::string> trials;  // names
+
+  // Noise found in the residuals, series by series: variance ((1 - share) I + share R), R of a
+  // first-order Markov process, in units of the samples' own variance.
+  struct Noise {
+    std::int32_t trial = 0, mark = 0, axis = 0;
+    double variance = 1.0, share = 0.0, rho = 0.0;
+  };
+  std::vector<Noise> noise;
+  // Parts of the record that count less, for the solver's noise there.
+  struct LessWeight {
+    std::int32_t trial = 0, mark = 0;
+    double from = 0.0, to = 0.0;  // on the tracks' clock [s]
+    double noise = 0.0;           // of a coordinate [m]
+    double weight = 1.0;          // (0, 1)
+  };
+  std::vector<LessWeight> less_weight;
+
   // At the estimate, sample by sample (n), in the model's frame.
   std::vector<std::string> marks;
-  std::vector<double> t;           // on the tracks' clock [s]
-  std::vector<std::int32_t> mark;  // index into marks
-  Eigen::Matrix3Xd measured;       // 3 x n [m]
-  Eigen::Matrix3Xd sigma;          // 3 x n [m]
-  Eigen::Matrix3Xd simulated;      // 3 x n [m]
-  Eigen::Matrix3Xd model_error;    // 3 x n, or 3 x 0 [m]
+  std::vector<double> t;            // on the tracks' clock [s]
+  std::vector<std::int32_t> mark;   // index into marks
+  std::vector<std::int32_t> trial;  // index into trials
+  Eigen::Matrix3Xd measured;        // 3 x n [m]
+  Eigen::Matrix3Xd sigma;           // 3 x n [m]
+  Eigen::Matrix3Xd simulated;       // 3 x n [m]
+  Eigen::Matrix3Xd model_error;     // 3 x n, or 3 x 0 [m]
+  Eigen::Matrix3Xd band;            // 3 x n: standard error of `simulated` by the parameters' [m]
 
   // Numbers by name with unit: "chi2_per_dof [1]".
   std::map<std::string, double> checks;
 };
 
 inline constexpr char kFitSchema[] = "unfurl/fit";
-inline constexpr int kFitVersion = 1;
+inline constexpr int kFitVersion = 2;
 
 void WriteFit(const std::string& path, const FitRecord& fit, const Provenance& provenance);
 FitRecord ReadFit(const std::string& path);

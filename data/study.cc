@@ -15,12 +15,13 @@ std::string Beside(const std::string& study, const std::string& file) {
   return (std::filesystem::path(study).parent_path() / path).lexically_normal().string();
 }
 
-StudyParameter ReadParameter(const std::string& name, const TomlTable& t) {
+StudyParameter ReadParameter(const std::string& name, const TomlTable& t, bool command) {
   StudyParameter p;
   p.name = name;
   p.where = t.Where();
   p.unit = t.StringOr("unit", "1");
-  p.keys = t.Strings("keys");
+  // A program takes its parameters by name.
+  p.keys = command ? t.StringsOr("keys", {name}) : t.Strings("keys");
   if (p.keys.empty()) {
     t.Fail("keys", "a parameter that drives nothing", "name at least one key of the scene");
   }
@@ -47,11 +48,13 @@ StudyParameter ReadParameter(const std::string& name, const TomlTable& t) {
   return p;
 }
 
-StudyTrial ReadTrial(const std::string& study, const TomlTable& t) {
+StudyTrial ReadTrial(const std::string& study, const std::string& name, const TomlTable& t) {
   StudyTrial trial;
   trial.where = t.Where();
+  trial.name = t.StringOr("name", name);
   trial.tracks = Beside(study, t.String("tracks"));
   trial.marks = t.StringsOr("marks", {});
+  trial.set = t.StringsOr("set", {});
   const std::vector<double> window = t.NumbersOr("window", {0.0, 0.0}, 2);
   trial.window_low = window[0];
   trial.window_high = window[1];
@@ -59,7 +62,66 @@ StudyTrial ReadTrial(const std::string& study, const TomlTable& t) {
     t.Fail("window", fmt::format("[{}, {}] encloses nothing", window[0], window[1]),
            "give [from, to] on the tracks' clock, in seconds");
   }
+  if (const auto factors = t.TableOrNone("sigma_factor")) {
+    for (const auto& [mark, holds] : factors->Outline()) {
+      const std::string key = mark.substr(mark.rfind('.') + 1);
+      (void)holds;
+      trial.sigma_factors.emplace_back(key, factors->Number(key, kPositive));
+    }
+  }
   return trial;
+}
+
+StudyCommand ReadCommand(const std::string& study, const TomlTable& t) {
+  StudyCommand command;
+  command.where = t.Where("command");
+  command.words = t.Strings("command");
+  if (command.words.empty()) {
+    t.Fail("command", "an empty command", "name a program and its arguments, one word each");
+  }
+  for (const std::string& file : t.StringsOr("files", {})) {
+    command.files.push_back(Beside(study, file));
+  }
+  command.tracks = t.StringOr("tracks", "tracks.csv");
+  command.timeout = t.NumberOr("timeout", command.timeout, kPositive);
+  command.retries = t.IntegerOr("retries", 0, 0, 100);
+  command.finer = t.StringsOr("finer", {});
+  return command;
+}
+
+void ReadSolver(const TomlTable& t, Study* study) {
+  if (t.IsString("stages")) {
+    study->stages_by_impacts = t.Choice("stages", {"impacts"}) == "impacts";
+  } else {
+    study->stages = t.NumbersOr("stages", {}, -1, kPositive);
+  }
+  if (!std::is_sorted(study->stages.begin(), study->stages.end())) {
+    t.Fail("stages", "the ends do not rise", "list them in order of time, in seconds");
+  }
+  study->max_iterations = t.IntegerOr("max_iterations", study->max_iterations, 1, 1000);
+  study->screened = t.IntegerOr("screened", study->screened, 0, 100000);
+  study->starts = t.IntegerOr("starts", study->starts, 1, 1000);
+  if (study->starts > 1 && study->screened + 1 < study->starts) {
+    t.Fail("starts", fmt::format("{} starts of {} points", study->starts, study->screened + 1),
+           "set screened to several times as many as starts");
+  }
+  study->seed = t.IntegerOr("seed", study->seed, 0, 1000000000);
+  study->whiten = t.BoolOr("whiten", study->whiten);
+  if (!t.Has("free")) return;
+  // One list of names per stage, the whole record's last.
+  const std::size_t stages = study->stages.size() + 1;
+  const TomlTable lists = t.Items("free", static_cast<int>(stages));
+  for (std::size_t s = 0; s < stages; ++s) {
+    study->free.push_back(lists.Strings(std::to_string(s)));
+    for (const std::string& name : study->free.back()) {
+      const bool known = std::any_of(study->parameters.begin(), study->parameters.end(),
+                                     [&](const StudyParameter& p) { return p.name == name; });
+      if (!known) {
+        t.Fail("free", fmt::format("there is no parameter '{}'", name),
+               "name parameters of this study; an empty list frees all");
+      }
+    }
+  }
 }
 
 Study ReadFrom(const TomlTable& root, const std::string& path) {
@@ -67,12 +129,28 @@ Study ReadFrom(const TomlTable& root, const std::string& path) {
   study.path = path;
   const TomlTable head = root.Table("study");
   study.name = head.StringOr("name", std::filesystem::path(path).stem().string());
-  study.scene = Beside(path, head.String("scene"));
-  study.set = head.StringsOr("set", {});
-  study.trials.push_back(ReadTrial(path, root.Table("trial")));
+  const auto model = root.TableOrNone("model");
+  if (model && model->Has("command")) {
+    study.command = ReadCommand(path, *model);
+    if (head.Has("scene")) {
+      head.Fail("scene", "there is a scene and a command",
+                "keep one of study.scene, model.command");
+    }
+  } else {
+    study.scene = Beside(path, head.String("scene"));
+    study.set = head.StringsOr("set", {});
+  }
+  if (root.IsArray("trial")) {
+    const std::vector<TomlTable> trials = root.TableArray("trial");
+    for (std::size_t i = 0; i < trials.size(); ++i) {
+      study.trials.push_back(ReadTrial(path, fmt::format("trial {}", i + 1), trials[i]));
+    }
+  } else {
+    study.trials.push_back(ReadTrial(path, "trial", root.Table("trial")));
+  }
 
   for (const auto& [name, table] : root.NamedTables("parameter")) {
-    study.parameters.push_back(ReadParameter(name, table));
+    study.parameters.push_back(ReadParameter(name, table, study.command.has_value()));
   }
   if (study.parameters.empty()) {
     root.Fail("parameter", "a study without parameters", "add a table [parameter.NAME]");
@@ -92,17 +170,18 @@ Study ReadFrom(const TomlTable& root, const std::string& path) {
     }
   }
 
-  if (const auto model = root.TableOrNone("model")) {
-    study.rtol = model->NumberOr("rtol", study.rtol, {1e-12, 1e-2});
-  }
-  if (const auto solver = root.TableOrNone("solver")) {
-    study.stages = solver->NumbersOr("stages", {}, -1, kPositive);
-    if (!std::is_sorted(study.stages.begin(), study.stages.end())) {
-      solver->Fail("stages", "the ends do not rise", "list them in order of time, in seconds");
-    }
-    study.max_iterations = solver->IntegerOr("max_iterations", study.max_iterations, 1, 1000);
+  if (model && !study.command) study.rtol = model->NumberOr("rtol", study.rtol, {1e-12, 1e-2});
+  if (const auto solver = root.TableOrNone("solver")) ReadSolver(*solver, &study);
+  if (const auto profile = root.TableOrNone("profile")) {
+    study.profile_levels = profile->NumbersOr("levels", study.profile_levels, -1, kPositive);
+    std::sort(study.profile_levels.begin(), study.profile_levels.end());
+    study.profile_evaluations =
+        profile->IntegerOr("max_evaluations", study.profile_evaluations, 1, 1000000);
   }
   if (const auto mesh = root.TableOrNone("mesh_check")) {
+    if (study.command) {
+      root.Fail("mesh_check", "a mesh of a program", "give the finer program as model.finer");
+    }
     StudyMeshCheck check;
     check.keys = mesh->Strings("keys");
     check.value = mesh->Number("value", kPositive);

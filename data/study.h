@@ -25,9 +25,24 @@ struct StudyParameter {
 };
 
 struct StudyTrial {
+  std::string name;                            // "trial", or "trial 2" of several
   std::string tracks;                          // path
   std::vector<std::string> marks;              // empty: all of the tracks
   double window_low = 0.0, window_high = 0.0;  // on the tracks' clock [s]; equal: all
+  std::vector<std::string> set;                // overrides of the scene for this trial
+  // Factors on marks' sigmas: 2 lets a mark count a quarter.
+  std::vector<std::pair<std::string, double>> sigma_factors;
+  std::string where;
+};
+
+// A program that computes the marks, in place of the simulator; docs/study.md.
+struct StudyCommand {
+  std::vector<std::string> words;  // program and arguments, with {placeholders}
+  std::vector<std::string> files;  // paths, copied to where it runs with {{NAME}} filled in
+  std::string tracks;              // what it writes, relative to where it runs
+  double timeout = 600.0;          // of one evaluation [s]
+  int retries = 0;                 // after a failure
+  std::vector<std::string> finer;  // the same with less error of its own; empty: none
   std::string where;
 };
 
@@ -42,13 +57,22 @@ struct StudyMeshCheck {
 struct Study {
   std::string name;
   std::string path;              // of the study itself
-  std::string scene;             // path
+  std::string scene;             // path; empty with a command
   std::vector<std::string> set;  // overrides of the scene, "dotted.key=value"
+  std::optional<StudyCommand> command;
   std::vector<StudyTrial> trials;
   std::vector<StudyParameter> parameters;
-  double rtol = 1e-5;          // of the simulator
-  std::vector<double> stages;  // ends of a growing horizon on the run's clock [s], rising
-  int max_iterations = 25;     // per stage
+  double rtol = 1e-5;              // of the simulator
+  std::vector<double> stages;      // ends of a growing horizon on the run's clock [s], rising
+  bool stages_by_impacts = false;  // instead: by the impacts that the data show
+  int max_iterations = 25;         // per stage
+  std::vector<std::vector<std::string>> free;  // by stage: parameters that it moves; empty: all
+  int screened = 0;                            // points of a Latin hypercube, beside the start
+  int starts = 1;                              // that are carried on
+  int seed = 1;                                // of the hypercube
+  bool whiten = true;
+  std::vector<double> profile_levels = {1.0, 2.0};  // standard errors; empty: no profiles
+  int profile_evaluations = 400;                    // at most
   std::optional<StudyMeshCheck> mesh_check;
 };
 

@@ -25,7 +25,7 @@ std::string Slurp(const std::filesystem::path& path) {
 }  // namespace
 
 Outcome RunProgram(const std::vector<std::string>& arguments, const std::filesystem::path& folder,
-                   long file_size_limit, int kill_after_ms) {
+                   long file_size_limit, int kill_after_ms, int kill_signal) {
   // Output goes to files beside the folder, not into it: tests look at what is left there.
   const std::string out_path = folder.string() + ".stdout", err_path = folder.string() + ".stderr";
   const pid_t child = fork();
@@ -49,7 +49,7 @@ Outcome RunProgram(const std::vector<std::string>& arguments, const std::filesys
   }
   if (kill_after_ms > 0) {
     usleep(static_cast<useconds_t>(kill_after_ms) * 1000);
-    kill(child, SIGINT);
+    kill(child, kill_signal);
   }
   int status = 0;
   waitpid(child, &status, 0);

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <csignal>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -15,9 +16,9 @@ struct Outcome {
 };
 
 // Runs the real program in `folder`. `file_size_limit` > 0 makes every write past so many bytes of
-// one file fail, as a full disk does. `kill_after_ms` > 0 sends SIGINT then.
+// one file fail, as a full disk does. `kill_after_ms` > 0 sends `kill_signal` then.
 Outcome RunProgram(const std::vector<std::string>& arguments, const std::filesystem::path& folder,
-                   long file_size_limit = 0, int kill_after_ms = 0);
+                   long file_size_limit = 0, int kill_after_ms = 0, int kill_signal = SIGINT);
 
 // A folder of its own per test, removed afterwards.
 class ProgramTest : public ::testing::Test {

@@ -56,9 +56,10 @@ inline Coverage Repeat(const Trial& trial, int seeds, std::uint64_t first) {
     Rng rng(first + i);
     const Observations data = Record(model, TwoLink::Truth(), {"base", "elbow", "tip"}, trial, rng);
     FitProblem problem;
-    problem.model = &model;
+    problem.trials.resize(1);
+    problem.trials[0].model = &model;
     problem.parameters = TwoLinkParameters();
-    problem.observations = &data;
+    problem.trials[0].observations = &data;
     FitOptions options;
     options.workers = 1;
     fits[i] = Fit(problem, options);

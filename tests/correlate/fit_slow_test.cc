@@ -1,6 +1,8 @@
 #include <gtest/gtest.h>
 
 #include "tests/correlate/fit_repeats.h"
+#include "tests/correlate/identify_cases.h"
+#include "tests/correlate/pendulum_repeats.h"
 
 namespace unfurl::correlate {
 namespace {
@@ -20,6 +22,38 @@ TEST(FitSlow, CoversWithCorrelatedNoise) {
   Trial trial = SparseTrial();
   trial.rho = 0.9;
   ExpectHonest(Repeat(trial, kTrials, 30000), 0.93, 0.97);
+}
+
+TEST(FitSlow, CoversWithNoiseThatOutlastsTheRecordAlmost) {
+  Trial trial = SparseTrial();
+  trial.rho = 0.98;  // 50 samples of 124
+  ExpectHonest(Repeat(trial, kTrials, 40000), 0.93, 0.97);
+}
+
+TEST(FitSlow, HiddenSetsAreNamed) {
+  constexpr int kSeeds = 200;
+  constexpr double kFalseAlarms = 0.01;
+  int false_alarms = 0, clear = 0;
+  for (const IdentifyCase& which : IdentifyCases()) {
+    const IdentifyCount count = CountIdentified(which, kSeeds, 50000);
+    fmt::print("{}: {} of {} named, {} of {} false alarms\n", which.name, count.named, count.should,
+               count.false_alarms, count.clear);
+    EXPECT_EQ(count.named, count.should) << which.name << ": " << count.first_miss;
+    false_alarms += count.false_alarms;
+    clear += count.clear;
+  }
+  EXPECT_LE(false_alarms, kFalseAlarms * clear);
+}
+
+TEST(FitSlow, SeveralStartsFindTheGlobalMinimumOfThePendulum) {
+  constexpr int kPendulums = 1000;  // issue
+  constexpr double kFound = 0.99;
+  const PendulumCount count = RepeatPendulum(kPendulums, 100000);
+  const auto [low, high] =
+      BinomialInterval(static_cast<std::size_t>(count.found), kPendulums, 0.95);
+  fmt::print("{} of {} global (95% interval {:.4f} to {:.4f}), {:.0f} evaluations at most\n{}",
+             count.found, kPendulums, low, high, count.most_evaluations, count.misses);
+  EXPECT_GE(count.found, kFound * kPendulums);
 }
 
 }  // namespace

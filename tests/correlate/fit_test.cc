@@ -20,17 +20,18 @@ TEST(Fit, RecoversTheTruthFromAnExactRecord) {
   const TwoLink model;
   const Observations data = Record(model, TwoLink::Truth(), TwoLink::Marks(), trial, rng);
   FitProblem problem;
-  problem.model = &model;
+  problem.trials.resize(1);
+  problem.trials[0].model = &model;
   problem.parameters = TwoLinkParameters();
-  problem.observations = &data;
+  problem.trials[0].observations = &data;
   const FitResult fit = Fit(problem);
   ASSERT_TRUE(fit.Usable()) << fit.message;
   for (std::size_t j = 0; j < 2; ++j) {
     EXPECT_NEAR(fit.parameters[j].value, TwoLink::Truth()[j], 1e-6);
     EXPECT_EQ(fit.parameters[j].verdict, Verdict::kDetermined) << fit.parameters[j].reason;
   }
-  EXPECT_NEAR(fit.registration.at.offset, trial.offset, 1e-7);
-  EXPECT_LT((fit.registration.at.X_WM.translation() - trial.X_WM.translation()).norm(), 1e-6);
+  EXPECT_NEAR(fit.trials[0].at.offset, trial.offset, 1e-7);
+  EXPECT_LT((fit.trials[0].at.X_WM.translation() - trial.X_WM.translation()).norm(), 1e-6);
 }
 
 TEST(Fit, CoversWithWhiteNoise) {
@@ -62,10 +63,11 @@ TEST(Fit, WorkersDoNotChangeTheResult) {
   const TwoLink model;
   const Observations data = Record(model, TwoLink::Truth(), TwoLink::Marks(), SparseTrial(), rng);
   FitProblem problem;
-  problem.model = &model;
-  problem.finer = &model;
+  problem.trials.resize(1);
+  problem.trials[0].model = &model;
+  problem.trials[0].finer = &model;
   problem.parameters = TwoLinkParameters();
-  problem.observations = &data;
+  problem.trials[0].observations = &data;
   FitOptions options;
   options.workers = 1;
   const FitResult one = Fit(problem, options);
@@ -100,7 +102,8 @@ TEST(Fit, ParametersThatOnlyActTogetherAreNamed) {
     const std::vector<double> truth = {0.6, 1.5, 0.35};
     const Observations data = Record(model, truth, TwoLink::Marks(), SparseTrial(), rng);
     FitProblem problem;
-    problem.model = &model;
+    problem.trials.resize(1);
+    problem.trials[0].model = &model;
     Parameter a = TwoLinkParameters()[0], b = a, decay = TwoLinkParameters()[1];
     a.name = "stiffness";
     a.start = 0.65;
@@ -109,7 +112,7 @@ TEST(Fit, ParametersThatOnlyActTogetherAreNamed) {
     b.start = 1.5;
     b.low = 0.1;
     problem.parameters = {a, b, decay};
-    problem.observations = &data;
+    problem.trials[0].observations = &data;
     const FitResult fit = Fit(problem);
     ASSERT_TRUE(fit.Usable()) << fit.message;
     const bool both = fit.parameters[0].verdict == Verdict::kCombination &&
@@ -126,7 +129,8 @@ TEST(Fit, APriorSettlesWhatTheDataLeaveOpen) {
   const std::vector<double> truth = {0.6, 1.5, 0.35};
   const Observations data = Record(model, truth, TwoLink::Marks(), SparseTrial(), rng);
   FitProblem problem;
-  problem.model = &model;
+  problem.trials.resize(1);
+  problem.trials[0].model = &model;
   Parameter a = TwoLinkParameters()[0], b = a;
   a.name = "stiffness";
   a.start = 0.65;
@@ -139,7 +143,7 @@ TEST(Fit, APriorSettlesWhatTheDataLeaveOpen) {
   b.prior_mean = 1.52;
   b.prior_sigma = 0.03;
   problem.parameters = {a, b, TwoLinkParameters()[1]};
-  problem.observations = &data;
+  problem.trials[0].observations = &data;
   const FitResult fit = Fit(problem);
   ASSERT_TRUE(fit.Usable()) << fit.message;
   // All that is known of it is the prior; the solver stops at a twentieth of a standard error.
@@ -154,10 +158,11 @@ TEST(Fit, AParameterAtItsBoundIsSaidToBe) {
   const TwoLink model;
   const Observations data = Record(model, TwoLink::Truth(), TwoLink::Marks(), SparseTrial(), rng);
   FitProblem problem;
-  problem.model = &model;
+  problem.trials.resize(1);
+  problem.trials[0].model = &model;
   problem.parameters = TwoLinkParameters();
   problem.parameters[1].low = 0.45;  // the truth is 0.35
-  problem.observations = &data;
+  problem.trials[0].observations = &data;
   const FitResult fit = Fit(problem);
   EXPECT_EQ(fit.parameters[1].verdict, Verdict::kAtBound);
   EXPECT_DOUBLE_EQ(fit.parameters[1].value, 0.45);
@@ -190,9 +195,10 @@ TEST(Fit, AFailedEvaluationIsRecordedAndNotTheEnd) {
     // The way from the start leads past what fails: forward differences at the start do.
     (throws ? model.throws_above : model.fails_above) = 0.9502;
     FitProblem problem;
-    problem.model = &model;
+    problem.trials.resize(1);
+    problem.trials[0].model = &model;
     problem.parameters = TwoLinkParameters();
-    problem.observations = &data;
+    problem.trials[0].observations = &data;
     const FitResult fit = Fit(problem);
     ASSERT_TRUE(fit.Usable()) << fit.message;
     EXPECT_NEAR(fit.parameters[0].value, 0.9, 5.0 * fit.parameters[0].sigma);
@@ -215,9 +221,10 @@ TEST(Fit, AModelThatAlwaysFailsIsAStatus) {
   Fragile model;
   model.always = true;
   FitProblem problem;
-  problem.model = &model;
+  problem.trials.resize(1);
+  problem.trials[0].model = &model;
   problem.parameters = TwoLinkParameters();
-  problem.observations = &data;
+  problem.trials[0].observations = &data;
   const FitResult fit = Fit(problem);
   EXPECT_EQ(fit.status, FitStatus::kModelFailed);
   EXPECT_NE(fit.message.find("step size"), std::string::npos);
@@ -231,9 +238,10 @@ TEST(Fit, DataOfSomethingElseAreRefused) {
     for (Eigen::Index i = 0; i < m.p.cols(); ++i) m.p(0, i) += 3.0 * rng.Normal();
   }
   FitProblem problem;
-  problem.model = &model;
+  problem.trials.resize(1);
+  problem.trials[0].model = &model;
   problem.parameters = TwoLinkParameters();
-  problem.observations = &data;
+  problem.trials[0].observations = &data;
   EXPECT_EQ(Fit(problem).status, FitStatus::kNotAligned);
 }
 
@@ -241,8 +249,9 @@ TEST(Fit, BadParametersAreErrors) {
   FitProblem problem;
   const TwoLink model;
   Observations data;
-  problem.model = &model;
-  problem.observations = &data;
+  problem.trials.resize(1);
+  problem.trials[0].model = &model;
+  problem.trials[0].observations = &data;
   EXPECT_THROW(Fit(problem), Error);
   problem.parameters = TwoLinkParameters();
   problem.parameters[0].start = 9.0;
@@ -273,15 +282,16 @@ TEST(Fit, TheModelsOwnErrorEntersTheStandardErrors) {
       Record(TwoLink(), TwoLink::Truth(), TwoLink::Marks(), SparseTrial(), rng);
   const Coarse coarse(1.0), finer(0.5);
   FitProblem problem;
-  problem.model = &coarse;
-  problem.finer = &finer;
+  problem.trials.resize(1);
+  problem.trials[0].model = &coarse;
+  problem.trials[0].finer = &finer;
   problem.parameters = TwoLinkParameters();
-  problem.observations = &data;
+  problem.trials[0].observations = &data;
   const FitResult fit = Fit(problem);
   ASSERT_TRUE(fit.Usable());
   const ParameterEstimate& frequency = fit.parameters[0];
   EXPECT_EQ(frequency.verdict, Verdict::kMeshLimited);
-  EXPECT_GT(fit.model_error_sigmas, 1.0);
+  EXPECT_GT(fit.trials[0].model_error_sigmas, 1.0);
   // The estimate is off by the model's error, here 0.4%; the finer model tells by how much, and
   // the standard error owns up to it where the data alone would deny it.
   const double error = frequency.value - TwoLink::Truth()[0];
@@ -300,20 +310,21 @@ TEST(Fit, AGrowingHorizonWidensTheBasin) {
   std::vector<double> truth = {1.3, 0.1};
   const Observations data = Record(model, truth, TwoLink::Marks(), trial, rng);
   FitProblem problem;
-  problem.model = &model;
+  problem.trials.resize(1);
+  problem.trials[0].model = &model;
   problem.parameters = TwoLinkParameters();
   problem.parameters[0].start = 1.2;
   problem.parameters[1].start = 0.1;
-  problem.observations = &data;
+  problem.trials[0].observations = &data;
   FitOptions options;
   options.stages = {1.0, 2.5};
   const FitResult fit = Fit(problem, options);
   ASSERT_TRUE(fit.Usable()) << fit.message;
-  EXPECT_EQ(fit.stages.size(), 3u);
+  EXPECT_EQ(fit.stages.size(), 4u);  // the whole record twice: to lead, and sharpened
   // Without stages the same start leads elsewhere, or nowhere.
   const FitResult whole = Fit(problem);
   EXPECT_FALSE(whole.Usable() &&
-               whole.registration.SumOfSquares() < 2.0 * fit.registration.SumOfSquares());
+               whole.trials[0].residual.squaredNorm() < 2.0 * fit.trials[0].residual.squaredNorm());
   EXPECT_NEAR(fit.parameters[0].value, truth[0], 4.0 * fit.parameters[0].sigma);
 }
 

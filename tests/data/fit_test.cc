@@ -2,7 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
+#include <limits>
 
 #include "base/error.h"
 #include "data/h5.h"
@@ -29,34 +31,33 @@ FitRecord Example() {
   f.message = "all is well";
   f.verdict = "Clearance is determined.";
   f.reasons = {"because", "and because"};
-  f.parameters = {
-      {"clearance",
-       "rad",
-       {"joint.a", "joint.b"},
-       1,
-       2,
-       3,
-       4,
-       5,
-       6,
-       7,
-       8,
-       9,
-       10,
-       "determined",
-       "known to 1%"},
-      {"damping", "s", {"beam.c"}, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20, "at its bound", "no"}};
+  f.parameters.resize(2);
+  FitRecord::Parameter& a = f.parameters[0];
+  a.name = "clearance", a.unit = "rad", a.keys = {"joint.a", "joint.b"};
+  a.start = 1, a.low = 2, a.high = 3, a.value = 4, a.sigma = 5, a.sigma_data = 6;
+  a.sigma_white = 7, a.sigma_model = 8, a.model_shift = 9, a.kink = 10, a.sigma_alone = 11;
+  a.imitated = 12, a.low95 = 13, a.high95 = 14, a.verdict = "determined", a.reason = "known to 1%";
+  FitRecord::Parameter& b = f.parameters[1];
+  b.name = "damping", b.unit = "s", b.keys = {"beam.c"}, b.kink = 20, b.verdict = "at its bound";
+  b.low95 = std::numeric_limits<double>::quiet_NaN(), b.with = {"clearance", "time offset"};
   f.covariance = Eigen::MatrixXd::Identity(2, 2) * 0.25;
-  f.nuisances = {{"time offset", "s", 0.7, 1e-5}};
-  f.evaluations = {{{1.0, 2.0}, "trial", "", 0, false, 12.5},
-                   {{1.5, 2.0}, "difference", "it failed", 1, true, -1.0}};
+  f.nuisances = {{"time offset", "s", 0.7, 1e-5, 0}};
+  f.evaluations = {{{1.0, 2.0}, "trial", "", 0, false, -1, 0, 0, 12.5},
+                   {{1.5, 2.0}, "difference", "it failed", 1, true, 3, 1, 2, -1.0}};
+  f.profiles = {{1, 3.9, true, {1.5, 2.5}}, {0, 0.0, false, {1.0, 2.0}}};
+  f.starts = {{{1.0, 2.0}, {3.0, 4.0}, 7.5, 11.0, "good"}};
+  f.trials = {"trial"};
+  f.noise = {{0, 1, 2, 3.5, 0.25, 0.98}};
+  f.less_weight = {{0, 1, 2.0, 3.0, 1e-4, 0.5}};
   f.marks = {"a", "b"};
   f.t = {0.0, 0.1, 0.05};
   f.mark = {0, 0, 1};
+  f.trial = {0, 0, 0};
   f.measured = Eigen::Matrix3Xd::Random(3, 3);
   f.sigma = Eigen::Matrix3Xd::Constant(3, 3, 2e-4);
   f.simulated = Eigen::Matrix3Xd::Random(3, 3);
   f.model_error.resize(3, 0);
+  f.band = Eigen::Matrix3Xd::Random(3, 3);
   f.checks = {{"chi2_per_dof [1]", 1.02}, {"model_noise [m]", 1e-6}};
   return f;
 }
@@ -71,6 +72,20 @@ TEST_F(FitFile, ComesBackAsItWasWritten) {
   EXPECT_EQ(g.parameters[0].keys, f.parameters[0].keys);
   EXPECT_EQ(g.parameters[1].kink, 20.0);
   EXPECT_EQ(g.parameters[1].verdict, "at its bound");
+  EXPECT_EQ(g.parameters[0].high95, 14.0);
+  EXPECT_TRUE(std::isnan(g.parameters[1].low95));
+  EXPECT_EQ(g.parameters[1].with, f.parameters[1].with);
+  ASSERT_EQ(g.profiles.size(), 2u);
+  EXPECT_EQ(g.profiles[0].theta, f.profiles[0].theta);
+  EXPECT_FALSE(g.profiles[1].settled);
+  ASSERT_EQ(g.starts.size(), 1u);
+  EXPECT_EQ(g.starts[0].to, f.starts[0].to);
+  EXPECT_EQ(g.starts[0].message, "good");
+  EXPECT_EQ(g.noise.at(0).rho, 0.98);
+  EXPECT_EQ(g.less_weight.at(0).weight, 0.5);
+  EXPECT_EQ(g.band, f.band);
+  EXPECT_EQ(g.trial, f.trial);
+  EXPECT_EQ(g.evaluations.at(1).fidelity, 2);
   EXPECT_EQ(g.covariance, f.covariance);
   EXPECT_EQ(g.nuisances[0].value, 0.7);
   ASSERT_EQ(g.evaluations.size(), 2u);
@@ -92,7 +107,12 @@ TEST_F(FitFile, AFitThatFoundNothingIsStillARecord) {
   f.marks.clear();
   f.t.clear();
   f.mark.clear();
-  for (auto* m : {&f.measured, &f.sigma, &f.simulated}) m->resize(3, 0);
+  f.trial.clear();
+  f.profiles.clear();
+  f.starts.clear();
+  f.noise.clear();
+  f.less_weight.clear();
+  for (auto* m : {&f.measured, &f.sigma, &f.simulated, &f.band}) m->resize(3, 0);
   WriteFit(path_, f, Provenance{});
   EXPECT_EQ(ReadFit(path_).evaluations.size(), 0u);
 }

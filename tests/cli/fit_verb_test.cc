@@ -1,0 +1,123 @@
+// `unfurl fit` through the real program, on the latching pendulum.
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "data/fit.h"
+#include "tests/cli/fit_cases.h"
+
+namespace unfurl::cli {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr char kOneTrial[] = "[trial]\ntracks = \"tracks.h5\"\n";
+
+double Number(const nlohmann::json& fit, const std::string& parameter, const char* what) {
+  for (const auto& p : fit.at("parameters")) {
+    if (p.at("name") == parameter) return p.at(what);
+  }
+  return std::nan("");
+}
+
+TEST_F(FitVerbTest, AKillAtAnyMomentLosesNothing) { ExpectResumes(4, 1); }
+
+TEST_F(FitVerbTest, WorkersDoNotChangeTheFile) {
+  MakeTracks("tracks.h5", {}, 5);
+  MakeStudy("study.toml", kOneTrial);
+  Good({"fit", "study.toml", "-o", "fit.h5", "--quiet", "--workers", "1"});
+  const std::string one = Get("fit.h5");
+  Good({"fit", "study.toml", "-o", "fit.h5", "--quiet", "--workers", "3"});
+  EXPECT_TRUE(Get("fit.h5") == one);
+}
+
+TEST_F(FitVerbTest, AJournalOfAnotherStudyIsRefused) {
+  MakeTracks("tracks.h5", {}, 5);
+  MakeStudy("study.toml", kOneTrial);
+  RunProgram({"fit", "study.toml", "-o", "fit.h5", "--quiet"}, folder_, 0, 400, SIGKILL);
+  if (!std::filesystem::exists(folder_ / "fit.h5.partial")) GTEST_SKIP() << "the fit was faster";
+  MakeStudy("study.toml", kOneTrial, "[profile]\nlevels = [1.0]\n");
+  const std::vector<std::string> before = Files();
+  ExpectRefused(Run({"fit", "study.toml", "-o", "fit.h5", "--resume"}),
+                {"another study", "--resume"}, before);
+}
+
+// Two trials of two springs: each trial's own settings, one clearance for both.
+TEST_F(FitVerbTest, SeveralTrialsWithSettingsOfTheirOwn) {
+  MakeTracks("one.h5", {}, 5);
+  MakeTracks("two.h5", {"joint.hinge.spring.preload=1.3"}, 6);
+  MakeStudy("study.toml",
+            "[[trial]]\nname = \"first\"\ntracks = \"one.h5\"\n[[trial]]\nname = \"weak\"\n"
+            "tracks = \"two.h5\"\nset = [\"joint.hinge.spring.preload=1.3\"]\nmarks = [\"tip\"]\n");
+  MakeTracks("tracks.h5", {}, 5);
+  MakeStudy("single.toml", kOneTrial);
+  const auto both = nlohmann::json::parse(
+      Good({"fit", "study.toml", "-o", "fit.h5", "--json", "--report", "fit.html"}).out);
+  const auto single =
+      nlohmann::json::parse(Good({"fit", "single.toml", "-o", "single.h5", "--json"}).out);
+  EXPECT_LT(Number(both, "stiffness", "sigma_white"), Number(single, "stiffness", "sigma_white"));
+  EXPECT_NEAR(Number(both, "stiffness", "value"), 0.218, 4.0 * Number(both, "stiffness", "sigma"));
+  const data::FitRecord record = data::ReadFit((folder_ / "fit.h5").string());
+  EXPECT_THAT(record.trials, ::testing::ElementsAre("first", "weak"));
+  EXPECT_EQ(record.trial.front(), 0);
+  EXPECT_EQ(record.trial.back(), 1);
+  EXPECT_GT(record.band.norm(), 0.0);
+  EXPECT_THAT(Get("fit.html"), HasSubstr("weak"));
+}
+
+// Someone's own program in place of the simulator: here a script that runs ours.
+TEST_F(FitVerbTest, AProgramAsTheModel) {
+  MakeTracks("tracks.h5", {}, 5);
+  Put("model.sh", fmt::format("set -e\n'{}' simulate '{}/data/sets/bouncing_latch/scene.toml' "
+                              "--duration 1.3 --rate 2000 --rtol 1e-6 --quiet -o run.h5 "
+                              "--set mark.mid.on=arm --set 'mark.mid.point=[0.0, 0.0]' "
+                              "--set joint.hinge.latch.theta_a={{{{clearance}}}} "
+                              "--set joint.hinge.latch.theta_b={{{{clearance}}}} "
+                              "--set joint.hinge.spring.stiffness={{{{stiffness}}}}\n",
+                              UNFURL_PROGRAM, UNFURL_SOURCE_DIR));
+  Put("program.toml", R"([study]
+name = "by a program"
+[trial]
+tracks = "tracks.h5"
+[model]
+command = ["sh", "model.sh"]
+files = ["model.sh"]
+tracks = "run.h5"
+[parameter.clearance]
+start = 0.0055
+bounds = [0.002, 0.02]
+transform = "log"
+[parameter.stiffness]
+start = 0.21
+bounds = [0.1, 0.4]
+[profile]
+levels = []
+)");
+  MakeStudy("study.toml", kOneTrial, "[profile]\nlevels = []\n");
+  const auto program =
+      nlohmann::json::parse(Good({"fit", "program.toml", "-o", "a.h5", "--json"}).out);
+  const auto scene = nlohmann::json::parse(Good({"fit", "study.toml", "-o", "b.h5", "--json"}).out);
+  for (const char* name : {"clearance", "stiffness"}) {
+    EXPECT_NEAR(Number(program, name, "value"), Number(scene, name, "value"),
+                0.5 * Number(scene, name, "sigma"));
+  }
+  EXPECT_EQ(program.at("failed"), 0);
+}
+
+TEST_F(FitVerbTest, StudiesThatCannotBeAreRefused) {
+  MakeTracks("tracks.h5", {}, 5);
+  MakeStudy("study.toml", kOneTrial);
+  const std::vector<std::string> set = {"solver.starts=4", "solver.stages=\"latch\"",
+                                        "model.command=[\"{clearence}\"]",
+                                        "trial.sigma_factor.hub=2"};
+  const std::vector<std::string> words = {"starts", "stages", "command", "hub"};
+  for (std::size_t i = 0; i < set.size(); ++i) {
+    const std::vector<std::string> before = Files();
+    ExpectRefused(Run({"fit", "study.toml", "--set", set[i]}), {words[i]}, before);
+  }
+}
+
+}  // namespace
+}  // namespace unfurl::cli
