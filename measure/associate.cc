@@ -5,6 +5,8 @@
 #include <cmath>
 #include <limits>
 
+#include "measure/camera_model.h"
+
 namespace unfurl::measure {
 
 namespace {
@@ -12,8 +14,8 @@ namespace {
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr double kLost = 14.0;  // sets whose weight is e^-14 of the best are forgotten
 constexpr std::size_t kMostVisited =
-    200000;                               // sets looked at; beyond, the line counts as ambiguous
-constexpr std::size_t kMostPoints = 400;  // possible points of a mark that are kept
+    200000;                              // sets looked at; beyond, the line counts as ambiguous
+constexpr std::size_t kMostPoints = 60;  // possible points of a mark that are kept
 
 }  // namespace
 
@@ -42,13 +44,40 @@ void Associator::Push(const PointSolution& point, std::span<const double> miss,
   for (std::size_t c = 0; c < u_.size(); ++c) {
     const double m = miss.empty() ? options_.miss : miss[c];
     if ((point.cameras >> c & 1U) == 0) {
-      h.score += std::log(m);
+      if (mark_ == nullptr || (mark_->hidden >> c & 1U) == 0) h.score += std::log(m);
       continue;
     }
     const double sigma = std::hypot(s_[c], floor);
     h.score += std::log(1.0 - m) - 0.5 * std::log(2.0 * M_PI) - std::log(sigma) - clutter;
   }
   out->push_back(h);
+}
+
+std::size_t Associator::Choices(std::span<const std::span<const Candidate>> cameras,
+                                std::size_t camera) const {
+  if (mark_ != nullptr && (mark_->hidden >> camera & 1U) != 0) return 1;
+  return std::min(cameras[camera].size(), kMostCandidates);
+}
+
+bool Associator::Choose(std::span<const std::span<const Candidate>> cameras, std::size_t camera,
+                        std::size_t k) {
+  if (mark_ != nullptr && (mark_->hidden >> camera & 1U) != 0) {
+    if (std::isnan(mark_->merged[camera].u_px)) return false;
+    u_[camera] = mark_->merged[camera].u_px;
+    s_[camera] = mark_->merged[camera].s_px;
+    chosen_[camera] = kMerged;
+    return true;
+  }
+  if ((near_[camera] >> k & 1U) == 0) return false;
+  u_[camera] = cameras[camera][k].u_px;
+  s_[camera] = cameras[camera][k].s_px;
+  chosen_[camera] = static_cast<std::int8_t>(k);
+  return true;
+}
+
+void Associator::Unchoose(std::size_t camera) {
+  u_[camera] = kNone;
+  chosen_[camera] = -1;
 }
 
 // A point from three readings or more, with and without those of the cameras that come after.
@@ -67,20 +96,15 @@ void Associator::Extend(std::span<const std::span<const Candidate>> cameras, std
   std::array<double, CameraBank::kMaxCameras> at;
   triangulator_.bank().Readings(from.p.data(), at.data());
   const double reach = 1.0 + options_.gate_sigmas * kSteepest * std::sqrt(from.cov.trace());
-  for (std::size_t k = 0; k < std::min(cameras[camera].size(), kMostCandidates); ++k) {
-    const Candidate& candidate = cameras[camera][k];
-    if (!(std::abs(candidate.u_px - at[camera]) < reach + options_.gate_sigmas * candidate.s_px)) {
-      continue;
+  for (std::size_t k = 0; k < Choices(cameras, camera); ++k) {
+    if (!Choose(cameras, camera, k)) continue;
+    if (std::abs(u_[camera] - at[camera]) < reach + options_.gate_sigmas * s_[camera]) {
+      const PointSolution wider = triangulator_.Solve(u_, s_, from.p);
+      if (wider.outcome == PointOutcome::kSolved) {
+        Extend(cameras, camera + 1, wider, miss, readings + 1, out);
+      }
     }
-    u_[camera] = candidate.u_px;
-    s_[camera] = candidate.s_px;
-    chosen_[camera] = static_cast<std::int8_t>(k);
-    const PointSolution wider = triangulator_.Solve(u_, s_, from.p);
-    if (wider.outcome == PointOutcome::kSolved) {
-      Extend(cameras, camera + 1, wider, miss, readings + 1, out);
-    }
-    u_[camera] = kNone;
-    chosen_[camera] = -1;
+    Unchoose(camera);
   }
 }
 
@@ -91,16 +115,17 @@ void Associator::Enumerate(std::span<const std::span<const Candidate>> cameras, 
   chosen_.fill(-1);
   const std::size_t n = cameras.size();
   // Spots near where the mark is expected, or all of them.
-  std::array<std::uint8_t, CameraBank::kMaxCameras> near;
-  near.fill(0xFF);
+  near_.fill(0xFF);
+  mark_ = mark;
   Eigen::Vector3d start = triangulator_.centre();
   if (mark != nullptr) {
-    near.fill(0);
+    near_.fill(0);
     const auto likeliest =
         std::max_element(mark->expected.weight.begin(), mark->expected.weight.end());
     start =
         mark->expected.mean[static_cast<std::size_t>(likeliest - mark->expected.weight.begin())];
     for (std::size_t c = 0; c < n; ++c) {
+      if ((mark->hidden >> c & 1U) != 0) continue;
       for (std::size_t j = 0; j < Motion::kModels; ++j) {
         Projection here;
         if (!Project(triangulator_.rig().cameras[c], mark->expected.mean[j], &here)) continue;
@@ -110,22 +135,18 @@ void Associator::Enumerate(std::span<const std::span<const Candidate>> cameras, 
           const Candidate& candidate = cameras[c][k];
           if (std::abs(candidate.u_px - here.u_px) <
               reach + 1.0 + options_.gate_sigmas * candidate.s_px) {
-            near[c] |= static_cast<std::uint8_t>(1U << k);
+            near_[c] |= static_cast<std::uint8_t>(1U << k);
           }
         }
       }
     }
   }
   const auto each = [&](std::size_t c, const auto& then) {
-    for (std::size_t k = 0; k < std::min(cameras[c].size(), kMostCandidates); ++k) {
-      if ((near[c] >> k & 1U) == 0) continue;
-      u_[c] = cameras[c][k].u_px;
-      s_[c] = cameras[c][k].s_px;
-      chosen_[c] = static_cast<std::int8_t>(k);
+    for (std::size_t k = 0; k < Choices(cameras, c); ++k) {
+      if (!Choose(cameras, c, k)) continue;
       then();
+      Unchoose(c);
     }
-    u_[c] = kNone;
-    chosen_[c] = -1;
   };
   // Every set of readings is named by its first three.
   for (std::size_t i = 0; i + 2 < n; ++i) {
@@ -147,7 +168,6 @@ void Associator::Enumerate(std::span<const std::span<const Candidate>> cameras, 
 }
 
 void Associator::Search(std::span<const Mark> marks, std::size_t depth, double score) {
-  if (++visited_ > kMostVisited) return;
   if (depth == marks.size()) {
     best_ = std::max(best_, score);
     sets_.push_back({score, choice_});
@@ -156,6 +176,7 @@ void Associator::Search(std::span<const Mark> marks, std::size_t depth, double s
   if (score + best_rest_[depth] < best_ - kLost) return;
   const std::vector<Hypothesis>& list = lists_[depth];
   for (int h = 0; h <= static_cast<int>(list.size()); ++h) {
+    if (++visited_ > kMostVisited) return;
     const bool none = h == static_cast<int>(list.size());
     const double gain = none ? none_[depth] : list[static_cast<std::size_t>(h)].weighed;
     const double rest = depth + 1 < marks.size() ? best_rest_[depth + 1] : 0.0;
@@ -169,9 +190,16 @@ void Associator::Search(std::span<const Mark> marks, std::size_t depth, double s
       continue;
     }
     const Hypothesis& at = list[static_cast<std::size_t>(h)];
+    // A spot is one mark's alone, or is shared by some that are expected there.
     bool free = true;
-    for (std::size_t c = 0; c < u_.size(); ++c) {
-      free = free && (at.chosen[c] < 0 || (taken_[c] >> at.chosen[c] & 1U) == 0);
+    const Sets taken = taken_, shared = shared_;
+    for (std::size_t c = 0; c < u_.size() && free; ++c) {
+      if (at.chosen[c] < 0) continue;
+      const bool merged = at.chosen[c] == kMerged;
+      const auto bit = static_cast<std::uint8_t>(
+          1U << (merged ? marks[depth].merged_spot[c] : static_cast<unsigned>(at.chosen[c])));
+      free = (taken_[c] & bit) == 0 && (merged || (shared_[c] & bit) == 0);
+      (merged ? shared_[c] : taken_[c]) |= bit;
     }
     // Marks of which nothing is known: their points ascend in x, so that no set counts twice.
     for (std::size_t m = depth; free && !marks[depth].known && m-- > 0;) {
@@ -180,15 +208,12 @@ void Associator::Search(std::span<const Mark> marks, std::size_t depth, double s
              lists_[m][static_cast<std::size_t>(choice_[m])].point.p.x() < at.point.p.x();
       break;
     }
-    if (!free) continue;
-    for (std::size_t c = 0; c < u_.size(); ++c) {
-      if (at.chosen[c] >= 0) taken_[c] |= static_cast<std::uint8_t>(1U << at.chosen[c]);
+    if (free) {
+      choice_[depth] = h;
+      Search(marks, depth + 1, score + gain);
     }
-    choice_[depth] = h;
-    Search(marks, depth + 1, score + gain);
-    for (std::size_t c = 0; c < u_.size(); ++c) {
-      if (at.chosen[c] >= 0) taken_[c] &= static_cast<std::uint8_t>(~(1U << at.chosen[c]));
-    }
+    taken_ = taken;
+    shared_ = shared;
   }
 }
 
@@ -244,6 +269,7 @@ void Associator::Associate(std::span<const std::span<const Candidate>> cameras,
   out->resize(marks.size());
   sets_.clear();
   taken_.fill(0);
+  shared_.fill(0);
   visited_ = 0;
   best_ = -std::numeric_limits<double>::infinity();
   double unseen = 0.0;

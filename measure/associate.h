@@ -18,9 +18,12 @@ struct Candidate {
 };
 
 struct AssociateOptions {
-  double miss = 0.02;       // chance that a camera does not show a mark that is there [-]
-  double clutter = 0.05;    // spots of no mark, expected per camera and line [-]
-  double row_px = 2160.0;   // over which they are spread [px]
+  double miss = 0.02;      // chance that a camera does not show a mark that is there [-]
+  double clutter = 0.05;   // spots of no mark, expected per camera and line [-]
+  double row_px = 2160.0;  // over which they are spread [px]
+  // Two marks that are expected as near as this in a camera make one spot there [px]: three widths
+  // of a spot of 4 px.
+  double merge_px = 12.0;
   double certainty = 0.99;  // below this chance of being right, a point counts as ambiguous [-]
   // Expected places are matched within this many sigmas [-].
   double gate_sigmas = 5.0;
@@ -43,12 +46,19 @@ struct Association {
 class Associator {
  public:
   static constexpr std::size_t kMostCandidates = 8;  // per camera; more are not looked at
+  static constexpr std::int8_t kMerged = 100;        // instead of a candidate: Mark::merged
 
   Associator(const Triangulator& triangulator, const AssociateOptions& options = {});
 
   // One mark that a line shows.
   struct Mark {
-    bool known = false;  // false: it may be anywhere in the volume
+    bool known = false;     // false: it may be anywhere in the volume
+    bool followed = false;  // its last samples are fresh
+    // Bit c: in camera c another mark is expected in the same place. `merged[c]` is then what their
+    // common spot tells of this one, NaN where there is none; it may serve several marks.
+    std::uint32_t hidden = 0;
+    std::array<Candidate, CameraBank::kMaxCameras> merged{};
+    std::array<std::uint8_t, CameraBank::kMaxCameras> merged_spot{};  // which candidate that is
     Motion::Prediction expected;
   };
 
@@ -72,6 +82,12 @@ class Associator {
 
   void Enumerate(std::span<const std::span<const Candidate>> cameras, const Mark* mark,
                  std::span<const double> miss, std::vector<Hypothesis>* out);
+  // The number of readings that the mark may have in a camera, and one of them.
+  std::size_t Choices(std::span<const std::span<const Candidate>> cameras,
+                      std::size_t camera) const;
+  bool Choose(std::span<const std::span<const Candidate>> cameras, std::size_t camera,
+              std::size_t k);
+  void Unchoose(std::size_t camera);
   void Extend(std::span<const std::span<const Candidate>> cameras, std::size_t camera,
               const PointSolution& from, std::span<const double> miss, int readings,
               std::vector<Hypothesis>* out);
@@ -86,10 +102,14 @@ class Associator {
   // Of the line in hand, kept so that nothing is allocated once they have grown.
   std::vector<double> u_, s_;
   std::array<std::int8_t, CameraBank::kMaxCameras> chosen_{};
+  std::array<std::uint8_t, CameraBank::kMaxCameras>
+      near_{};                                  // bit k: candidate k may be the mark's
+  const Mark* mark_ = nullptr;                  // whose points are enumerated; null: of anyone
   std::vector<std::vector<Hypothesis>> lists_;  // by mark, best first; index -1 stands for none
   std::vector<double> none_;                    // score of "not seen", by mark
   std::vector<double> best_rest_;               // of marks from here on
-  std::array<std::uint8_t, CameraBank::kMaxCameras> taken_{};
+  using Sets = std::array<std::uint8_t, CameraBank::kMaxCameras>;  // of candidates, by camera
+  Sets taken_{}, shared_{};  // by one mark alone; by marks that share it
   std::vector<int> choice_;
   std::vector<Set> sets_;
   double best_ = 0.0;

@@ -18,6 +18,7 @@ struct TrackedPoint {
   data::SampleStatus status = data::SampleStatus::kUnsolvable;
   // Readings that the point was made from, NaN where a camera has none in it [px].
   std::array<double, CameraBank::kMaxCameras> u_px, s_px;
+  int own = 0;                 // readings that are this mark's alone
   std::uint32_t left_out = 0;  // bit c: camera c saw something that was not taken
 };
 
@@ -56,6 +57,8 @@ class MarkTracker {
   void Together(double t, std::span<const int> lit,
                 std::span<const std::span<const Candidate>> cameras,
                 std::vector<TrackedPoint>* out);
+  void FindHidden(std::span<const std::span<const Candidate>> cameras);
+  bool Believed(double t, int mark, const PointSolution& point);
   void ThreeReadings(double t, const Motion& motion, TrackedPoint* out) const;
   void Settle(double t, int mark, TrackedPoint* out);
 
@@ -64,9 +67,15 @@ class MarkTracker {
   Associator associator_;
   std::vector<Motion> motion_;
   std::vector<bool> named_by_place_;
+  struct Waiting {
+    double t = -1e300;
+    Eigen::Vector3d p = Eigen::Vector3d::Zero();
+  };
+  std::vector<Waiting> waiting_;  // by mark: an unexpected place that nothing has confirmed yet
   // How often each camera was wrong of late, forgotten over some hundred lines.
   std::vector<double> wrong_, seen_, miss_;
   std::vector<Associator::Mark> marks_;
+  std::vector<std::array<double, CameraBank::kMaxCameras>> expected_u_;  // by mark and camera
   std::vector<Association> found_;
 };
 

@@ -8,8 +8,9 @@ namespace unfurl::measure {
 
 namespace {
 
-// Spectral densities of the jerk [m^2/s^5]: over 5 ms they move a mark by 4 um, 0.2 mm and 13 mm.
-constexpr std::array<double, Motion::kModels> kJerk = {1e2, 3e5, 1e9};
+// Spectral densities of the jerk [m^2/s^5]: over 5 ms they move a mark by 4 um, 40 um, 0.4 mm and
+// 13 mm.
+constexpr std::array<double, Motion::kModels> kJerk = {1e2, 1e4, 1e6, 1e9};
 constexpr double kStay = 0.98;  // from one sample to the next in the same model [-]
 // Of a mark of which only one place is known.
 constexpr double kFirstSpeed = 5.0;           // [m/s]
@@ -101,20 +102,26 @@ void Motion::Add(double t, const Eigen::Vector3d& p, double variance) {
 }
 
 Motion::Prediction Motion::Predict(double t) const {
+  constexpr double kBlind = 1.0;  // [s]; the filters' own forecast is worth something until then
   Prediction out;
-  if (count_ == 0 || !(t - t_[1] <= options_.longest_gap)) {
-    const double away = count_ == 0 ? 0.0 : options_.max_speed * (t - t_[1]);
-    const double sigma = count_ == 0 ? expected_sigma_ : std::max(away, 1e-3);
+  if (count_ == 0 || !(t - t_[1] <= kBlind)) {
+    const double sigma = count_ == 0
+                             ? expected_sigma_ + kFirstSpeed * std::max(t - expected_t_, 0.0)
+                             : options_.max_speed * std::max(t - t_[1], 0.0);
     out.mean.fill(count_ == 0 ? expected_ : p_[1]);
     out.variance.fill(sigma * sigma);
     out.weight.fill(1.0 / kModels);
     return out;
   }
-  const Models models = Carried(t - t_[1]);
+  const double dt = std::max(t - t_[1], 0.0);
+  const double widest = 1e-3 + options_.max_speed * dt;
+  const Models models = Carried(dt);
   for (std::size_t j = 0; j < kModels; ++j) {
     out.mean[j] = models[j].x.row(0).transpose();
-    out.variance[j] = models[j].P(0, 0);
+    out.variance[j] = std::min(models[j].P(0, 0), widest * widest);
     out.weight[j] = models[j].weight;
+    // A forecast that runs away is worth less than the last place.
+    if ((out.mean[j] - p_[1]).norm() > widest) out.mean[j] = p_[1];
   }
   return out;
 }

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
+#include <limits>
 
 namespace unfurl::measure {
 
@@ -15,14 +17,14 @@ struct MotionOptions {
   double max_speed = 20.0;   // of any mark, ever [m/s]
 };
 
-// How one mark moves, learned from its samples as they come: three Kalman filters side by side
+// How one mark moves, learned from its samples as they come: four Kalman filters side by side
 // (position, velocity, acceleration; white jerk, the same along all axes), for a mark that glides,
-// one that vibrates and one that is kicked, and how likely each is (interacting multiple model,
+// ones that vibrate and one that is kicked, and how likely each is (interacting multiple model,
 // Blom and Bar-Shalom 1988). It tells where a sample is to be expected and never touches the
 // sample.
 class Motion {
  public:
-  static constexpr int kModels = 3;
+  static constexpr int kModels = 4;
 
   // A sum of isotropic Gaussians.
   struct Prediction {
@@ -35,14 +37,23 @@ class Motion {
 
   // Where the mark is before its first sample, when somebody knows; sigma [m].
   void Expect(const Eigen::Vector3d& p, double sigma);
+  // The first line that should show it: from here on what was expected fades.
+  void Begin(double t) { expected_t_ = std::min(expected_t_, t); }
   // A sample; `variance` of one axis [m^2].
   void Add(double t, const Eigen::Vector3d& p, double variance);
+
+  // As if it had never been seen.
+  void Forget() { count_ = 0; }
 
   // Anything is known of where the mark is.
   bool known() const { return count_ > 0 || expected_sigma_ > 0.0; }
   bool seen() const { return count_ > 0; }
   // Two samples tell where the mark moves, and they are fresh enough.
   bool Fresh(double t) const;
+  // It was seen, and not for longer than the longest gap; or it was expected and did not show.
+  bool Lost(double t) const {
+    return count_ > 0 ? t - t_[1] > options_.longest_gap : t > expected_t_;
+  }
   // A start for the search: moved on along a straight line where that is known.
   Eigen::Vector3d Start(double t) const;
   // Where it is to be expected; after a longer gap, a wide circle around where it was last.
@@ -69,6 +80,7 @@ class Motion {
   std::array<Eigen::Vector3d, 2> p_{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
   Eigen::Vector3d expected_ = Eigen::Vector3d::Zero();
   double expected_sigma_ = 0.0;
+  double expected_t_ = std::numeric_limits<double>::infinity();
   int count_ = 0;  // of samples in a row without a long gap, up to 2
 };
 

@@ -110,7 +110,7 @@ Reconstructor::Reconstructor(const data::TrialReader& trial, const data::Rig& ri
 }
 
 void Reconstructor::LookAhead(const data::TrialReader& trial) {
-  constexpr std::size_t kLooks = 32, kLines = 16;  // groups of consecutive lines over the trial
+  constexpr std::size_t kLooks = 128, kLines = 5;  // pieces of consecutive lines over the trial
   constexpr std::size_t kEnough = 24;              // points; fewer say too little of the way
   if (triangulator_.shared_rank() == 0 || trial.size() == 0) return;
   std::vector<PointSolution> points;
@@ -151,9 +151,20 @@ void Reconstructor::FindSpots(const data::TrialBlock& block, std::span<const Slo
         if (learn && next_line_ + i >= primed_) backgrounds_[c].Add(line);
         continue;
       }
-      const Spot spot = finders_[c].Find(line, backgrounds_[c]);
-      here.flags = spot.flags;
-      if (Usable(spot)) here.spots[here.count++] = {spot.u_px, spot.s_px};
+      std::array<Spot, Associator::kMostCandidates> spots;
+      const std::size_t count = finders_[c].FindAll(line, backgrounds_[c], spots);
+      for (std::size_t k = 1; k < count; ++k) {  // the brightest first
+        for (std::size_t j = k; j > 0 && spots[j].flux > spots[j - 1].flux; --j) {
+          std::swap(spots[j], spots[j - 1]);
+        }
+      }
+      here.flags = count > 0 ? spots[0].flags : static_cast<std::uint8_t>(kSpotDim);
+      const bool alone = slots[static_cast<std::size_t>(block.slot[i])].marks.size() == 1;
+      for (std::size_t k = 0; k < count; ++k) {
+        if (!Resolved(spots[k])) continue;
+        if (alone && spots[k].flux < options_.least_share * spots[0].flux) continue;
+        here.spots[here.count++] = {spots[k].u_px, spots[k].s_px};
+      }
     }
   });
 }

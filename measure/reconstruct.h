@@ -25,6 +25,9 @@ struct ReconstructOptions {
   // together need it; without it they are named by their places, in order of x.
   std::map<std::string, Eigen::Vector3d> start;
   double start_sigma = 0.05;
+  // Where one mark is lit, spots fainter than this share of the line's brightest are not its own:
+  // faint reflections, what the sensor kept of the line before [-].
+  double least_share = 0.1;
   std::size_t workers = 0;  // 0: all cores; the result does not depend on it
 };
 

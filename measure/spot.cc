@@ -4,100 +4,237 @@
 #include <cmath>
 #include <limits>
 
+#include "measure/float_pack.h"
+#include "measure/spot_fit.h"
+
 namespace unfurl::measure {
+
+namespace {
+
+constexpr int kMargin = 5;       // pixels of background on either side of a spot
+constexpr double kReach = 2.45;  // widths at which a Gaussian has fallen to a twentieth
+constexpr double kInside = 2.0;  // widths from the edge that a whole spot keeps
+
+// m[k] = a[k - step] + a[k] + a[k + step], where all three exist; the ends repeat the outermost.
+void SumOfThree(const float* a, int n, int step, int ready, float* m) {
+  const int first = ready + step, last = n - 1 - ready - step;
+  for (int k = first; k <= last; ++k) m[k] = (a[k - step] + a[k + step]) + a[k];
+  // Spots cut by an edge still have a foot inside; let the outermost sums tell.
+  for (int k = 0; k < first; ++k) m[k] = m[first];
+  for (int k = last + 1; k < n; ++k) m[k] = m[last];
+}
+
+// What a fit takes in beyond the foot: dim hills end in the noise before their light does.
+int Margin(const SpotPeak& peak) {
+  const double half = 0.5 * (peak.high - peak.low);
+  const double fallen = std::sqrt(2.0 * std::log(1.0 / peak.foot));
+  return kMargin + static_cast<int>(std::max(0.0, (kReach / fallen - 1.0) * half));
+}
+
+}  // namespace
 
 SpotFinder::SpotFinder(const data::LineFormat& format, const SpotOptions& options)
     : format_(format),
       options_(options),
       signal_(static_cast<std::size_t>(format.active)),
-      sums_(static_cast<std::size_t>(format.active)) {}
+      sums_(signal_.size()),
+      scratch_(signal_.size()) {
+  peaks_.reserve(64);
+}
 
-Spot SpotFinder::Find(std::span<const std::uint16_t> line, const Background& background) {
-  constexpr int kMargin = 5;       // pixels of background on either side of a spot
-  constexpr double kFoot = 0.05;   // of the highest sum: where a spot is taken to end
-  constexpr double kDip = 6.0;     // sigmas by which a second hill must rise
-  constexpr double kInside = 2.0;  // widths from the edge that a whole spot keeps
+void SpotFinder::SetResponse(std::span<const float> response) {
+  inverse_response_.clear();
+  for (const float r : response) inverse_response_.push_back(1.0F / r);
+}
 
-  Spot spot;
+// Light that came on everywhere since the dark lines (a lamp's flicker): medians of block means
+// along the line, joined by straight pieces. Untouched where they tell nothing.
+void SpotFinder::SubtractBaseline(float sigma) {
+  constexpr int kBlock = 30;      // six sums of five
+  constexpr int kPerSection = 9;  // blocks whose median counts; a spot is in three at most
+  constexpr int kMostSections = 64;
+  constexpr float kTells = 4.0F;  // sigmas of a section's median
+  const int n = format_.active;
+  const int sections = std::min(kMostSections, n / (kBlock * kPerSection));
+  if (sections < 1) return;
+  const float* m = sums_.data();
+  float level[kMostSections];
+  bool tells = false;
+  const float error = 1.2533F * sigma / std::sqrt(static_cast<float>(kBlock * kPerSection));
+  for (int s = 0; s < sections; ++s) {
+    float mean[kPerSection];
+    for (int b = 0; b < kPerSection; ++b) {
+      const float* five = m + (s * kPerSection + b) * kBlock + 2;
+      mean[b] = ((five[0] + five[5]) + (five[10] + five[15]) + (five[20] + five[25])) / kBlock;
+    }
+    std::nth_element(mean, mean + kPerSection / 2, mean + kPerSection);
+    level[s] = mean[kPerSection / 2];
+    tells |= std::abs(level[s]) > kTells * error;
+  }
+  if (!tells) return;
+  const int width = kBlock * kPerSection;
+  float* d = signal_.data();
+  for (int k = 0; k < n; ++k) {
+    const float at = (static_cast<float>(k) + 0.5F) / static_cast<float>(width) - 0.5F;
+    const int left = std::clamp(static_cast<int>(std::floor(at)), 0, std::max(0, sections - 2));
+    const int right = std::min(left + 1, sections - 1);
+    const float share = std::clamp(at - static_cast<float>(left), 0.0F, 1.0F);
+    const float b = level[left] + share * (level[right] - level[left]);
+    d[k] -= b;
+    sums_[static_cast<std::size_t>(k)] -= 5.0F * b;
+  }
+}
+
+bool SpotFinder::Detect(std::span<const std::uint16_t> line, const Background& background) {
   const int n = format_.active;
   const std::uint16_t* counts = line.data() + format_.first_active();
   const float* mean = background.mean().data();
-  const float level = static_cast<float>(background.Level(line));
+  const std::array<float, 2> level = background.Levels(line);
   float* d = signal_.data();
   float* m = sums_.data();
-  for (int k = 0; k < n; ++k) d[k] = static_cast<float>(counts[k]) - mean[k] - level;
-  m[0] = m[1] = m[n - 2] = m[n - 1] = 0.0F;
-  float highest = 0.0F;
-  for (int k = 2; k < n - 2; ++k) {
-    m[k] = (d[k - 2] + d[k - 1]) + (d[k + 1] + d[k + 2]) + d[k];
-    highest = std::max(highest, m[k]);
+  int k = 0;
+  const FloatPack levels = InTurn(level[0], level[1]);
+  for (; k + kFloats <= n; k += kFloats) Store(Load(counts + k) - Load(mean + k) - levels, d + k);
+  for (; k < n; ++k) d[k] = static_cast<float>(counts[k]) - mean[k] - level[k & 1];
+  for (k = 2; k + 2 + kFloats <= n; k += kFloats) {
+    Store((Load(d + k - 2) + Load(d + k - 1)) + (Load(d + k + 1) + Load(d + k + 2)) + Load(d + k),
+          m + k);
   }
-  // Spots cut by an edge still have a foot inside; let the outermost sums tell.
+  for (; k < n - 2; ++k) m[k] = (d[k - 2] + d[k - 1]) + (d[k + 1] + d[k + 2]) + d[k];
   m[0] = m[1] = m[2];
   m[n - 1] = m[n - 2] = m[n - 3];
 
   const double modelled = std::sqrt(format_.read_noise_counts * format_.read_noise_counts +
                                     1.0 / 12.0);  // quantisation
   const double sigma = std::max(modelled, background.noise());
-  const double dark_variance = sigma * sigma * (1.0 + background.mean_variance());
-  const double sum_sigma = std::sqrt(5.0 * dark_variance);
-  const double threshold = options_.threshold * sum_sigma;
-  if (highest < threshold) return spot;
-  spot.flags = 0;
+  dark_variance_ = sigma * sigma * (1.0 + background.mean_variance());
+  SubtractBaseline(static_cast<float>(sigma));
 
-  // Out from the summit to the foot on either side; a second rise on the way is another spot.
-  const int summit = static_cast<int>(std::find(m, m + n, highest) - m);
-  const float foot = static_cast<float>(std::max(kFoot * highest, 0.5 * threshold));
-  const float rise = static_cast<float>(
-      kDip * std::sqrt(sum_sigma * sum_sigma + highest / format_.electrons_per_count));
-  const auto walk = [&](int step) {
-    int k = summit;
-    int lowest = summit;
-    while (k + step >= 0 && k + step < n && m[k] > foot) {
-      k += step;
-      if (m[k] < m[lowest]) lowest = k;
-      if (m[k] > m[lowest] + rise) {
-        spot.flags |= kSpotOverlap;
-        return lowest;
-      }
-    }
-    return k;
+  const auto rule = [&](double values) {
+    return PeakRule{
+        .threshold = static_cast<float>(options_.threshold * std::sqrt(values * dark_variance_)),
+        .variance = static_cast<float>(values * dark_variance_),
+        .gain = static_cast<float>(format_.electrons_per_count)};
   };
-  const int low = walk(-1);
-  const int high = walk(1);
-
-  double sum = 0.0, first = 0.0, second = 0.0;
-  for (int k = low; k <= high; ++k) {
-    const double light = std::max(0.0F, d[k]);
-    sum += light;
-    first += light * k;
-    second += light * k * k;
+  FindPeaks(sums_, rule(5.0), &peaks_);
+  // A wide dim spot stands out of wider sums only.
+  if (peaks_.empty() && n > 64) {
+    SumOfThree(m, n, 5, 2, scratch_.data());
+    FindPeaks(scratch_, rule(15.0), &peaks_);
+    if (!peaks_.empty()) std::swap(sums_, scratch_);
   }
-  spot.u_px = first / sum;
-  spot.width_px = std::sqrt(std::max(0.3, second / sum - spot.u_px * spot.u_px));
+  return !peaks_.empty();
+}
 
-  const bool overlap = (spot.flags & kSpotOverlap) != 0;
-  const int from = std::max(0, low - (overlap ? 0 : kMargin));
-  const int to = std::min(n - 1, high + (overlap ? 0 : kMargin));
-  const double full = format_.full_scale() - 0.5;
+std::size_t SpotFinder::GroupEnd(std::size_t first) const {
+  std::size_t last = first + 1;
+  while (last < peaks_.size() && last - first < kMostJoint &&
+         (peaks_[last - 1].touches_next || peaks_[last - 1].high + Margin(peaks_[last - 1]) >=
+                                               peaks_[last].low - Margin(peaks_[last]))) {
+    ++last;
+  }
+  return last;
+}
+
+void SpotFinder::Read(std::span<const std::uint16_t> line, std::size_t first, std::size_t last,
+                      std::span<Spot> spots) {
+  const int n = format_.active;
+  const std::uint16_t* counts = line.data() + format_.first_active();
+  float* d = signal_.data();
+  for (std::size_t i = first; i < last; ++i) {
+    const SpotPeak& p = peaks_[i];
+    Spot& spot = spots[i - first];
+    spot = {};
+    spot.flags = 0;
+    if (p.touches_next || (i > 0 && peaks_[i - 1].touches_next)) spot.flags |= kSpotOverlap;
+    double sum = 0.0, by_k = 0.0, by_square = 0.0;
+    for (int k = p.low; k <= p.high; ++k) {
+      const double light = std::max(0.0F, d[k]);
+      const double at = k - p.summit;
+      sum += light;
+      by_k += light * at;
+      by_square += light * at * at;
+    }
+    const double mean = by_k / sum;
+    spot.u_px = p.summit + mean;
+    spot.width_px = std::sqrt(std::max(0.3, by_square / sum - mean * mean));
+  }
+  // A chain too long for one fit is cut where its spots meet.
+  const bool cut_left = first > 0 && peaks_[first - 1].touches_next;
+  const bool cut_right = peaks_[last - 1].touches_next;
+  const int from = std::max(0, peaks_[first].low - (cut_left ? 0 : Margin(peaks_[first])));
+  const int to =
+      std::min(n - 1, peaks_[last - 1].high + (cut_right ? 0 : Margin(peaks_[last - 1])));
+  const int full = static_cast<int>(format_.full_scale());
+  const bool fits = options_.estimator == SpotEstimator::kMaximumLikelihood ||
+                    options_.estimator == SpotEstimator::kLeastSquares;
   for (int k = from; k <= to; ++k) {
-    if (counts[k] > full) {
-      d[k] = std::numeric_limits<float>::quiet_NaN();
-      spot.flags |= kSpotSaturated;
+    if (!inverse_response_.empty()) d[k] *= inverse_response_[static_cast<std::size_t>(k)];
+    if (counts[k] < full) continue;
+    if (fits) d[k] = std::numeric_limits<float>::quiet_NaN();
+    for (std::size_t i = first; i < last; ++i) {
+      if (k >= peaks_[i].low && k <= peaks_[i].high) spots[i - first].flags |= kSpotSaturated;
     }
   }
-  FitGaussian({d + from, static_cast<std::size_t>(to - from + 1)}, from,
-              {.electrons_per_count = format_.electrons_per_count, .dark_variance = dark_variance},
-              options_, &spot);
-  if (spot.u_px < kInside * spot.width_px || spot.u_px > n - 1 - kInside * spot.width_px) {
-    spot.flags |= kSpotEdge;
-  }
-  for (int k = 2; k < n - 2; ++k) {
-    if ((k < from - 2 || k > to + 2) && m[k] > threshold) {
-      spot.flags |= kSpotSecond;
-      break;
+  const PixelNoise noise{.electrons_per_count = format_.electrons_per_count,
+                         .dark_variance = dark_variance_};
+  if (fits) {
+    FitGaussians({d + from, static_cast<std::size_t>(to - from + 1)}, from, noise, options_, spots);
+  } else {
+    for (std::size_t i = first; i < last; ++i) {
+      const int low = std::max(from, peaks_[i].low - kMargin);
+      const int high = std::min(to, peaks_[i].high + kMargin);
+      ReadCentroid({d + low, static_cast<std::size_t>(high - low + 1)}, low, noise, options_,
+                   &spots[i - first]);
     }
   }
+  for (Spot& spot : spots) {
+    if (spot.u_px < kInside * spot.width_px || spot.u_px > n - 1 - kInside * spot.width_px) {
+      spot.flags |= kSpotEdge;
+    }
+  }
+}
+
+std::size_t SpotFinder::FindAll(std::span<const std::uint16_t> line, const Background& background,
+                                std::span<Spot> spots) {
+  if (spots.empty() || !Detect(line, background)) return 0;
+  while (peaks_.size() > spots.size()) {
+    peaks_.erase(std::min_element(peaks_.begin(), peaks_.end(), [](const auto& a, const auto& b) {
+      return a.height < b.height;
+    }));
+  }
+  const std::size_t count = peaks_.size();
+  for (std::size_t first = 0; first < count;) {
+    const std::size_t last = GroupEnd(first);
+    Read(line, first, last, spots.subspan(first, last - first));
+    first = last;
+  }
+  for (std::size_t i = 0; i < count && count > 1; ++i) spots[i].flags |= kSpotSecond;
+  std::sort(spots.begin(), spots.begin() + static_cast<std::ptrdiff_t>(count),
+            [](const Spot& a, const Spot& b) { return a.u_px < b.u_px; });
+  return count;
+}
+
+Spot SpotFinder::Find(std::span<const std::uint16_t> line, const Background& background) {
+  if (options_.estimator == SpotEstimator::kThresholdedCentroid) return FindFast(line, background);
+  if (!Detect(line, background)) return {};
+  const auto highest = static_cast<std::size_t>(
+      std::max_element(peaks_.begin(), peaks_.end(),
+                       [](const auto& a, const auto& b) { return a.height < b.height; }) -
+      peaks_.begin());
+  std::size_t first = 0, last = GroupEnd(0);
+  while (last <= highest) {
+    first = last;
+    last = GroupEnd(first);
+  }
+  Spot group[kMostJoint];
+  Read(line, first, last, {group, last - first});
+  Spot spot = group[highest - first];
+  // Do others stand apart from it? Those of its own chain touch it.
+  std::size_t chain = 1;
+  for (std::size_t i = highest; i > 0 && peaks_[i - 1].touches_next; --i) ++chain;
+  for (std::size_t i = highest; peaks_[i].touches_next; ++i) ++chain;
+  if (peaks_.size() > chain) spot.flags |= kSpotSecond;
   return spot;
 }
 

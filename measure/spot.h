@@ -6,6 +6,7 @@
 
 #include "data/line_format.h"
 #include "measure/background.h"
+#include "measure/spot_peaks.h"
 
 namespace unfurl::measure {
 
@@ -15,59 +16,90 @@ enum SpotFlag : std::uint8_t {
   kSpotEdge = 2,       // the spot runs off the active pixels
   kSpotOverlap = 4,    // a second spot touches it
   kSpotDim = 8,        // nothing above the noise
-  kSpotSecond = 16,    // another spot elsewhere on the line; this is the brighter one
+  kSpotSecond = 16,    // another spot elsewhere on the line
   kSpotPoorFit = 32,   // the fit did not converge, or to something that is no spot
+  kSpotShape = 64,     // chi-square says that this is not one Gaussian: perhaps two spots in one
 };
 
 struct Spot {
-  double u_px = 0.0;      // centre [px]; only meaningful when Usable
+  double u_px = 0.0;      // centre [px]; only meaningful when Usable or Resolved
   double s_px = 0.0;      // its standard deviation [px]
   double width_px = 0.0;  // sigma of the Gaussian [px]
   double flux = 0.0;      // [count]
-  double misfit = 0.0;    // chi-square per degree of freedom [-]
+  double misfit = 0.0;    // chi-square per degree of freedom [-]; 0 where there was no fit
   std::uint8_t flags = kSpotDim;
 };
 
-// What may enter a triangulation. Saturated spots may: their tails still tell, with the larger
-// sigma that the fit states for them. So may the brighter of two spots that stand apart; the
-// residual test is there for the case that it was the reflection.
+// What may enter a triangulation where one LED is lit. Saturated spots may: their tails still tell,
+// with the larger sigma that the fit states for them. So may the brighter of two spots that stand
+// apart; the residual test is there for the case that it was the reflection.
 inline bool Usable(const Spot& spot) {
   return (spot.flags & (kSpotEdge | kSpotOverlap | kSpotDim | kSpotPoorFit)) == 0;
 }
 
+// What is a reading of some light, one of several perhaps: touching neighbours were fitted together
+// with it, and its sigma has grown by what they take away. Which light it is, is not said.
+inline bool Resolved(const Spot& spot) {
+  return (spot.flags & (kSpotEdge | kSpotDim | kSpotPoorFit)) == 0;
+}
+
+// How the centre is found; docs/physics-optics.md charts what each misses and costs.
+enum class SpotEstimator : std::uint8_t {
+  kThresholdedCentroid,  // of what rises above a tenth of the peak; at the speed of memory
+  kSquaredCentroid,      // weights are the counts squared
+  kLeastSquares,         // Gaussian, all pixels alike
+  kMaximumLikelihood,    // Gaussian, each pixel by its variance at the fitted value
+};
+
 struct SpotOptions {
-  double threshold = 6.0;  // detection, in sigmas of a sum of five pixels [-]
+  SpotEstimator estimator = SpotEstimator::kMaximumLikelihood;
+  double threshold = 6.0;  // detection, in sigmas of the dark noise [-]
   // A spot whose chi-square per degree of freedom exceeds 1 by more than this many of its own
   // standard deviations is not the shape that was fitted: its sigma grows by sqrt(chi-square /
   // dof).
   double misfit_sigmas = 3.0;
 };
 
-// Finds the spot of a line and fits a Gaussian, integrated over each pixel, on a constant: centre,
-// width, flux and constant are all free. Weighted least squares with each pixel's variance taken
-// from the noise model at the fitted value (shot noise, read noise, quantisation, the background's
-// own error) and renewed in every step; s_px follows from the Fisher matrix.
+// Finds the spots of a line. The fits lay a Gaussian, integrated over each pixel, on a constant:
+// centre, width, flux and constant are all free; spots whose light meets are fitted together. The
+// variance of a pixel is that of the noise model (shot noise, read noise, quantisation, the
+// background's own error); s_px follows from the Fisher matrix.
 class SpotFinder {
  public:
   explicit SpotFinder(const data::LineFormat& format, const SpotOptions& options = {});
 
-  // `line` holds all elements. Not safe for several threads: one finder each.
+  // Flat field: each active pixel's response relative to the sensor's mean [-]; empty: all alike.
+  void SetResponse(std::span<const float> response);
+
+  // The brightest spot. `line` holds all elements. Not safe for several threads: one finder each.
   Spot Find(std::span<const std::uint16_t> line, const Background& background);
 
+  // Every spot of the line that stands out of the noise, by growing u: how many, at most
+  // spots.size(); where there are more, the brightest. kSpotSecond marks that there are several.
+  // Two lights nearer to each other than about 4 of their widths are one spot here; where they
+  // are bright enough to tell, it has kSpotShape.
+  std::size_t FindAll(std::span<const std::uint16_t> line, const Background& background,
+                      std::span<Spot> spots);
+
  private:
+  // Fills signal_, sums_ and peaks_; false when there is nothing to see.
+  bool Detect(std::span<const std::uint16_t> line, const Background& background);
+  void SubtractBaseline(float sigma);
+  // The end of the group of peaks, at most kMostJoint, that is fitted together with `first`.
+  std::size_t GroupEnd(std::size_t first) const;
+  // Reads the peaks [first, last) into as many spots.
+  void Read(std::span<const std::uint16_t> line, std::size_t first, std::size_t last,
+            std::span<Spot> spots);
+  Spot FindFast(std::span<const std::uint16_t> line, const Background& background);
+
   data::LineFormat format_;
   SpotOptions options_;
-  std::vector<float> signal_;  // active pixels above the background [count]
-  std::vector<float> sums_;    // of five of them [count]
+  std::vector<float> inverse_response_;  // of the active pixels; empty: 1
+  std::vector<float> signal_;            // active pixels above the background [count]
+  std::vector<float> sums_;              // of five of them, or of fifteen [count]
+  std::vector<float> scratch_;
+  std::vector<SpotPeak> peaks_;
+  double dark_variance_ = 0.0;  // of one pixel of this line [count^2]
 };
-
-// The fit alone: `counts` n values above the background, of pixels first, first + 1, ...; those
-// that are saturated hold NaN. `spot` brings the guess of centre and width and takes the result.
-struct PixelNoise {
-  double electrons_per_count = 1.0;  // [e-/count]
-  double dark_variance = 0.0;        // of a pixel without signal, all causes [count^2]
-};
-void FitGaussian(std::span<const float> counts, int first, const PixelNoise& noise,
-                 const SpotOptions& options, Spot* spot);
 
 }  // namespace unfurl::measure

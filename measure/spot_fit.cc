@@ -1,23 +1,27 @@
 // The inner loop of spot fitting; compiled for this machine's vectors, so no Eigen type appears.
-#include <algorithm>
-#include <cmath>
-#include <numbers>
+#include "measure/spot_fit.h"
 
-#include "measure/spot.h"
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "measure/normal_pack.h"
 
 namespace unfurl::measure {
 
 namespace {
 
-constexpr int kParameters = 4;  // centre, width, flux, constant
+template <int N>
+using Matrix = std::array<std::array<double, N>, N>;  // lower triangle
 
-// Symmetric positive definite, lower triangle in `A`; false when it is not.
-bool Cholesky(double A[kParameters][kParameters]) {
-  for (int j = 0; j < kParameters; ++j) {
+// Symmetric positive definite; false when it is not.
+template <int N>
+bool Cholesky(Matrix<N>& A) {
+  for (int j = 0; j < N; ++j) {
     for (int k = 0; k < j; ++k) A[j][j] -= A[j][k] * A[j][k];
     if (!(A[j][j] > 0.0)) return false;
     A[j][j] = std::sqrt(A[j][j]);
-    for (int i = j + 1; i < kParameters; ++i) {
+    for (int i = j + 1; i < N; ++i) {
       for (int k = 0; k < j; ++k) A[i][j] -= A[i][k] * A[j][k];
       A[i][j] /= A[j][j];
     }
@@ -25,116 +29,224 @@ bool Cholesky(double A[kParameters][kParameters]) {
   return true;
 }
 
-void Solve(const double L[kParameters][kParameters], double b[kParameters]) {
-  for (int i = 0; i < kParameters; ++i) {
+template <int N>
+void Solve(const Matrix<N>& L, std::array<double, N>& b) {
+  for (int i = 0; i < N; ++i) {
     for (int k = 0; k < i; ++k) b[i] -= L[i][k] * b[k];
     b[i] /= L[i][i];
   }
-  for (int i = kParameters - 1; i >= 0; --i) {
-    for (int k = i + 1; k < kParameters; ++k) b[i] -= L[k][i] * b[k];
+  for (int i = N - 1; i >= 0; --i) {
+    for (int k = i + 1; k < N; ++k) b[i] -= L[k][i] * b[k];
     b[i] /= L[i][i];
   }
 }
 
-// Cumulative and density of the normal distribution at a pixel's edge.
-struct Edge {
-  double z, cdf, pdf;
+// How far chi-square over its degrees of freedom lies in its tail, as sigmas of a normal variable
+// [Wilson, Hilferty 1931].
+double TailSigmas(double reduced, double dof) {
+  const double variance = 2.0 / (9.0 * dof);
+  return (std::cbrt(reduced) - (1.0 - variance)) / std::sqrt(variance);
+}
+constexpr double kShapeSigmas = 5.0;
+
+// Q spots on one constant. Parameters: centre, width, flux of each, then the constant.
+template <int Q>
+class Fit {
+ public:
+  static constexpr int kParameters = 3 * Q + 1;
+  static constexpr int kConstant = 3 * Q;
+  static constexpr int kPairs = kParameters * (kParameters + 1) / 2;
+
+  Fit(std::span<const float> counts, int first, const PixelNoise& noise, bool weighted)
+      : counts_(counts), first_(first), noise_(noise), weighted_(weighted) {}
+
+  bool Run(const SpotOptions& options, std::span<Spot> spots) {
+    constexpr int kMaxSteps = 40;
+    constexpr double kConverged = 1e-4;  // of the centre's step, which the next one would square
+    constexpr double kNarrowest = 0.15;  // width that a pixel can still tell from a point [px]
+    for (int q = 0; q < Q; ++q) {
+      c_[q] = spots[q].u_px;
+      s_[q] = std::max(spots[q].width_px, 0.5);
+      flux_[q] = 0.0;
+    }
+    level_ = 0.0;
+
+    // Flux and constant are linear: one pass at the guessed shapes gives them. There is no model
+    // yet, so the weights come from the counts.
+    Pass(true);
+    if (used_ <= kParameters) return false;
+    for (int q = 0; q < Q; ++q) A_[3 * q][3 * q] = A_[3 * q + 1][3 * q + 1] = 1.0;
+    if (!Cholesky<kParameters>(A_)) return false;
+    Solve<kParameters>(A_, g_);
+    for (int q = 0; q < Q; ++q) {
+      flux_[q] = g_[3 * q + 2];
+      if (!(flux_[q] > 0.0)) return false;
+    }
+    level_ = g_[kConstant];
+
+    bool converged = false;
+    for (int step = 0; step < kMaxSteps && !converged; ++step) {
+      Pass(false);
+      if (!Cholesky<kParameters>(A_)) return false;
+      Solve<kParameters>(A_, g_);
+      converged = true;
+      for (int q = 0; q < Q; ++q) {
+        const double dc = std::clamp(g_[3 * q], -0.7 * s_[q], 0.7 * s_[q]);
+        const double ds = std::clamp(g_[3 * q + 1], -0.4 * s_[q], 0.6 * s_[q]);
+        c_[q] += dc;
+        s_[q] = std::max(s_[q] + ds, kNarrowest);
+        flux_[q] += g_[3 * q + 2];
+        converged &= std::abs(dc) < kConverged && std::abs(ds) < 10.0 * kConverged;
+        if (!(flux_[q] > 0.0)) return false;
+      }
+      level_ += g_[kConstant];
+    }
+    const double n = static_cast<double>(counts_.size());
+    for (int q = 0; q < Q; ++q) {
+      if (!(c_[q] >= first_ - 0.5 && c_[q] <= first_ + n - 0.5 && s_[q] <= n)) return false;
+    }
+    if (!converged) return false;
+
+    // The matrix and chi-square of the last step: the solution was less than kConverged away.
+    const double dof = used_ - kParameters;
+    const double misfit = chi_square_ / dof;
+    const bool misfits = misfit > 1.0 + options.misfit_sigmas * std::sqrt(2.0 / dof);
+    for (int q = 0; q < Q; ++q) {
+      Spot& spot = spots[q];
+      spot.u_px = c_[q];
+      spot.width_px = s_[q];
+      spot.flux = flux_[q];
+      spot.misfit = misfit;
+      std::array<double, kParameters> e{};
+      e[3 * q] = 1.0;
+      Solve<kParameters>(A_, e);
+      double variance = e[3 * q];
+      if (!weighted_) {
+        // Equal weights: (J'J)^-1 J'VJ (J'J)^-1.
+        variance = 0.0;
+        for (int a = 0; a < kParameters; ++a) {
+          for (int b = 0; b < kParameters; ++b) {
+            variance += e[a] * (a >= b ? V_[a][b] : V_[b][a]) * e[b];
+          }
+        }
+      }
+      spot.s_px = std::sqrt(variance * (misfits ? misfit : 1.0));
+      if (TailSigmas(misfit, dof) > kShapeSigmas) spot.flags |= kSpotShape;
+    }
+    return true;
+  }
+
+ private:
+  // Normal matrix, gradient and chi-square at the present parameters.
+  void Pass(bool from_counts) {
+    std::array<Pack, kPairs> A{}, V{};
+    std::array<Pack, kParameters> g{};
+    Pack chi_square{};
+    Pack used{};
+    const Pack zero{};
+    const Pack dark = Broadcast(noise_.dark_variance);
+    const double per_electron = 1.0 / noise_.electrons_per_count;
+    // Value, density and distribution at the left edge of the pack's first pixel.
+    std::array<Pack, Q> last_pdf, last_cdf, last_z;
+    for (int q = 0; q < Q; ++q) {
+      last_z[q] = Broadcast((first_ - 0.5 - c_[q]) / s_[q]);
+      Normal(last_z[q], &last_pdf[q], &last_cdf[q]);
+    }
+    const int n = static_cast<int>(counts_.size());
+    for (int k = 0; k < n; k += kLanes) {
+      Pack y;
+      for (int lane = 0; lane < kLanes; ++lane) {
+        y[lane] = k + lane < n ? counts_[static_cast<std::size_t>(k + lane)] : kLeftOut;
+      }
+      const PackInt seen = y == y;
+      y = seen ? y : zero;
+      const Pack right = (first_ + k + 0.5) + Pack{0, 1, 2, 3, 4, 5, 6, 7};
+      std::array<Pack, kParameters> J;
+      Pack model = Broadcast(level_);
+      for (int q = 0; q < Q; ++q) {
+        const double per_width = 1.0 / s_[q];
+        const Pack z = (right - c_[q]) * per_width;
+        Pack pdf, cdf;
+        Normal(z, &pdf, &cdf);
+        const Pack low_pdf = Shifted(last_pdf[q], pdf), low_cdf = Shifted(last_cdf[q], cdf);
+        const Pack low_z = Shifted(last_z[q], z);
+        last_pdf[q] = pdf, last_cdf[q] = cdf, last_z[q] = z;
+        const Pack share = cdf - low_cdf;
+        const double slope = -flux_[q] * per_width;
+        J[3 * q] = slope * (pdf - low_pdf);
+        J[3 * q + 1] = slope * (z * pdf - low_z * low_pdf);
+        J[3 * q + 2] = share;
+        model += flux_[q] * share;
+      }
+      J[kConstant] = Broadcast(1.0);
+      const Pack light = from_counts ? y : model;
+      const Pack variance = dark + (light > zero ? light : zero) * per_electron;
+      const Pack exact = seen ? 1.0 / variance : zero;
+      const Pack w = weighted_ ? exact : (seen ? J[kConstant] : zero);
+      const Pack r = y - model;
+      int pair = 0;
+      for (int a = 0; a < kParameters; ++a) {
+        const Pack wJ = w * J[a];
+        g[a] += wJ * r;
+        for (int b = 0; b <= a; ++b) A[pair++] += wJ * J[b];
+      }
+      if (!weighted_) {
+        pair = 0;
+        for (int a = 0; a < kParameters; ++a) {
+          const Pack vJ = w * variance * J[a];
+          for (int b = 0; b <= a; ++b) V[pair++] += vJ * J[b];
+        }
+      }
+      chi_square += exact * r * r;
+      used += seen ? J[kConstant] : zero;
+    }
+    int pair = 0;
+    for (int a = 0; a < kParameters; ++a) {
+      g_[a] = Sum(g[a]);
+      for (int b = 0; b <= a; ++b, ++pair) {
+        A_[a][b] = Sum(A[pair]);
+        if (!weighted_) V_[a][b] = Sum(V[pair]);
+      }
+    }
+    chi_square_ = Sum(chi_square);
+    used_ = static_cast<int>(Sum(used) + 0.5);
+  }
+
+  // The values one pixel to the left: the last of the pack before, then the first seven of this.
+  static Pack Shifted(const Pack& before, const Pack& here) {
+    return __builtin_shufflevector(before, here, 7, 8, 9, 10, 11, 12, 13, 14);
+  }
+
+  static constexpr double kLeftOut = std::numeric_limits<double>::quiet_NaN();
+
+  std::span<const float> counts_;
+  int first_;
+  const PixelNoise& noise_;
+  bool weighted_;
+  std::array<double, Q> c_, s_, flux_;
+  double level_ = 0.0;
+  Matrix<kParameters> A_, V_;
+  std::array<double, kParameters> g_;
+  double chi_square_ = 0.0;
+  int used_ = 0;
 };
-Edge At(double x, double centre, double width) {
-  const double z = (x - centre) / width;
-  return {z, 0.5 * std::erfc(-z / std::numbers::sqrt2),
-          std::exp(-0.5 * z * z) / std::sqrt(2.0 * std::numbers::pi)};
+
+template <int Q>
+bool FitOf(std::span<const float> counts, int first, const PixelNoise& noise,
+           const SpotOptions& options, std::span<Spot> spots) {
+  const bool weighted = options.estimator != SpotEstimator::kLeastSquares;
+  return Fit<Q>(counts, first, noise, weighted).Run(options, spots);
 }
 
 }  // namespace
 
-void FitGaussian(std::span<const float> counts, int first, const PixelNoise& noise,
-                 const SpotOptions& options, Spot* spot) {
-  constexpr int kMaxSteps = 25;
-  constexpr double kConverged = 1e-5;  // of the centre's step [px]
-  constexpr double kNarrowest = 0.15;  // width that a pixel can still tell from a point [px]
-
-  const int n = static_cast<int>(counts.size());
-  double c = spot->u_px;
-  double s = std::max(spot->width_px, 0.5);
-  double flux = 0.0;
-  double level = 0.0;
-  double A[kParameters][kParameters];
-  bool converged = false;
-  // The first pass has no flux yet: weights then come from the counts themselves.
-  bool have_flux = false;
-
-  const auto pass = [&](double g[kParameters], double* chi_square, int* used) {
-    for (auto& row : A) std::fill(std::begin(row), std::end(row), 0.0);
-    std::fill(g, g + kParameters, 0.0);
-    *chi_square = 0.0;
-    *used = 0;
-    Edge low = At(first - 0.5, c, s);
-    for (int i = 0; i < n; ++i) {
-      const Edge high = At(first + i + 0.5, c, s);
-      const double share = high.cdf - low.cdf;
-      const double by_c = -(high.pdf - low.pdf) / s;
-      const double by_s = -(high.z * high.pdf - low.z * low.pdf) / s;
-      low = high;
-      const double y = counts[static_cast<std::size_t>(i)];
-      if (std::isnan(y)) continue;
-      const double model = flux * share + level;
-      const double light = have_flux ? model : y;
-      const double w =
-          1.0 / (noise.dark_variance + std::max(light, 0.0) / noise.electrons_per_count);
-      const double r = y - model;
-      const double J[kParameters] = {flux * by_c, flux * by_s, share, 1.0};
-      for (int a = 0; a < kParameters; ++a) {
-        g[a] += w * J[a] * r;
-        for (int b = 0; b <= a; ++b) A[a][b] += w * J[a] * J[b];
-      }
-      *chi_square += w * r * r;
-      ++*used;
-    }
-  };
-
-  double g[kParameters];
-  double chi_square;
-  int used;
-  // Flux and constant are linear: one pass at the guessed shape gives them.
-  pass(g, &chi_square, &used);
-  if (used > kParameters) {
-    A[0][0] = A[1][1] = 1.0;
-    if (Cholesky(A)) {
-      Solve(A, g);
-      flux = g[2];
-      level = g[3];
-    }
+void FitGaussians(std::span<const float> counts, int first, const PixelNoise& noise,
+                  const SpotOptions& options, std::span<Spot> spots) {
+  constexpr decltype(&FitOf<1>) kFits[] = {FitOf<1>, FitOf<2>, FitOf<3>, FitOf<4>};
+  static_assert(std::size(kFits) == kMostJoint);
+  if (!kFits[spots.size() - 1](counts, first, noise, options, spots)) {
+    for (Spot& spot : spots) spot.flags |= kSpotPoorFit;
   }
-  have_flux = true;
-  for (int step = 0; step < kMaxSteps && flux > 0.0 && used > kParameters; ++step) {
-    pass(g, &chi_square, &used);
-    if (!Cholesky(A)) break;
-    Solve(A, g);
-    if (converged) break;  // this pass has the Fisher matrix and chi-square at the solution
-    const double limit = 0.7 * s;
-    const double dc = std::clamp(g[0], -limit, limit);
-    const double ds = std::clamp(g[1], -0.4 * s, 0.6 * s);
-    c += dc;
-    s = std::max(s + ds, kNarrowest);
-    flux += g[2];
-    level += g[3];
-    converged = std::abs(dc) < kConverged && std::abs(ds) < 10.0 * kConverged;
-  }
-  spot->u_px = c;
-  spot->width_px = s;
-  spot->flux = flux;
-  if (!converged || !(flux > 0.0) || c < first - 0.5 || c > first + n - 0.5 || s > n) {
-    spot->flags |= kSpotPoorFit;
-    return;
-  }
-  // First column of the inverse: the centre's variance.
-  double e[kParameters] = {1.0, 0.0, 0.0, 0.0};
-  Solve(A, e);
-  const double dof = used - kParameters;
-  spot->misfit = chi_square / dof;
-  const bool misfits = spot->misfit > 1.0 + options.misfit_sigmas * std::sqrt(2.0 / dof);
-  spot->s_px = std::sqrt(e[0] * (misfits ? spot->misfit : 1.0));
 }
 
 }  // namespace unfurl::measure

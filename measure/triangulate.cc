@@ -177,10 +177,13 @@ bool Triangulator::SecondSolution(std::span<const double> u_px, std::span<const 
   const double root = -2.0 * left.squaredNorm() / bend;
   const double farthest = kFarthest * (rig_.volume_high - rig_.volume_low).norm();
   if (!(std::abs(root) < farthest)) return false;
-  const Eigen::Vector3d start = (point.p + root * along).cwiseMax(low_).cwiseMin(high_);
-  *twin = Solve(u_px, s_px, start, point.cameras);
-  if (twin->outcome != PointOutcome::kSolved || (twin->p - point.p).norm() < kSame) return false;
-  return NearVolume(twin->p) || !NearVolume(point.p);
+  for (const double part : {1.0, 0.6, 1.6, 0.3}) {  // should the curve be no parabola out there
+    const Eigen::Vector3d start = (point.p + part * root * along).cwiseMax(low_).cwiseMin(high_);
+    *twin = Solve(u_px, s_px, start, point.cameras);
+    if (twin->outcome != PointOutcome::kSolved || (twin->p - point.p).norm() < kSame) continue;
+    return NearVolume(twin->p) || !NearVolume(point.p);
+  }
+  return false;
 }
 
 void Triangulator::Residuals(std::span<const double> u_px, const PointSolution& point,

@@ -13,7 +13,7 @@ namespace unfurl::measure {
 
 struct TriangulateOptions {
   // Chance that four good readings fail the residual test [-].
-  double residual_level = 1e-4;
+  double residual_level = 1e-3;
   // What one pixel in the worst combination of readings may move the point [m/px]. A sound layout
   // has 1 to 3 mm; above this the planes count as parallel.
   double max_dilution = 0.02;

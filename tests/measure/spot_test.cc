@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <vector>
@@ -10,82 +9,13 @@
 #include "base/random.h"
 #include "base/statistics.h"
 #include "measure/sensor.h"
+#include "measure/spot_fit.h"
 #include "measure/spot_painter.h"
 #include "tests/measure/fixtures.h"
+#include "tests/measure/spot_bench.h"
 
 namespace unfurl::measure {
 namespace {
-
-// A sensor of known noise that records Gaussian spots, and a finder with its background.
-class Bench {
- public:
-  explicit Bench(int bits = 12)
-      : sensor_(ShippedLab({"sensor.bits=" + std::to_string(bits)}).sensor),
-        background_(sensor_.format),
-        finder_(sensor_.format),
-        pixels_(static_cast<std::size_t>(sensor_.format.active)),
-        counts_(sensor_.format.elements()) {
-    sensor_.dark_drift = 0.0;
-    Rng rng(99);
-    for (int i = 0; i < 100; ++i) background_.Add(Record(rng));
-  }
-
-  const data::LabSensor& sensor() const { return sensor_; }
-  double gain() const { return sensor_.format.electrons_per_count; }
-
-  void Clear() { std::fill(pixels_.begin(), pixels_.end(), 0.0); }
-  // A Gaussian, integrated over each pixel, of this many electrons in all.
-  void AddGaussian(double centre, double sigma, double electrons) {
-    for (std::size_t k = 0; k < pixels_.size(); ++k) {
-      const double d = (static_cast<double>(k) - centre) / sigma;
-      if (std::abs(d) > 9.0 + 1.0 / sigma) continue;
-      const double half = 0.5 / sigma;
-      pixels_[k] +=
-          electrons * 0.5 * (std::erf((d + half) * M_SQRT1_2) - std::erf((d - half) * M_SQRT1_2));
-    }
-  }
-  std::vector<double>& pixels() { return pixels_; }
-  std::span<const std::uint16_t> Record(Rng& rng) {
-    ReadOut(sensor_, pixels_, sensor_.dark_level + offset, rng, counts_);
-    return counts_;
-  }
-  Spot Find(Rng& rng) { return finder_.Find(Record(rng), background_); }
-
-  // The Cramer-Rao bound of the centre: Fisher sum over pixels with width, flux and background
-  // free, by central differences of the model.
-  double Bound(double centre, double sigma, double electrons) const {
-    const auto model = [&](const Eigen::Vector4d& q, int k) {
-      const double d = (k - q(0)) / q(1), half = 0.5 / q(1);
-      return q(3) +
-             q(2) * 0.5 * (std::erf((d + half) * M_SQRT1_2) - std::erf((d - half) * M_SQRT1_2));
-    };
-    const Eigen::Vector4d q(centre, sigma, electrons, 0.0);
-    const Eigen::Vector4d step(1e-4, 1e-4, 1.0, 1.0);
-    Eigen::Matrix4d fisher = Eigen::Matrix4d::Zero();
-    const double fixed = sensor_.read_noise * sensor_.read_noise * 1.01 + gain() * gain() / 12.0;
-    const int reach = static_cast<int>(std::ceil(6.0 * sigma)) + 4;
-    for (int k = static_cast<int>(centre) - reach; k <= static_cast<int>(centre) + reach; ++k) {
-      Eigen::Vector4d slope;
-      for (int a = 0; a < 4; ++a) {
-        Eigen::Vector4d up = q, down = q;
-        up(a) += step(a);
-        down(a) -= step(a);
-        slope(a) = (model(up, k) - model(down, k)) / (2.0 * step(a));
-      }
-      fisher += slope * slope.transpose() / (fixed + std::max(0.0, model(q, k)));
-    }
-    return std::sqrt(fisher.inverse()(0, 0));
-  }
-
-  double offset = 0.0;
-
- private:
-  data::LabSensor sensor_;
-  Background background_;
-  SpotFinder finder_;
-  std::vector<double> pixels_;
-  std::vector<std::uint16_t> counts_;
-};
 
 struct Case {
   double sigma, electrons;
@@ -101,7 +31,7 @@ TEST(SpotFit, ScattersAsItSaysAndNearTheBound) {
   constexpr int kRepeats = 600;
   constexpr double kHonest = 0.12;
   constexpr double kEfficiency = 1.1 + 0.12;
-  Bench bench;
+  SpotBench bench;
   for (const Case& spot : kCases) {
     Rng rng(17);
     std::vector<double> error, stated;
@@ -129,7 +59,7 @@ TEST(SpotFit, NoPhaseBiasesIt) {
   // The mean of 400 fits is known to a twentieth of one fit's sigma.
   constexpr int kRepeats = 400;
   constexpr double kLargestBias = 0.002;  // [px] beyond four standard errors of the mean
-  Bench bench;
+  SpotBench bench;
   for (const double sigma : {0.7, 1.2, 4.0}) {
     for (const double phase : {0.0, 0.25, 0.5, 0.75}) {
       Rng rng(23);
@@ -169,7 +99,7 @@ TEST(SpotFit, WithoutNoiseItIsExact) {
 TEST(SpotFit, EightToTwelveBits) {
   // Honest within four standard errors of 400 repeats, also where quantisation rules.
   for (const int bits : {8, 10, 12}) {
-    Bench bench(bits);
+    SpotBench bench(bits);
     Rng rng(31);
     std::vector<double> whitened;
     for (int i = 0; i < 400; ++i) {
@@ -185,7 +115,7 @@ TEST(SpotFit, EightToTwelveBits) {
 }
 
 TEST(SpotFinder, NothingToSeeIsDim) {
-  Bench bench;
+  SpotBench bench;
   Rng rng(7);
   int found = 0;
   for (int i = 0; i < 500; ++i) found += Usable(bench.Find(rng));
@@ -193,7 +123,7 @@ TEST(SpotFinder, NothingToSeeIsDim) {
 }
 
 TEST(SpotFinder, ADriftingLevelMovesNothing) {
-  Bench bench;
+  SpotBench bench;
   const double noise = bench.Bound(900.3, 1.5, 50000.0);
   for (const double offset : {-600.0, 600.0}) {
     Rng rng(7);
@@ -209,7 +139,7 @@ TEST(SpotFinder, ADriftingLevelMovesNothing) {
 }
 
 TEST(SpotFinder, FlagsWhatIsWrong) {
-  Bench bench;
+  SpotBench bench;
   Rng rng(5);
   const auto flags = [&] { return static_cast<int>(bench.Find(rng).flags); };
   bench.Clear();
@@ -233,7 +163,7 @@ TEST(SpotFinder, FlagsWhatIsWrong) {
 }
 
 TEST(SpotFinder, ASaturatedSpotIsReadFromItsTailsHonestly) {
-  Bench bench;
+  SpotBench bench;
   Rng rng(41);
   std::vector<double> whitened, stated;
   for (int i = 0; i < 400; ++i) {
