@@ -1,5 +1,5 @@
 // The two beam models against each other: time to an accuracy, on two scenes with their parameters
-// in the source below (docs/decisions/010-second-beam.md).
+// in beam_scenes.cc (docs/decisions/010-second-beam.md).
 //   beam_bench [repeats]                                   (default 9)
 // Columns: model with its segments or modes, order of the method, tolerance, evaluations, median
 // milliseconds of the run (thread's CPU), and the root mean square of the error against the
@@ -15,116 +15,19 @@
 #include <vector>
 
 #include "base/error.h"
+#include "beam_scenes.h"
 #include "data/scene.h"
 #include "sim/simulate.h"
 
 namespace {
 
+using unfurl::bench::BeamChoice;
+using unfurl::bench::kRod;
+using unfurl::bench::SliderCrank;
+using unfurl::bench::TwoBeams;
 using unfurl::data::BeamModel;
 using unfurl::data::Scene;
-using unfurl::data::SceneBeam;
-using unfurl::data::SceneEnd;
-using unfurl::data::SceneJoint;
 using unfurl::sim::MarkTracks;
-
-struct BeamChoice {
-  BeamModel model;
-  int size;  // segments or modes
-  std::string Name() const {
-    return fmt::format("{} {}", model == BeamModel::kSegments ? "segments" : "smooth", size);
-  }
-};
-
-SceneEnd Along(int beam, double at) {
-  SceneEnd end;
-  end.kind = at == 0.0   ? SceneEnd::Kind::kBeamStart
-             : at == 1.0 ? SceneEnd::Kind::kBeamEnd
-                         : SceneEnd::Kind::kAlongBeam;
-  end.index = beam;
-  end.at = at;
-  return end;
-}
-
-SceneEnd OnBody(int body, double x) {
-  SceneEnd end;
-  end.kind = SceneEnd::Kind::kBody;
-  end.index = body;
-  end.point = {x, 0.0};
-  return end;
-}
-
-SceneBeam Beam(const char* name, double length, double mass, double EI, const BeamChoice& choice) {
-  SceneBeam beam;
-  beam.name = name;
-  beam.length = length;
-  beam.mass = mass;
-  beam.EI = EI;
-  beam.model = choice.model;
-  (choice.model == BeamModel::kSegments ? beam.segments : beam.order) = choice.size;
-  return beam;
-}
-
-// Section 4.2 of the paper: a steel rod of 6.35 mm on a crank at 150 rad/s.
-constexpr double kCrank = 0.1524, kRod = 0.3048, kSpeed = 150.0;
-Scene SliderCrank(const BeamChoice& choice) {
-  Scene scene;
-  scene.name = "slider-crank";
-  scene.duration = 4.0 * M_PI / kSpeed;
-  unfurl::data::SceneBody crank;
-  crank.name = "crank";
-  crank.mass = 0.1;
-  crank.inertia = 2e-4;
-  scene.bodies.push_back(crank);
-  scene.beams.push_back(
-      Beam("rod", kRod, 0.076, 2.0e11 * M_PI / 64.0 * std::pow(6.35e-3, 4), choice));
-  SceneJoint pivot;
-  pivot.name = "pivot";
-  pivot.outer = OnBody(0, -0.5 * kCrank);
-  pivot.drive.emplace();
-  pivot.drive->by_rate = true;
-  pivot.drive->function = unfurl::data::TimeFunction(kSpeed);
-  SceneJoint pin;
-  pin.name = "pin";
-  pin.inner = OnBody(0, 0.5 * kCrank);
-  pin.outer = Along(0, 0.0);
-  pin.theta_rate = -kSpeed * (1.0 + kCrank / kRod);
-  SceneJoint slot;
-  slot.name = "slot";
-  slot.kind = SceneJoint::Kind::kPinInSlot;
-  slot.outer = Along(0, 1.0);
-  slot.travel = kCrank + kRod;
-  scene.joints = {pivot, pin, slot};
-  for (const auto& [name, at] : {std::pair{"start", 0.0}, {"middle", 0.5}, {"end", 1.0}}) {
-    scene.marks.push_back({name, Along(0, at), ""});
-  }
-  return scene;
-}
-
-// Two beams pinned in series to the ground, folded, a torsion spring at each pin.
-Scene TwoBeams(const BeamChoice& choice) {
-  Scene scene;
-  scene.name = "two beams";
-  scene.duration = 1.0;
-  for (const char* name : {"beam1", "beam2"}) {
-    scene.beams.push_back(Beam(name, 0.8, 0.424, 18.69, choice));
-  }
-  SceneJoint root;
-  root.name = "joint1";
-  root.outer = Along(0, 0.0);
-  root.theta = 0.5 * M_PI;
-  root.spring.emplace();
-  root.spring->stiffness = 0.218;
-  root.spring->preload = 1.57;
-  SceneJoint outer = root;
-  outer.name = "joint2";
-  outer.inner = Along(0, 1.0);
-  outer.outer = Along(1, 0.0);
-  outer.theta = M_PI;
-  outer.sign = -1.0;
-  scene.joints = {root, outer};
-  scene.marks.push_back({"tip", Along(1, 1.0), ""});
-  return scene;
-}
 
 // What is compared, by sample.
 std::vector<std::array<double, 2>> Curve(const MarkTracks& t) {

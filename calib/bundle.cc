@@ -5,6 +5,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 
 #include "base/pose.h"
@@ -88,7 +89,8 @@ class CameraManifold : public ceres::Manifold {
 
 class ReadingCost : public ceres::SizedCostFunction<1, kAmbient, 3> {
  public:
-  ReadingCost(double u_px, double sigma_px) : u_px_(u_px), weight_(1.0 / sigma_px) {}
+  ReadingCost(double u_px, double sigma_px, const CameraPrior& prior)
+      : u_px_(u_px), weight_(1.0 / sigma_px), prior_(prior) {}
 
   bool Evaluate(double const* const* x, double* residual, double** jacobians) const override {
     data::RigCamera camera;
@@ -108,6 +110,9 @@ class ReadingCost : public ceres::SizedCostFunction<1, kAmbient, 3> {
       J.setZero();
       J.head<3>() = weight_ * projection.du_dc.head<3>();
       J.tail<kTail>() = weight_ * projection.du_dc.tail<kTail>();
+      for (int k = 0; k < 10; ++k) {
+        if (prior_.Fixed(k)) J(15 + k) = 0.0;
+      }
     }
     if (jacobians[1]) {
       Eigen::Map<Eigen::RowVector3d>(jacobians[1], 3) = weight_ * projection.du_dp;
@@ -117,13 +122,16 @@ class ReadingCost : public ceres::SizedCostFunction<1, kAmbient, 3> {
 
  private:
   double u_px_, weight_;
+  const CameraPrior& prior_;  // outlives the problem
 };
 
 // Whitened difference between a point and the survey's: L^-1 (P - p) with L L^T the covariance.
 class SurveyCost : public ceres::SizedCostFunction<3, 3> {
  public:
-  SurveyCost(const Eigen::Vector3d& p, const Eigen::Matrix3d& cov) : p_(p) {
+  SurveyCost(const Eigen::Vector3d& p, const Eigen::Matrix3d& cov, double information_scale)
+      : p_(p) {
     whiten_ = Eigen::LLT<Eigen::Matrix3d>(cov).matrixL().solve(Eigen::Matrix3d::Identity());
+    whiten_ *= std::sqrt(information_scale);
   }
 
   bool Evaluate(double const* const* x, double* residual, double** jacobians) const override {
@@ -162,7 +170,10 @@ class PriorCost : public ceres::SizedCostFunction<kPriorRows, kAmbient> {
   }
 
  private:
-  double Sigma(int k) const { return prior_.term_sigma_px[static_cast<std::size_t>(k)]; }
+  // A term held at zero has a row of its own that keeps it there and moves nothing else.
+  double Sigma(int k) const {
+    return prior_.Fixed(k) ? 1.0 : prior_.term_sigma_px[static_cast<std::size_t>(k)];
+  }
   CameraPrior prior_;
 };
 
@@ -184,28 +195,34 @@ double WhitenedSquare(const Observations& data, const BundleState& state, Eigen:
   return d.dot(data.cov[static_cast<std::size_t>(i)].llt().solve(d));
 }
 
-void Summarise(const Observations& data, const std::vector<CameraPrior>& priors, double floor_px,
-               const BundleOptions& options, const BundleState& state, BundleSummary* summary) {
+void Summarise(const Observations& data, const std::vector<CameraPrior>& priors,
+               const Weighting& weighting, const BundleOptions& options, const BundleState& state,
+               BundleSummary* summary) {
   double chi_square = 0.0, dof = 0.0;
-  for (const Reading& r : data.readings) {
+  for (std::size_t k = 0; k < data.readings.size(); ++k) {
+    const Reading& r = data.readings[k];
     double u = 0.0;
     const data::RigCamera& camera = state.cameras[static_cast<std::size_t>(r.camera)];
     if (!measure::Project(camera, state.points.col(r.point), &u)) {
-      summary->residual_px.push_back(0.0);
+      summary->residual_px.push_back(std::numeric_limits<double>::quiet_NaN());
       summary->reading_weight.push_back(0.0);
       continue;
     }
     const double residual = r.u_px - u;
-    const double s = residual * residual / (r.s_px * r.s_px + floor_px * floor_px);
+    const double s = residual * residual / weighting.Variance(r);
     summary->residual_px.push_back(residual);
-    summary->reading_weight.push_back(LossWeight(s, options.loss_width));
+    summary->reading_weight.push_back(weighting.Uses(k) ? LossWeight(s, options.loss_width) : 0.0);
     if (summary->reading_weight.back() < 1.0) continue;
     chi_square += s;
     dof += 1.0;
   }
+  const double survey_width = SurveyLossWidth(options.loss_width);
   for (Eigen::Index i = 0; i < data.p.cols(); ++i) {
-    const double s = options.fix_points ? 0.0 : WhitenedSquare(data, state, i);
-    summary->survey_weight.push_back(LossWeight(s, SurveyLossWidth(options.loss_width)));
+    const auto point = static_cast<std::size_t>(i);
+    const double scale = weighting.SurveyInformationScale(point);
+    const double s = options.fix_points ? 0.0 : scale * WhitenedSquare(data, state, i);
+    const double loss = LossWeight(s, survey_width);
+    summary->survey_weight.push_back(weighting.UsesSurvey(point) ? loss : Weighting::kLeftOut);
     if (summary->survey_weight.back() < 1.0) {
       dof -= 3.0;
     } else {
@@ -213,7 +230,7 @@ void Summarise(const Observations& data, const std::vector<CameraPrior>& priors,
     }
   }
   const Eigen::MatrixXd prior = PriorInformation(priors);
-  summary->information = prior + DataInformation(data, floor_px, options.fix_points, state,
+  summary->information = prior + DataInformation(data, priors, weighting, options.fix_points, state,
                                                  summary->reading_weight, summary->survey_weight);
   // What the data determine: the number of parameters, less each one's share that is the prior's.
   const double from_prior = (CameraCovariance(summary->information).cwiseProduct(prior)).sum();
@@ -235,6 +252,7 @@ double LossWeight(double s, double width) {
 }
 
 double SurveyLossWidth(double width) {
+  if (width > 8.0) return width;  // beyond what the tail's quantile can be computed of
   return std::sqrt(ChiSquareQuantile(1.0 - ChiSquareTail(width * width, 1.0), 3.0));
 }
 
@@ -249,7 +267,8 @@ int BundleSummary::gross_points() const {
 }
 
 BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrior>& priors,
-                          double floor_px, const BundleOptions& options, BundleState* state) {
+                          const Weighting& weighting, const BundleOptions& options,
+                          BundleState* state) {
   ceres::Problem::Options ownership;
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ownership.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
@@ -272,16 +291,20 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
       problem.SetParameterBlockConstant(point);
       continue;
     }
-    problem.AddResidualBlock(new SurveyCost(data.p.col(i), data.cov[static_cast<std::size_t>(i)]),
-                             &survey_loss, point);
+    const auto index = static_cast<std::size_t>(i);
+    problem.AddResidualBlock(
+        new SurveyCost(data.p.col(i), data.cov[index], weighting.SurveyInformationScale(index)),
+        &survey_loss, point);
     ordering->AddElementToGroup(point, 0);
   }
-  for (const Reading& r : data.readings) {
+  for (std::size_t k = 0; k < data.readings.size(); ++k) {
+    if (!weighting.Uses(k)) continue;
+    const Reading& r = data.readings[k];
     const auto j = static_cast<std::size_t>(r.camera);
     double u = 0.0;
     if (!measure::Project(state->cameras[j], state->points.col(r.point), &u)) continue;
-    problem.AddResidualBlock(new ReadingCost(r.u_px, std::hypot(r.s_px, floor_px)), &reading_loss,
-                             blocks[j].data(), state->points.col(r.point).data());
+    problem.AddResidualBlock(new ReadingCost(r.u_px, std::sqrt(weighting.Variance(r)), priors[j]),
+                             &reading_loss, blocks[j].data(), state->points.col(r.point).data());
   }
 
   ceres::Solver::Options solver;
@@ -300,7 +323,7 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
   BundleSummary summary;
   summary.converged = report.termination_type == ceres::CONVERGENCE;
   summary.iterations = static_cast<int>(report.iterations.size());
-  Summarise(data, priors, floor_px, options, *state, &summary);
+  Summarise(data, priors, weighting, options, *state, &summary);
   return summary;
 }
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "calib/observations.h"
+#include "calib/weighting.h"
 #include "data/rig.h"
 
 namespace unfurl::calib {
@@ -16,12 +17,18 @@ struct CameraPrior {
   double e_mean = 0.03, e_sigma = 0.03;  // distance between the two centres [m]
   // Position along the lens axis: axis . p_WC = along +- along_sigma; axis a unit vector in W.
   Eigen::Vector3d axis = Eigen::Vector3d::UnitY();
-  double along = 0.0, along_sigma = 1.0;   // [m]
-  std::array<double, 10> term_sigma_px{};  // of each term's coefficient, about zero [px]
+  double along = 0.0, along_sigma = 1.0;  // [m]
+  // Of each term's coefficient, about zero [px]; 0: the term is held at zero, not part of the
+  // model.
+  std::array<double, 10> term_sigma_px{};
+  std::array<double, 10> term_unit_px{};  // of each coefficient, what makes 1 px at the edge [px]
+
+  bool Fixed(int term) const { return term_sigma_px[static_cast<std::size_t>(term)] == 0.0; }
 };
 
 struct BundleOptions {
   // A whitened residual is squared up to this many sigmas; beyond, its pull falls off as 1/r.
+  // Infinity: least squares of what takes part.
   double loss_width = 3.0;
   int max_iterations = 100;
   bool fix_points = false;  // hold the points where the survey has them
@@ -43,9 +50,10 @@ struct BundleSummary {
   double chi_square = 0.0;
   double degrees_of_freedom = 0.0;
   Eigen::MatrixXd information;  // of the cameras, 19 c x 19 c, priors included (calib/covariance.h)
-  std::vector<double> residual_px;     // u - prediction, per reading
-  std::vector<double> reading_weight;  // of the loss, 1 in the core; 0 if the point is behind
-  std::vector<double> survey_weight;   // the same per point
+  std::vector<double> residual_px;  // u - prediction, per reading; NaN: the point is behind
+  // Of the loss, 1 in the core; 0 if the reading is left out or the point is behind.
+  std::vector<double> reading_weight;
+  std::vector<double> survey_weight;  // the same per point; Weighting::kLeftOut if left out
 
   int gross_readings() const;  // with a weight below 1
   int gross_points() const;
@@ -57,10 +65,11 @@ struct BundleSummary {
 // Minimises, over all cameras' 19 parameters and the points,
 //   sum_r loss((u_r - h(c, P))^2 / (s_r^2 + floor^2)) + sum_i loss(|P_i - p_i|^2 in the metric of
 //   the survey's covariance) + the priors,
-// with Ceres and the analytic derivatives of measure::Project, starting from `state`. A reading
-// whose point starts behind its camera takes no part.
+// with Ceres and the analytic derivatives of measure::Project, starting from `state`, over what
+// `weighting` lets take part. A reading whose point starts behind its camera takes no part.
 BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrior>& priors,
-                          double floor_px, const BundleOptions& options, BundleState* state);
+                          const Weighting& weighting, const BundleOptions& options,
+                          BundleState* state);
 
 // The loss on a squared whitened residual s, which has `dimensions` components: s up to w^2, then
 // w^2 (1 + log(s / w^2)). It is least squares for what is plausible, so that clean data lose no

@@ -11,6 +11,7 @@
 #include "calib/covariance.h"
 #include "calib/held_out.h"
 #include "calib/model_floor.h"
+#include "calib/refine.h"
 #include "calib/verdict.h"
 #include "measure/camera_model.h"
 #include "measure/triangulate.h"
@@ -18,53 +19,28 @@
 namespace unfurl::calib {
 namespace {
 
-// Posterior over prior sigma above which a parameter counts as known from its prior; a position
-// along the lens axis, which real glass tells to millimetres and a pinhole not at all, by its size.
-constexpr double kPriorDominated = 0.5;
-constexpr double kWeakPosition = 0.05;  // [m]
-
-std::vector<WeakParameter> FindWeak(const std::vector<CameraPrior>& priors,
-                                    const Eigen::MatrixXd& covariance) {
-  std::vector<WeakParameter> out;
-  for (std::size_t j = 0; j < priors.size(); ++j) {
-    const CameraPrior& prior = priors[j];
-    const auto first = static_cast<Eigen::Index>(j) * data::kCameraParameters;
-    const auto add = [&](const std::string& name, const std::string& unit, double variance,
-                         double prior_sigma, double limit) {
-      const double sigma = std::sqrt(std::max(0.0, variance));
-      if (sigma > limit) {
-        out.push_back({static_cast<int>(j), name, unit, sigma, prior_sigma});
-      }
-    };
-    add("position along the lens axis", "m",
-        prior.axis.dot(covariance.block<3, 3>(first + 3, first + 3) * prior.axis),
-        prior.along_sigma, kWeakPosition);
-    add("e", "m", covariance(first + 8, first + 8), prior.e_sigma, kPriorDominated * prior.e_sigma);
-    for (std::size_t k = 0; k < data::kCameraTerms.size(); ++k) {
-      const Eigen::Index at = first + 9 + static_cast<Eigen::Index>(k);
-      add(data::kCameraTerms[k], "px", covariance(at, at), prior.term_sigma_px[k],
-          kPriorDominated * prior.term_sigma_px[k]);
-    }
-  }
-  return out;
-}
-
 std::vector<CameraReport> ReportCameras(const std::vector<CameraGuess>& guesses,
-                                        const std::vector<ReadingReport>& readings) {
+                                        const std::vector<ReadingReport>& readings,
+                                        const Weighting& weighting) {
   std::vector<CameraReport> out;
   for (std::size_t j = 0; j < guesses.size(); ++j) {
     CameraReport camera;
     camera.name = guesses[j].camera.name;
     camera.guess_sigma_px = guesses[j].sigma_px;
+    camera.floor_px = weighting.floor_px[j];
+    camera.low_px = std::numeric_limits<double>::infinity();
+    camera.high_px = -camera.low_px;
     double squares = 0.0;
     for (const ReadingReport& r : readings) {
       if (r.camera != static_cast<int>(j)) continue;
       ++camera.readings;
       if (r.weight < 1.0) {
         ++camera.gross;
-      } else {
-        squares += r.residual_px * r.residual_px;
+        continue;
       }
+      squares += r.residual_px * r.residual_px;
+      camera.low_px = std::min(camera.low_px, r.u_px);
+      camera.high_px = std::max(camera.high_px, r.u_px);
     }
     camera.residual_rms_px = std::sqrt(squares / std::max(1, camera.readings - camera.gross));
     out.push_back(camera);
@@ -127,6 +103,20 @@ void SetVolume(const Observations& data, const BundleSummary& summary, data::Rig
   }
 }
 
+// The rig that a fit makes of its bundle.
+void MakeRig(const Observations& data, RigFit* fit) {
+  fit->rig = {};
+  fit->rig.cameras = fit->bundle.state.cameras;
+  for (std::size_t j = 0; j < fit->rig.cameras.size(); ++j) {
+    const double floor = fit->bundle.weighting.floor_px[j];
+    fit->rig.cameras[j].floor_px = floor;
+    fit->rig.model_floor_px = std::max(fit->rig.model_floor_px, floor);
+  }
+  fit->rig.covariance = CameraCovariance(fit->bundle.summary.information);
+  ClearFixed(fit->priors, &fit->rig.covariance);
+  SetVolume(data, fit->bundle.summary, &fit->rig);
+}
+
 }  // namespace
 
 RigFit FitRig(const Observations& data, const CalibrateOptions& options, const std::string& where) {
@@ -145,36 +135,57 @@ RigFit FitRig(const Observations& data, const CalibrateOptions& options, const s
     start_floor_px = std::max(start_floor_px, 2.0 * guess.sigma_px);
   }
   ChoosePointStarts(data, start_floor_px, options.bundle.loss_width, &start);
-  fit.bundle = SolveWithFloor(data, fit.priors, start_floor_px, options.bundle, std::move(start));
-  fit.rig.cameras = fit.bundle.state.cameras;
-  fit.rig.model_floor_px = fit.bundle.floor_px;
-  fit.rig.covariance = CameraCovariance(fit.bundle.summary.information);
-  SetVolume(data, fit.bundle.summary, &fit.rig);
+  FlooredBundle robust =
+      SolveWithFloor(data, fit.priors, start_floor_px, options.bundle, std::move(start));
+  Weighting weighting = EqualWeighting(data, robust.floor_px);
+  weighting.floor_px = RobustFloors(data, fit.priors, weighting, robust.state, robust.summary);
+  fit.bundle = Refine(data, fit.priors, weighting, options.refine, std::move(robust.state));
+  if (options.order != kAutomaticOrder && options.order != kFullOrder) {
+    fit.priors = WithOrder(fit.priors, options.order);
+    fit.bundle = FitOrder(data, fit.priors, fit.bundle);
+  }
+  MakeRig(data, &fit);
   return fit;
 }
 
 Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
                       const std::string& where) {
-  const RigFit fit = FitRig(data, options, where);
-  const FlooredBundle& full = fit.bundle;
+  RigFit fit = FitRig(data, options, where);
   Calibration out;
-  out.rig = fit.rig;
   CalibrationReport& report = out.report;
+  report.order = options.order;
+  if (options.order == kAutomaticOrder) {
+    OrderOptions choice = options.choice;
+    choice.workers = options.workers;
+    OrderChoice chosen = ChooseOrder(data, fit.priors, fit.bundle, choice);
+    report.order = chosen.order;
+    report.order_chosen = true;
+    const OrderTrial& trial = chosen.trials[static_cast<std::size_t>(chosen.order)];
+    fit.priors = trial.priors;
+    fit.bundle = trial.bundle;
+    MakeRig(data, &fit);
+    report.orders = std::move(chosen.trials);
+  }
+  const RefinedBundle& full = fit.bundle;
+  out.rig = fit.rig;
   report.ids = data.ids;
   report.converged = full.summary.converged;
   report.chi_square = full.summary.chi_square;
   report.degrees_of_freedom = full.summary.degrees_of_freedom;
   report.survey_weight = full.summary.survey_weight;
   report.survey_shift = full.state.points - data.p;
+  report.survey_factor = full.weighting.survey_factor;
   for (std::size_t k = 0; k < data.readings.size(); ++k) {
     const Reading& r = data.readings[k];
     report.readings.push_back({r.point, r.camera, r.u_px, full.summary.residual_px[k],
-                               std::hypot(r.s_px, full.floor_px), full.summary.reading_weight[k]});
+                               std::sqrt(full.weighting.Variance(r)),
+                               full.summary.reading_weight[k], full.redundancy.reading[k]});
   }
-  report.cameras = ReportCameras(fit.guesses, report.readings);
-  report.weak = FindWeak(fit.priors, out.rig.covariance);
-  HeldOutResult held_out =
-      CheckHeldOut(data, fit.priors, full, options.bundle, options.folds, options.workers);
+  report.cameras = ReportCameras(fit.guesses, report.readings, full.weighting);
+  report.weak = FindWeak(out.rig, fit.priors, full.summary.information);
+  report.gross = ExplainGross(data, full, options.explain);
+  report.advice = SurveyAdvice(data, full.weighting, out.rig);
+  HeldOutResult held_out = CheckHeldOut(data, fit.priors, full, options.folds, options.workers);
   report.held_out = std::move(held_out.points);
   report.held_out_unsolved = held_out.unsolved;
   Judge(report, data, &out.rig);

@@ -6,18 +6,27 @@
 #include <vector>
 
 #include "calib/bundle.h"
+#include "calib/explain.h"
 #include "calib/initial_guess.h"
-#include "calib/model_floor.h"
+#include "calib/model_order.h"
 #include "calib/observations.h"
+#include "calib/refine.h"
+#include "calib/weak.h"
 #include "data/rig.h"
 
 namespace unfurl::calib {
 
 struct CalibrateOptions {
   GuessOptions guess;
-  BundleOptions bundle;
+  BundleOptions bundle;  // of the robust stage
+  RefineOptions refine;
+  // Index into kLensOrders, or kAutomaticOrder: by cross-validation (FitRig takes that for the full
+  // one).
+  int order = kAutomaticOrder;
+  OrderOptions choice;
+  ExplainOptions explain;
   int folds = 10;           // of the held-out check; at least 2
-  std::size_t workers = 0;  // for the folds; 0: all cores. Changes no result
+  std::size_t workers = 0;  // 0: all cores. Changes no result
 };
 
 // A reading as the fit left it.
@@ -27,15 +36,18 @@ struct ReadingReport {
   double u_px = 0.0;
   double residual_px = 0.0;  // reading less prediction
   double sigma_px = 0.0;     // with the floor
-  double weight = 1.0;       // of the loss; below 1: the fit gave way to it little or not at all
+  double weight = 1.0;       // 0: left out as gross
+  double redundancy = 0.0;   // share of an error in it that its residual shows [-]
 };
 
 struct CameraReport {
   std::string name;
   int readings = 0;
-  int gross = 0;                 // with a weight below 1
-  double residual_rms_px = 0.0;  // of the others
-  double guess_sigma_px = 0.0;   // robust scale before the points were free
+  int gross = 0;                       // left out
+  double residual_rms_px = 0.0;        // of the others
+  double floor_px = 0.0;               // its model-error floor
+  double low_px = 0.0, high_px = 0.0;  // the part of the sensor that its readings cover
+  double guess_sigma_px = 0.0;         // robust scale before the points were free
 };
 
 // A surveyed point, left out of the fit of its fold and then found from its readings.
@@ -47,24 +59,21 @@ struct HeldOutPoint {
   double squared = 0.0;                                 // error' predicted^-1 error
 };
 
-// A parameter of which the survey says little: its prior supplies much of what is known.
-struct WeakParameter {
-  int camera = 0;
-  std::string name;  // "position along the lens axis", "e", a term
-  std::string unit;
-  double sigma = 0.0;
-  double prior_sigma = 0.0;
-};
-
 struct CalibrationReport {
   std::vector<std::string> ids;  // of the points
   std::vector<CameraReport> cameras;
   std::vector<ReadingReport> readings;
-  std::vector<double> survey_weight;   // per point, of the loss
+  std::vector<double> survey_weight;   // per point; below 1: left out as gross
   Eigen::Matrix3Xd survey_shift;       // adjusted less surveyed, 3 x n [m]
   std::vector<HeldOutPoint> held_out;  // of usable points
   int held_out_unsolved = 0;           // points whose readings gave no position
-  std::vector<WeakParameter> weak;
+  std::vector<WeakDirection> weak;
+  std::vector<GrossFinding> gross;
+  std::vector<std::string> advice;  // on the survey's layout
+  int order = kFullOrder;           // index into kLensOrders
+  bool order_chosen = false;        // by cross-validation
+  std::vector<OrderTrial> orders;   // empty where none were compared
+  double survey_factor = 1.0;       // on the survey's stated sigmas
   double chi_square = 0.0;
   double degrees_of_freedom = 0.0;
   bool converged = false;
@@ -75,19 +84,20 @@ struct Calibration {
   CalibrationReport report;
 };
 
-// The fit alone: guess per camera, bundle with the model-error floor, joint covariance; what
-// Calibrate checks and judges, and what a study of many calibrations repeats.
+// The fit alone: guess per camera, robust bundle, refinement, joint covariance; what Calibrate
+// checks and judges, and what a study of many calibrations repeats.
 struct RigFit {
   std::vector<CameraGuess> guesses;
   std::vector<CameraPrior> priors;
-  FlooredBundle bundle;
+  RefinedBundle bundle;
   data::Rig rig;  // cameras, covariance, floor and volume
 };
 RigFit FitRig(const Observations& data, const CalibrateOptions& options, const std::string& where);
 
-// From a survey to a rig, without an initial guess: guess per camera, bundle with the model-error
-// floor, covariance, held-out check, verdict. `where` names the survey in errors. Throws Error for
-// a survey that cannot determine the cameras (see GuessCameras) or has fewer than three cameras.
+// From a survey to a rig, without an initial guess: fit, choice of the lens model's order, gross
+// errors explained, weak directions, held-out check, verdict. `where` names the survey in errors.
+// Throws Error for a survey that cannot determine the cameras (see GuessCameras) or has fewer than
+// three cameras.
 Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
                       const std::string& where);
 

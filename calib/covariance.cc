@@ -1,6 +1,7 @@
 #include "calib/covariance.h"
 
 #include <Eigen/Dense>
+#include <algorithm>
 
 #include "measure/camera_model.h"
 
@@ -15,9 +16,19 @@ void AddPrior(const CameraPrior& prior, Eigen::Ref<Eigen::MatrixXd> block) {
   block.block<3, 3>(3, 3) +=
       prior.axis * prior.axis.transpose() / (prior.along_sigma * prior.along_sigma);
   for (Eigen::Index k = 0; k < 10; ++k) {
-    const double sigma = prior.term_sigma_px[static_cast<std::size_t>(k)];
+    const double sigma =
+        prior.Fixed(static_cast<int>(k)) ? 1.0 : prior.term_sigma_px[static_cast<std::size_t>(k)];
     block(9 + k, 9 + k) += 1.0 / (sigma * sigma);
   }
+}
+
+bool ProjectFree(const data::RigCamera& camera, const CameraPrior& prior, const Eigen::Vector3d& p,
+                 measure::Projection* out) {
+  if (!measure::Project(camera, p, out)) return false;
+  for (int k = 0; k < 10; ++k) {
+    if (prior.Fixed(k)) out->du_dc(9 + k) = 0.0;
+  }
+  return true;
 }
 
 }  // namespace
@@ -32,7 +43,8 @@ Eigen::MatrixXd PriorInformation(const std::vector<CameraPrior>& priors) {
   return information;
 }
 
-Eigen::MatrixXd DataInformation(const Observations& data, double floor_px, bool fixed_points,
+Eigen::MatrixXd DataInformation(const Observations& data, const std::vector<CameraPrior>& priors,
+                                const Weighting& weighting, bool fixed_points,
                                 const BundleState& state, const std::vector<double>& reading_weight,
                                 const std::vector<double>& survey_weight) {
   const auto c = static_cast<Eigen::Index>(state.cameras.size());
@@ -42,17 +54,19 @@ Eigen::MatrixXd DataInformation(const Observations& data, double floor_px, bool 
   std::size_t k = 0;
   for (Eigen::Index i = 0; i < data.p.cols(); ++i) {
     const auto point = static_cast<std::size_t>(i);
-    Eigen::Matrix3d H_PP = survey_weight[point] * data.cov[point].inverse();
+    Eigen::Matrix3d H_PP = survey_weight[point] * data.cov[point].inverse() /
+                           (weighting.survey_factor * weighting.survey_factor);
     seen_by.clear();
     for (; k < data.readings.size() && data.readings[k].point == i; ++k) {
       const Reading& r = data.readings[k];
       measure::Projection projection;
       if (reading_weight[k] <= 0.0 ||
-          !measure::Project(state.cameras[static_cast<std::size_t>(r.camera)], state.points.col(i),
-                            &projection)) {
+          !ProjectFree(state.cameras[static_cast<std::size_t>(r.camera)],
+                       priors[static_cast<std::size_t>(r.camera)], state.points.col(i),
+                       &projection)) {
         continue;
       }
-      const double w = reading_weight[k] / (r.s_px * r.s_px + floor_px * floor_px);
+      const double w = reading_weight[k] / weighting.Variance(r);
       const Eigen::Index j = r.camera;
       H_PP += w * projection.du_dp.transpose() * projection.du_dp;
       information.block<kParameters, kParameters>(kParameters * j, kParameters * j) +=
@@ -86,6 +100,70 @@ Eigen::MatrixXd CameraCovariance(const Eigen::MatrixXd& information) {
   const Eigen::MatrixXd half =
       scale.asDiagonal() * eigen.eigenvectors() * inverse.cwiseSqrt().asDiagonal();
   return half * half.transpose();
+}
+
+void ClearFixed(const std::vector<CameraPrior>& priors, Eigen::MatrixXd* covariance) {
+  for (std::size_t j = 0; j < priors.size(); ++j) {
+    for (int k = 0; k < 10; ++k) {
+      if (!priors[j].Fixed(k)) continue;
+      const Eigen::Index at = kParameters * static_cast<Eigen::Index>(j) + 9 + k;
+      covariance->row(at).setZero();
+      covariance->col(at).setZero();
+    }
+  }
+}
+
+Redundancy RedundancyOf(const Observations& data, const std::vector<CameraPrior>& priors,
+                        const Weighting& weighting, const BundleState& state,
+                        const Eigen::MatrixXd& covariance) {
+  Redundancy out;
+  out.reading.assign(data.readings.size(), 0.0);
+  out.survey.assign(static_cast<std::size_t>(data.points()), 0.0);
+  const Eigen::Index size = covariance.rows();
+  std::vector<measure::Projection> seen;
+  std::vector<std::size_t> used;
+  Eigen::MatrixXd H_Pc(3, size), moved(3, size);
+  std::size_t k = 0;
+  for (int i = 0; i < data.points(); ++i) {
+    const auto point = static_cast<std::size_t>(i);
+    const Eigen::Matrix3d S = data.cov[point].inverse() * weighting.SurveyInformationScale(point);
+    Eigen::Matrix3d H_PP = S;
+    H_Pc.setZero();
+    seen.clear();
+    used.clear();
+    for (; k < data.readings.size() && data.readings[k].point == i; ++k) {
+      const Reading& r = data.readings[k];
+      const auto j = static_cast<std::size_t>(r.camera);
+      measure::Projection h;
+      if (!weighting.Uses(k) ||
+          !ProjectFree(state.cameras[j], priors[j], state.points.col(i), &h)) {
+        continue;
+      }
+      const double w = 1.0 / weighting.Variance(r);
+      H_PP += w * h.du_dp.transpose() * h.du_dp;
+      H_Pc.middleCols(kParameters * r.camera, kParameters) += w * h.du_dp.transpose() * h.du_dc;
+      seen.push_back(h);
+      used.push_back(k);
+    }
+    const Eigen::Matrix3d inverse = H_PP.inverse();
+    moved = -inverse * H_Pc;  // of the point, with the cameras
+    const Eigen::MatrixXd spread = moved * covariance;
+    const Eigen::Matrix3d of_point = inverse + spread * moved.transpose();
+    if (weighting.UsesSurvey(point)) out.survey[point] = 3.0 - (S * of_point).trace();
+    for (std::size_t m = 0; m < used.size(); ++m) {
+      const Reading& r = data.readings[used[m]];
+      const Eigen::Index first = kParameters * r.camera;
+      const auto& h = seen[m];
+      // Of J_c c + J_P P, with P = moved c + its own part.
+      const double variance =
+          (h.du_dp * of_point * h.du_dp.transpose()).value() +
+          2.0 * (h.du_dp * spread.middleCols(first, kParameters) * h.du_dc.transpose()).value() +
+          (h.du_dc * covariance.block(first, first, kParameters, kParameters) * h.du_dc.transpose())
+              .value();
+      out.reading[used[m]] = std::max(0.0, 1.0 - variance / weighting.Variance(r));
+    }
+  }
+  return out;
 }
 
 }  // namespace unfurl::calib

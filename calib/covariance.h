@@ -12,15 +12,29 @@ namespace unfurl::calib {
 // 19 c in the order of data/rig.h: the normal equations at a solution, with the loss's weights,
 // every point eliminated by its Schur complement. The points' survey noise, which the cameras share
 // because they share the points, is in it. `fixed_points`: the survey counts as exact.
-Eigen::MatrixXd DataInformation(const Observations& data, double floor_px, bool fixed_points,
+Eigen::MatrixXd DataInformation(const Observations& data, const std::vector<CameraPrior>& priors,
+                                const Weighting& weighting, bool fixed_points,
                                 const BundleState& state, const std::vector<double>& reading_weight,
                                 const std::vector<double>& survey_weight);
 
-// What the priors add to it: block diagonal.
+// What the priors add to it: block diagonal; 1 px^-2 for a term that is held at zero.
 Eigen::MatrixXd PriorInformation(const std::vector<CameraPrior>& priors);
 
 // Inverse of an information matrix, symmetric and positive semidefinite. Parameters are scaled to
 // unit information first, so that pixels and radians invert alike.
 Eigen::MatrixXd CameraCovariance(const Eigen::MatrixXd& information);
+
+// Zero rows and columns for the terms that are held at zero.
+void ClearFixed(const std::vector<CameraPrior>& priors, Eigen::MatrixXd* covariance);
+
+// What of each datum is left over to check the fit with: 1 - leverage per reading, and 3 - trace of
+// it per surveyed point; 0 for what takes no part. Their sum is the degrees of freedom. A squared
+// whitened residual has this mean when its stated variance is true. `covariance` is the cameras'.
+struct Redundancy {
+  std::vector<double> reading, survey;
+};
+Redundancy RedundancyOf(const Observations& data, const std::vector<CameraPrior>& priors,
+                        const Weighting& weighting, const BundleState& state,
+                        const Eigen::MatrixXd& covariance);
 
 }  // namespace unfurl::calib

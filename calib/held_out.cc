@@ -15,19 +15,25 @@ namespace {
 const measure::TriangulateOptions kTriangulation{.residual_level = 1e-12};
 
 HeldOutResult CheckFold(const Observations& data, const std::vector<CameraPrior>& priors,
-                        const FlooredBundle& full, const BundleOptions& options, int folds,
-                        int fold) {
+                        const RefinedBundle& full, int folds, int fold) {
   std::vector<int> keep;
   for (int i = 0; i < data.points(); ++i) {
     if (i % folds != fold) keep.push_back(i);
   }
   const Observations kept = SelectPoints(data, keep);
   BundleState state{full.state.cameras, full.state.points(Eigen::all, keep)};
-  const BundleSummary summary = SolveBundle(kept, priors, full.floor_px, options, &state);
+  const Weighting& weighting = full.weighting;
+  BundleOptions options;
+  options.loss_width = std::numeric_limits<double>::infinity();
+  const BundleSummary summary =
+      SolveBundle(kept, priors, SelectPoints(weighting, data, keep), options, &state);
   data::Rig rig;
   rig.cameras = state.cameras;
   rig.covariance = CameraCovariance(summary.information);
-  rig.model_floor_px = full.floor_px;
+  ClearFixed(priors, &rig.covariance);
+  for (std::size_t j = 0; j < rig.cameras.size(); ++j) {
+    rig.cameras[j].floor_px = weighting.floor_px[j];
+  }
   rig.volume_low = data.p.rowwise().minCoeff();
   rig.volume_high = data.p.rowwise().maxCoeff();
   const measure::Triangulator triangulator(rig, kTriangulation);
@@ -41,12 +47,12 @@ HeldOutResult CheckFold(const Observations& data, const std::vector<CameraPrior>
     std::fill(s.begin(), s.end(), std::numeric_limits<double>::quiet_NaN());
     for (; k < data.readings.size() && data.readings[k].point == i; ++k) {
       const Reading& r = data.readings[k];
-      if (full.summary.reading_weight[k] < 1.0) continue;
+      if (!weighting.Uses(k)) continue;
       u[static_cast<std::size_t>(r.camera)] = r.u_px;
       s[static_cast<std::size_t>(r.camera)] = r.s_px;
     }
     const auto point = static_cast<std::size_t>(i);
-    if (i % folds != fold || full.summary.survey_weight[point] < 1.0) continue;
+    if (i % folds != fold || !weighting.UsesSurvey(point)) continue;
     // From where the survey has the point: three surfaces can meet twice in the corners of a
     // volume, and this check is not about telling which.
     const measure::PointSolution solution = triangulator.Solve(u, s, data.p.col(i));
@@ -59,7 +65,8 @@ HeldOutResult CheckFold(const Observations& data, const std::vector<CameraPrior>
     checked.point = i;
     checked.readings = solution.readings;
     checked.error = solution.p - data.p.col(i);
-    checked.predicted = solution.cov + F * F.transpose() + data.cov[point];
+    checked.predicted = solution.cov + F * F.transpose() +
+                        weighting.survey_factor * weighting.survey_factor * data.cov[point];
     checked.squared = checked.error.dot(checked.predicted.llt().solve(checked.error));
     out.points.push_back(checked);
   }
@@ -69,12 +76,11 @@ HeldOutResult CheckFold(const Observations& data, const std::vector<CameraPrior>
 }  // namespace
 
 HeldOutResult CheckHeldOut(const Observations& data, const std::vector<CameraPrior>& priors,
-                           const FlooredBundle& full, const BundleOptions& options, int folds,
-                           std::size_t workers) {
+                           const RefinedBundle& full, int folds, std::size_t workers) {
   folds = std::min(folds, data.points());
   std::vector<HeldOutResult> by_fold(static_cast<std::size_t>(folds));
   ParallelFor(by_fold.size(), workers, [&](std::size_t fold) {
-    by_fold[fold] = CheckFold(data, priors, full, options, folds, static_cast<int>(fold));
+    by_fold[fold] = CheckFold(data, priors, full, folds, static_cast<int>(fold));
   });
   HeldOutResult out;
   for (const HeldOutResult& fold : by_fold) {

@@ -4,8 +4,8 @@
 
 #include "calib/bundle.h"
 #include "calib/calibrate.h"
-#include "calib/model_floor.h"
 #include "calib/observations.h"
+#include "calib/refine.h"
 
 namespace unfurl::calib {
 
@@ -14,11 +14,10 @@ struct HeldOutResult {
   int unsolved = 0;
 };
 
-// Calibrates `folds` times without every folds-th point (from the solution of all, with its floor),
-// then finds those points from their readings and compares them with the survey. What the fit of
-// all points took for gross errors is not counted here. Folds run in parallel.
+// Calibrates `folds` times without every folds-th point (from the solution of all, with its
+// weighting), then finds those points from their readings and compares them with the survey. What
+// the fit of all points took for gross errors is not counted here. Folds run in parallel.
 HeldOutResult CheckHeldOut(const Observations& data, const std::vector<CameraPrior>& priors,
-                           const FlooredBundle& full, const BundleOptions& options, int folds,
-                           std::size_t workers);
+                           const RefinedBundle& full, int folds, std::size_t workers);
 
 }  // namespace unfurl::calib

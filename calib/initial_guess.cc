@@ -64,7 +64,8 @@ CameraPrior MakePrior(const data::RigCamera& camera, const Eigen::Matrix3Xd& p,
     const double at_edge = even         ? options.even_sigma_px
                            : order == 3 ? options.cubic_sigma_px
                                         : options.quintic_sigma_px;
-    prior.term_sigma_px[k] = at_edge / (std::pow(x, kPowers[k][0]) * std::pow(y, kPowers[k][1]));
+    prior.term_unit_px[k] = 1.0 / (std::pow(x, kPowers[k][0]) * std::pow(y, kPowers[k][1]));
+    prior.term_sigma_px[k] = at_edge * prior.term_unit_px[k];
   }
   return prior;
 }
@@ -112,7 +113,7 @@ CameraGuess GuessCamera(const Observations& data, int index, const GuessOptions&
   for (int pass = 0; pass < 3; ++pass) {
     BundleState state{{guess.camera}, own.p};
     const BundleSummary summary =
-        SolveBundle(own, {guess.prior}, guess.sigma_px, resection, &state);
+        SolveBundle(own, {guess.prior}, EqualWeighting(own, guess.sigma_px), resection, &state);
     guess.camera = state.cameras[0];
     guess.sigma_px = std::max(RobustSigma(summary.residual_px), 1e-9);
   }

@@ -37,7 +37,7 @@ FlooredBundle SolveWithFloor(const Observations& data, const std::vector<CameraP
   for (const Reading& r : data.readings) least_sigma = std::min(least_sigma, r.s_px);
   const auto solve = [&](double floor_px, const BundleState& from) {
     FlooredBundle out{floor_px, from, {}};
-    out.summary = SolveBundle(data, priors, floor_px, options, &out.state);
+    out.summary = SolveBundle(data, priors, EqualWeighting(data, floor_px), options, &out.state);
     return out;
   };
   int gross_at_start = 0;

@@ -7,9 +7,10 @@
 
 namespace unfurl::calib {
 
-// A lens model that cannot fit would, weighted by the readings' own sigmas, bend the survey along
-// its weakest directions. So a floor is added in quadrature to every reading's sigma and raised
-// until chi-square per degree of freedom is one; where it is below one without, the floor is zero.
+// The robust stage: one floor for all cameras. A lens model that cannot fit would, weighted by the
+// readings' own sigmas, bend the survey along its weakest directions. So a floor is added in
+// quadrature to every reading's sigma and raised until chi-square per degree of freedom is one;
+// where it is below one without, the floor is zero.
 struct FlooredBundle {
   double floor_px = 0.0;
   BundleState state;

@@ -25,6 +25,9 @@ constexpr double kPoorShare = 0.1;
 constexpr double kGrossForCare = 0.05, kGrossForNo = 0.3;
 // A floor beyond this says that the lens is not of the model's kind [px].
 constexpr double kFloorForCare = 0.3;
+// A survey worse than stated by more than this is worth asking why.
+constexpr double kSurveyForCare = 1.3;
+constexpr std::size_t kNamed = 12;  // gross errors that the reasons name
 // Fewer redundant numbers leave chi-square and held-out check little to say.
 constexpr double kDofForCare = 30.0;
 
@@ -42,7 +45,8 @@ struct HeldOutSums {
 HeldOutSums Sum(const CalibrationReport& report, const Observations& data) {
   HeldOutSums sums;
   for (const HeldOutPoint& point : report.held_out) {
-    const double survey = data.cov[static_cast<std::size_t>(point.point)].trace();
+    const double survey = report.survey_factor * report.survey_factor *
+                          data.cov[static_cast<std::size_t>(point.point)].trace();
     sums.n += 1.0;
     sums.squares += point.error.squaredNorm();
     sums.predicted += point.predicted.trace();
@@ -135,22 +139,47 @@ void JudgeFit(const CalibrationReport& report, data::Rig* rig, Tally* tally) {
   }
   if (gross > 0 || gross_points > 0) {
     tally->fine.push_back(
-        fmt::format("{} readings and {} surveyed points do not fit the rest and "
-                    "count little",
+        fmt::format("{} readings and {} surveyed points do not fit the rest and were left out",
                     gross, gross_points));
+    for (std::size_t k = 0; k < report.gross.size() && k < kNamed; ++k) {
+      tally->fine.push_back(report.gross[k].text);
+    }
+    if (report.gross.size() > kNamed) {
+      tally->fine.push_back(fmt::format("and {} more of the kind", report.gross.size() - kNamed));
+    }
   }
   if (report.degrees_of_freedom < kDofForCare) {
     tally->care.push_back(
         fmt::format("only {:.0f} numbers are left over to check the fit with: survey more points",
                     report.degrees_of_freedom));
   }
-  const std::string floor =
-      fmt::format("a model error of {:.3f} px had to be allowed for", rig->model_floor_px);
-  if (rig->model_floor_px > kFloorForCare) {
-    tally->care.push_back(floor + ": lens, survey or their stated errors are not as modelled");
-  } else if (rig->model_floor_px > 0.0) {
-    tally->fine.push_back(floor);
+  for (const CameraReport& camera : report.cameras) {
+    if (!(camera.floor_px > 0.0)) continue;
+    const std::string floor =
+        fmt::format("camera \"{}\": a model error of {:.3f} px had to be allowed for", camera.name,
+                    camera.floor_px);
+    if (camera.floor_px > kFloorForCare) {
+      tally->care.push_back(floor + ": its lens or its stated errors are not as modelled");
+    } else {
+      tally->fine.push_back(floor);
+    }
   }
+  rig->checks["survey_factor [1]"] = report.survey_factor;
+  if (report.survey_factor > 1.0) {
+    const std::string factor = fmt::format(
+        "the survey scatters {:.2f} times as much as it states; all error bars are widened for it",
+        report.survey_factor);
+    (report.survey_factor > kSurveyForCare ? tally->care : tally->fine).push_back(factor);
+  }
+  rig->checks["weak_directions [1]"] = static_cast<double>(report.weak.size());
+  for (const WeakDirection& weak : report.weak) {
+    if (weak.harmless) continue;
+    tally->fine.push_back(fmt::format(
+        "camera \"{}\", {}: known to {:.2g} {} only, which moves found points by {:.2g} mm; {}",
+        rig->cameras[static_cast<std::size_t>(weak.camera)].name, weak.name, weak.sigma, weak.unit,
+        1e3 * weak.point_rms, weak.advice));
+  }
+  for (const std::string& advice : report.advice) tally->fine.push_back(advice);
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "calib/observations.h"
 #include "calib/verdict.h"
 #include "cli/verb.h"
@@ -24,6 +25,7 @@ using nlohmann::ordered_json;
 
 struct Arguments {
   std::string survey, out;
+  std::string order = "auto";
   calib::CalibrateOptions options;
 };
 
@@ -38,9 +40,16 @@ std::string Check(const data::Rig& rig, const std::string& name, double scale, i
   return fmt::format("{:.{}f}", scale * found->second, decimals);
 }
 
+std::string WithUnit(double value, const std::string& unit) {
+  if (unit == "m") return fmt::format("{:.2g} mm", 1e3 * value);
+  if (unit == "rad") return fmt::format("{:.2g} mrad", 1e3 * value);
+  return fmt::format("{:.2g} {}", value, unit);
+}
+
 std::string CameraTable(const calib::Calibration& result) {
   std::vector<std::vector<std::string>> rows = {{"camera", "f [px]", "u0 [px]", "x [m]", "y [m]",
-                                                 "z [m]", "readings", "residual [px]", "gross"}};
+                                                 "z [m]", "readings", "residual [px]", "floor [px]",
+                                                 "gross"}};
   for (std::size_t j = 0; j < result.rig.cameras.size(); ++j) {
     const data::RigCamera& camera = result.rig.cameras[j];
     const calib::CameraReport& fit = result.report.cameras[j];
@@ -48,7 +57,7 @@ std::string CameraTable(const calib::Calibration& result) {
                     fmt::format("{:.2f}", camera.u0_px), fmt::format("{:.4f}", camera.p_WC.x()),
                     fmt::format("{:.4f}", camera.p_WC.y()), fmt::format("{:.4f}", camera.p_WC.z()),
                     fmt::format("{}", fit.readings), fmt::format("{:.4f}", fit.residual_rms_px),
-                    fmt::format("{}", fit.gross)});
+                    fmt::format("{:.4f}", fit.floor_px), fmt::format("{}", fit.gross)});
   }
   return AlignedTable(rows);
 }
@@ -66,15 +75,30 @@ std::string HeldOutTable(const data::Rig& rig) {
 
 std::string WeakText(const calib::Calibration& result) {
   std::string text;
-  for (const calib::WeakParameter& weak : result.report.weak) {
-    text += fmt::format("  {}: {}: sigma {:.2g} {} ({:.2g} {} were assumed beforehand)\n",
+  for (const calib::WeakDirection& weak : result.report.weak) {
+    text += fmt::format("  camera {}, {}: sigma {}; {}\n",
                         result.rig.cameras[static_cast<std::size_t>(weak.camera)].name, weak.name,
-                        weak.sigma, weak.unit, weak.prior_sigma, weak.unit);
+                        WithUnit(weak.sigma, weak.unit),
+                        weak.harmless ? "this does not harm reconstruction"
+                                      : fmt::format("moves found points by {:.2g} mm: {}",
+                                                    1e3 * weak.point_rms, weak.advice));
   }
-  if (text.empty()) return text;
-  return "\nBarely determined by this survey (found points are not harmed: their error bars hold "
-         "it):\n" +
-         text;
+  return text.empty() ? text : "\nBarely determined by this survey:\n" + text;
+}
+
+std::string OrderText(const calib::CalibrationReport& report) {
+  std::string text = fmt::format("\nLens model: {}",
+                                 calib::kLensOrders[static_cast<std::size_t>(report.order)].name);
+  if (report.orders.empty()) return text + "\n";
+  std::vector<std::vector<std::string>> rows = {
+      {"order", "left-out data less likely by [nats]", "contradiction [px]", "floor [px]"}};
+  for (const calib::OrderTrial& trial : report.orders) {
+    rows.push_back({calib::kLensOrders[static_cast<std::size_t>(trial.order)].name,
+                    fmt::format("{:.1f}", trial.loss),
+                    fmt::format("{:.4f}", trial.contradiction_px),
+                    fmt::format("{:.4f}", trial.largest_floor_px)});
+  }
+  return text + ", by cross-validation\n" + AlignedTable(rows);
 }
 
 std::string Text(const calib::Calibration& result, const std::string& out) {
@@ -82,13 +106,13 @@ std::string Text(const calib::Calibration& result, const std::string& out) {
   for (const std::string& reason : result.rig.reasons) text += "  - " + reason + "\n";
   text += "\n" + CameraTable(result);
   text += fmt::format(
-      "  model-error floor {:.4f} px; chi-square per degree of freedom {:.3f} ({:.0f})\n\n",
-      result.rig.model_floor_px,
+      "  chi-square per degree of freedom {:.3f} ({:.0f}); survey's sigmas times {:.2f}\n\n",
       result.report.degrees_of_freedom > 0.0
           ? result.report.chi_square / result.report.degrees_of_freedom
           : 0.0,
-      result.report.degrees_of_freedom);
-  return text + HeldOutTable(result.rig) + WeakText(result) + fmt::format("\n-> {}\n", out);
+      result.report.degrees_of_freedom, result.report.survey_factor);
+  return text + HeldOutTable(result.rig) + OrderText(result.report) + WeakText(result) +
+         fmt::format("\n-> {}\n", out);
 }
 
 ordered_json Json(const calib::Calibration& result, const Arguments& arguments) {
@@ -110,19 +134,62 @@ ordered_json Json(const calib::Calibration& result, const Arguments& arguments) 
                                   {"terms_px", camera.terms_px},
                                   {"readings", fit.readings},
                                   {"gross", fit.gross},
+                                  {"floor_px", fit.floor_px},
                                   {"residual_rms_px", fit.residual_rms_px}});
   }
   for (const auto& [name, value] : result.rig.checks) summary["checks"][name] = value;
-  summary["prior_dominated"] = ordered_json::array();
-  for (const calib::WeakParameter& weak : result.report.weak) {
-    summary["prior_dominated"].push_back(
+  summary["lens_model"] = calib::kLensOrders[static_cast<std::size_t>(result.report.order)].name;
+  summary["survey_factor"] = result.report.survey_factor;
+  summary["orders"] = ordered_json::array();
+  for (const calib::OrderTrial& trial : result.report.orders) {
+    summary["orders"].push_back(
+        {{"name", calib::kLensOrders[static_cast<std::size_t>(trial.order)].name},
+         {"loss_nats", trial.loss},
+         {"contradiction_px", trial.contradiction_px},
+         {"held_out_rms", trial.held_out_rms},
+         {"floor_px", trial.largest_floor_px}});
+  }
+  summary["gross"] = ordered_json::array();
+  for (const calib::GrossFinding& finding : result.report.gross) {
+    ordered_json points = ordered_json::array();
+    for (const int i : finding.points) {
+      points.push_back(result.report.ids[static_cast<std::size_t>(i)]);
+    }
+    summary["gross"].push_back({{"kind", calib::Name(finding.kind)},
+                                {"points", points},
+                                {"size", finding.size},
+                                {"sure", finding.sure},
+                                {"text", finding.text}});
+    if (finding.camera >= 0) {
+      summary["gross"].back()["camera"] =
+          result.rig.cameras[static_cast<std::size_t>(finding.camera)].name;
+    }
+  }
+  summary["weak"] = ordered_json::array();
+  for (const calib::WeakDirection& weak : result.report.weak) {
+    summary["weak"].push_back(
         {{"camera", result.rig.cameras[static_cast<std::size_t>(weak.camera)].name},
-         {"parameter", weak.name},
+         {"direction", weak.name},
          {"unit", weak.unit},
          {"sigma", weak.sigma},
-         {"prior_sigma", weak.prior_sigma}});
+         {"by_prior", weak.by_prior},
+         {"point_rms", weak.point_rms},
+         {"harmless", weak.harmless},
+         {"advice", weak.advice}});
   }
+  summary["advice"] = result.report.advice;
   return summary;
+}
+
+int OrderOf(const std::string& name) {
+  if (name == "auto") return calib::kAutomaticOrder;
+  std::vector<std::string> known = {"auto"};
+  for (std::size_t k = 0; k < calib::kLensOrders.size(); ++k) {
+    if (name == calib::kLensOrders[k].name) return static_cast<int>(k);
+    known.emplace_back(calib::kLensOrders[k].name);
+  }
+  throw Error(fmt::format("there is no lens model \"{}\"", name), "--order",
+              "give one of " + JoinWords(known));
 }
 
 int RunCalibrate(const Common& common, const Arguments& arguments) {
@@ -131,6 +198,7 @@ int RunCalibrate(const Common& common, const Arguments& arguments) {
   provenance.options["folds"] = std::to_string(arguments.options.folds);
   provenance.options["e"] = fmt::format("{}", arguments.options.guess.e_mean);
   provenance.options["e_sigma"] = fmt::format("{}", arguments.options.guess.e_sigma);
+  provenance.options["order"] = arguments.order;
   provenance.seed = arguments.options.guess.seed;
 
   data::Survey survey = data::ReadSurvey(arguments.survey);
@@ -157,6 +225,10 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
                   "Parts of the survey that are held out in turn")
       ->capture_default_str()
       ->check(CLI::Range(2, 1000));
+  app->add_option("--order", arguments->order,
+                  "Terms of the lens model: auto (by cross-validation), pinhole, cubic, "
+                  "cubic-even, quintic, quintic-even, full")
+      ->capture_default_str();
   app->add_option("--e", arguments->options.guess.e_mean,
                   "What the distance between a lens' two centres is thought to be [m]")
       ->capture_default_str();
@@ -172,6 +244,7 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
             if (arguments->out.empty()) {
               arguments->out = DefaultOutput(arguments->survey, ".rig.h5");
             }
+            arguments->options.order = OrderOf(arguments->order);
             return RunCalibrate(common, *arguments);
           }};
 }

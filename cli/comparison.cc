@@ -9,8 +9,10 @@
 
 #include "base/error.h"
 #include "base/text.h"
+#include "cli/comparison_measures.h"
 #include "correlate/body_angle.h"
 #include "data/h5.h"
+#include "report/number.h"
 
 namespace unfurl::cli {
 
@@ -105,45 +107,6 @@ void FillSignals(const correlate::SampledModel& reference, Comparison* c) {
   }
 }
 
-void FillSpectra(const ComparisonOptions& options, Comparison* c) {
-  c->spectrum_from = options.from;
-  c->spectrum_to = options.to;
-  if (!(options.from < options.to)) {
-    // What vibrates freely: after the last latch; without latches, all.
-    c->spectrum_from = c->alignment.overlap_start;
-    c->spectrum_to = c->alignment.overlap_end;
-    for (const correlate::ModelEvent& e : c->latches) {
-      c->spectrum_from = std::max(c->spectrum_from, e.t + c->alignment.at.offset);
-    }
-  }
-  for (const ComparedSignal& s : c->signals) {
-    if (s.name.back() == 'z') continue;  // nothing moves there: its residuals tell all
-    const auto first = static_cast<std::size_t>(
-        std::lower_bound(s.t.begin(), s.t.end(), c->spectrum_from) - s.t.begin());
-    const auto last = static_cast<std::size_t>(
-        std::upper_bound(s.t.begin(), s.t.end(), c->spectrum_to) - s.t.begin());
-    if (last < first + 16) continue;
-    const auto stretch = correlate::LongestEvenStretch(std::span(s.t).subspan(first, last - first));
-    if (stretch.count < 16) continue;
-    const std::size_t from = first + stretch.first;
-    ComparedSpectrum out;
-    out.name = s.name;
-    out.measured = correlate::AmplitudeSpectrum(std::span(s.measured).subspan(from, stretch.count),
-                                                stretch.dt, s.unit);
-    out.reference = correlate::AmplitudeSpectrum(
-        std::span(s.reference).subspan(from, stretch.count), stretch.dt, s.unit);
-    out.measured_peaks = correlate::FindPeaks(out.measured);
-    out.reference_peaks = correlate::FindPeaks(out.reference);
-    out.pairs =
-        correlate::PairPeaks(out.measured_peaks, out.reference_peaks, out.measured.resolution);
-    if (!stretch.whole) {
-      out.note = fmt::format("{} of {} samples: the longest stretch without a gap", stretch.count,
-                             last - first);
-    }
-    c->spectra.push_back(std::move(out));
-  }
-}
-
 void Judge(Comparison* c) {
   const correlate::Alignment& a = c->alignment;
   const correlate::MarkError& all = c->errors.back();
@@ -174,7 +137,27 @@ void Judge(Comparison* c) {
   c->reasons.push_back(fmt::format(
       "The record's clock shows {} s when the reference's shows 0: found from {}, then together "
       "with the frame.",
-      WithError(a.at.offset, a.Sigma("time offset")), a.signal));
+      report::NumberWithError(a.at.offset, a.Sigma("time offset"), 6), a.signal));
+  if (a.drift != 0.0) {
+    c->reasons.push_back(fmt::format(
+        "The record's clock runs fast by {} parts in a million; that is taken out, about {:.3f} s.",
+        report::NumberWithError(1e6 * a.drift, 1e6 * a.Sigma("clock drift")), a.drift_pivot));
+  }
+  if (!c->scores.empty() && c->scores.back().rated) {
+    const ComparedScore& s = c->scores.back();
+    c->reasons.push_back(fmt::format(
+        "As histories they are {} by ISO/TS 18571 ({:.3f} of 1, mean of the marks); R squared is "
+        "{:.5f}.",
+        correlate::Name(s.rating.grade), s.rating.overall, s.score.r2));
+  }
+  std::size_t shared = 0;
+  for (const correlate::ModePair& p : c->mode_pairs) shared += p.a >= 0 && p.b >= 0 ? 1 : 0;
+  if (c->measured_modes.decay.Usable()) {
+    c->reasons.push_back(fmt::format(
+        "Its free decay holds {} modes, {} of which the reference has too (within 10% and alike in "
+        "shape).",
+        c->measured_modes.decay.modes.size(), shared));
+  }
   std::size_t pairs = 0, all_peaks = 0;
   double farthest = 0.0;
   for (const ComparedSpectrum& s : c->spectra) {
@@ -216,7 +199,9 @@ Comparison Compare(const std::string& record, const std::string& reference,
   c.reference = reference;
   const Loaded a = Load(record), b = Load(reference);
   ChooseMarks(a, b, options.marks, &c);
+  c.record_is_run = a.run.has_value();
   c.reference_is_run = b.run.has_value();
+  c.record_is_test = !c.record_is_run && c.reference_is_run;
   c.observations =
       a.run ? correlate::FromRun(*a.run, c.marks) : correlate::FromTracks(*a.tracks, c.marks);
   const correlate::SampledModel model =
@@ -233,30 +218,23 @@ Comparison Compare(const std::string& record, const std::string& reference,
 
 void CompareWith(const correlate::SampledModel& reference, const ComparisonOptions& options,
                  Comparison* c) {
-  c->alignment = correlate::Align(c->observations, reference);
+  correlate::AlignOptions how;
+  how.registration.fit_drift = options.clock_drift;
+  c->alignment = correlate::Align(c->observations, reference, how);
   if (!c->alignment.Usable()) {
     c->verdict = std::string("Not correlated: ") + correlate::Name(c->alignment.status) + ".";
     c->reasons.push_back(c->alignment.message + ".");
     return;
   }
+  c->observations = correlate::WithoutDrift(std::move(c->observations), c->alignment.drift,
+                                            c->alignment.drift_pivot);
   c->errors = correlate::Errors(c->observations, c->alignment.reference, c->alignment.at.offset,
                                 c->alignment.fit);
   FillSignals(reference, c);
+  FillScores(c);
   FillSpectra(options, c);
+  FillModes(c);
   Judge(c);
-}
-
-std::string WithError(double value, double sigma) {
-  if (!(sigma > 0.0) || !std::isfinite(sigma)) return fmt::format("{:.6g}", value);
-  const int digit = static_cast<int>(std::floor(std::log10(sigma)));
-  if (digit >= -6 && digit <= 3) {
-    const int places = std::max(0, 1 - digit);
-    return fmt::format("{:.{}f} ± {:.{}f}", value, places, sigma, places);
-  }
-  const int power = static_cast<int>(std::floor(std::log10(std::max(std::abs(value), sigma))));
-  const double unit = std::pow(10.0, power);
-  const int places = std::max(0, power - digit + 1);
-  return fmt::format("({:.{}f} ± {:.{}f})e{}", value / unit, places, sigma / unit, places, power);
 }
 
 }  // namespace unfurl::cli

@@ -5,9 +5,12 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
-#include "cli/comparison.h"
+#include "base/text.h"
+#include "cli/comparison_json.h"
+#include "cli/paper_figures.h"
 #include "cli/verb.h"
 #include "data/atomic_file.h"
+#include "report/number.h"
 
 namespace unfurl::cli {
 
@@ -16,65 +19,9 @@ namespace {
 using nlohmann::ordered_json;
 
 struct Settings {
-  std::string record, reference, output, report;
+  std::string record, reference, output, report, figures, window = "hann";
   ComparisonOptions options;
 };
-
-ordered_json PeakJson(const std::vector<correlate::Peak>& peaks, int index) {
-  if (index < 0) return nullptr;
-  const correlate::Peak& p = peaks[static_cast<std::size_t>(index)];
-  return {{"frequency", p.frequency}, {"amplitude", p.amplitude}};
-}
-
-ordered_json Json(const Comparison& c) {
-  const correlate::Alignment& a = c.alignment;
-  ordered_json json = {{"record", c.record},
-                       {"reference", c.reference},
-                       {"status", correlate::Name(a.status)},
-                       {"verdict", c.verdict},
-                       {"reasons", c.reasons}};
-  if (!a.Usable()) return json;
-  json["marks"] = c.marks;
-  json["time_offset"] = {{"value", a.at.offset}, {"sigma", a.Sigma("time offset")}, {"unit", "s"}};
-  ordered_json rotation, translation;
-  for (Eigen::Index row = 0; row < 3; ++row) {
-    rotation.push_back(
-        {a.at.X_WM.linear()(row, 0), a.at.X_WM.linear()(row, 1), a.at.X_WM.linear()(row, 2)});
-    translation.push_back(a.at.X_WM.translation()(row));
-  }
-  json["frame"] = {{"rotation", rotation}, {"translation", translation}};
-  for (std::size_t i = 0; i < a.unknowns.size(); ++i) {
-    if (a.unknowns[i].rfind("frame", 0) == 0) {
-      json["frame"]["sigma"][a.unknowns[i]] = a.Sigma(a.unknowns[i]);
-    }
-  }
-  json["overlap"] = {a.overlap_start, a.overlap_end};
-  json["r2"] = a.r2;
-  json["chi2_per_dof"] = a.chi2_per_dof;
-  for (const correlate::MarkError& e : c.errors) {
-    json["errors"].push_back({{"mark", e.mark},
-                              {"samples", e.samples},
-                              {"rmse", e.rmse},
-                              {"rmse_in_plane", e.rmse_in_plane},
-                              {"rmse_across", e.rmse_across},
-                              {"bias_across", e.bias_across},
-                              {"largest", e.largest},
-                              {"largest_at", e.largest_at},
-                              {"sigmas", e.sigmas}});
-  }
-  for (const ComparedSpectrum& s : c.spectra) {
-    ordered_json peaks = ordered_json::array();
-    for (const correlate::PeakPair& p : s.pairs) {
-      peaks.push_back({{"measured", PeakJson(s.measured_peaks, p.a)},
-                       {"reference", PeakJson(s.reference_peaks, p.b)}});
-    }
-    json["spectra"].push_back({{"signal", s.name},
-                               {"convention", s.measured.convention},
-                               {"resolution", s.measured.resolution},
-                               {"peaks", peaks}});
-  }
-  return json;
-}
 
 std::string Text(const Comparison& c) {
   std::string text = c.verdict + "\n";
@@ -103,36 +50,89 @@ std::string Text(const Comparison& c) {
     }
     rows.push_back({s.name, list.empty() ? "none" : list});
   }
-  return text + AlignedTable(rows);
+  text += AlignedTable(rows);
+  rows = {{"", "NRMSE [%]", "R2", "Sprague-Geers", "Russell", "ISO/TS 18571", "grade"}};
+  for (const ComparedScore& v : c.scores) {
+    rows.push_back({v.name, fmt::format("{:.3g}", 100.0 * v.score.nrmse),
+                    fmt::format("{:.5f}", v.score.r2), fmt::format("{:.3g}", v.score.sprague_geers),
+                    fmt::format("{:.3g}", v.score.russell),
+                    v.rated ? fmt::format("{:.3f}", v.rating.overall) : "-",
+                    v.rated ? correlate::Name(v.rating.grade) : "-"});
+  }
+  text += AlignedTable(rows);
+  rows = {{"mode", "measured [Hz]", "damping [%]", "reference [Hz]", "damping [%]", "MAC"}};
+  for (const correlate::ModePair& p : c.mode_pairs) {
+    std::vector<std::string> row = {std::to_string(rows.size()), "-", "-", "-", "-", "-"};
+    auto fill = [&](const correlate::ModalFit& fit, int index, std::size_t column) {
+      if (index < 0) return;
+      const correlate::Mode& m = fit.decay.modes[static_cast<std::size_t>(index)];
+      row[column] = report::NumberWithError(m.frequency, m.frequency_sigma);
+      row[column + 1] = report::NumberWithError(100.0 * m.damping, 100.0 * m.damping_sigma);
+    };
+    fill(c.measured_modes, p.a, 1);
+    fill(c.reference_modes, p.b, 3);
+    if (p.a >= 0 && p.b >= 0) row[5] = fmt::format("{:.3f}", p.mac);
+    rows.push_back(std::move(row));
+  }
+  return rows.size() > 1 ? text + AlignedTable(rows) : text;
 }
 
-int CorrelateVerb(const Common& common, const Settings& s) {
+correlate::SpectralWindow WindowNamed(const std::string& name) {
+  using W = correlate::SpectralWindow;
+  const std::vector<std::pair<std::string, W>> all = {{"rectangular", W::kRectangular},
+                                                      {"hann", W::kHann},
+                                                      {"hamming", W::kHamming},
+                                                      {"blackman", W::kBlackman},
+                                                      {"blackman-harris", W::kBlackmanHarris},
+                                                      {"flat-top", W::kFlatTop}};
+  std::vector<std::string> names;
+  for (const auto& [known, window] : all) {
+    if (known == name) return window;
+    names.push_back(known);
+  }
+  throw Error("there is no window '" + name + "'", "--window", "it is one of " + JoinWords(names));
+}
+
+int CorrelateVerb(const Common& common, Settings& s) {
+  s.options.window = WindowNamed(s.window);
   const Comparison comparison = Compare(s.record, s.reference, s.options);
   data::Provenance provenance = StartProvenance(common);
   provenance.AddInput(s.record);
   provenance.AddInput(s.reference);
-  const ordered_json json = Json(comparison);
+  const ordered_json json = ComparisonJson(comparison);
   if (!s.output.empty()) data::WriteTextFile(s.output, json.dump(2) + "\n");
   if (!s.report.empty()) WriteComparisonPage(s.report, comparison, provenance);
-  Finish(common, json, Text(comparison));
+  std::string text = Text(comparison);
+  if (!s.figures.empty() && comparison.alignment.Usable()) {
+    text += WritePaperFigures(s.figures, comparison);
+  }
+  Finish(common, json, text);
   return comparison.alignment.Usable() ? kExitGood : kExitNotUsable;
 }
 
 }  // namespace
 
 Verb AddCorrelate(CLI::App& program, Common& common) {
-  CLI::App* app = DeclareVerb(program, common, "correlate",
-                              "Two records side by side: time and frame aligned, errors, spectra",
-                              "unfurl correlate tracks.h5 run.h5 --report correlate.html");
+  CLI::App* app =
+      DeclareVerb(program, common, "correlate",
+                  "Two records side by side: time and frame aligned, errors, spectra, modes",
+                  "unfurl correlate tracks.h5 run.h5 --report correlate.html");
   auto settings = std::make_shared<Settings>();
   app->add_option("A", settings->record, "A run, or tracks (.h5, .csv)")->required();
   app->add_option("B", settings->reference, "The reference: a run, or tracks")->required();
   app->add_option("-o,--output", settings->output, "The numbers as a file (JSON)");
   app->add_option("--report", settings->report, "A page to look at (HTML)");
+  app->add_option("--figures", settings->figures,
+                  "A folder for the paper's figures 15, 16 and 17 of this trial (SVG)");
   app->add_option("--marks", settings->options.marks, "Marks to compare (default: all in common)")
       ->delimiter(',');
   app->add_option("--from", settings->options.from, "Spectra from this time on A's clock [s]");
   app->add_option("--to", settings->options.to, "to this (default: after the last latch)");
+  app->add_option(
+      "--window", settings->window,
+      "Of the spectra: hann, rectangular, hamming, blackman, blackman-harris, flat-top");
+  app->add_flag("--clock-drift", settings->options.clock_drift,
+                "A's clock may run at another rate than B's: find by how much");
   return {app, [&common, settings] { return CorrelateVerb(common, *settings); }};
 }
 

@@ -5,6 +5,8 @@
 
 #include "base/text.h"
 #include "cli/comparison.h"
+#include "cli/comparison_panels.h"
+#include "report/number.h"
 #include "report/page.h"
 
 namespace unfurl::cli {
@@ -16,7 +18,6 @@ using report::Series;
 using report::Style;
 
 constexpr double kBand = 2.0;  // sigmas of the error band
-constexpr double kMilli = 1e3;
 
 std::vector<double> Scaled(const std::vector<double>& x, double factor) {
   std::vector<double> out(x);
@@ -37,15 +38,6 @@ std::vector<report::Marker> LatchMarkers(const Comparison& c) {
   return out;
 }
 
-const char* Other(const Comparison& c) { return c.reference_is_run ? "simulated" : "reference"; }
-
-const ComparedSignal* Find(const Comparison& c, const std::string& name) {
-  for (const ComparedSignal& s : c.signals) {
-    if (s.name == name) return &s;
-  }
-  return nullptr;
-}
-
 // Dots with a band for what was measured, a line for the reference.
 void AddBoth(const ComparedSignal& s, const std::string& of, const char* other, int color,
              Chart* chart) {
@@ -63,37 +55,11 @@ void AddMotion(const Comparison& c, report::Page* page) {
                                "{}. Drag to zoom; all charts of time follow.",
                                kBand, Other(c)));
   for (const ComparedSignal& s : c.signals) {
-    if (s.unit != "rad") continue;
-    Chart chart;
-    chart.title = "Turn of the body: " + s.name;
-    chart.note = "Two marks on one body give its angle.";
-    chart.y = {"angle", ShownUnit(s.unit), false};
-    AddBoth(s, "", Other(c), 0, &chart);
-    chart.markers = LatchMarkers(c);
-    page->AddTimeSeries(std::move(chart));
+    if (s.unit == "rad") page->AddTimeSeries(AngleChart(c, s));
   }
-  // The marks that move most come first.
-  std::vector<std::pair<double, std::string>> order;
-  for (const std::string& mark : c.marks) {
-    double range = 0.0;
-    for (const char* axis : {" x", " y"}) {
-      const ComparedSignal* s = Find(c, mark + axis);
-      if (s == nullptr || s->measured.empty()) continue;
-      const auto [low, high] = std::minmax_element(s->measured.begin(), s->measured.end());
-      range = std::max(range, *high - *low);
-    }
-    order.emplace_back(-range, mark);
-  }
-  std::stable_sort(order.begin(), order.end());
+  const std::vector<std::string> order = MarksByMotion(c);
   for (std::size_t i = 0; i < std::min<std::size_t>(order.size(), 2); ++i) {
-    Chart chart;
-    chart.title = order[i].second + ": where it is";
-    chart.y = {"position", "mm", false};
-    chart.height_px = 320;
-    if (const auto* s = Find(c, order[i].second + " x")) AddBoth(*s, " x", Other(c), 0, &chart);
-    if (const auto* s = Find(c, order[i].second + " y")) AddBoth(*s, " y", Other(c), 2, &chart);
-    chart.markers = LatchMarkers(c);
-    page->AddTimeSeries(std::move(chart));
+    page->AddTimeSeries(MarkChart(c, order[i]));
   }
 }
 
@@ -105,7 +71,7 @@ void AddPlane(const Comparison& c, report::Page* page) {
   paths.y = {"y", "m", false};
   int color = 0;
   for (const std::string& mark : c.marks) {
-    const ComparedSignal *x = Find(c, mark + " x"), *y = Find(c, mark + " y");
+    const ComparedSignal *x = FindSignal(c, mark + " x"), *y = FindSignal(c, mark + " y");
     if (x == nullptr || y == nullptr) continue;
     paths.paths.push_back(
         {mark + " " + Other(c), x->reference, y->reference, Style::kLine, color, true});
@@ -129,7 +95,7 @@ void AddResiduals(const Comparison& c, report::Page* page) {
     chart.height_px = 220;
     int color = 0;
     for (const char* axis : {" x", " y", " z"}) {
-      const ComparedSignal* s = Find(c, mark + axis);
+      const ComparedSignal* s = FindSignal(c, mark + axis);
       if (s == nullptr) continue;
       std::vector<double> left(s->t.size());
       for (std::size_t i = 0; i < left.size(); ++i) {
@@ -171,28 +137,7 @@ void AddSpectra(const Comparison& c, report::Page* page) {
     const bool angle = s.name.rfind("angle", 0) == 0;
     const double k = kMilli;
     const bool shown = angle || s.name.back() == 'y';
-    if (shown) {
-      Chart chart;
-      chart.title = "Spectrum of " + s.name;
-      chart.note = s.note;
-      chart.x = {"frequency", "Hz", false};
-      chart.y = {"amplitude", angle ? "mrad" : "mm", true};
-      auto curve = [&](const char* name, const correlate::Spectrum& of, Style style, int color) {
-        // The first bin holds what detrending left.
-        Series series{name, {}, {}, {}, style, color};
-        for (std::size_t i = 1; i < of.frequency.size(); ++i) {
-          series.x.push_back(of.frequency[i]);
-          series.y.push_back(k * of.amplitude[i]);
-        }
-        chart.series.push_back(std::move(series));
-      };
-      curve(Other(c), s.reference, Style::kLine, 1);
-      curve("measured", s.measured, Style::kLine, 0);
-      for (const correlate::Peak& p : s.measured_peaks) {
-        chart.markers.push_back({p.frequency, fmt::format("{:.2f} Hz", p.frequency), -1});
-      }
-      page->AddSpectrum(std::move(chart));
-    }
+    if (shown) page->AddSpectrum(SpectrumChart(c, s));
     for (const correlate::PeakPair& p : s.pairs) {
       std::string difference = "-";
       if (p.a >= 0 && p.b >= 0) {
@@ -230,12 +175,84 @@ void AddErrors(const Comparison& c, report::Page* page) {
 
 }  // namespace
 
+const ComparedSignal* FindSignal(const Comparison& c, const std::string& name) {
+  for (const ComparedSignal& s : c.signals) {
+    if (s.name == name) return &s;
+  }
+  return nullptr;
+}
+
+std::vector<std::string> MarksByMotion(const Comparison& c) {
+  std::vector<std::pair<double, std::string>> order;
+  for (const std::string& mark : c.marks) {
+    double range = 0.0;
+    for (const char* axis : {" x", " y"}) {
+      const ComparedSignal* s = FindSignal(c, mark + axis);
+      if (s == nullptr || s->measured.empty()) continue;
+      const auto [low, high] = std::minmax_element(s->measured.begin(), s->measured.end());
+      range = std::max(range, *high - *low);
+    }
+    order.emplace_back(-range, mark);
+  }
+  std::stable_sort(order.begin(), order.end());
+  std::vector<std::string> out;
+  for (const auto& [range, mark] : order) out.push_back(mark);
+  return out;
+}
+
+report::Chart AngleChart(const Comparison& c, const ComparedSignal& s) {
+  Chart chart;
+  chart.title = "Turn of the body: " + s.name;
+  chart.note = "Two marks on one body give its angle.";
+  chart.y = {"angle", ShownUnit(s.unit), false};
+  AddBoth(s, "", Other(c), 0, &chart);
+  chart.markers = LatchMarkers(c);
+  return chart;
+}
+
+report::Chart MarkChart(const Comparison& c, const std::string& mark) {
+  Chart chart;
+  chart.title = mark + ": where it is";
+  chart.y = {"position", "mm", false};
+  chart.height_px = 320;
+  if (const auto* s = FindSignal(c, mark + " x")) AddBoth(*s, " x", Other(c), 0, &chart);
+  if (const auto* s = FindSignal(c, mark + " y")) AddBoth(*s, " y", Other(c), 2, &chart);
+  chart.markers = LatchMarkers(c);
+  return chart;
+}
+
+report::Chart SpectrumChart(const Comparison& c, const ComparedSpectrum& s) {
+  Chart chart;
+  chart.title = "Spectrum of " + s.name;
+  chart.note = s.note;
+  chart.x = {"frequency", "Hz", false};
+  chart.y = {"amplitude", s.name.rfind("angle", 0) == 0 ? "mrad" : "mm", true};
+  auto curve = [&](const char* name, const correlate::Spectrum& of, Style style, int color) {
+    // The first bin holds what detrending left.
+    Series series{name, {}, {}, {}, style, color};
+    for (std::size_t i = 1; i < of.frequency.size(); ++i) {
+      series.x.push_back(of.frequency[i]);
+      series.y.push_back(kMilli * of.amplitude[i]);
+    }
+    chart.series.push_back(std::move(series));
+  };
+  curve(Other(c), s.reference, Style::kLine, 1);
+  curve("measured", s.measured, Style::kLine, 0);
+  for (const correlate::Peak& p : s.measured_peaks) {
+    chart.markers.push_back({p.frequency, fmt::format("{:.2f} Hz", p.frequency), -1});
+  }
+  return chart;
+}
+
 void AddComparisonPanels(const Comparison& c, report::Page* page) {
   AddMotion(c, page);
   AddPlane(c, page);
   AddResiduals(c, page);
   AddErrors(c, page);
+  AddScorePanels(c, page);
   AddSpectra(c, page);
+  AddDensityPanels(c, page);
+  AddModePanels(c, page);
 }
 
 void WriteComparisonPage(const std::string& path, const Comparison& c,
@@ -252,7 +269,7 @@ void WriteComparisonPage(const std::string& path, const Comparison& c,
         {{"distance, RMS", fmt::format("{:.3g} mm", kMilli * all.rmse),
           all.sigmas > 0.0 ? fmt::format("{:.3g} times the measurement's sigma", all.sigmas) : "",
           within ? report::Level::kGood : report::Level::kCare},
-         {"time offset", WithError(a.at.offset, a.Sigma("time offset")) + " s", "",
+         {"time offset", report::NumberWithError(a.at.offset, a.Sigma("time offset")) + " s", "",
           report::Level::kNeutral},
          {"across the plane, RMS", fmt::format("{:.3g} mm", kMilli * all.rmse_across),
           fmt::format("mean {:+.3f} mm", kMilli * all.bias_across), report::Level::kNeutral},

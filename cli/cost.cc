@@ -177,7 +177,8 @@ class CostVerb {
     }
     if (!arguments_.report.empty()) {
       data::Provenance provenance = StartProvenance(common_);
-      provenance.AddInput(arguments_.scene);
+      const data::Scene scene = data::ReadScene(arguments_.scene, arguments_.sets);
+      for (const std::string& file : scene.files) provenance.AddInput(file);
       WriteCostPage(arguments_.report, name, study, provenance);
       json["report"] = arguments_.report;
     }

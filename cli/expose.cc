@@ -73,9 +73,12 @@ std::size_t Outside(const Eigen::Matrix3Xd& p, const data::Lab& lab) {
 
 void CheckMarks(const data::Run& run, const Settings& s, const data::Lab& lab) {
   for (const std::string& slot : lab.strobe.slots) {
-    if (slot == data::kDarkSlot || run.Find(slot + ".x") >= 0) continue;
-    throw Error(fmt::format("holds no mark '{}', which a slot of {} lights", slot, s.lab), s.run,
-                fmt::format("its marks are {}; list those in strobe.slots", JoinWords(run.marks)));
+    for (const std::string& mark : data::MarksOfSlot(slot)) {
+      if (run.Find(mark + ".x") >= 0) continue;
+      throw Error(
+          fmt::format("holds no mark '{}', which a slot of {} lights", mark, s.lab), s.run,
+          fmt::format("its marks are {}; list those in strobe.slots", JoinWords(run.marks)));
+    }
   }
 }
 

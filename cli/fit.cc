@@ -20,6 +20,7 @@
 #include "data/fit.h"
 #include "data/study.h"
 #include "data/tracks.h"
+#include "report/number.h"
 
 namespace unfurl::cli {
 
@@ -93,9 +94,10 @@ void JudgeWhole(const correlate::FitResult& r, const std::vector<correlate::Para
   words[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(words[0])));
   record->verdict = words + ".";
   for (std::size_t j = 0; j < parameters.size(); ++j) {
-    record->reasons.push_back(fmt::format("{} = {} {}: {}", parameters[j].name,
-                                          WithError(r.parameters[j].value, r.parameters[j].sigma),
-                                          parameters[j].unit, r.parameters[j].reason));
+    record->reasons.push_back(
+        fmt::format("{} = {} {}: {}", parameters[j].name,
+                    report::NumberWithError(r.parameters[j].value, r.parameters[j].sigma),
+                    parameters[j].unit, r.parameters[j].reason));
   }
   record->reasons.push_back(fmt::format(
       "The residuals are {:.2f} times the marks' sigma{}.", std::sqrt(r.chi2_per_dof),
@@ -203,7 +205,7 @@ std::string Text(const data::FitRecord& record, double seconds) {
   text += AlignedTable(rows);
   for (const auto& n : record.nuisances) {
     if (n.name == "time offset") {
-      text += fmt::format("time offset {} s\n", WithError(n.value, n.sigma));
+      text += fmt::format("time offset {} s\n", report::NumberWithError(n.value, n.sigma));
     }
   }
   std::size_t failed = 0;

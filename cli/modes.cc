@@ -69,12 +69,20 @@ std::vector<Place> PlacesOf(const sim::Model& model) {
 // Displacement of a place: x, y [m], angle [rad].
 std::array<double, 3> Displacement(const sim::Model& model, const Place& place,
                                    const std::vector<double>& y, const std::vector<double>& shape) {
-  const int n = model.slots.count, s = place.point.slot;
-  const double theta = y[model.index.theta(s)], c = std::cos(theta), sn = std::sin(theta);
-  const double ox = c * place.point.px - sn * place.point.py;
-  const double oy = sn * place.point.px + c * place.point.py;
-  const double turn = shape[2 * n + s];
-  return {shape[s] - turn * oy, shape[n + s] + turn * ox, turn};
+  const int n = model.slots.count;
+  const auto of = [&](int slot, double px, double py) -> std::array<double, 3> {
+    const double theta = y[model.index.theta(slot)], c = std::cos(theta), s = std::sin(theta);
+    const double turn = shape[2 * n + slot];
+    return {shape[slot] - turn * (s * px + c * py), shape[n + slot] + turn * (c * px - s * py),
+            turn};
+  };
+  const sim::MovingPoint& p = place.point;
+  std::array<double, 3> d = of(p.slot, p.px, p.py);
+  if (p.other_slot >= 0) {  // where two segments meet: their mean
+    const std::array<double, 3> other = of(p.other_slot, p.other_px, 0.0);
+    for (int k = 0; k < 3; ++k) d[k] = 0.5 * (d[k] + other[k]);
+  }
+  return d;
 }
 
 void WriteShapes(const Arguments& arguments, data::Provenance provenance, const sim::Model& model,

@@ -17,14 +17,22 @@ constexpr std::size_t kFewest = 20;  // samples for six frame numbers, an offset
 struct Refined {
   RegistrationFit fit;
   Prediction reference;
+  double drift = 0.0;  // already out of the stamps that the fit was made with
   bool converged = false;
 };
 
-// Frame and offset together, the reference asked anew at each offset.
-Refined Refine(const Observations& a, const SampledModel& b, double offset,
+// Frame and offset together, the reference asked anew at each offset; with a drift also the record
+// is given its stamps anew.
+Refined Refine(const Observations& record, const SampledModel& b, double offset, double drift,
                const AlignOptions& options) {
   constexpr int kMaxRounds = 30;
+  const bool drifts = options.registration.fit_drift;
+  const double pivot = options.registration.drift_pivot;
   Refined out;
+  out.drift = drift;
+  Observations restamped;
+  if (drifts) restamped = WithoutDrift(record, drift, pivot);
+  const Observations& a = drifts ? restamped : record;
   out.reference = b.Evaluate({}, a.StampsAt(offset));
   Registration start = StartingFrame(a, out.reference, offset);
   RegistrationOptions one = options.registration;
@@ -34,19 +42,31 @@ Refined Refine(const Observations& a, const SampledModel& b, double offset,
     out.fit = FitRegistration(a, out.reference, offset, start, one);
     start = out.fit.at;
     if (out.fit.known < kFewest) return out;
+    double turned = 0.0;  // standard errors by which the drift still moved
+    if (drifts) {
+      turned = std::abs(start.drift) / out.fit.sigma(options.registration.fit_frame ? 7 : 1);
+      out.drift = (1.0 + out.drift) / (1.0 - start.drift) - 1.0;
+      restamped = WithoutDrift(record, out.drift, pivot);
+      start.drift = 0.0;
+    }
     const Eigen::Index time = options.registration.fit_frame ? 6 : 0;
     const double sigma = options.registration.fit_offset ? out.fit.sigma(time) : 1.0;
     const double moved = std::abs(out.fit.at.offset - offset);
     offset = out.fit.at.offset;
     out.reference = b.Evaluate({}, a.StampsAt(offset));
     // Without sigmas the unit weight is 1 m: then 10 ns decide.
-    if (round > 0 && moved <= (a.has_sigma ? 1e-3 * sigma : 1e-8)) {
+    if (round > 0 && moved <= (a.has_sigma ? 1e-3 * sigma : 1e-8) &&
+        (!a.has_sigma || turned <= 1e-3)) {
       out.converged = true;
       break;
     }
   }
   one.max_iterations = options.registration.max_iterations;
   out.fit = FitRegistration(a, out.reference, offset, start, one);
+  if (drifts) {  // a thousandth of a standard error, which the stamps need not follow
+    out.drift = (1.0 + out.drift) / (1.0 - out.fit.at.drift) - 1.0;
+    out.fit.at.drift = 0.0;
+  }
   return out;
 }
 
@@ -85,7 +105,10 @@ Observations Loosened(Observations a, double variance) {
 // show is added to the marks' own until it changes no more. Gives that variance [m^2].
 double RefineWithMisfit(const Observations& a, const SampledModel& b, const AlignOptions& options,
                         Refined* best) {
-  constexpr double kFits = 4.0;  // squared residuals in sigmas, above which the reference does not
+  // Residuals of twice their sigma. With a right model the mean square of thousands of them is 1
+  // within a few hundredths, so this is no chance; but covariances may be wrong by some tens of per
+  // cent without the reference being to blame, and then the weights they give are still the best.
+  constexpr double kFits = 4.0;
   constexpr int kRounds = 6;
   double variance = 0.0;
   if (!a.has_sigma) return variance;
@@ -93,9 +116,11 @@ double RefineWithMisfit(const Observations& a, const SampledModel& b, const Alig
     const double samples = 3.0 * static_cast<double>(best->fit.known);
     if (round == 0 && best->fit.SumOfSquares() < kFits * samples) break;
     const double before = variance;
-    variance = Squares(a, *best).first / samples;
+    variance =
+        Squares(WithoutDrift(a, best->drift, options.registration.drift_pivot), *best).first /
+        samples;
     if (round > 0 && std::abs(variance - before) < 0.01 * variance) break;
-    *best = Refine(Loosened(a, variance), b, best->fit.at.offset, options);
+    *best = Refine(Loosened(a, variance), b, best->fit.at.offset, best->drift, options);
   }
   return variance;
 }
@@ -140,17 +165,19 @@ double Alignment::Sigma(const std::string& unknown) const {
   return 0.0;
 }
 
-Alignment Align(const Observations& a, const SampledModel& b, const AlignOptions& options) {
+Alignment Align(const Observations& record, const SampledModel& b, const AlignOptions& asked) {
   Alignment out;
+  AlignOptions options = asked;
+  if (record.size() > 0) options.registration.drift_pivot = 0.5 * (record.Start() + record.End());
   std::vector<std::string> marks;
-  for (const MarkSeries& m : a.marks) marks.push_back(m.name);
-  const OffsetSearch search = FindOffset(SampledModel(a), b, marks, options.search);
+  for (const MarkSeries& m : record.marks) marks.push_back(m.name);
+  const OffsetSearch search = FindOffset(SampledModel(record), b, marks, options.search);
   out.signal = search.signal;
   if (search.candidates.empty()) {
     out.message = fmt::format(
         "no time offset leaves enough in common: {} samples against {}, at least {:.0f}% of the "
         "shorter record must overlap and move",
-        a.size(), b.samples().size(), 100.0 * options.search.min_overlap);
+        record.size(), b.samples().size(), 100.0 * options.search.min_overlap);
     return out;
   }
   out.correlation = search.candidates.front().correlation;
@@ -167,7 +194,7 @@ Alignment Align(const Observations& a, const SampledModel& b, const AlignOptions
   Refined best;
   for (const OffsetCandidate& candidate : search.candidates) {
     if (candidate.correlation < options.min_correlation) continue;
-    Refined refined = Refine(a, b, candidate.offset, options);
+    Refined refined = Refine(record, b, candidate.offset, 0.0, options);
     if (refined.fit.known < kFewest) continue;
     auto per_sample = [](const Refined& r) {
       return r.fit.SumOfSquares() / static_cast<double>(r.fit.known);
@@ -182,7 +209,10 @@ Alignment Align(const Observations& a, const SampledModel& b, const AlignOptions
     out.message = fmt::format("fewer than {} samples have a counterpart in the reference", kFewest);
     return out;
   }
-  const double variance = RefineWithMisfit(a, b, options, &best);
+  const double variance = RefineWithMisfit(record, b, options, &best);
+  out.drift = best.drift;
+  out.drift_pivot = options.registration.drift_pivot;
+  const Observations a = WithoutDrift(record, out.drift, out.drift_pivot);
   out.misfit = std::sqrt(variance);
   const auto [left, motion] = Squares(a, best);
   out.fit = std::move(best.fit);

@@ -21,9 +21,9 @@ const char* Name(AlignStatus status);
 
 struct AlignOptions {
   OffsetOptions search;
-  double min_correlation = 0.5;  // of the frame-independent signals at the best offset, (0, 1)
-  double min_r2 = 0.5;           // of the aligned positions: below, the records share nothing
-  RegistrationOptions registration;
+  double min_correlation = 0.5;      // of the frame-independent signals at the best offset, (0, 1)
+  double min_r2 = 0.5;               // of the aligned positions: below, the records share nothing
+  RegistrationOptions registration;  // its drift_pivot is set to the record's middle
 };
 
 // Time offset and rigid frame of `a` (in W) with respect to `b` (in M).
@@ -33,6 +33,10 @@ struct Alignment {
   bool Usable() const { return status == AlignStatus::kGood; }
 
   Registration at;
+  // By how much the record's clock runs fast [-] and the stamp at which that has no effect [s].
+  // With a drift, everything below belongs to the record WithoutDrift(record, drift, pivot), and
+  // the offset is that at the pivot.
+  double drift = 0.0, drift_pivot = 0.0;
   std::vector<std::string> unknowns;  // of `covariance`, see NuisanceNames
   Eigen::MatrixXd covariance;         // inflated for what the residuals' correlation shows
   Eigen::VectorXd white_sigma;        // what it would be were the residuals white [rad, m, s]

@@ -171,4 +171,11 @@ Observations Cut(const Observations& all, const Window& window) {
   return out;
 }
 
+Observations WithoutDrift(Observations record, double drift, double pivot) {
+  for (MarkSeries& series : record.marks) {
+    for (double& t : series.t) t = pivot + (t - pivot) / (1.0 + drift);
+  }
+  return record;
+}
+
 }  // namespace unfurl::correlate

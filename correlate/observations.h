@@ -56,6 +56,10 @@ Observations FromRun(const data::Run& run, const std::vector<std::string>& marks
 // The part of `all` within the window.
 Observations Cut(const Observations& all, const Window& window);
 
+// The same samples by a clock that runs at the model's rate: t becomes pivot + (t - pivot) / (1 +
+// drift), `drift` being by how much the record's clock runs fast [-].
+Observations WithoutDrift(Observations record, double drift, double pivot);
+
 // 6 entries to the symmetric matrix.
 Eigen::Matrix3d Symmetric(const Eigen::Matrix<double, 6, 1>& c);
 

@@ -91,6 +91,7 @@ std::vector<std::string> NuisanceNames(const RegistrationOptions& options, int s
              "frame shift along x",    "frame shift along y",    "frame shift along z"};
   }
   if (options.fit_offset) names.push_back("time offset");
+  if (options.fit_drift) names.push_back("clock drift");
   for (int i = 0; i < shared_rank; ++i) names.push_back(fmt::format("calibration draw {}", i + 1));
   return names;
 }
@@ -129,7 +130,8 @@ RegistrationFit FitRegistration(const Observations& observations, const Predicti
   const auto unknowns = static_cast<Eigen::Index>(names.size());
   const Eigen::Index frame = 0;
   const Eigen::Index time = options.fit_frame ? 6 : 0;
-  const Eigen::Index draw = time + (options.fit_offset ? 1 : 0);
+  const Eigen::Index rate = time + (options.fit_offset ? 1 : 0);
+  const Eigen::Index draw = rate + (options.fit_drift ? 1 : 0);
   const auto samples = static_cast<Eigen::Index>(observations.size());
   const Eigen::Index rows = 3 * samples + k;
 
@@ -168,7 +170,9 @@ RegistrationFit FitRegistration(const Observations& observations, const Predicti
           continue;
         }
         const Eigen::Matrix3d& W = whitener[static_cast<std::size_t>(row / 3)];
-        const Eigen::Vector3d y = motion.p.col(i) - ahead * motion.v.col(i);
+        const double from_pivot = series.t[static_cast<std::size_t>(i)] - options.drift_pivot;
+        const Eigen::Vector3d y =
+            motion.p.col(i) - (ahead + fit.at.drift * from_pivot) * motion.v.col(i);
         Eigen::Vector3d e = series.p.col(i) - fit.at.X_WM * y;
         if (k > 0) e -= series.shared.middleCols(i * k, k) * fit.at.z;
         fit.residual.segment<3>(row) = W * e;
@@ -179,6 +183,9 @@ RegistrationFit FitRegistration(const Observations& observations, const Predicti
           fit.jacobian.block<3, 3>(row, frame + 3) = -W;
         }
         if (options.fit_offset) fit.jacobian.block<3, 1>(row, time) = W * (R * motion.v.col(i));
+        if (options.fit_drift) {
+          fit.jacobian.block<3, 1>(row, rate) = W * (R * motion.v.col(i)) * from_pivot;
+        }
         if (k > 0) {
           fit.jacobian.block(row, draw, 3, k).noalias() = -W * series.shared.middleCols(i * k, k);
         }
@@ -203,6 +210,7 @@ RegistrationFit FitRegistration(const Observations& observations, const Predicti
       fit.at.X_WM.translation() = centre - fit.at.X_WM.linear() * fit.centroid_M;
     }
     if (options.fit_offset) fit.at.offset += step(time);
+    if (options.fit_drift) fit.at.drift += step(rate);
     fit.at.z += step.tail(k);
     bool small = true;
     for (Eigen::Index i = 0; i < unknowns; ++i) {

@@ -15,19 +15,22 @@ namespace unfurl::correlate {
 struct Registration {
   Pose X_WM = Pose::Identity();  // from the model's frame M to the record's frame W
   double offset = 0.0;           // what the record's clock shows when the model's shows 0 [s]
-  Eigen::VectorXd z;             // k, prior N(0, I)
+  double drift = 0.0;  // by which the record's clock runs fast, beyond the stamps given [-]
+  Eigen::VectorXd z;   // k, prior N(0, I)
 };
 
 struct RegistrationOptions {
   bool fit_frame = true;
   bool fit_offset = true;
+  bool fit_drift = false;    // asks for fit_offset too
+  double drift_pivot = 0.0;  // stamp at which the drift has no effect [s]
   int max_iterations = 30;
   double tolerance = 1e-5;  // ends when no unknown moves by more than this part of its sigma
 };
 
 // Nuisance unknowns in the order of the columns below: rotation w (3, X_WM <- Exp(w) about the
-// centroid of the predicted marks) [rad], shift of that centroid in W (3) [m], offset [s], z (k).
-// Those that are not fitted have no column.
+// centroid of the predicted marks) [rad], shift of that centroid in W (3) [m], offset [s], drift
+// [-], z (k). Those that are not fitted have no column.
 std::vector<std::string> NuisanceNames(const RegistrationOptions& options, int shared_rank);
 
 // Weighted least squares of  p_i = X_WM y(t_i - offset) + F_i z + random_i  by Gauss-Newton, with

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "base/error.h"
 #include "base/statistics.h"
@@ -12,8 +11,6 @@
 #include "correlate/sampled_model.h"
 
 namespace unfurl::correlate {
-
-namespace {
 
 std::vector<double> Detrended(std::span<const double> x, Detrend how) {
   std::vector<double> out(x.begin(), x.end());
@@ -34,7 +31,17 @@ std::vector<double> Detrended(std::span<const double> x, Detrend how) {
   return out;
 }
 
-}  // namespace
+const char* Name(Detrend how) {
+  switch (how) {
+    case Detrend::kNone:
+      return "no trend taken out";
+    case Detrend::kMean:
+      return "the mean taken out";
+    case Detrend::kLine:
+      return "a straight line taken out";
+  }
+  return "";
+}
 
 Spectrum AmplitudeSpectrum(std::span<const double> x, double dt, const std::string& unit,
                            const SpectrumOptions& options) {
@@ -45,15 +52,11 @@ Spectrum AmplitudeSpectrum(std::span<const double> x, double dt, const std::stri
   }
   std::vector<double> y = Detrended(x, options.detrend);
   double sum = 0.0, square = 0.0;
+  const std::vector<double> window = WindowValues(options.window, n);
   for (std::size_t i = 0; i < n; ++i) {
-    // The periodic form: its transform has three non-zero bins exactly.
-    const double w = options.window == SpectralWindow::kHann
-                         ? 0.5 - 0.5 * std::cos(2.0 * std::numbers::pi * static_cast<double>(i) /
-                                                static_cast<double>(n))
-                         : 1.0;
-    y[i] *= w;
-    sum += w;
-    square += w * w;
+    y[i] *= window[i];
+    sum += window[i];
+    square += window[i] * window[i];
   }
   const auto X = RealFft(y);
   Spectrum out;
@@ -66,18 +69,15 @@ Spectrum AmplitudeSpectrum(std::span<const double> x, double dt, const std::stri
     // Bins with a mirror image at a negative frequency carry both; 0 and Nyquist have none.
     const bool alone = k == 0 || (n % 2 == 0 && k == n / 2);
     out.frequency.push_back(static_cast<double>(k) * out.resolution);
-    out.amplitude.push_back((alone ? 1.0 : 2.0) * std::abs(X[k]) / sum);
+    out.value.push_back((alone ? 1.0 : 2.0) / sum * X[k]);
+    out.amplitude.push_back(std::abs(out.value.back()));
   }
-  const char* window =
-      options.window == SpectralWindow::kHann ? "Hann window" : "rectangular window";
-  const char* trend = options.detrend == Detrend::kLine   ? "a straight line taken out"
-                      : options.detrend == Detrend::kMean ? "the mean taken out"
-                                                          : "no trend taken out";
   out.convention = fmt::format(
       "single-sided amplitude in {} (a sine of amplitude A shows as A); {} samples every {:.4g} s, "
-      "{}, {} with its gain of {:.3g} divided out; bins {:.4g} Hz apart, noise bandwidth {:.4g} Hz",
-      unit, n, dt, trend, window, sum / static_cast<double>(n), out.resolution,
-      out.noise_bandwidth);
+      "{}, {} window with its gain of {:.3g} divided out; bins {:.4g} Hz apart, noise bandwidth "
+      "{:.4g} Hz",
+      unit, n, dt, Name(options.detrend), Name(options.window), sum / static_cast<double>(n),
+      out.resolution, out.noise_bandwidth);
   return out;
 }
 
@@ -98,20 +98,11 @@ std::vector<Peak> FindPeaks(const Spectrum& s, const PeakOptions& options) {
     // The larger neighbour tells where between the bins the sine lies.
     const bool up = s.amplitude[k + 1] >= s.amplitude[k - 1];
     const double ratio = (up ? s.amplitude[k + 1] : s.amplitude[k - 1]) / c;
-    double delta, gain;
-    if (s.window == SpectralWindow::kHann) {
-      delta = std::clamp((2.0 * ratio - 1.0) / (ratio + 1.0), 0.0, 0.5);
-      const double a = std::numbers::pi * delta;
-      gain = delta < 1e-9 ? 1.0 : std::sin(a) / (a * (1.0 - delta * delta));
-    } else {
-      delta = std::clamp(ratio / (1.0 + ratio), 0.0, 0.5);
-      const double a = std::numbers::pi * delta;
-      gain = delta < 1e-9 ? 1.0 : std::sin(a) / a;
-    }
+    const double delta = BinOffset(s.window, ratio);
     Peak peak;
     peak.bin = k;
     peak.frequency = (static_cast<double>(k) + (up ? delta : -delta)) * s.resolution;
-    peak.amplitude = c / gain;
+    peak.amplitude = c / WindowResponse(s.window, delta);
     largest = std::max(largest, peak.amplitude);
     peaks.push_back(peak);
   }
@@ -157,24 +148,28 @@ std::vector<PeakPair> PairPeaks(const std::vector<Peak>& a, const std::vector<Pe
   return out;
 }
 
+std::vector<EvenStretch> EvenStretches(std::span<const double> t) {
+  std::vector<EvenStretch> out;
+  const double dt = MedianStep(t);
+  std::size_t first = 0;
+  for (std::size_t i = 1; i <= t.size() && !t.empty(); ++i) {
+    const bool even = i < t.size() && std::abs(t[i] - t[i - 1] - dt) <= 0.01 * dt;
+    if (even) continue;
+    EvenStretch s{first, i - first, dt, i - first == t.size()};
+    if (s.count > 1) {  // the mean step within it, free of the jitter of single stamps
+      s.dt = (t[i - 1] - t[first]) / static_cast<double>(s.count - 1);
+    }
+    out.push_back(s);
+    first = i;
+  }
+  return out;
+}
+
 EvenStretch LongestEvenStretch(std::span<const double> t) {
   EvenStretch best;
   best.dt = MedianStep(t);
-  if (t.empty()) return best;
-  std::size_t first = 0;
-  for (std::size_t i = 1; i <= t.size(); ++i) {
-    const bool even = i < t.size() && std::abs(t[i] - t[i - 1] - best.dt) <= 0.01 * best.dt;
-    if (even) continue;
-    if (i - first > best.count) {
-      best.first = first;
-      best.count = i - first;
-    }
-    first = i;
-  }
-  best.whole = best.count == t.size();
-  if (best.count > 1) {  // the mean step within it, free of the jitter of single stamps
-    best.dt =
-        (t[best.first + best.count - 1] - t[best.first]) / static_cast<double>(best.count - 1);
+  for (const EvenStretch& s : EvenStretches(t)) {
+    if (s.count > best.count) best = s;
   }
   return best;
 }

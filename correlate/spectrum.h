@@ -1,12 +1,14 @@
 #pragma once
 
+#include <complex>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "correlate/window.h"
+
 namespace unfurl::correlate {
 
-enum class SpectralWindow { kRectangular, kHann };
 enum class Detrend { kNone, kMean, kLine };
 
 struct SpectrumOptions {
@@ -19,6 +21,7 @@ struct SpectrumOptions {
 struct Spectrum {
   std::vector<double> frequency;  // n/2 + 1 bins, k / (n dt) [Hz]
   std::vector<double> amplitude;  // in the unit of the signal
+  std::vector<std::complex<double>> value;  // the same with its phase at the first sample
   double resolution = 0.0;        // spacing of the bins, 1 / (n dt) [Hz]
   double noise_bandwidth = 0.0;   // of the window [Hz]; 1 bin for the rectangular one
   double dt = 0.0;                // [s]
@@ -30,6 +33,10 @@ struct Spectrum {
 // `x` evenly spaced by `dt`; `unit` goes into the words. At least 8 samples, or throws Error.
 Spectrum AmplitudeSpectrum(std::span<const double> x, double dt, const std::string& unit,
                            const SpectrumOptions& options = {});
+
+// `x` less its mean or its straight line, by least squares.
+std::vector<double> Detrended(std::span<const double> x, Detrend how);
+const char* Name(Detrend how);  // "a straight line taken out"
 
 // A sine's frequency between two bins, from the ratio of its two highest ones; exact for one pure
 // sine far from 0 and from the Nyquist frequency.
@@ -64,5 +71,7 @@ struct EvenStretch {
   bool whole = false;  // true: there is no gap at all
 };
 EvenStretch LongestEvenStretch(std::span<const double> t);
+// All of them, in order of time; of one sample each where no step is like the median.
+std::vector<EvenStretch> EvenStretches(std::span<const double> t);
 
 }  // namespace unfurl::correlate

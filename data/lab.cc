@@ -67,15 +67,60 @@ LabSensor ReadSensor(const TomlTable& t) {
   s.dark_drift = t.NumberOr("dark_drift", 0.0, kNonNegative);
   s.dark_drift_period = t.NumberOr("dark_drift_period", 1.0, kPositive);
   s.blur = t.Number("blur", kPositive);
+  s.odd_gain = t.NumberOr("odd_gain", 0.0, {-0.5, 0.5});
+  s.odd_offset = t.NumberOr("odd_offset", 0.0, {-0.2 * s.full_well, 0.2 * s.full_well});
+  s.nonuniformity = t.NumberOr("nonuniformity", 0.0, {0.0, 0.2});
+  s.dark_nonuniformity = t.NumberOr("dark_nonuniformity", 0.0, kNonNegative);
+  s.blooming = t.NumberOr("blooming", 0.0, {0.0, 1.0});
+  s.residual = t.NumberOr("residual", 0.0, {0.0, 0.3});
   f.electrons_per_count = s.full_well / f.full_scale();
   f.read_noise_counts = s.read_noise / f.electrons_per_count;
   return s;
 }
 
+// A unit vector.
+Eigen::Vector3d Direction(const TomlTable& t, const char* key) {
+  const Eigen::Vector3d v = Vector(t, key);
+  if (v.norm() < 1e-9) t.Fail(key, "is no direction", "give a vector that is not zero");
+  return v.normalized();
+}
+
 LabLed ReadLed(const TomlTable& t) {
-  return {.peak = t.Number("peak", kPositive),
-          .flash = t.Number("flash", kPositive),
-          .survey_flash = t.Number("survey_flash", kPositive)};
+  LabLed led{.peak = t.Number("peak", kPositive),
+             .flash = t.Number("flash", kPositive),
+             .survey_flash = t.Number("survey_flash", kPositive)};
+  // A cosine to some power is half somewhere short of a right angle.
+  led.half_angle = t.NumberOr("half_angle", 0.0, {0.0, 1.55});
+  if (t.Has("axis")) led.axis = Direction(t, "axis");
+  return led;
+}
+
+LabAmbient ReadAmbient(const TomlTable& t) {
+  return {.level = t.Number("level", kNonNegative),
+          .slope = t.NumberOr("slope", 0.0, {-1.0, 1.0}),
+          .flicker = t.NumberOr("flicker", 0.0, {0.0, 1.0}),
+          .frequency = t.NumberOr("frequency", 100.0, kPositive)};
+}
+
+LabLamp ReadLamp(const TomlTable& t) {
+  return {.position = Vector(t, "position"),
+          .brightness = t.Number("brightness", kPositive),
+          .flicker = t.NumberOr("flicker", 0.0, {0.0, 1.0}),
+          .frequency = t.NumberOr("frequency", 100.0, kPositive)};
+}
+
+LabDisc ReadDisc(const TomlTable& t) {
+  return {.centre = Vector(t, "centre"),
+          .normal = Direction(t, "normal"),
+          .radius = t.Number("radius", kPositive)};
+}
+
+LabOccluder ReadOccluder(const TomlTable& t) {
+  constexpr double kEver = 1e9;  // [s]
+  LabOccluder o{
+      .disc = ReadDisc(t), .from = t.NumberOr("from", -kEver), .until = t.NumberOr("until", kEver)};
+  if (o.until < o.from) t.Fail("until", "lies before `from`", "give a later time");
+  return o;
 }
 
 LabStrobe ReadStrobe(const TomlTable& t, const LabLed& led) {
@@ -146,6 +191,18 @@ Lab ReadLab(const std::string& path, const std::vector<std::string>& overrides) 
   lab.model.yaw = model.Number("yaw");
   lab.model.tilt = Pair(model, "tilt");
   lab.survey.sigma = root.Table("survey").Number("sigma", kPositive);
+  if (const auto flat = root.TableOrNone("flat_field")) {
+    lab.flat_field.lines = flat->Integer("lines", 1, 100000);
+    lab.flat_field.level = flat->Number("level", {0.01, 0.95});
+  }
+  if (const auto ambient = root.TableOrNone("ambient")) lab.ambient = ReadAmbient(*ambient);
+  for (const auto& [name, table] : root.NamedTables("lamp")) lab.lamps.push_back(ReadLamp(table));
+  for (const auto& [name, table] : root.NamedTables("reflection")) {
+    lab.reflections.push_back({ReadDisc(table), table.Number("reflectance", {0.0, 1.0})});
+  }
+  for (const auto& [name, table] : root.NamedTables("occluder")) {
+    lab.occluders.push_back(ReadOccluder(table));
+  }
   for (const auto& [name, table] : root.NamedTables("camera")) {
     lab.cameras.push_back(ReadCamera(name, table));
   }

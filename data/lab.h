@@ -40,6 +40,59 @@ struct LabSensor {
   double dark_drift = 0.0;       // amplitude of a slow sine of that offset [e-]
   double dark_drift_period = 1;  // [s]
   double blur = 0.0;             // sigma of diffraction and charge diffusion on the sensor [m]
+  // Odd and even elements come through two registers.
+  double odd_gain = 0.0;    // gain of odd active pixels over that of even ones, less one [-]
+  double odd_offset = 0.0;  // offset of odd elements above that of even ones [e-]
+  // Fixed patterns, drawn once per camera; each a standard deviation.
+  double nonuniformity = 0.0;       // of the pixels' response to light, relative [-]
+  double dark_nonuniformity = 0.0;  // of the pixels' offset [e-]
+  double blooming = 0.0;  // share of what a full pixel cannot hold that its neighbours get [-]
+  double residual = 0.0;  // share of a line's charge that is read with the next line [-]
+
+  bool has_pattern() const {
+    return odd_gain != 0.0 || odd_offset != 0.0 || nonuniformity > 0.0 || dark_nonuniformity > 0.0;
+  }
+};
+
+// A record of evenly lit lines from which the readings' flat field is made; 0 lines: none.
+struct LabFlatField {
+  int lines = 0;       // evenly lit, and as many dark
+  double level = 0.0;  // of the light over full scale [-]
+};
+
+// Light that falls on all pixels for the whole of a line, at the mains' pace.
+struct LabAmbient {
+  double level = 0.0;        // in the middle of the sensor [e-/s]; 0: none
+  double slope = 0.0;        // relative change from the middle to the last pixel [-]
+  double flicker = 0.0;      // amplitude over mean [-]
+  double frequency = 100.0;  // [Hz]
+};
+
+// [lamp.NAME]: a small steady or flickering light in view.
+struct LabLamp {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // in W [m]
+  double brightness = 0.0;   // light in a line over that of an LED's flash on its axis [-]
+  double flicker = 0.0;      // amplitude over mean [-]
+  double frequency = 100.0;  // [Hz]
+};
+
+// A flat disc in W.
+struct LabDisc {
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();  // [m]
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();
+  double radius = 0.0;  // [m]
+};
+
+// [reflection.NAME]: a mirror; an LED's image in it is a second spot.
+struct LabReflection {
+  LabDisc disc;
+  double reflectance = 0.0;  // [-]
+};
+
+// [occluder.NAME]: what stands in the way, for a while.
+struct LabOccluder {
+  LabDisc disc;
+  double from = 0.0, until = 0.0;  // by the recorder's clock [s]
 };
 
 struct LabLed {
@@ -47,6 +100,10 @@ struct LabLed {
                               // focus distance, with `flash` [-]
   double flash = 0.0;         // length of a strobe [s]
   double survey_flash = 0.0;  // exposure of one line of the survey, same LED [s]
+  // Intensity falls with the angle from the LED's axis as cos^m, to half at `half_angle` [rad]; 0:
+  // alike in all directions. The axis stands in M for the model's LEDs, in W for the survey's.
+  double half_angle = 0.0;
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();
 };
 
 struct LabStrobe {
@@ -98,6 +155,11 @@ struct Lab {
   LabMounting mounting;
   LabModelPlane model;
   LabSurvey survey;
+  LabFlatField flat_field;
+  LabAmbient ambient;
+  std::vector<LabLamp> lamps;
+  std::vector<LabReflection> reflections;
+  std::vector<LabOccluder> occluders;
   std::vector<LabCamera> cameras;
 };
 

@@ -55,4 +55,32 @@ LineFormat ReadLineFormat(const H5Reader& reader, const std::string& object, std
   return format;
 }
 
+void WriteResponse(H5Writer& writer, std::span<const float> response, std::size_t cameras,
+                   const LineFormat& format) {
+  if (response.empty()) return;
+  const std::vector<double> values(response.begin(), response.end());
+  writer.Write({"/response", "1", "flat field: response of each active pixel over the mean"},
+               values, {cameras, static_cast<std::size_t>(format.active)});
+}
+
+std::vector<float> ReadResponse(const H5Reader& reader, std::size_t cameras,
+                                const LineFormat& format) {
+  constexpr double kLowest = 0.05, kHighest = 20.0;  // beyond, a pixel is broken or the record is
+  if (!reader.Has("/response")) return {};
+  const std::vector<std::size_t> expected = {cameras, static_cast<std::size_t>(format.active)};
+  if (reader.Dims("/response") != expected) {
+    reader.Fail("does not hold one number per camera and active pixel", "/response",
+                "make the file again");
+  }
+  const std::vector<double> values = reader.ReadDoubles("/response");
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    if (!(values[i] >= kLowest && values[i] <= kHighest)) {
+      reader.Fail(fmt::format("the response of pixel {} of camera {} is {}", i % expected[1],
+                              i / expected[1], values[i]),
+                  "/response", "record the flat field again, evenly lit and not saturated");
+    }
+  }
+  return {values.begin(), values.end()};
+}
+
 }  // namespace unfurl::data

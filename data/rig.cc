@@ -87,8 +87,11 @@ void WriteRig(const std::string& path, const Rig& rig, const Provenance& provena
               "joint covariance of all cameras' parameters: 19 each, rotation, p_WC, f, u0, e, "
               "terms"},
              rig.covariance);
-  file.Write({"/model_floor", "px", "added in quadrature to each reading's sigma"},
+  file.Write({"/model_floor", "px", "the largest of the cameras' floors"},
              std::vector<double>{rig.model_floor_px});
+  std::vector<double> floors;
+  for (std::size_t j = 0; j < rig.cameras.size(); ++j) floors.push_back(FloorOf(rig, j));
+  file.Write({"/cameras/floor", "px", "added in quadrature to each reading's sigma"}, floors);
   const auto corner = [](const Eigen::Vector3d& p) {
     return std::vector<double>{p.x(), p.y(), p.z()};
   };
@@ -151,6 +154,13 @@ Rig ReadRig(const std::string& path) {
   CheckCovariance(file, rig.covariance);
   rig.model_floor_px = ReadNumber(file, "/model_floor", "px");
   if (rig.model_floor_px < 0.0) file.Fail("is negative", "/model_floor", "calibrate again");
+  if (file.Has("/cameras/floor")) {  // older files have one floor for all
+    const std::vector<double> floors = column("/cameras/floor", "px");
+    for (std::size_t j = 0; j < floors.size(); ++j) {
+      if (floors[j] < 0.0) file.Fail("is negative", "/cameras/floor", "calibrate again");
+      rig.cameras[j].floor_px = floors[j];
+    }
+  }
   const auto corner = [&](const char* dataset) {
     const std::vector<double> p = file.ReadDoubles(dataset, "m");
     if (p.size() != 3) file.Fail("is not three numbers", dataset, "calibrate again");

@@ -25,6 +25,9 @@ struct RigCamera {
   double u0_px = 0.0;                              // reading on the optical axis [px]
   double e = 0.0;                                  // distance between the two centres [m]
   std::array<double, 10> terms_px{};               // in the order of kCameraTerms [px]
+  // Its own model-error floor, added in quadrature to each reading's sigma [px]; negative: the
+  // rig's.
+  double floor_px = -1.0;
 };
 
 // Parameters of one camera, in this order, wherever a covariance or a Jacobian is laid out:
@@ -36,7 +39,7 @@ struct Rig {
   std::vector<RigCamera> cameras;  // c
   // Joint covariance of all cameras' parameters, 19 c x 19 c; zero rows for what was held fixed.
   Eigen::MatrixXd covariance;
-  double model_floor_px = 0.0;  // added in quadrature to each reading's sigma [px]
+  double model_floor_px = 0.0;  // the largest of the cameras' floors [px]
   // The box of the surveyed points, in W [m]: outside it the camera model extrapolates.
   Eigen::Vector3d volume_low = Eigen::Vector3d::Zero();
   Eigen::Vector3d volume_high = Eigen::Vector3d::Zero();
@@ -45,6 +48,12 @@ struct Rig {
   std::string verdict;               // "good", "usable with care", "do not use"
   std::vector<std::string> reasons;  // why
 };
+
+// What is added in quadrature to the sigma of a reading of that camera [px].
+inline double FloorOf(const Rig& rig, std::size_t camera) {
+  const double own = rig.cameras[camera].floor_px;
+  return own >= 0.0 ? own : rig.model_floor_px;
+}
 
 inline constexpr char kRigSchema[] = "unfurl/rig";
 inline constexpr int kRigVersion = 1;

@@ -181,6 +181,7 @@ Survey ReadH5(const std::string& path) {
     survey.dark.resize(survey.lit.size());
     file.ReadRows("/lit", 0, n, std::span<std::uint16_t>(survey.lit));
     file.ReadRows("/dark", 0, n, std::span<std::uint16_t>(survey.dark));
+    survey.response = ReadResponse(file, cameras, survey.format);
   }
   if (survey.u_px.size() == 0 && survey.lit.empty()) {
     file.Fail("holds neither readings nor lines", "/u", "make the file again");
@@ -219,6 +220,7 @@ void WriteSurvey(const std::string& path, const Survey& survey, const Provenance
     dark.Append(std::span<const std::uint16_t>(survey.dark));
     WriteLineFormat(file, "/lit", survey.format);
     WriteLineFormat(file, "/dark", survey.format);
+    WriteResponse(file, survey.response, survey.cameras.size(), survey.format);
   }
   file.Commit();
 }

@@ -25,6 +25,7 @@ struct Survey {
   LineFormat format;
   std::vector<std::uint16_t> lit;
   std::vector<std::uint16_t> dark;
+  std::vector<float> response;  // flat field, c x active [-]; empty: none was recorded
 
   std::size_t size() const { return id.size(); }
   bool has_lines() const { return !lit.empty(); }

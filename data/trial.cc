@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/text.h"
 #include "data/h5.h"
+#include "data/lab.h"
 #include "data/line_format_io.h"
 
 namespace unfurl::data {
@@ -14,6 +16,13 @@ void TrialBlock::Resize(std::size_t lines, const TrialHeader& header) {
   t.resize(lines);
   slot.resize(lines);
   counts.resize(lines * header.line_counts());
+}
+
+std::vector<std::string> MarksOfSlot(const std::string& slot) {
+  std::vector<std::string> marks;
+  if (slot == kDarkSlot) return marks;
+  for (const std::string& mark : Split(slot, '+')) marks.emplace_back(Trim(mark));
+  return marks;
 }
 
 struct TrialWriter::Impl {
@@ -44,6 +53,7 @@ TrialWriter::TrialWriter(const std::string& path, const TrialHeader& header,
                              kChunk, kDeflate);
   WriteLineFormat(file, "/lines", header.format);
   file.Attribute("/lines", "line_rate [1/s]", header.line_rate);
+  WriteResponse(file, header.response, header.cameras.size(), header.format);
 }
 
 TrialWriter::~TrialWriter() = default;
@@ -73,6 +83,7 @@ TrialReader::TrialReader(const std::string& path) : impl_(std::make_unique<Impl>
   header.slots = file.ReadStrings("/slots");
   header.format = ReadLineFormat(file, "/lines", dims[2]);
   header.line_rate = file.DoubleAttribute("/lines", "line_rate [1/s]");
+  header.response = ReadResponse(file, header.cameras.size(), header.format);
   impl_->lines = dims[0];
   if (dims[1] != header.cameras.size()) {
     file.Fail(fmt::format("holds {} cameras, but {} are named", dims[1], header.cameras.size()),

@@ -18,9 +18,15 @@ struct TrialHeader {
   std::vector<std::string> slots;    // what may be lit: mark names and "dark"
   LineFormat format;
   double line_rate = 0.0;  // [1/s]
+  // Flat field: response of each active pixel relative to its camera's mean [-], c x active; empty:
+  // none was recorded.
+  std::vector<float> response;
 
   std::size_t line_counts() const { return cameras.size() * format.elements(); }
 };
+
+// What a slot lights: its name, or several joined by '+' ("mark1+mark2"); none for "dark".
+std::vector<std::string> MarksOfSlot(const std::string& slot);
 
 inline constexpr char kTrialSchema[] = "unfurl/trial";
 inline constexpr int kTrialVersion = 1;

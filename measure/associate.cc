@@ -34,7 +34,6 @@ void Associator::Push(const PointSolution& point, std::span<const double> miss,
                       std::vector<Hypothesis>* out) const {
   if (point.outcome != PointOutcome::kSolved) return;
   const double clutter = std::log(options_.clutter / options_.row_px);
-  const double floor = triangulator_.rig().model_floor_px;
   Hypothesis h;
   h.point = point;
   h.chosen = chosen_;
@@ -47,7 +46,7 @@ void Associator::Push(const PointSolution& point, std::span<const double> miss,
       if (mark_ == nullptr || (mark_->hidden >> c & 1U) == 0) h.score += std::log(m);
       continue;
     }
-    const double sigma = std::hypot(s_[c], floor);
+    const double sigma = std::hypot(s_[c], data::FloorOf(triangulator_.rig(), c));
     h.score += std::log(1.0 - m) - 0.5 * std::log(2.0 * M_PI) - std::log(sigma) - clutter;
   }
   out->push_back(h);

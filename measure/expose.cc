@@ -5,55 +5,58 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <optional>
+#include <numbers>
 
 #include "base/error.h"
 #include "base/worker_pool.h"
-#include "measure/sensor.h"
-#include "measure/spot_painter.h"
+#include "measure/exposer.h"
 
 namespace unfurl::measure {
 
 namespace {
 
-// One camera's line while an LED shines, or none (`instants` empty). The LED's light is shared
-// among the instants at which it was at these places in W.
-class Exposer {
- public:
-  explicit Exposer(const data::Lab& lab)
-      : lab_(lab),
-        painter_(lab.sensor.blur / lab.sensor.format.pitch),
-        pixels_(static_cast<std::size_t>(lab.sensor.format.active)) {}
-
-  void Line(const LensCamera& camera, std::span<const Eigen::Vector3d> instants, double electrons,
-            double dark_level, Rng rng, std::span<std::uint16_t> counts) {
-    std::fill(pixels_.begin(), pixels_.end(), 0.0);
-    for (const Eigen::Vector3d& p_W : instants) {
-      SpotLight spot;
-      if (TraceSpot(camera, p_W, &spot)) {
-        painter_.Add(spot, electrons / static_cast<double>(instants.size()), pixels_);
-      }
-    }
-    ReadOut(lab_.sensor, pixels_, dark_level, rng, counts);
-  }
-
- private:
-  const data::Lab& lab_;
-  SpotPainter painter_;
-  std::vector<double> pixels_;
-};
-
 constexpr std::size_t kLinesPerTask = 16;
 
-// Calls task(exposer, i) for every i in [first, last), in parallel.
+// Calls task(exposer, first, end) for pieces of [0, count), in parallel.
 template <typename Task>
-void ForLines(const data::Lab& lab, std::size_t count, std::size_t workers, const Task& task) {
+void ForLines(const data::Lab& lab, const VirtualRig& rig, std::size_t count, std::size_t workers,
+              const Task& task) {
   const std::size_t tasks = (count + kLinesPerTask - 1) / kLinesPerTask;
   ParallelFor(tasks, workers, [&](std::size_t k) {
-    Exposer exposer(lab);
-    const std::size_t end = std::min(count, (k + 1) * kLinesPerTask);
-    for (std::size_t i = k * kLinesPerTask; i < end; ++i) task(exposer, i);
+    Exposer exposer(lab, rig);
+    task(exposer, k * kLinesPerTask, std::min(count, (k + 1) * kLinesPerTask));
   });
+}
+
+// What even light would read, as one does before a trial: mean of lit lines less mean of dark ones.
+std::vector<float> RecordFlatField(const data::Lab& lab, const VirtualRig& rig,
+                                   std::size_t workers) {
+  const data::LineFormat& format = lab.sensor.format;
+  const std::size_t n = static_cast<std::size_t>(format.active);
+  std::vector<float> response(rig.cameras.size() * n);
+  const Rng seed = Rng(lab.seed).Stream("flat field");
+  ParallelFor(rig.cameras.size(), workers, [&](std::size_t c) {
+    std::vector<double> light(n, lab.flat_field.level * lab.sensor.full_well), none(n, 0.0);
+    const std::vector<double>& truth = rig.patterns[c].response;
+    for (std::size_t k = 0; k < truth.size(); ++k) light[k] *= truth[k];
+    if (lab.sensor.blooming > 0.0) Bloom(lab.sensor, light);
+    std::vector<double> sum(n, 0.0);
+    std::vector<std::uint16_t> line(format.elements());
+    const auto add = [&](std::span<const double> pixels, double sign, Rng rng) {
+      ReadOut(lab.sensor, pixels, lab.sensor.dark_level, rng, line, &rig.patterns[c]);
+      for (std::size_t k = 0; k < n; ++k) sum[k] += sign * line[format.first_active() + k];
+    };
+    for (int i = 0; i < lab.flat_field.lines; ++i) {
+      const std::uint64_t index =
+          c * static_cast<std::size_t>(lab.flat_field.lines) + static_cast<std::size_t>(i);
+      add(light, 1.0, seed.Stream("lit", index));
+      add(none, -1.0, seed.Stream("dark", index));
+    }
+    double mean = 0.0;
+    for (const double s : sum) mean += s / static_cast<double>(n);
+    for (std::size_t k = 0; k < n; ++k) response[c * n + k] = static_cast<float>(sum[k] / mean);
+  });
+  return response;
 }
 
 }  // namespace
@@ -89,6 +92,9 @@ data::TrialHeader HeaderOf(const data::Lab& lab) {
   }
   header.format = lab.sensor.format;
   header.line_rate = lab.strobe.line_rate;
+  if (lab.flat_field.lines > 0) {
+    header.response = RecordFlatField(lab, MakeVirtualRig(lab), 0);
+  }
   return header;
 }
 
@@ -100,14 +106,16 @@ void ExposeTrial(const data::Lab& lab, const data::Run& run, data::TrialWriter& 
 
   const VirtualRig rig = MakeVirtualRig(lab);
   const data::TrialHeader header = HeaderOf(lab);
-  std::vector<std::optional<MarkPath>> paths(header.slots.size());
+  std::vector<std::vector<MarkPath>> paths(header.slots.size());  // of what each slot lights
   std::vector<std::int32_t> cycle;
   for (const std::string& slot : lab.strobe.slots) {
     const auto at = std::find(header.slots.begin(), header.slots.end(), slot);
     cycle.push_back(static_cast<std::int32_t>(at - header.slots.begin()));
   }
   for (std::size_t s = 0; s < header.slots.size(); ++s) {
-    if (header.slots[s] != data::kDarkSlot) paths[s].emplace(run, header.slots[s]);
+    for (const std::string& mark : data::MarksOfSlot(header.slots[s])) {
+      paths[s].emplace_back(run, mark);
+    }
   }
   if (run.t.size() < 2) {
     throw Error("holds no motion: fewer than two samples", "the run", "simulate again");
@@ -123,45 +131,68 @@ void ExposeTrial(const data::Lab& lab, const data::Run& run, data::TrialWriter& 
     *truth = {};
     truth->frame = "rig";
     for (const std::string& slot : header.slots) {
-      if (slot != data::kDarkSlot) truth->marks.push_back(slot);
+      for (const std::string& mark : data::MarksOfSlot(slot)) {
+        if (truth->FindMark(mark) < 0) truth->marks.push_back(mark);
+      }
     }
   }
   std::vector<Eigen::Vector3d> true_points;
   const Rng noise = Rng(lab.seed).Stream("trial");
   const std::size_t cameras = rig.cameras.size();
   const std::size_t elements = header.format.elements();
+  const std::size_t memory = static_cast<std::size_t>(ResidualMemory(lab.sensor));
+  const Eigen::Vector3d led_axis = rig.X_WM.linear() * lab.led.axis;
+  const auto stamp_of = [&](std::size_t line) {
+    return (static_cast<double>(line) + 0.5) / header.line_rate;
+  };
   data::TrialBlock block;
   for (std::size_t first = 0; first < lines; first += kBlock) {
     const std::size_t count = std::min(kBlock, lines - first);
     block.Resize(count, header);
     for (std::size_t i = 0; i < count; ++i) {
-      block.t[i] = (static_cast<double>(first + i) + 0.5) / header.line_rate;
+      block.t[i] = stamp_of(first + i);
       block.slot[i] = cycle[(first + i) % cycle.size()];
     }
-    ForLines(lab, count, options.workers, [&](Exposer& exposer, std::size_t i) {
-      const std::size_t line = first + i;
-      const double stamp = block.t[i];
-      const auto& path = paths[static_cast<std::size_t>(block.slot[i])];
-      std::array<Eigen::Vector3d, 2> instants;
-      if (path) {
-        instants[0] = rig.X_WM * path->At(run_time(stamp - half_spread));
-        instants[1] = rig.X_WM * path->At(run_time(stamp + half_spread));
-      }
-      for (std::size_t c = 0; c < cameras; ++c) {
-        exposer.Line(rig.cameras[c], {instants.data(), path ? std::size_t{2} : std::size_t{0}},
-                     rig.flash_electrons, DarkLevel(lab.sensor, stamp, rig.drift_phase[c]),
-                     noise.Stream("line", line * cameras + c),
-                     {&block.counts[(i * cameras + c) * elements], elements});
-      }
-    });
+    ForLines(
+        lab, rig, count, options.workers, [&](Exposer& exposer, std::size_t i, std::size_t end) {
+          std::vector<std::array<Eigen::Vector3d, 2>> instants;
+          std::vector<Exposer::Led> leds;
+          // What the lines before have left in the pixels.
+          const std::size_t line0 = first + i;
+          const std::size_t before = std::min(memory, line0);
+          for (std::size_t line = line0 - before; line < first + end; ++line) {
+            const double stamp = stamp_of(line);
+            const std::size_t slot = static_cast<std::size_t>(cycle[line % cycle.size()]);
+            instants.clear();
+            for (const MarkPath& path : paths[slot]) {
+              instants.push_back({rig.X_WM * path.At(run_time(stamp - half_spread)),
+                                  rig.X_WM * path.At(run_time(stamp + half_spread))});
+            }
+            leds.clear();
+            for (const auto& places : instants) leds.push_back({places, led_axis});
+            const Exposer::Line light{.leds = leds,
+                                      .electrons = rig.flash_electrons,
+                                      .t = stamp,
+                                      .mains_phase = rig.mains_phase};
+            for (std::size_t c = 0; c < cameras; ++c) {
+              exposer.Collect(c, light);
+              if (line < line0) continue;
+              exposer.Read(c, DarkLevel(lab.sensor, stamp, rig.drift_phase[c]),
+                           noise.Stream("line", line * cameras + c),
+                           {&block.counts[((line - first) * cameras + c) * elements], elements});
+            }
+          }
+        });
     trial.Append(block);
     for (std::size_t i = 0; truth != nullptr && i < count; ++i) {
       const std::size_t slot = static_cast<std::size_t>(block.slot[i]);
-      if (!paths[slot]) continue;
-      truth->t.push_back(block.t[i]);
-      truth->mark.push_back(truth->FindMark(header.slots[slot]));
-      truth->status.push_back(data::SampleStatus::kGood);
-      true_points.push_back(rig.X_WM * paths[slot]->At(run_time(block.t[i])));
+      const std::vector<std::string> marks = data::MarksOfSlot(header.slots[slot]);
+      for (std::size_t m = 0; m < marks.size(); ++m) {
+        truth->t.push_back(block.t[i]);
+        truth->mark.push_back(truth->FindMark(marks[m]));
+        truth->status.push_back(data::SampleStatus::kGood);
+        true_points.push_back(rig.X_WM * paths[slot][m].At(run_time(block.t[i])));
+      }
     }
     if (options.progress) {
       options.progress(static_cast<double>(first + count) / static_cast<double>(lines));
@@ -206,17 +237,36 @@ data::Survey ExposeSurvey(const data::Lab& lab, const data::Survey& points,
     const Eigen::Vector3d z(station.Normal(), station.Normal(), station.Normal());
     survey.p.col(col) += C.llt().matrixL() * z;
   }
+  if (lab.flat_field.lines > 0) survey.response = RecordFlatField(lab, rig, options.workers);
   const Rng noise = seed.Stream("survey");
-  ForLines(lab, n, options.workers, [&](Exposer& exposer, std::size_t i) {
-    const Eigen::Vector3d p_W = points.p.col(static_cast<Eigen::Index>(i));
-    for (std::size_t c = 0; c < cameras; ++c) {
-      const double level =
-          DarkLevel(lab.sensor, kSecondsPerPoint * static_cast<double>(i), rig.drift_phase[c]);
-      const std::size_t at = (i * cameras + c) * elements;
-      exposer.Line(rig.cameras[c], {&p_W, 1}, rig.survey_electrons, level,
-                   noise.Stream("lit", i * cameras + c), {&survey.lit[at], elements});
-      exposer.Line(rig.cameras[c], {}, 0.0, level, noise.Stream("dark", i * cameras + c),
-                   {&survey.dark[at], elements});
+  // The LED stands still while lines are taken, and so does what residual charge leaves of it.
+  const auto expose = [&](Exposer& exposer, std::size_t c, const Exposer::Line& line, double level,
+                          const Rng& rng, std::span<std::uint16_t> counts) {
+    exposer.Forget();
+    for (int k = 0; k <= ResidualMemory(lab.sensor); ++k) exposer.Collect(c, line);
+    exposer.Read(c, level, rng, counts);
+  };
+  ForLines(lab, rig, n, options.workers, [&](Exposer& exposer, std::size_t first, std::size_t end) {
+    for (std::size_t i = first; i < end; ++i) {
+      const Eigen::Vector3d p_W = points.p.col(static_cast<Eigen::Index>(i));
+      const Exposer::Led led{.instants = {&p_W, 1}, .axis = lab.led.axis};
+      // Points are minutes apart: where the mains then stand is chance.
+      Rng mains = seed.Stream("survey mains", i);
+      Exposer::Line lit{.leds = {&led, 1},
+                        .electrons = rig.survey_electrons,
+                        .t = kSecondsPerPoint * static_cast<double>(i),
+                        .mains_phase = mains.Uniform(0.0, 2.0 * std::numbers::pi)};
+      Exposer::Line dark = lit;
+      dark.leds = {};
+      dark.mains_phase = mains.Uniform(0.0, 2.0 * std::numbers::pi);
+      for (std::size_t c = 0; c < cameras; ++c) {
+        const double level = DarkLevel(lab.sensor, lit.t, rig.drift_phase[c]);
+        const std::size_t at = (i * cameras + c) * elements;
+        expose(exposer, c, lit, level, noise.Stream("lit", i * cameras + c),
+               {&survey.lit[at], elements});
+        expose(exposer, c, dark, level, noise.Stream("dark", i * cameras + c),
+               {&survey.dark[at], elements});
+      }
     }
   });
   if (options.progress) options.progress(1.0);

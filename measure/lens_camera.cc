@@ -32,7 +32,34 @@ bool TraceGlass(const LensCamera& camera, const Eigen::Vector3d& p_C, double x, 
   return true;
 }
 
+// Whether light from p_W, seen by way of the path's mirror, reaches the slit's point s_W.
+bool Reaches(const LightPath& path, const Eigen::Vector3d& p_W, const Eigen::Vector3d& s_W) {
+  Eigen::Vector3d from = p_W, hit;
+  if (path.mirror != nullptr) {
+    if (!path.mirror->Crosses(path.mirror->Mirrored(p_W), s_W, &from)) return false;
+    for (const Disc& disc : path.occluders) {
+      if (disc.Crosses(p_W, from, &hit)) return false;
+    }
+  }
+  for (const Disc& disc : path.occluders) {
+    if (disc.Crosses(from, s_W, &hit)) return false;
+  }
+  return true;
+}
+
 }  // namespace
+
+bool Disc::Crosses(const Eigen::Vector3d& a, const Eigen::Vector3d& b,
+                   Eigen::Vector3d* where) const {
+  const double side_a = normal.dot(a - centre), side_b = normal.dot(b - centre);
+  if (side_a * side_b >= 0.0) return false;
+  *where = a + side_a / (side_a - side_b) * (b - a);
+  return (*where - centre).squaredNorm() <= radius * radius;
+}
+
+Eigen::Vector3d Disc::Mirrored(const Eigen::Vector3d& p) const {
+  return p - 2.0 * normal.dot(p - centre) * normal;
+}
 
 bool TraceThroughSlit(const LensCamera& camera, const Eigen::Vector3d& p_C, double x, double y,
                       Landing* landing) {
@@ -47,12 +74,15 @@ bool TraceThroughSlit(const LensCamera& camera, const Eigen::Vector3d& p_C, doub
   return true;
 }
 
-bool TraceSpot(const LensCamera& camera, const Eigen::Vector3d& p_W, SpotLight* spot) {
+bool TraceSpot(const LensCamera& camera, const Eigen::Vector3d& p_W, SpotLight* spot,
+               const LightPath* path) {
   constexpr double kTolerance = 1e-9;  // of where a ray meets the row [m]
   constexpr double kStep = 1e-4;       // for the derivative along the slit [m]
   constexpr int kMaxSteps = 12;
 
-  const Eigen::Vector3d p_C = camera.X_WC.inverse() * p_W;
+  const bool mirrored = path != nullptr && path->mirror != nullptr;
+  const Eigen::Vector3d p_C =
+      camera.X_WC.inverse() * (mirrored ? path->mirror->Mirrored(p_W) : p_W);
   spot->count = 0;
   spot->flux = 0.0;
   if (p_C.z() <= 0.05) return false;
@@ -83,6 +113,9 @@ bool TraceSpot(const LensCamera& camera, const Eigen::Vector3d& p_W, SpotLight* 
       if (!found) y -= here.across / slope;
     }
     arrives[i] = found && std::abs(y) <= camera.slit_half_length;
+    if (path != nullptr && arrives[i]) {
+      arrives[i] = Reaches(*path, p_W, camera.X_WC * Eigen::Vector3d(x, y, 0.0));
+    }
     if (!arrives[i]) continue;
     edges[i] = here;
     // Solid angle of the slit's piece that sees the row: its length along the slit is the row's

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -64,8 +65,28 @@ struct SpotLight {
   double centre_px = 0.0;  // the irradiance's centroid: the truth of a reading [px]
   double sigma_px = 0.0;   // and its standard deviation about it [px]
 };
+// A flat disc in W: it stops what crosses it, or mirrors it.
+struct Disc {
+  Eigen::Vector3d centre;  // [m]
+  Eigen::Vector3d normal;  // unit
+  double radius = 0.0;     // [m]
+
+  // Where the straight way from a to b crosses it; false when it does not.
+  bool Crosses(const Eigen::Vector3d& a, const Eigen::Vector3d& b, Eigen::Vector3d* where) const;
+  Eigen::Vector3d Mirrored(const Eigen::Vector3d& p) const;
+};
+
+// What light meets between its source and the slit. The slit is tried strip by strip: what hides
+// part of it moves the light's centre.
+struct LightPath {
+  std::span<const Disc> occluders;
+  const Disc* mirror = nullptr;  // light comes by way of this one; null: straight
+};
+
 // False when nothing of the light arrives at the row's plane within the slit, lens and sensor.
-bool TraceSpot(const LensCamera& camera, const Eigen::Vector3d& p_W, SpotLight* spot);
+// `path`, when null, is straight and free.
+bool TraceSpot(const LensCamera& camera, const Eigen::Vector3d& p_W, SpotLight* spot,
+               const LightPath* path = nullptr);
 
 // The distance from the slit at which a sensor across the axis sees a point on the axis, `distance`
 // in front of the slit, sharpest: least variance of where the slit's rays land [m].

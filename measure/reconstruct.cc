@@ -84,6 +84,7 @@ Reconstructor::Reconstructor(const data::TrialReader& trial, const data::Rig& ri
   summary_.left_out.resize(cameras);
   backgrounds_.assign(cameras, Background(header_.format));
   finders_.assign(cameras, SpotFinder(header_.format, options.spot));
+  SetResponses(header_.response, finders_);
 
   data::TrialBlock block;
   primed_ = std::min(kPrimeLines, trial.size());

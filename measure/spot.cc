@@ -47,6 +47,13 @@ void SpotFinder::SetResponse(std::span<const float> response) {
   for (const float r : response) inverse_response_.push_back(1.0F / r);
 }
 
+void SetResponses(std::span<const float> response, std::span<SpotFinder> finders) {
+  const std::size_t active = response.size() / std::max<std::size_t>(1, finders.size());
+  for (std::size_t c = 0; c < finders.size(); ++c) {
+    finders[c].SetResponse(response.subspan(c * active, active));
+  }
+}
+
 // Light that came on everywhere since the dark lines (a lamp's flicker): medians of block means
 // along the line, joined by straight pieces. Untouched where they tell nothing.
 void SpotFinder::SubtractBaseline(float sigma) {

@@ -102,4 +102,7 @@ class SpotFinder {
   double dark_variance_ = 0.0;  // of one pixel of this line [count^2]
 };
 
+// The flat field of a record, camera by camera (empty: none), to a finder for each camera.
+void SetResponses(std::span<const float> response, std::span<SpotFinder> finders);
+
 }  // namespace unfurl::measure

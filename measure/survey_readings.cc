@@ -25,6 +25,8 @@ void FindSurveyReadings(data::Survey* survey, std::size_t workers) {
     Background background(survey->format);
     for (std::size_t i = 0; i < n; ++i) background.Add(line(survey->dark, i));
     SpotFinder finder(survey->format);
+    const std::size_t active = survey->response.size() / cameras;
+    finder.SetResponse(std::span<const float>(survey->response).subspan(c * active, active));
     for (std::size_t i = 0; i < n; ++i) {
       const Spot spot = finder.Find(line(survey->lit, i), background);
       if (!Usable(spot)) continue;

@@ -23,6 +23,11 @@ Eigen::Matrix3d Symmetric(const double* s) {
   return M;
 }
 
+double FloorSquare(const data::Rig& rig, std::size_t camera) {
+  const double floor = data::FloorOf(rig, camera);
+  return floor * floor;
+}
+
 }  // namespace
 
 static_assert(static_cast<int>(PointOutcome::kOffPath) + 1 == data::kSampleReasons);
@@ -61,12 +66,11 @@ Triangulator::Triangulator(const data::Rig& rig, const TriangulateOptions& optio
 
 void Triangulator::Weights(std::span<const double> u_px, std::span<const double> s_px,
                            std::uint32_t use, double* u, double* w, PointSolution* point) const {
-  const double floor2 = rig_.model_floor_px * rig_.model_floor_px;
   const std::size_t count = rig_.cameras.size();
   for (std::size_t c = 0; c < bank_.lanes(); ++c) {
     const bool in = c < count && (use >> c & 1U) != 0 && !std::isnan(u_px[c]);
     u[c] = in ? u_px[c] : 0.0;
-    w[c] = in ? 1.0 / (s_px[c] * s_px[c] + floor2) : 0.0;
+    w[c] = in ? 1.0 / (s_px[c] * s_px[c] + FloorSquare(rig_, c)) : 0.0;
     if (!in) continue;
     point->cameras |= 1U << c;
     ++point->readings;
@@ -200,7 +204,6 @@ void Triangulator::SharedFactor(const PointSolution& point, std::span<const doub
                                 Eigen::Ref<Eigen::Matrix3Xd> F, Eigen::Matrix3d* rest) const {
   // The readings are held; the point moves with the rig: A dp = -sum w du_dp^T du_dc dc.
   constexpr std::size_t kColumnsAtOnce = 128;
-  const double floor2 = rig_.model_floor_px * rig_.model_floor_px;
   const std::size_t columns = rest == nullptr ? rank_ : columns_;
   F.setZero();
   if (rest != nullptr) rest->setZero();
@@ -210,7 +213,7 @@ void Triangulator::SharedFactor(const PointSolution& point, std::span<const doub
   for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
     if ((point.cameras >> c & 1U) == 0 || !Project(rig_.cameras[c], point.p, &here[c])) continue;
     used |= 1U << c;
-    const double w = 1.0 / (s_px[c] * s_px[c] + floor2);
+    const double w = 1.0 / (s_px[c] * s_px[c] + FloorSquare(rig_, c));
     lever[c] = -w * (point.cov * here[c].du_dp.transpose());
   }
   std::array<double, kColumnsAtOnce> row;

@@ -74,11 +74,13 @@ VirtualRig MakeVirtualRig(const data::Lab& lab) {
     camera.sensor.column = R * camera.sensor.column;
     camera.sensor.centre += shift * camera.sensor.row;
     rig.cameras.push_back(camera);
+    rig.patterns.push_back(DrawPattern(lab.sensor, seed.Stream("pattern", i)));
     rig.drift_phase.push_back(seed.Stream("drift", i).Uniform(0.0, 2.0 * std::numbers::pi));
   }
   rig.X_WM.translation() = lab.model.position;
   rig.X_WM.linear() = RotationFromVector({0.0, 0.0, lab.model.yaw}) *
                       RotationFromVector({lab.model.tilt[0], lab.model.tilt[1], 0.0});
+  rig.mains_phase = seed.Stream("mains").Uniform(0.0, 2.0 * std::numbers::pi);
   rig.lead = seed.Stream("lead").Uniform(lab.strobe.lead[0], lab.strobe.lead[1]);
 
   // The LED's intensity follows from the pixel that it shall fill.

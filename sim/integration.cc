@@ -76,7 +76,8 @@ ErrorScale ScaleOf(const Model& model, const SimulateOptions& o) {
   if (o.track_energy) {
     std::vector<double> start = model.initial_state;
     const Balance b = Dynamics(model).BalanceAt(0.0, start.data());
-    scale.energy = b.kinetic + b.bending + b.axial + b.spring + b.suspension + b.contact;
+    scale.energy =
+        b.Stored() - b.gravity - b.table + std::fabs(b.table);  // gravity's zero is anywhere
   }
   return scale;
 }

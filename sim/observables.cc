@@ -4,28 +4,48 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "base/error.h"
 #include "base/text.h"
 
 namespace unfurl::sim {
 
-PointMotion MotionOf(const Model& model, const MovingPoint& p, const double* state) {
+namespace {
+
+// `turn`: cosine and sine of a slot's angle.
+template <typename Turn>
+PointMotion PointAt(const Model& model, const MovingPoint& p, const double* state, Turn turn) {
   const StateIndex& i = model.index;
   if (p.watched >= 0) {
     const KirchhoffRod::Frame f = model.kirchhoff.MotionAt(p.watched, state, i.n);
     return {f.x, f.y, f.vx, f.vy};
   }
   if (p.other_slot >= 0) {
-    const PointMotion a = MotionOf(model, {p.slot, p.px, p.py}, state);
-    const PointMotion b = MotionOf(model, {p.other_slot, p.other_px, 0.0}, state);
+    const PointMotion a = PointAt(model, {p.slot, p.px, p.py}, state, turn);
+    const PointMotion b = PointAt(model, {p.other_slot, p.other_px, 0.0}, state, turn);
     return {0.5 * (a.x + b.x), 0.5 * (a.y + b.y), 0.5 * (a.vx + b.vx), 0.5 * (a.vy + b.vy)};
   }
-  const double c = std::cos(state[i.theta(p.slot)]), s = std::sin(state[i.theta(p.slot)]);
+  const auto [c, s] = turn(p.slot);
   const double ox = c * p.px - s * p.py, oy = s * p.px + c * p.py;
   const double w = state[i.omega(p.slot)];
   return {state[i.x(p.slot)] + ox, state[i.y(p.slot)] + oy, state[i.vx(p.slot)] - w * oy,
           state[i.vy(p.slot)] + w * ox};
+}
+
+}  // namespace
+
+PointMotion MotionOf(const Model& model, const MovingPoint& point, const double* state) {
+  return PointAt(model, point, state, [&](int slot) {
+    const double theta = state[model.index.theta(slot)];
+    return std::pair{std::cos(theta), std::sin(theta)};
+  });
+}
+
+PointMotion MotionOf(const Model& model, const MovingPoint& point, const Motion& motion) {
+  return PointAt(model, point, motion.x, [&](int slot) {
+    return std::pair{motion.c[slot], motion.s[slot]};
+  });
 }
 
 double LatchMoment(const Model& model, int latch, const double* state, const LatchMode& mode) {

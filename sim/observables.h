@@ -16,6 +16,8 @@ struct PointMotion {
   double x, y, vx, vy;  // [m], [m/s]
 };
 PointMotion MotionOf(const Model& model, const MovingPoint& point, const double* state);
+// The same, with the sines and cosines that the motion holds.
+PointMotion MotionOf(const Model& model, const MovingPoint& point, const Motion& motion);
 
 // Moment of contact on the angle of one latch's joint [N m].
 double LatchMoment(const Model& model, int latch, const double* state, const LatchMode& mode);

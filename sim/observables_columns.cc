@@ -6,22 +6,6 @@
 namespace unfurl::sim {
 namespace {
 
-PointMotion MotionAt(const Model& model, const MovingPoint& p, const Motion& m) {
-  if (p.watched >= 0) {
-    const KirchhoffRod::Frame f = model.kirchhoff.MotionAt(p.watched, m.x, model.index.n);
-    return {f.x, f.y, f.vx, f.vy};
-  }
-  if (p.other_slot >= 0) {
-    const PointMotion a = MotionAt(model, {p.slot, p.px, p.py}, m);
-    const PointMotion b = MotionAt(model, {p.other_slot, p.other_px, 0.0}, m);
-    return {0.5 * (a.x + b.x), 0.5 * (a.y + b.y), 0.5 * (a.vx + b.vx), 0.5 * (a.vy + b.vy)};
-  }
-  const double ox = m.c[p.slot] * p.px - m.s[p.slot] * p.py;
-  const double oy = m.s[p.slot] * p.px + m.c[p.slot] * p.py;
-  const double w = m.omega[p.slot];
-  return {m.x[p.slot] + ox, m.y[p.slot] + oy, m.vx[p.slot] - w * oy, m.vy[p.slot] + w * ox};
-}
-
 double MeanOver(const Model::Beam& beam, const double* values) {
   double sum = 0.0;
   for (int k = beam.first; k < beam.first + beam.segments; ++k) sum += values[k];
@@ -36,25 +20,25 @@ void Observables::Declare() {
     Add(
         name + ".x", "m", "position of the mark",
         [](const Frame& f, int i) {
-          return MotionAt(f.self.model_, f.self.model_.marks[i].point, f.motion).x;
+          return MotionOf(f.self.model_, f.self.model_.marks[i].point, f.motion).x;
         },
         k);
     Add(
         name + ".y", "m", "position of the mark",
         [](const Frame& f, int i) {
-          return MotionAt(f.self.model_, f.self.model_.marks[i].point, f.motion).y;
+          return MotionOf(f.self.model_, f.self.model_.marks[i].point, f.motion).y;
         },
         k);
     Add(
         name + ".vx", "m/s", "velocity of the mark",
         [](const Frame& f, int i) {
-          return MotionAt(f.self.model_, f.self.model_.marks[i].point, f.motion).vx;
+          return MotionOf(f.self.model_, f.self.model_.marks[i].point, f.motion).vx;
         },
         k);
     Add(
         name + ".vy", "m/s", "velocity of the mark",
         [](const Frame& f, int i) {
-          return MotionAt(f.self.model_, f.self.model_.marks[i].point, f.motion).vy;
+          return MotionOf(f.self.model_, f.self.model_.marks[i].point, f.motion).vy;
         },
         k);
   }
@@ -138,11 +122,11 @@ void Observables::DeclareJoints() {
     }
     Add(
         joint.name + ".x", "m", "position of the pin",
-        [](const Frame& f, int i) { return MotionAt(f.self.model_, f.Joint(i).pin, f.motion).x; },
+        [](const Frame& f, int i) { return MotionOf(f.self.model_, f.Joint(i).pin, f.motion).x; },
         k);
     Add(
         joint.name + ".y", "m", "position of the pin",
-        [](const Frame& f, int i) { return MotionAt(f.self.model_, f.Joint(i).pin, f.motion).y; },
+        [](const Frame& f, int i) { return MotionOf(f.self.model_, f.Joint(i).pin, f.motion).y; },
         k);
     Add(
         joint.name + ".pin_force_x", "N", "force of the inner side on the outer at the pin",
@@ -166,13 +150,13 @@ void Observables::DeclareBodies() {
     Add(
         name + ".x", "m", "position of the centre of mass",
         [](const Frame& f, int i) {
-          return MotionAt(f.self.model_, f.self.model_.bodies[i].centre, f.motion).x;
+          return MotionOf(f.self.model_, f.self.model_.bodies[i].centre, f.motion).x;
         },
         k);
     Add(
         name + ".y", "m", "position of the centre of mass",
         [](const Frame& f, int i) {
-          return MotionAt(f.self.model_, f.self.model_.bodies[i].centre, f.motion).y;
+          return MotionOf(f.self.model_, f.self.model_.bodies[i].centre, f.motion).y;
         },
         k);
     Add(
@@ -185,13 +169,13 @@ void Observables::DeclareBodies() {
     Add(
         name + ".vx", "m/s", "velocity of the centre of mass",
         [](const Frame& f, int i) {
-          return MotionAt(f.self.model_, f.self.model_.bodies[i].centre, f.motion).vx;
+          return MotionOf(f.self.model_, f.self.model_.bodies[i].centre, f.motion).vx;
         },
         k);
     Add(
         name + ".vy", "m/s", "velocity of the centre of mass",
         [](const Frame& f, int i) {
-          return MotionAt(f.self.model_, f.self.model_.bodies[i].centre, f.motion).vy;
+          return MotionOf(f.self.model_, f.self.model_.bodies[i].centre, f.motion).vy;
         },
         k);
     Add(

@@ -212,27 +212,20 @@ void Rosenbrock::AcceptUntil(double sigma, double t) {
   t_ = t;
 }
 
-// Cubic Hermite polynomial of values and rates at both ends. Positions need no more than the
-// velocities that the states hold.
+// Positions: the cubic through both states and their velocities. Velocities: its derivative, since
+// the accelerations of stiff parts at either end are far greater than what the step went through.
+// The rest: the cubic through values and rates.
 DensePolynomial Rosenbrock::Polynomial(int k) {
-  double r0, r1;
-  if (k < 3 * n_) {
-    r0 = h_ * y_[3 * n_ + k];
-    r1 = h_ * trial_[3 * n_ + k];
-  } else {
-    r0 = h_ * f0_[k];
-    r1 = h_ * f1_[k];
+  const int n3 = 3 * n_;
+  if (k >= n3 && k < 2 * n3) {
+    const double v0 = y_[k], v1 = trial_[k], d = (trial_[k - n3] - y_[k - n3]) / h_;
+    return {{v0, 6.0 * d - 4.0 * v0 - 2.0 * v1, 3.0 * (v0 + v1 - 2.0 * d)}, 3};
   }
+  const bool position = k < n3;
+  const double r0 = h_ * (position ? y_[n3 + k] : f0_[k]);
+  const double r1 = h_ * (position ? trial_[n3 + k] : f1_[k]);
   const double d = trial_[k] - y_[k];
   return {{y_[k], r0, 3.0 * d - 2.0 * r0 - r1, r0 + r1 - 2.0 * d}, 4};
-}
-
-void Rosenbrock::Dense(double s, double* out) {
-  const double h00 = (1.0 + 2.0 * s) * (1.0 - s) * (1.0 - s), h01 = s * s * (3.0 - 2.0 * s);
-  const double h10 = h_ * s * (1.0 - s) * (1.0 - s), h11 = -h_ * s * s * (1.0 - s);
-  for (int k = 0; k < size_; ++k) {
-    out[k] = h00 * y_[k] + h01 * trial_[k] + h10 * f0_[k] + h11 * f1_[k];
-  }
 }
 
 }  // namespace unfurl::sim

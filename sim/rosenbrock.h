@@ -47,7 +47,6 @@ class Rosenbrock : public Stepper {
   void Accept(double t) override;
   void AcceptUntil(double sigma, double t) override;
   DensePolynomial Polynomial(int entry) override;
-  void Dense(double sigma, double* out) override;
 
  protected:
   double ErrorOf(int entry) const override;

@@ -122,15 +122,15 @@ TEST(ModelFloor, RisesWhenTheLensIsNotOfTheModelsKind) {
   EXPECT_THAT(after.rig.reasons, ::testing::Contains(HasSubstr("not as modelled")));
 }
 
-// What the survey cannot tell is named, and only that: a pinhole's place along its lens axis, which
-// glass betrays by its terms in y.
-TEST(WeakParameters, PositionAlongTheLensAxisIsNamedForAPinhole) {
+// What the survey cannot tell is named: a pinhole's place along its lens axis, which glass betrays
+// by its terms in y.
+TEST(WeakDirections, PlaceAlongTheLensAxisIsNamedForAPinhole) {
   const auto named = [](const Calibration& result) {
-    return std::count_if(result.report.weak.begin(), result.report.weak.end(),
-                         [](const WeakParameter& weak) {
-                           return weak.name == "position along the lens axis" && weak.unit == "m" &&
-                                  weak.sigma > 0.05;
-                         });
+    return std::count_if(
+        result.report.weak.begin(), result.report.weak.end(), [](const WeakDirection& weak) {
+          return weak.name.find("place along its lens axis") != std::string::npos &&
+                 weak.unit == "m" && weak.sigma > 0.05 && weak.harmless;
+        });
   };
   const Study study = MakeStudy(14, 100, {.distortion = 0.0});
   const Calibration pinhole = Calibrate(study.data, {}, "test");
@@ -139,6 +139,32 @@ TEST(WeakParameters, PositionAlongTheLensAxisIsNamedForAPinhole) {
   // And it harms no point: a hundred points of 0.3 mm give 0.3 mm.
   const auto errors = testing::ErrorsOf(pinhole.rig, study.truth, testing::CheckPoints(14));
   EXPECT_LT(errors.Rms(), 5e-4);
+}
+
+// Terms that are not there are not taken, and terms that are there are.
+TEST(LensOrder, CrossValidationTakesWhatIsThere) {
+  const Calibration pinhole = Calibrate(MakeStudy(14, 100, {.distortion = 0.0}).data, {}, "test");
+  EXPECT_STREQ(kLensOrders[static_cast<std::size_t>(pinhole.report.order)].name, "pinhole");
+  EXPECT_TRUE(pinhole.rig.covariance.row(9).isZero(0.0));  // x^3 was held at zero
+  const Calibration glass = Calibrate(MakeStudy(14, 200).data, {}, "test");
+  EXPECT_STREQ(kLensOrders[static_cast<std::size_t>(glass.report.order)].name, "full");
+  ASSERT_EQ(glass.report.orders.size(), kLensOrders.size());
+  // Centimetres for a pinhole: its floor says so.
+  EXPECT_GT(glass.report.orders[0].largest_floor_px, 5.0);
+  EXPECT_GT(glass.report.orders[0].loss, 1000.0);
+}
+
+TEST(Advice, PointsNearOnePlaneAndSensorsWithoutReadingsAreTold) {
+  Study study = MakeStudy(19, 100);
+  study.points.row(2) *= 0.15;
+  study.data = Observe(study.truth, study.points, 3e-4, 0.05, Rng(20));
+  std::erase_if(study.data.readings,
+                [](const Reading& r) { return r.camera == 1 && r.u_px < 700.0; });
+  const Calibration result = Calibrate(study.data, {}, "test");
+  EXPECT_THAT(result.report.advice,
+              ::testing::Contains(AllOf(HasSubstr("one plane"), HasSubstr("at z > "))));
+  EXPECT_THAT(result.report.advice,
+              ::testing::Contains(AllOf(HasSubstr("\"c2\""), HasSubstr("from pixel 0 to 7"))));
 }
 
 TEST(Verdict, DishonestErrorBarsAreNotToBeUsed) {

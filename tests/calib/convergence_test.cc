@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <limits>
 
 #include "base/error.h"
 #include "base/worker_pool.h"
@@ -60,7 +61,9 @@ bool FindsTheOptimum(std::uint64_t seed) {
   }
   BundleState state{truth, points};
   data::Rig best = fit.rig;
-  SolveBundle(data, fit.priors, fit.rig.model_floor_px, {}, &state);
+  BundleOptions squares;
+  squares.loss_width = std::numeric_limits<double>::infinity();
+  SolveBundle(data, fit.priors, fit.bundle.weighting, squares, &state);
   best.cameras = state.cameras;
   const Eigen::Matrix3Xd check = CheckPoints(seed);
   const auto found = ErrorsOf(fit.rig, truth, check), bound = ErrorsOf(best, truth, check);

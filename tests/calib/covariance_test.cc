@@ -41,9 +41,8 @@ TEST(Covariance, EqualsTheCornerOfTheWholeInverse) {
     Eigen::RowVectorXd row = Eigen::RowVectorXd::Zero(whole.cols());
     row.segment<kParameters>(kParameters * r.camera) = h.du_dc;
     row.segment<3>(c + 3 * r.point) = h.du_dp;
-    whole += fit.bundle.summary.reading_weight[k] /
-             (r.s_px * r.s_px + fit.rig.model_floor_px * fit.rig.model_floor_px) * row.transpose() *
-             row;
+    whole += fit.bundle.summary.reading_weight[k] / fit.bundle.weighting.Variance(r) *
+             row.transpose() * row;
   }
   const Eigen::VectorXd scale = whole.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd inverse =

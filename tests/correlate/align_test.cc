@@ -19,6 +19,43 @@ Observations NoisyTrial(const Trial& trial, std::uint64_t seed) {
   return Record(TwoLink(), TwoLink::Truth(), TwoLink::Marks(), trial, rng);
 }
 
+// The same trial by a clock that runs fast, as read at the record's middle.
+Observations WithDrift(Observations o, double drift) {
+  const double pivot = 0.5 * (o.Start() + o.End());
+  for (MarkSeries& m : o.marks) {
+    for (double& t : m.t) t = pivot + (t - pivot) * (1.0 + drift);
+  }
+  return o;
+}
+
+// Three marks, each coordinate three sines between 0.3 and 4 Hz, 4 s, 1 mm of noise on 0.3 m.
+Observations RandomSwing(Rng rng) {
+  Observations o;
+  for (const char* name : {"a", "b", "c"}) {
+    MarkSeries m;
+    m.name = name;
+    m.p.setZero(3, 800);
+    m.cov.resize(6, 800);
+    m.shared.resize(3, 0);
+    for (int i = 0; i < 800; ++i) m.t.push_back(0.005 * i);
+    for (int axis = 0; axis < 2; ++axis) {
+      for (int k = 0; k < 3; ++k) {
+        const double f = rng.Uniform(0.3, 4.0), phase = rng.Uniform(0.0, 6.28),
+                     size = rng.Uniform(0.1, 0.3);
+        for (int i = 0; i < 800; ++i) {
+          m.p(axis, i) += size * std::cos(6.2831853 * f * m.t[static_cast<std::size_t>(i)] + phase);
+        }
+      }
+    }
+    for (int i = 0; i < 800; ++i) {
+      m.cov.col(i) << 1e-6, 0, 0, 1e-6, 0, 1e-6;
+      for (int axis = 0; axis < 3; ++axis) m.p(axis, i) += 1e-3 * rng.Normal();
+    }
+    o.marks.push_back(std::move(m));
+  }
+  return o;
+}
+
 double AngleBetween(const Pose& a, const Pose& b) {
   return VectorFromRotation(a.linear() * b.linear().transpose()).norm();
 }
@@ -142,11 +179,51 @@ TEST(Align, AReferenceThatDoesNotFitIsAlignedWithoutBendingTheCalibration) {
   const Observations record = Record(TwoLink(), other, TwoLink::Marks(), trial, rng);
   const Alignment a = Align(record, Reference());
   ASSERT_TRUE(a.Usable()) << a.message;
-  EXPECT_GT(a.misfit, 10.0 * trial.sigma);
-  EXPECT_GT(a.chi2_per_dof, 100.0);
+  constexpr double kClear = 10.0;  // misfit in sigmas: far beyond what covariances are wrong by
+  EXPECT_GT(a.misfit, kClear * trial.sigma);
+  EXPECT_GT(a.chi2_per_dof, kClear * kClear);
   // Three draws of a standard normal: one beyond five is one in two million.
   EXPECT_LT(a.at.z.cwiseAbs().maxCoeff(), 5.0);
-  EXPECT_GT(a.Sigma("time offset"), a.misfit * 1e-3);  // no longer that of 10 um
+  // No longer that of 10 um: errors of the misfit's size, were they independent and the frame
+  // known, would leave this much [Kay 1993], and other unknowns and their correlation only add.
+  double squares = 0.0;
+  for (const MarkMotion& m : a.reference.marks) squares += m.v.squaredNorm();
+  EXPECT_GT(a.Sigma("time offset"), a.misfit / std::sqrt(squares));
+}
+
+TEST(Align, ClockDriftIsFoundWithItsStandardError) {
+  constexpr int kSeeds = 40;  // align_slow_test.cc: 1000, against the Cramer-Rao bound
+  const SampledModel reference = Reference(4.2);
+  AlignOptions options;
+  options.registration.fit_drift = true;
+  constexpr double kDrift = 3e-4;  // a poor quartz by ten; 1.2 ms over the record
+  std::vector<double> z_offset, z_drift;
+  for (std::uint64_t seed = 0; seed < kSeeds; ++seed) {
+    const Trial trial = TiltedTrial();
+    const Observations o = WithDrift(NoisyTrial(trial, 700 + seed), kDrift);
+    const Alignment a = Align(o, reference, options);
+    ASSERT_TRUE(a.Usable()) << a.message;
+    z_drift.push_back((a.drift - kDrift) / a.Sigma("clock drift"));
+    z_offset.push_back((a.at.offset - trial.offset) / a.Sigma("time offset"));
+    EXPECT_NEAR(a.chi2_per_dof, 1.0, 5.0 * std::sqrt(2.0 / (3.0 * o.size())));
+  }
+  EXPECT_NEAR(Mean(z_drift), 0.0, 4.0 / std::sqrt(kSeeds));
+  EXPECT_NEAR(Variance(z_drift), 1.0, 4.0 * std::sqrt(2.0 / kSeeds));
+  EXPECT_NEAR(Mean(z_offset), 0.0, 4.0 / std::sqrt(kSeeds));
+  EXPECT_NEAR(Variance(z_offset), 1.0, 4.0 * std::sqrt(2.0 / kSeeds));
+}
+
+TEST(Align, RefusesUnrelatedMotionsOfTheSameKind) {
+  // Each coordinate of each mark swings by sines of random frequencies: nothing is shared but the
+  // band. Accepted: at most what a rate of 1 in 50 makes likely over 40 pairs (95%: 3).
+  int accepted = 0;
+  constexpr int kPairs = 40;
+  for (std::uint64_t seed = 0; seed < kPairs; ++seed) {
+    const Observations a = RandomSwing(Rng(seed).Stream("a"));
+    const Observations b = RandomSwing(Rng(seed).Stream("b"));
+    accepted += Align(a, SampledModel(b)).Usable() ? 1 : 0;
+  }
+  EXPECT_LE(accepted, 3);
 }
 
 TEST(Align, RefusesRecordsThatShareNothing) {

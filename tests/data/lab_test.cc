@@ -41,6 +41,24 @@ TEST(Lab, TheShippedOneIsTheOneOfThePhysicsPage) {
   EXPECT_EQ(lab.sensor.format.pitch, 14e-6);
 }
 
+TEST(Lab, EffectsThatAreNotNamedAreOff) {
+  const Lab lab = ReadLab(kShipped);
+  EXPECT_FALSE(lab.sensor.has_pattern());
+  EXPECT_EQ(lab.sensor.blooming, 0.0);
+  EXPECT_EQ(lab.sensor.residual, 0.0);
+  EXPECT_EQ(lab.led.half_angle, 0.0);
+  EXPECT_EQ(lab.ambient.level, 0.0);
+  EXPECT_EQ(lab.flat_field.lines, 0);
+  EXPECT_TRUE(lab.lamps.empty() && lab.reflections.empty() && lab.occluders.empty());
+  const Lab full = ReadLab(UNFURL_SOURCE_DIR "/data/sets/deployment/lab_full.toml");
+  EXPECT_TRUE(full.sensor.has_pattern());
+  EXPECT_GT(full.sensor.residual, 0.0);
+  EXPECT_GT(full.ambient.flicker, 0.0);
+  EXPECT_GT(full.flat_field.lines, 0);
+  EXPECT_EQ(full.cameras.size(), 4U);
+  EXPECT_EQ(full.sensor.read_noise, lab.sensor.read_noise);
+}
+
 TEST(Lab, RefusesWhatCannotBe) {
   EXPECT_THAT(ErrorOf({"lens.radius=-0.016"}), HasSubstr("lens.radius"));
   EXPECT_THAT(ErrorOf({"lens.width=0.04"}), HasSubstr("wider than its cylinder"));
@@ -56,6 +74,20 @@ TEST(Lab, RefusesWhatCannotBe) {
   EXPECT_THAT(ErrorOf({"camera.north_east.look_at=[1.0, 1.0, 2.870540]"}),
               HasSubstr("looks at itself"));
   EXPECT_EQ(ErrorOf({"seed=7"}), "no error");
+  EXPECT_THAT(ErrorOf({"sensor.residual=0.4"}), HasSubstr("sensor.residual"));
+  EXPECT_THAT(ErrorOf({"sensor.nonuniformity=-0.1"}), HasSubstr("sensor.nonuniformity"));
+  EXPECT_THAT(ErrorOf({"sensor.blooming=1.5"}), HasSubstr("sensor.blooming"));
+  EXPECT_THAT(ErrorOf({"led.half_angle=1.6"}), HasSubstr("led.half_angle"));
+  EXPECT_THAT(ErrorOf({"led.axis=[0.0, 0.0, 0.0]"}), HasSubstr("is no direction"));
+  EXPECT_THAT(ErrorOf({"ambient.flicker=0.3"}), HasSubstr("level"));
+  EXPECT_THAT(ErrorOf({"ambient.level=1e6", "ambient.flicke=0.3"}), HasSubstr("flicker"));
+  EXPECT_THAT(ErrorOf({"flat_field.lines=0", "flat_field.level=0.5"}),
+              HasSubstr("flat_field.lines"));
+  EXPECT_THAT(ErrorOf({"lamp.a.brightness=1.0"}), HasSubstr("position"));
+  const std::string disc = "occluder.a.centre=[0.0, 0.0, 0.0]";
+  EXPECT_THAT(ErrorOf({disc, "occluder.a.normal=[0.0, 0.0, 1.0]", "occluder.a.radius=0.1",
+                       "occluder.a.from=2.0", "occluder.a.until=1.0"}),
+              HasSubstr("before"));
 }
 
 }  // namespace

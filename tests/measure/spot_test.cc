@@ -9,6 +9,7 @@
 #include "base/random.h"
 #include "base/statistics.h"
 #include "measure/sensor.h"
+#include "measure/spot_bound.h"
 #include "measure/spot_fit.h"
 #include "measure/spot_painter.h"
 #include "tests/measure/fixtures.h"
@@ -52,6 +53,20 @@ TEST(SpotFit, ScattersAsItSaysAndNearTheBound) {
     EXPECT_GT(scatter, (1.0 - kHonest) * bound) << "sigma " << spot.sigma;
     RecordProperty("scatter_over_bound_" + std::to_string(spot.sigma),
                    std::to_string(scatter / bound));
+  }
+}
+
+TEST(SpotFit, TheBoundIsFishersSum) {
+  // Closed-form slopes over all pixels against central differences over six sigmas.
+  SpotBench bench;
+  const double g = bench.gain();
+  const PixelNoise noise{
+      .electrons_per_count = g,
+      .dark_variance = std::pow(bench.sensor().read_noise / g, 2) * 1.01 + 1.0 / 12.0};
+  for (const Case& spot : kCases) {
+    EXPECT_NEAR(CentreBound(700.3, spot.sigma, spot.electrons / g, noise) /
+                    bench.Bound(700.3, spot.sigma, spot.electrons),
+                1.0, 1e-3);
   }
 }
 

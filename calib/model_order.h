@@ -1,0 +1,69 @@
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "calib/bundle.h"
+#include "calib/observations.h"
+#include "calib/refine.h"
+
+namespace unfurl::calib {
+
+// How many terms a lens model has. A rig has one order for all its cameras.
+struct LensOrder {
+  const char* name;
+  std::array<bool, 10> terms;  // in the order of data::kCameraTerms
+};
+inline constexpr std::array<LensOrder, 6> kLensOrders = {{
+    {"pinhole", {}},
+    {"cubic", {true, true}},
+    {"cubic-even", {true, true, false, false, false, true, true, true}},
+    {"quintic", {true, true, true, true, true}},
+    {"quintic-even", {true, true, true, true, true, true, true, true}},
+    {"full", {true, true, true, true, true, true, true, true, true, true}},
+}};
+inline constexpr int kFullOrder = 5;
+inline constexpr int kAutomaticOrder = -1;
+
+// The priors with the terms that the order lacks held at zero.
+std::vector<CameraPrior> WithOrder(std::vector<CameraPrior> priors, int order);
+
+// One order, fitted to all points and then without each part of them in turn.
+struct OrderTrial {
+  int order = kFullOrder;
+  // -log of how likely the left-out points' survey and readings were, less the same of the best
+  // order; nats. It punishes error bars that are too narrow as it does those that are too wide.
+  double loss = 0.0;
+  // Left-out points, found from their readings, from the survey (RMS), and by how much their
+  // readings contradict each other, in quadrature per reading to spare [m], [px].
+  double held_out_rms = 0.0;
+  double contradiction_px = 0.0;
+  double largest_floor_px = 0.0;
+  double seconds = 0.0;  // of the fit and its parts
+  std::vector<CameraPrior> priors;
+  RefinedBundle bundle;
+};
+
+struct OrderOptions {
+  int folds = 5;
+  std::size_t workers = 0;  // 0: all cores; changes no result but `seconds`
+  // What a richer model must gain to be taken [nats]: e^2 in likelihood.
+  double gain = 2.0;
+};
+
+// Fits every order from the solution of the full one, whose gross errors stay left out, and says
+// which to take: the simplest whose loss is within `gain` of the best. `trials` are in the order of
+// kLensOrders.
+struct OrderChoice {
+  int order = kFullOrder;
+  std::vector<OrderTrial> trials;
+};
+OrderChoice ChooseOrder(const Observations& data, const std::vector<CameraPrior>& full_priors,
+                        const RefinedBundle& full, const OrderOptions& options);
+
+// A fit of one order from the solution of the full one.
+RefinedBundle FitOrder(const Observations& data, const std::vector<CameraPrior>& priors,
+                       const RefinedBundle& full);
+
+}  // namespace unfurl::calib

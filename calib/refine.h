@@ -1,0 +1,43 @@
+#pragma once
+
+#include <vector>
+
+#include "calib/bundle.h"
+#include "calib/covariance.h"
+#include "calib/gross.h"
+#include "calib/observations.h"
+#include "calib/weighting.h"
+
+namespace unfurl::calib {
+
+struct RefineOptions {
+  GrossOptions gross;
+  bool choose_gross = true;  // false: what is left out stays as it is
+  int rounds = 8;
+  int max_iterations = 100;  // of each bundle
+};
+
+// A bundle by least squares of what is believed, and what is believed of each kind of datum.
+struct RefinedBundle {
+  Weighting weighting;
+  BundleState state;
+  BundleSummary summary;
+  Redundancy redundancy;
+  std::vector<int> ambiguous;  // points of which the wrong thing may have been left out
+};
+
+// From a robust solution: in turn, which readings and surveyed points to believe (ChooseGross), the
+// bundle of those, and the variances: each camera's floor, raised until its readings' squared
+// residuals are as large as their redundancy says, and one factor on the survey's sigmas, likewise
+// but never below 1. Both only where chance would not do it (5% and 0.1%): a floor that followed
+// every upward chance would make all error bars too wide. [variance components: Foerstner 1979]
+RefinedBundle Refine(const Observations& data, const std::vector<CameraPrior>& priors,
+                     const Weighting& weighting, const RefineOptions& options, BundleState state);
+
+// Floors from the residuals of a robust solution, by their median: a start that gross errors spoil
+// little. `residual_px` of all readings, under the weighting.
+std::vector<double> RobustFloors(const Observations& data, const std::vector<CameraPrior>& priors,
+                                 const Weighting& weighting, const BundleState& state,
+                                 const BundleSummary& summary);
+
+}  // namespace unfurl::calib

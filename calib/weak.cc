@@ -1,0 +1,247 @@
+#include "calib/weak.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "calib/covariance.h"
+#include "calib/initial_guess.h"
+#include "measure/camera_model.h"
+#include "measure/triangulate.h"
+
+namespace unfurl::calib {
+namespace {
+
+constexpr int kParameters = data::kCameraParameters;
+using Vector = Eigen::Matrix<double, kParameters, 1>;
+using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
+
+constexpr double kRotation = 1e-3, kPlace = 10e-3, kScale = 1e-3, kOffset = 2.0, kCentres = 5e-3;
+constexpr double kPart = 0.15;       // share of a direction's square that is worth a word
+constexpr double kHarmless = 0.1;    // of the calibration's variance of points
+constexpr double kNearPlane = 0.25;  // least spread over the largest: below, more depth is advised
+constexpr double kGap = 0.15;        // of the sensor's row without a reading
+constexpr double kPixels = 2160.0;
+constexpr int kFewPoints = 60;
+constexpr int kGrid = 5;
+
+struct Word {
+  const char* text;
+  const char* unit;
+};
+
+constexpr std::array<Word, kParameters> kWords = {{{"rotation about the sensor's row", "rad"},
+                                                   {"rotation about the lens axis", "rad"},
+                                                   {"rotation about the optical axis", "rad"},
+                                                   {"place along the sensor's row", "m"},
+                                                   {"place along its lens axis", "m"},
+                                                   {"distance to the scene", "m"},
+                                                   {"image scale f", "px"},
+                                                   {"offset u0", "px"},
+                                                   {"distance between the two centres e", "m"},
+                                                   {"term x^3", "px"},
+                                                   {"term x y^2", "px"},
+                                                   {"term x^5", "px"},
+                                                   {"term x^3 y^2", "px"},
+                                                   {"term x y^4", "px"},
+                                                   {"term x^2", "px"},
+                                                   {"term x y", "px"},
+                                                   {"term y^2", "px"},
+                                                   {"term x^2 y", "px"},
+                                                   {"term y^3", "px"}}};
+
+Vector Units(const data::RigCamera& camera, const CameraPrior& prior) {
+  Vector units;
+  units << Eigen::Vector3d::Constant(kRotation), Eigen::Vector3d::Constant(kPlace),
+      kScale * camera.f_px, kOffset, kCentres, Vector::Ones().tail<10>();
+  for (int k = 0; k < 10; ++k) units(9 + k) = prior.term_unit_px[static_cast<std::size_t>(k)];
+  return units;
+}
+
+std::string Advice(int main_part, bool harmless, const data::RigCamera& camera) {
+  const std::string name = "\"" + camera.name + "\"";
+  if (harmless) return "found points do not feel it: nothing need be done";
+  switch (main_part) {
+    case 5:
+    case 6:
+      return "survey points nearer to and farther from camera " + name;
+    case 0:
+    case 2:
+    case 4:
+    case 8:
+      return "survey points at both ends of what camera " + name + " sees along its lens axis";
+    default:
+      return "survey more points at the edges of what camera " + name + " sees";
+  }
+}
+
+// Points of a grid over the volume, each with the readings that the rig itself predicts.
+struct GridPoint {
+  measure::PointSolution solution;
+  Eigen::MatrixXd of_cameras;  // dP / dc, 3 x 19 c
+};
+
+std::vector<GridPoint> Grid(const data::Rig& rig) {
+  const measure::Triangulator triangulator(rig, {.residual_level = 1e-12});
+  const std::size_t cameras = rig.cameras.size();
+  std::vector<double> u(cameras), s(cameras, 0.03);
+  std::vector<GridPoint> out;
+  const Eigen::Vector3d span = rig.volume_high - rig.volume_low;
+  for (int i = 0; i < kGrid * kGrid * kGrid; ++i) {
+    const Eigen::Vector3d at(i % kGrid, i / kGrid % kGrid, i / (kGrid * kGrid));
+    const Eigen::Vector3d p =
+        rig.volume_low + span.cwiseProduct((at.array() + 0.5).matrix()) / kGrid;
+    std::uint32_t use = 0;
+    for (std::size_t c = 0; c < cameras; ++c) {
+      if (measure::Project(rig.cameras[c], p, &u[c]) && u[c] >= 0.0 && u[c] < kPixels) {
+        use |= 1U << c;
+      }
+    }
+    GridPoint point;
+    point.solution = triangulator.Solve(u, s, p, use);
+    if (point.solution.outcome != measure::PointOutcome::kSolved) continue;
+    point.of_cameras.setZero(3, kParameters * static_cast<Eigen::Index>(cameras));
+    for (std::size_t c = 0; c < cameras; ++c) {
+      measure::Projection h;
+      if ((point.solution.cameras >> c & 1U) == 0 || !measure::Project(rig.cameras[c], p, &h)) {
+        continue;
+      }
+      const double floor = data::FloorOf(rig, c);
+      const double w = 1.0 / (s[c] * s[c] + floor * floor);
+      point.of_cameras.middleCols(kParameters * static_cast<Eigen::Index>(c), kParameters) =
+          -w * point.solution.cov * h.du_dp.transpose() * h.du_dc;
+    }
+    out.push_back(std::move(point));
+  }
+  return out;
+}
+
+double ErrorRms(const std::vector<GridPoint>& grid, const Eigen::MatrixXd& covariance) {
+  double squares = 0.0;
+  for (const GridPoint& point : grid) {
+    squares += (point.of_cameras * covariance * point.of_cameras.transpose()).trace();
+  }
+  return grid.empty() ? 0.0 : std::sqrt(squares / static_cast<double>(grid.size()));
+}
+
+std::string NameOf(const Vector& direction, int main_part) {
+  std::vector<std::pair<double, int>> parts;
+  for (int k = 0; k < kParameters; ++k) {
+    const double share = direction(k) * direction(k);
+    if (share >= kPart || k == main_part) parts.push_back({-share, k});
+  }
+  std::sort(parts.begin(), parts.end());
+  std::string name;
+  for (std::size_t k = 0; k < parts.size(); ++k) {
+    if (k > 0) name += k + 1 == parts.size() ? " together with " : ", ";
+    name += kWords[static_cast<std::size_t>(parts[k].second)].text;
+  }
+  return name;
+}
+
+}  // namespace
+
+double CalibrationErrorRms(const data::Rig& rig) { return ErrorRms(Grid(rig), rig.covariance); }
+
+std::vector<WeakDirection> FindWeak(const data::Rig& rig, const std::vector<CameraPrior>& priors,
+                                    const Eigen::MatrixXd& information) {
+  const Eigen::MatrixXd covariance = CameraCovariance(information);
+  const Eigen::MatrixXd prior_information = PriorInformation(priors);
+  const std::vector<GridPoint> grid = Grid(rig);
+  const double all = ErrorRms(grid, rig.covariance);
+  std::vector<WeakDirection> out;
+  for (std::size_t j = 0; j < priors.size(); ++j) {
+    const auto first = kParameters * static_cast<Eigen::Index>(j);
+    const data::RigCamera& camera = rig.cameras[j];
+    // Places in the camera's own directions, everything in units of what one would notice.
+    Matrix turn = Matrix::Identity();
+    turn.block<3, 3>(3, 3) = camera.R_CW;
+    const Vector units = Units(camera, priors[j]);
+    Matrix scaled = units.cwiseInverse().asDiagonal() * turn *
+                    covariance.block<kParameters, kParameters>(first, first) * turn.transpose() *
+                    units.cwiseInverse().asDiagonal();
+    for (int k = 0; k < 10; ++k) {
+      if (!priors[j].Fixed(k)) continue;
+      scaled.row(9 + k).setZero();
+      scaled.col(9 + k).setZero();
+    }
+    const Eigen::SelfAdjointEigenSolver<Matrix> eigen(scaled);
+    for (int k = kParameters - 1; k >= 0; --k) {
+      const double width = std::sqrt(std::max(0.0, eigen.eigenvalues()(k)));
+      if (width <= 1.0) break;
+      const Vector v = eigen.eigenvectors().col(k);
+      WeakDirection weak;
+      weak.camera = static_cast<int>(j);
+      int main_part = 0;
+      v.cwiseAbs().maxCoeff(&main_part);
+      weak.name = NameOf(v, main_part);
+      weak.unit = kWords[static_cast<std::size_t>(main_part)].unit;
+      weak.sigma = width * std::abs(v(main_part)) * units(main_part);
+      // What a change by one sigma along it does to points, and what the priors say against it.
+      // The rest of the rig follows as it is correlated with it.
+      const Vector own = turn.transpose() * units.cwiseProduct(v);
+      const Vector dual = turn.transpose() * v.cwiseQuotient(units);
+      const Eigen::VectorXd change = covariance.middleCols<kParameters>(first) * dual / width;
+      weak.by_prior = std::min(
+          1.0, width * width *
+                   own.dot(prior_information.block<kParameters, kParameters>(first, first) * own));
+      double squares = 0.0;
+      for (const GridPoint& point : grid) squares += (point.of_cameras * change).squaredNorm();
+      weak.point_rms = grid.empty() ? 0.0 : std::sqrt(squares / static_cast<double>(grid.size()));
+      weak.harmless = weak.point_rms * weak.point_rms < kHarmless * all * all;
+      weak.advice = Advice(main_part, weak.harmless, camera);
+      out.push_back(weak);
+    }
+  }
+  return out;
+}
+
+std::vector<std::string> SurveyAdvice(const Observations& data, const Weighting& weighting,
+                                      const data::Rig& rig) {
+  std::vector<std::string> out;
+  std::vector<int> used;
+  for (int i = 0; i < data.points(); ++i) {
+    if (weighting.UsesSurvey(static_cast<std::size_t>(i))) used.push_back(i);
+  }
+  const Eigen::Matrix3Xd p = data.p(Eigen::all, used);
+  const PointSpread spread = SpreadOf(p);
+  if (spread.sigma(2) < kNearPlane * spread.sigma(0)) {
+    const Eigen::Vector3d centre = p.rowwise().mean();
+    const double away = 2.0 * kNearPlane * spread.sigma(0);
+    const bool level = std::abs(spread.normal.z()) > 0.9;
+    out.push_back(fmt::format(
+        "the points lie within {:.2f} m (one sigma) of one plane with normal ({:.2f}, {:.2f}, "
+        "{:.2f}): measure some {}",
+        spread.sigma(2), spread.normal.x(), spread.normal.y(), spread.normal.z(),
+        level
+            ? fmt::format("at z > {:.2f} m and z < {:.2f} m", centre.z() + away, centre.z() - away)
+            : fmt::format("{:.2f} m and more to either side of it", away)));
+  }
+  if (static_cast<int>(used.size()) < kFewPoints) {
+    out.push_back(fmt::format(
+        "{} points calibrate the rig: four times as many would halve its part of the error",
+        used.size()));
+  }
+  for (std::size_t j = 0; j < rig.cameras.size(); ++j) {
+    std::vector<double> u = {0.0, kPixels};
+    for (std::size_t k = 0; k < data.readings.size(); ++k) {
+      if (data.readings[k].camera == static_cast<int>(j) && weighting.Uses(k)) {
+        u.push_back(std::clamp(data.readings[k].u_px, 0.0, kPixels));
+      }
+    }
+    std::sort(u.begin(), u.end());
+    for (std::size_t k = 1; k < u.size(); ++k) {
+      if (u[k] - u[k - 1] < kGap * kPixels) continue;
+      out.push_back(fmt::format(
+          "camera \"{}\" has no reading from pixel {:.0f} to {:.0f}: points that fall there rest "
+          "on extrapolation",
+          rig.cameras[j].name, u[k - 1], u[k]));
+    }
+  }
+  return out;
+}
+
+}  // namespace unfurl::calib

@@ -1,0 +1,26 @@
+#pragma once
+
+#include "cli/comparison.h"
+#include "report/page.h"
+
+namespace unfurl::cli {
+
+inline constexpr double kMilli = 1e3;  // metres and radians are shown in thousandths
+
+const char* Other(const Comparison& c);  // "simulated", or "reference"
+
+// Parts of the page, each under a heading of its own.
+void AddScorePanels(const Comparison& c, report::Page* page);
+void AddDensityPanels(const Comparison& c, report::Page* page);
+void AddModePanels(const Comparison& c, report::Page* page);
+
+// Charts that the page and the paper's figures share: an angle of a body; x and y of a mark; both
+// spectra of a signal.
+report::Chart AngleChart(const Comparison& c, const ComparedSignal& s);
+report::Chart MarkChart(const Comparison& c, const std::string& mark);
+report::Chart SpectrumChart(const Comparison& c, const ComparedSpectrum& s);
+const ComparedSignal* FindSignal(const Comparison& c, const std::string& name);
+// Names of the marks, those that move most first.
+std::vector<std::string> MarksByMotion(const Comparison& c);
+
+}  // namespace unfurl::cli

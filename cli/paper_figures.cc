@@ -1,0 +1,77 @@
+#include "cli/paper_figures.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+
+#include "base/error.h"
+#include "cli/comparison_panels.h"
+#include "data/atomic_file.h"
+#include "report/still.h"
+
+namespace unfurl::cli {
+
+namespace {
+
+// Positions become displacements from where the reference starts.
+report::Chart Displacements(const Comparison& c, const std::string& mark) {
+  report::Chart chart = MarkChart(c, mark);
+  chart.y.label = "displacement";
+  for (report::Series& s : chart.series) {
+    const std::string axis = s.name.substr(s.name.size() - 1);
+    const ComparedSignal* signal = FindSignal(c, mark + " " + axis);
+    if (signal == nullptr || signal->reference.empty()) continue;
+    for (double& v : s.y) v -= kMilli * signal->reference.front();
+  }
+  return chart;
+}
+
+}  // namespace
+
+std::string WritePaperFigures(const std::string& folder, const Comparison& c) {
+  std::error_code failed;
+  std::filesystem::create_directories(folder, failed);
+  if (failed) {
+    throw Error("the folder cannot be made: " + failed.message(), folder,
+                "name one that can be written to", ErrorKind::kMachine);
+  }
+  std::string written;
+  auto write = [&](const std::string& name, report::Chart chart, const std::string& title) {
+    chart.title = title;
+    if (chart.x.label.empty()) chart.x = {"time", "s", false};
+    const std::string path = (std::filesystem::path(folder) / name).string();
+    data::WriteTextFile(path, report::StillSvg(chart));
+    written += fmt::format("wrote {}: {}\n", path, title);
+  };
+  const auto angle = std::find_if(c.signals.begin(), c.signals.end(),
+                                  [](const ComparedSignal& s) { return s.unit == "rad"; });
+  if (angle != c.signals.end()) {
+    write("figure-15.svg", AngleChart(c, *angle), "Turn of the central body (" + angle->name + ")");
+  } else {
+    written += "no figure 15: no two marks sit on one body, so no angle is measured\n";
+  }
+  const std::vector<std::string> marks = MarksByMotion(c);
+  for (std::size_t i = 0; i < std::min<std::size_t>(marks.size(), 2); ++i) {
+    // The paper shows the inner mark first.
+    const std::string& mark = marks[std::min<std::size_t>(marks.size(), 2) - 1 - i];
+    write(fmt::format("figure-16{}.svg", "ab"[i]), Displacements(c, mark),
+          "Displacement of " + mark);
+  }
+  const ComparedSpectrum* strongest = nullptr;
+  double most = 0.0;
+  for (const ComparedSpectrum& s : c.spectra) {
+    if (marks.empty() || s.name.rfind(marks.front() + " ", 0) != 0) continue;
+    const double peak = s.measured_peaks.empty() ? 0.0 : s.measured_peaks.front().amplitude;
+    if (strongest == nullptr || peak > most) strongest = &s, most = peak;
+  }
+  if (strongest != nullptr) {
+    report::Chart chart = SpectrumChart(c, *strongest);
+    write("figure-17.svg", chart, "Spectrum of " + strongest->name);
+  } else {
+    written += "no figure 17: too few samples after the last latch for a spectrum\n";
+  }
+  return written;
+}
+
+}  // namespace unfurl::cli
