@@ -14,6 +14,7 @@
 #include "data/run.h"
 #include "data/survey.h"
 #include "data/tracks.h"
+#include "data/tracks_exchange.h"
 #include "data/trial.h"
 #include "measure/raw_lines.h"
 #include "measure/survey_readings.h"
@@ -79,34 +80,76 @@ std::size_t RawToTrial(const Common& common, const std::string& in, const std::s
 }
 
 [[noreturn]] void Refuse(const std::string& what, const std::string& out) {
-  throw Error(fmt::format("{} cannot become '{}'", what, Ending(out)), out,
-              "runs become .csv; tracks and surveys go between .h5 and .csv; a description of raw "
-              "lines (.toml) becomes a trial (.h5)");
+  throw Error(
+      fmt::format("{} cannot become '{}'", what, Ending(out)), out,
+      "runs become .csv; surveys go between .h5 and .csv; tracks between .h5, .csv, .c3d and "
+      ".uff; a description of raw lines (.toml) becomes a trial (.h5)");
 }
 
-std::string ConvertFile(const Common& common, const std::string& in, const std::string& out) {
+bool IsUff(const std::string& path) {
+  return Ending(path) == ".uff" || Ending(path) == ".unv" || Ending(path) == ".uf";
+}
+
+// Tracks from another field's file, if it is one.
+bool ReadForeign(const std::string& in, double sigma, data::Tracks* tracks) {
+  if (Ending(in) == ".c3d") {
+    *tracks = data::ReadTracksC3d(in, sigma);
+  } else if (IsUff(in)) {
+    *tracks = data::ReadTracksUff(in, sigma);
+  } else {
+    return false;
+  }
+  return true;
+}
+
+void WriteTracksAs(const std::string& out, const data::Tracks& tracks,
+                   const data::Provenance& provenance) {
+  if (Ending(out) == ".h5") {
+    data::WriteTracks(out, tracks, provenance);
+  } else if (Ending(out) == ".csv") {
+    data::WriteTracksCsv(out, tracks);
+  } else if (Ending(out) == ".c3d") {
+    data::WriteTracksC3d(out, tracks);
+  } else if (IsUff(out)) {
+    data::WriteTracksUff(out, tracks);
+  } else {
+    Refuse("tracks", out);
+  }
+}
+
+std::string ConvertFile(const Common& common, const std::string& in, const std::string& out,
+                        double sigma) {
   if (Ending(in) == ".toml") {
     if (Ending(out) != ".h5") Refuse("a description of raw lines", out);
     RawToTrial(common, in, out);
     return data::kTrialSchema;
   }
   data::Provenance provenance = StartProvenance(common);
+  data::Tracks foreign;
+  if (ReadForeign(in, sigma, &foreign)) {
+    provenance.AddInput(in);
+    WriteTracksAs(out, foreign, provenance);
+    return data::kTracksSchema;
+  }
   if (Ending(in) == ".csv") {
-    if (Ending(out) != ".h5") Refuse("a CSV file", out);
     provenance.AddInput(in);
     if (data::CsvTable::Load(in).Find("mark") >= 0) {
-      data::WriteTracks(out, data::ReadTracksCsv(in), provenance);
+      WriteTracksAs(out, data::ReadTracksCsv(in), provenance);
       return data::kTracksSchema;
     }
+    if (Ending(out) != ".h5") Refuse("a CSV file", out);
     data::WriteSurvey(out, data::ReadSurvey(in), provenance);
     return data::kSurveySchema;
   }
   const std::string schema = data::H5Reader::SchemaOf(in);
+  if (schema == data::kTracksSchema) {
+    provenance.AddInput(in);
+    WriteTracksAs(out, data::ReadTracks(in), provenance);
+    return schema;
+  }
   if (Ending(out) != ".csv") Refuse(schema, out);
   if (schema == data::kRunSchema) {
     RunToCsv(in, out);
-  } else if (schema == data::kTracksSchema) {
-    data::WriteTracksCsv(out, data::ReadTracks(in));
   } else if (schema == data::kSurveySchema) {
     data::Survey survey = data::ReadSurvey(in);
     measure::FindSurveyReadings(&survey);  // a CSV holds numbers, not lines
@@ -122,21 +165,25 @@ std::string ConvertFile(const Common& common, const std::string& in, const std::
 Verb AddConvert(CLI::App& program, Common& common) {
   CLI::App* app = DeclareVerb(program, common, "convert",
                               "A run, tracks or survey in another format; raw lines into a trial",
-                              "unfurl convert run.h5 run.csv\n"
+                              "unfurl convert tracks.h5 tracks.c3d\n"
                               "  unfurl convert lines.toml trial.h5     (raw lines of a frame "
                               "grabber, described in TOML)");
   struct Arguments {
     std::string in, out;
+    double sigma = 0.0;
   };
   auto arguments = std::make_shared<Arguments>();
   app->add_option("IN", arguments->in,
-                  "A run, tracks or survey (.h5), tracks or a survey (.csv), "
+                  "A run, tracks or survey (.h5), tracks or a survey (.csv), tracks (.c3d, .uff), "
                   "a description of raw lines (.toml)")
       ->required();
   app->add_option("OUT", arguments->out, "The file to write; its ending tells the format")
       ->required();
+  app->add_option("--sigma", arguments->sigma,
+                  "Of one axis of a point [m], where a .c3d or .uff tells none");
   return {app, [&common, arguments] {
-            const std::string schema = ConvertFile(common, arguments->in, arguments->out);
+            const std::string schema =
+                ConvertFile(common, arguments->in, arguments->out, arguments->sigma);
             Finish(common, {{"in", arguments->in}, {"out", arguments->out}, {"schema", schema}},
                    fmt::format("{} -> {}  ({})", arguments->in, arguments->out, schema));
             return kExitGood;

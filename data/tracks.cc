@@ -19,10 +19,20 @@ namespace {
 constexpr std::array<const char*, 6> kCovariance = {"cxx", "cxy", "cxz", "cyy", "cyz", "czz"};
 constexpr std::array<const char*, 4> kStatusNames = {"good", "three_cameras", "rejected_reading",
                                                      "unsolvable"};
+constexpr std::array<const char*, kSampleReasons> kReasonNames = {"",
+                                                                  "too few readings",
+                                                                  "planes too near to parallel",
+                                                                  "outside the volume",
+                                                                  "readings disagree",
+                                                                  "two points fit three readings",
+                                                                  "ambiguous spots",
+                                                                  "off its path"};
 
 }  // namespace
 
 const char* Name(SampleStatus status) { return kStatusNames[static_cast<std::size_t>(status)]; }
+
+const char* Name(SampleReason reason) { return kReasonNames[static_cast<std::size_t>(reason)]; }
 
 Eigen::Matrix3d Tracks::Covariance(std::size_t i) const {
   const auto c = cov.col(static_cast<Eigen::Index>(i));
@@ -46,12 +56,14 @@ int Tracks::FindMark(const std::string& name) const {
 
 struct TracksWriter::Impl {
   H5Writer file;
-  H5Series t, mark, p, cov, status, shared;
+  H5Series t, mark, p, cov, status, shared, used, left_out, reason;
   std::size_t rank;
+  bool detailed;
 
   Impl(const std::string& path, const Tracks& like, const Provenance& provenance)
       : file(path, kTracksSchema, kTracksVersion, provenance),
-        rank(static_cast<std::size_t>(like.shared_rank)) {
+        rank(static_cast<std::size_t>(like.shared_rank)),
+        detailed(!like.cameras.empty()) {
     file.Write({"/marks", "1", "marks' names"}, like.marks);
     file.Attribute("/", "frame", like.frame);
     file.Attribute("/", "smoothed", static_cast<std::int64_t>(like.smoothed));
@@ -64,6 +76,16 @@ struct TracksWriter::Impl {
     status =
         file.Series({"/status", "1", "0 good, 1 three cameras, 2 rejected reading, 3 unsolvable"},
                     H5Type::kInt32);
+    if (detailed) {
+      file.Write({"/cameras", "1", "cameras' names"}, like.cameras);
+      used = file.Series({"/used", "1", "bit c: a reading of camera c entered"}, H5Type::kInt32);
+      left_out = file.Series({"/left_out", "1", "bit c: camera c saw something that was not taken"},
+                             H5Type::kInt32);
+      reason = file.Series({"/reason", "1",
+                            "why unsolvable: 1 too few readings, 2 parallel planes, 3 outside, "
+                            "4 readings disagree, 5 two points fit, 6 ambiguous, 7 off its path"},
+                           H5Type::kInt32);
+    }
     if (rank > 0) {
       // Seven digits of an uncertainty are plenty, and it is most of the file.
       shared = file.Series(
@@ -88,6 +110,17 @@ void TracksWriter::Append(const Tracks& block) {
   std::vector<std::int32_t> status(n);
   for (std::size_t i = 0; i < n; ++i) status[i] = static_cast<std::int32_t>(block.status[i]);
   impl_->status.Append(std::span<const std::int32_t>(status));
+  if (impl_->detailed) {
+    const auto append = [&status](H5Series& series, const auto& values) {
+      for (std::size_t i = 0; i < status.size(); ++i) {
+        status[i] = static_cast<std::int32_t>(values[i]);
+      }
+      series.Append(std::span<const std::int32_t>(status));
+    };
+    append(impl_->used, block.used);
+    append(impl_->left_out, block.left_out);
+    append(impl_->reason, block.reason);
+  }
   if (impl_->rank == 0) return;
   // Columns of one sample lie side by side in memory, its rows on disk.
   const Eigen::Index k = static_cast<Eigen::Index>(impl_->rank);
@@ -144,6 +177,24 @@ Tracks ReadTracks(const std::string& path) {
                 "/p", "make the file again");
     }
   }
+  if (file.Has("/cameras")) {
+    tracks.cameras = file.ReadStrings("/cameras");
+    const std::vector<std::int32_t> used = file.ReadInts("/used");
+    const std::vector<std::int32_t> left_out = file.ReadInts("/left_out");
+    const std::vector<std::int32_t> reason = file.ReadInts("/reason");
+    if (used.size() != n || left_out.size() != n || reason.size() != n) {
+      file.Fail("holds series of different lengths", "/used", "make the file again");
+    }
+    for (std::size_t i = 0; i < n; ++i) {
+      if (reason[i] < 0 || reason[i] >= kSampleReasons) {
+        file.Fail(fmt::format("sample {} has an impossible reason", i), "/reason",
+                  "make the file again");
+      }
+      tracks.used.push_back(static_cast<std::uint32_t>(used[i]));
+      tracks.left_out.push_back(static_cast<std::uint32_t>(left_out[i]));
+      tracks.reason.push_back(static_cast<SampleReason>(reason[i]));
+    }
+  }
   if (k > 0) {
     const std::vector<double> rows = file.ReadDoubles("/shared", "m");
     tracks.shared.resize(3, static_cast<Eigen::Index>(n * k));
@@ -161,6 +212,7 @@ void WriteTracksCsv(const std::string& path, const Tracks& tracks) {
   std::vector<CsvColumn> columns = {{"t", "s"}, {"mark", ""}, {"x", "m"}, {"y", "m"}, {"z", "m"}};
   for (const char* name : kCovariance) columns.push_back({name, "m^2"});
   columns.push_back({"status", ""});
+  if (!tracks.reason.empty()) columns.push_back({"reason", ""});
   CsvWriter writer(std::move(columns));
   writer.Comment(fmt::format("frame: {}", tracks.frame));
   writer.Comment(fmt::format("smoothed: {}", tracks.smoothed ? "yes" : "no"));
@@ -172,6 +224,7 @@ void WriteTracksCsv(const std::string& path, const Tracks& tracks) {
     for (Eigen::Index k = 0; k < 3; ++k) cells.push_back(cell(tracks.p(k, col)));
     for (Eigen::Index k = 0; k < 6; ++k) cells.push_back(cell(tracks.cov(k, col)));
     cells.emplace_back(Name(tracks.status[i]));
+    if (!tracks.reason.empty()) cells.emplace_back(Name(tracks.reason[i]));
     writer.Row(cells);
   }
   WriteTextFile(path, writer.text());

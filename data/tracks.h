@@ -20,6 +20,20 @@ enum class SampleStatus : std::int32_t {
 const char* Name(SampleStatus status);
 inline bool Usable(SampleStatus s) { return s != SampleStatus::kUnsolvable; }
 
+// Why a sample has no position.
+enum class SampleReason : std::int32_t {
+  kNone = 0,       // it has one
+  kTooFew = 1,     // fewer than three usable readings
+  kParallel = 2,   // their planes are too near to parallel
+  kOutside = 3,    // no point in or near the volume explains them
+  kDisagree = 4,   // four readings that one point cannot explain: one is wrong, unknown which
+  kTwoFit = 5,     // three readings that two points explain, and nothing tells which
+  kAmbiguous = 6,  // several spots, and nothing tells which is the mark's
+  kOffPath = 7,    // no continuation of where the mark was, and no reading to vouch for it
+};
+inline constexpr int kSampleReasons = 8;
+const char* Name(SampleReason reason);  // in words
+
 // Marks in time, sample by sample in order of time; n samples of m marks.
 //
 // The error of sample i is  e_i = random_i + F_i z:  random_i has covariance cov_i and is
@@ -38,6 +52,12 @@ struct Tracks {
   int shared_rank = 0;                           // k
   Eigen::Matrix3Xd shared;                       // 3 x (n k) [m]
 
+  // How each sample came about; `cameras` empty and so are the others where nobody knows.
+  std::vector<std::string> cameras;     // c names
+  std::vector<std::uint32_t> used;      // n, bit c: a reading of camera c entered
+  std::vector<std::uint32_t> left_out;  // n, bit c: camera c saw something that was not taken
+  std::vector<SampleReason> reason;     // n
+
   std::size_t size() const { return t.size(); }
   Eigen::Matrix3d Covariance(std::size_t i) const;
   // Indices of the usable samples of one mark, in order of time.
@@ -47,10 +67,10 @@ struct Tracks {
 };
 
 inline constexpr char kTracksSchema[] = "unfurl/tracks";
-inline constexpr int kTracksVersion = 1;
+inline constexpr int kTracksVersion = 2;  // 2: how samples came about
 
 // Streams samples to disk in constant memory; the file gets its name on Commit. `like` gives frame,
-// marks, `smoothed` and the shared rank; its samples, if any, are not written.
+// marks, cameras, `smoothed` and the shared rank; its samples, if any, are not written.
 class TracksWriter {
  public:
   TracksWriter(const std::string& path, const Tracks& like, const Provenance& provenance);
@@ -65,7 +85,7 @@ class TracksWriter {
 
 void WriteTracks(const std::string& path, const Tracks& tracks, const Provenance& provenance);
 Tracks ReadTracks(const std::string& path);
-// Columns t, mark, x, y, z, cxx .. czz, status, with units in the header; no shared part.
+// Columns t, mark, x, y, z, cxx .. czz, status, reason, with units in the header; no shared part.
 void WriteTracksCsv(const std::string& path, const Tracks& tracks);
 Tracks ReadTracksCsv(const std::string& path);
 

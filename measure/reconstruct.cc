@@ -59,18 +59,29 @@ Reconstructor::Reconstructor(const data::TrialReader& trial, const data::Rig& ri
     : options_(options), header_(trial.header()), triangulator_(rig, options.point) {
   CheckMatch(trial, rig, rig_path);
   layout_.frame = "rig";
-  layout_.shared_rank = triangulator_.shared_rank();
-  for (const std::string& slot : header_.slots) {
-    const bool dark = slot == data::kDarkSlot;
-    mark_of_slot_.push_back(dark ? -1 : static_cast<std::int32_t>(layout_.marks.size()));
-    if (!dark) layout_.marks.push_back(slot);
+  layout_.cameras = header_.cameras;
+  for (const std::string& name : header_.slots) {
+    slots_.emplace_back();
+    if (name == data::kDarkSlot) continue;
+    for (const std::string& mark : Split(name, kTogether)) {
+      int at = layout_.FindMark(mark);
+      if (mark.empty() || std::count(slots_.back().marks.begin(), slots_.back().marks.end(), at)) {
+        throw Error(fmt::format("slot '{}' names a mark twice, or none", name), trial.path(),
+                    "name the marks that are lit together, as in mark1+mark2");
+      }
+      if (at < 0) {
+        at = static_cast<int>(layout_.marks.size());
+        layout_.marks.push_back(mark);
+      }
+      slots_.back().marks.push_back(at);
+    }
   }
-  past_.resize(layout_.marks.size());
   const std::size_t cameras = header_.cameras.size();
   summary_.marks = layout_.marks;
   summary_.status.resize(layout_.marks.size());
   summary_.flags.resize(cameras);
   summary_.readings.resize(cameras);
+  summary_.left_out.resize(cameras);
   backgrounds_.assign(cameras, Background(header_.format));
   finders_.assign(cameras, SpotFinder(header_.format, options.spot));
   SetResponses(header_.response, finders_);
@@ -79,121 +90,175 @@ Reconstructor::Reconstructor(const data::TrialReader& trial, const data::Rig& ri
   primed_ = std::min(kPrimeLines, trial.size());
   trial.Read(0, primed_, &block);
   for (std::size_t i = 0; i < block.size(); ++i) {
-    if (mark_of_slot_[static_cast<std::size_t>(block.slot[i])] >= 0) continue;
+    if (!slots_[static_cast<std::size_t>(block.slot[i])].marks.empty()) continue;
     for (std::size_t c = 0; c < cameras; ++c) backgrounds_[c].Add(LineOf(block, header_, i, c));
   }
   if (trial.size() > 0 && backgrounds_[0].empty()) {
     throw Error(fmt::format("has no dark line among its first {}", primed_), trial.path(),
                 "record with a slot named dark: the background is taken from it");
   }
+  LookAhead(trial);
+  layout_.shared_rank = triangulator_.shared_rank();
+  tracker_.emplace(triangulator_, layout_.marks.size(), options.track);
+  for (const auto& [name, p] : options.start) {
+    const int mark = layout_.FindMark(name);
+    if (mark < 0) {
+      throw Error(fmt::format("no mark is named '{}'", name), trial.path(),
+                  fmt::format("its marks are {}", JoinWords(layout_.marks)));
+    }
+    tracker_->Expect(static_cast<std::size_t>(mark), p, options.start_sigma);
+  }
 }
 
-void Reconstructor::FindSpots(const data::TrialBlock& block) {
+void Reconstructor::LookAhead(const data::TrialReader& trial) {
+  constexpr std::size_t kLooks = 128, kLines = 5;  // pieces of consecutive lines over the trial
+  constexpr std::size_t kEnough = 24;              // points; fewer say too little of the way
+  if (triangulator_.shared_rank() == 0 || trial.size() == 0) return;
+  std::vector<PointSolution> points;
+  std::vector<Seen> seen;
+  std::vector<std::span<const Candidate>> candidates;
+  std::vector<TrackedPoint> found;
+  data::TrialBlock block;
+  for (std::size_t look = 0; look < kLooks; ++look) {
+    const std::size_t first = look * trial.size() / kLooks;
+    trial.Read(first, std::min(kLines, trial.size() - first), &block);
+    FindSpots(block, slots_, false, &seen);
+    MarkTracker tracker(triangulator_, layout_.marks.size(), options_.track);
+    for (std::size_t i = 0; i < block.size(); ++i) {
+      const Slot& slot = slots_[static_cast<std::size_t>(block.slot[i])];
+      if (slot.marks.empty()) continue;
+      Candidates({&seen[i * layout_.cameras.size()], layout_.cameras.size()}, &candidates);
+      tracker.Add(block.t[i], slot.marks, candidates, &found);
+      for (const TrackedPoint& point : found) {
+        if (data::Usable(point.status)) points.push_back(point.point);
+      }
+    }
+  }
+  if (points.size() >= kEnough) triangulator_.ReduceShared(points);
+}
+
+void Reconstructor::FindSpots(const data::TrialBlock& block, std::span<const Slot> slots,
+                              bool learn, std::vector<Seen>* seen) {
   const std::size_t cameras = header_.cameras.size();
-  spots_.resize(block.size() * cameras);
+  seen->resize(block.size() * cameras);
   // Each camera walks through the lines in order, so that its background is what it was then.
   ParallelFor(cameras, options_.workers, [&](std::size_t c) {
     for (std::size_t i = 0; i < block.size(); ++i) {
       const auto line = LineOf(block, header_, i, c);
-      if (mark_of_slot_[static_cast<std::size_t>(block.slot[i])] < 0) {
-        if (next_line_ + i >= primed_) backgrounds_[c].Add(line);
+      Seen& here = (*seen)[i * cameras + c];
+      here.count = 0;
+      here.flags = 0;
+      if (slots[static_cast<std::size_t>(block.slot[i])].marks.empty()) {
+        if (learn && next_line_ + i >= primed_) backgrounds_[c].Add(line);
         continue;
       }
-      spots_[i * cameras + c] = finders_[c].Find(line, backgrounds_[c]);
+      std::array<Spot, Associator::kMostCandidates> spots;
+      const std::size_t count = finders_[c].FindAll(line, backgrounds_[c], spots);
+      for (std::size_t k = 1; k < count; ++k) {  // the brightest first
+        for (std::size_t j = k; j > 0 && spots[j].flux > spots[j - 1].flux; --j) {
+          std::swap(spots[j], spots[j - 1]);
+        }
+      }
+      here.flags = count > 0 ? spots[0].flags : static_cast<std::uint8_t>(kSpotDim);
+      const bool alone = slots[static_cast<std::size_t>(block.slot[i])].marks.size() == 1;
+      for (std::size_t k = 0; k < count; ++k) {
+        if (!Resolved(spots[k])) continue;
+        if (alone && spots[k].flux < options_.least_share * spots[0].flux) continue;
+        here.spots[here.count++] = {spots[k].u_px, spots[k].s_px};
+      }
     }
   });
 }
 
-bool Reconstructor::LeaveOneOut(const Past& past, double t, std::span<const double> u,
-                                std::span<const double> s, PointSolution* point) const {
-  if (past.count < 2) return false;
-  const double before = past.t[1] - past.t[0];
-  const double since = t - past.t[1];
-  if (before > options_.longest_gap || since > options_.longest_gap) return false;
-  const Eigen::Vector3d expected = past.p[1] + (past.p[1] - past.p[0]) * (since / before);
-  // The velocity is a chord's: it belongs to the middle of the last interval.
-  const double slack = 0.5 * options_.max_acceleration * since * (since + before);
-
-  int inside = 0;
-  PointSolution found;
-  for (std::size_t c = 0; c < u.size(); ++c) {
-    if ((point->cameras >> c & 1U) == 0) continue;
-    const PointSolution candidate =
-        triangulator_.Solve(u, s, expected, point->cameras & ~(1U << c));
-    if (candidate.outcome != PointOutcome::kSolved) continue;
-    const double reach = options_.gate_sigmas * std::sqrt(candidate.cov.trace()) + slack;
-    if ((candidate.p - expected).norm() > reach) continue;
-    ++inside;
-    found = candidate;
-  }
-  if (inside != 1) return false;
-  *point = found;
-  return true;
+void Reconstructor::Candidates(std::span<const Seen> seen,
+                               std::vector<std::span<const Candidate>>* out) const {
+  out->resize(seen.size());
+  for (std::size_t c = 0; c < seen.size(); ++c) (*out)[c] = {seen[c].spots.data(), seen[c].count};
 }
 
 void Reconstructor::Process(const data::TrialBlock& block, data::Tracks* tracks) {
-  FindSpots(block);
+  FindSpots(block, slots_, true, &seen_);
   const std::size_t cameras = header_.cameras.size();
   const Eigen::Index rank = layout_.shared_rank;
   std::size_t n = 0;
-  for (std::int32_t slot : block.slot) n += mark_of_slot_[static_cast<std::size_t>(slot)] >= 0;
+  for (std::int32_t slot : block.slot) n += slots_[static_cast<std::size_t>(slot)].marks.size();
   tracks->frame = layout_.frame;
   tracks->marks = layout_.marks;
+  tracks->cameras = layout_.cameras;
   tracks->smoothed = false;
   tracks->shared_rank = layout_.shared_rank;
   tracks->t.resize(n);
   tracks->mark.resize(n);
   tracks->status.resize(n);
+  tracks->used.assign(n, 0);
+  tracks->left_out.assign(n, 0);
+  tracks->reason.assign(n, data::SampleReason::kNone);
   tracks->p.setConstant(3, static_cast<Eigen::Index>(n), kNone);
   tracks->cov.setConstant(6, static_cast<Eigen::Index>(n), kNone);
   tracks->shared.setZero(3, static_cast<Eigen::Index>(n) * rank);
+  residuals_.assign(n * cameras, std::numeric_limits<float>::quiet_NaN());
 
-  std::vector<double> u(cameras), s(cameras);
+  std::vector<std::span<const Candidate>> candidates;
+  std::vector<TrackedPoint> found;
+  std::vector<double> residual(cameras);
   std::size_t sample = 0;
   for (std::size_t i = 0; i < block.size(); ++i) {
-    const std::int32_t mark = mark_of_slot_[static_cast<std::size_t>(block.slot[i])];
-    if (mark < 0) {
+    const Slot& slot = slots_[static_cast<std::size_t>(block.slot[i])];
+    if (slot.marks.empty()) {
       ++summary_.dark_lines;
       continue;
     }
+    const std::span<const Seen> seen(&seen_[i * cameras], cameras);
     for (std::size_t c = 0; c < cameras; ++c) {
-      const Spot& spot = spots_[i * cameras + c];
-      const bool usable = Usable(spot);
-      u[c] = usable ? spot.u_px : kNone;
-      s[c] = usable ? spot.s_px : kNone;
-      summary_.readings[c] += usable;
-      for (std::size_t bit = 0; bit < 6; ++bit) summary_.flags[c][bit] += spot.flags >> bit & 1U;
-    }
-    Past& past = past_[static_cast<std::size_t>(mark)];
-    const double t = block.t[i];
-    PointSolution point =
-        triangulator_.Solve(u, s, past.count > 0 ? past.p[1] : triangulator_.centre());
-    data::SampleStatus status = data::SampleStatus::kUnsolvable;
-    if (point.outcome == PointOutcome::kSolved) {
-      status = point.readings > 3 ? data::SampleStatus::kGood : data::SampleStatus::kThreeCameras;
-    } else if (point.outcome == PointOutcome::kDisagree && LeaveOneOut(past, t, u, s, &point)) {
-      status = data::SampleStatus::kRejectedReading;
-    } else {
-      ++summary_.unsolved[Name(point.outcome)];
-    }
-    ++summary_.status[static_cast<std::size_t>(mark)][static_cast<std::size_t>(status)];
-
-    tracks->t[sample] = t;
-    tracks->mark[sample] = mark;
-    tracks->status[sample] = status;
-    const auto col = static_cast<Eigen::Index>(sample);
-    if (data::Usable(status)) {
-      const Eigen::Matrix3d& C = point.cov;
-      tracks->p.col(col) = point.p;
-      tracks->cov.col(col) << C(0, 0), C(0, 1), C(0, 2), C(1, 1), C(1, 2), C(2, 2);
-      if (rank > 0) {
-        triangulator_.SharedFactor(point, s, tracks->shared.middleCols(col * rank, rank));
+      for (std::size_t bit = 0; bit < kSpotFlags; ++bit) {
+        summary_.flags[c][bit] += seen[c].flags >> bit & 1U;
       }
-      past.t = {past.t[1], t};
-      past.p = {past.count > 0 ? past.p[1] : point.p, point.p};
-      past.count = std::min(past.count + 1, 2);
     }
-    ++sample;
+    Candidates(seen, &candidates);
+    tracker_->Add(block.t[i], slot.marks, candidates, &found);
+    for (std::size_t m = 0; m < slot.marks.size(); ++m, ++sample) {
+      const TrackedPoint& mine = found[m];
+      const auto mark = static_cast<std::size_t>(slot.marks[m]);
+      tracks->t[sample] = block.t[i];
+      tracks->mark[sample] = slot.marks[m];
+      tracks->status[sample] = mine.status;
+      tracks->left_out[sample] = mine.left_out;
+      ++summary_.status[mark][static_cast<std::size_t>(mine.status)];
+      for (std::size_t c = 0; c < cameras; ++c) {
+        summary_.left_out[c] += mine.left_out >> c & 1U;
+      }
+      if (!data::Usable(mine.status)) {
+        tracks->reason[sample] = ReasonOf(mine.point.outcome);
+        ++summary_.unsolved[Name(mine.point.outcome)];
+        continue;
+      }
+      tracks->used[sample] = mine.point.cameras;
+      for (std::size_t c = 0; c < cameras; ++c) {
+        summary_.readings[c] += mine.point.cameras >> c & 1U;
+      }
+      const auto col = static_cast<Eigen::Index>(sample);
+      Eigen::Matrix3d C = mine.point.cov;
+      if (rank > 0) {
+        Eigen::Matrix3d rest;
+        auto F = tracks->shared.middleCols(col * rank, rank);
+        triangulator_.SharedFactor(mine.point, mine.s_px, F, &rest);
+        C += rest;
+        const double lost = rest.trace();
+        if (lost > 0.0) {
+          summary_.unshared = std::max(summary_.unshared, lost / (lost + F.squaredNorm()));
+        }
+      }
+      tracks->p.col(col) = mine.point.p;
+      tracks->cov.col(col) << C(0, 0), C(0, 1), C(0, 2), C(1, 1), C(1, 2), C(2, 2);
+      triangulator_.Residuals(mine.u_px, mine.point, residual);
+      for (std::size_t c = 0; c < cameras; ++c) {
+        residuals_[sample * cameras + c] = static_cast<float>(residual[c]);
+      }
+    }
+  }
+  summary_.named_by_place.clear();
+  for (std::size_t m = 0; m < layout_.marks.size(); ++m) {
+    if (tracker_->named_by_place()[m]) summary_.named_by_place.push_back(layout_.marks[m]);
   }
   summary_.lines += block.size();
   next_line_ += block.size();

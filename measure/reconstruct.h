@@ -2,6 +2,7 @@
 
 #include <array>
 #include <map>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "data/tracks.h"
 #include "data/trial.h"
 #include "measure/background.h"
+#include "measure/mark_tracker.h"
 #include "measure/spot.h"
 #include "measure/triangulate.h"
 
@@ -18,63 +20,87 @@ namespace unfurl::measure {
 struct ReconstructOptions {
   SpotOptions spot{};
   TriangulateOptions point{};
-  // Continuity, for telling which of four readings is wrong: a mark moves on as it did, within half
-  // this acceleration times the square of the time since [m/s^2] (a latch kicks), and within this
-  // many sigmas. Older samples than `longest_gap` [s] tell nothing.
-  double max_acceleration = 200.0;
-  double gate_sigmas = 5.0;
-  double longest_gap = 0.1;
+  TrackerOptions track{};
+  // Where marks are at the start, by name [m], to within `start_sigma` [m]. Only marks that are lit
+  // together need it; without it they are named by their places, in order of x.
+  std::map<std::string, Eigen::Vector3d> start;
+  double start_sigma = 0.05;
+  // Where one mark is lit, spots fainter than this share of the line's brightest are not its own:
+  // faint reflections, what the sensor kept of the line before [-].
+  double least_share = 0.1;
   std::size_t workers = 0;  // 0: all cores; the result does not depend on it
 };
+
+inline constexpr std::size_t kSpotFlags = 7;  // bits of SpotFlag
 
 struct ReconstructSummary {
   std::size_t lines = 0, dark_lines = 0;
   std::vector<std::string> marks;
   std::vector<std::array<std::size_t, 4>> status;  // by mark and data::SampleStatus
   std::map<std::string, std::size_t> unsolved;     // by reason
-  std::vector<std::array<std::size_t, 6>> flags;   // by camera and bit of SpotFlag, lit lines
-  std::vector<std::size_t> readings;               // by camera, usable
+  std::vector<std::array<std::size_t, kSpotFlags>>
+      flags;                                // by camera and bit of SpotFlag, lit lines
+  std::vector<std::size_t> readings;        // by camera, that entered
+  std::vector<std::size_t> left_out;        // by camera, where others were preferred
+  std::vector<std::string> named_by_place;  // marks
+  // Share of the calibration's variance that is not in the shared part but in the samples' own
+  // covariance, the largest of any sample [-].
+  double unshared = 0.0;
   std::size_t samples() const;
   std::size_t usable() const;
 };
+
+// A slot's name may name several marks that are lit together: "mark1+mark2".
+inline constexpr char kTogether = '+';
 
 // From raw lines to marks in time, block after block; what is remembered from one to the next are
 // backgrounds and where each mark last was, so the result does not depend on the blocks' size.
 class Reconstructor {
  public:
-  // Throws Error when the rig is not the one that recorded the trial.
+  // Looks at some lines of the whole trial to see where the marks go: the calibration's part is
+  // reduced to what matters there. Throws Error when the rig is not the one that recorded the
+  // trial.
   Reconstructor(const data::TrialReader& trial, const data::Rig& rig, const std::string& rig_path,
                 const ReconstructOptions& options = {});
+  Reconstructor(const Reconstructor&) = delete;
+  Reconstructor& operator=(const Reconstructor&) = delete;
 
-  // Frame, marks and shared rank, no samples: for TracksWriter.
+  // Frame, marks, cameras and shared rank, no samples: for TracksWriter.
   const data::Tracks& layout() const { return layout_; }
   // The block's samples, in order of time. Blocks must follow each other from line 0.
   void Process(const data::TrialBlock& block, data::Tracks* tracks);
+  // Readings less those of the points, of the last block: samples x cameras, NaN where none [px].
+  std::span<const float> residuals() const { return residuals_; }
 
   const ReconstructSummary& summary() const { return summary_; }
 
  private:
-  struct Past {  // a mark's last two good places
-    std::array<double, 2> t{};
-    std::array<Eigen::Vector3d, 2> p;
-    int count = 0;
+  struct Slot {
+    std::vector<int> marks;  // empty: dark
+  };
+  // Spots of one line and camera.
+  struct Seen {
+    std::uint8_t count = 0;
+    std::uint8_t flags = 0;
+    std::array<Candidate, Associator::kMostCandidates> spots;
   };
 
-  void FindSpots(const data::TrialBlock& block);
-  // Decides by continuity which reading to leave out; false when nothing decides.
-  bool LeaveOneOut(const Past& past, double t, std::span<const double> u, std::span<const double> s,
-                   PointSolution* point) const;
+  void LookAhead(const data::TrialReader& trial);
+  void FindSpots(const data::TrialBlock& block, std::span<const Slot> slots, bool learn,
+                 std::vector<Seen>* seen);
+  void Candidates(std::span<const Seen> seen, std::vector<std::span<const Candidate>>* out) const;
 
   ReconstructOptions options_;
   data::TrialHeader header_;
   Triangulator triangulator_;
   data::Tracks layout_;
   ReconstructSummary summary_;
-  std::vector<std::int32_t> mark_of_slot_;  // -1: dark
-  std::vector<Background> backgrounds_;     // by camera
+  std::vector<Slot> slots_;
+  std::vector<Background> backgrounds_;  // by camera
   std::vector<SpotFinder> finders_;
-  std::vector<Past> past_;   // by mark
-  std::vector<Spot> spots_;  // line x camera, of the block
+  std::optional<MarkTracker> tracker_;
+  std::vector<Seen> seen_;  // line x camera, of the block
+  std::vector<float> residuals_;
   std::size_t next_line_ = 0;
   std::size_t primed_ = 0;  // lines whose dark ones the backgrounds already know
 };

@@ -2,7 +2,10 @@
 
 #include <Eigen/Eigenvalues>
 #include <algorithm>
+#include <array>
+#include <cassert>
 #include <cmath>
+#include <limits>
 
 #include "base/statistics.h"
 #include "measure/camera_model.h"
@@ -11,98 +14,114 @@ namespace unfurl::measure {
 
 namespace {
 
+constexpr std::size_t kMaxCameras = CameraBank::kMaxCameras;
+using Lanes = std::array<double, kMaxCameras>;
+
+Eigen::Matrix3d Symmetric(const double* s) {
+  Eigen::Matrix3d M;
+  M << s[0], s[1], s[2], s[1], s[3], s[4], s[2], s[4], s[5];
+  return M;
+}
+
 double FloorSquare(const data::Rig& rig, std::size_t camera) {
   const double floor = data::FloorOf(rig, camera);
   return floor * floor;
 }
 
-constexpr int kMaxCameras = 32;  // bits of the camera set
-
 }  // namespace
 
+static_assert(static_cast<int>(PointOutcome::kOffPath) + 1 == data::kSampleReasons);
+
 const char* Name(PointOutcome outcome) {
-  switch (outcome) {
-    case PointOutcome::kSolved:
-      return "solved";
-    case PointOutcome::kTooFew:
-      return "too few readings";
-    case PointOutcome::kParallel:
-      return "planes too near to parallel";
-    case PointOutcome::kOutside:
-      return "outside the volume";
-    case PointOutcome::kDisagree:
-      return "readings disagree";
-  }
-  return "";
+  return outcome == PointOutcome::kSolved ? "solved" : data::Name(ReasonOf(outcome));
 }
 
 Triangulator::Triangulator(const data::Rig& rig, const TriangulateOptions& options)
-    : rig_(rig), options_(options), centre_(0.5 * (rig.volume_low + rig.volume_high)) {
-  const Eigen::Vector3d margin = options.volume_margin * (rig.volume_high - rig.volume_low);
-  low_ = rig.volume_low - margin;
-  high_ = rig.volume_high + margin;
+    : rig_(rig),
+      options_(options),
+      centre_(0.5 * (rig.volume_low + rig.volume_high)),
+      bank_(rig.cameras) {
+  assert(rig.cameras.size() <= kMaxCameras);
+  const Eigen::Vector3d size = rig.volume_high - rig.volume_low;
+  low_ = rig.volume_low - options.volume_margin * size;
+  high_ = rig.volume_high + options.volume_margin * size;
+  near_low_ = rig.volume_low - options.twin_margin * size;
+  near_high_ = rig.volume_high + options.twin_margin * size;
   limit_.push_back(0.0);
-  for (int dof = 1; dof <= kMaxCameras; ++dof) {
-    limit_.push_back(ChiSquareQuantile(1.0 - options.residual_level, dof));
+  for (std::size_t dof = 1; dof <= kMaxCameras; ++dof) {
+    limit_.push_back(ChiSquareQuantile(1.0 - options.residual_level, static_cast<double>(dof)));
   }
-  ReduceFactor();
+
+  const auto rows = static_cast<Eigen::Index>(rig.cameras.size()) * data::kCameraParameters;
+  if (rig.covariance.rows() != rows || rig.covariance.isZero(0.0)) return;
+  // Parameters have units; scaling by their sigmas keeps the small ones from drowning.
+  const Eigen::VectorXd sigma = rig.covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
+  const Eigen::VectorXd inverse = sigma.unaryExpr([](double s) { return s > 0.0 ? 1.0 / s : 0.0; });
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(inverse.asDiagonal() * rig.covariance *
+                                                             inverse.asDiagonal());
+  whole_ = sigma.asDiagonal() * eigen.eigenvectors() *
+           eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+  ReduceShared(GridOfVolume());
+}
+
+void Triangulator::Weights(std::span<const double> u_px, std::span<const double> s_px,
+                           std::uint32_t use, double* u, double* w, PointSolution* point) const {
+  const std::size_t count = rig_.cameras.size();
+  for (std::size_t c = 0; c < bank_.lanes(); ++c) {
+    const bool in = c < count && (use >> c & 1U) != 0 && !std::isnan(u_px[c]);
+    u[c] = in ? u_px[c] : 0.0;
+    w[c] = in ? 1.0 / (s_px[c] * s_px[c] + FloorSquare(rig_, c)) : 0.0;
+    if (!in) continue;
+    point->cameras |= 1U << c;
+    ++point->readings;
+  }
 }
 
 PointSolution Triangulator::Solve(std::span<const double> u_px, std::span<const double> s_px,
                                   const Eigen::Vector3d& start, std::uint32_t use) const {
   constexpr int kMaxSteps = 15;
-  constexpr double kConverged = 1e-8;  // of a step [m]
+  constexpr double kConverged = 1e-8;  // of the step that would come next [m]
   constexpr double kLongest = 1.0;     // step [m]: the surfaces bend, but not much
 
   PointSolution point;
-  const std::size_t count = rig_.cameras.size();
-  for (std::size_t c = 0; c < count; ++c) {
-    if ((use >> c & 1U) == 0 || std::isnan(u_px[c])) continue;
-    point.cameras |= 1U << c;
-    ++point.readings;
-  }
+  Lanes u, w;
+  Weights(u_px, s_px, use, u.data(), w.data(), &point);
   if (point.readings < 3) return point;
 
   point.p = start;
   point.outcome = PointOutcome::kOutside;
-  Eigen::Matrix3d A, geometry;
+  CameraBank::Sums sums;
+  Eigen::Matrix3d inverse;
+  double before = 0.0;
   bool converged = false;
-  for (int step = 0; step < kMaxSteps; ++step) {
-    A.setZero();
-    geometry.setZero();
-    Eigen::Vector3d g = Eigen::Vector3d::Zero();
-    point.chi_square = 0.0;
-    for (std::size_t c = 0; c < count; ++c) {
-      if ((point.cameras >> c & 1U) == 0) continue;
-      Projection here;
-      if (!Project(rig_.cameras[c], point.p, &here)) return point;
-      const double w = 1.0 / (s_px[c] * s_px[c] + FloorSquare(rig_, c));
-      const double r = u_px[c] - here.u_px;
-      const Eigen::Matrix3d outer = here.du_dp.transpose() * here.du_dp;
-      A += w * outer;
-      geometry += outer;
-      g += w * r * here.du_dp.transpose();
-      point.chi_square += w * r * r;
-    }
-    if (converged) break;
-    const double det = A.determinant();
-    if (!(det > 0.0)) {
-      point.outcome = PointOutcome::kParallel;
-      return point;
-    }
-    Eigen::Vector3d dp = A.inverse() * g;
+  for (int step = 0; step < kMaxSteps && !converged; ++step) {
+    bank_.Accumulate(point.p.data(), u.data(), w.data(), &sums);
+    if (!sums.in_front) return point;
+    const Eigen::Matrix3d A = Symmetric(sums.JwJ);
+    bool invertible = false;
+    double determinant = 0.0;
+    A.computeInverseAndDetWithCheck(inverse, determinant, invertible, 0.0);
+    const Eigen::Vector3d g(sums.Jwr[0], sums.Jwr[1], sums.Jwr[2]);
+    Eigen::Vector3d dp = inverse * g;
     const double length = dp.norm();
-    if (!std::isfinite(length)) {
+    if (!(determinant > 0.0) || !std::isfinite(length)) {
       point.outcome = PointOutcome::kParallel;
       return point;
     }
-    if (length > kLongest) dp *= kLongest / length;
+    if (length > kLongest) {
+      dp *= kLongest / length;
+    } else {
+      // Steps shrink by a factor that itself shrinks, so the next is shorter than this estimate;
+      // over a last step as short as that, residuals change by J dp and J not at all.
+      converged = length < kConverged || length * length < kConverged * before;
+      point.chi_square = std::max(0.0, sums.chi_square - g.dot(dp));
+    }
     point.p += dp;
-    converged = length < kConverged;
+    before = std::min(length, kLongest);
   }
 
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
-  eigen.computeDirect(geometry, Eigen::EigenvaluesOnly);
+  eigen.computeDirect(Symmetric(sums.JJ), Eigen::EigenvaluesOnly);
   const double weakest = eigen.eigenvalues()(0);
   point.dilution = weakest > 0.0 ? 1.0 / std::sqrt(weakest) : HUGE_VAL;
   if (!(point.dilution <= options_.max_dilution)) {
@@ -113,7 +132,7 @@ PointSolution Triangulator::Solve(std::span<const double> u_px, std::span<const 
       !(point.p.array() <= high_.array()).all()) {
     return point;
   }
-  point.cov = A.inverse();
+  point.cov = inverse;
   const int dof = point.readings - 3;
   point.outcome = dof > 0 && point.chi_square > limit_[static_cast<std::size_t>(dof)]
                       ? PointOutcome::kDisagree
@@ -121,44 +140,111 @@ PointSolution Triangulator::Solve(std::span<const double> u_px, std::span<const 
   return point;
 }
 
-void Triangulator::SharedFactor(const PointSolution& point, std::span<const double> s_px,
-                                Eigen::Ref<Eigen::Matrix3Xd> F) const {
-  // The readings are held; the point moves with the rig: A dp = -sum w du_dp^T du_dc dc.
-  F.setZero();
-  for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
+bool Triangulator::NearVolume(const Eigen::Vector3d& p) const {
+  return (p.array() >= near_low_.array()).all() && (p.array() <= near_high_.array()).all();
+}
+
+bool Triangulator::SecondSolution(std::span<const double> u_px, std::span<const double> s_px,
+                                  const PointSolution& point, PointSolution* twin) const {
+  // Along the curve on which two of the surfaces meet, the third reading is nearly a parabola. Its
+  // slope is the weakest singular value of J, its bend is what three points on the chord show; so
+  // the second root is known to first order, and Newton's method does the rest.
+  constexpr double kReach = 0.2;  // half the chord [m]
+  constexpr double kSame = 1e-5;  // nearer than this it is the same solution [m]
+  constexpr double kFarthest =
+      3.0;  // in sizes of the volume; beyond that the parabola tells nothing
+  if (point.readings != 3) return false;
+  const CameraBank& bank = bank_;
+  Eigen::Matrix3d J;
+  std::array<std::size_t, 3> used{};
+  for (std::size_t c = 0, k = 0; c < rig_.cameras.size(); ++c) {
     if ((point.cameras >> c & 1U) == 0) continue;
     Projection here;
-    if (!Project(rig_.cameras[c], point.p, &here)) continue;
+    if (!Project(rig_.cameras[c], point.p, &here)) return false;
+    J.row(static_cast<Eigen::Index>(k)) = here.du_dp;
+    used[k++] = c;
+  }
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
+  eigen.computeDirect(J.transpose() * J);
+  const Eigen::Vector3d along = eigen.eigenvectors().col(0);
+  const Eigen::Vector3d left = J * along;  // its length is the singular value
+  Lanes ahead, behind, here;
+  bank.Readings(Eigen::Vector3d(point.p + kReach * along).data(), ahead.data());
+  bank.Readings(Eigen::Vector3d(point.p - kReach * along).data(), behind.data());
+  bank.Readings(point.p.data(), here.data());
+  double bend = 0.0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const std::size_t c = used[k];
+    bend += left(static_cast<Eigen::Index>(k)) * (ahead[c] + behind[c] - 2.0 * here[c]) /
+            (kReach * kReach);
+  }
+  const double root = -2.0 * left.squaredNorm() / bend;
+  const double farthest = kFarthest * (rig_.volume_high - rig_.volume_low).norm();
+  if (!(std::abs(root) < farthest)) return false;
+  for (const double part : {1.0, 0.6, 1.6, 0.3}) {  // should the curve be no parabola out there
+    const Eigen::Vector3d start = (point.p + part * root * along).cwiseMax(low_).cwiseMin(high_);
+    *twin = Solve(u_px, s_px, start, point.cameras);
+    if (twin->outcome != PointOutcome::kSolved || (twin->p - point.p).norm() < kSame) continue;
+    return NearVolume(twin->p) || !NearVolume(point.p);
+  }
+  return false;
+}
+
+void Triangulator::Residuals(std::span<const double> u_px, const PointSolution& point,
+                             std::span<double> out) const {
+  Lanes at;
+  bank_.Readings(point.p.data(), at.data());
+  for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
+    out[c] =
+        (point.cameras >> c & 1U) != 0 ? u_px[c] - at[c] : std::numeric_limits<double>::quiet_NaN();
+  }
+}
+
+void Triangulator::SharedFactor(const PointSolution& point, std::span<const double> s_px,
+                                Eigen::Ref<Eigen::Matrix3Xd> F, Eigen::Matrix3d* rest) const {
+  // The readings are held; the point moves with the rig: A dp = -sum w du_dp^T du_dc dc.
+  constexpr std::size_t kColumnsAtOnce = 128;
+  const std::size_t columns = rest == nullptr ? rank_ : columns_;
+  F.setZero();
+  if (rest != nullptr) rest->setZero();
+  std::array<Projection, kMaxCameras> here;
+  std::array<Eigen::Vector3d, kMaxCameras> lever;
+  std::uint32_t used = 0;
+  for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
+    if ((point.cameras >> c & 1U) == 0 || !Project(rig_.cameras[c], point.p, &here[c])) continue;
+    used |= 1U << c;
     const double w = 1.0 / (s_px[c] * s_px[c] + FloorSquare(rig_, c));
-    const Eigen::Vector3d lever = -w * (point.cov * here.du_dp.transpose());
-    const auto rows = factor_.middleRows(static_cast<Eigen::Index>(c) * data::kCameraParameters,
-                                         data::kCameraParameters);
-    for (Eigen::Index k = 0; k < factor_.cols(); ++k) {
-      F.col(k) += lever * here.du_dc.dot(rows.col(k));
+    lever[c] = -w * (point.cov * here[c].du_dp.transpose());
+  }
+  std::array<double, kColumnsAtOnce> row;
+  std::array<double, 3 * kColumnsAtOnce> part;
+  for (std::size_t first = 0; first < columns; first += kColumnsAtOnce) {
+    const std::size_t count = std::min(kColumnsAtOnce, columns - first);
+    std::fill_n(part.begin(), 3 * count, 0.0);
+    for (std::size_t c = 0; c < rig_.cameras.size(); ++c) {
+      if ((used >> c & 1U) == 0) continue;
+      std::fill_n(row.begin(), count, 0.0);
+      AddWeightedRows(&rows_[c * data::kCameraParameters * columns_ + first], columns_,
+                      here[c].du_dc.data(), data::kCameraParameters, count, row.data());
+      AddOuter(lever[c].data(), row.data(), count, part.data());
+    }
+    const Eigen::Map<const Eigen::Matrix3Xd> block(part.data(), 3,
+                                                   static_cast<Eigen::Index>(count));
+    const std::size_t kept = rank_ > first ? std::min(count, rank_ - first) : 0;
+    const auto at = static_cast<Eigen::Index>(first), n = static_cast<Eigen::Index>(kept);
+    F.middleCols(at, n) = block.leftCols(n);
+    if (rest != nullptr) {
+      const auto left = block.rightCols(static_cast<Eigen::Index>(count) - n);
+      rest->noalias() += left * left.transpose();
     }
   }
 }
 
-// The directions of the rig's covariance that move points of the volume, strongest first, and as
-// few as lose no more than the tolerance at any of them.
-void Triangulator::ReduceFactor() {
-  const Eigen::Index size =
-      static_cast<Eigen::Index>(rig_.cameras.size()) * data::kCameraParameters;
-  factor_.resize(size, 0);
-  if (rig_.covariance.rows() != size || rig_.covariance.isZero(0.0)) return;
-  // Parameters have units; scaling by their sigmas keeps the small ones from drowning.
-  const Eigen::VectorXd sigma = rig_.covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
-  const Eigen::VectorXd inverse = sigma.unaryExpr([](double s) { return s > 0.0 ? 1.0 / s : 0.0; });
-  const Eigen::MatrixXd correlation = inverse.asDiagonal() * rig_.covariance * inverse.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(correlation);
-  const Eigen::MatrixXd whole = sigma.asDiagonal() * eigen.eigenvectors() *
-                                eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
-
-  // Points on a grid over the volume, with all cameras and with each one missing.
+// Points on a grid over the volume, with all cameras and with each one missing.
+std::vector<PointSolution> Triangulator::GridOfVolume() const {
   constexpr int kGrid = 5;
-  std::vector<Eigen::MatrixXd> samples;
+  std::vector<PointSolution> points;
   std::vector<double> u(rig_.cameras.size()), s(rig_.cameras.size(), 0.01);
-  factor_ = whole;
   const Eigen::Vector3d span = rig_.volume_high - rig_.volume_low;
   for (int i = 0; i < kGrid * kGrid * kGrid; ++i) {
     const Eigen::Vector3d at(i % kGrid, i / kGrid % kGrid, i / (kGrid * kGrid));
@@ -171,14 +257,32 @@ void Triangulator::ReduceFactor() {
     const int missing = rig_.cameras.size() > 3 ? static_cast<int>(rig_.cameras.size()) : 0;
     for (int m = -1; m < missing; ++m) {
       const PointSolution point = Solve(u, s, p, m < 0 ? ~0U : ~(1U << m));
-      if (point.outcome != PointOutcome::kSolved) continue;
-      Eigen::MatrixXd F(3, whole.cols());
-      SharedFactor(point, s, F);
-      if (F.norm() > 0.0) samples.push_back(F / F.norm());
+      if (point.outcome == PointOutcome::kSolved) points.push_back(point);
     }
   }
-  Eigen::MatrixXd moment = Eigen::MatrixXd::Zero(whole.cols(), whole.cols());
-  for (const Eigen::MatrixXd& F : samples) moment += F.transpose() * F;
+  return points;
+}
+
+void Triangulator::ReduceShared(std::span<const PointSolution> points) {
+  if (whole_.size() == 0 || points.empty()) return;
+  const auto store = [this](const Eigen::MatrixXd& turned) {
+    columns_ = static_cast<std::size_t>(turned.cols());
+    rows_.resize(static_cast<std::size_t>(turned.size()));
+    Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
+        rows_.data(), turned.rows(), turned.cols()) = turned;
+  };
+  store(whole_);
+  rank_ = columns_;
+  const std::vector<double> s(rig_.cameras.size(), 0.01);
+  std::vector<Eigen::MatrixXd> samples;
+  Eigen::MatrixXd moment = Eigen::MatrixXd::Zero(whole_.cols(), whole_.cols());
+  for (const PointSolution& point : points) {
+    Eigen::Matrix3Xd F(3, whole_.cols());
+    SharedFactor(point, s, F);
+    if (!(F.norm() > 0.0)) continue;
+    samples.emplace_back(F / F.norm());
+    moment += samples.back().transpose() * samples.back();
+  }
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> space(moment);
   const Eigen::MatrixXd basis = space.eigenvectors().rowwise().reverse();
   // What each sample has left after the first k directions, tracked as k grows.
@@ -191,7 +295,8 @@ void Triangulator::ReduceFactor() {
     }
     ++k;
   }
-  factor_ = whole * basis.leftCols(k);
+  store(whole_ * basis);
+  rank_ = static_cast<std::size_t>(k);
 }
 
 }  // namespace unfurl::measure

@@ -6,29 +6,41 @@
 #include <vector>
 
 #include "data/rig.h"
+#include "data/tracks.h"
+#include "measure/camera_bank.h"
 
 namespace unfurl::measure {
 
 struct TriangulateOptions {
   // Chance that four good readings fail the residual test [-].
-  double residual_level = 1e-4;
+  double residual_level = 1e-3;
   // What one pixel in the worst combination of readings may move the point [m/px]. A sound layout
   // has 1 to 3 mm; above this the planes count as parallel.
   double max_dilution = 0.02;
   // How far beyond the surveyed box a point is still believed, in sizes of the box [-].
   double volume_margin = 0.5;
-  // Share of the calibration's variance that the reduction of its factor may lose [-].
+  // How far beyond the surveyed box one of two solutions of three readings is as likely as the one
+  // inside, in sizes of the box [-].
+  double twin_margin = 0.1;
+  // Share of the calibration's variance that the reduction of its factor may leave out of what is
+  // common to samples, at any point it is made for [-].
   double shared_tolerance = 1e-6;
 };
 
-// Why there is no point, or that there is one.
+// Why there is no point, or that there is one; in the order of data::SampleReason.
 enum class PointOutcome {
   kSolved,
-  kTooFew,    // fewer than three usable readings
-  kParallel,  // their planes are too near to parallel
-  kOutside,   // no point in or near the volume explains them
-  kDisagree,  // four readings that one point cannot explain: one is wrong, unknown which
+  kTooFew,
+  kParallel,
+  kOutside,
+  kDisagree,
+  kTwoFit,
+  kAmbiguous,
+  kOffPath,
 };
+inline data::SampleReason ReasonOf(PointOutcome outcome) {
+  return static_cast<data::SampleReason>(outcome);
+}
 const char* Name(PointOutcome outcome);
 
 struct PointSolution {
@@ -55,22 +67,50 @@ class Triangulator {
   PointSolution Solve(std::span<const double> u_px, std::span<const double> s_px,
                       const Eigen::Vector3d& start, std::uint32_t use = ~0U) const;
 
+  // Three surfaces that bend may meet in a second point, as good as the first. True when there is
+  // one in or near the volume, within `twin_margin` of the box or as far out as `point` is; `twin`
+  // then gets it. Only for points of three readings.
+  bool SecondSolution(std::span<const double> u_px, std::span<const double> s_px,
+                      const PointSolution& point, PointSolution* twin) const;
+  // Within the surveyed box and `twin_margin` around it.
+  bool NearVolume(const Eigen::Vector3d& p) const;
+
+  // Readings less those of the point, NaN for cameras that did not enter; `out` one per camera
+  // [px].
+  void Residuals(std::span<const double> u_px, const PointSolution& point,
+                 std::span<double> out) const;
+  // The reading that each camera would have of a point; `u_px` of bank().lanes() entries, NaN where
+  // the point is not in front.
+  const CameraBank& bank() const { return bank_; }
+
   // What the calibration's uncertainty does to points: the point's error is F z with z ~ N(0, 1) of
   // `shared_rank` entries, the same z for all points of the rig. `F` is 3 x shared_rank [m]; `s_px`
-  // as in Solve.
-  int shared_rank() const { return static_cast<int>(factor_.cols()); }
+  // as in Solve. `rest`, when not null, gets the covariance of what the reduction left out: with it
+  // the point's own covariance is whole, and only its correlation with other points is cut [m^2].
+  int shared_rank() const { return static_cast<int>(rank_); }
   void SharedFactor(const PointSolution& point, std::span<const double> s_px,
-                    Eigen::Ref<Eigen::Matrix3Xd> F) const;
+                    Eigen::Ref<Eigen::Matrix3Xd> F, Eigen::Matrix3d* rest = nullptr) const;
+  // The directions of the rig's uncertainty that move these points (solved ones), strongest first,
+  // and as few as leave out no more than `shared_tolerance` at any of them. Before that, the
+  // factor is made for the whole volume.
+  void ReduceShared(std::span<const PointSolution> points);
 
  private:
-  void ReduceFactor();
+  std::vector<PointSolution> GridOfVolume() const;
+  void Weights(std::span<const double> u_px, std::span<const double> s_px, std::uint32_t use,
+               double* u, double* w, PointSolution* point) const;
 
   data::Rig rig_;
   TriangulateOptions options_;
   Eigen::Vector3d centre_;
-  Eigen::Vector3d low_, high_;  // where a point is believed
-  std::vector<double> limit_;   // of chi-square, by degrees of freedom
-  Eigen::MatrixXd factor_;      // 19 c x k: covariance of the rig = factor factor^T, reduced
+  Eigen::Vector3d low_, high_;            // where a point is believed
+  Eigen::Vector3d near_low_, near_high_;  // where a second solution is as likely as the first
+  CameraBank bank_;
+  std::vector<double> limit_;  // of chi-square, by degrees of freedom
+  Eigen::MatrixXd whole_;      // 19 c x r: covariance of the rig = whole whole^T
+  // whole_ turned so that the first `rank_` columns are what is kept; row after row.
+  std::vector<double> rows_;
+  std::size_t columns_ = 0, rank_ = 0;
 };
 
 }  // namespace unfurl::measure

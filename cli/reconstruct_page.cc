@@ -1,0 +1,363 @@
+#include "cli/reconstruct_page.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/text.h"
+#include "report/page.h"
+
+namespace unfurl::cli {
+
+namespace {
+
+using report::Chart;
+using report::Series;
+using report::Style;
+
+constexpr double kMilli = 1e3;
+constexpr double kBand = 2.0;            // sigmas of the error band
+constexpr std::size_t kMostDots = 1200;  // per mark
+constexpr std::size_t kMostIncidents = 200;
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+std::vector<double> Scaled(const std::vector<double>& x, double factor) {
+  std::vector<double> out(x);
+  for (double& v : out) v *= factor;
+  return out;
+}
+
+double Share(std::size_t part, std::size_t whole) {
+  return whole == 0 ? 0.0 : 100.0 * static_cast<double>(part) / static_cast<double>(whole);
+}
+
+std::string CameraNames(std::uint32_t set, const std::vector<std::string>& cameras) {
+  std::vector<std::string> names;
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    if ((set >> c & 1U) != 0) names.push_back(cameras[c]);
+  }
+  return JoinWords(names);
+}
+
+std::string StatusWords(data::SampleStatus status) {
+  std::string words = data::Name(status);
+  std::replace(words.begin(), words.end(), '_', ' ');
+  return words;
+}
+
+void AddVerdict(const ReconstructPageInput& in, report::Page* page) {
+  const measure::ReconstructSummary& s = *in.summary;
+  const double usable = Share(s.usable(), s.samples());
+  const bool rig_good = in.rig->verdict.empty() || in.rig->verdict == "good";
+  report::Level level = usable >= 99.0 && rig_good ? report::Level::kGood
+                        : usable >= 80.0           ? report::Level::kCare
+                                                   : report::Level::kBad;
+  std::vector<std::string> details;
+  if (!rig_good) {
+    details.push_back(fmt::format("The rig's own verdict is \"{}\".", in.rig->verdict));
+  }
+  for (const auto& [reason, count] : s.unsolved) {
+    details.push_back(fmt::format("{} samples without a position: {}.", count, reason));
+  }
+  for (std::size_t c = 0; c < s.left_out.size(); ++c) {
+    if (s.left_out[c] == 0) continue;
+    details.push_back(fmt::format(
+        "{}: {} times it saw something that was not taken, because the other cameras, the marks' "
+        "ways or the cameras' records spoke against it.",
+        in.digest->cameras[c], s.left_out[c]));
+  }
+  if (!s.named_by_place.empty()) {
+    details.push_back(fmt::format(
+        "{} are lit together and nobody said where they start: they were named in order of x.",
+        JoinWords(s.named_by_place)));
+  }
+  if (in.smoothing != nullptr) {
+    details.push_back(
+        "These tracks are smoothed: neighbouring errors belong together, and a fit refuses them.");
+  }
+  page->AddWords(level, fmt::format("{:.2f}% of {} samples have a position", usable, s.samples()),
+                 details);
+  std::size_t four = 0, three = 0, rejected = 0;
+  for (const auto& counts : s.status) {
+    four += counts[0];
+    three += counts[1];
+    rejected += counts[2];
+  }
+  const auto norm = [](const std::array<double, 3>& a) {
+    return std::sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
+  };
+  page->AddFigures(
+      {{"checked by a spare reading", fmt::format("{:.2f} %", Share(four, s.samples())), "",
+        report::Level::kNeutral},
+       {"from three cameras", fmt::format("{:.2f} %", Share(three, s.samples())),
+        "no check but continuity", report::Level::kNeutral},
+       {"a reading rejected", fmt::format("{:.2f} %", Share(rejected, s.samples())), "",
+        report::Level::kNeutral},
+       {"sigma by the readings", fmt::format("{:.3f} mm", kMilli * norm(in.sigma_readings)),
+        "of the distance, median", report::Level::kNeutral},
+       {"sigma by the calibration", fmt::format("{:.3f} mm", kMilli * norm(in.sigma_calibration)),
+        fmt::format("common to all samples, {} directions", in.shared_rank),
+        report::Level::kNeutral}});
+}
+
+void AddTracks(const ReconstructPageInput& in, report::Page* page) {
+  page->AddSection(
+      "The marks in time",
+      fmt::format("In the rig's frame, with a band of ±{:.0f} standard deviations, the "
+                  "calibration's part included. Drag to zoom; all charts of time "
+                  "follow.",
+                  kBand));
+  const char* axes[] = {"x", "y", "z"};
+  for (std::size_t m = 0; m < in.digest->marks.size(); ++m) {
+    const TracksDigest::Dots& dots = in.digest->dots[m];
+    Chart chart;
+    chart.title = in.digest->marks[m] + ": where it is";
+    chart.y = {"position", "m", false};
+    for (std::size_t k = 0; k < 3; ++k) {
+      chart.series.push_back({axes[k], dots.t, dots.p[k], Scaled(dots.axis[k], kBand), Style::kDots,
+                              static_cast<int>(k)});
+    }
+    if (in.smoothing != nullptr) {
+      for (double event : in.smoothing->events) chart.markers.push_back({event, "event", -1});
+    }
+    page->AddTimeSeries(std::move(chart));
+  }
+  Chart sigma;
+  sigma.title = "What is known of each place";
+  sigma.note = "One standard deviation of the distance, both parts together.";
+  sigma.y = {"sigma", "mm", false};
+  for (std::size_t m = 0; m < in.digest->marks.size(); ++m) {
+    sigma.series.push_back({in.digest->marks[m],
+                            in.digest->dots[m].t,
+                            Scaled(in.digest->dots[m].sigma, kMilli),
+                            {},
+                            Style::kDots,
+                            static_cast<int>(m)});
+  }
+  page->AddTimeSeries(std::move(sigma));
+}
+
+void AddViews(const ReconstructPageInput& in, report::Page* page) {
+  page->AddSection("Where that was", "Views along the axes of the rig's frame, with the cameras.");
+  const std::array<std::pair<std::size_t, std::size_t>, 2> planes = {{{0, 1}, {0, 2}}};
+  const char* axes[] = {"x", "y", "z"};
+  for (const auto& [a, b] : planes) {
+    report::Paths paths;
+    paths.title = b == 1 ? "From above" : "From the side";
+    paths.x = {axes[a], "m", false};
+    paths.y = {axes[b], "m", false};
+    int color = 0;
+    for (std::size_t m = 0; m < in.digest->marks.size(); ++m) {
+      paths.paths.push_back({in.digest->marks[m], in.digest->dots[m].p[a], in.digest->dots[m].p[b],
+                             Style::kDots, color++, true});
+    }
+    for (const data::RigCamera& camera : in.rig->cameras) {
+      const auto at = [&camera](std::size_t k) {
+        return camera.p_WC(static_cast<Eigen::Index>(k));
+      };
+      paths.paths.push_back({camera.name, {at(a)}, {at(b)}, Style::kDots, 7, true});
+    }
+    page->AddPaths(paths);
+  }
+}
+
+void AddStatuses(const ReconstructPageInput& in, report::Page* page) {
+  page->AddSection(
+      "How each sample came about",
+      "Counts in slices of time, of all samples: four readings that agree; three, with "
+      "nothing left over to check them; one of four rejected; no position.");
+  const TracksDigest& d = *in.digest;
+  for (std::size_t m = 0; m < d.marks.size(); ++m) {
+    Chart chart;
+    chart.title = d.marks[m] + ": samples by status";
+    chart.y = {"samples in a slice", "1", false};
+    chart.height_px = 180;
+    for (std::size_t k = 0; k < 4; ++k) {
+      Series series;
+      series.name = StatusWords(static_cast<data::SampleStatus>(k));
+      series.style = Style::kLine;
+      series.color = static_cast<int>(k);
+      for (std::size_t i = 0; i < TracksDigest::kSlices; ++i) {
+        series.x.push_back(d.start + (static_cast<double>(i) + 0.5) * d.slice);
+        series.y.push_back(static_cast<double>(d.slices[m][i].status[k]));
+      }
+      chart.series.push_back(std::move(series));
+    }
+    page->AddTimeSeries(std::move(chart));
+  }
+  report::Table table;
+  table.title = "Why samples have no position";
+  table.header = {"mark"};
+  for (int r = 1; r < data::kSampleReasons; ++r) {
+    table.header.emplace_back(data::Name(static_cast<data::SampleReason>(r)));
+  }
+  for (std::size_t m = 0; m < d.marks.size(); ++m) {
+    table.rows.push_back({d.marks[m]});
+    for (std::size_t r = 1; r < static_cast<std::size_t>(data::kSampleReasons); ++r) {
+      table.rows.back().push_back(std::to_string(d.reasons[m][r]));
+    }
+  }
+  page->AddTable(table);
+  if (d.incidents.empty()) return;
+  report::Table list;
+  list.title = "What was rejected, and why";
+  list.note = "The first sample of every stretch of alike ones.";
+  if (d.more_incidents > 0) list.note += fmt::format(" {} more are not listed.", d.more_incidents);
+  list.header = {"time [s]", "mark", "status", "why", "not taken"};
+  list.text_columns = {1, 2, 3, 4};
+  for (const TracksDigest::Incident& i : d.incidents) {
+    std::string why = data::Name(i.reason);
+    if (i.status == data::SampleStatus::kRejectedReading) {
+      why = "the others meet in one point, and it is where the mark was going";
+    }
+    list.rows.push_back({fmt::format("{:.4f}", i.t), d.marks[static_cast<std::size_t>(i.mark)],
+                         StatusWords(i.status), why, CameraNames(i.left_out, d.cameras)});
+  }
+  page->AddTable(list);
+}
+
+void AddResiduals(const ReconstructPageInput& in, report::Page* page) {
+  const TracksDigest& d = *in.digest;
+  page->AddSection("What the readings leave",
+                   "Reading less what the point predicts, camera by camera. With four cameras one "
+                   "number is left over per point, so the four move together; a trend in it is the "
+                   "camera model's or the calibration's, a scatter the readings'.");
+  Chart chart;
+  chart.title = "Residuals by camera";
+  chart.y = {"residual", "px", false};
+  for (std::size_t c = 0; c < d.cameras.size(); ++c) {
+    chart.series.push_back(
+        {d.cameras[c], d.residual_t[c], d.residual[c], {}, Style::kDots, static_cast<int>(c)});
+  }
+  page->AddTimeSeries(std::move(chart));
+  report::Table table;
+  table.title = "Cameras";
+  table.header = {"camera",      "readings used", "not taken", "residual, RMS [px]", "saturated",
+                  "at the edge", "overlapping",   "too dim",   "second spots"};
+  for (std::size_t c = 0; c < d.cameras.size(); ++c) {
+    const double rms =
+        d.residual_count[c] == 0
+            ? 0.0
+            : std::sqrt(d.residual_squared[c] / static_cast<double>(d.residual_count[c]));
+    const auto& flags = in.summary->flags[c];
+    table.rows.push_back({d.cameras[c], std::to_string(in.summary->readings[c]),
+                          std::to_string(in.summary->left_out[c]), fmt::format("{:.4f}", rms)});
+    for (std::size_t bit = 0; bit < 5; ++bit) {
+      table.rows.back().push_back(std::to_string(flags[bit]));
+    }
+  }
+  page->AddTable(table);
+}
+
+void AddSmoothing(const ReconstructPageInput& in, report::Page* page) {
+  if (in.smoothing == nullptr) return;
+  report::Table table;
+  table.title = "Smoothing, section by section";
+  table.note =
+      "The process noise (white jerk) is the likeliest one of each section; the innovations' "
+      "chi-square per degree of freedom is 1 where model and noise fit.";
+  table.header = {"mark", "from [s]", "to [s]", "samples", "jerk [m^2/s^5]", "chi-square"};
+  for (const measure::SmoothSection& s : in.smoothing->sections) {
+    table.rows.push_back({in.digest->marks[static_cast<std::size_t>(s.mark)],
+                          fmt::format("{:.3f}", s.from), fmt::format("{:.3f}", s.to),
+                          std::to_string(s.samples), fmt::format("{:.2g}", s.jerk),
+                          fmt::format("{:.2f}", s.chi_square)});
+  }
+  page->AddTable(table);
+}
+
+}  // namespace
+
+TracksDigest::TracksDigest(const data::Tracks& layout, double from, double duration,
+                           std::size_t samples)
+    : marks(layout.marks),
+      cameras(layout.cameras),
+      start(from),
+      slice(std::max(duration, 1e-9) / static_cast<double>(kSlices)),
+      dots(marks.size()),
+      slices(marks.size()),
+      residual_t(cameras.size()),
+      residual(cameras.size()),
+      residual_squared(cameras.size(), 0.0),
+      residual_count(cameras.size(), 0),
+      reasons(marks.size()),
+      every_(
+          std::max<std::size_t>(1, samples / std::max<std::size_t>(1, marks.size()) / kMostDots)),
+      seen_(marks.size(), 0),
+      last_(marks.size()) {}
+
+void TracksDigest::Add(const data::Tracks& block, std::span<const float> residuals) {
+  const std::size_t c_count = cameras.size();
+  constexpr std::array<Eigen::Index, 3> kDiagonal = {0, 3, 5};
+  const Eigen::Index rank = block.shared_rank;
+  for (std::size_t i = 0; i < block.size(); ++i) {
+    const auto col = static_cast<Eigen::Index>(i);
+    const auto m = static_cast<std::size_t>(block.mark[i]);
+    const bool usable = data::Usable(block.status[i]);
+    const double at =
+        std::clamp((block.t[i] - start) / slice, 0.0, static_cast<double>(kSlices) - 1.0);
+    ++slices[m][static_cast<std::size_t>(at)].status[static_cast<std::size_t>(block.status[i])];
+    const Incident now{block.t[i], block.mark[i], block.status[i],
+                       block.reason.empty() ? data::SampleReason::kNone : block.reason[i],
+                       block.left_out.empty() ? 0U : block.left_out[i]};
+    ++reasons[m][static_cast<std::size_t>(now.reason)];
+    Incident& last = last_[m];
+    const bool alike = last.status == now.status && last.reason == now.reason &&
+                       last.left_out == now.left_out && seen_[m] > 0;
+    const bool plain = now.status == data::SampleStatus::kGood && now.left_out == 0;
+    if (!alike && !plain && !(seen_[m] == 0 && plain)) {
+      if (incidents.size() < kMostIncidents) {
+        incidents.push_back(now);
+      } else {
+        ++more_incidents;
+      }
+    }
+    last = now;
+    const bool shown = seen_[m]++ % every_ == 0;
+    for (std::size_t c = 0; c < c_count && !residuals.empty() && usable; ++c) {
+      const auto r = static_cast<double>(residuals[i * c_count + c]);
+      if (std::isnan(r)) continue;
+      residual_squared[c] += r * r;
+      ++residual_count[c];
+      if (!shown) continue;
+      residual_t[c].push_back(block.t[i]);
+      residual[c].push_back(r);
+    }
+    if (!shown) continue;
+    Dots& to = dots[m];
+    to.t.push_back(block.t[i]);
+    double total = 0.0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto row = static_cast<Eigen::Index>(k);
+      double variance = usable ? block.cov(kDiagonal[k], col) : kNone;
+      if (usable && rank > 0) {
+        variance += block.shared.middleCols(col * rank, rank).row(row).squaredNorm();
+      }
+      to.p[k].push_back(usable ? block.p(row, col) : kNone);
+      to.axis[k].push_back(std::sqrt(variance));
+      total += variance;
+    }
+    to.sigma.push_back(std::sqrt(total));
+  }
+}
+
+void WriteReconstructPage(const std::string& path, const ReconstructPageInput& input,
+                          const data::Provenance& provenance) {
+  report::Page page("Reconstruction", input.trial + " with " + input.rig_path);
+  AddVerdict(input, &page);
+  AddTracks(input, &page);
+  AddViews(input, &page);
+  AddStatuses(input, &page);
+  AddResiduals(input, &page);
+  AddSmoothing(input, &page);
+  page.AddOrigin("program", provenance.program);
+  page.AddOrigin("command", provenance.command);
+  for (const data::InputFile& file : provenance.inputs) {
+    page.AddOrigin(file.path, "sha256 " + file.sha256);
+  }
+  page.Write(path);
+}
+
+}  // namespace unfurl::cli

@@ -1,0 +1,157 @@
+#include "measure/motion.h"
+
+#include <Eigen/LU>
+#include <algorithm>
+#include <cmath>
+
+namespace unfurl::measure {
+
+namespace {
+
+// Spectral densities of the jerk [m^2/s^5]: over 5 ms they move a mark by 4 um, 40 um, 0.4 mm and
+// 13 mm.
+constexpr std::array<double, Motion::kModels> kJerk = {1e2, 1e4, 1e6, 1e9};
+constexpr double kStay = 0.98;  // from one sample to the next in the same model [-]
+// Of a mark of which only one place is known.
+constexpr double kFirstSpeed = 5.0;           // [m/s]
+constexpr double kFirstAcceleration = 500.0;  // [m/s^2]
+
+}  // namespace
+
+void Motion::Expect(const Eigen::Vector3d& p, double sigma) {
+  expected_ = p;
+  expected_sigma_ = sigma;
+}
+
+bool Motion::Fresh(double t) const {
+  return count_ >= 2 && t_[1] - t_[0] <= options_.longest_gap && t - t_[1] <= options_.longest_gap;
+}
+
+Eigen::Vector3d Motion::Start(double t) const {
+  if (count_ == 0) return expected_;
+  if (!Fresh(t)) return p_[1];
+  return p_[1] + (p_[1] - p_[0]) * ((t - t_[1]) / (t_[1] - t_[0]));
+}
+
+Motion::Models Motion::Carried(double dt) const {
+  Models out;
+  for (int j = 0; j < kModels; ++j) {
+    Model& to = out[static_cast<std::size_t>(j)];
+    std::array<double, kModels> share;
+    to.weight = 0.0;
+    for (int i = 0; i < kModels; ++i) {
+      const double chance = i == j ? kStay : (1.0 - kStay) / (kModels - 1);
+      share[static_cast<std::size_t>(i)] = chance * models_[static_cast<std::size_t>(i)].weight;
+      to.weight += share[static_cast<std::size_t>(i)];
+    }
+    for (std::size_t i = 0; i < kModels; ++i) {
+      share[i] /= to.weight;
+      to.x += share[i] * models_[i].x;
+    }
+    // The spread of what is mixed counts whole along each axis: wider rather than narrower.
+    for (std::size_t i = 0; i < kModels; ++i) {
+      const Eigen::Matrix3d apart = models_[i].x - to.x;
+      to.P += share[i] * (models_[i].P + apart * apart.transpose());
+    }
+    Eigen::Matrix3d F;
+    F << 1.0, dt, 0.5 * dt * dt, 0.0, 1.0, dt, 0.0, 0.0, 1.0;
+    const double dt2 = dt * dt, dt3 = dt2 * dt;
+    Eigen::Matrix3d Q;
+    Q << dt3 * dt2 / 20.0, dt2 * dt2 / 8.0, dt3 / 6.0, dt2 * dt2 / 8.0, dt3 / 3.0, dt2 / 2.0,
+        dt3 / 6.0, dt2 / 2.0, dt;
+    to.x = F * to.x;
+    to.P = F * to.P * F.transpose() + kJerk[static_cast<std::size_t>(j)] * Q;
+  }
+  return out;
+}
+
+void Motion::Add(double t, const Eigen::Vector3d& p, double variance) {
+  if (count_ == 0 || !(t - t_[1] <= options_.longest_gap) || !(t > t_[1])) {
+    for (Model& model : models_) {
+      model.x.setZero();
+      model.x.row(0) = p.transpose();
+      model.P.setZero();
+      model.P.diagonal() << variance, kFirstSpeed * kFirstSpeed,
+          kFirstAcceleration * kFirstAcceleration;
+      model.weight = 1.0 / kModels;
+    }
+    count_ = 1;
+  } else {
+    models_ = Carried(t - t_[1]);
+    std::array<double, kModels> score;
+    for (std::size_t j = 0; j < kModels; ++j) {
+      Model& model = models_[j];
+      const Eigen::RowVector3d left = p.transpose() - model.x.row(0);
+      const double S = model.P(0, 0) + variance;
+      const Eigen::Vector3d gain = model.P.col(0) / S;
+      model.x += gain * left;
+      model.P -= gain * model.P.row(0);
+      score[j] = -1.5 * std::log(S) - 0.5 * left.squaredNorm() / S;
+    }
+    const double best = *std::max_element(score.begin(), score.end());
+    double sum = 0.0;
+    for (std::size_t j = 0; j < kModels; ++j) {
+      models_[j].weight *= std::exp(score[j] - best);
+      sum += models_[j].weight;
+    }
+    for (Model& model : models_) model.weight /= sum;
+    count_ = 2;
+  }
+  t_ = {t_[1], t};
+  p_ = {p_[1], p};
+}
+
+Motion::Prediction Motion::Predict(double t) const {
+  constexpr double kBlind = 1.0;  // [s]; the filters' own forecast is worth something until then
+  Prediction out;
+  if (count_ == 0 || !(t - t_[1] <= kBlind)) {
+    const double sigma = count_ == 0
+                             ? expected_sigma_ + kFirstSpeed * std::max(t - expected_t_, 0.0)
+                             : options_.max_speed * std::max(t - t_[1], 0.0);
+    out.mean.fill(count_ == 0 ? expected_ : p_[1]);
+    out.variance.fill(sigma * sigma);
+    out.weight.fill(1.0 / kModels);
+    return out;
+  }
+  const double dt = std::max(t - t_[1], 0.0);
+  const double widest = 1e-3 + options_.max_speed * dt;
+  const Models models = Carried(dt);
+  for (std::size_t j = 0; j < kModels; ++j) {
+    out.mean[j] = models[j].x.row(0).transpose();
+    out.variance[j] = std::min(models[j].P(0, 0), widest * widest);
+    out.weight[j] = models[j].weight;
+    // A forecast that runs away is worth less than the last place.
+    if ((out.mean[j] - p_[1]).norm() > widest) out.mean[j] = p_[1];
+  }
+  return out;
+}
+
+bool Motion::WithinReach(double t, const Eigen::Vector3d& p, double sigma) const {
+  if (!Fresh(t)) return true;
+  // The velocity is a chord's: it belongs to the middle of the last interval.
+  const double since = t - t_[1], before = t_[1] - t_[0];
+  const double slack = 0.5 * options_.max_acceleration * since * (since + before);
+  return (p - Start(t)).norm() <= options_.gate_sigmas * sigma + slack;
+}
+
+bool Motion::TooFast(double t, const Eigen::Vector3d& p) const {
+  constexpr double kSlack = 0.01;  // errors of both places [m]
+  return count_ > 0 && (p - p_[1]).norm() > options_.max_speed * (t - t_[1]) + kSlack;
+}
+
+double LogDensity(const Motion::Prediction& at, const Eigen::Vector3d& p,
+                  const Eigen::Matrix3d& cov) {
+  std::array<double, Motion::kModels> terms;
+  for (std::size_t j = 0; j < terms.size(); ++j) {
+    const Eigen::Matrix3d S = cov + at.variance[j] * Eigen::Matrix3d::Identity();
+    const Eigen::Vector3d e = p - at.mean[j];
+    terms[j] = std::log(std::max(at.weight[j], 1e-300)) - 1.5 * std::log(2.0 * M_PI) -
+               0.5 * std::log(S.determinant()) - 0.5 * e.dot(S.inverse() * e);
+  }
+  const double best = *std::max_element(terms.begin(), terms.end());
+  double sum = 0.0;
+  for (double term : terms) sum += std::exp(term - best);
+  return best + std::log(sum);
+}
+
+}  // namespace unfurl::measure

@@ -1,0 +1,91 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <algorithm>
+#include <array>
+#include <limits>
+
+namespace unfurl::measure {
+
+struct MotionOptions {
+  // What a mark may do between two samples beyond moving on as it did: half this acceleration times
+  // the square of the time since [m/s^2] (a latch kicks). Points that no reading is left over to
+  // vouch for must lie within it.
+  double max_acceleration = 200.0;
+  double gate_sigmas = 5.0;  // and within so many sigmas of their own [-]
+  double longest_gap = 0.1;  // older samples tell nothing of velocity [s]
+  double max_speed = 20.0;   // of any mark, ever [m/s]
+};
+
+// How one mark moves, learned from its samples as they come: four Kalman filters side by side
+// (position, velocity, acceleration; white jerk, the same along all axes), for a mark that glides,
+// ones that vibrate and one that is kicked, and how likely each is (interacting multiple model,
+// Blom and Bar-Shalom 1988). It tells where a sample is to be expected and never touches the
+// sample.
+class Motion {
+ public:
+  static constexpr int kModels = 4;
+
+  // A sum of isotropic Gaussians.
+  struct Prediction {
+    std::array<Eigen::Vector3d, kModels> mean;
+    std::array<double, kModels> variance{};  // [m^2]
+    std::array<double, kModels> weight{};    // sum to 1 [-]
+  };
+
+  explicit Motion(const MotionOptions& options = {}) : options_(options) {}
+
+  // Where the mark is before its first sample, when somebody knows; sigma [m].
+  void Expect(const Eigen::Vector3d& p, double sigma);
+  // The first line that should show it: from here on what was expected fades.
+  void Begin(double t) { expected_t_ = std::min(expected_t_, t); }
+  // A sample; `variance` of one axis [m^2].
+  void Add(double t, const Eigen::Vector3d& p, double variance);
+
+  // As if it had never been seen.
+  void Forget() { count_ = 0; }
+
+  // Anything is known of where the mark is.
+  bool known() const { return count_ > 0 || expected_sigma_ > 0.0; }
+  bool seen() const { return count_ > 0; }
+  // Two samples tell where the mark moves, and they are fresh enough.
+  bool Fresh(double t) const;
+  // It was seen, and not for longer than the longest gap; or it was expected and did not show.
+  bool Lost(double t) const {
+    return count_ > 0 ? t - t_[1] > options_.longest_gap : t > expected_t_;
+  }
+  // A start for the search: moved on along a straight line where that is known.
+  Eigen::Vector3d Start(double t) const;
+  // Where it is to be expected; after a longer gap, a wide circle around where it was last.
+  Prediction Predict(double t) const;
+  // What the filters cannot exclude: within reach of `p`, whose own sigma is given [m]. True where
+  // nothing fresh is known.
+  bool WithinReach(double t, const Eigen::Vector3d& p, double sigma) const;
+  // No mark gets there in the time since it was last seen.
+  bool TooFast(double t, const Eigen::Vector3d& p) const;
+
+ private:
+  struct Model {
+    Eigen::Matrix3d x = Eigen::Matrix3d::Zero();  // rows: position, velocity, acceleration
+    Eigen::Matrix3d P = Eigen::Matrix3d::Zero();  // of one axis
+    double weight = 1.0 / kModels;
+  };
+  using Models = std::array<Model, kModels>;
+  // Mixed and carried on by dt; weights before the sample is known.
+  Models Carried(double dt) const;
+
+  MotionOptions options_;
+  Models models_;
+  std::array<double, 2> t_{};  // of the last two samples
+  std::array<Eigen::Vector3d, 2> p_{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
+  Eigen::Vector3d expected_ = Eigen::Vector3d::Zero();
+  double expected_sigma_ = 0.0;
+  double expected_t_ = std::numeric_limits<double>::infinity();
+  int count_ = 0;  // of samples in a row without a long gap, up to 2
+};
+
+// log of the prediction's density at a point whose own error has covariance `cov` [1/m^3].
+double LogDensity(const Motion::Prediction& at, const Eigen::Vector3d& p,
+                  const Eigen::Matrix3d& cov);
+
+}  // namespace unfurl::measure
