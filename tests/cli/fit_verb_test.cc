@@ -67,21 +67,25 @@ TEST_F(FitVerbTest, SeveralTrialsWithSettingsOfTheirOwn) {
   EXPECT_THAT(Get("fit.html"), HasSubstr("weak"));
 }
 
-// Someone's own program in place of the simulator: here a script that runs ours.
+// Someone's own program in place of the simulator: here a script that runs ours. Up to a time by
+// which the bounces have not yet made the motion answer to every digit: there the program, which
+// gives no runs of less error of its own, has the same weights as the scene, and so the same
+// answer.
 TEST_F(FitVerbTest, AProgramAsTheModel) {
+  constexpr char kWindow[] = "window = [0.0, 0.8]\n";
   MakeTracks("tracks.h5", {}, 5);
   Put("model.sh", fmt::format("set -e\n'{}' simulate '{}/data/sets/bouncing_latch/scene.toml' "
-                              "--duration 1.3 --rate 2000 --rtol 1e-6 --quiet -o run.h5 "
+                              "--duration 0.9 --rate 2000 --rtol 1e-6 --quiet -o run.h5 "
                               "--set mark.mid.on=arm --set 'mark.mid.point=[0.0, 0.0]' "
                               "--set joint.hinge.latch.theta_a={{{{clearance}}}} "
                               "--set joint.hinge.latch.theta_b={{{{clearance}}}} "
                               "--set joint.hinge.spring.stiffness={{{{stiffness}}}}\n",
                               UNFURL_PROGRAM, UNFURL_SOURCE_DIR));
-  Put("program.toml", R"([study]
+  Put("program.toml", std::string(R"([study]
 name = "by a program"
 [trial]
 tracks = "tracks.h5"
-[model]
+)") + kWindow + R"([model]
 command = ["sh", "model.sh"]
 files = ["model.sh"]
 tracks = "run.h5"
@@ -95,7 +99,7 @@ bounds = [0.1, 0.4]
 [profile]
 levels = []
 )");
-  MakeStudy("study.toml", kOneTrial, "[profile]\nlevels = []\n");
+  MakeStudy("study.toml", kOneTrial + std::string(kWindow), "[profile]\nlevels = []\n");
   const auto program =
       nlohmann::json::parse(Good({"fit", "program.toml", "-o", "a.h5", "--json"}).out);
   const auto scene = nlohmann::json::parse(Good({"fit", "study.toml", "-o", "b.h5", "--json"}).out);
