@@ -69,8 +69,8 @@ TEST_F(FitVerbTest, SeveralTrialsWithSettingsOfTheirOwn) {
 
 // Someone's own program in place of the simulator: here a script that runs ours. Up to a time by
 // which the bounces have not yet made the motion answer to every digit: there the program, which
-// gives no runs of less error of its own, has the same weights as the scene, and so the same
-// answer.
+// gives no runs of less error of its own, has the same weights as the scene. Its steps of
+// differences are others, since it states no noise of its own: half a standard error is allowed.
 TEST_F(FitVerbTest, AProgramAsTheModel) {
   constexpr char kWindow[] = "window = [0.0, 0.8]\n";
   MakeTracks("tracks.h5", {}, 5);
