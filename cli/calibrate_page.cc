@@ -272,11 +272,7 @@ void WriteCalibratePage(const std::string& path, const std::string& survey,
   AddWorst(data, result, &page);
   AddOrders(result, &page);
   AddWeak(result, &page);
-  page.AddOrigin("program", provenance.program);
-  page.AddOrigin("command", provenance.command);
-  for (const data::InputFile& input : provenance.inputs) {
-    page.AddOrigin(input.path, "sha256 " + input.sha256);
-  }
+  page.AddOrigin(provenance);
   page.Write(path);
 }
 

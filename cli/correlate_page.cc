@@ -277,11 +277,7 @@ void WriteComparisonPage(const std::string& path, const Comparison& c,
           report::Level::kNeutral}});
     AddComparisonPanels(c, &page);
   }
-  page.AddOrigin("program", provenance.program);
-  page.AddOrigin("command", provenance.command);
-  for (const data::InputFile& input : provenance.inputs) {
-    page.AddOrigin(input.path, "sha256 " + input.sha256);
-  }
+  page.AddOrigin(provenance);
   page.Write(path);
 }
 

@@ -74,11 +74,7 @@ void WriteCostPage(const std::string& path, const std::string& scene,
   table.rows.assign(rows.begin() + 1, rows.end());
   table.text_columns = {0, 6};
   page.AddTable(table);
-  page.AddOrigin("program", provenance.program);
-  page.AddOrigin("command", provenance.command);
-  for (const data::InputFile& input : provenance.inputs) {
-    page.AddOrigin(input.path, "sha256 " + input.sha256);
-  }
+  page.AddOrigin(provenance);
   page.Write(path);
 }
 

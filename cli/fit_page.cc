@@ -330,11 +330,7 @@ void WriteFitPage(const std::string& path, const FitPageInput& in) {
     AddBands(in, &page);
     AddSearch(in, &page);
   }
-  page.AddOrigin("program", in.provenance.program);
-  page.AddOrigin("command", in.provenance.command);
-  for (const data::InputFile& input : in.provenance.inputs) {
-    page.AddOrigin(input.path, "sha256 " + input.sha256);
-  }
+  page.AddOrigin(in.provenance);
   page.Write(path);
 }
 

@@ -101,11 +101,7 @@ void WritePage(const Arguments& arguments, const Outcome& out, const data::Prove
     }
     page.AddTable(weak);
   }
-  page.AddOrigin("program", provenance.program);
-  page.AddOrigin("command", provenance.command);
-  for (const data::InputFile& input : provenance.inputs) {
-    page.AddOrigin(input.path, "sha256 " + input.sha256);
-  }
+  page.AddOrigin(provenance);
   page.Write(arguments.report);
 }
 

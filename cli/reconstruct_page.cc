@@ -352,11 +352,7 @@ void WriteReconstructPage(const std::string& path, const ReconstructPageInput& i
   AddStatuses(input, &page);
   AddResiduals(input, &page);
   AddSmoothing(input, &page);
-  page.AddOrigin("program", provenance.program);
-  page.AddOrigin("command", provenance.command);
-  for (const data::InputFile& file : provenance.inputs) {
-    page.AddOrigin(file.path, "sha256 " + file.sha256);
-  }
+  page.AddOrigin(provenance);
   page.Write(path);
 }
 

@@ -87,11 +87,7 @@ class Composer {
     AddMotion();
     AddEnergies();
     AddCost();
-    page_.AddOrigin("program", provenance_.program);
-    page_.AddOrigin("command", provenance_.command);
-    for (const data::InputFile& input : provenance_.inputs) {
-      page_.AddOrigin(input.path, "sha256 " + input.sha256);
-    }
+    page_.AddOrigin(provenance_);
     page_.Write(path);
   }
 

@@ -6,6 +6,7 @@
 
 #include "base/error.h"
 #include "data/atomic_file.h"
+#include "data/provenance.h"
 #include "report/assets.h"
 #include "report/chart.h"
 #include "report/escape.h"
@@ -166,6 +167,14 @@ void Page::AddPicture(const std::string& title, const std::string& note,
 
 void Page::AddOrigin(const std::string& name, const std::string& value) {
   origin_.emplace_back(name, value);
+}
+
+void Page::AddOrigin(const data::Provenance& provenance) {
+  AddOrigin("program", provenance.program);
+  AddOrigin("command", provenance.command);
+  for (const data::InputFile& input : provenance.inputs) {
+    AddOrigin(input.path, "sha256 " + input.sha256);
+  }
 }
 
 std::string Page::Html() const {

@@ -6,6 +6,10 @@
 #include <string>
 #include <vector>
 
+namespace unfurl::data {
+struct Provenance;
+}
+
 namespace unfurl::report {
 
 // A page of panels as one HTML file that opens anywhere, without a network: the chart library, the
@@ -135,6 +139,8 @@ class Page {
                   std::span<const std::uint8_t> png, const std::string& alternative);
   // Who made the page, from what: name and value, at its foot.
   void AddOrigin(const std::string& name, const std::string& value);
+  // The same of a whole record: program, command, inputs with their checksums.
+  void AddOrigin(const data::Provenance& provenance);
 
   // Misuse (arrays of different lengths, x that falls, a row of the wrong length) throws Error when
   // it is added.
