@@ -14,6 +14,7 @@
 
 #include "base/error.h"
 #include "base/statistics.h"
+#include "cpu_time.h"
 #include "data/lab.h"
 #include "measure/expose.h"
 #include "measure/exposer.h"
@@ -23,12 +24,6 @@ namespace {
 
 using namespace unfurl;
 using namespace unfurl::measure;
-
-double CpuSeconds() {
-  timespec now;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 struct Outcome {
   std::vector<double> error;        // reading less truth, NaN where there is none [px]
@@ -112,7 +107,7 @@ void Time(const std::vector<std::string>& settings, double* with, double* withou
       const VirtualRig rig = MakeVirtualRig(labs[i]);
       Exposer exposer(labs[i], rig);
       std::vector<std::uint16_t> counts(labs[i].sensor.format.elements());
-      const double start = CpuSeconds();
+      const double start = bench::ThreadSeconds();
       for (std::size_t line = 0; line < kLines; ++line) {
         const Eigen::Vector3d p = Place(line % 4, 0.001 * static_cast<double>(line));
         const Exposer::Led led{.instants = {&p, 1}, .axis = labs[i].led.axis};
@@ -123,7 +118,8 @@ void Time(const std::vector<std::string>& settings, double* with, double* withou
           exposer.Read(c, labs[i].sensor.dark_level, Rng(line), counts);
         }
       }
-      const double each = (CpuSeconds() - start) / static_cast<double>(kLines * rig.cameras.size());
+      const double each =
+          (bench::ThreadSeconds() - start) / static_cast<double>(kLines * rig.cameras.size());
       least[i] = std::min(least[i], 1e6 * each);
     }
   }

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "cpu_time.h"
 #include "data/lab.h"
 #include "measure/background.h"
 #include "measure/camera_model.h"
@@ -23,25 +24,6 @@ namespace {
 
 using namespace unfurl;
 using namespace unfurl::measure;
-
-// Seconds that this process has had of its cores: other work on the machine does not count.
-double CpuSeconds() {
-  timespec now;
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
-
-// Seconds per call: the median of five rounds of `count` calls.
-double SecondsEach(std::size_t count, const std::function<void(std::size_t)>& call) {
-  std::vector<double> rounds;
-  for (int round = 0; round < 5; ++round) {
-    const double start = CpuSeconds();
-    for (std::size_t i = 0; i < count; ++i) call(i);
-    rounds.push_back((CpuSeconds() - start) / static_cast<double>(count));
-  }
-  std::sort(rounds.begin(), rounds.end());
-  return rounds[2];
-}
 
 void Report(const char* what, double seconds, const char* unit) {
   fmt::print("{:<44} {:>9.3f} us {:>12.0f} {}/s\n", what, 1e6 * seconds, 1.0 / seconds, unit);
@@ -80,18 +62,20 @@ void Run(const std::string& path) {
   }
 
   SpotLight light;
-  Report("trace a spot through the lens",
-         SecondsEach(2000, [&](std::size_t i) { TraceSpot(camera, points[i % 256], &light); }),
-         "spots");
+  Report(
+      "trace a spot through the lens",
+      bench::SecondsEach(2000, [&](std::size_t i) { TraceSpot(camera, points[i % 256], &light); }),
+      "spots");
   SpotPainter painter(lab.sensor.blur / format.pitch);
   std::vector<double> pixels(static_cast<std::size_t>(format.active), 0.0);
   Report("paint it on the pixels",
-         SecondsEach(2000, [&](std::size_t) { painter.Add(light, 1.0, pixels); }), "spots");
+         bench::SecondsEach(2000, [&](std::size_t) { painter.Add(light, 1.0, pixels); }), "spots");
   std::vector<std::uint16_t> line(format.elements());
   std::fill(pixels.begin(), pixels.end(), 0.0);
-  Report("read out a line with noise",
-         SecondsEach(2000, [&](std::size_t) { ReadOut(lab.sensor, pixels, 900.0, rng, line); }),
-         "lines");
+  Report(
+      "read out a line with noise",
+      bench::SecondsEach(2000, [&](std::size_t) { ReadOut(lab.sensor, pixels, 900.0, rng, line); }),
+      "lines");
 
   data::Survey survey;
   survey.p.resize(3, 64);
@@ -103,7 +87,7 @@ void Run(const std::string& path) {
   // Each point: a lit and a dark line of every camera.
   const double camera_lines = 2.0 * 64.0 * static_cast<double>(truth.cameras.size());
   Report("expose a camera's line",
-         SecondsEach(1, [&](std::size_t) { ExposeSurvey(lab, survey, {}); }) / camera_lines,
+         bench::SecondsEach(1, [&](std::size_t) { ExposeSurvey(lab, survey, {}); }) / camera_lines,
          "lines");
 
   Background background(format);
@@ -119,13 +103,13 @@ void Run(const std::string& path) {
     lines.push_back(line);
   }
   Report("learn the background from a dark line",
-         SecondsEach(2000, [&](std::size_t) { background.Add(line); }), "lines");
+         bench::SecondsEach(2000, [&](std::size_t) { background.Add(line); }), "lines");
   SpotFinder finder(format);
   std::size_t found = 0;
   Report(
       "find and fit a line's spot",
-      SecondsEach(4000,
-                  [&](std::size_t i) { found += Usable(finder.Find(lines[i % 256], background)); }),
+      bench::SecondsEach(
+          4000, [&](std::size_t i) { found += Usable(finder.Find(lines[i % 256], background)); }),
       "lines");
 
   const data::Rig rig = PlainRig(lab, truth);
@@ -140,16 +124,16 @@ void Run(const std::string& path) {
   double sum = 0.0;
   const Eigen::Vector3d step(0.005, 0.003, 0.0);  // a mark's way between two samples at 1 m/s
   Report("triangulate, from the sample before",
-         SecondsEach(20000,
-                     [&](std::size_t i) {
-                       const std::size_t k = i % 256;
-                       sum += triangulator.Solve(readings[k], s, points[k] + step).p.x();
-                     }),
+         bench::SecondsEach(20000,
+                            [&](std::size_t i) {
+                              const std::size_t k = i % 256;
+                              sum += triangulator.Solve(readings[k], s, points[k] + step).p.x();
+                            }),
          "points");
   Eigen::Matrix3Xd F(3, triangulator.shared_rank());
   const PointSolution point = triangulator.Solve(readings[0], s, points[0]);
   Report(fmt::format("the calibration's part, rank {}", triangulator.shared_rank()).c_str(),
-         SecondsEach(20000, [&](std::size_t) { triangulator.SharedFactor(point, s, F); }),
+         bench::SecondsEach(20000, [&](std::size_t) { triangulator.SharedFactor(point, s, F); }),
          "points");
   if (found == 0 || sum == 0.0) fmt::print("nothing was found\n");
 }

@@ -14,6 +14,7 @@
 
 #include "base/error.h"
 #include "base/random.h"
+#include "cpu_time.h"
 #include "data/rig.h"
 #include "measure/camera_model.h"
 #include "measure/mark_tracker.h"
@@ -26,24 +27,6 @@ using namespace unfurl::measure;
 
 constexpr double kSigma = 0.02;  // of a reading [px]
 constexpr int kMarks = 4;
-
-double CpuSeconds() {
-  timespec t{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
-
-// Seconds per call: the median of five rounds of `count` calls.
-double SecondsEach(std::size_t count, const std::function<void(std::size_t)>& call) {
-  std::vector<double> rounds;
-  for (int round = 0; round < 5; ++round) {
-    const double start = CpuSeconds();
-    for (std::size_t i = 0; i < count; ++i) call(i);
-    rounds.push_back((CpuSeconds() - start) / static_cast<double>(count));
-  }
-  std::sort(rounds.begin(), rounds.end());
-  return rounds[2];
-}
 
 void Report(const std::string& what, double seconds, double target = 0.0) {
   fmt::print("{:<66} {:>8.3f} us {:>10.0f} points/s", what, 1e6 * seconds, 1.0 / seconds);
@@ -89,12 +72,12 @@ void Run(const std::string& path) {
              kSigma, 1e3 * std::sqrt(four_error), 1e3 * std::sqrt(three_error),
              rig.cameras[0].name);
 
-  const double solve = SecondsEach(40000, [&](std::size_t i) {
+  const double solve = bench::SecondsEach(40000, [&](std::size_t i) {
     sum += triangulator.Solve(u[i % kSamples], s, truth[i % kSamples] + step).p.x();
   });
   Report("four cameras, with the readings' covariance", solve, 1e6);
   Report("three cameras, with the readings' covariance",
-         SecondsEach(
+         bench::SecondsEach(
              40000,
              [&](std::size_t i) {
                sum +=
@@ -102,7 +85,8 @@ void Run(const std::string& path) {
              }),
          1e6);
   PointSolution twin;
-  Report("  and whether a second point fits the three", SecondsEach(40000, [&](std::size_t i) {
+  Report("  and whether a second point fits the three",
+         bench::SecondsEach(40000, [&](std::size_t i) {
            const PointSolution point =
                triangulator.Solve(u[i % kSamples], s, truth[i % kSamples] + step, three);
            sum += triangulator.SecondSolution(u[i % kSamples], s, point, &twin);
@@ -112,7 +96,7 @@ void Run(const std::string& path) {
     Eigen::Matrix3Xd F(3, triangulator.shared_rank());
     Eigen::Matrix3d rest;
     double largest = 0.0;
-    const double seconds = SecondsEach(20000, [&](std::size_t i) {
+    const double seconds = bench::SecondsEach(20000, [&](std::size_t i) {
       const PointSolution point =
           triangulator.Solve(u[i % kSamples], s, truth[i % kSamples] + step);
       triangulator.SharedFactor(point, s, F, &rest);
@@ -139,21 +123,22 @@ void Run(const std::string& path) {
   std::vector<std::span<const Candidate>> spans(cameras);
   double clock = 0.0;
   Report("strobed: with what tells how the mark moves",
-         SecondsEach(40000,
-                     [&](std::size_t i) {
-                       const std::size_t k = i % kSamples;
-                       for (std::size_t c = 0; c < cameras; ++c) {
-                         candidates[c] = {u[k][c], kSigma};
-                         spans[c] = {&candidates[c], 1};
-                       }
-                       if (k == 0) clock += 1.0;  // back to the start: long after
-                       const int lit[] = {static_cast<int>(k) % kMarks};
-                       const double t = clock + 5e-3 * static_cast<double>(k / kMarks);
-                       clock +=
-                           k + 1 == kSamples ? 5e-3 * static_cast<double>(kSamples / kMarks) : 0.0;
-                       tracker.Add(t, lit, spans, &found);
-                       sum += found[0].point.p.x();
-                     }),
+         bench::SecondsEach(40000,
+                            [&](std::size_t i) {
+                              const std::size_t k = i % kSamples;
+                              for (std::size_t c = 0; c < cameras; ++c) {
+                                candidates[c] = {u[k][c], kSigma};
+                                spans[c] = {&candidates[c], 1};
+                              }
+                              if (k == 0) clock += 1.0;  // back to the start: long after
+                              const int lit[] = {static_cast<int>(k) % kMarks};
+                              const double t = clock + 5e-3 * static_cast<double>(k / kMarks);
+                              clock += k + 1 == kSamples
+                                           ? 5e-3 * static_cast<double>(kSamples / kMarks)
+                                           : 0.0;
+                              tracker.Add(t, lit, spans, &found);
+                              sum += found[0].point.p.x();
+                            }),
          1e6);
   MarkTracker together(triangulator, kMarks);
   for (int m = 0; m < kMarks; ++m)
@@ -162,7 +147,7 @@ void Run(const std::string& path) {
   double t = 0.0;
   std::size_t usable = 0, all = 0;
   Report("four lit together, spots told apart",
-         SecondsEach(1000, [&](std::size_t) {
+         bench::SecondsEach(1000, [&](std::size_t) {
            t += 5e-3;
            for (std::size_t c = 0; c < cameras; ++c) {
              for (int m = 0; m < kMarks; ++m) {

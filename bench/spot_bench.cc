@@ -19,6 +19,7 @@
 #include "base/statistics.h"
 #include "base/worker_pool.h"
 #include "bench/svg_plot.h"
+#include "cpu_time.h"
 #include "data/lab.h"
 #include "measure/sensor.h"
 #include "measure/spot.h"
@@ -42,12 +43,6 @@ constexpr Named kEstimators[] = {
     {"maximum likelihood", SpotEstimator::kMaximumLikelihood},
 };
 constexpr std::size_t kCount = std::size(kEstimators);
-
-double CpuSeconds() {
-  timespec now;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 data::Lab ShippedLab(const std::vector<std::string>& overrides = {}) {
   return data::ReadLab(UNFURL_SOURCE_DIR "/data/sets/deployment/lab.toml", overrides);
@@ -306,14 +301,14 @@ Speed Speeds() {
   };
   for (int round = 0; round < kRounds; ++round) {
     std::size_t first = piece();
-    double start = CpuSeconds();
+    double start = bench::ThreadSeconds();
     sum += ReadOnce(&lines.counts[first * elements], kPiece * elements);
-    read.push_back((CpuSeconds() - start) / kPiece);
+    read.push_back((bench::ThreadSeconds() - start) / kPiece);
     for (std::size_t e = 0; e < kCount; ++e) {
       first = piece();
-      start = CpuSeconds();
+      start = bench::ThreadSeconds();
       found += FindIn(lines, kEstimators[e].estimator, first, first + kPiece);
-      find[e].push_back((CpuSeconds() - start) / kPiece);
+      find[e].push_back((bench::ThreadSeconds() - start) / kPiece);
     }
   }
   Speed speed;

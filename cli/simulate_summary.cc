@@ -250,13 +250,6 @@ std::string SummaryText(const SummaryInput& in, ordered_json* json) {
     text += "warning: " + warning + "\n";
     j["warnings"].push_back(warning);
   }
-  if (report.near_dependence > 0) {
-    j["near_dependence"] = report.near_dependence;
-    text += fmt::format(
-        "{} times the constraints came near to depending on one another (a dead "
-        "centre, a flat chain); where they do, what follows may hang on rounding\n",
-        report.near_dependence);
-  }
   text += "the scene calls for:";
   for (const sim::Model::EffectCount& effect : in.model.Effects()) {
     j["effects"][effect.name] = effect.count;

@@ -35,17 +35,9 @@ struct Collected {
 
 void Add(const CsvTable& table, std::size_t row, int u_column, int s_column, std::size_t point,
          std::size_t camera, Collected* out) {
-  const double u = table.NumberOrNan(row, u_column), s = table.NumberOrNan(row, s_column);
-  if (std::isnan(u) != std::isnan(s)) {
-    throw Error("a reading without its sigma, or a sigma without a reading",
-                table.Where(row, s_column), "fill in both cells, or leave both empty");
-  }
-  if (std::isnan(u)) return;
-  if (!(s > 0.0)) {
-    throw Error(fmt::format("a sigma of {} is impossible", s), table.Where(row, s_column),
-                "give a standard deviation above 0");
-  }
-  out->readings[{point, camera}].push_back({u, s});
+  const CellReading cell = ReadReading(table, row, u_column, s_column);
+  if (std::isnan(cell.u_px)) return;
+  out->readings[{point, camera}].push_back({cell.u_px, cell.s_px});
 }
 
 Collected Collect(const CsvTable& table) {
@@ -60,34 +52,60 @@ Collected Collect(const CsvTable& table) {
     }
     return out;
   }
-  std::vector<int> u, s;
-  for (int c = 1; table.Find(fmt::format("u{}", c)) >= 0; ++c) {
-    u.push_back(table.Require(fmt::format("u{}", c), "px"));
-    s.push_back(table.Require(fmt::format("s{}", c), "px"));
-    out.cameras.push_back(fmt::format("camera{}", c));
-  }
-  if (u.empty()) {
+  ReadingColumns columns = FindReadingColumns(table);
+  if (columns.u.empty()) {
     throw Error("holds no readings", table.path(),
                 "add columns 'u1 [px]', 's1 [px]', ..., or 'camera', 'u [px]', 's [px]'");
   }
-  for (const std::string& comment : table.comments()) {
-    if (!comment.starts_with("cameras:")) continue;
-    std::vector<std::string> names;
-    for (const std::string& name : Split(comment.substr(8), ',')) names.emplace_back(Trim(name));
-    if (names.size() != u.size()) {
-      throw Error(fmt::format("names {} cameras, but holds readings of {}", names.size(), u.size()),
-                  table.path(), "name as many as there are columns u1, u2, ...");
-    }
-    out.cameras = names;
-  }
+  NameCameras(table, &columns);
+  out.cameras = columns.cameras;
   for (std::size_t row = 0; row < table.rows(); ++row) {
     const std::size_t point = out.Index(&out.id, table.Text(row, id));
-    for (std::size_t c = 0; c < u.size(); ++c) Add(table, row, u[c], s[c], point, c, &out);
+    for (std::size_t c = 0; c < columns.u.size(); ++c) {
+      Add(table, row, columns.u[c], columns.s[c], point, c, &out);
+    }
   }
   return out;
 }
 
 }  // namespace
+
+ReadingColumns FindReadingColumns(const CsvTable& table) {
+  ReadingColumns out;
+  for (int c = 1; table.Find(fmt::format("u{}", c)) >= 0; ++c) {
+    out.u.push_back(table.Require(fmt::format("u{}", c), "px"));
+    out.s.push_back(table.Require(fmt::format("s{}", c), "px"));
+    out.cameras.push_back(fmt::format("camera{}", c));
+  }
+  return out;
+}
+
+void NameCameras(const CsvTable& table, ReadingColumns* columns) {
+  for (const std::string& comment : table.comments()) {
+    if (!comment.starts_with("cameras:")) continue;
+    std::vector<std::string> names;
+    for (const std::string& name : Split(comment.substr(8), ',')) names.emplace_back(Trim(name));
+    if (names.size() != columns->u.size()) {
+      throw Error(fmt::format("names {} cameras, but holds readings of {}", names.size(),
+                              columns->u.size()),
+                  table.path(), "name as many as there are columns u1, u2, ...");
+    }
+    columns->cameras = names;
+  }
+}
+
+CellReading ReadReading(const CsvTable& table, std::size_t row, int u_column, int s_column) {
+  const CellReading cell = {table.NumberOrNan(row, u_column), table.NumberOrNan(row, s_column)};
+  if (std::isnan(cell.u_px) != std::isnan(cell.s_px)) {
+    throw Error("a reading without its sigma, or a sigma without a reading",
+                table.Where(row, s_column), "fill in both cells, or leave both empty");
+  }
+  if (cell.s_px <= 0.0) {
+    throw Error(fmt::format("a sigma of {} is impossible", cell.s_px), table.Where(row, s_column),
+                "give a standard deviation above 0");
+  }
+  return cell;
+}
 
 ReadingTable ReadReadingsCsv(const std::string& path) {
   const CsvTable table = CsvTable::Load(path);

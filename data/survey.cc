@@ -44,44 +44,22 @@ Survey ReadCsv(const std::string& path) {
                 "add columns 'sx [m]', 'sy [m]' and 'sz [m]'");
   }
   const Eigen::Index n = survey.p.cols();
-  std::vector<int> u, s;
-  for (int c = 1; table.Find(fmt::format("u{}", c)) >= 0; ++c) {
-    u.push_back(table.Require(fmt::format("u{}", c), "px"));
-    s.push_back(table.Require(fmt::format("s{}", c), "px"));
-    survey.cameras.push_back(fmt::format("camera{}", c));
-  }
-  // "# cameras: a, b" names them; without it they are numbered.
-  for (const std::string& comment : table.comments()) {
-    if (!comment.starts_with("cameras:")) continue;
-    std::vector<std::string> names;
-    for (const std::string& name : Split(comment.substr(8), ',')) names.emplace_back(Trim(name));
-    if (names.size() != u.size()) {
-      throw Error(fmt::format("names {} cameras, but holds readings of {}", names.size(), u.size()),
-                  path, "name as many as there are columns u1, u2, ...");
-    }
-    survey.cameras = names;
-  }
-  if (u.empty()) {
+  ReadingColumns columns = FindReadingColumns(table);
+  NameCameras(table, &columns);
+  survey.cameras = columns.cameras;
+  if (columns.u.empty()) {
     throw Error("holds no readings", path, "add columns 'u1 [px]', 's1 [px]', ...");
   }
-  const Eigen::Index cameras = static_cast<Eigen::Index>(u.size());
+  const Eigen::Index cameras = static_cast<Eigen::Index>(columns.u.size());
   survey.u_px.resize(n, cameras);
   survey.s_px.resize(n, cameras);
   for (Eigen::Index i = 0; i < n; ++i) {
     for (Eigen::Index c = 0; c < cameras; ++c) {
-      const std::size_t row = static_cast<std::size_t>(i);
-      const int u_column = u[static_cast<std::size_t>(c)];
-      const int s_column = s[static_cast<std::size_t>(c)];
-      survey.u_px(i, c) = table.NumberOrNan(row, u_column);
-      survey.s_px(i, c) = table.NumberOrNan(row, s_column);
-      if (std::isnan(survey.u_px(i, c)) != std::isnan(survey.s_px(i, c))) {
-        throw Error("a reading without its sigma, or a sigma without a reading",
-                    table.Where(row, s_column), "fill in both cells, or leave both empty");
-      }
-      if (survey.s_px(i, c) <= 0.0) {
-        throw Error(fmt::format("a sigma of {} is impossible", survey.s_px(i, c)),
-                    table.Where(row, s_column), "give a standard deviation above 0");
-      }
+      const auto k = static_cast<std::size_t>(c);
+      const CellReading cell =
+          ReadReading(table, static_cast<std::size_t>(i), columns.u[k], columns.s[k]);
+      survey.u_px(i, c) = cell.u_px;
+      survey.s_px(i, c) = cell.s_px;
     }
   }
   return survey;

@@ -37,6 +37,21 @@ bool LooksLikeGsi(const std::string& path);
 // hz, v, d.
 Eigen::Vector3d FromPolar(double hz, double v, double d, Eigen::Matrix3d* derivative = nullptr);
 
+// Columns u1, s1, u2, s2, ... and the cameras that they are of, numbered.
+struct ReadingColumns {
+  std::vector<int> u, s;
+  std::vector<std::string> cameras;
+};
+ReadingColumns FindReadingColumns(const CsvTable& table);
+// "# cameras: a, b" names them. Throws Error where that names more or fewer.
+void NameCameras(const CsvTable& table, ReadingColumns* columns);
+// The reading in a row, NaN for two empty cells. Throws Error for half a reading and for a sigma
+// that is not above 0.
+struct CellReading {
+  double u_px, s_px;
+};
+CellReading ReadReading(const CsvTable& table, std::size_t row, int u_column, int s_column);
+
 // Points with the readings of another table, joined by id; what has no partner is left out and
 // said.
 struct ReadingTable {
