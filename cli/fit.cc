@@ -132,7 +132,8 @@ int FitVerb(const Common& common, const Settings& s) {
                journal.size(), journal.path());
     return kExitInterrupted;
   }
-  const data::FitRecord record = RecordOf(study, bound.problem, result);
+  data::FitRecord record = RecordOf(study, bound.problem, result);
+  AddTolerances(bound.tolerance, &record);
   data::WriteFit(output, record, provenance);
   if (!s.report.empty()) {
     Comparison comparison;

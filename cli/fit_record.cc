@@ -266,6 +266,23 @@ data::FitRecord RecordOf(const data::Study& study, const correlate::FitProblem& 
   return record;
 }
 
+void AddTolerances(const std::vector<correlate::ToleranceChoice>& choices,
+                   data::FitRecord* record) {
+  for (std::size_t t = 0; t < choices.size(); ++t) {
+    const correlate::ToleranceChoice& c = choices[t];
+    const std::string of = choices.size() > 1 ? " of " + record->trials[t] : "";
+    record->checks[fmt::format("rtol{} [1]", t == 0 ? "" : fmt::format("_{}", t + 1))] = c.rtol;
+    record->reasons.push_back(
+        c.noise <= c.wanted
+            ? fmt::format("Simulated{} with a tolerance of {:.0e}: its own scatter, {:.2g} mm RMS "
+                          "at the start, is below a hundredth of what the residuals show.",
+                          of, c.rtol, 1e3 * c.noise)
+            : fmt::format("No tolerance down to 1e-9 brings the simulator's own scatter{} below "
+                          "{:.2g} mm at the start: {:.0e} leaves {:.2g} mm.",
+                          of, 1e3 * c.wanted, c.rtol, 1e3 * c.noise));
+  }
+}
+
 std::string FitText(const data::FitRecord& record, double seconds) {
   std::string text = record.verdict + "\n";
   for (const std::string& reason : record.reasons) text += "  " + reason + "\n";

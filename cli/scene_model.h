@@ -12,7 +12,7 @@ struct SceneModelOptions {
   std::string scene;                           // path
   std::vector<std::string> set;                // fixed overrides, "dotted.key=value"
   std::vector<std::vector<std::string>> keys;  // by parameter: the keys that take its value
-  double rtol = 1e-5;
+  double rtol = 1e-5;  // [-]
 };
 
 class SceneModel : public correlate::Model {

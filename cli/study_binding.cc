@@ -84,7 +84,8 @@ std::unique_ptr<SceneModel> BindScene(const data::Study& study, const SceneModel
 
 void BindScenes(const data::Study& study, const data::StudyTrial& from,
                 const std::vector<double>& theta, correlate::FitTrial* trial, BoundStudy* bound) {
-  SceneModelOptions binding{study.scene, study.set, {}, study.rtol};
+  constexpr double kAtFirst = 1e-5;  // where the tolerance is still to be chosen
+  SceneModelOptions binding{study.scene, study.set, {}, study.rtol > 0.0 ? study.rtol : kAtFirst};
   binding.set.insert(binding.set.end(), from.set.begin(), from.set.end());
   for (const data::StudyParameter& p : study.parameters) binding.keys.push_back(p.keys);
   auto model = BindScene(study, binding, theta);
@@ -95,15 +96,29 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from,
     }
   }
   for (const std::string& file : model->files()) bound->inputs.push_back(file);
-  SceneModelOptions tight = binding;
-  tight.rtol = 0.1 * binding.rtol;
-  auto tighter = BindScene(study, tight, theta);
-  if (study.mesh_check) {
-    SceneModelOptions fine = tight;
-    for (const std::string& key : study.mesh_check->keys) {
-      fine.set.push_back(fmt::format("{}={:.17g}", key, study.mesh_check->value));
+  auto at = [&](double rtol, bool fine) {
+    SceneModelOptions options = binding;
+    options.rtol = rtol;
+    if (fine) {
+      for (const std::string& key : study.mesh_check->keys) {
+        options.set.push_back(fmt::format("{}={:.17g}", key, study.mesh_check->value));
+      }
     }
-    bound->models.push_back(BindScene(study, fine, theta));
+    return BindScene(study, options, theta);
+  };
+  std::unique_ptr<SceneModel> finer;
+  if (study.mesh_check) finer = at(0.1 * binding.rtol, true);
+  if (study.rtol == 0.0) {
+    const correlate::ToleranceChoice choice = correlate::ChooseTolerance(
+        [&](double rtol) { return at(rtol, false); }, finer.get(), theta, *trial->observations);
+    bound->tolerance.push_back(choice);
+    binding.rtol = choice.rtol;
+    model = at(binding.rtol, false);
+    if (study.mesh_check) finer = at(0.1 * binding.rtol, true);
+  }
+  auto tighter = at(0.1 * binding.rtol, false);
+  if (finer != nullptr) {
+    bound->models.push_back(std::move(finer));
     trial->finer = bound->models.back().get();
     const double gain = std::pow(study.mesh_check->spacing_ratio, study.mesh_check->order);
     trial->finer_factor = gain / (gain - 1.0);  // Richardson: what is left of the coarse error

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "correlate/choose_tolerance.h"
 #include "correlate/fit.h"
 #include "data/provenance.h"
 #include "data/study.h"
@@ -17,6 +18,8 @@ struct BoundStudy {
   correlate::FitProblem problem;  // points into the above
   correlate::FitOptions options;
   std::vector<std::string> inputs;  // every file that the result depends on
+  std::vector<correlate::ToleranceChoice>
+      tolerance;  // by trial; empty: a program, or given in the study
 };
 
 // `tracks` takes the place of the study's (of one trial). Throws Error for what does not fit

@@ -74,15 +74,6 @@ void CheckProblem(const FitProblem& problem) {
   }
 }
 
-double RmsDifference(const Prediction& a, const Prediction& b) {
-  double sum = 0.0, n = 0.0;
-  for (std::size_t m = 0; m < a.marks.size(); ++m) {
-    sum += (a.marks[m].p - b.marks[m].p).squaredNorm();
-    n += static_cast<double>(a.marks[m].p.cols());
-  }
-  return n > 0.0 ? std::sqrt(sum / n) : 0.0;
-}
-
 // Where the model's own noise is more than a third of the marks' sigma, it is added to their
 // covariance: after many impacts the motion answers to the last digit of every parameter, and what
 // the simulation says there is no more than a guess. Empty result: nothing to do.

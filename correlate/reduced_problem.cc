@@ -30,6 +30,15 @@ double TypicalSigma(const Observations& o) {
   return std::sqrt(sum / std::max(1.0, 3.0 * static_cast<double>(o.size())));
 }
 
+double RmsDifference(const Prediction& a, const Prediction& b) {
+  double sum = 0.0, n = 0.0;
+  for (std::size_t m = 0; m < a.marks.size(); ++m) {
+    sum += (a.marks[m].p - b.marks[m].p).squaredNorm();
+    n += static_cast<double>(a.marks[m].p.cols());
+  }
+  return n > 0.0 ? std::sqrt(sum / n) : 0.0;
+}
+
 ReducedProblem::ReducedProblem(std::vector<Part> parts, const RegistrationOptions& options,
                                Evaluator& evaluator)
     : parts_(std::move(parts)), options_(options), evaluator_(evaluator) {

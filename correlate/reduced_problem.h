@@ -93,4 +93,7 @@ inline constexpr double kKink = 0.3;
 // RMS of the sigma of one coordinate over all samples [m].
 double TypicalSigma(const Observations& observations);
 
+// RMS distance between the marks of two answers at the same stamps [m].
+double RmsDifference(const Prediction& a, const Prediction& b);
+
 }  // namespace unfurl::correlate

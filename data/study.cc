@@ -170,7 +170,13 @@ Study ReadFrom(const TomlTable& root, const std::string& path) {
     }
   }
 
-  if (model && !study.command) study.rtol = model->NumberOr("rtol", study.rtol, {1e-12, 1e-2});
+  if (model && !study.command) {
+    if (model->IsString("rtol")) {
+      model->Choice("rtol", {"auto"});
+    } else {
+      study.rtol = model->NumberOr("rtol", study.rtol, {1e-12, 1e-2});
+    }
+  }
   if (const auto solver = root.TableOrNone("solver")) ReadSolver(*solver, &study);
   if (const auto profile = root.TableOrNone("profile")) {
     study.profile_levels = profile->NumbersOr("levels", study.profile_levels, -1, kPositive);

@@ -62,7 +62,7 @@ struct Study {
   std::optional<StudyCommand> command;
   std::vector<StudyTrial> trials;
   std::vector<StudyParameter> parameters;
-  double rtol = 1e-5;              // of the simulator
+  double rtol = 0.0;               // of the simulator; 0: chosen by the data
   std::vector<double> stages;      // ends of a growing horizon on the run's clock [s], rising
   bool stages_by_impacts = false;  // instead: by the impacts that the data show
   int max_iterations = 25;         // per stage

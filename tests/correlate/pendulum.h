@@ -18,7 +18,11 @@ struct Pendulum {
   static constexpr double kDuration = 1.2;  // of a trial, some thirty impacts [s]
   static std::vector<std::string> Marks() { return {"mid", "tip"}; }
 
-  static cli::SceneModelOptions Binding(double rtol = 1e-6) {
+  // At 1e-6 the simulator's own scatter after thirty impacts is half a sigma of the marks, and the
+  // cost a rough ground full of hollows; at 1e-8 it is a thousandth, and the ground smooth.
+  static constexpr double kTolerance = 1e-8;
+
+  static cli::SceneModelOptions Binding(double rtol = kTolerance) {
     cli::SceneModelOptions options;
     options.scene = std::string(UNFURL_SOURCE_DIR) + "/data/sets/bouncing_latch/scene.toml";
     options.set = {"mark.mid.on=arm", "mark.mid.point=[0.0, 0.0]"};
@@ -62,7 +66,7 @@ struct Pendulum {
     FitOptions options;
     options.stages_by_impacts = true;
     options.search.screened = 48;
-    options.search.starts = 6;
+    options.search.starts = 4;
     return options;
   }
 };

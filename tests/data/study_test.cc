@@ -50,6 +50,14 @@ std::string Replaced(const std::string& from, const std::string& to) {
   return text.replace(at, from.size(), to);
 }
 
+TEST(Study, TheToleranceIsTheDatasChoiceUnlessGiven) {
+  EXPECT_EQ(ParseStudy(kGood, "s.toml").rtol, 1e-6);
+  EXPECT_EQ(ParseStudy(Replaced("rtol = 1e-6", ""), "s.toml").rtol, 0.0);
+  EXPECT_EQ(ParseStudy(Replaced("rtol = 1e-6", "rtol = \"auto\""), "s.toml").rtol, 0.0);
+  EXPECT_THAT(Message(Replaced("rtol = 1e-6", "rtol = \"fast\"")), HasSubstr("auto"));
+  EXPECT_THAT(Message(Replaced("rtol = 1e-6", "rtol = 0.0")), HasSubstr("rtol"));
+}
+
 TEST(Study, ReadsWhatAPersonWrote) {
   const Study s = ParseStudy(kGood, "folder/s.toml");
   EXPECT_EQ(s.name, "s");

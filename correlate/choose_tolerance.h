@@ -1,0 +1,28 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "correlate/model.h"
+#include "correlate/observations.h"
+
+namespace unfurl::correlate {
+
+// How tightly a simulator has to run for a fit to these data: differences of its answers are the
+// fit's slopes, and after many impacts its own scatter is what they drown in.
+struct ToleranceChoice {
+  double rtol = 1e-5;   // [-]
+  double noise = 0.0;   // what ten times tighter moves the marks by there, RMS [m]
+  double wanted = 0.0;  // the scatter that it had to stay below [m]
+};
+
+// The loosest of 1e-5, 1e-6 .. 1e-9 whose scatter at `theta` over the whole record is below a
+// hundredth of what the residuals will be: the marks' sigma, and with it the mesh's error where
+// `finer` (null: none) tells it. Where none is, the one of least scatter. `at(rtol)` makes the
+// model.
+ToleranceChoice ChooseTolerance(const std::function<std::unique_ptr<Model>(double rtol)>& at,
+                                const Model* finer, const std::vector<double>& theta,
+                                const Observations& observations);
+
+}  // namespace unfurl::correlate

@@ -1,0 +1,121 @@
+// The tolerance that a fit runs its simulator with.
+#include "correlate/choose_tolerance.h"
+
+#include <fmt/format.h>
+#include <gtest/gtest.h>
+
+#include "correlate/reduced_problem.h"
+#include "tests/correlate/pendulum.h"
+
+namespace unfurl::correlate {
+namespace {
+
+// The two-link arm with scatter of its own: `gain` times the tolerance, but no less than `floor`.
+class Rough : public TwoLink {
+ public:
+  Rough(double rtol, double gain, double floor)
+      : rtol_(rtol), size_(std::max(gain * rtol, floor)) {}
+  Prediction Evaluate(std::span<const double> theta, const Stamps& stamps) const override {
+    Prediction out = TwoLink::Evaluate(theta, stamps);
+    Rng rng = Rng(1).Stream(fmt::format("{:g}", rtol_));
+    for (MarkMotion& m : out.marks) {
+      for (Eigen::Index i = 0; i < m.p.size(); ++i) m.p(i) += size_ * rng.Normal();
+    }
+    return out;
+  }
+
+ private:
+  double rtol_, size_;
+};
+
+class Broken : public Model {
+ public:
+  Prediction Evaluate(std::span<const double>, const Stamps&) const override {
+    Prediction out;
+    out.status = ModelStatus::kFailed;
+    return out;
+  }
+};
+
+Observations Data(double sigma) {
+  Trial trial = TiltedTrial();
+  trial.sigma = sigma;
+  Rng rng(1);
+  return Record(TwoLink(), TwoLink::Truth(), TwoLink::Marks(), trial, rng);
+}
+
+ToleranceChoice Choose(double gain, double floor, double sigma, const Model* finer = nullptr) {
+  return ChooseTolerance([&](double rtol) { return std::make_unique<Rough>(rtol, gain, floor); },
+                         finer, TwoLink::Truth(), Data(sigma));
+}
+
+TEST(ChooseTolerance, TheLoosestThatIsQuietEnough) {
+  // sqrt(3) gain rtol of scatter in 3-D against a hundredth of 2e-4 m.
+  EXPECT_EQ(Choose(0.01, 0.0, 2e-4).rtol, 1e-5);
+  EXPECT_EQ(Choose(0.1, 0.0, 2e-4).rtol, 1e-5);
+  EXPECT_EQ(Choose(1.0, 0.0, 2e-4).rtol, 1e-6);
+  EXPECT_EQ(Choose(100.0, 0.0, 2e-4).rtol, 1e-8);
+  EXPECT_EQ(Choose(100.0, 0.0, 2e-3).rtol, 1e-7);  // ten times the noise in the data
+}
+
+TEST(ChooseTolerance, WhereNoneIsTheQuietestAndSaysSo) {
+  const ToleranceChoice floor = Choose(100.0, 1e-5, 2e-4);
+  EXPECT_GT(floor.noise, floor.wanted);
+  EXPECT_LE(floor.rtol, 1e-7);
+  const ToleranceChoice loud = Choose(1e5, 0.0, 2e-4);
+  EXPECT_EQ(loud.rtol, 1e-9);
+  EXPECT_GT(loud.noise, loud.wanted);
+}
+
+TEST(ChooseTolerance, TheMeshsErrorAllowsMore) {
+  class Shifted : public TwoLink {
+   public:
+    Prediction Evaluate(std::span<const double> theta, const Stamps& stamps) const override {
+      Prediction out = TwoLink::Evaluate(theta, stamps);
+      for (MarkMotion& m : out.marks) m.p.array() += 2e-3;
+      return out;
+    }
+  };
+  const Shifted finer;
+  EXPECT_EQ(Choose(10.0, 0.0, 2e-5).rtol, 1e-8);
+  EXPECT_EQ(Choose(10.0, 0.0, 2e-5, &finer).rtol, 1e-6);
+}
+
+TEST(ChooseTolerance, AModelThatFailsIsTheFitsToReport) {
+  const Observations data = Data(2e-4);
+  const ToleranceChoice choice = ChooseTolerance([](double) { return std::make_unique<Broken>(); },
+                                                 nullptr, TwoLink::Truth(), data);
+  EXPECT_EQ(choice.rtol, 1e-5);
+  EXPECT_TRUE(std::isfinite(choice.noise));
+}
+
+// Thirty impacts: beside the start, too, the marks scatter by less than a thirtieth of their sigma
+// about a run at 1e-11.
+TEST(ChooseTolerance, HoldsForTheLatchingPendulumElsewhere) {
+  std::vector<double> start;
+  for (const Parameter& p : Pendulum::Parameters()) start.push_back(p.start);
+  const cli::SceneModel exact(Pendulum::Binding(1e-11), start);
+  Rng rng = Rng(4).Stream("tolerance");
+  const Observations data =
+      Record(exact, Pendulum::Truth(rng), Pendulum::Marks(), Pendulum::Recording(), rng);
+  const ToleranceChoice choice = ChooseTolerance(
+      [&](double rtol) {
+        return std::make_unique<cli::SceneModel>(Pendulum::Binding(rtol), start);
+      },
+      nullptr, start, data);
+  EXPECT_LE(choice.noise, choice.wanted);
+  EXPECT_LT(choice.rtol, 1e-5);
+  const cli::SceneModel chosen(Pendulum::Binding(choice.rtol), start);
+  const Stamps stamps = data.StampsAt(Pendulum::Recording().offset);
+  int quiet = 0;
+  constexpr int kPlaces = 8;
+  for (int i = 0; i < kPlaces; ++i) {
+    const std::vector<double> theta = Pendulum::Truth(rng);
+    const double off = RmsDifference(chosen.Evaluate(theta, stamps), exact.Evaluate(theta, stamps));
+    quiet += off < TypicalSigma(data) / 30.0 ? 1 : 0;
+  }
+  EXPECT_GE(quiet, kPlaces - 1);
+}
+
+}  // namespace
+}  // namespace unfurl::correlate
