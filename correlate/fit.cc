@@ -108,6 +108,10 @@ std::vector<LessWeight> WeighSections(const Observations& all, const Prediction&
   return less;
 }
 
+// Mean square of residuals in sigmas from which on it is the model that does not fit, and not the
+// covariances that are somewhat wrong; as in an alignment.
+constexpr double kNotNoise = 4.0;
+
 // Two-sided differences at the estimate, the finer models beside them.
 bool FillEstimate(const FitProblem& problem, StageRunner& runner, FitResult* r) {
   ReducedProblem& reduced = runner.reduced();
@@ -420,6 +424,9 @@ FitResult Fit(const FitProblem& problem, const FitOptions& options) {
     for (std::size_t t = 0; t < trials && good; ++t) {
       const RegistrationFit& at = best->point().registration[t];
       const Eigen::Index rows = at.residual.size();
+      // What is left is then the model's own error. Its likeness to noise would weigh frame and
+      // calibration's draw, and let both drift.
+      if (at.SumOfSquares() > kNotNoise * 3.0 * static_cast<double>(at.known)) continue;
       Eigen::MatrixXd A(rows, J.cols() + at.jacobian.cols());
       A << J.middleRows(best->reduced().first_row(t), rows), at.jacobian;
       r.trials[t].noise = FitSeriesNoise(weighed[t], at.residual, A);

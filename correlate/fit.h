@@ -56,7 +56,8 @@ struct FitOptions {
   double difference_sigma = 0.1;
   double noise_factor = 30.0;
   // Residuals that follow one another are whitened by the noise found in them, and the fit is
-  // sharpened with that. Off: the plain estimate; its errors are corrected all the same.
+  // sharpened with that, unless they are more than twice the marks' sigma: then they are the
+  // model's error and no noise. Off: the plain estimate; its errors are corrected all the same.
   bool whiten = true;
   // Sections, in time, over which the model's own error is taken for one common shape each, and
   // whose weight is looked at one by one.

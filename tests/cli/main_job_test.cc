@@ -10,6 +10,7 @@ using ::testing::HasSubstr;
 
 constexpr double kMarksRms = 1e-3;       // issue: marks within 1 mm RMS of truth [m]
 constexpr double kStandardErrors = 3.0;  // from the truth, at most
+constexpr double kResidual = 60.0;       // RMS, in sigmas of the marks, at most
 constexpr double kRelativeError = 0.10;  // standard error over value, at most
 
 TEST_F(MainJobTest, FromSceneToParametersAndPages) {
@@ -28,6 +29,10 @@ TEST_F(MainJobTest, FromSceneToParametersAndPages) {
   const auto [damping, damping_sigma] = result.Estimate("damping");
   EXPECT_LT(std::abs(damping - settings.damping), kStandardErrors * damping_sigma);
   EXPECT_LT(damping_sigma, kRelativeError * damping);
+  // The mesh's error is some thirty sigmas here. Whitened as if it were noise, it would let frame
+  // and calibration drift by thousands.
+  const double chi2 = result.fit.at("checks").at("chi2_per_dof [1]");
+  EXPECT_LT(chi2, kResidual * kResidual);
 
   // What a user does next: look at every file, and hold the drawing beside the trial.
   Good({"simulate", Shipped("scene_suspension.toml"), "-o", "drawn.h5", "--quiet"});

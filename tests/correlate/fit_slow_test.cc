@@ -51,9 +51,16 @@ TEST(FitSlow, SeveralStartsFindTheGlobalMinimumOfThePendulum) {
   const PendulumCount count = RepeatPendulum(kPendulums, 100000);
   const auto [low, high] =
       BinomialInterval(static_cast<std::size_t>(count.found), kPendulums, 0.95);
-  fmt::print("{} of {} global (95% interval {:.4f} to {:.4f}), {:.0f} evaluations at most\n{}",
-             count.found, kPendulums, low, high, count.most_evaluations, count.misses);
+  fmt::print(
+      "{} of {} global (95% interval {:.4f} to {:.4f}), {:.0f} evaluations at most; "
+      "truth covered {} {} {} {}\n{}",
+      count.found, kPendulums, low, high, count.most_evaluations, count.covered[0],
+      count.covered[1], count.covered[2], count.covered[3], count.misses);
   EXPECT_GE(count.found, kFound * kPendulums);
+  for (int covered : count.covered) {
+    EXPECT_GE(covered, 0.93 * kPendulums);
+    EXPECT_LE(covered, 0.97 * kPendulums);
+  }
 }
 
 }  // namespace

@@ -1,12 +1,11 @@
 // The latching pendulum through the real simulator: what several starts find.
-#include "tests/correlate/pendulum.h"
-
 #include <gtest/gtest.h>
 
 #include <set>
 
 #include "base/error.h"
 #include "correlate/search.h"
+#include "tests/correlate/pendulum_repeats.h"
 
 namespace unfurl::correlate {
 namespace {
@@ -30,6 +29,13 @@ TEST(Pendulum, TheHypercubeHasOnePointInEachRow) {
   std::vector<Parameter> open = parameters;
   open[0].high = std::numeric_limits<double>::infinity();
   EXPECT_THROW(LatinHypercube(open, kPoints, 3), Error);
+}
+
+// A thousand by label.
+TEST(Pendulum, SeveralStartsFindThePlantedMinimum) {
+  constexpr int kPendulums = 3;
+  const PendulumCount count = RepeatPendulum(kPendulums, 1);
+  EXPECT_EQ(count.found, kPendulums) << count.misses;
 }
 
 }  // namespace
