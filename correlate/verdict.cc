@@ -94,6 +94,9 @@ void Judge(const FitProblem& problem, const ReducedProblem& reduced,
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
       Eigen::MatrixXd(scale.asDiagonal() * information * scale.asDiagonal()));
 
+  const bool explained = std::none_of(r->trials.begin(), r->trials.end(), [](const TrialResult& t) {
+    return t.goodness.outcome == Explained::kNo;
+  });
   double lower = 0.0;
   for (std::size_t j = 0; j < r->parameters.size(); ++j) {
     const auto c = static_cast<Eigen::Index>(j);
@@ -156,6 +159,12 @@ void Judge(const FitProblem& problem, const ReducedProblem& reduced,
       e.reason = e.sigma < 1e3 * size ? fmt::format("its standard error is {:.0f}% of its value{}",
                                                     100.0 * e.sigma / size, profile)
                                       : "the marks do not answer to it" + profile;
+    } else if (!explained) {
+      e.verdict = Verdict::kIfModelHolds;
+      e.reason = fmt::format(
+          "would be known to {:.2g}% of its value{}, but the model does not explain the data: it "
+          "may be off by more than that",
+          100.0 * e.sigma / size, profile);
     } else if (e.sigma_model > e.sigma_data) {
       e.verdict = Verdict::kMeshLimited;
       e.reason = fmt::format(
@@ -195,6 +204,8 @@ const char* Name(Verdict verdict) {
       return "at its bound";
     case Verdict::kNotDetermined:
       return "not determined";
+    case Verdict::kIfModelHolds:
+      return "known only if the model holds";
   }
   return "";
 }
