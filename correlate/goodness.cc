@@ -64,9 +64,9 @@ double SteadyPValue(const Observations& observations, const Eigen::VectorXd& res
 GoodnessOfFit TestGoodness(const GoodnessInput& in) {
   GoodnessOfFit out;
   out.p_size = ChiSquareTail(in.squares, in.dof);
-  out.p_white = in.plain->smallest_p;
+  out.p_white = in.plain->p_together;
   out.excess = std::sqrt(std::max(0.0, in.squares / in.dof - 1.0));
-  out.p_found = in.whitened->smallest_p;
+  out.p_found = in.whitened->p_together;
   out.p_steady = SteadyPValue(*in.observations, *in.whitened_residual, in.sections);
   const double beyond = in.left - in.dof;
   if (in.left > 0.0 && beyond > 0.0) {

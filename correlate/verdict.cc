@@ -18,7 +18,8 @@ constexpr double kAtBoundSigmas = 1e-3;
 // Were the others known, the standard error would be less than this part of what it is: then it is
 // they that hide the parameter, and not a lack of effect.
 constexpr double kHidden = 0.2;
-constexpr double kTakesPart = 0.2;   // of a direction of unit length
+// Of what two parameters could share of the space in which little is known.
+constexpr double kTakesPart = 0.1;
 constexpr double kImitated = 0.998;  // share of the effect: the error grows twentyfold
 
 // Half of the 95% interval in standard errors, the data's; infinite where the profile was followed
@@ -93,6 +94,12 @@ void Judge(const FitProblem& problem, const ReducedProblem& reduced,
   const Eigen::VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
       Eigen::MatrixXd(scale.asDiagonal() * information * scale.asDiagonal()));
+  // Onto the space in which little is known. Its eigenvectors mix sets that have nothing to do with
+  // one another wherever their eigenvalues are alike; the projection onto all of it does not.
+  Eigen::MatrixXd together = Eigen::MatrixXd::Zero(p, p);
+  for (Eigen::Index v = 0; v < p && eigen.eigenvalues()(v) <= kHidden * kHidden; ++v) {
+    together += eigen.eigenvectors().col(v) * eigen.eigenvectors().col(v).transpose();
+  }
 
   const bool explained = std::none_of(r->trials.begin(), r->trials.end(), [](const TrialResult& t) {
     return t.goodness.outcome == Explained::kNo;
@@ -116,27 +123,12 @@ void Judge(const FitProblem& problem, const ReducedProblem& reduced,
     const std::string profile = ProfileWords(e, q.unit);
     e.with.clear();
     if (sigma > known_within) {
-      for (Eigen::Index v = 0; v < p; ++v) {
-        if (eigen.eigenvalues()(v) > kHidden * kHidden ||
-            std::abs(eigen.eigenvectors()(c, v)) < kTakesPart) {
-          continue;
-        }
-        for (Eigen::Index l = 0; l < p; ++l) {
-          const std::string& name = problem.parameters[static_cast<std::size_t>(l)].name;
-          if (l != c && std::abs(eigen.eigenvectors()(l, v)) > kTakesPart &&
-              std::find(e.with.begin(), e.with.end(), name) == e.with.end()) {
-            e.with.push_back(name);
-          }
+      for (Eigen::Index l = 0; l < p; ++l) {
+        const double own = std::max(together(c, c), together(l, l));
+        if (l != c && std::abs(together(c, l)) > kTakesPart * own) {
+          e.with.push_back(problem.parameters[static_cast<std::size_t>(l)].name);
         }
       }
-      // In the order of the study.
-      std::vector<std::string> ordered;
-      for (const Parameter& one : problem.parameters) {
-        if (std::find(e.with.begin(), e.with.end(), one.name) != e.with.end()) {
-          ordered.push_back(one.name);
-        }
-      }
-      e.with = ordered;
       const bool hidden = e.sigma_alone < kHidden * data;
       if (!hidden) e.with.clear();
       if (e.with.empty() && e.imitated > kImitated) e.with = Imitators(reduced, point, *r, c);
