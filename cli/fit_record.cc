@@ -17,28 +17,59 @@ namespace {
 
 using nlohmann::ordered_json;
 
-// The residuals of one trial: how large, whether they follow one another, what was done about it.
+// The residuals of one trial: how large, whether they follow one another, what was done about it,
+// and whether the model explains them.
 std::string ResidualWords(const correlate::TrialResult& t, bool several) {
   const std::string of = several ? " of " + t.name : "";
+  const correlate::GoodnessOfFit& g = t.goodness;
   std::string words = fmt::format("The residuals{} are {:.2f} times the marks' sigma", of,
                                   std::sqrt(t.chi2_per_dof));
-  if (t.plain.white()) return words + " and white, as they should be.";
-  if (t.noise.series.empty() || t.noise.white()) {
-    return words + ", and follow one another: the standard errors are widened for it.";
+  if (t.plain.white()) {
+    words += " and white, as they should be.";
+  } else if (t.noise.series.empty() || t.noise.white()) {
+    words += ", and follow one another: the standard errors are widened for it.";
+  } else {
+    double share = 0.0, rho = 0.0, variance = 0.0;
+    for (const correlate::MarkovNoise& n : t.noise.series) {
+      variance += n.variance;
+      share += n.variance * n.share;
+      rho += n.variance * n.share * n.rho;
+    }
+    words += fmt::format(
+        ", and follow one another: {:.0f}% of their variance is correlated from sample to sample "
+        "(by {:.3f}); the fit is weighted for it",
+        100.0 * share / variance, share > 0.0 ? rho / share : 0.0);
+    words += t.whitened.white() ? ", after which they are white."
+                                : ", and the standard errors are widened for what is left of it.";
   }
-  double share = 0.0, rho = 0.0, variance = 0.0;
-  for (const correlate::MarkovNoise& n : t.noise.series) {
-    variance += n.variance;
-    share += n.variance * n.share;
-    rho += n.variance * n.share * n.rho;
+  switch (g.outcome) {
+    case correlate::Explained::kYes:
+      break;
+    case correlate::Explained::kNoise:
+      words += fmt::format(
+          " By the marks' covariances that has a probability of {:.2g}, but as noise that stays "
+          "the same all along it is likely enough ({:.2g}), and the standard errors hold it.",
+          g.p_covariances(), g.p_noise());
+      break;
+    case correlate::Explained::kMesh:
+      words += fmt::format(
+          " By the marks' covariances that has a probability of {:.2g}; a finer mesh takes {:.0f}% "
+          "of what is too much away.",
+          g.p_covariances(), 100.0 * g.mesh_takes);
+      break;
+    case correlate::Explained::kNo:
+      words += fmt::format(
+          " The model does not explain them: neither the marks' covariances (probability {:.2g}) "
+          "nor noise that stays the same all along ({:.2g}){}. It lacks something, or the optics "
+          "are wrong by more than the tracks claim, and the values may be off by more than their "
+          "errors say.",
+          g.p_covariances(), g.p_noise(),
+          t.model_error.empty() ? std::string()
+                                : fmt::format(" nor a finer mesh, which takes {:.0f}% of it away",
+                                              100.0 * g.mesh_takes));
+      break;
   }
-  words += fmt::format(
-      ", and follow one another: {:.0f}% of their variance is correlated from sample to sample "
-      "(by {:.3f}); the fit is weighted for it",
-      100.0 * share / variance, share > 0.0 ? rho / share : 0.0);
-  return words + (t.whitened.white()
-                      ? ", after which they are white."
-                      : ", and the standard errors are widened for what is left of it.");
+  return words;
 }
 
 void AddTrialWords(const correlate::FitResult& r, data::FitRecord* record) {
@@ -78,7 +109,7 @@ void JudgeWhole(const correlate::FitResult& r, const std::vector<correlate::Para
     record->reasons.push_back(r.message);
     return;
   }
-  std::vector<std::string> known, limited, bound, together, open;
+  std::vector<std::string> known, limited, bound, together, open, doubtful;
   for (std::size_t j = 0; j < parameters.size(); ++j) {
     switch (r.parameters[j].verdict) {
       case correlate::Verdict::kDetermined:
@@ -96,15 +127,23 @@ void JudgeWhole(const correlate::FitResult& r, const std::vector<correlate::Para
       case correlate::Verdict::kNotDetermined:
         open.push_back(parameters[j].name);
         break;
+      case correlate::Verdict::kIfModelHolds:
+        doubtful.push_back(parameters[j].name);
+        break;
     }
   }
   auto are = [](const std::vector<std::string>& names) {
     return JoinWords(names) + (names.size() == 1 ? " is" : " are");
   };
   std::string words;
+  for (const correlate::TrialResult& t : r.trials) {
+    if (t.goodness.outcome != correlate::Explained::kNo || !words.empty()) continue;
+    words = "the model does not explain the data; ";
+  }
   if (!open.empty()) words += are(open) + " not determined by this trial; ";
   if (!together.empty()) words += are(together) + " determined only in combination; ";
   if (!bound.empty()) words += are(bound) + " at the bound; ";
+  if (!doubtful.empty()) words += are(doubtful) + " known only if it holds; ";
   if (!limited.empty()) words += are(limited) + " known, as well as the model's mesh allows; ";
   if (!known.empty()) words += are(known) + " determined; ";
   words.resize(words.size() - 2);
@@ -257,6 +296,9 @@ data::FitRecord RecordOf(const data::Study& study, const correlate::FitProblem& 
     check("chi2_per_dof", "1", trial.chi2_per_dof);
     check("residual_p_white", "1", trial.plain.smallest_p);
     check("residual_p_whitened", "1", trial.whitened.smallest_p);
+    check("p_covariances", "1", trial.goodness.p_covariances());
+    check("p_noise", "1", trial.goodness.p_noise());
+    check("mesh_takes", "1", trial.goodness.mesh_takes);
     check("effective_share", "1", trial.plain.effective_share);
     check("model_noise", "m", trial.model_noise);
     check("model_error_rms", "m", trial.model_error_rms);

@@ -106,13 +106,13 @@ Autoregression FitAutoregression(std::span<const double> x, std::span<const std:
   return best;
 }
 
-double WhitenessPValue(std::span<const double> x, std::span<const std::uint8_t> known, int lags) {
+double LjungBox(std::span<const double> x, std::span<const std::uint8_t> known, int lags) {
   double zero = 0.0;
   std::size_t n = 0;
   for (std::size_t i = 0; i < x.size(); ++i) {
     if (known[i]) zero += x[i] * x[i], ++n;
   }
-  if (n < static_cast<std::size_t>(4 * lags) || zero <= 0.0) return 1.0;
+  if (n < static_cast<std::size_t>(4 * lags) || zero <= 0.0) return -1.0;
   double q = 0.0;
   for (int l = 1; l <= lags; ++l) {
     double c = 0.0;
@@ -126,7 +126,12 @@ double WhitenessPValue(std::span<const double> x, std::span<const std::uint8_t> 
     const double r = c / zero;  // variance of r: pairs / n^2
     q += r * r * static_cast<double>(n) * static_cast<double>(n) / static_cast<double>(pairs);
   }
-  return ChiSquareTail(q, lags);
+  return q;
+}
+
+double WhitenessPValue(std::span<const double> x, std::span<const std::uint8_t> known, int lags) {
+  const double q = LjungBox(x, known, lags);
+  return q < 0.0 ? 1.0 : ChiSquareTail(q, lags);
 }
 
 ResidualNoise EstimateResidualNoise(const Observations& observations,
@@ -134,7 +139,7 @@ ResidualNoise EstimateResidualNoise(const Observations& observations,
   constexpr int kLags = 20;  // of the whiteness test
   ResidualNoise noise;
   Eigen::Index first = 0;
-  double sum = 0.0, total = 0.0, effective = 0.0;
+  double sum = 0.0, total = 0.0, effective = 0.0, statistic = 0.0, freedoms = 0.0;
   for (const MarkSeries& mark : observations.marks) {
     const double step = MedianStep(mark.t);
     std::vector<std::size_t> place(mark.size(), 0);
@@ -163,7 +168,9 @@ ResidualNoise EstimateResidualNoise(const Observations& observations,
         known[place[i]] = 1;
       }
       s.model = FitAutoregression(x, known);
-      s.p_value = WhitenessPValue(x, known, kLags);
+      const double q = LjungBox(x, known, kLags);
+      s.p_value = q < 0.0 ? 1.0 : ChiSquareTail(q, kLags);
+      if (q >= 0.0) statistic += q, freedoms += kLags;
       sum += s.model.variance * static_cast<double>(s.row.size());
       total += static_cast<double>(s.row.size());
       effective += s.model.EffectiveCount();
@@ -177,6 +184,7 @@ ResidualNoise EstimateResidualNoise(const Observations& observations,
     noise.variance = sum / total;
     noise.effective_share = effective / total;
   }
+  if (freedoms > 0.0) noise.p_together = ChiSquareTail(statistic, freedoms);
   noise.smallest_p = std::min(1.0, noise.smallest_p * static_cast<double>(noise.series.size()));
   return noise;
 }

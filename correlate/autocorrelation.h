@@ -27,7 +27,10 @@ struct Autoregression {
 Autoregression FitAutoregression(std::span<const double> x, std::span<const std::uint8_t> known,
                                  int max_order = 6);
 
-// Ljung-Box test that a series is white: p-value, by `lags` autocorrelations. Gaps are left out.
+// Ljung-Box statistic of a series: of `lags` autocorrelations, chi-square with as many degrees of
+// freedom for white noise. Gaps are left out. Negative: too few values.
+double LjungBox(std::span<const double> x, std::span<const std::uint8_t> known, int lags);
+// Its p-value; 1 for too few.
 double WhitenessPValue(std::span<const double> x, std::span<const std::uint8_t> known, int lags);
 
 // The noise that whitened residuals turn out to have, series by series (mark and axis).
@@ -47,6 +50,7 @@ struct ResidualNoise {
     std::vector<std::size_t> slot;  // sample's place on the mark's even grid
   };
   std::vector<Series> series;
+  double p_together = 1.0;       // of all series being white, their statistics added up
   double smallest_p = 1.0;       // over all series, times their number (Bonferroni)
   double effective_share = 1.0;  // effective over nominal number of samples, mean over the series
   double variance = 1.0;         // mean square of the whitened residuals

@@ -9,6 +9,7 @@
 #include "correlate/align.h"
 #include "correlate/evaluator.h"
 #include "correlate/fit_problem.h"
+#include "correlate/goodness.h"
 #include "correlate/parameter.h"
 #include "correlate/profile.h"
 #include "correlate/series_noise.h"
@@ -82,6 +83,7 @@ enum class Verdict {
   kCombination,  // determined only together with others
   kAtBound,
   kNotDetermined,  // standard error above half of the value
+  kIfModelHolds,   // would be known, but the model does not explain the data
 };
 const char* Name(Verdict verdict);  // in words
 
@@ -147,6 +149,7 @@ struct TrialResult {
   ResidualNoise plain;        // the residuals before that: autocorrelation, whiteness
   ResidualNoise whitened;     // and after
   double chi2_per_dof = 0.0;  // of residuals in the samples' own sigmas
+  GoodnessOfFit goodness;     // does the model explain them?
   double model_noise = 0.0;   // RMS scatter of the model's marks, one tolerance to another [m]
   std::vector<LessWeight> less_weight;
   // The model's own error at the estimate (finer model less model, times the factor), per mark

@@ -141,23 +141,23 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
   const Eigen::MatrixXd H = Gram(whole.A);
   Eigen::MatrixXd open, open_white;
   const Eigen::MatrixXd inverse = InverseOf(H, &open);
-  Eigen::MatrixXd white =
-      InverseOf(Gram(Stack(*r, plain_sensitivity, plain_jacobian).A), &open_white);
-  white += open_white;
+  const Stacked plain = Stack(*r, plain_sensitivity, plain_jacobian);
+  const Eigen::MatrixXd inverse_white = InverseOf(Gram(plain.A), &open_white);
+  const Eigen::MatrixXd white = inverse_white + open_white;
 
   // The middle: rows of the samples with what correlation they still have, priors, draws.
   const Eigen::MatrixXd priors = whole.A.bottomRows(whole.A.rows() - whole.first_prior);
   Eigen::MatrixXd middle = priors.transpose() * priors;
+  std::vector<double> dof(trials, 1.0);
   for (std::size_t t = 0; t < trials; ++t) {
     TrialResult& trial = r->trials[t];
     const Block& b = whole.blocks[t];
     const Observations& o = *data[t];
     trial.plain = EstimateResidualNoise(o, trial.residual);
     trial.whitened = EstimateResidualNoise(o, trial.registration.residual);
-    const double dof =
-        std::max<double>(1.0, 3.0 * static_cast<double>(trial.registration.known) -
-                                  static_cast<double>(p + b.columns - o.shared_rank));
-    trial.chi2_per_dof = trial.residual.squaredNorm() / dof;
+    dof[t] = std::max<double>(1.0, 3.0 * static_cast<double>(trial.registration.known) -
+                                       static_cast<double>(p + b.columns - o.shared_rank));
+    trial.chi2_per_dof = trial.residual.squaredNorm() / dof[t];
     trial.data_sigma = TypicalSigma(o);
     middle += trial.whitened.Middle(whole.A.middleRows(b.row, b.rows));
     const Eigen::Index k = o.shared_rank;
@@ -180,15 +180,18 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
   Eigen::MatrixXd from_model = Eigen::MatrixXd::Zero(H.rows(), H.cols());
   Eigen::VectorXd common = Eigen::VectorXd::Zero(H.rows());
   const Eigen::MatrixXd gain = inverse * whole.A.transpose();
+  Eigen::VectorXd left = Eigen::VectorXd::Zero(plain.A.rows()), finer = left;
   for (std::size_t t = 0; t < trials; ++t) {
     TrialResult& trial = r->trials[t];
-    if (trial.model_error.empty()) continue;
     const Block& b = whole.blocks[t];
+    left.segment(b.row, b.rows) = trial.residual;
+    if (trial.model_error.empty()) continue;
     Eigen::MatrixXd error =
         WhitenedSensitivity(*data[t], trial.prediction, trial.at.X_WM, {trial.model_error});
     trial.model_error_rms = Rms(trial.model_error);
     trial.model_error_sigmas =
         std::sqrt(error.squaredNorm() / std::max(1.0, 3.0 * static_cast<double>(data[t]->size())));
+    finer.segment(b.row, b.rows) = error.col(0);
     const Eigen::MatrixXd sections =
         SectionShifts(*data[t], whitening[t], gain.middleCols(b.row, b.rows), error.col(0),
                       std::max(1, options.error_sections));
@@ -197,6 +200,28 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     common += gain.middleCols(b.row, b.rows) * error;
   }
   from_model += common * common.transpose();
+
+  finer += left;
+  for (Eigen::VectorXd* rows : {&left, &finer}) {
+    *rows -= plain.A * (inverse_white * (plain.A.transpose() * *rows));
+  }
+  for (std::size_t t = 0; t < trials; ++t) {
+    TrialResult& trial = r->trials[t];
+    const Block& b = whole.blocks[t];
+    GoodnessInput in;
+    in.observations = data[t];
+    in.plain = &trial.plain;
+    in.whitened = &trial.whitened;
+    in.whitened_residual = &trial.registration.residual;
+    in.squares = trial.residual.squaredNorm();
+    in.dof = dof[t];
+    if (!trial.model_error.empty()) {
+      in.left = left.segment(b.row, b.rows).squaredNorm();
+      in.left_finer = finer.segment(b.row, b.rows).squaredNorm();
+    }
+    in.sections = std::max(1, options.error_sections);
+    trial.goodness = TestGoodness(in);
+  }
 
   const Eigen::MatrixXd total = from_data + from_model;
   r->covariance = total.topLeftCorner(p, p);

@@ -41,6 +41,14 @@ class ReducedCost : public ceres::CostFunction {
       last_u = u;
       last_residual = point.residual;
       last_projected = problem_.Project(point, J);
+      // Of what frame, offset or calibration imitate, differences leave noise alone: the solver
+      // would follow it from bound to bound.
+      constexpr double kImitated = 1e-4;
+      for (Eigen::Index j = 0; j < J.cols(); ++j) {
+        if (last_projected.col(j).norm() <= kImitated * J.col(j).norm()) {
+          last_projected.col(j).setZero();
+        }
+      }
       Eigen::Map<RowMajor>(jacobians[0], problem_.rows(), static_cast<Eigen::Index>(count_)) =
           last_projected;
       return true;

@@ -18,7 +18,8 @@ constexpr double kAtBoundSigmas = 1e-3;
 // Were the others known, the standard error would be less than this part of what it is: then it is
 // they that hide the parameter, and not a lack of effect.
 constexpr double kHidden = 0.2;
-constexpr double kTakesPart = 0.2;   // of a direction of unit length
+// Of what two parameters could share of the space in which little is known.
+constexpr double kTakesPart = 0.1;
 constexpr double kImitated = 0.998;  // share of the effect: the error grows twentyfold
 
 // Half of the 95% interval in standard errors, the data's; infinite where the profile was followed
@@ -93,7 +94,16 @@ void Judge(const FitProblem& problem, const ReducedProblem& reduced,
   const Eigen::VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
       Eigen::MatrixXd(scale.asDiagonal() * information * scale.asDiagonal()));
+  // Onto the space in which little is known. Its eigenvectors mix sets that have nothing to do with
+  // one another wherever their eigenvalues are alike; the projection onto all of it does not.
+  Eigen::MatrixXd together = Eigen::MatrixXd::Zero(p, p);
+  for (Eigen::Index v = 0; v < p && eigen.eigenvalues()(v) <= kHidden * kHidden; ++v) {
+    together += eigen.eigenvectors().col(v) * eigen.eigenvectors().col(v).transpose();
+  }
 
+  const bool explained = std::none_of(r->trials.begin(), r->trials.end(), [](const TrialResult& t) {
+    return t.goodness.outcome == Explained::kNo;
+  });
   double lower = 0.0;
   for (std::size_t j = 0; j < r->parameters.size(); ++j) {
     const auto c = static_cast<Eigen::Index>(j);
@@ -113,27 +123,12 @@ void Judge(const FitProblem& problem, const ReducedProblem& reduced,
     const std::string profile = ProfileWords(e, q.unit);
     e.with.clear();
     if (sigma > known_within) {
-      for (Eigen::Index v = 0; v < p; ++v) {
-        if (eigen.eigenvalues()(v) > kHidden * kHidden ||
-            std::abs(eigen.eigenvectors()(c, v)) < kTakesPart) {
-          continue;
-        }
-        for (Eigen::Index l = 0; l < p; ++l) {
-          const std::string& name = problem.parameters[static_cast<std::size_t>(l)].name;
-          if (l != c && std::abs(eigen.eigenvectors()(l, v)) > kTakesPart &&
-              std::find(e.with.begin(), e.with.end(), name) == e.with.end()) {
-            e.with.push_back(name);
-          }
+      for (Eigen::Index l = 0; l < p; ++l) {
+        const double own = std::max(together(c, c), together(l, l));
+        if (l != c && std::abs(together(c, l)) > kTakesPart * own) {
+          e.with.push_back(problem.parameters[static_cast<std::size_t>(l)].name);
         }
       }
-      // In the order of the study.
-      std::vector<std::string> ordered;
-      for (const Parameter& one : problem.parameters) {
-        if (std::find(e.with.begin(), e.with.end(), one.name) != e.with.end()) {
-          ordered.push_back(one.name);
-        }
-      }
-      e.with = ordered;
       const bool hidden = e.sigma_alone < kHidden * data;
       if (!hidden) e.with.clear();
       if (e.with.empty() && e.imitated > kImitated) e.with = Imitators(reduced, point, *r, c);
@@ -156,6 +151,12 @@ void Judge(const FitProblem& problem, const ReducedProblem& reduced,
       e.reason = e.sigma < 1e3 * size ? fmt::format("its standard error is {:.0f}% of its value{}",
                                                     100.0 * e.sigma / size, profile)
                                       : "the marks do not answer to it" + profile;
+    } else if (!explained) {
+      e.verdict = Verdict::kIfModelHolds;
+      e.reason = fmt::format(
+          "would be known to {:.2g}% of its value{}, but the model does not explain the data: it "
+          "may be off by more than that",
+          100.0 * e.sigma / size, profile);
     } else if (e.sigma_model > e.sigma_data) {
       e.verdict = Verdict::kMeshLimited;
       e.reason = fmt::format(
@@ -195,6 +196,8 @@ const char* Name(Verdict verdict) {
       return "at its bound";
     case Verdict::kNotDetermined:
       return "not determined";
+    case Verdict::kIfModelHolds:
+      return "known only if the model holds";
   }
   return "";
 }

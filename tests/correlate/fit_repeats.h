@@ -1,5 +1,6 @@
 #pragma once
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -43,6 +44,8 @@ struct Coverage {
   int covered[2] = {0, 0};  // by +-1.96 standard errors
   int covered_white[2] = {0, 0};
   std::vector<double> z[2];
+  int beyond_covariances = 0;  // trials whose residuals their covariances do not explain
+  int unexplained = 0;         // and neither does noise
 };
 
 // Repeats fits of TwoLink to noisy trials of it.
@@ -73,11 +76,19 @@ inline Coverage Repeat(const Trial& trial, int seeds, std::uint64_t first) {
       out.covered_white[j] += std::abs(error) <= k95 * e.sigma_white ? 1 : 0;
       out.z[j].push_back(error / e.sigma);
     }
+    const Explained outcome = fit.trials[0].goodness.outcome;
+    out.beyond_covariances += outcome != Explained::kYes ? 1 : 0;
+    out.unexplained += outcome == Explained::kNo ? 1 : 0;
   }
   return out;
 }
 
 inline void ExpectHonest(const Coverage& c, double low = 0.95, double high = 0.95) {
+  fmt::print(
+      "covered {} and {} of {}, of white errors {} and {}; not as the covariances say {}, nor as "
+      "noise {}\n",
+      c.covered[0], c.covered[1], c.trials, c.covered_white[0], c.covered_white[1],
+      c.beyond_covariances, c.unexplained);
   for (std::size_t j = 0; j < 2; ++j) {
     // At 99.9%, so that eight such intervals fail by chance once in a hundred code changes at most;
     // the seeds are fixed, so a given code either passes or not.
