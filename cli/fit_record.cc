@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cctype>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -72,9 +73,16 @@ std::string ResidualWords(const correlate::TrialResult& t, bool several) {
   return words;
 }
 
-void AddTrialWords(const correlate::FitResult& r, data::FitRecord* record) {
+std::string Replaced(std::string kind) {  // "contact_start" as people say it
+  std::replace(kind.begin(), kind.end(), '_', ' ');
+  return kind;
+}
+
+void AddTrialWords(const std::vector<correlate::FitTrial>& trials, const correlate::FitResult& r,
+                   data::FitRecord* record) {
   const bool several = r.trials.size() > 1;
-  for (const correlate::TrialResult& t : r.trials) {
+  for (std::size_t k = 0; k < r.trials.size(); ++k) {
+    const correlate::TrialResult& t = r.trials[k];
     record->reasons.push_back(ResidualWords(t, several));
     if (!t.less_weight.empty()) {
       double from = std::numeric_limits<double>::infinity(), least = 1.0;
@@ -86,6 +94,19 @@ void AddTrialWords(const correlate::FitResult& r, data::FitRecord* record) {
           "From {:.2f} s on the motion answers to the solver's tolerance (impacts magnify it): "
           "{} sections of marks count less there, down to {:.2g} of their weight.",
           from, t.less_weight.size(), least));
+    }
+    for (std::size_t i = 0; i < t.event_times.size(); ++i) {
+      const correlate::TimedEvent& e = trials[k].observations->events[i];
+      const double off = e.t - t.at.offset - t.event_times[i];
+      const std::string what = fmt::format("The {} of {}{}{}", Replaced(e.kind), e.where,
+                                           e.count > 1 ? fmt::format(", number {},", e.count) : "",
+                                           several ? " in " + t.name : "");
+      record->reasons.push_back(
+          std::isfinite(off)
+              ? fmt::format("{} was told at {:.4f} s, {:+.2g} ms ({:+.2g} of its sigma) from the "
+                            "model's.",
+                            what, e.t, 1e3 * off, off / e.sigma)
+              : fmt::format("{} was told at {:.4f} s; the model has none.", what, e.t));
     }
     if (!t.model_error.empty()) {
       record->reasons.push_back(fmt::format(
@@ -102,8 +123,9 @@ void AddTrialWords(const correlate::FitResult& r, data::FitRecord* record) {
 }
 
 // The whole in one sentence, worst news first.
-void JudgeWhole(const correlate::FitResult& r, const std::vector<correlate::Parameter>& parameters,
+void JudgeWhole(const correlate::FitProblem& problem, const correlate::FitResult& r,
                 data::FitRecord* record) {
+  const std::vector<correlate::Parameter>& parameters = problem.parameters;
   if (!r.Usable()) {
     record->verdict = fmt::format("No result: {}", correlate::Name(r.status));
     record->reasons.push_back(r.message);
@@ -155,7 +177,7 @@ void JudgeWhole(const correlate::FitResult& r, const std::vector<correlate::Para
                     report::NumberWithError(r.parameters[j].value, r.parameters[j].sigma),
                     parameters[j].unit, r.parameters[j].reason));
   }
-  AddTrialWords(r, record);
+  AddTrialWords(problem.trials, r, record);
   const std::size_t semicolon = r.message.find("; a profile");
   if (semicolon != std::string::npos) record->reasons.push_back(r.message.substr(semicolon + 2));
   if (r.starts.size() > 1) {
@@ -250,7 +272,7 @@ data::FitRecord RecordOf(const data::Study& study, const correlate::FitProblem& 
   record.study = study.name;
   record.status = correlate::Name(r.status);
   record.message = r.message;
-  JudgeWhole(r, problem.parameters, &record);
+  JudgeWhole(problem, r, &record);
   const auto p = static_cast<Eigen::Index>(problem.parameters.size());
   record.covariance = r.covariance.size() > 0 ? r.covariance : Eigen::MatrixXd::Zero(p, p);
   for (std::size_t j = 0; j < problem.parameters.size(); ++j) {

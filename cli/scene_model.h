@@ -12,7 +12,7 @@ struct SceneModelOptions {
   std::string scene;                           // path
   std::vector<std::string> set;                // fixed overrides, "dotted.key=value"
   std::vector<std::vector<std::string>> keys;  // by parameter: the keys that take its value
-  double rtol = 1e-5;  // [-]
+  double rtol = 1e-5;                          // [-]
 };
 
 class SceneModel : public correlate::Model {
@@ -26,6 +26,8 @@ class SceneModel : public correlate::Model {
                                  const correlate::Stamps& stamps) const override;
 
   const std::vector<std::string>& marks() const { return marks_; }
+  const std::vector<std::string>& joints() const { return joints_; }
+  const std::vector<std::string>& watches() const { return watches_; }
   const std::vector<std::string>& files() const { return files_; }  // that the scene came from
   double duration() const { return duration_; }                     // the scene's [s]
 
@@ -33,7 +35,7 @@ class SceneModel : public correlate::Model {
   std::vector<std::string> Overrides(std::span<const double> theta) const;
 
   SceneModelOptions options_;
-  std::vector<std::string> marks_, files_;
+  std::vector<std::string> marks_, joints_, watches_, files_;
   double duration_ = 0.0;
 };
 

@@ -38,6 +38,14 @@ correlate::Observations ReadTrial(const data::StudyTrial& trial, const std::stri
   if (out.size() == 0) {
     throw Error("no sample of these marks lies in the window", trial.where, "widen the window");
   }
+  for (const data::StudyEvent& e : trial.events) {
+    if (e.time < out.Start() || e.time > out.End()) {
+      throw Error(fmt::format("{} s lies outside of the tracks, {:.3f} to {:.3f} s", e.time,
+                              out.Start(), out.End()),
+                  e.at, "give the time on the tracks' clock");
+    }
+    out.events.push_back({e.kind, e.where, e.count, e.time, e.sigma});
+  }
   return out;
 }
 
@@ -95,6 +103,14 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from,
                   "name the marks to use; the scene has " + JoinWords(model->marks()));
     }
   }
+  for (const data::StudyEvent& e : from.events) {
+    const std::vector<std::string>& known = e.kind == "watch" ? model->watches() : model->joints();
+    if (std::find(known.begin(), known.end(), e.where) == known.end()) {
+      throw Error(
+          fmt::format("the scene has no {} '{}'", e.kind == "watch" ? "watch" : "joint", e.where),
+          e.at, known.empty() ? "it has none" : "it has " + JoinWords(known));
+    }
+  }
   for (const std::string& file : model->files()) bound->inputs.push_back(file);
   auto at = [&](double rtol, bool fine) {
     SceneModelOptions options = binding;
@@ -129,7 +145,12 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from,
   bound->models.push_back(std::move(tighter));
 }
 
-void BindCommand(const data::Study& study, correlate::FitTrial* trial, BoundStudy* bound) {
+void BindCommand(const data::Study& study, const data::StudyTrial& from, correlate::FitTrial* trial,
+                 BoundStudy* bound) {
+  if (!from.events.empty() && std::filesystem::path(study.command->tracks).extension() != ".h5") {
+    throw Error("a CSV of tracks tells no events", from.events.front().at,
+                "let the program write a run file (.h5), or leave the event out");
+  }
   correlate::CommandModelOptions options;
   for (const data::StudyParameter& p : study.parameters) options.parameters.push_back(p.name);
   options.words = study.command->words;
@@ -170,7 +191,7 @@ BoundStudy Bind(const data::Study& study, const std::string& tracks) {
     trial.observations = bound.observations.back().get();
     trial.calibration = CalibrationOf(path);
     if (study.command) {
-      BindCommand(study, &trial, &bound);
+      BindCommand(study, from, &trial, &bound);
     } else {
       BindScenes(study, from, theta, &trial, &bound);
     }

@@ -160,6 +160,7 @@ bool FillEstimate(const FitProblem& problem, StageRunner& runner, FitResult* r) 
     trial.registration = point.registration[t];
     trial.at = trial.registration.at;
     trial.offset_ref = reduced.parts()[t].offset_ref;
+    trial.event_times = EventTimes(problem.trials[t].observations->events, trial.prediction);
     trial.change = up[t];
     for (std::size_t j = 0; j < theta.size(); ++j) {
       const double slope = Slope(problem.parameters[j], theta[j]);
@@ -182,6 +183,8 @@ bool FillEstimate(const FitProblem& problem, StageRunner& runner, FitResult* r) 
     for (std::size_t m = 0; m < finer->marks.size(); ++m) {
       trial.model_error.push_back(factor * (finer->marks[m].p - trial.prediction.marks[m].p));
     }
+    trial.event_error = factor * EventSensitivity(*problem.trials[request.trial].observations,
+                                                  trial.prediction, *finer, 1.0);
   }
   return true;
 }

@@ -152,9 +152,11 @@ struct TrialResult {
   GoodnessOfFit goodness;     // does the model explain them?
   double model_noise = 0.0;   // RMS scatter of the model's marks, one tolerance to another [m]
   std::vector<LessWeight> less_weight;
+  std::vector<double> event_times;  // when the model has the observations' events [s]; NaN: never
   // The model's own error at the estimate (finer model less model, times the factor), per mark
   // 3 x n [m]; empty without a finer model. RMS in metres and in the marks' sigmas.
   std::vector<Eigen::Matrix3Xd> model_error;
+  Eigen::VectorXd event_error;  // of the events, in their sigmas
   double model_error_rms = 0.0;
   double model_error_sigmas = 0.0;
   double data_sigma = 0.0;  // typical sigma of the samples [m]

@@ -81,6 +81,13 @@ Eigen::MatrixXd SectionShifts(const Observations& o, const RowWhitening* whiteni
       pieces.col(m * sections + s).segment<3>(row) = error.segment<3>(row);
     }
   }
+  // Events move with the sections that they lie in: theirs are the rows after the samples'.
+  for (std::size_t i = 0; i < o.events.size(); ++i, ++row) {
+    const int s =
+        std::clamp(static_cast<int>((o.events[i].t - start) / span * sections), 0, sections - 1);
+    for (Eigen::Index m = 0; m < marks; ++m)
+      pieces(row, m * sections + s) = error(row) / std::sqrt(marks);
+  }
   if (whitening != nullptr) whitening->Apply(pieces);
   return gain * pieces;
 }
@@ -96,6 +103,7 @@ RegistrationFit PlainRows(const Observations& o, const TrialResult& trial,
                           const RegistrationOptions& options) {
   RegistrationOptions stay = options;
   stay.max_iterations = 0;
+  stay.with_events = true;
   return FitRegistration(o, trial.prediction, trial.offset_ref, trial.at, stay);
 }
 
@@ -135,8 +143,10 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
   for (std::size_t t = 0; t < trials; ++t) {
     const TrialResult& trial = r->trials[t];
     const Block& b = whole.blocks[t];
-    plain_sensitivity.middleRows(b.row, b.rows) =
-        WhitenedSensitivity(*data[t], trial.prediction, trial.at.X_WM, trial.change);
+    const Eigen::Index samples = 3 * static_cast<Eigen::Index>(data[t]->size());
+    plain_sensitivity.middleRows(b.row, samples) =
+        WhitenedSensitivity(*data[t], trial.prediction, trial.at.X_WM, trial.change)
+            .topRows(samples);
   }
   const Eigen::MatrixXd H = Gram(whole.A);
   Eigen::MatrixXd open, open_white;
@@ -155,14 +165,17 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     const Observations& o = *data[t];
     trial.plain = EstimateResidualNoise(o, trial.residual);
     trial.whitened = EstimateResidualNoise(o, trial.registration.residual);
+    const auto told = static_cast<Eigen::Index>(o.events.size());
     dof[t] = std::max<double>(1.0, 3.0 * static_cast<double>(trial.registration.known) -
-                                       static_cast<double>(p + b.columns - o.shared_rank));
+                                       static_cast<double>(p + b.columns - o.shared_rank - told));
     trial.chi2_per_dof = trial.residual.squaredNorm() / dof[t];
     trial.data_sigma = TypicalSigma(o);
     middle += trial.whitened.Middle(whole.A.middleRows(b.row, b.rows));
     const Eigen::Index k = o.shared_rank;
     const auto draw = whole.A.middleRows(b.row + b.rows - k, k);
     middle += draw.transpose() * draw;
+    const auto events = whole.A.middleRows(b.row + b.rows - k - told, told);
+    middle += events.transpose() * events;
     for (std::size_t s = 0; s < t; ++s) {
       const Block& other = whole.blocks[s];
       const bool common = !problem.trials[t].calibration.empty() &&
@@ -188,6 +201,8 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     if (trial.model_error.empty()) continue;
     Eigen::MatrixXd error =
         WhitenedSensitivity(*data[t], trial.prediction, trial.at.X_WM, {trial.model_error});
+    error.middleRows(3 * static_cast<Eigen::Index>(data[t]->size()), trial.event_error.size()) =
+        trial.event_error;
     trial.model_error_rms = Rms(trial.model_error);
     trial.model_error_sigmas =
         std::sqrt(error.squaredNorm() / std::max(1.0, 3.0 * static_cast<double>(data[t]->size())));

@@ -168,6 +168,23 @@ Observations Cut(const Observations& all, const Window& window) {
     }
     if (keep.size() < series.size()) series = Select(series, keep, all.shared_rank);
   }
+  std::erase_if(out.events, [&](const TimedEvent& e) { return !window.Contains(e.t); });
+  return out;
+}
+
+std::vector<double> EventTimes(const std::vector<TimedEvent>& events,
+                               const Prediction& prediction) {
+  std::vector<double> out;
+  for (const TimedEvent& event : events) {
+    int left = event.count;
+    double t = std::numeric_limits<double>::quiet_NaN();
+    for (const ModelEvent& e : prediction.events) {
+      if (e.kind != event.kind || e.where != event.where || --left > 0) continue;
+      t = e.t;
+      break;
+    }
+    out.push_back(t);
+  }
   return out;
 }
 
@@ -175,6 +192,7 @@ Observations WithoutDrift(Observations record, double drift, double pivot) {
   for (MarkSeries& series : record.marks) {
     for (double& t : series.t) t = pivot + (t - pivot) / (1.0 + drift);
   }
+  for (TimedEvent& e : record.events) e.t = pivot + (e.t - pivot) / (1.0 + drift);
   return record;
 }
 

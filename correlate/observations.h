@@ -23,9 +23,19 @@ struct MarkSeries {
   std::size_t size() const { return t.size(); }
 };
 
+// A moment that something else than the marks has told: a latch's switch, say.
+struct TimedEvent {
+  std::string kind;    // "latch", "contact_start", "contact_end", "watch"
+  std::string where;   // the joint, or the watch
+  int count = 1;       // the first, the second..
+  double t = 0.0;      // on the record's clock [s]
+  double sigma = 0.0;  // [s]
+};
+
 // What is compared with a model: the usable samples, mark by mark.
 struct Observations {
   std::vector<MarkSeries> marks;
+  std::vector<TimedEvent> events;
   int shared_rank = 0;       // k
   bool has_sigma = true;     // false: cov is a unit weight only, and the scatter gives the scale
   bool held_before = false;  // before the first stamp the marks stood still (a run before release)
@@ -53,12 +63,15 @@ Observations FromTracks(const data::Tracks& tracks, const std::vector<std::strin
 Observations FromRun(const data::Run& run, const std::vector<std::string>& marks = {},
                      const Window& window = {});
 
-// The part of `all` within the window.
+// The part of `all` within the window, events too.
 Observations Cut(const Observations& all, const Window& window);
 
 // The same samples by a clock that runs at the model's rate: t becomes pivot + (t - pivot) / (1 +
 // drift), `drift` being by how much the record's clock runs fast [-].
 Observations WithoutDrift(Observations record, double drift, double pivot);
+
+// When the model has each of the events, on its own clock; NaN: never, by the end of the stamps.
+std::vector<double> EventTimes(const std::vector<TimedEvent>& events, const Prediction& prediction);
 
 // 6 entries to the symmetric matrix.
 Eigen::Matrix3d Symmetric(const Eigen::Matrix<double, 6, 1>& c);

@@ -42,10 +42,12 @@ double RmsDifference(const Prediction& a, const Prediction& b) {
 ReducedProblem::ReducedProblem(std::vector<Part> parts, const RegistrationOptions& options,
                                Evaluator& evaluator)
     : parts_(std::move(parts)), options_(options), evaluator_(evaluator) {
+  options_.with_events = true;
   for (const Part& part : parts_) {
     first_.push_back(rows_);
-    rows_ +=
-        3 * static_cast<Eigen::Index>(part.observations->size()) + part.observations->shared_rank;
+    rows_ += 3 * static_cast<Eigen::Index>(part.observations->size()) +
+             static_cast<Eigen::Index>(part.observations->events.size()) +
+             part.observations->shared_rank;
   }
   first_.push_back(rows_);
   for (const Parameter& p : parameters()) {
@@ -182,6 +184,7 @@ bool ReducedProblem::Sensitivity(const std::vector<double>& u, const Point& at, 
     return true;
   };
   Change change(parts, std::vector<std::vector<Eigen::Matrix3Xd>>(p));
+  std::vector<Eigen::MatrixXd> events(parts);
   for (std::size_t j = 0; j < p; ++j) {
     if (!good(j)) {  // a recorded failure: try the other side
       const int side = points[j][j] > u[j] ? -1 : +1;
@@ -197,6 +200,10 @@ bool ReducedProblem::Sensitivity(const std::vector<double>& u, const Point& at, 
       for (std::size_t m = 0; m < moved.marks.size(); ++m) {
         change[i][j].push_back((moved.marks[m].p - at.prediction[i]->marks[m].p) / h);
       }
+      const Observations& o = *parts_[i].observations;
+      events[i].resize(static_cast<Eigen::Index>(o.events.size()), static_cast<Eigen::Index>(p));
+      events[i].col(static_cast<Eigen::Index>(j)) =
+          EventSensitivity(o, *at.prediction[i], moved, h);
     }
   }
   J->setZero(rows_, static_cast<Eigen::Index>(p));
@@ -205,6 +212,8 @@ bool ReducedProblem::Sensitivity(const std::vector<double>& u, const Point& at, 
                                                at.registration[i].at.X_WM, change[i]);
     if (parts_[i].whitening != nullptr) parts_[i].whitening->Apply(data);
     J->middleRows(first_[i], data.rows()) = data;
+    J->middleRows(first_[i] + 3 * static_cast<Eigen::Index>(parts_[i].observations->size()),
+                  events[i].rows()) = events[i];
   }
   Eigen::Index row = first_prior_row();
   for (std::size_t j = 0; j < p; ++j) {

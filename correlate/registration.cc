@@ -134,7 +134,9 @@ RegistrationFit FitRegistration(const Observations& observations, const Predicti
   const Eigen::Index rate = time + (options.fit_offset ? 1 : 0);
   const Eigen::Index draw = rate + (options.fit_drift ? 1 : 0);
   const auto samples = static_cast<Eigen::Index>(observations.size());
-  const Eigen::Index rows = 3 * samples + k;
+  const auto events = static_cast<Eigen::Index>(observations.events.size());
+  const Eigen::Index rows = 3 * samples + events + k;
+  const std::vector<double> event_time = EventTimes(observations.events, prediction);
 
   RegistrationFit fit;
   fit.at = start;
@@ -198,6 +200,19 @@ RegistrationFit FitRegistration(const Observations& observations, const Predicti
       whitening->Apply(fit.residual);
       if (jacobian) whitening->Apply(fit.jacobian);
     }
+    fit.residual.segment(3 * samples, events).setZero();
+    for (Eigen::Index i = 0; i < events && options.with_events; ++i) {
+      const TimedEvent& e = observations.events[static_cast<std::size_t>(i)];
+      const double predicted = event_time[static_cast<std::size_t>(i)];
+      const double from_pivot = e.t - options.drift_pivot;
+      const double by_record = e.t - fit.at.offset - fit.at.drift * from_pivot;
+      const double last = observations.End() - offset_ref;
+      const Eigen::Index at = 3 * samples + i;
+      fit.residual(at) = (by_record - (std::isnan(predicted) ? last : predicted)) / e.sigma;
+      if (!jacobian) continue;
+      if (options.fit_offset) fit.jacobian(at, time) = -1.0 / e.sigma;
+      if (options.fit_drift) fit.jacobian(at, rate) = -from_pivot / e.sigma;
+    }
     fit.residual.tail(k) = fit.at.z;
     if (jacobian && k > 0) fit.jacobian.bottomRightCorner(k, k).setIdentity();
   };
@@ -238,7 +253,9 @@ Eigen::MatrixXd WhitenedSensitivity(const Observations& observations, const Pred
                                     const std::vector<std::vector<Eigen::Matrix3Xd>>& change) {
   const auto columns = static_cast<Eigen::Index>(change.size());
   Eigen::MatrixXd out = Eigen::MatrixXd::Zero(
-      3 * static_cast<Eigen::Index>(observations.size()) + observations.shared_rank, columns);
+      3 * static_cast<Eigen::Index>(observations.size()) +
+          static_cast<Eigen::Index>(observations.events.size()) + observations.shared_rank,
+      columns);
   const Eigen::Matrix3d R = X_WM.linear();
   Eigen::Index row = 0;
   for (std::size_t m = 0; m < observations.marks.size(); ++m) {
@@ -251,6 +268,19 @@ Eigen::MatrixXd WhitenedSensitivity(const Observations& observations, const Pred
         out.block<3, 1>(row, j) = -WR * change[static_cast<std::size_t>(j)][m].col(i);
       }
     }
+  }
+  return out;
+}
+
+Eigen::VectorXd EventSensitivity(const Observations& observations, const Prediction& prediction,
+                                 const Prediction& moved, double h) {
+  const std::vector<double> before = EventTimes(observations.events, prediction);
+  const std::vector<double> after = EventTimes(observations.events, moved);
+  Eigen::VectorXd out(static_cast<Eigen::Index>(before.size()));
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    const double change = (after[i] - before[i]) / h;
+    out(static_cast<Eigen::Index>(i)) =
+        std::isfinite(change) ? -change / observations.events[i].sigma : 0.0;
   }
   return out;
 }

@@ -24,6 +24,7 @@ struct RegistrationOptions {
   bool fit_frame = true;
   bool fit_offset = true;
   bool fit_drift = false;    // asks for fit_offset too
+  bool with_events = false;  // of the observations; off: their rows are zeros
   double drift_pivot = 0.0;  // stamp at which the drift has no effect [s]
   int max_iterations = 30;
   double tolerance = 1e-5;  // ends when no unknown moves by more than this part of its sigma
@@ -36,8 +37,9 @@ std::vector<std::string> NuisanceNames(const RegistrationOptions& options, int s
 
 // Weighted least squares of  p_i = X_WM y(t_i - offset) + F_i z + random_i  by Gauss-Newton, with
 // the prior on z. Rows: 3 per sample in the order of the observations, whitened by the sample's
-// covariance (and the reference's own, where it is a measurement), then the k rows of the prior.
-// Samples at which the model has no answer have rows of zeros.
+// covariance (and the reference's own, where it is a measurement), then one per event told, then
+// the k rows of the prior. Samples at which the model has no answer have rows of zeros; an event
+// that the model does not have counts as one at the last stamp.
 struct RegistrationFit {
   Registration at;
   Eigen::Vector3d centroid_M = Eigen::Vector3d::Zero();  // about which w turns [m]
@@ -64,10 +66,16 @@ Registration StartingFrame(const Observations& observations, const Prediction& p
                            double offset);
 
 // Whitened model sensitivities: rows as above, column j is d residual / d parameter j for a change
-// `change[j]` of the predicted positions (per unit of the parameter) in the model's frame.
+// `change[j]` of the predicted positions (per unit of the parameter) in the model's frame. Rows of
+// events are zeros; EventSensitivity has them.
 Eigen::MatrixXd WhitenedSensitivity(const Observations& observations, const Prediction& prediction,
                                     const Pose& X_WM,
                                     const std::vector<std::vector<Eigen::Matrix3Xd>>& change);
+
+// d residual / d parameter of the events, one step `h` away from `prediction`; 0 where either has
+// no such event.
+Eigen::VectorXd EventSensitivity(const Observations& observations, const Prediction& prediction,
+                                 const Prediction& moved, double h);
 
 // Residuals p - X_WM y(t) - F z in metres in the model's frame, per mark 3 x n; unknown: 0.
 std::vector<Eigen::Matrix3Xd> ResidualsInModelFrame(const Observations& observations,

@@ -55,6 +55,7 @@ SampledModel::SampledModel(const data::Run& run, const std::vector<std::string>&
     }
     velocity_.push_back(std::move(v));
   }
+  for (const data::RunEvent& e : run.events) events_.push_back({e.t, e.kind, e.where});
   FindSteps();
 }
 
@@ -110,6 +111,7 @@ void SampledModel::FindSteps() {
 
 Prediction SampledModel::Evaluate(std::span<const double>, const Stamps& stamps) const {
   Prediction out;
+  out.events = events_;
   for (std::size_t m = 0; m < stamps.marks.size(); ++m) {
     const int index = samples_.FindMark(stamps.marks[m]);
     if (index < 0) {

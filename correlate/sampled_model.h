@@ -30,7 +30,7 @@ class SampledModel : public Model {
   const Observations& samples() const { return samples_; }
   bool good() const { return good_; }  // false: the sampled model's evaluation failed
   const std::string& message() const { return message_; }
-  const std::vector<ModelEvent>& events() const { return events_; }  // of a sampled model
+  const std::vector<ModelEvent>& events() const { return events_; }  // of a model or a run
 
   Prediction Evaluate(std::span<const double> theta, const Stamps& stamps) const override;
 

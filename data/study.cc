@@ -69,6 +69,18 @@ StudyTrial ReadTrial(const std::string& study, const std::string& name, const To
       trial.sigma_factors.emplace_back(key, factors->Number(key, kPositive));
     }
   }
+  for (const auto& named : t.NamedTables("event")) {
+    const TomlTable& table = named.second;
+    StudyEvent event;
+    event.at = table.Where();
+    event.kind =
+        table.ChoiceOr("kind", "latch", {"latch", "contact_start", "contact_end", "watch"});
+    event.where = table.String(event.kind == "watch" ? "watch" : "joint");
+    event.count = table.IntegerOr("count", 1, 1, 1000000);
+    event.time = table.Number("time");
+    event.sigma = table.Number("sigma", kPositive);
+    trial.events.push_back(std::move(event));
+  }
   return trial;
 }
 

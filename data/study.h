@@ -24,6 +24,16 @@ struct StudyParameter {
   std::string where;  // file:line:key, for messages
 };
 
+// A moment that something else than the marks has told, such as a latch's switch.
+struct StudyEvent {
+  std::string kind;    // "latch", "contact_start", "contact_end", "watch"
+  std::string where;   // joint or watch of the scene
+  int count = 1;       // the first, the second.. of its kind there
+  double time = 0.0;   // on the tracks' clock [s]
+  double sigma = 0.0;  // [s]
+  std::string at;      // file:line:key, for messages
+};
+
 struct StudyTrial {
   std::string name;                            // "trial", or "trial 2" of several
   std::string tracks;                          // path
@@ -32,6 +42,7 @@ struct StudyTrial {
   std::vector<std::string> set;                // overrides of the scene for this trial
   // Factors on marks' sigmas: 2 lets a mark count a quarter.
   std::vector<std::pair<std::string, double>> sigma_factors;
+  std::vector<StudyEvent> events;
   std::string where;
 };
 
