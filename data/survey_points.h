@@ -16,7 +16,8 @@ namespace unfurl::data {
 // direction clockwise from north, the angle from the zenith and the slope distance. If both
 // coordinates and angles are there, the angles tell whether the coordinates are left-handed.
 // Comments give `station: E, N, H [m]`, `prism offset: d [m]` (added to each distance),
-// `led offset: dE, dN, dH [m]` (from prism centre to LED).
+// `led offset: dE, dN, dH [m]` (from prism centre to LED); `distance error: OFFSET [m], SCALE` and
+// `zenith error: SIGMA [rad]`, the sigmas of what all points share (StationErrors).
 // Fills id, p, cov, station and notes. False when no uncertainty is stated.
 bool ReadSurveyPoints(const CsvTable& table, Survey* survey);
 
