@@ -167,12 +167,18 @@ RefinedBundle Refine(const Observations& data, const std::vector<CameraPrior>& p
   squares.loss_width = std::numeric_limits<double>::infinity();
   squares.max_iterations = options.max_iterations;
   squares.function_tolerance = kRough;
+  GrossOptions gross = options.gross;
+  const auto limited = [&](double share) {
+    return std::clamp(share, options.gross.least_share, options.gross.most_share);
+  };
   for (int round = 0; round < options.rounds; ++round) {
     bool changed = false;
     if (options.choose_gross) {
       GrossChoice choice =
-          ChooseGross(Corrected(data, out.state.common), options.gross, &out.weighting, &out.state);
+          ChooseGross(Corrected(data, out.state.common), gross, &out.weighting, &out.state);
       changed = choice.changed;
+      gross.reading_share = limited(choice.reading_share);
+      gross.survey_share = limited(choice.survey_share);
       out.ambiguous = std::move(choice.ambiguous);
     }
     out.summary = SolveBundle(data, priors, out.weighting, squares, &out.state);
