@@ -1,7 +1,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "data/csv.h"
@@ -59,6 +61,23 @@ struct ReadingTable {
   std::vector<std::string> id, cameras;
   Eigen::MatrixXd u_px, s_px;  // id x camera; NaN: not seen
   std::vector<std::string> notes;
+};
+// Repeats of readings by point and camera, in any order.
+class ReadingRepeats {
+ public:
+  // Numbers of a point and of a camera, by order of appearance.
+  std::size_t Point(const std::string& id) { return Index(&id_, id); }
+  std::size_t Camera(const std::string& name) { return Index(&cameras_, name); }
+  void Add(std::size_t point, std::size_t camera, double u_px, double s_px);
+  // Their weighted means; where a camera's repeats scatter more than their sigmas say, and beyond
+  // chance, its sigmas are widened to that.
+  ReadingTable Average() const;
+
+ private:
+  static std::size_t Index(std::vector<std::string>* names, const std::string& name);
+
+  std::vector<std::string> id_, cameras_;
+  std::map<std::pair<std::size_t, std::size_t>, std::vector<CellReading>> readings_;
 };
 // A CSV with `id` and either `u1 [px]`, `s1 [px]`, ... or `camera`, `u [px]`, `s [px]`. An id that
 // comes again is a repeat: repeats are averaged, and where a camera's scatter more than their
