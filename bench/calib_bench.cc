@@ -5,6 +5,7 @@
 //   calib_bench region [RIGS]    error by region: RMS, 95%, largest, over the bound
 //   calib_bench lost [RIGS]      error without each of the four cameras, over what is predicted
 //   calib_bench gross [RIGS]     share of gross readings and points found, by their size
+//   calib_bench detectable [RIGS]  redundancy of the data and the least errors that show
 //   calib_bench efficiency [RIGS]  error over the bound, model as generator
 #include <fmt/format.h>
 
@@ -12,11 +13,12 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <ctime>
 #include <string>
 
+#include "base/error.h"
 #include "base/statistics.h"
 #include "base/worker_pool.h"
+#include "cpu_time.h"
 #include "data/lab.h"
 #include "measure/lens_camera.h"
 #include "measure/virtual_rig.h"
@@ -29,13 +31,6 @@ using namespace unfurl::calib;
 
 constexpr double kReading = 0.03;  // sigma of a reading, what the precise estimator has [px]
 constexpr double kHalf = 1.08;     // half a side of the surveyed cube [m]
-
-// Of the processor, this thread's.
-double Now() {
-  timespec t;
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-}
 
 struct TracedLab {
   measure::VirtualRig truth;
@@ -136,18 +131,18 @@ Sums OverRigs(std::size_t rigs, const Each& each) {
 void Time() {
   for (const int n : {60, 200, 600}) {
     const auto study = calib::testing::MakeStudy(1, n);
-    double start = Now();
+    double start = bench::ThreadSeconds();
     const RigFit fit = FitRig(study.data, {}, "bench");
-    const double all = Now() - start;
-    start = Now();
+    const double all = bench::ThreadSeconds() - start;
+    start = bench::ThreadSeconds();
     GuessCameras(study.data, {}, "bench");
-    const double guess = Now() - start;
+    const double guess = bench::ThreadSeconds() - start;
     CalibrateOptions options;
     options.workers = 1;
-    start = Now();
+    start = bench::ThreadSeconds();
     Calibrate(study.data, options, "bench");
     fmt::print("{} points: fit {:.0f} ms (first guess {:.0f}); with orders and folds {:.0f} ms\n",
-               n, 1e3 * all, 1e3 * guess, 1e3 * (Now() - start));
+               n, 1e3 * all, 1e3 * guess, 1e3 * (bench::ThreadSeconds() - start));
   }
 }
 
@@ -158,10 +153,10 @@ void Points(std::size_t rigs) {
       Sums out;
       const TracedLab lab(seed);
       const Observations data = lab.Survey(n);
-      const double start = Now();
+      const double start = bench::ThreadSeconds();
       try {
         const RigFit fit = FitRig(data, {}, "bench");
-        out.seconds = Now() - start;
+        out.seconds = bench::ThreadSeconds() - start;
         out.Add(FindCheckPoints(lab, fit.rig, 200));
       } catch (const std::exception& error) {
         fmt::print("  {} points, seed {}: {}\n", n, seed, error.what());
@@ -185,9 +180,9 @@ void Order(std::size_t rigs) {
       const Observations data = lab.Survey(200);
       CalibrateOptions options;
       options.order = static_cast<int>(order);
-      const double start = Now();
+      const double start = bench::ThreadSeconds();
       const RigFit fit = FitRig(data, options, "bench");
-      out.seconds = Now() - start;
+      out.seconds = bench::ThreadSeconds() - start;
       out.floor = fit.rig.model_floor_px;
       out.Add(FindCheckPoints(lab, fit.rig, 200));
       return out;
@@ -252,9 +247,11 @@ void Lost(std::size_t rigs) {
 // One in ten readings, or points of the survey, wrong by `size` sigmas; model as generator.
 void Gross(std::size_t rigs) {
   // Best: with the true cameras and the true sigmas, which no calibration has.
-  fmt::print("| size [sigmas] | readings found [%] | best [%] | points found [%] | best [%] |\n");
+  fmt::print(
+      "| size [sigmas] | readings found [%] | best [%] | false [%] | best [%] "
+      "| points found [%] | best [%] | false [%] | best [%] |\n");
   for (const double size : {6.0, 10.0, 15.0, 20.0, 30.0, 100.0, 1000.0}) {
-    std::vector<std::array<double, 6>> counts(rigs);
+    std::vector<std::array<double, 12>> counts(rigs);
     ParallelFor(2 * rigs, 0, [&](std::size_t job) {
       const std::size_t k = job / 2;
       const bool survey = job % 2 == 1;
@@ -273,23 +270,76 @@ void Gross(std::size_t rigs) {
         }
       }
       const RigFit fit = FitRig(study.data, {}, "bench");
-      Weighting best = EqualWeighting(study.data, 0.0);
-      BundleState true_state{study.truth, study.data.p};
-      ChooseGross(study.data, {}, &best, &true_state);
+      const Weighting best = calib::testing::BestGross(study);
       for (const std::size_t i : bad) {
         const Weighting& w = fit.bundle.weighting;
         counts[k][survey ? 2 : 0] += survey ? !w.UsesSurvey(i) : !w.Uses(i);
         counts[k][survey ? 3 : 1] += 1.0;
         counts[k][survey ? 5 : 4] += survey ? !best.UsesSurvey(i) : !best.Uses(i);
       }
+      // Of everything that is not: what is left out all the same.
+      const Weighting& w = fit.bundle.weighting;
+      double out = 0.0, out_best = 0.0;
+      for (std::size_t i = 0; i < study.data.readings.size(); ++i) {
+        out += !w.Uses(i);
+        out_best += !best.Uses(i);
+      }
+      for (std::size_t i = 0; i < study.data.ids.size(); ++i) {
+        out += !w.UsesSurvey(i);
+        out_best += !best.UsesSurvey(i);
+      }
+      const auto good =
+          static_cast<double>(study.data.readings.size() + study.data.ids.size() - bad.size());
+      const std::size_t at = survey ? 9 : 6;
+      counts[k][at] += out - counts[k][survey ? 2 : 0];
+      counts[k][at + 1] += out_best - counts[k][survey ? 5 : 4];
+      counts[k][at + 2] += good;
     });
-    std::array<double, 6> sum{};
+    std::array<double, 12> sum{};
     for (const auto& one : counts) {
-      for (std::size_t m = 0; m < 6; ++m) sum[m] += one[m];
+      for (std::size_t m = 0; m < sum.size(); ++m) sum[m] += one[m];
     }
-    fmt::print("| {} | {:.1f} | {:.1f} | {:.1f} | {:.1f} |\n", size, 100.0 * sum[0] / sum[1],
-               100.0 * sum[4] / sum[1], 100.0 * sum[2] / sum[3], 100.0 * sum[5] / sum[3]);
+    fmt::print("| {} | {:.1f} | {:.1f} | {:.2f} | {:.2f} | {:.1f} | {:.1f} | {:.2f} | {:.2f} |\n",
+               size, 100.0 * sum[0] / sum[1], 100.0 * sum[4] / sum[1], 100.0 * sum[6] / sum[8],
+               100.0 * sum[7] / sum[8], 100.0 * sum[2] / sum[3], 100.0 * sum[5] / sum[3],
+               100.0 * sum[9] / sum[11], 100.0 * sum[10] / sum[11]);
     std::fflush(stdout);
+  }
+}
+
+// What of an error its datum shows, and the least error that a test at `kTest` sigmas finds in 95%
+// of the cases (minimal detectable bias, Baarda), by the number of survey points.
+void Detectable(std::size_t rigs) {
+  constexpr double kTest = 4.0, kPower = 1.645;
+  fmt::print(
+      "| survey points | redundancy of a reading, 10% / median / 90% | least error found "
+      "[sigmas], 10% / median / 90% | below 10 sigmas [%] | of a survey's coordinate, median |\n");
+  for (const int n : {12, 60, 200}) {
+    std::vector<std::vector<double>> reading(rigs), point(rigs);
+    ParallelFor(rigs, 0, [&](std::size_t k) {
+      const TracedLab lab(500 + k);
+      try {
+        const RigFit fit = FitRig(lab.Survey(n), {}, "bench");
+        reading[k] = fit.bundle.redundancy.reading;
+        for (const double r : fit.bundle.redundancy.survey) point[k].push_back(r / 3.0);
+      } catch (const Error&) {  // of twelve points a camera may see fewer
+      }
+    });
+    std::vector<double> r, p, least;
+    for (std::size_t k = 0; k < rigs; ++k) {
+      r.insert(r.end(), reading[k].begin(), reading[k].end());
+      p.insert(p.end(), point[k].begin(), point[k].end());
+    }
+    double below = 0.0;
+    for (const double one : r) {
+      least.push_back((kTest + kPower) / std::sqrt(std::max(one, 1e-12)));
+      below += least.back() < 10.0;
+    }
+    fmt::print("| {} | {:.2f} / {:.2f} / {:.2f} | {:.1f} / {:.1f} / {:.1f} | {:.0f} | {:.1f} |\n",
+               n, Quantile(r, 0.1), Median(r), Quantile(r, 0.9), Quantile(least, 0.1),
+               Median(least), Quantile(least, 0.9),
+               100.0 * below / static_cast<double>(least.size()),
+               (kTest + kPower) / std::sqrt(std::max(Median(p), 1e-12)));
   }
 }
 
@@ -342,6 +392,7 @@ int main(int argc, char** argv) {
   if (what == "region") Region(rigs);
   if (what == "lost") Lost(rigs);
   if (what == "gross") Gross(rigs);
+  if (what == "detectable") Detectable(rigs);
   if (what == "efficiency") Efficiency(rigs);
   return 0;
 }

@@ -1,5 +1,5 @@
-// Throughput of the measuring half, seconds of one core: exposing lines, finding spots,
-// triangulating, with and without the calibration's part.
+// Throughput of lines, seconds of one core: exposing them, finding their spots. From readings to
+// points: points_bench.
 //   measure_bench [LAB.toml]
 #include <fmt/format.h>
 
@@ -13,12 +13,10 @@
 #include "cpu_time.h"
 #include "data/lab.h"
 #include "measure/background.h"
-#include "measure/camera_model.h"
 #include "measure/expose.h"
 #include "measure/sensor.h"
 #include "measure/spot.h"
 #include "measure/spot_painter.h"
-#include "measure/triangulate.h"
 
 namespace {
 
@@ -27,27 +25,6 @@ using namespace unfurl::measure;
 
 void Report(const char* what, double seconds, const char* unit) {
   fmt::print("{:<44} {:>9.3f} us {:>12.0f} {}/s\n", what, 1e6 * seconds, 1.0 / seconds, unit);
-}
-
-// The cameras as they truly stand, without the terms that a calibration would find: enough to be
-// timed with.
-data::Rig PlainRig(const data::Lab& lab, const VirtualRig& truth) {
-  data::Rig rig;
-  for (const LensCamera& camera : truth.cameras) {
-    data::RigCamera c;
-    c.name = camera.name;
-    c.R_CW = camera.X_WC.linear().transpose();
-    c.p_WC = camera.X_WC.translation();
-    c.f_px = 2234.0;
-    c.u0_px = 1079.5;
-    c.e = 0.04;
-    rig.cameras.push_back(c);
-  }
-  const auto size = static_cast<Eigen::Index>(rig.cameras.size()) * data::kCameraParameters;
-  rig.covariance = 1e-10 * Eigen::MatrixXd::Identity(size, size);
-  rig.volume_low = lab.volume_low;
-  rig.volume_high = lab.volume_high;
-  return rig;
 }
 
 void Run(const std::string& path) {
@@ -112,30 +89,7 @@ void Run(const std::string& path) {
           4000, [&](std::size_t i) { found += Usable(finder.Find(lines[i % 256], background)); }),
       "lines");
 
-  const data::Rig rig = PlainRig(lab, truth);
-  const Triangulator triangulator(rig);
-  const std::size_t cameras = rig.cameras.size();
-  std::vector<std::vector<double>> readings;
-  for (const Eigen::Vector3d& p : points) {
-    readings.emplace_back(cameras);
-    for (std::size_t c = 0; c < cameras; ++c) Project(rig.cameras[c], p, &readings.back()[c]);
-  }
-  const std::vector<double> s(cameras, 0.02);
-  double sum = 0.0;
-  const Eigen::Vector3d step(0.005, 0.003, 0.0);  // a mark's way between two samples at 1 m/s
-  Report("triangulate, from the sample before",
-         bench::SecondsEach(20000,
-                            [&](std::size_t i) {
-                              const std::size_t k = i % 256;
-                              sum += triangulator.Solve(readings[k], s, points[k] + step).p.x();
-                            }),
-         "points");
-  Eigen::Matrix3Xd F(3, triangulator.shared_rank());
-  const PointSolution point = triangulator.Solve(readings[0], s, points[0]);
-  Report(fmt::format("the calibration's part, rank {}", triangulator.shared_rank()).c_str(),
-         bench::SecondsEach(20000, [&](std::size_t) { triangulator.SharedFactor(point, s, F); }),
-         "points");
-  if (found == 0 || sum == 0.0) fmt::print("nothing was found\n");
+  if (found == 0) fmt::print("nothing was found\n");
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include "calib/bundle.h"
 
 #include <ceres/ceres.h>
+#include <ceres/normal_prior.h>
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -10,6 +11,7 @@
 
 #include "base/pose.h"
 #include "base/statistics.h"
+#include "calib/common_error.h"
 #include "calib/covariance.h"
 #include "measure/camera_model.h"
 
@@ -125,26 +127,43 @@ class ReadingCost : public ceres::SizedCostFunction<1, kAmbient, 3> {
   const CameraPrior& prior_;  // outlives the problem
 };
 
-// Whitened difference between a point and the survey's: L^-1 (P - p) with L L^T the covariance.
-class SurveyCost : public ceres::SizedCostFunction<3, 3> {
+// Whitened difference between a point and the survey's: L^-1 (P + B q - p) with L L^T the
+// covariance and B the shifts by the common errors, where there are any.
+class SurveyCost : public ceres::CostFunction {
  public:
-  SurveyCost(const Eigen::Vector3d& p, const Eigen::Matrix3d& cov, double information_scale)
-      : p_(p) {
-    whiten_ = Eigen::LLT<Eigen::Matrix3d>(cov).matrixL().solve(Eigen::Matrix3d::Identity());
+  SurveyCost(const Observations& data, Eigen::Index i, double information_scale)
+      : p_(data.p.col(i)), shift_(3, static_cast<Eigen::Index>(data.common.size())) {
+    whiten_ = Eigen::LLT<Eigen::Matrix3d>(data.cov[static_cast<std::size_t>(i)])
+                  .matrixL()
+                  .solve(Eigen::Matrix3d::Identity());
     whiten_ *= std::sqrt(information_scale);
+    for (Eigen::Index m = 0; m < shift_.cols(); ++m) {
+      shift_.col(m) = data.common[static_cast<std::size_t>(m)].shift.col(i);
+    }
+    set_num_residuals(3);
+    mutable_parameter_block_sizes()->push_back(3);
+    if (shift_.cols() > 0) {
+      mutable_parameter_block_sizes()->push_back(static_cast<int>(shift_.cols()));
+    }
   }
 
   bool Evaluate(double const* const* x, double* residual, double** jacobians) const override {
-    const Eigen::Vector3d difference(x[0][0] - p_(0), x[0][1] - p_(1), x[0][2] - p_(2));
+    Eigen::Vector3d difference(x[0][0] - p_(0), x[0][1] - p_(1), x[0][2] - p_(2));
+    for (Eigen::Index m = 0; m < shift_.cols(); ++m) difference += x[1][m] * shift_.col(m);
     Eigen::Map<Eigen::Vector3d>(residual, 3) = whiten_ * difference;
     if (jacobians && jacobians[0]) {
       Eigen::Map<Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(jacobians[0], 3, 3) = whiten_;
+    }
+    if (jacobians && shift_.cols() > 0 && jacobians[1]) {
+      Eigen::Map<Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>>(
+          jacobians[1], 3, shift_.cols()) = whiten_ * shift_;
     }
     return true;
   }
 
  private:
   Eigen::Vector3d p_;
+  Eigen::Matrix3Xd shift_;
   Eigen::Matrix3d whiten_;
 };
 
@@ -191,7 +210,8 @@ class CoreLoss : public ceres::LossFunction {
 };
 
 double WhitenedSquare(const Observations& data, const BundleState& state, Eigen::Index i) {
-  const Eigen::Vector3d d = state.points.col(i) - data.p.col(i);
+  const Eigen::Vector3d d =
+      state.points.col(i) + CommonShift(data, state.common, i) - data.p.col(i);
   return d.dot(data.cov[static_cast<std::size_t>(i)].llt().solve(d));
 }
 
@@ -229,7 +249,8 @@ void Summarise(const Observations& data, const std::vector<CameraPrior>& priors,
       chi_square += s;
     }
   }
-  const Eigen::MatrixXd prior = PriorInformation(priors);
+  const Eigen::MatrixXd prior =
+      PriorInformation(priors, options.fix_points ? 0 : data.common.size());
   summary->information = prior + DataInformation(data, priors, weighting, options.fix_points, state,
                                                  summary->reading_weight, summary->survey_weight);
   // What the data determine: the number of parameters, less each one's share that is the prior's.
@@ -284,6 +305,17 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
     problem.AddResidualBlock(new PriorCost(priors[j]), nullptr, blocks[j].data());
     ordering->AddElementToGroup(blocks[j].data(), 1);
   }
+  state->common.conservativeResizeLike(
+      Eigen::VectorXd::Zero(static_cast<Eigen::Index>(data.common.size())));
+  double* common = state->common.data();
+  if (!options.fix_points && !data.common.empty()) {
+    const auto m = static_cast<int>(data.common.size());
+    problem.AddParameterBlock(common, m);
+    problem.AddResidualBlock(
+        new ceres::NormalPrior(ceres::Matrix::Identity(m, m), ceres::Vector::Zero(m)), nullptr,
+        common);
+    ordering->AddElementToGroup(common, 1);
+  }
   for (Eigen::Index i = 0; i < data.p.cols(); ++i) {
     double* point = state->points.col(i).data();
     problem.AddParameterBlock(point, 3);
@@ -292,9 +324,10 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
       continue;
     }
     const auto index = static_cast<std::size_t>(i);
-    problem.AddResidualBlock(
-        new SurveyCost(data.p.col(i), data.cov[index], weighting.SurveyInformationScale(index)),
-        &survey_loss, point);
+    std::vector<double*> blocks_of_point = {point};
+    if (!data.common.empty()) blocks_of_point.push_back(common);
+    problem.AddResidualBlock(new SurveyCost(data, i, weighting.SurveyInformationScale(index)),
+                             &survey_loss, blocks_of_point);
     ordering->AddElementToGroup(point, 0);
   }
   for (std::size_t k = 0; k < data.readings.size(); ++k) {

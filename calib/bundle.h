@@ -38,6 +38,8 @@ struct BundleOptions {
 struct BundleState {
   std::vector<data::RigCamera> cameras;  // c
   Eigen::Matrix3Xd points;               // 3 x n [m]
+  // Of the survey's common errors, in their sigmas; empty: not yet solved for, all 0.
+  Eigen::VectorXd common = Eigen::VectorXd();
 };
 
 // How a bundle ended; the numbers are at the solution.
@@ -50,7 +52,9 @@ struct BundleSummary {
   // points both are of the readings alone.
   double chi_square = 0.0;
   double degrees_of_freedom = 0.0;
-  Eigen::MatrixXd information;  // of the cameras, 19 c x 19 c, priors included (calib/covariance.h)
+  // Of the cameras, 19 c x 19 c, and after them the common errors, unless the points were fixed;
+  // priors included (calib/covariance.h).
+  Eigen::MatrixXd information;
   std::vector<double> residual_px;  // u - prediction, per reading; NaN: the point is behind
   // Of the loss, 1 in the core; 0 if the reading is left out or the point is behind.
   std::vector<double> reading_weight;
@@ -65,7 +69,7 @@ struct BundleSummary {
 
 // Minimises, over all cameras' 19 parameters and the points,
 //   sum_r loss((u_r - h(c, P))^2 / (s_r^2 + floor^2)) + sum_i loss(|P_i - p_i|^2 in the metric of
-//   the survey's covariance) + the priors,
+//   the survey's covariance, common errors taken off p_i) + the priors,
 // with Ceres and the analytic derivatives of measure::Project, starting from `state`, over what
 // `weighting` lets take part. A reading whose point starts behind its camera takes no part.
 BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrior>& priors,

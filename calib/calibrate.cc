@@ -112,7 +112,9 @@ void MakeRig(const Observations& data, RigFit* fit) {
     fit->rig.cameras[j].floor_px = floor;
     fit->rig.model_floor_px = std::max(fit->rig.model_floor_px, floor);
   }
-  fit->rig.covariance = CameraCovariance(fit->bundle.summary.information);
+  const Eigen::Index size =
+      data::kCameraParameters * static_cast<Eigen::Index>(fit->rig.cameras.size());
+  fit->rig.covariance = CameraCovariance(fit->bundle.summary.information).topLeftCorner(size, size);
   ClearFixed(fit->priors, &fit->rig.covariance);
   SetVolume(data, fit->bundle.summary, &fit->rig);
 }
@@ -173,7 +175,6 @@ Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
   report.chi_square = full.summary.chi_square;
   report.degrees_of_freedom = full.summary.degrees_of_freedom;
   report.survey_weight = full.summary.survey_weight;
-  report.survey_shift = full.state.points - data.p;
   report.survey_factor = full.weighting.survey_factor;
   for (std::size_t k = 0; k < data.readings.size(); ++k) {
     const Reading& r = data.readings[k];
@@ -183,7 +184,8 @@ Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
   }
   report.cameras = ReportCameras(fit.guesses, report.readings, full.weighting);
   report.weak = FindWeak(out.rig, fit.priors, full.summary.information);
-  report.gross = ExplainGross(data, full, options.explain);
+  report.common = EstimatesOf(data, full.state.common, CameraCovariance(full.summary.information));
+  report.gross = ExplainGross(Corrected(data, full.state.common), full, options.explain);
   report.advice = SurveyAdvice(data, full.weighting, out.rig);
   HeldOutResult held_out = CheckHeldOut(data, fit.priors, full, options.folds, options.workers);
   report.held_out = std::move(held_out.points);

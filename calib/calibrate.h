@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "calib/bundle.h"
+#include "calib/common_error.h"
 #include "calib/explain.h"
 #include "calib/initial_guess.h"
 #include "calib/model_order.h"
@@ -64,7 +65,6 @@ struct CalibrationReport {
   std::vector<CameraReport> cameras;
   std::vector<ReadingReport> readings;
   std::vector<double> survey_weight;   // per point; below 1: left out as gross
-  Eigen::Matrix3Xd survey_shift;       // adjusted less surveyed, 3 x n [m]
   std::vector<HeldOutPoint> held_out;  // of usable points
   int held_out_unsolved = 0;           // points whose readings gave no position
   std::vector<WeakDirection> weak;
@@ -74,6 +74,7 @@ struct CalibrationReport {
   bool order_chosen = false;        // by cross-validation
   std::vector<OrderTrial> orders;   // empty where none were compared
   double survey_factor = 1.0;       // on the survey's stated sigmas
+  std::vector<CommonEstimate> common;
   double chi_square = 0.0;
   double degrees_of_freedom = 0.0;
   bool converged = false;

@@ -95,7 +95,21 @@ Joint MakeJoint(const data::Rig& rig, const Observations& data,
           (H.row(a) * data.cov[static_cast<std::size_t>(r.point)] * H.row(b).transpose()).value();
     }
   }
+  // What the station does to all points: with another set-up than the calibration's, another error.
+  for (const CommonError& error : data.common) {
+    Eigen::VectorXd shared(n);
+    for (Eigen::Index k = 0; k < n; ++k) {
+      shared(k) = H.row(k).dot(error.shift.col(joint.point[static_cast<std::size_t>(k)]));
+    }
+    joint.covariance += shared * shared.transpose();
+  }
   return joint;
+}
+
+double CommonVariance(const Observations& data, Eigen::Index point) {
+  double sum = 0.0;
+  for (const CommonError& error : data.common) sum += error.shift.col(point).squaredNorm();
+  return sum;
 }
 
 // Points found from their readings, with the calibration's factor.
@@ -158,11 +172,12 @@ CheckResult CheckPoints(const data::Rig& rig, const Observations& data, const st
   double squares = 0.0, predicted = 0.0, n = 0.0;
   for (int i = 0; i < data.points(); ++i) {
     const auto point = static_cast<std::size_t>(i);
-    CheckedPoint checked{data.ids[point], kNone, kNone, 0.0};
+    CheckedPoint checked{data.ids[point], kNone, kNone};
     if (found[point].solution.outcome == measure::PointOutcome::kSolved) {
+      checked.at = found[point].solution.p;
       checked.error = (found[point].solution.p - data.p.col(i)).norm();
       const double variance = found[point].solution.cov.trace() + found[point].F.squaredNorm() +
-                              data.cov[point].trace();
+                              data.cov[point].trace() + CommonVariance(data, i);
       checked.predicted = std::sqrt(variance);
       squares += checked.error * checked.error;
       predicted += variance;
@@ -175,6 +190,11 @@ CheckResult CheckPoints(const data::Rig& rig, const Observations& data, const st
   result.rms = std::sqrt(squares / std::max(1.0, n));
   result.rms_predicted = std::sqrt(predicted / std::max(1.0, n));
 
+  for (Eigen::Index k = 0; k < joint.misfit.size(); ++k) {
+    const auto at = static_cast<std::size_t>(k);
+    result.readings.push_back({joint.camera[at], joint.point[at], data.readings[at].u_px,
+                               joint.misfit(k), std::sqrt(joint.covariance(k, k))});
+  }
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
     CheckedCamera camera{rig.cameras[c].name};
     for (Eigen::Index k = 0; k < joint.misfit.size(); ++k) {
@@ -231,7 +251,7 @@ CheckResult CheckBar(const data::Rig& rig, const Observations& data, const Bar& 
   Eigen::Index n = 0;
   for (Eigen::Index k = 0; k < most; ++k) {
     const auto a = static_cast<std::size_t>(2 * k), b = a + 1;
-    CheckedPoint checked{data.ids[a] + " to " + data.ids[b], kNone, kNone, 0.0};
+    CheckedPoint checked{data.ids[a] + " to " + data.ids[b], kNone, kNone};
     if (found[a].solution.outcome == measure::PointOutcome::kSolved &&
         found[b].solution.outcome == measure::PointOutcome::kSolved) {
       const Eigen::Vector3d along = found[b].solution.p - found[a].solution.p;
@@ -240,6 +260,7 @@ CheckResult CheckBar(const data::Rig& rig, const Observations& data, const Bar& 
       variance(n) =
           (way * (found[a].solution.cov + found[b].solution.cov) * way.transpose()).value();
       shared.row(n) << way * (found[b].F - found[a].F), bar.sigma;
+      checked.at = 0.5 * (found[a].solution.p + found[b].solution.p);
       checked.error = misfit(n);
       checked.predicted = std::sqrt(variance(n) + shared.row(n).squaredNorm());
       ++n;

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <Eigen/Core>
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -25,6 +27,15 @@ struct CheckedPoint {
   double error = 0.0;           // found less surveyed [m]; NaN: not found
   double predicted = 0.0;       // its sigma, 3-D [m]
   double chance_without = 0.0;  // of the rest, without this point
+  // Where it was found, of a bar its middle, in W [m]; NaN: not found.
+  Eigen::Vector3d at = Eigen::Vector3d::Constant(NAN);
+};
+
+struct CheckedReading {
+  int camera = 0, point = 0;  // indices into cameras and points
+  double u_px = 0.0;
+  double misfit_px = 0.0;     // from what rig and survey predict
+  double predicted_px = 0.0;  // its sigma
 };
 
 struct CheckResult {
@@ -32,7 +43,8 @@ struct CheckResult {
   double rms = 0.0, rms_predicted = 0.0;  // of found points, or of lengths [m]
   std::vector<CheckedCamera> cameras;
   std::vector<CheckedPoint> points;
-  std::string verdict;  // "still valid", "doubtful", "no longer valid"
+  std::vector<CheckedReading> readings;  // none of a bar
+  std::string verdict;                   // "still valid", "doubtful", "no longer valid"
   std::vector<std::string> reasons;
 };
 

@@ -22,6 +22,15 @@ void AddPrior(const CameraPrior& prior, Eigen::Ref<Eigen::MatrixXd> block) {
   }
 }
 
+// 3 x m, of one point by each common error.
+Eigen::Matrix3Xd ShiftsOf(const Observations& data, Eigen::Index i) {
+  Eigen::Matrix3Xd out(3, static_cast<Eigen::Index>(data.common.size()));
+  for (Eigen::Index m = 0; m < out.cols(); ++m) {
+    out.col(m) = data.common[static_cast<std::size_t>(m)].shift.col(i);
+  }
+  return out;
+}
+
 bool ProjectFree(const data::RigCamera& camera, const CameraPrior& prior, const Eigen::Vector3d& p,
                  measure::Projection* out) {
   if (!measure::Project(camera, p, out)) return false;
@@ -33,9 +42,11 @@ bool ProjectFree(const data::RigCamera& camera, const CameraPrior& prior, const 
 
 }  // namespace
 
-Eigen::MatrixXd PriorInformation(const std::vector<CameraPrior>& priors) {
-  const Eigen::Index size = kParameters * static_cast<Eigen::Index>(priors.size());
+Eigen::MatrixXd PriorInformation(const std::vector<CameraPrior>& priors, std::size_t common) {
+  const auto errors = static_cast<Eigen::Index>(common);
+  const Eigen::Index size = kParameters * static_cast<Eigen::Index>(priors.size()) + errors;
   Eigen::MatrixXd information = Eigen::MatrixXd::Zero(size, size);
+  information.bottomRightCorner(errors, errors).setIdentity();
   for (std::size_t j = 0; j < priors.size(); ++j) {
     const Eigen::Index first = kParameters * static_cast<Eigen::Index>(j);
     AddPrior(priors[j], information.block(first, first, kParameters, kParameters));
@@ -48,14 +59,17 @@ Eigen::MatrixXd DataInformation(const Observations& data, const std::vector<Came
                                 const BundleState& state, const std::vector<double>& reading_weight,
                                 const std::vector<double>& survey_weight) {
   const auto c = static_cast<Eigen::Index>(state.cameras.size());
-  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(kParameters * c, kParameters * c);
+  const auto common = fixed_points ? 0 : static_cast<Eigen::Index>(data.common.size());
+  const Eigen::Index size = kParameters * c + common;
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(size, size);
   std::vector<CameraColumns> mixed(static_cast<std::size_t>(c));  // H_cP of the point at hand
   std::vector<Eigen::Index> seen_by;
   std::size_t k = 0;
   for (Eigen::Index i = 0; i < data.p.cols(); ++i) {
     const auto point = static_cast<std::size_t>(i);
-    Eigen::Matrix3d H_PP = survey_weight[point] * data.cov[point].inverse() /
-                           (weighting.survey_factor * weighting.survey_factor);
+    const Eigen::Matrix3d S = survey_weight[point] * data.cov[point].inverse() /
+                              (weighting.survey_factor * weighting.survey_factor);
+    Eigen::Matrix3d H_PP = S;
     seen_by.clear();
     for (; k < data.readings.size() && data.readings[k].point == i; ++k) {
       const Reading& r = data.readings[k];
@@ -76,8 +90,12 @@ Eigen::MatrixXd DataInformation(const Observations& data, const std::vector<Came
     }
     if (fixed_points) continue;
     const Eigen::Matrix3d inverse = H_PP.inverse();
+    const Eigen::Matrix3Xd B = common > 0 ? ShiftsOf(data, i) : Eigen::Matrix3Xd(3, 0);
+    information.bottomRightCorner(common, common) += B.transpose() * (S - S * inverse * S) * B;
     for (const Eigen::Index a : seen_by) {
       const CameraColumns left = mixed[static_cast<std::size_t>(a)] * inverse;
+      information.block(kParameters * c, kParameters * a, common, kParameters) -=
+          (left * S * B).transpose();
       for (const Eigen::Index b : seen_by) {
         if (b > a) continue;  // the lower triangle; mirrored at the end
         information.block<kParameters, kParameters>(kParameters * a, kParameters * b) -=
@@ -122,7 +140,8 @@ Redundancy RedundancyOf(const Observations& data, const std::vector<CameraPrior>
   const Eigen::Index size = covariance.rows();
   std::vector<measure::Projection> seen;
   std::vector<std::size_t> used;
-  Eigen::MatrixXd H_Pc(3, size), moved(3, size);
+  const auto common = static_cast<Eigen::Index>(data.common.size());
+  Eigen::MatrixXd H_Pc(3, size), moved(3, size);  // of cameras and common errors
   std::size_t k = 0;
   for (int i = 0; i < data.points(); ++i) {
     const auto point = static_cast<std::size_t>(i);
@@ -145,11 +164,20 @@ Redundancy RedundancyOf(const Observations& data, const std::vector<CameraPrior>
       seen.push_back(h);
       used.push_back(k);
     }
+    const Eigen::Matrix3Xd B = ShiftsOf(data, i);
+    H_Pc.rightCols(common) = S * B;
     const Eigen::Matrix3d inverse = H_PP.inverse();
     moved = -inverse * H_Pc;  // of the point, with the cameras
     const Eigen::MatrixXd spread = moved * covariance;
     const Eigen::Matrix3d of_point = inverse + spread * moved.transpose();
-    if (weighting.UsesSurvey(point)) out.survey[point] = 3.0 - (S * of_point).trace();
+    if (weighting.UsesSurvey(point)) {
+      // Of P + B q, which the survey measured.
+      const Eigen::Matrix3d mixed_part = spread.rightCols(common) * B.transpose();
+      const Eigen::Matrix3d of_survey =
+          of_point + mixed_part + mixed_part.transpose() +
+          B * covariance.bottomRightCorner(common, common) * B.transpose();
+      out.survey[point] = 3.0 - (S * of_survey).trace();
+    }
     for (std::size_t m = 0; m < used.size(); ++m) {
       const Reading& r = data.readings[used[m]];
       const Eigen::Index first = kParameters * r.camera;

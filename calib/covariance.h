@@ -9,7 +9,8 @@
 namespace unfurl::calib {
 
 // Information (inverse covariance) that readings and survey give of all cameras' parameters, 19 c x
-// 19 c in the order of data/rig.h: the normal equations at a solution, with the loss's weights,
+// 19 c in the order of data/rig.h, and after them of the survey's common errors in their sigmas,
+// unless the points are fixed: the normal equations at a solution, with the loss's weights,
 // every point eliminated by its Schur complement. The points' survey noise, which the cameras share
 // because they share the points, is in it. `fixed_points`: the survey counts as exact.
 Eigen::MatrixXd DataInformation(const Observations& data, const std::vector<CameraPrior>& priors,
@@ -17,8 +18,9 @@ Eigen::MatrixXd DataInformation(const Observations& data, const std::vector<Came
                                 const BundleState& state, const std::vector<double>& reading_weight,
                                 const std::vector<double>& survey_weight);
 
-// What the priors add to it: block diagonal; 1 px^-2 for a term that is held at zero.
-Eigen::MatrixXd PriorInformation(const std::vector<CameraPrior>& priors);
+// What the priors add to it: block diagonal; 1 px^-2 for a term that is held at zero, 1 for each
+// common error.
+Eigen::MatrixXd PriorInformation(const std::vector<CameraPrior>& priors, std::size_t common = 0);
 
 // Inverse of an information matrix, symmetric and positive semidefinite. Parameters are scaled to
 // unit information first, so that pixels and radians invert alike.
@@ -29,7 +31,8 @@ void ClearFixed(const std::vector<CameraPrior>& priors, Eigen::MatrixXd* covaria
 
 // What of each datum is left over to check the fit with: 1 - leverage per reading, and 3 - trace of
 // it per surveyed point; 0 for what takes no part. Their sum is the degrees of freedom. A squared
-// whitened residual has this mean when its stated variance is true. `covariance` is the cameras'.
+// whitened residual has this mean when its stated variance is true. `covariance` is the inverse of
+// the whole information.
 struct Redundancy {
   std::vector<double> reading, survey;
 };

@@ -191,25 +191,8 @@ class Explainer {
                       "seen from a station at ({:.2f}, {:.2f}, {:.2f}){}",
                       points.size(), Ids(points), 1e3 * std::abs(found.offset), 1e3 * found.sigma,
                       found.offset > 0.0 ? "short" : "long", found.station.x(), found.station.y(),
-                      found.station.z(), Known(found)));
+                      found.station.z(), PrismsThatDiffer(found)));
     }
-  }
-
-  // Differences between prism constants of one widespread maker (round 0, mini 17.5, 360-degree
-  // 23.1, reflectorless and tape 34.4 mm).
-  static std::string Known(const RangeOffset& found) {
-    constexpr std::array<std::pair<double, const char*>, 5> kKnown = {
-        {{34.4e-3, "a round prism and none (or tape)"},
-         {17.5e-3, "a round prism and a mini prism"},
-         {16.9e-3, "a mini prism and none (or tape)"},
-         {23.1e-3, "a round prism and a 360-degree prism"},
-         {11.3e-3, "a 360-degree prism and none (or tape)"}}};
-    for (const auto& [size, what] : kKnown) {
-      if (std::abs(std::abs(found.offset) - size) < std::min(4.0 * found.sigma, 0.5e-3)) {
-        return fmt::format("; the difference of {:.1f} mm is that between {}", 1e3 * size, what);
-      }
-    }
-    return {};
   }
 
   void Axes() {

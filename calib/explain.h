@@ -63,4 +63,7 @@ RangeOffset FindRangeOffset(const Eigen::Matrix3Xd& p, const Eigen::Matrix3Xd& s
                             const std::vector<Eigen::Matrix3d>& cov,
                             const Eigen::Vector3d& station);
 
+// Which prisms' constants differ by it, as words to add to a sentence; empty: none that are known.
+std::string PrismsThatDiffer(const RangeOffset& found);
+
 }  // namespace unfurl::calib

@@ -15,15 +15,74 @@ constexpr double kConverged = 1e-8;      // [m]
 constexpr double kLongest = 1.0;         // of a step [m]
 constexpr double kWorstDilution = 0.05;  // of a point from its readings alone [m/px]
 constexpr double kAsLikely = 4.0;        // of chi-square: a likelihood within a factor of e^2
+constexpr double kMayGain = 4.0;         // of a price, by what determinants do to it
 constexpr int kMostReadings = 10;        // of a point with all subsets tried: 2^11 fits
 constexpr int kMostLeftOut = 3;          // where there are more
 
 struct Choice {
-  double price = HUGE_VAL;
+  double price = 0.0;
   unsigned use = 0;
   bool survey = true;
   Eigen::Vector3d p = Eigen::Vector3d::Zero();
 };
+
+// Of being gross at all, for one in a hundred: 9.2.
+double AtAll(double share) { return 2.0 * std::log((1.0 - share) / share); }
+
+struct Prices {
+  double reading = 0.0, survey = 0.0;
+  double suspect = 0.0;  // chi-square of the whole, below which nothing is tried
+};
+
+Prices PricesOf(const GrossOptions& options) {
+  const double anywhere =
+      std::max(0.0, options.sigmas * options.sigmas - AtAll(options.least_share));
+  Prices prices;
+  prices.reading = AtAll(options.reading_share) + anywhere;
+  prices.survey = AtAll(options.survey_share) + 3.0 * anywhere;
+  prices.suspect = prices.reading - kMayGain;
+  return prices;
+}
+
+// The subsets of one point's n data from reading `first` on, with their prices: all of them where
+// the whole is suspect.
+void TrySubsets(const Observations& data, const Prices& prices, const Weighting& weighting,
+                const BundleState& state, std::size_t first, int n, std::vector<Choice>* choices) {
+  const int i = data.readings[first].point;
+  const Eigen::Vector3d surveyed = data.p.col(i);
+  const double log_survey = std::log(data.cov[static_cast<std::size_t>(i)].determinant()) +
+                            6.0 * std::log(weighting.survey_factor);
+  const unsigned all = n >= 32 ? ~0U : (1U << n) - 1U;
+  choices->clear();
+  const auto consider = [&](unsigned use, bool survey) {
+    Choice choice{0.0, use, survey, surveyed};
+    choice.price = (n - std::popcount(use)) * prices.reading + (survey ? 0.0 : prices.survey);
+    if (use == 0) {  // the survey alone
+      choices->push_back(choice);
+      return 0.0;
+    }
+    // From the survey, then from where the bundle has the point: readings alone may meet twice.
+    PointFit fit, other;
+    bool good = FitPoint(data, weighting, state.cameras, first, use, survey, surveyed, &fit);
+    if (!survey &&
+        FitPoint(data, weighting, state.cameras, first, use, survey, state.points.col(i), &other) &&
+        (!good || other.chi_square < fit.chi_square)) {
+      fit = other;
+      good = true;
+    }
+    if (!good) return HUGE_VAL;
+    choice.price += fit.chi_square + log_survey - std::log(fit.cov.determinant());
+    choice.p = fit.p;
+    choices->push_back(choice);
+    return fit.chi_square;
+  };
+  if (consider(all, true) <= prices.suspect) return;
+  for (unsigned use = 0; use <= all && n < 31; ++use) {
+    if (n > kMostReadings && n - std::popcount(use) > kMostLeftOut) continue;
+    if (use != all) consider(use, true);
+    if (std::popcount(use) >= 3) consider(use, false);
+  }
+}
 
 }  // namespace
 
@@ -77,79 +136,66 @@ bool FitPoint(const Observations& data, const Weighting& weighting,
 
 GrossChoice ChooseGross(const Observations& data, const GrossOptions& options, Weighting* weighting,
                         BundleState* state) {
-  const double reading_price = options.sigmas * options.sigmas;
-  const double at_all = 2.0 * std::log((1.0 - options.gross_share) /
-                                       options.gross_share);  // 9.2 for one in a hundred
-  const double survey_price = at_all + 3.0 * std::max(0.0, reading_price - at_all);
+  const Prices prices = PricesOf(options);
   GrossChoice out;
   weighting->use_reading.resize(data.readings.size(), 1);
   weighting->use_survey.resize(static_cast<std::size_t>(data.points()), 1);
-  std::size_t first = 0;
-  for (int i = 0; i < data.points(); ++i) {
-    std::size_t end = first;
-    while (end < data.readings.size() && data.readings[end].point == i) ++end;
+  std::vector<Choice> choices;
+  std::size_t first = 0, end = 0;
+  for (int i = 0; i < data.points(); ++i, first = end) {
+    for (end = first; end < data.readings.size() && data.readings[end].point == i;) ++end;
+    if (end == first) continue;
     const auto n = static_cast<int>(end - first);
-    const unsigned all = n >= 32 ? ~0U : (1U << n) - 1U;
-    std::vector<Choice> choices;
-    const auto consider = [&](unsigned use, bool survey) {
-      Choice choice{HUGE_VAL, use, survey, data.p.col(i)};
-      const int left_out = n - std::popcount(use);
-      choice.price = left_out * reading_price + (survey ? 0.0 : survey_price);
-      if (use == 0) {  // the survey alone, or nothing at all
-        choices.push_back(choice);
-        return;
-      }
-      // From the survey, then from where the bundle has the point: readings alone may meet twice.
-      PointFit fit, other;
-      bool good =
-          FitPoint(data, *weighting, state->cameras, first, use, survey, data.p.col(i), &fit);
-      if (!survey &&
-          FitPoint(data, *weighting, state->cameras, first, use, survey, state->points.col(i),
-                   &other) &&
-          (!good || other.chi_square < fit.chi_square)) {
-        fit = other;
-        good = true;
-      }
-      if (!good) return;
-      choice.price += fit.chi_square;
-      choice.p = fit.p;
-      choices.push_back(choice);
-    };
-    if (n > 0) {
-      consider(all, true);
-      if (choices.empty() || choices[0].price > reading_price) {
-        for (unsigned use = 0; use <= all && n < 31; ++use) {
-          if (n > kMostReadings && n - std::popcount(use) > kMostLeftOut) continue;
-          if (use != all) consider(use, true);
-          if (std::popcount(use) >= 3) consider(use, false);
-        }
-      }
-    }
+    TrySubsets(data, prices, *weighting, *state, first, n, &choices);
+    if (choices.empty()) continue;
+    const auto point = static_cast<std::size_t>(i);
     std::size_t best = 0;
     for (std::size_t k = 1; k < choices.size(); ++k) {
       if (choices[k].price < choices[best].price) best = k;
     }
-    if (!choices.empty()) {
-      const Choice& chosen = choices[best];
-      const auto point = static_cast<std::size_t>(i);
-      for (std::size_t k = first; k < end; ++k) {
-        const char use = (chosen.use >> (k - first) & 1U) != 0 ? 1 : 0;
-        out.changed = out.changed || weighting->use_reading[k] != use;
-        weighting->use_reading[k] = use;
+    // How probable it is of each datum that it is wrong; the survey's last.
+    std::vector<double> wrong(static_cast<std::size_t>(n) + 1, 0.0);
+    double sum = 0.0;
+    bool ambiguous = false;
+    for (std::size_t k = 0; k < choices.size(); ++k) {
+      const double weight = std::exp(-0.5 * (choices[k].price - choices[best].price));
+      sum += weight;
+      for (int m = 0; m < n; ++m) {
+        if ((choices[k].use >> m & 1U) == 0) wrong[static_cast<std::size_t>(m)] += weight;
       }
-      const char use = chosen.survey ? 1 : 0;
-      out.changed = out.changed || weighting->use_survey[point] != use;
-      weighting->use_survey[point] = use;
-      state->points.col(i) = chosen.p;
-      const bool clean = chosen.use == all && chosen.survey;
-      for (std::size_t k = 0; !clean && k < choices.size(); ++k) {
-        if (k == best || choices[k].price > chosen.price + kAsLikely) continue;
-        out.ambiguous.push_back(i);
-        break;
-      }
+      if (!choices[k].survey) wrong.back() += weight;
+      ambiguous |= k != best && choices[k].price < choices[best].price + kAsLikely;
     }
-    first = end;
+    Choice chosen = choices[best];
+    Choice doubted = chosen;
+    for (int m = 0; m < n; ++m) {
+      const double chance = wrong[static_cast<std::size_t>(m)] / sum;
+      out.reading_share += chance;
+      if (chance > options.doubt) doubted.use &= ~(1U << m);
+    }
+    out.survey_share += wrong.back() / sum;
+    if (wrong.back() / sum > options.doubt) doubted.survey = false;
+    PointFit fit;
+    if ((doubted.use != chosen.use || doubted.survey != chosen.survey) && doubted.use != 0 &&
+        FitPoint(data, *weighting, state->cameras, first, doubted.use, doubted.survey, chosen.p,
+                 &fit)) {
+      doubted.p = fit.p;
+      chosen = doubted;
+    }
+    for (std::size_t k = first; k < end; ++k) {
+      const char use = (chosen.use >> (k - first) & 1U) != 0 ? 1 : 0;
+      out.changed = out.changed || weighting->use_reading[k] != use;
+      weighting->use_reading[k] = use;
+    }
+    const char use = chosen.survey ? 1 : 0;
+    out.changed = out.changed || weighting->use_survey[point] != use;
+    weighting->use_survey[point] = use;
+    state->points.col(i) = chosen.p;
+    const bool clean = std::popcount(chosen.use) == n && chosen.survey;
+    if (ambiguous && !clean) out.ambiguous.push_back(i);
   }
+  out.reading_share /= std::max<double>(1.0, static_cast<double>(data.readings.size()));
+  out.survey_share /= std::max(1.0, static_cast<double>(data.points()));
   return out;
 }
 

@@ -9,23 +9,33 @@
 namespace unfurl::calib {
 
 struct GrossOptions {
-  // What leaving out one reading must gain, in sigmas: 4 are reached by chance once in 16,000. That
-  // is the price of a datum being gross at all (one in a hundred is) and of its being anywhere; a
-  // survey pays the first once and the second for each of its three coordinates.
+  // What leaving out one reading must gain where one in a hundred is gross, in sigmas: 4 are
+  // reached by chance once in 16,000. That is the price of being gross at all, 2 log((1 - share) /
+  // share), and of being anywhere; a survey pays the first once and the second for each of its
+  // three coordinates.
   double sigmas = 4.0;
-  double gross_share = 0.01;
+  // Share of the readings and of the surveyed points that is gross; Refine finds it from the data,
+  // between `least_share` and `most_share`.
+  double reading_share = 0.01, survey_share = 0.01;
+  double least_share = 0.01, most_share = 0.2;
+  // A datum that is wrong with a probability above this is left out, be it or another the wrong
+  // one.
+  double doubt = 0.3;
 };
 
 // For each point, given the cameras: which of its readings and its survey to believe. Every subset
-// is tried, fitted by least squares, and charged for what it leaves out; the cheapest is taken.
-// Which one of four readings is wrong is so decided by the survey, and whether the survey is, by
-// the readings. Sets weighting->use_* and moves state->points to where the chosen data have them.
-// `ambiguous` holds the points at which another choice is about as cheap (a factor below e^2 in
-// likelihood): something is wrong there, and what was left out may be the wrong thing.
-// Returns whether a choice differs from before.
+// is tried, fitted by least squares, and weighed by its posterior probability: exp(-price / 2) with
+// chi-square, what it pays for what it leaves out, and the logarithm of the determinant of the
+// point's information. Which one of four readings is wrong is so decided by the survey, and whether
+// the survey is, by the readings. Left out is what the most probable subset leaves out and what is
+// wrong with a probability above `doubt`. Sets weighting->use_* and moves state->points to where
+// the rest has them. `ambiguous` holds the points at which another subset is about as probable
+// (within e^2): something is wrong there, and of what was left out not all need be.
+// `changed`: a choice differs from before. The shares are the expected ones, not yet limited.
 struct GrossChoice {
   bool changed = false;
   std::vector<int> ambiguous;
+  double reading_share = 0.0, survey_share = 0.0;
 };
 GrossChoice ChooseGross(const Observations& data, const GrossOptions& options, Weighting* weighting,
                         BundleState* state);

@@ -9,6 +9,7 @@
 
 #include "base/statistics.h"
 #include "base/worker_pool.h"
+#include "calib/common_error.h"
 #include "measure/camera_model.h"
 
 namespace unfurl::calib {
@@ -59,22 +60,27 @@ struct FoldResult {
 // -log likelihood of a left-out point's readings, given its survey and the cameras.
 double PointLoss(const Observations& data, const Weighting& weighting,
                  const std::vector<data::RigCamera>& cameras, const Eigen::MatrixXd& covariance,
-                 const std::vector<std::size_t>& readings) {
+                 const Eigen::VectorXd& common, const std::vector<std::size_t>& readings) {
   const auto m = static_cast<Eigen::Index>(readings.size());
   Eigen::VectorXd innovation(m);
   Eigen::MatrixXd H(m, 3), G = Eigen::MatrixXd::Zero(m, covariance.rows());
   Eigen::VectorXd variance(m);
   const auto point = data.readings[readings[0]].point;
+  const Eigen::Vector3d p = data.p.col(point) - CommonShift(data, common, point);
   for (Eigen::Index k = 0; k < m; ++k) {
     const Reading& r = data.readings[readings[static_cast<std::size_t>(k)]];
     measure::Projection h;
-    if (!measure::Project(cameras[static_cast<std::size_t>(r.camera)], data.p.col(point), &h)) {
+    if (!measure::Project(cameras[static_cast<std::size_t>(r.camera)], p, &h)) {
       return std::numeric_limits<double>::infinity();
     }
     innovation(k) = r.u_px - h.u_px;
     H.row(k) = h.du_dp;
     G.block(k, kParameters * r.camera, 1, kParameters) = h.du_dc;
     variance(k) = weighting.Variance(r);
+  }
+  for (Eigen::Index q = 0; q < common.size(); ++q) {
+    G.col(covariance.rows() - common.size() + q) =
+        -H * data.common[static_cast<std::size_t>(q)].shift.col(point);
   }
   const double factor = weighting.survey_factor;
   Eigen::MatrixXd S =
@@ -96,7 +102,8 @@ FoldResult CheckFold(const Observations& data, const OrderTrial& trial, int fold
   }
   const Observations kept = SelectPoints(data, keep);
   const Weighting& all = trial.bundle.weighting;
-  BundleState state{trial.bundle.state.cameras, trial.bundle.state.points(Eigen::all, keep)};
+  BundleState state{trial.bundle.state.cameras, trial.bundle.state.points(Eigen::all, keep),
+                    trial.bundle.state.common};
   BundleOptions options;
   options.loss_width = std::numeric_limits<double>::infinity();
   options.function_tolerance = 1e-7;  // less than a hundredth of one sigma in all
@@ -119,10 +126,11 @@ FoldResult CheckFold(const Observations& data, const OrderTrial& trial, int fold
     }
     const auto point = static_cast<std::size_t>(i);
     if (i % folds != fold || !all.UsesSurvey(point) || used.empty()) continue;
-    out.loss += PointLoss(data, all, state.cameras, covariance, used);
+    out.loss += PointLoss(data, all, state.cameras, covariance, state.common, used);
+    const Eigen::Vector3d surveyed = data.p.col(i) - CommonShift(data, state.common, i);
     PointFit found;
-    if (FitPoint(data, all, state.cameras, first, bits, false, data.p.col(i), &found)) {
-      out.squares += (found.p - data.p.col(i)).squaredNorm();
+    if (FitPoint(data, all, state.cameras, first, bits, false, surveyed, &found)) {
+      out.squares += (found.p - surveyed).squaredNorm();
       out.found += 1.0;
       out.to_spare += static_cast<double>(used.size()) - 3.0;
       for (const std::size_t r : used) {

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "calib/common_error.h"
 
 namespace unfurl::calib {
 namespace {
@@ -48,12 +49,16 @@ Observations FromSurvey(const data::Survey& survey, const std::string& where) {
           {static_cast<int>(i), static_cast<int>(j), survey.u_px(i, j), survey.s_px(i, j)});
     }
   }
+  out.common = StationErrorsOf(survey, where);
   return out;
 }
 
 Observations SelectPoints(const Observations& all, const std::vector<int>& keep) {
   Observations out;
   out.cameras = all.cameras;
+  for (const CommonError& error : all.common) {
+    out.common.push_back({error.name, error.unit, error.sigma, error.shift(Eigen::all, keep)});
+  }
   out.p.resize(3, static_cast<Eigen::Index>(keep.size()));
   std::vector<int> renumbered(static_cast<std::size_t>(all.points()), -1);
   for (std::size_t k = 0; k < keep.size(); ++k) {
@@ -73,6 +78,7 @@ Observations SelectPoints(const Observations& all, const std::vector<int>& keep)
 Observations SelectCamera(const Observations& all, int camera) {
   Observations out = all;
   out.cameras = {all.cameras[static_cast<std::size_t>(camera)]};
+  out.common.clear();  // of the points, which one camera cannot adjust
   out.readings.clear();
   for (Reading r : all.readings) {
     if (r.camera != camera) continue;

@@ -16,6 +16,15 @@ struct Reading {
   double s_px = 0.0;  // standard deviation
 };
 
+// An error that all surveyed points share: surveyed = true place + q shift + noise, with one q for
+// all, N(0, 1) before the data speak (calib/common_error.h).
+struct CommonError {
+  std::string name;        // "distance offset"
+  std::string unit;        // of sigma: m, 1 or rad
+  double sigma = 0.0;      // as stated
+  Eigen::Matrix3Xd shift;  // 3 x n, of the surveyed places, for one sigma [m]
+};
+
 // A survey as the bundle sees it: n points with their covariance, c cameras, and the readings that
 // exist, ordered by point and then by camera.
 struct Observations {
@@ -24,6 +33,7 @@ struct Observations {
   Eigen::Matrix3Xd p;                // surveyed, 3 x n, in W [m]
   std::vector<Eigen::Matrix3d> cov;  // n [m^2]
   std::vector<Reading> readings;
+  std::vector<CommonError> common;
 
   int points() const { return static_cast<int>(p.cols()); }
   int camera_count() const { return static_cast<int>(cameras.size()); }

@@ -1,6 +1,10 @@
+#include <fmt/format.h>
+
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <utility>
 
 #include "calib/explain.h"
 
@@ -107,6 +111,22 @@ RangeOffset FindRangeOffset(const Eigen::Matrix3Xd& p, const Eigen::Matrix3Xd& s
       static_cast<int>(best.members.size()) >= (known ? kFewestWithStation : kFewestWithout) &&
       std::abs(best.offset) > kGate * best.sigma;
   return best;
+}
+
+std::string PrismsThatDiffer(const RangeOffset& found) {
+  // Of one widespread maker: round 0, mini 17.5, 360-degree 23.1, reflectorless and tape 34.4 mm.
+  constexpr std::array<std::pair<double, const char*>, 5> kKnown = {
+      {{34.4e-3, "a round prism and none (or tape)"},
+       {17.5e-3, "a round prism and a mini prism"},
+       {16.9e-3, "a mini prism and none (or tape)"},
+       {23.1e-3, "a round prism and a 360-degree prism"},
+       {11.3e-3, "a 360-degree prism and none (or tape)"}}};
+  for (const auto& [size, what] : kKnown) {
+    if (std::abs(std::abs(found.offset) - size) < std::min(4.0 * found.sigma, 0.5e-3)) {
+      return fmt::format("; the difference of {:.1f} mm is that between {}", 1e3 * size, what);
+    }
+  }
+  return {};
 }
 
 }  // namespace unfurl::calib

@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "base/statistics.h"
+#include "calib/common_error.h"
 
 namespace unfurl::calib {
 namespace {
@@ -136,7 +137,7 @@ Weighting StartWeighting(const Observations& data, const std::vector<CameraPrior
   }
   Weighting trial = EqualWeighting(data, 0.0);
   BundleState scratch = state;
-  ChooseGross(data, options, &trial, &scratch);
+  ChooseGross(Corrected(data, state.common), options, &trial, &scratch);
   std::vector<double> out(cameras, 0.0);
   for (std::size_t k = 0; k < data.readings.size(); ++k) {
     if (!trial.Uses(k)) out[static_cast<std::size_t>(data.readings[k].camera)] += 1.0;
@@ -166,18 +167,25 @@ RefinedBundle Refine(const Observations& data, const std::vector<CameraPrior>& p
   squares.loss_width = std::numeric_limits<double>::infinity();
   squares.max_iterations = options.max_iterations;
   squares.function_tolerance = kRough;
+  GrossOptions gross = options.gross;
+  const auto limited = [&](double share) {
+    return std::clamp(share, options.gross.least_share, options.gross.most_share);
+  };
   for (int round = 0; round < options.rounds; ++round) {
     bool changed = false;
     if (options.choose_gross) {
-      GrossChoice choice = ChooseGross(data, options.gross, &out.weighting, &out.state);
+      GrossChoice choice =
+          ChooseGross(Corrected(data, out.state.common), gross, &out.weighting, &out.state);
       changed = choice.changed;
+      gross.reading_share = limited(choice.reading_share);
+      gross.survey_share = limited(choice.survey_share);
       out.ambiguous = std::move(choice.ambiguous);
     }
     out.summary = SolveBundle(data, priors, out.weighting, squares, &out.state);
     out.redundancy = RedundancyOf(data, priors, out.weighting, out.state,
                                   CameraCovariance(out.summary.information));
     Weighting next = out.weighting;
-    const double change = UpdateVariances(data, out, &next);
+    const double change = UpdateVariances(Corrected(data, out.state.common), out, &next);
     if (!changed && round > 0 && change < kSettled) break;
     if (round + 1 < options.rounds) out.weighting = std::move(next);
   }

@@ -27,6 +27,8 @@ constexpr double kGrossForCare = 0.05, kGrossForNo = 0.3;
 constexpr double kFloorForCare = 0.3;
 // A survey worse than stated by more than this is worth asking why.
 constexpr double kSurveyForCare = 1.3;
+// A common error of the survey beyond this many sigmas of what its estimate scatters by.
+constexpr double kCommonForCare = 4.0;
 constexpr std::size_t kNamed = 12;  // gross errors that the reasons name
 // Fewer redundant numbers leave chi-square and held-out check little to say.
 constexpr double kDofForCare = 30.0;
@@ -170,6 +172,25 @@ void JudgeFit(const CalibrationReport& report, data::Rig* rig, Tally* tally) {
         "the survey scatters {:.2f} times as much as it states; all error bars are widened for it",
         report.survey_factor);
     (report.survey_factor > kSurveyForCare ? tally->care : tally->fine).push_back(factor);
+  }
+  for (const CommonEstimate& error : report.common) {
+    const bool metres = error.unit == "m";
+    const double scale = metres ? 1e3 : 1e6;
+    const char* unit = metres ? "mm" : error.unit == "rad" ? "urad" : "ppm";
+    const std::string text = fmt::format(
+        "the station's {}, common to all points: {:.3g} +- {:.2g} {} (stated: +- {:.2g}), in every "
+        "error bar",
+        error.name, scale * error.value, scale * error.sigma, unit, scale * error.stated_sigma);
+    // What an estimate with a prior scatters by, if the prior is true.
+    const double told = std::sqrt(
+        std::max(0.0, error.stated_sigma * error.stated_sigma - error.sigma * error.sigma));
+    if (std::abs(error.value) > kCommonForCare * told) {
+      tally->care.push_back(text +
+                            "; the readings say that it is more than was stated (a prism constant "
+                            "that all points share?): state it wider and it is estimated");
+    } else {
+      tally->fine.push_back(text);
+    }
   }
   rig->checks["weak_directions [1]"] = static_cast<double>(report.weak.size());
   for (const WeakDirection& weak : report.weak) {

@@ -148,7 +148,9 @@ double CalibrationErrorRms(const data::Rig& rig) { return ErrorRms(Grid(rig), ri
 
 std::vector<WeakDirection> FindWeak(const data::Rig& rig, const std::vector<CameraPrior>& priors,
                                     const Eigen::MatrixXd& information) {
-  const Eigen::MatrixXd covariance = CameraCovariance(information);
+  const Eigen::Index all_cameras = kParameters * static_cast<Eigen::Index>(priors.size());
+  const Eigen::MatrixXd covariance =
+      CameraCovariance(information).topLeftCorner(all_cameras, all_cameras);
   const Eigen::MatrixXd prior_information = PriorInformation(priors);
   const std::vector<GridPoint> grid = Grid(rig);
   const double all = ErrorRms(grid, rig.covariance);

@@ -31,7 +31,8 @@ struct Arguments {
   std::string survey, readings, layout, out, report;
   std::string order = "auto";
   data::StationSigmas sigmas;
-  std::vector<double> station;
+  std::vector<double> station, distance_error;
+  double zenith_error = 0.0;
   calib::CalibrateOptions options;
 };
 
@@ -146,6 +147,14 @@ ordered_json Json(const calib::Calibration& result, const Arguments& arguments) 
   for (const auto& [name, value] : result.rig.checks) summary["checks"][name] = value;
   summary["lens_model"] = calib::kLensOrders[static_cast<std::size_t>(result.report.order)].name;
   summary["survey_factor"] = result.report.survey_factor;
+  summary["common"] = ordered_json::array();
+  for (const calib::CommonEstimate& error : result.report.common) {
+    summary["common"].push_back({{"name", error.name},
+                                 {"unit", error.unit},
+                                 {"stated_sigma", error.stated_sigma},
+                                 {"value", error.value},
+                                 {"sigma", error.sigma}});
+  }
   summary["orders"] = ordered_json::array();
   for (const calib::OrderTrial& trial : result.report.orders) {
     summary["orders"].push_back(
@@ -247,12 +256,17 @@ int RunCalibrate(const Common& common, const Arguments& arguments) {
   if (!arguments.readings.empty()) provenance.AddInput(arguments.readings);
   if (!arguments.layout.empty()) provenance.AddInput(arguments.layout);
   measure::FindSurveyReadings(&survey, arguments.options.workers);
+  if (arguments.station.size() == 3) {
+    survey.station = Eigen::Vector3d::Map(arguments.station.data());
+  }
+  if (arguments.distance_error.size() == 2) {
+    survey.station_errors.distance_offset = arguments.distance_error[0];
+    survey.station_errors.distance_scale = arguments.distance_error[1];
+  }
+  if (arguments.zenith_error > 0.0) survey.station_errors.zenith = arguments.zenith_error;
   const calib::Observations data = calib::FromSurvey(survey, arguments.survey);
   calib::CalibrateOptions options = arguments.options;
   options.explain.station = survey.station;
-  if (arguments.station.size() == 3) {
-    options.explain.station = Eigen::Vector3d::Map(arguments.station.data());
-  }
   if (survey.has_lines()) options.explain.pixels = static_cast<double>(survey.format.active);
   calib::Calibration result = calib::Calibrate(data, options, arguments.survey);
   for (const std::string& note : survey.notes) result.rig.reasons.push_back(note);
@@ -290,6 +304,14 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
   app->add_option("--station", arguments->station,
                   "Where the total station stood: x y z in the survey's frame [m]")
       ->expected(3);
+  app->add_option("--distance-error", arguments->distance_error,
+                  "Sigmas of what all the station's distances share: offset [m] and scale [1], as "
+                  "1e-3 1.5e-6 for 1 mm + 1.5 ppm; wants the station's place")
+      ->expected(2)
+      ->check(CLI::NonNegativeNumber);
+  app->add_option("--zenith-error", arguments->zenith_error,
+                  "Sigma of its vertical circle's index [rad]")
+      ->check(CLI::PositiveNumber);
   app->add_option("--layout", arguments->layout,
                   "Where the cameras were meant to stand [lab TOML]: tells a left-handed survey");
   app->add_option("--folds", arguments->options.folds,

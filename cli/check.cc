@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "calib/observations.h"
+#include "cli/check_page.h"
 #include "cli/verb.h"
 #include "data/rig.h"
 #include "data/survey.h"
@@ -24,7 +25,7 @@ namespace {
 using nlohmann::ordered_json;
 
 struct Arguments {
-  std::string rig, input;
+  std::string rig, input, report;
   calib::Bar bar;
 };
 
@@ -72,7 +73,10 @@ std::string Cell(double value, double scale, const char* format) {
 }
 
 int RunCheck(const Common& common, const Arguments& arguments) {
+  data::Provenance provenance = StartProvenance(common);
   const data::Rig rig = data::ReadRig(arguments.rig);
+  provenance.AddInput(arguments.rig);
+  provenance.AddInput(arguments.input);
   calib::CheckResult result;
   const bool bar = arguments.bar.length > 0.0;
   if (bar) {
@@ -119,6 +123,9 @@ int RunCheck(const Common& common, const Arguments& arguments) {
   for (const std::string& reason : result.reasons) text += "  - " + reason + "\n";
   text += "\n" + AlignedTable(points);
   if (!result.cameras.empty()) text += "\n" + AlignedTable(cameras);
+  if (!arguments.report.empty()) {
+    WriteCheckPage(arguments.report, arguments.input, rig, result, bar, provenance);
+  }
   Finish(common, summary, text);
   return result.chance >= calib::kDoubtful ? kExitGood : kExitNotUsable;
 }
@@ -144,6 +151,8 @@ Verb AddCheck(CLI::App& program, Common& common) {
   app->add_option("--bar-sigma", arguments->bar.sigma, "Standard deviation of that length [m]")
       ->check(CLI::NonNegativeNumber)
       ->needs(length);
+  app->add_option("--report", arguments->report,
+                  "A page: verdict, cameras along the sensor, points or lengths [HTML]");
   return {app, [&common, arguments] { return RunCheck(common, *arguments); }};
 }
 

@@ -13,10 +13,12 @@
 #include "data/raw_layout.h"
 #include "data/run.h"
 #include "data/survey.h"
+#include "data/survey_points.h"
 #include "data/tracks.h"
 #include "data/tracks_exchange.h"
 #include "data/trial.h"
 #include "measure/raw_lines.h"
+#include "measure/raw_survey.h"
 #include "measure/survey_readings.h"
 
 namespace unfurl::cli {
@@ -53,37 +55,64 @@ void RunToCsv(const std::string& in, const std::string& out) {
   file.Commit();
 }
 
-// Raw lines, described by a person, into a trial. Returns the number of lines.
-std::size_t RawToTrial(const Common& common, const std::string& in, const std::string& out) {
-  constexpr std::size_t kBlock = 256;  // lines held at once
-  const data::RawLayout layout = data::ReadRawLayout(in);
+// The files of a description, by their hashes.
+data::Provenance ProvenanceOf(const Common& common, const data::RawLayout& layout) {
   data::Provenance provenance = StartProvenance(common);
-  provenance.AddInput(in);
+  provenance.AddInput(layout.path);
   for (const data::RawLayout::Files& files : layout.files) {
     for (const auto* list : {&files.lines, &files.flat, &files.flat_dark}) {
       for (const std::string& file : *list) provenance.AddInput(file);
     }
   }
-  if (!layout.stamps.empty()) provenance.AddInput(layout.stamps);
+  for (const auto* file : {&layout.stamps, &layout.survey.points, &layout.survey.ids}) {
+    if (!file->empty()) provenance.AddInput(*file);
+  }
+  return provenance;
+}
+
+// Raw lines, described by a person, into a trial.
+void RawToTrial(const Common& common, const data::RawLayout& layout, const std::string& out) {
+  constexpr std::size_t kBlock = 256;  // lines held at once
+  const data::Provenance provenance = ProvenanceOf(common, layout);
   Progress progress("convert", !common.quiet && !common.json);
   measure::RawLines lines(layout);
   data::TrialWriter trial(out, lines.header(), provenance);
   data::TrialBlock block;
-  std::size_t count = 0;
   while (lines.Read(kBlock, &block)) {
     trial.Append(block);
-    count += block.size();
     progress.Update(lines.done());
   }
   trial.Commit();
-  return count;
+}
+
+// The same of a survey's points, into readings.
+std::vector<std::string> RawToSurvey(const Common& common, const data::RawLayout& layout,
+                                     const std::string& out) {
+  const data::CsvTable table = data::CsvTable::Load(layout.survey.points);
+  data::Survey survey;
+  if (!data::ReadSurveyPoints(table, &survey)) {
+    throw Error("states no uncertainty of its points", layout.survey.points,
+                "add columns 'sx [m]', 'sy [m]' and 'sz [m]'");
+  }
+  const data::Provenance provenance = ProvenanceOf(common, layout);
+  Progress progress("convert", !common.quiet && !common.json);
+  const data::ReadingTable readings =
+      measure::ReadRawSurvey(layout, survey.id, [&](double done) { progress.Update(done); });
+  data::JoinReadings(readings, layout.path, &survey);
+  Eigen::Index unseen = 0;
+  for (Eigen::Index i = 0; i < survey.u_px.rows(); ++i) {
+    unseen += survey.u_px.row(i).array().isNaN().all() ? 1 : 0;
+  }
+  if (unseen > 0) survey.notes.push_back(fmt::format("{} points are seen by no camera", unseen));
+  data::WriteSurvey(out, survey, provenance);
+  return survey.notes;
 }
 
 [[noreturn]] void Refuse(const std::string& what, const std::string& out) {
   throw Error(
       fmt::format("{} cannot become '{}'", what, Ending(out)), out,
       "runs become .csv; surveys go between .h5 and .csv; tracks between .h5, .csv, .c3d and "
-      ".uff; a description of raw lines (.toml) becomes a trial (.h5)");
+      ".uff; a description of raw lines (.toml) becomes a trial or a survey (.h5)");
 }
 
 bool IsUff(const std::string& path) {
@@ -118,10 +147,15 @@ void WriteTracksAs(const std::string& out, const data::Tracks& tracks,
 }
 
 std::string ConvertFile(const Common& common, const std::string& in, const std::string& out,
-                        double sigma) {
+                        double sigma, std::vector<std::string>* notes) {
   if (Ending(in) == ".toml") {
     if (Ending(out) != ".h5") Refuse("a description of raw lines", out);
-    RawToTrial(common, in, out);
+    const data::RawLayout layout = data::ReadRawLayout(in);
+    if (!layout.survey.points.empty()) {
+      *notes = RawToSurvey(common, layout, out);
+      return data::kSurveySchema;
+    }
+    RawToTrial(common, layout, out);
     return data::kTrialSchema;
   }
   data::Provenance provenance = StartProvenance(common);
@@ -163,11 +197,13 @@ std::string ConvertFile(const Common& common, const std::string& in, const std::
 }  // namespace
 
 Verb AddConvert(CLI::App& program, Common& common) {
-  CLI::App* app = DeclareVerb(program, common, "convert",
-                              "A run, tracks or survey in another format; raw lines into a trial",
-                              "unfurl convert tracks.h5 tracks.c3d\n"
-                              "  unfurl convert lines.toml trial.h5     (raw lines of a frame "
-                              "grabber, described in TOML)");
+  CLI::App* app =
+      DeclareVerb(program, common, "convert",
+                  "A run, tracks or survey in another format; raw lines into a trial or "
+                  "a survey",
+                  "unfurl convert tracks.h5 tracks.c3d\n"
+                  "  unfurl convert lines.toml trial.h5     (raw lines of a frame "
+                  "grabber, described in TOML)");
   struct Arguments {
     std::string in, out;
     double sigma = 0.0;
@@ -182,10 +218,15 @@ Verb AddConvert(CLI::App& program, Common& common) {
   app->add_option("--sigma", arguments->sigma,
                   "Of one axis of a point [m], where a .c3d or .uff tells none");
   return {app, [&common, arguments] {
+            std::vector<std::string> notes;
             const std::string schema =
-                ConvertFile(common, arguments->in, arguments->out, arguments->sigma);
-            Finish(common, {{"in", arguments->in}, {"out", arguments->out}, {"schema", schema}},
-                   fmt::format("{} -> {}  ({})", arguments->in, arguments->out, schema));
+                ConvertFile(common, arguments->in, arguments->out, arguments->sigma, &notes);
+            nlohmann::ordered_json summary = {
+                {"in", arguments->in}, {"out", arguments->out}, {"schema", schema}};
+            std::string text = fmt::format("{} -> {}  ({})", arguments->in, arguments->out, schema);
+            if (!notes.empty()) summary["notes"] = notes;
+            for (const std::string& note : notes) text += "\n  - " + note;
+            Finish(common, summary, text);
             return kExitGood;
           }};
 }

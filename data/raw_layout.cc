@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <optional>
 
 #include "base/error.h"
 #include "base/text.h"
@@ -51,6 +52,16 @@ std::vector<std::string> FilesOf(const TomlTable& table, const char* key, const 
   return names;
 }
 
+// A file named by a key, relative to the description.
+std::string FileOf(const TomlTable& table, const char* key, const fs::path& folder) {
+  const std::string name = table.String(key);
+  const fs::path path = fs::path(name).is_absolute() ? fs::path(name) : folder / name;
+  if (!fs::is_regular_file(path)) {
+    table.Fail(key, fmt::format("there is no file '{}'", path.string()), "check the name");
+  }
+  return path.string();
+}
+
 RawLayout::Files ReadFiles(const TomlTable& table, const fs::path& folder) {
   RawLayout::Files files{.where = table.Where("files"), .lines = FilesOf(table, "files", folder)};
   if (table.Has("flat") != table.Has("flat_dark")) {
@@ -77,7 +88,7 @@ void ReadSensor(const TomlTable& t, LineFormat* f) {
   f->read_noise_counts = t.Number("read_noise_counts", kNonNegative);
 }
 
-void ReadSchedule(const TomlTable& t, RawLayout* layout) {
+void ReadSchedule(const TomlTable& t, bool survey, RawLayout* layout) {
   const std::vector<std::string> slots = t.Strings("slots");
   std::vector<std::string>& known = layout->header.slots;
   for (const std::string& slot : slots) {
@@ -92,8 +103,28 @@ void ReadSchedule(const TomlTable& t, RawLayout* layout) {
   }
   layout->first_slot =
       static_cast<std::size_t>(t.IntegerOr("first_slot", 0, 0, static_cast<int>(slots.size()) - 1));
-  layout->header.line_rate = t.Number("line_rate", kPositive);
+  // Of a survey nothing depends on it.
+  layout->header.line_rate =
+      survey ? t.NumberOr("line_rate", 1.0, kPositive) : t.Number("line_rate", kPositive);
   layout->start = t.NumberOr("start", 0.5 / layout->header.line_rate);
+}
+
+void ReadSurveyTable(const TomlTable& t, const TomlTable& recording, const fs::path& folder,
+                     RawLayout* layout) {
+  layout->survey.points = FileOf(t, "points", folder);
+  if (t.Has("ids") == t.Has("lines_each")) {
+    t.Fail(t.Has("ids") ? "ids" : "points", "which line shows which point must be told in one way",
+           "give `lines_each`, or `ids`, a CSV with a row a line");
+  }
+  if (t.Has("ids")) {
+    layout->survey.ids = FileOf(t, "ids", folder);
+  } else {
+    layout->survey.lines_each = t.Integer("lines_each", 2, 1 << 20);
+  }
+  if (layout->header.slots.size() != 2) {
+    recording.Fail("slots", "a survey lights one LED",
+                   R"(give "dark" and one other name, in their turn)");
+  }
 }
 
 void ReadBinary(const TomlTable& t, RawLayout* layout) {
@@ -125,15 +156,15 @@ RawLayout ReadRawLayout(const std::string& path) {
   layout.format = format == "binary" ? RawLayout::Format::kBinary
                   : format == "csv"  ? RawLayout::Format::kCsv
                                      : RawLayout::Format::kPng;
-  ReadSchedule(recording, &layout);
+  const std::optional<TomlTable> survey = root.TableOrNone("survey");
+  ReadSchedule(recording, survey.has_value(), &layout);
+  if (survey) ReadSurveyTable(*survey, recording, folder, &layout);
   if (recording.Has("stamps")) {
-    const std::string name = recording.String("stamps");
-    const fs::path stamps = fs::path(name).is_absolute() ? fs::path(name) : folder / name;
-    if (!fs::is_regular_file(stamps)) {
-      recording.Fail("stamps", fmt::format("there is no file '{}'", stamps.string()),
-                     "check the name");
+    if (survey) {
+      recording.Fail("stamps", "the lines of a survey need no stamps",
+                     "leave it out; which line is of which point is told by survey.ids");
     }
-    layout.stamps = stamps.string();
+    layout.stamps = FileOf(recording, "stamps", folder);
   }
   if (layout.format == RawLayout::Format::kBinary) ReadBinary(recording, &layout);
 

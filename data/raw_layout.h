@@ -8,7 +8,8 @@
 namespace unfurl::data {
 
 // How raw lines of a frame grabber lie in files, as a person describes it in TOML (docs/formats.md
-// lists the keys): what becomes a trial by `unfurl convert LAYOUT.toml TRIAL.h5`.
+// lists the keys): what becomes a trial by `unfurl convert LAYOUT.toml TRIAL.h5`, or, with a table
+// [survey], a survey.
 struct RawLayout {
   enum class Format { kBinary, kCsv, kPng };
 
@@ -19,6 +20,16 @@ struct RawLayout {
   std::size_t first_slot = 0;       // of the first line, in `cycle`
   double start = 0.0;               // stamp of the first line [s]
   std::string stamps;  // CSV of stamps (and slots), one row a line; empty: from the rate
+
+  // Of a survey: its points [CSV], and which line shows which: as many lines for each, in the
+  // points' order and the slots' turn beginning anew with each; or a CSV with a row a line, `id`
+  // and, where the turn was not kept, `slot`.
+  struct Survey {
+    std::string points;  // empty: this is a trial
+    std::string ids;     // empty: lines_each
+    int lines_each = 0;
+  };
+  Survey survey;
 
   // One for each camera, or a single one whose lines hold all cameras side by side.
   struct Files {

@@ -16,39 +16,21 @@ namespace {
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr double kNotable = 1.2;  // a widening of sigmas that is worth a word
 
-struct One {
-  double u = 0.0, s = 0.0;
-};
-
-// Repeats of each (point, camera), in order of appearance.
-struct Collected {
-  std::vector<std::string> id, cameras;
-  std::map<std::pair<std::size_t, std::size_t>, std::vector<One>> readings;
-
-  std::size_t Index(std::vector<std::string>* names, const std::string& name) {
-    const auto found = std::find(names->begin(), names->end(), name);
-    if (found != names->end()) return static_cast<std::size_t>(found - names->begin());
-    names->push_back(name);
-    return names->size() - 1;
-  }
-};
-
 void Add(const CsvTable& table, std::size_t row, int u_column, int s_column, std::size_t point,
-         std::size_t camera, Collected* out) {
+         std::size_t camera, ReadingRepeats* out) {
   const CellReading cell = ReadReading(table, row, u_column, s_column);
-  if (std::isnan(cell.u_px)) return;
-  out->readings[{point, camera}].push_back({cell.u_px, cell.s_px});
+  if (!std::isnan(cell.u_px)) out->Add(point, camera, cell.u_px, cell.s_px);
 }
 
-Collected Collect(const CsvTable& table) {
-  Collected out;
+ReadingRepeats Collect(const CsvTable& table) {
+  ReadingRepeats out;
   const int id = table.Require("id", "");
   if (table.Find("camera") >= 0) {
     const int camera = table.Require("camera", "");
     const int u = table.Require("u", "px"), s = table.Require("s", "px");
     for (std::size_t row = 0; row < table.rows(); ++row) {
-      const std::size_t point = out.Index(&out.id, table.Text(row, id));
-      Add(table, row, u, s, point, out.Index(&out.cameras, table.Text(row, camera)), &out);
+      const std::size_t point = out.Point(table.Text(row, id));
+      Add(table, row, u, s, point, out.Camera(table.Text(row, camera)), &out);
     }
     return out;
   }
@@ -58,9 +40,9 @@ Collected Collect(const CsvTable& table) {
                 "add columns 'u1 [px]', 's1 [px]', ..., or 'camera', 'u [px]', 's [px]'");
   }
   NameCameras(table, &columns);
-  out.cameras = columns.cameras;
+  for (const std::string& name : columns.cameras) out.Camera(name);
   for (std::size_t row = 0; row < table.rows(); ++row) {
-    const std::size_t point = out.Index(&out.id, table.Text(row, id));
+    const std::size_t point = out.Point(table.Text(row, id));
     for (std::size_t c = 0; c < columns.u.size(); ++c) {
       Add(table, row, columns.u[c], columns.s[c], point, c, &out);
     }
@@ -107,34 +89,47 @@ CellReading ReadReading(const CsvTable& table, std::size_t row, int u_column, in
   return cell;
 }
 
+std::size_t ReadingRepeats::Index(std::vector<std::string>* names, const std::string& name) {
+  const auto found = std::find(names->begin(), names->end(), name);
+  if (found != names->end()) return static_cast<std::size_t>(found - names->begin());
+  names->push_back(name);
+  return names->size() - 1;
+}
+
+void ReadingRepeats::Add(std::size_t point, std::size_t camera, double u_px, double s_px) {
+  readings_[{point, camera}].push_back({u_px, s_px});
+}
+
 ReadingTable ReadReadingsCsv(const std::string& path) {
-  const CsvTable table = CsvTable::Load(path);
-  const Collected all = Collect(table);
+  return Collect(CsvTable::Load(path)).Average();
+}
+
+ReadingTable ReadingRepeats::Average() const {
   ReadingTable out;
-  out.id = all.id;
-  out.cameras = all.cameras;
-  const auto n = static_cast<Eigen::Index>(all.id.size());
-  const auto c = static_cast<Eigen::Index>(all.cameras.size());
+  out.id = id_;
+  out.cameras = cameras_;
+  const auto n = static_cast<Eigen::Index>(id_.size());
+  const auto c = static_cast<Eigen::Index>(cameras_.size());
   out.u_px.setConstant(n, c, kNone);
   out.s_px.setConstant(n, c, kNone);
-  std::vector<double> squares(all.cameras.size(), 0.0), spare(all.cameras.size(), 0.0);
-  for (const auto& [where, ones] : all.readings) {
+  std::vector<double> squares(cameras_.size(), 0.0), spare(cameras_.size(), 0.0);
+  for (const auto& [where, ones] : readings_) {
     double weight = 0.0, sum = 0.0;
-    for (const One& one : ones) {
-      weight += 1.0 / (one.s * one.s);
-      sum += one.u / (one.s * one.s);
+    for (const CellReading& one : ones) {
+      weight += 1.0 / (one.s_px * one.s_px);
+      sum += one.u_px / (one.s_px * one.s_px);
     }
     const double mean = sum / weight;
     out.u_px(static_cast<Eigen::Index>(where.first), static_cast<Eigen::Index>(where.second)) =
         mean;
     out.s_px(static_cast<Eigen::Index>(where.first), static_cast<Eigen::Index>(where.second)) =
         1.0 / std::sqrt(weight);
-    for (const One& one : ones) {
-      squares[where.second] += (one.u - mean) * (one.u - mean) / (one.s * one.s);
+    for (const CellReading& one : ones) {
+      squares[where.second] += (one.u_px - mean) * (one.u_px - mean) / (one.s_px * one.s_px);
     }
     spare[where.second] += static_cast<double>(ones.size()) - 1.0;
   }
-  for (std::size_t k = 0; k < all.cameras.size(); ++k) {
+  for (std::size_t k = 0; k < cameras_.size(); ++k) {
     if (!(spare[k] > 0.0)) continue;
     const double factor = std::sqrt(squares[k] / spare[k]);
     // Widened only beyond what chance gives a factor from so few repeats (two of its sigmas).
@@ -143,7 +138,7 @@ ReadingTable ReadReadingsCsv(const std::string& path) {
     if (factor > kNotable) {
       out.notes.push_back(
           fmt::format("camera {}: repeats scatter {:.2f} times their sigmas, which were widened",
-                      all.cameras[k], factor));
+                      cameras_[k], factor));
     }
   }
   return out;

@@ -90,6 +90,22 @@ Survey ReadH5(const std::string& path) {
                 "/cov", "mend the point");
     }
   }
+  if (file.Has("/station")) {
+    const std::vector<double> station = file.ReadDoubles("/station", "m");
+    if (station.size() != 3) file.Fail("is not three numbers", "/station", "make the file again");
+    survey.station = Eigen::Vector3d::Map(station.data());
+  }
+  const auto stated = [&](const char* name, const char* unit, double* sigma) {
+    if (!file.Has(name)) return;
+    const std::vector<double> values = file.ReadDoubles(name, unit);
+    if (values.size() != 1 || !std::isfinite(values[0]) || values[0] < 0.0) {
+      file.Fail("is not one number of 0 or more", name, "make the file again");
+    }
+    *sigma = values[0];
+  };
+  stated("/station_errors/distance_offset", "m", &survey.station_errors.distance_offset);
+  stated("/station_errors/distance_scale", "1", &survey.station_errors.distance_scale);
+  stated("/station_errors/zenith", "rad", &survey.station_errors.zenith);
   if (file.Has("/u")) {
     check("/u", {n, cameras});
     check("/s", {n, cameras});
@@ -131,6 +147,19 @@ void WriteSurvey(const std::string& path, const Survey& survey, const Provenance
   file.Write({"/cameras", "1", "cameras' names"}, survey.cameras);
   file.Write({"/p", "m", "x, y, z in the station's frame"}, survey.p.transpose());
   file.Write({"/cov", "m^2", "covariance: xx, xy, xz, yy, yz, zz"}, survey.cov.transpose());
+  if (survey.station.allFinite()) {
+    file.Write({"/station", "m", "where the total station stood"},
+               std::vector<double>(survey.station.data(), survey.station.data() + 3));
+  }
+  const auto stated = [&](const char* name, const char* unit, const char* what, double sigma) {
+    if (sigma > 0.0) file.Write({name, unit, what}, std::vector<double>{sigma});
+  };
+  const StationErrors& errors = survey.station_errors;
+  stated("/station_errors/distance_offset", "m", "sigma, common to all points",
+         errors.distance_offset);
+  stated("/station_errors/distance_scale", "1", "sigma, common to all points",
+         errors.distance_scale);
+  stated("/station_errors/zenith", "rad", "sigma of the vertical circle's index", errors.zenith);
   if (survey.u_px.size() > 0) {
     file.Write({"/u", "px", "readings, point x camera; NaN: not seen"}, survey.u_px);
     file.Write({"/s", "px", "their standard deviations"}, survey.s_px);
@@ -165,6 +194,16 @@ void WriteSurveyCsv(const std::string& path, const Survey& survey) {
   }
   CsvWriter writer(std::move(columns));
   writer.Comment(fmt::format("cameras: {}", fmt::join(survey.cameras, ", ")));
+  if (survey.station.allFinite()) {
+    writer.Comment(fmt::format("station: {}, {}, {}", survey.station.x(), survey.station.y(),
+                               survey.station.z()));
+  }
+  const StationErrors& errors = survey.station_errors;
+  if (errors.distance_offset > 0.0 || errors.distance_scale > 0.0) {
+    writer.Comment(
+        fmt::format("distance error: {}, {}", errors.distance_offset, errors.distance_scale));
+  }
+  if (errors.zenith > 0.0) writer.Comment(fmt::format("zenith error: {}", errors.zenith));
   const auto cell = [](double v) { return std::isnan(v) ? std::string() : fmt::format("{}", v); };
   for (Eigen::Index i = 0; i < survey.p.cols(); ++i) {
     std::vector<std::string> cells = {survey.id[static_cast<std::size_t>(i)]};

@@ -11,6 +11,14 @@
 
 namespace unfurl::data {
 
+// Standard deviations of what one station does to all of its points alike, by its data sheet or
+// calibration; 0: none, or it is in the points' own sigmas.
+struct StationErrors {
+  double distance_offset = 0.0;  // also of the prism's constant [m]
+  double distance_scale = 0.0;   // [1]; 1.5e-6 is 1.5 ppm
+  double zenith = 0.0;           // index error of the vertical circle [rad]
+};
+
 // Points that a total station measured while each camera saw the LED that stood there: n points,
 // c cameras. Readings come as numbers, or as raw lines from which `calibrate` finds them.
 struct Survey {
@@ -18,8 +26,9 @@ struct Survey {
   Eigen::Matrix3Xd p;                            // 3 x n, in the station's frame W [m]
   Eigen::Matrix<double, 6, Eigen::Dynamic> cov;  // xx, xy, xz, yy, yz, zz by n [m^2]
   std::vector<std::string> cameras;              // c names
-  // Where the total station stood, in W [m]; NaN: not said. Not stored.
+  // Where the total station stood, in W [m]; NaN: not said.
   Eigen::Vector3d station = Eigen::Vector3d::Constant(NAN);
+  StationErrors station_errors;
   std::vector<std::string> notes;  // what was made of the file, for the user. Not stored
 
   Eigen::MatrixXd u_px;  // n x c readings [px]; NaN: not seen. Empty (0 x 0) where there are lines

@@ -77,6 +77,25 @@ bool Note(const CsvTable& table, const std::string& name, std::size_t count,
   return false;
 }
 
+void ReadStationErrors(const CsvTable& table, Survey* survey) {
+  std::vector<double> values;
+  const auto read = [&](const char* name, std::size_t count) {
+    if (!Note(table, name, count, &values)) return false;
+    for (const double value : values) {
+      if (value < 0.0) {
+        throw Error(fmt::format("a sigma of {} is impossible", value),
+                    fmt::format("{}: # {}", table.path(), name), "give standard deviations");
+      }
+    }
+    return true;
+  };
+  if (read("distance error", 2)) {
+    survey->station_errors.distance_offset = values[0];
+    survey->station_errors.distance_scale = values[1];
+  }
+  if (read("zenith error", 1)) survey->station_errors.zenith = values[0];
+}
+
 // A covariance that no instrument states: not positive.
 bool Possible(const Eigen::Matrix3d& c) {
   return c(0, 0) > 0.0 && c.topLeftCorner<2, 2>().determinant() > 0.0 && c.determinant() > 0.0;
@@ -209,6 +228,7 @@ bool ReadSurveyPoints(const CsvTable& table, Survey* survey) {
   if (Note(table, "station", 3, &values)) {
     survey->station = Eigen::Vector3d(values[0], values[1], values[2]);
   }
+  ReadStationErrors(table, survey);
   double prism_offset = 0.0;
   if (Note(table, "prism offset", 1, &values)) prism_offset = values[0];
 

@@ -1,7 +1,9 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "data/csv.h"
@@ -16,7 +18,8 @@ namespace unfurl::data {
 // direction clockwise from north, the angle from the zenith and the slope distance. If both
 // coordinates and angles are there, the angles tell whether the coordinates are left-handed.
 // Comments give `station: E, N, H [m]`, `prism offset: d [m]` (added to each distance),
-// `led offset: dE, dN, dH [m]` (from prism centre to LED).
+// `led offset: dE, dN, dH [m]` (from prism centre to LED); `distance error: OFFSET [m], SCALE` and
+// `zenith error: SIGMA [rad]`, the sigmas of what all points share (StationErrors).
 // Fills id, p, cov, station and notes. False when no uncertainty is stated.
 bool ReadSurveyPoints(const CsvTable& table, Survey* survey);
 
@@ -58,6 +61,23 @@ struct ReadingTable {
   std::vector<std::string> id, cameras;
   Eigen::MatrixXd u_px, s_px;  // id x camera; NaN: not seen
   std::vector<std::string> notes;
+};
+// Repeats of readings by point and camera, in any order.
+class ReadingRepeats {
+ public:
+  // Numbers of a point and of a camera, by order of appearance.
+  std::size_t Point(const std::string& id) { return Index(&id_, id); }
+  std::size_t Camera(const std::string& name) { return Index(&cameras_, name); }
+  void Add(std::size_t point, std::size_t camera, double u_px, double s_px);
+  // Their weighted means; where a camera's repeats scatter more than their sigmas say, and beyond
+  // chance, its sigmas are widened to that.
+  ReadingTable Average() const;
+
+ private:
+  static std::size_t Index(std::vector<std::string>* names, const std::string& name);
+
+  std::vector<std::string> id_, cameras_;
+  std::map<std::pair<std::size_t, std::size_t>, std::vector<CellReading>> readings_;
 };
 // A CSV with `id` and either `u1 [px]`, `s1 [px]`, ... or `camera`, `u [px]`, `s [px]`. An id that
 // comes again is a repeat: repeats are averaged, and where a camera's scatter more than their

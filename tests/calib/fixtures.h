@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -65,6 +66,20 @@ inline Study MakeStudy(std::uint64_t seed, int points = 200, const RigOptions& o
   study.points = PointsInCube(points, 1.1, rng.Stream("points"));
   study.data = Observe(study.truth, study.points, 3e-4, 0.05, rng.Stream("noise"));
   return study;
+}
+
+// What could be found of gross errors with the true cameras and sigmas, which nobody has.
+inline Weighting BestGross(const Study& study) {
+  Weighting best = EqualWeighting(study.data, 0.0);
+  BundleState truth{study.truth, study.data.p};
+  GrossOptions options;
+  for (int round = 0; round < 5; ++round) {
+    const GrossChoice choice = ChooseGross(study.data, options, &best, &truth);
+    options.reading_share =
+        std::clamp(choice.reading_share, options.least_share, options.most_share);
+    options.survey_share = std::clamp(choice.survey_share, options.least_share, options.most_share);
+  }
+  return best;
 }
 
 inline Eigen::Matrix3Xd CheckPoints(std::uint64_t seed, int n = 200) {

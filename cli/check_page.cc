@@ -1,0 +1,149 @@
+#include "cli/check_page.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "report/page.h"
+
+namespace unfurl::cli {
+
+namespace {
+
+using calib::CheckResult;
+using report::Level;
+
+constexpr int kSlabs = 3;  // of the volume's height
+
+Level LevelOf(double chance) {
+  if (chance >= calib::kPerhaps) return Level::kGood;
+  return chance >= calib::kDoubtful ? Level::kCare : Level::kBad;
+}
+
+std::string Cell(double value, double scale, int decimals) {
+  return std::isfinite(value) ? fmt::format("{:.{}f}", scale * value, decimals) : "-";
+}
+
+void AddHead(const CheckResult& result, bool bar, report::Page* page) {
+  const Level level = LevelOf(result.chance);
+  page->AddWords(result.verdict == "doubtful" ? Level::kCare : level,
+                 "The calibration is " + result.verdict, result.reasons);
+  const auto found = std::count_if(result.points.begin(), result.points.end(),
+                                   [](const auto& point) { return std::isfinite(point.error); });
+  page->AddFigures(
+      {{"chance of so large a misfit", fmt::format("{:.2g}", result.chance),
+        fmt::format("were the calibration valid; doubtful below {:g}, no longer valid below {:g}",
+                    calib::kPerhaps, calib::kDoubtful),
+        level},
+       {bar ? "lengths from the bar's" : "points from the survey", Cell(result.rms, 1e3, 3) + " mm",
+        "RMS; predicted " + Cell(result.rms_predicted, 1e3, 3) + " mm, of rig, readings and " +
+            (bar ? "the bar" : "survey")},
+       {bar ? "placements seen whole" : "points found", fmt::format("{}", found),
+        fmt::format("of {}", result.points.size())}});
+}
+
+void AddCameras(const CheckResult& result, report::Page* page) {
+  if (result.cameras.empty()) return;
+  report::Table table;
+  table.title = "Cameras";
+  table.note =
+      "A camera that has moved misses by more than predicted, and without it the rest has a fair "
+      "chance.";
+  table.header = {"camera", "readings", "off by, RMS [px]", "predicted [px]", "chance without it"};
+  for (const calib::CheckedCamera& camera : result.cameras) {
+    table.rows.push_back({camera.name, std::to_string(camera.readings),
+                          fmt::format("{:.3f}", camera.rms_px),
+                          fmt::format("{:.3f}", camera.rms_predicted_px),
+                          fmt::format("{:.2g}", camera.chance_without)});
+  }
+  page->AddTable(table);
+  report::Chart chart;
+  chart.title = "Readings along the sensor";
+  chart.note =
+      "Reading less what rig and surveyed place predict, over its sigma. A camera that turned "
+      "shows "
+      "as many sigmas all along its row; readings of one point share its survey's error.";
+  chart.x = {"reading", "px"};
+  chart.y = {"misfit over its sigma", "1"};
+  for (std::size_t c = 0; c < result.cameras.size(); ++c) {
+    std::vector<std::pair<double, double>> dots;
+    for (const calib::CheckedReading& r : result.readings) {
+      if (r.camera == static_cast<int>(c)) dots.push_back({r.u_px, r.misfit_px / r.predicted_px});
+    }
+    std::sort(dots.begin(), dots.end());
+    report::Series series;
+    series.name = result.cameras[c].name;
+    series.style = report::Style::kDots;
+    for (const auto& [u, misfit] : dots) {
+      series.x.push_back(u);
+      series.y.push_back(misfit);
+    }
+    chart.series.push_back(std::move(series));
+  }
+  page->AddChart(chart);
+}
+
+// Where the points were found, by height, coloured by how many of its sigmas each is off.
+void AddPlaces(const data::Rig& rig, const CheckResult& result, bool bar, report::Page* page) {
+  report::Map map;
+  map.title = bar ? "Placements of the bar" : "Points";
+  map.note = std::string("Where ") + (bar ? "the bar's middle was" : "each was") +
+             " found; the colour is how far it is off, over its sigma.";
+  map.x = {"x", "m"};
+  map.y = {"y", "m"};
+  map.value = {"off by, over its sigma", "1"};
+  const Eigen::Vector3d margin = 0.05 * (rig.volume_high - rig.volume_low);
+  const Eigen::Vector3d low = rig.volume_low - margin, high = rig.volume_high + margin;
+  map.x_low = low.x();
+  map.x_high = high.x();
+  map.y_low = low.y();
+  map.y_high = high.y();
+  map.low = 0.0;
+  const double step = (high.z() - low.z()) / kSlabs;
+  for (int slab = 0; slab < kSlabs; ++slab) {
+    map.panes.push_back({fmt::format("z from {:.2f} to {:.2f} m", low.z() + step * slab,
+                                     low.z() + step * (slab + 1)),
+                         {},
+                         {}});
+  }
+  for (const calib::CheckedPoint& point : result.points) {
+    if (!point.at.allFinite()) continue;
+    const int slab = std::clamp(static_cast<int>((point.at.z() - low.z()) / step), 0, kSlabs - 1);
+    const double sigmas = std::abs(point.error) / point.predicted;
+    map.panes[static_cast<std::size_t>(slab)].dots.push_back(
+        {point.at.x(), point.at.y(), sigmas,
+         fmt::format("{}: {:.3f} mm, {:.1f} sigmas", point.id, 1e3 * point.error, sigmas), true});
+  }
+  page->AddMap(map);
+}
+
+void AddPoints(const CheckResult& result, bool bar, report::Page* page) {
+  report::Table table;
+  table.title = bar ? "Lengths" : "Points";
+  table.header = {bar ? "bar" : "point", "x [m]",         "y [m]", "z [m]",
+                  "off by [mm]",         "predicted [mm]"};
+  if (!bar) table.header.push_back("chance without it");
+  for (const calib::CheckedPoint& point : result.points) {
+    table.rows.push_back({point.id, Cell(point.at.x(), 1.0, 3), Cell(point.at.y(), 1.0, 3),
+                          Cell(point.at.z(), 1.0, 3), Cell(point.error, 1e3, 3),
+                          Cell(point.predicted, 1e3, 3)});
+    if (!bar) table.rows.back().push_back(fmt::format("{:.2g}", point.chance_without));
+  }
+  page->AddTable(table);
+}
+
+}  // namespace
+
+void WriteCheckPage(const std::string& path, const std::string& input, const data::Rig& rig,
+                    const CheckResult& result, bool bar, const data::Provenance& provenance) {
+  report::Page page("Check of a calibration", input);
+  AddHead(result, bar, &page);
+  AddCameras(result, &page);
+  AddPlaces(rig, result, bar, &page);
+  AddPoints(result, bar, &page);
+  page.AddOrigin(provenance);
+  page.Write(path);
+}
+
+}  // namespace unfurl::cli
