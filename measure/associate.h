@@ -21,10 +21,16 @@ struct AssociateOptions {
   double miss = 0.02;      // chance that a camera does not show a mark that is there [-]
   double clutter = 0.05;   // spots of no mark, expected per camera and line [-]
   double row_px = 2160.0;  // over which they are spread [px]
+  // While one mark is lit, a camera's spots that are not taken stand for a wrong reading of it. Of
+  // its error any order of magnitude is as likely, from so many sigmas of the reading to the row.
+  double displaced_sigmas = 5.0;
   // Two marks that are expected as near as this in a camera make one spot there [px]: three widths
   // of a spot of 4 px.
   double merge_px = 12.0;
-  double certainty = 0.99;  // below this chance of being right, a point counts as ambiguous [-]
+  // Below this chance of being right, a point counts as ambiguous [-]; also where the places that
+  // it may have instead would add more than `spread` to its variance [-].
+  double certainty = 0.99;
+  double spread = 0.1;
   // Expected places are matched within this many sigmas [-].
   double gate_sigmas = 5.0;
 };
@@ -40,9 +46,11 @@ struct Association {
 // more, one from each of as many cameras, is a possible point; the residual test strikes out those
 // of four that do not meet. What remains is weighed by
 //   log integral of (where the mark is expected) x (its readings' densities) dp,
-// cameras without a reading by the chance of missing it, spots that no mark claims as clutter; the
-// best set of points that share no spot wins, and each point's certainty is its share of the weight
-// of all sets. Nothing is decided that is less certain than `certainty`.
+// cameras without a reading by the chance of missing it, spots that no mark claims as clutter. Of a
+// mark that is expected somewhere, one or two readings may be right alone: no point comes of them,
+// but their weight counts against the points of three that hold a wrong one. The best set of points
+// that share no spot wins, and each point's certainty is its share of the weight of all sets.
+// Nothing is decided that is less certain than `certainty`.
 class Associator {
  public:
   static constexpr std::size_t kMostCandidates = 8;  // per camera; more are not looked at
@@ -54,6 +62,8 @@ class Associator {
   struct Mark {
     bool known = false;     // false: it may be anywhere in the volume
     bool followed = false;  // its last samples are fresh
+    bool placed = false;    // followed, or expected to within what one spot covers
+    bool lost = false;      // only points with a reading to spare, four or more, are believed
     // Bit c: in camera c another mark is expected in the same place. `merged[c]` is then what their
     // common spot tells of this one, NaN where there is none; it may serve several marks.
     std::uint32_t hidden = 0;
@@ -70,7 +80,7 @@ class Associator {
 
  private:
   struct Hypothesis {
-    PointSolution point;
+    PointSolution point;   // of three readings or more; else kTooFew, at the likeliest place
     double score = 0.0;    // readings, cameras, clutter [-]
     double weighed = 0.0;  // with the mark's own expectation
     std::array<std::int8_t, CameraBank::kMaxCameras> chosen{};
@@ -93,6 +103,9 @@ class Associator {
               std::vector<Hypothesis>* out);
   void Push(const PointSolution& point, std::span<const double> miss,
             std::vector<Hypothesis>* out) const;
+  void PushFew(std::span<const double> miss, std::vector<Hypothesis>* out) const;
+  double Unclaimed(const Eigen::Vector3d& p, std::uint32_t claimed,
+                   std::span<const double> miss) const;
   void Search(std::span<const Mark> marks, std::size_t depth, double score);
   void Conclude(std::span<const Mark> marks, std::vector<Association>* out) const;
 
@@ -101,12 +114,20 @@ class Associator {
   double log_volume_;
   // Of the line in hand, kept so that nothing is allocated once they have grown.
   std::vector<double> u_, s_;
+  std::span<const std::span<const Candidate>> lone_;  // the line's, while one mark is lit
+  struct Seen {
+    double u_px = 0.0;
+    Eigen::RowVector3d du_dp = Eigen::RowVector3d::Zero();
+    bool in_front = false;
+  };
+  std::vector<Seen> seen_;  // camera x way of moving, of the mark at hand
   std::array<std::int8_t, CameraBank::kMaxCameras> chosen_{};
   std::array<std::uint8_t, CameraBank::kMaxCameras>
       near_{};                                  // bit k: candidate k may be the mark's
   const Mark* mark_ = nullptr;                  // whose points are enumerated; null: of anyone
   std::vector<std::vector<Hypothesis>> lists_;  // by mark, best first; index -1 stands for none
   std::vector<double> none_;                    // score of "not seen", by mark
+  std::vector<bool> cut_;                       // there were more than are listed
   std::vector<double> best_rest_;               // of marks from here on
   using Sets = std::array<std::uint8_t, CameraBank::kMaxCameras>;  // of candidates, by camera
   Sets taken_{}, shared_{};  // by one mark alone; by marks that share it

@@ -11,7 +11,9 @@ namespace {
 // Spectral densities of the jerk [m^2/s^5]: over 5 ms they move a mark by 4 um, 40 um, 0.4 mm and
 // 13 mm.
 constexpr std::array<double, Motion::kModels> kJerk = {1e2, 1e4, 1e6, 1e9};
-constexpr double kStay = 0.98;  // from one sample to the next in the same model [-]
+// In the same model from one sample to the next, or over so long a time [-], [s].
+constexpr double kStay = 0.98;
+constexpr double kStep = 0.02;
 // Of a mark of which only one place is known.
 constexpr double kFirstSpeed = 5.0;           // [m/s]
 constexpr double kFirstAcceleration = 500.0;  // [m/s^2]
@@ -35,12 +37,13 @@ Eigen::Vector3d Motion::Start(double t) const {
 
 Motion::Models Motion::Carried(double dt) const {
   Models out;
+  const double stay = dt <= kStep ? kStay : std::pow(kStay, dt / kStep);
   for (int j = 0; j < kModels; ++j) {
     Model& to = out[static_cast<std::size_t>(j)];
     std::array<double, kModels> share;
     to.weight = 0.0;
     for (int i = 0; i < kModels; ++i) {
-      const double chance = i == j ? kStay : (1.0 - kStay) / (kModels - 1);
+      const double chance = i == j ? stay : (1.0 - stay) / (kModels - 1);
       share[static_cast<std::size_t>(i)] = chance * models_[static_cast<std::size_t>(i)].weight;
       to.weight += share[static_cast<std::size_t>(i)];
     }
@@ -104,13 +107,15 @@ void Motion::Add(double t, const Eigen::Vector3d& p, double variance) {
 Motion::Prediction Motion::Predict(double t) const {
   constexpr double kBlind = 1.0;  // [s]; the filters' own forecast is worth something until then
   Prediction out;
+  out.count = kModels;
   if (count_ == 0 || !(t - t_[1] <= kBlind)) {
     const double sigma = count_ == 0
                              ? expected_sigma_ + kFirstSpeed * std::max(t - expected_t_, 0.0)
                              : options_.max_speed * std::max(t - t_[1], 0.0);
-    out.mean.fill(count_ == 0 ? expected_ : p_[1]);
-    out.variance.fill(sigma * sigma);
-    out.weight.fill(1.0 / kModels);
+    out.count = 1;
+    out.mean[0] = count_ == 0 ? expected_ : p_[1];
+    out.variance[0] = sigma * sigma;
+    out.weight[0] = 1.0;
     return out;
   }
   const double dt = std::max(t - t_[1], 0.0);
@@ -123,6 +128,51 @@ Motion::Prediction Motion::Predict(double t) const {
     // A forecast that runs away is worth less than the last place.
     if ((out.mean[j] - p_[1]).norm() > widest) out.mean[j] = p_[1];
   }
+  return out;
+}
+
+Motion::Prediction Motion::Between(double t, const Motion& after) const {
+  constexpr double kForget = 1e-7;  // weight of a pair of ways that is not looked at [-]
+  if (!after.Fresh(-t)) return Predict(t);
+  if (!Fresh(t)) return after.Predict(-t);
+  // Both sides tell position, velocity and acceleration: what they agree on is the product of the
+  // two, pair by pair, weighed by how well the pair agrees.
+  const Models before = Carried(t - t_[1]), behind = after.Carried(-t - after.t_[1]);
+  std::array<double, Prediction::kMost> score;
+  Prediction all;
+  for (const Model& a : before) {
+    for (const Model& b : behind) {
+      const Eigen::Vector3d turned(1.0, -1.0, 1.0);  // time runs backward there
+      const Eigen::Matrix3d Pb = turned.asDiagonal() * b.P * turned.asDiagonal();
+      const Eigen::Matrix3d apart = turned.asDiagonal() * b.x - a.x;
+      const Eigen::Matrix3d S = a.P + Pb;
+      // Scaled, for position and acceleration are decades apart.
+      const Eigen::Vector3d scale = S.diagonal().cwiseSqrt().cwiseInverse();
+      const Eigen::Matrix3d scaled = scale.asDiagonal() * S * scale.asDiagonal();
+      const Eigen::Matrix3d inverse = scale.asDiagonal() * scaled.inverse() * scale.asDiagonal();
+      const Eigen::RowVector3d gain = a.P.row(0) * inverse;
+      const Eigen::RowVector3d kept = Eigen::RowVector3d::UnitX() - gain;
+      all.mean[all.count] = (a.x.row(0) + gain * apart).transpose();
+      all.variance[all.count] = kept * a.P * kept.transpose() + (gain * Pb * gain.transpose())(0);
+      score[all.count] = std::log(std::max(a.weight * b.weight, 1e-300)) -
+                         1.5 * (std::log(scaled.determinant()) - 2.0 * scale.array().log().sum()) -
+                         0.5 * (apart.transpose() * inverse * apart).trace();
+      ++all.count;
+    }
+  }
+  const double best =
+      *std::max_element(score.begin(), score.begin() + static_cast<std::ptrdiff_t>(all.count));
+  Prediction out;
+  double sum = 0.0;
+  for (std::size_t k = 0; k < all.count; ++k) {
+    const double weight = std::exp(score[k] - best);
+    if (weight < kForget) continue;
+    out.mean[out.count] = all.mean[k];
+    out.variance[out.count] = all.variance[k];
+    out.weight[out.count++] = weight;
+    sum += weight;
+  }
+  for (std::size_t k = 0; k < out.count; ++k) out.weight[k] /= sum;
   return out;
 }
 
@@ -139,19 +189,23 @@ bool Motion::TooFast(double t, const Eigen::Vector3d& p) const {
   return count_ > 0 && (p - p_[1]).norm() > options_.max_speed * (t - t_[1]) + kSlack;
 }
 
+double LogSum(std::span<const double> terms) {
+  const double best = *std::max_element(terms.begin(), terms.end());
+  double sum = 0.0;
+  for (double term : terms) sum += std::exp(term - best);
+  return best + std::log(sum);
+}
+
 double LogDensity(const Motion::Prediction& at, const Eigen::Vector3d& p,
                   const Eigen::Matrix3d& cov) {
-  std::array<double, Motion::kModels> terms;
-  for (std::size_t j = 0; j < terms.size(); ++j) {
+  std::array<double, Motion::Prediction::kMost> terms;
+  for (std::size_t j = 0; j < at.count; ++j) {
     const Eigen::Matrix3d S = cov + at.variance[j] * Eigen::Matrix3d::Identity();
     const Eigen::Vector3d e = p - at.mean[j];
     terms[j] = std::log(std::max(at.weight[j], 1e-300)) - 1.5 * std::log(2.0 * M_PI) -
                0.5 * std::log(S.determinant()) - 0.5 * e.dot(S.inverse() * e);
   }
-  const double best = *std::max_element(terms.begin(), terms.end());
-  double sum = 0.0;
-  for (double term : terms) sum += std::exp(term - best);
-  return best + std::log(sum);
+  return LogSum({terms.data(), at.count});
 }
 
 }  // namespace unfurl::measure

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <limits>
+#include <span>
 
 namespace unfurl::measure {
 
@@ -26,11 +27,19 @@ class Motion {
  public:
   static constexpr int kModels = 4;
 
-  // A sum of isotropic Gaussians.
+  // A sum of isotropic Gaussians: one for each way of moving, or for each pair of ways before and
+  // after.
   struct Prediction {
-    std::array<Eigen::Vector3d, kModels> mean;
-    std::array<double, kModels> variance{};  // [m^2]
-    std::array<double, kModels> weight{};    // sum to 1 [-]
+    static constexpr std::size_t kMost = kModels * kModels;
+    std::size_t count = 0;
+    std::array<Eigen::Vector3d, kMost> mean;
+    std::array<double, kMost> variance{};  // [m^2]
+    std::array<double, kMost> weight{};    // sum to 1 [-]
+    std::size_t LikeliestAt() const {
+      const auto end = weight.begin() + static_cast<std::ptrdiff_t>(count);
+      return static_cast<std::size_t>(std::max_element(weight.begin(), end) - weight.begin());
+    }
+    const Eigen::Vector3d& Likeliest() const { return mean[LikeliestAt()]; }
   };
 
   explicit Motion(const MotionOptions& options = {}) : options_(options) {}
@@ -58,6 +67,8 @@ class Motion {
   Eigen::Vector3d Start(double t) const;
   // Where it is to be expected; after a longer gap, a wide circle around where it was last.
   Prediction Predict(double t) const;
+  // The same with what comes later: `after` learned it from samples at times -t, the latest first.
+  Prediction Between(double t, const Motion& after) const;
   // What the filters cannot exclude: within reach of `p`, whose own sigma is given [m]. True where
   // nothing fresh is known.
   bool WithinReach(double t, const Eigen::Vector3d& p, double sigma) const;
@@ -83,6 +94,9 @@ class Motion {
   double expected_t_ = std::numeric_limits<double>::infinity();
   int count_ = 0;  // of samples in a row without a long gap, up to 2
 };
+
+// log of the sum of exp(term); one term at least.
+double LogSum(std::span<const double> terms);
 
 // log of the prediction's density at a point whose own error has covariance `cov` [1/m^3].
 double LogDensity(const Motion::Prediction& at, const Eigen::Vector3d& p,

@@ -87,6 +87,7 @@ Reconstructor::Reconstructor(const data::TrialReader& trial, const data::Rig& ri
   SetResponses(header_.response, finders_);
 
   data::TrialBlock block;
+  last_line_ = trial.size();
   primed_ = std::min(kPrimeLines, trial.size());
   trial.Read(0, primed_, &block);
   for (std::size_t i = 0; i < block.size(); ++i) {
@@ -117,22 +118,28 @@ void Reconstructor::LookAhead(const data::TrialReader& trial) {
   std::vector<PointSolution> points;
   std::vector<Seen> seen;
   std::vector<std::span<const Candidate>> candidates;
-  std::vector<TrackedPoint> found;
   data::TrialBlock block;
   for (std::size_t look = 0; look < kLooks; ++look) {
     const std::size_t first = look * trial.size() / kLooks;
     trial.Read(first, std::min(kLines, trial.size() - first), &block);
     FindSpots(block, slots_, false, &seen);
     MarkTracker tracker(triangulator_, layout_.marks.size(), options_.track);
+    const auto take = [&] {
+      while (const TrackedLine* line = tracker.Next()) {
+        for (const TrackedPoint& point : line->points) {
+          if (data::Usable(point.status)) points.push_back(point.point);
+        }
+      }
+    };
     for (std::size_t i = 0; i < block.size(); ++i) {
       const Slot& slot = slots_[static_cast<std::size_t>(block.slot[i])];
       if (slot.marks.empty()) continue;
       Candidates({&seen[i * layout_.cameras.size()], layout_.cameras.size()}, &candidates);
-      tracker.Add(block.t[i], slot.marks, candidates, &found);
-      for (const TrackedPoint& point : found) {
-        if (data::Usable(point.status)) points.push_back(point.point);
-      }
+      tracker.Add(block.t[i], slot.marks, candidates);
+      take();
     }
+    tracker.Finish();
+    take();
   }
   if (points.size() >= kEnough) triangulator_.ReduceShared(points);
 }
@@ -179,9 +186,45 @@ void Reconstructor::Candidates(std::span<const Seen> seen,
 void Reconstructor::Process(const data::TrialBlock& block, data::Tracks* tracks) {
   FindSpots(block, slots_, true, &seen_);
   const std::size_t cameras = header_.cameras.size();
+  std::vector<std::span<const Candidate>> candidates;
+  lines_decided_ = 0;
+  for (std::size_t i = 0; i < block.size(); ++i) {
+    const Slot& slot = slots_[static_cast<std::size_t>(block.slot[i])];
+    if (slot.marks.empty()) {
+      ++summary_.dark_lines;
+      continue;
+    }
+    const std::span<const Seen> seen(&seen_[i * cameras], cameras);
+    for (std::size_t c = 0; c < cameras; ++c) {
+      for (std::size_t bit = 0; bit < kSpotFlags; ++bit) {
+        summary_.flags[c][bit] += seen[c].flags >> bit & 1U;
+      }
+    }
+    Candidates(seen, &candidates);
+    tracker_->Add(block.t[i], slot.marks, candidates);
+    Collect();
+  }
+  summary_.lines += block.size();
+  next_line_ += block.size();
+  if (next_line_ >= last_line_) {
+    tracker_->Finish();
+    Collect();
+  }
+  HandOut(tracks);
+}
+
+void Reconstructor::Collect() {
+  while (const TrackedLine* line = tracker_->Next()) {
+    if (lines_decided_ == decided_.size()) decided_.emplace_back();
+    decided_[lines_decided_++] = *line;
+  }
+}
+
+void Reconstructor::HandOut(data::Tracks* tracks) {
+  const std::size_t cameras = header_.cameras.size();
   const Eigen::Index rank = layout_.shared_rank;
   std::size_t n = 0;
-  for (std::int32_t slot : block.slot) n += slots_[static_cast<std::size_t>(slot)].marks.size();
+  for (std::size_t i = 0; i < lines_decided_; ++i) n += decided_[i].lit.size();
   tracks->frame = layout_.frame;
   tracks->marks = layout_.marks;
   tracks->cameras = layout_.cameras;
@@ -197,30 +240,15 @@ void Reconstructor::Process(const data::TrialBlock& block, data::Tracks* tracks)
   tracks->cov.setConstant(6, static_cast<Eigen::Index>(n), kNone);
   tracks->shared.setZero(3, static_cast<Eigen::Index>(n) * rank);
   residuals_.assign(n * cameras, std::numeric_limits<float>::quiet_NaN());
-
-  std::vector<std::span<const Candidate>> candidates;
-  std::vector<TrackedPoint> found;
   std::vector<double> residual(cameras);
   std::size_t sample = 0;
-  for (std::size_t i = 0; i < block.size(); ++i) {
-    const Slot& slot = slots_[static_cast<std::size_t>(block.slot[i])];
-    if (slot.marks.empty()) {
-      ++summary_.dark_lines;
-      continue;
-    }
-    const std::span<const Seen> seen(&seen_[i * cameras], cameras);
-    for (std::size_t c = 0; c < cameras; ++c) {
-      for (std::size_t bit = 0; bit < kSpotFlags; ++bit) {
-        summary_.flags[c][bit] += seen[c].flags >> bit & 1U;
-      }
-    }
-    Candidates(seen, &candidates);
-    tracker_->Add(block.t[i], slot.marks, candidates, &found);
-    for (std::size_t m = 0; m < slot.marks.size(); ++m, ++sample) {
-      const TrackedPoint& mine = found[m];
-      const auto mark = static_cast<std::size_t>(slot.marks[m]);
-      tracks->t[sample] = block.t[i];
-      tracks->mark[sample] = slot.marks[m];
+  for (std::size_t i = 0; i < lines_decided_; ++i) {
+    const TrackedLine& line = decided_[i];
+    for (std::size_t m = 0; m < line.lit.size(); ++m, ++sample) {
+      const TrackedPoint& mine = line.points[m];
+      const auto mark = static_cast<std::size_t>(line.lit[m]);
+      tracks->t[sample] = line.t;
+      tracks->mark[sample] = line.lit[m];
       tracks->status[sample] = mine.status;
       tracks->left_out[sample] = mine.left_out;
       ++summary_.status[mark][static_cast<std::size_t>(mine.status)];
@@ -258,10 +286,8 @@ void Reconstructor::Process(const data::TrialBlock& block, data::Tracks* tracks)
   }
   summary_.named_by_place.clear();
   for (std::size_t m = 0; m < layout_.marks.size(); ++m) {
-    if (tracker_->named_by_place()[m]) summary_.named_by_place.push_back(layout_.marks[m]);
+    if (tracker_->named_by_place(m)) summary_.named_by_place.push_back(layout_.marks[m]);
   }
-  summary_.lines += block.size();
-  next_line_ += block.size();
 }
 
 data::Tracks Reconstruct(const data::TrialReader& trial, const data::Rig& rig,

@@ -54,7 +54,8 @@ struct ReconstructSummary {
 inline constexpr char kTogether = '+';
 
 // From raw lines to marks in time, block after block; what is remembered from one to the next are
-// backgrounds and where each mark last was, so the result does not depend on the blocks' size.
+// backgrounds, where each mark last was, and lines that wait for what follows (MarkTracker), so the
+// result does not depend on the blocks' size.
 class Reconstructor {
  public:
   // Looks at some lines of the whole trial to see where the marks go: the calibration's part is
@@ -67,9 +68,10 @@ class Reconstructor {
 
   // Frame, marks, cameras and shared rank, no samples: for TracksWriter.
   const data::Tracks& layout() const { return layout_; }
-  // The block's samples, in order of time. Blocks must follow each other from line 0.
+  // The samples that are decided with this block, in order of time; with the trial's last line all
+  // are. Blocks must follow each other from line 0.
   void Process(const data::TrialBlock& block, data::Tracks* tracks);
-  // Readings less those of the points, of the last block: samples x cameras, NaN where none [px].
+  // Readings less those of the points last handed out: samples x cameras, NaN where none [px].
   std::span<const float> residuals() const { return residuals_; }
 
   const ReconstructSummary& summary() const { return summary_; }
@@ -89,6 +91,8 @@ class Reconstructor {
   void FindSpots(const data::TrialBlock& block, std::span<const Slot> slots, bool learn,
                  std::vector<Seen>* seen);
   void Candidates(std::span<const Seen> seen, std::vector<std::span<const Candidate>>* out) const;
+  void Collect();
+  void HandOut(data::Tracks* tracks);
 
   ReconstructOptions options_;
   data::TrialHeader header_;
@@ -99,9 +103,11 @@ class Reconstructor {
   std::vector<Background> backgrounds_;  // by camera
   std::vector<SpotFinder> finders_;
   std::optional<MarkTracker> tracker_;
-  std::vector<Seen> seen_;  // line x camera, of the block
+  std::vector<Seen> seen_;            // line x camera, of the block
+  std::vector<TrackedLine> decided_;  // the first `lines_decided_` are to be handed out
+  std::size_t lines_decided_ = 0;
   std::vector<float> residuals_;
-  std::size_t next_line_ = 0;
+  std::size_t next_line_ = 0, last_line_ = 0;
   std::size_t primed_ = 0;  // lines whose dark ones the backgrounds already know
 };
 
