@@ -216,7 +216,6 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
   }
   from_model += common * common.transpose();
 
-  finer += left;
   for (Eigen::VectorXd* rows : {&left, &finer}) {
     *rows -= plain.A * (inverse_white * (plain.A.transpose() * *rows));
   }
@@ -231,8 +230,10 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     in.squares = trial.residual.squaredNorm();
     in.dof = dof[t];
     if (!trial.model_error.empty()) {
-      in.left = left.segment(b.row, b.rows).squaredNorm();
-      in.left_finer = finer.segment(b.row, b.rows).squaredNorm();
+      const auto here = left.segment(b.row, b.rows), change = finer.segment(b.row, b.rows);
+      in.left = here.squaredNorm();
+      in.finer = change.squaredNorm();
+      in.left_by_finer = here.dot(change);
     }
     in.sections = std::max(1, options.error_sections);
     trial.goodness = TestGoodness(in);

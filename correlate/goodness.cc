@@ -10,8 +10,10 @@ namespace unfurl::correlate {
 
 namespace {
 
-// With this much of the excess gone, what is left of it is less than half as large.
-constexpr double kMostOfIt = 0.75;
+// More than this, and the misfit's correlation with the mesh's error is above 0.7. Motions of any
+// other origin that swing ten times or more do not come so close by chance.
+constexpr double kHalf = 0.5;
+constexpr double kFactor = 4.0;  // of the extrapolated error, to either side of 1
 
 double Either(double a, double b) { return std::min(1.0, 2.0 * std::min(a, b)); }
 
@@ -69,12 +71,13 @@ GoodnessOfFit TestGoodness(const GoodnessInput& in) {
   out.p_found = in.whitened->p_together;
   out.p_steady = SteadyPValue(*in.observations, *in.whitened_residual, in.sections);
   const double beyond = in.left - in.dof;
-  if (in.left > 0.0 && beyond > 0.0) {
-    out.mesh_takes = std::clamp(1.0 - (in.left_finer - in.dof) / beyond, 0.0, 1.0);
+  const double factor = in.finer > 0.0 ? -in.left_by_finer / in.finer : 0.0;
+  if (beyond > 0.0 && factor > 1.0 / kFactor && factor < kFactor) {
+    out.mesh_takes = std::min(1.0, -factor * in.left_by_finer / beyond);
   }
   if (out.p_covariances() >= kGoodnessLevel) {
     out.outcome = Explained::kYes;
-  } else if (out.mesh_takes > kMostOfIt) {
+  } else if (out.mesh_takes > kHalf) {
     out.outcome = Explained::kMesh;
   } else {
     out.outcome = out.p_noise() >= kGoodnessLevel ? Explained::kNoise : Explained::kNo;
