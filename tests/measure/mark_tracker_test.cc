@@ -155,6 +155,51 @@ TEST(MarkTracker, GrossReadingsAreFoundAndWhichIsSaid) {
   EXPECT_LT(score.worst, 5e-3);
 }
 
+TEST(MarkTracker, OneCameraLostCostsWhatTheGeometrySays) {
+  // For each camera in turn: the error of tracks of the other three, over what their planes predict
+  // (J by differences of the readings, not by the triangulator's own derivatives).
+  const Triangulator triangulator(ShippedRig());
+  for (std::size_t gone = 0; gone < 4; ++gone) {
+    double error = 0.0, predicted = 0.0;
+    std::size_t claimed = 0, all = 0;
+    for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+      Following following(triangulator, 4);
+      Rng rng(100 * gone + seed);
+      for (int i = 0; i < 2000; ++i) {
+        if (i % 5 == 4) continue;
+        const Eigen::Vector3d p = Swing(i % 5, 1e-3 * i, static_cast<double>(seed));
+        Line line = Readings(p, rng);
+        line[gone].clear();
+        following.Add(1e-3 * i, {i % 5}, line, [&, p](const auto& found) {
+          ++all;
+          if (found[0].status != data::SampleStatus::kThreeCameras) return;
+          ++claimed;
+          error += (found[0].point.p - p).squaredNorm();
+          constexpr double kStep = 1e-4;  // [m]
+          Eigen::Matrix3d J;
+          for (std::size_t c = 0, row = 0; c < 4; ++c) {
+            if (c == gone) continue;
+            for (int k = 0; k < 3; ++k) {
+              double ahead = 0.0, behind = 0.0;
+              Project(ShippedRig().cameras[c], p + kStep * Eigen::Vector3d::Unit(k), &ahead);
+              Project(ShippedRig().cameras[c], p - kStep * Eigen::Vector3d::Unit(k), &behind);
+              J(static_cast<Eigen::Index>(row), k) = (ahead - behind) / (2.0 * kStep);
+            }
+            ++row;
+          }
+          predicted += kSigma * kSigma * (J.transpose() * J).inverse().trace();
+        });
+      }
+      following.Finish();
+    }
+    const double ratio = std::sqrt(error / predicted);
+    std::printf("camera %zu lost: RMS %.4f mm, %.3f of what the geometry predicts\n", gone,
+                1e3 * std::sqrt(error / static_cast<double>(claimed)), ratio);
+    EXPECT_EQ(claimed, all);
+    EXPECT_NEAR(ratio, 1.0, 0.1);
+  }
+}
+
 TEST(MarkTracker, AFirstReadingIsJudgedByWhatFollows) {
   // A mark comes into view with one reading 1 to 30 px off. Nothing came before; while nothing
   // follows either, nobody can say which reading it is.
