@@ -118,7 +118,6 @@ void Run(const std::string& path) {
   }
 
   MarkTracker tracker(triangulator, kMarks);
-  std::vector<TrackedPoint> found;
   std::vector<Candidate> candidates(cameras * kMarks);
   std::vector<std::span<const Candidate>> spans(cameras);
   double clock = 0.0;
@@ -136,8 +135,10 @@ void Run(const std::string& path) {
                               clock += k + 1 == kSamples
                                            ? 5e-3 * static_cast<double>(kSamples / kMarks)
                                            : 0.0;
-                              tracker.Add(t, lit, spans, &found);
-                              sum += found[0].point.p.x();
+                              tracker.Add(t, lit, spans);
+                              while (const TrackedLine* line = tracker.Next()) {
+                                sum += line->points[0].point.p.x();
+                              }
                             }),
          1e6);
   MarkTracker together(triangulator, kMarks);
@@ -157,10 +158,12 @@ void Run(const std::string& path) {
              }
              spans[c] = {&candidates[c * kMarks], kMarks};
            }
-           together.Add(t, lit, spans, &found);
-           for (const TrackedPoint& p : found) {
-             usable += data::Usable(p.status);
-             ++all;
+           together.Add(t, lit, spans);
+           while (const TrackedLine* line = together.Next()) {
+             for (const TrackedPoint& p : line->points) {
+               usable += data::Usable(p.status);
+               ++all;
+             }
            }
          }) / kMarks);
   fmt::print("    {} of {} solved\n", usable, all);

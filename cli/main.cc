@@ -1,6 +1,7 @@
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <new>
+#include <string>
 #include <vector>
 
 #include "base/error.h"
@@ -36,6 +37,22 @@ std::string CommandLine(int argc, char** argv) {
   return line;
 }
 
+// An option that the verb does not have leaves its value for the next positional argument, and what
+// CLI11 then says is about that: this is said instead. Empty where every option is known.
+std::string UnknownOption(const std::vector<Verb>& verbs, int argc, char** argv) {
+  for (const Verb& verb : verbs) {
+    if (verb.app->get_name() != argv[1]) continue;
+    for (int i = 2; i < argc; ++i) {
+      std::string name = argv[i];
+      name = name.substr(0, name.find('='));
+      if (name == "--") break;
+      if (!name.starts_with("--") || verb.app->get_option_no_throw(name) != nullptr) continue;
+      return "`unfurl " + verb.app->get_name() + "` has no option " + name;
+    }
+  }
+  return {};
+}
+
 int Run(int argc, char** argv) {
   unfurl::cli::Common common;
   common.command_line = CommandLine(argc, argv);
@@ -66,7 +83,12 @@ int Run(int argc, char** argv) {
   } catch (const CLI::Success& asked) {  // --help and --version
     return program.exit(asked);
   } catch (const CLI::ParseError& error) {
-    throw unfurl::Error(error.what(), "command line", "see `unfurl --help`");
+    const std::string unknown = UnknownOption(verbs, argc, argv);
+    if (unknown.empty()) {
+      throw unfurl::Error(error.what(), "command line", "see `unfurl --help`");
+    }
+    throw unfurl::Error(unknown, "command line",
+                        std::string("see `unfurl ") + argv[1] + " --help`");
   }
   for (const Verb& verb : verbs) {
     if (verb.app->parsed()) return verb.run();

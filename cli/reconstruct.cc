@@ -330,8 +330,11 @@ Verb AddReconstruct(CLI::App& program, Common& common) {
   app->add_option("--report", s->report, "A page to look at (HTML)");
   app->add_option("--start", s->start,
                   "Where marks that are lit together start: mark, x, y, z [CSV]");
-  app->add_flag("--smooth", s->smooth,
-                "Smooth the tracks (Rauch-Tung-Striebel); for looking at, not for fitting");
+  app->add_flag(
+      "--smooth", s->smooth,
+      "Smooth the tracks (Rauch-Tung-Striebel); for looking at, not for fitting. Holds the "
+      "whole record's tracks in memory, up to 1 kB a sample; without it memory does not "
+      "grow with the record");
   app->add_option("--events", s->events,
                   "When latches kick, so that smoothing does not round it off: seconds on the "
                   "record's clock, with commas, or a run whose latches count [HDF5]");

@@ -259,8 +259,8 @@ Tracks ReadTracksCsv(const std::string& path) {
     if (tracks.FindMark(name) < 0) tracks.marks.push_back(name);
     tracks.mark.push_back(tracks.FindMark(name));
     SampleStatus s = SampleStatus::kGood;
-    if (status >= 0) {
-      const std::string word = table.Text(i, status);
+    const std::string word = status >= 0 ? table.Text(i, status) : std::string();
+    if (!word.empty()) {
       const auto found = std::find(kStatusNames.begin(), kStatusNames.end(), word);
       if (found == kStatusNames.end()) {
         throw Error(fmt::format("'{}' is no status", word), table.Where(i, status),

@@ -163,8 +163,10 @@ void Associator::Associate(std::span<const std::span<const Candidate>> cameras,
     std::stable_sort(
         lists_[m].begin(), lists_[m].end(),
         [](const Hypothesis& a, const Hypothesis& b) { return a.weighed > b.weighed; });
-    cut_[m] = lists_[m].size() > kMostPoints;
-    if (cut_[m]) lists_[m].resize(kMostPoints);
+    if (lists_[m].size() > kMostPoints) {
+      cut_[m] = marks[m].known || lists_[m][kMostPoints].weighed > lists_[m][0].weighed - kLost;
+      lists_[m].resize(kMostPoints);
+    }
     mark_ = &marks[m];
     none_[m] =
         Unclaimed(marks[m].known ? marks[m].expected.Likeliest() : triangulator_.centre(), 0, miss);

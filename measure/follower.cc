@@ -208,9 +208,11 @@ void Follower::Together(double t, std::span<const int> lit, Cameras cameras,
     marks_[m].lost = false;
     if (!marks_[m].known) continue;
     marks_[m].expected = ahead ? motion.Between(t, after[m]) : motion.Predict(t);
-    const double variance = marks_[m].expected.variance[0];
-    marks_[m].placed = marks_[m].followed || variance <= kPlaced * kPlaced;
-    marks_[m].lost = lit.size() > 1 && !marks_[m].followed && variance > kLostSigma * kLostSigma;
+    const double variance = marks_[m].expected.variance[marks_[m].expected.LikeliestAt()];
+    const bool stale = motion.seen() && motion.Lost(t);
+    marks_[m].placed = marks_[m].followed || (!stale && variance <= kPlaced * kPlaced);
+    marks_[m].lost =
+        lit.size() > 1 && !marks_[m].followed && (stale || variance > kLostSigma * kLostSigma);
   }
   FindHidden(cameras);
   bool one_each = true;

@@ -109,9 +109,9 @@ Motion::Prediction Motion::Predict(double t) const {
   Prediction out;
   out.count = kModels;
   if (count_ == 0 || !(t - t_[1] <= kBlind)) {
-    const double sigma = count_ == 0
-                             ? expected_sigma_ + kFirstSpeed * std::max(t - expected_t_, 0.0)
-                             : options_.max_speed * std::max(t - t_[1], 0.0);
+    const double sigma =
+        count_ == 0 ? expected_sigma_ + options_.start_speed * std::max(t - expected_t_, 0.0)
+                    : options_.max_speed * std::max(t - t_[1], 0.0);
     out.count = 1;
     out.mean[0] = count_ == 0 ? expected_ : p_[1];
     out.variance[0] = sigma * sigma;

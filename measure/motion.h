@@ -16,6 +16,8 @@ struct MotionOptions {
   double gate_sigmas = 5.0;  // and within so many sigmas of their own [-]
   double longest_gap = 0.1;  // older samples tell nothing of velocity [s]
   double max_speed = 20.0;   // of any mark, ever [m/s]
+  // Sigma of the speed of a mark that is expected somewhere, until it shows [m/s].
+  double start_speed = 1.0;
 };
 
 // How one mark moves, learned from its samples as they come: four Kalman filters side by side

@@ -52,8 +52,10 @@ Outcome RunProgram(const std::vector<std::string>& arguments, const std::filesys
     kill(child, kill_signal);
   }
   int status = 0;
-  waitpid(child, &status, 0);
+  rusage usage = {};
+  wait4(child, &status, 0, &usage);
   Outcome outcome;
+  outcome.peak_kb = usage.ru_maxrss;
   outcome.code = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
   outcome.out = Slurp(out_path);
   outcome.err = Slurp(err_path);

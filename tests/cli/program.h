@@ -13,6 +13,7 @@ struct Outcome {
   int code = -1;
   std::string out;
   std::string err;
+  long peak_kb = 0;  // of memory
 };
 
 // Runs the real program in `folder`. `file_size_limit` > 0 makes every write past so many bytes of

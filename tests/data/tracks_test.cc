@@ -129,6 +129,18 @@ TEST(Tracks, SamplesOfAMarkAreTheUsableOnes) {
   EXPECT_EQ(tracks.FindMark("mark3"), -1);
 }
 
+TEST(Tracks, AnEmptyStatusInACsvIsGoodWhereThereIsAPosition) {
+  std::ofstream(Path("plain_tracks.csv"))
+      << "t [s],mark,x [m],y [m],z [m],cxx [m^2],cxy [m^2],cxz [m^2],cyy [m^2],cyz [m^2],czz "
+         "[m^2],status\n0,m,1,2,3,1,0,0,1,0,1,\n1,m,,,,,,,,,,\n2,m,1,2,3,1,0,0,1,0,1,three_"
+         "cameras\n";
+  const Tracks tracks = ReadTracksCsv(Path("plain_tracks.csv"));
+  EXPECT_EQ(tracks.status,
+            (std::vector<SampleStatus>{SampleStatus::kGood, SampleStatus::kUnsolvable,
+                                       SampleStatus::kThreeCameras}));
+  std::remove(Path("plain_tracks.csv").c_str());
+}
+
 TEST(Tracks, ACsvCellThatIsWrongIsNamed) {
   const std::string head =
       "t [s],mark,x [m],y [m],z [m],cxx [m^2],cxy [m^2],cxz [m^2],cyy [m^2],cyz [m^2],czz [m^2],"
@@ -144,6 +156,9 @@ TEST(Tracks, ACsvCellThatIsWrongIsNamed) {
   };
   EXPECT_EQ(error("0,m,1,2,3,1,0,0,1,0,1,good\n"), "no error");
   EXPECT_EQ(error("0,m,,,,,,,,,,unsolvable\n"), "no error");
+  // An empty status is what a missing column is: good where there is a position.
+  EXPECT_EQ(error("0,m,1,2,3,1,0,0,1,0,1,\n0,m,,,,,,,,,,\n"), "no error");
+  EXPECT_THAT(error("0,m,1,2,,1,0,0,1,0,1,\n"), HasSubstr("bad_tracks.csv:2:z"));
   EXPECT_THAT(error("0,m,1,2,3,1,0,0,1,0,1,fine\n"), HasSubstr("bad_tracks.csv:2:status"));
   EXPECT_THAT(error("0,m,1,,3,1,0,0,1,0,1,good\n"), HasSubstr("bad_tracks.csv:2:y"));
   EXPECT_THAT(error("0,,1,2,3,1,0,0,1,0,1,good\n"), HasSubstr("mark"));

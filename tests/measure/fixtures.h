@@ -86,6 +86,15 @@ inline data::Rig FitRig(const VirtualRig& truth, const Eigen::Vector3d& low,
   return rig;
 }
 
+// The shipped layout as a rig of two-centre cameras.
+inline const data::Rig& ShippedRig() {
+  static const data::Rig rig = [] {
+    const data::Lab lab = ShippedLab();
+    return FitRig(MakeVirtualRig(lab), lab.volume_low, lab.volume_high);
+  }();
+  return rig;
+}
+
 // Marks on known ways that stay inside the shipped volume: swings and circles at about 1 m/s.
 inline data::Run SwingingRun(double duration) {
   data::Run run;

@@ -3,7 +3,7 @@
 #include <cstdio>
 
 #include "base/statistics.h"
-#include "tests/measure/marks.h"
+#include "tests/measure/gross.h"
 
 namespace unfurl::measure {
 namespace {
@@ -69,90 +69,62 @@ TEST(MarkTracker, AReflectionInAMirrorIsASecondPointAndNotTaken) {
   }
 }
 
-// A tenth of all readings is off by 10 to 1000 sigmas either way, any order of magnitude alike.
-struct GrossScore {
-  std::size_t lines[5] = {}, lost[5] = {};  // by number of bad readings
-  std::size_t found = 0, named = 0, misnamed = 0, false_alarm = 0;
-  // Squares, of what is claimed: its error, and that of the same readings unspoiled; and of all
-  // lines with one bad reading at most, the unspoiled ones' and what is left when whoever knows
-  // leaves out the bad one.
-  double claimed = 0.0, unspoiled = 0.0, clean = 0.0, known = 0.0;
-  double worst = 0.0;
-
-  double Ratio() const { return std::sqrt(claimed / unspoiled); }
-  double KnownRatio() const { return std::sqrt(known / clean); }
-  void Count(const Triangulator& triangulator, const TrackedPoint& found_point,
-             const Eigen::Vector3d& p, const std::vector<double>& u, std::uint32_t bad) {
-    const std::vector<double> s(4, kSigma);
-    const bool solved = data::Usable(found_point.status);
-    const int count = __builtin_popcount(bad);
-    ++lines[count];
-    lost[count] += !solved;
-    const double whole = (triangulator.Solve(u, s, p).p - p).squaredNorm();
-    if (count == 0) false_alarm += found_point.status != data::SampleStatus::kGood;
-    if (count == 1) {
-      found += found_point.status != data::SampleStatus::kGood;
-      const bool told = found_point.status == data::SampleStatus::kRejectedReading;
-      named += told && found_point.left_out == bad;
-      misnamed += told && found_point.left_out != bad;
-    }
-    if (count <= 1) {
-      clean += whole;
-      known += (triangulator.Solve(u, s, p, ~bad).p - p).squaredNorm();
-    }
-    if (!solved) return;
-    const double error = (found_point.point.p - p).squaredNorm();
-    claimed += error;
-    unspoiled += whole;
-    worst = std::max(worst, std::sqrt(error));
-  }
-};
-
 TEST(MarkTracker, GrossReadingsAreFoundAndWhichIsSaid) {
-  GrossScore score;
-  const Triangulator triangulator(ShippedRig());
-  for (std::uint64_t seed = 1; seed <= 15; ++seed) {
-    Following following(triangulator, 4);
-    Rng rng(seed);
-    for (int i = 0; i < 2000; ++i) {
-      const int mark = i % 5;
-      if (mark == 4) continue;
-      const Eigen::Vector3d p = Swing(mark, 1e-3 * i, static_cast<double>(seed));
-      Line line = Readings(p, rng);
-      std::uint32_t bad = 0;
-      std::vector<double> u(4);
-      for (std::size_t c = 0; c < 4; ++c) {
-        u[c] = line[c][0].u_px;
-        if (rng.Uniform() >= 0.1) continue;
-        const double size = std::exp(rng.Uniform(std::log(10.0), std::log(1000.0)));
-        line[c][0].u_px += (rng.Uniform() < 0.5 ? -1.0 : 1.0) * size * kSigma;
-        bad |= 1U << c;
-      }
-      following.Add(1e-3 * i, {mark}, line, [&, p, u, bad](const auto& found) {
-        score.Count(triangulator, found[0], p, u, bad);
-      });
-    }
-    following.Finish();
-  }
-  const auto share = [&](std::size_t n, int bad) {
-    return static_cast<double>(n) / static_cast<double>(score.lines[bad]);
-  };
-  std::printf(
-      "gross readings: %zu lines with one, %.4f found, %.4f named, %.4f misnamed, %.4f lost; %zu "
-      "clean, %.4f called bad, %.4f lost; %zu with two, %.4f lost; RMS over clean %.3f, by "
-      "whoever knows the bad ones %.3f; largest %.2f mm\n",
-      score.lines[1], share(score.found, 1), share(score.named, 1), share(score.misnamed, 1),
-      share(score.lost[1], 1), score.lines[0], share(score.false_alarm, 0), share(score.lost[0], 0),
-      score.lines[2], share(score.lost[2], 2), score.Ratio(), score.KnownRatio(),
-      1e3 * score.worst);
-  EXPECT_GE(share(score.found, 1), 0.95);
-  EXPECT_LE(share(score.false_alarm, 0), 0.01);
+  const GrossScore score = Gross(1, 15, Swing);
+  score.Print();
+  EXPECT_GE(score.Share(score.found, 1), 0.95);
+  EXPECT_LE(score.Share(score.false_alarm, 0), 0.01);
   EXPECT_LE(score.Ratio(), 1.2);
   // Leaving out a reading costs; what wrong decisions cost besides stays below a twentieth.
   EXPECT_LE(score.Ratio(), 1.05 * score.KnownRatio());
-  EXPECT_GE(share(score.named, 1), 0.98);
-  EXPECT_LE(share(score.misnamed, 1), 1e-3);
+  EXPECT_GE(score.Share(score.named, 1), 0.98);
+  EXPECT_LE(score.Share(score.misnamed, 1), 1e-3);
   EXPECT_LT(score.worst, 5e-3);
+}
+
+TEST(MarkTracker, OneCameraLostCostsWhatTheGeometrySays) {
+  // For each camera in turn: the error of tracks of the other three, over what their planes predict
+  // (J by differences of the readings, not by the triangulator's own derivatives).
+  const Triangulator triangulator(ShippedRig());
+  for (std::size_t gone = 0; gone < 4; ++gone) {
+    double error = 0.0, predicted = 0.0;
+    std::size_t claimed = 0, all = 0;
+    for (std::uint64_t seed = 1; seed <= 3; ++seed) {
+      Following following(triangulator, 4);
+      Rng rng(100 * gone + seed);
+      for (int i = 0; i < 2000; ++i) {
+        if (i % 5 == 4) continue;
+        const Eigen::Vector3d p = Swing(i % 5, 1e-3 * i, static_cast<double>(seed));
+        Line line = Readings(p, rng);
+        line[gone].clear();
+        following.Add(1e-3 * i, {i % 5}, line, [&, p](const auto& found) {
+          ++all;
+          if (found[0].status != data::SampleStatus::kThreeCameras) return;
+          ++claimed;
+          error += (found[0].point.p - p).squaredNorm();
+          constexpr double kStep = 1e-4;  // [m]
+          Eigen::Matrix3d J;
+          for (std::size_t c = 0, row = 0; c < 4; ++c) {
+            if (c == gone) continue;
+            for (int k = 0; k < 3; ++k) {
+              double ahead = 0.0, behind = 0.0;
+              Project(ShippedRig().cameras[c], p + kStep * Eigen::Vector3d::Unit(k), &ahead);
+              Project(ShippedRig().cameras[c], p - kStep * Eigen::Vector3d::Unit(k), &behind);
+              J(static_cast<Eigen::Index>(row), k) = (ahead - behind) / (2.0 * kStep);
+            }
+            ++row;
+          }
+          predicted += kSigma * kSigma * (J.transpose() * J).inverse().trace();
+        });
+      }
+      following.Finish();
+    }
+    const double ratio = std::sqrt(error / predicted);
+    std::printf("camera %zu lost: RMS %.4f mm, %.3f of what the geometry predicts\n", gone,
+                1e3 * std::sqrt(error / static_cast<double>(claimed)), ratio);
+    EXPECT_EQ(claimed, all);
+    EXPECT_NEAR(ratio, 1.0, 0.1);
+  }
 }
 
 TEST(MarkTracker, AFirstReadingIsJudgedByWhatFollows) {

@@ -20,14 +20,6 @@ namespace unfurl::measure {
 
 inline constexpr double kSigma = 0.02;  // of a reading [px]
 
-inline const data::Rig& ShippedRig() {
-  static const data::Rig rig = [] {
-    const data::Lab lab = ShippedLab();
-    return FitRig(MakeVirtualRig(lab), lab.volume_low, lab.volume_high);
-  }();
-  return rig;
-}
-
 using Line = std::vector<std::vector<Candidate>>;  // by camera
 
 inline Candidate Reading(std::size_t camera, const Eigen::Vector3d& p, Rng& rng) {
