@@ -19,85 +19,17 @@
 #include "base/statistics.h"
 #include "base/worker_pool.h"
 #include "cpu_time.h"
-#include "data/lab.h"
-#include "measure/lens_camera.h"
-#include "measure/virtual_rig.h"
 #include "tests/calib/fixtures.h"
+#include "tests/calib/traced.h"
 
 namespace {
 
 using namespace unfurl;
 using namespace unfurl::calib;
 
-constexpr double kReading = 0.03;  // sigma of a reading, what the precise estimator has [px]
-constexpr double kHalf = 1.08;     // half a side of the surveyed cube [m]
-
-struct TracedLab {
-  measure::VirtualRig truth;
-  Rng rng{0};
-
-  explicit TracedLab(std::uint64_t seed)
-      : truth(measure::MakeVirtualRig(data::ReadLab(
-            UNFURL_SOURCE_DIR "/data/sets/deployment/lab.toml", {"seed=" + std::to_string(seed)}))),
-        rng(seed) {}
-
-  bool Read(std::size_t camera, const Eigen::Vector3d& p, double* u) const {
-    measure::SpotLight spot;
-    if (!measure::TraceSpot(truth.cameras[camera], p, &spot)) return false;
-    *u = spot.centre_px;
-    return *u > 10.0 && *u < 2149.0;
-  }
-
-  Observations Survey(int points) const {
-    Observations out;
-    out.p = calib::testing::PointsInCube(points, kHalf, rng.Stream("places"));
-    Rng noise = rng.Stream("noise");
-    for (const auto& camera : truth.cameras) out.cameras.push_back(camera.name);
-    for (Eigen::Index i = 0; i < out.p.cols(); ++i) {
-      out.ids.push_back(fmt::format("p{}", i + 1));
-      out.cov.emplace_back(9e-8 * Eigen::Matrix3d::Identity());
-      for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
-        double u = 0.0;
-        if (!Read(c, out.p.col(i), &u)) continue;
-        out.readings.push_back(
-            {static_cast<int>(i), static_cast<int>(c), u + kReading * noise.Normal(), kReading});
-      }
-      for (int k = 0; k < 3; ++k) out.p(k, i) += 3e-4 * noise.Normal();
-    }
-    return out;
-  }
-};
-
-// Errors of points found with noisy readings, and their bound: what the covariance says, of
-// calibration and readings. Points that four cameras see.
-struct Errors {
-  std::vector<Eigen::Vector3d> at, error;
-  std::vector<double> bound;  // [m^2]
-};
-
-Errors FindCheckPoints(const TracedLab& lab, const data::Rig& rig, int count, int lost = -1) {
-  Errors out;
-  const measure::Triangulator triangulator(rig, {.residual_level = 1e-12});
-  Eigen::Matrix3Xd F(3, triangulator.shared_rank());
-  Rng noise = lab.rng.Stream("check noise");
-  const auto points = calib::testing::PointsInCube(count, kHalf, lab.rng.Stream("check"));
-  std::vector<double> u(4), s(4, kReading);
-  for (Eigen::Index i = 0; i < points.cols(); ++i) {
-    bool all = true;
-    for (std::size_t c = 0; c < 4; ++c) {
-      all = lab.Read(c, points.col(i), &u[c]) && all;
-      u[c] += kReading * noise.Normal();
-    }
-    if (!all) continue;
-    const auto found = triangulator.Solve(u, s, points.col(i), lost < 0 ? ~0U : ~(1U << lost));
-    if (found.outcome != measure::PointOutcome::kSolved) continue;
-    triangulator.SharedFactor(found, s, F);
-    out.at.push_back(points.col(i));
-    out.error.push_back(found.p - points.col(i));
-    out.bound.push_back(found.cov.trace() + F.squaredNorm());
-  }
-  return out;
-}
+using calib::testing::FindCheckPoints;
+using calib::testing::TracedLab;
+using Errors = calib::testing::TracedErrors;
 
 struct Sums {
   double squares = 0.0, bound = 0.0, n = 0.0, seconds = 0.0, floor = 0.0;
@@ -270,7 +202,7 @@ void Gross(std::size_t rigs) {
         }
       }
       const RigFit fit = FitRig(study.data, {}, "bench");
-      const Weighting best = calib::testing::BestGross(study);
+      const Weighting best = calib::testing::BestGross(study.data, study.truth);
       for (const std::size_t i : bad) {
         const Weighting& w = fit.bundle.weighting;
         counts[k][survey ? 2 : 0] += survey ? !w.UsesSurvey(i) : !w.Uses(i);

@@ -156,13 +156,17 @@ Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
   Calibration out;
   CalibrationReport& report = out.report;
   report.order = options.order;
+  if (options.order != kAutomaticOrder) {
+    report.lens_model = kLensOrders[static_cast<std::size_t>(options.order)].name;
+  }
   if (options.order == kAutomaticOrder) {
     OrderOptions choice = options.choice;
     choice.workers = options.workers;
     OrderChoice chosen = ChooseOrder(data, fit.priors, fit.bundle, choice);
-    report.order = chosen.order;
+    const OrderTrial& trial = chosen.trials[static_cast<std::size_t>(chosen.taken)];
+    report.order = trial.order;
+    report.lens_model = OrderName(trial);
     report.order_chosen = true;
-    const OrderTrial& trial = chosen.trials[static_cast<std::size_t>(chosen.order)];
     fit.priors = trial.priors;
     fit.bundle = trial.bundle;
     MakeRig(data, &fit);

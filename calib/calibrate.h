@@ -70,7 +70,8 @@ struct CalibrationReport {
   std::vector<WeakDirection> weak;
   std::vector<GrossFinding> gross;
   std::vector<std::string> advice;  // on the survey's layout
-  int order = kFullOrder;           // index into kLensOrders
+  int order = kFullOrder;           // index into kLensOrders, or kOrderByCamera
+  std::string lens_model;           // its name, or one for each camera
   bool order_chosen = false;        // by cross-validation
   std::vector<OrderTrial> orders;   // empty where none were compared
   double survey_factor = 1.0;       // on the survey's stated sigmas

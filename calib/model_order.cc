@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numbers>
 
@@ -164,13 +165,63 @@ void CrossValidate(const Observations& data, int folds, OrderTrial* trial) {
 
 }  // namespace
 
-std::vector<CameraPrior> WithOrder(std::vector<CameraPrior> priors, int order) {
-  for (CameraPrior& prior : priors) {
-    for (std::size_t k = 0; k < prior.term_sigma_px.size(); ++k) {
-      if (!kLensOrders[static_cast<std::size_t>(order)].terms[k]) prior.term_sigma_px[k] = 0.0;
+std::vector<CameraPrior> WithOrders(std::vector<CameraPrior> priors,
+                                    const std::vector<int>& by_camera) {
+  for (std::size_t j = 0; j < priors.size(); ++j) {
+    for (std::size_t k = 0; k < priors[j].term_sigma_px.size(); ++k) {
+      if (!kLensOrders[static_cast<std::size_t>(by_camera[j])].terms[k]) {
+        priors[j].term_sigma_px[k] = 0.0;
+      }
     }
   }
   return priors;
+}
+
+std::vector<CameraPrior> WithOrder(std::vector<CameraPrior> priors, int order) {
+  const std::vector<int> all(priors.size(), order);
+  return WithOrders(std::move(priors), all);
+}
+
+std::string OrderName(const OrderTrial& trial) {
+  if (trial.order != kOrderByCamera) return kLensOrders[static_cast<std::size_t>(trial.order)].name;
+  std::string name;
+  for (const int order : trial.by_camera) {
+    name +=
+        (name.empty() ? "" : ", ") + std::string(kLensOrders[static_cast<std::size_t>(order)].name);
+  }
+  return name;
+}
+
+std::vector<int> OrdersByCamera(const RefinedBundle& full, double gain) {
+  const Eigen::MatrixXd covariance = CameraCovariance(full.summary.information);
+  std::vector<int> out;
+  for (std::size_t j = 0; j < full.state.cameras.size(); ++j) {
+    std::array<double, kLensOrders.size()> price{};
+    for (std::size_t order = 0; order < kLensOrders.size(); ++order) {
+      std::vector<Eigen::Index> at;
+      std::vector<double> values;
+      for (std::size_t k = 0; k < 10; ++k) {
+        if (kLensOrders[order].terms[k]) continue;
+        at.push_back(kParameters * static_cast<Eigen::Index>(j) + 9 + static_cast<Eigen::Index>(k));
+        values.push_back(full.state.cameras[j].terms_px[k]);
+      }
+      price[order] = 2.0 * (10.0 - static_cast<double>(at.size()));
+      if (at.empty()) continue;
+      // In units of their own sigmas: the terms differ by orders of magnitude.
+      const Eigen::MatrixXd C = covariance(at, at);
+      const Eigen::VectorXd sigma = C.diagonal().cwiseSqrt();
+      const Eigen::MatrixXd R = C.cwiseQuotient(sigma * sigma.transpose());
+      const Eigen::VectorXd t =
+          Eigen::VectorXd::Map(values.data(), static_cast<Eigen::Index>(values.size()))
+              .cwiseQuotient(sigma);
+      price[order] += t.dot(R.ldlt().solve(t));
+    }
+    const double best = *std::min_element(price.begin(), price.end());
+    int order = 0;
+    while (price[static_cast<std::size_t>(order)] > best + 2.0 * gain) ++order;
+    out.push_back(order);
+  }
+  return out;
 }
 
 RefinedBundle FitOrder(const Observations& data, const std::vector<CameraPrior>& priors,
@@ -194,25 +245,40 @@ OrderChoice ChooseOrder(const Observations& data, const std::vector<CameraPrior>
   OrderChoice out;
   out.trials.resize(kLensOrders.size());
   const int folds = std::min(options.folds, data.points());
-  ParallelFor(out.trials.size(), options.workers, [&](std::size_t k) {
-    OrderTrial& trial = out.trials[k];
+  const auto run = [&](OrderTrial& trial) {
     const double start = Now();
-    trial.order = static_cast<int>(k);
-    trial.priors = WithOrder(full_priors, trial.order);
+    trial.priors = WithOrders(full_priors, trial.by_camera);
     trial.bundle = trial.order == kFullOrder ? full : FitOrder(data, trial.priors, full);
     const auto& floors = trial.bundle.weighting.floor_px;
     trial.largest_floor_px = *std::max_element(floors.begin(), floors.end());
     CrossValidate(data, folds, &trial);
     trial.seconds = Now() - start;
+  };
+  OrderTrial own;
+  own.order = kOrderByCamera;
+  own.by_camera = OrdersByCamera(full, options.gain);
+  const bool differ = std::adjacent_find(own.by_camera.begin(), own.by_camera.end(),
+                                         std::not_equal_to<>()) != own.by_camera.end();
+  if (differ) out.trials.push_back(own);
+  ParallelFor(out.trials.size(), options.workers, [&](std::size_t k) {
+    OrderTrial& trial = out.trials[k];
+    if (trial.by_camera.empty()) {
+      trial.order = static_cast<int>(k);
+      trial.by_camera.assign(full_priors.size(), trial.order);
+    }
+    run(trial);
   });
   double best = std::numeric_limits<double>::infinity();
+  for (std::size_t k = 0; k < kLensOrders.size(); ++k) best = std::min(best, out.trials[k].loss);
+  for (std::size_t k = kLensOrders.size(); k-- > 0;) {
+    if (out.trials[k].loss <= best + options.gain) out.taken = static_cast<int>(k);
+  }
+  if (differ && out.trials.back().loss <
+                    out.trials[static_cast<std::size_t>(out.taken)].loss - options.gain) {
+    out.taken = static_cast<int>(kLensOrders.size());
+  }
   for (const OrderTrial& trial : out.trials) best = std::min(best, trial.loss);
   for (OrderTrial& trial : out.trials) trial.loss -= best;
-  for (const OrderTrial& trial : out.trials) {
-    if (!(trial.loss <= options.gain)) continue;
-    out.order = trial.order;
-    break;
-  }
   return out;
 }
 

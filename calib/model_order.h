@@ -10,7 +10,7 @@
 
 namespace unfurl::calib {
 
-// How many terms a lens model has. A rig has one order for all its cameras.
+// How many terms a lens model has.
 struct LensOrder {
   const char* name;
   std::array<bool, 10> terms;  // in the order of data::kCameraTerms
@@ -25,13 +25,17 @@ inline constexpr std::array<LensOrder, 6> kLensOrders = {{
 }};
 inline constexpr int kFullOrder = 5;
 inline constexpr int kAutomaticOrder = -1;
+inline constexpr int kOrderByCamera = static_cast<int>(kLensOrders.size());  // each its own
 
-// The priors with the terms that the order lacks held at zero.
+// The priors with the terms that the order lacks held at zero; of each camera its own.
 std::vector<CameraPrior> WithOrder(std::vector<CameraPrior> priors, int order);
+std::vector<CameraPrior> WithOrders(std::vector<CameraPrior> priors,
+                                    const std::vector<int>& by_camera);
 
 // One order, fitted to all points and then without each part of them in turn.
 struct OrderTrial {
-  int order = kFullOrder;
+  int order = kFullOrder;      // kOrderByCamera: see by_camera
+  std::vector<int> by_camera;  // index into kLensOrders of each
   // -log of how likely the left-out points' survey and readings were, less the same of the best
   // order; nats. It punishes error bars that are too narrow as it does those that are too wide.
   double loss = 0.0;
@@ -54,13 +58,22 @@ struct OrderOptions {
 
 // Fits every order from the solution of the full one, whose gross errors stay left out, and says
 // which to take: the simplest whose loss is within `gain` of the best. `trials` are in the order of
-// kLensOrders.
+// kLensOrders. Where the full fit says that cameras need different ones (OrdersByCamera), that is
+// tried too, last, and taken where it gains `gain` over what all share.
 struct OrderChoice {
-  int order = kFullOrder;
+  int taken = kFullOrder;  // index into trials
   std::vector<OrderTrial> trials;
 };
 OrderChoice ChooseOrder(const Observations& data, const std::vector<CameraPrior>& full_priors,
                         const RefinedBundle& full, const OrderOptions& options);
+
+// For each camera the simplest order whose left-out terms the full fit does not miss: t^T C^-1 t of
+// the terms, C their covariance, charged with 2 for each that is kept (Akaike), within 2 `gain` of
+// the least.
+std::vector<int> OrdersByCamera(const RefinedBundle& full, double gain);
+
+// "cubic", or "pinhole, pinhole, cubic, pinhole".
+std::string OrderName(const OrderTrial& trial);
 
 // A fit of one order from the solution of the full one.
 RefinedBundle FitOrder(const Observations& data, const std::vector<CameraPrior>& priors,

@@ -94,14 +94,12 @@ std::string WeakText(const calib::Calibration& result) {
 }
 
 std::string OrderText(const calib::CalibrationReport& report) {
-  std::string text = fmt::format("\nLens model: {}",
-                                 calib::kLensOrders[static_cast<std::size_t>(report.order)].name);
+  std::string text = fmt::format("\nLens model: {}", report.lens_model);
   if (report.orders.empty()) return text + "\n";
   std::vector<std::vector<std::string>> rows = {
       {"order", "left-out data less likely by [nats]", "contradiction [px]", "floor [px]"}};
   for (const calib::OrderTrial& trial : report.orders) {
-    rows.push_back({calib::kLensOrders[static_cast<std::size_t>(trial.order)].name,
-                    fmt::format("{:.1f}", trial.loss),
+    rows.push_back({calib::OrderName(trial), fmt::format("{:.1f}", trial.loss),
                     fmt::format("{:.4f}", trial.contradiction_px),
                     fmt::format("{:.4f}", trial.largest_floor_px)});
   }
@@ -145,7 +143,7 @@ ordered_json Json(const calib::Calibration& result, const Arguments& arguments) 
                                   {"residual_rms_px", fit.residual_rms_px}});
   }
   for (const auto& [name, value] : result.rig.checks) summary["checks"][name] = value;
-  summary["lens_model"] = calib::kLensOrders[static_cast<std::size_t>(result.report.order)].name;
+  summary["lens_model"] = result.report.lens_model;
   summary["survey_factor"] = result.report.survey_factor;
   summary["common"] = ordered_json::array();
   for (const calib::CommonEstimate& error : result.report.common) {
@@ -157,12 +155,11 @@ ordered_json Json(const calib::Calibration& result, const Arguments& arguments) 
   }
   summary["orders"] = ordered_json::array();
   for (const calib::OrderTrial& trial : result.report.orders) {
-    summary["orders"].push_back(
-        {{"name", calib::kLensOrders[static_cast<std::size_t>(trial.order)].name},
-         {"loss_nats", trial.loss},
-         {"contradiction_px", trial.contradiction_px},
-         {"held_out_rms", trial.held_out_rms},
-         {"floor_px", trial.largest_floor_px}});
+    summary["orders"].push_back({{"name", calib::OrderName(trial)},
+                                 {"loss_nats", trial.loss},
+                                 {"contradiction_px", trial.contradiction_px},
+                                 {"held_out_rms", trial.held_out_rms},
+                                 {"floor_px", trial.largest_floor_px}});
   }
   summary["gross"] = ordered_json::array();
   for (const calib::GrossFinding& finding : result.report.gross) {

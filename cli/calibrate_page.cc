@@ -44,7 +44,7 @@ void AddHead(const Calibration& result, report::Page* page) {
             " mm, with the survey's own error"},
        {"95% of them within", Cell(result, "held_out_p95 [m]", 1e3, 3) + " mm",
         "largest " + Cell(result, "held_out_max [m]", 1e3, 3) + " mm"},
-       {"lens model", calib::kLensOrders[static_cast<std::size_t>(report.order)].name,
+       {"lens model", report.order == calib::kOrderByCamera ? "by camera" : report.lens_model,
         report.order_chosen ? "by cross-validation" : "as asked for"},
        {"left out as gross",
         fmt::format("{} readings, {} points", Cell(result, "gross_readings [1]", 1.0, 0),
@@ -226,7 +226,7 @@ void AddOrders(const Calibration& result, report::Page* page) {
                   "largest floor [px]",
                   "seconds"};
   for (const calib::OrderTrial& trial : result.report.orders) {
-    std::string name = calib::kLensOrders[static_cast<std::size_t>(trial.order)].name;
+    std::string name = calib::OrderName(trial);
     if (trial.order == result.report.order) name += " (taken)";
     table.rows.push_back(
         {name, fmt::format("{:.1f}", trial.loss), fmt::format("{:.4f}", trial.contradiction_px),

@@ -69,12 +69,12 @@ inline Study MakeStudy(std::uint64_t seed, int points = 200, const RigOptions& o
 }
 
 // What could be found of gross errors with the true cameras and sigmas, which nobody has.
-inline Weighting BestGross(const Study& study) {
-  Weighting best = EqualWeighting(study.data, 0.0);
-  BundleState truth{study.truth, study.data.p};
+inline Weighting BestGross(const Observations& data, const std::vector<data::RigCamera>& cameras) {
+  Weighting best = EqualWeighting(data, 0.0);
+  BundleState truth{cameras, data.p};
   GrossOptions options;
   for (int round = 0; round < 5; ++round) {
-    const GrossChoice choice = ChooseGross(study.data, options, &best, &truth);
+    const GrossChoice choice = ChooseGross(data, options, &best, &truth);
     options.reading_share =
         std::clamp(choice.reading_share, options.least_share, options.most_share);
     options.survey_share = std::clamp(choice.survey_share, options.least_share, options.most_share);

@@ -66,7 +66,7 @@ Outcome Plant(Where where, std::uint64_t seed) {
   }
   const RigFit fit = FitRig(study.data, {}, "test");
   out.gross = std::pow(ErrorsOf(fit.rig, study.truth, check).Rms(), 2);
-  const Weighting best = testing::BestGross(study);
+  const Weighting best = testing::BestGross(study.data, study.truth);
   const auto count = [&](bool bad, bool flagged, bool by_best) {
     (bad ? out.planted : out.good) += 1;
     if (bad && by_best) ++out.best;

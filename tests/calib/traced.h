@@ -1,0 +1,113 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "base/random.h"
+#include "calib/observations.h"
+#include "data/lab.h"
+#include "measure/lens_camera.h"
+#include "measure/triangulate.h"
+#include "measure/virtual_rig.h"
+#include "tests/calib/synthetic.h"
+
+// The shipped laboratory, its mounting errors drawn anew, read by tracing rays through its glass:
+// what the fitted model did not make. Spots themselves are left out; readings have normal noise.
+namespace unfurl::calib::testing {
+
+inline constexpr double kTracedReading = 0.03;  // sigma, what the precise estimator has [px]
+inline constexpr double kTracedSurvey = 3e-4;   // per axis [m]
+inline constexpr double kTracedHalf = 1.08;     // half a side of the surveyed cube [m]
+
+struct TracedLab {
+  measure::VirtualRig truth;
+  Rng rng{0};
+
+  explicit TracedLab(std::uint64_t seed)
+      : truth(measure::MakeVirtualRig(data::ReadLab(
+            UNFURL_SOURCE_DIR "/data/sets/deployment/lab.toml", {"seed=" + std::to_string(seed)}))),
+        rng(seed) {}
+
+  bool Read(std::size_t camera, const Eigen::Vector3d& p, double* u) const {
+    measure::SpotLight spot;
+    if (!measure::TraceSpot(truth.cameras[camera], p, &spot)) return false;
+    *u = spot.centre_px;
+    return *u > 10.0 && *u < 2149.0;
+  }
+
+  Eigen::Matrix3Xd Places(int points) const {
+    return PointsInCube(points, kTracedHalf, rng.Stream("places"));
+  }
+  Observations Survey(int points) const { return Survey(Places(points)); }
+  Observations Survey(const Eigen::Matrix3Xd& places) const {
+    Observations out;
+    out.p = places;
+    Rng noise = rng.Stream("noise");
+    for (const auto& camera : truth.cameras) out.cameras.push_back(camera.name);
+    for (Eigen::Index i = 0; i < out.p.cols(); ++i) {
+      out.ids.push_back("p" + std::to_string(i + 1));
+      out.cov.emplace_back(kTracedSurvey * kTracedSurvey * Eigen::Matrix3d::Identity());
+      for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
+        double u = 0.0;
+        if (!Read(c, places.col(i), &u)) continue;
+        out.readings.push_back({static_cast<int>(i), static_cast<int>(c),
+                                u + kTracedReading * noise.Normal(), kTracedReading});
+      }
+      for (int k = 0; k < 3; ++k) out.p(k, i) += kTracedSurvey * noise.Normal();
+    }
+    return out;
+  }
+};
+
+// Errors of points found with noisy readings, and their bound: what the covariance says, of
+// calibration and readings. Points that all of the lab's cameras see; of those, `use` read them.
+struct TracedErrors {
+  std::vector<Eigen::Vector3d> at, error;
+  std::vector<double> bound;  // [m^2]
+
+  double Squares() const {
+    double sum = 0.0;
+    for (const auto& e : error) sum += e.squaredNorm();
+    return sum;
+  }
+  double Bounds() const {
+    double sum = 0.0;
+    for (const double b : bound) sum += b;
+    return sum;
+  }
+};
+
+inline TracedErrors FindCheckPoints(const TracedLab& lab, const data::Rig& rig, int count,
+                                    int lost = -1, double half = kTracedHalf) {
+  TracedErrors out;
+  const measure::Triangulator triangulator(rig, {.residual_level = 1e-12});
+  Eigen::Matrix3Xd F(3, triangulator.shared_rank());
+  Rng noise = lab.rng.Stream("check noise");
+  const auto points = PointsInCube(count, half, lab.rng.Stream("check"));
+  const std::size_t cameras = lab.truth.cameras.size();
+  std::vector<double> all_u(cameras), u(rig.cameras.size()), s(rig.cameras.size(), kTracedReading);
+  for (Eigen::Index i = 0; i < points.cols(); ++i) {
+    bool all = true;
+    for (std::size_t c = 0; c < cameras; ++c) {
+      all = lab.Read(c, points.col(i), &all_u[c]) && all;
+      all_u[c] += kTracedReading * noise.Normal();
+    }
+    if (!all) continue;
+    // The rig's cameras by name: it may lack one of the lab's.
+    for (std::size_t k = 0; k < rig.cameras.size(); ++k) {
+      for (std::size_t c = 0; c < cameras; ++c) {
+        if (lab.truth.cameras[c].name == rig.cameras[k].name) u[k] = all_u[c];
+      }
+    }
+    const auto found = triangulator.Solve(u, s, points.col(i), lost < 0 ? ~0U : ~(1U << lost));
+    if (found.outcome != measure::PointOutcome::kSolved) continue;
+    triangulator.SharedFactor(found, s, F);
+    out.at.push_back(points.col(i));
+    out.error.push_back(found.p - points.col(i));
+    out.bound.push_back(found.cov.trace() + F.squaredNorm());
+  }
+  return out;
+}
+
+}  // namespace unfurl::calib::testing
