@@ -91,7 +91,7 @@ Pieces Evaluate(const Series& s, const MarkovNoise& noise) {
 // a mark hardly moves these differ by next to nothing, and the rest of them is the samples' own
 // scatter, at which they were evaluated: taking that out would take the noise out of the residuals.
 Eigen::MatrixXd Touched(const Eigen::MatrixXd& free, const Eigen::MatrixXd& limited) {
-  constexpr double kFelt = 1.0;  // norm over the series, in its samples' sigmas
+  constexpr double kFelt = 3.0;  // norm over the series, in its samples' sigmas
   const Eigen::Index n = free.rows();
   const Eigen::VectorXd scale = free.colwise().norm().cwiseMax(1e-300).cwiseInverse();
   Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(free * scale.asDiagonal());
