@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/QR>
+#include <Eigen/SVD>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -85,9 +86,35 @@ Pieces Evaluate(const Series& s, const MarkovNoise& noise) {
   return out;
 }
 
+// An orthonormal basis of what the unknowns can do to a series: all that the free ones can, of any
+// unit; of the calibration's directions, whose draws have variance 1, what they are felt by. Where
+// a mark hardly moves these differ by next to nothing, and the rest of them is the samples' own
+// scatter, at which they were evaluated: taking that out would take the noise out of the residuals.
+Eigen::MatrixXd Touched(const Eigen::MatrixXd& free, const Eigen::MatrixXd& limited) {
+  constexpr double kFelt = 3.0;  // norm over the series, in its samples' sigmas
+  const Eigen::Index n = free.rows();
+  const Eigen::VectorXd scale = free.colwise().norm().cwiseMax(1e-300).cwiseInverse();
+  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(free * scale.asDiagonal());
+  qr.setThreshold(1e-7);
+  const Eigen::Index rank = n > 0 ? qr.rank() : 0;
+  Eigen::MatrixXd basis = Eigen::MatrixXd::Zero(n, rank);
+  if (n == 0) return basis;
+  basis = qr.householderQ() * Eigen::MatrixXd::Identity(n, rank);
+  if (limited.cols() == 0) return basis;
+  Eigen::MatrixXd rest = limited;
+  for (int twice = 0; twice < 2; ++twice) rest -= basis * (basis.transpose() * rest);
+  const Eigen::BDCSVD<Eigen::MatrixXd> svd(rest, Eigen::ComputeThinU);
+  Eigen::Index felt = 0;
+  while (felt < svd.singularValues().size() && svd.singularValues()(felt) > kFelt) ++felt;
+  Eigen::MatrixXd both(n, rank + felt);
+  both << basis, svd.matrixU().leftCols(felt);
+  return both;
+}
+
 std::vector<Series> Split(const Observations& o, const Eigen::VectorXd& residual,
                           const Eigen::MatrixXd& A) {
   std::vector<Series> all;
+  const Eigen::Index free = A.cols() - o.shared_rank;
   Eigen::Index first = 0;
   for (std::size_t m = 0; m < o.marks.size(); ++m) {
     const MarkSeries& mark = o.marks[m];
@@ -113,17 +140,10 @@ std::vector<Series> Split(const Observations& o, const Eigen::VectorXd& residual
         y(i) = residual(row[static_cast<std::size_t>(i)] + axis);
         X.row(i) = A.row(row[static_cast<std::size_t>(i)] + axis);
       }
-      // A basis of what the unknowns can do to this series; columns of any unit.
-      const Eigen::VectorXd scale = X.colwise().norm().cwiseMax(1e-300).cwiseInverse();
-      X = (X * scale.asDiagonal()).eval();
-      Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(X);
-      qr.setThreshold(1e-7);
-      const Eigen::Index rank = n > 0 ? qr.rank() : 0;
-      s.rows.resize(n, 1 + rank);
-      if (n > 0) {
-        s.rows.col(0) = y;
-        s.rows.rightCols(rank) = qr.householderQ() * Eigen::MatrixXd::Identity(n, rank);
-      }
+      const Eigen::MatrixXd basis = Touched(X.leftCols(free), X.rightCols(o.shared_rank));
+      s.rows.resize(n, 1 + basis.cols());
+      s.rows.col(0) = y;
+      s.rows.rightCols(basis.cols()) = basis;
       all.push_back(std::move(s));
     }
   }

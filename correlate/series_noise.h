@@ -36,7 +36,8 @@ struct SeriesNoise {
 // are believed unless the residuals say that they are too small.
 //
 // `residual` and `A` hold 3 rows per sample in the order of the observations; rows beyond are not
-// looked at, nor are those of a sample whose three residuals are exactly 0.
+// looked at, nor are those of a sample whose three residuals are exactly 0. The last
+// `observations.shared_rank` columns of A are those of the calibration's draw, of variance 1.
 SeriesNoise FitSeriesNoise(const Observations& observations, const Eigen::VectorXd& residual,
                            const Eigen::MatrixXd& A);
 

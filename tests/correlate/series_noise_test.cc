@@ -110,5 +110,28 @@ TEST(SeriesNoise, WhiteNoiseIsLeftAlone) {
   EXPECT_LE(coloured, kMost);
 }
 
+// Many directions of a calibration that differ at a mark that hardly moves by no more than the
+// samples' scatter, at which they were evaluated: they are not felt, and white noise stays white.
+TEST(SeriesNoise, DirectionsThatFollowTheScatterTakeNothingOut) {
+  Observations o = Uneven(200);
+  const auto rows = 3 * static_cast<Eigen::Index>(o.size());
+  constexpr int kDirections = 30;
+  constexpr double kSlope = 1e-3;  // of a direction's effect, per sigma of a sample
+  o.shared_rank = kDirections;
+  Rng rng(4);
+  Eigen::VectorXd residual(rows);
+  for (Eigen::Index i = 0; i < rows; ++i) residual(i) = rng.Normal();
+  Eigen::MatrixXd A(rows, 1 + kDirections);
+  A.col(0).setOnes();
+  for (Eigen::Index k = 0; k < kDirections; ++k) {
+    const double place = rng.Normal();
+    for (Eigen::Index i = 0; i < rows; ++i) {
+      A(i, 1 + k) =
+          20.0 * std::sin(place + kSlope * (1.0 + 0.1 * static_cast<double>(k)) * residual(i));
+    }
+  }
+  EXPECT_TRUE(FitSeriesNoise(o, residual, A).white());
+}
+
 }  // namespace
 }  // namespace unfurl::correlate
