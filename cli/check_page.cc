@@ -21,6 +21,9 @@ Level LevelOf(double chance) {
   return chance >= calib::kDoubtful ? Level::kCare : Level::kBad;
 }
 
+// Where all is well nothing is tried without a camera or a point.
+bool TriedWithout(const CheckResult& result) { return result.chance < calib::kPerhaps; }
+
 std::string Cell(double value, double scale, int decimals) {
   return std::isfinite(value) ? fmt::format("{:.{}f}", scale * value, decimals) : "-";
 }
@@ -50,12 +53,15 @@ void AddCameras(const CheckResult& result, report::Page* page) {
   table.note =
       "A camera that has moved misses by more than predicted, and without it the rest has a fair "
       "chance.";
-  table.header = {"camera", "readings", "off by, RMS [px]", "predicted [px]", "chance without it"};
+  table.header = {"camera", "readings", "off by, RMS [px]", "predicted [px]"};
+  if (TriedWithout(result)) table.header.push_back("chance without it");
   for (const calib::CheckedCamera& camera : result.cameras) {
     table.rows.push_back({camera.name, std::to_string(camera.readings),
                           fmt::format("{:.3f}", camera.rms_px),
-                          fmt::format("{:.3f}", camera.rms_predicted_px),
-                          fmt::format("{:.2g}", camera.chance_without)});
+                          fmt::format("{:.3f}", camera.rms_predicted_px)});
+    if (TriedWithout(result)) {
+      table.rows.back().push_back(fmt::format("{:.2g}", camera.chance_without));
+    }
   }
   page->AddTable(table);
   report::Chart chart;
@@ -123,12 +129,13 @@ void AddPoints(const CheckResult& result, bool bar, report::Page* page) {
   table.title = bar ? "Lengths" : "Points";
   table.header = {bar ? "bar" : "point", "x [m]",         "y [m]", "z [m]",
                   "off by [mm]",         "predicted [mm]"};
-  if (!bar) table.header.push_back("chance without it");
+  const bool without = !bar && TriedWithout(result);
+  if (without) table.header.push_back("chance without it");
   for (const calib::CheckedPoint& point : result.points) {
     table.rows.push_back({point.id, Cell(point.at.x(), 1.0, 3), Cell(point.at.y(), 1.0, 3),
                           Cell(point.at.z(), 1.0, 3), Cell(point.error, 1e3, 3),
                           Cell(point.predicted, 1e3, 3)});
-    if (!bar) table.rows.back().push_back(fmt::format("{:.2g}", point.chance_without));
+    if (without) table.rows.back().push_back(fmt::format("{:.2g}", point.chance_without));
   }
   page->AddTable(table);
 }

@@ -48,6 +48,20 @@ TEST_F(SurveyPoints, EastNorthHeightInEitherOrderIsRightHanded) {
   EXPECT_THAT(ne.notes, Contains(HasSubstr("left-handed")));
 }
 
+TEST_F(SurveyPoints, WhatAllPointsShareIsStatedInComments) {
+  const std::string points = "id,x [m],y [m],z [m],sx [m],sy [m],sz [m]\na,1,2,3,0.1,0.2,0.3\n";
+  const Survey survey = Points(
+      "# station: 4, 5, 6\n# distance error: 1e-3, 1.5e-6\n# zenith error: 2e-5 [rad]\n" + points);
+  EXPECT_EQ(survey.station, Eigen::Vector3d(4, 5, 6));
+  EXPECT_EQ(survey.station_errors.distance_offset, 1e-3);
+  EXPECT_EQ(survey.station_errors.distance_scale, 1.5e-6);
+  EXPECT_EQ(survey.station_errors.zenith, 2e-5);
+  EXPECT_EQ(Points(points).station_errors.distance_offset, 0.0);
+  EXPECT_THROW(Points("# distance error: 1e-3\n" + points), Error);
+  EXPECT_THROW(Points("# distance error: -1e-3, 0\n" + points), Error);
+  EXPECT_THROW(Points("# zenith error: nan\n" + points), Error);
+}
+
 // Angles and distances from a station: east of it, north of it, and steeply up, in gon.
 TEST_F(SurveyPoints, AnglesAndDistances) {
   const Survey survey = Points(
