@@ -48,8 +48,10 @@ std::string ResidualWords(const correlate::TrialResult& t, bool several) {
       break;
     case correlate::Explained::kNoise:
       words += fmt::format(
-          " By the marks' covariances that has a probability of {:.2g}, but as noise that stays "
-          "the same all along it is likely enough ({:.2g}), and the standard errors hold it.",
+          " By the marks' covariances that has a probability of {:.2g}; as noise that stays the "
+          "same "
+          "all along it is likely enough ({:.2g}). If noise it is (of the optics), the standard "
+          "errors hold it; a smooth effect that the model lacks would look the same.",
           g.p_covariances(), g.p_noise());
       break;
     case correlate::Explained::kMesh:
@@ -169,6 +171,13 @@ void JudgeWhole(const correlate::FitProblem& problem, const correlate::FitResult
   if (!limited.empty()) words += are(limited) + " known, as well as the model's mesh allows; ";
   if (!known.empty()) words += are(known) + " determined; ";
   words.resize(words.size() - 2);
+  for (const correlate::TrialResult& t : r.trials) {
+    if (t.goodness.outcome != correlate::Explained::kNoise || known.size() + limited.size() == 0) {
+      continue;
+    }
+    words += ": if what is too much in the residuals is noise";
+    break;
+  }
   words[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(words[0])));
   record->verdict = words + ".";
   for (std::size_t j = 0; j < parameters.size(); ++j) {

@@ -115,6 +115,33 @@ levels = []
   EXPECT_EQ(program.at("failed"), 0);
 }
 
+// Nature's stops are softer than the scene's: the user must be told first that something is wrong.
+TEST_F(FitVerbTest, AModelThatLacksSomethingIsToldInWords) {
+  MakeTracks("tracks.h5", {"contact.lock.modulus_j=1e10"}, 5);
+  MakeStudy("study.toml", kOneTrial + std::string("window = [0.0, 0.9]\n"),
+            "[profile]\nlevels = []\n");
+  const auto fit = nlohmann::json::parse(
+      Good({"fit", "study.toml", "-o", "fit.h5", "--json", "--report", "fit.html"}).out);
+  EXPECT_THAT(std::string(fit.at("verdict")),
+              ::testing::StartsWith("The model does not explain the data; "));
+  for (const auto& p : fit.at("parameters")) EXPECT_NE(p.at("verdict"), "determined");
+  EXPECT_LT(fit.at("checks").at("p_covariances [1]"), 0.01);
+  EXPECT_LT(fit.at("checks").at("p_noise [1]"), 0.01);
+  EXPECT_THAT(Get("fit.html"), HasSubstr("The model does not explain them"));
+}
+
+// A little friction that the scene lacks is smooth, and looks like noise that lasts: then the
+// verdict stands under that condition.
+TEST_F(FitVerbTest, WhatCouldBeNoiseIsACondition) {
+  MakeTracks("tracks.h5",
+             {"joint.hinge.friction.moment=0.02", "joint.hinge.friction.creep_rate=0.1"}, 5);
+  MakeStudy("study.toml", kOneTrial + std::string("window = [0.0, 0.9]\n"),
+            "[profile]\nlevels = []\n");
+  const auto fit = nlohmann::json::parse(Good({"fit", "study.toml", "-o", "fit.h5", "--json"}).out);
+  EXPECT_LT(fit.at("checks").at("p_covariances [1]"), 0.01);
+  EXPECT_THAT(std::string(fit.at("verdict")), HasSubstr("residuals is noise"));
+}
+
 TEST_F(FitVerbTest, StudiesThatCannotBeAreRefused) {
   MakeTracks("tracks.h5", {}, 5);
   MakeStudy("study.toml", kOneTrial);
