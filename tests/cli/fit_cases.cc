@@ -80,8 +80,6 @@ keys = ["joint.hinge.spring.stiffness"]
 unit = "N m/rad"
 start = 0.21
 bounds = [0.1, 0.4]
-[model]
-rtol = 1e-6
 {})",
                         UNFURL_SOURCE_DIR, trials, more));
 }
