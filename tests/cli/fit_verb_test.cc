@@ -134,7 +134,7 @@ TEST_F(FitVerbTest, AModelThatLacksSomethingIsToldInWords) {
 // verdict stands under that condition.
 TEST_F(FitVerbTest, WhatCouldBeNoiseIsACondition) {
   MakeTracks("tracks.h5",
-             {"joint.hinge.friction.moment=0.02", "joint.hinge.friction.creep_rate=0.1"}, 5);
+             {"joint.hinge.friction.moment=0.014", "joint.hinge.friction.creep_rate=0.1"}, 5);
   MakeStudy("study.toml", kOneTrial + std::string("window = [0.0, 0.9]\n"),
             "[profile]\nlevels = []\n");
   const auto fit = nlohmann::json::parse(Good({"fit", "study.toml", "-o", "fit.h5", "--json"}).out);
