@@ -48,6 +48,14 @@ class ReducedCost : public ceres::CostFunction {
         if (last_projected.col(j).norm() <= kImitated * J.col(j).norm()) {
           last_projected.col(j).setZero();
         }
+        // What presses against its bound stays there, and the others move as if it were given:
+        // steps that are cut back at the bound lead along it by inches.
+        const Parameter& p = problem_.parameters()[static_cast<std::size_t>(j)];
+        const double here = FromInternal(p, u[static_cast<std::size_t>(j)]);
+        const double rise = last_projected.col(j).dot(last_residual);
+        if ((here <= p.low && rise > 0.0) || (here >= p.high && rise < 0.0)) {
+          last_projected.col(j).setZero();
+        }
       }
       Eigen::Map<RowMajor>(jacobians[0], problem_.rows(), static_cast<Eigen::Index>(count_)) =
           last_projected;
@@ -93,12 +101,7 @@ class StepWatch : public ceres::IterationCallback {
     for (std::size_t j = 0; j < parameters_.size(); ++j) {
       const auto i = static_cast<Eigen::Index>(j);
       if (!options_.held.empty() && options_.held[j]) continue;
-      const double here = FromInternal(parameters_[j], cost_.last_u[j]);
-      const bool outward = (here <= parameters_[j].low && next.step(i) < 0.0) ||
-                           (here >= parameters_[j].high && next.step(i) > 0.0);
-      if (!outward && std::abs(next.step(i)) > tolerance * next.sigma(i)) {
-        return ceres::SOLVER_CONTINUE;
-      }
+      if (std::abs(next.step(i)) > tolerance * next.sigma(i)) return ceres::SOLVER_CONTINUE;
     }
     small = true;
     return ceres::SOLVER_TERMINATE_SUCCESSFULLY;

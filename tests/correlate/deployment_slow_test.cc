@@ -55,7 +55,7 @@ Planted RunPlanted(std::uint64_t seed) {
   FitOptions options;
   options.stages_by_impacts = true;
   options.search.screened = 32;
-  options.search.starts = 3;
+  options.search.starts = 2;
   options.profile.wanted = false;
   const FitResult fit = Fit(problem, options);
   Planted out;
