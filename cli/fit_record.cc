@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <nlohmann/json.hpp>
 
 #include "base/text.h"
 #include "cli/verb.h"
@@ -16,7 +15,6 @@ namespace unfurl::cli {
 
 namespace {
 
-using nlohmann::ordered_json;
 
 // The residuals of one trial: how large, whether they follow one another, what was done about it,
 // and whether the model explains them.
@@ -354,79 +352,6 @@ void AddTolerances(const std::vector<correlate::ToleranceChoice>& choices,
                           "{:.2g} mm at the start: {:.0e} leaves {:.2g} mm.",
                           of, 1e3 * c.wanted, c.rtol, 1e3 * c.noise));
   }
-}
-
-std::string FitText(const data::FitRecord& record, double seconds) {
-  std::string text = record.verdict + "\n";
-  for (const std::string& reason : record.reasons) text += "  " + reason + "\n";
-  std::size_t failed = 0;
-  for (const auto& e : record.evaluations) failed += e.failed ? 1 : 0;
-  const std::string cost = fmt::format("{} evaluations of the model, {} failed, in {:.1f} s\n",
-                                       record.evaluations.size(), failed, seconds);
-  if (record.nuisances.empty()) return text + cost;
-  std::vector<std::vector<std::string>> rows = {{"parameter", "value", "error", "%", "of data",
-                                                 "of mesh", "95% low", "95% high", "unit",
-                                                 "verdict"}};
-  auto limit = [](double x) { return std::isfinite(x) ? fmt::format("{:.5g}", x) : "open"; };
-  for (const auto& p : record.parameters) {
-    rows.push_back({p.name, fmt::format("{:.6g}", p.value), fmt::format("{:.2g}", p.sigma),
-                    fmt::format("{:.2f}", 100.0 * p.sigma / std::abs(p.value)),
-                    fmt::format("{:.2g}", p.sigma_data), fmt::format("{:.2g}", p.sigma_model),
-                    record.profiles.empty() ? "-" : limit(p.low95),
-                    record.profiles.empty() ? "-" : limit(p.high95), p.unit, p.verdict});
-  }
-  text += AlignedTable(rows);
-  for (const auto& n : record.nuisances) {
-    if (n.name != "time offset") continue;
-    text += fmt::format(
-        "time offset{} {} s\n",
-        record.trials.size() > 1 ? " of " + record.trials[static_cast<std::size_t>(n.trial)] : "",
-        report::NumberWithError(n.value, n.sigma));
-  }
-  return text + cost;
-}
-
-ordered_json FitJson(const data::FitRecord& record, const std::string& output, double seconds) {
-  ordered_json json = {{"fit", output},
-                       {"status", record.status},
-                       {"verdict", record.verdict},
-                       {"reasons", record.reasons}};
-  auto limit = [](double x) { return std::isfinite(x) ? ordered_json(x) : ordered_json(nullptr); };
-  for (const auto& p : record.parameters) {
-    json["parameters"].push_back({{"name", p.name},
-                                  {"unit", p.unit},
-                                  {"value", p.value},
-                                  {"sigma", p.sigma},
-                                  {"sigma_data", p.sigma_data},
-                                  {"sigma_white", p.sigma_white},
-                                  {"sigma_model", p.sigma_model},
-                                  {"sigma_alone", limit(p.sigma_alone)},
-                                  {"model_shift", p.model_shift},
-                                  {"low95", limit(p.low95)},
-                                  {"high95", limit(p.high95)},
-                                  {"kink", p.kink},
-                                  {"imitated", p.imitated},
-                                  {"verdict", p.verdict},
-                                  {"with", p.with},
-                                  {"reason", p.reason}});
-  }
-  for (const auto& n : record.nuisances) {
-    if (n.name.rfind("calibration", 0) == 0) continue;
-    json["nuisances"].push_back({{"name", n.name},
-                                 {"trial", record.trials[static_cast<std::size_t>(n.trial)]},
-                                 {"value", n.value},
-                                 {"sigma", n.sigma}});
-  }
-  for (const auto& s : record.starts) {
-    json["starts"].push_back({{"from", s.from}, {"to", s.to}, {"cost", s.cost}});
-  }
-  for (const auto& [name, value] : record.checks) json["checks"][name] = value;
-  json["evaluations"] = record.evaluations.size();
-  std::size_t failed = 0;
-  for (const auto& e : record.evaluations) failed += e.failed ? 1 : 0;
-  json["failed"] = failed;
-  json["seconds"] = seconds;
-  return json;
 }
 
 }  // namespace unfurl::cli

@@ -19,13 +19,13 @@ struct SpectrumOptions {
 // Single-sided amplitude spectrum: a sine of amplitude A that falls on a bin shows as A there,
 // whatever the window (its coherent gain is divided out) and whether n is even or odd.
 struct Spectrum {
-  std::vector<double> frequency;  // n/2 + 1 bins, k / (n dt) [Hz]
-  std::vector<double> amplitude;  // in the unit of the signal
+  std::vector<double> frequency;            // n/2 + 1 bins, k / (n dt) [Hz]
+  std::vector<double> amplitude;            // in the unit of the signal
   std::vector<std::complex<double>> value;  // the same with its phase at the first sample
-  double resolution = 0.0;        // spacing of the bins, 1 / (n dt) [Hz]
-  double noise_bandwidth = 0.0;   // of the window [Hz]; 1 bin for the rectangular one
-  double dt = 0.0;                // [s]
-  std::size_t n = 0;              // samples
+  double resolution = 0.0;                  // spacing of the bins, 1 / (n dt) [Hz]
+  double noise_bandwidth = 0.0;             // of the window [Hz]; 1 bin for the rectangular one
+  double dt = 0.0;                          // [s]
+  std::size_t n = 0;                        // samples
   SpectralWindow window = SpectralWindow::kHann;
   std::string convention;  // all of this in words
 };
