@@ -15,6 +15,11 @@ namespace unfurl::cli {
 
 namespace {
 
+// "of 0.02"; what is too small to be computed is no zero.
+std::string Probability(double p) {
+  constexpr double kLeast = 1e-12;
+  return p < kLeast ? fmt::format("below {:.0e}", kLeast) : fmt::format("of {:.2g}", p);
+}
 
 // The residuals of one trial: how large, whether they follow one another, what was done about it,
 // and whether the model explains them.
@@ -46,25 +51,24 @@ std::string ResidualWords(const correlate::TrialResult& t, bool several) {
       break;
     case correlate::Explained::kNoise:
       words += fmt::format(
-          " By the marks' covariances that has a probability of {:.2g}; as noise that stays the "
-          "same "
+          " By the marks' covariances that has a probability {}; as noise that stays the same "
           "all along it is likely enough ({:.2g}). If noise it is (of the optics), the standard "
           "errors hold it; a smooth effect that the model lacks would look the same.",
-          g.p_covariances(), g.p_noise());
+          Probability(g.p_covariances()), g.p_noise());
       break;
     case correlate::Explained::kMesh:
       words += fmt::format(
-          " By the marks' covariances that has a probability of {:.2g}; a finer mesh takes {:.0f}% "
+          " By the marks' covariances that has a probability {}; a finer mesh takes {:.0f}% "
           "of what is too much away.",
-          g.p_covariances(), 100.0 * g.mesh_takes);
+          Probability(g.p_covariances()), 100.0 * g.mesh_takes);
       break;
     case correlate::Explained::kNo:
       words += fmt::format(
-          " The model does not explain them: neither the marks' covariances (probability {:.2g}) "
+          " The model does not explain them: neither the marks' covariances (probability {}) "
           "nor noise that stays the same all along ({:.2g}){}. It lacks something, or the optics "
           "are wrong by more than the tracks claim, and the values may be off by more than their "
           "errors say.",
-          g.p_covariances(), g.p_noise(),
+          Probability(g.p_covariances()), g.p_noise(),
           t.model_error.empty() ? std::string()
                                 : fmt::format(" nor a finer mesh, which takes {:.0f}% of it away",
                                               100.0 * g.mesh_takes));
