@@ -17,7 +17,7 @@
 #include "base/error.h"
 #include "beam_scenes.h"
 #include "data/scene.h"
-#include "sim/simulate.h"
+#include "sim/methods/simulate.h"
 
 namespace {
 

@@ -12,9 +12,9 @@
 
 #include "base/error.h"
 #include "bench/cpu_time.h"
-#include "cli/study_binding.h"
-#include "correlate/fit.h"
+#include "correlate/fit/fit.h"
 #include "data/study.h"
+#include "study/study_binding.h"
 
 namespace unfurl::bench {
 namespace {
@@ -56,7 +56,7 @@ void Row(const Setting& setting, const std::string& study_path, const std::strin
       "profile.levels=[]"};
   sets.insert(sets.end(), setting.more.begin(), setting.more.end());
   const double start = CpuSeconds();
-  cli::BoundStudy bound = cli::Bind(data::ReadStudy(study_path, sets), tracks);
+  study::BoundStudy bound = study::Bind(data::ReadStudy(study_path, sets), tracks);
   const correlate::FitResult fit = correlate::Fit(bound.problem, bound.options);
   const double seconds = CpuSeconds() - start;
   fmt::print("| {} | {} | {:.0f} |", setting.name, fit.evaluations.size(), seconds);

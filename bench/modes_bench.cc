@@ -7,7 +7,7 @@
 #include <cstdlib>
 #include <ctime>
 
-#include "correlate/modal_id.h"
+#include "correlate/modes/modal_id.h"
 #include "tests/correlate/free_decay.h"
 
 namespace {

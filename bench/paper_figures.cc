@@ -14,8 +14,8 @@
 #include "base/error.h"
 #include "bench/svg_plot.h"
 #include "data/scene.h"
-#include "sim/observables.h"
-#include "sim/simulate.h"
+#include "sim/dynamics/observables.h"
+#include "sim/methods/simulate.h"
 
 namespace unfurl::bench {
 namespace {

@@ -12,9 +12,9 @@
 
 #include "base/error.h"
 #include "data/scene.h"
-#include "sim/dynamics.h"
-#include "sim/flush_denormals.h"
-#include "sim/simulate.h"
+#include "sim/dynamics/dynamics.h"
+#include "sim/dynamics/flush_denormals.h"
+#include "sim/methods/simulate.h"
 
 namespace {
 

@@ -18,10 +18,10 @@
 #include "base/error.h"
 #include "beam_scenes.h"
 #include "data/scene.h"
-#include "sim/dynamics.h"
-#include "sim/flush_denormals.h"
-#include "sim/observables.h"
-#include "sim/simulate.h"
+#include "sim/dynamics/dynamics.h"
+#include "sim/dynamics/flush_denormals.h"
+#include "sim/dynamics/observables.h"
+#include "sim/methods/simulate.h"
 
 namespace {
 

@@ -15,7 +15,7 @@
 
 #include "base/error.h"
 #include "data/scene.h"
-#include "sim/simulate.h"
+#include "sim/methods/simulate.h"
 
 namespace {
 

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/table.h"
 #include "calib/observations.h"
 #include "cli/check_page.h"
 #include "cli/verb.h"

@@ -5,14 +5,14 @@
 #include <algorithm>
 #include <cmath>
 
-#include "report/number.h"
+#include "base/number.h"
 
 namespace unfurl::cli {
 
 namespace {
 
+using Number;
 using report::Chart;
-using report::Number;
 using report::Series;
 using report::Style;
 
@@ -101,15 +101,15 @@ void AddModeTable(const Comparison& c, report::Page* page) {
     std::vector<std::string> row(table.header.size(), "-");
     if (p.a >= 0) {
       const correlate::Mode& m = A[static_cast<std::size_t>(p.a)];
-      row[0] = report::NumberWithError(m.frequency, m.frequency_sigma);
-      row[4] = report::NumberWithError(100.0 * m.damping, 100.0 * m.damping_sigma);
+      row[0] = NumberWithError(m.frequency, m.frequency_sigma);
+      row[4] = NumberWithError(100.0 * m.damping, 100.0 * m.damping_sigma);
       row[8] = Number(kMilli * m.amplitude.cwiseAbs().maxCoeff(), 3);
       row[9] = Percent(m.share);
     }
     if (p.b >= 0) {
       const correlate::Mode& m = B[static_cast<std::size_t>(p.b)];
-      row[1] = report::NumberWithError(m.frequency, m.frequency_sigma);
-      row[5] = report::NumberWithError(100.0 * m.damping, 100.0 * m.damping_sigma);
+      row[1] = NumberWithError(m.frequency, m.frequency_sigma);
+      row[5] = NumberWithError(100.0 * m.damping, 100.0 * m.damping_sigma);
     }
     if (p.a >= 0 && p.b >= 0) {
       const correlate::Mode& a = A[static_cast<std::size_t>(p.a)];
@@ -141,7 +141,7 @@ void AddShapeTable(const Comparison& c, report::Page* page) {
       const auto at = static_cast<Eigen::Index>(j);
       const std::complex<double> v = m.shape(at);
       const double sigma = std::hypot(m.shape_sigma(0, at), m.shape_sigma(1, at)) / std::sqrt(2.0);
-      std::string cell = sigma > 0.0 ? report::NumberWithError(std::abs(v), sigma) : "1";
+      std::string cell = sigma > 0.0 ? NumberWithError(std::abs(v), sigma) : "1";
       // A part that is no more than its error has no phase.
       if (sigma > 0.0 && std::abs(v) > 2.0 * sigma) {
         cell += fmt::format(" ({})", std::lround(57.29577951308232 * std::arg(v)));

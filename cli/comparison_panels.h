@@ -1,9 +1,13 @@
 #pragma once
 
-#include "cli/comparison.h"
+#include "correlate/compare/comparison.h"
 #include "report/page.h"
 
 namespace unfurl::cli {
+
+using correlate::ComparedSignal;
+using correlate::ComparedSpectrum;
+using correlate::Comparison;
 
 inline constexpr double kMilli = 1e3;  // metres and radians are shown in thousandths
 
@@ -22,5 +26,12 @@ report::Chart SpectrumChart(const Comparison& c, const ComparedSpectrum& s);
 const ComparedSignal* FindSignal(const Comparison& c, const std::string& name);
 // Names of the marks, those that move most first.
 std::vector<std::string> MarksByMotion(const Comparison& c);
+
+// Charts and tables of a comparison that succeeded, onto any page.
+void AddComparisonPanels(const Comparison& c, report::Page* page);
+
+// The page of it.
+void WriteComparisonPage(const std::string& path, const Comparison& c,
+                         const data::Provenance& provenance);
 
 }  // namespace unfurl::cli

@@ -6,12 +6,13 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/number.h"
+#include "base/table.h"
 #include "base/text.h"
-#include "cli/comparison_json.h"
 #include "cli/paper_figures.h"
 #include "cli/verb.h"
+#include "correlate/compare/comparison_json.h"
 #include "data/atomic_file.h"
-#include "report/number.h"
 
 namespace unfurl::cli {
 
@@ -69,8 +70,8 @@ std::string Text(const Comparison& c) {
     auto fill = [&](const correlate::ModalFit& fit, int index, std::size_t column) {
       if (index < 0) return;
       const correlate::Mode& m = fit.decay.modes[static_cast<std::size_t>(index)];
-      row[column] = report::NumberWithError(m.frequency, m.frequency_sigma);
-      row[column + 1] = report::NumberWithError(100.0 * m.damping, 100.0 * m.damping_sigma);
+      row[column] = NumberWithError(m.frequency, m.frequency_sigma);
+      row[column + 1] = NumberWithError(100.0 * m.damping, 100.0 * m.damping_sigma);
     };
     fill(c.measured_modes, p.a, 1);
     fill(c.reference_modes, p.b, 3);

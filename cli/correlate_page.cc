@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/number.h"
 #include "base/text.h"
-#include "cli/comparison.h"
 #include "cli/comparison_panels.h"
-#include "report/number.h"
+#include "correlate/compare/comparison.h"
 #include "report/page.h"
 
 namespace unfurl::cli {
@@ -269,7 +269,7 @@ void WriteComparisonPage(const std::string& path, const Comparison& c,
         {{"distance, RMS", fmt::format("{:.3g} mm", kMilli * all.rmse),
           all.sigmas > 0.0 ? fmt::format("{:.3g} times the measurement's sigma", all.sigmas) : "",
           within ? report::Level::kGood : report::Level::kCare},
-         {"time offset", report::NumberWithError(a.at.offset, a.Sigma("time offset")) + " s", "",
+         {"time offset", NumberWithError(a.at.offset, a.Sigma("time offset")) + " s", "",
           report::Level::kNeutral},
          {"across the plane, RMS", fmt::format("{:.3g} mm", kMilli * all.rmse_across),
           fmt::format("mean {:+.3f} mm", kMilli * all.bias_across), report::Level::kNeutral},

@@ -1,5 +1,5 @@
 // `unfurl cost`: correlate's study of cost, bound to the simulator and a scene.
-#include "correlate/cost.h"
+#include "correlate/fit/cost.h"
 
 #include <fmt/format.h>
 
@@ -11,10 +11,11 @@
 #include "base/error.h"
 #include "base/progress.h"
 #include "base/statistics.h"
+#include "base/table.h"
 #include "cli/cost_page.h"
 #include "cli/verb.h"
 #include "data/scene.h"
-#include "sim/simulate.h"
+#include "sim/methods/simulate.h"
 
 namespace unfurl::cli {
 

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "correlate/cost.h"
+#include "correlate/fit/cost.h"
 #include "data/provenance.h"
 
 namespace unfurl::cli {

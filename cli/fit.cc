@@ -1,4 +1,4 @@
-#include "correlate/fit.h"
+#include "correlate/fit/fit.h"
 
 #include <fmt/format.h>
 
@@ -11,15 +11,15 @@
 
 #include "base/error.h"
 #include "base/progress.h"
-#include "cli/comparison.h"
 #include "cli/fit_page.h"
-#include "cli/fit_record.h"
-#include "cli/study_binding.h"
 #include "cli/verb.h"
-#include "correlate/evaluation_store.h"
+#include "correlate/compare/comparison.h"
+#include "correlate/fit/evaluation_store.h"
 #include "data/fit.h"
 #include "data/journal.h"
 #include "data/study.h"
+#include "study/fit_record.h"
+#include "study/study_binding.h"
 
 namespace unfurl::cli {
 

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "report/number.h"
+#include "base/number.h"
 #include "report/page.h"
 
 namespace unfurl::cli {
@@ -50,8 +50,8 @@ void AddParameters(const FitPageInput& in, report::Page* page) {
   for (std::size_t j = 0; j < in.record.parameters.size(); ++j) {
     const auto& p = in.record.parameters[j];
     const auto& e = in.result.parameters[j];
-    figures.push_back({p.name, report::NumberWithError(p.value, p.sigma) + " " + p.unit, p.verdict,
-                       LevelOf(e.verdict)});
+    figures.push_back(
+        {p.name, NumberWithError(p.value, p.sigma) + " " + p.unit, p.verdict, LevelOf(e.verdict)});
     const std::string keys =
         p.keys.front() + (p.keys.size() > 1 ? fmt::format(" and {} more", p.keys.size() - 1) : "");
     values.rows.push_back(

@@ -2,8 +2,8 @@
 
 #include <string>
 
-#include "cli/comparison.h"
-#include "correlate/fit.h"
+#include "correlate/compare/comparison.h"
+#include "correlate/fit/fit.h"
 #include "data/fit.h"
 
 namespace unfurl::cli {
@@ -13,7 +13,7 @@ struct FitPageInput {
   const data::FitRecord& record;
   const correlate::FitProblem& problem;
   const correlate::FitResult& result;
-  const Comparison& comparison;  // at the estimate; without errors: none
+  const correlate::Comparison& comparison;  // at the estimate; without errors: none
   data::Provenance provenance;
 };
 void WriteFitPage(const std::string& path, const FitPageInput& input);

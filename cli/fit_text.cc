@@ -3,9 +3,10 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "cli/fit_record.h"
+#include "base/number.h"
+#include "base/table.h"
 #include "cli/verb.h"
-#include "report/number.h"
+#include "study/fit_record.h"
 
 namespace unfurl::cli {
 
@@ -36,7 +37,7 @@ std::string FitText(const data::FitRecord& record, double seconds) {
     text += fmt::format(
         "time offset{} {} s\n",
         record.trials.size() > 1 ? " of " + record.trials[static_cast<std::size_t>(n.trial)] : "",
-        report::NumberWithError(n.value, n.sigma));
+        NumberWithError(n.value, n.sigma));
   }
   return text + cost;
 }

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/table.h"
 #include "base/text.h"
 #include "cli/verb.h"
 #include "data/atomic_file.h"

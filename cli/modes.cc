@@ -1,4 +1,4 @@
-#include "sim/modes.h"
+#include "sim/implicit/modes.h"
 
 #include <fmt/format.h>
 
@@ -9,14 +9,15 @@
 #include <optional>
 
 #include "base/error.h"
+#include "base/table.h"
 #include "cli/verb.h"
 #include "data/atomic_file.h"
 #include "data/csv.h"
 #include "data/h5.h"
 #include "data/scene.h"
-#include "sim/equilibrium.h"
-#include "sim/observables.h"
-#include "sim/simulate.h"
+#include "sim/dynamics/observables.h"
+#include "sim/implicit/equilibrium.h"
+#include "sim/methods/simulate.h"
 
 namespace unfurl::cli {
 

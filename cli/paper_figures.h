@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "cli/comparison.h"
+#include "correlate/compare/comparison.h"
 
 namespace unfurl::cli {
 
@@ -11,6 +11,6 @@ namespace unfurl::cli {
 // and figure-16b.svg, the displacements of the two marks that move most; figure-17.svg, the spectra
 // of the one that moves most. What a trial cannot show is left out. Gives what was written, in
 // words.
-std::string WritePaperFigures(const std::string& folder, const Comparison& comparison);
+std::string WritePaperFigures(const std::string& folder, const correlate::Comparison& comparison);
 
 }  // namespace unfurl::cli

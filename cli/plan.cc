@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/table.h"
 #include "cli/uncertainty_panel.h"
 #include "cli/verb.h"
 #include "data/lab.h"

@@ -14,10 +14,11 @@
 
 #include "base/error.h"
 #include "base/progress.h"
+#include "base/table.h"
 #include "base/text.h"
 #include "cli/reconstruct_page.h"
 #include "cli/verb.h"
-#include "correlate/align.h"
+#include "correlate/align/align.h"
 #include "data/csv.h"
 #include "data/h5.h"
 #include "data/rig.h"

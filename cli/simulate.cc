@@ -1,4 +1,4 @@
-#include "sim/simulate.h"
+#include "sim/methods/simulate.h"
 
 #include <fmt/format.h>
 #include <sys/statvfs.h>
@@ -12,13 +12,13 @@
 
 #include "base/error.h"
 #include "base/progress.h"
-#include "cli/run_recorder.h"
 #include "cli/simulate_page.h"
-#include "cli/simulate_summary.h"
 #include "cli/verb.h"
 #include "data/atomic_file.h"
 #include "data/run.h"
 #include "data/scene.h"
+#include "sim/record/run_recorder.h"
+#include "sim/record/run_summary.h"
 
 namespace unfurl::cli {
 

@@ -196,7 +196,7 @@ class Composer {
   void AddJointTable() {
     if (in_.model.joints.empty()) return;
     std::size_t left_out = 0;
-    const auto rows = JointRows(in_, kMostRows, &left_out);
+    const auto rows = JointTable(in_, kMostRows, &left_out);
     report::Table table;
     table.title = in_.model.latches.count() > 0 ? "Latches and loads" : "Loads";
     if (in_.model.latches.count() > 0) {

@@ -55,7 +55,4 @@ data::Provenance StartProvenance(const Common& common);
 // Ends a verb: the summary as JSON on stdout with --json, `text` otherwise, nothing with --quiet.
 void Finish(const Common& common, const nlohmann::ordered_json& summary, const std::string& text);
 
-// A table for terminals: columns aligned, numbers right.
-std::string AlignedTable(const std::vector<std::vector<std::string>>& rows);
-
 }  // namespace unfurl::cli

@@ -8,9 +8,9 @@
 #include <limits>
 
 #include "base/error.h"
+#include "base/number.h"
 #include "report/chart.h"
 #include "report/escape.h"
-#include "report/number.h"
 #include "report/paths.h"
 
 namespace unfurl::report {

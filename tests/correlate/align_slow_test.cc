@@ -6,7 +6,7 @@
 
 #include "base/statistics.h"
 #include "base/worker_pool.h"
-#include "correlate/align.h"
+#include "correlate/align/align.h"
 #include "tests/correlate/two_link.h"
 
 namespace unfurl::correlate {

@@ -1,10 +1,10 @@
-#include "correlate/align.h"
+#include "correlate/align/align.h"
 
 #include <gtest/gtest.h>
 
 #include "base/statistics.h"
-#include "correlate/body_angle.h"
-#include "correlate/metrics.h"
+#include "correlate/align/body_angle.h"
+#include "correlate/compare/metrics.h"
 #include "tests/correlate/two_link.h"
 
 namespace unfurl::correlate {

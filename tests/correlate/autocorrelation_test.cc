@@ -1,4 +1,4 @@
-#include "correlate/autocorrelation.h"
+#include "correlate/fit/autocorrelation.h"
 
 #include <gtest/gtest.h>
 

@@ -1,10 +1,10 @@
 // The tolerance that a fit runs its simulator with.
-#include "correlate/choose_tolerance.h"
+#include "correlate/fit/choose_tolerance.h"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
-#include "correlate/reduced_problem.h"
+#include "correlate/fit/reduced_problem.h"
 #include "tests/correlate/pendulum.h"
 
 namespace unfurl::correlate {
@@ -94,18 +94,18 @@ TEST(ChooseTolerance, AModelThatFailsIsTheFitsToReport) {
 TEST(ChooseTolerance, HoldsForTheLatchingPendulumElsewhere) {
   std::vector<double> start;
   for (const Parameter& p : Pendulum::Parameters()) start.push_back(p.start);
-  const cli::SceneModel exact(Pendulum::Binding(1e-11), start);
+  const study::SceneModel exact(Pendulum::Binding(1e-11), start);
   Rng rng = Rng(4).Stream("tolerance");
   const Observations data =
       Record(exact, Pendulum::Truth(rng), Pendulum::Marks(), Pendulum::Recording(), rng);
   const ToleranceChoice choice = ChooseTolerance(
       [&](double rtol) {
-        return std::make_unique<cli::SceneModel>(Pendulum::Binding(rtol), start);
+        return std::make_unique<study::SceneModel>(Pendulum::Binding(rtol), start);
       },
       nullptr, start, data);
   EXPECT_LE(choice.noise, choice.wanted);
   EXPECT_LT(choice.rtol, 1e-5);
-  const cli::SceneModel chosen(Pendulum::Binding(choice.rtol), start);
+  const study::SceneModel chosen(Pendulum::Binding(choice.rtol), start);
   const Stamps stamps = data.StampsAt(Pendulum::Recording().offset);
   int quiet = 0;
   constexpr int kPlaces = 8;

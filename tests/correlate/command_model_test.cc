@@ -1,4 +1,4 @@
-#include "correlate/command_model.h"
+#include "correlate/fit/command_model.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "correlate/cost.h"
+#include "correlate/fit/cost.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -9,8 +9,8 @@
 
 #include "base/statistics.h"
 #include "base/worker_pool.h"
-#include "cli/scene_model.h"
-#include "correlate/fit.h"
+#include "correlate/fit/fit.h"
+#include "study/scene_model.h"
 #include "tests/correlate/two_link.h"
 
 namespace unfurl::correlate {
@@ -22,8 +22,8 @@ struct Deployment {
   static std::vector<std::string> Marks() { return {"mark1", "mark1b", "mark2", "mark3"}; }
 
   // One value for all latches, beams, springs, hinges.
-  static cli::SceneModelOptions Binding(const std::vector<Unknown>& unknown, double rtol) {
-    cli::SceneModelOptions options;
+  static study::SceneModelOptions Binding(const std::vector<Unknown>& unknown, double rtol) {
+    study::SceneModelOptions options;
     options.scene =
         std::string(UNFURL_SOURCE_DIR) + "/data/sets/deployment/scene_suspension_4.toml";
     options.rtol = rtol;

@@ -39,8 +39,8 @@ Planted RunPlanted(std::uint64_t seed) {
     p.start = FromInternal(p, low + (high - low) * rng.Uniform(0.05, 0.95));
     start.push_back(p.start);
   }
-  const cli::SceneModel model(D::Binding(unknown, kTolerance), start);
-  const cli::SceneModel tighter(D::Binding(unknown, 0.1 * kTolerance), start);
+  const study::SceneModel model(D::Binding(unknown, kTolerance), start);
+  const study::SceneModel tighter(D::Binding(unknown, 0.1 * kTolerance), start);
   const Trial recording = D::Recording(kDuration);
   const Observations data = Record(model, truth, D::Marks(), recording, rng);
   const Prediction at_truth = model.Evaluate(truth, data.StampsAt(recording.offset));

@@ -3,7 +3,7 @@
 
 #include "base/error.h"
 #include "base/statistics.h"
-#include "correlate/fit.h"
+#include "correlate/fit/fit.h"
 #include "tests/correlate/fit_repeats.h"
 #include "tests/correlate/two_link.h"
 

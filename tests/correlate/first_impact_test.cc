@@ -1,5 +1,5 @@
 // The first impact that marks show, by which a fit's stages are laid.
-#include "correlate/first_impact.h"
+#include "correlate/align/first_impact.h"
 
 #include <gtest/gtest.h>
 
@@ -42,14 +42,14 @@ void ExpectFound(const Model& model, const std::vector<double>& theta,
 TEST(FirstImpact, OfTheLatchingPendulumFound) {
   std::vector<double> theta;
   for (const Parameter& p : Pendulum::Parameters()) theta.push_back(p.start);
-  const cli::SceneModel model(Pendulum::Binding(), theta);
+  const study::SceneModel model(Pendulum::Binding(), theta);
   ExpectFound(model, theta, Pendulum::Marks(), Pendulum::Recording(5e-4), 1, 20);
 }
 
 // The first latch, of the outermost arm, shows little; the second comes 25 ms later.
 TEST(FirstImpact, OfTheDeploymentFound) {
   const std::vector<double> theta = {0.0055};
-  const cli::SceneModel model(Deployment::Binding({Deployment::kClearance}, 1e-5), theta);
+  const study::SceneModel model(Deployment::Binding({Deployment::kClearance}, 1e-5), theta);
   ExpectFound(model, theta, Deployment::Marks(), Deployment::Recording(1.2), 2, 10);
 }
 

@@ -8,7 +8,7 @@
 
 #include "base/statistics.h"
 #include "base/worker_pool.h"
-#include "correlate/fit.h"
+#include "correlate/fit/fit.h"
 #include "tests/correlate/two_link.h"
 
 namespace unfurl::correlate {

@@ -1,4 +1,4 @@
-#include "correlate/fit.h"
+#include "correlate/fit/fit.h"
 
 #include <gtest/gtest.h>
 

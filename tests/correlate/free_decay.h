@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "base/random.h"
-#include "correlate/decay_fit.h"
+#include "correlate/modes/decay_fit.h"
 
 namespace unfurl::correlate {
 

@@ -1,5 +1,5 @@
 // Whether a model explains its data, on residuals whose distribution is known.
-#include "correlate/goodness.h"
+#include "correlate/fit/goodness.h"
 
 #include <gtest/gtest.h>
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "correlate/fit.h"
+#include "correlate/fit/fit.h"
 #include "tests/correlate/fit_repeats.h"
 #include "tests/correlate/two_link.h"
 

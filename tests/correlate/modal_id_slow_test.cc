@@ -4,7 +4,7 @@
 
 #include "base/statistics.h"
 #include "base/worker_pool.h"
-#include "correlate/modal_id.h"
+#include "correlate/modes/modal_id.h"
 #include "tests/correlate/free_decay.h"
 
 namespace unfurl::correlate {

@@ -1,9 +1,9 @@
-#include "correlate/modal_id.h"
+#include "correlate/modes/modal_id.h"
 
 #include <gtest/gtest.h>
 
 #include "base/statistics.h"
-#include "correlate/matrix_pencil.h"
+#include "correlate/modes/matrix_pencil.h"
 #include "tests/correlate/free_decay.h"
 
 namespace unfurl::correlate {

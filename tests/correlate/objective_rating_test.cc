@@ -1,4 +1,4 @@
-#include "correlate/objective_rating.h"
+#include "correlate/compare/objective_rating.h"
 
 #include <gtest/gtest.h>
 

@@ -38,8 +38,8 @@ inline OpticsCount CountOptics(const OpticsCase& which, int trials, std::uint64_
     problem.parameters = D::Parameters(unknown);
     std::vector<double> start;
     for (const Parameter& p : problem.parameters) start.push_back(p.start);
-    const cli::SceneModel model(D::Binding(unknown, 1e-6), start);
-    const cli::SceneModel tighter(D::Binding(unknown, 1e-7), start);
+    const study::SceneModel model(D::Binding(unknown, 1e-6), start);
+    const study::SceneModel tighter(D::Binding(unknown, 1e-7), start);
     const Trial recording = D::Recording(kDuration);
     Observations data = Record(model, truths[i], D::Marks(), recording, rng);
     SmoothOptics(data, recording.X_WM, which.rms, kLength, kEach).Apply(which.claimed, rng, &data);

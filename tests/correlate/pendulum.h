@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "base/random.h"
-#include "cli/scene_model.h"
-#include "correlate/fit.h"
+#include "correlate/fit/fit.h"
+#include "study/scene_model.h"
 #include "tests/correlate/two_link.h"
 
 namespace unfurl::correlate {
@@ -22,8 +22,8 @@ struct Pendulum {
   // cost a rough ground full of hollows; at 1e-8 it is a thousandth, and the ground smooth.
   static constexpr double kTolerance = 1e-8;
 
-  static cli::SceneModelOptions Binding(double rtol = kTolerance) {
-    cli::SceneModelOptions options;
+  static study::SceneModelOptions Binding(double rtol = kTolerance) {
+    study::SceneModelOptions options;
     options.scene = std::string(UNFURL_SOURCE_DIR) + "/data/sets/bouncing_latch/scene.toml";
     options.set = {"mark.mid.on=arm", "mark.mid.point=[0.0, 0.0]"};
     options.keys = {{"joint.hinge.latch.theta_a", "joint.hinge.latch.theta_b"},

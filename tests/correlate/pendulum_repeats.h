@@ -39,8 +39,8 @@ inline PendulumCount RepeatPendulum(int trials, std::uint64_t first) {
     truths[i] = Pendulum::Truth(rng);
     std::vector<double> start;
     for (const Parameter& p : Pendulum::Parameters()) start.push_back(p.start);
-    const cli::SceneModel model(Pendulum::Binding(), start);
-    const cli::SceneModel tighter(Pendulum::Binding(0.1 * Pendulum::kTolerance), start);
+    const study::SceneModel model(Pendulum::Binding(), start);
+    const study::SceneModel tighter(Pendulum::Binding(0.1 * Pendulum::kTolerance), start);
     const Observations data =
         Record(model, truths[i], Pendulum::Marks(), Pendulum::Recording(), rng);
     planted[i] = CostAt(model, truths[i], data, Pendulum::Recording().offset);

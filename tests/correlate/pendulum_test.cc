@@ -4,7 +4,7 @@
 #include <set>
 
 #include "base/error.h"
-#include "correlate/search.h"
+#include "correlate/fit/search.h"
 #include "tests/correlate/pendulum_repeats.h"
 
 namespace unfurl::correlate {

@@ -6,7 +6,7 @@
 #include <filesystem>
 
 #include "base/error.h"
-#include "correlate/evaluation_store.h"
+#include "correlate/fit/evaluation_store.h"
 #include "tests/correlate/fit_repeats.h"
 #include "tests/correlate/two_link.h"
 

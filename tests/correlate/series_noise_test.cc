@@ -1,4 +1,4 @@
-#include "correlate/series_noise.h"
+#include "correlate/fit/series_noise.h"
 
 #include <gtest/gtest.h>
 

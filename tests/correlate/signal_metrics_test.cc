@@ -1,4 +1,4 @@
-#include "correlate/signal_metrics.h"
+#include "correlate/compare/signal_metrics.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "correlate/spectral_density.h"
+#include "correlate/spectra/spectral_density.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include "base/error.h"
 #include "base/random.h"
 #include "base/statistics.h"
-#include "correlate/lomb_scargle.h"
+#include "correlate/spectra/lomb_scargle.h"
 
 namespace unfurl::correlate {
 namespace {

@@ -1,4 +1,4 @@
-#include "correlate/spectrum.h"
+#include "correlate/spectra/spectrum.h"
 
 #include <gtest/gtest.h>
 
@@ -7,7 +7,7 @@
 
 #include "base/error.h"
 #include "base/random.h"
-#include "correlate/fft.h"
+#include "correlate/spectra/fft.h"
 
 namespace unfurl::correlate {
 namespace {

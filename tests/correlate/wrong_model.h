@@ -9,8 +9,8 @@
 
 #include "base/statistics.h"
 #include "base/worker_pool.h"
-#include "cli/scene_model.h"
-#include "correlate/fit.h"
+#include "correlate/fit/fit.h"
+#include "study/scene_model.h"
 #include "tests/correlate/one_arm.h"
 #include "tests/correlate/pendulum.h"
 #include "tests/correlate/two_link.h"
@@ -103,8 +103,8 @@ inline std::vector<WrongModelFit> FitToLaw(StopLaw law, int trials, std::uint64_
     Trial recording = Pendulum::Recording(sigma);
     recording.duration = kBouncing;
     const Observations data = Record(OneArm(law), out[i].truth, Pendulum::Marks(), recording, rng);
-    const cli::SceneModel model(Pendulum::Binding(kTolerance), start);
-    const cli::SceneModel tighter(Pendulum::Binding(0.1 * kTolerance), start);
+    const study::SceneModel model(Pendulum::Binding(kTolerance), start);
+    const study::SceneModel tighter(Pendulum::Binding(0.1 * kTolerance), start);
     problem.trials.resize(1);
     problem.trials[0].observations = &data;
     problem.trials[0].model = &model;
@@ -121,8 +121,8 @@ inline std::vector<WrongModelFit> FitToLaw(StopLaw law, int trials, std::uint64_
 // The latching pendulum with a beam for its arm. Unknown: clearance, damping of the beam, stiffness
 // of the spring.
 struct FlexibleArm {
-  static cli::SceneModelOptions Binding(int segments, double rtol) {
-    cli::SceneModelOptions options;
+  static study::SceneModelOptions Binding(int segments, double rtol) {
+    study::SceneModelOptions options;
     options.scene = std::string(UNFURL_SOURCE_DIR) + "/tests/correlate/flexible_arm.toml";
     options.set = {fmt::format("beam.arm.segments={}", segments)};
     options.keys = {{"joint.hinge.latch.theta_a", "joint.hinge.latch.theta_b"},
@@ -160,11 +160,11 @@ inline std::vector<WrongModelFit> FitToMesh(int segments, bool checked, int tria
     }
     Trial recording = Pendulum::Recording(sigma);
     recording.duration = kBouncing;
-    const cli::SceneModel nature(FlexibleArm::Binding(segments, kTolerance), start);
+    const study::SceneModel nature(FlexibleArm::Binding(segments, kTolerance), start);
     const Observations data = Record(nature, out[i].truth, {"mid", "tip"}, recording, rng);
-    const cli::SceneModel model(FlexibleArm::Binding(kCoarse, kTolerance), start);
-    const cli::SceneModel tighter(FlexibleArm::Binding(kCoarse, 0.1 * kTolerance), start);
-    const cli::SceneModel finer(FlexibleArm::Binding(kFine, 0.1 * kTolerance), start);
+    const study::SceneModel model(FlexibleArm::Binding(kCoarse, kTolerance), start);
+    const study::SceneModel tighter(FlexibleArm::Binding(kCoarse, 0.1 * kTolerance), start);
+    const study::SceneModel finer(FlexibleArm::Binding(kFine, 0.1 * kTolerance), start);
     problem.trials.resize(1);
     FitTrial& trial = problem.trials[0];
     trial.observations = &data;

@@ -8,7 +8,7 @@ namespace {
 
 TEST(WrongModel, TheSecondWritingOfTheArmIsTheSimulatorsWithItsLaw) {
   const std::vector<double> theta = {0.0055, 0.85, 3e-3, 0.22};
-  const cli::SceneModel model(Pendulum::Binding(1e-9), theta);
+  const study::SceneModel model(Pendulum::Binding(1e-9), theta);
   Stamps stamps;
   stamps.marks = Pendulum::Marks();
   stamps.t.assign(2, {});

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "data/scene.h"
-#include "sim/simulate.h"
+#include "sim/methods/simulate.h"
 
 namespace unfurl::sim {
 namespace {

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "data/scene.h"
-#include "sim/simulate.h"
+#include "sim/methods/simulate.h"
 
 namespace unfurl::sim {
 namespace {

@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "data/scene.h"
-#include "sim/simulate.h"
+#include "sim/methods/simulate.h"
 #include "verification/reference.h"
 
 namespace unfurl::sim {

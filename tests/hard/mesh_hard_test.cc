@@ -6,8 +6,8 @@
 #include <string>
 
 #include "data/scene.h"
-#include "sim/dynamics.h"
-#include "sim/simulate.h"
+#include "sim/dynamics/dynamics.h"
+#include "sim/methods/simulate.h"
 
 namespace unfurl::sim {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "base/error.h"
 #include "data/scene.h"
-#include "sim/simulate.h"
+#include "sim/methods/simulate.h"
 
 namespace unfurl::sim {
 namespace {

@@ -5,7 +5,7 @@
 #include <new>
 
 #include "effects.h"
-#include "sim/simulate.h"
+#include "sim/methods/simulate.h"
 
 // Counts every allocation of this program. The sanitizers bring their own, so not under them.
 #if !defined(__SANITIZE_ADDRESS__)

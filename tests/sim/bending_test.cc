@@ -1,4 +1,4 @@
-#include "sim/bending.h"
+#include "sim/effects/bending.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "base/random.h"
-#include "sim/trigonometry.h"
+#include "sim/dynamics/trigonometry.h"
 
 namespace unfurl::sim {
 namespace {
@@ -35,8 +35,8 @@ class BendingTest : public ::testing::Test {
 
   Motion Now() {
     SinCos(theta.data(), kSlots, s.data(), c.data());
-    return {0.0, x.data(),  y.data(),     theta.data(), vx.data(),
-            vy.data(), omega.data(), c.data(),     s.data()};
+    return {0.0,       x.data(),     y.data(), theta.data(), vx.data(),
+            vy.data(), omega.data(), c.data(), s.data()};
   }
 
   double Load(const Bending& bending) {

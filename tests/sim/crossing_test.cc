@@ -1,4 +1,4 @@
-#include "sim/crossing.h"
+#include "sim/methods/crossing.h"
 
 #include <gtest/gtest.h>
 

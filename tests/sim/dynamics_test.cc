@@ -1,4 +1,4 @@
-#include "sim/dynamics.h"
+#include "sim/dynamics/dynamics.h"
 
 #include <gtest/gtest.h>
 

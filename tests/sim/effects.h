@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "scenes.h"
-#include "sim/observables.h"
-#include "sim/simulate.h"
+#include "sim/dynamics/observables.h"
+#include "sim/methods/simulate.h"
 
 namespace unfurl::sim {
 

@@ -12,8 +12,8 @@
 #include <utility>
 
 #include "base/random.h"
-#include "sim/dynamics.h"
-#include "sim/load_point.h"
+#include "sim/dynamics/dynamics.h"
+#include "sim/model/load_point.h"
 
 namespace unfurl::sim {
 namespace {

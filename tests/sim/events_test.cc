@@ -1,4 +1,4 @@
-#include "sim/events.h"
+#include "sim/methods/events.h"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +7,8 @@
 #include "base/error.h"
 #include "jacobi.h"
 #include "scenes.h"
-#include "sim/event_log.h"
-#include "sim/simulate.h"
+#include "sim/methods/event_log.h"
+#include "sim/methods/simulate.h"
 
 namespace unfurl::sim {
 namespace {

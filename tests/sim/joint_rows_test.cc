@@ -1,4 +1,4 @@
-#include "sim/joint_rows.h"
+#include "sim/constraints/joint_rows.h"
 
 #include <gtest/gtest.h>
 

@@ -8,8 +8,8 @@
 
 #include "base/error.h"
 #include "scenes.h"
-#include "sim/observables.h"
-#include "sim/simulate.h"
+#include "sim/dynamics/observables.h"
+#include "sim/methods/simulate.h"
 
 namespace unfurl::sim {
 namespace {

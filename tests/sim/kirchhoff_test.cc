@@ -1,4 +1,4 @@
-#include "sim/kirchhoff.h"
+#include "sim/kirchhoff/kirchhoff.h"
 
 #include <gtest/gtest.h>
 

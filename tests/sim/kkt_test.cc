@@ -1,4 +1,4 @@
-#include "sim/kkt.h"
+#include "sim/implicit/kkt.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 
 #include "base/random.h"
 #include "scenes.h"
-#include "sim/dynamics.h"
+#include "sim/dynamics/dynamics.h"
 
 namespace unfurl::sim {
 namespace {

@@ -1,4 +1,4 @@
-#include "sim/latches.h"
+#include "sim/effects/latches.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 
 #include "data/scene.h"
 #include "scenes.h"
-#include "sim/simulate.h"
+#include "sim/methods/simulate.h"
 
 namespace unfurl::sim {
 namespace {
@@ -227,7 +227,8 @@ TEST(LatchingBar, PrintedLawPullsAndOursDoesNot) {
     explicit LeastForce(const Model& m) : model(m) {}
     void OnSample(double, double* y, const std::vector<LatchMode>& modes) override {
       const int n = model.index.n;
-      const Motion motion{0.0, y, y + n, y + 2 * n, y + 3 * n, y + 4 * n, y + 5 * n, nullptr, nullptr};
+      const Motion motion{0.0,       y,         y + n,   y + 2 * n, y + 3 * n,
+                          y + 4 * n, y + 5 * n, nullptr, nullptr};
       if (modes[0].lower_contact) {
         least = std::min(least, model.latches.Moment(0, motion, modes[0]));
       }

@@ -1,11 +1,11 @@
-#include "sim/modes.h"
+#include "sim/implicit/modes.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "scenes.h"
-#include "sim/equilibrium.h"
+#include "sim/implicit/equilibrium.h"
 
 namespace unfurl::sim {
 namespace {

@@ -1,4 +1,4 @@
-#include "sim/moment_tables.h"
+#include "sim/effects/moment_tables.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "sim/observables.h"
+#include "sim/dynamics/observables.h"
 
 #include <gtest/gtest.h>
 
@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "base/error.h"
-#include "sim/simulate.h"
+#include "sim/methods/simulate.h"
 #include "tests/sim/scenes.h"
 
 namespace unfurl::sim {

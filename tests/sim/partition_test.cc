@@ -1,4 +1,4 @@
-#include "sim/partition.h"
+#include "sim/constraints/partition.h"
 
 #include <gtest/gtest.h>
 
@@ -7,8 +7,8 @@
 
 #include "base/random.h"
 #include "scenes.h"
-#include "sim/dynamics.h"
-#include "sim/simulate.h"
+#include "sim/dynamics/dynamics.h"
+#include "sim/methods/simulate.h"
 
 namespace unfurl::sim {
 namespace {

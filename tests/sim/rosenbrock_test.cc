@@ -1,12 +1,12 @@
-#include "sim/rosenbrock.h"
+#include "sim/implicit/rosenbrock.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 
 #include "scenes.h"
-#include "sim/dormand_prince.h"
-#include "sim/simulate.h"
+#include "sim/methods/dormand_prince.h"
+#include "sim/methods/simulate.h"
 
 namespace unfurl::sim {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "data/scene.h"
-#include "sim/model.h"
+#include "sim/model/model.h"
 
 namespace unfurl::sim {
 

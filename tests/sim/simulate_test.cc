@@ -1,4 +1,4 @@
-#include "sim/simulate.h"
+#include "sim/methods/simulate.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 
 #include "base/error.h"
 #include "scenes.h"
-#include "sim/observables.h"
+#include "sim/dynamics/observables.h"
 
 namespace unfurl::sim {
 namespace {

@@ -1,4 +1,4 @@
-#include "sim/sparse_ldlt.h"
+#include "sim/constraints/sparse_ldlt.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "sim/stepper.h"
+#include "sim/methods/stepper.h"
 
 #include <gtest/gtest.h>
 
@@ -7,9 +7,9 @@
 
 #include "jacobi.h"
 #include "scenes.h"
-#include "sim/dormand_prince.h"
-#include "sim/dormand_prince8.h"
-#include "sim/runge_kutta_43.h"
+#include "sim/methods/dormand_prince.h"
+#include "sim/methods/dormand_prince8.h"
+#include "sim/methods/runge_kutta_43.h"
 
 namespace unfurl::sim {
 namespace {

@@ -1,4 +1,4 @@
-#include "sim/tangent.h"
+#include "sim/implicit/tangent.h"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@
 #include "base/random.h"
 #include "effects.h"
 #include "scenes.h"
-#include "sim/dynamics.h"
+#include "sim/dynamics/dynamics.h"
 
 namespace unfurl::sim {
 namespace {

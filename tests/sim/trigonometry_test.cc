@@ -1,4 +1,4 @@
-#include "sim/trigonometry.h"
+#include "sim/dynamics/trigonometry.h"
 
 #include <gtest/gtest.h>
 

@@ -23,7 +23,8 @@ const std::map<std::string, std::set<std::string>, std::less<>>& Below() {
       {"correlate", {"base", "data"}},
       {"report", {"base", "data"}},
       {"calib", {"base", "data", "measure"}},
-      {"cli", {"base", "data", "sim", "measure", "correlate", "report", "calib"}},
+      {"study", {"base", "data", "sim", "correlate"}},
+      {"cli", {"base", "data", "sim", "measure", "correlate", "report", "calib", "study"}},
   };
   return kBelow;
 }
@@ -189,8 +190,8 @@ Findings CheckSources(const std::string& path, std::string_view text,
   }
   const std::set<std::string> there(present.begin(), present.end());
   for (const std::string& file : listed) {
-    // A path into another folder is that folder's matter.
-    if (file.find('/') == std::string::npos && !there.contains(file)) {
+    // A path out of this folder is another folder's matter.
+    if (!file.starts_with("../") && !file.starts_with('/') && !there.contains(file)) {
       findings.push_back(fmt::format("{}: lists {}, which does not exist", path, file));
     }
   }

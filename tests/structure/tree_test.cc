@@ -80,10 +80,17 @@ TEST(Tree, LinksFollowTheHouse) {
 }
 
 TEST(Tree, EverySourceIsListedAndExists) {
+  // A file belongs to the nearest folder at or above its own that has a CMakeLists.txt.
   std::map<std::string, std::vector<std::string>> by_folder;
   for (const auto& [path, text] : Tree()) {
     const fs::path file(path);
-    by_folder[file.parent_path().generic_string()].push_back(file.filename().string());
+    fs::path folder = file.parent_path();
+    while (folder.has_relative_path() &&
+           !Tree().contains((folder / "CMakeLists.txt").generic_string())) {
+      folder = folder.parent_path();
+    }
+    if (folder.empty()) folder = file.parent_path();
+    by_folder[folder.generic_string()].push_back(file.lexically_relative(folder).generic_string());
   }
   for (const auto& [folder, files] : by_folder) {
     const std::string lists = (folder.empty() ? "" : folder + "/") + "CMakeLists.txt";

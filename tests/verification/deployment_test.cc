@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "data/scene.h"
-#include "sim/observables.h"
-#include "sim/simulate.h"
+#include "sim/dynamics/observables.h"
+#include "sim/methods/simulate.h"
 
 namespace unfurl::sim {
 namespace {

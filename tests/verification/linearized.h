@@ -2,8 +2,8 @@
 
 #include <vector>
 
-#include "sim/dynamics.h"
-#include "sim/model.h"
+#include "sim/dynamics/dynamics.h"
+#include "sim/model/model.h"
 
 namespace unfurl::sim {
 

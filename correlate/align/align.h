@@ -1,0 +1,64 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "correlate/align/offset.h"
+#include "correlate/align/registration.h"
+#include "correlate/fit/autocorrelation.h"
+#include "correlate/sampled_model.h"
+
+namespace unfurl::correlate {
+
+enum class AlignStatus {
+  kGood,
+  kNothingShared,  // the two records do not show the same motion
+  kTooLittle,      // too few samples in common to say
+  kNotConverged,
+};
+const char* Name(AlignStatus status);
+
+struct AlignOptions {
+  OffsetOptions search;
+  double min_correlation = 0.5;  // of the frame-independent signals at the best offset, (0, 1)
+  double min_r2 = 0.5;           // of the aligned positions: below, the records share nothing
+  // The same where a single history was correlated (two marks, one body): a frame and an offset
+  // make any two smooth openings of one mark look somewhat alike (docs/physics-correlation.md).
+  double min_correlation_of_one = 0.8, min_r2_of_one = 0.8;
+  RegistrationOptions registration;  // its drift_pivot is set to the record's middle
+};
+
+// Time offset and rigid frame of `a` (in W) with respect to `b` (in M).
+struct Alignment {
+  AlignStatus status = AlignStatus::kTooLittle;
+  std::string message;  // in words, with numbers
+  bool Usable() const { return status == AlignStatus::kGood; }
+
+  Registration at;
+  // By how much the record's clock runs fast [-] and the stamp at which that has no effect [s].
+  // With a drift, everything below belongs to the record WithoutDrift(record, drift, pivot), and
+  // the offset is that at the pivot.
+  double drift = 0.0, drift_pivot = 0.0;
+  std::vector<std::string> unknowns;  // of `covariance`, see NuisanceNames
+  Eigen::MatrixXd covariance;         // inflated for what the residuals' correlation shows
+  Eigen::VectorXd white_sigma;        // what it would be were the residuals white [rad, m, s]
+  double Sigma(const std::string& unknown) const;  // 0 when it was not fitted
+
+  double correlation = 0.0;   // of the coarse signals at the peak
+  std::string signal;         // which these were
+  double r2 = 0.0;            // share of the marks' motion that the reference explains
+  double chi2_per_dof = 0.0;  // of residuals in the marks' own sigmas; 0 without one
+  double misfit = 0.0;        // what the reference fails to explain, per coordinate; 0: it fits [m]
+  double overlap_start = 0.0, overlap_end = 0.0;  // on a's clock [s]
+  RegistrationFit fit;                            // residuals and Jacobian at the solution
+  Prediction reference;                           // b at the stamps of a
+  ResidualNoise noise;
+};
+
+// Coarse offset by cross-correlation, then frame and offset together by weighted least squares
+// with the covariances of both. `a` holds the marks that are to be compared; `b` must hold them
+// too. What cannot be aligned is a status with a message, not an error.
+Alignment Align(const Observations& a, const SampledModel& b, const AlignOptions& options = {});
+
+}  // namespace unfurl::correlate

@@ -1,0 +1,85 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "base/pose.h"
+#include "correlate/fit/series_noise.h"
+#include "correlate/model.h"
+#include "correlate/observations.h"
+
+namespace unfurl::correlate {
+
+// How a record sits against a model, apart from the model's own parameters: the rigid frame, the
+// time offset, and the calibration's one draw z that all samples share.
+struct Registration {
+  Pose X_WM = Pose::Identity();  // from the model's frame M to the record's frame W
+  double offset = 0.0;           // what the record's clock shows when the model's shows 0 [s]
+  double drift = 0.0;  // by which the record's clock runs fast, beyond the stamps given [-]
+  Eigen::VectorXd z;   // k, prior N(0, I)
+};
+
+struct RegistrationOptions {
+  bool fit_frame = true;
+  bool fit_offset = true;
+  bool fit_drift = false;    // asks for fit_offset too
+  bool with_events = false;  // of the observations; off: their rows are zeros
+  double drift_pivot = 0.0;  // stamp at which the drift has no effect [s]
+  int max_iterations = 30;
+  double tolerance = 1e-5;  // ends when no unknown moves by more than this part of its sigma
+};
+
+// Nuisance unknowns in the order of the columns below: rotation w (3, X_WM <- Exp(w) about the
+// centroid of the predicted marks) [rad], shift of that centroid in W (3) [m], offset [s], drift
+// [-], z (k). Those that are not fitted have no column.
+std::vector<std::string> NuisanceNames(const RegistrationOptions& options, int shared_rank);
+
+// Weighted least squares of  p_i = X_WM y(t_i - offset) + F_i z + random_i  by Gauss-Newton, with
+// the prior on z. Rows: 3 per sample in the order of the observations, whitened by the sample's
+// covariance (and the reference's own, where it is a measurement), then one per event told, then
+// the k rows of the prior. Samples at which the model has no answer have rows of zeros; an event
+// that the model does not have counts as one at the last stamp.
+struct RegistrationFit {
+  Registration at;
+  Eigen::Vector3d centroid_M = Eigen::Vector3d::Zero();  // about which w turns [m]
+  Eigen::VectorXd residual;                              // whitened, at the solution
+  Eigen::MatrixXd jacobian;                              // rows x nuisances: d residual / d unknown
+  Eigen::VectorXd sigma;  // of the nuisances, for unit white residuals
+  std::size_t known = 0;  // samples that took part
+  bool converged = false;
+  std::vector<std::string> weak;  // directions that the data do not determine, by name
+
+  double SumOfSquares() const { return residual.squaredNorm(); }
+};
+
+// `prediction` must be for observations.StampsAt(offset_ref); away from it the offset acts through
+// the predicted velocities, so a caller iterates until at.offset and offset_ref agree. With
+// `whitening`, rows are its innovations: generalised least squares for correlated noise.
+RegistrationFit FitRegistration(const Observations& observations, const Prediction& prediction,
+                                double offset_ref, const Registration& start,
+                                const RegistrationOptions& options = {},
+                                const RowWhitening* whitening = nullptr);
+
+// A start for the frame from the marks alone (Kabsch, weighted).
+Registration StartingFrame(const Observations& observations, const Prediction& prediction,
+                           double offset);
+
+// Whitened model sensitivities: rows as above, column j is d residual / d parameter j for a change
+// `change[j]` of the predicted positions (per unit of the parameter) in the model's frame. Rows of
+// events are zeros; EventSensitivity has them.
+Eigen::MatrixXd WhitenedSensitivity(const Observations& observations, const Prediction& prediction,
+                                    const Pose& X_WM,
+                                    const std::vector<std::vector<Eigen::Matrix3Xd>>& change);
+
+// d residual / d parameter of the events, one step `h` away from `prediction`; 0 where either has
+// no such event.
+Eigen::VectorXd EventSensitivity(const Observations& observations, const Prediction& prediction,
+                                 const Prediction& moved, double h);
+
+// Residuals p - X_WM y(t) - F z in metres in the model's frame, per mark 3 x n; unknown: 0.
+std::vector<Eigen::Matrix3Xd> ResidualsInModelFrame(const Observations& observations,
+                                                    const Prediction& prediction, double offset_ref,
+                                                    const Registration& at);
+
+}  // namespace unfurl::correlate

@@ -1,0 +1,93 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "correlate/align/align.h"
+#include "correlate/compare/metrics.h"
+#include "correlate/compare/objective_rating.h"
+#include "correlate/compare/signal_metrics.h"
+#include "correlate/modes/modal_id.h"
+#include "correlate/spectra/spectral_density.h"
+
+namespace unfurl::correlate {
+
+// What `correlate` finds: two records beside each other, as numbers for JSON, terminal and page.
+
+// One scalar in time, of both.
+struct ComparedSignal {
+  std::string name;  // "angle of mark1-mark1b", "mark3 y"
+  std::string unit;
+  std::vector<double> t;  // on the record's clock [s]
+  std::vector<double> measured, sigma, reference;
+};
+
+// Their spectra over one window, with peaks that belong together.
+struct ComparedSpectrum {
+  std::string name;
+  Spectrum measured, reference;
+  std::vector<Peak> measured_peaks, reference_peaks;
+  std::vector<PeakPair> pairs;
+  double frac = -1.0;     // frequency response assurance; below 0: not computed
+  CrossSpectrum density;  // no segments: too short
+  std::string note;       // of gaps
+};
+
+// How alike two histories are; "test" is what was measured, or the reference where both are alike.
+struct ComparedScore {
+  std::string name;  // a mark (its x and y together), an angle, or "all"
+  std::string unit;
+  SignalScore score;    // of what moved since the reference's first sample
+  double sigmas = 0.0;  // RMS error in the marks' own sigmas; 0: unknown
+  bool rated = false;   // whether there is a rating: enough even samples
+  ObjectiveRating rating;
+  double rating_step = 0.0;  // of the samples rated [s]
+};
+
+// The deformation at a frequency that both show.
+struct OperatingShape {
+  double measured_frequency = 0.0, reference_frequency = 0.0;  // [Hz]
+  double amplitude = 0.0;                                      // largest measured [m]
+  double mac = 0.0;
+};
+
+struct Comparison {
+  std::string record, reference;  // file names
+  bool record_is_run = false, reference_is_run = false;
+  bool record_is_test = true;  // which of the two is the benchmark of the scores
+  std::vector<std::string> marks;
+  std::vector<std::string> left_out;  // marks that only one of them has
+  Observations observations;
+  Alignment alignment;
+  std::vector<MarkError> errors;      // per mark, then "all"
+  std::vector<ComparedScore> scores;  // angles, marks, then "all"
+  std::vector<ComparedSignal> signals;
+  std::vector<ComparedSpectrum> spectra;
+  double spectrum_from = 0.0, spectrum_to = 0.0;  // on the record's clock [s]
+  std::vector<OperatingShape> operating_shapes;
+  std::vector<std::string> mode_signals;
+  ModalFit measured_modes, reference_modes;
+  std::vector<ModePair> mode_pairs;
+  std::vector<ModelEvent> latches;  // of a run, on its own clock
+  std::string verdict;
+  std::vector<std::string> reasons;
+};
+
+struct ComparisonOptions {
+  std::vector<std::string> marks;  // empty: those that both have
+  // Of spectra and modes, on the record's clock [s]; unset: from the last latch, to the end.
+  std::optional<double> from, to;
+  SpectralWindow window = SpectralWindow::kHann;
+  bool clock_drift = false;  // whether the record's clock may run at another rate
+};
+
+// Each path is a run or tracks (HDF5), or tracks as CSV. Throws Error for anything else and for
+// records without a mark in common.
+Comparison Compare(const std::string& record, const std::string& reference,
+                   const ComparisonOptions& options);
+
+// The same for what is in memory already. `c` holds the names, marks, observations and latches.
+void CompareWith(const SampledModel& reference, const ComparisonOptions& options, Comparison* c);
+
+}  // namespace unfurl::correlate

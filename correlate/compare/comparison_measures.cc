@@ -1,0 +1,343 @@
+#include "correlate/compare/comparison_measures.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/statistics.h"
+#include "correlate/spectra/lomb_scargle.h"
+
+namespace unfurl::correlate {
+
+namespace {
+
+using ObjectiveRating;
+using SignalScore;
+
+constexpr std::size_t kFewest = 16;  // samples of a spectrum
+
+// What the scores of all marks are the mean of; a mark's rating too, over its coordinates.
+constexpr double SignalScore::*kMeans[] = {
+    &SignalScore::sprague_geers_magnitude, &SignalScore::sprague_geers_phase,
+    &SignalScore::sprague_geers,           &SignalScore::russell_magnitude,
+    &SignalScore::russell_phase,           &SignalScore::russell};
+constexpr double ObjectiveRating::*kRatings[] = {
+    &ObjectiveRating::corridor, &ObjectiveRating::phase, &ObjectiveRating::magnitude,
+    &ObjectiveRating::slope, &ObjectiveRating::overall};
+// What is measured by the test's own motion.
+constexpr double SignalScore::*kRelative[] = {&SignalScore::nrmse,
+                                              &SignalScore::r2,
+                                              &SignalScore::sprague_geers_magnitude,
+                                              &SignalScore::sprague_geers_phase,
+                                              &SignalScore::sprague_geers,
+                                              &SignalScore::russell_magnitude,
+                                              &SignalScore::russell_phase,
+                                              &SignalScore::russell};
+
+const ComparedSignal* Find(const Comparison& c, const std::string& name) {
+  for (const ComparedSignal& s : c.signals) {
+    if (s.name == name) return &s;
+  }
+  return nullptr;
+}
+
+std::vector<double> Less(const std::vector<double>& x, double zero) {
+  std::vector<double> out(x);
+  for (double& v : out) v -= zero;
+  return out;
+}
+
+// Rated on the longest even stretch, thinned where it is longer than the rating's effort (which
+// grows with the square) is worth.
+bool Rate(const std::vector<double>& t, const std::vector<double>& test,
+          const std::vector<double>& computed, ObjectiveRating* rating, double* step) {
+  constexpr std::size_t kMost = 3000, kLeast = 50;
+  const auto stretch = LongestEvenStretch(t);
+  if (stretch.count < kLeast) return false;
+  const std::size_t skip = (stretch.count + kMost - 1) / kMost;
+  std::vector<double> a, b;
+  for (std::size_t i = stretch.first; i < stretch.first + stretch.count; i += skip) {
+    a.push_back(test[i]);
+    b.push_back(computed[i]);
+  }
+  *rating = RateObjectively(a, b);
+  *step = stretch.dt * static_cast<double>(skip);
+  return true;
+}
+
+// The range below which a history is that of something that stands still: noise, or round-off, over
+// which no share of motion means anything.
+double Stillness(const Comparison& c, const std::vector<const ComparedSignal*>& parts) {
+  constexpr double kNoise = 10.0;  // sigmas between the ends of thousands of normal draws
+  constexpr double kPart = 1e-6;   // of the largest motion of any mark
+  double least = 0.0;
+  for (const ComparedSignal* s : parts) least = std::max(least, kNoise * Rms(s->sigma));
+  for (const ComparedSignal& s : c.signals) {
+    if (s.unit != parts.front()->unit || s.reference.empty()) continue;
+    const auto [low, high] = std::minmax_element(s.reference.begin(), s.reference.end());
+    least = std::max(least, kPart * (*high - *low));
+  }
+  return least;
+}
+
+// One mark's coordinates, or one angle, as what moved since the reference's first sample.
+ComparedScore Score(const Comparison& c, const std::string& name,
+                    const std::vector<const ComparedSignal*>& parts) {
+  ComparedScore out;
+  out.name = name;
+  out.unit = parts.front()->unit;
+  std::vector<std::vector<double>> test, computed;
+  std::vector<SignalPair> pairs;
+  double largest = 0.0;
+  std::vector<double> range;
+  for (const ComparedSignal* s : parts) {
+    const double zero = s->reference.front();
+    test.push_back(Less(c.record_is_test ? s->measured : s->reference, zero));
+    computed.push_back(Less(c.record_is_test ? s->reference : s->measured, zero));
+    const auto [low, high] = std::minmax_element(test.back().begin(), test.back().end());
+    range.push_back(*high - *low);
+    largest = std::max(largest, range.back());
+  }
+  for (std::size_t k = 0; k < parts.size(); ++k) {
+    pairs.push_back({parts[k]->t, test[k], computed[k], {}});
+  }
+  out.score = ScoreSignals(pairs);
+  for (const MarkError& e : c.errors) {
+    if (e.mark == name) out.sigmas = e.sigmas;
+  }
+  if (largest <= Stillness(c, parts)) {
+    for (const auto member : kRelative) out.score.*member = std::nan("");
+    return out;
+  }
+  // The rating is of one history: that of a mark is the mean over the coordinates in which it
+  // moves.
+  constexpr double kMoves = 0.05;  // of the larger coordinate's range
+  double count = 0.0;
+  for (std::size_t k = 0; k < parts.size(); ++k) {
+    ObjectiveRating one;
+    if (range[k] < kMoves * largest ||
+        !Rate(parts[k]->t, test[k], computed[k], &one, &out.rating_step)) {
+      continue;
+    }
+    count += 1.0;
+    for (const auto member : kRatings) out.rating.*member += one.*member;
+  }
+  out.rated = count > 0.0;
+  if (out.rated) {
+    for (const auto member : kRatings) out.rating.*member /= count;
+    out.rating.grade = GradeOf(out.rating.overall);
+  }
+  return out;
+}
+
+// Samples [first, last) of a signal that lie within the window of the spectra.
+std::pair<std::size_t, std::size_t> Within(const Comparison& c, const ComparedSignal& s) {
+  return {static_cast<std::size_t>(std::lower_bound(s.t.begin(), s.t.end(), c.spectrum_from) -
+                                   s.t.begin()),
+          static_cast<std::size_t>(std::upper_bound(s.t.begin(), s.t.end(), c.spectrum_to) -
+                                   s.t.begin())};
+}
+
+std::vector<Peak> AsPeaks(const std::vector<LombPeak>& from) {
+  std::vector<Peak> out;
+  for (const LombPeak& p : from) out.push_back({p.frequency, p.amplitude, 0});
+  return out;
+}
+
+Spectrum AsSpectrum(LombSpectrum from) {
+  Spectrum out;
+  out.frequency = std::move(from.frequency);
+  out.amplitude = std::move(from.amplitude);
+  out.resolution = from.resolution;
+  out.n = from.n;
+  out.convention = std::move(from.convention);
+  return out;
+}
+
+ComparedSpectrum SpectraOf(const ComparedSignal& s, std::size_t first, std::size_t last,
+                           const SpectrumOptions& how) {
+  // With less in one piece, least squares at the stamps themselves tell more than a shorter record.
+  constexpr double kMostlyWhole = 0.8;
+  ComparedSpectrum out;
+  out.name = s.name;
+  const auto t = std::span(s.t).subspan(first, last - first);
+  const auto x = std::span(s.measured).subspan(first, last - first);
+  const auto y = std::span(s.reference).subspan(first, last - first);
+  const auto stretch = LongestEvenStretch(t);
+  const double share = static_cast<double>(stretch.count) / static_cast<double>(last - first);
+  if (stretch.count >= kFewest && share >= kMostlyWhole) {
+    out.measured =
+        AmplitudeSpectrum(x.subspan(stretch.first, stretch.count), stretch.dt, s.unit, how);
+    out.reference =
+        AmplitudeSpectrum(y.subspan(stretch.first, stretch.count), stretch.dt, s.unit, how);
+    out.measured_peaks = FindPeaks(out.measured);
+    out.reference_peaks = FindPeaks(out.reference);
+    const std::span a(out.measured.value), b(out.reference.value);
+    // The first two bins hold what detrending left.
+    if (a.size() > 2) out.frac = FrequencyResponseAssurance(a.subspan(2), b.subspan(2));
+    if (!stretch.whole) {
+      out.note = fmt::format("{} of {} samples: the longest stretch without a gap", stretch.count,
+                             last - first);
+    }
+  } else {
+    const auto sigma = std::span(s.sigma).subspan(first, last - first);
+    const bool weighted = std::all_of(sigma.begin(), sigma.end(), [](double v) { return v > 0.0; });
+    const auto w = weighted ? sigma : std::span<const double>();
+    out.measured = AsSpectrum(LombScargle(t, x, w, s.unit));
+    out.reference = AsSpectrum(LombScargle(t, y, w, s.unit));
+    out.measured_peaks = AsPeaks(FindLombPeaks(t, x, w));
+    out.reference_peaks = AsPeaks(FindLombPeaks(t, y, w));
+    out.note = "with gaps, so by least squares at the stamps themselves (Lomb-Scargle)";
+  }
+  if (stretch.count >= 2 * kFewest) {
+    out.density = WelchCrossSpectrum(t, x, y, s.unit, {how.window, how.detrend});
+  }
+  out.pairs = PairPeaks(out.measured_peaks, out.reference_peaks, out.measured.resolution);
+  return out;
+}
+
+// At each frequency that both show: how alike the deformations are in which they vibrate there.
+void FillOperatingShapes(Comparison* c) {
+  constexpr std::size_t kMost = 6;
+  for (const ComparedSpectrum& s : c->spectra) {
+    if (s.name.rfind("angle", 0) == 0) continue;
+    for (const PeakPair& p : s.pairs) {
+      if (p.a < 0 || p.b < 0) continue;
+      const Peak& a = s.measured_peaks[static_cast<std::size_t>(p.a)];
+      OperatingShape shape;
+      shape.measured_frequency = a.frequency;
+      shape.reference_frequency = s.reference_peaks[static_cast<std::size_t>(p.b)].frequency;
+      shape.amplitude = a.amplitude;
+      bool stronger = true;
+      for (OperatingShape& known : c->operating_shapes) {
+        if (std::abs(known.measured_frequency - a.frequency) > s.measured.resolution) continue;
+        stronger = false;
+        if (a.amplitude > known.amplitude) known = shape;
+      }
+      if (stronger) c->operating_shapes.push_back(shape);
+    }
+  }
+  auto& shapes = c->operating_shapes;
+  std::stable_sort(shapes.begin(), shapes.end(),
+                   [](const auto& a, const auto& b) { return a.amplitude > b.amplitude; });
+  if (shapes.size() > kMost) shapes.resize(kMost);
+  for (OperatingShape& shape : shapes) {
+    std::vector<std::complex<double>> a, b;
+    for (const ComparedSignal& s : c->signals) {
+      if (s.unit != "m" || s.name.back() == 'z') continue;
+      const auto [first, last] = Within(*c, s);
+      if (last < first + kFewest) continue;
+      const auto t = std::span(s.t).subspan(first, last - first);
+      a.push_back(FourierAmplitude(t, std::span(s.measured).subspan(first, last - first),
+                                   shape.measured_frequency, c->spectrum_from));
+      b.push_back(FourierAmplitude(t, std::span(s.reference).subspan(first, last - first),
+                                   shape.reference_frequency, c->spectrum_from));
+    }
+    const auto n = static_cast<Eigen::Index>(a.size());
+    shape.mac = ModalAssurance(Eigen::Map<const Eigen::VectorXcd>(a.data(), n),
+                               Eigen::Map<const Eigen::VectorXcd>(b.data(), n));
+  }
+}
+
+}  // namespace
+
+void FillScores(Comparison* c) {
+  for (const ComparedSignal& s : c->signals) {
+    if (s.unit == "rad") c->scores.push_back(Score(*c, s.name, {&s}));
+  }
+  ComparedScore all;
+  all.name = "all";
+  all.unit = "m";
+  double squares = 0.0, range2 = 0.0, unexplained = 0.0, count = 0.0;
+  for (const std::string& mark : c->marks) {
+    const ComparedSignal *x = Find(*c, mark + " x"), *y = Find(*c, mark + " y");
+    if (x == nullptr || y == nullptr || x->t.size() < 2) continue;
+    c->scores.push_back(Score(*c, mark, {x, y}));
+    const ComparedScore& s = c->scores.back();
+    // Over all marks: squares add up over the samples, the rest is the mean of the marks'.
+    const auto n = static_cast<double>(s.score.samples);
+    squares += n * s.score.rmse * s.score.rmse;
+    unexplained += s.score.r2 < 1.0 ? n * s.score.rmse * s.score.rmse / (1.0 - s.score.r2) : 0.0;
+    range2 = std::max(range2, s.score.range * s.score.range);
+    all.score.samples += s.score.samples;
+    if (s.score.largest > all.score.largest) {
+      all.score.largest = s.score.largest;
+      all.score.largest_at = s.score.largest_at;
+    }
+    if (!std::isfinite(s.score.sprague_geers)) continue;  // one of the two does not move
+    count += 1.0;
+    all.rated = s.rated && (all.rated || count == 1.0);
+    all.rating_step = s.rating_step;
+    for (const auto member : kMeans) all.score.*member += s.score.*member;
+    for (const auto member : kRatings) all.rating.*member += s.rating.*member;
+  }
+  if (all.score.samples == 0) return;
+  for (const auto member : kMeans) all.score.*member /= std::max(count, 1.0);
+  for (const auto member : kRatings) all.rating.*member /= std::max(count, 1.0);
+  all.rating.grade = GradeOf(all.rating.overall);
+  all.score.rmse = std::sqrt(squares / static_cast<double>(all.score.samples));
+  all.score.range = std::sqrt(range2);
+  all.score.nrmse = all.score.range > 0.0 ? all.score.rmse / all.score.range : 0.0;
+  all.score.r2 = unexplained > 0.0 ? 1.0 - squares / unexplained : 1.0;
+  all.sigmas = c->errors.back().sigmas;
+  c->scores.push_back(all);
+}
+
+void FillSpectra(const ComparisonOptions& options, Comparison* c) {
+  // What vibrates freely: after the last latch; without latches, all.
+  c->spectrum_from = c->alignment.overlap_start;
+  for (const ModelEvent& e : c->latches) {
+    c->spectrum_from = std::max(c->spectrum_from, e.t + c->alignment.at.offset);
+  }
+  c->spectrum_from = options.from.value_or(c->spectrum_from);
+  c->spectrum_to = options.to.value_or(c->alignment.overlap_end);
+  for (const ComparedSignal& s : c->signals) {
+    if (s.name.back() == 'z') continue;  // nothing moves there: its residuals tell all
+    const auto [first, last] = Within(*c, s);
+    if (last < first + kFewest) continue;
+    c->spectra.push_back(SpectraOf(s, first, last, {options.window, Detrend::kLine}));
+  }
+  FillOperatingShapes(c);
+}
+
+void FillModes(Comparison* c) {
+  // After a deployment the whole still swings slowly, by less than a period: a cubic stands for it.
+  ModalOptions options;
+  options.decay.trend = 3;
+  std::vector<DecaySignal> measured, reference;
+  const Eigen::Matrix3d R_MW = c->alignment.at.X_WM.linear().transpose();
+  for (std::size_t m = 0; m < c->marks.size(); ++m) {
+    for (Eigen::Index axis = 0; axis < 2; ++axis) {
+      const ComparedSignal* s = Find(*c, c->marks[m] + (axis == 0 ? " x" : " y"));
+      if (s == nullptr) continue;
+      const auto [first, last] = Within(*c, *s);
+      if (last < first + 2 * kFewest) continue;
+      DecaySignal a, b;
+      a.name = b.name = s->name;
+      for (std::size_t i = first; i < last; ++i) {
+        a.t.push_back(s->t[i]);
+        a.value.push_back(s->measured[i]);
+        b.value.push_back(s->reference[i]);
+      }
+      b.t = a.t;
+      if (c->observations.has_sigma) {
+        // Each sample's own error: what the calibration adds moves all of them alike.
+        const MarkSeries& series = c->observations.marks[m];
+        for (std::size_t i = first; i < last; ++i) {
+          const auto at = std::lower_bound(series.t.begin(), series.t.end(), s->t[i]);
+          const Eigen::Matrix3d cov = Symmetric(series.cov.col(at - series.t.begin()));
+          a.sigma.push_back(std::sqrt((R_MW * cov * R_MW.transpose())(axis, axis)));
+        }
+      }
+      measured.push_back(std::move(a));
+      reference.push_back(std::move(b));
+    }
+  }
+  for (const DecaySignal& s : measured) c->mode_signals.push_back(s.name);
+  c->measured_modes = IdentifyModes(measured, options);
+  c->reference_modes = IdentifyModes(reference, options);
+  c->mode_pairs = PairModes(c->measured_modes.decay.modes, c->reference_modes.decay.modes);
+}
+
+}  // namespace unfurl::correlate

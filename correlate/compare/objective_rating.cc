@@ -1,0 +1,211 @@
+#include "correlate/compare/objective_rating.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+
+#include "base/error.h"
+
+namespace unfurl::correlate {
+
+namespace {
+
+// The standard's constants, by their names there.
+constexpr double kA0 = 0.05, kB0 = 0.5;     // half-widths of the corridors over max|T|
+constexpr double kMaxShift = 0.2;           // 1 - INIT, of N
+constexpr double kBand = 0.1;               // of the shifted length
+constexpr double kEpsM = 0.5, kEpsS = 2.0;  // errors at which a score reaches zero
+constexpr double kWZ = 0.4, kWP = 0.2, kWM = 0.2, kWS = 0.2;
+constexpr std::size_t kFewest = 10;  // the slope's average needs nine
+
+// Correlation coefficient; NaN where one does not vary.
+double Correlation(std::span<const double> x, std::span<const double> y) {
+  const auto n = static_cast<double>(x.size());
+  double mx = 0.0, my = 0.0;
+  for (std::size_t i = 0; i < x.size(); ++i) mx += x[i], my += y[i];
+  mx /= n;
+  my /= n;
+  double xx = 0.0, yy = 0.0, xy = 0.0;
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    xx += (x[i] - mx) * (x[i] - mx);
+    yy += (y[i] - my) * (y[i] - my);
+    xy += (x[i] - mx) * (y[i] - my);
+  }
+  return xy / std::sqrt(xx * yy);
+}
+
+double Corridor(std::span<const double> test, std::span<const double> computed) {
+  double norm = 0.0;
+  for (const double v : test) norm = std::max(norm, std::abs(v));
+  const double inner = kA0 * norm, outer = kB0 * norm;
+  double sum = 0.0;
+  for (std::size_t i = 0; i < test.size(); ++i) {
+    const double e = std::abs(test[i] - computed[i]);
+    if (e <= inner) {
+      sum += 1.0;
+    } else if (e < outer) {
+      sum += (outer - e) * (outer - e) / ((outer - inner) * (outer - inner));
+    }
+  }
+  return sum / static_cast<double>(test.size());
+}
+
+// Samples by which `computed` has to be moved ahead for the best correlation.
+int BestShift(std::span<const double> test, std::span<const double> computed) {
+  // Periodic signals correlate alike at several shifts; the standard takes the smallest, and
+  // round-off is not to choose instead.
+  constexpr double kTie = 1e-12;
+  const auto n = test.size();
+  const auto reach = static_cast<std::size_t>(std::floor(kMaxShift * static_cast<double>(n)));
+  double best = Correlation(test, computed);
+  int shift = 0;
+  for (std::size_t k = 1; k <= reach; ++k) {
+    const double left = Correlation(test.first(n - k), computed.subspan(k));
+    if (left > best + kTie) {
+      best = left;
+      shift = static_cast<int>(k);
+    }
+    const double right = Correlation(test.subspan(k), computed.first(n - k));
+    if (right > best + kTie) {
+      best = right;
+      shift = -static_cast<int>(k);
+    }
+  }
+  return shift;
+}
+
+double Magnitude(std::span<const double> test, std::span<const double> computed) {
+  const int band = static_cast<int>(std::ceil(kBand * static_cast<double>(test.size()))) - 1;
+  double apart = 0.0, size = 0.0;
+  for (const auto& [i, j] : WarpingPath(computed, test, band)) {
+    apart += std::abs(computed[static_cast<std::size_t>(i)] - test[static_cast<std::size_t>(j)]);
+    size += std::abs(test[static_cast<std::size_t>(j)]);
+  }
+  if (apart == 0.0) return 1.0;
+  if (apart >= kEpsM * size) return 0.0;
+  return (kEpsM - apart / size) / kEpsM;
+}
+
+// Central differences (one-sided at the ends), averaged over nine samples, or over as many as lie
+// symmetrically about the sample near the ends. Per sample: the step cancels from the score.
+std::vector<double> AveragedSlope(std::span<const double> x) {
+  const std::size_t n = x.size();
+  std::vector<double> d(n), out(n);
+  for (std::size_t i = 0; i < n; ++i) {
+    const std::size_t from = i > 0 ? i - 1 : 0, to = std::min(n - 1, i + 1);
+    d[i] = (x[to] - x[from]) / static_cast<double>(to - from);
+  }
+  for (std::size_t i = 0; i < n; ++i) {
+    const std::size_t half = std::min({std::size_t{4}, i, n - 1 - i});
+    double sum = 0.0;
+    for (std::size_t k = i - half; k <= i + half; ++k) sum += d[k];
+    out[i] = sum / static_cast<double>(2 * half + 1);
+  }
+  return out;
+}
+
+double Slope(std::span<const double> test, std::span<const double> computed) {
+  const std::vector<double> t = AveragedSlope(test), c = AveragedSlope(computed);
+  double apart = 0.0, size = 0.0;
+  for (std::size_t i = 0; i < t.size(); ++i) {
+    apart += std::abs(c[i] - t[i]);
+    size += std::abs(t[i]);
+  }
+  if (apart == 0.0) return 1.0;
+  if (apart >= kEpsS * size) return 0.0;
+  return (kEpsS - apart / size) / kEpsS;
+}
+
+}  // namespace
+
+const char* Name(RatingGrade grade) {
+  switch (grade) {
+    case RatingGrade::kExcellent:
+      return "excellent";
+    case RatingGrade::kGood:
+      return "good";
+    case RatingGrade::kFair:
+      return "fair";
+    case RatingGrade::kPoor:
+      return "poor";
+  }
+  return "";
+}
+
+RatingGrade GradeOf(double overall) {
+  if (overall > 0.94) return RatingGrade::kExcellent;
+  if (overall > 0.80) return RatingGrade::kGood;
+  if (overall > 0.58) return RatingGrade::kFair;
+  return RatingGrade::kPoor;
+}
+
+std::vector<std::pair<int, int>> WarpingPath(std::span<const double> x, std::span<const double> y,
+                                             int band) {
+  constexpr double kNever = std::numeric_limits<double>::infinity();
+  enum From : std::uint8_t { kUp, kLeft, kDiagonal };
+  const int n = static_cast<int>(x.size()), width = 2 * band + 1;
+  // Cell (i, j) is column j - i + band of row i.
+  std::vector<double> above(static_cast<std::size_t>(width) + 1, kNever), row(above);
+  std::vector<std::uint8_t> from(static_cast<std::size_t>(n) * static_cast<std::size_t>(width));
+  const int m = static_cast<int>(y.size());
+  for (int i = 0; i < n; ++i) {
+    for (int k = 0; k < width; ++k) {
+      const int j = i + k - band;
+      const auto cell = static_cast<std::size_t>(k);
+      row[cell] = kNever;
+      if (j < 0 || j >= m) continue;
+      const double e = x[static_cast<std::size_t>(i)] - y[static_cast<std::size_t>(j)];
+      // Row i - 1 is shifted by one: its column k + 1 is the same j.
+      const double up = i > 0 ? above[cell + 1] : kNever;
+      const double left = k > 0 ? row[cell - 1] : kNever;
+      const double diagonal = i > 0 ? above[cell] : (j == 0 ? 0.0 : kNever);
+      double best = up;
+      From step = kUp;
+      if (left < best) best = left, step = kLeft;
+      if (diagonal < best) best = diagonal, step = kDiagonal;
+      row[cell] = best + e * e;
+      from[static_cast<std::size_t>(i) * static_cast<std::size_t>(width) + cell] = step;
+    }
+    std::swap(above, row);
+  }
+  std::vector<std::pair<int, int>> path;
+  int i = n - 1, j = m - 1;
+  while (i >= 0 && j >= 0) {
+    path.emplace_back(i, j);
+    const int k = j - i + band;
+    if (k < 0 || k >= width) break;  // lengths that the band cannot join
+    const auto step =
+        static_cast<From>(from[static_cast<std::size_t>(i) * static_cast<std::size_t>(width) +
+                               static_cast<std::size_t>(k)]);
+    if (step != kLeft) --i;
+    if (step != kUp) --j;
+  }
+  std::reverse(path.begin(), path.end());
+  return path;
+}
+
+ObjectiveRating RateObjectively(std::span<const double> test, std::span<const double> computed) {
+  const std::size_t n = test.size();
+  if (n != computed.size() || n < kFewest) {
+    throw Error(fmt::format("signals of {} and {} samples cannot be rated", n, computed.size()),
+                "ISO/TS 18571", "give as many of both, at least 10, on one even grid");
+  }
+  ObjectiveRating out;
+  out.corridor = Corridor(test, computed);
+  out.shift = BestShift(test, computed);
+  const double most = kMaxShift * static_cast<double>(n);
+  out.phase = std::max(0.0, (most - std::abs(out.shift)) / most);
+  const auto k = static_cast<std::size_t>(std::abs(out.shift));
+  const auto T = out.shift >= 0 ? test.first(n - k) : test.subspan(k);
+  const auto C = out.shift >= 0 ? computed.subspan(k) : computed.first(n - k);
+  out.magnitude = Magnitude(T, C);
+  out.slope = Slope(T, C);
+  out.overall = kWZ * out.corridor + kWP * out.phase + kWM * out.magnitude + kWS * out.slope;
+  out.grade = GradeOf(out.overall);
+  return out;
+}
+
+}  // namespace unfurl::correlate

@@ -1,0 +1,192 @@
+#include "correlate/fit/evaluation_store.h"
+
+#include <cstring>
+
+#include "base/error.h"
+
+namespace unfurl::correlate {
+
+namespace {
+
+template <typename T>
+void Put(std::string* out, T value) {
+  static_assert(std::is_trivially_copyable_v<T>);
+  out->append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+void PutText(std::string* out, const std::string& text) {
+  Put(out, static_cast<std::uint64_t>(text.size()));
+  *out += text;
+}
+
+// A row of a track, or a zero byte where it is nothing but zeros (a plane's z).
+void PutRow(std::string* out, const Eigen::Matrix3Xd& m, Eigen::Index row) {
+  const bool zero = (m.row(row).array() == 0.0).all();
+  Put(out, static_cast<std::uint8_t>(zero ? 0 : 1));
+  if (zero) return;
+  for (Eigen::Index i = 0; i < m.cols(); ++i) Put(out, m(row, i));
+}
+
+class Source {
+ public:
+  explicit Source(std::string_view bytes) : bytes_(bytes) {}
+  template <typename T>
+  T Get() {
+    T value{};
+    if (bytes_.size() < sizeof value) {
+      good_ = false;
+      return value;
+    }
+    std::memcpy(&value, bytes_.data(), sizeof value);
+    bytes_.remove_prefix(sizeof value);
+    return value;
+  }
+  std::string Text() {
+    const auto size = Get<std::uint64_t>();
+    if (size > bytes_.size()) {
+      good_ = false;
+      return {};
+    }
+    const std::string text(bytes_.substr(0, size));
+    bytes_.remove_prefix(size);
+    return text;
+  }
+  void Row(Eigen::Matrix3Xd* m, Eigen::Index row) {
+    if (Get<std::uint8_t>() == 0) {
+      m->row(row).setZero();
+      return;
+    }
+    for (Eigen::Index i = 0; i < m->cols(); ++i) (*m)(row, i) = Get<double>();
+  }
+  bool Room(std::uint64_t count) const { return good_ && count <= bytes_.size(); }
+  bool good() const { return good_; }
+
+ private:
+  std::string_view bytes_;
+  bool good_ = true;
+};
+
+}  // namespace
+
+std::string QuestionBytes(const Job& job) {
+  std::string out;
+  Put(&out, static_cast<std::uint64_t>(job.trial));
+  Put(&out, static_cast<std::int32_t>(job.fidelity));
+  Put(&out, static_cast<std::uint64_t>(job.theta.size()));
+  for (double value : job.theta) Put(&out, value);
+  std::uint64_t hash = data::Checksum({});
+  for (std::size_t m = 0; m < job.stamps->marks.size(); ++m) {
+    hash = data::Checksum(job.stamps->marks[m], hash);
+    const std::vector<double>& t = job.stamps->t[m];
+    hash = data::Checksum(
+        std::string_view(reinterpret_cast<const char*>(t.data()), t.size() * sizeof(double)), hash);
+  }
+  Put(&out, hash);
+  return out;
+}
+
+std::string AnswerBytes(const Prediction& p) {
+  std::string out;
+  Put(&out, static_cast<std::int32_t>(p.status));
+  PutText(&out, p.message);
+  Put(&out, p.noise);
+  Put(&out, static_cast<std::uint64_t>(p.marks.size()));
+  for (const MarkMotion& motion : p.marks) {
+    Put(&out, static_cast<std::uint64_t>(motion.p.cols()));
+    for (Eigen::Index row = 0; row < 3; ++row) PutRow(&out, motion.p, row);
+    for (Eigen::Index row = 0; row < 3; ++row) PutRow(&out, motion.v, row);
+  }
+  Put(&out, static_cast<std::uint64_t>(p.events.size()));
+  for (const ModelEvent& event : p.events) {
+    Put(&out, event.t);
+    PutText(&out, event.kind);
+    PutText(&out, event.where);
+  }
+  return out;
+}
+
+bool ParseAnswer(std::string_view bytes, Prediction* p) {
+  Source from(bytes);
+  p->status = static_cast<ModelStatus>(from.Get<std::int32_t>());
+  p->message = from.Text();
+  p->noise = from.Get<double>();
+  const auto marks = from.Get<std::uint64_t>();
+  for (std::uint64_t m = 0; m < marks && from.good(); ++m) {
+    const auto n = from.Get<std::uint64_t>();
+    MarkMotion motion;
+    if (n > (std::uint64_t{1} << 32)) return false;
+    motion.p.resize(3, static_cast<Eigen::Index>(n));
+    motion.v.resize(3, static_cast<Eigen::Index>(n));
+    for (Eigen::Index row = 0; row < 3; ++row) from.Row(&motion.p, row);
+    for (Eigen::Index row = 0; row < 3; ++row) from.Row(&motion.v, row);
+    p->marks.push_back(std::move(motion));
+  }
+  const auto events = from.Get<std::uint64_t>();
+  for (std::uint64_t i = 0; i < events && from.good(); ++i) {
+    ModelEvent event;
+    event.t = from.Get<double>();
+    event.kind = from.Text();
+    event.where = from.Text();
+    p->events.push_back(std::move(event));
+  }
+  return from.good();
+}
+
+JournaledWorkers::JournaledWorkers(Workers& inner, data::Journal& journal)
+    : inner_(inner), journal_(journal) {
+  for (std::size_t i = 0; i < journal.size(); ++i) {
+    const std::string record = journal.Read(i);
+    Source from(record);
+    const std::string question = from.Text();
+    Prediction ignored;
+    if (!from.good() || question.empty() ||
+        !ParseAnswer(std::string_view(record).substr(sizeof(std::uint64_t) + question.size()),
+                     &ignored)) {
+      throw Error("holds something else than evaluations", journal.path(),
+                  "start without --resume");
+    }
+    index_[question] = i;
+  }
+}
+
+void JournaledWorkers::Run(std::span<const Job> jobs,
+                           const std::function<void(std::size_t, Prediction)>& done) {
+  std::vector<Job> fresh;
+  std::vector<std::size_t> place;
+  std::vector<std::string> question;
+  for (std::size_t i = 0; i < jobs.size(); ++i) {
+    std::string key = QuestionBytes(jobs[i]);
+    std::size_t record = 0;
+    bool known = false;
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      const auto found = index_.find(key);
+      known = found != index_.end();
+      if (known) record = found->second, ++answered_;
+    }
+    if (known) {
+      const std::string bytes = journal_.Read(record);
+      Prediction answer;
+      ParseAnswer(std::string_view(bytes).substr(sizeof(std::uint64_t) + key.size()), &answer);
+      done(i, std::move(answer));
+      continue;
+    }
+    fresh.push_back(jobs[i]);
+    place.push_back(i);
+    question.push_back(std::move(key));
+  }
+  if (fresh.empty()) return;
+  inner_.Run(fresh, [&](std::size_t i, Prediction answer) {
+    std::string record;
+    PutText(&record, question[i]);
+    record += AnswerBytes(answer);
+    const std::size_t index = journal_.Append(record);
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      index_[question[i]] = index;
+    }
+    done(place[i], std::move(answer));
+  });
+}
+
+}  // namespace unfurl::correlate

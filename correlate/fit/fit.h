@@ -1,0 +1,186 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "correlate/align/align.h"
+#include "correlate/fit/evaluator.h"
+#include "correlate/fit/fit_problem.h"
+#include "correlate/fit/goodness.h"
+#include "correlate/fit/parameter.h"
+#include "correlate/fit/profile.h"
+#include "correlate/fit/series_noise.h"
+
+namespace unfurl::correlate {
+
+struct FitProgress {
+  std::string phase;            // in words: "screening", "2 of 4 starts", "sharpening", "profiles"
+  std::size_t evaluations = 0;  // asked for so far, those of a journal included
+  std::size_t expected = 0;     // of the whole fit, as far as can be told now
+  double best_cost = 0.0;       // half the sum of squares of the latest stage; 0: not known yet
+  std::vector<double> best_theta;
+};
+
+// Several starts: a Latin hypercube over the bounds (of the logarithm where that is what moves),
+// each point simulated over the first horizon and laid over the data; from the best of them the
+// fit is carried on, and the best end is the answer. What the first stage leaves open (clearance,
+// while nothing has struck yet) is scattered anew over its bounds before the second.
+struct SearchOptions {
+  int screened = 0;        // points of the hypercube, beside the study's own start
+  int starts = 1;          // that are carried on
+  std::uint64_t seed = 1;  // of the hypercube
+};
+
+struct FitOptions {
+  AlignOptions align;
+  // Ends of a growing horizon on the model's clock [s], rising: each stage fits the data up to its
+  // end, starting where the one before came out, so that the early motion, which is simple,
+  // brings the parameters near before the late motion, which repeats every impact's error, is
+  // looked at. The last stage is always the whole record. Empty: that alone.
+  std::vector<double> stages;
+  // Instead: to just before the first impact that the data show, then beyond it by six samples, and
+  // by 1.6 times as much each time, so that no stage adds more impacts than the one before it has
+  // put in their places.
+  bool stages_by_impacts = false;
+  // By stage (the last one's beyond the list): names of the parameters that it moves; empty: all.
+  std::vector<std::vector<std::string>> free;
+  SearchOptions search;
+  int max_iterations = 25;  // of the solver, per stage
+  // A stage ends when the next step would move every parameter by less than this part of its
+  // standard error [-].
+  double step_tolerance = 0.05;
+  // Differences move the marks by this part of their sigma, RMS, or by `noise_factor` times the
+  // model's own noise, whichever is more [-].
+  double difference_sigma = 0.1;
+  double noise_factor = 30.0;
+  // Residuals that follow one another are whitened by the noise found in them, and the fit is
+  // sharpened with that, unless they are more than twice the marks' sigma: then they are the
+  // model's error and no noise. Off: the plain estimate; its errors are corrected all the same.
+  bool whiten = true;
+  // Sections, in time, over which the model's own error is taken for one common shape each, and
+  // whose weight is looked at one by one.
+  int error_sections = 8;
+  ProfileOptions profile;
+  std::size_t workers = 0;   // 0: all cores
+  Workers* where = nullptr;  // what carries evaluations out; null: threads, `workers` of them
+  std::function<void(const FitProgress&)> progress;  // from any thread
+};
+
+enum class FitStatus {
+  kConverged,
+  kNotAligned,    // the data and the model at the start share nothing
+  kModelFailed,   // the model could not be evaluated at the start
+  kNotConverged,  // the solver gave up
+};
+const char* Name(FitStatus status);
+
+enum class Verdict {
+  kDetermined,
+  kMeshLimited,  // known, but the model's own error counts for more than the data's
+  kCombination,  // determined only together with others
+  kAtBound,
+  kNotDetermined,  // standard error above half of the value
+  kIfModelHolds,   // would be known, but the model does not explain the data
+};
+const char* Name(Verdict verdict);  // in words
+
+struct ParameterEstimate {
+  double value = 0.0;
+  double sigma = 0.0;        // standard error, all parts together
+  double sigma_data = 0.0;   // from the samples and what they share, residual correlation included
+  double sigma_white = 0.0;  // the same, were the residuals white and their covariances right
+  double sigma_model = 0.0;  // from the model's own error (mesh, tolerance)
+  double sigma_alone = 0.0;  // of the data, were all other parameters known
+  double model_shift = 0.0;  // by how much the finer model would move the value
+  double kink = 0.0;         // |forward - backward| / |forward + backward| differences, RMS [-]
+  double imitated = 0.0;     // share of its effect that frame, offset or calibration imitate [0, 1]
+  Profile profile;           // without points: none was asked for
+  Verdict verdict = Verdict::kNotDetermined;
+  std::string reason;             // in words, with numbers
+  std::vector<std::string> with;  // names, for kCombination
+};
+
+struct StageResult {
+  double end = 0.0;  // [s]; infinity: all
+  std::vector<double> theta;
+  double cost = 0.0;
+  int iterations = 0;
+  std::size_t samples = 0;
+  std::string solver_message;
+};
+
+// One of several starts and where it led.
+struct StartResult {
+  std::vector<double> from, to;  // values
+  double screened = 0.0;         // misfit over the first horizon that it was chosen by
+  double cost = -1.0;            // half the sum of squares over the whole record; -1: failed
+  std::string message;
+  std::vector<StageResult> stages;
+};
+
+// A part of the record in which the model's own noise is not small beside the marks' sigma, as
+// after many impacts: it counts less.
+struct LessWeight {
+  std::string mark;
+  double from = 0.0, to = 0.0;  // on the record's clock [s]
+  double noise = 0.0;           // RMS of a coordinate [m]
+  double weight = 1.0;          // (0, 1), of the samples there
+};
+
+// What belongs to one trial, at the estimate.
+struct TrialResult {
+  std::string name;
+  Alignment alignment;  // at the start that led here
+  Registration at;
+  RegistrationFit registration;        // rows whitened in time, too
+  Eigen::VectorXd residual;            // in the samples' own sigmas
+  std::vector<std::string> nuisances;  // names
+  Eigen::VectorXd nuisance_sigma;      // standard errors, all parts [rad, m, s, -]
+  Prediction prediction;               // at observations.StampsAt(offset_ref)
+  double offset_ref = 0.0;
+  // Change of the predicted marks per unit of each parameter, [parameter][mark] 3 x n [m / unit].
+  std::vector<std::vector<Eigen::Matrix3Xd>> change;
+  // Standard error of the predicted marks by the parameters', all parts, per mark 3 x n [m].
+  std::vector<Eigen::Matrix3Xd> band;
+  SeriesNoise noise;          // found in the residuals, with which they are whitened
+  ResidualNoise plain;        // the residuals before that: autocorrelation, whiteness
+  ResidualNoise whitened;     // and after
+  double chi2_per_dof = 0.0;  // of residuals in the samples' own sigmas
+  GoodnessOfFit goodness;     // does the model explain them?
+  double model_noise = 0.0;   // RMS scatter of the model's marks, one tolerance to another [m]
+  std::vector<LessWeight> less_weight;
+  std::vector<double> event_times;  // when the model has the observations' events [s]; NaN: never
+  // The model's own error at the estimate (finer model less model, times the factor), per mark
+  // 3 x n [m]; empty without a finer model. RMS in metres and in the marks' sigmas.
+  std::vector<Eigen::Matrix3Xd> model_error;
+  Eigen::VectorXd event_error;  // of the events, in their sigmas
+  double model_error_rms = 0.0;
+  double model_error_sigmas = 0.0;
+  double data_sigma = 0.0;  // typical sigma of the samples [m]
+};
+
+struct FitResult {
+  FitStatus status = FitStatus::kModelFailed;
+  std::string message;
+  bool Usable() const { return status == FitStatus::kConverged; }
+
+  std::vector<ParameterEstimate> parameters;
+  Eigen::MatrixXd covariance;  // of the values, all parts [unit x unit]
+  Eigen::MatrixXd correlation;
+  std::vector<StartResult> starts;  // best end first; one that failed comes last
+  std::vector<StageResult> stages;  // of the start that led to the estimate, sharpening included
+  std::vector<TrialResult> trials;
+  std::vector<EvaluationRecord> evaluations;
+  Eigen::MatrixXd sensitivity;  // whitened rows of all trials x parameters, d residual / d value
+  double cost = 0.0;            // half the sum of squares at the estimate, whitened, with priors
+};
+
+// Trust region with bounds (Ceres) over the parameters, everything else projected out, from one or
+// several starts. A failed evaluation is recorded and the solver turns back from it. The result
+// depends on the problem and the options alone, not on the number of workers or their order.
+FitResult Fit(const FitProblem& problem, const FitOptions& options = {});
+
+}  // namespace unfurl::correlate

@@ -1,0 +1,300 @@
+#include "correlate/fit/fit_covariance.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+
+namespace unfurl::correlate {
+
+namespace {
+
+// Inverse of a normal matrix in unit-diagonal form. Directions without information are left out of
+// it, and get a large but finite variance of their own in `open`, so that what depends on them is
+// seen to be unknown.
+Eigen::MatrixXd InverseOf(const Eigen::MatrixXd& normal, Eigen::MatrixXd* open) {
+  constexpr double kFloor = 1e-12;
+  const Eigen::VectorXd scale = normal.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  const Eigen::MatrixXd unit = scale.asDiagonal() * normal * scale.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(unit);
+  const Eigen::MatrixXd V = scale.asDiagonal() * eigen.eigenvectors();
+  Eigen::VectorXd known = eigen.eigenvalues(), unknown = known;
+  for (Eigen::Index i = 0; i < known.size(); ++i) {
+    unknown(i) = known(i) < kFloor ? 1.0 / kFloor : 0.0;
+    known(i) = known(i) < kFloor ? 0.0 : 1.0 / known(i);
+  }
+  *open = V * unknown.asDiagonal() * V.transpose();
+  return V * known.asDiagonal() * V.transpose();
+}
+
+// Where a trial's rows and nuisance columns stand in the whole.
+struct Block {
+  Eigen::Index row = 0, rows = 0, column = 0, columns = 0;
+};
+
+struct Stacked {
+  Eigen::MatrixXd A;
+  std::vector<Block> blocks;
+  Eigen::Index first_prior = 0;
+};
+
+// [parameters, nuisances]; `sensitivity` and `jacobian` by trial.
+Stacked Stack(const FitResult& r, const Eigen::MatrixXd& sensitivity,
+              const std::vector<Eigen::MatrixXd>& jacobian) {
+  Stacked out;
+  const Eigen::Index p = sensitivity.cols();
+  Eigen::Index columns = p;
+  for (std::size_t t = 0; t < r.trials.size(); ++t) {
+    const Eigen::MatrixXd& N = jacobian[t];
+    out.blocks.push_back({out.first_prior, N.rows(), columns, N.cols()});
+    out.first_prior += N.rows();
+    columns += N.cols();
+  }
+  out.A = Eigen::MatrixXd::Zero(sensitivity.rows(), columns);
+  out.A.leftCols(p) = sensitivity;
+  for (std::size_t t = 0; t < r.trials.size(); ++t) {
+    const Block& b = out.blocks[t];
+    out.A.block(b.row, b.column, b.rows, b.columns) = jacobian[t];
+  }
+  return out;
+}
+
+Eigen::MatrixXd Gram(const Eigen::MatrixXd& A) {
+  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(A.cols(), A.cols());
+  H.selfadjointView<Eigen::Lower>().rankUpdate(A.transpose());
+  H.triangularView<Eigen::StrictlyUpper>() = H.transpose();
+  return H;
+}
+
+// The model's error as independent directions: one for each mark and section of time.
+Eigen::MatrixXd SectionShifts(const Observations& o, const RowWhitening* whitening,
+                              const Eigen::MatrixXd& gain, const Eigen::VectorXd& error,
+                              int sections) {
+  const double start = o.Start(), span = std::max(1e-12, o.End() - start);
+  const auto marks = static_cast<Eigen::Index>(o.marks.size());
+  Eigen::MatrixXd pieces = Eigen::MatrixXd::Zero(error.size(), marks * sections);
+  Eigen::Index row = 0;
+  for (Eigen::Index m = 0; m < marks; ++m) {
+    const MarkSeries& series = o.marks[static_cast<std::size_t>(m)];
+    for (std::size_t i = 0; i < series.size(); ++i, row += 3) {
+      const int s =
+          std::clamp(static_cast<int>((series.t[i] - start) / span * sections), 0, sections - 1);
+      pieces.col(m * sections + s).segment<3>(row) = error.segment<3>(row);
+    }
+  }
+  // Events move with the sections that they lie in: theirs are the rows after the samples'.
+  for (std::size_t i = 0; i < o.events.size(); ++i, ++row) {
+    const int s =
+        std::clamp(static_cast<int>((o.events[i].t - start) / span * sections), 0, sections - 1);
+    for (Eigen::Index m = 0; m < marks; ++m)
+      pieces(row, m * sections + s) = error(row) / std::sqrt(marks);
+  }
+  if (whitening != nullptr) whitening->Apply(pieces);
+  return gain * pieces;
+}
+
+double Rms(const std::vector<Eigen::Matrix3Xd>& tracks) {
+  double sum = 0.0, n = 0.0;
+  for (const auto& t : tracks) sum += t.squaredNorm(), n += static_cast<double>(t.cols());
+  return n > 0.0 ? std::sqrt(sum / n) : 0.0;
+}
+
+// Rows before whitening in time, at the same place.
+RegistrationFit PlainRows(const Observations& o, const TrialResult& trial,
+                          const RegistrationOptions& options) {
+  RegistrationOptions stay = options;
+  stay.max_iterations = 0;
+  stay.with_events = true;
+  return FitRegistration(o, trial.prediction, trial.offset_ref, trial.at, stay);
+}
+
+void FillBand(const Eigen::MatrixXd& covariance, TrialResult* trial) {
+  const std::size_t p = trial->change.size();
+  trial->band.clear();
+  for (std::size_t m = 0; p > 0 && m < trial->change[0].size(); ++m) {
+    const Eigen::Index n = trial->change[0][m].cols();
+    Eigen::Matrix3Xd variance = Eigen::Matrix3Xd::Zero(3, n);
+    for (std::size_t j = 0; j < p; ++j) {
+      for (std::size_t l = 0; l < p; ++l) {
+        variance.array() += covariance(static_cast<Eigen::Index>(j), static_cast<Eigen::Index>(l)) *
+                            trial->change[j][m].array() * trial->change[l][m].array();
+      }
+    }
+    trial->band.push_back(variance.cwiseMax(0.0).cwiseSqrt());
+  }
+}
+
+}  // namespace
+
+void FillCovariance(const FitProblem& problem, const std::vector<const Observations*>& data,
+                    const std::vector<const RowWhitening*>& whitening, const FitOptions& options,
+                    FitResult* r) {
+  const auto p = static_cast<Eigen::Index>(problem.parameters.size());
+  const std::size_t trials = problem.trials.size();
+  std::vector<Eigen::MatrixXd> jacobian, plain_jacobian;
+  Eigen::MatrixXd plain_sensitivity = r->sensitivity;  // the priors' rows are the same
+  for (std::size_t t = 0; t < trials; ++t) {
+    TrialResult& trial = r->trials[t];
+    jacobian.push_back(trial.registration.jacobian);
+    const RegistrationFit plain = PlainRows(*data[t], trial, options.align.registration);
+    plain_jacobian.push_back(plain.jacobian);
+    trial.residual = plain.residual;
+  }
+  const Stacked whole = Stack(*r, r->sensitivity, jacobian);
+  for (std::size_t t = 0; t < trials; ++t) {
+    const TrialResult& trial = r->trials[t];
+    const Block& b = whole.blocks[t];
+    const Eigen::Index samples = 3 * static_cast<Eigen::Index>(data[t]->size());
+    plain_sensitivity.middleRows(b.row, samples) =
+        WhitenedSensitivity(*data[t], trial.prediction, trial.at.X_WM, trial.change)
+            .topRows(samples);
+  }
+  const Eigen::MatrixXd H = Gram(whole.A);
+  Eigen::MatrixXd open, open_white;
+  const Eigen::MatrixXd inverse = InverseOf(H, &open);
+  const Stacked plain = Stack(*r, plain_sensitivity, plain_jacobian);
+  const Eigen::MatrixXd inverse_white = InverseOf(Gram(plain.A), &open_white);
+  const Eigen::MatrixXd white = inverse_white + open_white;
+
+  // The middle: rows of the samples with what correlation they still have, priors, draws.
+  const Eigen::MatrixXd priors = whole.A.bottomRows(whole.A.rows() - whole.first_prior);
+  Eigen::MatrixXd middle = priors.transpose() * priors;
+  std::vector<double> dof(trials, 1.0);
+  for (std::size_t t = 0; t < trials; ++t) {
+    TrialResult& trial = r->trials[t];
+    const Block& b = whole.blocks[t];
+    const Observations& o = *data[t];
+    trial.plain = EstimateResidualNoise(o, trial.residual);
+    trial.whitened = EstimateResidualNoise(o, trial.registration.residual);
+    const auto told = static_cast<Eigen::Index>(o.events.size());
+    dof[t] = std::max<double>(1.0, 3.0 * static_cast<double>(trial.registration.known) -
+                                       static_cast<double>(p + b.columns - o.shared_rank - told));
+    trial.chi2_per_dof = trial.residual.squaredNorm() / dof[t];
+    trial.data_sigma = TypicalSigma(o);
+    middle += trial.whitened.Middle(whole.A.middleRows(b.row, b.rows));
+    const Eigen::Index k = o.shared_rank;
+    const auto draw = whole.A.middleRows(b.row + b.rows - k, k);
+    middle += draw.transpose() * draw;
+    const auto events = whole.A.middleRows(b.row + b.rows - k - told, told);
+    middle += events.transpose() * events;
+    for (std::size_t s = 0; s < t; ++s) {
+      const Block& other = whole.blocks[s];
+      const bool common = !problem.trials[t].calibration.empty() &&
+                          problem.trials[t].calibration == problem.trials[s].calibration &&
+                          data[s]->shared_rank == o.shared_rank;
+      if (!common || k == 0) continue;
+      // One draw for both: their prior rows are fully correlated.
+      const Eigen::MatrixXd cross =
+          draw.transpose() * whole.A.middleRows(other.row + other.rows - k, k);
+      middle += cross + cross.transpose();
+    }
+  }
+  const Eigen::MatrixXd from_data = inverse * middle * inverse + open;
+
+  Eigen::MatrixXd from_model = Eigen::MatrixXd::Zero(H.rows(), H.cols());
+  Eigen::VectorXd common = Eigen::VectorXd::Zero(H.rows());
+  const Eigen::MatrixXd gain = inverse * whole.A.transpose();
+  Eigen::VectorXd left = Eigen::VectorXd::Zero(plain.A.rows()), finer = left;
+  for (std::size_t t = 0; t < trials; ++t) {
+    TrialResult& trial = r->trials[t];
+    const Block& b = whole.blocks[t];
+    left.segment(b.row, b.rows) = trial.residual;
+    if (trial.model_error.empty()) continue;
+    Eigen::MatrixXd error =
+        WhitenedSensitivity(*data[t], trial.prediction, trial.at.X_WM, {trial.model_error});
+    error.middleRows(3 * static_cast<Eigen::Index>(data[t]->size()), trial.event_error.size()) =
+        trial.event_error;
+    trial.model_error_rms = Rms(trial.model_error);
+    trial.model_error_sigmas =
+        std::sqrt(error.squaredNorm() / std::max(1.0, 3.0 * static_cast<double>(data[t]->size())));
+    finer.segment(b.row, b.rows) = error.col(0);
+    const Eigen::MatrixXd sections =
+        SectionShifts(*data[t], whitening[t], gain.middleCols(b.row, b.rows), error.col(0),
+                      std::max(1, options.error_sections));
+    from_model += sections * sections.transpose();
+    if (whitening[t] != nullptr) whitening[t]->Apply(error);
+    common += gain.middleCols(b.row, b.rows) * error;
+  }
+  from_model += common * common.transpose();
+
+  for (Eigen::VectorXd* rows : {&left, &finer}) {
+    *rows -= plain.A * (inverse_white * (plain.A.transpose() * *rows));
+  }
+  for (std::size_t t = 0; t < trials; ++t) {
+    TrialResult& trial = r->trials[t];
+    const Block& b = whole.blocks[t];
+    GoodnessInput in;
+    in.observations = data[t];
+    in.plain = &trial.plain;
+    in.whitened = &trial.whitened;
+    in.whitened_residual = &trial.registration.residual;
+    in.squares = trial.residual.squaredNorm();
+    in.dof = dof[t];
+    if (!trial.model_error.empty()) {
+      const auto here = left.segment(b.row, b.rows), change = finer.segment(b.row, b.rows);
+      in.left = here.squaredNorm();
+      in.finer = change.squaredNorm();
+      in.left_by_finer = here.dot(change);
+    }
+    in.sections = std::max(1, options.error_sections);
+    trial.goodness = TestGoodness(in);
+  }
+
+  const Eigen::MatrixXd total = from_data + from_model;
+  r->covariance = total.topLeftCorner(p, p);
+  const Eigen::VectorXd sigma = total.diagonal().cwiseMax(0.0).cwiseSqrt();
+  const Eigen::VectorXd unit = sigma.cwiseMax(1e-300).cwiseInverse();
+  r->correlation = unit.head(p).asDiagonal() * r->covariance * unit.head(p).asDiagonal();
+  for (std::size_t t = 0; t < trials; ++t) {
+    const Block& b = whole.blocks[t];
+    TrialResult& trial = r->trials[t];
+    trial.nuisances = NuisanceNames(options.align.registration, data[t]->shared_rank);
+    trial.nuisance_sigma = sigma.segment(b.column, b.columns);
+    FillBand(r->covariance, &trial);
+  }
+  for (Eigen::Index j = 0; j < p; ++j) {
+    ParameterEstimate& e = r->parameters[static_cast<std::size_t>(j)];
+    e.sigma = sigma(j);
+    e.sigma_data = std::sqrt(std::max(0.0, from_data(j, j)));
+    e.sigma_white = std::sqrt(std::max(0.0, white(j, j)));
+    e.sigma_model = std::sqrt(std::max(0.0, from_model(j, j)));
+    e.model_shift = -common(j);
+  }
+}
+
+void FillProfiles(const FitProblem& problem, ReducedProblem& reduced, const std::vector<double>& u,
+                  const ReducedProblem::Point& point, const FitOptions& options, FitResult* r) {
+  const auto p = static_cast<Eigen::Index>(u.size());
+  ProfileStart start;
+  start.u = u;
+  start.point = point;
+  Eigen::MatrixXd J = r->sensitivity;
+  for (Eigen::Index j = 0; j < p; ++j) {
+    const auto i = static_cast<std::size_t>(j);
+    J.col(j) *= Slope(problem.parameters[i], r->parameters[i].value);
+  }
+  start.projected = reduced.Project(point, J);
+  Eigen::MatrixXd open;
+  Eigen::MatrixXd inverse = InverseOf(start.projected.transpose() * start.projected, &open);
+  inverse += open;
+  start.sigma.resize(p);
+  start.dispersion.resize(p);
+  for (Eigen::Index j = 0; j < p; ++j) {
+    const auto i = static_cast<std::size_t>(j);
+    const Parameter& q = problem.parameters[i];
+    const double slope = Slope(q, r->parameters[i].value);
+    const double bread = std::sqrt(std::max(inverse(j, j), 1e-300));
+    const double own = r->parameters[i].sigma_data / std::max(std::abs(slope), 1e-300);
+    start.dispersion(j) = std::clamp(own * own / (bread * bread), 1.0, 1e6);
+    // Where the linear model knows nothing: a twentieth of the bounds.
+    const double range = std::isfinite(q.high - q.low) && (!q.log || q.low > 0.0)
+                             ? ToInternal(q, q.high) - ToInternal(q, q.low)
+                             : std::max(1.0, std::abs(u[i]));
+    start.sigma(j) = std::min(bread * std::sqrt(start.dispersion(j)), 0.05 * range);
+  }
+  std::vector<Profile> profiles = Profiles(reduced, start, options.profile);
+  for (std::size_t j = 0; j < profiles.size(); ++j) {
+    r->parameters[j].profile = std::move(profiles[j]);
+  }
+}
+
+}  // namespace unfurl::correlate

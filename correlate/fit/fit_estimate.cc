@@ -1,0 +1,117 @@
+#include "correlate/fit/fit_estimate.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "correlate/fit/reduced_problem.h"
+
+namespace unfurl::correlate {
+
+std::vector<LessWeight> WeighSections(const Observations& all, const Prediction& plain,
+                                      const Prediction& tight, int sections, Observations* out) {
+  constexpr double kNoticed = 1.0 / 3.0;
+  std::vector<LessWeight> less;
+  *out = all;
+  const double start = all.Start(), span = std::max(1e-12, all.End() - start);
+  for (std::size_t m = 0; m < all.marks.size(); ++m) {
+    const MarkSeries& mark = all.marks[m];
+    for (int s = 0; s < sections; ++s) {
+      const double from = start + span * s / sections, to = start + span * (s + 1) / sections;
+      double noise = 0.0, sigma = 0.0, n = 0.0;
+      std::vector<Eigen::Index> members;
+      for (std::size_t i = 0; i < mark.size(); ++i) {
+        const bool last = s + 1 == sections;
+        if (mark.t[i] < from || (mark.t[i] >= to && !last)) continue;
+        const auto column = static_cast<Eigen::Index>(i);
+        members.push_back(column);
+        noise += (plain.marks[m].p.col(column) - tight.marks[m].p.col(column)).squaredNorm() / 2.0;
+        sigma += (mark.cov(0, column) + mark.cov(3, column) + mark.cov(5, column)) / 3.0;
+        n += 1.0;
+      }
+      if (n == 0.0 || noise < kNoticed * kNoticed * sigma) continue;
+      less.push_back({mark.name, from, to, std::sqrt(noise / n), sigma / (sigma + noise)});
+      for (Eigen::Index column : members) {
+        for (Eigen::Index row : {0, 3, 5}) out->marks[m].cov(row, column) += noise / n;
+      }
+    }
+  }
+  return less;
+}
+
+bool FillEstimate(const FitProblem& problem, StageRunner& runner, FitResult* r) {
+  ReducedProblem& reduced = runner.reduced();
+  const std::vector<double>& u = runner.u();
+  const ReducedProblem::Point& point = runner.point();
+  const std::vector<double> theta = Values(problem.parameters, u.data());
+  std::vector<Evaluator::Request> beside;
+  for (std::size_t t = 0; t < problem.trials.size(); ++t) {
+    const FitTrial& trial = problem.trials[t];
+    if (trial.finer != nullptr) {
+      beside.push_back({t, theta, "finer model", Fidelity::kFiner});
+    } else if (trial.tighter != nullptr) {
+      beside.push_back({t, theta, "tighter tolerance", Fidelity::kTighter});
+    }
+  }
+  Eigen::MatrixXd forward, backward;
+  ReducedProblem::Change up, down;
+  // The finer model takes longest: it goes first, beside the backward differences.
+  if (!reduced.Sensitivity(u, point, -1, &backward, &down, beside) ||
+      !reduced.Sensitivity(u, point, +1, &forward, &up)) {
+    r->status = FitStatus::kModelFailed;
+    r->message = "the model could not be evaluated beside the estimate";
+    return false;
+  }
+  r->sensitivity = 0.5 * (forward + backward);
+  r->cost = point.cost;
+  const Eigen::MatrixXd projected_up = reduced.Project(point, forward);
+  const Eigen::MatrixXd projected_down = reduced.Project(point, backward);
+  for (std::size_t j = 0; j < theta.size(); ++j) {
+    const auto c = static_cast<Eigen::Index>(j);
+    ParameterEstimate& e = r->parameters[j];
+    e.value = theta[j];
+    const double sum = (projected_up.col(c) + projected_down.col(c)).norm();
+    e.kink = sum > 0.0 ? (projected_up.col(c) - projected_down.col(c)).norm() / sum : 0.0;
+    // At a kink the flatter side bounds what the data say.
+    if (e.kink > kKink) {
+      r->sensitivity.col(c) = projected_up.col(c).norm() < projected_down.col(c).norm()
+                                  ? forward.col(c)
+                                  : backward.col(c);
+    }
+    r->sensitivity.col(c) /= Slope(problem.parameters[j], e.value);
+  }
+  for (std::size_t t = 0; t < problem.trials.size(); ++t) {
+    TrialResult& trial = r->trials[t];
+    trial.prediction = *point.prediction[t];
+    trial.registration = point.registration[t];
+    trial.at = trial.registration.at;
+    trial.offset_ref = reduced.parts()[t].offset_ref;
+    trial.event_times = EventTimes(problem.trials[t].observations->events, trial.prediction);
+    trial.change = up[t];
+    for (std::size_t j = 0; j < theta.size(); ++j) {
+      const double slope = Slope(problem.parameters[j], theta[j]);
+      for (std::size_t m = 0; m < up[t][j].size(); ++m) {
+        trial.change[j][m] = (up[t][j][m] + down[t][j][m]) * (0.5 / slope);
+      }
+    }
+  }
+  for (const Evaluator::Request& request : beside) {
+    const Evaluator::Answer finer = runner.evaluator().Evaluate({request}).front();
+    TrialResult& trial = r->trials[request.trial];
+    if (finer->status != ModelStatus::kGood) {
+      r->message =
+          "the finer model failed, so the model's own error is not in the standard errors: " +
+          finer->message;
+      continue;
+    }
+    const double factor =
+        request.fidelity == Fidelity::kFiner ? problem.trials[request.trial].finer_factor : 1.0;
+    for (std::size_t m = 0; m < finer->marks.size(); ++m) {
+      trial.model_error.push_back(factor * (finer->marks[m].p - trial.prediction.marks[m].p));
+    }
+    trial.event_error = factor * EventSensitivity(*problem.trials[request.trial].observations,
+                                                  trial.prediction, *finer, 1.0);
+  }
+  return true;
+}
+
+}  // namespace unfurl::correlate

@@ -1,0 +1,88 @@
+#include "correlate/fit/goodness.h"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+#include "base/statistics.h"
+
+namespace unfurl::correlate {
+
+namespace {
+
+// More than this, and the misfit's correlation with the mesh's error is above 0.7. Motions of any
+// other origin that swing ten times or more do not come so close by chance.
+constexpr double kHalf = 0.5;
+constexpr double kFactor = 4.0;  // of the extrapolated error, to either side of 1
+
+double Either(double a, double b) { return std::min(1.0, 2.0 * std::min(a, b)); }
+
+}  // namespace
+
+double GoodnessOfFit::p_covariances() const { return Either(p_size, p_white); }
+double GoodnessOfFit::p_noise() const { return Either(p_found, p_steady); }
+
+double SteadyPValue(const Observations& observations, const Eigen::VectorXd& residual,
+                    int sections) {
+  constexpr double kFewest = 10.0;
+  const double start = observations.Start();
+  const double span = std::max(1e-12, observations.End() - start);
+  const auto count = static_cast<std::size_t>(sections);
+  double statistic = 0.0, freedoms = 0.0;
+  Eigen::Index first = 0;
+  for (const MarkSeries& mark : observations.marks) {
+    for (Eigen::Index axis = 0; axis < 3; ++axis) {
+      std::vector<double> squares(count, 0.0), n(count, 0.0);
+      for (std::size_t i = 0; i < mark.size(); ++i) {
+        const Eigen::Index row = first + 3 * static_cast<Eigen::Index>(i);
+        if (residual.segment<3>(row).squaredNorm() == 0.0) continue;
+        const int s =
+            std::clamp(static_cast<int>((mark.t[i] - start) / span * sections), 0, sections - 1);
+        squares[static_cast<std::size_t>(s)] += residual(row + axis) * residual(row + axis);
+        n[static_cast<std::size_t>(s)] += 1.0;
+      }
+      double all = 0.0, total = 0.0, used = 0.0;
+      for (std::size_t s = 0; s < count; ++s) {
+        if (n[s] < kFewest) continue;
+        all += squares[s], total += n[s], used += 1.0;
+      }
+      if (used < 2.0 || all <= 0.0) continue;
+      // Bartlett's statistic: a likelihood ratio, with his correction for few values.
+      const double pooled = all / total;
+      double ratio = total * std::log(pooled), inverse = -1.0 / total;
+      for (std::size_t s = 0; s < count; ++s) {
+        if (n[s] < kFewest) continue;
+        ratio -= n[s] * std::log(std::max(squares[s] / n[s], 1e-12 * pooled));
+        inverse += 1.0 / n[s];
+      }
+      statistic += ratio / (1.0 + inverse / (3.0 * (used - 1.0)));
+      freedoms += used - 1.0;
+    }
+    first += 3 * static_cast<Eigen::Index>(mark.size());
+  }
+  return freedoms > 0.0 ? ChiSquareTail(statistic, freedoms) : 1.0;
+}
+
+GoodnessOfFit TestGoodness(const GoodnessInput& in) {
+  GoodnessOfFit out;
+  out.p_size = ChiSquareTail(in.squares, in.dof);
+  out.p_white = in.plain->p_together;
+  out.excess = std::sqrt(std::max(0.0, in.squares / in.dof - 1.0));
+  out.p_found = in.whitened->p_together;
+  out.p_steady = SteadyPValue(*in.observations, *in.whitened_residual, in.sections);
+  const double beyond = in.left - in.dof;
+  const double factor = in.finer > 0.0 ? -in.left_by_finer / in.finer : 0.0;
+  if (beyond > 0.0 && factor > 1.0 / kFactor && factor < kFactor) {
+    out.mesh_takes = std::min(1.0, -factor * in.left_by_finer / beyond);
+  }
+  if (out.p_covariances() >= kGoodnessLevel) {
+    out.outcome = Explained::kYes;
+  } else if (out.mesh_takes > kHalf) {
+    out.outcome = Explained::kMesh;
+  } else {
+    out.outcome = out.p_noise() >= kGoodnessLevel ? Explained::kNoise : Explained::kNo;
+  }
+  return out;
+}
+
+}  // namespace unfurl::correlate

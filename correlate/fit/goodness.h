@@ -1,0 +1,60 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "correlate/fit/autocorrelation.h"
+#include "correlate/observations.h"
+
+namespace unfurl::correlate {
+
+// Does the model explain a trial? Three questions, each at `kGoodnessLevel`:
+// 1. Are the residuals white and no larger than the marks' covariances say (chi-square, Ljung-Box)?
+// 2. If not: is what is left the model's own known error, which a finer mesh takes away?
+// 3. If not: is it noise that stays the same along the record (whitened by what was found of it,
+//    nothing follows anything, and every stretch has the same variance)? Then the standard errors
+//    hold it. A model that is wrong shows where it is wrong: in bursts, at some time, at some mark.
+enum class Explained {
+  kYes,
+  kNoise,  // larger or longer-lived than the marks' covariances, but as noise would be
+  kMesh,   // no, and most of it goes with a finer mesh
+  kNo,
+};
+
+inline constexpr double kGoodnessLevel = 0.01;
+
+struct GoodnessOfFit {
+  Explained outcome = Explained::kYes;
+  double p_size = 1.0;    // of 1, residuals in the marks' sigmas; one-sided
+  double p_white = 1.0;   // of 1, over all series
+  double p_found = 1.0;   // of 3, whiteness of what is left after whitening
+  double p_steady = 1.0;  // of 3, equal variance along the record
+  double excess = 0.0;    // RMS of a coordinate beyond the marks' sigma, in sigmas
+  // Of the excess's square, what a finer mesh takes away, some factor of it: extrapolation gives
+  // the shape of the mesh's error better than its size. 0: no finer mesh, or the factor is far
+  // from 1.
+  double mesh_takes = 0.0;
+
+  double p_covariances() const;  // question 1 as a whole
+  double p_noise() const;        // question 3 as a whole
+};
+
+// P-value of equal variances: each series (mark and axis) cut into `sections` of time, sums of
+// squares against their mean [Bartlett's hypothesis, chi-square to second order]. Sections with
+// fewer than ten values take no part.
+double SteadyPValue(const Observations& observations, const Eigen::VectorXd& residual,
+                    int sections);
+
+struct GoodnessInput {
+  const Observations* observations = nullptr;
+  const ResidualNoise* plain = nullptr;     // of the residuals in the marks' own sigmas
+  const ResidualNoise* whitened = nullptr;  // of those whitened by the noise found
+  const Eigen::VectorXd* whitened_residual = nullptr;
+  double squares = 0.0, dof = 1.0;  // of the former
+  // With everything that was fitted taken out: sum of squares of what is left of them, of what a
+  // finer mesh changes them by, and their product; all 0: no finer mesh.
+  double left = 0.0, finer = 0.0, left_by_finer = 0.0;
+  int sections = 8;
+};
+GoodnessOfFit TestGoodness(const GoodnessInput& in);
+
+}  // namespace unfurl::correlate

@@ -1,0 +1,344 @@
+#include "correlate/fit/profile.h"
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+
+namespace unfurl::correlate {
+
+namespace {
+
+constexpr double kSettled = 0.01;  // of deviance: what the next step would still gain
+constexpr int kMostSteps = 12;     // of one point
+constexpr int kChordSteps = 3;     // with sensitivities of the estimate, before new ones are taken
+
+// One parameter held at one place, the others on their way to their best.
+struct Lane {
+  std::size_t held = 0;
+  double level = 0.0;         // signed, in standard errors
+  std::vector<double> u;      // best so far
+  std::vector<double> trial;  // being evaluated
+  double cost = std::numeric_limits<double>::infinity();
+  Eigen::VectorXd residual;  // at u
+  Eigen::MatrixXd J;         // projected; empty: the estimate's
+  Eigen::VectorXd step;      // last one, of the others
+  double shrink = 1.0;
+  int steps = 0, since_fresh = 0;
+  bool done = false, settled = false, at_bound = false, failed = false;
+};
+
+class Follower {
+ public:
+  Follower(ReducedProblem& problem, const ProfileStart& start, const ProfileOptions& options)
+      : problem_(problem),
+        start_(start),
+        options_(options),
+        p_(problem.parameters().size()),
+        profiles_(p_) {
+    const Eigen::MatrixXd normal = start.projected.transpose() * start.projected;
+    normal_ = normal;
+  }
+
+  std::vector<Profile> Run() {
+    std::vector<Lane> lanes;
+    for (std::size_t j = 0; j < p_; ++j) {
+      for (double side : {-1.0, 1.0}) {
+        for (double level : options_.levels) lanes.push_back(Open(j, side * level, {}));
+      }
+    }
+    std::vector<Lane> done;
+    while (!lanes.empty()) {
+      Settle(&lanes);
+      std::vector<Lane> next;
+      for (Lane& lane : lanes) done.push_back(std::move(lane));
+      for (std::size_t j = 0; j < p_; ++j) {
+        for (double side : {-1.0, 1.0}) Extend(j, side, done, &next);
+      }
+      lanes = std::move(next);
+    }
+    for (std::size_t j = 0; j < p_; ++j) Summarise(j, done);
+    return std::move(profiles_);
+  }
+
+ private:
+  double Bound(std::size_t j, double side) const {
+    const Parameter& p = problem_.parameters()[j];
+    const double value = side > 0.0 ? p.high : p.low;
+    if (p.log && !(value > 0.0)) return -std::numeric_limits<double>::infinity();
+    return ToInternal(p, value);
+  }
+
+  double Clamp(std::size_t j, double u) const {
+    return std::clamp(u, Bound(j, -1.0), Bound(j, 1.0));
+  }
+
+  // The others where the linear model, or two points already found, say.
+  Lane Open(std::size_t j, double level, const std::vector<const Lane*>& nearer) const {
+    Lane lane;
+    lane.held = j;
+    lane.level = level;
+    lane.u = start_.u;
+    const auto column = static_cast<Eigen::Index>(j);
+    const double wanted = start_.u[j] + level * start_.sigma(column);
+    const double at = Clamp(j, wanted);
+    lane.at_bound = at != wanted;
+    const double distance = at - start_.u[j];
+    if (!nearer.empty()) {
+      // The parabola (or the line) through the estimate and the nearest points found.
+      const Lane& a = *nearer[0];
+      const double da = a.u[j] - start_.u[j];
+      for (std::size_t l = 0; l < p_; ++l) {
+        const double slope_a = (a.u[l] - start_.u[l]) / da;
+        double slope = slope_a;
+        if (nearer.size() > 1) {
+          const double db = nearer[1]->u[j] - start_.u[j];
+          const double slope_b = (nearer[1]->u[l] - start_.u[l]) / db;
+          slope += (slope_a - slope_b) / (da - db) * (distance - da);
+        }
+        lane.u[l] = Clamp(l, start_.u[l] + slope * distance);
+      }
+    } else {
+      const Eigen::VectorXd others = SolveOthers(normal_, j, -normal_.col(column) * distance);
+      for (std::size_t l = 0; l < p_; ++l) {
+        lane.u[l] = Clamp(l, start_.u[l] + others(static_cast<Eigen::Index>(l)));
+      }
+    }
+    lane.u[j] = at;
+    lane.trial = lane.u;
+    return lane;
+  }
+
+  // Least squares over all but parameter j; its entry is 0. Directions without information stay.
+  Eigen::VectorXd SolveOthers(const Eigen::MatrixXd& normal, std::size_t j,
+                              const Eigen::VectorXd& right) const {
+    const auto p = static_cast<Eigen::Index>(p_);
+    Eigen::VectorXd out = Eigen::VectorXd::Zero(p);
+    if (p == 1) return out;
+    std::vector<Eigen::Index> keep;
+    for (Eigen::Index l = 0; l < p; ++l) {
+      if (l != static_cast<Eigen::Index>(j)) keep.push_back(l);
+    }
+    const Eigen::MatrixXd H = normal(keep, keep);
+    const Eigen::VectorXd scale = H.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+    Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition;
+    decomposition.setThreshold(1e-9);
+    decomposition.compute(scale.asDiagonal() * H * scale.asDiagonal());
+    const Eigen::VectorXd x =
+        scale.asDiagonal() * decomposition.solve(scale.asDiagonal() * right(keep));
+    for (std::size_t i = 0; i < keep.size(); ++i) out(keep[i]) = x(static_cast<Eigen::Index>(i));
+    return out;
+  }
+
+  // Steps of all lanes side by side until each has settled, failed or spent its steps.
+  void Settle(std::vector<Lane>* lanes) {
+    for (;;) {
+      std::vector<Lane*> active;
+      std::vector<std::vector<double>> trials;
+      for (Lane& lane : *lanes) {
+        if (lane.done) continue;
+        active.push_back(&lane);
+        trials.push_back(lane.trial);
+      }
+      if (active.empty()) return;
+      spent_ += static_cast<int>(active.size());
+      std::vector<ReducedProblem::Point> points;
+      const std::vector<bool> good = problem_.AtAll(trials, &points, "profile");
+      for (std::size_t i = 0; i < active.size(); ++i) Advance(*active[i], good[i], points[i]);
+    }
+  }
+
+  void Advance(Lane& lane, bool good, const ReducedProblem::Point& point) {
+    const bool first = !std::isfinite(lane.cost);
+    ++lane.steps;
+    ++lane.since_fresh;
+    if (good && point.cost < lane.cost) {
+      lane.cost = point.cost;
+      lane.u = lane.trial;
+      lane.residual = point.residual;
+      lane.shrink = std::min(1.0, 2.0 * lane.shrink);
+    } else if (first) {
+      lane.failed = lane.done = true;  // a failed evaluation there: recorded, and the end of it
+      return;
+    } else {
+      lane.shrink *= 0.5;
+    }
+    if (p_ == 1) {
+      lane.done = lane.settled = true;
+      return;
+    }
+    const bool stuck = lane.shrink < 0.2;
+    if (stuck || lane.since_fresh > kChordSteps) {
+      if (!Refresh(lane)) {
+        lane.done = true;
+        return;
+      }
+    }
+    const Eigen::MatrixXd& J = lane.J.size() > 0 ? lane.J : start_.projected;
+    const Eigen::MatrixXd normal = lane.J.size() > 0 ? Eigen::MatrixXd(J.transpose() * J) : normal_;
+    const Eigen::VectorXd gradient = J.transpose() * lane.residual;
+    const Eigen::VectorXd step = SolveOthers(normal, lane.held, -gradient);
+    lane.trial = lane.u;
+    double moved = 0.0;
+    for (std::size_t l = 0; l < p_; ++l) {
+      if (l == lane.held) continue;
+      const double s = lane.shrink * step(static_cast<Eigen::Index>(l));
+      lane.trial[l] = Clamp(l, lane.u[l] + s);
+      moved -= gradient(static_cast<Eigen::Index>(l)) * (lane.trial[l] - lane.u[l]);
+    }
+    lane.settled = moved <= kSettled * start_.dispersion(static_cast<Eigen::Index>(lane.held));
+    lane.done = lane.settled || lane.steps >= kMostSteps || spent_ >= options_.max_evaluations;
+  }
+
+  // Sensitivities where the lane stands: a curved valley is not the estimate's straight one.
+  bool Refresh(Lane& lane) {
+    ReducedProblem::Point point;
+    if (!problem_.At(lane.u, &point, "profile")) return false;
+    Eigen::MatrixXd J;
+    if (!problem_.Sensitivity(lane.u, point, +1, &J)) return false;
+    spent_ += static_cast<int>(p_);
+    lane.J = problem_.Project(point, J);
+    lane.residual = point.residual;
+    lane.shrink = 1.0;
+    lane.since_fresh = 0;
+    return true;
+  }
+
+  double Deviance(const Lane& lane) const { return 2.0 * (lane.cost - start_.point.cost); }
+
+  // The lanes of one side that settled, nearest to the estimate first.
+  std::vector<const Lane*> SettledOn(std::size_t j, double side,
+                                     const std::vector<Lane>& done) const {
+    std::vector<const Lane*> out;
+    for (const Lane& lane : done) {
+      if (lane.held == j && lane.level * side > 0.0 && lane.settled && lane.u[j] != start_.u[j]) {
+        out.push_back(&lane);
+      }
+    }
+    std::sort(out.begin(), out.end(),
+              [](const Lane* a, const Lane* b) { return std::abs(a->level) < std::abs(b->level); });
+    return out;
+  }
+
+  void Extend(std::size_t j, double side, const std::vector<Lane>& done,
+              std::vector<Lane>* next) const {
+    if (spent_ >= options_.max_evaluations) return;
+    const std::vector<const Lane*> settled = SettledOn(j, side, done);
+    const double reached = settled.empty() ? 0.0 : std::abs(settled.back()->level);
+    double lost = std::numeric_limits<double>::infinity();  // the nearest beyond that is lost
+    for (const Lane& lane : done) {
+      const double level = std::abs(lane.level);
+      if (lane.held == j && lane.level * side > 0.0 && !lane.settled && level > reached) {
+        lost = std::min(lost, level);
+      }
+    }
+    if (!settled.empty()) {
+      const Lane& far = *settled.back();
+      const Parameter& parameter = problem_.parameters()[j];
+      const double value = FromInternal(parameter, start_.u[j]);
+      const double away = std::abs(FromInternal(parameter, far.u[j]) - value);
+      if (far.at_bound || away >= 2.0 * KnownWithin(parameter, value) ||
+          Deviance(far) >= kDeviance95 * start_.dispersion(static_cast<Eigen::Index>(j))) {
+        return;
+      }
+    }
+    constexpr double kShortest = 0.05;  // of the first level: beyond that, it cannot be followed
+    const double first = options_.levels.empty() ? 1.0 : options_.levels.front();
+    double level = std::isfinite(lost) ? 0.5 * (reached + lost) : 1.6 * reached;
+    if (std::isfinite(lost) && lost - reached < kShortest * first) return;
+    if (!(level > reached)) return;
+    std::vector<const Lane*> nearest(
+        settled.rbegin(), settled.rbegin() + std::min<std::ptrdiff_t>(2, std::ssize(settled)));
+    next->push_back(Open(j, side * level, nearest));
+  }
+
+  void Summarise(std::size_t j, const std::vector<Lane>& done) {
+    Profile& profile = profiles_[j];
+    const Parameter& parameter = problem_.parameters()[j];
+    profile.dispersion = start_.dispersion(static_cast<Eigen::Index>(j));
+    struct Root {
+      double u,
+          root;  // signed square root of the deviance, which is straight where it is a parabola
+    };
+    std::vector<Root> roots = {{start_.u[j], 0.0}};
+    ProfilePoint centre;
+    centre.value = FromInternal(parameter, start_.u[j]);
+    centre.theta = Values(problem_.parameters(), start_.u.data());
+    centre.settled = true;
+    profile.points.push_back(centre);
+    profile.reached_low = profile.reached_high = centre.value;
+    for (const Lane& lane : done) {
+      if (lane.held != j || lane.failed || lane.u[j] == start_.u[j]) continue;
+      ProfilePoint point;
+      point.value = FromInternal(parameter, lane.u[j]);
+      point.deviance = Deviance(lane);
+      point.theta = Values(problem_.parameters(), lane.u.data());
+      point.settled = lane.settled;
+      if (lane.settled) {
+        profile.reached_low = std::min(profile.reached_low, point.value);
+        profile.reached_high = std::max(profile.reached_high, point.value);
+      }
+      if (lane.settled)
+        roots.push_back(
+            {lane.u[j], std::copysign(std::sqrt(std::max(0.0, point.deviance)), lane.level)});
+      profile.points.push_back(std::move(point));
+    }
+    std::sort(profile.points.begin(), profile.points.end(),
+              [](const ProfilePoint& a, const ProfilePoint& b) { return a.value < b.value; });
+    std::sort(roots.begin(), roots.end(), [](const Root& a, const Root& b) { return a.u < b.u; });
+    const double wanted = std::sqrt(kDeviance95 * profile.dispersion);
+    const auto middle =
+        static_cast<std::size_t>(std::find_if(roots.begin(), roots.end(),
+                                              [&](const Root& r) { return r.u == start_.u[j]; }) -
+                                 roots.begin());
+    auto cross = [&](const Root& a, const Root& b) {  // between a and b, straight in the root
+      const double part = (wanted - std::abs(a.root)) / (std::abs(b.root) - std::abs(a.root));
+      return FromInternal(parameter, a.u + part * (b.u - a.u));
+    };
+    for (std::size_t i = middle; i + 1 < roots.size(); ++i) {
+      if (roots[i + 1].root >= wanted) {
+        profile.high = cross(roots[i], roots[i + 1]);
+        break;
+      }
+    }
+    for (std::size_t i = middle; i > 0; --i) {
+      if (-roots[i - 1].root >= wanted) {
+        profile.low = cross(roots[i], roots[i - 1]);
+        break;
+      }
+    }
+    auto reached_end = [&](double reached, double side) {
+      const double away = std::abs(reached - centre.value);
+      const double bound = FromInternal(parameter, Bound(j, side));
+      return away >= 2.0 * KnownWithin(parameter, centre.value) ||
+             std::abs(reached - bound) <= 1e-9 * std::abs(bound);
+    };
+    profile.lost_low = profile.low != profile.low && !reached_end(profile.reached_low, -1.0);
+    profile.lost_high = profile.high != profile.high && !reached_end(profile.reached_high, 1.0);
+  }
+
+  ReducedProblem& problem_;
+  const ProfileStart& start_;
+  const ProfileOptions& options_;
+  std::size_t p_;
+  Eigen::MatrixXd normal_;
+  std::vector<Profile> profiles_;
+  int spent_ = 0;
+};
+
+}  // namespace
+
+double KnownWithin(const Parameter& parameter, double value) {
+  constexpr double kHalf = 0.5, kEighth = 0.125;
+  const double range = parameter.high - parameter.low;
+  if (parameter.low < 0.0 && parameter.high > 0.0 && std::isfinite(range)) {
+    return std::max(kHalf * std::abs(value), kEighth * range);
+  }
+  return kHalf * std::abs(value);
+}
+
+std::vector<Profile> Profiles(ReducedProblem& problem, const ProfileStart& start,
+                              const ProfileOptions& options) {
+  return Follower(problem, start, options).Run();
+}
+
+}  // namespace unfurl::correlate

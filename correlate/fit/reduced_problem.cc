@@ -1,0 +1,266 @@
+#include "correlate/fit/reduced_problem.h"
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+
+namespace unfurl::correlate {
+
+namespace {
+
+constexpr double kFirstStep = 1e-3;   // of the value, before any sensitivity is known
+constexpr double kWidestStep = 0.05;  // of the value or of log: differences stay local
+constexpr double kNarrowest = 1e-7;
+
+double SizeOf(const Parameter& p) {
+  if (p.log) return 1.0;
+  const double range = p.high - p.low;
+  // A value that starts at zero has its size from its bounds.
+  const double fallback = std::isfinite(range) ? 0.1 * range : 1e-12;
+  return p.start != 0.0 ? std::abs(p.start) : fallback;
+}
+
+}  // namespace
+
+double TypicalSigma(const Observations& o) {
+  double sum = 0.0;
+  for (const MarkSeries& m : o.marks) {
+    sum += m.cov.row(0).sum() + m.cov.row(3).sum() + m.cov.row(5).sum();
+  }
+  return std::sqrt(sum / std::max(1.0, 3.0 * static_cast<double>(o.size())));
+}
+
+double RmsDifference(const Prediction& a, const Prediction& b) {
+  double sum = 0.0, n = 0.0;
+  for (std::size_t m = 0; m < a.marks.size(); ++m) {
+    sum += (a.marks[m].p - b.marks[m].p).squaredNorm();
+    n += static_cast<double>(a.marks[m].p.cols());
+  }
+  return n > 0.0 ? std::sqrt(sum / n) : 0.0;
+}
+
+ReducedProblem::ReducedProblem(std::vector<Part> parts, const RegistrationOptions& options,
+                               Evaluator& evaluator)
+    : parts_(std::move(parts)), options_(options), evaluator_(evaluator) {
+  options_.with_events = true;
+  for (const Part& part : parts_) {
+    first_.push_back(rows_);
+    rows_ += 3 * static_cast<Eigen::Index>(part.observations->size()) +
+             static_cast<Eigen::Index>(part.observations->events.size()) +
+             part.observations->shared_rank;
+  }
+  first_.push_back(rows_);
+  for (const Parameter& p : parameters()) {
+    rows_ += p.has_prior ? 1 : 0;
+    steps_.push_back(kFirstStep * SizeOf(p));
+  }
+}
+
+std::vector<Evaluator::Request> ReducedProblem::RequestsAt(const std::vector<double>& u,
+                                                           const std::string& purpose) const {
+  std::vector<Evaluator::Request> out;
+  const std::vector<double> theta = Values(parameters(), u.data());
+  for (const Part& part : parts_) out.push_back({part.trial, theta, purpose});
+  return out;
+}
+
+bool ReducedProblem::Finish(const std::vector<double>& u,
+                            std::span<const Evaluator::Answer> answers, Point* point) {
+  const std::vector<double> theta = Values(parameters(), u.data());
+  point->prediction.assign(answers.begin(), answers.end());
+  point->registration.clear();
+  for (const Evaluator::Answer& answer : answers) {
+    if (answer->status != ModelStatus::kGood) {
+      point->failure = answer->message;
+      return false;
+    }
+  }
+  point->residual.setZero(rows_);
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    const Part& part = parts_[i];
+    point->registration.push_back(FitRegistration(*part.observations, *answers[i], part.offset_ref,
+                                                  part.start, options_, part.whitening));
+    const Eigen::VectorXd& r = point->registration.back().residual;
+    point->residual.segment(first_[i], r.size()) = r;
+  }
+  Eigen::Index row = first_prior_row();
+  for (std::size_t j = 0; j < parameters().size(); ++j) {
+    const Parameter& p = parameters()[j];
+    if (p.has_prior) point->residual(row++) = (theta[j] - p.prior_mean) / p.prior_sigma;
+  }
+  point->cost = 0.5 * point->residual.squaredNorm();
+  evaluator_.NoteCost(theta, point->cost);
+  if (!std::isfinite(point->cost)) {
+    point->failure = "the residuals are not finite";
+    return false;
+  }
+  return true;
+}
+
+bool ReducedProblem::At(const std::vector<double>& u, Point* point, const std::string& purpose) {
+  if (!Finish(u, evaluator_.Evaluate(RequestsAt(u, purpose)), point)) return false;
+  // Nearer than the first for every later point.
+  for (std::size_t i = 0; i < parts_.size(); ++i) parts_[i].start = point->registration[i].at;
+  return true;
+}
+
+std::vector<bool> ReducedProblem::AtAll(const std::vector<std::vector<double>>& u,
+                                        std::vector<Point>* points, const std::string& purpose) {
+  std::vector<Evaluator::Request> requests;
+  for (const std::vector<double>& one : u) {
+    for (Evaluator::Request& r : RequestsAt(one, purpose)) requests.push_back(std::move(r));
+  }
+  const std::vector<Evaluator::Answer> answers = evaluator_.Evaluate(requests);
+  points->resize(u.size());
+  std::vector<bool> good(u.size());
+  for (std::size_t i = 0; i < u.size(); ++i) {
+    good[i] =
+        Finish(u[i], std::span(answers).subspan(i * parts_.size(), parts_.size()), &(*points)[i]);
+  }
+  return good;
+}
+
+bool ReducedProblem::Shifted(const std::vector<double>& u, std::size_t j, int side,
+                             std::vector<double>* moved) const {
+  *moved = u;
+  (*moved)[j] += side * steps_[j];
+  const Parameter& p = parameters()[j];
+  const double inside = ToInternal(p, FromInternal(p, (*moved)[j]));
+  return std::abs(inside - (*moved)[j]) < 1e-3 * steps_[j];
+}
+
+bool ReducedProblem::CentralSensitivity(const std::vector<double>& u, const Point& at,
+                                        Eigen::MatrixXd* J, std::vector<double>* kinks) {
+  std::vector<Evaluator::Request> forward;
+  for (std::size_t j = 0; j < u.size(); ++j) {
+    std::vector<double> moved;
+    if (!Shifted(u, j, +1, &moved)) continue;
+    for (Evaluator::Request& r : RequestsAt(moved, "difference")) forward.push_back(std::move(r));
+  }
+  Eigen::MatrixXd minus, plus;
+  if (!Sensitivity(u, at, -1, &minus, nullptr, forward) || !Sensitivity(u, at, +1, &plus)) {
+    return false;
+  }
+  *J = 0.5 * (minus + plus);
+  const Eigen::MatrixXd down = Project(at, minus), up = Project(at, plus);
+  if (kinks != nullptr) kinks->assign(u.size(), 0.0);
+  for (Eigen::Index j = 0; j < J->cols(); ++j) {
+    const double sum = (up.col(j) + down.col(j)).norm();
+    const double kink = sum > 0.0 ? (up.col(j) - down.col(j)).norm() / sum : 0.0;
+    if (kinks != nullptr) (*kinks)[static_cast<std::size_t>(j)] = kink;
+    if (kink <= kKink) continue;
+    const double rise = up.col(j).dot(at.residual), fall = -down.col(j).dot(at.residual);
+    bool forward_side;
+    if (rise < 0.0 && fall < 0.0) {
+      forward_side = rise / up.col(j).norm() < fall / down.col(j).norm();
+    } else if (rise < 0.0 || fall < 0.0) {
+      forward_side = rise < 0.0;
+    } else {
+      forward_side = up.col(j).norm() > down.col(j).norm();
+    }
+    J->col(j) = forward_side ? plus.col(j) : minus.col(j);
+  }
+  return true;
+}
+
+bool ReducedProblem::Sensitivity(const std::vector<double>& u, const Point& at, int sign,
+                                 Eigen::MatrixXd* J, Change* change_out,
+                                 const std::vector<Evaluator::Request>& beside) {
+  const std::size_t p = parameters().size(), parts = parts_.size();
+  std::vector<Evaluator::Request> requests(beside);  // first: they may be the long ones
+  std::vector<std::vector<double>> points(p);
+  for (std::size_t j = 0; j < p; ++j) {
+    if (!Shifted(u, j, sign, &points[j])) Shifted(u, j, -sign, &points[j]);
+    for (Evaluator::Request& r : RequestsAt(points[j], "difference")) {
+      requests.push_back(std::move(r));
+    }
+  }
+  std::vector<Evaluator::Answer> answers = evaluator_.Evaluate(requests);
+  answers.erase(answers.begin(), answers.begin() + static_cast<std::ptrdiff_t>(beside.size()));
+  auto good = [&](std::size_t j) {
+    for (std::size_t i = 0; i < parts; ++i) {
+      if (answers[j * parts + i]->status != ModelStatus::kGood) return false;
+    }
+    return true;
+  };
+  Change change(parts, std::vector<std::vector<Eigen::Matrix3Xd>>(p));
+  std::vector<Eigen::MatrixXd> events(parts);
+  for (std::size_t j = 0; j < p; ++j) {
+    if (!good(j)) {  // a recorded failure: try the other side
+      const int side = points[j][j] > u[j] ? -1 : +1;
+      if (!Shifted(u, j, side, &points[j])) return false;
+      const auto other = evaluator_.Evaluate(RequestsAt(points[j], "difference"));
+      std::copy(other.begin(), other.end(),
+                answers.begin() + static_cast<std::ptrdiff_t>(j * parts));
+      if (!good(j)) return false;
+    }
+    const double h = points[j][j] - u[j];
+    for (std::size_t i = 0; i < parts; ++i) {
+      const Prediction& moved = *answers[j * parts + i];
+      for (std::size_t m = 0; m < moved.marks.size(); ++m) {
+        change[i][j].push_back((moved.marks[m].p - at.prediction[i]->marks[m].p) / h);
+      }
+      const Observations& o = *parts_[i].observations;
+      events[i].resize(static_cast<Eigen::Index>(o.events.size()), static_cast<Eigen::Index>(p));
+      events[i].col(static_cast<Eigen::Index>(j)) =
+          EventSensitivity(o, *at.prediction[i], moved, h);
+    }
+  }
+  J->setZero(rows_, static_cast<Eigen::Index>(p));
+  for (std::size_t i = 0; i < parts; ++i) {
+    Eigen::MatrixXd data = WhitenedSensitivity(*parts_[i].observations, *at.prediction[i],
+                                               at.registration[i].at.X_WM, change[i]);
+    if (parts_[i].whitening != nullptr) parts_[i].whitening->Apply(data);
+    J->middleRows(first_[i], data.rows()) = data;
+    J->middleRows(first_[i] + 3 * static_cast<Eigen::Index>(parts_[i].observations->size()),
+                  events[i].rows()) = events[i];
+  }
+  Eigen::Index row = first_prior_row();
+  for (std::size_t j = 0; j < p; ++j) {
+    const Parameter& q = parameters()[j];
+    if (!q.has_prior) continue;
+    (*J)(row++, static_cast<Eigen::Index>(j)) = Slope(q, FromInternal(q, u[j])) / q.prior_sigma;
+  }
+  if (change_out != nullptr) *change_out = std::move(change);
+  return true;
+}
+
+Eigen::MatrixXd ReducedProblem::Project(const Point& at, const Eigen::MatrixXd& J) const {
+  Eigen::MatrixXd out = J;
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    const Eigen::MatrixXd& N = at.registration[i].jacobian;
+    if (N.cols() == 0) continue;
+    const auto rows = J.middleRows(first_[i], N.rows());
+    // Unit columns first: rotations, metres and seconds share one normal matrix.
+    const Eigen::VectorXd scale = N.colwise().norm().cwiseMax(1e-300).cwiseInverse();
+    Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(N.cols(), N.cols());
+    normal.selfadjointView<Eigen::Lower>().rankUpdate(N.transpose());
+    normal.triangularView<Eigen::StrictlyUpper>() = normal.transpose();
+    normal = scale.asDiagonal() * normal * scale.asDiagonal();
+    const Eigen::MatrixXd right = scale.asDiagonal() * (N.transpose() * rows);
+    const Eigen::MatrixXd coefficients = normal.completeOrthogonalDecomposition().solve(right);
+    out.middleRows(first_[i], N.rows()).noalias() -= N * (scale.asDiagonal() * coefficients);
+  }
+  return out;
+}
+
+void ReducedProblem::SetSteps(const Eigen::MatrixXd& J, const Point& at, double target) {
+  // Rows times the typical sigma are metres where no whitening in time is at work.
+  double metres = 0.0, n = 0.0;
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    const double count = 3.0 * static_cast<double>(at.registration[i].known);
+    const double sigma = TypicalSigma(*parts_[i].observations);
+    metres += count * sigma * sigma;
+    n += count;
+  }
+  n = std::max(1.0, n);
+  metres = std::sqrt(metres / n);
+  for (std::size_t j = 0; j < parameters().size(); ++j) {
+    const double rms = metres * J.col(static_cast<Eigen::Index>(j)).norm() / std::sqrt(n);
+    const double size = SizeOf(parameters()[j]);
+    const double widest = kWidestStep * size;
+    steps_[j] = rms > 0.0 ? std::clamp(target / rms, kNarrowest * size, widest) : widest;
+  }
+}
+
+}  // namespace unfurl::correlate

@@ -1,0 +1,99 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+#include "correlate/align/registration.h"
+#include "correlate/fit/evaluator.h"
+#include "correlate/fit/parameter.h"
+
+namespace unfurl::correlate {
+
+// The fit with frame, time offset and the calibration's draw solved for at every parameter point
+// (variable projection [Golub and Pereyra 1973]): they cost no evaluation of the model, so the
+// solver sees the parameters alone. Rows: those of FitRegistration, trial by trial, then one per
+// prior.
+class ReducedProblem {
+ public:
+  // One trial's data in this stage; they and the whitening must outlive the problem. The
+  // evaluator's stamps must be the observations' at `offset_ref`.
+  struct Part {
+    std::size_t trial = 0;  // of the problem
+    const Observations* observations = nullptr;
+    double offset_ref = 0.0;
+    Registration start;
+    const RowWhitening* whitening = nullptr;  // null: white
+  };
+  struct Point {
+    std::vector<Evaluator::Answer> prediction;  // by part
+    std::vector<RegistrationFit> registration;
+    Eigen::VectorXd residual;  // rows, the registrations at their best for these parameters
+    double cost = 0.0;         // half the sum of squares
+    std::string failure;       // in words, where a model failed
+  };
+
+  ReducedProblem(std::vector<Part> parts, const RegistrationOptions& options, Evaluator& evaluator);
+
+  Eigen::Index rows() const { return rows_; }
+  const std::vector<Part>& parts() const { return parts_; }
+  const std::vector<Parameter>& parameters() const { return evaluator_.problem().parameters; }
+  Eigen::Index first_row(std::size_t part) const { return first_[part]; }
+  Eigen::Index first_prior_row() const { return first_.back(); }
+
+  // False: a model failed there.
+  bool At(const std::vector<double>& u, Point* point, const std::string& purpose);
+  // The same for points that have nothing to do with one another, in one batch.
+  std::vector<bool> AtAll(const std::vector<std::vector<double>>& u, std::vector<Point>* points,
+                          const std::string& purpose);
+
+  // d residual / d u before projection, by one-sided differences, all evaluated at once. `sign` +1
+  // or -1 says to which side; a bound or a failure turns a column to the other side. False: a
+  // column failed on both. Steps: SetSteps. `change`, if wanted: the same in metres in the model's
+  // frame, [part][parameter][mark]. `beside` are other questions that go into the same batch.
+  using Change = std::vector<std::vector<std::vector<Eigen::Matrix3Xd>>>;
+  bool Sensitivity(const std::vector<double>& u, const Point& at, int sign, Eigen::MatrixXd* J,
+                   Change* change = nullptr, const std::vector<Evaluator::Request>& beside = {});
+
+  // Both sides in one batch. Where they agree, their mean. Where they do not (an impact comes or
+  // goes within the step: a kink), the mean is the slope of neither: the side that leads downhill
+  // is taken, and where neither does, the steeper. `kinks` tells |D+ - D-| / |D+ + D-|.
+  bool CentralSensitivity(const std::vector<double>& u, const Point& at, Eigen::MatrixXd* J,
+                          std::vector<double>* kinks = nullptr);
+
+  // Takes the part out of J that a change of the registrations imitates (Kaufman's form).
+  Eigen::MatrixXd Project(const Point& at, const Eigen::MatrixXd& J) const;
+
+  // Steps in u from the last sensitivities: each moves the marks by `target` RMS [m], within a
+  // twentieth of the value (or of its logarithm). Before the first: a thousandth of the value.
+  void SetSteps(const Eigen::MatrixXd& J, const Point& at, double target);
+  const std::vector<double>& steps() const { return steps_; }
+  void TakeSteps(std::vector<double> steps) { steps_ = std::move(steps); }
+
+ private:
+  // u with component j moved by one step to `side`; false: a bound is in the way.
+  bool Shifted(const std::vector<double>& u, std::size_t j, int side,
+               std::vector<double>* moved) const;
+  std::vector<Evaluator::Request> RequestsAt(const std::vector<double>& u,
+                                             const std::string& purpose) const;
+  bool Finish(const std::vector<double>& u, std::span<const Evaluator::Answer> answers,
+              Point* point);
+
+  std::vector<Part> parts_;
+  RegistrationOptions options_;
+  Evaluator& evaluator_;
+  std::vector<Eigen::Index> first_;  // first row of each part; then that of the priors
+  Eigen::Index rows_ = 0;
+  std::vector<double> steps_;
+};
+
+// Beyond this the differences to either side are of different motions.
+inline constexpr double kKink = 0.3;
+
+// RMS of the sigma of one coordinate over all samples [m].
+double TypicalSigma(const Observations& observations);
+
+// RMS distance between the marks of two answers at the same stamps [m].
+double RmsDifference(const Prediction& a, const Prediction& b);
+
+}  // namespace unfurl::correlate

@@ -1,0 +1,114 @@
+#include "correlate/fit/screening.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "base/error.h"
+#include "base/random.h"
+#include "base/worker_pool.h"
+#include "correlate/align/first_impact.h"
+#include "correlate/sampled_model.h"
+
+namespace unfurl::correlate {
+
+namespace {
+
+std::vector<std::string> MarkNames(const Observations& o) {
+  std::vector<std::string> names;
+  for (const MarkSeries& m : o.marks) names.push_back(m.name);
+  return names;
+}
+
+}  // namespace
+
+std::vector<std::vector<double>> LatinHypercube(const std::vector<Parameter>& parameters,
+                                                std::size_t count, std::uint64_t seed) {
+  std::vector<std::vector<double>> points(count, std::vector<double>(parameters.size()));
+  for (std::size_t j = 0; j < parameters.size(); ++j) {
+    const Parameter& p = parameters[j];
+    if (!std::isfinite(p.low) || !std::isfinite(p.high) || (p.log && !(p.low > 0.0))) {
+      throw Error("several starts need finite bounds", "parameter." + p.name,
+                  "give bounds = [low, high], or one start");
+    }
+    Rng rng = Rng(seed).Stream("latin hypercube", j);
+    std::vector<std::size_t> order(count);
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    for (std::size_t i = count; i > 1; --i) {
+      std::swap(order[i - 1], order[static_cast<std::size_t>(rng.Integer(i))]);
+    }
+    const double low = ToInternal(p, p.low), high = ToInternal(p, p.high);
+    for (std::size_t i = 0; i < count; ++i) {
+      const double part =
+          (static_cast<double>(order[i]) + rng.Uniform()) / static_cast<double>(count);
+      points[i][j] = FromInternal(p, low + part * (high - low));
+    }
+  }
+  return points;
+}
+
+std::vector<Candidate> Screen(const FitProblem& problem, const FitOptions& options,
+                              const std::vector<std::vector<double>>& points, Evaluator& evaluator,
+                              const std::vector<Evaluator::Request>& beside,
+                              const std::vector<Stamps>& beside_stamps,
+                              std::vector<Evaluator::Answer>* beside_answers) {
+  // Late motion at wrong parameters aligns anything with anything: where there are stages, the
+  // first one's horizon is what is aligned.
+  std::vector<Stamps> grid;
+  for (const FitTrial& trial : problem.trials) {
+    const Observations& o = *trial.observations;
+    // Positions and velocities on half the data's own step carry any motion that the data show.
+    const double step = std::clamp(0.5 * MedianStep(o.marks.front().t), 1e-3, 1e-2);
+    double horizon = o.End() - o.Start();
+    if (!options.stages.empty()) {
+      horizon = std::min(horizon, *std::min_element(options.stages.begin(), options.stages.end()));
+    }
+    if (options.stages_by_impacts && std::isfinite(FirstImpact(o))) {
+      horizon = std::min(horizon, FirstImpact(o) - o.Start());
+    }
+    grid.push_back(EvenStamps(MarkNames(o), 0.0, horizon, step));
+  }
+  std::vector<Evaluator::Request> requests = beside;
+  std::vector<Stamps> stamps = beside_stamps;
+  for (const std::vector<double>& theta : points) {
+    for (std::size_t t = 0; t < problem.trials.size(); ++t) {
+      requests.push_back({t, theta, "alignment"});
+      stamps.push_back(grid[t]);
+    }
+  }
+  std::vector<Evaluator::Answer> answers = evaluator.EvaluateAt(requests, stamps);
+  const auto shift = static_cast<std::ptrdiff_t>(beside.size());
+  if (beside_answers != nullptr) {
+    beside_answers->assign(answers.begin(), answers.begin() + shift);
+  }
+  answers.erase(answers.begin(), answers.begin() + shift);
+
+  std::vector<Candidate> out(points.size());
+  ParallelFor(points.size(), options.workers, [&](std::size_t i) {
+    Candidate& c = out[i];
+    c.theta = points[i];
+    c.usable = true;
+    double squares = 0.0, count = 0.0;
+    for (std::size_t t = 0; t < problem.trials.size() && c.usable; ++t) {
+      const Prediction& prediction = *answers[i * problem.trials.size() + t];
+      if (prediction.status != ModelStatus::kGood) {
+        c.usable = false;
+        c.failed = true;
+        c.message = "the model failed at the start parameters: " + prediction.message;
+        continue;
+      }
+      const SampledModel sampled(grid[t], prediction);
+      c.alignment.push_back(Align(*problem.trials[t].observations, sampled, options.align));
+      const Alignment& a = c.alignment.back();
+      // An alignment that did not settle is start enough; one of unrelated records is not.
+      c.usable = a.status == AlignStatus::kGood || a.status == AlignStatus::kNotConverged;
+      if (!c.usable) c.message = a.message;
+      squares += a.fit.residual.squaredNorm();
+      count += 3.0 * static_cast<double>(a.fit.known);
+    }
+    c.misfit = count > 0.0 ? squares / count : 0.0;
+  });
+  return out;
+}
+
+}  // namespace unfurl::correlate

@@ -1,0 +1,357 @@
+#include "correlate/fit/search.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "base/error.h"
+#include "base/random.h"
+#include "base/worker_pool.h"
+#include "correlate/align/first_impact.h"
+#include "correlate/fit/solver.h"
+#include "correlate/sampled_model.h"
+
+namespace unfurl::correlate {
+
+namespace {
+
+// Beyond this the prediction is asked at new stamps, and the stage solved again: to this far the
+// velocities carry it. Accelerations of 1 km/s^2 at impacts make 1e-6 m of it.
+constexpr double kOffsetSettled = 5e-5;  // [s]
+
+// Of a standard error: how near to its minimum a stage that only leads the way has to come.
+constexpr double kLeadingTolerance = 0.5;
+
+constexpr std::size_t kFewest = 50;  // samples; a shorter horizon leads nowhere
+
+}  // namespace
+
+StageRunner::StageRunner(const FitProblem& problem, const FitOptions& options,
+                         const Candidate& from, Workers& workers, int start)
+    : problem_(problem),
+      options_(options),
+      from_(from),
+      evaluator_(problem, workers, start),
+      model_noise_(problem.trials.size(), 0.0) {
+  result_.from = from.theta;
+  result_.screened = from.misfit;
+  for (std::size_t j = 0; j < problem.parameters.size(); ++j) {
+    u_.push_back(ToInternal(problem.parameters[j], from.theta[j]));
+  }
+  for (const Alignment& a : from.alignment) {
+    at_.push_back(a.at);
+    offset_ref_.push_back(a.at.offset);
+  }
+  FindEnds();
+}
+
+double StageRunner::HorizonEnd(std::size_t trial, double end) const {
+  return end + at_[trial].offset;
+}
+
+void StageRunner::Build(const std::vector<const Observations*>& observations,
+                        const std::vector<const RowWhitening*>& whitening, bool keep_offsets,
+                        int stage) {
+  std::vector<ReducedProblem::Part> parts;
+  std::vector<Stamps> stamps;
+  for (std::size_t t = 0; t < problem_.trials.size(); ++t) {
+    if (!keep_offsets) offset_ref_[t] = at_[t].offset;
+    parts.push_back({t, observations[t], offset_ref_[t], at_[t], whitening[t]});
+    stamps.push_back(observations[t]->StampsAt(offset_ref_[t]));
+  }
+  // Stamps that stand keep what was answered at them.
+  if (!keep_offsets) evaluator_.SetStamps(std::move(stamps), stage);
+  reduced_ =
+      std::make_unique<ReducedProblem>(std::move(parts), options_.align.registration, evaluator_);
+}
+
+bool StageRunner::SolveStage(const StageResult& named, double tolerance, bool central,
+                             const std::vector<std::string>& free) {
+  StageResult stage = named;
+  if (!steps_.empty()) reduced_->TakeSteps(steps_);
+  SolverOptions solver;
+  solver.max_iterations = options_.max_iterations;
+  solver.central_from_start = central;
+  solver.step_tolerance = tolerance;
+  for (std::size_t t = 0; t < problem_.trials.size(); ++t) {
+    solver.difference_target =
+        std::max({solver.difference_target,
+                  options_.difference_sigma * TypicalSigma(*problem_.trials[t].observations),
+                  options_.noise_factor * model_noise_[t]});
+  }
+  for (const Parameter& p : problem_.parameters) {
+    solver.held.push_back(!free.empty() &&
+                          std::find(free.begin(), free.end(), p.name) == free.end());
+  }
+  if (reduced_->At(u_, &point_, "trial")) {
+    for (const Evaluator::Answer& a : point_.prediction) {
+      solver.difference_target =
+          std::max(solver.difference_target, options_.noise_factor * a->noise);
+    }
+    if (on_best) on_best(point_.cost, Values(problem_.parameters, u_.data()));
+  }
+  solver.on_iteration = [&](double cost, const std::vector<double>& best) {
+    if (on_best && !best.empty()) on_best(cost, Values(problem_.parameters, best.data()));
+  };
+  const SolverResult solved = Solve(*reduced_, problem_.parameters, u_, solver);
+  stage.iterations += solved.iterations;
+  stage.solver_message = solved.message;
+  stage.cost = solved.cost;
+  u_ = solved.u;
+  steps_ = reduced_->steps();
+  stage.theta = Values(problem_.parameters, u_.data());
+  const bool good =
+      solved.status != SolverStatus::kStartFailed && reduced_->At(u_, &point_, "trial");
+  result_.stages.push_back(stage);
+  result_.to = stage.theta;
+  message_ = solved.message;
+  if (!good) {
+    status_ = FitStatus::kModelFailed;
+    if (!point_.failure.empty()) message_ += ": " + point_.failure;
+    result_.message = message_;
+    return false;
+  }
+  for (std::size_t t = 0; t < problem_.trials.size(); ++t) at_[t] = point_.registration[t].at;
+  status_ =
+      solved.status == SolverStatus::kConverged ? FitStatus::kConverged : FitStatus::kNotConverged;
+  result_.message = message_;
+  return true;
+}
+
+void StageRunner::FindEnds() {
+  ends_ = options_.stages;
+  if (options_.stages_by_impacts) {
+    ends_.clear();
+    constexpr double kFirst = 6.0, kGrowth = 1.6;  // samples beyond the impact; from end to end
+    const Observations& o = *problem_.trials.front().observations;
+    const double impact = FirstImpact(o) - at_.front().offset;
+    const double step = MedianStep(o.marks.front().t);
+    const double last = o.End() - at_.front().offset;
+    if (std::isfinite(impact)) {
+      ends_.push_back(impact - 1.5 * step);
+      for (double beyond = kFirst * step; impact + kGrowth * beyond < last; beyond *= kGrowth) {
+        ends_.push_back(impact + beyond);
+      }
+    }
+  }
+  std::sort(ends_.begin(), ends_.end());
+  // Those that hold next to nothing, or all, are none.
+  std::erase_if(ends_, [&](double end) {
+    std::size_t fewest = std::numeric_limits<std::size_t>::max();
+    bool shorter = false;
+    for (std::size_t t = 0; t < problem_.trials.size(); ++t) {
+      const Observations& all = *problem_.trials[t].observations;
+      shorter = shorter || HorizonEnd(t, end) < all.End();
+      std::size_t count = 0;
+      for (const MarkSeries& m : all.marks) {
+        count += static_cast<std::size_t>(
+            std::upper_bound(m.t.begin(), m.t.end(), HorizonEnd(t, end)) - m.t.begin());
+      }
+      fewest = std::min(fewest, count);
+    }
+    return !shorter || fewest < kFewest;
+  });
+  ends_.push_back(std::numeric_limits<double>::infinity());
+}
+
+std::size_t StageRunner::BuildStage(std::size_t s) {
+  const std::vector<const RowWhitening*> white(problem_.trials.size(), nullptr);
+  std::vector<const Observations*> data;
+  std::size_t samples = 0;
+  cut_.clear();
+  for (std::size_t t = 0; t < problem_.trials.size(); ++t) {
+    const Observations& all = *problem_.trials[t].observations;
+    const double end =
+        std::isfinite(ends_[s]) ? HorizonEnd(t, ends_[s]) : std::numeric_limits<double>::infinity();
+    cut_.push_back(
+        std::make_unique<Observations>(Cut(all, {-std::numeric_limits<double>::infinity(), end})));
+    data.push_back(cut_.back().get());
+    samples += cut_.back()->size();
+  }
+  last_stage_ = static_cast<int>(s);
+  Build(data, white, false, last_stage_);
+  return samples;
+}
+
+bool StageRunner::Lead(std::size_t s) {
+  StageResult stage;
+  stage.end = ends_[s];
+  stage.samples = BuildStage(s);
+  const auto& free = options_.free;
+  const std::size_t f = std::min(s, free.empty() ? 0 : free.size() - 1);
+  if (!SolveStage(stage, kLeadingTolerance, false,
+                  free.empty() ? std::vector<std::string>{} : free[f])) {
+    return false;
+  }
+  misfit_ = 2.0 * point_.cost / std::max(1.0, 3.0 * static_cast<double>(stage.samples));
+  if (s + 1 == ends_.size()) result_.cost = point_.cost;
+  return true;
+}
+
+std::vector<std::vector<double>> StageRunner::ScatterOpen(
+    const std::vector<std::vector<double>>& hypercube) {
+  constexpr double kOpen = 0.1;  // standard error, of the range between the bounds
+  const auto p = static_cast<Eigen::Index>(u_.size());
+  Eigen::MatrixXd J;
+  if (hypercube.empty() || !reduced_->CentralSensitivity(u_, point_, &J)) return {};
+  Eigen::VectorXd range(p);
+  for (Eigen::Index j = 0; j < p; ++j) {
+    const Parameter& q = problem_.parameters[static_cast<std::size_t>(j)];
+    range(j) = ToInternal(q, q.high) - ToInternal(q, q.low);
+  }
+  const Eigen::MatrixXd scaled = reduced_->Project(point_, J) * range.asDiagonal();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
+      Eigen::MatrixXd(scaled.transpose() * scaled));
+  Eigen::MatrixXd open = Eigen::MatrixXd::Zero(p, p);
+  for (Eigen::Index v = 0; v < p; ++v) {
+    const double spread =
+        std::sqrt(std::max(1.0, misfit_)) / std::sqrt(std::max(eigen.eigenvalues()(v), 1e-300));
+    if (spread > kOpen)
+      open += eigen.eigenvectors().col(v) * eigen.eigenvectors().col(v).transpose();
+  }
+  if (open.norm() == 0.0) return {};
+  std::vector<std::vector<double>> out;
+  for (const std::vector<double>& theta : hypercube) {
+    Eigen::VectorXd away(p);
+    for (Eigen::Index j = 0; j < p; ++j) {
+      const auto i = static_cast<std::size_t>(j);
+      away(j) = (ToInternal(problem_.parameters[i], theta[i]) - u_[i]) / range(j);
+    }
+    away = open * away;
+    std::vector<double> moved(u_.size());
+    for (Eigen::Index j = 0; j < p; ++j) {
+      const auto i = static_cast<std::size_t>(j);
+      moved[i] = FromInternal(problem_.parameters[i], u_[i] + range(j) * away(j));
+    }
+    out.push_back(std::move(moved));
+  }
+  return out;
+}
+
+std::vector<double> StageRunner::CostsAt(const std::vector<std::vector<double>>& theta,
+                                         std::size_t stage) {
+  BuildStage(stage);
+  std::vector<std::vector<double>> u(theta.size());
+  for (std::size_t i = 0; i < theta.size(); ++i) {
+    for (std::size_t j = 0; j < theta[i].size(); ++j) {
+      u[i].push_back(ToInternal(problem_.parameters[j], theta[i][j]));
+    }
+  }
+  std::vector<ReducedProblem::Point> points;
+  const std::vector<bool> good = reduced_->AtAll(u, &points, "screening");
+  std::vector<double> costs;
+  for (std::size_t i = 0; i < u.size(); ++i) {
+    costs.push_back(good[i] ? points[i].cost : std::numeric_limits<double>::infinity());
+  }
+  return costs;
+}
+
+void StageRunner::MoveTo(const std::vector<double>& theta, const StageRunner& from) {
+  for (std::size_t j = 0; j < theta.size(); ++j) {
+    u_[j] = ToInternal(problem_.parameters[j], theta[j]);
+  }
+  at_ = from.at_;
+  ends_ = from.ends_;
+  result_.from = theta;
+  result_.stages = from.result_.stages;
+}
+
+bool StageRunner::Polish() {
+  constexpr int kRounds = 14;
+  constexpr double kWide = 3.0;    // standard errors drawn at first
+  constexpr double kSpread = 1.0;  // of the best quarter's costs: below, the floor is reached
+  constexpr double kForget = 0.6;  // of the old spread, each round
+  const auto p = static_cast<Eigen::Index>(u_.size());
+  Eigen::MatrixXd J;
+  std::vector<double> kinks;
+  if (!reduced_->CentralSensitivity(u_, point_, &J, &kinks)) return true;
+  if (*std::max_element(kinks.begin(), kinks.end()) <= kKink) return true;
+  const Eigen::MatrixXd projected = reduced_->Project(point_, J);
+  const GaussNewton newton = StepAndSigma(projected, point_.residual);
+  Eigen::VectorXd range(p);
+  for (Eigen::Index j = 0; j < p; ++j) {
+    const Parameter& q = problem_.parameters[static_cast<std::size_t>(j)];
+    range(j) = std::isfinite(q.high - q.low) && (!q.log || q.low > 0.0)
+                   ? ToInternal(q, q.high) - ToInternal(q, q.low)
+                   : 1.0;
+  }
+  const Eigen::VectorXd sigma = (kWide * newton.sigma).cwiseMin(0.05 * range);
+  Eigen::MatrixXd cov = sigma.cwiseAbs2().asDiagonal();
+  Eigen::VectorXd mean = Eigen::Map<const Eigen::VectorXd>(u_.data(), p);
+  const auto count = static_cast<std::size_t>(16 + 6 * p), elite = count / 4;
+  Rng rng = Rng(options_.search.seed).Stream("polish");
+  double best = point_.cost;
+  for (int round = 0; round < kRounds; ++round) {
+    const Eigen::MatrixXd root = cov.llt().matrixL();
+    std::vector<std::vector<double>> points;
+    for (std::size_t i = 0; i < count; ++i) {
+      Eigen::VectorXd z(p);
+      for (Eigen::Index j = 0; j < p; ++j) z(j) = rng.Normal();
+      const Eigen::VectorXd at = mean + root * z;
+      std::vector<double> u(u_.size());
+      for (std::size_t j = 0; j < u.size(); ++j) {
+        const Parameter& q = problem_.parameters[j];
+        u[j] = ToInternal(q, FromInternal(q, at(static_cast<Eigen::Index>(j))));
+      }
+      points.push_back(std::move(u));
+    }
+    std::vector<ReducedProblem::Point> found;
+    const std::vector<bool> good = reduced_->AtAll(points, &found, "polish");
+    std::vector<std::pair<double, const std::vector<double>*>> order = {{best, &u_}};
+    for (std::size_t i = 0; i < count; ++i) {
+      if (good[i]) order.emplace_back(found[i].cost, &points[i]);
+    }
+    std::stable_sort(order.begin(), order.end(),
+                     [](const auto& a, const auto& b) { return a.first < b.first; });
+    if (order.size() > elite) order.resize(elite);
+    Eigen::MatrixXd members(p, static_cast<Eigen::Index>(order.size()));
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      members.col(static_cast<Eigen::Index>(i)) =
+          Eigen::Map<const Eigen::VectorXd>(order[i].second->data(), p);
+    }
+    mean = members.rowwise().mean();
+    const Eigen::MatrixXd away = members.colwise() - mean;
+    cov = kForget * (away * away.transpose()) / static_cast<double>(order.size()) +
+          (1.0 - kForget) * cov;
+    cov.diagonal().array() += 1e-24;
+    const double spread = order.back().first - order.front().first;
+    best = order.front().first;
+    u_ = std::vector<double>(*order.front().second);
+    if (on_best) on_best(best, Values(problem_.parameters, u_.data()));
+    if (spread < kSpread) break;
+  }
+  if (!reduced_->At(u_, &point_, "trial")) return false;
+  for (std::size_t t = 0; t < problem_.trials.size(); ++t) at_[t] = point_.registration[t].at;
+  result_.cost = point_.cost;
+  result_.to = Values(problem_.parameters, u_.data());
+  return true;
+}
+
+bool StageRunner::Sharpen(const std::vector<const Observations*>& observations,
+                          const std::vector<const RowWhitening*>& whitening,
+                          const std::string& what) {
+  constexpr int kMaxRounds = 3;
+  std::vector<std::string> free =
+      options_.free.empty() ? std::vector<std::string>{} : options_.free.back();
+  for (int round = 0; round < kMaxRounds; ++round) {
+    bool settled = true;
+    for (std::size_t t = 0; t < at_.size(); ++t) {
+      settled = settled && std::abs(at_[t].offset - offset_ref_[t]) <= kOffsetSettled;
+    }
+    if (round > 0 && settled) return true;
+    Build(observations, whitening, settled, last_stage_);
+    StageResult stage;
+    stage.end = std::numeric_limits<double>::infinity();
+    for (const Observations* o : observations) stage.samples += o->size();
+    const bool good = SolveStage(stage, options_.step_tolerance, true, free);
+    result_.stages.back().solver_message = what + ": " + result_.stages.back().solver_message;
+    if (!good) return false;
+  }
+  return true;
+}
+
+}  // namespace unfurl::correlate

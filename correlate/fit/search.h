@@ -1,0 +1,84 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <vector>
+
+#include "correlate/fit/fit.h"
+#include "correlate/fit/reduced_problem.h"
+#include "correlate/fit/screening.h"
+
+namespace unfurl::correlate {
+
+// The data of every trial up to a horizon, and the solver's place among them.
+class StageRunner {
+ public:
+  StageRunner(const FitProblem& problem, const FitOptions& options, const Candidate& from,
+              Workers& workers, int start);
+
+  // Stages that lead the way, each to within half a standard error; the last is the whole record.
+  // False: a model failed there, see message().
+  std::size_t stages() const { return ends_.size(); }
+  bool Lead(std::size_t stage);
+  // Where differences to either side disagree, slopes lead into the next small hollow and no
+  // further: points drawn about the best place, the best quarter of which says where to draw next
+  // (cross-entropy [Rubinstein 1999]), find the floor of the valley. Does nothing to a model that
+  // is smooth. False: a model failed at the best place.
+  bool Polish();
+  // To within the step tolerance, over the whole record, with this whitening and these
+  // observations (by trial; null: as they are), until the time offsets have settled.
+  bool Sharpen(const std::vector<const Observations*>& observations,
+               const std::vector<const RowWhitening*>& whitening, const std::string& what);
+
+  // Points of the hypercube with what this stage's data determine kept where it is; none where they
+  // leave nothing open.
+  std::vector<std::vector<double>> ScatterOpen(const std::vector<std::vector<double>>& hypercube);
+  // Half the sums of squares at these values over the data of a stage; infinite where a model
+  // fails.
+  std::vector<double> CostsAt(const std::vector<std::vector<double>>& theta, std::size_t stage);
+  // Goes there, with frame and offset as they are.
+  void MoveTo(const std::vector<double>& theta, const StageRunner& from);
+
+  StartResult& result() { return result_; }
+  const std::vector<double>& u() const { return u_; }
+  FitStatus status() const { return status_; }
+  const std::string& message() const { return message_; }
+  ReducedProblem& reduced() { return *reduced_; }
+  const ReducedProblem::Point& point() const { return point_; }
+  Evaluator& evaluator() { return evaluator_; }
+  const Candidate& candidate() const { return from_; }
+  double misfit() const { return misfit_; }  // mean square of the last stage's residuals
+  void SetModelNoise(std::vector<double> noise) { model_noise_ = std::move(noise); }
+  std::function<void(double cost, const std::vector<double>& theta)> on_best;
+
+ private:
+  void Build(const std::vector<const Observations*>& observations,
+             const std::vector<const RowWhitening*>& whitening, bool keep_offsets, int stage);
+  // The data up to a stage's end; the number of samples.
+  std::size_t BuildStage(std::size_t stage);
+  bool SolveStage(const StageResult& named, double tolerance, bool central,
+                  const std::vector<std::string>& free);
+  double HorizonEnd(std::size_t trial, double end) const;
+  void FindEnds();
+
+  const FitProblem& problem_;
+  const FitOptions& options_;
+  const Candidate& from_;
+  Evaluator evaluator_;
+  std::vector<double> ends_;         // of the stages, on the model's clock; the last: infinity [s]
+  std::vector<Registration> at_;     // by trial
+  std::vector<double> offset_ref_;   // by trial; of the stamps that stand
+  std::vector<double> model_noise_;  // by trial [m]
+  std::vector<std::unique_ptr<Observations>> cut_;
+  std::unique_ptr<ReducedProblem> reduced_;
+  ReducedProblem::Point point_;
+  std::vector<double> u_, steps_;
+  double misfit_ = 0.0;
+  StartResult result_;
+  FitStatus status_ = FitStatus::kModelFailed;
+  std::string message_;
+  int last_stage_ = 0;
+};
+
+}  // namespace unfurl::correlate

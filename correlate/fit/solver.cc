@@ -1,0 +1,198 @@
+#include "correlate/fit/solver.h"
+
+#include <ceres/ceres.h>
+
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <exception>
+
+namespace unfurl::correlate {
+
+namespace {
+
+using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+
+class ReducedCost : public ceres::CostFunction {
+ public:
+  ReducedCost(ReducedProblem& problem, const SolverOptions& options, std::size_t parameters)
+      : problem_(problem), options_(options), count_(parameters) {
+    set_num_residuals(static_cast<int>(problem.rows()));
+    mutable_parameter_block_sizes()->push_back(static_cast<int>(parameters));
+  }
+
+  bool Evaluate(double const* const* parameters, double* residuals,
+                double** jacobians) const override {
+    try {
+      const std::vector<double> u(parameters[0], parameters[0] + count_);
+      ReducedProblem::Point point;
+      if (!problem_.At(u, &point, "trial")) return false;
+      Eigen::Map<Eigen::VectorXd>(residuals, problem_.rows()) = point.residual;
+      if (jacobians == nullptr || jacobians[0] == nullptr) return true;
+      // One-sided differences lead the way; at the end their bias would hold the solver off the
+      // minimum wherever the residuals are large.
+      Eigen::MatrixXd J;
+      const bool one_sided = jacobian_count++ == 0 && !options_.central_from_start;
+      if (one_sided ? !problem_.Sensitivity(u, point, +1, &J)
+                    : !problem_.CentralSensitivity(u, point, &J)) {
+        return false;
+      }
+      if (one_sided) problem_.SetSteps(J, point, options_.difference_target);
+      last_u = u;
+      last_residual = point.residual;
+      last_projected = problem_.Project(point, J);
+      // Of what frame, offset or calibration imitate, differences leave noise alone: the solver
+      // would follow it from bound to bound.
+      constexpr double kImitated = 1e-4;
+      for (Eigen::Index j = 0; j < J.cols(); ++j) {
+        if (last_projected.col(j).norm() <= kImitated * J.col(j).norm()) {
+          last_projected.col(j).setZero();
+        }
+        // What presses against its bound stays there, and the others move as if it were given:
+        // steps that are cut back at the bound lead along it by inches.
+        const Parameter& p = problem_.parameters()[static_cast<std::size_t>(j)];
+        const double here = FromInternal(p, u[static_cast<std::size_t>(j)]);
+        const double rise = last_projected.col(j).dot(last_residual);
+        if ((here <= p.low && rise > 0.0) || (here >= p.high && rise < 0.0)) {
+          last_projected.col(j).setZero();
+        }
+      }
+      Eigen::Map<RowMajor>(jacobians[0], problem_.rows(), static_cast<Eigen::Index>(count_)) =
+          last_projected;
+      return true;
+    } catch (...) {
+      // Not through the solver: Interrupted is thrown again when it has returned.
+      if (!error) error = std::current_exception();
+      return false;
+    }
+  }
+
+  mutable int jacobian_count = 0;
+  mutable std::vector<double> last_u;
+  mutable Eigen::VectorXd last_residual;
+  mutable Eigen::MatrixXd last_projected;
+  mutable std::exception_ptr error;
+
+ private:
+  ReducedProblem& problem_;
+  const SolverOptions& options_;
+  std::size_t count_;
+};
+
+class StepWatch : public ceres::IterationCallback {
+ public:
+  StepWatch(const ReducedCost& cost, const std::vector<Parameter>& parameters,
+            const SolverOptions& options)
+      : cost_(cost), parameters_(parameters), options_(options) {}
+
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
+    if (cost_.error) return ceres::SOLVER_ABORT;
+    if (options_.on_iteration) options_.on_iteration(summary.cost, cost_.last_u);
+    const GaussNewton next = StepAndSigma(cost_.last_projected, cost_.last_residual);
+    double tolerance = options_.step_tolerance;
+    if (!summary.step_is_successful && summary.iteration > 0) {
+      // A step of less than a standard error that does not lead down: the model's own roughness.
+      constexpr double kRough = 1.0;
+      if (++unsuccessful < 2) return ceres::SOLVER_CONTINUE;
+      tolerance = kRough;
+    } else {
+      unsuccessful = 0;
+    }
+    for (std::size_t j = 0; j < parameters_.size(); ++j) {
+      const auto i = static_cast<Eigen::Index>(j);
+      if (!options_.held.empty() && options_.held[j]) continue;
+      if (std::abs(next.step(i)) > tolerance * next.sigma(i)) return ceres::SOLVER_CONTINUE;
+    }
+    small = true;
+    return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+  }
+
+  bool small = false;
+  int unsuccessful = 0;
+
+ private:
+  const ReducedCost& cost_;
+  const std::vector<Parameter>& parameters_;
+  const SolverOptions& options_;
+};
+
+}  // namespace
+
+GaussNewton StepAndSigma(const Eigen::MatrixXd& projected, const Eigen::VectorXd& residual) {
+  GaussNewton out;
+  const Eigen::MatrixXd normal = projected.transpose() * projected;
+  const auto decomposition = normal.completeOrthogonalDecomposition();
+  out.step = -decomposition.solve(projected.transpose() * residual);
+  const double dof = std::max(1.0, static_cast<double>(residual.size() - projected.cols()));
+  const double scale = std::sqrt(std::max(1.0, residual.squaredNorm() / dof));
+  out.sigma = scale * decomposition.pseudoInverse().diagonal().cwiseMax(0.0).cwiseSqrt();
+  return out;
+}
+
+SolverResult Solve(ReducedProblem& problem, const std::vector<Parameter>& parameters,
+                   const std::vector<double>& start, const SolverOptions& options) {
+  SolverResult result;
+  result.u = start;
+  ReducedCost cost(problem, options, parameters.size());
+  StepWatch watch(cost, parameters, options);
+
+  ceres::Problem::Options problem_options;
+  problem_options.cost_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  problem_options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
+  ceres::Problem ceres_problem(problem_options);
+  ceres_problem.AddResidualBlock(&cost, nullptr, result.u.data());
+  for (std::size_t j = 0; j < parameters.size(); ++j) {
+    const int i = static_cast<int>(j);
+    if (std::isfinite(parameters[j].low) && (!parameters[j].log || parameters[j].low > 0.0)) {
+      ceres_problem.SetParameterLowerBound(result.u.data(), i,
+                                           ToInternal(parameters[j], parameters[j].low));
+    }
+    if (std::isfinite(parameters[j].high)) {
+      ceres_problem.SetParameterUpperBound(result.u.data(), i,
+                                           ToInternal(parameters[j], parameters[j].high));
+    }
+  }
+  std::vector<int> held;
+  for (std::size_t j = 0; j < options.held.size(); ++j) {
+    if (options.held[j]) held.push_back(static_cast<int>(j));
+  }
+  ceres::SubsetManifold subset(static_cast<int>(parameters.size()), held);
+  if (!held.empty()) ceres_problem.SetManifold(result.u.data(), &subset);
+  ceres::Solver::Options solver;
+  solver.minimizer_type = ceres::TRUST_REGION;
+  solver.trust_region_strategy_type = ceres::LEVENBERG_MARQUARDT;
+  solver.linear_solver_type = ceres::DENSE_QR;
+  solver.max_num_iterations = options.max_iterations;
+  // With bounds Ceres tries the step by a line search first. One point of it, without gradients, is
+  // the trial point itself and costs nothing more; a longer one would spend evaluations.
+  solver.line_search_interpolation_type = ceres::BISECTION;
+  solver.max_num_line_search_step_size_iterations = 1;
+  solver.function_tolerance = 1e-9;
+  solver.parameter_tolerance = 1e-10;
+  solver.gradient_tolerance = 1e-14;
+  solver.logging_type = ceres::SILENT;
+  solver.num_threads = 1;  // the parallel work is inside one evaluation
+  solver.callbacks.push_back(&watch);
+  ceres::Solver::Summary summary;
+  ceres::Solve(solver, &ceres_problem, &summary);
+  if (cost.error) std::rethrow_exception(cost.error);
+
+  result.cost = summary.final_cost;
+  result.iterations = static_cast<int>(summary.iterations.size()) - 1;
+  if (cost.last_u.empty()) {
+    result.message = "the model could not be evaluated at the start";
+    return result;
+  }
+  if (summary.IsSolutionUsable() &&
+      (watch.small || summary.termination_type == ceres::CONVERGENCE)) {
+    result.status = SolverStatus::kConverged;
+    result.message =
+        watch.small ? "the next step is a small part of every standard error" : summary.message;
+  } else {
+    result.status = SolverStatus::kGaveUp;
+    result.message = summary.message;
+  }
+  return result;
+}
+
+}  // namespace unfurl::correlate

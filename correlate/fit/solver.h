@@ -1,0 +1,43 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "correlate/fit/reduced_problem.h"
+
+namespace unfurl::correlate {
+
+struct SolverOptions {
+  int max_iterations = 25;
+  double step_tolerance = 0.02;     // of each parameter's standard error
+  bool central_from_start = false;  // else the first differences are one-sided
+  double difference_target = 0.0;   // RMS change of the marks by one difference step [m]
+  std::vector<bool> held;           // by parameter: true stays where it is; empty: none
+  std::function<void(double cost, const std::vector<double>& u)> on_iteration;
+};
+
+enum class SolverStatus { kConverged, kStartFailed, kGaveUp };
+
+struct SolverResult {
+  SolverStatus status = SolverStatus::kStartFailed;
+  std::vector<double> u;
+  double cost = 0.0;
+  int iterations = 0;
+  std::string message;
+};
+
+// Trust region with bounds (Ceres, Levenberg-Marquardt) over the reduced problem.
+SolverResult Solve(ReducedProblem& problem, const std::vector<Parameter>& parameters,
+                   const std::vector<double>& start, const SolverOptions& options);
+
+// The Gauss-Newton step and the standard errors that projected sensitivities give, the latter
+// scaled where the residuals are larger than their sigmas. A parameter at a bound that would step
+// outside stays.
+struct GaussNewton {
+  Eigen::VectorXd step;
+  Eigen::VectorXd sigma;
+};
+GaussNewton StepAndSigma(const Eigen::MatrixXd& projected, const Eigen::VectorXd& residual);
+
+}  // namespace unfurl::correlate

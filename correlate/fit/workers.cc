@@ -1,0 +1,87 @@
+#include "correlate/fit/workers.h"
+
+#include <exception>
+#include <semaphore>
+
+#include "base/error.h"
+#include "base/progress.h"
+#include "base/worker_pool.h"
+
+namespace unfurl::correlate {
+
+namespace {
+
+// A model's answer is used only when it is whole: what is missing or not finite is a failure here
+// and not a NaN somewhere later.
+void CheckWhole(const Stamps& stamps, Prediction* p) {
+  if (p->status != ModelStatus::kGood) return;
+  auto fail = [&](const std::string& why) {
+    p->status = ModelStatus::kFailed;
+    p->message = why;
+  };
+  if (p->marks.size() != stamps.marks.size()) return fail("the model did not answer for all marks");
+  for (std::size_t m = 0; m < p->marks.size(); ++m) {
+    const MarkMotion& motion = p->marks[m];
+    const auto n = static_cast<Eigen::Index>(stamps.t[m].size());
+    if (motion.p.cols() != n || motion.v.cols() != n) {
+      return fail("the model did not answer at all stamps of " + stamps.marks[m]);
+    }
+    if (!motion.p.allFinite() || !motion.v.allFinite()) {
+      return fail("the model's motion of " + stamps.marks[m] + " is not finite");
+    }
+    for (std::uint8_t known : motion.known) {
+      if (!known) return fail("the model's motion of " + stamps.marks[m] + " ends too early");
+    }
+  }
+}
+
+class ThreadWorkers : public Workers {
+ public:
+  explicit ThreadWorkers(std::size_t count)
+      : count_(WorkerCount(count)), slots_(static_cast<std::ptrdiff_t>(count_)) {}
+
+  void Run(std::span<const Job> jobs,
+           const std::function<void(std::size_t, Prediction)>& done) override {
+    ParallelFor(jobs.size(), count_, [&](std::size_t i) {
+      ThrowIfInterrupted();
+      slots_.acquire();
+      Prediction answer;
+      try {
+        answer = EvaluateChecked(*jobs[i].model, jobs[i].theta, *jobs[i].stamps);
+      } catch (...) {
+        slots_.release();
+        throw;
+      }
+      slots_.release();
+      done(i, std::move(answer));
+    });
+  }
+
+ private:
+  std::size_t count_;
+  std::counting_semaphore<> slots_;
+};
+
+}  // namespace
+
+std::unique_ptr<Workers> LocalWorkers(std::size_t count) {
+  return std::make_unique<ThreadWorkers>(count);
+}
+
+Prediction EvaluateChecked(const Model& model, std::span<const double> theta,
+                           const Stamps& stamps) {
+  Prediction answer;
+  try {
+    answer = model.Evaluate(theta, stamps);
+    CheckWhole(stamps, &answer);
+  } catch (const Interrupted&) {
+    throw;
+  } catch (const std::exception& e) {
+    answer.status = ModelStatus::kFailed;
+    answer.message = e.what();
+  }
+  if (answer.status != ModelStatus::kGood) answer.marks.clear();
+  return answer;
+}
+
+}  // namespace unfurl::correlate

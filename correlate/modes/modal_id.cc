@@ -1,0 +1,290 @@
+#include "correlate/modes/modal_id.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "base/statistics.h"
+#include "correlate/modes/matrix_pencil.h"
+
+namespace unfurl::correlate {
+
+namespace {
+
+using Complex = std::complex<double>;
+
+constexpr double kTau = 2.0 * std::numbers::pi;
+
+struct Candidate {
+  StabilisationPole pole;
+  Eigen::VectorXcd shape;
+};
+
+bool Near(const Candidate& a, const Candidate& b, const ModalOptions& options) {
+  return std::abs(a.pole.frequency - b.pole.frequency) <=
+             options.frequency_tolerance * a.pole.frequency &&
+         ModalAssurance(a.shape, b.shape) >= 1.0 - options.shape_tolerance;
+}
+
+// All poles of the band, order by order, each marked by how the order before knows it.
+std::vector<std::vector<Candidate>> Diagram(const std::vector<PencilOrder>& orders, double low,
+                                            double high, const ModalOptions& options) {
+  constexpr double kSameDamping = 0.002;  // absolute: light dampings scatter by more than a tenth
+  std::vector<std::vector<Candidate>> out;
+  for (const PencilOrder& order : orders) {
+    std::vector<Candidate> row;
+    for (std::size_t k = 0; k < order.poles.size(); ++k) {
+      const Complex s = order.poles[k];
+      Candidate c;
+      c.pole.order = order.order;
+      c.pole.frequency = std::abs(s) / kTau;
+      c.pole.damping = -s.real() / std::abs(s);
+      c.shape = order.shapes[k];
+      if (!(s.imag() > 0.0) || c.pole.frequency < low || c.pole.frequency > high ||
+          std::abs(c.pole.damping) > options.max_damping) {
+        continue;
+      }
+      const Candidate* before = nullptr;
+      if (!out.empty()) {
+        for (const Candidate& b : out.back()) {
+          if (before == nullptr || std::abs(b.pole.frequency - c.pole.frequency) <
+                                       std::abs(before->pole.frequency - c.pole.frequency)) {
+            before = &b;
+          }
+        }
+      }
+      if (before != nullptr) {
+        c.pole.stable_frequency = std::abs(before->pole.frequency - c.pole.frequency) <=
+                                  options.frequency_tolerance * c.pole.frequency;
+        c.pole.stable_damping =
+            std::abs(before->pole.damping - c.pole.damping) <=
+            std::max(kSameDamping, options.damping_tolerance * std::abs(c.pole.damping));
+        c.pole.stable_shape =
+            ModalAssurance(before->shape, c.shape) >= 1.0 - options.shape_tolerance;
+      }
+      row.push_back(std::move(c));
+    }
+    out.push_back(std::move(row));
+  }
+  return out;
+}
+
+struct Cluster {
+  std::vector<const Candidate*> members;  // one of an order at most, rising orders
+  double frequency() const {
+    std::vector<double> f;
+    for (const Candidate* c : members) f.push_back(c->pole.frequency);
+    return Median(f);
+  }
+  Complex pole() const {
+    std::vector<double> d;
+    for (const Candidate* c : members) d.push_back(c->pole.damping);
+    const double size = kTau * frequency();
+    const double zeta = std::clamp(Median(d), -0.9, 0.9);
+    return {-zeta * size, size * std::sqrt(1.0 - zeta * zeta)};
+  }
+};
+
+std::vector<Cluster> Clusters(const std::vector<std::vector<Candidate>>& diagram,
+                              const ModalOptions& options) {
+  constexpr std::size_t kFewest = 4;  // stable poles
+  std::vector<Cluster> clusters;
+  for (const auto& row : diagram) {
+    for (const Candidate& c : row) {
+      if (!c.pole.stable()) continue;
+      Cluster* home = nullptr;
+      for (Cluster& cluster : clusters) {
+        const Candidate* last = cluster.members.back();
+        if (last->pole.order == c.pole.order || !Near(*last, c, options)) continue;
+        if (home == nullptr ||
+            std::abs(last->pole.frequency - c.pole.frequency) <
+                std::abs(home->members.back()->pole.frequency - c.pole.frequency)) {
+          home = &cluster;
+        }
+      }
+      if (home == nullptr) home = &clusters.emplace_back();
+      home->members.push_back(&c);
+    }
+  }
+  const int last_order =
+      diagram.empty() || diagram.size() == 0 ? 0 : 2 * static_cast<int>(diagram.size());
+  std::erase_if(clusters, [&](const Cluster& c) {
+    const double orders = 0.5 * (last_order - c.members.front()->pole.order) + 1.0;
+    // Noise-free records have few orders, and then half of those will do.
+    const std::size_t fewest = std::min<std::size_t>(kFewest, (diagram.size() + 1) / 2);
+    return c.members.size() < fewest ||
+           static_cast<double>(c.members.size()) < options.persistence * orders;
+  });
+  std::stable_sort(clusters.begin(), clusters.end(), [](const Cluster& a, const Cluster& b) {
+    return a.members.size() > b.members.size();
+  });
+  return clusters;
+}
+
+// Bayesian information criterion: what an extra pole and its amplitudes must explain.
+double EvidenceAsked(std::size_t signals, std::size_t samples) {
+  return (2.0 * static_cast<double>(signals) + 2.0) *
+         std::log(static_cast<double>(std::max<std::size_t>(samples, 2)));
+}
+
+// Index of a mode that is none, or that another already stands for; -1 when all are good.
+int WorstMode(const DecayFit& fit, std::size_t signals, double low, double high, double duration,
+              const ModalOptions& options) {
+  constexpr double kLeastShare = 1e-12;  // a millionth of the amplitude: round-off of exact records
+  int worst = -1;
+  double least = std::numeric_limits<double>::infinity();
+  const double asked = EvidenceAsked(signals, fit.samples);
+  for (std::size_t k = 0; k < fit.modes.size(); ++k) {
+    const Mode& m = fit.modes[k];
+    bool bad = !(m.evidence >= asked) || m.share < kLeastShare || m.frequency < low ||
+               m.frequency > high || m.damping > options.max_damping ||
+               m.damping < -3.0 * m.damping_sigma - 1e-6;
+    for (std::size_t l = 0; l < fit.modes.size() && !bad; ++l) {
+      // Two poles nearer than a tenth of what the record resolves are one mode split in two.
+      bad = l != k && std::abs(fit.modes[l].pole - m.pole) < 0.1 * kTau / duration &&
+            fit.modes[l].evidence >= m.evidence && (l < k || fit.modes[l].evidence > m.evidence);
+    }
+    const double evidence = std::isfinite(m.evidence) ? m.evidence : 0.0;
+    if (bad && evidence < least) {
+      least = evidence;
+      worst = static_cast<int>(k);
+    }
+  }
+  return worst;
+}
+
+}  // namespace
+
+ModalFit IdentifyModes(std::span<const DecaySignal> signals, const ModalOptions& options) {
+  ModalFit out;
+  double first = std::numeric_limits<double>::infinity(), last = -first;
+  for (const DecaySignal& s : signals) {
+    if (s.t.empty()) continue;
+    first = std::min(first, s.t.front());
+    last = std::max(last, s.t.back());
+  }
+  const double duration = last - first;
+  if (signals.empty() || !(duration > 0.0)) {
+    out.decay.message = "no samples";
+    return out;
+  }
+  const EvenSignals even = OnEvenGrid(signals, options.decay.trend, options.high);
+  out.step = even.step;
+  out.low = options.low > 0.0 ? options.low : 1.0 / duration;
+  out.high = std::min(options.high, even.high);
+  const std::vector<PencilOrder> orders = MatrixPencil(even, options.max_order);
+  if (orders.empty()) {
+    out.decay.message = "no stretch without a gap is long enough";
+    return out;
+  }
+  const auto diagram = Diagram(orders, out.low, out.high, options);
+  std::vector<Cluster> clusters = Clusters(diagram, options);
+  if (clusters.size() > static_cast<std::size_t>(options.most)) {
+    clusters.resize(static_cast<std::size_t>(options.most));
+  }
+
+  std::vector<Complex> poles;
+  for (const Cluster& c : clusters) {
+    // Nothing grows in a free decay, but for what noise makes of a damping near zero.
+    if (c.pole().real() * duration < 1.0) poles.push_back(c.pole());
+  }
+  if (poles.size() > 1) {  // clusters of noise go at once, before anything is iterated
+    DecayOptions still = options.decay;
+    still.max_iterations = 0;
+    const DecayFit at_start = FitDecay(signals, poles, still);
+    std::vector<Complex> strong;
+    for (const Mode& m : at_start.modes) {
+      if (m.evidence > 0.5 * EvidenceAsked(signals.size(), at_start.samples)) {
+        strong.push_back(m.pole);
+      }
+    }
+    if (!strong.empty()) poles = std::move(strong);
+  }
+  out.decay = FitDecay(signals, poles, options.decay);
+  while (!poles.empty()) {
+    const int worst = out.decay.modes.empty() ? static_cast<int>(poles.size()) - 1
+                                              : WorstMode(out.decay, signals.size(), out.low,
+                                                          out.high, duration, options);
+    int drop = worst;
+    if (drop < 0 && out.decay.Usable()) break;
+    if (!out.decay.modes.empty()) {
+      poles.clear();
+      if (drop < 0) {  // not settled, none to blame: the one with least evidence goes
+        drop = 0;
+        for (std::size_t k = 1; k < out.decay.modes.size(); ++k) {
+          const auto d = static_cast<std::size_t>(drop);
+          if (out.decay.modes[k].evidence < out.decay.modes[d].evidence) drop = static_cast<int>(k);
+        }
+      }
+      for (const Mode& m : out.decay.modes) poles.push_back(m.pole);
+    }
+    poles.erase(poles.begin() + drop);
+    out.decay = FitDecay(signals, poles, options.decay);
+  }
+  if (out.decay.modes.empty() && out.decay.samples > 0) {
+    out.decay.status = DecayStatus::kNothingFound;
+    out.decay.message = "no pole stays where it is from order to order";
+  }
+
+  for (const auto& row : diagram) {
+    for (const Candidate& c : row) {
+      StabilisationPole pole = c.pole;
+      double nearest = 2.0 * options.frequency_tolerance;
+      for (std::size_t k = 0; k < out.decay.modes.size() && pole.stable(); ++k) {
+        const double f = out.decay.modes[k].frequency;
+        const double off = std::abs(f - pole.frequency) / f;
+        if (off < nearest) {
+          nearest = off;
+          pole.mode = static_cast<int>(k);
+        }
+      }
+      if (pole.mode >= 0) ++out.decay.modes[static_cast<std::size_t>(pole.mode)].members;
+      out.poles.push_back(pole);
+    }
+  }
+  return out;
+}
+
+std::vector<ModePair> PairModes(const std::vector<Mode>& a, const std::vector<Mode>& b,
+                                double tolerance) {
+  constexpr double kAlike = 0.5;  // MAC: more in common than not
+  std::vector<ModePair> candidates;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    for (std::size_t j = 0; j < b.size(); ++j) {
+      const double off = std::abs(a[i].frequency - b[j].frequency) / a[i].frequency;
+      const bool same = a[i].shape.size() == b[j].shape.size();
+      const double mac = same ? ModalAssurance(a[i].shape, b[j].shape) : 0.0;
+      if (off <= tolerance && (!same || mac >= kAlike)) {
+        candidates.push_back({static_cast<int>(i), static_cast<int>(j), mac});
+      }
+    }
+  }
+  auto off = [&](const ModePair& p) {
+    const double f = a[static_cast<std::size_t>(p.a)].frequency;
+    return std::abs(b[static_cast<std::size_t>(p.b)].frequency - f) / f;
+  };
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [&](const ModePair& x, const ModePair& y) { return off(x) < off(y); });
+  std::vector<int> partner_a(a.size(), -1), partner_b(b.size(), -1);
+  std::vector<double> mac(a.size(), 0.0);
+  for (const ModePair& p : candidates) {
+    auto& pa = partner_a[static_cast<std::size_t>(p.a)];
+    auto& pb = partner_b[static_cast<std::size_t>(p.b)];
+    if (pa >= 0 || pb >= 0) continue;
+    pa = p.b;
+    pb = p.a;
+    mac[static_cast<std::size_t>(p.a)] = p.mac;
+  }
+  std::vector<ModePair> out;
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    out.push_back({static_cast<int>(i), partner_a[i], mac[i]});
+  }
+  for (std::size_t j = 0; j < b.size(); ++j) {
+    if (partner_b[j] < 0) out.push_back({-1, static_cast<int>(j), 0.0});
+  }
+  return out;
+}
+
+}  // namespace unfurl::correlate

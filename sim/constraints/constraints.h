@@ -1,0 +1,149 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "sim/constraints/joint_rows.h"
+#include "sim/constraints/sparse_ldlt.h"
+#include "sim/kirchhoff/kirchhoff_beams.h"
+#include "sim/model/slots.h"
+
+namespace unfurl::sim {
+
+class Tangent;
+
+// All constraints, and the multipliers that keep them, [paper, eq. (26) to (33)]:
+//   M a = Q + J^T lambda,   J a = gamma,   (J M^-1 J^T) lambda = gamma - J M^-1 Q.
+// Rows: the longitudinal constraint (r_j - r_i).e_xi - l of element e is row e (rows of pairs that
+// are no such element stay empty); the joints' rows follow from row Slots::beam_count on. M is
+// diagonal, so the Schur complement is as sparse as the graph of the constraints: along a beam it
+// is tridiagonal.
+class Constraints {
+ public:
+  // Mutable arrays of one simulation.
+  struct Work {
+    Array tilt;                    // d(row)/d(theta_i), in the station's coordinates, by row
+    Array tilt_i, tilt_j;          // the same for the bodies that carry the stations
+    Array diagonal, off, inverse;  // the Schur complement, then its factor
+    Array lambda;                  // by row
+    Array fx, fy, m;               // J^T lambda by slot
+    Array ax, ay, alpha;           // accelerations by slot
+    std::vector<double> joints;    // geometry of the joints' rows
+    std::vector<double> blocks;    // Jacobian of the joints' rows, 6 each, then the blocks of
+                                   // elements that cross terms use, 3 each
+    std::vector<double> station;   // offsets in the world, 2 per station
+    const KirchhoffBeams* smooth = nullptr;  // where the model has any
+    KirchhoffBeams::Work smooth_work;
+  };
+
+  Constraints() = default;
+  // `element_length[e]` is l where the longitudinal constraint holds on (e, e + 1), else 0.
+  // `dropped`: rows that get no equation, as they follow from others.
+  Constraints(const Slots& slots, const std::vector<double>& element_length, JointRows joints,
+              const std::vector<std::string>& element_names, const std::vector<int>& dropped = {});
+
+  int count() const { return ldlt_.size(); }  // equations
+  int rows() const { return rows_; }          // with empty ones
+  const SparseLdlt& ldlt() const { return ldlt_; }
+  bool IsActive(int row) const {
+    return row < beam_count_ ? active_[row] != 0.0 : !is_dropped_[row - beam_count_];
+  }
+  const JointRows& joints() const { return joints_; }
+  int first_joint_row() const { return beam_count_; }
+  // The bodies that a row joins (stations stand for the bodies that carry them).
+  int InnerBody(int row) const;
+  int OuterBody(int row) const;
+  // J at the motion of the last Accelerate: six entries a row, x, y, theta of the inner body, then
+  // of the outer; zeros for rows without an equation.
+  void Jacobian(const Motion& motion, const Work& work, double* six_per_row) const;
+  // Whether joints close loops: only then can constraints come to depend on one another.
+  bool HasLoops() const;
+  // Of the joint or beam that the row belongs to.
+  std::string NameOf(int row) const;
+  Work MakeWork() const;
+
+  // Turns the load into accelerations that keep the constraints. `work.station` holds the stations'
+  // offsets. Accelerations of stations and of the ground come out as zero.
+  void Accelerate(const Motion& motion, Load load, Work* work) const;
+
+  // The constraints and their rates at the positions of the last Accelerate, left in work->lambda;
+  // returns the largest [m], [m/s].
+  double PositionDrift(const Motion& motion, Work* work) const;  // fills work->lambda
+  // The same at a motion that Accelerate has not seen.
+  double PositionDriftAt(const Motion& motion, Work* work) const;
+  double VelocityDrift(const Motion& motion, Work* work) const;  // fills work->lambda
+  // Adds -M^-1 J^T S^-1 (what is in work->lambda) to three blocks of a state vector, with the
+  // factor of the last Accelerate: the correction that is least in the norm of the masses.
+  void RemoveDrift(const Motion& motion, Work* work, double* x, double* y, double* theta) const;
+
+  // The row with the smallest pivot relative to its first diagonal entry, and that ratio.
+  double SmallestPivot(const Work& work, int* row) const;
+  // Power that the drives give, with the multipliers of the last Accelerate [W].
+  double DrivePower(double t, const Work& work) const {
+    return joints_.DrivePower(t, work.lambda.data() + beam_count_);
+  }
+  bool driven() const { return driven_; }
+
+  // The stiffness that the multipliers give, -d(J^T lambda)/dq; `lambda` by row. To be called at
+  // the geometry of the last Accelerate.
+  void AddTangent(const Motion& motion, const Work& work, const double* lambda,
+                  Tangent* tangent) const;
+  // Dense J (rows() x 3 slots; x, y, theta of slot k in columns 3 k to 3 k + 2, stations folded
+  // into their bodies) for tests and checks.
+  std::vector<double> DenseJacobian(const Motion& motion, Work* work) const;
+
+ private:
+  struct Side {  // a row's i or j station that is carried by a body
+    int row, station, body;
+  };
+  struct Block {  // of an element's Jacobian, used in cross terms
+    int row;
+    bool outer;  // the j side
+  };
+  struct Cross {  // off[place] += a . M_body^-1 . b, with a and b at these places of work.blocks
+    int place, a, b, body;
+  };
+
+  struct Answer {  // off[place] (or diagonal[place]) += factor a . C . b, C a block of the answers
+    int place;     // that slots attached to one smooth beam give to loads on one another
+    bool diagonal;
+    int a, b;        // in work.blocks
+    int at, stride;  // of C's first entry in smooth_work.compliance
+    double factor;
+  };
+  double Product(const Answer& answer, const Work& work) const;
+  void AddAnswers(Work* work) const;
+
+  // a . M_body^-1 . b
+  double BodyProduct(int body, const double* a, const double* b) const {
+    return inverse_mass_[body] * (a[0] * b[0] + a[1] * b[1]) + inverse_inertia_[body] * a[2] * b[2];
+  }
+  void FillGeometry(const Motion& motion, Work* work) const;
+  void ClearDropped(double* rows) const {
+    for (const int row : dropped_) rows[row] = 0.0;
+  }
+  void AssembleSchur(const Motion& motion, Work* work) const;
+  void ConstraintLoad(const Motion& motion, Work* work) const;
+
+  int n_ = 0, beam_count_ = 0, rows_ = 0;
+  Array inverse_mass_, inverse_inertia_;  // by slot
+  std::vector<Station> stations_;
+  std::vector<int> station_of_;  // by slot; -1: none
+  JointRows joints_;
+  std::vector<std::string> element_names_;  // by slot of the beam
+  Array active_, length_;                   // by row of elements
+  Array mass_sum_;                          // 1/m_i + 1/m_j by row
+  Array inertia_i_, inertia_j_;             // 1/I of the two sides, 0 where tilt is 0, by row
+  Array shared_;                            // 1/m of the segment that rows e, e + 1 share
+  std::vector<Side> i_sides_, j_sides_;
+  std::vector<Block> blocks_;
+  std::vector<Cross> crosses_;
+  std::vector<Answer> answers_;
+  std::vector<std::uint8_t> is_dropped_;  // by row of the joints
+  std::vector<int> dropped_;              // such rows
+  bool driven_ = false;
+  SparseLdlt ldlt_;
+};
+
+}  // namespace unfurl::sim

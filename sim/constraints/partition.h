@@ -1,0 +1,75 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "sim/constraints/constraints.h"
+#include "sim/model/slots.h"
+
+namespace unfurl::sim {
+
+// Generalized coordinate partitioning (Wehage and Haug 1982, the paper's [19]): which of the
+// coordinates x, y, theta follow from the others through the constraints.
+//
+// The Jacobian is eliminated row by row, with Markowitz's choice of the pivot that makes the least
+// fill among those not much smaller than the largest of their row (angles count times a length);
+// the pivots' columns are the dependent coordinates. On chains and trees nothing fills in, and the
+// work is O(n). A row with nothing left is redundant. The eliminations are kept as flat lists, to
+// be run again at other states without searching or allocating.
+//
+// Jacobians are given as Constraints::Jacobian has them, six entries a row. Columns have the
+// numbers of the state's entries (StateIndex).
+class Partition {
+ public:
+  Partition(const Constraints& constraints, const Slots& slots, double length);
+
+  // Chooses pivots at this Jacobian, and factors it.
+  void Choose(const double* six);
+  // Factors with the pivots chosen. The smallest pivot over the largest entry of its row then:
+  // where that is small, others would be better.
+  // `turned`: whether one has changed its sign since the factor before.
+  double Factor(const double* six, bool* turned);
+  // Solves J_u x = b for the dependent coordinates (J_u their columns of J): `b` by row, destroyed;
+  // out[column] -= x[column].
+  void Correct(double* b, double* out) const;
+
+  const std::vector<int>& dependents() const { return columns_; }   // in the order of elimination
+  const std::vector<int>& redundant() const { return redundant_; }  // rows
+  // Smallest pivot (angles scaled) of the last factor: near zero where constraints depend on one
+  // another.
+  double smallest_pivot() const { return smallest_pivot_; }
+  int fill() const { return places_ - 6 * rows_; }
+
+ private:
+  struct Step {
+    int row, pivot;  // pivot: place
+    int column;
+    int targets, rest;  // how many rows it is eliminated from; entries of its row beside the pivot
+    int later;          // of those, in columns of pivots that follow
+    bool negative;      // the pivot, when last factored
+  };
+  struct Target {
+    int row, place;  // place of the entry below the pivot, then of the multiplier
+  };
+
+  int rows_ = 0, places_ = 0, column_count_ = 0;
+  double length_ = 1.0;
+  std::vector<int> column_of_;  // by place of the six; -1: the ground, or no equation
+  std::vector<double> scale_;   // by column
+  std::vector<int> row_of_;     // row that a dependent column is the pivot of, by column
+  std::vector<int> columns_, redundant_;
+  double smallest_pivot_ = 1.0;
+
+  std::vector<Step> steps_;
+  std::vector<Target> targets_;   // step after step
+  std::vector<int> rest_places_;  // of the pivot row beside the pivot, step after step
+  std::vector<double> rest_scale_;
+  std::vector<int> sums_;  // places that take -multiplier * rest, target after target
+  struct Later {
+    int place, column;
+  };
+  std::vector<Later> later_;
+  std::vector<double> value_;  // by place
+};
+
+}  // namespace unfurl::sim

@@ -1,0 +1,95 @@
+#include "sim/dynamics/centre_line.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace unfurl::sim {
+namespace {
+
+constexpr double kAtBoundary = 1e-9;  // of a segment: places this near an end of one are the end
+
+PlanePoint OnSegment(const Motion& m, int slot, double along) {
+  return {m.x[slot] + m.c[slot] * along, m.y[slot] + m.s[slot] * along};
+}
+
+}  // namespace
+
+CentreLine::CentreLine(const Model& model, const Model::Beam& beam)
+    : first_(beam.first),
+      segments_(beam.segments),
+      start_station_(beam.stations[0]),
+      end_station_(beam.stations[1]),
+      segment_length_(beam.segment_length),
+      length_(beam.segments * beam.segment_length),
+      smooth_beams_(&model.kirchhoff),
+      smooth_(beam.smooth) {}
+
+KirchhoffRod::Frame CentreLine::SmoothAt(const Motion& m, double place) const {
+  auto table = tables_.find(place);
+  if (table == tables_.end()) {
+    const KirchhoffRod& rod = smooth_beams_->beam(smooth_).rod;
+    table = tables_.emplace(place, rod.PlaceAt(place / length_)).first;
+  }
+  return smooth_beams_->FrameAt(smooth_, table->second, m);
+}
+
+PlanePoint CentreLine::At(const Motion& m, double place) const {
+  if (smooth_ >= 0) {
+    const KirchhoffRod::Frame f = SmoothAt(m, place);
+    return {f.x, f.y};
+  }
+  const double count = place / segment_length_;
+  const int boundary = static_cast<int>(std::lround(count));
+  const double half = 0.5 * segment_length_;
+  if (std::fabs(count - boundary) > kAtBoundary) {
+    const int k = std::clamp(static_cast<int>(count), 0, segments_ - 1);
+    return OnSegment(m, first_ + k, (count - k - 0.5) * segment_length_);
+  }
+  if (boundary <= 0) {
+    if (start_station_ >= 0) return {m.x[start_station_], m.y[start_station_]};
+    return OnSegment(m, first_, -half);
+  }
+  if (boundary >= segments_) {
+    if (end_station_ >= 0) return {m.x[end_station_], m.y[end_station_]};
+    return OnSegment(m, first_ + segments_ - 1, half);
+  }
+  const PlanePoint a = OnSegment(m, first_ + boundary - 1, half);
+  const PlanePoint b = OnSegment(m, first_ + boundary, -half);
+  return {0.5 * (a.x + b.x), 0.5 * (a.y + b.y)};
+}
+
+double CentreLine::MidDeflection(const Motion& m) const {
+  const PlanePoint a = At(m, 0.0), b = At(m, length_), middle = At(m, 0.5 * length_);
+  const double cx = b.x - a.x, cy = b.y - a.y;
+  return (cx * (middle.y - a.y) - cy * (middle.x - a.x)) / std::hypot(cx, cy);
+}
+
+double CentreLine::TipDeflection(const Motion& m) const {
+  const PlanePoint a = At(m, 0.0), b = At(m, length_);
+  if (smooth_ >= 0) {
+    const double angle = SmoothAt(m, 0.0).theta;
+    return std::cos(angle) * (b.y - a.y) - std::sin(angle) * (b.x - a.x);
+  }
+  // Without a station, the tangent at the end is continued from the first two segments' angles.
+  double angle = m.theta[start_station_ >= 0 ? start_station_ : first_];
+  if (start_station_ < 0 && segments_ > 1) angle += 0.5 * (angle - m.theta[first_ + 1]);
+  return std::cos(angle) * (b.y - a.y) - std::sin(angle) * (b.x - a.x);
+}
+
+std::vector<double> ShapePlaces(const Model::Beam& beam) {
+  std::vector<double> places;
+  if (beam.smooth >= 0) {
+    for (int k = 0; k < kSmoothPoints; ++k) {
+      places.push_back(beam.segment_length * k / (kSmoothPoints - 1));
+    }
+    return places;
+  }
+  const int points = std::min(beam.segments + 1, kMostShapePoints);
+  for (int k = 0; k < points; ++k) {
+    const long boundary = std::lround(static_cast<double>(k) * beam.segments / (points - 1));
+    places.push_back(static_cast<double>(boundary) * beam.segment_length);
+  }
+  return places;
+}
+
+}  // namespace unfurl::sim

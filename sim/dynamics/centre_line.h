@@ -1,0 +1,47 @@
+#pragma once
+
+#include <map>
+#include <vector>
+
+#include "sim/model/model.h"
+
+namespace unfurl::sim {
+
+struct PlanePoint {
+  double x, y;  // [m]
+};
+
+// The centre line of a beam as a curve in the plane, for pictures and deflections. Where a segment
+// ends, the line goes through the middle between its end and the next one's start; at a welded end,
+// through the weld's point.
+class CentreLine {
+ public:
+  // Keeps a reference to the model.
+  CentreLine(const Model& model, const Model::Beam& beam);
+
+  double length() const { return length_; }                 // [m]
+  PlanePoint At(const Motion& motion, double place) const;  // from the start, at rest [m]
+  // Distance of the middle from the chord between the ends, positive to the left of it, [m]
+  // (docs/physics-simulator.md, "Slider-crank": beta is this over the length).
+  double MidDeflection(const Motion& motion) const;
+  // Distance of the end from the tangent at the start, positive to its left [m].
+  double TipDeflection(const Motion& motion) const;
+
+ private:
+  KirchhoffRod::Frame SmoothAt(const Motion& motion, double place) const;
+
+  int first_ = 0, segments_ = 0;               // slots of the segments
+  int start_station_ = -1, end_station_ = -1;  // slots, where welded
+  double segment_length_ = 0.0, length_ = 0.0;
+  // Of a smooth beam: tables of the places that are asked for.
+  const KirchhoffBeams* smooth_beams_ = nullptr;
+  int smooth_ = -1;
+  mutable std::map<double, KirchhoffRod::Place> tables_;
+};
+
+// Where a beam's shape is kept: at every end of a segment, or at kMostShapePoints evenly chosen
+// ones of them; smooth beams at kSmoothPoints.
+inline constexpr int kMostShapePoints = 65, kSmoothPoints = 33;
+std::vector<double> ShapePlaces(const Model::Beam& beam);
+
+}  // namespace unfurl::sim

@@ -1,0 +1,272 @@
+#include "sim/dynamics/dynamics.h"
+
+#include <algorithm>
+#include <chrono>
+
+#include "sim/dynamics/trigonometry.h"
+
+namespace unfurl::sim {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+class PartTimer {
+ public:
+  explicit PartTimer(double* parts) : parts_(parts), last_(Clock::now()) {}
+  void Mark(int part) {
+    const auto now = Clock::now();
+    parts_[part] += std::chrono::duration<double>(now - last_).count();
+    last_ = now;
+  }
+
+ private:
+  double* parts_;
+  Clock::time_point last_;
+};
+
+struct NoTimer {
+  void Mark(int) {}
+};
+
+}  // namespace
+
+const char* Dynamics::PartName(int part) {
+  constexpr std::array<const char*, kParts> kNames = {
+      "kinematics",     "bending", "springs", "dampers",    "moment tables", "friction",   "motors",
+      "linear springs", "forces",  "latches", "suspension", "gravity",       "constraints"};
+  return kNames[part];
+}
+
+Dynamics::Dynamics(const Model& model)
+    : model_(model),
+      modes_(model.initial_modes),
+      cosine_(model.slots.count + kBlock, 1.0),
+      sine_(model.slots.count + kBlock, 0.0),
+      fx_(model.slots.count + kBlock, 0.0),
+      fy_(model.slots.count + kBlock, 0.0),
+      m_(model.slots.count + kBlock, 0.0),
+      scratch_(model.bending.ScratchSize(), 0.0),
+      work_(model.constraints.MakeWork()) {
+  if (model.kirchhoff.count() == 0) return;
+  work_.smooth = &model.kirchhoff;
+  work_.smooth_work = model.kirchhoff.MakeWork();
+}
+
+Motion Dynamics::Update(double t, double* y) {
+  const int n = model_.slots.count;
+  double* x = y;
+  double* yy = y + n;
+  double* theta = y + 2 * n;
+  double* vx = y + 3 * n;
+  double* vy = y + 4 * n;
+  double* omega = y + 5 * n;
+  if (work_.smooth != nullptr) {
+    work_.smooth->Update(x, yy, theta, vx, vy, omega, &work_.smooth_work);
+  }
+  for (const Station& s : model_.slots.stations) {
+    theta[s.slot] = theta[s.body] + s.angle;
+    omega[s.slot] = omega[s.body];
+  }
+  SinCos(theta, n, sine_.data(), cosine_.data());
+  double* offset = work_.station.data();
+  for (const Station& s : model_.slots.stations) {
+    const double c = cosine_[s.body], sn = sine_[s.body], w = omega[s.body];
+    const double ox = c * s.px - sn * s.py, oy = sn * s.px + c * s.py;
+    offset[0] = ox;
+    offset[1] = oy;
+    offset += 2;
+    x[s.slot] = x[s.body] + ox;
+    yy[s.slot] = yy[s.body] + oy;
+    vx[s.slot] = vx[s.body] - w * oy;
+    vy[s.slot] = vy[s.body] + w * ox;
+  }
+  return {t, x, yy, theta, vx, vy, omega, cosine_.data(), sine_.data()};
+}
+
+Motion Dynamics::MotionAt(double t, double* y) const {
+  const int n = model_.slots.count;
+  return {t, y, y + n, y + 2 * n, y + 3 * n, y + 4 * n, y + 5 * n, cosine_.data(), sine_.data()};
+}
+
+template <bool kProfile>
+void Dynamics::Evaluate(double t, double* y, double* dydt) {
+  std::conditional_t<kProfile, PartTimer, NoTimer> timer = [&] {
+    if constexpr (kProfile) {
+      return PartTimer(profile->data());
+    } else {
+      return NoTimer{};
+    }
+  }();
+  const int n = model_.slots.count;
+  const Motion motion = Update(t, y);
+  const Load load{fx_.data(), fy_.data(), m_.data()};
+  std::fill_n(load.fx, n, 0.0);
+  std::fill_n(load.fy, n, 0.0);
+  std::fill_n(load.m, n, 0.0);
+  double* extra = dydt + 6 * n;
+  std::fill_n(extra, kExtras, 0.0);
+  double* lost_contact = track_energy ? extra + kExtraContact : nullptr;
+  double* lost_beams = track_energy ? extra + kExtraBeams : nullptr;
+  double* lost_dampers = track_energy ? extra + kExtraDampers : nullptr;
+  double* work_done = track_energy ? extra + kExtraWork : nullptr;
+  timer.Mark(kKinematics);
+
+  if (model_.bending.count() > 0) {
+    model_.bending.AddLoad(motion, scratch_.data(), load, lost_beams);
+    const double* offset = work_.station.data();
+    for (const Station& s : model_.slots.stations) {
+      load.fx[s.body] += load.fx[s.slot];
+      load.fy[s.body] += load.fy[s.slot];
+      load.m[s.body] += load.m[s.slot] + offset[0] * load.fy[s.slot] - offset[1] * load.fx[s.slot];
+      offset += 2;
+    }
+    timer.Mark(kBending);
+  }
+  if (model_.springs.count() > 0) {
+    model_.springs.AddLoad(motion, load);
+    timer.Mark(kSprings);
+  }
+  if (model_.dampers.count() > 0) {
+    model_.dampers.AddLoad(motion, load, lost_dampers);
+    timer.Mark(kDampers);
+  }
+  if (model_.tables.count() > 0) {
+    model_.tables.AddLoad(motion, load);
+    timer.Mark(kTables);
+  }
+  if (model_.frictions.count() > 0) {
+    model_.frictions.AddLoad(motion, load, lost_dampers);
+    timer.Mark(kFriction);
+  }
+  if (model_.motors.count() > 0) {
+    model_.motors.AddLoad(motion, load, work_done);
+    timer.Mark(kMotors);
+  }
+  if (model_.linear_springs.count() > 0) {
+    model_.linear_springs.AddLoad(motion, load, lost_dampers);
+    timer.Mark(kLinearSprings);
+  }
+  if (model_.forces.count() > 0) {
+    model_.forces.AddLoad(motion, load, work_done);
+    timer.Mark(kForces);
+  }
+  if (model_.latches.count() > 0) {
+    model_.latches.AddLoad(motion, modes_, load, lost_contact);
+    timer.Mark(kLatches);
+  }
+  if (model_.suspension.count() > 0) {
+    model_.suspension.AddLoad(motion, load);
+    timer.Mark(kSuspension);
+  }
+  if (!model_.gravity.empty()) {
+    model_.gravity.AddLoad(load);
+    timer.Mark(kGravity);
+  }
+  model_.constraints.Accelerate(motion, load, &work_);
+  if (model_.constraints.driven() && track_energy) {
+    extra[kExtraWork] += model_.constraints.DrivePower(t, work_);
+  }
+  if (work_.smooth != nullptr && track_energy) extra[kExtraBeams] += work_.smooth_work.power;
+  std::copy_n(y + 3 * n, 3 * n, dydt);
+  std::copy_n(work_.ax.data(), n, dydt + 3 * n);
+  std::copy_n(work_.ay.data(), n, dydt + 4 * n);
+  std::copy_n(work_.alpha.data(), n, dydt + 5 * n);
+  timer.Mark(kConstraints);
+}
+
+void Dynamics::RightSide(double t, double* y, double* dydt) {
+  profile != nullptr ? Evaluate<true>(t, y, dydt) : Evaluate<false>(t, y, dydt);
+}
+
+double Dynamics::PositionDrift(double t, double* y) {
+  if (model_.constraints.count() == 0) return 0.0;
+  const Motion motion = MotionAt(t, y);
+  return model_.constraints.PositionDrift(motion, &work_);
+}
+
+double Dynamics::VelocityDrift(double t, double* y) {
+  if (model_.constraints.count() == 0) return 0.0;
+  const Motion motion = MotionAt(t, y);
+  return model_.constraints.VelocityDrift(motion, &work_);
+}
+
+double Dynamics::EvaluateConstraints(double t, double* y) {
+  return model_.constraints.PositionDriftAt(Update(t, y), &work_);
+}
+
+double Dynamics::EvaluateConstraintRates(double t, double* y) {
+  return model_.constraints.VelocityDrift(Update(t, y), &work_);
+}
+
+void Dynamics::Jacobian(double t, double* y, double* six_per_row) const {
+  model_.constraints.Jacobian(MotionAt(t, y), work_, six_per_row);
+}
+
+void Dynamics::Project(double t, double* y) {
+  if (model_.constraints.count() == 0) return;
+  const Motion motion = MotionAt(t, y);
+  // Velocities first: their rows are at the positions that the factor knows.
+  model_.constraints.VelocityDrift(motion, &work_);
+  const int n = model_.slots.count;
+  model_.constraints.RemoveDrift(motion, &work_, y + 3 * n, y + 4 * n, y + 5 * n);
+  model_.constraints.PositionDrift(motion, &work_);
+  model_.constraints.RemoveDrift(motion, &work_, y, y + n, y + 2 * n);
+}
+
+double Dynamics::SmallestPivot(std::string* where) const {
+  if (model_.constraints.count() == 0) return 1.0;
+  int row = -1;
+  const double ratio = model_.constraints.SmallestPivot(work_, &row);
+  if (row >= 0 && where != nullptr) *where = model_.constraints.NameOf(row);
+  return ratio;
+}
+
+Balance Dynamics::BalanceAt(double t, double* y) {
+  Balance b;
+  const Slots& slots = model_.slots;
+  const int n = slots.count;
+  const Motion m = Update(t, y);
+  double total_mass = 0.0;
+  for (int k = 0; k < n; ++k) {
+    const double mass = slots.mass[k];
+    b.kinetic += 0.5 * mass * (m.vx[k] * m.vx[k] + m.vy[k] * m.vy[k]) +
+                 0.5 * slots.inertia[k] * m.omega[k] * m.omega[k];
+    b.momentum_x += mass * m.vx[k];
+    b.momentum_y += mass * m.vy[k];
+    b.angular_momentum +=
+        mass * (m.x[k] * m.vy[k] - m.y[k] * m.vx[k]) + slots.inertia[k] * m.omega[k];
+    b.centre_x += mass * m.x[k];
+    b.centre_y += mass * m.y[k];
+    total_mass += mass;
+  }
+  if (total_mass > 0.0) {
+    b.centre_x /= total_mass;
+    b.centre_y /= total_mass;
+  }
+  b.bending = model_.bending.Energy(m);
+  b.axial = model_.bending.AxialEnergy(m);
+  b.spring = model_.springs.Energy(m);
+  b.table = model_.tables.Energy(m);
+  b.linear_spring = model_.linear_springs.Energy(m);
+  b.suspension = model_.suspension.Energy(m);
+  if (work_.smooth != nullptr) {
+    b.kinetic += work_.smooth->KineticAboutCentres(&work_.smooth_work);
+    b.angular_momentum += work_.smooth->AngularMomentum(&work_.smooth_work);
+    b.bending += work_.smooth->Bending(work_.smooth_work);
+    b.suspension += work_.smooth->OfStrings(work_.smooth_work);
+  }
+  b.gravity = model_.gravity.Energy(m);
+  double lost = 0.0;
+  b.contact = model_.latches.Stored(m, modes_, &lost);
+  b.dissipated_contact = y[model_.index.extra(kExtraContact)] + lost;
+  b.dissipated_beams = y[model_.index.extra(kExtraBeams)];
+  b.dissipated_dampers = y[model_.index.extra(kExtraDampers)];
+  b.work = y[model_.index.extra(kExtraWork)];
+  if (model_.constraints.count() > 0) {
+    b.position_drift = model_.constraints.PositionDriftAt(m, &work_);
+    b.velocity_drift = model_.constraints.VelocityDrift(m, &work_);
+  }
+  return b;
+}
+
+}  // namespace unfurl::sim

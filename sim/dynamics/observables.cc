@@ -1,0 +1,198 @@
+#include "sim/dynamics/observables.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "base/error.h"
+#include "base/text.h"
+
+namespace unfurl::sim {
+
+namespace {
+
+// `turn`: cosine and sine of a slot's angle.
+template <typename Turn>
+PointMotion PointAt(const Model& model, const MovingPoint& p, const double* state, Turn turn) {
+  const StateIndex& i = model.index;
+  if (p.watched >= 0) {
+    const KirchhoffRod::Frame f = model.kirchhoff.MotionAt(p.watched, state, i.n);
+    return {f.x, f.y, f.vx, f.vy};
+  }
+  if (p.other_slot >= 0) {
+    const PointMotion a = PointAt(model, {p.slot, p.px, p.py}, state, turn);
+    const PointMotion b = PointAt(model, {p.other_slot, p.other_px, 0.0}, state, turn);
+    return {0.5 * (a.x + b.x), 0.5 * (a.y + b.y), 0.5 * (a.vx + b.vx), 0.5 * (a.vy + b.vy)};
+  }
+  const auto [c, s] = turn(p.slot);
+  const double ox = c * p.px - s * p.py, oy = s * p.px + c * p.py;
+  const double w = state[i.omega(p.slot)];
+  return {state[i.x(p.slot)] + ox, state[i.y(p.slot)] + oy, state[i.vx(p.slot)] - w * oy,
+          state[i.vy(p.slot)] + w * ox};
+}
+
+}  // namespace
+
+PointMotion MotionOf(const Model& model, const MovingPoint& point, const double* state) {
+  return PointAt(model, point, state, [&](int slot) {
+    const double theta = state[model.index.theta(slot)];
+    return std::pair{std::cos(theta), std::sin(theta)};
+  });
+}
+
+PointMotion MotionOf(const Model& model, const MovingPoint& point, const Motion& motion) {
+  return PointAt(model, point, motion.x, [&](int slot) {
+    return std::pair{motion.c[slot], motion.s[slot]};
+  });
+}
+
+double LatchMoment(const Model& model, int latch, const double* state, const LatchMode& mode) {
+  const int n = model.index.n;
+  const Motion motion{0.0,           state,         state + n, state + 2 * n, state + 3 * n,
+                      state + 4 * n, state + 5 * n, nullptr,   nullptr};
+  return model.latches.Moment(latch, motion, mode);
+}
+
+std::string NameOfSlot(const Model& model, int slot) {
+  for (const Model::Beam& beam : model.beams) {
+    if (slot == beam.first && beam.smooth >= 0) return fmt::format("beam '{}'", beam.name);
+    if (slot >= beam.first && slot < beam.first + beam.segments) {
+      return fmt::format("beam '{}', segment {}", beam.name, slot - beam.first + 1);
+    }
+  }
+  for (int b = 0; b < model.kirchhoff.count(); ++b) {
+    const KirchhoffBeams::Beam& beam = model.kirchhoff.beam(b);
+    const int k = slot - beam.first_amplitude();
+    if (k >= 0 && k < beam.amplitude_slots()) {
+      return fmt::format("beam '{}', amplitudes from {}", beam.name, 3 * k + 1);
+    }
+  }
+  for (const Model::Body& body : model.bodies) {
+    if (body.centre.slot == slot) return fmt::format("body '{}'", body.name);
+  }
+  return fmt::format("slot {}", slot);
+}
+
+namespace {
+
+// * stands for any letters, ? for one.
+bool Fits(const char* pattern, const char* name) {
+  for (; *pattern != '\0'; ++pattern, ++name) {
+    if (*pattern == '*') {
+      for (const char* rest = name;; ++rest) {
+        if (Fits(pattern + 1, rest)) return true;
+        if (*rest == '\0') return false;
+      }
+    }
+    if (*name == '\0' || (*pattern != '?' && *pattern != *name)) return false;
+  }
+  return *name == '\0';
+}
+
+}  // namespace
+
+Observables::Observables(const Model& model, const std::vector<std::string>& wanted)
+    : model_(model),
+      dynamics_(model),
+      margins_(model),
+      forces_(model),
+      rates_(model.index.size(), 0.0) {
+  for (const Model::Beam& beam : model.beams) {
+    lines_.emplace_back(model, beam);
+    places_.push_back(ShapePlaces(beam));
+  }
+  Declare();
+  if (!wanted.empty()) Keep(wanted);
+  for (const data::Quantity& q : quantities_) {
+    for (const char* part : {".pin_force", ".drive_", ".hold_"}) {
+      wants_forces_ = wants_forces_ || q.name.find(part) != std::string::npos;
+    }
+  }
+  row_.reserve(quantities_.size());
+}
+
+void Observables::Add(const std::string& name, const char* units, const std::string& what,
+                      Value value, int index) {
+  quantities_.push_back({name, units, what});
+  columns_.push_back({value, index});
+}
+
+void Observables::Keep(const std::vector<std::string>& wanted) {
+  std::vector<bool> used(wanted.size(), false);
+  std::size_t kept = 0;
+  for (std::size_t q = 0; q < quantities_.size(); ++q) {
+    bool keep = false;
+    for (std::size_t k = 0; k < wanted.size(); ++k) {
+      if (!Fits(wanted[k].c_str(), quantities_[q].name.c_str())) continue;
+      keep = used[k] = true;
+    }
+    if (!keep) continue;
+    std::swap(quantities_[kept], quantities_[q]);
+    columns_[kept++] = columns_[q];
+  }
+  for (std::size_t k = 0; k < wanted.size(); ++k) {
+    if (used[k]) continue;
+    std::vector<std::string> names;
+    for (const data::Quantity& q : quantities_) names.push_back(q.name);
+    const std::string nearest = NearestName(wanted[k], names);
+    throw Error(fmt::format("the scene has no quantity '{}'", wanted[k]), "option quantities",
+                nearest.empty() ? "name quantities of a run, such as 'joint1.*' or 'energy.*'"
+                                : "did you mean '" + nearest + "'?");
+  }
+  quantities_.resize(kept);
+  columns_.resize(kept);
+}
+
+std::vector<std::string> Observables::marks() const {
+  const auto has = [&](const std::string& name) {
+    return std::any_of(quantities_.begin(), quantities_.end(),
+                       [&](const data::Quantity& q) { return q.name == name; });
+  };
+  std::vector<std::string> names;
+  for (const Model::Mark& mark : model_.marks) {
+    if (has(mark.name + ".x") && has(mark.name + ".y")) names.push_back(mark.name);
+  }
+  return names;
+}
+
+std::vector<data::BeamShape> Observables::shapes() const {
+  std::vector<data::BeamShape> shapes;
+  for (std::size_t b = 0; b < places_.size(); ++b) {
+    shapes.push_back({model_.beams[b].name, places_[b]});
+  }
+  return shapes;
+}
+
+const std::vector<double>& Observables::Row(double t, double* state,
+                                            const std::vector<LatchMode>& modes) {
+  dynamics_.modes() = modes;
+  balance_ = dynamics_.BalanceAt(t, state);
+  if (!started_) {
+    start_ = balance_.Conserved();
+    started_ = true;
+  }
+  if (wants_forces_) dynamics_.RightSide(t, state, rates_.data());
+  const Motion motion = dynamics_.Update(t, state);
+  margins_.Watch(motion, modes);
+  const Frame frame{*this, motion, modes};
+  row_.clear();
+  for (const Column& column : columns_) row_.push_back(column.value(frame, column.index));
+  return row_;
+}
+
+const std::vector<double>& Observables::ShapeRow(double t, double* state) {
+  const Motion motion = dynamics_.Update(t, state);
+  shape_row_.clear();
+  for (std::size_t b = 0; b < lines_.size(); ++b) {
+    for (const double place : places_[b]) {
+      const PlanePoint p = lines_[b].At(motion, place);
+      shape_row_.push_back(p.x);
+      shape_row_.push_back(p.y);
+    }
+  }
+  return shape_row_;
+}
+
+}  // namespace unfurl::sim

@@ -1,0 +1,301 @@
+// The columns of a run: what each is called, its unit, and where its value comes from.
+#include <cmath>
+
+#include "sim/dynamics/observables.h"
+
+namespace unfurl::sim {
+namespace {
+
+double MeanOver(const Model::Beam& beam, const double* values) {
+  double sum = 0.0;
+  for (int k = beam.first; k < beam.first + beam.segments; ++k) sum += values[k];
+  return sum / beam.segments;
+}
+
+}  // namespace
+
+void Observables::Declare() {
+  for (int k = 0; k < static_cast<int>(model_.marks.size()); ++k) {
+    const std::string& name = model_.marks[k].name;
+    Add(
+        name + ".x", "m", "position of the mark",
+        [](const Frame& f, int i) {
+          return MotionOf(f.self.model_, f.self.model_.marks[i].point, f.motion).x;
+        },
+        k);
+    Add(
+        name + ".y", "m", "position of the mark",
+        [](const Frame& f, int i) {
+          return MotionOf(f.self.model_, f.self.model_.marks[i].point, f.motion).y;
+        },
+        k);
+    Add(
+        name + ".vx", "m/s", "velocity of the mark",
+        [](const Frame& f, int i) {
+          return MotionOf(f.self.model_, f.self.model_.marks[i].point, f.motion).vx;
+        },
+        k);
+    Add(
+        name + ".vy", "m/s", "velocity of the mark",
+        [](const Frame& f, int i) {
+          return MotionOf(f.self.model_, f.self.model_.marks[i].point, f.motion).vy;
+        },
+        k);
+  }
+  DeclareJoints();
+  DeclareBodies();
+  DeclareLinearSprings();
+  DeclareTotals();
+}
+
+void Observables::DeclareJoints() {
+  for (int k = 0; k < static_cast<int>(model_.joints.size()); ++k) {
+    const Model::Joint& joint = model_.joints[k];
+    const bool travel = joint.coordinate.travel;
+    const char* unit = travel ? "N" : "N m";
+    const std::string kind = travel ? "_force" : "_moment";
+    const std::string on = travel ? " on the travel" : " on the angle";
+    if (joint.kind != data::SceneJoint::Kind::kSlider) {
+      Add(
+          joint.name + ".theta", "rad", "angle of the joint",
+          [](const Frame& f, int i) { return f.Joint(i).coordinate.hinge.Theta(f.motion); }, k);
+      Add(
+          joint.name + ".theta_rate", "rad/s", "rate of the joint's angle",
+          [](const Frame& f, int i) { return f.Joint(i).coordinate.hinge.Rate(f.motion); }, k);
+    }
+    if (travel) {
+      Add(
+          joint.name + ".travel", "m", "travel along the joint's axis",
+          [](const Frame& f, int i) { return f.Joint(i).coordinate.Value(f.motion); }, k);
+      Add(
+          joint.name + ".travel_rate", "m/s", "its rate",
+          [](const Frame& f, int i) { return f.Joint(i).coordinate.Rate(f.motion); }, k);
+    }
+    if (joint.latch >= 0) {
+      Add(
+          joint.name + ".contact_moment", "N m", "moment of the latch's contact on the angle",
+          [](const Frame& f, int i) {
+            return f.self.model_.latches.Moment(i, f.motion, f.modes[i]);
+          },
+          joint.latch);
+    }
+    if (joint.spring >= 0) {
+      Add(
+          joint.name + ".spring" + kind, unit, "of the spring" + on,
+          [](const Frame& f, int i) { return f.self.model_.springs.Moment(i, f.motion); },
+          joint.spring);
+    }
+    if (joint.damper >= 0) {
+      Add(
+          joint.name + ".damper" + kind, unit, "of the damper" + on,
+          [](const Frame& f, int i) { return f.self.model_.dampers.Moment(i, f.motion); },
+          joint.damper);
+    }
+    if (joint.table >= 0) {
+      Add(
+          joint.name + ".table" + kind, unit, "of the table" + on,
+          [](const Frame& f, int i) { return f.self.model_.tables.Moment(i, f.motion); },
+          joint.table);
+    }
+    if (joint.friction >= 0) {
+      Add(
+          joint.name + ".friction" + kind, unit, "of dry friction" + on,
+          [](const Frame& f, int i) { return f.self.model_.frictions.Moment(i, f.motion); },
+          joint.friction);
+    }
+    if (joint.motor >= 0) {
+      Add(
+          joint.name + ".motor" + kind, unit, "of the motor" + on,
+          [](const Frame& f, int i) { return f.self.model_.motors.Moment(i, f.motion); },
+          joint.motor);
+    }
+    if (forces_.driven(k)) {
+      Add(
+          joint.name + ".drive" + kind, unit, "that the drive needs" + on,
+          [](const Frame& f, int i) { return f.Force(i).drive; }, k);
+    }
+    if (forces_.held(k)) {
+      Add(
+          joint.name + ".hold_moment", "N m",
+          "that keeps the slider from turning, on its outer side",
+          [](const Frame& f, int i) { return f.Force(i).hold; }, k);
+    }
+    Add(
+        joint.name + ".x", "m", "position of the pin",
+        [](const Frame& f, int i) { return MotionOf(f.self.model_, f.Joint(i).pin, f.motion).x; },
+        k);
+    Add(
+        joint.name + ".y", "m", "position of the pin",
+        [](const Frame& f, int i) { return MotionOf(f.self.model_, f.Joint(i).pin, f.motion).y; },
+        k);
+    Add(
+        joint.name + ".pin_force_x", "N", "force of the inner side on the outer at the pin",
+        [](const Frame& f, int i) { return f.Force(i).fx; }, k);
+    Add(
+        joint.name + ".pin_force_y", "N", "force of the inner side on the outer at the pin",
+        [](const Frame& f, int i) { return f.Force(i).fy; }, k);
+    Add(
+        joint.name + ".pin_force", "N", "its magnitude",
+        [](const Frame& f, int i) {
+          const JointForces::Force force = f.Force(i);
+          return std::hypot(force.fx, force.fy);
+        },
+        k);
+  }
+}
+
+void Observables::DeclareBodies() {
+  for (int k = 0; k < static_cast<int>(model_.bodies.size()); ++k) {
+    const std::string& name = model_.bodies[k].name;
+    Add(
+        name + ".x", "m", "position of the centre of mass",
+        [](const Frame& f, int i) {
+          return MotionOf(f.self.model_, f.self.model_.bodies[i].centre, f.motion).x;
+        },
+        k);
+    Add(
+        name + ".y", "m", "position of the centre of mass",
+        [](const Frame& f, int i) {
+          return MotionOf(f.self.model_, f.self.model_.bodies[i].centre, f.motion).y;
+        },
+        k);
+    Add(
+        name + ".theta", "rad", "angle of " + name,
+        [](const Frame& f, int i) {
+          const Model::Body& body = f.self.model_.bodies[i];
+          return f.motion.theta[body.centre.slot] + body.angle;
+        },
+        k);
+    Add(
+        name + ".vx", "m/s", "velocity of the centre of mass",
+        [](const Frame& f, int i) {
+          return MotionOf(f.self.model_, f.self.model_.bodies[i].centre, f.motion).vx;
+        },
+        k);
+    Add(
+        name + ".vy", "m/s", "velocity of the centre of mass",
+        [](const Frame& f, int i) {
+          return MotionOf(f.self.model_, f.self.model_.bodies[i].centre, f.motion).vy;
+        },
+        k);
+    Add(
+        name + ".omega", "rad/s", "angular velocity of " + name,
+        [](const Frame& f, int i) { return f.motion.omega[f.self.model_.bodies[i].centre.slot]; },
+        k);
+  }
+  for (int k = 0; k < static_cast<int>(model_.beams.size()); ++k) {
+    const std::string& name = model_.beams[k].name;
+    const std::string of = "the beam's centre of mass";
+    Add(
+        name + ".x", "m", "position of " + of,
+        [](const Frame& f, int i) { return MeanOver(f.self.model_.beams[i], f.motion.x); }, k);
+    Add(
+        name + ".y", "m", "position of " + of,
+        [](const Frame& f, int i) { return MeanOver(f.self.model_.beams[i], f.motion.y); }, k);
+    Add(
+        name + ".theta", "rad", "mean angle of the beam",
+        [](const Frame& f, int i) { return MeanOver(f.self.model_.beams[i], f.motion.theta); }, k);
+    Add(
+        name + ".vx", "m/s", "velocity of " + of,
+        [](const Frame& f, int i) { return MeanOver(f.self.model_.beams[i], f.motion.vx); }, k);
+    Add(
+        name + ".vy", "m/s", "velocity of " + of,
+        [](const Frame& f, int i) { return MeanOver(f.self.model_.beams[i], f.motion.vy); }, k);
+    Add(
+        name + ".omega", "rad/s", "mean angular velocity of the beam",
+        [](const Frame& f, int i) { return MeanOver(f.self.model_.beams[i], f.motion.omega); }, k);
+    Add(
+        name + ".mid_deflection", "m", "of the middle from the chord, positive to its left",
+        [](const Frame& f, int i) { return f.self.lines_[i].MidDeflection(f.motion); }, k);
+    Add(
+        name + ".tip_deflection", "m",
+        "of the end from the tangent at the start, positive to its left",
+        [](const Frame& f, int i) { return f.self.lines_[i].TipDeflection(f.motion); }, k);
+  }
+}
+
+void Observables::DeclareLinearSprings() {
+  for (int k = 0; k < model_.linear_springs.count(); ++k) {
+    const std::string& name = model_.linear_spring_names[k];
+    Add(
+        name + ".length", "m", "distance of the spring's ends",
+        [](const Frame& f, int i) { return f.self.model_.linear_springs.At(i, f.motion).length; },
+        k);
+    Add(
+        name + ".tension", "N", "of spring and damper",
+        [](const Frame& f, int i) { return f.self.model_.linear_springs.At(i, f.motion).tension; },
+        k);
+  }
+}
+
+void Observables::DeclareTotals() {
+  Add("energy.kinetic", "J", "kinetic energy",
+      [](const Frame& f, int) { return f.self.balance_.kinetic; });
+  if (model_.bending.count() + model_.kirchhoff.count() > 0) {
+    Add("energy.bending", "J", "energy of bending",
+        [](const Frame& f, int) { return f.self.balance_.bending; });
+  }
+  if (model_.bending.axial()) {
+    Add("energy.axial", "J", "energy of stretching",
+        [](const Frame& f, int) { return f.self.balance_.axial; });
+  }
+  if (model_.springs.count() > 0) {
+    Add("energy.spring", "J", "energy of the torsion springs",
+        [](const Frame& f, int) { return f.self.balance_.spring; });
+  }
+  if (model_.tables.count() > 0) {
+    Add("energy.table", "J", "potential of the moment tables",
+        [](const Frame& f, int) { return f.self.balance_.table; });
+  }
+  if (model_.linear_springs.count() > 0) {
+    Add("energy.linear_spring", "J", "energy of the linear springs",
+        [](const Frame& f, int) { return f.self.balance_.linear_spring; });
+  }
+  if (model_.suspension.count() > 0) {
+    Add("energy.suspension", "J", "energy of the suspension",
+        [](const Frame& f, int) { return f.self.balance_.suspension; });
+  }
+  if (!model_.gravity.empty()) {
+    Add("energy.gravity", "J", "energy in the field of gravity",
+        [](const Frame& f, int) { return f.self.balance_.gravity; });
+  }
+  if (model_.latches.count() > 0) {
+    Add("energy.contact", "J", "energy stored in the latches' contacts",
+        [](const Frame& f, int) { return f.self.balance_.contact; });
+    Add("energy.dissipated_contact", "J", "lost in contacts since the start",
+        [](const Frame& f, int) { return f.self.balance_.dissipated_contact; });
+  }
+  if (model_.bending.damped() || model_.kirchhoff.damped()) {
+    Add("energy.dissipated_beams", "J", "lost in the beams' material since the start",
+        [](const Frame& f, int) { return f.self.balance_.dissipated_beams; });
+  }
+  if (model_.dampers.count() + model_.frictions.count() > 0 || model_.linear_springs.damped()) {
+    Add("energy.dissipated_dampers", "J", "lost in dampers and friction since the start",
+        [](const Frame& f, int) { return f.self.balance_.dissipated_dampers; });
+  }
+  if (model_.constraints.driven() || model_.motors.count() + model_.forces.count() > 0) {
+    Add("energy.work", "J", "work of drives, motors and applied forces since the start",
+        [](const Frame& f, int) { return f.self.balance_.work; });
+  }
+  Add("energy.total", "J", "all stored energy",
+      [](const Frame& f, int) { return f.self.balance_.Stored(); });
+  Add("energy.residual", "J",
+      "stored and dissipated energy less work done and the energy at the start",
+      [](const Frame& f, int) { return f.self.residual(); });
+  Add("momentum.x", "kg m/s", "linear momentum",
+      [](const Frame& f, int) { return f.self.balance_.momentum_x; });
+  Add("momentum.y", "kg m/s", "linear momentum",
+      [](const Frame& f, int) { return f.self.balance_.momentum_y; });
+  Add("momentum.angular", "kg m^2/s", "angular momentum about the origin",
+      [](const Frame& f, int) { return f.self.balance_.angular_momentum; });
+  Add("centre.x", "m", "centre of all mass",
+      [](const Frame& f, int) { return f.self.balance_.centre_x; });
+  Add("centre.y", "m", "centre of all mass",
+      [](const Frame& f, int) { return f.self.balance_.centre_y; });
+  Add("constraint.position", "m", "largest violation of a constraint",
+      [](const Frame& f, int) { return f.self.balance_.position_drift; });
+  Add("constraint.velocity", "m/s", "largest rate of a constraint",
+      [](const Frame& f, int) { return f.self.balance_.velocity_drift; });
+}
+
+}  // namespace unfurl::sim

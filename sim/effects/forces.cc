@@ -1,0 +1,56 @@
+#include "sim/effects/forces.h"
+
+#include <cmath>
+
+namespace unfurl::sim {
+
+void Forces::AddForce(const LoadPoint& point, const Pair& force, bool follows, double angle) {
+  forces_.push_back({point, force, follows, std::cos(angle), std::sin(angle)});
+}
+
+void Forces::AddTorque(const LoadPoint& point, const data::TimeFunction& torque) {
+  torques_.push_back({point.slot, point.other < 0 ? point.slot : point.other, torque});
+}
+
+void Forces::AddPerLength(int first, int segments, double length, const Pair& per_length,
+                          bool follows) {
+  lines_.push_back({first, segments, length, per_length, follows});
+}
+
+void Forces::AddLoad(const Motion& m, Load load, double* work) const {
+  double power = 0.0;
+  for (const Force& f : forces_) {
+    double fx = f.force[0].Value(m.t), fy = f.force[1].Value(m.t);
+    if (f.follows) {
+      // Between two segments the axes are those of the second, which the point counts from.
+      const double c = m.c[f.point.slot] * f.c - m.s[f.point.slot] * f.s;
+      const double s = m.s[f.point.slot] * f.c + m.c[f.point.slot] * f.s;
+      const double along = fx;
+      fx = c * along - s * fy;
+      fy = s * along + c * fy;
+    }
+    f.point.Apply(m, fx, fy, load);
+    const LoadPoint::At at = f.point.Place(m);
+    power += fx * at.vx + fy * at.vy;
+  }
+  for (const Torque& t : torques_) {
+    const double half = 0.5 * t.torque.Value(m.t);
+    load.m[t.slot] += half;
+    load.m[t.other] += half;
+    power += half * (m.omega[t.slot] + m.omega[t.other]);
+  }
+  for (const Line& line : lines_) {
+    const double qx = line.per_length[0].Value(m.t) * line.length;
+    const double qy = line.per_length[1].Value(m.t) * line.length;
+    for (int k = line.first; k < line.first + line.segments; ++k) {
+      const double c = line.follows ? m.c[k] : 1.0, s = line.follows ? m.s[k] : 0.0;
+      const double fx = c * qx - s * qy, fy = s * qx + c * qy;
+      load.fx[k] += fx;
+      load.fy[k] += fy;
+      power += fx * m.vx[k] + fy * m.vy[k];
+    }
+  }
+  if (work != nullptr) *work += power;
+}
+
+}  // namespace unfurl::sim

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "data/time_function.h"
+#include "sim/model/load_point.h"
+
+namespace unfurl::sim {
+
+class Tangent;
+
+// Forces at points, torques, and forces per length along beams, as functions of time; components
+// in the world's axes, or in those of the body or segment that they act on.
+class Forces {
+ public:
+  using Pair = std::array<data::TimeFunction, 2>;
+
+  // `angle`: of the axes against the slot's, where they follow it [rad].
+  void AddForce(const LoadPoint& point, const Pair& force, bool follows, double angle);
+  void AddTorque(const LoadPoint& point, const data::TimeFunction& torque);
+  // On segments first to first + segments - 1, each of `length` [m]; the uniform load of a rigid
+  // segment is one force at its middle.
+  void AddPerLength(int first, int segments, double length, const Pair& per_length, bool follows);
+  int count() const { return static_cast<int>(forces_.size() + torques_.size() + lines_.size()); }
+
+  // Adds the power delivered to `work` [W], where given.
+  void AddLoad(const Motion& motion, Load load, double* work) const;
+  // Of forces at points that keep their direction; a follower has no symmetric stiffness to speak
+  // of.
+  void AddTangent(const Motion& motion, Tangent* tangent) const;
+
+ private:
+  struct Force {
+    LoadPoint point;
+    Pair force;  // [N]
+    bool follows;
+    double c, s;  // of `angle`
+  };
+  struct Torque {
+    int slot, other;
+    data::TimeFunction torque;  // [N m]
+  };
+  struct Line {
+    int first, segments;
+    double length;
+    Pair per_length;  // [N/m]
+    bool follows;
+  };
+  std::vector<Force> forces_;
+  std::vector<Torque> torques_;
+  std::vector<Line> lines_;
+};
+
+}  // namespace unfurl::sim

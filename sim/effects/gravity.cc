@@ -1,0 +1,33 @@
+#include "sim/effects/gravity.h"
+
+#include <algorithm>
+
+namespace unfurl::sim {
+
+Gravity::Gravity(const Array& mass, double gx, double gy) : mass_(mass), gx_(gx), gy_(gy) {}
+
+int Gravity::count() const {
+  return static_cast<int>(
+      std::count_if(mass_.begin(), mass_.end(), [](double m) { return m > 0; }));
+}
+
+void Gravity::AddLoad(Load load) const {
+  const int n = static_cast<int>(mass_.size());
+  double* __restrict fx = load.fx;
+  double* __restrict fy = load.fy;
+#pragma GCC ivdep
+  for (int i = 0; i < n; ++i) {
+    fx[i] += mass_[i] * gx_;
+    fy[i] += mass_[i] * gy_;
+  }
+}
+
+double Gravity::Energy(const Motion& motion) const {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < mass_.size(); ++i) {
+    sum -= mass_[i] * (gx_ * motion.x[i] + gy_ * motion.y[i]);
+  }
+  return sum;
+}
+
+}  // namespace unfurl::sim

@@ -1,0 +1,50 @@
+#include "sim/effects/suspension.h"
+
+#include <cmath>
+
+namespace unfurl::sim {
+
+Suspension::Suspension(int slots) : stiffness_(slots, 0.0), x_(slots, 0.0), y_(slots, 0.0) {}
+
+void Suspension::Set(int slot, double stiffness, double x_hang, double y_hang, double kappa,
+                     double theta_hang) {
+  stiffness_[slot] = stiffness;
+  x_[slot] = x_hang;
+  y_[slot] = y_hang;
+  if (kappa > 0.0) turning_.push_back({slot, kappa, theta_hang});
+  ++count_;
+}
+
+void Suspension::AddLoad(const Motion& motion, Load load) const {
+  const int n = static_cast<int>(stiffness_.size());
+  const double* __restrict k = stiffness_.data();
+  const double* __restrict x = motion.x;
+  const double* __restrict y = motion.y;
+  const double* __restrict x_hang = x_.data();
+  const double* __restrict y_hang = y_.data();
+  double* __restrict fx = load.fx;
+  double* __restrict fy = load.fy;
+#pragma GCC ivdep
+  for (int i = 0; i < n; ++i) {
+    fx[i] -= k[i] * (x[i] - x_hang[i]);
+    fy[i] -= k[i] * (y[i] - y_hang[i]);
+  }
+  for (const Turning& t : turning_) {
+    load.m[t.slot] -= t.kappa * std::sin(motion.theta[t.slot] - t.theta_hang);
+  }
+}
+
+double Suspension::Energy(const Motion& motion) const {
+  double sum = 0.0;
+  for (std::size_t i = 0; i < stiffness_.size(); ++i) {
+    const double dx = motion.x[i] - x_[i], dy = motion.y[i] - y_[i];
+    sum += 0.5 * stiffness_[i] * (dx * dx + dy * dy);
+  }
+  for (const Turning& t : turning_) {
+    const double half = std::sin(0.5 * (motion.theta[t.slot] - t.theta_hang));
+    sum += 2.0 * t.kappa * half * half;
+  }
+  return sum;
+}
+
+}  // namespace unfurl::sim

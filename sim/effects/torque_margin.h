@@ -1,0 +1,34 @@
+#pragma once
+
+#include <limits>
+#include <vector>
+
+#include "sim/model/model.h"
+
+namespace unfurl::sim {
+
+// What drives a latching joint home against what resists it, before it has latched: the moments on
+// theta of springs and the like that push towards closing (theta falls) over those that hold back.
+// Friction counts with its whole moment, as if the joint were about to stop.
+struct TorqueMargin {
+  double ratio = std::numeric_limits<double>::infinity();          // least driving / resisting [-]
+  double ratio_theta = 0.0;                                        // where [rad]
+  double least_driving = std::numeric_limits<double>::infinity();  // [N m]
+  double least_theta = 0.0;                                        // where [rad]
+
+  bool seen() const { return least_driving < std::numeric_limits<double>::infinity(); }
+  bool resisted() const { return ratio < std::numeric_limits<double>::infinity(); }
+};
+
+class TorqueMargins {
+ public:
+  explicit TorqueMargins(const Model& model) : model_(model), margins_(model.joints.size()) {}
+  void Watch(const Motion& motion, const std::vector<LatchMode>& modes);
+  const TorqueMargin& of(int joint) const { return margins_[static_cast<std::size_t>(joint)]; }
+
+ private:
+  const Model& model_;
+  std::vector<TorqueMargin> margins_;  // by joint
+};
+
+}  // namespace unfurl::sim

@@ -1,0 +1,25 @@
+#pragma once
+
+#include "sim/dynamics/dynamics.h"
+
+namespace unfurl::sim {
+
+struct EquilibriumReport {
+  bool found = false;
+  int iterations = 0;
+  double acceleration =
+      0.0;  // what is left, largest of x, y and theta times the length scale [m/s^2]
+};
+
+// Lets the state at rest slide to where no acceleration is left, with the modes of the latches held
+// as they are: implicit steps of pseudo-time without velocities,
+//   (M + b K) dq = b M a,   J dq = -phi,
+// that grow as the accelerations fall and end as Newton steps. Rigid motions stay where they are.
+// `y` is changed also when nothing is found.
+EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y);
+
+// Presses every latch on the stop that its joint's load pushes it against and finds the
+// equilibrium; the modes of the latches are set. The state starts near that.
+EquilibriumReport FindLatchedEquilibrium(Dynamics* dynamics, double* y);
+
+}  // namespace unfurl::sim

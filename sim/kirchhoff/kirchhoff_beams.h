@@ -1,0 +1,84 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "sim/kirchhoff/kirchhoff.h"
+#include "sim/model/slots.h"
+
+namespace unfurl::sim {
+
+// The smooth beams of a model, and where their coordinates stand among the slots: x_c, y_c and
+// theta_0 in the beam's root slot, the amplitudes three to a slot in the slots that follow it (x
+// and y hold a_k times the length, so that tolerances of lengths fit them; theta holds a_k itself).
+// Each attachment has a slot too, which others see as a body: its motion is filled in from the
+// coordinates, loads on it are passed on.
+class KirchhoffBeams {
+ public:
+  struct Beam {
+    KirchhoffRod rod;
+    int root = -1;              // slot
+    std::vector<int> attached;  // slot by attachment
+    std::string name;
+
+    int first_amplitude() const { return root + 1; }
+    int amplitude_slots() const { return (rod.amplitudes() + 2) / 3; }
+  };
+  // A place along a beam that only samples look at.
+  struct Watched {
+    int beam;
+    KirchhoffRod::Place place;
+  };
+  struct Work {
+    std::vector<KirchhoffRod::Work> rods;
+    Array q, rate;     // of one beam
+    Array load;        // on the attachments of one beam
+    Array free;        // accelerations of all attachments without constraints, 3 each
+    Array compliance;  // by beam: how its attachments answer to loads on them
+    double power = 0;  // turned into heat [W]
+  };
+
+  int count() const { return static_cast<int>(beams_.size()); }
+  bool damped() const;
+  const Beam& beam(int b) const { return beams_[b]; }
+  void Add(Beam beam);
+  // Returns an index for MotionAt.
+  int Watch(int beam, double at);
+  Work MakeWork() const;
+
+  // Fills the attachments' slots of the six blocks of a state.
+  void Update(double* x, double* y, double* theta, double* vx, double* vy, double* omega,
+              Work* work) const;
+  // Accelerations of the attachments' slots without constraints, and Work::compliance; at the last
+  // Update.
+  void Solve(Load load, Work* work, double* ax, double* ay, double* alpha) const;
+  // Accelerations of all their slots with the constraints' forces; after Solve.
+  void Accelerate(const double* fx, const double* fy, const double* m, Work* work, double* ax,
+                  double* ay, double* alpha) const;
+  // Takes M^-1 T^T (fx, fy, m) away from the coordinates in three blocks of a state; after Solve.
+  void Respond(const double* fx, const double* fy, const double* m, Work* work, double* x,
+               double* y, double* theta) const;
+
+  // After Update. Attached bodies and the centre's motion are the slots' own.
+  double KineticAboutCentres(Work* work) const;  // [J]
+  double AngularMomentum(Work* work) const;      // each about its centre [kg m^2/s]
+  double Bending(const Work& work) const;        // [J]
+  double OfStrings(const Work& work) const;      // [J]
+
+  // At a state of `n` slots.
+  KirchhoffRod::Frame MotionAt(int watched, const double* state, int n) const;
+  // Of any place of beam b.
+  KirchhoffRod::Frame FrameAt(int b, const KirchhoffRod::Place& place, const Motion& motion) const;
+
+ private:
+  // Coordinates of a beam from three blocks of a state.
+  static void Gather(const Beam& beam, const double* x, const double* y, const double* theta,
+                     double* q);
+
+  std::vector<Beam> beams_;
+  std::vector<Watched> watched_;
+  std::vector<int> compliance_at_, free_at_;
+  int compliance_size_ = 0, free_size_ = 0;
+};
+
+}  // namespace unfurl::sim

@@ -1,0 +1,13 @@
+#pragma once
+
+#include "sim/methods/simulate.h"
+#include "sim/model/model.h"
+
+namespace unfurl::sim {
+
+// What `auto` stands for: `implicit` where beams are stiff by damping or stretching and the
+// tolerance is one that a third order meets cheaply, else `projected`;
+// docs/decisions/012-implicit.md. Other methods stand for themselves.
+Method ChooseMethod(const SimulateOptions& options, const Model& model);
+
+}  // namespace unfurl::sim

@@ -1,0 +1,376 @@
+#include "sim/methods/integration.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include "base/progress.h"
+#include "sim/dynamics/flush_denormals.h"
+#include "sim/dynamics/observables.h"
+#include "sim/implicit/rosenbrock.h"
+#include "sim/methods/choose_method.h"
+#include "sim/methods/dormand_prince.h"
+#include "sim/methods/dormand_prince8.h"
+#include "sim/methods/partitioned.h"
+#include "sim/methods/runge_kutta_43.h"
+
+namespace unfurl::sim {
+namespace {
+
+// Controller of Hairer, Norsett and Wanner (Solving ODEs I, II.4), with memory against the
+// oscillation of steps that stability limits.
+constexpr double kSafety = 0.9, kMemory = 0.2;  // memory times the order
+constexpr double kMostGrowth = 5.0, kMostShrink = 0.2;
+constexpr double kFirstStep = 1e-6;       // [s]; grows fivefold per step from there
+constexpr double kFunctionsAhead = 1e-9;  // [s]; where a function of time is looked for that fails
+constexpr double kSmallestStep = 1e-15;   // relative to the time reached, or to 1 s
+constexpr double kSingularPivot = 1e-12;
+// Where the smallest pivot has fallen to this part of the largest that it has been, constraints are
+// near to depending on one another (it goes with the square of the distance), and the drift of an
+// explicit step in absolute coordinates comes back magnified.
+constexpr double kNearPivot = 0.1;
+constexpr double kFarAgain = 1.5;    // times that: far enough
+constexpr double kLeapShrink = 0.1;  // of the steps before: they have shrunk
+constexpr double kLeapError = 1e5;   // over the error allowed: taken all the same
+constexpr double kLeapGrowth = 1.3;
+constexpr int kMostLeaps = 6;       // of growing length
+constexpr double kForget = 0.97;    // a step, of the longest one
+constexpr double kZonePart = 0.25;  // of a contact's transition zone, per step on the way out
+// Steps between looks at Ctrl-C, pivots and progress: at most so many, and fewer where steps are
+// long, so that a look comes every tenth of a second or so.
+constexpr int kPollSteps = 512, kPollSlots = 100'000;
+constexpr int kStabilitySteps = 8;     // between looks at stability
+constexpr double kStabilityUse = 0.7;  // from here on stability is what limits the step
+
+// From here on the pair of order 8 costs less (docs/accuracy.md).
+constexpr double kTightTolerance = 1e-7;
+// And from here up that of order 4: its steps reach twice as far where undamped beams limit them,
+// and contacts stay right at tolerances where Dormand-Prince's begin to chatter.
+constexpr double kLooseTolerance = 3e-4;
+
+std::unique_ptr<Stepper> MakeStepper(const SimulateOptions& options, Dynamics& dynamics,
+                                     const ErrorScale& scale) {
+  const Method method = ChooseMethod(options, dynamics.model());
+  if (method == Method::kPartitioned) {
+    return std::make_unique<Partitioned>(dynamics, scale);
+  }
+  if (method == Method::kImplicit) {
+    return std::make_unique<Rosenbrock>(dynamics, scale, Ros34Pw2());
+  }
+  const bool fourth = options.order == 0 ? options.rtol >= kLooseTolerance : options.order == 4;
+  if (fourth) return std::make_unique<RungeKutta43>(dynamics, scale);
+  const bool eighth = options.order == 0 ? options.rtol <= kTightTolerance : options.order == 8;
+  if (eighth) return std::make_unique<DormandPrince8>(dynamics, scale);
+  return std::make_unique<DormandPrince>(dynamics, scale);
+}
+
+ErrorScale ScaleOf(const Model& model, const SimulateOptions& o) {
+  ErrorScale scale;
+  scale.rtol = o.rtol;
+  scale.length = o.length > 0.0 ? o.length : model.length_scale;
+  scale.angle = 1.0;
+  scale.speed = scale.length / o.time;
+  scale.spin = 1.0 / o.time;
+  if (o.track_energy) {
+    std::vector<double> start = model.initial_state;
+    const Balance b = Dynamics(model).BalanceAt(0.0, start.data());
+    scale.energy =
+        b.Stored() - b.gravity - b.table + std::fabs(b.table);  // gravity's zero is anywhere
+  }
+  return scale;
+}
+
+}  // namespace
+
+Integration::Integration(const Model& model, const SimulateOptions& options, Observer* observer)
+    : model_(model),
+      options_(options),
+      observer_(observer),
+      dynamics_(model),
+      scale_(ScaleOf(model, options)),
+      far_(MakeStepper(options, dynamics_, scale_)),
+      stepper_(far_.get()),
+      finder_(model),
+      log_(model.latches.count()),
+      forces_(model),
+      pin_force_(model.joints.size(), 0.0),
+      poll_steps_(std::clamp(kPollSlots / model.slots.count, 1, kPollSteps)),
+      sample_(model.index.size(), 0.0),
+      end_(options.duration > 0.0 ? options.duration : model.duration),
+      last_error_(1e-4),
+      zone_part_(kZonePart * std::min(2.0, std::pow(options.rtol / 1e-6, 0.2))) {
+  dynamics_.track_energy = options.track_energy;
+  // Smooth beams are not known to the partitioned method.
+  loops_ = model.constraints.HasLoops() && model.kirchhoff.count() == 0;
+  if (loops_ && options.method != Method::kPartitioned) {
+    near_ = std::make_unique<Partitioned>(dynamics_, scale_);
+    start_.assign(sample_.size(), 0.0);
+  }
+  report_.peak_moment.assign(model.latches.count(), 0.0);
+  report_.peak_time.assign(model.latches.count(), 0.0);
+  report_.peak_pin_force.assign(model.joints.size(), 0.0);
+  report_.peak_pin_time.assign(model.joints.size(), 0.0);
+  report_.worst_slots.assign(model.slots.count, 0);
+  if (options.profile) dynamics_.profile = &report_.part_seconds;
+}
+
+SimulateReport Integration::Go() {
+  const FlushDenormals flush;
+  const auto begin = std::chrono::steady_clock::now();
+  stepper_->Start(0.0, model_.initial_state);
+  if (options_.track_forces) ReadPinForces();
+  WatchPeaks();
+  if (RemoveDrift(t_, stepper_->state())) stepper_->Refresh();
+  std::copy_n(stepper_->state(), sample_.size(), sample_.begin());
+  Hand(0.0);
+  double h = std::min(kFirstStep, options_.max_step);
+  while (t_ < end_ && report_.status == SimulateStatus::kGood && !stopped_) {
+    const bool last = t_ + h >= end_ * (1.0 - 1e-15);
+    if (last) {
+      h = end_ - t_;
+      limit_ = StepLimit::kEnd;
+    }
+    const double error = stepper_->Try(h);
+    if (!(error <= 1.0) && !(leap_ && error <= kLeapError)) {
+      ++report_.rejected;
+      Shrink(error, &h);
+      Leap(&h);
+      continue;
+    }
+    leap_ = false;
+    leaps_ = 0;
+    longest_ = std::max(h, kForget * longest_);
+    if (report_.steps % kStabilitySteps == 0) {
+      stable_ = stepper_->StabilityUse() < kStabilityUse;
+    }
+    Advance(h, last);
+    ++report_.limited[static_cast<int>(limit_)];
+    NextStep(error, &h);
+    if (loops_) SwitchNearDependence();
+    if (++report_.steps % poll_steps_ == 0) Poll();
+  }
+  report_.t_end = t_;
+  report_.method = far_->Description();
+  report_.evaluations = far_->evaluations() + (near_ ? near_->evaluations() : 0);
+  report_.repartitions = far_->repartitions() + (near_ ? near_->repartitions() : 0);
+  report_.events = log_.Kept(&report_.events_left_out);
+  report_.event_counts = log_.counts();
+  report_.latch_counts = log_.latches();
+  report_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return std::move(report_);
+}
+
+// Near a state where constraints depend on one another steps are taken by method partitioned, which
+// meets them at every stage.
+void Integration::SwitchNearDependence() {
+  const double pivot = dynamics_.SmallestPivot(nullptr);
+  largest_pivot_ = std::max(largest_pivot_, pivot);
+  if (is_near_ ? pivot < kFarAgain * kNearPivot * largest_pivot_
+               : pivot >= kNearPivot * largest_pivot_) {
+    return;
+  }
+  is_near_ = !is_near_;
+  if (is_near_) ++report_.near_dependence;
+  if (near_ == nullptr) return;  // partitioned anyway
+  std::copy_n(stepper_->state(), sample_.size(), start_.begin());
+  stepper_ = is_near_ ? near_.get() : far_.get();
+  stepper_->Start(t_, start_);
+}
+
+// The motion goes smoothly through a state where constraints depend on one another; what its
+// neighbourhood spoils is the estimate of the error, and the shorter the steps the nearer they
+// come. So where steps have shrunk there, one of the length that was good before is taken across.
+void Integration::Leap(double* h) {
+  if (!is_near_ || *h > kLeapShrink * longest_ || leaps_ >= kMostLeaps) {
+    leap_ = false;
+    return;
+  }
+  leap_ = true;
+  ++leaps_;
+  *h = std::min(longest_ * std::pow(kLeapGrowth, leaps_ - 1), end_ - t_);
+}
+
+void Integration::NextStep(double error, double* h) {
+  const int order = stepper_->ErrorOrder();
+  const double exponent = (1.0 - 0.75 * kMemory) / order, memory = kMemory / order;
+  const double wanted =
+      std::pow(std::max(error, 1e-10), exponent) / std::pow(last_error_, memory) / kSafety;
+  const double factor = std::clamp(wanted, 1.0 / kMostGrowth, 1.0 / kMostShrink);
+  last_error_ = std::max(error, 1e-4);
+  limit_ = factor > wanted ? StepLimit::kGrowth
+           : stable_       ? StepLimit::kError
+                           : StepLimit::kStability;
+  *h /= factor;
+  const double contact = ContactStep();
+  if (contact < *h) {
+    *h = contact;
+    limit_ = StepLimit::kContactExit;
+  }
+  if (options_.max_step < *h) {
+    *h = options_.max_step;
+    limit_ = StepLimit::kMaxStep;
+  }
+}
+
+void Integration::Shrink(double error, double* h) {
+  const double factor =
+      std::isfinite(error)
+          ? std::max(kMostShrink, kSafety * std::pow(error, -1.0 / stepper_->ErrorOrder()))
+          : 0.1;
+  *h *= factor;
+  limit_ = stable_ ? StepLimit::kError : StepLimit::kStability;
+  if (*h > kSmallestStep * std::max(t_, 1.0) || FailIfDependent()) return;
+  std::string cause;
+  for (const double ahead : {0.0, 10.0 * *h, kFunctionsAhead}) {
+    if (cause.empty()) cause = model_.FaultyFunctions(t_ + ahead);
+  }
+  if (!cause.empty()) cause = "; not finite near here: " + cause;
+  Fail(std::isfinite(error) ? SimulateStatus::kStepTooSmall : SimulateStatus::kNotFinite,
+       fmt::format("the step shrank to {:.1e} s, worst at {}{}", *h,
+                   NameOfSlot(model_, stepper_->WorstSlot()), cause));
+}
+
+void Integration::Fail(SimulateStatus status, const std::string& what) {
+  report_.status = status;
+  report_.message = fmt::format("{}, at t = {:.9g} s", what, t_);
+}
+
+bool Integration::FailIfDependent() {
+  std::string where;
+  if (!(dynamics_.SmallestPivot(&where) < kSingularPivot)) return false;
+  Fail(SimulateStatus::kSingular, fmt::format("the constraints became dependent at '{}'", where));
+  return true;
+}
+
+void Integration::Advance(double h, bool last) {
+  if (options_.track_forces) ReadPinForces();
+  const bool at_trial = stepper_->EndsAtTrial();
+  if (at_trial && RemoveDrift(t_ + h, stepper_->trial())) stepper_->RefreshTrial();
+  double sigma = 1.0;
+  const bool event = !finder_.empty() && finder_.FindFirst(*stepper_, dynamics_.modes(), &sigma);
+  const double t_new = event ? t_ + sigma * h : last ? end_ : t_ + h;
+  SampleStep(h, t_new);
+  t_ = t_new;
+  if (!event) {
+    stepper_->Accept(t_);
+    if (!at_trial && RemoveDrift(t_, stepper_->state())) stepper_->Refresh();
+    finder_.Follow(stepper_->state());
+    WatchPeaks();
+    return;
+  }
+  limit_ = StepLimit::kEvent;
+  stepper_->AcceptUntil(sigma, t_);
+  HandleEvents();
+  stepper_->Refresh();
+  if (RemoveDrift(t_, stepper_->state())) stepper_->Refresh();
+}
+
+void Integration::HandleEvents() {
+  found_.clear();
+  const int ending = finder_.Apply(stepper_->state(), t_, &dynamics_.modes(), &found_);
+  for (const Event& event : found_) {
+    log_.Add(event);
+    if (observer_ != nullptr) observer_->OnEvent(event);
+  }
+  if (ending >= 0) {
+    stopped_ = true;
+    report_.stopped_by = model_.watches.at(ending).name;
+  }
+}
+
+// Brings the constraints back where they have drifted too far, with the factor of the last right
+// side, which was at `y`. True when `y` was changed.
+bool Integration::RemoveDrift(double t, double* y) {
+  if (model_.constraints.count() == 0) return false;
+  const double length = options_.rtol * scale_.length, speed = options_.rtol * scale_.speed;
+  const double position = dynamics_.PositionDrift(t, y);
+  const double velocity = dynamics_.VelocityDrift(t, y);
+  report_.largest_position_drift = std::max(report_.largest_position_drift, position);
+  report_.largest_velocity_drift = std::max(report_.largest_velocity_drift, velocity);
+  const double part = options_.drift_fraction / stepper_->Strictness();
+  if (position <= part * length && velocity <= part * speed) return false;
+  dynamics_.Project(t, y);
+  ++report_.projections;
+  return true;
+}
+
+// The longest step that does not leap over the end of a contact. Where f is held at zero nothing
+// slows the steps down, and yet f comes back for an instant in the transition zone
+// (delta < epsilon), between two stages of a long step.
+double Integration::ContactStep() const {
+  double longest = HUGE_VAL;
+  for (int k = 0; k < model_.latches.count(); ++k) {
+    const LatchMode mode = dynamics_.modes()[k];
+    if (!(mode.upper_contact | mode.lower_contact)) continue;
+    const Hinge& hinge = model_.latches.hinge(k);
+    const Latches::Law& law = model_.latches.law(k);
+    const double* y = stepper_->state();
+    const StateIndex& i = model_.index;
+    const double theta =
+        hinge.sign * (y[i.theta(hinge.outer)] - y[i.theta(hinge.inner)] - hinge.zero);
+    const double rate = hinge.sign * (y[i.omega(hinge.outer)] - y[i.omega(hinge.inner)]);
+    for (const bool upper : {true, false}) {
+      if (!(upper ? mode.upper_contact : mode.lower_contact)) continue;
+      const double depth = law.lever * (upper ? theta - law.theta_a : -theta - law.theta_b);
+      const double leaving = law.lever * (upper ? -rate : rate);
+      if (leaving <= 0.0 || depth <= 0.0) continue;
+      const double above = depth - law.epsilon, part = zone_part_ * law.epsilon;
+      longest = std::min(longest, std::max(above, part) / leaving);
+    }
+  }
+  return longest;
+}
+
+void Integration::SampleStep(double h, double t_new) {
+  for (;;) {
+    const double t = static_cast<double>(report_.samples) / options_.rate;
+    if (t > std::min(t_new, end_ * (1.0 + 1e-12))) return;
+    stepper_->Dense(std::clamp((t - t_) / h, 0.0, 1.0), sample_.data());
+    Hand(t);
+  }
+}
+
+void Integration::Hand(double t) {
+  if (observer_ != nullptr) observer_->OnSample(t, sample_.data(), dynamics_.modes());
+  ++report_.samples;
+}
+
+// Of the last right side, which was at the step's end or near it; who looks at the drift loses it.
+void Integration::ReadPinForces() {
+  const Motion motion = dynamics_.LastMotion();
+  for (std::size_t j = 0; j < pin_force_.size(); ++j) {
+    const JointForces::Force force =
+        forces_.Of(static_cast<int>(j), motion, dynamics_.JointMultipliers());
+    pin_force_[j] = std::hypot(force.fx, force.fy);
+  }
+}
+
+void Integration::WatchPeaks() {
+  for (std::size_t j = 0; j < pin_force_.size(); ++j) {
+    if (!(pin_force_[j] > report_.peak_pin_force[j])) continue;
+    report_.peak_pin_force[j] = pin_force_[j];
+    report_.peak_pin_time[j] = t_;
+  }
+  for (int k = 0; k < model_.latches.count(); ++k) {
+    const LatchMode& mode = dynamics_.modes()[k];
+    if (!(mode.upper_contact | mode.lower_contact)) continue;
+    const double moment = std::fabs(LatchMoment(model_, k, stepper_->state(), mode));
+    if (moment > report_.peak_moment[k]) {
+      report_.peak_moment[k] = moment;
+      report_.peak_time[k] = t_;
+    }
+  }
+}
+
+void Integration::Poll() {
+  ++report_.worst_slots[stepper_->WorstSlot()];
+  if (observer_ != nullptr) observer_->OnProgress(t_ / end_);
+  ThrowIfInterrupted();
+  if (report_.steps >= options_.max_steps) {
+    Fail(SimulateStatus::kTooManySteps, fmt::format("{} steps taken", report_.steps));
+  }
+}
+
+}  // namespace unfurl::sim

@@ -1,0 +1,69 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "sim/effects/joint_forces.h"
+#include "sim/methods/event_log.h"
+#include "sim/methods/simulate.h"
+#include "sim/methods/stepper.h"
+
+namespace unfurl::sim {
+
+// One run of a model: step control, drift, events, samples. Used once.
+class Integration {
+ public:
+  Integration(const Model& model, const SimulateOptions& options, Observer* observer);
+  SimulateReport Go();
+
+ private:
+  void Shrink(double error, double* h);
+  void Fail(SimulateStatus status, const std::string& what);
+  bool FailIfDependent();
+  // The tried step is good: sample it, and accept it, up to the first event in it.
+  void Advance(double h, bool last);
+  void HandleEvents();
+  void SwitchNearDependence();
+  void Leap(double* h);
+  void NextStep(double error, double* h);
+  bool RemoveDrift(double t, double* y);
+  double ContactStep() const;
+  void SampleStep(double h, double t_new);
+  void Hand(double t);
+  void ReadPinForces();
+  void WatchPeaks();
+  void Poll();
+
+  const Model& model_;
+  const SimulateOptions& options_;
+  Observer* observer_;
+  Dynamics dynamics_;
+  ErrorScale scale_;
+  std::unique_ptr<Stepper> far_, near_;  // near_: where constraints nearly depend on one another
+  Stepper* stepper_;                     // the one in use
+  EventFinder finder_;
+  EventLog log_;
+  std::vector<Event> found_;  // of one instant
+  SimulateReport report_;
+  JointForces forces_;
+  std::vector<double> pin_force_;  // at the end of the step just tried, by joint [N]
+  int poll_steps_ = 1;
+  Array sample_;
+  std::vector<double> start_;  // of a stepper that takes over
+  double end_ = 0.0;
+  double last_error_ = 0.0;
+  double zone_part_ = 0.0;
+  bool loops_ = false;          // constraints may come to depend on one another
+  bool is_near_ = false;        // they nearly do
+  double largest_pivot_ = 0.0;  // that the smallest has been
+  double longest_ = 0.0;        // of the last good steps [s]
+  bool leap_ = false;           // the step about to be tried is to cross
+  int leaps_ = 0;
+  double t_ = 0.0;
+  StepLimit limit_ = StepLimit::kGrowth;  // of the step about to be tried
+  bool stable_ = true;                    // as last judged
+  bool stopped_ = false;                  // by a watch
+};
+
+}  // namespace unfurl::sim

@@ -1,0 +1,65 @@
+#include "sim/methods/runge_kutta_43.h"
+
+#include <utility>
+
+namespace unfurl::sim {
+namespace {
+
+// The embedded weights put the rate at the trial state in the place of the fourth stage, whose
+// weight this is. Any smaller part would keep order three too, and the tolerance less well.
+constexpr double kMoved = 1.0 / 6.0;
+
+}  // namespace
+
+RungeKutta43::RungeKutta43(Dynamics& dynamics, const ErrorScale& scale) : Stepper(dynamics, scale) {
+  for (Array& k : k_) k.assign(size_, 0.0);
+}
+
+void RungeKutta43::Refresh() {
+  dynamics_.RightSide(t_, y_.data(), k_[0].data());
+  ++evaluations_;
+}
+
+double RungeKutta43::Try(double h) {
+  const int size = size_;
+  const double* __restrict y = y_.data();
+  const double* __restrict k1 = k_[0].data();
+  const double* __restrict k2 = k_[1].data();
+  const double* __restrict k3 = k_[2].data();
+  const double* __restrict k4 = k_[3].data();
+  double* __restrict s = stage_.data();
+  double* __restrict out = trial_.data();
+  h_ = h;
+#pragma GCC ivdep
+  for (int i = 0; i < size; ++i) s[i] = y[i] + 0.5 * h * k1[i];
+  dynamics_.RightSide(t_ + 0.5 * h, s, k_[1].data());
+#pragma GCC ivdep
+  for (int i = 0; i < size; ++i) s[i] = y[i] + 0.5 * h * k2[i];
+  dynamics_.RightSide(t_ + 0.5 * h, s, k_[2].data());
+#pragma GCC ivdep
+  for (int i = 0; i < size; ++i) s[i] = y[i] + h * k3[i];
+  dynamics_.RightSide(t_ + h, s, k_[3].data());
+#pragma GCC ivdep
+  for (int i = 0; i < size; ++i) {
+    out[i] = y[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+  }
+  dynamics_.RightSide(t_ + h, out, k_[4].data());
+  evaluations_ += 4;
+  const double* __restrict k5 = k_[4].data();
+  return Norm(y, out, [=](int i) { return h * kMoved * (k5[i] - k4[i]); });
+}
+
+double RungeKutta43::ErrorOf(int i) const { return h_ * kMoved * (k_[4][i] - k_[3][i]); }
+
+void RungeKutta43::Accept(double t) {
+  t_ = t;
+  std::swap(y_, trial_);
+  std::swap(k_[0], k_[4]);
+}
+
+DensePolynomial RungeKutta43::Polynomial(int i) {
+  const double d = trial_[i] - y_[i], a = h_ * k_[0][i], b = h_ * k_[4][i];
+  return {{y_[i], a, 3.0 * d - 2.0 * a - b, a + b - 2.0 * d}, 4};
+}
+
+}  // namespace unfurl::sim

@@ -1,0 +1,158 @@
+#include "sim/methods/simulate.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.h"
+#include "base/text.h"
+#include "sim/dynamics/observables.h"
+#include "sim/implicit/rosenbrock.h"
+#include "sim/methods/integration.h"
+
+namespace unfurl::sim {
+namespace {
+
+class MarkCollector : public Observer {
+ public:
+  MarkCollector(const Model& model, MarkTracks* tracks, std::size_t samples)
+      : model_(model), tracks_(tracks) {
+    const std::size_t marks = model.marks.size();
+    for (auto* columns : {&tracks->x, &tracks->y, &tracks->vx, &tracks->vy}) {
+      columns->resize(marks);
+      for (auto& column : *columns) column.reserve(samples);
+    }
+    tracks->t.reserve(samples);
+  }
+  void OnSample(double t, double* state, const std::vector<LatchMode>&) override {
+    tracks_->t.push_back(t);
+    for (std::size_t m = 0; m < model_.marks.size(); ++m) {
+      const PointMotion p = MotionOf(model_, model_.marks[m].point, state);
+      tracks_->x[m].push_back(p.x);
+      tracks_->y[m].push_back(p.y);
+      tracks_->vx[m].push_back(p.vx);
+      tracks_->vy[m].push_back(p.vy);
+    }
+  }
+
+ private:
+  const Model& model_;
+  MarkTracks* tracks_;
+};
+
+[[noreturn]] void BadOption(const char* field, const std::string& what, const char* remedy) {
+  throw Error(what, fmt::format("option {}", field), remedy);
+}
+
+}  // namespace
+
+void SimulateOptions::Check() const {
+  const auto positive = [](double v) { return v > 0.0 && std::isfinite(v); };
+  if (!(duration >= 0.0) || duration > 1e7) {
+    BadOption("duration", fmt::format("{} s is not a duration", duration), "use 0 to 1e7 s");
+  }
+  if (!positive(rate) || rate > 1e7) {
+    BadOption("rate", fmt::format("{} is not a sampling rate", rate), "use up to 1e7 per second");
+  }
+  if (!(rtol >= 1e-13 && rtol <= 1e-2)) {
+    BadOption("rtol", fmt::format("a tolerance of {} cannot be kept", rtol), "use 1e-13 to 1e-2");
+  }
+  if (!(length >= 0.0) || !std::isfinite(length)) {
+    BadOption("length", fmt::format("{} is not a length", length), "use a positive number");
+  }
+  if (!positive(time)) BadOption("time", fmt::format("{} is not a time", time), "use 1");
+  if (!positive(max_step)) {
+    BadOption("max_step", fmt::format("{} is not a step", max_step), "use a positive number");
+  }
+  if (max_steps <= 0) BadOption("max_steps", "no steps allowed", "use a positive number");
+  if (order != 0 && order != 4 && order != 5 && order != 8) {
+    BadOption("order", fmt::format("there is no pair of order {}", order), "use 4, 5, 8, or 0");
+  }
+  if (!positive(drift_fraction)) {
+    BadOption("drift_fraction", fmt::format("{} is not a fraction", drift_fraction), "use 0.1");
+  }
+}
+
+const char* MethodName(Method method) {
+  switch (method) {
+    case Method::kProjected:
+      return "projected";
+    case Method::kPartitioned:
+      return "partitioned";
+    case Method::kImplicit:
+      return "implicit";
+    default:
+      return "auto";
+  }
+}
+
+Method MethodOf(const std::string& name) {
+  constexpr Method kAll[] = {Method::kAuto, Method::kProjected, Method::kPartitioned,
+                             Method::kImplicit};
+  std::vector<std::string> known;
+  for (const Method method : kAll) {
+    if (name == MethodName(method)) return method;
+    known.push_back(MethodName(method));
+  }
+  const std::string nearest = NearestName(name, known);
+  throw Error(fmt::format("there is no method \"{}\"", name), "option method",
+              nearest.empty() ? "use " + JoinWords(known) : "did you mean \"" + nearest + "\"?");
+}
+
+const char* StatusName(SimulateStatus status) {
+  switch (status) {
+    case SimulateStatus::kGood:
+      return "good";
+    case SimulateStatus::kStepTooSmall:
+      return "step too small";
+    case SimulateStatus::kNotFinite:
+      return "not finite";
+    case SimulateStatus::kSingular:
+      return "dependent constraints";
+    default:
+      return "too many steps";
+  }
+}
+
+const char* LimitName(StepLimit limit) {
+  switch (limit) {
+    case StepLimit::kError:
+      return "error";
+    case StepLimit::kStability:
+      return "stability";
+    case StepLimit::kGrowth:
+      return "growth";
+    case StepLimit::kMaxStep:
+      return "max_step";
+    case StepLimit::kContactExit:
+      return "contact exit";
+    case StepLimit::kEvent:
+      return "event";
+    default:
+      return "end";
+  }
+}
+
+SimulateReport Simulate(const Model& model, const SimulateOptions& options, Observer* observer) {
+  options.Check();
+  const bool explicit_method =
+      options.method == Method::kAuto || options.method == Method::kProjected;
+  if (model.kirchhoff.count() > 0 && !explicit_method) {
+    throw Error(fmt::format("the method {} does not know smooth beams", MethodName(options.method)),
+                "option method", "use \"projected\", or model = \"segments\" for every beam");
+  }
+  return Integration(model, options, observer).Go();
+}
+
+MarkTracks SimulateMarks(const Model& model, SimulateOptions options) {
+  options.Check();
+  options.track_energy = options.track_forces = false;
+  MarkTracks tracks;
+  const double duration = options.duration > 0.0 ? options.duration : model.duration;
+  MarkCollector collector(model, &tracks, static_cast<std::size_t>(duration * options.rate) + 2);
+  tracks.report = Simulate(model, options, &collector);
+  return tracks;
+}
+
+}  // namespace unfurl::sim

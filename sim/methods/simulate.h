@@ -1,0 +1,109 @@
+#pragma once
+
+#include <array>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "sim/dynamics/dynamics.h"
+#include "sim/methods/event_log.h"
+#include "sim/methods/events.h"
+#include "sim/model/model.h"
+
+namespace unfurl::sim {
+
+// How the constraints are kept and the steps are taken; docs/physics-simulator.md, "Methods".
+enum class Method { kAuto, kProjected, kPartitioned, kImplicit };
+const char* MethodName(Method method);  // "auto", "projected", ...
+// Throws Error naming the nearest one.
+Method MethodOf(const std::string& name);
+
+struct SimulateOptions {
+  Method method = Method::kAuto;
+  double duration = 0.0;  // [s]; 0: the scene's
+  double rate = 1000.0;   // samples per second, by dense output; steps do not depend on it [1/s]
+  // Error allowed per step, relative to the scales below; in [1e-13, 1e-2].
+  double rtol = 1e-6;
+  // Of the explicit pair: 4, 5 or 8; 0: 4 where rtol is loose, 8 where it is tight
+  // (docs/accuracy.md).
+  int order = 0;
+  double length = 0.0;     // scale of positions; 0: the longest beam [m]
+  double time = 1.0;       // velocities: length / time, plus what they are [s]
+  double max_step = 0.01;  // [s]
+  long max_steps = 500'000'000;
+  // Constraints are brought back when they have drifted by more than this part of rtol * length
+  // (positions) or rtol * length / time (velocities).
+  double drift_fraction = 0.1;
+  bool track_energy = true;  // integrate what contacts and beams dissipate
+  bool track_forces = true;  // watch the pins' forces for their peaks (costs one percent)
+  bool profile = false;      // measure the share of each part
+
+  // Throws Error naming the field.
+  void Check() const;
+};
+
+// What a simulation hands out while it runs. States are in the layout of StateIndex and may be
+// written to (stations are filled in); they are gone after the call.
+class Observer {
+ public:
+  virtual ~Observer() = default;
+  virtual void OnSample(double /*t*/, double* /*state*/, const std::vector<LatchMode>& /*modes*/) {}
+  virtual void OnEvent(const Event& /*event*/) {}
+  // Now and then; may throw Interrupted.
+  virtual void OnProgress(double /*fraction*/) {}
+};
+
+enum class SimulateStatus { kGood, kStepTooSmall, kNotFinite, kSingular, kTooManySteps };
+const char* StatusName(SimulateStatus status);
+
+// What kept a step from being longer: the error allowed; the edge of stability (judged by the
+// difference of two stages at the step's end, on every eighth step); growth from a smaller one, at
+// most fivefold; options.max_step; the way out of a contact; an event in it; the end of the run.
+// Samples never do.
+enum class StepLimit { kError, kStability, kGrowth, kMaxStep, kContactExit, kEvent, kEnd };
+inline constexpr int kStepLimits = 7;
+const char* LimitName(StepLimit limit);
+
+struct SimulateReport {
+  SimulateStatus status = SimulateStatus::kGood;
+  std::string message;     // what happened, where and when, if not good
+  double t_end = 0.0;      // reached [s]
+  std::string method;      // what was used, in words
+  std::string stopped_by;  // the watch that ended the run, if one did
+  // The first and the last of them where there are very many; EventLog.
+  std::vector<Event> events;
+  long events_left_out = 0;
+  std::array<long, kEventKinds> event_counts{};
+  std::vector<EventLog::LatchCount> latch_counts;  // by latch
+  std::array<long, kStepLimits> limited{};         // steps by what limited them
+  long repartitions = 0;     // dependent coordinates chosen anew; method partitioned
+  long near_dependence = 0;  // times that constraints came near to depending on one another
+  long steps = 0, rejected = 0, evaluations = 0, projections = 0, samples = 0;
+  double largest_position_drift = 0.0;  // before it was removed [m]
+  double largest_velocity_drift = 0.0;  // [m/s]
+  std::vector<double> peak_moment;      // of contact, largest magnitude by latch [N m]
+  std::vector<double> peak_time;        // [s]
+  // Force between a joint's sides, the largest at the ends of steps, by joint [N], and when [s].
+  std::vector<double> peak_pin_force, peak_pin_time;
+  std::vector<long> worst_slots;  // where the error weighed most, looked at now and then
+  double seconds = 0.0;           // wall clock
+  std::array<double, Dynamics::kParts> part_seconds{};  // with options.profile
+
+  bool Usable() const { return status == SimulateStatus::kGood; }
+  long Count(EventKind kind) const { return event_counts[static_cast<int>(kind)]; }
+};
+
+// Runs the model from its initial state. Numerical failure is a status, with what was reached kept;
+// bad options throw Error. Uses nothing but its arguments: threads may run models side by side.
+SimulateReport Simulate(const Model& model, const SimulateOptions& options, Observer* observer);
+
+// The marks alone, without any file: positions and velocities on the sampling grid, so that cubic
+// Hermite interpolation gives the tracks at any time.
+struct MarkTracks {
+  std::vector<double> t;                          // n [s]
+  std::vector<std::vector<double>> x, y, vx, vy;  // by mark, n each [m], [m/s]
+  SimulateReport report;
+};
+MarkTracks SimulateMarks(const Model& model, SimulateOptions options);
+
+}  // namespace unfurl::sim

@@ -1,0 +1,88 @@
+#include "sim/methods/stepper.h"
+
+#include <algorithm>
+
+namespace unfurl::sim {
+
+Stepper::Stepper(Dynamics& dynamics, const ErrorScale& scale)
+    : dynamics_(dynamics),
+      scale_(scale),
+      n_(dynamics.model().slots.count),
+      size_(dynamics.model().index.size()),
+      y_(size_, 0.0),
+      trial_(size_, 0.0),
+      stage_(size_, 0.0),
+      position_weight_(n_, 0.0),
+      angle_weight_(n_, 0.0),
+      mask_(n_, 0.0) {
+  int moving = 0;
+  for (int s = 0; s < n_; ++s) {
+    if (!dynamics.model().slots.IsDynamic(s)) continue;
+    position_weight_[s] = 1.0 / (scale.rtol * scale.length);
+    angle_weight_[s] = 1.0 / (scale.rtol * scale.angle);
+    mask_[s] = 1.0;
+    ++moving;
+  }
+  norm_factor_ = 1.0 / (6.0 * std::max(moving, 1));
+}
+
+void Stepper::Start(double t, const std::vector<double>& y) {
+  t_ = t;
+  std::copy(y.begin(), y.end(), y_.begin());
+  Refresh();
+}
+
+void Stepper::AcceptUntil(double sigma, double t) {
+  Dense(sigma, stage_.data());
+  std::swap(y_, stage_);
+  t_ = t;
+}
+
+void Stepper::Dense(double sigma, double* out) {
+  for (int i = 0; i < size_; ++i) out[i] = Polynomial(i)(sigma);
+}
+
+DensePolynomial Stepper::Cubic(int entry, double* margin) const {
+  *margin = 0.0;
+  return const_cast<Stepper*>(this)->Polynomial(entry);
+}
+
+double Stepper::WeightedError(int i) const {
+  const double error = ErrorOf(i);
+  const int block = i / n_, slot = i % n_;
+  if (block < 2) return position_weight_[slot] * error;
+  if (block < 3) return angle_weight_[slot] * error;
+  const double floor = block < 5 ? scale_.speed : scale_.spin;
+  return mask_[slot] * error / (scale_.rtol * (floor + std::fabs(y_[i])));
+}
+
+double Stepper::FastestRate(const double* state_a, const double* rate_a, const double* state_b,
+                            const double* rate_b) const {
+  const Slots& slots = dynamics_.model().slots;
+  double states = 0.0, rates = 0.0;
+  for (int block = 0; block < 3; ++block) {
+    const double* mass = block < 2 ? slots.mass.data() : slots.inertia.data();
+    for (int k = 0; k < n_; ++k) {
+      const int x = block * n_ + k, v = x + 3 * n_;
+      const double dx = state_a[x] - state_b[x], da = rate_a[v] - rate_b[v];
+      states += mass[k] * dx * dx;
+      rates += mass[k] * da * da;
+    }
+  }
+  return states > 0.0 ? std::sqrt(std::sqrt(rates / states)) : 0.0;
+}
+
+int Stepper::WorstSlot() const {
+  int worst = 0;
+  double largest = -1.0;
+  for (int i = 0; i < 6 * n_; ++i) {
+    const double e = std::fabs(WeightedError(i));
+    if (e > largest || (!std::isfinite(e) && std::isfinite(largest))) {
+      largest = e;
+      worst = i % n_;
+    }
+  }
+  return worst;
+}
+
+}  // namespace unfurl::sim

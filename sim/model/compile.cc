@@ -1,0 +1,306 @@
+// The order of work, slots, outputs and the state at the start.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.h"
+#include "base/text.h"
+#include "sim/constraints/redundancy.h"
+#include "sim/dynamics/dynamics.h"
+#include "sim/model/compiler.h"
+#include "sim/model/end_bodies.h"
+
+namespace unfurl::sim {
+namespace {
+
+// A pivot of the Schur complement this small beside its diagonal entry means redundant constraints.
+constexpr double kRedundant = 1e-11;
+
+}  // namespace
+
+using Kind = data::SceneEnd::Kind;
+
+bool OnBeam(const data::SceneEnd& end) {
+  return end.kind != Kind::kGround && end.kind != Kind::kBody;
+}
+double PlaceOn(const data::SceneEnd& end) {
+  return end.kind == Kind::kBeamStart ? 0.0 : end.kind == Kind::kBeamEnd ? 1.0 : end.at;
+}
+const data::SceneEnd& BodySide(const data::SceneWeld& weld) {
+  return IsBeamEnd(weld.inner) ? weld.outer : weld.inner;
+}
+const data::SceneEnd& BeamSide(const data::SceneWeld& weld) {
+  return IsBeamEnd(weld.inner) ? weld.inner : weld.outer;
+}
+
+Compiler::Compiler(const data::Scene& scene)
+    : scene_(WithEndBodies(scene)), merged_(MergeWeldedBodies(scene_)) {}
+
+Model Compiler::Run() {
+  model_.name = scene_.name;
+  model_.duration = scene_.duration;
+  FindBeamWelds();
+  FindAttachments();
+  NumberSlots();
+  MakeLinks();
+  PlaceAll();
+  FillBending();
+  FillSmooth();
+  FillJoints();
+  FillLinearSprings();
+  FillForces();
+  FillFields();
+  FillOutputs();
+  FillState();
+  CheckConstraints();
+  return std::move(model_);
+}
+
+int Compiler::NodeOf(const data::SceneEnd& end) const {
+  if (end.kind == Kind::kGround) return 0;
+  if (end.kind == Kind::kBody) return merged_.of_body[end.index];
+  return NodeOfBeam(end.index);
+}
+
+PlanePose Compiler::InNode(const data::SceneEnd& end) const {
+  switch (end.kind) {
+    case Kind::kGround:
+      return {end.point[0], end.point[1], 0.0};
+    case Kind::kBody:
+      return merged_.body_in[end.index] * PlanePose{end.point[0], end.point[1], 0.0};
+    case Kind::kBeamStart:
+      return {};
+    case Kind::kBeamEnd:
+      return {scene_.beams[end.index].length, 0.0, 0.0};
+    case Kind::kAlongBeam:
+      return {end.at * scene_.beams[end.index].length, 0.0, 0.0};
+  }
+  return {};
+}
+
+Compiler::BeamEnd& Compiler::EndOf(const data::SceneEnd& end) {
+  return beam_ends_[end.index][end.kind == Kind::kBeamStart ? 0 : 1];
+}
+
+data::SceneEnd Compiler::Carrier(const data::SceneEnd& end) {
+  if (IsBeamEnd(end) && EndOf(end).weld != nullptr) return BodySide(*EndOf(end).weld);
+  return end;
+}
+
+double Compiler::SlotAngle(const data::SceneEnd& end) {
+  return start_.node[NodeOf(Carrier(end))].angle;
+}
+
+MovingPoint Compiler::PointOf(const data::SceneEnd& raw, double* angle) {
+  const data::SceneEnd end = Carrier(raw);
+  *angle = 0.0;
+  if (!OnBeam(end)) {
+    const PlanePose in = InNode(end);
+    *angle = in.angle;
+    return {slot_of_composite_[NodeOf(end)], in.x, in.y};
+  }
+  if (IsSmooth(end.index)) return SmoothPoint(end);
+  const data::SceneBeam& beam = scene_.beams[end.index];
+  const double place = PlaceOn(end) * beam.segments;  // in segments
+  const int k = std::clamp(static_cast<int>(std::floor(place)), 0, beam.segments - 1);
+  const double l = beam.length / beam.segments;
+  MovingPoint point{first_segment_[end.index] + k, (place - k - 0.5) * l, 0.0};
+  // On the boundary of two segments: the mean of the places that both give it.
+  if (k > 0 && std::fabs(place - k) < 1e-9) {
+    point.other_slot = point.slot - 1;
+    point.other_px = 0.5 * l;
+  }
+  return point;
+}
+
+void Compiler::FindBeamWelds() {
+  beam_ends_.resize(scene_.beams.size());
+  for (const data::SceneWeld& weld : scene_.welds) {
+    if (JoinsBodies(weld)) continue;
+    if (IsBeamEnd(weld.inner) && IsBeamEnd(weld.outer)) continue;  // two smooth beams
+    BeamEnd& end = EndOf(BeamSide(weld));
+    if (end.weld != nullptr) {
+      throw Error(fmt::format("weld '{}' holds a beam's end that weld '{}' already holds",
+                              weld.name, end.weld->name),
+                  weld.where, "weld the second body to the first");
+    }
+    end.weld = &weld;
+  }
+}
+
+void Compiler::NumberSlots() {
+  int next = 0;
+  first_segment_.resize(scene_.beams.size());
+  for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
+    if (IsSmooth(static_cast<int>(b))) continue;
+    if (beam_ends_[b][0].weld != nullptr) beam_ends_[b][0].station = next++;
+    first_segment_[b] = next;
+    next += scene_.beams[b].segments;
+    if (beam_ends_[b][1].weld != nullptr) beam_ends_[b][1].station = next++;
+  }
+  Slots& slots = model_.slots;
+  slots.beam_count = PaddedSize(next);
+  next = slots.beam_count;
+  slot_of_composite_.assign(merged_.list.size(), -1);
+  for (std::size_t c = 1; c < merged_.list.size(); ++c) slot_of_composite_[c] = next++;
+  next = NumberSmoothSlots(next);
+  slots.ground = next++;
+  slot_of_composite_[0] = slots.ground;
+  slots.count = PaddedSize(next);
+  model_.index.n = slots.count;
+  slots.mass = slots.inertia = Array(slots.count, 0.0);
+  for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
+    const data::SceneBeam& beam = scene_.beams[b];
+    if (IsSmooth(static_cast<int>(b))) {
+      slots.mass[first_segment_[b]] = beam.mass;  // its turning is the beam's own
+      continue;
+    }
+    const double l = beam.length / beam.segments, m = beam.mass / beam.segments;
+    for (int k = 0; k < beam.segments; ++k) {
+      slots.mass[first_segment_[b] + k] = SegmentMass(beam, k);
+      slots.inertia[first_segment_[b] + k] = m * l * l / 12.0;
+    }
+  }
+  for (std::size_t c = 1; c < merged_.list.size(); ++c) {
+    slots.mass[slot_of_composite_[c]] = merged_.list[c].mass;
+    slots.inertia[slot_of_composite_[c]] = merged_.list[c].inertia;
+  }
+  slots.inverse_mass = slots.inverse_inertia = Array(slots.count, 0.0);
+  for (int k = 0; k < slots.count; ++k) {
+    if (slots.mass[k] > 0.0) slots.inverse_mass[k] = 1.0 / slots.mass[k];
+    if (slots.inertia[k] > 0.0) slots.inverse_inertia[k] = 1.0 / slots.inertia[k];
+  }
+  for (const std::vector<int>& attached : slots.attached) {
+    for (const int slot : attached) slots.inverse_mass[slot] = slots.inverse_inertia[slot] = 0.0;
+  }
+}
+
+void Compiler::FillOutputs() {
+  for (std::size_t b = 0; b < scene_.bodies.size(); ++b) {
+    const PlanePose& in = merged_.body_in[b];
+    if (scene_.bodies[b].implied) continue;
+    model_.bodies.push_back(
+        {scene_.bodies[b].name, {slot_of_composite_[merged_.of_body[b]], in.x, in.y}, in.angle});
+  }
+  for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
+    const data::SceneBeam& beam = scene_.beams[b];
+    if (IsSmooth(static_cast<int>(b))) {
+      model_.beams.push_back({beam.name, first_segment_[b], 1, beam.length, smooth_[b].index});
+    } else {
+      model_.beams.push_back(
+          {beam.name, first_segment_[b], beam.segments, beam.length / beam.segments});
+      for (int k = 0; k < 2; ++k) {
+        const BeamEnd& end = beam_ends_[b][k];
+        if (end.weld != nullptr) model_.beams.back().stations[k] = end.station;
+      }
+    }
+    model_.length_scale = std::max(model_.length_scale, beam.length);
+  }
+  for (const data::SceneMark& mark : scene_.marks) {
+    double angle = 0.0;
+    model_.marks.push_back({mark.name, PointOf(mark.on, &angle)});
+  }
+  if (scene_.beams.empty()) {
+    for (const Link& link : links_) {
+      for (const PlanePose& p : {link.inner_in, link.outer_in}) {
+        model_.length_scale = std::max(model_.length_scale, std::hypot(p.x, p.y));
+      }
+    }
+    if (!(model_.length_scale > 0.0)) model_.length_scale = 1.0;
+  }
+}
+
+void Compiler::FillState() {
+  const StateIndex& index = model_.index;
+  model_.initial_state.assign(index.size(), 0.0);
+  const auto set = [&](int slot, const PlanePose& node, const PlanePose& velocity, double px) {
+    const PlanePose at = node * PlanePose{px, 0.0, 0.0};
+    model_.initial_state[index.x(slot)] = at.x;
+    model_.initial_state[index.y(slot)] = at.y;
+    model_.initial_state[index.theta(slot)] = at.angle;
+    model_.initial_state[index.vx(slot)] = velocity.x - velocity.angle * (at.y - node.y);
+    model_.initial_state[index.vy(slot)] = velocity.y + velocity.angle * (at.x - node.x);
+    model_.initial_state[index.omega(slot)] = velocity.angle;
+  };
+  for (std::size_t c = 1; c < merged_.list.size(); ++c) {
+    set(slot_of_composite_[c], start_.node[c], start_.velocity[c], 0.0);
+  }
+  for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
+    const int node = NodeOfBeam(static_cast<int>(b));
+    const int segments = IsSmooth(static_cast<int>(b)) ? 1 : scene_.beams[b].segments;
+    const double l = scene_.beams[b].length / segments;
+    for (int k = 0; k < segments; ++k) {
+      set(first_segment_[b] + k, start_.node[node], start_.velocity[node], (k + 0.5) * l);
+    }
+  }
+}
+
+// A drive that takes part in a redundancy prescribes what is not free to be prescribed.
+void Compiler::RefuseDrivesThatFight(std::size_t redundant, const std::string& which) const {
+  const Constraints& all = model_.constraints;
+  std::vector<int> drives;
+  std::vector<std::string> names;
+  for (int k = 0; k < all.joints().rows(); ++k) {
+    if (!all.joints().IsDrive(k)) continue;
+    drives.push_back(all.first_joint_row() + k);
+    names.push_back("'" + all.joints().NameOf(k) + "'");
+  }
+  if (drives.empty()) return;
+  Model passive = model_;
+  passive.constraints =
+      Constraints(model_.slots, element_length_, all.joints(), element_names_, drives);
+  if (FindRedundancy(passive).rows.size() == redundant) return;
+  throw Error(fmt::format("the drives of {} fight or repeat what others already hold (found at {})",
+                          JoinWords(names), which),
+              scene_.path, "remove a drive, or a joint that leaves it no freedom");
+}
+
+// Independent constraints have a definite Schur complement; starting velocities are made to fit.
+void Compiler::CheckConstraints() {
+  if (model_.constraints.count() == 0) return;
+  const Redundancy redundancy = FindRedundancy(model_);
+  if (!redundancy.rows.empty()) {
+    std::vector<std::string> names;
+    for (const int row : redundancy.rows) {
+      const std::string name = "'" + model_.constraints.NameOf(row) + "'";
+      if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
+    }
+    const std::string which = JoinWords(names);
+    RefuseDrivesThatFight(redundancy.rows.size(), which);
+    if (redundancy.singular) {
+      throw Error(
+          fmt::format("the constraints depend on one another at the start (found at {})", which),
+          scene_.path, "start a little away from this singular state");
+    }
+    model_.warnings.push_back(fmt::format(
+        "{} of the constraints of {} {} from the others and {} left out; how the joints of the "
+        "loop share its loads is not determined",
+        redundancy.rows.size(), which, redundancy.rows.size() == 1 ? "follows" : "follow",
+        redundancy.rows.size() == 1 ? "is" : "are"));
+    model_.constraints = Constraints(model_.slots, element_length_, model_.constraints.joints(),
+                                     element_names_, redundancy.rows);
+  }
+  Dynamics dynamics(model_);
+  std::vector<double> rate(model_.initial_state.size());
+  dynamics.RightSide(0.0, model_.initial_state.data(), rate.data());
+  std::string name;
+  const double pivot = dynamics.SmallestPivot(&name);
+  if (!(pivot > kRedundant)) {
+    throw Error(
+        fmt::format("the constraints are not independent (found at '{}')", name), scene_.path,
+        model_.constraints.driven()
+            ? "remove a joint, weld or drive that repeats or fights what others already hold"
+            : "remove a joint or weld that repeats what others already hold");
+  }
+  dynamics.Project(0.0, model_.initial_state.data());
+  dynamics.Update(0.0, model_.initial_state.data());
+}
+
+Model Compile(const data::Scene& scene) {
+  Model model = Compiler(scene).Run();
+  model.watches = Watches(scene, model);
+  return model;
+}
+
+}  // namespace unfurl::sim

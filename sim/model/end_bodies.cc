@@ -1,0 +1,137 @@
+#include "sim/model/end_bodies.h"
+
+#include <map>
+#include <set>
+#include <utility>
+
+#include "sim/model/composites.h"
+
+namespace unfurl::sim {
+namespace {
+
+using data::SceneEnd;
+using Kind = SceneEnd::Kind;
+
+constexpr double kMassPart = 0.25;    // of a segment's mass
+constexpr double kInertiaPart = 0.5;  // of a segment's inertia
+
+class EndBodies {
+ public:
+  explicit EndBodies(const data::Scene& scene) : scene_(scene) {
+    for (const data::SceneWeld& weld : scene.welds) {
+      for (const SceneEnd* end : {&weld.inner, &weld.outer}) {
+        const SceneEnd& other = end == &weld.inner ? weld.outer : weld.inner;
+        if (IsBeamEnd(*end) && !IsBeamEnd(other)) welded_.insert(KeyOf(*end));
+      }
+    }
+  }
+
+  data::Scene Run() {
+    const std::size_t welds = scene_.welds.size();  // BodyAt adds to them
+    for (std::size_t w = 0; w < welds; ++w) {
+      SceneEnd inner = scene_.welds[w].inner, outer = scene_.welds[w].outer;
+      if (!IsBeamEnd(inner) || !IsBeamEnd(outer)) continue;
+      // The first beam's end body carries the second beam too, at the weld's angle.
+      if (Segmented(inner)) {
+        inner = BodyAt(inner);
+        if (Segmented(outer)) GiveUpMass(outer, &scene_.bodies[inner.index]);
+      } else if (Segmented(outer)) {
+        outer = BodyAt(outer);
+      }
+      scene_.welds[w].inner = inner;
+      scene_.welds[w].outer = outer;
+    }
+    for (data::SceneJoint& joint : scene_.joints) {
+      if (!CarriesMoment(joint)) continue;
+      for (SceneEnd* end : {&joint.inner, &joint.outer}) {
+        if (IsBeamEnd(*end) && Segmented(*end) && !welded_.contains(KeyOf(*end))) {
+          *end = BodyAt(*end);
+        }
+      }
+    }
+    for (data::SceneForce& force : scene_.forces) {
+      if (force.kind != data::SceneForce::Kind::kTorque || !IsBeamEnd(force.on)) continue;
+      if (Segmented(force.on) && !welded_.contains(KeyOf(force.on))) force.on = BodyAt(force.on);
+    }
+    return std::move(scene_);
+  }
+
+ private:
+  static std::pair<int, bool> KeyOf(const SceneEnd& end) {
+    return {end.index, end.kind == Kind::kBeamStart};
+  }
+  bool Segmented(const SceneEnd& end) const {
+    return scene_.beams[end.index].model == data::BeamModel::kSegments;
+  }
+
+  void GiveUpMass(const SceneEnd& end, data::SceneBody* body) {
+    data::SceneBeam& beam = scene_.beams[end.index];
+    bool& carried = beam.carried_ends[end.kind == Kind::kBeamStart ? 0 : 1];
+    if (carried) return;
+    carried = true;
+    const double l = beam.length / beam.segments, m = beam.mass / beam.segments;
+    body->mass += kMassPart * m;
+    body->inertia += kInertiaPart * m * l * l / 12.0;
+  }
+
+  // The body of a beam's end; made when first asked for.
+  SceneEnd BodyAt(const SceneEnd& end) {
+    const bool start = end.kind == Kind::kBeamStart;
+    SceneEnd at;
+    at.kind = Kind::kBody;
+    if (const auto made = made_.find(KeyOf(end)); made != made_.end()) {
+      at.index = made->second;
+      return at;
+    }
+    const data::SceneBeam& beam = scene_.beams[end.index];
+    data::SceneBody body;
+    body.name = beam.name + (start ? ".start" : ".end");
+    body.implied = true;
+    body.where = beam.where;
+    GiveUpMass(end, &body);
+    at.index = static_cast<int>(scene_.bodies.size());
+    made_[KeyOf(end)] = at.index;
+    scene_.bodies.push_back(body);
+    data::SceneWeld weld;
+    weld.name = body.name;
+    weld.inner = at;
+    weld.outer = end;
+    weld.where = beam.where;
+    scene_.welds.push_back(weld);
+    return at;
+  }
+
+  data::Scene scene_;
+  std::set<std::pair<int, bool>> welded_;     // ends that a body of the scene holds
+  std::map<std::pair<int, bool>, int> made_;  // body by end
+};
+
+}  // namespace
+
+bool CarriesMoment(const data::SceneJoint& joint) {
+  if (joint.kind == data::SceneJoint::Kind::kSlider) return true;
+  if (joint.kind == data::SceneJoint::Kind::kPinInSlot) return false;
+  return joint.spring || joint.damper || joint.table || joint.friction || joint.drive ||
+         joint.motor || joint.latch;
+}
+
+data::Scene WithEndBodies(const data::Scene& scene) { return EndBodies(scene).Run(); }
+
+double SegmentMass(const data::SceneBeam& beam, int k) {
+  const double m = beam.mass / beam.segments;
+  double part = 1.0;
+  for (const bool start : {true, false}) {
+    if (!beam.carried_ends[start ? 0 : 1]) continue;
+    const int from_end = start ? k : beam.segments - 1 - k;
+    if (beam.segments == 1) {
+      part -= kMassPart;
+    } else if (from_end == 0) {
+      part -= 1.5 * kMassPart;
+    } else if (from_end == 1) {
+      part += 0.5 * kMassPart;  // keeps the first moment
+    }
+  }
+  return part * m;
+}
+
+}  // namespace unfurl::sim

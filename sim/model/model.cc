@@ -1,0 +1,55 @@
+#include "sim/model/model.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace unfurl::sim {
+
+std::vector<Model::EffectCount> Model::Effects() const {
+  std::vector<EffectCount> effects;
+  const auto add = [&](const char* effect, int count) {
+    if (count > 0) effects.push_back({effect, count});
+  };
+  add("bodies", DynamicBodies());
+  add("bending elements", bending.count());
+  if (bending.axial()) add("axial elasticity", 1);
+  add("smooth beams", kirchhoff.count());
+  if (bending.damped() || kirchhoff.damped()) add("material damping", 1);
+  add("springs", springs.count());
+  add("dampers", dampers.count());
+  add("moment tables", tables.count());
+  add("friction", frictions.count());
+  add("motors", motors.count());
+  add("linear springs", linear_springs.count());
+  add("forces", forces.count());
+  add("latches", latches.count());
+  add("suspension", suspension.count());
+  add("gravity", gravity.count());
+  add("constraints", constraints.count());
+  return effects;
+}
+
+std::string Model::FaultyFunctions(double t) const {
+  constexpr double kShort = 1e-9;  // [s]
+  std::string names;
+  for (const Function& f : functions) {
+    const data::TimeValue v = f.function.At(t);
+    const bool runs_away = std::fabs(v.rate) * kShort > std::fabs(v.value) && v.value != 0.0;
+    if (f.function.IsFinite(t, f.derivatives) && !runs_away) continue;
+    names += (names.empty() ? "" : ", ") + f.function.Describe();
+  }
+  return names;
+}
+
+int Model::FindMark(const std::string& mark) const {
+  const auto found =
+      std::find_if(marks.begin(), marks.end(), [&](const Mark& m) { return m.name == mark; });
+  return found == marks.end() ? -1 : static_cast<int>(found - marks.begin());
+}
+
+int Model::DynamicBodies() const {
+  return static_cast<int>(
+      std::count_if(slots.mass.begin(), slots.mass.end(), [](double m) { return m > 0.0; }));
+}
+
+}  // namespace unfurl::sim

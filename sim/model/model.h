@@ -1,0 +1,125 @@
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "data/scene.h"
+#include "sim/constraints/constraints.h"
+#include "sim/effects/bending.h"
+#include "sim/effects/dampers.h"
+#include "sim/effects/forces.h"
+#include "sim/effects/frictions.h"
+#include "sim/effects/gravity.h"
+#include "sim/effects/latches.h"
+#include "sim/effects/linear_springs.h"
+#include "sim/effects/moment_tables.h"
+#include "sim/effects/motors.h"
+#include "sim/effects/springs.h"
+#include "sim/effects/suspension.h"
+#include "sim/kirchhoff/kirchhoff_beams.h"
+#include "sim/methods/watches.h"
+#include "sim/model/coordinate.h"
+#include "sim/model/slots.h"
+
+namespace unfurl::sim {
+
+// A point that moves with a slot.
+struct MovingPoint {
+  int slot = -1;
+  double px = 0.0, py = 0.0;  // in the slot's frame [m]
+  // Where two segments of a beam meet, the mean of the places that both give; -1: one slot alone.
+  int other_slot = -1;
+  double other_px = 0.0;  // [m]
+  // Into KirchhoffBeams: a place along a smooth beam that has no slot; -1: none.
+  int watched = -1;
+};
+
+// A scene made ready to be simulated; immutable, so that several threads may share one. What is not
+// in the scene leaves its effect empty, and empty effects are not called.
+struct Model {
+  struct Body {  // of the scene; several share a slot where they are welded
+    std::string name;
+    MovingPoint centre;
+    double angle = 0.0;  // of its x axis against the slot's [rad]
+  };
+  struct Beam {
+    std::string name;
+    int first = -1;  // slot of the first segment
+    int segments = 0;
+    double segment_length = 0.0;  // [m]
+    // Into KirchhoffBeams, for a smooth one: `first` is its root slot, taken as one segment.
+    int smooth = -1;
+    // Slots of the stations where its start and end are welded; -1: not welded.
+    std::array<int, 2> stations{-1, -1};
+  };
+  struct Joint {
+    std::string name;
+    data::SceneJoint::Kind kind = data::SceneJoint::Kind::kRevolute;
+    Coordinate coordinate;  // what springs and drives act on; its hinge gives theta
+    MovingPoint pin;        // outer's point
+    int spring = -1;        // into springs, latches
+    int latch = -1;
+    int damper = -1, table = -1, friction = -1, motor = -1;  // into the effects of that name
+  };
+  struct Function {  // of time, in a drive, motor or force
+    data::TimeFunction function;
+    int derivatives;  // that are needed
+  };
+  struct Mark {
+    std::string name;
+    MovingPoint point;
+  };
+  struct EffectCount {
+    std::string name;
+    int count;
+  };
+
+  std::string name;
+  double duration = 0.0;      // [s]
+  double length_scale = 0.0;  // of the whole, for tolerances [m]
+  Slots slots;
+  StateIndex index;
+
+  Bending bending;
+  Springs springs;
+  Dampers dampers;
+  MomentTables tables;
+  Frictions frictions;
+  Motors motors;
+  LinearSprings linear_springs;
+  Forces forces;
+  Latches latches;
+  Suspension suspension;
+  Gravity gravity;
+  KirchhoffBeams kirchhoff;
+  Constraints constraints;
+
+  std::vector<Body> bodies;
+  std::vector<Beam> beams;
+  std::vector<Joint> joints;
+  std::vector<Mark> marks;
+  std::vector<std::string> linear_spring_names;
+  std::vector<Function> functions;
+  Watches watches;
+
+  std::vector<std::string> warnings;  // about the scene, one line each
+
+  std::vector<double> initial_state;
+  std::vector<LatchMode> initial_modes;  // by latch
+
+  // What the scene called for: name of the effect and how many instances it holds.
+  std::vector<EffectCount> Effects() const;
+  // Names the functions of time that are not finite at t, or that change by more than their own
+  // size within a nanosecond, as they do before a pole; empty when all is well.
+  std::string FaultyFunctions(double t) const;
+  int FindMark(const std::string& mark) const;  // -1 when absent
+  // Number of bodies that have a mass of their own (welded ones count once), segments included.
+  int DynamicBodies() const;
+};
+
+// Throws Error (file:line:key, joints by name) for a scene that does not fit together: a loop that
+// cannot close, redundant constraints, places given twice, welds that nothing can carry.
+Model Compile(const data::Scene& scene);
+
+}  // namespace unfurl::sim

@@ -1,0 +1,360 @@
+#include "study/fit_record.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cctype>
+#include <cmath>
+
+#include "base/number.h"
+#include "base/text.h"
+#include "correlate/compare/metrics.h"
+
+namespace unfurl::study {
+
+namespace {
+
+// "of 0.02"; what is too small to be computed is no zero.
+std::string Probability(double p) {
+  constexpr double kLeast = 1e-12;
+  return p < kLeast ? fmt::format("below {:.0e}", kLeast) : fmt::format("of {:.2g}", p);
+}
+
+// The residuals of one trial: how large, whether they follow one another, what was done about it,
+// and whether the model explains them.
+std::string ResidualWords(const correlate::TrialResult& t, bool several) {
+  const std::string of = several ? " of " + t.name : "";
+  const correlate::GoodnessOfFit& g = t.goodness;
+  std::string words = fmt::format("The residuals{} are {:.2f} times the marks' sigma", of,
+                                  std::sqrt(t.chi2_per_dof));
+  if (t.plain.white()) {
+    words += " and white, as they should be.";
+  } else if (t.noise.series.empty() || t.noise.white()) {
+    words += ", and follow one another: the standard errors are widened for it.";
+  } else {
+    double share = 0.0, rho = 0.0, variance = 0.0;
+    for (const correlate::MarkovNoise& n : t.noise.series) {
+      variance += n.variance;
+      share += n.variance * n.share;
+      rho += n.variance * n.share * n.rho;
+    }
+    words += fmt::format(
+        ", and follow one another: {:.0f}% of their variance is correlated from sample to sample "
+        "(by {:.3f}); the fit is weighted for it",
+        100.0 * share / variance, share > 0.0 ? rho / share : 0.0);
+    words += t.whitened.white() ? ", after which they are white."
+                                : ", and the standard errors are widened for what is left of it.";
+  }
+  switch (g.outcome) {
+    case correlate::Explained::kYes:
+      break;
+    case correlate::Explained::kNoise:
+      words += fmt::format(
+          " By the marks' covariances that has a probability {}; as noise that stays the same "
+          "all along it is likely enough ({:.2g}). If noise it is (of the optics), the standard "
+          "errors hold it; a smooth effect that the model lacks would look the same.",
+          Probability(g.p_covariances()), g.p_noise());
+      break;
+    case correlate::Explained::kMesh:
+      words += fmt::format(
+          " By the marks' covariances that has a probability {}; a finer mesh takes {:.0f}% "
+          "of what is too much away.",
+          Probability(g.p_covariances()), 100.0 * g.mesh_takes);
+      break;
+    case correlate::Explained::kNo:
+      words += fmt::format(
+          " The model does not explain them: neither the marks' covariances (probability {}) "
+          "nor noise that stays the same all along ({:.2g}){}. It lacks something, or the optics "
+          "are wrong by more than the tracks claim, and the values may be off by more than their "
+          "errors say.",
+          Probability(g.p_covariances()), g.p_noise(),
+          t.model_error.empty() ? std::string()
+                                : fmt::format(" nor a finer mesh, which takes {:.0f}% of it away",
+                                              100.0 * g.mesh_takes));
+      break;
+  }
+  return words;
+}
+
+std::string Replaced(std::string kind) {  // "contact_start" as people say it
+  std::replace(kind.begin(), kind.end(), '_', ' ');
+  return kind;
+}
+
+void AddTrialWords(const std::vector<correlate::FitTrial>& trials, const correlate::FitResult& r,
+                   data::FitRecord* record) {
+  const bool several = r.trials.size() > 1;
+  for (std::size_t k = 0; k < r.trials.size(); ++k) {
+    const correlate::TrialResult& t = r.trials[k];
+    record->reasons.push_back(ResidualWords(t, several));
+    if (!t.less_weight.empty()) {
+      double from = std::numeric_limits<double>::infinity(), least = 1.0;
+      for (const correlate::LessWeight& l : t.less_weight) {
+        from = std::min(from, l.from);
+        least = std::min(least, l.weight);
+      }
+      record->reasons.push_back(fmt::format(
+          "From {:.2f} s on the motion answers to the solver's tolerance (impacts magnify it): "
+          "{} sections of marks count less there, down to {:.2g} of their weight.",
+          from, t.less_weight.size(), least));
+    }
+    for (std::size_t i = 0; i < t.event_times.size(); ++i) {
+      const correlate::TimedEvent& e = trials[k].observations->events[i];
+      const double off = e.t - t.at.offset - t.event_times[i];
+      const std::string what = fmt::format("The {} of {}{}{}", Replaced(e.kind), e.where,
+                                           e.count > 1 ? fmt::format(", number {},", e.count) : "",
+                                           several ? " in " + t.name : "");
+      record->reasons.push_back(
+          std::isfinite(off)
+              ? fmt::format("{} was told at {:.4f} s, {:+.2g} ms ({:+.2g} of its sigma) from the "
+                            "model's.",
+                            what, e.t, 1e3 * off, off / e.sigma)
+              : fmt::format("{} was told at {:.4f} s; the model has none.", what, e.t));
+    }
+    if (!t.model_error.empty()) {
+      record->reasons.push_back(fmt::format(
+          "The model's own error (a finer mesh, a tighter tolerance) moves the marks{} by {:.3g} "
+          "mm "
+          "RMS, {:.2g} of their sigma; it is in the standard errors.",
+          several ? " of " + t.name : "", 1e3 * t.model_error_rms, t.model_error_sigmas));
+    } else {
+      record->reasons.push_back(
+          "The model's own error was not looked at: the standard errors are those of the data "
+          "alone.");
+    }
+  }
+}
+
+// The whole in one sentence, worst news first.
+void JudgeWhole(const correlate::FitProblem& problem, const correlate::FitResult& r,
+                data::FitRecord* record) {
+  const std::vector<correlate::Parameter>& parameters = problem.parameters;
+  if (!r.Usable()) {
+    record->verdict = fmt::format("No result: {}", correlate::Name(r.status));
+    record->reasons.push_back(r.message);
+    return;
+  }
+  std::vector<std::string> known, limited, bound, together, open, doubtful;
+  for (std::size_t j = 0; j < parameters.size(); ++j) {
+    switch (r.parameters[j].verdict) {
+      case correlate::Verdict::kDetermined:
+        known.push_back(parameters[j].name);
+        break;
+      case correlate::Verdict::kMeshLimited:
+        limited.push_back(parameters[j].name);
+        break;
+      case correlate::Verdict::kCombination:
+        together.push_back(parameters[j].name);
+        break;
+      case correlate::Verdict::kAtBound:
+        bound.push_back(parameters[j].name);
+        break;
+      case correlate::Verdict::kNotDetermined:
+        open.push_back(parameters[j].name);
+        break;
+      case correlate::Verdict::kIfModelHolds:
+        doubtful.push_back(parameters[j].name);
+        break;
+    }
+  }
+  auto are = [](const std::vector<std::string>& names) {
+    return JoinWords(names) + (names.size() == 1 ? " is" : " are");
+  };
+  std::string words;
+  for (const correlate::TrialResult& t : r.trials) {
+    if (t.goodness.outcome != correlate::Explained::kNo || !words.empty()) continue;
+    words = "the model does not explain the data; ";
+  }
+  if (!open.empty()) words += are(open) + " not determined by this trial; ";
+  if (!together.empty()) words += are(together) + " determined only in combination; ";
+  if (!bound.empty()) words += are(bound) + " at the bound; ";
+  if (!doubtful.empty()) words += are(doubtful) + " known only if it holds; ";
+  if (!limited.empty()) words += are(limited) + " known, as well as the model's mesh allows; ";
+  if (!known.empty()) words += are(known) + " determined; ";
+  words.resize(words.size() - 2);
+  for (const correlate::TrialResult& t : r.trials) {
+    if (t.goodness.outcome != correlate::Explained::kNoise || known.size() + limited.size() == 0) {
+      continue;
+    }
+    words += ": if what is too much in the residuals is noise";
+    break;
+  }
+  words[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(words[0])));
+  record->verdict = words + ".";
+  for (std::size_t j = 0; j < parameters.size(); ++j) {
+    record->reasons.push_back(
+        fmt::format("{} = {} {}: {}", parameters[j].name,
+                    NumberWithError(r.parameters[j].value, r.parameters[j].sigma),
+                    parameters[j].unit, r.parameters[j].reason));
+  }
+  AddTrialWords(problem.trials, r, record);
+  const std::size_t semicolon = r.message.find("; a profile");
+  if (semicolon != std::string::npos) record->reasons.push_back(r.message.substr(semicolon + 2));
+  if (r.starts.size() > 1) {
+    // Ends whose sums of squares differ by less than the noise of a fit are the same minimum.
+    const double best = r.starts.front().cost;
+    std::size_t same = 0;
+    for (const correlate::StartResult& s : r.starts) {
+      same += s.cost >= 0.0 && s.cost - best <= 0.01 * best + 2.0 ? 1 : 0;
+    }
+    record->reasons.push_back(
+        fmt::format("{} of {} starts led to the same minimum.", same, r.starts.size()));
+  }
+}
+
+void AddSearch(const correlate::FitResult& r, data::FitRecord* record) {
+  for (std::size_t j = 0; j < r.parameters.size(); ++j) {
+    for (const correlate::ProfilePoint& p : r.parameters[j].profile.points) {
+      record->profiles.push_back({static_cast<std::int32_t>(j), p.deviance, p.settled, p.theta});
+    }
+  }
+  for (const correlate::StartResult& s : r.starts) {
+    record->starts.push_back({s.from, s.to, s.screened, s.cost, s.message});
+  }
+  for (const correlate::EvaluationRecord& e : r.evaluations) {
+    record->evaluations.push_back({e.theta, e.purpose, e.message, e.stage,
+                                   e.status != correlate::ModelStatus::kGood, e.start, e.trial,
+                                   static_cast<std::int32_t>(e.fidelity), e.cost});
+  }
+  record->checks["evaluations [1]"] = static_cast<double>(r.evaluations.size());
+}
+
+void AddNuisances(const correlate::TrialResult& t, std::int32_t index, data::FitRecord* record) {
+  const correlate::Registration& at = t.at;
+  const Eigen::Vector3d w = VectorFromRotation(at.X_WM.linear());
+  const Eigen::Vector3d centre = at.X_WM * t.registration.centroid_M;
+  for (std::size_t i = 0; i < t.nuisances.size(); ++i) {
+    double value = 0.0;
+    std::string unit = "1";
+    if (i < 3) value = w(static_cast<Eigen::Index>(i)), unit = "rad";
+    if (i >= 3 && i < 6) value = centre(static_cast<Eigen::Index>(i) - 3), unit = "m";
+    if (i == 6) value = at.offset, unit = "s";
+    if (i >= 7) value = at.z(static_cast<Eigen::Index>(i) - 7);
+    record->nuisances.push_back(
+        {t.nuisances[i], unit, value, t.nuisance_sigma(static_cast<Eigen::Index>(i)), index});
+  }
+}
+
+std::int32_t MarkIndex(const std::string& name, data::FitRecord* record) {
+  for (std::size_t m = 0; m < record->marks.size(); ++m) {
+    if (record->marks[m] == name) return static_cast<std::int32_t>(m);
+  }
+  record->marks.push_back(name);
+  return static_cast<std::int32_t>(record->marks.size()) - 1;
+}
+
+void AddSamples(const correlate::TrialResult& t, const correlate::Observations& observations,
+                std::int32_t index, Eigen::Index column, data::FitRecord* record) {
+  const auto measured = correlate::InModelFrame(observations, t.at);
+  const auto sigma = correlate::SigmasInModelFrame(observations, t.at);
+  for (std::size_t m = 0; m < observations.marks.size(); ++m) {
+    const std::int32_t mark = MarkIndex(observations.marks[m].name, record);
+    const Eigen::Index count = measured[m].cols();
+    record->measured.middleCols(column, count) = measured[m];
+    record->sigma.middleCols(column, count) = sigma[m];
+    record->simulated.middleCols(column, count) =
+        t.prediction.marks[m].p - (t.at.offset - t.offset_ref) * t.prediction.marks[m].v;
+    if (!t.model_error.empty()) record->model_error.middleCols(column, count) = t.model_error[m];
+    record->band.middleCols(column, count) = t.band[m];
+    for (double stamp : observations.marks[m].t) {
+      record->t.push_back(stamp);
+      record->mark.push_back(mark);
+      record->trial.push_back(index);
+    }
+    for (std::size_t axis = 0; axis < 3 && !t.noise.series.empty(); ++axis) {
+      const correlate::MarkovNoise& n = t.noise.series[3 * m + axis];
+      record->noise.push_back(
+          {index, mark, static_cast<std::int32_t>(axis), n.variance, n.share, n.rho});
+    }
+    column += count;
+  }
+  for (const correlate::LessWeight& l : t.less_weight) {
+    record->less_weight.push_back(
+        {index, MarkIndex(l.mark, record), l.from, l.to, l.noise, l.weight});
+  }
+}
+
+}  // namespace
+
+data::FitRecord RecordOf(const data::Study& study, const correlate::FitProblem& problem,
+                         const correlate::FitResult& r) {
+  data::FitRecord record;
+  record.study = study.name;
+  record.status = correlate::Name(r.status);
+  record.message = r.message;
+  JudgeWhole(problem, r, &record);
+  const auto p = static_cast<Eigen::Index>(problem.parameters.size());
+  record.covariance = r.covariance.size() > 0 ? r.covariance : Eigen::MatrixXd::Zero(p, p);
+  for (std::size_t j = 0; j < problem.parameters.size(); ++j) {
+    const correlate::Parameter& q = problem.parameters[j];
+    const correlate::ParameterEstimate& e = r.parameters[j];
+    data::FitRecord::Parameter to;
+    to.name = q.name, to.unit = q.unit, to.keys = study.parameters[j].keys;
+    to.start = q.start, to.low = q.low, to.high = q.high;
+    to.value = e.value, to.sigma = e.sigma, to.sigma_data = e.sigma_data;
+    to.sigma_white = e.sigma_white, to.sigma_model = e.sigma_model;
+    to.model_shift = e.model_shift, to.kink = e.kink, to.sigma_alone = e.sigma_alone;
+    to.imitated = e.imitated, to.low95 = e.profile.low, to.high95 = e.profile.high;
+    to.verdict = correlate::Name(e.verdict), to.reason = e.reason, to.with = e.with;
+    record.parameters.push_back(std::move(to));
+  }
+  AddSearch(r, &record);
+  Eigen::Index n = 0;
+  bool error = false, whole = r.Usable();
+  for (std::size_t t = 0; t < r.trials.size(); ++t) {
+    record.trials.push_back(r.trials[t].name);
+    n += static_cast<Eigen::Index>(problem.trials[t].observations->size());
+    error = error || !r.trials[t].model_error.empty();
+    whole = whole && !r.trials[t].prediction.marks.empty() && !r.trials[t].band.empty();
+  }
+  if (!whole) n = 0;
+  for (auto* m : {&record.measured, &record.sigma, &record.simulated, &record.band}) {
+    m->setZero(3, n);
+  }
+  record.model_error.setZero(3, error ? n : 0);
+  if (!whole) return record;
+
+  Eigen::Index column = 0;
+  for (std::size_t t = 0; t < r.trials.size(); ++t) {
+    const auto index = static_cast<std::int32_t>(t);
+    const correlate::TrialResult& trial = r.trials[t];
+    AddNuisances(trial, index, &record);
+    AddSamples(trial, *problem.trials[t].observations, index, column, &record);
+    column += static_cast<Eigen::Index>(problem.trials[t].observations->size());
+    const std::string suffix = t == 0 ? "" : fmt::format("_{}", t + 1);
+    auto check = [&](const char* name, const char* unit, double value) {
+      record.checks[fmt::format("{}{} [{}]", name, suffix, unit)] = value;
+    };
+    check("chi2_per_dof", "1", trial.chi2_per_dof);
+    check("residual_p_white", "1", trial.plain.smallest_p);
+    check("residual_p_whitened", "1", trial.whitened.smallest_p);
+    check("p_covariances", "1", trial.goodness.p_covariances());
+    check("p_noise", "1", trial.goodness.p_noise());
+    check("mesh_takes", "1", trial.goodness.mesh_takes);
+    check("effective_share", "1", trial.plain.effective_share);
+    check("model_noise", "m", trial.model_noise);
+    check("model_error_rms", "m", trial.model_error_rms);
+    check("model_error_sigmas", "1", trial.model_error_sigmas);
+    check("data_sigma", "m", trial.data_sigma);
+  }
+  return record;
+}
+
+void AddTolerances(const std::vector<correlate::ToleranceChoice>& choices,
+                   data::FitRecord* record) {
+  for (std::size_t t = 0; t < choices.size(); ++t) {
+    const correlate::ToleranceChoice& c = choices[t];
+    const std::string of = choices.size() > 1 ? " of " + record->trials[t] : "";
+    record->checks[fmt::format("rtol{} [1]", t == 0 ? "" : fmt::format("_{}", t + 1))] = c.rtol;
+    record->reasons.push_back(
+        c.noise <= c.wanted
+            ? fmt::format("Simulated{} with a tolerance of {:.0e}: its own scatter, {:.2g} mm RMS "
+                          "at the start, is below a hundredth of what the residuals show.",
+                          of, c.rtol, 1e3 * c.noise)
+            : fmt::format("No tolerance down to 1e-9 brings the simulator's own scatter{} below "
+                          "{:.2g} mm at the start: {:.0e} leaves {:.2g} mm.",
+                          of, 1e3 * c.wanted, c.rtol, 1e3 * c.noise));
+  }
+}
+
+}  // namespace unfurl::study

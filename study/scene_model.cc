@@ -1,0 +1,130 @@
+#include "study/scene_model.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+
+#include "base/error.h"
+#include "base/progress.h"
+#include "data/scene.h"
+#include "sim/dynamics/observables.h"
+#include "sim/methods/simulate.h"
+
+namespace unfurl::study {
+
+namespace {
+
+constexpr double kRate = 2000.0;  // samples per second that the stamps are interpolated from
+
+// The wanted marks on the sampling grid.
+class Collector : public sim::Observer {
+ public:
+  Collector(const sim::Model& model, const std::vector<std::string>& marks) : model_(model) {
+    for (const std::string& name : marks) points_.push_back(model.FindMark(name));
+    samples_.resize(marks.size());
+  }
+  void OnSample(double t, double* state, const std::vector<sim::LatchMode>&) override {
+    t_.push_back(t);
+    for (std::size_t m = 0; m < points_.size(); ++m) {
+      const auto mark = static_cast<std::size_t>(points_[m]);
+      samples_[m].push_back(sim::MotionOf(model_, model_.marks[mark].point, state));
+    }
+  }
+  void OnProgress(double) override { ThrowIfInterrupted(); }
+
+  // Cubic Hermite through the samples; before the start the marks are held, past the end unknown.
+  void At(std::size_t mark, double t, correlate::MarkMotion* out, Eigen::Index i) const {
+    const std::vector<sim::PointMotion>& s = samples_[mark];
+    if (t <= 0.0) {
+      out->p.col(i) << s.front().x, s.front().y, 0.0;
+      return;
+    }
+    if (t > t_.back() || t_.size() < 2) {
+      out->known[static_cast<std::size_t>(i)] = 0;
+      return;
+    }
+    const std::size_t after = std::clamp<std::size_t>(
+        static_cast<std::size_t>(std::upper_bound(t_.begin(), t_.end(), t) - t_.begin()), 1,
+        t_.size() - 1);
+    const sim::PointMotion &a = s[after - 1], &b = s[after];
+    const double h = t_[after] - t_[after - 1], u = (t - t_[after - 1]) / h;
+    const double h00 = (1 + 2 * u) * (1 - u) * (1 - u), h01 = u * u * (3 - 2 * u);
+    const double h10 = h * u * (1 - u) * (1 - u), h11 = -h * u * u * (1 - u);
+    const double d = 6 * u * (1 - u) / h, d0 = (1 - u) * (1 - 3 * u), d1 = u * (3 * u - 2);
+    out->p.col(i) << h00 * a.x + h10 * a.vx + h01 * b.x + h11 * b.vx,
+        h00 * a.y + h10 * a.vy + h01 * b.y + h11 * b.vy, 0.0;
+    out->v.col(i) << d * (b.x - a.x) + d0 * a.vx + d1 * b.vx,
+        d * (b.y - a.y) + d0 * a.vy + d1 * b.vy, 0.0;
+  }
+
+ private:
+  const sim::Model& model_;
+  std::vector<int> points_;
+  std::vector<double> t_;
+  std::vector<std::vector<sim::PointMotion>> samples_;
+};
+
+}  // namespace
+
+SceneModel::SceneModel(SceneModelOptions options, std::span<const double> theta)
+    : options_(std::move(options)) {
+  const data::Scene scene = data::ReadScene(options_.scene, Overrides(theta));
+  sim::Compile(scene);
+  duration_ = scene.duration;
+  files_ = scene.files;
+  for (const data::SceneMark& mark : scene.marks) marks_.push_back(mark.name);
+  for (const data::SceneJoint& joint : scene.joints) joints_.push_back(joint.name);
+  for (const data::SceneWatch& watch : scene.watches) watches_.push_back(watch.name);
+}
+
+std::vector<std::string> SceneModel::Overrides(std::span<const double> theta) const {
+  std::vector<std::string> all = options_.set;
+  for (std::size_t j = 0; j < options_.keys.size(); ++j) {
+    for (const std::string& key : options_.keys[j]) {
+      all.push_back(fmt::format("{}={:.17g}", key, theta[j]));
+    }
+  }
+  return all;
+}
+
+correlate::Prediction SceneModel::Evaluate(std::span<const double> theta,
+                                           const correlate::Stamps& stamps) const {
+  const auto start = std::chrono::steady_clock::now();
+  correlate::Prediction out;
+  const sim::Model model = sim::Compile(data::ReadScene(options_.scene, Overrides(theta)));
+  double last = 0.0;
+  for (const auto& list : stamps.t) {
+    if (!list.empty()) last = std::max(last, list.back());
+  }
+  sim::SimulateOptions simulate;
+  simulate.rate = kRate;
+  simulate.rtol = options_.rtol;
+  simulate.track_energy = simulate.track_forces = false;
+  simulate.duration = last + 2.0 / kRate;  // so that the last stamp lies between two samples
+  Collector collector(model, stamps.marks);
+  const sim::SimulateReport report = sim::Simulate(model, simulate, &collector);
+  if (!report.Usable()) {
+    out.status = correlate::ModelStatus::kFailed;
+    out.message = report.message;
+    return out;
+  }
+  for (std::size_t m = 0; m < stamps.marks.size(); ++m) {
+    const auto n = static_cast<Eigen::Index>(stamps.t[m].size());
+    correlate::MarkMotion motion;
+    motion.p.setZero(3, n);
+    motion.v.setZero(3, n);
+    motion.known.assign(stamps.t[m].size(), 1);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      collector.At(m, stamps.t[m][static_cast<std::size_t>(i)], &motion, i);
+    }
+    out.marks.push_back(std::move(motion));
+  }
+  for (const sim::Event& event : report.events) {
+    out.events.push_back({event.t, sim::EventName(event.kind), sim::PlaceOf(model, event)});
+  }
+  out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  return out;
+}
+
+}  // namespace unfurl::study

@@ -1,0 +1,229 @@
+#include "study/study_binding.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "base/error.h"
+#include "base/text.h"
+#include "correlate/fit/command_model.h"
+#include "data/h5.h"
+#include "data/tracks.h"
+#include "study/scene_model.h"
+
+namespace unfurl::study {
+
+namespace {
+
+correlate::Observations ReadTrial(const data::StudyTrial& trial, const std::string& path) {
+  const bool csv = std::filesystem::path(path).extension() == ".csv";
+  const data::Tracks tracks = csv ? data::ReadTracksCsv(path) : data::ReadTracks(path);
+  if (tracks.smoothed) {
+    throw Error("these tracks are smoothed: their errors are no longer independent", path,
+                "fit to the tracks as reconstructed");
+  }
+  correlate::Window window;
+  if (trial.window_low < trial.window_high) window = {trial.window_low, trial.window_high};
+  correlate::Observations out = correlate::FromTracks(tracks, trial.marks, window);
+  for (const auto& [mark, factor] : trial.sigma_factors) {
+    const int m = out.FindMark(mark);
+    if (m < 0) {
+      throw Error("there is no mark '" + mark + "'", trial.where,
+                  "the tracks have " + JoinWords(tracks.marks));
+    }
+    out.marks[static_cast<std::size_t>(m)].cov *= factor * factor;
+  }
+  if (out.size() == 0) {
+    throw Error("no sample of these marks lies in the window", trial.where, "widen the window");
+  }
+  for (const data::StudyEvent& e : trial.events) {
+    if (e.time < out.Start() || e.time > out.End()) {
+      throw Error(fmt::format("{} s lies outside of the tracks, {:.3f} to {:.3f} s", e.time,
+                              out.Start(), out.End()),
+                  e.at, "give the time on the tracks' clock");
+    }
+    out.events.push_back({e.kind, e.where, e.count, e.time, e.sigma});
+  }
+  return out;
+}
+
+// Which calibration tracks were reconstructed with: the hash of the rig that `reconstruct` read.
+std::string CalibrationOf(const std::string& path) {
+  if (std::filesystem::path(path).extension() == ".csv") return {};
+  const data::Provenance made =
+      data::H5Reader(path, data::kTracksSchema, data::kTracksVersion).ReadProvenance();
+  return made.inputs.size() == 2 ? made.inputs[1].sha256 : std::string();
+}
+
+std::vector<correlate::Parameter> ParametersOf(const data::Study& study) {
+  std::vector<correlate::Parameter> out;
+  for (const data::StudyParameter& from : study.parameters) {
+    correlate::Parameter p;
+    p.name = from.name;
+    p.unit = from.unit;
+    p.start = from.start;
+    p.low = from.low;
+    p.high = from.high;
+    p.log = from.log;
+    if (from.prior) {
+      p.has_prior = true;
+      p.prior_mean = from.prior->mean;
+      p.prior_sigma = from.prior->sigma;
+    }
+    out.push_back(std::move(p));
+  }
+  return out;
+}
+
+// The scene with the study's keys; what the scene does not take is placed at the study.
+std::unique_ptr<SceneModel> BindScene(const data::Study& study, const SceneModelOptions& options,
+                                      std::span<const double> theta) {
+  try {
+    return std::make_unique<SceneModel>(options, theta);
+  } catch (const Error& e) {
+    const std::string text = e.what();
+    if (text.rfind("--set ", 0) != 0) throw;
+    throw Error("the scene does not take a key that the study drives: " + text.substr(6),
+                study.path, "look the key up in " + study.scene);
+  }
+}
+
+void BindScenes(const data::Study& study, const data::StudyTrial& from,
+                const std::vector<double>& theta, correlate::FitTrial* trial, BoundStudy* bound) {
+  constexpr double kAtFirst = 1e-5;  // where the tolerance is still to be chosen
+  SceneModelOptions binding{study.scene, study.set, {}, study.rtol > 0.0 ? study.rtol : kAtFirst};
+  binding.set.insert(binding.set.end(), from.set.begin(), from.set.end());
+  for (const data::StudyParameter& p : study.parameters) binding.keys.push_back(p.keys);
+  auto model = BindScene(study, binding, theta);
+  for (const correlate::MarkSeries& m : trial->observations->marks) {
+    if (std::find(model->marks().begin(), model->marks().end(), m.name) == model->marks().end()) {
+      throw Error("the scene has no mark '" + m.name + "'", from.where,
+                  "name the marks to use; the scene has " + JoinWords(model->marks()));
+    }
+  }
+  for (const data::StudyEvent& e : from.events) {
+    const std::vector<std::string>& known = e.kind == "watch" ? model->watches() : model->joints();
+    if (std::find(known.begin(), known.end(), e.where) == known.end()) {
+      throw Error(
+          fmt::format("the scene has no {} '{}'", e.kind == "watch" ? "watch" : "joint", e.where),
+          e.at, known.empty() ? "it has none" : "it has " + JoinWords(known));
+    }
+  }
+  for (const std::string& file : model->files()) bound->inputs.push_back(file);
+  auto at = [&](double rtol, bool fine) {
+    SceneModelOptions options = binding;
+    options.rtol = rtol;
+    if (fine) {
+      for (const std::string& key : study.mesh_check->keys) {
+        options.set.push_back(fmt::format("{}={:.17g}", key, study.mesh_check->value));
+      }
+    }
+    return BindScene(study, options, theta);
+  };
+  std::unique_ptr<SceneModel> finer;
+  if (study.mesh_check) finer = at(0.1 * binding.rtol, true);
+  if (study.rtol == 0.0) {
+    const correlate::ToleranceChoice choice = correlate::ChooseTolerance(
+        [&](double rtol) { return at(rtol, false); }, finer.get(), theta, *trial->observations);
+    bound->tolerance.push_back(choice);
+    binding.rtol = choice.rtol;
+    model = at(binding.rtol, false);
+    if (study.mesh_check) finer = at(0.1 * binding.rtol, true);
+  }
+  auto tighter = at(0.1 * binding.rtol, false);
+  if (finer != nullptr) {
+    bound->models.push_back(std::move(finer));
+    trial->finer = bound->models.back().get();
+    const double gain = std::pow(study.mesh_check->spacing_ratio, study.mesh_check->order);
+    trial->finer_factor = gain / (gain - 1.0);  // Richardson: what is left of the coarse error
+  }
+  trial->model = model.get();
+  trial->tighter = tighter.get();
+  bound->models.push_back(std::move(model));
+  bound->models.push_back(std::move(tighter));
+}
+
+void BindCommand(const data::Study& study, const data::StudyTrial& from, correlate::FitTrial* trial,
+                 BoundStudy* bound) {
+  if (!from.events.empty() && std::filesystem::path(study.command->tracks).extension() != ".h5") {
+    throw Error("a CSV of tracks tells no events", from.events.front().at,
+                "let the program write a run file (.h5), or leave the event out");
+  }
+  correlate::CommandModelOptions options;
+  for (const data::StudyParameter& p : study.parameters) options.parameters.push_back(p.name);
+  options.words = study.command->words;
+  options.files = study.command->files;
+  options.tracks = study.command->tracks;
+  options.timeout = study.command->timeout;
+  options.retries = study.command->retries;
+  options.study_folder = std::filesystem::absolute(study.path).parent_path().string();
+  bound->models.push_back(std::make_unique<correlate::CommandModel>(options));
+  trial->model = bound->models.back().get();
+  if (study.command->finer.empty()) return;
+  options.words = study.command->finer;
+  bound->models.push_back(std::make_unique<correlate::CommandModel>(options));
+  trial->finer = bound->models.back().get();
+  trial->finer_factor = 1.0;
+}
+
+}  // namespace
+
+BoundStudy Bind(const data::Study& study, const std::string& tracks) {
+  BoundStudy bound;
+  bound.inputs.push_back(study.path);
+  if (!tracks.empty() && study.trials.size() > 1) {
+    throw Error("one file of tracks for several trials", "--tracks",
+                "name each trial's tracks in the study");
+  }
+  bound.problem.parameters = ParametersOf(study);
+  std::vector<double> theta;
+  for (const correlate::Parameter& p : bound.problem.parameters) theta.push_back(p.start);
+  if (study.command) {
+    for (const std::string& file : study.command->files) bound.inputs.push_back(file);
+  }
+  for (const data::StudyTrial& from : study.trials) {
+    const std::string path = tracks.empty() ? from.tracks : tracks;
+    bound.observations.push_back(std::make_unique<correlate::Observations>(ReadTrial(from, path)));
+    correlate::FitTrial trial;
+    trial.name = from.name;
+    trial.observations = bound.observations.back().get();
+    trial.calibration = CalibrationOf(path);
+    if (study.command) {
+      BindCommand(study, from, &trial, &bound);
+    } else {
+      BindScenes(study, from, theta, &trial, &bound);
+    }
+    bound.problem.trials.push_back(trial);
+    bound.inputs.push_back(path);
+  }
+  std::vector<std::string> once;
+  for (const std::string& input : bound.inputs) {
+    if (std::find(once.begin(), once.end(), input) == once.end()) once.push_back(input);
+  }
+  bound.inputs = once;
+
+  correlate::FitOptions& options = bound.options;
+  options.stages = study.stages;
+  options.stages_by_impacts = study.stages_by_impacts;
+  options.free = study.free;
+  options.max_iterations = study.max_iterations;
+  options.search.screened = study.screened;
+  options.search.starts = study.starts;
+  options.search.seed = static_cast<std::uint64_t>(study.seed);
+  options.whiten = study.whiten;
+  options.profile.wanted = !study.profile_levels.empty();
+  options.profile.levels = study.profile_levels;
+  options.profile.max_evaluations = study.profile_evaluations;
+  return bound;
+}
+
+std::string IdentityOf(const data::Provenance& provenance) {
+  std::string text = provenance.program + "\n";
+  for (const data::InputFile& input : provenance.inputs) text += input.sha256 + "\n";
+  for (const auto& [key, value] : provenance.options) text += key + " = " + value + "\n";
+  return text;
+}
+
+}  // namespace unfurl::study

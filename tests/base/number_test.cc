@@ -1,0 +1,58 @@
+#include "base/number.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+namespace unfurl {
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+TEST(Number, KeepsTheDigitsAsked) {
+  EXPECT_EQ(Number(0.0), "0");
+  EXPECT_EQ(Number(3.14159265), "3.142");
+  EXPECT_EQ(Number(2.0), "2.000");
+  EXPECT_EQ(Number(123456.0), "123456");
+  EXPECT_EQ(Number(0.00012344), "0.0001234");
+  EXPECT_EQ(Number(9.9996), "10.00");  // rounds into the next decade
+}
+
+TEST(Number, UsesAnExponentOnlyFarFromOne) {
+  EXPECT_EQ(Number(3.2e9, 2), "3.2e9");
+  EXPECT_EQ(Number(1.25e-5, 3), "1.25e\u22125");
+  EXPECT_EQ(Number(1e6, 1), "1000000");
+}
+
+TEST(Number, HasATrueMinusAndNoMinusZero) {
+  EXPECT_EQ(Number(-1.5, 2), "\u22121.5");
+  EXPECT_EQ(Number(-0.0), "0");
+}
+
+TEST(Number, SaysWhatIsNotANumber) {
+  EXPECT_EQ(Number(kNan), "\u2013");
+  EXPECT_EQ(Number(kInfinity), "\u221e");
+  EXPECT_EQ(Number(-kInfinity), "\u2212\u221e");
+}
+
+TEST(NumberWithError, EndsBothAtTheSamePlace) {
+  EXPECT_EQ(NumberWithError(0.0052131, 0.0000213), "0.005213 \u00b1 0.000021");
+  EXPECT_EQ(NumberWithError(-1234.56, 78.9), "\u22121235 \u00b1 79");
+  EXPECT_EQ(NumberWithError(0.0, 0.25), "0.00 \u00b1 0.25");
+}
+
+TEST(NumberWithError, SharesOnePowerOfTen) {
+  EXPECT_EQ(NumberWithError(2.04e-5, 1.1e-6), "(2.04 \u00b1 0.11)e\u22125");
+  EXPECT_EQ(NumberWithError(3.2e9, 1.5e8), "(3.20 \u00b1 0.15)e9");
+}
+
+TEST(NumberWithError, WithoutAnErrorIsTheNumber) {
+  EXPECT_EQ(NumberWithError(1.5, kNan, 2), "1.5");
+  EXPECT_EQ(NumberWithError(1.5, 0.0, 2), "1.5");
+  EXPECT_EQ(NumberWithError(kNan, 1.0), "\u2013");
+}
+
+}  // namespace
+}  // namespace unfurl
