@@ -11,7 +11,6 @@ namespace unfurl::cli {
 
 namespace {
 
-using Number;
 using report::Chart;
 using report::Series;
 using report::Style;
@@ -70,7 +69,7 @@ std::string Harmonics(const std::vector<correlate::Mode>& modes) {
   return words;
 }
 
-void AddModeTable(const Comparison& c, report::Page* page) {
+void AddModeTable(const correlate::Comparison& c, report::Page* page) {
   report::Table table;
   table.title = "Modes";
   table.note =
@@ -124,7 +123,7 @@ void AddModeTable(const Comparison& c, report::Page* page) {
   if (!table.rows.empty()) page->AddTable(table);
 }
 
-void AddShapeTable(const Comparison& c, report::Page* page) {
+void AddShapeTable(const correlate::Comparison& c, report::Page* page) {
   const auto& modes = c.measured_modes.decay.modes;
   if (modes.empty()) return;
   report::Table table;
@@ -155,9 +154,11 @@ void AddShapeTable(const Comparison& c, report::Page* page) {
 
 }  // namespace
 
-const char* Other(const Comparison& c) { return c.reference_is_run ? "simulated" : "reference"; }
+const char* Other(const correlate::Comparison& c) {
+  return c.reference_is_run ? "simulated" : "reference";
+}
 
-void AddScorePanels(const Comparison& c, report::Page* page) {
+void AddScorePanels(const correlate::Comparison& c, report::Page* page) {
   if (c.scores.empty()) return;
   report::Table errors, rating;
   errors.title = "How alike: errors and energies";
@@ -195,7 +196,7 @@ void AddScorePanels(const Comparison& c, report::Page* page) {
   rating.header = {"",      "corridor", "phase", "magnitude",
                    "slope", "overall",  "grade", "sampled every [ms]"};
   rating.text_columns = {0, 6};
-  for (const ComparedScore& s : c.scores) {
+  for (const correlate::ComparedScore& s : c.scores) {
     const auto& v = s.score;
     errors.rows.push_back(
         {s.name, Number(kMilli * v.rmse, 3), Percent(v.nrmse),
@@ -214,11 +215,11 @@ void AddScorePanels(const Comparison& c, report::Page* page) {
   if (!rating.rows.empty()) page->AddTable(rating);
 }
 
-void AddDensityPanels(const Comparison& c, report::Page* page) {
+void AddDensityPanels(const correlate::Comparison& c, report::Page* page) {
   // Of the strongest signal alone: the file of numbers has them all.
-  const ComparedSpectrum* shown = nullptr;
+  const correlate::ComparedSpectrum* shown = nullptr;
   double most = -1.0;
-  for (const ComparedSpectrum& s : c.spectra) {
+  for (const correlate::ComparedSpectrum& s : c.spectra) {
     const double peak = s.measured_peaks.empty() ? 0.0 : s.measured_peaks.front().amplitude;
     if (s.density.segments < 2 || s.name.rfind("angle", 0) == 0 || peak <= most) continue;
     shown = &s;
@@ -257,19 +258,19 @@ void AddDensityPanels(const Comparison& c, report::Page* page) {
       "deformations "
       "of all marks are at a frequency that both show.";
   table.header = {"", "FRAC", "measured [Hz]", std::string(Other(c)) + " [Hz]", "MAC"};
-  for (const ComparedSpectrum& s : c.spectra) {
+  for (const correlate::ComparedSpectrum& s : c.spectra) {
     if (s.frac >= 0.0) {
       table.rows.push_back({"spectrum of " + s.name, fmt::format("{:.4f}", s.frac), "", "", ""});
     }
   }
-  for (const OperatingShape& s : c.operating_shapes) {
+  for (const correlate::OperatingShape& s : c.operating_shapes) {
     table.rows.push_back({"operating shape", "", Number(s.measured_frequency, 4),
                           Number(s.reference_frequency, 4), fmt::format("{:.3f}", s.mac)});
   }
   if (!table.rows.empty()) page->AddTable(table);
 }
 
-void AddModePanels(const Comparison& c, report::Page* page) {
+void AddModePanels(const correlate::Comparison& c, report::Page* page) {
   const correlate::DecayFit& d = c.measured_modes.decay;
   std::string words = fmt::format(
       "Damped sines common to all marks, from {:.2f} to {:.2f} s, beside a slow cubic trend of "

@@ -9,6 +9,7 @@
 #include "base/number.h"
 #include "base/table.h"
 #include "base/text.h"
+#include "cli/comparison_panels.h"
 #include "cli/paper_figures.h"
 #include "cli/verb.h"
 #include "correlate/compare/comparison_json.h"
@@ -22,10 +23,10 @@ using nlohmann::ordered_json;
 
 struct Settings {
   std::string record, reference, output, report, figures, window = "hann";
-  ComparisonOptions options;
+  correlate::ComparisonOptions options;
 };
 
-std::string Text(const Comparison& c) {
+std::string Text(const correlate::Comparison& c) {
   std::string text = c.verdict + "\n";
   for (const std::string& reason : c.reasons) text += "  " + reason + "\n";
   if (!c.alignment.Usable()) return text;
@@ -40,7 +41,7 @@ std::string Text(const Comparison& c) {
   }
   text += AlignedTable(rows);
   rows = {{"signal", "peaks: measured / reference [Hz]"}};
-  for (const ComparedSpectrum& s : c.spectra) {
+  for (const correlate::ComparedSpectrum& s : c.spectra) {
     std::string list;
     for (const correlate::PeakPair& p : s.pairs) {
       auto hertz = [](const std::vector<correlate::Peak>& peaks, int index) {
@@ -54,7 +55,7 @@ std::string Text(const Comparison& c) {
   }
   text += AlignedTable(rows);
   rows = {{"", "NRMSE [%]", "R2", "Sprague-Geers", "Russell", "ISO/TS 18571", "grade"}};
-  for (const ComparedScore& v : c.scores) {
+  for (const correlate::ComparedScore& v : c.scores) {
     auto number = [](double x, const char* format) {
       return std::isfinite(x) ? fmt::format(fmt::runtime(format), x) : std::string("-");
     };
@@ -103,11 +104,11 @@ int CorrelateVerb(const Common& common, Settings& s) {
     throw Error(fmt::format("no time between {} and {} s", *s.options.from, *s.options.to),
                 "--from, --to", "give the earlier one first");
   }
-  const Comparison comparison = Compare(s.record, s.reference, s.options);
+  const correlate::Comparison comparison = correlate::Compare(s.record, s.reference, s.options);
   data::Provenance provenance = StartProvenance(common);
   provenance.AddInput(s.record);
   provenance.AddInput(s.reference);
-  const ordered_json json = ComparisonJson(comparison);
+  const ordered_json json = correlate::ComparisonJson(comparison);
   if (!s.output.empty()) data::WriteTextFile(s.output, json.dump(2) + "\n");
   if (!s.report.empty()) WriteComparisonPage(s.report, comparison, provenance);
   std::string text = Text(comparison);

@@ -25,12 +25,14 @@ std::vector<double> Scaled(const std::vector<double>& x, double factor) {
   return out;
 }
 
-double Shown(const ComparedSignal& s) { return s.unit == "m" || s.unit == "rad" ? kMilli : 1.0; }
+double Shown(const correlate::ComparedSignal& s) {
+  return s.unit == "m" || s.unit == "rad" ? kMilli : 1.0;
+}
 std::string ShownUnit(const std::string& unit) {
   return unit == "m" ? "mm" : unit == "rad" ? "mrad" : unit;
 }
 
-std::vector<report::Marker> LatchMarkers(const Comparison& c) {
+std::vector<report::Marker> LatchMarkers(const correlate::Comparison& c) {
   std::vector<report::Marker> out;
   for (const correlate::ModelEvent& e : c.latches) {
     out.push_back({e.t + c.alignment.at.offset, e.where + " latches", -1});
@@ -39,8 +41,8 @@ std::vector<report::Marker> LatchMarkers(const Comparison& c) {
 }
 
 // Dots with a band for what was measured, a line for the reference.
-void AddBoth(const ComparedSignal& s, const std::string& of, const char* other, int color,
-             Chart* chart) {
+void AddBoth(const correlate::ComparedSignal& s, const std::string& of, const char* other,
+             int color, Chart* chart) {
   const double k = Shown(s);
   Series measured{"measured" + of, s.t,  Scaled(s.measured, k), Scaled(s.sigma, kBand * k),
                   Style::kDots,    color};
@@ -49,12 +51,12 @@ void AddBoth(const ComparedSignal& s, const std::string& of, const char* other, 
   chart->series.push_back(std::move(measured));
 }
 
-void AddMotion(const Comparison& c, report::Page* page) {
+void AddMotion(const correlate::Comparison& c, report::Page* page) {
   page->AddSection(c.reference_is_run ? "Measured over simulated" : "The one over the other",
                    fmt::format("Dots: measured, with a band of ±{:.0f} standard deviations. Lines: "
                                "{}. Drag to zoom; all charts of time follow.",
                                kBand, Other(c)));
-  for (const ComparedSignal& s : c.signals) {
+  for (const correlate::ComparedSignal& s : c.signals) {
     if (s.unit == "rad") page->AddTimeSeries(AngleChart(c, s));
   }
   const std::vector<std::string> order = MarksByMotion(c);
@@ -63,7 +65,7 @@ void AddMotion(const Comparison& c, report::Page* page) {
   }
 }
 
-void AddPlane(const Comparison& c, report::Page* page) {
+void AddPlane(const correlate::Comparison& c, report::Page* page) {
   report::Paths paths;
   paths.title = "The plane of the motion";
   paths.note = "The marks' ways at equal scale.";
@@ -71,7 +73,8 @@ void AddPlane(const Comparison& c, report::Page* page) {
   paths.y = {"y", "m", false};
   int color = 0;
   for (const std::string& mark : c.marks) {
-    const ComparedSignal *x = FindSignal(c, mark + " x"), *y = FindSignal(c, mark + " y");
+    const correlate::ComparedSignal *x = FindSignal(c, mark + " x"),
+                                    *y = FindSignal(c, mark + " y");
     if (x == nullptr || y == nullptr) continue;
     paths.paths.push_back(
         {mark + " " + Other(c), x->reference, y->reference, Style::kLine, color, true});
@@ -82,7 +85,7 @@ void AddPlane(const Comparison& c, report::Page* page) {
   page->AddPaths(paths);
 }
 
-void AddResiduals(const Comparison& c, report::Page* page) {
+void AddResiduals(const correlate::Comparison& c, report::Page* page) {
   page->AddSection("What is left",
                    fmt::format("Measured less {}, with a band of ±{:.0f} standard deviations "
                                "of the measurement about zero: where the two agree, the dots fill "
@@ -95,7 +98,7 @@ void AddResiduals(const Comparison& c, report::Page* page) {
     chart.height_px = 220;
     int color = 0;
     for (const char* axis : {" x", " y", " z"}) {
-      const ComparedSignal* s = FindSignal(c, mark + axis);
+      const correlate::ComparedSignal* s = FindSignal(c, mark + axis);
       if (s == nullptr) continue;
       std::vector<double> left(s->t.size());
       for (std::size_t i = 0; i < left.size(); ++i) {
@@ -119,7 +122,7 @@ std::string Hertz(const std::vector<correlate::Peak>& peaks, int index, bool amp
   return amplitude ? fmt::format("{:.3g}", k * p.amplitude) : fmt::format("{:.3f}", p.frequency);
 }
 
-void AddSpectra(const Comparison& c, report::Page* page) {
+void AddSpectra(const correlate::Comparison& c, report::Page* page) {
   if (c.spectra.empty()) return;
   page->AddSection(
       "Both spectra",
@@ -133,7 +136,7 @@ void AddSpectra(const Comparison& c, report::Page* page) {
       "signal", "measured [Hz]", std::string(Other(c)) + " [Hz]", "difference [%]", "measured",
       Other(c), "unit"};
   table.text_columns = {0, 6};
-  for (const ComparedSpectrum& s : c.spectra) {
+  for (const correlate::ComparedSpectrum& s : c.spectra) {
     const bool angle = s.name.rfind("angle", 0) == 0;
     const double k = kMilli;
     const bool shown = angle || s.name.back() == 'y';
@@ -154,7 +157,7 @@ void AddSpectra(const Comparison& c, report::Page* page) {
   if (!table.rows.empty()) page->AddTable(table);
 }
 
-void AddErrors(const Comparison& c, report::Page* page) {
+void AddErrors(const correlate::Comparison& c, report::Page* page) {
   report::Table table;
   table.title = "Errors, mark by mark";
   table.note =
@@ -175,19 +178,20 @@ void AddErrors(const Comparison& c, report::Page* page) {
 
 }  // namespace
 
-const ComparedSignal* FindSignal(const Comparison& c, const std::string& name) {
-  for (const ComparedSignal& s : c.signals) {
+const correlate::ComparedSignal* FindSignal(const correlate::Comparison& c,
+                                            const std::string& name) {
+  for (const correlate::ComparedSignal& s : c.signals) {
     if (s.name == name) return &s;
   }
   return nullptr;
 }
 
-std::vector<std::string> MarksByMotion(const Comparison& c) {
+std::vector<std::string> MarksByMotion(const correlate::Comparison& c) {
   std::vector<std::pair<double, std::string>> order;
   for (const std::string& mark : c.marks) {
     double range = 0.0;
     for (const char* axis : {" x", " y"}) {
-      const ComparedSignal* s = FindSignal(c, mark + axis);
+      const correlate::ComparedSignal* s = FindSignal(c, mark + axis);
       if (s == nullptr || s->measured.empty()) continue;
       const auto [low, high] = std::minmax_element(s->measured.begin(), s->measured.end());
       range = std::max(range, *high - *low);
@@ -200,7 +204,7 @@ std::vector<std::string> MarksByMotion(const Comparison& c) {
   return out;
 }
 
-report::Chart AngleChart(const Comparison& c, const ComparedSignal& s) {
+report::Chart AngleChart(const correlate::Comparison& c, const correlate::ComparedSignal& s) {
   Chart chart;
   chart.title = "Turn of the body: " + s.name;
   chart.note = "Two marks on one body give its angle.";
@@ -210,7 +214,7 @@ report::Chart AngleChart(const Comparison& c, const ComparedSignal& s) {
   return chart;
 }
 
-report::Chart MarkChart(const Comparison& c, const std::string& mark) {
+report::Chart MarkChart(const correlate::Comparison& c, const std::string& mark) {
   Chart chart;
   chart.title = mark + ": where it is";
   chart.y = {"position", "mm", false};
@@ -221,7 +225,7 @@ report::Chart MarkChart(const Comparison& c, const std::string& mark) {
   return chart;
 }
 
-report::Chart SpectrumChart(const Comparison& c, const ComparedSpectrum& s) {
+report::Chart SpectrumChart(const correlate::Comparison& c, const correlate::ComparedSpectrum& s) {
   Chart chart;
   chart.title = "Spectrum of " + s.name;
   chart.note = s.note;
@@ -244,7 +248,7 @@ report::Chart SpectrumChart(const Comparison& c, const ComparedSpectrum& s) {
   return chart;
 }
 
-void AddComparisonPanels(const Comparison& c, report::Page* page) {
+void AddComparisonPanels(const correlate::Comparison& c, report::Page* page) {
   AddMotion(c, page);
   AddPlane(c, page);
   AddResiduals(c, page);
@@ -255,7 +259,7 @@ void AddComparisonPanels(const Comparison& c, report::Page* page) {
   AddModePanels(c, page);
 }
 
-void WriteComparisonPage(const std::string& path, const Comparison& c,
+void WriteComparisonPage(const std::string& path, const correlate::Comparison& c,
                          const data::Provenance& provenance) {
   report::Page page("Correlation", c.record + " against " + c.reference);
   const correlate::Alignment& a = c.alignment;

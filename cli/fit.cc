@@ -12,6 +12,7 @@
 #include "base/error.h"
 #include "base/progress.h"
 #include "cli/fit_page.h"
+#include "cli/fit_text.h"
 #include "cli/verb.h"
 #include "correlate/compare/comparison.h"
 #include "correlate/fit/evaluation_store.h"
@@ -56,9 +57,9 @@ std::string CommandWithout(const std::string& command) {
 }
 
 // Trial and model at the estimate, side by side, for the page.
-Comparison AtEstimate(const correlate::FitTrial& trial, const data::FitRecord& record) {
+correlate::Comparison AtEstimate(const correlate::FitTrial& trial, const data::FitRecord& record) {
   constexpr double kStep = 5e-4;  // [s]
-  Comparison c;
+  correlate::Comparison c;
   c.record = trial.name;
   c.reference = "the model at the estimate";
   c.reference_is_run = true;
@@ -72,7 +73,7 @@ Comparison AtEstimate(const correlate::FitTrial& trial, const data::FitRecord& r
   for (const correlate::ModelEvent& e : sampled.events()) {
     if (e.kind == "latch") c.latches.push_back(e);
   }
-  CompareWith(sampled, {}, &c);
+  correlate::CompareWith(sampled, {}, &c);
   return c;
 }
 
@@ -97,7 +98,7 @@ std::string ProgressNote(const correlate::FitProgress& at,
 int FitVerb(const Common& common, const Settings& s) {
   const auto start = std::chrono::steady_clock::now();
   const data::Study study = data::ReadStudy(s.study, s.sets);
-  BoundStudy bound = Bind(study, s.tracks);
+  study::BoundStudy bound = study::Bind(study, s.tracks);
 
   data::Provenance provenance = StartProvenance(common);
   provenance.command = CommandWithout(provenance.command);
@@ -106,7 +107,7 @@ int FitVerb(const Common& common, const Settings& s) {
     provenance.options["set " + set.substr(0, set.find('='))] = set.substr(set.find('=') + 1);
   }
   const std::string output = s.output.empty() ? DefaultOutput(s.study, ".h5") : s.output;
-  data::Journal journal(output, IdentityOf(provenance), s.resume);
+  data::Journal journal(output, study::IdentityOf(provenance), s.resume);
   const auto local = correlate::LocalWorkers(s.workers);
   correlate::JournaledWorkers workers(*local, journal);
   if (journal.found() > 0 && !common.quiet && !common.json) {
@@ -132,11 +133,11 @@ int FitVerb(const Common& common, const Settings& s) {
                journal.size(), journal.path());
     return kExitInterrupted;
   }
-  data::FitRecord record = RecordOf(study, bound.problem, result);
-  AddTolerances(bound.tolerance, &record);
+  data::FitRecord record = study::RecordOf(study, bound.problem, result);
+  study::AddTolerances(bound.tolerance, &record);
   data::WriteFit(output, record, provenance);
   if (!s.report.empty()) {
-    Comparison comparison;
+    correlate::Comparison comparison;
     if (result.Usable()) comparison = AtEstimate(bound.problem.trials.front(), record);
     WriteFitPage(s.report, {record, bound.problem, result, comparison, provenance});
   }

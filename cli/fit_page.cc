@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/number.h"
+#include "cli/comparison_panels.h"
 #include "report/page.h"
 
 namespace unfurl::cli {

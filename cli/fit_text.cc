@@ -1,3 +1,5 @@
+#include "cli/fit_text.h"
+
 #include <fmt/format.h>
 
 #include <cmath>
@@ -6,7 +8,6 @@
 #include "base/number.h"
 #include "base/table.h"
 #include "cli/verb.h"
-#include "study/fit_record.h"
 
 namespace unfurl::cli {
 

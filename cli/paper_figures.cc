@@ -15,12 +15,12 @@ namespace unfurl::cli {
 namespace {
 
 // Positions become displacements from where the reference starts.
-report::Chart Displacements(const Comparison& c, const std::string& mark) {
+report::Chart Displacements(const correlate::Comparison& c, const std::string& mark) {
   report::Chart chart = MarkChart(c, mark);
   chart.y.label = "displacement";
   for (report::Series& s : chart.series) {
     const std::string axis = s.name.substr(s.name.size() - 1);
-    const ComparedSignal* signal = FindSignal(c, mark + " " + axis);
+    const correlate::ComparedSignal* signal = FindSignal(c, mark + " " + axis);
     if (signal == nullptr || signal->reference.empty()) continue;
     for (double& v : s.y) v -= kMilli * signal->reference.front();
   }
@@ -29,7 +29,7 @@ report::Chart Displacements(const Comparison& c, const std::string& mark) {
 
 }  // namespace
 
-std::string WritePaperFigures(const std::string& folder, const Comparison& c) {
+std::string WritePaperFigures(const std::string& folder, const correlate::Comparison& c) {
   std::error_code failed;
   std::filesystem::create_directories(folder, failed);
   if (failed) {
@@ -44,8 +44,9 @@ std::string WritePaperFigures(const std::string& folder, const Comparison& c) {
     data::WriteTextFile(path, report::StillSvg(chart));
     written += fmt::format("wrote {}: {}\n", path, title);
   };
-  const auto angle = std::find_if(c.signals.begin(), c.signals.end(),
-                                  [](const ComparedSignal& s) { return s.unit == "rad"; });
+  const auto angle =
+      std::find_if(c.signals.begin(), c.signals.end(),
+                   [](const correlate::ComparedSignal& s) { return s.unit == "rad"; });
   if (angle != c.signals.end()) {
     write("figure-15.svg", AngleChart(c, *angle), "Turn of the central body (" + angle->name + ")");
   } else {
@@ -58,9 +59,9 @@ std::string WritePaperFigures(const std::string& folder, const Comparison& c) {
     write(fmt::format("figure-16{}.svg", "ab"[i]), Displacements(c, mark),
           "Displacement of " + mark);
   }
-  const ComparedSpectrum* strongest = nullptr;
+  const correlate::ComparedSpectrum* strongest = nullptr;
   double most = 0.0;
-  for (const ComparedSpectrum& s : c.spectra) {
+  for (const correlate::ComparedSpectrum& s : c.spectra) {
     if (marks.empty() || s.name.rfind(marks.front() + " ", 0) != 0) continue;
     const double peak = s.measured_peaks.empty() ? 0.0 : s.measured_peaks.front().amplitude;
     if (strongest == nullptr || peak > most) strongest = &s, most = peak;

@@ -34,7 +34,7 @@ struct Arguments {
   std::optional<std::string> method;
   std::optional<double> rtol, rate, duration;
   bool profile = false;
-  RecordOptions record;
+  sim::RecordOptions record;
 };
 
 std::string SizeText(double bytes) {
@@ -81,7 +81,7 @@ class SimulateVerb {
     const double duration = options_.duration > 0.0 ? options_.duration : model.duration;
     provenance_.options["duration"] = fmt::format("{}", duration);
 
-    RunRecorder recorder(model, arguments_.record, options_.rate, !common_.quiet);
+    sim::RunRecorder recorder(model, arguments_.record, options_.rate, !common_.quiet);
     const data::RunLayout layout =
         recorder.Layout(data::ReadTextFile(arguments_.scene), options_.profile);
     const double samples = std::floor(duration * options_.rate) + 1.0;
@@ -91,8 +91,8 @@ class SimulateVerb {
               common_.quiet);
     data::RunWriter writer(out, provenance_, layout);
     recorder.SetWriter(&writer);
-    SummaryInput summary{model,      report_, recorder,        "good", {}, arguments_.scene,
-                         scene.name, out,     options_.profile};
+    sim::SummaryInput summary{model,      report_, recorder,        "good", {}, arguments_.scene,
+                              scene.name, out,     options_.profile};
     int code = kExitGood;
     try {
       code = Simulate(model, &recorder, &summary);
@@ -111,7 +111,7 @@ class SimulateVerb {
                   {}, {}, ErrorKind::kMachine);
     }
     ordered_json json;
-    const std::string text = SummaryText(summary, &json);
+    const std::string text = sim::SummaryText(summary, &json);
     if (!arguments_.report.empty() && code != kExitInterrupted) {
       WriteSimulatePage(arguments_.report, summary, provenance_);
       json["report"] = arguments_.report;
@@ -159,7 +159,7 @@ class SimulateVerb {
 
   // Runs the model; what stops it becomes the summary's status. Bad input that shows only on the
   // way is such a stop, too.
-  int Simulate(const sim::Model& model, RunRecorder* recorder, SummaryInput* summary) {
+  int Simulate(const sim::Model& model, sim::RunRecorder* recorder, sim::SummaryInput* summary) {
     try {
       report_ = sim::Simulate(model, options_, recorder);
     } catch (const Interrupted&) {

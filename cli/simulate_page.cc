@@ -76,7 +76,7 @@ class RunColumns {
 
 class Composer {
  public:
-  Composer(const SummaryInput& in, const data::Provenance& provenance)
+  Composer(const sim::SummaryInput& in, const data::Provenance& provenance)
       : in_(in), provenance_(provenance), run_(in.out), page_("Simulation", in.name) {}
 
   void Write(const std::string& path) {
@@ -102,7 +102,7 @@ class Composer {
 
   void AddWords() {
     std::vector<std::string> details;
-    std::string headline = LatchSentence(in_);
+    std::string headline = sim::LatchSentence(in_);
     bool all_closed = true;
     for (const sim::Model::Joint& joint : in_.model.joints) {
       if (joint.latch >= 0) all_closed = all_closed && in_.recorder.latch(joint.latch).latched;
@@ -196,7 +196,7 @@ class Composer {
   void AddJointTable() {
     if (in_.model.joints.empty()) return;
     std::size_t left_out = 0;
-    const auto rows = JointTable(in_, kMostRows, &left_out);
+    const auto rows = sim::JointTable(in_, kMostRows, &left_out);
     report::Table table;
     table.title = in_.model.latches.count() > 0 ? "Latches and loads" : "Loads";
     if (in_.model.latches.count() > 0) {
@@ -341,7 +341,7 @@ class Composer {
   void AddCost() {
     const sim::SimulateReport& r = in_.report;
     page_.AddSection("What it cost",
-                     fmt::format("{}. Steps limited by: {}.", r.method, LimitSentence(in_)));
+                     fmt::format("{}. Steps limited by: {}.", r.method, sim::LimitSentence(in_)));
     report::Table table;
     table.title = "Work";
     table.header = {"", ""};
@@ -367,7 +367,7 @@ class Composer {
     page_.AddTable(table);
   }
 
-  const SummaryInput& in_;
+  const sim::SummaryInput& in_;
   const data::Provenance& provenance_;
   RunColumns run_;
   report::Page page_;
@@ -375,7 +375,7 @@ class Composer {
 
 }  // namespace
 
-void WriteSimulatePage(const std::string& path, const SummaryInput& input,
+void WriteSimulatePage(const std::string& path, const sim::SummaryInput& input,
                        const data::Provenance& provenance) {
   Composer(input, provenance).Write(path);
 }

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "correlate/fit/choose_tolerance.h"
@@ -16,10 +15,5 @@ data::FitRecord RecordOf(const data::Study& study, const correlate::FitProblem& 
 
 // Says which tolerance the simulator ran with, trial by trial, where it was chosen by the data.
 void AddTolerances(const std::vector<correlate::ToleranceChoice>& choices, data::FitRecord* record);
-
-// For the terminal, and for --json.
-std::string FitText(const data::FitRecord& record, double seconds);
-nlohmann::ordered_json FitJson(const data::FitRecord& record, const std::string& output,
-                               double seconds);
 
 }  // namespace unfurl::study

@@ -12,9 +12,6 @@ namespace unfurl::correlate {
 
 namespace {
 
-using ObjectiveRating;
-using SignalScore;
-
 constexpr std::size_t kFewest = 16;  // samples of a spectrum
 
 // What the scores of all marks are the mean of; a mark's rating too, over its coordinates.

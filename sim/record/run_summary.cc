@@ -132,7 +132,7 @@ std::string LatchSentence(const SummaryInput& in) {
 }
 
 std::vector<std::vector<std::string>> JointTable(const SummaryInput& in, std::size_t most,
-                                                std::size_t* left_out) {
+                                                 std::size_t* left_out) {
   const bool latches = in.model.latches.count() > 0;
   std::vector<std::vector<std::string>> rows = {{"joint", "peak pin force [N]", "at [s]"}};
   if (latches) {
