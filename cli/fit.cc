@@ -1,5 +1,3 @@
-#include "correlate/fit/fit.h"
-
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -14,13 +12,8 @@
 #include "cli/fit_page.h"
 #include "cli/fit_text.h"
 #include "cli/verb.h"
-#include "correlate/compare/comparison.h"
-#include "correlate/fit/evaluation_store.h"
-#include "data/fit.h"
-#include "data/journal.h"
 #include "data/study.h"
-#include "study/fit_record.h"
-#include "study/study_binding.h"
+#include "study/fit_study.h"
 
 namespace unfurl::cli {
 
@@ -56,30 +49,9 @@ std::string CommandWithout(const std::string& command) {
   return out;
 }
 
-// Trial and model at the estimate, side by side, for the page.
-correlate::Comparison AtEstimate(const correlate::FitTrial& trial, const data::FitRecord& record) {
-  constexpr double kStep = 5e-4;  // [s]
-  correlate::Comparison c;
-  c.record = trial.name;
-  c.reference = "the model at the estimate";
-  c.reference_is_run = true;
-  c.observations = *trial.observations;
-  for (const correlate::MarkSeries& m : c.observations.marks) c.marks.push_back(m.name);
-  std::vector<double> theta;
-  for (const auto& p : record.parameters) theta.push_back(p.value);
-  const double end = c.observations.End() - c.observations.Start();
-  const correlate::SampledModel sampled(*trial.model, theta, c.marks, 0.0, end, kStep);
-  if (!sampled.good()) return c;
-  for (const correlate::ModelEvent& e : sampled.events()) {
-    if (e.kind == "latch") c.latches.push_back(e);
-  }
-  correlate::CompareWith(sampled, {}, &c);
-  return c;
-}
-
 // "3 starts: 41 evaluations, best so far 1.2e+04 (clearance 0.0058), about 60 to go".
 std::string ProgressNote(const correlate::FitProgress& at,
-                         const std::vector<correlate::Parameter>& parameters) {
+                         const std::vector<data::StudyParameter>& parameters) {
   std::string note = fmt::format("{}: {} evaluations", at.phase, at.evaluations);
   if (at.best_cost > 0.0) {
     note += fmt::format(", best so far {:.5g}", at.best_cost);
@@ -98,54 +70,43 @@ std::string ProgressNote(const correlate::FitProgress& at,
 int FitVerb(const Common& common, const Settings& s) {
   const auto start = std::chrono::steady_clock::now();
   const data::Study study = data::ReadStudy(s.study, s.sets);
-  study::BoundStudy bound = study::Bind(study, s.tracks);
-
-  data::Provenance provenance = StartProvenance(common);
-  provenance.command = CommandWithout(provenance.command);
-  for (const std::string& input : bound.inputs) provenance.AddInput(input);
-  for (const std::string& set : s.sets) {
-    provenance.options["set " + set.substr(0, set.find('='))] = set.substr(set.find('=') + 1);
-  }
-  const std::string output = s.output.empty() ? DefaultOutput(s.study, ".h5") : s.output;
-  data::Journal journal(output, study::IdentityOf(provenance), s.resume);
-  const auto local = correlate::LocalWorkers(s.workers);
-  correlate::JournaledWorkers workers(*local, journal);
-  if (journal.found() > 0 && !common.quiet && !common.json) {
-    fmt::print(stderr, "unfurl: {} evaluations taken over from {}\n", journal.found(),
-               journal.path());
-  }
-
-  correlate::FitOptions& options = bound.options;
+  study::FitStudyOptions options;
+  options.tracks = s.tracks;
   options.workers = s.workers;
-  options.where = &workers;
-  Progress progress("fit", !common.quiet && !common.json);
+  options.resume = s.resume;
+  options.output = s.output.empty() ? DefaultOutput(s.study, ".h5") : s.output;
+  options.compare = !s.report.empty();
+  options.provenance = StartProvenance(common);
+  options.provenance.command = CommandWithout(options.provenance.command);
+  for (const std::string& set : s.sets) {
+    options.provenance.options["set " + set.substr(0, set.find('='))] =
+        set.substr(set.find('=') + 1);
+  }
+  const bool talk = !common.quiet && !common.json;
+  options.on_resume = [&](std::size_t found, const std::string& path) {
+    if (talk) fmt::print(stderr, "unfurl: {} evaluations taken over from {}\n", found, path);
+  };
+  Progress progress("fit", talk);
   options.progress = [&](const correlate::FitProgress& at) {
     const double done = static_cast<double>(at.evaluations) /
                         static_cast<double>(std::max(at.expected, at.evaluations + 1));
-    progress.Update(std::min(0.99, done), ProgressNote(at, bound.problem.parameters));
+    progress.Update(std::min(0.99, done), ProgressNote(at, study.parameters));
   };
-  correlate::FitResult result;
+  study::StudyFit fit;
   try {
-    result = correlate::Fit(bound.problem, options);
-  } catch (const Interrupted&) {
-    if (journal.size() == 0) throw;
+    fit = study::Fit(study, options);
+  } catch (const study::FitInterrupted& stopped) {
     fmt::print(stderr, "unfurl: interrupted; {} evaluations are in {}, --resume continues\n",
-               journal.size(), journal.path());
+               stopped.evaluations, stopped.journal);
     return kExitInterrupted;
   }
-  data::FitRecord record = study::RecordOf(study, bound.problem, result);
-  study::AddTolerances(bound.tolerance, &record);
-  data::WriteFit(output, record, provenance);
   if (!s.report.empty()) {
-    correlate::Comparison comparison;
-    if (result.Usable()) comparison = AtEstimate(bound.problem.trials.front(), record);
-    WriteFitPage(s.report, {record, bound.problem, result, comparison, provenance});
+    WriteFitPage(s.report, {fit.record, fit.problem(), fit.result, fit.comparison, fit.provenance});
   }
-  journal.Remove();
   const double seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  Finish(common, FitJson(record, output, seconds), FitText(record, seconds));
-  return result.Usable() ? kExitGood : kExitNotUsable;
+  Finish(common, FitJson(fit.record, options.output, seconds), FitText(fit.record, seconds));
+  return fit.Usable() ? kExitGood : kExitNotUsable;
 }
 
 }  // namespace

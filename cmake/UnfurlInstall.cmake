@@ -1,6 +1,31 @@
-get_property(modules GLOBAL PROPERTY UNFURL_MODULES)
-install(TARGETS ${modules} EXPORT unfurlTargets
-        ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT dev)
+# What is installed: the library with its public headers, the program, the shipped sets.
+
+# A header is public when unfurl/unfurl.h leads to it; all others stay inside.
+function(unfurl_public_headers header found)
+  if("${header}" IN_LIST ${found} OR NOT EXISTS ${PROJECT_SOURCE_DIR}/${header})
+    return()
+  endif()
+  list(APPEND ${found} ${header})
+  set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${PROJECT_SOURCE_DIR}/${header})
+  file(STRINGS ${PROJECT_SOURCE_DIR}/${header} includes REGEX "^#include \"")
+  foreach(include ${includes})
+    string(REGEX REPLACE "^#include \"([^\"]+)\".*" "\\1" include "${include}")
+    unfurl_public_headers(${include} ${found})
+  endforeach()
+  set(${found} ${${found}} PARENT_SCOPE)
+endfunction()
+unfurl_public_headers(unfurl/unfurl.h public_headers)
+foreach(header ${public_headers})
+  cmake_path(GET header PARENT_PATH folder)
+  if(folder STREQUAL unfurl)
+    install(FILES ${header} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/unfurl COMPONENT dev)
+  else()
+    install(FILES ${header} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/unfurl/${folder} COMPONENT dev)
+  endif()
+endforeach()
+
+install(TARGETS unfurl_library EXPORT unfurlTargets
+        LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} NAMELINK_COMPONENT dev)
 install(EXPORT unfurlTargets NAMESPACE unfurl:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/unfurl
         COMPONENT dev)
 include(CMakePackageConfigHelpers)

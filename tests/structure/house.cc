@@ -24,6 +24,7 @@ const std::map<std::string, std::set<std::string>, std::less<>>& Below() {
       {"report", {"base", "data"}},
       {"calib", {"base", "data", "measure"}},
       {"study", {"base", "data", "sim", "correlate"}},
+      {"unfurl", {"base", "data", "sim", "measure", "correlate", "calib", "study"}},
       {"cli", {"base", "data", "sim", "measure", "correlate", "report", "calib", "study"}},
   };
   return kBelow;

@@ -1,0 +1,82 @@
+#include "study/fit_study.h"
+
+#include "correlate/fit/evaluation_store.h"
+#include "data/journal.h"
+#include "study/fit_record.h"
+
+namespace unfurl::study {
+
+namespace {
+
+constexpr double kComparisonStep = 5e-4;  // [s], of the model's samples in a comparison
+
+// The fit on `workers`, recorded; the journal, where there is one, outlives an interruption.
+void Run(const data::Study& study, const FitStudyOptions& options, correlate::Workers* workers,
+         StudyFit* fit) {
+  correlate::FitOptions& how = fit->binding->options;
+  how.workers = options.workers;
+  how.where = workers;
+  how.progress = options.progress;
+  fit->result = correlate::Fit(fit->binding->problem, how);
+  how.where = nullptr;
+  fit->record = RecordOf(study, fit->binding->problem, fit->result);
+  AddTolerances(fit->binding->tolerance, &fit->record);
+}
+
+void RunJournaled(const data::Study& study, const FitStudyOptions& options, StudyFit* fit) {
+  data::Journal journal(options.output, IdentityOf(fit->provenance), options.resume);
+  if (journal.found() > 0 && options.on_resume) {
+    options.on_resume(journal.found(), journal.path());
+  }
+  const auto local = correlate::LocalWorkers(options.workers);
+  correlate::JournaledWorkers workers(*local, journal);
+  try {
+    Run(study, options, &workers, fit);
+  } catch (const Interrupted&) {
+    if (journal.size() == 0) throw;
+    throw FitInterrupted(journal.size(), journal.path());
+  }
+  data::WriteFit(options.output, fit->record, fit->provenance);
+  journal.Remove();
+}
+
+}  // namespace
+
+correlate::Comparison CompareAtEstimate(const correlate::FitTrial& trial,
+                                        const data::FitRecord& record) {
+  correlate::Comparison c;
+  c.record = trial.name;
+  c.reference = "the model at the estimate";
+  c.reference_is_run = true;
+  c.observations = *trial.observations;
+  for (const correlate::MarkSeries& m : c.observations.marks) c.marks.push_back(m.name);
+  std::vector<double> theta;
+  for (const auto& p : record.parameters) theta.push_back(p.value);
+  const double end = c.observations.End() - c.observations.Start();
+  const correlate::SampledModel sampled(*trial.model, theta, c.marks, 0.0, end, kComparisonStep);
+  if (!sampled.good()) return c;
+  for (const correlate::ModelEvent& e : sampled.events()) {
+    if (e.kind == "latch") c.latches.push_back(e);
+  }
+  correlate::CompareWith(sampled, {}, &c);
+  return c;
+}
+
+StudyFit Fit(const data::Study& study, const FitStudyOptions& options) {
+  StudyFit fit;
+  fit.binding = std::make_unique<BoundStudy>(Bind(study, options.tracks));
+  fit.provenance = options.provenance;
+  if (fit.provenance.program.empty()) fit.provenance.program = data::ProgramVersion();
+  for (const std::string& input : fit.binding->inputs) fit.provenance.AddInput(input);
+  if (options.output.empty()) {
+    Run(study, options, nullptr, &fit);
+  } else {
+    RunJournaled(study, options, &fit);
+  }
+  if (options.compare && fit.Usable()) {
+    fit.comparison = CompareAtEstimate(fit.problem().trials.front(), fit.record);
+  }
+  return fit;
+}
+
+}  // namespace unfurl::study

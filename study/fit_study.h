@@ -1,0 +1,70 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "base/error.h"
+#include "correlate/compare/comparison.h"
+#include "correlate/fit/fit.h"
+#include "data/fit.h"
+#include "data/provenance.h"
+#include "data/study.h"
+#include "study/study_binding.h"
+
+namespace unfurl::study {
+
+/// How a study is fitted. The defaults fit it in memory and write nothing.
+struct FitStudyOptions {
+  /// Tracks to fit to in place of those that the study names; empty: the study's own. A study of
+  /// several trials refuses it.
+  std::string tracks;
+  /// Model evaluations at a time; 0: one per core. Does not change the result.
+  std::size_t workers = 0;
+  /// The fit to write (HDF5). Every evaluation is kept in OUTPUT.partial until the fit is written,
+  /// so that a fit that was stopped can be resumed. Empty: nothing is written.
+  std::string output;
+  /// Take the evaluations of OUTPUT.partial over. The result is the same to the last byte.
+  bool resume = false;
+  /// Program, command and options to be stored with the result. The inputs are added.
+  data::Provenance provenance;
+  /// Whether trial and model are compared at the estimate (first trial), for a page or a plot.
+  bool compare = false;
+  /// Called at the start when evaluations were taken over: how many, and the file.
+  std::function<void(std::size_t, const std::string&)> on_resume;
+  /// Called now and then, from any thread.
+  std::function<void(const correlate::FitProgress&)> progress;
+};
+
+/// A fitted study. Moves; does not copy, since `problem` points into `binding`.
+struct StudyFit {
+  std::unique_ptr<BoundStudy> binding;  ///< models and observations that the fit ran on
+  correlate::FitResult result;          ///< numbers, with status
+  data::FitRecord record;               ///< the same as a record for files, verdicts in words
+  data::Provenance provenance;          ///< inputs by hash
+  correlate::Comparison comparison;     ///< at the estimate; without errors: none was made
+
+  const correlate::FitProblem& problem() const { return binding->problem; }
+  bool Usable() const { return result.Usable(); }
+};
+
+/// A fit that was interrupted, with what it leaves behind.
+class FitInterrupted : public Interrupted {
+ public:
+  FitInterrupted(std::size_t evaluations_, std::string journal_)
+      : evaluations(evaluations_), journal(std::move(journal_)) {}
+  std::size_t evaluations;  ///< that are kept in `journal`
+  std::string journal;      ///< path
+};
+
+/// Fits the parameters of a study to its trials: reads the tracks, binds the scene or the program
+/// that computes the marks, fits (correlate::Fit), and writes the record where `output` is set.
+/// A fit that does not converge is a result (status); throws Error for bad input, FitInterrupted
+/// where it was interrupted with evaluations kept, Interrupted otherwise.
+StudyFit Fit(const data::Study& study, const FitStudyOptions& options = {});
+
+/// Trial and model at the estimate of a fit, side by side. Without errors where the model fails.
+correlate::Comparison CompareAtEstimate(const correlate::FitTrial& trial,
+                                        const data::FitRecord& record);
+
+}  // namespace unfurl::study
