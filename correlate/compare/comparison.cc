@@ -22,7 +22,9 @@ struct Loaded {
   std::optional<data::Run> run;
   std::optional<data::Tracks> tracks;
 
-  const std::vector<std::string>& marks() const { return run ? run->marks : tracks->marks; }
+  ComparedRecord AsRecord(const std::string& path) const {
+    return run ? ComparedRecord(*run, path) : ComparedRecord(*tracks, path);
+  }
 };
 
 Loaded Load(const std::string& path) {
@@ -43,15 +45,15 @@ Loaded Load(const std::string& path) {
   return out;
 }
 
-void ChooseMarks(const Loaded& a, const Loaded& b, const std::vector<std::string>& wanted,
-                 Comparison* c) {
+void ChooseMarks(const ComparedRecord& a, const ComparedRecord& b,
+                 const std::vector<std::string>& wanted, Comparison* c) {
   auto has = [](const std::vector<std::string>& list, const std::string& name) {
     return std::find(list.begin(), list.end(), name) != list.end();
   };
   for (const std::string& name : wanted) {
-    for (const Loaded* one : {&a, &b}) {
+    for (const ComparedRecord* one : {&a, &b}) {
       if (!has(one->marks(), name)) {
-        throw Error("there is no mark '" + name + "'", one == &a ? c->record : c->reference,
+        throw Error("there is no mark '" + name + "'", one->name,
                     "it has " + JoinWords(one->marks()));
       }
     }
@@ -192,15 +194,24 @@ void Judge(Comparison* c) {
 
 }  // namespace
 
+const std::vector<std::string>& ComparedRecord::marks() const {
+  return run != nullptr ? run->marks : tracks->marks;
+}
+
 Comparison Compare(const std::string& record, const std::string& reference,
                    const ComparisonOptions& options) {
-  Comparison c;
-  c.record = record;
-  c.reference = reference;
   const Loaded a = Load(record), b = Load(reference);
+  return Compare(a.AsRecord(record), b.AsRecord(reference), options);
+}
+
+Comparison Compare(const ComparedRecord& a, const ComparedRecord& b,
+                   const ComparisonOptions& options) {
+  Comparison c;
+  c.record = a.name;
+  c.reference = b.name;
   ChooseMarks(a, b, options.marks, &c);
-  c.record_is_run = a.run.has_value();
-  c.reference_is_run = b.run.has_value();
+  c.record_is_run = a.run != nullptr;
+  c.reference_is_run = b.run != nullptr;
   c.record_is_test = !c.record_is_run && c.reference_is_run;
   c.observations = a.run ? FromRun(*a.run, c.marks) : FromTracks(*a.tracks, c.marks);
   const SampledModel model =

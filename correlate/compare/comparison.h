@@ -10,6 +10,8 @@
 #include "correlate/compare/signal_metrics.h"
 #include "correlate/modes/modal_id.h"
 #include "correlate/spectra/spectral_density.h"
+#include "data/run.h"
+#include "data/tracks.h"
 
 namespace unfurl::correlate {
 
@@ -82,10 +84,28 @@ struct ComparisonOptions {
   bool clock_drift = false;  // whether the record's clock may run at another rate
 };
 
+/// One side of a comparison: a run, or tracks. Points to what the caller keeps.
+struct ComparedRecord {
+  ComparedRecord(const data::Run& r, std::string n = "a run") : run(&r), name(std::move(n)) {}
+  ComparedRecord(const data::Tracks& t, std::string n = "tracks")
+      : tracks(&t), name(std::move(n)) {}
+  const std::vector<std::string>& marks() const;
+
+  const data::Run* run = nullptr;  ///< exactly one of the two
+  const data::Tracks* tracks = nullptr;
+  std::string name;  ///< for messages and reports
+};
+
+/// Aligns `record` with `reference` in time and frame, then compares errors, scores, spectra and
+/// modes of the marks that both have. Throws Error for records without a mark in common; a failed
+/// alignment is a status of the result.
+Comparison Compare(const ComparedRecord& record, const ComparedRecord& reference,
+                   const ComparisonOptions& options = {});
+
 // Each path is a run or tracks (HDF5), or tracks as CSV. Throws Error for anything else and for
 // records without a mark in common.
 Comparison Compare(const std::string& record, const std::string& reference,
-                   const ComparisonOptions& options);
+                   const ComparisonOptions& options = {});
 
 // The same for what is in memory already. `c` holds the names, marks, observations and latches.
 void CompareWith(const SampledModel& reference, const ComparisonOptions& options, Comparison* c);
