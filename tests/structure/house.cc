@@ -13,6 +13,7 @@ namespace {
 
 constexpr int kReportedLines = 400;
 constexpr int kMostLines = 500;
+constexpr int kDocumentCharacters = 120;
 
 const std::map<std::string, std::set<std::string>, std::less<>>& Below() {
   static const std::map<std::string, std::set<std::string>, std::less<>> kBelow = {
@@ -228,6 +229,23 @@ Findings CheckLength(const std::string& path, std::string_view text, bool* is_lo
   *is_long = lines > kReportedLines;
   if (lines <= kMostLines) return {};
   return {fmt::format("{}: {} lines; split it by concept (at most {})", path, lines, kMostLines)};
+}
+
+Findings CheckLineLengths(const std::string& path, std::string_view text) {
+  Findings findings;
+  if (!IsDocument(path)) return findings;
+  ForEachLine(text, [&](int number, std::string_view line) {
+    const std::size_t first = line.find_first_not_of(' ');
+    if (first == std::string_view::npos || line[first] == '|') return;
+    const auto characters = std::ranges::count_if(line, [](char c) {
+      return (static_cast<unsigned char>(c) & 0xC0u) != 0x80u;  // not a continuation byte of UTF-8
+    });
+    if (characters <= kDocumentCharacters || line.find(' ', first) == std::string_view::npos)
+      return;
+    findings.push_back(fmt::format("{}:{}: {} characters (at most {})", path, number, characters,
+                                   kDocumentCharacters));
+  });
+  return findings;
 }
 
 Findings CheckHeader(const std::string& path, std::string_view text) {

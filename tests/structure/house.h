@@ -29,6 +29,10 @@ Findings CheckMachinePaths(const std::string& path, std::string_view text);
 // More than 500 lines is a finding; `is_long` tells of more than 400.
 Findings CheckLength(const std::string& path, std::string_view text, bool* is_long);
 
+// Lines of a document have at most 120 characters; rows of tables, and lines without a blank to
+// break at (links, long keys), are passed over.
+Findings CheckLineLengths(const std::string& path, std::string_view text);
+
 // Headers are guarded by #pragma once.
 Findings CheckHeader(const std::string& path, std::string_view text);
 

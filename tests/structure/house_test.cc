@@ -116,6 +116,18 @@ TEST(CheckLength, ReportsAndFails) {
   EXPECT_THAT(CheckLength("a.cc", lines(501), &is_long), ElementsAre(HasSubstr("501 lines")));
 }
 
+TEST(CheckLineLengths, FindsLongLinesOfDocuments) {
+  const std::string long_line = std::string(60, 'a') + " " + std::string(60, 'b');
+  EXPECT_THAT(CheckLineLengths("a.md", "x\n" + long_line + "\n"),
+              ElementsAre("a.md:2: 121 characters (at most 120)"));
+  EXPECT_THAT(CheckLineLengths("a.cc", long_line), IsEmpty());
+  EXPECT_THAT(CheckLineLengths("a.md", "| " + long_line + " |\n  | " + long_line), IsEmpty());
+  EXPECT_THAT(CheckLineLengths("a.md", "  " + std::string(130, 'a')), IsEmpty());
+  std::string umlauts = "a ";
+  for (int i = 0; i < 118; ++i) umlauts += "\u00e4";
+  EXPECT_THAT(CheckLineLengths("a.md", umlauts), IsEmpty());
+}
+
 TEST(CheckHeader, WantsAGuard) {
   EXPECT_THAT(CheckHeader("a.h", "int x;\n"), ElementsAre(HasSubstr("#pragma once")));
   EXPECT_THAT(CheckHeader("a.h", "#pragma once\n"), IsEmpty());

@@ -118,6 +118,10 @@ TEST(Tree, FilesAreShort) {
   }
 }
 
+TEST(Tree, DocumentsAreNarrow) {
+  for (const auto& [path, text] : Tree()) Expect(CheckLineLengths(path, text));
+}
+
 TEST(Tree, HeadersAreGuarded) {
   for (const auto& [path, text] : Tree()) Expect(CheckHeader(path, text));
 }
