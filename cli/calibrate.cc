@@ -1,5 +1,3 @@
-#include "calib/calibrate.h"
-
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -11,6 +9,7 @@
 #include "base/error.h"
 #include "base/table.h"
 #include "base/text.h"
+#include "calib/calibrate_survey.h"
 #include "calib/layout.h"
 #include "calib/observations.h"
 #include "calib/verdict.h"
@@ -20,7 +19,6 @@
 #include "data/rig.h"
 #include "data/survey.h"
 #include "data/survey_points.h"
-#include "measure/survey_readings.h"
 
 namespace unfurl::cli {
 
@@ -253,7 +251,6 @@ int RunCalibrate(const Common& common, const Arguments& arguments) {
   data::Survey survey = ReadWhole(arguments);
   if (!arguments.readings.empty()) provenance.AddInput(arguments.readings);
   if (!arguments.layout.empty()) provenance.AddInput(arguments.layout);
-  measure::FindSurveyReadings(&survey, arguments.options.workers);
   if (arguments.station.size() == 3) {
     survey.station = Eigen::Vector3d::Map(arguments.station.data());
   }
@@ -262,12 +259,9 @@ int RunCalibrate(const Common& common, const Arguments& arguments) {
     survey.station_errors.distance_scale = arguments.distance_error[1];
   }
   if (arguments.zenith_error > 0.0) survey.station_errors.zenith = arguments.zenith_error;
-  const calib::Observations data = calib::FromSurvey(survey, arguments.survey);
-  calib::CalibrateOptions options = arguments.options;
-  options.explain.station = survey.station;
-  if (survey.has_lines()) options.explain.pixels = static_cast<double>(survey.format.active);
-  calib::Calibration result = calib::Calibrate(data, options, arguments.survey);
-  for (const std::string& note : survey.notes) result.rig.reasons.push_back(note);
+  calib::Observations data;
+  calib::Calibration result =
+      calib::Calibrate(std::move(survey), arguments.options, arguments.survey, &data);
   if (!arguments.layout.empty()) CheckHand(arguments.layout, &result.rig);
   data::WriteRig(arguments.out, result.rig, provenance);
   if (!arguments.report.empty()) {

@@ -14,7 +14,7 @@
 
 #include "base/error.h"
 #include "base/progress.h"
-#include "calib/calibrate.h"
+#include "calib/calibrate_survey.h"
 #include "calib/check.h"
 #include "calib/plan.h"
 #include "correlate/compare/comparison.h"
