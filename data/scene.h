@@ -72,6 +72,7 @@ struct SceneWeld {
 
 // Moment -stiffness (coordinate + preload).
 struct SceneSpring {
+  static constexpr const char* kKey = "spring";
   double stiffness = 0.0;  // [N m/rad]
   double preload = 0.0;    // [rad]
   std::string where;
@@ -79,6 +80,7 @@ struct SceneSpring {
 
 // Moment -damping d(coordinate)/dt.
 struct SceneDamper {
+  static constexpr const char* kKey = "damper";
   double damping = 0.0;  // [N m s/rad]
   std::string where;
 };
@@ -86,6 +88,7 @@ struct SceneDamper {
 // Moment as a function of the coordinate (a tape spring): monotone cubic through the points
 // (Fritsch and Butland), straight beyond the ends.
 struct SceneMomentTable {
+  static constexpr const char* kKey = "table";
   std::vector<double> coordinate;  // rising [rad]
   std::vector<double> moment;      // on the coordinate [N m]
   std::string where;
@@ -93,6 +96,7 @@ struct SceneMomentTable {
 
 // Dry friction, moment -moment tanh(rate / creep_rate).
 struct SceneFriction {
+  static constexpr const char* kKey = "friction";
   double moment = 0.0;      // [N m]
   double creep_rate = 0.0;  // where the moment has reached 76% [rad/s]
   std::string where;
@@ -107,9 +111,40 @@ struct SceneDrive {
 
 // A moment on the coordinate as a function of time.
 struct SceneMotor {
+  static constexpr const char* kKey = "motor";
   TimeFunction moment;  // [N m]
   std::string where;
 };
+
+// The moments (or forces) on one joint's coordinate. To add one: its record here, with the key of
+// its table, the reader's Read() for it, and its law in sim/effects/joint_effects.h. Whatever is
+// left out does not compile (docs/extending.md).
+struct SceneJointEffects {
+  std::optional<SceneSpring> spring;
+  std::optional<SceneDamper> damper;
+  std::optional<SceneMomentTable> table;
+  std::optional<SceneFriction> friction;
+  std::optional<SceneMotor> motor;
+};
+
+namespace internal {
+template <typename Effects, typename Visit>
+void VisitJointEffects(Effects& effects, Visit&& visit) {
+  auto& [spring, damper, table, friction, motor] = effects;  // all of them, or the compiler objects
+  const auto each = [&](auto&... effect) { (visit(effect), ...); };
+  each(spring, damper, table, friction, motor);
+}
+}  // namespace internal
+
+// Calls visit(std::optional<Record>&) for every member.
+template <typename Visit>
+void VisitJointEffects(const SceneJointEffects& effects, Visit&& visit) {
+  internal::VisitJointEffects(effects, visit);
+}
+template <typename Visit>
+void VisitJointEffects(SceneJointEffects& effects, Visit&& visit) {
+  internal::VisitJointEffects(effects, visit);
+}
 
 // The contact law of a latch, [paper, eq. (14) to (23)].
 struct SceneContact {
@@ -135,7 +170,7 @@ struct SceneLatch {
 // kSlider: outer's point lies at `sign * travel` on the line through inner's along `axis`, and
 //   angle(outer) - angle(inner) = zero_angle.
 // kPinInSlot: like a slider, but outer turns freely: theta as for a revolute joint.
-struct SceneJoint {
+struct SceneJoint : SceneJointEffects {
   enum class Kind { kRevolute, kSlider, kPinInSlot };
   std::string name;
   Kind kind = Kind::kRevolute;
@@ -149,12 +184,7 @@ struct SceneJoint {
   double travel_rate = 0.0;  // at the start [m/s]
   double hang_theta = 0.0;   // where the suspension's strings hang vertically [rad]
   double hang_travel = 0.0;  // likewise [m]
-  std::optional<SceneSpring> spring;
-  std::optional<SceneDamper> damper;
-  std::optional<SceneMomentTable> table;
-  std::optional<SceneFriction> friction;
   std::optional<SceneDrive> drive;
-  std::optional<SceneMotor> motor;
   std::optional<SceneLatch> latch;  // revolute only
   std::string where;
 };

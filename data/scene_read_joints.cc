@@ -1,6 +1,7 @@
 // Joints, what acts on their coordinates, and the contacts of their latches.
 #include <fmt/format.h>
 
+#include <functional>
 #include <limits>
 
 #include "base/text.h"
@@ -13,7 +14,61 @@ using Kind = SceneJoint::Kind;
 
 // Names of the keys for the coordinate that effects act on.
 bool ActsOnTravel(const SceneJoint& joint) { return joint.kind != Kind::kRevolute; }
-const char* MomentKey(const SceneJoint& joint) { return ActsOnTravel(joint) ? "force" : "moment"; }
+
+// A joint effect's table, and what its keys are called for the joint's coordinate.
+struct EffectTable {
+  const TomlTable& table;
+  const char* coordinate;  // "theta", "travel"
+  const char* moment;      // "moment", "force"
+  // SceneReader::ReadFunction, for one without derivatives.
+  const std::function<TimeFunction(const TomlTable&, const char*)>& function;
+};
+
+void ReadRecord(const EffectTable& in, SceneSpring* spring) {
+  spring->stiffness = in.table.Number("stiffness", kPositive);
+  if (in.table.Has("free")) {
+    if (in.table.Has("preload")) {
+      in.table.Fail("preload", "free and preload are both given", "keep one");
+    }
+    spring->preload = -in.table.Number("free");
+  } else {
+    spring->preload = in.table.NumberOr("preload", 0.0);
+  }
+}
+
+void ReadRecord(const EffectTable& in, SceneDamper* damper) {
+  damper->damping = in.table.Number("damping", kPositive);
+}
+
+void ReadRecord(const EffectTable& in, SceneMomentTable* points) {
+  points->coordinate = in.table.Numbers(in.coordinate, -1);
+  points->moment = in.table.Numbers(in.moment, -1);
+  if (points->coordinate.size() < 2) {
+    in.table.Fail(in.coordinate, "the table has less than two points", "give two or more");
+  }
+  if (points->coordinate.size() != points->moment.size()) {
+    in.table.Fail(
+        in.moment,
+        fmt::format("{} values for {} points", points->moment.size(), points->coordinate.size()),
+        "give one for each point");
+  }
+  for (std::size_t k = 1; k < points->coordinate.size(); ++k) {
+    if (points->coordinate[k] > points->coordinate[k - 1]) continue;
+    in.table.Fail(in.coordinate,
+                  fmt::format("the points do not rise: {} follows {}", points->coordinate[k],
+                              points->coordinate[k - 1]),
+                  "put them in order, each once");
+  }
+}
+
+void ReadRecord(const EffectTable& in, SceneFriction* friction) {
+  friction->moment = in.table.Number(in.moment, kPositive);
+  friction->creep_rate = in.table.Number("creep_rate", kPositive);
+}
+
+void ReadRecord(const EffectTable& in, SceneMotor* motor) {
+  motor->moment = in.function(in.table, in.moment);
+}
 
 void RefuseKeys(const TomlTable& table, std::initializer_list<const char*> keys,
                 const std::string& why) {
@@ -100,18 +155,20 @@ void SceneReader::ReadStart(const TomlTable& table, SceneJoint* joint) {
 }
 
 void SceneReader::ReadJointEffects(const TomlTable& table, SceneJoint* joint) {
-  if (const auto spring = table.TableOrNone("spring")) ReadSpring(*spring, joint);
-  if (const auto damper = table.TableOrNone("damper")) {
-    joint->damper = SceneDamper{damper->Number("damping", kPositive), damper->Where()};
-  }
-  if (const auto points = table.TableOrNone("table")) ReadMomentTable(*points, joint);
-  if (const auto friction = table.TableOrNone("friction")) ReadFriction(*friction, joint);
+  const std::function<TimeFunction(const TomlTable&, const char*)> function =
+      [this](const TomlTable& owner, const char* key) { return ReadFunction(owner, key, 0); };
+  const bool travel = ActsOnTravel(*joint);
+  VisitJointEffects(*joint, [&]<typename Record>(std::optional<Record>& record) {
+    const auto effect = table.TableOrNone(Record::kKey);
+    if (!effect) return;
+    record.emplace();
+    record->where = effect->Where();
+    ReadRecord({*effect, travel ? "travel" : "theta", travel ? "force" : "moment", function},
+               &*record);
+  });
   if (const auto drive = table.TableOrNone("drive")) ReadDrive(*drive, table, joint);
-  if (const auto motor = table.TableOrNone("motor")) {
-    if (joint->drive) {
-      table.Fail("motor", "the joint is driven, so a motor changes nothing", "keep one of the two");
-    }
-    ReadMotor(*motor, joint);
+  if (joint->drive && joint->motor) {
+    table.Fail("motor", "the joint is driven, so a motor changes nothing", "keep one of the two");
   }
   if (const auto latch = table.TableOrNone("latch")) {
     if (joint->kind != Kind::kRevolute) {
@@ -119,50 +176,6 @@ void SceneReader::ReadJointEffects(const TomlTable& table, SceneJoint* joint) {
     }
     ReadLatch(*latch, joint);
   }
-}
-
-void SceneReader::ReadSpring(const TomlTable& table, SceneJoint* joint) {
-  SceneSpring spring;
-  spring.stiffness = table.Number("stiffness", kPositive);
-  if (table.Has("free")) {
-    if (table.Has("preload")) table.Fail("preload", "free and preload are both given", "keep one");
-    spring.preload = -table.Number("free");
-  } else {
-    spring.preload = table.NumberOr("preload", 0.0);
-  }
-  spring.where = table.Where();
-  joint->spring = spring;
-}
-
-void SceneReader::ReadMomentTable(const TomlTable& table, SceneJoint* joint) {
-  SceneMomentTable points;
-  const char* coordinate = ActsOnTravel(*joint) ? "travel" : "theta";
-  const char* moment = MomentKey(*joint);
-  points.coordinate = table.Numbers(coordinate, -1);
-  points.moment = table.Numbers(moment, -1);
-  if (points.coordinate.size() < 2) {
-    table.Fail(coordinate, "the table has less than two points", "give two or more");
-  }
-  if (points.coordinate.size() != points.moment.size()) {
-    table.Fail(
-        moment,
-        fmt::format("{} values for {} points", points.moment.size(), points.coordinate.size()),
-        "give one for each point");
-  }
-  for (std::size_t k = 1; k < points.coordinate.size(); ++k) {
-    if (points.coordinate[k] > points.coordinate[k - 1]) continue;
-    table.Fail(coordinate,
-               fmt::format("the points do not rise: {} follows {}", points.coordinate[k],
-                           points.coordinate[k - 1]),
-               "put them in order, each once");
-  }
-  points.where = table.Where();
-  joint->table = std::move(points);
-}
-
-void SceneReader::ReadFriction(const TomlTable& table, SceneJoint* joint) {
-  joint->friction = SceneFriction{table.Number(MomentKey(*joint), kPositive),
-                                  table.Number("creep_rate", kPositive), table.Where()};
 }
 
 // A driven coordinate starts where its drive says.
@@ -198,10 +211,6 @@ void SceneReader::ReadDrive(const TomlTable& table, const TomlTable& owner, Scen
     rate = settle(rate_key, rate, start.value);
   }
   joint->drive = std::move(drive);
-}
-
-void SceneReader::ReadMotor(const TomlTable& table, SceneJoint* joint) {
-  joint->motor = SceneMotor{ReadFunction(table, MomentKey(*joint), 0), table.Where()};
 }
 
 void SceneReader::ReadLatch(const TomlTable& table, SceneJoint* joint) {

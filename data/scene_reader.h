@@ -35,11 +35,7 @@ class SceneReader {
   void ReadJoints();
   static void ReadStart(const TomlTable& table, SceneJoint* joint);
   void ReadJointEffects(const TomlTable& table, SceneJoint* joint);
-  static void ReadSpring(const TomlTable& table, SceneJoint* joint);
-  static void ReadMomentTable(const TomlTable& table, SceneJoint* joint);
-  static void ReadFriction(const TomlTable& table, SceneJoint* joint);
   void ReadDrive(const TomlTable& table, const TomlTable& owner, SceneJoint* joint);
-  void ReadMotor(const TomlTable& table, SceneJoint* joint);
   void ReadLatch(const TomlTable& table, SceneJoint* joint);
 
   void ReadLinearSprings();

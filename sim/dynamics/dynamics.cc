@@ -31,10 +31,10 @@ struct NoTimer {
 }  // namespace
 
 const char* Dynamics::PartName(int part) {
-  constexpr std::array<const char*, kParts> kNames = {
-      "kinematics",     "bending", "springs", "dampers",    "moment tables", "friction",   "motors",
-      "linear springs", "forces",  "latches", "suspension", "gravity",       "constraints"};
-  return kNames[part];
+  if (part == kKinematics) return "kinematics";
+  if (part == kBending) return "bending";
+  if (part == kConstraints) return "constraints";
+  return kEffectTexts[static_cast<std::size_t>(part - kFirstEffect)].name;
 }
 
 Dynamics::Dynamics(const Model& model)
@@ -80,12 +80,13 @@ Motion Dynamics::Update(double t, double* y) {
     vx[s.slot] = vx[s.body] - w * oy;
     vy[s.slot] = vy[s.body] + w * ox;
   }
-  return {t, x, yy, theta, vx, vy, omega, cosine_.data(), sine_.data()};
+  return {t, x, yy, theta, vx, vy, omega, cosine_.data(), sine_.data(), modes_.data()};
 }
 
 Motion Dynamics::MotionAt(double t, double* y) const {
   const int n = model_.slots.count;
-  return {t, y, y + n, y + 2 * n, y + 3 * n, y + 4 * n, y + 5 * n, cosine_.data(), sine_.data()};
+  return {t,         y,         y + n,          y + 2 * n,    y + 3 * n,
+          y + 4 * n, y + 5 * n, cosine_.data(), sine_.data(), modes_.data()};
 }
 
 template <bool kProfile>
@@ -105,10 +106,21 @@ void Dynamics::Evaluate(double t, double* y, double* dydt) {
   std::fill_n(load.m, n, 0.0);
   double* extra = dydt + 6 * n;
   std::fill_n(extra, kExtras, 0.0);
-  double* lost_contact = track_energy ? extra + kExtraContact : nullptr;
+  // Where each kind of power is added up; null: nowhere.
+  const auto power_of = [&](PowerKind kind) {
+    if (!track_energy) return static_cast<double*>(nullptr);
+    switch (kind) {
+      case PowerKind::kContact:
+        return extra + kExtraContact;
+      case PowerKind::kDissipated:
+        return extra + kExtraDampers;
+      case PowerKind::kWork:
+        return extra + kExtraWork;
+      default:
+        return static_cast<double*>(nullptr);
+    }
+  };
   double* lost_beams = track_energy ? extra + kExtraBeams : nullptr;
-  double* lost_dampers = track_energy ? extra + kExtraDampers : nullptr;
-  double* work_done = track_energy ? extra + kExtraWork : nullptr;
   timer.Mark(kKinematics);
 
   if (model_.bending.count() > 0) {
@@ -122,46 +134,14 @@ void Dynamics::Evaluate(double t, double* y, double* dydt) {
     }
     timer.Mark(kBending);
   }
-  if (model_.springs.count() > 0) {
-    model_.springs.AddLoad(motion, load);
-    timer.Mark(kSprings);
-  }
-  if (model_.dampers.count() > 0) {
-    model_.dampers.AddLoad(motion, load, lost_dampers);
-    timer.Mark(kDampers);
-  }
-  if (model_.tables.count() > 0) {
-    model_.tables.AddLoad(motion, load);
-    timer.Mark(kTables);
-  }
-  if (model_.frictions.count() > 0) {
-    model_.frictions.AddLoad(motion, load, lost_dampers);
-    timer.Mark(kFriction);
-  }
-  if (model_.motors.count() > 0) {
-    model_.motors.AddLoad(motion, load, work_done);
-    timer.Mark(kMotors);
-  }
-  if (model_.linear_springs.count() > 0) {
-    model_.linear_springs.AddLoad(motion, load, lost_dampers);
-    timer.Mark(kLinearSprings);
-  }
-  if (model_.forces.count() > 0) {
-    model_.forces.AddLoad(motion, load, work_done);
-    timer.Mark(kForces);
-  }
-  if (model_.latches.count() > 0) {
-    model_.latches.AddLoad(motion, modes_, load, lost_contact);
-    timer.Mark(kLatches);
-  }
-  if (model_.suspension.count() > 0) {
-    model_.suspension.AddLoad(motion, load);
-    timer.Mark(kSuspension);
-  }
-  if (!model_.gravity.empty()) {
-    model_.gravity.AddLoad(load);
-    timer.Mark(kGravity);
-  }
+  int part = kFirstEffect;
+  ForEachEffect(model_, [&](const auto& effect) {
+    if (effect.count() > 0) {
+      effect.AddLoad(motion, load, power_of(effect.kPower));
+      timer.Mark(part);
+    }
+    ++part;
+  });
   model_.constraints.Accelerate(motion, load, &work_);
   if (model_.constraints.driven() && track_energy) {
     extra[kExtraWork] += model_.constraints.DrivePower(t, work_);
@@ -245,20 +225,20 @@ Balance Dynamics::BalanceAt(double t, double* y) {
   }
   b.bending = model_.bending.Energy(m);
   b.axial = model_.bending.AxialEnergy(m);
-  b.spring = model_.springs.Energy(m);
-  b.table = model_.tables.Energy(m);
-  b.linear_spring = model_.linear_springs.Energy(m);
-  b.suspension = model_.suspension.Energy(m);
+  std::size_t k = 0;
+  ForEachEffect(model_, [&](const auto& effect) {
+    b.effects[k++] = effect.Energy(m);
+    b.effects_scale += effect.EnergyScale(m);
+  });
   if (work_.smooth != nullptr) {
     b.kinetic += work_.smooth->KineticAboutCentres(&work_.smooth_work);
     b.angular_momentum += work_.smooth->AngularMomentum(&work_.smooth_work);
     b.bending += work_.smooth->Bending(work_.smooth_work);
-    b.suspension += work_.smooth->OfStrings(work_.smooth_work);
+    const double strings = work_.smooth->OfStrings(work_.smooth_work);
+    b.effects[EffectIndex<Suspension>()] += strings;
+    b.effects_scale += strings;
   }
-  b.gravity = model_.gravity.Energy(m);
-  double lost = 0.0;
-  b.contact = model_.latches.Stored(m, modes_, &lost);
-  b.dissipated_contact = y[model_.index.extra(kExtraContact)] + lost;
+  b.dissipated_contact = y[model_.index.extra(kExtraContact)] + model_.latches.HeldEnergy(m);
   b.dissipated_beams = y[model_.index.extra(kExtraBeams)];
   b.dissipated_dampers = y[model_.index.extra(kExtraDampers)];
   b.work = y[model_.index.extra(kExtraWork)];

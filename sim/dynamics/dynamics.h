@@ -10,10 +10,9 @@ namespace unfurl::sim {
 
 // Energies by kind [J], momentum, and what the constraints have drifted, at one state.
 struct Balance {
-  double kinetic = 0.0, bending = 0.0, axial = 0.0, spring = 0.0, suspension = 0.0, gravity = 0.0;
-  double table = 0.0;  // of the moment tables, zero at their first points
-  double linear_spring = 0.0;
-  double contact = 0.0;             // stored in contacts
+  double kinetic = 0.0, bending = 0.0, axial = 0.0;
+  std::array<double, kEffects> effects{};  // by effect, in the order of kEffectTexts
+  double effects_scale = 0.0;       // the same, wherever their zeros are (Effect::EnergyScale)
   double dissipated_contact = 0.0;  // since the start, with what held contacts still have
   double dissipated_beams = 0.0;    // since the start
   double dissipated_dampers = 0.0;  // since the start, friction included
@@ -24,9 +23,12 @@ struct Balance {
   double position_drift = 0.0, velocity_drift = 0.0;  // [m], [m/s]
 
   double Stored() const {
-    return kinetic + bending + axial + spring + table + linear_spring + suspension + gravity +
-           contact;
+    double sum = kinetic + bending + axial;
+    for (const double energy : effects) sum += energy;
+    return sum;
   }
+  // Of the stored energy, for tolerances.
+  double Scale() const { return kinetic + bending + axial + effects_scale; }
   double Dissipated() const { return dissipated_contact + dissipated_beams + dissipated_dampers; }
   // Constant but for the error of the integration.
   double Conserved() const { return Stored() + Dissipated() - work; }
@@ -36,20 +38,13 @@ struct Balance {
 // the latches are part of it: events change them, the right side only reads them.
 class Dynamics {
  public:
+  // Parts of the work, for profiles: the bodies' places, bending, the effects one by one, and the
+  // constraints.
   enum Part {
     kKinematics,
     kBending,
-    kSprings,
-    kDampers,
-    kTables,
-    kFriction,
-    kMotors,
-    kLinearSprings,
-    kForces,
-    kLatches,
-    kSuspension,
-    kGravity,
-    kConstraints,
+    kFirstEffect,
+    kConstraints = kFirstEffect + static_cast<int>(kEffects),
     kParts
   };
   static const char* PartName(int part);

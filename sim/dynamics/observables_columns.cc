@@ -79,36 +79,15 @@ void Observables::DeclareJoints() {
           },
           joint.latch);
     }
-    if (joint.spring >= 0) {
+    ForEachJointEffect(model_.joint_effects, [&]<typename E>(const E&, std::size_t index) {
+      if (joint.effects[index] < 0) return;
       Add(
-          joint.name + ".spring" + kind, unit, "of the spring" + on,
-          [](const Frame& f, int i) { return f.self.model_.springs.Moment(i, f.motion); },
-          joint.spring);
-    }
-    if (joint.damper >= 0) {
-      Add(
-          joint.name + ".damper" + kind, unit, "of the damper" + on,
-          [](const Frame& f, int i) { return f.self.model_.dampers.Moment(i, f.motion); },
-          joint.damper);
-    }
-    if (joint.table >= 0) {
-      Add(
-          joint.name + ".table" + kind, unit, "of the table" + on,
-          [](const Frame& f, int i) { return f.self.model_.tables.Moment(i, f.motion); },
-          joint.table);
-    }
-    if (joint.friction >= 0) {
-      Add(
-          joint.name + ".friction" + kind, unit, "of dry friction" + on,
-          [](const Frame& f, int i) { return f.self.model_.frictions.Moment(i, f.motion); },
-          joint.friction);
-    }
-    if (joint.motor >= 0) {
-      Add(
-          joint.name + ".motor" + kind, unit, "of the motor" + on,
-          [](const Frame& f, int i) { return f.self.model_.motors.Moment(i, f.motion); },
-          joint.motor);
-    }
+          joint.name + "." + E::kKey + kind, unit, E::kOf + on,
+          [](const Frame& f, int i) {
+            return std::get<E>(f.self.model_.joint_effects).Moment(i, f.motion);
+          },
+          joint.effects[index]);
+    });
     if (forces_.driven(k)) {
       Add(
           joint.name + ".drive" + kind, unit, "that the drive needs" + on,
@@ -239,29 +218,21 @@ void Observables::DeclareTotals() {
     Add("energy.axial", "J", "energy of stretching",
         [](const Frame& f, int) { return f.self.balance_.axial; });
   }
-  if (model_.springs.count() > 0) {
-    Add("energy.spring", "J", "energy of the torsion springs",
-        [](const Frame& f, int) { return f.self.balance_.spring; });
-  }
-  if (model_.tables.count() > 0) {
-    Add("energy.table", "J", "potential of the moment tables",
-        [](const Frame& f, int) { return f.self.balance_.table; });
-  }
-  if (model_.linear_springs.count() > 0) {
-    Add("energy.linear_spring", "J", "energy of the linear springs",
-        [](const Frame& f, int) { return f.self.balance_.linear_spring; });
-  }
-  if (model_.suspension.count() > 0) {
-    Add("energy.suspension", "J", "energy of the suspension",
-        [](const Frame& f, int) { return f.self.balance_.suspension; });
-  }
-  if (!model_.gravity.empty()) {
-    Add("energy.gravity", "J", "energy in the field of gravity",
-        [](const Frame& f, int) { return f.self.balance_.gravity; });
-  }
+  bool dissipates = false;
+  bool works = model_.constraints.driven();
+  int index = 0;
+  ForEachEffect(model_, [&](const auto& effect) {
+    const EffectText& text = effect.kText;
+    if (effect.count() > 0 && text.energy != nullptr) {
+      Add(
+          std::string("energy.") + text.energy, "J", text.energy_what,
+          [](const Frame& f, int i) { return f.self.balance_.effects[i]; }, index);
+    }
+    dissipates = dissipates || (effect.kPower == PowerKind::kDissipated && effect.HasPower());
+    works = works || (effect.kPower == PowerKind::kWork && effect.HasPower());
+    ++index;
+  });
   if (model_.latches.count() > 0) {
-    Add("energy.contact", "J", "energy stored in the latches' contacts",
-        [](const Frame& f, int) { return f.self.balance_.contact; });
     Add("energy.dissipated_contact", "J", "lost in contacts since the start",
         [](const Frame& f, int) { return f.self.balance_.dissipated_contact; });
   }
@@ -269,11 +240,11 @@ void Observables::DeclareTotals() {
     Add("energy.dissipated_beams", "J", "lost in the beams' material since the start",
         [](const Frame& f, int) { return f.self.balance_.dissipated_beams; });
   }
-  if (model_.dampers.count() + model_.frictions.count() > 0 || model_.linear_springs.damped()) {
+  if (dissipates) {
     Add("energy.dissipated_dampers", "J", "lost in dampers and friction since the start",
         [](const Frame& f, int) { return f.self.balance_.dissipated_dampers; });
   }
-  if (model_.constraints.driven() || model_.motors.count() + model_.forces.count() > 0) {
+  if (works) {
     Add("energy.work", "J", "work of drives, motors and applied forces since the start",
         [](const Frame& f, int) { return f.self.balance_.work; });
   }

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "sim/implicit/tangent.h"
+
 namespace unfurl::sim {
 
 void Forces::AddForce(const LoadPoint& point, const Pair& force, bool follows, double angle) {
@@ -51,6 +53,19 @@ void Forces::AddLoad(const Motion& m, Load load, double* work) const {
     }
   }
   if (work != nullptr) *work += power;
+}
+
+void Forces::AddTangent(const Motion& motion, Tangent* tangent) const {
+  for (const Force& f : forces_) {
+    if (f.follows) continue;
+    LoadPoint::Part parts[2];
+    const int count = f.point.Parts(motion, parts);
+    const double fx = f.force[0].Value(motion.t), fy = f.force[1].Value(motion.t);
+    for (int i = 0; i < count; ++i) {
+      tangent->DiagonalK(parts[i].slot)[8] +=
+          parts[i].share * (fx * parts[i].ox + fy * parts[i].oy);
+    }
+  }
 }
 
 }  // namespace unfurl::sim

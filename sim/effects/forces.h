@@ -4,16 +4,18 @@
 #include <vector>
 
 #include "data/time_function.h"
+#include "sim/effects/effect.h"
 #include "sim/model/load_point.h"
 
 namespace unfurl::sim {
-
-class Tangent;
 
 // Forces at points, torques, and forces per length along beams, as functions of time; components
 // in the world's axes, or in those of the body or segment that they act on.
 class Forces {
  public:
+  static constexpr EffectText kText = {"forces", nullptr, nullptr};
+  static constexpr PowerKind kPower = PowerKind::kWork;
+
   using Pair = std::array<data::TimeFunction, 2>;
 
   // `angle`: of the axes against the slot's, where they follow it [rad].
@@ -29,6 +31,9 @@ class Forces {
   // Of forces at points that keep their direction; a follower has no symmetric stiffness to speak
   // of.
   void AddTangent(const Motion& motion, Tangent* tangent) const;
+  bool HasPower() const { return count() > 0; }
+  double Energy(const Motion&) const { return 0.0; }
+  double EnergyScale(const Motion&) const { return 0.0; }
 
  private:
   struct Force {

@@ -4,14 +4,14 @@
 
 namespace unfurl::sim {
 
-Gravity::Gravity(const Array& mass, double gx, double gy) : mass_(mass), gx_(gx), gy_(gy) {}
+Gravity::Gravity(const Array& mass, double gx, double gy)
+    : mass_(mass),
+      gx_(gx),
+      gy_(gy),
+      count_(static_cast<int>(
+          std::count_if(mass.begin(), mass.end(), [](double m) { return m > 0.0; }))) {}
 
-int Gravity::count() const {
-  return static_cast<int>(
-      std::count_if(mass_.begin(), mass_.end(), [](double m) { return m > 0; }));
-}
-
-void Gravity::AddLoad(Load load) const {
+void Gravity::AddLoad(const Motion&, Load load, double*) const {
   const int n = static_cast<int>(mass_.size());
   double* __restrict fx = load.fx;
   double* __restrict fy = load.fy;

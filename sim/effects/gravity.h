@@ -1,5 +1,6 @@
 #pragma once
 
+#include "sim/effects/effect.h"
 #include "sim/model/aligned.h"
 #include "sim/model/slots.h"
 
@@ -8,17 +9,24 @@ namespace unfurl::sim {
 // A uniform field: force m g on every slot's centre of mass.
 class Gravity {
  public:
+  static constexpr EffectText kText = {"gravity", "gravity", "energy in the field of gravity"};
+  static constexpr PowerKind kPower = PowerKind::kNone;
+
   Gravity() = default;
   Gravity(const Array& mass, double gx, double gy);  // mass by slot [kg]; g [m/s^2]
-  bool empty() const { return mass_.empty(); }
-  int count() const;
+  int count() const { return count_; }               // bodies with a mass
+  bool HasPower() const { return false; }
 
-  void AddLoad(Load load) const;
-  double Energy(const Motion& motion) const;  // -sum m g.r [J]
+  void AddLoad(const Motion& motion, Load load, double* power) const;
+  // The force is the same everywhere.
+  void AddTangent(const Motion&, Tangent*) const {}
+  double Energy(const Motion& motion) const;               // -sum m g.r [J]
+  double EnergyScale(const Motion&) const { return 0.0; }  // its zero is at the world's origin
 
  private:
-  Array mass_;
-  double gx_ = 0.0, gy_ = 0.0;
+  Array mass_;                  // by slot [kg]
+  double gx_ = 0.0, gy_ = 0.0;  // [m/s^2]
+  int count_ = 0;
 };
 
 }  // namespace unfurl::sim

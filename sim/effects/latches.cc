@@ -1,70 +1,67 @@
 #include "sim/effects/latches.h"
 
-#include <cmath>
+#include "sim/implicit/tangent.h"
 
 namespace unfurl::sim {
 
-void Latches::Add(const Hinge& hinge, const Law& law) {
-  hinges_.push_back(hinge);
-  laws_.push_back(law);
+void Latches::Add(const Hinge& hinge, const data::SceneLatch& latch,
+                  const data::SceneContact& contact) {
+  latches_.push_back(
+      {hinge, {{1.0, latch.theta_a}, {-1.0, -latch.theta_b}}, latch.lever, ContactLaw(contact)});
 }
 
-Latches::Contact Latches::At(int k, bool upper, double theta, double theta_rate) const {
-  const Law& law = laws_[k];
-  Contact c;
-  c.depth = law.lever * (upper ? theta - law.theta_a : -theta - law.theta_b);
-  c.depth_rate = law.lever * (upper ? theta_rate : -theta_rate);
-  if (!(c.depth > 0.0)) return c;
-  c.elastic = law.K * c.depth * std::sqrt(c.depth);
-  c.stored = 0.4 * c.elastic * c.depth;
-  const double T =
-      c.depth < law.epsilon ? std::exp(2.0 * (c.depth - law.epsilon) * law.Q / law.epsilon) : 1.0;
-  c.force = c.elastic + law.C * T * c.depth_rate;
-  if (law.never_pulls && c.force < 0.0) {
-    c.force = 0.0;
-    c.held = true;
-  }
-  return c;
+template <typename Visit>
+void Latches::ForEachPressed(int k, const Motion& motion, Visit&& visit) const {
+  const LatchMode mode = motion.modes[k];
+  if (!(mode.upper_contact | mode.lower_contact)) return;
+  const double theta = hinge(k).Theta(motion), rate = hinge(k).Rate(motion);
+  if (mode.upper_contact) visit(StopOf(k, true), At(k, true, theta, rate));
+  if (mode.lower_contact) visit(StopOf(k, false), At(k, false, theta, rate));
 }
 
-void Latches::AddLoad(const Motion& motion, const std::vector<LatchMode>& modes, Load load,
-                      double* dissipated) const {
+void Latches::AddLoad(const Motion& motion, Load load, double* dissipated) const {
   for (int k = 0; k < count(); ++k) {
-    const LatchMode mode = modes[k];
-    if (!(mode.upper_contact | mode.lower_contact)) continue;
-    const double theta = hinges_[k].Theta(motion);
-    const double rate = hinges_[k].Rate(motion);
-    double moment = 0.0;
-    for (const bool upper : {true, false}) {
-      if (!(upper ? mode.upper_contact : mode.lower_contact)) continue;
-      const Contact c = At(k, upper, theta, rate);
-      moment += (upper ? -laws_[k].lever : laws_[k].lever) * c.force;
+    ForEachPressed(k, motion, [&](const Stop& stop, const Contact& c) {
+      hinge(k).Apply(-stop.side * at(k).lever * c.force, load);
       if (dissipated != nullptr) *dissipated += (c.force - c.elastic) * c.depth_rate;
-    }
-    hinges_[k].Apply(moment, load);
+    });
   }
 }
+
+void Latches::AddTangent(const Motion& motion, Tangent* tangent) const {
+  for (int k = 0; k < count(); ++k) {
+    const double arm = at(k).lever * at(k).lever;
+    double stiffness = 0.0, damping = 0.0;
+    ForEachPressed(k, motion, [&](const Stop&, const Contact& c) {
+      stiffness += arm * c.by_depth;
+      damping += arm * c.by_rate;
+    });
+    // Pressed or not: the tangent's pattern does not depend on the modes.
+    tangent->AddHinge(hinge(k), stiffness, damping);
+  }
+}
+
+double Latches::Sum(const Motion& motion, bool held) const {
+  double sum = 0.0;
+  for (int k = 0; k < count(); ++k) {
+    ForEachPressed(k, motion, [&](const Stop&, const Contact& c) {
+      if (c.held == held) sum += c.stored;
+    });
+  }
+  return sum;
+}
+
+double Latches::Energy(const Motion& motion) const { return Sum(motion, false); }
+double Latches::HeldEnergy(const Motion& motion) const { return Sum(motion, true); }
 
 double Latches::Moment(int k, const Motion& motion, const LatchMode& mode) const {
-  const double theta = hinges_[k].Theta(motion);
-  const double rate = hinges_[k].Rate(motion);
+  const double theta = hinge(k).Theta(motion), rate = hinge(k).Rate(motion);
   double moment = 0.0;
-  if (mode.upper_contact) moment -= laws_[k].lever * At(k, true, theta, rate).force;
-  if (mode.lower_contact) moment += laws_[k].lever * At(k, false, theta, rate).force;
-  return moment;
-}
-
-double Latches::Stored(const Motion& motion, const std::vector<LatchMode>& modes,
-                       double* lost) const {
-  double stored = 0.0;
-  for (int k = 0; k < count(); ++k) {
-    for (const bool upper : {true, false}) {
-      if (!(upper ? modes[k].upper_contact : modes[k].lower_contact)) continue;
-      const Contact c = At(k, upper, hinges_[k].Theta(motion), hinges_[k].Rate(motion));
-      (c.held ? *lost : stored) += c.stored;
-    }
+  for (const bool upper : {true, false}) {
+    if (!(upper ? mode.upper_contact : mode.lower_contact)) continue;
+    moment -= StopOf(k, upper).side * at(k).lever * At(k, upper, theta, rate).force;
   }
-  return stored;
+  return moment;
 }
 
 }  // namespace unfurl::sim

@@ -1,13 +1,15 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
+#include "data/scene.h"
+#include "sim/effects/contact_law.h"
+#include "sim/effects/effect.h"
 #include "sim/model/hinge.h"
 
 namespace unfurl::sim {
-
-class Tangent;
 
 // What of a latch does not follow from the state. It is held fixed within a step, so that the right
 // side is smooth there and a trial stage may overshoot a stop; the events change it.
@@ -18,50 +20,60 @@ struct LatchMode {
 };
 
 // Locking joints with clearance and contact, [paper, eq. (14) to (25)] as docs/physics-simulator.md
-// has them: delta = x_p theta_c, f = K delta^1.5 + C T(delta) d(delta)/dt, never pulling
-// (selectable).
+// has them. A stop that is passed by an angle is pressed in by delta = x_p theta_c; the contact's
+// law gives the force (contact_law.h). Reads the modes of the motion.
 class Latches {
  public:
-  struct Law {
-    double theta_a = 0.0;  // [rad]
-    double theta_b = 0.0;  // [rad]
-    double lever = 0.0;    // x_p [m]
-    double K = 0.0;        // [N/m^1.5]
-    double C = 0.0;        // [N s/m]
-    double Q = 0.0;        // [-]
-    double epsilon = 0.0;  // [m]
-    bool never_pulls = true;
+  static constexpr EffectText kText = {"latches", "contact",
+                                       "energy stored in the latches' contacts"};
+  static constexpr PowerKind kPower = PowerKind::kContact;
+
+  using Contact = ContactLaw::Contact;
+  // An end of the clearance: passed where side (theta - level) > 0.
+  struct Stop {
+    double side;   // 1: the upper stop; -1: the lower
+    double level;  // of theta [rad]
   };
 
-  struct Contact {
-    double depth = 0.0;       // delta [m]; <= 0: apart
-    double depth_rate = 0.0;  // [m/s]
-    double force = 0.0;       // f [N]
-    double elastic = 0.0;     // K delta^1.5 [N]
-    double stored = 0.0;      // 2/5 K delta^2.5 [J]
-    bool held = false;        // f is held at zero with delta > 0
-  };
-
-  void Add(const Hinge& hinge, const Law& law);
-  int count() const { return static_cast<int>(hinges_.size()); }
-  const Hinge& hinge(int k) const { return hinges_[k]; }
-  const Law& law(int k) const { return laws_[k]; }
+  void Add(const Hinge& hinge, const data::SceneLatch& latch, const data::SceneContact& contact);
+  int count() const { return static_cast<int>(latches_.size()); }
+  const Hinge& hinge(int k) const { return at(k).hinge; }
+  const ContactLaw& law(int k) const { return at(k).law; }
+  Stop StopOf(int k, bool upper) const { return at(k).stops[upper ? 0 : 1]; }
 
   // Contact on the upper or lower stop at angle theta and its rate, were the stop active.
-  Contact At(int k, bool upper, double theta, double theta_rate) const;
+  Contact At(int k, bool upper, double theta, double theta_rate) const {
+    const Latch& latch = at(k);
+    const Stop stop = StopOf(k, upper);
+    return latch.law.At(latch.lever * (stop.side * (theta - stop.level)),
+                        latch.lever * (stop.side * theta_rate));
+  }
 
-  void AddLoad(const Motion& motion, const std::vector<LatchMode>& modes, Load load,
-               double* dissipated) const;
+  bool HasPower() const { return count() > 0; }
+  void AddLoad(const Motion& motion, Load load, double* dissipated) const;
   // Piecewise, by the modes as the load is.
-  void AddTangent(const Motion& motion, const std::vector<LatchMode>& modes,
-                  Tangent* tangent) const;
-  double Moment(int k, const Motion& motion, const LatchMode& mode) const;  // of contact, on theta
-  // Energy in the contacts [J]; what a held contact still has counts as `lost` instead.
-  double Stored(const Motion& motion, const std::vector<LatchMode>& modes, double* lost) const;
+  void AddTangent(const Motion& motion, Tangent* tangent) const;
+  // What contacts still have whose force is not held at zero [J].
+  double Energy(const Motion& motion) const;
+  double EnergyScale(const Motion& motion) const { return Energy(motion); }
+  // What the held ones have: it never comes back, and counts as dissipated [J].
+  double HeldEnergy(const Motion& motion) const;
+  double Moment(int k, const Motion& motion, const LatchMode& mode) const;  // on theta [N m]
 
  private:
-  std::vector<Hinge> hinges_;
-  std::vector<Law> laws_;
+  struct Latch {
+    Hinge hinge;
+    Stop stops[2];  // upper, lower
+    double lever;   // x_p [m]
+    ContactLaw law;
+  };
+  const Latch& at(int k) const { return latches_[static_cast<std::size_t>(k)]; }
+  // Calls visit(stop, contact) for every stop of latch k that is pressed.
+  template <typename Visit>
+  void ForEachPressed(int k, const Motion& motion, Visit&& visit) const;
+  double Sum(const Motion& motion, bool held) const;
+
+  std::vector<Latch> latches_;
 };
 
 }  // namespace unfurl::sim

@@ -1,6 +1,9 @@
 #include "sim/effects/linear_springs.h"
 
+#include <algorithm>
 #include <cmath>
+
+#include "sim/implicit/tangent.h"
 
 namespace unfurl::sim {
 
@@ -38,6 +41,49 @@ double LinearSprings::Energy(const Motion& motion) const {
     sum += 0.5 * springs_[k].stiffness * stretch * stretch;
   }
   return sum;
+}
+
+// With e along the line, T the tension and d the distance, H = k e e^T + T / d (1 - e e^T) between
+// the two points, spread over the slots by d(point) = share [1 0 -oy; 0 1 ox] dq.
+void LinearSprings::AddTangent(const Motion& motion, Tangent* tangent) const {
+  for (int k = 0; k < count(); ++k) {
+    const Spring& spring = springs_[k];
+    const State s = At(k, motion);
+    const double across = s.length > 0.0 ? s.tension / s.length : 0.0;
+    LoadPoint::Part parts[4];
+    const int of_a = spring.a.Parts(motion, parts);
+    const int count = of_a + spring.b.Parts(motion, parts + of_a);
+    double along[4][3], normal[4][3];  // e.d(point), n.d(point), n = (-ey, ex)
+    for (int i = 0; i < count; ++i) {
+      const LoadPoint::Part& p = parts[i];
+      const double w = i < of_a ? -p.share : p.share;
+      const double e[3] = {w * s.ex, w * s.ey, w * (p.ox * s.ey - p.oy * s.ex)};
+      const double n[3] = {-w * s.ey, w * s.ex, w * (p.ox * s.ex + p.oy * s.ey)};
+      std::copy_n(e, 3, along[i]);
+      std::copy_n(n, 3, normal[i]);
+      // The offset turns: its second derivative is minus itself.
+      tangent->DiagonalK(p.slot)[8] -= s.tension * w * (s.ex * p.ox + s.ey * p.oy);
+    }
+    for (int i = 0; i < count; ++i) {
+      for (int j = i; j < count; ++j) {
+        Tangent::Block stiff{}, damp{};
+        for (int r = 0; r < 3; ++r) {
+          for (int c = 0; c < 3; ++c) {
+            const double ee = along[i][r] * along[j][c];
+            stiff[3 * r + c] = spring.stiffness * ee + across * normal[i][r] * normal[j][c];
+            damp[3 * r + c] = spring.damping * ee;
+          }
+        }
+        if (i != j && parts[i].slot == parts[j].slot) {
+          for (Tangent::Block* block : {&stiff, &damp}) {
+            const Tangent::Block once = *block;
+            for (int m = 0; m < 9; ++m) (*block)[m] += once[m % 3 * 3 + m / 3];
+          }
+        }
+        tangent->AddPair(parts[i].slot, parts[j].slot, stiff, &damp);
+      }
+    }
+  }
 }
 
 }  // namespace unfurl::sim

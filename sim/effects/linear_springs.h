@@ -2,17 +2,20 @@
 
 #include <vector>
 
+#include "sim/effects/effect.h"
 #include "sim/model/load_point.h"
 
 namespace unfurl::sim {
-
-class Tangent;
 
 // Springs and dampers between two points: tension k (d - d_0) + c d(d)/dt along the line between
 // them, d their distance. They push as well as pull. Where the points meet there is no line and no
 // force.
 class LinearSprings {
  public:
+  static constexpr EffectText kText = {"linear springs", "linear_spring",
+                                       "energy of the linear springs"};
+  static constexpr PowerKind kPower = PowerKind::kDissipated;
+
   void Add(const LoadPoint& a, const LoadPoint& b, double stiffness, double damping,
            double free_length);
   int count() const { return static_cast<int>(springs_.size()); }
@@ -20,7 +23,8 @@ class LinearSprings {
   // Adds c (d(d)/dt)^2 to `lost` [W], where given.
   void AddLoad(const Motion& motion, Load load, double* lost) const;
   double Energy(const Motion& motion) const;  // k (d - d_0)^2 / 2 [J]
-  bool damped() const { return damped_; }
+  double EnergyScale(const Motion& motion) const { return Energy(motion); }
+  bool HasPower() const { return damped_; }
 
   struct State {
     double length;   // d [m]

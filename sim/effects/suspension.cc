@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "sim/implicit/tangent.h"
+
 namespace unfurl::sim {
 
 Suspension::Suspension(int slots) : stiffness_(slots, 0.0), x_(slots, 0.0), y_(slots, 0.0) {}
@@ -15,7 +17,7 @@ void Suspension::Set(int slot, double stiffness, double x_hang, double y_hang, d
   ++count_;
 }
 
-void Suspension::AddLoad(const Motion& motion, Load load) const {
+void Suspension::AddLoad(const Motion& motion, Load load, double*) const {
   const int n = static_cast<int>(stiffness_.size());
   const double* __restrict k = stiffness_.data();
   const double* __restrict x = motion.x;
@@ -45,6 +47,17 @@ double Suspension::Energy(const Motion& motion) const {
     sum += 2.0 * t.kappa * half * half;
   }
   return sum;
+}
+
+void Suspension::AddTangent(const Motion& motion, Tangent* tangent) const {
+  for (std::size_t i = 0; i < stiffness_.size(); ++i) {
+    Tangent::Block& k = tangent->DiagonalK(static_cast<int>(i));
+    k[0] += stiffness_[i];
+    k[4] += stiffness_[i];
+  }
+  for (const Turning& t : turning_) {
+    tangent->DiagonalK(t.slot)[8] += t.kappa * std::cos(motion.theta[t.slot] - t.theta_hang);
+  }
 }
 
 }  // namespace unfurl::sim

@@ -2,12 +2,11 @@
 
 #include <vector>
 
+#include "sim/effects/effect.h"
 #include "sim/model/aligned.h"
 #include "sim/model/slots.h"
 
 namespace unfurl::sim {
-
-class Tangent;
 
 // Long vertical strings: force -(m g / L)(r - r_hang) on every centre of mass. Bodies welded
 // together hang on a string each; since their moments about the common centre vanish to first
@@ -15,15 +14,20 @@ class Tangent;
 // kappa = sum (m g / L) |offset|^2.
 class Suspension {
  public:
+  static constexpr EffectText kText = {"suspension", "suspension", "energy of the suspension"};
+  static constexpr PowerKind kPower = PowerKind::kNone;
+
   Suspension() = default;
   explicit Suspension(int slots);
   void Set(int slot, double stiffness, double x_hang, double y_hang, double kappa,
            double theta_hang);
   int count() const { return count_; }
+  bool HasPower() const { return false; }
 
-  void AddLoad(const Motion& motion, Load load) const;
+  void AddLoad(const Motion& motion, Load load, double* power) const;
   void AddTangent(const Motion& motion, Tangent* tangent) const;
   double Energy(const Motion& motion) const;  // [J]
+  double EnergyScale(const Motion& motion) const { return Energy(motion); }
 
  private:
   struct Turning {
@@ -32,7 +36,8 @@ class Suspension {
     double theta_hang;  // [rad]
   };
   int count_ = 0;
-  Array stiffness_, x_, y_;  // by slot
+  Array stiffness_;  // m g / L by slot [N/m]
+  Array x_, y_;      // r_hang by slot [m]
   std::vector<Turning> turning_;
 };
 

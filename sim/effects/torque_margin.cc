@@ -12,11 +12,10 @@ void TorqueMargins::Watch(const Motion& motion, const std::vector<LatchMode>& mo
     const auto add = [&](double moment) {
       (moment < 0.0 ? driving : resisting) += std::fabs(moment);
     };
-    if (joint.spring >= 0) add(model_.springs.Moment(joint.spring, motion));
-    if (joint.table >= 0) add(model_.tables.Moment(joint.table, motion));
-    if (joint.motor >= 0) add(model_.motors.Moment(joint.motor, motion));
-    if (joint.damper >= 0) add(model_.dampers.Moment(joint.damper, motion));
-    if (joint.friction >= 0) resisting += model_.frictions.largest(joint.friction);
+    ForEachJointEffect(model_.joint_effects, [&](const auto& effect, std::size_t index) {
+      const int k = joint.effects[index];
+      if (k >= 0) add(effect.MarginMoment(k, motion));
+    });
     const double theta = joint.coordinate.hinge.Theta(motion);
     TorqueMargin& margin = margins_[j];
     if (driving < margin.least_driving) {

@@ -99,7 +99,7 @@ void Tangent::AddCoordinate(const Motion& motion, const Coordinate& coordinate, 
                             double damping, double moment) {
   const Hinge& hinge = coordinate.hinge;
   if (!coordinate.travel) return AddHinge(hinge, stiffness, damping);
-  const Coordinate::Along a = coordinate.At(motion);
+  const Coordinate::Along a = coordinate.AlongAt(motion);
   const double sign = hinge.sign, rx = a.px + a.dx, ry = a.py + a.dy;
   const double inner[3] = {-sign * a.ex, -sign * a.ey, -sign * (rx * a.ey - ry * a.ex)};
   const double outer[3] = {sign * a.ex, sign * a.ey, sign * (a.qx * a.ey - a.qy * a.ex)};

@@ -65,19 +65,20 @@ EventFinder::EventFinder(const Model& model)
 }
 
 int EventFinder::Stops(int latch, const LatchMode& mode, Stop out[3]) const {
-  const Latches::Law& law = model_.latches.law(latch);
+  const Latches::Stop upper = model_.latches.StopOf(latch, true);
+  const Latches::Stop lower = model_.latches.StopOf(latch, false);
   int count = 0;
   if (!mode.latched) {
-    out[count++] = {EventKind::kLatch, true, -1.0, law.theta_a};
+    out[count++] = {EventKind::kLatch, true, -upper.side, upper.level};
   } else if (mode.upper_contact) {
-    out[count++] = {EventKind::kContactEnd, true, -1.0, law.theta_a};
+    out[count++] = {EventKind::kContactEnd, true, -upper.side, upper.level};
   } else {
-    out[count++] = {EventKind::kContactStart, true, 1.0, law.theta_a};
+    out[count++] = {EventKind::kContactStart, true, upper.side, upper.level};
   }
   if (mode.lower_contact) {
-    out[count++] = {EventKind::kContactEnd, false, 1.0, -law.theta_b};
+    out[count++] = {EventKind::kContactEnd, false, -lower.side, lower.level};
   } else {
-    out[count++] = {EventKind::kContactStart, false, -1.0, -law.theta_b};
+    out[count++] = {EventKind::kContactStart, false, lower.side, lower.level};
   }
   return count;
 }

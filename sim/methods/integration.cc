@@ -76,8 +76,7 @@ ErrorScale ScaleOf(const Model& model, const SimulateOptions& o) {
   if (o.track_energy) {
     std::vector<double> start = model.initial_state;
     const Balance b = Dynamics(model).BalanceAt(0.0, start.data());
-    scale.energy =
-        b.Stored() - b.gravity - b.table + std::fabs(b.table);  // gravity's zero is anywhere
+    scale.energy = b.Scale();
   }
   return scale;
 }
@@ -297,27 +296,23 @@ bool Integration::RemoveDrift(double t, double* y) {
 }
 
 // The longest step that does not leap over the end of a contact. Where f is held at zero nothing
-// slows the steps down, and yet f comes back for an instant in the transition zone
-// (delta < epsilon), between two stages of a long step.
+// slows the steps down, and yet f comes back for an instant in the law's transition
+// zone, between two stages of a long step.
 double Integration::ContactStep() const {
   double longest = HUGE_VAL;
   for (int k = 0; k < model_.latches.count(); ++k) {
     const LatchMode mode = dynamics_.modes()[k];
     if (!(mode.upper_contact | mode.lower_contact)) continue;
-    const Hinge& hinge = model_.latches.hinge(k);
-    const Latches::Law& law = model_.latches.law(k);
-    const double* y = stepper_->state();
-    const StateIndex& i = model_.index;
-    const double theta =
-        hinge.sign * (y[i.theta(hinge.outer)] - y[i.theta(hinge.inner)] - hinge.zero);
-    const double rate = hinge.sign * (y[i.omega(hinge.outer)] - y[i.omega(hinge.inner)]);
+    const double zone = model_.latches.law(k).ReturnDepth();
+    if (!(zone > 0.0)) continue;
+    const Motion motion = dynamics_.MotionAt(t_, stepper_->state());
+    const double theta = model_.latches.hinge(k).Theta(motion);
+    const double rate = model_.latches.hinge(k).Rate(motion);
     for (const bool upper : {true, false}) {
       if (!(upper ? mode.upper_contact : mode.lower_contact)) continue;
-      const double depth = law.lever * (upper ? theta - law.theta_a : -theta - law.theta_b);
-      const double leaving = law.lever * (upper ? -rate : rate);
-      if (leaving <= 0.0 || depth <= 0.0) continue;
-      const double above = depth - law.epsilon, part = zone_part_ * law.epsilon;
-      longest = std::min(longest, std::max(above, part) / leaving);
+      const Latches::Contact c = model_.latches.At(k, upper, theta, rate);
+      if (c.depth_rate >= 0.0 || c.depth <= 0.0) continue;
+      longest = std::min(longest, std::max(c.depth - zone, zone_part_ * zone) / -c.depth_rate);
     }
   }
   return longest;

@@ -69,40 +69,25 @@ void Compiler::AddRows(std::size_t j, const Model::Joint& out, JointRows* rows) 
 
 void Compiler::AddEffects(std::size_t j, Model::Joint* out) {
   const data::SceneJoint& joint = scene_.joints[j];
-  if (joint.spring) {
-    out->spring = model_.springs.count();
-    model_.springs.Add(out->coordinate, joint.spring->stiffness, joint.spring->preload);
-  }
-  if (joint.damper) {
-    out->damper = model_.dampers.count();
-    model_.dampers.Add(out->coordinate, joint.damper->damping);
-  }
-  if (joint.table) {
-    out->table = model_.tables.count();
-    model_.tables.Add(out->coordinate, joint.table->coordinate, joint.table->moment);
-  }
-  if (joint.friction) {
-    out->friction = model_.frictions.count();
-    model_.frictions.Add(out->coordinate, joint.friction->moment, joint.friction->creep_rate);
-  }
-  if (joint.motor) {
-    out->motor = model_.motors.count();
-    model_.motors.Add(out->coordinate, joint.motor->moment);
-    model_.functions.push_back({joint.motor->moment, 0});
-  }
-  if (joint.drive)
+  data::VisitJointEffects(joint, [&]<typename Record>(const std::optional<Record>& record) {
+    if (!record) return;
+    constexpr std::size_t kIndex = JointEffectIndex<Record>();
+    auto& effect = std::get<kIndex>(model_.joint_effects);
+    const int k = out->effects[kIndex] = effect.count();
+    effect.Add(out->coordinate, *record);
+    if (const data::TimeFunction* f = effect.law(k).Function()) model_.functions.push_back({*f, 0});
+  });
+  if (joint.drive) {
     model_.functions.push_back({joint.drive->function, joint.drive->by_rate ? 1 : 2});
+  }
   if (!joint.latch) return;
-  const data::SceneContact& c = scene_.contacts[joint.latch->contact];
   const double theta = start_.at.theta[j];
   out->latch = model_.latches.count();
-  model_.latches.Add(out->coordinate.hinge,
-                     {joint.latch->theta_a, joint.latch->theta_b, joint.latch->lever, c.K, c.C, c.Q,
-                      c.epsilon, c.never_pulls});
+  model_.latches.Add(out->coordinate.hinge, *joint.latch, scene_.contacts[joint.latch->contact]);
+  // Open above the upper stop; in contact only below the lower one.
   LatchMode mode;
   mode.latched = theta < joint.latch->theta_a;
-  mode.upper_contact = mode.latched && theta > joint.latch->theta_a;
-  mode.lower_contact = theta < -joint.latch->theta_b;
+  mode.lower_contact = model_.latches.At(out->latch, false, theta, 0.0).depth > 0.0;
   model_.initial_modes.push_back(mode);
 }
 

@@ -19,7 +19,7 @@ struct Coordinate {
   struct Along {
     double ex, ey, px, py, qx, qy, dx, dy;
   };
-  Along At(const Motion& m) const {
+  Along AlongAt(const Motion& m) const {
     const double ci = m.c[hinge.inner], si = m.s[hinge.inner];
     const double co = m.c[hinge.outer], so = m.s[hinge.outer];
     Along a;
@@ -36,22 +36,26 @@ struct Coordinate {
 
   double Value(const Motion& m) const {
     if (!travel) return hinge.Theta(m);
-    const Along a = At(m);
+    const Along a = AlongAt(m);
     return hinge.sign * (a.ex * a.dx + a.ey * a.dy);
   }
   double Rate(const Motion& m) const {
     if (!travel) return hinge.Rate(m);
-    const Along a = At(m);
+    const Along a = AlongAt(m);
     const double wi = m.omega[hinge.inner], wo = m.omega[hinge.outer];
     const double vx = m.vx[hinge.outer] - wo * a.qy - m.vx[hinge.inner] + wi * a.py;
     const double vy = m.vy[hinge.outer] + wo * a.qx - m.vy[hinge.inner] - wi * a.px;
     return hinge.sign * (a.ex * vx + a.ey * vy + wi * (a.ex * a.dy - a.ey * a.dx));
   }
+  struct State {
+    double value, rate;  // [rad], [rad/s]; of a travel [m], [m/s]
+  };
+  State At(const Motion& m) const { return {Value(m), Rate(m)}; }
   // A moment on the angle [N m] or a force on the travel [N], as loads on the two slots: the
   // gradient of the coordinate times it.
   void Apply(const Motion& m, double moment, Load load) const {
     if (!travel) return hinge.Apply(moment, load);
-    const Along a = At(m);
+    const Along a = AlongAt(m);
     const double f = hinge.sign * moment, fx = f * a.ex, fy = f * a.ey;
     load.fx[hinge.outer] += fx;
     load.fy[hinge.outer] += fy;

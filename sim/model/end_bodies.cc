@@ -111,8 +111,9 @@ class EndBodies {
 bool CarriesMoment(const data::SceneJoint& joint) {
   if (joint.kind == data::SceneJoint::Kind::kSlider) return true;
   if (joint.kind == data::SceneJoint::Kind::kPinInSlot) return false;
-  return joint.spring || joint.damper || joint.table || joint.friction || joint.drive ||
-         joint.motor || joint.latch;
+  bool carries = joint.drive || joint.latch;
+  data::VisitJointEffects(joint, [&](const auto& effect) { carries = carries || effect; });
+  return carries;
 }
 
 data::Scene WithEndBodies(const data::Scene& scene) { return EndBodies(scene).Run(); }

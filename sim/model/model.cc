@@ -15,16 +15,7 @@ std::vector<Model::EffectCount> Model::Effects() const {
   if (bending.axial()) add("axial elasticity", 1);
   add("smooth beams", kirchhoff.count());
   if (bending.damped() || kirchhoff.damped()) add("material damping", 1);
-  add("springs", springs.count());
-  add("dampers", dampers.count());
-  add("moment tables", tables.count());
-  add("friction", frictions.count());
-  add("motors", motors.count());
-  add("linear springs", linear_springs.count());
-  add("forces", forces.count());
-  add("latches", latches.count());
-  add("suspension", suspension.count());
-  add("gravity", gravity.count());
+  ForEachEffect(*this, [&](const auto& effect) { add(effect.kText.name, effect.count()); });
   add("constraints", constraints.count());
   return effects;
 }

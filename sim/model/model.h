@@ -7,16 +7,7 @@
 #include "data/scene.h"
 #include "sim/constraints/constraints.h"
 #include "sim/effects/bending.h"
-#include "sim/effects/dampers.h"
-#include "sim/effects/forces.h"
-#include "sim/effects/frictions.h"
-#include "sim/effects/gravity.h"
-#include "sim/effects/latches.h"
-#include "sim/effects/linear_springs.h"
-#include "sim/effects/moment_tables.h"
-#include "sim/effects/motors.h"
-#include "sim/effects/springs.h"
-#include "sim/effects/suspension.h"
+#include "sim/effects/effects.h"
 #include "sim/kirchhoff/kirchhoff_beams.h"
 #include "sim/methods/watches.h"
 #include "sim/model/coordinate.h"
@@ -35,9 +26,9 @@ struct MovingPoint {
   int watched = -1;
 };
 
-// A scene made ready to be simulated; immutable, so that several threads may share one. What is not
-// in the scene leaves its effect empty, and empty effects are not called.
-struct Model {
+// A scene made ready to be simulated; immutable, so that several threads may share one. The effects
+// that it holds are listed in sim/effects/effects.h.
+struct Model : ModelEffects {
   struct Body {  // of the scene; several share a slot where they are welded
     std::string name;
     MovingPoint centre;
@@ -58,9 +49,14 @@ struct Model {
     data::SceneJoint::Kind kind = data::SceneJoint::Kind::kRevolute;
     Coordinate coordinate;  // what springs and drives act on; its hinge gives theta
     MovingPoint pin;        // outer's point
-    int spring = -1;        // into springs, latches
-    int latch = -1;
-    int damper = -1, table = -1, friction = -1, motor = -1;  // into the effects of that name
+    int latch = -1;         // into latches
+    // By place in JointEffects, into that effect; -1: the joint has none.
+    std::array<int, kJointEffects> effects = NoEffects();
+    static constexpr std::array<int, kJointEffects> NoEffects() {
+      std::array<int, kJointEffects> none{};
+      none.fill(-1);
+      return none;
+    }
   };
   struct Function {  // of time, in a drive, motor or force
     data::TimeFunction function;
@@ -82,16 +78,6 @@ struct Model {
   StateIndex index;
 
   Bending bending;
-  Springs springs;
-  Dampers dampers;
-  MomentTables tables;
-  Frictions frictions;
-  Motors motors;
-  LinearSprings linear_springs;
-  Forces forces;
-  Latches latches;
-  Suspension suspension;
-  Gravity gravity;
   KirchhoffBeams kirchhoff;
   Constraints constraints;
 

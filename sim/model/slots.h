@@ -65,6 +65,8 @@ struct StateIndex {
   int size() const { return 6 * n + kExtras; }
 };
 
+struct LatchMode;
+
 // Positions and rates by slot, with cosine and sine of theta.
 struct Motion {
   double t;  // [s]
@@ -76,6 +78,7 @@ struct Motion {
   const double* omega;
   const double* c;
   const double* s;
+  const LatchMode* modes = nullptr;  // by latch; null where no latch is asked
 };
 
 // Forces [N] and moments about the slot's own point [N m].

@@ -68,12 +68,9 @@ std::string EnergyText(const SummaryInput& in, ordered_json* json) {
   add("kinetic", b.kinetic);
   add("bending", b.bending);
   add("axial", b.axial);
-  add("spring", b.spring);
-  add("table", b.table);
-  add("linear_spring", b.linear_spring);
-  add("suspension", b.suspension);
-  add("gravity", b.gravity);
-  add("contact", b.contact);
+  for (std::size_t k = 0; k < kEffects; ++k) {
+    if (kEffectTexts[k].energy != nullptr) add(kEffectTexts[k].energy, b.effects[k]);
+  }
   add("dissipated_contact", b.dissipated_contact);
   add("dissipated_beams", b.dissipated_beams);
   add("dissipated_dampers", b.dissipated_dampers);

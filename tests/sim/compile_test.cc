@@ -55,7 +55,7 @@ TEST(Compile, DeploymentIsPlacedAsDescribed) {
   EXPECT_EQ(model.DynamicBodies(), 1 + 6 + 32);
   EXPECT_EQ(model.bending.count(), 4 * 7 + 6);
   EXPECT_EQ(model.constraints.count(), 4 * 7 + 6 + 8);
-  EXPECT_EQ(model.springs.count(), 4);
+  EXPECT_EQ(std::get<JointEffect<Spring>>(model.joint_effects).count(), 4);
   Observables observables(model);
   std::vector<double> y = model.initial_state;
   const std::vector<double> row = observables.Row(0.0, y.data(), model.initial_modes);

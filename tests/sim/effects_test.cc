@@ -1,6 +1,6 @@
 // Dampers, friction, motors, moment tables, springs between points, forces from outside: each held
-// to a closed form, forces to the gradients of their energies, and all together to the balance of
-// energy.
+// to a closed form, and all together to the balance of energy. What every
+// effect owes: effect_list_test.cc.
 #include "effects.h"
 
 #include <gmock/gmock.h>
@@ -8,10 +8,7 @@
 
 #include <array>
 #include <cmath>
-#include <functional>
-#include <utility>
 
-#include "base/random.h"
 #include "sim/dynamics/dynamics.h"
 #include "sim/model/load_point.h"
 
@@ -241,116 +238,6 @@ TEST(Effects, FreeLengthIsTheDistanceAtTheStartUnlessGiven) {
   EXPECT_NEAR(run["tie.length"].front(), 0.4, 1e-15);
   EXPECT_NEAR(run["tie.tension"].front(), 0.0, 1e-12);
   EXPECT_NEAR(run["pivot.theta"].back(), 0.0, kClosedForm);  // hanging, with a spring at rest
-}
-
-// The load of an effect that has an energy is the energy's negative gradient, here by differences
-// along every coordinate of every slot.
-TEST(Effects, ForcesAreGradientsOfTheirEnergies) {
-  const Model model = ModelFrom(EverythingScene());
-  Dynamics dynamics(model);
-  Rng rng(21);
-  const int n = model.index.n;
-  Array fx(n + kBlock, 0.0), fy(n + kBlock, 0.0), m(n + kBlock, 0.0);
-  struct Effect {
-    const char* name;
-    std::function<void(const Motion&, Load)> load;
-    std::function<double(const Motion&)> energy;
-  };
-  const Effect effects[] = {
-      {"springs", [&](const Motion& q, Load l) { model.springs.AddLoad(q, l); },
-       [&](const Motion& q) { return model.springs.Energy(q); }},
-      {"tables", [&](const Motion& q, Load l) { model.tables.AddLoad(q, l); },
-       [&](const Motion& q) { return model.tables.Energy(q); }},
-      {"linear springs",
-       [&](const Motion& q, Load l) { model.linear_springs.AddLoad(q, l, nullptr); },
-       [&](const Motion& q) { return model.linear_springs.Energy(q); }},
-  };
-  // Central differences with this step are wrong by its square times third derivatives, and by
-  // rounding of energies of some J over it: 1e-8 of forces of some tens of N.
-  constexpr double kStep = 1e-5, kNear = 1e-6;
-  for (int trial = 0; trial < 3; ++trial) {
-    std::vector<double> y = model.initial_state;
-    y.resize(y.size() + kBlock);
-    for (int s = 0; s < n; ++s) {
-      if (!model.slots.IsDynamic(s)) continue;
-      for (const int at : {model.index.x(s), model.index.y(s), model.index.theta(s)}) {
-        y[at] += 0.1 * rng.Normal();
-        y[3 * n + at] = 0.0;  // at rest no damper adds to the forces
-      }
-    }
-    for (const Effect& e : effects) {
-      std::fill(fx.begin(), fx.end(), 0.0);
-      std::fill(fy.begin(), fy.end(), 0.0);
-      std::fill(m.begin(), m.end(), 0.0);
-      e.load(dynamics.Update(0.0, y.data()), {fx.data(), fy.data(), m.data()});
-      double largest = 0.0;
-      for (int s = 0; s < n; ++s) {
-        if (!model.slots.IsDynamic(s)) continue;
-        const std::array<std::pair<int, double>, 3> entries = {
-            {{model.index.x(s), fx[s]}, {model.index.y(s), fy[s]}, {model.index.theta(s), m[s]}}};
-        for (const auto& [at, load] : entries) {
-          std::vector<double> moved = y;
-          moved[at] = y[at] + kStep;
-          const double up = e.energy(dynamics.Update(0.0, moved.data()));
-          moved[at] = y[at] - kStep;
-          const double down = e.energy(dynamics.Update(0.0, moved.data()));
-          EXPECT_NEAR(load, -(up - down) / (2 * kStep), kNear) << e.name << ", entry " << at;
-          largest = std::max(largest, std::fabs(load));
-        }
-      }
-      EXPECT_GT(largest, 0.1) << e.name;
-    }
-  }
-}
-
-// Loss and work are what the loads do on the velocities.
-TEST(Effects, PowersAreLoadsTimesVelocities) {
-  const Model model = ModelFrom(EverythingScene());
-  Dynamics dynamics(model);
-  Rng rng(22);
-  const int n = model.index.n;
-  std::vector<double> y = model.initial_state;
-  for (int s = 0; s < n; ++s) {
-    if (!model.slots.IsDynamic(s)) continue;
-    for (const int at : {model.index.vx(s), model.index.vy(s), model.index.omega(s)}) {
-      y[at] = rng.Normal();
-    }
-  }
-  const Motion q = dynamics.Update(0.3, y.data());
-  const auto check = [&](const char* name, double sign, const auto& add) {
-    Array fx(n + kBlock, 0.0), fy(n + kBlock, 0.0), m(n + kBlock, 0.0);
-    double power = 0.0, expected = 0.0;
-    add(Load{fx.data(), fy.data(), m.data()}, &power);
-    for (int s = 0; s < n; ++s) {
-      expected += fx[s] * q.vx[s] + fy[s] * q.vy[s] + m[s] * q.omega[s];
-    }
-    EXPECT_NEAR(power, sign * expected, 1e-12) << name;
-    EXPECT_NE(power, 0.0) << name;
-  };
-  check("dampers", -1, [&](Load l, double* p) { model.dampers.AddLoad(q, l, p); });
-  check("friction", -1, [&](Load l, double* p) { model.frictions.AddLoad(q, l, p); });
-  check("motors", 1, [&](Load l, double* p) { model.motors.AddLoad(q, l, p); });
-  check("forces", 1, [&](Load l, double* p) { model.forces.AddLoad(q, l, p); });
-  // Of the springs between points only the damped part is lost: the rest is d(energy)/dt.
-  check("linear springs", -1, [&](Load l, double* p) {
-    model.linear_springs.AddLoad(q, l, p);
-    constexpr double h = 1e-6;
-    std::vector<double> ahead = y, behind = y;
-    for (int k = 0; k < 3 * n; ++k) {
-      ahead[k] += h * y[3 * n + k];
-      behind[k] -= h * y[3 * n + k];
-    }
-    Dynamics other(model);
-    const double up = model.linear_springs.Energy(other.Update(0.0, ahead.data()));
-    const double down = model.linear_springs.Energy(other.Update(0.0, behind.data()));
-    EXPECT_GT(*p, 0.0);
-    const double stored = (up - down) / (2 * h);
-    double loads = 0.0;
-    for (int s = 0; s < n; ++s)
-      loads += l.fx[s] * q.vx[s] + l.fy[s] * q.vy[s] + l.m[s] * q.omega[s];
-    EXPECT_NEAR(loads, -*p - stored, 1e-7);
-    *p = -loads;
-  });
 }
 
 TEST(Effects, EnergyBalances) {

@@ -25,10 +25,13 @@ TEST(ContactLaw, PaperConstants) {
 
 TEST(ContactLaw, DepthForceAndClamp) {
   Latches latches;
-  Latches::Law law{0.005, 0.004, 0.02, 5e9, 4000.0, 3.0, 5e-6, true};
-  latches.Add(Hinge{0, 1, 1.0, 0.0}, law);
-  law.never_pulls = false;
-  latches.Add(Hinge{0, 1, 1.0, 0.0}, law);
+  data::SceneLatch latch;
+  latch.theta_a = 0.005, latch.theta_b = 0.004, latch.lever = 0.02;
+  data::SceneContact contact;
+  contact.K = 5e9, contact.C = 4000.0, contact.Q = 3.0, contact.epsilon = 5e-6;
+  latches.Add(Hinge{0, 1, 1.0, 0.0}, latch, contact);
+  contact.never_pulls = false;
+  latches.Add(Hinge{0, 1, 1.0, 0.0}, latch, contact);
   EXPECT_EQ(latches.At(0, true, 0.005, 1.0).force, 0.0);  // T = 0 at delta = 0
   // Deep: T = 1.
   const Latches::Contact deep = latches.At(0, true, 0.006, 0.5);

@@ -186,12 +186,14 @@ TEST(Tangent, MaterialDamping) {
 // Both sides of the transition zone, both stops, and apart.
 TEST(Tangent, Contact) {
   const Model model = ModelFrom(LatchingBarScene());
-  const Latches::Law& law = model.latches.law(0);
+  const data::Scene scene = data::ParseScene(LatchingBarScene(), "bar.toml");
+  const data::SceneLatch& law = *scene.joints[0].latch;
+  const double epsilon = scene.contacts[0].epsilon;
   const Hinge& hinge = model.latches.hinge(0);
   Dynamics dynamics(model);
   Tangent tangent;
   constexpr double kRate = 0.3;  // [rad/s]
-  for (const double depth : {0.4 * law.epsilon, 3.0 * law.epsilon, -law.epsilon}) {
+  for (const double depth : {0.4 * epsilon, 3.0 * epsilon, -epsilon}) {
     for (const bool upper : {true, false}) {
       dynamics.modes()[0] = {1, upper, !upper};
       const double sign = upper ? 1.0 : -1.0;
@@ -209,7 +211,9 @@ TEST(Tangent, Contact) {
       dynamics.RightSide(0.0, y.data(), rate.data());
       const std::vector<double> none(model.constraints.rows(), 0.0);
       dynamics.FillTangent(0.0, y.data(), none.data(), &tangent);
-      const double spring = model.springs.count() > 0 ? 0.218 : 0.0;  // the scene's
+      const double spring = std::get<JointEffect<Spring>>(model.joint_effects).count() > 0
+                                ? 0.218
+                                : 0.0;  // the scene's
       // Second differences leave (1e-8 / 2.5e-4)^2 of the zone's curvature.
       EXPECT_NEAR(tangent.K(hinge.outer)[8] - spring, k, 1e-6 * std::fabs(k) + 1e-9);
       EXPECT_NEAR(tangent.D(hinge.outer)[8], d, 1e-6 * std::fabs(d) + 1e-9);

@@ -1,4 +1,4 @@
-#include "sim/effects/moment_tables.h"
+#include "sim/effects/moment_table.h"
 
 #include <gtest/gtest.h>
 
@@ -7,20 +7,21 @@
 namespace unfurl::sim {
 namespace {
 
-MomentTables TableOf(const std::vector<double>& points, const std::vector<double>& moments) {
-  MomentTables tables;
-  tables.Add({}, points, moments);
-  return tables;
+MomentTable TableOf(const std::vector<double>& points, const std::vector<double>& moments) {
+  data::SceneMomentTable record;
+  record.coordinate = points;
+  record.moment = moments;
+  return MomentTable(record);
 }
 
 // A tape spring: a steep rise, a peak, a long plateau.
 const std::vector<double> kAngle = {-0.5, -0.1, 0.0, 0.05, 0.1, 0.3, 1.5, 3.0};
 const std::vector<double> kMoment = {0.2, 0.2, 0.0, -1.2, -1.5, -0.4, -0.35, -0.35};
 
-TEST(MomentTables, GoThroughTheirPointsWithoutBulges) {
-  const MomentTables tables = TableOf(kAngle, kMoment);
+TEST(MomentTable, GoThroughTheirPointsWithoutBulges) {
+  const MomentTable tables = TableOf(kAngle, kMoment);
   for (std::size_t k = 0; k < kAngle.size(); ++k) {
-    EXPECT_NEAR(tables.At(0, kAngle[k]).moment, kMoment[k], 1e-15);
+    EXPECT_NEAR(tables.At(kAngle[k]).moment, kMoment[k], 1e-15);
     if (k + 1 == kAngle.size()) break;
     const double low = std::min(kMoment[k], kMoment[k + 1]);
     const double high = std::max(kMoment[k], kMoment[k + 1]);
@@ -28,7 +29,7 @@ TEST(MomentTables, GoThroughTheirPointsWithoutBulges) {
     const double direction = kMoment[k + 1] - kMoment[k];
     for (int i = 1; i <= 100; ++i) {
       const double q = kAngle[k] + (kAngle[k + 1] - kAngle[k]) * i / 100;
-      const double moment = tables.At(0, q).moment;
+      const double moment = tables.At(q).moment;
       EXPECT_GE(moment, low - 1e-14);
       EXPECT_LE(moment, high + 1e-14);
       EXPECT_GE((moment - last) * direction, -1e-14);
@@ -37,35 +38,35 @@ TEST(MomentTables, GoThroughTheirPointsWithoutBulges) {
   }
 }
 
-TEST(MomentTables, SlopeAndPotentialBelongToTheMoment) {
-  const MomentTables tables = TableOf(kAngle, kMoment);
+TEST(MomentTable, SlopeAndPotentialBelongToTheMoment) {
+  const MomentTable tables = TableOf(kAngle, kMoment);
   constexpr double h = 1e-6;
   for (double q = -1.0; q < 4.0; q += 0.0371) {
-    const auto up = tables.At(0, q + h), down = tables.At(0, q - h), here = tables.At(0, q);
+    const auto up = tables.At(q + h), down = tables.At(q - h), here = tables.At(q);
     EXPECT_NEAR((up.potential - down.potential) / (2 * h), -here.moment, 1e-8) << q;
     EXPECT_NEAR((up.moment - down.moment) / (2 * h), here.slope, 2e-4) << q;
   }
   // The slope has no jumps, and the potential begins at zero.
   for (const double q : kAngle) {
-    EXPECT_NEAR(tables.At(0, q + 1e-12).slope, tables.At(0, q - 1e-12).slope, 1e-7) << q;
+    EXPECT_NEAR(tables.At(q + 1e-12).slope, tables.At(q - 1e-12).slope, 1e-7) << q;
   }
-  EXPECT_EQ(tables.At(0, kAngle.front()).potential, 0.0);
+  EXPECT_EQ(tables.At(kAngle.front()).potential, 0.0);
 }
 
-TEST(MomentTables, GoOnStraightBeyondTheEnds) {
-  const MomentTables tables = TableOf({0.0, 1.0, 2.0}, {0.0, 1.0, 4.0});
+TEST(MomentTable, GoOnStraightBeyondTheEnds) {
+  const MomentTable tables = TableOf({0.0, 1.0, 2.0}, {0.0, 1.0, 4.0});
   for (const double end : {0.0, 2.0}) {
-    const auto at = tables.At(0, end);
+    const auto at = tables.At(end);
     const double out = end == 0.0 ? -1.0 : 1.0;
-    EXPECT_NEAR(tables.At(0, end + 3 * out).moment, at.moment + 3 * out * at.slope, 1e-14);
-    EXPECT_EQ(tables.At(0, end + 3 * out).slope, at.slope);
+    EXPECT_NEAR(tables.At(end + 3 * out).moment, at.moment + 3 * out * at.slope, 1e-14);
+    EXPECT_EQ(tables.At(end + 3 * out).slope, at.slope);
   }
 }
 
 // Straight lines are kept; a parabola is met to the third order of the spacing inside.
-TEST(MomentTables, FollowSmoothCurves) {
-  const MomentTables line = TableOf({0.0, 0.3, 1.0, 1.1}, {1.0, 0.4, -1.0, -1.2});
-  for (double q = -1.0; q < 2.0; q += 0.1) EXPECT_NEAR(line.At(0, q).moment, 1.0 - 2.0 * q, 1e-14);
+TEST(MomentTable, FollowSmoothCurves) {
+  const MomentTable line = TableOf({0.0, 0.3, 1.0, 1.1}, {1.0, 0.4, -1.0, -1.2});
+  for (double q = -1.0; q < 2.0; q += 0.1) EXPECT_NEAR(line.At(q).moment, 1.0 - 2.0 * q, 1e-14);
   double last = 0.0;
   for (const int n : {10, 20, 40}) {
     std::vector<double> x, y;
@@ -73,10 +74,10 @@ TEST(MomentTables, FollowSmoothCurves) {
       x.push_back(1.0 + static_cast<double>(k) / n);
       y.push_back(std::exp(x.back()));
     }
-    const MomentTables curve = TableOf(x, y);
+    const MomentTable curve = TableOf(x, y);
     double worst = 0.0;
     for (double q = 1.3; q < 1.7; q += 0.001) {
-      worst = std::max(worst, std::fabs(curve.At(0, q).moment - std::exp(q)));
+      worst = std::max(worst, std::fabs(curve.At(q).moment - std::exp(q)));
     }
     if (last > 0.0) {
       EXPECT_GT(std::log2(last / worst), 2.7);
@@ -86,10 +87,10 @@ TEST(MomentTables, FollowSmoothCurves) {
   }
 }
 
-TEST(MomentTables, TwoPointsAreALine) {
-  const MomentTables line = TableOf({-1.0, 1.0}, {3.0, -1.0});
-  EXPECT_NEAR(line.At(0, 0.5).moment, 0.0, 1e-15);
-  EXPECT_NEAR(line.At(0, 5.0).moment, -9.0, 1e-14);
+TEST(MomentTable, TwoPointsAreALine) {
+  const MomentTable line = TableOf({-1.0, 1.0}, {3.0, -1.0});
+  EXPECT_NEAR(line.At(0.5).moment, 0.0, 1e-15);
+  EXPECT_NEAR(line.At(5.0).moment, -9.0, 1e-14);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "sim/effects/moment_tables.h"
+#include "sim/effects/moment_table.h"
 
 #include <algorithm>
 #include <cmath>
@@ -35,8 +35,8 @@ std::vector<double> MonotoneSlopes(const std::vector<double>& x, const std::vect
 
 }  // namespace
 
-void MomentTables::Add(const Coordinate& coordinate, const std::vector<double>& points,
-                       const std::vector<double>& moments) {
+MomentTable::MomentTable(const Record& record) {
+  const std::vector<double>&points = record.coordinate, &moments = record.moment;
   const std::vector<double> slope = MonotoneSlopes(points, moments);
   double potential = 0.0;
   for (std::size_t k = 0; k + 1 < points.size(); ++k) {
@@ -51,12 +51,10 @@ void MomentTables::Add(const Coordinate& coordinate, const std::vector<double>& 
     pieces_.push_back(piece);
   }
   pieces_.push_back({points.back(), moments.back(), slope.back(), 0.0, 0.0, potential});
-  first_.push_back(static_cast<int>(pieces_.size()));
-  coordinates_.push_back(coordinate);
 }
 
-MomentTables::Value MomentTables::At(int k, double coordinate) const {
-  const auto begin = pieces_.begin() + first_[k], end = pieces_.begin() + first_[k + 1];
+MomentTable::Value MomentTable::At(double coordinate) const {
+  const auto begin = pieces_.begin(), end = pieces_.end();
   const auto after = std::upper_bound(begin, end, coordinate,
                                       [](double q, const Piece& p) { return q < p.begin; });
   const Piece& p = *(after == begin ? begin : after - 1);
@@ -64,20 +62,6 @@ MomentTables::Value MomentTables::At(int k, double coordinate) const {
   if (after == begin) return {p.c0 + s * p.c1, p.c1, -s * (p.c0 + 0.5 * s * p.c1)};
   return {p.c0 + s * (p.c1 + s * (p.c2 + s * p.c3)), p.c1 + s * (2.0 * p.c2 + 3.0 * s * p.c3),
           p.potential - s * (p.c0 + s * (p.c1 / 2.0 + s * (p.c2 / 3.0 + s * p.c3 / 4.0)))};
-}
-
-double MomentTables::Moment(int k, const Motion& motion) const {
-  return At(k, coordinates_[k].Value(motion)).moment;
-}
-
-void MomentTables::AddLoad(const Motion& motion, Load load) const {
-  for (int k = 0; k < count(); ++k) coordinates_[k].Apply(motion, Moment(k, motion), load);
-}
-
-double MomentTables::Energy(const Motion& motion) const {
-  double sum = 0.0;
-  for (int k = 0; k < count(); ++k) sum += At(k, coordinates_[k].Value(motion)).potential;
-  return sum;
 }
 
 }  // namespace unfurl::sim
