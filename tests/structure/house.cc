@@ -71,13 +71,6 @@ const std::vector<Wrapped>& WrappedHeaders() {
   return kWrapped;
 }
 
-std::string RoomOf(const std::string& path) {
-  const std::size_t slash = path.find('/');
-  if (slash == std::string::npos) return {};
-  const std::string room = path.substr(0, slash);
-  return Below().contains(room) ? room : std::string();
-}
-
 void ForEachLine(std::string_view text, const std::function<void(int, std::string_view)>& visit) {
   int number = 1;
   while (!text.empty()) {
@@ -141,6 +134,13 @@ void CheckArrow(const std::string& room, const std::string& target, const std::s
 }
 
 }  // namespace
+
+std::string RoomOf(const std::string& path) {
+  const std::size_t slash = path.find('/');
+  if (slash == std::string::npos) return {};
+  const std::string room = path.substr(0, slash);
+  return Below().contains(room) ? room : std::string();
+}
 
 Findings CheckIncludes(const std::string& path, std::string_view text) {
   Findings findings;

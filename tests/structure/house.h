@@ -10,6 +10,9 @@ namespace unfurl::structure {
 // each can be shown a violation. A finding is one line: "sim/joint.cc:3: ...".
 using Findings = std::vector<std::string>;
 
+// The room that a path relative to the root lies in; empty outside the rooms.
+std::string RoomOf(const std::string& path);
+
 // #include lines of a room's file: only rooms below it, and third-party headers only where they
 // are wrapped. `path` is relative to the tree's root.
 Findings CheckIncludes(const std::string& path, std::string_view text);
