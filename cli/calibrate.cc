@@ -274,18 +274,24 @@ int RunCalibrate(const Common& common, const Arguments& arguments) {
 }  // namespace
 
 Verb AddCalibrate(CLI::App& program, Common& common) {
-  CLI::App* app = DeclareVerb(program, common, "calibrate",
-                              "A rig of cameras from a survey, without an initial guess",
-                              "unfurl calibrate survey.h5 -o rig.h5");
+  Verb verb = DeclareVerb(program, common, "calibrate",
+                          "A rig of cameras from a survey, without an initial guess",
+                          "unfurl calibrate survey.h5 -o rig.h5");
+  CLI::App* app = verb.app;
+  VerbFiles& files = *verb.files;
   auto arguments = std::make_shared<Arguments>();
-  app->add_option("SURVEY", arguments->survey,
-                  "Surveyed points with readings (.csv, .h5) or raw lines (.h5)")
+  files
+      .Read("SURVEY", &arguments->survey,
+            "Surveyed points with readings (.csv, .h5) or raw lines (.h5)")
       ->required();
-  app->add_option("-o,--output", arguments->out, "The rig to write; SURVEY with .rig.h5 if absent");
-  app->add_option("--report", arguments->report,
-                  "A page: verdict, residuals, gross errors, map of uncertainty [HTML]");
-  app->add_option("--readings", arguments->readings,
-                  "Readings by id, where SURVEY holds points only [CSV]; repeats are averaged");
+  files.WriteOr(
+      "-o,--output", &arguments->out,
+      [arguments] { return DefaultOutput(arguments->survey, ".rig.h5"); },
+      "The rig to write; SURVEY with .rig.h5 if absent");
+  files.Write("--report", &arguments->report,
+              "A page: verdict, residuals, gross errors, map of uncertainty [HTML]");
+  files.Read("--readings", &arguments->readings,
+             "Readings by id, where SURVEY holds points only [CSV]; repeats are averaged");
   app->add_option("--sigma", arguments->sigmas.coordinate,
                   "Of the points per axis, where SURVEY states none [m]")
       ->check(CLI::PositiveNumber);
@@ -304,8 +310,8 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
   app->add_option("--zenith-error", arguments->zenith_error,
                   "Sigma of its vertical circle's index [rad]")
       ->check(CLI::PositiveNumber);
-  app->add_option("--layout", arguments->layout,
-                  "Where the cameras were meant to stand [lab TOML]: tells a left-handed survey");
+  files.Read("--layout", &arguments->layout,
+             "Where the cameras were meant to stand [lab TOML]: tells a left-handed survey");
   app->add_option("--folds", arguments->options.folds,
                   "Parts of the survey that are held out in turn")
       ->capture_default_str()
@@ -313,7 +319,8 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
   app->add_option("--order", arguments->order,
                   "Terms of the lens model: auto (by cross-validation), pinhole, cubic, "
                   "cubic-even, quintic, quintic-even, full")
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("ORDER");
   app->add_option("--e", arguments->options.guess.e_mean,
                   "What the distance between a lens' two centres is thought to be [m]")
       ->capture_default_str();
@@ -325,13 +332,11 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
       ->capture_default_str();
   app->add_option("--workers", arguments->options.workers, "Threads; 0: all cores")
       ->capture_default_str();
-  return {app, [&common, arguments] {
-            if (arguments->out.empty()) {
-              arguments->out = DefaultOutput(arguments->survey, ".rig.h5");
-            }
-            arguments->options.order = OrderOf(arguments->order);
-            return RunCalibrate(common, *arguments);
-          }};
+  verb.run = [&common, arguments] {
+    arguments->options.order = OrderOf(arguments->order);
+    return RunCalibrate(common, *arguments);
+  };
+  return verb;
 }
 
 }  // namespace unfurl::cli

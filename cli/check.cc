@@ -134,27 +134,29 @@ int RunCheck(const Common& common, const Arguments& arguments) {
 }  // namespace
 
 Verb AddCheck(CLI::App& program, Common& common) {
-  CLI::App* app =
-      DeclareVerb(program, common, "check",
-                  "Is a calibration still valid? From some points, or a bar of known "
-                  "length",
-                  "unfurl check rig.h5 ten_points.csv\n"
-                  "  unfurl check rig.h5 bar_readings.csv --bar 1.2000 --bar-sigma 5e-5");
+  Verb verb = DeclareVerb(program, common, "check",
+                          "Is a calibration still valid? From some points, or a bar of known "
+                          "length",
+                          "unfurl check rig.h5 ten_points.csv\n"
+                          "  unfurl check rig.h5 bar_readings.csv --bar 1.2000 --bar-sigma 5e-5");
+  CLI::App* app = verb.app;
+  VerbFiles& files = *verb.files;
   auto arguments = std::make_shared<Arguments>();
-  app->add_option("RIG", arguments->rig, "The rig to check [HDF5]")->required();
-  app->add_option(
-         "READINGS", arguments->input,
-         "A survey of some points [CSV, HDF5]; with --bar, readings of the bar's ends, ids "
-         "1a, 1b, 2a, 2b, ... [CSV]")
+  files.Read("RIG", &arguments->rig, "The rig to check [HDF5]")->required();
+  files
+      .Read("READINGS", &arguments->input,
+            "A survey of some points [CSV, HDF5]; with --bar, readings of the bar's ends, ids "
+            "1a, 1b, 2a, 2b, ... [CSV]")
       ->required();
   auto* length = app->add_option("--bar", arguments->bar.length, "Length of the bar [m]")
                      ->check(CLI::PositiveNumber);
   app->add_option("--bar-sigma", arguments->bar.sigma, "Standard deviation of that length [m]")
       ->check(CLI::NonNegativeNumber)
       ->needs(length);
-  app->add_option("--report", arguments->report,
-                  "A page: verdict, cameras along the sensor, points or lengths [HTML]");
-  return {app, [&common, arguments] { return RunCheck(common, *arguments); }};
+  files.Write("--report", &arguments->report,
+              "A page: verdict, cameras along the sensor, points or lengths [HTML]");
+  verb.run = [&common, arguments] { return RunCheck(common, *arguments); };
+  return verb;
 }
 
 }  // namespace unfurl::cli

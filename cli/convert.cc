@@ -197,38 +197,40 @@ std::string ConvertFile(const Common& common, const std::string& in, const std::
 }  // namespace
 
 Verb AddConvert(CLI::App& program, Common& common) {
-  CLI::App* app =
-      DeclareVerb(program, common, "convert",
-                  "A run, tracks or survey in another format; raw lines into a trial or "
-                  "a survey",
-                  "unfurl convert tracks.h5 tracks.c3d\n"
-                  "  unfurl convert lines.toml trial.h5     (raw lines of a frame "
-                  "grabber, described in TOML)");
+  Verb verb = DeclareVerb(program, common, "convert",
+                          "A run, tracks or survey in another format; raw lines into a trial or "
+                          "a survey",
+                          "unfurl convert tracks.h5 tracks.c3d\n"
+                          "  unfurl convert lines.toml trial.h5     (raw lines of a frame "
+                          "grabber, described in TOML)");
+  CLI::App* app = verb.app;
+  VerbFiles& files = *verb.files;
   struct Arguments {
     std::string in, out;
     double sigma = 0.0;
   };
   auto arguments = std::make_shared<Arguments>();
-  app->add_option("IN", arguments->in,
-                  "A run, tracks or survey (.h5), tracks or a survey (.csv), tracks (.c3d, .uff), "
-                  "a description of raw lines (.toml)")
+  files
+      .Read("IN", &arguments->in,
+            "A run, tracks or survey (.h5), tracks or a survey (.csv), tracks (.c3d, .uff), "
+            "a description of raw lines (.toml)")
       ->required();
-  app->add_option("OUT", arguments->out, "The file to write; its ending tells the format")
-      ->required();
+  files.Write("OUT", &arguments->out, "The file to write; its ending tells the format")->required();
   app->add_option("--sigma", arguments->sigma,
                   "Of one axis of a point [m], where a .c3d or .uff tells none");
-  return {app, [&common, arguments] {
-            std::vector<std::string> notes;
-            const std::string schema =
-                ConvertFile(common, arguments->in, arguments->out, arguments->sigma, &notes);
-            nlohmann::ordered_json summary = {
-                {"in", arguments->in}, {"out", arguments->out}, {"schema", schema}};
-            std::string text = fmt::format("{} -> {}  ({})", arguments->in, arguments->out, schema);
-            if (!notes.empty()) summary["notes"] = notes;
-            for (const std::string& note : notes) text += "\n  - " + note;
-            Finish(common, summary, text);
-            return kExitGood;
-          }};
+  verb.run = [&common, arguments] {
+    std::vector<std::string> notes;
+    const std::string schema =
+        ConvertFile(common, arguments->in, arguments->out, arguments->sigma, &notes);
+    nlohmann::ordered_json summary = {
+        {"in", arguments->in}, {"out", arguments->out}, {"schema", schema}};
+    std::string text = fmt::format("{} -> {}  ({})", arguments->in, arguments->out, schema);
+    if (!notes.empty()) summary["notes"] = notes;
+    for (const std::string& note : notes) text += "\n  - " + note;
+    Finish(common, summary, text);
+    return kExitGood;
+  };
+  return verb;
 }
 
 }  // namespace unfurl::cli

@@ -122,29 +122,33 @@ int CorrelateVerb(const Common& common, Settings& s) {
 }  // namespace
 
 Verb AddCorrelate(CLI::App& program, Common& common) {
-  CLI::App* app =
+  Verb verb =
       DeclareVerb(program, common, "correlate",
                   "Two records side by side: time and frame aligned, errors, spectra, modes",
                   "unfurl correlate tracks.h5 run.h5 --report correlate.html");
+  CLI::App* app = verb.app;
+  VerbFiles& files = *verb.files;
   auto settings = std::make_shared<Settings>();
-  app->add_option("A", settings->record, "A run, or tracks (.h5, .csv)")->required();
-  app->add_option("B", settings->reference, "The reference: a run, or tracks")->required();
-  app->add_option("-o,--output", settings->output, "The numbers as a file (JSON)");
-  app->add_option("--report", settings->report, "A page to look at (HTML)");
-  app->add_option("--figures", settings->figures,
-                  "A folder for the paper's figures 15, 16 and 17 of this trial (SVG)");
+  files.Read("A", &settings->record, "A run, or tracks (.h5, .csv)")->required();
+  files.Read("B", &settings->reference, "The reference: a run, or tracks")->required();
+  files.Write("-o,--output", &settings->output, "The numbers as a file (JSON)");
+  files.Write("--report", &settings->report, "A page to look at (HTML)");
+  files.WriteFolder("--figures", &settings->figures, PaperFigureNames(),
+                    "A folder for the paper's figures 15, 16 and 17 of this trial (SVG)");
   app->add_option("--marks", settings->options.marks, "Marks to compare (default: all in common)")
-      ->delimiter(',');
+      ->delimiter(',')
+      ->type_name("NAMES");
   app->add_option(
       "--from", settings->options.from,
       "Spectra and modes from this time on A's clock [s]\n(default: after the last latch)");
   app->add_option("--to", settings->options.to, "to this (default: the end)");
-  app->add_option(
-      "--window", settings->window,
-      "Of the spectra: hann, rectangular, hamming, blackman, blackman-harris, flat-top");
+  app->add_option("--window", settings->window,
+                  "Of the spectra: hann, rectangular, hamming, blackman, blackman-harris, flat-top")
+      ->type_name("WINDOW");
   app->add_flag("--clock-drift", settings->options.clock_drift,
                 "A's clock may run at another rate than B's: find by how much");
-  return {app, [&common, settings] { return CorrelateVerb(common, *settings); }};
+  verb.run = [&common, settings] { return CorrelateVerb(common, *settings); };
+  return verb;
 }
 
 }  // namespace unfurl::cli

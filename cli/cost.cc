@@ -196,18 +196,19 @@ class CostVerb {
 }  // namespace
 
 Verb AddCost(CLI::App& program, Common& common) {
-  CLI::App* app = DeclareVerb(program, common, "cost",
-                              "What accuracy costs in time on a scene: tolerances, methods, meshes",
-                              "unfurl cost scene.toml --segments 4,8,16 --report cost.html");
+  Verb verb = DeclareVerb(program, common, "cost",
+                          "What accuracy costs in time on a scene: tolerances, methods, meshes",
+                          "unfurl cost scene.toml --segments 4,8,16 --report cost.html");
+  CLI::App* app = verb.app;
+  VerbFiles& files = *verb.files;
   auto arguments = std::make_shared<Arguments>();
-  app->add_option("SCENE", arguments->scene, "The scene (TOML)")->required();
-  app->add_option("--set", arguments->sets, "Overrides a key of the scene (repeatable)")
-      ->expected(1)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  files.Read("SCENE", &arguments->scene, "The scene (TOML)")->required();
+  files.Overrides(&arguments->sets, "Overrides a key of the scene (repeatable)");
   app->add_option("--methods", arguments->methods,
                   "Methods to compare; the first makes the finest run, the second checks it")
       ->delimiter(',')
-      ->capture_default_str();
+      ->capture_default_str()
+      ->type_name("NAMES");
   app->add_option("--rtol", arguments->tolerances, "Tolerances")
       ->delimiter(',')
       ->capture_default_str();
@@ -215,8 +216,9 @@ Verb AddCost(CLI::App& program, Common& common) {
                   "Meshes: so many segments for every beam of segments (default: the scene's)")
       ->delimiter(',');
   app->add_option("--duration", arguments->duration, "Seconds to simulate (default: the scene's)");
-  app->add_option("--report", arguments->report, "Also write a page with pictures (HTML)");
-  return {app, [&common, arguments] { return CostVerb(common, *arguments).Run(); }};
+  files.Write("--report", &arguments->report, "Also write a page with pictures (HTML)");
+  verb.run = [&common, arguments] { return CostVerb(common, *arguments).Run(); };
+  return verb;
 }
 
 }  // namespace unfurl::cli

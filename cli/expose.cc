@@ -144,28 +144,31 @@ int ExposeTrialVerb(const Common& common, const Settings& s) {
 }  // namespace
 
 Verb AddExpose(CLI::App& program, Common& common) {
-  CLI::App* app = DeclareVerb(program, common, "expose",
-                              "A virtual experiment: what the cameras of a lab would record",
-                              "unfurl expose run.h5 --lab lab.toml -o trial.h5\n"
-                              "  unfurl expose --survey points.csv --lab lab.toml -o survey.h5");
+  Verb verb = DeclareVerb(program, common, "expose",
+                          "A virtual experiment: what the cameras of a lab would record",
+                          "unfurl expose run.h5 --lab lab.toml -o trial.h5\n"
+                          "  unfurl expose --survey points.csv --lab lab.toml -o survey.h5");
+  CLI::App* app = verb.app;
+  VerbFiles& files = *verb.files;
   auto s = std::make_shared<Settings>();
-  auto* run = app->add_option("RUN", s->run, "The run whose marks are recorded [HDF5]");
-  auto* survey = app->add_option("--survey", s->points, "Record a survey of these points [CSV]");
+  auto* run = files.Read("RUN", &s->run, "The run whose marks are recorded [HDF5]");
+  auto* survey = files.Read("--survey", &s->points, "Record a survey of these points [CSV]");
   run->excludes(survey);
-  app->add_option("--lab", s->lab, "The laboratory [TOML]")->required();
-  app->add_option("-o,--output", s->output, "Output [HDF5]; default trial.h5 or survey.h5");
-  app->add_option("--truth", s->truth, "Also write where every mark truly was [HDF5 tracks]");
-  app->add_option("--set", s->overrides, "KEY=VALUE: another value for a key of the lab")
-      ->allow_extra_args(false);
+  files.Read("--lab", &s->lab, "The laboratory [TOML]")->required();
+  files.WriteOr(
+      "-o,--output", &s->output, [s] { return s->points.empty() ? "trial.h5" : "survey.h5"; },
+      "Output [HDF5]; default trial.h5 or survey.h5");
+  files.Write("--truth", &s->truth, "Also write where every mark truly was [HDF5 tracks]");
+  files.Overrides(&s->overrides, "Another value for a key of the lab (repeatable)");
   app->add_option("--workers", s->workers, "Threads; 0: all cores");
-  return {app, [&common, s] {
-            if (s->run.empty() == s->points.empty()) {
-              throw Error("names neither a run nor a survey", "command line",
-                          "give RUN.h5, or --survey POINTS.csv");
-            }
-            if (s->output.empty()) s->output = s->points.empty() ? "trial.h5" : "survey.h5";
-            return s->points.empty() ? ExposeTrialVerb(common, *s) : ExposeSurveyVerb(common, *s);
-          }};
+  verb.run = [&common, s] {
+    if (s->run.empty() == s->points.empty()) {
+      throw Error("names neither a run nor a survey", "command line",
+                  "give RUN.h5, or --survey POINTS.csv");
+    }
+    return s->points.empty() ? ExposeTrialVerb(common, *s) : ExposeSurveyVerb(common, *s);
+  };
+  return verb;
 }
 
 }  // namespace unfurl::cli

@@ -74,7 +74,7 @@ int FitVerb(const Common& common, const Settings& s) {
   options.tracks = s.tracks;
   options.workers = s.workers;
   options.resume = s.resume;
-  options.output = s.output.empty() ? DefaultOutput(s.study, ".h5") : s.output;
+  options.output = s.output;
   options.compare = !s.report.empty();
   options.provenance = StartProvenance(common);
   options.provenance.command = CommandWithout(options.provenance.command);
@@ -112,23 +112,26 @@ int FitVerb(const Common& common, const Settings& s) {
 }  // namespace
 
 Verb AddFit(CLI::App& program, Common& common) {
-  CLI::App* app = DeclareVerb(program, common, "fit",
-                              "Parameters of a model, and what they are worth, from trials",
-                              "unfurl fit study.toml -o fit.h5 --report fit.html");
+  Verb verb = DeclareVerb(program, common, "fit",
+                          "Parameters of a model, and what they are worth, from trials",
+                          "unfurl fit study.toml -o fit.h5 --report fit.html");
+  CLI::App* app = verb.app;
+  VerbFiles& files = *verb.files;
   auto settings = std::make_shared<Settings>();
-  app->add_option("STUDY", settings->study, "The study (TOML)")->required();
-  app->add_option("-o,--output", settings->output,
-                  "The fit to write (default: the study's name, .h5)");
-  app->add_option("--report", settings->report, "A page to look at (HTML)");
-  app->add_option("--tracks", settings->tracks, "Tracks to fit to instead of the study's");
-  app->add_option("--set", settings->sets, "Overrides a key of the study (repeatable)")
-      ->expected(1)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  files.Read("STUDY", &settings->study, "The study (TOML)")->required();
+  files.WriteOr(
+      "-o,--output", &settings->output,
+      [settings] { return DefaultOutput(settings->study, ".h5"); },
+      "The fit to write (default: the study's name, .h5)");
+  files.Write("--report", &settings->report, "A page to look at (HTML)");
+  files.Read("--tracks", &settings->tracks, "Tracks to fit to instead of the study's");
+  files.Overrides(&settings->sets, "Overrides a key of the study (repeatable)");
   app->add_option("--workers", settings->workers,
                   "Simulations at a time (default: one per core); does not change the result");
   app->add_flag("--resume", settings->resume,
                 "Continue a fit that was stopped, from its OUTPUT.partial, to the same result");
-  return {app, [&common, settings] { return FitVerb(common, *settings); }};
+  verb.run = [&common, settings] { return FitVerb(common, *settings); };
+  return verb;
 }
 
 }  // namespace unfurl::cli

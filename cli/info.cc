@@ -11,6 +11,7 @@
 #include "data/atomic_file.h"
 #include "data/csv.h"
 #include "data/h5.h"
+#include "data/h5_walk.h"
 #include "data/toml.h"
 
 namespace unfurl::cli {
@@ -25,21 +26,15 @@ std::string DimsText(const std::vector<std::size_t>& dims) {
   return fmt::format("{}", fmt::join(words, " x "));
 }
 
-// Walks all groups; a dataset is what has a size.
-void ListDatasets(const data::H5Reader& reader, const std::string& group, ordered_json* sets,
+void ListDatasets(const data::H5Reader& reader, ordered_json* sets,
                   std::vector<std::vector<std::string>>* rows) {
-  for (const std::string& name : reader.Children(group)) {
-    const std::string path = (group == "/" ? "/" : group + "/") + name;
-    if (!reader.IsDataset(path)) {
-      ListDatasets(reader, path, sets, rows);
-      continue;
-    }
-    const std::string shape = DimsText(reader.Dims(path));
+  for (const std::string& path : data::H5ListDatasets(reader.path())) {
     sets->push_back({{"path", path},
                      {"shape", reader.Dims(path)},
                      {"units", reader.Units(path)},
                      {"description", reader.Description(path)}});
-    rows->push_back({path, shape, "[" + reader.Units(path) + "]", reader.Description(path)});
+    rows->push_back({path, DimsText(reader.Dims(path)), "[" + reader.Units(path) + "]",
+                     reader.Description(path)});
   }
 }
 
@@ -80,7 +75,7 @@ int InfoHdf5(const Common& common, const std::string& path) {
   }
   std::vector<std::vector<std::string>> rows = {{"dataset", "shape", "unit", "what it is"}};
   summary["datasets"] = ordered_json::array();
-  ListDatasets(reader, "/", &summary["datasets"], &rows);
+  ListDatasets(reader, &summary["datasets"], &rows);
   Finish(common, summary, text + AlignedTable(rows));
   return kExitGood;
 }
@@ -126,17 +121,18 @@ int InfoToml(const Common& common, const std::string& path) {
 }  // namespace
 
 Verb AddInfo(CLI::App& program, Common& common) {
-  CLI::App* app = DeclareVerb(program, common, "info",
-                              "What a file is, who made it from what, and what it holds",
-                              "unfurl info tracks.h5");
+  Verb verb = DeclareVerb(program, common, "info",
+                          "What a file is, who made it from what, and what it holds",
+                          "unfurl info tracks.h5");
   auto file = std::make_shared<std::string>();
-  app->add_option("FILE", *file, "Any file that unfurl reads or writes")->required();
-  return {app, [&common, file] {
-            const std::string ending = std::filesystem::path(*file).extension().string();
-            if (ending == ".toml") return InfoToml(common, *file);
-            if (ending == ".csv") return InfoCsv(common, *file);
-            return InfoHdf5(common, *file);
-          }};
+  verb.files->Read("FILE", file.get(), "Any file that unfurl reads or writes")->required();
+  verb.run = [&common, file] {
+    const std::string ending = std::filesystem::path(*file).extension().string();
+    if (ending == ".toml") return InfoToml(common, *file);
+    if (ending == ".csv") return InfoCsv(common, *file);
+    return InfoHdf5(common, *file);
+  };
+  return verb;
 }
 
 }  // namespace unfurl::cli

@@ -72,6 +72,7 @@ int Run(int argc, char** argv) {
       unfurl::cli::AddCost,        unfurl::cli::AddInfo,      unfurl::cli::AddConvert};
   for (const AddVerb add : all) {
     verbs.push_back(add(program, common));
+    verbs.back().files->CheckDeclared();
   }
 
   if (argc < 2) {
@@ -91,7 +92,9 @@ int Run(int argc, char** argv) {
                         std::string("see `unfurl ") + argv[1] + " --help`");
   }
   for (const Verb& verb : verbs) {
-    if (verb.app->parsed()) return verb.run();
+    if (!verb.app->parsed()) continue;
+    verb.files->Prepare();
+    return verb.run();
   }
   return unfurl::kExitBadInput;
 }

@@ -276,25 +276,26 @@ int Run(const Common& common, const Arguments& arguments) {
 }  // namespace
 
 Verb AddModes(CLI::App& program, Common& common) {
-  CLI::App* app =
-      DeclareVerb(program, common, "modes",
-                  "Equilibrium, natural frequencies and shapes of a scene, latched or not",
-                  "unfurl modes scene.toml --count 8 -o shapes.h5");
+  Verb verb = DeclareVerb(program, common, "modes",
+                          "Equilibrium, natural frequencies and shapes of a scene, latched or not",
+                          "unfurl modes scene.toml --count 8 -o shapes.h5");
+  CLI::App* app = verb.app;
+  VerbFiles& files = *verb.files;
   auto arguments = std::make_shared<Arguments>();
-  app->add_option("SCENE", arguments->scene, "The scene (TOML)")->required();
-  app->add_option("-o,--output", arguments->out, "Where to write the shapes (.h5 or .csv)");
-  app->add_option("--set", arguments->sets, "Overrides a key of the scene (repeatable)")
-      ->expected(1)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  files.Read("SCENE", &arguments->scene, "The scene (TOML)")->required();
+  files.Write("-o,--output", &arguments->out, "Where to write the shapes (.h5 or .csv)");
+  files.Overrides(&arguments->sets, "Overrides a key of the scene (repeatable)");
   app->add_option(
-      "--state", arguments->state,
-      "drawn, or latched: every latch closed (default: latched where there are latches)");
+         "--state", arguments->state,
+         "drawn, or latched: every latch closed (default: latched where there are latches)")
+      ->type_name("STATE");
   app->add_option("--at", arguments->at,
                   "Start from the state that a run reaches at this time [s]");
   app->add_flag("--as-is", arguments->as_is,
                 "Take the state as it is, and look for no equilibrium");
   app->add_option("--count", arguments->count, "How many modes")->capture_default_str();
-  return {app, [&common, arguments] { return Run(common, *arguments); }};
+  verb.run = [&common, arguments] { return Run(common, *arguments); };
+  return verb;
 }
 
 }  // namespace unfurl::cli

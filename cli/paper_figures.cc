@@ -14,6 +14,10 @@ namespace unfurl::cli {
 
 namespace {
 
+constexpr const char* kTurn = "figure-15.svg";
+constexpr const char* kDisplacements[] = {"figure-16a.svg", "figure-16b.svg"};
+constexpr const char* kSpectrum = "figure-17.svg";
+
 // Positions become displacements from where the reference starts.
 report::Chart Displacements(const correlate::Comparison& c, const std::string& mark) {
   report::Chart chart = MarkChart(c, mark);
@@ -28,6 +32,10 @@ report::Chart Displacements(const correlate::Comparison& c, const std::string& m
 }
 
 }  // namespace
+
+std::vector<std::string> PaperFigureNames() {
+  return {kTurn, kDisplacements[0], kDisplacements[1], kSpectrum};
+}
 
 std::string WritePaperFigures(const std::string& folder, const correlate::Comparison& c) {
   std::error_code failed;
@@ -48,7 +56,7 @@ std::string WritePaperFigures(const std::string& folder, const correlate::Compar
       std::find_if(c.signals.begin(), c.signals.end(),
                    [](const correlate::ComparedSignal& s) { return s.unit == "rad"; });
   if (angle != c.signals.end()) {
-    write("figure-15.svg", AngleChart(c, *angle), "Turn of the central body (" + angle->name + ")");
+    write(kTurn, AngleChart(c, *angle), "Turn of the central body (" + angle->name + ")");
   } else {
     written += "no figure 15: no two marks sit on one body, so no angle is measured\n";
   }
@@ -56,8 +64,7 @@ std::string WritePaperFigures(const std::string& folder, const correlate::Compar
   for (std::size_t i = 0; i < std::min<std::size_t>(marks.size(), 2); ++i) {
     // The paper shows the inner mark first.
     const std::string& mark = marks[std::min<std::size_t>(marks.size(), 2) - 1 - i];
-    write(fmt::format("figure-16{}.svg", "ab"[i]), Displacements(c, mark),
-          "Displacement of " + mark);
+    write(kDisplacements[i], Displacements(c, mark), "Displacement of " + mark);
   }
   const correlate::ComparedSpectrum* strongest = nullptr;
   double most = 0.0;
@@ -68,7 +75,7 @@ std::string WritePaperFigures(const std::string& folder, const correlate::Compar
   }
   if (strongest != nullptr) {
     report::Chart chart = SpectrumChart(c, *strongest);
-    write("figure-17.svg", chart, "Spectrum of " + strongest->name);
+    write(kSpectrum, chart, "Spectrum of " + strongest->name);
   } else {
     written += "no figure 17: too few samples after the last latch for a spectrum\n";
   }

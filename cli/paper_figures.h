@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "correlate/compare/comparison.h"
 
@@ -12,5 +13,8 @@ namespace unfurl::cli {
 // of the one that moves most. What a trial cannot show is left out. Gives what was written, in
 // words.
 std::string WritePaperFigures(const std::string& folder, const correlate::Comparison& comparison);
+
+// The names of all files that it may write.
+std::vector<std::string> PaperFigureNames();
 
 }  // namespace unfurl::cli

@@ -145,14 +145,16 @@ int RunPlan(const Common& common, Arguments arguments) {
 }  // namespace
 
 Verb AddPlan(CLI::App& program, Common& common) {
-  CLI::App* app = DeclareVerb(program, common, "plan",
-                              "How well a proposed or a calibrated rig will find points, and what "
-                              "the loss of a camera does",
-                              "unfurl plan lab.toml --report plan.html\n"
-                              "  unfurl plan rig.h5");
+  Verb verb = DeclareVerb(program, common, "plan",
+                          "How well a proposed or a calibrated rig will find points, and what "
+                          "the loss of a camera does",
+                          "unfurl plan lab.toml --report plan.html\n"
+                          "  unfurl plan rig.h5");
+  CLI::App* app = verb.app;
+  VerbFiles& files = *verb.files;
   auto arguments = std::make_shared<Arguments>();
-  app->add_option("INPUT", arguments->input, "A laboratory [TOML], or a rig [HDF5]")->required();
-  app->add_option("--report", arguments->report, "A page with the maps [HTML]");
+  files.Read("INPUT", &arguments->input, "A laboratory [TOML], or a rig [HDF5]")->required();
+  files.Write("--report", &arguments->report, "A page with the maps [HTML]");
   app->add_option("--points", arguments->plan.survey_points,
                   "Points that would be surveyed, at random in the volume")
       ->capture_default_str()
@@ -168,9 +170,9 @@ Verb AddPlan(CLI::App& program, Common& common) {
       ->check(CLI::Range(1, 50));
   app->add_option("--seed", arguments->plan.seed, "Of where the points would lie")
       ->capture_default_str();
-  app->add_option("--set", arguments->overrides, "KEY=VALUE: another value for a key of the lab")
-      ->allow_extra_args(false);
-  return {app, [&common, arguments] { return RunPlan(common, *arguments); }};
+  files.Overrides(&arguments->overrides, "Another value for a key of the lab (repeatable)");
+  verb.run = [&common, arguments] { return RunPlan(common, *arguments); };
+  return verb;
 }
 
 }  // namespace unfurl::cli

@@ -35,7 +35,7 @@ namespace {
 using nlohmann::ordered_json;
 
 struct Settings {
-  std::string trial, rig, output = "tracks.h5", picture, report, start, events;
+  std::string trial, rig, output, picture, report, start, events;
   bool smooth = false;
   double event_sigma = 0.005;  // [s]
   std::size_t workers = 0;
@@ -320,29 +320,32 @@ int ReconstructVerb(const Common& common, const Settings& s) {
 }  // namespace
 
 Verb AddReconstruct(CLI::App& program, Common& common) {
-  CLI::App* app = DeclareVerb(
+  Verb verb = DeclareVerb(
       program, common, "reconstruct", "From a trial's raw lines to marks in time",
       "unfurl reconstruct trial.h5 --rig rig.h5 -o tracks.h5 --report reconstruct.html");
+  CLI::App* app = verb.app;
+  VerbFiles& files = *verb.files;
   auto s = std::make_shared<Settings>();
-  app->add_option("TRIAL", s->trial, "The recorded lines [HDF5]")->required();
-  app->add_option("--rig", s->rig, "The calibrated cameras [HDF5]")->required();
-  app->add_option("-o,--output", s->output, "Output [HDF5]; default tracks.h5");
-  app->add_option("--picture", s->picture, "Also draw the cameras' streak images [PNG]");
-  app->add_option("--report", s->report, "A page to look at (HTML)");
-  app->add_option("--start", s->start,
-                  "Where marks that are lit together start: mark, x, y, z [CSV]");
+  files.Read("TRIAL", &s->trial, "The recorded lines [HDF5]")->required();
+  files.Read("--rig", &s->rig, "The calibrated cameras [HDF5]")->required();
+  files.WriteOr(
+      "-o,--output", &s->output, [] { return "tracks.h5"; }, "Output [HDF5]; default tracks.h5");
+  files.Write("--picture", &s->picture, "Also draw the cameras' streak images [PNG]");
+  files.Write("--report", &s->report, "A page to look at (HTML)");
+  files.Read("--start", &s->start, "Where marks that are lit together start: mark, x, y, z [CSV]");
   app->add_flag(
       "--smooth", s->smooth,
       "Smooth the tracks (Rauch-Tung-Striebel); for looking at, not for fitting. Holds the "
       "whole record's tracks in memory, up to 1 kB a sample; without it memory does not "
       "grow with the record");
-  app->add_option("--events", s->events,
-                  "When latches kick, so that smoothing does not round it off: seconds on the "
-                  "record's clock, with commas, or a run whose latches count [HDF5]");
+  files.Read("--events", &s->events,
+             "When latches kick, so that smoothing does not round it off: seconds on the "
+             "record's clock, with commas, or a run whose latches count [HDF5]");
   app->add_option("--event-sigma", s->event_sigma,
                   "How well these times are known [s]; default 0.005");
   app->add_option("--workers", s->workers, "Threads; 0: all cores");
-  return {app, [&common, s] { return ReconstructVerb(common, *s); }};
+  verb.run = [&common, s] { return ReconstructVerb(common, *s); };
+  return verb;
 }
 
 }  // namespace unfurl::cli

@@ -76,8 +76,7 @@ class SimulateVerb {
     const data::Scene scene = data::ReadScene(arguments_.scene, arguments_.sets);
     Prepare(scene);
     const sim::Model model = sim::Compile(scene);
-    const std::string out =
-        arguments_.out.empty() ? DefaultOutput(arguments_.scene, ".h5") : arguments_.out;
+    const std::string& out = arguments_.out;
     const double duration = options_.duration > 0.0 ? options_.duration : model.duration;
     provenance_.options["duration"] = fmt::format("{}", duration);
 
@@ -186,21 +185,24 @@ class SimulateVerb {
 }  // namespace
 
 Verb AddSimulate(CLI::App& program, Common& common) {
-  CLI::App* app = DeclareVerb(program, common, "simulate",
-                              "A deployment, from a scene to a run with every quantity in time",
-                              "unfurl simulate scene.toml -o run.h5 --set beam.beam1.segments=8 "
-                              "--report page.html");
+  Verb verb = DeclareVerb(program, common, "simulate",
+                          "A deployment, from a scene to a run with every quantity in time",
+                          "unfurl simulate scene.toml -o run.h5 --set beam.beam1.segments=8 "
+                          "--report page.html");
+  CLI::App* app = verb.app;
+  VerbFiles& files = *verb.files;
   auto arguments = std::make_shared<Arguments>();
-  app->add_option("SCENE", arguments->scene, "The scene (TOML)")->required();
-  app->add_option("-o,--output", arguments->out,
-                  "The run to write (default: the scene's name, .h5); while it runs, and when it "
-                  "is stopped, NAME.partial");
-  app->add_option("--set", arguments->sets,
-                  "Overrides a key of the scene: joint.joint1.latch.theta_a=0.004 (repeatable)")
-      ->expected(1)
-      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+  files.Read("SCENE", &arguments->scene, "The scene (TOML)")->required();
+  files.WriteOr(
+      "-o,--output", &arguments->out,
+      [arguments] { return DefaultOutput(arguments->scene, ".h5"); },
+      "The run to write (default: the scene's name, .h5); while it runs, and when it "
+      "is stopped, NAME.partial");
+  files.Overrides(&arguments->sets,
+                  "Overrides a key of the scene: joint.joint1.latch.theta_a=0.004 (repeatable)");
   app->add_option("--method", arguments->method,
-                  "auto, projected, partitioned or implicit (default: the scene's, or auto)");
+                  "auto, projected, partitioned or implicit (default: the scene's, or auto)")
+      ->type_name("METHOD");
   app->add_option("--rtol", arguments->rtol,
                   "Error allowed per step, relative to the longest beam, 1 rad, and the speeds "
                   "(default: the scene's, or 1e-6)");
@@ -209,14 +211,16 @@ Verb AddSimulate(CLI::App& program, Common& common) {
   app->add_option("--quantities", arguments->record.quantities,
                   "What to sample, by name, * and ? standing for letters: 'mark*' 'energy.*' "
                   "(default: all)")
-      ->delimiter(',');
+      ->delimiter(',')
+      ->type_name("NAMES");
   app->add_option("--shape-rate", arguments->record.shape_rate,
                   "Beam shapes per second; 0 for none")
       ->capture_default_str();
-  app->add_option("--report", arguments->report, "Also write a page with pictures (HTML)");
+  files.Write("--report", &arguments->report, "Also write a page with pictures (HTML)");
   app->add_flag("--profile", arguments->profile,
                 "Tell what share of the time each part took, and keep it in the run");
-  return {app, [&common, arguments] { return SimulateVerb(common, *arguments).Run(); }};
+  verb.run = [&common, arguments] { return SimulateVerb(common, *arguments).Run(); };
+  return verb;
 }
 
 }  // namespace unfurl::cli

@@ -7,13 +7,13 @@
 
 namespace unfurl::cli {
 
-CLI::App* DeclareVerb(CLI::App& program, Common& common, const std::string& name,
-                      const std::string& summary, const std::string& example) {
+Verb DeclareVerb(CLI::App& program, Common& common, const std::string& name,
+                 const std::string& summary, const std::string& example) {
   CLI::App* verb = program.add_subcommand(name, summary);
   verb->add_flag("--json", common.json, "Print a machine-readable summary on stdout");
   verb->add_flag("--quiet", common.quiet, "Print nothing but errors");
   verb->footer("Example:\n  " + example);
-  return verb;
+  return {verb, std::make_shared<VerbFiles>(verb), {}};
 }
 
 std::string DefaultOutput(const std::string& input, const std::string& suffix) {

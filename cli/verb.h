@@ -1,10 +1,12 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
+#include "cli/verb_files.h"
 #include "data/provenance.h"
 
 namespace CLI {
@@ -20,11 +22,12 @@ struct Common {
   std::string command_line;
 };
 
-// One file per verb defines one of these: it declares its options on the program and gives what to
-// run when its name was typed. `run` returns an exit code (0, or 1 for "ran but not usable");
-// everything else is thrown.
+// One file per verb defines one of these: it declares its options on the program, those that are
+// files by way of `files`, and gives what to run when its name was typed. `run` returns an exit
+// code (0, or 1 for "ran but not usable"); everything else is thrown.
 struct Verb {
   CLI::App* app = nullptr;
+  std::shared_ptr<VerbFiles> files;
   std::function<int()> run;
 };
 
@@ -42,8 +45,8 @@ Verb AddInfo(CLI::App& program, Common& common);
 Verb AddConvert(CLI::App& program, Common& common);
 
 // Declares a verb with --json, --quiet and an example in its --help.
-CLI::App* DeclareVerb(CLI::App& program, Common& common, const std::string& name,
-                      const std::string& summary, const std::string& example);
+Verb DeclareVerb(CLI::App& program, Common& common, const std::string& name,
+                 const std::string& summary, const std::string& example);
 
 // The record's name with another ending, for an output that was not named: "a/run.toml" and ".h5"
 // give "run.h5" in the current folder.

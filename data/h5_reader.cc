@@ -1,82 +1,34 @@
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cstring>
-#include <filesystem>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "base/error.h"
 #include "data/h5.h"
+#include "data/h5_checks.h"
 #include "data/h5_handle.h"
 
 namespace unfurl::data {
-
-namespace {
-
-H5Handle OpenFile(const std::string& path) {
-  H5Quiet();
-  std::error_code ignored;
-  if (!std::filesystem::exists(path, ignored)) {
-    throw Error("no such file", path, "check the name");
-  }
-  if (std::filesystem::is_directory(path, ignored)) {
-    throw Error("is a folder, not a file", path, "name a file");
-  }
-  if (access(path.c_str(), R_OK) != 0) {
-    throw Error(fmt::format("cannot read: {}", std::strerror(errno)), path,
-                "ask for permission to read it", ErrorKind::kMachine);
-  }
-  if (H5Fis_hdf5(path.c_str()) <= 0) {
-    throw Error("is not an HDF5 file", path, "give a file that an unfurl verb wrote");
-  }
-  H5Handle file(H5Fopen(path.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
-  if (!file.valid()) {
-    const std::string message = H5LastMessage(nullptr);
-    // A streamed file that is growing, or whose writer was killed.
-    file =
-        H5Handle(H5Fopen(path.c_str(), H5F_ACC_RDONLY | H5F_ACC_SWMR_READ, H5P_DEFAULT), H5Fclose);
-    if (file.valid()) return file;
-    const bool truncated = message.find("truncated") != std::string::npos;
-    throw Error(truncated ? "is truncated: the end of the file is missing"
-                          : fmt::format("is damaged: {}", message),
-                path, "copy it again, or make it again");
-  }
-  return file;
-}
-
-// A text attribute, of fixed or variable length; empty when absent.
-std::string ReadText(hid_t object, const std::string& name) {
-  if (H5Aexists(object, name.c_str()) <= 0) return {};
-  const H5Handle attribute(H5Aopen(object, name.c_str(), H5P_DEFAULT), H5Aclose);
-  const H5Handle type(H5Aget_type(attribute.get()), H5Tclose);
-  if (H5Tget_class(type.get()) != H5T_STRING) return {};
-  if (H5Tis_variable_str(type.get()) > 0) {
-    char* text = nullptr;
-    if (H5Aread(attribute.get(), type.get(), &text) < 0 || text == nullptr) return {};
-    std::string value(text);
-    H5free_memory(text);
-    return value;
-  }
-  std::string value(H5Tget_size(type.get()), '\0');
-  if (H5Aread(attribute.get(), type.get(), value.data()) < 0) return {};
-  value.resize(std::strlen(value.c_str()));
-  return value;
-}
-
-}  // namespace
 
 struct H5Reader::Impl {
   std::string path;
   H5Handle file;
   int version = 0;
+  mutable std::set<std::string> checked;
+
+  std::string Where(const std::string& object) const { return path + ":" + object; }
 
   H5Handle Dataset(const H5Reader& owner, const std::string& name) const {
     H5Handle set;
     if (owner.Has(name)) set = H5Handle(H5Dopen2(file.get(), name.c_str(), H5P_DEFAULT), H5Dclose);
     if (!set.valid()) {
       owner.Fail("has no such dataset", name, "make the file again with this version of unfurl");
+    }
+    if (!checked.contains(name)) {  // once: looking up what is stored walks all chunks
+      H5CheckStorage(set.get(), Where(name));
+      checked.insert(name);
     }
     return set;
   }
@@ -93,9 +45,7 @@ struct H5Reader::Impl {
   std::vector<T> ReadAll(const H5Reader& owner, const std::string& name, hid_t memory) const {
     const H5Handle set = Dataset(owner, name);
     const H5Handle type(H5Dget_type(set.get()), H5Tclose);
-    if (H5Tget_class(type.get()) == H5T_STRING) {
-      owner.Fail("holds text, not numbers", name, "make the file again");
-    }
+    H5CheckNumber(type.get(), Where(name));
     std::size_t count = 1;
     for (hsize_t d : Size(set.get())) count *= d;
     std::vector<T> values(count);
@@ -109,9 +59,11 @@ struct H5Reader::Impl {
   void ReadRows(const H5Reader& owner, const std::string& name, std::size_t first,
                 std::size_t count, hid_t memory_type, void* out, std::size_t out_size) const {
     const H5Handle set = Dataset(owner, name);
+    const H5Handle type(H5Dget_type(set.get()), H5Tclose);
+    H5CheckNumber(type.get(), Where(name));
     std::vector<hsize_t> size = Size(set.get());
     std::vector<hsize_t> start(size.size(), 0);
-    if (size.empty() || first + count > size[0]) {
+    if (size.empty() || first > size[0] || count > size[0] - first) {
       owner.Fail(fmt::format("holds fewer than {} rows", first + count), name,
                  "make the file again");
     }
@@ -132,7 +84,10 @@ struct H5Reader::Impl {
   }
 
   H5Handle Object(const H5Reader& owner, const std::string& object) const {
-    H5Handle opened(H5Oopen(file.get(), object.c_str(), H5P_DEFAULT), H5Oclose);
+    H5Handle opened;
+    if (owner.Has(object)) {
+      opened = H5Handle(H5Oopen(file.get(), object.c_str(), H5P_DEFAULT), H5Oclose);
+    }
     if (!opened.valid()) owner.Fail("has no such object", object, "make the file again");
     return opened;
   }
@@ -146,6 +101,12 @@ struct H5Reader::Impl {
       owner.Fail("has no such attribute", object + "@" + name, "make the file again");
     }
     const H5Handle attribute(H5Aopen(opened.get(), name.c_str(), H5P_DEFAULT), H5Aclose);
+    const H5Handle type(H5Aget_type(attribute.get()), H5Tclose);
+    const H5Handle space(H5Aget_space(attribute.get()), H5Sclose);
+    if (!attribute.valid() || !H5IsOne(space.get())) {
+      owner.Fail("is not one number", object + "@" + name, "make the file again");
+    }
+    H5CheckNumber(type.get(), Where(object + "@" + name));
     if (H5Aread(attribute.get(), memory, &value) < 0) {
       owner.Fail("is not a number", object + "@" + name, "make the file again");
     }
@@ -156,9 +117,9 @@ struct H5Reader::Impl {
 H5Reader::H5Reader(const std::string& path, const std::string& schema, int newest_version)
     : impl_(std::make_unique<Impl>()) {
   impl_->path = path;
-  impl_->file = OpenFile(path);
+  impl_->file = H5OpenChecked(path);
   const H5Handle root(H5Oopen(impl_->file.get(), "/", H5P_DEFAULT), H5Oclose);
-  const std::string found = ReadText(root.get(), "schema");
+  const std::string found = H5ReadText(root.get(), "schema");
   if (found != schema) {
     Fail(found.empty() ? "is not a file of ours: it names no schema"
                        : fmt::format("holds '{}', where '{}' is needed", found, schema),
@@ -175,9 +136,9 @@ H5Reader::H5Reader(const std::string& path, const std::string& schema, int newes
 H5Reader::~H5Reader() = default;
 
 std::string H5Reader::SchemaOf(const std::string& path) {
-  const H5Handle file = OpenFile(path);
+  const H5Handle file = H5OpenChecked(path);
   const H5Handle root(H5Oopen(file.get(), "/", H5P_DEFAULT), H5Oclose);
-  const std::string schema = ReadText(root.get(), "schema");
+  const std::string schema = H5ReadText(root.get(), "schema");
   if (schema.empty()) {
     throw Error("is not a file of ours: it names no schema", path,
                 "give a file that an unfurl verb wrote");
@@ -191,15 +152,20 @@ int H5Reader::schema_version() const { return impl_->version; }
 Provenance H5Reader::ReadProvenance() const {
   const H5Handle root = impl_->Object(*this, "/");
   Provenance provenance;
-  provenance.program = ReadText(root.get(), "program");
-  provenance.command = ReadText(root.get(), "command");
+  provenance.program = H5ReadText(root.get(), "program");
+  provenance.command = H5ReadText(root.get(), "command");
   const auto parse = [&](const char* name) {
-    return nlohmann::json::parse(ReadText(root.get(), name), nullptr, false);
+    return nlohmann::json::parse(H5ReadText(root.get(), name), nullptr, false);
   };
   const nlohmann::json inputs = parse("inputs");
   if (inputs.is_array()) {
     for (const auto& input : inputs) {
-      provenance.inputs.push_back({input.value("path", ""), input.value("sha256", "")});
+      if (!input.is_object()) continue;
+      const auto word = [&](const char* key) {
+        const auto found = input.find(key);
+        return found != input.end() && found->is_string() ? found->get<std::string>() : "";
+      };
+      provenance.inputs.push_back({word("path"), word("sha256")});
     }
   }
   const nlohmann::json options = parse("options");
@@ -208,39 +174,22 @@ Provenance H5Reader::ReadProvenance() const {
       if (value.is_string()) provenance.options[key] = value.get<std::string>();
     }
   }
-  const std::string seed = ReadText(root.get(), "seed");
+  const std::string seed = H5ReadText(root.get(), "seed");
   if (!seed.empty()) provenance.seed = std::strtoull(seed.c_str(), nullptr, 10);
   return provenance;
 }
 
 bool H5Reader::Has(const std::string& path) const {
-  std::size_t slash = 0;
-  while ((slash = path.find('/', slash + 1)) != std::string::npos) {
-    if (H5Lexists(impl_->file.get(), path.substr(0, slash).c_str(), H5P_DEFAULT) <= 0) return false;
-  }
-  return H5Lexists(impl_->file.get(), path.c_str(), H5P_DEFAULT) > 0;
+  return H5HasChecked(impl_->file.get(), impl_->path, path);
 }
 
 std::vector<std::string> H5Reader::Children(const std::string& group) const {
-  std::vector<std::string> names;
-  if (group != "/" && !Has(group)) return names;
-  const H5Handle opened = impl_->Object(*this, group);
-  const auto collect = [](hid_t, const char* name, const H5L_info_t*, void* out) -> herr_t {
-    static_cast<std::vector<std::string>*>(out)->emplace_back(name);
-    return 0;
-  };
-  if (H5Literate(opened.get(), H5_INDEX_CRT_ORDER, H5_ITER_INC, nullptr, collect, &names) < 0) {
-    names.clear();  // a file of another writer may not track the order
-    H5Literate(opened.get(), H5_INDEX_NAME, H5_ITER_INC, nullptr, collect, &names);
-  }
-  return names;
+  if (group != "/" && !Has(group)) return {};
+  return H5LinkNames(impl_->Object(*this, group).get());
 }
 
 bool H5Reader::IsDataset(const std::string& path) const {
-  H5O_info_t info;
-  return Has(path) &&
-         H5Oget_info_by_name1(impl_->file.get(), path.c_str(), &info, H5P_DEFAULT) >= 0 &&
-         info.type == H5O_TYPE_DATASET;
+  return Has(path) && H5Iget_type(impl_->Object(*this, path).get()) == H5I_DATASET;
 }
 
 std::vector<std::size_t> H5Reader::Dims(const std::string& dataset) const {
@@ -249,11 +198,11 @@ std::vector<std::size_t> H5Reader::Dims(const std::string& dataset) const {
 }
 
 std::string H5Reader::Units(const std::string& dataset) const {
-  return ReadText(impl_->Dataset(*this, dataset).get(), "units");
+  return H5ReadText(impl_->Dataset(*this, dataset).get(), "units");
 }
 
 std::string H5Reader::Description(const std::string& dataset) const {
-  return ReadText(impl_->Dataset(*this, dataset).get(), "description");
+  return H5ReadText(impl_->Dataset(*this, dataset).get(), "description");
 }
 
 std::vector<double> H5Reader::ReadDoubles(const std::string& dataset,
@@ -331,13 +280,16 @@ std::vector<std::pair<std::string, std::string>> H5Reader::Attributes(
     std::string value;
     switch (H5Tget_class(type.get())) {
       case H5T_STRING:
-        value = ReadText(opened.get(), name);
+        value = H5ReadText(opened.get(), name);
         break;
       case H5T_INTEGER:
         value = std::to_string(IntAttribute(object, name));
         break;
-      default:
+      case H5T_FLOAT:
         value = fmt::format("{}", DoubleAttribute(object, name));
+        break;
+      default:
+        value = "(neither text nor a number)";
     }
     all.emplace_back(name, value);
   }
@@ -353,7 +305,12 @@ std::string H5Reader::StringAttribute(const std::string& object, const std::stri
   if (H5Aexists(opened.get(), name.c_str()) <= 0) {
     Fail("has no such attribute", object + "@" + name, "make the file again");
   }
-  return ReadText(opened.get(), name);
+  const H5Handle attribute(H5Aopen(opened.get(), name.c_str(), H5P_DEFAULT), H5Aclose);
+  const H5Handle type(H5Aget_type(attribute.get()), H5Tclose);
+  if (H5Tget_class(type.get()) != H5T_STRING) {
+    Fail("is not text", object + "@" + name, "make the file again");
+  }
+  return H5ReadText(opened.get(), name);
 }
 
 double H5Reader::DoubleAttribute(const std::string& object, const std::string& name) const {

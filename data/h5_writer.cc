@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
@@ -43,6 +44,30 @@ hid_t MemoryType(H5Type type) {
       return H5T_NATIVE_UINT8;
   }
   return -1;
+}
+
+// The last net under cli/verb_files.h: a result never takes the place of what it was made from.
+void RefuseInput(const Provenance& provenance, const std::string& path) {
+  for (const InputFile& input : provenance.inputs) {
+    std::error_code failed;
+    if (!std::filesystem::equivalent(input.path, path, failed)) continue;
+    throw Error("is an input of this result, and would be replaced by it", path,
+                "name another output");
+  }
+}
+
+// Whole where it is small, else slabs of the first dimensions.
+std::vector<hsize_t> ChunkOf(std::vector<hsize_t> size, std::size_t bytes_each) {
+  constexpr std::size_t kLargest = std::size_t{1} << 20;  // bytes
+  std::size_t bytes = bytes_each;
+  for (const hsize_t d : size) bytes *= d;
+  for (hsize_t& d : size) {
+    if (bytes <= kLargest) break;
+    bytes /= d;  // of one slab
+    d = std::max<hsize_t>(1, kLargest / std::max<std::size_t>(1, bytes));
+    bytes *= d;
+  }
+  return size;
 }
 
 std::vector<hsize_t> ToHsize(const std::vector<std::size_t>& dims) {
@@ -144,7 +169,7 @@ struct H5Writer::Impl {
       H5Pset_shuffle(properties.get());
       H5Pset_deflate(properties.get(), static_cast<unsigned>(deflate));
     }
-    if (streamed) H5Pset_fletcher32(properties.get());
+    H5Pset_fletcher32(properties.get());
     series.push_back(Create(field, disk, space.get(), properties.get()));
     H5Series out;
     out.dataset_ = series.back().get();
@@ -159,6 +184,12 @@ struct H5Writer::Impl {
     const std::vector<hsize_t> size = ToHsize(dims);
     H5Handle space(H5Screate_simple(static_cast<int>(size.size()), size.data(), nullptr), H5Sclose);
     H5Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
+    if (count > 0) {
+      // Only chunks carry checksums.
+      const std::vector<hsize_t> chunk = ChunkOf(size, H5Tget_size(disk));
+      H5Pset_chunk(properties.get(), static_cast<int>(chunk.size()), chunk.data());
+      H5Pset_fletcher32(properties.get());
+    }
     H5Handle set = Create(field, disk, space.get(), properties.get());
     if (count > 0 && H5Dwrite(set.get(), memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, values) < 0) {
       Fail(field.path);
@@ -169,12 +200,12 @@ struct H5Writer::Impl {
 
 H5Writer::H5Writer(const std::string& path, const std::string& schema, int schema_version,
                    const Provenance& provenance, Mode mode)
-    : impl_(std::make_unique<Impl>(path, mode == Mode::kStreamed)) {
+    : impl_(
+          (RefuseInput(provenance, path), std::make_unique<Impl>(path, mode == Mode::kStreamed))) {
   H5Quiet();
   H5Handle access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-  // Creation order and attributes past 64 kB need the 1.8 layout or newer, streaming that of 1.10.
-  H5Pset_libver_bounds(access.get(), impl_->streamed ? H5F_LIBVER_V110 : H5F_LIBVER_V18,
-                       H5F_LIBVER_V110);
+  // The layout of 1.10: streaming needs it, and its indexes of chunks carry checksums.
+  H5Pset_libver_bounds(access.get(), H5F_LIBVER_V110, H5F_LIBVER_V110);
   H5Pset_fclose_degree(access.get(), H5F_CLOSE_STRONG);
   H5Handle creation(H5Pcreate(H5P_FILE_CREATE), H5Pclose);
   H5Pset_link_creation_order(creation.get(), H5P_CRT_ORDER_TRACKED | H5P_CRT_ORDER_INDEXED);

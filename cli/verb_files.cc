@@ -1,0 +1,171 @@
+#include "cli/verb_files.h"
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <limits>
+#include <map>
+#include <stdexcept>
+
+#include "base/error.h"
+#include "data/h5.h"
+#include "data/toml_files.h"
+
+namespace unfurl::cli {
+
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kInput[] = "FILE", kOutput[] = "NEW_FILE", kFolder[] = "FOLDER",
+               kOverride[] = "KEY=VALUE";
+
+// What tells a file from all others, whatever its names: device and inode, or for one that is not
+// there yet those of its folder, and its name.
+std::string IdentityOf(const std::string& path) {
+  struct stat info = {};
+  if (stat(path.c_str(), &info) == 0) return fmt::format("{}:{}", info.st_dev, info.st_ino);
+  std::error_code ignored;
+  const fs::path whole = fs::weakly_canonical(fs::absolute(path, ignored), ignored);
+  if (stat(whole.parent_path().c_str(), &info) != 0) return whole.string();
+  return fmt::format("{}:{}/{}", info.st_dev, info.st_ino, whole.filename().string());
+}
+
+// What is written on the way to an output (AtomicFile, Journal), and itself.
+std::vector<std::string> WrittenFor(const std::string& path) {
+  return {path, path + ".partial", path + ".partial~", path + ".partial.new"};
+}
+
+bool MadeBy(const std::string& path, const std::string& verb) {
+  try {
+    const data::H5Reader file(path, data::H5Reader::SchemaOf(path),
+                              std::numeric_limits<int>::max());
+    return file.ReadProvenance().command.starts_with("unfurl " + verb + " ");
+  } catch (const Error&) {
+    return false;
+  }
+}
+
+std::string NameOf(const CLI::Option* option) {
+  return option->get_positional() ? option->get_name(true) : "--" + option->get_lnames().front();
+}
+
+}  // namespace
+
+CLI::Option* VerbFiles::Read(const std::string& flags, std::string* path, const std::string& help) {
+  CLI::Option* option = app_->add_option(flags, *path, help)->type_name(kInput);
+  inputs_.push_back({NameOf(option), path, {}});
+  return option;
+}
+
+CLI::Option* VerbFiles::Write(const std::string& flags, std::string* path,
+                              const std::string& help) {
+  CLI::Option* option = app_->add_option(flags, *path, help)->type_name(kOutput);
+  outputs_.push_back({NameOf(option), path, {}});
+  return option;
+}
+
+CLI::Option* VerbFiles::WriteOr(const std::string& flags, std::string* path,
+                                std::function<std::string()> name, const std::string& help) {
+  if (defaults_.empty()) {
+    app_->add_flag("--force", force_,
+                   "Let the default output replace a file that this verb did not make");
+  }
+  CLI::Option* option = Write(flags, path, help);
+  defaults_.push_back({NameOf(option), path, std::move(name)});
+  return option;
+}
+
+CLI::Option* VerbFiles::WriteFolder(const std::string& flags, std::string* path,
+                                    std::vector<std::string> names, const std::string& help) {
+  CLI::Option* option = app_->add_option(flags, *path, help)->type_name(kFolder);
+  outputs_.push_back({NameOf(option), path, std::move(names)});
+  return option;
+}
+
+CLI::Option* VerbFiles::Overrides(std::vector<std::string>* sets, const std::string& help) {
+  overrides_.push_back(sets);
+  return app_->add_option("--set", *sets, help)
+      ->type_name(kOverride)
+      ->expected(1)
+      ->multi_option_policy(CLI::MultiOptionPolicy::TakeAll);
+}
+
+void VerbFiles::CheckDeclared() const {
+  for (const CLI::Option* option : app_->get_options()) {
+    if (option->get_type_name().find("TEXT") == std::string::npos) continue;
+    throw std::logic_error(fmt::format(
+        "unfurl {} takes text as {}, and does not say whether it is a file (cli/verb_files.h)",
+        app_->get_name(), option->get_name()));
+  }
+}
+
+void VerbFiles::CheckDefault(const std::string& path) const {
+  std::error_code ignored;
+  if (force_ || !fs::exists(fs::symlink_status(path, ignored)) || fs::is_directory(path, ignored) ||
+      MadeBy(path, app_->get_name())) {
+    return;
+  }
+  throw Error(fmt::format("is there, and `unfurl {}` did not make it", app_->get_name()), path,
+              "name another output with -o, or replace it with --force");
+}
+
+void VerbFiles::Prepare() const {
+  std::vector<std::string> by_default;
+  for (const Default& output : defaults_) {
+    if (!output.path->empty()) continue;
+    *output.path = output.name();
+    by_default.push_back(*output.path);
+  }
+
+  // Inputs by identity, with how they came to be inputs.
+  std::map<std::string, std::string> inputs;
+  const auto add = [&](const std::string& path, const std::string& as) {
+    if (!path.empty() && fs::exists(path)) inputs.try_emplace(IdentityOf(path), as);
+  };
+  std::vector<std::string> folders = {"."};
+  for (const Path& input : inputs_) {
+    add(*input.path, "the input " + input.option);
+    if (input.path->empty()) continue;
+    folders.push_back(fs::path(*input.path).parent_path().string());
+    for (const data::NamedFile& named : data::FilesNamedIn(*input.path)) {
+      add(named.path, fmt::format("an input, named in {}", named.where));
+    }
+  }
+  for (const std::vector<std::string>* sets : overrides_) {
+    for (const std::string& set : *sets) {
+      for (const data::NamedFile& named : data::FilesNamedBy(set, folders)) {
+        add(named.path, "an input, named by --set");
+      }
+    }
+  }
+
+  std::map<std::string, std::string> outputs;
+  for (const Path& output : outputs_) {
+    if (output.path->empty()) continue;
+    std::vector<std::string> files;
+    for (const std::string& name : output.names) files.push_back(*output.path + "/" + name);
+    if (output.names.empty()) files.push_back(*output.path);
+    for (const std::string& file : files) {
+      for (const std::string& written : WrittenFor(file)) {
+        const std::string identity = IdentityOf(written);
+        const auto input = inputs.find(identity);
+        if (input != inputs.end()) {
+          throw Error(
+              fmt::format("{} would replace it, and it is {}", output.option, input->second),
+              written, "name another output");
+        }
+        const auto [other, fresh] = outputs.try_emplace(identity, output.option);
+        if (!fresh) {
+          throw Error(fmt::format("{} and {} would both write it", other->second, output.option),
+                      written, "name two different files");
+        }
+      }
+    }
+  }
+  for (const std::string& path : by_default) CheckDefault(path);
+}
+
+}  // namespace unfurl::cli

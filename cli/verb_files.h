@@ -1,0 +1,65 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace CLI {
+class App;
+class Option;
+}  // namespace CLI
+
+namespace unfurl::cli {
+
+// The files that a verb reads and writes, told as its options are declared, so that no output can
+// ever take the place of an input. Every option that takes text is declared here as a file to read,
+// a file to write or overrides, or carries a type name of its own (a word, a list of names): the
+// program refuses to start with one that is not.
+class VerbFiles {
+ public:
+  explicit VerbFiles(CLI::App* app) : app_(app) {}
+  VerbFiles(const VerbFiles&) = delete;
+  VerbFiles& operator=(const VerbFiles&) = delete;
+
+  // The strings and lists live at least as long as the program's options.
+  CLI::Option* Read(const std::string& flags, std::string* path, const std::string& help);
+  CLI::Option* Write(const std::string& flags, std::string* path, const std::string& help);
+  // Where the option is not given, `name` tells the file. A file of that name which this verb did
+  // not make stays, unless --force is given (the flag is declared here).
+  CLI::Option* WriteOr(const std::string& flags, std::string* path,
+                       std::function<std::string()> name, const std::string& help);
+  // A folder in which files of these `names` are written.
+  CLI::Option* WriteFolder(const std::string& flags, std::string* path,
+                           std::vector<std::string> names, const std::string& help);
+  // "KEY=VALUE" for a TOML input; values may name files, too.
+  CLI::Option* Overrides(std::vector<std::string>* sets, const std::string& help);
+
+  // Throws std::logic_error for an option that takes text and is not declared.
+  void CheckDeclared() const;
+
+  // Before any work: fills in default names, and throws Error where an output is one of the inputs
+  // (by device and inode, through links, includes and files that a TOML input names), where two
+  // outputs are one file, or where a default name is taken.
+  void Prepare() const;
+
+ private:
+  struct Path {
+    std::string option;  // as the person knows it: "SCENE", "--report"
+    const std::string* path;
+    std::vector<std::string> names;  // of the files in it; empty: it is a file
+  };
+  struct Default {
+    std::string option;
+    std::string* path;
+    std::function<std::string()> name;
+  };
+  void CheckDefault(const std::string& path) const;
+
+  CLI::App* app_;
+  std::vector<Path> inputs_, outputs_;
+  std::vector<Default> defaults_;
+  std::vector<const std::vector<std::string>*> overrides_;
+  bool force_ = false;
+};
+
+}  // namespace unfurl::cli

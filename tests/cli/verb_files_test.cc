@@ -1,0 +1,258 @@
+// No input is ever destroyed: every verb, every option that names a file, as `--help` lists them.
+#include <gmock/gmock.h>
+
+#include <algorithm>
+#include <map>
+#include <sstream>
+
+#include "data/provenance.h"
+#include "tests/cli/program.h"
+
+namespace unfurl::cli {
+namespace {
+
+using ::testing::HasSubstr;
+
+// An option that is a file, or a positional argument.
+struct FileOption {
+  std::string name;
+  bool positional() const { return !name.starts_with("-"); }
+};
+
+struct VerbOptions {
+  std::vector<FileOption> inputs, outputs;
+};
+
+class VerbFilesTest : public ProgramTest {
+ protected:
+  // All verbs, by the program's own help: a new one is tested from the day it is there.
+  std::vector<std::string> Verbs() const {
+    std::istringstream help(Run({"--help"}).out);
+    std::vector<std::string> verbs;
+    bool listed = false;
+    for (std::string line; std::getline(help, line);) {
+      if (line.starts_with("Subcommands:")) {
+        listed = true;
+      } else if (line.empty()) {
+        listed = false;
+      } else if (listed && line.size() > 2 && line[2] != ' ') {
+        verbs.push_back(line.substr(2, line.find(' ', 2) - 2));
+      }
+    }
+    return verbs;
+  }
+
+  VerbOptions OptionsOf(const std::string& verb) const {
+    std::istringstream help(Run({verb, "--help"}).out);
+    VerbOptions options;
+    for (std::string line; std::getline(help, line);) {
+      std::istringstream words(line);
+      std::string name, type;
+      words >> name >> type;
+      if (name.find(',') != std::string::npos) name = name.substr(name.find(',') + 1);
+      if (type == "FILE") options.inputs.push_back({name});
+      if (type == "NEW_FILE" || type == "FOLDER") options.outputs.push_back({name});
+    }
+    return options;
+  }
+
+  // The command with every input named, and one output.
+  std::vector<std::string> Command(const std::string& verb, const VerbOptions& options,
+                                   const std::map<std::string, std::string>& paths) const {
+    std::vector<std::string> command = {verb}, positional;
+    for (const auto* list : {&options.inputs, &options.outputs}) {
+      for (const FileOption& option : *list) {
+        const auto path = paths.find(option.name);
+        if (path == paths.end()) continue;
+        if (!option.positional()) {
+          command.insert(command.end(), {option.name, path->second});
+        } else {
+          positional.push_back(path->second);
+        }
+      }
+    }
+    command.insert(command.end(), positional.begin(), positional.end());
+    return command;
+  }
+
+  std::map<std::string, std::string> Hashes() const {
+    std::map<std::string, std::string> hashes;
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(folder_)) {
+      if (entry.is_regular_file()) {
+        hashes[entry.path().string()] = data::FileSha256(entry.path().string());
+      }
+    }
+    return hashes;
+  }
+
+  void ExpectKept(const std::vector<std::string>& command, const std::string& word) const {
+    const auto before = Hashes();
+    const Outcome outcome = Run(command);
+    const std::string line = ::testing::PrintToString(command);
+    EXPECT_EQ(outcome.code, 2) << line << outcome.err;
+    EXPECT_EQ(outcome.out, "") << line;
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << line << outcome.err;
+    EXPECT_THAT(outcome.err, HasSubstr(word)) << line;
+    EXPECT_EQ(Hashes(), before) << line;
+  }
+
+  // expose takes a run or a survey, not both: everything else can be named at once.
+  static std::vector<VerbOptions> Variants(const VerbOptions& all) {
+    VerbOptions with = all, without = all;
+    const auto is = [](const char* name) {
+      return [name](const FileOption& option) { return option.name == name; };
+    };
+    if (std::none_of(all.inputs.begin(), all.inputs.end(), is("RUN"))) return {all};
+    std::erase_if(with.inputs, is("--survey"));
+    std::erase_if(without.inputs, is("RUN"));
+    return {with, without};
+  }
+
+  // What the first file of a folder of figures is called.
+  static constexpr const char* kFigure = "figure-15.svg";
+};
+
+TEST_F(VerbFilesTest, HelpListsTheVerbsAndTheirFiles) {
+  EXPECT_GE(Verbs().size(), 12u);
+  EXPECT_EQ(OptionsOf("reconstruct").inputs.size(), 4u);
+  EXPECT_EQ(OptionsOf("reconstruct").outputs.size(), 3u);
+  EXPECT_EQ(OptionsOf("convert").outputs.size(), 1u);
+}
+
+TEST_F(VerbFilesTest, NoOutputReplacesAnInput) {
+  int tried = 0;
+  for (const std::string& verb : Verbs()) {
+    for (const VerbOptions& options : Variants(OptionsOf(verb))) {
+      std::map<std::string, std::string> paths;
+      for (const FileOption& input : options.inputs) {
+        paths[input.name] = Put("in_" + input.name, "of " + input.name);
+      }
+      for (const FileOption& output : options.outputs) {
+        for (const FileOption& input : options.inputs) {
+          auto all = paths;
+          all[output.name] = paths[input.name];
+          if (output.name == "--figures") {
+            const auto folder = folder_ / ("as" + input.name);
+            std::filesystem::create_directories(folder);
+            std::filesystem::create_symlink(folder_ / paths[input.name], folder / kFigure);
+            all[output.name] = folder.string();
+          }
+          ExpectKept(Command(verb, options, all), "would replace it, and it is the input");
+          ++tried;
+        }
+      }
+    }
+  }
+  EXPECT_GT(tried, 30);
+}
+
+TEST_F(VerbFilesTest, WhateverItIsCalled) {
+  std::filesystem::create_directories(folder_ / "sub");
+  Put("scene.toml", "");
+  std::filesystem::create_symlink("scene.toml", folder_ / "soft");
+  std::filesystem::create_symlink("soft", folder_ / "softer");
+  std::filesystem::create_hard_link(folder_ / "scene.toml", folder_ / "hard");
+  std::filesystem::create_directory_symlink(folder_, folder_ / "here");
+  for (const char* name :
+       {"soft", "softer", "hard", "sub/../scene.toml", "here/scene.toml", "./sub/..//here/hard"}) {
+    ExpectKept({"simulate", "scene.toml", "-o", name}, "would replace it");
+    ExpectKept({"simulate", name, "-o", "scene.toml"}, "would replace it");
+  }
+}
+
+TEST_F(VerbFilesTest, NorAFileThatAnInputNames) {
+  Put("common.toml", "deep = 'deep.bin'\n");
+  Put("deep.bin", "counts");
+  Put("lines_1.bin", "counts");
+  Put("points.csv", "counts");
+  const std::string text =
+      "include = ['common.toml']\n[a]\nfiles = ['lines_*.bin']\n[[b]]\nc = { points = "
+      "'points.csv' }\n";
+  const char* named[] = {"common.toml", "deep.bin", "lines_1.bin", "points.csv"};
+  std::size_t turn = 0;
+  for (const std::string& verb : Verbs()) {
+    for (const VerbOptions& options : Variants(OptionsOf(verb))) {
+      std::map<std::string, std::string> paths;
+      for (const FileOption& input : options.inputs) {
+        paths[input.name] = Put("in_" + input.name + ".toml", text);
+      }
+      for (const FileOption& output : options.outputs) {
+        if (output.name == "--figures") continue;
+        auto all = paths;
+        all[output.name] = named[turn++ % std::size(named)];
+        ExpectKept(Command(verb, options, all), "would replace it, and it is an input, named in");
+      }
+    }
+  }
+}
+
+TEST_F(VerbFilesTest, NorOneThatTheCommandLineSets) {
+  Put("other.toml", "");
+  Put("scene.toml", "");
+  ExpectKept({"simulate", "scene.toml", "--set", "include=['other.toml']", "-o", "other.toml"},
+             "named by --set");
+  Put("tracks.csv", "");
+  ExpectKept({"fit", "scene.toml", "--set", "trial.tracks=tracks.csv", "-o", "tracks.csv"},
+             "named by --set");
+}
+
+TEST_F(VerbFilesTest, NorWhatIsWrittenOnTheWay) {
+  Put("run.h5.partial", "a run that was stopped");
+  ExpectKept({"convert", "run.h5.partial", "run.h5"}, "would replace it");
+  Put("scene.toml", "");
+  Put("lab.toml", "");
+  ExpectKept({"expose", "run.h5.partial", "--lab", "lab.toml", "-o", "run.h5"}, "would replace it");
+}
+
+TEST_F(VerbFilesTest, NoTwoOutputsAreOneFile) {
+  std::filesystem::create_directories(folder_ / "sub");
+  for (const std::string& verb : Verbs()) {
+    for (const VerbOptions& options : Variants(OptionsOf(verb))) {
+      std::map<std::string, std::string> paths;
+      for (const FileOption& input : options.inputs) {
+        paths[input.name] = Put("in_" + input.name, "of " + input.name);
+      }
+      for (std::size_t i = 0; i < options.outputs.size(); ++i) {
+        for (std::size_t j = i + 1; j < options.outputs.size(); ++j) {
+          if (options.outputs[j].name == "--figures") continue;
+          auto all = paths;
+          all[options.outputs[i].name] = "new.out";
+          all[options.outputs[j].name] = "sub/../new.out";
+          ExpectKept(Command(verb, options, all), "would both write it");
+        }
+      }
+    }
+  }
+}
+
+TEST_F(VerbFilesTest, ADefaultNameThatIsTakenNeedsForce) {
+  const std::vector<std::string> simulate = {
+      "simulate", Shipped("scene_suspension.toml"), "--duration", "0.02",
+      "--set",    "beam.beam1.segments=2",          "--set",      "beam.beam2.segments=2",
+      "--set",    "beam.beam3.segments=2",          "--set",      "beam.beam4.segments=2"};
+  const std::string name = "scene_suspension.h5";
+  Put(name, "of a camera, by the default's name");
+  ExpectKept(simulate, "did not make it");
+  auto forced = simulate;
+  forced.push_back("--force");
+  ASSERT_EQ(Run(forced).code, 0);
+  const std::string made = Get(name);
+  EXPECT_GT(made.size(), 1000u);
+  EXPECT_EQ(Run(simulate).code, 0) << "its own earlier result may be replaced";
+
+  // A run is no trial: another verb made what lies there.
+  std::filesystem::rename(folder_ / name, folder_ / "trial.h5");
+  Put("run.h5", made);
+  const std::vector<std::string> expose = {"expose", "run.h5", "--lab", Shipped("lab.toml")};
+  ExpectKept(expose, "did not make it");
+}
+
+TEST_F(VerbFilesTest, ForceDoesNotReachInputs) {
+  Put("tracks.h5", "a trial by that name");
+  Put("rig.h5", "");
+  ExpectKept({"reconstruct", "tracks.h5", "--rig", "rig.h5"}, "it is the input TRIAL");
+  ExpectKept({"reconstruct", "tracks.h5", "--rig", "rig.h5", "--force"}, "it is the input TRIAL");
+}
+
+}  // namespace
+}  // namespace unfurl::cli
