@@ -32,22 +32,33 @@ void AddParameters(const FitPageInput& in, report::Page* page) {
   std::vector<report::Figure> figures;
   report::Table values, parts;
   values.title = "What was fitted";
-  values.header = {"parameter",      "start",   "value",
-                   "standard error", "%",       "95% of the data, by profile",
-                   "unit",           "verdict", "keys"};
-  values.text_columns = {0, 6, 7, 8};
+  values.header = {"parameter",
+                   "start",
+                   "value",
+                   "standard error",
+                   "%",
+                   "95%, all parts",
+                   "95%, the data alone",
+                   "unit",
+                   "verdict",
+                   "keys"};
+  values.text_columns = {0, 7, 8, 9};
+  values.note =
+      "The interval of all parts is what can be said of the parameter: the data's and the model's "
+      "own "
+      "error together. The data alone: what they would say of it were the model without error.";
   parts.title = "What the standard errors are made of";
   parts.note =
       "Of the data: the samples' own errors and the calibration's, widened for what the residuals' "
-      "correlation shows. Of the model: its mesh and tolerance, judged by a finer mesh at the "
-      "estimate; the shift says where the value would go with no mesh error at all. Alone: what "
-      "the "
-      "data would give were all other parameters known. Roughness: by how much the differences of "
+      "correlation shows. Of the model: its own error, judged by a better model at the estimate "
+      "(the reasons above say by which); the shift says where the value would go without that "
+      "error. Alone: what the data "
+      " would give were all other parameters known. Roughness: by how much the differences of "
       "the marks to either side of the estimate disagree, |D+ - D-| / |D+ + D-|: 0 for a smooth "
       "model, 1 where impacts come and go within the step. Above 0.3 they are not averaged: the "
       "side that leads downhill moves the solver, and the flatter one sets the standard error.";
   parts.header = {"parameter", "were the residuals white", "of the data", "of the model", "all",
-                  "alone",     "the finer mesh's shift",   "roughness"};
+                  "alone",     "the better model's shift", "roughness"};
   for (std::size_t j = 0; j < in.record.parameters.size(); ++j) {
     const auto& p = in.record.parameters[j];
     const auto& e = in.result.parameters[j];
@@ -58,8 +69,8 @@ void AddParameters(const FitPageInput& in, report::Page* page) {
     values.rows.push_back(
         {p.name, fmt::format("{:.4g}", p.start), fmt::format("{:.6g}", p.value),
          fmt::format("{:.2g}", p.sigma), fmt::format("{:.2f}", 100.0 * p.sigma / std::abs(p.value)),
-         in.record.profiles.empty() ? "-" : Limit(p.low95) + " to " + Limit(p.high95), p.unit,
-         p.verdict, keys});
+         Limit(p.low95) + " to " + Limit(p.high95),
+         Limit(p.low95_data) + " to " + Limit(p.high95_data), p.unit, p.verdict, keys});
     parts.rows.push_back({p.name, fmt::format("{:.2g}", p.sigma_white),
                           fmt::format("{:.2g}", p.sigma_data), fmt::format("{:.2g}", p.sigma_model),
                           fmt::format("{:.2g}", p.sigma), fmt::format("{:.2g}", p.sigma_alone),
@@ -72,15 +83,17 @@ void AddParameters(const FitPageInput& in, report::Page* page) {
 
 void AddModelError(const FitPageInput& in, report::Page* page) {
   if (in.record.model_error.cols() == 0) return;
+  const bool mesh = in.result.trials.front().error_check == correlate::ErrorCheck::kFiner;
   page->AddSection(
       "The model's own error",
-      fmt::format("What a finer mesh moves the marks by at the estimate: {:.3g} mm RMS, {:.2g} of "
+      fmt::format("What {} moves the marks by at the estimate: {:.3g} mm RMS, {:.2g} of "
                   "their sigma. It is counted in the standard errors as an error common to all "
                   "samples, once as a whole and once in pieces by mark and time.",
+                  mesh ? "a finer model" : "a tighter tolerance",
                   1e3 * in.result.trials.front().model_error_rms,
                   in.result.trials.front().model_error_sigmas));
   report::Chart chart;
-  chart.title = "Distance to the finer mesh";
+  chart.title = mesh ? "Distance to the finer model" : "Distance to the tighter tolerance";
   chart.y = {"distance", "mm", false};
   for (std::size_t m = 0; m < in.record.marks.size(); ++m) {
     report::Series s;
@@ -95,15 +108,42 @@ void AddModelError(const FitPageInput& in, report::Page* page) {
   page->AddTimeSeries(std::move(chart));
 }
 
+// The interval of all parts over that of the data alone; none where either is open.
+void AddIntervals(const data::FitRecord::Parameter& p, report::Page* page) {
+  const double ends[] = {p.low95, p.high95, p.low95_data, p.high95_data};
+  if (!std::all_of(std::begin(ends), std::end(ends), [](double x) { return std::isfinite(x); })) {
+    return;
+  }
+  report::Chart chart;
+  chart.title = p.name + ", 95% intervals";
+  chart.x = {p.name, p.unit, false};
+  chart.y = {"above: all parts; below: the data alone", "1", false};
+  report::Series all, data, value;
+  all.name = "all parts";
+  all.x = {p.low95, p.high95};
+  all.y = {2.0, 2.0};
+  data.name = "the data alone";
+  data.x = {p.low95_data, p.high95_data};
+  data.y = {1.0, 1.0};
+  value.name = "value";
+  value.style = report::Style::kDots;
+  value.x = {p.value, p.value};
+  value.y = {1.0, 2.0};
+  chart.series = {all, data, value};
+  page->AddChart(chart);
+}
+
 // Deviance against each parameter: how well it is known with all others free.
 void AddProfiles(const FitPageInput& in, report::Page* page) {
   if (in.record.profiles.empty()) return;
   page->AddSection(
       "Profiles",
       "Each parameter is held at values to either side and everything else is fitted anew; the "
-      "deviance is what that costs. Where it crosses the dashed line the 95% interval of the data "
-      "ends; a profile that stays below it says that the data do not determine this parameter by "
-      "itself. The parabola is what the standard error of the data alone would give.");
+      "deviance is what that costs, divided by what correlation is left in the residuals, so that "
+      "the 95% interval of the data ends where it crosses 3.84. A profile that stays below says "
+      "that the data do not determine this parameter by itself. The parabola is what the standard "
+      "error of the data alone would give. Below each: the 95% interval of all parts, with the "
+      "model's own error in it, over that of the data alone.");
   for (std::size_t j = 0; j < in.record.parameters.size(); ++j) {
     const auto& p = in.record.parameters[j];
     report::Chart chart;
@@ -114,27 +154,28 @@ void AddProfiles(const FitPageInput& in, report::Page* page) {
     found.name = "others at their best";
     found.style = report::Style::kDots;
     parabola.name = "from the standard error";
-    level.name = "95%";
+    level.name = "3.84";
     level.style = report::Style::kDashes;
-    const double dispersion = in.result.parameters[j].profile.dispersion;
     for (const auto& point : in.record.profiles) {
       if (point.parameter != static_cast<std::int32_t>(j) || !point.settled) continue;
       found.x.push_back(point.theta[j]);
-      found.y.push_back(point.deviance);
+      found.y.push_back(point.deviance / p.dispersion);
     }
     if (found.x.size() < 2) continue;
     constexpr int kPoints = 81;
+    constexpr double kHighest = 12.0;  // of the parabola: three times what ends the interval
     const double low = found.x.front(), high = found.x.back();
     for (int i = 0; i < kPoints; ++i) {
       const double x = low + (high - low) * i / (kPoints - 1);
       const double z = p.sigma_data > 0.0 ? (x - p.value) / p.sigma_data : 0.0;
       parabola.x.push_back(x);
-      parabola.y.push_back(std::min(z * z, 12.0) * dispersion);
+      parabola.y.push_back(std::min(z * z, kHighest));
     }
     level.x = {low, high};
-    level.y.assign(2, correlate::kDeviance95 * dispersion);
+    level.y.assign(2, correlate::kDeviance95);
     chart.series = {found, parabola, level};
     page->AddChart(chart);
+    AddIntervals(p, page);
   }
 }
 

@@ -22,15 +22,15 @@ std::string FitText(const data::FitRecord& record, double seconds) {
                                        record.evaluations.size(), failed, seconds);
   if (record.nuisances.empty()) return text + cost;
   std::vector<std::vector<std::string>> rows = {{"parameter", "value", "error", "%", "of data",
-                                                 "of mesh", "95% low", "95% high", "unit",
-                                                 "verdict"}};
+                                                 "of model", "95% low", "95% high", "data's low",
+                                                 "data's high", "unit", "verdict"}};
   auto limit = [](double x) { return std::isfinite(x) ? fmt::format("{:.5g}", x) : "open"; };
   for (const auto& p : record.parameters) {
     rows.push_back({p.name, fmt::format("{:.6g}", p.value), fmt::format("{:.2g}", p.sigma),
                     fmt::format("{:.2f}", 100.0 * p.sigma / std::abs(p.value)),
                     fmt::format("{:.2g}", p.sigma_data), fmt::format("{:.2g}", p.sigma_model),
-                    record.profiles.empty() ? "-" : limit(p.low95),
-                    record.profiles.empty() ? "-" : limit(p.high95), p.unit, p.verdict});
+                    limit(p.low95), limit(p.high95), limit(p.low95_data), limit(p.high95_data),
+                    p.unit, p.verdict});
   }
   text += AlignedTable(rows);
   for (const auto& n : record.nuisances) {
@@ -61,6 +61,8 @@ ordered_json FitJson(const data::FitRecord& record, const std::string& output, d
                                   {"model_shift", p.model_shift},
                                   {"low95", limit(p.low95)},
                                   {"high95", limit(p.high95)},
+                                  {"low95_data", limit(p.low95_data)},
+                                  {"high95_data", limit(p.high95_data)},
                                   {"kink", p.kink},
                                   {"imitated", p.imitated},
                                   {"verdict", p.verdict},

@@ -13,9 +13,8 @@ namespace {
 constexpr const char* kParameterColumns =
     "start, low, high, value, sigma, sigma_data, sigma_white, sigma_model, model_shift in the "
     "parameter's unit; kink [1]; sigma_alone in the parameter's unit; imitated [1]; low95, high95 "
-    "in "
-    "the parameter's unit";
-constexpr Eigen::Index kParameterNumbers = 14;
+    "(all parts), low95_data, high95_data (the data alone) in the parameter's unit; dispersion [1]";
+constexpr Eigen::Index kParameterNumbers = 17;
 
 template <typename List, typename Get>
 std::vector<std::string> Texts(const List& list, Get get) {
@@ -110,8 +109,8 @@ void ReadSearch(const H5Reader& r, FitRecord* fit) {
   const Eigen::MatrixXd less = r.ReadMatrix("/noise/less_weight");
   for (Eigen::Index i = 0; i < less.rows(); ++i) {
     const auto l = less.row(i).array();
-    fit->less_weight.push_back({static_cast<std::int32_t>(l(0)), static_cast<std::int32_t>(l(1)),
-                                l(2), l(3), l(4), l(5)});
+    fit->less_weight.push_back(
+        {static_cast<std::int32_t>(l(0)), static_cast<std::int32_t>(l(1)), l(2), l(3), l(4), l(5)});
   }
 }
 
@@ -151,7 +150,8 @@ void WriteFit(const std::string& path, const FitRecord& fit, const Provenance& p
   for (Eigen::Index j = 0; j < p; ++j) {
     const Parameter& q = fit.parameters[static_cast<std::size_t>(j)];
     numbers.row(j) << q.start, q.low, q.high, q.value, q.sigma, q.sigma_data, q.sigma_white,
-        q.sigma_model, q.model_shift, q.kink, q.sigma_alone, q.imitated, q.low95, q.high95;
+        q.sigma_model, q.model_shift, q.kink, q.sigma_alone, q.imitated, q.low95, q.high95,
+        q.low95_data, q.high95_data, q.dispersion;
   }
   w.Write({"/parameters/numbers", "1", std::string("p rows: ") + kParameterColumns}, numbers);
   w.Write({"/parameters/covariance", "1",
@@ -244,8 +244,9 @@ FitRecord ReadFit(const std::string& path) {
   const auto keys = r.ReadStrings("/parameters/keys"), with = r.ReadStrings("/parameters/with");
   const Eigen::MatrixXd numbers = r.ReadMatrix("/parameters/numbers");
   const std::size_t p = names.size();
-  if (units.size() != p || verdicts.size() != p || reasons.size() != p || keys.size() != p || with.size() != p ||
-      numbers.rows() != static_cast<Eigen::Index>(p) || numbers.cols() != kParameterNumbers) {
+  if (units.size() != p || verdicts.size() != p || reasons.size() != p || keys.size() != p ||
+      with.size() != p || numbers.rows() != static_cast<Eigen::Index>(p) ||
+      numbers.cols() != kParameterNumbers) {
     r.Fail("lists of different lengths", "/parameters", "write the file again with `unfurl fit`");
   }
   for (std::size_t j = 0; j < p; ++j) {
@@ -268,6 +269,7 @@ FitRecord ReadFit(const std::string& path) {
     q.start = n(0), q.low = n(1), q.high = n(2), q.value = n(3), q.sigma = n(4);
     q.sigma_data = n(5), q.sigma_white = n(6), q.sigma_model = n(7), q.model_shift = n(8);
     q.kink = n(9), q.sigma_alone = n(10), q.imitated = n(11), q.low95 = n(12), q.high95 = n(13);
+    q.low95_data = n(14), q.high95_data = n(15), q.dispersion = n(16);
     fit.parameters.push_back(std::move(q));
   }
   fit.covariance = r.ReadMatrix("/parameters/covariance");

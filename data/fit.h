@@ -31,7 +31,9 @@ struct FitRecord {
     double kink = 0.0;         // roughness of the differences [-]
     double sigma_alone = 0.0;  // of the data, were all other parameters known
     double imitated = 0.0;     // share of its effect that frame, offset, calibration imitate [-]
-    double low95 = 0.0, high95 = 0.0;  // interval of the data by profile; NaN: open, or no profile
+    double low95 = 0.0, high95 = 0.0;  // 95% interval of all parts; NaN: open on that side
+    double low95_data = 0.0, high95_data = 0.0;  // the data alone
+    double dispersion = 1.0;  // what deviances are divided by before 3.84 ends the interval [-]
     std::string verdict, reason;
     std::vector<std::string> with;  // what it is determined only in combination with
   };
@@ -109,7 +111,7 @@ struct FitRecord {
 };
 
 inline constexpr char kFitSchema[] = "unfurl/fit";
-inline constexpr int kFitVersion = 2;
+inline constexpr int kFitVersion = 3;
 
 void WriteFit(const std::string& path, const FitRecord& fit, const Provenance& provenance);
 FitRecord ReadFit(const std::string& path);

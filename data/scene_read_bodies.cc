@@ -4,9 +4,6 @@
 namespace unfurl::data {
 namespace {
 
-constexpr int kMostSegments = 1'000'000;
-constexpr int kHighestOrder = 11;  // modes of one smooth beam
-
 std::optional<std::array<double, 3>> TripleOrNone(const TomlTable& table, const char* key) {
   if (!table.Has(key)) return std::nullopt;
   const std::vector<double> v = table.Numbers(key, 3);

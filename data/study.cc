@@ -201,8 +201,15 @@ Study ReadFrom(const TomlTable& root, const std::string& path) {
       root.Fail("mesh_check", "a mesh of a program", "give the finer program as model.finer");
     }
     StudyMeshCheck check;
-    check.keys = mesh->Strings("keys");
-    check.value = mesh->Number("value", kPositive);
+    check.wanted = mesh->BoolOr("wanted", true);
+    check.keys = mesh->StringsOr("keys", {});
+    if (check.keys.empty()) {
+      for (const char* key : {"value", "spacing_ratio", "order"}) {
+        if (mesh->Has(key)) mesh->Fail(key, "belongs to keys of the scene", "give mesh_check.keys");
+      }
+    } else {
+      check.value = mesh->Number("value", kPositive);
+    }
     check.spacing_ratio = mesh->NumberOr("spacing_ratio", 2.0, {1.0, 1e3, true, false});
     check.order = mesh->NumberOr("order", 2.0, kPositive);
     study.mesh_check = check;

@@ -57,8 +57,10 @@ struct StudyCommand {
   std::string where;
 };
 
-// The same scene with less error of its own, to see what that error does to the parameters.
+// The same scene with less error of its own, to see what that error does to the parameters. Without
+// keys the program makes it: every beam finer.
 struct StudyMeshCheck {
+  bool wanted = true;
   std::vector<std::string> keys;  // of the scene: the numbers of segments
   double value = 0.0;             // what they are set to
   double spacing_ratio = 2.0;     // coarse spacing over fine, > 1
@@ -84,7 +86,7 @@ struct Study {
   bool whiten = true;
   std::vector<double> profile_levels = {1.0, 2.0};  // standard errors; empty: no profiles
   int profile_evaluations = 400;                    // at most
-  std::optional<StudyMeshCheck> mesh_check;
+  StudyMeshCheck mesh_check;
 };
 
 // Throws Error (file:line:key).

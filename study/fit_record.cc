@@ -57,7 +57,7 @@ std::string ResidualWords(const correlate::TrialResult& t, bool several) {
       break;
     case correlate::Explained::kMesh:
       words += fmt::format(
-          " By the marks' covariances that has a probability {}; a finer mesh takes {:.0f}% "
+          " By the marks' covariances that has a probability {}; a finer model takes {:.0f}% "
           "of what is too much away.",
           Probability(g.p_covariances()), 100.0 * g.mesh_takes);
       break;
@@ -68,9 +68,10 @@ std::string ResidualWords(const correlate::TrialResult& t, bool several) {
           "are wrong by more than the tracks claim, and the values may be off by more than their "
           "errors say.",
           Probability(g.p_covariances()), g.p_noise(),
-          t.model_error.empty() ? std::string()
-                                : fmt::format(" nor a finer mesh, which takes {:.0f}% of it away",
-                                              100.0 * g.mesh_takes));
+          t.error_check == correlate::ErrorCheck::kFiner
+              ? fmt::format(" nor a finer model, which takes {:.0f}% of it away",
+                            100.0 * g.mesh_takes)
+              : std::string());
       break;
   }
   return words;
@@ -79,6 +80,26 @@ std::string ResidualWords(const correlate::TrialResult& t, bool several) {
 std::string Replaced(std::string kind) {  // "contact_start" as people say it
   std::replace(kind.begin(), kind.end(), '_', ' ');
   return kind;
+}
+
+// What the model's own error was judged by, and what it is.
+std::string ErrorWords(const correlate::TrialResult& t, const std::string& of) {
+  const std::string size = fmt::format("moves the marks{} by {:.3g} mm RMS, {:.2g} of their sigma",
+                                       of, 1e3 * t.model_error_rms, t.model_error_sigmas);
+  switch (t.error_check) {
+    case correlate::ErrorCheck::kFiner:
+      return "The model's own error, by a finer model and a tighter tolerance, " + size +
+             "; it is in the standard errors and intervals.";
+    case correlate::ErrorCheck::kTolerance:
+      return "A tighter tolerance " + size +
+             "; that is in the standard errors and intervals. No finer model was run.";
+    case correlate::ErrorCheck::kNone:
+      break;
+  }
+  return (t.error_check_failure.empty() ? "No model with less error of its own was run" + of
+                                        : "The model with less error of its own failed" + of +
+                                              " (" + t.error_check_failure + ")") +
+         ": the standard errors and intervals are those of the data alone.";
 }
 
 void AddTrialWords(const std::vector<correlate::FitTrial>& trials, const correlate::FitResult& r,
@@ -111,17 +132,7 @@ void AddTrialWords(const std::vector<correlate::FitTrial>& trials, const correla
                             what, e.t, 1e3 * off, off / e.sigma)
               : fmt::format("{} was told at {:.4f} s; the model has none.", what, e.t));
     }
-    if (!t.model_error.empty()) {
-      record->reasons.push_back(fmt::format(
-          "The model's own error (a finer mesh, a tighter tolerance) moves the marks{} by {:.3g} "
-          "mm "
-          "RMS, {:.2g} of their sigma; it is in the standard errors.",
-          several ? " of " + t.name : "", 1e3 * t.model_error_rms, t.model_error_sigmas));
-    } else {
-      record->reasons.push_back(
-          "The model's own error was not looked at: the standard errors are those of the data "
-          "alone.");
-    }
+    record->reasons.push_back(ErrorWords(t, several ? " of " + t.name : ""));
   }
 }
 
@@ -169,7 +180,7 @@ void JudgeWhole(const correlate::FitProblem& problem, const correlate::FitResult
   if (!together.empty()) words += are(together) + " determined only in combination; ";
   if (!bound.empty()) words += are(bound) + " at the bound; ";
   if (!doubtful.empty()) words += are(doubtful) + " known only if it holds; ";
-  if (!limited.empty()) words += are(limited) + " known, as well as the model's mesh allows; ";
+  if (!limited.empty()) words += are(limited) + " known, as well as the model's own error allows; ";
   if (!known.empty()) words += are(known) + " determined; ";
   words.resize(words.size() - 2);
   for (const correlate::TrialResult& t : r.trials) {
@@ -188,8 +199,17 @@ void JudgeWhole(const correlate::FitProblem& problem, const correlate::FitResult
                     parameters[j].unit, r.parameters[j].reason));
   }
   AddTrialWords(problem.trials, r, record);
-  const std::size_t semicolon = r.message.find("; a profile");
-  if (semicolon != std::string::npos) record->reasons.push_back(r.message.substr(semicolon + 2));
+  if (r.returns > 0) {
+    record->reasons.push_back(
+        fmt::format("A profile came upon a lower point; the fit was taken up again from there {}.",
+                    r.returns == 1 ? std::string("once") : fmt::format("{} times", r.returns)));
+  }
+  if (r.profile_below > 1.0) {
+    record->reasons.push_back(fmt::format(
+        "A profile still holds a point whose deviance is lower by {:.2g}, within the 95% region of "
+        "the values given; more starts may find a better minimum.",
+        r.profile_below));
+  }
   if (r.starts.size() > 1) {
     // Ends whose sums of squares differ by less than the noise of a fit are the same minimum.
     const double best = r.starts.front().cost;
@@ -294,7 +314,9 @@ data::FitRecord RecordOf(const data::Study& study, const correlate::FitProblem& 
     to.value = e.value, to.sigma = e.sigma, to.sigma_data = e.sigma_data;
     to.sigma_white = e.sigma_white, to.sigma_model = e.sigma_model;
     to.model_shift = e.model_shift, to.kink = e.kink, to.sigma_alone = e.sigma_alone;
-    to.imitated = e.imitated, to.low95 = e.profile.low, to.high95 = e.profile.high;
+    to.imitated = e.imitated, to.low95 = e.all95.low, to.high95 = e.all95.high;
+    to.low95_data = e.data95.low, to.high95_data = e.data95.high;
+    to.dispersion = e.profile.dispersion;
     to.verdict = correlate::Name(e.verdict), to.reason = e.reason, to.with = e.with;
     record.parameters.push_back(std::move(to));
   }

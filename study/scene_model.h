@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "correlate/model.h"
+#include "data/scene.h"
 
 namespace unfurl::study {
 
@@ -29,13 +30,15 @@ class SceneModel : public correlate::Model {
   const std::vector<std::string>& joints() const { return joints_; }
   const std::vector<std::string>& watches() const { return watches_; }
   const std::vector<std::string>& files() const { return files_; }  // that the scene came from
-  double duration() const { return duration_; }                     // the scene's [s]
+  const std::vector<data::SceneBeam>& beams() const { return beams_; }
+  double duration() const { return duration_; }  // the scene's [s]
 
  private:
   std::vector<std::string> Overrides(std::span<const double> theta) const;
 
   SceneModelOptions options_;
   std::vector<std::string> marks_, joints_, watches_, files_;
+  std::vector<data::SceneBeam> beams_;
   double duration_ = 0.0;
 };
 

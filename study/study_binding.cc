@@ -11,6 +11,7 @@
 #include "correlate/fit/command_model.h"
 #include "data/h5.h"
 #include "data/tracks.h"
+#include "study/finer_mesh.h"
 #include "study/scene_model.h"
 
 namespace unfurl::study {
@@ -112,32 +113,28 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from,
     }
   }
   for (const std::string& file : model->files()) bound->inputs.push_back(file);
+  const FinerMesh mesh = FinerMeshOf(study.mesh_check, model->beams());
   auto at = [&](double rtol, bool fine) {
     SceneModelOptions options = binding;
     options.rtol = rtol;
-    if (fine) {
-      for (const std::string& key : study.mesh_check->keys) {
-        options.set.push_back(fmt::format("{}={:.17g}", key, study.mesh_check->value));
-      }
-    }
+    if (fine) options.set.insert(options.set.end(), mesh.set.begin(), mesh.set.end());
     return BindScene(study, options, theta);
   };
   std::unique_ptr<SceneModel> finer;
-  if (study.mesh_check) finer = at(0.1 * binding.rtol, true);
+  if (!mesh.set.empty()) finer = at(0.1 * binding.rtol, true);
   if (study.rtol == 0.0) {
     const correlate::ToleranceChoice choice = correlate::ChooseTolerance(
         [&](double rtol) { return at(rtol, false); }, finer.get(), theta, *trial->observations);
     bound->tolerance.push_back(choice);
     binding.rtol = choice.rtol;
     model = at(binding.rtol, false);
-    if (study.mesh_check) finer = at(0.1 * binding.rtol, true);
+    if (!mesh.set.empty()) finer = at(0.1 * binding.rtol, true);
   }
   auto tighter = at(0.1 * binding.rtol, false);
   if (finer != nullptr) {
     bound->models.push_back(std::move(finer));
     trial->finer = bound->models.back().get();
-    const double gain = std::pow(study.mesh_check->spacing_ratio, study.mesh_check->order);
-    trial->finer_factor = gain / (gain - 1.0);  // Richardson: what is left of the coarse error
+    trial->finer_factor = mesh.factor;
   }
   trial->model = model.get();
   trial->tighter = tighter.get();

@@ -10,19 +10,13 @@
 #include "correlate/fit/evaluator.h"
 #include "correlate/fit/fit_problem.h"
 #include "correlate/fit/goodness.h"
+#include "correlate/fit/interval.h"
 #include "correlate/fit/parameter.h"
 #include "correlate/fit/profile.h"
+#include "correlate/fit/progress_workers.h"
 #include "correlate/fit/series_noise.h"
 
 namespace unfurl::correlate {
-
-struct FitProgress {
-  std::string phase;            // in words: "screening", "2 of 4 starts", "sharpening", "profiles"
-  std::size_t evaluations = 0;  // asked for so far, those of a journal included
-  std::size_t expected = 0;     // of the whole fit, as far as can be told now
-  double best_cost = 0.0;       // half the sum of squares of the latest stage; 0: not known yet
-  std::vector<double> best_theta;
-};
 
 // Several starts: a Latin hypercube over the bounds (of the logarithm where that is what moves),
 // each point simulated over the first horizon and laid over the data; from the best of them the
@@ -67,13 +61,16 @@ struct FitOptions {
   std::size_t workers = 0;   // 0: all cores
   Workers* where = nullptr;  // what carries evaluations out; null: threads, `workers` of them
   std::function<void(const FitProgress&)> progress;  // from any thread
+
+  // Throws Error, placed at the option, for what is out of its range.
+  void Check() const;
 };
 
 enum class FitStatus {
   kConverged,
   kNotAligned,    // the data and the model at the start share nothing
   kModelFailed,   // the model could not be evaluated at the start
-  kNotConverged,  // the solver gave up
+  kNotConverged,  // the solver gave up, or a profile still holds a lower point
 };
 const char* Name(FitStatus status);
 
@@ -98,6 +95,8 @@ struct ParameterEstimate {
   double kink = 0.0;         // |forward - backward| / |forward + backward| differences, RMS [-]
   double imitated = 0.0;     // share of its effect that frame, offset or calibration imitate [0, 1]
   Profile profile;           // without points: none was asked for
+  Interval data95;           // of the data alone
+  Interval all95;            // of the data and of the model's own error
   Verdict verdict = Verdict::kNotDetermined;
   std::string reason;             // in words, with numbers
   std::vector<std::string> with;  // names, for kCombination
@@ -130,6 +129,13 @@ struct LessWeight {
   double weight = 1.0;          // (0, 1), of the samples there
 };
 
+// What the model's own error at the estimate was judged by.
+enum class ErrorCheck {
+  kNone,       // by nothing: the standard errors are those of the data alone
+  kTolerance,  // by a tighter tolerance of the solver; not by a finer mesh
+  kFiner,      // by a model with less discretisation error, and a tighter tolerance
+};
+
 // What belongs to one trial, at the estimate.
 struct TrialResult {
   std::string name;
@@ -153,8 +159,10 @@ struct TrialResult {
   double model_noise = 0.0;   // RMS scatter of the model's marks, one tolerance to another [m]
   std::vector<LessWeight> less_weight;
   std::vector<double> event_times;  // when the model has the observations' events [s]; NaN: never
-  // The model's own error at the estimate (finer model less model, times the factor), per mark
-  // 3 x n [m]; empty without a finer model. RMS in metres and in the marks' sigmas.
+  ErrorCheck error_check = ErrorCheck::kNone;
+  std::string error_check_failure;  // why the better model that was asked gave nothing
+  // The model's own error at the estimate (better model less model, times the factor), per mark
+  // 3 x n [m]; empty where none was run. RMS in metres and in the marks' sigmas.
   std::vector<Eigen::Matrix3Xd> model_error;
   Eigen::VectorXd event_error;  // of the events, in their sigmas
   double model_error_rms = 0.0;
@@ -176,6 +184,9 @@ struct FitResult {
   std::vector<EvaluationRecord> evaluations;
   Eigen::MatrixXd sensitivity;  // whitened rows of all trials x parameters, d residual / d value
   double cost = 0.0;            // half the sum of squares at the estimate, whitened, with priors
+  // Deviance by which the lowest point of any profile lies below the estimate; 0: none does [-].
+  double profile_below = 0.0;
+  int returns = 0;  // how often the fit was taken up again from a lower point of a profile
 };
 
 // Trust region with bounds (Ceres) over the parameters, everything else projected out, from one or

@@ -229,7 +229,7 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     in.whitened_residual = &trial.registration.residual;
     in.squares = trial.residual.squaredNorm();
     in.dof = dof[t];
-    if (!trial.model_error.empty()) {
+    if (trial.error_check == ErrorCheck::kFiner) {
       const auto here = left.segment(b.row, b.rows), change = finer.segment(b.row, b.rows);
       in.left = here.squaredNorm();
       in.finer = change.squaredNorm();

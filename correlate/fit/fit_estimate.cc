@@ -98,13 +98,12 @@ bool FillEstimate(const FitProblem& problem, StageRunner& runner, FitResult* r) 
     const Evaluator::Answer finer = runner.evaluator().Evaluate({request}).front();
     TrialResult& trial = r->trials[request.trial];
     if (finer->status != ModelStatus::kGood) {
-      r->message =
-          "the finer model failed, so the model's own error is not in the standard errors: " +
-          finer->message;
+      trial.error_check_failure = finer->message;
       continue;
     }
-    const double factor =
-        request.fidelity == Fidelity::kFiner ? problem.trials[request.trial].finer_factor : 1.0;
+    const bool mesh = request.fidelity == Fidelity::kFiner;
+    const double factor = mesh ? problem.trials[request.trial].finer_factor : 1.0;
+    trial.error_check = mesh ? ErrorCheck::kFiner : ErrorCheck::kTolerance;
     for (std::size_t m = 0; m < finer->marks.size(); ++m) {
       trial.model_error.push_back(factor * (finer->marks[m].p - trial.prediction.marks[m].p));
     }

@@ -260,6 +260,14 @@ void StageRunner::MoveTo(const std::vector<double>& theta, const StageRunner& fr
   result_.stages = from.result_.stages;
 }
 
+void StageRunner::Restart(const std::vector<double>& theta) {
+  for (std::size_t j = 0; j < theta.size(); ++j) {
+    u_[j] = ToInternal(problem_.parameters[j], theta[j]);
+  }
+  if (!reduced_->At(u_, &point_, "profile")) return;
+  for (std::size_t t = 0; t < at_.size(); ++t) at_[t] = point_.registration[t].at;
+}
+
 bool StageRunner::Polish() {
   constexpr int kRounds = 14;
   constexpr double kWide = 3.0;    // standard errors drawn at first

@@ -39,6 +39,8 @@ class StageRunner {
   std::vector<double> CostsAt(const std::vector<std::vector<double>>& theta, std::size_t stage);
   // Goes there, with frame and offset as they are.
   void MoveTo(const std::vector<double>& theta, const StageRunner& from);
+  // Goes there within the problem that stands.
+  void Restart(const std::vector<double>& theta);
 
   StartResult& result() { return result_; }
   const std::vector<double>& u() const { return u_; }

@@ -13,7 +13,6 @@ namespace unfurl::correlate {
 
 namespace {
 
-constexpr double k95 = 1.959964;
 constexpr double kAtBoundSigmas = 1e-3;
 // Were the others known, the standard error would be less than this part of what it is: then it is
 // they that hide the parameter, and not a lack of effect.
@@ -31,8 +30,8 @@ double DataSigma(const ParameterEstimate& e) {
   if ((!low && !profile.lost_low) || (!high && !profile.lost_high)) {
     return std::numeric_limits<double>::infinity();
   }
-  const double below = low ? (e.value - profile.low) / k95 : e.sigma_data;
-  const double above = high ? (profile.high - e.value) / k95 : e.sigma_data;
+  const double below = low ? (e.value - profile.low) / kHalf95 : e.sigma_data;
+  const double above = high ? (profile.high - e.value) / kHalf95 : e.sigma_data;
   return std::max(e.sigma_data, 0.5 * (below + above));
 }
 
@@ -66,8 +65,10 @@ std::string ProfileWords(const ParameterEstimate& e, const std::string& unit) {
   if (profile.points.empty()) return "";
   const bool low = std::isfinite(profile.low), high = std::isfinite(profile.high);
   if (low && high) {
-    return fmt::format("; 95% interval of the data by profile {:.5g} to {:.5g} {}", profile.low,
-                       profile.high, unit);
+    return fmt::format(
+        "; 95% interval {:.5g} to {:.5g} {} (of the data alone, by profile, "
+        "{:.5g} to {:.5g})",
+        e.all95.low, e.all95.high, unit, e.data95.low, e.data95.high);
   }
   if ((!low && profile.lost_low) || (!high && profile.lost_high)) {
     return "; its profile could not be followed (the model is rough there)";
@@ -104,7 +105,6 @@ void Judge(const FitProblem& problem, const ReducedProblem& reduced,
   const bool explained = std::none_of(r->trials.begin(), r->trials.end(), [](const TrialResult& t) {
     return t.goodness.outcome == Explained::kNo;
   });
-  double lower = 0.0;
   for (std::size_t j = 0; j < r->parameters.size(); ++j) {
     const auto c = static_cast<Eigen::Index>(j);
     const Parameter& q = problem.parameters[j];
@@ -113,13 +113,14 @@ void Judge(const FitProblem& problem, const ReducedProblem& reduced,
     e.imitated = effect > 0.0 ? 1.0 - projected.col(c).squaredNorm() / (effect * effect) : 0.0;
     e.sigma_alone = projected.col(c).norm() > 0.0 ? 1.0 / projected.col(c).norm()
                                                   : std::numeric_limits<double>::infinity();
-    for (const ProfilePoint& at : e.profile.points) lower = std::min(lower, at.deviance);
 
     const double data = DataSigma(e);
     const double sigma = std::hypot(data, e.sigma_model);
     const double known_within = KnownWithin(q, e.value);
     const double size = e.value != 0.0 ? std::abs(e.value) : known_within;
     const double to_bound = std::min(e.value - q.low, q.high - e.value);
+    e.data95 = IntervalOfData(q, e);
+    e.all95 = IntervalOfAllParts(q, e);
     const std::string profile = ProfileWords(e, q.unit);
     e.with.clear();
     if (sigma > known_within) {
@@ -161,8 +162,9 @@ void Judge(const FitProblem& problem, const ReducedProblem& reduced,
       e.verdict = Verdict::kMeshLimited;
       e.reason = fmt::format(
           "known to {:.2g}% of its value; the data alone would give {:.2g}%, the model's own error "
-          "adds {:.2g}%: a finer model would tell more",
-          100.0 * e.sigma / size, 100.0 * e.sigma_data / size, 100.0 * e.sigma_model / size);
+          "adds {:.2g}%: a model with less of it would tell more{}",
+          100.0 * e.sigma / size, 100.0 * e.sigma_data / size, 100.0 * e.sigma_model / size,
+          profile);
     } else {
       e.verdict = Verdict::kDetermined;
       e.reason = fmt::format("known to {:.2g}% of its value{}", 100.0 * e.sigma / size, profile);
@@ -173,14 +175,6 @@ void Judge(const FitProblem& problem, const ReducedProblem& reduced,
           "flatter side was taken",
           100.0 * e.kink);
     }
-  }
-  // A better place seen from a profile is news of the search, not of the parameter.
-  constexpr double kBetter = 1.0;
-  if (lower < -kBetter) {
-    r->message += fmt::format(
-        "; a profile came upon a point whose deviance is lower by {:.2g}: more starts may find a "
-        "better minimum",
-        -lower);
   }
 }
 

@@ -36,7 +36,8 @@ FitRecord Example() {
   a.name = "clearance", a.unit = "rad", a.keys = {"joint.a", "joint.b"};
   a.start = 1, a.low = 2, a.high = 3, a.value = 4, a.sigma = 5, a.sigma_data = 6;
   a.sigma_white = 7, a.sigma_model = 8, a.model_shift = 9, a.kink = 10, a.sigma_alone = 11;
-  a.imitated = 12, a.low95 = 13, a.high95 = 14, a.verdict = "determined", a.reason = "known to 1%";
+  a.imitated = 12, a.low95 = 13, a.high95 = 14, a.low95_data = 15, a.high95_data = 16;
+  a.dispersion = 17, a.verdict = "determined", a.reason = "known to 1%";
   FitRecord::Parameter& b = f.parameters[1];
   b.name = "damping", b.unit = "s", b.keys = {"beam.c"}, b.kink = 20, b.verdict = "at its bound";
   b.low95 = std::numeric_limits<double>::quiet_NaN(), b.with = {"clearance", "time offset"};
@@ -73,6 +74,9 @@ TEST_F(FitFile, ComesBackAsItWasWritten) {
   EXPECT_EQ(g.parameters[1].kink, 20.0);
   EXPECT_EQ(g.parameters[1].verdict, "at its bound");
   EXPECT_EQ(g.parameters[0].high95, 14.0);
+  EXPECT_EQ(g.parameters[0].low95_data, 15.0);
+  EXPECT_EQ(g.parameters[0].high95_data, 16.0);
+  EXPECT_EQ(g.parameters[0].dispersion, 17.0);
   EXPECT_TRUE(std::isnan(g.parameters[1].low95));
   EXPECT_EQ(g.parameters[1].with, f.parameters[1].with);
   ASSERT_EQ(g.profiles.size(), 2u);

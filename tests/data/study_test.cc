@@ -75,9 +75,17 @@ TEST(Study, ReadsWhatAPersonWrote) {
   EXPECT_EQ(p.prior->sigma, 0.001);
   EXPECT_EQ(s.stages, (std::vector<double>{1.0, 2.0}));
   EXPECT_EQ(s.rtol, 1e-6);
-  ASSERT_TRUE(s.mesh_check.has_value());
-  EXPECT_EQ(s.mesh_check->value, 12.0);
-  EXPECT_EQ(s.mesh_check->order, 2.0);
+  EXPECT_EQ(s.mesh_check.value, 12.0);
+  EXPECT_EQ(s.mesh_check.order, 2.0);
+}
+
+TEST(Study, TheMeshIsCheckedUnlessSaidOtherwise) {
+  const std::string none = Replaced("[mesh_check]\nkeys = [\"beam.b.segments\"]\nvalue = 12\n", "");
+  EXPECT_TRUE(ParseStudy(none, "s.toml").mesh_check.wanted);
+  EXPECT_TRUE(ParseStudy(none, "s.toml").mesh_check.keys.empty());
+  EXPECT_FALSE(ParseStudy(none + "[mesh_check]\nwanted = false\n", "s.toml").mesh_check.wanted);
+  EXPECT_THAT(Message(none + "[mesh_check]\nvalue = 12\n"), HasSubstr("mesh_check.keys"));
+  EXPECT_THAT(Message(none + "[mesh_check]\nkeys = [\"beam.b.segments\"]\n"), HasSubstr("value"));
 }
 
 TEST(Study, NamesFileKeyAndRemedyOfWhatIsWrong) {
@@ -103,7 +111,7 @@ TEST(Study, TheShippedOneIsWhole) {
   EXPECT_EQ(s.scene, folder + "scene_suspension.toml");
   ASSERT_EQ(s.parameters.size(), 2u);
   EXPECT_EQ(s.parameters[0].keys.size(), 8u);
-  EXPECT_TRUE(s.mesh_check.has_value());
+  EXPECT_TRUE(s.mesh_check.wanted);
 }
 
 }  // namespace

@@ -1,0 +1,296 @@
+#include "correlate/fit/fit_run.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/worker_pool.h"
+#include "correlate/fit/fit_covariance.h"
+#include "correlate/fit/fit_estimate.h"
+#include "correlate/fit/reduced_problem.h"
+#include "correlate/fit/start_choice.h"
+#include "correlate/fit/verdict.h"
+
+namespace unfurl::correlate {
+
+namespace {
+
+// Mean square of residuals in sigmas above which they are the model's error and no noise: an
+// alignment draws the same line. Whitening with a noise model fitted to them would weigh down the
+// very data that hold frame and calibration.
+constexpr double kNotNoise = 4.0;
+
+// Of deviance: a point of a profile that is lower by less is the same minimum, known to less than a
+// standard error.
+constexpr double kBetter = 1.0;
+
+// Returns to a lower point of a profile. Each lowers the cost by at least half of kBetter, so the
+// returns end; a cost that is still not at its minimum after these is too rough for the search that
+// was asked for, and the fit says so.
+constexpr int kMostReturns = 3;
+
+// How far the model's marks at the study's start move with its solver's tolerance, by trial.
+struct NoiseProbe {
+  std::vector<Evaluator::Request> requests;  // tighter and main, in turn
+  std::vector<Stamps> stamps;
+
+  NoiseProbe(const FitProblem& problem, const std::vector<double>& theta) {
+    for (std::size_t t = 0; t < problem.trials.size(); ++t) {
+      if (problem.trials[t].tighter == nullptr) continue;
+      const Observations& o = *problem.trials[t].observations;
+      for (Fidelity fidelity : {Fidelity::kTighter, Fidelity::kMain}) {
+        requests.push_back({t, theta, "noise", fidelity});
+        stamps.push_back(o.StampsAt(o.Start()));
+      }
+    }
+  }
+
+  std::vector<double> Noise(const std::vector<Evaluator::Answer>& found, std::size_t trials) const {
+    std::vector<double> noise(trials, 0.0);
+    for (std::size_t i = 0; i + 1 < found.size(); i += 2) {
+      if (found[i]->status == ModelStatus::kGood && found[i + 1]->status == ModelStatus::kGood) {
+        noise[requests[i].trial] = RmsDifference(*found[i], *found[i + 1]);
+      }
+    }
+    return noise;
+  }
+};
+
+}  // namespace
+
+FitRun::Budget FitRun::BudgetOf(const FitProblem& problem, const FitOptions& options) {
+  // A stage takes about three rounds of a trial point and its differences.
+  const std::size_t p = problem.parameters.size(), trials = problem.trials.size();
+  const std::size_t starts = static_cast<std::size_t>(std::max(1, options.search.starts));
+  Budget b;
+  b.screening = trials * (static_cast<std::size_t>(options.search.screened) + 3);
+  b.leading = starts * trials * (3 * (1 + p) + 1) * (options.stages.size() + 1);
+  b.sharpening = trials * (2 * (1 + 2 * p) + 1);
+  if (options.profile.wanted) b.profiles = trials * 2 * p * options.profile.levels.size() * 3;
+  return b;
+}
+
+FitRun::FitRun(const FitProblem& problem, const FitOptions& options)
+    : problem_(problem),
+      options_(options),
+      trials_(problem.trials.size()),
+      local_(options.where == nullptr ? LocalWorkers(options.workers) : nullptr),
+      workers_(options.where != nullptr ? *options.where : *local_, options.progress),
+      budget_(BudgetOf(problem, options)),
+      weighed_(trials_),
+      data_(trials_, nullptr),
+      whitening_(trials_),
+      whiteners_(trials_, nullptr) {
+  result_.parameters.resize(problem.parameters.size());
+  result_.trials.resize(trials_);
+  for (std::size_t t = 0; t < trials_; ++t) result_.trials[t].name = problem.trials[t].name;
+}
+
+bool FitRun::Screen() {
+  workers_.Phase("screening",
+                 budget_.screening + budget_.leading + budget_.sharpening + budget_.profiles);
+  Evaluator evaluator(problem_, workers_);
+  const std::vector<std::vector<double>> points = PointsToScreen(problem_, options_.search);
+  const NoiseProbe probe(problem_, points[0]);
+  std::vector<Evaluator::Answer> found;
+  candidates_ = correlate::Screen(problem_, options_, points, evaluator, probe.requests,
+                                  probe.stamps, &found);
+  noise_ = probe.Noise(found, trials_);
+  result_.evaluations = evaluator.records();
+  for (std::size_t i : ChooseCandidates(candidates_, options_.search.starts)) {
+    AddRunner(candidates_[i]);
+  }
+  if (!runners_.empty()) return true;
+  const Candidate& own = candidates_[0];
+  result_.status = own.failed ? FitStatus::kModelFailed : FitStatus::kNotAligned;
+  result_.message = own.message;
+  for (std::size_t t = 0; t < own.alignment.size(); ++t) {
+    result_.trials[t].alignment = own.alignment[t];
+  }
+  return false;
+}
+
+void FitRun::AddRunner(const Candidate& from) {
+  const auto start = static_cast<int>(runners_.size() + retired_.size());
+  runners_.push_back(std::make_unique<StageRunner>(problem_, options_, from, workers_, start));
+  runners_.back()->SetModelNoise(noise_);
+  runners_.back()->on_best = [this](double cost, const std::vector<double>& theta) {
+    workers_.Best(cost, theta);
+  };
+}
+
+// A thread per start; how many evaluations run at a time is the workers' matter.
+void FitRun::LeadAll(std::size_t from_stage, std::size_t to_stage) {
+  failed_.resize(runners_.size(), 0);
+  ParallelFor(runners_.size(), runners_.size(), [&](std::size_t s) {
+    const std::size_t end = std::min(to_stage, runners_[s]->stages());
+    for (std::size_t i = from_stage; i < end && !failed_[s]; ++i) {
+      failed_[s] = runners_[s]->Lead(i) ? 0 : 1;
+    }
+  });
+}
+
+void FitRun::ScatterWhatIsOpen() {
+  StageRunner* first = nullptr;
+  for (std::size_t s = 0; s < runners_.size(); ++s) {
+    if (failed_[s] || runners_[s]->stages() < 2) continue;
+    if (first == nullptr || runners_[s]->misfit() < first->misfit()) first = runners_[s].get();
+  }
+  if (first == nullptr || options_.search.screened <= 0) return;
+  std::vector<std::vector<double>> points = first->ScatterOpen(
+      LatinHypercube(problem_.parameters, static_cast<std::size_t>(options_.search.screened),
+                     options_.search.seed + 1));
+  if (points.empty()) return;
+  points.push_back(Values(problem_.parameters, first->u().data()));
+  const std::vector<double> costs = first->CostsAt(points, 1);
+  const auto wanted = static_cast<std::size_t>(std::max(1, options_.search.starts));
+  retired_ = std::move(runners_);
+  runners_.clear();
+  failed_.clear();
+  for (std::size_t i : SeparatePoints(problem_.parameters, points, costs, wanted)) {
+    AddRunner(first->candidate());
+    runners_.back()->MoveTo(points[i], *first);
+  }
+}
+
+bool FitRun::LeadStarts() {
+  workers_.Phase(runners_.size() > 1 ? fmt::format("{} starts", runners_.size()) : "stages",
+                 budget_.leading + budget_.sharpening + budget_.profiles);
+  LeadAll(0, 1);
+  ScatterWhatIsOpen();
+  LeadAll(1, std::numeric_limits<std::size_t>::max());
+  for (const auto& runner : runners_) {
+    if (runner->result().cost < 0.0) continue;
+    if (best_ == nullptr || runner->result().cost < best_->result().cost) best_ = runner.get();
+  }
+  if (best_ == nullptr) {
+    result_.status = FitStatus::kModelFailed;
+    result_.message = (runners_.empty() ? retired_ : runners_).front()->message();
+    return false;
+  }
+  for (std::size_t t = 0; t < trials_; ++t) {
+    result_.trials[t].alignment = best_->candidate().alignment[t];
+  }
+  return true;
+}
+
+void FitRun::WeighByModelNoise() {
+  const std::vector<double> theta = Values(problem_.parameters, best_->u().data());
+  for (std::size_t t = 0; t < trials_; ++t) {
+    const FitTrial& trial = problem_.trials[t];
+    weighed_[t] = *trial.observations;
+    data_[t] = &weighed_[t];
+    const Prediction& plain = *best_->point().prediction[t];
+    if (trial.tighter != nullptr) {
+      const Evaluator::Answer tight =
+          best_->evaluator().Evaluate({{t, theta, "noise", Fidelity::kTighter}}).front();
+      if (tight->status == ModelStatus::kGood) {
+        noise_[t] = std::max(noise_[t], RmsDifference(plain, *tight));
+        result_.trials[t].less_weight = WeighSections(*trial.observations, plain, *tight,
+                                                      options_.error_sections, &weighed_[t]);
+      }
+    }
+    result_.trials[t].model_noise = std::max(noise_[t], plain.noise);
+  }
+  best_->SetModelNoise(noise_);
+}
+
+bool FitRun::Whiten() {
+  Eigen::MatrixXd J;
+  if (!best_->reduced().CentralSensitivity(best_->u(), best_->point(), &J)) return false;
+  bool coloured = false;
+  for (std::size_t t = 0; t < trials_; ++t) {
+    const RegistrationFit& at = best_->point().registration[t];
+    const Eigen::Index rows = at.residual.size();
+    if (at.SumOfSquares() > kNotNoise * 3.0 * static_cast<double>(at.known)) continue;
+    Eigen::MatrixXd A(rows, J.cols() + at.jacobian.cols());
+    A << J.middleRows(best_->reduced().first_row(t), rows), at.jacobian;
+    result_.trials[t].noise = FitSeriesNoise(weighed_[t], at.residual, A);
+    whitening_[t] = RowWhitening(weighed_[t], result_.trials[t].noise);
+    whiteners_[t] = &whitening_[t];
+    coloured = coloured || !whitening_[t].identity();
+  }
+  return !coloured || best_->Sharpen(data_, whiteners_, "whitened");
+}
+
+bool FitRun::Solve() {
+  workers_.Phase("polishing", budget_.sharpening + budget_.profiles);
+  best_->Polish();
+  workers_.Phase("sharpening", budget_.sharpening + budget_.profiles);
+  const bool whitened = std::any_of(whiteners_.begin(), whiteners_.end(),
+                                    [](const auto* w) { return w != nullptr && !w->identity(); });
+  if (whitened) {  // a return: the cost by which the point is lower must stay what it is
+    const bool good = best_->Sharpen(data_, whiteners_, "from a lower point of a profile");
+    result_.status = best_->status();
+    result_.message = best_->message();
+    return good;
+  }
+  WeighByModelNoise();
+  std::fill(whiteners_.begin(), whiteners_.end(), nullptr);
+  const bool good =
+      best_->Sharpen(data_, whiteners_, "sharpened") && (!options_.whiten || Whiten());
+  result_.status = best_->status();
+  result_.message = best_->message();
+  return good;
+}
+
+bool FitRun::Estimate() {
+  if (!FillEstimate(problem_, *best_, &result_)) return false;
+  FillCovariance(problem_, data_, whiteners_, options_, &result_);
+  if (options_.profile.wanted) {
+    workers_.Phase("profiles", budget_.profiles);
+    FillProfiles(problem_, best_->reduced(), best_->u(), best_->point(), options_, &result_);
+  }
+  return true;
+}
+
+bool FitRun::GoToBetterPoint() {
+  const ProfilePoint* lowest = nullptr;
+  double dispersion = 1.0;
+  for (const ParameterEstimate& e : result_.parameters) {
+    for (const ProfilePoint& point : e.profile.points) {
+      if (lowest != nullptr && point.deviance >= lowest->deviance) continue;
+      lowest = &point;
+      dispersion = e.profile.dispersion;
+    }
+  }
+  result_.returns = returns_;
+  result_.profile_below = lowest != nullptr ? std::max(0.0, -lowest->deviance) : 0.0;
+  if (result_.profile_below <= kBetter) return false;
+  if (returns_ < kMostReturns) {
+    ++returns_;
+    best_->Restart(lowest->theta);
+    return true;
+  }
+  // A point outside of its own 95% region is no estimate.
+  if (result_.profile_below > kDeviance95 * dispersion) {
+    result_.status = FitStatus::kNotConverged;
+    result_.message = fmt::format(
+        "after {} returns a profile still holds a point whose deviance is lower by {:.2g}; screen "
+        "more points and carry on more starts (solver.screened, solver.starts)",
+        returns_, result_.profile_below);
+  }
+  return false;
+}
+
+void FitRun::JudgeParameters() { Judge(problem_, best_->reduced(), best_->point(), &result_); }
+
+FitResult FitRun::Finish() {
+  for (const auto* group : {&retired_, &runners_}) {
+    for (const auto& runner : *group) {
+      const auto& records = runner->evaluator().records();
+      result_.evaluations.insert(result_.evaluations.end(), records.begin(), records.end());
+    }
+  }
+  for (const auto& runner : runners_) {
+    result_.starts.push_back(runner->result());
+    if (runner.get() == best_) result_.stages = runner->result().stages;
+  }
+  if (best_ == nullptr && !runners_.empty()) result_.stages = runners_.front()->result().stages;
+  SortByCost(&result_.starts);
+  return std::move(result_);
+}
+
+}  // namespace unfurl::correlate

@@ -1,0 +1,78 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "correlate/fit/fit.h"
+#include "correlate/fit/progress_workers.h"
+#include "correlate/fit/search.h"
+
+namespace unfurl::correlate {
+
+// The steps of one fit, in the order in which Fit() takes them; each leaves what the next needs.
+// The problem and the options must outlive it.
+class FitRun {
+ public:
+  FitRun(const FitProblem& problem, const FitOptions& options);
+
+  // 1. Where the data lie beside the model at each point screened; from the best of them starts are
+  //    carried on. False: the data and the model share nothing at any of them.
+  bool Screen();
+
+  // 2. Each start through the growing horizon. What the first stage leaves open is scattered over
+  //    its bounds before the second. False: the model failed on every way.
+  bool LeadStarts();
+
+  // 3. The lowest end, to the floor of a rough cost; then solved to within the step tolerance with
+  //    samples weighed for the model's own noise and rows whitened by the noise found in the
+  //    residuals. False: a model failed there.
+  bool Solve();
+
+  // 4. Sensitivities at the estimate, the model's own error, covariance, profiles. False: a model
+  //    failed beside the estimate.
+  bool Estimate();
+
+  // 5. A profile that came upon a lower point has shown that the estimate is not the minimum: goes
+  //    there. True: step 3 has to be taken again.
+  bool GoToBetterPoint();
+
+  // 6. Verdicts.
+  void JudgeParameters();
+
+  FitResult Finish();
+
+ private:
+  // Evaluations of each step, as far as can be told beforehand: for the progress alone.
+  struct Budget {
+    std::size_t screening = 0, leading = 0, sharpening = 0, profiles = 0;
+  };
+  static Budget BudgetOf(const FitProblem& problem, const FitOptions& options);
+
+  void AddRunner(const Candidate& from);
+  void LeadAll(std::size_t from_stage, std::size_t to_stage);
+  void ScatterWhatIsOpen();
+  void WeighByModelNoise();
+  bool Whiten();
+
+  const FitProblem& problem_;
+  const FitOptions& options_;
+  const std::size_t trials_;
+  std::unique_ptr<Workers> local_;
+  ProgressWorkers workers_;
+  Budget budget_;
+  FitResult result_;
+
+  std::vector<Candidate> candidates_;
+  std::vector<double> noise_;  // of the model's marks, by trial [m]
+  std::vector<std::unique_ptr<StageRunner>> runners_, retired_;
+  std::vector<std::uint8_t> failed_;  // by runner
+  StageRunner* best_ = nullptr;       // among the runners
+
+  std::vector<Observations> weighed_;  // by trial, weighed for the model's noise
+  std::vector<const Observations*> data_;
+  std::vector<RowWhitening> whitening_;
+  std::vector<const RowWhitening*> whiteners_;  // null: white
+  int returns_ = 0;                             // to a better point of a profile
+};
+
+}  // namespace unfurl::correlate

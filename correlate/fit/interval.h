@@ -1,0 +1,30 @@
+#pragma once
+
+#include <limits>
+
+#include "correlate/fit/parameter.h"
+
+namespace unfurl::correlate {
+
+struct ParameterEstimate;
+
+/// A 95% interval of one parameter, in its unit. NaN: open on that side, the data do not end it.
+struct Interval {
+  double low = std::numeric_limits<double>::quiet_NaN();
+  double high = std::numeric_limits<double>::quiet_NaN();
+  bool Closed() const { return low == low && high == high; }
+};
+
+/// 97.5% quantile of the standard normal density: half of a 95% interval in standard errors.
+inline constexpr double kHalf95 = 1.959963984540054;
+
+/// The 95% interval that the data alone give: by profile where there is one (open where it does
+/// not end), by the standard error `sigma_data` where none was asked for.
+Interval IntervalOfData(const Parameter& parameter, const ParameterEstimate& estimate);
+
+/// The 95% interval of all parts. Each half of the data's interval and the half that the model's
+/// own error gives, 1.96 sigma_model, are independent and add in quadrature, in the coordinate that
+/// the solver moves (the logarithm where that is what moves), and end at the bounds at the latest.
+Interval IntervalOfAllParts(const Parameter& parameter, const ParameterEstimate& estimate);
+
+}  // namespace unfurl::correlate

@@ -1,0 +1,67 @@
+// Intervals of all parts, against their parts added by hand.
+#include "correlate/fit/interval.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "correlate/fit/fit.h"
+
+namespace unfurl::correlate {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+Parameter Plain() {
+  Parameter p;
+  p.name = "stiffness", p.start = 10.0, p.low = 0.0, p.high = 100.0;
+  return p;
+}
+
+ParameterEstimate At(double value, double sigma_data, double sigma_model) {
+  ParameterEstimate e;
+  e.value = value, e.sigma_data = sigma_data, e.sigma_model = sigma_model;
+  return e;
+}
+
+TEST(Interval, WithoutAProfileIsThatOfTheStandardErrors) {
+  const ParameterEstimate e = At(10.0, 0.3, 0.4);
+  const Interval data = IntervalOfData(Plain(), e), all = IntervalOfAllParts(Plain(), e);
+  EXPECT_NEAR(data.low, 10.0 - 1.959964 * 0.3, 1e-6);
+  EXPECT_NEAR(data.high, 10.0 + 1.959964 * 0.3, 1e-6);
+  EXPECT_NEAR(all.low, 10.0 - 1.959964 * 0.5, 1e-6);  // 3, 4, 5
+  EXPECT_NEAR(all.high, 10.0 + 1.959964 * 0.5, 1e-6);
+}
+
+TEST(Interval, EachHalfOfAProfileAddsTheModelsErrorInQuadrature) {
+  ParameterEstimate e = At(10.0, 0.3, 4.0 / kHalf95);
+  e.profile.points.resize(3);
+  e.profile.low = 7.0, e.profile.high = 17.5;
+  const Interval all = IntervalOfAllParts(Plain(), e);
+  EXPECT_NEAR(all.low, 5.0, 1e-12);    // 3, 4, 5
+  EXPECT_NEAR(all.high, 18.5, 1e-12);  // 7.5, 4, 8.5
+}
+
+TEST(Interval, OfALogarithmStaysPositiveAndIsAFactor) {
+  Parameter p = Plain();
+  p.log = true, p.low = 1e-9;
+  const ParameterEstimate e = At(10.0, 3.0, 40.0);  // 400% of the value
+  const Interval all = IntervalOfAllParts(p, e);
+  EXPECT_GT(all.low, 0.0);
+  EXPECT_NEAR(std::log(10.0 / all.low), kHalf95 * std::hypot(0.3, 4.0), 1e-12);
+  EXPECT_EQ(all.high, p.high);  // and ends at the bound
+}
+
+TEST(Interval, AnOpenSideStaysOpenWhateverTheModel) {
+  ParameterEstimate e = At(10.0, 0.3, 0.4);
+  e.profile.points.resize(3);
+  e.profile.low = 9.0, e.profile.high = kNaN;
+  const Interval all = IntervalOfAllParts(Plain(), e);
+  EXPECT_FALSE(all.Closed());
+  EXPECT_TRUE(std::isfinite(all.low));
+  EXPECT_TRUE(std::isnan(all.high));
+}
+
+}  // namespace
+}  // namespace unfurl::correlate
