@@ -36,7 +36,7 @@ function(unfurl_test name)
   endif()
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE ${ARG_LINKS} GTest::gtest GTest::gmock GTest::gtest_main)
-  target_compile_definitions(${name} PRIVATE UNFURL_SOURCE_DIR="${PROJECT_SOURCE_DIR}")
+  target_include_directories(${name} PRIVATE ${PROJECT_BINARY_DIR}/generated)  # tests/source_dir.h
   unfurl_compile_options(${name})
   target_compile_options(${name} PRIVATE -O1)  # most of a clean build is tests; what they test is -O3
   include(GoogleTest)

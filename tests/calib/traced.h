@@ -11,6 +11,7 @@
 #include "measure/triangulate.h"
 #include "measure/virtual_rig.h"
 #include "tests/calib/synthetic.h"
+#include "tests/source_dir.h"
 
 // The shipped laboratory, its mounting errors drawn anew, read by tracing rays through its glass:
 // what the fitted model did not make. Spots themselves are left out; readings have normal noise.

@@ -13,6 +13,7 @@
 #include "measure/triangulate.h"
 #include "measure/virtual_rig.h"
 #include "tests/calib/synthetic.h"
+#include "tests/source_dir.h"
 
 namespace unfurl::calib {
 namespace {

@@ -8,6 +8,7 @@
 #include "base/random.h"
 #include "data/run.h"
 #include "data/tracks.h"
+#include "tests/source_dir.h"
 
 namespace unfurl::cli {
 

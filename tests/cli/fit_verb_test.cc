@@ -7,6 +7,7 @@
 
 #include "data/fit.h"
 #include "tests/cli/fit_cases.h"
+#include "tests/source_dir.h"
 
 namespace unfurl::cli {
 namespace {

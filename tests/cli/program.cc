@@ -11,6 +11,8 @@
 #include <fstream>
 #include <sstream>
 
+#include "tests/source_dir.h"
+
 namespace unfurl::cli {
 
 namespace {

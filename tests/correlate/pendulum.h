@@ -8,6 +8,7 @@
 #include "correlate/fit/fit.h"
 #include "study/scene_model.h"
 #include "tests/correlate/two_link.h"
+#include "tests/source_dir.h"
 
 namespace unfurl::correlate {
 

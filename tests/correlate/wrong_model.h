@@ -14,6 +14,7 @@
 #include "tests/correlate/one_arm.h"
 #include "tests/correlate/pendulum.h"
 #include "tests/correlate/two_link.h"
+#include "tests/source_dir.h"
 
 namespace unfurl::correlate {
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "tests/source_dir.h"
 
 namespace unfurl::data {
 namespace {

@@ -14,6 +14,7 @@
 #include "data/toml.h"
 #include "errors.h"
 #include "scene_texts.h"
+#include "tests/source_dir.h"
 
 namespace unfurl::data {
 namespace {

@@ -8,6 +8,7 @@
 #include "data/scene.h"
 #include "sim/dynamics/dynamics.h"
 #include "sim/methods/simulate.h"
+#include "tests/source_dir.h"
 
 namespace unfurl::sim {
 namespace {

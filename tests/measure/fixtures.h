@@ -12,6 +12,7 @@
 #include "measure/camera_model.h"
 #include "measure/lens_camera.h"
 #include "measure/virtual_rig.h"
+#include "tests/source_dir.h"
 
 namespace unfurl::measure {
 

@@ -6,6 +6,7 @@
 
 #include "data/scene.h"
 #include "sim/model/model.h"
+#include "tests/source_dir.h"
 
 namespace unfurl::sim {
 

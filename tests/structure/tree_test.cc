@@ -14,6 +14,7 @@
 
 #include "complexity.h"
 #include "house.h"
+#include "tests/source_dir.h"
 
 namespace unfurl::structure {
 namespace {

@@ -12,6 +12,7 @@
 #include "data/scene.h"
 #include "sim/dynamics/observables.h"
 #include "sim/methods/simulate.h"
+#include "tests/source_dir.h"
 
 namespace unfurl::sim {
 
