@@ -15,9 +15,12 @@ enum class ErrorKind {
 // One line: WHERE: WHAT; REMEDY. `where` is file:line:key, as far as known.
 class Error : public std::runtime_error {
  public:
+  // `what` states the fault, `where` the place, `remedy` what to do about it; each without a full
+  // stop.
   Error(const std::string& what, const std::string& where, const std::string& remedy,
         ErrorKind kind = ErrorKind::kBadInput);
 
+  // Who must act: the person, or the machine's owner.
   ErrorKind kind() const { return kind_; }
 
  private:

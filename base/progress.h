@@ -16,6 +16,7 @@ void ThrowIfInterrupted();
 // where `enabled` is false. Safe to call from several threads.
 class Progress {
  public:
+  // `label` stands at the start of the line.
   Progress(std::string label, bool enabled);
   ~Progress();
   Progress(const Progress&) = delete;

@@ -11,6 +11,7 @@ namespace unfurl {
 // they differ between implementations.
 class Rng {
  public:
+  // Equal seeds give equal draws.
   explicit Rng(std::uint64_t seed);
 
   // An independent stream for a named purpose, so that switching one effect on or off leaves the
@@ -28,7 +29,7 @@ class Rng {
  private:
   std::uint64_t seed_;
   std::mt19937_64 engine_;
-  double spare_ = 0.0;
+  double spare_ = 0.0;  // second normal draw of the last pair [-]
   bool has_spare_ = false;
 };
 

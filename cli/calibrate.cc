@@ -96,7 +96,7 @@ std::string OrderText(const calib::CalibrationReport& report) {
   std::string text = fmt::format("\nLens model: {}", report.lens_model);
   if (report.orders.empty()) return text + "\n";
   std::vector<std::vector<std::string>> rows = {
-      {"order", "left-out data less likely by [nats]", "contradiction [px]", "floor [px]"}};
+      {"order", "log likelihood lost [nats]", "misclosure [px]", "floor [px]"}};
   for (const calib::OrderTrial& trial : report.orders) {
     rows.push_back({calib::OrderName(trial), fmt::format("{:.1f}", trial.loss),
                     fmt::format("{:.4f}", trial.contradiction_px),
@@ -225,7 +225,7 @@ data::Survey ReadWhole(const Arguments& arguments) {
   return survey;
 }
 
-// A survey in the order N, E, H mirrors the world, and no reading tells; the layout does.
+// A survey in the order N, E, H is a mirror image; readings fit either hand, the layout only one.
 void CheckHand(const std::string& path, data::Rig* rig) {
   const calib::LayoutMatch match = calib::CompareLayout(*rig, data::ReadLab(path));
   rig->checks["layout_rms [m]"] = match.rms;
@@ -287,33 +287,34 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
   files.WriteOr(
       "-o,--output", &arguments->out,
       [arguments] { return DefaultOutput(arguments->survey, ".rig.h5"); },
-      "The rig to write; SURVEY with .rig.h5 if absent");
+      "The rig to write (default: SURVEY with .rig.h5)");
   files.Write("--report", &arguments->report,
               "A page: verdict, residuals, gross errors, map of uncertainty [HTML]");
   files.Read("--readings", &arguments->readings,
              "Readings by id, where SURVEY holds points only [CSV]; repeats are averaged");
   app->add_option("--sigma", arguments->sigmas.coordinate,
-                  "Of the points per axis, where SURVEY states none [m]")
+                  "Standard deviation of a point per axis, where SURVEY states none [m]")
       ->check(CLI::PositiveNumber);
-  app->add_option("--angle-sigma", arguments->sigmas.angle, "Of a GSI file's angles [rad]")
+  app->add_option("--angle-sigma", arguments->sigmas.angle,
+                  "Standard deviation of a GSI file's angles [rad]")
       ->check(CLI::PositiveNumber);
-  app->add_option("--distance-sigma", arguments->sigmas.distance, "Of a GSI file's distances [m]")
+  app->add_option("--distance-sigma", arguments->sigmas.distance,
+                  "Standard deviation of a GSI file's distances [m]")
       ->check(CLI::PositiveNumber);
   app->add_option("--station", arguments->station,
-                  "Where the total station stood: x y z in the survey's frame [m]")
+                  "Position of the total station, x y z, in the survey's frame [m]")
       ->expected(3);
   app->add_option("--distance-error", arguments->distance_error,
-                  "Sigmas of what all the station's distances share: offset [m] and scale [1], as "
-                  "1e-3 1.5e-6 for 1 mm + 1.5 ppm; wants the station's place")
+                  "Standard deviations of the distance meter's offset [m] and scale [1], as "
+                  "1e-3 1.5e-6 for 1 mm + 1.5 ppm; needs --station")
       ->expected(2)
       ->check(CLI::NonNegativeNumber);
   app->add_option("--zenith-error", arguments->zenith_error,
-                  "Sigma of its vertical circle's index [rad]")
+                  "Standard deviation of the vertical circle's index error [rad]")
       ->check(CLI::PositiveNumber);
   files.Read("--layout", &arguments->layout,
-             "Where the cameras were meant to stand [lab TOML]: tells a left-handed survey");
-  app->add_option("--folds", arguments->options.folds,
-                  "Parts of the survey that are held out in turn")
+             "Planned camera positions [lab TOML]; detects a left-handed survey");
+  app->add_option("--folds", arguments->options.folds, "Folds of the cross-validation")
       ->capture_default_str()
       ->check(CLI::Range(2, 1000));
   app->add_option("--order", arguments->order,
@@ -322,13 +323,13 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
       ->capture_default_str()
       ->type_name("ORDER");
   app->add_option("--e", arguments->options.guess.e_mean,
-                  "What the distance between a lens' two centres is thought to be [m]")
+                  "Prior mean of the distance between a lens' two centres [m]")
       ->capture_default_str();
-  app->add_option("--e-sigma", arguments->options.guess.e_sigma, "and how surely [m]")
+  app->add_option("--e-sigma", arguments->options.guess.e_sigma, "Its standard deviation [m]")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
   app->add_option("--seed", arguments->options.guess.seed,
-                  "Of the random subsets that find gross errors")
+                  "Random seed of the search for gross errors")
       ->capture_default_str();
   app->add_option("--workers", arguments->options.workers, "Threads; 0: all cores")
       ->capture_default_str();

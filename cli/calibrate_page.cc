@@ -45,7 +45,7 @@ void AddHead(const Calibration& result, report::Page* page) {
        {"95% of them within", Cell(result, "held_out_p95 [m]", 1e3, 3) + " mm",
         "largest " + Cell(result, "held_out_max [m]", 1e3, 3) + " mm"},
        {"lens model", report.order == calib::kOrderByCamera ? "by camera" : report.lens_model,
-        report.order_chosen ? "by cross-validation" : "as asked for"},
+        report.order_chosen ? "by cross-validation" : "as given by --order"},
        {"left out as gross",
         fmt::format("{} readings, {} points", Cell(result, "gross_readings [1]", 1.0, 0),
                     Cell(result, "gross_points [1]", 1.0, 0)),
@@ -56,7 +56,7 @@ void AddGross(const Calibration& result, report::Page* page) {
   if (result.report.gross.empty()) return;
   report::Table table;
   table.title = "Gross errors";
-  table.note = "Left out of the fit. Correct what is plainly a slip and calibrate again.";
+  table.note = "Left out of the fit. Correct obvious mistakes in the survey and calibrate again.";
   table.header = {"kind", "what", "size"};
   table.text_columns = {0, 1};
   for (const calib::GrossFinding& finding : result.report.gross) {
@@ -167,7 +167,7 @@ void AddVolume(const calib::Observations& data, const Calibration& result, repor
     contradiction[i] = count[i] > 3.0 ? std::sqrt(contradiction[i] / count[i]) : none;
   }
   AddDots(data, result, contradiction, "Residuals of the readings",
-          "RMS over the cameras that see the point; only points with readings to spare.",
+          "RMS over the cameras that see the point; only points with redundant readings.",
           {"residual", "px"}, page);
   std::vector<double> held_out(data.ids.size(), none);
   for (const calib::HeldOutPoint& point : result.report.held_out) {
@@ -220,8 +220,8 @@ void AddOrders(const Calibration& result, report::Page* page) {
       "Each fitted without a fifth of the points in turn. What counts is how likely the left-out "
       "points' readings were; the simplest model that loses next to nothing is taken.";
   table.header = {"model",
-                  "less likely by [nats]",
-                  "readings contradict each other by [px]",
+                  "log likelihood lost [nats]",
+                  "misclosure of the readings [px]",
                   "from the survey [mm]",
                   "largest floor [px]",
                   "seconds"};

@@ -108,7 +108,7 @@ int RunCheck(const Common& common, const Arguments& arguments) {
         {point.id, Cell(point.error, 1e3, "{:.3f}"), Cell(point.predicted, 1e3, "{:.3f}")});
   }
   std::vector<std::vector<std::string>> cameras = {
-      {"camera", "readings", "off by, RMS [px]", "predicted [px]", "chance without it"}};
+      {"camera", "readings", "off by, RMS [px]", "predicted [px]", "p-value without it"}};
   for (const calib::CheckedCamera& camera : result.cameras) {
     summary["cameras"].push_back({{"name", camera.name},
                                   {"readings", camera.readings},

@@ -35,7 +35,7 @@ void AddHead(const CheckResult& result, bool bar, report::Page* page) {
   const auto found = std::count_if(result.points.begin(), result.points.end(),
                                    [](const auto& point) { return std::isfinite(point.error); });
   page->AddFigures(
-      {{"chance of so large a misfit", fmt::format("{:.2g}", result.chance),
+      {{"p-value of the misfit", fmt::format("{:.2g}", result.chance),
         fmt::format("were the calibration valid; doubtful below {:g}, no longer valid below {:g}",
                     calib::kPerhaps, calib::kDoubtful),
         level},
@@ -54,7 +54,7 @@ void AddCameras(const CheckResult& result, report::Page* page) {
       "A camera that has moved misses by more than predicted, and without it the rest has a fair "
       "chance.";
   table.header = {"camera", "readings", "off by, RMS [px]", "predicted [px]"};
-  if (TriedWithout(result)) table.header.push_back("chance without it");
+  if (TriedWithout(result)) table.header.push_back("p-value without it");
   for (const calib::CheckedCamera& camera : result.cameras) {
     table.rows.push_back({camera.name, std::to_string(camera.readings),
                           fmt::format("{:.3f}", camera.rms_px),
@@ -130,7 +130,7 @@ void AddPoints(const CheckResult& result, bool bar, report::Page* page) {
   table.header = {bar ? "bar" : "point", "x [m]",         "y [m]", "z [m]",
                   "off by [mm]",         "predicted [mm]"};
   const bool without = !bar && TriedWithout(result);
-  if (without) table.header.push_back("chance without it");
+  if (without) table.header.push_back("p-value without it");
   for (const calib::CheckedPoint& point : result.points) {
     table.rows.push_back({point.id, Cell(point.at.x(), 1.0, 3), Cell(point.at.y(), 1.0, 3),
                           Cell(point.at.z(), 1.0, 3), Cell(point.error, 1e3, 3),

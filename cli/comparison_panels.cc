@@ -24,7 +24,7 @@ Chart StabilisationChart(const std::string& whose, const correlate::ModalFit& fi
   chart.note = fmt::format(
       "Each dot is a pole that the matrix pencil finds at that order, between {} and {} Hz. "
       "Physical "
-      "modes stand in columns, order after order; noise wanders. Lines: the modes of the fit.",
+      "modes form columns over the orders; poles of noise scatter. Lines: the modes of the fit.",
       Number(fit.low, 3), Number(fit.high, 3));
   chart.x = {"frequency", "Hz", false};
   chart.y = {"order", "", false};
@@ -167,8 +167,9 @@ void AddScorePanels(const correlate::Comparison& c, report::Page* page) {
       "motion. R "
       "squared: 1 is perfect, 0 no better than standing still in the middle. Sprague-Geers and "
       "Russell "
-      "tell size from timing: M is by how much too large the motion is (negative: too small), P by "
-      "what part of half a turn it is out of phase; C is both. Russell's C up to 0.15 is called "
+      "separate size from timing: M is the relative error in size (negative: too small), P the "
+      "phase "
+      "error as a part of half a turn; C combines both. Russell's C up to 0.15 is called "
       "excellent, up to 0.28 acceptable.",
       c.record_is_test ? "the measured record" : "the reference");
   errors.header = {"",
@@ -280,7 +281,8 @@ void AddModePanels(const correlate::Comparison& c, report::Page* page) {
   if (d.Usable() && d.chi2_per_dof > 4.0) {
     // Beyond twice the sigma, as in the alignment.
     words += fmt::format(
-        " What is left is {} times the measurement's own error: more happens here than a linear "
+        " The residual is {} times the measurement's standard deviation: more happens here than a "
+        "linear "
         "free "
         "decay (impacts in a clearance, friction), and the values are those of the linear decay "
         "that "

@@ -215,9 +215,9 @@ Verb AddConvert(CLI::App& program, Common& common) {
             "A run, tracks or survey (.h5), tracks or a survey (.csv), tracks (.c3d, .uff), "
             "a description of raw lines (.toml)")
       ->required();
-  files.Write("OUT", &arguments->out, "The file to write; its ending tells the format")->required();
+  files.Write("OUT", &arguments->out, "The file to write; its ending gives the format")->required();
   app->add_option("--sigma", arguments->sigma,
-                  "Of one axis of a point [m], where a .c3d or .uff tells none");
+                  "Standard deviation of a point per axis [m], where a .c3d or .uff states none");
   verb.run = [&common, arguments] {
     std::vector<std::string> notes;
     const std::string schema =

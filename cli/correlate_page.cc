@@ -52,7 +52,7 @@ void AddBoth(const correlate::ComparedSignal& s, const std::string& of, const ch
 }
 
 void AddMotion(const correlate::Comparison& c, report::Page* page) {
-  page->AddSection(c.reference_is_run ? "Measured over simulated" : "The one over the other",
+  page->AddSection(c.reference_is_run ? "Measured over simulated" : "Comparison in time",
                    fmt::format("Dots: measured, with a band of ±{:.0f} standard deviations. Lines: "
                                "{}. Drag to zoom; all charts of time follow.",
                                kBand, Other(c)));
@@ -68,7 +68,7 @@ void AddMotion(const correlate::Comparison& c, report::Page* page) {
 void AddPlane(const correlate::Comparison& c, report::Page* page) {
   report::Paths paths;
   paths.title = "The plane of the motion";
-  paths.note = "The marks' ways at equal scale.";
+  paths.note = "Paths of the marks, both axes to the same scale.";
   paths.x = {"x", "m", false};
   paths.y = {"y", "m", false};
   int color = 0;
@@ -86,7 +86,7 @@ void AddPlane(const correlate::Comparison& c, report::Page* page) {
 }
 
 void AddResiduals(const correlate::Comparison& c, report::Page* page) {
-  page->AddSection("What is left",
+  page->AddSection("Residuals",
                    fmt::format("Measured less {}, with a band of ±{:.0f} standard deviations "
                                "of the measurement about zero: where the two agree, the dots fill "
                                "the band and nothing else. z is across the model's plane.",
@@ -105,7 +105,7 @@ void AddResiduals(const correlate::Comparison& c, report::Page* page) {
         left[i] = kMilli * (s->measured[i] - s->reference[i]);
       }
       if (c.observations.has_sigma && axis[1] == 'x') {
-        chart.series.push_back({"measurement's own error", s->t,
+        chart.series.push_back({"measurement's standard deviation", s->t,
                                 std::vector<double>(s->t.size(), 0.0),
                                 Scaled(s->sigma, kBand * kMilli), Style::kLine, 7});
       }
@@ -162,7 +162,7 @@ void AddErrors(const correlate::Comparison& c, report::Page* page) {
   table.title = "Errors, mark by mark";
   table.note =
       "Root mean squares of the distance between the two, after alignment. "
-      "One sigma is what the measurement claims for itself.";
+      "One sigma is the measurement's stated standard deviation.";
   table.header = {"mark",        "samples",      "RMSE [mm]", "in the plane [mm]",
                   "across [mm]", "largest [mm]", "at [s]",    "in sigmas"};
   for (const correlate::MarkError& e : c.errors) {
@@ -206,7 +206,7 @@ std::vector<std::string> MarksByMotion(const correlate::Comparison& c) {
 
 report::Chart AngleChart(const correlate::Comparison& c, const correlate::ComparedSignal& s) {
   Chart chart;
-  chart.title = "Turn of the body: " + s.name;
+  chart.title = "Rotation of the body: " + s.name;
   chart.note = "Two marks on one body give its angle.";
   chart.y = {"angle", ShownUnit(s.unit), false};
   AddBoth(s, "", Other(c), 0, &chart);
@@ -216,7 +216,7 @@ report::Chart AngleChart(const correlate::Comparison& c, const correlate::Compar
 
 report::Chart MarkChart(const correlate::Comparison& c, const std::string& mark) {
   Chart chart;
-  chart.title = mark + ": where it is";
+  chart.title = mark + ": position";
   chart.y = {"position", "mm", false};
   chart.height_px = 320;
   if (const auto* s = FindSignal(c, mark + " x")) AddBoth(*s, " x", Other(c), 0, &chart);

@@ -77,7 +77,7 @@ class CostVerb {
     std::vector<correlate::CostRun> runs;
     for (const correlate::CostSetting& s : settings) runs.push_back(Measure(s, 3));
     const correlate::CostStudy study = correlate::StudyCost(runs, reference, &second);
-    return Tell(study, model.name);
+    return Summarize(study, model.name);
   }
 
  private:
@@ -141,7 +141,7 @@ class CostVerb {
     return run;
   }
 
-  int Tell(const correlate::CostStudy& study, const std::string& name) const {
+  int Summarize(const correlate::CostStudy& study, const std::string& name) const {
     const std::vector<std::string> advice = correlate::CostAdvice(study);
     ordered_json json = {{"scene", arguments_.scene},
                          {"duration", duration_},
@@ -169,8 +169,8 @@ class CostVerb {
     for (const std::string& line : advice) text += "  " + line + "\n";
     text += AlignedTable(CostRows(study));
     text += fmt::format(
-        "(errors: distance of the worst mark from the finest run, {}, over its "
-        "range; best: nothing is both faster and nearer)\n",
+        "(errors: distance of the worst mark from the reference run, {}, relative to its "
+        "range of motion; best: no other setting is both faster and more accurate)\n",
         study.reference.Name());
     if (study.floor >= 0.0) {
       text += fmt::format("the finest run of method {} differs from it by {:.1e}\n",

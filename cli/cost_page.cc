@@ -34,7 +34,7 @@ void WriteCostPage(const std::string& path, const std::string& scene,
   std::vector<std::string> details(advice.begin() + 1, advice.end());
   details.push_back(
       fmt::format("Errors are distances of the marks from the finest run ({}), over "
-                  "the range of each mark, of the worst mark.",
+                  "the range of each mark's motion; the worst mark counts.",
                   study.reference.Name()));
   if (study.floor >= 0.0) {
     details.push_back(

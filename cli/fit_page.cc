@@ -31,7 +31,7 @@ std::string Limit(double x) { return std::isfinite(x) ? fmt::format("{:.5g}", x)
 void AddParameters(const FitPageInput& in, report::Page* page) {
   std::vector<report::Figure> figures;
   report::Table values, parts;
-  values.title = "What was fitted";
+  values.title = "Estimates";
   values.header = {"parameter",
                    "start",
                    "value",
@@ -45,19 +45,18 @@ void AddParameters(const FitPageInput& in, report::Page* page) {
   values.text_columns = {0, 7, 8, 9};
   values.note =
       "The interval of all parts is what can be said of the parameter: the data's and the model's "
-      "own "
-      "error together. The data alone: what they would say of it were the model without error.";
-  parts.title = "What the standard errors are made of";
+      "own error together. The data alone: what they would say of it were the model without error.";
+  parts.title = "Contributions to the standard errors";
   parts.note =
       "Of the data: the samples' own errors and the calibration's, widened for what the residuals' "
       "correlation shows. Of the model: its own error, judged by a better model at the estimate "
       "(the reasons above say by which); the shift says where the value would go without that "
-      "error. Alone: what the data "
-      " would give were all other parameters known. Roughness: by how much the differences of "
+      "error. Alone: what the data would give "
+      "were all other parameters known. Roughness: by how much the differences of "
       "the marks to either side of the estimate disagree, |D+ - D-| / |D+ + D-|: 0 for a smooth "
       "model, 1 where impacts come and go within the step. Above 0.3 they are not averaged: the "
       "side that leads downhill moves the solver, and the flatter one sets the standard error.";
-  parts.header = {"parameter", "were the residuals white", "of the data", "of the model", "all",
+  parts.header = {"parameter", "assuming white residuals", "of the data", "of the model", "all",
                   "alone",     "the better model's shift", "roughness"};
   for (std::size_t j = 0; j < in.record.parameters.size(); ++j) {
     const auto& p = in.record.parameters[j];
@@ -151,9 +150,9 @@ void AddProfiles(const FitPageInput& in, report::Page* page) {
     chart.x = {p.name, p.unit, false};
     chart.y = {"deviance", "1", false};
     report::Series found, parabola, level;
-    found.name = "others at their best";
+    found.name = "profile";
     found.style = report::Style::kDots;
-    parabola.name = "from the standard error";
+    parabola.name = "parabola of the standard error";
     level.name = "3.84";
     level.style = report::Style::kDashes;
     for (const auto& point : in.record.profiles) {
@@ -186,14 +185,14 @@ void AddWaterfall(const FitPageInput& in, report::Page* page) {
   chart.title = "Starts, best end first";
   chart.note =
       "Half the sum of squares over the whole record to which each start led. A step that many "
-      "share is a minimum found again and again; the lowest one is the answer.";
+      "share is a minimum found repeatedly; the lowest is the estimate.";
   chart.x = {"start", "1", false};
   chart.y = {"half the sum of squares", "1", true};
   report::Series ends;
   ends.name = "ends";
   ends.style = report::Style::kDots;
   report::Table table;
-  table.title = "Where they began and ended";
+  table.title = "Start and end points";
   table.header = {"start", "half the sum of squares"};
   for (const auto& p : in.record.parameters) {
     table.header.push_back(p.name + " from");
@@ -245,20 +244,20 @@ report::Series Autocorrelation(const correlate::ResidualNoise& noise,
 }
 
 void AddResiduals(const FitPageInput& in, report::Page* page) {
-  page->AddSection("Residuals",
-                   "White residuals have no autocorrelation beyond lag 0. What there is says that "
-                   "the model, or the optics, are wrong in a way that lasts from sample to sample; "
-                   "the fit is then weighted for it, and what is left widens the standard errors.");
+  page->AddSection(
+      "Residuals",
+      "White residuals have no autocorrelation beyond lag 0. What there is says that "
+      "the model, or the optics, are wrong in a way that lasts from sample to sample; "
+      "the fit is then weighted for it, and the remainder widens the standard errors.");
   const bool several = in.result.trials.size() > 1;
   for (const correlate::TrialResult& t : in.result.trials) {
     report::Chart chart;
     chart.title = "Autocorrelation of the residuals" + (several ? ", " + t.name : std::string());
     chart.x = {"lag", "samples of a mark", false};
     chart.y = {"autocorrelation", "1", false};
-    chart.series.push_back(Autocorrelation(t.plain, t.residual, "as they are"));
+    chart.series.push_back(Autocorrelation(t.plain, t.residual, "unweighted"));
     if (!t.noise.series.empty() && !t.noise.white()) {
-      chart.series.push_back(
-          Autocorrelation(t.whitened, t.registration.residual, "weighted for it"));
+      chart.series.push_back(Autocorrelation(t.whitened, t.registration.residual, "whitened"));
     }
     page->AddChart(chart);
   }
@@ -279,10 +278,11 @@ void AddResiduals(const FitPageInput& in, report::Page* page) {
   if (!table.rows.empty()) page->AddTable(table);
   if (in.record.less_weight.empty()) return;
   report::Table less;
-  less.title = "Where samples count less";
+  less.title = "Samples with less weight";
   less.note =
-      "There the marks move with the solver's tolerance: impacts have magnified every last digit, "
-      "and what the simulation says is not better known than this.";
+      "The simulated marks depend on the solver's tolerance there, since impacts amplify its "
+      "errors; "
+      "the weight accounts for this numerical noise.";
   less.header = {"trial", "mark", "from [s]", "to [s]", "solver's noise [mm]", "weight"};
   less.text_columns = {0, 1};
   for (const auto& l : in.record.less_weight) {
@@ -297,7 +297,7 @@ void AddResiduals(const FitPageInput& in, report::Page* page) {
 // The simulated marks with what the parameters' errors leave open, over the measured ones.
 void AddBands(const FitPageInput& in, report::Page* page) {
   page->AddSection(
-      "What the model predicts now",
+      "Prediction with the estimates",
       "Simulated marks in the model's plane, with a band of two standard errors for what is not "
       "known of the parameters (carried through linearly), over the measured ones.");
   constexpr const char* kAxes[] = {"x", "y"};
@@ -335,7 +335,7 @@ void AddBands(const FitPageInput& in, report::Page* page) {
 }
 
 void AddSearch(const FitPageInput& in, report::Page* page) {
-  page->AddSection("The way to the answer",
+  page->AddSection("Course of the search",
                    fmt::format("{} evaluations of the model; every one is in the file.",
                                in.record.evaluations.size()));
   report::Table stages;

@@ -49,7 +49,7 @@ class LastState : public sim::Observer {
   std::vector<sim::LatchMode> at_end;
 };
 
-// Places that shapes are told for: bodies, then segments of beams, then marks.
+// Where shapes are reported: bodies, then segments of beams, then marks.
 struct Place {
   std::string name;
   sim::MovingPoint point;

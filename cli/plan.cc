@@ -156,10 +156,11 @@ Verb AddPlan(CLI::App& program, Common& common) {
   files.Read("INPUT", &arguments->input, "A laboratory [TOML], or a rig [HDF5]")->required();
   files.Write("--report", &arguments->report, "A page with the maps [HTML]");
   app->add_option("--points", arguments->plan.survey_points,
-                  "Points that would be surveyed, at random in the volume")
+                  "Number of surveyed points assumed, at random in the volume")
       ->capture_default_str()
       ->check(CLI::Range(12, 100000));
-  app->add_option("--reading-sigma", arguments->map.reading_sigma_px, "Of one reading [px]")
+  app->add_option("--reading-sigma", arguments->map.reading_sigma_px,
+                  "Standard deviation of one reading [px]")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
   app->add_option("--columns", arguments->map.columns, "Cells of the map along x and along y")
@@ -168,7 +169,7 @@ Verb AddPlan(CLI::App& program, Common& common) {
   app->add_option("--layers", arguments->map.layers, "Slices of the map")
       ->capture_default_str()
       ->check(CLI::Range(1, 50));
-  app->add_option("--seed", arguments->plan.seed, "Of where the points would lie")
+  app->add_option("--seed", arguments->plan.seed, "Random seed of the points' positions")
       ->capture_default_str();
   files.Overrides(&arguments->overrides, "Another value for a key of the lab (repeatable)");
   verb.run = [&common, arguments] { return RunPlan(common, *arguments); };

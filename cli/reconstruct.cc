@@ -284,8 +284,7 @@ int ReconstructVerb(const Common& common, const Settings& s) {
   }
   for (std::size_t c = 0; c < done.left_out.size(); ++c) {
     if (done.left_out[c] == 0) continue;
-    text += fmt::format("{}: {} times something was seen and not taken\n",
-                        trial.header().cameras[c], done.left_out[c]);
+    text += fmt::format("{}: {} spots left out\n", trial.header().cameras[c], done.left_out[c]);
   }
   if (!done.named_by_place.empty()) {
     summary["named_by_place"] = done.named_by_place;
@@ -332,7 +331,8 @@ Verb AddReconstruct(CLI::App& program, Common& common) {
       "-o,--output", &s->output, [] { return "tracks.h5"; }, "Output [HDF5]; default tracks.h5");
   files.Write("--picture", &s->picture, "Also draw the cameras' streak images [PNG]");
   files.Write("--report", &s->report, "A page to look at (HTML)");
-  files.Read("--start", &s->start, "Where marks that are lit together start: mark, x, y, z [CSV]");
+  files.Read("--start", &s->start,
+             "Initial positions of marks that are lit together: mark, x, y, z [CSV]");
   app->add_flag(
       "--smooth", s->smooth,
       "Smooth the tracks (Rauch-Tung-Striebel); for looking at, not for fitting. Holds the "

@@ -26,7 +26,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr double kLargeFile = 1e9;  // bytes; beyond it the size is told before the run
+constexpr double kLargeFile = 1e9;  // [byte]; beyond it the size is printed before the run
 
 struct Arguments {
   std::string scene, out, report;
@@ -218,7 +218,7 @@ Verb AddSimulate(CLI::App& program, Common& common) {
       ->capture_default_str();
   files.Write("--report", &arguments->report, "Also write a page with pictures (HTML)");
   app->add_flag("--profile", arguments->profile,
-                "Tell what share of the time each part took, and keep it in the run");
+                "Report the share of the time that each part took, and store it in the run");
   verb.run = [&common, arguments] { return SimulateVerb(common, *arguments).Run(); };
   return verb;
 }

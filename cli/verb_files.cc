@@ -22,7 +22,7 @@ namespace fs = std::filesystem;
 constexpr char kInput[] = "FILE", kOutput[] = "NEW_FILE", kFolder[] = "FOLDER",
                kOverride[] = "KEY=VALUE";
 
-// What tells a file from all others, whatever its names: device and inode, or for one that is not
+// What identifies a file, whatever its names: device and inode, or for one that is not
 // there yet those of its folder, and its name.
 std::string IdentityOf(const std::string& path) {
   struct stat info = {};

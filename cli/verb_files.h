@@ -11,10 +11,10 @@ class Option;
 
 namespace unfurl::cli {
 
-// The files that a verb reads and writes, told as its options are declared, so that no output can
-// ever take the place of an input. Every option that takes text is declared here as a file to read,
-// a file to write or overrides, or carries a type name of its own (a word, a list of names): the
-// program refuses to start with one that is not.
+// The files that a verb reads and writes, registered as its options are declared, so that no output
+// can ever take the place of an input. Every option that takes text is declared here as a file to
+// read, a file to write or overrides, or carries a type name of its own (a word, a list of names):
+// the program refuses to start with one that is not.
 class VerbFiles {
  public:
   explicit VerbFiles(CLI::App* app) : app_(app) {}
@@ -24,7 +24,7 @@ class VerbFiles {
   // The strings and lists live at least as long as the program's options.
   CLI::Option* Read(const std::string& flags, std::string* path, const std::string& help);
   CLI::Option* Write(const std::string& flags, std::string* path, const std::string& help);
-  // Where the option is not given, `name` tells the file. A file of that name which this verb did
+  // Where the option is not given, `name` gives the file. A file of that name which this verb did
   // not make stays, unless --force is given (the flag is declared here).
   CLI::Option* WriteOr(const std::string& flags, std::string* path,
                        std::function<std::string()> name, const std::string& help);

@@ -43,7 +43,7 @@ class Expression {
   };
   struct Instruction {
     Op op;
-    double number = 0.0;  // of kNumber
+    double number = 0.0;  // of kNumber [unit of the expression]
   };
 
   // Throws Error with `where` and the column.

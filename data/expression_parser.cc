@@ -99,7 +99,7 @@ class Parser {
     if (!constant) return;
     const double value =
         Expression(Program(program_.end() - operands - 1, program_.end())).Value(0);
-    if (!std::isfinite(value)) return;  // left for FindFault, which tells why
+    if (!std::isfinite(value)) return;  // left for FindFault, which gives the reason
     program_.resize(program_.size() - operands - 1);
     program_.push_back({Op::kNumber, value});
   }

@@ -18,31 +18,33 @@ struct FitRecord {
   std::string verdict;  // of the whole, in words
   std::vector<std::string> reasons;
 
+  // The estimate of one parameter.
   struct Parameter {
     std::string name, unit;
-    std::vector<std::string> keys;  // of the scene
-    double start = 0.0, low = 0.0, high = 0.0;
-    double value = 0.0;
-    double sigma = 0.0;        // standard error, all parts
-    double sigma_data = 0.0;   // from the samples, residual correlation included
-    double sigma_white = 0.0;  // the same for white residuals
-    double sigma_model = 0.0;  // from the model's own error
-    double model_shift = 0.0;  // what the finer model would change the value by
+    std::vector<std::string> keys;              // of the scene
+    double start = 0.0, low = 0.0, high = 0.0;  // where the search began; bounds [unit]
+    double value = 0.0;                         // estimate [unit]
+    double sigma = 0.0;                         // standard error, all parts [unit]
+    double sigma_data = 0.0;   // from the samples, residual correlation included [unit]
+    double sigma_white = 0.0;  // the same for white residuals [unit]
+    double sigma_model = 0.0;  // from the model's own error [unit]
+    double model_shift = 0.0;  // what the finer model would change the value by [unit]
     double kink = 0.0;         // roughness of the differences [-]
-    double sigma_alone = 0.0;  // of the data, were all other parameters known
+    double sigma_alone = 0.0;  // of the data, were all other parameters known [unit]
     double imitated = 0.0;     // share of its effect that frame, offset, calibration imitate [-]
-    double low95 = 0.0, high95 = 0.0;  // 95% interval of all parts; NaN: open on that side
-    double low95_data = 0.0, high95_data = 0.0;  // the data alone
+    double low95 = 0.0, high95 = 0.0;            // 95%, all parts [unit]; NaN: open on that side
+    double low95_data = 0.0, high95_data = 0.0;  // the data alone [unit]
     double dispersion = 1.0;  // what deviances are divided by before 3.84 ends the interval [-]
     std::string verdict, reason;
     std::vector<std::string> with;  // what it is determined only in combination with
   };
   std::vector<Parameter> parameters;  // p
-  Eigen::MatrixXd covariance;         // p x p, in the products of the units
+  Eigen::MatrixXd covariance;         // p x p [product of the units]
 
+  // What was estimated along with the parameters: frame, time offset, calibration.
   struct Nuisance {
     std::string name, unit;
-    double value = 0.0, sigma = 0.0;
+    double value = 0.0, sigma = 0.0;  // estimate and standard error [unit]
     std::int32_t trial = 0;
   };
   std::vector<Nuisance> nuisances;
@@ -52,28 +54,29 @@ struct FitRecord {
     std::int32_t parameter = 0;
     double deviance = 0.0;  // twice the rise of the cost [-]
     bool settled = false;
-    std::vector<double> theta;  // p
+    std::vector<double> theta;  // p [units]
   };
   std::vector<ProfilePoint> profiles;
 
   // Where the search began and ended, best first.
   struct Start {
-    std::vector<double> from, to;  // p
+    std::vector<double> from, to;  // p [units]
     double screened = 0.0;         // mean square of the residuals over the first horizon [-]
-    double cost = -1.0;            // half the sum of squares over the whole record; -1: failed
+    double cost = -1.0;            // half the sum of squares over the whole record [-]; -1: failed
     std::string message;
   };
   std::vector<Start> starts;
 
+  // One run of the model.
   struct Evaluation {
-    std::vector<double> theta;  // p
+    std::vector<double> theta;  // p [units]
     std::string purpose, message;
     int stage = 0;
     bool failed = false;
     std::int32_t start = -1;  // which of several; -1: not of one
     std::int32_t trial = 0;
     std::int32_t fidelity = 0;  // 0 the model, 1 with a tighter tolerance, 2 with a finer mesh
-    double cost = -1.0;         // half the sum of squares of whitened residuals; -1: not compared
+    double cost = -1.0;  // half the sum of squares of whitened residuals [-]; -1: not compared
   };
   std::vector<Evaluation> evaluations;
 
@@ -83,7 +86,7 @@ struct FitRecord {
   // first-order Markov process, in units of the samples' own variance.
   struct Noise {
     std::int32_t trial = 0, mark = 0, axis = 0;
-    double variance = 1.0, share = 0.0, rho = 0.0;
+    double variance = 1.0, share = 0.0, rho = 0.0;  // rho: correlation of neighbours [-]
   };
   std::vector<Noise> noise;
   // Parts of the record that count less, for the solver's noise there.
@@ -91,7 +94,7 @@ struct FitRecord {
     std::int32_t trial = 0, mark = 0;
     double from = 0.0, to = 0.0;  // on the tracks' clock [s]
     double noise = 0.0;           // of a coordinate [m]
-    double weight = 1.0;          // (0, 1)
+    double weight = 1.0;          // in (0, 1) [-]
   };
   std::vector<LessWeight> less_weight;
 

@@ -15,8 +15,10 @@ namespace unfurl::data {
 // HDF5 behind the few calls that the records need. Every dataset carries the attributes `units`
 // and `description`; every file the root attributes `schema`, `schema_version` and its provenance.
 
+// Element types of datasets.
 enum class H5Type { kDouble, kFloat, kInt32, kUint16, kUint8 };
 
+// Names a dataset and says what it holds.
 struct H5Field {
   std::string path;         // "/series/hub.x"; groups are made as needed
   std::string units;        // "m", "rad", "s", "px", "1" for none
@@ -29,7 +31,7 @@ class H5Writer;
 class H5Series {
  public:
   H5Series() = default;
-  std::size_t rows() const { return rows_; }
+  std::size_t rows() const { return rows_; }  // appended so far
   // `values` holds rows x (product of the row's dimensions) entries, row after row. The type must
   // be the one the series was made with.
   void Append(std::span<const double> values);
@@ -52,6 +54,7 @@ class H5Series {
   std::size_t rows_ = 0;
 };
 
+// Writes one file: datasets with units, attributes, provenance. Not for several threads at once.
 class H5Writer {
  public:
   // How a file comes to be: whole or not at all; or streamed to NAME.partial, which can be read
@@ -111,6 +114,7 @@ class H5Writer {
   std::unique_ptr<Impl> impl_;
 };
 
+// Reads one file, whole datasets or rows of them.
 class H5Reader {
  public:
   // Throws one clear Error for: no such file, not HDF5, truncated, another schema, a newer version.
@@ -122,16 +126,16 @@ class H5Reader {
   // The schema of any Unfurl file; throws Error when it is not one.
   static std::string SchemaOf(const std::string& path);
 
-  const std::string& path() const;
-  int schema_version() const;
-  Provenance ReadProvenance() const;
+  const std::string& path() const;    // of the file
+  int schema_version() const;         // of the file, at most `newest_version`
+  Provenance ReadProvenance() const;  // who made the file, from what
 
-  bool Has(const std::string& path) const;
+  bool Has(const std::string& path) const;                            // a group or dataset
   std::vector<std::string> Children(const std::string& group) const;  // by creation order
-  bool IsDataset(const std::string& path) const;
-  std::vector<std::size_t> Dims(const std::string& dataset) const;
-  std::string Units(const std::string& dataset) const;
-  std::string Description(const std::string& dataset) const;
+  bool IsDataset(const std::string& path) const;                      // false for a group
+  std::vector<std::size_t> Dims(const std::string& dataset) const;    // rows first
+  std::string Units(const std::string& dataset) const;                // "1" for none
+  std::string Description(const std::string& dataset) const;          // one line
 
   // Whole datasets. `units` must equal the stored ones (empty: not checked). Non-finite values are
   // let through: NaN marks "not seen" in some fields; each record checks its own.

@@ -123,7 +123,7 @@ H5Reader::H5Reader(const std::string& path, const std::string& schema, int newes
   if (found != schema) {
     Fail(found.empty() ? "is not a file of ours: it names no schema"
                        : fmt::format("holds '{}', where '{}' is needed", found, schema),
-         "", "give the file that the right verb wrote (`unfurl info` tells what a file is)");
+         "", "give the file that the right verb wrote (`unfurl info` shows what a file is)");
   }
   impl_->version = static_cast<int>(IntAttribute("/", "schema_version"));
   if (impl_->version > newest_version) {

@@ -25,7 +25,7 @@ struct Head {
   std::uint64_t checksum = 0;
 };
 
-// All of it, whatever the system hands out at a time; false at the end of the file.
+// Reads until `size` bytes are there, since read() may return fewer; false at the end of the file.
 bool ReadAt(int file, std::uint64_t offset, char* out, std::size_t count) {
   while (count > 0) {
     const ssize_t got = pread(file, out, count, static_cast<off_t>(offset));

@@ -14,6 +14,7 @@ namespace unfurl::data {
 // the fields' names; docs/lab.md lists them with units and marks what is assumed. Frames: W world,
 // M the model's plane (z = 0 in M), C camera (data/rig.h).
 
+// The cylinder lens behind the slit, one for all cameras.
 struct LabLens {
   double index = 0.0;      // of the glass at the LEDs' wavelength [-]
   double radius = 0.0;     // of each curved face [m]
@@ -24,6 +25,7 @@ struct LabLens {
   double focus_distance = 0.0;  // slit to the point that is imaged sharpest [m]
 };
 
+// The slit in front of the lens, across the cylinder's axis.
 struct LabSlit {
   double width = 0.0;     // [m]
   double length = 0.0;    // along the cylinder's axis [m]
@@ -49,6 +51,7 @@ struct LabSensor {
   double blooming = 0.0;  // share of what a full pixel cannot hold that its neighbours get [-]
   double residual = 0.0;  // share of a line's charge that is read with the next line [-]
 
+  // True where readings need a flat field: gains or offsets differ from pixel to pixel.
   bool has_pattern() const {
     return odd_gain != 0.0 || odd_offset != 0.0 || nonuniformity > 0.0 || dark_nonuniformity > 0.0;
   }
@@ -78,9 +81,9 @@ struct LabLamp {
 
 // A flat disc in W.
 struct LabDisc {
-  Eigen::Vector3d centre = Eigen::Vector3d::Zero();  // [m]
-  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();
-  double radius = 0.0;  // [m]
+  Eigen::Vector3d centre = Eigen::Vector3d::Zero();   // [m]
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  // of unit length, in W [-]
+  double radius = 0.0;                                // [m]
 };
 
 // [reflection.NAME]: a mirror; an LED's image in it is a second spot.
@@ -95,6 +98,7 @@ struct LabOccluder {
   double from = 0.0, until = 0.0;  // by the recorder's clock [s]
 };
 
+// The light-emitting diodes of model and survey.
 struct LabLed {
   double peak = 0.0;          // of the brightest pixel over full scale, on the optical axis at the
                               // focus distance, with `flash` [-]
@@ -103,9 +107,10 @@ struct LabLed {
   // Intensity falls with the angle from the LED's axis as cos^m, to half at `half_angle` [rad]; 0:
   // alike in all directions. The axis stands in M for the model's LEDs, in W for the survey's.
   double half_angle = 0.0;
-  Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();  // of unit length [-]
 };
 
+// Which mark is lit in which line.
 struct LabStrobe {
   double line_rate = 0.0;          // [1/s]
   std::vector<std::string> slots;  // what is lit in each line, in turn: a mark's name or "dark"
@@ -132,21 +137,24 @@ struct LabCamera {
   double roll = 0.0;
 };
 
+// Pose of the model's plane M in W.
 struct LabModelPlane {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // of M's origin in W [m]
   double yaw = 0.0;                                    // about W's z axis [rad]
   std::array<double, 2> tilt{};                        // then about M's x and y axes [rad]
 };
 
+// The total station.
 struct LabSurvey {
   double sigma = 0.0;  // of the total station, per axis [m]
 };
 
+// The laboratory: cameras as they are meant to stand, optics, sensor, light, disturbances.
 struct Lab {
   std::string path;
   std::uint64_t seed = 0;
-  Eigen::Vector3d volume_low = Eigen::Vector3d::Zero();  // the volume, in W [m]
-  Eigen::Vector3d volume_high = Eigen::Vector3d::Zero();
+  Eigen::Vector3d volume_low = Eigen::Vector3d::Zero();   // the volume, in W [m]
+  Eigen::Vector3d volume_high = Eigen::Vector3d::Zero();  // [m]
   LabLens lens;
   LabSlit slit;
   LabSensor sensor;

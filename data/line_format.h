@@ -16,14 +16,17 @@ struct LineFormat {
   int parity = 2;        // last elements, no light information
   int bits = 12;         // counts run from 0 to 2^bits - 1
   double pitch = 14e-6;  // [m]
-  // What the makers or a dark/flat record tell of the noise, for the weights of the estimators.
+  // Noise by the data sheet or from dark and flat records, for the weights of the estimators.
   double electrons_per_count = 0.0;  // [e-/count]; > 0
   double read_noise_counts = 0.0;    // standard deviation of one element in the dark [count]
 
+  // Elements of one line, all kinds.
   std::size_t elements() const {
     return static_cast<std::size_t>(dummy + dark + active + dark_after + parity);
   }
+  // Index of the first active element in the line.
   std::size_t first_active() const { return static_cast<std::size_t>(dummy + dark); }
+  // The largest count [count].
   double full_scale() const { return static_cast<double>((1 << bits) - 1); }
 };
 

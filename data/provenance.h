@@ -15,6 +15,7 @@ struct InputFile {
   std::string sha256;  // of the file's bytes, in hex
 };
 
+// What a file says about its making.
 struct Provenance {
   std::string program;  // "unfurl 0.1.0"
   std::string command;  // the verb and its arguments, as typed

@@ -113,7 +113,8 @@ void ReadSurveyTable(const TomlTable& t, const TomlTable& recording, const fs::p
                      RawLayout* layout) {
   layout->survey.points = FileOf(t, "points", folder);
   if (t.Has("ids") == t.Has("lines_each")) {
-    t.Fail(t.Has("ids") ? "ids" : "points", "which line shows which point must be told in one way",
+    t.Fail(t.Has("ids") ? "ids" : "points",
+           "which line shows which point must be given in one way only",
            "give `lines_each`, or `ids`, a CSV with a row a line");
   }
   if (t.Has("ids")) {
@@ -162,7 +163,7 @@ RawLayout ReadRawLayout(const std::string& path) {
   if (recording.Has("stamps")) {
     if (survey) {
       recording.Fail("stamps", "the lines of a survey need no stamps",
-                     "leave it out; which line is of which point is told by survey.ids");
+                     "leave it out; survey.ids already assigns lines to points");
     }
     layout.stamps = FileOf(recording, "stamps", folder);
   }

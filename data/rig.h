@@ -17,14 +17,15 @@ namespace unfurl::data {
 inline constexpr std::array<const char*, 10> kCameraTerms = {
     "x^3", "x y^2", "x^5", "x^3 y^2", "x y^4", "x^2", "x y", "y^2", "x^2 y", "y^3"};
 
+// One calibrated camera.
 struct RigCamera {
   std::string name;
-  Eigen::Matrix3d R_CW = Eigen::Matrix3d::Identity();
-  Eigen::Vector3d p_WC = Eigen::Vector3d::Zero();  // the slit's centre in W [m]
-  double f_px = 0.0;                               // image scale [px]
-  double u0_px = 0.0;                              // reading on the optical axis [px]
-  double e = 0.0;                                  // distance between the two centres [m]
-  std::array<double, 10> terms_px{};               // in the order of kCameraTerms [px]
+  Eigen::Matrix3d R_CW = Eigen::Matrix3d::Identity();  // from W to C [-]
+  Eigen::Vector3d p_WC = Eigen::Vector3d::Zero();      // the slit's centre in W [m]
+  double f_px = 0.0;                                   // image scale [px]
+  double u0_px = 0.0;                                  // reading on the optical axis [px]
+  double e = 0.0;                                      // distance between the two centres [m]
+  std::array<double, 10> terms_px{};                   // in the order of kCameraTerms [px]
   // Its own model-error floor, added in quadrature to each reading's sigma [px]; negative: the
   // rig's.
   double floor_px = -1.0;
@@ -35,9 +36,11 @@ struct RigCamera {
 // 9-18 terms [px].
 inline constexpr int kCameraParameters = 19;
 
+// The calibrated cameras with their joint uncertainty, and what the calibration says of itself.
 struct Rig {
   std::vector<RigCamera> cameras;  // c
-  // Joint covariance of all cameras' parameters, 19 c x 19 c; zero rows for what was held fixed.
+  // Joint covariance of all cameras' parameters, 19 c x 19 c; zero rows for what was held fixed
+  // [products of the units of kCameraParameters].
   Eigen::MatrixXd covariance;
   double model_floor_px = 0.0;  // the largest of the cameras' floors [px]
   // The box of the surveyed points, in W [m]: outside it the camera model extrapolates.
@@ -58,6 +61,8 @@ inline double FloorOf(const Rig& rig, std::size_t camera) {
 inline constexpr char kRigSchema[] = "unfurl/rig";
 inline constexpr int kRigVersion = 1;
 
+// Both throw Error: for a full disk or a refused path, for a file that is none or contradicts
+// itself.
 void WriteRig(const std::string& path, const Rig& rig, const Provenance& provenance);
 Rig ReadRig(const std::string& path);
 

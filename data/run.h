@@ -21,6 +21,7 @@ struct Quantity {
   std::string description;
 };
 
+// A latch, or the start or end of a contact, located in time.
 struct RunEvent {
   double t = 0.0;                      // [s]
   std::string kind;                    // "latch", "contact_start", "contact_end"
@@ -34,7 +35,7 @@ struct BeamShape {
   std::vector<double> at;  // places of the points, from the beam's start at rest [m]
 };
 
-// Everything a run will hold, told before its first sample.
+// Everything a run will hold, declared before its first sample.
 struct RunLayout {
   std::vector<Quantity> quantities;  // of a sample, without t, which every run has first
   std::vector<std::string> marks;    // names, in order; those whose .x and .y are sampled
@@ -72,6 +73,7 @@ class RunWriter {
   bool holds_samples() const;
   const std::string& partial() const;  // the file's name until Commit
 
+  // Writes what is left and gives the file its name. Call once, last.
   void Commit();
   void Keep();     // instead: leaves NAME.partial
   void Abandon();  // the same after a failed write, as the last Flush left it
@@ -84,10 +86,11 @@ class RunWriter {
   std::unique_ptr<Impl> impl_;
 };
 
+// A simulated motion in memory: n samples of q quantities.
 struct Run {
   std::vector<double> t;                     // n [s]
   std::vector<Quantity> quantities;          // q, without t
-  std::vector<std::vector<double>> columns;  // q of n values each
+  std::vector<std::vector<double>> columns;  // q of n values each [Quantity::units]
   std::vector<std::string> marks;
   std::vector<RunEvent> events;
   std::map<std::string, double> summary;
@@ -103,6 +106,8 @@ Run ReadRun(const std::string& path);
 class RunReader {
  public:
   explicit RunReader(const std::string& path);
+  // What a sample holds, without t; how many samples; whether the simulation ended by itself; the
+  // file.
   const std::vector<Quantity>& quantities() const { return quantities_; }
   std::size_t samples() const { return samples_; }
   bool ended() const { return ended_; }

@@ -18,6 +18,7 @@ class TomlTable;
 
 // What an end of a joint or weld holds on to.
 struct SceneEnd {
+  // Which kind of carrier.
   enum class Kind { kGround, kBody, kBeamStart, kBeamEnd, kAlongBeam };
   Kind kind = Kind::kGround;
   int index = -1;                     // into Scene::bodies or Scene::beams; -1 for ground
@@ -25,6 +26,7 @@ struct SceneEnd {
   double at = 0.0;                    // kAlongBeam: place on the axis, of the length, in [0, 1]
 };
 
+// A rigid body.
 struct SceneBody {
   std::string name;
   double mass = 0.0;     // [kg]
@@ -58,11 +60,12 @@ struct SceneBeam {
   double damping = 0.0;       // Kelvin-Voigt beta [s]
   bool gradient_form = true;  // element forces as the gradient of an energy; false: as printed
   std::array<bool, 2> carried_ends{false, false};  // an implied body holds part of the end's mass
-  std::optional<std::array<double, 3>> pose;       // of the start, as for a body
-  std::optional<std::array<double, 3>> velocity;   // of the start
+  std::optional<std::array<double, 3>> pose;  // of the start, as for a body: x, y [m], angle [rad]
+  std::optional<std::array<double, 3>> velocity;  // of the start [m/s], [m/s], [rad/s]
   std::string where;
 };
 
+// Joins two ends rigidly.
 struct SceneWeld {
   std::string name;
   SceneEnd inner, outer;
@@ -160,6 +163,7 @@ struct SceneContact {
   std::string where;
 };
 
+// A latch: two stops with clearance, active once theta has fallen through theta_a.
 struct SceneLatch {
   double theta_a = 0.0;  // upper stop once latched; it latches as theta falls through [rad]
   double theta_b = 0.0;  // the lower stop is at -theta_b [rad]
@@ -174,11 +178,12 @@ struct SceneLatch {
 //   angle(outer) - angle(inner) = zero_angle.
 // kPinInSlot: like a slider, but outer turns freely: theta as for a revolute joint.
 struct SceneJoint : SceneJointEffects {
+  // The kind of joint, as above.
   enum class Kind { kRevolute, kSlider, kPinInSlot };
   std::string name;
   Kind kind = Kind::kRevolute;
   SceneEnd inner, outer;
-  double sign = 1.0;         // +1 or -1
+  double sign = 1.0;         // +1 or -1 [-]
   double zero_angle = 0.0;   // [rad]
   double axis = 0.0;         // of the slot, in inner's frame [rad]
   double theta = 0.0;        // at the start [rad]
@@ -205,6 +210,7 @@ struct SceneLinearSpring {
 
 // A force at a point, a torque, or a force per length all along a beam.
 struct SceneForce {
+  // What acts.
   enum class Kind { kForce, kTorque, kPerLength };
   std::string name;
   Kind kind = Kind::kForce;
@@ -218,10 +224,11 @@ struct SceneForce {
 // Something to be located in time: `quantity` (JOINT.theta, JOINT.theta_rate, JOINT.travel, BODY.x,
 // BODY.theta, MARK.x, ...) crosses `level`.
 struct SceneWatch {
+  // Which way the level is crossed.
   enum class Direction { kRising, kFalling, kBoth };
   std::string name;
   std::string quantity;
-  double level = 0.0;
+  double level = 0.0;  // [the quantity's unit]
   Direction direction = Direction::kBoth;
   bool stop = false;  // the run ends there
   std::string where;
@@ -234,12 +241,14 @@ struct SceneSolver {
   std::optional<double> rate;         // samples per second [1/s]
 };
 
+// A light mark.
 struct SceneMark {
   std::string name;
   SceneEnd on;
   std::string where;
 };
 
+// Uniform gravity in the plane.
 struct SceneGravity {
   std::array<double, 2> acceleration{0, 0};  // [m/s^2]
 };
@@ -250,6 +259,7 @@ struct SceneSuspension {
   double gravity = 9.81;  // [m/s^2]
 };
 
+// A mechanism as read: every part by name, in the file's order.
 struct Scene {
   std::string name;
   std::string path;                // the file it came from

@@ -14,17 +14,18 @@ struct StudyParameter {
   std::string name;
   std::string unit;               // as the scene's keys have it
   std::vector<std::string> keys;  // of the scene; all get the parameter's value
-  double start = 0.0;
-  double low = 0.0, high = 0.0;  // bounds
-  bool log = false;              // the solver moves the logarithm
+  double start = 0.0;             // where the search begins [unit]
+  double low = 0.0, high = 0.0;   // bounds [unit]
+  bool log = false;               // the solver moves the logarithm
+  // What is known of the parameter beforehand.
   struct Prior {
-    double mean = 0.0, sigma = 0.0;  // a normal density, in the parameter's unit
+    double mean = 0.0, sigma = 0.0;  // of a normal density [unit]
   };
   std::optional<Prior> prior;
   std::string where;  // file:line:key, for messages
 };
 
-// A moment that something else than the marks has told, such as a latch's switch.
+// A time measured independently of the marks, for example by a latch's switch.
 struct StudyEvent {
   std::string kind;    // "latch", "contact_start", "contact_end", "watch"
   std::string where;   // joint or watch of the scene
@@ -34,6 +35,7 @@ struct StudyEvent {
   std::string at;      // file:line:key, for messages
 };
 
+// One recorded trial and what of it counts.
 struct StudyTrial {
   std::string name;                            // "trial", or "trial 2" of several
   std::string tracks;                          // path
@@ -62,11 +64,12 @@ struct StudyCommand {
 struct StudyMeshCheck {
   bool wanted = true;
   std::vector<std::string> keys;  // of the scene: the numbers of segments
-  double value = 0.0;             // what they are set to
-  double spacing_ratio = 2.0;     // coarse spacing over fine, > 1
-  double order = 2.0;             // the error falls with spacing^order
+  double value = 0.0;             // what they are set to [the keys' unit]
+  double spacing_ratio = 2.0;     // coarse spacing over fine, > 1 [-]
+  double order = 2.0;             // the error falls with spacing^order [-]
 };
 
+// A study as read and checked.
 struct Study {
   std::string name;
   std::string path;              // of the study itself
@@ -75,7 +78,7 @@ struct Study {
   std::optional<StudyCommand> command;
   std::vector<StudyTrial> trials;
   std::vector<StudyParameter> parameters;
-  double rtol = 0.0;               // of the simulator; 0: chosen by the data
+  double rtol = 0.0;               // of the simulator [-]; 0: chosen by the data
   std::vector<double> stages;      // ends of a growing horizon on the run's clock [s], rising
   bool stages_by_impacts = false;  // instead: by the impacts that the data show
   int max_iterations = 25;         // per stage
@@ -84,7 +87,7 @@ struct Study {
   int starts = 1;                              // that are carried on
   int seed = 1;                                // of the hypercube
   bool whiten = true;
-  std::vector<double> profile_levels = {1.0, 2.0};  // standard errors; empty: no profiles
+  std::vector<double> profile_levels = {1.0, 2.0};  // in standard errors [-]; empty: no profiles
   int profile_evaluations = 400;                    // at most
   StudyMeshCheck mesh_check;
 };

@@ -40,7 +40,9 @@ struct Survey {
   std::vector<std::uint16_t> dark;
   std::vector<float> response;  // flat field, c x active [-]; empty: none was recorded
 
+  // Number of points.
   std::size_t size() const { return id.size(); }
+  // True where readings must still be found in raw lines.
   bool has_lines() const { return !lit.empty(); }
 };
 

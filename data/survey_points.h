@@ -16,7 +16,7 @@ namespace unfurl::data {
 // A CSV's columns may be `x, y, z`; or `E, N, H` in any order (E becomes x, N y, H z: the order
 // N, E, H, which is left-handed as it stands, is so put right, and said); or `hz, v, d`: the
 // direction clockwise from north, the angle from the zenith and the slope distance. If both
-// coordinates and angles are there, the angles tell whether the coordinates are left-handed.
+// coordinates and angles are there, the angles show whether the coordinates are left-handed.
 // Comments give `station: E, N, H [m]`, `prism offset: d [m]` (added to each distance),
 // `led offset: dE, dN, dH [m]` (from prism centre to LED); `distance error: OFFSET [m], SCALE` and
 // `zenith error: SIGMA [rad]`, the sigmas of what all points share (StationErrors).
@@ -51,7 +51,7 @@ void NameCameras(const CsvTable& table, ReadingColumns* columns);
 // The reading in a row, NaN for two empty cells. Throws Error for half a reading and for a sigma
 // that is not above 0.
 struct CellReading {
-  double u_px, s_px;
+  double u_px, s_px;  // reading and its standard deviation [px]
 };
 CellReading ReadReading(const CsvTable& table, std::size_t row, int u_column, int s_column);
 
@@ -59,7 +59,7 @@ CellReading ReadReading(const CsvTable& table, std::size_t row, int u_column, in
 // said.
 struct ReadingTable {
   std::vector<std::string> id, cameras;
-  Eigen::MatrixXd u_px, s_px;  // id x camera; NaN: not seen
+  Eigen::MatrixXd u_px, s_px;  // id x camera [px]; NaN: not seen
   std::vector<std::string> notes;
 };
 // Repeats of readings by point and camera, in any order.

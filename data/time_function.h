@@ -14,6 +14,7 @@ namespace unfurl::data {
 class TimeFunction {
  public:
   TimeFunction() : TimeFunction(0.0) {}  // zero
+  // The same value at all times.
   explicit TimeFunction(double constant);
   // An expression of t [s], such as "0.3 * sin(2 * pi * t)"; docs/scene.md lists what it may hold.
   // Throws Error with `where`.
@@ -23,6 +24,7 @@ class TimeFunction {
   static TimeFunction Table(std::vector<double> t, std::vector<double> value, bool cubic,
                             const std::string& where);
 
+  // Value and first two time derivatives at t [s].
   TimeValue At(double t) const;
   double Value(double t) const;  // the same, without derivatives
   // The function whose rate this is and that has `start` at t = 0: its value is the integral, to

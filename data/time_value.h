@@ -4,7 +4,7 @@ namespace unfurl::data {
 
 // A value with its first and second derivative in time: forward differentiation, exact to rounding.
 struct TimeValue {
-  double value = 0.0, rate = 0.0, acceleration = 0.0;
+  double value = 0.0, rate = 0.0, acceleration = 0.0;  // [unit], [unit/s], [unit/s^2]
 };
 
 // f(u) from f, f' and f'' at u's value.

@@ -16,11 +16,12 @@ namespace unfurl::data {
 
 class TomlTable;
 
+// Bounds of a number; the unit is the key's.
 struct TomlRange {
-  double low = -std::numeric_limits<double>::infinity();
-  double high = std::numeric_limits<double>::infinity();
-  bool open_low = false;   // low itself is refused
-  bool open_high = false;  // high itself is refused
+  double low = -std::numeric_limits<double>::infinity();  // [the key's unit]
+  double high = std::numeric_limits<double>::infinity();  // [the key's unit]
+  bool open_low = false;                                  // low itself is refused
+  bool open_high = false;                                 // high itself is refused
 };
 inline constexpr TomlRange kAny{};
 inline constexpr TomlRange kPositive{0.0, std::numeric_limits<double>::infinity(), true, false};
@@ -37,11 +38,12 @@ inline constexpr TomlRange kNonNegative{0.0};
 TomlTable LoadToml(const std::string& path, const std::vector<std::string>& overrides = {});
 TomlTable ParseToml(const std::string& text, const std::string& name);
 
+// One table of a file, with the place of each key for messages.
 class TomlTable {
  public:
   TomlTable() = default;
 
-  bool Has(std::string_view key) const;
+  bool Has(std::string_view key) const;  // false for an absent key
 
   // Required values; NaN and infinity are refused always.
   double Number(std::string_view key, TomlRange range = kAny) const;

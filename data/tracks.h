@@ -27,9 +27,9 @@ enum class SampleReason : std::int32_t {
   kParallel = 2,   // their planes are too near to parallel
   kOutside = 3,    // no point in or near the volume explains them
   kDisagree = 4,   // four readings that one point cannot explain: one is wrong, unknown which
-  kTwoFit = 5,     // three readings that two points explain, and nothing tells which
-  kAmbiguous = 6,  // several spots, and nothing tells which is the mark's
-  kOffPath = 7,    // no continuation of where the mark was, and no reading to vouch for it
+  kTwoFit = 5,     // three readings that two points explain equally well
+  kAmbiguous = 6,  // several spots could be the mark's
+  kOffPath = 7,    // far from the predicted path, with no redundant reading to confirm it
 };
 inline constexpr int kSampleReasons = 8;
 const char* Name(SampleReason reason);  // in words
@@ -55,10 +55,12 @@ struct Tracks {
   // How each sample came about; `cameras` empty and so are the others where nobody knows.
   std::vector<std::string> cameras;     // c names
   std::vector<std::uint32_t> used;      // n, bit c: a reading of camera c entered
-  std::vector<std::uint32_t> left_out;  // n, bit c: camera c saw something that was not taken
+  std::vector<std::uint32_t> left_out;  // n, bit c: camera c's reading was rejected
   std::vector<SampleReason> reason;     // n
 
+  // Number of samples.
   std::size_t size() const { return t.size(); }
+  // Covariance of one sample's position, the calibration's part left out [m^2].
   Eigen::Matrix3d Covariance(std::size_t i) const;
   // Indices of the usable samples of one mark, in order of time.
   std::vector<std::size_t> SamplesOf(std::int32_t mark_index) const;
@@ -75,7 +77,9 @@ class TracksWriter {
  public:
   TracksWriter(const std::string& path, const Tracks& like, const Provenance& provenance);
   ~TracksWriter();
+  // Samples go on where the last block ended, in order of time. Throws Error when the disk is full.
   void Append(const Tracks& block);
+  // Gives the file its name. Call once, last.
   void Commit();
 
  private:

@@ -15,7 +15,7 @@ namespace unfurl::data {
 // Stamps must lie on a grid; each mark's delay within its frame stands in UNFURL:DELAYS, which
 // others do not read: to them, all marks of a frame are of one instant.
 void WriteTracksC3d(const std::string& path, const Tracks& tracks);
-// `sigma` [m] of one axis where the file tells none; 0: such a file is refused.
+// `sigma` [m] of one axis where the file states none; 0: such a file is refused.
 Tracks ReadTracksC3d(const std::string& path, double sigma = 0.0);
 
 // Universal file, dataset 58 (structural dynamics): one function of time per mark and direction, in

@@ -22,6 +22,7 @@ struct TrialHeader {
   // none was recorded.
   std::vector<float> response;
 
+  // Counts of one line, all cameras.
   std::size_t line_counts() const { return cameras.size() * format.elements(); }
 };
 
@@ -37,7 +38,9 @@ struct TrialBlock {
   std::vector<std::int32_t> slot;     // n, index into the header's slots
   std::vector<std::uint16_t> counts;  // n x c x elements
 
+  // Number of lines.
   std::size_t size() const { return t.size(); }
+  // Room for so many lines; allocates only when it grows.
   void Resize(std::size_t lines, const TrialHeader& header);
 };
 
@@ -46,7 +49,9 @@ class TrialWriter {
  public:
   TrialWriter(const std::string& path, const TrialHeader& header, const Provenance& provenance);
   ~TrialWriter();
+  // Lines go on where the last block ended. Throws Error when the disk is full.
   void Append(const TrialBlock& block);
+  // Gives the file its name. Call once, last.
   void Commit();
 
  private:
@@ -60,9 +65,11 @@ class TrialReader {
   explicit TrialReader(const std::string& path);
   ~TrialReader();
 
+  // The file, and what stands before its lines.
   const std::string& path() const;
   const TrialHeader& header() const;
   std::size_t size() const;  // lines
+  // Who made the file, from what.
   Provenance ReadProvenance() const;
   // Lines [first, first + count).
   void Read(std::size_t first, std::size_t count, TrialBlock* block) const;

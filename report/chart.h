@@ -15,8 +15,8 @@ std::string ChartHtml(const Chart& chart, const std::string& id);
 // of x that are alike are stored once.
 std::string ChartJson(const Chart& chart);
 
-// Colour `index` of the palette (modulo its length), "#rrggbb". Okabe and Ito's set, told apart by
-// colour-blind readers, without its yellow, which is lost on white.
+// Colour `index` of the palette (modulo its length), "#rrggbb". Okabe and Ito's set,
+// distinguishable by colour-blind readers, without its yellow, which is lost on white.
 const char* PaletteColor(int index);
 
 // A short piece of SVG that shows a style beside a name.

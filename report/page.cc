@@ -37,7 +37,7 @@ constexpr char kDygraphsNotice[] =
     "OTHERWISE, ARISING FROM, OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER\n"
     "DEALINGS IN THE SOFTWARE. */\n";
 
-// The browser itself is told to fetch nothing, whatever the page holds.
+// The page's policy forbids the browser to fetch anything, whatever the page holds.
 constexpr char kPolicy[] =
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data:";
 

@@ -19,7 +19,7 @@ namespace unfurl::report {
 // How a statement or a figure is coloured; each level has a sign of its own beside the colour.
 enum class Level { kNeutral, kGood, kCare, kBad };
 
-// Measured data are dots with a band, computed data a line: told apart without colour.
+// Measured data are dots with a band, computed data a line: distinguishable without colour.
 enum class Style { kLine, kDots, kDashes };
 
 struct Axis {
@@ -30,16 +30,17 @@ struct Axis {
 
 struct Series {
   std::string name;
-  std::vector<double> x;           // rising; need not be shared between series
-  std::vector<double> y;           // as many; NaN is a gap
-  std::vector<double> half_width;  // of the error band around y, or empty; NaN: no band there
+  std::vector<double> x;  // rising; need not be shared between series [the axis' unit]
+  std::vector<double> y;  // as many; NaN is a gap [the axis' unit]
+  std::vector<double>
+      half_width;  // of the error band around y, or empty; NaN: no band there [as y]
   Style style = Style::kLine;
   int color = -1;  // index into the palette of eight; -1: the next one
 };
 
 // A thin vertical line with words: an event in time, a peak in a spectrum.
 struct Marker {
-  double x = 0.0;
+  double x = 0.0;  // [the axis' unit]
   std::string label;
   int color = -1;  // index into the palette; -1: grey
 };
@@ -76,7 +77,7 @@ struct Figure {
 struct Path {
   std::string name;
   std::vector<double> x;  // [axis unit]
-  std::vector<double> y;  // NaN lifts the pen
+  std::vector<double> y;  // NaN interrupts the line [the axis' unit]
   Style style = Style::kLine;
   int color = -1;
   bool ends = true;  // a ring where it starts, a disc where it ends
@@ -94,14 +95,15 @@ struct Paths {
 // A place with a value of its own, coloured by it; NaN: white.
 struct MapDot {
   double x = 0.0, y = 0.0;  // [axis unit]
-  double value = 0.0;
-  std::string label;  // shown under the pointer
+  double value = 0.0;       // [the map's unit]
+  std::string label;        // shown under the pointer
   bool large = false;
 };
 
 struct MapPane {
-  std::string title;           // "z = -0.7 m"
-  std::vector<double> values;  // row by row from the lowest y, Map::columns each; NaN: left grey
+  std::string title;  // "z = -0.7 m"
+  std::vector<double>
+      values;  // row by row from the lowest y, Map::columns each; NaN: left grey [the map's unit]
   std::vector<MapDot> dots;
 };
 
@@ -110,11 +112,12 @@ struct Map {
   std::string title;
   std::string note;
   Axis x, y, value;
-  double x_low = 0.0, x_high = 1.0, y_low = 0.0, y_high = 1.0;  // what each pane spans
-  int columns = 0;                                              // of the grid of values
+  double x_low = 0.0, x_high = 1.0, y_low = 0.0,
+         y_high = 1.0;  // what each pane spans [the axes' units]
+  int columns = 0;      // of the grid of values
   // Ends of the colours; NaN: the least and the largest value.
-  double low = std::numeric_limits<double>::quiet_NaN();
-  double high = std::numeric_limits<double>::quiet_NaN();
+  double low = std::numeric_limits<double>::quiet_NaN();   // [the map's unit]
+  double high = std::numeric_limits<double>::quiet_NaN();  // [the map's unit]
   std::vector<MapPane> panes;
 };
 

@@ -44,7 +44,9 @@ struct StudyFit {
   data::Provenance provenance;          ///< inputs by hash
   correlate::Comparison comparison;     ///< at the estimate; without errors: none was made
 
+  // The problem as it was fitted; lives as long as `binding`.
   const correlate::FitProblem& problem() const { return binding->problem; }
+  // Whether the estimate may be used: the fit converged and can be judged.
   bool Usable() const { return result.Usable(); }
 };
 

@@ -39,7 +39,7 @@ class SceneModel : public correlate::Model {
   SceneModelOptions options_;
   std::vector<std::string> marks_, joints_, watches_, files_;
   std::vector<data::SceneBeam> beams_;
-  double duration_ = 0.0;
+  double duration_ = 0.0;  // [s]
 };
 
 }  // namespace unfurl::study
