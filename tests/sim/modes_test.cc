@@ -30,6 +30,31 @@ TEST(Modes, PendulumHangsAndSwings) {
   EXPECT_NEAR(2.0 * M_PI * report.modes[0].frequency, omega, kRounding * omega);
 }
 
+// A bar that turns about a point `r` from its centre: the largest displacement is 1 and the angle 1
+// / r, down to displacements that only rounding makes; then the angle is 1.
+TEST(Modes, ShapesAreScaledByTheirLargestDisplacement) {
+  for (const double r : {0.5, 1e-7, 0.0}) {
+    const ModesReport report = ModesOf(
+        ModelFrom(fmt::format(
+            "[scene]\nname = 'wheel'\nduration = 1.0\n[body.bar]\nmass = 2.0\ninertia = 0.1\n"
+            "[joint.pivot]\ninner = 'ground'\nouter = 'bar'\nouter_point = [{}, 0.0]\n"
+            "[joint.pivot.spring]\nstiffness = 5.0\npreload = 0.0\n",
+            -r)),
+        1);
+    ASSERT_EQ(report.modes.size(), 1u);
+    EXPECT_NEAR(2.0 * M_PI * report.modes[0].frequency, std::sqrt(5.0 / (0.1 + 2.0 * r * r)), 1e-8);
+    const std::vector<double>& shape = report.modes[0].shape;
+    const std::size_t n = shape.size() / 3;
+    double moved = 0.0, turned = 0.0;
+    for (std::size_t k = 0; k < shape.size(); ++k) {
+      double& largest = k < 2 * n ? moved : turned;
+      largest = std::max(largest, std::fabs(shape[k]));
+    }
+    EXPECT_NEAR(moved, r > 0.0 ? 1.0 : 0.0, 1e-12);
+    EXPECT_NEAR(turned, r > 0.0 ? 1.0 / r : 1.0, 1e-6 * turned);
+  }
+}
+
 TEST(Modes, UprightPendulumFalls) {
   const double r = 0.5, inertia = 0.1, mass = 2.0, g = 9.81;
   const Model model = ModelFrom(PendulumScene(M_PI, r, inertia));

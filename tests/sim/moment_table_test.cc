@@ -87,6 +87,49 @@ TEST(MomentTable, FollowSmoothCurves) {
   }
 }
 
+// At the ends the slope is that of the parabola through three points, so of a parabola its own,
+// whatever the spacing.
+TEST(MomentTable, EndsFollowAParabola) {
+  const std::vector<double> x = {0.5, 0.8, 1.7, 1.9, 3.0};
+  for (const double side : {1.0, -1.0}) {  // the same from its other end
+    std::vector<double> q, moment;
+    for (std::size_t k = 0; k < x.size(); ++k)
+      q.push_back(side > 0.0 ? x[k] : -x[x.size() - 1 - k]);
+    for (const double at : q) moment.push_back(3.0 + 2.0 * side * at + 0.7 * at * at);
+    const MomentTable table = TableOf(q, moment);
+    for (const double end : {q.front(), q.back()}) {
+      EXPECT_NEAR(table.At(end).slope, 2.0 * side + 1.4 * end, 1e-13);
+    }
+  }
+}
+
+// Inside, Fritsch and Butland's formula as Brodlie writes it: with a = (h + 2 h') / (3 (h + h')), h
+// before and h' after the point, the slope is c c' / (a c' + (1 - a) c). Zero where the chords c,
+// c' turn.
+TEST(MomentTable, SlopesInsideAreTheWeightedHarmonicMean) {
+  const std::vector<double> x = {0.0, 0.3, 1.0, 1.1, 2.0, 2.2}, y = {0.0, 0.2, 1.5, 1.6, 1.2, -0.9};
+  const MomentTable table = TableOf(x, y);
+  for (std::size_t k = 1; k + 1 < x.size(); ++k) {
+    const double h0 = x[k] - x[k - 1], h1 = x[k + 1] - x[k];
+    const double c0 = (y[k] - y[k - 1]) / h0, c1 = (y[k + 1] - y[k]) / h1;
+    const double a = (h0 + 2.0 * h1) / (3.0 * (h0 + h1));
+    const double slope = c0 * c1 > 0.0 ? c0 * c1 / (a * c1 + (1.0 - a) * c0) : 0.0;
+    EXPECT_NEAR(table.At(x[k]).slope, slope, 1e-13) << k;
+  }
+}
+
+// Where the parabola at an end would leave the chords' range the slope is held: at zero where it
+// turns, at three chords where the next one turns.
+TEST(MomentTable, EndsAreHeldMonotone) {
+  const MomentTable flat =
+      TableOf({0.0, 1.0, 2.0}, {0.0, 1.0, 6.0});  // the parabola begins with -1
+  EXPECT_EQ(flat.At(0.0).slope, 0.0);
+  const MomentTable steep = TableOf({0.0, 1.0, 2.0}, {0.0, 1.0, -5.0});  // with 4.5
+  EXPECT_EQ(steep.At(0.0).slope, 3.0);
+  const MomentTable gentle = TableOf({0.0, 1.0, 2.0}, {0.0, 1.0, 0.5});  // with 1.75
+  EXPECT_NEAR(gentle.At(0.0).slope, 1.75, 1e-14);
+}
+
 TEST(MomentTable, TwoPointsAreALine) {
   const MomentTable line = TableOf({-1.0, 1.0}, {3.0, -1.0});
   EXPECT_NEAR(line.At(0.5).moment, 0.0, 1e-15);

@@ -106,16 +106,61 @@ TEST(Stepper, EighthOrder) {
   EXPECT_LT(Order(one.inside, two.inside, 2.0), 8.5);
 }
 
+// A load that depends on time alone, m x'' = F cos(p t): stages, dense output and the right side
+// that is carried over to the next step must all be taken at their own times.
+template <typename Method>
+Errors DrivenErrorsOf(int steps) {
+  constexpr double kMass = 2.0, kForce = 3.0, kRate = 4.0, kDuration = 2.0;
+  const Model model = ModelFrom(
+      "[scene]\nname = 'driven'\nduration = 1.0\n[body.box]\nmass = 2.0\ninertia = 0.1\n"
+      "[force.f]\non = 'box'\nforce = ['3 * cos(4 * t)', 0.0]\n");
+  Dynamics dynamics(model);
+  Method method(dynamics, {});
+  method.Start(0.0, model.initial_state);
+  const int at = model.index.x(model.bodies[0].centre.slot);
+  const double x0 = model.initial_state[at], h = kDuration / steps;
+  const auto exact = [&](double t) {
+    return x0 + kForce / (kMass * kRate * kRate) * (1.0 - std::cos(kRate * t));
+  };
+  Errors errors;
+  std::vector<double> y(model.index.size());
+  for (int i = 0; i < steps; ++i) {
+    method.Try(h);
+    for (const double sigma : {0.3, 0.7}) {
+      method.Dense(sigma, y.data());
+      errors.inside = std::max(errors.inside, std::fabs(y[at] - exact((i + sigma) * h)));
+    }
+    method.Accept((i + 1) * h);
+    errors.end = std::max(errors.end, std::fabs(method.state()[at] - exact((i + 1) * h)));
+  }
+  return errors;
+}
+
+TEST(Stepper, LoadsOfTimeAreTakenAtTheirTimes) {
+  const auto expect = [](const Errors& coarse, const Errors& fine, double order, double dense) {
+    EXPECT_GT(Order(coarse.end, fine.end, 2.0), order - 0.5) << order;
+    EXPECT_GT(Order(coarse.inside, fine.inside, 2.0), dense - 0.5) << order;
+  };
+  expect(DrivenErrorsOf<RungeKutta43>(40), DrivenErrorsOf<RungeKutta43>(80), 4.0, 4.0);
+  expect(DrivenErrorsOf<DormandPrince>(20), DrivenErrorsOf<DormandPrince>(40), 5.0, 5.0);
+  expect(DrivenErrorsOf<DormandPrince8>(8), DrivenErrorsOf<DormandPrince8>(16), 8.0, 8.0);
+}
+
 TEST(Stepper, ThePolynomialIsTheDenseOutput) {
   const Model model = ModelFrom(PendulumScene(kTheta0));
   Dynamics dynamics(model);
+  RungeKutta43 fourth(dynamics, {});
   DormandPrince fifth(dynamics, {});
   DormandPrince8 eighth(dynamics, {});
-  for (Stepper* method : {static_cast<Stepper*>(&fifth), static_cast<Stepper*>(&eighth)}) {
+  for (Stepper* method : {static_cast<Stepper*>(&fourth), static_cast<Stepper*>(&fifth),
+                          static_cast<Stepper*>(&eighth)}) {
     method->Start(0.0, model.initial_state);
     method->Try(0.05);
     method->Accept(0.05);
     method->Try(0.1);
+    // Of third, fourth and seventh degree.
+    const int degree = method == &fourth ? 3 : method == &fifth ? 4 : 7;
+    EXPECT_EQ(method->Polynomial(0).count, degree + 1) << method->name();
     std::vector<double> y(model.index.size());
     constexpr double kRounding = 1e-13;
     for (const double sigma : {0.0, 0.3, 0.77, 1.0}) {
