@@ -166,6 +166,17 @@ TEST(Tree, LinksLeadSomewhere) {
   }
 }
 
+// docs/README.md is the index: every document and decision is in it.
+TEST(Tree, DocumentsAreIndexed) {
+  const std::vector<std::string> links = LinksOf(Tree().at("docs/README.md"));
+  for (const auto& [path, text] : Tree()) {
+    if (!path.starts_with("docs/") || !path.ends_with(".md") || path == "docs/README.md") continue;
+    if (path.starts_with("docs/reference/") && path != "docs/reference/README.md") continue;
+    EXPECT_NE(std::ranges::find(links, path.substr(5)), links.end())
+        << path << " has no line in docs/README.md";
+  }
+}
+
 TEST(Tree, EveryPackageIsJustified) {
   ASSERT_TRUE(Tree().contains("docs/dependencies.md"));
   Expect(CheckPackages(Tree().at("packages.txt"), Tree().at("docs/dependencies.md")));
