@@ -91,6 +91,13 @@ struct SceneDamper {
   std::string where;
 };
 
+// Moment -damping |d(coordinate)/dt| d(coordinate)/dt: drag of a fluid at speed, an orifice.
+struct SceneQuadraticDamper {
+  static constexpr const char* kKey = "quadratic_damper";
+  double damping = 0.0;  // [N m s^2/rad^2]
+  std::string where;
+};
+
 // Moment as a function of the coordinate (a tape spring): monotone cubic through the points
 // (Fritsch and Butland), straight beyond the ends.
 struct SceneMomentTable {
@@ -131,14 +138,16 @@ struct SceneJointEffects {
   std::optional<SceneMomentTable> table;
   std::optional<SceneFriction> friction;
   std::optional<SceneMotor> motor;
+  std::optional<SceneQuadraticDamper> quadratic_damper;
 };
 
 namespace internal {
 template <typename Effects, typename Visit>
 void VisitJointEffects(Effects& effects, Visit&& visit) {
-  auto& [spring, damper, table, friction, motor] = effects;  // all of them, or the compiler objects
+  // All of them, or the compiler objects.
+  auto& [spring, damper, table, friction, motor, quadratic_damper] = effects;
   const auto each = [&](auto&... effect) { (visit(effect), ...); };
-  each(spring, damper, table, friction, motor);
+  each(spring, damper, table, friction, motor, quadratic_damper);
 }
 }  // namespace internal
 

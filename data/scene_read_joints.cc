@@ -40,6 +40,10 @@ void ReadRecord(const EffectTable& in, SceneDamper* damper) {
   damper->damping = in.table.Number("damping", kPositive);
 }
 
+void ReadRecord(const EffectTable& in, SceneQuadraticDamper* damper) {
+  damper->damping = in.table.Number("damping", kPositive);
+}
+
 void ReadRecord(const EffectTable& in, SceneMomentTable* points) {
   points->coordinate = in.table.Numbers(in.coordinate, -1);
   points->moment = in.table.Numbers(in.moment, -1);

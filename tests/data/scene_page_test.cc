@@ -67,6 +67,7 @@ const char* const kScenes[] = {
     "mass = 1\nlinear_stiffness = 1\nrestitution = 0.5\nQ = 1\nepsilon = 1\nradius_j = 1\n"
     "[joint.a]\ninner = 'ground'\nouter = 'bar'\n"
     "[joint.a.spring]\nstiffness = 1\nfree = 1\n"
+    "[joint.a.quadratic_damper]\ndamping = 1\n"
     "[joint.a.damper]\ndamping = 1\n[joint.a.table]\ntheta = [0, 1]\nmoment = [0, 1]\n"
     "[joint.a.friction]\nmoment = 1\ncreep_rate = 1\n[joint.a.motor]\nmoment = 't'\n"
     "[joint.a.latch]\ntheta_a = 1\ntheta_b = 1\nlever = 1\ncontact = 'c'\n"
