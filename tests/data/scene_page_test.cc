@@ -88,7 +88,8 @@ const char* const kScenes[] = {
     "[mark.m]\non = 'bar'\n[mark.n]\non = 'rod'\nat = 0.5\n"
     "[solver]\nmethod = 'auto'\nrtol = 1e-6\nrate = 10\n",
     "[scene]\nname = 's'\nduration = 1.0\n[beam.rod]\nlength = 1\nmass = 1\nEI = 1\nEA = 1\n"
-    "[contact.c]\nK = 1\nC = 1\nQ = 1\nepsilon = 1\n",
+    "[contact.c]\nK = 1\nC = 1\nQ = 1\nepsilon = 1\n"
+    "[contact.h]\nK = 1\nlaw = 'hunt_crossley'\nalpha = 0.1\n",
 };
 
 // "joint.b.drive.position.t" as "F t", "body.bar.mass" as "body.NAME mass"; nothing for tables.
