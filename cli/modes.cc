@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "base/error.h"
 #include "base/table.h"
 #include "cli/verb.h"
 #include "data/scene.h"
