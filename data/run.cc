@@ -81,6 +81,22 @@ const std::vector<double>& Run::Column(const std::string& name) const {
   return columns[static_cast<std::size_t>(index)];
 }
 
+RunInMemory::RunInMemory(const RunLayout& layout) {
+  run_.quantities = layout.quantities;
+  run_.columns.resize(layout.quantities.size());
+  run_.marks = layout.marks;
+  for (const auto& [name, text] : layout.text) SetText(name, text);
+}
+
+void RunInMemory::Append(double t, std::span<const double> values) {
+  run_.t.push_back(t);
+  for (std::size_t q = 0; q < values.size(); ++q) run_.columns[q].push_back(values[q]);
+}
+
+void RunInMemory::SetText(const std::string& name, const std::string& text) {
+  if (!text.empty()) run_.text[name] = text;
+}
+
 namespace {
 
 void ReadEvents(const H5Reader& file, bool ended, Run* run) {

@@ -5,6 +5,7 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "data/h5.h"
@@ -52,23 +53,35 @@ inline constexpr int kRunVersion = 1;
 // Text "status" of a run that has not ended: one that still grows, or whose program was killed.
 inline constexpr char kRunning[] = "running";
 
+// Takes a run as it grows.
+class RunSink {
+ public:
+  virtual ~RunSink() = default;
+  // `values` in the order of RunLayout::quantities.
+  virtual void Append(double t, std::span<const double> values) = 0;
+  // The centre line of every beam in RunLayout::shapes: x, y of each point, beam after beam [m].
+  virtual void AppendShapes(double t, std::span<const double> points) = 0;
+  virtual void AddEvent(const RunEvent& event) = 0;
+  // One number of RunLayout::summary: steps, evaluations, drift, impacts, ...
+  virtual void SetSummary(const std::string& name, double value) = 0;
+  // "status", "message", "method" or "stopped_by".
+  virtual void SetText(const std::string& name, const std::string& text) = 0;
+  // What was given so far is safe afterwards.
+  virtual void Flush() {}
+};
+
 // Streams a run to NAME.partial in constant memory; it gets its name on Commit. The destructor
-// alone removes it.
-class RunWriter {
+// alone removes it. What was given before a Flush stays should the program be killed.
+class RunWriter : public RunSink {
  public:
   RunWriter(const std::string& path, const Provenance& provenance, RunLayout layout);
-  ~RunWriter();
-  // `values` in the order of RunLayout::quantities.
-  void Append(double t, std::span<const double> values);
-  // The centre line of every beam in RunLayout::shapes: x, y of each point, beam after beam [m].
-  void AppendShapes(double t, std::span<const double> points);
-  void AddEvent(const RunEvent& event);
-  // One number of RunLayout::summary: steps, evaluations, drift, impacts, ...
-  void SetSummary(const std::string& name, double value);
-  // "status", "message", "method" or "stopped_by".
-  void SetText(const std::string& name, const std::string& text);
-  // What was given so far is on disk afterwards, and stays should the program be killed.
-  void Flush();
+  ~RunWriter() override;
+  void Append(double t, std::span<const double> values) override;
+  void AppendShapes(double t, std::span<const double> points) override;
+  void AddEvent(const RunEvent& event) override;
+  void SetSummary(const std::string& name, double value) override;
+  void SetText(const std::string& name, const std::string& text) override;
+  void Flush() override;
   // Whether a sample has got to the disk.
   bool holds_samples() const;
   const std::string& partial() const;  // the file's name until Commit
@@ -99,6 +112,22 @@ struct Run {
   int Find(const std::string& name) const;                           // -1 when absent
   const std::vector<double>& Column(const std::string& name) const;  // throws Error when absent
 };
+// Keeps a run in memory: what ReadRun gives of the file that a RunWriter would have made. Beams'
+// shapes are not kept.
+class RunInMemory : public RunSink {
+ public:
+  explicit RunInMemory(const RunLayout& layout);
+  void Append(double t, std::span<const double> values) override;
+  void AppendShapes(double, std::span<const double>) override {}
+  void AddEvent(const RunEvent& event) override { run_.events.push_back(event); }
+  void SetSummary(const std::string& name, double value) override { run_.summary[name] = value; }
+  void SetText(const std::string& name, const std::string& text) override;
+  Run Take() { return std::move(run_); }
+
+ private:
+  Run run_;
+};
+
 // Of a run that did not end: as much as all its series have.
 Run ReadRun(const std::string& path);
 

@@ -91,6 +91,13 @@ struct SceneDamper {
   std::string where;
 };
 
+// Moment -damping |d(coordinate)/dt| d(coordinate)/dt: drag of a fluid at speed, an orifice.
+struct SceneQuadraticDamper {
+  static constexpr const char* kKey = "quadratic_damper";
+  double damping = 0.0;  // [N m s^2/rad^2]
+  std::string where;
+};
+
 // Moment as a function of the coordinate (a tape spring): monotone cubic through the points
 // (Fritsch and Butland), straight beyond the ends.
 struct SceneMomentTable {
@@ -131,14 +138,16 @@ struct SceneJointEffects {
   std::optional<SceneMomentTable> table;
   std::optional<SceneFriction> friction;
   std::optional<SceneMotor> motor;
+  std::optional<SceneQuadraticDamper> quadratic_damper;
 };
 
 namespace internal {
 template <typename Effects, typename Visit>
 void VisitJointEffects(Effects& effects, Visit&& visit) {
-  auto& [spring, damper, table, friction, motor] = effects;  // all of them, or the compiler objects
+  // All of them, or the compiler objects.
+  auto& [spring, damper, table, friction, motor, quadratic_damper] = effects;
   const auto each = [&](auto&... effect) { (visit(effect), ...); };
-  each(spring, damper, table, friction, motor);
+  each(spring, damper, table, friction, motor, quadratic_damper);
 }
 }  // namespace internal
 
@@ -152,13 +161,19 @@ void VisitJointEffects(SceneJointEffects& effects, Visit&& visit) {
   internal::VisitJointEffects(effects, visit);
 }
 
-// The contact law of a latch, [paper, eq. (14) to (23)].
+// The contact law of a latch: Hertz's spring and one of two dampers (sim/effects/contact_law.h).
 struct SceneContact {
+  enum class Law {
+    kRamped,        // f = K delta^1.5 + C T(delta) d(delta)/dt, [paper, eq. (14) to (23)]
+    kHuntCrossley,  // f = K delta^1.5 (1 + 1.5 alpha d(delta)/dt), [Hunt and Crossley 1975]
+  };
   std::string name;
+  Law law = Law::kRamped;
   double K = 0.0;           // Hertz stiffness, eq. (15) [N/m^1.5]
   double C = 0.0;           // damping, eq. (19) [N s/m]
   double Q = 0.0;           // shape in the transition zone, eq. (18) [-]
   double epsilon = 0.0;     // depth of the transition zone, eq. (18) [m]
+  double alpha = 0.0;       // kHuntCrossley: restitution lost per speed of a slow impact [s/m]
   bool never_pulls = true;  // f = max(f, 0); false: eq. (22) as printed
   std::string where;
 };

@@ -40,6 +40,10 @@ void ReadRecord(const EffectTable& in, SceneDamper* damper) {
   damper->damping = in.table.Number("damping", kPositive);
 }
 
+void ReadRecord(const EffectTable& in, SceneQuadraticDamper* damper) {
+  damper->damping = in.table.Number("damping", kPositive);
+}
+
 void ReadRecord(const EffectTable& in, SceneMomentTable* points) {
   points->coordinate = in.table.Numbers(in.coordinate, -1);
   points->moment = in.table.Numbers(in.moment, -1);
@@ -77,6 +81,29 @@ void RefuseKeys(const TomlTable& table, std::initializer_list<const char*> keys,
   }
 }
 
+double ReadHertzStiffness(const TomlTable& table) {
+  if (table.Has("K")) return table.Number("K", kPositive);
+  constexpr TomlRange kPoisson{-1.0, 0.5, true, false};
+  const double infinity = std::numeric_limits<double>::infinity();
+  const double radius_i = table.Number("radius_i", kPositive);
+  const double radius_j = table.Has("radius_j") ? table.Number("radius_j", kPositive) : infinity;
+  return HertzStiffness(radius_i, radius_j, table.Number("modulus_i", kPositive),
+                        table.Number("poisson_i", kPoisson), table.Number("modulus_j", kPositive),
+                        table.Number("poisson_j", kPoisson));
+}
+
+void ReadRampedDamping(const TomlTable& table, SceneContact* c) {
+  if (table.Has("C")) {
+    c->C = table.Number("C", kNonNegative);
+  } else {
+    c->C =
+        ContactDamping(table.Number("mass", kPositive), table.Number("linear_stiffness", kPositive),
+                       table.Number("restitution", TomlRange{0.0, 1.0, true, false}));
+  }
+  c->Q = table.Number("Q", kNonNegative);
+  c->epsilon = table.Number("epsilon", kPositive);
+}
+
 }  // namespace
 
 void SceneReader::ReadContacts() {
@@ -84,28 +111,17 @@ void SceneReader::ReadContacts() {
     CheckName(table, name);
     SceneContact c;
     c.name = name;
-    if (table.Has("K")) {
-      c.K = table.Number("K", kPositive);
+    c.K = ReadHertzStiffness(table);
+    const std::string law = table.ChoiceOr("law", "ramped", {"ramped", "hunt_crossley"});
+    if (law == "hunt_crossley") {
+      c.law = SceneContact::Law::kHuntCrossley;
+      RefuseKeys(table, {"C", "mass", "linear_stiffness", "restitution", "Q", "epsilon"},
+                 "a contact of the law \"hunt_crossley\" is damped by alpha alone");
+      c.alpha = table.Number("alpha", kNonNegative);
     } else {
-      constexpr TomlRange kPoisson{-1.0, 0.5, true, false};
-      const double infinity = std::numeric_limits<double>::infinity();
-      const double radius_i = table.Number("radius_i", kPositive);
-      const double radius_j =
-          table.Has("radius_j") ? table.Number("radius_j", kPositive) : infinity;
-      c.K =
-          HertzStiffness(radius_i, radius_j, table.Number("modulus_i", kPositive),
-                         table.Number("poisson_i", kPoisson), table.Number("modulus_j", kPositive),
-                         table.Number("poisson_j", kPoisson));
+      RefuseKeys(table, {"alpha"}, "alpha belongs to the law \"hunt_crossley\"");
+      ReadRampedDamping(table, &c);
     }
-    if (table.Has("C")) {
-      c.C = table.Number("C", kNonNegative);
-    } else {
-      c.C = ContactDamping(table.Number("mass", kPositive),
-                           table.Number("linear_stiffness", kPositive),
-                           table.Number("restitution", TomlRange{0.0, 1.0, true, false}));
-    }
-    c.Q = table.Number("Q", kNonNegative);
-    c.epsilon = table.Number("epsilon", kPositive);
     c.never_pulls = table.ChoiceOr("pull", "never", {"never", "printed"}) == "never";
     c.where = table.Where();
     contacts_[name] = static_cast<int>(scene_.contacts.size());

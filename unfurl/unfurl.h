@@ -6,7 +6,7 @@
 ///     auto rig    = calib::Calibrate(data::ReadSurvey("survey.csv"));
 ///     auto tracks = measure::Reconstruct(data::TrialReader("trial.h5"), rig.rig);
 ///     auto run    = sim::Record(data::ReadScene("scene.toml"));
-///     auto agree  = correlate::Compare(tracks, run);
+///     auto agree  = correlate::Compare(tracks, run.run);
 ///     auto fit    = study::Fit(data::ReadStudy("study.toml"));
 ///
 /// What a person can mend throws unfurl::Error with its three parts; what numbers do is a status in
@@ -21,6 +21,7 @@
 #include "correlate/fit/fit.h"
 #include "data/fit.h"
 #include "data/lab.h"
+#include "data/modes.h"
 #include "data/rig.h"
 #include "data/run.h"
 #include "data/scene.h"
@@ -30,5 +31,8 @@
 #include "data/trial.h"
 #include "measure/expose.h"
 #include "measure/reconstruct.h"
+#include "sim/implicit/find_modes.h"
 #include "sim/methods/simulate.h"
+#include "sim/record/record.h"
 #include "study/fit_study.h"
+#include "study/scene_cost.h"

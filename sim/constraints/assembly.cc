@@ -14,13 +14,21 @@ namespace unfurl::sim {
 namespace {
 
 constexpr int kMostIterations = 60;
-constexpr double kClosed = 1e-11;     // gap of a closed loop [m], [rad], per metre of size
+// Gap of a closed loop, of the links' size and in rad: some thousand roundings, as the paths
+// through a loop of a hundred links add up to.
+constexpr double kClosed = 1e-11;
 constexpr double kLongestStep = 0.5;  // of an angle in one iteration [rad]
 
 }  // namespace
 
 Assembly::Assembly(int nodes, std::vector<Link> links, const std::vector<int>& root_order)
     : links_(std::move(links)), root_(nodes, -1), parent_(nodes, -1) {
+  for (const Link& link : links_) {
+    for (const PlanePose& in : {link.inner_in, link.outer_in}) {
+      size_ = std::max(size_, std::hypot(in.x, in.y));
+    }
+  }
+  if (!(size_ > 0.0)) size_ = 1.0;  // all points coincide: no loop has a length to close
   std::vector<std::vector<int>> at(nodes);
   for (std::size_t k = 0; k < links_.size(); ++k) {
     at[links_[k].inner].push_back(static_cast<int>(k));
@@ -87,14 +95,14 @@ std::vector<int> Assembly::LoopOf(int cut) const {
 }
 
 // The gaps of the cut links, in the frame of each link's inner side, and how they change with the
-// free coordinates. Rows that a free coordinate takes up are left out.
+// free coordinates. Rows that a free coordinate takes up are left out. Lengths, travels included,
+// count in units of size_, so that they weigh like angles whatever the mechanism's size.
 struct Assembly::LoopSystem {
   std::vector<Unknown> unknowns;
   std::vector<std::array<int, 2>> column;  // by link: of theta, of travel; -1
   std::vector<int> first_row;              // by cut
   Eigen::MatrixXd J;
   Eigen::VectorXd gap;
-  double size = 1.0;  // of the loops [m]
 
   static bool FixesTravel(const Link& link) { return !link.slides || link.travel_driven; }
   static bool FixesAngle(const Link& link) { return !link.turns || link.theta_driven; }
@@ -137,8 +145,8 @@ void Assembly::Linearise(const std::vector<PlanePose>& node, const LinkCoordinat
     const double ca = std::cos(a.angle), sa = std::sin(a.angle);
     const auto put = [&](auto&& target, double x, double y, double angle) {
       int row = loops->first_row[c];
-      if (LoopSystem::FixesTravel(link)) target(row++, ca * x + sa * y);
-      target(row++, ca * y - sa * x);
+      if (LoopSystem::FixesTravel(link)) target(row++, (ca * x + sa * y) / size_);
+      target(row++, (ca * y - sa * x) / size_);
       if (LoopSystem::FixesAngle(link)) target(row, angle);
     };
     put([&](int row, double v) { loops->gap[row] = v; },
@@ -156,14 +164,13 @@ void Assembly::Linearise(const std::vector<PlanePose>& node, const LinkCoordinat
         const PlanePose pin = node[joint.outer] * joint.outer_in;
         at_node = away ? joint.inner : joint.outer;
         const double turn = side * (away ? joint.sign : -joint.sign);
-        loops->size = std::max(loops->size, std::hypot(b.x - pin.x, b.y - pin.y));
         if (const int column = loops->column[k][0]; column >= 0) {
           put([&](int row, double v) { loops->J(row, column) += v; }, -turn * (b.y - pin.y),
               turn * (b.x - pin.x), turn);
         }
         if (const int column = loops->column[k][1]; column >= 0) {
-          put([&](int row, double v) { loops->J(row, column) += v; }, turn * std::cos(frame.angle),
-              turn * std::sin(frame.angle), 0.0);
+          put([&](int row, double v) { loops->J(row, column) += v; },
+              turn * size_ * std::cos(frame.angle), turn * size_ * std::sin(frame.angle), 0.0);
         }
       }
     }
@@ -176,7 +183,7 @@ void Assembly::CloseLoops(const std::vector<PlanePose>& root_pose, LoopSystem* l
   for (int iteration = 0;; ++iteration) {
     PlaceNodes(root_pose, *at, &node);
     Linearise(node, *at, loops);
-    if (loops->gap.cwiseAbs().maxCoeff() <= kClosed * loops->size) return;
+    if (loops->gap.cwiseAbs().maxCoeff() <= kClosed) return;
     if (iteration == kMostIterations || loops->unknowns.empty()) FailToClose(*loops);
     const Eigen::VectorXd step = loops->J.completeOrthogonalDecomposition().solve(-loops->gap);
     const double longest = step.cwiseAbs().maxCoeff();
@@ -185,7 +192,7 @@ void Assembly::CloseLoops(const std::vector<PlanePose>& root_pose, LoopSystem* l
     for (std::size_t u = 0; u < loops->unknowns.size(); ++u) {
       const Unknown& unknown = loops->unknowns[u];
       (unknown.travel ? at->travel : at->theta)[unknown.link] +=
-          scale * step[static_cast<Eigen::Index>(u)];
+          (unknown.travel ? size_ : 1.0) * scale * step[static_cast<Eigen::Index>(u)];
     }
   }
 }
@@ -214,7 +221,7 @@ void Assembly::FailToClose(const LoopSystem& loops) const {
   const std::string drives =
       driven.size() < 2 ? "" : fmt::format(" (the drives of {} may fight)", JoinWords(driven));
   throw Error(fmt::format("the loop through {} cannot close: a gap of {:.3g} m is left at '{}'{}",
-                          JoinWords(names), largest, link.name, drives),
+                          JoinWords(names), largest * size_, link.name, drives),
               link.where, "change the lengths or points of the loop, or the starting angles");
 }
 
@@ -274,9 +281,10 @@ void Assembly::CloseRates(const std::vector<PlanePose>& root_velocity, LoopSyste
     const double ca = std::cos(a.angle), sa = std::sin(a.angle);
     int row = loops->first_row[c];
     if (LoopSystem::FixesTravel(link)) {
-      open[row++] = ca * x + sa * y - (link.travel_driven ? link.sign * rate->travel[k] : 0.0);
+      open[row++] =
+          (ca * x + sa * y - (link.travel_driven ? link.sign * rate->travel[k] : 0.0)) / size_;
     }
-    open[row++] = ca * y - sa * x;
+    open[row++] = (ca * y - sa * x) / size_;
     if (LoopSystem::FixesAngle(link)) {
       open[row] = vo.angle - vi.angle - (link.theta_driven ? link.sign * rate->theta[k] : 0.0);
     }
@@ -286,7 +294,7 @@ void Assembly::CloseRates(const std::vector<PlanePose>& root_velocity, LoopSyste
   for (std::size_t u = 0; u < loops->unknowns.size(); ++u) {
     const Unknown& unknown = loops->unknowns[u];
     (unknown.travel ? rate->travel : rate->theta)[unknown.link] +=
-        step[static_cast<Eigen::Index>(u)];
+        (unknown.travel ? size_ : 1.0) * step[static_cast<Eigen::Index>(u)];
   }
   MoveNodes(root_velocity, *rate, placement->at, placement);
 }

@@ -11,10 +11,6 @@ constexpr double kThreshold = 0.5;     // a pivot is at least this part of the l
 constexpr double kNothingLeft = 1e-9;  // of a row's largest entry before: redundant
 constexpr int kMostCost = 63;          // Markowitz costs beyond count alike
 
-struct Entry {
-  int column, place;
-};
-
 }  // namespace
 
 Partition::Partition(const Constraints& constraints, const Slots& slots, double length)
@@ -36,7 +32,140 @@ Partition::Partition(const Constraints& constraints, const Slots& slots, double 
   value_.assign(places_, 0.0);
 }
 
-void Partition::Choose(const double* six) {
+// The rows as they are while pivots are chosen, and the order in which they come up.
+struct Partition::Rows {
+  Rows(int rows, int columns)
+      : row(static_cast<std::size_t>(rows)),
+        in_column(static_cast<std::size_t>(columns)),
+        before(static_cast<std::size_t>(rows), 0.0),
+        queued(static_cast<std::size_t>(rows), -1),
+        done(static_cast<std::size_t>(rows), 0),
+        waiting(kMostCost + 2) {}
+
+  std::vector<std::vector<Entry>> row;      // entries left
+  std::vector<std::vector<int>> in_column;  // rows that have an entry there
+  std::vector<double> before;               // largest entry before any elimination, by row
+  std::vector<int> queued;                  // Markowitz cost under which a row waits; -1: none
+  std::vector<std::uint8_t> done;
+  std::vector<std::deque<int>> waiting;  // rows by cost
+  int remaining = 0;
+};
+
+double Partition::SizeOf(const Entry& e) const {
+  return std::fabs(value_[e.place] * scale_[e.column]);
+}
+
+double Partition::LargestOf(const std::vector<Entry>& row) const {
+  double largest = 0.0;
+  for (const Entry& e : row) largest = std::max(largest, SizeOf(e));
+  return largest;
+}
+
+// The best pivot of a row, -1 where there is none: of those not much smaller than the largest, the
+// one of least Markowitz cost, (rows that it is eliminated from) * (entries beside it).
+int Partition::BestOf(const Rows& rows, int r, int* cost) const {
+  const std::vector<Entry>& row = rows.row[r];
+  const double least = std::max(kThreshold * LargestOf(row), 1e-300);
+  int best = -1;
+  double best_size = 0.0;
+  *cost = kMostCost + 1;
+  for (std::size_t k = 0; k < row.size(); ++k) {
+    const double size = SizeOf(row[k]);
+    if (size < least) continue;
+    const auto reach = (rows.in_column[row[k].column].size() - 1) * (row.size() - 1);
+    const int c = static_cast<int>(std::min<std::size_t>(reach, kMostCost));
+    if (c < *cost || (c == *cost && size > best_size)) {
+      *cost = c;
+      best = static_cast<int>(k);
+      best_size = size;
+    }
+  }
+  return best;
+}
+
+// Puts a row where its cost belongs now.
+void Partition::Queue(int r, Rows* rows) const {
+  int cost;
+  BestOf(*rows, r, &cost);
+  if (rows->queued[r] == cost) return;
+  rows->queued[r] = cost;
+  rows->waiting[cost].push_back(r);
+}
+
+// The waiting row of least cost.
+int Partition::NextOf(Rows* rows) {
+  for (;;) {
+    std::size_t lowest = 0;
+    while (rows->waiting[lowest].empty()) ++lowest;
+    const int r = rows->waiting[lowest].front();
+    rows->waiting[lowest].pop_front();
+    if (rows->done[r] || rows->queued[r] != static_cast<int>(lowest)) continue;
+    rows->done[r] = 1;
+    --rows->remaining;
+    return r;
+  }
+}
+
+// Subtracts the pivot's row from `target`, and notes how, to be done again with other numbers.
+void Partition::EliminateFrom(int target, int r, const Entry& pivot, Rows* rows) {
+  std::vector<Entry>& of = rows->row[target];
+  const auto below =
+      std::find_if(of.begin(), of.end(), [&](const Entry& e) { return e.column == pivot.column; });
+  const int multiplier = below->place;
+  targets_.push_back({target, multiplier});
+  value_[multiplier] /= value_[pivot.place];
+  of.erase(below);
+  for (const Entry& e : rows->row[r]) {
+    if (e.column == pivot.column) continue;
+    auto at =
+        std::find_if(of.begin(), of.end(), [&](const Entry& o) { return o.column == e.column; });
+    if (at == of.end()) {  // fill
+      value_.push_back(0.0);
+      of.push_back({e.column, places_++});
+      rows->in_column[e.column].push_back(target);
+      at = of.end() - 1;
+    }
+    sums_.push_back(at->place);
+    value_[at->place] -= value_[multiplier] * value_[e.place];
+  }
+}
+
+// One step of the elimination, with an entry of row r as the pivot.
+void Partition::Eliminate(int r, const Entry& pivot, Rows* rows) {
+  smallest_pivot_ = std::min(smallest_pivot_, SizeOf(pivot));
+  Step step{r, pivot.place, pivot.column, 0, 0, 0, value_[pivot.place] < 0.0};
+  for (const Entry& e : rows->row[r]) {
+    if (e.column == pivot.column) continue;
+    rest_places_.push_back(e.place);
+    rest_scale_.push_back(scale_[e.column]);
+    ++step.rest;
+  }
+  columns_.push_back(pivot.column);
+  for (const int target : rows->in_column[pivot.column]) {
+    EliminateFrom(target, r, pivot, rows);
+    ++step.targets;
+  }
+  rows->in_column[pivot.column].clear();
+  steps_.push_back(step);
+}
+
+// For every pivot, which entries of its row are in columns of later pivots.
+void Partition::NoteLater(const Rows& rows) {
+  row_of_.assign(column_count_, -1);
+  for (const Step& step : steps_) row_of_[step.column] = step.row;
+  std::vector<std::uint8_t> dependent(column_count_, 0);
+  for (const int column : columns_) dependent[column] = 1;
+  for (Step& step : steps_) {
+    dependent[step.column] = 0;  // those left over are of later pivots
+    for (const Entry& e : rows.row[step.row]) {
+      if (!dependent[e.column]) continue;
+      later_.push_back({e.place, e.column});
+      ++step.later;
+    }
+  }
+}
+
+Partition::Rows Partition::Start(const double* six) {
   steps_.clear();
   targets_.clear();
   rest_places_.clear();
@@ -48,134 +177,44 @@ void Partition::Choose(const double* six) {
   places_ = 6 * rows_;
   smallest_pivot_ = 1.0;
   value_.assign(six, six + places_);
-
-  std::vector<std::vector<Entry>> row(rows_);
-  std::vector<std::vector<int>> in_column(column_count_);  // rows
-  std::vector<double> before(rows_, 0.0);                  // largest entry
+  Rows rows(rows_, column_count_);
   for (int r = 0; r < rows_; ++r) {
     for (int k = 0; k < 6; ++k) {
       const int place = 6 * r + k, column = column_of_[place];
       if (column < 0) continue;
-      row[r].push_back({column, place});
-      in_column[column].push_back(r);
-      before[r] = std::max(before[r], std::fabs(value_[place] * scale_[column]));
+      rows.row[r].push_back({column, place});
+      rows.in_column[column].push_back(r);
     }
+    rows.before[r] = LargestOf(rows.row[r]);
   }
-  const auto largest_of = [&](int r) {
-    double largest = 0.0;
-    for (const Entry& e : row[r]) {
-      largest = std::max(largest, std::fabs(value_[e.place] * scale_[e.column]));
-    }
-    return largest;
-  };
-  // The best pivot of a row; its cost is (rows that it reaches) * (entries that it brings).
-  const auto best_of = [&](int r, int* cost) {
-    const double least = std::max(kThreshold * largest_of(r), 1e-300);
-    int best = -1;
-    double best_size = 0.0;
-    *cost = kMostCost + 1;
-    for (std::size_t k = 0; k < row[r].size(); ++k) {
-      const Entry& e = row[r][k];
-      const double size = std::fabs(value_[e.place] * scale_[e.column]);
-      if (size < least) continue;
-      const auto reach = (in_column[e.column].size() - 1) * (row[r].size() - 1);
-      const int c = static_cast<int>(std::min<std::size_t>(reach, kMostCost));
-      if (c < *cost || (c == *cost && size > best_size)) {
-        *cost = c;
-        best = static_cast<int>(k);
-        best_size = size;
-      }
-    }
-    return best;
-  };
+  return rows;
+}
 
-  std::vector<std::deque<int>> waiting(kMostCost + 2);
-  std::vector<int> queued(rows_, -1);
-  std::vector<std::uint8_t> done(rows_, 0);
-  int remaining = 0;
-  const auto queue = [&](int r) {
-    int cost;
-    best_of(r, &cost);
-    if (queued[r] == cost) return;
-    queued[r] = cost;
-    waiting[cost].push_back(r);
-  };
+void Partition::Choose(const double* six) {
+  Rows rows = Start(six);
   for (int r = 0; r < rows_; ++r) {
-    done[r] = row[r].empty() ? 1 : 0;
-    if (!done[r]) ++remaining, queue(r);
+    rows.done[r] = rows.row[r].empty() ? 1 : 0;
+    if (!rows.done[r]) ++rows.remaining, Queue(r, &rows);
   }
-  std::size_t lowest = 0;
-  while (remaining > 0) {
-    for (lowest = 0; waiting[lowest].empty();) ++lowest;
-    const int r = waiting[lowest].front();
-    waiting[lowest].pop_front();
-    if (done[r] || queued[r] != static_cast<int>(lowest)) continue;
-    done[r] = 1;
-    --remaining;
-    const double largest = largest_of(r);
+  while (rows.remaining > 0) {
+    const int r = NextOf(&rows);
     int cost;
-    const int best = best_of(r, &cost);
-    for (const Entry& e : row[r]) std::erase(in_column[e.column], r);
-    if (best < 0 || largest <= kNothingLeft * before[r]) {
+    const int best = BestOf(rows, r, &cost);
+    const double largest = LargestOf(rows.row[r]);
+    for (const Entry& e : rows.row[r]) std::erase(rows.in_column[e.column], r);
+    const std::size_t targets = targets_.size();
+    if (best < 0 || largest <= kNothingLeft * rows.before[r]) {
       redundant_.push_back(r);
-      for (const Entry& e : row[r]) {
-        for (const int other : in_column[e.column]) queue(other);
-      }
-      continue;
+    } else {
+      Eliminate(r, rows.row[r][best], &rows);
     }
-    const Entry pivot = row[r][best];
-    smallest_pivot_ =
-        std::min(smallest_pivot_, std::fabs(value_[pivot.place] * scale_[pivot.column]));
-    Step step{r, pivot.place, pivot.column, 0, 0, 0, value_[pivot.place] < 0.0};
-    for (const Entry& e : row[r]) {
-      if (e.column == pivot.column) continue;
-      rest_places_.push_back(e.place);
-      rest_scale_.push_back(scale_[e.column]);
-      ++step.rest;
+    // Whose costs have changed.
+    for (const Entry& e : rows.row[r]) {
+      for (const int other : rows.in_column[e.column]) Queue(other, &rows);
     }
-    columns_.push_back(pivot.column);
-    for (const int target : in_column[pivot.column]) {
-      std::vector<Entry>& of = row[target];
-      const auto below = std::find_if(of.begin(), of.end(),
-                                      [&](const Entry& e) { return e.column == pivot.column; });
-      const int multiplier = below->place;
-      targets_.push_back({target, multiplier});
-      ++step.targets;
-      value_[multiplier] /= value_[pivot.place];
-      of.erase(below);
-      for (const Entry& e : row[r]) {
-        if (e.column == pivot.column) continue;
-        auto at = std::find_if(of.begin(), of.end(),
-                               [&](const Entry& o) { return o.column == e.column; });
-        if (at == of.end()) {
-          value_.push_back(0.0);
-          of.push_back({e.column, places_++});
-          in_column[e.column].push_back(target);
-          at = of.end() - 1;
-        }
-        sums_.push_back(at->place);
-        value_[at->place] -= value_[multiplier] * value_[e.place];
-      }
-    }
-    in_column[pivot.column].clear();
-    steps_.push_back(step);
-    for (const Entry& e : row[r]) {
-      for (const int other : in_column[e.column]) queue(other);
-    }
-    for (int k = 0; k < step.targets; ++k) queue(targets_[targets_.size() - 1 - k].row);
+    for (std::size_t k = targets_.size(); k > targets; --k) Queue(targets_[k - 1].row, &rows);
   }
-  row_of_.assign(column_count_, -1);
-  for (const Step& step : steps_) row_of_[step.column] = step.row;
-  std::vector<std::uint8_t> dependent(column_count_, 0);
-  for (const int column : columns_) dependent[column] = 1;
-  for (Step& step : steps_) {
-    dependent[step.column] = 0;  // those left over are of later pivots
-    for (const Entry& e : row[step.row]) {
-      if (!dependent[e.column]) continue;
-      later_.push_back({e.place, e.column});
-      ++step.later;
-    }
-  }
+  NoteLater(rows);
 }
 
 double Partition::Factor(const double* six, bool* turned) {

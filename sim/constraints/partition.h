@@ -41,6 +41,21 @@ class Partition {
   int fill() const { return places_ - 6 * rows_; }
 
  private:
+  struct Entry {
+    int column, place;  // place: into value_
+  };
+  struct Rows;
+  // Choose, step by step (partition.cc).
+  Rows Start(const double* six);
+  double SizeOf(const Entry& e) const;
+  double LargestOf(const std::vector<Entry>& row) const;
+  int BestOf(const Rows& rows, int r, int* cost) const;
+  void Queue(int r, Rows* rows) const;
+  static int NextOf(Rows* rows);
+  void EliminateFrom(int target, int r, const Entry& pivot, Rows* rows);
+  void Eliminate(int r, const Entry& pivot, Rows* rows);
+  void NoteLater(const Rows& rows);
+
   struct Step {
     int row, pivot;  // pivot: place
     int column;

@@ -14,8 +14,8 @@ namespace unfurl::sim {
 // A saddle-point matrix [W J^T; J 0] with W definite may be factored too: rows of J wait until all
 // that they couple is eliminated, and then have negative pivots.
 //
-// Values: the diagonal by row, and off-diagonal entries at storage places that the caller chose;
-// places for fill are added after them.
+// Values: the diagonal by row, and off-diagonal entries at storage indices that the caller chose;
+// indices for fill are added after them.
 class SparseLdlt {
  public:
   struct Pair {

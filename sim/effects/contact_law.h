@@ -56,6 +56,33 @@ class RampedContact {
   double epsilon_;  // [m]
 };
 
+// Hertz's spring with damping in proportion to its force, so that the force has no jump where the
+// contact begins or ends, [Hunt and Crossley 1975]:
+//   f = K delta^1.5 (1 + a d(delta)/dt),   a = 1.5 alpha.
+// A body that comes in at v leaves at e v, where a v (1 + e) = ln((1 + a v) / (1 - a e v)),
+// whatever its mass and K; for slow impacts e = 1 - alpha v. f pulls only where the bodies part
+// faster than 1 / a, which one that rebounds freely does not reach.
+class HuntCrossley {
+ public:
+  explicit HuntCrossley(const data::SceneContact& c) : K_(c.K), factor_(1.5 * c.alpha) {}
+
+  ContactForce At(double depth, double depth_rate) const {
+    ContactForce f;
+    f.elastic = K_ * depth * std::sqrt(depth);
+    f.stored = 0.4 * f.elastic * depth;
+    const double damped = 1.0 + factor_ * depth_rate;
+    f.force = f.elastic * damped;
+    f.by_depth = 1.5 * K_ * std::sqrt(depth) * damped;
+    f.by_rate = f.elastic * factor_;
+    return f;
+  }
+  double ReturnDepth() const { return 0.0; }  // the sign of the force follows the rate alone
+
+ private:
+  double K_;       // [N/m^1.5]
+  double factor_;  // 1.5 alpha [s/m]
+};
+
 // The law that a contact's record names. To add one: its name and numbers in data::SceneContact,
 // its keys in the reader, its class here (docs/extending.md).
 class ContactLaw {
@@ -85,8 +112,16 @@ class ContactLaw {
   }
 
  private:
-  using Law = std::variant<RampedContact>;
-  static Law Make(const data::SceneContact& c) { return RampedContact(c); }
+  using Law = std::variant<RampedContact, HuntCrossley>;
+  static Law Make(const data::SceneContact& c) {
+    switch (c.law) {
+      case data::SceneContact::Law::kHuntCrossley:
+        return HuntCrossley(c);
+      case data::SceneContact::Law::kRamped:
+        break;
+    }
+    return RampedContact(c);
+  }
 
   Law law_;
   bool never_pulls_;

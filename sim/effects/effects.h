@@ -16,6 +16,7 @@
 #include "sim/effects/linear_springs.h"
 #include "sim/effects/moment_table.h"
 #include "sim/effects/motor.h"
+#include "sim/effects/quadratic_damper.h"
 #include "sim/effects/spring.h"
 #include "sim/effects/suspension.h"
 
@@ -23,8 +24,9 @@ namespace unfurl::sim {
 
 // The moments on joints' coordinates: for every record of data::SceneJointEffects its law. One
 // without a law does not compile.
-using JointEffects = std::tuple<JointEffect<Spring>, JointEffect<Damper>, JointEffect<MomentTable>,
-                                JointEffect<Friction>, JointEffect<Motor>>;
+using JointEffects =
+    std::tuple<JointEffect<Spring>, JointEffect<Damper>, JointEffect<MomentTable>,
+               JointEffect<Friction>, JointEffect<Motor>, JointEffect<QuadraticDamper>>;
 inline constexpr std::size_t kJointEffects = std::tuple_size_v<JointEffects>;
 
 // Everything that adds loads to bodies, but for the beams' own elasticity and the constraints. What

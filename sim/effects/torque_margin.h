@@ -7,8 +7,8 @@
 
 namespace unfurl::sim {
 
-// What drives a latching joint home against what resists it, before it has latched: the moments on
-// theta of springs and the like that push towards closing (theta falls) over those that hold back.
+// Margin of the moments that drive a latching joint towards closing (theta falls) over those that
+// resist it, before it has latched: sums of JointLaw::MarginMoment of the joint's effects by sign.
 // Friction counts with its whole moment, as if the joint were about to stop.
 struct TorqueMargin {
   double ratio = std::numeric_limits<double>::infinity();          // least driving / resisting [-]

@@ -9,8 +9,9 @@ namespace unfurl::sim {
 namespace {
 
 constexpr int kMostIterations = 2000;
-constexpr double kFirstStep = 0.02;   // of pseudo-time [s]
-constexpr double kLongestStep = 1e4;  // [s]; steps this long are Newton's
+// Of pseudo-time, in time scales of the model: the first, within which nothing moves far; the
+// longest, beside which masses do not count, so that it is Newton's.
+constexpr double kFirstStep = 0.02, kLongestStep = 1e4;
 constexpr double kLongestTurn = 0.2;  // of an angle in one iteration [rad], lengths alike
 constexpr double kStill = 1e-13;      // of an iteration's step, of the length scale
 constexpr double kMostGrowth = 4.0, kMostShrink = 0.25;
@@ -27,7 +28,8 @@ EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
   std::vector<double> lambda(rows + 1);
   Tangent tangent;
   EquilibriumReport report;
-  double step = kFirstStep, last = 0.0;
+  const double first_step = kFirstStep * model.time_scale;
+  double step = first_step, last = 0.0;
   for (report.iterations = 0; report.iterations < kMostIterations; ++report.iterations) {
     dynamics->RightSide(0.0, y, rate.data());
     const Constraints::Work& work = dynamics->constraint_work();
@@ -44,7 +46,7 @@ EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
     if (!std::isfinite(report.acceleration)) return report;
     if (last > 0.0 && report.acceleration > 0.0) {
       step *= std::clamp(last / report.acceleration, kMostShrink, kMostGrowth);
-      step = std::min(step, kLongestStep);
+      step = std::min(step, kLongestStep * model.time_scale);
     }
     last = report.acceleration;
     const double b = step * step;
@@ -67,7 +69,7 @@ EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
     }
     if (!std::isfinite(largest)) return report;
     const double part = largest > kLongestTurn ? kLongestTurn / largest : 1.0;
-    if (part < 1.0) step = std::max(step * kMostShrink, kFirstStep);
+    if (part < 1.0) step = std::max(step * kMostShrink, first_step);
     for (int k = 0; k < 3 * n; ++k) y[k] += part * x[k];
     if (largest < kStill) {
       report.found = true;

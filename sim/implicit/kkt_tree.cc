@@ -4,51 +4,48 @@
 
 namespace unfurl::sim {
 
-TreeSaddle::TreeSaddle(const Slots& slots, const Constraints& constraints, const Tangent& tangent)
-    : n_(slots.count), mass_(slots.mass), inertia_(slots.inertia) {
+namespace {
+
+// The bodies as a graph, whose edges are constraints and elastic couplings; and as trees, if it is
+// a forest.
+struct CouplingTrees {
   struct Link {
     int other, row;  // row: of the constraints, -1 for an elastic coupling
   };
-  std::vector<std::vector<Link>> at(n_);
-  std::vector<std::vector<int>> ground_rows(n_);
-  for (int r = 0; r < constraints.rows(); ++r) {
-    if (!constraints.IsActive(r)) continue;
-    const int a = constraints.InnerBody(r), b = constraints.OuterBody(r);
-    const bool first = slots.IsDynamic(a), second = slots.IsDynamic(b);
-    if (first && second) {
-      at[a].push_back({b, r});
-      at[b].push_back({a, r});
-    } else if (first || second) {
-      ground_rows[first ? a : b].push_back(r);
-    } else {
-      return;
+
+  explicit CouplingTrees(int bodies)
+      : at(bodies), ground_rows(bodies), parent(bodies, -1), seen(bodies, 0) {}
+
+  // False where a row couples two bodies that cannot move.
+  bool Connect(const Slots& slots, const Constraints& constraints, const Tangent& tangent) {
+    for (int r = 0; r < constraints.rows(); ++r) {
+      if (!constraints.IsActive(r)) continue;
+      const int a = constraints.InnerBody(r), b = constraints.OuterBody(r);
+      const bool first = slots.IsDynamic(a), second = slots.IsDynamic(b);
+      if (first && second) {
+        at[a].push_back({b, r});
+        at[b].push_back({a, r});
+      } else if (first || second) {
+        ground_rows[first ? a : b].push_back(r);
+      } else {
+        return false;
+      }
     }
+    for (const Tangent::Pair& pair : tangent.pairs()) {
+      if (pair.a < 0) continue;
+      at[pair.a].push_back({pair.b, -1});
+      at[pair.b].push_back({pair.a, -1});
+    }
+    return true;
   }
-  for (const Tangent::Pair& pair : tangent.pairs()) {
-    if (pair.a < 0) continue;
-    at[pair.a].push_back({pair.b, -1});
-    at[pair.b].push_back({pair.a, -1});
-  }
-  // Trees outwards from the bodies that the ground holds, then from what is left: of a free
-  // component the body with the most neighbours, so that its branches can be worked on in turn.
-  std::vector<int> candidates;
-  for (int s = 0; s < n_; ++s) {
-    if (slots.IsDynamic(s)) candidates.push_back(s);
-  }
-  std::stable_sort(candidates.begin(), candidates.end(), [&](int a, int b) {
-    if (ground_rows[a].empty() != ground_rows[b].empty()) return !ground_rows[a].empty();
-    return at[a].size() > at[b].size();
-  });
-  std::vector<int> parent(n_, -1), height(n_, 0), order;
-  std::vector<char> seen(n_, 0);
-  for (const int root : candidates) {
-    if (seen[root]) continue;
-    if (ground_rows[root].size() > kMostRows) return;
+
+  // Breadth first from a root; false at a loop, or where the ground holds another body too.
+  bool Grow(int root) {
     seen[root] = 1;
     order.push_back(root);
     for (std::size_t k = order.size() - 1; k < order.size(); ++k) {
       const int s = order[k];
-      if (s != root && !ground_rows[s].empty()) return;
+      if (s != root && !ground_rows[s].empty()) return false;
       for (const Link& link : at[s]) {
         if (link.other == parent[s]) continue;
         if (!seen[link.other]) {
@@ -56,42 +53,86 @@ TreeSaddle::TreeSaddle(const Slots& slots, const Constraints& constraints, const
           parent[link.other] = s;
           order.push_back(link.other);
         } else if (parent[link.other] != s) {
-          return;  // a loop
+          return false;
         }
       }
     }
+    return true;
   }
-  for (auto s = order.rbegin(); s != order.rend(); ++s) {
-    if (parent[*s] >= 0) height[parent[*s]] = std::max(height[parent[*s]], height[*s] + 1);
+
+  // Trees outwards from the bodies that the ground holds, then from what is left: of a free
+  // component the body with the most neighbours, so that its branches can be worked on in turn.
+  bool GrowAll(const Slots& slots, std::size_t most_rows) {
+    std::vector<int> roots;
+    for (int s = 0; s < slots.count; ++s) {
+      if (slots.IsDynamic(s)) roots.push_back(s);
+    }
+    std::stable_sort(roots.begin(), roots.end(), [&](int a, int b) {
+      if (ground_rows[a].empty() != ground_rows[b].empty()) return !ground_rows[a].empty();
+      return at[a].size() > at[b].size();
+    });
+    for (const int root : roots) {
+      if (seen[root]) continue;
+      if (ground_rows[root].size() > most_rows || !Grow(root)) return false;
+    }
+    return true;
   }
-  std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return height[a] < height[b]; });
+
+  // Orders the bodies by their height above the tips, the order of elimination.
+  void TipsFirst() {
+    std::vector<int> height(at.size(), 0);
+    for (auto s = order.rbegin(); s != order.rend(); ++s) {
+      if (parent[*s] >= 0) height[parent[*s]] = std::max(height[parent[*s]], height[*s] + 1);
+    }
+    std::stable_sort(order.begin(), order.end(),
+                     [&](int a, int b) { return height[a] < height[b]; });
+  }
+
+  // Rows between a body and its parent, or the ground for a root.
+  std::vector<int> RowsOf(int s) const {
+    std::vector<int> rows = ground_rows[s];
+    for (const Link& link : at[s]) {
+      if (link.row >= 0 && link.other == parent[s]) rows.push_back(link.row);
+    }
+    return rows;
+  }
+
+  std::vector<std::vector<Link>> at;          // by body
+  std::vector<std::vector<int>> ground_rows;  // by body
+  std::vector<int> parent, order;             // parent: by body, -1 for roots
+  std::vector<char> seen;
+};
+
+}  // namespace
+
+TreeSaddle::TreeSaddle(const Slots& slots, const Constraints& constraints, const Tangent& tangent)
+    : n_(slots.count), mass_(slots.mass), inertia_(slots.inertia) {
+  CouplingTrees trees(n_);
+  if (!trees.Connect(slots, constraints, tangent) || !trees.GrowAll(slots, kMostRows)) return;
+  trees.TipsFirst();
   std::vector<int> node_of(n_, -1);
-  for (std::size_t k = 0; k < order.size(); ++k) node_of[order[k]] = static_cast<int>(k);
-  for (const int s : order) {
+  for (std::size_t k = 0; k < trees.order.size(); ++k) {
+    node_of[trees.order[k]] = static_cast<int>(k);
+  }
+  for (const int s : trees.order) {
+    const std::vector<int> rows = trees.RowsOf(s);
+    if (rows.size() > kMostRows) return;
     Node node;
     node.slot = s;
-    node.parent = parent[s] < 0 ? -1 : node_of[parent[s]];
-    const auto add = [&](int r) {
-      if (node.rows == kMostRows) return false;
+    node.parent = trees.parent[s] < 0 ? -1 : node_of[trees.parent[s]];
+    for (const int r : rows) {
       const bool inner = constraints.InnerBody(r) == s;
       node.row[node.rows] = r;
       node.own[node.rows] = 6 * r + (inner ? 0 : 3);
       node.other[node.rows] = node.parent < 0 ? -1 : 6 * r + (inner ? 3 : 0);
       ++node.rows;
-      return true;
-    };
-    for (const int r : ground_rows[s]) {
-      if (!add(r)) return;
-    }
-    for (const Link& link : at[s]) {
-      if (link.row >= 0 && link.other == parent[s] && !add(link.row)) return;
     }
     nodes_.push_back(node);
   }
   for (std::size_t p = 0; p < tangent.pairs().size(); ++p) {
     const Tangent::Pair& pair = tangent.pairs()[p];
     if (pair.a < 0) continue;
-    const bool forward = parent[pair.a] == pair.b;  // a is the child
+    const bool forward = trees.parent[pair.a] == pair.b;  // a is the child
     sources_.push_back({node_of[forward ? pair.a : pair.b], static_cast<int>(p), !forward});
   }
   numbers_.assign(nodes_.size(), Numbers{});

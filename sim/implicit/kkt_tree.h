@@ -9,8 +9,8 @@
 namespace unfurl::sim {
 
 // The saddle-point system of an implicit step (sim/kkt.h) where the bodies' couplings form trees,
-// by 3 x 3 blocks from the tips to the roots. A body c hands over to its parent p what it and the
-// rows R between them amount to: with P = W_c^-1, K = W_cp and J the rows,
+// by 3 x 3 blocks from the tips to the roots. A body c is eliminated with the rows between it and
+// its parent p, which leaves a Schur complement on p: with P = W_c^-1, K = W_cp and J the rows,
 //   G = J_p - J_c P K,  S = J_c P J_c^T,  W_p -= K^T P K - G^T S^-1 G:
 // the articulated inertia, with elastic couplings. W_c is definite, so nothing needs pivoting, as
 // long as the rows are independent on c alone; that is so unless a loop closes through the ground.
@@ -27,7 +27,7 @@ class TreeSaddle {
  private:
   static constexpr int kMostRows = 3;
   struct Node {
-    int slot = -1, parent = -1;  // parent: place among the nodes, -1 for roots
+    int slot = -1, parent = -1;  // parent: index of a node, -1 for roots
     int rows = 0;
     std::array<int, kMostRows> row{};           // of the constraints
     std::array<int, kMostRows> own{}, other{};  // where J_c, J_p start in J; other -1: the ground

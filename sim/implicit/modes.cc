@@ -133,7 +133,8 @@ Pairs SolveSubspace(const Linearised& system, int wanted) {
   VectorXd mass(size);
   for (int k = 0; k < size; ++k) mass[k] = system.mass(k);
   Saddle saddle(system.model().slots, system.model().constraints, system.tangent());
-  double b = 1.0;  // [s^2]; later 1 / omega^2 of the lowest one that bends
+  // [s^2]; later 1 / omega^2 of the lowest one that bends.
+  double b = system.model().time_scale * system.model().time_scale;
   saddle.Factor(system.tangent(), system.jacobian(), 0.0, b);
   VectorXd square = VectorXd::Zero(columns);
   for (int iteration = 0; iteration < kMostIterations; ++iteration) {

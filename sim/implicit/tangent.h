@@ -14,8 +14,8 @@ namespace unfurl::sim {
 
 // The loads' linearisation, K = -dQ/dq and D = -dQ/dv, as 3 x 3 blocks between slots. A part of the
 // load that is no gradient enters by its symmetric half. The pattern never changes: a first pass
-// over the effects notes which slots they couple, later ones fill in numbers, and every pass visits
-// the same places in the same order, whatever the state.
+// over the effects records which slots they couple, later ones fill in numbers, and every pass adds
+// to the same blocks in the same order, at every state.
 class Tangent {
  public:
   using Block = std::array<double, 9>;  // by rows
@@ -29,8 +29,8 @@ class Tangent {
 
   // A pass: Begin, the effects' AddTangent, FoldStations. The first one notes the pattern.
   void Begin(bool note);
-  // Stations hand their rows and columns to their bodies. Loads and reactions are the forces on
-  // the stations, by slot [N]; `offset`: of the stations from their bodies, 2 each [m].
+  // Adds the stations' rows and columns to those of their bodies. Loads and reactions: the forces
+  // on the stations, by slot [N]; `offset`: of the stations from their bodies, 2 each [m].
   void FoldStations(const double* load_x, const double* load_y, const double* reaction_x,
                     const double* reaction_y, const double* offset);
 
@@ -63,8 +63,8 @@ class Tangent {
   // Says that slots e and e + 1 are coupled, and whether by damping too. Counts in the first pass.
   void NoteElement(int e, bool damps);
 
-  // The result. Places 0 to slots - 1 are diagonal, pairs follow; a pair with `a` below zero means
-  // nothing. Two pairs may name the same slots.
+  // The result. Blocks 0 to slots - 1 are diagonal, pairs follow; a pair with `a` below zero is
+  // unused. Two pairs may have the same slots.
   const std::vector<Pair>& pairs() const { return pairs_; }
   const Block& K(int slot) const { return k_[slot]; }
   const Block& D(int slot) const { return d_[slot]; }
@@ -88,9 +88,9 @@ class Tangent {
   std::vector<Pair> pairs_;       // those of the elements first
   std::vector<Block> k_, d_;
   std::map<std::pair<int, int>, int> place_of_;
-  std::vector<int> visits_;  // places of AddPair, in the order of calls
+  std::vector<int> visits_;  // blocks of AddPair, in the order of calls
   std::size_t next_ = 0;
-  std::vector<char> damped_;  // by place
+  std::vector<char> damped_;  // by block
   std::vector<int> damped_slots_, damped_pairs_;
 };
 

@@ -32,10 +32,24 @@ Compiler::Attached& Compiler::AttachmentAt(const data::SceneEnd& end, bool loade
   return list.back();
 }
 
-// A body that one weld alone joins to a beam becomes part of that beam, at its attachment: no
-// constraint, and no acceleration of a small body to be found apart. Other welds are constraints.
 void Compiler::FindAttachments() {
   smooth_.resize(scene_.beams.size());
+  AttachWelds();
+  AttachJoints();
+  AttachLoads();
+  AttachMarks();
+  CheckSmoothBeams();
+}
+
+// An end at which a moment acts bends there too.
+void Compiler::BendAt(const data::SceneEnd& end) {
+  if (end.kind == Kind::kBeamStart) smooth_[end.index].ends.moment_at_start = true;
+  if (end.kind == Kind::kBeamEnd) smooth_[end.index].ends.moment_at_end = true;
+}
+
+// A body that one weld alone joins to a beam becomes part of that beam, at its attachment: no
+// constraint, and no acceleration of a small body to be found apart. Other welds are constraints.
+void Compiler::AttachWelds() {
   std::vector<int> welds(merged_.list.size(), 0);
   for (const data::SceneWeld& weld : scene_.welds) {
     if (JoinsBodies(weld)) continue;
@@ -43,16 +57,12 @@ void Compiler::FindAttachments() {
       if (!OnBeam(*end)) ++welds[NodeOf(*end)];
     }
   }
-  const auto bends = [&](const data::SceneEnd& end) {
-    if (end.kind == Kind::kBeamStart) smooth_[end.index].ends.moment_at_start = true;
-    if (end.kind == Kind::kBeamEnd) smooth_[end.index].ends.moment_at_end = true;
-  };
   for (const data::SceneWeld& weld : scene_.welds) {
     if (JoinsBodies(weld)) continue;
     bool rows = false;
     for (const data::SceneEnd* end : {&weld.inner, &weld.outer}) {
       if (!OnSmooth(*end)) continue;
-      bends(*end);
+      BendAt(*end);
       const data::SceneEnd& other = end == &weld.inner ? weld.outer : weld.inner;
       Attached& attached = AttachmentAt(*end);
       const int node = OnBeam(other) ? 0 : NodeOf(other);
@@ -64,14 +74,20 @@ void Compiler::FindAttachments() {
     }
     if (rows) weld_rows_.push_back(&weld);
   }
+}
+
+void Compiler::AttachJoints() {
   for (const data::SceneJoint& joint : scene_.joints) {
     for (const data::SceneEnd* raw : {&joint.inner, &joint.outer}) {
       const data::SceneEnd end = Carrier(*raw);
       if (!OnSmooth(end)) continue;
       AttachmentAt(end);
-      if (CarriesMoment(joint)) bends(end);
+      if (CarriesMoment(joint)) BendAt(end);
     }
   }
+}
+
+void Compiler::AttachLoads() {
   for (const data::SceneLinearSpring& spring : scene_.linear_springs) {
     for (const data::SceneEnd* end : {&spring.a, &spring.b}) {
       if (OnSmooth(Carrier(*end))) AttachmentAt(Carrier(*end));
@@ -81,9 +97,12 @@ void Compiler::FindAttachments() {
     const data::SceneEnd end = Carrier(force.on);
     if (force.kind == data::SceneForce::Kind::kPerLength || !OnSmooth(end)) continue;
     AttachmentAt(end);
-    if (force.kind == data::SceneForce::Kind::kTorque) bends(end);
+    if (force.kind == data::SceneForce::Kind::kTorque) BendAt(end);
   }
-  // A watched mark needs its motion in the state; other marks are worked out when they are sampled.
+}
+
+// A watched mark needs its motion in the state; other marks are worked out when they are sampled.
+void Compiler::AttachMarks() {
   for (const data::SceneMark& mark : scene_.marks) {
     const data::SceneEnd end = Carrier(mark.on);
     if (!OnSmooth(end)) continue;
@@ -91,6 +110,9 @@ void Compiler::FindAttachments() {
       if (watch.quantity.rfind(mark.name + ".", 0) == 0) AttachmentAt(end, false);
     }
   }
+}
+
+void Compiler::CheckSmoothBeams() const {
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
     const data::SceneBeam& beam = scene_.beams[b];
     if (!IsSmooth(static_cast<int>(b))) continue;

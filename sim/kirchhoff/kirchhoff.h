@@ -16,9 +16,9 @@ namespace unfurl::sim {
 //   V = (EI / 2 L) sum_k S_k a_k^2,
 // and Lagrange's equations of them, with Kelvin-Voigt damping, are what is solved.
 //
-// What is joined to the beam sees attachments: places along it, each with a frame (x, y, theta) of
-// its own, and maybe a rigid body of some mass that sits there. They move with q: their rates are
-// T_b q', with T_b of three rows.
+// Joints and welds act on attachments: points along the beam, each with a frame (x, y, theta) of
+// its own, and perhaps a rigid body that is fixed there. They move with q: their rates are T_b q',
+// with T_b of three rows.
 class KirchhoffRod {
  public:
   struct Properties {
@@ -78,8 +78,8 @@ class KirchhoffRod {
   void Update(const double* q, const double* rate, Work* work) const;
 
   // Mass matrix and forces. `load`: on the centre, fx and fy; `attached`: fx, fy, m by attachment,
-  // about its origin. Fills the accelerations of the attachments, 3 each, and how they answer to
-  // loads on them, a symmetric matrix of (3 attachments)^2: accelerations += C loads. Adds the
+  // about its origin. Fills the accelerations of the attachments, 3 each, and their compliance C,
+  // a symmetric matrix of (3 attachments)^2: accelerations += C loads. Adds the
   // power turned into heat to `dissipated` where given.
   void Solve(const double load[2], const double* attached, Work* work, double* acceleration,
              double* compliance, double* dissipated) const;

@@ -11,8 +11,8 @@ namespace unfurl::sim {
 // The smooth beams of a model, and where their coordinates stand among the slots: x_c, y_c and
 // theta_0 in the beam's root slot, the amplitudes three to a slot in the slots that follow it (x
 // and y hold a_k times the length, so that tolerances of lengths fit them; theta holds a_k itself).
-// Each attachment has a slot too, which others see as a body: its motion is filled in from the
-// coordinates, loads on it are passed on.
+// Each attachment has a slot too, which joints take for a body: its motion is filled in from the
+// coordinates, loads on it are loads on them.
 class KirchhoffBeams {
  public:
   struct Beam {
@@ -24,7 +24,7 @@ class KirchhoffBeams {
     int first_amplitude() const { return root + 1; }
     int amplitude_slots() const { return (rod.amplitudes() + 2) / 3; }
   };
-  // A place along a beam that only samples look at.
+  // A point along a beam that only samples evaluate.
   struct Watched {
     int beam;
     KirchhoffRod::Place place;
@@ -34,7 +34,7 @@ class KirchhoffBeams {
     Array q, rate;     // of one beam
     Array load;        // on the attachments of one beam
     Array free;        // accelerations of all attachments without constraints, 3 each
-    Array compliance;  // by beam: how its attachments answer to loads on them
+    Array compliance;  // by beam: accelerations of its attachments by loads on them
     double power = 0;  // turned into heat [W]
   };
 

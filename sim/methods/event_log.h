@@ -7,7 +7,7 @@
 
 namespace unfurl::sim {
 
-// Events as they come, in bounded memory: all are counted, the first and the last kKept are kept.
+// Events in bounded memory: all are counted, the first and the last kKept are kept.
 class EventLog {
  public:
   static constexpr int kKept = 5000;  // at each end

@@ -11,7 +11,7 @@ namespace {
 constexpr int kNodes = DensePolynomial::kMostCoefficients;
 constexpr int kPolishes = 3;  // Newton steps on a quantity that is not a polynomial
 
-// Chebyshev's places in [0, 1], ends included.
+// Chebyshev's points in [0, 1], ends included.
 double Node(int k) { return 0.5 - 0.5 * std::cos(M_PI * k / (kNodes - 1)); }
 
 // The polynomial through `values` at the nodes, by divided differences.
@@ -164,7 +164,7 @@ DensePolynomial EventFinder::Beyond(Stepper& stepper, int watch, bool cubic, dou
     for (int e = 0; e < entries; ++e) probe_[w.entries[e]] = of[e](Node(k));
     values[k] = model_.watches.Beyond(watch, model_.index, probe_.data());
     if (!cubic) continue;
-    // How far the entries' own margins move the quantity, here.
+    // What the margins of the entries change the quantity by, at this node.
     double moved = 0.0;
     for (int e = 0; e < entries; ++e) {
       const double kept = probe_[w.entries[e]];

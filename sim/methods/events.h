@@ -68,7 +68,7 @@ class EventFinder {
   // theta of a latch's joint within the step.
   DensePolynomial Theta(Stepper& stepper, int latch, bool cubic, double* margin) const;
   // A watched quantity less its level within the step; for one that is not linear in the state, the
-  // polynomial through it at kNodes places.
+  // polynomial through it at kNodes points.
   DensePolynomial Beyond(Stepper& stepper, int watch, bool cubic, double* margin);
   double BeyondAt(Stepper& stepper, int watch, double sigma);
 

@@ -23,9 +23,9 @@ namespace {
 // oscillation of steps that stability limits.
 constexpr double kSafety = 0.9, kMemory = 0.2;  // memory times the order
 constexpr double kMostGrowth = 5.0, kMostShrink = 0.2;
-constexpr double kFirstStep = 1e-6;       // [s]; grows fivefold per step from there
-constexpr double kFunctionsAhead = 1e-9;  // [s]; where a function of time is looked for that fails
-constexpr double kSmallestStep = 1e-15;   // relative to the time reached, or to 1 s
+// Of the options' time scale: the first step, which grows fivefold per step from there; how far
+// ahead a function of time is looked for that fails; the smallest step, also of the time reached.
+constexpr double kFirstStep = 1e-6, kFunctionsAhead = 1e-9, kSmallestStep = 1e-15;
 constexpr double kSingularPivot = 1e-12;
 // Where the smallest pivot has fallen to this part of the largest that it has been, constraints are
 // near to depending on one another (it goes with the square of the distance), and the drift of an
@@ -69,7 +69,7 @@ std::unique_ptr<Stepper> MakeStepper(const SimulateOptions& options, Dynamics& d
 ErrorScale ScaleOf(const Model& model, const SimulateOptions& o) {
   ErrorScale scale;
   scale.rtol = o.rtol;
-  scale.length = o.length > 0.0 ? o.length : model.length_scale;
+  scale.length = o.length;
   scale.angle = 1.0;
   scale.speed = scale.length / o.time;
   scale.spin = 1.0 / o.time;
@@ -124,7 +124,7 @@ SimulateReport Integration::Go() {
   if (RemoveDrift(t_, stepper_->state())) stepper_->Refresh();
   std::copy_n(stepper_->state(), sample_.size(), sample_.begin());
   Hand(0.0);
-  double h = std::min(kFirstStep, options_.max_step);
+  double h = std::min(kFirstStep * options_.time, options_.max_step);
   while (t_ < end_ && report_.status == SimulateStatus::kGood && !stopped_) {
     const bool last = t_ + h >= end_ * (1.0 - 1e-15);
     if (last) {
@@ -220,9 +220,9 @@ void Integration::Shrink(double error, double* h) {
           : 0.1;
   *h *= factor;
   limit_ = stable_ ? StepLimit::kError : StepLimit::kStability;
-  if (*h > kSmallestStep * std::max(t_, 1.0) || FailIfDependent()) return;
+  if (*h > kSmallestStep * std::max(t_, options_.time) || FailIfDependent()) return;
   std::string cause;
-  for (const double ahead : {0.0, 10.0 * *h, kFunctionsAhead}) {
+  for (const double ahead : {0.0, 10.0 * *h, kFunctionsAhead * options_.time}) {
     if (cause.empty()) cause = model_.FaultyFunctions(t_ + ahead);
   }
   if (!cause.empty()) cause = "; not finite near here: " + cause;

@@ -41,6 +41,8 @@ class MarkCollector : public Observer {
   MarkTracks* tracks_;
 };
 
+constexpr double kLongestStep = 0.01;  // of the time scale; see SimulateOptions::max_step
+
 [[noreturn]] void BadOption(const char* field, const std::string& what, const char* remedy) {
   throw Error(what, fmt::format("option {}", field), remedy);
 }
@@ -61,9 +63,11 @@ void SimulateOptions::Check() const {
   if (!(length >= 0.0) || !std::isfinite(length)) {
     BadOption("length", fmt::format("{} is not a length", length), "use a positive number");
   }
-  if (!positive(time)) BadOption("time", fmt::format("{} is not a time", time), "use 1");
-  if (!positive(max_step)) {
-    BadOption("max_step", fmt::format("{} is not a step", max_step), "use a positive number");
+  if (!(time >= 0.0) || !std::isfinite(time)) {
+    BadOption("time", fmt::format("{} is not a time", time), "use a positive number, or 0");
+  }
+  if (!(max_step >= 0.0) || !std::isfinite(max_step)) {
+    BadOption("max_step", fmt::format("{} is not a step", max_step), "use a positive number, or 0");
   }
   if (max_steps <= 0) BadOption("max_steps", "no steps allowed", "use a positive number");
   if (order != 0 && order != 4 && order != 5 && order != 8) {
@@ -142,7 +146,11 @@ SimulateReport Simulate(const Model& model, const SimulateOptions& options, Obse
     throw Error(fmt::format("the method {} does not know smooth beams", MethodName(options.method)),
                 "option method", "use \"projected\", or model = \"segments\" for every beam");
   }
-  return Integration(model, options, observer).Go();
+  SimulateOptions scaled = options;
+  if (scaled.length == 0.0) scaled.length = model.length_scale;
+  if (scaled.time == 0.0) scaled.time = model.time_scale;
+  if (scaled.max_step == 0.0) scaled.max_step = kLongestStep * model.time_scale;
+  return Integration(model, scaled, observer).Go();
 }
 
 MarkTracks SimulateMarks(const Model& model, SimulateOptions options) {

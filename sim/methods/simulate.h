@@ -27,9 +27,11 @@ struct SimulateOptions {
   // Of the explicit pair: 4, 5 or 8; 0: 4 where rtol is loose, 8 where it is tight
   // (docs/accuracy.md).
   int order = 0;
-  double length = 0.0;     // scale of positions; 0: the longest beam [m]
-  double time = 1.0;       // velocities: length / time, plus what they are [s]
-  double max_step = 0.01;  // [s]
+  double length = 0.0;  // scale of positions; 0: Model::length_scale [m]
+  double time = 0.0;    // velocities: length / time, plus what they are; 0: Model::time_scale [s]
+  // Longest step; 0: a hundredth of Model::time_scale, so that a function of time that acts for a
+  // five-hundredth of the scene's duration is not passed over [s].
+  double max_step = 0.0;
   long max_steps = 500'000'000;
   // Constraints are brought back when they have drifted by more than this part of rtol * length
   // (positions) or rtol * length / time (velocities).

@@ -42,6 +42,7 @@ class Compiler {
   void FindBeamWelds();
   void NumberSlots();
   void FillOutputs();
+  double ReachOfBodies() const;  // [m]
   void FillState();
   void CheckConstraints();
   void RefuseDrivesThatFight(std::size_t redundant, const std::string& which) const;
@@ -49,6 +50,12 @@ class Compiler {
   bool IsSmooth(int beam) const;
   bool OnSmooth(const data::SceneEnd& end) const;
   void FindAttachments();
+  void BendAt(const data::SceneEnd& end);
+  void AttachWelds();
+  void AttachJoints();
+  void AttachLoads();
+  void AttachMarks();
+  void CheckSmoothBeams() const;
   int NumberSmoothSlots(int next);
   void FillSmooth();
   void AddWeldRows(JointRows* rows);

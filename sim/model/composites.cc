@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/error.h"
@@ -11,7 +12,9 @@ namespace {
 
 using data::SceneEnd;
 
-constexpr double kSamePlace = 1e-9;  // [m], [rad]: welds written twice may differ by rounding
+// Of the farthest point of a weld from its body, and in rad: welds written twice may differ by the
+// digits that a person writes.
+constexpr double kSamePlace = 1e-9;
 
 // Pose of the outer body in the inner's frame.
 PlanePose OuterInInner(const data::SceneWeld& weld) {
@@ -44,6 +47,7 @@ Composites MergeWeldedBodies(const data::Scene& scene) {
   const int bodies = static_cast<int>(scene.bodies.size());
   const int ground = bodies;  // as a node
   std::vector<std::vector<int>> welds_at(bodies + 1);
+  double size = 0.0;  // of the welds [m]
   const auto node = [&](const SceneEnd& end) {
     return end.kind == SceneEnd::Kind::kGround ? ground : end.index;
   };
@@ -55,6 +59,9 @@ Composites MergeWeldedBodies(const data::Scene& scene) {
     }
     welds_at[a].push_back(static_cast<int>(w));
     welds_at[b].push_back(static_cast<int>(w));
+    for (const SceneEnd* end : {&scene.welds[w].inner, &scene.welds[w].outer}) {
+      size = std::max(size, std::hypot(end->point[0], end->point[1]));
+    }
   }
   Composites result;
   result.of_body.assign(bodies, -1);
@@ -82,7 +89,7 @@ Composites MergeWeldedBodies(const data::Scene& scene) {
           queue.push_back(other);
         } else {
           const double turns = std::remainder(there.angle - pose[other].angle, 2.0 * M_PI);
-          if (std::hypot(there.x - pose[other].x, there.y - pose[other].y) > kSamePlace ||
+          if (std::hypot(there.x - pose[other].x, there.y - pose[other].y) > kSamePlace * size ||
               std::fabs(turns) > kSamePlace) {
             throw Error(fmt::format("weld '{}' contradicts the other welds", weld.name), weld.where,
                         "remove it, or make the places agree");

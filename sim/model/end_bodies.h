@@ -12,7 +12,7 @@ namespace unfurl::sim {
 // the mass only). Returns the scene with those bodies, called BEAM.start and BEAM.end.
 data::Scene WithEndBodies(const data::Scene& scene);
 
-// Whether a joint hands a moment to what it joins.
+// Whether a joint transmits a moment to what it joins.
 bool CarriesMoment(const data::SceneJoint& joint);
 
 // Mass of segment k of a beam [kg].

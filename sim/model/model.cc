@@ -4,6 +4,13 @@
 #include <cmath>
 
 namespace unfurl::sim {
+namespace {
+
+// Of the time scale: what changes by its own size within it is before a pole. Functions that a
+// person means change a million times more slowly.
+constexpr double kInstant = 1e-9;
+
+}  // namespace
 
 std::vector<Model::EffectCount> Model::Effects() const {
   std::vector<EffectCount> effects;
@@ -21,11 +28,11 @@ std::vector<Model::EffectCount> Model::Effects() const {
 }
 
 std::string Model::FaultyFunctions(double t) const {
-  constexpr double kShort = 1e-9;  // [s]
+  const double instant = kInstant * time_scale;  // [s]
   std::string names;
   for (const Function& f : functions) {
     const data::TimeValue v = f.function.At(t);
-    const bool runs_away = std::fabs(v.rate) * kShort > std::fabs(v.value) && v.value != 0.0;
+    const bool runs_away = std::fabs(v.rate) * instant > std::fabs(v.value) && v.value != 0.0;
     if (f.function.IsFinite(t, f.derivatives) && !runs_away) continue;
     names += (names.empty() ? "" : ", ") + f.function.Describe();
   }

@@ -72,8 +72,11 @@ struct Model : ModelEffects {
   };
 
   std::string name;
-  double duration = 0.0;      // [s]
-  double length_scale = 0.0;  // of the whole, for tolerances [m]
+  double duration = 0.0;  // [s]
+  // For tolerances: the longest beam, or how far bodies reach or go [m]; a fifth of the scene's
+  // duration, within which a deployment's velocities come and go [s].
+  double length_scale = 0.0;
+  double time_scale = 1.0;
   Slots slots;
   StateIndex index;
 
@@ -97,7 +100,7 @@ struct Model : ModelEffects {
   // What the scene called for: name of the effect and how many instances it holds.
   std::vector<EffectCount> Effects() const;
   // Names the functions of time that are not finite at t, or that change by more than their own
-  // size within a nanosecond, as they do before a pole; empty when all is well.
+  // size within an instant, as they do before a pole; empty when all is well.
   std::string FaultyFunctions(double t) const;
   int FindMark(const std::string& mark) const;  // -1 when absent
   // Number of bodies that have a mass of their own (welded ones count once), segments included.

@@ -7,10 +7,10 @@
 
 namespace unfurl::sim {
 
-// Everything that moves has a slot. The slots of one beam lie side by side: a station where its
-// start is welded, its segments, a station where its end is welded. After the beams come the rigid
-// bodies (those welded together share one slot), then the ground. So the elements of all beams are
-// one loop over neighbouring slots; pairs that are not elements have zero stiffness.
+// A slot is the index of a rigid body of the equations of motion. Those of one beam are neighbours:
+// a station where its start is welded, its segments, a station where its end is welded. Then come
+// the scene's bodies (those welded together are one) and the ground. So the elements of all beams
+// are one loop over neighbouring indices; pairs that are not elements have zero stiffness.
 
 // A point of a rigid body that a beam is welded to: it moves with the body and has no mass.
 struct Station {
@@ -32,7 +32,7 @@ struct Slots {
   Array inverse_inertia;  // [1/(kg m^2)]
   std::vector<Station> stations;
   // Slots attached to a smooth beam, by beam: their motion is filled in from the beam's coordinates
-  // and they answer to loads on one another, so their inverse masses are zero here too.
+  // and its compliance couples them, so their inverse masses are zero here too.
   std::vector<std::vector<int>> attached;
   // Slots that hold amplitudes of a smooth beam, rising.
   std::vector<int> amplitudes;
@@ -45,7 +45,7 @@ struct Slots {
 };
 
 // A state vector holds, one after another, x, y, theta of all slots, their rates, and what is
-// integrated beside: kExtras energies. One entry past each block is read by the element loops.
+// integrated beside: kExtras energies. Element loops read entry n of a block, at zero stiffness.
 inline constexpr int kExtraContact = 0;  // dissipated in contacts [J]
 inline constexpr int kExtraBeams = 1;    // dissipated in beams [J]
 inline constexpr int kExtraDampers = 2;  // dissipated in dampers and by friction [J]
@@ -78,7 +78,7 @@ struct Motion {
   const double* omega;
   const double* c;
   const double* s;
-  const LatchMode* modes = nullptr;  // by latch; null where no latch is asked
+  const LatchMode* modes = nullptr;  // by latch; null: no contact is evaluated
 };
 
 // Forces [N] and moments about the slot's own point [N m].

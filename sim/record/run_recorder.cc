@@ -39,14 +39,14 @@ double LatchCount::MedianRestitution() const {
   return std::nan("");
 }
 
-RunRecorder::RunRecorder(const Model& model, const RecordOptions& options, double rate,
-                         bool progress)
+RunRecorder::RunRecorder(const Model& model, const std::vector<std::string>& quantities,
+                         double shape_rate, double rate, bool progress)
     : model_(model),
-      observables_(model, options.quantities),
+      observables_(model, quantities),
       progress_("simulate", progress),
       latches_(static_cast<std::size_t>(model.latches.count())) {
-  if (options.shape_rate > 0.0 && !model.beams.empty()) {
-    shape_every_ = static_cast<int>(std::max(1.0, std::round(rate / options.shape_rate)));
+  if (shape_rate > 0.0 && !model.beams.empty()) {
+    shape_every_ = static_cast<int>(std::max(1.0, std::round(rate / shape_rate)));
   }
 }
 
@@ -110,34 +110,34 @@ data::RunLayout RunRecorder::Layout(const std::string& scene, bool profile) cons
 
 void RunRecorder::Finish(const SimulateReport& report, const std::string& status,
                          const std::string& message, bool profile) {
-  writer_->SetText("status", status);
-  writer_->SetText("message", message);
-  writer_->SetText("method", report.method);
-  if (!report.stopped_by.empty()) writer_->SetText("stopped_by", report.stopped_by);
-  writer_->SetSummary("t_end", report.steps > 0 ? report.t_end : last_time_);
-  writer_->SetSummary("impacts", static_cast<double>(impacts()));
-  writer_->SetSummary("largest_energy_residual", worst_residual_);
+  sink_->SetText("status", status);
+  sink_->SetText("message", message);
+  sink_->SetText("method", report.method);
+  if (!report.stopped_by.empty()) sink_->SetText("stopped_by", report.stopped_by);
+  sink_->SetSummary("t_end", report.steps > 0 ? report.t_end : last_time_);
+  sink_->SetSummary("impacts", static_cast<double>(impacts()));
+  sink_->SetSummary("largest_energy_residual", worst_residual_);
   for (const Model::Joint& joint : model_.joints) {
     if (joint.latch < 0) continue;
     const LatchCount& count = latch(joint.latch);
     if (count.latched) {
-      writer_->SetSummary(joint.name + ".latch_time", count.latch_time);
-      writer_->SetSummary(joint.name + ".latch_rate", count.latch_rate);
+      sink_->SetSummary(joint.name + ".latch_time", count.latch_time);
+      sink_->SetSummary(joint.name + ".latch_rate", count.latch_rate);
     }
     const auto j = static_cast<int>(&joint - model_.joints.data());
     const TorqueMargin& margin = observables_.margins().of(j);
     if (margin.resisted()) {
-      writer_->SetSummary(joint.name + ".torque_margin", margin.ratio);
-      writer_->SetSummary(joint.name + ".torque_margin_theta", margin.ratio_theta);
+      sink_->SetSummary(joint.name + ".torque_margin", margin.ratio);
+      sink_->SetSummary(joint.name + ".torque_margin_theta", margin.ratio_theta);
     }
     if (margin.seen()) {
-      writer_->SetSummary(joint.name + ".least_driving_moment", margin.least_driving);
-      writer_->SetSummary(joint.name + ".least_driving_theta", margin.least_theta);
+      sink_->SetSummary(joint.name + ".least_driving_moment", margin.least_driving);
+      sink_->SetSummary(joint.name + ".least_driving_theta", margin.least_theta);
     }
   }
   if (report.steps == 0) return;  // interrupted: the rest is not known
   const auto set = [&](const std::string& name, auto value) {
-    writer_->SetSummary(name, static_cast<double>(value));
+    sink_->SetSummary(name, static_cast<double>(value));
   };
   set("steps", report.steps);
   set("rejected", report.rejected);
@@ -167,9 +167,9 @@ void RunRecorder::Finish(const SimulateReport& report, const std::string& status
 }
 
 void RunRecorder::OnSample(double t, double* state, const std::vector<LatchMode>& modes) {
-  writer_->Append(t, observables_.Row(t, state, modes));
+  sink_->Append(t, observables_.Row(t, state, modes));
   if (shape_every_ > 0 && samples_ % shape_every_ == 0) {
-    writer_->AppendShapes(t, observables_.ShapeRow(t, state));
+    sink_->AppendShapes(t, observables_.ShapeRow(t, state));
   }
   worst_residual_ = std::max(worst_residual_, std::abs(observables_.residual()));
   last_time_ = t;
@@ -184,7 +184,7 @@ void RunRecorder::OnEvent(const Event& event) {
   ++events_;
   if (event.kind == EventKind::kWatch) {
     record.data["direction [1]"] = event.upper ? 1.0 : -1.0;
-    writer_->AddEvent(record);
+    sink_->AddEvent(record);
     return;
   }
   record.data["theta_rate [rad/s]"] = event.theta_rate;
@@ -202,11 +202,11 @@ void RunRecorder::OnEvent(const Event& event) {
     record.data["restitution [1]"] = event.restitution;
     count.AddRestitution(event.restitution);
   }
-  writer_->AddEvent(record);
+  sink_->AddEvent(record);
 }
 
 void RunRecorder::OnProgress(double fraction) {
-  if (++looks_ % kFlushLooks == 0) writer_->Flush();
+  if (++looks_ % kFlushLooks == 0) sink_->Flush();
   progress_.Update(fraction);
 }
 

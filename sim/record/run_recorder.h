@@ -25,21 +25,18 @@ struct LatchCount {
   std::vector<long> bins_;  // of 0.001 from 0 on; made when first needed
 };
 
-// Which part of a run goes to its file.
-struct RecordOptions {
-  std::vector<std::string> quantities;  // patterns of names; empty: all
-  double shape_rate = 50.0;             // beam shapes per second; 0: none
-};
-
-// Writes samples, beam shapes and events to the run file as they come, in constant memory.
+// Writes samples, beam shapes and events to a run as they occur, in constant memory.
 class RunRecorder : public Observer {
  public:
-  RunRecorder(const Model& model, const RecordOptions& options, double rate, bool progress);
+  // `quantities`: patterns of names to keep; empty: all. `shape_rate`: beam shapes per second, 0:
+  // none. `rate`: samples per second.
+  RunRecorder(const Model& model, const std::vector<std::string>& quantities, double shape_rate,
+              double rate, bool progress);
 
   // What the file will hold; `scene` is the scene's text.
   data::RunLayout Layout(const std::string& scene, bool profile) const;
   int shape_every() const { return shape_every_; }  // samples; 0: no shapes
-  void SetWriter(data::RunWriter* writer) { writer_ = writer; }
+  void SetSink(data::RunSink* sink) { sink_ = sink; }
   // The summary of a run that ended, or of one that was interrupted (report without steps).
   void Finish(const SimulateReport& report, const std::string& status, const std::string& message,
               bool profile);
@@ -59,7 +56,7 @@ class RunRecorder : public Observer {
  private:
   const Model& model_;
   Observables observables_;
-  data::RunWriter* writer_ = nullptr;
+  data::RunSink* sink_ = nullptr;
   Progress progress_;
   int shape_every_ = 0;
   std::vector<LatchCount> latches_;

@@ -25,7 +25,7 @@ struct SummaryInput {
 std::string LatchSentence(const SummaryInput& input);
 // Rows for a table of joints, header first; `most` rows at most, those with the largest loads.
 std::vector<std::vector<std::string>> JointTable(const SummaryInput& input, std::size_t most,
-                                                std::size_t* left_out);
+                                                 std::size_t* left_out);
 // "error 92 % (mostly beam 'beam2'), contact 6 %".
 std::string LimitSentence(const SummaryInput& input);
 

@@ -67,6 +67,7 @@ const char* const kScenes[] = {
     "mass = 1\nlinear_stiffness = 1\nrestitution = 0.5\nQ = 1\nepsilon = 1\nradius_j = 1\n"
     "[joint.a]\ninner = 'ground'\nouter = 'bar'\n"
     "[joint.a.spring]\nstiffness = 1\nfree = 1\n"
+    "[joint.a.quadratic_damper]\ndamping = 1\n"
     "[joint.a.damper]\ndamping = 1\n[joint.a.table]\ntheta = [0, 1]\nmoment = [0, 1]\n"
     "[joint.a.friction]\nmoment = 1\ncreep_rate = 1\n[joint.a.motor]\nmoment = 't'\n"
     "[joint.a.latch]\ntheta_a = 1\ntheta_b = 1\nlever = 1\ncontact = 'c'\n"
@@ -87,7 +88,8 @@ const char* const kScenes[] = {
     "[mark.m]\non = 'bar'\n[mark.n]\non = 'rod'\nat = 0.5\n"
     "[solver]\nmethod = 'auto'\nrtol = 1e-6\nrate = 10\n",
     "[scene]\nname = 's'\nduration = 1.0\n[beam.rod]\nlength = 1\nmass = 1\nEI = 1\nEA = 1\n"
-    "[contact.c]\nK = 1\nC = 1\nQ = 1\nepsilon = 1\n",
+    "[contact.c]\nK = 1\nC = 1\nQ = 1\nepsilon = 1\n"
+    "[contact.h]\nK = 1\nlaw = 'hunt_crossley'\nalpha = 0.1\n",
 };
 
 // "joint.b.drive.position.t" as "F t", "body.bar.mass" as "body.NAME mass"; nothing for tables.

@@ -63,6 +63,46 @@ TEST(Effects, FrictionStopsAWheel) {
   EXPECT_NEAR(run["energy.dissipated_dampers"].back(), 0.5 * I * w0 * w0, 1e-6);
 }
 
+// I dw/dt = -c |w| w gives w = w_0 / (1 + c |w_0| t / I), and theta its integral, either way round.
+TEST(Effects, QuadraticDamperSlowsAWheel) {
+  const double I = 0.5, c = 0.4;
+  for (const double w0 : {5.0, -3.0}) {
+    const Model model = ModelFrom(WheelScene(
+        fmt::format("theta_rate = {}\n[joint.axle.quadratic_damper]\ndamping = {}\n", w0, c)));
+    Sampled run(model);
+    RunTight(model, 2.0, &run);
+    const std::vector<double> theta = run["axle.theta"], w = run["axle.theta_rate"];
+    const std::vector<double> moment = run["axle.quadratic_damper_moment"];
+    const std::vector<double> lost = run["energy.dissipated_dampers"];
+    for (std::size_t i = 0; i < w.size(); ++i) {
+      const double slowed = 1.0 + c * std::fabs(w0) * run.t[i] / I;
+      const double expected = w0 / slowed;
+      EXPECT_NEAR(w[i], expected, kClosedForm * std::fabs(w0));
+      EXPECT_NEAR(theta[i], std::copysign(I / c * std::log(slowed), w0), kClosedForm);
+      EXPECT_NEAR(moment[i], -c * std::fabs(expected) * expected, kClosedForm * c * w0 * w0);
+      EXPECT_NEAR(lost[i], 0.5 * I * (w0 * w0 - expected * expected), kClosedForm * I * w0 * w0);
+    }
+  }
+}
+
+// A block falls onto its speed of m g = c v^2: v = v_t tanh(g t / v_t), the travel v_t^2 / g ln
+// cosh.
+TEST(Effects, QuadraticDamperHoldsAFallAtItsSpeed) {
+  const double m = 2.0, g = 9.81, c = 3.0, limit = std::sqrt(m * g / c);
+  const Model model = ModelFrom(BlockScene(fmt::format(
+      "[joint.slide.quadratic_damper]\ndamping = {}\n[gravity]\nacceleration = [{}, 0.0]\n", c,
+      g)));
+  Sampled run(model);
+  RunTight(model, 2.0, &run);
+  const std::vector<double> x = run["block.x"], v = run["slide.travel_rate"];
+  for (std::size_t i = 0; i < x.size(); ++i) {
+    const double phase = g * run.t[i] / limit;
+    EXPECT_NEAR(v[i], limit * std::tanh(phase), kClosedForm * limit);
+    EXPECT_NEAR(x[i], limit * limit / g * std::log(std::cosh(phase)), kClosedForm);
+  }
+  EXPECT_LT(run.residual, kClosedForm * m * g);
+}
+
 // I dw/dt = M sin(p t).
 TEST(Effects, MotorTurnsAWheel) {
   const double I = 0.5, M = 3.0, p = 4.0;

@@ -180,6 +180,7 @@ TEST(Partitioned, ErrorFollowsTheTolerance) {
   const Model model = Compile(CrankRocker());
   SimulateOptions options;
   options.max_step = 1.0;  // the tolerance alone decides
+  options.time = 1.0;      // [s]: a swing of the crank
   options.rtol = 1e-12;
   const MarkTracks reference = SimulateMarks(model, options);
   options.method = Method::kPartitioned;

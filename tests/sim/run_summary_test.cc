@@ -30,7 +30,7 @@ const char* const kChain =
 
 struct Summary {
   explicit Summary(const std::string& toml)
-      : model(ModelFrom(toml)), recorder(model, {}, 100.0, false) {
+      : model(ModelFrom(toml)), recorder(model, {}, 50.0, 100.0, false) {
     report.steps = 1000;
     report.t_end = 1.0;
     report.worst_slots.assign(static_cast<std::size_t>(model.slots.count), 0);

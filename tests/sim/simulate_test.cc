@@ -202,7 +202,7 @@ TEST(SimulateOptions, RefusesWhatCannotBe) {
   refused([](auto& o) { o.rate = 0.0; });
   refused([](auto& o) { o.duration = 1e9; });
   refused([](auto& o) { o.duration = -1.0; });
-  refused([](auto& o) { o.max_step = 0.0; });
+  refused([](auto& o) { o.max_step = -1.0; });
   refused([](auto& o) { o.max_steps = 0; });
   refused([](auto& o) { o.time = INFINITY; });
   SimulateOptions().Check();

@@ -1,0 +1,151 @@
+#include "sim/effects/contact_law.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.h"
+#include "scenes.h"
+#include "sim/methods/simulate.h"
+
+namespace unfurl::sim {
+namespace {
+
+using ::testing::HasSubstr;
+using Law = data::SceneContact::Law;
+
+data::SceneContact Record(Law law) {
+  data::SceneContact c;
+  c.law = law;
+  c.K = 3e5, c.C = 40.0, c.Q = 3.0, c.epsilon = 2e-3, c.alpha = 0.4;
+  return c;
+}
+
+// Of every law: slopes and stored energy by differences, no force where the bodies are apart, loss
+// never negative.
+class EveryLaw : public ::testing::TestWithParam<Law> {};
+
+TEST_P(EveryLaw, SlopesAndEnergyBelongToTheForce) {
+  const ContactLaw law(Record(GetParam()));
+  constexpr double kStep = 1e-8, kNear = 1e-5;  // of forces of some N; their square's rounding
+  for (const double depth : {3e-4, 1.9e-3, 2.5e-3, 8e-3}) {
+    for (const double rate : {-0.2, 0.0, 0.7}) {
+      const auto at = [&](double d, double v) { return law.At(depth + d, rate + v); };
+      const ContactLaw::Contact c = at(0, 0);
+      ASSERT_FALSE(c.held);
+      const double by_depth = (at(kStep, 0).force - at(-kStep, 0).force) / (2 * kStep);
+      const double by_rate = (at(0, 1e-4).force - at(0, -1e-4).force) / 2e-4;
+      const double elastic = (at(kStep, 0).stored - at(-kStep, 0).stored) / (2 * kStep);
+      EXPECT_NEAR(c.by_depth, by_depth, kNear * std::fabs(by_depth));
+      EXPECT_NEAR(c.by_rate, by_rate, kNear * (1.0 + by_rate));
+      EXPECT_NEAR(c.elastic, elastic, kNear * elastic);
+      EXPECT_GE((c.force - c.elastic) * rate, 0.0);
+      EXPECT_GE(c.by_rate, 0.0);
+    }
+  }
+  EXPECT_EQ(law.At(-1e-6, 1.0).force, 0.0);
+  EXPECT_EQ(law.At(0.0, 1.0).force, 0.0);
+}
+
+// Where the damping would pull, the force is held at zero, and does not change.
+TEST_P(EveryLaw, NeverPulls) {
+  data::SceneContact record = Record(GetParam());
+  const ContactLaw::Contact held = ContactLaw(record).At(1e-3, -1e3);
+  EXPECT_TRUE(held.held);
+  EXPECT_EQ(held.force, 0.0);
+  EXPECT_EQ(held.by_depth, 0.0);
+  EXPECT_EQ(held.by_rate, 0.0);
+  record.never_pulls = false;
+  EXPECT_LT(ContactLaw(record).At(1e-3, -1e3).force, 0.0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Contact, EveryLaw, ::testing::Values(Law::kRamped, Law::kHuntCrossley));
+
+// The root of a v (1 + e) = ln((1 + a v) / (1 - a e v)) in (0, 1), by bisection: the left side less
+// the right falls from above zero to below.
+double RestitutionOf(double a, double v) {
+  double low = 0.0, high = std::min(1.0, 1.0 / (a * v));
+  for (int k = 0; k < 200; ++k) {
+    const double e = 0.5 * (low + high);
+    const double over = std::log1p(a * v) - std::log1p(-a * e * v) - a * v * (1.0 + e);
+    (over < 0.0 ? low : high) = e;
+  }
+  return low;
+}
+
+// A bar without a spring swings onto its lower stop. Whatever the bar's inertia and K, restitution
+// and depth are those of the one-degree-of-freedom problem, whose integrals are elementary.
+TEST(HuntCrossley, RestitutionAndDepthOfOneImpact) {
+  constexpr double kInertia = 0.02 + 0.5 * 0.3 * 0.3, kLever = 0.02;
+  constexpr double kTheta = -0.004;  // the stop
+  for (const double alpha : {0.05, 2.0, 30.0}) {
+    double last = 1.0;
+    for (const double rate : {0.3, 1.0, 4.0, 20.0}) {
+      data::Scene scene = data::ParseScene(LatchingBarScene(), "bar.toml");
+      scene.joints[0].spring.reset();
+      scene.joints[0].theta = 0.0;
+      scene.joints[0].theta_rate = -rate;
+      scene.joints[0].latch->theta_b = -kTheta;
+      scene.joints[0].latch->lever = kLever;
+      scene.contacts[0].law = Law::kHuntCrossley;
+      scene.contacts[0].alpha = alpha;
+      const Model model = Compile(scene);
+      struct Deepest : Observer {
+        void OnSample(double, double* y, const std::vector<LatchMode>&) override {
+          const Hinge& h = model.latches.hinge(0);
+          const int n = model.index.n;
+          const double theta = h.sign * (y[2 * n + h.outer] - y[2 * n + h.inner] - h.zero);
+          depth = std::max(depth, kLever * (kTheta - theta));
+        }
+        const Model& model;
+        double depth = 0.0;
+        explicit Deepest(const Model& m) : model(m) {}
+      } deepest(model);
+      // To the stop and through its contact: longer is slower, by K and the speed left.
+      const double v = kLever * rate, a = 1.5 * alpha;
+      const double mass = kInertia / (kLever * kLever);
+      const double K = scene.contacts[0].K;
+      const double depth = std::pow(2.5 * mass / K * (a * v - std::log1p(a * v)) / (a * a), 0.4);
+      const double expected = RestitutionOf(a, v);
+      SimulateOptions options;
+      options.rtol = 1e-12;
+      options.duration = -kTheta / rate + 10.0 * depth / (expected * v);
+      options.rate = 20000.0 / options.duration;
+      const SimulateReport report = Simulate(model, options, &deepest);
+      ASSERT_TRUE(report.Usable()) << report.message;
+      ASSERT_GE(report.Count(EventKind::kContactEnd), 1) << alpha << ' ' << rate;
+      for (const Event& e : report.events) {
+        if (e.kind != EventKind::kContactEnd) continue;
+        EXPECT_NEAR(e.restitution, expected, 1e-8) << alpha << ' ' << rate;
+        // Slow impacts, Hunt and Crossley's own line; the next term is of its square.
+        EXPECT_NEAR(e.restitution, 1.0 - alpha * v, 2.0 * alpha * v * alpha * v + 1e-8);
+        EXPECT_LT(e.restitution, last);  // less with speed
+        last = e.restitution;
+        break;  // later ones start slower
+      }
+      // Samples stand within 1/20000 of the run of the deepest place, where the depth is flat.
+      EXPECT_NEAR(deepest.depth, depth, 1e-5 * depth) << alpha << ' ' << rate;
+    }
+  }
+}
+
+TEST(HuntCrossley, KeysOfTheOtherLawAreRefused) {
+  const auto message = [](const std::string& keys) {
+    std::string text = LatchingBarScene();
+    text.insert(text.find("K = 5e9"), keys);
+    try {
+      data::ParseScene(text, "bar.toml");
+    } catch (const Error& e) {
+      return std::string(e.what());
+    }
+    return std::string("no error");
+  };
+  EXPECT_THAT(message("law = 'hunt_crossley'\nalpha = 1.0\n"), HasSubstr("damped by alpha alone"));
+  EXPECT_THAT(message("alpha = 1.0\n"), HasSubstr("alpha belongs to"));
+  EXPECT_THAT(message("law = 'hunt'\n"), HasSubstr("hunt_crossley"));
+}
+
+}  // namespace
+}  // namespace unfurl::sim

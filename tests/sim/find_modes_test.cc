@@ -1,0 +1,98 @@
+#include "sim/implicit/find_modes.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <numbers>
+
+#include "base/error.h"
+#include "scenes.h"
+
+namespace unfurl::sim {
+namespace {
+
+// Of a clamped beam: the roots of 1 + cos cosh = 0; 16 segments leave (l^2 / 24) int(v v'') /
+// int(v^2), 0.03 to 0.7%. Shapes: at the clamp nothing moves, the tip moves most.
+TEST(FindModes, OfACantilever) {
+  const data::Scene scene = data::ParseScene(BeamScene("clamped", 16), "beam.toml");
+  ModesOptions options;
+  options.count = 3;
+  const SceneModes modes = FindModes(scene, options);
+  ASSERT_TRUE(modes.usable);
+  ASSERT_EQ(modes.record.modes.size(), 3u);
+  EXPECT_EQ(modes.rigid, 0);
+  constexpr double kRoots[] = {1.8751040687, 4.6940911330, 7.8547574382};
+  constexpr double kLeft[] = {5e-4, 4e-3, 1e-2};
+  for (int k = 0; k < 3; ++k) {
+    const data::ModesRecord::Mode& mode = modes.record.modes[k];
+    const double expected = kRoots[k] * kRoots[k] * std::sqrt(10.0) / (2.0 * std::numbers::pi);
+    EXPECT_NEAR(mode.frequency, expected, kLeft[k] * expected);
+    ASSERT_EQ(mode.shape.size(), 17u);  // 16 segments and the mark
+    EXPECT_EQ(modes.record.places[modes.record.MovesMost(mode)], "tip");
+    EXPECT_LT(std::fabs(mode.shape[0][1]), 0.1 * std::fabs(mode.shape[16][1]));
+    for (const auto& d : mode.shape) EXPECT_LT(std::fabs(d[0]), 1e-9);  // across the beam alone
+  }
+}
+
+// Latched, a contact carries its spring: K delta^1.5 x_p = K_t (theta + theta_pre), and is as stiff
+// as its law is there: omega^2 = (1.5 K delta^0.5 x_p^2 + K_t) / I.
+TEST(FindModes, OfALatchedBarIsThatOfItsContact) {
+  const data::Scene scene = data::ParseScene(LatchingBarScene(), "bar.toml");
+  const SceneModes modes = FindModes(scene);
+  ASSERT_TRUE(modes.usable);
+  EXPECT_TRUE(modes.latched);
+  ASSERT_EQ(modes.latches.size(), 1u);
+  EXPECT_TRUE(modes.latches[0].lower);
+  EXPECT_FALSE(modes.latches[0].upper);
+  const double K = scene.contacts[0].K, lever = 0.02, stiffness = 0.218;
+  const double theta = modes.latches[0].theta, depth = lever * (-theta - 0.0052);
+  EXPECT_NEAR(K * std::pow(depth, 1.5) * lever, stiffness * (theta + 1.57), 1e-9);
+  const double inertia = 0.02 + 0.5 * 0.3 * 0.3;
+  const double square = (1.5 * K * std::sqrt(depth) * lever * lever + stiffness) / inertia;
+  ASSERT_EQ(modes.record.modes.size(), 1u);
+  EXPECT_NEAR(modes.record.modes[0].frequency, std::sqrt(square) / (2.0 * std::numbers::pi),
+              1e-6 * std::sqrt(square));
+  // Drawn: held open by nothing, so the spring pulls it shut and no equilibrium is near.
+  ModesOptions drawn;
+  drawn.state = ModesOptions::State::kDrawn;
+  EXPECT_FALSE(FindModes(scene, drawn).latched);
+}
+
+TEST(FindModes, FilesHoldTheRecord) {
+  const data::Scene scene = data::ParseScene(BeamScene("clamped", 4), "beam.toml");
+  const SceneModes modes = FindModes(scene);
+  const auto path =
+      std::filesystem::temp_directory_path() / ("unfurl_modes_" + std::to_string(getpid()) + ".h5");
+  data::WriteModes(path.string(), modes.record, {});
+  const data::ModesRecord read = data::ReadModes(path.string());
+  std::filesystem::remove(path);
+  EXPECT_EQ(read.places, modes.record.places);
+  EXPECT_EQ(read.rest, modes.record.rest);
+  ASSERT_EQ(read.modes.size(), modes.record.modes.size());
+  for (std::size_t m = 0; m < read.modes.size(); ++m) {
+    EXPECT_EQ(read.modes[m].frequency, modes.record.modes[m].frequency);
+    EXPECT_EQ(read.modes[m].damping, modes.record.modes[m].damping);
+    EXPECT_EQ(read.modes[m].growth, modes.record.modes[m].growth);
+    EXPECT_EQ(read.modes[m].shape, modes.record.modes[m].shape);
+  }
+  EXPECT_THROW(data::WriteModes("shapes.png", modes.record, {}), Error);
+}
+
+TEST(FindModes, BadOptionsAreNamed) {
+  const data::Scene scene = data::ParseScene(BeamScene("clamped", 4), "beam.toml");
+  const auto refused = [&](const auto& change) {
+    ModesOptions options;
+    change(options);
+    EXPECT_THROW(FindModes(scene, options), Error);
+  };
+  refused([](auto& o) { o.count = 0; });
+  refused([](auto& o) { o.at = -1.0; });
+  refused([](auto& o) { o.at = NAN; });
+  refused([](auto& o) { o.state = ModesOptions::State::kLatched; });  // no latch
+  EXPECT_THROW(ModesStateOf("folded"), Error);
+}
+
+}  // namespace
+}  // namespace unfurl::sim
