@@ -76,7 +76,9 @@ int Run(const Common& common, const Arguments& arguments) {
     json["report"] = arguments.report;
   }
   Finish(common, json, text);
-  return cost.Usable() ? kExitGood : kExitNotUsable;
+  return cost.Usable()
+             ? kExitGood
+             : NotUsable(arguments.scene, "no run came to its end; the table says why");
 }
 
 }  // namespace

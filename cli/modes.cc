@@ -97,7 +97,10 @@ int Run(const Common& common, const Arguments& arguments) {
   text += ModeText(modes.record, &json);
   if (!arguments.out.empty()) text += fmt::format("shapes -> {}\n", arguments.out);
   Finish(common, json, text);
-  return modes.usable ? kExitGood : kExitNotUsable;
+  return modes.usable
+             ? kExitGood
+             : NotUsable(arguments.scene,
+                         "no equilibrium was found; --as-is linearises at the state as it is");
 }
 
 }  // namespace

@@ -72,7 +72,8 @@ class SimulateVerb {
       return kExitInterrupted;
     }
     Finish(common_, json, text);
-    return run.Usable() ? kExitGood : kExitNotUsable;
+    return run.Usable() ? kExitGood
+                        : NotUsable(arguments_.scene, run.status + ": " + run.message);
   }
 
  private:
