@@ -105,7 +105,8 @@ void Points(std::size_t rigs) {
 void Order(std::size_t rigs) {
   fmt::print(
       "| lens model | error RMS [mm] | predicted [mm] | largest floor [px] | processor [s] |\n");
-  for (std::size_t order = 0; order < kLensOrders.size(); ++order) {
+  const auto orders = measure::OrdersOf(data::LensModel::kRectilinear);
+  for (std::size_t order = 0; order < orders.size(); ++order) {
     const Sums sum = OverRigs(rigs, [&](std::uint64_t seed) {
       Sums out;
       const TracedLab lab(seed);
@@ -119,7 +120,7 @@ void Order(std::size_t rigs) {
       out.Add(FindCheckPoints(lab, fit.rig, 200));
       return out;
     });
-    fmt::print("| {} | {:.3f} | {:.3f} | {:.3f} | {:.3f} |\n", kLensOrders[order].name,
+    fmt::print("| {} | {:.3f} | {:.3f} | {:.3f} | {:.3f} |\n", orders[order].name,
                1e3 * std::sqrt(sum.squares / sum.n), 1e3 * std::sqrt(sum.bound / sum.n), sum.floor,
                sum.seconds);
     std::fflush(stdout);

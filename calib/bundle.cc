@@ -2,6 +2,7 @@
 
 #include <ceres/ceres.h>
 #include <ceres/normal_prior.h>
+#include <glog/logging.h>
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -19,28 +20,54 @@ namespace unfurl::calib {
 namespace {
 
 // A camera as Ceres stores it: R_CW row by row, then p_WC, f, u0, e and the terms.
-constexpr int kAmbient = 25;
-constexpr int kTail = 16;  // what follows the rotation
+constexpr int kTail = data::kCameraParameters - 3;  // what follows the rotation
+constexpr int kAmbient = 9 + kTail;
+constexpr int kTerms = static_cast<int>(data::kLensTerms);
+constexpr int kFirst = kAmbient - kTerms;  // of the terms
 using CameraBlock = std::array<double, kAmbient>;
 
-CameraBlock Pack(const data::RigCamera& camera) {
+// Lengths are solved for over the survey's size and pixels over the row's length, so that the
+// solver's own constants mean the same to a hinge and to a wing.
+struct BundleUnits {
+  double length = 1.0;  // [m]
+  double row = 1.0;     // [px]
+
+  // Of what follows the rotation, by its place in a camera's block.
+  double Of(int at) const { return at < 12 || at == 14 ? length : row; }
+};
+
+BundleUnits UnitsOf(const Observations& data, const BundleState& state) {
+  const Eigen::Matrix3Xd centred = data.p.colwise() - data.p.rowwise().mean();
+  BundleUnits units;
+  const double size = std::sqrt(centred.squaredNorm() / static_cast<double>(data.points()));
+  if (size > 0.0) units.length = size;
+  for (const data::RigCamera& camera : state.cameras) {
+    units.row = std::max(units.row, static_cast<double>(camera.pixels));
+  }
+  return units;
+}
+
+CameraBlock Pack(const data::RigCamera& camera, const BundleUnits& units) {
   CameraBlock x;
   for (int k = 0; k < 9; ++k) x[static_cast<std::size_t>(k)] = camera.R_CW(k / 3, k % 3);
   for (int k = 0; k < 3; ++k) x[static_cast<std::size_t>(9 + k)] = camera.p_WC(k);
   x[12] = camera.f_px;
   x[13] = camera.u0_px;
   x[14] = camera.e;
-  std::copy(camera.terms_px.begin(), camera.terms_px.end(), x.begin() + 15);
+  std::copy(camera.terms_px.begin(), camera.terms_px.end(), x.begin() + kFirst);
+  for (int k = 9; k < kAmbient; ++k) x[static_cast<std::size_t>(k)] /= units.Of(k);
   return x;
 }
 
-void Unpack(const double* x, data::RigCamera* camera) {
+void Unpack(const double* x, const BundleUnits& units, data::RigCamera* camera) {
   camera->R_CW = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(x);
-  camera->p_WC = Eigen::Map<const Eigen::Vector3d>(x + 9);
-  camera->f_px = x[12];
-  camera->u0_px = x[13];
-  camera->e = x[14];
-  std::copy(x + 15, x + kAmbient, camera->terms_px.begin());
+  camera->p_WC = units.length * Eigen::Map<const Eigen::Vector3d>(x + 9);
+  camera->f_px = units.row * x[12];
+  camera->u0_px = units.row * x[13];
+  camera->e = units.length * x[14];
+  for (std::size_t k = 0; k < data::kLensTerms; ++k) {
+    camera->terms_px[k] = units.row * x[kFirst + static_cast<int>(k)];
+  }
 }
 
 // Rotation by a small vector, R <- Exp(w) R; the rest by addition. The cost functions below give
@@ -91,13 +118,14 @@ class CameraManifold : public ceres::Manifold {
 
 class ReadingCost : public ceres::SizedCostFunction<1, kAmbient, 3> {
  public:
-  ReadingCost(double u_px, double sigma_px, const CameraPrior& prior)
-      : u_px_(u_px), weight_(1.0 / sigma_px), prior_(prior) {}
+  ReadingCost(double u_px, double sigma_px, const CameraPrior& prior, const BundleUnits& units)
+      : u_px_(u_px), weight_(1.0 / sigma_px), prior_(prior), units_(units) {}
 
   bool Evaluate(double const* const* x, double* residual, double** jacobians) const override {
     data::RigCamera camera;
-    Unpack(x[0], &camera);
-    const Eigen::Vector3d p(x[1][0], x[1][1], x[1][2]);
+    camera.lens = prior_.lens;
+    Unpack(x[0], units_, &camera);
+    const Eigen::Vector3d p = units_.length * Eigen::Map<const Eigen::Vector3d>(x[1]);
     if (!jacobians) {
       double u = 0.0;
       if (!measure::Project(camera, p, &u)) return false;
@@ -112,12 +140,13 @@ class ReadingCost : public ceres::SizedCostFunction<1, kAmbient, 3> {
       J.setZero();
       J.head<3>() = weight_ * projection.du_dc.head<3>();
       J.tail<kTail>() = weight_ * projection.du_dc.tail<kTail>();
-      for (int k = 0; k < 10; ++k) {
-        if (prior_.Fixed(k)) J(15 + k) = 0.0;
+      for (int k = 9; k < kAmbient; ++k) J(k) *= units_.Of(k);
+      for (int k = 0; k < kTerms; ++k) {
+        if (prior_.Fixed(k)) J(kFirst + k) = 0.0;
       }
     }
     if (jacobians[1]) {
-      Eigen::Map<Eigen::RowVector3d>(jacobians[1], 3) = weight_ * projection.du_dp;
+      Eigen::Map<Eigen::RowVector3d>(jacobians[1], 3) = weight_ * units_.length * projection.du_dp;
     }
     return true;
   }
@@ -125,20 +154,22 @@ class ReadingCost : public ceres::SizedCostFunction<1, kAmbient, 3> {
  private:
   double u_px_, weight_;
   const CameraPrior& prior_;  // outlives the problem
+  const BundleUnits& units_;
 };
 
 // Whitened difference between a point and the survey's: L^-1 (P + B q - p) with L L^T the
 // covariance and B the shifts by the common errors, where there are any.
 class SurveyCost : public ceres::CostFunction {
  public:
-  SurveyCost(const Observations& data, Eigen::Index i, double information_scale)
-      : p_(data.p.col(i)), shift_(3, static_cast<Eigen::Index>(data.common.size())) {
+  SurveyCost(const Observations& data, Eigen::Index i, double information_scale,
+             const BundleUnits& units)
+      : p_(data.p.col(i) / units.length), shift_(3, static_cast<Eigen::Index>(data.common.size())) {
     whiten_ = Eigen::LLT<Eigen::Matrix3d>(data.cov[static_cast<std::size_t>(i)])
                   .matrixL()
                   .solve(Eigen::Matrix3d::Identity());
-    whiten_ *= std::sqrt(information_scale);
+    whiten_ *= std::sqrt(information_scale) * units.length;
     for (Eigen::Index m = 0; m < shift_.cols(); ++m) {
-      shift_.col(m) = data.common[static_cast<std::size_t>(m)].shift.col(i);
+      shift_.col(m) = data.common[static_cast<std::size_t>(m)].shift.col(i) / units.length;
     }
     set_num_residuals(3);
     mutable_parameter_block_sizes()->push_back(3);
@@ -167,33 +198,46 @@ class SurveyCost : public ceres::CostFunction {
   Eigen::Matrix3d whiten_;
 };
 
-constexpr int kPriorRows = 12;  // e, position along the lens axis, ten terms
+// The optical axis meets the row near its middle: sensors are mounted so to within a few per cent.
+// Over the row [-]. With a wide-angle lens a shift of the image is a turn of the camera, and
+// nothing else tells them apart; with others the readings do, a hundred times better than this.
+constexpr double kOffsetShare = 0.1;
+
+constexpr int kPriorRows = 3 + kTerms;  // e, position along the lens axis, u0, the terms
 
 class PriorCost : public ceres::SizedCostFunction<kPriorRows, kAmbient> {
  public:
-  explicit PriorCost(const CameraPrior& prior) : prior_(prior) {}
+  PriorCost(const CameraPrior& prior, int pixels, const BundleUnits& units)
+      : prior_(prior), pixels_(std::max(1, pixels)), units_(units) {}
 
   bool Evaluate(double const* const* x, double* residual, double** jacobians) const override {
     const double* p = x[0] + 9;
     const double along = prior_.axis(0) * p[0] + prior_.axis(1) * p[1] + prior_.axis(2) * p[2];
-    residual[0] = (x[0][14] - prior_.e_mean) / prior_.e_sigma;
-    residual[1] = (along - prior_.along) / prior_.along_sigma;
-    for (int k = 0; k < 10; ++k) residual[2 + k] = x[0][15 + k] / Sigma(k);
+    residual[0] = (units_.length * x[0][14] - prior_.e_mean) / prior_.e_sigma;
+    residual[1] = (units_.length * along - prior_.along) / prior_.along_sigma;
+    residual[2] = (units_.row * x[0][13] - 0.5 * (pixels_ - 1)) / (kOffsetShare * pixels_);
+    for (int k = 0; k < kTerms; ++k) residual[3 + k] = x[0][kFirst + k] / Sigma(k);
     if (!jacobians || !jacobians[0]) return true;
     Eigen::Map<Eigen::Matrix<double, kPriorRows, kAmbient, Eigen::RowMajor>> J(jacobians[0]);
     J.setZero();
-    J(0, 14) = 1.0 / prior_.e_sigma;
-    for (int k = 0; k < 3; ++k) J(1, 9 + k) = prior_.axis(k) / prior_.along_sigma;
-    for (int k = 0; k < 10; ++k) J(2 + k, 15 + k) = 1.0 / Sigma(k);
+    J(0, 14) = units_.length / prior_.e_sigma;
+    for (int k = 0; k < 3; ++k) {
+      J(1, 9 + k) = units_.length * prior_.axis(k) / prior_.along_sigma;
+    }
+    J(2, 13) = units_.row / (kOffsetShare * pixels_);
+    for (int k = 0; k < kTerms; ++k) J(3 + k, kFirst + k) = 1.0 / Sigma(k);
     return true;
   }
 
  private:
-  // A term held at zero has a row of its own that keeps it there and moves nothing else.
+  // Over the row. A term held at zero has a row of its own that keeps it there and moves nothing
+  // else.
   double Sigma(int k) const {
-    return prior_.Fixed(k) ? 1.0 : prior_.term_sigma_px[static_cast<std::size_t>(k)];
+    return prior_.Fixed(k) ? 1.0 : prior_.term_sigma_px[static_cast<std::size_t>(k)] / units_.row;
   }
   CameraPrior prior_;
+  double pixels_;
+  BundleUnits units_;
 };
 
 class CoreLoss : public ceres::LossFunction {
@@ -208,6 +252,12 @@ class CoreLoss : public ceres::LossFunction {
  private:
   double width_;
 };
+
+// Ceres reports failed evaluations through glog, which writes to standard error unless the program
+// set it up. The summary says as much.
+void SilenceSolver() {
+  if (!google::IsGoogleLoggingInitialized()) FLAGS_minloglevel = google::GLOG_FATAL;
+}
 
 double WhitenedSquare(const Observations& data, const BundleState& state, Eigen::Index i) {
   const Eigen::Vector3d d =
@@ -249,8 +299,11 @@ void Summarise(const Observations& data, const std::vector<CameraPrior>& priors,
       chi_square += s;
     }
   }
-  const Eigen::MatrixXd prior =
-      PriorInformation(priors, options.fix_points ? 0 : data.common.size());
+  Eigen::MatrixXd prior = PriorInformation(priors, options.fix_points ? 0 : data.common.size());
+  for (std::size_t j = 0; j < state.cameras.size(); ++j) {
+    const auto u0 = data::kCameraParameters * static_cast<Eigen::Index>(j) + 7;
+    prior(u0, u0) += std::pow(kOffsetShare * std::max(1, state.cameras[j].pixels), -2);
+  }
   summary->information = prior + DataInformation(data, priors, weighting, options.fix_points, state,
                                                  summary->reading_weight, summary->survey_weight);
   // What the data determine: the number of parameters, less each one's share that is the prior's.
@@ -290,6 +343,7 @@ int BundleSummary::gross_points() const {
 BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrior>& priors,
                           const Weighting& weighting, const BundleOptions& options,
                           BundleState* state) {
+  SilenceSolver();
   ceres::Problem::Options ownership;
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ownership.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
@@ -297,12 +351,15 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
   CameraManifold manifold;
   ceres::Problem problem(ownership);
 
+  const BundleUnits units = UnitsOf(data, *state);
   std::vector<CameraBlock> blocks;
-  for (const data::RigCamera& camera : state->cameras) blocks.push_back(Pack(camera));
+  for (const data::RigCamera& camera : state->cameras) blocks.push_back(Pack(camera, units));
+  Eigen::Matrix3Xd points = state->points / units.length;
   auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
   for (std::size_t j = 0; j < blocks.size(); ++j) {
     problem.AddParameterBlock(blocks[j].data(), kAmbient, &manifold);
-    problem.AddResidualBlock(new PriorCost(priors[j]), nullptr, blocks[j].data());
+    problem.AddResidualBlock(new PriorCost(priors[j], state->cameras[j].pixels, units), nullptr,
+                             blocks[j].data());
     ordering->AddElementToGroup(blocks[j].data(), 1);
   }
   state->common.conservativeResizeLike(
@@ -317,7 +374,7 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
     ordering->AddElementToGroup(common, 1);
   }
   for (Eigen::Index i = 0; i < data.p.cols(); ++i) {
-    double* point = state->points.col(i).data();
+    double* point = points.col(i).data();
     problem.AddParameterBlock(point, 3);
     if (options.fix_points) {
       problem.SetParameterBlockConstant(point);
@@ -326,8 +383,9 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
     const auto index = static_cast<std::size_t>(i);
     std::vector<double*> blocks_of_point = {point};
     if (!data.common.empty()) blocks_of_point.push_back(common);
-    problem.AddResidualBlock(new SurveyCost(data, i, weighting.SurveyInformationScale(index)),
-                             &survey_loss, blocks_of_point);
+    problem.AddResidualBlock(
+        new SurveyCost(data, i, weighting.SurveyInformationScale(index), units), &survey_loss,
+        blocks_of_point);
     ordering->AddElementToGroup(point, 0);
   }
   for (std::size_t k = 0; k < data.readings.size(); ++k) {
@@ -336,8 +394,9 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
     const auto j = static_cast<std::size_t>(r.camera);
     double u = 0.0;
     if (!measure::Project(state->cameras[j], state->points.col(r.point), &u)) continue;
-    problem.AddResidualBlock(new ReadingCost(r.u_px, std::sqrt(weighting.Variance(r)), priors[j]),
-                             &reading_loss, blocks[j].data(), state->points.col(r.point).data());
+    problem.AddResidualBlock(
+        new ReadingCost(r.u_px, std::sqrt(weighting.Variance(r)), priors[j], units), &reading_loss,
+        blocks[j].data(), points.col(r.point).data());
   }
 
   ceres::Solver::Options solver;
@@ -352,7 +411,10 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
   ceres::Solver::Summary report;
   ceres::Solve(solver, &problem, &report);
 
-  for (std::size_t j = 0; j < blocks.size(); ++j) Unpack(blocks[j].data(), &state->cameras[j]);
+  for (std::size_t j = 0; j < blocks.size(); ++j) {
+    Unpack(blocks[j].data(), units, &state->cameras[j]);
+  }
+  if (!options.fix_points) state->points = units.length * points;
   BundleSummary summary;
   summary.converged = report.termination_type == ceres::CONVERGENCE;
   summary.iterations = static_cast<int>(report.iterations.size());

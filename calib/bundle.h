@@ -18,10 +18,12 @@ struct CameraPrior {
   // Position along the lens axis: axis . p_WC = along +- along_sigma; axis a unit vector in W.
   Eigen::Vector3d axis = Eigen::Vector3d::UnitY();
   double along = 0.0, along_sigma = 1.0;  // [m]
+  data::LensModel lens = data::LensModel::kRectilinear;
   // Of each term's coefficient, about zero [px]; 0: the term is held at zero, not part of the
   // model.
-  std::array<double, 10> term_sigma_px{};
-  std::array<double, 10> term_unit_px{};  // of each coefficient, what makes 1 px at the edge [px]
+  std::array<double, data::kLensTerms> term_sigma_px{};
+  // Of each coefficient, what makes 1 px at the edge of the field [px].
+  std::array<double, data::kLensTerms> term_unit_px{};
 
   bool Fixed(int term) const { return term_sigma_px[static_cast<std::size_t>(term)] == 0.0; }
 };

@@ -8,6 +8,8 @@
 #include <limits>
 
 #include "base/error.h"
+#include "base/progress.h"
+#include "base/text.h"
 #include "calib/covariance.h"
 #include "calib/held_out.h"
 #include "calib/model_floor.h"
@@ -119,6 +121,63 @@ void MakeRig(const Observations& data, RigFit* fit) {
   SetVolume(data, fit->bundle.summary, &fit->rig);
 }
 
+// The fit with the set of lens terms that is asked for, or that cross-validation takes.
+void ChooseTerms(const Observations& data, const CalibrateOptions& options, RigFit* fit,
+                 CalibrationReport* report) {
+  if (options.order != kAutomaticOrder) {
+    const auto orders = measure::OrdersOf(options.guess.lens);
+    report->order =
+        options.order == kFullOrder ? static_cast<int>(orders.size()) - 1 : options.order;
+    report->lens_model = orders[static_cast<std::size_t>(report->order)].name;
+    return;
+  }
+  OrderOptions choice = options.choice;
+  choice.workers = options.workers;
+  OrderChoice chosen = ChooseOrder(data, fit->priors, fit->bundle, choice);
+  const OrderTrial& trial = chosen.trials[static_cast<std::size_t>(chosen.taken)];
+  report->order = trial.order;
+  report->lens_model = OrderName(trial);
+  report->order_chosen = true;
+  fit->priors = trial.priors;
+  fit->bundle = trial.bundle;
+  MakeRig(data, fit);
+  report->orders = std::move(chosen.trials);
+}
+
+// The fit's numbers, reading by reading and camera by camera.
+void ReportFit(const Observations& data, const RigFit& fit, CalibrationReport* report) {
+  const RefinedBundle& full = fit.bundle;
+  report->ids = data.ids;
+  report->converged = full.summary.converged;
+  report->chi_square = full.summary.chi_square;
+  report->degrees_of_freedom = full.summary.degrees_of_freedom;
+  report->survey_weight = full.summary.survey_weight;
+  report->survey_factor = full.weighting.survey_factor;
+  for (std::size_t k = 0; k < data.readings.size(); ++k) {
+    const Reading& r = data.readings[k];
+    report->readings.push_back({r.point, r.camera, r.u_px, full.summary.residual_px[k],
+                                std::sqrt(full.weighting.Variance(r)),
+                                full.summary.reading_weight[k], full.redundancy.reading[k]});
+  }
+  report->cameras = ReportCameras(fit.guesses, report->readings, full.weighting);
+  report->common = EstimatesOf(data, full.state.common, CameraCovariance(full.summary.information));
+}
+
+// Says where a row's length is a guess from the readings.
+void NoteRows(const Observations& data, data::Rig* rig) {
+  std::vector<std::string> guessed;
+  for (std::size_t j = 0; j < rig->cameras.size(); ++j) {
+    const bool stated = j < data.pixels.size() && data.pixels[j] > 0;
+    if (stated) continue;
+    guessed.push_back(fmt::format("{} ({})", rig->cameras[j].name, rig->cameras[j].pixels));
+  }
+  if (guessed.empty()) return;
+  rig->reasons.push_back(
+      fmt::format("the survey does not state the sensors' pixels; taken from the highest readings: "
+                  "{}. A comment '# pixels: 2160' states them",
+                  JoinWords(guessed)));
+}
+
 }  // namespace
 
 RigFit FitRig(const Observations& data, const CalibrateOptions& options, const std::string& where) {
@@ -150,51 +209,53 @@ RigFit FitRig(const Observations& data, const CalibrateOptions& options, const s
   return fit;
 }
 
+void CalibrateOptions::Check() const {
+  const auto refuse = [](const char* name, const char* what, const char* remedy) {
+    throw Error(what, std::string("CalibrateOptions::") + name, remedy);
+  };
+  verdict.Check();
+  guess.Check();
+  refine.gross.Check();
+  if (folds < 2) refuse("folds", "is less than 2", "give the parts that are held out in turn");
+  if (choice.folds < 2) refuse("choice.folds", "is less than 2", "give 2 or more");
+  if (!(choice.gain >= 0.0)) refuse("choice.gain", "is negative", "give nats");
+  if (!(bundle.loss_width > 0.0)) refuse("bundle.loss_width", "is not above 0", "give sigmas");
+  if (bundle.max_iterations < 1) refuse("bundle.max_iterations", "is below 1", "give some");
+  const auto orders = static_cast<int>(measure::OrdersOf(guess.lens).size());
+  if (order >= orders || order < kFullOrder) {
+    refuse("order", "is none of the lens model's sets of terms", "see measure::OrdersOf");
+  }
+}
+
 Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
                       const std::string& where) {
+  options.Check();
+  const auto done = [&](double share) {
+    ThrowIfInterrupted();
+    if (options.progress) options.progress(share);
+  };
+  // Fit with every term of the lens model, gross errors left out.
   RigFit fit = FitRig(data, options, where);
+  done(0.3);
   Calibration out;
-  CalibrationReport& report = out.report;
-  report.order = options.order;
-  if (options.order != kAutomaticOrder) {
-    report.lens_model = kLensOrders[static_cast<std::size_t>(options.order)].name;
-  }
-  if (options.order == kAutomaticOrder) {
-    OrderOptions choice = options.choice;
-    choice.workers = options.workers;
-    OrderChoice chosen = ChooseOrder(data, fit.priors, fit.bundle, choice);
-    const OrderTrial& trial = chosen.trials[static_cast<std::size_t>(chosen.taken)];
-    report.order = trial.order;
-    report.lens_model = OrderName(trial);
-    report.order_chosen = true;
-    fit.priors = trial.priors;
-    fit.bundle = trial.bundle;
-    MakeRig(data, &fit);
-    report.orders = std::move(chosen.trials);
-  }
-  const RefinedBundle& full = fit.bundle;
+  // Its terms: those asked for, or those that cross-validation justifies.
+  ChooseTerms(data, options, &fit, &out.report);
+  done(0.8);
   out.rig = fit.rig;
-  report.ids = data.ids;
-  report.converged = full.summary.converged;
-  report.chi_square = full.summary.chi_square;
-  report.degrees_of_freedom = full.summary.degrees_of_freedom;
-  report.survey_weight = full.summary.survey_weight;
-  report.survey_factor = full.weighting.survey_factor;
-  for (std::size_t k = 0; k < data.readings.size(); ++k) {
-    const Reading& r = data.readings[k];
-    report.readings.push_back({r.point, r.camera, r.u_px, full.summary.residual_px[k],
-                               std::sqrt(full.weighting.Variance(r)),
-                               full.summary.reading_weight[k], full.redundancy.reading[k]});
-  }
-  report.cameras = ReportCameras(fit.guesses, report.readings, full.weighting);
-  report.weak = FindWeak(out.rig, fit.priors, full.summary.information);
-  report.common = EstimatesOf(data, full.state.common, CameraCovariance(full.summary.information));
-  report.gross = ExplainGross(Corrected(data, full.state.common), full, options.explain);
-  report.advice = SurveyAdvice(data, full.weighting, out.rig);
-  HeldOutResult held_out = CheckHeldOut(data, fit.priors, full, options.folds, options.workers);
+  ReportFit(data, fit, &out.report);
+  // What the data leave open, what was left out, and points that took no part.
+  CalibrationReport& report = out.report;
+  report.weak = FindWeak(out.rig, fit.priors, fit.bundle.summary.information);
+  report.gross =
+      ExplainGross(Corrected(data, fit.bundle.state.common), fit.bundle, options.explain);
+  report.advice = SurveyAdvice(data, fit.bundle.weighting, out.rig);
+  HeldOutResult held_out =
+      CheckHeldOut(data, fit.priors, fit.bundle, options.folds, options.workers);
   report.held_out = std::move(held_out.points);
   report.held_out_unsolved = held_out.unsolved;
-  Judge(report, data, &out.rig);
+  Judge(report, data, options.verdict, &out.rig);
+  NoteRows(data, &out.rig);
+  done(1.0);
   return out;
 }
 

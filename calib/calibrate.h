@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "calib/model_order.h"
 #include "calib/observations.h"
 #include "calib/refine.h"
+#include "calib/verdict_options.h"
 #include "calib/weak.h"
 #include "data/rig.h"
 
@@ -21,13 +23,19 @@ struct CalibrateOptions {
   GuessOptions guess;
   BundleOptions bundle;  // of the robust stage
   RefineOptions refine;
-  // Index into kLensOrders, or kAutomaticOrder: by cross-validation (FitRig takes that for the full
-  // one).
+  // Index into the orders of the lens model (guess.lens), or one of calib/model_order.h; FitRig
+  // takes kAutomaticOrder for kFullOrder.
   int order = kAutomaticOrder;
   OrderOptions choice;
   ExplainOptions explain;
+  VerdictOptions verdict;
   int folds = 10;           // of the held-out check; at least 2
   std::size_t workers = 0;  // 0: all cores. Changes no result
+  // Called between the steps with what is done, 0 to 1; Ctrl-C is heeded there.
+  std::function<void(double)> progress;
+
+  // Throws Error that names a value which makes no sense.
+  void Check() const;
 };
 
 // A reading as the fit left it.
@@ -70,7 +78,7 @@ struct CalibrationReport {
   std::vector<WeakDirection> weak;
   std::vector<GrossFinding> gross;
   std::vector<std::string> advice;  // on the survey's layout
-  int order = kFullOrder;           // index into kLensOrders, or kOrderByCamera
+  int order = 0;                    // index into the lens model's orders, or kOrderByCamera
   std::string lens_model;           // its name, or one for each camera
   bool order_chosen = false;        // by cross-validation
   std::vector<OrderTrial> orders;   // empty where none were compared
@@ -102,5 +110,4 @@ RigFit FitRig(const Observations& data, const CalibrateOptions& options, const s
 // three cameras.
 Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
                       const std::string& where);
-
 }  // namespace unfurl::calib

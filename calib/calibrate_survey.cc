@@ -10,8 +10,7 @@ Calibration Calibrate(data::Survey survey, CalibrateOptions options, const std::
                       Observations* used) {
   measure::FindSurveyReadings(&survey, options.workers);
   const Observations data = FromSurvey(survey, where);
-  options.explain.station = survey.station;
-  if (survey.has_lines()) options.explain.pixels = static_cast<double>(survey.format.active);
+  if (!options.explain.station.allFinite()) options.explain.station = survey.station;
   Calibration result = Calibrate(data, options, where);
   for (const std::string& note : survey.notes) result.rig.reasons.push_back(note);
   if (used != nullptr) *used = data;

@@ -4,12 +4,17 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "base/error.h"
+#include "base/length.h"
 #include "base/statistics.h"
+#include "calib/verdict.h"
 #include "measure/camera_model.h"
+#include "measure/survey_readings.h"
 #include "measure/triangulate.h"
 
 namespace unfurl::calib {
@@ -142,32 +147,38 @@ std::vector<Found> FindPoints(const data::Rig& rig, const Observations& data,
   return out;
 }
 
-void Conclude(const std::string& what, CheckResult* result) {
-  if (result->chance >= kPerhaps) {
+// Whether a check can show an error that matters.
+void NoteCoarse(const data::Rig& rig, const CheckOptions& options, CheckResult* result) {
+  const double need = NeedOf({.need = options.need}, rig);
+  if (!(result->rms_predicted > need)) return;
+  result->reasons.push_back(
+      fmt::format("this check has a standard deviation of {} itself: it cannot show an error of {}",
+                  LengthText(result->rms_predicted), LengthText(need)));
+}
+
+void Conclude(const std::string& what, const CheckOptions& options, CheckResult* result) {
+  result->options = options;
+  result->invalid = result->chance < options.invalid;
+  if (result->chance >= options.doubtful) {
     result->verdict = "still valid";
-    result->reasons.push_back(
-        fmt::format("{} agree with the calibration: so large a misfit has a chance of {:.2g}", what,
-                    result->chance));
+    result->reasons.push_back(fmt::format(
+        "{} agree with the calibration: a valid one gives a misfit as large with a probability of "
+        "{:.2g}",
+        what, result->chance));
     return;
   }
-  result->verdict = result->chance >= kDoubtful ? "doubtful" : "no longer valid";
+  result->verdict = result->invalid ? "no longer valid" : "doubtful";
   result->reasons.push_back(
-      fmt::format("{} do not agree with the calibration: so large a misfit has a chance of {:.1g}",
+      fmt::format("{} do not agree with the calibration: a valid one gives a misfit as large with "
+                  "a probability "
+                  "of {:.1g}",
                   what, result->chance));
 }
 
-}  // namespace
-
-CheckResult CheckPoints(const data::Rig& rig, const Observations& data, const std::string& where) {
-  const std::vector<std::size_t> match = MatchCameras(rig, data, where);
-  if (data.readings.empty()) {
-    throw Error("holds no readings", where, "give readings of some points");
-  }
-  const Joint joint = MakeJoint(rig, data, match, where);
-  CheckResult result;
-  result.chance = joint.ChanceOf([](int, int) { return true; });
-  const bool bad = result.chance < kPerhaps;
-
+// Each surveyed point as its readings place it, and how probable the rest is without it.
+void CheckEachPoint(const data::Rig& rig, const Observations& data,
+                    const std::vector<std::size_t>& match, const Joint& joint, bool bad,
+                    CheckResult* result) {
   const std::vector<Found> found = FindPoints(rig, data, match);
   double squares = 0.0, predicted = 0.0, n = 0.0;
   for (int i = 0; i < data.points(); ++i) {
@@ -184,17 +195,15 @@ CheckResult CheckPoints(const data::Rig& rig, const Observations& data, const st
       n += 1.0;
     }
     checked.chance_without =
-        bad ? joint.ChanceOf([&](int, int p) { return p != i; }) : result.chance;
-    result.points.push_back(checked);
+        bad ? joint.ChanceOf([&](int, int p) { return p != i; }) : result->chance;
+    result->points.push_back(checked);
   }
-  result.rms = std::sqrt(squares / std::max(1.0, n));
-  result.rms_predicted = std::sqrt(predicted / std::max(1.0, n));
+  result->rms = std::sqrt(squares / std::max(1.0, n));
+  result->rms_predicted = std::sqrt(predicted / std::max(1.0, n));
+}
 
-  for (Eigen::Index k = 0; k < joint.misfit.size(); ++k) {
-    const auto at = static_cast<std::size_t>(k);
-    result.readings.push_back({joint.camera[at], joint.point[at], data.readings[at].u_px,
-                               joint.misfit(k), std::sqrt(joint.covariance(k, k))});
-  }
+// Each camera's misfits, and how probable the rest is without it.
+void CheckEachCamera(const data::Rig& rig, const Joint& joint, bool bad, CheckResult* result) {
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
     CheckedCamera camera{rig.cameras[c].name};
     for (Eigen::Index k = 0; k < joint.misfit.size(); ++k) {
@@ -207,40 +216,127 @@ CheckResult CheckPoints(const data::Rig& rig, const Observations& data, const st
     camera.rms_px = std::sqrt(camera.rms_px / m);
     camera.rms_predicted_px = std::sqrt(camera.rms_predicted_px / m);
     camera.chance_without =
-        bad ? joint.ChanceOf([&](int k, int) { return k != static_cast<int>(c); }) : result.chance;
-    result.cameras.push_back(camera);
+        bad ? joint.ChanceOf([&](int k, int) { return k != static_cast<int>(c); }) : result->chance;
+    result->cameras.push_back(camera);
   }
+}
 
-  Conclude(fmt::format("{} points ({:.2f} mm RMS from the survey, {:.2f} mm predicted)",
-                       data.points(), 1e3 * result.rms, 1e3 * result.rms_predicted),
-           &result);
-  if (!bad) return result;
-  const auto best_camera = std::max_element(
-      result.cameras.begin(), result.cameras.end(),
-      [](const auto& a, const auto& b) { return a.chance_without < b.chance_without; });
-  const auto best_point = std::max_element(
-      result.points.begin(), result.points.end(),
-      [](const auto& a, const auto& b) { return a.chance_without < b.chance_without; });
-  if (data.points() > 1 && best_point->chance_without >= kPerhaps &&
-      best_point->chance_without >= best_camera->chance_without) {
-    result.verdict = "doubtful";
-    result.reasons.push_back(fmt::format(
-        "without point \"{}\" all is well: measure it again, the rig may stand", best_point->id));
-  } else if (best_camera->chance_without >= kPerhaps) {
-    result.reasons.push_back(fmt::format(
-        "without camera \"{}\" all is well: it has moved; its readings miss by {:.2f} px RMS "
-        "({:.2f} px predicted). The others can be used without it, or calibrate again",
-        best_camera->name, best_camera->rms_px, best_camera->rms_predicted_px));
+// Names the point or the camera without which the rest is probable.
+void NameCause(int points, const CheckOptions& options, CheckResult* result) {
+  const auto less = [](const auto& a, const auto& b) {
+    return a.chance_without < b.chance_without;
+  };
+  const auto camera = std::max_element(result->cameras.begin(), result->cameras.end(), less);
+  const auto point = std::max_element(result->points.begin(), result->points.end(), less);
+  if (points > 1 && point->chance_without >= options.doubtful &&
+      point->chance_without >= camera->chance_without) {
+    result->verdict = "doubtful";
+    result->reasons.push_back(fmt::format(
+        "the rest agrees without point \"{}\": measure it again, the rig may be unchanged",
+        point->id));
+  } else if (camera->chance_without >= options.doubtful) {
+    result->reasons.push_back(fmt::format(
+        "the rest agrees without camera \"{}\": it has moved; its readings are off by {:.2f} px "
+        "RMS ({:.2f} px predicted). Use the other cameras without it, or calibrate again",
+        camera->name, camera->rms_px, camera->rms_predicted_px));
   } else {
-    result.reasons.push_back(
+    result->reasons.push_back(
         "no single point or camera explains it: calibrate again (or the points were not measured "
         "in the frame in which the rig was surveyed)");
   }
+}
+
+// Both ends of each placement, one after the other.
+Observations BarEnds(const data::ReadingTable& table, const data::Rig& rig,
+                     const std::string& where) {
+  std::map<std::string, std::array<Eigen::Index, 2>> placements;
+  for (std::size_t k = 0; k < table.id.size(); ++k) {
+    const std::string& id = table.id[k];
+    if (id.size() < 2 || (id.back() != 'a' && id.back() != 'b')) {
+      throw Error(fmt::format("the id '{}' does not end in a or b", id), where,
+                  "name the ends of placement 1 of the bar 1a and 1b");
+    }
+    auto& ends =
+        placements.try_emplace(id.substr(0, id.size() - 1), std::array<Eigen::Index, 2>{-1, -1})
+            .first->second;
+    ends[id.back() == 'a' ? 0 : 1] = static_cast<Eigen::Index>(k);
+  }
+  Observations out;
+  out.cameras = table.cameras;
+  out.pixels = table.pixels;
+  std::vector<Eigen::Index> rows;
+  for (const auto& [name, ends] : placements) {
+    if (ends[0] < 0 || ends[1] < 0) {
+      throw Error(fmt::format("placement {} of the bar has one end only", name), where,
+                  "give both ends, a and b");
+    }
+    rows.insert(rows.end(), ends.begin(), ends.end());
+  }
+  out.p.resize(3, static_cast<Eigen::Index>(rows.size()));
+  out.p.colwise() = Eigen::Vector3d(0.5 * (rig.volume_low + rig.volume_high));
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    out.ids.push_back(table.id[static_cast<std::size_t>(rows[i])]);
+    out.cov.emplace_back(Eigen::Matrix3d::Identity());
+    for (Eigen::Index c = 0; c < table.u_px.cols(); ++c) {
+      if (std::isnan(table.u_px(rows[i], c))) continue;
+      out.readings.push_back({static_cast<int>(i), static_cast<int>(c), table.u_px(rows[i], c),
+                              table.s_px(rows[i], c)});
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+void CheckOptions::Check() const {
+  const auto refuse = [](const char* name, const char* what) {
+    throw Error(what, std::string("CheckOptions::") + name, "give a number that makes sense");
+  };
+  if (!(invalid > 0.0 && invalid < 1.0)) refuse("invalid", "is not between 0 and 1");
+  if (!(doubtful >= invalid && doubtful < 1.0)) refuse("doubtful", "is not from `invalid` to 1");
+  if (!(need >= 0.0) || !std::isfinite(need)) refuse("need", "is not a length");
+}
+
+CheckResult CheckPoints(const data::Rig& rig, data::Survey survey, const std::string& where,
+                        const CheckOptions& options) {
+  measure::FindSurveyReadings(&survey);
+  return CheckPoints(rig, FromSurvey(survey, where), where, options);
+}
+
+CheckResult CheckPoints(const data::Rig& rig, const Observations& data, const std::string& where,
+                        const CheckOptions& options) {
+  options.Check();
+  const std::vector<std::size_t> match = MatchCameras(rig, data, where);
+  if (data.readings.empty()) {
+    throw Error("holds no readings", where, "give readings of some points");
+  }
+  const Joint joint = MakeJoint(rig, data, match, where);
+  CheckResult result;
+  result.chance = joint.ChanceOf([](int, int) { return true; });
+  const bool bad = result.chance < options.doubtful;
+  CheckEachPoint(rig, data, match, joint, bad, &result);
+  for (Eigen::Index k = 0; k < joint.misfit.size(); ++k) {
+    const auto at = static_cast<std::size_t>(k);
+    result.readings.push_back({joint.camera[at], joint.point[at], data.readings[at].u_px,
+                               joint.misfit(k), std::sqrt(joint.covariance(k, k))});
+  }
+  CheckEachCamera(rig, joint, bad, &result);
+  Conclude(fmt::format("{} points ({} RMS from the survey, {} predicted)", data.points(),
+                       LengthText(result.rms), LengthText(result.rms_predicted)),
+           options, &result);
+  if (bad) NameCause(data.points(), options, &result);
+  NoteCoarse(rig, options, &result);
   return result;
 }
 
+CheckResult CheckBar(const data::Rig& rig, const data::ReadingTable& readings, const Bar& bar,
+                     const std::string& where, const CheckOptions& options) {
+  return CheckBar(rig, BarEnds(readings, rig, where), bar, where, options);
+}
+
 CheckResult CheckBar(const data::Rig& rig, const Observations& data, const Bar& bar,
-                     const std::string& where) {
+                     const std::string& where, const CheckOptions& options) {
+  options.Check();
   const std::vector<std::size_t> match = MatchCameras(rig, data, where);
   const std::vector<Found> found = FindPoints(rig, data, match);
   const auto most = static_cast<Eigen::Index>(data.points() / 2);
@@ -277,12 +373,13 @@ CheckResult CheckBar(const data::Rig& rig, const Observations& data, const Bar& 
   result.chance = ChiSquareTail(e.dot(C.ldlt().solve(e)), static_cast<double>(n));
   result.rms = std::sqrt(e.squaredNorm() / static_cast<double>(n));
   result.rms_predicted = std::sqrt(C.trace() / static_cast<double>(n));
-  Conclude(fmt::format("{} lengths of the bar ({:.2f} mm RMS from {:.4f} m, {:.2f} mm predicted)",
-                       n, 1e3 * result.rms, bar.length, 1e3 * result.rms_predicted),
-           &result);
-  result.reasons.push_back(fmt::format("on average the bar was found {:.3f} mm too {}",
-                                       1e3 * std::abs(e.mean()),
+  Conclude(fmt::format("{} lengths of the bar ({} RMS from {:.6g} m, {} predicted)", n,
+                       LengthText(result.rms), bar.length, LengthText(result.rms_predicted)),
+           options, &result);
+  result.reasons.push_back(fmt::format("on average the bar was found {} too {}",
+                                       LengthText(std::abs(e.mean())),
                                        e.mean() > 0.0 ? "long" : "short"));
+  NoteCoarse(rig, options, &result);
   return result;
 }
 

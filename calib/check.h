@@ -7,12 +7,24 @@
 
 #include "calib/observations.h"
 #include "data/rig.h"
+#include "data/survey.h"
+#include "data/survey_points.h"
 
 namespace unfurl::calib {
 
-// Is a calibration still valid? A chance below kDoubtful says that something has changed, one
-// between that and kPerhaps that it might have.
-inline constexpr double kDoubtful = 1e-4, kPerhaps = 1e-2;
+// Is a calibration still valid?
+struct CheckOptions {
+  // A misfit whose probability is below the first says that something has changed, one between the
+  // two that it might have. One check in a hundred of a valid rig is so called "doubtful", one in
+  // ten thousand "no longer valid" [-].
+  double invalid = 1e-4, doubtful = 1e-2;
+  // Error of a found point that matters [m]; 0: see NeedOf in calib/verdict.h. Where the check
+  // itself is coarser than that, it is said.
+  double need = 0.0;
+
+  // Throws Error that names a value which makes no sense.
+  void Check() const;
+};
 
 struct CheckedCamera {
   std::string name;
@@ -44,7 +56,9 @@ struct CheckResult {
   std::vector<CheckedCamera> cameras;
   std::vector<CheckedPoint> points;
   std::vector<CheckedReading> readings;  // none of a bar
-  std::string verdict;                   // "still valid", "doubtful", "no longer valid"
+  CheckOptions options;                  // by which it was judged
+  bool invalid = false;
+  std::string verdict;  // "still valid", "doubtful", "no longer valid"
   std::vector<std::string> reasons;
 };
 
@@ -52,7 +66,11 @@ struct CheckResult {
 // once, with the covariance of rig, survey and readings. Where the whole is impossible it is tried
 // without each point and without each camera: the one whose absence mends it is named. Throws
 // Error where cameras differ from the rig's.
-CheckResult CheckPoints(const data::Rig& rig, const Observations& data, const std::string& where);
+CheckResult CheckPoints(const data::Rig& rig, const Observations& data, const std::string& where,
+                        const CheckOptions& options = {});
+// The same of a survey as it was read: readings are first found where it holds lines.
+CheckResult CheckPoints(const data::Rig& rig, data::Survey survey, const std::string& where,
+                        const CheckOptions& options = {});
 
 // Against a bar of known length. `data` holds two points for each placement, one after the other;
 // their places and covariances are not used, but as where the search starts.
@@ -60,6 +78,9 @@ struct Bar {
   double length = 0.0, sigma = 0.0;  // [m]
 };
 CheckResult CheckBar(const data::Rig& rig, const Observations& data, const Bar& bar,
-                     const std::string& where);
+                     const std::string& where, const CheckOptions& options = {});
+// The same of readings whose ids name a placement and an end: 1a, 1b, 2a, 2b, ...
+CheckResult CheckBar(const data::Rig& rig, const data::ReadingTable& readings, const Bar& bar,
+                     const std::string& where, const CheckOptions& options = {});
 
 }  // namespace unfurl::calib

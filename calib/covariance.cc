@@ -9,16 +9,17 @@ namespace unfurl::calib {
 namespace {
 
 constexpr Eigen::Index kParameters = data::kCameraParameters;
+constexpr int kTerms = static_cast<int>(data::kLensTerms);
 using CameraColumns = Eigen::Matrix<double, data::kCameraParameters, 3>;
 
 void AddPrior(const CameraPrior& prior, Eigen::Ref<Eigen::MatrixXd> block) {
   block(8, 8) += 1.0 / (prior.e_sigma * prior.e_sigma);
   block.block<3, 3>(3, 3) +=
       prior.axis * prior.axis.transpose() / (prior.along_sigma * prior.along_sigma);
-  for (Eigen::Index k = 0; k < 10; ++k) {
+  for (Eigen::Index k = 0; k < kTerms; ++k) {
     const double sigma =
         prior.Fixed(static_cast<int>(k)) ? 1.0 : prior.term_sigma_px[static_cast<std::size_t>(k)];
-    block(9 + k, 9 + k) += 1.0 / (sigma * sigma);
+    block(data::kFirstTerm + k, data::kFirstTerm + k) += 1.0 / (sigma * sigma);
   }
 }
 
@@ -34,8 +35,8 @@ Eigen::Matrix3Xd ShiftsOf(const Observations& data, Eigen::Index i) {
 bool ProjectFree(const data::RigCamera& camera, const CameraPrior& prior, const Eigen::Vector3d& p,
                  measure::Projection* out) {
   if (!measure::Project(camera, p, out)) return false;
-  for (int k = 0; k < 10; ++k) {
-    if (prior.Fixed(k)) out->du_dc(9 + k) = 0.0;
+  for (int k = 0; k < kTerms; ++k) {
+    if (prior.Fixed(k)) out->du_dc(data::kFirstTerm + k) = 0.0;
   }
   return true;
 }
@@ -122,9 +123,9 @@ Eigen::MatrixXd CameraCovariance(const Eigen::MatrixXd& information) {
 
 void ClearFixed(const std::vector<CameraPrior>& priors, Eigen::MatrixXd* covariance) {
   for (std::size_t j = 0; j < priors.size(); ++j) {
-    for (int k = 0; k < 10; ++k) {
+    for (int k = 0; k < kTerms; ++k) {
       if (!priors[j].Fixed(k)) continue;
-      const Eigen::Index at = kParameters * static_cast<Eigen::Index>(j) + 9 + k;
+      const Eigen::Index at = kParameters * static_cast<Eigen::Index>(j) + data::kFirstTerm + k;
       covariance->row(at).setZero();
       covariance->col(at).setZero();
     }

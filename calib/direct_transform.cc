@@ -112,7 +112,8 @@ RobustDirectFit FitDirectRobust(const Eigen::Matrix3Xd& p, const Eigen::VectorXd
     const Eigen::VectorXd residuals = DirectResiduals(best.fit.transform, p, u_px);
     best.sigma_px = 1.4826 * MedianAbsolute(residuals);
     // A floor for noise-free data, where the median is round-off.
-    const double limit = std::max(kInlierSigmas * best.sigma_px, 1e-6);
+    const double round_off = 1e-9 * (u_px.maxCoeff() - u_px.minCoeff());
+    const double limit = std::max(kInlierSigmas * best.sigma_px, round_off);
     best.inlier = residuals.array().abs() <= limit;
     std::vector<int> inliers;
     for (int i = 0; i < n; ++i) {
@@ -120,7 +121,8 @@ RobustDirectFit FitDirectRobust(const Eigen::Matrix3Xd& p, const Eigen::VectorXd
     }
     if (static_cast<int>(inliers.size()) < kDirectTransformPoints) break;
     DirectFit fit = fit_to(inliers);
-    if (MedianAbsolute(DirectResiduals(fit.transform, p, u_px)) > 1.5 * best_median + 1e-9) break;
+    if (MedianAbsolute(DirectResiduals(fit.transform, p, u_px)) > 1.5 * best_median + round_off)
+      break;
     best.fit = fit;
   }
   return best;

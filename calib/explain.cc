@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 
+#include "base/length.h"
 #include "base/statistics.h"
 #include "base/text.h"
 #include "measure/camera_model.h"
@@ -44,8 +45,8 @@ class Explainer {
       if (d.explained) continue;
       const double size = d.placed ? (d.p - data_.p.col(d.point)).norm() : 0.0;
       Add(GrossKind::kDisplacedPoint, {d.point}, -1, size,
-          d.placed ? fmt::format("point {} is {:.1f} mm from where it was surveyed", Id(d.point),
-                                 1e3 * size)
+          d.placed ? fmt::format("point {} is {} from where it was surveyed", Id(d.point),
+                                 LengthText(size))
                    : fmt::format("point {}: neither its survey nor enough of its readings fit",
                                  Id(d.point)));
     }
@@ -112,55 +113,67 @@ class Explainer {
   // Places of other points: swapped, shifted in a ring, or simply another's.
   void Labels() {
     const std::size_t n = displaced_.size();
-    std::vector<int> target(n, -1);
+    std::vector<int> target(n, -1);  // the point at whose surveyed place a displaced one is
     for (std::size_t k = 0; k < n; ++k) {
       const Displaced& d = displaced_[k];
       for (int i = 0; d.placed && i < data_.points(); ++i) {
         if (i != d.point && Same(d, data_.p.col(i), SurveyCov(i))) target[k] = i;
       }
     }
-    const auto index_of = [&](int point) {
-      for (std::size_t k = 0; k < n; ++k) {
-        if (displaced_[k].point == point) return static_cast<int>(k);
-      }
-      return -1;
-    };
     for (std::size_t k = 0; k < n; ++k) {
       if (target[k] < 0 || displaced_[k].explained) continue;
-      std::vector<int> ring = {static_cast<int>(k)};
-      while (ring.size() <= n) {
-        const int next = index_of(target[static_cast<std::size_t>(ring.back())]);
-        if (next < 0 || target[static_cast<std::size_t>(next)] < 0 || next == ring.front()) break;
-        if (std::find(ring.begin(), ring.end(), next) != ring.end()) break;
-        ring.push_back(next);
-      }
+      const std::vector<int> ring = RingFrom(static_cast<int>(k), target);
       const bool closed =
           ring.size() > 1 && target[static_cast<std::size_t>(ring.back())] ==
                                  displaced_[static_cast<std::size_t>(ring.front())].point;
-      const double size = (displaced_[k].p - data_.p.col(displaced_[k].point)).norm();
-      if (!closed) {
-        displaced_[k].explained = true;
-        Add(GrossKind::kMislabelled, {displaced_[k].point, target[k]}, -1, size,
-            fmt::format("mislabelled: the readings of point {} were taken where point {} was "
-                        "surveyed",
-                        Id(displaced_[k].point), Id(target[k])));
+      if (closed) {
+        AddRing(ring);
         continue;
       }
-      std::vector<int> points;
-      for (const int r : ring) {
-        displaced_[static_cast<std::size_t>(r)].explained = true;
-        points.push_back(displaced_[static_cast<std::size_t>(r)].point);
-      }
-      if (points.size() == 2) {
-        const std::string text = fmt::format("swapped: points {} and {} have each other's place",
-                                             Id(points[0]), Id(points[1]));
-        Add(GrossKind::kSwappedPoints, points, -1, size, text);
-      } else {
-        const std::string text = fmt::format(
-            "labels shifted: of points {}, each one's place stands under the next", Ids(points));
-        Add(GrossKind::kShiftedLabels, points, -1, size, text);
-      }
+      displaced_[k].explained = true;
+      const double size = (displaced_[k].p - data_.p.col(displaced_[k].point)).norm();
+      Add(GrossKind::kMislabelled, {displaced_[k].point, target[k]}, -1, size,
+          fmt::format("mislabelled: the readings of point {} were taken where point {} was "
+                      "surveyed",
+                      Id(displaced_[k].point), Id(target[k])));
     }
+  }
+
+  // Displaced points, each at the place of the next one, from `first` until that leads to no
+  // further one; indices into displaced_.
+  std::vector<int> RingFrom(int first, const std::vector<int>& target) const {
+    std::vector<int> ring = {first};
+    while (ring.size() <= displaced_.size()) {
+      const int point = target[static_cast<std::size_t>(ring.back())];
+      const auto at = std::find_if(displaced_.begin(), displaced_.end(),
+                                   [&](const Displaced& d) { return d.point == point; });
+      const auto next = static_cast<int>(at - displaced_.begin());
+      if (at == displaced_.end() || target[static_cast<std::size_t>(next)] < 0 ||
+          std::find(ring.begin(), ring.end(), next) != ring.end()) {
+        break;
+      }
+      ring.push_back(next);
+    }
+    return ring;
+  }
+
+  void AddRing(const std::vector<int>& ring) {
+    const Displaced& front = displaced_[static_cast<std::size_t>(ring.front())];
+    const double size = (front.p - data_.p.col(front.point)).norm();
+    std::vector<int> points;
+    for (const int r : ring) {
+      displaced_[static_cast<std::size_t>(r)].explained = true;
+      points.push_back(displaced_[static_cast<std::size_t>(r)].point);
+    }
+    if (points.size() == 2) {
+      const std::string text = fmt::format("swapped: points {} and {} have each other's place",
+                                           Id(points[0]), Id(points[1]));
+      Add(GrossKind::kSwappedPoints, points, -1, size, text);
+      return;
+    }
+    const std::string text = fmt::format(
+        "labels shifted: of points {}, each one's place stands under the next", Ids(points));
+    Add(GrossKind::kShiftedLabels, points, -1, size, text);
   }
 
   void RangeOffsets() {
@@ -261,78 +274,99 @@ class Explainer {
     return std::abs(value - e.u) < kSameReading * std::hypot(e.sigma, r.s_px);
   }
 
+  // Readings that were left out: swapped, counted from the other end, off together, or wild.
   void Readings() {
-    std::vector<std::size_t> open;
     for (std::size_t k = 0; k < data_.readings.size(); ++k) {
-      if (!bundle_.weighting.Uses(k)) open.push_back(k);
+      if (bundle_.weighting.Uses(k)) continue;
+      const Reading& r = data_.readings[k];
+      left_out_.push_back({r, Expect(r.point, r.camera)});
     }
-    std::vector<Expected> expected;
-    for (const std::size_t k : open) {
-      expected.push_back(Expect(data_.readings[k].point, data_.readings[k].camera));
-    }
-    std::vector<char> explained(open.size(), 0);
-    const auto reading = [&](std::size_t k) -> const Reading& { return data_.readings[open[k]]; };
-    const auto camera_name = [&](int c) {
-      return "\"" + data_.cameras[static_cast<std::size_t>(c)] + "\"";
-    };
-    for (std::size_t a = 0; a < open.size(); ++a) {
-      for (std::size_t b = a + 1; b < open.size() && !explained[a]; ++b) {
-        const Reading &ra = reading(a), &rb = reading(b);
-        if (explained[b] || (ra.camera == rb.camera) == (ra.point == rb.point)) continue;
-        if (!Fits(ra, expected[b], ra.u_px) || !Fits(rb, expected[a], rb.u_px)) continue;
-        explained[a] = explained[b] = 1;
-        const double size = std::abs(ra.u_px - expected[a].u);
-        if (ra.camera == rb.camera) {
-          Add(GrossKind::kSwappedReadings, {ra.point, rb.point}, ra.camera, size,
-              fmt::format("camera {}: the readings of points {} and {} are swapped",
-                          camera_name(ra.camera), Id(ra.point), Id(rb.point)));
-        } else {
-          Add(GrossKind::kSwappedCameras, {ra.point}, ra.camera, size,
-              fmt::format("point {}: the readings of cameras {} and {} are swapped", Id(ra.point),
-                          camera_name(ra.camera), camera_name(rb.camera)));
-        }
+    for (std::size_t a = 0; a < left_out_.size(); ++a) Swapped(a);
+    for (LeftOut& one : left_out_) Mirrored(&one);
+    for (std::size_t a = 0; a < left_out_.size(); ++a) SameOffset(a);
+    for (const LeftOut& one : left_out_) Wild(one);
+  }
+
+  // A reading that was left out, and what it should have been.
+  struct LeftOut {
+    Reading reading;
+    Expected expected;
+    bool explained = false;
+    double Offset() const { return reading.u_px - expected.u; }
+  };
+
+  std::string CameraName(int camera) const {
+    return "\"" + data_.cameras[static_cast<std::size_t>(camera)] + "\"";
+  }
+
+  // Two readings of one camera, or of one point, each of which fits in the other's place.
+  void Swapped(std::size_t first) {
+    LeftOut& a = left_out_[first];
+    for (std::size_t k = first + 1; k < left_out_.size() && !a.explained; ++k) {
+      LeftOut& b = left_out_[k];
+      const Reading &ra = a.reading, &rb = b.reading;
+      if (b.explained || (ra.camera == rb.camera) == (ra.point == rb.point)) continue;
+      if (!Fits(ra, b.expected, ra.u_px) || !Fits(rb, a.expected, rb.u_px)) continue;
+      a.explained = b.explained = true;
+      const double size = std::abs(a.Offset());
+      if (ra.camera == rb.camera) {
+        Add(GrossKind::kSwappedReadings, {ra.point, rb.point}, ra.camera, size,
+            fmt::format("camera {}: the readings of points {} and {} are swapped",
+                        CameraName(ra.camera), Id(ra.point), Id(rb.point)));
+      } else {
+        Add(GrossKind::kSwappedCameras, {ra.point}, ra.camera, size,
+            fmt::format("point {}: the readings of cameras {} and {} are swapped", Id(ra.point),
+                        CameraName(ra.camera), CameraName(rb.camera)));
       }
     }
-    for (std::size_t a = 0; a < open.size(); ++a) {
-      const Reading& r = reading(a);
-      if (explained[a] || !Fits(r, expected[a], options_.pixels - 1.0 - r.u_px)) continue;
-      explained[a] = 1;
-      Add(GrossKind::kMirroredReading, {r.point}, r.camera, std::abs(r.u_px - expected[a].u),
-          fmt::format("camera {}: the reading of point {} is mirrored, counted from the sensor's "
-                      "other end",
-                      camera_name(r.camera), Id(r.point)));
-    }
-    for (std::size_t a = 0; a < open.size(); ++a) {
-      if (explained[a] || !std::isfinite(expected[a].u)) continue;
-      const double offset = reading(a).u_px - expected[a].u;
-      std::vector<std::size_t> alike;
-      for (std::size_t b = a; b < open.size(); ++b) {
-        const Reading& r = reading(b);
-        if (!explained[b] && r.camera == reading(a).camera &&
-            Fits(r, expected[b], r.u_px - offset)) {
-          alike.push_back(b);
-        }
+  }
+
+  // Only where the row's length was stated: a guess at it would be a pixel or two off.
+  void Mirrored(LeftOut* one) {
+    const Reading& r = one->reading;
+    const auto camera = static_cast<std::size_t>(r.camera);
+    if (one->explained || camera >= data_.pixels.size() || data_.pixels[camera] == 0) return;
+    if (!Fits(r, one->expected, data_.pixels[camera] - 1.0 - r.u_px)) return;
+    one->explained = true;
+    Add(GrossKind::kMirroredReading, {r.point}, r.camera, std::abs(one->Offset()),
+        fmt::format("camera {}: the reading of point {} is mirrored, counted from the sensor's "
+                    "other end",
+                    CameraName(r.camera), Id(r.point)));
+  }
+
+  void SameOffset(std::size_t first) {
+    const LeftOut& a = left_out_[first];
+    if (a.explained || !std::isfinite(a.expected.u)) return;
+    const int camera = a.reading.camera;
+    const double offset = a.Offset();
+    std::vector<LeftOut*> alike;
+    for (std::size_t k = first; k < left_out_.size(); ++k) {
+      LeftOut& b = left_out_[k];
+      if (!b.explained && b.reading.camera == camera &&
+          Fits(b.reading, b.expected, b.reading.u_px - offset)) {
+        alike.push_back(&b);
       }
-      if (static_cast<int>(alike.size()) < kFewestAlike) continue;
-      std::vector<int> points;
-      std::vector<double> offsets;
-      for (const std::size_t b : alike) {
-        explained[b] = 1;
-        points.push_back(reading(b).point);
-        offsets.push_back(reading(b).u_px - expected[b].u);
-      }
-      Add(GrossKind::kSameOffset, points, reading(a).camera, std::abs(offset),
-          fmt::format("camera {}: the readings of {} points ({}) are off by the same {:+.2f} px",
-                      camera_name(reading(a).camera), points.size(), Ids(points), Median(offsets)));
     }
-    for (std::size_t a = 0; a < open.size(); ++a) {
-      if (explained[a]) continue;
-      const Reading& r = reading(a);
-      const double size = std::isfinite(expected[a].u) ? r.u_px - expected[a].u : 0.0;
-      Add(GrossKind::kWildReading, {r.point}, r.camera, std::abs(size),
-          fmt::format("camera {}: the reading of point {} is off by {:+.2f} px",
-                      camera_name(r.camera), Id(r.point), size));
+    if (static_cast<int>(alike.size()) < kFewestAlike) return;
+    std::vector<int> points;
+    std::vector<double> offsets;
+    for (LeftOut* b : alike) {
+      b->explained = true;
+      points.push_back(b->reading.point);
+      offsets.push_back(b->Offset());
     }
+    Add(GrossKind::kSameOffset, points, camera, std::abs(offset),
+        fmt::format("camera {}: the readings of {} points ({}) are off by the same {:+.2f} px",
+                    CameraName(camera), points.size(), Ids(points), Median(offsets)));
+  }
+
+  void Wild(const LeftOut& one) {
+    if (one.explained) return;
+    const Reading& r = one.reading;
+    const double size = std::isfinite(one.expected.u) ? one.Offset() : 0.0;
+    Add(GrossKind::kWildReading, {r.point}, r.camera, std::abs(size),
+        fmt::format("camera {}: the reading of point {} is off by {:+.2f} px", CameraName(r.camera),
+                    Id(r.point), size));
   }
 
   const Observations& data_;
@@ -340,6 +374,7 @@ class Explainer {
   const ExplainOptions& options_;
   double limit_ = 0.0;
   std::vector<Displaced> displaced_;
+  std::vector<LeftOut> left_out_;
   std::vector<GrossFinding> findings_;
 };
 

@@ -42,7 +42,6 @@ struct ExplainOptions {
   // Where the total station stood, in the survey's frame; NaN: found from the errors themselves,
   // which takes four points or more.
   Eigen::Vector3d station = Eigen::Vector3d::Constant(NAN);
-  double pixels = 2160.0;  // in a sensor's row
 };
 
 // Explains every reading and surveyed point that the bundle left out, the most telling kinds first;

@@ -4,20 +4,27 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
+#include <string>
 
+#include "base/error.h"
 #include "measure/camera_model.h"
 
 namespace unfurl::calib {
 namespace {
 
 constexpr int kIterations = 25;
-constexpr double kConverged = 1e-8;      // [m]
-constexpr double kLongest = 1.0;         // of a step [m]
-constexpr double kWorstDilution = 0.05;  // of a point from its readings alone [m/px]
-constexpr double kAsLikely = 4.0;        // of chi-square: a likelihood within a factor of e^2
-constexpr double kMayGain = 4.0;         // of a price, by what determinants do to it
-constexpr int kMostReadings = 10;        // of a point with all subsets tried: 2^11 fits
-constexpr int kMostLeftOut = 3;          // where there are more
+// A step is the last when it is this small a share of the point's own standard deviation [-]: it
+// then changes chi-square by a millionth of that.
+constexpr double kConverged = 1e-5;
+constexpr double kLongest = 0.3;  // of a step, over the distance to the nearest camera [-]
+// Readings alone fix a point when their planes do not count as parallel; laxer than
+// TriangulateOptions::max_condition, for the hypotheses are compared by their likelihood [-].
+constexpr double kWorstCondition = 60.0;
+constexpr double kAsLikely = 4.0;  // of chi-square: a likelihood within a factor of e^2
+constexpr double kMayGain = 4.0;   // of a price, by what determinants do to it
+constexpr int kMostReadings = 10;  // of a point with all subsets tried: 2^11 fits
+constexpr int kMostLeftOut = 3;    // where there are more
 
 struct Choice {
   double price = 0.0;
@@ -86,6 +93,19 @@ void TrySubsets(const Observations& data, const Prices& prices, const Weighting&
 
 }  // namespace
 
+void GrossOptions::Check() const {
+  const auto share = [](const char* name, double value) {
+    if (value > 0.0 && value < 1.0) return;
+    throw Error("is not between 0 and 1", std::string("GrossOptions::") + name, "give a share");
+  };
+  if (!(sigmas > 0.0)) throw Error("is not above 0", "GrossOptions::sigmas", "give sigmas, as 4");
+  share("reading_share", reading_share);
+  share("survey_share", survey_share);
+  share("least_share", least_share);
+  share("most_share", most_share);
+  share("doubt", doubt);
+}
+
 bool FitPoint(const Observations& data, const Weighting& weighting,
               const std::vector<data::RigCamera>& cameras, std::size_t first, unsigned use,
               bool with_survey, const Eigen::Vector3d& start, PointFit* out) {
@@ -99,6 +119,7 @@ bool FitPoint(const Observations& data, const Weighting& weighting,
   for (int iteration = 0; iteration < kIterations; ++iteration) {
     Eigen::Matrix3d A = Eigen::Matrix3d::Zero(), geometry = Eigen::Matrix3d::Zero();
     Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    double nearest = std::numeric_limits<double>::infinity();  // camera [m]
     out->chi_square = 0.0;
     if (with_survey) {
       const Eigen::Vector3d d = data.p.col(point) - out->p;
@@ -112,6 +133,8 @@ bool FitPoint(const Observations& data, const Weighting& weighting,
       if ((use >> m & 1U) == 0) continue;
       measure::Projection h;
       if (!measure::Project(cameras[static_cast<std::size_t>(r.camera)], out->p, &h)) return false;
+      nearest =
+          std::min(nearest, (out->p - cameras[static_cast<std::size_t>(r.camera)].p_WC).norm());
       const double w = 1.0 / weighting.Variance(r), residual = r.u_px - h.u_px;
       A += w * h.du_dp.transpose() * h.du_dp;
       geometry += h.du_dp.transpose() * h.du_dp;
@@ -121,18 +144,72 @@ bool FitPoint(const Observations& data, const Weighting& weighting,
     if (!with_survey) {
       Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
       eigen.computeDirect(geometry, Eigen::EigenvaluesOnly);
-      if (!(eigen.eigenvalues()(0) * kWorstDilution * kWorstDilution > 1.0)) return false;
+      if (!(eigen.eigenvalues()(0) * kWorstCondition * kWorstCondition > eigen.eigenvalues()(2))) {
+        return false;
+      }
     }
     out->cov = A.inverse();
     Eigen::Vector3d step = out->cov * b;
     const double length = step.norm();
     if (!std::isfinite(length)) return false;
-    if (length < kConverged) return true;
-    if (length > kLongest) step *= kLongest / length;
+    if (step.dot(b) < kConverged * kConverged) return true;  // step^T A step
+    if (length > kLongest * nearest) step *= kLongest * nearest / length;
     out->p += step;
   }
   return false;
 }
+
+namespace {
+
+// The most probable choice of one point's data, with what is also improbable left out.
+struct PointChoice {
+  Choice chosen;
+  bool ambiguous = false;
+  double readings_wrong = 0.0, survey_wrong = 0.0;  // expected numbers
+};
+
+PointChoice Decide(const Observations& data, const GrossOptions& options,
+                   const Weighting& weighting, const BundleState& state, std::size_t first, int n,
+                   const std::vector<Choice>& choices) {
+  std::size_t best = 0;
+  for (std::size_t k = 1; k < choices.size(); ++k) {
+    if (choices[k].price < choices[best].price) best = k;
+  }
+  PointChoice out;
+  // How probable it is of each datum that it is wrong, over all subsets; the survey's last.
+  std::vector<double> wrong(static_cast<std::size_t>(n) + 1, 0.0);
+  double sum = 0.0;
+  for (std::size_t k = 0; k < choices.size(); ++k) {
+    const double weight = std::exp(-0.5 * (choices[k].price - choices[best].price));
+    sum += weight;
+    for (int m = 0; m < n; ++m) {
+      if ((choices[k].use >> m & 1U) == 0) wrong[static_cast<std::size_t>(m)] += weight;
+    }
+    if (!choices[k].survey) wrong.back() += weight;
+    out.ambiguous |= k != best && choices[k].price < choices[best].price + kAsLikely;
+  }
+  out.chosen = choices[best];
+  Choice doubted = out.chosen;
+  for (int m = 0; m < n; ++m) {
+    const double chance = wrong[static_cast<std::size_t>(m)] / sum;
+    out.readings_wrong += chance;
+    if (chance > options.doubt) doubted.use &= ~(1U << m);
+  }
+  out.survey_wrong = wrong.back() / sum;
+  if (out.survey_wrong > options.doubt) doubted.survey = false;
+  // What is left must still fix the point.
+  const bool differs = doubted.use != out.chosen.use || doubted.survey != out.chosen.survey;
+  PointFit fit;
+  if (differs && doubted.use != 0 &&
+      FitPoint(data, weighting, state.cameras, first, doubted.use, doubted.survey, out.chosen.p,
+               &fit)) {
+    doubted.p = fit.p;
+    out.chosen = doubted;
+  }
+  return out;
+}
+
+}  // namespace
 
 GrossChoice ChooseGross(const Observations& data, const GrossOptions& options, Weighting* weighting,
                         BundleState* state) {
@@ -140,6 +217,10 @@ GrossChoice ChooseGross(const Observations& data, const GrossOptions& options, W
   GrossChoice out;
   weighting->use_reading.resize(data.readings.size(), 1);
   weighting->use_survey.resize(static_cast<std::size_t>(data.points()), 1);
+  const auto set = [&](bool use, char* stored) {
+    out.changed = out.changed || (*stored != 0) != use;
+    *stored = use ? 1 : 0;
+  };
   std::vector<Choice> choices;
   std::size_t first = 0, end = 0;
   for (int i = 0; i < data.points(); ++i, first = end) {
@@ -148,51 +229,17 @@ GrossChoice ChooseGross(const Observations& data, const GrossOptions& options, W
     const auto n = static_cast<int>(end - first);
     TrySubsets(data, prices, *weighting, *state, first, n, &choices);
     if (choices.empty()) continue;
-    const auto point = static_cast<std::size_t>(i);
-    std::size_t best = 0;
-    for (std::size_t k = 1; k < choices.size(); ++k) {
-      if (choices[k].price < choices[best].price) best = k;
-    }
-    // How probable it is of each datum that it is wrong; the survey's last.
-    std::vector<double> wrong(static_cast<std::size_t>(n) + 1, 0.0);
-    double sum = 0.0;
-    bool ambiguous = false;
-    for (std::size_t k = 0; k < choices.size(); ++k) {
-      const double weight = std::exp(-0.5 * (choices[k].price - choices[best].price));
-      sum += weight;
-      for (int m = 0; m < n; ++m) {
-        if ((choices[k].use >> m & 1U) == 0) wrong[static_cast<std::size_t>(m)] += weight;
-      }
-      if (!choices[k].survey) wrong.back() += weight;
-      ambiguous |= k != best && choices[k].price < choices[best].price + kAsLikely;
-    }
-    Choice chosen = choices[best];
-    Choice doubted = chosen;
-    for (int m = 0; m < n; ++m) {
-      const double chance = wrong[static_cast<std::size_t>(m)] / sum;
-      out.reading_share += chance;
-      if (chance > options.doubt) doubted.use &= ~(1U << m);
-    }
-    out.survey_share += wrong.back() / sum;
-    if (wrong.back() / sum > options.doubt) doubted.survey = false;
-    PointFit fit;
-    if ((doubted.use != chosen.use || doubted.survey != chosen.survey) && doubted.use != 0 &&
-        FitPoint(data, *weighting, state->cameras, first, doubted.use, doubted.survey, chosen.p,
-                 &fit)) {
-      doubted.p = fit.p;
-      chosen = doubted;
-    }
+    const PointChoice point = Decide(data, options, *weighting, *state, first, n, choices);
+    out.reading_share += point.readings_wrong;
+    out.survey_share += point.survey_wrong;
+    const Choice& chosen = point.chosen;
     for (std::size_t k = first; k < end; ++k) {
-      const char use = (chosen.use >> (k - first) & 1U) != 0 ? 1 : 0;
-      out.changed = out.changed || weighting->use_reading[k] != use;
-      weighting->use_reading[k] = use;
+      set((chosen.use >> (k - first) & 1U) != 0, &weighting->use_reading[k]);
     }
-    const char use = chosen.survey ? 1 : 0;
-    out.changed = out.changed || weighting->use_survey[point] != use;
-    weighting->use_survey[point] = use;
+    set(chosen.survey, &weighting->use_survey[static_cast<std::size_t>(i)]);
     state->points.col(i) = chosen.p;
     const bool clean = std::popcount(chosen.use) == n && chosen.survey;
-    if (ambiguous && !clean) out.ambiguous.push_back(i);
+    if (point.ambiguous && !clean) out.ambiguous.push_back(i);
   }
   out.reading_share /= std::max<double>(1.0, static_cast<double>(data.readings.size()));
   out.survey_share /= std::max(1.0, static_cast<double>(data.points()));

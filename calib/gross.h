@@ -21,6 +21,9 @@ struct GrossOptions {
   // A datum that is wrong with a probability above this is left out, be it or another the wrong
   // one.
   double doubt = 0.3;
+
+  // Throws Error that names a value which makes no sense.
+  void Check() const;
 };
 
 // For each point, given the cameras: which of its readings and its survey to believe. Every subset

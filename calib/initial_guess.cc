@@ -5,10 +5,13 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "base/error.h"
 #include "base/statistics.h"
 #include "calib/direct_transform.h"
+#include "measure/camera_model.h"
+#include "measure/lens/lens.h"
 
 namespace unfurl::calib {
 namespace {
@@ -35,19 +38,21 @@ void RefuseFlat(const Eigen::Matrix3Xd& p, double flatness, const std::string& w
   }
 }
 
-// Exponents of x and y in the terms of data::kCameraTerms.
-constexpr int kPowers[10][2] = {{3, 0}, {1, 2}, {5, 0}, {3, 2}, {1, 4},
-                                {2, 0}, {1, 1}, {0, 2}, {2, 1}, {0, 3}};
-
-CameraPrior MakePrior(const data::RigCamera& camera, const Eigen::Matrix3Xd& p,
+// Of each term: the standard deviation that the lens model states, at the edge of the field that
+// the points fill. `pitch` of the pixels [m], 0: not stated.
+CameraPrior MakePrior(const data::RigCamera& camera, const Eigen::Matrix3Xd& p, double pitch,
                       const GuessOptions& options) {
+  constexpr double kCentresShare = 0.01;  // of the distance, as e: 3 cm at 3 m [-]
   const Eigen::Vector3d centre = p.rowwise().mean();
+  const double distance = (centre - camera.p_WC).norm();
   CameraPrior prior;
-  prior.e_mean = options.e_mean;
-  prior.e_sigma = options.e_sigma;
+  prior.lens = camera.lens;
+  const double derived = pitch > 0.0 ? camera.f_px * pitch : kCentresShare * distance;
+  prior.e_mean = options.e_sigma > 0.0 ? options.e_mean : derived;
+  prior.e_sigma = options.e_sigma > 0.0 ? options.e_sigma : derived;
   prior.axis = camera.R_CW.row(1);
   prior.along = prior.axis.dot(centre);
-  prior.along_sigma = options.along_sigma_share * (centre - camera.p_WC).norm();
+  prior.along_sigma = options.along_sigma_share * distance;
 
   const Eigen::Matrix3Xd p_C = camera.R_CW * (p.colwise() - camera.p_WC);
   std::vector<double> xs, ys;
@@ -57,17 +62,61 @@ CameraPrior MakePrior(const data::RigCamera& camera, const Eigen::Matrix3Xd& p,
     ys.push_back(std::abs(p_C(1, i) / p_C(2, i)));
   }
   // The edge by a quantile: gross errors of the survey reach further.
-  const double x = Quantile(xs, 0.95), y = Quantile(ys, 0.95);
+  const measure::LensImage edge = measure::EvaluateLens(
+      camera.lens, Quantile(xs, 0.95), Quantile(ys, 0.95), camera.f_px, camera.terms_px.data());
+  const auto share = measure::PriorOf(camera.lens);
   for (std::size_t k = 0; k < prior.term_sigma_px.size(); ++k) {
-    const int order = kPowers[k][0] + kPowers[k][1];
-    const bool even = kPowers[k][0] % 2 == 0 || kPowers[k][1] % 2 == 1;
-    const double at_edge = even         ? options.even_sigma_px
-                           : order == 3 ? options.cubic_sigma_px
-                                        : options.quintic_sigma_px;
-    prior.term_unit_px[k] = 1.0 / (std::pow(x, kPowers[k][0]) * std::pow(y, kPowers[k][1]));
-    prior.term_sigma_px[k] = at_edge * prior.term_unit_px[k];
+    if (share[k] == 0.0) continue;  // no such term
+    prior.term_unit_px[k] = 1.0 / std::abs(edge.du_dt[k]);
+    prior.term_sigma_px[k] = options.term_sigmas * share[k] * camera.pixels * prior.term_unit_px[k];
   }
   return prior;
+}
+
+// The direct transform of readings as an ideal lens of the model would give them.
+struct DirectGuess {
+  RobustDirectFit fit;
+  data::RigCamera camera;
+};
+
+// Readings of a lens that is no pinhole are straightened first, which takes its image scale: a
+// scale after another is tried, from a field of 170 degrees down to one so narrow that every lens
+// is a pinhole, and the camera that misses the readings least is taken. The optical axis is first
+// thought to meet the row in the middle.
+DirectGuess GuessDirect(const Eigen::Matrix3Xd& p, const Eigen::VectorXd& u, int row,
+                        data::LensModel lens, const Rng& rng) {
+  const Eigen::Vector3d centre = p.rowwise().mean();
+  DirectGuess best;
+  if (measure::IsStraight(lens)) {
+    best.fit = FitDirectRobust(p, u, rng);
+    best.camera = CameraFromDirect(best.fit.fit.transform, centre);
+    return best;
+  }
+  constexpr double kWidest = 1.48, kNarrowest = 0.1;  // half the field [rad]
+  constexpr int kScales = 24;
+  const double half = 0.5 * (row - 1);
+  double least = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < kScales; ++k) {
+    const double f = half / (kWidest * std::pow(kNarrowest / kWidest, k / (kScales - 1.0)));
+    const Eigen::VectorXd straight = u.unaryExpr(
+        [&](double value) { return half + f * measure::Straighten(lens, (value - half) / f); });
+    DirectGuess guess;
+    guess.fit = FitDirectRobust(p, straight, rng);
+    guess.camera = CameraFromDirect(guess.fit.fit.transform, centre);
+    guess.camera.lens = lens;
+    // In the readings' own pixels: straightening stretches those at the edge.
+    std::vector<double> residuals;
+    for (Eigen::Index i = 0; i < p.cols(); ++i) {
+      double predicted = 0.0;
+      const bool seen = measure::Project(guess.camera, p.col(i), &predicted);
+      residuals.push_back(seen ? u(i) - predicted : row);
+    }
+    guess.fit.sigma_px = RobustSigma(residuals);
+    if (!(guess.fit.sigma_px < least)) continue;
+    least = guess.fit.sigma_px;
+    best = guess;
+  }
+  return best;
 }
 
 CameraGuess GuessCamera(const Observations& data, int index, const GuessOptions& options,
@@ -87,13 +136,17 @@ CameraGuess GuessCamera(const Observations& data, int index, const GuessOptions&
   }
   RefuseFlat(p, options.flatness, fmt::format("the points that camera \"{}\" sees", name), where);
 
-  const RobustDirectFit direct = FitDirectRobust(
-      p, u, Rng(options.seed).Stream("direct transform", static_cast<std::uint64_t>(index)));
+  const int row = data.RowOf(index);
+  const DirectGuess found =
+      GuessDirect(p, u, row, options.lens,
+                  Rng(options.seed).Stream("direct transform", static_cast<std::uint64_t>(index)));
+  const RobustDirectFit& direct = found.fit;
   CameraGuess guess;
   guess.readings = n;
-  guess.camera = CameraFromDirect(direct.fit.transform, p.rowwise().mean());
+  guess.camera = found.camera;
   guess.camera.name = name;
-  guess.camera.e = options.e_mean;
+  guess.camera.pixels = row;
+  guess.camera.lens = options.lens;
   const Eigen::RowVectorXd depth = guess.camera.R_CW.row(2) * (p.colwise() - guess.camera.p_WC);
   const std::vector<double> readings(u.data(), u.data() + n);
   const bool in_front = static_cast<double>((depth.array() > 0.0).count()) >= kLeastInFront * n;
@@ -104,10 +157,11 @@ CameraGuess GuessCamera(const Observations& data, int index, const GuessOptions&
                             name, direct.sigma_px),
                 where, "check that readings and points belong together and fill the volume");
   }
-  guess.prior = MakePrior(guess.camera, p, options);
+  guess.prior = MakePrior(guess.camera, p, own.pitch.empty() ? 0.0 : own.pitch[0], options);
+  guess.camera.e = guess.prior.e_mean;
 
   // Lens error is in the first scale and, once the terms are fitted, not in the second.
-  guess.sigma_px = std::max(direct.sigma_px, 1e-6);
+  guess.sigma_px = std::max(direct.sigma_px, 1e-9 * row);  // not 0 without noise
   BundleOptions resection;
   resection.fix_points = true;
   for (int pass = 0; pass < 3; ++pass) {
@@ -115,7 +169,7 @@ CameraGuess GuessCamera(const Observations& data, int index, const GuessOptions&
     const BundleSummary summary =
         SolveBundle(own, {guess.prior}, EqualWeighting(own, guess.sigma_px), resection, &state);
     guess.camera = state.cameras[0];
-    guess.sigma_px = std::max(RobustSigma(summary.residual_px), 1e-9);
+    guess.sigma_px = std::max(RobustSigma(summary.residual_px), 1e-12 * row);
   }
   return guess;
 }
@@ -148,6 +202,21 @@ void RefuseCopies(const Observations& data, int fewest, const std::string& where
 }
 
 }  // namespace
+
+void GuessOptions::Check() const {
+  const auto refuse = [](const char* name, const char* what, const char* remedy) {
+    throw Error(what, std::string("GuessOptions::") + name, remedy);
+  };
+  if (fewest_points < kDirectTransformPoints) {
+    refuse("fewest_points", "is fewer than a pinhole's unknowns", "give 7 or more");
+  }
+  if (!(flatness > 0.0 && flatness < 1.0)) {
+    refuse("flatness", "is not between 0 and 1", "give a share");
+  }
+  if (!(e_sigma >= 0.0)) refuse("e_sigma", "is negative", "give m, or 0 to derive it");
+  if (!(along_sigma_share > 0.0)) refuse("along_sigma_share", "is not above 0", "give a share");
+  if (!(term_sigmas > 0.0)) refuse("term_sigmas", "is not above 0", "give a factor, as 1");
+}
 
 PointSpread SpreadOf(const Eigen::Matrix3Xd& p) {
   const Eigen::Matrix3Xd centred = p.colwise() - p.rowwise().mean();

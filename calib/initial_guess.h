@@ -17,16 +17,20 @@ struct GuessOptions {
   // A survey whose smallest standard deviation in any direction is below this share of its largest
   // counts as flat: one plane (or line) does not tell image scale from distance.
   double flatness = 0.05;
-  // Prior of the distance between the two centres [m]: cylinder lenses in front of a linear CCD
-  // have it near their focal length.
-  double e_mean = 0.03, e_sigma = 0.03;
+  data::LensModel lens = data::LensModel::kRectilinear;
+  // Prior of the distance between the two centres [m]. 0: a cylinder lens in front of a linear CCD
+  // has it near its focal length, f times the pixels' pitch; where the pitch is not stated, some
+  // per cent of the distance to the points, of which e is a share that a lens can focus.
+  double e_mean = 0.0, e_sigma = 0.0;
   // Prior of the position along the lens axis, about where the points' centre has Y = 0, as a share
   // of the distance to that centre: the camera was pointed at the volume to within some 17 degrees.
   double along_sigma_share = 0.3;
-  // Priors of the terms, by what each does to a reading at the edge of the surveyed volume [px]:
-  // x^3 and x y^2; the fifth-order ones; the even ones, which misalignment of slit and lens makes.
-  double cubic_sigma_px = 150.0, quintic_sigma_px = 40.0, even_sigma_px = 20.0;
+  // Priors of the terms, in those of the lens model (measure::PriorOf) [-].
+  double term_sigmas = 1.0;
   std::uint64_t seed = 1;  // of the random subsets
+
+  // Throws Error that names a value which makes no sense.
+  void Check() const;
 };
 
 // A camera found from its readings alone, with the survey taken as exact.

@@ -35,7 +35,7 @@ double Resect(const Observations& data, const CameraPrior& prior, const Weightin
   BundleOptions options;
   options.fix_points = true;
   options.function_tolerance = 1e-7;
-  double scale = 1e3;  // [px]: plain least squares first
+  double scale = out->pixels;  // the whole row: plain least squares first
   for (int pass = 0; pass < 3; ++pass) {
     mine.floor_px[0] = scale;
     BundleState state{{*out}, points};
@@ -47,7 +47,7 @@ double Resect(const Observations& data, const CameraPrior& prior, const Weightin
         residuals.push_back(summary.residual_px[k]);
       }
     }
-    scale = std::max(1e-9, RobustSigma(residuals));
+    scale = std::max(1e-12 * out->pixels, RobustSigma(residuals));  // not 0 without noise
   }
   return scale;
 }
@@ -168,10 +168,11 @@ void CrossValidate(const Observations& data, int folds, OrderTrial* trial) {
 std::vector<CameraPrior> WithOrders(std::vector<CameraPrior> priors,
                                     const std::vector<int>& by_camera) {
   for (std::size_t j = 0; j < priors.size(); ++j) {
+    const std::span<const measure::LensOrder> orders = measure::OrdersOf(priors[j].lens);
+    const std::size_t order =
+        by_camera[j] == kFullOrder ? orders.size() - 1 : static_cast<std::size_t>(by_camera[j]);
     for (std::size_t k = 0; k < priors[j].term_sigma_px.size(); ++k) {
-      if (!kLensOrders[static_cast<std::size_t>(by_camera[j])].terms[k]) {
-        priors[j].term_sigma_px[k] = 0.0;
-      }
+      if (!orders[order].terms[k]) priors[j].term_sigma_px[k] = 0.0;
     }
   }
   return priors;
@@ -183,11 +184,11 @@ std::vector<CameraPrior> WithOrder(std::vector<CameraPrior> priors, int order) {
 }
 
 std::string OrderName(const OrderTrial& trial) {
-  if (trial.order != kOrderByCamera) return kLensOrders[static_cast<std::size_t>(trial.order)].name;
+  const std::span<const measure::LensOrder> orders = measure::OrdersOf(trial.priors[0].lens);
+  if (trial.order != kOrderByCamera) return orders[static_cast<std::size_t>(trial.order)].name;
   std::string name;
   for (const int order : trial.by_camera) {
-    name +=
-        (name.empty() ? "" : ", ") + std::string(kLensOrders[static_cast<std::size_t>(order)].name);
+    name += (name.empty() ? "" : ", ") + std::string(orders[static_cast<std::size_t>(order)].name);
   }
   return name;
 }
@@ -196,16 +197,23 @@ std::vector<int> OrdersByCamera(const RefinedBundle& full, double gain) {
   const Eigen::MatrixXd covariance = CameraCovariance(full.summary.information);
   std::vector<int> out;
   for (std::size_t j = 0; j < full.state.cameras.size(); ++j) {
-    std::array<double, kLensOrders.size()> price{};
-    for (std::size_t order = 0; order < kLensOrders.size(); ++order) {
+    const std::span<const measure::LensOrder> orders =
+        measure::OrdersOf(full.state.cameras[j].lens);
+    const auto& whole = orders.back().terms;
+    std::vector<double> price(orders.size());
+    for (std::size_t order = 0; order < orders.size(); ++order) {
       std::vector<Eigen::Index> at;
       std::vector<double> values;
-      for (std::size_t k = 0; k < 10; ++k) {
-        if (kLensOrders[order].terms[k]) continue;
-        at.push_back(kParameters * static_cast<Eigen::Index>(j) + 9 + static_cast<Eigen::Index>(k));
+      for (std::size_t k = 0; k < whole.size(); ++k) {
+        if (!whole[k]) continue;
+        if (orders[order].terms[k]) {
+          price[order] += 2.0;  // Akaike's charge for a term that is kept
+          continue;
+        }
+        at.push_back(kParameters * static_cast<Eigen::Index>(j) + data::kFirstTerm +
+                     static_cast<Eigen::Index>(k));
         values.push_back(full.state.cameras[j].terms_px[k]);
       }
-      price[order] = 2.0 * (10.0 - static_cast<double>(at.size()));
       if (at.empty()) continue;
       // In units of their own sigmas: the terms differ by orders of magnitude.
       const Eigen::MatrixXd C = covariance(at, at);
@@ -229,7 +237,7 @@ RefinedBundle FitOrder(const Observations& data, const std::vector<CameraPrior>&
   BundleState state = full.state;
   Weighting weighting = full.weighting;
   for (std::size_t j = 0; j < priors.size(); ++j) {
-    for (int k = 0; k < 10; ++k) {
+    for (int k = 0; k < static_cast<int>(data::kLensTerms); ++k) {
       if (priors[j].Fixed(k)) state.cameras[j].terms_px[static_cast<std::size_t>(k)] = 0.0;
     }
     weighting.floor_px[j] = Resect(data, priors[j], weighting, static_cast<int>(j),
@@ -242,13 +250,15 @@ RefinedBundle FitOrder(const Observations& data, const std::vector<CameraPrior>&
 
 OrderChoice ChooseOrder(const Observations& data, const std::vector<CameraPrior>& full_priors,
                         const RefinedBundle& full, const OrderOptions& options) {
+  const std::size_t orders = measure::OrdersOf(full_priors[0].lens).size();
   OrderChoice out;
-  out.trials.resize(kLensOrders.size());
+  out.trials.resize(orders);
   const int folds = std::min(options.folds, data.points());
   const auto run = [&](OrderTrial& trial) {
     const double start = Now();
     trial.priors = WithOrders(full_priors, trial.by_camera);
-    trial.bundle = trial.order == kFullOrder ? full : FitOrder(data, trial.priors, full);
+    const bool whole = trial.order == static_cast<int>(orders) - 1;
+    trial.bundle = whole ? full : FitOrder(data, trial.priors, full);
     const auto& floors = trial.bundle.weighting.floor_px;
     trial.largest_floor_px = *std::max_element(floors.begin(), floors.end());
     CrossValidate(data, folds, &trial);
@@ -269,13 +279,13 @@ OrderChoice ChooseOrder(const Observations& data, const std::vector<CameraPrior>
     run(trial);
   });
   double best = std::numeric_limits<double>::infinity();
-  for (std::size_t k = 0; k < kLensOrders.size(); ++k) best = std::min(best, out.trials[k].loss);
-  for (std::size_t k = kLensOrders.size(); k-- > 0;) {
+  for (std::size_t k = 0; k < orders; ++k) best = std::min(best, out.trials[k].loss);
+  for (std::size_t k = orders; k-- > 0;) {
     if (out.trials[k].loss <= best + options.gain) out.taken = static_cast<int>(k);
   }
   if (differ && out.trials.back().loss <
                     out.trials[static_cast<std::size_t>(out.taken)].loss - options.gain) {
-    out.taken = static_cast<int>(kLensOrders.size());
+    out.taken = static_cast<int>(orders);
   }
   for (const OrderTrial& trial : out.trials) best = std::min(best, trial.loss);
   for (OrderTrial& trial : out.trials) trial.loss -= best;

@@ -1,31 +1,19 @@
 #pragma once
 
-#include <array>
 #include <string>
 #include <vector>
 
 #include "calib/bundle.h"
 #include "calib/observations.h"
 #include "calib/refine.h"
+#include "measure/lens/lens.h"
 
 namespace unfurl::calib {
 
-// How many terms a lens model has.
-struct LensOrder {
-  const char* name;
-  std::array<bool, 10> terms;  // in the order of data::kCameraTerms
-};
-inline constexpr std::array<LensOrder, 6> kLensOrders = {{
-    {"pinhole", {}},
-    {"cubic", {true, true}},
-    {"cubic-even", {true, true, false, false, false, true, true, true}},
-    {"quintic", {true, true, true, true, true}},
-    {"quintic-even", {true, true, true, true, true, true, true, true}},
-    {"full", {true, true, true, true, true, true, true, true, true, true}},
-}};
-inline constexpr int kFullOrder = 5;
-inline constexpr int kAutomaticOrder = -1;
-inline constexpr int kOrderByCamera = static_cast<int>(kLensOrders.size());  // each its own
+// Which of a lens model's sets of terms (measure::OrdersOf): an index into them, or
+inline constexpr int kAutomaticOrder = -1;  // by cross-validation
+inline constexpr int kFullOrder = -2;       // the last of them, with every term
+inline constexpr int kOrderByCamera = -3;   // each camera its own
 
 // The priors with the terms that the order lacks held at zero; of each camera its own.
 std::vector<CameraPrior> WithOrder(std::vector<CameraPrior> priors, int order);
@@ -34,8 +22,8 @@ std::vector<CameraPrior> WithOrders(std::vector<CameraPrior> priors,
 
 // One order, fitted to all points and then without each part of them in turn.
 struct OrderTrial {
-  int order = kFullOrder;      // kOrderByCamera: see by_camera
-  std::vector<int> by_camera;  // index into kLensOrders of each
+  int order = 0;               // kOrderByCamera: see by_camera
+  std::vector<int> by_camera;  // index into the orders of each
   // -log of how likely the left-out points' survey and readings were, less the same of the best
   // order; nats. It punishes error bars that are too narrow as it does those that are too wide.
   double loss = 0.0;
@@ -58,10 +46,10 @@ struct OrderOptions {
 
 // Fits every order from the solution of the full one, whose gross errors stay left out, and says
 // which to take: the simplest whose loss is within `gain` of the best. `trials` are in the order of
-// kLensOrders. Where the full fit says that cameras need different ones (OrdersByCamera), that is
-// tried too, last, and taken where it gains `gain` over what all share.
+// measure::OrdersOf. Where the full fit says that cameras need different ones (OrdersByCamera),
+// that is tried too, last, and taken where it gains `gain` over what all share.
 struct OrderChoice {
-  int taken = kFullOrder;  // index into trials
+  int taken = 0;  // index into trials
   std::vector<OrderTrial> trials;
 };
 OrderChoice ChooseOrder(const Observations& data, const std::vector<CameraPrior>& full_priors,

@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <Eigen/Cholesky>
+#include <algorithm>
 #include <cmath>
 
 #include "base/error.h"
+#include "base/statistics.h"
 #include "calib/common_error.h"
 
 namespace unfurl::calib {
@@ -20,10 +22,33 @@ Eigen::Matrix3d Covariance(const data::Survey& survey, Eigen::Index i) {
 
 }  // namespace
 
+int Observations::RowOf(int camera) const {
+  const auto j = static_cast<std::size_t>(camera);
+  if (j < pixels.size() && pixels[j] > 0) return pixels[j];
+  std::vector<double> u;
+  for (const Reading& r : readings) {
+    if (r.camera == camera && std::isfinite(r.u_px)) u.push_back(r.u_px);
+  }
+  if (u.empty()) return 1;
+  // A reading of another decade is a blunder and says nothing of the row.
+  const double believed = 3.0 * Quantile(u, 0.9);
+  double highest = 0.0;
+  for (const double value : u) highest = value <= believed ? std::max(highest, value) : highest;
+  return static_cast<int>(std::ceil(highest)) + 1;
+}
+
 Observations FromSurvey(const data::Survey& survey, const std::string& where) {
   Observations out;
   out.ids = survey.id;
   out.cameras = survey.cameras;
+  out.pixels = survey.pixels;
+  if (survey.has_lines()) {
+    out.pixels.clear();
+    for (std::size_t c = 0; c < survey.cameras.size(); ++c) {
+      out.pixels.push_back(survey.format.Of(c).active);
+      out.pitch.push_back(survey.format.Of(c).pitch);
+    }
+  }
   out.p = survey.p;
   for (Eigen::Index i = 0; i < survey.p.cols(); ++i) {
     const std::string& id = survey.id[static_cast<std::size_t>(i)];
@@ -56,6 +81,8 @@ Observations FromSurvey(const data::Survey& survey, const std::string& where) {
 Observations SelectPoints(const Observations& all, const std::vector<int>& keep) {
   Observations out;
   out.cameras = all.cameras;
+  out.pixels = all.pixels;
+  out.pitch = all.pitch;
   for (const CommonError& error : all.common) {
     out.common.push_back({error.name, error.unit, error.sigma, error.shift(Eigen::all, keep)});
   }
@@ -77,7 +104,10 @@ Observations SelectPoints(const Observations& all, const std::vector<int>& keep)
 
 Observations SelectCamera(const Observations& all, int camera) {
   Observations out = all;
-  out.cameras = {all.cameras[static_cast<std::size_t>(camera)]};
+  const auto own = static_cast<std::size_t>(camera);
+  out.cameras = {all.cameras[own]};
+  if (own < all.pixels.size()) out.pixels = {all.pixels[own]};
+  if (own < all.pitch.size()) out.pitch = {all.pitch[own]};
   out.common.clear();  // of the points, which one camera cannot adjust
   out.readings.clear();
   for (Reading r : all.readings) {

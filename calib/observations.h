@@ -30,6 +30,8 @@ struct CommonError {
 struct Observations {
   std::vector<std::string> ids;      // n
   std::vector<std::string> cameras;  // c
+  std::vector<int> pixels;           // c, of each sensor's row; 0, or empty: not stated
+  std::vector<double> pitch;         // c, of the pixels [m]; 0, or empty: not stated
   Eigen::Matrix3Xd p;                // surveyed, 3 x n, in W [m]
   std::vector<Eigen::Matrix3d> cov;  // n [m^2]
   std::vector<Reading> readings;
@@ -37,6 +39,9 @@ struct Observations {
 
   int points() const { return static_cast<int>(p.cols()); }
   int camera_count() const { return static_cast<int>(cameras.size()); }
+  // Pixels of a camera's row as stated, or else as many as its readings ask for: up to the highest
+  // that is no blunder.
+  int RowOf(int camera) const;
 };
 
 // Takes the numbers of a survey that has readings (FindReadings makes them of lines). Throws Error,

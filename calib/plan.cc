@@ -2,13 +2,17 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <utility>
 
 #include "base/error.h"
+#include "base/length.h"
 #include "base/random.h"
 #include "base/statistics.h"
+#include "calib/verdict.h"
 #include "measure/camera_model.h"
 #include "measure/lens_camera.h"
 #include "measure/triangulate.h"
@@ -17,14 +21,59 @@
 namespace unfurl::calib {
 namespace {
 
-constexpr double kEdge = 5.0;  // a spot nearer to the row's end is not whole [px]
+// A spot nearer to the row's end is not whole: 5 px of the shipped sensor's row, over the row [-].
+constexpr double kEdge = 0.0025;
+
+// The maps and what they say.
+PlanResult Finished(PlannedRig planned, const PlanOptions& options) {
+  PlanResult out;
+  out.planned = std::move(planned);
+  out.need = NeedOf({.need = options.need}, out.planned.rig);
+  out.cases = PlanCases(out.planned.rig, out.planned.sees, options.map);
+  const UncertaintyMap& all = out.cases[0].map;
+  if (all.Found() > 0.0) {
+    out.reasons.push_back(fmt::format(
+        "With all cameras {:.0f}% of the volume is found, half of it with an error of {} or less, "
+        "95% with {} or less (one sigma, 3-D).",
+        100.0 * all.Found(), LengthText(all.Quantile(0.5)), LengthText(all.Quantile(0.95))));
+    out.reasons.push_back(fmt::format(
+        "{:.0f}% of the volume reaches the accuracy aimed at, {}{}.", 100.0 * all.Within(out.need),
+        LengthText(out.need),
+        options.need > 0.0 ? "" : " (a 2000th of the volume's longest side; --need sets another)"));
+  } else {
+    out.reasons.push_back(
+        "No place of the volume is seen by three cameras whose planes cross: check where the "
+        "cameras look, the field that lens and sensor give them, and the roll of the lens axes.");
+  }
+  if (all.Within(out.need) < options.usable) {
+    out.verdict = PlanVerdict::kNotUsable;
+    out.headline = fmt::format("This layout reaches {} in less than {:.0f}% of the volume",
+                               LengthText(out.need), 100.0 * options.usable);
+    return out;
+  }
+  out.headline = "Any one camera may fail";
+  for (std::size_t k = 1; k < out.cases.size(); ++k) {
+    const double left = out.cases[k].map.Within(out.need) / all.Within(out.need);
+    if (left >= options.little_lost) continue;
+    out.verdict = PlanVerdict::kCare;
+    out.headline = "Not every camera may fail";
+    out.reasons.push_back(fmt::format("{}, {:.0f}% of what reached that accuracy is lost.",
+                                      out.cases[k].name, 100.0 * (1.0 - left)));
+  }
+  out.reasons.insert(out.reasons.end(), out.planned.advice.begin(), out.planned.advice.end());
+  return out;
+}
+
+bool OnRow(double u_px, int pixels) {
+  return u_px >= kEdge * pixels && u_px <= (1.0 - kEdge) * pixels - 1.0;
+}
 
 }  // namespace
 
-Visibility SeenOnRow(const data::Rig& rig, double pixels) {
-  return [cameras = rig.cameras, pixels](std::size_t camera, const Eigen::Vector3d& p) {
+Visibility SeenOnRow(const data::Rig& rig) {
+  return [cameras = rig.cameras](std::size_t camera, const Eigen::Vector3d& p) {
     double u = 0.0;
-    return measure::Project(cameras[camera], p, &u) && u >= kEdge && u <= pixels - 1.0 - kEdge;
+    return measure::Project(cameras[camera], p, &u) && OnRow(u, cameras[camera].pixels);
   };
 }
 
@@ -41,6 +90,25 @@ double UncertaintyMap::Found() const {
   double found = 0.0;
   for (const double s : sigma) found += std::isfinite(s) ? 1.0 : 0.0;
   return sigma.empty() ? 0.0 : found / static_cast<double>(sigma.size());
+}
+
+double UncertaintyMap::Within(double need) const {
+  const auto count = std::count_if(sigma.begin(), sigma.end(),
+                                   [&](double s) { return std::isfinite(s) && s <= need; });
+  return sigma.empty() ? 0.0 : static_cast<double>(count) / static_cast<double>(sigma.size());
+}
+
+void PlanOptions::Check() const {
+  const auto refuse = [](const char* name, const char* what) {
+    throw Error(what, std::string("PlanOptions::") + name, "give a number that makes sense");
+  };
+  if (survey_points < 1) refuse("survey_points", "is less than 1");
+  if (map.columns < 1) refuse("map.columns", "is less than 1");
+  if (map.layers < 1) refuse("map.layers", "is less than 1");
+  if (!(map.reading_sigma_px > 0.0)) refuse("map.reading_sigma_px", "is not above 0");
+  if (!(need >= 0.0) || !std::isfinite(need)) refuse("need", "is not a length");
+  if (!(usable > 0.0 && usable <= 1.0)) refuse("usable", "is not from 0 to 1");
+  if (!(little_lost > 0.0 && little_lost <= 1.0)) refuse("little_lost", "is not from 0 to 1");
 }
 
 double UncertaintyMap::Quantile(double p) const {
@@ -86,19 +154,23 @@ UncertaintyMap MapUncertainty(const data::Rig& rig, const Visibility& sees,
   return map;
 }
 
-Plan PlanLab(const data::Lab& lab, const PlanOptions& options) {
+PlannedRig PlanLab(const data::Lab& lab, const PlanOptions& options) {
+  options.Check();
   data::Lab nominal = lab;
   nominal.mounting = {};
   const auto truth = std::make_shared<measure::VirtualRig>(measure::MakeVirtualRig(nominal));
-  const double last = static_cast<double>(lab.sensor.format.active) - 1.0 - kEdge;
-  Plan plan;
-  plan.sees = [truth, last](std::size_t camera, const Eigen::Vector3d& p) {
+  PlannedRig plan;
+  plan.sees = [truth](std::size_t camera, const Eigen::Vector3d& p) {
     measure::SpotLight spot;
-    return measure::TraceSpot(truth->cameras[camera], p, &spot) && spot.centre_px >= kEdge &&
-           spot.centre_px <= last;
+    return measure::TraceSpot(truth->cameras[camera], p, &spot) &&
+           OnRow(spot.centre_px, truth->cameras[camera].sensor.pixels);
   };
   Observations data;
-  for (const auto& camera : truth->cameras) data.cameras.push_back(camera.name);
+  for (const auto& camera : truth->cameras) {
+    data.cameras.push_back(camera.name);
+    data.pixels.push_back(camera.sensor.pixels);
+    data.pitch.push_back(camera.sensor.pitch);
+  }
   Rng rng = Rng(options.seed).Stream("plan");
   data.p.resize(3, options.survey_points);
   for (int i = 0; i < options.survey_points; ++i) {
@@ -107,11 +179,12 @@ Plan PlanLab(const data::Lab& lab, const PlanOptions& options) {
     data.cov.emplace_back(lab.survey.sigma * lab.survey.sigma * Eigen::Matrix3d::Identity());
     for (std::size_t c = 0; c < truth->cameras.size(); ++c) {
       measure::SpotLight spot;
-      if (!measure::TraceSpot(truth->cameras[c], data.p.col(i), &spot) || spot.centre_px < kEdge ||
-          spot.centre_px > last) {
+      if (!measure::TraceSpot(truth->cameras[c], data.p.col(i), &spot) ||
+          !OnRow(spot.centre_px, truth->cameras[c].sensor.pixels)) {
         continue;
       }
-      data.readings.push_back({i, static_cast<int>(c), spot.centre_px, options.reading_sigma_px});
+      data.readings.push_back(
+          {i, static_cast<int>(c), spot.centre_px, options.map.reading_sigma_px});
     }
   }
   CalibrateOptions calibrate = options.calibrate;
@@ -123,6 +196,25 @@ Plan PlanLab(const data::Lab& lab, const PlanOptions& options) {
   plan.weak = FindWeak(plan.rig, fit.priors, fit.bundle.summary.information);
   plan.advice = SurveyAdvice(data, fit.bundle.weighting, plan.rig);
   return plan;
+}
+
+std::vector<PlanCase> PlanCases(const data::Rig& rig, const Visibility& sees,
+                                const MapOptions& options) {
+  std::vector<PlanCase> cases = {{"all cameras", MapUncertainty(rig, sees, options)}};
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    cases.push_back({"without " + rig.cameras[c].name,
+                     MapUncertainty(rig, sees, options, static_cast<int>(c))});
+  }
+  return cases;
+}
+
+PlanResult Plan(const data::Lab& lab, const PlanOptions& options) {
+  return Finished(PlanLab(lab, options), options);
+}
+
+PlanResult Plan(const data::Rig& rig, const PlanOptions& options) {
+  options.Check();
+  return Finished({rig, SeenOnRow(rig), {}, {}}, options);
 }
 
 }  // namespace unfurl::calib

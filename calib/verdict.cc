@@ -6,41 +6,27 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/error.h"
+#include "base/length.h"
 #include "base/statistics.h"
 
 namespace unfurl::calib {
 namespace {
 
-// Held-out errors in units of their prediction: within this probability of chance nothing is said.
-constexpr double kChance = 1e-3;
-// Mean squared held-out error over its prediction (1 when the covariance is true): above, the error
-// bars are wrong by a factor of two or more.
-constexpr double kHonestyLimit = 4.0;
-// Points to be told apart from errors of this size are what such rigs are for [m].
-constexpr double kErrorForCare = 1e-3, kErrorForNo = 10e-3;
-// Share of the points that may be worse than kErrorForCare, or have too few readings to be found:
-// corners of the volume where three cameras see.
-constexpr double kPoorShare = 0.1;
-// Share of gross errors that the robust loss stands with some margin.
-constexpr double kGrossForCare = 0.05, kGrossForNo = 0.3;
-// A floor beyond this says that the lens is not of the model's kind [px].
-constexpr double kFloorForCare = 0.3;
-// A survey worse than stated by more than this is worth asking why.
-constexpr double kSurveyForCare = 1.3;
-// A common error of the survey beyond this many sigmas of what its estimate scatters by.
-constexpr double kCommonForCare = 4.0;
-constexpr std::size_t kNamed = 12;  // gross errors that the reasons name
-// Fewer redundant numbers leave chi-square and held-out check little to say.
-constexpr double kDofForCare = 30.0;
+constexpr double kNeedShare = 1.0 / 2000.0;  // NeedOf
+constexpr std::size_t kNamed = 12;           // gross errors that the reasons name
 
+// Reasons by what they do to the verdict.
 struct Tally {
   std::vector<std::string> no, care, fine;
 };
 
 // Sums over the held-out points: measured, predicted and the survey's squared errors.
 struct HeldOutSums {
-  double n = 0.0, squares = 0.0, predicted = 0.0, survey = 0.0, nees = 0.0;
-  double variance = 0.0;           // of `squares`, if the prediction is true
+  double n = 0.0;
+  double squares = 0.0, predicted = 0.0, survey = 0.0;  // [m^2]
+  double nees = 0.0;                                    // squared errors over their covariance [-]
+  double variance = 0.0;           // of `squares`, if the prediction is true [m^4]
   std::vector<double> sizes, own;  // |error|, and predicted without the survey's part [m]
 };
 
@@ -61,64 +47,79 @@ HeldOutSums Sum(const CalibrationReport& report, const Observations& data) {
   return sums;
 }
 
-void JudgeHeldOut(const CalibrationReport& report, const HeldOutSums& sums, data::Rig* rig,
+void StoreHeldOut(const HeldOutSums& sums, data::Rig* rig) {
+  const double n = sums.n, own = std::max(0.0, sums.squares - sums.survey);
+  const double upper = NormalQuantile(0.95) * std::sqrt(sums.variance);
+  auto& checks = rig->checks;
+  checks["held_out_points [1]"] = n;
+  checks["held_out_rms [m]"] = std::sqrt(sums.squares / n);
+  checks["held_out_rms_predicted [m]"] = std::sqrt(sums.predicted / n);
+  checks["held_out_p95 [m]"] = Quantile(sums.sizes, 0.95);
+  checks["held_out_max [m]"] = *std::max_element(sums.sizes.begin(), sums.sizes.end());
+  checks["held_out_nees_per_dof [1]"] = sums.nees / (3.0 * n);
+  checks["own_error_rms [m]"] = std::sqrt(own / n);
+  checks["own_error_rms_at_most [m]"] =
+      std::sqrt(std::max(0.0, sums.squares - sums.survey + upper) / n);
+  checks["own_error_rms_predicted [m]"] = std::sqrt((sums.predicted - sums.survey) / n);
+  checks["own_error_median_predicted [m]"] = Median(sums.own);
+}
+
+void JudgeHeldOut(const HeldOutSums& sums, const VerdictOptions& options, data::Rig* rig,
                   Tally* tally) {
   if (sums.n == 0.0) {
     tally->no.push_back("no held-out point could be found from its readings");
     return;
   }
-  const double n = sums.n, rms = std::sqrt(sums.squares / n);
-  const double upper = NormalQuantile(0.95) * std::sqrt(sums.variance);
-  const double ratio = sums.nees / (3.0 * n);
-  const double typical = Median(sums.own);
-  auto& checks = rig->checks;
-  checks["held_out_points [1]"] = n;
-  checks["held_out_rms [m]"] = rms;
-  checks["held_out_rms_predicted [m]"] = std::sqrt(sums.predicted / n);
-  checks["held_out_p95 [m]"] = Quantile(sums.sizes, 0.95);
-  checks["held_out_max [m]"] = *std::max_element(sums.sizes.begin(), sums.sizes.end());
-  checks["held_out_nees_per_dof [1]"] = ratio;
-  checks["own_error_rms [m]"] = std::sqrt(std::max(0.0, sums.squares - sums.survey) / n);
-  checks["own_error_rms_at_most [m]"] =
-      std::sqrt(std::max(0.0, sums.squares - sums.survey + upper) / n);
-  checks["own_error_rms_predicted [m]"] = std::sqrt((sums.predicted - sums.survey) / n);
-  checks["own_error_median_predicted [m]"] = typical;
-
+  StoreHeldOut(sums, rig);
+  const double n = sums.n, ratio = sums.nees / (3.0 * n);
   tally->fine.push_back(fmt::format(
-      "{:.0f} points that took no part in the fit were found {:.2f} mm RMS from the "
-      "survey (predicted {:.2f} mm, of which the survey's own error is {:.2f} mm)",
-      n, 1e3 * rms, 1e3 * std::sqrt(sums.predicted / n), 1e3 * std::sqrt(sums.survey / n)));
-  if (ratio > kHonestyLimit) {
-    tally->no.push_back(fmt::format(
-        "held-out points miss by {:.1f} times what was predicted: the error bars are not to be "
-        "believed",
-        std::sqrt(ratio)));
-  } else if (ChiSquareTail(sums.nees, 3.0 * n) < kChance) {
-    tally->care.push_back(fmt::format(
-        "held-out points miss by {:.2f} times what was predicted, more than chance explains",
-        std::sqrt(ratio)));
-  }
-  if (typical > kErrorForNo) {
+      "{:.0f} points that took no part in the fit were found {} RMS from the survey (predicted {}, "
+      "of which the survey's own error is {})",
+      n, LengthText(std::sqrt(sums.squares / n)), LengthText(std::sqrt(sums.predicted / n)),
+      LengthText(std::sqrt(sums.survey / n))));
+  if (ratio > options.honesty) {
     tally->no.push_back(
-        fmt::format("half of the points are predicted to be wrong by more than {:.0f} mm: more or "
-                    "better survey points, or crossed lens axes, are needed",
-                    1e3 * typical));
-    return;
-  }
-  const auto poor = static_cast<double>(std::count_if(
-      sums.own.begin(), sums.own.end(), [](double error) { return error > kErrorForCare; }));
-  const double share = (poor + report.held_out_unsolved) / (n + report.held_out_unsolved);
-  if (share > kPoorShare) {
+        fmt::format("the errors of held-out points are {:.1f} times as large as predicted: the "
+                    "calibration's error bars are wrong",
+                    std::sqrt(ratio)));
+  } else if (ChiSquareTail(sums.nees, 3.0 * n) < options.chance) {
     tally->care.push_back(fmt::format(
-        "{:.0f}% of the surveyed places are predicted to be wrong by more than {:.0f} mm, or are "
-        "seen by too few cameras",
-        100.0 * share, 1e3 * kErrorForCare));
+        "the errors of held-out points are {:.2f} times as large as predicted, more than chance "
+        "explains",
+        std::sqrt(ratio)));
   }
 }
 
-void JudgeFit(const CalibrationReport& report, data::Rig* rig, Tally* tally) {
-  const double per_dof =
-      report.degrees_of_freedom > 0.0 ? report.chi_square / report.degrees_of_freedom : 0.0;
+void JudgeNeed(const CalibrationReport& report, const HeldOutSums& sums,
+               const VerdictOptions& options, data::Rig* rig, Tally* tally) {
+  const double need = NeedOf(options, *rig);
+  rig->checks["need [m]"] = need;
+  if (sums.n == 0.0) return;
+  const std::string aim =
+      fmt::format("{} ({})", LengthText(need),
+                  options.need > 0.0 ? "the accuracy asked for"
+                                     : "a 2000th of the surveyed box; --need sets another");
+  const double typical = Median(sums.own);
+  if (typical > options.need_factor_no * need) {
+    tally->no.push_back(fmt::format(
+        "the predicted error of half of the points exceeds {}, against an aim of {}: more or "
+        "better survey points, or crossed lens axes, are needed",
+        LengthText(typical), aim));
+    return;
+  }
+  const auto poor = static_cast<double>(
+      std::count_if(sums.own.begin(), sums.own.end(), [&](double error) { return error > need; }));
+  const double share = (poor + report.held_out_unsolved) / (sums.n + report.held_out_unsolved);
+  if (share > options.poor_share) {
+    tally->care.push_back(
+        fmt::format("at {:.0f}% of the surveyed places the predicted error exceeds {}, or too few "
+                    "cameras see them",
+                    100.0 * share, aim));
+  }
+}
+
+void JudgeGross(const CalibrationReport& report, const VerdictOptions& options, data::Rig* rig,
+                Tally* tally) {
   int gross = 0;
   for (const CameraReport& camera : report.cameras) gross += camera.gross;
   const auto gross_points = std::count_if(report.survey_weight.begin(), report.survey_weight.end(),
@@ -127,90 +128,138 @@ void JudgeFit(const CalibrationReport& report, data::Rig* rig, Tally* tally) {
       std::max(gross / std::max(1.0, static_cast<double>(report.readings.size())),
                static_cast<double>(gross_points) /
                    std::max(1.0, static_cast<double>(report.survey_weight.size())));
-  rig->checks["chi_square_per_dof [1]"] = per_dof;
-  rig->checks["degrees_of_freedom [1]"] = report.degrees_of_freedom;
   rig->checks["gross_readings [1]"] = gross;
   rig->checks["gross_points [1]"] = static_cast<double>(gross_points);
-  rig->checks["model_floor [px]"] = rig->model_floor_px;
+  const std::string text = fmt::format("{:.0f}% of the data contradict the rest", 100.0 * share);
+  if (share > options.gross_no) {
+    tally->no.push_back(text);
+  } else if (share > options.gross_care) {
+    tally->care.push_back(text);
+  }
+  if (gross == 0 && gross_points == 0) return;
+  tally->fine.push_back(fmt::format(
+      "{} readings and {} surveyed points contradict the rest and were left out as gross errors",
+      gross, gross_points));
+  for (std::size_t k = 0; k < report.gross.size() && k < kNamed; ++k) {
+    tally->fine.push_back(report.gross[k].text);
+  }
+  if (report.gross.size() > kNamed) {
+    tally->fine.push_back(fmt::format("and {} more gross errors", report.gross.size() - kNamed));
+  }
+}
 
-  if (!report.converged) tally->no.push_back("the bundle did not converge");
-  if (share > kGrossForNo) {
-    tally->no.push_back(fmt::format("{:.0f}% of the data do not fit the rest", 100.0 * share));
-  } else if (share > kGrossForCare) {
-    tally->care.push_back(fmt::format("{:.0f}% of the data do not fit the rest", 100.0 * share));
+void JudgeFit(const CalibrationReport& report, const VerdictOptions& options, data::Rig* rig,
+              Tally* tally) {
+  const double freedom = report.degrees_of_freedom;
+  rig->checks["chi_square_per_dof [1]"] = freedom > 0.0 ? report.chi_square / freedom : 0.0;
+  rig->checks["degrees_of_freedom [1]"] = freedom;
+  rig->checks["model_floor [px]"] = rig->model_floor_px;
+  if (!report.converged) tally->no.push_back("the bundle adjustment did not converge");
+  if (freedom < options.fewest_redundant) {
+    tally->care.push_back(fmt::format(
+        "the data have only {:.0f} degrees of freedom to check the fit with: survey more points",
+        freedom));
   }
-  if (gross > 0 || gross_points > 0) {
-    tally->fine.push_back(
-        fmt::format("{} readings and {} surveyed points do not fit the rest and were left out",
-                    gross, gross_points));
-    for (std::size_t k = 0; k < report.gross.size() && k < kNamed; ++k) {
-      tally->fine.push_back(report.gross[k].text);
-    }
-    if (report.gross.size() > kNamed) {
-      tally->fine.push_back(fmt::format("and {} more of the kind", report.gross.size() - kNamed));
-    }
-  }
-  if (report.degrees_of_freedom < kDofForCare) {
-    tally->care.push_back(
-        fmt::format("only {:.0f} numbers are left over to check the fit with: survey more points",
-                    report.degrees_of_freedom));
-  }
-  for (const CameraReport& camera : report.cameras) {
+  for (std::size_t j = 0; j < report.cameras.size(); ++j) {
+    const CameraReport& camera = report.cameras[j];
     if (!(camera.floor_px > 0.0)) continue;
     const std::string floor =
-        fmt::format("camera \"{}\": a model error of {:.3f} px had to be allowed for", camera.name,
-                    camera.floor_px);
-    if (camera.floor_px > kFloorForCare) {
-      tally->care.push_back(floor + ": its lens or its stated errors are not as modelled");
+        fmt::format("camera \"{}\": its readings deviate by a further {:.3g} px (model floor)",
+                    camera.name, camera.floor_px);
+    if (camera.floor_px > options.floor_care * rig->cameras[j].pixels) {
+      tally->care.push_back(floor + ": the lens model or the stated standard deviations are wrong");
     } else {
       tally->fine.push_back(floor);
     }
   }
+}
+
+// The survey's own scatter, and what its station does to all points alike.
+void JudgeSurvey(const CalibrationReport& report, const VerdictOptions& options, data::Rig* rig,
+                 Tally* tally) {
   rig->checks["survey_factor [1]"] = report.survey_factor;
   if (report.survey_factor > 1.0) {
     const std::string factor = fmt::format(
         "the survey scatters {:.2f} times as much as it states; all error bars are widened for it",
         report.survey_factor);
-    (report.survey_factor > kSurveyForCare ? tally->care : tally->fine).push_back(factor);
+    (report.survey_factor > options.survey_care ? tally->care : tally->fine).push_back(factor);
   }
   for (const CommonEstimate& error : report.common) {
     const bool metres = error.unit == "m";
     const double scale = metres ? 1e3 : 1e6;
     const char* unit = metres ? "mm" : error.unit == "rad" ? "urad" : "ppm";
     const std::string text = fmt::format(
-        "the station's {}, common to all points: {:.3g} +- {:.2g} {} (stated: +- {:.2g}), in every "
-        "error bar",
+        "the station's {}, common to all points: {:.3g} +- {:.2g} {} (stated: +- {:.2g}), included "
+        "in every error bar",
         error.name, scale * error.value, scale * error.sigma, unit, scale * error.stated_sigma);
     // What an estimate with a prior scatters by, if the prior is true.
-    const double told = std::sqrt(
+    const double scatter = std::sqrt(
         std::max(0.0, error.stated_sigma * error.stated_sigma - error.sigma * error.sigma));
-    if (std::abs(error.value) > kCommonForCare * told) {
+    if (std::abs(error.value) > options.common_sigmas * scatter) {
       tally->care.push_back(text +
-                            "; the readings say that it is more than was stated (a prism constant "
-                            "that all points share?): state it wider and it is estimated");
+                            "; it is larger than stated (a prism constant that all points share?): "
+                            "state a larger standard deviation and it is estimated");
     } else {
       tally->fine.push_back(text);
     }
   }
+}
+
+void ListWeak(const CalibrationReport& report, data::Rig* rig, Tally* tally) {
   rig->checks["weak_directions [1]"] = static_cast<double>(report.weak.size());
   for (const WeakDirection& weak : report.weak) {
     if (weak.harmless) continue;
     tally->fine.push_back(fmt::format(
-        "camera \"{}\", {}: known to {:.2g} {} only, which moves found points by {:.2g} mm; {}",
+        "camera \"{}\", {}: known to {:.2g} {} only, which moves found points by {}; {}",
         rig->cameras[static_cast<std::size_t>(weak.camera)].name, weak.name, weak.sigma, weak.unit,
-        1e3 * weak.point_rms, weak.advice));
+        LengthText(weak.point_rms), weak.advice));
   }
   for (const std::string& advice : report.advice) tally->fine.push_back(advice);
 }
 
 }  // namespace
 
-void Judge(const CalibrationReport& report, const Observations& data, data::Rig* rig) {
+void VerdictOptions::Check() const {
+  const auto refuse = [](const char* name, const char* what) {
+    throw Error(what, std::string("VerdictOptions::") + name, "give a number that makes sense");
+  };
+  const auto positive = [&](const char* name, double value) {
+    if (!(value > 0.0) || !std::isfinite(value)) refuse(name, "is not a positive number");
+  };
+  const auto share = [&](const char* name, double value) {
+    if (!(value > 0.0 && value < 1.0)) refuse(name, "is not between 0 and 1");
+  };
+  if (!(need >= 0.0) || !std::isfinite(need)) refuse("need", "is not a length");
+  positive("need_factor_no", need_factor_no);
+  share("poor_share", poor_share);
+  share("chance", chance);
+  positive("honesty", honesty);
+  share("gross_care", gross_care);
+  share("gross_no", gross_no);
+  if (gross_no < gross_care) refuse("gross_no", "lies below gross_care");
+  positive("floor_care", floor_care);
+  positive("survey_care", survey_care);
+  positive("common_sigmas", common_sigmas);
+  positive("fewest_redundant", fewest_redundant);
+}
+
+double NeedOf(const VerdictOptions& options, const data::Rig& rig) {
+  if (options.need > 0.0) return options.need;
+  return kNeedShare * (rig.volume_high - rig.volume_low).maxCoeff();
+}
+
+void Judge(const CalibrationReport& report, const Observations& data, const VerdictOptions& options,
+           data::Rig* rig) {
   Tally tally;
-  JudgeHeldOut(report, Sum(report, data), rig, &tally);
-  JudgeFit(report, rig, &tally);
+  const HeldOutSums sums = Sum(report, data);
+  JudgeHeldOut(sums, options, rig, &tally);
+  JudgeNeed(report, sums, options, rig, &tally);
+  JudgeGross(report, options, rig, &tally);
+  JudgeFit(report, options, rig, &tally);
+  JudgeSurvey(report, options, rig, &tally);
+  ListWeak(report, rig, &tally);
   if (report.cameras.size() == 3) {
-    tally.care.push_back("with three cameras nothing is left over to check a reading with");
+    tally.care.push_back("with three cameras no reading can be checked against the others");
   }
   rig->verdict = !tally.no.empty() ? kDoNotUse : !tally.care.empty() ? kWithCare : kGood;
   rig->reasons = tally.no;

@@ -19,45 +19,52 @@ constexpr int kParameters = data::kCameraParameters;
 using Vector = Eigen::Matrix<double, kParameters, 1>;
 using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
 
-constexpr double kRotation = 1e-3, kPlace = 10e-3, kScale = 1e-3, kOffset = 2.0, kCentres = 5e-3;
+// What one would notice of a camera's parameters (weak.h): of rotation [rad], of place and of e
+// over the distance to the volume, of the image scale over itself, of offset and terms over the
+// row.
+constexpr double kRotation = 1e-3, kPlace = 3e-3, kCentres = 1.5e-3, kScale = 1e-3, kOffset = 1e-3,
+                 kTerm = 5e-4;
+constexpr int kTerms = static_cast<int>(data::kLensTerms);
 constexpr double kPart = 0.15;       // share of a direction's square that is worth a word
 constexpr double kHarmless = 0.1;    // of the calibration's variance of points
 constexpr double kNearPlane = 0.25;  // least spread over the largest: below, more depth is advised
 constexpr double kGap = 0.15;        // of the sensor's row without a reading
-constexpr double kPixels = 2160.0;
+constexpr double kReading = 1.4e-5;  // a reading's sigma over the row, where it only weighs
 constexpr int kFewPoints = 60;
 constexpr int kGrid = 5;
 
+// What a parameter is called, and its unit.
 struct Word {
-  const char* text;
+  std::string text;
   const char* unit;
 };
 
-constexpr std::array<Word, kParameters> kWords = {{{"rotation about the sensor's row", "rad"},
-                                                   {"rotation about the lens axis", "rad"},
-                                                   {"rotation about the optical axis", "rad"},
-                                                   {"place along the sensor's row", "m"},
-                                                   {"place along its lens axis", "m"},
-                                                   {"distance to the scene", "m"},
-                                                   {"image scale f", "px"},
-                                                   {"offset u0", "px"},
-                                                   {"distance between the two centres e", "m"},
-                                                   {"term x^3", "px"},
-                                                   {"term x y^2", "px"},
-                                                   {"term x^5", "px"},
-                                                   {"term x^3 y^2", "px"},
-                                                   {"term x y^4", "px"},
-                                                   {"term x^2", "px"},
-                                                   {"term x y", "px"},
-                                                   {"term y^2", "px"},
-                                                   {"term x^2 y", "px"},
-                                                   {"term y^3", "px"}}};
+Word WordOf(int parameter, data::LensModel lens) {
+  constexpr std::array<std::array<const char*, 2>, data::kFirstTerm> kWords = {
+      {{"rotation about the sensor's row", "rad"},
+       {"rotation about the lens axis", "rad"},
+       {"rotation about the optical axis", "rad"},
+       {"place along the sensor's row", "m"},
+       {"place along its lens axis", "m"},
+       {"distance to the scene", "m"},
+       {"image scale f", "px"},
+       {"offset u0", "px"},
+       {"distance between the two centres e", "m"}}};
+  const auto k = static_cast<std::size_t>(parameter);
+  if (k < kWords.size()) return {kWords[k][0], kWords[k][1]};
+  return {std::string("term ") + data::NamesOf(lens).terms[k - kWords.size()], "px"};
+}
 
-Vector Units(const data::RigCamera& camera, const CameraPrior& prior) {
+// What one would notice of each parameter.
+Vector Units(const data::RigCamera& camera, const CameraPrior& prior, double distance) {
   Vector units;
-  units << Eigen::Vector3d::Constant(kRotation), Eigen::Vector3d::Constant(kPlace),
-      kScale * camera.f_px, kOffset, kCentres, Vector::Ones().tail<10>();
-  for (int k = 0; k < 10; ++k) units(9 + k) = prior.term_unit_px[static_cast<std::size_t>(k)];
+  units << Eigen::Vector3d::Constant(kRotation), Eigen::Vector3d::Constant(kPlace * distance),
+      kScale * camera.f_px, kOffset * camera.pixels, kCentres * distance,
+      Vector::Ones().tail<kTerms>();
+  for (int k = 0; k < kTerms; ++k) {
+    const double unit = prior.term_unit_px[static_cast<std::size_t>(k)];
+    if (unit > 0.0) units(data::kFirstTerm + k) = kTerm * camera.pixels * unit;
+  }
   return units;
 }
 
@@ -87,7 +94,8 @@ struct GridPoint {
 std::vector<GridPoint> Grid(const data::Rig& rig) {
   const measure::Triangulator triangulator(rig, {.residual_level = 1e-12});
   const std::size_t cameras = rig.cameras.size();
-  std::vector<double> u(cameras), s(cameras, 0.03);
+  std::vector<double> u(cameras), s;
+  for (const data::RigCamera& camera : rig.cameras) s.push_back(kReading * camera.pixels);
   std::vector<GridPoint> out;
   const Eigen::Vector3d span = rig.volume_high - rig.volume_low;
   for (int i = 0; i < kGrid * kGrid * kGrid; ++i) {
@@ -96,7 +104,8 @@ std::vector<GridPoint> Grid(const data::Rig& rig) {
         rig.volume_low + span.cwiseProduct((at.array() + 0.5).matrix()) / kGrid;
     std::uint32_t use = 0;
     for (std::size_t c = 0; c < cameras; ++c) {
-      if (measure::Project(rig.cameras[c], p, &u[c]) && u[c] >= 0.0 && u[c] < kPixels) {
+      if (measure::Project(rig.cameras[c], p, &u[c]) && u[c] >= 0.0 &&
+          u[c] < rig.cameras[c].pixels) {
         use |= 1U << c;
       }
     }
@@ -127,7 +136,7 @@ double ErrorRms(const std::vector<GridPoint>& grid, const Eigen::MatrixXd& covar
   return grid.empty() ? 0.0 : std::sqrt(squares / static_cast<double>(grid.size()));
 }
 
-std::string NameOf(const Vector& direction, int main_part) {
+std::string NameOf(const Vector& direction, int main_part, data::LensModel lens) {
   std::vector<std::pair<double, int>> parts;
   for (int k = 0; k < kParameters; ++k) {
     const double share = direction(k) * direction(k);
@@ -137,7 +146,7 @@ std::string NameOf(const Vector& direction, int main_part) {
   std::string name;
   for (std::size_t k = 0; k < parts.size(); ++k) {
     if (k > 0) name += k + 1 == parts.size() ? " together with " : ", ";
-    name += kWords[static_cast<std::size_t>(parts[k].second)].text;
+    name += WordOf(parts[k].second, lens).text;
   }
   return name;
 }
@@ -161,14 +170,15 @@ std::vector<WeakDirection> FindWeak(const data::Rig& rig, const std::vector<Came
     // Places in the camera's own directions, everything in units of what one would notice.
     Matrix turn = Matrix::Identity();
     turn.block<3, 3>(3, 3) = camera.R_CW;
-    const Vector units = Units(camera, priors[j]);
+    const double distance = (0.5 * (rig.volume_low + rig.volume_high) - camera.p_WC).norm();
+    const Vector units = Units(camera, priors[j], distance);
     Matrix scaled = units.cwiseInverse().asDiagonal() * turn *
                     covariance.block<kParameters, kParameters>(first, first) * turn.transpose() *
                     units.cwiseInverse().asDiagonal();
-    for (int k = 0; k < 10; ++k) {
+    for (int k = 0; k < kTerms; ++k) {
       if (!priors[j].Fixed(k)) continue;
-      scaled.row(9 + k).setZero();
-      scaled.col(9 + k).setZero();
+      scaled.row(data::kFirstTerm + k).setZero();
+      scaled.col(data::kFirstTerm + k).setZero();
     }
     const Eigen::SelfAdjointEigenSolver<Matrix> eigen(scaled);
     for (int k = kParameters - 1; k >= 0; --k) {
@@ -179,8 +189,8 @@ std::vector<WeakDirection> FindWeak(const data::Rig& rig, const std::vector<Came
       weak.camera = static_cast<int>(j);
       int main_part = 0;
       v.cwiseAbs().maxCoeff(&main_part);
-      weak.name = NameOf(v, main_part);
-      weak.unit = kWords[static_cast<std::size_t>(main_part)].unit;
+      weak.name = NameOf(v, main_part, camera.lens);
+      weak.unit = WordOf(main_part, camera.lens).unit;
       weak.sigma = width * std::abs(v(main_part)) * units(main_part);
       // What a change by one sigma along it does to points, and what the priors say against it.
       // The rest of the rig follows as it is correlated with it.
@@ -228,15 +238,16 @@ std::vector<std::string> SurveyAdvice(const Observations& data, const Weighting&
         used.size()));
   }
   for (std::size_t j = 0; j < rig.cameras.size(); ++j) {
-    std::vector<double> u = {0.0, kPixels};
+    const double row = rig.cameras[j].pixels;
+    std::vector<double> u = {0.0, row};
     for (std::size_t k = 0; k < data.readings.size(); ++k) {
       if (data.readings[k].camera == static_cast<int>(j) && weighting.Uses(k)) {
-        u.push_back(std::clamp(data.readings[k].u_px, 0.0, kPixels));
+        u.push_back(std::clamp(data.readings[k].u_px, 0.0, row));
       }
     }
     std::sort(u.begin(), u.end());
     for (std::size_t k = 1; k < u.size(); ++k) {
-      if (u[k] - u[k - 1] < kGap * kPixels) continue;
+      if (u[k] - u[k - 1] < kGap * row) continue;
       out.push_back(fmt::format(
           "camera \"{}\" has no reading from pixel {:.0f} to {:.0f}: points that fall there rest "
           "on extrapolation",

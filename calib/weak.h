@@ -10,8 +10,9 @@
 namespace unfurl::calib {
 
 // A direction in a camera's parameters that the survey does not determine to within what one would
-// notice: 1 mrad of rotation, 10 mm of place, 0.1% of image scale, 2 px of offset, 5 mm of the
-// distance between the two centres, 1 px at the edge of the field for a term.
+// notice: 1 mrad of rotation; 0.3% of the distance to the volume of place (10 mm at 3 m) and 0.15%
+// of the distance between the two centres; 0.1% of image scale; 0.1% of the row of offset, 0.05% at
+// the edge of the field of a term.
 struct WeakDirection {
   int camera = 0;
   std::string name;        // "along its lens axis", or what changes together

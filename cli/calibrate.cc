@@ -7,6 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/length.h"
+#include "base/progress.h"
 #include "base/table.h"
 #include "base/text.h"
 #include "calib/calibrate_survey.h"
@@ -27,8 +29,8 @@ namespace {
 using nlohmann::ordered_json;
 
 struct Arguments {
-  std::string survey, readings, layout, out, report;
-  std::string order = "auto";
+  std::string survey, readings, layout, out, report, need;
+  std::string lens = "rectilinear", order = "auto";
   data::StationSigmas sigmas;
   std::vector<double> station, distance_error;
   double zenith_error = 0.0;
@@ -47,7 +49,7 @@ std::string Check(const data::Rig& rig, const std::string& name, double scale, i
 }
 
 std::string WithUnit(double value, const std::string& unit) {
-  if (unit == "m") return fmt::format("{:.2g} mm", 1e3 * value);
+  if (unit == "m") return LengthText(value);
   if (unit == "rad") return fmt::format("{:.2g} mrad", 1e3 * value);
   return fmt::format("{:.2g} {}", value, unit);
 }
@@ -69,14 +71,20 @@ std::string CameraTable(const calib::Calibration& result) {
 }
 
 std::string HeldOutTable(const data::Rig& rig) {
-  const auto mm = [&](const char* name) { return Check(rig, std::string(name) + " [m]", 1e3, 3); };
+  const auto rms = rig.checks.find("held_out_rms [m]");
+  const LengthUnit unit = UnitFor(rms != rig.checks.end() ? rms->second : 1e-3);
+  const auto length = [&](const char* name) {
+    return Check(rig, std::string(name) + " [m]", unit.per_metre, 3);
+  };
   return AlignedTable(
-      {{"held-out points", "found [mm]", "predicted [mm]"},
-       {"RMS from the survey", mm("held_out_rms"), mm("held_out_rms_predicted")},
-       {"RMS without the survey's error", mm("own_error_rms"), mm("own_error_rms_predicted")},
-       {"  which is at most (95%)", mm("own_error_rms_at_most"), ""},
-       {"95% within", mm("held_out_p95"), ""},
-       {"largest", mm("held_out_max"), ""}});
+      {{"held-out points", fmt::format("error [{}]", unit.name),
+        fmt::format("predicted [{}]", unit.name)},
+       {"RMS from the survey", length("held_out_rms"), length("held_out_rms_predicted")},
+       {"RMS without the survey's error", length("own_error_rms"),
+        length("own_error_rms_predicted")},
+       {"  upper bound (95%)", length("own_error_rms_at_most"), ""},
+       {"95% within", length("held_out_p95"), ""},
+       {"largest", length("held_out_max"), ""}});
 }
 
 std::string WeakText(const calib::Calibration& result) {
@@ -85,11 +93,11 @@ std::string WeakText(const calib::Calibration& result) {
     text += fmt::format("  camera {}, {}: sigma {}; {}\n",
                         result.rig.cameras[static_cast<std::size_t>(weak.camera)].name, weak.name,
                         WithUnit(weak.sigma, weak.unit),
-                        weak.harmless ? "this does not harm reconstruction"
-                                      : fmt::format("moves found points by {:.2g} mm: {}",
-                                                    1e3 * weak.point_rms, weak.advice));
+                        weak.harmless ? "this does not affect reconstruction"
+                                      : fmt::format("moves found points by {}: {}",
+                                                    LengthText(weak.point_rms), weak.advice));
   }
-  return text.empty() ? text : "\nBarely determined by this survey:\n" + text;
+  return text.empty() ? text : "\nPoorly determined by this survey:\n" + text;
 }
 
 std::string OrderText(const calib::CalibrationReport& report) {
@@ -110,7 +118,8 @@ std::string Text(const calib::Calibration& result, const std::string& out) {
   for (const std::string& reason : result.rig.reasons) text += "  - " + reason + "\n";
   text += "\n" + CameraTable(result);
   text += fmt::format(
-      "  chi-square per degree of freedom {:.3f} ({:.0f}); survey's sigmas times {:.2f}\n\n",
+      "  chi-square per degree of freedom {:.3f} ({:.0f} degrees); survey's standard deviations "
+      "scaled by {:.2f}\n\n",
       result.report.degrees_of_freedom > 0.0
           ? result.report.chi_square / result.report.degrees_of_freedom
           : 0.0,
@@ -135,6 +144,8 @@ ordered_json Json(const calib::Calibration& result, const Arguments& arguments) 
                                   {"u0_px", camera.u0_px},
                                   {"e", camera.e},
                                   {"e_sigma", Sigma(result.rig.covariance, j, 8)},
+                                  {"pixels", camera.pixels},
+                                  {"lens", data::NamesOf(camera.lens).name},
                                   {"terms_px", camera.terms_px},
                                   {"readings", fit.readings},
                                   {"gross", fit.gross},
@@ -192,15 +203,24 @@ ordered_json Json(const calib::Calibration& result, const Arguments& arguments) 
   return summary;
 }
 
-int OrderOf(const std::string& name) {
+data::LensModel LensOf(const std::string& name) {
+  if (const auto lens = data::FindLensModel(name)) return *lens;
+  std::vector<std::string> known;
+  for (const data::LensNames& lens : data::kLensModels) known.emplace_back(lens.name);
+  throw Error(fmt::format("there is no lens model \"{}\"", name), "--lens",
+              "give one of " + JoinWords(known));
+}
+
+int OrderOf(data::LensModel lens, const std::string& name) {
   if (name == "auto") return calib::kAutomaticOrder;
   std::vector<std::string> known = {"auto"};
-  for (std::size_t k = 0; k < calib::kLensOrders.size(); ++k) {
-    if (name == calib::kLensOrders[k].name) return static_cast<int>(k);
-    known.emplace_back(calib::kLensOrders[k].name);
+  const auto orders = measure::OrdersOf(lens);
+  for (std::size_t k = 0; k < orders.size(); ++k) {
+    if (name == orders[k].name) return static_cast<int>(k);
+    known.emplace_back(orders[k].name);
   }
-  throw Error(fmt::format("there is no lens model \"{}\"", name), "--order",
-              "give one of " + JoinWords(known));
+  throw Error(fmt::format("the {} lens has no set of terms \"{}\"", data::NamesOf(lens).name, name),
+              "--order", "give one of " + JoinWords(known));
 }
 
 data::Survey ReadWhole(const Arguments& arguments) {
@@ -225,26 +245,13 @@ data::Survey ReadWhole(const Arguments& arguments) {
   return survey;
 }
 
-// A survey in the order N, E, H is a mirror image; readings fit either hand, the layout only one.
-void CheckHand(const std::string& path, data::Rig* rig) {
-  const calib::LayoutMatch match = calib::CompareLayout(*rig, data::ReadLab(path));
-  rig->checks["layout_rms [m]"] = match.rms;
-  if (!match.mirrored) return;
-  rig->verdict = calib::kDoNotUse;
-  rig->reasons.insert(
-      rig->reasons.begin(),
-      fmt::format("the survey is left-handed: the cameras are {:.2f} m RMS from where {} has them, "
-                  "and their mirror image {:.2f} m; its first two columns are N, E and not E, N: "
-                  "name them so, or exchange them",
-                  match.rms, path, match.rms_mirrored));
-}
-
 int RunCalibrate(const Common& common, const Arguments& arguments) {
   data::Provenance provenance = StartProvenance(common);
   provenance.AddInput(arguments.survey);
   provenance.options["folds"] = std::to_string(arguments.options.folds);
   provenance.options["e"] = fmt::format("{}", arguments.options.guess.e_mean);
   provenance.options["e_sigma"] = fmt::format("{}", arguments.options.guess.e_sigma);
+  provenance.options["lens"] = arguments.lens;
   provenance.options["order"] = arguments.order;
   provenance.seed = arguments.options.guess.seed;
 
@@ -259,10 +266,15 @@ int RunCalibrate(const Common& common, const Arguments& arguments) {
     survey.station_errors.distance_scale = arguments.distance_error[1];
   }
   if (arguments.zenith_error > 0.0) survey.station_errors.zenith = arguments.zenith_error;
+  calib::CalibrateOptions options = arguments.options;
+  options.verdict.need = NeedOption(arguments.need);
+  Progress progress("calibrate", !common.quiet && !common.json);
+  options.progress = [&](double done) { progress.Update(done); };
   calib::Observations data;
-  calib::Calibration result =
-      calib::Calibrate(std::move(survey), arguments.options, arguments.survey, &data);
-  if (!arguments.layout.empty()) CheckHand(arguments.layout, &result.rig);
+  calib::Calibration result = calib::Calibrate(std::move(survey), options, arguments.survey, &data);
+  if (!arguments.layout.empty()) {
+    calib::JudgeLayout(data::ReadLab(arguments.layout), &result.rig);
+  }
   data::WriteRig(arguments.out, result.rig, provenance);
   if (!arguments.report.empty()) {
     WriteCalibratePage(arguments.report, arguments.survey, data, result, provenance);
@@ -317,27 +329,36 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
       ->check(CLI::PositiveNumber);
   files.Read("--layout", &arguments->layout,
              "Planned camera positions [lab TOML]; detects a left-handed survey");
+  AddNeedOption(app, &arguments->need);
   app->add_option("--folds", arguments->options.folds, "Folds of the cross-validation")
       ->capture_default_str()
       ->check(CLI::Range(2, 1000));
+  app->add_option("--lens", arguments->lens, "Lens model: rectilinear, or fisheye (wide angle)")
+      ->capture_default_str()
+      ->type_name("LENS");
   app->add_option("--order", arguments->order,
-                  "Terms of the lens model: auto (by cross-validation), pinhole, cubic, "
-                  "cubic-even, quintic, quintic-even, full")
+                  "Terms of the lens model: auto (by cross-validation); rectilinear: pinhole, "
+                  "cubic, cubic-even, quintic, quintic-even, full; fisheye: equidistant, "
+                  "two-parameter, full")
       ->capture_default_str()
       ->type_name("ORDER");
-  app->add_option("--e", arguments->options.guess.e_mean,
-                  "Prior mean of the distance between a lens' two centres [m]")
-      ->capture_default_str();
+  auto* e =
+      app->add_option("--e", arguments->options.guess.e_mean,
+                      "Prior mean of the distance between a lens' two centres [m]; default: its "
+                      "focal length where the pixels' pitch is known, else 1% of the "
+                      "distance to the points");
   app->add_option("--e-sigma", arguments->options.guess.e_sigma, "Its standard deviation [m]")
-      ->capture_default_str()
-      ->check(CLI::PositiveNumber);
+      ->check(CLI::PositiveNumber)
+      ->needs(e);
+  e->needs("--e-sigma");
   app->add_option("--seed", arguments->options.guess.seed,
                   "Random seed of the search for gross errors")
       ->capture_default_str();
   app->add_option("--workers", arguments->options.workers, "Threads; 0: all cores")
       ->capture_default_str();
   verb.run = [&common, arguments] {
-    arguments->options.order = OrderOf(arguments->order);
+    arguments->options.guess.lens = LensOf(arguments->lens);
+    arguments->options.order = OrderOf(arguments->options.guess.lens, arguments->order);
     return RunCalibrate(common, *arguments);
   };
   return verb;

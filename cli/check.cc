@@ -3,21 +3,19 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <array>
+#include <algorithm>
 #include <cmath>
-#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/length.h"
 #include "base/table.h"
-#include "calib/observations.h"
 #include "cli/check_page.h"
 #include "cli/verb.h"
 #include "data/rig.h"
 #include "data/survey.h"
 #include "data/survey_points.h"
-#include "measure/survey_readings.h"
 
 namespace unfurl::cli {
 
@@ -26,48 +24,10 @@ namespace {
 using nlohmann::ordered_json;
 
 struct Arguments {
-  std::string rig, input, report;
+  std::string rig, input, report, need;
   calib::Bar bar;
+  calib::CheckOptions options;
 };
-
-// Both ends of each placement, one after the other: ids "1a" and "1b", "2a" and "2b", ...
-calib::Observations BarEnds(const data::ReadingTable& table, const data::Rig& rig,
-                            const std::string& where) {
-  std::map<std::string, std::array<Eigen::Index, 2>> placements;
-  for (std::size_t k = 0; k < table.id.size(); ++k) {
-    const std::string& id = table.id[k];
-    if (id.size() < 2 || (id.back() != 'a' && id.back() != 'b')) {
-      throw Error(fmt::format("the id '{}' does not end in a or b", id), where,
-                  "name the ends of placement 1 of the bar 1a and 1b");
-    }
-    auto& ends =
-        placements.try_emplace(id.substr(0, id.size() - 1), std::array<Eigen::Index, 2>{-1, -1})
-            .first->second;
-    ends[id.back() == 'a' ? 0 : 1] = static_cast<Eigen::Index>(k);
-  }
-  calib::Observations out;
-  out.cameras = table.cameras;
-  std::vector<Eigen::Index> rows;
-  for (const auto& [name, ends] : placements) {
-    if (ends[0] < 0 || ends[1] < 0) {
-      throw Error(fmt::format("placement {} of the bar has one end only", name), where,
-                  "give both ends, a and b");
-    }
-    rows.insert(rows.end(), ends.begin(), ends.end());
-  }
-  out.p.resize(3, static_cast<Eigen::Index>(rows.size()));
-  out.p.colwise() = Eigen::Vector3d(0.5 * (rig.volume_low + rig.volume_high));
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    out.ids.push_back(table.id[static_cast<std::size_t>(rows[i])]);
-    out.cov.emplace_back(Eigen::Matrix3d::Identity());
-    for (Eigen::Index c = 0; c < table.u_px.cols(); ++c) {
-      if (std::isnan(table.u_px(rows[i], c))) continue;
-      out.readings.push_back({static_cast<int>(i), static_cast<int>(c), table.u_px(rows[i], c),
-                              table.s_px(rows[i], c)});
-    }
-  }
-  return out;
-}
 
 std::string Cell(double value, double scale, const char* format) {
   return std::isfinite(value) ? fmt::format(fmt::runtime(format), scale * value) : "-";
@@ -80,14 +40,13 @@ int RunCheck(const Common& common, const Arguments& arguments) {
   provenance.AddInput(arguments.input);
   calib::CheckResult result;
   const bool bar = arguments.bar.length > 0.0;
+  calib::CheckOptions options = arguments.options;
+  options.need = NeedOption(arguments.need);
   if (bar) {
-    const data::ReadingTable table = data::ReadReadingsCsv(arguments.input);
-    result =
-        calib::CheckBar(rig, BarEnds(table, rig, arguments.input), arguments.bar, arguments.input);
+    result = calib::CheckBar(rig, data::ReadReadingsCsv(arguments.input), arguments.bar,
+                             arguments.input, options);
   } else {
-    data::Survey survey = data::ReadSurvey(arguments.input);
-    measure::FindSurveyReadings(&survey);
-    result = calib::CheckPoints(rig, calib::FromSurvey(survey, arguments.input), arguments.input);
+    result = calib::CheckPoints(rig, data::ReadSurvey(arguments.input), arguments.input, options);
   }
 
   ordered_json summary = {{"rig", arguments.rig},
@@ -97,18 +56,20 @@ int RunCheck(const Common& common, const Arguments& arguments) {
                           {"chance", result.chance},
                           {"rms", result.rms},
                           {"rms_predicted", result.rms_predicted}};
-  std::vector<std::vector<std::string>> points = {
-      {bar ? "bar" : "point", "off by [mm]", "predicted [mm]"}};
+  const LengthUnit unit = UnitFor(std::max(result.rms, result.rms_predicted));
+  std::vector<std::vector<std::string>> points = {{bar ? "bar" : "point",
+                                                   fmt::format("error [{}]", unit.name),
+                                                   fmt::format("predicted [{}]", unit.name)}};
   for (const calib::CheckedPoint& point : result.points) {
     summary["points"].push_back({{"id", point.id},
                                  {"error", point.error},
                                  {"predicted", point.predicted},
                                  {"chance_without", point.chance_without}});
-    points.push_back(
-        {point.id, Cell(point.error, 1e3, "{:.3f}"), Cell(point.predicted, 1e3, "{:.3f}")});
+    points.push_back({point.id, Cell(point.error, unit.per_metre, "{:.3f}"),
+                      Cell(point.predicted, unit.per_metre, "{:.3f}")});
   }
   std::vector<std::vector<std::string>> cameras = {
-      {"camera", "readings", "off by, RMS [px]", "predicted [px]", "p-value without it"}};
+      {"camera", "readings", "error, RMS [px]", "predicted [px]", "p-value without it"}};
   for (const calib::CheckedCamera& camera : result.cameras) {
     summary["cameras"].push_back({{"name", camera.name},
                                   {"readings", camera.readings},
@@ -128,7 +89,7 @@ int RunCheck(const Common& common, const Arguments& arguments) {
     WriteCheckPage(arguments.report, arguments.input, rig, result, bar, provenance);
   }
   Finish(common, summary, text);
-  if (result.chance >= calib::kDoubtful) return kExitGood;
+  if (!result.invalid) return kExitGood;
   return NotUsable(arguments.input,
                    "the calibration is " + result.verdict +
                        (result.reasons.empty() ? "" : ": " + result.reasons.front()));
@@ -156,6 +117,12 @@ Verb AddCheck(CLI::App& program, Common& common) {
   app->add_option("--bar-sigma", arguments->bar.sigma, "Standard deviation of that length [m]")
       ->check(CLI::NonNegativeNumber)
       ->needs(length);
+  AddNeedOption(app, &arguments->need);
+  app->add_option("--doubtful", arguments->options.doubtful,
+                  "Probability of a misfit below which the calibration is called doubtful")
+      ->capture_default_str();
+  app->add_option("--invalid", arguments->options.invalid, "The same for no longer valid")
+      ->capture_default_str();
   files.Write("--report", &arguments->report,
               "A page: verdict, cameras along the sensor, points or lengths [HTML]");
   verb.run = [&common, arguments] { return RunCheck(common, *arguments); };

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/length.h"
 #include "report/page.h"
 
 namespace unfurl::cli {
@@ -16,31 +17,31 @@ using report::Level;
 
 constexpr int kSlabs = 3;  // of the volume's height
 
-Level LevelOf(double chance) {
-  if (chance >= calib::kPerhaps) return Level::kGood;
-  return chance >= calib::kDoubtful ? Level::kCare : Level::kBad;
+Level LevelOf(const CheckResult& result) {
+  if (result.invalid) return Level::kBad;
+  return result.chance >= result.options.doubtful ? Level::kGood : Level::kCare;
 }
 
 // Where all is well nothing is tried without a camera or a point.
-bool TriedWithout(const CheckResult& result) { return result.chance < calib::kPerhaps; }
+bool TriedWithout(const CheckResult& result) { return result.chance < result.options.doubtful; }
 
 std::string Cell(double value, double scale, int decimals) {
   return std::isfinite(value) ? fmt::format("{:.{}f}", scale * value, decimals) : "-";
 }
 
 void AddHead(const CheckResult& result, bool bar, report::Page* page) {
-  const Level level = LevelOf(result.chance);
+  const Level level = LevelOf(result);
   page->AddWords(result.verdict == "doubtful" ? Level::kCare : level,
                  "The calibration is " + result.verdict, result.reasons);
   const auto found = std::count_if(result.points.begin(), result.points.end(),
                                    [](const auto& point) { return std::isfinite(point.error); });
   page->AddFigures(
       {{"p-value of the misfit", fmt::format("{:.2g}", result.chance),
-        fmt::format("were the calibration valid; doubtful below {:g}, no longer valid below {:g}",
-                    calib::kPerhaps, calib::kDoubtful),
+        fmt::format("if the calibration is valid; doubtful below {:g}, no longer valid below {:g}",
+                    result.options.doubtful, result.options.invalid),
         level},
-       {bar ? "lengths from the bar's" : "points from the survey", Cell(result.rms, 1e3, 3) + " mm",
-        "RMS; predicted " + Cell(result.rms_predicted, 1e3, 3) + " mm, of rig, readings and " +
+       {bar ? "lengths from the bar's" : "points from the survey", LengthText(result.rms),
+        "RMS; predicted " + LengthText(result.rms_predicted) + ", of rig, readings and " +
             (bar ? "the bar" : "survey")},
        {bar ? "placements seen whole" : "points found", fmt::format("{}", found),
         fmt::format("of {}", result.points.size())}});
@@ -51,9 +52,9 @@ void AddCameras(const CheckResult& result, report::Page* page) {
   report::Table table;
   table.title = "Cameras";
   table.note =
-      "A camera that has moved misses by more than predicted, and without it the rest has a fair "
-      "chance.";
-  table.header = {"camera", "readings", "off by, RMS [px]", "predicted [px]"};
+      "The errors of a camera that has moved exceed their prediction, and without it the rest is "
+      "probable.";
+  table.header = {"camera", "readings", "error, RMS [px]", "predicted [px]"};
   if (TriedWithout(result)) table.header.push_back("p-value without it");
   for (const calib::CheckedCamera& camera : result.cameras) {
     table.rows.push_back({camera.name, std::to_string(camera.readings),
@@ -95,10 +96,10 @@ void AddPlaces(const data::Rig& rig, const CheckResult& result, bool bar, report
   report::Map map;
   map.title = bar ? "Placements of the bar" : "Points";
   map.note = std::string("Where ") + (bar ? "the bar's middle was" : "each was") +
-             " found; the colour is how far it is off, over its sigma.";
+             " found; the colour is its error over its standard deviation.";
   map.x = {"x", "m"};
   map.y = {"y", "m"};
-  map.value = {"off by, over its sigma", "1"};
+  map.value = {"error over its sigma", "1"};
   const Eigen::Vector3d margin = 0.05 * (rig.volume_high - rig.volume_low);
   const Eigen::Vector3d low = rig.volume_low - margin, high = rig.volume_high + margin;
   map.x_low = low.x();
@@ -119,7 +120,7 @@ void AddPlaces(const data::Rig& rig, const CheckResult& result, bool bar, report
     const double sigmas = std::abs(point.error) / point.predicted;
     map.panes[static_cast<std::size_t>(slab)].dots.push_back(
         {point.at.x(), point.at.y(), sigmas,
-         fmt::format("{}: {:.3f} mm, {:.1f} sigmas", point.id, 1e3 * point.error, sigmas), true});
+         fmt::format("{}: {}, {:.1f} sigmas", point.id, LengthText(point.error), sigmas), true});
   }
   page->AddMap(map);
 }
@@ -127,14 +128,19 @@ void AddPlaces(const data::Rig& rig, const CheckResult& result, bool bar, report
 void AddPoints(const CheckResult& result, bool bar, report::Page* page) {
   report::Table table;
   table.title = bar ? "Lengths" : "Points";
-  table.header = {bar ? "bar" : "point", "x [m]",         "y [m]", "z [m]",
-                  "off by [mm]",         "predicted [mm]"};
+  const LengthUnit unit = UnitFor(std::max(result.rms, result.rms_predicted));
+  table.header = {bar ? "bar" : "point",
+                  "x [m]",
+                  "y [m]",
+                  "z [m]",
+                  fmt::format("error [{}]", unit.name),
+                  fmt::format("predicted [{}]", unit.name)};
   const bool without = !bar && TriedWithout(result);
   if (without) table.header.push_back("p-value without it");
   for (const calib::CheckedPoint& point : result.points) {
     table.rows.push_back({point.id, Cell(point.at.x(), 1.0, 3), Cell(point.at.y(), 1.0, 3),
-                          Cell(point.at.z(), 1.0, 3), Cell(point.error, 1e3, 3),
-                          Cell(point.predicted, 1e3, 3)});
+                          Cell(point.at.z(), 1.0, 3), Cell(point.error, unit.per_metre, 3),
+                          Cell(point.predicted, unit.per_metre, 3)});
     if (without) table.rows.back().push_back(fmt::format("{:.2g}", point.chance_without));
   }
   page->AddTable(table);

@@ -22,14 +22,10 @@ namespace {
 
 using nlohmann::ordered_json;
 
-constexpr double kUsable = 0.5;      // share of the volume that must be found at all
-constexpr double kLittleLost = 0.9;  // share that must still be found for a camera to be spared
-
 struct Arguments {
-  std::string input, report;
+  std::string input, report, need;
   std::vector<std::string> overrides;
   calib::PlanOptions plan;
-  calib::MapOptions map;
 };
 
 bool IsHdf5(const std::string& path) {
@@ -39,64 +35,46 @@ bool IsHdf5(const std::string& path) {
   return file.gcount() == 4 && std::string(signature, 4) == "\x89HDF";
 }
 
-struct Outcome {
-  calib::Plan plan;
-  std::vector<LossRow> rows;
-  std::vector<std::string> words;
-  report::Level level = report::Level::kGood;
-  std::string headline;
-};
-
-void Judge(Outcome* out) {
-  const calib::UncertaintyMap& all = out->rows[0].map;
-  out->words.push_back(fmt::format(
-      "With all cameras {:.0f}% of the volume is found, half of it within {:.2f} mm, 95% within "
-      "{:.2f} mm (one sigma, 3-D).",
-      100.0 * all.Found(), 1e3 * all.Quantile(0.5), 1e3 * all.Quantile(0.95)));
-  if (all.Found() < kUsable) {
-    out->level = report::Level::kBad;
-    out->headline = "This layout finds less than half of the volume";
-    return;
+report::Level LevelOf(calib::PlanVerdict verdict) {
+  switch (verdict) {
+    case calib::PlanVerdict::kGood:
+      return report::Level::kGood;
+    case calib::PlanVerdict::kCare:
+      return report::Level::kCare;
+    case calib::PlanVerdict::kNotUsable:
+      break;
   }
-  out->headline = "Any one camera may fail";
-  for (std::size_t k = 1; k < out->rows.size(); ++k) {
-    const double left = out->rows[k].map.Found() / all.Found();
-    if (left >= kLittleLost) continue;
-    out->level = report::Level::kCare;
-    out->headline = "Not every camera may fail";
-    out->words.push_back(fmt::format("{}, {:.0f}% of what was found is lost.", out->rows[k].name,
-                                     100.0 * (1.0 - left)));
-  }
-  for (const std::string& advice : out->plan.advice) out->words.push_back(advice);
+  return report::Level::kBad;
 }
 
-void WritePage(const Arguments& arguments, const Outcome& out, const data::Provenance& provenance) {
+void WritePage(const Arguments& arguments, const calib::PlanResult& out,
+               const data::Provenance& provenance) {
   report::Page page("Plan of a rig", arguments.input);
-  page.AddWords(out.level, out.headline, out.words);
+  page.AddWords(LevelOf(out.verdict), out.headline, out.reasons);
   report::Table table;
-  const auto rows = LossTable(out.rows);
+  const auto rows = LossTable(out.cases);
   table.title = "Error of a found point";
   table.note = fmt::format("3-D, one sigma: calibration and readings of {} px.",
-                           arguments.map.reading_sigma_px);
+                           arguments.plan.map.reading_sigma_px);
   table.header = rows[0];
   table.rows.assign(rows.begin() + 1, rows.end());
   page.AddTable(table);
   // One scale for all, so that they compare; what is worse has the last colour.
   double high = 0.0;
-  for (const LossRow& row : out.rows) {
+  for (const calib::PlanCase& row : out.cases) {
     const double q = 1e3 * row.map.Quantile(0.9);
     if (std::isfinite(q)) high = std::max(high, q);
   }
-  for (const LossRow& row : out.rows) {
+  for (const calib::PlanCase& row : out.cases) {
     page.AddMap(UncertaintyPanel(row.map, row.name, "", high > 0.0 ? high : std::nan("")));
   }
-  if (!out.plan.weak.empty()) {
+  if (!out.planned.weak.empty()) {
     report::Table weak;
     weak.title = "What such a survey would barely determine";
     weak.header = {"camera", "direction", "sigma", "moves points by [mm]", "advice"};
     weak.text_columns = {0, 1, 4};
-    for (const calib::WeakDirection& w : out.plan.weak) {
-      weak.rows.push_back({out.plan.rig.cameras[static_cast<std::size_t>(w.camera)].name, w.name,
+    for (const calib::WeakDirection& w : out.planned.weak) {
+      weak.rows.push_back({out.planned.rig.cameras[static_cast<std::size_t>(w.camera)].name, w.name,
                            fmt::format("{:.2g} {}", w.sigma, w.unit),
                            fmt::format("{:.3f}", 1e3 * w.point_rms), w.advice});
     }
@@ -109,37 +87,35 @@ void WritePage(const Arguments& arguments, const Outcome& out, const data::Prove
 int RunPlan(const Common& common, Arguments arguments) {
   data::Provenance provenance = StartProvenance(common);
   provenance.AddInput(arguments.input);
-  Outcome out;
-  if (IsHdf5(arguments.input)) {
-    if (!arguments.overrides.empty()) {
-      throw Error("--set changes a laboratory, and this is a rig", arguments.input,
-                  "leave it out, or give LAB.toml");
-    }
-    out.plan.rig = data::ReadRig(arguments.input);
-    out.plan.sees = calib::SeenOnRow(out.plan.rig);
-  } else {
-    arguments.plan.reading_sigma_px = arguments.map.reading_sigma_px;
-    out.plan = calib::PlanLab(data::ReadLab(arguments.input, arguments.overrides), arguments.plan);
+  arguments.plan.need = NeedOption(arguments.need);
+  const bool rig = IsHdf5(arguments.input);
+  if (rig && !arguments.overrides.empty()) {
+    throw Error("--set changes a laboratory, and this is a rig", arguments.input,
+                "leave it out, or give LAB.toml");
   }
-  out.rows = LossRows(out.plan.rig, out.plan.sees, arguments.map);
-  Judge(&out);
+  const calib::PlanResult out =
+      rig ? calib::Plan(data::ReadRig(arguments.input), arguments.plan)
+          : calib::Plan(data::ReadLab(arguments.input, arguments.overrides), arguments.plan);
   if (!arguments.report.empty()) WritePage(arguments, out, provenance);
 
   ordered_json summary = {{"input", arguments.input}, {"verdict", out.headline}};
-  summary["reasons"] = out.words;
-  for (const LossRow& row : out.rows) {
+  summary["reasons"] = out.reasons;
+  summary["need_m"] = out.need;
+  for (const calib::PlanCase& row : out.cases) {
     summary["cases"].push_back({{"cameras", row.name},
                                 {"found", row.map.Found()},
+                                {"within_need", row.map.Within(out.need)},
                                 {"median_m", row.map.Quantile(0.5)},
                                 {"p95_m", row.map.Quantile(0.95)},
                                 {"max_m", row.map.Quantile(1.0)}});
   }
   std::string text = out.headline + "\n";
-  for (const std::string& words : out.words) text += "  - " + words + "\n";
-  text += "\n" + AlignedTable(LossTable(out.rows));
+  for (const std::string& words : out.reasons) text += "  - " + words + "\n";
+  text += "\n" + AlignedTable(LossTable(out.cases));
   if (!arguments.report.empty()) text += "\n-> " + arguments.report + "\n";
   Finish(common, summary, text);
-  return out.level == report::Level::kBad ? NotUsable(arguments.input, out.headline) : kExitGood;
+  return out.verdict == calib::PlanVerdict::kNotUsable ? NotUsable(arguments.input, out.headline)
+                                                       : kExitGood;
 }
 
 }  // namespace
@@ -155,18 +131,19 @@ Verb AddPlan(CLI::App& program, Common& common) {
   auto arguments = std::make_shared<Arguments>();
   files.Read("INPUT", &arguments->input, "A laboratory [TOML], or a rig [HDF5]")->required();
   files.Write("--report", &arguments->report, "A page with the maps [HTML]");
+  AddNeedOption(app, &arguments->need);
   app->add_option("--points", arguments->plan.survey_points,
                   "Number of surveyed points assumed, at random in the volume")
       ->capture_default_str()
       ->check(CLI::Range(12, 100000));
-  app->add_option("--reading-sigma", arguments->map.reading_sigma_px,
+  app->add_option("--reading-sigma", arguments->plan.map.reading_sigma_px,
                   "Standard deviation of one reading [px]")
       ->capture_default_str()
       ->check(CLI::PositiveNumber);
-  app->add_option("--columns", arguments->map.columns, "Cells of the map along x and along y")
+  app->add_option("--columns", arguments->plan.map.columns, "Cells of the map along x and along y")
       ->capture_default_str()
       ->check(CLI::Range(1, 200));
-  app->add_option("--layers", arguments->map.layers, "Slices of the map")
+  app->add_option("--layers", arguments->plan.map.layers, "Slices of the map")
       ->capture_default_str()
       ->check(CLI::Range(1, 50));
   app->add_option("--seed", arguments->plan.seed, "Random seed of the points' positions")

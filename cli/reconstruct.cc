@@ -13,6 +13,7 @@
 #include <optional>
 
 #include "base/error.h"
+#include "base/length.h"
 #include "base/progress.h"
 #include "base/table.h"
 #include "base/text.h"
@@ -25,6 +26,7 @@
 #include "data/run.h"
 #include "data/tracks.h"
 #include "data/trial.h"
+#include "measure/sigma_summary.h"
 #include "measure/smooth.h"
 #include "measure/streak_picture.h"
 
@@ -38,6 +40,7 @@ struct Settings {
   std::string trial, rig, output, picture, report, start, events;
   bool smooth = false;
   double event_sigma = 0.005;  // [s]
+  double max_speed = 0.0;      // [m/s]; 0: derived
   std::size_t workers = 0;
 };
 
@@ -92,73 +95,6 @@ std::vector<double> EventTimes(const Settings& s, const data::Tracks& tracks) {
   return times;
 }
 
-void Append(const data::Tracks& block, data::Tracks* all) {
-  const auto n = static_cast<Eigen::Index>(all->size());
-  const auto more = static_cast<Eigen::Index>(block.size());
-  const Eigen::Index rank = block.shared_rank;
-  const auto add = [](const auto& from, auto* to) {
-    to->insert(to->end(), from.begin(), from.end());
-  };
-  add(block.t, &all->t);
-  add(block.mark, &all->mark);
-  add(block.status, &all->status);
-  add(block.used, &all->used);
-  add(block.left_out, &all->left_out);
-  add(block.reason, &all->reason);
-  // Doubling keeps what is copied in proportion.
-  if (all->p.cols() < n + more) {
-    const Eigen::Index room = std::max(n + more, 2 * n);
-    all->p.conservativeResize(3, room);
-    all->cov.conservativeResize(6, room);
-    all->shared.conservativeResize(3, room * rank);
-  }
-  all->p.middleCols(n, more) = block.p;
-  all->cov.middleCols(n, more) = block.cov;
-  all->shared.middleCols(n * rank, more * rank) = block.shared;
-}
-
-// The median of a stream of positive lengths, to 1%, in constant memory.
-class StreamMedian {
- public:
-  void Add(double value) {
-    const double bin = std::log(std::max(value, kLow) / kLow) / kStep;
-    ++counts_[static_cast<std::size_t>(std::clamp(bin, 0.0, kBins - 1.0))];
-    ++total_;
-  }
-  double Get() const {
-    std::size_t below = 0;
-    for (std::size_t i = 0; i < counts_.size(); ++i) {
-      below += counts_[i];
-      if (2 * below >= total_) return kLow * std::exp(kStep * (static_cast<double>(i) + 0.5));
-    }
-    return 0.0;
-  }
-
- private:
-  static constexpr double kLow = 1e-9;   // [m]
-  static constexpr double kStep = 0.01;  // of the logarithm
-  static constexpr double kBins = 2400;  // up to 26 m
-  std::vector<std::size_t> counts_ = std::vector<std::size_t>(static_cast<std::size_t>(kBins), 0);
-  std::size_t total_ = 0;
-};
-
-struct Sigmas {
-  std::array<StreamMedian, 3> readings, calibration;
-
-  void Add(const data::Tracks& block) {
-    constexpr std::array<Eigen::Index, 3> kDiagonal = {0, 3, 5};
-    for (std::size_t i = 0; i < block.size(); ++i) {
-      if (!data::Usable(block.status[i])) continue;
-      const auto col = static_cast<Eigen::Index>(i);
-      const auto F = block.shared.middleCols(col * block.shared_rank, block.shared_rank);
-      for (std::size_t k = 0; k < 3; ++k) {
-        readings[k].Add(std::sqrt(block.cov(kDiagonal[k], col)));
-        calibration[k].Add(F.row(static_cast<Eigen::Index>(k)).norm());
-      }
-    }
-  }
-};
-
 int ReconstructVerb(const Common& common, const Settings& s) {
   constexpr std::size_t kBlock = 512;  // lines held at once
   const auto start = std::chrono::steady_clock::now();
@@ -170,6 +106,7 @@ int ReconstructVerb(const Common& common, const Settings& s) {
 
   measure::ReconstructOptions options;
   options.workers = s.workers;
+  options.max_speed = s.max_speed;
   if (!s.start.empty()) {
     options.start = ReadStart(s.start);
     provenance.AddInput(s.start);
@@ -184,7 +121,7 @@ int ReconstructVerb(const Common& common, const Settings& s) {
   measure::Reconstructor reconstructor(trial, rig, s.rig, options);
   std::optional<measure::StreakPicture> picture;
   if (!s.picture.empty()) picture.emplace(trial.header(), trial.size());
-  Sigmas sigmas;
+  measure::SigmaSummary sigmas;
   measure::SmoothReport smoothing;
   TracksDigest digest(reconstructor.layout(), 0.0,
                       static_cast<double>(trial.size()) / trial.header().line_rate, trial.size());
@@ -199,7 +136,7 @@ int ReconstructVerb(const Common& common, const Settings& s) {
       trial.Read(first, std::min(kBlock, trial.size() - first), &block);
       reconstructor.Process(block, &tracks);
       if (writer) writer->Append(tracks);
-      if (s.smooth) Append(tracks, &all);
+      if (s.smooth) measure::AppendTracks(tracks, &all);
       if (!s.smooth) sigmas.Add(tracks);
       if (!s.smooth && !s.report.empty()) digest.Add(tracks, reconstructor.residuals());
       if (picture) picture->Add(block);
@@ -207,10 +144,7 @@ int ReconstructVerb(const Common& common, const Settings& s) {
                       static_cast<double>(trial.size()));
     }
     if (s.smooth) {
-      const auto n = static_cast<Eigen::Index>(all.size());
-      all.p.conservativeResize(3, n);
-      all.cov.conservativeResize(6, n);
-      all.shared.conservativeResize(3, n * all.shared_rank);
+      measure::TrimTracks(&all);
       measure::SmoothOptions smooth;
       smooth.events = EventTimes(s, all);
       smooth.event_sigma = s.event_sigma;
@@ -232,8 +166,8 @@ int ReconstructVerb(const Common& common, const Settings& s) {
       page.smoothing = s.smooth ? &smoothing : nullptr;
       page.shared_rank = reconstructor.layout().shared_rank;
       for (std::size_t k = 0; k < 3; ++k) {
-        page.sigma_readings[k] = sigmas.readings[k].Get();
-        page.sigma_calibration[k] = sigmas.calibration[k].Get();
+        page.sigma_readings[k] = sigmas.readings(k);
+        page.sigma_calibration[k] = sigmas.calibration(k);
       }
       WriteReconstructPage(s.report, page, provenance);
     }
@@ -288,22 +222,24 @@ int ReconstructVerb(const Common& common, const Settings& s) {
   }
   if (!done.named_by_place.empty()) {
     summary["named_by_place"] = done.named_by_place;
-    text += fmt::format("{}: lit together, named in order of x; --start says which is which\n",
-                        JoinWords(done.named_by_place));
+    text += fmt::format(
+        "{}: lit together and named in order of x, for their starting places are not known; give "
+        "them with "
+        "--start\n",
+        JoinWords(done.named_by_place));
   }
   if (s.smooth) {
-    text += fmt::format("smoothed in {} sections, {} events; a fit wants them unsmoothed\n",
+    text += fmt::format("smoothed in {} sections, {} events; use unsmoothed tracks for a fit\n",
                         smoothing.sections.size(), smoothing.events.size());
   }
   if (done.usable() > 0) {
     const char* axes[] = {"x", "y", "z"};
-    text += "median sigma [mm]";
+    text += "median standard deviation";
     for (std::size_t k = 0; k < 3; ++k) {
-      const double readings = sigmas.readings[k].Get();
-      const double calibration = sigmas.calibration[k].Get();
+      const double readings = sigmas.readings(k), calibration = sigmas.calibration(k);
       summary["median_sigma_m"][axes[k]] = {{"readings", readings}, {"calibration", calibration}};
-      text += fmt::format("{} {} {:.3f} (readings) {:.3f} (calibration)", k == 0 ? ":" : ",",
-                          axes[k], 1e3 * readings, 1e3 * calibration);
+      text += fmt::format("{} {} {} (readings), {} (calibration)", k == 0 ? ":" : ";", axes[k],
+                          LengthText(readings), LengthText(calibration));
     }
     text += "\n";
   }
@@ -333,14 +269,18 @@ Verb AddReconstruct(CLI::App& program, Common& common) {
   files.Write("--report", &s->report, "A page to look at (HTML)");
   files.Read("--start", &s->start,
              "Initial positions of marks that are lit together: mark, x, y, z [CSV]");
+  app->add_option("--max-speed", s->max_speed,
+                  "No mark is ever faster [m/s]; default: five times the fastest seen in a first "
+                  "look at the record, and no less than the volume's size in 40 samples of a mark")
+      ->check(CLI::PositiveNumber);
   app->add_flag(
       "--smooth", s->smooth,
       "Smooth the tracks (Rauch-Tung-Striebel); for looking at, not for fitting. Holds the "
       "whole record's tracks in memory, up to 1 kB a sample; without it memory does not "
       "grow with the record");
   files.Read("--events", &s->events,
-             "When latches kick, so that smoothing does not round it off: seconds on the "
-             "record's clock, with commas, or a run whose latches count [HDF5]");
+             "Times of impacts and latches, which smoothing must not round off: seconds on the "
+             "record's clock, with commas, or a run whose latch events are taken [HDF5]");
   app->add_option("--event-sigma", s->event_sigma,
                   "How well these times are known [s]; default 0.005");
   app->add_option("--workers", s->workers, "Threads; 0: all cores");

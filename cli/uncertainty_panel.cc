@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/length.h"
+
 namespace unfurl::cli {
 
 std::vector<std::string> LayerTitles(const calib::UncertaintyMap& map) {
@@ -43,26 +45,20 @@ report::Map UncertaintyPanel(const calib::UncertaintyMap& map, const std::string
   return out;
 }
 
-std::vector<LossRow> LossRows(const data::Rig& rig, const calib::Visibility& sees,
-                              const calib::MapOptions& options) {
-  std::vector<LossRow> rows = {{"all cameras", calib::MapUncertainty(rig, sees, options)}};
-  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
-    rows.push_back({"without " + rig.cameras[c].name,
-                    calib::MapUncertainty(rig, sees, options, static_cast<int>(c))});
-  }
-  return rows;
-}
-
-std::vector<std::vector<std::string>> LossTable(const std::vector<LossRow>& rows) {
+std::vector<std::vector<std::string>> LossTable(const std::vector<calib::PlanCase>& cases) {
+  // One unit for all, that of the typical error.
+  const double typical = cases.empty() ? std::nan("") : cases[0].map.Quantile(0.5);
+  const LengthUnit unit = UnitFor(std::isfinite(typical) ? typical : 1e-3);
+  const auto head = [&](const char* what) { return fmt::format("{} [{}]", what, unit.name); };
   std::vector<std::vector<std::string>> table = {
-      {"", "of the volume found [%]", "median [mm]", "95% [mm]", "largest [mm]"}};
-  for (const LossRow& row : rows) {
-    const auto mm = [&](double p) {
-      const double q = row.map.Quantile(p);
-      return std::isfinite(q) ? fmt::format("{:.3f}", 1e3 * q) : std::string("-");
+      {"", "of the volume found [%]", head("median"), head("95%"), head("largest")}};
+  for (const calib::PlanCase& one : cases) {
+    const auto length = [&](double p) {
+      const double q = one.map.Quantile(p);
+      return std::isfinite(q) ? fmt::format("{:.3f}", unit.per_metre * q) : std::string("-");
     };
-    table.push_back(
-        {row.name, fmt::format("{:.1f}", 100.0 * row.map.Found()), mm(0.5), mm(0.95), mm(1.0)});
+    table.push_back({one.name, fmt::format("{:.1f}", 100.0 * one.map.Found()), length(0.5),
+                     length(0.95), length(1.0)});
   }
   return table;
 }

@@ -16,14 +16,7 @@ report::Map UncertaintyPanel(const calib::UncertaintyMap& map, const std::string
 // "z = -0.73 m", by layer.
 std::vector<std::string> LayerTitles(const calib::UncertaintyMap& map);
 
-// 3-D error with all cameras and with each one lost: share of the volume, median, 95%, largest
-// [mm].
-struct LossRow {
-  std::string name;  // "all cameras", "without north_east"
-  calib::UncertaintyMap map;
-};
-std::vector<LossRow> LossRows(const data::Rig& rig, const calib::Visibility& sees,
-                              const calib::MapOptions& options);
-std::vector<std::vector<std::string>> LossTable(const std::vector<LossRow>& rows);
+// 3-D error with all cameras and with each one lost: share of the volume, median, 95%, largest.
+std::vector<std::vector<std::string>> LossTable(const std::vector<calib::PlanCase>& cases);
 
 }  // namespace unfurl::cli

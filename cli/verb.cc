@@ -1,11 +1,14 @@
 #include "cli/verb.h"
 
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/length.h"
 
 namespace unfurl::cli {
 
@@ -41,6 +44,22 @@ void Finish(const Common& common, const nlohmann::ordered_json& summary, const s
     std::fputs(text.c_str(), stdout);
     if (!text.empty() && text.back() != '\n') std::fputc('\n', stdout);
   }
+}
+
+void AddNeedOption(CLI::App* app, std::string* text) {
+  app->add_option("--need", *text,
+                  "Error of a found point that is aimed at, with its unit, as 0.5mm; default: a "
+                  "2000th of the volume's longest side");
+}
+
+double NeedOption(const std::string& text) {
+  double need = 0.0;
+  if (text.empty()) return need;
+  if (!ParseLength(text, &need) || !(need > 0.0)) {
+    throw Error(fmt::format("'{}' is no length", text), "--need",
+                "give a number above 0 with its unit, as 0.5mm or 20um");
+  }
+  return need;
 }
 
 }  // namespace unfurl::cli

@@ -61,4 +61,9 @@ int NotUsable(const std::string& where, const std::string& why);
 // Ends a verb: the summary as JSON on stdout with --json, `text` otherwise, nothing with --quiet.
 void Finish(const Common& common, const nlohmann::ordered_json& summary, const std::string& text);
 
+// --need, the accuracy of found points that is aimed at, on calibrate, plan and check; its value in
+// metres, 0 where it was not given. Throws Error for what is no length.
+void AddNeedOption(CLI::App* app, std::string* text);
+double NeedOption(const std::string& text);
+
 }  // namespace unfurl::cli

@@ -1,5 +1,7 @@
 #include "data/lab.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -19,15 +21,31 @@ std::array<double, 2> Pair(const TomlTable& table, const char* key) {
   return {v[0], v[1]};
 }
 
-LabLens ReadLens(const TomlTable& t) {
-  LabLens lens;
-  lens.index = t.Number("index", {1.0, 4.0, true, false});
-  lens.radius = t.Number("radius", kPositive);
-  lens.thickness = t.Number("thickness", kPositive);
-  lens.curved = t.Choice("curved", {"back", "front", "both"});
-  lens.width = t.Number("width", kPositive);
-  lens.length = t.Number("length", kPositive);
-  lens.focus_distance = t.Number("focus_distance", kPositive);
+// The keys of a table of one camera's own; what it leaves out is as in `common`. Without `common`
+// every key is required, but those that have a default.
+class OwnTable {
+ public:
+  OwnTable(const TomlTable& table, bool own) : t_(table), own_(own) {}
+  double Number(const char* key, double common, TomlRange range) const {
+    return own_ ? t_.NumberOr(key, common, range) : t_.Number(key, range);
+  }
+  int Integer(const char* key, int common, int low, int high) const {
+    return own_ ? t_.IntegerOr(key, common, low, high) : t_.Integer(key, low, high);
+  }
+  bool Bool(const char* key, bool common) const {
+    return own_ ? t_.BoolOr(key, common) : t_.Bool(key);
+  }
+  std::string Choice(const char* key, const std::string& common,
+                     const std::vector<std::string>& allowed) const {
+    return own_ ? t_.ChoiceOr(key, common, allowed) : t_.Choice(key, allowed);
+  }
+
+ private:
+  const TomlTable& t_;
+  bool own_;
+};
+
+void CheckGlass(const TomlTable& t, const LabLens& lens) {
   const double half = 0.5 * lens.width;
   if (half >= lens.radius) {
     t.Fail("width", "the lens is wider than its cylinder", "give a width below twice the radius");
@@ -35,6 +53,43 @@ LabLens ReadLens(const TomlTable& t) {
   const double sag = lens.radius - std::sqrt(lens.radius * lens.radius - half * half);
   if (lens.thickness <= (lens.curved == "both" ? 2.0 : 1.0) * sag) {
     t.Fail("thickness", "the lens has no edge left at this width", "make it thicker or narrower");
+  }
+}
+
+LabLens ReadLens(const TomlTable& t, const LabLens* common = nullptr) {
+  LabLens lens = common != nullptr ? *common : LabLens{};
+  std::vector<std::string> models = {"glass"};
+  for (const LensNames& model : kLensModels) models.emplace_back(model.name);
+  const std::string model = t.ChoiceOr("model", lens.model, models);
+  const OwnTable own(t, common != nullptr && model == lens.model);
+  lens.model = model;
+  lens.focus_distance = common != nullptr
+                            ? t.NumberOr("focus_distance", lens.focus_distance, kPositive)
+                            : t.Number("focus_distance", kPositive);
+  if (lens.traced()) {
+    lens.index = own.Number("index", lens.index, {1.0, 4.0, true, false});
+    lens.radius = own.Number("radius", lens.radius, kPositive);
+    lens.thickness = own.Number("thickness", lens.thickness, kPositive);
+    lens.curved = own.Choice("curved", lens.curved, {"back", "front", "both"});
+    lens.width = own.Number("width", lens.width, kPositive);
+    lens.length = own.Number("length", lens.length, kPositive);
+    CheckGlass(t, lens);
+    return lens;
+  }
+  lens.focal_length = own.Number("focal_length", lens.focal_length, kPositive);
+  lens.centres = own.Number("centres", lens.centres, kNonNegative);
+  lens.spot = own.Number("spot", lens.spot, kPositive);
+  const auto& names = NamesOf(*FindLensModel(lens.model)).terms;
+  const int most = static_cast<int>(
+      std::count_if(names.begin(), names.end(), [](const char* name) { return *name != '\0'; }));
+  const std::vector<double> terms = t.NumbersOr("terms", {}, -1);
+  if (static_cast<int>(terms.size()) > most) {
+    t.Fail("terms", fmt::format("holds {} numbers", terms.size()),
+           fmt::format("the {} lens has {} terms", lens.model, most));
+  }
+  if (t.Has("terms")) {
+    lens.terms.fill(0.0);
+    std::copy(terms.begin(), terms.end(), lens.terms.begin());
   }
   return lens;
 }
@@ -45,8 +100,9 @@ LabSlit ReadSlit(const TomlTable& t) {
           .distance = t.Number("distance", kPositive)};
 }
 
-LabSensor ReadSensor(const TomlTable& t) {
-  LabSensor s;
+LabSensor ReadSensor(const TomlTable& t, const LabSensor* common = nullptr) {
+  LabSensor s = common != nullptr ? *common : LabSensor{};
+  const OwnTable own(t, common != nullptr);
   LineFormat& f = s.format;
   f.sensor = t.StringOr("name", f.sensor);
   f.dummy = t.IntegerOr("dummy", f.dummy, 0, 1000);
@@ -55,24 +111,24 @@ LabSensor ReadSensor(const TomlTable& t) {
   f.dark_after = t.IntegerOr("dark_after", f.dark_after, 0, 1000);
   f.parity = t.IntegerOr("parity", f.parity, 0, 1000);
   f.pitch = t.NumberOr("pitch", f.pitch, kPositive);
-  f.bits = t.Integer("bits", 8, 16);
-  s.full_well = t.Number("full_well", kPositive);
-  s.shot_noise = t.Bool("shot_noise");
-  s.read_noise = t.Number("read_noise", kNonNegative);
-  s.dark_level = t.Number("dark_level", kNonNegative);
+  f.bits = own.Integer("bits", f.bits, 8, 16);
+  s.full_well = own.Number("full_well", s.full_well, kPositive);
+  s.shot_noise = own.Bool("shot_noise", s.shot_noise);
+  s.read_noise = own.Number("read_noise", s.read_noise, kNonNegative);
+  s.dark_level = own.Number("dark_level", s.dark_level, kNonNegative);
   if (s.dark_level >= 0.5 * s.full_well) {
     t.Fail("dark_level", "the dark level takes half of the full scale or more",
            "give electrons well below full_well");
   }
-  s.dark_drift = t.NumberOr("dark_drift", 0.0, kNonNegative);
-  s.dark_drift_period = t.NumberOr("dark_drift_period", 1.0, kPositive);
-  s.blur = t.Number("blur", kPositive);
-  s.odd_gain = t.NumberOr("odd_gain", 0.0, {-0.5, 0.5});
-  s.odd_offset = t.NumberOr("odd_offset", 0.0, {-0.2 * s.full_well, 0.2 * s.full_well});
-  s.nonuniformity = t.NumberOr("nonuniformity", 0.0, {0.0, 0.2});
-  s.dark_nonuniformity = t.NumberOr("dark_nonuniformity", 0.0, kNonNegative);
-  s.blooming = t.NumberOr("blooming", 0.0, {0.0, 1.0});
-  s.residual = t.NumberOr("residual", 0.0, {0.0, 0.3});
+  s.dark_drift = t.NumberOr("dark_drift", s.dark_drift, kNonNegative);
+  s.dark_drift_period = t.NumberOr("dark_drift_period", s.dark_drift_period, kPositive);
+  s.blur = own.Number("blur", s.blur, kPositive);
+  s.odd_gain = t.NumberOr("odd_gain", s.odd_gain, {-0.5, 0.5});
+  s.odd_offset = t.NumberOr("odd_offset", s.odd_offset, {-0.2 * s.full_well, 0.2 * s.full_well});
+  s.nonuniformity = t.NumberOr("nonuniformity", s.nonuniformity, {0.0, 0.2});
+  s.dark_nonuniformity = t.NumberOr("dark_nonuniformity", s.dark_nonuniformity, kNonNegative);
+  s.blooming = t.NumberOr("blooming", s.blooming, {0.0, 1.0});
+  s.residual = t.NumberOr("residual", s.residual, {0.0, 0.3});
   f.electrons_per_count = s.full_well / f.full_scale();
   f.read_noise_counts = s.read_noise / f.electrons_per_count;
   return s;
@@ -205,6 +261,9 @@ Lab ReadLab(const std::string& path, const std::vector<std::string>& overrides) 
   }
   for (const auto& [name, table] : root.NamedTables("camera")) {
     lab.cameras.push_back(ReadCamera(name, table));
+    LabCamera& camera = lab.cameras.back();
+    if (const auto own = table.TableOrNone("lens")) camera.lens = ReadLens(*own, &lab.lens);
+    if (const auto own = table.TableOrNone("sensor")) camera.sensor = ReadSensor(*own, &lab.sensor);
   }
   if (lab.cameras.empty()) root.Fail("camera", "no camera", "add a table [camera.NAME]");
   root.RefuseUnknownKeys();

@@ -3,9 +3,11 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "data/lens.h"
 #include "data/line_format.h"
 
 namespace unfurl::data {
@@ -16,6 +18,9 @@ namespace unfurl::data {
 
 // The cylinder lens behind the slit, one for all cameras.
 struct LabLens {
+  // "glass": rays are traced through what follows. Or a lens model (data/lens.h) that makes the
+  // image by its formula, with what stands after the glass.
+  std::string model = "glass";
   double index = 0.0;      // of the glass at the LEDs' wavelength [-]
   double radius = 0.0;     // of each curved face [m]
   double thickness = 0.0;  // on the axis [m]
@@ -23,6 +28,13 @@ struct LabLens {
   double width = 0.0;      // across the cylinder's axis [m]
   double length = 0.0;     // along it [m]
   double focus_distance = 0.0;  // slit to the point that is imaged sharpest [m]
+  // Of a model:
+  double focal_length = 0.0;  // f over the pixels' pitch [m]
+  double centres = 0.0;       // e, distance between the two centres [m]
+  double spot = 0.0;          // width over which a point's light is spread before blur [m]
+  std::array<double, kLensTerms> terms{};  // in the model's order, over f [-]
+
+  bool traced() const { return model == "glass"; }
 };
 
 // The slit in front of the lens, across the cylinder's axis.
@@ -135,6 +147,9 @@ struct LabCamera {
   Eigen::Vector3d look_at = Eigen::Vector3d::Zero();   // in W [m]
   // Of the lens axis about the optical axis, from W's x axis as the camera sees it [rad].
   double roll = 0.0;
+  // [camera.NAME.lens] and [camera.NAME.sensor]: where it differs from the others.
+  std::optional<LabLens> lens;
+  std::optional<LabSensor> sensor;
 };
 
 // Pose of the model's plane M in W.
@@ -169,6 +184,13 @@ struct Lab {
   std::vector<LabReflection> reflections;
   std::vector<LabOccluder> occluders;
   std::vector<LabCamera> cameras;
+
+  const LabLens& LensOf(std::size_t camera) const {
+    return cameras[camera].lens ? *cameras[camera].lens : lens;
+  }
+  const LabSensor& SensorOf(std::size_t camera) const {
+    return cameras[camera].sensor ? *cameras[camera].sensor : sensor;
+  }
 };
 
 // Throws Error with file:line:key for whatever is missing, unknown or impossible.

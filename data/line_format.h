@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <string>
+#include <vector>
 
 namespace unfurl::data {
 
@@ -28,6 +29,28 @@ struct LineFormat {
   std::size_t first_active() const { return static_cast<std::size_t>(dummy + dark); }
   // The largest count [count].
   double full_scale() const { return static_cast<double>((1 << bits) - 1); }
+};
+
+// The lines of a record's cameras, side by side in their order: of one format, or each of its own.
+struct LineFormats : LineFormat {     // the format of all of them
+  std::vector<LineFormat> by_camera;  // where they differ; else empty
+
+  const LineFormat& Of(std::size_t camera) const {
+    return by_camera.empty() ? *this : by_camera[camera];
+  }
+  // Elements, and active pixels, of the cameras before this one; of all, with their number.
+  std::size_t ElementsBefore(std::size_t camera) const {
+    if (by_camera.empty()) return camera * elements();
+    std::size_t sum = 0;
+    for (std::size_t c = 0; c < camera; ++c) sum += by_camera[c].elements();
+    return sum;
+  }
+  std::size_t ActiveBefore(std::size_t camera) const {
+    if (by_camera.empty()) return camera * static_cast<std::size_t>(active);
+    std::size_t sum = 0;
+    for (std::size_t c = 0; c < camera; ++c) sum += static_cast<std::size_t>(by_camera[c].active);
+    return sum;
+  }
 };
 
 }  // namespace unfurl::data

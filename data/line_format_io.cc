@@ -2,82 +2,191 @@
 
 #include <fmt/format.h>
 
+#include <array>
+#include <cstdint>
+#include <utility>
+
 namespace unfurl::data {
 
-void WriteLineFormat(H5Writer& writer, const std::string& object, const LineFormat& format) {
-  writer.Attribute(object, "sensor", format.sensor);
-  const auto whole = [&](const char* name, int value) {
-    writer.Attribute(object, name, static_cast<std::int64_t>(value));
-  };
-  whole("dummy", format.dummy);
-  whole("dark", format.dark);
-  whole("active", format.active);
-  whole("dark_after", format.dark_after);
-  whole("parity", format.parity);
-  whole("bits", format.bits);
-  writer.Attribute(object, "pitch [m]", format.pitch);
-  writer.Attribute(object, "electrons_per_count [e-/count]", format.electrons_per_count);
-  writer.Attribute(object, "read_noise_counts [count]", format.read_noise_counts);
+namespace {
+
+constexpr char kGroup[] = "/line_formats";  // of cameras that differ
+constexpr int kMostOthers = 1000;           // elements of a kind that is not active, of any sensor
+constexpr int kFewestActive = 16, kMostActive = 100000;
+constexpr double kLargest = 1e12;  // beyond, a number is a mistake
+
+// What a format's whole numbers are called, with their bounds.
+struct Whole {
+  const char* name;
+  int LineFormat::*member;
+  int low, high;
+};
+constexpr std::array<Whole, 6> kWhole = {
+    {{"dummy", &LineFormat::dummy, 0, kMostOthers},
+     {"dark", &LineFormat::dark, 0, kMostOthers},
+     {"active", &LineFormat::active, kFewestActive, kMostActive},
+     {"dark_after", &LineFormat::dark_after, 0, kMostOthers},
+     {"parity", &LineFormat::parity, 0, kMostOthers},
+     {"bits", &LineFormat::bits, 1, 16}}};
+struct Real {
+  const char *name, *unit;
+  double LineFormat::*member;
+  bool zero;  // is allowed
+};
+constexpr std::array<Real, 3> kReal = {
+    {{"pitch", "m", &LineFormat::pitch, false},
+     {"electrons_per_count", "e-/count", &LineFormat::electrons_per_count, false},
+     {"read_noise_counts", "count", &LineFormat::read_noise_counts, true}}};
+
+std::string AttributeOf(const Real& real) { return fmt::format("{} [{}]", real.name, real.unit); }
+
+// Takes a number into the format, or throws.
+void Take(const H5Reader& reader, const std::string& object, const Whole& whole, std::int64_t value,
+          LineFormat* format) {
+  if (value < whole.low || value > whole.high) {
+    reader.Fail(
+        fmt::format("{} = {} is not from {} to {}", whole.name, value, whole.low, whole.high),
+        object, "make the file again");
+  }
+  format->*whole.member = static_cast<int>(value);
+}
+void Take(const H5Reader& reader, const std::string& object, const Real& real, double value,
+          LineFormat* format) {
+  if (!(real.zero ? value >= 0.0 : value > 0.0) || value > kLargest) {
+    reader.Fail(fmt::format("{} = {} is impossible", AttributeOf(real), value), object,
+                "make the file again");
+  }
+  format->*real.member = value;
 }
 
-LineFormat ReadLineFormat(const H5Reader& reader, const std::string& object, std::size_t elements) {
+LineFormat ReadOne(const H5Reader& reader, const std::string& object) {
   LineFormat format;
   format.sensor = reader.StringAttribute(object, "sensor");
-  const auto whole = [&](const char* name, int low, int high) {
-    const std::int64_t value = reader.IntAttribute(object, name);
-    if (value < low || value > high) {
-      reader.Fail(fmt::format("{} = {} is not from {} to {}", name, value, low, high), object,
-                  "make the file again");
-    }
-    return static_cast<int>(value);
-  };
-  format.dummy = whole("dummy", 0, 1000);
-  format.dark = whole("dark", 0, 1000);
-  format.active = whole("active", 16, 100000);
-  format.dark_after = whole("dark_after", 0, 1000);
-  format.parity = whole("parity", 0, 1000);
-  format.bits = whole("bits", 1, 16);
-  const auto positive = [&](const char* name, bool zero) {
-    const double value = reader.DoubleAttribute(object, name);
-    if (!(zero ? value >= 0.0 : value > 0.0) || value > 1e12) {
-      reader.Fail(fmt::format("{} = {} is impossible", name, value), object, "make the file again");
-    }
-    return value;
-  };
-  format.pitch = positive("pitch [m]", false);
-  format.electrons_per_count = positive("electrons_per_count [e-/count]", false);
-  format.read_noise_counts = positive("read_noise_counts [count]", true);
-  if (format.elements() != elements) {
-    reader.Fail(
-        fmt::format("lines of {} elements, but the layout has {}", elements, format.elements()),
-        object, "make the file again");
+  for (const Whole& whole : kWhole) {
+    Take(reader, object, whole, reader.IntAttribute(object, whole.name), &format);
+  }
+  for (const Real& real : kReal) {
+    Take(reader, object, real, reader.DoubleAttribute(object, AttributeOf(real)), &format);
   }
   return format;
 }
 
+std::vector<LineFormat> ReadEach(const H5Reader& reader, std::size_t cameras) {
+  const auto path = [](const char* name) { return fmt::format("{}/{}", kGroup, name); };
+  std::vector<LineFormat> formats(cameras);
+  const auto check = [&](const std::string& dataset, std::size_t size) {
+    if (size == cameras) return;
+    reader.Fail(fmt::format("holds {} entries for {} cameras", size, cameras), dataset,
+                "make the file again");
+  };
+  const std::vector<std::string> sensors = reader.ReadStrings(path("sensor"));
+  check(path("sensor"), sensors.size());
+  for (std::size_t c = 0; c < cameras; ++c) formats[c].sensor = sensors[c];
+  for (const Whole& whole : kWhole) {
+    const std::vector<std::int32_t> values = reader.ReadInts(path(whole.name));
+    check(path(whole.name), values.size());
+    for (std::size_t c = 0; c < cameras; ++c) {
+      Take(reader, path(whole.name), whole, values[c], &formats[c]);
+    }
+  }
+  for (const Real& real : kReal) {
+    const std::vector<double> values = reader.ReadDoubles(path(real.name), real.unit);
+    check(path(real.name), values.size());
+    for (std::size_t c = 0; c < cameras; ++c) {
+      Take(reader, path(real.name), real, values[c], &formats[c]);
+    }
+  }
+  return formats;
+}
+
+}  // namespace
+
+std::vector<std::size_t> LineDims(const LineFormats& formats, std::size_t cameras) {
+  if (formats.by_camera.empty()) return {cameras, formats.elements()};
+  return {formats.ElementsBefore(cameras)};
+}
+
+void WriteLineFormats(H5Writer& writer, const std::string& object, const LineFormats& formats) {
+  if (formats.by_camera.empty()) {
+    writer.Attribute(object, "sensor", formats.sensor);
+    for (const Whole& whole : kWhole) {
+      writer.Attribute(object, whole.name, static_cast<std::int64_t>(formats.*whole.member));
+    }
+    for (const Real& real : kReal) {
+      writer.Attribute(object, AttributeOf(real), formats.*real.member);
+    }
+    return;
+  }
+  const auto field = [](const char* name, const char* unit) {
+    return H5Field{fmt::format("{}/{}", kGroup, name), unit, "of each camera's lines"};
+  };
+  std::vector<std::string> sensors;
+  for (const LineFormat& format : formats.by_camera) sensors.push_back(format.sensor);
+  writer.Write(field("sensor", "1"), sensors);
+  for (const Whole& whole : kWhole) {
+    std::vector<std::int32_t> values;
+    for (const LineFormat& format : formats.by_camera) values.push_back(format.*whole.member);
+    writer.Write(field(whole.name, "1"), values);
+  }
+  for (const Real& real : kReal) {
+    std::vector<double> values;
+    for (const LineFormat& format : formats.by_camera) values.push_back(format.*real.member);
+    writer.Write(field(real.name, real.unit), values);
+  }
+}
+
+LineFormats ReadLineFormats(const H5Reader& reader, const std::string& object,
+                            std::size_t cameras) {
+  const std::vector<std::size_t> dims = reader.Dims(object);
+  LineFormats formats;
+  if (dims.size() == 3) {
+    static_cast<LineFormat&>(formats) = ReadOne(reader, object);
+  } else if (dims.size() == 2) {
+    formats.by_camera = ReadEach(reader, cameras);
+    if (!formats.by_camera.empty()) static_cast<LineFormat&>(formats) = formats.by_camera[0];
+  } else {
+    reader.Fail("is neither line x camera x element nor line x elements of all cameras", object,
+                "make the file again");
+  }
+  std::vector<std::size_t> expected = LineDims(formats, cameras);
+  expected.insert(expected.begin(), dims[0]);
+  if (dims != expected) {
+    reader.Fail(fmt::format("has lines of {} counts, but {} cameras and their layouts ask for {}",
+                            dims.size() == 3 ? dims[1] * dims[2] : dims[1], cameras,
+                            formats.ElementsBefore(cameras)),
+                object, "make the file again");
+  }
+  return formats;
+}
+
 void WriteResponse(H5Writer& writer, std::span<const float> response, std::size_t cameras,
-                   const LineFormat& format) {
+                   const LineFormats& formats) {
   if (response.empty()) return;
   const std::vector<double> values(response.begin(), response.end());
+  std::vector<std::size_t> dims = {values.size()};
+  if (formats.by_camera.empty()) dims = {cameras, static_cast<std::size_t>(formats.active)};
   writer.Write({"/response", "1", "flat field: response of each active pixel over the mean"},
-               values, {cameras, static_cast<std::size_t>(format.active)});
+               values, dims);
 }
 
 std::vector<float> ReadResponse(const H5Reader& reader, std::size_t cameras,
-                                const LineFormat& format) {
+                                const LineFormats& formats) {
   constexpr double kLowest = 0.05, kHighest = 20.0;  // beyond, a pixel is broken or the record is
   if (!reader.Has("/response")) return {};
-  const std::vector<std::size_t> expected = {cameras, static_cast<std::size_t>(format.active)};
+  std::vector<std::size_t> expected = {formats.ActiveBefore(cameras)};
+  if (formats.by_camera.empty()) expected = {cameras, static_cast<std::size_t>(formats.active)};
   if (reader.Dims("/response") != expected) {
     reader.Fail("does not hold one number per camera and active pixel", "/response",
                 "make the file again");
   }
   const std::vector<double> values = reader.ReadDoubles("/response");
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    if (!(values[i] >= kLowest && values[i] <= kHighest)) {
-      reader.Fail(fmt::format("the response of pixel {} of camera {} is {}", i % expected[1],
-                              i / expected[1], values[i]),
-                  "/response", "record the flat field again, evenly lit and not saturated");
+  for (std::size_t c = 0; c < cameras; ++c) {
+    const std::size_t first = formats.ActiveBefore(c);
+    for (std::size_t i = first; i < formats.ActiveBefore(c + 1); ++i) {
+      if (values[i] >= kLowest && values[i] <= kHighest) continue;
+      reader.Fail(
+          fmt::format("the response of pixel {} of camera {} is {}", i - first, c, values[i]),
+          "/response", "record the flat field again, evenly lit and not saturated");
     }
   }
   return {values.begin(), values.end()};

@@ -75,7 +75,8 @@ RawLayout::Files ReadFiles(const TomlTable& table, const fs::path& folder) {
   return files;
 }
 
-void ReadSensor(const TomlTable& t, LineFormat* f) {
+// `own`: of one camera, whose table need only hold what differs from *f.
+void ReadSensor(const TomlTable& t, bool own, LineFormat* f) {
   f->sensor = t.StringOr("name", f->sensor);
   f->dummy = t.IntegerOr("dummy", f->dummy, 0, 1000);
   f->dark = t.IntegerOr("dark", f->dark, 0, 1000);
@@ -83,9 +84,27 @@ void ReadSensor(const TomlTable& t, LineFormat* f) {
   f->dark_after = t.IntegerOr("dark_after", f->dark_after, 0, 1000);
   f->parity = t.IntegerOr("parity", f->parity, 0, 1000);
   f->pitch = t.NumberOr("pitch", f->pitch, kPositive);
-  f->bits = t.Integer("bits", 8, 16);
-  f->electrons_per_count = t.Number("electrons_per_count", kPositive);
-  f->read_noise_counts = t.Number("read_noise_counts", kNonNegative);
+  f->bits = own ? t.IntegerOr("bits", f->bits, 8, 16) : t.Integer("bits", 8, 16);
+  f->electrons_per_count =
+      own ? t.NumberOr("electrons_per_count", f->electrons_per_count, kPositive)
+          : t.Number("electrons_per_count", kPositive);
+  f->read_noise_counts = own ? t.NumberOr("read_noise_counts", f->read_noise_counts, kNonNegative)
+                             : t.Number("read_noise_counts", kNonNegative);
+}
+
+// [camera.NAME.sensor]: of a camera whose lines are not like the others'.
+void ReadSensorsByCamera(const std::vector<std::pair<std::string, TomlTable>>& cameras,
+                         LineFormats* formats) {
+  const bool any = std::any_of(cameras.begin(), cameras.end(), [](const auto& camera) {
+    return camera.second.TableOrNone("sensor").has_value();
+  });
+  if (!any) return;
+  for (const auto& [name, table] : cameras) {
+    formats->by_camera.emplace_back(static_cast<const LineFormat&>(*formats));
+    if (const auto own = table.TableOrNone("sensor")) {
+      ReadSensor(*own, true, &formats->by_camera.back());
+    }
+  }
 }
 
 void ReadSchedule(const TomlTable& t, bool survey, RawLayout* layout) {
@@ -136,10 +155,12 @@ void ReadBinary(const TomlTable& t, RawLayout* layout) {
   layout->file_header = static_cast<std::size_t>(t.IntegerOr("file_header", 0, 0, kMostBytes));
   layout->line_header = static_cast<std::size_t>(t.IntegerOr("line_header", 0, 0, kMostBytes));
   layout->line_trailer = static_cast<std::size_t>(t.IntegerOr("line_trailer", 0, 0, kMostBytes));
-  if (layout->header.format.bits + layout->shift > 8 * layout->bytes) {
+  for (std::size_t c = 0; c < std::max<std::size_t>(1, layout->header.cameras.size()); ++c) {
+    const int bits = layout->header.format.Of(c).bits;
+    if (bits + layout->shift <= 8 * layout->bytes) continue;
     t.Fail("bytes",
-           fmt::format("{} bits shifted by {} do not fit into {} byte(s)",
-                       layout->header.format.bits, layout->shift, layout->bytes),
+           fmt::format("{} bits shifted by {} do not fit into {} byte(s)", bits, layout->shift,
+                       layout->bytes),
            "correct bytes, shift or sensor.bits");
   }
 }
@@ -151,7 +172,7 @@ RawLayout ReadRawLayout(const std::string& path) {
   const fs::path folder = fs::path(path).parent_path();
   RawLayout layout;
   layout.path = path;
-  ReadSensor(root.Table("sensor"), &layout.header.format);
+  ReadSensor(root.Table("sensor"), false, &layout.header.format);
   const TomlTable recording = root.Table("recording");
   const std::string format = recording.Choice("format", {"binary", "csv", "png"});
   layout.format = format == "binary" ? RawLayout::Format::kBinary
@@ -167,7 +188,6 @@ RawLayout ReadRawLayout(const std::string& path) {
     }
     layout.stamps = FileOf(recording, "stamps", folder);
   }
-  if (layout.format == RawLayout::Format::kBinary) ReadBinary(recording, &layout);
 
   const auto cameras = root.NamedTables("camera");
   if (recording.Has("cameras")) {
@@ -182,7 +202,9 @@ RawLayout ReadRawLayout(const std::string& path) {
       layout.header.cameras.push_back(name);
       layout.files.push_back(ReadFiles(table, folder));
     }
+    ReadSensorsByCamera(cameras, &layout.header.format);
   }
+  if (layout.format == RawLayout::Format::kBinary) ReadBinary(recording, &layout);
   std::vector<std::string> names = layout.header.cameras;
   std::sort(names.begin(), names.end());
   if (names.empty() || std::adjacent_find(names.begin(), names.end()) != names.end()) {

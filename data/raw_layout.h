@@ -40,9 +40,9 @@ struct RawLayout {
   };
   std::vector<Files> files;
   bool together() const { return files.size() == 1 && header.cameras.size() > 1; }
-  // Counts in one line of a file.
-  std::size_t width() const {
-    return header.format.elements() * (together() ? header.cameras.size() : 1);
+  // Counts in one line of the f-th files.
+  std::size_t Width(std::size_t f) const {
+    return together() ? header.line_counts() : header.format.Of(f).elements();
   }
 
   // Binary only.

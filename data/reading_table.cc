@@ -62,7 +62,34 @@ ReadingColumns FindReadingColumns(const CsvTable& table) {
   return out;
 }
 
+std::vector<int> ReadPixels(const CsvTable& table, std::size_t cameras) {
+  constexpr double kMost = 1e6;  // no row is longer
+  for (const std::string& comment : table.comments()) {
+    if (!comment.starts_with("pixels:")) continue;
+    std::vector<int> pixels;
+    for (const std::string& part : Split(comment.substr(7), ',')) {
+      double value = 0.0;
+      if (!ParseDouble(Trim(part), &value) || value != std::floor(value) || value < 1.0 ||
+          value > kMost) {
+        throw Error(fmt::format("'{}' is not a number of pixels", Trim(part)),
+                    table.path() + ": # pixels",
+                    "give whole numbers, as in '# pixels: 2160, 4096'");
+      }
+      pixels.push_back(static_cast<int>(value));
+    }
+    if (pixels.size() == 1) pixels.resize(cameras, pixels[0]);
+    if (pixels.size() != cameras) {
+      throw Error(fmt::format("states the pixels of {} cameras, but holds readings of {}",
+                              pixels.size(), cameras),
+                  table.path() + ": # pixels", "give one number for each camera, or one for all");
+    }
+    return pixels;
+  }
+  return {};
+}
+
 void NameCameras(const CsvTable& table, ReadingColumns* columns) {
+  columns->pixels = ReadPixels(table, columns->u.size());
   for (const std::string& comment : table.comments()) {
     if (!comment.starts_with("cameras:")) continue;
     std::vector<std::string> names;
@@ -101,7 +128,10 @@ void ReadingRepeats::Add(std::size_t point, std::size_t camera, double u_px, dou
 }
 
 ReadingTable ReadReadingsCsv(const std::string& path) {
-  return Collect(CsvTable::Load(path)).Average();
+  const CsvTable table = CsvTable::Load(path);
+  ReadingTable out = Collect(table).Average();
+  out.pixels = ReadPixels(table, out.cameras.size());
+  return out;
 }
 
 ReadingTable ReadingRepeats::Average() const {
@@ -176,6 +206,7 @@ void JoinReadings(const ReadingTable& readings, const std::string& where, Survey
   survey->cov = cov;
   survey->id = ids;
   survey->cameras = readings.cameras;
+  survey->pixels = readings.pixels;
   survey->u_px = readings.u_px(rows, Eigen::all);
   survey->s_px = readings.s_px(rows, Eigen::all);
   survey->notes.insert(survey->notes.end(), readings.notes.begin(), readings.notes.end());

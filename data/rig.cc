@@ -4,6 +4,8 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <cstdint>
+#include <optional>
 
 #include "base/error.h"
 #include "data/h5.h"
@@ -53,19 +55,50 @@ void CheckCovariance(const H5Reader& file, const Eigen::MatrixXd& covariance) {
   }
 }
 
+// The cameras' lens models; their terms must be those that this version knows by these names.
+std::vector<LensModel> ReadLenses(const H5Reader& file, const std::vector<std::string>& cameras) {
+  const std::vector<std::string> names = file.ReadStrings("/cameras/lens");
+  const std::vector<std::string> terms = file.ReadStrings("/cameras/term_names");
+  if (names.size() != cameras.size() || terms.size() != cameras.size() * kLensTerms) {
+    file.Fail("does not hold one lens for each camera", "/cameras/lens", "calibrate again");
+  }
+  std::vector<LensModel> out;
+  for (std::size_t j = 0; j < names.size(); ++j) {
+    const std::optional<LensModel> model = FindLensModel(names[j]);
+    if (!model) {
+      file.Fail(fmt::format("camera \"{}\" has the lens model \"{}\", which this version lacks",
+                            cameras[j], names[j]),
+                "/cameras/lens", "use the version that wrote it, or calibrate again");
+    }
+    const auto& known = NamesOf(*model).terms;
+    if (!std::equal(known.begin(), known.end(),
+                    terms.begin() + static_cast<std::ptrdiff_t>(j * kLensTerms))) {
+      file.Fail("lists other terms than this version knows", "/cameras/term_names",
+                "calibrate again");
+    }
+    out.push_back(*model);
+  }
+  return out;
+}
+
 }  // namespace
 
 void WriteRig(const std::string& path, const Rig& rig, const Provenance& provenance) {
   const auto c = static_cast<Eigen::Index>(rig.cameras.size());
-  std::vector<std::string> names, terms(kCameraTerms.begin(), kCameraTerms.end());
-  Eigen::MatrixXd R_CW(c, 9), p_WC(c, 3), values(c, 10);
+  std::vector<std::string> names, lenses, terms;
+  std::vector<std::int32_t> pixels;
+  Eigen::MatrixXd R_CW(c, 9), p_WC(c, 3), values(c, static_cast<Eigen::Index>(kLensTerms));
   std::vector<double> f, u0, e;
   for (Eigen::Index j = 0; j < c; ++j) {
     const RigCamera& camera = rig.cameras[static_cast<std::size_t>(j)];
     names.push_back(camera.name);
+    pixels.push_back(camera.pixels);
+    const LensNames& lens = NamesOf(camera.lens);
+    lenses.emplace_back(lens.name);
+    terms.insert(terms.end(), lens.terms.begin(), lens.terms.end());
     for (Eigen::Index k = 0; k < 9; ++k) R_CW(j, k) = camera.R_CW(k / 3, k % 3);
     p_WC.row(j) = camera.p_WC.transpose();
-    for (Eigen::Index k = 0; k < 10; ++k) {
+    for (Eigen::Index k = 0; k < values.cols(); ++k) {
       values(j, k) = camera.terms_px[static_cast<std::size_t>(k)];
     }
     f.push_back(camera.f_px);
@@ -75,13 +108,18 @@ void WriteRig(const std::string& path, const Rig& rig, const Provenance& provena
 
   H5Writer file(path, kRigSchema, kRigVersion, provenance);
   file.Write({"/cameras/name", "1", "cameras' names"}, names);
+  file.Write({"/cameras/pixels", "1", "active pixels; readings lie from 0 to this less one"},
+             pixels);
+  file.Write({"/cameras/lens", "1", "lens models' names"}, lenses);
   file.Write({"/cameras/R_CW", "1", "rotation from world to camera, camera x 9, row by row"}, R_CW);
   file.Write({"/cameras/p_WC", "m", "the slit's centre in the world"}, p_WC);
   file.Write({"/cameras/f", "px", "image scale"}, f);
   file.Write({"/cameras/u0", "px", "reading on the optical axis"}, u0);
   file.Write({"/cameras/e", "m", "distance between the two centres"}, e);
   file.Write({"/cameras/terms", "px", "coefficients of the terms, camera x 10"}, values);
-  file.Write({"/cameras/term_names", "1", "what each coefficient multiplies; x = X/Z, y = Y/(Z+e)"},
+  file.Write({"/cameras/term_names", "1",
+              "what each coefficient multiplies, camera by camera; x = X/Z, y = Y/(Z+e), "
+              "a = atan(x); empty: none"},
              terms);
   file.Write({"/covariance", "rad, m, px",
               "joint covariance of all cameras' parameters: 19 each, rotation, p_WC, f, u0, e, "
@@ -110,16 +148,22 @@ Rig ReadRig(const std::string& path) {
   const H5Reader file(path, kRigSchema, kRigVersion);
   Rig rig;
   const std::vector<std::string> names = file.ReadStrings("/cameras/name");
-  const std::vector<std::string> terms = file.ReadStrings("/cameras/term_names");
   if (names.empty()) file.Fail("names no camera", "/cameras/name", "calibrate again");
-  if (!std::equal(terms.begin(), terms.end(), kCameraTerms.begin(), kCameraTerms.end())) {
-    file.Fail("lists other terms than this version knows", "/cameras/term_names",
+  if (file.schema_version() < 2) {
+    file.Fail("does not say how many pixels each camera has: it was written by an older version",
+              "/cameras/pixels", "calibrate again");
+  }
+  const std::vector<LensModel> lenses = ReadLenses(file, names);
+  const std::vector<std::int32_t> pixels = file.ReadInts("/cameras/pixels");
+  if (pixels.size() != names.size() || *std::min_element(pixels.begin(), pixels.end()) < 1) {
+    file.Fail("does not hold a number of pixels for each camera", "/cameras/pixels",
               "calibrate again");
   }
   const auto c = static_cast<Eigen::Index>(names.size());
   const Eigen::MatrixXd R_CW = ReadFinite(file, "/cameras/R_CW", "1", c, 9);
   const Eigen::MatrixXd p_WC = ReadFinite(file, "/cameras/p_WC", "m", c, 3);
-  const Eigen::MatrixXd values = ReadFinite(file, "/cameras/terms", "px", c, 10);
+  const Eigen::MatrixXd values =
+      ReadFinite(file, "/cameras/terms", "px", c, static_cast<Eigen::Index>(kLensTerms));
   const auto column = [&](const char* dataset, const char* units) {
     std::vector<double> out = file.ReadDoubles(dataset, units);
     if (out.size() != names.size() ||
@@ -134,6 +178,8 @@ Rig ReadRig(const std::string& path) {
     const auto index = static_cast<std::size_t>(j);
     RigCamera camera;
     camera.name = names[index];
+    camera.pixels = pixels[index];
+    camera.lens = lenses[index];
     for (Eigen::Index k = 0; k < 9; ++k) camera.R_CW(k / 3, k % 3) = R_CW(j, k);
     const Eigen::Matrix3d unity = camera.R_CW * camera.R_CW.transpose();
     if (!unity.isIdentity(kOrthonormal) || camera.R_CW.determinant() < 0.0) {
@@ -141,7 +187,7 @@ Rig ReadRig(const std::string& path) {
                 "calibrate again");
     }
     camera.p_WC = p_WC.row(j).transpose();
-    for (Eigen::Index k = 0; k < 10; ++k) {
+    for (Eigen::Index k = 0; k < values.cols(); ++k) {
       camera.terms_px[static_cast<std::size_t>(k)] = values(j, k);
     }
     camera.f_px = f[index];

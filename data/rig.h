@@ -6,26 +6,26 @@
 #include <string>
 #include <vector>
 
+#include "data/lens.h"
 #include "data/provenance.h"
 
 namespace unfurl::data {
 
-// What is known of one camera. Camera frame C: origin at the slit's centre, X along the sensor row
+// One calibrated camera. Camera frame C: origin at the slit's centre, X along the sensor row
 // (growing u), Z along the optical axis towards the scene, Y = Z x X along the lens axis.
 // With (X, Y, Z) the point in C, x = X / Z and y = Y / (Z + e):
-//   u = u0 + f x + sum of terms,   in px. [docs/physics.md, the two-centre model]
-inline constexpr std::array<const char*, 10> kCameraTerms = {
-    "x^3", "x y^2", "x^5", "x^3 y^2", "x y^4", "x^2", "x y", "y^2", "x^2 y", "y^3"};
-
-// One calibrated camera.
+//   u = u0 + image(x, y; f, terms) by its lens model (data/lens.h), in px.
+// [docs/physics-optics.md, the two-centre model]
 struct RigCamera {
   std::string name;
+  int pixels = 0;  // active ones: readings lie from 0 to pixels - 1
+  LensModel lens = LensModel::kRectilinear;
   Eigen::Matrix3d R_CW = Eigen::Matrix3d::Identity();  // from W to C [-]
   Eigen::Vector3d p_WC = Eigen::Vector3d::Zero();      // the slit's centre in W [m]
   double f_px = 0.0;                                   // image scale [px]
   double u0_px = 0.0;                                  // reading on the optical axis [px]
   double e = 0.0;                                      // distance between the two centres [m]
-  std::array<double, 10> terms_px{};                   // in the order of kCameraTerms [px]
+  std::array<double, kLensTerms> terms_px{};           // in the order of LensNames::terms [px]
   // Its own model-error floor, added in quadrature to each reading's sigma [px]; negative: the
   // rig's.
   double floor_px = -1.0;
@@ -34,7 +34,8 @@ struct RigCamera {
 // Parameters of one camera, in this order, wherever a covariance or a Jacobian is laid out:
 // 0-2 rotation w, R_CW <- Exp(w) R_CW [rad]; 3-5 p_WC [m]; 6 f [px]; 7 u0 [px]; 8 e [m];
 // 9-18 terms [px].
-inline constexpr int kCameraParameters = 19;
+inline constexpr int kFirstTerm = 9;
+inline constexpr int kCameraParameters = kFirstTerm + static_cast<int>(kLensTerms);
 
 // The calibrated cameras with their joint uncertainty, and what the calibration says of itself.
 struct Rig {
@@ -59,7 +60,7 @@ inline double FloorOf(const Rig& rig, std::size_t camera) {
 }
 
 inline constexpr char kRigSchema[] = "unfurl/rig";
-inline constexpr int kRigVersion = 1;
+inline constexpr int kRigVersion = 2;  // 2: pixels and lens of each camera
 
 // Both throw Error: for a full disk or a refused path, for a file that is none or contradicts
 // itself.

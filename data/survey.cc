@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <fstream>
 
 #include "base/error.h"
@@ -47,6 +49,7 @@ Survey ReadCsv(const std::string& path) {
   ReadingColumns columns = FindReadingColumns(table);
   NameCameras(table, &columns);
   survey.cameras = columns.cameras;
+  survey.pixels = columns.pixels;
   if (columns.u.empty()) {
     throw Error("holds no readings", path, "add columns 'u1 [px]', 's1 [px]', ...");
   }
@@ -113,15 +116,24 @@ Survey ReadH5(const std::string& path) {
     survey.s_px = file.ReadMatrix("/s", "px");
   }
   if (file.Has("/lit")) {
-    const std::vector<std::size_t> dims = file.Dims("/lit");
-    survey.format = ReadLineFormat(file, "/lit", dims.empty() ? 0 : dims.back());
-    check("/lit", {n, cameras, survey.format.elements()});
-    check("/dark", {n, cameras, survey.format.elements()});
-    survey.lit.resize(n * cameras * survey.format.elements());
+    survey.format = ReadLineFormats(file, "/lit", cameras);
+    std::vector<std::size_t> dims = LineDims(survey.format, cameras);
+    dims.insert(dims.begin(), n);
+    check("/lit", dims);
+    check("/dark", dims);
+    survey.lit.resize(n * survey.line_counts());
     survey.dark.resize(survey.lit.size());
     file.ReadRows("/lit", 0, n, std::span<std::uint16_t>(survey.lit));
     file.ReadRows("/dark", 0, n, std::span<std::uint16_t>(survey.dark));
     survey.response = ReadResponse(file, cameras, survey.format);
+  }
+  // Of lines their layout says it; of readings, files before version 2 did not.
+  if (file.Has("/pixels")) {
+    for (const std::int32_t pixels : file.ReadInts("/pixels")) survey.pixels.push_back(pixels);
+    if (survey.pixels.size() != cameras ||
+        *std::min_element(survey.pixels.begin(), survey.pixels.end()) < 0) {
+      file.Fail("is not a number of pixels for each camera", "/pixels", "make the file again");
+    }
   }
   if (survey.u_px.size() == 0 && survey.lit.empty()) {
     file.Fail("holds neither readings nor lines", "/u", "make the file again");
@@ -145,6 +157,10 @@ void WriteSurvey(const std::string& path, const Survey& survey, const Provenance
   H5Writer file(path, kSurveySchema, kSurveyVersion, provenance);
   file.Write({"/id", "1", "points' ids"}, survey.id);
   file.Write({"/cameras", "1", "cameras' names"}, survey.cameras);
+  if (!survey.pixels.empty()) {
+    file.Write({"/pixels", "1", "of each camera's row; 0: not stated"},
+               std::vector<std::int32_t>(survey.pixels.begin(), survey.pixels.end()));
+  }
   file.Write({"/p", "m", "x, y, z in the station's frame"}, survey.p.transpose());
   file.Write({"/cov", "m^2", "covariance: xx, xy, xz, yy, yz, zz"}, survey.cov.transpose());
   if (survey.station.allFinite()) {
@@ -165,16 +181,14 @@ void WriteSurvey(const std::string& path, const Survey& survey, const Provenance
     file.Write({"/s", "px", "their standard deviations"}, survey.s_px);
   }
   if (survey.has_lines()) {
-    const std::size_t elements = survey.format.elements();
-    const std::vector<std::size_t> row = {survey.cameras.size(), elements};
+    const std::vector<std::size_t> row = LineDims(survey.format, survey.cameras.size());
     H5Series lit = file.Series({"/lit", "count", "LED lit: point x camera x element"},
                                H5Type::kUint16, row, 16, 1);
     H5Series dark = file.Series({"/dark", "count", "LED dark: point x camera x element"},
                                 H5Type::kUint16, row, 16, 1);
     lit.Append(std::span<const std::uint16_t>(survey.lit));
     dark.Append(std::span<const std::uint16_t>(survey.dark));
-    WriteLineFormat(file, "/lit", survey.format);
-    WriteLineFormat(file, "/dark", survey.format);
+    WriteLineFormats(file, "/lit", survey.format);
     WriteResponse(file, survey.response, survey.cameras.size(), survey.format);
   }
   file.Commit();
@@ -194,6 +208,14 @@ void WriteSurveyCsv(const std::string& path, const Survey& survey) {
   }
   CsvWriter writer(std::move(columns));
   writer.Comment(fmt::format("cameras: {}", fmt::join(survey.cameras, ", ")));
+  if (survey.has_lines() || !survey.pixels.empty()) {
+    std::vector<int> pixels = survey.pixels;
+    for (std::size_t c = 0; survey.has_lines() && c < survey.cameras.size(); ++c) {
+      pixels.resize(survey.cameras.size());
+      pixels[c] = survey.format.Of(c).active;
+    }
+    writer.Comment(fmt::format("pixels: {}", fmt::join(pixels, ", ")));
+  }
   if (survey.station.allFinite()) {
     writer.Comment(fmt::format("station: {}, {}, {}", survey.station.x(), survey.station.y(),
                                survey.station.z()));

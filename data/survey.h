@@ -26,6 +26,7 @@ struct Survey {
   Eigen::Matrix3Xd p;                            // 3 x n, in the station's frame W [m]
   Eigen::Matrix<double, 6, Eigen::Dynamic> cov;  // xx, xy, xz, yy, yz, zz by n [m^2]
   std::vector<std::string> cameras;              // c names
+  std::vector<int> pixels;                       // c, of each camera's row; 0, or empty: not stated
   // Where the total station stood, in W [m]; NaN: not said.
   Eigen::Vector3d station = Eigen::Vector3d::Constant(NAN);
   StationErrors station_errors;
@@ -34,23 +35,31 @@ struct Survey {
   Eigen::MatrixXd u_px;  // n x c readings [px]; NaN: not seen. Empty (0 x 0) where there are lines
   Eigen::MatrixXd s_px;  // n x c standard deviations [px]; NaN where u is NaN
 
-  // Raw lines, both n x c x elements in C order, or both empty: with the LED lit, and dark.
-  LineFormat format;
+  // Raw lines, both n x (elements of each camera in turn), or both empty: with the LED lit, and
+  // dark.
+  LineFormats format;
   std::vector<std::uint16_t> lit;
   std::vector<std::uint16_t> dark;
-  std::vector<float> response;  // flat field, c x active [-]; empty: none was recorded
+  // Flat field of the active pixels, camera after camera [-]; empty: none was recorded.
+  std::vector<float> response;
 
   // Number of points.
   std::size_t size() const { return id.size(); }
   // True where readings must still be found in raw lines.
   bool has_lines() const { return !lit.empty(); }
+  std::size_t line_counts() const { return format.ElementsBefore(cameras.size()); }
+  // Where one camera's line of a point begins in `lit` and `dark`.
+  std::size_t LineAt(std::size_t point, std::size_t camera) const {
+    return point * line_counts() + format.ElementsBefore(camera);
+  }
 };
 
 inline constexpr char kSurveySchema[] = "unfurl/survey";
-inline constexpr int kSurveyVersion = 1;
+inline constexpr int kSurveyVersion = 2;  // 2: pixels of each camera
 
 // By content: HDF5, or CSV with points (data/survey_points.h), then u1.. and s1.. (empty cells: not
-// seen), each with its unit in the header.
+// seen), each with its unit in the header, and the cameras' numbers of pixels as a comment
+// "pixels: 2160, 4096" (one number: all alike).
 Survey ReadSurvey(const std::string& path);
 bool IsSurveyH5(const std::string& path);  // HDF5 at all, by its first bytes
 void WriteSurvey(const std::string& path, const Survey& survey, const Provenance& provenance);

@@ -44,9 +44,13 @@ Eigen::Vector3d FromPolar(double hz, double v, double d, Eigen::Matrix3d* deriva
 struct ReadingColumns {
   std::vector<int> u, s;
   std::vector<std::string> cameras;
+  std::vector<int> pixels;  // of each camera's row; empty: not stated
 };
 ReadingColumns FindReadingColumns(const CsvTable& table);
-// "# cameras: a, b" names them. Throws Error where that names more or fewer.
+// "# pixels: 2160, 4096", or one number for all; empty where there is none. Throws Error for
+// another number of numbers, and for what is no number of pixels.
+std::vector<int> ReadPixels(const CsvTable& table, std::size_t cameras);
+// "# cameras: a, b" names them; their pixels. Throws Error where that names more or fewer.
 void NameCameras(const CsvTable& table, ReadingColumns* columns);
 // The reading in a row, NaN for two empty cells. Throws Error for half a reading and for a sigma
 // that is not above 0.
@@ -59,6 +63,7 @@ CellReading ReadReading(const CsvTable& table, std::size_t row, int u_column, in
 // said.
 struct ReadingTable {
   std::vector<std::string> id, cameras;
+  std::vector<int> pixels;     // by camera; empty: not stated
   Eigen::MatrixXd u_px, s_px;  // id x camera [px]; NaN: not seen
   std::vector<std::string> notes;
 };

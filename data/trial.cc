@@ -48,10 +48,11 @@ TrialWriter::TrialWriter(const std::string& path, const TrialHeader& header,
                          H5Type::kDouble, {}, 4096);
   impl_->slot =
       file.Series({"/slot", "1", "what was lit: index into slots"}, H5Type::kInt32, {}, 4096);
-  impl_->lines = file.Series({"/lines", "count", "counts: line x camera x element in read-out"},
-                             H5Type::kUint16, {header.cameras.size(), header.format.elements()},
-                             kChunk, kDeflate);
-  WriteLineFormat(file, "/lines", header.format);
+  impl_->lines = file.Series(
+      {"/lines", "count",
+       "counts: line x camera x element in read-out, or line x the elements of all cameras"},
+      H5Type::kUint16, LineDims(header.format, header.cameras.size()), kChunk, kDeflate);
+  WriteLineFormats(file, "/lines", header.format);
   file.Attribute("/lines", "line_rate [1/s]", header.line_rate);
   WriteResponse(file, header.response, header.cameras.size(), header.format);
 }
@@ -77,21 +78,15 @@ struct TrialReader::Impl {
 TrialReader::TrialReader(const std::string& path) : impl_(std::make_unique<Impl>(path)) {
   const H5Reader& file = impl_->file;
   TrialHeader& header = impl_->header;
-  const std::vector<std::size_t> dims = file.Dims("/lines");
-  if (dims.size() != 3) file.Fail("is not line x camera x element", "/lines", "make it again");
   header.cameras = file.ReadStrings("/cameras");
   header.slots = file.ReadStrings("/slots");
-  header.format = ReadLineFormat(file, "/lines", dims[2]);
+  header.format = ReadLineFormats(file, "/lines", header.cameras.size());
   header.line_rate = file.DoubleAttribute("/lines", "line_rate [1/s]");
   header.response = ReadResponse(file, header.cameras.size(), header.format);
-  impl_->lines = dims[0];
-  if (dims[1] != header.cameras.size()) {
-    file.Fail(fmt::format("holds {} cameras, but {} are named", dims[1], header.cameras.size()),
-              "/lines", "make the file again");
-  }
+  impl_->lines = file.Dims("/lines")[0];
   for (const char* name : {"/t", "/slot"}) {
-    if (file.Dims(name) != std::vector<std::size_t>{dims[0]}) {
-      file.Fail(fmt::format("does not hold one entry for each of {} lines", dims[0]), name,
+    if (file.Dims(name) != std::vector<std::size_t>{impl_->lines}) {
+      file.Fail(fmt::format("does not hold one entry for each of {} lines", impl_->lines), name,
                 "make the file again");
     }
   }

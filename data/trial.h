@@ -16,14 +16,14 @@ namespace unfurl::data {
 struct TrialHeader {
   std::vector<std::string> cameras;  // c names
   std::vector<std::string> slots;    // what may be lit: mark names and "dark"
-  LineFormat format;
+  LineFormats format;
   double line_rate = 0.0;  // [1/s]
-  // Flat field: response of each active pixel relative to its camera's mean [-], c x active; empty:
-  // none was recorded.
+  // Flat field: response of each active pixel relative to its camera's mean [-], camera after
+  // camera; empty: none was recorded.
   std::vector<float> response;
 
   // Counts of one line, all cameras.
-  std::size_t line_counts() const { return cameras.size() * format.elements(); }
+  std::size_t line_counts() const { return format.ElementsBefore(cameras.size()); }
 };
 
 // What a slot lights: its name, or several joined by '+' ("mark1+mark2"); none for "dark".
@@ -36,12 +36,18 @@ inline constexpr int kTrialVersion = 1;
 struct TrialBlock {
   std::vector<double> t;              // n [s]
   std::vector<std::int32_t> slot;     // n, index into the header's slots
-  std::vector<std::uint16_t> counts;  // n x c x elements
+  std::vector<std::uint16_t> counts;  // n x (elements of each camera in turn)
 
   // Number of lines.
   std::size_t size() const { return t.size(); }
   // Room for so many lines; allocates only when it grows.
   void Resize(std::size_t lines, const TrialHeader& header);
+  // One camera's line.
+  std::span<const std::uint16_t> Line(const TrialHeader& header, std::size_t line,
+                                      std::size_t camera) const {
+    return {&counts[line * header.line_counts() + header.format.ElementsBefore(camera)],
+            header.format.Of(camera).elements()};
+  }
 };
 
 // Streams lines to disk in constant memory; the file gets its name on Commit.

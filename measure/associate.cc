@@ -1,8 +1,13 @@
 #include "measure/associate.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string>
+
+#include "base/error.h"
 
 namespace unfurl::measure {
 
@@ -14,8 +19,27 @@ constexpr std::size_t kMostVisited =
     200000;  // sets looked at; beyond, the line counts as ambiguous
 // Possible points of a mark that are kept; one that has more, and is not followed, is ambiguous.
 constexpr std::size_t kMostPoints = 100;
+// Points as near as this, over the volume's size, are no alternatives: a hundredth of a pixel or
+// two in a row of 2000.
+constexpr double kSameShare = 1.3e-5;
 
 }  // namespace
+
+void AssociateOptions::Check() const {
+  const auto between = [](const char* name, double value, double low, double high) {
+    if (value > low && value < high) return;
+    throw Error(fmt::format("is not between {:g} and {:g}", low, high),
+                std::string("AssociateOptions::") + name, "give a number between them");
+  };
+  constexpr double kAny = std::numeric_limits<double>::infinity();
+  between("miss", miss, 0.0, 1.0);
+  between("clutter", clutter, 0.0, kAny);
+  between("displaced_sigmas", displaced_sigmas, 0.0, kAny);
+  between("merge_px", merge_px, 0.0, kAny);
+  between("certainty", certainty, 0.0, 1.0);
+  between("spread", spread, 0.0, kAny);
+  between("gate_sigmas", gate_sigmas, 0.0, kAny);
+}
 
 Associator::Associator(const Triangulator& triangulator, const AssociateOptions& options)
     : triangulator_(triangulator),
@@ -24,7 +48,9 @@ Associator::Associator(const Triangulator& triangulator, const AssociateOptions&
       s_(triangulator.cameras(), 1.0),
       seen_(triangulator.cameras() * Motion::Prediction::kMost) {
   const data::Rig& rig = triangulator.rig();
-  log_volume_ = std::log(std::max((rig.volume_high - rig.volume_low).prod(), 1e-9));
+  options.Check();
+  log_volume_ = std::log((rig.volume_high - rig.volume_low).prod());
+  for (const data::RigCamera& camera : rig.cameras) row_px_.push_back(camera.pixels);
 }
 
 void Associator::Search(std::span<const Mark> marks, std::size_t depth, double score) {
@@ -77,18 +103,42 @@ void Associator::Search(std::span<const Mark> marks, std::size_t depth, double s
   }
 }
 
-void Associator::Conclude(std::span<const Mark> marks, std::vector<Association>* out) const {
+// How sure a choice for one mark is: the share of the weight of all sets that agree with it, and
+// the variance that the other places which it may have instead would add [m^2].
+Associator::Doubt Associator::DoubtOf(std::span<const Mark> marks, std::size_t m,
+                                      const Set& best) const {
   constexpr double kSameSigmas = 3.0;
-  constexpr double kSame = 5e-5;  // points as near as this are no alternatives [m]
-  constexpr double kFar = 5e-3;   // an error as large as this is as bad as any [m]
+  // Over the volume's size: an error as large as this is as bad as any (some pixels).
+  constexpr double kFarShare = 1.3e-3;
+  const double nearest = kSameShare * triangulator_.size(), far = kFarShare * triangulator_.size();
+  const Hypothesis* choice = HypothesisOf(best, m);
+  Doubt out;
+  double total = 0.0, agree = 0.0;
+  for (const Set& set : sets_) {
+    const Hypothesis* other = HypothesisOf(set, m);
+    const double weight = std::exp(set.score - best.score);
+    total += weight;
+    bool same = other == choice;
+    if (!same && choice != nullptr) {
+      const bool place = other != nullptr || marks[m].known;
+      const Eigen::Vector3d p = other != nullptr ? other->point.p : marks[m].expected.Likeliest();
+      const double apart = place ? (p - choice->point.p).norm() : 0.0;
+      same = other != nullptr &&
+             apart < nearest + kSameSigmas *
+                                   std::sqrt(choice->point.cov.trace() + other->point.cov.trace());
+      out.spread += weight * std::min(apart * apart, far * far);
+    }
+    if (same) agree += weight;
+  }
+  out.certainty = agree / total;
+  out.spread /= total;
+  return out;
+}
+
+void Associator::Conclude(std::span<const Mark> marks, std::vector<Association>* out) const {
   const auto best = std::max_element(sets_.begin(), sets_.end(),
                                      [](const Set& a, const Set& b) { return a.score < b.score; });
-  const auto of = [&](const Set& set, std::size_t m) -> const Hypothesis* {
-    const int choice = set.choice[m];
-    return choice < 0 ? nullptr : &lists_[m][static_cast<std::size_t>(choice)];
-  };
-  double total = 0.0;
-  for (const Set& set : sets_) total += std::exp(set.score - best->score);
+  const double nearest = kSameShare * triangulator_.size();
   // Places give names only where every one of them is there.
   bool named = true;
   for (std::size_t m = 0; m < marks.size(); ++m) {
@@ -98,24 +148,9 @@ void Associator::Conclude(std::span<const Mark> marks, std::vector<Association>*
     Association& mine = (*out)[m];
     mine = {};
     mine.chosen.fill(-1);
-    const Hypothesis* choice = of(*best, m);
-    double agree = 0.0, spread = 0.0;
-    for (const Set& set : sets_) {
-      const Hypothesis* other = of(set, m);
-      const double weight = std::exp(set.score - best->score);
-      bool same = other == choice;
-      if (!same && choice != nullptr) {
-        const bool place = other != nullptr || marks[m].known;
-        const Eigen::Vector3d p = other != nullptr ? other->point.p : marks[m].expected.Likeliest();
-        const double apart = place ? (p - choice->point.p).norm() : 0.0;
-        same = other != nullptr &&
-               apart < kSame + kSameSigmas *
-                                   std::sqrt(choice->point.cov.trace() + other->point.cov.trace());
-        spread += weight * std::min(apart * apart, kFar * kFar);
-      }
-      if (same) agree += weight;
-    }
-    mine.certainty = agree / total;
+    const Hypothesis* choice = HypothesisOf(*best, m);
+    const Doubt doubt = DoubtOf(marks, m, *best);
+    mine.certainty = doubt.certainty;
     if (choice == nullptr || choice->point.readings < 3) {
       const bool any = std::any_of(lists_[m].begin(), lists_[m].end(),
                                    [](const Hypothesis& h) { return h.point.readings >= 3; });
@@ -126,7 +161,7 @@ void Associator::Conclude(std::span<const Mark> marks, std::vector<Association>*
     mine.chosen = choice->chosen;
     const bool certain =
         (marks[m].followed || !cut_[m]) && mine.certainty >= options_.certainty &&
-        spread / total <= options_.spread * mine.point.cov.trace() + kSame * kSame &&
+        doubt.spread <= options_.spread * mine.point.cov.trace() + nearest * nearest &&
         (marks[m].known || named || marks.size() == 1);
     if (!certain) mine.point.outcome = PointOutcome::kAmbiguous;
   }

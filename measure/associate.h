@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -18,14 +19,15 @@ struct Candidate {
 };
 
 struct AssociateOptions {
-  double miss = 0.02;      // chance that a camera does not show a mark that is there [-]
-  double clutter = 0.05;   // spots of no mark, expected per camera and line [-]
-  double row_px = 2160.0;  // over which they are spread [px]
+  // Throws Error that names a value which makes no sense.
+  void Check() const;
+  double miss = 0.02;     // chance that a camera does not show a mark that is there [-]
+  double clutter = 0.05;  // spots of no mark, expected per camera and line [-]
   // While one mark is lit, a camera's spots that are not taken stand for a wrong reading of it. Of
   // its error any order of magnitude is as likely, from so many sigmas of the reading to the row.
   double displaced_sigmas = 5.0;
   // Two marks that are expected as near as this in a camera make one spot there [px]: three widths
-  // of a spot of 4 px.
+  // (sigmas) of a spot. Reconstructor takes them from the record; the default is of spots of 4 px.
   double merge_px = 12.0;
   // Below this chance of being right, a point counts as ambiguous [-]; also where the places that
   // it may have instead would add more than `spread` to its variance [-].
@@ -104,14 +106,28 @@ class Associator {
   void Push(const PointSolution& point, std::span<const double> miss,
             std::vector<Hypothesis>* out) const;
   void PushFew(std::span<const double> miss, std::vector<Hypothesis>* out) const;
+  // log of the density of spots of no mark [1/px].
+  double LogClutter(std::size_t camera) const {
+    return std::log(options_.clutter / row_px_[camera]);
+  }
   double Unclaimed(const Eigen::Vector3d& p, std::uint32_t claimed,
                    std::span<const double> miss) const;
   void Search(std::span<const Mark> marks, std::size_t depth, double score);
+  struct Doubt {
+    double certainty = 0.0;  // [-]
+    double spread = 0.0;     // [m^2]
+  };
+  const Hypothesis* HypothesisOf(const Set& set, std::size_t m) const {
+    const int choice = set.choice[m];
+    return choice < 0 ? nullptr : &lists_[m][static_cast<std::size_t>(choice)];
+  }
+  Doubt DoubtOf(std::span<const Mark> marks, std::size_t m, const Set& best) const;
   void Conclude(std::span<const Mark> marks, std::vector<Association>* out) const;
 
   const Triangulator& triangulator_;
   AssociateOptions options_;
   double log_volume_;
+  std::vector<double> row_px_;  // by camera, over which clutter is spread
   // Of the line in hand, kept so that nothing is allocated once they have grown.
   std::vector<double> u_, s_;
   std::span<const std::span<const Candidate>> lone_;  // the line's, while one mark is lit

@@ -12,6 +12,8 @@ namespace unfurl::measure {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+// For what a linear forecast of a reading leaves out, over the row: a pixel of 2000 [-].
+constexpr double kSlack = 5e-4;
 
 }  // namespace
 
@@ -21,7 +23,6 @@ void Associator::Push(const PointSolution& point, std::span<const double> miss,
                       std::vector<Hypothesis>* out) const {
   if (point.outcome != PointOutcome::kSolved) return;
   if (mark_ != nullptr && mark_->lost && point.readings < 4) return;
-  const double clutter = std::log(options_.clutter / options_.row_px);
   Hypothesis h;
   h.point = point;
   h.chosen = chosen_;
@@ -32,7 +33,7 @@ void Associator::Push(const PointSolution& point, std::span<const double> miss,
     if ((point.cameras >> c & 1U) == 0) continue;
     const double m = miss.empty() ? options_.miss : miss[c];
     const double sigma = std::hypot(s_[c], data::FloorOf(triangulator_.rig(), c));
-    h.score += std::log(1.0 - m) - 0.5 * std::log(2.0 * M_PI) - std::log(sigma) - clutter;
+    h.score += std::log(1.0 - m) - 0.5 * std::log(2.0 * M_PI) - std::log(sigma) - LogClutter(c);
   }
   out->push_back(h);
 }
@@ -53,17 +54,15 @@ double Associator::Unclaimed(const Eigen::Vector3d& p, std::uint32_t claimed,
     double density = 0.0;
     for (const Candidate& spot : lone_[c]) {
       const double least = options_.displaced_sigmas * spot.s_px;
-      density +=
-          0.5 / (std::log1p(options_.row_px / least) * (std::abs(spot.u_px - at[c]) + least));
+      density += 0.5 / (std::log1p(row_px_[c] / least) * (std::abs(spot.u_px - at[c]) + least));
     }
-    score += std::log(density * options_.row_px / options_.clutter);
+    score += std::log(density) - LogClutter(c);
   }
   return score;
 }
 
 // One reading or two, the ones that are chosen: their density, given where the mark is expected.
 void Associator::PushFew(std::span<const double> miss, std::vector<Hypothesis>* out) const {
-  const double clutter = std::log(options_.clutter / options_.row_px);
   Hypothesis h;
   h.chosen = chosen_;
   std::array<std::size_t, 2> used{};
@@ -72,7 +71,7 @@ void Associator::PushFew(std::span<const double> miss, std::vector<Hypothesis>* 
     if (std::isnan(u_[c])) continue;
     const double m = miss.empty() ? options_.miss : miss[c];
     const double floor = data::FloorOf(triangulator_.rig(), c);
-    h.score += std::log(1.0 - m) - 0.5 * std::log(2.0 * M_PI) - clutter;
+    h.score += std::log(1.0 - m) - 0.5 * std::log(2.0 * M_PI) - LogClutter(c);
     variance[static_cast<std::size_t>(h.point.readings)] = s_[c] * s_[c] + floor * floor;
     used[static_cast<std::size_t>(h.point.readings++)] = c;
     h.point.cameras |= 1U << c;
@@ -148,14 +147,14 @@ void Associator::Extend(std::span<const std::span<const Candidate>> cameras, std
     return;
   }
   Extend(cameras, camera + 1, from, miss, readings, out);
-  // Only spots that the point so far can reach: its own error, by the steepest a reading can move.
-  constexpr double kSteepest = 1500.0;  // [px/m], 1.5 m from a camera
-  std::array<double, CameraBank::kMaxCameras> at;
-  triangulator_.bank().Readings(from.p.data(), at.data());
-  const double reach = 1.0 + options_.gate_sigmas * kSteepest * std::sqrt(from.cov.trace());
-  for (std::size_t k = 0; k < Choices(cameras, camera); ++k) {
+  // Only spots that the point so far can reach: its own error, as the camera sees it at most.
+  Projection seen;
+  const bool in_front = Project(triangulator_.rig().cameras[camera], from.p, &seen);
+  const double reach = kSlack * row_px_[camera] +
+                       options_.gate_sigmas * seen.du_dp.norm() * std::sqrt(from.cov.trace());
+  for (std::size_t k = 0; in_front && k < Choices(cameras, camera); ++k) {
     if (!Choose(cameras, camera, k)) continue;
-    if (std::abs(u_[camera] - at[camera]) < reach + options_.gate_sigmas * s_[camera]) {
+    if (std::abs(u_[camera] - seen.u_px) < reach + options_.gate_sigmas * s_[camera]) {
       const PointSolution wider = triangulator_.Solve(u_, s_, from.p);
       if (wider.outcome == PointOutcome::kSolved) {
         Extend(cameras, camera + 1, wider, miss, readings + 1, out);
@@ -192,7 +191,7 @@ void Associator::Enumerate(std::span<const std::span<const Candidate>> cameras, 
         for (std::size_t k = 0; k < std::min(cameras[c].size(), kMostCandidates); ++k) {
           const Candidate& candidate = cameras[c][k];
           if (std::abs(candidate.u_px - here.u_px) <
-              reach + 1.0 + options_.gate_sigmas * candidate.s_px) {
+              reach + kSlack * row_px_[c] + options_.gate_sigmas * candidate.s_px) {
             near_[c] |= static_cast<std::uint8_t>(1U << k);
           }
         }

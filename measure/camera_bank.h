@@ -36,9 +36,19 @@ class CameraBank {
   void Readings(const double* p, double* u) const;
 
  private:
-  static constexpr std::size_t kConstants = 25;  // per camera: R, p_WC, e, f, u0, terms
+  // Per camera: R, p_WC, e, f, u0, terms.
+  static constexpr std::size_t kConstants = 15 + data::kLensTerms;
+  // The sums, and the readings, of the cameras that have this lens.
+  template <typename Lens>
+  void AddLens(const double* p, const double* u, const double* w, double (*sum)[4],
+               double* behind) const;
+  template <typename Lens>
+  void ReadLens(const double* p, double* u) const;
+
   std::size_t lanes_ = 0;
   std::vector<double> constants_;  // kConstants x lanes
+  std::vector<double> of_lens_;    // 1 where a lane has the lens; lens x lanes
+  std::vector<bool> present_;      // by lens
 };
 
 // row[k] += sum_j d[j] rows[j * stride + k], k in [0, count); `n` entries of d.

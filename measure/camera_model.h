@@ -14,7 +14,7 @@ struct Projection {
                                                             // order of data/rig.h
 };
 
-// False, and `out` untouched, for a point at or behind the slit (Z <= 0.05 m).
+// False, and `out` untouched, for a point that is not in front (kLeastSlope).
 bool Project(const data::RigCamera& camera, const Eigen::Vector3d& p_W, double* u_px);
 bool Project(const data::RigCamera& camera, const Eigen::Vector3d& p_W, Projection* out);
 

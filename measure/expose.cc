@@ -28,22 +28,43 @@ void ForLines(const data::Lab& lab, const VirtualRig& rig, std::size_t count, st
   });
 }
 
+data::LineFormats FormatsOf(const data::Lab& lab) {
+  data::LineFormats formats{lab.sensor.format, {}};
+  const bool differ = std::any_of(lab.cameras.begin(), lab.cameras.end(),
+                                  [](const auto& camera) { return camera.sensor.has_value(); });
+  for (std::size_t c = 0; differ && c < lab.cameras.size(); ++c) {
+    formats.by_camera.push_back(lab.SensorOf(c).format);
+  }
+  return formats;
+}
+
+// Lines that residual charge is followed back in any camera.
+std::size_t LongestMemory(const data::Lab& lab) {
+  int longest = 0;
+  for (std::size_t c = 0; c < lab.cameras.size(); ++c) {
+    longest = std::max(longest, ResidualMemory(lab.SensorOf(c)));
+  }
+  return static_cast<std::size_t>(longest);
+}
+
 // What even light would read, as one does before a trial: mean of lit lines less mean of dark ones.
 std::vector<float> RecordFlatField(const data::Lab& lab, const VirtualRig& rig,
                                    std::size_t workers) {
-  const data::LineFormat& format = lab.sensor.format;
-  const std::size_t n = static_cast<std::size_t>(format.active);
-  std::vector<float> response(rig.cameras.size() * n);
+  const data::LineFormats formats = FormatsOf(lab);
+  std::vector<float> response(formats.ActiveBefore(rig.cameras.size()));
   const Rng seed = Rng(lab.seed).Stream("flat field");
   ParallelFor(rig.cameras.size(), workers, [&](std::size_t c) {
-    std::vector<double> light(n, lab.flat_field.level * lab.sensor.full_well), none(n, 0.0);
+    const data::LabSensor& sensor = lab.SensorOf(c);
+    const data::LineFormat& format = sensor.format;
+    const auto n = static_cast<std::size_t>(format.active);
+    std::vector<double> light(n, lab.flat_field.level * sensor.full_well), none(n, 0.0);
     const std::vector<double>& truth = rig.patterns[c].response;
     for (std::size_t k = 0; k < truth.size(); ++k) light[k] *= truth[k];
-    if (lab.sensor.blooming > 0.0) Bloom(lab.sensor, light);
+    if (sensor.blooming > 0.0) Bloom(sensor, light);
     std::vector<double> sum(n, 0.0);
     std::vector<std::uint16_t> line(format.elements());
     const auto add = [&](std::span<const double> pixels, double sign, Rng rng) {
-      ReadOut(lab.sensor, pixels, lab.sensor.dark_level, rng, line, &rig.patterns[c]);
+      ReadOut(sensor, pixels, sensor.dark_level, rng, line, &rig.patterns[c]);
       for (std::size_t k = 0; k < n; ++k) sum[k] += sign * line[format.first_active() + k];
     };
     for (int i = 0; i < lab.flat_field.lines; ++i) {
@@ -54,7 +75,8 @@ std::vector<float> RecordFlatField(const data::Lab& lab, const VirtualRig& rig,
     }
     double mean = 0.0;
     for (const double s : sum) mean += s / static_cast<double>(n);
-    for (std::size_t k = 0; k < n; ++k) response[c * n + k] = static_cast<float>(sum[k] / mean);
+    for (std::size_t k = 0; k < n; ++k)
+      response[formats.ActiveBefore(c) + k] = static_cast<float>(sum[k] / mean);
   });
   return response;
 }
@@ -90,7 +112,7 @@ data::TrialHeader HeaderOf(const data::Lab& lab) {
       header.slots.push_back(slot);
     }
   }
-  header.format = lab.sensor.format;
+  header.format = FormatsOf(lab);
   header.line_rate = lab.strobe.line_rate;
   if (lab.flat_field.lines > 0) {
     header.response = RecordFlatField(lab, MakeVirtualRig(lab), 0);
@@ -139,8 +161,7 @@ void ExposeTrial(const data::Lab& lab, const data::Run& run, data::TrialWriter& 
   std::vector<Eigen::Vector3d> true_points;
   const Rng noise = Rng(lab.seed).Stream("trial");
   const std::size_t cameras = rig.cameras.size();
-  const std::size_t elements = header.format.elements();
-  const std::size_t memory = static_cast<std::size_t>(ResidualMemory(lab.sensor));
+  const std::size_t memory = LongestMemory(lab);
   const Eigen::Vector3d led_axis = rig.X_WM.linear() * lab.led.axis;
   const auto stamp_of = [&](std::size_t line) {
     return (static_cast<double>(line) + 0.5) / header.line_rate;
@@ -153,36 +174,38 @@ void ExposeTrial(const data::Lab& lab, const data::Run& run, data::TrialWriter& 
       block.t[i] = stamp_of(first + i);
       block.slot[i] = cycle[(first + i) % cycle.size()];
     }
-    ForLines(
-        lab, rig, count, options.workers, [&](Exposer& exposer, std::size_t i, std::size_t end) {
-          std::vector<std::array<Eigen::Vector3d, 2>> instants;
-          std::vector<Exposer::Led> leds;
-          // What the lines before have left in the pixels.
-          const std::size_t line0 = first + i;
-          const std::size_t before = std::min(memory, line0);
-          for (std::size_t line = line0 - before; line < first + end; ++line) {
-            const double stamp = stamp_of(line);
-            const std::size_t slot = static_cast<std::size_t>(cycle[line % cycle.size()]);
-            instants.clear();
-            for (const MarkPath& path : paths[slot]) {
-              instants.push_back({rig.X_WM * path.At(run_time(stamp - half_spread)),
-                                  rig.X_WM * path.At(run_time(stamp + half_spread))});
-            }
-            leds.clear();
-            for (const auto& places : instants) leds.push_back({places, led_axis});
-            const Exposer::Line light{.leds = leds,
-                                      .electrons = rig.flash_electrons,
-                                      .t = stamp,
-                                      .mains_phase = rig.mains_phase};
-            for (std::size_t c = 0; c < cameras; ++c) {
-              exposer.Collect(c, light);
-              if (line < line0) continue;
-              exposer.Read(c, DarkLevel(lab.sensor, stamp, rig.drift_phase[c]),
-                           noise.Stream("line", line * cameras + c),
-                           {&block.counts[((line - first) * cameras + c) * elements], elements});
-            }
-          }
-        });
+    ForLines(lab, rig, count, options.workers,
+             [&](Exposer& exposer, std::size_t i, std::size_t end) {
+               std::vector<std::array<Eigen::Vector3d, 2>> instants;
+               std::vector<Exposer::Led> leds;
+               // What the lines before have left in the pixels.
+               const std::size_t line0 = first + i;
+               const std::size_t before = std::min(memory, line0);
+               for (std::size_t line = line0 - before; line < first + end; ++line) {
+                 const double stamp = stamp_of(line);
+                 const std::size_t slot = static_cast<std::size_t>(cycle[line % cycle.size()]);
+                 instants.clear();
+                 for (const MarkPath& path : paths[slot]) {
+                   instants.push_back({rig.X_WM * path.At(run_time(stamp - half_spread)),
+                                       rig.X_WM * path.At(run_time(stamp + half_spread))});
+                 }
+                 leds.clear();
+                 for (const auto& places : instants) leds.push_back({places, led_axis});
+                 const Exposer::Line light{.leds = leds,
+                                           .electrons = rig.flash_electrons,
+                                           .t = stamp,
+                                           .mains_phase = rig.mains_phase};
+                 for (std::size_t c = 0; c < cameras; ++c) {
+                   exposer.Collect(c, light);
+                   if (line < line0) continue;
+                   const std::size_t at = (line - first) * header.line_counts();
+                   exposer.Read(c, DarkLevel(lab.SensorOf(c), stamp, rig.drift_phase[c]),
+                                noise.Stream("line", line * cameras + c),
+                                {&block.counts[at + header.format.ElementsBefore(c)],
+                                 header.format.Of(c).elements()});
+                 }
+               }
+             });
     trial.Append(block);
     for (std::size_t i = 0; truth != nullptr && i < count; ++i) {
       const std::size_t slot = static_cast<std::size_t>(block.slot[i]);
@@ -216,7 +239,6 @@ data::Survey ExposeSurvey(const data::Lab& lab, const data::Survey& points,
   const data::TrialHeader header = HeaderOf(lab);
   const std::size_t n = points.size();
   const std::size_t cameras = rig.cameras.size();
-  const std::size_t elements = header.format.elements();
   const Rng seed(lab.seed);
 
   data::Survey survey;
@@ -225,7 +247,7 @@ data::Survey ExposeSurvey(const data::Lab& lab, const data::Survey& points,
   survey.format = header.format;
   survey.p = points.p;
   survey.cov = points.cov;
-  survey.lit.resize(n * cameras * elements);
+  survey.lit.resize(n * survey.line_counts());
   survey.dark.resize(survey.lit.size());
   for (std::size_t i = 0; i < n; ++i) {
     const auto col = static_cast<Eigen::Index>(i);
@@ -243,7 +265,7 @@ data::Survey ExposeSurvey(const data::Lab& lab, const data::Survey& points,
   const auto expose = [&](Exposer& exposer, std::size_t c, const Exposer::Line& line, double level,
                           const Rng& rng, std::span<std::uint16_t> counts) {
     exposer.Forget();
-    for (int k = 0; k <= ResidualMemory(lab.sensor); ++k) exposer.Collect(c, line);
+    for (int k = 0; k <= ResidualMemory(lab.SensorOf(c)); ++k) exposer.Collect(c, line);
     exposer.Read(c, level, rng, counts);
   };
   ForLines(lab, rig, n, options.workers, [&](Exposer& exposer, std::size_t first, std::size_t end) {
@@ -260,8 +282,8 @@ data::Survey ExposeSurvey(const data::Lab& lab, const data::Survey& points,
       dark.leds = {};
       dark.mains_phase = mains.Uniform(0.0, 2.0 * std::numbers::pi);
       for (std::size_t c = 0; c < cameras; ++c) {
-        const double level = DarkLevel(lab.sensor, lit.t, rig.drift_phase[c]);
-        const std::size_t at = (i * cameras + c) * elements;
+        const double level = DarkLevel(lab.SensorOf(c), lit.t, rig.drift_phase[c]);
+        const std::size_t at = survey.LineAt(i, c), elements = survey.format.Of(c).elements();
         expose(exposer, c, lit, level, noise.Stream("lit", i * cameras + c),
                {&survey.lit[at], elements});
         expose(exposer, c, dark, level, noise.Stream("dark", i * cameras + c),

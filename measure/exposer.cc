@@ -27,33 +27,32 @@ int ResidualMemory(const data::LabSensor& sensor) {
   return static_cast<int>(std::ceil(std::log(kNothing) / std::log(sensor.residual)));
 }
 
-Exposer::Exposer(const data::Lab& lab, const VirtualRig& rig)
-    : lab_(lab),
-      rig_(rig),
-      painter_(lab.sensor.blur / lab.sensor.format.pitch),
-      pixels_(static_cast<std::size_t>(lab.sensor.format.active)) {
+Exposer::Exposer(const data::Lab& lab, const VirtualRig& rig) : lab_(lab), rig_(rig) {
+  for (const LensCamera& camera : rig.cameras) {
+    painters_.emplace_back(camera.sensor.blur / camera.sensor.pitch);
+  }
   if (lab.led.half_angle > 0.0) {
     led_exponent_ = -std::numbers::ln2 / std::log(std::cos(lab.led.half_angle));
   }
   for (const data::LabReflection& r : lab.reflections) mirrors_.push_back(DiscOf(r.disc));
-  const std::size_t n = pixels_.size();
-  if (lab.ambient.level > 0.0) {
-    for (std::size_t k = 0; k < n; ++k) {
+  ambient_.resize(rig.cameras.size());
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    const LensCamera& camera = rig.cameras[c];
+    const auto n = static_cast<std::size_t>(camera.sensor.pixels);
+    for (std::size_t k = 0; k < n && lab.ambient.level > 0.0; ++k) {
       const double along = 2.0 * static_cast<double>(k) / static_cast<double>(n - 1) - 1.0;
-      ambient_.push_back(lab.ambient.level / lab.strobe.line_rate *
-                         (1.0 + lab.ambient.slope * along));
+      ambient_[c].push_back(lab.ambient.level / lab.strobe.line_rate *
+                            (1.0 + lab.ambient.slope * along));
     }
-  }
-  for (const LensCamera& camera : rig.cameras) {
+    remains_.emplace_back(lab.SensorOf(c).residual > 0.0 ? n : 0, 0.0);
     for (const data::LabLamp& lamp : lab.lamps) {
       lamps_.emplace_back(n, 0.0);
       SpotLight spot;
       if (TraceSpot(camera, lamp.position, &spot)) {
-        painter_.Add(spot, lamp.brightness * rig.flash_electrons, lamps_.back());
+        painters_[c].Add(spot, lamp.brightness * rig.flash_electrons, lamps_.back());
       }
     }
   }
-  if (lab.sensor.residual > 0.0) remains_.assign(rig.cameras.size(), std::vector<double>(n, 0.0));
 }
 
 void Exposer::Forget() {
@@ -81,12 +80,12 @@ void Exposer::AddLed(std::size_t c, const Led& led, double electrons, double t) 
   for (const Eigen::Vector3d& p_W : led.instants) {
     path.mirror = nullptr;
     if (TraceSpot(camera, p_W, &spot, path.occluders.empty() ? nullptr : &path)) {
-      painter_.Add(spot, share * towards(p_W, slit), pixels_);
+      painters_[c].Add(spot, share * towards(p_W, slit), pixels_);
     }
     for (std::size_t m = 0; m < mirrors_.size(); ++m) {
       path.mirror = &mirrors_[m];
       if (!TraceSpot(camera, p_W, &spot, &path)) continue;
-      painter_.Add(
+      painters_[c].Add(
           spot, share * lab_.reflections[m].reflectance * towards(p_W, mirrors_[m].Mirrored(slit)),
           pixels_);
     }
@@ -100,32 +99,33 @@ void Exposer::AddAmbient(std::size_t c, const Line& line) {
     const double now = MeanFlicker(depth, frequency, line.mains_phase, from, until);
     for (std::size_t k = 0; k < pixels_.size(); ++k) pixels_[k] += now * light[k];
   };
-  if (!ambient_.empty()) add(ambient_, lab_.ambient.flicker, lab_.ambient.frequency);
+  if (!ambient_[c].empty()) add(ambient_[c], lab_.ambient.flicker, lab_.ambient.frequency);
   for (std::size_t i = 0; i < lab_.lamps.size(); ++i) {
     add(lamps_[c * lab_.lamps.size() + i], lab_.lamps[i].flicker, lab_.lamps[i].frequency);
   }
 }
 
 void Exposer::Collect(std::size_t c, const Line& line) {
-  std::fill(pixels_.begin(), pixels_.end(), 0.0);
+  pixels_.assign(static_cast<std::size_t>(rig_.cameras[c].sensor.pixels), 0.0);
   for (const Led& led : line.leds) AddLed(c, led, line.electrons, line.t);
-  if (!ambient_.empty() || !lab_.lamps.empty()) AddAmbient(c, line);
+  if (!ambient_[c].empty() || !lab_.lamps.empty()) AddAmbient(c, line);
   const std::vector<double>& response = rig_.patterns[c].response;
   for (std::size_t k = 0; k < response.size(); ++k) pixels_[k] *= response[k];
-  if (!remains_.empty()) {
+  const data::LabSensor& sensor = lab_.SensorOf(c);
+  if (!remains_[c].empty()) {
     std::vector<double>& remains = remains_[c];
-    const double stays = lab_.sensor.residual;
+    const double stays = sensor.residual;
     for (std::size_t k = 0; k < pixels_.size(); ++k) {
       const double charge = pixels_[k] + remains[k];
       remains[k] = stays * charge;
       pixels_[k] = charge - remains[k];
     }
   }
-  if (lab_.sensor.blooming > 0.0) Bloom(lab_.sensor, pixels_);
+  if (sensor.blooming > 0.0) Bloom(sensor, pixels_);
 }
 
 void Exposer::Read(std::size_t c, double dark_level, Rng rng, std::span<std::uint16_t> counts) {
-  ReadOut(lab_.sensor, pixels_, dark_level, rng, counts, &rig_.patterns[c]);
+  ReadOut(lab_.SensorOf(c), pixels_, dark_level, rng, counts, &rig_.patterns[c]);
 }
 
 }  // namespace unfurl::measure

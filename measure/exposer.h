@@ -49,14 +49,14 @@ class Exposer {
 
   const data::Lab& lab_;
   const VirtualRig& rig_;
-  SpotPainter painter_;
-  double led_exponent_ = 0.0;  // m of cos^m; 0: alike in all directions
+  std::vector<SpotPainter> painters_;  // by camera
+  double led_exponent_ = 0.0;          // m of cos^m; 0: alike in all directions
   std::vector<Disc> mirrors_;
   std::vector<Disc> occluders_;               // those that stand there now
   std::vector<double> pixels_;                // electrons of the camera at hand
-  std::vector<double> ambient_;               // over a line, without flicker [e-]; empty: none
+  std::vector<std::vector<double>> ambient_;  // by camera: over a line, unmodulated [e-], or empty
   std::vector<std::vector<double>> lamps_;    // camera x lamp: its light in a line [e-]
-  std::vector<std::vector<double>> remains_;  // by camera: charge that is left; empty: none
+  std::vector<std::vector<double>> remains_;  // by camera: charge that is left [e-]; empty: none
 };
 
 // Lines that residual charge is followed back: what is older is below a millionth.

@@ -12,10 +12,10 @@ namespace {
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr double kMemory = 0.995;     // of a camera's record, per line [-]
 constexpr double kPriorLines = 50.0;  // what the option's chance counts for against the record
-// Sigmas of where a mark is that is not followed: up to here a spot between it and another is
-// understood, and from here on it is lost [m].
-constexpr double kPlaced = 0.03;
-constexpr double kLostSigma = 0.05;
+// Sigmas of where a mark is that is not followed, over the volume's size: up to the first a spot
+// between it and another is understood (twice what one spot can cover, in a row of 2000 pixels that
+// sees the volume), and from the second on it is lost [-].
+constexpr double kPlaced = 0.008, kLostSigma = 0.013;
 constexpr double kTakenUp = 0.9999;  // certainty that a mark is taken up with again [-]
 constexpr double kWorst = 0.5;       // a camera is never held to be wrong more often than this
 
@@ -193,30 +193,70 @@ void Follower::FindHidden(Cameras cameras) {
   }
 }
 
-void Follower::Together(double t, std::span<const int> lit, Cameras cameras,
-                        std::span<const Motion> after, std::vector<TrackedPoint>* out) {
-  const std::size_t n = cameras.size();
+// Where each mark of the line is expected, and how surely.
+bool Follower::ExpectMarks(double t, std::span<const int> lit, std::span<const Motion> after) {
+  const double placed = kPlaced * triangulator_.size(), lost = kLostSigma * triangulator_.size();
   marks_.resize(lit.size());
-  bool any_unknown = false;
+  bool all_known = true;
   for (std::size_t m = 0; m < lit.size(); ++m) {
     const Motion& motion = motion_[static_cast<std::size_t>(lit[m])];
     const bool ahead = !after.empty() && after[m].Fresh(-t);
-    marks_[m].known = motion.known() || ahead;
-    any_unknown = any_unknown || !marks_[m].known;
-    marks_[m].followed = motion.Fresh(t) || ahead;
-    marks_[m].hidden = 0;
-    marks_[m].lost = false;
-    if (!marks_[m].known) continue;
-    marks_[m].expected = ahead ? motion.Between(t, after[m]) : motion.Predict(t);
-    const double variance = marks_[m].expected.variance[marks_[m].expected.LikeliestAt()];
+    Associator::Mark& mark = marks_[m];
+    mark.known = motion.known() || ahead;
+    all_known = all_known && mark.known;
+    mark.followed = motion.Fresh(t) || ahead;
+    mark.hidden = 0;
+    mark.lost = false;
+    if (!mark.known) continue;
+    mark.expected = ahead ? motion.Between(t, after[m]) : motion.Predict(t);
+    const double variance = mark.expected.variance[mark.expected.LikeliestAt()];
     const bool stale = motion.seen() && motion.Lost(t);
-    marks_[m].placed = marks_[m].followed || (!stale && variance <= kPlaced * kPlaced);
-    marks_[m].lost =
-        lit.size() > 1 && !marks_[m].followed && (stale || variance > kLostSigma * kLostSigma);
+    mark.placed = mark.followed || (!stale && variance <= placed * placed);
+    mark.lost = lit.size() > 1 && !mark.followed && (stale || variance > lost * lost);
   }
+  return all_known;
+}
+
+// The association's m-th mark with the readings that it took.
+TrackedPoint Follower::PointOf(std::size_t m, bool several, Cameras cameras) const {
+  TrackedPoint mine;
+  mine.point = found_[m].point;
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    const std::int8_t k = found_[m].chosen[c];
+    const Candidate none{kNone, 1.0};
+    const Candidate& taken = k < 0                      ? none
+                             : k == Associator::kMerged ? marks_[m].merged[c]
+                                                        : cameras[c][static_cast<std::size_t>(k)];
+    mine.u_px[c] = taken.u_px;
+    mine.s_px[c] = taken.s_px;
+    mine.own += k >= 0 && k != Associator::kMerged;
+    if (!several && cameras[c].size() > (k < 0 ? 0U : 1U)) mine.left_out |= 1U << c;
+  }
+  return mine;
+}
+
+// A mark that was lost is taken up when it is the only one that can be there: of two that are
+// missing, nobody can say which is which.
+void Follower::TakeUpLost(std::vector<TrackedPoint>* out) const {
+  for (std::size_t m = 0; m < marks_.size(); ++m) {
+    if (!marks_[m].lost || (*out)[m].point.outcome != PointOutcome::kSolved) continue;
+    bool alone = found_[m].certainty >= kTakenUp;
+    for (std::size_t other = 0; other < marks_.size(); ++other) {
+      alone = alone && (other == m || (!marks_[other].lost &&
+                                       (*out)[other].point.outcome == PointOutcome::kSolved));
+    }
+    if (!alone) (*out)[m].point.outcome = PointOutcome::kAmbiguous;
+  }
+}
+
+void Follower::Together(double t, std::span<const int> lit, Cameras cameras,
+                        std::span<const Motion> after, std::vector<TrackedPoint>* out) {
+  const bool several = lit.size() > 1;
+  const bool all_known = ExpectMarks(t, lit, after);
   FindHidden(cameras);
+  // How often each camera misses: its record of late, begun with the option's chance.
   bool one_each = true;
-  for (std::size_t c = 0; c < n; ++c) {
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
     const double prior = options_.associate.miss;
     miss_[c] = std::min(kWorst, (prior * kPriorLines + wrong_[c]) / (kPriorLines + seen_[c]));
     one_each = one_each && cameras[c].size() <= 1;
@@ -224,45 +264,22 @@ void Follower::Together(double t, std::span<const int> lit, Cameras cameras,
   associator_.Associate(cameras, marks_, miss_, &found_);
   for (std::size_t m = 0; m < lit.size(); ++m) {
     TrackedPoint& mine = (*out)[m];
-    mine = {};
-    mine.point = found_[m].point;
-    for (std::size_t c = 0; c < n; ++c) {
-      const std::int8_t k = found_[m].chosen[c];
-      const Candidate none{kNone, 1.0};
-      const Candidate& taken = k < 0                      ? none
-                               : k == Associator::kMerged ? marks_[m].merged[c]
-                                                          : cameras[c][static_cast<std::size_t>(k)];
-      mine.u_px[c] = taken.u_px;
-      mine.s_px[c] = taken.s_px;
-      mine.own += k >= 0 && k != Associator::kMerged;
-      if (lit.size() == 1 && cameras[c].size() > (k < 0 ? 0U : 1U)) mine.left_out |= 1U << c;
-    }
-    if (mine.point.outcome == PointOutcome::kAmbiguous && lit.size() == 1 && one_each) {
+    mine = PointOf(m, several, cameras);
+    if (mine.point.outcome == PointOutcome::kAmbiguous && !several && one_each) {
       mine.point.outcome = PointOutcome::kDisagree;
     }
     if (mine.point.outcome != PointOutcome::kSolved) continue;
-    mine.point.outcome = Allowed(t, lit[m], after.empty() ? nullptr : &after[m], lit.size() > 1,
-                                 one_each, marks_[m].lost, mine);
-    if (mine.point.outcome == PointOutcome::kSolved && any_unknown && lit.size() > 1 &&
-        !marks_[m].known) {
+    mine.point.outcome = Allowed(t, lit[m], after.empty() ? nullptr : &after[m], several, one_each,
+                                 marks_[m].lost, mine);
+    if (mine.point.outcome == PointOutcome::kSolved && several && !all_known && !marks_[m].known) {
       named_by_place_[static_cast<std::size_t>(lit[m])] = true;
     }
   }
-  // A mark that was lost is taken up when it is the only one that can be there: of two that are
-  // missing, nobody can say which is which.
-  for (std::size_t m = 0; m < lit.size(); ++m) {
-    if (!marks_[m].lost || (*out)[m].point.outcome != PointOutcome::kSolved) continue;
-    if (found_[m].certainty < kTakenUp) (*out)[m].point.outcome = PointOutcome::kAmbiguous;
-    for (std::size_t other = 0; other < lit.size(); ++other) {
-      if (other == m) continue;
-      if (marks_[other].lost || (*out)[other].point.outcome != PointOutcome::kSolved) {
-        (*out)[m].point.outcome = PointOutcome::kAmbiguous;
-      }
-    }
-  }
+  TakeUpLost(out);
 }
 
-// What no weighing may pass.
+// Conditions that hold whatever the association's probabilities say: no mark is faster than its
+// highest speed, and a point without a reading to spare continues the mark's motion.
 PointOutcome Follower::Allowed(double t, int mark, const Motion* after, bool several, bool one_each,
                                bool lost, const TrackedPoint& mine) const {
   const Motion& motion = motion_[static_cast<std::size_t>(mark)];

@@ -19,7 +19,7 @@ struct TrackedPoint {
   // Readings that the point was made from, NaN where a camera has none in it [px].
   std::array<double, CameraBank::kMaxCameras> u_px, s_px;
   int own = 0;                 // readings that are this mark's alone
-  std::uint32_t left_out = 0;  // bit c: camera c saw something that was not taken
+  std::uint32_t left_out = 0;  // bit c: a spot of camera c was rejected or left unused
 };
 
 struct TrackerOptions {
@@ -70,6 +70,9 @@ class Follower {
                 std::vector<TrackedPoint>* out);
   PointOutcome Allowed(double t, int mark, const Motion* after, bool several, bool one_each,
                        bool lost, const TrackedPoint& mine) const;
+  bool ExpectMarks(double t, std::span<const int> lit, std::span<const Motion> after);
+  TrackedPoint PointOf(std::size_t m, bool several, Cameras cameras) const;
+  void TakeUpLost(std::vector<TrackedPoint>* out) const;
   void FindHidden(Cameras cameras);
   void Settle(double t, int mark, TrackedPoint* out);
 

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "measure/camera_model.h"
+
 namespace unfurl::measure {
 
 namespace {
@@ -32,6 +34,9 @@ bool TraceGlass(const LensCamera& camera, const Eigen::Vector3d& p_C, double x, 
   return true;
 }
 
+// Further out than any tail of the blur reaches, the row sees nothing.
+bool OnRow(double u_px, int pixels) { return u_px > -50.0 && u_px < pixels + 49.0; }
+
 // Whether light from p_W, seen by way of the path's mirror, reaches the slit's point s_W.
 bool Reaches(const LightPath& path, const Eigen::Vector3d& p_W, const Eigen::Vector3d& s_W) {
   Eigen::Vector3d from = p_W, hit;
@@ -45,6 +50,26 @@ bool Reaches(const LightPath& path, const Eigen::Vector3d& p_W, const Eigen::Vec
     if (disc.Crosses(from, s_W, &hit)) return false;
   }
   return true;
+}
+
+// By the model's formula: one bundle, spread evenly. Its flux falls off as that of a slit does,
+//   width x height x Z / r^3  [sr].
+bool ImageSpot(const LensCamera& camera, const Eigen::Vector3d& p_W, SpotLight* spot,
+               const LightPath* path) {
+  const Eigen::Vector3d s_W = camera.model->p_WC;
+  if (path != nullptr && !Reaches(*path, p_W, s_W)) return false;
+  const bool mirrored = path != nullptr && path->mirror != nullptr;
+  const Eigen::Vector3d seen_W = mirrored ? path->mirror->Mirrored(p_W) : p_W;
+  double u = 0.0;
+  if (!Project(*camera.model, seen_W, &u)) return false;
+  const Eigen::Vector3d p_C = camera.model->R_CW * (seen_W - s_W);
+  const double r = p_C.norm(), half = 0.5 * camera.spot / camera.sensor.pitch;
+  spot->flux = 2.0 * camera.slit_half_width * camera.sensor.pitch * p_C.z() / (r * r * r);
+  spot->bundles[0] = {u - half, u + half, spot->flux};
+  spot->count = 1;
+  spot->centre_px = u;
+  spot->sigma_px = half / std::sqrt(3.0);
+  return OnRow(u, camera.sensor.pixels);
 }
 
 }  // namespace
@@ -76,16 +101,21 @@ bool TraceThroughSlit(const LensCamera& camera, const Eigen::Vector3d& p_C, doub
 
 bool TraceSpot(const LensCamera& camera, const Eigen::Vector3d& p_W, SpotLight* spot,
                const LightPath* path) {
-  constexpr double kTolerance = 1e-9;  // of where a ray meets the row [m]
-  constexpr double kStep = 1e-4;       // for the derivative along the slit [m]
+  const double tolerance = 1e-4 * camera.sensor.pitch;   // of where a ray meets the row [m]
+  const double step_y = 3e-3 * camera.slit_half_length;  // for the derivative along the slit [m]
   constexpr int kMaxSteps = 12;
 
+  if (camera.model) {
+    spot->count = 0;
+    spot->flux = 0.0;
+    return ImageSpot(camera, p_W, spot, path);
+  }
   const bool mirrored = path != nullptr && path->mirror != nullptr;
   const Eigen::Vector3d p_C =
       camera.X_WC.inverse() * (mirrored ? path->mirror->Mirrored(p_W) : p_W);
   spot->count = 0;
   spot->flux = 0.0;
-  if (p_C.z() <= 0.05) return false;
+  if (!(p_C.z() > 0.0)) return false;
 
   // As if the glass were air; Newton mends the rest.
   const double depth = -camera.sensor.centre.z();
@@ -105,11 +135,11 @@ bool TraceSpot(const LensCamera& camera, const Eigen::Vector3d& p_W, SpotLight* 
     for (int step = 0; step < kMaxSteps && !found; ++step) {
       if (!TraceThroughSlit(camera, p_C, x, y, &here)) break;
       if (slope == 0.0) {
-        if (!TraceThroughSlit(camera, p_C, x, y + kStep, &beside)) break;
-        slope = (beside.across - here.across) / kStep;
+        if (!TraceThroughSlit(camera, p_C, x, y + step_y, &beside)) break;
+        slope = (beside.across - here.across) / step_y;
         if (std::abs(slope) < 1e-3) break;
       }
-      found = std::abs(here.across) < kTolerance;
+      found = std::abs(here.across) < tolerance;
       if (!found) y -= here.across / slope;
     }
     arrives[i] = found && std::abs(y) <= camera.slit_half_length;
@@ -144,8 +174,7 @@ bool TraceSpot(const LensCamera& camera, const Eigen::Vector3d& p_W, SpotLight* 
   spot->centre_px = first / spot->flux;
   spot->sigma_px =
       std::sqrt(std::max(0.0, second / spot->flux - spot->centre_px * spot->centre_px));
-  // Further out than any tail of the blur reaches, the row sees nothing.
-  return spot->centre_px > -50.0 && spot->centre_px < camera.sensor.pixels + 49.0;
+  return OnRow(spot->centre_px, camera.sensor.pixels);
 }
 
 double FocusedSensorDistance(const LensCamera& camera, double distance) {

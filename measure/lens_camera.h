@@ -2,11 +2,13 @@
 
 #include <Eigen/Core>
 #include <array>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "base/pose.h"
+#include "data/rig.h"
 #include "measure/ray.h"
 
 namespace unfurl::measure {
@@ -38,6 +40,10 @@ struct LensCamera {
   double slit_half_width = 0.0;   // [m]
   double slit_half_length = 0.0;  // [m]
   Glass glass;
+  // Instead of the glass: its pose, image and offset by a lens model's formula, and the width over
+  // which a point's light is spread on the row [m]. X_WC and the sensor's place then do not count.
+  std::optional<data::RigCamera> model;
+  double spot = 0.0;
   SensorRow sensor;
 };
 

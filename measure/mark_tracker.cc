@@ -71,7 +71,7 @@ void MarkTracker::Add(double t, std::span<const int> lit, Follower::Cameras came
 
 // What the lines behind the first tell of its marks; false while more of them may still come.
 bool MarkTracker::Look(const Held& front) {
-  const double longest = options_.motion.longest_gap;
+  const double longest = options_.motion.longest_gap();
   const bool enough =
       finished_ || count_ >= kMostHeld || At(count_ - 1).line.t - front.line.t > longest;
   after_.resize(front.line.lit.size());

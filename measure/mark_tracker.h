@@ -18,7 +18,7 @@ struct TrackedLine {
 
 // From readings to points with what the lines before and after tell, in constant memory: a line
 // that leaves a doubt waits until every mark in it has been seen clearly, eight times, by lines
-// that follow, until 0.1 s (MotionOptions::longest_gap) have passed, or until 1024 lines wait. It
+// that follow, until MotionOptions::longest_gap has passed, or until 1024 lines wait. It
 // is then weighed with where both sides lead. Lines come out in the order in which they went in.
 class MarkTracker {
  public:

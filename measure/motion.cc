@@ -3,22 +3,45 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <string>
+
+#include "base/error.h"
 
 namespace unfurl::measure {
 
 namespace {
 
-// Spectral densities of the jerk [m^2/s^5]: over 5 ms they move a mark by 4 um, 40 um, 0.4 mm and
-// 13 mm.
-constexpr std::array<double, Motion::kModels> kJerk = {1e2, 1e4, 1e6, 1e9};
-// In the same model from one sample to the next, or over so long a time [-], [s].
-constexpr double kStay = 0.98;
-constexpr double kStep = 0.02;
-// Of a mark of which only one place is known.
-constexpr double kFirstSpeed = 5.0;           // [m/s]
-constexpr double kFirstAcceleration = 500.0;  // [m/s^2]
+// By how much each filter's jerk moves a mark in one interval (standard deviation), over the
+// furthest that it can come in it: a mark that glides, two that vibrate, one that is kicked [-]. In
+// a volume of some metres 4 um, 40 um, 0.4 mm and 13 mm.
+constexpr std::array<double, Motion::kModels> kMoves = {4e-5, 4e-4, 4e-3, 0.13};
+// A mark keeps its way of moving with this chance over four intervals [-].
+constexpr double kStay = 0.98, kStayIntervals = 4.0;
+// Of a mark of which only one place is known, over its highest speed and acceleration [-].
+constexpr double kFirstSpeed = 0.25, kFirstAcceleration = 2.5;
+
+// Spectral density of the white jerk that moves a mark by `sigma` in `dt` [m^2/s^5]: the variance
+// of position is q dt^5 / 20.
+double JerkOf(double sigma, double dt) { return 20.0 * sigma * sigma / std::pow(dt, 5); }
 
 }  // namespace
+
+void MotionOptions::Check() const {
+  const auto positive = [](const char* name, double value) {
+    if (value > 0.0 && std::isfinite(value)) return;
+    throw Error("is not a positive number", std::string("MotionOptions::") + name,
+                "give one above 0");
+  };
+  positive("interval", interval);
+  positive("max_speed", max_speed);
+  positive("gate_sigmas", gate_sigmas);
+}
+
+Motion::Motion(const MotionOptions& options) : options_(options) {
+  for (std::size_t j = 0; j < kModels; ++j) {
+    jerk_[j] = JerkOf(kMoves[j] * options.reach(), options.interval);
+  }
+}
 
 void Motion::Expect(const Eigen::Vector3d& p, double sigma) {
   expected_ = p;
@@ -26,7 +49,8 @@ void Motion::Expect(const Eigen::Vector3d& p, double sigma) {
 }
 
 bool Motion::Fresh(double t) const {
-  return count_ >= 2 && t_[1] - t_[0] <= options_.longest_gap && t - t_[1] <= options_.longest_gap;
+  return count_ >= 2 && t_[1] - t_[0] <= options_.longest_gap() &&
+         t - t_[1] <= options_.longest_gap();
 }
 
 Eigen::Vector3d Motion::Start(double t) const {
@@ -37,7 +61,8 @@ Eigen::Vector3d Motion::Start(double t) const {
 
 Motion::Models Motion::Carried(double dt) const {
   Models out;
-  const double stay = dt <= kStep ? kStay : std::pow(kStay, dt / kStep);
+  const double step = kStayIntervals * options_.interval;
+  const double stay = dt <= step ? kStay : std::pow(kStay, dt / step);
   for (int j = 0; j < kModels; ++j) {
     Model& to = out[static_cast<std::size_t>(j)];
     std::array<double, kModels> share;
@@ -63,19 +88,19 @@ Motion::Models Motion::Carried(double dt) const {
     Q << dt3 * dt2 / 20.0, dt2 * dt2 / 8.0, dt3 / 6.0, dt2 * dt2 / 8.0, dt3 / 3.0, dt2 / 2.0,
         dt3 / 6.0, dt2 / 2.0, dt;
     to.x = F * to.x;
-    to.P = F * to.P * F.transpose() + kJerk[static_cast<std::size_t>(j)] * Q;
+    to.P = F * to.P * F.transpose() + jerk_[static_cast<std::size_t>(j)] * Q;
   }
   return out;
 }
 
 void Motion::Add(double t, const Eigen::Vector3d& p, double variance) {
-  if (count_ == 0 || !(t - t_[1] <= options_.longest_gap) || !(t > t_[1])) {
+  if (count_ == 0 || !(t - t_[1] <= options_.longest_gap()) || !(t > t_[1])) {
     for (Model& model : models_) {
       model.x.setZero();
       model.x.row(0) = p.transpose();
       model.P.setZero();
-      model.P.diagonal() << variance, kFirstSpeed * kFirstSpeed,
-          kFirstAcceleration * kFirstAcceleration;
+      model.P.diagonal() << variance, std::pow(kFirstSpeed * options_.max_speed, 2),
+          std::pow(kFirstAcceleration * options_.max_acceleration(), 2);
       model.weight = 1.0 / kModels;
     }
     count_ = 1;
@@ -105,12 +130,13 @@ void Motion::Add(double t, const Eigen::Vector3d& p, double variance) {
 }
 
 Motion::Prediction Motion::Predict(double t) const {
-  constexpr double kBlind = 1.0;  // [s]; the filters' own forecast is worth something until then
+  // The filters' own forecast is worth something until then [s].
+  const double blind = 200.0 * options_.interval;
   Prediction out;
   out.count = kModels;
-  if (count_ == 0 || !(t - t_[1] <= kBlind)) {
+  if (count_ == 0 || !(t - t_[1] <= blind)) {
     const double sigma =
-        count_ == 0 ? expected_sigma_ + options_.start_speed * std::max(t - expected_t_, 0.0)
+        count_ == 0 ? expected_sigma_ + options_.start_speed() * std::max(t - expected_t_, 0.0)
                     : options_.max_speed * std::max(t - t_[1], 0.0);
     out.count = 1;
     out.mean[0] = count_ == 0 ? expected_ : p_[1];
@@ -119,7 +145,8 @@ Motion::Prediction Motion::Predict(double t) const {
     return out;
   }
   const double dt = std::max(t - t_[1], 0.0);
-  const double widest = 1e-3 + options_.max_speed * dt;
+  // And a hundredth of the reach for the error of where it was.
+  const double widest = 0.01 * options_.reach() + options_.max_speed * dt;
   const Models models = Carried(dt);
   for (std::size_t j = 0; j < kModels; ++j) {
     out.mean[j] = models[j].x.row(0).transpose();
@@ -180,13 +207,13 @@ bool Motion::WithinReach(double t, const Eigen::Vector3d& p, double sigma) const
   if (!Fresh(t)) return true;
   // The velocity is a chord's: it belongs to the middle of the last interval.
   const double since = t - t_[1], before = t_[1] - t_[0];
-  const double slack = 0.5 * options_.max_acceleration * since * (since + before);
+  const double slack = 0.5 * options_.max_acceleration() * since * (since + before);
   return (p - Start(t)).norm() <= options_.gate_sigmas * sigma + slack;
 }
 
 bool Motion::TooFast(double t, const Eigen::Vector3d& p) const {
-  constexpr double kSlack = 0.01;  // errors of both places [m]
-  return count_ > 0 && (p - p_[1]).norm() > options_.max_speed * (t - t_[1]) + kSlack;
+  const double slack = 0.1 * options_.reach();  // for the errors of both places [m]
+  return count_ > 0 && (p - p_[1]).norm() > options_.max_speed * (t - t_[1]) + slack;
 }
 
 double LogSum(std::span<const double> terms) {

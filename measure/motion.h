@@ -8,16 +8,25 @@
 
 namespace unfurl::measure {
 
+// Two numbers scale all that is believed of a mark's motion; Reconstructor takes them from the rig
+// and the record. The defaults are of marks in a volume of some metres, seen 200 times a second.
 struct MotionOptions {
-  // What a mark may do between two samples beyond moving on as it did: half this acceleration times
-  // the square of the time since [m/s^2] (a latch kicks). Points that no reading is left over to
-  // vouch for must lie within it.
-  double max_acceleration = 200.0;
-  double gate_sigmas = 5.0;  // and within so many sigmas of their own [-]
-  double longest_gap = 0.1;  // older samples tell nothing of velocity [s]
+  double interval = 0.005;   // between two samples of a mark [s]
   double max_speed = 20.0;   // of any mark, ever [m/s]
+  double gate_sigmas = 5.0;  // of its own error, within which a point must continue the motion [-]
+
+  // The furthest that a mark comes in one interval [m].
+  double reach() const { return max_speed * interval; }
+  // Older samples tell nothing of velocity [s].
+  double longest_gap() const { return 20.0 * interval; }
+  // What a mark may do between two samples beyond moving on as it did (a latch kicks) [m/s^2]: from
+  // rest to its highest speed within the longest gap. Points that no reading is left over to vouch
+  // for must lie within half of it times the square of the time since.
+  double max_acceleration() const { return max_speed / longest_gap(); }
   // Sigma of the speed of a mark that is expected somewhere, until it shows [m/s].
-  double start_speed = 1.0;
+  double start_speed() const { return 0.05 * max_speed; }
+  // Throws Error that names a value which makes no sense.
+  void Check() const;
 };
 
 // How one mark moves, learned from its samples as they come: four Kalman filters side by side
@@ -44,7 +53,7 @@ class Motion {
     const Eigen::Vector3d& Likeliest() const { return mean[LikeliestAt()]; }
   };
 
-  explicit Motion(const MotionOptions& options = {}) : options_(options) {}
+  explicit Motion(const MotionOptions& options = {});
 
   // Where the mark is before its first sample, when somebody knows; sigma [m].
   void Expect(const Eigen::Vector3d& p, double sigma);
@@ -63,7 +72,7 @@ class Motion {
   bool Fresh(double t) const;
   // It was seen, and not for longer than the longest gap; or it was expected and did not show.
   bool Lost(double t) const {
-    return count_ > 0 ? t - t_[1] > options_.longest_gap : t > expected_t_;
+    return count_ > 0 ? t - t_[1] > options_.longest_gap() : t > expected_t_;
   }
   // A start for the search: moved on along a straight line where that is known.
   Eigen::Vector3d Start(double t) const;
@@ -88,6 +97,7 @@ class Motion {
   Models Carried(double dt) const;
 
   MotionOptions options_;
+  std::array<double, kModels> jerk_{};  // spectral density, by way of moving [m^2/s^5]
   Models models_;
   std::array<double, 2> t_{};  // of the last two samples
   std::array<Eigen::Vector3d, 2> p_{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};

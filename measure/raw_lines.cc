@@ -86,28 +86,31 @@ class Stamps {
 
 // Mean of all lines of each camera's active pixels, camera after camera.
 std::vector<double> MeanOf(const data::RawLayout& layout, bool lit) {
-  constexpr std::size_t kBlock = 64;
-  const data::LineFormat& format = layout.header.format;
-  const std::size_t active = static_cast<std::size_t>(format.active);
+  constexpr std::size_t kBlock = 64;  // lines held at once
   const std::size_t cameras_each = layout.together() ? layout.header.cameras.size() : 1;
   std::vector<double> means;
-  std::vector<std::uint16_t> lines(kBlock * layout.width());
-  for (const data::RawLayout::Files& files : layout.files) {
-    const auto source = OpenRawSource(layout, lit ? files.flat : files.flat_dark);
-    std::vector<double> sum(cameras_each * active, 0.0);
+  for (std::size_t f = 0; f < layout.files.size(); ++f) {
+    const data::RawLayout::Files& files = layout.files[f];
+    const std::size_t width = layout.Width(f);
+    std::vector<std::uint16_t> lines(kBlock * width);
+    const auto source = OpenRawSource(layout, f, lit ? files.flat : files.flat_dark);
+    std::vector<double> sum(width, 0.0);
     std::size_t all = 0;
     while (const std::size_t n = source->Read(kBlock, lines.data())) {
       for (std::size_t i = 0; i < n; ++i) {
-        for (std::size_t c = 0; c < cameras_each; ++c) {
-          const std::uint16_t* from =
-              &lines[i * layout.width() + c * format.elements() + format.first_active()];
-          for (std::size_t k = 0; k < active; ++k) sum[c * active + k] += from[k];
-        }
+        for (std::size_t k = 0; k < width; ++k) sum[k] += lines[i * width + k];
       }
       all += n;
     }
     if (all == 0) throw Error("the flat field holds no line", files.where, "record some");
-    for (const double s : sum) means.push_back(s / static_cast<double>(all));
+    std::size_t first = 0;  // of a camera's elements in the line
+    for (std::size_t c = f; c < f + cameras_each; ++c) {
+      const data::LineFormat& format = layout.header.format.Of(c);
+      for (std::size_t k = 0; k < static_cast<std::size_t>(format.active); ++k) {
+        means.push_back(sum[first + format.first_active() + k] / static_cast<double>(all));
+      }
+      first += format.elements();
+    }
   }
   return means;
 }
@@ -116,20 +119,21 @@ std::vector<float> FlatField(const data::RawLayout& layout) {
   constexpr double kLeast = 0.05, kMost = 20.0;  // of the mean: beyond, it was not evenly lit
   std::vector<double> light = MeanOf(layout, true);
   const std::vector<double> dark = MeanOf(layout, false);
-  const std::size_t active = static_cast<std::size_t>(layout.header.format.active);
+  const data::LineFormats& formats = layout.header.format;
   std::vector<float> response;
-  for (std::size_t first = 0; first < light.size(); first += active) {
+  for (std::size_t c = 0; c < layout.header.cameras.size(); ++c) {
+    const std::size_t first = formats.ActiveBefore(c), end = formats.ActiveBefore(c + 1);
     double mean = 0.0;
-    for (std::size_t k = first; k < first + active; ++k) {
+    for (std::size_t k = first; k < end; ++k) {
       light[k] -= dark[k];
-      mean += light[k] / static_cast<double>(active);
+      mean += light[k] / static_cast<double>(end - first);
     }
-    for (std::size_t k = first; k < first + active; ++k) {
+    for (std::size_t k = first; k < end; ++k) {
       const double r = light[k] / mean;
       if (!(mean > 0.0) || !(r >= kLeast && r <= kMost)) {
-        throw Error(fmt::format("pixel {} of camera {} answers {} times the mean", k - first,
-                                layout.header.cameras[first / active], r),
-                    layout.files[layout.together() ? 0 : first / active].where,
+        throw Error(fmt::format("pixel {} of camera {} responds with {} times the mean", k - first,
+                                layout.header.cameras[c], r),
+                    layout.files[layout.together() ? 0 : c].where,
                     "record the flat field evenly lit and not saturated");
       }
       response.push_back(static_cast<float>(r));
@@ -152,8 +156,8 @@ RawLines::RawLines(const data::RawLayout& layout) : impl_(std::make_unique<Impl>
   impl_->layout = layout;
   data::RawLayout& own = impl_->layout;
   if (!own.files[0].flat.empty()) own.header.response = FlatField(own);
-  for (const data::RawLayout::Files& files : own.files) {
-    impl_->sources.push_back(OpenRawSource(own, files.lines));
+  for (std::size_t f = 0; f < own.files.size(); ++f) {
+    impl_->sources.push_back(OpenRawSource(own, f, own.files[f].lines));
   }
   if (!own.stamps.empty()) impl_->stamps = std::make_unique<Stamps>(own.stamps, own.header);
 }
@@ -166,8 +170,8 @@ double RawLines::done() const { return impl_->sources[0]->done(); }
 bool RawLines::Read(std::size_t count, data::TrialBlock* block) {
   Impl& im = *impl_;
   const data::RawLayout& layout = im.layout;
-  const std::size_t width = layout.width(), line_counts = layout.header.line_counts();
-  im.buffer.resize(count * width);
+  const std::size_t line_counts = layout.header.line_counts();
+  im.buffer.resize(count * line_counts);
   block->Resize(count, layout.header);
   std::size_t lines = 0;
   for (std::size_t f = 0; f < im.sources.size(); ++f) {
@@ -179,9 +183,10 @@ bool RawLines::Read(std::size_t count, data::TrialBlock* block) {
                   "every camera must have as many lines");
     }
     lines = got;
+    const std::size_t width = layout.Width(f);
+    const std::size_t before = layout.header.format.ElementsBefore(f);
     for (std::size_t i = 0; i < lines; ++i) {
-      std::copy_n(&im.buffer[i * width], width,
-                  &block->counts[i * line_counts + f * layout.header.format.elements()]);
+      std::copy_n(&im.buffer[i * width], width, &block->counts[i * line_counts + before]);
     }
   }
   block->Resize(lines, layout.header);

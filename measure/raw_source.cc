@@ -20,10 +20,12 @@ namespace {
 // What the three kinds share: the list of files and where in it one is.
 class FileList : public RawSource {
  public:
-  FileList(const data::RawLayout& layout, const std::vector<std::string>& files)
+  FileList(const data::RawLayout& layout, std::size_t which, const std::vector<std::string>& files)
       : layout_(layout),
         files_(files),
-        full_(static_cast<unsigned>(layout.header.format.full_scale())) {}
+        width_(layout.Width(which)),
+        bits_(layout.header.format.Of(which).bits),
+        full_(static_cast<unsigned>(layout.header.format.Of(which).full_scale())) {}
 
   double done() const override {
     return static_cast<double>(next_file_) / static_cast<double>(files_.size());
@@ -35,8 +37,7 @@ class FileList : public RawSource {
   // `line` counts from 1, `element` from 0.
   void Check(unsigned count, std::size_t line, std::size_t element) const {
     if (count <= full_) return;
-    throw Error(fmt::format("the count {} of element {} is beyond {} bits", count, element,
-                            layout_.header.format.bits),
+    throw Error(fmt::format("the count {} of element {} is beyond {} bits", count, element, bits_),
                 fmt::format("{}:{}", file(), line),
                 "correct sensor.bits, or recording.shift and byte_order");
   }
@@ -44,6 +45,8 @@ class FileList : public RawSource {
   const data::RawLayout& layout_;
   const std::vector<std::string>& files_;
   std::size_t next_file_ = 0;
+  std::size_t width_;  // counts in a line
+  int bits_;
   unsigned full_;
 };
 
@@ -52,7 +55,7 @@ class BinarySource : public FileList {
   using FileList::FileList;
 
   std::size_t Read(std::size_t count, std::uint16_t* out) override {
-    const std::size_t width = layout_.width(), bytes = static_cast<std::size_t>(layout_.bytes);
+    const std::size_t width = width_, bytes = static_cast<std::size_t>(layout_.bytes);
     const std::size_t stride = layout_.line_header + width * bytes + layout_.line_trailer;
     buffer_.resize(stride);
     std::size_t lines = 0;
@@ -110,7 +113,7 @@ class CsvSource : public FileList {
   using FileList::FileList;
 
   std::size_t Read(std::size_t count, std::uint16_t* out) override {
-    const std::size_t width = layout_.width();
+    const std::size_t width = width_;
     std::size_t lines = 0;
     while (lines < count) {
       if (!stream_.is_open() && !Open()) break;
@@ -144,7 +147,7 @@ class CsvSource : public FileList {
   }
 
   void Parse(std::string_view row, std::uint16_t* out) const {
-    const std::size_t width = layout_.width();
+    const std::size_t width = width_;
     const char* at = row.data();
     const char* end = at + row.size();
     std::size_t k = 0;
@@ -182,7 +185,7 @@ class PngSource : public FileList {
   using FileList::FileList;
 
   std::size_t Read(std::size_t count, std::uint16_t* out) override {
-    const std::size_t width = layout_.width();
+    const std::size_t width = width_;
     std::size_t lines = 0;
     while (lines < count) {
       if (row_ == picture_.rows && !Open()) break;
@@ -214,10 +217,9 @@ class PngSource : public FileList {
       throw Error(fmt::format("has {} colours, not grey of 8 or 16 bits", picture_.channels()),
                   path, "save it as grey");
     }
-    if (static_cast<std::size_t>(picture_.cols) != layout_.width()) {
-      throw Error(
-          fmt::format("is {} pixels wide, but a line has {}", picture_.cols, layout_.width()), path,
-          "correct the sensor's elements");
+    if (static_cast<std::size_t>(picture_.cols) != width_) {
+      throw Error(fmt::format("is {} pixels wide, but a line has {}", picture_.cols, width_), path,
+                  "correct the sensor's elements");
     }
     row_ = 0;
     return true;
@@ -229,15 +231,15 @@ class PngSource : public FileList {
 
 }  // namespace
 
-std::unique_ptr<RawSource> OpenRawSource(const data::RawLayout& layout,
+std::unique_ptr<RawSource> OpenRawSource(const data::RawLayout& layout, std::size_t which,
                                          const std::vector<std::string>& files) {
   switch (layout.format) {
     case data::RawLayout::Format::kBinary:
-      return std::make_unique<BinarySource>(layout, files);
+      return std::make_unique<BinarySource>(layout, which, files);
     case data::RawLayout::Format::kCsv:
-      return std::make_unique<CsvSource>(layout, files);
+      return std::make_unique<CsvSource>(layout, which, files);
     case data::RawLayout::Format::kPng:
-      return std::make_unique<PngSource>(layout, files);
+      return std::make_unique<PngSource>(layout, which, files);
   }
   return nullptr;
 }

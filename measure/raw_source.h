@@ -13,12 +13,13 @@ namespace unfurl::measure {
 class RawSource {
  public:
   virtual ~RawSource() = default;
-  // Up to `count` lines of `layout.width()` counts each into `out`; how many there were.
+  // Up to `count` lines of `layout.Width(which)` counts each into `out`; how many there were.
   virtual std::size_t Read(std::size_t count, std::uint16_t* out) = 0;
   virtual double done() const = 0;  // share of the files [-]
 };
 
-std::unique_ptr<RawSource> OpenRawSource(const data::RawLayout& layout,
+// `files` are lines, flat field or dark lines of the `which`-th of layout.files.
+std::unique_ptr<RawSource> OpenRawSource(const data::RawLayout& layout, std::size_t which,
                                          const std::vector<std::string>& files);
 
 }  // namespace unfurl::measure

@@ -97,7 +97,6 @@ data::ReadingTable ReadRawSurvey(const data::RawLayout& layout,
                                  const std::function<void(double)>& progress) {
   const LineLabels labels(layout, points);
   const std::size_t cameras = layout.header.cameras.size();
-  const std::size_t elements = layout.header.format.elements();
   // Each line to `use(label, camera, counts)`; the `pass`-th of two.
   const auto each_line = [&](RawLines& lines, int pass, auto&& use) {
     data::TrialBlock block;
@@ -106,9 +105,7 @@ data::ReadingTable ReadRawSurvey(const data::RawLayout& layout,
       for (std::size_t i = 0; i < block.size(); ++i, ++line) {
         const int label = labels.Of(line);
         for (std::size_t c = 0; c < cameras; ++c) {
-          use(label, c,
-              std::span<const std::uint16_t>(&block.counts[(i * cameras + c) * elements],
-                                             elements));
+          use(label, c, block.Line(layout.header, i, c));
         }
       }
       progress(0.5 * (pass + lines.done()));
@@ -116,7 +113,9 @@ data::ReadingTable ReadRawSurvey(const data::RawLayout& layout,
     labels.CheckEnd(line);
   };
 
-  std::vector<Background> backgrounds(cameras, Background(layout.header.format));
+  const data::LineFormats& format = layout.header.format;
+  std::vector<Background> backgrounds;
+  for (std::size_t c = 0; c < cameras; ++c) backgrounds.emplace_back(format.Of(c));
   RawLines first(layout);
   std::vector<char> lit(points.size(), 0);
   each_line(first, 0, [&](int label, std::size_t c, std::span<const std::uint16_t> line) {
@@ -139,7 +138,8 @@ data::ReadingTable ReadRawSurvey(const data::RawLayout& layout,
   data::ReadingRepeats repeats;
   for (const std::string& id : points) repeats.Point(id);
   for (const std::string& name : layout.header.cameras) repeats.Camera(name);
-  std::vector<SpotFinder> finders(cameras, SpotFinder(layout.header.format));
+  std::vector<SpotFinder> finders;
+  for (std::size_t c = 0; c < cameras; ++c) finders.emplace_back(format.Of(c));
   RawLines second(layout);
   SetResponses(second.header().response, finders);
   each_line(second, 1, [&](int label, std::size_t c, std::span<const std::uint16_t> line) {
@@ -147,7 +147,9 @@ data::ReadingTable ReadRawSurvey(const data::RawLayout& layout,
     const Spot spot = finders[c].Find(line, backgrounds[c]);
     if (Usable(spot)) repeats.Add(static_cast<std::size_t>(label), c, spot.u_px, spot.s_px);
   });
-  return repeats.Average();
+  data::ReadingTable out = repeats.Average();
+  for (std::size_t c = 0; c < cameras; ++c) out.pixels.push_back(format.Of(c).active);
+  return out;
 }
 
 }  // namespace unfurl::measure

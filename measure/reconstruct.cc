@@ -5,8 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "base/error.h"
+#include "base/progress.h"
+#include "base/statistics.h"
 #include "base/text.h"
 #include "base/worker_pool.h"
 #include "data/lab.h"
@@ -15,16 +18,9 @@ namespace unfurl::measure {
 
 namespace {
 
-// The background of the first lines comes from the dark ones among these, so that it exists.
-constexpr std::size_t kPrimeLines = 160;
+constexpr std::size_t kPrimeLines = 160;  // whose dark ones are known to the first lines
+constexpr double kStartShare = 0.013;     // of the volume's size: start_sigma
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-
-std::span<const std::uint16_t> LineOf(const data::TrialBlock& block,
-                                      const data::TrialHeader& header, std::size_t line,
-                                      std::size_t camera) {
-  const std::size_t elements = header.format.elements();
-  return {&block.counts[(line * header.cameras.size() + camera) * elements], elements};
-}
 
 void CheckMatch(const data::TrialReader& trial, const data::Rig& rig, const std::string& rig_path) {
   std::vector<std::string> known;
@@ -54,10 +50,55 @@ std::size_t ReconstructSummary::usable() const {
   return sum;
 }
 
+void ReconstructOptions::Check() const {
+  point.Check();
+  associate.Check();
+  const auto refuse = [](const char* name, const char* what, const char* remedy) {
+    throw Error(what, std::string("ReconstructOptions::") + name, remedy);
+  };
+  if (!(max_speed >= 0.0)) refuse("max_speed", "is negative", "give m/s, or 0 to derive it");
+  if (!(start_sigma >= 0.0)) refuse("start_sigma", "is negative", "give m, or 0 to derive it");
+  if (!(least_share >= 0.0 && least_share < 1.0)) {
+    refuse("least_share", "is not from 0 to 1", "give a share");
+  }
+  if (!(spot.threshold > 0.0)) refuse("spot.threshold", "is not above 0", "give sigmas");
+}
+
 Reconstructor::Reconstructor(const data::TrialReader& trial, const data::Rig& rig,
                              const std::string& rig_path, const ReconstructOptions& options)
     : options_(options), header_(trial.header()), triangulator_(rig, options.point) {
+  options.Check();
   CheckMatch(trial, rig, rig_path);
+  ReadSlots(trial.path());
+  const std::size_t cameras = header_.cameras.size();
+  summary_.marks = layout_.marks;
+  summary_.status.resize(layout_.marks.size());
+  summary_.flags.resize(cameras);
+  summary_.readings.resize(cameras);
+  summary_.left_out.resize(cameras);
+  for (std::size_t c = 0; c < cameras; ++c) {
+    backgrounds_.emplace_back(header_.format.Of(c));
+    finders_.emplace_back(header_.format.Of(c), options.spot);
+  }
+  SetResponses(header_.response, finders_);
+  last_line_ = trial.size();
+  PrimeBackgrounds(trial);
+  tracking_ = LookAhead(trial);
+  layout_.shared_rank = triangulator_.shared_rank();
+  tracker_.emplace(triangulator_, layout_.marks.size(), tracking_);
+  const double start_sigma =
+      options.start_sigma > 0.0 ? options.start_sigma : kStartShare * triangulator_.size();
+  for (const auto& [name, p] : options.start) {
+    const int mark = layout_.FindMark(name);
+    if (mark < 0) {
+      throw Error(fmt::format("no mark is named '{}'", name), trial.path(),
+                  fmt::format("its marks are {}", JoinWords(layout_.marks)));
+    }
+    tracker_->Expect(static_cast<std::size_t>(mark), p, start_sigma);
+  }
+}
+
+void Reconstructor::ReadSlots(const std::string& path) {
   layout_.frame = "rig";
   layout_.cameras = header_.cameras;
   for (const std::string& name : header_.slots) {
@@ -66,7 +107,7 @@ Reconstructor::Reconstructor(const data::TrialReader& trial, const data::Rig& ri
     for (const std::string& mark : Split(name, kTogether)) {
       int at = layout_.FindMark(mark);
       if (mark.empty() || std::count(slots_.back().marks.begin(), slots_.back().marks.end(), at)) {
-        throw Error(fmt::format("slot '{}' names a mark twice, or none", name), trial.path(),
+        throw Error(fmt::format("slot '{}' names a mark twice, or none", name), path,
                     "name the marks that are lit together, as in mark1+mark2");
       }
       if (at < 0) {
@@ -76,72 +117,102 @@ Reconstructor::Reconstructor(const data::TrialReader& trial, const data::Rig& ri
       slots_.back().marks.push_back(at);
     }
   }
-  const std::size_t cameras = header_.cameras.size();
-  summary_.marks = layout_.marks;
-  summary_.status.resize(layout_.marks.size());
-  summary_.flags.resize(cameras);
-  summary_.readings.resize(cameras);
-  summary_.left_out.resize(cameras);
-  backgrounds_.assign(cameras, Background(header_.format));
-  finders_.assign(cameras, SpotFinder(header_.format, options.spot));
-  SetResponses(header_.response, finders_);
-
-  data::TrialBlock block;
-  last_line_ = trial.size();
-  primed_ = std::min(kPrimeLines, trial.size());
-  trial.Read(0, primed_, &block);
-  for (std::size_t i = 0; i < block.size(); ++i) {
-    if (!slots_[static_cast<std::size_t>(block.slot[i])].marks.empty()) continue;
-    for (std::size_t c = 0; c < cameras; ++c) backgrounds_[c].Add(LineOf(block, header_, i, c));
-  }
-  if (trial.size() > 0 && backgrounds_[0].empty()) {
-    throw Error(fmt::format("has no dark line among its first {}", primed_), trial.path(),
-                "record with a slot named dark: the background is taken from it");
-  }
-  LookAhead(trial);
-  layout_.shared_rank = triangulator_.shared_rank();
-  tracker_.emplace(triangulator_, layout_.marks.size(), options.track);
-  for (const auto& [name, p] : options.start) {
-    const int mark = layout_.FindMark(name);
-    if (mark < 0) {
-      throw Error(fmt::format("no mark is named '{}'", name), trial.path(),
-                  fmt::format("its marks are {}", JoinWords(layout_.marks)));
-    }
-    tracker_->Expect(static_cast<std::size_t>(mark), p, options.start_sigma);
-  }
 }
 
-void Reconstructor::LookAhead(const data::TrialReader& trial) {
-  constexpr std::size_t kLooks = 128, kLines = 5;  // pieces of consecutive lines over the trial
+// The background of the first lines comes from the dark ones among them; further ones are looked at
+// until there is one.
+void Reconstructor::PrimeBackgrounds(const data::TrialReader& trial) {
+  data::TrialBlock block;
+  std::vector<double> last(layout_.marks.size(), kNone), intervals;
+  while (primed_ < trial.size() && (primed_ == 0 || backgrounds_[0].empty())) {
+    const std::size_t count = std::min(kPrimeLines, trial.size() - primed_);
+    trial.Read(primed_, count, &block);
+    primed_ += count;
+    for (std::size_t i = 0; i < block.size(); ++i) {
+      const Slot& slot = slots_[static_cast<std::size_t>(block.slot[i])];
+      for (const int mark : slot.marks) {
+        double& before = last[static_cast<std::size_t>(mark)];
+        if (block.t[i] > before) intervals.push_back(block.t[i] - before);
+        before = block.t[i];
+      }
+      if (!slot.marks.empty()) continue;
+      for (std::size_t c = 0; c < header_.cameras.size(); ++c) {
+        backgrounds_[c].Add(block.Line(header_, i, c));
+      }
+    }
+  }
+  if (trial.size() > 0 && backgrounds_[0].empty()) {
+    throw Error("has no dark line", trial.path(),
+                "record with a slot named dark: the background is taken from it");
+  }
+  // Of a record that ends before any mark is lit again, a round of slots at the rate of the lines.
+  interval_ = !intervals.empty() ? Median(intervals)
+                                 : static_cast<double>(slots_.size()) / header_.line_rate;
+}
+
+TrackerOptions Reconstructor::LookAhead(const data::TrialReader& trial) {
+  constexpr std::size_t kLooks = 64, kRounds = 2;  // pieces of the trial, each so many rounds long
+  constexpr std::size_t kMostLines = 64;           // of a piece
   constexpr std::size_t kEnough = 24;              // points; fewer say too little of the way
-  if (triangulator_.shared_rank() == 0 || trial.size() == 0) return;
+  constexpr double kCrossing = 40.0;               // samples in which a mark may cross the volume
+  constexpr double kMargin = 5.0;  // over the fastest seen: looking ahead misses most kicks
+  constexpr double kMergeWidths = 3.0, kWide = 0.95;  // spots' widths, and which of them counts
+  const double crossing = triangulator_.size() / (kCrossing * interval_);
+  TrackerOptions out{.motion = {.interval = interval_, .max_speed = crossing},
+                     .associate = options_.associate};
+  if (trial.size() == 0) return out;
+  // A round of slots brings each mark once.
+  const std::size_t lines =
+      std::min({kRounds * std::max<std::size_t>(1, slots_.size()), kMostLines, trial.size()});
   std::vector<PointSolution> points;
+  std::vector<double> widths, speeds;
   std::vector<Seen> seen;
   std::vector<std::span<const Candidate>> candidates;
   data::TrialBlock block;
   for (std::size_t look = 0; look < kLooks; ++look) {
     const std::size_t first = look * trial.size() / kLooks;
-    trial.Read(first, std::min(kLines, trial.size() - first), &block);
+    trial.Read(first, std::min(lines, trial.size() - first), &block);
     FindSpots(block, slots_, false, &seen);
-    MarkTracker tracker(triangulator_, layout_.marks.size(), options_.track);
+    MarkTracker tracker(triangulator_, layout_.marks.size(), out);
+    std::vector<std::pair<double, PointSolution>> last(layout_.marks.size());
     const auto take = [&] {
       while (const TrackedLine* line = tracker.Next()) {
-        for (const TrackedPoint& point : line->points) {
-          if (data::Usable(point.status)) points.push_back(point.point);
+        for (std::size_t m = 0; m < line->lit.size(); ++m) {
+          const TrackedPoint& point = line->points[m];
+          if (!data::Usable(point.status)) continue;
+          points.push_back(point.point);
+          auto& [t, before] = last[static_cast<std::size_t>(line->lit[m])];
+          // A fourth reading vouches for both ends of a step.
+          if (point.own > 3 && before.readings > 3 && line->t > t) {
+            speeds.push_back((point.point.p - before.p).norm() / (line->t - t));
+          }
+          if (point.own > 3) before = point.point, t = line->t;
         }
       }
     };
     for (std::size_t i = 0; i < block.size(); ++i) {
       const Slot& slot = slots_[static_cast<std::size_t>(block.slot[i])];
       if (slot.marks.empty()) continue;
-      Candidates({&seen[i * layout_.cameras.size()], layout_.cameras.size()}, &candidates);
+      const std::span<const Seen> of_line(&seen[i * layout_.cameras.size()],
+                                          layout_.cameras.size());
+      for (const Seen& one : of_line) {
+        if (one.count > 0) widths.push_back(one.width_px);
+      }
+      Candidates(of_line, &candidates);
       tracker.Add(block.t[i], slot.marks, candidates);
       take();
     }
     tracker.Finish();
     take();
   }
-  if (points.size() >= kEnough) triangulator_.ReduceShared(points);
+  if (triangulator_.shared_rank() > 0 && points.size() >= kEnough) {
+    triangulator_.ReduceShared(points);
+  }
+  if (!widths.empty()) out.associate.merge_px = kMergeWidths * Quantile(widths, kWide);
+  const double fastest = speeds.empty() ? 0.0 : *std::max_element(speeds.begin(), speeds.end());
+  out.motion.max_speed =
+      options_.max_speed > 0.0 ? options_.max_speed : std::max(crossing, kMargin * fastest);
+  return out;
 }
 
 void Reconstructor::FindSpots(const data::TrialBlock& block, std::span<const Slot> slots,
@@ -151,7 +222,7 @@ void Reconstructor::FindSpots(const data::TrialBlock& block, std::span<const Slo
   // Each camera walks through the lines in order, so that its background is what it was then.
   ParallelFor(cameras, options_.workers, [&](std::size_t c) {
     for (std::size_t i = 0; i < block.size(); ++i) {
-      const auto line = LineOf(block, header_, i, c);
+      const auto line = block.Line(header_, i, c);
       Seen& here = (*seen)[i * cameras + c];
       here.count = 0;
       here.flags = 0;
@@ -166,6 +237,7 @@ void Reconstructor::FindSpots(const data::TrialBlock& block, std::span<const Slo
           std::swap(spots[j], spots[j - 1]);
         }
       }
+      here.width_px = static_cast<float>(spots[0].width_px);
       here.flags = count > 0 ? spots[0].flags : static_cast<std::uint8_t>(kSpotDim);
       const bool alone = slots[static_cast<std::size_t>(block.slot[i])].marks.size() == 1;
       for (std::size_t k = 0; k < count; ++k) {
@@ -290,15 +362,57 @@ void Reconstructor::HandOut(data::Tracks* tracks) {
   }
 }
 
+void AppendTracks(const data::Tracks& block, data::Tracks* all) {
+  const auto n = static_cast<Eigen::Index>(all->size());
+  const auto more = static_cast<Eigen::Index>(block.size());
+  const Eigen::Index rank = block.shared_rank;
+  const auto add = [](const auto& from, auto* to) {
+    to->insert(to->end(), from.begin(), from.end());
+  };
+  add(block.t, &all->t);
+  add(block.mark, &all->mark);
+  add(block.status, &all->status);
+  add(block.used, &all->used);
+  add(block.left_out, &all->left_out);
+  add(block.reason, &all->reason);
+  // Doubling keeps what is copied in proportion.
+  if (all->p.cols() < n + more) {
+    const Eigen::Index room = std::max(n + more, 2 * n);
+    all->p.conservativeResize(3, room);
+    all->cov.conservativeResize(6, room);
+    all->shared.conservativeResize(3, room * rank);
+  }
+  all->p.middleCols(n, more) = block.p;
+  all->cov.middleCols(n, more) = block.cov;
+  all->shared.middleCols(n * rank, more * rank) = block.shared;
+}
+
+void TrimTracks(data::Tracks* all) {
+  const auto n = static_cast<Eigen::Index>(all->size());
+  all->p.conservativeResize(3, n);
+  all->cov.conservativeResize(6, n);
+  all->shared.conservativeResize(3, n * all->shared_rank);
+}
+
 data::Tracks Reconstruct(const data::TrialReader& trial, const data::Rig& rig,
                          const ReconstructOptions& options, ReconstructSummary* summary) {
+  constexpr std::size_t kBlock = 512;  // lines held at once
   Reconstructor reconstructor(trial, rig, "the rig", options);
+  data::Tracks all = reconstructor.layout(), tracks;
   data::TrialBlock block;
-  trial.Read(0, trial.size(), &block);
-  data::Tracks tracks;
-  reconstructor.Process(block, &tracks);
+  for (std::size_t first = 0; first < trial.size(); first += kBlock) {
+    ThrowIfInterrupted();
+    trial.Read(first, std::min(kBlock, trial.size() - first), &block);
+    reconstructor.Process(block, &tracks);
+    AppendTracks(tracks, &all);
+    if (options.progress) {
+      options.progress(static_cast<double>(first + block.size()) /
+                       static_cast<double>(trial.size()));
+    }
+  }
+  TrimTracks(&all);
   if (summary != nullptr) *summary = reconstructor.summary();
-  return tracks;
+  return all;
 }
 
 }  // namespace unfurl::measure

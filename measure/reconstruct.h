@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <functional>
 #include <map>
 #include <optional>
 #include <span>
@@ -20,15 +21,23 @@ namespace unfurl::measure {
 struct ReconstructOptions {
   SpotOptions spot{};
   TriangulateOptions point{};
-  TrackerOptions track{};
-  // Where marks are at the start, by name [m], to within `start_sigma` [m]. Only marks that are lit
-  // together need it; without it they are named by their places, in order of x.
+  AssociateOptions associate{};  // but merge_px, which the record's spots tell
+  // Of any mark, ever [m/s]. 0: five times the fastest that is seen while looking ahead, and no
+  // less than what crosses the rig's volume in forty samples of a mark.
+  double max_speed = 0.0;
+  // Where marks are at the start, by name [m], to within `start_sigma` [m] (0: a hundredth of the
+  // volume's size). Only marks that are lit together need it; without it they are named by their
+  // places, in order of x.
   std::map<std::string, Eigen::Vector3d> start;
-  double start_sigma = 0.05;
+  double start_sigma = 0.0;
   // Where one mark is lit, spots fainter than this share of the line's brightest are not its own:
   // faint reflections, what the sensor kept of the line before [-].
   double least_share = 0.1;
   std::size_t workers = 0;  // 0: all cores; the result does not depend on it
+  // Called with what is done, 0 to 1, by Reconstruct.
+  std::function<void(double)> progress;
+  // Throws Error that names a value which makes no sense.
+  void Check() const;
 };
 
 inline constexpr std::size_t kSpotFlags = 7;  // bits of SpotFlag
@@ -68,6 +77,7 @@ class Reconstructor {
 
   // Frame, marks, cameras and shared rank, no samples: for TracksWriter.
   const data::Tracks& layout() const { return layout_; }
+  const TrackerOptions& tracking() const { return tracking_; }
   // The samples that are decided with this block, in order of time; with the trial's last line all
   // are. Blocks must follow each other from line 0.
   void Process(const data::TrialBlock& block, data::Tracks* tracks);
@@ -84,10 +94,15 @@ class Reconstructor {
   struct Seen {
     std::uint8_t count = 0;
     std::uint8_t flags = 0;
+    float width_px = 0.0F;  // of the brightest
     std::array<Candidate, Associator::kMostCandidates> spots;
   };
 
-  void LookAhead(const data::TrialReader& trial);
+  void ReadSlots(const std::string& path);
+  // Also finds how often a mark is lit.
+  void PrimeBackgrounds(const data::TrialReader& trial);
+  // The tracker's options from what a few lines of the whole record show.
+  TrackerOptions LookAhead(const data::TrialReader& trial);
   void FindSpots(const data::TrialBlock& block, std::span<const Slot> slots, bool learn,
                  std::vector<Seen>* seen);
   void Candidates(std::span<const Seen> seen, std::vector<std::span<const Candidate>>* out) const;
@@ -95,6 +110,8 @@ class Reconstructor {
   void HandOut(data::Tracks* tracks);
 
   ReconstructOptions options_;
+  TrackerOptions tracking_;
+  double interval_ = 0.0;  // median, between two flashes of a mark [s]
   data::TrialHeader header_;
   Triangulator triangulator_;
   data::Tracks layout_;
@@ -111,7 +128,11 @@ class Reconstructor {
   std::size_t primed_ = 0;  // lines whose dark ones the backgrounds already know
 };
 
-// The whole of a trial at once.
+// To collect blocks: appends one to all before, with room to spare, and at the end drops the room.
+void AppendTracks(const data::Tracks& block, data::Tracks* all);
+void TrimTracks(data::Tracks* all);
+
+// The whole of a trial in one call; Ctrl-C is heeded between blocks.
 data::Tracks Reconstruct(const data::TrialReader& trial, const data::Rig& rig,
                          const ReconstructOptions& options = {},
                          ReconstructSummary* summary = nullptr);

@@ -7,6 +7,8 @@
 #include <limits>
 #include <utility>
 
+#include "base/statistics.h"
+
 namespace unfurl::measure {
 
 namespace {
@@ -14,19 +16,63 @@ namespace {
 using Matrix9 = Eigen::Matrix<double, 9, 9>;
 using Means = Eigen::Matrix<double, 9, Eigen::Dynamic>;  // state, then one column per shared draw
 
-// Of what a stretch starts with: nothing is known of its motion.
-constexpr double kFirstPosition = 10.0;     // [m]
-constexpr double kFirstSpeed = 30.0;        // [m/s]
-constexpr double kFirstAcceleration = 3e3;  // [m/s^2]
-// What an event may change at once.
-constexpr double kKickSpeed = 5.0;                     // [m/s]
-constexpr double kKickAcceleration = 2e3;              // [m/s^2]
-constexpr double kLeastJerk = 1e-2, kMostJerk = 1e12;  // [m^2/s^5]
-
 // One stretch of one mark without gaps.
 struct Stretch {
   std::vector<std::size_t> samples;  // indices into the tracks
 };
+
+// What a stretch itself says of lengths and times, in which all that is believed of it is measured;
+// nothing of it comes from beyond a gap.
+struct Scale {
+  double span = 1.0;      // of the box of its samples, corner to corner [m]
+  double interval = 1.0;  // median, between its samples [s]
+
+  // Standard deviations that it starts with: nothing is known of its motion.
+  double first_position() const { return 5.0 * span; }
+  double first_speed() const { return span / interval; }
+  double first_acceleration() const { return span / (interval * interval); }
+  // What an event may change at once.
+  double kick_speed() const { return 0.1 * span / interval; }
+  double kick_acceleration() const { return 0.1 * span / (interval * interval); }
+  // Spectral densities of the jerk that are looked at, with fourteen decades between [m^2/s^5]; the
+  // largest throws a mark across the stretch within an interval.
+  double least_jerk() const { return 1e-14 * most_jerk(); }
+  double most_jerk() const { return span * span / std::pow(interval, 5); }
+};
+
+Scale ScaleOf(const data::Tracks& tracks, const Stretch& stretch) {
+  constexpr double kLeastSigmas = 100.0;  // a mark that stands still moves by its errors
+  Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
+  Eigen::Vector3d high = -low;
+  std::vector<double> steps;
+  double sigma = 0.0;
+  for (std::size_t k = 0; k < stretch.samples.size(); ++k) {
+    const std::size_t i = stretch.samples[k];
+    const Eigen::Vector3d p = tracks.p.col(static_cast<Eigen::Index>(i));
+    low = low.cwiseMin(p);
+    high = high.cwiseMax(p);
+    sigma = std::max(sigma, std::sqrt(tracks.Covariance(i).trace()));
+    if (k > 0) steps.push_back(tracks.t[i] - tracks.t[stretch.samples[k - 1]]);
+  }
+  Scale scale;
+  const double span = std::max((high - low).norm(), kLeastSigmas * sigma);
+  if (span > 0.0) scale.span = span;
+  if (!steps.empty()) scale.interval = Median(steps);
+  return scale;
+}
+
+// The median interval between usable samples of a mark [s]; 0 where no mark has two.
+double IntervalOf(const data::Tracks& tracks) {
+  std::vector<double> last(tracks.marks.size(), std::numeric_limits<double>::quiet_NaN());
+  std::vector<double> steps;
+  for (std::size_t i = 0; i < tracks.size(); ++i) {
+    if (!data::Usable(tracks.status[i])) continue;
+    double& before = last[static_cast<std::size_t>(tracks.mark[i])];
+    if (tracks.t[i] > before) steps.push_back(tracks.t[i] - before);
+    before = tracks.t[i];
+  }
+  return steps.empty() ? 0.0 : Median(steps);
+}
 
 Matrix9 Transition(double dt) {
   Matrix9 F = Matrix9::Identity();
@@ -50,8 +96,9 @@ void AddJerk(double dt, double jerk, Matrix9* P) {
 // Filter and smoother over one stretch, whose sections each have a process noise.
 class StretchSmoother {
  public:
-  StretchSmoother(const data::Tracks& tracks, const Stretch& stretch, const SmoothOptions& options)
-      : tracks_(tracks), stretch_(stretch), options_(options) {
+  StretchSmoother(const data::Tracks& tracks, const Stretch& stretch, const Scale& scale,
+                  const SmoothOptions& options)
+      : tracks_(tracks), stretch_(stretch), scale_(scale), options_(options) {
     section_.resize(stretch.samples.size());
     for (std::size_t i = 0; i < section_.size(); ++i) {
       const auto after = std::upper_bound(options.events.begin(), options.events.end(), Time(i));
@@ -116,8 +163,9 @@ class StretchSmoother {
     const auto value = [&](double log10) {
       return LogLikelihood(first, last, std::pow(10.0, log10), nullptr);
     };
-    double best = std::log10(kLeastJerk), best_value = -std::numeric_limits<double>::infinity();
-    for (double at = std::log10(kLeastJerk); at <= std::log10(kMostJerk) + 0.5; at += 1.0) {
+    const double lowest = std::log10(scale_.least_jerk()), highest = std::log10(scale_.most_jerk());
+    double best = lowest, best_value = -std::numeric_limits<double>::infinity();
+    for (double at = lowest; at <= highest + 0.5; at += 1.0) {
       const double here = value(at);
       if (here > best_value) {
         best_value = here;
@@ -214,9 +262,9 @@ class StretchSmoother {
     x->setZero();
     x->head<3>() = tracks_.p.col(static_cast<Eigen::Index>(stretch_.samples[i]));
     P->setZero();
-    P->diagonal().head<3>().setConstant(kFirstPosition * kFirstPosition);
-    P->diagonal().segment<3>(3).setConstant(kFirstSpeed * kFirstSpeed);
-    P->diagonal().tail<3>().setConstant(kFirstAcceleration * kFirstAcceleration);
+    P->diagonal().head<3>().setConstant(scale_.first_position() * scale_.first_position());
+    P->diagonal().segment<3>(3).setConstant(scale_.first_speed() * scale_.first_speed());
+    P->diagonal().tail<3>().setConstant(scale_.first_acceleration() * scale_.first_acceleration());
   }
 
   static void Carry(double dt, double jerk, Eigen::Matrix<double, 9, 1>* x, Matrix9* P) {
@@ -226,9 +274,9 @@ class StretchSmoother {
     AddJerk(dt, jerk, P);
   }
 
-  static void Kick(Matrix9* P) {
-    P->diagonal().segment<3>(3).array() += kKickSpeed * kKickSpeed;
-    P->diagonal().tail<3>().array() += kKickAcceleration * kKickAcceleration;
+  void Kick(Matrix9* P) const {
+    P->diagonal().segment<3>(3).array() += scale_.kick_speed() * scale_.kick_speed();
+    P->diagonal().tail<3>().array() += scale_.kick_acceleration() * scale_.kick_acceleration();
   }
 
   // The covariance from sample i - 1 to i. An event between them ends what is known of velocity and
@@ -255,6 +303,7 @@ class StretchSmoother {
 
   const data::Tracks& tracks_;
   const Stretch& stretch_;
+  const Scale& scale_;
   const SmoothOptions& options_;
   std::vector<std::ptrdiff_t> section_;
 };
@@ -275,18 +324,21 @@ std::vector<Stretch> StretchesOf(const data::Tracks& tracks, std::int32_t mark, 
 
 data::Tracks Smooth(const data::Tracks& tracks, const SmoothOptions& options,
                     SmoothReport* report) {
+  constexpr double kGapIntervals = 20.0;
   constexpr std::size_t kFewest = 4;     // samples that can be smoothed at all
   constexpr std::size_t kEnough = 12;    // that tell their own process noise
   constexpr std::size_t kWindow = 2000;  // samples in memory at once
   constexpr std::size_t kOverlap = 200;  // the smoother's memory is some ten samples
+  const double longest_gap =
+      options.longest_gap > 0.0 ? options.longest_gap : kGapIntervals * IntervalOf(tracks);
   data::Tracks out = tracks;
   out.smoothed = true;
   if (report != nullptr) *report = {};
   for (std::size_t m = 0; m < tracks.marks.size(); ++m) {
-    for (const Stretch& stretch :
-         StretchesOf(tracks, static_cast<std::int32_t>(m), options.longest_gap)) {
+    for (const Stretch& stretch : StretchesOf(tracks, static_cast<std::int32_t>(m), longest_gap)) {
       if (stretch.samples.size() < kFewest) continue;
-      const StretchSmoother smoother(tracks, stretch, options);
+      const Scale scale = ScaleOf(tracks, stretch);
+      const StretchSmoother smoother(tracks, stretch, scale, options);
       const auto sections = smoother.Sections();
       std::vector<double> found(sections.size(), options.jerk);
       for (std::size_t s = 0; s < sections.size() && options.jerk == 0.0; ++s) {
@@ -300,7 +352,7 @@ data::Tracks Smooth(const data::Tracks& tracks, const SmoothOptions& options,
         if (own == 0.0) {
           if (s > 0) own = std::max(own, found[s - 1]);
           if (s + 1 < sections.size()) own = std::max(own, found[s + 1]);
-          if (own == 0.0) own = kMostJerk;
+          if (own == 0.0) own = scale.most_jerk();
         }
         const auto [first, last] = sections[s];
         std::fill(jerk.begin() + static_cast<std::ptrdiff_t>(first),

@@ -13,8 +13,9 @@ struct SmoothOptions {
   std::vector<double> events;
   // How well those times are known [s]: within so much of one, any sample may already be after it.
   double event_sigma = 0.0;
-  // A pause longer than this starts a new stretch: what is missing is not made up [s].
-  double longest_gap = 0.1;
+  // A pause longer than this starts a new stretch: what is missing is not made up [s]. 0: twenty
+  // times the median interval between samples of a mark.
+  double longest_gap = 0.0;
   // Spectral density of the white jerk [m^2/s^5]; 0: by maximum likelihood, for each mark and each
   // section between events or gaps.
   double jerk = 0.0;

@@ -49,9 +49,11 @@ void SpotFinder::SetResponse(std::span<const float> response) {
 }
 
 void SetResponses(std::span<const float> response, std::span<SpotFinder> finders) {
-  const std::size_t active = response.size() / std::max<std::size_t>(1, finders.size());
-  for (std::size_t c = 0; c < finders.size(); ++c) {
-    finders[c].SetResponse(response.subspan(c * active, active));
+  std::size_t first = 0;
+  for (SpotFinder& finder : finders) {
+    const auto active = static_cast<std::size_t>(finder.format().active);
+    finder.SetResponse(response.empty() ? response : response.subspan(first, active));
+    first += active;
   }
 }
 

@@ -69,6 +69,8 @@ class SpotFinder {
  public:
   explicit SpotFinder(const data::LineFormat& format, const SpotOptions& options = {});
 
+  const data::LineFormat& format() const { return format_; }
+
   // Flat field: each active pixel's response relative to the sensor's mean [-]; empty: all alike.
   void SetResponse(std::span<const float> response);
 

@@ -64,20 +64,21 @@ class Fit {
         weighted_(options.estimator != SpotEstimator::kLeastSquares) {}
 
   bool Run(const SpotOptions& options, std::span<Spot> spots) {
-    constexpr int kMaxSteps = 40;
-    // Squared length of a step in units of the parameters' own sigmas; the next one would square
-    // it.
-    constexpr double kConverged = 1e-4;
-    constexpr double kNarrowest = 0.15;  // width that a pixel can still tell from a point [px]
+    if (!Begin(spots) || !Iterate() || !InWindow()) return false;
+    Report(options, spots);
+    return true;
+  }
+
+ private:
+  // The guessed shapes; flux and constant are linear in the model, so one pass gives them. There is
+  // no model yet: the weights come from the counts.
+  bool Begin(std::span<const Spot> spots) {
     for (int q = 0; q < Q; ++q) {
       c_[q] = spots[q].u_px;
       s_[q] = std::max(spots[q].width_px, 0.5);
       flux_[q] = 0.0;
     }
     level_ = 0.0;
-
-    // Flux and constant are linear: one pass at the guessed shapes gives them. There is no model
-    // yet, so the weights come from the counts.
     Pass(true);
     if (used_ <= kParameters) return false;
     for (int q = 0; q < Q; ++q) A_[3 * q][3 * q] = A_[3 * q + 1][3 * q + 1] = 1.0;
@@ -88,16 +89,24 @@ class Fit {
       if (!(flux_[q] > 0.0)) return false;
     }
     level_ = g_[kConstant];
+    return true;
+  }
 
-    bool converged = false;
-    for (int step = 0; step < kMaxSteps && !converged; ++step) {
+  // Gauss-Newton with the weights renewed in every step; steps of centre and width are limited to a
+  // part of the width, so that a spot does not pass its neighbour.
+  bool Iterate() {
+    constexpr int kMaxSteps = 40;
+    // Squared length of a step in units of the parameters' own sigmas; the next one would square
+    // it.
+    constexpr double kConverged = 1e-4;
+    constexpr double kNarrowest = 0.15;  // width that a pixel can still tell from a point [px]
+    for (int step = 0; step < kMaxSteps; ++step) {
       Pass(false);
       const std::array<double, kParameters> gradient = g_;
       if (!Cholesky<kParameters>(A_)) return false;
       Solve<kParameters>(A_, g_);
       double length = 0.0;
       for (int a = 0; a < kParameters; ++a) length += gradient[a] * g_[a];
-      converged = length < kConverged * (weighted_ ? 1.0 : noise_.dark_variance);
       for (int q = 0; q < Q; ++q) {
         c_[q] += std::clamp(g_[3 * q], -0.7 * s_[q], 0.7 * s_[q]);
         const double ds = std::clamp(g_[3 * q + 1], -0.4 * s_[q], 0.6 * s_[q]);
@@ -106,14 +115,37 @@ class Fit {
         if (!(flux_[q] > 0.0)) return false;
       }
       level_ += g_[kConstant];
+      if (length < kConverged * (weighted_ ? 1.0 : noise_.dark_variance)) return true;
     }
+    return false;
+  }
+
+  bool InWindow() const {
     const double n = static_cast<double>(counts_.size());
     for (int q = 0; q < Q; ++q) {
       if (!(c_[q] >= first_ - 0.5 && c_[q] <= first_ + n - 0.5 && s_[q] <= n)) return false;
     }
-    if (!converged) return false;
+    return true;
+  }
 
-    // The matrix and chi-square of the last step: the solution was a hundredth of a sigma away.
+  // Of the q-th centre: from the inverse of the normal matrix, or, with equal weights, from
+  // (J'J)^-1 J'VJ (J'J)^-1.
+  double CentreVariance(int q) {
+    std::array<double, kParameters> e{};
+    e[3 * q] = 1.0;
+    Solve<kParameters>(A_, e);
+    if (weighted_) return e[3 * q];
+    double variance = 0.0;
+    for (int a = 0; a < kParameters; ++a) {
+      for (int b = 0; b < kParameters; ++b) {
+        variance += e[a] * (a >= b ? V_[a][b] : V_[b][a]) * e[b];
+      }
+    }
+    return variance;
+  }
+
+  // With the matrix and chi-square of the last step: the solution was a hundredth of a sigma away.
+  void Report(const SpotOptions& options, std::span<Spot> spots) {
     const double dof = used_ - kParameters;
     const double misfit = chi_square_ / dof;
     const bool misfits = misfit > 1.0 + options.misfit_sigmas * std::sqrt(2.0 / dof);
@@ -123,28 +155,13 @@ class Fit {
       spot.width_px = s_[q];
       spot.flux = flux_[q];
       spot.misfit = misfit;
-      std::array<double, kParameters> e{};
-      e[3 * q] = 1.0;
-      Solve<kParameters>(A_, e);
-      double variance = e[3 * q];
-      if (!weighted_) {
-        // Equal weights: (J'J)^-1 J'VJ (J'J)^-1.
-        variance = 0.0;
-        for (int a = 0; a < kParameters; ++a) {
-          for (int b = 0; b < kParameters; ++b) {
-            variance += e[a] * (a >= b ? V_[a][b] : V_[b][a]) * e[b];
-          }
-        }
-      }
-      spot.s_px = std::sqrt(variance * (misfits ? misfit : 1.0));
+      spot.s_px = std::sqrt(CentreVariance(q) * (misfits ? misfit : 1.0));
       // Nowhere to within its own width: there is no reading in it.
       if (!(spot.s_px <= spot.width_px + 0.5)) spot.flags |= kSpotPoorFit;
       if (TailSigmas(misfit, dof) > kShapeSigmas) spot.flags |= kSpotShape;
     }
-    return true;
   }
 
- private:
   // Normal matrix, gradient and chi-square at the present parameters.
   void Pass(bool from_counts) {
     std::array<Pack, kPairs> A{}, V{};

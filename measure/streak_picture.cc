@@ -70,7 +70,6 @@ StreakPicture::~StreakPicture() = default;
 
 void StreakPicture::Add(const data::TrialBlock& block) {
   Impl& im = *impl_;
-  const data::LineFormat& format = im.header.format;
   const std::size_t cameras = im.header.cameras.size();
   if (im.next == 0 && block.size() > 0) im.first_t = block.t.front();
   if (block.size() > 0) im.last_t = block.t.back();
@@ -80,8 +79,8 @@ void StreakPicture::Add(const data::TrialBlock& block) {
     const bool is_dark = im.header.slots[slot] == data::kDarkSlot;
     const int x = static_cast<int>(im.next * static_cast<std::size_t>(im.width) / im.lines);
     for (std::size_t c = 0; c < cameras; ++c) {
-      const std::uint16_t* counts =
-          &block.counts[(i * cameras + c) * format.elements() + format.first_active()];
+      const data::LineFormat& format = im.header.format.Of(c);
+      const std::uint16_t* counts = block.Line(im.header, i, c).data() + format.first_active();
       const cv::Mat line(1, format.active, CV_16U, const_cast<std::uint16_t*>(counts));
       line.convertTo(light, CV_32F);
       if (is_dark) {
@@ -131,7 +130,8 @@ void StreakPicture::Write(const std::string& path) const {
     bytes.copyTo(page(place));
     cv::rectangle(page, place + cv::Size(1, 1) - cv::Point(1, 1), {90, 90, 90});
     text(im.header.cameras[static_cast<std::size_t>(c)], place.x, place.y - 7, grey);
-    text(std::to_string(im.header.format.active - 1), place.x - 40, place.y + 10, grey);
+    const data::LineFormat& format = im.header.format.Of(static_cast<std::size_t>(c));
+    text(std::to_string(format.active - 1), place.x - 40, place.y + 10, grey);
     text("0", place.x - 14, place.y + kHeight, grey);
     for (double t = std::ceil(im.first_t / step) * step; t <= im.last_t; t += step) {
       const int x = place.x + static_cast<int>((t - im.first_t) / range * (im.width - 1));

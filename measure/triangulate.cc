@@ -1,12 +1,16 @@
 #include "measure/triangulate.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cassert>
 #include <cmath>
 #include <limits>
+#include <string>
 
+#include "base/error.h"
 #include "base/statistics.h"
 #include "measure/camera_model.h"
 
@@ -28,7 +32,30 @@ double FloorSquare(const data::Rig& rig, std::size_t camera) {
   return floor * floor;
 }
 
+// What a reading's sigma is about, where only its ratio to the model floors matters: 0.01 px of a
+// row of 2000 [px].
+std::vector<double> TypicalSigmas(const data::Rig& rig) {
+  constexpr double kShare = 5e-6;  // of the row
+  std::vector<double> s;
+  for (const data::RigCamera& camera : rig.cameras) s.push_back(kShare * camera.pixels);
+  return s;
+}
+
 }  // namespace
+
+void TriangulateOptions::Check() const {
+  const auto positive = [](const char* name, double value, double below) {
+    if (value > 0.0 && value < below) return;
+    throw Error(fmt::format("{} is not between 0 and {:g}", value, below),
+                std::string("TriangulateOptions::") + name, "give a number between them");
+  };
+  constexpr double kAny = std::numeric_limits<double>::infinity();
+  positive("residual_level", residual_level, 1.0);
+  positive("max_condition", max_condition, kAny);
+  positive("volume_margin", volume_margin, kAny);
+  positive("twin_margin", twin_margin, kAny);
+  if (shared_tolerance != 0.0) positive("shared_tolerance", shared_tolerance, 1.0);
+}
 
 static_assert(static_cast<int>(PointOutcome::kOffPath) + 1 == data::kSampleReasons);
 
@@ -40,8 +67,10 @@ Triangulator::Triangulator(const data::Rig& rig, const TriangulateOptions& optio
     : rig_(rig),
       options_(options),
       centre_(0.5 * (rig.volume_low + rig.volume_high)),
+      size_((rig.volume_high - rig.volume_low).norm()),
       bank_(rig.cameras) {
   assert(rig.cameras.size() <= kMaxCameras);
+  options.Check();
   const Eigen::Vector3d size = rig.volume_high - rig.volume_low;
   low_ = rig.volume_low - options.volume_margin * size;
   high_ = rig.volume_high + options.volume_margin * size;
@@ -80,8 +109,9 @@ void Triangulator::Weights(std::span<const double> u_px, std::span<const double>
 PointSolution Triangulator::Solve(std::span<const double> u_px, std::span<const double> s_px,
                                   const Eigen::Vector3d& start, std::uint32_t use) const {
   constexpr int kMaxSteps = 15;
-  constexpr double kConverged = 1e-8;  // of the step that would come next [m]
-  constexpr double kLongest = 1.0;     // step [m]: the surfaces bend, but not much
+  // Over the volume's size. The step that would come next: a hundredth of the error of a reading of
+  // 0.001 px in a row of thousands. The longest step: the surfaces bend, but not much.
+  const double converged_at = 3e-9 * size_, longest = 0.25 * size_;
 
   PointSolution point;
   Lanes u, w;
@@ -108,23 +138,24 @@ PointSolution Triangulator::Solve(std::span<const double> u_px, std::span<const 
       point.outcome = PointOutcome::kParallel;
       return point;
     }
-    if (length > kLongest) {
-      dp *= kLongest / length;
+    if (length > longest) {
+      dp *= longest / length;
     } else {
       // Steps shrink by a factor that itself shrinks, so the next is shorter than this estimate;
       // over a last step as short as that, residuals change by J dp and J not at all.
-      converged = length < kConverged || length * length < kConverged * before;
+      converged = length < converged_at || length * length < converged_at * before;
       point.chi_square = std::max(0.0, sums.chi_square - g.dot(dp));
     }
     point.p += dp;
-    before = std::min(length, kLongest);
+    before = std::min(length, longest);
   }
 
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
   eigen.computeDirect(Symmetric(sums.JJ), Eigen::EigenvaluesOnly);
   const double weakest = eigen.eigenvalues()(0);
   point.dilution = weakest > 0.0 ? 1.0 / std::sqrt(weakest) : HUGE_VAL;
-  if (!(point.dilution <= options_.max_dilution)) {
+  point.condition = weakest > 0.0 ? std::sqrt(eigen.eigenvalues()(2) / weakest) : HUGE_VAL;
+  if (!(point.condition <= options_.max_condition)) {
     point.outcome = PointOutcome::kParallel;
     return point;
   }
@@ -149,8 +180,8 @@ bool Triangulator::SecondSolution(std::span<const double> u_px, std::span<const 
   // Along the curve on which two of the surfaces meet, the third reading is nearly a parabola. Its
   // slope is the weakest singular value of J, its bend is what three points on the chord show; so
   // the second root is known to first order, and Newton's method does the rest.
-  constexpr double kReach = 0.2;  // half the chord [m]
-  constexpr double kSame = 1e-5;  // nearer than this it is the same solution [m]
+  // Over the volume's size: half the chord; and what is nearer than this is the same solution.
+  const double reach = 0.05 * size_, same = 3e-6 * size_;
   constexpr double kFarthest =
       3.0;  // in sizes of the volume; beyond that the parabola tells nothing
   if (point.readings != 3) return false;
@@ -169,22 +200,22 @@ bool Triangulator::SecondSolution(std::span<const double> u_px, std::span<const 
   const Eigen::Vector3d along = eigen.eigenvectors().col(0);
   const Eigen::Vector3d left = J * along;  // its length is the singular value
   Lanes ahead, behind, here;
-  bank.Readings(Eigen::Vector3d(point.p + kReach * along).data(), ahead.data());
-  bank.Readings(Eigen::Vector3d(point.p - kReach * along).data(), behind.data());
+  bank.Readings(Eigen::Vector3d(point.p + reach * along).data(), ahead.data());
+  bank.Readings(Eigen::Vector3d(point.p - reach * along).data(), behind.data());
   bank.Readings(point.p.data(), here.data());
   double bend = 0.0;
   for (std::size_t k = 0; k < 3; ++k) {
     const std::size_t c = used[k];
     bend += left(static_cast<Eigen::Index>(k)) * (ahead[c] + behind[c] - 2.0 * here[c]) /
-            (kReach * kReach);
+            (reach * reach);
   }
   const double root = -2.0 * left.squaredNorm() / bend;
-  const double farthest = kFarthest * (rig_.volume_high - rig_.volume_low).norm();
+  const double farthest = kFarthest * size_;
   if (!(std::abs(root) < farthest)) return false;
   for (const double part : {1.0, 0.6, 1.6, 0.3}) {  // should the curve be no parabola out there
     const Eigen::Vector3d start = (point.p + part * root * along).cwiseMax(low_).cwiseMin(high_);
     *twin = Solve(u_px, s_px, start, point.cameras);
-    if (twin->outcome != PointOutcome::kSolved || (twin->p - point.p).norm() < kSame) continue;
+    if (twin->outcome != PointOutcome::kSolved || (twin->p - point.p).norm() < same) continue;
     return NearVolume(twin->p) || !NearVolume(point.p);
   }
   return false;
@@ -244,7 +275,8 @@ void Triangulator::SharedFactor(const PointSolution& point, std::span<const doub
 std::vector<PointSolution> Triangulator::GridOfVolume() const {
   constexpr int kGrid = 5;
   std::vector<PointSolution> points;
-  std::vector<double> u(rig_.cameras.size()), s(rig_.cameras.size(), 0.01);
+  std::vector<double> u(rig_.cameras.size());
+  const std::vector<double> s = TypicalSigmas(rig_);
   const Eigen::Vector3d span = rig_.volume_high - rig_.volume_low;
   for (int i = 0; i < kGrid * kGrid * kGrid; ++i) {
     const Eigen::Vector3d at(i % kGrid, i / kGrid % kGrid, i / (kGrid * kGrid));
@@ -273,7 +305,7 @@ void Triangulator::ReduceShared(std::span<const PointSolution> points) {
   };
   store(whole_);
   rank_ = columns_;
-  const std::vector<double> s(rig_.cameras.size(), 0.01);
+  const std::vector<double> s = TypicalSigmas(rig_);
   std::vector<Eigen::MatrixXd> samples;
   Eigen::MatrixXd moment = Eigen::MatrixXd::Zero(whole_.cols(), whole_.cols());
   for (const PointSolution& point : points) {

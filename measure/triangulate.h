@@ -12,11 +12,15 @@
 namespace unfurl::measure {
 
 struct TriangulateOptions {
+  // Throws Error that names a value which makes no sense.
+  void Check() const;
+
   // Chance that four good readings fail the residual test [-].
   double residual_level = 1e-3;
-  // What one pixel in the worst combination of readings may move the point [m/px]. A sound layout
-  // has 1 to 3 mm; above this the planes count as parallel.
-  double max_dilution = 0.02;
+  // Planes count as parallel where a displacement in the direction that they fix least changes the
+  // readings this much less than one in the direction that they fix best [-]: planes that meet at
+  // 2/25 rad or less, under 5 degrees. A sound layout has 2 to 5.
+  double max_condition = 25.0;
   // How far beyond the surveyed box a point is still believed, in sizes of the box [-].
   double volume_margin = 0.5;
   // How far beyond the surveyed box one of two solutions of three readings is as likely as the one
@@ -48,9 +52,10 @@ struct PointSolution {
   Eigen::Vector3d p = Eigen::Vector3d::Zero();    // in W [m]
   Eigen::Matrix3d cov = Eigen::Matrix3d::Zero();  // of the readings' errors [m^2]
   double chi_square = 0.0;                        // with `readings` - 3 degrees of freedom
-  double dilution = 0.0;                          // [m/px]
-  int readings = 0;                               // that entered
-  std::uint32_t cameras = 0;                      // bit c: camera c entered
+  double dilution = 0.0;      // what one pixel in the worst combination moves the point by [m/px]
+  double condition = 0.0;     // as TriangulateOptions::max_condition [-]
+  int readings = 0;           // that entered
+  std::uint32_t cameras = 0;  // bit c: camera c entered
 };
 
 // A point from the surfaces that its readings stand for: weighted least squares by Gauss-Newton,
@@ -62,6 +67,7 @@ class Triangulator {
   std::size_t cameras() const { return rig_.cameras.size(); }
   const data::Rig& rig() const { return rig_; }
   Eigen::Vector3d centre() const { return centre_; }  // of the volume: a start that always serves
+  double size() const { return size_; }               // of the volume, from corner to corner [m]
 
   // `u_px`, `s_px` one entry per camera; only those in the bit set `use` and not NaN enter.
   PointSolution Solve(std::span<const double> u_px, std::span<const double> s_px,
@@ -103,6 +109,7 @@ class Triangulator {
   data::Rig rig_;
   TriangulateOptions options_;
   Eigen::Vector3d centre_;
+  double size_;
   Eigen::Vector3d low_, high_;            // where a point is believed
   Eigen::Vector3d near_low_, near_high_;  // where a second solution is as likely as the first
   CameraBank bank_;

@@ -12,28 +12,43 @@ namespace unfurl::measure {
 namespace {
 
 // The parts without any mounting error but the lens' decentre, in focus.
-LensCamera Assemble(const data::Lab& lab, double decentre) {
+LensCamera Assemble(const data::Lab& lab, const data::LabLens& lens, const data::LabSensor& sensor,
+                    double decentre) {
   LensCamera camera;
   camera.slit_half_width = 0.5 * lab.slit.width;
   camera.slit_half_length = 0.5 * lab.slit.length;
-  camera.glass.index = lab.lens.index;
-  camera.glass.half_width = 0.5 * lab.lens.width;
-  camera.glass.half_length = 0.5 * lab.lens.length;
-  // The front face bulges to +z (curvature < 0), the back one to -z.
-  const double c = 1.0 / lab.lens.radius;
-  camera.glass.faces[0] = {
-      .x0 = decentre, .z0 = -lab.slit.distance, .curvature = lab.lens.curved == "back" ? 0.0 : -c};
-  camera.glass.faces[1] = {.x0 = decentre,
-                           .z0 = -lab.slit.distance - lab.lens.thickness,
-                           .curvature = lab.lens.curved == "front" ? 0.0 : c};
   SensorRow& s = camera.sensor;
-  s.pitch = lab.sensor.format.pitch;
-  s.pixels = lab.sensor.format.active;
-  s.blur = lab.sensor.blur;
+  s.pitch = sensor.format.pitch;
+  s.pixels = sensor.format.active;
+  s.blur = sensor.blur;
   // The image is inverted: u grows with the scene's X when the row is read from +X to -X.
   s.row = -Eigen::Vector3d::UnitX();
   s.column = Eigen::Vector3d::UnitY();
-  s.centre = {0.0, 0.0, -FocusedSensorDistance(camera, lab.lens.focus_distance)};
+  if (!lens.traced()) {
+    data::RigCamera model;
+    model.pixels = s.pixels;
+    model.lens = *data::FindLensModel(lens.model);
+    model.f_px = lens.focal_length / s.pitch;
+    model.u0_px = 0.5 * (s.pixels - 1) + decentre / s.pitch;
+    model.e = lens.centres;
+    for (std::size_t k = 0; k < lens.terms.size(); ++k) {
+      model.terms_px[k] = model.f_px * lens.terms[k];
+    }
+    camera.model = model;
+    camera.spot = lens.spot;
+    return camera;
+  }
+  camera.glass.index = lens.index;
+  camera.glass.half_width = 0.5 * lens.width;
+  camera.glass.half_length = 0.5 * lens.length;
+  // The front face bulges to +z (curvature < 0), the back one to -z.
+  const double c = 1.0 / lens.radius;
+  camera.glass.faces[0] = {
+      .x0 = decentre, .z0 = -lab.slit.distance, .curvature = lens.curved == "back" ? 0.0 : -c};
+  camera.glass.faces[1] = {.x0 = decentre,
+                           .z0 = -lab.slit.distance - lens.thickness,
+                           .curvature = lens.curved == "front" ? 0.0 : c};
+  s.centre = {0.0, 0.0, -FocusedSensorDistance(camera, lens.focus_distance)};
   return camera;
 }
 
@@ -60,7 +75,8 @@ VirtualRig MakeVirtualRig(const data::Lab& lab) {
     Rng pose = seed.Stream("pose", i);
     Rng sensor = seed.Stream("sensor", i);
     const data::LabMounting& m = lab.mounting;
-    LensCamera camera = Assemble(lab, m.lens_decentre * seed.Stream("lens", i).Normal());
+    LensCamera camera = Assemble(lab, lab.LensOf(i), lab.SensorOf(i),
+                                 m.lens_decentre * seed.Stream("lens", i).Normal());
     camera.name = lab.cameras[i].name;
     camera.X_WC = NominalPose(lab.cameras[i]);
     camera.X_WC.translation() += Draw(pose, m.position);
@@ -73,8 +89,13 @@ VirtualRig MakeVirtualRig(const data::Lab& lab) {
     camera.sensor.row = R * camera.sensor.row;
     camera.sensor.column = R * camera.sensor.column;
     camera.sensor.centre += shift * camera.sensor.row;
+    if (camera.model) {  // has no sensor to turn: the row's shift is its offset
+      camera.model->R_CW = camera.X_WC.linear().transpose();
+      camera.model->p_WC = camera.X_WC.translation();
+      camera.model->u0_px += shift / camera.sensor.pitch;
+    }
     rig.cameras.push_back(camera);
-    rig.patterns.push_back(DrawPattern(lab.sensor, seed.Stream("pattern", i)));
+    rig.patterns.push_back(DrawPattern(lab.SensorOf(i), seed.Stream("pattern", i)));
     rig.drift_phase.push_back(seed.Stream("drift", i).Uniform(0.0, 2.0 * std::numbers::pi));
   }
   rig.X_WM.translation() = lab.model.position;
@@ -84,7 +105,7 @@ VirtualRig MakeVirtualRig(const data::Lab& lab) {
   rig.lead = seed.Stream("lead").Uniform(lab.strobe.lead[0], lab.strobe.lead[1]);
 
   // The LED's intensity follows from the pixel that it shall fill.
-  const LensCamera ideal = Assemble(lab, 0.0);
+  const LensCamera ideal = Assemble(lab, lab.lens, lab.sensor, 0.0);
   std::vector<double> pixels(static_cast<std::size_t>(ideal.sensor.pixels), 0.0);
   SpotLight spot;
   TraceSpot(ideal, {0.0, 0.0, lab.lens.focus_distance}, &spot);

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "base/statistics.h"
 #include "tests/calib/fixtures.h"
 
@@ -96,6 +98,20 @@ TEST(Bundle, DoesNotDependOnTheSurveysFrame) {
   }
   check = (R * check).colwise() + t;
   EXPECT_NEAR(ErrorsOf(there.rig, truth, check).Rms(), errors.Rms(), 0.02 * errors.Rms());
+}
+
+// A solver that cannot go on says so in its summary, and not on the user's terminal.
+TEST(Bundle, AFailureIsDataAndNotALogLine) {
+  const auto study = MakeStudy(3, 30);
+  BundleState state{study.truth, study.data.p};
+  std::vector<CameraPrior> priors(study.truth.size());
+  for (CameraPrior& prior : priors) prior.term_sigma_px.fill(100.0);
+  priors[0].e_mean = std::nan("");
+  ::testing::internal::CaptureStderr();
+  const BundleSummary summary =
+      SolveBundle(study.data, priors, EqualWeighting(study.data, 0.0), {}, &state);
+  EXPECT_EQ(::testing::internal::GetCapturedStderr(), "");
+  EXPECT_FALSE(summary.converged);
 }
 
 }  // namespace

@@ -39,6 +39,7 @@ inline data::RigCamera LookAt(const Eigen::Vector3d& place, const Eigen::Vector3
   camera.R_CW.row(1) = Z.cross(X);
   camera.R_CW.row(2) = Z;
   camera.p_WC = place;
+  camera.pixels = kPixels;
   return camera;
 }
 
@@ -53,6 +54,7 @@ inline data::RigCamera LookAtFromX(const Eigen::Vector3d& place, const Eigen::Ve
   camera.R_CW.row(1) = Y;
   camera.R_CW.row(2) = Z;
   camera.p_WC = place;
+  camera.pixels = kPixels;
   return camera;
 }
 
@@ -98,7 +100,10 @@ inline Observations Observe(const std::vector<data::RigCamera>& cameras, const E
                             double survey_sigma, double reading_sigma_px, Rng rng) {
   Observations out;
   out.p = p;
-  for (const auto& camera : cameras) out.cameras.push_back(camera.name);
+  for (const auto& camera : cameras) {
+    out.cameras.push_back(camera.name);
+    out.pixels.push_back(camera.pixels);
+  }
   for (Eigen::Index i = 0; i < p.cols(); ++i) {
     out.ids.push_back("p" + std::to_string(i + 1));
     out.cov.push_back(survey_sigma * survey_sigma * Eigen::Matrix3d::Identity());
@@ -107,7 +112,7 @@ inline Observations Observe(const std::vector<data::RigCamera>& cameras, const E
       double u = 0.0;
       const double noise = reading_sigma_px * rng.Normal();
       if (!measure::Project(cameras[j], p.col(i), &u)) continue;
-      if (u < 0.0 || u > kPixels - 1) continue;
+      if (u < 0.0 || u > cameras[j].pixels - 1) continue;
       out.readings.push_back(
           {static_cast<int>(i), static_cast<int>(j), u + noise, reading_sigma_px});
     }

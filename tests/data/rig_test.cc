@@ -34,6 +34,8 @@ class RigFile : public ::testing::Test {
     for (int j = 0; j < 3; ++j) {
       RigCamera camera;
       camera.name = "camera " + std::to_string(j);
+      camera.pixels = 2048 + 1000 * j;
+      camera.lens = j == 1 ? LensModel::kFisheye : LensModel::kRectilinear;
       camera.R_CW = RotationFromVector({rng.Normal(), rng.Normal(), rng.Normal()});
       camera.p_WC = {rng.Normal(), rng.Normal(), rng.Normal()};
       camera.f_px = 2200.0 + rng.Normal();
@@ -77,6 +79,8 @@ TEST_F(RigFile, ComesBackBitForBit) {
   ASSERT_EQ(back.cameras.size(), rig.cameras.size());
   for (std::size_t j = 0; j < rig.cameras.size(); ++j) {
     EXPECT_EQ(back.cameras[j].name, rig.cameras[j].name);
+    EXPECT_EQ(back.cameras[j].pixels, rig.cameras[j].pixels);
+    EXPECT_EQ(back.cameras[j].lens, rig.cameras[j].lens);
     EXPECT_EQ(back.cameras[j].R_CW, rig.cameras[j].R_CW);
     EXPECT_EQ(back.cameras[j].p_WC, rig.cameras[j].p_WC);
     EXPECT_EQ(back.cameras[j].f_px, rig.cameras[j].f_px);
@@ -105,6 +109,9 @@ TEST_F(RigFile, EveryNumberCarriesItsUnit) {
 TEST_F(RigFile, RefusesWhatIsNoRig) {
   EXPECT_EQ(Refusal(MakeRig()), "");
   Rig rig = MakeRig();
+  rig.cameras[2].pixels = 0;
+  EXPECT_THAT(Refusal(rig), HasSubstr("/cameras/pixels"));
+  rig = MakeRig();
   rig.cameras[1].R_CW = -rig.cameras[1].R_CW;
   EXPECT_THAT(Refusal(rig), HasSubstr("camera \"camera 1\" has no proper rotation"));
   rig = MakeRig();
@@ -125,6 +132,22 @@ TEST_F(RigFile, RefusesWhatIsNoRig) {
   rig = MakeRig();
   rig.volume_high = rig.volume_low;
   EXPECT_THAT(Refusal(rig), HasSubstr("/volume_high"));
+}
+
+// Nothing in a rig of version 1 says where its rows end.
+TEST_F(RigFile, AnOlderOneIsRefused) {
+  {
+    H5Writer file(Path("old.h5"), kRigSchema, 1, {});
+    file.Write({"/cameras/name", "1", "cameras' names"}, std::vector<std::string>{"a"});
+    file.Commit();
+  }
+  try {
+    ReadRig(Path("old.h5"));
+    FAIL() << "was read";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("how many pixels"));
+    EXPECT_THAT(error.what(), HasSubstr("calibrate again"));
+  }
 }
 
 }  // namespace

@@ -83,6 +83,41 @@ TEST(Survey, LinesGoToHdf5AndBack) {
   std::remove(Path("lines.h5").c_str());
 }
 
+TEST(Survey, CamerasHaveTheirOwnPixels) {
+  Survey survey = WithReadings();
+  survey.pixels = {2160, 4096};
+  WriteSurvey(Path("pixels.h5"), survey, {});
+  EXPECT_EQ(ReadSurvey(Path("pixels.h5")).pixels, survey.pixels);
+  WriteSurveyCsv(Path("pixels.csv"), survey);
+  EXPECT_EQ(ReadSurvey(Path("pixels.csv")).pixels, survey.pixels);
+  survey.pixels.clear();
+  WriteSurveyCsv(Path("pixels.csv"), survey);
+  EXPECT_TRUE(ReadSurvey(Path("pixels.csv")).pixels.empty());
+  std::remove(Path("pixels.h5").c_str());
+  std::remove(Path("pixels.csv").c_str());
+}
+
+TEST(Survey, LinesOfUnlikeSensorsGoToHdf5AndBack) {
+  Survey survey = WithReadings();
+  survey.u_px.resize(0, 0);
+  survey.s_px.resize(0, 0);
+  survey.format.electrons_per_count = 14.0;
+  survey.format.by_camera.assign(2, survey.format);
+  survey.format.by_camera[0].active = 50;
+  survey.format.by_camera[1].active = 80;
+  for (std::size_t i = 0; i < survey.size() * survey.line_counts(); ++i) {
+    survey.lit.push_back(static_cast<std::uint16_t>(i % 4096));
+    survey.dark.push_back(static_cast<std::uint16_t>(i % 77));
+  }
+  WriteSurvey(Path("unlike.h5"), survey, {});
+  const Survey back = ReadSurvey(Path("unlike.h5"));
+  ExpectSame(back, survey);
+  EXPECT_EQ(back.format.Of(0).active, 50);
+  EXPECT_EQ(back.format.Of(1).active, 80);
+  EXPECT_EQ(back.LineAt(2, 1), 2 * (125U + 155U) + 125U);
+  std::remove(Path("unlike.h5").c_str());
+}
+
 std::string ErrorOfCsv(const std::string& text) {
   const std::string path = Path("bad.csv");
   std::ofstream(path) << text;
@@ -109,6 +144,10 @@ TEST(Survey, CsvErrorsNameTheirPlace) {
   EXPECT_THAT(ErrorOfCsv(head + "a,1,2,3,1e-4,1e-4,1e-4,1000,\n"), HasSubstr("bad.csv:2:s1"));
   EXPECT_THAT(ErrorOfCsv(head + "a,1,two,3,1e-4,1e-4,1e-4,1000,0.1\n"), HasSubstr("bad.csv:2:y"));
   EXPECT_THAT(ErrorOfCsv(head), HasSubstr("no point"));
+  const std::string row = "a,1,2,3,1e-4,1e-4,1e-4,1000,0.02\n";
+  EXPECT_EQ(ErrorOfCsv("# pixels: 2160\n" + head + row), "no error");
+  EXPECT_THAT(ErrorOfCsv("# pixels: 2160, 2160\n" + head + row), HasSubstr("pixels of 2 cameras"));
+  EXPECT_THAT(ErrorOfCsv("# pixels: 2.5\n" + head + row), HasSubstr("'2.5' is not a number"));
   EXPECT_THAT(ErrorOfCsv("id,x [m],y [m],z [m],u1 [px],s1 [px]\na,1,2,3,5,1\n"),
               HasSubstr("no uncertainty"));
   EXPECT_THAT(ErrorOfCsv("id,x [m],y [m],z [m],sx [m],sy [m],sz [m]\na,1,2,3,1,1,1\n"),

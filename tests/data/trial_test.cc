@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
@@ -36,6 +37,41 @@ TrialBlock RandomBlock(const TrialHeader& header, std::size_t lines, Rng& rng, s
   }
   for (auto& count : block.counts) count = static_cast<std::uint16_t>(rng.Integer(1024));
   return block;
+}
+
+TEST(Trial, SensorsOfUnlikeLengthShareARecord) {
+  const std::string path = testing::TempDir() + std::to_string(getpid()) + "trial_unlike.h5";
+  TrialHeader header = SmallHeader();
+  header.format.by_camera.assign(2, header.format);
+  header.format.by_camera[1].active = 333;
+  header.format.by_camera[1].dark = 5;
+  header.format.by_camera[1].sensor = "another";
+  header.response.assign(433, 1.25F);
+  Rng rng(7);
+  const TrialBlock all = RandomBlock(header, 20, rng, 0);
+  EXPECT_EQ(all.counts.size(), 20U * (175U + 362U));
+  TrialWriter writer(path, header, {});
+  writer.Append(all);
+  writer.Commit();
+  const TrialReader reader(path);
+  const LineFormats& format = reader.header().format;
+  ASSERT_EQ(format.by_camera.size(), 2U);
+  EXPECT_EQ(format.Of(0).active, 100);
+  EXPECT_EQ(format.Of(1).active, 333);
+  EXPECT_EQ(format.Of(1).dark, 5);
+  EXPECT_EQ(format.Of(1).sensor, "another");
+  EXPECT_EQ(format.Of(1).electrons_per_count, 58.7);
+  EXPECT_EQ(reader.header().response, header.response);
+  TrialBlock block;
+  reader.Read(3, 10, &block);
+  for (std::size_t i = 0; i < 10; ++i) {
+    for (std::size_t c = 0; c < 2; ++c) {
+      const auto line = block.Line(reader.header(), i, c), expected = all.Line(header, 3 + i, c);
+      EXPECT_EQ(line.size(), format.Of(c).elements());
+      EXPECT_TRUE(std::equal(line.begin(), line.end(), expected.begin(), expected.end()));
+    }
+  }
+  std::remove(path.c_str());
 }
 
 TEST(Trial, StreamsBothWaysInAnyBlocks) {

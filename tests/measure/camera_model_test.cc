@@ -107,12 +107,15 @@ TEST(CameraModel, RefusesWhatIsBehindTheSlit) {
   double u = -1.0;
   Projection full;
   full.u_px = -1.0;
-  EXPECT_FALSE(Project(camera, {0.0, 0.0, 0.05}, &u));
+  EXPECT_FALSE(Project(camera, {0.0, 0.0, 0.0}, &u));
+  EXPECT_FALSE(Project(camera, {1.0, 0.0, 0.04}, &u));  // 88 degrees off
+  EXPECT_FALSE(Project(camera, {0.0, -1.0, 0.04}, &u));
   EXPECT_FALSE(Project(camera, {0.1, 0.0, -2.0}, &u));
   EXPECT_FALSE(Project(camera, {0.1, 0.0, -2.0}, &full));
   EXPECT_EQ(u, -1.0);
   EXPECT_EQ(full.u_px, -1.0);
-  EXPECT_TRUE(Project(camera, {0.0, 0.0, 0.06}, &u));
+  // However near.
+  EXPECT_TRUE(Project(camera, {0.0, 0.0, 1e-6}, &u));
 }
 
 // A pinhole (e = 0, no terms) sees along its lens axis nothing: moving along it changes no reading.

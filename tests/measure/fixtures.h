@@ -28,6 +28,7 @@ inline data::RigCamera FitCamera(const LensCamera& camera, const Eigen::Matrix3X
                                  double* rms_px = nullptr) {
   data::RigCamera fit;
   fit.name = camera.name;
+  fit.pixels = camera.sensor.pixels;
   fit.R_CW = camera.X_WC.linear().transpose();
   fit.p_WC = camera.X_WC.translation();
   fit.f_px = 31.4e-3 / camera.sensor.pitch;

@@ -61,6 +61,7 @@ const std::vector<Wrapped>& WrappedHeaders() {
       {"H5", in_file("data/h5"), "data/h5*"},
       {"fftw3", rooms({"correlate"}), "correlate/"},
       {"ceres/", ceres, "the .cc files of calib/ and correlate/"},
+      {"glog/", ceres, "the .cc files of calib/ and correlate/"},
       {"CLI/", rooms({"cli"}), "cli/"},
       {"opencv2/", rooms({"measure", "cli"}), "measure/ and cli/"},
       {"boost/", in_file("base/statistics.cc"), "base/statistics.cc"},

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <array>
+
+#include "measure/lens/polynomial.h"
+
+namespace unfurl::measure {
+
+// u - u0 = f x + terms: the linear pinhole and what a cylinder lens and its misalignment add.
+// [docs/physics-optics.md, the two-centre model]
+struct RectilinearLens {
+  static constexpr data::LensModel kModel = data::LensModel::kRectilinear;
+  static constexpr std::array<Monomial, 10> kMonomials = {
+      {{3, 0}, {1, 2}, {5, 0}, {3, 2}, {1, 4}, {2, 0}, {1, 1}, {0, 2}, {2, 1}, {0, 3}}};
+  // What is believed of each term before the readings speak: the standard deviation of what it
+  // does at the edge of the field, as a share of the sensor's row [-]. Spherical aberration and
+  // distortion of a plano-convex lens reach some 5% at third order; the even terms are made by
+  // misalignment of slit and lens.
+  static constexpr std::array<double, data::kLensTerms> kPrior = {0.07, 0.07, 0.02, 0.02, 0.02,
+                                                                  0.01, 0.01, 0.01, 0.01, 0.01};
+  static constexpr std::array<LensOrder, 6> kOrders = {{
+      {"pinhole", {}},
+      {"cubic", {true, true}},
+      {"cubic-even", {true, true, false, false, false, true, true, true}},
+      {"quintic", {true, true, true, true, true}},
+      {"quintic-even", {true, true, true, true, true, true, true, true}},
+      {"full", {true, true, true, true, true, true, true, true, true, true}},
+  }};
+
+  [[gnu::always_inline]] static LensImage Evaluate(double x, double y, double f,
+                                                   const double* terms) {
+    return EvaluatePolynomial<RectilinearLens>(x, y, f, terms);
+  }
+  // x of an ideal lens without terms from (u - u0) / f; the first guess is made with it.
+  static double Straighten(double image) { return image; }
+  static constexpr bool kStraight = true;  // Straighten does nothing
+};
+
+}  // namespace unfurl::measure
