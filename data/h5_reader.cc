@@ -9,6 +9,7 @@
 #include "data/h5.h"
 #include "data/h5_checks.h"
 #include "data/h5_handle.h"
+#include "data/h5_scales.h"
 
 namespace unfurl::data {
 
@@ -275,6 +276,7 @@ std::vector<std::pair<std::string, std::string>> H5Reader::Attributes(
       &names);
   std::vector<std::pair<std::string, std::string>> all;
   for (const std::string& name : names) {
+    if (H5IsScaleAttribute(name)) continue;
     const H5Handle attribute(H5Aopen(opened.get(), name.c_str(), H5P_DEFAULT), H5Aclose);
     const H5Handle type(H5Aget_type(attribute.get()), H5Tclose);
     std::string value;

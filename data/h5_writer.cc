@@ -9,6 +9,7 @@
 #include "data/atomic_file.h"
 #include "data/h5.h"
 #include "data/h5_handle.h"
+#include "data/h5_scales.h"
 
 namespace unfurl::data {
 
@@ -81,6 +82,7 @@ struct H5Writer::Impl {
   AtomicFile file;
   H5Handle handle;
   std::vector<H5Handle> series;
+  std::vector<H5Labelled> labelled;  // by scales that are still to be attached
   bool streamed;
 
   Impl(const std::string& p, bool stream)
@@ -150,6 +152,12 @@ struct H5Writer::Impl {
     if (!set.valid()) Fail(field.path);
     PutText(set.get(), "units", field.units);
     PutText(set.get(), "description", field.description);
+    if (!field.scales.empty()) {
+      const H5Handle extent(H5Dget_space(set.get()), H5Sclose);
+      labelled.push_back({field.path, field.scales});
+      labelled.back().scales.resize(
+          static_cast<std::size_t>(H5Sget_simple_extent_ndims(extent.get())));
+    }
     return set;
   }
 
@@ -254,8 +262,8 @@ void H5Writer::Write(const H5Field& field, const Eigen::MatrixXd& matrix) {
 }
 
 void H5Writer::Write(const H5Field& field, const std::vector<std::string>& values) {
-  std::size_t width = 1;
-  for (const std::string& value : values) width = std::max(width, value.size());
+  std::size_t width = 1;  // a NUL after the longest: netCDF reads up to one
+  for (const std::string& value : values) width = std::max(width, value.size() + 1);
   std::string packed(width * std::max<std::size_t>(1, values.size()), '\0');
   for (std::size_t i = 0; i < values.size(); ++i) values[i].copy(packed.data() + i * width, width);
   const H5Handle type = H5Text(width);
@@ -289,7 +297,7 @@ void H5Series::Append(const std::vector<std::string>& values) {
   if (width_ == 0) throw std::logic_error("H5Series: appended text to numbers " + path_);
   std::string packed(width_ * values.size(), '\0');
   for (std::size_t i = 0; i < values.size(); ++i) {
-    values[i].copy(packed.data() + i * width_, width_);
+    values[i].copy(packed.data() + i * width_, width_ - 1);
   }
   const H5Handle type = H5Text(width_);
   AppendRows(packed.data(), values.size(), type.get());
@@ -343,8 +351,22 @@ void H5Writer::Attribute(const std::string& object, const std::string& name, std
   impl_->PutAttribute(impl_->Open(object).get(), name, H5T_STD_I64LE, H5T_NATIVE_INT64, &value);
 }
 
+void H5Writer::Alias(const std::string& dataset, const std::string& name) {
+  impl_->MakeGroups(name);
+  if (H5Lcreate_hard(impl_->handle.get(), dataset.c_str(), H5L_SAME_LOC, name.c_str(), H5P_DEFAULT,
+                     H5P_DEFAULT) < 0) {
+    impl_->Fail(name);
+  }
+}
+
+void H5Writer::AttachScales() {
+  if (!H5AttachScales(impl_->handle.get(), impl_->labelled)) impl_->Fail("the scales");
+  impl_->labelled.clear();
+}
+
 void H5Writer::StartStreaming() {
   if (!impl_->streamed) throw std::logic_error("H5Writer: made to be written whole");
+  AttachScales();
   if (H5Fstart_swmr_write(impl_->handle.get()) < 0) impl_->Fail("the file");
 }
 
@@ -360,7 +382,7 @@ void H5Writer::OverwriteText(const std::string& dataset, const std::string& valu
   const H5Handle set(H5Dopen2(impl_->handle.get(), dataset.c_str(), H5P_DEFAULT), H5Dclose);
   if (!set.valid()) impl_->Fail(dataset);
   const H5Handle type(H5Dget_type(set.get()), H5Tclose);
-  std::string padded = value;
+  std::string padded = value.substr(0, H5Tget_size(type.get()) - 1);
   padded.resize(H5Tget_size(type.get()), '\0');
   if (H5Dwrite(set.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, padded.data()) < 0) {
     impl_->Fail(dataset);
@@ -372,6 +394,7 @@ void H5Writer::Flush() {
 }
 
 void H5Writer::CloseAll() {
+  AttachScales();
   for (H5Handle& set : impl_->series) {
     if (!set.Close()) impl_->Fail("a dataset");
   }
@@ -398,6 +421,12 @@ void H5Writer::Abandon() {
   for (H5Handle& set : impl_->series) left_open->push_back(std::move(set));
   left_open->push_back(std::move(impl_->handle));
   impl_->series.clear();
+}
+
+void WriteAxisNames(H5Writer& file) {
+  file.Write({kAxisNames, "1", "of a point"}, std::vector<std::string>{"x", "y", "z"});
+  file.Write({kComponentNames, "1", "of a covariance"},
+             std::vector<std::string>{"xx", "xy", "xz", "yy", "yz", "zz"});
 }
 
 const std::string& H5Writer::temporary() const { return impl_->file.temporary(); }

@@ -49,9 +49,10 @@ struct RunWriter::Impl {
         rows_per_chunk(RowsPerChunk(layout.quantities.size())) {
     file.Write({"/marks", "1", "marks' names"}, layout.marks);
     t = file.Series({"/t", "s", "time of the sample"}, H5Type::kDouble, {}, rows_per_chunk);
+    file.Alias("/t", kSeriesTime);
     for (const Quantity& q : layout.quantities) {
-      series.push_back(file.Series({"/series/" + q.name, q.units, q.description}, H5Type::kDouble,
-                                   {}, rows_per_chunk));
+      series.push_back(file.Series({"/series/" + q.name, q.units, q.description, {"/t"}},
+                                   H5Type::kDouble, {}, rows_per_chunk));
     }
     buffer.resize(layout.quantities.size());
     MakeShapes();
@@ -78,8 +79,9 @@ struct RunWriter::Impl {
     shape_t = file.Series({"/beam_shape_t", "s", "time of the beams' shapes"}, H5Type::kDouble, {},
                           shapes_per_chunk);
     for (const BeamShape& shape : layout.shapes) {
-      shapes.push_back(file.Series({"/beam_shape/" + shape.name, "m", "x, y of the centre line"},
-                                   H5Type::kDouble, {shape.at.size(), 2}, shapes_per_chunk));
+      shapes.push_back(file.Series(
+          {"/beam_shape/" + shape.name, "m", "x, y of the centre line", {"/beam_shape_t"}},
+          H5Type::kDouble, {shape.at.size(), 2}, shapes_per_chunk));
       file.Write({"/beam_place/" + shape.name, "m", "places of its points along the beam"},
                  std::span<const double>(shape.at));
     }
@@ -90,13 +92,14 @@ struct RunWriter::Impl {
     std::size_t width = 1;
     for (const std::string& place : layout.event_places) width = std::max(width, place.size());
     event_t = file.Series({"/events/t", "s", "time of the event"}, H5Type::kDouble, {}, kEventRows);
-    event_kind =
-        file.TextSeries({"/events/kind", "1", "what happened"}, kEventKindWidth, kEventRows);
-    event_where =
-        file.TextSeries({"/events/where", "1", "joint, or name of the event"}, width, kEventRows);
+    event_kind = file.TextSeries({"/events/kind", "1", "what happened", {"/events/t"}},
+                                 kEventKindWidth, kEventRows);
+    event_where = file.TextSeries(
+        {"/events/where", "1", "joint, or name of the event", {"/events/t"}}, width, kEventRows);
     for (const Quantity& q : layout.event_data) {
-      event_data.push_back(file.Series({"/events/data/" + q.name, q.units, q.description},
-                                       H5Type::kDouble, {}, kEventRows));
+      event_data.push_back(
+          file.Series({"/events/data/" + q.name, q.units, q.description, {"/events/t"}},
+                      H5Type::kDouble, {}, kEventRows));
     }
     event_buffer.resize(event_data.size());
   }

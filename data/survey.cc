@@ -145,10 +145,13 @@ void WriteSurvey(const std::string& path, const Survey& survey, const Provenance
   H5Writer file(path, kSurveySchema, kSurveyVersion, provenance);
   file.Write({"/id", "1", "points' ids"}, survey.id);
   file.Write({"/cameras", "1", "cameras' names"}, survey.cameras);
-  file.Write({"/p", "m", "x, y, z in the station's frame"}, survey.p.transpose());
-  file.Write({"/cov", "m^2", "covariance: xx, xy, xz, yy, yz, zz"}, survey.cov.transpose());
+  WriteAxisNames(file);
+  file.Write({"/p", "m", "x, y, z in the station's frame", {"/id", kAxisNames}},
+             survey.p.transpose());
+  file.Write({"/cov", "m^2", "covariance: xx, xy, xz, yy, yz, zz", {"/id", kComponentNames}},
+             survey.cov.transpose());
   if (survey.station.allFinite()) {
-    file.Write({"/station", "m", "where the total station stood"},
+    file.Write({"/station", "m", "where the total station stood", {kAxisNames}},
                std::vector<double>(survey.station.data(), survey.station.data() + 3));
   }
   const auto stated = [&](const char* name, const char* unit, const char* what, double sigma) {
@@ -161,16 +164,19 @@ void WriteSurvey(const std::string& path, const Survey& survey, const Provenance
          errors.distance_scale);
   stated("/station_errors/zenith", "rad", "sigma of the vertical circle's index", errors.zenith);
   if (survey.u_px.size() > 0) {
-    file.Write({"/u", "px", "readings, point x camera; NaN: not seen"}, survey.u_px);
-    file.Write({"/s", "px", "their standard deviations"}, survey.s_px);
+    file.Write({"/u", "px", "readings, point x camera; NaN: not seen", {"/id", "/cameras"}},
+               survey.u_px);
+    file.Write({"/s", "px", "their standard deviations", {"/id", "/cameras"}}, survey.s_px);
   }
   if (survey.has_lines()) {
     const std::size_t elements = survey.format.elements();
     const std::vector<std::size_t> row = {survey.cameras.size(), elements};
-    H5Series lit = file.Series({"/lit", "count", "LED lit: point x camera x element"},
-                               H5Type::kUint16, row, 16, 1);
-    H5Series dark = file.Series({"/dark", "count", "LED dark: point x camera x element"},
-                                H5Type::kUint16, row, 16, 1);
+    H5Series lit =
+        file.Series({"/lit", "count", "LED lit: point x camera x element", {"/id", "/cameras"}},
+                    H5Type::kUint16, row, 16, 1);
+    H5Series dark =
+        file.Series({"/dark", "count", "LED dark: point x camera x element", {"/id", "/cameras"}},
+                    H5Type::kUint16, row, 16, 1);
     lit.Append(std::span<const std::uint16_t>(survey.lit));
     dark.Append(std::span<const std::uint16_t>(survey.dark));
     WriteLineFormat(file, "/lit", survey.format);
