@@ -161,11 +161,7 @@ void WriteFit(const std::string& path, const FitRecord& fit, const Provenance& p
         q.sigma_model, q.model_shift, q.kink, q.sigma_alone, q.imitated, q.low95, q.high95,
         q.low95_data, q.high95_data, q.dispersion;
   }
-  w.Write({"/parameters/numbers",
-           "1",
-           std::string("p rows: ") + kParameterColumns,
-           {"/parameters/name"}},
-          numbers);
+  w.Write({"/parameters/numbers", "1", std::string("p rows: ") + kParameterColumns}, numbers);
   w.Write({"/parameters/covariance", "1",
            "p x p covariance of the values, all parts; entry (i, j) in the product of the units"},
           fit.covariance);

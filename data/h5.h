@@ -23,8 +23,8 @@ struct H5Field {
   std::string path;         // "/series/hub.x"; groups are made as needed
   std::string units;        // "m", "rad", "s", "px", "1" for none
   std::string description;  // one line
-  // By dimension: path of the dataset that labels it (times, names), "" for none; may be shorter.
-  // netCDF4 and xarray take it from a group above, or the same.
+  // By dimension: path of the dataset that labels it (times, names), in the same group or one above
+  // it. All dimensions or none: netCDF4 cannot read what has both kinds.
   std::vector<std::string> scales;
 };
 
@@ -90,9 +90,8 @@ class H5Writer {
   // The same of text, each entry of fixed width.
   H5Series TextSeries(const H5Field& field, std::size_t width, std::size_t chunk_rows = 1024);
 
-  // A second name for a dataset that is there. netCDF4 shows a group's series with the coordinates
-  // of that group alone.
-  void Alias(const std::string& dataset, const std::string& name);
+  // A scale that only names a dimension: letters of words, columns.
+  void BareScale(const std::string& path, std::size_t size);
 
   // Of a streamed file, once every dataset and attribute is there: from here on series grow and
   // Overwrite replaces values, and nothing else is made.

@@ -47,4 +47,11 @@ H5Handle H5Text(std::size_t width) {
   return type;
 }
 
+H5Handle H5VariableText() {
+  H5Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
+  H5Tset_size(type.get(), H5T_VARIABLE);
+  H5Tset_cset(type.get(), H5T_CSET_UTF8);
+  return type;
+}
+
 }  // namespace unfurl::data

@@ -39,5 +39,6 @@ void H5Quiet();
 std::string H5LastMessage(int* error_number);
 
 H5Handle H5Text(std::size_t width);  // fixed-width UTF-8 string type
+H5Handle H5VariableText();           // UTF-8 of any length
 
 }  // namespace unfurl::data

@@ -1,8 +1,9 @@
 #include "data/h5_scales.h"
 
+#include <fmt/format.h>
+
 #include <cstddef>
 #include <map>
-#include <set>
 
 namespace unfurl::data {
 
@@ -11,6 +12,7 @@ namespace {
 constexpr char kClass[] = "CLASS", kName[] = "NAME";
 constexpr char kDimensionList[] = "DIMENSION_LIST", kReferenceList[] = "REFERENCE_LIST";
 constexpr char kScaleClass[] = "DIMENSION_SCALE";
+constexpr char kBare[] = "This is a netCDF dimension but not a netCDF variable.";
 
 // An entry of REFERENCE_LIST: who uses the scale, and for which of its dimensions.
 struct BackReference {
@@ -37,13 +39,10 @@ bool PutDimensionList(hid_t file, const H5Labelled& dataset,
                       const std::map<std::string, hobj_ref_t>& references) {
   std::vector<hobj_ref_t> labels;
   for (const std::string& scale : dataset.scales) {
-    labels.push_back(scale.empty() ? hobj_ref_t{} : references.at(scale));
+    labels.push_back(references.at(scale));
   }
   std::vector<hvl_t> list;
-  for (std::size_t k = 0; k < labels.size(); ++k) {
-    const bool labelled = !dataset.scales[k].empty();
-    list.push_back({labelled ? std::size_t{1} : std::size_t{0}, labelled ? &labels[k] : nullptr});
-  }
+  for (hobj_ref_t& label : labels) list.push_back({1, &label});
   const H5Handle type(H5Tvlen_create(H5T_STD_REF_OBJ), H5Tclose);
   const hsize_t size = list.size();
   const H5Handle space(H5Screate_simple(1, &size, nullptr), H5Sclose);
@@ -51,10 +50,16 @@ bool PutDimensionList(hid_t file, const H5Labelled& dataset,
   return set.valid() && Put(set.get(), kDimensionList, type.get(), space.get(), list.data());
 }
 
-bool PutScale(hid_t file, const std::string& path, const std::vector<BackReference>& users) {
+bool PutScale(hid_t file, const std::string& path, bool bare,
+              const std::vector<BackReference>& users) {
   const H5Handle set(H5Dopen2(file, path.c_str(), H5P_DEFAULT), H5Dclose);
+  std::string name = path.substr(path.rfind('/') + 1);
+  if (bare) {
+    const H5Handle extent(H5Dget_space(set.get()), H5Sclose);
+    name = fmt::format("{}{:10d}", kBare, H5Sget_simple_extent_npoints(extent.get()));
+  }
   if (!set.valid() || !PutWord(set.get(), kClass, kScaleClass) ||
-      !PutWord(set.get(), kName, path.substr(path.rfind('/') + 1))) {
+      !PutWord(set.get(), kName, name)) {
     return false;
   }
   const H5Handle type(H5Tcreate(H5T_COMPOUND, sizeof(BackReference)), H5Tclose);
@@ -72,7 +77,8 @@ bool PutScale(hid_t file, const std::string& path, const std::vector<BackReferen
 
 }  // namespace
 
-bool H5AttachScales(hid_t file, const std::vector<H5Labelled>& datasets) {
+bool H5AttachScales(hid_t file, const std::vector<H5Labelled>& datasets,
+                    const std::set<std::string>& bare) {
   std::map<std::string, hobj_ref_t> references;
   const auto refer = [&](const std::string& path) {
     return references.contains(path) ||
@@ -82,7 +88,6 @@ bool H5AttachScales(hid_t file, const std::vector<H5Labelled>& datasets) {
   for (const H5Labelled& dataset : datasets) {
     if (!refer(dataset.path)) return false;
     for (std::size_t k = 0; k < dataset.scales.size(); ++k) {
-      if (dataset.scales[k].empty()) continue;
       if (!refer(dataset.scales[k])) return false;
       users[dataset.scales[k]].push_back({references[dataset.path], static_cast<int>(k)});
     }
@@ -91,13 +96,14 @@ bool H5AttachScales(hid_t file, const std::vector<H5Labelled>& datasets) {
     if (!PutDimensionList(file, dataset, references)) return false;
   }
   for (const auto& [scale, of] : users) {
-    if (!PutScale(file, scale, of)) return false;
+    if (!PutScale(file, scale, bare.contains(scale), of)) return false;
   }
   return true;
 }
 
 bool H5IsScaleAttribute(const std::string& name) {
-  static const std::set<std::string> kNames = {kClass, kName, kDimensionList, kReferenceList};
+  static const std::set<std::string> kNames = {kClass, kName, kDimensionList, kReferenceList,
+                                               "_Encoding"};
   return kNames.contains(name);
 }
 

@@ -78,11 +78,7 @@ void WriteRig(const std::string& path, const Rig& rig, const Provenance& provena
   H5Writer file(path, kRigSchema, kRigVersion, provenance);
   WriteAxisNames(file);
   file.Write({kCameraNames, "1", "cameras' names"}, names);
-  file.Write({"/cameras/R_CW",
-              "1",
-              "rotation from world to camera, camera x 9, row by row",
-              {kCameraNames}},
-             R_CW);
+  file.Write({"/cameras/R_CW", "1", "rotation from world to camera, camera x 9, row by row"}, R_CW);
   file.Write({"/cameras/p_WC", "m", "the slit's centre in the world", {kCameraNames, kAxisNames}},
              p_WC);
   file.Write({"/cameras/f", "px", "image scale", {kCameraNames}}, f);

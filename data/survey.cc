@@ -171,12 +171,10 @@ void WriteSurvey(const std::string& path, const Survey& survey, const Provenance
   if (survey.has_lines()) {
     const std::size_t elements = survey.format.elements();
     const std::vector<std::size_t> row = {survey.cameras.size(), elements};
-    H5Series lit =
-        file.Series({"/lit", "count", "LED lit: point x camera x element", {"/id", "/cameras"}},
-                    H5Type::kUint16, row, 16, 1);
-    H5Series dark =
-        file.Series({"/dark", "count", "LED dark: point x camera x element", {"/id", "/cameras"}},
-                    H5Type::kUint16, row, 16, 1);
+    H5Series lit = file.Series({"/lit", "count", "LED lit: point x camera x element"},
+                               H5Type::kUint16, row, 16, 1);
+    H5Series dark = file.Series({"/dark", "count", "LED dark: point x camera x element"},
+                                H5Type::kUint16, row, 16, 1);
     lit.Append(std::span<const std::uint16_t>(survey.lit));
     dark.Append(std::span<const std::uint16_t>(survey.dark));
     WriteLineFormat(file, "/lit", survey.format);

@@ -94,11 +94,12 @@ struct TracksWriter::Impl {
                            H5Type::kInt32);
     }
     if (rank > 0) {
+      file.BareScale("/direction", rank);
       // Seven digits of an uncertainty are plenty, and it is most of the file.
       shared = file.Series({"/shared",
                             "m",
                             "factor F: the calibration's error is F z, z ~ N(0, 1), one z for all",
-                            {"/t", kAxisNames}},
+                            {"/t", kAxisNames, "/direction"}},
                            H5Type::kFloat, {3, rank}, 256, 1);
     }
   }

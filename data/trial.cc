@@ -48,9 +48,9 @@ TrialWriter::TrialWriter(const std::string& path, const TrialHeader& header,
                          H5Type::kDouble, {}, 4096);
   impl_->slot = file.Series({"/slot", "1", "what was lit: index into slots", {"/t"}},
                             H5Type::kInt32, {}, 4096);
-  impl_->lines = file.Series(
-      {"/lines", "count", "counts: line x camera x element in read-out", {"/t", "/cameras"}},
-      H5Type::kUint16, {header.cameras.size(), header.format.elements()}, kChunk, kDeflate);
+  impl_->lines = file.Series({"/lines", "count", "counts: line x camera x element in read-out"},
+                             H5Type::kUint16, {header.cameras.size(), header.format.elements()},
+                             kChunk, kDeflate);
   WriteLineFormat(file, "/lines", header.format);
   file.Attribute("/lines", "line_rate [1/s]", header.line_rate);
   WriteResponse(file, header.response, header.cameras.size(), header.format);
