@@ -77,6 +77,11 @@ struct H5Reader::Impl {
       values.emplace_back(text != nullptr ? text : "");
       H5free_memory(text);
     }
+    const std::string checksum = H5ReadText(set.get(), kTextChecksum);
+    if (!checksum.empty() && checksum != H5TextChecksum(values)) {
+      owner.Fail("is damaged: it does not agree with its checksum", name,
+                 "copy the file again, or make it again");
+    }
     return values;
   }
 

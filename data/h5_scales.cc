@@ -102,8 +102,8 @@ bool H5AttachScales(hid_t file, const std::vector<H5Labelled>& datasets,
 }
 
 bool H5IsScaleAttribute(const std::string& name) {
-  static const std::set<std::string> kNames = {kClass, kName, kDimensionList, kReferenceList,
-                                               "_Encoding"};
+  static const std::set<std::string> kNames = {kClass,         kName,       kDimensionList,
+                                               kReferenceList, "_Encoding", kTextChecksum};
   return kNames.contains(name);
 }
 

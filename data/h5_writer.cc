@@ -274,6 +274,7 @@ void H5Writer::Write(const H5Field& field, const std::vector<std::string>& value
     for (const std::string& value : values) texts.push_back(value.c_str());
     const H5Handle type = H5VariableText();
     impl_->WriteAll(field, type.get(), type.get(), texts.data(), texts.size(), {texts.size()});
+    Attribute(field.path, kTextChecksum, H5TextChecksum(values));
     return;
   }
   std::size_t width = 1;
