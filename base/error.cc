@@ -17,6 +17,10 @@ std::string Compose(const std::string& what, const std::string& where, const std
 
 Error::Error(const std::string& what, const std::string& where, const std::string& remedy,
              ErrorKind kind)
-    : std::runtime_error(Compose(what, where, remedy)), kind_(kind) {}
+    : std::runtime_error(Compose(what, where, remedy)),
+      kind_(kind),
+      problem_(what),
+      where_(where),
+      remedy_(remedy) {}
 
 }  // namespace unfurl

@@ -22,9 +22,14 @@ class Error : public std::runtime_error {
 
   // Who must act: the person, or the machine's owner.
   ErrorKind kind() const { return kind_; }
+  /// The parts of the line, each without the others; `where` and `remedy` may be empty.
+  const std::string& problem() const { return problem_; }
+  const std::string& where() const { return where_; }
+  const std::string& remedy() const { return remedy_; }
 
  private:
   ErrorKind kind_;
+  std::string problem_, where_, remedy_;
 };
 
 // Thrown where long work notices that Ctrl-C was pressed; exit code 130.

@@ -28,6 +28,10 @@ void InstallInterruptHandler() {
   std::signal(SIGPIPE, SIG_DFL);
 }
 
+void RequestInterrupt() { g_interrupted = 1; }
+
+void ClearInterrupt() { g_interrupted = 0; }
+
 bool InterruptRequested() { return g_interrupted != 0; }
 
 void ThrowIfInterrupted() {

@@ -10,6 +10,10 @@ namespace unfurl {
 // Interrupted, and its destructors remove what is half written.
 void InstallInterruptHandler();
 bool InterruptRequested();
+/// The same flag, for a program that handles signals itself, such as an interpreter: sets it (also
+/// from a signal handler), and takes it back when the work has stopped.
+void RequestInterrupt();
+void ClearInterrupt();
 void ThrowIfInterrupted();
 
 // A line on the terminal with what is done and an estimate of what is left. Silent in a pipe and

@@ -7,6 +7,8 @@
 #include <thread>
 #include <vector>
 
+#include "base/progress.h"
+
 namespace unfurl {
 
 std::size_t WorkerCount(std::size_t requested) {
@@ -18,7 +20,10 @@ void ParallelFor(std::size_t count, std::size_t workers,
                  const std::function<void(std::size_t)>& task) {
   workers = std::min(WorkerCount(workers), count);
   if (workers <= 1) {
-    for (std::size_t i = 0; i < count; ++i) task(i);
+    for (std::size_t i = 0; i < count; ++i) {
+      ThrowIfInterrupted();
+      task(i);
+    }
     return;
   }
   std::atomic<std::size_t> next{0};
@@ -28,6 +33,7 @@ void ParallelFor(std::size_t count, std::size_t workers,
   auto work = [&] {
     for (std::size_t i = next++; i < count; i = next++) {
       try {
+        ThrowIfInterrupted();
         task(i);
       } catch (...) {
         const std::lock_guard<std::mutex> lock(mutex);

@@ -127,20 +127,28 @@ void WriteFit(const std::string& path, const FitRecord& fit, const Provenance& p
   const auto p = static_cast<Eigen::Index>(fit.parameters.size());
   using Parameter = FitRecord::Parameter;
   auto parameter_text = [&](const char* name, const char* what, auto member) {
-    w.Write({std::string("/parameters/") + name, "1", what},
+    std::vector<std::string> scales;  // names label the others
+    if (std::string(name) != "name") scales = {"/parameters/name"};
+    w.Write({std::string("/parameters/") + name, "1", what, scales},
             Texts(fit.parameters, [&](const Parameter& q) { return q.*member; }));
   };
   parameter_text("name", "parameters' names, p", &Parameter::name);
   parameter_text("unit", "their units", &Parameter::unit);
   parameter_text("verdict", "what the trial says of each", &Parameter::verdict);
   parameter_text("reason", "in words, with numbers", &Parameter::reason);
-  w.Write({"/parameters/keys", "1", "keys of the scene that each drives, separated by spaces"},
+  w.Write({"/parameters/keys",
+           "1",
+           "keys of the scene that each drives, separated by spaces",
+           {"/parameters/name"}},
           Texts(fit.parameters, [](const Parameter& q) {
             std::string all;
             for (const std::string& key : q.keys) all += (all.empty() ? "" : " ") + key;
             return all;
           }));
-  w.Write({"/parameters/with", "1", "what each is determined only in combination with"},
+  w.Write({"/parameters/with",
+           "1",
+           "what each is determined only in combination with",
+           {"/parameters/name"}},
           Texts(fit.parameters, [](const Parameter& q) {
             std::string all;
             for (const std::string& name : q.with) all += (all.empty() ? "" : ", ") + name;
@@ -201,24 +209,32 @@ void WriteFit(const std::string& path, const FitRecord& fit, const Provenance& p
   WriteSearch(fit, p, w);
   WriteNoise(fit, w);
 
+  WriteAxisNames(w);
   w.Write({"/samples/marks", "1", "marks' names"}, fit.marks);
   w.Write({"/samples/t", "s", "time of each sample on the tracks' clock"}, fit.t);
-  w.Write({"/samples/mark", "1", "index into marks"}, fit.mark);
-  w.Write({"/samples/trial", "1", "index into trials"}, fit.trial);
-  w.Write({"/samples/measured", "m", "x, y, z in the model's frame, n x 3"},
-          Eigen::MatrixXd(fit.measured.transpose()));
-  w.Write({"/samples/sigma", "m", "their standard deviations, n x 3"},
+  w.Write({"/samples/mark", "1", "index into marks", {"/samples/t"}}, fit.mark);
+  w.Write({"/samples/trial", "1", "index into trials", {"/samples/t"}}, fit.trial);
+  w.Write(
+      {"/samples/measured", "m", "x, y, z in the model's frame, n x 3", {"/samples/t", kAxisNames}},
+      Eigen::MatrixXd(fit.measured.transpose()));
+  w.Write({"/samples/sigma", "m", "their standard deviations, n x 3", {"/samples/t", kAxisNames}},
           Eigen::MatrixXd(fit.sigma.transpose()));
-  w.Write({"/samples/simulated", "m", "the model at the estimate, n x 3"},
-          Eigen::MatrixXd(fit.simulated.transpose()));
+  w.Write(
+      {"/samples/simulated", "m", "the model at the estimate, n x 3", {"/samples/t", kAxisNames}},
+      Eigen::MatrixXd(fit.simulated.transpose()));
   if (fit.model_error.cols() > 0) {
-    w.Write({"/samples/model_error", "m", "the model's own error, from a finer one, n x 3"},
+    w.Write({"/samples/model_error",
+             "m",
+             "the model's own error, from a finer one, n x 3",
+             {"/samples/t", kAxisNames}},
             Eigen::MatrixXd(fit.model_error.transpose()));
   }
   if (fit.band.cols() > 0) {
-    w.Write(
-        {"/samples/band", "m", "standard error of the simulated marks by the parameters', n x 3"},
-        Eigen::MatrixXd(fit.band.transpose()));
+    w.Write({"/samples/band",
+             "m",
+             "standard error of the simulated marks by the parameters', n x 3",
+             {"/samples/t", kAxisNames}},
+            Eigen::MatrixXd(fit.band.transpose()));
   }
   for (const auto& [check, value] : fit.checks) {  // "chi2_per_dof [1]": name and unit
     const std::size_t open = check.find(" [");

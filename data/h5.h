@@ -23,6 +23,9 @@ struct H5Field {
   std::string path;         // "/series/hub.x"; groups are made as needed
   std::string units;        // "m", "rad", "s", "px", "1" for none
   std::string description;  // one line
+  // By dimension: path of the dataset that labels it (times, names), in the same group or one above
+  // it. All dimensions or none: netCDF4 cannot read what has both kinds.
+  std::vector<std::string> scales;
 };
 
 class H5Writer;
@@ -87,6 +90,9 @@ class H5Writer {
   // The same of text, each entry of fixed width.
   H5Series TextSeries(const H5Field& field, std::size_t width, std::size_t chunk_rows = 1024);
 
+  // A scale that only names a dimension: letters of words, columns.
+  void BareScale(const std::string& path, std::size_t size);
+
   // Of a streamed file, once every dataset and attribute is there: from here on series grow and
   // Overwrite replaces values, and nothing else is made.
   void StartStreaming();
@@ -110,9 +116,14 @@ class H5Writer {
  private:
   friend class H5Series;
   void CloseAll();
+  void AttachScales();
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+// Names that label the dimensions of points and of their covariances: /axis and /component.
+void WriteAxisNames(H5Writer& file);
+inline constexpr char kAxisNames[] = "/axis", kComponentNames[] = "/component";
 
 // Reads one file, whole datasets or rows of them.
 class H5Reader {

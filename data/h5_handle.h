@@ -4,6 +4,7 @@
 
 #include <string>
 #include <utility>
+#include <vector>
 
 namespace unfurl::data {
 
@@ -39,5 +40,11 @@ void H5Quiet();
 std::string H5LastMessage(int* error_number);
 
 H5Handle H5Text(std::size_t width);  // fixed-width UTF-8 string type
+// Of texts: HDF5 keeps no checksum of what has no fixed width. FNV-1a, 64 bits, in hex; in an
+// attribute, which the file's layout does protect.
+std::string H5TextChecksum(const std::vector<std::string>& texts);
+inline constexpr char kTextChecksum[] = "checksum";
+
+H5Handle H5VariableText();  // UTF-8 of any length
 
 }  // namespace unfurl::data

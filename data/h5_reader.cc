@@ -9,6 +9,7 @@
 #include "data/h5.h"
 #include "data/h5_checks.h"
 #include "data/h5_handle.h"
+#include "data/h5_scales.h"
 
 namespace unfurl::data {
 
@@ -51,6 +52,34 @@ struct H5Reader::Impl {
     std::vector<T> values(count);
     if (count > 0 && H5Dread(set.get(), memory, H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0) {
       owner.Fail(fmt::format("cannot be read: {}", H5LastMessage(nullptr)), name,
+                 "copy the file again, or make it again");
+    }
+    return values;
+  }
+
+  std::vector<std::string> ReadVariable(const H5Reader& owner, const std::string& name,
+                                        std::size_t count) const {
+    const H5Handle set = Dataset(owner, name);
+    const H5Handle type = H5VariableText();
+    const H5Handle space(H5Dget_space(set.get()), H5Sclose);
+    hsize_t bytes = 0, most = 0;
+    // Each text is in the file once, so together they are no longer than it.
+    const bool sound =
+        count == 0 || (H5Dvlen_get_buf_size(set.get(), type.get(), space.get(), &bytes) >= 0 &&
+                       H5Fget_filesize(file.get(), &most) >= 0 && bytes <= most + count);
+    std::vector<char*> texts(count, nullptr);
+    if (!sound || (count > 0 && H5Dread(set.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT,
+                                        texts.data()) < 0)) {
+      owner.Fail("cannot be read", name, "copy the file again, or make it again");
+    }
+    std::vector<std::string> values;
+    for (char* text : texts) {
+      values.emplace_back(text != nullptr ? text : "");
+      H5free_memory(text);
+    }
+    const std::string checksum = H5ReadText(set.get(), kTextChecksum);
+    if (!checksum.empty() && checksum != H5TextChecksum(values)) {
+      owner.Fail("is damaged: it does not agree with its checksum", name,
                  "copy the file again, or make it again");
     }
     return values;
@@ -221,12 +250,18 @@ std::vector<std::int32_t> H5Reader::ReadInts(const std::string& dataset) const {
 std::vector<std::string> H5Reader::ReadStrings(const std::string& dataset) const {
   const H5Handle set = impl_->Dataset(*this, dataset);
   const H5Handle type(H5Dget_type(set.get()), H5Tclose);
-  if (H5Tget_class(type.get()) != H5T_STRING || H5Tis_variable_str(type.get()) > 0) {
-    Fail("does not hold fixed-width text", dataset, "make the file again");
+  if (H5Tget_class(type.get()) != H5T_STRING) {
+    Fail("does not hold text", dataset, "make the file again");
   }
+  const std::vector<std::size_t> dims = Dims(dataset);
   std::size_t count = 1;
-  for (std::size_t d : Dims(dataset)) count *= d;
-  const std::size_t width = H5Tget_size(type.get());
+  for (std::size_t d : dims) count *= d;
+  if (H5Tis_variable_str(type.get()) > 0) return impl_->ReadVariable(*this, dataset, count);
+  std::size_t width = H5Tget_size(type.get());
+  if (width == 1 && dims.size() == 2) {  // letters, row by row
+    count = dims[0];
+    width = dims[1];
+  }
   std::string packed(width * std::max<std::size_t>(1, count), '\0');
   if (count > 0 &&
       H5Dread(set.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, packed.data()) < 0) {
@@ -275,6 +310,7 @@ std::vector<std::pair<std::string, std::string>> H5Reader::Attributes(
       &names);
   std::vector<std::pair<std::string, std::string>> all;
   for (const std::string& name : names) {
+    if (H5IsScaleAttribute(name)) continue;
     const H5Handle attribute(H5Aopen(opened.get(), name.c_str(), H5P_DEFAULT), H5Aclose);
     const H5Handle type(H5Aget_type(attribute.get()), H5Tclose);
     std::string value;

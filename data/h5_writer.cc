@@ -4,15 +4,21 @@
 #include <cerrno>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <numeric>
+#include <set>
 
 #include "base/error.h"
 #include "data/atomic_file.h"
 #include "data/h5.h"
 #include "data/h5_handle.h"
+#include "data/h5_scales.h"
 
 namespace unfurl::data {
 
 namespace {
+
+// Of letters, so that netCDF4 makes words of them.
+constexpr char kEncoding[] = "_Encoding";
 
 hid_t DiskType(H5Type type) {
   switch (type) {
@@ -81,6 +87,8 @@ struct H5Writer::Impl {
   AtomicFile file;
   H5Handle handle;
   std::vector<H5Handle> series;
+  std::vector<H5Labelled> labelled;  // by scales that are still to be attached
+  std::set<std::string> bare;        // scales
   bool streamed;
 
   Impl(const std::string& p, bool stream)
@@ -150,6 +158,13 @@ struct H5Writer::Impl {
     if (!set.valid()) Fail(field.path);
     PutText(set.get(), "units", field.units);
     PutText(set.get(), "description", field.description);
+    if (!field.scales.empty()) {
+      const H5Handle extent(H5Dget_space(set.get()), H5Sclose);
+      if (H5Sget_simple_extent_ndims(extent.get()) != static_cast<int>(field.scales.size())) {
+        throw std::logic_error("H5Writer: not one scale for each dimension of " + field.path);
+      }
+      labelled.push_back({field.path, field.scales});
+    }
     return set;
   }
 
@@ -254,12 +269,22 @@ void H5Writer::Write(const H5Field& field, const Eigen::MatrixXd& matrix) {
 }
 
 void H5Writer::Write(const H5Field& field, const std::vector<std::string>& values) {
+  if (!impl_->streamed) {
+    std::vector<const char*> texts;
+    for (const std::string& value : values) texts.push_back(value.c_str());
+    const H5Handle type = H5VariableText();
+    impl_->WriteAll(field, type.get(), type.get(), texts.data(), texts.size(), {texts.size()});
+    Attribute(field.path, kTextChecksum, H5TextChecksum(values));
+    return;
+  }
   std::size_t width = 1;
-  for (const std::string& value : values) width = std::max(width, value.size());
+  for (const std::string& value : values) width = std::max(width, value.size() + 1);
   std::string packed(width * std::max<std::size_t>(1, values.size()), '\0');
   for (std::size_t i = 0; i < values.size(); ++i) values[i].copy(packed.data() + i * width, width);
-  const H5Handle type = H5Text(width);
-  impl_->WriteAll(field, type.get(), type.get(), packed.data(), values.size(), {values.size()});
+  const H5Handle type = H5Text(1);
+  impl_->WriteAll(field, type.get(), type.get(), packed.data(), values.size() * width,
+                  {values.size(), width});
+  Attribute(field.path, kEncoding, std::string("utf-8"));
 }
 
 H5Series H5Writer::Series(const H5Field& field, H5Type type, std::vector<std::size_t> row_dims,
@@ -271,10 +296,11 @@ H5Series H5Writer::Series(const H5Field& field, H5Type type, std::vector<std::si
 }
 
 H5Series H5Writer::TextSeries(const H5Field& field, std::size_t width, std::size_t chunk_rows) {
-  const H5Handle type = H5Text(width);
-  H5Series series = impl_->Grow(field, type.get(), {}, chunk_rows, 0);
+  const H5Handle type = H5Text(1);
+  H5Series series = impl_->Grow(field, type.get(), {width}, chunk_rows, 0);
+  Attribute(field.path, kEncoding, std::string("utf-8"));
   series.writer_ = this;
-  series.width_ = std::max<std::size_t>(1, width);
+  series.width_ = width;
   return series;
 }
 
@@ -291,8 +317,8 @@ void H5Series::Append(const std::vector<std::string>& values) {
   for (std::size_t i = 0; i < values.size(); ++i) {
     values[i].copy(packed.data() + i * width_, width_);
   }
-  const H5Handle type = H5Text(width_);
-  AppendRows(packed.data(), values.size(), type.get());
+  const H5Handle type = H5Text(1);
+  AppendRows(packed.data(), packed.size(), type.get());
 }
 
 void H5Series::AppendRows(const void* values, std::size_t count, std::int64_t memory_type) {
@@ -343,8 +369,21 @@ void H5Writer::Attribute(const std::string& object, const std::string& name, std
   impl_->PutAttribute(impl_->Open(object).get(), name, H5T_STD_I64LE, H5T_NATIVE_INT64, &value);
 }
 
+void H5Writer::BareScale(const std::string& path, std::size_t size) {
+  std::vector<std::int32_t> places(size);
+  std::iota(places.begin(), places.end(), 0);
+  Write({path, "1", "places"}, std::span<const std::int32_t>(places));
+  impl_->bare.insert(path);
+}
+
+void H5Writer::AttachScales() {
+  if (!H5AttachScales(impl_->handle.get(), impl_->labelled, impl_->bare)) impl_->Fail("the scales");
+  impl_->labelled.clear();
+}
+
 void H5Writer::StartStreaming() {
   if (!impl_->streamed) throw std::logic_error("H5Writer: made to be written whole");
+  AttachScales();
   if (H5Fstart_swmr_write(impl_->handle.get()) < 0) impl_->Fail("the file");
 }
 
@@ -360,8 +399,9 @@ void H5Writer::OverwriteText(const std::string& dataset, const std::string& valu
   const H5Handle set(H5Dopen2(impl_->handle.get(), dataset.c_str(), H5P_DEFAULT), H5Dclose);
   if (!set.valid()) impl_->Fail(dataset);
   const H5Handle type(H5Dget_type(set.get()), H5Tclose);
+  const H5Handle space(H5Dget_space(set.get()), H5Sclose);
   std::string padded = value;
-  padded.resize(H5Tget_size(type.get()), '\0');
+  padded.resize(static_cast<std::size_t>(H5Sget_simple_extent_npoints(space.get())), '\0');
   if (H5Dwrite(set.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT, padded.data()) < 0) {
     impl_->Fail(dataset);
   }
@@ -372,6 +412,7 @@ void H5Writer::Flush() {
 }
 
 void H5Writer::CloseAll() {
+  AttachScales();
   for (H5Handle& set : impl_->series) {
     if (!set.Close()) impl_->Fail("a dataset");
   }
@@ -398,6 +439,12 @@ void H5Writer::Abandon() {
   for (H5Handle& set : impl_->series) left_open->push_back(std::move(set));
   left_open->push_back(std::move(impl_->handle));
   impl_->series.clear();
+}
+
+void WriteAxisNames(H5Writer& file) {
+  file.Write({kAxisNames, "1", "of a point"}, std::vector<std::string>{"x", "y", "z"});
+  file.Write({kComponentNames, "1", "of a covariance"},
+             std::vector<std::string>{"xx", "xy", "xz", "yy", "yz", "zz"});
 }
 
 const std::string& H5Writer::temporary() const { return impl_->file.temporary(); }

@@ -3,11 +3,11 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <filesystem>
 
 #include "base/error.h"
 #include "data/atomic_file.h"
 #include "data/csv.h"
+#include "data/formats.h"
 #include "data/h5.h"
 
 namespace unfurl::data {
@@ -65,13 +65,12 @@ std::size_t ModesRecord::MovesMost(const Mode& mode) const {
 }
 
 void WriteModes(const std::string& path, const ModesRecord& record, const Provenance& provenance) {
-  const std::string ending = std::filesystem::path(path).extension().string();
-  if (ending == ".csv") {
+  if (FormatOf(path) == FileFormat::kCsv) {
     WriteTextFile(path, Csv(record));
     return;
   }
-  if (ending != ".h5") {
-    throw Error(fmt::format("shapes cannot be written as '{}'", ending), path, "use .h5 or .csv");
+  if (FormatOf(path) != FileFormat::kHdf5) {
+    throw Error("shapes cannot be written under this ending", path, "use .h5 or .csv");
   }
   std::vector<double> frequency, damping, growth, rest, shapes;
   for (const ModesRecord::Pose& at : record.rest) rest.insert(rest.end(), at.begin(), at.end());

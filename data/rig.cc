@@ -55,6 +55,8 @@ void CheckCovariance(const H5Reader& file, const Eigen::MatrixXd& covariance) {
   }
 }
 
+constexpr char kCameraNames[] = "/cameras/name";
+
 // The cameras' lens models; their terms must be those that this version knows by these names.
 std::vector<LensModel> ReadLenses(const H5Reader& file, const std::vector<std::string>& cameras) {
   const std::vector<std::string> names = file.ReadStrings("/cameras/lens");
@@ -107,15 +109,20 @@ void WriteRig(const std::string& path, const Rig& rig, const Provenance& provena
   }
 
   H5Writer file(path, kRigSchema, kRigVersion, provenance);
-  file.Write({"/cameras/name", "1", "cameras' names"}, names);
-  file.Write({"/cameras/pixels", "1", "active pixels; readings lie from 0 to this less one"},
+  WriteAxisNames(file);
+  file.Write({kCameraNames, "1", "cameras' names"}, names);
+  file.Write({"/cameras/pixels",
+              "1",
+              "active pixels; readings lie from 0 to this less one",
+              {kCameraNames}},
              pixels);
-  file.Write({"/cameras/lens", "1", "lens models' names"}, lenses);
+  file.Write({"/cameras/lens", "1", "lens models' names", {kCameraNames}}, lenses);
   file.Write({"/cameras/R_CW", "1", "rotation from world to camera, camera x 9, row by row"}, R_CW);
-  file.Write({"/cameras/p_WC", "m", "the slit's centre in the world"}, p_WC);
-  file.Write({"/cameras/f", "px", "image scale"}, f);
-  file.Write({"/cameras/u0", "px", "reading on the optical axis"}, u0);
-  file.Write({"/cameras/e", "m", "distance between the two centres"}, e);
+  file.Write({"/cameras/p_WC", "m", "the slit's centre in the world", {kCameraNames, kAxisNames}},
+             p_WC);
+  file.Write({"/cameras/f", "px", "image scale", {kCameraNames}}, f);
+  file.Write({"/cameras/u0", "px", "reading on the optical axis", {kCameraNames}}, u0);
+  file.Write({"/cameras/e", "m", "distance between the two centres", {kCameraNames}}, e);
   file.Write({"/cameras/terms", "px", "coefficients of the terms, camera x 10"}, values);
   file.Write({"/cameras/term_names", "1",
               "what each coefficient multiplies, camera by camera; x = X/Z, y = Y/(Z+e), "
@@ -129,12 +136,16 @@ void WriteRig(const std::string& path, const Rig& rig, const Provenance& provena
              std::vector<double>{rig.model_floor_px});
   std::vector<double> floors;
   for (std::size_t j = 0; j < rig.cameras.size(); ++j) floors.push_back(FloorOf(rig, j));
-  file.Write({"/cameras/floor", "px", "added in quadrature to each reading's sigma"}, floors);
+  file.Write(
+      {"/cameras/floor", "px", "added in quadrature to each reading's sigma", {kCameraNames}},
+      floors);
   const auto corner = [](const Eigen::Vector3d& p) {
     return std::vector<double>{p.x(), p.y(), p.z()};
   };
-  file.Write({"/volume_low", "m", "least corner of the surveyed box"}, corner(rig.volume_low));
-  file.Write({"/volume_high", "m", "greatest corner of the surveyed box"}, corner(rig.volume_high));
+  file.Write({"/volume_low", "m", "least corner of the surveyed box", {kAxisNames}},
+             corner(rig.volume_low));
+  file.Write({"/volume_high", "m", "greatest corner of the surveyed box", {kAxisNames}},
+             corner(rig.volume_high));
   for (const auto& [check, value] : rig.checks) {
     const auto [name, units] = SplitCheck(check);
     file.Write({"/checks/" + name, units, check}, std::vector<double>{value});

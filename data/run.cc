@@ -36,6 +36,7 @@ RunReader::RunReader(const std::string& path) : file_(path, kRunSchema, kRunVers
   }
   std::vector<std::string> datasets = {"/t"};
   for (const std::string& name : file_.Children("/series")) {
+    if ("/series/" + name == kSeriesTime) continue;
     datasets.push_back("/series/" + name);
     quantities_.push_back({name, file_.Units(datasets.back()), file_.Description(datasets.back())});
   }

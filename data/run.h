@@ -50,6 +50,10 @@ struct RunLayout {
 inline constexpr char kRunSchema[] = "unfurl/run";
 inline constexpr int kRunVersion = 1;
 
+// The times once more: xarray shows the series of a group with the coordinates of that group alone.
+// No quantity has this name: all have a dot.
+inline constexpr char kSeriesTime[] = "/series/t";
+
 // Text "status" of a run that has not ended: one that still grows, or whose program was killed.
 inline constexpr char kRunning[] = "running";
 

@@ -34,7 +34,7 @@ struct RunWriter::Impl {
   RunLayout layout;
   std::size_t rows_per_chunk, shapes_per_chunk;
 
-  H5Series t, shape_t, event_t, event_kind, event_where;
+  H5Series t, series_t, shape_t, event_t, event_kind, event_where;
   std::vector<H5Series> series, shapes, event_data;
 
   std::vector<double> t_buffer, shape_t_buffer, event_t_buffer;
@@ -49,9 +49,11 @@ struct RunWriter::Impl {
         rows_per_chunk(RowsPerChunk(layout.quantities.size())) {
     file.Write({"/marks", "1", "marks' names"}, layout.marks);
     t = file.Series({"/t", "s", "time of the sample"}, H5Type::kDouble, {}, rows_per_chunk);
+    series_t =
+        file.Series({kSeriesTime, "s", "time of the sample"}, H5Type::kDouble, {}, rows_per_chunk);
     for (const Quantity& q : layout.quantities) {
-      series.push_back(file.Series({"/series/" + q.name, q.units, q.description}, H5Type::kDouble,
-                                   {}, rows_per_chunk));
+      series.push_back(file.Series({"/series/" + q.name, q.units, q.description, {kSeriesTime}},
+                                   H5Type::kDouble, {}, rows_per_chunk));
     }
     buffer.resize(layout.quantities.size());
     MakeShapes();
@@ -87,16 +89,18 @@ struct RunWriter::Impl {
   }
 
   void MakeEvents() {
-    std::size_t width = 1;
+    std::size_t width = kEventKindWidth;
     for (const std::string& place : layout.event_places) width = std::max(width, place.size());
+    file.BareScale("/events/letter", width);
     event_t = file.Series({"/events/t", "s", "time of the event"}, H5Type::kDouble, {}, kEventRows);
-    event_kind =
-        file.TextSeries({"/events/kind", "1", "what happened"}, kEventKindWidth, kEventRows);
-    event_where =
-        file.TextSeries({"/events/where", "1", "joint, or name of the event"}, width, kEventRows);
+    const std::vector<std::string> scales = {"/events/t", "/events/letter"};
+    event_kind = file.TextSeries({"/events/kind", "1", "what happened", scales}, width, kEventRows);
+    event_where = file.TextSeries({"/events/where", "1", "joint, or name of the event", scales},
+                                  width, kEventRows);
     for (const Quantity& q : layout.event_data) {
-      event_data.push_back(file.Series({"/events/data/" + q.name, q.units, q.description},
-                                       H5Type::kDouble, {}, kEventRows));
+      event_data.push_back(
+          file.Series({"/events/data/" + q.name, q.units, q.description, {"/events/t"}},
+                      H5Type::kDouble, {}, kEventRows));
     }
     event_buffer.resize(event_data.size());
   }
@@ -109,6 +113,7 @@ struct RunWriter::Impl {
   void FlushSamples() {
     if (t_buffer.empty()) return;
     for (std::size_t q = 0; q < series.size(); ++q) Move(&series[q], &buffer[q]);
+    series_t.Append(std::span<const double>(t_buffer));
     Move(&t, &t_buffer);
   }
 

@@ -158,13 +158,16 @@ void WriteSurvey(const std::string& path, const Survey& survey, const Provenance
   file.Write({"/id", "1", "points' ids"}, survey.id);
   file.Write({"/cameras", "1", "cameras' names"}, survey.cameras);
   if (!survey.pixels.empty()) {
-    file.Write({"/pixels", "1", "of each camera's row; 0: not stated"},
+    file.Write({"/pixels", "1", "of each camera's row; 0: not stated", {"/cameras"}},
                std::vector<std::int32_t>(survey.pixels.begin(), survey.pixels.end()));
   }
-  file.Write({"/p", "m", "x, y, z in the station's frame"}, survey.p.transpose());
-  file.Write({"/cov", "m^2", "covariance: xx, xy, xz, yy, yz, zz"}, survey.cov.transpose());
+  WriteAxisNames(file);
+  file.Write({"/p", "m", "x, y, z in the station's frame", {"/id", kAxisNames}},
+             survey.p.transpose());
+  file.Write({"/cov", "m^2", "covariance: xx, xy, xz, yy, yz, zz", {"/id", kComponentNames}},
+             survey.cov.transpose());
   if (survey.station.allFinite()) {
-    file.Write({"/station", "m", "where the total station stood"},
+    file.Write({"/station", "m", "where the total station stood", {kAxisNames}},
                std::vector<double>(survey.station.data(), survey.station.data() + 3));
   }
   const auto stated = [&](const char* name, const char* unit, const char* what, double sigma) {
@@ -177,8 +180,9 @@ void WriteSurvey(const std::string& path, const Survey& survey, const Provenance
          errors.distance_scale);
   stated("/station_errors/zenith", "rad", "sigma of the vertical circle's index", errors.zenith);
   if (survey.u_px.size() > 0) {
-    file.Write({"/u", "px", "readings, point x camera; NaN: not seen"}, survey.u_px);
-    file.Write({"/s", "px", "their standard deviations"}, survey.s_px);
+    file.Write({"/u", "px", "readings, point x camera; NaN: not seen", {"/id", "/cameras"}},
+               survey.u_px);
+    file.Write({"/s", "px", "their standard deviations", {"/id", "/cameras"}}, survey.s_px);
   }
   if (survey.has_lines()) {
     const std::vector<std::size_t> row = LineDims(survey.format, survey.cameras.size());

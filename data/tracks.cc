@@ -68,29 +68,39 @@ struct TracksWriter::Impl {
     file.Attribute("/", "frame", like.frame);
     file.Attribute("/", "smoothed", static_cast<std::int64_t>(like.smoothed));
     file.Attribute("/", "shared_rank", static_cast<std::int64_t>(like.shared_rank));
+    WriteAxisNames(file);
     t = file.Series({"/t", "s", "time stamp of the sample"}, H5Type::kDouble);
-    mark = file.Series({"/mark", "1", "index into marks"}, H5Type::kInt32);
-    p = file.Series({"/p", "m", "x, y, z; NaN where unsolvable"}, H5Type::kDouble, {3});
-    cov = file.Series({"/cov", "m^2", "random covariance: xx, xy, xz, yy, yz, zz"}, H5Type::kDouble,
-                      {6});
-    status =
-        file.Series({"/status", "1", "0 good, 1 three cameras, 2 rejected reading, 3 unsolvable"},
-                    H5Type::kInt32);
+    mark = file.Series({"/mark", "1", "index into marks", {"/t"}}, H5Type::kInt32);
+    p = file.Series({"/p", "m", "x, y, z; NaN where unsolvable", {"/t", kAxisNames}},
+                    H5Type::kDouble, {3});
+    cov = file.Series(
+        {"/cov", "m^2", "random covariance: xx, xy, xz, yy, yz, zz", {"/t", kComponentNames}},
+        H5Type::kDouble, {6});
+    status = file.Series(
+        {"/status", "1", "0 good, 1 three cameras, 2 rejected reading, 3 unsolvable", {"/t"}},
+        H5Type::kInt32);
     if (detailed) {
       file.Write({"/cameras", "1", "cameras' names"}, like.cameras);
-      used = file.Series({"/used", "1", "bit c: a reading of camera c entered"}, H5Type::kInt32);
-      left_out = file.Series({"/left_out", "1", "bit c: camera c saw something that was not taken"},
-                             H5Type::kInt32);
-      reason = file.Series({"/reason", "1",
+      used = file.Series({"/used", "1", "bit c: a reading of camera c entered", {"/t"}},
+                         H5Type::kInt32);
+      left_out = file.Series(
+          {"/left_out", "1", "bit c: camera c saw something that was not taken", {"/t"}},
+          H5Type::kInt32);
+      reason = file.Series({"/reason",
+                            "1",
                             "why unsolvable: 1 too few readings, 2 parallel planes, 3 outside, "
-                            "4 readings disagree, 5 two points fit, 6 ambiguous, 7 off its path"},
+                            "4 readings disagree, 5 two points fit, 6 ambiguous, 7 off its path",
+                            {"/t"}},
                            H5Type::kInt32);
     }
     if (rank > 0) {
+      file.BareScale("/direction", rank);
       // Seven digits of an uncertainty are plenty, and it is most of the file.
-      shared = file.Series(
-          {"/shared", "m", "factor F: the calibration's error is F z, z ~ N(0, 1), one z for all"},
-          H5Type::kFloat, {3, rank}, 256, 1);
+      shared = file.Series({"/shared",
+                            "m",
+                            "factor F: the calibration's error is F z, z ~ N(0, 1), one z for all",
+                            {"/t", kAxisNames, "/direction"}},
+                           H5Type::kFloat, {3, rank}, 256, 1);
     }
   }
 };

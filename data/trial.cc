@@ -46,8 +46,8 @@ TrialWriter::TrialWriter(const std::string& path, const TrialHeader& header,
   file.Write({"/slots", "1", "what a line may show: a mark's name, or dark"}, header.slots);
   impl_->t = file.Series({"/t", "s", "middle of the line's flash on the recorder's clock"},
                          H5Type::kDouble, {}, 4096);
-  impl_->slot =
-      file.Series({"/slot", "1", "what was lit: index into slots"}, H5Type::kInt32, {}, 4096);
+  impl_->slot = file.Series({"/slot", "1", "what was lit: index into slots", {"/t"}},
+                            H5Type::kInt32, {}, 4096);
   impl_->lines = file.Series(
       {"/lines", "count",
        "counts: line x camera x element in read-out, or line x the elements of all cameras"},

@@ -26,6 +26,7 @@ const std::map<std::string, std::set<std::string>, std::less<>>& Below() {
       {"calib", {"base", "data", "measure"}},
       {"study", {"base", "data", "sim", "correlate"}},
       {"unfurl", {"base", "data", "sim", "measure", "correlate", "calib", "study"}},
+      {"python", {"base", "data", "sim", "measure", "correlate", "calib", "study", "unfurl"}},
       {"cli", {"base", "data", "sim", "measure", "correlate", "report", "calib", "study"}},
   };
   return kBelow;
@@ -63,6 +64,8 @@ const std::vector<Wrapped>& WrappedHeaders() {
       {"ceres/", ceres, "the .cc files of calib/ and correlate/"},
       {"glog/", ceres, "the .cc files of calib/ and correlate/"},
       {"CLI/", rooms({"cli"}), "cli/"},
+      {"pybind11/", rooms({"python"}), "python/"},
+      {"Python.h", rooms({"python"}), "python/"},
       {"opencv2/", rooms({"measure", "cli"}), "measure/ and cli/"},
       {"boost/", in_file("base/statistics.cc"), "base/statistics.cc"},
       {"glog/", in_file("base/log_silence.cc"), "base/log_silence.cc"},
@@ -269,13 +272,14 @@ std::vector<std::string> LinksOf(std::string_view text) {
   return links;
 }
 
-Findings CheckPackages(std::string_view packages, std::string_view document) {
+Findings CheckPackages(const std::string& list, std::string_view packages,
+                       std::string_view document) {
   Findings findings;
   ForEachLine(packages, [&](int number, std::string_view line) {
     const std::string name(line.substr(0, line.find_first_of("# \t")));
     if (!name.empty() && document.find("`" + name + "`") == std::string_view::npos) {
       findings.push_back(
-          fmt::format("packages.txt:{}: {} has no row in docs/dependencies.md", number, name));
+          fmt::format("{}:{}: {} has no row in docs/dependencies.md", list, number, name));
     }
   });
   return findings;

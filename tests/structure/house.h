@@ -42,7 +42,8 @@ Findings CheckHeader(const std::string& path, std::string_view text);
 // Targets of links in a Markdown file, without anchors; those that leave the tree are passed over.
 std::vector<std::string> LinksOf(std::string_view text);
 
-// Each package of packages.txt has a row in docs/dependencies.md.
-Findings CheckPackages(std::string_view packages, std::string_view document);
+// Each package of a list (packages.txt, packages-test.txt) has a row in docs/dependencies.md.
+Findings CheckPackages(const std::string& list, std::string_view packages,
+                       std::string_view document);
 
 }  // namespace unfurl::structure

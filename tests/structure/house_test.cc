@@ -141,8 +141,8 @@ TEST(LinksOf, FindsWhatCanBeChecked) {
 }
 
 TEST(CheckPackages, WantsARowForEach) {
-  EXPECT_THAT(CheckPackages("# words\ncmake\nlibx-dev  # for y\n", "| `cmake` | builds |"),
-              ElementsAre(HasSubstr("packages.txt:3: libx-dev")));
+  EXPECT_THAT(CheckPackages("packages-test.txt", "# words\ncmake\nlibx-dev  # for y\n", "| `cmake` | builds |"),
+              ElementsAre(HasSubstr("packages-test.txt:3: libx-dev")));
 }
 
 }  // namespace

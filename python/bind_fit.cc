@@ -1,0 +1,444 @@
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "base/error.h"
+#include "base/progress.h"
+#include "correlate/compare/comparison.h"
+#include "correlate/fit/fit.h"
+#include "correlate/observations.h"
+#include "correlate/sampled_model.h"
+#include "data/fit.h"
+#include "data/study.h"
+#include "data/tracks.h"
+#include "python/bindings.h"
+#include "study/fit_record.h"
+#include "study/fit_study.h"
+
+namespace unfurl::python {
+namespace {
+
+using Tracks = Recorded<data::Tracks>;
+using FitParameter = data::FitRecord::Parameter;
+
+struct Fit {
+  data::FitRecord data;
+  std::vector<Source> sources;
+  std::shared_ptr<correlate::Comparison> comparison;  // of a study, at the estimate
+};
+
+PyObject* g_model_failed = nullptr;  // unfurl.ModelFailed
+
+// The positions that a Python model gave for one mark, with velocities: its own, or those of the
+// cubic through the nearest four positions.
+correlate::MarkMotion MotionFrom(const py::handle& given, const std::vector<double>& t,
+                                 const std::string& mark) {
+  const auto n = static_cast<Eigen::Index>(t.size());
+  const bool pair = py::isinstance<py::tuple>(given);
+  const auto points = [&](const py::handle& array, const std::string& what) {
+    const Eigen::MatrixXd in = PointsFrom(array, {2, 3}, what);
+    if (in.cols() != n) {
+      throw py::value_error(fmt::format("{}: {} rows for {} times", what, in.cols(), n));
+    }
+    Eigen::Matrix3Xd out = Eigen::Matrix3Xd::Zero(3, n);
+    out.topRows(in.rows()) = in;
+    return out;
+  };
+  correlate::MarkMotion motion;
+  motion.p = points(pair ? py::handle(given.cast<py::tuple>()[0]) : given, "p of " + mark);
+  if (pair) {
+    motion.v = points(given.cast<py::tuple>()[1], "v of " + mark);
+    return motion;
+  }
+  motion.v.setZero(3, n);
+  for (Eigen::Index i = 0; i < n && n > 1; ++i) {
+    const correlate::LocalCubic cubic = correlate::CubicAt(t, t[static_cast<std::size_t>(i)]);
+    for (int k = 0; k < cubic.count; ++k) {
+      motion.v.col(i) +=
+          cubic.slope[k] * motion.p.col(static_cast<Eigen::Index>(cubic.first) + k);
+    }
+  }
+  return motion;
+}
+
+// A Python function as the model of a fit. unfurl.ModelFailed is a failed evaluation; any other
+// exception ends the fit.
+class PythonModel : public correlate::Model {
+ public:
+  PythonModel(const py::object& function, std::vector<std::string> names, CallbackError* errors)
+      : function_(Shared(function)), names_(std::move(names)), errors_(*errors) {}
+
+  correlate::Prediction Evaluate(std::span<const double> theta,
+                                 const correlate::Stamps& stamps) const override {
+    correlate::Prediction out;
+    errors_.Call([&] {
+      try {
+        Ask(theta, stamps, &out);
+      } catch (py::error_already_set& error) {
+        if (!error.matches(g_model_failed)) throw;
+        out = {};
+        out.status = correlate::ModelStatus::kFailed;
+        out.message = py::str(error.value()).cast<std::string>();
+      }
+    });
+    return out;
+  }
+
+ private:
+  void Ask(std::span<const double> theta, const correlate::Stamps& stamps,
+           correlate::Prediction* out) const {
+    py::dict parameters, times;
+    for (std::size_t j = 0; j < names_.size(); ++j) {
+      parameters[py::str(names_[j])] = theta[j];
+    }
+    for (std::size_t m = 0; m < stamps.marks.size(); ++m) {
+      times[py::str(stamps.marks[m])] = Owned(std::vector<double>(stamps.t[m]));
+    }
+    const py::object answer = (*function_)(parameters, times);
+    if (!py::isinstance<py::dict>(answer)) {
+      throw py::type_error("the model must return {mark: positions}");
+    }
+    for (std::size_t m = 0; m < stamps.marks.size(); ++m) {
+      const py::str mark(stamps.marks[m]);
+      if (!answer.contains(mark)) {
+        throw py::key_error("the model returned no mark '" + stamps.marks[m] + "'");
+      }
+      out->marks.push_back(MotionFrom(answer[mark], stamps.t[m], stamps.marks[m]));
+    }
+  }
+
+  std::shared_ptr<py::object> function_;
+  std::vector<std::string> names_;
+  CallbackError& errors_;
+};
+
+std::function<void(const correlate::FitProgress&)> ProgressOf(const py::object& progress,
+                                                              CallbackError* errors) {
+  const auto callable = Shared(progress);
+  return [callable, errors](const correlate::FitProgress& at) {
+    ThrowIfInterrupted();
+    if (callable != nullptr) errors->Call([&] { (*callable)(at); });
+  };
+}
+
+correlate::Window WindowFrom(const std::optional<std::pair<double, double>>& window) {
+  if (!window) return {};
+  if (!(window->first < window->second)) {
+    throw Error("the window is empty", "window", "give (start, end) in seconds, start first");
+  }
+  return {window->first, window->second};
+}
+
+struct ModelFitOptions {
+  std::vector<std::string> marks;
+  std::optional<std::pair<double, double>> window;
+  py::object finer;
+  double finer_factor = 1.0;
+  std::string name;
+};
+
+Fit FitModel(const py::object& model, const py::object& tracks_or_path,
+             const std::vector<correlate::Parameter>& parameters,
+             const ModelFitOptions& what, const correlate::FitOptions& options,
+             CallbackError* errors) {
+  const auto tracks = RecordFrom<Tracks>(tracks_or_path, &data::ReadTracks);
+  if (tracks->data.smoothed) {
+    throw Error("these tracks are smoothed: their errors are no longer independent", "tracks",
+                "fit to the tracks as reconstructed");
+  }
+  std::vector<std::string> names;
+  data::Study study;
+  study.name = what.name;
+  for (const correlate::Parameter& p : parameters) {
+    names.push_back(p.name);
+    data::StudyParameter& named = study.parameters.emplace_back();
+    named.name = p.name;
+    named.unit = p.unit;
+  }
+  const PythonModel coarse(model, names, errors);
+  std::unique_ptr<PythonModel> finer;
+  if (!what.finer.is_none()) finer = std::make_unique<PythonModel>(what.finer, names, errors);
+  const correlate::Observations observations =
+      correlate::FromTracks(tracks->data, what.marks, WindowFrom(what.window));
+  correlate::FitProblem problem;
+  problem.parameters = parameters;
+  problem.trials.push_back({.name = "trial",
+                            .observations = &observations,
+                            .model = &coarse,
+                            .finer = finer.get(),
+                            .finer_factor = what.finer_factor});
+  return LongWithCallbacks(*errors, [&] {
+    const correlate::FitResult result = correlate::Fit(problem, options);
+    return Fit{study::RecordOf(study, problem, result), tracks->sources, nullptr};
+  });
+}
+
+Fit FitFunction(const py::object& model, const py::object& tracks,
+                const std::vector<correlate::Parameter>& parameters,
+                const std::vector<std::string>& marks,
+                std::optional<std::pair<double, double>> window, const py::object& finer,
+                double finer_factor, const std::vector<double>& stages, int screened, int starts,
+                std::uint64_t seed, bool whiten, const std::vector<double>& profile_levels,
+                std::size_t workers, const py::object& progress, const std::string& name) {
+  if (PyCallable_Check(model.ptr()) == 0) throw py::type_error("model: expected a callable");
+  CallbackError errors;
+  correlate::FitOptions options;
+  options.stages = stages;
+  options.search.screened = screened;
+  options.search.starts = starts;
+  options.search.seed = seed;
+  options.whiten = whiten;
+  options.profile.wanted = !profile_levels.empty();
+  options.profile.levels = profile_levels;
+  options.workers = workers;
+  options.progress = ProgressOf(progress, &errors);
+  return FitModel(model, tracks, parameters, {marks, window, finer, finer_factor, name}, options,
+                  &errors);
+}
+
+data::Study StudyFrom(const py::object& study_or_path, const py::object& set) {
+  if (!py::isinstance<data::Study>(study_or_path)) {
+    return data::ReadStudy(study_or_path.cast<fs::path>().string(), OverridesFrom(set));
+  }
+  if (!set.is_none()) {
+    throw Error("keys are set where a study is read", "set", "use read_study(path, set=..)");
+  }
+  return study_or_path.cast<data::Study&>();
+}
+
+Fit FitStudy(const py::object& study_or_path, const py::object& set,
+             const std::optional<fs::path>& tracks, const std::optional<fs::path>& output,
+             bool resume, std::size_t workers, bool compare, const py::object& progress) {
+  const data::Study study = StudyFrom(study_or_path, set);
+  CallbackError errors;
+  study::FitStudyOptions options;
+  options.tracks = tracks.value_or("").string();
+  options.output = output.value_or("").string();
+  options.resume = resume;
+  options.workers = workers;
+  options.compare = compare;
+  options.provenance = ProvenanceOf({});
+  options.progress = ProgressOf(progress, &errors);
+  return LongWithCallbacks(errors, [&] {
+    study::StudyFit fitted = study::Fit(study, options);
+    Fit fit{std::move(fitted.record), {}, nullptr};
+    for (const data::InputFile& input : fitted.provenance.inputs) {
+      fit.sources.push_back(SourceOf(input.path));
+    }
+    if (compare && fitted.Usable()) {
+      fit.comparison = std::make_shared<correlate::Comparison>(std::move(fitted.comparison));
+    }
+    return fit;
+  });
+}
+
+const FitParameter& ParameterOf(const Fit& fit, const std::string& name) {
+  for (const FitParameter& parameter : fit.data.parameters) {
+    if (parameter.name == name) return parameter;
+  }
+  throw py::key_error(name);
+}
+
+std::optional<double> Known(double x) {
+  return std::isfinite(x) ? std::optional(x) : std::nullopt;
+}
+
+void BindParameters(py::module_& m) {
+  using correlate::Parameter;
+  py::class_<Parameter>(m, "Parameter", "An unknown of a fit, for fit().")
+      .def(py::init([](const std::string& name, double start, double low, double high,
+                       const std::string& unit, bool log,
+                       std::optional<std::pair<double, double>> prior) {
+             Parameter p{name, unit, start, low, high, log};
+             if (prior) {
+               p.has_prior = true;
+               std::tie(p.prior_mean, p.prior_sigma) = *prior;
+             }
+             correlate::Check(p);
+             return p;
+           }),
+           py::arg("name"), py::arg("start"), py::arg("low") = -INFINITY,
+           py::arg("high") = INFINITY, py::kw_only(), py::arg("unit") = "1",
+           py::arg("log") = false, py::arg("prior") = py::none(),
+           "start, low, high: in its unit. log: the solver moves the logarithm. prior: (mean, sigma)\n"
+           "of what is known beforehand.")
+      .def_readonly("name", &Parameter::name)
+      .def_readonly("start", &Parameter::start)
+      .def_readonly("low", &Parameter::low)
+      .def_readonly("high", &Parameter::high)
+      .def_readonly("unit", &Parameter::unit)
+      .def("__repr__", [](const Parameter& p) {
+        return fmt::format("<unfurl.Parameter '{}': {:g} in [{:g}, {:g}] {}>", p.name, p.start,
+                           p.low, p.high, p.unit);
+      });
+  py::class_<FitParameter>(m, "FitParameter", "What a fit says of one parameter.")
+      .def_readonly("name", &FitParameter::name)
+      .def_readonly("unit", &FitParameter::unit)
+      .def_readonly("value", &FitParameter::value, "In its unit.")
+      .def_readonly("sigma", &FitParameter::sigma, "Standard error, all parts together.")
+      .def_readonly("sigma_data", &FitParameter::sigma_data, "Of it, from the samples.")
+      .def_readonly("sigma_model", &FitParameter::sigma_model, "Of it, from the model's own error.")
+      .def_property_readonly(
+          "interval",
+          [](const FitParameter& p) { return std::pair(Known(p.low95), Known(p.high95)); },
+          "95% interval (low, high); None: open on that side.")
+      .def_readonly("verdict", &FitParameter::verdict, "What the trial says of it.")
+      .def_readonly("reason", &FitParameter::reason, "In words, with numbers.")
+      .def_readonly("combined_with", &FitParameter::with,
+                    "What it is determined only in combination with.")
+      .def("__repr__", [](const FitParameter& p) {
+        return fmt::format("<unfurl.FitParameter '{}': {:.6g} +- {:.2g} {}, {}>", p.name, p.value,
+                           p.sigma, p.unit, p.verdict);
+      });
+  py::class_<correlate::FitProgress>(m, "FitProgress", "How far a fit has come.")
+      .def_readonly("phase", &correlate::FitProgress::phase)
+      .def_readonly("evaluations", &correlate::FitProgress::evaluations)
+      .def_readonly("expected", &correlate::FitProgress::expected, "As far as can be told now.")
+      .def_readonly("best_cost", &correlate::FitProgress::best_cost,
+                    "Half the sum of squares; 0: not known yet.")
+      .def_readonly("best", &correlate::FitProgress::best_theta, "The parameters there.");
+}
+
+void BindResult(py::module_& m) {
+  const auto points = [](Eigen::Matrix3Xd data::FitRecord::*member) {
+    return [member](py::object self) { return PointsView<3>(self.cast<Fit&>().data.*member, self); };
+  };
+  py::class_<Fit, std::shared_ptr<Fit>>(
+      m, "Fit",
+      "Parameters of a model from a trial, what they are worth, and n samples at the estimate.\n\n"
+      "fit['clearance'] is a FitParameter. Samples are in the model's frame.")
+      .def_property_readonly("status", [](const Fit& f) { return f.data.status; },
+                             "'converged', or how it ended.")
+      .def_property_readonly("message", [](const Fit& f) { return f.data.message; })
+      .def_property_readonly(
+          "usable", [](const Fit& f) { return f.data.status == "converged"; },
+          "Whether it converged; each parameter has a verdict of its own.")
+      .def_property_readonly("verdict", [](const Fit& f) { return f.data.verdict; },
+                             "Of the whole, in words.")
+      .def_property_readonly("reasons", [](const Fit& f) { return f.data.reasons; })
+      .def_property_readonly(
+          "parameters",
+          [](py::object self) {
+            py::list list;
+            for (const FitParameter& p : self.cast<Fit&>().data.parameters) {
+              list.append(py::cast(&p, py::return_value_policy::reference_internal, self));
+            }
+            return list;
+          },
+          "List of FitParameter.")
+      .def("__getitem__", &ParameterOf, py::arg("name"), py::return_value_policy::reference_internal)
+      .def("__len__", [](const Fit& f) { return f.data.parameters.size(); })
+      .def_property_readonly(
+          "covariance",
+          [](py::object self) { return MatrixView(self.cast<Fit&>().data.covariance, self); },
+          "(p, p) of the values, all parts, in the products of their units.")
+      .def_property_readonly(
+          "checks", [](const Fit& f) { return f.data.checks; },
+          "Numbers by name with unit: {'chi2_per_dof [1]': 1.02, ..}.")
+      .def_property_readonly(
+          "evaluations", [](const Fit& f) { return f.data.evaluations.size(); },
+          "How often the model was evaluated.")
+      .def_property_readonly("marks", [](const Fit& f) { return f.data.marks; })
+      .def_property_readonly(
+          "t", [](py::object self) { return View(self.cast<Fit&>().data.t, self); },
+          "(n,) on the tracks' clock [s].")
+      .def_property_readonly(
+          "mark", [](py::object self) { return View(self.cast<Fit&>().data.mark, self); },
+          "(n,) index into marks.")
+      .def_property_readonly("measured", points(&data::FitRecord::measured), "(n, 3) [m].")
+      .def_property_readonly("sigma", points(&data::FitRecord::sigma),
+                             "(n, 3) standard deviations of measured [m].")
+      .def_property_readonly("simulated", points(&data::FitRecord::simulated),
+                             "(n, 3) the model at the estimate [m].")
+      .def_readonly("comparison", &Fit::comparison,
+                    "Comparison of trial and model at the estimate; None: not asked for.")
+      .def(
+          "write",
+          [](const Fit& f, const fs::path& path) {
+            data::WriteFit(path.string(), f.data, ProvenanceOf(f.sources));
+          },
+          py::arg("path"), "Writes it as HDF5.")
+      .def("__repr__", [](const Fit& f) {
+        std::string values;
+        for (const FitParameter& p : f.data.parameters) {
+          values += fmt::format(", {} = {:.6g} +- {:.2g}", p.name, p.value, p.sigma);
+        }
+        return fmt::format("<unfurl.Fit: {}{}>", f.data.status, values);
+      });
+}
+
+void BindStudy(py::module_& m) {
+  py::class_<data::Study, std::shared_ptr<data::Study>>(
+      m, "Study", "What is to be learnt from which trial with which model; keys: docs/study.md.")
+      .def_readonly("name", &data::Study::name)
+      .def_readonly("path", &data::Study::path)
+      .def_readonly("scene", &data::Study::scene, "Path of the scene; empty: a program.")
+      .def_property_readonly(
+          "parameters",
+          [](const data::Study& s) {
+            std::vector<std::string> names;
+            for (const data::StudyParameter& p : s.parameters) names.push_back(p.name);
+            return names;
+          },
+          "Their names.")
+      .def("__repr__", [](const data::Study& s) {
+        return fmt::format("<unfurl.Study '{}': {}, {}>", s.name,
+                           Plural(s.parameters.size(), "parameter"),
+                           Plural(s.trials.size(), "trial"));
+      });
+  m.def(
+      "read_study",
+      [](const fs::path& path, const py::object& set) {
+        return data::ReadStudy(path.string(), OverridesFrom(set));
+      },
+      py::arg("path"), py::kw_only(), py::arg("set") = py::none(),
+      "A study (TOML). set: other values for some of its keys.");
+  m.def("fit_study", &FitStudy, py::arg("study"), py::kw_only(), py::arg("set") = py::none(),
+        py::arg("tracks") = py::none(), py::arg("output") = py::none(), py::arg("resume") = false,
+        py::arg("workers") = 0, py::arg("compare") = false, py::arg("progress") = py::none(),
+        "The parameters of a study (a Study or a path), from its trials.\n\n"
+        "tracks: a file of tracks in place of the study's. output: also write the fit (HDF5); an\n"
+        "interrupted fit leaves OUTPUT.partial, which resume=True takes over. workers: simulations\n"
+        "at a time, 0 for one per core; changes no result. compare: also compare trial and model at\n"
+        "the estimate. progress(FitProgress) is called now and then, from any thread.");
+}
+
+}  // namespace
+
+py::object LoadFit(const fs::path& path) {
+  return py::cast(std::make_shared<Fit>(Fit{data::ReadFit(path.string()), {SourceOf(path)}, nullptr}));
+}
+
+py::object LoadStudy(const fs::path& path) {
+  return py::cast(std::make_shared<data::Study>(data::ReadStudy(path.string())));
+}
+
+void BindFit(py::module_& m) {
+  g_model_failed = PyErr_NewExceptionWithDoc(
+      "unfurl.ModelFailed",
+      "Raised by a model that cannot be evaluated at some parameters: the fit goes round them.",
+      PyExc_RuntimeError, nullptr);
+  m.attr("ModelFailed") = py::reinterpret_borrow<py::object>(g_model_failed);
+  BindParameters(m);
+  BindResult(m);
+  BindStudy(m);
+  m.def("fit", &FitFunction, py::arg("model"), py::arg("tracks"), py::arg("parameters"),
+        py::kw_only(), py::arg("marks") = std::vector<std::string>{},
+        py::arg("window") = py::none(), py::arg("finer") = py::none(),
+        py::arg("finer_factor") = 1.0, py::arg("stages") = std::vector<double>{},
+        py::arg("screened") = 0, py::arg("starts") = 1, py::arg("seed") = 1,
+        py::arg("whiten") = true, py::arg("profile_levels") = std::vector<double>{1.0, 2.0},
+        py::arg("workers") = 1, py::arg("progress") = py::none(), py::arg("name") = "fit",
+        "The parameters of any model, a Python function, from Tracks (or their path).\n\n"
+        "model(parameters, times): parameters is {name: value}, times {mark: (n,) seconds on the\n"
+        "model's own clock}; it returns {mark: positions (n, 2) or (n, 3) [m]}, in a frame of its\n"
+        "own, or {mark: (positions, velocities [m/s])}. Time and frame are aligned by the fit, so\n"
+        "times may lie a little before 0. It raises unfurl.ModelFailed where it cannot be\n"
+        "evaluated; any other exception ends the fit. finer: the same with less error of its own,\n"
+        "which (finer - model) times finer_factor estimates. marks, window: what to use of the\n"
+        "tracks [s]. stages: ends of a growing horizon [s]. screened, starts, seed: of several\n"
+        "starts. profile_levels: where each parameter is held, in standard errors; []: no profiles.\n"
+        "workers: evaluations at a time; more than 1 serves models that release the lock.");
+}
+
+}  // namespace unfurl::python

@@ -1,0 +1,150 @@
+#include <fmt/format.h>
+
+#include <cmath>
+
+#include "base/error.h"
+#include "data/run.h"
+#include "python/bindings.h"
+
+namespace unfurl::python {
+namespace {
+
+using Run = Recorded<data::Run>;
+
+std::string TextOf(const data::Run& run, const std::string& name) {
+  const auto found = run.text.find(name);
+  return found == run.text.end() ? std::string() : found->second;
+}
+
+const data::Quantity& QuantityOf(const data::Run& run, const std::string& name) {
+  const int index = run.Find(name);
+  if (index < 0) throw py::key_error(name);
+  return run.quantities[static_cast<std::size_t>(index)];
+}
+
+py::array Column(const py::object& self, const std::string& name) {
+  const data::Run& run = self.cast<Run&>().data;
+  if (name == "t") return View(run.t, self);
+  const int index = run.Find(name);
+  if (index < 0) throw py::key_error(name);
+  return View(run.columns[static_cast<std::size_t>(index)], self);
+}
+
+std::vector<std::string> Names(const data::Run& run) {
+  std::vector<std::string> names;
+  for (const data::Quantity& quantity : run.quantities) names.push_back(quantity.name);
+  return names;
+}
+
+// "theta_rate [rad/s]" apart.
+data::Quantity FromNameWithUnit(const std::string& text) {
+  const std::size_t open = text.rfind(" [");
+  if (open == std::string::npos || text.back() != ']') return {text, "1", ""};
+  return {text.substr(0, open), text.substr(open + 2, text.size() - open - 3), ""};
+}
+
+void WriteH5(const Run& run, const fs::path& path) {
+  const data::Run& d = run.data;
+  data::RunLayout layout;
+  layout.quantities = d.quantities;
+  layout.marks = d.marks;
+  std::map<std::string, data::Quantity> event_data;
+  for (const data::RunEvent& event : d.events) {
+    layout.event_places.push_back(event.where);
+    for (const auto& [name, value] : event.data) event_data[name] = FromNameWithUnit(name);
+  }
+  for (const auto& [name, quantity] : event_data) layout.event_data.push_back(quantity);
+  const data::Provenance provenance = ProvenanceOf(run.sources);
+  const std::string scene = TextOf(d, "scene");
+  if (!scene.empty()) layout.text["scene"] = scene;
+  data::RunWriter writer(path.string(), provenance, layout);
+  std::vector<double> row(d.columns.size());
+  for (std::size_t i = 0; i < d.t.size(); ++i) {
+    for (std::size_t q = 0; q < row.size(); ++q) row[q] = d.columns[q][i];
+    writer.Append(d.t[i], row);
+  }
+  for (const data::RunEvent& event : d.events) writer.AddEvent(event);
+  for (const char* name : {"status", "message", "method", "stopped_by"}) {
+    const std::string text = TextOf(d, name);
+    if (!text.empty()) writer.SetText(name, text);
+  }
+  writer.Commit();
+}
+
+std::string Repr(const data::Run& run) {
+  const std::string status = TextOf(run, "status");
+  return fmt::format("<unfurl.Run: {}, {} of {}, {}{}>", status.empty() ? "no status" : status,
+                     Plural(run.t.size(), "sample"),
+                     run.quantities.size() == 1 ? "1 quantity"
+                                                : fmt::format("{} quantities", run.quantities.size()),
+                     run.t.empty() ? "empty" : fmt::format("to {:g} s", run.t.back()),
+                     run.events.empty() ? "" : ", " + Plural(run.events.size(), "event"));
+}
+
+}  // namespace
+
+void BindRun(py::module_& m) {
+  py::class_<data::RunEvent>(m, "RunEvent", "Something that happened at one time.")
+      .def_readonly("t", &data::RunEvent::t, "[s]")
+      .def_readonly("kind", &data::RunEvent::kind,
+                    "'latch', 'contact_start', 'contact_end' or 'watch'.")
+      .def_readonly("where", &data::RunEvent::where, "The joint, or the watch.")
+      .def_readonly("data", &data::RunEvent::data,
+                    "Numbers by name with unit: {'theta_rate [rad/s]': -0.8}.")
+      .def("__repr__", [](const data::RunEvent& e) {
+        return fmt::format("<unfurl.RunEvent: {} at {}, t = {:g} s>", e.kind, e.where, e.t);
+      });
+
+  py::class_<Run, std::shared_ptr<Run>>(
+      m, "Run",
+      "A simulated motion: n samples of every quantity, events, and what was counted.\n\n"
+      "run['tip.x'] is the column of a quantity, a read-only view of shape (n,); run.units('tip.x')\n"
+      "its unit.")
+      .def("__len__", [](const Run& self) { return self.data.quantities.size(); })
+      .def("__getitem__", &Column, py::arg("name"))
+      .def("__contains__",
+           [](const Run& self, const std::string& name) { return self.data.Find(name) >= 0; })
+      .def("__iter__",
+           [](const Run& self) { return py::iter(py::cast(Names(self.data))); })
+      .def("keys", [](const Run& self) { return Names(self.data); }, "Names of the quantities.")
+      .def(
+          "units", [](const Run& self, const std::string& name) {
+            return name == "t" ? std::string("s") : QuantityOf(self.data, name).units;
+          },
+          py::arg("name"), "Unit of a quantity; '1' for none.")
+      .def(
+          "description",
+          [](const Run& self, const std::string& name) {
+            return QuantityOf(self.data, name).description;
+          },
+          py::arg("name"), "What a quantity is, in one line.")
+      .def_property_readonly(
+          "t", [](py::object self) { return View(self.cast<Run&>().data.t, self); },
+          "(n,) time of each sample [s].")
+      .def_property_readonly(
+          "marks", [](const Run& self) { return self.data.marks; },
+          "Names of the marks; MARK.x and MARK.y are quantities.")
+      .def_property_readonly(
+          "events", [](const Run& self) { return self.data.events; }, "List of RunEvent.")
+      .def_property_readonly(
+          "summary", [](const Run& self) { return self.data.summary; },
+          "Numbers of the whole run by name: steps, impacts, JOINT.latch_time [s] ..")
+      .def_property_readonly(
+          "text", [](const Run& self) { return self.data.text; },
+          "Words by name: 'status', 'method', 'scene' ..")
+      .def_property_readonly(
+          "status", [](const Run& self) { return TextOf(self.data, "status"); },
+          "'good', or how it ended.")
+      .def_property_readonly(
+          "message", [](const Run& self) { return TextOf(self.data, "message"); },
+          "Why, where it is not good.")
+      .def_property_readonly(
+          "usable", [](const Run& self) { return TextOf(self.data, "status") == "good"; },
+          "Whether it ran to its end.")
+      .def("write", &WriteH5, py::arg("path"),
+           "Writes samples, events and words as HDF5. The counted numbers and the beams' shapes are\n"
+           "in the file that simulate(output=..) writes.")
+      .def("__repr__", [](const Run& self) { return Repr(self.data); });
+}
+
+}  // namespace unfurl::python

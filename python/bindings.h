@@ -1,0 +1,181 @@
+#pragma once
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+#include <pybind11/stl/filesystem.h>
+
+#include <Eigen/Core>
+#include <atomic>
+#include <cstdint>
+#include <exception>
+#include <filesystem>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "base/error.h"
+#include "data/provenance.h"
+
+namespace unfurl::python {
+
+namespace py = pybind11;
+namespace fs = std::filesystem;
+
+/// Each file of this room adds its part to the module.
+void BindErrors(py::module_& m);
+void BindTracks(py::module_& m);
+void BindRun(py::module_& m);
+void BindOptics(py::module_& m);       // survey, rig, lab, trial
+void BindCalibration(py::module_& m);  // calibrate, check, plan
+void BindMeasure(py::module_& m);      // expose, reconstruct, smooth
+void BindSim(py::module_& m);
+void BindCompare(py::module_& m);
+void BindFit(py::module_& m);
+void BindLoad(py::module_& m);
+
+/// What `load` asks of the files that own these types.
+py::object LoadScene(const fs::path& path);
+py::object LoadModes(const fs::path& path);
+py::object LoadStudy(const fs::path& path);
+py::object LoadFit(const fs::path& path);
+
+/// A file that a record was read from, as it was then.
+struct Source {
+  std::string path;
+  std::int64_t size = 0;   // [byte]
+  fs::file_time_type time;
+};
+Source SourceOf(const fs::path& path);
+
+/// A record of the library with the files that it was made from. Arrays of a record are views into
+/// it, so records do not change once Python has them.
+template <class T>
+struct Recorded {
+  T data;
+  std::vector<Source> sources;
+};
+
+/// What is stored with a file that Python writes: the script's command and its inputs by hash. An
+/// input that has changed since it was read is said to have.
+data::Provenance ProvenanceOf(const std::vector<Source>& sources);
+
+/// A read-only array over memory that `owner` keeps alive. Strides in bytes; empty: C order.
+template <class T>
+py::array_t<T> View(const T* values, std::vector<py::ssize_t> shape, py::handle owner,
+                    std::vector<py::ssize_t> strides = {}) {
+  py::array_t<T> array = strides.empty() ? py::array_t<T>(std::move(shape), values, owner)
+                                         : py::array_t<T>(std::move(shape), std::move(strides),
+                                                          values, owner);
+  array.attr("flags").attr("writeable") = false;
+  return array;
+}
+
+template <class T>
+py::array_t<T> View(const std::vector<T>& values, py::handle owner) {
+  return View(values.data(), {static_cast<py::ssize_t>(values.size())}, owner);
+}
+
+/// A matrix of k rows and n columns as an array of shape (n, k): points row by row.
+template <int kRows>
+py::array_t<double> PointsView(const Eigen::Matrix<double, kRows, Eigen::Dynamic>& points,
+                               py::handle owner) {
+  return View(points.data(), {points.cols(), points.rows()}, owner);
+}
+
+/// Any matrix of Eigen's own layout, as it is.
+py::array_t<double> MatrixView(const Eigen::MatrixXd& matrix, py::handle owner);
+
+/// An array that owns what it shows.
+template <class T>
+py::array_t<T> Owned(std::vector<T> values) {
+  auto* kept = new std::vector<T>(std::move(values));
+  const py::capsule owner(kept, [](void* p) { delete static_cast<std::vector<T>*>(p); });
+  return View(*kept, owner);
+}
+
+/// Points as Python gives them, shape (n, k), to k x n. Throws ValueError naming `what`.
+Eigen::MatrixXd PointsFrom(const py::handle& array, const std::vector<py::ssize_t>& columns,
+                           const std::string& what);
+
+/// While it lives Ctrl-C ends the library's work, if this is Python's main thread; afterwards
+/// Python's own handler is back. Made and destroyed with the interpreter's lock.
+class InterruptGuard {
+ public:
+  InterruptGuard();
+  ~InterruptGuard();
+  InterruptGuard(const InterruptGuard&) = delete;
+  InterruptGuard& operator=(const InterruptGuard&) = delete;
+  /// Of work that ended by Interrupted: raises what Python's handler raises, else
+  /// KeyboardInterrupt.
+  [[noreturn]] void Raise();
+
+ private:
+  void Leave();
+  bool installed_ = false;
+};
+
+/// Work that may take long: without the interpreter's lock, and Ctrl-C ends it.
+template <class Work>
+auto Long(Work&& work) {
+  InterruptGuard guard;
+  try {
+    const py::gil_scoped_release released;
+    return work();
+  } catch (const Interrupted&) {
+    guard.Raise();
+  }
+}
+
+/// An exception of a Python callable that was called from a thread of the library. There it ends
+/// the work as an interruption; Rethrow, with the lock, raises it where the work was asked for.
+class CallbackError {
+ public:
+  /// Calls `call` with the lock. After an exception, and ever after it: throws Interrupted.
+  void Call(const std::function<void()>& call);
+  void Rethrow();
+
+ private:
+  std::mutex mutex_;
+  std::exception_ptr error_;
+  std::atomic<bool> failed_{false};
+};
+
+/// The same as Long for work that calls back through `errors`.
+template <class Work>
+auto LongWithCallbacks(CallbackError& errors, Work&& work) {
+  InterruptGuard guard;
+  try {
+    const py::gil_scoped_release released;
+    return work();
+  } catch (const Interrupted&) {
+    errors.Rethrow();
+    guard.Raise();
+  }
+}
+
+/// A Python callable that C++ may copy and drop without the lock; `none` gives an empty pointer.
+std::shared_ptr<py::object> Shared(const py::object& callable);
+
+/// {"joint.j.spring.stiffness": 3.0} or ["key=value"] as the overrides of the TOML readers.
+std::vector<std::string> OverridesFrom(const py::object& set);
+
+/// A record as it is, or read from the path that was given in its place.
+template <class T, class Read>
+std::shared_ptr<T> RecordFrom(const py::object& object, const Read& read) {
+  if (py::isinstance<T>(object)) return object.cast<std::shared_ptr<T>>();
+  const fs::path path = object.cast<fs::path>();
+  const Source source = SourceOf(path);
+  const py::gil_scoped_release released;
+  return std::make_shared<T>(T{read(path.string()), {source}});
+}
+
+std::vector<Source> Joined(std::vector<Source> a, const std::vector<Source>& b);
+
+/// "1 mark", "3 marks".
+std::string Plural(std::size_t count, const char* word);
+
+}  // namespace unfurl::python

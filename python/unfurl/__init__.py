@@ -1,0 +1,147 @@
+"""Calibrate, reconstruct, simulate and correlate trials of deployable structures.
+
+One call a step; records and paths are taken alike:
+
+    import unfurl
+
+    rig = unfurl.calibrate("survey.csv").rig
+    tracks = unfurl.reconstruct("trial.h5", rig)
+    run = unfurl.simulate("scene.toml")
+    agree = unfurl.compare(tracks, run)
+    fit = unfurl.fit_study("study.toml")
+
+Arrays are NumPy's, views into what the library holds: read-only, without a copy. SI units and
+radians; readings in pixels. What you can mend raises `unfurl.Error`; what numbers do is a status in
+the result (`status`, `usable`, `verdict`). Ctrl-C ends every long call.
+"""
+
+from enum import IntEnum
+from typing import Any
+
+from . import _convert
+from ._core import (
+    Calibration,
+    CameraReport,
+    CheckResult,
+    Comparison,
+    Error,
+    Fit,
+    FitParameter,
+    FitProgress,
+    Lab,
+    MachineError,
+    MarkError,
+    Model,
+    ModelFailed,
+    Modes,
+    Parameter,
+    Plan,
+    PlanCase,
+    Rig,
+    RigCamera,
+    Run,
+    RunEvent,
+    Sample,
+    Scene,
+    Score,
+    Signal,
+    Spectrum,
+    SpectrumPair,
+    Study,
+    Survey,
+    Tracks,
+    Trial,
+    __version__,
+    calibrate,
+    check,
+    compare,
+    compile,
+    expose,
+    expose_survey,
+    fit,
+    fit_study,
+    load,
+    modes,
+    parse_scene,
+    plan,
+    read_lab,
+    read_scene,
+    read_study,
+    reconstruct,
+    simulate,
+)
+
+
+class SampleStatus(IntEnum):
+    """How a sample of Tracks came about."""
+
+    GOOD = 0
+    THREE_CAMERAS = 1
+    REJECTED_READING = 2
+    UNSOLVABLE = 3
+
+
+def to_pandas(record: Any) -> Any:
+    """A Run, Tracks, Survey or Fit as a pandas.DataFrame: a row for each sample or point."""
+    return _convert.to_pandas(record)
+
+
+def to_xarray(record: Any) -> Any:
+    """A Run or Tracks as an xarray.Dataset, with times and names as coordinates, and units."""
+    return _convert.to_xarray(record)
+
+
+__all__ = [
+    "Calibration",
+    "CameraReport",
+    "CheckResult",
+    "Comparison",
+    "Error",
+    "Fit",
+    "FitParameter",
+    "FitProgress",
+    "Lab",
+    "MachineError",
+    "MarkError",
+    "Model",
+    "ModelFailed",
+    "Modes",
+    "Parameter",
+    "Plan",
+    "PlanCase",
+    "Rig",
+    "RigCamera",
+    "Run",
+    "RunEvent",
+    "Sample",
+    "SampleStatus",
+    "Scene",
+    "Score",
+    "Signal",
+    "Spectrum",
+    "SpectrumPair",
+    "Study",
+    "Survey",
+    "Tracks",
+    "Trial",
+    "__version__",
+    "calibrate",
+    "check",
+    "compare",
+    "compile",
+    "expose",
+    "expose_survey",
+    "fit",
+    "fit_study",
+    "load",
+    "modes",
+    "parse_scene",
+    "plan",
+    "read_lab",
+    "read_scene",
+    "read_study",
+    "reconstruct",
+    "simulate",
+    "to_pandas",
+    "to_xarray",
+]

@@ -1,0 +1,128 @@
+"""Every file of ours, as strangers open it: netCDF4 and xarray, with times and names as coordinates."""
+
+import netCDF4
+import numpy as np
+import pytest
+import xarray
+from conftest import small_tracks
+
+import unfurl
+
+
+def texts(values):
+    return [str(v) for v in values]
+
+
+@pytest.fixture
+def files(tmp_path, sets, pendulum):
+    from test_fit import recorded, swing, unknowns
+
+    lab = sets / "deployment" / "lab.toml"
+    unfurl.simulate(sets / "bouncing_latch" / "scene.toml", output=tmp_path / "run.h5")
+    small_tracks().write(tmp_path / "tracks.h5")
+    unfurl.load(sets / "deployment" / "rig.h5").write(tmp_path / "rig.h5")
+    survey = unfurl.expose_survey(sets / "deployment" / "points.csv", lab)
+    survey.write(tmp_path / "survey.h5")
+    unfurl.fit(swing, recorded(), unknowns(), profile_levels=[]).write(tmp_path / "fit.h5")
+    unfurl.modes(pendulum).write(tmp_path / "modes.h5")
+    scene = sets / "deployment" / "scene_suspension_4.toml"
+    unfurl.expose(unfurl.simulate(scene, duration=0.05), lab, tmp_path / "trial.h5")
+    return tmp_path
+
+
+def read_everything(group):
+    """All values of a file; netCDF4 raises for what it cannot read."""
+    count = 0
+    for variable in group.variables.values():
+        np.asarray(variable[...])
+        for name in variable.ncattrs():
+            variable.getncattr(name)
+        count += 1
+    return count + sum(read_everything(child) for child in group.groups.values())
+
+
+@pytest.mark.parametrize("kind", ["run", "tracks", "rig", "survey", "fit", "modes", "trial"])
+def test_netcdf4_reads_everything(files, kind):
+    with netCDF4.Dataset(files / f"{kind}.h5") as data:
+        assert data.schema == f"unfurl/{kind}"
+        assert read_everything(data) > 3
+
+
+def test_series_of_a_run_have_their_times(files):
+    run = unfurl.load(files / "run.h5")
+    with xarray.open_dataset(files / "run.h5", group="series", engine="netcdf4") as series:
+        np.testing.assert_array_equal(series["t"], run.t)
+        for name in run.keys():
+            assert series[name].dims == ("t",), name
+            np.testing.assert_array_equal(series[name], run[name])
+            assert series[name].attrs["units"] == run.units(name)
+        at = series["tip.x"].sel(t=1.0, method="nearest")
+        assert float(at) == run["tip.x"][np.argmin(np.abs(run.t - 1.0))]
+    with xarray.open_dataset(files / "run.h5", group="events", engine="netcdf4") as events:
+        assert events["kind"].dims == ("t",)
+        assert texts(events["kind"].values) == [e.kind for e in run.events]
+        assert texts(events["where"].values) == [e.where for e in run.events]
+
+
+def test_tracks_have_times_axes_and_names(files):
+    tracks = small_tracks()
+    with xarray.open_dataset(files / "tracks.h5", engine="netcdf4") as data:
+        assert data["p"].dims == ("t", "axis") and data["cov"].dims == ("t", "component")
+        np.testing.assert_array_equal(data["p"].sel(axis="y"), tracks.p[:, 1])
+        np.testing.assert_array_equal(data["cov"].sel(component="zz"), tracks.cov[:, 5])
+        assert data["status"].dims == data["mark"].dims == ("t",)
+        assert texts(data["marks"].values) == tracks.marks  # of unlike length
+
+
+def test_rig_has_the_cameras_names(files):
+    rig = unfurl.load(files / "rig.h5")
+    with xarray.open_dataset(files / "rig.h5", group="cameras", engine="netcdf4") as cameras:
+        for camera in rig.cameras:
+            assert float(cameras["f"].sel(name=camera.name)) == camera.f
+        terms = cameras["terms"].sel(name=rig.cameras[1].name)
+        np.testing.assert_array_equal(terms, rig.cameras[1].terms)
+
+
+def test_survey_and_trial_have_names(files):
+    survey = unfurl.load(files / "survey.h5")
+    with xarray.open_dataset(files / "survey.h5", engine="netcdf4") as data:
+        assert data["p"].dims[0] == "id"
+        point = survey.id[7]
+        np.testing.assert_array_equal(data["p"].sel(id=point), survey.p[7])
+    trial = unfurl.load(files / "trial.h5")
+    with xarray.open_dataset(files / "trial.h5", engine="netcdf4") as data:
+        t, _, counts = trial.lines(0, len(trial))
+        np.testing.assert_array_equal(data["t"], t)
+        assert data["slot"].dims == ("t",)
+        np.testing.assert_array_equal(data["lines"], counts)
+
+
+def test_samples_of_a_fit_have_their_times(files):
+    fit = unfurl.load(files / "fit.h5")
+    with xarray.open_dataset(files / "fit.h5", group="samples", engine="netcdf4") as samples:
+        assert samples["measured"].dims == ("t", "axis")
+        np.testing.assert_array_equal(samples["t"], fit.t)
+        np.testing.assert_array_equal(samples["simulated"], fit.simulated)
+    with xarray.open_dataset(files / "fit.h5", group="parameters", engine="netcdf4") as parameters:
+        assert texts(parameters["unit"].sel(name="decay").values.reshape(1)) == ["1/s"]
+
+
+def test_scales_are_those_of_the_specification(files):
+    """As HDF5's own library sees them."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(files / "run.h5") as file:
+        column = file["series/tip.x"]
+        time = file["series/t"]
+        assert column.dims[0][0] == time and time.is_scale
+        np.testing.assert_array_equal(time, file["t"])
+        users = {file[reference].name for reference, _ in time.attrs["REFERENCE_LIST"]}
+        assert "/series/tip.x" in users and len(users) == len(file["series"]) - 1
+
+
+def test_records_as_datasets(files):
+    run = unfurl.load(files / "run.h5")
+    data = unfurl.to_xarray(run)
+    assert data["tip.x"].attrs["units"] == "m"
+    np.testing.assert_array_equal(data["t"], run.t)
+    tracks = unfurl.to_xarray(small_tracks())
+    assert tracks["p"].dims == ("t", "axis") and list(tracks["axis"].values) == ["x", "y", "z"]

@@ -1,0 +1,126 @@
+"""The main job in Python: the numbers are the program's."""
+
+import json
+import os
+import subprocess
+
+import numpy as np
+import pytest
+
+import unfurl
+
+PROGRAM = os.environ["UNFURL_PROGRAM"]
+
+
+def run(*words, cwd):
+    done = subprocess.run([PROGRAM, *map(str, words), "--json"], cwd=cwd, capture_output=True)
+    assert done.returncode == 0, done.stderr.decode()
+    return json.loads(done.stdout)
+
+
+@pytest.fixture(scope="module")
+def job(tmp_path_factory):
+    from conftest import SETS
+
+    folder = tmp_path_factory.mktemp("job")
+    deployment = SETS / "deployment"
+    truth = unfurl.simulate(
+        deployment / "scene_suspension_4.toml", duration=1.2, output=folder / "truth.h5"
+    )
+    trial, flashes = unfurl.expose(truth, deployment / "lab.toml", folder / "trial.h5")
+    tracks = unfurl.reconstruct(trial, deployment / "rig.h5")
+    tracks.write(folder / "tracks.h5")
+    return folder, deployment, truth, trial, flashes, tracks
+
+
+def test_calibration_is_the_programs(job):
+    folder, deployment, *_ = job
+    told = run("calibrate", deployment / "survey.h5", "-o", "rig.h5", cwd=folder)
+    found = unfurl.calibrate(deployment / "survey.h5")
+    program = unfurl.load(folder / "rig.h5")
+    assert found.verdict == told["verdict"] == program.verdict
+    assert found.reasons == told["reasons"]
+    np.testing.assert_array_equal(found.rig.covariance, program.covariance)
+    for a, b in zip(found.rig.cameras, program.cameras):
+        np.testing.assert_array_equal(a.p_WC, b.p_WC)
+    used = found.weight > 0
+    assert np.sqrt(np.mean((found.residual[used] / found.sigma[used]) ** 2)) == pytest.approx(1, abs=0.3)
+    assert found.held_out.shape[1] == 3
+    assert unfurl.check(found.rig, deployment / "survey.h5").usable
+
+
+def test_reconstruction_is_the_programs_and_near_the_truth(job):
+    folder, deployment, _, _, flashes, tracks = job
+    run("reconstruct", "trial.h5", "--rig", deployment / "rig.h5", "-o", "other.h5", cwd=folder)
+    other = unfurl.load(folder / "other.h5")
+    np.testing.assert_array_equal(other.p, tracks.p)
+    np.testing.assert_array_equal(other.status, tracks.status)
+    usable = tracks.usable
+    assert usable.mean() > 0.95
+    error = (tracks.p - flashes.p)[usable]
+    sigma = np.sqrt(tracks.cov[usable][:, [0, 3, 5]] + (tracks.shared[usable] ** 2).sum(axis=2))
+    # The median of |error| / sigma of a normal variable is 0.67; one draw of the calibration's
+    # error is common to all, so it is not to be met closely.
+    assert 0.3 < np.median(np.abs(error) / sigma) < 1.5
+
+
+def test_trial_lines_are_what_was_counted(job):
+    trial = job[3]
+    t, lit, counts = trial.lines(10, 5)
+    assert counts.shape[:2] == (5, len(trial.cameras)) and counts.dtype == np.uint16
+    np.testing.assert_allclose(np.diff(t), 1 / trial.line_rate, rtol=1e-6)
+    again, _, whole = trial.lines(0, 20)
+    np.testing.assert_array_equal(whole[10:15], counts)
+    assert trial.lit[lit[0]] in {"mark1", "mark1b", "mark2", "mark3", "dark"}
+    with pytest.raises(IndexError):
+        trial.lines(len(trial) - 1, 2)
+
+
+def test_comparison_is_the_programs(job):
+    folder, _, truth, _, _, tracks = job
+    told = run("correlate", "tracks.h5", "truth.h5", cwd=folder)
+    found = unfurl.compare(tracks, truth)
+    assert found.usable
+    assert found.reasons == told["reasons"]
+    by_path = unfurl.compare(folder / "tracks.h5", folder / "truth.h5")
+    assert by_path.offset == found.offset
+    assert found.errors[-1].mark == "all" and found.errors[-1].sigmas < 2.0
+    signal = found.signals[0]
+    assert len(signal.t) == len(signal.measured) == len(signal.reference)
+
+
+def test_study_is_the_programs(job):
+    folder, deployment, *_ = job
+    study = (deployment / "study.toml").read_text()
+    study = study.replace("scene_suspension.toml", str(deployment / "scene_suspension_4.toml"))
+    (folder / "study.toml").write_text(study)
+    program = run("fit", "study.toml", "-o", "program.h5", "--set", "profile.levels=[]", cwd=folder)
+    fit = unfurl.fit_study(
+        folder / "study.toml", set={"profile.levels": []}, output=folder / "fit.h5"
+    )
+    assert fit.status == program["status"]
+    assert [p.value for p in fit.parameters] == [p["value"] for p in program["parameters"]]
+    assert [p.sigma for p in fit.parameters] == [p["sigma"] for p in program["parameters"]]
+    np.testing.assert_array_equal(
+        unfurl.load(folder / "program.h5").simulated, unfurl.load(folder / "fit.h5").simulated
+    )
+
+
+def test_plan_of_a_rig(job):
+    deployment = job[1]
+    plan = unfurl.plan(deployment / "rig.h5", columns=6, layers=2)
+    assert [case.name for case in plan.cases] == ["all"] + [c.name for c in plan.rig.cameras]
+    everything = plan.cases[0]
+    assert everything.sigma.shape == (2, 6, 6)
+    assert np.isfinite(everything.sigma).mean() == pytest.approx(everything.found)
+    for case in plan.cases[1:]:
+        assert case.found <= everything.found
+
+
+def test_survey_of_the_virtual_laboratory(job, tmp_path):
+    deployment = job[1]
+    survey = unfurl.expose_survey(deployment / "points.csv", deployment / "lab.toml")
+    assert survey.has_lines
+    shipped = unfurl.load(deployment / "survey.h5")
+    assert survey.id == shipped.id
+    np.testing.assert_array_equal(survey.p, shipped.p)
