@@ -144,130 +144,166 @@ void WriteShapes(const Arguments& arguments, data::Provenance provenance, const 
   w.Commit();
 }
 
-int Run(const Common& common, const Arguments& arguments) {
+// The scene as the options want it: whether it has latches, and whether they are to be closed.
+struct Request {
+  data::Scene scene;
+  bool latches = false;
+  bool latched = false;
+  double at = 0.0;  // [s]
+};
+
+Request ReadRequest(const Arguments& arguments) {
   if (arguments.count < 1 || arguments.count > kMostCount) {
     throw Error(fmt::format("{} modes are not a number of modes", arguments.count), "option count",
                 "use 1 to 1000");
   }
-  data::Scene scene = data::ReadScene(arguments.scene, arguments.sets);
-  bool latches = false;
-  for (const data::SceneJoint& joint : scene.joints) latches |= joint.latch.has_value();
+  Request request;
+  request.scene = data::ReadScene(arguments.scene, arguments.sets);
+  for (const data::SceneJoint& joint : request.scene.joints) {
+    request.latches |= joint.latch.has_value();
+  }
   if (arguments.state != "auto" && arguments.state != "drawn" && arguments.state != "latched") {
     throw Error(fmt::format("there is no state \"{}\"", arguments.state), "option state",
                 "use drawn or latched");
   }
-  if (arguments.state == "latched" && !latches) {
+  if (arguments.state == "latched" && !request.latches) {
     throw Error("the scene has no latch", "option state", "use drawn");
   }
-  const bool run = arguments.at.has_value();
-  const double at = arguments.at.value_or(0.0);
-  if (!(at >= 0.0) || !std::isfinite(at)) {
-    throw Error(fmt::format("{} s is not a time of a run", at), "option at", "use 0 s or more");
+  request.at = arguments.at.value_or(0.0);
+  if (!(request.at >= 0.0) || !std::isfinite(request.at)) {
+    throw Error(fmt::format("{} s is not a time of a run", request.at), "option at",
+                "use 0 s or more");
   }
-  const bool latched =
-      !run && (arguments.state == "latched" || (arguments.state == "auto" && latches));
-  if (latched) {
-    for (data::SceneJoint& joint : scene.joints) {
+  request.latched = !arguments.at.has_value() && request.latches && arguments.state != "drawn";
+  if (request.latched) {
+    for (data::SceneJoint& joint : request.scene.joints) {
       if (joint.latch) joint.theta = -joint.latch->theta_b;
     }
   }
-  const sim::Model model = sim::Compile(scene);
+  return request;
+}
+
+// The state that a run reaches at time `at`, brought to rest; sets the latches of `dynamics`.
+std::vector<double> StateAt(double at, const std::string& where, sim::Dynamics* dynamics) {
+  const sim::Model& model = dynamics->model();
+  sim::SimulateOptions options;
+  options.duration = at;
+  options.rate = 1.0 / at;  // a sample at the end
+  LastState last;
+  last.y = model.initial_state;
+  const sim::SimulateReport report = sim::Simulate(model, options, &last);
+  if (!report.Usable()) {
+    throw Error(fmt::format("the run to {} s failed: {}", at, report.message), where,
+                "take an earlier time");
+  }
+  dynamics->modes() = last.at_end;
+  std::fill_n(last.y.begin() + model.index.vx(0), 3 * model.slots.count, 0.0);
+  return last.y;
+}
+
+// Every latch's joint: its angle, and the stop that it rests on.
+std::string DescribeLatches(const sim::Model& model, const std::vector<double>& y,
+                            const std::vector<sim::LatchMode>& latches, ordered_json* json) {
+  std::vector<std::vector<std::string>> rows = {{"joint", "theta [rad]", "contact"}};
+  for (const sim::Model::Joint& joint : model.joints) {
+    if (joint.latch < 0) continue;
+    const sim::LatchMode& mode = latches[static_cast<std::size_t>(joint.latch)];
+    const char* side = mode.upper_contact   ? "upper stop"
+                       : mode.lower_contact ? "lower stop"
+                                            : "none";
+    const auto& hinge = joint.coordinate.hinge;
+    const double theta = hinge.sign * (y[model.index.theta(hinge.outer)] -
+                                       y[model.index.theta(hinge.inner)] - hinge.zero);
+    (*json)["joints"].push_back({{"joint", joint.name}, {"theta", theta}, {"contact", side}});
+    rows.push_back({joint.name, fmt::format("{:.7g}", theta), side});
+  }
+  return AlignedTable(rows);
+}
+
+// The place with the largest displacement; of equal ones the first.
+const Place& MovesMost(const sim::Model& model, const std::vector<Place>& places,
+                       const std::vector<double>& y, const sim::NaturalMode& mode) {
+  std::size_t most = 0;
+  double largest = -1.0;
+  for (std::size_t p = 0; p < places.size(); ++p) {
+    const std::array<double, 3> d = Displacement(model, places[p], y, mode.shape);
+    const double size = std::hypot(d[0], d[1]);
+    if (size > largest * (1.0 + 1e-9)) {
+      largest = size;
+      most = p;
+    }
+  }
+  return places[most];
+}
+
+std::string DescribeModes(const sim::Model& model, const std::vector<double>& y,
+                          const sim::ModesReport& report, ordered_json* json) {
+  std::vector<std::vector<std::string>> rows = {
+      {"mode", "frequency [Hz]", "damping ratio [%]", "moves most"}};
+  const std::vector<Place> places = PlacesOf(model);
+  (*json)["modes"] = ordered_json::array();
+  for (std::size_t m = 0; m < report.modes.size(); ++m) {
+    const sim::NaturalMode& mode = report.modes[m];
+    const std::string& most = MovesMost(model, places, y, mode).name;
+    (*json)["modes"].push_back({{"frequency", mode.frequency},
+                                {"damping", mode.damping},
+                                {"growth", mode.growth},
+                                {"moves_most", most}});
+    rows.push_back({std::to_string(m + 1),
+                    mode.growth > 0.0 ? fmt::format("unstable, {:.4g} 1/s", mode.growth)
+                                      : fmt::format("{:.5f}", mode.frequency),
+                    fmt::format("{:.4f}", 100.0 * mode.damping), most});
+  }
+  return AlignedTable(rows);
+}
+
+std::string DescribeEquilibrium(const sim::EquilibriumReport& equilibrium, bool as_is) {
+  if (as_is) return "linearised about that state as it is, in equilibrium or not\n";
+  if (equilibrium.found) {
+    return fmt::format("equilibrium found in {} iterations\n", equilibrium.iterations);
+  }
+  return fmt::format("NOT USABLE: no equilibrium found, {:.3g} m/s^2 left after {} iterations\n",
+                     equilibrium.acceleration, equilibrium.iterations);
+}
+
+int Run(const Common& common, const Arguments& arguments) {
+  const Request request = ReadRequest(arguments);
+  const sim::Model model = sim::Compile(request.scene);
   if (model.kirchhoff.count() > 0) {
     throw Error("the modes of smooth beams are not known", arguments.scene,
                 "use model = \"segments\" for the beams");
   }
   sim::Dynamics dynamics(model);
-  std::vector<double> y = model.initial_state;
-  if (at > 0.0) {
-    sim::SimulateOptions options;
-    options.duration = at;
-    options.rate = 1.0 / at;  // a sample at the end
-    LastState last;
-    last.y = y;
-    const sim::SimulateReport report = sim::Simulate(model, options, &last);
-    if (!report.Usable()) {
-      throw Error(fmt::format("the run to {} s failed: {}", at, report.message), arguments.scene,
-                  "take an earlier time");
-    }
-    y = last.y;
-    dynamics.modes() = last.at_end;
-    std::fill_n(y.begin() + model.index.vx(0), 3 * model.slots.count, 0.0);
-  }
-
+  std::vector<double> y = request.at > 0.0 ? StateAt(request.at, arguments.scene, &dynamics)
+                                           : std::vector<double>(model.initial_state);
   sim::EquilibriumReport equilibrium;
   if (!arguments.as_is) {
-    equilibrium = latched ? sim::FindLatchedEquilibrium(&dynamics, y.data())
-                          : sim::FindEquilibrium(&dynamics, y.data());
+    equilibrium = request.latched ? sim::FindLatchedEquilibrium(&dynamics, y.data())
+                                  : sim::FindEquilibrium(&dynamics, y.data());
   }
   const sim::ModesReport report = sim::FindModes(&dynamics, y.data(), arguments.count);
 
   data::Provenance provenance = StartProvenance(common);
-  for (const std::string& file : scene.files) provenance.AddInput(file);
+  for (const std::string& file : request.scene.files) provenance.AddInput(file);
   if (!arguments.out.empty()) WriteShapes(arguments, provenance, model, y, report);
 
-  const char* state = latched ? "latched, every clearance closed on the side that the load presses"
-                      : run   ? "as it is at the time given, brought to rest"
-                              : "as drawn";
+  const bool run = arguments.at.has_value();
+  const char* state = request.latched
+                          ? "latched, every clearance closed on the side that the load presses"
+                      : run ? "as it is at the time given, brought to rest"
+                            : "as drawn";
   ordered_json json = {{"scene", arguments.scene},
-                       {"state", latched ? "latched"
-                                 : run   ? "at"
-                                         : "drawn"},
+                       {"state", request.latched ? "latched"
+                                 : run           ? "at"
+                                                 : "drawn"},
                        {"equilibrium", equilibrium.found},
                        {"rigid_motions", report.rigid}};
-  if (run) json["at"] = at;
-  std::string text = fmt::format("{}: \"{}\", {}\n", arguments.scene, scene.name, state);
-  if (arguments.as_is) {
-    text += "linearised about that state as it is, in equilibrium or not\n";
-  } else if (equilibrium.found) {
-    text += fmt::format("equilibrium found in {} iterations\n", equilibrium.iterations);
-  } else {
-    text += fmt::format("NOT USABLE: no equilibrium found, {:.3g} m/s^2 left after {} iterations\n",
-                        equilibrium.acceleration, equilibrium.iterations);
-  }
-  if (latches) {
-    std::vector<std::vector<std::string>> rows = {{"joint", "theta [rad]", "contact"}};
-    for (const sim::Model::Joint& joint : model.joints) {
-      if (joint.latch < 0) continue;
-      const sim::LatchMode& mode = dynamics.modes()[joint.latch];
-      const char* side = mode.upper_contact   ? "upper stop"
-                         : mode.lower_contact ? "lower stop"
-                                              : "none";
-      const double theta =
-          joint.coordinate.hinge.sign *
-          (y[model.index.theta(joint.coordinate.hinge.outer)] -
-           y[model.index.theta(joint.coordinate.hinge.inner)] - joint.coordinate.hinge.zero);
-      json["joints"].push_back({{"joint", joint.name}, {"theta", theta}, {"contact", side}});
-      rows.push_back({joint.name, fmt::format("{:.7g}", theta), side});
-    }
-    text += AlignedTable(rows);
-  }
+  if (run) json["at"] = request.at;
+  std::string text = fmt::format("{}: \"{}\", {}\n", arguments.scene, request.scene.name, state);
+  text += DescribeEquilibrium(equilibrium, arguments.as_is);
+  if (request.latches) text += DescribeLatches(model, y, dynamics.modes(), &json);
   text += fmt::format("{} rigid motion{}\n", report.rigid, report.rigid == 1 ? "" : "s");
-  std::vector<std::vector<std::string>> rows = {
-      {"mode", "frequency [Hz]", "damping ratio [%]", "moves most"}};
-  const std::vector<Place> places = PlacesOf(model);
-  json["modes"] = ordered_json::array();
-  for (std::size_t m = 0; m < report.modes.size(); ++m) {
-    const sim::NaturalMode& mode = report.modes[m];
-    std::size_t most = 0;
-    double largest = -1.0;
-    for (std::size_t p = 0; p < places.size(); ++p) {
-      const std::array<double, 3> d = Displacement(model, places[p], y, mode.shape);
-      const double size = std::hypot(d[0], d[1]);
-      if (size > largest * (1.0 + 1e-9)) {
-        largest = size;
-        most = p;
-      }
-    }
-    json["modes"].push_back({{"frequency", mode.frequency},
-                             {"damping", mode.damping},
-                             {"growth", mode.growth},
-                             {"moves_most", places[most].name}});
-    rows.push_back({std::to_string(m + 1),
-                    mode.growth > 0.0 ? fmt::format("unstable, {:.4g} 1/s", mode.growth)
-                                      : fmt::format("{:.5f}", mode.frequency),
-                    fmt::format("{:.4f}", 100.0 * mode.damping), places[most].name});
-  }
-  text += AlignedTable(rows);
+  text += DescribeModes(model, y, report, &json);
   if (!arguments.out.empty()) text += fmt::format("shapes -> {}\n", arguments.out);
   Finish(common, json, text);
   return arguments.as_is || equilibrium.found ? kExitGood : kExitNotUsable;
