@@ -22,6 +22,7 @@ ProgramOutcome RunProgram(const std::vector<std::string>& words, const std::stri
   using Clock = std::chrono::steady_clock;
   // Everything that allocates comes before the fork: other threads may hold the heap's lock.
   std::vector<char*> argv;
+  argv.reserve(words.size() + 1);
   for (const std::string& word : words) argv.push_back(const_cast<char*>(word.c_str()));
   argv.push_back(nullptr);
   int failed[2];

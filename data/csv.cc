@@ -128,7 +128,7 @@ std::string CsvTable::Where(std::size_t row, int column) const {
                      columns_[static_cast<std::size_t>(column)].name);
 }
 
-CsvWriter::CsvWriter(std::vector<CsvColumn> columns) {
+CsvWriter::CsvWriter(const std::vector<CsvColumn>& columns) {
   for (const CsvColumn& column : columns) {
     if (!header_.empty()) header_ += ',';
     header_ += HeaderCell(column);

@@ -43,7 +43,7 @@ class CsvTable {
 // Writes numbers so that they read back exactly; NaN as an empty cell.
 class CsvWriter {
  public:
-  explicit CsvWriter(std::vector<CsvColumn> columns);
+  explicit CsvWriter(const std::vector<CsvColumn>& columns);
   void Row(const std::vector<std::string>& cells);
   void Row(const std::vector<double>& values);
   void Comment(const std::string& text);

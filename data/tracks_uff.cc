@@ -117,6 +117,98 @@ Function ReadFunction(Reader& in) {
   return f;
 }
 
+// The functions of one node, and which of them the file holds.
+struct NodeFunctions {
+  std::string name;
+  std::array<Function, kFunctions.size()> f;
+  std::array<bool, kFunctions.size()> has{};
+};
+
+// Which of kFunctions a dataset holds, by its direction, or by its own words where we wrote it;
+// those also give the mark's name, the stamps' lost digits, and what holds for all tracks.
+// kFunctions.size() for another.
+std::size_t Identify(Function* f, NodeFunctions* node, Tracks* tracks) {
+  const std::string head = std::string(kIdentity) + ": ";
+  if (!f->id[1].starts_with(head)) {
+    const bool displacement = f->direction >= 1 && f->direction <= 3;
+    return displacement ? static_cast<std::size_t>(f->direction) - 1 : kFunctions.size();
+  }
+  node->name = f->id[0];
+  // The grid gives the stamps back their digits.
+  const std::vector<std::string> words = Split(f->id[3], ' ');
+  double start = 0.0, step = 0.0;
+  if (words.size() == 3 && words[0] == "grid" && ParseDouble(words[1], &start) &&
+      ParseDouble(words[2], &step) && step > 0.0) {
+    for (double& t : f->t) t = start + step * std::round((t - start) / step);
+  }
+  if (f->id[4].find("smoothed yes") != std::string::npos) tracks->smoothed = true;
+  const std::vector<std::string> about = Split(f->id[4], ' ');
+  if (about.size() > 1 && about[0] == "frame") tracks->frame = about[1];
+  const auto* const which =
+      std::find(kFunctions.begin(), kFunctions.end(), f->id[1].substr(head.size()));
+  return static_cast<std::size_t>(which - kFunctions.begin());
+}
+
+// Every dataset 58 of the file, by node.
+std::map<int, NodeFunctions> ReadNodes(Reader& in, Tracks* tracks) {
+  std::map<int, NodeFunctions> nodes;
+  std::string line;
+  while (in.Next(&line)) {
+    if (Trim(line) != "-1") continue;
+    if (!in.Next(&line)) break;
+    if (Trim(line) != "58") {
+      while (in.Next(&line) && Trim(line) != "-1") {
+      }
+      continue;
+    }
+    Function f = ReadFunction(in);
+    NodeFunctions& node = nodes[f.node];
+    const std::size_t which = Identify(&f, &node, tracks);
+    if (which >= kFunctions.size()) continue;
+    node.f[which] = std::move(f);
+    node.has[which] = true;
+  }
+  return nodes;
+}
+
+// Whether a node is a mark: displacements along x, y and z at the same times. Makes has[3] say
+// whether there are covariances, has[9] whether there is a status.
+bool CompleteNode(int number, double sigma, const std::string& path, NodeFunctions* node) {
+  if (!node->has[0] || !node->has[1] || !node->has[2]) return false;
+  if (node->f[1].t != node->f[0].t || node->f[2].t != node->f[0].t) {
+    throw Error(fmt::format("node {} has other times along y or z than along x", number), path,
+                "export the three directions of a node with the same times");
+  }
+  if (node->name.empty()) node->name = fmt::format("node{}", number);
+  bool covariances = true;
+  for (std::size_t f = 3; f < 9; ++f) {
+    covariances = covariances && node->has[f] && node->f[f].t.size() == node->f[0].t.size();
+  }
+  if (!covariances && !(sigma > 0.0)) {
+    throw Error(fmt::format("node {} comes without a sigma", number), path,
+                "say what sigma the points have, as in --sigma 0.0005");
+  }
+  node->has[3] = covariances;
+  node->has[9] = node->has[9] && node->f[9].t.size() == node->f[0].t.size();
+  return true;
+}
+
+// Sample `index` of a node to column i of `tracks`. `sigma` [m] where there are no covariances.
+void FillSample(const NodeFunctions& node, std::size_t index, double sigma, Eigen::Index i,
+                Tracks* tracks) {
+  const double status = node.has[9] ? node.f[9].y[index] : 0.0;
+  tracks->status.push_back(static_cast<SampleStatus>(std::clamp(std::lround(status), 0L, 2L)));
+  for (std::size_t k = 0; k < 3; ++k) {
+    tracks->p(static_cast<Eigen::Index>(k), i) = node.f[k].y[index];
+  }
+  for (std::size_t k = 0; k < 6; ++k) {
+    const bool diagonal = k == 0 || k == 3 || k == 5;
+    tracks->cov(static_cast<Eigen::Index>(k), i) = node.has[3] ? node.f[3 + k].y[index]
+                                                   : diagonal  ? sigma * sigma
+                                                               : 0.0;
+  }
+}
+
 }  // namespace
 
 void WriteTracksUff(const std::string& path, const Tracks& tracks) {
@@ -174,77 +266,24 @@ void WriteTracksUff(const std::string& path, const Tracks& tracks) {
 Tracks ReadTracksUff(const std::string& path, double sigma) {
   const std::string text = ReadTextFile(path);
   Reader in(path, text);
-  struct Mark {
-    std::string name;
-    std::array<Function, kFunctions.size()> f;
-    std::array<bool, kFunctions.size()> has{};
-  };
-  std::map<int, Mark> marks;  // by node
   Tracks tracks;
   tracks.frame = "rig";
-  std::string line;
-  while (in.Next(&line)) {
-    if (Trim(line) != "-1") continue;
-    if (!in.Next(&line)) break;
-    if (Trim(line) != "58") {
-      while (in.Next(&line) && Trim(line) != "-1") {
-      }
-      continue;
-    }
-    Function f = ReadFunction(in);
-    Mark& mark = marks[f.node];
-    std::size_t which = kFunctions.size();
-    if (f.direction >= 1 && f.direction <= 3) which = static_cast<std::size_t>(f.direction) - 1;
-    const std::string head = std::string(kIdentity) + ": ";
-    if (f.id[1].starts_with(head)) {
-      const std::string name = f.id[1].substr(head.size());
-      which = static_cast<std::size_t>(std::find(kFunctions.begin(), kFunctions.end(), name) -
-                                       kFunctions.begin());
-      mark.name = f.id[0];
-      // The grid gives the stamps back their digits.
-      const std::vector<std::string> words = Split(f.id[3], ' ');
-      double start = 0.0, step = 0.0;
-      if (words.size() == 3 && words[0] == "grid" && ParseDouble(words[1], &start) &&
-          ParseDouble(words[2], &step) && step > 0.0) {
-        for (double& t : f.t) t = start + step * std::round((t - start) / step);
-      }
-      if (f.id[4].find("smoothed yes") != std::string::npos) tracks.smoothed = true;
-      const std::vector<std::string> about = Split(f.id[4], ' ');
-      if (about.size() > 1 && about[0] == "frame") tracks.frame = about[1];
-    }
-    if (which >= kFunctions.size()) continue;
-    mark.f[which] = std::move(f);
-    mark.has[which] = true;
-  }
+  std::map<int, NodeFunctions> nodes = ReadNodes(in, &tracks);
+
   struct Sample {
     double t;
     std::int32_t mark;
     std::size_t index;
   };
   std::vector<Sample> samples;
-  std::vector<const Mark*> kept;
-  for (auto& [node, mark] : marks) {
-    if (!mark.has[0] || !mark.has[1] || !mark.has[2]) continue;
-    if (mark.f[1].t != mark.f[0].t || mark.f[2].t != mark.f[0].t) {
-      throw Error(fmt::format("node {} has other times along y or z than along x", node), path,
-                  "export the three directions of a node with the same times");
+  std::vector<const NodeFunctions*> kept;
+  for (auto& [number, node] : nodes) {
+    if (!CompleteNode(number, sigma, path, &node)) continue;
+    for (std::size_t i = 0; i < node.f[0].t.size(); ++i) {
+      samples.push_back({node.f[0].t[i], static_cast<std::int32_t>(kept.size()), i});
     }
-    if (mark.name.empty()) mark.name = fmt::format("node{}", node);
-    bool covariances = true;
-    for (std::size_t f = 3; f < 9; ++f) {
-      covariances = covariances && mark.has[f] && mark.f[f].t.size() == mark.f[0].t.size();
-    }
-    if (!covariances && !(sigma > 0.0)) {
-      throw Error(fmt::format("node {} comes without a sigma", node), path,
-                  "say what sigma the points have, as in --sigma 0.0005");
-    }
-    mark.has[3] = covariances;
-    mark.has[9] = mark.has[9] && mark.f[9].t.size() == mark.f[0].t.size();
-    for (std::size_t i = 0; i < mark.f[0].t.size(); ++i) {
-      samples.push_back({mark.f[0].t[i], static_cast<std::int32_t>(kept.size()), i});
-    }
-    tracks.marks.push_back(mark.name);
-    kept.push_back(&mark);
+    tracks.marks.push_back(node.name);
+    kept.push_back(&node);
   }
   if (samples.empty()) {
     throw Error("holds no node with displacements along x, y and z", path,
@@ -252,28 +291,19 @@ Tracks ReadTracksUff(const std::string& path, double sigma) {
   }
   std::stable_sort(samples.begin(), samples.end(),
                    [](const Sample& a, const Sample& b) { return a.t < b.t; });
+
   const auto n = static_cast<Eigen::Index>(samples.size());
   tracks.p.resize(3, n);
   tracks.cov.resize(6, n);
   tracks.shared.resize(3, 0);
   for (Eigen::Index i = 0; i < n; ++i) {
     const Sample& s = samples[static_cast<std::size_t>(i)];
-    const Mark& mark = *kept[static_cast<std::size_t>(s.mark)];
+    const NodeFunctions& node = *kept[static_cast<std::size_t>(s.mark)];
     tracks.t.push_back(s.t);
     tracks.mark.push_back(s.mark);
-    const double status = mark.has[9] ? mark.f[9].y[s.index] : 0.0;
-    tracks.status.push_back(static_cast<SampleStatus>(std::clamp(std::lround(status), 0L, 2L)));
-    for (std::size_t k = 0; k < 3; ++k) {
-      tracks.p(static_cast<Eigen::Index>(k), i) = mark.f[k].y[s.index];
-    }
-    for (std::size_t k = 0; k < 6; ++k) {
-      const bool diagonal = k == 0 || k == 3 || k == 5;
-      tracks.cov(static_cast<Eigen::Index>(k), i) = mark.has[3] ? mark.f[3 + k].y[s.index]
-                                                    : diagonal  ? sigma * sigma
-                                                                : 0.0;
-    }
+    FillSample(node, s.index, sigma, i, &tracks);
     if (!tracks.p.col(i).allFinite() || !tracks.cov.col(i).allFinite()) {
-      throw Error(fmt::format("mark {} is not finite at {} s", mark.name, s.t), path,
+      throw Error(fmt::format("mark {} is not finite at {} s", node.name, s.t), path,
                   "export it again");
     }
   }
