@@ -8,7 +8,10 @@
 #include <array>
 #include <atomic>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
+#include <exception>
+#include <new>
 
 #include "base/error.h"
 #include "base/progress.h"
@@ -24,11 +27,15 @@ volatile sig_atomic_t g_signal = 0;
 // Read by the handler. A path is never freed: the handler may be reading it.
 std::array<std::atomic<const char*>, kPlaces> g_temporaries{};
 
-// Only what may be called from a handler.
-[[noreturn]] void EndNow() {
+void RemoveTemporaries() {
   for (const auto& place : g_temporaries) {
     if (const char* path = place.load()) unlink(path);
   }
+}
+
+// Only what may be called from a handler.
+[[noreturn]] void EndNow() {
+  RemoveTemporaries();
   constexpr char kWords[] = "unfurl: interrupted; nothing was written\n";
   if (write(STDERR_FILENO, kWords, sizeof kWords - 1) < 0) _exit(InterruptExitCode());
   _exit(InterruptExitCode());
@@ -43,6 +50,21 @@ void OnSignal(int number) {
 
 void OnAlarm(int) {
   if (g_signal != 0) EndNow();
+}
+
+// Memory may run out where nothing can be thrown: in a destructor of a library (that of a JSON
+// value allocates), or in a thread of one. That is the machine's refusal, too.
+[[noreturn]] void OnTerminate() {
+  try {
+    if (std::current_exception() != nullptr) std::rethrow_exception(std::current_exception());
+  } catch (const std::bad_alloc&) {
+    RemoveTemporaries();
+    constexpr char kWords[] = "unfurl: the machine has not enough memory for this\n";
+    if (write(STDERR_FILENO, kWords, sizeof kWords - 1) < 0) _exit(kExitMachine);
+    _exit(kExitMachine);
+  } catch (...) {
+  }
+  std::abort();
 }
 
 // The length of the UTF-8 sequence that begins `bytes`, or 0 where there is none.
@@ -81,6 +103,7 @@ void AppendEscaped(unsigned char byte, std::string* out) {
 }  // namespace
 
 void InstallInterruptHandler() {
+  std::set_terminate(OnTerminate);
   struct sigaction action = {};
   sigemptyset(&action.sa_mask);
   action.sa_flags = SA_RESTART;  // a read that was broken off would look like the end of a file

@@ -28,8 +28,7 @@ constexpr char kFooter[] =
     "  unfurl correlate tracks.h5 run.h5                  both, side by side\n"
     "  unfurl fit study.toml                              the parameters, with standard errors\n\n"
     "Exit codes: 0 good, 1 ran but the result is not usable, 2 bad input, 3 a fault of ours,\n"
-    "4 the machine (disk full, no permission), 130 and 143 interrupted.
-"
+    "4 the machine (disk full, no permission), 130 and 143 interrupted.\n"
     "`unfurl VERB --help` lists the options of a verb and gives an example.";
 
 std::string CommandLine(int argc, char** argv) {

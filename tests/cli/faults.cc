@@ -36,7 +36,6 @@ __attribute__((constructor)) void Prepare() {
     }
   }
   g_plan.count_file = getenv("UNFURL_FAULT_COUNT");
-  g_ready = true;
 }
 
 __attribute__((destructor)) void Report() {
@@ -76,7 +75,30 @@ void* operator new(std::size_t size) {
 void operator delete(void* memory) noexcept { free(memory); }
 void operator delete(void* memory, std::size_t) noexcept { free(memory); }
 
+namespace {
+
+using Main = int(int, char**, char**);
+Main* g_main = nullptr;
+
+// What libraries do before and after main is theirs.
+int CountingMain(int argc, char** argv, char** environment) {
+  g_ready = true;
+  const int code = g_main(argc, argv, environment);
+  g_ready = false;
+  return code;
+}
+
+}  // namespace
+
 extern "C" {
+
+int __libc_start_main(Main* program, int argc, char** argv, void (*begin)(), void (*end)(),
+                      void (*loader_end)(), void* stack) {
+  g_main = program;
+  static auto* const real =
+      Real<int(Main*, int, char**, void (*)(), void (*)(), void (*)(), void*)>("__libc_start_main");
+  return real(CountingMain, argc, argv, begin, end, loader_end, stack);
+}
 
 ssize_t pwrite64(int file, const void* bytes, size_t count, off64_t at) {
   static auto* const real = Real<ssize_t(int, const void*, size_t, off64_t)>("pwrite64");

@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "tests/fuzz/readers.h"
+#include "tests/source_dir.h"
 
 namespace unfurl::fuzz {
 namespace {
