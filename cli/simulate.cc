@@ -8,6 +8,7 @@
 #include <optional>
 
 #include "base/error.h"
+#include "base/signals.h"
 #include "cli/simulate_page.h"
 #include "cli/verb.h"
 #include "data/atomic_file.h"
@@ -66,14 +67,13 @@ class SimulateVerb {
       json["report"] = arguments_.report;
     }
     if (interrupted) {
-      std::fprintf(stderr, "unfurl: interrupted at t = %.9g s; the results so far are in %s\n",
-                   run.recorder->last_time(), run.path.c_str());
+      Complain(fmt::format("interrupted at t = {:.9g} s; the results so far are in {}",
+                           run.recorder->last_time(), run.path));
       if (common_.json) Finish(common_, json, text);
-      return kExitInterrupted;
+      return InterruptExitCode();
     }
     Finish(common_, json, text);
-    return run.Usable() ? kExitGood
-                        : NotUsable(arguments_.scene, run.status + ": " + run.message);
+    return run.Usable() ? kExitGood : NotUsable(arguments_.scene, run.status + ": " + run.message);
   }
 
  private:

@@ -20,6 +20,7 @@ struct Common {
   bool json = false;
   bool quiet = false;
   std::string command_line;
+  mutable std::string outcome;  // the verdict in a line, once Finish was called
 };
 
 // One file per verb defines one of these: it declares its options on the program, those that are
@@ -57,6 +58,9 @@ data::Provenance StartProvenance(const Common& common);
 
 // One line on standard error for a result that is not usable, WHERE: WHY; returns that exit code.
 int NotUsable(const std::string& where, const std::string& why);
+
+// For a file or for stdout; bytes that are no UTF-8 (of a file's name) are replaced.
+std::string JsonText(const nlohmann::ordered_json& json);
 
 // Ends a verb: the summary as JSON on stdout with --json, `text` otherwise, nothing with --quiet.
 void Finish(const Common& common, const nlohmann::ordered_json& summary, const std::string& text);

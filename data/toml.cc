@@ -118,6 +118,23 @@ TomlTable TomlTable::Table(std::string_view key) const {
   return *table;
 }
 
+namespace {
+
+// Names become names of datasets, columns and files, and are shown on terminals.
+void RefuseName(const TomlTable& group, const std::string& name) {
+  const bool bad = name.empty() || name == "." || name.find('/') != std::string::npos ||
+                   std::any_of(name.begin(), name.end(), [](char c) {
+                     const auto byte = static_cast<unsigned char>(c);
+                     return byte < 0x20 || byte == 0x7f;
+                   });
+  if (!bad) return;
+  group.Fail(name,
+             name.empty() ? "a name of no letters" : "a name with a slash or a control character",
+             "use letters, digits, blanks, - and _");
+}
+
+}  // namespace
+
 std::vector<std::string> TomlTable::Node::NamesInOrder(std::string_view group,
                                                        const toml::table& named) const {
   struct Place {
@@ -149,6 +166,7 @@ std::vector<std::pair<std::string, TomlTable>> TomlTable::NamedTables(std::strin
   const std::optional<TomlTable> group = TableOrNone(key);
   if (!group) return named;
   for (std::string& name : node_->NamesInOrder(key, *group->node_->table)) {
+    RefuseName(*group, name);
     TomlTable table = group->Table(name);
     named.emplace_back(std::move(name), std::move(table));
   }

@@ -11,6 +11,8 @@ namespace unfurl::data {
 
 namespace {
 
+constexpr std::size_t kMostParts = 64;  // of a dotted key: deeper than any file of ours
+
 // The right-hand side of --set as a TOML value; a bare word is taken as a string.
 toml::table ParseOverride(const std::string& value, const std::string& dotted) {
   for (const std::string& text : {"v = " + value, "v = \"" + value + "\""}) {
@@ -72,6 +74,9 @@ toml::node* ItemOf(toml::node* node, const KeyPart& part, std::size_t depth,
 // not there are made; items of arrays are not.
 const toml::node* SetNode(toml::table& root, const std::string& dotted, const toml::node& value) {
   const std::vector<std::string> keys = Split(dotted, '.');
+  if (keys.size() > kMostParts) {
+    throw Error(fmt::format("a key of {} parts", keys.size()), "--set", "name tables less deep");
+  }
   toml::table* table = &root;
   for (std::size_t i = 0; i + 1 < keys.size(); ++i) {
     const KeyPart part = PartOf(keys[i], dotted);
