@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <cstdint>
@@ -191,6 +192,78 @@ std::map<std::string, Value> ReadParameters(const std::string& path, const Bytes
   return out;
 }
 
+// How the points of a file are laid out and timed.
+struct PointLayout {
+  std::size_t marks = 0, frames = 0;
+  std::size_t analogue = 0;   // values per frame behind the points
+  std::size_t start = 0;      // of the data [byte]
+  double scale = 0.0;         // POINT:SCALE; below 0: real numbers
+  double unit = 1.0;          // of the file's lengths [m]
+  double begin = 0.0;         // of frame 1 [s]
+  double step = 0.0;          // from frame to frame [s]
+  std::vector<double> delay;  // of each mark within its frame [s]
+
+  bool real() const { return scale < 0.0; }
+};
+
+PointLayout ReadLayout(const std::string& path, const Bytes& bytes,
+                       std::map<std::string, Value>& p) {
+  for (const char* name : {"POINT:USED", "POINT:SCALE", "POINT:RATE", "POINT:DATA_START"}) {
+    if (!p.contains(name)) Bad(path, fmt::format("has no {}", name));
+  }
+  PointLayout l;
+  l.marks = static_cast<std::size_t>(p["POINT:USED"].Number());
+  l.scale = p["POINT:SCALE"].Number();
+  const double rate = p["POINT:RATE"].Number();
+  l.frames = bytes.At<std::uint16_t>(8) - std::size_t{bytes.At<std::uint16_t>(6)} + 1;
+  l.analogue = bytes.At<std::uint16_t>(4);
+  l.start = kBlock * (static_cast<std::size_t>(p["POINT:DATA_START"].Number()) - 1);
+  if (!(rate > 0.0) || l.scale == 0.0 || l.marks == 0) Bad(path, "has no points, rate or scale");
+  const std::string units(Trim(p["POINT:UNITS"].data));
+  if (units != "m" && units != "mm") {
+    throw Error(fmt::format("its points are in '{}'", units), path + ":POINT:UNITS",
+                "write them in m or mm");
+  }
+  l.unit = units == "m" ? 1.0 : 1e-3;
+  l.step = 1.0 / rate;
+  ParseDouble(p["UNFURL:STEP"].data, &l.step);
+  ParseDouble(p["UNFURL:START"].data, &l.begin);
+  l.delay.assign(l.marks, 0.0);
+  const std::vector<std::string> delays = p["UNFURL:DELAYS"].Strings();
+  for (std::size_t m = 0; m < std::min(l.marks, delays.size()); ++m) {
+    ParseDouble(delays[m], &l.delay[m]);
+  }
+  return l;
+}
+
+// POINT:LABELS, with a name for each point that has none.
+std::vector<std::string> MarkNames(std::vector<std::string> labels, std::size_t marks) {
+  labels.resize(marks);
+  for (std::size_t m = 0; m < marks; ++m) {
+    if (labels[m].empty()) labels[m] = fmt::format("point{}", m + 1);
+  }
+  return labels;
+}
+
+// x, y, z as stored, then the mask of cameras and the residual.
+std::array<double, 4> ReadPoint(const std::string& path, const Bytes& bytes, const PointLayout& l,
+                                std::size_t frame, std::size_t mark) {
+  const std::size_t word = l.real() ? 4 : 2;
+  const std::size_t at = l.start + word * (frame * (4 * l.marks + l.analogue) + 4 * mark);
+  std::array<double, 4> v{};
+  for (std::size_t k = 0; k < 4; ++k) {
+    v[k] = l.real() ? static_cast<double>(bytes.At<float>(at + 4 * k))
+                    : static_cast<double>(bytes.At<std::int16_t>(at + 2 * k));
+    if (!std::isfinite(v[k])) Bad(path, fmt::format("frame {} is not finite", frame + 1));
+  }
+  return v;
+}
+
+SampleStatus StatusOf(bool seen, std::uint32_t cameras) {
+  if (!seen) return SampleStatus::kUnsolvable;
+  return std::popcount(cameras) == 3 ? SampleStatus::kThreeCameras : SampleStatus::kGood;
+}
+
 }  // namespace
 
 void WriteTracksC3d(const std::string& path, const Tracks& tracks) {
@@ -276,79 +349,40 @@ Tracks ReadTracksC3d(const std::string& path, double sigma) {
   if (text.size() < 2 * kBlock || bytes.At<std::uint8_t>(1) != 0x50) Bad(path, "is no C3D file");
   const std::size_t first = kBlock * (bytes.At<std::uint8_t>(0) - std::size_t{1});
   std::map<std::string, Value> p = ReadParameters(path, bytes, first);
-  for (const char* name : {"POINT:USED", "POINT:SCALE", "POINT:RATE", "POINT:DATA_START"}) {
-    if (!p.contains(name)) Bad(path, fmt::format("has no {}", name));
-  }
-  const auto marks = static_cast<std::size_t>(p["POINT:USED"].Number());
-  const double scale = p["POINT:SCALE"].Number(), rate = p["POINT:RATE"].Number();
-  const std::size_t frames =
-      bytes.At<std::uint16_t>(8) - std::size_t{bytes.At<std::uint16_t>(6)} + 1;
-  const std::size_t analogue = bytes.At<std::uint16_t>(4);
-  const std::size_t start = kBlock * (static_cast<std::size_t>(p["POINT:DATA_START"].Number()) - 1);
-  if (!(rate > 0.0) || scale == 0.0 || marks == 0) Bad(path, "has no points, rate or scale");
-  std::string units = p["POINT:UNITS"].data;
-  units = std::string(Trim(units));
-  if (units != "m" && units != "mm") {
-    throw Error(fmt::format("its points are in '{}'", units), path + ":POINT:UNITS",
-                "write them in m or mm");
-  }
-  const double unit = units == "m" ? 1.0 : 1e-3;
+  const PointLayout l = ReadLayout(path, bytes, p);
   Tracks tracks;
-  tracks.marks = p["POINT:LABELS"].Strings();
-  tracks.marks.resize(std::min(tracks.marks.size(), marks));
-  for (std::size_t m = 0; m < marks; ++m) {
-    if (m >= tracks.marks.size()) tracks.marks.push_back(fmt::format("point{}", m + 1));
-    if (tracks.marks[m].empty()) tracks.marks[m] = fmt::format("point{}", m + 1);
-  }
+  tracks.marks = MarkNames(p["POINT:LABELS"].Strings(), l.marks);
   tracks.frame = p.contains("UNFURL:FRAME") ? p["UNFURL:FRAME"].data : "rig";
   tracks.smoothed = p["UNFURL:SMOOTHED"].data == "yes";
-  double step = 1.0 / rate, begin = 0.0;
-  ParseDouble(p["UNFURL:STEP"].data, &step);
-  ParseDouble(p["UNFURL:START"].data, &begin);
-  std::vector<double> delay(marks, 0.0);
-  const std::vector<std::string> delays = p["UNFURL:DELAYS"].Strings();
-  for (std::size_t m = 0; m < std::min(marks, delays.size()); ++m)
-    ParseDouble(delays[m], &delay[m]);
   tracks.cameras = p["UNFURL:CAMERAS"].Strings();
   const bool detailed = !tracks.cameras.empty();
 
   // Marks of a frame in order of their delays, so that times ascend.
-  std::vector<std::size_t> order(marks);
-  for (std::size_t m = 0; m < marks; ++m) order[m] = m;
+  std::vector<std::size_t> order(l.marks);
+  for (std::size_t m = 0; m < l.marks; ++m) order[m] = m;
   std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return delay[a] < delay[b]; });
-  const auto n = static_cast<Eigen::Index>(frames * marks);
-  const bool real = scale < 0.0;
-  const std::size_t word = real ? 4 : 2;
+                   [&](std::size_t a, std::size_t b) { return l.delay[a] < l.delay[b]; });
+  const auto n = static_cast<Eigen::Index>(l.frames * l.marks);
   tracks.p.setConstant(3, n, std::numeric_limits<double>::quiet_NaN());
   tracks.cov.setConstant(6, n, std::numeric_limits<double>::quiet_NaN());
   tracks.shared.resize(3, 0);
   Eigen::Index col = 0;
-  for (std::size_t f = 0; f < frames; ++f) {
-    for (std::size_t m : order) {
-      const std::size_t at = start + word * (f * (4 * marks + analogue) + 4 * m);
-      double v[4];
-      for (std::size_t k = 0; k < 4; ++k) {
-        v[k] = real ? static_cast<double>(bytes.At<float>(at + 4 * k))
-                    : static_cast<double>(bytes.At<std::int16_t>(at + 2 * k));
-        if (!std::isfinite(v[k])) Bad(path, fmt::format("frame {} is not finite", f + 1));
-      }
+  for (std::size_t f = 0; f < l.frames; ++f) {
+    for (const std::size_t m : order) {
+      const std::array<double, 4> v = ReadPoint(path, bytes, l, f, m);
       const int last = static_cast<int>(v[3]);
       const bool seen = last >= 0;
-      tracks.t.push_back(begin + step * static_cast<double>(f) + delay[m]);
-      tracks.mark.push_back(static_cast<std::int32_t>(m));
       const std::uint32_t mask = seen ? static_cast<std::uint32_t>(last / 256) : 0U;
-      const bool three = std::popcount(mask) == 3;
-      tracks.status.push_back(!seen   ? SampleStatus::kUnsolvable
-                              : three ? SampleStatus::kThreeCameras
-                                      : SampleStatus::kGood);
+      tracks.t.push_back(l.begin + l.step * static_cast<double>(f) + l.delay[m]);
+      tracks.mark.push_back(static_cast<std::int32_t>(m));
+      tracks.status.push_back(StatusOf(seen, mask));
       if (detailed) {
         tracks.used.push_back(mask);
         tracks.left_out.push_back(0);
         tracks.reason.push_back(seen ? SampleReason::kNone : SampleReason::kTooFew);
       }
       if (seen) {
-        double s = static_cast<double>(last % 256) * std::abs(scale) * unit;
+        double s = static_cast<double>(last % 256) * std::abs(l.scale) * l.unit;
         if (!(s > 0.0)) s = sigma;
         if (!(s > 0.0)) {
           throw Error(fmt::format("point {} of frame {} has no residual to take as its sigma",
@@ -356,7 +390,7 @@ Tracks ReadTracksC3d(const std::string& path, double sigma) {
                       path, "say what sigma the points have, as in --sigma 0.0005");
         }
         for (Eigen::Index k = 0; k < 3; ++k) {
-          tracks.p(k, col) = v[k] * unit * (real ? 1.0 : scale);
+          tracks.p(k, col) = v[static_cast<std::size_t>(k)] * l.unit * (l.real() ? 1.0 : l.scale);
         }
         tracks.cov.col(col) << s * s, 0.0, 0.0, s * s, 0.0, s * s;
       }
