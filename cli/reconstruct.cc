@@ -96,30 +96,120 @@ std::vector<double> EventTimes(const Settings& s, const data::Tracks& tracks) {
   return times;
 }
 
-int ReconstructVerb(const Common& common, const Settings& s) {
-  constexpr std::size_t kBlock = 512;  // lines held at once
-  const auto start = std::chrono::steady_clock::now();
-  const data::TrialReader trial(s.trial);
-  const data::Rig rig = data::ReadRig(s.rig);
-  data::Provenance provenance = StartProvenance(common);
-  provenance.AddInput(s.trial);
-  provenance.AddInput(s.rig);
-
+// Checks what belongs together, and gives the options with every file that enters.
+measure::ReconstructOptions OptionsOf(const Settings& s, data::Provenance* provenance) {
+  provenance->AddInput(s.trial);
+  provenance->AddInput(s.rig);
   measure::ReconstructOptions options;
   options.workers = s.workers;
   options.max_speed = s.max_speed;
   if (!s.start.empty()) {
     options.start = ReadStart(s.start);
-    provenance.AddInput(s.start);
+    provenance->AddInput(s.start);
   }
   if (s.smooth && data::FormatOf(s.events) == data::FileFormat::kHdf5)
-    provenance.AddInput(s.events);
+    provenance->AddInput(s.events);
   if (!s.smooth && !s.events.empty()) {
     throw Error("events matter to smoothing only", "--events", "add --smooth");
   }
   if (!(s.event_sigma >= 0.0)) {
     throw Error("must not be negative", "--event-sigma", "give seconds, as in 0.005");
   }
+  return options;
+}
+
+// The tracks of the whole record, smoothed.
+data::Tracks SmoothAll(const Settings& s, data::Tracks all, measure::SmoothReport* report) {
+  measure::TrimTracks(&all);
+  measure::SmoothOptions smooth;
+  smooth.events = EventTimes(s, all);
+  smooth.event_sigma = s.event_sigma;
+  all = measure::Smooth(all, smooth, report);
+  ThrowIfInterrupted();
+  return all;
+}
+
+// Counts by mark and camera, for --json.
+ordered_json Summarize(const Settings& s, const data::Rig& rig, const data::TrialHeader& header,
+                       const data::Tracks& layout, const measure::ReconstructSummary& done,
+                       const measure::SmoothReport& smoothing) {
+  ordered_json summary = {{"output", s.output},
+                          {"verdict_of_rig", rig.verdict},
+                          {"lines", done.lines},
+                          {"samples", done.samples()},
+                          {"usable", done.usable()}};
+  for (std::size_t m = 0; m < done.marks.size(); ++m) {
+    for (std::size_t k = 0; k < 4; ++k) {
+      summary["status"][done.marks[m]][data::Name(static_cast<data::SampleStatus>(k))] =
+          done.status[m][k];
+    }
+  }
+  for (const auto& [reason, count] : done.unsolved) summary["unsolved"][reason] = count;
+  for (std::size_t c = 0; c < done.left_out.size(); ++c) {
+    summary["readings"][header.cameras[c]] = {{"used", done.readings[c]},
+                                              {"not_taken", done.left_out[c]}};
+  }
+  summary["shared_rank"] = layout.shared_rank;
+  summary["unshared"] = done.unshared;
+  summary["smoothed"] = s.smooth;
+  for (const measure::SmoothSection& section : smoothing.sections) {
+    summary["sections"].push_back({{"mark", done.marks[static_cast<std::size_t>(section.mark)]},
+                                   {"from", section.from},
+                                   {"to", section.to},
+                                   {"samples", section.samples},
+                                   {"jerk", section.jerk},
+                                   {"chi_square_per_dof", section.chi_square}});
+  }
+  if (s.smooth) summary["events"] = smoothing.events;
+  if (!done.named_by_place.empty()) summary["named_by_place"] = done.named_by_place;
+  return summary;
+}
+
+// The same for a person: samples by mark and status, and what was left out.
+std::string DescribeSamples(const measure::ReconstructSummary& done,
+                            const data::TrialHeader& header) {
+  std::vector<std::vector<std::string>> rows = {
+      {"mark", "good", "three cameras", "rejected reading", "unsolvable"}};
+  for (std::size_t m = 0; m < done.marks.size(); ++m) {
+    rows.push_back({done.marks[m]});
+    for (std::size_t k = 0; k < 4; ++k) rows.back().push_back(std::to_string(done.status[m][k]));
+  }
+  std::string text = AlignedTable(rows);
+  for (const auto& [reason, count] : done.unsolved) {
+    text += fmt::format("unsolvable: {} x {}\n", count, reason);
+  }
+  for (std::size_t c = 0; c < done.left_out.size(); ++c) {
+    if (done.left_out[c] == 0) continue;
+    text += fmt::format("{}: {} spots left out\n", header.cameras[c], done.left_out[c]);
+  }
+  if (!done.named_by_place.empty()) {
+    text += fmt::format(
+        "{}: lit together and named in order of x, for their starting places are not known; give "
+        "them with --start\n",
+        JoinWords(done.named_by_place));
+  }
+  return text;
+}
+
+std::string DescribeSigmas(const measure::SigmaSummary& sigmas, ordered_json* summary) {
+  const char* axes[] = {"x", "y", "z"};
+  std::string text = "median standard deviation";
+  for (std::size_t k = 0; k < 3; ++k) {
+    const double readings = sigmas.readings(k), calibration = sigmas.calibration(k);
+    (*summary)["median_sigma_m"][axes[k]] = {{"readings", readings}, {"calibration", calibration}};
+    text += fmt::format("{} {} {} (readings), {} (calibration)", k == 0 ? ":" : ";", axes[k],
+                        LengthText(readings), LengthText(calibration));
+  }
+  return text + "\n";
+}
+
+int ReconstructVerb(const Common& common, const Settings& s) {
+  constexpr std::size_t kBlock = 512;  // lines held at once
+  const auto start = std::chrono::steady_clock::now();
+  const data::TrialReader trial(s.trial);
+  const data::Rig rig = data::ReadRig(s.rig);
+  data::Provenance provenance = StartProvenance(common);
+  const measure::ReconstructOptions options = OptionsOf(s, &provenance);
   measure::Reconstructor reconstructor(trial, rig, s.rig, options);
   std::optional<measure::StreakPicture> picture;
   if (!s.picture.empty()) picture.emplace(trial.header(), trial.size());
@@ -146,12 +236,7 @@ int ReconstructVerb(const Common& common, const Settings& s) {
                       static_cast<double>(trial.size()));
     }
     if (s.smooth) {
-      measure::TrimTracks(&all);
-      measure::SmoothOptions smooth;
-      smooth.events = EventTimes(s, all);
-      smooth.event_sigma = s.event_sigma;
-      all = measure::Smooth(all, smooth, &smoothing);
-      ThrowIfInterrupted();
+      all = SmoothAll(s, std::move(all), &smoothing);
       sigmas.Add(all);
       digest.Add(all, {});
       writer.emplace(s.output, all, provenance);
@@ -179,72 +264,16 @@ int ReconstructVerb(const Common& common, const Settings& s) {
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 
   const measure::ReconstructSummary& done = reconstructor.summary();
-  ordered_json summary = {{"output", s.output},
-                          {"verdict_of_rig", rig.verdict},
-                          {"lines", done.lines},
-                          {"samples", done.samples()},
-                          {"usable", done.usable()}};
-  std::vector<std::vector<std::string>> rows = {
-      {"mark", "good", "three cameras", "rejected reading", "unsolvable"}};
-  for (std::size_t m = 0; m < done.marks.size(); ++m) {
-    rows.push_back({done.marks[m]});
-    for (std::size_t k = 0; k < 4; ++k) {
-      rows.back().push_back(std::to_string(done.status[m][k]));
-      summary["status"][done.marks[m]][data::Name(static_cast<data::SampleStatus>(k))] =
-          done.status[m][k];
-    }
-  }
-  for (const auto& [reason, count] : done.unsolved) summary["unsolved"][reason] = count;
-  for (std::size_t c = 0; c < done.left_out.size(); ++c) {
-    summary["readings"][trial.header().cameras[c]] = {{"used", done.readings[c]},
-                                                      {"not_taken", done.left_out[c]}};
-  }
-  summary["shared_rank"] = reconstructor.layout().shared_rank;
-  summary["unshared"] = done.unshared;
-  summary["smoothed"] = s.smooth;
-  for (const measure::SmoothSection& section : smoothing.sections) {
-    summary["sections"].push_back({{"mark", done.marks[static_cast<std::size_t>(section.mark)]},
-                                   {"from", section.from},
-                                   {"to", section.to},
-                                   {"samples", section.samples},
-                                   {"jerk", section.jerk},
-                                   {"chi_square_per_dof", section.chi_square}});
-  }
-  if (s.smooth) summary["events"] = smoothing.events;
+  ordered_json summary = Summarize(s, rig, trial.header(), reconstructor.layout(), done, smoothing);
   std::string text =
       fmt::format("{}: {} samples from {} lines in {:.1f} s ({:.0f} lines/s)\n", s.output,
                   done.samples(), done.lines, seconds, static_cast<double>(done.lines) / seconds);
-  text += AlignedTable(rows);
-  for (const auto& [reason, count] : done.unsolved) {
-    text += fmt::format("unsolvable: {} x {}\n", count, reason);
-  }
-  for (std::size_t c = 0; c < done.left_out.size(); ++c) {
-    if (done.left_out[c] == 0) continue;
-    text += fmt::format("{}: {} spots left out\n", trial.header().cameras[c], done.left_out[c]);
-  }
-  if (!done.named_by_place.empty()) {
-    summary["named_by_place"] = done.named_by_place;
-    text += fmt::format(
-        "{}: lit together and named in order of x, for their starting places are not known; give "
-        "them with "
-        "--start\n",
-        JoinWords(done.named_by_place));
-  }
+  text += DescribeSamples(done, trial.header());
   if (s.smooth) {
     text += fmt::format("smoothed in {} sections, {} events; use unsmoothed tracks for a fit\n",
                         smoothing.sections.size(), smoothing.events.size());
   }
-  if (done.usable() > 0) {
-    const char* axes[] = {"x", "y", "z"};
-    text += "median standard deviation";
-    for (std::size_t k = 0; k < 3; ++k) {
-      const double readings = sigmas.readings(k), calibration = sigmas.calibration(k);
-      summary["median_sigma_m"][axes[k]] = {{"readings", readings}, {"calibration", calibration}};
-      text += fmt::format("{} {} {} (readings), {} (calibration)", k == 0 ? ":" : ";", axes[k],
-                          LengthText(readings), LengthText(calibration));
-    }
-    text += "\n";
-  }
+  if (done.usable() > 0) text += DescribeSigmas(sigmas, &summary);
   summary["seconds"] = seconds;
   if (!rig.verdict.empty() && rig.verdict != "good") {
     text += fmt::format("the rig's verdict: {}\n", rig.verdict);

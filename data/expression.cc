@@ -205,9 +205,40 @@ std::string Expression::Reason(double t) const {
   return "has no finite rate or acceleration";
 }
 
+namespace {
+
+constexpr int kBisections = 200;  // to neighbouring numbers
+
+// The last time before `wrong` that is still good, bisected to neighbouring numbers; returns the
+// first that is not. `is_wrong(wrong)` holds and `is_wrong(good)` does not.
+template <typename Predicate>
+std::pair<double, double> Bisect(double good, double wrong, const Predicate& is_wrong) {
+  for (int i = 0; i < kBisections; ++i) {
+    const double middle = 0.5 * (good + wrong);
+    if (middle == good || middle == wrong) break;
+    (is_wrong(middle) ? wrong : good) = middle;
+  }
+  return {good, wrong};
+}
+
+// Where |f| is least in [low, high], by golden section; f has one minimum there.
+template <typename Function>
+double LeastMagnitude(double low, double high, const Function& f) {
+  for (int i = 0; i < kBisections && high - low > 1e-15 * high; ++i) {
+    const double left = low + 0.382 * (high - low), right = low + 0.618 * (high - low);
+    if (std::fabs(f(left)) < std::fabs(f(right))) {
+      high = right;
+    } else {
+      low = left;
+    }
+  }
+  return 0.5 * (low + high);
+}
+
+}  // namespace
+
 std::optional<Expression::Fault> Expression::FindFault(double duration, int derivatives,
                                                        int cells) const {
-  constexpr int kBisections = 200;  // to neighbouring numbers
   // A divisor that is this small beside its value one cell away is zero; a double zero is found to
   // the square root of rounding only.
   constexpr double kZero = 1e-7;
@@ -222,41 +253,25 @@ std::optional<Expression::Fault> Expression::FindFault(double duration, int deri
   std::vector<double> before(divisions_), here(divisions_), after(divisions_);
   for (int k = 0; k <= cells; ++k) {
     if (bad(time(k))) {
-      double good = time(std::max(k - 1, 0)), wrong = time(k);
-      for (int i = 0; i < kBisections && k > 0; ++i) {
-        const double middle = 0.5 * (good + wrong);
-        if (middle == good || middle == wrong) break;
-        (bad(middle) ? wrong : good) = middle;
-      }
+      const double wrong = k > 0 ? Bisect(time(k - 1), time(k), bad).second : time(0);
       return Fault{wrong, Reason(wrong)};
     }
     for (int d = 0; d < divisions_; ++d) {
       after[d] = Divisor(d, time(k));
+      const auto divisor = [&](double t) { return Divisor(d, t); };
       const double largest =
           std::max({std::fabs(before[d]), std::fabs(here[d]), std::fabs(after[d])});
-      if (k > 0 && here[d] * after[d] < 0.0) {
-        double low = time(k - 1), high = time(k);
-        for (int i = 0; i < kBisections; ++i) {
-          const double middle = 0.5 * (low + high);
-          if (middle == low || middle == high) break;
-          (Divisor(d, middle) * here[d] > 0.0 ? low : high) = middle;
-        }
-        const double left = std::fabs(Divisor(d, low)), right = std::fabs(Divisor(d, high));
-        if (std::max(left, right) < kZero * largest) return Fault{high, "divides by zero"};
-      } else if (k > 1 && std::fabs(here[d]) < std::fabs(before[d]) &&
-                 std::fabs(here[d]) <= std::fabs(after[d])) {
-        double low = time(k - 2), high = time(k);
-        for (int i = 0; i < kBisections && high - low > 1e-15 * high; ++i) {
-          const double left = low + 0.382 * (high - low), right = low + 0.618 * (high - low);
-          if (std::fabs(Divisor(d, left)) < std::fabs(Divisor(d, right))) {
-            high = right;
-          } else {
-            low = left;
-          }
-        }
-        if (std::fabs(Divisor(d, 0.5 * (low + high))) < kZero * largest) {
-          return Fault{0.5 * (low + high), "divides by zero"};
-        }
+      const bool changes_sign = k > 0 && here[d] * after[d] < 0.0;
+      const bool dips = k > 1 && std::fabs(here[d]) < std::fabs(before[d]) &&
+                        std::fabs(here[d]) <= std::fabs(after[d]);
+      if (changes_sign) {
+        const auto [low, high] =
+            Bisect(time(k - 1), time(k), [&](double t) { return !(divisor(t) * here[d] > 0.0); });
+        const double least = std::max(std::fabs(divisor(low)), std::fabs(divisor(high)));
+        if (least < kZero * largest) return Fault{high, "divides by zero"};
+      } else if (dips) {
+        const double t = LeastMagnitude(time(k - 2), time(k), divisor);
+        if (std::fabs(divisor(t)) < kZero * largest) return Fault{t, "divides by zero"};
       }
     }
     before.swap(here);

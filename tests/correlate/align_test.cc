@@ -186,6 +186,33 @@ TEST(Align, OneMarkIsAlignedByItsSpeed) {
   EXPECT_NEAR(a.at.offset, trial.offset, 5.0 * a.Sigma("time offset"));
 }
 
+// Where a mark was not seen it has no speed, and its neighbours none that reaches across.
+TEST(Align, AGapHasNoSpeed) {
+  const Trial trial = TiltedTrial();
+  Rng rng(3);
+  Observations o = Record(TwoLink(), TwoLink::Truth(), {"tip"}, trial, rng);
+  MarkSeries& s = o.marks[0];
+  MarkSeries kept = s;
+  std::vector<Eigen::Index> keep;
+  for (std::size_t i = 0; i < s.size(); ++i) {
+    if (i % 200 < 60 || i % 200 >= 100) keep.push_back(static_cast<Eigen::Index>(i));
+  }
+  kept.t.clear();
+  for (const Eigen::Index i : keep) kept.t.push_back(s.t[static_cast<std::size_t>(i)]);
+  kept.p = s.p(Eigen::all, keep).eval();
+  kept.cov = s.cov(Eigen::all, keep).eval();
+  const Eigen::Index k = o.shared_rank;
+  kept.shared.resize(3, k * static_cast<Eigen::Index>(keep.size()));
+  for (std::size_t i = 0; i < keep.size(); ++i) {
+    kept.shared.middleCols(k * static_cast<Eigen::Index>(i), k) =
+        s.shared.middleCols(k * keep[i], k);
+  }
+  s = kept;
+  const Alignment a = Align(o, Reference());
+  ASSERT_TRUE(a.Usable()) << a.message;
+  EXPECT_NEAR(a.at.offset, trial.offset, 5.0 * a.Sigma("time offset"));
+}
+
 TEST(Align, AReferenceThatDoesNotFitIsAlignedWithoutBendingTheCalibration) {
   Trial trial = TiltedTrial();
   trial.sigma = 1e-5;

@@ -102,5 +102,79 @@ TEST(Goodness, TheMeshIsKnownByItsShape) {
   EXPECT_EQ(with(-other).outcome, Explained::kNo);
 }
 
+// The finer mesh's factor is that of the fit of what is left to its change, -left_by_finer / finer,
+// and what it takes is that factor's share of what is left beyond the noise.
+TEST(Goodness, WhatTheMeshTakesInClosedForm) {
+  const Observations o = TwoMarks();
+  const Eigen::VectorXd r = 2.0 * White(10);  // by size alone no explanation
+  const ResidualNoise noise = EstimateResidualNoise(o, r);
+  const auto with = [&](double beyond, double finer, double product) {
+    GoodnessInput in = InputOf(o, r, noise);
+    in.dof = 1000.0;
+    in.left = 1000.0 + beyond;
+    in.finer = finer;
+    in.left_by_finer = product;
+    return TestGoodness(in);
+  };
+  EXPECT_NEAR(with(100.0, 50.0, -60.0).mesh_takes, 1.2 * 0.6, 1e-12);
+  EXPECT_EQ(with(100.0, 50.0, -60.0).outcome, Explained::kMesh);
+  EXPECT_NEAR(with(100.0, 50.0, -40.0).mesh_takes, 0.8 * 0.4, 1e-12);
+  EXPECT_NE(with(100.0, 50.0, -40.0).outcome, Explained::kMesh);
+  EXPECT_EQ(with(50.0, 50.0, -60.0).mesh_takes, 1.0);
+  // Half of it is the limit.
+  EXPECT_EQ(with(100.0, 51.0, -51.0).outcome, Explained::kMesh);
+  EXPECT_NE(with(100.0, 49.0, -49.0).outcome, Explained::kMesh);
+  // A factor of four to either side.
+  EXPECT_GT(with(100.0, 10.0, -39.0).mesh_takes, 0.9);
+  EXPECT_EQ(with(100.0, 10.0, -41.0).mesh_takes, 0.0);
+  EXPECT_GT(with(2.0, 10.0, -2.6).mesh_takes, 0.3);
+  EXPECT_EQ(with(2.0, 10.0, -2.4).mesh_takes, 0.0);
+  EXPECT_EQ(with(-1.0, 50.0, -50.0).mesh_takes, 0.0);
+  EXPECT_EQ(with(100.0, 50.0, 60.0).mesh_takes, 0.0);
+  EXPECT_EQ(with(100.0, 0.0, -60.0).mesh_takes, 0.0);
+}
+
+// Two P-values together: the smaller, doubled, at most 1.
+TEST(Goodness, TwoPValuesTogether) {
+  GoodnessOfFit g;
+  g.p_size = 0.003;
+  g.p_white = 0.4;
+  g.p_found = 0.7;
+  g.p_steady = 0.6;
+  EXPECT_NEAR(g.p_covariances(), 0.006, 1e-15);
+  EXPECT_EQ(g.p_noise(), 1.0);
+}
+
+TEST(Goodness, TheExcessIsInQuadrature) {
+  const Observations o = TwoMarks();
+  const Eigen::VectorXd r = White(11);
+  const ResidualNoise noise = EstimateResidualNoise(o, r);
+  GoodnessInput in = InputOf(o, r, noise);
+  in.dof = 400.0;
+  in.squares = 500.0;
+  EXPECT_NEAR(TestGoodness(in).excess, 0.5, 1e-12);
+  EXPECT_NEAR(TestGoodness(in).p_size, ChiSquareTail(500.0, 400.0), 1e-15);
+  in.squares = 300.0;
+  EXPECT_EQ(TestGoodness(in).excess, 0.0);
+}
+
+// One series, two sections of n values with variances a and b: Bartlett's statistic is n log((a +
+// b)^2 / (4 a b)) over 1 + (2 / n - 1 / (2 n)) / 3.
+TEST(Goodness, BartlettsStatisticOfTwoSections) {
+  constexpr int kN = 20;
+  Observations o;
+  MarkSeries m;
+  m.name = "a";
+  for (int i = 0; i < 2 * kN; ++i) m.t.push_back(0.01 * i);
+  o.marks.push_back(m);
+  Eigen::VectorXd r = Eigen::VectorXd::Zero(3 * 2 * kN);
+  const double a = 1.0, b = 2.5;
+  for (int i = 0; i < 2 * kN; ++i) r(3 * i) = (i % 2 ? 1.0 : -1.0) * std::sqrt(i < kN ? a : b);
+  const double statistic =
+      kN * std::log((a + b) * (a + b) / (4.0 * a * b)) / (1.0 + (2.0 / kN - 0.5 / kN) / 3.0);
+  EXPECT_NEAR(SteadyPValue(o, r, 2), ChiSquareTail(statistic, 1.0), 1e-12);
+  EXPECT_EQ(SteadyPValue(o, r, 8), 1.0);  // five values a section say nothing
+}
+
 }  // namespace
 }  // namespace unfurl::correlate

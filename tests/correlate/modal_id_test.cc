@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cmath>
+
 #include "base/statistics.h"
 #include "correlate/modes/matrix_pencil.h"
 #include "tests/correlate/free_decay.h"
@@ -176,6 +179,43 @@ TEST(Mac, IsOneForMultiplesAndZeroForOrthogonalShapes) {
   EXPECT_NEAR(
       ModalAssurance(Eigen::Vector2cd(1.0, 0.0), Eigen::Vector2cd(std::cos(0.4), std::sin(0.4))),
       std::cos(0.4) * std::cos(0.4), 1e-12);
+}
+
+// Samples are left out where the band is narrow; unfiltered, it ends at half the rate.
+TEST(MatrixPencil, TheBandOfTheGrid) {
+  DecaySignal s;
+  for (int i = 0; i < 400; ++i) {
+    s.t.push_back(0.01 * i);
+    s.value.push_back(std::sin(0.3 * i));
+  }
+  const EvenSignals whole = OnEvenGrid({&s, 1}, 0, 1e99);
+  EXPECT_NEAR(whole.step, 0.01, 1e-12);
+  EXPECT_NEAR(whole.high, 50.0, 1e-9);
+  // 0.4 of the new rate must let 9.9 Hz pass: every fourth sample.
+  const EvenSignals thinned = OnEvenGrid({&s, 1}, 0, 9.9);
+  EXPECT_NEAR(thinned.step, 0.04, 1e-12);
+  EXPECT_NEAR(thinned.high, 10.0, 1e-9);
+}
+
+// In an exact sum of decays the true poles of one order are those of the next: they are stable in
+// all three ways.
+TEST(ModalId, PolesOfExactDecaysAreStable) {
+  PlantedDecay planted = StrobedDecay(2, 10.0);
+  planted.sigma = 0.0;
+  Rng rng(1);
+  const ModalFit fit = IdentifyModes(planted.Draw(rng, false));
+  ASSERT_EQ(fit.decay.modes.size(), 2u);
+  std::array<int, 2> seen{};
+  for (const StabilisationPole& pole : fit.poles) {
+    for (std::size_t k = 0; k < 2; ++k) {
+      const auto& mode = planted.modes[k];
+      const bool is = std::abs(pole.frequency - mode.frequency) < 1e-3 * mode.frequency &&
+                      std::abs(pole.damping - mode.damping) < 1e-3;
+      seen[k] += is && pole.stable_frequency && pole.stable_damping && pole.stable_shape ? 1 : 0;
+    }
+  }
+  EXPECT_GT(seen[0], 1);
+  EXPECT_GT(seen[1], 1);
 }
 
 TEST(MatrixPencil, PolesOfAnExactSumAtItsOwnOrder) {

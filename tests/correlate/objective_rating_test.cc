@@ -53,7 +53,11 @@ TEST(ObjectiveRating, APulseThatComesLateLosesPhaseOnly) {
   EXPECT_NEAR(late.magnitude, 1.0, kRoundOff);
   EXPECT_NEAR(late.slope, 1.0, kRoundOff);
   EXPECT_LT(late.corridor, 1.0);
-  EXPECT_EQ(RateObjectively(Pulse(400, 200.0), Pulse(400, 190.0)).shift, -10);
+  const ObjectiveRating early = RateObjectively(Pulse(400, 200.0), Pulse(400, 190.0));
+  EXPECT_EQ(early.shift, -10);
+  EXPECT_NEAR(early.phase, 1.0 - 10.0 / 80.0, kRoundOff);
+  EXPECT_NEAR(early.magnitude, 1.0, kRoundOff);
+  EXPECT_NEAR(early.slope, 1.0, kRoundOff);
 }
 
 TEST(ObjectiveRating, APulseTooLargeLosesSlopeInProportion) {
