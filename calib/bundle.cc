@@ -9,6 +9,7 @@
 #include <limits>
 #include <memory>
 
+#include "base/log_silence.h"
 #include "base/pose.h"
 #include "base/statistics.h"
 #include "calib/common_error.h"
@@ -350,6 +351,7 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
   ceres::Solver::Summary report;
+  const LogSilence silence;
   ceres::Solve(solver, &problem, &report);
 
   for (std::size_t j = 0; j < blocks.size(); ++j) Unpack(blocks[j].data(), &state->cameras[j]);

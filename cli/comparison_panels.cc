@@ -222,7 +222,7 @@ void AddDensityPanels(const correlate::Comparison& c, report::Page* page) {
   double most = -1.0;
   for (const correlate::ComparedSpectrum& s : c.spectra) {
     const double peak = s.measured_peaks.empty() ? 0.0 : s.measured_peaks.front().amplitude;
-    if (s.density.segments < 2 || s.name.rfind("angle", 0) == 0 || peak <= most) continue;
+    if (s.density.segments < 2 || s.id.IsAngle() || peak <= most) continue;
     shown = &s;
     most = peak;
   }

@@ -17,12 +17,12 @@ void AddModePanels(const correlate::Comparison& c, report::Page* page);
 // Charts that the page and the paper's figures share: an angle of a body; x and y of a mark; both
 // spectra of a signal.
 report::Chart AngleChart(const correlate::Comparison& c, const correlate::ComparedSignal& s);
-report::Chart MarkChart(const correlate::Comparison& c, const std::string& mark);
+enum class MarkOrigin { kFrame, kReferenceStart };  // what positions are counted from
+report::Chart MarkChart(const correlate::Comparison& c, std::size_t mark,
+                        MarkOrigin origin = MarkOrigin::kFrame);
 report::Chart SpectrumChart(const correlate::Comparison& c, const correlate::ComparedSpectrum& s);
-const correlate::ComparedSignal* FindSignal(const correlate::Comparison& c,
-                                            const std::string& name);
-// Names of the marks, those that move most first.
-std::vector<std::string> MarksByMotion(const correlate::Comparison& c);
+// Indices of the marks, those that move most first.
+std::vector<std::size_t> MarksByMotion(const correlate::Comparison& c);
 
 // Charts and tables of a comparison that succeeded, onto any page.
 void AddComparisonPanels(const correlate::Comparison& c, report::Page* page);

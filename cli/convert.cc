@@ -9,13 +9,13 @@
 #include "cli/verb.h"
 #include "data/atomic_file.h"
 #include "data/csv.h"
+#include "data/formats.h"
 #include "data/h5.h"
 #include "data/raw_layout.h"
 #include "data/run.h"
 #include "data/survey.h"
 #include "data/survey_points.h"
 #include "data/tracks.h"
-#include "data/tracks_exchange.h"
 #include "data/trial.h"
 #include "measure/raw_lines.h"
 #include "measure/raw_survey.h"
@@ -24,10 +24,6 @@
 namespace unfurl::cli {
 
 namespace {
-
-std::string Ending(const std::string& path) {
-  return std::filesystem::path(path).extension().string();
-}
 
 // Block by block: a run may be larger than memory.
 void RunToCsv(const std::string& in, const std::string& out) {
@@ -110,46 +106,17 @@ std::vector<std::string> RawToSurvey(const Common& common, const data::RawLayout
 
 [[noreturn]] void Refuse(const std::string& what, const std::string& out) {
   throw Error(
-      fmt::format("{} cannot become '{}'", what, Ending(out)), out,
+      fmt::format("{} cannot become '{}'", what, std::filesystem::path(out).extension().string()),
+      out,
       "runs become .csv; surveys go between .h5 and .csv; tracks between .h5, .csv, .c3d and "
       ".uff; a description of raw lines (.toml) becomes a trial or a survey (.h5)");
 }
 
-bool IsUff(const std::string& path) {
-  return Ending(path) == ".uff" || Ending(path) == ".unv" || Ending(path) == ".uf";
-}
-
-// Tracks from another field's file, if it is one.
-bool ReadForeign(const std::string& in, double sigma, data::Tracks* tracks) {
-  if (Ending(in) == ".c3d") {
-    *tracks = data::ReadTracksC3d(in, sigma);
-  } else if (IsUff(in)) {
-    *tracks = data::ReadTracksUff(in, sigma);
-  } else {
-    return false;
-  }
-  return true;
-}
-
-void WriteTracksAs(const std::string& out, const data::Tracks& tracks,
-                   const data::Provenance& provenance) {
-  if (Ending(out) == ".h5") {
-    data::WriteTracks(out, tracks, provenance);
-  } else if (Ending(out) == ".csv") {
-    data::WriteTracksCsv(out, tracks);
-  } else if (Ending(out) == ".c3d") {
-    data::WriteTracksC3d(out, tracks);
-  } else if (IsUff(out)) {
-    data::WriteTracksUff(out, tracks);
-  } else {
-    Refuse("tracks", out);
-  }
-}
-
 std::string ConvertFile(const Common& common, const std::string& in, const std::string& out,
                         double sigma, std::vector<std::string>* notes) {
-  if (Ending(in) == ".toml") {
-    if (Ending(out) != ".h5") Refuse("a description of raw lines", out);
+  const data::FileFormat from = data::FormatOf(in), to = data::FormatOf(out);
+  if (from == data::FileFormat::kToml) {
+    if (to != data::FileFormat::kHdf5) Refuse("a description of raw lines", out);
     const data::RawLayout layout = data::ReadRawLayout(in);
     if (!layout.survey.points.empty()) {
       *notes = RawToSurvey(common, layout, out);
@@ -159,29 +126,22 @@ std::string ConvertFile(const Common& common, const std::string& in, const std::
     return data::kTrialSchema;
   }
   data::Provenance provenance = StartProvenance(common);
-  data::Tracks foreign;
-  if (ReadForeign(in, sigma, &foreign)) {
-    provenance.AddInput(in);
-    WriteTracksAs(out, foreign, provenance);
-    return data::kTracksSchema;
-  }
-  if (Ending(in) == ".csv") {
-    provenance.AddInput(in);
-    if (data::CsvTable::Load(in).Find("mark") >= 0) {
-      WriteTracksAs(out, data::ReadTracksCsv(in), provenance);
-      return data::kTracksSchema;
-    }
-    if (Ending(out) != ".h5") Refuse("a CSV file", out);
-    data::WriteSurvey(out, data::ReadSurvey(in), provenance);
-    return data::kSurveySchema;
-  }
-  const std::string schema = data::H5Reader::SchemaOf(in);
+  const std::string schema = data::KindOf(in);
   if (schema == data::kTracksSchema) {
+    if (!data::HoldsTracks(to)) Refuse("tracks", out);
+    const data::Tracks tracks = data::ReadTracksAny(in, sigma);
     provenance.AddInput(in);
-    WriteTracksAs(out, data::ReadTracks(in), provenance);
+    data::WriteTracksAny(out, tracks, provenance);
     return schema;
   }
-  if (Ending(out) != ".csv") Refuse(schema, out);
+  if (from == data::FileFormat::kCsv) {
+    if (to != data::FileFormat::kHdf5) Refuse("a CSV file", out);
+    const data::Survey survey = data::ReadSurvey(in);
+    provenance.AddInput(in);
+    data::WriteSurvey(out, survey, provenance);
+    return data::kSurveySchema;
+  }
+  if (to != data::FileFormat::kCsv) Refuse(schema, out);
   if (schema == data::kRunSchema) {
     RunToCsv(in, out);
   } else if (schema == data::kSurveySchema) {

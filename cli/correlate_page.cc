@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "base/number.h"
 #include "base/text.h"
@@ -19,18 +20,14 @@ using report::Style;
 
 constexpr double kBand = 2.0;  // sigmas of the error band
 
-std::vector<double> Scaled(const std::vector<double>& x, double factor) {
+std::vector<double> Scaled(const std::vector<double>& x, double factor, double zero = 0.0) {
   std::vector<double> out(x);
-  for (double& v : out) v *= factor;
+  for (double& v : out) v = factor * (v - zero);
   return out;
 }
 
-double Shown(const correlate::ComparedSignal& s) {
-  return s.unit == "m" || s.unit == "rad" ? kMilli : 1.0;
-}
-std::string ShownUnit(const std::string& unit) {
-  return unit == "m" ? "mm" : unit == "rad" ? "mrad" : unit;
-}
+// Shown in thousandths.
+const char* ShownUnit(const correlate::SignalId& id) { return id.IsAngle() ? "mrad" : "mm"; }
 
 std::vector<report::Marker> LatchMarkers(const correlate::Comparison& c) {
   std::vector<report::Marker> out;
@@ -42,11 +39,11 @@ std::vector<report::Marker> LatchMarkers(const correlate::Comparison& c) {
 
 // Dots with a band for what was measured, a line for the reference.
 void AddBoth(const correlate::ComparedSignal& s, const std::string& of, const char* other,
-             int color, Chart* chart) {
-  const double k = Shown(s);
-  Series measured{"measured" + of, s.t,  Scaled(s.measured, k), Scaled(s.sigma, kBand * k),
+             int color, Chart* chart, double zero = 0.0) {
+  const double k = kMilli;
+  Series measured{"measured" + of, s.t,  Scaled(s.measured, k, zero), Scaled(s.sigma, kBand * k),
                   Style::kDots,    color};
-  Series reference{other + of, s.t, Scaled(s.reference, k), {}, Style::kLine, color + 1};
+  Series reference{other + of, s.t, Scaled(s.reference, k, zero), {}, Style::kLine, color + 1};
   chart->series.push_back(std::move(reference));
   chart->series.push_back(std::move(measured));
 }
@@ -57,9 +54,9 @@ void AddMotion(const correlate::Comparison& c, report::Page* page) {
                                "{}. Drag to zoom; all charts of time follow.",
                                kBand, Other(c)));
   for (const correlate::ComparedSignal& s : c.signals) {
-    if (s.unit == "rad") page->AddTimeSeries(AngleChart(c, s));
+    if (s.id.IsAngle()) page->AddTimeSeries(AngleChart(c, s));
   }
-  const std::vector<std::string> order = MarksByMotion(c);
+  const std::vector<std::size_t> order = MarksByMotion(c);
   for (std::size_t i = 0; i < std::min<std::size_t>(order.size(), 2); ++i) {
     page->AddTimeSeries(MarkChart(c, order[i]));
   }
@@ -72,9 +69,10 @@ void AddPlane(const correlate::Comparison& c, report::Page* page) {
   paths.x = {"x", "m", false};
   paths.y = {"y", "m", false};
   int color = 0;
-  for (const std::string& mark : c.marks) {
-    const correlate::ComparedSignal *x = FindSignal(c, mark + " x"),
-                                    *y = FindSignal(c, mark + " y");
+  for (std::size_t m = 0; m < c.marks.size(); ++m) {
+    const std::string& mark = c.marks[m];
+    const correlate::ComparedSignal *x = correlate::FindCoordinate(c, m, 0),
+                                    *y = correlate::FindCoordinate(c, m, 1);
     if (x == nullptr || y == nullptr) continue;
     paths.paths.push_back(
         {mark + " " + Other(c), x->reference, y->reference, Style::kLine, color, true});
@@ -91,25 +89,26 @@ void AddResiduals(const correlate::Comparison& c, report::Page* page) {
                                "of the measurement about zero: where the two agree, the dots fill "
                                "the band and nothing else. z is across the model's plane.",
                                Other(c), kBand));
-  for (const std::string& mark : c.marks) {
+  for (std::size_t m = 0; m < c.marks.size(); ++m) {
     Chart chart;
-    chart.title = mark + ": measured less " + Other(c);
+    chart.title = c.marks[m] + ": measured less " + Other(c);
     chart.y = {"difference", "mm", false};
     chart.height_px = 220;
     int color = 0;
-    for (const char* axis : {" x", " y", " z"}) {
-      const correlate::ComparedSignal* s = FindSignal(c, mark + axis);
+    for (int axis : {0, 1, 2}) {
+      const correlate::ComparedSignal* s = correlate::FindCoordinate(c, m, axis);
       if (s == nullptr) continue;
       std::vector<double> left(s->t.size());
       for (std::size_t i = 0; i < left.size(); ++i) {
         left[i] = kMilli * (s->measured[i] - s->reference[i]);
       }
-      if (c.observations.has_sigma && axis[1] == 'x') {
+      if (c.observations.has_sigma && axis == 0) {
         chart.series.push_back({"measurement's standard deviation", s->t,
                                 std::vector<double>(s->t.size(), 0.0),
                                 Scaled(s->sigma, kBand * kMilli), Style::kLine, 7});
       }
-      chart.series.push_back({axis + 1, s->t, std::move(left), {}, Style::kDots, color++});
+      chart.series.push_back(
+          {std::string(1, "xyz"[axis]), s->t, std::move(left), {}, Style::kDots, color++});
     }
     chart.markers = LatchMarkers(c);
     page->AddTimeSeries(std::move(chart));
@@ -137,9 +136,8 @@ void AddSpectra(const correlate::Comparison& c, report::Page* page) {
       Other(c), "unit"};
   table.text_columns = {0, 6};
   for (const correlate::ComparedSpectrum& s : c.spectra) {
-    const bool angle = s.name.rfind("angle", 0) == 0;
     const double k = kMilli;
-    const bool shown = angle || s.name.back() == 'y';
+    const bool shown = s.id.IsAngle() || s.id.axis == 1;
     if (shown) page->AddSpectrum(SpectrumChart(c, s));
     for (const correlate::PeakPair& p : s.pairs) {
       std::string difference = "-";
@@ -151,7 +149,7 @@ void AddSpectra(const correlate::Comparison& c, report::Page* page) {
       table.rows.push_back({s.name, Hertz(s.measured_peaks, p.a, false, k),
                             Hertz(s.reference_peaks, p.b, false, k), difference,
                             Hertz(s.measured_peaks, p.a, true, k),
-                            Hertz(s.reference_peaks, p.b, true, k), angle ? "mrad" : "mm"});
+                            Hertz(s.reference_peaks, p.b, true, k), ShownUnit(s.id)});
     }
   }
   if (!table.rows.empty()) page->AddTable(table);
@@ -178,29 +176,22 @@ void AddErrors(const correlate::Comparison& c, report::Page* page) {
 
 }  // namespace
 
-const correlate::ComparedSignal* FindSignal(const correlate::Comparison& c,
-                                            const std::string& name) {
-  for (const correlate::ComparedSignal& s : c.signals) {
-    if (s.name == name) return &s;
-  }
-  return nullptr;
-}
-
-std::vector<std::string> MarksByMotion(const correlate::Comparison& c) {
+std::vector<std::size_t> MarksByMotion(const correlate::Comparison& c) {
   std::vector<std::pair<double, std::string>> order;
-  for (const std::string& mark : c.marks) {
+  for (std::size_t mark = 0; mark < c.marks.size(); ++mark) {
     double range = 0.0;
-    for (const char* axis : {" x", " y"}) {
-      const correlate::ComparedSignal* s = FindSignal(c, mark + axis);
+    for (int axis : {0, 1}) {
+      const correlate::ComparedSignal* s = correlate::FindCoordinate(c, mark, axis);
       if (s == nullptr || s->measured.empty()) continue;
       const auto [low, high] = std::minmax_element(s->measured.begin(), s->measured.end());
       range = std::max(range, *high - *low);
     }
-    order.emplace_back(-range, mark);
+    order.emplace_back(-range, c.marks[mark]);
   }
-  std::stable_sort(order.begin(), order.end());
-  std::vector<std::string> out;
-  for (const auto& [range, mark] : order) out.push_back(mark);
+  std::vector<std::size_t> out(order.size());
+  std::iota(out.begin(), out.end(), std::size_t{0});
+  std::sort(out.begin(), out.end(),
+            [&](std::size_t a, std::size_t b) { return order[a] < order[b]; });
   return out;
 }
 
@@ -208,19 +199,24 @@ report::Chart AngleChart(const correlate::Comparison& c, const correlate::Compar
   Chart chart;
   chart.title = "Rotation of the body: " + s.name;
   chart.note = "Two marks on one body give its angle.";
-  chart.y = {"angle", ShownUnit(s.unit), false};
+  chart.y = {"angle", ShownUnit(s.id), false};
   AddBoth(s, "", Other(c), 0, &chart);
   chart.markers = LatchMarkers(c);
   return chart;
 }
 
-report::Chart MarkChart(const correlate::Comparison& c, const std::string& mark) {
+report::Chart MarkChart(const correlate::Comparison& c, std::size_t mark, MarkOrigin origin) {
+  const bool from_start = origin == MarkOrigin::kReferenceStart;
   Chart chart;
-  chart.title = mark + ": position";
-  chart.y = {"position", "mm", false};
+  chart.title = c.marks[mark] + ": position";
+  chart.y = {from_start ? "displacement" : "position", "mm", false};
   chart.height_px = 320;
-  if (const auto* s = FindSignal(c, mark + " x")) AddBoth(*s, " x", Other(c), 0, &chart);
-  if (const auto* s = FindSignal(c, mark + " y")) AddBoth(*s, " y", Other(c), 2, &chart);
+  for (int axis : {0, 1}) {
+    const correlate::ComparedSignal* s = correlate::FindCoordinate(c, mark, axis);
+    if (s == nullptr) continue;
+    const double zero = from_start && !s->reference.empty() ? s->reference.front() : 0.0;
+    AddBoth(*s, axis == 0 ? " x" : " y", Other(c), 2 * axis, &chart, zero);
+  }
   chart.markers = LatchMarkers(c);
   return chart;
 }
@@ -230,7 +226,7 @@ report::Chart SpectrumChart(const correlate::Comparison& c, const correlate::Com
   chart.title = "Spectrum of " + s.name;
   chart.note = s.note;
   chart.x = {"frequency", "Hz", false};
-  chart.y = {"amplitude", s.name.rfind("angle", 0) == 0 ? "mrad" : "mm", true};
+  chart.y = {"amplitude", ShownUnit(s.id), true};
   auto curve = [&](const char* name, const correlate::Spectrum& of, Style style, int color) {
     // The first bin holds what detrending left.
     Series series{name, {}, {}, {}, style, color};

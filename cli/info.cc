@@ -10,6 +10,7 @@
 #include "cli/verb.h"
 #include "data/atomic_file.h"
 #include "data/csv.h"
+#include "data/formats.h"
 #include "data/h5.h"
 #include "data/h5_walk.h"
 #include "data/toml.h"
@@ -98,16 +99,30 @@ int InfoCsv(const Common& common, const std::string& path) {
   return kExitGood;
 }
 
+// Tracks of another field: where sigmas are not told, the marks and their times still are.
+int InfoForeignTracks(const Common& common, const std::string& path) {
+  constexpr double kAnySigma = 1.0;  // [m]; nothing of it is shown
+  const data::Tracks tracks = data::ReadTracksAny(path, kAnySigma);
+  ordered_json summary = {{"file", path},
+                          {"schema", data::kTracksSchema},
+                          {"sha256", data::FileSha256(path)},
+                          {"samples", tracks.size()},
+                          {"marks", tracks.marks}};
+  std::string text =
+      fmt::format("{}: tracks, {} samples of {}", path, tracks.size(), JoinWords(tracks.marks));
+  if (tracks.size() > 0) {
+    const auto [first, last] = std::minmax_element(tracks.t.begin(), tracks.t.end());
+    summary["from"] = *first;
+    summary["to"] = *last;
+    text += fmt::format(", {:.6g} to {:.6g} s", *first, *last);
+  }
+  Finish(common, summary, text);
+  return kExitGood;
+}
+
 int InfoToml(const Common& common, const std::string& path) {
   const data::TomlTable table = data::LoadToml(path);
-  std::string kind = "TOML";
-  if (table.Has("joint") || table.Has("beam") || table.Has("body")) {
-    kind = "scene";
-  } else if (table.Has("camera")) {
-    kind = "lab";
-  } else if (table.Has("parameter")) {
-    kind = "study";
-  }
+  const std::string kind = data::KindOf(path);
   ordered_json summary = {{"file", path}, {"kind", kind}, {"sha256", data::FileSha256(path)}};
   std::vector<std::vector<std::string>> rows = {{"key", "holds"}};
   for (const auto& [key, holds] : table.Outline()) {
@@ -127,9 +142,18 @@ Verb AddInfo(CLI::App& program, Common& common) {
   auto file = std::make_shared<std::string>();
   verb.files->Read("FILE", file.get(), "Any file that unfurl reads or writes")->required();
   verb.run = [&common, file] {
-    const std::string ending = std::filesystem::path(*file).extension().string();
-    if (ending == ".toml") return InfoToml(common, *file);
-    if (ending == ".csv") return InfoCsv(common, *file);
+    switch (data::FormatOf(*file)) {
+      case data::FileFormat::kToml:
+        return InfoToml(common, *file);
+      case data::FileFormat::kCsv:
+        return InfoCsv(common, *file);
+      case data::FileFormat::kC3d:
+      case data::FileFormat::kUff:
+        return InfoForeignTracks(common, *file);
+      case data::FileFormat::kHdf5:
+      case data::FileFormat::kUnknown:
+        break;
+    }
     return InfoHdf5(common, *file);
   };
   return verb;

@@ -13,6 +13,7 @@
 #include "cli/verb.h"
 #include "data/atomic_file.h"
 #include "data/csv.h"
+#include "data/formats.h"
 #include "data/h5.h"
 #include "data/scene.h"
 #include "sim/dynamics/observables.h"
@@ -105,8 +106,7 @@ void WriteShapes(const Arguments& arguments, data::Provenance provenance, const 
       shapes.insert(shapes.end(), d.begin(), d.end());
     }
   }
-  const std::string ending = std::filesystem::path(arguments.out).extension().string();
-  if (ending == ".csv") {
+  if (data::FormatOf(arguments.out) == data::FileFormat::kCsv) {
     data::CsvWriter csv({{"mode", ""},
                          {"frequency", "Hz"},
                          {"place", ""},
@@ -129,9 +129,8 @@ void WriteShapes(const Arguments& arguments, data::Provenance provenance, const 
     data::WriteTextFile(arguments.out, csv.text());
     return;
   }
-  if (ending != ".h5") {
-    throw Error(fmt::format("shapes cannot be written as '{}'", ending), arguments.out,
-                "use .h5 or .csv");
+  if (data::FormatOf(arguments.out) != data::FileFormat::kHdf5) {
+    throw Error("shapes cannot be written under this ending", arguments.out, "use .h5 or .csv");
   }
   data::H5Writer w(arguments.out, kSchema, kVersion, provenance);
   w.Write({"/frequency", "Hz", "undamped; 0 for an unstable motion"}, frequency);

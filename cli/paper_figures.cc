@@ -18,19 +18,6 @@ constexpr const char* kTurn = "figure-15.svg";
 constexpr const char* kDisplacements[] = {"figure-16a.svg", "figure-16b.svg"};
 constexpr const char* kSpectrum = "figure-17.svg";
 
-// Positions become displacements from where the reference starts.
-report::Chart Displacements(const correlate::Comparison& c, const std::string& mark) {
-  report::Chart chart = MarkChart(c, mark);
-  chart.y.label = "displacement";
-  for (report::Series& s : chart.series) {
-    const std::string axis = s.name.substr(s.name.size() - 1);
-    const correlate::ComparedSignal* signal = FindSignal(c, mark + " " + axis);
-    if (signal == nullptr || signal->reference.empty()) continue;
-    for (double& v : s.y) v -= kMilli * signal->reference.front();
-  }
-  return chart;
-}
-
 }  // namespace
 
 std::vector<std::string> PaperFigureNames() {
@@ -54,22 +41,23 @@ std::string WritePaperFigures(const std::string& folder, const correlate::Compar
   };
   const auto angle =
       std::find_if(c.signals.begin(), c.signals.end(),
-                   [](const correlate::ComparedSignal& s) { return s.unit == "rad"; });
+                   [](const correlate::ComparedSignal& s) { return s.id.IsAngle(); });
   if (angle != c.signals.end()) {
     write(kTurn, AngleChart(c, *angle), "Turn of the central body (" + angle->name + ")");
   } else {
     written += "no figure 15: no two marks sit on one body, so no angle is measured\n";
   }
-  const std::vector<std::string> marks = MarksByMotion(c);
+  const std::vector<std::size_t> marks = MarksByMotion(c);
   for (std::size_t i = 0; i < std::min<std::size_t>(marks.size(), 2); ++i) {
     // The paper shows the inner mark first.
-    const std::string& mark = marks[std::min<std::size_t>(marks.size(), 2) - 1 - i];
-    write(kDisplacements[i], Displacements(c, mark), "Displacement of " + mark);
+    const std::size_t mark = marks[std::min<std::size_t>(marks.size(), 2) - 1 - i];
+    write(kDisplacements[i], MarkChart(c, mark, MarkOrigin::kReferenceStart),
+          "Displacement of " + c.marks[mark]);
   }
   const correlate::ComparedSpectrum* strongest = nullptr;
   double most = 0.0;
   for (const correlate::ComparedSpectrum& s : c.spectra) {
-    if (marks.empty() || s.name.rfind(marks.front() + " ", 0) != 0) continue;
+    if (marks.empty() || s.id.IsAngle() || s.id.mark != marks.front()) continue;
     const double peak = s.measured_peaks.empty() ? 0.0 : s.measured_peaks.front().amplitude;
     if (strongest == nullptr || peak > most) strongest = &s, most = peak;
   }

@@ -20,6 +20,7 @@
 #include "cli/verb.h"
 #include "correlate/align/align.h"
 #include "data/csv.h"
+#include "data/formats.h"
 #include "data/h5.h"
 #include "data/rig.h"
 #include "data/run.h"
@@ -59,7 +60,7 @@ std::map<std::string, Eigen::Vector3d> ReadStart(const std::string& path) {
 std::vector<double> EventTimes(const Settings& s, const data::Tracks& tracks) {
   std::vector<double> times;
   if (s.events.empty()) return times;
-  if (!s.events.ends_with(".h5")) {
+  if (data::FormatOf(s.events) != data::FileFormat::kHdf5) {
     for (const std::string& word : Split(s.events, ',')) {
       double t = 0.0;
       if (!ParseDouble(Trim(word), &t) || !std::isfinite(t)) {
@@ -169,7 +170,9 @@ measure::ReconstructOptions OptionsOf(const Settings& s, data::Provenance* prove
     options.start = ReadStart(s.start);
     provenance->AddInput(s.start);
   }
-  if (s.smooth && s.events.ends_with(".h5")) provenance->AddInput(s.events);
+  if (s.smooth && data::FormatOf(s.events) == data::FileFormat::kHdf5) {
+    provenance->AddInput(s.events);
+  }
   if (!s.smooth && !s.events.empty()) {
     throw Error("events matter to smoothing only", "--events", "add --smooth");
   }

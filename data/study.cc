@@ -53,6 +53,7 @@ StudyTrial ReadTrial(const std::string& study, const std::string& name, const To
   trial.where = t.Where();
   trial.name = t.StringOr("name", name);
   trial.tracks = Beside(study, t.String("tracks"));
+  if (t.Has("sigma")) trial.sigma = t.Number("sigma", kPositive);
   trial.marks = t.StringsOr("marks", {});
   trial.set = t.StringsOr("set", {});
   const std::vector<double> window = t.NumbersOr("window", {0.0, 0.0}, 2);

@@ -37,8 +37,9 @@ struct StudyEvent {
 
 // One recorded trial and what of it counts.
 struct StudyTrial {
-  std::string name;                            // "trial", or "trial 2" of several
-  std::string tracks;                          // path
+  std::string name;    // "trial", or "trial 2" of several
+  std::string tracks;  // path
+  double sigma = 0.0;  // of one axis where the tracks tell none (.c3d, .uff) [m]; 0: they must
   std::vector<std::string> marks;              // empty: all of the tracks
   double window_low = 0.0, window_high = 0.0;  // on the tracks' clock [s]; equal: all
   std::vector<std::string> set;                // overrides of the scene for this trial

@@ -10,50 +10,9 @@
 #include "data/atomic_file.h"
 #include "data/toml_include.h"
 #include "data/toml_node.h"
+#include "data/toml_override.h"
 
 namespace unfurl::data {
-
-namespace {
-
-// The right-hand side of --set as a TOML value; a bare word is taken as a string.
-toml::table ParseOverride(const std::string& value, const std::string& dotted) {
-  for (const std::string& text : {"v = " + value, "v = \"" + value + "\""}) {
-    try {
-      return toml::parse(text);
-    } catch (const toml::parse_error&) {
-    }
-  }
-  throw Error(fmt::format("'{}' is not a value", value), "--set " + dotted,
-              "give a number, true, false, a word or an [array]");
-}
-
-const toml::node* ApplyOverride(toml::table& root, const std::string& assignment,
-                                std::string* dotted) {
-  const std::size_t equals = assignment.find('=');
-  if (equals == std::string::npos || equals == 0) {
-    throw Error("has no '='", "--set " + assignment, "write --set key=value");
-  }
-  *dotted = std::string(Trim(assignment.substr(0, equals)));
-  const std::vector<std::string> keys = Split(*dotted, '.');
-  toml::table* table = &root;
-  for (std::size_t i = 0; i + 1 < keys.size(); ++i) {
-    toml::node* next = table->get(keys[i]);
-    if (next == nullptr) {
-      table->insert(keys[i], toml::table{});
-      next = table->get(keys[i]);
-    }
-    table = next->as_table();
-    if (table == nullptr) {
-      throw Error(fmt::format("'{}' is not a table", keys[i]), "--set " + *dotted,
-                  "name a key of the file, table by table, with dots");
-    }
-  }
-  toml::table parsed = ParseOverride(assignment.substr(equals + 1), *dotted);
-  parsed.get("v")->visit([&](const auto& node) { table->insert_or_assign(keys.back(), node); });
-  return table->get(keys.back());
-}
-
-}  // namespace
 
 TomlTable ParseToml(const std::string& text, const std::string& name) {
   auto node = std::make_shared<TomlTable::Node>();
@@ -66,7 +25,12 @@ TomlTable ParseToml(const std::string& text, const std::string& name) {
 }
 
 TomlTable LoadToml(const std::string& path, const std::vector<std::string>& overrides) {
-  TomlTable table = ParseToml(ReadTextFile(path), path);
+  return LoadToml(path, overrides, nullptr);
+}
+
+TomlTable LoadToml(const std::string& path, const std::vector<std::string>& overrides,
+                   TextFiles* files) {
+  TomlTable table = ParseToml(files != nullptr ? files->Read(path) : ReadTextFile(path), path);
   TomlTable::Node& root = *table.node_;
   TomlTable::Node::Document& document = *root.document;
   const auto override_with = [&](const std::string& assignment) {
@@ -82,12 +46,51 @@ TomlTable LoadToml(const std::string& path, const std::vector<std::string>& over
     if (is_include(assignment)) override_with(assignment);
   }
   if (root.Get(kIncludeKey) != nullptr) {
-    MergeIncludes(root.table, path, &document.files, &document.order);
+    MergeIncludes(root.table, path, &document.files, &document.order, files);
   }
   for (const std::string& assignment : overrides) {
     if (!is_include(assignment)) override_with(assignment);
   }
   return table;
+}
+
+const std::string& TextFiles::Read(const std::string& path) {
+  const auto known = texts_.find(path);
+  if (known != texts_.end()) return known->second;
+  return texts_.emplace(path, ReadTextFile(path)).first->second;
+}
+
+TomlDocument::TomlDocument(const std::string& path, const std::vector<std::string>& overrides,
+                           TextFiles* files)
+    : table_(std::make_shared<TomlTable>(LoadToml(path, overrides, files))) {
+  // Copies lose where their nodes stand, and with it the order of the named tables: noted here.
+  TomlTable::Node& root = *table_->node_;
+  for (const auto& [group, node] : *root.table) {
+    if (!node.is_table()) continue;
+    int rank = 0;
+    for (const std::string& name : root.NamesInOrder(group.str(), *node.as_table())) {
+      root.document->order[fmt::format("{}.{}", group.str(), name)] = rank++;
+    }
+  }
+}
+
+const TomlTable& TomlDocument::table() const { return *table_; }
+
+TomlTable TomlDocument::With(const std::vector<Value>& values) const {
+  const TomlTable::Node& from = *table_->node_;
+  auto node = std::make_shared<TomlTable::Node>();
+  node->owner = std::make_shared<toml::table>(*from.table);
+  node->document = std::make_shared<TomlTable::Node::Document>();
+  node->document->files = from.document->files;
+  node->document->order = from.document->order;
+  node->table = node->owner.get();
+  node->file = from.file;
+  for (const Value& value : values) {
+    node->document->overridden[SetNumber(*node->table, value)] = value.key;
+  }
+  // As in the original, which has been read already.
+  if (node->table->get(kIncludeKey) != nullptr) node->Get(kIncludeKey);
+  return TomlTable(std::move(node));
 }
 
 std::string TomlTable::Where(std::string_view key) const { return node_->WhereOf(key); }
@@ -115,11 +118,8 @@ TomlTable TomlTable::Table(std::string_view key) const {
   return *table;
 }
 
-std::vector<std::pair<std::string, TomlTable>> TomlTable::NamedTables(std::string_view key) const {
-  std::vector<std::pair<std::string, TomlTable>> named;
-  const std::optional<TomlTable> group = TableOrNone(key);
-  if (!group) return named;
-  // toml++ sorts keys; restore the file's order, or that of first mention in merged files.
+std::vector<std::string> TomlTable::Node::NamesInOrder(std::string_view group,
+                                                       const toml::table& named) const {
   struct Place {
     int rank;
     unsigned line, column;
@@ -127,11 +127,11 @@ std::vector<std::pair<std::string, TomlTable>> TomlTable::NamedTables(std::strin
   };
   constexpr unsigned kLast = std::numeric_limits<unsigned>::max();  // from --set
   std::vector<std::pair<Place, std::string>> order;
-  for (const auto& [name, value] : *group->node_->table) {
+  for (const auto& [name, value] : named) {
     const auto begin = value.source().begin;
-    const auto known = node_->document->order.find(fmt::format("{}.{}", key, name.str()));
+    const auto known = document->order.find(fmt::format("{}.{}", group, name.str()));
     Place place{0, begin.line > 0 ? begin.line : kLast, begin.column};
-    if (known != node_->document->order.end())
+    if (known != document->order.end())
       place = {known->second, 0, 0};
     else if (begin.line == 0)
       place.rank = std::numeric_limits<int>::max();
@@ -139,7 +139,19 @@ std::vector<std::pair<std::string, TomlTable>> TomlTable::NamedTables(std::strin
   }
   std::stable_sort(order.begin(), order.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
-  for (const auto& [place, name] : order) named.emplace_back(name, group->Table(name));
+  std::vector<std::string> names;
+  for (auto& [place, name] : order) names.push_back(std::move(name));
+  return names;
+}
+
+std::vector<std::pair<std::string, TomlTable>> TomlTable::NamedTables(std::string_view key) const {
+  std::vector<std::pair<std::string, TomlTable>> named;
+  const std::optional<TomlTable> group = TableOrNone(key);
+  if (!group) return named;
+  for (std::string& name : node_->NamesInOrder(key, *group->node_->table)) {
+    TomlTable table = group->Table(name);
+    named.emplace_back(std::move(name), std::move(table));
+  }
   return named;
 }
 

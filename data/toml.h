@@ -1,6 +1,7 @@
 #pragma once
 
 #include <limits>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -29,13 +30,16 @@ inline constexpr TomlRange kNonNegative{0.0};
 
 // `overrides` are "dotted.key=value" with a TOML value (a bare word is taken as a string), applied
 // before anything is read; a value for a table that is not there makes it. Errors in them are
-// placed at "--set dotted.key".
+// placed at "--set dotted.key". "key[2]" is the third item of an array, which must be there.
 //
 // `include = ["common.toml"]` at the top of a file merges those files under it, table by table: the
 // file's own keys win, then those of a later file in the list. Names are relative to the file that
 // includes; a file that includes itself, directly or not, is refused. Errors name the file that a
 // key stands in.
 TomlTable LoadToml(const std::string& path, const std::vector<std::string>& overrides = {});
+class TextFiles;
+TomlTable LoadToml(const std::string& path, const std::vector<std::string>& overrides,
+                   TextFiles* files);
 TomlTable ParseToml(const std::string& text, const std::string& name);
 
 // One table of a file, with the place of each key for messages.
@@ -106,11 +110,50 @@ class TomlTable {
                          const std::string& remedy) const;
 
  private:
-  friend TomlTable LoadToml(const std::string&, const std::vector<std::string>&);
+  friend class TomlDocument;
+  friend TomlTable LoadToml(const std::string&, const std::vector<std::string>&, TextFiles*);
   friend TomlTable ParseToml(const std::string&, const std::string&);
   struct Node;
   explicit TomlTable(std::shared_ptr<Node> node) : node_(std::move(node)) {}
   std::shared_ptr<Node> node_;
+};
+
+/// Texts of files, each read from disk once, the first time that it is asked for. Whoever reads a
+/// document several times through one of these reads the same document each time, whatever happens
+/// to the files meanwhile. Not for several threads.
+class TextFiles {
+ public:
+  /// Throws Error for a file that cannot be read.
+  const std::string& Read(const std::string& path);
+
+ private:
+  std::map<std::string, std::string> texts_;
+};
+
+/// A document that was read and parsed once, and of which copies with other numbers are made.
+/// Copies may be made by several threads.
+class TomlDocument {
+ public:
+  /// A number to be set: "beam.arm.damping", "gravity.acceleration[1]".
+  struct Value {
+    std::string key;
+    double number = 0.0;
+  };
+
+  TomlDocument() = default;
+  /// As LoadToml; `files` null: from disk.
+  explicit TomlDocument(const std::string& path, const std::vector<std::string>& overrides = {},
+                        TextFiles* files = nullptr);
+
+  /// The document as it was read: errors carry file:line:key.
+  const TomlTable& table() const;
+  /// A copy with these numbers set, those without a fraction as whole numbers. Errors carry file
+  /// and key, "--set KEY" for a number that was set here. Throws Error for a key that cannot be
+  /// set.
+  TomlTable With(const std::vector<Value>& values) const;
+
+ private:
+  std::shared_ptr<const TomlTable> table_;
 };
 
 }  // namespace unfurl::data

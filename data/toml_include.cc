@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "data/atomic_file.h"
+#include "data/toml.h"
 
 namespace unfurl::data {
 namespace {
@@ -16,8 +17,8 @@ constexpr std::size_t kMostFiles = 1000;
 
 class Merger {
  public:
-  Merger(std::vector<std::string>* files, std::map<std::string, int>* order)
-      : files_(files), order_(order) {}
+  Merger(std::vector<std::string>* files, std::map<std::string, int>* order, TextFiles* texts)
+      : files_(files), order_(order), texts_(texts) {}
 
   void Merge(toml::table* document, const std::string& path) {
     chain_.push_back(std::filesystem::weakly_canonical(path));
@@ -72,7 +73,9 @@ class Merger {
                   "include each file once");
     }
     files_->push_back(file.string());
-    toml::table document = ParseTomlDocument(ReadTextFile(file.string()), file.string());
+    toml::table document = ParseTomlDocument(
+        texts_ != nullptr ? texts_->Read(file.string()) : ReadTextFile(file.string()),
+        file.string());
     Merge(&document, file.string());
     document.erase(kIncludeKey);
     return document;
@@ -112,6 +115,7 @@ class Merger {
 
   std::vector<std::string>* files_;
   std::map<std::string, int>* order_;
+  TextFiles* texts_;
   std::vector<std::filesystem::path> chain_;  // from the first file to the one being merged
 };
 
@@ -129,8 +133,8 @@ toml::table ParseTomlDocument(const std::string& text, const std::string& name) 
 }
 
 void MergeIncludes(toml::table* document, const std::string& path, std::vector<std::string>* files,
-                   std::map<std::string, int>* order) {
-  Merger(files, order).Merge(document, path);
+                   std::map<std::string, int>* order, TextFiles* texts) {
+  Merger(files, order, texts).Merge(document, path);
 }
 
 }  // namespace unfurl::data

@@ -33,6 +33,10 @@ struct TomlTable::Node {
   std::set<std::string> asked;                          // keys a reader knows
   std::map<std::string, std::shared_ptr<Node>> tables;  // by key, or "key[i]"
 
+  // toml++ sorts keys: the names of a group's tables in the file's order, or that of first mention
+  // in merged files; those that overrides made come last.
+  std::vector<std::string> NamesInOrder(std::string_view group, const toml::table& named) const;
+
   std::string Dotted(std::string_view key) const {
     if (key.empty()) return path;
     return path.empty() ? std::string(key) : path + "." + std::string(key);

@@ -8,6 +8,7 @@
 
 #include "base/number.h"
 #include "base/text.h"
+#include "correlate/align/nuisance.h"
 #include "correlate/compare/metrics.h"
 
 namespace unfurl::study {
@@ -136,7 +137,75 @@ void AddTrialWords(const std::vector<correlate::FitTrial>& trials, const correla
   }
 }
 
-// The whole in one sentence, worst news first.
+// How the whole sentence speaks of the parameters of each verdict, worst news first.
+struct VerdictPhrase {
+  correlate::Verdict verdict;
+  const char* words;
+};
+constexpr VerdictPhrase kPhrases[] = {
+    {correlate::Verdict::kNotDetermined, "not determined by this trial"},
+    {correlate::Verdict::kCombination, "determined only in combination"},
+    {correlate::Verdict::kAtBound, "at the bound"},
+    {correlate::Verdict::kIfModelHolds, "known only if it holds"},
+    {correlate::Verdict::kMeshLimited, "known, as well as the model's own error allows"},
+    {correlate::Verdict::kDetermined, "determined"},
+};
+
+bool AnyTrial(const correlate::FitResult& r, correlate::Explained outcome) {
+  return std::any_of(r.trials.begin(), r.trials.end(), [&](const correlate::TrialResult& t) {
+    return t.goodness.outcome == outcome;
+  });
+}
+
+// The whole in one sentence.
+std::string WholeVerdict(const std::vector<correlate::Parameter>& parameters,
+                         const correlate::FitResult& r) {
+  std::string words;
+  if (AnyTrial(r, correlate::Explained::kNo)) words = "the model does not explain the data; ";
+  bool known = false;
+  for (const VerdictPhrase& phrase : kPhrases) {
+    std::vector<std::string> names;
+    for (std::size_t j = 0; j < parameters.size(); ++j) {
+      if (r.parameters[j].verdict == phrase.verdict) names.push_back(parameters[j].name);
+    }
+    if (names.empty()) continue;
+    words += JoinWords(names) + (names.size() == 1 ? " is " : " are ") + phrase.words + "; ";
+    known = known || phrase.verdict == correlate::Verdict::kMeshLimited ||
+            phrase.verdict == correlate::Verdict::kDetermined;
+  }
+  words.resize(words.size() - 2);
+  if (known && AnyTrial(r, correlate::Explained::kNoise)) {
+    words += ": if what is too much in the residuals is noise";
+  }
+  words[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(words[0])));
+  return words + ".";
+}
+
+// What the search says of the minimum.
+void AddSearchWords(const correlate::FitResult& r, data::FitRecord* record) {
+  if (r.returns > 0) {
+    record->reasons.push_back(
+        fmt::format("A profile came upon a lower point; the fit was taken up again from there {}.",
+                    r.returns == 1 ? std::string("once") : fmt::format("{} times", r.returns)));
+  }
+  constexpr double kOneSigma = 1.0;  // of deviance: less is the same minimum
+  if (r.profile_below > kOneSigma) {
+    record->reasons.push_back(fmt::format(
+        "A profile still holds a point whose deviance is lower by {:.2g}, within the 95% region of "
+        "the values given; more starts may find a better minimum.",
+        r.profile_below));
+  }
+  if (r.starts.size() < 2) return;
+  // Ends whose sums of squares differ by less than the noise of a fit are the same minimum.
+  const double best = r.starts.front().cost;
+  const auto same =
+      std::count_if(r.starts.begin(), r.starts.end(), [&](const correlate::StartResult& start) {
+        return start.cost >= 0.0 && start.cost - best <= 0.01 * best + 2.0;
+      });
+  record->reasons.push_back(
+      fmt::format("{} of {} starts led to the same minimum.", same, r.starts.size()));
+}
+
 void JudgeWhole(const correlate::FitProblem& problem, const correlate::FitResult& r,
                 data::FitRecord* record) {
   const std::vector<correlate::Parameter>& parameters = problem.parameters;
@@ -145,53 +214,7 @@ void JudgeWhole(const correlate::FitProblem& problem, const correlate::FitResult
     record->reasons.push_back(r.message);
     return;
   }
-  std::vector<std::string> known, limited, bound, together, open, doubtful;
-  for (std::size_t j = 0; j < parameters.size(); ++j) {
-    switch (r.parameters[j].verdict) {
-      case correlate::Verdict::kDetermined:
-        known.push_back(parameters[j].name);
-        break;
-      case correlate::Verdict::kMeshLimited:
-        limited.push_back(parameters[j].name);
-        break;
-      case correlate::Verdict::kCombination:
-        together.push_back(parameters[j].name);
-        break;
-      case correlate::Verdict::kAtBound:
-        bound.push_back(parameters[j].name);
-        break;
-      case correlate::Verdict::kNotDetermined:
-        open.push_back(parameters[j].name);
-        break;
-      case correlate::Verdict::kIfModelHolds:
-        doubtful.push_back(parameters[j].name);
-        break;
-    }
-  }
-  auto are = [](const std::vector<std::string>& names) {
-    return JoinWords(names) + (names.size() == 1 ? " is" : " are");
-  };
-  std::string words;
-  for (const correlate::TrialResult& t : r.trials) {
-    if (t.goodness.outcome != correlate::Explained::kNo || !words.empty()) continue;
-    words = "the model does not explain the data; ";
-  }
-  if (!open.empty()) words += are(open) + " not determined by this trial; ";
-  if (!together.empty()) words += are(together) + " determined only in combination; ";
-  if (!bound.empty()) words += are(bound) + " at the bound; ";
-  if (!doubtful.empty()) words += are(doubtful) + " known only if it holds; ";
-  if (!limited.empty()) words += are(limited) + " known, as well as the model's own error allows; ";
-  if (!known.empty()) words += are(known) + " determined; ";
-  words.resize(words.size() - 2);
-  for (const correlate::TrialResult& t : r.trials) {
-    if (t.goodness.outcome != correlate::Explained::kNoise || known.size() + limited.size() == 0) {
-      continue;
-    }
-    words += ": if what is too much in the residuals is noise";
-    break;
-  }
-  words[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(words[0])));
-  record->verdict = words + ".";
+  record->verdict = WholeVerdict(parameters, r);
   for (std::size_t j = 0; j < parameters.size(); ++j) {
     record->reasons.push_back(
         fmt::format("{} = {} {}: {}", parameters[j].name,
@@ -199,27 +222,7 @@ void JudgeWhole(const correlate::FitProblem& problem, const correlate::FitResult
                     parameters[j].unit, r.parameters[j].reason));
   }
   AddTrialWords(problem.trials, r, record);
-  if (r.returns > 0) {
-    record->reasons.push_back(
-        fmt::format("A profile came upon a lower point; the fit was taken up again from there {}.",
-                    r.returns == 1 ? std::string("once") : fmt::format("{} times", r.returns)));
-  }
-  if (r.profile_below > 1.0) {
-    record->reasons.push_back(fmt::format(
-        "A profile still holds a point whose deviance is lower by {:.2g}, within the 95% region of "
-        "the values given; more starts may find a better minimum.",
-        r.profile_below));
-  }
-  if (r.starts.size() > 1) {
-    // Ends whose sums of squares differ by less than the noise of a fit are the same minimum.
-    const double best = r.starts.front().cost;
-    std::size_t same = 0;
-    for (const correlate::StartResult& s : r.starts) {
-      same += s.cost >= 0.0 && s.cost - best <= 0.01 * best + 2.0 ? 1 : 0;
-    }
-    record->reasons.push_back(
-        fmt::format("{} of {} starts led to the same minimum.", same, r.starts.size()));
-  }
+  AddSearchWords(r, record);
 }
 
 void AddSearch(const correlate::FitResult& r, data::FitRecord* record) {
@@ -240,18 +243,10 @@ void AddSearch(const correlate::FitResult& r, data::FitRecord* record) {
 }
 
 void AddNuisances(const correlate::TrialResult& t, std::int32_t index, data::FitRecord* record) {
-  const correlate::Registration& at = t.at;
-  const Eigen::Vector3d w = VectorFromRotation(at.X_WM.linear());
-  const Eigen::Vector3d centre = at.X_WM * t.registration.centroid_M;
   for (std::size_t i = 0; i < t.nuisances.size(); ++i) {
-    double value = 0.0;
-    std::string unit = "1";
-    if (i < 3) value = w(static_cast<Eigen::Index>(i)), unit = "rad";
-    if (i >= 3 && i < 6) value = centre(static_cast<Eigen::Index>(i) - 3), unit = "m";
-    if (i == 6) value = at.offset, unit = "s";
-    if (i >= 7) value = at.z(static_cast<Eigen::Index>(i) - 7);
-    record->nuisances.push_back(
-        {t.nuisances[i], unit, value, t.nuisance_sigma(static_cast<Eigen::Index>(i)), index});
+    const correlate::Nuisance n = correlate::NuisanceNamed(t.nuisances[i]);
+    record->nuisances.push_back({n.Name(), n.Unit(), correlate::ValueOf(n, t.registration),
+                                 t.nuisance_sigma(static_cast<Eigen::Index>(i)), index});
   }
 }
 

@@ -68,8 +68,9 @@ class Collector : public sim::Observer {
 }  // namespace
 
 SceneModel::SceneModel(SceneModelOptions options, std::span<const double> theta)
-    : options_(std::move(options)) {
-  const data::Scene scene = data::ReadScene(options_.scene, Overrides(theta));
+    : options_(std::move(options)), document_(options_.scene, options_.set, options_.texts) {
+  options_.texts = nullptr;
+  const data::Scene scene = FirstScene(theta);
   sim::Compile(scene);
   duration_ = scene.duration;
   files_ = scene.files;
@@ -79,21 +80,29 @@ SceneModel::SceneModel(SceneModelOptions options, std::span<const double> theta)
   for (const data::SceneWatch& watch : scene.watches) watches_.push_back(watch.name);
 }
 
-std::vector<std::string> SceneModel::Overrides(std::span<const double> theta) const {
-  std::vector<std::string> all = options_.set;
-  for (std::size_t j = 0; j < options_.keys.size(); ++j) {
-    for (const std::string& key : options_.keys[j]) {
-      all.push_back(fmt::format("{}={:.17g}", key, theta[j]));
-    }
+data::Scene SceneModel::FirstScene(std::span<const double> theta) const {
+  try {
+    return SceneAt(theta);
+  } catch (const Error&) {
+    // What is wrong without the parameters, too, has a line in its file.
+    data::ReadScene(document_.table(), options_.scene);
+    throw;
   }
-  return all;
+}
+
+data::Scene SceneModel::SceneAt(std::span<const double> theta) const {
+  std::vector<data::TomlDocument::Value> values;
+  for (std::size_t j = 0; j < options_.keys.size(); ++j) {
+    for (const std::string& key : options_.keys[j]) values.push_back({key, theta[j]});
+  }
+  return data::ReadScene(document_.With(values), options_.scene);
 }
 
 correlate::Prediction SceneModel::Evaluate(std::span<const double> theta,
                                            const correlate::Stamps& stamps) const {
   const auto start = std::chrono::steady_clock::now();
   correlate::Prediction out;
-  const sim::Model model = sim::Compile(data::ReadScene(options_.scene, Overrides(theta)));
+  const sim::Model model = sim::Compile(SceneAt(theta));
   double last = 0.0;
   for (const auto& list : stamps.t) {
     if (!list.empty()) last = std::max(last, list.back());

@@ -5,12 +5,15 @@
 
 #include "correlate/model.h"
 #include "data/scene.h"
+#include "data/toml.h"
 
 namespace unfurl::study {
 
 // The simulator as a model to be fitted: a scene whose keys the parameters set.
 struct SceneModelOptions {
-  std::string scene;                           // path
+  std::string scene;  // path
+  // Texts already read, which other models share: all of them then see one scene. Null: from disk.
+  data::TextFiles* texts = nullptr;
   std::vector<std::string> set;                // fixed overrides, "dotted.key=value"
   std::vector<std::vector<std::string>> keys;  // by parameter: the keys that take its value
   double rtol = 1e-5;                          // [-]
@@ -18,8 +21,8 @@ struct SceneModelOptions {
 
 class SceneModel : public correlate::Model {
  public:
-  // Reads and compiles the scene once at `theta`, so that what is wrong in it is an Error here,
-  // placed at its file, and not a failure of every evaluation.
+  // Reads the scene once, and compiles it at `theta`, so that what is wrong in it is an Error here,
+  // placed at its file, and not a failure of every evaluation. No file is read after that.
   SceneModel(SceneModelOptions options, std::span<const double> theta);
 
   // Simulates to the last stamp. Events are those of the joints.
@@ -34,9 +37,11 @@ class SceneModel : public correlate::Model {
   double duration() const { return duration_; }  // the scene's [s]
 
  private:
-  std::vector<std::string> Overrides(std::span<const double> theta) const;
+  data::Scene SceneAt(std::span<const double> theta) const;
+  data::Scene FirstScene(std::span<const double> theta) const;
 
   SceneModelOptions options_;
+  data::TomlDocument document_;
   std::vector<std::string> marks_, joints_, watches_, files_;
   std::vector<data::SceneBeam> beams_;
   double duration_ = 0.0;  // [s]

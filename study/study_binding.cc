@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "base/text.h"
 #include "correlate/fit/command_model.h"
+#include "data/formats.h"
 #include "data/h5.h"
 #include "data/tracks.h"
 #include "study/finer_mesh.h"
@@ -19,8 +20,7 @@ namespace unfurl::study {
 namespace {
 
 correlate::Observations ReadTrial(const data::StudyTrial& trial, const std::string& path) {
-  const bool csv = std::filesystem::path(path).extension() == ".csv";
-  const data::Tracks tracks = csv ? data::ReadTracksCsv(path) : data::ReadTracks(path);
+  const data::Tracks tracks = data::ReadTracksAny(path, trial.sigma);
   if (tracks.smoothed) {
     throw Error("these tracks are smoothed: their errors are no longer independent", path,
                 "fit to the tracks as reconstructed");
@@ -52,7 +52,7 @@ correlate::Observations ReadTrial(const data::StudyTrial& trial, const std::stri
 
 // Which calibration tracks were reconstructed with: the hash of the rig that `reconstruct` read.
 std::string CalibrationOf(const std::string& path) {
-  if (std::filesystem::path(path).extension() == ".csv") return {};
+  if (data::FormatOf(path) != data::FileFormat::kHdf5) return {};
   const data::Provenance made =
       data::H5Reader(path, data::kTracksSchema, data::kTracksVersion).ReadProvenance();
   return made.inputs.size() == 2 ? made.inputs[1].sha256 : std::string();
@@ -85,16 +85,21 @@ std::unique_ptr<SceneModel> BindScene(const data::Study& study, const SceneModel
     return std::make_unique<SceneModel>(options, theta);
   } catch (const Error& e) {
     const std::string text = e.what();
-    if (text.rfind("--set ", 0) != 0) throw;
+    if (!text.starts_with("--set ")) throw;
     throw Error("the scene does not take a key that the study drives: " + text.substr(6),
                 study.path, "look the key up in " + study.scene);
   }
 }
 
 void BindScenes(const data::Study& study, const data::StudyTrial& from,
-                const std::vector<double>& theta, correlate::FitTrial* trial, BoundStudy* bound) {
+                const std::vector<double>& theta, data::TextFiles* texts,
+                correlate::FitTrial* trial, BoundStudy* bound) {
   constexpr double kAtFirst = 1e-5;  // where the tolerance is still to be chosen
-  SceneModelOptions binding{study.scene, study.set, {}, study.rtol > 0.0 ? study.rtol : kAtFirst};
+  SceneModelOptions binding;
+  binding.scene = study.scene;
+  binding.texts = texts;
+  binding.set = study.set;
+  binding.rtol = study.rtol > 0.0 ? study.rtol : kAtFirst;
   binding.set.insert(binding.set.end(), from.set.begin(), from.set.end());
   for (const data::StudyParameter& p : study.parameters) binding.keys.push_back(p.keys);
   auto model = BindScene(study, binding, theta);
@@ -144,7 +149,7 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from,
 
 void BindCommand(const data::Study& study, const data::StudyTrial& from, correlate::FitTrial* trial,
                  BoundStudy* bound) {
-  if (!from.events.empty() && std::filesystem::path(study.command->tracks).extension() != ".h5") {
+  if (!from.events.empty() && data::FormatOf(study.command->tracks) != data::FileFormat::kHdf5) {
     throw Error("a CSV of tracks tells no events", from.events.front().at,
                 "let the program write a run file (.h5), or leave the event out");
   }
@@ -168,6 +173,7 @@ void BindCommand(const data::Study& study, const data::StudyTrial& from, correla
 }  // namespace
 
 BoundStudy Bind(const data::Study& study, const std::string& tracks) {
+  data::TextFiles texts;  // every model of the study sees the same scene
   BoundStudy bound;
   bound.inputs.push_back(study.path);
   if (!tracks.empty() && study.trials.size() > 1) {
@@ -190,7 +196,7 @@ BoundStudy Bind(const data::Study& study, const std::string& tracks) {
     if (study.command) {
       BindCommand(study, from, &trial, &bound);
     } else {
-      BindScenes(study, from, theta, &trial, &bound);
+      BindScenes(study, from, theta, &texts, &trial, &bound);
     }
     bound.problem.trials.push_back(trial);
     bound.inputs.push_back(path);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "base/statistics.h"
 #include "correlate/spectra/fft.h"
@@ -90,85 +91,102 @@ void Accumulate(std::vector<double>* sum, const std::vector<double>& term) {
   for (std::size_t i = 0; i < term.size(); ++i) (*sum)[i] += term[i];
 }
 
-}  // namespace
+// The two records on one even grid of time.
+struct Grid {
+  double step = 0.0;                    // [s]; 0: there is none
+  double start_a = 0.0, start_b = 0.0;  // of the first point, each on its own clock [s]
+  std::size_t count_a = 0, count_b = 0;
+};
 
-OffsetSearch FindOffset(const SampledModel& a, const SampledModel& b,
-                        const std::vector<std::string>& marks, const OffsetOptions& options) {
+Grid GridOf(const Observations& A, const Observations& B) {
   constexpr double kMaxGrid = 100000.0;  // points; beyond, a coarser grid locates the peak as well
-  OffsetSearch out;
-  const Observations& A = a.samples();
-  const Observations& B = b.samples();
-  if (A.size() < 4 || B.size() < 4) return out;
-  const double start_a = A.Start(), end_a = A.End();
-  double start_b = B.Start();
-  const double end_b = B.End();
-  if (B.held_before) start_b -= end_a - start_a;
-
-  double step = end_a - start_a;
+  Grid grid;
+  const double length_a = A.End() - A.Start();
+  grid.start_a = A.Start();
+  grid.start_b = B.held_before ? B.Start() - length_a : B.Start();
+  double step = length_a;
   for (const Observations* o : {&A, &B}) {
     for (const MarkSeries& m : o->marks) {
       const double s = MedianStep(m.t);
       if (s > 0.0) step = std::min(step, s);
     }
   }
-  const double span = std::max(end_a - start_a, end_b - start_b);
-  step = std::max(step, span / kMaxGrid);
-  if (!(step > 0.0)) return out;
-  out.step = step;
-  const auto count_a = static_cast<std::size_t>((end_a - start_a) / step) + 1;
-  const auto count_b = static_cast<std::size_t>((end_b - start_b) / step) + 1;
-  const Prediction grid_a = OnGrid(a, marks, start_a, count_a, step);
-  const Prediction grid_b = OnGrid(b, marks, start_b, count_b, step);
+  const double length_b = B.End() - grid.start_b;
+  step = std::max(step, std::max(length_a, length_b) / kMaxGrid);
+  if (!(step > 0.0)) return grid;
+  grid.step = step;
+  grid.count_a = static_cast<std::size_t>(length_a / step) + 1;
+  grid.count_b = static_cast<std::size_t>(length_b / step) + 1;
+  return grid;
+}
 
-  // A distance that varies by no more than the noise of its ends says nothing of time.
-  const double noise = std::max(TypicalSigma(A), TypicalSigma(B));
-  std::vector<Gridded> signal_a, signal_b;
-  {
-    std::vector<Gridded> da = Distances(grid_a), db = Distances(grid_b);
-    double widest = 0.0;
-    for (std::size_t j = 0; j < da.size(); ++j) {
-      widest = std::max(widest, std::min(SpreadOf(da[j]), SpreadOf(db[j])));
-    }
-    const double least = std::max({10.0 * noise, 0.01 * widest, 1e-9});
-    for (std::size_t j = 0; j < da.size(); ++j) {
-      if (SpreadOf(da[j]) > least && SpreadOf(db[j]) > least) {
-        signal_a.push_back(std::move(da[j]));
-        signal_b.push_back(std::move(db[j]));
-      }
-    }
-  }
-  out.signal = fmt::format("{} distances between marks", signal_a.size());
-  out.independent = std::max<std::size_t>(1, signal_a.size());
-  if (signal_a.empty()) {
-    signal_a = Speeds(grid_a, step);
-    signal_b = Speeds(grid_b, step);
-    out.signal = fmt::format("speeds of {} marks", signal_a.size());
-  }
+// Signals that no rigid frame changes, of both records in the same order.
+struct SignalPairs {
+  std::vector<Gridded> a, b;
+  std::string name;             // in words
+  std::size_t independent = 1;  // histories that may differ freely
+};
 
-  // Masked normalised cross-correlation [Padfield 2012], numerators and variances summed over the
-  // signals, so that those which move most weigh most.
+// Distances between marks, those that vary by more than `noise` [m] of their ends; where none does,
+// the speeds of the marks.
+SignalPairs ChooseSignals(const Prediction& a, const Prediction& b, double noise, double step) {
+  constexpr double kNoise = 10.0;      // sigmas between the ends of thousands of normal draws
+  constexpr double kPart = 0.01;       // of the distance that varies most
+  constexpr double kRoundOff = 1e-12;  // of the distance itself
+  SignalPairs out;
+  std::vector<Gridded> da = Distances(a), db = Distances(b);
+  double widest = 0.0, longest = 0.0;
+  for (std::size_t j = 0; j < da.size(); ++j) {
+    widest = std::max(widest, std::min(SpreadOf(da[j]), SpreadOf(db[j])));
+    for (double v : da[j].value) longest = std::max(longest, v);
+  }
+  const double least = std::max({kNoise * noise, kPart * widest, kRoundOff * longest});
+  for (std::size_t j = 0; j < da.size(); ++j) {
+    if (SpreadOf(da[j]) <= least || SpreadOf(db[j]) <= least) continue;
+    out.a.push_back(std::move(da[j]));
+    out.b.push_back(std::move(db[j]));
+  }
+  out.independent = std::max<std::size_t>(1, out.a.size());
+  out.name = fmt::format("{} distances between marks", out.a.size());
+  if (out.a.empty()) {
+    out.a = Speeds(a, step);
+    out.b = Speeds(b, step);
+    out.name = fmt::format("speeds of {} marks", out.a.size());
+  }
+  return out;
+}
+
+// Takes the mean of what is known out, so that differences of sums stay well conditioned. The count
+// of what is known.
+double Centre(Gridded* g) {
+  double sum = 0.0, n = 0.0;
+  for (std::size_t i = 0; i < g->value.size(); ++i) sum += g->value[i], n += g->mask[i];
+  for (std::size_t i = 0; i < g->value.size(); ++i) {
+    if (g->mask[i] > 0.0 && n > 0.0) g->value[i] -= sum / n;
+  }
+  return n;
+}
+
+std::vector<double> Squared(std::vector<double> x) {
+  for (double& v : x) v *= v;
+  return x;
+}
+
+// Sums over all signals, by lag: l stands for sample i of a beside sample i + l - (count_a - 1) of
+// b.
+struct LagSums {
   std::vector<double> numerator, variance_a, variance_b, overlap;
-  double shorter_a = 0.0, shorter_b = 0.0;
-  for (std::size_t j = 0; j < signal_a.size(); ++j) {
-    Gridded& x = signal_a[j];
-    Gridded& y = signal_b[j];
-    for (Gridded* g : {&x, &y}) {  // about its mean: keeps the sums' differences well conditioned
-      double sum = 0.0, n = 0.0;
-      for (std::size_t i = 0; i < g->value.size(); ++i) sum += g->value[i], n += g->mask[i];
-      for (std::size_t i = 0; i < g->value.size(); ++i) {
-        if (g->mask[i] > 0.0 && n > 0.0) g->value[i] -= sum / n;
-      }
-      (g == &x ? shorter_a : shorter_b) += n;
-    }
-    std::vector<double> xx(x.value), yy(y.value);
-    for (double& v : xx) v *= v;
-    for (double& v : yy) v *= v;
+  double known_a = 0.0, known_b = 0.0;  // samples that are known, of all signals
+
+  void Add(Gridded& x, Gridded& y) {
+    known_a += Centre(&x);
+    known_b += Centre(&y);
     const std::vector<double> n = CrossCorrelation(x.mask, y.mask);
     const std::vector<double> sx = CrossCorrelation(x.value, y.mask);
     const std::vector<double> sy = CrossCorrelation(x.mask, y.value);
     const std::vector<double> sxy = CrossCorrelation(x.value, y.value);
-    std::vector<double> sxx = CrossCorrelation(xx, y.mask);
-    std::vector<double> syy = CrossCorrelation(x.mask, yy);
+    std::vector<double> sxx = CrossCorrelation(Squared(x.value), y.mask);
+    std::vector<double> syy = CrossCorrelation(x.mask, Squared(y.value));
     std::vector<double> top(n.size());
     for (std::size_t l = 0; l < n.size(); ++l) {
       const double count = std::max(n[l], 1.0);
@@ -181,47 +199,85 @@ OffsetSearch FindOffset(const SampledModel& a, const SampledModel& b,
     Accumulate(&variance_b, syy);
     Accumulate(&overlap, n);
   }
-  if (numerator.empty()) return out;
-  const double total_a = *std::max_element(variance_a.begin(), variance_a.end());
-  const double total_b = *std::max_element(variance_b.begin(), variance_b.end());
-  // The time before a run's start, in which it is held, is there to be overlapped but not to be
-  // asked for.
-  const double own_b = shorter_b * std::min(1.0, (end_b - B.Start()) / (end_b - start_b));
-  const double shorter = std::max(1.0, std::min(shorter_a, own_b));
+};
 
-  // Entry l: sample i of a beside sample i + l - (count_a - 1) of b.
-  auto offset_at = [&](double l) {
-    return start_a - start_b - (l - static_cast<double>(count_a - 1)) * step;
-  };
-  std::vector<double> rho(numerator.size(), -2.0);
+constexpr double kNoCorrelation = -2.0;  // of a lag that takes no part; less than any correlation
+
+// Local maxima of the correlation over the lags, each refined by a parabola through three lags.
+std::vector<OffsetCandidate> Peaks(const std::vector<double>& rho,
+                                   const std::function<double(double lag)>& offset_at,
+                                   const std::vector<double>& share) {
+  std::vector<OffsetCandidate> out;
   for (std::size_t l = 0; l < rho.size(); ++l) {
-    // A part in which nothing moves correlates with anything: it is not evidence.
-    constexpr double kMoves = 1e-3;
-    const double offset = offset_at(static_cast<double>(l));
-    if (overlap[l] < options.min_overlap * shorter || offset < options.low ||
-        offset > options.high || variance_a[l] < kMoves * total_a ||
-        variance_b[l] < kMoves * total_b) {
-      continue;
-    }
-    rho[l] = numerator[l] / std::sqrt(variance_a[l] * variance_b[l]);
-  }
-  for (std::size_t l = 0; l < rho.size(); ++l) {
-    if (rho[l] <= -2.0) continue;
-    const double before = l > 0 ? rho[l - 1] : -2.0;
-    const double after = l + 1 < rho.size() ? rho[l + 1] : -2.0;
+    if (rho[l] <= kNoCorrelation) continue;
+    const double before = l > 0 ? rho[l - 1] : kNoCorrelation;
+    const double after = l + 1 < rho.size() ? rho[l + 1] : kNoCorrelation;
     if (rho[l] < before || rho[l] <= after) continue;
     double shift = 0.0;
-    if (before > -2.0 && after > -2.0) {
+    if (before > kNoCorrelation && after > kNoCorrelation) {
       const double bend = before - 2.0 * rho[l] + after;
       if (bend < 0.0) shift = 0.5 * (before - after) / bend;
     }
-    out.candidates.push_back(
-        {offset_at(static_cast<double>(l) + shift), rho[l], overlap[l] / shorter});
+    out.push_back({offset_at(static_cast<double>(l) + shift), rho[l], share[l]});
   }
-  std::stable_sort(out.candidates.begin(), out.candidates.end(),
-                   [](const OffsetCandidate& x, const OffsetCandidate& y) {
-                     return x.correlation > y.correlation;
-                   });
+  std::stable_sort(out.begin(), out.end(), [](const OffsetCandidate& x, const OffsetCandidate& y) {
+    return x.correlation > y.correlation;
+  });
+  return out;
+}
+
+}  // namespace
+
+OffsetSearch FindOffset(const SampledModel& a, const SampledModel& b,
+                        const std::vector<std::string>& marks, const OffsetOptions& options) {
+  OffsetSearch out;
+  const Observations& A = a.samples();
+  const Observations& B = b.samples();
+  constexpr std::size_t kFewest = 4;  // samples: fewer have no history
+  if (A.size() < kFewest || B.size() < kFewest) return out;
+
+  // 1. Both on one even grid; signals that no frame changes.
+  const Grid grid = GridOf(A, B);
+  if (grid.step <= 0.0) return out;
+  out.step = grid.step;
+  const double noise = std::max(TypicalSigma(A), TypicalSigma(B));
+  SignalPairs signals =
+      ChooseSignals(OnGrid(a, marks, grid.start_a, grid.count_a, grid.step),
+                    OnGrid(b, marks, grid.start_b, grid.count_b, grid.step), noise, grid.step);
+  out.signal = signals.name;
+  out.independent = signals.independent;
+
+  // 2. Masked normalised cross-correlation [Padfield 2012]: numerators and variances are summed
+  // over the signals, so that those which move most weigh most.
+  LagSums sums;
+  for (std::size_t j = 0; j < signals.a.size(); ++j) sums.Add(signals.a[j], signals.b[j]);
+  if (sums.numerator.empty()) return out;
+  const double total_a = *std::max_element(sums.variance_a.begin(), sums.variance_a.end());
+  const double total_b = *std::max_element(sums.variance_b.begin(), sums.variance_b.end());
+  // The time before a run's start, in which it is held, is there to be overlapped but is not part
+  // of what has to be.
+  const double own_b =
+      sums.known_b * std::min(1.0, (B.End() - B.Start()) / (B.End() - grid.start_b));
+  const double shorter = std::max(1.0, std::min(sums.known_a, own_b));
+  const std::function<double(double)> offset_at = [&](double lag) {
+    return grid.start_a - grid.start_b - (lag - static_cast<double>(grid.count_a - 1)) * grid.step;
+  };
+  std::vector<double> rho(sums.numerator.size(), kNoCorrelation), share(rho.size());
+  for (std::size_t l = 0; l < rho.size(); ++l) {
+    // A part in which nothing moves correlates with anything: it is not evidence.
+    constexpr double kMoves = 1e-3;  // of the largest variance over any overlap
+    const double offset = offset_at(static_cast<double>(l));
+    share[l] = sums.overlap[l] / shorter;
+    const bool moves =
+        sums.variance_a[l] >= kMoves * total_a && sums.variance_b[l] >= kMoves * total_b;
+    if (share[l] < options.min_overlap || !moves || offset < options.low || offset > options.high) {
+      continue;
+    }
+    rho[l] = sums.numerator[l] / std::sqrt(sums.variance_a[l] * sums.variance_b[l]);
+  }
+
+  // 3. Its peaks, best first.
+  out.candidates = Peaks(rho, offset_at, share);
   if (out.candidates.size() > static_cast<std::size_t>(options.candidates)) {
     out.candidates.resize(static_cast<std::size_t>(options.candidates));
   }

@@ -6,6 +6,8 @@
 #include <Eigen/Eigenvalues>
 #include <cmath>
 
+#include "correlate/align/nuisance.h"
+
 namespace unfurl::correlate {
 
 namespace {
@@ -87,13 +89,7 @@ Eigen::MatrixXd InvertNormal(const Eigen::MatrixXd& normal, const std::vector<st
 
 std::vector<std::string> NuisanceNames(const RegistrationOptions& options, int shared_rank) {
   std::vector<std::string> names;
-  if (options.fit_frame) {
-    names = {"frame rotation about x", "frame rotation about y", "frame rotation about z",
-             "frame shift along x",    "frame shift along y",    "frame shift along z"};
-  }
-  if (options.fit_offset) names.push_back("time offset");
-  if (options.fit_drift) names.push_back("clock drift");
-  for (int i = 0; i < shared_rank; ++i) names.push_back(fmt::format("calibration draw {}", i + 1));
+  for (const Nuisance& n : Nuisances(options, shared_rank)) names.push_back(n.Name());
   return names;
 }
 
@@ -123,129 +119,162 @@ Registration StartingFrame(const Observations& observations, const Prediction& p
   return start;
 }
 
-RegistrationFit FitRegistration(const Observations& observations, const Prediction& prediction,
-                                double offset_ref, const Registration& start,
-                                const RegistrationOptions& options, const RowWhitening* whitening) {
-  const int k = observations.shared_rank;
-  const std::vector<std::string> names = NuisanceNames(options, k);
-  const auto unknowns = static_cast<Eigen::Index>(names.size());
-  const Eigen::Index frame = 0;
-  const Eigen::Index time = options.fit_frame ? 6 : 0;
-  const Eigen::Index rate = time + (options.fit_offset ? 1 : 0);
-  const Eigen::Index draw = rate + (options.fit_drift ? 1 : 0);
-  const auto samples = static_cast<Eigen::Index>(observations.size());
-  const auto events = static_cast<Eigen::Index>(observations.events.size());
-  const Eigen::Index rows = 3 * samples + events + k;
-  const std::vector<double> event_time = EventTimes(observations.events, prediction);
+namespace {
 
-  RegistrationFit fit;
-  fit.at = start;
-  if (fit.at.z.size() != k) fit.at.z = Eigen::VectorXd::Zero(k);
-  fit.centroid_M = Centroid(prediction);
-  fit.residual.resize(rows);
-  fit.jacobian.setZero(rows, unknowns);
-  for (const MarkMotion& motion : prediction.marks) {
-    for (Eigen::Index i = 0; i < motion.p.cols(); ++i) fit.known += Known(motion, i) ? 1 : 0;
-  }
-
-  // The reference's own covariance turns with the frame; that second-order effect is left to the
-  // caller's next round.
-  std::vector<Eigen::Matrix3d> whitener;
-  whitener.reserve(observations.size());
-  for (std::size_t m = 0; m < observations.marks.size(); ++m) {
-    for (Eigen::Index i = 0; i < observations.marks[m].p.cols(); ++i) {
-      whitener.push_back(
-          Whitener(observations.marks[m], prediction.marks[m], i, start.X_WM.linear()));
+// Gauss-Newton over the frame, the offset, the drift and the calibration's draw.
+class RegistrationSolver {
+ public:
+  RegistrationSolver(const Observations& observations, const Prediction& prediction,
+                     double offset_ref, const Registration& start,
+                     const RegistrationOptions& options, const RowWhitening* whitening)
+      : observations_(observations),
+        prediction_(prediction),
+        offset_ref_(offset_ref),
+        options_(options),
+        whitening_(whitening != nullptr && !whitening->identity() ? whitening : nullptr),
+        k_(observations.shared_rank),
+        names_(NuisanceNames(options, observations.shared_rank)),
+        time_(options.fit_frame ? 6 : 0),
+        rate_(time_ + (options.fit_offset ? 1 : 0)),
+        draw_(rate_ + (options.fit_drift ? 1 : 0)),
+        samples_(static_cast<Eigen::Index>(observations.size())),
+        events_(static_cast<Eigen::Index>(observations.events.size())),
+        event_time_(EventTimes(observations.events, prediction)) {
+    fit_.at = start;
+    if (fit_.at.z.size() != k_) fit_.at.z = Eigen::VectorXd::Zero(k_);
+    fit_.centroid_M = Centroid(prediction);
+    fit_.residual.resize(3 * samples_ + events_ + k_);
+    fit_.jacobian.setZero(fit_.residual.size(), static_cast<Eigen::Index>(names_.size()));
+    for (const MarkMotion& motion : prediction.marks) {
+      for (Eigen::Index i = 0; i < motion.p.cols(); ++i) fit_.known += Known(motion, i) ? 1 : 0;
+    }
+    // The reference's own covariance turns with the frame; that second-order effect is left to the
+    // caller's next round.
+    whitener_.reserve(observations.size());
+    for (std::size_t m = 0; m < observations.marks.size(); ++m) {
+      for (Eigen::Index i = 0; i < observations.marks[m].p.cols(); ++i) {
+        whitener_.push_back(
+            Whitener(observations.marks[m], prediction.marks[m], i, start.X_WM.linear()));
+      }
     }
   }
 
-  // Residuals and, with `jacobian`, their derivatives at fit.at.
-  auto evaluate = [&](bool jacobian) {
+  RegistrationFit Run() {
+    for (int iteration = 0; iteration < options_.max_iterations && !fit_.converged; ++iteration) {
+      Evaluate();
+      fit_.converged = Step();
+    }
+    Evaluate();
+    return std::move(fit_);
+  }
+
+ private:
+  // Residuals and their derivatives at fit_.at.
+  void Evaluate() {
     // Whitening fills in what the blocks below leave at zero.
-    if (jacobian && whitening != nullptr && !whitening->identity()) fit.jacobian.setZero();
-    const Eigen::Matrix3d R = fit.at.X_WM.linear();
-    const double ahead = fit.at.offset - offset_ref;
+    if (whitening_ != nullptr) fit_.jacobian.setZero();
     Eigen::Index row = 0;
-    for (std::size_t m = 0; m < observations.marks.size(); ++m) {
-      const MarkSeries& series = observations.marks[m];
-      const MarkMotion& motion = prediction.marks[m];
-      for (Eigen::Index i = 0; i < series.p.cols(); ++i, row += 3) {
-        if (!Known(motion, i)) {
-          fit.residual.segment<3>(row).setZero();
-          continue;
-        }
-        const Eigen::Matrix3d& W = whitener[static_cast<std::size_t>(row / 3)];
-        const double from_pivot = series.t[static_cast<std::size_t>(i)] - options.drift_pivot;
-        const Eigen::Vector3d y =
-            motion.p.col(i) - (ahead + fit.at.drift * from_pivot) * motion.v.col(i);
-        Eigen::Vector3d e = series.p.col(i) - fit.at.X_WM * y;
-        if (k > 0) e -= series.shared.middleCols(i * k, k) * fit.at.z;
-        fit.residual.segment<3>(row) = W * e;
-        if (!jacobian) continue;
-        if (options.fit_frame) {
-          const Eigen::Vector3d arm = R * (y - fit.centroid_M);
-          fit.jacobian.block<3, 3>(row, frame) = W * Skew(arm);
-          fit.jacobian.block<3, 3>(row, frame + 3) = -W;
-        }
-        if (options.fit_offset) fit.jacobian.block<3, 1>(row, time) = W * (R * motion.v.col(i));
-        if (options.fit_drift) {
-          fit.jacobian.block<3, 1>(row, rate) = W * (R * motion.v.col(i)) * from_pivot;
-        }
-        if (k > 0) {
-          fit.jacobian.block(row, draw, 3, k).noalias() = -W * series.shared.middleCols(i * k, k);
+    for (std::size_t m = 0; m < observations_.marks.size(); ++m) {
+      for (Eigen::Index i = 0; i < observations_.marks[m].p.cols(); ++i, row += 3) {
+        if (Known(prediction_.marks[m], i)) {
+          SampleRows(observations_.marks[m], prediction_.marks[m], i, row);
+        } else {
+          fit_.residual.segment<3>(row).setZero();
         }
       }
     }
-    if (whitening != nullptr && !whitening->identity()) {
-      whitening->Apply(fit.residual);
-      if (jacobian) whitening->Apply(fit.jacobian);
+    if (whitening_ != nullptr) {
+      whitening_->Apply(fit_.residual);
+      whitening_->Apply(fit_.jacobian);
     }
-    fit.residual.segment(3 * samples, events).setZero();
-    for (Eigen::Index i = 0; i < events && options.with_events; ++i) {
-      const TimedEvent& e = observations.events[static_cast<std::size_t>(i)];
-      const double predicted = event_time[static_cast<std::size_t>(i)];
-      const double from_pivot = e.t - options.drift_pivot;
-      const double by_record = e.t - fit.at.offset - fit.at.drift * from_pivot;
-      const double last = observations.End() - offset_ref;
-      const Eigen::Index at = 3 * samples + i;
-      fit.residual(at) = (by_record - (std::isnan(predicted) ? last : predicted)) / e.sigma;
-      if (!jacobian) continue;
-      if (options.fit_offset) fit.jacobian(at, time) = -1.0 / e.sigma;
-      if (options.fit_drift) fit.jacobian(at, rate) = -from_pivot / e.sigma;
-    }
-    fit.residual.tail(k) = fit.at.z;
-    if (jacobian && k > 0) fit.jacobian.bottomRightCorner(k, k).setIdentity();
-  };
+    fit_.residual.segment(3 * samples_, events_).setZero();
+    for (Eigen::Index i = 0; i < events_ && options_.with_events; ++i) EventRow(i);
+    // The prior of the draw, N(0, I).
+    fit_.residual.tail(k_) = fit_.at.z;
+    if (k_ > 0) fit_.jacobian.bottomRightCorner(k_, k_).setIdentity();
+  }
 
-  for (int iteration = 0; iteration < options.max_iterations; ++iteration) {
-    evaluate(true);
-    Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(unknowns, unknowns);
-    normal.selfadjointView<Eigen::Lower>().rankUpdate(fit.jacobian.transpose());
-    normal.triangularView<Eigen::StrictlyUpper>() = normal.transpose();
-    fit.weak.clear();
-    const Eigen::MatrixXd inverse = InvertNormal(normal, names, &fit.weak);
-    fit.sigma = inverse.diagonal().cwiseMax(0.0).cwiseSqrt();
-    const Eigen::VectorXd step = -inverse * (fit.jacobian.transpose() * fit.residual);
-    if (options.fit_frame) {
-      const Eigen::Vector3d centre = fit.at.X_WM * fit.centroid_M + step.segment<3>(frame + 3);
-      fit.at.X_WM.linear() = RotationFromVector(step.segment<3>(frame)) * fit.at.X_WM.linear();
-      fit.at.X_WM.translation() = centre - fit.at.X_WM.linear() * fit.centroid_M;
+  // e = p - X_WM (y - (ahead + drift (t - pivot)) dy/dt) - F z, whitened.
+  void SampleRows(const MarkSeries& series, const MarkMotion& motion, Eigen::Index i,
+                  Eigen::Index row) {
+    const Eigen::Matrix3d& W = whitener_[static_cast<std::size_t>(row / 3)];
+    const Eigen::Matrix3d R = fit_.at.X_WM.linear();
+    const double from_pivot = series.t[static_cast<std::size_t>(i)] - options_.drift_pivot;
+    const double ahead = fit_.at.offset - offset_ref_ + fit_.at.drift * from_pivot;
+    const Eigen::Vector3d y = motion.p.col(i) - ahead * motion.v.col(i);
+    Eigen::Vector3d e = series.p.col(i) - fit_.at.X_WM * y;
+    if (k_ > 0) e -= series.shared.middleCols(i * k_, k_) * fit_.at.z;
+    fit_.residual.segment<3>(row) = W * e;
+    if (options_.fit_frame) {
+      fit_.jacobian.block<3, 3>(row, 0) = W * Skew(R * (y - fit_.centroid_M));
+      fit_.jacobian.block<3, 3>(row, 3) = -W;
     }
-    if (options.fit_offset) fit.at.offset += step(time);
-    if (options.fit_drift) fit.at.drift += step(rate);
-    fit.at.z += step.tail(k);
-    bool small = true;
-    for (Eigen::Index i = 0; i < unknowns; ++i) {
-      // The last term: where sigma is a unit weight's (records without one), relative round-off.
-      small = small && std::abs(step(i)) <= options.tolerance * fit.sigma(i) + 1e-13;
+    if (options_.fit_offset) fit_.jacobian.block<3, 1>(row, time_) = W * (R * motion.v.col(i));
+    if (options_.fit_drift) {
+      fit_.jacobian.block<3, 1>(row, rate_) = W * (R * motion.v.col(i)) * from_pivot;
     }
-    if (small) {
-      fit.converged = true;
-      break;
+    if (k_ > 0) {
+      fit_.jacobian.block(row, draw_, 3, k_).noalias() = -W * series.shared.middleCols(i * k_, k_);
     }
   }
-  evaluate(true);
-  return fit;
+
+  // (t - offset - drift (t - pivot) - t_model) / sigma; without one in the model, the last stamp.
+  void EventRow(Eigen::Index i) {
+    const TimedEvent& e = observations_.events[static_cast<std::size_t>(i)];
+    const double predicted = event_time_[static_cast<std::size_t>(i)];
+    const double from_pivot = e.t - options_.drift_pivot;
+    const double by_record = e.t - fit_.at.offset - fit_.at.drift * from_pivot;
+    const double last = observations_.End() - offset_ref_;
+    const Eigen::Index row = 3 * samples_ + i;
+    fit_.residual(row) = (by_record - (std::isnan(predicted) ? last : predicted)) / e.sigma;
+    if (options_.fit_offset) fit_.jacobian(row, time_) = -1.0 / e.sigma;
+    if (options_.fit_drift) fit_.jacobian(row, rate_) = -from_pivot / e.sigma;
+  }
+
+  // One Gauss-Newton step. True: it moved no unknown by more than its tolerance.
+  bool Step() {
+    const Eigen::Index unknowns = fit_.jacobian.cols();
+    Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(unknowns, unknowns);
+    normal.selfadjointView<Eigen::Lower>().rankUpdate(fit_.jacobian.transpose());
+    normal.triangularView<Eigen::StrictlyUpper>() = normal.transpose();
+    fit_.weak.clear();
+    const Eigen::MatrixXd inverse = InvertNormal(normal, names_, &fit_.weak);
+    fit_.sigma = inverse.diagonal().cwiseMax(0.0).cwiseSqrt();
+    const Eigen::VectorXd step = -inverse * (fit_.jacobian.transpose() * fit_.residual);
+    if (options_.fit_frame) {  // a turn about the centroid and a shift of it
+      Pose& X = fit_.at.X_WM;
+      const Eigen::Vector3d centre = X * fit_.centroid_M + step.segment<3>(3);
+      X.linear() = RotationFromVector(step.head<3>()) * X.linear();
+      X.translation() = centre - X.linear() * fit_.centroid_M;
+    }
+    if (options_.fit_offset) fit_.at.offset += step(time_);
+    if (options_.fit_drift) fit_.at.drift += step(rate_);
+    fit_.at.z += step.tail(k_);
+    // Where sigma is a unit weight's (records without one) it says nothing: relative round-off.
+    constexpr double kRoundOff = 1e-13;
+    return (step.cwiseAbs().array() <= options_.tolerance * fit_.sigma.array() + kRoundOff).all();
+  }
+
+  const Observations& observations_;
+  const Prediction& prediction_;
+  const double offset_ref_;  // [s]
+  const RegistrationOptions& options_;
+  const RowWhitening* whitening_;  // null: white
+  const int k_;                    // rank of the calibration's draw
+  const std::vector<std::string> names_;
+  const Eigen::Index time_, rate_, draw_;  // first columns; the frame's is 0
+  const Eigen::Index samples_, events_;
+  const std::vector<double> event_time_;   // on the model's clock [s]
+  std::vector<Eigen::Matrix3d> whitener_;  // by sample [1/m]
+  RegistrationFit fit_;
+};
+
+}  // namespace
+
+RegistrationFit FitRegistration(const Observations& observations, const Prediction& prediction,
+                                double offset_ref, const Registration& start,
+                                const RegistrationOptions& options, const RowWhitening* whitening) {
+  return RegistrationSolver(observations, prediction, offset_ref, start, options, whitening).Run();
 }
 
 Eigen::MatrixXd WhitenedSensitivity(const Observations& observations, const Prediction& prediction,

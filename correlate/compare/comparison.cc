@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <optional>
 
@@ -12,7 +13,7 @@
 #include "base/text.h"
 #include "correlate/align/body_angle.h"
 #include "correlate/compare/comparison_measures.h"
-#include "data/h5.h"
+#include "data/formats.h"
 
 namespace unfurl::correlate {
 
@@ -29,15 +30,11 @@ struct Loaded {
 
 Loaded Load(const std::string& path) {
   Loaded out;
-  if (path.size() > 4 && path.substr(path.size() - 4) == ".csv") {
-    out.tracks = data::ReadTracksCsv(path);
-    return out;
-  }
-  const std::string schema = data::H5Reader::SchemaOf(path);
+  const std::string schema = data::KindOf(path);
   if (schema == data::kRunSchema) {
     out.run = data::ReadRun(path);
   } else if (schema == data::kTracksSchema) {
-    out.tracks = data::ReadTracks(path);
+    out.tracks = data::ReadTracksAny(path);
   } else {
     throw Error("a file of schema " + schema + " cannot be correlated", path,
                 "give runs (of `simulate`) or tracks (of `reconstruct`)");
@@ -73,6 +70,10 @@ void ChooseMarks(const ComparedRecord& a, const ComparedRecord& b,
   }
 }
 
+std::size_t IndexOf(const std::vector<std::string>& marks, const std::string& name) {
+  return static_cast<std::size_t>(std::find(marks.begin(), marks.end(), name) - marks.begin());
+}
+
 // Coordinates of each mark in the reference's frame, and angles of pairs that sit on one body.
 void FillSignals(const SampledModel& reference, Comparison* c) {
   const Registration& at = c->alignment.at;
@@ -82,7 +83,11 @@ void FillSignals(const SampledModel& reference, Comparison* c) {
   for (const auto& [first, second] : RigidPairs(reference.Evaluate({}, common), c->marks)) {
     BodyAngle angle = MeasureBodyAngle(c->observations, reference, {}, at, first, second);
     if (angle.t.size() < 8) continue;
-    c->signals.push_back({"angle of " + first + "-" + second, "rad", std::move(angle.t),
+    SignalId id;
+    id.kind = SignalId::Kind::kAngle;
+    id.mark = IndexOf(c->marks, first);
+    id.second = IndexOf(c->marks, second);
+    c->signals.push_back({id, "angle of " + first + "-" + second, std::move(angle.t),
                           std::move(angle.measured), std::move(angle.sigma),
                           std::move(angle.simulated)});
   }
@@ -92,8 +97,9 @@ void FillSignals(const SampledModel& reference, Comparison* c) {
     const MarkMotion& motion = c->alignment.reference.marks[m];
     for (Eigen::Index axis = 0; axis < 3; ++axis) {
       ComparedSignal s;
+      s.id.mark = m;
+      s.id.axis = static_cast<int>(axis);
       s.name = c->marks[m] + " " + std::string(1, "xyz"[axis]);
-      s.unit = "m";
       for (Eigen::Index i = 0; i < motion.p.cols(); ++i) {
         const auto k = static_cast<std::size_t>(i);
         if (!motion.known.empty() && !motion.known[k]) continue;
@@ -107,26 +113,36 @@ void FillSignals(const SampledModel& reference, Comparison* c) {
   }
 }
 
-void Judge(Comparison* c) {
-  const Alignment& a = c->alignment;
-  const MarkError& all = c->errors.back();
-  double range = 0.0;  // of the largest motion of any mark
-  for (const ComparedSignal& s : c->signals) {
-    if (s.unit != "m" || s.measured.empty()) continue;
+// The largest range of any coordinate of any mark [m].
+double LargestMotion(const Comparison& c) {
+  double range = 0.0;
+  for (const ComparedSignal& s : c.signals) {
+    if (s.id.IsAngle() || s.measured.empty()) continue;
     const auto [low, high] = std::minmax_element(s.measured.begin(), s.measured.end());
     range = std::max(range, *high - *low);
   }
-  const double part = all.rmse / std::max(range, 1e-12);
-  const bool within = all.sigmas > 0.0 && all.sigmas < 1.2;
-  c->verdict = fmt::format("The two agree to {:.3g} mm RMS, {:.2g}% of the motion{}",
-                           1e3 * all.rmse, 100.0 * part,
-                           all.sigmas <= 0.0 ? "."
-                           : within          ? ": no more than the measurement's own error."
-                                    : fmt::format(": {:.{}f} times the measurement's own error.",
-                                                  all.sigmas, all.sigmas < 10.0 ? 1 : 0));
+  return range;
+}
+
+std::string VerdictOf(const Comparison& c) {
+  const MarkError& all = c.errors.back();
+  const double part = all.rmse / std::max(LargestMotion(c), std::numeric_limits<double>::min());
+  std::string words = fmt::format("The two agree to {:.3g} mm RMS, {:.2g}% of the motion",
+                                  1e3 * all.rmse, 100.0 * part);
+  if (all.sigmas <= 0.0) return words + ".";
+  // Above the scatter of a mean square of a few hundred samples, and of covariances that are known
+  // to a tenth.
+  constexpr double kNoMore = 1.2;
+  if (all.sigmas < kNoMore) return words + ": no more than the measurement's own error.";
+  return words + fmt::format(": {:.{}f} times the measurement's own error.", all.sigmas,
+                             all.sigmas < 10.0 ? 1 : 0);
+}
+
+void AddErrorReasons(Comparison* c) {
+  const MarkError& all = c->errors.back();
   const MarkError* worst = &c->errors.front();
-  for (const auto& e : c->errors) {
-    if (e.mark != "all" && e.rmse > worst->rmse) worst = &e;
+  for (std::size_t m = 0; m < c->marks.size(); ++m) {  // not the row of all marks
+    if (c->errors[m].rmse > worst->rmse) worst = &c->errors[m];
   }
   c->reasons.push_back(
       fmt::format("Farthest apart is {}: {:.3g} mm RMS, {:.3g} mm at most, at {:.3f} s.",
@@ -134,25 +150,24 @@ void Judge(Comparison* c) {
   c->reasons.push_back(fmt::format(
       "Out of the plane the marks stray by {:.3g} mm RMS (mean {:+.3f} mm); the reference is {}.",
       1e3 * all.rmse_across, 1e3 * all.bias_across, c->reference_is_run ? "planar" : "measured"));
+}
+
+void AddClockReasons(Comparison* c) {
+  const Alignment& a = c->alignment;
   c->reasons.push_back(fmt::format(
       "The record's clock shows {} s when the reference's shows 0: found from {}, then together "
       "with the frame.",
       NumberWithError(a.at.offset, a.Sigma("time offset"), 6), a.signal));
-  if (a.drift != 0.0) {
-    c->reasons.push_back(fmt::format(
-        "The record's clock runs fast by {} parts in a million; that is taken out, about {:.3f} s.",
-        NumberWithError(1e6 * a.drift, 1e6 * a.Sigma("clock drift")), a.drift_pivot));
-  }
-  if (!c->scores.empty() && c->scores.back().rated) {
-    const ComparedScore& s = c->scores.back();
-    c->reasons.push_back(fmt::format(
-        "As histories they are {} by ISO/TS 18571 ({:.3f} of 1, mean of the marks); R squared is "
-        "{:.5f}.",
-        Name(s.rating.grade), s.rating.overall, s.score.r2));
-  }
-  std::size_t shared = 0;
-  for (const ModePair& p : c->mode_pairs) shared += p.a >= 0 && p.b >= 0 ? 1 : 0;
+  if (a.drift == 0.0) return;
+  c->reasons.push_back(fmt::format(
+      "The record's clock runs fast by {} parts in a million; that is taken out, about {:.3f} s.",
+      NumberWithError(1e6 * a.drift, 1e6 * a.Sigma("clock drift")), a.drift_pivot));
+}
+
+void AddModeReasons(Comparison* c) {
   if (c->measured_modes.decay.Usable()) {
+    const auto shared = std::count_if(c->mode_pairs.begin(), c->mode_pairs.end(),
+                                      [](const ModePair& p) { return p.a >= 0 && p.b >= 0; });
     c->reasons.push_back(fmt::format(
         "Its free decay holds {} modes, {} of which the reference has too (within 10% and alike in "
         "shape).",
@@ -160,28 +175,34 @@ void Judge(Comparison* c) {
   } else if (!c->measured_modes.decay.message.empty()) {
     c->reasons.push_back("No modes: " + c->measured_modes.decay.message + ".");
   }
-  std::size_t pairs = 0, all_peaks = 0;
-  double farthest = 0.0;
+}
+
+void AddPeakReasons(Comparison* c) {
+  std::size_t pairs = 0, peaks = 0;
+  double farthest = 0.0;  // of a pair, over the measured frequency [-]
   for (const ComparedSpectrum& s : c->spectra) {
     for (const PeakPair& p : s.pairs) {
-      if (p.a < 0) continue;
-      ++all_peaks;
-      if (p.b < 0) continue;
+      peaks += p.a >= 0 ? 1 : 0;
+      if (p.a < 0 || p.b < 0) continue;
       ++pairs;
       const double f = s.measured_peaks[static_cast<std::size_t>(p.a)].frequency;
-      farthest = std::max(
-          farthest, std::abs(s.reference_peaks[static_cast<std::size_t>(p.b)].frequency - f) / f);
+      const double g = s.reference_peaks[static_cast<std::size_t>(p.b)].frequency;
+      farthest = std::max(farthest, std::abs(g - f) / f);
     }
   }
-  if (all_peaks > 0) {
-    c->reasons.push_back(fmt::format(
-        "Of {} spectral peaks measured after {:.2f} s, {} have a partner in the reference within "
-        "two bins, at most {:.1f}% away in frequency.",
-        all_peaks, c->spectrum_from, pairs, 100.0 * farthest));
-  }
+  if (peaks == 0) return;
+  c->reasons.push_back(fmt::format(
+      "Of {} spectral peaks measured after {:.2f} s, {} have a partner in the reference within "
+      "two bins, at most {:.1f}% away in frequency.",
+      peaks, c->spectrum_from, pairs, 100.0 * farthest));
+}
+
+// What limits the comparison.
+void AddReservations(Comparison* c) {
+  const Alignment& a = c->alignment;
   if (!a.noise.white() && c->observations.has_sigma) {
     c->reasons.push_back(
-        "The residuals follow one another in time, so the two differ by more than chance; the "
+        "The residuals are correlated in time, so the two differ by more than chance; the "
         "standard errors above are widened for it.");
   }
   if (!a.fit.weak.empty()) {
@@ -192,7 +213,30 @@ void Judge(Comparison* c) {
   }
 }
 
+void Judge(Comparison* c) {
+  c->verdict = VerdictOf(*c);
+  AddErrorReasons(c);
+  AddClockReasons(c);
+  if (!c->scores.empty() && c->scores.back().rated) {
+    const ComparedScore& s = c->scores.back();
+    c->reasons.push_back(fmt::format(
+        "As histories they are {} by ISO/TS 18571 ({:.3f} of 1, mean of the marks); R squared is "
+        "{:.5f}.",
+        Name(s.rating.grade), s.rating.overall, s.score.r2));
+  }
+  AddModeReasons(c);
+  AddPeakReasons(c);
+  AddReservations(c);
+}
+
 }  // namespace
+
+const ComparedSignal* FindCoordinate(const Comparison& c, std::size_t mark, int axis) {
+  for (const ComparedSignal& s : c.signals) {
+    if (!s.id.IsAngle() && s.id.mark == mark && s.id.axis == axis) return &s;
+  }
+  return nullptr;
+}
 
 const std::vector<std::string>& ComparedRecord::marks() const {
   return run != nullptr ? run->marks : tracks->marks;

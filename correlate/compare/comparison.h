@@ -17,16 +17,32 @@ namespace unfurl::correlate {
 
 // What `correlate` finds: two records beside each other, as numbers for JSON, terminal and page.
 
-// One scalar in time, of both.
+/// What a compared history is of: one coordinate of a mark, or the angle of a body that carries two
+/// marks. Names are for people; this is what the code asks.
+struct SignalId {
+  enum class Kind { kCoordinate, kAngle };
+  Kind kind = Kind::kCoordinate;
+  std::size_t mark = 0;    ///< index into Comparison::marks; of an angle, the first of the two
+  std::size_t second = 0;  ///< of an angle alone: the other
+  int axis = 0;            ///< of a coordinate alone: 0, 1, 2 for x, y, z of the model's frame
+
+  bool IsAngle() const { return kind == Kind::kAngle; }
+  bool InPlane() const { return !IsAngle() && axis < 2; }
+  bool AcrossPlane() const { return !IsAngle() && axis == 2; }
+  const char* Unit() const { return IsAngle() ? "rad" : "m"; }
+};
+
+// One scalar in time, of both, in id.Unit().
 struct ComparedSignal {
-  std::string name;  // "angle of mark1-mark1b", "mark3 y"
-  std::string unit;
+  SignalId id;
+  std::string name;       // "angle of mark1-mark1b", "mark3 y"
   std::vector<double> t;  // on the record's clock [s]
   std::vector<double> measured, sigma, reference;
 };
 
 // Their spectra over one window, with peaks that belong together.
 struct ComparedSpectrum {
+  SignalId id;
   std::string name;
   Spectrum measured, reference;
   std::vector<Peak> measured_peaks, reference_peaks;
@@ -38,8 +54,10 @@ struct ComparedSpectrum {
 
 // How alike two histories are; "test" is what was measured, or the reference where both are alike.
 struct ComparedScore {
-  std::string name;  // a mark (its x and y together), an angle, or "all"
-  std::string unit;
+  enum class Of { kMark, kAngle, kAll };
+  Of of = Of::kMark;  // a mark's x and y together, an angle, or all marks
+  std::string name;
+  const char* Unit() const { return of == Of::kAngle ? "rad" : "m"; }
   SignalScore score;    // of what moved since the reference's first sample
   double sigmas = 0.0;  // RMS error in the marks' own sigmas; 0: unknown
   bool rated = false;   // whether there is a rating: enough even samples
@@ -76,6 +94,9 @@ struct Comparison {
   std::vector<std::string> reasons;
 };
 
+// The coordinate of a mark; null: not there.
+const ComparedSignal* FindCoordinate(const Comparison& c, std::size_t mark, int axis);
+
 struct ComparisonOptions {
   std::vector<std::string> marks;  // empty: those that both have
   // Of spectra and modes, on the record's clock [s]; unset: from the last latch, to the end.
@@ -102,8 +123,8 @@ struct ComparedRecord {
 Comparison Compare(const ComparedRecord& record, const ComparedRecord& reference,
                    const ComparisonOptions& options = {});
 
-// Each path is a run or tracks (HDF5), or tracks as CSV. Throws Error for anything else and for
-// records without a mark in common.
+// Each path is a run, or tracks in any of their forms (data/formats.h). Throws Error for anything
+// else and for records without a mark in common.
 Comparison Compare(const std::string& record, const std::string& reference,
                    const ComparisonOptions& options = {});
 

@@ -47,8 +47,10 @@ ordered_json AlignmentJson(const Comparison& c) {
 }
 
 ordered_json ScoreJson(const ComparedScore& s) {
+  constexpr const char* kKinds[] = {"mark", "angle", "all"};  // by ComparedScore::Of
   ordered_json json = {{"name", s.name},
-                       {"unit", s.unit},
+                       {"kind", kKinds[static_cast<std::size_t>(s.of)]},
+                       {"unit", s.Unit()},
                        {"samples", s.score.samples},
                        {"rmse", s.score.rmse},
                        {"nrmse", Value(s.score.nrmse)},

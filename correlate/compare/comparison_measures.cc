@@ -32,13 +32,6 @@ constexpr double SignalScore::*kRelative[] = {&SignalScore::nrmse,
                                               &SignalScore::russell_phase,
                                               &SignalScore::russell};
 
-const ComparedSignal* Find(const Comparison& c, const std::string& name) {
-  for (const ComparedSignal& s : c.signals) {
-    if (s.name == name) return &s;
-  }
-  return nullptr;
-}
-
 std::vector<double> Less(const std::vector<double>& x, double zero) {
   std::vector<double> out(x);
   for (double& v : out) v -= zero;
@@ -71,7 +64,7 @@ double Stillness(const Comparison& c, const std::vector<const ComparedSignal*>& 
   double least = 0.0;
   for (const ComparedSignal* s : parts) least = std::max(least, kNoise * Rms(s->sigma));
   for (const ComparedSignal& s : c.signals) {
-    if (s.unit != parts.front()->unit || s.reference.empty()) continue;
+    if (s.id.kind != parts.front()->id.kind || s.reference.empty()) continue;
     const auto [low, high] = std::minmax_element(s.reference.begin(), s.reference.end());
     least = std::max(least, kPart * (*high - *low));
   }
@@ -83,7 +76,7 @@ ComparedScore Score(const Comparison& c, const std::string& name,
                     const std::vector<const ComparedSignal*>& parts) {
   ComparedScore out;
   out.name = name;
-  out.unit = parts.front()->unit;
+  out.of = parts.front()->id.IsAngle() ? ComparedScore::Of::kAngle : ComparedScore::Of::kMark;
   std::vector<std::vector<double>> test, computed;
   std::vector<SignalPair> pairs;
   double largest = 0.0;
@@ -100,9 +93,8 @@ ComparedScore Score(const Comparison& c, const std::string& name,
     pairs.push_back({parts[k]->t, test[k], computed[k], {}});
   }
   out.score = ScoreSignals(pairs);
-  for (const MarkError& e : c.errors) {
-    if (e.mark == name) out.sigmas = e.sigmas;
-  }
+  // Errors stand in the order of the marks.
+  if (out.of == ComparedScore::Of::kMark) out.sigmas = c.errors[parts.front()->id.mark].sigmas;
   if (largest <= Stillness(c, parts)) {
     for (const auto member : kRelative) out.score.*member = std::nan("");
     return out;
@@ -156,7 +148,9 @@ ComparedSpectrum SpectraOf(const ComparedSignal& s, std::size_t first, std::size
                            const SpectrumOptions& how) {
   // With less in one piece, least squares at the stamps themselves tell more than a shorter record.
   constexpr double kMostlyWhole = 0.8;
+  const std::string unit = s.id.Unit();
   ComparedSpectrum out;
+  out.id = s.id;
   out.name = s.name;
   const auto t = std::span(s.t).subspan(first, last - first);
   const auto x = std::span(s.measured).subspan(first, last - first);
@@ -165,9 +159,9 @@ ComparedSpectrum SpectraOf(const ComparedSignal& s, std::size_t first, std::size
   const double share = static_cast<double>(stretch.count) / static_cast<double>(last - first);
   if (stretch.count >= kFewest && share >= kMostlyWhole) {
     out.measured =
-        AmplitudeSpectrum(x.subspan(stretch.first, stretch.count), stretch.dt, s.unit, how);
+        AmplitudeSpectrum(x.subspan(stretch.first, stretch.count), stretch.dt, unit, how);
     out.reference =
-        AmplitudeSpectrum(y.subspan(stretch.first, stretch.count), stretch.dt, s.unit, how);
+        AmplitudeSpectrum(y.subspan(stretch.first, stretch.count), stretch.dt, unit, how);
     out.measured_peaks = FindPeaks(out.measured);
     out.reference_peaks = FindPeaks(out.reference);
     const std::span a(out.measured.value), b(out.reference.value);
@@ -181,14 +175,14 @@ ComparedSpectrum SpectraOf(const ComparedSignal& s, std::size_t first, std::size
     const auto sigma = std::span(s.sigma).subspan(first, last - first);
     const bool weighted = std::all_of(sigma.begin(), sigma.end(), [](double v) { return v > 0.0; });
     const auto w = weighted ? sigma : std::span<const double>();
-    out.measured = AsSpectrum(LombScargle(t, x, w, s.unit));
-    out.reference = AsSpectrum(LombScargle(t, y, w, s.unit));
+    out.measured = AsSpectrum(LombScargle(t, x, w, unit));
+    out.reference = AsSpectrum(LombScargle(t, y, w, unit));
     out.measured_peaks = AsPeaks(FindLombPeaks(t, x, w));
     out.reference_peaks = AsPeaks(FindLombPeaks(t, y, w));
     out.note = "with gaps, so by least squares at the stamps themselves (Lomb-Scargle)";
   }
   if (stretch.count >= 2 * kFewest) {
-    out.density = WelchCrossSpectrum(t, x, y, s.unit, {how.window, how.detrend});
+    out.density = WelchCrossSpectrum(t, x, y, unit, {how.window, how.detrend});
   }
   out.pairs = PairPeaks(out.measured_peaks, out.reference_peaks, out.measured.resolution);
   return out;
@@ -198,7 +192,7 @@ ComparedSpectrum SpectraOf(const ComparedSignal& s, std::size_t first, std::size
 void FillOperatingShapes(Comparison* c) {
   constexpr std::size_t kMost = 6;
   for (const ComparedSpectrum& s : c->spectra) {
-    if (s.name.rfind("angle", 0) == 0) continue;
+    if (s.id.IsAngle()) continue;
     for (const PeakPair& p : s.pairs) {
       if (p.a < 0 || p.b < 0) continue;
       const Peak& a = s.measured_peaks[static_cast<std::size_t>(p.a)];
@@ -222,7 +216,7 @@ void FillOperatingShapes(Comparison* c) {
   for (OperatingShape& shape : shapes) {
     std::vector<std::complex<double>> a, b;
     for (const ComparedSignal& s : c->signals) {
-      if (s.unit != "m" || s.name.back() == 'z') continue;
+      if (!s.id.InPlane()) continue;
       const auto [first, last] = Within(*c, s);
       if (last < first + kFewest) continue;
       const auto t = std::span(s.t).subspan(first, last - first);
@@ -241,16 +235,16 @@ void FillOperatingShapes(Comparison* c) {
 
 void FillScores(Comparison* c) {
   for (const ComparedSignal& s : c->signals) {
-    if (s.unit == "rad") c->scores.push_back(Score(*c, s.name, {&s}));
+    if (s.id.IsAngle()) c->scores.push_back(Score(*c, s.name, {&s}));
   }
   ComparedScore all;
+  all.of = ComparedScore::Of::kAll;
   all.name = "all";
-  all.unit = "m";
   double squares = 0.0, range2 = 0.0, unexplained = 0.0, count = 0.0;
-  for (const std::string& mark : c->marks) {
-    const ComparedSignal *x = Find(*c, mark + " x"), *y = Find(*c, mark + " y");
+  for (std::size_t m = 0; m < c->marks.size(); ++m) {
+    const ComparedSignal *x = FindCoordinate(*c, m, 0), *y = FindCoordinate(*c, m, 1);
     if (x == nullptr || y == nullptr || x->t.size() < 2) continue;
-    c->scores.push_back(Score(*c, mark, {x, y}));
+    c->scores.push_back(Score(*c, c->marks[m], {x, y}));
     const ComparedScore& s = c->scores.back();
     // Over all marks: squares add up over the samples, the rest is the mean of the marks'.
     const auto n = static_cast<double>(s.score.samples);
@@ -290,7 +284,7 @@ void FillSpectra(const ComparisonOptions& options, Comparison* c) {
   c->spectrum_from = options.from.value_or(c->spectrum_from);
   c->spectrum_to = options.to.value_or(c->alignment.overlap_end);
   for (const ComparedSignal& s : c->signals) {
-    if (s.name.back() == 'z') continue;  // nothing moves there: its residuals tell all
+    if (s.id.AcrossPlane()) continue;  // nothing moves there: its residuals tell all
     const auto [first, last] = Within(*c, s);
     if (last < first + kFewest) continue;
     c->spectra.push_back(SpectraOf(s, first, last, {options.window, Detrend::kLine}));
@@ -306,7 +300,7 @@ void FillModes(Comparison* c) {
   const Eigen::Matrix3d R_MW = c->alignment.at.X_WM.linear().transpose();
   for (std::size_t m = 0; m < c->marks.size(); ++m) {
     for (Eigen::Index axis = 0; axis < 2; ++axis) {
-      const ComparedSignal* s = Find(*c, c->marks[m] + (axis == 0 ? " x" : " y"));
+      const ComparedSignal* s = FindCoordinate(*c, m, static_cast<int>(axis));
       if (s == nullptr) continue;
       const auto [first, last] = Within(*c, *s);
       if (last < first + 2 * kFewest) continue;

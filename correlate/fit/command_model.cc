@@ -18,6 +18,7 @@
 #include "correlate/sampled_model.h"
 #include "data/atomic_file.h"
 #include "data/csv.h"
+#include "data/formats.h"
 #include "data/run.h"
 
 namespace unfurl::correlate {
@@ -114,7 +115,8 @@ SampledModel FromTables(const std::string& path, const std::vector<std::string>&
 }  // namespace
 
 SampledModel ReadProgramTracks(const std::string& path, const std::vector<std::string>& marks) {
-  if (fs::path(path).extension() == ".h5") return SampledModel(data::ReadRun(path), marks);
+  if (data::FormatOf(path) == data::FileFormat::kHdf5)
+    return SampledModel(data::ReadRun(path), marks);
   const data::CsvTable table = data::CsvTable::Load(path);
   std::vector<MarkTable> tables(marks.size());
   const int t = table.Require("t", "s");

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <exception>
 
+#include "base/log_silence.h"
+
 namespace unfurl::correlate {
 
 namespace {
@@ -174,6 +176,7 @@ SolverResult Solve(ReducedProblem& problem, const std::vector<Parameter>& parame
   solver.num_threads = 1;  // the parallel work is inside one evaluation
   solver.callbacks.push_back(&watch);
   ceres::Solver::Summary summary;
+  const LogSilence silence;
   ceres::Solve(solver, &ceres_problem, &summary);
   if (cost.error) std::rethrow_exception(cost.error);
 

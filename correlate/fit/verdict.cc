@@ -83,25 +83,106 @@ std::string ProfileWords(const ParameterEstimate& e, const std::string& unit) {
                            profile.reached_low, unit);
 }
 
+// The projection onto the space of parameters in which little is known, each scaled to what it
+// would show alone. Its eigenvectors mix sets that have nothing to do with one another wherever
+// their eigenvalues are alike; the projection onto all of it does not.
+Eigen::MatrixXd SpaceOfLittleKnown(const Eigen::MatrixXd& information) {
+  const Eigen::VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
+      Eigen::MatrixXd(scale.asDiagonal() * information * scale.asDiagonal()));
+  const Eigen::Index p = information.rows();
+  Eigen::MatrixXd space = Eigen::MatrixXd::Zero(p, p);
+  for (Eigen::Index v = 0; v < p && eigen.eigenvalues()(v) <= kHidden * kHidden; ++v) {
+    space += eigen.eigenvectors().col(v) * eigen.eigenvectors().col(v).transpose();
+  }
+  return space;
+}
+
+// The parameters that share much of the space of little information with parameter j.
+std::vector<std::string> Partners(const std::vector<Parameter>& parameters,
+                                  const Eigen::MatrixXd& space, Eigen::Index j) {
+  std::vector<std::string> names;
+  for (Eigen::Index l = 0; l < space.cols(); ++l) {
+    const double own = std::max(space(j, j), space(l, l));
+    if (l != j && std::abs(space(j, l)) > kTakesPart * own) {
+      names.push_back(parameters[static_cast<std::size_t>(l)].name);
+    }
+  }
+  return names;
+}
+
+// What a verdict is decided by.
+struct Knowledge {
+  double data = 0.0;          // half of the data's 95% interval, in units of 1.96 [unit]
+  double sigma = 0.0;         // with the model's own error [unit]
+  double known_within = 0.0;  // beyond which it is not known [unit]
+  double size = 0.0;          // what percentages are of [unit]
+  bool at_bound = false;
+  bool explained = true;  // the model explains every trial
+};
+
+Knowledge KnowledgeOf(const Parameter& q, const ParameterEstimate& e, bool explained) {
+  Knowledge k;
+  k.data = DataSigma(e);
+  k.sigma = std::hypot(k.data, e.sigma_model);
+  k.known_within = KnownWithin(q, e.value);
+  k.size = e.value != 0.0 ? std::abs(e.value) : k.known_within;
+  k.explained = explained;
+  // What the marks do not respond to may stand anywhere, at a bound too.
+  const double to_bound = std::min(e.value - q.low, q.high - e.value);
+  k.at_bound = e.sigma_alone <= k.known_within &&
+               (to_bound <= kAtBoundSigmas * e.sigma || to_bound <= 1e-9 * std::abs(e.value));
+  return k;
+}
+
+Verdict Decide(const Knowledge& k, const ParameterEstimate& e) {
+  if (!e.with.empty() && (!k.at_bound || !std::isfinite(k.data))) return Verdict::kCombination;
+  if (k.at_bound) return Verdict::kAtBound;
+  if (!(k.sigma <= k.known_within)) return Verdict::kNotDetermined;
+  if (!k.explained) return Verdict::kIfModelHolds;
+  return e.sigma_model > e.sigma_data ? Verdict::kMeshLimited : Verdict::kDetermined;
+}
+
+// The verdict with its numbers.
+std::string ReasonOf(const Knowledge& k, const Parameter& q, const ParameterEstimate& e) {
+  const std::string profile = ProfileWords(e, q.unit);
+  const double percent = 100.0 / k.size;
+  switch (e.verdict) {
+    case Verdict::kCombination:
+      return "determined only in combination with " + JoinWords(e.with) +
+             ": the data leave open how much each of them contributes" + profile;
+    case Verdict::kAtBound:
+      return fmt::format(
+          "the best value is the bound {:.4g}: the data want to go beyond it, so its standard "
+          "error "
+          "means nothing",
+          e.value - q.low < q.high - e.value ? q.low : q.high);
+    case Verdict::kNotDetermined:
+      return e.sigma < 1e3 * k.size ? fmt::format("its standard error is {:.0f}% of its value{}",
+                                                  percent * e.sigma, profile)
+                                    : "the marks do not respond to it" + profile;
+    case Verdict::kIfModelHolds:
+      return fmt::format(
+          "would be known to {:.2g}% of its value{}, but the model does not explain the data: it "
+          "may be off by more than that",
+          percent * e.sigma, profile);
+    case Verdict::kMeshLimited:
+      return fmt::format(
+          "known to {:.2g}% of its value; the data alone would give {:.2g}%, the model's own error "
+          "adds {:.2g}%: a model with less of it would tell more{}",
+          percent * e.sigma, percent * e.sigma_data, percent * e.sigma_model, profile);
+    case Verdict::kDetermined:
+      break;
+  }
+  return fmt::format("known to {:.2g}% of its value{}", percent * e.sigma, profile);
+}
+
 }  // namespace
 
 void Judge(const FitProblem& problem, const ReducedProblem& reduced,
            const ReducedProblem::Point& point, FitResult* r) {
-  const auto p = static_cast<Eigen::Index>(r->parameters.size());
   const Eigen::MatrixXd projected = reduced.Project(point, r->sensitivity);
-  const Eigen::MatrixXd information = projected.transpose() * projected;
-
-  // Directions in which little is known, parameters scaled to what each would show alone.
-  const Eigen::VectorXd scale = information.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(
-      Eigen::MatrixXd(scale.asDiagonal() * information * scale.asDiagonal()));
-  // Onto the space in which little is known. Its eigenvectors mix sets that have nothing to do with
-  // one another wherever their eigenvalues are alike; the projection onto all of it does not.
-  Eigen::MatrixXd together = Eigen::MatrixXd::Zero(p, p);
-  for (Eigen::Index v = 0; v < p && eigen.eigenvalues()(v) <= kHidden * kHidden; ++v) {
-    together += eigen.eigenvectors().col(v) * eigen.eigenvectors().col(v).transpose();
-  }
-
+  const Eigen::MatrixXd space = SpaceOfLittleKnown(projected.transpose() * projected);
   const bool explained = std::none_of(r->trials.begin(), r->trials.end(), [](const TrialResult& t) {
     return t.goodness.outcome == Explained::kNo;
   });
@@ -109,66 +190,22 @@ void Judge(const FitProblem& problem, const ReducedProblem& reduced,
     const auto c = static_cast<Eigen::Index>(j);
     const Parameter& q = problem.parameters[j];
     ParameterEstimate& e = r->parameters[j];
-    const double effect = r->sensitivity.col(c).norm();
-    e.imitated = effect > 0.0 ? 1.0 - projected.col(c).squaredNorm() / (effect * effect) : 0.0;
-    e.sigma_alone = projected.col(c).norm() > 0.0 ? 1.0 / projected.col(c).norm()
-                                                  : std::numeric_limits<double>::infinity();
-
-    const double data = DataSigma(e);
-    const double sigma = std::hypot(data, e.sigma_model);
-    const double known_within = KnownWithin(q, e.value);
-    const double size = e.value != 0.0 ? std::abs(e.value) : known_within;
-    const double to_bound = std::min(e.value - q.low, q.high - e.value);
+    // 1. What it shows: alone, and beyond what frame, offset and calibration imitate.
+    const double effect = r->sensitivity.col(c).norm(), own = projected.col(c).norm();
+    e.imitated = effect > 0.0 ? 1.0 - own * own / (effect * effect) : 0.0;
+    e.sigma_alone = own > 0.0 ? 1.0 / own : std::numeric_limits<double>::infinity();
     e.data95 = IntervalOfData(q, e);
     e.all95 = IntervalOfAllParts(q, e);
-    const std::string profile = ProfileWords(e, q.unit);
+    const Knowledge k = KnowledgeOf(q, e, explained);
+    // 2. What hides it, where it is not known: other parameters, or what is fitted beside them.
     e.with.clear();
-    if (sigma > known_within) {
-      for (Eigen::Index l = 0; l < p; ++l) {
-        const double own = std::max(together(c, c), together(l, l));
-        if (l != c && std::abs(together(c, l)) > kTakesPart * own) {
-          e.with.push_back(problem.parameters[static_cast<std::size_t>(l)].name);
-        }
-      }
-      const bool hidden = e.sigma_alone < kHidden * data;
-      if (!hidden) e.with.clear();
+    if (k.sigma > k.known_within) {
+      if (e.sigma_alone < kHidden * k.data) e.with = Partners(problem.parameters, space, c);
       if (e.with.empty() && e.imitated > kImitated) e.with = Imitators(reduced, point, *r, c);
     }
-    // What the marks do not answer to may stand anywhere, at a bound too.
-    const bool at_bound = e.sigma_alone <= known_within && (to_bound <= kAtBoundSigmas * e.sigma ||
-                                                            to_bound <= 1e-9 * std::abs(e.value));
-    if (!e.with.empty() && (!at_bound || !std::isfinite(data))) {
-      e.verdict = Verdict::kCombination;
-      e.reason = "determined only in combination with " + JoinWords(e.with) +
-                 ": the data leave open how much each of them has of it" + profile;
-    } else if (at_bound) {
-      e.verdict = Verdict::kAtBound;
-      e.reason = fmt::format(
-          "the best value is the bound {:.4g}: the data want to go beyond it, "
-          "so its standard error means nothing",
-          e.value - q.low < q.high - e.value ? q.low : q.high);
-    } else if (!(sigma <= known_within)) {
-      e.verdict = Verdict::kNotDetermined;
-      e.reason = e.sigma < 1e3 * size ? fmt::format("its standard error is {:.0f}% of its value{}",
-                                                    100.0 * e.sigma / size, profile)
-                                      : "the marks do not answer to it" + profile;
-    } else if (!explained) {
-      e.verdict = Verdict::kIfModelHolds;
-      e.reason = fmt::format(
-          "would be known to {:.2g}% of its value{}, but the model does not explain the data: it "
-          "may be off by more than that",
-          100.0 * e.sigma / size, profile);
-    } else if (e.sigma_model > e.sigma_data) {
-      e.verdict = Verdict::kMeshLimited;
-      e.reason = fmt::format(
-          "known to {:.2g}% of its value; the data alone would give {:.2g}%, the model's own error "
-          "adds {:.2g}%: a model with less of it would tell more{}",
-          100.0 * e.sigma / size, 100.0 * e.sigma_data / size, 100.0 * e.sigma_model / size,
-          profile);
-    } else {
-      e.verdict = Verdict::kDetermined;
-      e.reason = fmt::format("known to {:.2g}% of its value{}", 100.0 * e.sigma / size, profile);
-    }
+    // 3. The verdict.
+    e.verdict = Decide(k, e);
+    e.reason = ReasonOf(k, q, e);
     if (e.kink > kKink) {
       e.reason += fmt::format(
           "; differences to either side disagree by {:.0f}% (an impact comes or goes), so the "

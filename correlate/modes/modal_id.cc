@@ -155,21 +155,104 @@ int WorstMode(const DecayFit& fit, std::size_t signals, double low, double high,
   return worst;
 }
 
-}  // namespace
-
-ModalFit IdentifyModes(std::span<const DecaySignal> signals, const ModalOptions& options) {
-  ModalFit out;
+// The time that the signals span [s].
+double DurationOf(std::span<const DecaySignal> signals) {
   double first = std::numeric_limits<double>::infinity(), last = -first;
   for (const DecaySignal& s : signals) {
     if (s.t.empty()) continue;
     first = std::min(first, s.t.front());
     last = std::max(last, s.t.back());
   }
-  const double duration = last - first;
+  return last - first;
+}
+
+// The poles of the stable clusters to begin with. Clusters of noise go at once, before anything is
+// iterated: those whose amplitudes explain less than half of what a pole is asked to.
+std::vector<Complex> StartingPoles(std::span<const DecaySignal> signals,
+                                   std::vector<Cluster> clusters, double duration,
+                                   const ModalOptions& options) {
+  if (clusters.size() > static_cast<std::size_t>(options.most)) {
+    clusters.resize(static_cast<std::size_t>(options.most));
+  }
+  std::vector<Complex> poles;
+  for (const Cluster& c : clusters) {
+    // Nothing grows in a free decay, but for what noise makes of a damping near zero.
+    if (c.pole().real() * duration < 1.0) poles.push_back(c.pole());
+  }
+  if (poles.size() < 2) return poles;
+  DecayOptions still = options.decay;
+  still.max_iterations = 0;
+  const DecayFit at_start = FitDecay(signals, poles, still);
+  std::vector<Complex> strong;
+  for (const Mode& m : at_start.modes) {
+    if (m.evidence > 0.5 * EvidenceAsked(signals.size(), at_start.samples)) {
+      strong.push_back(m.pole);
+    }
+  }
+  return strong.empty() ? poles : strong;
+}
+
+int LeastEvident(const std::vector<Mode>& modes) {
+  const auto least = std::min_element(modes.begin(), modes.end(), [](const Mode& a, const Mode& b) {
+    return a.evidence < b.evidence;
+  });
+  return static_cast<int>(least - modes.begin());
+}
+
+// Backward elimination: fits all poles, drops the worst, and fits again until every one that is
+// left is a mode. A fit that does not settle with none to blame loses the one of least evidence.
+DecayFit Eliminate(std::span<const DecaySignal> signals, std::vector<Complex> poles, double low,
+                   double high, double duration, const ModalOptions& options) {
+  DecayFit fit = FitDecay(signals, poles, options.decay);
+  while (!poles.empty()) {
+    int drop = static_cast<int>(poles.size()) - 1;
+    if (!fit.modes.empty()) {
+      drop = WorstMode(fit, signals.size(), low, high, duration, options);
+      if (drop < 0 && fit.Usable()) break;
+      if (drop < 0) drop = LeastEvident(fit.modes);
+      poles.clear();
+      for (const Mode& m : fit.modes) poles.push_back(m.pole);
+    }
+    poles.erase(poles.begin() + drop);
+    fit = FitDecay(signals, poles, options.decay);
+  }
+  if (fit.modes.empty() && fit.samples > 0) {
+    fit.status = DecayStatus::kNothingFound;
+    fit.message = "no pole stays where it is from order to order";
+  }
+  return fit;
+}
+
+// The poles of the diagram, each stable one with the mode that it is nearest to.
+void AssignPoles(const std::vector<std::vector<Candidate>>& diagram, const ModalOptions& options,
+                 ModalFit* out) {
+  for (const auto& row : diagram) {
+    for (const Candidate& c : row) {
+      StabilisationPole pole = c.pole;
+      double nearest = 2.0 * options.frequency_tolerance;
+      for (std::size_t k = 0; k < out->decay.modes.size() && pole.stable(); ++k) {
+        const double f = out->decay.modes[k].frequency;
+        const double off = std::abs(f - pole.frequency) / f;
+        if (off >= nearest) continue;
+        nearest = off;
+        pole.mode = static_cast<int>(k);
+      }
+      if (pole.mode >= 0) ++out->decay.modes[static_cast<std::size_t>(pole.mode)].members;
+      out->poles.push_back(pole);
+    }
+  }
+}
+
+}  // namespace
+
+ModalFit IdentifyModes(std::span<const DecaySignal> signals, const ModalOptions& options) {
+  ModalFit out;
+  const double duration = DurationOf(signals);
   if (signals.empty() || !(duration > 0.0)) {
     out.decay.message = "no samples";
     return out;
   }
+  // 1. Poles of rising orders by the matrix pencil, and which of them stay from order to order.
   const EvenSignals even = OnEvenGrid(signals, options.decay.trend, options.high);
   out.step = even.step;
   out.low = options.low > 0.0 ? options.low : 1.0 / duration;
@@ -180,70 +263,12 @@ ModalFit IdentifyModes(std::span<const DecaySignal> signals, const ModalOptions&
     return out;
   }
   const auto diagram = Diagram(orders, out.low, out.high, options);
-  std::vector<Cluster> clusters = Clusters(diagram, options);
-  if (clusters.size() > static_cast<std::size_t>(options.most)) {
-    clusters.resize(static_cast<std::size_t>(options.most));
-  }
-
-  std::vector<Complex> poles;
-  for (const Cluster& c : clusters) {
-    // Nothing grows in a free decay, but for what noise makes of a damping near zero.
-    if (c.pole().real() * duration < 1.0) poles.push_back(c.pole());
-  }
-  if (poles.size() > 1) {  // clusters of noise go at once, before anything is iterated
-    DecayOptions still = options.decay;
-    still.max_iterations = 0;
-    const DecayFit at_start = FitDecay(signals, poles, still);
-    std::vector<Complex> strong;
-    for (const Mode& m : at_start.modes) {
-      if (m.evidence > 0.5 * EvidenceAsked(signals.size(), at_start.samples)) {
-        strong.push_back(m.pole);
-      }
-    }
-    if (!strong.empty()) poles = std::move(strong);
-  }
-  out.decay = FitDecay(signals, poles, options.decay);
-  while (!poles.empty()) {
-    const int worst = out.decay.modes.empty() ? static_cast<int>(poles.size()) - 1
-                                              : WorstMode(out.decay, signals.size(), out.low,
-                                                          out.high, duration, options);
-    int drop = worst;
-    if (drop < 0 && out.decay.Usable()) break;
-    if (!out.decay.modes.empty()) {
-      poles.clear();
-      if (drop < 0) {  // not settled, none to blame: the one with least evidence goes
-        drop = 0;
-        for (std::size_t k = 1; k < out.decay.modes.size(); ++k) {
-          const auto d = static_cast<std::size_t>(drop);
-          if (out.decay.modes[k].evidence < out.decay.modes[d].evidence) drop = static_cast<int>(k);
-        }
-      }
-      for (const Mode& m : out.decay.modes) poles.push_back(m.pole);
-    }
-    poles.erase(poles.begin() + drop);
-    out.decay = FitDecay(signals, poles, options.decay);
-  }
-  if (out.decay.modes.empty() && out.decay.samples > 0) {
-    out.decay.status = DecayStatus::kNothingFound;
-    out.decay.message = "no pole stays where it is from order to order";
-  }
-
-  for (const auto& row : diagram) {
-    for (const Candidate& c : row) {
-      StabilisationPole pole = c.pole;
-      double nearest = 2.0 * options.frequency_tolerance;
-      for (std::size_t k = 0; k < out.decay.modes.size() && pole.stable(); ++k) {
-        const double f = out.decay.modes[k].frequency;
-        const double off = std::abs(f - pole.frequency) / f;
-        if (off < nearest) {
-          nearest = off;
-          pole.mode = static_cast<int>(k);
-        }
-      }
-      if (pole.mode >= 0) ++out.decay.modes[static_cast<std::size_t>(pole.mode)].members;
-      out.poles.push_back(pole);
-    }
-  }
+  // 2. Maximum likelihood from their clusters; what the data do not ask for is dropped.
+  const std::vector<Complex> poles =
+      StartingPoles(signals, Clusters(diagram, options), duration, options);
+  out.decay = Eliminate(signals, poles, out.low, out.high, duration, options);
+  // 3. The diagram, with the modes named.
+  AssignPoles(diagram, options, &out);
   return out;
 }
 

@@ -141,9 +141,20 @@ struct FlexibleArm {
   }
 };
 
-// Fitted with 4 segments to data of `segments`; `checked`: a finer mesh is asked at the estimate.
-inline std::vector<WrongModelFit> FitToMesh(int segments, bool checked, int trials,
-                                            std::uint64_t first, double sigma = 2e-4) {
+// What made the data that a beam of 4 segments is fitted to.
+struct BeamNature {
+  int segments = 16;    // 0: a smooth beam in their place
+  int order = 4;        // of that
+  bool checked = true;  // a finer mesh is asked at the estimate
+  bool profiles = false;
+  std::vector<std::string> Set() const {
+    if (segments > 0) return {fmt::format("beam.arm.segments={}", segments)};
+    return {"beam.arm.model=kirchhoff", fmt::format("beam.arm.order={}", order)};
+  }
+};
+
+inline std::vector<WrongModelFit> FitToBeam(const BeamNature& beam, int trials, std::uint64_t first,
+                                            double sigma = 2e-4) {
   constexpr int kCoarse = 4, kFine = 6;
   std::vector<WrongModelFit> out(static_cast<std::size_t>(trials));
   ParallelFor(out.size(), 0, [&](std::size_t i) {
@@ -161,7 +172,9 @@ inline std::vector<WrongModelFit> FitToMesh(int segments, bool checked, int tria
     }
     Trial recording = Pendulum::Recording(sigma);
     recording.duration = kBouncing;
-    const study::SceneModel nature(FlexibleArm::Binding(segments, kTolerance), start);
+    study::SceneModelOptions natural = FlexibleArm::Binding(kCoarse, kTolerance);
+    for (const std::string& set : beam.Set()) natural.set.push_back(set);
+    const study::SceneModel nature(natural, start);
     const Observations data = Record(nature, out[i].truth, {"mid", "tip"}, recording, rng);
     const study::SceneModel model(FlexibleArm::Binding(kCoarse, kTolerance), start);
     const study::SceneModel tighter(FlexibleArm::Binding(kCoarse, 0.1 * kTolerance), start);
@@ -171,18 +184,24 @@ inline std::vector<WrongModelFit> FitToMesh(int segments, bool checked, int tria
     trial.observations = &data;
     trial.model = &model;
     trial.tighter = &tighter;
-    if (checked) {
+    if (beam.checked) {
       constexpr double kGain = 1.0 * kFine * kFine / (kCoarse * kCoarse);
       trial.finer = &finer;
       trial.finer_factor = kGain / (kGain - 1.0);
     }
     FitOptions options;
     options.stages_by_impacts = true;
-    options.profile.wanted = false;
+    options.profile.wanted = beam.profiles;
     options.workers = 1;
     out[i].fit = Fit(problem, options);
   });
   return out;
+}
+
+// Fitted with 4 segments to data of `segments`; `checked`: a finer mesh is asked at the estimate.
+inline std::vector<WrongModelFit> FitToMesh(int segments, bool checked, int trials,
+                                            std::uint64_t first, double sigma = 2e-4) {
+  return FitToBeam({segments, 0, checked, false}, trials, first, sigma);
 }
 
 }  // namespace unfurl::correlate

@@ -1,0 +1,156 @@
+#include "data/formats.h"
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+
+#include "base/error.h"
+#include "data/h5.h"
+#include "data/raw_layout.h"
+#include "data/toml.h"
+#include "data/tracks_exchange.h"
+#include "data/trial.h"
+
+namespace unfurl::data {
+
+namespace {
+
+struct Ending {
+  const char* text;
+  FileFormat format;
+};
+
+constexpr Ending kEndings[] = {
+    {".h5", FileFormat::kHdf5}, {".hdf5", FileFormat::kHdf5}, {".csv", FileFormat::kCsv},
+    {".c3d", FileFormat::kC3d}, {".uff", FileFormat::kUff},   {".unv", FileFormat::kUff},
+    {".uf", FileFormat::kUff},  {".toml", FileFormat::kToml},
+};
+
+// A CSV of tracks has a column of marks; the other CSV that is read here is a survey.
+bool IsTracksCsv(const std::string& path) { return CsvTable::Load(path).Find("mark") >= 0; }
+
+std::string KindOfToml(const std::string& path) {
+  const TomlTable table = LoadToml(path);
+  if (table.Has("joint") || table.Has("beam") || table.Has("body")) return "scene";
+  if (table.Has("parameter")) return "study";
+  if (table.Has("recording")) return "raw lines";
+  if (table.Has("camera")) return "lab";
+  return "TOML";
+}
+
+[[noreturn]] void Refuse(const std::string& path, const std::string& kind) {
+  throw Error("holds " + kind + ", which is not one record", path,
+              "give a run, tracks, a rig, a survey, a fit, a scene, a laboratory or a study");
+}
+
+AnyRecord LoadHdf5(const std::string& path) {
+  const std::string schema = H5Reader::SchemaOf(path);
+  if (schema == kRunSchema) return ReadRun(path);
+  if (schema == kTracksSchema) return ReadTracks(path);
+  if (schema == kRigSchema) return ReadRig(path);
+  if (schema == kSurveySchema) return ReadSurvey(path);
+  if (schema == kFitSchema) return ReadFit(path);
+  Refuse(path, schema);
+}
+
+AnyRecord LoadTomlRecord(const std::string& path) {
+  const std::string kind = KindOfToml(path);
+  if (kind == "scene") return ReadScene(path);
+  if (kind == "lab") return ReadLab(path);
+  if (kind == "study") return ReadStudy(path);
+  Refuse(path, kind);
+}
+
+}  // namespace
+
+FileFormat FormatOf(const std::string& path) {
+  std::string ending = std::filesystem::path(path).extension().string();
+  std::transform(ending.begin(), ending.end(), ending.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  for (const Ending& known : kEndings) {
+    if (ending == known.text) return known.format;
+  }
+  return FileFormat::kUnknown;
+}
+
+bool HoldsTracks(FileFormat format) {
+  return format != FileFormat::kToml && format != FileFormat::kUnknown;
+}
+
+std::string TracksEndings() {
+  std::string all;
+  for (const Ending& known : kEndings) {
+    if (HoldsTracks(known.format)) all += (all.empty() ? "" : ", ") + std::string(known.text);
+  }
+  return all;
+}
+
+Tracks ReadTracksAny(const std::string& path, double sigma) {
+  switch (FormatOf(path)) {
+    case FileFormat::kHdf5:
+      return ReadTracks(path);
+    case FileFormat::kCsv:
+      return ReadTracksCsv(path);
+    case FileFormat::kC3d:
+      return ReadTracksC3d(path, sigma);
+    case FileFormat::kUff:
+      return ReadTracksUff(path, sigma);
+    case FileFormat::kToml:
+    case FileFormat::kUnknown:
+      break;
+  }
+  throw Error("is no file of tracks by its ending", path, "tracks end in " + TracksEndings());
+}
+
+void WriteTracksAny(const std::string& path, const Tracks& tracks, const Provenance& provenance) {
+  switch (FormatOf(path)) {
+    case FileFormat::kHdf5:
+      return WriteTracks(path, tracks, provenance);
+    case FileFormat::kCsv:
+      return WriteTracksCsv(path, tracks);
+    case FileFormat::kC3d:
+      return WriteTracksC3d(path, tracks);
+    case FileFormat::kUff:
+      return WriteTracksUff(path, tracks);
+    case FileFormat::kToml:
+    case FileFormat::kUnknown:
+      break;
+  }
+  throw Error("tracks cannot be written under this ending", path,
+              "end the name in " + TracksEndings());
+}
+
+std::string KindOf(const std::string& path) {
+  switch (FormatOf(path)) {
+    case FileFormat::kToml:
+      return KindOfToml(path);
+    case FileFormat::kCsv:
+      return IsTracksCsv(path) ? kTracksSchema : kSurveySchema;
+    case FileFormat::kC3d:
+    case FileFormat::kUff:
+      return kTracksSchema;
+    case FileFormat::kHdf5:
+    case FileFormat::kUnknown:
+      break;
+  }
+  return H5Reader::SchemaOf(path);
+}
+
+AnyRecord Load(const std::string& path) {
+  switch (FormatOf(path)) {
+    case FileFormat::kToml:
+      return LoadTomlRecord(path);
+    case FileFormat::kCsv:
+      if (!IsTracksCsv(path)) return ReadSurvey(path);
+      return ReadTracksCsv(path);
+    case FileFormat::kC3d:
+    case FileFormat::kUff:
+      return ReadTracksAny(path);
+    case FileFormat::kHdf5:
+    case FileFormat::kUnknown:
+      break;
+  }
+  return LoadHdf5(path);
+}
+
+}  // namespace unfurl::data

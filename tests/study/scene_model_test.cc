@@ -1,0 +1,98 @@
+// A scene as a model: read once, and any number of it a parameter.
+#include "study/scene_model.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+
+#include "base/error.h"
+#include "data/atomic_file.h"
+
+namespace unfurl::study {
+namespace {
+
+// A free body under gravity: x = vx t, y = vy t + a t^2 / 2, in closed form.
+constexpr char kFalling[] = R"(
+[scene]
+name = "falling"
+duration = 1.0
+[body.stone]
+mass = 2.0
+inertia = 0.1
+pose = [0.0, 0.0, 0.0]
+velocity = [1.0, 0.0, 0.0]
+[gravity]
+acceleration = [0.0, -9.81]
+[mark.m]
+on = "stone"
+)";
+
+class SceneModelTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    path_ = (std::filesystem::temp_directory_path() / "unfurl_scene_model.toml").string();
+    data::WriteTextFile(path_, kFalling);
+  }
+  void TearDown() override { std::filesystem::remove(path_); }
+
+  SceneModelOptions Options(const std::vector<std::vector<std::string>>& keys) const {
+    SceneModelOptions options;
+    options.scene = path_;
+    options.keys = keys;
+    options.rtol = 1e-9;
+    return options;
+  }
+  static Eigen::Vector3d At(const SceneModel& model, const std::vector<double>& theta, double t) {
+    correlate::Stamps stamps;
+    stamps.marks = {"m"};
+    stamps.t = {{t}};
+    const correlate::Prediction p = model.Evaluate(theta, stamps);
+    EXPECT_EQ(p.status, correlate::ModelStatus::kGood) << p.message;
+    return p.marks[0].p.col(0);
+  }
+  std::string path_;
+};
+
+TEST_F(SceneModelTest, AnItemOfAnArrayIsAParameter) {
+  const SceneModel model(Options({{"gravity.acceleration[1]"}, {"body.stone.velocity[0]"}}),
+                         std::vector<double>{-9.81, 1.0});
+  constexpr double kT = 0.5;
+  for (double g : {-9.81, -1.62, 0.0}) {
+    const Eigen::Vector3d p = At(model, {g, 3.0}, kT);
+    EXPECT_NEAR(p.x(), 3.0 * kT, 1e-8);
+    EXPECT_NEAR(p.y(), 0.5 * g * kT * kT, 1e-8);
+  }
+}
+
+TEST_F(SceneModelTest, EditingTheSceneChangesNothingOnceItIsRead) {
+  const SceneModel model(Options({{"gravity.acceleration[1]"}}), std::vector<double>{-9.81});
+  const Eigen::Vector3d before = At(model, {-9.81}, 0.5);
+  data::WriteTextFile(path_, "this is = not a [scene");
+  EXPECT_EQ(At(model, {-9.81}, 0.5), before);
+  std::filesystem::remove(path_);
+  EXPECT_EQ(At(model, {-9.81}, 0.5), before);
+  data::WriteTextFile(path_, kFalling);
+}
+
+TEST_F(SceneModelTest, WhatIsWrongIsPlacedAtTheLineOrTheKey) {
+  auto where = [&](const SceneModelOptions& options) {
+    try {
+      SceneModel(options, std::vector<double>{1.0});
+    } catch (const Error& e) {
+      return std::string(e.what());
+    }
+    return std::string("no error");
+  };
+  EXPECT_THAT(where(Options({{"gravity.acceleration[7]"}})),
+              ::testing::StartsWith("--set gravity.acceleration[7]: "));
+  SceneModelOptions negative = Options({{"body.stone.inertia"}});
+  negative.set = {"body.stone.mass=-1"};
+  EXPECT_THAT(where(negative), ::testing::StartsWith("--set body.stone.mass: "));
+  data::WriteTextFile(path_, std::string(kFalling) + "[body.stone2]\nmass = \"heavy\"\n");
+  EXPECT_THAT(where(Options({{"body.stone.inertia"}})), ::testing::HasSubstr("toml:15"));
+}
+
+}  // namespace
+}  // namespace unfurl::study
