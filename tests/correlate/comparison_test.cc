@@ -1,97 +1,139 @@
-// A comparison asks signals what they are of, never what they are called.
+// A whole comparison of two synthetic records: what it reports against sums over its own signals,
+// written out, and against what was put in.
 #include "correlate/compare/comparison.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
+#include <regex>
 
 #include "base/random.h"
+#include "correlate/sampled_model.h"
 
 namespace unfurl::correlate {
 namespace {
 
-// Three marks, two of them on one body: a swing and vibrations, as tracks with noise or without.
-data::Tracks Swing(const std::vector<std::string>& names, double sigma, std::uint64_t seed) {
-  constexpr int kSamples = 600;
-  constexpr double kStep = 0.005;
-  data::Tracks tracks;
-  tracks.frame = "rig";
-  tracks.marks = names;
-  tracks.p.resize(3, 3 * kSamples);
-  tracks.cov = Eigen::Matrix<double, 6, Eigen::Dynamic>::Zero(6, 3 * kSamples);
-  tracks.shared.resize(3, 0);
+constexpr double kSigma = 5e-5, kRate = 200.0, kDuration = 6.0;
+
+// Three marks that open within a second and then ring at `frequency`, 5 mm and less; 0.05 mm of
+// noise.
+Observations Opening(double frequency, double later, std::uint64_t seed) {
+  constexpr auto kN = static_cast<Eigen::Index>(kDuration * kRate);
   Rng rng(seed);
-  for (int i = 0; i < kSamples; ++i) {
-    const double t = kStep * i;
-    const double turn = 0.6 * std::exp(-0.5 * t) * std::cos(2.0 * std::numbers::pi * 1.7 * t);
-    const double bend = 0.02 * std::exp(-0.3 * t) * std::cos(2.0 * std::numbers::pi * 9.0 * t);
-    const Eigen::Vector3d along(std::cos(turn), std::sin(turn), 0.0);
-    const Eigen::Vector3d across(-std::sin(turn), std::cos(turn), 0.0);
-    const Eigen::Vector3d p[] = {0.4 * along, 0.9 * along, 1.5 * along + (0.3 * t + bend) * across};
-    for (int m = 0; m < 3; ++m) {
-      tracks.t.push_back(t);
-      tracks.mark.push_back(m);
-      tracks.status.push_back(data::SampleStatus::kGood);
-      tracks.p.col(3 * i + m) =
-          p[m] + sigma * Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal());
-      for (int row : {0, 3, 5}) tracks.cov(row, 3 * i + m) = sigma * sigma;
+  Observations o;
+  for (int m = 0; m < 3; ++m) {
+    MarkSeries s;
+    s.name = std::string(1, static_cast<char>('a' + m));
+    s.p.resize(3, kN);
+    s.cov.resize(6, kN);
+    s.shared.resize(3, 0);
+    const Eigen::Vector3d from(0.4 + 0.5 * m, 0.1 * m, 0.0);
+    const Eigen::Vector3d way(0.2 * m - 0.1, 0.7 - 0.3 * m, 0.0), along(0.4, 1.0, 0.0);
+    for (Eigen::Index i = 0; i < kN; ++i) {
+      const double at = static_cast<double>(i) / kRate, t = at - later;
+      const double open = 0.5 * (1.0 + std::tanh(4.0 * (t - 1.0))),
+                   rings = 0.5 * (1.0 + std::tanh(4.0 * (t - 1.8)));
+      s.t.push_back(at);
+      s.p.col(i) =
+          from + open * way +
+          rings * 5e-3 / (1.0 + m) * std::sin(2.0 * std::numbers::pi * frequency * t) * along +
+          kSigma * Eigen::Vector3d(rng.Normal(), rng.Normal(), rng.Normal());
+      s.cov.col(i) << kSigma * kSigma, 0, 0, kSigma * kSigma, 0, kSigma * kSigma;
     }
+    o.marks.push_back(std::move(s));
   }
-  return tracks;
+  return o;
 }
 
-Comparison CompareNamed(const std::vector<std::string>& names) {
-  constexpr double kSigma = 2e-4;  // [m]
-  const data::Tracks measured = Swing(names, kSigma, 1), reference = Swing(names, kSigma, 2);
-  return Compare(ComparedRecord(measured), ComparedRecord(reference));
+Comparison Compared(double measured, double reference) {
+  Comparison c;
+  c.record = "record";
+  c.reference = "reference";
+  c.marks = {"a", "b", "c"};
+  c.observations = Opening(measured, 0.05, 1);
+  ComparisonOptions options;
+  options.from = 2.5;
+  CompareWith(SampledModel(Opening(reference, 0.0, 2)), options, &c);
+  return c;
 }
 
-TEST(Comparison, WhatSignalsAreOfDoesNotDependOnNames) {
-  const Comparison plain = CompareNamed({"inner", "outer", "tip"});
-  ASSERT_TRUE(plain.alignment.Usable()) << plain.alignment.message;
-  ASSERT_EQ(plain.signals.size(), 10u);  // an angle, three coordinates of three marks
-  ASSERT_EQ(plain.spectra.size(), 7u);   // those across the plane have none
-  // Names that look like an angle, like a z coordinate, like the row of all marks.
-  const std::vector<std::vector<std::string>> names = {
-      {"angle_tip", "mark1z", "tip"}, {"angle", "z", "all"}, {"a x", "a", "a y"}};
-  for (const auto& list : names) {
-    const Comparison odd = CompareNamed(list);
-    ASSERT_TRUE(odd.alignment.Usable());
-    ASSERT_EQ(odd.signals.size(), plain.signals.size()) << list[0];
-    for (std::size_t i = 0; i < odd.signals.size(); ++i) {
-      EXPECT_EQ(odd.signals[i].id.kind, plain.signals[i].id.kind);
-      EXPECT_EQ(odd.signals[i].id.axis, plain.signals[i].id.axis);
-      EXPECT_EQ(odd.signals[i].measured, plain.signals[i].measured);
+TEST(Comparison, SaysHowFarApartPeaksAre) {
+  for (const double ratio : {1.02, 0.98}) {
+    const Comparison c = Compared(6.0 * ratio, 6.0);
+    EXPECT_NEAR(c.alignment.at.offset, 0.05, 0.01);
+    double away = -1.0;
+    for (const std::string& reason : c.reasons) {
+      std::smatch found;
+      if (std::regex_search(reason, found, std::regex("at most ([0-9.]+)% away in frequency")))
+        away = std::stod(found[1]);
     }
-    ASSERT_EQ(odd.spectra.size(), plain.spectra.size()) << list[0];
-    for (std::size_t i = 0; i < odd.spectra.size(); ++i) {
-      EXPECT_EQ(odd.spectra[i].measured.amplitude, plain.spectra[i].measured.amplitude);
-      EXPECT_STREQ(odd.spectra[i].id.Unit(), plain.spectra[i].id.Unit());
-    }
-    ASSERT_EQ(odd.scores.size(), plain.scores.size());
-    for (std::size_t i = 0; i < odd.scores.size(); ++i) {
-      EXPECT_STREQ(odd.scores[i].Unit(), plain.scores[i].Unit());
-      EXPECT_EQ(odd.scores[i].score.rmse, plain.scores[i].score.rmse);
-      EXPECT_EQ(odd.scores[i].sigmas, plain.scores[i].sigmas);
-      EXPECT_EQ(odd.scores[i].rating.overall, plain.scores[i].rating.overall);
-    }
-    EXPECT_EQ(odd.operating_shapes.size(), plain.operating_shapes.size());
-    EXPECT_EQ(odd.mode_signals.size(), plain.mode_signals.size());
+    // Peaks of 3.5 s lie within some hundredths of a hertz.
+    EXPECT_NEAR(away, 2.0, 0.5) << ratio;
+    ASSERT_FALSE(c.operating_shapes.empty());
+    EXPECT_NEAR(c.operating_shapes[0].measured_frequency, 6.0 * ratio, 0.03);
+    EXPECT_NEAR(c.operating_shapes[0].reference_frequency, 6.0, 0.03);
+    EXPECT_GT(c.operating_shapes[0].mac, 0.98);
   }
 }
 
-TEST(Comparison, TheAngleIsOfTheTwoMarksOnOneBody) {
-  const Comparison c = CompareNamed({"inner", "outer", "tip"});
-  const SignalId& id = c.signals.front().id;
-  ASSERT_TRUE(id.IsAngle());
-  EXPECT_EQ(c.marks[id.mark], "inner");
-  EXPECT_EQ(c.marks[id.second], "outer");
-  EXPECT_STREQ(id.Unit(), "rad");
-  EXPECT_EQ(c.scores.front().of, ComparedScore::Of::kAngle);
-  EXPECT_EQ(c.scores.back().of, ComparedScore::Of::kAll);
-  // Its range is that of the swing, in radians.
-  EXPECT_NEAR(c.signals.front().reference.front(), 0.6, 0.01);
+TEST(Comparison, ScoresOverAllMarksAreSumsOverTheSamples) {
+  for (const bool record_is_test : {true, false}) {
+    Comparison c;
+    c.record_is_test = record_is_test;
+    c.marks = {"a", "b", "c"};
+    c.observations = Opening(6.12, 0.05, 1);
+    ComparisonOptions options;
+    options.from = 2.5;
+    CompareWith(SampledModel(Opening(6.0, 0.0, 2)), options, &c);
+    double samples = 0.0, left = 0.0, total = 0.0, rating = 0.0, largest = 0.0, range2 = 0.0;
+    for (const std::string& mark : c.marks) {
+      double ratings = 0.0, rated = 0.0, moved2 = 0.0;
+      std::vector<double> distance2;
+      for (const char* axis : {" x", " y"}) {
+        for (const ComparedSignal& s : c.signals) {
+          if (s.name != mark + axis) continue;
+          const std::vector<double>& test = record_is_test ? s.measured : s.reference;
+          const std::vector<double>& computed = record_is_test ? s.reference : s.measured;
+          distance2.resize(s.t.size());
+          double mean = 0.0;
+          for (const double x : test) mean += x / static_cast<double>(test.size());
+          std::vector<double> a, b;
+          for (std::size_t i = 0; i < s.t.size(); ++i) {
+            total += (test[i] - mean) * (test[i] - mean);
+            distance2[i] += (test[i] - computed[i]) * (test[i] - computed[i]);
+            a.push_back(test[i] - s.reference.front());
+            b.push_back(computed[i] - s.reference.front());
+          }
+          const auto [low, high] = std::minmax_element(test.begin(), test.end());
+          moved2 += (*high - *low) * (*high - *low);
+          if (*high - *low < 0.02) continue;  // the others move by decimetres
+          ratings += RateObjectively(a, b).overall;
+          rated += 1.0;
+        }
+      }
+      for (const double d : distance2) {
+        left += d;
+        largest = std::max(largest, std::sqrt(d));
+      }
+      samples += static_cast<double>(distance2.size());
+      range2 = std::max(range2, moved2);
+      rating += ratings / rated / 3.0;
+    }
+    const ComparedScore& all = c.scores.back();
+    constexpr double kRounding = 1e-10;
+    EXPECT_EQ(all.name, "all");
+    EXPECT_EQ(static_cast<double>(all.score.samples), samples);
+    EXPECT_NEAR(all.score.rmse, std::sqrt(left / samples), kRounding);
+    EXPECT_NEAR(all.score.r2, 1.0 - left / total, kRounding);
+    EXPECT_NEAR(all.score.largest, largest, kRounding);
+    EXPECT_NEAR(all.score.range, std::sqrt(range2), kRounding);
+    EXPECT_NEAR(all.score.nrmse, std::sqrt(left / samples / range2), kRounding);
+    EXPECT_TRUE(all.rated);
+    EXPECT_NEAR(all.rating.overall, rating, kRounding);
+    EXPECT_EQ(all.rating.grade, GradeOf(all.rating.overall));
+  }
 }
 
 }  // namespace

@@ -91,7 +91,7 @@ TEST_F(SceneModelTest, WhatIsWrongIsPlacedAtTheLineOrTheKey) {
   negative.set = {"body.stone.mass=-1"};
   EXPECT_THAT(where(negative), ::testing::StartsWith("--set body.stone.mass: "));
   data::WriteTextFile(path_, std::string(kFalling) + "[body.stone2]\nmass = \"heavy\"\n");
-  EXPECT_THAT(where(Options({{"body.stone.inertia"}})), ::testing::HasSubstr("toml:16"));
+  EXPECT_THAT(where(Options({{"body.stone.inertia"}})), ::testing::HasSubstr("toml:15"));
 }
 
 }  // namespace
