@@ -61,6 +61,27 @@ TEST(FindPeaks, HillsValleysAndFeet) {
   EXPECT_EQ(peaks.size(), 2U);
 }
 
+// Detection compares the sum over five pixels with its own noise. In a sensor without noise that is
+// the rounding's, 1/12 of a count squared for each, and the background's mean.
+TEST(FindAll, TheThresholdOfAQuietSensorIsThatOfItsRounding) {
+  data::LineFormat format = ShippedLab().sensor.format;
+  format.read_noise_counts = 0.0;
+  Background background(format);
+  const std::vector<std::uint16_t> dark(format.elements(), 50);
+  for (int k = 0; k < 40; ++k) background.Add(dark);
+  ASSERT_EQ(background.noise(), 0.0);
+  std::vector<std::uint16_t> line = dark;
+  for (std::size_t k = 0; k < 5; ++k) line[format.first_active() + 1000 + k] += 1;
+  const double noise = std::sqrt(5.0 / 12.0 * (1.0 + background.mean_variance()));
+  for (const double share : {0.98, 1.02}) {
+    SpotOptions options;
+    options.threshold = share * 5.0 / noise;  // five counts in all
+    SpotFinder finder(format, options);
+    std::vector<Spot> spots(4);
+    EXPECT_EQ(finder.FindAll(line, background, spots), share < 1.0 ? 1U : 0U);
+  }
+}
+
 TEST(FindAll, EveryLightOfALineHonestly) {
   // Six lights of very different size, no two touching: each within its own sigma. A whitened rms
   // of 300 repeats scatters by 4%: four of those.
