@@ -268,7 +268,10 @@ int RunCalibrate(const Common& common, const Arguments& arguments) {
     WriteCalibratePage(arguments.report, arguments.survey, data, result, provenance);
   }
   Finish(common, Json(result, arguments), Text(result, arguments.out));
-  return result.rig.verdict == calib::kDoNotUse ? kExitNotUsable : kExitGood;
+  if (result.rig.verdict != calib::kDoNotUse) return kExitGood;
+  const auto& reasons = result.rig.reasons;
+  return NotUsable(arguments.survey, "the calibration's verdict is \"" + result.rig.verdict + "\"" +
+                                         (reasons.empty() ? "" : ": " + reasons.front()));
 }
 
 }  // namespace

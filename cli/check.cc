@@ -128,7 +128,10 @@ int RunCheck(const Common& common, const Arguments& arguments) {
     WriteCheckPage(arguments.report, arguments.input, rig, result, bar, provenance);
   }
   Finish(common, summary, text);
-  return result.chance >= calib::kDoubtful ? kExitGood : kExitNotUsable;
+  if (result.chance >= calib::kDoubtful) return kExitGood;
+  return NotUsable(arguments.input,
+                   "the calibration is " + result.verdict +
+                       (result.reasons.empty() ? "" : ": " + result.reasons.front()));
 }
 
 }  // namespace

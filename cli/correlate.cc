@@ -116,7 +116,8 @@ int CorrelateVerb(const Common& common, Settings& s) {
     text += WritePaperFigures(s.figures, comparison);
   }
   Finish(common, json, text);
-  return comparison.alignment.Usable() ? kExitGood : kExitNotUsable;
+  return comparison.alignment.Usable() ? kExitGood
+                                       : NotUsable(s.record, comparison.alignment.message);
 }
 
 }  // namespace

@@ -184,7 +184,8 @@ class CostVerb {
       json["report"] = arguments_.report;
     }
     Finish(common_, json, text);
-    return any ? kExitGood : kExitNotUsable;
+    return any ? kExitGood
+               : NotUsable(arguments_.scene, "no run came to its end; the table says why");
   }
 
   const Common& common_;

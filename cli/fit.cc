@@ -106,7 +106,8 @@ int FitVerb(const Common& common, const Settings& s) {
   const double seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   Finish(common, FitJson(fit.record, options.output, seconds), FitText(fit.record, seconds));
-  return fit.Usable() ? kExitGood : kExitNotUsable;
+  return fit.Usable() ? kExitGood
+                      : NotUsable(options.output, "the fit is not usable; its words say why");
 }
 
 }  // namespace

@@ -306,7 +306,10 @@ int Run(const Common& common, const Arguments& arguments) {
   text += DescribeModes(model, y, report, &json);
   if (!arguments.out.empty()) text += fmt::format("shapes -> {}\n", arguments.out);
   Finish(common, json, text);
-  return arguments.as_is || equilibrium.found ? kExitGood : kExitNotUsable;
+  return arguments.as_is || equilibrium.found
+             ? kExitGood
+             : NotUsable(arguments.scene,
+                         "no equilibrium was found; --as-is linearises at the state as it is");
 }
 
 }  // namespace

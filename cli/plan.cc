@@ -139,7 +139,7 @@ int RunPlan(const Common& common, Arguments arguments) {
   text += "\n" + AlignedTable(LossTable(out.rows));
   if (!arguments.report.empty()) text += "\n-> " + arguments.report + "\n";
   Finish(common, summary, text);
-  return out.level == report::Level::kBad ? kExitNotUsable : kExitGood;
+  return out.level == report::Level::kBad ? NotUsable(arguments.input, out.headline) : kExitGood;
 }
 
 }  // namespace

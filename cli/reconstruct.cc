@@ -343,7 +343,7 @@ int ReconstructVerb(const Common& common, const Settings& s) {
   }
   if (done.usable() == 0) text += "no sample is usable\n";
   Finish(common, summary, text);
-  return done.usable() == 0 ? kExitNotUsable : kExitGood;
+  return done.usable() == 0 ? NotUsable(s.trial, "no sample is usable") : kExitGood;
 }
 
 }  // namespace

@@ -122,7 +122,8 @@ class SimulateVerb {
       return code;
     }
     unfurl::cli::Finish(common_, json, text);
-    return code;
+    if (code == kExitGood) return code;
+    return NotUsable(arguments_.scene, summary.status + ": " + summary.message);
   }
 
  private:

@@ -125,9 +125,11 @@ class Composer {
       }
       details.push_back(words);
     }
-    for (const std::string& warning : in_.model.warnings) {
-      details.push_back("Warning: " + warning + ".");
-      level = std::max(level, Level::kCare);
+    for (const auto* warnings : {&in_.model.warnings, &in_.report.warnings}) {
+      for (const std::string& warning : *warnings) {
+        details.push_back("Warning: " + warning + ".");
+        level = std::max(level, Level::kCare);
+      }
     }
     std::string calls = "The scene calls for";
     for (const sim::Model::EffectCount& effect : in_.model.Effects()) {

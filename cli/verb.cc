@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "base/error.h"
+
 namespace unfurl::cli {
 
 Verb DeclareVerb(CLI::App& program, Common& common, const std::string& name,
@@ -25,6 +27,11 @@ data::Provenance StartProvenance(const Common& common) {
   provenance.program = data::ProgramVersion();
   provenance.command = common.command_line;
   return provenance;
+}
+
+int NotUsable(const std::string& where, const std::string& why) {
+  std::fputs(("unfurl: " + where + ": " + why + "\n").c_str(), stderr);
+  return kExitNotUsable;
 }
 
 void Finish(const Common& common, const nlohmann::ordered_json& summary, const std::string& text) {

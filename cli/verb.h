@@ -55,6 +55,9 @@ std::string DefaultOutput(const std::string& input, const std::string& suffix);
 // Provenance with this program's version and the command as typed; add inputs and options to it.
 data::Provenance StartProvenance(const Common& common);
 
+// One line on standard error for a result that is not usable, WHERE: WHY; returns that exit code.
+int NotUsable(const std::string& where, const std::string& why);
+
 // Ends a verb: the summary as JSON on stdout with --json, `text` otherwise, nothing with --quiet.
 void Finish(const Common& common, const nlohmann::ordered_json& summary, const std::string& text);
 

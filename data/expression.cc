@@ -6,6 +6,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "data/expression_ops.h"
 #include "data/expression_parser.h"
 
 namespace unfurl::data {
@@ -13,69 +14,7 @@ namespace {
 
 using Op = Expression::Op;
 
-int Operands(Op op) {
-  switch (op) {
-    case Op::kNumber:
-    case Op::kTime:
-      return 0;
-    case Op::kAdd:
-    case Op::kSubtract:
-    case Op::kMultiply:
-    case Op::kDivide:
-    case Op::kPower:
-    case Op::kMin:
-    case Op::kMax:
-      return 2;
-    default:
-      return 1;
-  }
-}
-
-// Quintic that joins 0 and 1 with two continuous derivatives.
-double SmoothStep(double x) {
-  if (x <= 0.0) return 0.0;
-  if (x >= 1.0) return 1.0;
-  return x * x * x * (10.0 + x * (6.0 * x - 15.0));
-}
-
-double Unary(Op op, double x) {
-  switch (op) {
-    case Op::kNegate:
-      return -x;
-    case Op::kSin:
-      return std::sin(x);
-    case Op::kCos:
-      return std::cos(x);
-    case Op::kTan:
-      return std::tan(x);
-    case Op::kAsin:
-      return std::asin(x);
-    case Op::kAcos:
-      return std::acos(x);
-    case Op::kAtan:
-      return std::atan(x);
-    case Op::kSinh:
-      return std::sinh(x);
-    case Op::kCosh:
-      return std::cosh(x);
-    case Op::kTanh:
-      return std::tanh(x);
-    case Op::kExp:
-      return std::exp(x);
-    case Op::kLog:
-      return std::log(x);
-    case Op::kSqrt:
-      return std::sqrt(x);
-    case Op::kAbs:
-      return std::fabs(x);
-    case Op::kStep:
-      return x < 0.0 ? 0.0 : 1.0;
-    case Op::kRamp:
-      return x < 0.0 ? 0.0 : x;
-    default:
-      return SmoothStep(x);
-  }
-}
+double Unary(Op op, double x) { return ApplyUnary(op, x); }
 
 TimeValue Unary(Op op, const TimeValue& u) {
   const double x = u.value, f = Unary(op, x);
@@ -126,8 +65,6 @@ TimeValue Unary(Op op, const TimeValue& u) {
   }
 }
 
-double Power(double u, double v) { return std::pow(u, v); }
-
 TimeValue Power(const TimeValue& u, const TimeValue& v) {
   const double c = v.value, f = std::pow(u.value, c);
   if (v.rate == 0.0 && v.acceleration == 0.0) {
@@ -140,11 +77,9 @@ TimeValue Power(const TimeValue& u, const TimeValue& v) {
   return Chain(exponent, f, f, f);
 }
 
-double ValueOf(double u) { return u; }
-double ValueOf(const TimeValue& u) { return u.value; }
+double Binary(Op op, double u, double v) { return ApplyBinary(op, u, v); }
 
-template <typename T>
-T Binary(Op op, const T& u, const T& v) {
+TimeValue Binary(Op op, const TimeValue& u, const TimeValue& v) {
   switch (op) {
     case Op::kAdd:
       return u + v;
@@ -157,9 +92,9 @@ T Binary(Op op, const T& u, const T& v) {
     case Op::kPower:
       return Power(u, v);
     case Op::kMin:
-      return ValueOf(v) < ValueOf(u) ? v : u;
+      return v.value < u.value ? v : u;
     default:
-      return ValueOf(v) > ValueOf(u) ? v : u;
+      return v.value > u.value ? v : u;
   }
 }
 
@@ -193,7 +128,7 @@ T Expression::Run(double t) const {
   std::array<T, kExpressionDepth> stack;
   T* top = stack.data() - 1;
   for (const Instruction& i : program_) {
-    switch (Operands(i.op)) {
+    switch (OperandsOf(i.op)) {
       case 0:
         if constexpr (std::is_same_v<T, double>) {
           *++top = i.op == Op::kTime ? t : i.number;
@@ -219,7 +154,7 @@ double Expression::Divisor(int k, double t) const {
   std::array<double, kExpressionDepth> stack;
   double* top = stack.data() - 1;
   for (const Instruction& i : program_) {
-    const int operands = Operands(i.op);
+    const int operands = OperandsOf(i.op);
     if (Divides(i.op) && k-- == 0) {
       if (i.op == Op::kDivide) return *top;
       if (i.op == Op::kTan) return std::cos(*top);
@@ -241,7 +176,7 @@ std::string Expression::Reason(double t) const {
   std::array<double, kExpressionDepth> stack;
   double* top = stack.data() - 1;
   for (const Instruction& i : program_) {
-    const int operands = Operands(i.op);
+    const int operands = OperandsOf(i.op);
     if (operands == 0) {
       *++top = i.op == Op::kTime ? t : i.number;
       continue;

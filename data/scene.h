@@ -59,6 +59,9 @@ struct SceneBeam {
   bool axial_elastic = false;
   double damping = 0.0;       // Kelvin-Voigt beta [s]
   bool gradient_form = true;  // element forces as the gradient of an energy; false: as printed
+  // The longitudinal constraint along the line between the stations; false: along the inboard
+  // segment's axis, as printed.
+  bool along_chord = true;
   std::array<bool, 2> carried_ends{false, false};  // an implied body holds part of the end's mass
   std::optional<std::array<double, 3>> pose;  // of the start, as for a body: x, y [m], angle [rad]
   std::optional<std::array<double, 3>> velocity;  // of the start [m/s], [m/s], [rad/s]

@@ -42,7 +42,9 @@ void SceneReader::ReadBeams() {
     beam.order = table.IntegerOr("order", 3, 1, kHighestOrder);
     beam.axial_elastic = table.ChoiceOr("axial", "rigid", {"rigid", "elastic"}) == "elastic";
     beam.damping = table.NumberOr("damping", 0.0, kNonNegative);
-    beam.gradient_form = table.ChoiceOr("form", "gradient", {"gradient", "printed"}) == "gradient";
+    const std::string form = table.ChoiceOr("form", "chord", {"chord", "gradient", "printed"});
+    beam.gradient_form = form != "printed";
+    beam.along_chord = form == "chord";
     ReadSection(table, &beam);
     beam.pose = TripleOrNone(table, "pose");
     beam.velocity = TripleOrNone(table, "velocity");

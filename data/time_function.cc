@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "base/error.h"
 #include "data/time_function_impl.h"
@@ -53,6 +54,7 @@ struct Formula : Impl, std::enable_shared_from_this<Formula> {
                                              int cells) const override {
     return expression.FindFault(duration, derivatives, cells);
   }
+  std::vector<double> Edges(double duration) const override { return expression.Edges(duration); }
   std::string text() const override { return expression.text(); }
 };
 
@@ -66,6 +68,13 @@ struct Pieces {
   std::size_t Find(double at) const {
     const auto above = std::upper_bound(t.begin() + 1, t.end() - 1, at);
     return static_cast<std::size_t>(above - t.begin()) - 1;
+  }
+  std::vector<double> Edges(double duration) const {
+    std::vector<double> inside;
+    for (const double at : t) {
+      if (at > 0.0 && at < duration) inside.push_back(at);
+    }
+    return inside;
   }
   double First() const { return c.front()[0]; }
   double Last() const { return last; }
@@ -101,6 +110,7 @@ struct PointsIntegral : Impl {
   std::shared_ptr<const Impl> Integral(double, double) const override {
     throw Error("an integral of an integral", where, "give the function itself");
   }
+  std::vector<double> Edges(double duration) const override { return pieces->Edges(duration); }
   std::string text() const override { return "the integral of a table"; }
 };
 
@@ -112,6 +122,7 @@ struct Points : Impl {
     integral->where = where;
     return integral;
   }
+  std::vector<double> Edges(double duration) const override { return pieces->Edges(duration); }
   std::string text() const override { return "a table"; }
 };
 
@@ -198,6 +209,27 @@ bool TimeFunction::IsFinite(double t, int derivatives) const {
   const TimeValue v = impl_->At(t);
   return std::isfinite(v.value) && (derivatives < 1 || std::isfinite(v.rate)) &&
          (derivatives < 2 || std::isfinite(v.acceleration));
+}
+
+std::vector<double> TimeFunction::Edges(double duration) const { return impl_->Edges(duration); }
+
+std::optional<double> TimeFunction::FindJump(double duration) const {
+  // Rounding of the function's own terms, and of the time where it is steep.
+  constexpr double kRounding = 1e-9, kUlps = 16.0 * std::numeric_limits<double>::epsilon();
+  constexpr int kLooks = 64;
+  const std::vector<double> edges = Edges(duration);
+  double size = 0.0;
+  for (int k = 0; k <= kLooks; ++k) size = std::max(size, std::fabs(Value(duration * k / kLooks)));
+  for (const double at : edges) size = std::max(size, std::fabs(Value(at)));
+  for (const double at : edges) {
+    // Neighbours within some roundings are one edge.
+    const TimeValue before = At(at - kUlps * at), after = At(at + kUlps * at);
+    const double steep = std::fabs(before.rate) + std::fabs(after.rate);
+    if (std::fabs(after.value - before.value) > kRounding * size + 2.0 * kUlps * at * steep) {
+      return at;
+    }
+  }
+  return std::nullopt;
 }
 
 std::string TimeFunction::Describe() const {

@@ -39,6 +39,11 @@ class TimeFunction {
   void CheckFinite(double duration, int derivatives, int cells = 4096) const;
   // Finite at t?
   bool IsFinite(double t, int derivatives) const;
+  // Times in (0, duration), rising, where the function or a derivative may jump: knots of tables,
+  // and Expression::Edges.
+  std::vector<double> Edges(double duration) const;
+  // The first of them where the value itself jumps.
+  std::optional<double> FindJump(double duration) const;
   // `"1 / (t - 0.3)" (scene.toml:12:joint.a.motor.moment)`, for messages.
   std::string Describe() const;
 

@@ -18,6 +18,7 @@ struct TimeFunction::Impl {
   virtual std::optional<unfurl::data::Expression::Fault> FindFault(double, int, int) const {
     return std::nullopt;
   }
+  virtual std::vector<double> Edges(double) const { return {}; }
   virtual std::string text() const = 0;  // as written, or what it is
   std::string where;
 };

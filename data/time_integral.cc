@@ -81,6 +81,7 @@ struct SmoothIntegral : Impl {
   double start = 0.0;
   std::vector<Piece> pieces;
 
+  std::vector<double> Edges(double duration) const override { return rate->Edges(duration); }
   TimeValue At(double t) const override {
     const TimeValue r = rate->At(t);
     return {Value(t), r.value, r.rate};

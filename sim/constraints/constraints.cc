@@ -8,7 +8,7 @@
 
 namespace unfurl::sim {
 
-Constraints::Constraints(const Slots& slots, const std::vector<double>& element_length,
+Constraints::Constraints(const Slots& slots, const std::vector<Longitudinal>& elements,
                          JointRows joints, const std::vector<std::string>& element_names,
                          const std::vector<int>& dropped)
     : n_(slots.count),
@@ -22,6 +22,7 @@ Constraints::Constraints(const Slots& slots, const std::vector<double>& element_
       element_names_(element_names),
       active_(beam_count_, 0.0),
       length_(beam_count_, 0.0),
+      chord_(beam_count_, 0.0),
       mass_sum_(beam_count_, 0.0),
       inertia_i_(beam_count_, 0.0),
       inertia_j_(beam_count_, 0.0),
@@ -47,10 +48,11 @@ Constraints::Constraints(const Slots& slots, const std::vector<double>& element_
   };
   std::vector<std::vector<Incident>> incidence(n_);  // by body
   for (int e = 0; e + 1 < beam_count_; ++e) {
-    if (!(element_length[e] > 0.0) || left_out[e]) continue;
+    if (!(elements[e].length > 0.0) || left_out[e]) continue;
     has_equation[e] = 1;
     active_[e] = 1.0;
-    length_[e] = element_length[e];
+    length_[e] = elements[e].length;
+    chord_[e] = elements[e].along_chord ? 1.0 : 0.0;
     const int i = body_of(e), j = body_of(e + 1);
     mass_sum_[e] = inverse_mass_[i] + inverse_mass_[j];
     inertia_i_[e] = inverse_inertia_[i];
@@ -183,7 +185,7 @@ std::string Constraints::NameOf(int row) const {
 Constraints::Work Constraints::MakeWork() const {
   Work w;
   const int beams = beam_count_ + kBlock;
-  w.tilt = w.tilt_i = w.tilt_j = Array(beams, 0.0);
+  w.tilt = w.tilt_i = w.tilt_j = w.axis_x = w.axis_y = Array(beams, 0.0);
   w.diagonal = w.inverse = w.lambda = Array(PaddedSize(rows_) + kBlock, 1.0);
   w.off = Array(ldlt_.places() + kBlock, 0.0);
   w.lambda.assign(w.lambda.size(), 0.0);
@@ -204,14 +206,14 @@ int Constraints::OuterBody(int row) const {
   return station_of_[row + 1] < 0 ? row + 1 : stations_[station_of_[row + 1]].body;
 }
 
-void Constraints::Jacobian(const Motion& m, const Work& work, double* six) const {
+void Constraints::Jacobian(const Motion&, const Work& work, double* six) const {
   for (int e = 0; e < beam_count_; ++e, six += 6) {
     const double on = active_[e];
-    six[0] = -on * m.c[e];
-    six[1] = -on * m.s[e];
+    six[0] = -on * work.axis_x[e];
+    six[1] = -on * work.axis_y[e];
     six[2] = on * work.tilt_i[e];
-    six[3] = on * m.c[e];
-    six[4] = on * m.s[e];
+    six[3] = on * work.axis_x[e];
+    six[4] = on * work.axis_y[e];
     six[5] = on * work.tilt_j[e];
   }
   std::copy_n(work.blocks.data(), 6 * joints_.rows(), six);

@@ -15,14 +15,20 @@ class Tangent;
 
 // All constraints, and the multipliers that keep them, [paper, eq. (26) to (33)]:
 //   M a = Q + J^T lambda,   J a = gamma,   (J M^-1 J^T) lambda = gamma - J M^-1 Q.
-// Rows: the longitudinal constraint (r_j - r_i).e_xi - l of element e is row e (rows of pairs that
-// are no such element stay empty); the joints' rows follow from row Slots::beam_count on. M is
-// diagonal, so the Schur complement is as sparse as the graph of the constraints: along a beam it
-// is tridiagonal.
+// Rows: the longitudinal constraint (r_j - r_i).a - l of element e is row e (rows of pairs that are
+// no such element stay empty), a along the inboard segment, eq. (30), or along r_j - r_i itself;
+// the joints' rows follow from row Slots::beam_count on. M is diagonal, so the Schur complement is
+// as sparse as the graph of the constraints: along a beam it is tridiagonal.
 class Constraints {
  public:
+  // Of an element; length 0: none.
+  struct Longitudinal {
+    double length = 0.0;       // l [m]
+    bool along_chord = false;  // else along the inboard segment
+  };
   // Mutable arrays of one simulation.
   struct Work {
+    Array axis_x, axis_y;          // a, of length 1, by row of elements
     Array tilt;                    // d(row)/d(theta_i), in the station's coordinates, by row
     Array tilt_i, tilt_j;          // the same for the bodies that carry the stations
     Array diagonal, off, inverse;  // the Schur complement, then its factor
@@ -38,9 +44,9 @@ class Constraints {
   };
 
   Constraints() = default;
-  // `element_length[e]` is l where the longitudinal constraint holds on (e, e + 1), else 0.
+  // `elements[e]` joins slots e and e + 1.
   // `dropped`: rows that get no equation, as they follow from others.
-  Constraints(const Slots& slots, const std::vector<double>& element_length, JointRows joints,
+  Constraints(const Slots& slots, const std::vector<Longitudinal>& elements, JointRows joints,
               const std::vector<std::string>& element_names, const std::vector<int>& dropped = {});
 
   int count() const { return ldlt_.size(); }  // equations
@@ -75,7 +81,7 @@ class Constraints {
   double VelocityDrift(const Motion& motion, Work* work) const;  // fills work->lambda
   // Adds -M^-1 J^T S^-1 (what is in work->lambda) to three blocks of a state vector, with the
   // factor of the last Accelerate: the correction that is least in the norm of the masses.
-  void RemoveDrift(const Motion& motion, Work* work, double* x, double* y, double* theta) const;
+  void RemoveDrift(Work* work, double* x, double* y, double* theta) const;
 
   // The row with the smallest pivot relative to its first diagonal entry, and that ratio.
   double SmallestPivot(const Work& work, int* row) const;
@@ -123,8 +129,8 @@ class Constraints {
   void ClearDropped(double* rows) const {
     for (const int row : dropped_) rows[row] = 0.0;
   }
-  void AssembleSchur(const Motion& motion, Work* work) const;
-  void ConstraintLoad(const Motion& motion, Work* work) const;
+  void AssembleSchur(Work* work) const;
+  void ConstraintLoad(Work* work) const;
 
   int n_ = 0, beam_count_ = 0, rows_ = 0;
   Array inverse_mass_, inverse_inertia_;  // by slot
@@ -132,7 +138,7 @@ class Constraints {
   std::vector<int> station_of_;  // by slot; -1: none
   JointRows joints_;
   std::vector<std::string> element_names_;  // by slot of the beam
-  Array active_, length_;                   // by row of elements
+  Array active_, length_, chord_;           // by row of elements
   Array mass_sum_;                          // 1/m_i + 1/m_j by row
   Array inertia_i_, inertia_j_;             // 1/I of the two sides, 0 where tilt is 0, by row
   Array shared_;                            // 1/m of the segment that rows e, e + 1 share

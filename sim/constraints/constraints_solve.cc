@@ -25,26 +25,36 @@ double LargestMagnitude(const Array& values) {
 void Constraints::FillGeometry(const Motion& m, Work* work) const {
   double* __restrict tilt = work->tilt.data();
   double* __restrict tilt_i = work->tilt_i.data();
+  double* __restrict axis_x = work->axis_x.data();
+  double* __restrict axis_y = work->axis_y.data();
   const double* __restrict active = active_.data();
+  const double* __restrict chord = chord_.data();
 #pragma GCC ivdep
   for (int e = 0; e < beam_count_; ++e) {
-    const double t = active[e] * ((m.y[e + 1] - m.y[e]) * m.c[e] - (m.x[e + 1] - m.x[e]) * m.s[e]);
+    const double rx = m.x[e + 1] - m.x[e], ry = m.y[e + 1] - m.y[e];
+    const bool along = chord[e] > 0.0;
+    const double inverse = 1.0 / std::sqrt(along ? rx * rx + ry * ry : 1.0);
+    const double ax = along ? rx * inverse : m.c[e], ay = along ? ry * inverse : m.s[e];
+    // A distance does not depend on the segments' angles.
+    const double t = along ? 0.0 : active[e] * (ry * ax - rx * ay);
+    axis_x[e] = ax;
+    axis_y[e] = ay;
     tilt[e] = t;
     tilt_i[e] = t;
   }
   double* tilt_j = work->tilt_j.data();
   for (const Side& side : i_sides_) {
     const double ox = work->station[2 * side.station], oy = work->station[2 * side.station + 1];
-    tilt_i[side.row] += m.c[side.row] * oy - m.s[side.row] * ox;
+    tilt_i[side.row] += work->axis_x[side.row] * oy - work->axis_y[side.row] * ox;
   }
   for (const Side& side : j_sides_) {
     const double ox = work->station[2 * side.station], oy = work->station[2 * side.station + 1];
-    tilt_j[side.row] = m.s[side.row] * ox - m.c[side.row] * oy;
+    tilt_j[side.row] = work->axis_y[side.row] * ox - work->axis_x[side.row] * oy;
   }
   joints_.FillGeometry(m, work->joints.data(), work->blocks.data());
 }
 
-void Constraints::AssembleSchur(const Motion& m, Work* work) const {
+void Constraints::AssembleSchur(Work* work) const {
   double* __restrict diagonal = work->diagonal.data();
   double* __restrict off = work->off.data();
   const double* __restrict tilt_i = work->tilt_i.data();
@@ -53,8 +63,8 @@ void Constraints::AssembleSchur(const Motion& m, Work* work) const {
   const double* __restrict inertia_i = inertia_i_.data();
   const double* __restrict inertia_j = inertia_j_.data();
   const double* __restrict shared = shared_.data();
-  const double* __restrict c = m.c;
-  const double* __restrict s = m.s;
+  const double* __restrict c = work->axis_x.data();
+  const double* __restrict s = work->axis_y.data();
   const int count = beam_count_;
 #pragma GCC ivdep
   for (int e = 0; e < count; ++e) {
@@ -81,8 +91,8 @@ void Constraints::AssembleSchur(const Motion& m, Work* work) const {
   double* block = work->blocks.data() + 6 * joint_rows;
   for (const Block& b : blocks_) {
     const double sign = b.outer ? 1.0 : -1.0;
-    block[0] = sign * m.c[b.row];
-    block[1] = sign * m.s[b.row];
+    block[0] = sign * c[b.row];
+    block[1] = sign * s[b.row];
     block[2] = b.outer ? tilt_j[b.row] : tilt_i[b.row];
     block += 3;
   }
@@ -111,14 +121,14 @@ void Constraints::AddAnswers(Work* work) const {
   }
 }
 
-void Constraints::ConstraintLoad(const Motion& m, Work* work) const {
+void Constraints::ConstraintLoad(Work* work) const {
   double* __restrict fx = work->fx.data();
   double* __restrict fy = work->fy.data();
   double* __restrict mm = work->m.data();
   const double* __restrict lambda = work->lambda.data();
   const double* __restrict tilt = work->tilt.data();
-  const double* __restrict c = m.c;
-  const double* __restrict sine = m.s;
+  const double* __restrict c = work->axis_x.data();
+  const double* __restrict sine = work->axis_y.data();
   const int count = beam_count_;
   if (count > 0) {
     fx[0] = -c[0] * lambda[0];
@@ -185,24 +195,28 @@ void Constraints::Accelerate(const Motion& m, Load load, Work* work) const {
   const double* __restrict vx = m.vx;
   const double* __restrict vy = m.vy;
   const double* __restrict omega = m.omega;
-  const double* __restrict cosine = m.c;
-  const double* __restrict sine = m.s;
+  const double* __restrict cosine = work->axis_x.data();
+  const double* __restrict sine = work->axis_y.data();
+  const double* __restrict chord = chord_.data();
   const int elements = beam_count_;
 #pragma GCC ivdep
   for (int e = 0; e < elements; ++e) {
-    const double c = cosine[e], s = sine[e], w = omega[e];
+    const double c = cosine[e], s = sine[e];
     const double along = (x[e + 1] - x[e]) * c + (y[e + 1] - y[e]) * s;
-    const double gamma =
-        w * (2.0 * ((vx[e + 1] - vx[e]) * s - (vy[e + 1] - vy[e]) * c) + w * along);
+    const double across = (vx[e + 1] - vx[e]) * s - (vy[e + 1] - vy[e]) * c;
+    // How fast the axis turns: with the segment, or as the stations move across the chord.
+    const bool turns = chord[e] > 0.0;
+    const double w = turns ? -across / (turns ? along : 1.0) : omega[e];
+    const double gamma = w * (2.0 * across + w * along);
     b[e] = active[e] * (gamma - (ax[e + 1] - ax[e]) * c - (ay[e + 1] - ay[e]) * s) -
            tilt[e] * alpha[e];
   }
   joints_.Residual(m, work->joints.data(), work->blocks.data(), ax, ay, alpha, b + beam_count_);
   ClearDropped(b);
-  AssembleSchur(m, work);
+  AssembleSchur(work);
   ldlt_.FactorAndForward(work->diagonal.data(), work->off.data(), work->inverse.data(), b);
   ldlt_.Backward(work->off.data(), b);
-  ConstraintLoad(m, work);
+  ConstraintLoad(work);
   const double* __restrict fx = work->fx.data();
   const double* __restrict fy = work->fy.data();
   const double* __restrict mm = work->m.data();
@@ -221,8 +235,8 @@ double Constraints::PositionDrift(const Motion& m, Work* work) const {
   double* __restrict phi = work->lambda.data();
   const double* __restrict x = m.x;
   const double* __restrict y = m.y;
-  const double* __restrict c = m.c;
-  const double* __restrict s = m.s;
+  const double* __restrict c = work->axis_x.data();
+  const double* __restrict s = work->axis_y.data();
   const double* __restrict active = active_.data();
   const double* __restrict length = length_.data();
   const int count = beam_count_;
@@ -245,8 +259,8 @@ double Constraints::VelocityDrift(const Motion& m, Work* work) const {
   const double* __restrict vx = m.vx;
   const double* __restrict vy = m.vy;
   const double* __restrict omega = m.omega;
-  const double* __restrict c = m.c;
-  const double* __restrict s = m.s;
+  const double* __restrict c = work->axis_x.data();
+  const double* __restrict s = work->axis_y.data();
   const double* __restrict active = active_.data();
   const double* __restrict tilt = work->tilt.data();
   const int count = beam_count_;
@@ -260,11 +274,10 @@ double Constraints::VelocityDrift(const Motion& m, Work* work) const {
   return LargestMagnitude(work->lambda);
 }
 
-void Constraints::RemoveDrift(const Motion& m, Work* work, double* x, double* y,
-                              double* theta) const {
+void Constraints::RemoveDrift(Work* work, double* x, double* y, double* theta) const {
   ldlt_.Forward(work->off.data(), work->inverse.data(), work->lambda.data());
   ldlt_.Backward(work->off.data(), work->lambda.data());
-  ConstraintLoad(m, work);
+  ConstraintLoad(work);
   for (int k = 0; k < n_; ++k) {
     x[k] -= inverse_mass_[k] * work->fx[k];
     y[k] -= inverse_mass_[k] * work->fy[k];

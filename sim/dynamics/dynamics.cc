@@ -80,12 +80,12 @@ Motion Dynamics::Update(double t, double* y) {
     vx[s.slot] = vx[s.body] - w * oy;
     vy[s.slot] = vy[s.body] + w * ox;
   }
-  return {t, x, yy, theta, vx, vy, omega, cosine_.data(), sine_.data(), modes_.data()};
+  return {Within(t), x, yy, theta, vx, vy, omega, cosine_.data(), sine_.data(), modes_.data()};
 }
 
 Motion Dynamics::MotionAt(double t, double* y) const {
   const int n = model_.slots.count;
-  return {t,         y,         y + n,          y + 2 * n,    y + 3 * n,
+  return {Within(t), y,         y + n,          y + 2 * n,    y + 3 * n,
           y + 4 * n, y + 5 * n, cosine_.data(), sine_.data(), modes_.data()};
 }
 
@@ -144,7 +144,7 @@ void Dynamics::Evaluate(double t, double* y, double* dydt) {
   });
   model_.constraints.Accelerate(motion, load, &work_);
   if (model_.constraints.driven() && track_energy) {
-    extra[kExtraWork] += model_.constraints.DrivePower(t, work_);
+    extra[kExtraWork] += model_.constraints.DrivePower(motion.t, work_);
   }
   if (work_.smooth != nullptr && track_energy) extra[kExtraBeams] += work_.smooth_work.power;
   std::copy_n(y + 3 * n, 3 * n, dydt);
@@ -188,9 +188,9 @@ void Dynamics::Project(double t, double* y) {
   // Velocities first: their rows are at the positions that the factor knows.
   model_.constraints.VelocityDrift(motion, &work_);
   const int n = model_.slots.count;
-  model_.constraints.RemoveDrift(motion, &work_, y + 3 * n, y + 4 * n, y + 5 * n);
+  model_.constraints.RemoveDrift(&work_, y + 3 * n, y + 4 * n, y + 5 * n);
   model_.constraints.PositionDrift(motion, &work_);
-  model_.constraints.RemoveDrift(motion, &work_, y, y + n, y + 2 * n);
+  model_.constraints.RemoveDrift(&work_, y, y + n, y + 2 * n);
 }
 
 double Dynamics::SmallestPivot(std::string* where) const {

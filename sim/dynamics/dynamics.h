@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 #include <vector>
 
 #include "sim/implicit/tangent.h"
@@ -77,6 +79,15 @@ class Dynamics {
     return work_.lambda.data() + model_.constraints.first_joint_row();
   }
 
+  const double* Multipliers() const { return work_.lambda.data(); }  // by row
+
+  // Functions of time that may jump are taken from within (after, before): a step from one edge to
+  // the next sees no other piece of them.
+  void SetInterval(double after, double before) {
+    after_ = after;
+    before_ = before;
+  }
+
   // Drift of the constraints at the state of the last RightSide; needs no new factor.
   double PositionDrift(double t, double* y);
   double VelocityDrift(double t, double* y);
@@ -104,6 +115,7 @@ class Dynamics {
   double SmallestPivot(std::string* where) const;
 
  private:
+  double Within(double t) const { return std::min(std::max(t, after_), before_); }
   template <bool kProfile>
   void Evaluate(double t, double* y, double* dydt);
 
@@ -111,6 +123,7 @@ class Dynamics {
   std::vector<LatchMode> modes_;
   Array cosine_, sine_, fx_, fy_, m_, scratch_;
   Constraints::Work work_;
+  double after_ = -HUGE_VAL, before_ = HUGE_VAL;  // [s]
 };
 
 }  // namespace unfurl::sim

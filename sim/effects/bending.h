@@ -29,6 +29,7 @@ class Bending {
 
   int count() const { return count_; }
   int slots() const { return beam_count_; }                  // elements are numbered below
+  double length(int e) const { return length_[e]; }          // l [m]
   double shear_stiffness(int e) const { return shear_[e]; }  // 12 EI / l^3 [N/m]
   double axial_stiffness(int e) const { return axial_stiffness_[e]; }  // EA / l [N/m]
   double damping(int e) const { return beta_[e]; }                     // [s]

@@ -7,12 +7,17 @@ namespace unfurl::sim {
 void Constraints::AddTangent(const Motion& m, const Work& work, const double* lambda,
                              Tangent* tangent) const {
   // (r_j - r_i).e_i: n = (-s, c) with respect to (theta_i, r_j), -n to (theta_i, r_i),
-  // -(r_j - r_i).e_i to theta_i twice.
+  // -(r_j - r_i).e_i to theta_i twice. |r|: n n^T / |r| with respect to r twice.
   for (int e = 0; e + 1 < beam_count_; ++e) {
     if (active_[e] == 0.0) continue;
     tangent->NoteElement(e, false);
-    const double c = m.c[e], s = m.s[e];
+    const double c = work.axis_x[e], s = work.axis_y[e];
     const double along = (m.x[e + 1] - m.x[e]) * c + (m.y[e + 1] - m.y[e]) * s;
+    if (chord_[e] > 0.0) {
+      Tangent::Scatter(-lambda[e] / along, s * s, -s * c, c * c, 0.0, 0.0, 0.0, 0.0,
+                       &tangent->DiagonalK(e), &tangent->ElementK(e), &tangent->DiagonalK(e + 1));
+      continue;
+    }
     const double kx = lambda[e] * s, ky = -lambda[e] * c;
     Tangent::Block &i = tangent->DiagonalK(e), &ij = tangent->ElementK(e);
     i[8] += lambda[e] * along;

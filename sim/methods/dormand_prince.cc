@@ -41,13 +41,6 @@ void DormandPrince::RefreshTrial() {
   ++evaluations_;
 }
 
-bool DormandPrince::Stage(double t, double* y, double* rate) {
-  if (!Settle(t, y)) return false;
-  dynamics_.RightSide(t, y, rate);
-  ++evaluations_;
-  return true;
-}
-
 double DormandPrince::Try(double h) {
   const int size = size_;
   const double* __restrict y = y_.data();

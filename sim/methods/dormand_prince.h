@@ -25,15 +25,10 @@ class DormandPrince : public Stepper {
   double StabilityUse() const override;
 
  protected:
-  // Called at every stage and at the trial, before its right side; false: give the step up.
-  virtual bool Settle(double /*t*/, double* /*y*/) { return true; }
-  static constexpr double kGivenUp = 1e6;  // error of a step that was given up
   double ErrorOf(int entry) const override;
 
  private:
   double Dense(int entry, double sigma) const;
-  bool Stage(double t, double* y, double* rate);
-
   std::array<Array, 7> k_;
 };
 

@@ -41,6 +41,9 @@ constexpr double kZonePart = 0.25;  // of a contact's transition zone, per step 
 // Steps between looks at Ctrl-C, pivots and progress: at most so many, and fewer where steps are
 // long, so that a look comes every tenth of a second or so.
 constexpr int kPollSteps = 512, kPollSlots = 100'000;
+// Steps between looks at the energy: one costs about what an evaluation does. Of a short run, all.
+constexpr int kJudgeSteps = 32, kJudgeAll = 64;
+constexpr double kMostDrift = 100.0;   // tolerances that constraints may be off by
 constexpr int kStabilitySteps = 8;     // between looks at stability
 constexpr double kStabilityUse = 0.7;  // from here on stability is what limits the step
 
@@ -50,25 +53,49 @@ constexpr double kTightTolerance = 1e-7;
 // and contacts stay right at tolerances where Dormand-Prince's begin to chatter.
 constexpr double kLooseTolerance = 3e-4;
 
+// Explicit steps are not looser than this: stability limits them by then, so that nothing is
+// gained, and what a looser tolerance lets pass in the fastest vibrations turns into heat that
+// never was.
+constexpr double kLoosestExplicit = 1e-3;
+
+bool Fourth(const SimulateOptions& options) {
+  return options.order == 0 ? options.rtol >= kLooseTolerance : options.order == 4;
+}
+
+std::unique_ptr<Stepper> MakePartitioned(const SimulateOptions& options, Dynamics& dynamics,
+                                         const ErrorScale& scale) {
+  if (Fourth(options)) return std::make_unique<Partitioned<RungeKutta43>>(dynamics, scale);
+  return std::make_unique<Partitioned<DormandPrince>>(dynamics, scale);
+}
+
 std::unique_ptr<Stepper> MakeStepper(const SimulateOptions& options, Dynamics& dynamics,
                                      const ErrorScale& scale) {
   const Method method = ChooseMethod(options, dynamics.model());
-  if (method == Method::kPartitioned) {
-    return std::make_unique<Partitioned>(dynamics, scale);
-  }
+  if (method == Method::kPartitioned) return MakePartitioned(options, dynamics, scale);
   if (method == Method::kImplicit) {
     return std::make_unique<Rosenbrock>(dynamics, scale, Ros34Pw2());
   }
-  const bool fourth = options.order == 0 ? options.rtol >= kLooseTolerance : options.order == 4;
-  if (fourth) return std::make_unique<RungeKutta43>(dynamics, scale);
+  if (Fourth(options)) return std::make_unique<RungeKutta43>(dynamics, scale);
   const bool eighth = options.order == 0 ? options.rtol <= kTightTolerance : options.order == 8;
   if (eighth) return std::make_unique<DormandPrince8>(dynamics, scale);
   return std::make_unique<DormandPrince>(dynamics, scale);
 }
 
+// Kinetic energy of all bodies at the floors of the velocities' scales [J].
+double FloorEnergy(const Model& model, const ErrorScale& scale) {
+  double sum = 0.0;
+  for (int k = 0; k < model.slots.count; ++k) {
+    sum += model.slots.mass[k] * scale.speed * scale.speed +
+           model.slots.inertia[k] * scale.spin * scale.spin;
+  }
+  return 0.5 * sum;
+}
+
 ErrorScale ScaleOf(const Model& model, const SimulateOptions& o) {
   ErrorScale scale;
-  scale.rtol = o.rtol;
+  // The implicit method is that much stricter by itself.
+  const bool implicit = ChooseMethod(o, model) == Method::kImplicit;
+  scale.rtol = implicit ? o.rtol : std::min(o.rtol, kLoosestExplicit);
   scale.length = o.length > 0.0 ? o.length : model.length_scale;
   scale.angle = 1.0;
   scale.speed = scale.length / o.time;
@@ -76,7 +103,9 @@ ErrorScale ScaleOf(const Model& model, const SimulateOptions& o) {
   if (o.track_energy) {
     std::vector<double> start = model.initial_state;
     const Balance b = Dynamics(model).BalanceAt(0.0, start.data());
-    scale.energy = b.Scale();
+    // No less than what goes with the speeds below which velocities are not told apart either: a
+    // scene may start without energy.
+    scale.energy = b.Scale() + FloorEnergy(model, scale);
   }
   return scale;
 }
@@ -93,18 +122,21 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       stepper_(far_.get()),
       finder_(model),
       log_(model.latches.count()),
+      judge_(model, scale_, options.track_energy),
+      axial_(model),
       forces_(model),
       pin_force_(model.joints.size(), 0.0),
       poll_steps_(std::clamp(kPollSlots / model.slots.count, 1, kPollSteps)),
       sample_(model.index.size(), 0.0),
       end_(options.duration > 0.0 ? options.duration : model.duration),
+      edges_(model, end_),
       last_error_(1e-4),
       zone_part_(kZonePart * std::min(2.0, std::pow(options.rtol / 1e-6, 0.2))) {
   dynamics_.track_energy = options.track_energy;
   // Smooth beams are not known to the partitioned method.
   loops_ = model.constraints.HasLoops() && model.kirchhoff.count() == 0;
   if (loops_ && options.method != Method::kPartitioned) {
-    near_ = std::make_unique<Partitioned>(dynamics_, scale_);
+    near_ = MakePartitioned(options, dynamics_, scale_);
     start_.assign(sample_.size(), 0.0);
   }
   report_.peak_moment.assign(model.latches.count(), 0.0);
@@ -118,18 +150,21 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
 SimulateReport Integration::Go() {
   const FlushDenormals flush;
   const auto begin = std::chrono::steady_clock::now();
+  dynamics_.SetInterval(edges_.after(), edges_.before());
   stepper_->Start(0.0, model_.initial_state);
   if (options_.track_forces) ReadPinForces();
   WatchPeaks();
   if (RemoveDrift(t_, stepper_->state())) stepper_->Refresh();
   std::copy_n(stepper_->state(), sample_.size(), sample_.begin());
   Hand(0.0);
+  judge_.Look(0.0, stepper_->state(), dynamics_.modes());
   double h = std::min(kFirstStep, options_.max_step);
   while (t_ < end_ && report_.status == SimulateStatus::kGood && !stopped_) {
-    const bool last = t_ + h >= end_ * (1.0 - 1e-15);
-    if (last) {
-      h = end_ - t_;
-      limit_ = StepLimit::kEnd;
+    const double stop = edges_.next(), wished = h;
+    const bool whole = t_ + h >= stop * (1.0 - 1e-15);
+    if (whole) {
+      h = stop - t_;
+      limit_ = edges_.none_left() ? StepLimit::kEnd : StepLimit::kEdge;
     }
     const double error = stepper_->Try(h);
     if (!(error <= 1.0) && !(leap_ && error <= kLeapError)) {
@@ -144,12 +179,22 @@ SimulateReport Integration::Go() {
     if (report_.steps % kStabilitySteps == 0) {
       stable_ = stepper_->StabilityUse() < kStabilityUse;
     }
-    Advance(h, last);
+    Advance(h, whole);
     ++report_.limited[static_cast<int>(limit_)];
     NextStep(error, &h);
+    if (whole && t_ == stop && stop < end_) {
+      PassEdge();
+      h = std::max(h, wished);  // what cut the step short says nothing of the next one
+    }
     if (loops_) SwitchNearDependence();
     if (++report_.steps % poll_steps_ == 0) Poll();
+    if (report_.steps < kJudgeAll || report_.steps % kJudgeSteps == 0) {
+      judge_.Look(t_, stepper_->state(), dynamics_.modes());
+    }
   }
+  Judge();
+  report_.axial = axial_.peaks();
+  report_.warnings = axial_.Warnings();
   report_.t_end = t_;
   report_.method = far_->Description();
   report_.evaluations = far_->evaluations() + (near_ ? near_->evaluations() : 0);
@@ -159,6 +204,50 @@ SimulateReport Integration::Go() {
   report_.latch_counts = log_.latches();
   report_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return std::move(report_);
+}
+
+void Integration::PassEdge() {
+  edges_.Pass();
+  dynamics_.SetInterval(edges_.after(), edges_.before());
+  if (model_.constraints.driven()) FollowRates();
+  stepper_->Refresh();
+}
+
+void Integration::FollowRates() {
+  // Where a drive's rate jumps, the impulse of least work on the masses: v += M^-1 J^T p with J v
+  // as prescribed. The drives do its work, since the other constraints' rates stay zero.
+  double* y = stepper_->state();
+  dynamics_.RightSide(t_, y, sample_.data());
+  const double enough = options_.drift_fraction * scale_.rtol * scale_.speed;
+  if (dynamics_.VelocityDrift(t_, y) <= enough) return;
+  const double before = judge_.Kinetic(t_, y);
+  dynamics_.Project(t_, y);
+  if (options_.track_energy) {
+    y[model_.index.extra(kExtraWork)] += judge_.Kinetic(t_, y) - before;
+  }
+}
+
+void Integration::Judge() {
+  judge_.Look(t_, stepper_->state(), dynamics_.modes());
+  report_.energy_residual = judge_.residual();
+  report_.energy_residual_time = judge_.residual_time();
+  report_.energy_moved = judge_.moved();
+  if (report_.status != SimulateStatus::kGood) return;
+  const std::string energy = judge_.Complaint();
+  if (!energy.empty()) {
+    report_.status = SimulateStatus::kEnergy;
+    report_.message = energy + "; use a smaller rtol, or another method";
+    return;
+  }
+  const double length = scale_.rtol * scale_.length, speed = scale_.rtol * scale_.speed;
+  const double drift =
+      std::max(report_.largest_position_drift / length, report_.largest_velocity_drift / speed);
+  if (drift <= kMostDrift) return;
+  report_.status = SimulateStatus::kDrift;
+  report_.message = fmt::format(
+      "constraints drifted by {:.2g} m and {:.2g} m/s, {:.0f} tolerances; use a smaller rtol, or "
+      "another method",
+      report_.largest_position_drift, report_.largest_velocity_drift, drift);
 }
 
 // Near a state where constraints depend on one another steps are taken by method partitioned, which
@@ -243,13 +332,17 @@ bool Integration::FailIfDependent() {
   return true;
 }
 
-void Integration::Advance(double h, bool last) {
+void Integration::Advance(double h, bool whole) {
   if (options_.track_forces) ReadPinForces();
+  if (!axial_.empty()) {
+    axial_.Look(t_ + h, dynamics_.Multipliers(), stepper_->trial());
+    if (axial_.MustStop()) Fail(SimulateStatus::kMeshCoarse, axial_.Complaint());
+  }
   const bool at_trial = stepper_->EndsAtTrial();
   if (at_trial && RemoveDrift(t_ + h, stepper_->trial())) stepper_->RefreshTrial();
   double sigma = 1.0;
   const bool event = !finder_.empty() && finder_.FindFirst(*stepper_, dynamics_.modes(), &sigma);
-  const double t_new = event ? t_ + sigma * h : last ? end_ : t_ + h;
+  const double t_new = event ? t_ + sigma * h : whole ? edges_.next() : t_ + h;
   SampleStep(h, t_new);
   t_ = t_new;
   if (!event) {
@@ -283,7 +376,7 @@ void Integration::HandleEvents() {
 // side, which was at `y`. True when `y` was changed.
 bool Integration::RemoveDrift(double t, double* y) {
   if (model_.constraints.count() == 0) return false;
-  const double length = options_.rtol * scale_.length, speed = options_.rtol * scale_.speed;
+  const double length = scale_.rtol * scale_.length, speed = scale_.rtol * scale_.speed;
   const double position = dynamics_.PositionDrift(t, y);
   const double velocity = dynamics_.VelocityDrift(t, y);
   report_.largest_position_drift = std::max(report_.largest_position_drift, position);

@@ -5,7 +5,10 @@
 #include <vector>
 
 #include "sim/effects/joint_forces.h"
+#include "sim/methods/axial_watch.h"
+#include "sim/methods/edges.h"
 #include "sim/methods/event_log.h"
+#include "sim/methods/run_judge.h"
 #include "sim/methods/simulate.h"
 #include "sim/methods/stepper.h"
 
@@ -22,7 +25,12 @@ class Integration {
   void Fail(SimulateStatus status, const std::string& what);
   bool FailIfDependent();
   // The tried step is good: sample it, and accept it, up to the first event in it.
-  void Advance(double h, bool last);
+  // `whole`: it ends at an edge or at the run's end.
+  void Advance(double h, bool whole);
+  // At an edge: the functions go on with their next piece, and velocities that drives prescribe
+  // jump with them.
+  void PassEdge();
+  void FollowRates();
   void HandleEvents();
   void SwitchNearDependence();
   void Leap(double* h);
@@ -34,6 +42,8 @@ class Integration {
   void ReadPinForces();
   void WatchPeaks();
   void Poll();
+  // Judges the run that has come to its end.
+  void Judge();
 
   const Model& model_;
   const SimulateOptions& options_;
@@ -44,6 +54,8 @@ class Integration {
   Stepper* stepper_;                     // the one in use
   EventFinder finder_;
   EventLog log_;
+  RunJudge judge_;
+  AxialWatch axial_;
   std::vector<Event> found_;  // of one instant
   SimulateReport report_;
   JointForces forces_;
@@ -52,6 +64,7 @@ class Integration {
   Array sample_;
   std::vector<double> start_;  // of a stepper that takes over
   double end_ = 0.0;
+  Edges edges_;
   double last_error_ = 0.0;
   double zone_part_ = 0.0;
   bool loops_ = false;          // constraints may come to depend on one another

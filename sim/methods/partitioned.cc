@@ -16,13 +16,15 @@ constexpr int kMostIterations = 5;   // with one factor
 
 }  // namespace
 
-Partitioned::Partitioned(Dynamics& dynamics, const ErrorScale& scale)
-    : DormandPrince(dynamics, scale),
+template <typename Pair>
+Partitioned<Pair>::Partitioned(Dynamics& dynamics, const ErrorScale& scale)
+    : Pair(dynamics, scale),
       partition_(dynamics.model().constraints, dynamics.model().slots, scale.length),
       jacobian_(6 * dynamics.model().constraints.rows(), 0.0),
       constrained_(dynamics.model().constraints.count() > 0) {}
 
-void Partitioned::Repartition(double t, double* y) {
+template <typename Pair>
+void Partitioned<Pair>::Repartition(double t, double* y) {
   dynamics_.EvaluateConstraints(t, y);
   dynamics_.Jacobian(t, y, jacobian_.data());
   partition_.Choose(jacobian_.data());
@@ -30,7 +32,8 @@ void Partitioned::Repartition(double t, double* y) {
   factored_ = true;
 }
 
-bool Partitioned::FactorAt(double t, double* y) {
+template <typename Pair>
+bool Partitioned<Pair>::FactorAt(double t, double* y) {
   dynamics_.EvaluateConstraints(t, y);
   dynamics_.Jacobian(t, y, jacobian_.data());
   bool turned = false;
@@ -39,7 +42,8 @@ bool Partitioned::FactorAt(double t, double* y) {
   return !turned && worst_ > kLostPivot;
 }
 
-bool Partitioned::Iterate(double t, double* y, bool velocities, double enough) {
+template <typename Pair>
+bool Partitioned<Pair>::Iterate(double t, double* y, bool velocities, double enough) {
   double before = HUGE_VAL;
   for (int k = 0; k < kMostIterations; ++k) {
     const double off =
@@ -52,7 +56,8 @@ bool Partitioned::Iterate(double t, double* y, bool velocities, double enough) {
   return false;
 }
 
-bool Partitioned::Settle(double t, double* y) {
+template <typename Pair>
+bool Partitioned<Pair>::Settle(double t, double* y) {
   if (!constrained_) return true;
   // Near a state where constraints depend on one another, what is left of them counts for more.
   const double near = std::min(1.0, partition_.smallest_pivot() / kNearPivot);
@@ -67,7 +72,8 @@ bool Partitioned::Settle(double t, double* y) {
   return true;
 }
 
-void Partitioned::Measure() {
+template <typename Pair>
+void Partitioned<Pair>::Measure() {
   farthest_ = scale_.length;
   fastest_ = scale_.speed;
   for (int k = 0; k < 2 * n_; ++k) {
@@ -76,22 +82,25 @@ void Partitioned::Measure() {
   }
 }
 
-void Partitioned::Refresh() {
+template <typename Pair>
+void Partitioned<Pair>::Refresh() {
   if (constrained_) {
     Measure();
     Repartition(t_, y_.data());
     Settle(t_, y_.data());
   }
-  DormandPrince::Refresh();
+  Pair::Refresh();
 }
 
-void Partitioned::RefreshTrial() {
+template <typename Pair>
+void Partitioned<Pair>::RefreshTrial() {
   if (constrained_) Settle(t_ + h_, trial_.data());
-  DormandPrince::RefreshTrial();
+  Pair::RefreshTrial();
 }
 
-double Partitioned::Try(double h) {
-  if (!constrained_) return DormandPrince::Try(h);
+template <typename Pair>
+double Partitioned<Pair>::Try(double h) {
+  if (!constrained_) return Pair::Try(h);
   Measure();
   const bool good = factored_ || FactorAt(t_, y_.data());
   bool fresh = !good || worst_ < kBadPivot;
@@ -100,7 +109,7 @@ double Partitioned::Try(double h) {
       Repartition(t_, y_.data());
       ++repartitions_;
     }
-    const double error = DormandPrince::Try(h);
+    const double error = Pair::Try(h);
     factored_ = false;
     if (error > 1.0 && (error < kGivenUp || fresh)) return error;
     // Where the coordinates were just chosen and the step is good, a lost pivot is the constraints'
@@ -113,5 +122,8 @@ double Partitioned::Try(double h) {
     }
   }
 }
+
+template class Partitioned<DormandPrince>;
+template class Partitioned<RungeKutta43>;
 
 }  // namespace unfurl::sim

@@ -5,21 +5,23 @@
 
 #include "sim/constraints/partition.h"
 #include "sim/methods/dormand_prince.h"
+#include "sim/methods/runge_kutta_43.h"
 
 namespace unfurl::sim {
 
-// The paper's method: generalized coordinate partitioning with a variable-step Runge-Kutta method
-// of fourth and fifth order (Dormand and Prince's). Independent coordinates and velocities are
+// The paper's method: generalized coordinate partitioning with a variable-step Runge-Kutta method,
+// Dormand and Prince's of fifth order or, where the tolerance is loose, one of fourth, which stays
+// stable on undamped vibrations at twice the step. Independent coordinates and velocities are
 // integrated; at every stage the dependent ones follow from the constraints, coordinates by
 // Newton's method, velocities by the linear equations. Where the pivots of the dependent
 // coordinates turn bad, others are chosen.
-class Partitioned : public DormandPrince {
+template <typename Pair>
+class Partitioned : public Pair {
  public:
   Partitioned(Dynamics& dynamics, const ErrorScale& scale);
 
-  const char* name() const override { return "partitioned"; }
   std::string Description() const override {
-    return "generalized coordinate partitioning, Dormand-Prince 5(4)";
+    return std::string("generalized coordinate partitioning, ") + Pair::name();
   }
   void Refresh() override;
   void RefreshTrial() override;
@@ -31,6 +33,15 @@ class Partitioned : public DormandPrince {
   bool Settle(double t, double* y) override;
 
  private:
+  using Pair::dynamics_;
+  using Pair::h_;
+  using Pair::kGivenUp;
+  using Pair::n_;
+  using Pair::scale_;
+  using Pair::t_;
+  using Pair::trial_;
+  using Pair::y_;
+
   // False where the dependent coordinates chosen cannot be trusted there.
   bool FactorAt(double t, double* y);
   // Chooses dependent coordinates at `y`.
@@ -48,5 +59,8 @@ class Partitioned : public DormandPrince {
   double worst_ = 1.0;     // pivot of that factor
   long repartitions_ = 0;
 };
+
+extern template class Partitioned<DormandPrince>;
+extern template class Partitioned<RungeKutta43>;
 
 }  // namespace unfurl::sim

@@ -1,5 +1,6 @@
 #include "sim/methods/runge_kutta_43.h"
 
+#include <algorithm>
 #include <utility>
 
 namespace unfurl::sim {
@@ -8,6 +9,11 @@ namespace {
 // The embedded weights put the rate at the trial state in the place of the fourth stage, whose
 // weight this is. Any smaller part would keep order three too, and the tolerance less well.
 constexpr double kMoved = 1.0 / 6.0;
+// Both rates that it compares are those of the step's end, and a bounce that begins and ends within
+// the step shows in neither. A second embedded formula moves weight from one middle stage, of 1/3,
+// to the other. A quarter of the weight costs 9% more evaluations in the deployment at 1e-3 and
+// takes away the steps that gained energy in a contact; half of it 50%.
+constexpr double kExchanged = 1.0 / 12.0;
 
 }  // namespace
 
@@ -32,21 +38,22 @@ double RungeKutta43::Try(double h) {
   h_ = h;
 #pragma GCC ivdep
   for (int i = 0; i < size; ++i) s[i] = y[i] + 0.5 * h * k1[i];
-  dynamics_.RightSide(t_ + 0.5 * h, s, k_[1].data());
+  if (!Stage(t_ + 0.5 * h, s, k_[1].data())) return kGivenUp;
 #pragma GCC ivdep
   for (int i = 0; i < size; ++i) s[i] = y[i] + 0.5 * h * k2[i];
-  dynamics_.RightSide(t_ + 0.5 * h, s, k_[2].data());
+  if (!Stage(t_ + 0.5 * h, s, k_[2].data())) return kGivenUp;
 #pragma GCC ivdep
   for (int i = 0; i < size; ++i) s[i] = y[i] + h * k3[i];
-  dynamics_.RightSide(t_ + h, s, k_[3].data());
+  if (!Stage(t_ + h, s, k_[3].data())) return kGivenUp;
 #pragma GCC ivdep
   for (int i = 0; i < size; ++i) {
     out[i] = y[i] + h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
   }
-  dynamics_.RightSide(t_ + h, out, k_[4].data());
-  evaluations_ += 4;
+  if (!Stage(t_ + h, out, k_[4].data())) return kGivenUp;
   const double* __restrict k5 = k_[4].data();
-  return Norm(y, out, [=](int i) { return h * kMoved * (k5[i] - k4[i]); });
+  const double at_end = Norm(y, out, [=](int i) { return h * kMoved * (k5[i] - k4[i]); });
+  const double at_middle = Norm(y, out, [=](int i) { return h * kExchanged * (k3[i] - k2[i]); });
+  return std::max(at_end, at_middle);
 }
 
 double RungeKutta43::ErrorOf(int i) const { return h_ * kMoved * (k_[4][i] - k_[3][i]); }

@@ -110,6 +110,12 @@ const char* StatusName(SimulateStatus status) {
       return "not finite";
     case SimulateStatus::kSingular:
       return "dependent constraints";
+    case SimulateStatus::kEnergy:
+      return "energy not balanced";
+    case SimulateStatus::kDrift:
+      return "constraints drifted";
+    case SimulateStatus::kMeshCoarse:
+      return "mesh too coarse";
     default:
       return "too many steps";
   }
@@ -129,6 +135,8 @@ const char* LimitName(StepLimit limit) {
       return "contact exit";
     case StepLimit::kEvent:
       return "event";
+    case StepLimit::kEdge:
+      return "function edge";
     default:
       return "end";
   }

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "sim/dynamics/dynamics.h"
+#include "sim/methods/axial_watch.h"
 #include "sim/methods/event_log.h"
 #include "sim/methods/events.h"
 #include "sim/model/model.h"
@@ -53,15 +54,24 @@ class Observer {
   virtual void OnProgress(double /*fraction*/) {}
 };
 
-enum class SimulateStatus { kGood, kStepTooSmall, kNotFinite, kSingular, kTooManySteps };
+enum class SimulateStatus {
+  kGood,
+  kStepTooSmall,
+  kNotFinite,
+  kSingular,
+  kTooManySteps,
+  kEnergy,     // the balance of energy is off: RunJudge
+  kDrift,      // constraints drifted far beyond the tolerance
+  kMeshCoarse  // a beam's axial force asks for more segments
+};
 const char* StatusName(SimulateStatus status);
 
 // What kept a step from being longer: the error allowed; the edge of stability (judged by the
 // difference of two stages at the step's end, on every eighth step); growth from a smaller one, at
-// most fivefold; options.max_step; the way out of a contact; an event in it; the end of the run.
-// Samples never do.
-enum class StepLimit { kError, kStability, kGrowth, kMaxStep, kContactExit, kEvent, kEnd };
-inline constexpr int kStepLimits = 7;
+// most fivefold; options.max_step; the way out of a contact; an event in it; an edge or knot of a
+// function of time; the end of the run. Samples never do.
+enum class StepLimit { kError, kStability, kGrowth, kMaxStep, kContactExit, kEvent, kEdge, kEnd };
+inline constexpr int kStepLimits = 8;
 const char* LimitName(StepLimit limit);
 
 struct SimulateReport {
@@ -85,8 +95,12 @@ struct SimulateReport {
   std::vector<double> peak_time;        // [s]
   // Force between a joint's sides, the largest at the ends of steps, by joint [N], and when [s].
   std::vector<double> peak_pin_force, peak_pin_time;
-  std::vector<long> worst_slots;  // where the error weighed most, looked at now and then
-  double seconds = 0.0;           // wall clock
+  // Of the balance of energy, the largest seen and when [s]; what it is judged against [J].
+  double energy_residual = 0.0, energy_residual_time = 0.0, energy_moved = 0.0;
+  std::vector<AxialWatch::Peak> axial;  // by beam
+  std::vector<std::string> warnings;    // about the run, one line each
+  std::vector<long> worst_slots;        // where the error weighed most, looked at now and then
+  double seconds = 0.0;                 // wall clock
   std::array<double, Dynamics::kParts> part_seconds{};  // with options.profile
 
   bool Usable() const { return status == SimulateStatus::kGood; }

@@ -32,6 +32,13 @@ void Stepper::Start(double t, const std::vector<double>& y) {
   Refresh();
 }
 
+bool Stepper::Stage(double t, double* y, double* rate) {
+  if (!Settle(t, y)) return false;
+  dynamics_.RightSide(t, y, rate);
+  ++evaluations_;
+  return true;
+}
+
 void Stepper::AcceptUntil(double sigma, double t) {
   Dense(sigma, stage_.data());
   std::swap(y_, stage_);

@@ -16,8 +16,9 @@ struct ErrorScale {
   double length = 1.0;  // of positions [m]
   double angle = 1.0;   // [rad]
   double speed = 1.0;   // of velocities, to which |v| is added [m/s]
-  double energy = 0.0;  // of what is integrated beside; 0: not controlled [J]
-  double spin = 1.0;    // of angular velocities, to which |omega| is added [rad/s]
+  // Of what is integrated beside, to which its own size is added; 0: not controlled [J].
+  double energy = 0.0;
+  double spin = 1.0;  // of angular velocities, to which |omega| is added [rad/s]
 };
 
 // An entry of the state within a step, as a polynomial in the part sigma of the step, lowest power
@@ -99,6 +100,12 @@ class Stepper {
   int WorstSlot() const;
 
  protected:
+  // Of a method that may keep the constraints at every stage and at the trial: called before each
+  // right side; false: the step is given up.
+  virtual bool Settle(double /*t*/, double* /*y*/) { return true; }
+  static constexpr double kGivenUp = 1e6;  // error of a step that was given up
+  // The right side at a stage, settled; false: give the step up.
+  bool Stage(double t, double* y, double* rate);
   // Error of an entry in the last tried step, in its own unit.
   virtual double ErrorOf(int entry) const = 0;
   double WeightedError(int entry) const;
@@ -107,8 +114,9 @@ class Stepper {
   double FastestRate(const double* state_a, const double* rate_a, const double* state_b,
                      const double* rate_b) const;
 
-  // Root mean square of error(entry) over what is allowed. `error` is called for every entry, those
-  // that do not move included.
+  // Root mean square of error(entry) over what is allowed, and each energy by itself: there are few
+  // of them, and many bodies would hide their error. `error` is called for every entry, those that
+  // do not move included.
   template <typename Error>
   double Norm(const double* y, const double* out, Error error) const {
     const double* __restrict mask = mask_.data();
@@ -136,13 +144,15 @@ class Stepper {
     }
     double total = 0.0;
     for (double part : sum) total += part;
+    total *= norm_factor_;
     if (scale_.energy > 0.0) {
       for (int k = 0; k < kExtrasUsed; ++k) {
-        const double e = error(6 * n_ + k) / (scale_.rtol * scale_.energy);
+        const int j = 6 * n_ + k;
+        const double e = error(j) / (scale_.rtol * (scale_.energy + std::fabs(y[j])));
         total += e * e;
       }
     }
-    return std::sqrt(total * norm_factor_);
+    return std::sqrt(total);
   }
 
   Dynamics& dynamics_;

@@ -54,6 +54,8 @@ Model Compiler::Run() {
   FillOutputs();
   FillState();
   CheckConstraints();
+  WarnOfLooseParts();
+  CheckStops();
   return std::move(model_);
 }
 
@@ -249,7 +251,7 @@ void Compiler::RefuseDrivesThatFight(std::size_t redundant, const std::string& w
   if (drives.empty()) return;
   Model passive = model_;
   passive.constraints =
-      Constraints(model_.slots, element_length_, all.joints(), element_names_, drives);
+      Constraints(model_.slots, longitudinal_, all.joints(), element_names_, drives);
   if (FindRedundancy(passive).rows.size() == redundant) return;
   throw Error(fmt::format("the drives of {} fight or repeat what others already hold (found at {})",
                           JoinWords(names), which),
@@ -278,7 +280,7 @@ void Compiler::CheckConstraints() {
         "loop share its loads is not determined",
         redundancy.rows.size(), which, redundancy.rows.size() == 1 ? "follows" : "follow",
         redundancy.rows.size() == 1 ? "is" : "are"));
-    model_.constraints = Constraints(model_.slots, element_length_, model_.constraints.joints(),
+    model_.constraints = Constraints(model_.slots, longitudinal_, model_.constraints.joints(),
                                      element_names_, redundancy.rows);
   }
   Dynamics dynamics(model_);

@@ -8,7 +8,7 @@ namespace unfurl::sim {
 void Compiler::FillBending() {
   Slots& slots = model_.slots;
   model_.bending = Bending(slots.beam_count);
-  element_length_.assign(slots.beam_count, 0.0);
+  longitudinal_.assign(slots.beam_count, {});
   element_names_.assign(slots.beam_count, "");
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
     const data::SceneBeam& beam = scene_.beams[b];
@@ -17,7 +17,7 @@ void Compiler::FillBending() {
     const auto add = [&](int e, double length) {
       model_.bending.Set(e, {length, beam.EI, beam.axial_elastic ? beam.EA : 0.0, beam.damping,
                              beam.gradient_form});
-      if (!beam.axial_elastic) element_length_[e] = length;
+      if (!beam.axial_elastic) longitudinal_[e] = {length, beam.along_chord};
       element_names_[e] = beam.name;
     };
     const int first = first_segment_[b], last = first + beam.segments - 1;

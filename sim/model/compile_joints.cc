@@ -42,7 +42,7 @@ void Compiler::FillJoints() {
     model_.joints.push_back(out);
   }
   AddWeldRows(&rows);
-  model_.constraints = Constraints(model_.slots, element_length_, std::move(rows), element_names_);
+  model_.constraints = Constraints(model_.slots, longitudinal_, std::move(rows), element_names_);
 }
 
 void Compiler::AddRows(std::size_t j, const Model::Joint& out, JointRows* rows) {

@@ -117,7 +117,14 @@ void Compiler::PlaceAll() {
 
 data::TimeFunction Compiler::TargetOf(const data::SceneJoint& joint) const {
   const data::SceneDrive& drive = *joint.drive;
-  if (!drive.by_rate) return drive.function;
+  if (!drive.by_rate) {
+    if (const auto jump = drive.function.FindJump(scene_.duration)) {
+      throw Error(fmt::format("the drive of '{}' jumps at t = {:.9g} s, which no force can follow",
+                              joint.name, *jump),
+                  joint.where + ".drive.position", "join its pieces, with smoothstep for one");
+    }
+    return drive.function;
+  }
   const bool slot = joint.kind != data::SceneJoint::Kind::kRevolute;
   return drive.function.Integral(slot ? joint.travel : joint.theta, scene_.duration);
 }

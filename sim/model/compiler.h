@@ -44,6 +44,9 @@ class Compiler {
   void FillOutputs();
   void FillState();
   void CheckConstraints();
+  // compile_checks.cc
+  void WarnOfLooseParts();
+  void CheckStops();
   void RefuseDrivesThatFight(std::size_t redundant, const std::string& which) const;
   // compile_kirchhoff.cc
   bool IsSmooth(int beam) const;
@@ -93,7 +96,7 @@ class Compiler {
   std::vector<int> slot_of_composite_;
   std::vector<Link> links_;
   Placement start_, hang_;
-  std::vector<double> element_length_;  // of the longitudinal constraints
+  std::vector<Constraints::Longitudinal> longitudinal_;  // by element
   std::vector<std::string> element_names_;
 };
 

@@ -77,6 +77,7 @@ std::string EnergyText(const SummaryInput& in, ordered_json* json) {
   add("work", b.work);
   (*json)["start"] = o.energy_at_start();
   (*json)["largest_residual"] = in.recorder.worst_residual();
+  (*json)["moved"] = in.report.energy_moved;
   rows.push_back({"  largest residual", fmt::format("{:.2e}", in.recorder.worst_residual())});
   return text + AlignedTable(rows);
 }
@@ -177,6 +178,17 @@ std::vector<std::vector<std::string>> JointTable(const SummaryInput& in, std::si
   return rows;
 }
 
+// Of the beam whose lasting axial force counts most; null without beams of segments.
+const AxialWatch::Peak* WorstPeak(const std::vector<AxialWatch::Peak>& peaks) {
+  const AxialWatch::Peak* worst = nullptr;
+  const auto lasting = [](const AxialWatch::Peak& p) { return std::max(p.tension, p.compression); };
+  for (const AxialWatch::Peak& peak : peaks) {
+    if (peak.euler == 0.0) continue;
+    if (worst == nullptr || lasting(peak) > lasting(*worst)) worst = &peak;
+  }
+  return worst;
+}
+
 std::string LimitSentence(const SummaryInput& in) {
   std::vector<std::string> parts;
   if (in.report.steps == 0) return {};
@@ -208,8 +220,11 @@ std::string SummaryText(const SummaryInput& in, ordered_json* json) {
   text += fmt::format(" -> {}\n", in.out);
   if (in.status != "good") {
     j["message"] = in.message;
-    text += fmt::format("NOT USABLE beyond {:.9g} s: {}; what there is stays in {}\n", t_end,
-                        in.message, in.out);
+    const bool judged =
+        report.status == SimulateStatus::kEnergy || report.status == SimulateStatus::kDrift;
+    text += judged ? fmt::format("NOT USABLE: {}; the run stays in {}\n", in.message, in.out)
+                   : fmt::format("NOT USABLE beyond {:.9g} s: {}; what there is stays in {}\n",
+                                 t_end, in.message, in.out);
   }
   if (!report.stopped_by.empty()) {
     j["stopped_by"] = report.stopped_by;
@@ -242,9 +257,28 @@ std::string SummaryText(const SummaryInput& in, ordered_json* json) {
         "centre, a flat chain); where they do, what follows may hang on rounding\n",
         report.near_dependence);
   }
-  for (const std::string& warning : in.model.warnings) {
-    text += "warning: " + warning + "\n";
-    j["warnings"].push_back(warning);
+  for (const auto* warnings : {&in.model.warnings, &report.warnings}) {
+    for (const std::string& warning : *warnings) {
+      text += "warning: " + warning + "\n";
+      j["warnings"].push_back(warning);
+    }
+  }
+  for (std::size_t b = 0; b < report.axial.size(); ++b) {
+    const AxialWatch::Peak& peak = report.axial[b];
+    if (in.model.beams[b].smooth >= 0) continue;
+    j["beams"].push_back({{"beam", in.model.beams[b].name},
+                          {"largest_axial_ratio", peak.ratio},
+                          {"largest_axial_ratio_time", peak.time},
+                          {"lasting_tension_ratio", peak.tension},
+                          {"lasting_compression_ratio", peak.compression},
+                          {"lasting_compression", peak.pressed},
+                          {"euler_load", peak.euler}});
+  }
+  if (const AxialWatch::Peak* peak = WorstPeak(report.axial); peak != nullptr) {
+    text += fmt::format(
+        "axial forces beside bending, P l^2 / EI on segments of length l: {:.2g} at an instant, "
+        "{:.2g} that lasts\n",
+        peak->ratio, std::max(peak->tension, peak->compression));
   }
   text += "the scene calls for:";
   for (const Model::EffectCount& effect : in.model.Effects()) {

@@ -86,6 +86,10 @@ class DenseFormulation {
     ForEachElement([&](const data::SceneBeam& beam, double l, const Element& e) {
       if (beam.axial_elastic) return;
       const Eigen::Vector3d i = e.i(q), j = e.j(q);
+      if (beam.along_chord) {
+        phi.push_back(std::hypot(j[0] - i[0], j[1] - i[1]) - l);
+        return;
+      }
       phi.push_back((j[0] - i[0]) * std::cos(i[2]) + (j[1] - i[1]) * std::sin(i[2]) - l);
     });
     return Eigen::Map<Vector>(phi.data(), static_cast<Eigen::Index>(phi.size()));

@@ -134,7 +134,10 @@ TEST(DeploymentBalance, PrintedElementForcesDrift) {
   double drift[2];
   for (const bool gradient : {true, false}) {
     data::Scene scene = Deployment("clearance", 4);
-    for (auto& beam : scene.beams) beam.gradient_form = gradient;
+    for (auto& beam : scene.beams) {
+      beam.gradient_form = gradient;
+      beam.along_chord = false;
+    }
     const Model model = Compile(scene);
     Books books(model);
     SimulateOptions options;

@@ -1,0 +1,83 @@
+#include "sim/methods/run_judge.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace unfurl::sim {
+namespace {
+
+// Of what moved: beyond it the motion is not that of the scene. Runs within ten tolerances of
+// their references at rtol = 1e-3 stay below (tests/hard/sets_test.cc).
+constexpr double kMostResidual = 0.01;
+
+// Whether nothing does work on the model.
+bool IsClosed(const Model& model) {
+  bool closed = !model.constraints.driven();
+  ForEachEffect(model, [&](const auto& effect) {
+    if (effect.kPower == PowerKind::kWork && effect.count() > 0) closed = false;
+  });
+  return closed;
+}
+
+}  // namespace
+
+RunJudge::RunJudge(const Model& model, const ErrorScale& scale, bool tracked)
+    : dynamics_(model),
+      tracked_(tracked),
+      closed_(IsClosed(model)),
+      rtol_(scale.rtol),
+      state_(model.index.size(), 0.0) {
+  const double speed = scale.rtol * scale.speed, spin = scale.rtol * scale.spin;
+  for (int k = 0; k < model.slots.count; ++k) {
+    tolerance_floor_ +=
+        0.5 * (model.slots.mass[k] * speed * speed + model.slots.inertia[k] * spin * spin);
+  }
+}
+
+void RunJudge::Look(double t, const double* state, const std::vector<LatchMode>& modes) {
+  if (!tracked_ && !closed_) return;
+  dynamics_.modes() = modes;
+  std::copy_n(state, state_.size(), state_.begin());
+  const Balance b = dynamics_.BalanceAt(t, state_.data());
+  std::array<double, kKinds> kinds = {
+      b.kinetic, b.bending, b.axial, b.dissipated_contact, b.dissipated_beams, b.dissipated_dampers,
+      b.work};
+  std::copy(b.effects.begin(), b.effects.end(), kinds.end() - kEffects);
+  const double now = tracked_ ? b.Conserved() : b.Stored();
+  if (!started_) {
+    started_ = true;
+    start_ = now;
+    least_ = most_ = kinds;
+  }
+  for (int k = 0; k < kKinds; ++k) {
+    least_[k] = std::min(least_[k], kinds[k]);
+    most_[k] = std::max(most_[k], kinds[k]);
+    largest_term_ = std::max(largest_term_, std::fabs(kinds[k]));
+  }
+  const double off = tracked_ ? std::fabs(now - start_) : now - start_;
+  if (off <= residual_) return;
+  residual_ = off;
+  at_ = t;
+}
+
+double RunJudge::Kinetic(double t, const double* state) {
+  std::copy_n(state, state_.size(), state_.begin());
+  return dynamics_.BalanceAt(t, state_.data()).kinetic;
+}
+
+double RunJudge::moved() const {
+  double sum = 0.0;
+  for (int k = 0; k < kKinds; ++k) sum += most_[k] - least_[k];
+  return 0.5 * sum;
+}
+
+std::string RunJudge::Complaint() const {
+  if (residual_ <= kMostResidual * moved() + floor()) return {};
+  return fmt::format(
+      "the balance of energy is off by {:.3g} J of the {:.3g} J that moved, most at t = {:.6g} s",
+      residual_, moved(), at_);
+}
+
+}  // namespace unfurl::sim

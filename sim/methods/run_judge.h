@@ -1,0 +1,52 @@
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "sim/dynamics/dynamics.h"
+#include "sim/methods/stepper.h"
+
+namespace unfurl::sim {
+
+// Whether a run can be believed, by what every motion of the model must keep: the balance of
+// energy. The residual, stored + dissipated - work less its value at the start, is compared with
+// the energy that moved: half the sum, over the kinds of energy, of the range of each, as what
+// leaves one kind enters another. Where dissipation and work are not integrated, only growth of
+// what is stored is found, and only in models on which nothing does work.
+class RunJudge {
+ public:
+  // `tracked`: the states hold what was dissipated and done.
+  RunJudge(const Model& model, const ErrorScale& scale, bool tracked);
+
+  void Look(double t, const double* state, const std::vector<LatchMode>& modes);
+
+  double Kinetic(double t, const double* state);  // [J]
+
+  double residual() const { return residual_; }  // the largest magnitude [J]
+  double residual_time() const { return at_; }   // [s]
+  double moved() const;                          // [J]
+  // What neither rounding nor the tolerance, a part rtol of velocities and a speed, lets one tell
+  // from nothing [J].
+  double floor() const {
+    return tolerance_floor_ + rtol_ * most_[0] + kRoundingOfTerms * largest_term_;
+  }
+  // Empty where the balance holds.
+  std::string Complaint() const;
+
+ private:
+  static constexpr int kKinds = 7 + kEffects;
+  // A balance is a sum of as many terms as there are bodies and elements, each computed to some
+  // roundings of 1e-16 from angles that have turned for the whole run.
+  static constexpr double kRoundingOfTerms = 1e-12;
+
+  Dynamics dynamics_;
+  const bool tracked_, closed_;
+  const double rtol_;
+  std::vector<double> state_;
+  std::array<double, kKinds> least_{}, most_{};
+  bool started_ = false;
+  double start_ = 0.0, residual_ = 0.0, at_ = 0.0, tolerance_floor_ = 0.0, largest_term_ = 0.0;
+};
+
+}  // namespace unfurl::sim
