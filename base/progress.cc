@@ -3,36 +3,9 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
-#include <csignal>
 #include <cstdio>
 
-#include "base/error.h"
-
 namespace unfurl {
-
-namespace {
-
-volatile std::sig_atomic_t g_interrupted = 0;
-
-void OnSignal(int) { g_interrupted = 1; }
-
-}  // namespace
-
-void InstallInterruptHandler() {
-  struct sigaction action = {};
-  action.sa_handler = OnSignal;
-  action.sa_flags = SA_RESETHAND;  // a second Ctrl-C ends the program at once
-  sigaction(SIGINT, &action, nullptr);
-  sigaction(SIGTERM, &action, nullptr);
-  std::signal(SIGXFSZ, SIG_IGN);  // a file-size limit is then an ordinary write error
-  std::signal(SIGPIPE, SIG_DFL);
-}
-
-bool InterruptRequested() { return g_interrupted != 0; }
-
-void ThrowIfInterrupted() {
-  if (InterruptRequested()) throw Interrupted();
-}
 
 Progress::Progress(std::string label, bool enabled)
     : label_(std::move(label)),

@@ -2,6 +2,7 @@
 
 #include <fcntl.h>
 #include <signal.h>
+#include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -29,6 +30,7 @@ ProgramOutcome RunProgram(const std::vector<std::string>& words, const std::stri
   const pid_t child = fork();
   if (child == 0) {
     setpgid(0, 0);
+    prctl(PR_SET_PDEATHSIG, SIGKILL);  // should this program be killed, so is what it started
     const int in_file = open("/dev/null", O_RDONLY);
     const int out_file = open(out.c_str(), O_CREAT | O_TRUNC | O_WRONLY, 0600);
     const int err_file = open(err.c_str(), O_CREAT | O_TRUNC | O_WRONLY, 0600);

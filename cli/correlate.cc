@@ -109,7 +109,7 @@ int CorrelateVerb(const Common& common, Settings& s) {
   provenance.AddInput(s.record);
   provenance.AddInput(s.reference);
   const ordered_json json = correlate::ComparisonJson(comparison);
-  if (!s.output.empty()) data::WriteTextFile(s.output, json.dump(2) + "\n");
+  if (!s.output.empty()) data::WriteTextFile(s.output, JsonText(json));
   if (!s.report.empty()) WriteComparisonPage(s.report, comparison, provenance);
   std::string text = Text(comparison);
   if (!s.figures.empty() && comparison.alignment.Usable()) {

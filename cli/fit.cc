@@ -4,11 +4,13 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdlib>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
 #include "base/progress.h"
+#include "base/signals.h"
 #include "cli/fit_page.h"
 #include "cli/fit_text.h"
 #include "cli/verb.h"
@@ -23,7 +25,7 @@ struct Settings {
   std::string study, output, report, tracks;
   std::vector<std::string> sets;
   std::size_t workers = 0;
-  bool resume = false;
+  bool resume = false, allow_programs = false;
 };
 
 // The command as typed, less what does not shape the result: so a fit that was resumed, or run with
@@ -75,6 +77,8 @@ int FitVerb(const Common& common, const Settings& s) {
   options.workers = s.workers;
   options.resume = s.resume;
   options.output = s.output;
+  const char* allowed = std::getenv("UNFURL_ALLOW_PROGRAMS");
+  options.allow_programs = s.allow_programs || (allowed != nullptr && std::string(allowed) == "1");
   options.compare = !s.report.empty();
   options.provenance = StartProvenance(common);
   options.provenance.command = CommandWithout(options.provenance.command);
@@ -96,8 +100,8 @@ int FitVerb(const Common& common, const Settings& s) {
   try {
     fit = study::Fit(study, options);
   } catch (const study::FitInterrupted& stopped) {
-    fmt::print(stderr, "unfurl: interrupted; {} evaluations are in {}, --resume continues\n",
-               stopped.evaluations, stopped.journal);
+    Complain(fmt::format("interrupted; {} evaluations are in {}, --resume continues",
+                         stopped.evaluations, stopped.journal));
     return kExitInterrupted;
   }
   if (!s.report.empty()) {
@@ -128,6 +132,9 @@ Verb AddFit(CLI::App& program, Common& common) {
   files.Overrides(&settings->sets, "Overrides a key of the study (repeatable)");
   app->add_option("--workers", settings->workers,
                   "Simulations at a time (default: one per core); does not change the result");
+  app->add_flag("--allow-programs", settings->allow_programs,
+                "Run the program that the study names (model.command): only for a study that you "
+                "trust. UNFURL_ALLOW_PROGRAMS=1 in the environment says the same");
   app->add_flag("--resume", settings->resume,
                 "Continue a fit that was stopped, from its OUTPUT.partial, to the same result");
   verb.run = [&common, settings] { return FitVerb(common, *settings); };

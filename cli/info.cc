@@ -110,8 +110,10 @@ int InfoToml(const Common& common, const std::string& path) {
   }
   ordered_json summary = {{"file", path}, {"kind", kind}, {"sha256", data::FileSha256(path)}};
   std::vector<std::vector<std::string>> rows = {{"key", "holds"}};
+  summary["keys"] = ordered_json::object();
+  auto& keys = summary["keys"].get_ref<ordered_json::object_t&>();
   for (const auto& [key, holds] : table.Outline()) {
-    summary["keys"][key] = holds;
+    keys.push_back({key, holds});  // unlike [], which looks through all of them each time
     rows.push_back({key, holds});
   }
   Finish(common, summary, fmt::format("{}: {}\n", path, kind) + AlignedTable(rows));

@@ -1,11 +1,16 @@
+#include <fmt/format.h>
+
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <new>
+#include <stdexcept>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "base/error.h"
 #include "base/progress.h"
+#include "base/signals.h"
 #include "cli/verb.h"
 
 namespace {
@@ -23,7 +28,7 @@ constexpr char kFooter[] =
     "  unfurl correlate tracks.h5 run.h5                  both, side by side\n"
     "  unfurl fit study.toml                              the parameters, with standard errors\n\n"
     "Exit codes: 0 good, 1 ran but the result is not usable, 2 bad input, 3 a fault of ours,\n"
-    "4 the machine (disk full, no permission), 130 interrupted.\n"
+    "4 the machine (disk full, no permission), 130 and 143 interrupted.\n"
     "`unfurl VERB --help` lists the options of a verb and gives an example.";
 
 std::string CommandLine(int argc, char** argv) {
@@ -94,16 +99,27 @@ int Run(int argc, char** argv) {
   for (const Verb& verb : verbs) {
     if (!verb.app->parsed()) continue;
     verb.files->Prepare();
-    return verb.run();
+    const int code = verb.run();
+    if (code == unfurl::kExitNotUsable) {
+      unfurl::Complain(fmt::format("{}: not usable{}{}", verb.app->get_name(),
+                                   common.outcome.empty() ? "" : ": ", common.outcome));
+    }
+    return code;
   }
   return unfurl::kExitBadInput;
 }
 
-void Complain(const char* text) { std::fprintf(stderr, "unfurl: %s\n", text); }
+// A lack of memory, of threads, of a folder: in the machine's own words.
+int MachineRefused(int argc, char** argv, const std::string& what) {
+  unfurl::Complain(fmt::format("{}{}; free some of it, or take a larger machine",
+                               argc > 1 ? std::string(argv[1]) + ": " : "", what));
+  return unfurl::kExitMachine;
+}
 
 }  // namespace
 
 int main(int argc, char** argv) {
+  using unfurl::Complain;
   unfurl::InstallInterruptHandler();
   int code = unfurl::kExitFault;
   try {
@@ -116,16 +132,22 @@ int main(int argc, char** argv) {
     Complain("interrupted; nothing was written");
     code = unfurl::kExitInterrupted;
   } catch (const std::bad_alloc&) {
-    Complain("the machine has not enough memory for this; use fewer segments or a shorter run");
-    code = unfurl::kExitMachine;
+    code = MachineRefused(argc, argv, "the machine has not enough memory for this");
+  } catch (const std::length_error&) {  // more than any memory holds
+    code = MachineRefused(argc, argv, "the machine has not enough memory for this");
+  } catch (const std::system_error& error) {  // a thread, a folder
+    code = MachineRefused(argc, argv, fmt::format("the machine refused: {}", error.what()));
   } catch (const std::exception& error) {
-    Complain((std::string("a fault of ours: ") + error.what() +
-              "; please report it with the command that you typed")
-                 .c_str());
+    const std::string what = error.what();
+    if (what.find("Insufficient memory") != std::string::npos) {  // OpenCV has its own words
+      code = MachineRefused(argc, argv, "the machine has not enough memory for this");
+    } else {
+      Complain("a fault of ours: " + what + "; please report it with the command that you typed");
+    }
   }
   if (std::fflush(stdout) != 0 && code == unfurl::kExitGood) {
     Complain("standard output: cannot write; free some space or redirect it elsewhere");
     code = unfurl::kExitMachine;
   }
-  return code;
+  return code == unfurl::kExitInterrupted ? unfurl::InterruptExitCode() : code;
 }

@@ -12,6 +12,7 @@
 
 #include "base/error.h"
 #include "base/progress.h"
+#include "base/signals.h"
 #include "cli/simulate_page.h"
 #include "cli/verb.h"
 #include "data/atomic_file.h"
@@ -116,8 +117,8 @@ class SimulateVerb {
       json["report"] = arguments_.report;
     }
     if (code == kExitInterrupted) {
-      std::fprintf(stderr, "unfurl: interrupted at t = %.9g s; the results so far are in %s\n",
-                   recorder.last_time(), summary.out.c_str());
+      Complain(fmt::format("interrupted at t = {:.9g} s; the results so far are in {}",
+                           recorder.last_time(), summary.out));
       if (common_.json) unfurl::cli::Finish(common_, json, text);
       return code;
     }

@@ -5,6 +5,8 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "base/signals.h"
+
 namespace unfurl::cli {
 
 Verb DeclareVerb(CLI::App& program, Common& common, const std::string& name,
@@ -20,6 +22,23 @@ std::string DefaultOutput(const std::string& input, const std::string& suffix) {
   return std::filesystem::path(input).stem().string() + suffix;
 }
 
+namespace {
+
+// What a summary says of itself, in a line.
+std::string OutcomeOf(const nlohmann::ordered_json& summary) {
+  for (const char* key : {"message", "reasons", "verdict", "status"}) {
+    const auto found = summary.find(key);
+    if (found == summary.end()) continue;
+    const auto& value = found->is_array() && !found->empty() ? found->front() : *found;
+    if (value.is_string() && !value.get_ref<const std::string&>().empty()) {
+      return value.get<std::string>();
+    }
+  }
+  return {};
+}
+
+}  // namespace
+
 data::Provenance StartProvenance(const Common& common) {
   data::Provenance provenance;
   provenance.program = data::ProgramVersion();
@@ -27,12 +46,18 @@ data::Provenance StartProvenance(const Common& common) {
   return provenance;
 }
 
+std::string JsonText(const nlohmann::ordered_json& json) {
+  return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
 void Finish(const Common& common, const nlohmann::ordered_json& summary, const std::string& text) {
+  common.outcome = OutcomeOf(summary);
   if (common.json) {
-    std::fputs((summary.dump(2) + "\n").c_str(), stdout);
+    std::fputs(JsonText(summary).c_str(), stdout);
   } else if (!common.quiet) {
-    std::fputs(text.c_str(), stdout);
-    if (!text.empty() && text.back() != '\n') std::fputc('\n', stdout);
+    const std::string shown = Printable(text);
+    std::fputs(shown.c_str(), stdout);
+    if (!shown.empty() && shown.back() != '\n') std::fputc('\n', stdout);
   }
 }
 

@@ -20,6 +20,7 @@ struct Common {
   bool json = false;
   bool quiet = false;
   std::string command_line;
+  mutable std::string outcome;  // the verdict in a line, once Finish was called
 };
 
 // One file per verb defines one of these: it declares its options on the program, those that are
@@ -54,6 +55,9 @@ std::string DefaultOutput(const std::string& input, const std::string& suffix);
 
 // Provenance with this program's version and the command as typed; add inputs and options to it.
 data::Provenance StartProvenance(const Common& common);
+
+// For a file or for stdout; bytes that are no UTF-8 (of a file's name) are replaced.
+std::string JsonText(const nlohmann::ordered_json& json);
 
 // Ends a verb: the summary as JSON on stdout with --json, `text` otherwise, nothing with --quiet.
 void Finish(const Common& common, const nlohmann::ordered_json& summary, const std::string& text);

@@ -123,7 +123,8 @@ void VerbFiles::Prepare() const {
   // Inputs by identity, with how they came to be inputs.
   std::map<std::string, std::string> inputs;
   const auto add = [&](const std::string& path, const std::string& as) {
-    if (!path.empty() && fs::exists(path)) inputs.try_emplace(IdentityOf(path), as);
+    std::error_code ignored;
+    if (!path.empty() && fs::exists(path, ignored)) inputs.try_emplace(IdentityOf(path), as);
   };
   std::vector<std::string> folders = {"."};
   for (const Path& input : inputs_) {

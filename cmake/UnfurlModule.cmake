@@ -15,6 +15,9 @@ function(unfurl_compile_options target)
                            -fno-omit-frame-pointer)
     target_link_options(${target} PUBLIC -fsanitize=address,undefined)
   endif()
+  if(UNFURL_FUZZ)  # what guides the fuzzer by what it reached
+    target_compile_options(${target} PUBLIC -fsanitize=fuzzer-no-link)
+  endif()
 endfunction()
 
 function(unfurl_module name)

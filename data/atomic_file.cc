@@ -8,11 +8,16 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <ctime>
 #include <filesystem>
 #include <memory>
+#include <random>
 #include <utility>
 
 #include "base/error.h"
+#include "base/progress.h"
+#include "base/signals.h"
+#include "data/inputs.h"
 
 namespace unfurl::data {
 
@@ -44,6 +49,54 @@ void ThrowWriteError(const std::string& path, int error_number) {
               ErrorKind::kMachine);
 }
 
+namespace {
+
+constexpr std::size_t kHiddenLetters = 6;
+
+// Locks the open file, not the process; HDF5's own lock (flock) is of another kind. False when
+// another program holds it; a file system without locks counts as locked.
+bool Lock(int fd) {
+  struct flock whole = {};
+  whole.l_type = F_WRLCK;
+  whole.l_whence = SEEK_SET;
+  return fcntl(fd, F_OFD_SETLK, &whole) == 0 || (errno != EAGAIN && errno != EACCES);
+}
+
+// Whether `name` is a hidden temporary of `result`: ".result.a1b2c3.tmp".
+bool IsTemporaryOf(const std::string& name, const std::string& result) {
+  const std::string head = "." + result + ".", tail = ".tmp";
+  return name.size() == head.size() + kHiddenLetters + tail.size() && name.starts_with(head) &&
+         name.ends_with(tail);
+}
+
+// Programs that were killed leave their temporaries behind: unlocked, and not just made.
+void RemoveStale(const std::string& folder, const std::string& result) {
+  constexpr std::time_t kYoung = 10;  // [s], between making and locking
+  std::error_code failed;
+  for (const auto& entry : std::filesystem::directory_iterator(folder, failed)) {
+    if (!IsTemporaryOf(entry.path().filename().string(), result)) continue;
+    const int fd = open(entry.path().c_str(), O_RDWR | O_NOFOLLOW | O_CLOEXEC);
+    if (fd < 0) continue;
+    struct stat info = {};
+    if (fstat(fd, &info) == 0 && S_ISREG(info.st_mode) &&
+        std::time(nullptr) - info.st_mtime > kYoung && Lock(fd)) {
+      unlink(entry.path().c_str());
+    }
+    close(fd);
+  }
+}
+
+// A name of its own beside the result.
+std::string HiddenName(const std::string& folder, const std::string& name) {
+  static constexpr char kLetters[] = "abcdefghijklmnopqrstuvwxyz0123456789";
+  std::random_device source;
+  std::string letters(kHiddenLetters, '\0');
+  for (char& c : letters) c = kLetters[source() % (sizeof kLetters - 1)];
+  return fmt::format("{}/.{}.{}.tmp", folder, name, letters);
+}
+
+}  // namespace
+
 AtomicFile::AtomicFile(std::string path, Temporary kind) : path_(std::move(path)) {
   const std::string folder = Folder(path_);
   std::error_code ignored;
@@ -59,36 +112,57 @@ AtomicFile::AtomicFile(std::string path, Temporary kind) : path_(std::move(path)
     // A rename would replace the device or pipe by a file.
     throw Error("is a device or pipe, not a file", path_, "name a file with -o");
   }
-  const std::string name = std::filesystem::path(path_).filename().string();
-  const bool partial = kind == Temporary::kPartial;
-  temporary_ = partial ? path_ + ".partial" : fmt::format("{}/.{}.{}.tmp", folder, name, getpid());
-  const int fd = open(temporary_.c_str(), O_CREAT | O_WRONLY | O_CLOEXEC, 0644);
-  if (fd < 0) ThrowWriteError(path_, errno);
-  if (partial) {
-    lock_ = fd;
-    // A lock of the open file, not of the process; HDF5's own (flock) is another kind.
-    struct flock whole = {};
-    whole.l_type = F_WRLCK;
-    whole.l_whence = SEEK_SET;
-    if (fcntl(fd, F_OFD_SETLK, &whole) != 0 && (errno == EAGAIN || errno == EACCES)) {
-      close(fd);
-      throw Error("another program is writing it", temporary_,
-                  "wait until it has ended, or name another output with -o");
-    }
+  if (kind == Temporary::kPartial) {
+    OpenPartial();
+  } else {
+    OpenHidden(folder);
   }
-  if (ftruncate(fd, 0) != 0) ThrowWriteError(path_, errno);
-  if (!partial) close(fd);
+}
+
+// The earlier partial of the same name is begun anew; no link is followed.
+void AtomicFile::OpenPartial() {
+  temporary_ = path_ + ".partial";
+  lock_ = open(temporary_.c_str(), O_CREAT | O_WRONLY | O_NOFOLLOW | O_CLOEXEC, 0644);
+  if (lock_ < 0 && errno == ELOOP) {
+    throw Error("is a link, which is not followed", temporary_, "remove it");
+  }
+  if (lock_ < 0) ThrowWriteError(path_, errno);
+  if (!Lock(lock_)) {
+    close(std::exchange(lock_, -1));
+    throw Error("another program is writing it", temporary_,
+                "wait until it has ended, or name another output with -o");
+  }
+  if (ftruncate(lock_, 0) != 0) {
+    const int error = errno;
+    close(std::exchange(lock_, -1));
+    ThrowWriteError(path_, error);
+  }
+}
+
+void AtomicFile::OpenHidden(const std::string& folder) {
+  const std::string name = std::filesystem::path(path_).filename().string();
+  RemoveStale(folder, name);
+  do {
+    temporary_ = HiddenName(folder, name);
+    lock_ = open(temporary_.c_str(), O_CREAT | O_EXCL | O_NOFOLLOW | O_WRONLY | O_CLOEXEC, 0644);
+  } while (lock_ < 0 && errno == EEXIST);
+  if (lock_ < 0) ThrowWriteError(path_, errno);
+  noted_ = NoteTemporary(temporary_);
+  Lock(lock_);
 }
 
 AtomicFile::~AtomicFile() {
   if (!settled_) std::remove(temporary_.c_str());
+  ForgetTemporary(noted_);
   if (lock_ >= 0) close(lock_);
 }
 
 void AtomicFile::Commit() {
+  ThrowIfInterrupted();
   if (!SyncPath(temporary_, O_RDONLY)) ThrowWriteError(path_, errno);
   if (std::rename(temporary_.c_str(), path_.c_str()) != 0) ThrowWriteError(path_, errno);
   settled_ = true;
+  ForgetInput(path_);
   SyncPath(Folder(path_), O_RDONLY | O_DIRECTORY);  // best effort: the content is safe already
 }
 
@@ -122,6 +196,8 @@ void WriteTextFile(const std::string& path, const std::string& text) {
 }
 
 std::string ReadTextFile(const std::string& path) {
+  std::string text;
+  if (RecallPipe(path, &text)) return text;  // a pipe gives what it holds once
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) {
     throw Error("is a folder, not a file", path, "name a file");
@@ -134,10 +210,14 @@ std::string ReadTextFile(const std::string& path) {
                 refused ? "ask for permission to read it" : "check the name",
                 refused ? ErrorKind::kMachine : ErrorKind::kBadInput);
   }
-  std::string text;
   char buffer[1 << 16];
   std::size_t got;
   while ((got = std::fread(buffer, 1, sizeof buffer, stream.get())) > 0) text.append(buffer, got);
+  if (std::ferror(stream.get()) != 0) {
+    throw Error(fmt::format("cannot read: {}", std::strerror(errno)), path,
+                "check the disk, and copy the file again", ErrorKind::kMachine);
+  }
+  NoteText(path, text, std::filesystem::is_regular_file(path, ignored));
   return text;
 }
 

@@ -10,7 +10,7 @@ namespace unfurl::data {
 class AtomicFile {
  public:
   enum class Temporary {
-    kHidden,   // a name of this process
+    kHidden,   // a new name beside it; those that killed programs left behind are removed
     kPartial,  // NAME.partial, for long work whose results so far are worth keeping; locked
   };
   // Throws Error when the folder does not exist or cannot be written to, or when another program is
@@ -31,7 +31,11 @@ class AtomicFile {
  private:
   std::string path_;
   std::string temporary_;
-  int lock_ = -1;  // descriptor that holds the lock of NAME.partial
+  void OpenPartial();
+  void OpenHidden(const std::string& folder);
+
+  int lock_ = -1;   // descriptor that holds the temporary's lock
+  int noted_ = -1;  // place in base/signals.h's list
   bool settled_ = false;
 };
 

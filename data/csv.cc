@@ -2,11 +2,15 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <set>
+#include <utility>
 
 #include "base/error.h"
 #include "base/text.h"
 #include "data/atomic_file.h"
+#include "data/csv_cell.h"
 
 namespace unfurl::data {
 
@@ -20,11 +24,72 @@ CsvColumn ParseHeaderCell(const std::string& cell) {
           std::string(Trim(text.substr(open + 1, text.size() - open - 2)))};
 }
 
-std::string HeaderCell(const CsvColumn& column) {
-  return column.unit.empty() ? column.name : column.name + " [" + column.unit + "]";
+// A spreadsheet runs a cell that begins like this [OWASP, "CSV injection"], if it is no number.
+bool RunsInSpreadsheets(std::string_view cell) {
+  const std::size_t quotes = std::min(cell.find_first_not_of('\''), cell.size());
+  double value = 0.0;
+  return quotes < cell.size() &&
+         std::string_view("=+-@\t\r").find(cell[quotes]) != std::string_view::npos &&
+         (quotes > 0 || !ParseDouble(cell, &value));
+}
+
+// The cells of a line; a cell in quotes may hold commas, and a quote doubled [RFC 4180].
+std::vector<std::string> CellsOf(std::string_view line, const std::string& where) {
+  std::vector<std::string> cells;
+  for (std::size_t at = 0; at <= line.size();) {
+    const std::size_t start = std::min(line.find_first_not_of(" \t", at), line.size());
+    std::string cell;
+    std::size_t end = 0;
+    if (start < line.size() && line[start] == '"') {
+      std::size_t from = start + 1, quote = 0;
+      for (;;) {
+        quote = line.find('"', from);
+        if (quote == std::string_view::npos) {
+          throw Error("a cell's quote is not closed on its line", where, "close it");
+        }
+        cell += line.substr(from, quote - from);
+        if (quote + 1 >= line.size() || line[quote + 1] != '"') break;
+        cell += '"';
+        from = quote + 2;
+      }
+      end = std::min(line.find(',', quote), line.size());
+      if (!Trim(line.substr(quote + 1, end - quote - 1)).empty()) {
+        throw Error("a cell goes on after its closing quote", where, "double the quotes within it");
+      }
+    } else {
+      end = std::min(line.find(',', at), line.size());
+      cell = std::string(Trim(line.substr(at, end - at)));
+    }
+    if (cell.starts_with('\'') && RunsInSpreadsheets(cell)) cell.erase(0, 1);
+    cells.push_back(std::move(cell));
+    at = end + 1;
+  }
+  return cells;
+}
+
+void RefuseOtherSeparators(const std::vector<std::string>& cells, const std::string& where) {
+  if (cells.size() > 1) return;
+  for (const auto& [sign, name] : {std::pair{';', "semicolons"}, std::pair{'\t', "tabs"}}) {
+    if (cells[0].find(sign) == std::string::npos) continue;
+    throw Error(fmt::format("its cells are separated by {}", name), where,
+                "save it with commas between cells and points in numbers");
+  }
 }
 
 }  // namespace
+
+std::string CsvCell(const std::string& text) {
+  std::string cell = RunsInSpreadsheets(text) ? "'" + text : text;
+  const bool plain = cell.find_first_of(",\"\n\r") == std::string::npos && cell == Trim(cell) &&
+                     !cell.starts_with('#');
+  if (plain) return cell;
+  std::string quoted = "\"";
+  for (const char c : cell) {
+    // A table has one row a line.
+    quoted += c == '"' ? "\"\"" : std::string(1, c == '\n' || c == '\r' ? ' ' : c);
+  }
+  return quoted + "\"";
+}
 
 CsvTable CsvTable::Load(const std::string& path) {
   CsvTable table;
@@ -43,21 +108,17 @@ CsvTable CsvTable::Load(const std::string& path) {
       table.comments_.emplace_back(Trim(content.substr(1)));
       continue;
     }
-    std::vector<std::string> cells = Split(content, ',');
-    for (std::string& cell : cells) {
-      std::string_view trimmed = Trim(cell);
-      if (trimmed.size() >= 2 && trimmed.front() == '"' && trimmed.back() == '"') {
-        trimmed = trimmed.substr(1, trimmed.size() - 2);
-      }
-      cell = std::string(trimmed);
-    }
+    const std::string where = fmt::format("{}:{}", path, number);
+    std::vector<std::string> cells = CellsOf(content, where);
     if (table.columns_.empty()) {
+      RefuseOtherSeparators(cells, where);
+      std::set<std::string> names;
       for (const std::string& cell : cells) {
         const CsvColumn column = ParseHeaderCell(cell);
-        if (column.name.empty() || table.Find(column.name) >= 0) {
+        if (column.name.empty() || !names.insert(column.name).second) {
           throw Error(fmt::format("column '{}' is {}", column.name,
                                   column.name.empty() ? "nameless" : "there twice"),
-                      fmt::format("{}:{}", path, number), "give each column a name of its own");
+                      where, "give each column a name of its own");
         }
         table.columns_.push_back(column);
       }
@@ -66,7 +127,7 @@ CsvTable CsvTable::Load(const std::string& path) {
     if (cells.size() != table.columns_.size()) {
       throw Error(
           fmt::format("{} cells, but the header names {}", cells.size(), table.columns_.size()),
-          fmt::format("{}:{}", path, number), "complete the line");
+          where, "complete the line; a cell that holds a comma wants quotes");
     }
     table.cells_.push_back(std::move(cells));
     table.lines_.push_back(number);
@@ -113,8 +174,11 @@ double CsvTable::Number(std::size_t row, int column) const {
   double value = 0.0;
   const std::string& cell = cells_[row][static_cast<std::size_t>(column)];
   if (!ParseDouble(cell, &value) || !std::isfinite(value)) {
+    std::string with_point = cell;
+    std::replace(with_point.begin(), with_point.end(), ',', '.');
+    const bool comma = with_point != cell && ParseDouble(with_point, &value);
     throw Error(fmt::format("'{}' is not a finite number", cell), Where(row, column),
-                "correct the cell");
+                comma ? "write a decimal point, not a comma" : "correct the cell");
   }
   return value;
 }
@@ -131,7 +195,7 @@ std::string CsvTable::Where(std::size_t row, int column) const {
 CsvWriter::CsvWriter(std::vector<CsvColumn> columns) {
   for (const CsvColumn& column : columns) {
     if (!header_.empty()) header_ += ',';
-    header_ += HeaderCell(column);
+    header_ += CsvCell(column.unit.empty() ? column.name : column.name + " [" + column.unit + "]");
   }
   header_ += '\n';
 }
@@ -139,7 +203,7 @@ CsvWriter::CsvWriter(std::vector<CsvColumn> columns) {
 void CsvWriter::Row(const std::vector<std::string>& cells) {
   for (std::size_t i = 0; i < cells.size(); ++i) {
     if (i > 0) body_ += ',';
-    body_ += cells[i];
+    body_ += CsvCell(cells[i]);
   }
   body_ += '\n';
 }
@@ -153,7 +217,11 @@ void CsvWriter::Row(const std::vector<double>& values) {
   body_ += '\n';
 }
 
-void CsvWriter::Comment(const std::string& text) { comments_ += "# " + text + "\n"; }
+void CsvWriter::Comment(const std::string& text) {
+  std::string line = text;
+  std::replace(line.begin(), line.end(), '\n', ' ');
+  comments_ += "# " + line + "\n";
+}
 
 std::string CsvWriter::Take() {
   std::string all = text();

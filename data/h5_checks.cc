@@ -10,6 +10,7 @@
 #include <fstream>
 
 #include "base/error.h"
+#include "data/inputs.h"
 
 namespace unfurl::data {
 
@@ -93,7 +94,10 @@ H5Handle H5OpenChecked(const std::string& path) {
   }
   std::string message;
   H5Handle file = Open(path, H5F_ACC_RDONLY, &message);
-  if (file.valid()) return file;
+  if (file.valid()) {
+    NoteOpened(path);
+    return file;
+  }
   if (IsStreaming(path)) {
     file = Open(path, H5F_ACC_RDONLY | H5F_ACC_SWMR_READ, &message);
     if (file.valid()) return file;

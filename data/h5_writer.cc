@@ -46,6 +46,11 @@ hid_t MemoryType(H5Type type) {
   return -1;
 }
 
+// Names of files may be no UTF-8.
+std::string Dump(const nlohmann::ordered_json& json) {
+  return json.dump(-1, ' ', false, nlohmann::ordered_json::error_handler_t::replace);
+}
+
 // The last net under cli/verb_files.h: a result never takes the place of what it was made from.
 void RefuseInput(const Provenance& provenance, const std::string& path) {
   for (const InputFile& input : provenance.inputs) {
@@ -222,8 +227,8 @@ H5Writer::H5Writer(const std::string& path, const std::string& schema, int schem
   for (const InputFile& input : provenance.inputs) {
     inputs.push_back({{"path", input.path}, {"sha256", input.sha256}});
   }
-  Attribute("/", "inputs", inputs.dump());
-  Attribute("/", "options", nlohmann::ordered_json(provenance.options).dump());
+  Attribute("/", "inputs", Dump(inputs));
+  Attribute("/", "options", Dump(provenance.options));
   if (provenance.seed) Attribute("/", "seed", std::to_string(*provenance.seed));
 }
 

@@ -72,7 +72,7 @@ Journal::Journal(const std::string& result, const std::string& identity, bool re
     throw Error(fmt::format("no such folder: {}", folder.string()), result,
                 "make it, or name another output with -o");
   }
-  file_ = open(path_.c_str(), O_CREAT | O_RDWR | O_CLOEXEC, 0644);
+  file_ = open(path_.c_str(), O_CREAT | O_RDWR | O_NOFOLLOW | O_CLOEXEC, 0644);
   if (file_ < 0) ThrowWriteError(path_, errno);
   struct flock whole = {};
   whole.l_type = F_WRLCK;
@@ -110,7 +110,9 @@ void Journal::Scan(const std::string& identity, bool resume) {
   if (!resume && begun && ours) {
     // Hours of work are not thrown away because an option was forgotten.
     const std::string aside = path_ + "~";
-    const int fresh = open((path_ + ".new").c_str(), O_CREAT | O_TRUNC | O_RDWR | O_CLOEXEC, 0644);
+    unlink((path_ + ".new").c_str());  // of a program that was killed at this very step
+    const int fresh =
+        open((path_ + ".new").c_str(), O_CREAT | O_EXCL | O_NOFOLLOW | O_RDWR | O_CLOEXEC, 0644);
     if (fresh < 0) ThrowWriteError(path_, errno);
     std::rename(path_.c_str(), aside.c_str());
     std::rename((path_ + ".new").c_str(), path_.c_str());

@@ -1,11 +1,15 @@
 #include "data/provenance.h"
 
 #include <sha256.h>
+#include <sys/stat.h>
 
 #include <cerrno>
 #include <cstring>
+#include <mutex>
+#include <utility>
 
 #include "base/error.h"
+#include "data/inputs.h"
 
 namespace unfurl::data {
 
@@ -17,7 +21,98 @@ std::string FileSha256(const std::string& path) {
   return hex;
 }
 
-void Provenance::AddInput(const std::string& path) { inputs.push_back({path, FileSha256(path)}); }
+namespace {
+
+// A file's state, to tell whether it changed between two looks.
+struct State {
+  dev_t device = 0;
+  ino_t inode = 0;
+  off_t size = 0;
+  timespec changed = {};
+  bool operator==(const State& other) const {
+    return device == other.device && inode == other.inode && size == other.size &&
+           changed.tv_sec == other.changed.tv_sec && changed.tv_nsec == other.changed.tv_nsec;
+  }
+};
+
+bool StateOf(const std::string& path, State* state) {
+  struct stat info = {};
+  if (stat(path.c_str(), &info) != 0) return false;
+  *state = {info.st_dev, info.st_ino, info.st_size, info.st_mtim};
+  return true;
+}
+
+struct Noted {
+  std::string sha256;  // empty: opened only
+  bool pipe = false;
+  std::string text;  // of a pipe
+  State state;
+};
+
+std::mutex g_mutex;
+std::map<std::string, Noted>& Inputs() {
+  static auto* inputs = new std::map<std::string, Noted>;
+  return *inputs;
+}
+
+void Note(const std::string& path, Noted noted) {
+  constexpr std::size_t kMost = 10000;  // what a program writes per evaluation would grow the list
+  const std::lock_guard<std::mutex> lock(g_mutex);
+  if (Inputs().size() < kMost || Inputs().contains(path)) Inputs()[path] = std::move(noted);
+}
+
+std::string TextSha256(const std::string& text) {
+  char hex[SHA256_DIGEST_STRING_LENGTH];
+  SHA256Data(reinterpret_cast<const std::uint8_t*>(text.data()), text.size(), hex);
+  return hex;
+}
+
+}  // namespace
+
+void NoteText(const std::string& path, const std::string& text, bool regular) {
+  Noted noted{TextSha256(text), !regular, regular ? std::string() : text, {}};
+  Note(path, std::move(noted));
+}
+
+void ForgetInput(const std::string& path) {
+  const std::lock_guard<std::mutex> lock(g_mutex);
+  Inputs().erase(path);
+}
+
+bool RecallPipe(const std::string& path, std::string* text) {
+  const std::lock_guard<std::mutex> lock(g_mutex);
+  const auto found = Inputs().find(path);
+  if (found == Inputs().end() || !found->second.pipe) return false;
+  *text = found->second.text;
+  return true;
+}
+
+void NoteOpened(const std::string& path) {
+  Noted noted;
+  if (!StateOf(path, &noted.state)) return;
+  Note(path, std::move(noted));
+}
+
+void Provenance::AddInput(const std::string& path) {
+  Noted noted;
+  bool known = false;
+  {
+    const std::lock_guard<std::mutex> lock(g_mutex);
+    const auto found = Inputs().find(path);
+    known = found != Inputs().end();
+    if (known) noted = found->second;
+  }
+  if (known && !noted.sha256.empty()) {
+    inputs.push_back({path, noted.sha256});
+    return;
+  }
+  const std::string sha256 = FileSha256(path);
+  State now;
+  if (known && (!StateOf(path, &now) || !(now == noted.state))) {
+    throw Error("changed while it was read", path, "wait until it is whole, and start again");
+  }
+  inputs.push_back({path, sha256});
+}
 
 std::string ProgramVersion() { return "unfurl " UNFURL_VERSION; }
 

@@ -26,7 +26,7 @@ std::vector<std::string> FilesOf(const TomlTable& table, const char* key, const 
     const std::string last = path.filename().string();
     const std::size_t star = last.find('*');
     if (star == std::string::npos) {
-      if (!fs::is_regular_file(path)) {
+      if (std::error_code failed; !fs::is_regular_file(path, failed)) {
         table.Fail(key, fmt::format("there is no file '{}'", path.string()), "check the name");
       }
       names.push_back(path.string());
@@ -38,7 +38,7 @@ std::vector<std::string> FilesOf(const TomlTable& table, const char* key, const 
     for (const auto& entry : fs::directory_iterator(path.parent_path(), ignored)) {
       const std::string here = entry.path().filename().string();
       if (here.size() >= before.size() + after.size() && here.starts_with(before) &&
-          here.ends_with(after) && entry.is_regular_file()) {
+          here.ends_with(after) && entry.is_regular_file(ignored)) {
         found.push_back(entry.path().string());
       }
     }
@@ -56,7 +56,7 @@ std::vector<std::string> FilesOf(const TomlTable& table, const char* key, const 
 std::string FileOf(const TomlTable& table, const char* key, const fs::path& folder) {
   const std::string name = table.String(key);
   const fs::path path = fs::path(name).is_absolute() ? fs::path(name) : folder / name;
-  if (!fs::is_regular_file(path)) {
+  if (std::error_code failed; !fs::is_regular_file(path, failed)) {
     table.Fail(key, fmt::format("there is no file '{}'", path.string()), "check the name");
   }
   return path.string();

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
 
 namespace unfurl::data {
 
@@ -167,18 +168,16 @@ Study ReadFrom(const TomlTable& root, const std::string& path) {
   if (study.parameters.empty()) {
     root.Fail("parameter", "a study without parameters", "add a table [parameter.NAME]");
   }
-  std::vector<std::pair<std::string, std::string>> driven;
+  std::map<std::string, std::string> driven;
   for (const StudyParameter& p : study.parameters) {
     for (const std::string& key : p.keys) {
-      for (const auto& [other, by] : driven) {
-        if (other == key) {
-          root.Table("parameter")
-              .Table(p.name)
-              .Fail("keys", fmt::format("{} is driven by {} already", key, by),
-                    "let each key of the scene be driven by one parameter");
-        }
+      const auto [by, first] = driven.try_emplace(key, p.name);
+      if (!first) {
+        root.Table("parameter")
+            .Table(p.name)
+            .Fail("keys", fmt::format("{} is driven by {} already", key, by->second),
+                  "let each key of the scene be driven by one parameter");
       }
-      driven.emplace_back(key, p.name);
     }
   }
 

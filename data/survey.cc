@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 
 #include "base/error.h"
@@ -22,6 +23,8 @@ constexpr std::array<const char*, 6> kCovariance = {"cxx", "cxy", "cxz", "cyy", 
 constexpr std::array<const char*, 3> kPosition = {"x", "y", "z"};
 
 bool IsHdf5(const std::string& path) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(path, ignored)) return false;  // a pipe is read once
   std::ifstream file(path, std::ios::binary);
   char signature[8] = {};
   file.read(signature, sizeof signature);

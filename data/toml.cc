@@ -15,6 +15,8 @@ namespace unfurl::data {
 
 namespace {
 
+constexpr std::size_t kMostParts = 64;  // of a dotted key
+
 // The right-hand side of --set as a TOML value; a bare word is taken as a string.
 toml::table ParseOverride(const std::string& value, const std::string& dotted) {
   for (const std::string& text : {"v = " + value, "v = \"" + value + "\""}) {
@@ -35,6 +37,9 @@ const toml::node* ApplyOverride(toml::table& root, const std::string& assignment
   }
   *dotted = std::string(Trim(assignment.substr(0, equals)));
   const std::vector<std::string> keys = Split(*dotted, '.');
+  if (keys.size() > kMostParts) {
+    throw Error(fmt::format("a key of {} parts", keys.size()), "--set", "name tables less deep");
+  }
   toml::table* table = &root;
   for (std::size_t i = 0; i + 1 < keys.size(); ++i) {
     toml::node* next = table->get(keys[i]);
@@ -115,6 +120,23 @@ TomlTable TomlTable::Table(std::string_view key) const {
   return *table;
 }
 
+namespace {
+
+// Names become names of datasets, columns and files, and are shown on terminals.
+void RefuseName(const TomlTable& group, const std::string& name) {
+  const bool bad = name.empty() || name == "." || name.find('/') != std::string::npos ||
+                   std::any_of(name.begin(), name.end(), [](char c) {
+                     const auto byte = static_cast<unsigned char>(c);
+                     return byte < 0x20 || byte == 0x7f;
+                   });
+  if (!bad) return;
+  group.Fail(name,
+             name.empty() ? "a name of no letters" : "a name with a slash or a control character",
+             "use letters, digits, blanks, - and _");
+}
+
+}  // namespace
+
 std::vector<std::pair<std::string, TomlTable>> TomlTable::NamedTables(std::string_view key) const {
   std::vector<std::pair<std::string, TomlTable>> named;
   const std::optional<TomlTable> group = TableOrNone(key);
@@ -128,6 +150,7 @@ std::vector<std::pair<std::string, TomlTable>> TomlTable::NamedTables(std::strin
   constexpr unsigned kLast = std::numeric_limits<unsigned>::max();  // from --set
   std::vector<std::pair<Place, std::string>> order;
   for (const auto& [name, value] : *group->node_->table) {
+    RefuseName(*group, std::string(name.str()));
     const auto begin = value.source().begin;
     const auto known = node_->document->order.find(fmt::format("{}.{}", key, name.str()));
     Place place{0, begin.line > 0 ? begin.line : kLast, begin.column};

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <string_view>
 #include <utility>
 
 #include "base/error.h"
@@ -13,6 +14,56 @@ namespace unfurl::data {
 namespace {
 
 constexpr std::size_t kMostFiles = 1000;
+constexpr int kMostParts = 64;  // of a dotted key
+
+// The place after the string that begins at `at`.
+std::size_t AfterString(const std::string& text, std::size_t at) {
+  const char quote = text[at];
+  const std::string three(3, quote);
+  const bool lines = text.compare(at, 3, three) == 0;
+  for (std::size_t i = at + (lines ? 3 : 1); i < text.size(); ++i) {
+    if (text[i] == '\\' && quote == '"') {
+      ++i;
+    } else if (lines ? text.compare(i, 3, three) == 0 : text[i] == quote || text[i] == '\n') {
+      return i + (lines ? 3 : 1);
+    }
+  }
+  return text.size();
+}
+
+// Each part of a dotted key becomes a table within a table, and the parser and the tables go down
+// them by recursion: a key of thousands of parts would end the stack.
+void RefuseLongKeys(const std::string& text, const std::string& name) {
+  int parts = 1, line = 1;
+  for (std::size_t at = 0; at < text.size();) {
+    const char c = text[at];
+    if (c == '"' || c == '\'') {
+      const std::size_t after = AfterString(text, at);
+      line += static_cast<int>(std::count(text.begin() + static_cast<std::ptrdiff_t>(at),
+                                          text.begin() + static_cast<std::ptrdiff_t>(after), '\n'));
+      at = after;
+      continue;
+    }
+    if (c == '#') {
+      at = std::min(text.find('\n', at), text.size());
+      continue;
+    }
+    if (c == '.' && ++parts > kMostParts) {
+      throw Error(fmt::format("a key of more than {} parts", kMostParts),
+                  fmt::format("{}:{}", name, line), "name tables less deep");
+    }
+    if (c == '\n') ++line;
+    if (std::string_view("=,[]{}\n").find(c) != std::string_view::npos) parts = 1;
+    ++at;
+  }
+}
+
+// A pipe has no canonical name; its own will do.
+std::filesystem::path Canonical(const std::filesystem::path& path) {
+  std::error_code failed;
+  const std::filesystem::path canonical = std::filesystem::weakly_canonical(path, failed);
+  return failed ? path : canonical;
+}
 
 class Merger {
  public:
@@ -20,7 +71,7 @@ class Merger {
       : files_(files), order_(order) {}
 
   void Merge(toml::table* document, const std::string& path) {
-    chain_.push_back(std::filesystem::weakly_canonical(path));
+    chain_.push_back(Canonical(path));
     std::vector<toml::table> below;
     if (const toml::node* list = document->get(kIncludeKey)) {
       for (const std::string& name : Names(*list, path)) below.push_back(Load(name, *list, path));
@@ -52,8 +103,9 @@ class Merger {
   }
 
   toml::table Load(const std::string& name, const toml::node& list, const std::string& from) {
+    std::error_code ignored;
     const std::filesystem::path file = std::filesystem::path(from).parent_path() / name;
-    const auto canonical = std::filesystem::weakly_canonical(file);
+    const auto canonical = Canonical(file);
     const auto above = std::find(chain_.begin(), chain_.end(), canonical);
     if (above != chain_.end()) {
       std::string round;
@@ -63,7 +115,7 @@ class Merger {
                               canonical.filename().string()),
                   Where(list, from), "remove one of the includes");
     }
-    if (!std::filesystem::is_regular_file(file)) {
+    if (!std::filesystem::is_regular_file(file, ignored)) {
       throw Error(fmt::format("there is no file \"{}\" to include", file.string()),
                   Where(list, from), "names are relative to the file that includes");
     }
@@ -103,7 +155,8 @@ class Merger {
     for (auto&& [key, node] : *base) {
       toml::node* own = top->get(key.str());
       if (own == nullptr) {
-        node.visit([&](auto& value) { top->insert(key, std::move(value)); });
+        const toml::key& name = key;
+        node.visit([&](auto& value) { top->insert(name, std::move(value)); });
       } else if (own->is_table() && node.is_table()) {
         MergeUnder(own->as_table(), node.as_table());
       }
@@ -118,6 +171,7 @@ class Merger {
 }  // namespace
 
 toml::table ParseTomlDocument(const std::string& text, const std::string& name) {
+  RefuseLongKeys(text, name);
   try {
     return toml::parse(text, name);
   } catch (const toml::parse_error& error) {

@@ -24,7 +24,9 @@ constexpr std::size_t kBlock = 512;
 constexpr double kMilli = 1e3;          // the file's lengths are in mm
 constexpr float kResidualUnit = 0.01F;  // of a residual [mm]
 constexpr int kMaskCameras = 7;
-constexpr std::size_t kMostFrames = 65535;  // a 16-bit count
+constexpr std::size_t kMostFrames = 65535;            // a 16-bit count
+constexpr std::size_t kMostParameter = 255 * kBlock;  // bytes: the whole section
+constexpr double kMostPoints = 1 << 20;
 
 template <typename T>
 void Put(T value, std::string* to) {
@@ -111,13 +113,13 @@ class Bytes {
   Bytes(const std::string& path, const std::string& text) : path_(path), text_(text) {}
   template <typename T>
   T At(std::size_t at) const {
-    if (at + sizeof(T) > text_.size()) Bad(path_, "is cut off");
+    if (text_.size() < sizeof(T) || at > text_.size() - sizeof(T)) Bad(path_, "is cut off");
     T value;
     std::memcpy(&value, text_.data() + at, sizeof(T));
     return value;
   }
   std::string Text(std::size_t at, std::size_t size) const {
-    if (at + size > text_.size()) Bad(path_, "is cut off");
+    if (at > text_.size() || size > text_.size() - at) Bad(path_, "is cut off");
     return text_.substr(at, size);
   }
 
@@ -179,6 +181,7 @@ std::map<std::string, Value> ReadParameters(const std::string& path, const Bytes
       for (std::size_t d = 0; d < dims; ++d) {
         value.dims.push_back(bytes.At<std::uint8_t>(body + 4 + d));
         size *= value.dims.back();
+        if (size > kMostParameter) Bad(path, fmt::format("{} is too large to be there", name));
       }
       value.data = bytes.Text(body + 4 + dims, size);
       found.emplace_back(id, std::make_pair(name, value));
@@ -189,6 +192,62 @@ std::map<std::string, Value> ReadParameters(const std::string& path, const Bytes
   std::map<std::string, Value> out;
   for (auto& [group, entry] : found) out[groups[group] + ":" + entry.first] = entry.second;
   return out;
+}
+
+// A parameter as a count from `low` to `high`.
+std::size_t CountOf(const std::string& path, const std::map<std::string, Value>& parameters,
+                    const std::string& name, double low, double high) {
+  const auto found = parameters.find(name);
+  if (found == parameters.end()) Bad(path, fmt::format("has no {}", name));
+  const double value = found->second.Number();
+  if (!(value >= low && value <= high) || value != std::floor(value)) {
+    Bad(path, fmt::format("{} is {}, and not a count from {:g} to {:g}", name, value, low, high));
+  }
+  return static_cast<std::size_t>(value);
+}
+
+// The number that a text holds, finite, or `fallback` where there is none.
+double RealOf(const std::string& path, const std::string& name, const std::string& text,
+              double fallback) {
+  double value = fallback;
+  ParseDouble(Trim(text), &value);
+  if (!std::isfinite(value)) Bad(path, fmt::format("{} is {}", name, value));
+  return value;
+}
+
+// Where the points lie, all of it inside the file.
+struct Layout {
+  std::size_t marks = 0, frames = 0, analogue = 0, start = 0;
+  bool real = false;
+  double scale = 0.0, rate = 0.0;
+  std::size_t word() const { return real ? 4 : 2; }
+  std::size_t frame_words() const { return 4 * marks + analogue; }
+};
+
+Layout LayoutOf(const std::string& path, const Bytes& bytes, std::size_t size,
+                const std::map<std::string, Value>& p) {
+  Layout l;
+  l.marks = CountOf(path, p, "POINT:USED", 1.0, kMostPoints);
+  l.start = kBlock * (CountOf(path, p, "POINT:DATA_START", 2.0, kMostFrames) - 1);
+  for (const char* name : {"POINT:SCALE", "POINT:RATE"}) {
+    if (!p.contains(name)) Bad(path, fmt::format("has no {}", name));
+  }
+  l.scale = p.at("POINT:SCALE").Number();
+  l.rate = p.at("POINT:RATE").Number();
+  if (!(l.rate > 0.0) || !std::isfinite(l.rate) || l.scale == 0.0 || !std::isfinite(l.scale)) {
+    Bad(path, "has no points, rate or scale");
+  }
+  l.real = l.scale < 0.0;
+  l.analogue = bytes.At<std::uint16_t>(4);
+  const int first = bytes.At<std::uint16_t>(6), last = bytes.At<std::uint16_t>(8);
+  if (last < first) Bad(path, fmt::format("its frames run from {} to {}", first, last));
+  l.frames = static_cast<std::size_t>(last - first) + 1;
+  const std::size_t room = size > l.start ? (size - l.start) / l.word() : 0;
+  if (l.frame_words() > room || l.frames > room / l.frame_words()) {
+    Bad(path, fmt::format("is cut off: {} frames of {} points do not fit into its {} bytes",
+                          l.frames, l.marks, size));
+  }
+  return l;
 }
 
 }  // namespace
@@ -274,18 +333,13 @@ Tracks ReadTracksC3d(const std::string& path, double sigma) {
   const std::string text = ReadTextFile(path);
   const Bytes bytes(path, text);
   if (text.size() < 2 * kBlock || bytes.At<std::uint8_t>(1) != 0x50) Bad(path, "is no C3D file");
-  const std::size_t first = kBlock * (bytes.At<std::uint8_t>(0) - std::size_t{1});
-  std::map<std::string, Value> p = ReadParameters(path, bytes, first);
-  for (const char* name : {"POINT:USED", "POINT:SCALE", "POINT:RATE", "POINT:DATA_START"}) {
-    if (!p.contains(name)) Bad(path, fmt::format("has no {}", name));
-  }
-  const auto marks = static_cast<std::size_t>(p["POINT:USED"].Number());
-  const double scale = p["POINT:SCALE"].Number(), rate = p["POINT:RATE"].Number();
-  const std::size_t frames =
-      bytes.At<std::uint16_t>(8) - std::size_t{bytes.At<std::uint16_t>(6)} + 1;
-  const std::size_t analogue = bytes.At<std::uint16_t>(4);
-  const std::size_t start = kBlock * (static_cast<std::size_t>(p["POINT:DATA_START"].Number()) - 1);
-  if (!(rate > 0.0) || scale == 0.0 || marks == 0) Bad(path, "has no points, rate or scale");
+  const std::size_t block = bytes.At<std::uint8_t>(0);
+  if (block < 2) Bad(path, "has no section of parameters");
+  std::map<std::string, Value> p = ReadParameters(path, bytes, kBlock * (block - 1));
+  const Layout layout = LayoutOf(path, bytes, text.size(), p);
+  const std::size_t marks = layout.marks, frames = layout.frames;
+  const double scale = layout.scale;
+  const bool real = layout.real;
   std::string units = p["POINT:UNITS"].data;
   units = std::string(Trim(units));
   if (units != "m" && units != "mm") {
@@ -302,13 +356,14 @@ Tracks ReadTracksC3d(const std::string& path, double sigma) {
   }
   tracks.frame = p.contains("UNFURL:FRAME") ? p["UNFURL:FRAME"].data : "rig";
   tracks.smoothed = p["UNFURL:SMOOTHED"].data == "yes";
-  double step = 1.0 / rate, begin = 0.0;
-  ParseDouble(p["UNFURL:STEP"].data, &step);
-  ParseDouble(p["UNFURL:START"].data, &begin);
+  const double step = RealOf(path, "UNFURL:STEP", p["UNFURL:STEP"].data, 1.0 / layout.rate);
+  const double begin = RealOf(path, "UNFURL:START", p["UNFURL:START"].data, 0.0);
+  if (!(step > 0.0)) Bad(path, "its frames do not follow each other in time");
   std::vector<double> delay(marks, 0.0);
   const std::vector<std::string> delays = p["UNFURL:DELAYS"].Strings();
-  for (std::size_t m = 0; m < std::min(marks, delays.size()); ++m)
-    ParseDouble(delays[m], &delay[m]);
+  for (std::size_t m = 0; m < std::min(marks, delays.size()); ++m) {
+    delay[m] = RealOf(path, "UNFURL:DELAYS", delays[m], 0.0);
+  }
   tracks.cameras = p["UNFURL:CAMERAS"].Strings();
   const bool detailed = !tracks.cameras.empty();
 
@@ -318,20 +373,23 @@ Tracks ReadTracksC3d(const std::string& path, double sigma) {
   std::stable_sort(order.begin(), order.end(),
                    [&](std::size_t a, std::size_t b) { return delay[a] < delay[b]; });
   const auto n = static_cast<Eigen::Index>(frames * marks);
-  const bool real = scale < 0.0;
-  const std::size_t word = real ? 4 : 2;
+  const std::size_t word = layout.word();
   tracks.p.setConstant(3, n, std::numeric_limits<double>::quiet_NaN());
   tracks.cov.setConstant(6, n, std::numeric_limits<double>::quiet_NaN());
   tracks.shared.resize(3, 0);
   Eigen::Index col = 0;
   for (std::size_t f = 0; f < frames; ++f) {
     for (std::size_t m : order) {
-      const std::size_t at = start + word * (f * (4 * marks + analogue) + 4 * m);
+      const std::size_t at = layout.start + word * (f * layout.frame_words() + 4 * m);
       double v[4];
       for (std::size_t k = 0; k < 4; ++k) {
         v[k] = real ? static_cast<double>(bytes.At<float>(at + 4 * k))
                     : static_cast<double>(bytes.At<std::int16_t>(at + 2 * k));
         if (!std::isfinite(v[k])) Bad(path, fmt::format("frame {} is not finite", f + 1));
+      }
+      // A 16-bit word, also where it is kept as a float.
+      if (v[3] < -32768.0 || v[3] > 32767.0) {
+        Bad(path, fmt::format("frame {} has a residual of {}", f + 1, v[3]));
       }
       const int last = static_cast<int>(v[3]);
       const bool seen = last >= 0;

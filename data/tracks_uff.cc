@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -11,6 +12,7 @@
 #include "data/atomic_file.h"
 #include "data/tracks_exchange.h"
 #include "data/tracks_grid.h"
+#include "data/uff.h"
 
 namespace unfurl::data {
 
@@ -21,6 +23,12 @@ constexpr int kTime = 17, kDisplacement = 8, kNoUnit = 0;  // data types
 constexpr std::array<const char*, 10> kFunctions = {"x",   "y",   "z",   "cxx", "cxy",
                                                     "cxz", "cyy", "cyz", "czz", "status"};
 constexpr const char* kIdentity = "unfurl tracks";
+
+// Dataset 164: SI, all factors 1, temperatures in kelvin.
+constexpr const char* kUnits =
+    "    -1\n   164\n         1SI: Meter (newton)            2\n"
+    "  1.0000000000000000D+00  1.0000000000000000D+00  1.0000000000000000D+00\n"
+    "  0.0000000000000000D+00\n    -1\n";
 
 // One line of the file's fixed columns, cut to 80.
 std::string Line(std::string text) {
@@ -39,82 +47,91 @@ double ValueOf(const Tracks& tracks, std::size_t function, Eigen::Index i) {
   return static_cast<double>(tracks.status[static_cast<std::size_t>(i)]);
 }
 
-struct Function {
-  std::array<std::string, 5> id;
-  int node = 0, direction = 0;
-  std::vector<double> t, y;
+// What each mark is made of.
+struct Mark {
+  std::string name;
+  std::array<UffFunction, kFunctions.size()> f;
+  std::array<bool, kFunctions.size()> has{};
 };
 
-class Reader {
- public:
-  Reader(const std::string& path, const std::string& text) : path_(path) {
-    for (std::string& line : Split(text, '\n')) {
-      if (!line.empty() && line.back() == '\r') line.pop_back();
-      lines_.push_back(std::move(line));
+// Metres in the unit of a displacement; refuses what is not stated, and what is stated twice and
+// differs.
+double MetresPerUnit(const UffFile& file, const UffFunction& f) {
+  const std::map<std::string, double, std::less<>> known = {
+      {"m", 1.0}, {"mm", 1e-3}, {"cm", 1e-2}, {"um", 1e-6}, {"in", 0.0254}, {"ft", 0.3048}};
+  std::string unit = f.ordinate.units;
+  std::transform(unit.begin(), unit.end(), unit.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  const auto named = known.find(unit);
+  const bool silent = unit.empty() || unit == "none";
+  if (named == known.end() && !silent) {
+    throw Error(fmt::format("its displacements are in '{}'", f.ordinate.units), f.where,
+                "export them in m or mm");
+  }
+  if (file.length_factor == 0.0) {
+    if (silent) {
+      throw Error("names no unit of its displacements", f.where,
+                  "export it with its units (dataset 164, or the label of the axis)");
     }
+    return named->second;
   }
-  bool Next(std::string* line) {
-    if (at_ >= lines_.size()) return false;
-    *line = lines_[at_++];
-    return true;
+  const double metres = 1.0 / file.length_factor;
+  if (!silent && std::abs(named->second / metres - 1.0) > 1e-3) {
+    throw Error(fmt::format("the axis is in '{}', and dataset 164 says {:g} to the metre",
+                            f.ordinate.units, file.length_factor),
+                f.where, "export it again with one unit");
   }
-  std::string Need() {
-    std::string line;
-    if (!Next(&line)) Fail("is cut off");
-    return line;
-  }
-  [[noreturn]] void Fail(const std::string& what) const {
-    throw Error(what, fmt::format("{}:{}", path_, at_), "export it again");
-  }
-  // The number in columns [first, first + width).
-  double Number(const std::string& line, std::size_t first, std::size_t width) const {
-    double value = 0.0;
-    const std::string_view field =
-        first < line.size() ? Trim(std::string_view(line).substr(first, width)) : "";
-    if (!ParseDouble(field, &value)) Fail(fmt::format("'{}' is no number", field));
-    return value;
-  }
+  return metres;
+}
 
- private:
-  std::string path_;
-  std::vector<std::string> lines_;
-  std::size_t at_ = 0;
-};
+double SecondsPerUnit(const UffFunction& f) {
+  const std::string& unit = f.abscissa.units;
+  if (unit.empty() || unit == "NONE" || unit == "s" || unit == "sec" || unit == "S") return 1.0;
+  if (unit == "ms") return 1e-3;
+  throw Error(fmt::format("its times are in '{}'", unit), f.where, "export them in s");
+}
 
-// A dataset 58 after its number; the lines up to and with its closing -1.
-Function ReadFunction(Reader& in) {
-  Function f;
-  for (std::string& id : f.id) id = std::string(Trim(in.Need()));
-  const std::string entity = in.Need();
-  f.node = static_cast<int>(in.Number(entity, 41, 10));
-  f.direction = static_cast<int>(in.Number(entity, 51, 4));
-  const std::string form = in.Need();
-  const int type = static_cast<int>(in.Number(form, 0, 10));
-  const auto count = static_cast<std::size_t>(std::max(0.0, in.Number(form, 10, 10)));
-  const bool even = static_cast<int>(in.Number(form, 20, 10)) == 1;
-  const double start = in.Number(form, 30, 13), step = in.Number(form, 43, 13);
-  if (type != 2 && type != 4) in.Fail("holds complex values: no displacements in time");
-  for (int i = 0; i < 4; ++i) in.Need();  // the axes
-  std::vector<double> values;
-  const bool wide = type == 4;
-  const std::size_t need = even ? count : 2 * count;
-  std::string line;
-  while (values.size() < need) {
-    line = in.Need();
-    if (Trim(line) == "-1") in.Fail(fmt::format("has {} of {} values", values.size(), need));
-    for (std::size_t at = 0; at < line.size() && values.size() < need;) {
-      const std::size_t width = wide && (even || values.size() % 2 == 1) ? 20 : 13;
-      if (Trim(std::string_view(line).substr(at)).empty()) break;
-      values.push_back(in.Number(line, at, width));
-      at += width;
-    }
+// One of our own functions: which, and the mark's name, frame and exact stamps. Nothing for those
+// of other programs.
+std::size_t OwnFunction(const UffFile& file, UffFunction* f, Mark* mark, Tracks* tracks) {
+  const std::string head = std::string(kIdentity) + ": ";
+  if (!f->id[1].starts_with(head)) return kFunctions.size();
+  if (file.length_factor != 0.0 && file.length_factor != 1.0) {
+    throw Error("dataset 164 does not say SI, and these functions are", f->where,
+                "export it again");
   }
-  if (Trim(in.Need()) != "-1") in.Fail("a dataset does not end where it should");
-  for (std::size_t i = 0; i < count; ++i) {
-    f.t.push_back(even ? start + step * static_cast<double>(i) : values[2 * i]);
-    f.y.push_back(even ? values[i] : values[2 * i + 1]);
+  mark->name = f->id[0];
+  // The grid gives the stamps back their digits.
+  const std::vector<std::string> words = Split(f->id[3], ' ');
+  double start = 0.0, step = 0.0;
+  if (words.size() == 3 && words[0] == "grid" && ParseDouble(words[1], &start) &&
+      ParseDouble(words[2], &step) && step > 0.0 && std::isfinite(step) && std::isfinite(start)) {
+    for (double& t : f->t) t = start + step * std::round((t - start) / step);
   }
-  return f;
+  if (f->id[4].find("smoothed yes") != std::string::npos) tracks->smoothed = true;
+  const std::vector<std::string> about = Split(f->id[4], ' ');
+  if (about.size() > 1 && about[0] == "frame") tracks->frame = about[1];
+  const std::string name = f->id[1].substr(head.size());
+  return static_cast<std::size_t>(std::find(kFunctions.begin(), kFunctions.end(), name) -
+                                  kFunctions.begin());
+}
+
+// Which direction's displacement over time it is, in SI after this; or why it is none.
+std::size_t ForeignFunction(const UffFile& file, UffFunction* f, std::string* other) {
+  const int direction = std::abs(f->direction);
+  if (direction < 1 || direction > 3) return kFunctions.size();
+  const bool response = f->type == kTimeResponse || f->type == kGeneral;
+  if (f->complex || !response || f->abscissa.type != kTime || f->ordinate.type != kDisplacement ||
+      f->denominator.type != kNoUnit) {
+    *other = fmt::format("node {} has a {} ({} over {})", f->node, UffFunctionType(f->type),
+                         UffDataType(f->ordinate.type), UffDataType(f->abscissa.type));
+    return kFunctions.size();
+  }
+  const double metres = MetresPerUnit(file, *f) * (f->direction < 0 ? -1.0 : 1.0);
+  const double seconds = SecondsPerUnit(*f);
+  for (double& t : f->t) t *= seconds;
+  for (double& y : f->y) y *= metres;
+  return static_cast<std::size_t>(direction) - 1;
 }
 
 }  // namespace
@@ -122,6 +139,7 @@ Function ReadFunction(Reader& in) {
 void WriteTracksUff(const std::string& path, const Tracks& tracks) {
   const TracksGrid grid = GridOf(tracks);
   TextFileWriter file(path);
+  file.Append(kUnits);
   for (std::size_t m = 0; m < tracks.marks.size(); ++m) {
     std::vector<Eigen::Index> samples;
     bool gaps = false;
@@ -172,47 +190,20 @@ void WriteTracksUff(const std::string& path, const Tracks& tracks) {
 }
 
 Tracks ReadTracksUff(const std::string& path, double sigma) {
-  const std::string text = ReadTextFile(path);
-  Reader in(path, text);
-  struct Mark {
-    std::string name;
-    std::array<Function, kFunctions.size()> f;
-    std::array<bool, kFunctions.size()> has{};
-  };
+  UffFile file = ReadUff(path);
   std::map<int, Mark> marks;  // by node
   Tracks tracks;
   tracks.frame = "rig";
-  std::string line;
-  while (in.Next(&line)) {
-    if (Trim(line) != "-1") continue;
-    if (!in.Next(&line)) break;
-    if (Trim(line) != "58") {
-      while (in.Next(&line) && Trim(line) != "-1") {
-      }
-      continue;
-    }
-    Function f = ReadFunction(in);
+  std::string other;  // that was passed over, and why
+  for (UffFunction& f : file.functions) {
     Mark& mark = marks[f.node];
-    std::size_t which = kFunctions.size();
-    if (f.direction >= 1 && f.direction <= 3) which = static_cast<std::size_t>(f.direction) - 1;
-    const std::string head = std::string(kIdentity) + ": ";
-    if (f.id[1].starts_with(head)) {
-      const std::string name = f.id[1].substr(head.size());
-      which = static_cast<std::size_t>(std::find(kFunctions.begin(), kFunctions.end(), name) -
-                                       kFunctions.begin());
-      mark.name = f.id[0];
-      // The grid gives the stamps back their digits.
-      const std::vector<std::string> words = Split(f.id[3], ' ');
-      double start = 0.0, step = 0.0;
-      if (words.size() == 3 && words[0] == "grid" && ParseDouble(words[1], &start) &&
-          ParseDouble(words[2], &step) && step > 0.0) {
-        for (double& t : f.t) t = start + step * std::round((t - start) / step);
-      }
-      if (f.id[4].find("smoothed yes") != std::string::npos) tracks.smoothed = true;
-      const std::vector<std::string> about = Split(f.id[4], ' ');
-      if (about.size() > 1 && about[0] == "frame") tracks.frame = about[1];
-    }
+    std::size_t which = OwnFunction(file, &f, &mark, &tracks);
+    if (which >= kFunctions.size()) which = ForeignFunction(file, &f, &other);
     if (which >= kFunctions.size()) continue;
+    if (mark.has[which]) {
+      throw Error(fmt::format("node {} has two functions of {}", f.node, kFunctions[which]),
+                  f.where, "export each once");
+    }
     mark.f[which] = std::move(f);
     mark.has[which] = true;
   }
@@ -247,8 +238,9 @@ Tracks ReadTracksUff(const std::string& path, double sigma) {
     kept.push_back(&mark);
   }
   if (samples.empty()) {
-    throw Error("holds no node with displacements along x, y and z", path,
-                "export time responses (dataset 58) of all three directions");
+    throw Error("holds no node with displacements over time along x, y and z" +
+                    (other.empty() ? "" : "; " + other),
+                path, "export time responses (dataset 58) of all three directions");
   }
   std::stable_sort(samples.begin(), samples.end(),
                    [](const Sample& a, const Sample& b) { return a.t < b.t; });
@@ -262,7 +254,7 @@ Tracks ReadTracksUff(const std::string& path, double sigma) {
     tracks.t.push_back(s.t);
     tracks.mark.push_back(s.mark);
     const double status = mark.has[9] ? mark.f[9].y[s.index] : 0.0;
-    tracks.status.push_back(static_cast<SampleStatus>(std::clamp(std::lround(status), 0L, 2L)));
+    tracks.status.push_back(static_cast<SampleStatus>(std::lround(std::clamp(status, 0.0, 2.0))));
     for (std::size_t k = 0; k < 3; ++k) {
       tracks.p(static_cast<Eigen::Index>(k), i) = mark.f[k].y[s.index];
     }

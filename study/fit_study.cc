@@ -1,5 +1,6 @@
 #include "study/fit_study.h"
 
+#include "base/error.h"
 #include "correlate/fit/evaluation_store.h"
 #include "data/journal.h"
 #include "study/fit_record.h"
@@ -63,6 +64,11 @@ correlate::Comparison CompareAtEstimate(const correlate::FitTrial& trial,
 }
 
 StudyFit Fit(const data::Study& study, const FitStudyOptions& options) {
+  if (study.command && !options.allow_programs) {
+    throw Error("this study runs a program: " + study.command->words.front(), study.command->where,
+                "read it, and if you trust it give --allow-programs, or set "
+                "UNFURL_ALLOW_PROGRAMS=1");
+  }
   StudyFit fit;
   fit.binding = std::make_unique<BoundStudy>(Bind(study, options.tracks));
   fit.provenance = options.provenance;

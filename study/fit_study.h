@@ -26,6 +26,9 @@ struct FitStudyOptions {
   std::string output;
   /// Take the evaluations of OUTPUT.partial over. The result is the same to the last byte.
   bool resume = false;
+  /// A study may name a program that computes the marks (model.command). It is run only where this
+  /// says that whoever wrote the study is trusted; else Error.
+  bool allow_programs = false;
   /// Program, command and options to be stored with the result. The inputs are added.
   data::Provenance provenance;
   /// Whether trial and model are compared at the estimate (first trial), for a page or a plot.

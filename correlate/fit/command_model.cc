@@ -4,10 +4,10 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <atomic>
 #include <cctype>
 #include <cerrno>
 #include <chrono>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -18,6 +18,7 @@
 #include "correlate/sampled_model.h"
 #include "data/atomic_file.h"
 #include "data/csv.h"
+#include "data/csv_cell.h"
 #include "data/run.h"
 
 namespace unfurl::correlate {
@@ -30,9 +31,9 @@ namespace fs = std::filesystem;
 class Scratch {
  public:
   Scratch() {
-    static std::atomic<unsigned> count{0};
-    path_ = fs::temp_directory_path() / fmt::format("unfurl-{}-{}", getpid(), count++);
-    fs::create_directories(path_);
+    std::string name = (fs::temp_directory_path() / "unfurl-XXXXXX").string();
+    if (mkdtemp(name.data()) == nullptr) data::ThrowWriteError(name, errno);
+    path_ = name;
   }
   ~Scratch() {
     std::error_code ignored;
@@ -194,7 +195,8 @@ Prediction CommandModel::Once(std::span<const double> theta, const Stamps& stamp
   WritePlain(scratch.File("parameters.json"), values.dump(2) + "\n");
   std::string list = "mark,t [s]\n";
   for (std::size_t m = 0; m < stamps.marks.size(); ++m) {
-    for (double t : stamps.t[m]) list += fmt::format("{},{:.17g}\n", stamps.marks[m], t);
+    const std::string mark = data::CsvCell(stamps.marks[m]);
+    for (double t : stamps.t[m]) list += fmt::format("{},{:.17g}\n", mark, t);
   }
   WritePlain(scratch.File("stamps.csv"), list);
   for (auto [name, text] : files_) {

@@ -113,7 +113,7 @@ levels = []
 )");
   MakeStudy("study.toml", kOneTrial + std::string(kWindow), "[profile]\nlevels = []\n");
   const auto program =
-      nlohmann::json::parse(Good({"fit", "program.toml", "-o", "a.h5", "--json"}).out);
+      nlohmann::json::parse(Good({"fit", "program.toml", "-o", "a.h5", "--json", "--allow-programs"}).out);
   const auto scene = nlohmann::json::parse(Good({"fit", "study.toml", "-o", "b.h5", "--json"}).out);
   for (const char* name : {"clearance", "stiffness"}) {
     EXPECT_NEAR(Number(program, name, "value"), Number(scene, name, "value"),

@@ -92,7 +92,7 @@ TEST_F(Simulate, SigtermKeepsWhatThereIs) {
   int code = 0;
   std::string complaint;
   Stop(SIGTERM, &code, &complaint);
-  EXPECT_EQ(code, 130);
+  EXPECT_EQ(code, 143);
   ExpectReadable("interrupted");
 }
 

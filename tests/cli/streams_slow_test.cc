@@ -96,8 +96,8 @@ TEST_F(Streams, CtrlCLeavesTheOldTracksAndNothingElse) {
       std::freopen(words.c_str(), "w", stderr);
       if (chdir(folder_.c_str()) != 0) _exit(120);
       const std::string rig = Shipped("rig.h5");
-      execl(UNFURL_PROGRAM, UNFURL_PROGRAM, "reconstruct", "trial.h5", "--rig", rig.c_str(),
-            "--workers", "1", nullptr);
+      execl(UNFURL_PROGRAM, UNFURL_PROGRAM, "reconstruct", "trial.h5", "--rig", rig.c_str(), "-o",
+            "tracks.h5", "--workers", "1", nullptr);
       _exit(121);
     }
     // As soon as it has begun to write.
@@ -112,7 +112,7 @@ TEST_F(Streams, CtrlCLeavesTheOldTracksAndNothingElse) {
     std::getline(stream, complaint, '\0');
     std::filesystem::remove(words);
     ASSERT_TRUE(WIFEXITED(status));
-    EXPECT_EQ(WEXITSTATUS(status), 130);
+    EXPECT_EQ(WEXITSTATUS(status), 128 + signal);
     EXPECT_THAT(complaint, HasSubstr("interrupted; nothing was written"));
     EXPECT_EQ(Files(), before);
     EXPECT_EQ(Get("tracks.h5"), "of yesterday");

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 
@@ -190,6 +191,144 @@ TEST_F(Files, CsvNumbersReadBackExactly) {
   const CsvTable table = CsvTable::Load(Put("r.csv", writer.text()));
   EXPECT_EQ(table.Number(0, 0), 0.1 + 0.2);
   EXPECT_TRUE(table.Empty(0, 1));
+}
+
+TEST_F(Files, CsvCellsInQuotes) {
+  const CsvTable table =
+      CsvTable::Load(Put("q.csv", "\"a, b\",c\n\"one, two\", \"say \"\"no\"\"\" \n,\"\"\n"));
+  EXPECT_EQ(table.columns().at(0).name, "a, b");
+  EXPECT_EQ(table.Text(0, 0), "one, two");
+  EXPECT_EQ(table.Text(0, 1), "say \"no\"");
+  EXPECT_TRUE(table.Empty(1, 1));
+  EXPECT_THAT(ErrorOf([&] { CsvTable::Load(Put("o.csv", "a,b\n\"1,2\n")); }),
+              HasSubstr("o.csv:2: a cell's quote is not closed"));
+  EXPECT_THAT(ErrorOf([&] { CsvTable::Load(Put("g.csv", "a,b\n\"1\"2,3\n")); }),
+              HasSubstr("g.csv:2: a cell goes on"));
+}
+
+TEST_F(Files, CsvOfOtherCountriesIsNamed) {
+  EXPECT_THAT(ErrorOf([&] { CsvTable::Load(Put("s.csv", "x [m];y [m]\n1,5;2\n")); }),
+              HasSubstr("s.csv:1: its cells are separated by semicolons"));
+  EXPECT_THAT(ErrorOf([&] { CsvTable::Load(Put("t.csv", "x [m]\ty [m]\n1\t2\n")); }),
+              HasSubstr("separated by tabs"));
+  const CsvTable comma = CsvTable::Load(Put("c.csv", "x [m],y [m]\n\"1,5\",2\n"));
+  EXPECT_THAT(ErrorOf([&] { comma.Number(0, 0); }),
+              HasSubstr("write a decimal point, not a comma"));
+}
+
+// What a spreadsheet would run, and what would break the table, goes out and comes back.
+TEST_F(Files, CsvNamesReadBackExactly) {
+  const std::vector<std::string> names = {"mark1",
+                                          "=cmd|'/C calc'!A0",
+                                          "+1+1",
+                                          "-2+3",
+                                          "@SUM(A1)",
+                                          "a,b",
+                                          "say \"no\"",
+                                          " blank ",
+                                          "'=x",
+                                          "''=y",
+                                          "'quoted'",
+                                          "#5",
+                                          "-1.5",
+                                          "\tx",
+                                          ""};
+  CsvWriter writer({{"mark", ""}, {"=name", "m"}});
+  for (const std::string& name : names) writer.Row(std::vector<std::string>{name, "1"});
+  const std::string text = writer.text();
+  for (const char* run : {"\n=", "\n+", "\n@", "\n-2", ",=", "\"="}) {
+    EXPECT_EQ(text.find(run), std::string::npos) << run << text;
+  }
+  const CsvTable table = CsvTable::Load(Put("n.csv", text));
+  EXPECT_EQ(table.columns().at(1).name, "=name");
+  ASSERT_EQ(table.rows(), names.size());
+  for (std::size_t i = 0; i < names.size(); ++i) EXPECT_EQ(table.Text(i, 0), names[i]);
+}
+
+TEST_F(Files, CsvOfManyColumns) {
+  std::string head, row;
+  for (int c = 0; c < 100000; ++c) {
+    head += (c > 0 ? ",c" : "c") + std::to_string(c);
+    row += c > 0 ? ",1" : "1";
+  }
+  EXPECT_EQ(CsvTable::Load(Put("w.csv", head + "\n" + row + "\n")).columns().size(), 100000u);
+}
+
+TEST_F(Files, TomlKeysOfManyParts) {
+  std::string key = "a";
+  for (int k = 0; k < 20000; ++k) key += ".a";
+  EXPECT_THAT(ErrorOf([&] { LoadToml(Put("k.toml", "[x]\n" + key + " = 1\n")); }),
+              HasSubstr("k.toml:2: a key of more than 64 parts"));
+  EXPECT_THAT(ErrorOf([&] { LoadToml(Put("h.toml", "[" + key + "]\n")); }), HasSubstr("64 parts"));
+  EXPECT_THAT(ErrorOf([&] { LoadToml(Put("i.toml", "x = {y = 1, " + key + " = 2}\n")); }),
+              HasSubstr("64 parts"));
+  EXPECT_THAT(ErrorOf([&] { LoadToml(Put("o.toml", ""), {key + "=1"}); }), HasSubstr("parts"));
+  // Dots in strings, comments and numbers are none of a key's.
+  const std::string dots(200, '.');
+  EXPECT_EQ(LoadToml(Put("s.toml", "# " + dots + "\nx = \"" + dots + "\"\ny = '" + dots +
+                                       "'\nz = \"\"\"\n" + dots + "\n\\\"" + dots + "\"\"\"\n"))
+                .String("x"),
+            dots);
+}
+
+TEST_F(Files, TomlNamesThatAreNoNames) {
+  for (const char* name : {"\"a/b\"", "\"\\u001b[2Jx\"", "\"\"", "\"a\\nb\"", "\".\""}) {
+    const std::string text = std::string("[body.") + name + "]\nmass = 1.0\n";
+    EXPECT_NE(ErrorOf([&] { LoadToml(Put("n.toml", text)).NamedTables("body"); }), "no error")
+        << name;
+  }
+  EXPECT_EQ(LoadToml(Put("g.toml", "[body.\"Außen 1\"]\n")).NamedTables("body").size(), 1u);
+}
+
+TEST_F(Files, WhatIsHashedIsWhatWasParsed) {
+  const std::string path = Put("in.toml", "x = 1\n");
+  const std::string hash = FileSha256(path);
+  LoadToml(path);
+  Put("in.toml", "x = 2\n");  // behind the reader's back
+  Provenance provenance;
+  provenance.AddInput(path);
+  EXPECT_EQ(provenance.inputs.at(0).sha256, hash);
+
+  WriteSample(Path("s.h5"));
+  { const H5Reader reader(Path("s.h5"), "unfurl/sample", 2); }
+  std::ofstream(Path("s.h5"), std::ios::app) << "more";
+  EXPECT_THAT(ErrorOf([&] { provenance.AddInput(Path("s.h5")); }), HasSubstr("changed while"));
+  WriteSample(Path("s.h5"));
+  EXPECT_EQ(ErrorOf([&] { provenance.AddInput(Path("s.h5")); }), "no error");
+}
+
+TEST_F(Files, TemporariesOfDeadProgramsGo) {
+  const std::string left = Path(".out.txt.abc123.tmp"), other = Path(".other.txt.abc123.tmp"),
+                    young = Path(".out.txt.abc124.tmp");
+  for (const std::string& path : {left, other, young}) std::ofstream(path) << "half";
+  using std::filesystem::last_write_time;
+  const auto old = last_write_time(left) - std::chrono::hours(1);
+  last_write_time(left, old);
+  last_write_time(other, old);
+  WriteTextFile(Path("out.txt"), "whole");
+  EXPECT_FALSE(std::filesystem::exists(left));
+  EXPECT_TRUE(std::filesystem::exists(other));
+  EXPECT_TRUE(std::filesystem::exists(young));
+  // One that is being written is locked, however old it looks.
+  TextFileWriter writing(Path("long.txt"));
+  std::string held;
+  for (const auto& entry : std::filesystem::directory_iterator(folder_)) {
+    if (entry.path().filename().string().starts_with(".long.txt")) held = entry.path().string();
+  }
+  ASSERT_FALSE(held.empty());
+  last_write_time(held, old);
+  WriteTextFile(Path("long.txt"), "another");
+  writing.Append("mine");
+  writing.Commit();
+  EXPECT_EQ(ReadTextFile(Path("long.txt")), "mine");
+}
+
+TEST_F(Files, PartialsFollowNoLinks) {
+  Put("victim", "precious");
+  std::filesystem::create_symlink(Path("victim"), Path("run.h5.partial"));
+  EXPECT_THAT(ErrorOf([&] { AtomicFile(Path("run.h5"), AtomicFile::Temporary::kPartial); }),
+              HasSubstr("is a link, which is not followed"));
+  EXPECT_EQ(ReadTextFile(Path("victim")), "precious");
 }
 
 }  // namespace

@@ -1,0 +1,124 @@
+#include "tests/fuzz/readers.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+
+#include "base/error.h"
+#include "data/csv.h"
+#include "data/fit.h"
+#include "data/h5.h"
+#include "data/h5_walk.h"
+#include "data/lab.h"
+#include "data/raw_layout.h"
+#include "data/rig.h"
+#include "data/run.h"
+#include "data/scene.h"
+#include "data/study.h"
+#include "data/survey.h"
+#include "data/survey_points.h"
+#include "data/toml.h"
+#include "data/tracks.h"
+#include "data/tracks_exchange.h"
+#include "data/trial.h"
+
+namespace unfurl::fuzz {
+
+namespace {
+
+// A file in memory: without a name, which is as good as a pipe; or, as HDF5 wants its real path, in
+// a folder of the memory's.
+class MemoryFile {
+ public:
+  MemoryFile(const std::string& bytes, bool named) {
+    if (named) {
+      path_ = fmt::format("/dev/shm/unfurl-fuzz-{}", getpid());
+      file_ = open(path_.c_str(), O_CREAT | O_TRUNC | O_WRONLY | O_CLOEXEC, 0600);
+      named_ = true;
+    } else {
+      file_ = memfd_create("input", MFD_CLOEXEC);
+      path_ = fmt::format("/proc/self/fd/{}", file_);
+    }
+    const auto size = static_cast<ssize_t>(bytes.size());
+    if (file_ < 0 || write(file_, bytes.data(), bytes.size()) != size) std::abort();
+  }
+  ~MemoryFile() {
+    close(file_);
+    if (named_) unlink(path_.c_str());
+  }
+  MemoryFile(const MemoryFile&) = delete;
+  MemoryFile& operator=(const MemoryFile&) = delete;
+  const std::string& path() const { return path_; }
+
+ private:
+  int file_ = -1;
+  bool named_ = false;
+  std::string path_;
+};
+
+// What `unfurl info` shows of any file of ours.
+void Info(const std::string& path) {
+  const std::string schema = data::H5Reader::SchemaOf(path);
+  const data::H5Reader reader(path, schema, 1 << 30);
+  reader.ReadProvenance();
+  reader.Attributes("/");
+  for (const std::string& set : data::H5ListDatasets(path)) {
+    reader.Dims(set);
+    reader.Units(set);
+    reader.Description(set);
+  }
+}
+
+// Block by block, as `reconstruct` does.
+void Trial(const std::string& path) {
+  const data::TrialReader trial(path);
+  data::TrialBlock block;
+  for (std::size_t first = 0; first < trial.size(); first += 512) {
+    trial.Read(first, std::min<std::size_t>(512, trial.size() - first), &block);
+  }
+}
+
+}  // namespace
+
+const std::vector<Reader>& Readers() {
+  static const std::vector<Reader> kReaders = {
+      {"toml", [](const std::string& path) { data::LoadToml(path).Outline(); }},
+      {"scene", [](const std::string& path) { data::ReadScene(path); }},
+      {"lab", [](const std::string& path) { data::ReadLab(path); }},
+      {"study", [](const std::string& path) { data::ReadStudy(path); }},
+      {"raw_layout", [](const std::string& path) { data::ReadRawLayout(path); }},
+      {"csv", [](const std::string& path) { data::CsvTable::Load(path); }},
+      {"survey", [](const std::string& path) { data::ReadSurvey(path); }},
+      {"points_csv", [](const std::string& path) { data::ReadPointsCsv(path); }},
+      {"readings_csv", [](const std::string& path) { data::ReadReadingsCsv(path); }},
+      {"tracks_csv", [](const std::string& path) { data::ReadTracksCsv(path); }},
+      {"gsi",
+       [](const std::string& path) {
+         data::ReadGsi(path, {1e-3, 1e-5, 1e-3});
+       }},
+      {"c3d", [](const std::string& path) { data::ReadTracksC3d(path, 1e-3); }},
+      {"uff", [](const std::string& path) { data::ReadTracksUff(path, 1e-3); }},
+      {"info_h5", Info},
+      {"run_h5", [](const std::string& path) { data::ReadRun(path); }},
+      {"rig_h5", [](const std::string& path) { data::ReadRig(path); }},
+      {"tracks_h5", [](const std::string& path) { data::ReadTracks(path); }},
+      {"fit_h5", [](const std::string& path) { data::ReadFit(path); }},
+      {"trial_h5", Trial}};
+  return kReaders;
+}
+
+bool Try(const Reader& reader, const std::string& bytes) {
+  const MemoryFile file(bytes, reader.name.ends_with("_h5"));
+  try {
+    reader.read(file.path());
+  } catch (const Error&) {
+    return false;
+  }
+  return true;
+}
+
+}  // namespace unfurl::fuzz
