@@ -253,7 +253,7 @@ Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
       CheckHeldOut(data, fit.priors, fit.bundle, options.folds, options.workers);
   report.held_out = std::move(held_out.points);
   report.held_out_unsolved = held_out.unsolved;
-  Judge(report, data, options.verdict, &out.rig);
+  Judge(report, data, &out.rig, options.verdict);
   NoteRows(data, &out.rig);
   done(1.0);
   return out;

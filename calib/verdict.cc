@@ -248,8 +248,8 @@ double NeedOf(const VerdictOptions& options, const data::Rig& rig) {
   return kNeedShare * (rig.volume_high - rig.volume_low).maxCoeff();
 }
 
-void Judge(const CalibrationReport& report, const Observations& data, const VerdictOptions& options,
-           data::Rig* rig) {
+void Judge(const CalibrationReport& report, const Observations& data, data::Rig* rig,
+           const VerdictOptions& options) {
   Tally tally;
   const HeldOutSums sums = Sum(report, data);
   JudgeHeldOut(sums, options, rig, &tally);

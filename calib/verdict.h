@@ -14,7 +14,7 @@ inline constexpr char kDoNotUse[] = "do not use";
 double NeedOf(const VerdictOptions& options, const data::Rig& rig);
 
 // Fills rig.checks, rig.verdict and rig.reasons from the report.
-void Judge(const CalibrationReport& report, const Observations& data, const VerdictOptions& options,
-           data::Rig* rig);
+void Judge(const CalibrationReport& report, const Observations& data, data::Rig* rig,
+           const VerdictOptions& options = {});
 
 }  // namespace unfurl::calib

@@ -211,7 +211,7 @@ TEST(Verdict, DishonestErrorBarsAreNotToBeUsed) {
     point.error *= 3.0;
     point.squared *= 9.0;
   }
-  Judge(result.report, study.data, {}, &result.rig);
+  Judge(result.report, study.data, &result.rig);
   EXPECT_EQ(result.rig.verdict, kDoNotUse);
   EXPECT_THAT(result.rig.reasons.front(), HasSubstr("error bars"));
 }

@@ -93,6 +93,10 @@ TEST(CommonError, CovarianceEqualsTheCornerOfTheWholeInverse) {
   const Eigen::Index c = 4 * kParameters, m = 3, n = data.p.cols();
   Eigen::MatrixXd whole = Eigen::MatrixXd::Zero(c + m + 3 * n, c + m + 3 * n);
   whole.topLeftCorner(c, c) = PriorInformation(fit.priors);
+  // And the bundle's own: u0 in the row's middle, to a tenth of it.
+  for (Eigen::Index j = 0; j < 4; ++j) {
+    whole(kParameters * j + 7, kParameters * j + 7) += std::pow(0.1 * testing::kPixels, -2);
+  }
   whole.block(c, c, m, m).setIdentity();
   for (Eigen::Index i = 0; i < n; ++i) {
     Eigen::MatrixXd rows = Eigen::MatrixXd::Zero(3, whole.cols());

@@ -182,7 +182,7 @@ TEST_F(Scaling, TheNeedDecides) {
   strict.need = 1e-6;
   data::Rig rig = one_->rig;
   const Observations data = Survey();
-  Judge(one_->report, data, strict, &rig);
+  Judge(one_->report, data, &rig, strict);
   EXPECT_EQ(rig.verdict, kDoNotUse);
   EXPECT_NEAR(NeedOf({}, one_->rig),
               (one_->rig.volume_high - one_->rig.volume_low).maxCoeff() / 2e3, 1e-15);
