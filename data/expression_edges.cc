@@ -86,6 +86,7 @@ void Expression::AddCrossings(std::size_t place, double level, double duration,
 
 std::vector<double> Expression::Edges(double duration) const {
   std::vector<double> edges;
+  edges.reserve(2 * kRiseParts);
   for (std::size_t place = 0; place < program_.size(); ++place) {
     switch (program_[place].op) {
       case Op::kSmoothStep:

@@ -204,8 +204,8 @@ struct H5Writer::Impl {
     const std::vector<hsize_t> size = ToHsize(dims);
     H5Handle space(H5Screate_simple(static_cast<int>(size.size()), size.data(), nullptr), H5Sclose);
     H5Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
-    if (count > 0) {
-      // Only chunks carry checksums.
+    if (count > 0 && H5Tis_variable_str(disk) <= 0) {
+      // Only chunks carry checksums; text has one of its own.
       const std::vector<hsize_t> chunk = ChunkOf(size, H5Tget_size(disk));
       H5Pset_chunk(properties.get(), static_cast<int>(chunk.size()), chunk.data());
       H5Pset_fletcher32(properties.get());

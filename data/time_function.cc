@@ -71,6 +71,7 @@ struct Pieces {
   }
   std::vector<double> Edges(double duration) const {
     std::vector<double> inside;
+    inside.reserve(t.size());
     for (const double at : t) {
       if (at > 0.0 && at < duration) inside.push_back(at);
     }

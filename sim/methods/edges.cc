@@ -7,6 +7,7 @@
 namespace unfurl::sim {
 namespace {
 
+constexpr std::size_t kMostLikely = 256;  // edges of a run: room made at once
 // Functions that say the same time in different words differ by that much.
 constexpr double kSame = 4.0 * std::numeric_limits<double>::epsilon();
 
@@ -14,11 +15,13 @@ constexpr double kSame = 4.0 * std::numeric_limits<double>::epsilon();
 
 Edges::Edges(const Model& model, double duration) : duration_(duration) {
   std::vector<double> all;
+  all.reserve(kMostLikely);
   for (const Model::Function& f : model.functions) {
     const std::vector<double> some = f.function.Edges(duration);
     all.insert(all.end(), some.begin(), some.end());
   }
   std::sort(all.begin(), all.end());
+  edges_.reserve(std::max(all.size(), kMostLikely));
   for (const double t : all) {
     if (!edges_.empty() && t - edges_.back().last <= kSame * t) {
       edges_.back().last = t;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <string>
 #include <vector>
@@ -26,10 +27,12 @@ class RunJudge {
   double residual() const { return residual_; }  // the largest magnitude [J]
   double residual_time() const { return at_; }   // [s]
   double moved() const;                          // [J]
-  // What neither rounding nor the tolerance, a part rtol of velocities and a speed, lets one tell
-  // from nothing [J].
+  // What neither rounding nor the tolerance, ten rtol of velocities and a speed, lets one tell
+  // from nothing [J]. Where nothing but kinetic energy exists, it is what moves: its range is the
+  // residual itself.
   double floor() const {
-    return tolerance_floor_ + rtol_ * most_[0] + kRoundingOfTerms * largest_term_;
+    const double kinetic = std::min(kTolerances * rtol_, kMostKinetic) * most_[0];
+    return tolerance_floor_ + kinetic + kRoundingOfTerms * largest_term_;
   }
   // Empty where the balance holds.
   std::string Complaint() const;
@@ -39,6 +42,9 @@ class RunJudge {
   // A balance is a sum of as many terms as there are bodies and elements, each computed to some
   // roundings of 1e-16 from angles that have turned for the whole run.
   static constexpr double kRoundingOfTerms = 1e-12;
+  // Ten tolerances of a velocity, as every method keeps (docs/accuracy.md), are twenty of its
+  // energy; never more than the share that is allowed of what moved.
+  static constexpr double kTolerances = 20.0, kMostKinetic = 0.01;
 
   Dynamics dynamics_;
   const bool tracked_, closed_;

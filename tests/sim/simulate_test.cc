@@ -95,6 +95,7 @@ TEST(Simulate, TurningAndMovingTheSceneTurnsAndMovesTheMarks) {
   data::Scene scene = Deployment("clearance", 3);
   SimulateOptions options;
   options.duration = 0.6;
+  options.rtol = 1e-7;
   const MarkTracks here = SimulateMarks(Compile(scene), options);
   const double angle = 0.7, x0 = 3.0, y0 = -2.0;
   scene.bodies[0].pose = {x0, y0, angle};

@@ -74,7 +74,7 @@ std::vector<Impact> ImpactsOf(const SimulateReport& report) {
 
 TEST(BouncingLatch, AgreesWithItsOneEquation) {
   SimulateOptions options;
-  options.rtol = 1e-12;
+  options.rtol = 2e-13;
   const Recorder run = Record(Compile(ReadSet("bouncing_latch/scene.toml")), options);
   const Bounces exact =
       OneEquation(reference::PaperLaw(), kStiffness, M_PI_2, 0.0, reference::EvenTimes(3.0, 3000));
