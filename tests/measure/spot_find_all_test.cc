@@ -61,6 +61,54 @@ TEST(FindPeaks, HillsValleysAndFeet) {
   EXPECT_EQ(peaks.size(), 2U);
 }
 
+// One value of light, or two far apart, anywhere in lines of any length: the search looks at many
+// values at once.
+TEST(FindPeaks, NoPlaceIsMissed) {
+  const PeakRule rule{.threshold = 6.0F, .variance = 1.0F, .gain = 1e12F};
+  std::vector<SpotPeak> peaks;
+  for (const int n : {64, 131, 200}) {
+    for (int at = 0; at < n; ++at) {
+      std::vector<float> m(static_cast<std::size_t>(n), 0.0F);
+      m[static_cast<std::size_t>(at)] = 50.0F;
+      FindPeaks(m, rule, &peaks);
+      ASSERT_EQ(peaks.size(), 1U) << at;
+      EXPECT_EQ(peaks[0].summit, at);
+      EXPECT_EQ(peaks[0].height, 50.0F);
+      EXPECT_EQ(peaks[0].low, at);  // alone above the ground
+      EXPECT_EQ(peaks[0].high, at);
+      const int other = (at + n / 2) % n;
+      m[static_cast<std::size_t>(other)] = 30.0F;
+      FindPeaks(m, rule, &peaks);
+      ASSERT_EQ(peaks.size(), 2U) << at;
+      EXPECT_EQ(peaks[at < other ? 1 : 0].summit, other);
+      EXPECT_FALSE(peaks[0].touches_next);
+    }
+  }
+}
+
+// A hill's foot is a twentieth of its summit, or the ground (half the threshold) where that is
+// higher.
+TEST(FindPeaks, FeetByHeight) {
+  const PeakRule rule{.threshold = 6.0F, .variance = 1.0F, .gain = 1e12F};
+  std::vector<SpotPeak> peaks;
+  for (const float height : {20.0F, 400.0F}) {
+    std::vector<float> m(101, 0.0F);
+    for (int k = 0; k <= 100; ++k) {
+      m[static_cast<std::size_t>(k)] =
+          height * std::exp(-0.02F * static_cast<float>((k - 50) * (k - 50)));
+    }
+    FindPeaks(m, rule, &peaks);
+    ASSERT_EQ(peaks.size(), 1U);
+    const double foot = std::max(0.05 * height, 3.0);
+    EXPECT_NEAR(peaks[0].foot, foot / height, 1e-6);
+    const double half = std::sqrt(std::log(height / foot) / 0.02);
+    // The first value below the foot, or the last above the ground.
+    const int reach = static_cast<int>(0.05 * height > 3.0 ? std::ceil(half) : std::floor(half));
+    EXPECT_EQ(peaks[0].low, 50 - reach);
+    EXPECT_EQ(peaks[0].high, 50 + reach);
+  }
+}
+
 // Detection compares the sum over five pixels with its own noise. In a sensor without noise that is
 // the rounding's, 1/12 of a count squared for each, and the background's mean.
 TEST(FindAll, TheThresholdOfAQuietSensorIsThatOfItsRounding) {
