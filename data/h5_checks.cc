@@ -4,6 +4,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
@@ -194,16 +195,23 @@ std::string H5ReadText(hid_t object, const std::string& name) {
   return value;
 }
 
-std::vector<std::string> H5LinkNames(hid_t group) {
+std::vector<std::string> H5LinkNames(hid_t group, const std::string& where) {
   std::vector<std::string> names;
   const auto collect = [](hid_t, const char* name, const H5L_info_t*, void* out) -> herr_t {
     static_cast<std::vector<std::string>*>(out)->emplace_back(name);
     return 0;
   };
-  if (H5Literate(group, H5_INDEX_CRT_ORDER, H5_ITER_INC, nullptr, collect, &names) < 0) {
-    names.clear();  // a file of another writer may not track the order
-    H5Literate(group, H5_INDEX_NAME, H5_ITER_INC, nullptr, collect, &names);
+  const H5Handle properties(H5Gget_create_plist(group), H5Pclose);
+  unsigned order = 0;
+  H5Pget_link_creation_order(properties.get(), &order);
+  const bool indexed = (order & H5P_CRT_ORDER_INDEXED) != 0;
+  // In native order, which is that of the index: for any other the library first makes a table, and
+  // frees what it never set where a damaged file stops that (1.10.8).
+  if (H5Literate(group, indexed ? H5_INDEX_CRT_ORDER : H5_INDEX_NAME, H5_ITER_NATIVE, nullptr,
+                 collect, &names) < 0) {
+    throw Error("its members cannot be listed", where, "copy the file again, or make it again");
   }
+  if (!indexed) std::sort(names.begin(), names.end());
   return names;
 }
 

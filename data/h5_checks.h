@@ -32,7 +32,7 @@ bool H5IsOne(hid_t space);
 // A text attribute, of fixed or variable length; empty when absent, not text, or several.
 std::string H5ReadText(hid_t object, const std::string& name);
 
-// Names of the links of a group, by creation order where the file tracks it.
-std::vector<std::string> H5LinkNames(hid_t group);
+// Names of the links of a group, by creation order where the file has an index of it, else by name.
+std::vector<std::string> H5LinkNames(hid_t group, const std::string& where);
 
 }  // namespace unfurl::data

@@ -214,7 +214,7 @@ bool H5Reader::Has(const std::string& path) const {
 
 std::vector<std::string> H5Reader::Children(const std::string& group) const {
   if (group != "/" && !Has(group)) return {};
-  return H5LinkNames(impl_->Object(*this, group).get());
+  return H5LinkNames(impl_->Object(*this, group).get(), impl_->Where(group));
 }
 
 bool H5Reader::IsDataset(const std::string& path) const {
@@ -301,13 +301,15 @@ std::vector<std::pair<std::string, std::string>> H5Reader::Attributes(
     const std::string& object) const {
   const H5Handle opened = impl_->Object(*this, object);
   std::vector<std::string> names;
-  H5Aiterate2(
-      opened.get(), H5_INDEX_NAME, H5_ITER_INC, nullptr,
+  const herr_t listed = H5Aiterate2(
+      opened.get(), H5_INDEX_NAME, H5_ITER_NATIVE, nullptr,
       [](hid_t, const char* name, const H5A_info_t*, void* out) -> herr_t {
         static_cast<std::vector<std::string>*>(out)->emplace_back(name);
         return 0;
       },
       &names);
+  if (listed < 0) Fail("its attributes cannot be listed", object, "copy the file again");
+  std::sort(names.begin(), names.end());  // not by the library: see H5LinkNames
   std::vector<std::pair<std::string, std::string>> all;
   for (const std::string& name : names) {
     if (H5IsScaleAttribute(name)) continue;

@@ -21,7 +21,7 @@ void List(hid_t file, hid_t group, const std::string& path, const std::string& p
     throw Error(fmt::format("groups nest deeper than {}", kDeepest), path + ":" + prefix,
                 "make the file again");
   }
-  for (const std::string& name : H5LinkNames(group)) {
+  for (const std::string& name : H5LinkNames(group, path + ":" + prefix + "/")) {
     const std::string object = prefix + "/" + name;
     H5HasChecked(file, path, object);
     const H5Handle opened(H5Oopen(file, object.c_str(), H5P_DEFAULT), H5Oclose);
