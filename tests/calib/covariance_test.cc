@@ -28,6 +28,11 @@ TEST(Covariance, EqualsTheCornerOfTheWholeInverse) {
   const Eigen::Index c = 4 * kParameters, n = study.data.p.cols();
   Eigen::MatrixXd whole = Eigen::MatrixXd::Zero(c + 3 * n, c + 3 * n);
   whole.topLeftCorner(c, c) = PriorInformation(fit.priors);
+  constexpr Eigen::Index kOffset = 7;  // u0: the row's middle, to a tenth of the row
+  for (Eigen::Index j = 0; j < 4; ++j) {
+    const double sigma = 0.1 * fit.rig.cameras[static_cast<std::size_t>(j)].pixels;
+    whole(kParameters * j + kOffset, kParameters * j + kOffset) += 1.0 / (sigma * sigma);
+  }
   for (Eigen::Index i = 0; i < n; ++i) {
     whole.block<3, 3>(c + 3 * i, c + 3 * i) +=
         fit.bundle.summary.survey_weight[static_cast<std::size_t>(i)] *

@@ -243,6 +243,7 @@ TEST(TracedFaults, SlipsAreNamed) {
   for (Reading& r : data.readings) {
     if (r.point == whole[5] && r.camera == 1) r.u_px = 2159.0 - r.u_px;
   }
+  data.pixels.assign(4, 2160);
   const Eigen::Vector3d station(4.0, -3.0, 0.5);
   for (std::size_t k = 10; k < 18; ++k) {
     const Eigen::Vector3d way = data.p.col(whole[k]) - station;

@@ -38,8 +38,11 @@ Case Sound() {
     c.report.cameras.push_back(camera);
     data::RigCamera of_rig;
     of_rig.name = name;
+    of_rig.pixels = 2000;
     c.rig.cameras.push_back(of_rig);
   }
+  // A 2000th of it is a millimetre.
+  c.rig.volume_high = Eigen::Vector3d(2.0, 1.0, 1.0);
   const Eigen::Matrix3d I = Eigen::Matrix3d::Identity();
   for (int i = 0; i < kPoints; ++i) {
     c.data.cov.push_back(kSurvey * kSurvey * I);
@@ -209,9 +212,9 @@ TEST(Judge, GrossErrorsAreNamedUpToADozen) {
     EXPECT_THAT(c.rig.reasons, Contains("finding 11."));
     EXPECT_THAT(c.rig.reasons, Not(Contains("finding 12.")));
     if (gross == 12) {
-      EXPECT_THAT(c.rig.reasons, Not(Contains(HasSubstr("of the kind"))));
+      EXPECT_THAT(c.rig.reasons, Not(Contains(HasSubstr("more gross errors"))));
     } else {
-      EXPECT_THAT(c.rig.reasons, Contains(HasSubstr("3 more of the kind")));
+      EXPECT_THAT(c.rig.reasons, Contains(HasSubstr("3 more gross errors")));
     }
   }
 }
@@ -231,7 +234,7 @@ TEST(Judge, TheWorstReasonComesFirst) {
   EXPECT_EQ(c.rig.verdict, kDoNotUse);
   ASSERT_GE(c.rig.reasons.size(), 4U);
   EXPECT_THAT(c.rig.reasons[0], HasSubstr("did not converge"));
-  EXPECT_THAT(c.rig.reasons[1], HasSubstr("only 10 numbers"));
+  EXPECT_THAT(c.rig.reasons[1], HasSubstr("only 10 degrees of freedom"));
   EXPECT_THAT(c.rig.reasons, Contains(AllOf(HasSubstr("\"d\""), HasSubstr("survey higher"))));
   EXPECT_EQ(c.rig.reasons.back(), "last");
   weak.harmless = true;

@@ -18,6 +18,7 @@ namespace {
 
 constexpr double kSigma = 0.05;  // of a reading [px]
 constexpr double kFloor = 0.12;  // of the cameras [px]
+constexpr double kRowPx = 2160.0;  // of the fixture's cameras [px]
 constexpr double kPlace = 1e-3;  // of where the mark is expected [m]
 
 struct Subset {
@@ -41,7 +42,7 @@ std::vector<Subset> Subsets(const Triangulator& triangulator, const Eigen::Vecto
         continue;
       }
       used.push_back(c);
-      s.log_weight += std::log(1.0 - options.miss) - std::log(options.clutter / options.row_px);
+      s.log_weight += std::log(1.0 - options.miss) - std::log(options.clutter / kRowPx);
     }
     const auto k = static_cast<Eigen::Index>(used.size());
     s.readings = static_cast<int>(k);
