@@ -2,7 +2,6 @@
 
 #include <ceres/ceres.h>
 #include <ceres/normal_prior.h>
-#include <glog/logging.h>
 
 #include <Eigen/Cholesky>
 #include <algorithm>
@@ -254,12 +253,6 @@ class CoreLoss : public ceres::LossFunction {
   double width_;
 };
 
-// Ceres reports failed evaluations through glog, which writes to standard error unless the program
-// set it up. The summary says as much.
-void SilenceSolver() {
-  if (!google::IsGoogleLoggingInitialized()) FLAGS_minloglevel = google::GLOG_FATAL;
-}
-
 double WhitenedSquare(const Observations& data, const BundleState& state, Eigen::Index i) {
   const Eigen::Vector3d d =
       state.points.col(i) + CommonShift(data, state.common, i) - data.p.col(i);
@@ -344,7 +337,6 @@ int BundleSummary::gross_points() const {
 BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrior>& priors,
                           const Weighting& weighting, const BundleOptions& options,
                           BundleState* state) {
-  SilenceSolver();
   ceres::Problem::Options ownership;
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ownership.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;

@@ -334,6 +334,7 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
       ->capture_default_str()
       ->check(CLI::Range(2, 1000));
   app->add_option("--lens", arguments->lens, "Lens model: rectilinear, or fisheye (wide angle)")
+      ->type_name("MODEL")
       ->capture_default_str()
       ->type_name("LENS");
   app->add_option("--order", arguments->order,

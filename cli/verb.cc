@@ -73,7 +73,8 @@ void Finish(const Common& common, const nlohmann::ordered_json& summary, const s
 void AddNeedOption(CLI::App* app, std::string* text) {
   app->add_option("--need", *text,
                   "Error of a found point that is aimed at, with its unit, as 0.5mm; default: a "
-                  "2000th of the volume's longest side");
+                  "2000th of the volume's longest side")
+      ->type_name("LENGTH");
 }
 
 double NeedOption(const std::string& text) {

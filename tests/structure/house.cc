@@ -62,7 +62,6 @@ const std::vector<Wrapped>& WrappedHeaders() {
       {"H5", in_file("data/h5"), "data/h5*"},
       {"fftw3", rooms({"correlate"}), "correlate/"},
       {"ceres/", ceres, "the .cc files of calib/ and correlate/"},
-      {"glog/", ceres, "the .cc files of calib/ and correlate/"},
       {"CLI/", rooms({"cli"}), "cli/"},
       {"pybind11/", rooms({"python"}), "python/"},
       {"Python.h", rooms({"python"}), "python/"},
