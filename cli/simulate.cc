@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -48,7 +49,10 @@ class SimulateVerb {
         options.simulate->duration > 0.0 ? options.simulate->duration : model->duration;
     options.provenance.options["duration"] = fmt::format("{}", duration);
     const double bytes = sim::RecordingSize(*model, options);
-    if (bytes > kLargeFile && !common_.quiet) {
+    std::error_code unknown;  // what the disk cannot hold is refused below, in one line
+    const auto folder = std::filesystem::absolute(out, unknown).parent_path();
+    const double room = static_cast<double>(std::filesystem::space(folder, unknown).available);
+    if (bytes > kLargeFile && bytes <= room && !common_.quiet) {
       std::fprintf(stderr,
                    "unfurl: %s will take about %s (--rate %g; --quantities chooses columns)\n",
                    out.c_str(), sim::SizeText(bytes).c_str(), options.simulate->rate);
