@@ -13,14 +13,16 @@ struct CsvColumn {
   std::string unit;  // empty when the header gives none
 };
 
+/// A CSV file in memory: comment lines, a header whose columns state their units, cells.
 class CsvTable {
  public:
+  /// Throws Error naming the line for what is no such table.
   static CsvTable Load(const std::string& path);
 
-  const std::string& path() const { return path_; }
-  const std::vector<CsvColumn>& columns() const { return columns_; }
-  std::size_t rows() const { return lines_.size(); }
-  const std::vector<std::string>& comments() const { return comments_; }
+  const std::string& path() const { return path_; }                       ///< as it was loaded
+  const std::vector<CsvColumn>& columns() const { return columns_; }      ///< of the header
+  std::size_t rows() const { return lines_.size(); }                      ///< below the header
+  const std::vector<std::string>& comments() const { return comments_; }  ///< without their #
 
   int Find(std::string_view name) const;  // -1 when absent
   // The column's index; throws when absent, without a unit or with another one than `unit`
@@ -44,10 +46,10 @@ class CsvTable {
 class CsvWriter {
  public:
   explicit CsvWriter(const std::vector<CsvColumn>& columns);
-  void Row(const std::vector<std::string>& cells);
-  void Row(const std::vector<double>& values);
-  void Comment(const std::string& text);
-  std::string text() const;  // hand it to WriteTextFile
+  void Row(const std::vector<std::string>& cells);  ///< a cell for each column
+  void Row(const std::vector<double>& values);      ///< a value for each column
+  void Comment(const std::string& text);            ///< a line of its own, after #
+  std::string text() const;                         // hand it to WriteTextFile
   // What there is so far, for long tables: from then on the writer holds what comes after it.
   std::string Take();
 

@@ -24,7 +24,8 @@ struct H5Field {
   std::string units;        // "m", "rad", "s", "px", "1" for none
   std::string description;  // one line
   // By dimension: path of the dataset that labels it (times, names), in the same group or one above
-  // it. All dimensions or none: netCDF4 cannot read what has both kinds.
+  // it. All dimensions or none: netCDF4 cannot read what has both kinds. Letters of text are no
+  // dimension here.
   std::vector<std::string> scales;
 };
 
@@ -117,12 +118,14 @@ class H5Writer {
   friend class H5Series;
   void CloseAll();
   void AttachScales();
+  void LabelLetters();
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
 
 // Names that label the dimensions of points and of their covariances: /axis and /component.
 void WriteAxisNames(H5Writer& file);
+void WriteComponentNames(H5Writer& file);
 inline constexpr char kAxisNames[] = "/axis", kComponentNames[] = "/component";
 
 // Reads one file, whole datasets or rows of them.

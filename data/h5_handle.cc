@@ -50,21 +50,4 @@ H5Handle H5Text(std::size_t width) {
   return type;
 }
 
-std::string H5TextChecksum(const std::vector<std::string>& texts) {
-  std::uint64_t hash = 0xcbf29ce484222325;
-  const auto add = [&hash](unsigned char byte) { hash = (hash ^ byte) * 0x100000001b3; };
-  for (const std::string& text : texts) {
-    for (const char c : text) add(static_cast<unsigned char>(c));
-    add(0);
-  }
-  return fmt::format("{:016x}", hash);
-}
-
-H5Handle H5VariableText() {
-  H5Handle type(H5Tcopy(H5T_C_S1), H5Tclose);
-  H5Tset_size(type.get(), H5T_VARIABLE);
-  H5Tset_cset(type.get(), H5T_CSET_UTF8);
-  return type;
-}
-
 }  // namespace unfurl::data

@@ -39,12 +39,6 @@ void H5Quiet();
 // The innermost message of the library's error stack, and the errno that it mentions (0: none).
 std::string H5LastMessage(int* error_number);
 
-H5Handle H5Text(std::size_t width);  // fixed-width UTF-8 string type
-// Of texts: HDF5 keeps no checksum of what has no fixed width. FNV-1a, 64 bits, in hex; in an
-// attribute, which the file's layout does protect.
-std::string H5TextChecksum(const std::vector<std::string>& texts);
-inline constexpr char kTextChecksum[] = "checksum";
-
-H5Handle H5VariableText();  // UTF-8 of any length
+H5Handle H5Text(std::size_t width);  // UTF-8, padded with NUL
 
 }  // namespace unfurl::data

@@ -57,34 +57,6 @@ struct H5Reader::Impl {
     return values;
   }
 
-  std::vector<std::string> ReadVariable(const H5Reader& owner, const std::string& name,
-                                        std::size_t count) const {
-    const H5Handle set = Dataset(owner, name);
-    const H5Handle type = H5VariableText();
-    const H5Handle space(H5Dget_space(set.get()), H5Sclose);
-    hsize_t bytes = 0, most = 0;
-    // Each text is in the file once, so together they are no longer than it.
-    const bool sound =
-        count == 0 || (H5Dvlen_get_buf_size(set.get(), type.get(), space.get(), &bytes) >= 0 &&
-                       H5Fget_filesize(file.get(), &most) >= 0 && bytes <= most + count);
-    std::vector<char*> texts(count, nullptr);
-    if (!sound || (count > 0 && H5Dread(set.get(), type.get(), H5S_ALL, H5S_ALL, H5P_DEFAULT,
-                                        texts.data()) < 0)) {
-      owner.Fail("cannot be read", name, "copy the file again, or make it again");
-    }
-    std::vector<std::string> values;
-    for (char* text : texts) {
-      values.emplace_back(text != nullptr ? text : "");
-      H5free_memory(text);
-    }
-    const std::string checksum = H5ReadText(set.get(), kTextChecksum);
-    if (!checksum.empty() && checksum != H5TextChecksum(values)) {
-      owner.Fail("is damaged: it does not agree with its checksum", name,
-                 "copy the file again, or make it again");
-    }
-    return values;
-  }
-
   void ReadRows(const H5Reader& owner, const std::string& name, std::size_t first,
                 std::size_t count, hid_t memory_type, void* out, std::size_t out_size) const {
     const H5Handle set = Dataset(owner, name);
@@ -250,13 +222,12 @@ std::vector<std::int32_t> H5Reader::ReadInts(const std::string& dataset) const {
 std::vector<std::string> H5Reader::ReadStrings(const std::string& dataset) const {
   const H5Handle set = impl_->Dataset(*this, dataset);
   const H5Handle type(H5Dget_type(set.get()), H5Tclose);
-  if (H5Tget_class(type.get()) != H5T_STRING) {
-    Fail("does not hold text", dataset, "make the file again");
+  if (H5Tget_class(type.get()) != H5T_STRING || H5Tis_variable_str(type.get()) > 0) {
+    Fail("does not hold fixed-width text", dataset, "make the file again");
   }
   const std::vector<std::size_t> dims = Dims(dataset);
   std::size_t count = 1;
   for (std::size_t d : dims) count *= d;
-  if (H5Tis_variable_str(type.get()) > 0) return impl_->ReadVariable(*this, dataset, count);
   std::size_t width = H5Tget_size(type.get());
   if (width == 1 && dims.size() == 2) {  // letters, row by row
     count = dims[0];

@@ -12,6 +12,9 @@ namespace {
 constexpr char kClass[] = "CLASS", kName[] = "NAME";
 constexpr char kDimensionList[] = "DIMENSION_LIST", kReferenceList[] = "REFERENCE_LIST";
 constexpr char kScaleClass[] = "DIMENSION_SCALE";
+// What netCDF4 adds: a number for each scale, and those of a scale's own dimensions where it has
+// more than one.
+constexpr char kDimension[] = "_Netcdf4Dimid", kCoordinates[] = "_Netcdf4Coordinates";
 constexpr char kBare[] = "This is a netCDF dimension but not a netCDF variable.";
 
 // An entry of REFERENCE_LIST: who uses the scale, and for which of its dimensions.
@@ -50,7 +53,7 @@ bool PutDimensionList(hid_t file, const H5Labelled& dataset,
   return set.valid() && Put(set.get(), kDimensionList, type.get(), space.get(), list.data());
 }
 
-bool PutScale(hid_t file, const std::string& path, bool bare,
+bool PutScale(hid_t file, const std::string& path, bool bare, const std::vector<int>& dimensions,
               const std::vector<BackReference>& users) {
   const H5Handle set(H5Dopen2(file, path.c_str(), H5P_DEFAULT), H5Dclose);
   std::string name = path.substr(path.rfind('/') + 1);
@@ -62,6 +65,13 @@ bool PutScale(hid_t file, const std::string& path, bool bare,
       !PutWord(set.get(), kName, name)) {
     return false;
   }
+  const H5Handle scalar(H5Screate(H5S_SCALAR), H5Sclose);
+  if (!Put(set.get(), kDimension, H5T_NATIVE_INT, scalar.get(), dimensions.data())) return false;
+  if (const hsize_t own = dimensions.size(); own > 1) {
+    const H5Handle list(H5Screate_simple(1, &own, nullptr), H5Sclose);
+    if (!Put(set.get(), kCoordinates, H5T_NATIVE_INT, list.get(), dimensions.data())) return false;
+  }
+  if (users.empty()) return true;
   const H5Handle type(H5Tcreate(H5T_COMPOUND, sizeof(BackReference)), H5Tclose);
   H5Tinsert(type.get(), "dataset", offsetof(BackReference, dataset), H5T_STD_REF_OBJ);
   H5Tinsert(type.get(), "dimension", offsetof(BackReference, dimension), H5T_NATIVE_INT);
@@ -78,6 +88,7 @@ bool PutScale(hid_t file, const std::string& path, bool bare,
 }  // namespace
 
 bool H5AttachScales(hid_t file, const std::vector<H5Labelled>& datasets,
+                    const std::map<std::string, std::string>& letters,
                     const std::set<std::string>& bare) {
   std::map<std::string, hobj_ref_t> references;
   const auto refer = [&](const std::string& path) {
@@ -95,15 +106,22 @@ bool H5AttachScales(hid_t file, const std::vector<H5Labelled>& datasets,
   for (const H5Labelled& dataset : datasets) {
     if (!PutDimensionList(file, dataset, references)) return false;
   }
+  std::map<std::string, int> number;
+  for (const auto& [path, scale] : letters) {
+    users[scale];  // of a scale's own letters: no dataset uses it otherwise
+  }
+  for (const auto& [scale, of] : users) number.emplace(scale, static_cast<int>(number.size()));
   for (const auto& [scale, of] : users) {
-    if (!PutScale(file, scale, bare.contains(scale), of)) return false;
+    std::vector<int> dimensions = {number[scale]};
+    if (letters.contains(scale)) dimensions.push_back(number[letters.at(scale)]);
+    if (!PutScale(file, scale, bare.contains(scale), dimensions, of)) return false;
   }
   return true;
 }
 
 bool H5IsScaleAttribute(const std::string& name) {
-  static const std::set<std::string> kNames = {kClass,         kName,       kDimensionList,
-                                               kReferenceList, "_Encoding", kTextChecksum};
+  static const std::set<std::string> kNames = {
+      kClass, kName, kDimensionList, kReferenceList, kDimension, kCoordinates, "_Encoding"};
   return kNames.contains(name);
 }
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <numeric>
 #include <set>
@@ -92,8 +93,11 @@ struct H5Writer::Impl {
   AtomicFile file;
   H5Handle handle;
   std::vector<H5Handle> series;
-  std::vector<H5Labelled> labelled;  // by scales that are still to be attached
-  std::set<std::string> bare;        // scales
+  std::vector<H5Labelled> labelled;          // by scales that are still to be attached
+  std::set<std::string> bare;                // scales
+  std::map<std::string, std::size_t> texts;  // letters of each entry
+  std::map<std::string, std::string>
+      letters_of;  // of a text that is a scale or has one: their scale
   bool streamed;
 
   Impl(const std::string& p, bool stream)
@@ -164,8 +168,11 @@ struct H5Writer::Impl {
     PutText(set.get(), "units", field.units);
     PutText(set.get(), "description", field.description);
     if (!field.scales.empty()) {
+      // Of text, letters are the last dimension, and labelled by AttachScales.
+      const int letters = H5Tget_class(disk) == H5T_STRING ? 1 : 0;
       const H5Handle extent(H5Dget_space(set.get()), H5Sclose);
-      if (H5Sget_simple_extent_ndims(extent.get()) != static_cast<int>(field.scales.size())) {
+      const int dims = H5Sget_simple_extent_ndims(extent.get()) - letters;
+      if (dims != static_cast<int>(field.scales.size())) {
         throw std::logic_error("H5Writer: not one scale for each dimension of " + field.path);
       }
       labelled.push_back({field.path, field.scales});
@@ -204,8 +211,8 @@ struct H5Writer::Impl {
     const std::vector<hsize_t> size = ToHsize(dims);
     H5Handle space(H5Screate_simple(static_cast<int>(size.size()), size.data(), nullptr), H5Sclose);
     H5Handle properties(H5Pcreate(H5P_DATASET_CREATE), H5Pclose);
-    if (count > 0 && H5Tis_variable_str(disk) <= 0) {
-      // Only chunks carry checksums; text has one of its own.
+    if (count > 0) {
+      // Only chunks carry checksums.
       const std::vector<hsize_t> chunk = ChunkOf(size, H5Tget_size(disk));
       H5Pset_chunk(properties.get(), static_cast<int>(chunk.size()), chunk.data());
       H5Pset_fletcher32(properties.get());
@@ -274,14 +281,6 @@ void H5Writer::Write(const H5Field& field, const Eigen::MatrixXd& matrix) {
 }
 
 void H5Writer::Write(const H5Field& field, const std::vector<std::string>& values) {
-  if (!impl_->streamed) {
-    std::vector<const char*> texts;
-    for (const std::string& value : values) texts.push_back(value.c_str());
-    const H5Handle type = H5VariableText();
-    impl_->WriteAll(field, type.get(), type.get(), texts.data(), texts.size(), {texts.size()});
-    Attribute(field.path, kTextChecksum, H5TextChecksum(values));
-    return;
-  }
   std::size_t width = 1;
   for (const std::string& value : values) width = std::max(width, value.size() + 1);
   std::string packed(width * std::max<std::size_t>(1, values.size()), '\0');
@@ -290,6 +289,7 @@ void H5Writer::Write(const H5Field& field, const std::vector<std::string>& value
   impl_->WriteAll(field, type.get(), type.get(), packed.data(), values.size() * width,
                   {values.size(), width});
   Attribute(field.path, kEncoding, std::string("utf-8"));
+  impl_->texts[field.path] = width;
 }
 
 H5Series H5Writer::Series(const H5Field& field, H5Type type, std::vector<std::size_t> row_dims,
@@ -304,6 +304,7 @@ H5Series H5Writer::TextSeries(const H5Field& field, std::size_t width, std::size
   const H5Handle type = H5Text(1);
   H5Series series = impl_->Grow(field, type.get(), {width}, chunk_rows, 0);
   Attribute(field.path, kEncoding, std::string("utf-8"));
+  impl_->texts[field.path] = width;
   series.writer_ = this;
   series.width_ = width;
   return series;
@@ -381,9 +382,32 @@ void H5Writer::BareScale(const std::string& path, std::size_t size) {
   impl_->bare.insert(path);
 }
 
+// Names the letters of every text that has a scale or is one: all dimensions have scales, or none.
+void H5Writer::LabelLetters() {
+  std::set<std::string> used;
+  for (const H5Labelled& dataset : impl_->labelled) {
+    used.insert(dataset.scales.begin(), dataset.scales.end());
+    used.insert(dataset.path);
+  }
+  for (const auto& [path, width] : impl_->texts) {
+    if (!used.contains(path)) continue;
+    const std::string letters = fmt::format("/letters_{}", width);
+    if (!impl_->bare.contains(letters)) BareScale(letters, width);
+    impl_->letters_of[path] = letters;
+  }
+  for (H5Labelled& dataset : impl_->labelled) {
+    if (impl_->texts.contains(dataset.path))
+      dataset.scales.push_back(impl_->letters_of[dataset.path]);
+  }
+  impl_->texts.clear();
+}
+
 void H5Writer::AttachScales() {
-  if (!H5AttachScales(impl_->handle.get(), impl_->labelled, impl_->bare)) impl_->Fail("the scales");
+  LabelLetters();
+  if (!H5AttachScales(impl_->handle.get(), impl_->labelled, impl_->letters_of, impl_->bare))
+    impl_->Fail("the scales");
   impl_->labelled.clear();
+  impl_->letters_of.clear();
 }
 
 void H5Writer::StartStreaming() {
@@ -448,6 +472,9 @@ void H5Writer::Abandon() {
 
 void WriteAxisNames(H5Writer& file) {
   file.Write({kAxisNames, "1", "of a point"}, std::vector<std::string>{"x", "y", "z"});
+}
+
+void WriteComponentNames(H5Writer& file) {
   file.Write({kComponentNames, "1", "of a covariance"},
              std::vector<std::string>{"xx", "xy", "xz", "yy", "yz", "zz"});
 }

@@ -34,6 +34,7 @@ struct LabLens {
   double spot = 0.0;          // width over which a point's light is spread before blur [m]
   std::array<double, kLensTerms> terms{};  // in the model's order, over f [-]
 
+  /// Whether rays are followed through the lens' glass.
   bool traced() const { return model == "glass"; }
 };
 
@@ -185,9 +186,11 @@ struct Lab {
   std::vector<LabOccluder> occluders;
   std::vector<LabCamera> cameras;
 
+  /// Of a camera: its own, or the one of all.
   const LabLens& LensOf(std::size_t camera) const {
     return cameras[camera].lens ? *cameras[camera].lens : lens;
   }
+  /// Of a camera: its own, or the one of all.
   const LabSensor& SensorOf(std::size_t camera) const {
     return cameras[camera].sensor ? *cameras[camera].sensor : sensor;
   }

@@ -16,6 +16,7 @@ enum class LensModel { kRectilinear, kFisheye };
 // Terms of a model, at most; one with fewer leaves the rest at zero.
 inline constexpr std::size_t kLensTerms = 10;
 
+/// What files call a lens model and its terms.
 struct LensNames {
   LensModel model;
   const char* name;

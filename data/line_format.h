@@ -35,6 +35,7 @@ struct LineFormat {
 struct LineFormats : LineFormat {     // the format of all of them
   std::vector<LineFormat> by_camera;  // where they differ; else empty
 
+  /// The format of a camera.
   const LineFormat& Of(std::size_t camera) const {
     return by_camera.empty() ? *this : by_camera[camera];
   }

@@ -14,6 +14,7 @@ struct ModesRecord {
   /// x [m], y [m], angle [rad] of a place, or their changes.
   using Pose = std::array<double, 3>;
 
+  /// A natural motion of the scene.
   struct Mode {
     double frequency = 0.0;   ///< undamped; 0 for an unstable motion [Hz]
     double damping = 0.0;     ///< ratio, to first order [-]

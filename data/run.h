@@ -126,6 +126,7 @@ class RunInMemory : public RunSink {
   void AddEvent(const RunEvent& event) override { run_.events.push_back(event); }
   void SetSummary(const std::string& name, double value) override { run_.summary[name] = value; }
   void SetText(const std::string& name, const std::string& text) override;
+  /// Moves the run out; the recorder is empty then.
   Run Take() { return std::move(run_); }
 
  private:

@@ -91,9 +91,8 @@ struct RunWriter::Impl {
   void MakeEvents() {
     std::size_t width = kEventKindWidth;
     for (const std::string& place : layout.event_places) width = std::max(width, place.size());
-    file.BareScale("/events/letter", width);
     event_t = file.Series({"/events/t", "s", "time of the event"}, H5Type::kDouble, {}, kEventRows);
-    const std::vector<std::string> scales = {"/events/t", "/events/letter"};
+    const std::vector<std::string> scales = {"/events/t"};
     event_kind = file.TextSeries({"/events/kind", "1", "what happened", scales}, width, kEventRows);
     event_where = file.TextSeries({"/events/where", "1", "joint, or name of the event", scales},
                                   width, kEventRows);
@@ -208,9 +207,9 @@ double RunWriter::FileSize(const RunLayout& layout, double samples, double shape
   const double q = static_cast<double>(layout.quantities.size());
   const double rows = static_cast<double>(RowsPerChunk(layout.quantities.size()));
   const double whole_chunks = std::ceil(samples / rows) * rows;
-  return 8.0 * (1.0 + q) * whole_chunks + 8.0 * (1.0 + 2.0 * points) * shapes +
+  return 8.0 * (2.0 + q) * whole_chunks + 8.0 * (1.0 + 2.0 * points) * shapes +
          kBytesPerObject * (q + static_cast<double>(layout.summary.size())) +
-         16.0 * (1.0 + q) * samples / rows;
+         16.0 * (2.0 + q) * samples / rows;
 }
 
 }  // namespace unfurl::data

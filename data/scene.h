@@ -166,6 +166,7 @@ void VisitJointEffects(SceneJointEffects& effects, Visit&& visit) {
 
 // The contact law of a latch: Hertz's spring and one of two dampers (sim/effects/contact_law.h).
 struct SceneContact {
+  /// How force follows depth and speed.
   enum class Law {
     kRamped,        // f = K delta^1.5 + C T(delta) d(delta)/dt, [paper, eq. (14) to (23)]
     kHuntCrossley,  // f = K delta^1.5 (1 + 1.5 alpha d(delta)/dt), [Hunt and Crossley 1975]

@@ -165,6 +165,7 @@ void WriteSurvey(const std::string& path, const Survey& survey, const Provenance
                std::vector<std::int32_t>(survey.pixels.begin(), survey.pixels.end()));
   }
   WriteAxisNames(file);
+  WriteComponentNames(file);
   file.Write({"/p", "m", "x, y, z in the station's frame", {"/id", kAxisNames}},
              survey.p.transpose());
   file.Write({"/cov", "m^2", "covariance: xx, xy, xz, yy, yz, zz", {"/id", kComponentNames}},

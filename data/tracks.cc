@@ -69,6 +69,7 @@ struct TracksWriter::Impl {
     file.Attribute("/", "smoothed", static_cast<std::int64_t>(like.smoothed));
     file.Attribute("/", "shared_rank", static_cast<std::int64_t>(like.shared_rank));
     WriteAxisNames(file);
+    WriteComponentNames(file);
     t = file.Series({"/t", "s", "time stamp of the sample"}, H5Type::kDouble);
     mark = file.Series({"/mark", "1", "index into marks", {"/t"}}, H5Type::kInt32);
     p = file.Series({"/p", "m", "x, y, z; NaN where unsolvable", {"/t", kAxisNames}},

@@ -21,43 +21,48 @@ struct Stretch {
   std::vector<std::size_t> samples;  // indices into the tracks
 };
 
-// What a stretch itself says of lengths and times, in which all that is believed of it is measured;
+// What a stretch itself says of its motion, in which all that is believed of it is measured;
 // nothing of it comes from beyond a gap.
 struct Scale {
-  double span = 1.0;      // of the box of its samples, corner to corner [m]
-  double interval = 1.0;  // median, between its samples [s]
+  double interval = 1.0;      // median, between its samples [s]
+  double speed = 1.0;         // the highest between neighbours, errors at the least [m/s]
+  double acceleration = 1.0;  // the highest change of that over an interval [m/s^2]
 
-  // Standard deviations that it starts with: nothing is known of its motion.
-  double first_position() const { return 5.0 * span; }
-  double first_speed() const { return span / interval; }
-  double first_acceleration() const { return span / (interval * interval); }
-  // What an event may change at once.
-  double kick_speed() const { return 0.1 * span / interval; }
-  double kick_acceleration() const { return 0.1 * span / (interval * interval); }
+  // Standard deviations that velocity and acceleration start with, and after an event: as good as
+  // nothing is known of them. Larger ones would cost digits and tell no more.
+  double first_speed() const { return 10.0 * speed; }
+  double first_acceleration() const { return 10.0 * acceleration; }
   // Spectral densities of the jerk that are looked at, with fourteen decades between [m^2/s^5]; the
-  // largest throws a mark across the stretch within an interval.
+  // largest moves a mark within an interval by ten times as much as it ever moved.
   double least_jerk() const { return 1e-14 * most_jerk(); }
-  double most_jerk() const { return span * span / std::pow(interval, 5); }
+  double most_jerk() const { return 20.0 * std::pow(first_speed(), 2) / std::pow(interval, 3); }
 };
 
 Scale ScaleOf(const data::Tracks& tracks, const Stretch& stretch) {
-  constexpr double kLeastSigmas = 100.0;  // a mark that stands still moves by its errors
-  Eigen::Vector3d low = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity());
-  Eigen::Vector3d high = -low;
+  constexpr double kLeastSigmas = 10.0;  // a mark that stands still moves by its errors
   std::vector<double> steps;
-  double sigma = 0.0;
+  double sigma = 0.0, speed = 0.0, acceleration = 0.0;
+  Eigen::Vector3d v = Eigen::Vector3d::Zero();
   for (std::size_t k = 0; k < stretch.samples.size(); ++k) {
     const std::size_t i = stretch.samples[k];
-    const Eigen::Vector3d p = tracks.p.col(static_cast<Eigen::Index>(i));
-    low = low.cwiseMin(p);
-    high = high.cwiseMax(p);
     sigma = std::max(sigma, std::sqrt(tracks.Covariance(i).trace()));
-    if (k > 0) steps.push_back(tracks.t[i] - tracks.t[stretch.samples[k - 1]]);
+    if (k == 0) continue;
+    const std::size_t before = stretch.samples[k - 1];
+    const double dt = tracks.t[i] - tracks.t[before];
+    const Eigen::Vector3d chord = (tracks.p.col(static_cast<Eigen::Index>(i)) -
+                                   tracks.p.col(static_cast<Eigen::Index>(before))) /
+                                  dt;
+    if (k > 1) acceleration = std::max(acceleration, (chord - v).norm() / dt);
+    speed = std::max(speed, chord.norm());
+    v = chord;
+    steps.push_back(dt);
   }
   Scale scale;
-  const double span = std::max((high - low).norm(), kLeastSigmas * sigma);
-  if (span > 0.0) scale.span = span;
-  if (!steps.empty()) scale.interval = Median(steps);
+  if (steps.empty()) return scale;
+  scale.interval = Median(steps);
+  const double least = kLeastSigmas * sigma / scale.interval;
+  if (speed + least > 0.0) scale.speed = std::max(speed, least);
+  scale.acceleration = std::max(acceleration, scale.speed / scale.interval * 0.1);
   return scale;
 }
 
@@ -130,8 +135,8 @@ class StretchSmoother {
     Begin(first, &x, &P);
     double sum = 0.0, chi_square = 0.0;
     std::size_t freedom = 0;
-    for (std::size_t i = first; i < last; ++i) {
-      if (i > first) Carry(Time(i) - Time(i - 1), jerk, &x, &P);
+    for (std::size_t i = first + 1; i < last; ++i) {
+      Carry(Time(i) - Time(i - 1), jerk, &x, &P);
       const std::size_t sample = stretch_.samples[i];
       const Eigen::Vector3d y = tracks_.p.col(static_cast<Eigen::Index>(sample)) - x.head<3>();
       const Eigen::Matrix3d S = P.topLeftCorner<3, 3>() + tracks_.Covariance(sample);
@@ -212,11 +217,14 @@ class StretchSmoother {
         Eigen::Matrix<double, 9, 1> start = Eigen::Matrix<double, 9, 1>::Zero();
         Begin(first, &start, &P);
         x.col(0) = start;
-      } else {
-        F[i] = Transition(Time(first + i) - Time(first + i - 1));
-        x = (F[i] * x).eval();
-        Across(first + i, jerk[first + i], &P);
+        if (rank > 0) x.topRightCorner(3, rank) = tracks_.shared.middleCols(col * rank, rank);
+        filtered[i] = x;
+        P_filtered[i] = P;
+        continue;
       }
+      F[i] = Transition(Time(first + i) - Time(first + i - 1));
+      x = (F[i] * x).eval();
+      Across(first + i, jerk[first + i], &P);
       predicted[i] = x;
       P_predicted[i] = P;
       Eigen::Matrix3Xd z(3, columns);
@@ -258,13 +266,14 @@ class StretchSmoother {
   }
 
  private:
+  // After the stretch's sample i alone.
   void Begin(std::size_t i, Eigen::Matrix<double, 9, 1>* x, Matrix9* P) const {
     x->setZero();
     x->head<3>() = tracks_.p.col(static_cast<Eigen::Index>(stretch_.samples[i]));
     P->setZero();
-    P->diagonal().head<3>().setConstant(scale_.first_position() * scale_.first_position());
-    P->diagonal().segment<3>(3).setConstant(scale_.first_speed() * scale_.first_speed());
-    P->diagonal().tail<3>().setConstant(scale_.first_acceleration() * scale_.first_acceleration());
+    P->topLeftCorner<3, 3>() = tracks_.Covariance(stretch_.samples[i]);
+    P->diagonal().segment<3>(3).setConstant(std::pow(scale_.first_speed(), 2));
+    P->diagonal().tail<3>().setConstant(std::pow(scale_.first_acceleration(), 2));
   }
 
   static void Carry(double dt, double jerk, Eigen::Matrix<double, 9, 1>* x, Matrix9* P) {
@@ -275,8 +284,8 @@ class StretchSmoother {
   }
 
   void Kick(Matrix9* P) const {
-    P->diagonal().segment<3>(3).array() += scale_.kick_speed() * scale_.kick_speed();
-    P->diagonal().tail<3>().array() += scale_.kick_acceleration() * scale_.kick_acceleration();
+    P->diagonal().segment<3>(3).array() += std::pow(scale_.first_speed(), 2);
+    P->diagonal().tail<3>().array() += std::pow(scale_.first_acceleration(), 2);
   }
 
   // The covariance from sample i - 1 to i. An event between them ends what is known of velocity and

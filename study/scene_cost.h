@@ -23,6 +23,7 @@ struct SceneCostOptions {
   void Check() const;
 };
 
+/// What accuracy of a scene costs in time.
 struct SceneCost {
   correlate::CostStudy study;
   double duration = 0.0;  ///< that was simulated [s]

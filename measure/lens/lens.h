@@ -20,7 +20,7 @@ template <typename... Lens>
 struct LensList {
   static constexpr std::size_t kCount = sizeof...(Lens);
 
-  // visit.template operator()<Lens>() of the model; what it returns.
+  // Calls `visit` with the type of the model's lens; gives what it returns.
   template <typename Visit>
   static auto With(data::LensModel model, const Visit& visit) {
     using Result = decltype(visit.template operator()<RectilinearLens>());

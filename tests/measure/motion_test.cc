@@ -20,18 +20,19 @@ constexpr double kStep = 5e-3;
 
 Eigen::Vector3d Path(double t) { return kPlace + t * kVelocity + 0.5 * t * t * kAcceleration; }
 
-// After one sample: what is known of speed (5 m/s) and acceleration (500 m/s^2), and white jerk of
-// density q, whose part of the place's variance after dt is q dt^5 / 20.
+// After one sample: what is known of speed (a quarter of the highest, 5 m/s) and acceleration (2.5
+// of the highest, 500 m/s^2), and white jerk of density q, whose part of the place's variance after
+// dt is q dt^5 / 20: in an interval the ways of moving reach so much of the 0.1 m that a mark can.
 TEST(Motion, OneSampleSpreadsAsItsPriorsDo) {
   Motion motion;
   motion.Add(1.0, kPlace, kVariance);
   const double dt = 2e-3;
   const Motion::Prediction at = motion.Predict(1.0 + dt);
   ASSERT_EQ(at.count, 4U);
-  const double q[] = {1e2, 1e4, 1e6, 1e9};
+  const double moves[] = {4e-6, 4e-5, 4e-4, 0.013};  // [m] in 5 ms
   for (std::size_t j = 0; j < 4; ++j) {
     const double expected = kVariance + 25.0 * dt * dt + 250000.0 * std::pow(dt, 4) / 4.0 +
-                            q[j] * std::pow(dt, 5) / 20.0;
+                            moves[j] * moves[j] * std::pow(dt / 5e-3, 5);
     EXPECT_NEAR(at.variance[j], expected, 1e-10 * expected) << j;
     EXPECT_LT((at.mean[j] - kPlace).norm(), 1e-14);
     EXPECT_NEAR(at.weight[j], 0.25, 1e-14);
