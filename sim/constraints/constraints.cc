@@ -8,6 +8,31 @@
 
 namespace unfurl::sim {
 
+// The pattern of the Schur complement J M^-1 J^T while it is built: two rows have an entry where
+// they touch one body that moves. The smooth beams couple every two rows on them.
+struct Constraints::Pattern {
+  struct Incident {  // a row that touches a body
+    int row;
+    bool outer;
+  };
+  struct Touch {            // a row that touches a smooth beam
+    int row, block, place;  // of the row's Jacobian in work.blocks, of the attachment
+  };
+  // Where the entry of two rows stands below the diagonal: a new place the first time.
+  int PlaceOf(int a, int b) {
+    const std::pair<int, int> key{std::min(a, b), std::max(a, b)};
+    const auto [found, added] = place_of.emplace(key, places);
+    if (added) entries.push_back({key.first, key.second, places++});
+    return found->second;
+  }
+
+  std::vector<std::uint8_t> has_equation;        // by row
+  std::vector<std::vector<Incident>> incidence;  // by body
+  std::vector<SparseLdlt::Pair> entries;
+  std::map<std::pair<int, int>, int> place_of;  // of entries
+  int places = 0;
+};
+
 Constraints::Constraints(const Slots& slots, const std::vector<Longitudinal>& elements,
                          JointRows joints, const std::vector<std::string>& element_names,
                          const std::vector<int>& dropped)
@@ -27,137 +52,154 @@ Constraints::Constraints(const Slots& slots, const std::vector<Longitudinal>& el
       inertia_i_(beam_count_, 0.0),
       inertia_j_(beam_count_, 0.0),
       shared_(beam_count_, 0.0) {
-  std::vector<int>& station_of = station_of_;
   for (std::size_t k = 0; k < stations_.size(); ++k) {
-    station_of[stations_[k].slot] = static_cast<int>(k);
+    station_of_[stations_[k].slot] = static_cast<int>(k);
   }
-  const auto body_of = [&](int slot) {
-    return station_of[slot] < 0 ? slot : stations_[station_of[slot]].body;
-  };
   is_dropped_.assign(joints_.rows(), 0);
-  std::vector<std::uint8_t> has_equation(rows_, 0), left_out(rows_, 0);
+  std::vector<std::uint8_t> left_out(rows_, 0);
   for (const int row : dropped) {
     left_out[row] = 1;
     if (row < beam_count_) continue;
     is_dropped_[row - beam_count_] = 1;
     dropped_.push_back(row);
   }
-  struct Incident {  // a row that touches a body
-    int row;
-    bool outer;
-  };
-  std::vector<std::vector<Incident>> incidence(n_);  // by body
+  driven_ = joints_.driven();
+
+  Pattern pattern;
+  pattern.has_equation.assign(rows_, 0);
+  pattern.incidence.resize(n_);
+  pattern.places = beam_count_;
+  AddElements(elements, left_out, &pattern);
+  AddJoints(&pattern);
+  CoupleAlongBeams(&pattern);
+  CouplePins(&pattern);
+  for (int body = 0; body < n_; ++body) {
+    if (inverse_mass_[body] != 0.0) CoupleOnBody(body, &pattern);
+  }
+  int first = 0;  // of this beam's compliances
+  for (const std::vector<int>& attached : slots.attached) {
+    const int stride = 3 * static_cast<int>(attached.size());
+    CoupleOnSmoothBeam(attached, first, &pattern);
+    first += stride * stride;
+  }
+  ldlt_ = SparseLdlt(rows_, pattern.has_equation, pattern.entries, pattern.places);
+}
+
+void Constraints::AddElements(const std::vector<Longitudinal>& elements,
+                              const std::vector<std::uint8_t>& left_out, Pattern* pattern) {
   for (int e = 0; e + 1 < beam_count_; ++e) {
     if (!(elements[e].length > 0.0) || left_out[e]) continue;
-    has_equation[e] = 1;
+    pattern->has_equation[e] = 1;
     active_[e] = 1.0;
     length_[e] = elements[e].length;
     chord_[e] = elements[e].along_chord ? 1.0 : 0.0;
-    const int i = body_of(e), j = body_of(e + 1);
+    const int i = InnerBody(e), j = OuterBody(e);
     mass_sum_[e] = inverse_mass_[i] + inverse_mass_[j];
     inertia_i_[e] = inverse_inertia_[i];
-    if (station_of[e] >= 0) i_sides_.push_back({e, station_of[e], i});
-    if (station_of[e + 1] >= 0) {
-      j_sides_.push_back({e, station_of[e + 1], j});
+    if (station_of_[e] >= 0) i_sides_.push_back({e, station_of_[e], i});
+    if (station_of_[e + 1] >= 0) {
+      j_sides_.push_back({e, station_of_[e + 1], j});
       inertia_j_[e] = inverse_inertia_[j];
     }
-    incidence[i].push_back({e, false});
-    incidence[j].push_back({e, true});
+    pattern->incidence[i].push_back({e, false});
+    pattern->incidence[j].push_back({e, true});
   }
+}
+
+void Constraints::AddJoints(Pattern* pattern) {
   for (int k = 0; k < joints_.rows(); ++k) {
     if (is_dropped_[k]) continue;
-    has_equation[beam_count_ + k] = 1;
-    incidence[joints_.Inner(k)].push_back({beam_count_ + k, false});
-    incidence[joints_.Outer(k)].push_back({beam_count_ + k, true});
+    const int row = beam_count_ + k;
+    pattern->has_equation[row] = 1;
+    pattern->incidence[joints_.Inner(k)].push_back({row, false});
+    pattern->incidence[joints_.Outer(k)].push_back({row, true});
   }
-  driven_ = joints_.driven();
+}
 
-  std::vector<SparseLdlt::Pair> entries;
-  std::map<std::pair<int, int>, int> place_of;
-  int places = beam_count_;
+// Two elements of one beam meet in a segment: the Schur complement is tridiagonal there, and the
+// coupling has the place of the first row.
+void Constraints::CoupleAlongBeams(Pattern* pattern) {
   for (int e = 0; e + 1 < beam_count_; ++e) {
-    // Two elements of one beam meet in a segment: their coupling has the place of the first row.
-    if (has_equation[e] && has_equation[e + 1] && station_of[e + 1] < 0) {
-      shared_[e] = inverse_mass_[e + 1];
-      entries.push_back({e, e + 1, e});
-      place_of[{e, e + 1}] = e;
-    }
+    if (!pattern->has_equation[e] || !pattern->has_equation[e + 1]) continue;
+    if (station_of_[e + 1] >= 0) continue;
+    shared_[e] = inverse_mass_[e + 1];
+    pattern->entries.push_back({e, e + 1, e});
+    pattern->place_of[{e, e + 1}] = e;
   }
+}
+
+// The two rows of a pin, assembled by the joints themselves.
+void Constraints::CouplePins(Pattern* pattern) {
   for (int p = 0; p < static_cast<int>(joints_.pins.size()); ++p) {
     const int row = beam_count_ + 2 * p;
-    place_of[{row, row + 1}] = places;
-    if (has_equation[row] && has_equation[row + 1]) entries.push_back({row, row + 1, places});
-    ++places;
+    pattern->place_of[{row, row + 1}] = pattern->places;
+    if (pattern->has_equation[row] && pattern->has_equation[row + 1]) {
+      pattern->entries.push_back({row, row + 1, pattern->places});
+    }
+    ++pattern->places;
   }
-  for (int body = 0; body < n_; ++body) {
-    if (inverse_mass_[body] == 0.0) continue;
-    const std::vector<Incident>& on = incidence[body];
-    std::vector<int> element_block(on.size(), -1);
-    // Where the row's Jacobian block of this body stands in work.blocks.
-    const auto block = [&](std::size_t k) {
-      if (on[k].row >= beam_count_) {
-        return 6 * (on[k].row - beam_count_) + (on[k].outer ? 3 : 0);
-      }
-      if (element_block[k] < 0) {
-        element_block[k] = 6 * joints_.rows() + 3 * static_cast<int>(blocks_.size());
-        blocks_.push_back({on[k].row, on[k].outer});
-      }
-      return element_block[k];
-    };
-    for (std::size_t a = 0; a < on.size(); ++a) {
-      for (std::size_t b = a + 1; b < on.size(); ++b) {
-        const int row_a = on[a].row, row_b = on[b].row;
-        const std::pair<int, int> key{std::min(row_a, row_b), std::max(row_a, row_b)};
-        const bool own_pin = key.first >= beam_count_ && key.second == key.first + 1 &&
-                             (key.first - beam_count_) % 2 == 0 &&
-                             key.second - beam_count_ < 2 * static_cast<int>(joints_.pins.size());
-        const bool chain =
-            key.second < beam_count_ && key.second == key.first + 1 && body == key.first + 1;
-        if (own_pin || chain) continue;  // assembled apart
-        const auto [found, added] = place_of.emplace(key, places);
-        if (added) entries.push_back({key.first, key.second, places++});
-        crosses_.push_back({found->second, block(a), block(b), body});
+}
+
+bool Constraints::IsAssembledApart(int row_a, int row_b, int body) const {
+  const int first = std::min(row_a, row_b), second = std::max(row_a, row_b);
+  if (second != first + 1) return false;
+  const int joint_row = first - beam_count_;
+  const bool own_pin = joint_row >= 0 && joint_row % 2 == 0 &&
+                       joint_row + 1 < 2 * static_cast<int>(joints_.pins.size());
+  return own_pin || (second < beam_count_ && body == second);
+}
+
+void Constraints::CoupleOnBody(int body, Pattern* pattern) {
+  const std::vector<Pattern::Incident>& on = pattern->incidence[body];
+  std::vector<int> element_block(on.size(), -1);
+  // Where the row's Jacobian block of this body stands in work.blocks.
+  const auto block = [&](std::size_t k) {
+    if (on[k].row >= beam_count_) return JointBlock(on[k].row, on[k].outer);
+    if (element_block[k] < 0) {
+      element_block[k] = 6 * joints_.rows() + 3 * static_cast<int>(blocks_.size());
+      blocks_.push_back({on[k].row, on[k].outer});
+    }
+    return element_block[k];
+  };
+  for (std::size_t a = 0; a < on.size(); ++a) {
+    for (std::size_t b = a + 1; b < on.size(); ++b) {
+      if (IsAssembledApart(on[a].row, on[b].row, body)) continue;
+      const int place = pattern->PlaceOf(on[a].row, on[b].row);
+      const int block_a = block(a), block_b = block(b);
+      crosses_.push_back({place, block_a, block_b, body});
+    }
+  }
+}
+
+void Constraints::CoupleOnSmoothBeam(const std::vector<int>& attached, int first,
+                                     Pattern* pattern) {
+  const int stride = 3 * static_cast<int>(attached.size());
+  std::vector<Pattern::Touch> touches;
+  for (std::size_t k = 0; k < attached.size(); ++k) {
+    for (const Pattern::Incident& on : pattern->incidence[attached[k]]) {
+      touches.push_back({on.row, JointBlock(on.row, on.outer), 3 * static_cast<int>(k)});
+    }
+  }
+  for (std::size_t a = 0; a < touches.size(); ++a) {
+    for (std::size_t b = a; b < touches.size(); ++b) {
+      const Pattern::Touch &i = touches[a], &j = touches[b];
+      const int entry = first + i.place * stride + j.place;
+      if (i.row == j.row) {
+        const double twice = a == b ? 1.0 : 2.0;  // C is symmetric
+        beam_couplings_.push_back({i.row, true, i.block, j.block, entry, stride, twice});
+      } else {
+        const int place = pattern->PlaceOf(i.row, j.row);
+        beam_couplings_.push_back({place, false, i.block, j.block, entry, stride, 1.0});
       }
     }
   }
-  // Slots of a smooth beam's attachments: every two rows on the beam meet.
-  int at = 0;
-  for (const std::vector<int>& attached : slots.attached) {
-    const int stride = 3 * static_cast<int>(attached.size());
-    struct Touch {
-      int row, block, place;  // of the row's Jacobian, of the attachment
-    };
-    std::vector<Touch> touches;
-    for (std::size_t k = 0; k < attached.size(); ++k) {
-      for (const Incident& on : incidence[attached[k]]) {
-        touches.push_back(
-            {on.row, 6 * (on.row - beam_count_) + (on.outer ? 3 : 0), 3 * static_cast<int>(k)});
-      }
-    }
-    for (std::size_t a = 0; a < touches.size(); ++a) {
-      for (std::size_t b = a; b < touches.size(); ++b) {
-        const Touch &i = touches[a], &j = touches[b];
-        const int entry = at + i.place * stride + j.place;
-        if (i.row == j.row) {
-          answers_.push_back({i.row, true, i.block, j.block, entry, stride, a == b ? 1.0 : 2.0});
-          continue;
-        }
-        const std::pair<int, int> key{std::min(i.row, j.row), std::max(i.row, j.row)};
-        const auto [found, added] = place_of.emplace(key, places);
-        if (added) entries.push_back({key.first, key.second, places++});
-        answers_.push_back({found->second, false, i.block, j.block, entry, stride, 1.0});
-      }
-    }
-    at += stride * stride;
-  }
-  ldlt_ = SparseLdlt(rows_, has_equation, entries, places);
 }
 
 bool Constraints::HasLoops() const {
   // Joins bodies row by row; the rows between the same two bodies are one edge.
   std::vector<int> root(n_);
   for (int k = 0; k < n_; ++k) root[k] = k;
-  const auto find = [&](int k) {
+  const auto find = [&](int k) {  // union-find with path halving
     while (root[k] != k) k = root[k] = root[root[k]];
     return k;
   };

@@ -111,15 +111,32 @@ class Constraints {
     int place, a, b, body;
   };
 
-  struct Answer {  // off[place] (or diagonal[place]) += factor a . C . b, C a block of the answers
-    int place;     // that slots attached to one smooth beam give to loads on one another
+  // off[place] (or diagonal[place]) += factor a . C . b, C a block of the compliance by which
+  // bodies on one smooth beam move under loads on one another.
+  struct BeamCoupling {
+    int place;
     bool diagonal;
     int a, b;        // in work.blocks
     int at, stride;  // of C's first entry in smooth_work.compliance
     double factor;
   };
-  double Product(const Answer& answer, const Work& work) const;
-  void AddAnswers(Work* work) const;
+  double Product(const BeamCoupling& coupling, const Work& work) const;
+  void AddBeamCouplings(Work* work) const;
+
+  // The constructor's steps: which rows have an equation, and which two of them are coupled.
+  struct Pattern;
+  void AddElements(const std::vector<Longitudinal>& elements,
+                   const std::vector<std::uint8_t>& left_out, Pattern* pattern);
+  void AddJoints(Pattern* pattern);
+  void CoupleAlongBeams(Pattern* pattern);
+  void CouplePins(Pattern* pattern);
+  void CoupleOnBody(int body, Pattern* pattern);
+  // `first`: of this beam in smooth_work.compliance.
+  void CoupleOnSmoothBeam(const std::vector<int>& attached, int first, Pattern* pattern);
+  // Whether CoupleAlongBeams or CouplePins covers what two rows have in common on `body`.
+  bool IsAssembledApart(int row_a, int row_b, int body) const;
+  // Where a joint's row has the block of its inner or outer body in work.blocks.
+  int JointBlock(int row, bool outer) const { return 6 * (row - beam_count_) + (outer ? 3 : 0); }
 
   // a . M_body^-1 . b
   double BodyProduct(int body, const double* a, const double* b) const {
@@ -145,7 +162,7 @@ class Constraints {
   std::vector<Side> i_sides_, j_sides_;
   std::vector<Block> blocks_;
   std::vector<Cross> crosses_;
-  std::vector<Answer> answers_;
+  std::vector<BeamCoupling> beam_couplings_;
   std::vector<std::uint8_t> is_dropped_;  // by row of the joints
   std::vector<int> dropped_;              // such rows
   bool driven_ = false;

@@ -99,25 +99,25 @@ void Constraints::AssembleSchur(Work* work) const {
   for (const Cross& x : crosses_) {
     off[x.place] += BodyProduct(x.body, &work->blocks[x.a], &work->blocks[x.b]);
   }
-  if (!answers_.empty()) AddAnswers(work);
+  if (!beam_couplings_.empty()) AddBeamCouplings(work);
 }
 
-double Constraints::Product(const Answer& answer, const Work& work) const {
-  const double* a = &work.blocks[answer.a];
-  const double* b = &work.blocks[answer.b];
-  const double* c = &work.smooth_work.compliance[answer.at];
+double Constraints::Product(const BeamCoupling& coupling, const Work& work) const {
+  const double* a = &work.blocks[coupling.a];
+  const double* b = &work.blocks[coupling.b];
+  const double* c = &work.smooth_work.compliance[coupling.at];
   double sum = 0.0;
   for (int i = 0; i < 3; ++i) {
     sum += a[i] * (c[0] * b[0] + c[1] * b[1] + c[2] * b[2]);
-    c += answer.stride;
+    c += coupling.stride;
   }
-  return answer.factor * sum;
+  return coupling.factor * sum;
 }
 
-void Constraints::AddAnswers(Work* work) const {
-  for (const Answer& answer : answers_) {
-    double* out = answer.diagonal ? work->diagonal.data() : work->off.data();
-    out[answer.place] += Product(answer, *work);
+void Constraints::AddBeamCouplings(Work* work) const {
+  for (const BeamCoupling& coupling : beam_couplings_) {
+    double* out = coupling.diagonal ? work->diagonal.data() : work->off.data();
+    out[coupling.place] += Product(coupling, *work);
   }
 }
 
@@ -302,8 +302,8 @@ double Constraints::SmallestPivot(const Work& work, int* row) const {
       const double* J = &work.blocks[6 * (r - beam_count_)];
       first = BodyProduct(joints_.Inner(r - beam_count_), J, J) +
               BodyProduct(joints_.Outer(r - beam_count_), J + 3, J + 3);
-      for (const Answer& answer : answers_) {
-        if (answer.diagonal && answer.place == r) first += Product(answer, work);
+      for (const BeamCoupling& coupling : beam_couplings_) {
+        if (coupling.diagonal && coupling.place == r) first += Product(coupling, work);
       }
     }
     const double ratio = work.diagonal[r] / first;

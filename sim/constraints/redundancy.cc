@@ -16,14 +16,65 @@ constexpr int kMostIterations = 20;  // of Newton's method
 // Some directions, all different, none special: multiples of the golden ratio modulo 2.
 double Direction(int k) { return std::fmod(0.6180339887498949 * (k + 1), 1.0) * 2.0 - 1.0; }
 
+// A motion from the initial state: independent coordinates move freely, the others follow to first
+// order, J move = 0 in the equations that are kept. `jacobian`: six entries a row.
+std::vector<double> FirstOrderMove(const Model& model, const std::vector<double>& jacobian,
+                                   const Partition& partition) {
+  const int n = model.slots.count, rows = model.constraints.rows();
+  std::vector<double> move(3 * n, 0.0), b(rows, 0.0);
+  for (int slot = 0; slot < n; ++slot) {
+    if (!model.slots.IsDynamic(slot)) continue;
+    for (int k = 0; k < 3; ++k)
+      move[k * n + slot] = (k < 2 ? model.length_scale : 1.0) * Direction(3 * slot + k);
+  }
+  for (const int column : partition.dependents()) move[column] = 0.0;
+  for (int row = 0; row < rows; ++row) {
+    if (!model.constraints.IsActive(row)) continue;
+    const int body[2] = {model.constraints.InnerBody(row), model.constraints.OuterBody(row)};
+    for (int k = 0; k < 6; ++k) b[row] += jacobian[6 * row + k] * move[(k % 3) * n + body[k / 3]];
+  }
+  partition.Correct(b.data(), move.data());
+  return move;
+}
+
+// Adds the move, scaled so that its largest entry is kMove, to positions and angles.
+void AddScaled(const std::vector<double>& move, double length, std::vector<double>* y) {
+  const std::size_t angles = move.size() / 3 * 2;
+  double largest = 0.0;
+  for (std::size_t i = 0; i < move.size(); ++i) {
+    largest = std::max(largest, std::fabs(move[i]) / (i < angles ? length : 1.0));
+  }
+  if (!(largest > 0.0)) return;
+  for (std::size_t i = 0; i < move.size(); ++i) (*y)[i] += kMove / largest * move[i];
+}
+
+// The largest violation of two sets of constraints.
+struct Violation {
+  double kept = 0.0, redundant = 0.0;
+};
+
+Violation ViolationAt(const std::vector<int>& redundant, int rows, Dynamics* dynamics,
+                      std::vector<double>* y) {
+  dynamics->EvaluateConstraints(0.0, y->data());
+  Violation worst;
+  for (int row = 0; row < rows; ++row) {
+    const bool is = std::find(redundant.begin(), redundant.end(), row) != redundant.end();
+    double& of = is ? worst.redundant : worst.kept;
+    of = std::max(of, std::fabs(dynamics->constraint_rows()[row]));
+  }
+  return worst;
+}
+
 }  // namespace
 
+// Rows that depend on others at the start are redundant if they stay met wherever the kept ones
+// lead; else the start is singular, and dropping them would free a motion.
 Redundancy FindRedundancy(const Model& model) {
   Redundancy found;
   // Smooth beams bring coordinates that the partition does not know.
   if (!model.constraints.HasLoops() || model.kirchhoff.count() > 0) return found;
   const double length = model.length_scale;
-  const int n = model.slots.count, rows = model.constraints.rows();
+  const int rows = model.constraints.rows();
   Dynamics dynamics(model);
   std::vector<double> y = model.initial_state, six(6 * rows);
   Partition partition(model.constraints, model.slots, length);
@@ -33,49 +84,21 @@ Redundancy FindRedundancy(const Model& model) {
   found.rows = partition.redundant();
   if (found.rows.empty()) return found;
 
-  // Independent coordinates move at will, the others follow: to first order, then by Newton's
-  // method.
-  std::vector<double> move(3 * n, 0.0), b(rows, 0.0);
-  for (int slot = 0; slot < n; ++slot) {
-    if (!model.slots.IsDynamic(slot)) continue;
-    for (int k = 0; k < 3; ++k)
-      move[k * n + slot] = (k < 2 ? length : 1.0) * Direction(3 * slot + k);
-  }
-  for (const int column : partition.dependents()) move[column] = 0.0;
-  for (int row = 0; row < rows; ++row) {
-    if (!model.constraints.IsActive(row)) continue;
-    const int body[2] = {model.constraints.InnerBody(row), model.constraints.OuterBody(row)};
-    for (int k = 0; k < 6; ++k) b[row] += six[6 * row + k] * move[(k % 3) * n + body[k / 3]];
-  }
-  partition.Correct(b.data(), move.data());
-  double largest = 0.0;
-  for (int i = 0; i < 3 * n; ++i) {
-    largest = std::max(largest, std::fabs(move[i]) / (i < 2 * n ? length : 1.0));
-  }
-  if (largest > 0.0) {
-    for (int i = 0; i < 3 * n; ++i) y[i] += kMove / largest * move[i];
-  }
-  const auto violation = [&](bool redundant) {
-    dynamics.EvaluateConstraints(0.0, y.data());
-    double worst = 0.0;
-    for (int row = 0; row < rows; ++row) {
-      const bool is = std::find(found.rows.begin(), found.rows.end(), row) != found.rows.end();
-      if (is == redundant) worst = std::max(worst, std::fabs(dynamics.constraint_rows()[row]));
-    }
-    return worst;
-  };
+  AddScaled(FirstOrderMove(model, six, partition), length, &y);
+  // Newton's method on the kept equations, for the dependent coordinates.
+  Violation off = ViolationAt(found.rows, rows, &dynamics, &y);
   int iteration = 0;
-  while (violation(false) > kMet * 1e-3 * length && ++iteration < kMostIterations) {
+  while (off.kept > kMet * 1e-3 * length && ++iteration < kMostIterations) {
     bool turned = false;
     dynamics.Jacobian(0.0, y.data(), six.data());
     partition.Factor(six.data(), &turned);
     partition.Correct(dynamics.constraint_rows(), y.data());
+    off = ViolationAt(found.rows, rows, &dynamics, &y);
   }
   Partition moved(model.constraints, model.slots, length);
-  const double off = violation(true);
   dynamics.Jacobian(0.0, y.data(), six.data());
   moved.Choose(six.data());
-  found.singular = iteration == kMostIterations || off > kMet * length ||
+  found.singular = iteration == kMostIterations || off.redundant > kMet * length ||
                    moved.redundant().size() < found.rows.size();
   return found;
 }

@@ -200,13 +200,7 @@ void EventFinder::FindWatch(Stepper& stepper, int watch) {
     const DensePolynomial e = up ? p : Negative(p);
     double at = FirstUpcrossing(e, (side_[watch] == Side::kAbove) == up);
     if (at < 0.0) continue;
-    if (!w.Linear()) {
-      for (int k = 0; k < kPolishes; ++k) {
-        const double slope = p.Slope(at);
-        if (slope == 0.0) break;
-        at = std::clamp(at - BeyondAt(stepper, watch, at) / slope, 0.0, 1.0);
-      }
-    }
+    if (!w.Linear()) at = Polished(stepper, watch, p, at);
     if (at < first_) {
       first_ = at;
       pending_latch_ = -1;
@@ -214,6 +208,17 @@ void EventFinder::FindWatch(Stepper& stepper, int watch) {
       pending_.upper = up;
     }
   }
+}
+
+// The interpolant's crossing of a quantity that is not linear in the state, by Newton's method on
+// the quantity itself, with the interpolant's slope.
+double EventFinder::Polished(Stepper& stepper, int watch, const DensePolynomial& p, double at) {
+  for (int k = 0; k < kPolishes; ++k) {
+    const double slope = p.Slope(at);
+    if (slope == 0.0) break;
+    at = std::clamp(at - BeyondAt(stepper, watch, at) / slope, 0.0, 1.0);
+  }
+  return at;
 }
 
 bool EventFinder::FindFirst(Stepper& stepper, const std::vector<LatchMode>& modes, double* sigma) {
@@ -254,6 +259,23 @@ Event EventFinder::Make(int latch, double t, double rate, EventKind kind, bool u
   return event;
 }
 
+void EventFinder::Switch(const Stop& stop, LatchMode* mode) const {
+  std::uint8_t& contact = stop.upper ? mode->upper_contact : mode->lower_contact;
+  switch (stop.kind) {
+    case EventKind::kLatch:
+      mode->latched = 1;
+      break;
+    case EventKind::kContactStart:
+      contact = 1;
+      break;
+    case EventKind::kContactEnd:
+      contact = 0;
+      break;
+    case EventKind::kWatch:
+      break;
+  }
+}
+
 int EventFinder::Apply(const double* y, double t, std::vector<LatchMode>* modes,
                        std::vector<Event>* events) {
   Stop stops[3];
@@ -270,20 +292,7 @@ int EventFinder::Apply(const double* y, double t, std::vector<LatchMode>* modes,
           k == pending_latch_ && stop.kind == pending_.kind && stop.upper == pending_.upper;
       const double beyond = stop.side * (theta - stop.level);
       if (!found && !(beyond > 0.0 && stop.side * rate > 0.0)) continue;
-      LatchMode& mode = (*modes)[k];
-      switch (stop.kind) {
-        case EventKind::kLatch:
-          mode.latched = 1;
-          break;
-        case EventKind::kContactStart:
-          (stop.upper ? mode.upper_contact : mode.lower_contact) = 1;
-          break;
-        case EventKind::kContactEnd:
-          (stop.upper ? mode.upper_contact : mode.lower_contact) = 0;
-          break;
-        case EventKind::kWatch:
-          break;
-      }
+      Switch(stop, &(*modes)[k]);
       events->push_back(Make(k, t, rate, stop.kind, stop.upper));
     }
   }

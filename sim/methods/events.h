@@ -65,6 +65,8 @@ class EventFinder {
   Event Make(int latch, double t, double rate, EventKind kind, bool upper);
   void FindLatch(Stepper& stepper, int latch, const LatchMode& mode);
   void FindWatch(Stepper& stepper, int watch);
+  double Polished(Stepper& stepper, int watch, const DensePolynomial& p, double at);
+  void Switch(const Stop& stop, LatchMode* mode) const;
   // theta of a latch's joint within the step.
   DensePolynomial Theta(Stepper& stepper, int latch, bool cubic, double* margin) const;
   // A watched quantity less its level within the step; for one that is not linear in the state, the

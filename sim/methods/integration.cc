@@ -31,11 +31,11 @@ constexpr double kSingularPivot = 1e-12;
 // near to depending on one another (it goes with the square of the distance), and the drift of an
 // explicit step in absolute coordinates comes back magnified.
 constexpr double kNearPivot = 0.1;
-constexpr double kFarAgain = 1.5;    // times that: far enough
-constexpr double kLeapShrink = 0.1;  // of the steps before: they have shrunk
-constexpr double kLeapError = 1e5;   // over the error allowed: taken all the same
-constexpr double kLeapGrowth = 1.3;
-constexpr int kMostLeaps = 6;       // of growing length
+constexpr double kFarAgain = 1.5;      // times that: far enough
+constexpr double kAcrossShrink = 0.1;  // of the steps before: they have shrunk
+constexpr double kAcrossError = 1e5;   // over the error allowed: taken all the same
+constexpr double kAcrossGrowth = 1.3;
+constexpr int kMostAcross = 6;      // of growing length
 constexpr double kForget = 0.97;    // a step, of the longest one
 constexpr double kZonePart = 0.25;  // of a contact's transition zone, per step on the way out
 // Steps between looks at Ctrl-C, pivots and progress: at most so many, and fewer where steps are
@@ -150,16 +150,10 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
 SimulateReport Integration::Go() {
   const FlushDenormals flush;
   const auto begin = std::chrono::steady_clock::now();
-  dynamics_.SetInterval(edges_.after(), edges_.before());
-  stepper_->Start(0.0, model_.initial_state);
-  if (options_.track_forces) ReadPinForces();
-  WatchPeaks();
-  if (RemoveDrift(t_, stepper_->state())) stepper_->Refresh();
-  std::copy_n(stepper_->state(), sample_.size(), sample_.begin());
-  Hand(0.0);
-  judge_.Look(0.0, stepper_->state(), dynamics_.modes());
+  StartMotion();
   double h = std::min(kFirstStep * options_.time, options_.max_step);
   while (t_ < end_ && report_.status == SimulateStatus::kGood && !stopped_) {
+    // No step crosses an edge of a time function.
     const double stop = edges_.next(), wished = h;
     const bool whole = t_ + h >= stop * (1.0 - 1e-15);
     if (whole) {
@@ -167,18 +161,13 @@ SimulateReport Integration::Go() {
       limit_ = edges_.none_left() ? StepLimit::kEnd : StepLimit::kEdge;
     }
     const double error = stepper_->Try(h);
-    if (!(error <= 1.0) && !(leap_ && error <= kLeapError)) {
+    if (!(error <= 1.0) && !(across_ && error <= kAcrossError)) {
       ++report_.rejected;
       Shrink(error, &h);
-      Leap(&h);
+      StepAcross(&h);
       continue;
     }
-    leap_ = false;
-    leaps_ = 0;
-    longest_ = std::max(h, kForget * longest_);
-    if (report_.steps % kStabilitySteps == 0) {
-      stable_ = stepper_->StabilityUse() < kStabilityUse;
-    }
+    NoteAccepted(h);
     Advance(h, whole);
     ++report_.limited[static_cast<int>(limit_)];
     NextStep(error, &h);
@@ -193,6 +182,30 @@ SimulateReport Integration::Go() {
     }
   }
   Judge();
+  FillReport();
+  report_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  return std::move(report_);
+}
+
+void Integration::StartMotion() {
+  dynamics_.SetInterval(edges_.after(), edges_.before());
+  stepper_->Start(0.0, model_.initial_state);
+  if (options_.track_forces) ReadPinForces();
+  WatchPeaks();
+  if (RemoveDrift(t_, stepper_->state())) stepper_->Refresh();
+  std::copy_n(stepper_->state(), sample_.size(), sample_.begin());
+  Emit(0.0);
+  judge_.Look(0.0, stepper_->state(), dynamics_.modes());
+}
+
+void Integration::NoteAccepted(double h) {
+  across_ = false;
+  crossings_ = 0;
+  longest_ = std::max(h, kForget * longest_);
+  if (report_.steps % kStabilitySteps == 0) stable_ = stepper_->StabilityUse() < kStabilityUse;
+}
+
+void Integration::FillReport() {
   report_.axial = axial_.peaks();
   report_.warnings = axial_.Warnings();
   report_.t_end = t_;
@@ -202,8 +215,6 @@ SimulateReport Integration::Go() {
   report_.events = log_.Kept(&report_.events_left_out);
   report_.event_counts = log_.counts();
   report_.latch_counts = log_.latches();
-  report_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
-  return std::move(report_);
 }
 
 void Integration::PassEdge() {
@@ -270,14 +281,14 @@ void Integration::SwitchNearDependence() {
 // The motion goes smoothly through a state where constraints depend on one another; what its
 // neighbourhood spoils is the estimate of the error, and the shorter the steps the nearer they
 // come. So where steps have shrunk there, one of the length that was good before is taken across.
-void Integration::Leap(double* h) {
-  if (!is_near_ || *h > kLeapShrink * longest_ || leaps_ >= kMostLeaps) {
-    leap_ = false;
+void Integration::StepAcross(double* h) {
+  if (!is_near_ || *h > kAcrossShrink * longest_ || crossings_ >= kMostAcross) {
+    across_ = false;
     return;
   }
-  leap_ = true;
-  ++leaps_;
-  *h = std::min(longest_ * std::pow(kLeapGrowth, leaps_ - 1), end_ - t_);
+  across_ = true;
+  ++crossings_;
+  *h = std::min(longest_ * std::pow(kAcrossGrowth, crossings_ - 1), end_ - t_);
 }
 
 void Integration::NextStep(double error, double* h) {
@@ -388,7 +399,7 @@ bool Integration::RemoveDrift(double t, double* y) {
   return true;
 }
 
-// The longest step that does not leap over the end of a contact. Where f is held at zero nothing
+// The longest step that does not step over the end of a contact. Where f is held at zero nothing
 // slows the steps down, and yet f comes back for an instant in the law's transition
 // zone, between two stages of a long step.
 double Integration::ContactStep() const {
@@ -416,11 +427,11 @@ void Integration::SampleStep(double h, double t_new) {
     const double t = static_cast<double>(report_.samples) / options_.rate;
     if (t > std::min(t_new, end_ * (1.0 + 1e-12))) return;
     stepper_->Dense(std::clamp((t - t_) / h, 0.0, 1.0), sample_.data());
-    Hand(t);
+    Emit(t);
   }
 }
 
-void Integration::Hand(double t) {
+void Integration::Emit(double t) {
   if (observer_ != nullptr) observer_->OnSample(t, sample_.data(), dynamics_.modes());
   ++report_.samples;
 }

@@ -21,6 +21,9 @@ class Integration {
   SimulateReport Go();
 
  private:
+  void StartMotion();
+  void NoteAccepted(double h);
+  void FillReport();
   void Shrink(double error, double* h);
   void Fail(SimulateStatus status, const std::string& what);
   bool FailIfDependent();
@@ -33,12 +36,12 @@ class Integration {
   void FollowRates();
   void HandleEvents();
   void SwitchNearDependence();
-  void Leap(double* h);
+  void StepAcross(double* h);
   void NextStep(double error, double* h);
   bool RemoveDrift(double t, double* y);
   double ContactStep() const;
   void SampleStep(double h, double t_new);
-  void Hand(double t);
+  void Emit(double t);
   void ReadPinForces();
   void WatchPeaks();
   void Poll();
@@ -71,8 +74,8 @@ class Integration {
   bool is_near_ = false;        // they nearly do
   double largest_pivot_ = 0.0;  // that the smallest has been
   double longest_ = 0.0;        // of the last good steps [s]
-  bool leap_ = false;           // the step about to be tried is to cross
-  int leaps_ = 0;
+  bool across_ = false;         // the step about to be tried is to cross
+  int crossings_ = 0;
   double t_ = 0.0;
   StepLimit limit_ = StepLimit::kGrowth;  // of the step about to be tried
   bool stable_ = true;                    // as last judged

@@ -43,6 +43,9 @@ class MarkCollector : public Observer {
 
 constexpr double kLongestStep = 0.01;  // of the time scale; see SimulateOptions::max_step
 
+bool IsPositive(double v) { return v > 0.0 && std::isfinite(v); }
+bool IsNotNegative(double v) { return v >= 0.0 && std::isfinite(v); }
+
 [[noreturn]] void BadOption(const char* field, const std::string& what, const char* remedy) {
   throw Error(what, fmt::format("option {}", field), remedy);
 }
@@ -50,30 +53,30 @@ constexpr double kLongestStep = 0.01;  // of the time scale; see SimulateOptions
 }  // namespace
 
 void SimulateOptions::Check() const {
-  const auto positive = [](double v) { return v > 0.0 && std::isfinite(v); };
   if (!(duration >= 0.0) || duration > 1e7) {
     BadOption("duration", fmt::format("{} s is not a duration", duration), "use 0 to 1e7 s");
   }
-  if (!positive(rate) || rate > 1e7) {
+  if (!IsPositive(rate) || rate > 1e7) {
     BadOption("rate", fmt::format("{} is not a sampling rate", rate), "use up to 1e7 per second");
   }
   if (!(rtol >= 1e-13 && rtol <= 1e-2)) {
     BadOption("rtol", fmt::format("a tolerance of {} cannot be kept", rtol), "use 1e-13 to 1e-2");
   }
-  if (!(length >= 0.0) || !std::isfinite(length)) {
+  if (!IsNotNegative(length)) {
     BadOption("length", fmt::format("{} is not a length", length), "use a positive number");
   }
-  if (!(time >= 0.0) || !std::isfinite(time)) {
+  if (!IsNotNegative(time)) {
     BadOption("time", fmt::format("{} is not a time", time), "use a positive number, or 0");
   }
-  if (!(max_step >= 0.0) || !std::isfinite(max_step)) {
+  if (!IsNotNegative(max_step)) {
     BadOption("max_step", fmt::format("{} is not a step", max_step), "use a positive number, or 0");
   }
   if (max_steps <= 0) BadOption("max_steps", "no steps allowed", "use a positive number");
-  if (order != 0 && order != 4 && order != 5 && order != 8) {
+  constexpr int kOrders[] = {0, 4, 5, 8};
+  if (std::ranges::find(kOrders, order) == std::end(kOrders)) {
     BadOption("order", fmt::format("there is no pair of order {}", order), "use 4, 5, 8, or 0");
   }
-  if (!positive(drift_fraction)) {
+  if (!IsPositive(drift_fraction)) {
     BadOption("drift_fraction", fmt::format("{} is not a fraction", drift_fraction), "use 0.1");
   }
 }

@@ -44,56 +44,58 @@ void Compiler::MakeLinks() {
   }
 }
 
-// Takes the pose and velocity that the scene gives to one body or beam; each component may have
-// one, at the node that then is its root.
-void Compiler::PlaceAll() {
-  const int nodes = NodeOfBeam(static_cast<int>(scene_.beams.size()));
-  std::vector<PlanePose> pose(nodes), velocity(nodes);
-  std::vector<std::string> placed_by(nodes), where(nodes);
-  const auto take = [&](int node, const std::string& name, const std::string& at,
-                        const std::optional<std::array<double, 3>>& p,
-                        const std::optional<std::array<double, 3>>& v, const PlanePose& in) {
-    if (!p && !v) return;
+namespace {
+
+// Poses and velocities that the scene gives to bodies and beams, by node.
+struct GivenPlaces {
+  explicit GivenPlaces(int nodes) : pose(nodes), velocity(nodes), placed_by(nodes), where(nodes) {}
+
+  // `in`: the pose of the part in its node. The velocity is carried over to the node's origin,
+  // v_node = v + omega x (node - part).
+  template <typename Part>
+  void Take(int node, const Part& part, const PlanePose& in) {
+    if (!part.pose && !part.velocity) return;
     if (!placed_by[node].empty()) {
       throw Error(fmt::format("'{}' and '{}' are welded together and both have a place",
-                              placed_by[node], name),
-                  at, "keep one");
+                              placed_by[node], part.name),
+                  part.where, "keep one");
     }
-    placed_by[node] = name;
-    where[node] = at;
-    if (p) pose[node] = PlanePose{(*p)[0], (*p)[1], (*p)[2]} * in.Inverse();
-    if (v) {
+    placed_by[node] = part.name;
+    where[node] = part.where;
+    if (part.pose) {
+      const std::array<double, 3>& p = *part.pose;
+      pose[node] = PlanePose{p[0], p[1], p[2]} * in.Inverse();
+    }
+    if (part.velocity) {
+      const std::array<double, 3>& v = *part.velocity;
       const PlanePose world = pose[node] * in;
       const double dx = pose[node].x - world.x, dy = pose[node].y - world.y;
-      velocity[node] = {(*v)[0] - (*v)[2] * dy, (*v)[1] + (*v)[2] * dx, (*v)[2]};
+      velocity[node] = {v[0] - v[2] * dy, v[1] + v[2] * dx, v[2]};
     }
-  };
+  }
+
+  std::vector<PlanePose> pose, velocity;
+  std::vector<std::string> placed_by, where;  // name and place in the file; empty: not given
+};
+
+}  // namespace
+
+// Each connected component of the links may have one place, at the node that then is its root; the
+// places of all else follow along a spanning tree.
+void Compiler::PlaceAll() {
+  const int nodes = NodeOfBeam(static_cast<int>(scene_.beams.size()));
+  GivenPlaces given(nodes);
   for (std::size_t b = 0; b < scene_.bodies.size(); ++b) {
-    const data::SceneBody& body = scene_.bodies[b];
-    take(merged_.of_body[b], body.name, body.where, body.pose, body.velocity, merged_.body_in[b]);
+    given.Take(merged_.of_body[b], scene_.bodies[b], merged_.body_in[b]);
   }
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
-    const data::SceneBeam& beam = scene_.beams[b];
-    take(NodeOfBeam(static_cast<int>(b)), beam.name, beam.where, beam.pose, beam.velocity, {});
+    given.Take(NodeOfBeam(static_cast<int>(b)), scene_.beams[b], {});
   }
-  // Roots: the ground, what has a place, bodies, beams, and last the bodies of beams' ends.
-  std::vector<int> roots{0};
-  const auto implied = [&](int n) {
-    return n < NodeOfBeam(0) && !merged_.list[n].members.empty() &&
-           scene_.bodies[merged_.list[n].members.front()].implied;
-  };
-  for (int n = 1; n < nodes; ++n) {
-    if (!placed_by[n].empty()) roots.push_back(n);
-  }
-  for (const bool last : {false, true}) {
-    for (int n = 1; n < nodes; ++n) {
-      if (implied(n) == last) roots.push_back(n);
-    }
-  }
-  const Assembly assembly(nodes, links_, roots);
+  const Assembly assembly(nodes, links_, Roots(given.placed_by));
   for (int n = 0; n < nodes; ++n) {
-    if (placed_by[n].empty() || assembly.RootOf(n) == n) continue;
-    throw Error(fmt::format("the place of '{}' follows from the joints", placed_by[n]), where[n],
+    if (given.placed_by[n].empty() || assembly.RootOf(n) == n) continue;
+    throw Error(fmt::format("the place of '{}' follows from the joints", given.placed_by[n]),
+                given.where[n],
                 "remove its pose and velocity, or those of the body that it hangs on");
   }
   LinkCoordinates at{std::vector<double>(links_.size()), std::vector<double>(links_.size())};
@@ -111,8 +113,25 @@ void Compiler::PlaceAll() {
     (links_[j].slides ? at.travel : at.theta)[j] = drive.value;
     (links_[j].slides ? rate.travel : rate.theta)[j] = drive.rate;
   }
-  start_ = assembly.Place(pose, velocity, at, rate);
-  if (scene_.suspension) hang_ = assembly.Place(pose, velocity, hang, rate);
+  start_ = assembly.Place(given.pose, given.velocity, at, rate);
+  if (scene_.suspension) hang_ = assembly.Place(given.pose, given.velocity, hang, rate);
+}
+
+// Nodes in the order in which they may become roots: the ground, what has a place, bodies and
+// beams, and last the bodies of beams' ends.
+std::vector<int> Compiler::Roots(const std::vector<std::string>& placed_by) const {
+  const int nodes = static_cast<int>(placed_by.size());
+  std::vector<int> placed{0}, own, implied;
+  for (int n = 1; n < nodes; ++n) {
+    if (!placed_by[n].empty()) placed.push_back(n);
+    const bool is_body = n < NodeOfBeam(0) && !merged_.list[n].members.empty();
+    const bool is_implied = is_body && scene_.bodies[merged_.list[n].members.front()].implied;
+    (is_implied ? implied : own).push_back(n);
+  }
+  std::vector<int> roots = std::move(placed);
+  roots.insert(roots.end(), own.begin(), own.end());
+  roots.insert(roots.end(), implied.begin(), implied.end());
+  return roots;
 }
 
 data::TimeFunction Compiler::TargetOf(const data::SceneJoint& joint) const {

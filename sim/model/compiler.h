@@ -66,6 +66,7 @@ class Compiler {
   // compile_places.cc
   void MakeLinks();
   void PlaceAll();
+  std::vector<int> Roots(const std::vector<std::string>& placed_by) const;
   // What a drive prescribes for its joint's coordinate.
   data::TimeFunction TargetOf(const data::SceneJoint& joint) const;
   // compile_beams.cc

@@ -28,35 +28,39 @@ class EndBodies {
 
   data::Scene Run() {
     const std::size_t welds = scene_.welds.size();  // BodyAt adds to them
-    for (std::size_t w = 0; w < welds; ++w) {
-      SceneEnd inner = scene_.welds[w].inner, outer = scene_.welds[w].outer;
-      if (!IsBeamEnd(inner) || !IsBeamEnd(outer)) continue;
-      // The first beam's end body carries the second beam too, at the weld's angle.
-      if (Segmented(inner)) {
-        inner = BodyAt(inner);
-        if (Segmented(outer)) GiveUpMass(outer, &scene_.bodies[inner.index]);
-      } else if (Segmented(outer)) {
-        outer = BodyAt(outer);
-      }
-      scene_.welds[w].inner = inner;
-      scene_.welds[w].outer = outer;
-    }
+    for (std::size_t w = 0; w < welds; ++w) JoinBeams(w);
     for (data::SceneJoint& joint : scene_.joints) {
       if (!CarriesMoment(joint)) continue;
-      for (SceneEnd* end : {&joint.inner, &joint.outer}) {
-        if (IsBeamEnd(*end) && Segmented(*end) && !welded_.contains(KeyOf(*end))) {
-          *end = BodyAt(*end);
-        }
-      }
+      TakeMoments(&joint.inner);
+      TakeMoments(&joint.outer);
     }
     for (data::SceneForce& force : scene_.forces) {
-      if (force.kind != data::SceneForce::Kind::kTorque || !IsBeamEnd(force.on)) continue;
-      if (Segmented(force.on) && !welded_.contains(KeyOf(force.on))) force.on = BodyAt(force.on);
+      if (force.kind == data::SceneForce::Kind::kTorque) TakeMoments(&force.on);
     }
     return std::move(scene_);
   }
 
  private:
+  // Two beams welded end to end: the first one's end body carries the second beam too, at the
+  // weld's angle.
+  void JoinBeams(std::size_t w) {
+    SceneEnd inner = scene_.welds[w].inner, outer = scene_.welds[w].outer;
+    if (!IsBeamEnd(inner) || !IsBeamEnd(outer)) return;
+    if (Segmented(inner)) {
+      inner = BodyAt(inner);
+      if (Segmented(outer)) GiveUpMass(outer, &scene_.bodies[inner.index]);
+    } else if (Segmented(outer)) {
+      outer = BodyAt(outer);
+    }
+    scene_.welds[w].inner = inner;
+    scene_.welds[w].outer = outer;
+  }
+
+  // A moment on the end of a segmented beam needs a body there, unless one is welded to it.
+  void TakeMoments(SceneEnd* end) {
+    if (IsBeamEnd(*end) && Segmented(*end) && !welded_.contains(KeyOf(*end))) *end = BodyAt(*end);
+  }
+
   static std::pair<int, bool> KeyOf(const SceneEnd& end) {
     return {end.index, end.kind == Kind::kBeamStart};
   }

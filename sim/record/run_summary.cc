@@ -209,6 +209,58 @@ std::string LimitSentence(const SummaryInput& in) {
   return fmt::format("{}", fmt::join(parts, ", "));
 }
 
+namespace {
+
+std::string JointsText(const SummaryInput& in, ordered_json* json) {
+  std::size_t left_out = 0;
+  std::string text = AlignedTable(JointTable(in, kMostJoints, &left_out));
+  if (left_out > 0) text += fmt::format("  and {} joints more, in the file\n", left_out);
+  if (in.model.latches.count() > 0) {
+    text +=
+        "(torque margin: least driving over resisting moment before latching; restitution: "
+        "median of -rate at the end / rate at the start)\n";
+  }
+  for (std::size_t k = 0; k < in.model.joints.size(); ++k) {
+    (*json)[in.model.joints[k].latch >= 0 ? "latches" : "joints"].push_back(JointJson(in, k));
+  }
+  return text;
+}
+
+std::string WarningsText(const SummaryInput& in, ordered_json* json) {
+  std::string text;
+  for (const auto* warnings : {&in.model.warnings, &in.report.warnings}) {
+    for (const std::string& warning : *warnings) {
+      text += "warning: " + warning + "\n";
+      (*json)["warnings"].push_back(warning);
+    }
+  }
+  return text;
+}
+
+// What the longitudinal constraint leaves out of a segmented beam: P l^2 / EI of each.
+std::string AxialText(const SummaryInput& in, ordered_json* json) {
+  const std::vector<AxialWatch::Peak>& axial = in.report.axial;
+  for (std::size_t b = 0; b < axial.size(); ++b) {
+    const AxialWatch::Peak& peak = axial[b];
+    if (in.model.beams[b].smooth >= 0) continue;
+    (*json)["beams"].push_back({{"beam", in.model.beams[b].name},
+                                {"largest_axial_ratio", peak.ratio},
+                                {"largest_axial_ratio_time", peak.time},
+                                {"lasting_tension_ratio", peak.tension},
+                                {"lasting_compression_ratio", peak.compression},
+                                {"lasting_compression", peak.pressed},
+                                {"euler_load", peak.euler}});
+  }
+  const AxialWatch::Peak* peak = WorstPeak(axial);
+  if (peak == nullptr) return "";
+  return fmt::format(
+      "axial forces beside bending, P l^2 / EI on segments of length l: {:.2g} at an instant, "
+      "{:.2g} that lasts\n",
+      peak->ratio, std::max(peak->tension, peak->compression));
+}
+
+}  // namespace
+
 std::string SummaryText(const SummaryInput& in, ordered_json* json) {
   const SimulateReport& report = in.report;
   const bool whole = report.steps > 0;
@@ -232,19 +284,7 @@ std::string SummaryText(const SummaryInput& in, ordered_json* json) {
   }
   const std::string latches = LatchSentence(in);
   if (!latches.empty()) text += latches + "\n";
-  std::size_t left_out = 0;
-  if (!in.model.joints.empty() && whole) {
-    text += AlignedTable(JointTable(in, kMostJoints, &left_out));
-    if (left_out > 0) text += fmt::format("  and {} joints more, in the file\n", left_out);
-    if (in.model.latches.count() > 0) {
-      text +=
-          "(torque margin: least driving over resisting moment before latching; restitution: "
-          "median of -rate at the end / rate at the start)\n";
-    }
-    for (std::size_t k = 0; k < in.model.joints.size(); ++k) {
-      j[in.model.joints[k].latch >= 0 ? "latches" : "joints"].push_back(JointJson(in, k));
-    }
-  }
+  if (!in.model.joints.empty() && whole) text += JointsText(in, json);
   text += EnergyText(in, &j["energy"]);
   text += fmt::format("constraints drifted by {:.1e} m and {:.1e} m/s at most\n",
                       report.largest_position_drift, report.largest_velocity_drift);
@@ -257,29 +297,8 @@ std::string SummaryText(const SummaryInput& in, ordered_json* json) {
         "centre, a flat chain); where they do, what follows may hang on rounding\n",
         report.near_dependence);
   }
-  for (const auto* warnings : {&in.model.warnings, &report.warnings}) {
-    for (const std::string& warning : *warnings) {
-      text += "warning: " + warning + "\n";
-      j["warnings"].push_back(warning);
-    }
-  }
-  for (std::size_t b = 0; b < report.axial.size(); ++b) {
-    const AxialWatch::Peak& peak = report.axial[b];
-    if (in.model.beams[b].smooth >= 0) continue;
-    j["beams"].push_back({{"beam", in.model.beams[b].name},
-                          {"largest_axial_ratio", peak.ratio},
-                          {"largest_axial_ratio_time", peak.time},
-                          {"lasting_tension_ratio", peak.tension},
-                          {"lasting_compression_ratio", peak.compression},
-                          {"lasting_compression", peak.pressed},
-                          {"euler_load", peak.euler}});
-  }
-  if (const AxialWatch::Peak* peak = WorstPeak(report.axial); peak != nullptr) {
-    text += fmt::format(
-        "axial forces beside bending, P l^2 / EI on segments of length l: {:.2g} at an instant, "
-        "{:.2g} that lasts\n",
-        peak->ratio, std::max(peak->tension, peak->compression));
-  }
+  text += WarningsText(in, json);
+  text += AxialText(in, json);
   text += "the scene calls for:";
   for (const Model::EffectCount& effect : in.model.Effects()) {
     j["effects"][effect.name] = effect.count;
