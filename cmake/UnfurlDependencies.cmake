@@ -16,15 +16,6 @@ find_package(Threads REQUIRED)
 find_path(UNFURL_DYGRAPHS_DIR dygraph.min.js
           PATHS /usr/share/javascript/dygraphs /usr/share/javascript/dygraphs/dist REQUIRED)
 
-if(UNFURL_PYTHON)
-  # Debian's Python, not whatever else comes first on PATH: it has the packages of packages.txt.
-  if(EXISTS /usr/bin/python3)
-    set(Python3_EXECUTABLE /usr/bin/python3 CACHE FILEPATH "The Python that the package is built for")
-  endif()
-  find_package(Python3 3.11 REQUIRED COMPONENTS Interpreter Development.Module)
-  find_package(pybind11 2.10 REQUIRED)
-endif()
-
 if(UNFURL_TESTS)
   find_package(GTest REQUIRED)
 endif()

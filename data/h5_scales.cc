@@ -107,8 +107,13 @@ bool H5AttachScales(hid_t file, const std::vector<H5Labelled>& datasets,
     if (!PutDimensionList(file, dataset, references)) return false;
   }
   std::map<std::string, int> number;
+  std::set<std::string> labelled;
+  for (const H5Labelled& dataset : datasets) labelled.insert(dataset.path);
   for (const auto& [path, scale] : letters) {
     users[scale];  // of a scale's own letters: no dataset uses it otherwise
+    // A text without scales is one: netCDF4 would take any dimension of the same length for its
+    // own, and where that is of letters xarray finds no words any more.
+    if (!labelled.contains(path)) users[path];
   }
   for (const auto& [scale, of] : users) number.emplace(scale, static_cast<int>(number.size()));
   for (const auto& [scale, of] : users) {

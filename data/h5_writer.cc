@@ -382,15 +382,9 @@ void H5Writer::BareScale(const std::string& path, std::size_t size) {
   impl_->bare.insert(path);
 }
 
-// Names the letters of every text that has a scale or is one: all dimensions have scales, or none.
+// Names the letters of every text: all dimensions have scales, or none.
 void H5Writer::LabelLetters() {
-  std::set<std::string> used;
-  for (const H5Labelled& dataset : impl_->labelled) {
-    used.insert(dataset.scales.begin(), dataset.scales.end());
-    used.insert(dataset.path);
-  }
   for (const auto& [path, width] : impl_->texts) {
-    if (!used.contains(path)) continue;
     const std::string letters = fmt::format("/letters_{}", width);
     if (!impl_->bare.contains(letters)) BareScale(letters, width);
     impl_->letters_of[path] = letters;

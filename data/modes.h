@@ -30,6 +30,8 @@ struct ModesRecord {
   std::size_t MovesMost(const Mode& mode) const;
 };
 
+inline constexpr char kModesSchema[] = "unfurl/modes";
+
 /// By the ending: .h5, or .csv (which has no provenance). Throws Error for another.
 void WriteModes(const std::string& path, const ModesRecord& record, const Provenance& provenance);
 /// Of a .h5 file.

@@ -26,8 +26,7 @@ def main(survey_path: str, rig_path: str = "rig.h5") -> int:
 
     plan = unfurl.plan(result.rig)
     for case in plan.cases:
-        cameras = "all cameras" if case.name == "all" else f"without {case.name}"
-        print(f"{cameras}: {100 * case.found:.0f}% found, half within {1e3 * case.quantile(0.5):.2f} mm")
+        print(f"{case.name}: {100 * case.found:.0f}% found, half within {1e3 * case.quantile(0.5):.2f} mm")
     return 0
 
 

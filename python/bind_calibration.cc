@@ -1,11 +1,15 @@
 #include <fmt/format.h>
 
+#include <cmath>
+
 #include "base/error.h"
 #include "calib/calibrate_survey.h"
 #include "calib/check.h"
 #include "calib/plan.h"
+#include "data/formats.h"
 #include "data/survey.h"
-#include "measure/survey_readings.h"
+#include "data/survey_points.h"
+#include "measure/lens/lens.h"
 #include "python/bindings.h"
 
 namespace unfurl::python {
@@ -19,99 +23,111 @@ struct Calibration {
   calib::CalibrationReport report;
 };
 
-struct PlanCase {
-  std::string name;  // "all", or the camera that is lost
-  calib::UncertaintyMap map;
-};
-
 struct Plan {
   std::shared_ptr<Rig> rig;
-  std::vector<PlanCase> cases;
-  std::vector<std::string> advice;
+  calib::PlanResult result;
 };
 
-int OrderOf(const std::string& name) {
-  if (name == "auto") return calib::kAutomaticOrder;
-  std::string known = "'auto'";
-  for (std::size_t k = 0; k < calib::kLensOrders.size(); ++k) {
-    if (name == calib::kLensOrders[k].name) return static_cast<int>(k);
-    known += fmt::format(", '{}'", calib::kLensOrders[k].name);
+data::LensModel LensOf(const std::string& name) {
+  if (const auto lens = data::FindLensModel(name)) return *lens;
+  std::string known;
+  for (const data::LensNames& lens : data::kLensModels) {
+    known += fmt::format("{}'{}'", known.empty() ? "" : ", ", lens.name);
   }
-  throw Error(fmt::format("there is no lens model \"{}\"", name), "order", "give one of " + known);
+  throw Error(fmt::format("there is no lens model '{}'", name), "lens", "give one of " + known);
 }
 
-Calibration Calibrate(const py::object& survey_or_path, const std::string& order, int folds,
-                      std::size_t workers) {
-  const auto survey = RecordFrom<Survey>(survey_or_path, &data::ReadSurvey);
+int OrderOf(data::LensModel lens, const std::string& name) {
+  if (name == "auto") return calib::kAutomaticOrder;
+  std::string known = "'auto'";
+  const auto orders = measure::OrdersOf(lens);
+  for (std::size_t k = 0; k < orders.size(); ++k) {
+    if (name == orders[k].name) return static_cast<int>(k);
+    known += fmt::format(", '{}'", orders[k].name);
+  }
+  throw Error(fmt::format("the {} lens has no set of terms '{}'", data::NamesOf(lens).name, name),
+              "order", "give one of " + known);
+}
+
+std::string NameOf(const std::vector<Source>& sources) {
+  return sources.empty() ? "survey" : sources.front().path;
+}
+
+Calibration Calibrate(const py::object& survey_or_path, const std::string& lens,
+                      const std::string& order, double need, int folds, std::uint64_t seed,
+                      std::size_t workers, const py::object& progress) {
   calib::CalibrateOptions options;
-  options.order = OrderOf(order);
-  if (folds < 2) throw Error(fmt::format("{} is not a number of folds", folds), "folds", "use 2 or more");
+  options.guess.lens = LensOf(lens);
+  options.order = OrderOf(options.guess.lens, order);
+  options.guess.seed = seed;
+  options.verdict.need = need;
   options.folds = folds;
   options.workers = workers;
-  return Long([&] {
-    const std::string where = survey->sources.empty() ? "survey" : survey->sources.front().path;
-    calib::Calibration found = calib::Calibrate(survey->data, options, where);
+  options.Check();
+  const auto survey = RecordFrom<Survey>(survey_or_path, "a Survey", &data::ReadSurvey);
+  CallbackError errors;
+  options.progress = ProgressOf(progress, &errors);
+  return LongWithCallbacks(errors, [&] {
+    calib::Calibration found = calib::Calibrate(survey->data, options, NameOf(survey->sources));
     return Calibration{std::make_shared<Rig>(Rig{std::move(found.rig), survey->sources}),
                        std::move(found.report)};
   });
 }
 
-calib::CheckResult Check(const py::object& rig_or_path, const py::object& survey_or_path) {
-  const auto rig = RecordFrom<Rig>(rig_or_path, &data::ReadRig);
-  const auto given = RecordFrom<Survey>(survey_or_path, &data::ReadSurvey);
+calib::CheckResult Check(const py::object& rig_or_path, const py::object& survey_or_path,
+                         double bar, double bar_sigma, double need, double doubtful,
+                         double invalid) {
+  calib::CheckOptions options;
+  options.need = need;
+  options.doubtful = doubtful;
+  options.invalid = invalid;
+  options.Check();
+  const auto rig = RecordFrom<Rig>(rig_or_path, "a Rig", &data::ReadRig);
+  if (bar != 0.0) {
+    if (!(bar > 0.0) || !(bar_sigma >= 0.0) || !std::isfinite(bar) || !std::isfinite(bar_sigma)) {
+      throw Error(fmt::format("{} +- {} m is no length", bar, bar_sigma), "bar, bar_sigma",
+                  "give a positive length [m] and its standard deviation [m]");
+    }
+    const std::string path =
+        PathFrom(survey_or_path, "with a bar, the path of its readings").string();
+    return Long([&] {
+      return calib::CheckBar(rig->data, data::ReadReadingsCsv(path), {bar, bar_sigma}, path,
+                             options);
+    });
+  }
+  const auto survey = RecordFrom<Survey>(survey_or_path, "a Survey", &data::ReadSurvey);
   return Long([&] {
-    data::Survey survey = given->data;
-    measure::FindSurveyReadings(&survey);
-    const std::string where = given->sources.empty() ? "survey" : given->sources.front().path;
-    return calib::CheckPoints(rig->data, calib::FromSurvey(survey, where), where);
+    return calib::CheckPoints(rig->data, survey->data, NameOf(survey->sources), options);
   });
 }
 
-Plan MakePlan(const py::object& lab_or_rig, int points, double reading_sigma, int columns,
-              int layers, std::uint64_t seed) {
-  if (points < 12 || columns < 1 || layers < 1 || !(reading_sigma > 0.0)) {
-    throw Error("points, reading_sigma, columns or layers out of range", "plan",
-                "use 12 points or more, one cell or more, and a positive sigma");
-  }
-  std::shared_ptr<Rig> rig;
+Plan MakePlan(const py::object& lab_or_rig, int points, double reading_sigma, double need,
+              int columns, int layers, std::uint64_t seed) {
+  calib::PlanOptions options;
+  options.survey_points = points;
+  options.seed = seed;
+  options.need = need;
+  options.map.reading_sigma_px = reading_sigma;
+  options.map.columns = columns;
+  options.map.layers = layers;
+  options.Check();
   std::shared_ptr<data::Lab> lab;
-  if (py::isinstance<Rig>(lab_or_rig)) {
-    rig = lab_or_rig.cast<std::shared_ptr<Rig>>();
-  } else if (py::isinstance<data::Lab>(lab_or_rig)) {
+  std::shared_ptr<Rig> rig;
+  if (py::isinstance<data::Lab>(lab_or_rig)) {
     lab = lab_or_rig.cast<std::shared_ptr<data::Lab>>();
+  } else if (!py::isinstance<Rig>(lab_or_rig) &&
+             data::FormatOf(PathFrom(lab_or_rig, "a Lab, a Rig or a path").string()) ==
+                 data::FileFormat::kToml) {
+    lab = std::make_shared<data::Lab>(data::ReadLab(lab_or_rig.cast<fs::path>().string()));
   } else {
-    const fs::path path = lab_or_rig.cast<fs::path>();
-    if (path.extension() == ".toml") {
-      lab = std::make_shared<data::Lab>(data::ReadLab(path.string()));
-    } else {
-      rig = RecordFrom<Rig>(lab_or_rig, &data::ReadRig);
-    }
+    rig = RecordFrom<Rig>(lab_or_rig, "a Lab, a Rig", &data::ReadRig);
   }
   return Long([&] {
     Plan out;
-    calib::Visibility sees;
-    if (lab != nullptr) {
-      calib::PlanOptions options;
-      options.survey_points = points;
-      options.reading_sigma_px = reading_sigma;
-      options.seed = seed;
-      calib::Plan plan = calib::PlanLab(*lab, options);
-      out.rig = std::make_shared<Rig>(Rig{std::move(plan.rig), {SourceOf(lab->path)}});
-      out.advice = plan.advice;
-      sees = plan.sees;
-    } else {
-      out.rig = rig;
-      sees = calib::SeenOnRow(rig->data);
-    }
-    calib::MapOptions map;
-    map.columns = columns;
-    map.layers = layers;
-    map.reading_sigma_px = reading_sigma;
-    out.cases.push_back({"all", calib::MapUncertainty(out.rig->data, sees, map)});
-    for (std::size_t c = 0; c < out.rig->data.cameras.size(); ++c) {
-      out.cases.push_back({out.rig->data.cameras[c].name,
-                           calib::MapUncertainty(out.rig->data, sees, map, static_cast<int>(c))});
-    }
+    out.result = lab != nullptr ? calib::Plan(*lab, options) : calib::Plan(rig->data, options);
+    out.rig = rig != nullptr
+                  ? rig
+                  : std::make_shared<Rig>(Rig{out.result.planned.rig, {SourceOf(lab->path)}});
     return out;
   });
 }
@@ -176,19 +192,24 @@ void BindCalibrate(py::module_& m) {
           "advice", [](const Calibration& self) { return self.report.advice; },
           "On the survey's layout.")
       .def_property_readonly(
-          "lens_model", [](const Calibration& self) { return self.report.lens_model; })
+          "lens_model", [](const Calibration& self) { return self.report.lens_model; },
+          "Its set of terms by name, or one for each camera.")
       .def_property_readonly(
-          "chi_square", [](const Calibration& self) { return self.report.chi_square; })
+          "chi_square", [](const Calibration& self) { return self.report.chi_square; },
+          "Sum of the squared residuals of readings and survey, each in its sigma [-].")
       .def_property_readonly(
           "degrees_of_freedom",
-          [](const Calibration& self) { return self.report.degrees_of_freedom; })
+          [](const Calibration& self) { return self.report.degrees_of_freedom; },
+          "Redundant numbers of the survey: what chi_square is expected to be [-].")
       .def_property_readonly(
           "point",
           [](const Calibration& self) { return ReadingColumn(self, &calib::ReadingReport::point); },
           "(r,) index into ids, of each reading.")
       .def_property_readonly(
           "camera",
-          [](const Calibration& self) { return ReadingColumn(self, &calib::ReadingReport::camera); },
+          [](const Calibration& self) {
+            return ReadingColumn(self, &calib::ReadingReport::camera);
+          },
           "(r,) index into cameras, of each reading.")
       .def_property_readonly(
           "u",
@@ -208,20 +229,28 @@ void BindCalibrate(py::module_& m) {
           "(r,) standard deviation with the camera's model error [px].")
       .def_property_readonly(
           "weight",
-          [](const Calibration& self) { return ReadingColumn(self, &calib::ReadingReport::weight); },
+          [](const Calibration& self) {
+            return ReadingColumn(self, &calib::ReadingReport::weight);
+          },
           "(r,) 0: left out as gross.")
-      .def_property_readonly("held_out", &HeldOutErrors,
-                             "(h, 3) errors of points that were found without having been used [m].")
+      .def_property_readonly(
+          "held_out", &HeldOutErrors,
+          "(h, 3) errors of points that were found without having been used [m].")
       .def("__repr__", [](const Calibration& self) {
         return fmt::format("<unfurl.Calibration: {}, {}, {}>", self.rig->data.verdict,
                            Plural(self.report.cameras.size(), "camera"),
                            Plural(self.report.ids.size(), "point"));
       });
-  m.def("calibrate", &Calibrate, py::arg("survey"), py::kw_only(), py::arg("order") = "auto",
-        py::arg("folds") = 10, py::arg("workers") = 0,
+  m.def("calibrate", &Calibrate, py::arg("survey"), py::kw_only(), py::arg("lens") = "rectilinear",
+        py::arg("order") = "auto", py::arg("need") = 0.0, py::arg("folds") = 10,
+        py::arg("seed") = calib::GuessOptions().seed, py::arg("workers") = 0,
+        py::arg("progress") = py::none(),
         "A rig from a survey (a Survey or a path), without an initial guess.\n\n"
-        "order: lens model; 'auto' chooses by cross-validation. folds: of the held-out check.\n"
-        "workers: threads, 0 for all cores; changes no result.\n"
+        "lens: 'rectilinear', or 'fisheye' (wide angle). order: its terms; 'auto' chooses by\n"
+        "cross-validation. need: error of a found point that is aimed at [m]; 0: a 2000th of the\n"
+        "surveyed box. folds: of the held-out check, 2 or more. seed: of the search for gross\n"
+        "errors. workers: threads, 0 for all cores; changes no result. progress(done): is called\n"
+        "between the steps with the share that is done.\n"
         "A calibration that is not good is a result: see verdict and reasons.");
 }
 
@@ -232,22 +261,32 @@ void BindCheck(py::module_& m) {
                     "'still valid', 'doubtful' or 'no longer valid'.")
       .def_readonly("reasons", &CheckResult::reasons)
       .def_readonly("chance", &CheckResult::chance,
-                    "Of so large a misfit, were the calibration valid.")
+                    "Probability of so large a misfit, were the calibration valid [-].")
       .def_readonly("rms", &CheckResult::rms, "Of the found points' errors [m].")
       .def_readonly("rms_predicted", &CheckResult::rms_predicted, "What it should be [m].")
       .def_property_readonly(
-          "usable", [](const CheckResult& self) { return self.chance >= calib::kDoubtful; },
+          "usable", [](const CheckResult& self) { return !self.invalid; },
           "Whether it is not 'no longer valid'.")
       .def("__repr__", [](const CheckResult& self) {
         return fmt::format("<unfurl.CheckResult: {}, chance {:.2g}>", self.verdict, self.chance);
       });
-  m.def("check", &Check, py::arg("rig"), py::arg("survey"),
-        "Is a calibration still valid? Against a survey of some points; both may be paths.");
+  m.def(
+      "check", &Check, py::arg("rig"), py::arg("survey"), py::kw_only(), py::arg("bar") = 0.0,
+      py::arg("bar_sigma") = 0.0, py::arg("need") = 0.0,
+      py::arg("doubtful") = calib::CheckOptions().doubtful,
+      py::arg("invalid") = calib::CheckOptions().invalid,
+      "Is a calibration still valid? Against a survey of some points; both may be paths.\n\n"
+      "bar, bar_sigma: instead, the length of a bar and its standard deviation [m]; survey is "
+      "then\n"
+      "the path of a CSV of readings of its ends, ids 1a, 1b, 2a, 2b ... need: error of a found\n"
+      "point that matters [m]; 0: a 2000th of the surveyed box. doubtful, invalid: probabilities\n"
+      "of a misfit below which it is called so.");
 }
 
 void BindPlan(py::module_& m) {
+  using calib::PlanCase;
   py::class_<PlanCase>(m, "PlanCase", "The error to expect over the volume, in one case.")
-      .def_readonly("name", &PlanCase::name, "'all', or the camera that is lost.")
+      .def_readonly("name", &PlanCase::name, "'all cameras', or 'without NAME'.")
       .def_property_readonly(
           "sigma",
           [](py::object self) {
@@ -255,34 +294,61 @@ void BindPlan(py::module_& m) {
             const py::ssize_t columns = map.columns, layers = map.layers;
             return View(map.sigma.data(), {layers, columns, columns}, self);
           },
-          "(layers, columns, columns) by z, y, x: 3-D standard deviation of a found point; NaN: not\n"
+          "(layers, columns, columns) by z, y, x: 3-D standard deviation of a found point; NaN: "
+          "not\n"
           "found [m].")
+      .def_property_readonly(
+          "box", [](const PlanCase& self) { return CornersOf(self.map.low, self.map.high); },
+          "Corners of the box that the map divides into cells, (3,) each [m].")
       .def_property_readonly(
           "found", [](const PlanCase& self) { return self.map.Found(); },
           "Share of the volume that is found.")
       .def(
+          "within", [](const PlanCase& self, double need) { return self.map.Within(need); },
+          py::arg("need"), "Share of the volume whose error is at most so much [m].")
+      .def(
           "quantile", [](const PlanCase& self, double p) { return self.map.Quantile(p); },
-          py::arg("p"), "Of sigma over what is found [m].")
+          py::arg("p"), "Of sigma over what is found [m]; NaN where nothing is.")
       .def("__repr__", [](const PlanCase& self) {
-        return fmt::format("<unfurl.PlanCase {}: {:.0f}% found, half within {:.2g} m>",
-                           self.name == "all" ? "all cameras" : "without '" + self.name + "'",
+        return fmt::format("<unfurl.PlanCase {}: {:.0f}% found, half within {:.2g} m>", self.name,
                            100.0 * self.map.Found(), self.map.Quantile(0.5));
       });
   py::class_<Plan>(m, "Plan", "How well a rig will find points.")
       .def_readonly("rig", &Plan::rig, "With the covariance that such a calibration would have.")
-      .def_readonly("cases", &Plan::cases, "PlanCase: with all cameras, then without each.")
-      .def_readonly("advice", &Plan::advice)
+      .def_property_readonly(
+          "cases", [](py::object self) { return PartsOf(self, self.cast<Plan&>().result.cases); },
+          "List of PlanCase: with all cameras, then without each.")
+      .def_property_readonly(
+          "verdict", [](const Plan& self) { return self.result.headline; }, "In words.")
+      .def_property_readonly(
+          "reasons", [](const Plan& self) { return self.result.reasons; }, "Why.")
+      .def_property_readonly(
+          "usable",
+          [](const Plan& self) { return self.result.verdict != calib::PlanVerdict::kNotUsable; },
+          "Whether enough of the volume reaches the need.")
+      .def_property_readonly(
+          "need", [](const Plan& self) { return self.result.need; },
+          "Error of a found point by which it was judged [m].")
+      .def_property_readonly(
+          "advice", [](const Plan& self) { return self.result.planned.advice; },
+          "On the survey's layout.")
       .def("__repr__", [](const Plan& self) {
         return fmt::format("<unfurl.Plan: {}, {:.0f}% of the volume found>",
                            Plural(self.rig->data.cameras.size(), "camera"),
-                           100.0 * self.cases.front().map.Found());
+                           100.0 * self.result.cases.front().map.Found());
       });
-  m.def("plan", &MakePlan, py::arg("lab_or_rig"), py::kw_only(), py::arg("points") = 200,
-        py::arg("reading_sigma") = 0.03, py::arg("columns") = 12, py::arg("layers") = 3,
-        py::arg("seed") = 1,
-        "How well a proposed laboratory or a calibrated rig will find points (or a path to one),\n"
-        "and what the loss of any camera does. points: that would be surveyed. reading_sigma: of\n"
-        "one reading [px]. columns, layers: cells of the map along x and y, and along z.");
+  m.def(
+      "plan", &MakePlan, py::arg("lab_or_rig"), py::kw_only(),
+      py::arg("points") = calib::PlanOptions().survey_points,
+      py::arg("reading_sigma") = calib::MapOptions().reading_sigma_px, py::arg("need") = 0.0,
+      py::arg("columns") = calib::MapOptions().columns,
+      py::arg("layers") = calib::MapOptions().layers, py::arg("seed") = calib::PlanOptions().seed,
+      "How well a proposed laboratory or a calibrated rig will find points (or a path to one),\n"
+      "and what the loss of any camera does.\n\n"
+      "points: that would be surveyed. reading_sigma: of one reading [px]. need: error of a found\n"
+      "point that is aimed at [m]; 0: a 2000th of the box. columns, layers: cells of the map "
+      "along\n"
+      "x and y, and along z. seed: of where the points lie.");
 }
 
 }  // namespace

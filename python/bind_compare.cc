@@ -18,8 +18,8 @@ using correlate::Comparison;
 correlate::SpectralWindow WindowNamed(const std::string& name) {
   using W = correlate::SpectralWindow;
   static const std::vector<std::pair<std::string, W>> kAll = {
-      {"hann", W::kHann},       {"rectangular", W::kRectangular},
-      {"hamming", W::kHamming}, {"blackman", W::kBlackman},
+      {"hann", W::kHann},        {"rectangular", W::kRectangular},
+      {"hamming", W::kHamming},  {"blackman", W::kBlackman},
       {"flat-top", W::kFlatTop}, {"blackman-harris", W::kBlackmanHarris}};
   std::string known;
   for (const auto& [text, window] : kAll) {
@@ -76,22 +76,11 @@ std::shared_ptr<Comparison> Compare(const py::object& record, const py::object& 
 py::list ModeTable(const correlate::ModalFit& fit) {
   py::list rows;
   for (const correlate::Mode& mode : fit.decay.modes) {
-    rows.append(py::dict(py::arg("frequency") = mode.frequency,
-                         py::arg("frequency_sigma") = mode.frequency_sigma,
-                         py::arg("damping") = mode.damping,
-                         py::arg("damping_sigma") = mode.damping_sigma));
+    rows.append(py::dict(
+        py::arg("frequency") = mode.frequency, py::arg("frequency_sigma") = mode.frequency_sigma,
+        py::arg("damping") = mode.damping, py::arg("damping_sigma") = mode.damping_sigma));
   }
   return rows;
-}
-
-// Parts of a Comparison, which they keep alive.
-template <class Part>
-py::list PartsOf(const py::object& self, const std::vector<Part>& parts) {
-  py::list list;
-  for (const Part& part : parts) {
-    list.append(py::cast(&part, py::return_value_policy::reference_internal, self));
-  }
-  return list;
 }
 
 template <class Owner>
@@ -118,15 +107,19 @@ void BindParts(py::module_& m) {
       });
   py::class_<correlate::ComparedScore>(m, "Score", "How alike two histories are.")
       .def_readonly("name", &correlate::ComparedScore::name)
-      .def_readonly("unit", &correlate::ComparedScore::unit)
-      .def_property_readonly("nrmse",
-                             [](const correlate::ComparedScore& s) { return s.score.nrmse; })
-      .def_property_readonly("r2", [](const correlate::ComparedScore& s) { return s.score.r2; })
+      .def_property_readonly("unit", [](const correlate::ComparedScore& s) { return s.Unit(); })
       .def_property_readonly(
-          "sprague_geers",
-          [](const correlate::ComparedScore& s) { return s.score.sprague_geers; })
-      .def_property_readonly("russell",
-                             [](const correlate::ComparedScore& s) { return s.score.russell; })
+          "nrmse", [](const correlate::ComparedScore& s) { return s.score.nrmse; },
+          "RMS error over the range of the test [-].")
+      .def_property_readonly(
+          "r2", [](const correlate::ComparedScore& s) { return s.score.r2; },
+          "Share of the test's variance that is explained [-].")
+      .def_property_readonly(
+          "sprague_geers", [](const correlate::ComparedScore& s) { return s.score.sprague_geers; },
+          "Combined error of Sprague and Geers, 0 for equal histories [-].")
+      .def_property_readonly(
+          "russell", [](const correlate::ComparedScore& s) { return s.score.russell; },
+          "Russell's comprehensive error: to 0.15 excellent, to 0.28 acceptable [-].")
       .def_property_readonly(
           "rating",
           [](const correlate::ComparedScore& s) -> std::optional<double> {
@@ -138,14 +131,14 @@ void BindParts(py::module_& m) {
       });
   py::class_<ComparedSignal>(m, "Signal", "One scalar in time, of both records.")
       .def_readonly("name", &ComparedSignal::name)
-      .def_readonly("unit", &ComparedSignal::unit)
+      .def_property_readonly("unit", [](const ComparedSignal& s) { return s.id.Unit(); })
       .def_property_readonly("t", ViewOf(&ComparedSignal::t), "(n,) on the record's clock [s].")
       .def_property_readonly("measured", ViewOf(&ComparedSignal::measured), "(n,) the record's.")
       .def_property_readonly("sigma", ViewOf(&ComparedSignal::sigma),
                              "(n,) standard deviation; may be empty.")
       .def_property_readonly("reference", ViewOf(&ComparedSignal::reference), "(n,)")
       .def("__repr__", [](const ComparedSignal& s) {
-        return fmt::format("<unfurl.Signal '{}' [{}]: {}>", s.name, s.unit,
+        return fmt::format("<unfurl.Signal '{}' [{}]: {}>", s.name, s.id.Unit(),
                            Plural(s.t.size(), "sample"));
       });
   py::class_<correlate::Spectrum>(m, "Spectrum", "A single-sided amplitude spectrum.")
@@ -197,12 +190,10 @@ void BindCompare(py::module_& m) {
           "r2", [](const Comparison& c) { return c.alignment.r2; },
           "Share of the marks' motion that the reference explains.")
       .def_property_readonly(
-          "errors",
-          [](py::object self) { return PartsOf(self, self.cast<Comparison&>().errors); },
+          "errors", [](py::object self) { return PartsOf(self, self.cast<Comparison&>().errors); },
           "List of MarkError: per mark, then all.")
       .def_property_readonly(
-          "scores",
-          [](py::object self) { return PartsOf(self, self.cast<Comparison&>().scores); },
+          "scores", [](py::object self) { return PartsOf(self, self.cast<Comparison&>().scores); },
           "List of Score: angles, marks, then all.")
       .def_property_readonly(
           "signals",
@@ -224,15 +215,16 @@ void BindCompare(py::module_& m) {
         return fmt::format("<unfurl.Comparison: {}, {}{}>", correlate::Name(c.alignment.status),
                            Plural(c.marks.size(), "mark"), error);
       });
-  m.def("compare", &Compare, py::arg("record"), py::arg("reference"), py::kw_only(),
-        py::arg("marks") = std::vector<std::string>{}, py::arg("start") = py::none(),
-        py::arg("end") = py::none(), py::arg("window") = "hann", py::arg("clock_drift") = false,
-        "Two of runs and tracks (or paths) side by side: aligned, then errors, scores, spectra and\n"
-        "modes.\n\n"
-        "marks: those to compare; none: all in common. start, end: of spectra and modes on the\n"
-        "record's clock [s]; none: from the last latch, to the end. window: of the spectra.\n"
-        "clock_drift: the record's clock may run at another rate. Two that share no motion are a\n"
-        "result: see usable and message.");
+  m.def(
+      "compare", &Compare, py::arg("record"), py::arg("reference"), py::kw_only(),
+      py::arg("marks") = std::vector<std::string>{}, py::arg("start") = py::none(),
+      py::arg("end") = py::none(), py::arg("window") = "hann", py::arg("clock_drift") = false,
+      "Two of runs and tracks (or paths) side by side: aligned, then errors, scores, spectra and\n"
+      "modes.\n\n"
+      "marks: those to compare; none: all in common. start, end: of spectra and modes on the\n"
+      "record's clock [s]; none: from the last latch, to the end. window: of the spectra.\n"
+      "clock_drift: the record's clock may run at another rate. Two that share no motion are a\n"
+      "result: see usable and message.");
 }
 
 }  // namespace unfurl::python

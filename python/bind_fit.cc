@@ -9,6 +9,7 @@
 #include "correlate/observations.h"
 #include "correlate/sampled_model.h"
 #include "data/fit.h"
+#include "data/formats.h"
 #include "data/study.h"
 #include "data/tracks.h"
 #include "python/bindings.h"
@@ -54,8 +55,7 @@ correlate::MarkMotion MotionFrom(const py::handle& given, const std::vector<doub
   for (Eigen::Index i = 0; i < n && n > 1; ++i) {
     const correlate::LocalCubic cubic = correlate::CubicAt(t, t[static_cast<std::size_t>(i)]);
     for (int k = 0; k < cubic.count; ++k) {
-      motion.v.col(i) +=
-          cubic.slope[k] * motion.p.col(static_cast<Eigen::Index>(cubic.first) + k);
+      motion.v.col(i) += cubic.slope[k] * motion.p.col(static_cast<Eigen::Index>(cubic.first) + k);
     }
   }
   return motion;
@@ -112,8 +112,8 @@ class PythonModel : public correlate::Model {
   CallbackError& errors_;
 };
 
-std::function<void(const correlate::FitProgress&)> ProgressOf(const py::object& progress,
-                                                              CallbackError* errors) {
+std::function<void(const correlate::FitProgress&)> FitProgressOf(const py::object& progress,
+                                                                 CallbackError* errors) {
   const auto callable = Shared(progress);
   return [callable, errors](const correlate::FitProgress& at) {
     ThrowIfInterrupted();
@@ -138,10 +138,10 @@ struct ModelFitOptions {
 };
 
 Fit FitModel(const py::object& model, const py::object& tracks_or_path,
-             const std::vector<correlate::Parameter>& parameters,
-             const ModelFitOptions& what, const correlate::FitOptions& options,
-             CallbackError* errors) {
-  const auto tracks = RecordFrom<Tracks>(tracks_or_path, &data::ReadTracks);
+             const std::vector<correlate::Parameter>& parameters, const ModelFitOptions& what,
+             const correlate::FitOptions& options, CallbackError* errors) {
+  const auto tracks = RecordFrom<Tracks>(
+      tracks_or_path, "Tracks", [](const std::string& path) { return data::ReadTracksAny(path); });
   if (tracks->data.smoothed) {
     throw Error("these tracks are smoothed: their errors are no longer independent", "tracks",
                 "fit to the tracks as reconstructed");
@@ -191,14 +191,15 @@ Fit FitFunction(const py::object& model, const py::object& tracks,
   options.profile.wanted = !profile_levels.empty();
   options.profile.levels = profile_levels;
   options.workers = workers;
-  options.progress = ProgressOf(progress, &errors);
+  options.progress = FitProgressOf(progress, &errors);
   return FitModel(model, tracks, parameters, {marks, window, finer, finer_factor, name}, options,
                   &errors);
 }
 
 data::Study StudyFrom(const py::object& study_or_path, const py::object& set) {
   if (!py::isinstance<data::Study>(study_or_path)) {
-    return data::ReadStudy(study_or_path.cast<fs::path>().string(), OverridesFrom(set));
+    return data::ReadStudy(PathFrom(study_or_path, "a Study or a path").string(),
+                           OverridesFrom(set));
   }
   if (!set.is_none()) {
     throw Error("keys are set where a study is read", "set", "use read_study(path, set=..)");
@@ -218,7 +219,7 @@ Fit FitStudy(const py::object& study_or_path, const py::object& set,
   options.workers = workers;
   options.compare = compare;
   options.provenance = ProvenanceOf({});
-  options.progress = ProgressOf(progress, &errors);
+  options.progress = FitProgressOf(progress, &errors);
   return LongWithCallbacks(errors, [&] {
     study::StudyFit fitted = study::Fit(study, options);
     Fit fit{std::move(fitted.record), {}, nullptr};
@@ -239,9 +240,7 @@ const FitParameter& ParameterOf(const Fit& fit, const std::string& name) {
   throw py::key_error(name);
 }
 
-std::optional<double> Known(double x) {
-  return std::isfinite(x) ? std::optional(x) : std::nullopt;
-}
+std::optional<double> Known(double x) { return std::isfinite(x) ? std::optional(x) : std::nullopt; }
 
 void BindParameters(py::module_& m) {
   using correlate::Parameter;
@@ -258,14 +257,15 @@ void BindParameters(py::module_& m) {
              return p;
            }),
            py::arg("name"), py::arg("start"), py::arg("low") = -INFINITY,
-           py::arg("high") = INFINITY, py::kw_only(), py::arg("unit") = "1",
-           py::arg("log") = false, py::arg("prior") = py::none(),
-           "start, low, high: in its unit. log: the solver moves the logarithm. prior: (mean, sigma)\n"
+           py::arg("high") = INFINITY, py::kw_only(), py::arg("unit") = "1", py::arg("log") = false,
+           py::arg("prior") = py::none(),
+           "start, low, high: in its unit. log: the solver moves the logarithm. prior: (mean, "
+           "sigma)\n"
            "of what is known beforehand.")
       .def_readonly("name", &Parameter::name)
-      .def_readonly("start", &Parameter::start)
-      .def_readonly("low", &Parameter::low)
-      .def_readonly("high", &Parameter::high)
+      .def_readonly("start", &Parameter::start, "Where the search begins [its unit].")
+      .def_readonly("low", &Parameter::low, "Bound; -inf: none [its unit].")
+      .def_readonly("high", &Parameter::high, "Bound; inf: none [its unit].")
       .def_readonly("unit", &Parameter::unit)
       .def("__repr__", [](const Parameter& p) {
         return fmt::format("<unfurl.Parameter '{}': {:g} in [{:g}, {:g}] {}>", p.name, p.start,
@@ -276,8 +276,10 @@ void BindParameters(py::module_& m) {
       .def_readonly("unit", &FitParameter::unit)
       .def_readonly("value", &FitParameter::value, "In its unit.")
       .def_readonly("sigma", &FitParameter::sigma, "Standard error, all parts together.")
-      .def_readonly("sigma_data", &FitParameter::sigma_data, "Of it, from the samples.")
-      .def_readonly("sigma_model", &FitParameter::sigma_model, "Of it, from the model's own error.")
+      .def_readonly("sigma_data", &FitParameter::sigma_data,
+                    "Of sigma, from the samples [its unit].")
+      .def_readonly("sigma_model", &FitParameter::sigma_model,
+                    "Of sigma, from the model's own error [its unit].")
       .def_property_readonly(
           "interval",
           [](const FitParameter& p) { return std::pair(Known(p.low95), Known(p.high95)); },
@@ -295,26 +297,27 @@ void BindParameters(py::module_& m) {
       .def_readonly("evaluations", &correlate::FitProgress::evaluations)
       .def_readonly("expected", &correlate::FitProgress::expected, "As far as can be told now.")
       .def_readonly("best_cost", &correlate::FitProgress::best_cost,
-                    "Half the sum of squares; 0: not known yet.")
+                    "Half the sum of squares of whitened residuals; 0: not known yet [-].")
       .def_readonly("best", &correlate::FitProgress::best_theta, "The parameters there.");
 }
 
 void BindResult(py::module_& m) {
   const auto points = [](Eigen::Matrix3Xd data::FitRecord::*member) {
-    return [member](py::object self) { return PointsView<3>(self.cast<Fit&>().data.*member, self); };
+    return
+        [member](py::object self) { return PointsView<3>(self.cast<Fit&>().data.*member, self); };
   };
   py::class_<Fit, std::shared_ptr<Fit>>(
       m, "Fit",
       "Parameters of a model from a trial, what they are worth, and n samples at the estimate.\n\n"
       "fit['clearance'] is a FitParameter. Samples are in the model's frame.")
-      .def_property_readonly("status", [](const Fit& f) { return f.data.status; },
-                             "'converged', or how it ended.")
+      .def_property_readonly(
+          "status", [](const Fit& f) { return f.data.status; }, "'converged', or how it ended.")
       .def_property_readonly("message", [](const Fit& f) { return f.data.message; })
       .def_property_readonly(
           "usable", [](const Fit& f) { return f.data.status == "converged"; },
           "Whether it converged; each parameter has a verdict of its own.")
-      .def_property_readonly("verdict", [](const Fit& f) { return f.data.verdict; },
-                             "Of the whole, in words.")
+      .def_property_readonly(
+          "verdict", [](const Fit& f) { return f.data.verdict; }, "Of the whole, in words.")
       .def_property_readonly("reasons", [](const Fit& f) { return f.data.reasons; })
       .def_property_readonly(
           "parameters",
@@ -326,7 +329,8 @@ void BindResult(py::module_& m) {
             return list;
           },
           "List of FitParameter.")
-      .def("__getitem__", &ParameterOf, py::arg("name"), py::return_value_policy::reference_internal)
+      .def("__getitem__", &ParameterOf, py::arg("name"),
+           py::return_value_policy::reference_internal)
       .def("__len__", [](const Fit& f) { return f.data.parameters.size(); })
       .def_property_readonly(
           "covariance",
@@ -359,6 +363,9 @@ void BindResult(py::module_& m) {
           },
           py::arg("path"), "Writes it as HDF5.")
       .def("__repr__", [](const Fit& f) {
+        if (f.data.status != "converged") {
+          return fmt::format("<unfurl.Fit: {}: {}>", f.data.status, f.data.message);
+        }
         std::string values;
         for (const FitParameter& p : f.data.parameters) {
           values += fmt::format(", {} = {:.6g} +- {:.2g}", p.name, p.value, p.sigma);
@@ -393,20 +400,22 @@ void BindStudy(py::module_& m) {
       },
       py::arg("path"), py::kw_only(), py::arg("set") = py::none(),
       "A study (TOML). set: other values for some of its keys.");
-  m.def("fit_study", &FitStudy, py::arg("study"), py::kw_only(), py::arg("set") = py::none(),
-        py::arg("tracks") = py::none(), py::arg("output") = py::none(), py::arg("resume") = false,
-        py::arg("workers") = 0, py::arg("compare") = false, py::arg("progress") = py::none(),
-        "The parameters of a study (a Study or a path), from its trials.\n\n"
-        "tracks: a file of tracks in place of the study's. output: also write the fit (HDF5); an\n"
-        "interrupted fit leaves OUTPUT.partial, which resume=True takes over. workers: simulations\n"
-        "at a time, 0 for one per core; changes no result. compare: also compare trial and model at\n"
-        "the estimate. progress(FitProgress) is called now and then, from any thread.");
+  m.def(
+      "fit_study", &FitStudy, py::arg("study"), py::kw_only(), py::arg("set") = py::none(),
+      py::arg("tracks") = py::none(), py::arg("output") = py::none(), py::arg("resume") = false,
+      py::arg("workers") = 0, py::arg("compare") = false, py::arg("progress") = py::none(),
+      "The parameters of a study (a Study or a path), from its trials.\n\n"
+      "tracks: a file of tracks in place of the study's. output: also write the fit (HDF5); an\n"
+      "interrupted fit leaves OUTPUT.partial, which resume=True takes over. workers: simulations\n"
+      "at a time, 0 for one per core; changes no result. compare: also compare trial and model at\n"
+      "the estimate. progress(FitProgress) is called now and then, from any thread.");
 }
 
 }  // namespace
 
 py::object LoadFit(const fs::path& path) {
-  return py::cast(std::make_shared<Fit>(Fit{data::ReadFit(path.string()), {SourceOf(path)}, nullptr}));
+  return py::cast(
+      std::make_shared<Fit>(Fit{data::ReadFit(path.string()), {SourceOf(path)}, nullptr}));
 }
 
 py::object LoadStudy(const fs::path& path) {
@@ -422,23 +431,24 @@ void BindFit(py::module_& m) {
   BindParameters(m);
   BindResult(m);
   BindStudy(m);
-  m.def("fit", &FitFunction, py::arg("model"), py::arg("tracks"), py::arg("parameters"),
-        py::kw_only(), py::arg("marks") = std::vector<std::string>{},
-        py::arg("window") = py::none(), py::arg("finer") = py::none(),
-        py::arg("finer_factor") = 1.0, py::arg("stages") = std::vector<double>{},
-        py::arg("screened") = 0, py::arg("starts") = 1, py::arg("seed") = 1,
-        py::arg("whiten") = true, py::arg("profile_levels") = std::vector<double>{1.0, 2.0},
-        py::arg("workers") = 1, py::arg("progress") = py::none(), py::arg("name") = "fit",
-        "The parameters of any model, a Python function, from Tracks (or their path).\n\n"
-        "model(parameters, times): parameters is {name: value}, times {mark: (n,) seconds on the\n"
-        "model's own clock}; it returns {mark: positions (n, 2) or (n, 3) [m]}, in a frame of its\n"
-        "own, or {mark: (positions, velocities [m/s])}. Time and frame are aligned by the fit, so\n"
-        "times may lie a little before 0. It raises unfurl.ModelFailed where it cannot be\n"
-        "evaluated; any other exception ends the fit. finer: the same with less error of its own,\n"
-        "which (finer - model) times finer_factor estimates. marks, window: what to use of the\n"
-        "tracks [s]. stages: ends of a growing horizon [s]. screened, starts, seed: of several\n"
-        "starts. profile_levels: where each parameter is held, in standard errors; []: no profiles.\n"
-        "workers: evaluations at a time; more than 1 serves models that release the lock.");
+  m.def(
+      "fit", &FitFunction, py::arg("model"), py::arg("tracks"), py::arg("parameters"),
+      py::kw_only(), py::arg("marks") = std::vector<std::string>{}, py::arg("window") = py::none(),
+      py::arg("finer") = py::none(), py::arg("finer_factor") = 1.0,
+      py::arg("stages") = std::vector<double>{}, py::arg("screened") = 0, py::arg("starts") = 1,
+      py::arg("seed") = 1, py::arg("whiten") = true,
+      py::arg("profile_levels") = std::vector<double>{1.0, 2.0}, py::arg("workers") = 1,
+      py::arg("progress") = py::none(), py::arg("name") = "fit",
+      "The parameters of any model, a Python function, from Tracks (or their path).\n\n"
+      "model(parameters, times): parameters is {name: value}, times {mark: (n,) seconds on the\n"
+      "model's own clock}; it returns {mark: positions (n, 2) or (n, 3) [m]}, in a frame of its\n"
+      "own, or {mark: (positions, velocities [m/s])}. Time and frame are aligned by the fit, so\n"
+      "times may lie a little before 0. It raises unfurl.ModelFailed where it cannot be\n"
+      "evaluated; any other exception ends the fit. finer: the same with less error of its own,\n"
+      "which (finer - model) times finer_factor estimates. marks, window: what to use of the\n"
+      "tracks [s]. stages: ends of a growing horizon [s]. screened, starts, seed: of several\n"
+      "starts. profile_levels: where each parameter is held, in standard errors; []: no profiles.\n"
+      "workers: evaluations at a time; more than 1 serves models that release the lock.");
 }
 
 }  // namespace unfurl::python

@@ -3,6 +3,7 @@
 #include "base/error.h"
 #include "data/csv.h"
 #include "data/fit.h"
+#include "data/formats.h"
 #include "data/h5.h"
 #include "data/lab.h"
 #include "data/modes.h"
@@ -11,9 +12,7 @@
 #include "data/scene.h"
 #include "data/study.h"
 #include "data/survey.h"
-#include "data/toml.h"
 #include "data/tracks.h"
-#include "data/tracks_exchange.h"
 #include "data/trial.h"
 #include "python/bindings.h"
 
@@ -38,7 +37,7 @@ py::object LoadH5(const fs::path& path) {
   if (schema == data::kRigSchema) return Loaded<data::Rig>(path, &data::ReadRig);
   if (schema == data::kSurveySchema) return Loaded<data::Survey>(path, &data::ReadSurvey);
   if (schema == data::kFitSchema) return LoadFit(path);
-  if (schema == "unfurl/modes") return LoadModes(path);
+  if (schema == data::kModesSchema) return LoadModes(path);
   if (schema == data::kTrialSchema) {
     return py::cast(std::make_shared<data::TrialReader>(path.string()));
   }
@@ -47,32 +46,40 @@ py::object LoadH5(const fs::path& path) {
 }
 
 py::object LoadToml(const fs::path& path) {
-  const data::TomlTable table = data::LoadToml(path.string());
-  if (table.Has("study") || table.Has("parameter")) return LoadStudy(path);
-  if (table.Has("camera")) {
-    return py::cast(std::make_shared<data::Lab>(data::ReadLab(path.string())));
+  const std::string kind = data::KindOf(path.string());
+  if (kind == "study") return LoadStudy(path);
+  if (kind == "lab") return py::cast(std::make_shared<data::Lab>(data::ReadLab(path.string())));
+  if (kind == "raw lines") {
+    throw Error("describes raw lines, which are read into a trial or a survey first", path.string(),
+                "unfurl.convert(path, 'trial.h5')");
   }
   return LoadScene(path);
 }
 
+// Tracks, a survey, or its points alone.
 py::object LoadCsv(const fs::path& path) {
-  const data::CsvTable table = data::CsvTable::Load(path.string());
-  if (table.Find("mark") >= 0) return Loaded<data::Tracks>(path, &data::ReadTracksCsv);
-  if (table.Find("u1") >= 0) return Loaded<data::Survey>(path, &data::ReadSurvey);
-  return Loaded<data::Survey>(path, &data::ReadPointsCsv);
+  if (data::KindOf(path.string()) == data::kTracksSchema) {
+    return Loaded<data::Tracks>(path, &data::ReadTracksCsv);
+  }
+  const bool readings = data::CsvTable::Load(path.string()).Find("u1") >= 0;
+  return readings ? Loaded<data::Survey>(path, &data::ReadSurvey)
+                  : Loaded<data::Survey>(path, &data::ReadPointsCsv);
 }
 
-py::object Load(const fs::path& path, double sigma) {
-  std::string ending = path.extension().string();
-  for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  if (ending == ".toml") return LoadToml(path);
-  if (ending == ".csv") return LoadCsv(path);
-  const auto exchange = [&](auto read) {
-    return Loaded<data::Tracks>(path, [&](const std::string& p) { return read(p, sigma); });
-  };
-  if (ending == ".c3d") return exchange(&data::ReadTracksC3d);
-  if (ending == ".uff" || ending == ".unv" || ending == ".uf") {
-    return exchange(&data::ReadTracksUff);
+py::object Load(const py::object& path_like, double sigma) {
+  const fs::path path = PathFrom(path_like, "a path");
+  switch (data::FormatOf(path.string())) {
+    case data::FileFormat::kToml:
+      return LoadToml(path);
+    case data::FileFormat::kCsv:
+      return LoadCsv(path);
+    case data::FileFormat::kC3d:
+    case data::FileFormat::kUff:
+      return Loaded<data::Tracks>(
+          path, [&](const std::string& name) { return data::ReadTracksAny(name, sigma); });
+    case data::FileFormat::kHdf5:
+    case data::FileFormat::kUnknown:
+      break;
   }
   return LoadH5(path);
 }

@@ -22,28 +22,19 @@ using Survey = Recorded<data::Survey>;
 
 std::shared_ptr<data::Lab> LabFrom(const py::object& object) {
   if (py::isinstance<data::Lab>(object)) return object.cast<std::shared_ptr<data::Lab>>();
-  return std::make_shared<data::Lab>(data::ReadLab(object.cast<fs::path>().string()));
+  return std::make_shared<data::Lab>(data::ReadLab(PathFrom(object, "a Lab or a path").string()));
 }
 
 std::shared_ptr<data::TrialReader> TrialFrom(const py::object& object) {
   if (py::isinstance<data::TrialReader>(object)) {
     return object.cast<std::shared_ptr<data::TrialReader>>();
   }
-  return std::make_shared<data::TrialReader>(object.cast<fs::path>().string());
-}
-
-// Calls `progress`, if there is one, with what is done.
-std::function<void(double)> ProgressOf(const std::shared_ptr<py::object>& progress,
-                                       CallbackError* errors) {
-  return [progress, errors](double done) {
-    ThrowIfInterrupted();
-    if (progress != nullptr) errors->Call([&] { (*progress)(done); });
-  };
+  return std::make_shared<data::TrialReader>(PathFrom(object, "a Trial or a path").string());
 }
 
 py::tuple Expose(const py::object& run_or_path, const py::object& lab_or_path,
                  const fs::path& output, std::size_t workers, const py::object& progress) {
-  const auto run = RecordFrom<Run>(run_or_path, &data::ReadRun);
+  const auto run = RecordFrom<Run>(run_or_path, "a Run", &data::ReadRun);
   const auto lab = LabFrom(lab_or_path);
   const data::Provenance provenance = [&] {
     data::Provenance made = ProvenanceOf(Joined(run->sources, {SourceOf(lab->path)}));
@@ -51,12 +42,11 @@ py::tuple Expose(const py::object& run_or_path, const py::object& lab_or_path,
     return made;
   }();
   CallbackError errors;
-  const auto callable = Shared(progress);
   auto truth = LongWithCallbacks(errors, [&] {
     Tracks truth_tracks{{}, run->sources};
     data::TrialWriter writer(output.string(), measure::HeaderOf(*lab), provenance);
     const measure::ExposeOptions options{.workers = workers,
-                                         .progress = ProgressOf(callable, &errors)};
+                                         .progress = ProgressOf(progress, &errors)};
     measure::ExposeTrial(*lab, run->data, writer, options, &truth_tracks.data);
     writer.Commit();
     return truth_tracks;
@@ -66,13 +56,12 @@ py::tuple Expose(const py::object& run_or_path, const py::object& lab_or_path,
 
 Survey ExposeSurvey(const py::object& points_or_path, const py::object& lab_or_path,
                     std::size_t workers, const py::object& progress) {
-  const auto points = RecordFrom<Survey>(points_or_path, &data::ReadPointsCsv);
+  const auto points = RecordFrom<Survey>(points_or_path, "a Survey", &data::ReadPointsCsv);
   const auto lab = LabFrom(lab_or_path);
   CallbackError errors;
-  const auto callable = Shared(progress);
   return LongWithCallbacks(errors, [&] {
     const measure::ExposeOptions options{.workers = workers,
-                                         .progress = ProgressOf(callable, &errors)};
+                                         .progress = ProgressOf(progress, &errors)};
     return Survey{measure::ExposeSurvey(*lab, points->data, options),
                   Joined(points->sources, {SourceOf(lab->path)})};
   });
@@ -90,14 +79,19 @@ std::map<std::string, Eigen::Vector3d> StartsFrom(const py::object& start) {
 }
 
 Tracks Reconstruct(const py::object& trial_or_path, const py::object& rig_or_path,
-                   const py::object& start, double start_sigma, std::size_t workers) {
-  const auto trial = TrialFrom(trial_or_path);
-  const auto rig = RecordFrom<Rig>(rig_or_path, &data::ReadRig);
+                   const py::object& start, double start_sigma, double max_speed,
+                   std::size_t workers, const py::object& progress) {
   measure::ReconstructOptions options;
   options.start = StartsFrom(start);
   options.start_sigma = start_sigma;
+  options.max_speed = max_speed;
   options.workers = workers;
-  return Long([&] {
+  options.Check();
+  const auto trial = TrialFrom(trial_or_path);
+  const auto rig = RecordFrom<Rig>(rig_or_path, "a Rig", &data::ReadRig);
+  CallbackError errors;
+  options.progress = ProgressOf(progress, &errors);
+  return LongWithCallbacks(errors, [&] {
     return Tracks{measure::Reconstruct(*trial, rig->data, options),
                   Joined({SourceOf(trial->path())}, rig->sources)};
   });
@@ -106,21 +100,29 @@ Tracks Reconstruct(const py::object& trial_or_path, const py::object& rig_or_pat
 }  // namespace
 
 void BindMeasure(py::module_& m) {
-  m.def("expose", &Expose, py::arg("run"), py::arg("lab"), py::arg("output"), py::kw_only(),
-        py::arg("workers") = 0, py::arg("progress") = py::none(),
-        "The virtual experiment: what the cameras of a lab would have recorded of a run.\n\n"
-        "run, lab: records or paths. output: the trial to write (HDF5). progress: called with the\n"
-        "share that is done. Returns (Trial, Tracks): what was recorded, and where each flash truly\n"
-        "was.");
+  m.def(
+      "expose", &Expose, py::arg("run"), py::arg("lab"), py::arg("output"), py::kw_only(),
+      py::arg("workers") = 0, py::arg("progress") = py::none(),
+      "The virtual experiment: what the cameras of a lab would have recorded of a run.\n\n"
+      "run, lab: records or paths. output: the trial to write (HDF5). progress: called with the\n"
+      "share that is done. Returns (Trial, Tracks): what was recorded, and where each flash truly\n"
+      "was.");
   m.def("expose_survey", &ExposeSurvey, py::arg("points"), py::arg("lab"), py::kw_only(),
         py::arg("workers") = 0, py::arg("progress") = py::none(),
-        "A virtual survey: points (a Survey, or the path of a CSV of points) as the cameras of a lab\n"
+        "A virtual survey: points (a Survey, or the path of a CSV of points) as the cameras of a "
+        "lab\n"
         "would have seen them, with what the station states.");
-  m.def("reconstruct", &Reconstruct, py::arg("trial"), py::arg("rig"), py::kw_only(),
-        py::arg("start") = py::none(), py::arg("start_sigma") = 0.05, py::arg("workers") = 0,
-        "Marks in time from the raw lines of a trial; trial and rig are records or paths.\n\n"
-        "start: {mark: (x, y, z)} where marks that are lit together start [m], to within start_sigma\n"
-        "[m]. workers: threads, 0 for all cores; changes no result.");
+  m.def(
+      "reconstruct", &Reconstruct, py::arg("trial"), py::arg("rig"), py::kw_only(),
+      py::arg("start") = py::none(), py::arg("start_sigma") = 0.0, py::arg("max_speed") = 0.0,
+      py::arg("workers") = 0, py::arg("progress") = py::none(),
+      "Marks in time from the raw lines of a trial; trial and rig are records or paths.\n\n"
+      "start: {mark: (x, y, z)} where marks that are lit together start [m], to within "
+      "start_sigma\n"
+      "[m], 0: a hundredth of the volume. max_speed: no mark is ever faster [m/s]; 0: derived "
+      "from\n"
+      "the record. workers: threads, 0 for all cores; changes no result. progress(done) is called\n"
+      "with the share that is done.");
 }
 
 }  // namespace unfurl::python

@@ -39,8 +39,8 @@ Survey MakeSurvey(const std::vector<std::string>& id, const py::object& p, const
   }
   d.u_px = PointsFrom(u, {c}, "u").transpose();
   if (py::isinstance<py::float_>(s) || py::isinstance<py::int_>(s)) {
-    d.s_px = d.u_px.array().isNaN().select(
-        Eigen::MatrixXd::Constant(n, c, std::nan("")), s.cast<double>());
+    d.s_px = d.u_px.array().isNaN().select(Eigen::MatrixXd::Constant(n, c, std::nan("")),
+                                           s.cast<double>());
   } else {
     d.s_px = PointsFrom(s, {c}, "s").transpose();
   }
@@ -67,10 +67,12 @@ void BindSurvey(py::module_& m) {
            py::arg("cov") = py::none(),
            "A survey of your own.\n\n"
            "id: n names. p: (n, 3) in the station's frame [m]. u: (n, c) readings [px], NaN: not\n"
-           "seen. s: (n, c) or one number, their standard deviations [px]. cameras: c names. sigma:\n"
+           "seen. s: (n, c) or one number, their standard deviations [px]. cameras: c names. "
+           "sigma:\n"
            "of the station per axis [m], or cov: (n, 6) xx, xy, xz, yy, yz, zz [m^2].")
       .def("__len__", [](const Survey& self) { return self.data.size(); })
-      .def_property_readonly("id", [](const Survey& self) { return self.data.id; }, "n names.")
+      .def_property_readonly(
+          "id", [](const Survey& self) { return self.data.id; }, "n names.")
       .def_property_readonly(
           "cameras", [](const Survey& self) { return self.data.cameras; }, "c names.")
       .def_property_readonly(
@@ -100,9 +102,10 @@ void BindSurvey(py::module_& m) {
 }
 
 void BindRig(py::module_& m) {
-  py::class_<data::RigCamera>(m, "RigCamera",
-                              "What is known of one camera: u = u0 + f x + terms, with x = X / Z and\n"
-                              "y = Y / (Z + e) of a point (X, Y, Z) in the camera's frame.")
+  py::class_<data::RigCamera>(
+      m, "RigCamera",
+      "What is known of one camera: u = u0 + f x + terms, with x = X / Z and\n"
+      "y = Y / (Z + e) of a point (X, Y, Z) in the camera's frame.")
       .def_readonly("name", &data::RigCamera::name)
       .def_property_readonly(
           "R_CW",
@@ -124,7 +127,7 @@ void BindRig(py::module_& m) {
             const auto& terms = self.cast<data::RigCamera&>().terms_px;
             return View(terms.data(), {static_cast<py::ssize_t>(terms.size())}, self);
           },
-          "Coefficients of the lens' terms [px].")
+          "(10,) coefficients of the lens' terms; docs/physics-optics.md has their order [px].")
       .def_readonly("f", &data::RigCamera::f_px, "Image scale [px].")
       .def_readonly("u0", &data::RigCamera::u0_px, "Reading on the optical axis [px].")
       .def_readonly("e", &data::RigCamera::e, "Distance between the two centres [m].")
@@ -134,7 +137,8 @@ void BindRig(py::module_& m) {
       });
 
   py::class_<Rig, std::shared_ptr<Rig>>(
-      m, "Rig", "What is known of c cameras: parameters with their joint covariance, and a verdict.")
+      m, "Rig",
+      "What is known of c cameras: parameters with their joint covariance, and a verdict.")
       .def("__len__", [](const Rig& self) { return self.data.cameras.size(); })
       .def_property_readonly(
           "cameras",
@@ -149,7 +153,8 @@ void BindRig(py::module_& m) {
       .def_property_readonly(
           "covariance",
           [](py::object self) { return MatrixView(self.cast<Rig&>().data.covariance, self); },
-          "Joint covariance of all parameters, camera by camera: rotation vector (3) [rad], p_WC (3)\n"
+          "Joint covariance of all parameters, camera by camera: rotation vector (3) [rad], p_WC "
+          "(3)\n"
           "[m], f, u0 [px], e [m], terms [px]; zeros for what was held fixed.")
       .def_property_readonly(
           "volume",
@@ -199,8 +204,8 @@ py::tuple ReadLines(const data::TrialReader& trial, py::ssize_t first, py::ssize
     trial.Read(static_cast<std::size_t>(first), static_cast<std::size_t>(count), block);
   }
   const auto cameras = static_cast<py::ssize_t>(trial.header().cameras.size());
-  const auto elements = static_cast<py::ssize_t>(trial.header().line_counts()) /
-                        std::max<py::ssize_t>(cameras, 1);
+  const auto elements =
+      static_cast<py::ssize_t>(trial.header().line_counts()) / std::max<py::ssize_t>(cameras, 1);
   return py::make_tuple(View(block->t, owner), View(block->slot, owner),
                         View(block->counts.data(), {count, cameras, elements}, owner));
 }
@@ -220,7 +225,8 @@ void BindTrial(py::module_& m) {
           "line_rate", [](const data::TrialReader& self) { return self.header().line_rate; },
           "[1/s]")
       .def("lines", &ReadLines, py::arg("first"), py::arg("count"),
-           "Lines [first, first + count) as (t, lit, counts): t (count,) middle of the flash on the\n"
+           "Lines [first, first + count) as (t, lit, counts): t (count,) middle of the flash on "
+           "the\n"
            "recorder's clock [s]; lit (count,) index into self.lit; counts (count, c, elements).")
       .def("__repr__", [](const data::TrialReader& self) {
         return fmt::format("<unfurl.Trial '{}': {} of {} at {:g} /s>", self.path(),

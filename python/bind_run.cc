@@ -75,8 +75,9 @@ std::string Repr(const data::Run& run) {
   const std::string status = TextOf(run, "status");
   return fmt::format("<unfurl.Run: {}, {} of {}, {}{}>", status.empty() ? "no status" : status,
                      Plural(run.t.size(), "sample"),
-                     run.quantities.size() == 1 ? "1 quantity"
-                                                : fmt::format("{} quantities", run.quantities.size()),
+                     run.quantities.size() == 1
+                         ? "1 quantity"
+                         : fmt::format("{} quantities", run.quantities.size()),
                      run.t.empty() ? "empty" : fmt::format("to {:g} s", run.t.back()),
                      run.events.empty() ? "" : ", " + Plural(run.events.size(), "event"));
 }
@@ -98,17 +99,19 @@ void BindRun(py::module_& m) {
   py::class_<Run, std::shared_ptr<Run>>(
       m, "Run",
       "A simulated motion: n samples of every quantity, events, and what was counted.\n\n"
-      "run['tip.x'] is the column of a quantity, a read-only view of shape (n,); run.units('tip.x')\n"
+      "run['tip.x'] is the column of a quantity, a read-only view of shape (n,); "
+      "run.units('tip.x')\n"
       "its unit.")
       .def("__len__", [](const Run& self) { return self.data.quantities.size(); })
       .def("__getitem__", &Column, py::arg("name"))
       .def("__contains__",
            [](const Run& self, const std::string& name) { return self.data.Find(name) >= 0; })
-      .def("__iter__",
-           [](const Run& self) { return py::iter(py::cast(Names(self.data))); })
-      .def("keys", [](const Run& self) { return Names(self.data); }, "Names of the quantities.")
+      .def("__iter__", [](const Run& self) { return py::iter(py::cast(Names(self.data))); })
       .def(
-          "units", [](const Run& self, const std::string& name) {
+          "keys", [](const Run& self) { return Names(self.data); }, "Names of the quantities.")
+      .def(
+          "units",
+          [](const Run& self, const std::string& name) {
             return name == "t" ? std::string("s") : QuantityOf(self.data, name).units;
           },
           py::arg("name"), "Unit of a quantity; '1' for none.")
@@ -142,7 +145,8 @@ void BindRun(py::module_& m) {
           "usable", [](const Run& self) { return TextOf(self.data, "status") == "good"; },
           "Whether it ran to its end.")
       .def("write", &WriteH5, py::arg("path"),
-           "Writes samples, events and words as HDF5. The counted numbers and the beams' shapes are\n"
+           "Writes samples, events and words as HDF5. The counted numbers and the beams' shapes "
+           "are\n"
            "in the file that simulate(output=..) writes.")
       .def("__repr__", [](const Run& self) { return Repr(self.data); });
 }

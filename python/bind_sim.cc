@@ -54,7 +54,7 @@ Scene ReadScene(const fs::path& path, const py::object& set) {
 
 std::shared_ptr<Scene> SceneFrom(const py::object& object, const py::object& set) {
   if (!py::isinstance<Scene>(object)) {
-    return std::make_shared<Scene>(ReadScene(object.cast<fs::path>(), set));
+    return std::make_shared<Scene>(ReadScene(PathFrom(object, "a Scene or a path"), set));
   }
   if (!set.is_none()) {
     throw Error("keys are set where a scene is read", "set", "use read_scene(path, set=..)");
@@ -162,16 +162,16 @@ sim::RecordOptions OptionsOf(const Model& model, const SimulateArguments& argume
 Run Simulate(const py::object& scene, const py::object& set, std::optional<double> duration,
              std::optional<double> rate, std::optional<double> rtol,
              std::optional<std::string> method, std::vector<std::string> quantities,
-             std::optional<fs::path> output, const py::object& observer,
-             const py::object& on_event, const py::object& progress) {
+             std::optional<fs::path> output, const py::object& observer, const py::object& on_event,
+             const py::object& progress) {
   const Model model = ModelFrom(scene, set);
   const SimulateArguments arguments{duration, rate, rtol, method, std::move(quantities), output};
   sim::RecordOptions options = OptionsOf(model, arguments);
   PythonObserver watching(*model.model, arguments.quantities, observer, on_event, progress);
   options.observer = &watching;
   return LongWithCallbacks(watching.errors(), [&] {
-    sim::Recording recording = sim::Record(model.model, options, output.value_or("").string(),
-                                           model.scene->text);
+    sim::Recording recording =
+        sim::Record(model.model, options, output.value_or("").string(), model.scene->text);
     if (recording.status == "interrupted") throw Interrupted();
     if (!output) return Run{std::move(recording.run), model.scene->sources};
     return Run{data::ReadRun(recording.path), model.scene->sources};
@@ -186,6 +186,7 @@ Modes FindModes(const py::object& scene_or_path, const py::object& set, int coun
   options.state = sim::ModesStateOf(state);
   options.at = at;
   options.find_equilibrium = !as_is;
+  options.Check();
   return Long([&] {
     sim::SceneModes found = sim::FindModes(scene->scene, options);
     return Modes{found.record, std::move(found), scene->sources};
@@ -221,19 +222,20 @@ void BindScene(py::module_& m) {
       m, "Scene", "A planar flexible mechanism as a person wrote it; keys: docs/scene.md.")
       .def_property_readonly("name", [](const Scene& s) { return s.scene.name; })
       .def_property_readonly("path", [](const Scene& s) { return s.scene.path; })
-      .def_property_readonly("text", [](const Scene& s) { return s.text; }, "The file's text.")
-      .def_property_readonly("duration", [](const Scene& s) { return s.scene.duration; }, "[s]")
+      .def_property_readonly(
+          "text", [](const Scene& s) { return s.text; }, "The file's text.")
+      .def_property_readonly(
+          "duration", [](const Scene& s) { return s.scene.duration; }, "[s]")
       .def_property_readonly("bodies", [](const Scene& s) { return NamesOf(s.scene.bodies); })
       .def_property_readonly("beams", [](const Scene& s) { return NamesOf(s.scene.beams); })
       .def_property_readonly("joints", [](const Scene& s) { return NamesOf(s.scene.joints); })
       .def_property_readonly("marks", [](const Scene& s) { return NamesOf(s.scene.marks); })
       .def("__repr__", [](const Scene& s) {
-        return fmt::format("<unfurl.Scene '{}': {}, {}, {}, {:g} s>", s.scene.name,
-                           s.scene.bodies.size() == 1
-                               ? "1 body"
-                               : fmt::format("{} bodies", s.scene.bodies.size()),
-                           Plural(s.scene.beams.size(), "beam"),
-                           Plural(s.scene.joints.size(), "joint"), s.scene.duration);
+        return fmt::format(
+            "<unfurl.Scene '{}': {}, {}, {}, {:g} s>", s.scene.name,
+            s.scene.bodies.size() == 1 ? "1 body" : fmt::format("{} bodies", s.scene.bodies.size()),
+            Plural(s.scene.beams.size(), "beam"), Plural(s.scene.joints.size(), "joint"),
+            s.scene.duration);
       });
   m.def("read_scene", &ReadScene, py::arg("path"), py::kw_only(), py::arg("set") = py::none(),
         "A scene (TOML). set: other values for some of its keys, {'beam.beam1.segments': 8}.");
@@ -246,7 +248,8 @@ void BindScene(py::module_& m) {
 
   py::class_<Model, std::shared_ptr<Model>>(m, "Model", "A scene made ready to be simulated.")
       .def_property_readonly("name", [](const Model& s) { return s.model->name; })
-      .def_property_readonly("duration", [](const Model& s) { return s.model->duration; }, "[s]")
+      .def_property_readonly(
+          "duration", [](const Model& s) { return s.model->duration; }, "[s]")
       .def_property_readonly("joints", [](const Model& s) { return NamesOf(s.model->joints); })
       .def_property_readonly("marks", [](const Model& s) { return NamesOf(s.model->marks); })
       .def_property_readonly("warnings", [](const Model& s) { return s.model->warnings; })
@@ -264,33 +267,36 @@ void BindScene(py::module_& m) {
 void BindSimulate(py::module_& m) {
   py::class_<Sample>(m, "Sample", "One sample of a run, as an observer sees it.")
       .def_readonly("t", &Sample::t, "[s]")
-      .def("keys", [](const Sample& s) { return *s.names; }, "Names of the quantities.")
+      .def(
+          "keys", [](const Sample& s) { return *s.names; }, "Names of the quantities.")
       .def_property_readonly(
           "values", [](py::object self) { return View(self.cast<Sample&>().values, self); },
           "(q,) in the order of keys().")
       .def("__len__", [](const Sample& s) { return s.values.size(); })
-      .def("__getitem__", [](const Sample& s, const std::string& name) {
-        const auto found = std::find(s.names->begin(), s.names->end(), name);
-        if (found == s.names->end()) throw py::key_error(name);
-        return s.values[static_cast<std::size_t>(found - s.names->begin())];
-      })
+      .def("__getitem__",
+           [](const Sample& s, const std::string& name) {
+             const auto found = std::find(s.names->begin(), s.names->end(), name);
+             if (found == s.names->end()) throw py::key_error(name);
+             return s.values[static_cast<std::size_t>(found - s.names->begin())];
+           })
       .def("__repr__", [](const Sample& s) {
         return fmt::format("<unfurl.Sample: t = {:g} s, {} quantities>", s.t, s.values.size());
       });
-  m.def("simulate", &Simulate, py::arg("scene"), py::kw_only(), py::arg("set") = py::none(),
-        py::arg("duration") = py::none(), py::arg("rate") = py::none(),
-        py::arg("rtol") = py::none(), py::arg("method") = py::none(),
-        py::arg("quantities") = std::vector<std::string>{}, py::arg("output") = py::none(),
-        py::arg("observer") = py::none(), py::arg("on_event") = py::none(),
-        py::arg("progress") = py::none(),
-        "The motion of a scene (a Scene, a Model or a path), every quantity in time.\n\n"
-        "set: other values for keys of the scene, where a path is given. duration [s], rate: samples\n"
-        "per second [1/s], rtol: error allowed per step, method: 'auto', 'projected', 'partitioned'\n"
-        "or 'implicit'; each the scene's, if it is not given. quantities: what to keep, '*' and '?'\n"
-        "standing for letters. output: also write the run, beams' shapes included (HDF5).\n"
-        "observer(sample), on_event(event), progress(done) are called on the way; an exception in\n"
-        "one ends the run and is raised here.\n"
-        "A run that fails on the way is a result: see status and message.");
+  m.def(
+      "simulate", &Simulate, py::arg("scene"), py::kw_only(), py::arg("set") = py::none(),
+      py::arg("duration") = py::none(), py::arg("rate") = py::none(), py::arg("rtol") = py::none(),
+      py::arg("method") = py::none(), py::arg("quantities") = std::vector<std::string>{},
+      py::arg("output") = py::none(), py::arg("observer") = py::none(),
+      py::arg("on_event") = py::none(), py::arg("progress") = py::none(),
+      "The motion of a scene (a Scene, a Model or a path), every quantity in time.\n\n"
+      "set: other values for keys of the scene, where a path is given. duration [s], rate: "
+      "samples\n"
+      "per second [1/s], rtol: error allowed per step, method: 'auto', 'projected', 'partitioned'\n"
+      "or 'implicit'; each the scene's, if it is not given. quantities: what to keep, '*' and '?'\n"
+      "standing for letters. output: also write the run, beams' shapes included (HDF5).\n"
+      "observer(sample), on_event(event), progress(done) are called on the way; an exception in\n"
+      "one ends the run and is raised here.\n"
+      "A run that fails on the way is a result: see status and message.");
 }
 
 void BindModes(py::module_& m) {
@@ -338,8 +344,7 @@ void BindModes(py::module_& m) {
           }
           first += fmt::format("{}{:.4g}", first.empty() ? "" : ", ", mode.frequency);
         }
-        return fmt::format("<unfurl.Modes: {} at {} Hz{}>",
-                           Plural(s.record.modes.size(), "mode"),
+        return fmt::format("<unfurl.Modes: {} at {} Hz{}>", Plural(s.record.modes.size(), "mode"),
                            first.empty() ? "no" : first,
                            !s.found || s.found->usable ? "" : ", no equilibrium: not usable");
       });
@@ -347,7 +352,8 @@ void BindModes(py::module_& m) {
         py::arg("count") = 12, py::arg("state") = "auto", py::arg("at") = py::none(),
         py::arg("as_is") = false,
         "Equilibrium, natural frequencies and shapes of a scene (or a path).\n\n"
-        "state: 'drawn', 'latched' (every latch closed) or 'auto'. at: start from what a run reaches\n"
+        "state: 'drawn', 'latched' (every latch closed) or 'auto'. at: start from what a run "
+        "reaches\n"
         "at this time [s]. as_is: look for no equilibrium.");
 }
 

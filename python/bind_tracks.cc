@@ -3,8 +3,8 @@
 #include <array>
 
 #include "base/error.h"
+#include "data/formats.h"
 #include "data/tracks.h"
-#include "data/tracks_exchange.h"
 #include "measure/smooth.h"
 #include "python/bindings.h"
 
@@ -13,26 +13,8 @@ namespace {
 
 using Tracks = Recorded<data::Tracks>;
 
-std::string Lower(std::string ending) {
-  for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return ending;
-}
-
 void Write(const Tracks& tracks, const fs::path& path) {
-  const std::string ending = Lower(path.extension().string());
-  if (ending == ".h5") {
-    const data::Provenance provenance = ProvenanceOf(tracks.sources);
-    data::WriteTracks(path.string(), tracks.data, provenance);
-  } else if (ending == ".csv") {
-    data::WriteTracksCsv(path.string(), tracks.data);
-  } else if (ending == ".c3d") {
-    data::WriteTracksC3d(path.string(), tracks.data);
-  } else if (ending == ".uff" || ending == ".unv" || ending == ".uf") {
-    data::WriteTracksUff(path.string(), tracks.data);
-  } else {
-    throw Error(fmt::format("tracks cannot be written as '{}'", ending), path.string(),
-                "use .h5, .csv, .c3d or .uff");
-  }
+  data::WriteTracksAny(path.string(), tracks.data, ProvenanceOf(tracks.sources));
 }
 
 // Covariances as Python gives them: (n, 6) as stored, (n, 3) standard deviations, or one number.
@@ -80,8 +62,7 @@ Tracks MakeTracks(const std::vector<double>& t, const std::vector<std::string>& 
     if (out.data.FindMark(mark[k]) < 0) out.data.marks.push_back(mark[k]);
     out.data.mark.push_back(out.data.FindMark(mark[k]));
     const bool solved = out.data.p.col(i).allFinite() && out.data.cov.col(i).allFinite();
-    out.data.status.push_back(solved ? data::SampleStatus::kGood
-                                     : data::SampleStatus::kUnsolvable);
+    out.data.status.push_back(solved ? data::SampleStatus::kGood : data::SampleStatus::kUnsolvable);
   }
   return out;
 }
@@ -98,17 +79,16 @@ py::array_t<std::int64_t> SamplesOf(const data::Tracks& tracks, const std::strin
   const int index = tracks.FindMark(mark);
   if (index < 0) throw py::key_error(mark);
   std::vector<std::int64_t> samples;
-  for (const std::size_t i : tracks.SamplesOf(index)) samples.push_back(static_cast<std::int64_t>(i));
+  for (const std::size_t i : tracks.SamplesOf(index))
+    samples.push_back(static_cast<std::int64_t>(i));
   return Owned(std::move(samples));
 }
 
 Tracks Smooth(const Tracks& tracks, const std::vector<double>& events, double event_sigma,
               double longest_gap, double jerk) {
   return Long([&] {
-    const measure::SmoothOptions options{.events = events,
-                                         .event_sigma = event_sigma,
-                                         .longest_gap = longest_gap,
-                                         .jerk = jerk};
+    const measure::SmoothOptions options{
+        .events = events, .event_sigma = event_sigma, .longest_gap = longest_gap, .jerk = jerk};
     return Tracks{measure::Smooth(tracks.data, options), tracks.sources};
   });
 }
@@ -122,11 +102,13 @@ void BindTracks(py::module_& m) {
       "The error of sample i is random_i + shared[i] @ z: random_i has covariance cov[i] and is\n"
       "independent between samples; z ~ N(0, 1) is one draw of k numbers common to all samples,\n"
       "the calibration's. Arrays are read-only views without a copy.")
-      .def(py::init(&MakeTracks), py::arg("t"), py::arg("mark"), py::arg("p"), py::kw_only(),
-           py::arg("cov") = py::none(), py::arg("sigma") = py::none(), py::arg("frame") = "rig",
-           "Tracks of your own.\n\n"
-           "t: (n,) time stamps [s]. mark: n names. p: (n, 3), or (n, 2) in a plane [m]; NaN where\n"
-           "unsolvable. cov: (n, 6) xx, xy, xz, yy, yz, zz [m^2]; or sigma: (n, 3) or one number [m].")
+      .def(
+          py::init(&MakeTracks), py::arg("t"), py::arg("mark"), py::arg("p"), py::kw_only(),
+          py::arg("cov") = py::none(), py::arg("sigma") = py::none(), py::arg("frame") = "rig",
+          "Tracks of your own.\n\n"
+          "t: (n,) time stamps [s]. mark: n names. p: (n, 3), or (n, 2) in a plane [m]; NaN where\n"
+          "unsolvable. cov: (n, 6) xx, xy, xz, yy, yz, zz [m^2]; or sigma: (n, 3) or one number "
+          "[m].")
       .def("__len__", [](const Tracks& self) { return self.data.size(); })
       .def_property_readonly(
           "frame", [](const Tracks& self) { return self.data.frame; },
@@ -172,16 +154,17 @@ void BindTracks(py::module_& m) {
           "usable", [](const Tracks& self) { return UsableOf(self.data); },
           "(n,) bool: the sample has a position.")
       .def(
-          "samples", [](const Tracks& self, const std::string& mark) {
-            return SamplesOf(self.data, mark);
-          },
+          "samples",
+          [](const Tracks& self, const std::string& mark) { return SamplesOf(self.data, mark); },
           py::arg("mark"), "Indices of the usable samples of a mark, in order of time.")
-      .def("smooth", &Smooth, py::arg("events") = std::vector<double>{}, py::kw_only(),
-           py::arg("event_sigma") = 0.0, py::arg("longest_gap") = 0.1, py::arg("jerk") = 0.0,
-           "Smoothed tracks (Rauch, Tung and Striebel), for looking at and not for fitting.\n\n"
-           "events: times at which something kicks the marks [s]. event_sigma: how well they are\n"
-           "known [s]. longest_gap: a longer pause starts a new stretch [s]. jerk: spectral density\n"
-           "of the white jerk [m^2/s^5]; 0: by maximum likelihood.")
+      .def(
+          "smooth", &Smooth, py::arg("events") = std::vector<double>{}, py::kw_only(),
+          py::arg("event_sigma") = 0.0, py::arg("longest_gap") = 0.0, py::arg("jerk") = 0.0,
+          "Smoothed tracks (Rauch, Tung and Striebel), for looking at and not for fitting.\n\n"
+          "events: times at which something kicks the marks [s]. event_sigma: how well they are\n"
+          "known [s]. longest_gap: a longer pause starts a new stretch [s]; 0: twenty median\n"
+          "intervals of a mark. jerk: spectral density of the white jerk [m^2/s^5]; 0: by maximum\n"
+          "likelihood.")
       .def("write", &Write, py::arg("path"),
            "Writes them; the ending tells the format: .h5, .csv, .c3d or .uff.")
       .def("__repr__", [](const Tracks& self) {

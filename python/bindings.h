@@ -46,7 +46,7 @@ py::object LoadFit(const fs::path& path);
 /// A file that a record was read from, as it was then.
 struct Source {
   std::string path;
-  std::int64_t size = 0;   // [byte]
+  std::int64_t size = 0;  // [byte]
   fs::file_time_type time;
 };
 Source SourceOf(const fs::path& path);
@@ -67,9 +67,9 @@ data::Provenance ProvenanceOf(const std::vector<Source>& sources);
 template <class T>
 py::array_t<T> View(const T* values, std::vector<py::ssize_t> shape, py::handle owner,
                     std::vector<py::ssize_t> strides = {}) {
-  py::array_t<T> array = strides.empty() ? py::array_t<T>(std::move(shape), values, owner)
-                                         : py::array_t<T>(std::move(shape), std::move(strides),
-                                                          values, owner);
+  py::array_t<T> array = strides.empty()
+                             ? py::array_t<T>(std::move(shape), values, owner)
+                             : py::array_t<T>(std::move(shape), std::move(strides), values, owner);
   array.attr("flags").attr("writeable") = false;
   return array;
 }
@@ -160,18 +160,43 @@ auto LongWithCallbacks(CallbackError& errors, Work&& work) {
 /// A Python callable that C++ may copy and drop without the lock; `none` gives an empty pointer.
 std::shared_ptr<py::object> Shared(const py::object& callable);
 
+/// For the options of long calls: heeds Ctrl-C, and calls `progress`, unless it is None, with the
+/// share that is done.
+std::function<void(double)> ProgressOf(const py::object& progress, CallbackError* errors);
+
 /// {"joint.j.spring.stiffness": 3.0} or ["key=value"] as the overrides of the TOML readers.
 std::vector<std::string> OverridesFrom(const py::object& set);
 
+/// A path as Python has them: str, bytes or anything with __fspath__. Throws TypeError that names
+/// what is `wanted` ("a Rig or a path").
+fs::path PathFrom(const py::object& object, const std::string& wanted);
+
 /// A record as it is, or read from the path that was given in its place.
 template <class T, class Read>
-std::shared_ptr<T> RecordFrom(const py::object& object, const Read& read) {
+std::shared_ptr<T> RecordFrom(const py::object& object, const std::string& wanted,
+                              const Read& read) {
   if (py::isinstance<T>(object)) return object.cast<std::shared_ptr<T>>();
-  const fs::path path = object.cast<fs::path>();
+  const fs::path path = PathFrom(object, wanted + " or a path");
   const Source source = SourceOf(path);
   const py::gil_scoped_release released;
   return std::make_shared<T>(T{read(path.string()), {source}});
 }
+
+/// Parts of a record as a list; each keeps the record alive.
+template <class Part>
+py::list PartsOf(const py::object& self, const std::vector<Part>& parts) {
+  py::list list;
+  for (const Part& part : parts) {
+    list.append(py::cast(&part, py::return_value_policy::reference_internal, self));
+  }
+  return list;
+}
+
+/// The corners of a box, (3,) each.
+py::tuple CornersOf(const Eigen::Vector3d& low, const Eigen::Vector3d& high);
+
+/// Text of a file name: bytes that are no UTF-8 become what os.fsdecode makes of them.
+py::str FileText(const std::string& text);
 
 std::vector<Source> Joined(std::vector<Source> a, const std::vector<Source>& b);
 

@@ -13,10 +13,10 @@ void Translate(std::exception_ptr thrown) {
     if (thrown) std::rethrow_exception(thrown);
   } catch (const Error& error) {
     PyObject* type = error.kind() == ErrorKind::kMachine ? g_machine_error : g_error;
-    const py::object raised = py::reinterpret_borrow<py::object>(type)(error.what());
-    raised.attr("what") = error.problem();
-    raised.attr("where") = error.where();
-    raised.attr("remedy") = error.remedy();
+    const py::object raised = py::reinterpret_borrow<py::object>(type)(FileText(error.what()));
+    raised.attr("what") = FileText(error.problem());
+    raised.attr("where") = FileText(error.where());
+    raised.attr("remedy") = FileText(error.remedy());
     PyErr_SetObject(type, raised.ptr());
   } catch (const Interrupted&) {
     PyErr_SetNone(PyExc_KeyboardInterrupt);
@@ -42,8 +42,8 @@ void BindErrors(py::module_& m) {
                       "what: the problem. where: file:line:key, as far as known.\n"
                       "remedy: what to do about it. str() is the whole in one line.",
                       PyExc_ValueError);
-  g_machine_error = MakeError(m, "MachineError",
-                              "The machine refused: disk full, no permission.", g_error);
+  g_machine_error =
+      MakeError(m, "MachineError", "The machine refused: disk full, no permission.", g_error);
   py::register_exception_translator(&Translate);
 }
 

@@ -127,8 +127,7 @@ data::Provenance ProvenanceOf(const std::vector<Source>& sources) {
 
 py::array_t<double> MatrixView(const Eigen::MatrixXd& matrix, py::handle owner) {
   constexpr py::ssize_t kSize = sizeof(double);
-  return View(matrix.data(), {matrix.rows(), matrix.cols()}, owner,
-              {kSize, kSize * matrix.rows()});
+  return View(matrix.data(), {matrix.rows(), matrix.cols()}, owner, {kSize, kSize * matrix.rows()});
 }
 
 Eigen::MatrixXd PointsFrom(const py::handle& array, const std::vector<py::ssize_t>& columns,
@@ -138,14 +137,42 @@ Eigen::MatrixXd PointsFrom(const py::handle& array, const std::vector<py::ssize_
     PyErr_Clear();
     throw py::value_error(what + ": expected numbers");
   }
-  const bool fits = points.ndim() == 2 && std::find(columns.begin(), columns.end(),
-                                                    points.shape(1)) != columns.end();
+  const bool fits = points.ndim() == 2 &&
+                    std::find(columns.begin(), columns.end(), points.shape(1)) != columns.end();
   if (!fits) {
-    throw py::value_error(fmt::format("{}: expected shape (n, {}), got {}", what,
-                                      fmt::join(columns, " or "),
-                                      py::str(py::object(points.attr("shape"))).cast<std::string>()));
+    throw py::value_error(
+        fmt::format("{}: expected shape (n, {}), got {}", what, fmt::join(columns, " or "),
+                    py::str(py::object(points.attr("shape"))).cast<std::string>()));
   }
   return Eigen::Map<const Eigen::MatrixXd>(points.data(), points.shape(1), points.shape(0));
+}
+
+std::function<void(double)> ProgressOf(const py::object& progress, CallbackError* errors) {
+  const auto callable = Shared(progress);
+  return [callable, errors](double done) {
+    ThrowIfInterrupted();
+    if (callable != nullptr) errors->Call([&] { (*callable)(done); });
+  };
+}
+
+fs::path PathFrom(const py::object& object, const std::string& wanted) {
+  try {
+    return object.cast<fs::path>();
+  } catch (const py::cast_error&) {
+    throw py::type_error(
+        fmt::format("expected {}, got {}", wanted,
+                    py::str(py::type::of(object).attr("__name__")).cast<std::string>()));
+  }
+}
+
+py::tuple CornersOf(const Eigen::Vector3d& low, const Eigen::Vector3d& high) {
+  return py::make_tuple(Owned(std::vector<double>(low.data(), low.data() + 3)),
+                        Owned(std::vector<double>(high.data(), high.data() + 3)));
+}
+
+py::str FileText(const std::string& text) {
+  return py::reinterpret_steal<py::str>(
+      PyUnicode_DecodeFSDefaultAndSize(text.data(), static_cast<Py_ssize_t>(text.size())));
 }
 
 std::vector<std::string> OverridesFrom(const py::object& set) {

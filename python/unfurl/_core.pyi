@@ -4,10 +4,11 @@ from typing import Any, Callable, Iterator, Mapping, Optional, Sequence, Union
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-_Path = Union[str, PathLike[str]]
+_Path = Union[str, bytes, PathLike[str], PathLike[bytes]]
 _Floats = NDArray[np.float64]
 _Ints = NDArray[np.int32]
 _Set = Optional[Union[Mapping[str, object], Sequence[str]]]
+_Progress = Optional[Callable[[float], object]]
 _Positions = Union[ArrayLike, tuple[ArrayLike, ArrayLike]]
 _ModelFunction = Callable[[dict[str, float], dict[str, _Floats]], Mapping[str, _Positions]]
 
@@ -61,7 +62,7 @@ class Tracks:
         events: Sequence[float] = ...,
         *,
         event_sigma: float = 0.0,
-        longest_gap: float = 0.1,
+        longest_gap: float = 0.0,
         jerk: float = 0.0,
     ) -> Tracks: ...
     def write(self, path: _Path) -> None: ...
@@ -261,7 +262,10 @@ class PlanCase:
     @property
     def sigma(self) -> _Floats: ...
     @property
+    def box(self) -> tuple[_Floats, _Floats]: ...
+    @property
     def found(self) -> float: ...
+    def within(self, need: float) -> float: ...
     def quantile(self, p: float) -> float: ...
 
 class Plan:
@@ -269,6 +273,14 @@ class Plan:
     def rig(self) -> Rig: ...
     @property
     def cases(self) -> list[PlanCase]: ...
+    @property
+    def verdict(self) -> str: ...
+    @property
+    def reasons(self) -> list[str]: ...
+    @property
+    def usable(self) -> bool: ...
+    @property
+    def need(self) -> float: ...
     @property
     def advice(self) -> list[str]: ...
 
@@ -531,22 +543,38 @@ class Study:
     @property
     def parameters(self) -> list[str]: ...
 
-def load(
-    path: _Path, *, sigma: float = 0.0
-) -> Any: ...
+def load(path: _Path, *, sigma: float = 0.0) -> Any: ...
 def read_lab(path: _Path, *, set: _Set = None) -> Lab: ...
 def read_scene(path: _Path, *, set: _Set = None) -> Scene: ...
 def parse_scene(text: str, name: str = "scene") -> Scene: ...
 def read_study(path: _Path, *, set: _Set = None) -> Study: ...
 def calibrate(
-    survey: Union[Survey, _Path], *, order: str = "auto", folds: int = 10, workers: int = 0
+    survey: Union[Survey, _Path],
+    *,
+    lens: str = "rectilinear",
+    order: str = "auto",
+    need: float = 0.0,
+    folds: int = 10,
+    seed: int = 1,
+    workers: int = 0,
+    progress: _Progress = None,
 ) -> Calibration: ...
-def check(rig: Union[Rig, _Path], survey: Union[Survey, _Path]) -> CheckResult: ...
+def check(
+    rig: Union[Rig, _Path],
+    survey: Union[Survey, _Path],
+    *,
+    bar: float = 0.0,
+    bar_sigma: float = 0.0,
+    need: float = 0.0,
+    doubtful: float = 0.01,
+    invalid: float = 0.0001,
+) -> CheckResult: ...
 def plan(
     lab_or_rig: Union[Lab, Rig, _Path],
     *,
     points: int = 200,
     reading_sigma: float = 0.03,
+    need: float = 0.0,
     columns: int = 12,
     layers: int = 3,
     seed: int = 1,
@@ -557,22 +585,24 @@ def expose(
     output: _Path,
     *,
     workers: int = 0,
-    progress: Optional[Callable[[float], object]] = None,
+    progress: _Progress = None,
 ) -> tuple[Trial, Tracks]: ...
 def expose_survey(
     points: Union[Survey, _Path],
     lab: Union[Lab, _Path],
     *,
     workers: int = 0,
-    progress: Optional[Callable[[float], object]] = None,
+    progress: _Progress = None,
 ) -> Survey: ...
 def reconstruct(
     trial: Union[Trial, _Path],
     rig: Union[Rig, _Path],
     *,
     start: Optional[Mapping[str, Sequence[float]]] = None,
-    start_sigma: float = 0.05,
+    start_sigma: float = 0.0,
+    max_speed: float = 0.0,
     workers: int = 0,
+    progress: _Progress = None,
 ) -> Tracks: ...
 def compile(scene: Union[Scene, Model, _Path], *, set: _Set = None) -> Model: ...
 def simulate(
@@ -587,7 +617,7 @@ def simulate(
     output: Optional[_Path] = None,
     observer: Optional[Callable[[Sample], object]] = None,
     on_event: Optional[Callable[[RunEvent], object]] = None,
-    progress: Optional[Callable[[float], object]] = None,
+    progress: _Progress = None,
 ) -> Run: ...
 def modes(
     scene: Union[Scene, _Path],

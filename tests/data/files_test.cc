@@ -68,7 +68,7 @@ TEST_F(Files, Hdf5GivesBackWhatWasWritten) {
   EXPECT_EQ(reader.ReadMatrix("/matrix")(1, 2), 6.0);
   EXPECT_EQ(reader.DoubleAttribute("/a", "depth"), 3.5);
   EXPECT_EQ(reader.StringAttribute("/", "long").size(), 200000u);
-  EXPECT_EQ(reader.Children("/"), (std::vector<std::string>{"a", "names", "matrix"}));
+  EXPECT_EQ(reader.Children("/"), (std::vector<std::string>{"a", "names", "matrix", "letters_6"}));
   EXPECT_EQ(reader.ReadProvenance().seed, 18446744073709551615ULL);
   EXPECT_EQ(reader.ReadProvenance().options.at("rtol"), "1e-6");
 }

@@ -1,10 +1,9 @@
 """Every file of ours, as strangers open it: netCDF4 and xarray, with times and names as coordinates."""
 
-import netCDF4
 import numpy as np
 import pytest
 import xarray
-from conftest import small_tracks
+from conftest import PENDULUM, SETS, read_by_strangers, small_tracks
 
 import unfurl
 
@@ -13,39 +12,66 @@ def texts(values):
     return [str(v) for v in values]
 
 
-@pytest.fixture
-def files(tmp_path, sets, pendulum):
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
     from test_fit import recorded, swing, unknowns
 
-    lab = sets / "deployment" / "lab.toml"
-    unfurl.simulate(sets / "bouncing_latch" / "scene.toml", output=tmp_path / "run.h5")
-    small_tracks().write(tmp_path / "tracks.h5")
-    unfurl.load(sets / "deployment" / "rig.h5").write(tmp_path / "rig.h5")
-    survey = unfurl.expose_survey(sets / "deployment" / "points.csv", lab)
-    survey.write(tmp_path / "survey.h5")
-    unfurl.fit(swing, recorded(), unknowns(), profile_levels=[]).write(tmp_path / "fit.h5")
-    unfurl.modes(pendulum).write(tmp_path / "modes.h5")
-    scene = sets / "deployment" / "scene_suspension_4.toml"
-    unfurl.expose(unfurl.simulate(scene, duration=0.05), lab, tmp_path / "trial.h5")
-    return tmp_path
+    folder = tmp_path_factory.mktemp("files")
+    deployment = SETS / "deployment"
+    lab = deployment / "lab.toml"
+    unfurl.simulate(SETS / "bouncing_latch" / "scene.toml", output=folder / "run.h5")
+    small_tracks().write(folder / "tracks.h5")
+    unfurl.load(deployment / "rig.h5").write(folder / "rig.h5")
+    survey = unfurl.expose_survey(deployment / "points.csv", lab)
+    survey.write(folder / "survey.h5")
+    u = np.arange(36.0).reshape(12, 3)
+    u[3, 1] = np.nan  # not seen
+    unfurl.Survey(
+        [f"P{i}" for i in range(12)],
+        np.arange(36.0).reshape(12, 3),
+        u,
+        0.05,
+        cameras=["a", "a longer one", "\u00fcber"],
+        sigma=1e-3,
+    ).write(folder / "readings.h5")
+    tracks = recorded()
+    unfurl.fit(swing, tracks, unknowns(), finer=swing).write(folder / "fit.h5")
+    one = unfurl.fit(
+        lambda p, t: swing({**p, "decay": 0.35}, t), tracks, unknowns()[:1], profile_levels=[]
+    )
+    one.write(folder / "bare_fit.h5")
+    unfurl.modes(unfurl.parse_scene(PENDULUM)).write(folder / "modes.h5")
+    scene = deployment / "scene_suspension_4.toml"
+    beams = unfurl.simulate(scene, duration=0.05, output=folder / "beams.h5")
+    trial, _ = unfurl.expose(beams, lab, folder / "trial.h5")
+    shared = unfurl.reconstruct(trial, deployment / "rig.h5")
+    assert shared.shared.shape[2] > 0
+    shared.write(folder / "shared.h5")
+    shared.smooth().write(folder / "smoothed.h5")
+    return folder
 
 
-def read_everything(group):
-    """All values of a file; netCDF4 raises for what it cannot read."""
-    count = 0
-    for variable in group.variables.values():
-        np.asarray(variable[...])
-        for name in variable.ncattrs():
-            variable.getncattr(name)
-        count += 1
-    return count + sum(read_everything(child) for child in group.groups.values())
+KINDS = {
+    "run": "run",
+    "beams": "run",
+    "tracks": "tracks",
+    "shared": "tracks",
+    "smoothed": "tracks",
+    "rig": "rig",
+    "survey": "survey",
+    "readings": "survey",
+    "fit": "fit",
+    "bare_fit": "fit",
+    "modes": "modes",
+    "trial": "trial",
+}
 
 
-@pytest.mark.parametrize("kind", ["run", "tracks", "rig", "survey", "fit", "modes", "trial"])
-def test_netcdf4_reads_everything(files, kind):
-    with netCDF4.Dataset(files / f"{kind}.h5") as data:
-        assert data.schema == f"unfurl/{kind}"
-        assert read_everything(data) > 3
+@pytest.mark.parametrize("name", KINDS)
+def test_netcdf4_and_xarray_read_everything(files, name):
+    schema, count = read_by_strangers(files / f"{name}.h5")
+    assert schema == f"unfurl/{KINDS[name]}"
+    assert count > 3
 
 
 def test_series_of_a_run_have_their_times(files):
@@ -107,13 +133,20 @@ def test_samples_of_a_fit_have_their_times(files):
         assert texts(parameters["unit"].sel(name="decay").values.reshape(1)) == ["1/s"]
 
 
+def test_shared_factor_has_times_and_axes(files):
+    tracks = unfurl.load(files / "shared.h5")
+    with xarray.open_dataset(files / "shared.h5", engine="netcdf4") as data:
+        assert data["shared"].dims[:2] == ("t", "axis")
+        np.testing.assert_allclose(data["shared"], tracks.shared, rtol=1e-6)
+
+
 def test_scales_are_those_of_the_specification(files):
     """As HDF5's own library sees them."""
     h5py = pytest.importorskip("h5py")
     with h5py.File(files / "run.h5") as file:
         column = file["series/tip.x"]
         time = file["series/t"]
-        assert column.dims[0][0] == time and time.is_scale
+        assert column.dims[0][0] == time and h5py.h5ds.is_scale(time.id)
         np.testing.assert_array_equal(time, file["t"])
         users = {file[reference].name for reference, _ in time.attrs["REFERENCE_LIST"]}
         assert "/series/tip.x" in users and len(users) == len(file["series"]) - 1

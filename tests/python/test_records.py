@@ -86,7 +86,7 @@ def test_shared_factor_is_sample_axis_direction(sets, tmp_path):
     factor = np.arange(n * 3 * k, dtype=np.float32).reshape(n, 3, k)
     with h5py.File(path, "a") as file:
         file.attrs["shared_rank"] = k
-        file.create_dataset("shared", data=factor).attrs["units"] = "m"
+        file.create_dataset("shared", data=factor).attrs["units"] = np.bytes_("m")
     again = unfurl.load(path)
     assert again.shared.shape == (n, 3, k)
     np.testing.assert_array_equal(again.shared, factor)

@@ -46,8 +46,8 @@ def test_keys_of_a_scene_are_set(sets):
     scene = sets / "double_pendulum" / "scene.toml"
     run = unfurl.simulate(scene, set={"joint.shoulder.theta": 0.25}, duration=0.01)
     assert run["shoulder.theta"][0] == pytest.approx(0.25)
-    with pytest.raises(unfurl.Error, match="shoulder"):
-        unfurl.simulate(scene, set={"joint.shuolder.theta": 0.25})
+    with pytest.raises(unfurl.Error, match="theta"):
+        unfurl.simulate(scene, set={"joint.shoulder.thet": 0.25})
 
 
 def test_in_memory_and_in_a_file_are_the_same(pendulum, tmp_path):
