@@ -38,7 +38,7 @@ int main(int, char** argv) {
   const auto report = [&](const char* name, const std::function<void()>& call) {
     fmt::print("{} {:.4f}\n", name, Milliseconds(repeats, call));
   };
-  const auto model = std::make_shared<const sim::Model>(sim::Compile(data::ReadScene(scene_path)));
+  const auto model = sim::CompileModel(data::ReadScene(scene_path));
   sim::RecordOptions options;
   options.simulate.emplace();
   const data::Run run = sim::Record(model, options).run;

@@ -25,9 +25,11 @@ struct CameraPrior {
   // Of each coefficient, what makes 1 px at the edge of the field [px].
   std::array<double, data::kLensTerms> term_unit_px{};
 
+  // Whether a term is held at zero.
   bool Fixed(int term) const { return term_sigma_px[static_cast<std::size_t>(term)] == 0.0; }
 };
 
+/// Of the loss, and when the search ends.
 struct BundleOptions {
   // A whitened residual is squared up to this many sigmas; beyond, its pull falls off as 1/r.
   // Infinity: least squares of what takes part.
@@ -37,6 +39,7 @@ struct BundleOptions {
   bool fix_points = false;            // hold the points where the survey has them
 };
 
+/// All unknowns of a bundle.
 struct BundleState {
   std::vector<data::RigCamera> cameras;  // c
   Eigen::Matrix3Xd points;               // 3 x n [m]
@@ -63,7 +66,8 @@ struct BundleSummary {
   std::vector<double> survey_weight;  // the same per point; Weighting::kLeftOut if left out
 
   int gross_readings() const;  // with a weight below 1
-  int gross_points() const;
+  int gross_points() const;    // likewise
+  // 0 without degrees of freedom.
   double chi_square_per_dof() const {
     return degrees_of_freedom > 0.0 ? chi_square / degrees_of_freedom : 0.0;
   }

@@ -19,6 +19,7 @@
 
 namespace unfurl::calib {
 
+/// Of every step of a calibration.
 struct CalibrateOptions {
   GuessOptions guess;
   BundleOptions bundle;  // of the robust stage
@@ -49,6 +50,7 @@ struct ReadingReport {
   double redundancy = 0.0;   // share of an error in it that its residual shows [-]
 };
 
+/// What a camera's readings came to.
 struct CameraReport {
   std::string name;
   int readings = 0;
@@ -68,6 +70,7 @@ struct HeldOutPoint {
   double squared = 0.0;                                 // error' predicted^-1 error
 };
 
+/// All that a calibration found beside its rig.
 struct CalibrationReport {
   std::vector<std::string> ids;  // of the points
   std::vector<CameraReport> cameras;
@@ -89,6 +92,7 @@ struct CalibrationReport {
   bool converged = false;
 };
 
+/// A rig, and how it came about.
 struct Calibration {
   data::Rig rig;  // with checks, verdict and reasons
   CalibrationReport report;

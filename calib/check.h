@@ -26,6 +26,7 @@ struct CheckOptions {
   void Check() const;
 };
 
+/// A camera's part in it.
 struct CheckedCamera {
   std::string name;
   int readings = 0;
@@ -34,6 +35,7 @@ struct CheckedCamera {
   double chance_without = 0.0;  // of the rest, without this camera
 };
 
+/// A surveyed point's, or a placement of the bar's.
 struct CheckedPoint {
   std::string id;
   double error = 0.0;           // found less surveyed [m]; NaN: not found
@@ -43,6 +45,7 @@ struct CheckedPoint {
   Eigen::Vector3d at = Eigen::Vector3d::Constant(NAN);
 };
 
+/// A reading's.
 struct CheckedReading {
   int camera = 0, point = 0;  // indices into cameras and points
   double u_px = 0.0;
@@ -50,6 +53,7 @@ struct CheckedReading {
   double predicted_px = 0.0;  // its sigma
 };
 
+/// Whether the calibration is still valid, and who says so.
 struct CheckResult {
   double chance = 0.0;                    // of so large a misfit, were the calibration valid
   double rms = 0.0, rms_predicted = 0.0;  // of found points, or of lengths [m]

@@ -29,6 +29,7 @@ enum class GrossKind {
 };
 const char* Name(GrossKind kind);
 
+/// One gross error, explained.
 struct GrossFinding {
   GrossKind kind = GrossKind::kDisplacedPoint;
   std::vector<int> points;
@@ -38,6 +39,7 @@ struct GrossFinding {
   bool sure = true;   // false: at this point another datum may be the wrong one
 };
 
+/// What else is known of the survey.
 struct ExplainOptions {
   // Where the total station stood, in the survey's frame; NaN: found from the errors themselves,
   // which takes four points or more.

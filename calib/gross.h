@@ -8,6 +8,7 @@
 
 namespace unfurl::calib {
 
+/// Of the test for gross errors.
 struct GrossOptions {
   // What leaving out one reading must gain where one in a hundred is gross, in sigmas: 4 are
   // reached by chance once in 16,000. That is the price of being gross at all, 2 log((1 - share) /

@@ -10,6 +10,7 @@
 
 namespace unfurl::calib {
 
+/// Of the search for each camera without a start.
 struct GuessOptions {
   // Fewest readings of one camera. The linear pinhole has 7 unknowns; 12 leave something to reject
   // a gross error with.

@@ -37,6 +37,7 @@ struct OrderTrial {
   RefinedBundle bundle;
 };
 
+/// Of the comparison of orders.
 struct OrderOptions {
   int folds = 5;
   std::size_t workers = 0;  // 0: all cores; changes no result but `seconds`

@@ -37,8 +37,8 @@ struct Observations {
   std::vector<Reading> readings;
   std::vector<CommonError> common;
 
-  int points() const { return static_cast<int>(p.cols()); }
-  int camera_count() const { return static_cast<int>(cameras.size()); }
+  int points() const { return static_cast<int>(p.cols()); }              // n
+  int camera_count() const { return static_cast<int>(cameras.size()); }  // c
   // Pixels of a camera's row as stated, or else as many as its readings ask for: up to the highest
   // that is no blunder.
   int RowOf(int camera) const;

@@ -18,6 +18,7 @@ using Visibility = std::function<bool(std::size_t camera, const Eigen::Vector3d&
 // By the rig's own model: readings between the ends of each camera's row.
 Visibility SeenOnRow(const data::Rig& rig);
 
+/// Which cells a map has, and of what readings.
 struct MapOptions {
   int columns = 12;  // of x and of y
   int layers = 3;    // of z
@@ -44,6 +45,7 @@ struct UncertaintyMap {
 UncertaintyMap MapUncertainty(const data::Rig& rig, const Visibility& sees,
                               const MapOptions& options, int without = -1);
 
+/// What a layout is planned for.
 struct PlanOptions {
   int survey_points = 200;
   std::uint64_t seed = 1;  // of where the points lie
@@ -69,6 +71,7 @@ struct PlannedRig {
 };
 PlannedRig PlanLab(const data::Lab& lab, const PlanOptions& options);
 
+/// Good: as needed, and without any one camera too; care: usable, with reasons.
 enum class PlanVerdict { kGood, kCare, kNotUsable };
 
 // With all cameras, and with each one lost.
@@ -79,6 +82,7 @@ struct PlanCase {
 std::vector<PlanCase> PlanCases(const data::Rig& rig, const Visibility& sees,
                                 const MapOptions& options);
 
+/// What a layout is good for.
 struct PlanResult {
   PlannedRig planned;
   std::vector<PlanCase> cases;  // the first with all cameras

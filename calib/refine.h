@@ -10,6 +10,7 @@
 
 namespace unfurl::calib {
 
+/// Of the rounds of a refinement.
 struct RefineOptions {
   GrossOptions gross;
   bool choose_gross = true;  // false: what is left out stays as it is

@@ -14,12 +14,16 @@ struct Weighting {
   std::vector<char> use_reading;  // as many as readings, 0: left out; empty: all take part
   std::vector<char> use_survey;   // as many as points, likewise
 
+  // Whether a reading takes part.
   bool Uses(std::size_t reading) const { return use_reading.empty() || use_reading[reading] != 0; }
+  // Whether a surveyed point takes part.
   bool UsesSurvey(std::size_t point) const { return use_survey.empty() || use_survey[point] != 0; }
+  // Of a reading, its camera's floor included [px^2].
   double Variance(const Reading& r) const {
     const double floor = floor_px[static_cast<std::size_t>(r.camera)];
     return r.s_px * r.s_px + floor * floor;
   }
+  // By what the survey's inverse covariance of a point is multiplied.
   double SurveyInformationScale(std::size_t point) const {
     const double scale = 1.0 / (survey_factor * survey_factor);
     return UsesSurvey(point) ? scale : kLeftOut * scale;

@@ -43,7 +43,7 @@ class SimulateVerb {
   int Run() {
     const data::Scene scene = data::ReadScene(arguments_.scene, arguments_.sets);
     sim::RecordOptions options = Options(scene);
-    const auto model = std::make_shared<const sim::Model>(sim::Compile(scene));
+    const auto model = sim::CompileModel(scene);
     const std::string& out = arguments_.out;
     const double duration =
         options.simulate->duration > 0.0 ? options.simulate->duration : model->duration;

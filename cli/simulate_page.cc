@@ -359,7 +359,7 @@ class Composer {
     add("events", fmt::format("{}", in_.recorder.events()));
     if (in_.profile) {
       for (int part = 0; part < sim::Dynamics::kParts; ++part) {
-        const double seconds = r.part_seconds[static_cast<std::size_t>(part)];
+        const double seconds = r.PartSeconds(part);
         if (seconds > 0.0) {
           table.rows.push_back({fmt::format("{} [s]", sim::Dynamics::PartName(part)),
                                 fmt::format("{:.3g}", seconds)});

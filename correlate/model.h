@@ -29,17 +29,20 @@ struct MarkMotion {
   Eigen::Matrix<double, 6, Eigen::Dynamic> cov;
 };
 
+/// What happened in a model, and when.
 struct ModelEvent {
   double t = 0.0;  // [s]
   std::string kind;
   std::string where;
 };
 
+/// Whether a model could be evaluated.
 enum class ModelStatus : std::int32_t {
   kGood = 0,
   kFailed = 1,  // the model could not be evaluated here; the message says why
 };
 
+/// What a model gives for one set of parameters.
 struct Prediction {
   ModelStatus status = ModelStatus::kGood;
   std::string message;             // of a failure

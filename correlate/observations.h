@@ -20,7 +20,7 @@ struct MarkSeries {
   Eigen::Matrix<double, 6, Eigen::Dynamic> cov;  // xx, xy, xz, yy, yz, zz by n [m^2]
   Eigen::Matrix3Xd shared;                       // 3 x (n k) [m]
 
-  std::size_t size() const { return t.size(); }
+  std::size_t size() const { return t.size(); }  // n
 };
 
 // A moment that something else than the marks has told: a latch's switch, say.
@@ -41,17 +41,19 @@ struct Observations {
   bool held_before = false;  // before the first stamp the marks stood still (a run before release)
   std::string frame;
 
-  std::size_t size() const;  // samples of all marks
-  double Start() const;      // of the earliest and the latest sample [s]
-  double End() const;
+  std::size_t size() const;                     // samples of all marks
+  double Start() const;                         // of the earliest and the latest sample [s]
+  double End() const;                           // likewise
   int FindMark(const std::string& name) const;  // -1 when absent
   // The stamps of all samples, less `offset`.
   Stamps StampsAt(double offset) const;
 };
 
+/// A part of a record, its ends included.
 struct Window {
   double low = -std::numeric_limits<double>::infinity();  // [s], on the record's own clock
   double high = std::numeric_limits<double>::infinity();
+  // Whether a stamp lies in it.
   bool Contains(double t) const { return t >= low && t <= high; }
 };
 

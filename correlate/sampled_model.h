@@ -27,9 +27,9 @@ class SampledModel : public Model {
   // The same from its answer at EvenStamps.
   SampledModel(const Stamps& stamps, Prediction prediction);
 
-  const Observations& samples() const { return samples_; }
+  const Observations& samples() const { return samples_; }  // that it interpolates
   bool good() const { return good_; }  // false: the sampled model's evaluation failed
-  const std::string& message() const { return message_; }
+  const std::string& message() const { return message_; }            // why
   const std::vector<ModelEvent>& events() const { return events_; }  // of a model or a run
 
   Prediction Evaluate(std::span<const double> theta, const Stamps& stamps) const override;

@@ -18,6 +18,7 @@ struct Candidate {
   double s_px = 0.0;  // its standard deviation
 };
 
+/// What is expected of spots: missing ones, foreign ones, merged ones.
 struct AssociateOptions {
   // Throws Error that names a value which makes no sense.
   void Check() const;

@@ -16,9 +16,10 @@ class Background {
  public:
   explicit Background(const data::LineFormat& format);
 
+  // A line of all elements.
   void Add(std::span<const std::uint16_t> dark_line);
 
-  bool empty() const { return lines_ == 0; }
+  bool empty() const { return lines_ == 0; }  // no line yet
   // Mean of the shielded elements of a line above that of the mean, of the register of active
   // pixels 0, 2, .. and of 1, 3, ..: the levels' drift [count].
   std::array<float, 2> Levels(std::span<const std::uint16_t> line) const;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <functional>
 #include <span>
 #include <vector>
@@ -9,7 +10,6 @@
 #include "data/survey.h"
 #include "data/tracks.h"
 #include "data/trial.h"
-#include "measure/virtual_rig.h"
 
 namespace unfurl::measure {
 
@@ -28,11 +28,13 @@ class MarkPath {
   std::span<const double> t_, x_, y_, vx_, vy_;
 };
 
+/// How the work is shared and followed.
 struct ExposeOptions {
   std::size_t workers = 0;               // 0: all cores; the result does not depend on it
   std::function<void(double)> progress;  // called with what is done, 0 to 1
 };
 
+// What a trial of this lab says before its first line.
 data::TrialHeader HeaderOf(const data::Lab& lab);
 
 // Lines from the start of recording until the run ends. `truth`, when not null, gets where each

@@ -22,6 +22,7 @@ struct TrackedPoint {
   std::uint32_t left_out = 0;  // bit c: a spot of camera c was rejected or left unused
 };
 
+/// Of motion and association.
 struct TrackerOptions {
   MotionOptions motion{};
   AssociateOptions associate{};
@@ -35,6 +36,7 @@ struct TrackerOptions {
 // together, the Associator decides. Points of three readings must continue the mark's way.
 class Follower {
  public:
+  // By camera, the candidates of one line.
   using Cameras = std::span<const std::span<const Candidate>>;
 
   Follower(const Triangulator& triangulator, std::size_t marks, const TrackerOptions& options);

@@ -46,6 +46,7 @@ class Motion {
     std::array<Eigen::Vector3d, kMost> mean;
     std::array<double, kMost> variance{};  // [m^2]
     std::array<double, kMost> weight{};    // sum to 1 [-]
+    // Index of the heaviest of them, and its middle [m].
     std::size_t LikeliestAt() const {
       const auto end = weight.begin() + static_cast<std::ptrdiff_t>(count);
       return static_cast<std::size_t>(std::max_element(weight.begin(), end) - weight.begin());

@@ -18,6 +18,7 @@
 
 namespace unfurl::measure {
 
+/// Of every step from lines to marks.
 struct ReconstructOptions {
   SpotOptions spot{};
   TriangulateOptions point{};
@@ -42,6 +43,7 @@ struct ReconstructOptions {
 
 inline constexpr std::size_t kSpotFlags = 7;  // bits of SpotFlag
 
+/// What a reconstruction came to.
 struct ReconstructSummary {
   std::size_t lines = 0, dark_lines = 0;
   std::vector<std::string> marks;
@@ -55,6 +57,7 @@ struct ReconstructSummary {
   // Share of the calibration's variance that is not in the shared part but in the samples' own
   // covariance, the largest of any sample [-].
   double unshared = 0.0;
+  /// Of all marks; the usable ones of them.
   std::size_t samples() const;
   std::size_t usable() const;
 };
@@ -84,7 +87,7 @@ class Reconstructor {
   // Readings less those of the points last handed out: samples x cameras, NaN where none [px].
   std::span<const float> residuals() const { return residuals_; }
 
-  const ReconstructSummary& summary() const { return summary_; }
+  const ReconstructSummary& summary() const { return summary_; }  // so far
 
  private:
   struct Slot {

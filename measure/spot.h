@@ -22,6 +22,7 @@ enum SpotFlag : std::uint8_t {
                        // bright and out of focus
 };
 
+/// Light on a line.
 struct Spot {
   double u_px = 0.0;      // centre [px]; only meaningful when Usable or Resolved
   double s_px = 0.0;      // its standard deviation [px]
@@ -52,6 +53,7 @@ enum class SpotEstimator : std::uint8_t {
   kMaximumLikelihood,    // Gaussian, each pixel by its variance at the fitted value
 };
 
+/// How spots are found and measured.
 struct SpotOptions {
   SpotEstimator estimator = SpotEstimator::kMaximumLikelihood;
   double threshold = 6.0;  // detection, in sigmas of the dark noise [-]
@@ -69,7 +71,7 @@ class SpotFinder {
  public:
   explicit SpotFinder(const data::LineFormat& format, const SpotOptions& options = {});
 
-  const data::LineFormat& format() const { return format_; }
+  const data::LineFormat& format() const { return format_; }  // of the lines
 
   // Flat field: each active pixel's response relative to the sensor's mean [-]; empty: all alike.
   void SetResponse(std::span<const float> response);

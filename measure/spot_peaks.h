@@ -14,6 +14,7 @@ struct SpotPeak {
   bool touches_next = false;  // the valley before the next hill lies above the foot of one of them
 };
 
+/// What stands out of the noise.
 struct PeakRule {
   float threshold = 0.0F;  // a summit rises above this [count]
   float variance = 0.0F;   // of a value without light [count^2]

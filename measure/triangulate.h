@@ -11,6 +11,7 @@
 
 namespace unfurl::measure {
 
+/// When readings give a point.
 struct TriangulateOptions {
   // Throws Error that names a value which makes no sense.
   void Check() const;
@@ -47,6 +48,7 @@ inline data::SampleReason ReasonOf(PointOutcome outcome) {
 }
 const char* Name(PointOutcome outcome);
 
+/// A point, or why there is none.
 struct PointSolution {
   PointOutcome outcome = PointOutcome::kTooFew;
   Eigen::Vector3d p = Eigen::Vector3d::Zero();    // in W [m]
@@ -64,6 +66,7 @@ class Triangulator {
  public:
   explicit Triangulator(const data::Rig& rig, const TriangulateOptions& options = {});
 
+  /// Of the rig.
   std::size_t cameras() const { return rig_.cameras.size(); }
   const data::Rig& rig() const { return rig_; }
   Eigen::Vector3d centre() const { return centre_; }  // of the volume: a start that always serves

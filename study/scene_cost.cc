@@ -7,6 +7,7 @@
 #include "base/error.h"
 #include "base/statistics.h"
 #include "sim/methods/simulate.h"
+#include "sim/model/model.h"
 
 namespace unfurl::study {
 namespace {

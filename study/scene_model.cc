@@ -9,6 +9,7 @@
 #include "base/progress.h"
 #include "data/scene.h"
 #include "sim/dynamics/observables.h"
+#include "sim/methods/events.h"
 #include "sim/methods/simulate.h"
 
 namespace unfurl::study {

@@ -14,6 +14,7 @@
 
 #include "base/error.h"
 #include "base/progress.h"
+#include "base/random.h"
 #include "calib/calibrate_survey.h"
 #include "calib/check.h"
 #include "calib/plan.h"

@@ -19,6 +19,7 @@ enum class AlignStatus {
 };
 const char* Name(AlignStatus status);
 
+/// What must agree before two records count as aligned.
 struct AlignOptions {
   OffsetOptions search;
   double min_correlation = 0.5;  // of the frame-independent signals at the best offset, (0, 1)
@@ -33,6 +34,7 @@ struct AlignOptions {
 struct Alignment {
   AlignStatus status = AlignStatus::kTooLittle;
   std::string message;  // in words, with numbers
+  /// Frame and offset may be believed.
   bool Usable() const { return status == AlignStatus::kGood; }
 
   Registration at;

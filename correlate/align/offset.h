@@ -18,12 +18,14 @@ struct OffsetOptions {
   double high = std::numeric_limits<double>::infinity();
 };
 
+/// A peak of the correlation.
 struct OffsetCandidate {
   double offset = 0.0;       // the clock of `a` shows this when that of `b` shows 0 [s]
   double correlation = 0.0;  // normalised, over all signals together, in [-1, 1]
   double overlap = 0.0;      // share of the shorter record's samples that took part
 };
 
+/// What the search found.
 struct OffsetSearch {
   std::vector<OffsetCandidate> candidates;  // may be empty: no lag with enough overlap
   std::string signal;                       // in words: what was correlated

@@ -20,6 +20,7 @@ struct Registration {
   Eigen::VectorXd z;   // k, prior N(0, I)
 };
 
+/// What of a registration is fitted.
 struct RegistrationOptions {
   bool fit_frame = true;
   bool fit_offset = true;
@@ -50,7 +51,7 @@ struct RegistrationFit {
   bool converged = false;
   std::vector<std::string> weak;  // directions that the data do not determine, by name
 
-  double SumOfSquares() const { return residual.squaredNorm(); }
+  double SumOfSquares() const { return residual.squaredNorm(); }  // twice the cost
 };
 
 // `prediction` must be for observations.StampsAt(offset_ref); away from it the offset acts through

@@ -20,16 +20,17 @@ namespace unfurl::correlate {
 /// What a compared history is of: one coordinate of a mark, or the angle of a body that carries two
 /// marks. Names are for people; this is what the code asks.
 struct SignalId {
+  /// What the history is of.
   enum class Kind { kCoordinate, kAngle };
   Kind kind = Kind::kCoordinate;
   std::size_t mark = 0;    ///< index into Comparison::marks; of an angle, the first of the two
   std::size_t second = 0;  ///< of an angle alone: the other
   int axis = 0;            ///< of a coordinate alone: 0, 1, 2 for x, y, z of the model's frame
 
-  bool IsAngle() const { return kind == Kind::kAngle; }
-  bool InPlane() const { return !IsAngle() && axis < 2; }
-  bool AcrossPlane() const { return !IsAngle() && axis == 2; }
-  const char* Unit() const { return IsAngle() ? "rad" : "m"; }
+  bool IsAngle() const { return kind == Kind::kAngle; }         ///< of a body
+  bool InPlane() const { return !IsAngle() && axis < 2; }       ///< x or y
+  bool AcrossPlane() const { return !IsAngle() && axis == 2; }  ///< z
+  const char* Unit() const { return IsAngle() ? "rad" : "m"; }  ///< of the values
 };
 
 // One scalar in time, of both, in id.Unit().
@@ -54,9 +55,11 @@ struct ComparedSpectrum {
 
 // How alike two histories are; "test" is what was measured, or the reference where both are alike.
 struct ComparedScore {
+  /// What the score is of.
   enum class Of { kMark, kAngle, kAll };
   Of of = Of::kMark;  // a mark's x and y together, an angle, or all marks
   std::string name;
+  /// Of lengths in the score.
   const char* Unit() const { return of == Of::kAngle ? "rad" : "m"; }
   SignalScore score;    // of what moved since the reference's first sample
   double sigmas = 0.0;  // RMS error in the marks' own sigmas; 0: unknown
@@ -72,6 +75,7 @@ struct OperatingShape {
   double mac = 0.0;
 };
 
+/// Two records beside each other.
 struct Comparison {
   std::string record, reference;  // file names
   bool record_is_run = false, reference_is_run = false;
@@ -97,6 +101,7 @@ struct Comparison {
 // The coordinate of a mark; null: not there.
 const ComparedSignal* FindCoordinate(const Comparison& c, std::size_t mark, int axis);
 
+/// What is compared, and how.
 struct ComparisonOptions {
   std::vector<std::string> marks;  // empty: those that both have
   // Of spectra and modes, on the record's clock [s]; unset: from the last latch, to the end.
@@ -110,7 +115,7 @@ struct ComparedRecord {
   ComparedRecord(const data::Run& r, std::string n = "a run") : run(&r), name(std::move(n)) {}
   ComparedRecord(const data::Tracks& t, std::string n = "tracks")
       : tracks(&t), name(std::move(n)) {}
-  const std::vector<std::string>& marks() const;
+  const std::vector<std::string>& marks() const;  ///< names
 
   const data::Run* run = nullptr;  ///< exactly one of the two
   const data::Tracks* tracks = nullptr;

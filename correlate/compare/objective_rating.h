@@ -24,6 +24,7 @@ namespace unfurl::correlate {
 enum class RatingGrade { kExcellent, kGood, kFair, kPoor };  // R above 0.94, 0.80, 0.58, or not
 const char* Name(RatingGrade grade);
 
+/// The four parts and the whole, 0 to 1 [-].
 struct ObjectiveRating {
   double corridor = 0.0, phase = 0.0, magnitude = 0.0, slope = 0.0, overall = 0.0;
   int shift = 0;  // samples by which C is behind T; negative: ahead

@@ -17,6 +17,7 @@ struct SignalPair {
   std::span<const double> sigma;     // n, of their difference; empty: unknown
 };
 
+/// The measures, of one signal or of a vector.
 struct SignalScore {
   std::size_t samples = 0;  // of one component
   double rmse = 0.0;        // root mean square of the distance [unit]

@@ -41,6 +41,7 @@ double WhitenessPValue(std::span<const double> x, std::span<const std::uint8_t> 
 // the Toeplitz matrix of the autoregression's correlation. A variance below 1 is taken as 1: the
 // covariances of the samples are believed unless the residuals say that they are too small.
 struct ResidualNoise {
+  // Of one axis of one mark.
   struct Series {
     std::string mark;
     int axis = 0;  // 0, 1, 2: rows of the whitened residual
@@ -55,6 +56,7 @@ struct ResidualNoise {
   double effective_share = 1.0;  // effective over nominal number of samples, mean over the series
   double variance = 1.0;         // mean square of the whitened residuals
 
+  // At one in a hundred, over all series.
   bool white() const { return smallest_p > 0.01; }
 
   // J^T G J for the data rows of J (rows beyond them, the priors', are not looked at).

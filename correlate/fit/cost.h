@@ -8,11 +8,12 @@ namespace unfurl::correlate {
 // What accuracy costs: a model run with several settings (tolerance, method, mesh), each against
 // the finest, and which of them nobody should choose.
 
+/// How a model is run.
 struct CostSetting {
   std::string method;
-  double tolerance = 0.0;  // [-]
-  int mesh = 0;            // segments; 0: as the model has it
-  std::string Name() const;
+  double tolerance = 0.0;    // [-]
+  int mesh = 0;              // segments; 0: as the model has it
+  std::string Name() const;  // all three, in words
 };
 
 // One setting's outcome. Points move: x, y by point and sample, on the same stamps for all
@@ -25,6 +26,7 @@ struct CostRun {
   std::vector<std::vector<double>> x, y;  // by point [m]
 };
 
+/// What a setting costs, and what it is worth.
 struct CostPoint {
   CostSetting setting;
   bool usable = false;
@@ -35,6 +37,7 @@ struct CostPoint {
   bool on_front = false;  // no other is both faster and nearer
 };
 
+/// All settings against one reference.
 struct CostStudy {
   CostSetting reference;
   // How far a second finest run, by another method, is from the reference (rms as above): errors

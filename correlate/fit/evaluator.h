@@ -30,12 +30,14 @@ struct EvaluationRecord {
 // keeps the record. What carries the questions out is the Workers.
 class Evaluator {
  public:
+  // One question: a trial's model at some parameters.
   struct Request {
     std::size_t trial = 0;
     std::vector<double> theta;
     std::string purpose;
     Fidelity fidelity = Fidelity::kMain;
   };
+  // What a model said; several askers share it.
   using Answer = std::shared_ptr<const Prediction>;
 
   Evaluator(const FitProblem& problem, Workers& workers, int start = -1)
@@ -53,8 +55,8 @@ class Evaluator {
   // Adds what an evaluation cost the data; the latest records of `theta` take it.
   void NoteCost(const std::vector<double>& theta, double cost);
 
-  const FitProblem& problem() const { return problem_; }
-  const std::vector<EvaluationRecord>& records() const { return records_; }
+  const FitProblem& problem() const { return problem_; }                     // as given
+  const std::vector<EvaluationRecord>& records() const { return records_; }  // in order
   std::function<void()> on_batch;  // after each batch: progress
 
  private:

@@ -28,6 +28,7 @@ struct SearchOptions {
   std::uint64_t seed = 1;  // of the hypercube
 };
 
+/// How a fit searches, and what it tests.
 struct FitOptions {
   AlignOptions align;
   // Ends of a growing horizon on the model's clock [s], rising: each stage fits the data up to its
@@ -84,6 +85,7 @@ enum class Verdict {
 };
 const char* Name(Verdict verdict);  // in words
 
+/// A fitted parameter, in its unit.
 struct ParameterEstimate {
   double value = 0.0;
   double sigma = 0.0;        // standard error, all parts together
@@ -102,6 +104,7 @@ struct ParameterEstimate {
   std::vector<std::string> with;  // names, for kCombination
 };
 
+/// How one stage of the search went.
 struct StageResult {
   double end = 0.0;  // [s]; infinity: all
   std::vector<double> theta;
@@ -170,9 +173,11 @@ struct TrialResult {
   double data_sigma = 0.0;  // typical sigma of the samples [m]
 };
 
+/// All that a fit found.
 struct FitResult {
   FitStatus status = FitStatus::kModelFailed;
   std::string message;
+  /// The estimate may be believed, within its errors.
   bool Usable() const { return status == FitStatus::kConverged; }
 
   std::vector<ParameterEstimate> parameters;

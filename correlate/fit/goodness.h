@@ -22,6 +22,7 @@ enum class Explained {
 
 inline constexpr double kGoodnessLevel = 0.01;
 
+/// The outcome, and what it rests on.
 struct GoodnessOfFit {
   Explained outcome = Explained::kYes;
   double p_size = 1.0;    // of 1, residuals in the marks' sigmas; one-sided
@@ -44,6 +45,7 @@ struct GoodnessOfFit {
 double SteadyPValue(const Observations& observations, const Eigen::VectorXd& residual,
                     int sections);
 
+/// What the tests look at.
 struct GoodnessInput {
   const Observations* observations = nullptr;
   const ResidualNoise* plain = nullptr;     // of the residuals in the marks' own sigmas

@@ -12,6 +12,7 @@ struct ParameterEstimate;
 struct Interval {
   double low = std::numeric_limits<double>::quiet_NaN();
   double high = std::numeric_limits<double>::quiet_NaN();
+  /// The data end it on both sides.
   bool Closed() const { return low == low && high == high; }
 };
 

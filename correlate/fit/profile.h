@@ -9,6 +9,7 @@
 
 namespace unfurl::correlate {
 
+/// Of all profiles of a fit.
 struct ProfileOptions {
   bool wanted = true;
   // Where each parameter is held, in standard errors of the data to either side.
@@ -17,6 +18,7 @@ struct ProfileOptions {
   int max_evaluations = 400;
 };
 
+/// One value at which a parameter was held.
 struct ProfilePoint {
   double value = 0.0;         // of the parameter, in its unit
   double deviance = 0.0;      // twice the rise of the cost with all others at their best [-]

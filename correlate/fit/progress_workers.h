@@ -9,6 +9,7 @@
 
 namespace unfurl::correlate {
 
+/// How far a fit has come.
 struct FitProgress {
   std::string phase;            // in words: "screening", "2 starts", "sharpening", "profiles"
   std::size_t evaluations = 0;  // asked for so far, those of a journal included

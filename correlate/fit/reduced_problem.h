@@ -25,6 +25,7 @@ class ReducedProblem {
     Registration start;
     const RowWhitening* whitening = nullptr;  // null: white
   };
+  // The problem at one set of parameters.
   struct Point {
     std::vector<Evaluator::Answer> prediction;  // by part
     std::vector<RegistrationFit> registration;
@@ -35,9 +36,11 @@ class ReducedProblem {
 
   ReducedProblem(std::vector<Part> parts, const RegistrationOptions& options, Evaluator& evaluator);
 
-  Eigen::Index rows() const { return rows_; }
-  const std::vector<Part>& parts() const { return parts_; }
+  Eigen::Index rows() const { return rows_; }                // of the residual
+  const std::vector<Part>& parts() const { return parts_; }  // the trials that take part
+  // In the order of u.
   const std::vector<Parameter>& parameters() const { return evaluator_.problem().parameters; }
+  // Where a part's rows begin, and after all parts those of the priors.
   Eigen::Index first_row(std::size_t part) const { return first_[part]; }
   Eigen::Index first_prior_row() const { return first_.back(); }
 

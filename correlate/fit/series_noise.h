@@ -13,10 +13,10 @@ namespace unfurl::correlate {
 // white noise and a first-order Markov process side by side: what a reading scatters by, and what
 // drifts along (optics that are wrong in a smooth way, a model that is not quite the structure).
 struct MarkovNoise {
-  double variance = 1.0;  // of the whole [-]
-  double share = 0.0;     // of it that is correlated, [0, 1]; 0: white
-  double rho = 0.0;       // correlation from one sample to the next, [0, 1)
-  bool white() const { return share <= 0.0; }
+  double variance = 1.0;                       // of the whole [-]
+  double share = 0.0;                          // of it that is correlated, [0, 1]; 0: white
+  double rho = 0.0;                            // correlation from one sample to the next, [0, 1)
+  bool white() const { return share <= 0.0; }  // nothing of it is correlated
 };
 
 // A noise per series, index 3 * mark + axis, and how it was found.
@@ -47,7 +47,7 @@ class RowWhitening {
  public:
   RowWhitening() = default;  // the identity
   RowWhitening(const Observations& observations, const SeriesNoise& noise);
-  bool identity() const { return inverse_sd_.empty(); }
+  bool identity() const { return inverse_sd_.empty(); }  // changes nothing
   // In place, column by column; rows beyond the samples' stay as they are.
   void Apply(Eigen::Ref<Eigen::MatrixXd> rows) const;
 

@@ -34,17 +34,21 @@ struct Mode {
   int members = 0;  // stable poles of its cluster; 0 where it was not sought by a diagram
 };
 
+/// Of the fit of damped sines.
 struct DecayOptions {
   int trend = 1;            // degree of each signal's own polynomial trend; -1: none
   int max_iterations = 60;  // of Levenberg and Marquardt
 };
 
+/// How a fit of damped sines ended.
 enum class DecayStatus { kGood, kTooLittle, kNothingFound, kNotConverged };
 const char* Name(DecayStatus status);
 
+/// Damped sines that explain a free decay, and how well.
 struct DecayFit {
   DecayStatus status = DecayStatus::kTooLittle;
   std::string message;
+  /// The modes may be believed, within their standard errors.
   bool Usable() const { return status == DecayStatus::kGood; }
 
   std::vector<Mode> modes;     // by rising frequency

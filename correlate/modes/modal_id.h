@@ -32,10 +32,12 @@ struct StabilisationPole {
   double frequency = 0.0;  // [Hz]
   double damping = 0.0;    // [-]
   bool stable_frequency = false, stable_damping = false, stable_shape = false;
+  // In all three.
   bool stable() const { return stable_frequency && stable_damping && stable_shape; }
   int mode = -1;  // index into ModalFit::modes; -1: none
 };
 
+/// Modes, and the poles that they were chosen from.
 struct ModalFit {
   DecayFit decay;                        // status, modes and what they are worth
   std::vector<StabilisationPole> poles;  // by order, then frequency
@@ -43,6 +45,7 @@ struct ModalFit {
   double low = 0.0, high = 0.0;          // the band [Hz]
 };
 
+/// Throws Error for options that make no sense; a decay without modes is a status.
 ModalFit IdentifyModes(std::span<const DecaySignal> signals, const ModalOptions& options = {});
 
 // Modes of two fits that belong together: nearest in frequency within `tolerance` of it (relative)

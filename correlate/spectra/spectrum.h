@@ -9,8 +9,10 @@
 
 namespace unfurl::correlate {
 
+/// What is taken out of a signal before its transform.
 enum class Detrend { kNone, kMean, kLine };
 
+/// How a signal is prepared for its spectrum.
 struct SpectrumOptions {
   SpectralWindow window = SpectralWindow::kHann;
   Detrend detrend = Detrend::kLine;
@@ -46,6 +48,7 @@ struct Peak {
   std::size_t bin = 0;
 };
 
+/// What counts as a peak.
 struct PeakOptions {
   int most = 6;                // peaks, strongest first
   double over_floor = 5.0;     // times the median amplitude around it (a quarter of the band)

@@ -27,6 +27,7 @@ struct RectilinearLens {
       {"full", {true, true, true, true, true, true, true, true, true, true}},
   }};
 
+  // Image and derivatives (measure/lens/polynomial.h); x, y [-], f [px].
   [[gnu::always_inline]] static LensImage Evaluate(double x, double y, double f,
                                                    const double* terms) {
     return EvaluatePolynomial<RectilinearLens>(x, y, f, terms);

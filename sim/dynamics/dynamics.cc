@@ -93,7 +93,7 @@ template <bool kProfile>
 void Dynamics::Evaluate(double t, double* y, double* dydt) {
   std::conditional_t<kProfile, PartTimer, NoTimer> timer = [&] {
     if constexpr (kProfile) {
-      return PartTimer(profile->data());
+      return PartTimer(profile);
     } else {
       return NoTimer{};
     }

@@ -58,8 +58,8 @@ class Dynamics {
   const std::vector<LatchMode>& modes() const { return modes_; }
   // Integrates what contacts and beams dissipate beside the motion (costs a few percent).
   bool track_energy = true;
-  // Where given, seconds spent by part are added up (costs some 10%).
-  std::array<double, kParts>* profile = nullptr;
+  // Where given, kParts seconds, to which what each part takes is added (costs some 10%).
+  double* profile = nullptr;
 
   // dydt of `y` (StateIndex layout, one spare block after it) at time t [s]. Fills the stations'
   // entries of y.

@@ -1,15 +1,9 @@
 #pragma once
 
 #include "sim/dynamics/dynamics.h"
+#include "sim/implicit/equilibrium_report.h"
 
 namespace unfurl::sim {
-
-struct EquilibriumReport {
-  bool found = false;
-  int iterations = 0;
-  double acceleration =
-      0.0;  // what is left, largest of x, y and theta times the length scale [m/s^2]
-};
 
 // Lets the state at rest slide to where no acceleration is left, with the modes of the latches held
 // as they are: implicit steps of pseudo-time without velocities,

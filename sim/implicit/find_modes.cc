@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "sim/dynamics/observables.h"
+#include "sim/implicit/equilibrium.h"
 #include "sim/implicit/modes.h"
 #include "sim/methods/simulate.h"
 

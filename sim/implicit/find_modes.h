@@ -6,12 +6,13 @@
 
 #include "data/modes.h"
 #include "data/scene.h"
-#include "sim/implicit/equilibrium.h"
+#include "sim/implicit/equilibrium_report.h"
 
 namespace unfurl::sim {
 
 /// Which state the modes of a scene are taken about.
 struct ModesOptions {
+  /// Where the latches stand.
   enum class State {
     kAuto,     ///< latched where the scene has latches
     kDrawn,    ///< as the scene gives it
@@ -29,6 +30,7 @@ struct ModesOptions {
 /// "auto", "drawn", "latched"; throws Error for another.
 ModesOptions::State ModesStateOf(const std::string& name);
 
+/// The natural motions of a scene, and about which state.
 struct SceneModes {
   /// How a latch stands in the state that was linearised.
   struct Latch {

@@ -45,7 +45,7 @@ void AxialWatch::Look(double t, const double* lambda, const double* state) {
     }
     // The implicit Euler step of a first-order lag.
     e.lasting += (force - e.lasting) * dt / (e.period + dt);
-    Peak& peak = peaks_[e.beam];
+    AxialPeak& peak = peaks_[e.beam];
     const double ratio = std::fabs(force) * e.ratio;
     if (ratio > peak.ratio) {
       peak.ratio = ratio;
@@ -61,7 +61,7 @@ void AxialWatch::Look(double t, const double* lambda, const double* state) {
 }
 
 std::string AxialWatch::Describe(std::size_t b) const {
-  const Peak& peak = peaks_[b];
+  const AxialPeak& peak = peaks_[b];
   const Model::Beam& beam = model_.beams[b];
   const bool pressed = peak.compression > peak.tension;
   const double ratio = std::max(peak.tension, peak.compression);
@@ -90,7 +90,7 @@ std::string AxialWatch::Complaint() const {
 std::vector<std::string> AxialWatch::Warnings() const {
   std::vector<std::string> warnings;
   for (std::size_t b = 0; b < peaks_.size(); ++b) {
-    const Peak& peak = peaks_[b];
+    const AxialPeak& peak = peaks_[b];
     if (std::max(peak.tension, peak.compression) > kWarn) {
       warnings.push_back(Describe(b));
     } else if (peak.euler > 0.0 && peak.pressed > peak.euler) {

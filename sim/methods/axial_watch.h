@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "sim/methods/axial_peak.h"
 #include "sim/model/model.h"
 
 namespace unfurl::sim {
@@ -16,21 +17,12 @@ namespace unfurl::sim {
 // beams of segments; a smooth beam has no mesh.
 class AxialWatch {
  public:
-  struct Peak {            // of one beam; all for the worst element
-    double ratio = 0.0;    // largest |P| l^2 / EI at an instant
-    double time = 0.0;     // when [s]
-    double tension = 0.0;  // largest P l^2 / EI that lasted
-    double compression = 0.0;
-    double pressed = 0.0;  // largest compressive force that lasted [N]
-    double euler = 0.0;    // what buckles the beam between two pins, pi^2 EI / L^2 [N]
-  };
-
   explicit AxialWatch(const Model& model);
 
   bool empty() const { return elements_.empty(); }
   // `lambda`: multipliers by row of the last right side, which was at or near `state`.
   void Look(double t, const double* lambda, const double* state);
-  const std::vector<Peak>& peaks() const { return peaks_; }  // by Model::beams
+  const std::vector<AxialPeak>& peaks() const { return peaks_; }  // by Model::beams
 
   // Why the run must stop, and what is doubtful; empty where all is well.
   bool MustStop() const { return worst_ > kStop; }
@@ -55,7 +47,7 @@ class AxialWatch {
 
   const Model& model_;
   std::vector<Element> elements_;
-  std::vector<Peak> peaks_;
+  std::vector<AxialPeak> peaks_;
   double t_ = 0.0, worst_ = 0.0;
 };
 

@@ -6,7 +6,7 @@ void EventLog::Add(const Event& event) {
   ++total_;
   ++counts_[static_cast<int>(event.kind)];
   if (event.latch >= 0) {
-    LatchCount& count = latches_[event.latch];
+    LatchImpacts& count = latches_[event.latch];
     if (event.kind == EventKind::kContactStart) ++(event.upper ? count.upper : count.lower);
     if (event.kind == EventKind::kContactEnd) ++count.ended;
   }

@@ -144,7 +144,10 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
   report_.peak_pin_force.assign(model.joints.size(), 0.0);
   report_.peak_pin_time.assign(model.joints.size(), 0.0);
   report_.worst_slots.assign(model.slots.count, 0);
-  if (options.profile) dynamics_.profile = &report_.part_seconds;
+  if (options.profile) {
+    report_.part_seconds.assign(Dynamics::kParts, 0.0);
+    dynamics_.profile = report_.part_seconds.data();
+  }
 }
 
 SimulateReport Integration::Go() {

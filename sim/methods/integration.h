@@ -8,6 +8,7 @@
 #include "sim/methods/axial_watch.h"
 #include "sim/methods/edges.h"
 #include "sim/methods/event_log.h"
+#include "sim/methods/events.h"
 #include "sim/methods/run_judge.h"
 #include "sim/methods/simulate.h"
 #include "sim/methods/stepper.h"

@@ -174,4 +174,12 @@ MarkTracks SimulateMarks(const Model& model, SimulateOptions options) {
   return tracks;
 }
 
+MarkTracks SimulateMarks(const data::Scene& scene, const SimulateOptions& options) {
+  return SimulateMarks(Compile(scene), options);
+}
+
+std::shared_ptr<const Model> CompileModel(const data::Scene& scene) {
+  return std::make_shared<const Model>(Compile(scene));
+}
+
 }  // namespace unfurl::sim

@@ -2,16 +2,18 @@
 
 #include <array>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
-#include "sim/dynamics/dynamics.h"
-#include "sim/methods/axial_watch.h"
-#include "sim/methods/event_log.h"
-#include "sim/methods/events.h"
-#include "sim/model/model.h"
+#include "data/scene.h"
+#include "sim/methods/axial_peak.h"
+#include "sim/methods/event.h"
 
 namespace unfurl::sim {
+
+struct Model;
+struct LatchMode;
 
 // How the constraints are kept and the steps are taken; docs/physics-simulator.md, "Methods".
 enum class Method { kAuto, kProjected, kPartitioned, kImplicit };
@@ -19,6 +21,7 @@ const char* MethodName(Method method);  // "auto", "projected", ...
 // Throws Error naming the nearest one.
 Method MethodOf(const std::string& name);
 
+/// How a model is run.
 struct SimulateOptions {
   Method method = Method::kAuto;
   double duration = 0.0;  // [s]; 0: the scene's
@@ -50,7 +53,9 @@ struct SimulateOptions {
 class Observer {
  public:
   virtual ~Observer() = default;
+  // At every sampling time.
   virtual void OnSample(double /*t*/, double* /*state*/, const std::vector<LatchMode>& /*modes*/) {}
+  // In order of time.
   virtual void OnEvent(const Event& /*event*/) {}
   // Now and then; may throw Interrupted.
   virtual void OnProgress(double /*fraction*/) {}
@@ -76,6 +81,7 @@ enum class StepLimit { kError, kStability, kGrowth, kMaxStep, kContactExit, kEve
 inline constexpr int kStepLimits = 8;
 const char* LimitName(StepLimit limit);
 
+/// How a run went, and what it cost.
 struct SimulateReport {
   SimulateStatus status = SimulateStatus::kGood;
   std::string message;     // what happened, where and when, if not good
@@ -86,9 +92,9 @@ struct SimulateReport {
   std::vector<Event> events;
   long events_left_out = 0;
   std::array<long, kEventKinds> event_counts{};
-  std::vector<EventLog::LatchCount> latch_counts;  // by latch
-  std::array<long, kStepLimits> limited{};         // steps by what limited them
-  long repartitions = 0;     // dependent coordinates chosen anew; method partitioned
+  std::vector<LatchImpacts> latch_counts;   // by latch
+  std::array<long, kStepLimits> limited{};  // steps by what limited them
+  long repartitions = 0;                    // dependent coordinates chosen anew; method partitioned
   long near_dependence = 0;  // times that constraints came near to depending on one another
   long steps = 0, rejected = 0, evaluations = 0, projections = 0, samples = 0;
   double largest_position_drift = 0.0;  // before it was removed [m]
@@ -99,13 +105,19 @@ struct SimulateReport {
   std::vector<double> peak_pin_force, peak_pin_time;
   // Of the balance of energy, the largest seen and when [s]; what it is judged against [J].
   double energy_residual = 0.0, energy_residual_time = 0.0, energy_moved = 0.0;
-  std::vector<AxialWatch::Peak> axial;  // by beam
-  std::vector<std::string> warnings;    // about the run, one line each
-  std::vector<long> worst_slots;        // where the error weighed most, looked at now and then
-  double seconds = 0.0;                 // wall clock
-  std::array<double, Dynamics::kParts> part_seconds{};  // with options.profile
+  std::vector<AxialPeak> axial;       // by beam
+  std::vector<std::string> warnings;  // about the run, one line each
+  std::vector<long> worst_slots;      // where the error weighed most, looked at now and then
+  double seconds = 0.0;               // wall clock
+  std::vector<double> part_seconds;   // with options.profile, by part of the work
 
+  // The end was reached, and the judge found nothing against it.
   bool Usable() const { return status == SimulateStatus::kGood; }
+  // Of a part of the work; 0 without options.profile, and of a run that was interrupted.
+  double PartSeconds(int part) const {
+    const auto index = static_cast<std::size_t>(part);
+    return index < part_seconds.size() ? part_seconds[index] : 0.0;
+  }
   long Count(EventKind kind) const { return event_counts[static_cast<int>(kind)]; }
 };
 
@@ -121,5 +133,10 @@ struct MarkTracks {
   SimulateReport report;
 };
 MarkTracks SimulateMarks(const Model& model, SimulateOptions options);
+MarkTracks SimulateMarks(const data::Scene& scene, const SimulateOptions& options);
+
+// A scene made ready to be simulated, by any number of threads: checked, constraints and effects
+// set up. Throws Error naming the place in the scene that does not fit.
+std::shared_ptr<const Model> CompileModel(const data::Scene& scene);
 
 }  // namespace unfurl::sim

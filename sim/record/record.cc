@@ -10,6 +10,7 @@
 #include "base/error.h"
 #include "base/progress.h"
 #include "data/atomic_file.h"
+#include "sim/record/run_recorder.h"
 
 namespace unfurl::sim {
 namespace {

@@ -9,10 +9,10 @@
 #include "data/run.h"
 #include "data/scene.h"
 #include "sim/methods/simulate.h"
-#include "sim/model/model.h"
-#include "sim/record/run_recorder.h"
 
 namespace unfurl::sim {
+
+class RunRecorder;
 
 /// How a scene is run and what is kept of it.
 struct RecordOptions {
@@ -43,6 +43,7 @@ struct Recording {
   std::string path;     ///< the file: NAME, or NAME.partial where the run did not end
   data::Run run;        ///< where no file was asked for
 
+  /// The end was reached, and nothing speaks against the run.
   bool Usable() const { return status == "good"; }
 };
 

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sim/methods/events.h"
+
 namespace unfurl::sim {
 
 namespace {
@@ -160,8 +162,7 @@ void RunRecorder::Finish(const SimulateReport& report, const std::string& status
   }
   if (!profile) return;
   for (int part = 0; part < Dynamics::kParts; ++part) {
-    set(fmt::format("seconds.{}", Dynamics::PartName(part)),
-        report.part_seconds[static_cast<std::size_t>(part)]);
+    set(fmt::format("seconds.{}", Dynamics::PartName(part)), report.PartSeconds(part));
   }
   set("seconds.all", report.seconds);
 }

@@ -92,7 +92,7 @@ std::string ProfileText(const SimulateReport& report, ordered_json* json) {
                     fmt::format("{:.3f}", seconds)});
   };
   for (int part = 0; part < Dynamics::kParts; ++part) {
-    const double seconds = report.part_seconds[static_cast<std::size_t>(part)];
+    const double seconds = report.PartSeconds(part);
     add(Dynamics::PartName(part), seconds);
     inside += seconds;
   }
@@ -179,10 +179,10 @@ std::vector<std::vector<std::string>> JointTable(const SummaryInput& in, std::si
 }
 
 // Of the beam whose lasting axial force counts most; null without beams of segments.
-const AxialWatch::Peak* WorstPeak(const std::vector<AxialWatch::Peak>& peaks) {
-  const AxialWatch::Peak* worst = nullptr;
-  const auto lasting = [](const AxialWatch::Peak& p) { return std::max(p.tension, p.compression); };
-  for (const AxialWatch::Peak& peak : peaks) {
+const AxialPeak* WorstPeak(const std::vector<AxialPeak>& peaks) {
+  const AxialPeak* worst = nullptr;
+  const auto lasting = [](const AxialPeak& p) { return std::max(p.tension, p.compression); };
+  for (const AxialPeak& peak : peaks) {
     if (peak.euler == 0.0) continue;
     if (worst == nullptr || lasting(peak) > lasting(*worst)) worst = &peak;
   }
@@ -239,9 +239,9 @@ std::string WarningsText(const SummaryInput& in, ordered_json* json) {
 
 // What the longitudinal constraint leaves out of a segmented beam: P l^2 / EI of each.
 std::string AxialText(const SummaryInput& in, ordered_json* json) {
-  const std::vector<AxialWatch::Peak>& axial = in.report.axial;
+  const std::vector<AxialPeak>& axial = in.report.axial;
   for (std::size_t b = 0; b < axial.size(); ++b) {
-    const AxialWatch::Peak& peak = axial[b];
+    const AxialPeak& peak = axial[b];
     if (in.model.beams[b].smooth >= 0) continue;
     (*json)["beams"].push_back({{"beam", in.model.beams[b].name},
                                 {"largest_axial_ratio", peak.ratio},
@@ -251,7 +251,7 @@ std::string AxialText(const SummaryInput& in, ordered_json* json) {
                                 {"lasting_compression", peak.pressed},
                                 {"euler_load", peak.euler}});
   }
-  const AxialWatch::Peak* peak = WorstPeak(axial);
+  const AxialPeak* peak = WorstPeak(axial);
   if (peak == nullptr) return "";
   return fmt::format(
       "axial forces beside bending, P l^2 / EI on segments of length l: {:.2g} at an instant, "

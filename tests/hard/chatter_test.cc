@@ -5,7 +5,9 @@
 #include <gtest/gtest.h>
 
 #include "data/scene.h"
+#include "sim/methods/event_log.h"
 #include "sim/methods/simulate.h"
+#include "sim/model/model.h"
 
 namespace unfurl::sim {
 namespace {

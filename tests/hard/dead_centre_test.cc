@@ -7,6 +7,7 @@
 
 #include "data/scene.h"
 #include "sim/methods/simulate.h"
+#include "sim/model/model.h"
 
 namespace unfurl::sim {
 namespace {

@@ -8,6 +8,7 @@
 
 #include "data/scene.h"
 #include "sim/methods/simulate.h"
+#include "sim/model/model.h"
 #include "tests/source_dir.h"
 #include "verification/reference.h"
 
