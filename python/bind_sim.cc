@@ -11,6 +11,7 @@
 #include "python/bindings.h"
 #include "sim/dynamics/observables.h"
 #include "sim/implicit/find_modes.h"
+#include "sim/methods/events.h"
 #include "sim/record/record.h"
 
 namespace unfurl::python {
