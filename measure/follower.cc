@@ -16,6 +16,9 @@ constexpr double kPriorLines = 50.0;  // what the option's chance counts for aga
 // between it and another is understood (twice what one spot can cover, in a row of 2000 pixels that
 // sees the volume), and from the second on it is lost [-].
 constexpr double kPlaced = 0.008, kLostSigma = 0.013;
+// Three false spots meet at any place of the volume alike. Where a mark may be within this much of
+// it (radius over the volume's size from corner to corner), one such point in 300 is there [-].
+constexpr double kTellingReach = 0.05;
 constexpr double kTakenUp = 0.9999;  // certainty that a mark is taken up with again [-]
 constexpr double kWorst = 0.5;       // a camera is never held to be wrong more often than this
 
@@ -115,6 +118,8 @@ bool Follower::Take(double t, std::span<const int> lit, bool clear,
   if (lit.size() == 1 && (*out)[0].own == 3) {
     TrackedPoint& mine = (*out)[0];
     if (mine.point.outcome == PointOutcome::kSolved) {
+      // Any three false spots meet somewhere: what follows must vouch for the first.
+      if (!Telling(motion_[static_cast<std::size_t>(lit[0])], t)) return false;
       ThreeReadings(t, motion_[static_cast<std::size_t>(lit[0])], &mine);
       if (mine.point.outcome != PointOutcome::kSolved) return false;
     }
@@ -134,17 +139,25 @@ void Follower::Decide(double t, std::span<const int> lit, Cameras cameras,
   for (int mark : lit) motion_[static_cast<std::size_t>(mark)].Begin(t);
   const auto solved = [&] {  // by itself, for nothing else tells anything
     if (lit.size() > 1 || first[0].point.outcome != PointOutcome::kSolved) return false;
-    if (first[0].left_out != 0 && first[0].own < 4) return false;
+    if (first[0].own < 4) return false;
     const Motion& motion = motion_[static_cast<std::size_t>(lit[0])];
     return !motion.Fresh(t) && (after.empty() || !after[0].Fresh(-t)) &&
            !motion.TooFast(t, first[0].point.p) && __builtin_popcount(first[0].left_out) <= 2;
   };
+  // Three readings, none left over: the lines that follow vouch for them.
+  const auto foretold = [&] {
+    if (lit.size() > 1 || first[0].point.outcome != PointOutcome::kSolved) return false;
+    if (first[0].own != 3 || first[0].left_out != 0) return false;
+    const Motion& motion = motion_[static_cast<std::size_t>(lit[0])];
+    if (motion.Fresh(t) || after.empty() || !Telling(after[0], -t)) return false;
+    (*out)[0] = first[0];
+    ThreeReadings(-t, after[0], &(*out)[0]);
+    const TrackedPoint& mine = (*out)[0];
+    return mine.point.outcome == PointOutcome::kSolved && !motion.TooFast(t, mine.point.p);
+  };
   if (solved()) {
     (*out)[0] = first[0];
-    if (first[0].own == 3) {
-      ThreeReadings(t, motion_[static_cast<std::size_t>(lit[0])], &(*out)[0]);
-    }
-  } else {
+  } else if (!foretold()) {
     Together(t, lit, cameras, after, out);
   }
   for (std::size_t m = 0; m < lit.size(); ++m) Settle(t, lit[m], &(*out)[m]);
@@ -278,6 +291,10 @@ void Follower::Together(double t, std::span<const int> lit, Cameras cameras,
   TakeUpLost(out);
 }
 
+bool Follower::Telling(const Motion& motion, double t) const {
+  return motion.Reach(t) <= kTellingReach * triangulator_.size();
+}
+
 // Conditions that hold whatever the association's probabilities say: no mark is faster than its
 // highest speed, and a point without a reading to spare continues the mark's motion.
 PointOutcome Follower::Allowed(double t, int mark, const Motion* after, bool several, bool one_each,
@@ -288,23 +305,24 @@ PointOutcome Follower::Allowed(double t, int mark, const Motion* after, bool sev
   const double sigma = std::sqrt(mine.point.cov.trace());
   const bool lone = mine.own <= 3;  // no reading is left over to vouch for it
   if (motion.TooFast(t, p) || (ahead && after->TooFast(-t, p))) return PointOutcome::kOffPath;
+  const auto reaches = [&](const Motion& m, double at) {
+    return m.WithinReach(at, p, sigma) && (several || Telling(m, at));
+  };
   if (before && ahead) {
-    return lone && !motion.WithinReach(t, p, sigma) && !after->WithinReach(-t, p, sigma)
-               ? PointOutcome::kOffPath
-               : PointOutcome::kSolved;
+    return lone && !reaches(motion, t) && !reaches(*after, -t) ? PointOutcome::kOffPath
+                                                               : PointOutcome::kSolved;
   }
   if (before || ahead) {
-    const bool reached =
-        before ? motion.WithinReach(t, p, sigma) : after->WithinReach(-t, p, sigma);
+    const bool reached = before ? reaches(motion, t) : reaches(*after, -t);
     // One reading is known to be wrong, or may be another mark's; so may be a second.
     const bool expected = (!several && mine.left_out == 0) ||
                           Expected(before ? motion.Predict(t) : after->Predict(-t), mine.point);
     return lone && !(reached && expected) ? PointOutcome::kOffPath : PointOutcome::kSolved;
   }
-  // A mark that is not being followed is taken up with a reading to spare, or not yet.
-  if (lost && lone) return PointOutcome::kAmbiguous;
+  // A mark that is not being followed is taken up with a reading to spare, or not yet: any three
+  // false spots meet somewhere. Of several lit together the association weighs that.
   if (!several && mine.left_out != 0 && lone && one_each) return PointOutcome::kDisagree;
-  return PointOutcome::kSolved;
+  return lone && (lost || !several) ? PointOutcome::kAmbiguous : PointOutcome::kSolved;
 }
 
 void Follower::Settle(double t, int mark, TrackedPoint* out) {

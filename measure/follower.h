@@ -70,6 +70,8 @@ class Follower {
   void ThreeReadings(double t, const Motion& motion, TrackedPoint* out) const;
   void Together(double t, std::span<const int> lit, Cameras cameras, std::span<const Motion> after,
                 std::vector<TrackedPoint>* out);
+  // Whether so little may have happened since that being within reach is evidence.
+  bool Telling(const Motion& motion, double t) const;
   PointOutcome Allowed(double t, int mark, const Motion* after, bool several, bool one_each,
                        bool lost, const TrackedPoint& mine) const;
   bool ExpectMarks(double t, std::span<const int> lit, std::span<const Motion> after);

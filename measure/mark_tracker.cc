@@ -76,8 +76,11 @@ bool MarkTracker::Look(const Held& front) {
       finished_ || count_ >= kMostHeld || At(count_ - 1).line.t - front.line.t > longest;
   after_.resize(front.line.lit.size());
   for (std::size_t m = 0; m < front.line.lit.size(); ++m) {
-    // Samples that a fourth reading vouches for; of a mark that has none, those of three.
+    // Samples that a fourth reading vouches for; of a mark that has none, those of three, as long
+    // as a mark can get from each to the next.
+    bool spare = false;
     for (const bool vouched : {true, false}) {
+      spare = vouched;
       anchors_.clear();
       for (std::size_t i = 1; i < count_ && anchors_.size() < kAhead; ++i) {
         const TrackedLine& line = At(i).line;
@@ -95,6 +98,10 @@ bool MarkTracker::Look(const Held& front) {
     if (anchors_.size() < kAhead && !enough) return false;
     after_[m] = Motion(options_.motion);
     for (std::size_t k = anchors_.size(); k-- > 0;) {
+      if (!spare && after_[m].TooFast(-anchors_[k].t, anchors_[k].p)) {
+        after_[m] = Motion(options_.motion);
+        break;
+      }
       after_[m].Add(-anchors_[k].t, anchors_[k].p, anchors_[k].variance);
     }
   }

@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 
 #include "base/error.h"
@@ -203,12 +204,15 @@ Motion::Prediction Motion::Between(double t, const Motion& after) const {
   return out;
 }
 
-bool Motion::WithinReach(double t, const Eigen::Vector3d& p, double sigma) const {
-  if (!Fresh(t)) return true;
+double Motion::Reach(double t) const {
+  if (!Fresh(t)) return std::numeric_limits<double>::infinity();
   // The velocity is a chord's: it belongs to the middle of the last interval.
   const double since = t - t_[1], before = t_[1] - t_[0];
-  const double slack = 0.5 * options_.max_acceleration() * since * (since + before);
-  return (p - Start(t)).norm() <= options_.gate_sigmas * sigma + slack;
+  return 0.5 * options_.max_acceleration() * since * (since + before);
+}
+
+bool Motion::WithinReach(double t, const Eigen::Vector3d& p, double sigma) const {
+  return !Fresh(t) || (p - Start(t)).norm() <= options_.gate_sigmas * sigma + Reach(t);
 }
 
 bool Motion::TooFast(double t, const Eigen::Vector3d& p) const {

@@ -81,6 +81,9 @@ class Motion {
   Prediction Predict(double t) const;
   // The same with what comes later: `after` learned it from samples at times -t, the latest first.
   Prediction Between(double t, const Motion& after) const;
+  // How far a mark may be from Start by what it may do since it was seen; infinity where nothing
+  // fresh is known [m].
+  double Reach(double t) const;
   // What the filters cannot exclude: within reach of `p`, whose own sigma is given [m]. True where
   // nothing fresh is known.
   bool WithinReach(double t, const Eigen::Vector3d& p, double sigma) const;

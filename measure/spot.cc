@@ -57,37 +57,45 @@ void SetResponses(std::span<const float> response, std::span<SpotFinder> finders
   }
 }
 
-// Light that came on everywhere since the dark lines (a lamp's flicker): medians of block means
-// along the line, joined by straight pieces. Untouched where they tell nothing.
+// What the room's light, or the sensor's level, has changed by since the dark lines, with its shape
+// along the row: medians of block means, section by section, joined by straight pieces. A spot is
+// in three blocks at most, so that it moves no median. The line itself tells, so nothing is
+// believed of how fast light changes; what is left is the medians' own error, a thirteenth of a
+// pixel's noise.
 void SpotFinder::SubtractBaseline(float sigma) {
-  constexpr int kBlock = 30;      // six sums of five
-  constexpr int kPerSection = 9;  // blocks whose median counts; a spot is in three at most
+  constexpr int kPerSection = 9;  // blocks whose median counts
   constexpr int kMostSections = 64;
-  constexpr float kTells = 5.0F;  // sigmas of a section's median
+  constexpr float kTells = 3.0F;  // sigmas of a section's median: below, it would only add noise
   const int n = format_.active;
-  const int sections = std::min(kMostSections, n / (kBlock * kPerSection));
-  if (sections < 1) return;
+  // Six sums of five; fewer on rows too short for one such section.
+  const int fives = std::clamp(n / (5 * kPerSection), 0, 6);
+  if (fives < 1) return;
+  const int block = 5 * fives, width = block * kPerSection;
+  const int sections = std::min(kMostSections, n / width);
   const float* m = sums_.data();
   float level[kMostSections];
   bool tells = false;
-  // Of a section's median, and of the level that the shielded elements gave.
-  const float error = sigma * std::sqrt(1.571F / (kBlock * kPerSection) +
-                                        1.0F / static_cast<float>(format_.dark + 1));
+  const float error = sigma * std::sqrt(1.571F / static_cast<float>(width));
+  // Where the row holds more than kMostSections, they lie evenly spread.
+  const float pitch = static_cast<float>(n) / static_cast<float>(sections);
   for (int s = 0; s < sections; ++s) {
+    const int first = static_cast<int>(static_cast<float>(s) * pitch);
     float mean[kPerSection];
     for (int b = 0; b < kPerSection; ++b) {
-      const float* five = m + (s * kPerSection + b) * kBlock + 2;
-      mean[b] = ((five[0] + five[5]) + (five[10] + five[15]) + (five[20] + five[25])) / kBlock;
+      const float* five = m + first + b * block + 2;
+      float sum = 0.0F;
+      for (int i = 0; i < fives; ++i) sum += five[5 * i];
+      mean[b] = sum / static_cast<float>(block);
     }
     std::nth_element(mean, mean + kPerSection / 2, mean + kPerSection);
     level[s] = mean[kPerSection / 2];
     tells |= std::abs(level[s]) > kTells * error;
   }
   if (!tells) return;
-  const int width = kBlock * kPerSection;
+  const float half = 0.5F * static_cast<float>(width);
   float* d = signal_.data();
   for (int k = 0; k < n; ++k) {
-    const float at = (static_cast<float>(k) + 0.5F) / static_cast<float>(width) - 0.5F;
+    const float at = (static_cast<float>(k) + 0.5F - half) / pitch;
     const int left = std::clamp(static_cast<int>(std::floor(at)), 0, std::max(0, sections - 2));
     const int right = std::min(left + 1, sections - 1);
     const float share = std::clamp(at - static_cast<float>(left), 0.0F, 1.0F);
