@@ -11,6 +11,7 @@
 
 #include "base/log_silence.h"
 #include "base/pose.h"
+#include "base/progress.h"
 #include "base/statistics.h"
 #include "calib/common_error.h"
 #include "calib/covariance.h"
@@ -334,6 +335,17 @@ int BundleSummary::gross_points() const {
       std::count_if(survey_weight.begin(), survey_weight.end(), [](double w) { return w < 1.0; }));
 }
 
+namespace {
+
+class StopOnInterrupt : public ceres::IterationCallback {
+ public:
+  ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
+    return InterruptRequested() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
+  }
+};
+
+}  // namespace
+
 BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrior>& priors,
                           const Weighting& weighting, const BundleOptions& options,
                           BundleState* state) {
@@ -401,9 +413,12 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
   solver.parameter_tolerance = 1e-12;
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
+  StopOnInterrupt stop;
+  solver.callbacks.push_back(&stop);
   ceres::Solver::Summary report;
   const LogSilence silence;
   ceres::Solve(solver, &problem, &report);
+  ThrowIfInterrupted();
 
   for (std::size_t j = 0; j < blocks.size(); ++j) {
     Unpack(blocks[j].data(), units, &state->cameras[j]);

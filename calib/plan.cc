@@ -10,6 +10,7 @@
 
 #include "base/error.h"
 #include "base/length.h"
+#include "base/progress.h"
 #include "base/random.h"
 #include "base/statistics.h"
 #include "calib/verdict.h"
@@ -135,6 +136,7 @@ UncertaintyMap MapUncertainty(const data::Rig& rig, const Visibility& sees,
   Eigen::Matrix3Xd F(3, triangulator.shared_rank());
   std::vector<double> u(rig.cameras.size()), s(rig.cameras.size(), options.reading_sigma_px);
   for (std::size_t cell = 0; cell < cells; ++cell) {
+    ThrowIfInterrupted();
     const Eigen::Vector3d p = map.Middle(cell);
     std::uint32_t use = 0;
     for (std::size_t c = 0; c < rig.cameras.size(); ++c) {

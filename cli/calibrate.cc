@@ -223,28 +223,6 @@ int OrderOf(data::LensModel lens, const std::string& name) {
               "--order", "give one of " + JoinWords(known));
 }
 
-data::Survey ReadWhole(const Arguments& arguments) {
-  const std::string& path = arguments.survey;
-  const bool gsi = !data::IsSurveyH5(path) && data::LooksLikeGsi(path);
-  if (arguments.readings.empty()) {
-    if (gsi) throw Error("holds no readings", path, "give them with --readings READINGS.csv");
-    return data::ReadSurvey(path);
-  }
-  data::Survey survey;
-  if (gsi) {
-    survey = data::ReadGsi(path, arguments.sigmas);
-  } else if (!data::ReadSurveyPoints(data::CsvTable::Load(path), &survey)) {
-    if (!(arguments.sigmas.coordinate > 0.0)) {
-      throw Error("states no uncertainty of its points", path,
-                  "add columns 'sx [m]', 'sy [m]' and 'sz [m]', or give --sigma");
-    }
-    const double variance = arguments.sigmas.coordinate * arguments.sigmas.coordinate;
-    for (const Eigen::Index k : {0, 3, 5}) survey.cov.row(k).setConstant(variance);
-  }
-  data::JoinReadings(data::ReadReadingsCsv(arguments.readings), arguments.readings, &survey);
-  return survey;
-}
-
 int RunCalibrate(const Common& common, const Arguments& arguments) {
   data::Provenance provenance = StartProvenance(common);
   provenance.AddInput(arguments.survey);
@@ -255,7 +233,8 @@ int RunCalibrate(const Common& common, const Arguments& arguments) {
   provenance.options["order"] = arguments.order;
   provenance.seed = arguments.options.guess.seed;
 
-  data::Survey survey = ReadWhole(arguments);
+  data::Survey survey =
+      data::ReadSurveyInParts(arguments.survey, arguments.readings, arguments.sigmas);
   if (!arguments.readings.empty()) provenance.AddInput(arguments.readings);
   if (!arguments.layout.empty()) provenance.AddInput(arguments.layout);
   if (arguments.station.size() == 3) {

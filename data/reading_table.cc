@@ -212,4 +212,26 @@ void JoinReadings(const ReadingTable& readings, const std::string& where, Survey
   survey->notes.insert(survey->notes.end(), readings.notes.begin(), readings.notes.end());
 }
 
+Survey ReadSurveyInParts(const std::string& path, const std::string& readings,
+                         const StationSigmas& sigmas) {
+  const bool gsi = !IsSurveyH5(path) && LooksLikeGsi(path);
+  if (readings.empty()) {
+    if (gsi) throw Error("holds no readings", path, "give them with --readings READINGS.csv");
+    return ReadSurvey(path);
+  }
+  Survey survey;
+  if (gsi) {
+    survey = ReadGsi(path, sigmas);
+  } else if (!ReadSurveyPoints(CsvTable::Load(path), &survey)) {
+    if (!(sigmas.coordinate > 0.0)) {
+      throw Error("states no uncertainty of its points", path,
+                  "add columns 'sx [m]', 'sy [m]' and 'sz [m]', or give --sigma");
+    }
+    const double variance = sigmas.coordinate * sigmas.coordinate;
+    for (const Eigen::Index k : {0, 3, 5}) survey.cov.row(k).setConstant(variance);
+  }
+  JoinReadings(ReadReadingsCsv(readings), readings, &survey);
+  return survey;
+}
+
 }  // namespace unfurl::data

@@ -90,4 +90,10 @@ class ReadingRepeats {
 ReadingTable ReadReadingsCsv(const std::string& path);
 void JoinReadings(const ReadingTable& readings, const std::string& where, Survey* survey);
 
+/// A survey whose readings may be in a file of their own (empty: they are in `path`), joined by id;
+/// the points are CSV or GSI. `sigmas` is for files that state none. Throws Error as the readers
+/// do.
+Survey ReadSurveyInParts(const std::string& path, const std::string& readings,
+                         const StationSigmas& sigmas);
+
 }  // namespace unfurl::data

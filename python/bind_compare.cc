@@ -1,7 +1,11 @@
 #include <fmt/format.h>
 
+#include <nlohmann/json.hpp>
+
 #include "base/error.h"
 #include "correlate/compare/comparison.h"
+#include "correlate/compare/comparison_json.h"
+#include "data/atomic_file.h"
 #include "data/run.h"
 #include "data/tracks.h"
 #include "python/bindings.h"
@@ -29,6 +33,10 @@ correlate::SpectralWindow WindowNamed(const std::string& name) {
   throw Error("there is no window '" + name + "'", "window", "it is one of " + known);
 }
 
+std::string JsonText(const nlohmann::ordered_json& json) {
+  return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
+}
+
 // One side of a comparison, and what keeps it alive.
 struct Side {
   std::shared_ptr<Run> run;
@@ -45,6 +53,7 @@ Side SideFrom(const py::object& object) {
   if (py::isinstance<Run>(object)) return {object.cast<std::shared_ptr<Run>>(), nullptr};
   if (py::isinstance<Tracks>(object)) return {nullptr, object.cast<std::shared_ptr<Tracks>>()};
   // A path: what it is, the loader knows.
+  PathFrom(object, "a Run, Tracks or a path");
   const py::object loaded = py::module_::import("unfurl._core").attr("load")(object);
   if (!py::isinstance<Run>(loaded) && !py::isinstance<Tracks>(loaded)) {
     throw Error("is neither a run nor tracks", object.cast<fs::path>().string(),
@@ -209,6 +218,15 @@ void BindCompare(py::module_& m) {
       .def_property_readonly(
           "reference_modes", [](const Comparison& c) { return ModeTable(c.reference_modes); },
           "The same of the reference.")
+      .def_property_readonly(
+          "left_out", [](const Comparison& c) { return c.left_out; },
+          "Marks that only one of the two has.")
+      .def(
+          "write",
+          [](const Comparison& c, const fs::path& path) {
+            data::WriteTextFile(path.string(), JsonText(correlate::ComparisonJson(c)));
+          },
+          py::arg("path"), "Writes all numbers as JSON; keys: docs/formats.md.")
       .def("__repr__", [](const Comparison& c) {
         const std::string error =
             c.errors.empty() ? "" : fmt::format(", {:.3g} m RMS", c.errors.back().rmse);

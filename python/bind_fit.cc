@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/error.h"
@@ -13,20 +14,14 @@
 #include "data/study.h"
 #include "data/tracks.h"
 #include "python/bindings.h"
+#include "python/fit_object.h"
 #include "study/fit_record.h"
-#include "study/fit_study.h"
 
 namespace unfurl::python {
 namespace {
 
 using Tracks = Recorded<data::Tracks>;
 using FitParameter = data::FitRecord::Parameter;
-
-struct Fit {
-  data::FitRecord data;
-  std::vector<Source> sources;
-  std::shared_ptr<correlate::Comparison> comparison;  // of a study, at the estimate
-};
 
 PyObject* g_model_failed = nullptr;  // unfurl.ModelFailed
 
@@ -112,15 +107,6 @@ class PythonModel : public correlate::Model {
   CallbackError& errors_;
 };
 
-std::function<void(const correlate::FitProgress&)> FitProgressOf(const py::object& progress,
-                                                                 CallbackError* errors) {
-  const auto callable = Shared(progress);
-  return [callable, errors](const correlate::FitProgress& at) {
-    ThrowIfInterrupted();
-    if (callable != nullptr) errors->Call([&] { (*callable)(at); });
-  };
-}
-
 correlate::Window WindowFrom(const std::optional<std::pair<double, double>>& window) {
   if (!window) return {};
   if (!(window->first < window->second)) {
@@ -150,6 +136,10 @@ Fit FitModel(const py::object& model, const py::object& tracks_or_path,
   data::Study study;
   study.name = what.name;
   for (const correlate::Parameter& p : parameters) {
+    if (std::find(names.begin(), names.end(), p.name) != names.end()) {
+      throw Error("there are two parameters of this name", "parameter." + p.name,
+                  "give each a name of its own");
+    }
     names.push_back(p.name);
     data::StudyParameter& named = study.parameters.emplace_back();
     named.name = p.name;
@@ -169,7 +159,7 @@ Fit FitModel(const py::object& model, const py::object& tracks_or_path,
                             .finer_factor = what.finer_factor});
   return LongWithCallbacks(*errors, [&] {
     const correlate::FitResult result = correlate::Fit(problem, options);
-    return Fit{study::RecordOf(study, problem, result), tracks->sources, nullptr};
+    return Fit{{study::RecordOf(study, problem, result), tracks->sources}, nullptr};
   });
 }
 
@@ -194,43 +184,6 @@ Fit FitFunction(const py::object& model, const py::object& tracks,
   options.progress = FitProgressOf(progress, &errors);
   return FitModel(model, tracks, parameters, {marks, window, finer, finer_factor, name}, options,
                   &errors);
-}
-
-data::Study StudyFrom(const py::object& study_or_path, const py::object& set) {
-  if (!py::isinstance<data::Study>(study_or_path)) {
-    return data::ReadStudy(PathFrom(study_or_path, "a Study or a path").string(),
-                           OverridesFrom(set));
-  }
-  if (!set.is_none()) {
-    throw Error("keys are set where a study is read", "set", "use read_study(path, set=..)");
-  }
-  return study_or_path.cast<data::Study&>();
-}
-
-Fit FitStudy(const py::object& study_or_path, const py::object& set,
-             const std::optional<fs::path>& tracks, const std::optional<fs::path>& output,
-             bool resume, std::size_t workers, bool compare, const py::object& progress) {
-  const data::Study study = StudyFrom(study_or_path, set);
-  CallbackError errors;
-  study::FitStudyOptions options;
-  options.tracks = tracks.value_or("").string();
-  options.output = output.value_or("").string();
-  options.resume = resume;
-  options.workers = workers;
-  options.compare = compare;
-  options.provenance = ProvenanceOf({});
-  options.progress = FitProgressOf(progress, &errors);
-  return LongWithCallbacks(errors, [&] {
-    study::StudyFit fitted = study::Fit(study, options);
-    Fit fit{std::move(fitted.record), {}, nullptr};
-    for (const data::InputFile& input : fitted.provenance.inputs) {
-      fit.sources.push_back(SourceOf(input.path));
-    }
-    if (compare && fitted.Usable()) {
-      fit.comparison = std::make_shared<correlate::Comparison>(std::move(fitted.comparison));
-    }
-    return fit;
-  });
 }
 
 const FitParameter& ParameterOf(const Fit& fit, const std::string& name) {
@@ -267,6 +220,17 @@ void BindParameters(py::module_& m) {
       .def_readonly("low", &Parameter::low, "Bound; -inf: none [its unit].")
       .def_readonly("high", &Parameter::high, "Bound; inf: none [its unit].")
       .def_readonly("unit", &Parameter::unit)
+      .def(py::pickle(
+          [](const Parameter& p) {
+            return py::make_tuple(p.name, p.unit, p.start, p.low, p.high, p.log, p.has_prior,
+                                  p.prior_mean, p.prior_sigma);
+          },
+          [](const py::tuple& s) {
+            return Parameter{
+                s[0].cast<std::string>(), s[1].cast<std::string>(), s[2].cast<double>(),
+                s[3].cast<double>(),      s[4].cast<double>(),      s[5].cast<bool>(),
+                s[6].cast<bool>(),        s[7].cast<double>(),      s[8].cast<double>()};
+          }))
       .def("__repr__", [](const Parameter& p) {
         return fmt::format("<unfurl.Parameter '{}': {:g} in [{:g}, {:g}] {}>", p.name, p.start,
                            p.low, p.high, p.unit);
@@ -329,6 +293,19 @@ void BindResult(py::module_& m) {
             return list;
           },
           "List of FitParameter.")
+      .def(py::pickle(
+          [](const Fit& f) {
+            const py::bytes bytes = FileBytes(
+                [&](const std::string& path) { data::WriteFit(path, f.data, data::Provenance()); });
+            return py::make_tuple(bytes, StateOf(f.sources));
+          },
+          [](const py::tuple& state) {
+            auto fit = std::make_shared<Fit>();
+            ReadFileBytes(state[0].cast<std::string>(),
+                          [&](const std::string& path) { fit->data = data::ReadFit(path); });
+            fit->sources = SourcesOf(state[1].cast<SourceState>());
+            return fit;
+          }))
       .def("__getitem__", &ParameterOf, py::arg("name"),
            py::return_value_policy::reference_internal)
       .def("__len__", [](const Fit& f) { return f.data.parameters.size(); })
@@ -374,52 +351,20 @@ void BindResult(py::module_& m) {
       });
 }
 
-void BindStudy(py::module_& m) {
-  py::class_<data::Study, std::shared_ptr<data::Study>>(
-      m, "Study", "What is to be learnt from which trial with which model; keys: docs/study.md.")
-      .def_readonly("name", &data::Study::name)
-      .def_readonly("path", &data::Study::path)
-      .def_readonly("scene", &data::Study::scene, "Path of the scene; empty: a program.")
-      .def_property_readonly(
-          "parameters",
-          [](const data::Study& s) {
-            std::vector<std::string> names;
-            for (const data::StudyParameter& p : s.parameters) names.push_back(p.name);
-            return names;
-          },
-          "Their names.")
-      .def("__repr__", [](const data::Study& s) {
-        return fmt::format("<unfurl.Study '{}': {}, {}>", s.name,
-                           Plural(s.parameters.size(), "parameter"),
-                           Plural(s.trials.size(), "trial"));
-      });
-  m.def(
-      "read_study",
-      [](const fs::path& path, const py::object& set) {
-        return data::ReadStudy(path.string(), OverridesFrom(set));
-      },
-      py::arg("path"), py::kw_only(), py::arg("set") = py::none(),
-      "A study (TOML). set: other values for some of its keys.");
-  m.def(
-      "fit_study", &FitStudy, py::arg("study"), py::kw_only(), py::arg("set") = py::none(),
-      py::arg("tracks") = py::none(), py::arg("output") = py::none(), py::arg("resume") = false,
-      py::arg("workers") = 0, py::arg("compare") = false, py::arg("progress") = py::none(),
-      "The parameters of a study (a Study or a path), from its trials.\n\n"
-      "tracks: a file of tracks in place of the study's. output: also write the fit (HDF5); an\n"
-      "interrupted fit leaves OUTPUT.partial, which resume=True takes over. workers: simulations\n"
-      "at a time, 0 for one per core; changes no result. compare: also compare trial and model at\n"
-      "the estimate. progress(FitProgress) is called now and then, from any thread.");
-}
-
 }  // namespace
+
+std::function<void(const correlate::FitProgress&)> FitProgressOf(const py::object& progress,
+                                                                 CallbackError* errors) {
+  const auto callable = Shared(progress);
+  return [callable, errors](const correlate::FitProgress& at) {
+    ThrowIfInterrupted();
+    if (callable != nullptr) errors->Call([&] { (*callable)(at); });
+  };
+}
 
 py::object LoadFit(const fs::path& path) {
   return py::cast(
-      std::make_shared<Fit>(Fit{data::ReadFit(path.string()), {SourceOf(path)}, nullptr}));
-}
-
-py::object LoadStudy(const fs::path& path) {
-  return py::cast(std::make_shared<data::Study>(data::ReadStudy(path.string())));
+      std::make_shared<Fit>(Fit{{data::ReadFit(path.string()), {SourceOf(path)}}, nullptr}));
 }
 
 void BindFit(py::module_& m) {
@@ -430,7 +375,6 @@ void BindFit(py::module_& m) {
   m.attr("ModelFailed") = py::reinterpret_borrow<py::object>(g_model_failed);
   BindParameters(m);
   BindResult(m);
-  BindStudy(m);
   m.def(
       "fit", &FitFunction, py::arg("model"), py::arg("tracks"), py::arg("parameters"),
       py::kw_only(), py::arg("marks") = std::vector<std::string>{}, py::arg("window") = py::none(),

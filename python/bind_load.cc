@@ -51,7 +51,7 @@ py::object LoadToml(const fs::path& path) {
   if (kind == "lab") return py::cast(std::make_shared<data::Lab>(data::ReadLab(path.string())));
   if (kind == "raw lines") {
     throw Error("describes raw lines, which are read into a trial or a survey first", path.string(),
-                "unfurl.convert(path, 'trial.h5')");
+                "unfurl.read_lines(path, 'trial.h5')");
   }
   return LoadScene(path);
 }

@@ -1,10 +1,15 @@
 #include <fmt/format.h>
 
+#include <cmath>
+#include <set>
+
 #include "base/error.h"
+#include "data/formats.h"
 #include "data/lab.h"
 #include "data/rig.h"
 #include "data/survey.h"
 #include "data/trial.h"
+#include "measure/survey_readings.h"
 #include "python/bindings.h"
 
 namespace unfurl::python {
@@ -13,9 +18,17 @@ namespace {
 using Survey = Recorded<data::Survey>;
 using Rig = Recorded<data::Rig>;
 
-Survey MakeSurvey(const std::vector<std::string>& id, const py::object& p, const py::object& u,
-                  const py::object& s, const std::vector<std::string>& cameras,
-                  const py::object& sigma, const py::object& cov) {
+// A Python number, or NumPy's, or an array without dimensions.
+bool IsNumber(const py::object& object) {
+  return PyNumber_Check(object.ptr()) != 0 &&
+         py::module_::import("numpy").attr("ndim")(object).cast<int>() == 0;
+}
+
+Survey MakeSurvey(const py::object& ids, const py::object& p, const py::object& u,
+                  const py::object& s, const py::object& camera_names, const py::object& sigma,
+                  const py::object& cov) {
+  const std::vector<std::string> id = NamesFrom(ids, "id");
+  const std::vector<std::string> cameras = NamesFrom(camera_names, "cameras");
   Survey out;
   data::Survey& d = out.data;
   d.id = id;
@@ -24,21 +37,29 @@ Survey MakeSurvey(const std::vector<std::string>& id, const py::object& p, const
   const Eigen::Index n = d.p.cols();
   const auto c = static_cast<py::ssize_t>(cameras.size());
   if (static_cast<Eigen::Index>(id.size()) != n) {
-    throw py::value_error("id and p: expected the same length n");
+    throw py::value_error(
+        fmt::format("id and p: expected the same length, got {} and {}", id.size(), n));
   }
+  if (std::set<std::string>(id.begin(), id.end()).size() != id.size()) {
+    throw py::value_error("id: expected a different name for each point");
+  }
+  if (!d.p.allFinite()) throw py::value_error("p: expected finite numbers");
   if (cov.is_none() == sigma.is_none()) {
     throw py::value_error("give either cov, shape (n, 6) [m^2], or sigma, one number [m]");
   }
   if (cov.is_none()) {
+    if (!IsNumber(sigma)) throw py::type_error("sigma: expected one number [m]");
     const double each = sigma.cast<double>();
-    if (!(each > 0.0)) throw py::value_error("sigma: expected a positive number");
+    if (!(each > 0.0) || !std::isfinite(each)) {
+      throw py::value_error("sigma: expected a positive number");
+    }
     d.cov.setZero(6, n);
     for (const Eigen::Index k : {0, 3, 5}) d.cov.row(k).setConstant(each * each);
   } else {
     d.cov = PointsFrom(cov, {6}, "cov");
   }
   d.u_px = PointsFrom(u, {c}, "u").transpose();
-  if (py::isinstance<py::float_>(s) || py::isinstance<py::int_>(s)) {
+  if (IsNumber(s)) {
     d.s_px = d.u_px.array().isNaN().select(Eigen::MatrixXd::Constant(n, c, std::nan("")),
                                            s.cast<double>());
   } else {
@@ -47,12 +68,19 @@ Survey MakeSurvey(const std::vector<std::string>& id, const py::object& p, const
   if (d.cov.cols() != n || d.u_px.rows() != n || d.s_px.rows() != n) {
     throw py::value_error("p, cov, u and s: expected the same number of rows");
   }
+  if (!d.cov.allFinite()) throw py::value_error("cov: expected finite numbers");
+  if (d.u_px.array().isInf().any()) throw py::value_error("u: expected pixels, or NaN: not seen");
+  if (!(d.u_px.array().isNaN() || (d.s_px.array() > 0.0 && d.s_px.array().isFinite())).all()) {
+    throw py::value_error("s: expected a positive number for every reading");
+  }
   return out;
 }
 
 void WriteSurvey(const Survey& survey, const fs::path& path) {
-  if (path.extension() == ".csv") {
-    data::WriteSurveyCsv(path.string(), survey.data);
+  if (data::FormatOf(path.string()) == data::FileFormat::kCsv) {
+    data::Survey readings = survey.data;  // a CSV holds numbers, not lines
+    measure::FindSurveyReadings(&readings);
+    data::WriteSurveyCsv(path.string(), readings);
   } else {
     data::WriteSurvey(path.string(), survey.data, ProvenanceOf(survey.sources));
   }
@@ -70,6 +98,7 @@ void BindSurvey(py::module_& m) {
            "seen. s: (n, c) or one number, their standard deviations [px]. cameras: c names. "
            "sigma:\n"
            "of the station per axis [m], or cov: (n, 6) xx, xy, xz, yy, yz, zz [m^2].")
+      .def(PickledAsFile<data::Survey>(&data::WriteSurvey, &data::ReadSurvey))
       .def("__len__", [](const Survey& self) { return self.data.size(); })
       .def_property_readonly(
           "id", [](const Survey& self) { return self.data.id; }, "n names.")
@@ -139,6 +168,7 @@ void BindRig(py::module_& m) {
   py::class_<Rig, std::shared_ptr<Rig>>(
       m, "Rig",
       "What is known of c cameras: parameters with their joint covariance, and a verdict.")
+      .def(PickledAsFile<data::Rig>(&data::WriteRig, &data::ReadRig))
       .def("__len__", [](const Rig& self) { return self.data.cameras.size(); })
       .def_property_readonly(
           "cameras",
@@ -158,12 +188,7 @@ void BindRig(py::module_& m) {
           "[m], f, u0 [px], e [m], terms [px]; zeros for what was held fixed.")
       .def_property_readonly(
           "volume",
-          [](const Rig& self) {
-            return py::make_tuple(Owned(std::vector<double>(self.data.volume_low.data(),
-                                                            self.data.volume_low.data() + 3)),
-                                  Owned(std::vector<double>(self.data.volume_high.data(),
-                                                            self.data.volume_high.data() + 3)));
-          },
+          [](const Rig& self) { return CornersOf(self.data.volume_low, self.data.volume_high); },
           "Corners of the box of the surveyed points, (3,) each [m].")
       .def_property_readonly(
           "model_floor", [](const Rig& self) { return self.data.model_floor_px; },
@@ -214,7 +239,8 @@ void BindTrial(py::module_& m) {
   py::class_<data::TrialReader, std::shared_ptr<data::TrialReader>>(
       m, "Trial", "Raw sensor lines with time stamps; read from its file as they are asked for.")
       .def("__len__", &data::TrialReader::size)
-      .def_property_readonly("path", &data::TrialReader::path)
+      .def_property_readonly("path",
+                             [](const data::TrialReader& self) { return FileText(self.path()); })
       .def_property_readonly(
           "cameras", [](const data::TrialReader& self) { return self.header().cameras; },
           "c names.")
@@ -229,16 +255,16 @@ void BindTrial(py::module_& m) {
            "the\n"
            "recorder's clock [s]; lit (count,) index into self.lit; counts (count, c, elements).")
       .def("__repr__", [](const data::TrialReader& self) {
-        return fmt::format("<unfurl.Trial '{}': {} of {} at {:g} /s>", self.path(),
-                           Plural(self.size(), "line"),
-                           Plural(self.header().cameras.size(), "camera"), self.header().line_rate);
+        return FileText(fmt::format(
+            "<unfurl.Trial '{}': {} of {} at {:g} /s>", self.path(), Plural(self.size(), "line"),
+            Plural(self.header().cameras.size(), "camera"), self.header().line_rate));
       });
 }
 
 void BindLab(py::module_& m) {
   py::class_<data::Lab, std::shared_ptr<data::Lab>>(
       m, "Lab", "The physical truth of a virtual experiment; only expose and plan read it.")
-      .def_readonly("path", &data::Lab::path)
+      .def_property_readonly("path", [](const data::Lab& self) { return FileText(self.path); })
       .def_readonly("seed", &data::Lab::seed)
       .def_property_readonly(
           "cameras",
@@ -249,8 +275,8 @@ void BindLab(py::module_& m) {
           },
           "Names of the cameras.")
       .def("__repr__", [](const data::Lab& self) {
-        return fmt::format("<unfurl.Lab '{}': {}>", self.path,
-                           Plural(self.cameras.size(), "camera"));
+        return FileText(
+            fmt::format("<unfurl.Lab '{}': {}>", self.path, Plural(self.cameras.size(), "camera")));
       });
   m.def(
       "read_lab",

@@ -3,6 +3,9 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "data/atomic_file.h"
+#include "data/csv.h"
+#include "data/formats.h"
 #include "data/run.h"
 #include "python/bindings.h"
 
@@ -71,6 +74,59 @@ void WriteH5(const Run& run, const fs::path& path) {
   writer.Commit();
 }
 
+void WriteCsv(const data::Run& run, const fs::path& path) {
+  constexpr std::size_t kRows = 4096;  // that are text at a time
+  std::vector<data::CsvColumn> columns = {{"t", "s"}};
+  for (const data::Quantity& quantity : run.quantities) {
+    columns.push_back({quantity.name, quantity.units});
+  }
+  data::TextFileWriter file(path.string());
+  data::CsvWriter writer(columns);
+  std::vector<double> row(columns.size());
+  for (std::size_t i = 0; i < run.t.size(); ++i) {
+    row[0] = run.t[i];
+    for (std::size_t q = 0; q < run.columns.size(); ++q) row[q + 1] = run.columns[q][i];
+    writer.Row(row);
+    if (i % kRows == 0) file.Append(writer.Take());
+  }
+  file.Append(writer.Take());
+  file.Commit();
+}
+
+void Write(const Run& run, const fs::path& path) {
+  if (data::FormatOf(path.string()) == data::FileFormat::kCsv) return WriteCsv(run.data, path);
+  WriteH5(run, path);
+}
+
+py::tuple Pickle(const Run& run) {
+  const data::Run& d = run.data;
+  std::vector<std::tuple<std::string, std::string, std::string>> quantities;
+  for (const data::Quantity& q : d.quantities) {
+    quantities.emplace_back(q.name, q.units, q.description);
+  }
+  py::list columns;
+  for (const std::vector<double>& column : d.columns) columns.append(Owned(column));
+  return py::make_tuple(Owned(d.t), quantities, columns, d.marks, py::cast(d.events), d.summary,
+                        d.text, StateOf(run.sources));
+}
+
+std::shared_ptr<Run> Unpickle(const py::tuple& state) {
+  auto run = std::make_shared<Run>();
+  data::Run& d = run->data;
+  d.t = NumbersFrom(state[0], "t");
+  for (const py::handle& q : state[1]) {
+    const auto words = q.cast<std::vector<std::string>>();
+    d.quantities.push_back({words.at(0), words.at(1), words.at(2)});
+  }
+  for (const py::handle& column : state[2]) d.columns.push_back(NumbersFrom(column, "a column"));
+  d.marks = state[3].cast<std::vector<std::string>>();
+  d.events = state[4].cast<std::vector<data::RunEvent>>();
+  d.summary = state[5].cast<std::map<std::string, double>>();
+  d.text = state[6].cast<std::map<std::string, std::string>>();
+  run->sources = SourcesOf(state[7].cast<SourceState>());
+  return run;
+}
+
 std::string Repr(const data::Run& run) {
   const std::string status = TextOf(run, "status");
   return fmt::format("<unfurl.Run: {}, {} of {}, {}{}>", status.empty() ? "no status" : status,
@@ -92,6 +148,13 @@ void BindRun(py::module_& m) {
       .def_readonly("where", &data::RunEvent::where, "The joint, or the watch.")
       .def_readonly("data", &data::RunEvent::data,
                     "Numbers by name with unit: {'theta_rate [rad/s]': -0.8}.")
+      .def(py::pickle(
+          [](const data::RunEvent& e) { return py::make_tuple(e.t, e.kind, e.where, e.data); },
+          [](const py::tuple& s) {
+            return data::RunEvent{s[0].cast<double>(), s[1].cast<std::string>(),
+                                  s[2].cast<std::string>(),
+                                  s[3].cast<std::map<std::string, double>>()};
+          }))
       .def("__repr__", [](const data::RunEvent& e) {
         return fmt::format("<unfurl.RunEvent: {} at {}, t = {:g} s>", e.kind, e.where, e.t);
       });
@@ -102,6 +165,7 @@ void BindRun(py::module_& m) {
       "run['tip.x'] is the column of a quantity, a read-only view of shape (n,); "
       "run.units('tip.x')\n"
       "its unit.")
+      .def(py::pickle(&Pickle, &Unpickle))
       .def("__len__", [](const Run& self) { return self.data.quantities.size(); })
       .def("__getitem__", &Column, py::arg("name"))
       .def("__contains__",
@@ -144,8 +208,9 @@ void BindRun(py::module_& m) {
       .def_property_readonly(
           "usable", [](const Run& self) { return TextOf(self.data, "status") == "good"; },
           "Whether it ran to its end.")
-      .def("write", &WriteH5, py::arg("path"),
-           "Writes samples, events and words as HDF5. The counted numbers and the beams' shapes "
+      .def("write", &Write, py::arg("path"),
+           "Writes the samples as .csv, or samples, events and words as HDF5. The counted numbers "
+           "and the beams' shapes "
            "are\n"
            "in the file that simulate(output=..) writes.")
       .def("__repr__", [](const Run& self) { return Repr(self.data); });

@@ -9,6 +9,7 @@
 #include "data/run.h"
 #include "data/scene.h"
 #include "python/bindings.h"
+#include "python/scene_object.h"
 #include "sim/dynamics/observables.h"
 #include "sim/implicit/find_modes.h"
 #include "sim/methods/events.h"
@@ -18,12 +19,6 @@ namespace unfurl::python {
 namespace {
 
 using Run = Recorded<data::Run>;
-
-struct Scene {
-  data::Scene scene;
-  std::string text;  // as the person wrote it
-  std::vector<Source> sources;
-};
 
 struct Model {
   std::shared_ptr<const sim::Model> model;
@@ -51,16 +46,6 @@ Scene ReadScene(const fs::path& path, const py::object& set) {
   out.text = text.str();
   for (const std::string& file : out.scene.files) out.sources.push_back(SourceOf(file));
   return out;
-}
-
-std::shared_ptr<Scene> SceneFrom(const py::object& object, const py::object& set) {
-  if (!py::isinstance<Scene>(object)) {
-    return std::make_shared<Scene>(ReadScene(PathFrom(object, "a Scene or a path"), set));
-  }
-  if (!set.is_none()) {
-    throw Error("keys are set where a scene is read", "set", "use read_scene(path, set=..)");
-  }
-  return object.cast<std::shared_ptr<Scene>>();
 }
 
 Model ModelFrom(const py::object& object, const py::object& set) {
@@ -222,7 +207,7 @@ void BindScene(py::module_& m) {
   py::class_<Scene, std::shared_ptr<Scene>>(
       m, "Scene", "A planar flexible mechanism as a person wrote it; keys: docs/scene.md.")
       .def_property_readonly("name", [](const Scene& s) { return s.scene.name; })
-      .def_property_readonly("path", [](const Scene& s) { return s.scene.path; })
+      .def_property_readonly("path", [](const Scene& s) { return FileText(s.scene.path); })
       .def_property_readonly(
           "text", [](const Scene& s) { return s.text; }, "The file's text.")
       .def_property_readonly(
@@ -359,6 +344,16 @@ void BindModes(py::module_& m) {
 }
 
 }  // namespace
+
+std::shared_ptr<Scene> SceneFrom(const py::object& object, const py::object& set) {
+  if (!py::isinstance<Scene>(object)) {
+    return std::make_shared<Scene>(ReadScene(PathFrom(object, "a Scene or a path"), set));
+  }
+  if (!set.is_none()) {
+    throw Error("keys are set where a scene is read", "set", "use read_scene(path, set=..)");
+  }
+  return object.cast<std::shared_ptr<Scene>>();
+}
 
 py::object LoadScene(const fs::path& path) {
   return py::cast(std::make_shared<Scene>(ReadScene(path, py::none())));

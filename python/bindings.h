@@ -14,6 +14,7 @@
 #include <memory>
 #include <mutex>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
@@ -35,6 +36,9 @@ void BindMeasure(py::module_& m);      // expose, reconstruct, smooth
 void BindSim(py::module_& m);
 void BindCompare(py::module_& m);
 void BindFit(py::module_& m);
+void BindStudy(py::module_& m);
+void BindCost(py::module_& m);
+void BindLines(py::module_& m);  // raw lines, and surveys in parts
 void BindLoad(py::module_& m);
 
 /// What `load` asks of the files that own these types.
@@ -97,7 +101,14 @@ py::array_t<T> Owned(std::vector<T> values) {
   return View(*kept, owner);
 }
 
-/// Points as Python gives them, shape (n, k), to k x n. Throws ValueError naming `what`.
+/// n numbers as Python gives them: any array or sequence of real numbers; what is masked is NaN.
+/// Throws TypeError or ValueError naming `what`.
+std::vector<double> NumbersFrom(const py::handle& array, const std::string& what);
+
+/// n names. Throws TypeError naming `what`.
+std::vector<std::string> NamesFrom(const py::handle& names, const std::string& what);
+
+/// Points as Python gives them, shape (n, k), to k x n; as for NumbersFrom.
 Eigen::MatrixXd PointsFrom(const py::handle& array, const std::vector<py::ssize_t>& columns,
                            const std::string& what);
 
@@ -199,6 +210,34 @@ py::tuple CornersOf(const Eigen::Vector3d& low, const Eigen::Vector3d& high);
 py::str FileText(const std::string& text);
 
 std::vector<Source> Joined(std::vector<Source> a, const std::vector<Source>& b);
+
+/// The sources of a record as Python pickles them, and back.
+using SourceState = std::vector<std::tuple<std::string, std::int64_t, std::int64_t>>;
+SourceState StateOf(const std::vector<Source>& sources);
+std::vector<Source> SourcesOf(const SourceState& state);
+
+/// The bytes of a file that `write` makes, and `read` of a file of such bytes: records that know
+/// their file are pickled so.
+py::bytes FileBytes(const std::function<void(const std::string& path)>& write);
+void ReadFileBytes(const std::string& bytes, const std::function<void(const std::string&)>& read);
+
+/// Pickling of a Recorded<T> by way of its file.
+template <class T, class Write, class Read>
+auto PickledAsFile(const Write& write, const Read& read) {
+  return py::pickle(
+      [write](const Recorded<T>& record) {
+        const py::bytes bytes = FileBytes(
+            [&](const std::string& path) { write(path, record.data, data::Provenance()); });
+        return py::make_tuple(bytes, StateOf(record.sources));
+      },
+      [read](const py::tuple& state) {
+        auto record = std::make_shared<Recorded<T>>();
+        ReadFileBytes(state[0].cast<std::string>(),
+                      [&](const std::string& path) { record->data = read(path); });
+        record->sources = SourcesOf(state[1].cast<SourceState>());
+        return record;
+      });
+}
 
 /// "1 mark", "3 marks".
 std::string Plural(std::size_t count, const char* word);

@@ -63,6 +63,9 @@ PYBIND11_MODULE(_core, m) {
   BindSim(m);
   BindCompare(m);
   BindFit(m);
+  BindStudy(m);
+  BindCost(m);
+  BindLines(m);
   BindLoad(m);
   // Users know these by the package's name.
   for (const auto& [name, object] : m.attr("__dict__").cast<py::dict>()) {

@@ -1,8 +1,13 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 #include <signal.h>
+#include <stdlib.h>
 
 #include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <sstream>
+#include <string_view>
 
 #include "base/progress.h"
 #include "python/bindings.h"
@@ -29,8 +34,12 @@ std::string TomlValue(const py::handle& value) {
   if (py::isinstance<py::bool_>(value)) return value.cast<bool>() ? "true" : "false";
   if (py::isinstance<py::str>(value)) return value.cast<std::string>();
   if (py::isinstance<py::int_>(value)) return py::str(value).cast<std::string>();
-  if (py::isinstance<py::list>(value) || py::isinstance<py::tuple>(value) ||
-      py::isinstance<py::array>(value)) {
+  if (py::isinstance<py::float_>(value)) {
+    // TOML tells 3 from 3.0, and readers of numbers take both.
+    return fmt::format("{:.17g}", value.cast<double>());
+  }
+  if (py::hasattr(value, "tolist")) return TomlValue(value.attr("tolist")());  // NumPy's
+  if (py::isinstance<py::list>(value) || py::isinstance<py::tuple>(value)) {
     std::string list;
     for (const py::handle& item : value) {
       const bool text = py::isinstance<py::str>(item);
@@ -39,8 +48,10 @@ std::string TomlValue(const py::handle& value) {
     }
     return "[" + list + "]";
   }
-  // TOML tells 3 from 3.0, and readers of numbers take both.
-  return fmt::format("{:.17g}", value.cast<double>());
+  if (py::hasattr(value, "__fspath__")) return TomlValue(value.attr("__fspath__")());
+  throw py::type_error(
+      fmt::format("set: expected numbers, text, true or false, or lists of those, got {}",
+                  py::str(py::type::of(value).attr("__name__")).cast<std::string>()));
 }
 
 }  // namespace
@@ -130,19 +141,73 @@ py::array_t<double> MatrixView(const Eigen::MatrixXd& matrix, py::handle owner) 
   return View(matrix.data(), {matrix.rows(), matrix.cols()}, owner, {kSize, kSize * matrix.rows()});
 }
 
+namespace {
+
+using Numbers = py::array_t<double, py::array::c_style | py::array::forcecast>;
+
+std::string TypeName(const py::handle& object) {
+  return py::str(py::type::of(object).attr("__name__")).cast<std::string>();
+}
+
+// Whatever NumPy makes an array of real numbers of. Text and complex numbers, which it would cast
+// without a word, are refused; what is masked has no value.
+Numbers RealNumbers(const py::handle& object, const std::string& what) {
+  auto given = py::reinterpret_borrow<py::object>(object);
+  if (const py::module_ masked = py::module_::import("numpy.ma");
+      masked.attr("isMaskedArray")(given).cast<bool>()) {
+    given = masked.attr("filled")(given.attr("astype")("f8"), std::nan(""));
+  }
+  const auto any = py::array::ensure(given);
+  if (!any) {
+    PyErr_Clear();
+    throw py::type_error(
+        fmt::format("{}: expected an array of numbers, got {}", what, TypeName(object)));
+  }
+  constexpr std::string_view kReal = "fiubO";  // kinds of NumPy; objects are tried one by one
+  if (kReal.find(any.dtype().kind()) != std::string_view::npos) {
+    if (const auto numbers = Numbers::ensure(any)) return numbers;
+    PyErr_Clear();
+  }
+  throw py::type_error(fmt::format("{}: expected real numbers, got {}", what,
+                                   py::str(any.dtype()).cast<std::string>()));
+}
+
+std::string ShapeText(const py::array& array) {
+  return py::str(py::object(array.attr("shape"))).cast<std::string>();
+}
+
+}  // namespace
+
+std::vector<double> NumbersFrom(const py::handle& array, const std::string& what) {
+  const Numbers numbers = RealNumbers(array, what);
+  if (numbers.ndim() != 1) {
+    throw py::value_error(fmt::format("{}: expected shape (n,), got {}", what, ShapeText(numbers)));
+  }
+  return {numbers.data(), numbers.data() + numbers.size()};
+}
+
+std::vector<std::string> NamesFrom(const py::handle& names, const std::string& what) {
+  std::vector<std::string> out;
+  if (!py::isinstance<py::str>(names) && py::isinstance<py::iterable>(names)) {
+    for (const py::handle& name : names) {
+      if (!py::isinstance<py::str>(name)) {
+        throw py::type_error(fmt::format("{}: expected names, got {}", what, TypeName(name)));
+      }
+      out.push_back(name.cast<std::string>());
+    }
+    return out;
+  }
+  throw py::type_error(fmt::format("{}: expected a list of names, got {}", what, TypeName(names)));
+}
+
 Eigen::MatrixXd PointsFrom(const py::handle& array, const std::vector<py::ssize_t>& columns,
                            const std::string& what) {
-  const auto points = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(array);
-  if (!points) {
-    PyErr_Clear();
-    throw py::value_error(what + ": expected numbers");
-  }
+  const Numbers points = RealNumbers(array, what);
   const bool fits = points.ndim() == 2 &&
                     std::find(columns.begin(), columns.end(), points.shape(1)) != columns.end();
   if (!fits) {
-    throw py::value_error(
-        fmt::format("{}: expected shape (n, {}), got {}", what, fmt::join(columns, " or "),
-                    py::str(py::object(points.attr("shape"))).cast<std::string>()));
+    throw py::value_error(fmt::format("{}: expected shape (n, {}), got {}", what,
+                                      fmt::join(columns, " or "), ShapeText(points)));
   }
   return Eigen::Map<const Eigen::MatrixXd>(points.data(), points.shape(1), points.shape(0));
 }
@@ -178,9 +243,9 @@ py::str FileText(const std::string& text) {
 std::vector<std::string> OverridesFrom(const py::object& set) {
   std::vector<std::string> overrides;
   if (set.is_none()) return overrides;
-  if (!py::isinstance<py::dict>(set)) return set.cast<std::vector<std::string>>();
+  if (!py::isinstance<py::dict>(set)) return NamesFrom(set, "set");
   for (const auto& [key, value] : set.cast<py::dict>()) {
-    overrides.push_back(key.cast<std::string>() + "=" + TomlValue(value));
+    overrides.push_back(py::str(key).cast<std::string>() + "=" + TomlValue(value));
   }
   return overrides;
 }
@@ -188,6 +253,60 @@ std::vector<std::string> OverridesFrom(const py::object& set) {
 std::vector<Source> Joined(std::vector<Source> a, const std::vector<Source>& b) {
   a.insert(a.end(), b.begin(), b.end());
   return a;
+}
+
+SourceState StateOf(const std::vector<Source>& sources) {
+  SourceState state;
+  for (const Source& s : sources) {
+    state.emplace_back(s.path, s.size, s.time.time_since_epoch().count());
+  }
+  return state;
+}
+
+std::vector<Source> SourcesOf(const SourceState& state) {
+  std::vector<Source> sources;
+  for (const auto& [path, size, ticks] : state) {
+    sources.push_back({path, size, fs::file_time_type(fs::file_time_type::duration(ticks))});
+  }
+  return sources;
+}
+
+namespace {
+
+// A folder that is gone when the object is.
+class TemporaryFolder {
+ public:
+  TemporaryFolder() : path_((fs::temp_directory_path() / "unfurl-XXXXXX").string()) {
+    if (mkdtemp(path_.data()) == nullptr) {
+      throw Error("no temporary folder can be made", path_, "check TMPDIR", ErrorKind::kMachine);
+    }
+  }
+  ~TemporaryFolder() {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  std::string File() const { return path_ + "/record.h5"; }
+
+ private:
+  std::string path_;
+};
+
+}  // namespace
+
+py::bytes FileBytes(const std::function<void(const std::string& path)>& write) {
+  const TemporaryFolder folder;
+  write(folder.File());
+  std::ostringstream bytes;
+  bytes << std::ifstream(folder.File(), std::ios::binary).rdbuf();
+  return {bytes.str()};
+}
+
+void ReadFileBytes(const std::string& bytes, const std::function<void(const std::string&)>& read) {
+  const TemporaryFolder folder;
+  std::ofstream(folder.File(), std::ios::binary) << bytes;
+  read(folder.File());
 }
 
 std::string Plural(std::size_t count, const char* word) {

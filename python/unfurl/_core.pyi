@@ -1,5 +1,5 @@
 from os import PathLike
-from typing import Any, Callable, Iterator, Mapping, Optional, Sequence, Union
+from typing import Any, Callable, Iterable, Iterator, Mapping, Optional, Sequence, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 _Path = Union[str, bytes, PathLike[str], PathLike[bytes]]
 _Floats = NDArray[np.float64]
 _Ints = NDArray[np.int32]
-_Set = Optional[Union[Mapping[str, object], Sequence[str]]]
+_Set = Optional[Union[Mapping[str, object], Iterable[str]]]
 _Progress = Optional[Callable[[float], object]]
 _Positions = Union[ArrayLike, tuple[ArrayLike, ArrayLike]]
 _ModelFunction = Callable[[dict[str, float], dict[str, _Floats]], Mapping[str, _Positions]]
@@ -26,7 +26,7 @@ class Tracks:
     def __init__(
         self,
         t: ArrayLike,
-        mark: Sequence[str],
+        mark: Iterable[str],
         p: ArrayLike,
         *,
         cov: Optional[ArrayLike] = None,
@@ -106,12 +106,12 @@ class Run:
 class Survey:
     def __init__(
         self,
-        id: Sequence[str],
+        id: Iterable[str],
         p: ArrayLike,
         u: ArrayLike,
         s: ArrayLike,
         *,
-        cameras: Sequence[str],
+        cameras: Iterable[str],
         sigma: Optional[float] = None,
         cov: Optional[ArrayLike] = None,
     ) -> None: ...
@@ -438,6 +438,9 @@ class Comparison:
     def measured_modes(self) -> list[dict[str, float]]: ...
     @property
     def reference_modes(self) -> list[dict[str, float]]: ...
+    @property
+    def left_out(self) -> list[str]: ...
+    def write(self, path: _Path) -> None: ...
 
 class Parameter:
     def __init__(
@@ -533,6 +536,40 @@ class Fit:
     def comparison(self) -> Optional[Comparison]: ...
     def write(self, path: _Path) -> None: ...
 
+class CostPoint:
+    @property
+    def method(self) -> str: ...
+    @property
+    def rtol(self) -> float: ...
+    @property
+    def segments(self) -> Optional[int]: ...
+    @property
+    def usable(self) -> bool: ...
+    @property
+    def message(self) -> str: ...
+    @property
+    def seconds(self) -> Optional[float]: ...
+    @property
+    def rms(self) -> Optional[float]: ...
+    @property
+    def largest(self) -> Optional[float]: ...
+    @property
+    def on_front(self) -> bool: ...
+
+class Cost:
+    @property
+    def points(self) -> list[CostPoint]: ...
+    @property
+    def advice(self) -> list[str]: ...
+    @property
+    def reference(self) -> str: ...
+    @property
+    def floor(self) -> Optional[float]: ...
+    @property
+    def duration(self) -> float: ...
+    @property
+    def usable(self) -> bool: ...
+
 class Study:
     @property
     def name(self) -> str: ...
@@ -546,6 +583,30 @@ class Study:
 def load(path: _Path, *, sigma: float = 0.0) -> Any: ...
 def read_lab(path: _Path, *, set: _Set = None) -> Lab: ...
 def read_scene(path: _Path, *, set: _Set = None) -> Scene: ...
+def read_survey(
+    path: _Path,
+    readings: Optional[_Path] = None,
+    *,
+    sigma: float = 0.0,
+    angle_sigma: float = 0.0,
+    distance_sigma: float = 0.0,
+    station: Optional[ArrayLike] = None,
+    distance_error: Optional[ArrayLike] = None,
+    zenith_error: float = 0.0,
+) -> Survey: ...
+def read_lines(
+    description: _Path, output: _Path, *, progress: _Progress = None
+) -> Union[Trial, Survey]: ...
+def cost(
+    scene: Union[Scene, _Path],
+    *,
+    set: _Set = None,
+    methods: Sequence[str] = ("projected", "partitioned"),
+    rtol: Sequence[float] = (0.001, 0.0001, 1e-05, 1e-06, 1e-07),
+    segments: Sequence[int] = ...,
+    duration: float = 0.0,
+    progress: _Progress = None,
+) -> Cost: ...
 def parse_scene(text: str, name: str = "scene") -> Scene: ...
 def read_study(path: _Path, *, set: _Set = None) -> Study: ...
 def calibrate(
@@ -647,6 +708,7 @@ def fit_study(
     resume: bool = False,
     workers: int = 0,
     compare: bool = False,
+    allow_programs: bool = False,
     progress: Optional[Callable[[FitProgress], object]] = None,
 ) -> Fit: ...
 def fit(

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/progress.h"
 #include "sim/implicit/kkt.h"
 
 namespace unfurl::sim {
@@ -31,6 +32,7 @@ EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
   const double first_step = kFirstStep * model.time_scale;
   double step = first_step, last = 0.0;
   for (report.iterations = 0; report.iterations < kMostIterations; ++report.iterations) {
+    ThrowIfInterrupted();
     dynamics->RightSide(0.0, y, rate.data());
     const Constraints::Work& work = dynamics->constraint_work();
     std::copy_n(work.lambda.begin(), rows, lambda.begin());
