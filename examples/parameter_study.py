@@ -9,25 +9,29 @@ import matplotlib.pyplot as plt
 
 import unfurl
 
+VALUES = [0.5, 0.6, 0.7, 0.8, 0.9]
+
 
 def main(scene: str, picture: str = "parameter_study.png") -> int:
-    figure, (motion, impacts) = plt.subplots(1, 2, figsize=(10, 4))
-    values = [0.5, 0.6, 0.7, 0.8, 0.9]
+    figure = plt.figure(figsize=(10, 6), layout="constrained")
+    left, right = figure.subfigures(1, 2, width_ratios=[2, 1])
+    motions = left.subplots(len(VALUES), 1, sharex=True, sharey=True)
     counts = []
-    for restitution in values:
+    for axes, restitution in zip(motions, VALUES):
         run = unfurl.simulate(scene, set={"contact.lock.restitution": restitution})
         if not run.usable:
             raise RuntimeError(f"restitution {restitution}: {run.message}")
         struck = [event.t for event in run.events if event.kind == "contact_start"]
         counts.append(len(struck))
-        after = run.t > struck[0] - 0.02
-        motion.plot(run.t[after], 1e3 * run["hinge.theta"][after], label=f"e = {restitution:g}")
+        after = run.t >= struck[0]
+        axes.plot(run.t[after], 1e3 * run["hinge.theta"][after], linewidth=0.8)
+        axes.set_title(f"restitution {restitution:g}", fontsize="small", loc="right", pad=2)
         print(f"restitution {restitution:g}: {len(struck)} impacts, the last at {struck[-1]:.3f} s")
-    motion.set(xlabel="t [s]", ylabel="angle of the hinge [mrad]", xlim=(None, 2.0))
-    motion.legend()
-    impacts.plot(values, counts, "o-")
-    impacts.set(xlabel="restitution [-]", ylabel="impacts")
-    figure.tight_layout()
+    motions[-1].set_xlabel("t [s]")
+    left.supylabel("angle of the hinge, latched [mrad]")
+    impacts = right.subplots()
+    impacts.plot(VALUES, counts, "o-")
+    impacts.set(xlabel="restitution [-]", ylabel=f"impacts in {run.t[-1]:g} s")
     figure.savefig(picture)
     print(f"-> {picture}")
     return 0

@@ -1,5 +1,7 @@
 """Every file of ours, as strangers open it: netCDF4 and xarray, with times and names as coordinates."""
 
+import textwrap
+
 import numpy as np
 import pytest
 import xarray
@@ -150,6 +152,25 @@ def test_scales_are_those_of_the_specification(files):
         np.testing.assert_array_equal(time, file["t"])
         users = {file[reference].name for reference, _ in time.attrs["REFERENCE_LIST"]}
         assert "/series/tip.x" in users and len(users) == len(file["series"]) - 1
+
+
+def test_a_trial_written_as_the_documentation_says(tmp_path, monkeypatch):
+    """The program of docs/formats.md, by h5py alone."""
+    page = (SETS.parent.parent / "docs" / "formats.md").read_text()
+    program = page.split("### A trial of your own, in Python\n\n")[1].split("\n## ")[0]
+    monkeypatch.chdir(tmp_path)
+    names = {
+        "t": np.arange(20) / 1000.0,
+        "slot": np.arange(20) % 5,
+        "counts": np.full((20, 4, 2235), 100, np.uint16),
+    }
+    exec(textwrap.dedent(program), names)
+    trial = unfurl.load("trial.h5")
+    assert trial.cameras == ["door", "window", "bench", "crane"] and trial.lit[-1] == "dark"
+    t, lit, counts = trial.lines(0, len(trial))
+    np.testing.assert_array_equal(t, names["t"])
+    np.testing.assert_array_equal(lit, names["slot"])
+    np.testing.assert_array_equal(counts, names["counts"])
 
 
 def test_records_as_datasets(files):
