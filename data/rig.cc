@@ -128,9 +128,14 @@ void WriteRig(const std::string& path, const Rig& rig, const Provenance& provena
               "what each coefficient multiplies, camera by camera; x = X/Z, y = Y/(Z+e), "
               "a = atan(x); empty: none"},
              terms);
+  // Labelled, lest netCDF4 take the letters of a reason of that length for its dimension.
+  const auto parameters = static_cast<std::size_t>(rig.covariance.rows());
+  const std::vector<std::string> scales = {"/parameter", "/parameter_2"};
+  for (const std::string& name : scales) file.BareScale(name, parameters);
   file.Write({"/covariance", "rad, m, px",
               "joint covariance of all cameras' parameters: 19 each, rotation, p_WC, f, u0, e, "
-              "terms"},
+              "terms",
+              scales},
              rig.covariance);
   file.Write({"/model_floor", "px", "the largest of the cameras' floors"},
              std::vector<double>{rig.model_floor_px});

@@ -111,6 +111,14 @@ def test_rig_has_the_cameras_names(files):
         np.testing.assert_array_equal(terms, rig.cameras[1].terms)
 
 
+def test_covariance_of_a_rig_has_dimensions_of_its_own(files):
+    """Without them netCDF4 takes any of that length: the letters of a reason, say."""
+    rig = unfurl.load(files / "rig.h5")
+    with xarray.open_dataset(files / "rig.h5", engine="netcdf4") as data:
+        assert data["covariance"].dims == ("parameter", "parameter_2")
+        np.testing.assert_array_equal(data["covariance"], rig.covariance)
+
+
 def test_survey_and_trial_have_names(files):
     survey = unfurl.load(files / "survey.h5")
     with xarray.open_dataset(files / "survey.h5", engine="netcdf4") as data:
