@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import unfurl
-from conftest import read_by_strangers
+from conftest import SETS, read_by_strangers
 
 PROGRAM = os.environ["UNFURL_PROGRAM"]
 
@@ -21,8 +21,6 @@ def run(*words, cwd):
 
 @pytest.fixture(scope="module")
 def job(tmp_path_factory):
-    from conftest import SETS
-
     folder = tmp_path_factory.mktemp("job")
     deployment = SETS / "deployment"
     truth = unfurl.simulate(
@@ -113,6 +111,43 @@ def test_study_is_the_programs(job):
 
     for name in ("program.h5", "fit.h5", "tracks.h5", "truth.h5", "trial.h5"):
         assert read_by_strangers(folder / name)[1] > 3
+
+
+def test_simulation_and_exposure_are_the_programs(job):
+    folder, deployment, truth, trial, *_ = job
+    run("simulate", deployment / "scene_suspension_4.toml", "--duration", "1.2", "-o", "verb.h5", cwd=folder)
+    again = unfurl.load(folder / "verb.h5")
+    assert again.keys() == truth.keys() and again.summary == truth.summary
+    for name in truth:
+        np.testing.assert_array_equal(again[name], truth[name])
+    run("expose", "verb.h5", "--lab", deployment / "lab.toml", "-o", "verb_trial.h5", cwd=folder)
+    recorded = unfurl.load(folder / "verb_trial.h5")
+    for a, b in zip(recorded.lines(0, len(recorded)), trial.lines(0, len(trial))):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_plan_check_modes_and_cost_are_the_programs(job):
+    folder, deployment, *_ = job
+    told = run("plan", deployment / "lab.toml", cwd=folder)
+    plan = unfurl.plan(deployment / "lab.toml")
+    assert (plan.verdict, plan.reasons, plan.need) == (told["verdict"], told["reasons"], told["need_m"])
+    for case, row in zip(plan.cases, told["cases"], strict=True):
+        assert (case.name, case.found) == (row["cameras"], row["found"])
+        assert (case.quantile(0.5), case.quantile(0.95)) == (row["median_m"], row["p95_m"])
+    told = run("check", deployment / "rig.h5", deployment / "survey.h5", cwd=folder)
+    check = unfurl.check(deployment / "rig.h5", deployment / "survey.h5")
+    assert (check.verdict, check.reasons) == (told["verdict"], told["reasons"])
+    assert (check.chance, check.rms) == (told["chance"], told["rms"])
+    scene = deployment / "scene_suspension_4.toml"
+    told = run("modes", scene, cwd=folder)
+    modes = unfurl.modes(scene)
+    assert list(modes.frequency) == [m["frequency"] for m in told["modes"]]
+    assert list(modes.damping) == [m["damping"] for m in told["modes"]]
+    latch = SETS / "bouncing_latch" / "scene.toml"
+    told = run("cost", latch, "--duration", "0.2", "--rtol", "1e-3,1e-4", cwd=folder)
+    cost = unfurl.cost(latch, duration=0.2, rtol=[1e-3, 1e-4])
+    assert cost.reference == told["reference"] and cost.floor == told["floor"]
+    assert [p.rms for p in cost.points] == [p["rms"] for p in told["settings"]]
 
 
 def test_plan_of_a_rig(job):
