@@ -13,6 +13,7 @@
 #include <exception>
 #include <new>
 
+#include "base/crash.h"
 #include "base/error.h"
 #include "base/progress.h"
 
@@ -67,6 +68,51 @@ void OnAlarm(int) {
   std::abort();
 }
 
+thread_local const char* t_reading = nullptr;
+
+// Only what may be called from a handler. Controls in a name are shown as '?'.
+void WriteWords(const char* words, bool of_a_file = false) {
+  constexpr std::size_t kLongest = 4096;
+  char line[kLongest];
+  std::size_t n = 0;
+  for (; words[n] != '\0' && n < kLongest; ++n) {
+    const auto byte = static_cast<unsigned char>(words[n]);
+    line[n] = of_a_file && (byte < 0x20 || byte >= 0x7f) ? '?' : words[n];
+  }
+  if (write(STDERR_FILENO, line, n) < 0) return;
+}
+
+void OnCrash(int) {
+  RemoveTemporaries();
+  WriteWords("unfurl: ");
+  if (const char* path = t_reading) {
+    WriteWords(path, true);
+    WriteWords(
+        ": is damaged: the library that reads it broke off; copy it again, or make it again\n");
+    _exit(kExitBadInput);
+  }
+  WriteWords("a fault of ours: it crashed; please report it with the command that you typed\n");
+  _exit(kExitFault);
+}
+
+// On a stack of its own, for the one that has run out.
+void InstallCrashHandler() {
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+  static char stack[1 << 16];
+  stack_t own = {};
+  own.ss_sp = stack;
+  own.ss_size = sizeof stack;
+  sigaltstack(&own, nullptr);
+  struct sigaction action = {};
+  sigemptyset(&action.sa_mask);
+  action.sa_flags = static_cast<int>(SA_ONSTACK | SA_RESETHAND);
+  action.sa_handler = OnCrash;
+  for (const int number : {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT}) {
+    sigaction(number, &action, nullptr);
+  }
+#endif
+}
+
 // The length of the UTF-8 sequence that begins `bytes`, or 0 where there is none.
 std::size_t SequenceAt(const std::string& bytes, std::size_t at) {
   const auto byte = [&](std::size_t i) {
@@ -102,8 +148,13 @@ void AppendEscaped(unsigned char byte, std::string* out) {
 
 }  // namespace
 
+ReadsForeign::ReadsForeign(const char* path) : before_(t_reading) { t_reading = path; }
+
+ReadsForeign::~ReadsForeign() { t_reading = before_; }
+
 void InstallInterruptHandler() {
   std::set_terminate(OnTerminate);
+  InstallCrashHandler();
   struct sigaction action = {};
   sigemptyset(&action.sa_mask);
   action.sa_flags = SA_RESTART;  // a read that was broken off would look like the end of a file

@@ -1,7 +1,9 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <clocale>
 #include <cstdio>
+#include <locale>
 #include <new>
 #include <stdexcept>
 #include <string>
@@ -120,6 +122,9 @@ int MachineRefused(int argc, char** argv, const std::string& what) {
 
 int main(int argc, char** argv) {
   using unfurl::Complain;
+  // Numbers have points, whatever a library has made of the environment before.
+  std::setlocale(LC_ALL, "C");
+  std::locale::global(std::locale::classic());
   unfurl::InstallInterruptHandler();
   int code = unfurl::kExitFault;
   try {

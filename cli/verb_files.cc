@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "data/h5.h"
+#include "data/inputs.h"
 #include "data/toml_files.h"
 
 namespace unfurl::cli {
@@ -39,13 +40,15 @@ std::vector<std::string> WrittenFor(const std::string& path) {
 }
 
 bool MadeBy(const std::string& path, const std::string& verb) {
+  bool made = false;
   try {
     const data::H5Reader file(path, data::H5Reader::SchemaOf(path),
                               std::numeric_limits<int>::max());
-    return file.ReadProvenance().command.starts_with("unfurl " + verb + " ");
+    made = file.ReadProvenance().command.starts_with("unfurl " + verb + " ");
   } catch (const Error&) {
-    return false;
   }
+  data::ForgetInput(path);  // was looked at, and may be replaced
+  return made;
 }
 
 std::string NameOf(const CLI::Option* option) {
@@ -124,7 +127,9 @@ void VerbFiles::Prepare() const {
   std::map<std::string, std::string> inputs;
   const auto add = [&](const std::string& path, const std::string& as) {
     std::error_code ignored;
-    if (!path.empty() && fs::exists(path, ignored)) inputs.try_emplace(IdentityOf(path), as);
+    if (path.empty() || !fs::exists(path, ignored)) return;
+    inputs.try_emplace(IdentityOf(path), as);
+    data::ProtectInput(path);
   };
   std::vector<std::string> folders = {"."};
   for (const Path& input : inputs_) {
@@ -167,6 +172,7 @@ void VerbFiles::Prepare() const {
     }
   }
   for (const std::string& path : by_default) CheckDefault(path);
+  data::ProtectWhatIsRead();  // what nobody could name before it was read: from pipes, of programs
 }
 
 }  // namespace unfurl::cli

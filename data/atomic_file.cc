@@ -69,12 +69,25 @@ bool IsTemporaryOf(const std::string& name, const std::string& result) {
          name.ends_with(tail);
 }
 
+// Where the program's own open files, and devices, have their names.
+bool IsDeviceFolder(const std::string& folder) {
+  std::error_code failed;
+  const std::string whole = std::filesystem::canonical(folder, failed).string();
+  return whole == "/dev" || whole == "/proc" || whole.starts_with("/proc/");
+}
+
+void RefuseInput(const std::string& path) {
+  if (!IsInput(path)) return;
+  throw Error("is an input, and would be replaced by the result", path, "name another output");
+}
+
 // Programs that were killed leave their temporaries behind: unlocked, and not just made.
 void RemoveStale(const std::string& folder, const std::string& result) {
   constexpr std::time_t kYoung = 10;  // [s], between making and locking
   std::error_code failed;
   for (const auto& entry : std::filesystem::directory_iterator(folder, failed)) {
-    if (!IsTemporaryOf(entry.path().filename().string(), result)) continue;
+    const std::string path = entry.path().string();
+    if (!IsTemporaryOf(entry.path().filename().string(), result) || IsInput(path)) continue;
     const int fd = open(entry.path().c_str(), O_RDWR | O_NOFOLLOW | O_CLOEXEC);
     if (fd < 0) continue;
     struct stat info = {};
@@ -112,6 +125,10 @@ AtomicFile::AtomicFile(std::string path, Temporary kind) : path_(std::move(path)
     // A rename would replace the device or pipe by a file.
     throw Error("is a device or pipe, not a file", path_, "name a file with -o");
   }
+  if (IsDeviceFolder(folder)) {  // /dev/stdout may lead to a file
+    throw Error("is a device or pipe, not a file", path_, "name a file with -o");
+  }
+  RefuseInput(path_);
   if (kind == Temporary::kPartial) {
     OpenPartial();
   } else {
@@ -159,6 +176,7 @@ AtomicFile::~AtomicFile() {
 
 void AtomicFile::Commit() {
   ThrowIfInterrupted();
+  RefuseInput(path_);
   if (!SyncPath(temporary_, O_RDONLY)) ThrowWriteError(path_, errno);
   if (std::rename(temporary_.c_str(), path_.c_str()) != 0) ThrowWriteError(path_, errno);
   settled_ = true;

@@ -172,17 +172,20 @@ bool H5IsOne(hid_t space) {
   return (kind == H5S_SCALAR || kind == H5S_SIMPLE) && H5Sget_simple_extent_npoints(space) == 1;
 }
 
-std::string H5ReadText(hid_t object, const std::string& name) {
+void H5CheckText(hid_t type, const std::string& where) {
+  if (H5Tget_class(type) != H5T_STRING || H5Tis_variable_str(type) <= 0) return;
+  throw Error("is text of variable length, which is not read", where,
+              "write it with a fixed length (in h5py: numpy.bytes_(text))");
+}
+
+std::string H5ReadText(hid_t object, const std::string& name, const std::string& where) {
   if (H5Aexists(object, name.c_str()) <= 0) return {};
   const H5Handle attribute(H5Aopen(object, name.c_str(), H5P_DEFAULT), H5Aclose);
   if (!attribute.valid()) return {};
   const H5Handle type(H5Aget_type(attribute.get()), H5Tclose);
   const H5Handle space(H5Aget_space(attribute.get()), H5Sclose);
-  // Not of variable length: damaged, such text sends HDF5 1.10 round for ever.
-  if (H5Tget_class(type.get()) != H5T_STRING || H5Tis_variable_str(type.get()) > 0 ||
-      !H5IsOne(space.get())) {
-    return {};
-  }
+  H5CheckText(type.get(), where + "@" + name);
+  if (H5Tget_class(type.get()) != H5T_STRING || !H5IsOne(space.get())) return {};
   // What an attribute claims is what its header holds.
   const std::size_t size = H5Tget_size(type.get());
   if (size == 0 || size > H5Aget_storage_size(attribute.get())) return {};

@@ -29,8 +29,13 @@ void H5CheckNumber(hid_t type, const std::string& where);
 // Whether an attribute or dataset holds exactly one value.
 bool H5IsOne(hid_t space);
 
-// A text attribute, of fixed or variable length; empty when absent, not text, or several.
-std::string H5ReadText(hid_t object, const std::string& name);
+// A text attribute of fixed length; empty when absent, not text, or several. Throws Error for one
+// of variable length: damaged, such text sends HDF5 1.10 round for ever. `where` is the object's
+// place.
+std::string H5ReadText(hid_t object, const std::string& name, const std::string& where);
+
+// Throws Error for text of variable length.
+void H5CheckText(hid_t type, const std::string& where);
 
 // Names of the links of a group, by creation order where the file has an index of it, else by name.
 std::vector<std::string> H5LinkNames(hid_t group, const std::string& where);

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "base/crash.h"
 #include "base/error.h"
 #include "data/h5.h"
 #include "data/h5_checks.h"
@@ -18,6 +19,11 @@ struct H5Reader::Impl {
   H5Handle file;
   int version = 0;
   mutable std::set<std::string> checked;
+
+  ~Impl() {
+    const ReadsForeign reads(path.c_str());
+    file.Close();
+  }
 
   std::string Where(const std::string& object) const { return path + ":" + object; }
 
@@ -44,6 +50,7 @@ struct H5Reader::Impl {
 
   template <typename T>
   std::vector<T> ReadAll(const H5Reader& owner, const std::string& name, hid_t memory) const {
+    const ReadsForeign reads(path.c_str());
     const H5Handle set = Dataset(owner, name);
     const H5Handle type(H5Dget_type(set.get()), H5Tclose);
     H5CheckNumber(type.get(), Where(name));
@@ -59,6 +66,7 @@ struct H5Reader::Impl {
 
   void ReadRows(const H5Reader& owner, const std::string& name, std::size_t first,
                 std::size_t count, hid_t memory_type, void* out, std::size_t out_size) const {
+    const ReadsForeign reads(path.c_str());
     const H5Handle set = Dataset(owner, name);
     const H5Handle type(H5Dget_type(set.get()), H5Tclose);
     H5CheckNumber(type.get(), Where(name));
@@ -96,6 +104,7 @@ struct H5Reader::Impl {
   template <typename T>
   T Number(const H5Reader& owner, const std::string& object, const std::string& name,
            hid_t memory) const {
+    const ReadsForeign reads(path.c_str());
     const H5Handle opened = Object(owner, object);
     T value{};
     if (H5Aexists(opened.get(), name.c_str()) <= 0) {
@@ -118,9 +127,10 @@ struct H5Reader::Impl {
 H5Reader::H5Reader(const std::string& path, const std::string& schema, int newest_version)
     : impl_(std::make_unique<Impl>()) {
   impl_->path = path;
+  const ReadsForeign reads(impl_->path.c_str());
   impl_->file = H5OpenChecked(path);
   const H5Handle root(H5Oopen(impl_->file.get(), "/", H5P_DEFAULT), H5Oclose);
-  const std::string found = H5ReadText(root.get(), "schema");
+  const std::string found = H5ReadText(root.get(), "schema", path + ":/");
   if (found != schema) {
     Fail(found.empty() ? "is not a file of ours: it names no schema"
                        : fmt::format("holds '{}', where '{}' is needed", found, schema),
@@ -137,9 +147,10 @@ H5Reader::H5Reader(const std::string& path, const std::string& schema, int newes
 H5Reader::~H5Reader() = default;
 
 std::string H5Reader::SchemaOf(const std::string& path) {
+  const ReadsForeign reads(path.c_str());
   const H5Handle file = H5OpenChecked(path);
   const H5Handle root(H5Oopen(file.get(), "/", H5P_DEFAULT), H5Oclose);
-  const std::string schema = H5ReadText(root.get(), "schema");
+  const std::string schema = H5ReadText(root.get(), "schema", path + ":/");
   if (schema.empty()) {
     throw Error("is not a file of ours: it names no schema", path,
                 "give a file that an unfurl verb wrote");
@@ -151,12 +162,13 @@ const std::string& H5Reader::path() const { return impl_->path; }
 int H5Reader::schema_version() const { return impl_->version; }
 
 Provenance H5Reader::ReadProvenance() const {
+  const ReadsForeign reads(impl_->path.c_str());
   const H5Handle root = impl_->Object(*this, "/");
   Provenance provenance;
-  provenance.program = H5ReadText(root.get(), "program");
-  provenance.command = H5ReadText(root.get(), "command");
+  provenance.program = H5ReadText(root.get(), "program", impl_->Where("/"));
+  provenance.command = H5ReadText(root.get(), "command", impl_->Where("/"));
   const auto parse = [&](const char* name) {
-    return nlohmann::json::parse(H5ReadText(root.get(), name), nullptr, false);
+    return nlohmann::json::parse(H5ReadText(root.get(), name, impl_->Where("/")), nullptr, false);
   };
   const nlohmann::json inputs = parse("inputs");
   if (inputs.is_array()) {
@@ -175,35 +187,41 @@ Provenance H5Reader::ReadProvenance() const {
       if (value.is_string()) provenance.options[key] = value.get<std::string>();
     }
   }
-  const std::string seed = H5ReadText(root.get(), "seed");
+  const std::string seed = H5ReadText(root.get(), "seed", impl_->Where("/"));
   if (!seed.empty()) provenance.seed = std::strtoull(seed.c_str(), nullptr, 10);
   return provenance;
 }
 
 bool H5Reader::Has(const std::string& path) const {
+  const ReadsForeign reads(impl_->path.c_str());
   return H5HasChecked(impl_->file.get(), impl_->path, path);
 }
 
 std::vector<std::string> H5Reader::Children(const std::string& group) const {
+  const ReadsForeign reads(impl_->path.c_str());
   if (group != "/" && !Has(group)) return {};
   return H5LinkNames(impl_->Object(*this, group).get(), impl_->Where(group));
 }
 
 bool H5Reader::IsDataset(const std::string& path) const {
+  const ReadsForeign reads(impl_->path.c_str());
   return Has(path) && H5Iget_type(impl_->Object(*this, path).get()) == H5I_DATASET;
 }
 
 std::vector<std::size_t> H5Reader::Dims(const std::string& dataset) const {
+  const ReadsForeign reads(impl_->path.c_str());
   const std::vector<hsize_t> size = impl_->Size(impl_->Dataset(*this, dataset).get());
   return std::vector<std::size_t>(size.begin(), size.end());
 }
 
 std::string H5Reader::Units(const std::string& dataset) const {
-  return H5ReadText(impl_->Dataset(*this, dataset).get(), "units");
+  const ReadsForeign reads(impl_->path.c_str());
+  return H5ReadText(impl_->Dataset(*this, dataset).get(), "units", impl_->Where(dataset));
 }
 
 std::string H5Reader::Description(const std::string& dataset) const {
-  return H5ReadText(impl_->Dataset(*this, dataset).get(), "description");
+  const ReadsForeign reads(impl_->path.c_str());
+  return H5ReadText(impl_->Dataset(*this, dataset).get(), "description", impl_->Where(dataset));
 }
 
 std::vector<double> H5Reader::ReadDoubles(const std::string& dataset,
@@ -220,9 +238,11 @@ std::vector<std::int32_t> H5Reader::ReadInts(const std::string& dataset) const {
 }
 
 std::vector<std::string> H5Reader::ReadStrings(const std::string& dataset) const {
+  const ReadsForeign reads(impl_->path.c_str());
   const H5Handle set = impl_->Dataset(*this, dataset);
   const H5Handle type(H5Dget_type(set.get()), H5Tclose);
-  if (H5Tget_class(type.get()) != H5T_STRING || H5Tis_variable_str(type.get()) > 0) {
+  H5CheckText(type.get(), impl_->Where(dataset));
+  if (H5Tget_class(type.get()) != H5T_STRING) {
     Fail("does not hold fixed-width text", dataset, "make the file again");
   }
   const std::vector<std::size_t> dims = Dims(dataset);
@@ -270,6 +290,7 @@ void H5Reader::ReadRows(const std::string& dataset, std::size_t first, std::size
 
 std::vector<std::pair<std::string, std::string>> H5Reader::Attributes(
     const std::string& object) const {
+  const ReadsForeign reads(impl_->path.c_str());
   const H5Handle opened = impl_->Object(*this, object);
   std::vector<std::string> names;
   const herr_t listed = H5Aiterate2(
@@ -286,19 +307,21 @@ std::vector<std::pair<std::string, std::string>> H5Reader::Attributes(
     if (H5IsScaleAttribute(name)) continue;
     const H5Handle attribute(H5Aopen(opened.get(), name.c_str(), H5P_DEFAULT), H5Aclose);
     const H5Handle type(H5Aget_type(attribute.get()), H5Tclose);
-    std::string value;
-    switch (H5Tget_class(type.get())) {
-      case H5T_STRING:
-        value = H5ReadText(opened.get(), name);
-        break;
-      case H5T_INTEGER:
-        value = std::to_string(IntAttribute(object, name));
-        break;
-      case H5T_FLOAT:
-        value = fmt::format("{}", DoubleAttribute(object, name));
-        break;
-      default:
-        value = "(neither text nor a number)";
+    const H5Handle space(H5Aget_space(attribute.get()), H5Sclose);
+    const H5T_class_t kind = H5Tget_class(type.get());
+    std::string value;  // others may have added what is none of ours: named, and not refused
+    if (kind == H5T_STRING && H5Tis_variable_str(type.get()) > 0) {
+      value = "(text of variable length, not read)";
+    } else if (!H5IsOne(space.get())) {
+      value = "(not one value)";
+    } else if (kind == H5T_STRING) {
+      value = H5ReadText(opened.get(), name, impl_->Where(object));
+    } else if (kind == H5T_INTEGER) {
+      value = std::to_string(IntAttribute(object, name));
+    } else if (kind == H5T_FLOAT) {
+      value = fmt::format("{}", DoubleAttribute(object, name));
+    } else {
+      value = "(neither text nor a number)";
     }
     all.emplace_back(name, value);
   }
@@ -306,10 +329,12 @@ std::vector<std::pair<std::string, std::string>> H5Reader::Attributes(
 }
 
 bool H5Reader::HasAttribute(const std::string& object, const std::string& name) const {
+  const ReadsForeign reads(impl_->path.c_str());
   return H5Aexists(impl_->Object(*this, object).get(), name.c_str()) > 0;
 }
 
 std::string H5Reader::StringAttribute(const std::string& object, const std::string& name) const {
+  const ReadsForeign reads(impl_->path.c_str());
   const H5Handle opened = impl_->Object(*this, object);
   if (H5Aexists(opened.get(), name.c_str()) <= 0) {
     Fail("has no such attribute", object + "@" + name, "make the file again");
@@ -319,7 +344,7 @@ std::string H5Reader::StringAttribute(const std::string& object, const std::stri
   if (H5Tget_class(type.get()) != H5T_STRING) {
     Fail("is not text", object + "@" + name, "make the file again");
   }
-  return H5ReadText(opened.get(), name);
+  return H5ReadText(opened.get(), name, impl_->Where(object));
 }
 
 double H5Reader::DoubleAttribute(const std::string& object, const std::string& name) const {

@@ -5,6 +5,7 @@
 #include <set>
 #include <utility>
 
+#include "base/crash.h"
 #include "base/error.h"
 #include "data/h5_checks.h"
 #include "data/h5_handle.h"
@@ -39,6 +40,7 @@ void List(hid_t file, hid_t group, const std::string& path, const std::string& p
 }  // namespace
 
 std::vector<std::string> H5ListDatasets(const std::string& path) {
+  const ReadsForeign reads(path.c_str());
   const H5Handle file = H5OpenChecked(path);
   const H5Handle root(H5Gopen2(file.get(), "/", H5P_DEFAULT), H5Gclose);
   std::vector<std::string> all;

@@ -19,4 +19,11 @@ void ForgetInput(const std::string& path);
 // that is an Error.
 void NoteOpened(const std::string& path);
 
+// A file is an input, read by now or to be read: no result takes its place, by whatever name.
+void ProtectInput(const std::string& path);
+// From here on, whatever is noted as above is protected, too, until ForgetInput: for a program that
+// runs one job, and not for a library, whose user may read a file and write it anew.
+void ProtectWhatIsRead();
+bool IsInput(const std::string& path);
+
 }  // namespace unfurl::data

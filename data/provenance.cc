@@ -3,9 +3,11 @@
 #include <sha256.h>
 #include <sys/stat.h>
 
+#include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <mutex>
+#include <set>
 #include <utility>
 
 #include "base/error.h"
@@ -55,10 +57,24 @@ std::map<std::string, Noted>& Inputs() {
   return *inputs;
 }
 
+constexpr std::size_t kMost = 10000;  // what a program writes per evaluation would grow the lists
+
 void Note(const std::string& path, Noted noted) {
-  constexpr std::size_t kMost = 10000;  // what a program writes per evaluation would grow the list
   const std::lock_guard<std::mutex> lock(g_mutex);
   if (Inputs().size() < kMost || Inputs().contains(path)) Inputs()[path] = std::move(noted);
+}
+
+std::atomic<bool> g_protects{false};
+std::set<std::string>& Protected() {  // device and inode
+  static auto* identities = new std::set<std::string>;
+  return *identities;
+}
+
+// Empty for what is no file.
+std::string IdentityOf(const std::string& path) {
+  struct stat info = {};
+  if (stat(path.c_str(), &info) != 0 || !S_ISREG(info.st_mode)) return {};
+  return std::to_string(info.st_dev) + ":" + std::to_string(info.st_ino);
 }
 
 std::string TextSha256(const std::string& text) {
@@ -72,11 +88,30 @@ std::string TextSha256(const std::string& text) {
 void NoteText(const std::string& path, const std::string& text, bool regular) {
   Noted noted{TextSha256(text), !regular, regular ? std::string() : text, {}};
   Note(path, std::move(noted));
+  if (g_protects) ProtectInput(path);
 }
 
 void ForgetInput(const std::string& path) {
+  const std::string identity = IdentityOf(path);
   const std::lock_guard<std::mutex> lock(g_mutex);
   Inputs().erase(path);
+  Protected().erase(identity);
+}
+
+void ProtectInput(const std::string& path) {
+  const std::string identity = IdentityOf(path);
+  if (identity.empty()) return;
+  const std::lock_guard<std::mutex> lock(g_mutex);
+  if (Protected().size() < kMost) Protected().insert(identity);
+}
+
+void ProtectWhatIsRead() { g_protects = true; }
+
+bool IsInput(const std::string& path) {
+  const std::string identity = IdentityOf(path);
+  if (identity.empty()) return false;
+  const std::lock_guard<std::mutex> lock(g_mutex);
+  return Protected().contains(identity);
 }
 
 bool RecallPipe(const std::string& path, std::string* text) {
@@ -91,6 +126,7 @@ void NoteOpened(const std::string& path) {
   Noted noted;
   if (!StateOf(path, &noted.state)) return;
   Note(path, std::move(noted));
+  if (g_protects) ProtectInput(path);
 }
 
 void Provenance::AddInput(const std::string& path) {

@@ -1,6 +1,9 @@
 #include "correlate/fit/command_model.h"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -8,8 +11,10 @@
 #include <cerrno>
 #include <chrono>
 #include <cstdlib>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
+#include <mutex>
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
@@ -28,17 +33,58 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr char kScratchHead[] = "unfurl-evaluation-", kParametersFile[] = "parameters.json";
+constexpr std::size_t kScratchLetters = 6;
+
+// Holds a folder as long as it is open, and the program lives.
+int LockFolder(const fs::path& path) {
+  const int folder = open(path.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+  if (folder >= 0 && flock(folder, LOCK_EX | LOCK_NB) != 0) {
+    close(folder);
+    return -1;
+  }
+  return folder;
+}
+
+// Programs that were killed leave their folders behind: our own, unlocked, and not just made.
+void RemoveStaleScratch(const fs::path& where) {
+  constexpr std::time_t kYoung = 10;  // [s], between making and locking
+  std::error_code failed;
+  for (const auto& entry : fs::directory_iterator(where, failed)) {
+    const std::string name = entry.path().filename().string();
+    if (!name.starts_with(kScratchHead) ||
+        name.size() != sizeof kScratchHead - 1 + kScratchLetters) {
+      continue;
+    }
+    const int folder = LockFolder(entry.path());
+    if (folder < 0) continue;
+    struct stat info = {};
+    const bool made_here =
+        fs::exists(entry.path() / kParametersFile, failed) || fs::is_empty(entry.path(), failed);
+    if (made_here && fstat(folder, &info) == 0 && info.st_uid == geteuid() &&
+        std::time(nullptr) - info.st_mtime > kYoung) {
+      fs::remove_all(entry.path(), failed);
+    }
+    close(folder);
+  }
+}
+
 // A folder that goes when its user is done with it.
 class Scratch {
  public:
   Scratch() {
-    std::string name = (fs::temp_directory_path() / "unfurl-XXXXXX").string();
+    const fs::path where = fs::temp_directory_path();
+    static std::once_flag cleaned;
+    std::call_once(cleaned, RemoveStaleScratch, where);
+    std::string name = (where / kScratchHead).string() + std::string(kScratchLetters, 'X');
     if (mkdtemp(name.data()) == nullptr) data::ThrowWriteError(name, errno);
     path_ = name;
+    lock_ = LockFolder(path_);
   }
   ~Scratch() {
     std::error_code ignored;
     fs::remove_all(path_, ignored);
+    if (lock_ >= 0) close(lock_);
   }
   Scratch(const Scratch&) = delete;
   Scratch& operator=(const Scratch&) = delete;
@@ -47,6 +93,7 @@ class Scratch {
 
  private:
   fs::path path_;
+  int lock_ = -1;
 };
 
 void WritePlain(const std::string& path, const std::string& text) {
@@ -188,13 +235,13 @@ Prediction CommandModel::Once(std::span<const double> theta, const Stamps& stamp
   std::vector<std::pair<std::string, std::string>> names = {
       {"folder", scratch.folder()},
       {"study", options_.study_folder},
-      {"parameters", scratch.File("parameters.json")},
+      {"parameters", scratch.File(kParametersFile)},
       {"stamps", scratch.File("stamps.csv")}};
   for (std::size_t j = 0; j < options_.parameters.size(); ++j) {
     values[options_.parameters[j]] = theta[j];
     names.emplace_back(options_.parameters[j], fmt::format("{:.17g}", theta[j]));
   }
-  WritePlain(scratch.File("parameters.json"), values.dump(2) + "\n");
+  WritePlain(scratch.File(kParametersFile), values.dump(2) + "\n");
   std::string list = "mark,t [s]\n";
   for (std::size_t m = 0; m < stamps.marks.size(); ++m) {
     const std::string mark = data::CsvCell(stamps.marks[m]);

@@ -106,6 +106,9 @@ std::string AnswerBytes(const Prediction& p) {
 }
 
 bool ParseAnswer(std::string_view bytes, Prediction* p) {
+  // Rows of zeros take no bytes: what a record claims is held against its size, and some more.
+  constexpr std::uint64_t kZeros = std::uint64_t{1} << 20;
+  std::uint64_t room = bytes.size() + kZeros;
   Source from(bytes);
   p->status = static_cast<ModelStatus>(from.Get<std::int32_t>());
   p->message = from.Text();
@@ -114,7 +117,8 @@ bool ParseAnswer(std::string_view bytes, Prediction* p) {
   for (std::uint64_t m = 0; m < marks && from.good(); ++m) {
     const auto n = from.Get<std::uint64_t>();
     MarkMotion motion;
-    if (n > (std::uint64_t{1} << 32)) return false;
+    if (n > room) return false;
+    room -= n;
     motion.p.resize(3, static_cast<Eigen::Index>(n));
     motion.v.resize(3, static_cast<Eigen::Index>(n));
     for (Eigen::Index row = 0; row < 3; ++row) from.Row(&motion.p, row);

@@ -27,7 +27,8 @@ std::string Slurp(const std::filesystem::path& path) {
 }  // namespace
 
 Outcome RunProgram(const std::vector<std::string>& arguments, const std::filesystem::path& folder,
-                   long file_size_limit, int kill_after_ms, int kill_signal) {
+                   long file_size_limit, int kill_after_ms, int kill_signal,
+                   const std::function<void()>& in_child) {
   // Output goes to files beside the folder, not into it: tests look at what is left there.
   const std::string out_path = folder.string() + ".stdout", err_path = folder.string() + ".stderr";
   const pid_t child = fork();
@@ -42,6 +43,7 @@ Outcome RunProgram(const std::vector<std::string>& arguments, const std::filesys
                             static_cast<rlim_t>(file_size_limit)};
       setrlimit(RLIMIT_FSIZE, &limit);
     }
+    if (in_child) in_child();
     std::vector<char*> argv = {const_cast<char*>(UNFURL_PROGRAM)};
     for (const std::string& argument : arguments)
       argv.push_back(const_cast<char*>(argument.c_str()));

@@ -4,6 +4,7 @@
 
 #include <csignal>
 #include <filesystem>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -17,9 +18,11 @@ struct Outcome {
 };
 
 // Runs the real program in `folder`. `file_size_limit` > 0 makes every write past so many bytes of
-// one file fail, as a full disk does. `kill_after_ms` > 0 sends `kill_signal` then.
+// one file fail, as a full disk does. `kill_after_ms` > 0 sends `kill_signal` then. `in_child` runs
+// in the new process before the program does.
 Outcome RunProgram(const std::vector<std::string>& arguments, const std::filesystem::path& folder,
-                   long file_size_limit = 0, int kill_after_ms = 0, int kill_signal = SIGINT);
+                   long file_size_limit = 0, int kill_after_ms = 0, int kill_signal = SIGINT,
+                   const std::function<void()>& in_child = {});
 
 // A folder of its own per test, removed afterwards.
 class ProgramTest : public ::testing::Test {

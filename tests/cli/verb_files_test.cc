@@ -1,9 +1,13 @@
 // No input is ever destroyed: every verb, every option that names a file, as `--help` lists them.
 #include <gmock/gmock.h>
+#include <sys/stat.h>
 
 #include <algorithm>
+#include <chrono>
+#include <fstream>
 #include <map>
 #include <sstream>
+#include <thread>
 
 #include "data/provenance.h"
 #include "tests/cli/program.h"
@@ -194,6 +198,67 @@ TEST_F(VerbFilesTest, NorOneThatTheCommandLineSets) {
   Put("tracks.csv", "");
   ExpectKept({"fit", "scene.toml", "--set", "trial.tracks=tracks.csv", "-o", "tracks.csv"},
              "named by --set");
+}
+
+// By another ending, with blanks and signs in its name, by the word of a command.
+TEST_F(VerbFilesTest, NorOneThatIsNamedInAnOddWay) {
+  Put("tracks.csv", "");
+  Put("a = b, [c].csv", "");
+  Put("model.py", "");
+  for (const char* study : {"study.cfg", "study", "STUDY.TOML"}) {
+    Put(study,
+        "[trial]\ntracks = 'tracks.csv'\n[model]\ncommand = ['python3', '{study}/model.py', "
+        "'--data={study}//a = b, [c].csv']\n");
+    for (const char* input : {"tracks.csv", "model.py", "a = b, [c].csv"}) {
+      ExpectKept({"fit", study, "-o", "new.h5", "--report", input}, "an input, named in");
+    }
+  }
+  ExpectKept({"fit", "study", "--set", "trial.tracks='a = b, [c].csv'", "-o", "a = b, [c].csv"},
+             "an input, named");
+  ExpectKept(
+      {"simulate", "new.toml", "--set", "include=['a = b, [c].csv']", "-o", "a = b, [c].csv"},
+      "named by --set");
+}
+
+// Names that come out of a pipe are known once it is read: nothing is replaced then.
+TEST_F(VerbFilesTest, NorOneThatAPipeNames) {
+  std::filesystem::copy_file(Shipped("points.csv"), folder_ / "points.csv");
+  const std::string tracks =
+      "t [s],mark,x [m],y [m],z [m],cxx [m^2],cxy [m^2],cxz [m^2],cyy [m^2],cyz [m^2],czz [m^2]\n"
+      "0,m,0,0,0,1e-8,0,0,1e-8,0,1e-8\n0.1,m,0,0,0,1e-8,0,0,1e-8,0,1e-8\n";
+  Put("tracks.csv", tracks);
+  ASSERT_EQ(mkfifo((folder_ / "study.toml").c_str(), 0600), 0);
+  std::thread writer([&] {
+    std::ofstream(folder_ / "study.toml")
+        << "[study]\nname = 'x'\n[trial]\ntracks = 'tracks.csv'\n[model]\ncommand = ['true']\n"
+           "[parameter.a]\nstart = 1.0\nbounds = [0.5, 2.0]\n";
+  });
+  const Outcome outcome = Run({"fit", "study.toml", "--allow-programs", "-o", "tracks.csv"});
+  writer.join();
+  EXPECT_EQ(outcome.code, 2) << outcome.err;
+  EXPECT_EQ(Get("tracks.csv"), tracks);
+}
+
+// What a killed program left behind is somebody's last copy when it is read.
+TEST_F(VerbFilesTest, NorATemporaryThatIsRead) {
+  const std::string name = ".rig.h5.abc123.tmp";
+  std::filesystem::copy_file(Shipped("survey.h5"), folder_ / name);
+  std::filesystem::last_write_time(
+      folder_ / name, std::filesystem::file_time_type::clock::now() - std::chrono::hours(1));
+  const std::string hash = data::FileSha256((folder_ / name).string());
+  const Outcome outcome = Run({"calibrate", name, "--folds", "2", "-o", "rig.h5", "--quiet"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_EQ(data::FileSha256((folder_ / name).string()), hash);
+}
+
+TEST_F(VerbFilesTest, NorStandardOutput) {
+  Put("scene.toml", "");
+  for (const char* name : {"/dev/fd/1", "/proc/self/fd/1"}) {
+    ExpectKept({"convert", Shipped("survey.h5"), name, "--quiet"}, name);
+    ExpectKept({"plan", Shipped("rig.h5"), "--columns", "2", "--report", name}, "device or pipe");
+  }
+  std::filesystem::create_directories(folder_ / "sub");
+  ExpectKept({"plan", Shipped("rig.h5"), "--columns", "2", "--report", "sub"}, "is a folder");
 }
 
 TEST_F(VerbFilesTest, NorWhatIsWrittenOnTheWay) {

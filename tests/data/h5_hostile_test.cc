@@ -155,8 +155,38 @@ TEST_F(H5Hostile, AnArrayWhereOneTextBelongs) {
       H5Tclose(type);
       H5Sclose(space);
     });
-    EXPECT_THAT(Refusal(), HasSubstr("is in [], not [m]"));
+    EXPECT_THAT(
+        Refusal(),
+        HasSubstr(variable ? "a.h5:/numbers@units: is text of variable length, which is not read"
+                           : "is in [], not [m]"));
   }
+}
+
+// As h5py and others write text unless they are asked not to.
+TEST_F(H5Hostile, TextOfVariableLength) {
+  const hid_t variable = H5Tcopy(H5T_C_S1);
+  H5Tset_size(variable, H5T_VARIABLE);
+  const auto attribute = [&](hid_t file, const char* object, const char* name) {
+    if (H5Aexists_by_name(file, object, name, H5P_DEFAULT) > 0) {
+      H5Adelete_by_name(file, object, name, H5P_DEFAULT);
+    }
+    const hid_t space = H5Screate(H5S_SCALAR);
+    const hid_t made = H5Acreate_by_name(file, object, name, variable, space, H5P_DEFAULT,
+                                         H5P_DEFAULT, H5P_DEFAULT);
+    const char* text = kSchema;
+    H5Awrite(made, variable, &text);
+    H5Aclose(made);
+    H5Sclose(space);
+  };
+  Change([&](hid_t file) { attribute(file, "/", "schema"); });
+  EXPECT_THAT(Refusal(), HasSubstr("a.h5:/@schema: is text of variable length, which is not read"));
+  EXPECT_THAT(ErrorOf([&] { H5Reader::SchemaOf(path_); }), HasSubstr("fixed length"));
+  Change([&](hid_t file) { Remake(file, "/names", variable, {2}); });
+  EXPECT_THAT(Refusal(), HasSubstr("a.h5:/names: is text of variable length, which is not read"));
+  // One that no reader wants takes nothing away.
+  Change([&](hid_t file) { attribute(file, "/", "comment"); });
+  EXPECT_THAT(ReadAll(), HasSubstr("comment(text of variable length, not read)"));
+  H5Tclose(variable);
 }
 
 TEST_F(H5Hostile, DataInOtherFiles) {

@@ -11,9 +11,8 @@
 #include "base/error.h"
 #include "data/csv.h"
 #include "data/fit.h"
-#include "data/h5.h"
-#include "data/h5_walk.h"
 #include "data/lab.h"
+#include "data/modes.h"
 #include "data/raw_layout.h"
 #include "data/rig.h"
 #include "data/run.h"
@@ -24,7 +23,7 @@
 #include "data/toml.h"
 #include "data/tracks.h"
 #include "data/tracks_exchange.h"
-#include "data/trial.h"
+#include "tests/fuzz/inner_readers.h"
 
 namespace unfurl::fuzz {
 
@@ -60,28 +59,6 @@ class MemoryFile {
   std::string path_;
 };
 
-// What `unfurl info` shows of any file of ours.
-void Info(const std::string& path) {
-  const std::string schema = data::H5Reader::SchemaOf(path);
-  const data::H5Reader reader(path, schema, 1 << 30);
-  reader.ReadProvenance();
-  reader.Attributes("/");
-  for (const std::string& set : data::H5ListDatasets(path)) {
-    reader.Dims(set);
-    reader.Units(set);
-    reader.Description(set);
-  }
-}
-
-// Block by block, as `reconstruct` does.
-void Trial(const std::string& path) {
-  const data::TrialReader trial(path);
-  data::TrialBlock block;
-  for (std::size_t first = 0; first < trial.size(); first += 512) {
-    trial.Read(first, std::min<std::size_t>(512, trial.size() - first), &block);
-  }
-}
-
 }  // namespace
 
 const std::vector<Reader>& Readers() {
@@ -102,12 +79,27 @@ const std::vector<Reader>& Readers() {
        }},
       {"c3d", [](const std::string& path) { data::ReadTracksC3d(path, 1e-3); }},
       {"uff", [](const std::string& path) { data::ReadTracksUff(path, 1e-3); }},
-      {"info_h5", Info},
+      {"raw_binary",
+       [](const std::string& path) { ReadRawLines(data::RawLayout::Format::kBinary, path); }},
+      {"raw_csv",
+       [](const std::string& path) { ReadRawLines(data::RawLayout::Format::kCsv, path); }},
+      {"raw_png",
+       [](const std::string& path) { ReadRawLines(data::RawLayout::Format::kPng, path); }},
+      {"expression", ReadExpression},
+      {"overrides", ReadOverrides},
+      {"length", ReadLength},
+      {"journal", ReadJournal},
+      {"evaluation", ReadEvaluation},
+      {"program_tracks", ReadAnswerOfProgram},
+      {"info_h5", ReadInfo},
       {"run_h5", [](const std::string& path) { data::ReadRun(path); }},
+      {"run_rows_h5", ReadRunRows},
+      {"modes_h5", [](const std::string& path) { data::ReadModes(path); }},
+      {"survey_h5", [](const std::string& path) { data::ReadSurvey(path); }},
       {"rig_h5", [](const std::string& path) { data::ReadRig(path); }},
       {"tracks_h5", [](const std::string& path) { data::ReadTracks(path); }},
       {"fit_h5", [](const std::string& path) { data::ReadFit(path); }},
-      {"trial_h5", Trial}};
+      {"trial_h5", ReadTrialBlocks}};
   return kReaders;
 }
 
