@@ -14,6 +14,14 @@
 
 namespace unfurl::data {
 
+namespace {
+
+constexpr char kGiveOurs[] =
+    "give a file that an unfurl verb wrote; in one of your own, text is of fixed width "
+    "(numpy.bytes_ with h5py; docs/formats.md)";
+
+}  // namespace
+
 struct H5Reader::Impl {
   std::string path;
   H5Handle file;
@@ -134,7 +142,10 @@ H5Reader::H5Reader(const std::string& path, const std::string& schema, int newes
   if (found != schema) {
     Fail(found.empty() ? "is not a file of ours: it names no schema"
                        : fmt::format("holds '{}', where '{}' is needed", found, schema),
-         "", "give the file that the right verb wrote (`unfurl info` shows what a file is)");
+         "",
+         found.empty() ? kGiveOurs
+                       : "give the file that the right verb wrote (`unfurl info` shows what a file "
+                         "is)");
   }
   impl_->version = static_cast<int>(IntAttribute("/", "schema_version"));
   if (impl_->version > newest_version) {
@@ -152,8 +163,7 @@ std::string H5Reader::SchemaOf(const std::string& path) {
   const H5Handle root(H5Oopen(file.get(), "/", H5P_DEFAULT), H5Oclose);
   const std::string schema = H5ReadText(root.get(), "schema", path + ":/");
   if (schema.empty()) {
-    throw Error("is not a file of ours: it names no schema", path,
-                "give a file that an unfurl verb wrote");
+    throw Error("is not a file of ours: it names no schema", path, kGiveOurs);
   }
   return schema;
 }

@@ -181,6 +181,15 @@ def test_a_trial_written_as_the_documentation_says(tmp_path, monkeypatch):
     np.testing.assert_array_equal(counts, names["counts"])
 
 
+def test_text_of_variable_length_is_refused_with_the_remedy(tmp_path):
+    import h5py
+
+    with h5py.File(tmp_path / "trial.h5", "w") as file:
+        file.attrs["schema"] = "unfurl/trial"  # h5py makes it of variable length
+    with pytest.raises(unfurl.Error, match="numpy.bytes_"):
+        unfurl.load(tmp_path / "trial.h5")
+
+
 def test_records_as_datasets(files):
     run = unfurl.load(files / "run.h5")
     data = unfurl.to_xarray(run)
