@@ -88,12 +88,12 @@ TEST_F(Kills, AtRandomMoments) {
 
 TEST_F(Kills, TwoAtOnceOnOneOutput) {
   constexpr int kRounds = 4;
+  const std::filesystem::path alias = folder_.string() + ".alias";
+  std::filesystem::create_directory_symlink(folder_, alias);
   for (const SmallJob& job : jobs_) {
     const std::string fresh = Undisturbed(job);
     Put(job.output, kOld);
     const std::vector<std::string> before = Files();
-    const std::filesystem::path alias = folder_.string() + ".alias";
-    std::filesystem::create_directory_symlink(folder_, alias);
     int refused = 0;
     for (int round = 0; round < kRounds; ++round) {
       Put(job.output, kOld);
@@ -117,18 +117,20 @@ TEST_F(Kills, TwoAtOnceOnOneOutput) {
     std::fflush(stdout);
     std::filesystem::remove(folder_ / job.output);
   }
+  std::filesystem::remove(alias);
 }
 
-// Every write past so many bytes of a file fails.
+// Every write past so many bytes of a file fails; the program's words are one of them.
 TEST_F(Kills, FilesThatMayNotGrow) {
   constexpr int kSizes = 12;
+  constexpr long kWords = 600;
   for (const SmallJob& job : jobs_) {
     const std::string fresh = Undisturbed(job);
     Put(job.output, kOld);
     const std::vector<std::string> before = Files();
     int refused = 0;
     for (int k = 0; k < kSizes; ++k) {
-      const long most = 1 + static_cast<long>(fresh.size()) * k / (kSizes - 1);
+      const long most = kWords + static_cast<long>(fresh.size()) * k / (kSizes - 1);
       const Outcome outcome = RunProgram(job.command, folder_, most);
       SCOPED_TRACE(job.name() + " in files of " + std::to_string(most) + " bytes: " + outcome.err);
       const std::string now = Get(job.output);
