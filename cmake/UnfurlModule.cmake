@@ -24,6 +24,35 @@ function(unfurl_compile_options target)
   endif()
 endfunction()
 
+# What keeps an error in memory from becoming control of the program. For the rooms and the programs made of them, and
+# not for the tests, which nobody hands a file; tests/cli/hardening_test.cc looks at what was built.
+include(CheckPIESupported)
+check_pie_supported(LANGUAGES CXX)
+include(CheckCXXSourceCompiles)
+set(CMAKE_REQUIRED_FLAGS "-O2 -U_FORTIFY_SOURCE -D_FORTIFY_SOURCE=3")
+check_cxx_source_compiles("#include <cstdio>
+#if !defined(__USE_FORTIFY_LEVEL) || __USE_FORTIFY_LEVEL < 3
+#error older
+#endif
+int main() {}" UNFURL_HAS_FORTIFY_3)
+unset(CMAKE_REQUIRED_FLAGS)
+function(unfurl_harden target)
+  if(UNFURL_SANITIZE OR UNFURL_TSAN)  # sanitizers see more, and intercept what these would
+    return()
+  endif()
+  set(level 2)
+  if(UNFURL_HAS_FORTIFY_3)
+    set(level 3)
+  endif()
+  target_compile_options(${target} PRIVATE -fstack-protector-strong -fstack-clash-protection
+    $<$<NOT:$<CONFIG:Debug>>:-U_FORTIFY_SOURCE>  # needs optimisation
+    $<$<NOT:$<CONFIG:Debug>>:-D_FORTIFY_SOURCE=${level}>)
+  get_target_property(type ${target} TYPE)
+  if(NOT type STREQUAL STATIC_LIBRARY)
+    target_link_options(${target} PRIVATE LINKER:-z,relro LINKER:-z,now LINKER:-z,noexecstack)
+  endif()
+endfunction()
+
 function(unfurl_module name)
   cmake_parse_arguments(ARG "" "" "SOURCES;LINKS;PRIVATE_LINKS" ${ARGN})
   add_library(unfurl_${name} STATIC ${ARG_SOURCES})
@@ -32,6 +61,7 @@ function(unfurl_module name)
   target_link_libraries(unfurl_${name} PUBLIC ${ARG_LINKS} PRIVATE ${ARG_PRIVATE_LINKS})
   target_compile_features(unfurl_${name} PUBLIC cxx_std_20)
   unfurl_compile_options(unfurl_${name})
+  unfurl_harden(unfurl_${name})
   set_property(GLOBAL APPEND PROPERTY UNFURL_ROOMS ${name})
 endfunction()
 
