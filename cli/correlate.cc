@@ -26,21 +26,8 @@ struct Settings {
   correlate::ComparisonOptions options;
 };
 
-std::string Text(const correlate::Comparison& c) {
-  std::string text = c.verdict + "\n";
-  for (const std::string& reason : c.reasons) text += "  " + reason + "\n";
-  if (!c.alignment.Usable()) return text;
-  std::vector<std::vector<std::string>> rows = {
-      {"mark", "samples", "RMSE [mm]", "in plane", "across", "largest", "at [s]", "in sigmas"}};
-  for (const correlate::MarkError& e : c.errors) {
-    rows.push_back({e.mark, std::to_string(e.samples), fmt::format("{:.3f}", 1e3 * e.rmse),
-                    fmt::format("{:.3f}", 1e3 * e.rmse_in_plane),
-                    fmt::format("{:.3f}", 1e3 * e.rmse_across),
-                    fmt::format("{:.3f}", 1e3 * e.largest), fmt::format("{:.3f}", e.largest_at),
-                    e.sigmas > 0.0 ? fmt::format("{:.2f}", e.sigmas) : "-"});
-  }
-  text += AlignedTable(rows);
-  rows = {{"signal", "peaks: measured / reference [Hz]"}};
+std::string PeaksText(const correlate::Comparison& c) {
+  std::vector<std::vector<std::string>> rows = {{"signal", "peaks: measured / reference [Hz]"}};
   for (const correlate::ComparedSpectrum& s : c.spectra) {
     std::string list;
     for (const correlate::PeakPair& p : s.pairs) {
@@ -53,19 +40,13 @@ std::string Text(const correlate::Comparison& c) {
     }
     rows.push_back({s.name, list.empty() ? "none" : list});
   }
-  text += AlignedTable(rows);
-  rows = {{"", "NRMSE [%]", "R2", "Sprague-Geers", "Russell", "ISO/TS 18571", "grade"}};
-  for (const correlate::ComparedScore& v : c.scores) {
-    auto number = [](double x, const char* format) {
-      return std::isfinite(x) ? fmt::format(fmt::runtime(format), x) : std::string("-");
-    };
-    rows.push_back({v.name, number(100.0 * v.score.nrmse, "{:.3g}"), number(v.score.r2, "{:.5f}"),
-                    number(v.score.sprague_geers, "{:.3g}"), number(v.score.russell, "{:.3g}"),
-                    v.rated ? fmt::format("{:.3f}", v.rating.overall) : "-",
-                    v.rated ? correlate::Name(v.rating.grade) : "-"});
-  }
-  text += AlignedTable(rows);
-  rows = {{"mode", "measured [Hz]", "damping [%]", "reference [Hz]", "damping [%]", "MAC"}};
+  return AlignedTable(rows);
+}
+
+// Nothing where no mode was found.
+std::string ModesText(const correlate::Comparison& c) {
+  std::vector<std::vector<std::string>> rows = {
+      {"mode", "measured [Hz]", "damping [%]", "reference [Hz]", "damping [%]", "MAC"}};
   for (const correlate::ModePair& p : c.mode_pairs) {
     std::vector<std::string> row = {std::to_string(rows.size()), "-", "-", "-", "-", "-"};
     auto fill = [&](const correlate::ModalFit& fit, int index, std::size_t column) {
@@ -79,7 +60,35 @@ std::string Text(const correlate::Comparison& c) {
     if (p.a >= 0 && p.b >= 0) row[5] = fmt::format("{:.3f}", p.mac);
     rows.push_back(std::move(row));
   }
-  return rows.size() > 1 ? text + AlignedTable(rows) : text;
+  return rows.size() > 1 ? AlignedTable(rows) : std::string();
+}
+
+std::string Text(const correlate::Comparison& c) {
+  std::string text = c.verdict + "\n";
+  for (const std::string& reason : c.reasons) text += "  " + reason + "\n";
+  if (!c.alignment.Usable()) return text;
+  std::vector<std::vector<std::string>> rows = {
+      {"mark", "samples", "RMSE [mm]", "in plane", "across", "largest", "at [s]", "in sigmas"}};
+  for (const correlate::MarkError& e : c.errors) {
+    rows.push_back({e.mark, std::to_string(e.samples), fmt::format("{:.3f}", 1e3 * e.rmse),
+                    fmt::format("{:.3f}", 1e3 * e.rmse_in_plane),
+                    fmt::format("{:.3f}", 1e3 * e.rmse_across),
+                    fmt::format("{:.3f}", 1e3 * e.largest), fmt::format("{:.3f}", e.largest_at),
+                    e.sigmas > 0.0 ? fmt::format("{:.2f}", e.sigmas) : "-"});
+  }
+  text += AlignedTable(rows) + PeaksText(c);
+  rows = {{"", "NRMSE [%]", "R2", "Sprague-Geers", "Russell", "ISO/TS 18571", "grade"}};
+  for (const correlate::ComparedScore& v : c.scores) {
+    auto number = [](double x, const char* format) {
+      return std::isfinite(x) ? fmt::format(fmt::runtime(format), x) : std::string("-");
+    };
+    rows.push_back({v.name, number(100.0 * v.score.nrmse, "{:.3g}"), number(v.score.r2, "{:.5f}"),
+                    number(v.score.sprague_geers, "{:.3g}"), number(v.score.russell, "{:.3g}"),
+                    v.rated ? fmt::format("{:.3f}", v.rating.overall) : "-",
+                    v.rated ? correlate::Name(v.rating.grade) : "-"});
+  }
+  text += AlignedTable(rows);
+  return text + ModesText(c);
 }
 
 correlate::SpectralWindow WindowNamed(const std::string& name) {

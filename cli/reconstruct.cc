@@ -203,6 +203,48 @@ std::string DescribeSigmas(const measure::SigmaSummary& sigmas, ordered_json* su
   return text + "\n";
 }
 
+ReconstructPageInput PageOf(const Settings& s, const data::Rig& rig,
+                            const measure::Reconstructor& reconstructor, const TracksDigest& digest,
+                            const measure::SigmaSummary& sigmas) {
+  ReconstructPageInput page;
+  page.trial = s.trial;
+  page.rig_path = s.rig;
+  page.rig = &rig;
+  page.summary = &reconstructor.summary();
+  page.digest = &digest;
+  page.shared_rank = reconstructor.layout().shared_rank;
+  for (std::size_t k = 0; k < 3; ++k) {
+    page.sigma_readings[k] = sigmas.readings(k);
+    page.sigma_calibration[k] = sigmas.calibration(k);
+  }
+  return page;
+}
+
+// Says what came out of it; the exit code.
+int Conclude(const Common& common, const Settings& s, const data::Rig& rig,
+             const data::TrialHeader& header, const measure::Reconstructor& reconstructor,
+             const measure::SigmaSummary& sigmas, const measure::SmoothReport& smoothing,
+             double seconds) {
+  const measure::ReconstructSummary& done = reconstructor.summary();
+  ordered_json summary = Summarize(s, rig, header, reconstructor.layout(), done, smoothing);
+  std::string text =
+      fmt::format("{}: {} samples from {} lines in {:.1f} s ({:.0f} lines/s)\n", s.output,
+                  done.samples(), done.lines, seconds, static_cast<double>(done.lines) / seconds);
+  text += DescribeSamples(done, header);
+  if (s.smooth) {
+    text += fmt::format("smoothed in {} sections, {} events; use unsmoothed tracks for a fit\n",
+                        smoothing.sections.size(), smoothing.events.size());
+  }
+  if (done.usable() > 0) text += DescribeSigmas(sigmas, &summary);
+  summary["seconds"] = seconds;
+  if (!rig.verdict.empty() && rig.verdict != "good") {
+    text += fmt::format("the rig's verdict: {}\n", rig.verdict);
+  }
+  if (done.usable() == 0) text += "no sample is usable\n";
+  Finish(common, summary, text);
+  return done.usable() == 0 ? NotUsable(s.trial, "no sample is usable") : kExitGood;
+}
+
 int ReconstructVerb(const Common& common, const Settings& s) {
   constexpr std::size_t kBlock = 512;  // lines held at once
   const auto start = std::chrono::steady_clock::now();
@@ -244,43 +286,15 @@ int ReconstructVerb(const Common& common, const Settings& s) {
     }
     if (picture) picture->Write(s.picture);  // first: if it cannot be written, nothing is left
     if (!s.report.empty()) {
-      ReconstructPageInput page;
-      page.trial = s.trial;
-      page.rig_path = s.rig;
-      page.rig = &rig;
-      page.summary = &reconstructor.summary();
-      page.digest = &digest;
-      page.smoothing = s.smooth ? &smoothing : nullptr;
-      page.shared_rank = reconstructor.layout().shared_rank;
-      for (std::size_t k = 0; k < 3; ++k) {
-        page.sigma_readings[k] = sigmas.readings(k);
-        page.sigma_calibration[k] = sigmas.calibration(k);
-      }
+      ReconstructPageInput page = PageOf(s, rig, reconstructor, digest, sigmas);
+      if (s.smooth) page.smoothing = &smoothing;
       WriteReconstructPage(s.report, page, provenance);
     }
     writer->Commit();
   }
   const double seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-
-  const measure::ReconstructSummary& done = reconstructor.summary();
-  ordered_json summary = Summarize(s, rig, trial.header(), reconstructor.layout(), done, smoothing);
-  std::string text =
-      fmt::format("{}: {} samples from {} lines in {:.1f} s ({:.0f} lines/s)\n", s.output,
-                  done.samples(), done.lines, seconds, static_cast<double>(done.lines) / seconds);
-  text += DescribeSamples(done, trial.header());
-  if (s.smooth) {
-    text += fmt::format("smoothed in {} sections, {} events; use unsmoothed tracks for a fit\n",
-                        smoothing.sections.size(), smoothing.events.size());
-  }
-  if (done.usable() > 0) text += DescribeSigmas(sigmas, &summary);
-  summary["seconds"] = seconds;
-  if (!rig.verdict.empty() && rig.verdict != "good") {
-    text += fmt::format("the rig's verdict: {}\n", rig.verdict);
-  }
-  if (done.usable() == 0) text += "no sample is usable\n";
-  Finish(common, summary, text);
-  return done.usable() == 0 ? NotUsable(s.trial, "no sample is usable") : kExitGood;
+  return Conclude(common, s, rig, trial.header(), reconstructor, sigmas, smoothing, seconds);
 }
 
 }  // namespace

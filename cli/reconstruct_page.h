@@ -54,6 +54,10 @@ class TracksDigest {
   std::size_t more_incidents = 0;
 
  private:
+  void AddIncident(const data::Tracks& block, std::size_t i);
+  void AddResiduals(double t, bool shown, std::size_t i, std::span<const float> residuals);
+  void AddDot(const data::Tracks& block, std::size_t i);
+
   std::size_t every_ = 1;
   std::vector<std::size_t> seen_;  // by mark
   std::vector<Incident> last_;     // by mark

@@ -140,20 +140,12 @@ class Composer {
     page_.AddWords(level, headline, details);
   }
 
-  void AddFigures() {
-    std::vector<report::Figure> figures;
-    std::size_t moment = 0, force = 0;
+  // The joints of the least torque margin and of the least driving moment.
+  void AddMargins(std::vector<report::Figure>* figures) const {
     std::optional<std::size_t> margin, driving;
     const auto& joints = in_.model.joints;
     const sim::TorqueMargins& margins = in_.recorder.observables().margins();
-    const auto contact = [&](std::size_t j) {
-      return joints[j].latch < 0
-                 ? 0.0
-                 : in_.report.peak_moment[static_cast<std::size_t>(joints[j].latch)];
-    };
     for (std::size_t j = 0; j < joints.size(); ++j) {
-      if (contact(j) > contact(moment)) moment = j;
-      if (in_.report.peak_pin_force[j] > in_.report.peak_pin_force[force]) force = j;
       const sim::TorqueMargin& m = margins.of(static_cast<int>(j));
       if (m.resisted() && (!margin || m.ratio < margins.of(static_cast<int>(*margin)).ratio)) {
         margin = j;
@@ -165,16 +157,32 @@ class Composer {
     }
     if (margin) {
       const sim::TorqueMargin& m = margins.of(static_cast<int>(*margin));
-      figures.push_back({"least torque margin", fmt::format("{:.3g}", m.ratio),
-                         fmt::format("{}, at {:.3g} rad", joints[*margin].name, m.ratio_theta),
-                         m.ratio < 1.0 ? Level::kBad : Level::kNeutral});
+      figures->push_back({"least torque margin", fmt::format("{:.3g}", m.ratio),
+                          fmt::format("{}, at {:.3g} rad", joints[*margin].name, m.ratio_theta),
+                          m.ratio < 1.0 ? Level::kBad : Level::kNeutral});
     }
     if (driving) {
       const sim::TorqueMargin& m = margins.of(static_cast<int>(*driving));
-      figures.push_back({"least driving moment", fmt::format("{:.4g} N m", m.least_driving),
-                         fmt::format("{}, at {:.3g} rad", joints[*driving].name, m.least_theta),
-                         Level::kNeutral});
+      figures->push_back({"least driving moment", fmt::format("{:.4g} N m", m.least_driving),
+                          fmt::format("{}, at {:.3g} rad", joints[*driving].name, m.least_theta),
+                          Level::kNeutral});
     }
+  }
+
+  void AddFigures() {
+    std::vector<report::Figure> figures;
+    std::size_t moment = 0, force = 0;
+    const auto& joints = in_.model.joints;
+    const auto contact = [&](std::size_t j) {
+      return joints[j].latch < 0
+                 ? 0.0
+                 : in_.report.peak_moment[static_cast<std::size_t>(joints[j].latch)];
+    };
+    for (std::size_t j = 0; j < joints.size(); ++j) {
+      if (contact(j) > contact(moment)) moment = j;
+      if (in_.report.peak_pin_force[j] > in_.report.peak_pin_force[force]) force = j;
+    }
+    AddMargins(&figures);
     if (!joints.empty() && contact(moment) > 0.0) {
       const auto k = static_cast<std::size_t>(joints[moment].latch);
       figures.push_back(

@@ -115,6 +115,18 @@ void VerbFiles::CheckDefault(const std::string& path) const {
               "name another output with -o, or replace it with --force");
 }
 
+namespace {
+
+// The files behind one output option: itself, or those of a folder.
+std::vector<std::string> FilesOf(const std::string& output, const std::vector<std::string>& names) {
+  if (names.empty()) return {output};
+  std::vector<std::string> files;
+  for (const std::string& name : names) files.push_back(output + "/" + name);
+  return files;
+}
+
+}  // namespace
+
 void VerbFiles::Prepare() const {
   std::vector<std::string> by_default;
   for (const Default& output : defaults_) {
@@ -122,8 +134,32 @@ void VerbFiles::Prepare() const {
     *output.path = output.name();
     by_default.push_back(*output.path);
   }
+  const std::map<std::string, std::string> inputs = Inputs();
+  std::map<std::string, std::string> outputs;
+  for (const Path& output : outputs_) {
+    if (output.path->empty()) continue;
+    for (const std::string& file : FilesOf(*output.path, output.names)) {
+      for (const std::string& written : WrittenFor(file)) {
+        const std::string identity = IdentityOf(written);
+        const auto input = inputs.find(identity);
+        if (input != inputs.end()) {
+          throw Error(
+              fmt::format("{} would replace it, and it is {}", output.option, input->second),
+              written, "name another output");
+        }
+        const auto [other, fresh] = outputs.try_emplace(identity, output.option);
+        if (!fresh) {
+          throw Error(fmt::format("{} and {} would both write it", other->second, output.option),
+                      written, "name two different files");
+        }
+      }
+    }
+  }
+  for (const std::string& path : by_default) CheckDefault(path);
+  data::ProtectWhatIsRead();  // what nobody could name before it was read: from pipes, of programs
+}
 
-  // Inputs by identity, with how they came to be inputs.
+std::map<std::string, std::string> VerbFiles::Inputs() const {
   std::map<std::string, std::string> inputs;
   const auto add = [&](const std::string& path, const std::string& as) {
     std::error_code ignored;
@@ -147,32 +183,7 @@ void VerbFiles::Prepare() const {
       }
     }
   }
-
-  std::map<std::string, std::string> outputs;
-  for (const Path& output : outputs_) {
-    if (output.path->empty()) continue;
-    std::vector<std::string> files;
-    for (const std::string& name : output.names) files.push_back(*output.path + "/" + name);
-    if (output.names.empty()) files.push_back(*output.path);
-    for (const std::string& file : files) {
-      for (const std::string& written : WrittenFor(file)) {
-        const std::string identity = IdentityOf(written);
-        const auto input = inputs.find(identity);
-        if (input != inputs.end()) {
-          throw Error(
-              fmt::format("{} would replace it, and it is {}", output.option, input->second),
-              written, "name another output");
-        }
-        const auto [other, fresh] = outputs.try_emplace(identity, output.option);
-        if (!fresh) {
-          throw Error(fmt::format("{} and {} would both write it", other->second, output.option),
-                      written, "name two different files");
-        }
-      }
-    }
-  }
-  for (const std::string& path : by_default) CheckDefault(path);
-  data::ProtectWhatIsRead();  // what nobody could name before it was read: from pipes, of programs
+  return inputs;
 }
 
 }  // namespace unfurl::cli

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -54,6 +55,8 @@ class VerbFiles {
     std::function<std::string()> name;
   };
   void CheckDefault(const std::string& path) const;
+  // Inputs by identity, with how they came to be inputs.
+  std::map<std::string, std::string> Inputs() const;
 
   CLI::App* app_;
   std::vector<Path> inputs_, outputs_;

@@ -16,6 +16,25 @@ using Op = Expression::Op;
 
 double Unary(Op op, double x) { return ApplyUnary(op, x); }
 
+// Functions of several branches, f their value: derivatives on the branch that u is on.
+TimeValue Piecewise(Op op, const TimeValue& u, double f) {
+  const double x = u.value;
+  switch (op) {
+    case Op::kAbs:
+      return Chain(u, f, x < 0.0 ? -1.0 : 1.0, 0.0);
+    case Op::kStep:
+      return {f, 0.0, 0.0};
+    case Op::kRamp:
+      return x < 0.0 ? TimeValue{} : u;
+    default: {  // the smooth step
+      if (x <= 0.0 || x >= 1.0) return {f, 0.0, 0.0};
+      const double r = x * (1.0 - x);
+      return Chain(u, f, 30.0 * r * r, 60.0 * r * (1.0 - 2.0 * x));
+    }
+  }
+}
+
+// The chain rule with the first and second derivative of each function.
 TimeValue Unary(Op op, const TimeValue& u) {
   const double x = u.value, f = Unary(op, x);
   switch (op) {
@@ -51,50 +70,8 @@ TimeValue Unary(Op op, const TimeValue& u) {
       return Chain(u, f, 1.0 / x, -1.0 / (x * x));
     case Op::kSqrt:
       return Chain(u, f, 0.5 / f, -0.25 / (f * x));
-    case Op::kAbs:
-      return Chain(u, f, x < 0.0 ? -1.0 : 1.0, 0.0);
-    case Op::kStep:
-      return {f, 0.0, 0.0};
-    case Op::kRamp:
-      return x < 0.0 ? TimeValue{} : u;
-    default: {
-      if (x <= 0.0 || x >= 1.0) return {f, 0.0, 0.0};
-      const double r = x * (1.0 - x);
-      return Chain(u, f, 30.0 * r * r, 60.0 * r * (1.0 - 2.0 * x));
-    }
-  }
-}
-
-TimeValue Power(const TimeValue& u, const TimeValue& v) {
-  const double c = v.value, f = std::pow(u.value, c);
-  if (v.rate == 0.0 && v.acceleration == 0.0) {
-    // Whole exponents are differentiable at zero, where the factors alone would say 0 * infinity.
-    const double f1 = c == 0.0 ? 0.0 : c * std::pow(u.value, c - 1.0);
-    const double f2 = c == 0.0 || c == 1.0 ? 0.0 : c * (c - 1.0) * std::pow(u.value, c - 2.0);
-    return Chain(u, f, f1, f2);
-  }
-  const TimeValue exponent = v * Unary(Op::kLog, u);
-  return Chain(exponent, f, f, f);
-}
-
-double Binary(Op op, double u, double v) { return ApplyBinary(op, u, v); }
-
-TimeValue Binary(Op op, const TimeValue& u, const TimeValue& v) {
-  switch (op) {
-    case Op::kAdd:
-      return u + v;
-    case Op::kSubtract:
-      return u - v;
-    case Op::kMultiply:
-      return u * v;
-    case Op::kDivide:
-      return u / v;
-    case Op::kPower:
-      return Power(u, v);
-    case Op::kMin:
-      return v.value < u.value ? v : u;
     default:
-      return v.value > u.value ? v : u;
+      return Piecewise(op, u, f);
   }
 }
 
@@ -108,6 +85,18 @@ bool Finite(const TimeValue& v, int derivatives) {
 bool Divides(Op op) { return op == Op::kDivide || op == Op::kTan || op == Op::kPower; }
 
 }  // namespace
+
+TimeValue Power(const TimeValue& u, const TimeValue& v) {
+  const double c = v.value, f = std::pow(u.value, c);
+  if (v.rate == 0.0 && v.acceleration == 0.0) {
+    // Whole exponents are differentiable at zero, where the factors alone would say 0 * infinity.
+    const double f1 = c == 0.0 ? 0.0 : c * std::pow(u.value, c - 1.0);
+    const double f2 = c == 0.0 || c == 1.0 ? 0.0 : c * (c - 1.0) * std::pow(u.value, c - 2.0);
+    return Chain(u, f, f1, f2);
+  }
+  const TimeValue exponent = v * Unary(Op::kLog, u);
+  return Chain(exponent, f, f, f);
+}
 
 Expression::Expression(const std::string& text, const std::string& where)
     : Expression(ParseExpression(text, where)) {
@@ -141,7 +130,7 @@ T Expression::Run(double t) const {
         break;
       default:
         --top;
-        *top = Binary(i.op, top[0], top[1]);
+        *top = ApplyBinary(i.op, top[0], top[1]);
     }
   }
   return *top;
@@ -166,11 +155,35 @@ double Expression::Divisor(int k, double t) const {
       *top = Unary(i.op, *top);
     } else {
       --top;
-      *top = Binary(i.op, top[0], top[1]);
+      *top = ApplyBinary(i.op, top[0], top[1]);
     }
   }
   return 1.0;
 }
+
+namespace {
+
+// Why an operation on u, or on u and v, has no finite value.
+std::string WhyNotFinite(Op op, double u, double v) {
+  switch (op) {
+    case Op::kDivide:
+      return v == 0.0 ? "divides by zero" : "grows beyond all numbers";
+    case Op::kLog:
+      return "takes the logarithm of a number that is not positive";
+    case Op::kSqrt:
+      return "takes the square root of a negative number";
+    case Op::kAsin:
+    case Op::kAcos:
+      return "takes the inverse sine or cosine of a number beyond 1";
+    case Op::kPower:
+      if (u == 0.0) return "divides by zero";
+      return u < 0.0 ? "takes a broken power of a negative number" : "grows beyond all numbers";
+    default:
+      return "grows beyond all numbers";
+  }
+}
+
+}  // namespace
 
 std::string Expression::Reason(double t) const {
   std::array<double, kExpressionDepth> stack;
@@ -183,24 +196,9 @@ std::string Expression::Reason(double t) const {
     }
     if (operands == 2) --top;
     const double u = top[0], v = operands == 2 ? top[1] : 0.0;
-    *top = operands == 1 ? Unary(i.op, u) : Binary(i.op, u, v);
+    *top = operands == 1 ? Unary(i.op, u) : ApplyBinary(i.op, u, v);
     if (std::isfinite(*top)) continue;
-    switch (i.op) {
-      case Op::kDivide:
-        return v == 0.0 ? "divides by zero" : "grows beyond all numbers";
-      case Op::kLog:
-        return "takes the logarithm of a number that is not positive";
-      case Op::kSqrt:
-        return "takes the square root of a negative number";
-      case Op::kAsin:
-      case Op::kAcos:
-        return "takes the inverse sine or cosine of a number beyond 1";
-      case Op::kPower:
-        if (u == 0.0) return "divides by zero";
-        return u < 0.0 ? "takes a broken power of a negative number" : "grows beyond all numbers";
-      default:
-        return "grows beyond all numbers";
-    }
+    return WhyNotFinite(i.op, u, v);
   }
   return "has no finite rate or acceleration";
 }

@@ -74,7 +74,14 @@ inline double ApplyUnary(Expression::Op op, double x) {
   }
 }
 
-inline double ApplyBinary(Expression::Op op, double u, double v) {
+inline double Power(double u, double v) { return std::pow(u, v); }
+TimeValue Power(const TimeValue& u, const TimeValue& v);
+inline double ValueOf(double v) { return v; }
+inline double ValueOf(const TimeValue& v) { return v.value; }
+
+// T: double or TimeValue.
+template <typename T>
+T ApplyBinary(Expression::Op op, const T& u, const T& v) {
   using Op = Expression::Op;
   switch (op) {
     case Op::kAdd:
@@ -86,11 +93,11 @@ inline double ApplyBinary(Expression::Op op, double u, double v) {
     case Op::kDivide:
       return u / v;
     case Op::kPower:
-      return std::pow(u, v);
+      return Power(u, v);
     case Op::kMin:
-      return v < u ? v : u;
+      return ValueOf(v) < ValueOf(u) ? v : u;
     default:
-      return v > u ? v : u;
+      return ValueOf(v) > ValueOf(u) ? v : u;
   }
 }
 

@@ -245,15 +245,20 @@ void WriteFit(const std::string& path, const FitRecord& fit, const Provenance& p
   w.Commit();
 }
 
-FitRecord ReadFit(const std::string& path) {
-  const H5Reader r(path, kFitSchema, kFitVersion);
-  FitRecord fit;
-  fit.study = r.StringAttribute("/", "study");
-  fit.status = r.StringAttribute("/", "status");
-  fit.message = r.StringAttribute("/", "message");
-  fit.verdict = r.StringAttribute("/", "verdict");
-  fit.reasons = r.ReadStrings("/reasons");
+namespace {
 
+// The parts of a list; none of an empty text.
+std::vector<std::string> SplitAt(const std::string& text, const std::string& separator) {
+  std::vector<std::string> parts;
+  for (std::size_t at = 0; at < text.size();) {
+    const std::size_t to = std::min(text.find(separator, at), text.size());
+    parts.push_back(text.substr(at, to - at));
+    at = to + separator.size();
+  }
+  return parts;
+}
+
+void ReadParameters(const H5Reader& r, FitRecord* fit) {
   const auto names = r.ReadStrings("/parameters/name"), units = r.ReadStrings("/parameters/unit");
   const auto verdicts = r.ReadStrings("/parameters/verdict");
   const auto reasons = r.ReadStrings("/parameters/reason");
@@ -271,31 +276,18 @@ FitRecord ReadFit(const std::string& path) {
     q.unit = units[j];
     q.verdict = verdicts[j];
     q.reason = reasons[j];
-    for (std::size_t from = 0; from < keys[j].size();) {
-      const std::size_t to = std::min(keys[j].find(' ', from), keys[j].size());
-      q.keys.push_back(keys[j].substr(from, to - from));
-      from = to + 1;
-    }
-    for (std::size_t at = 0; at < with[j].size();) {
-      const std::size_t to = std::min(with[j].find(", ", at), with[j].size());
-      q.with.push_back(with[j].substr(at, to - at));
-      at = to + 2;
-    }
+    q.keys = SplitAt(keys[j], " ");
+    q.with = SplitAt(with[j], ", ");
     const auto n = numbers.row(static_cast<Eigen::Index>(j));
     q.start = n(0), q.low = n(1), q.high = n(2), q.value = n(3), q.sigma = n(4);
     q.sigma_data = n(5), q.sigma_white = n(6), q.sigma_model = n(7), q.model_shift = n(8);
     q.kink = n(9), q.sigma_alone = n(10), q.imitated = n(11), q.low95 = n(12), q.high95 = n(13);
     q.low95_data = n(14), q.high95_data = n(15), q.dispersion = n(16);
-    fit.parameters.push_back(std::move(q));
+    fit->parameters.push_back(std::move(q));
   }
-  fit.covariance = r.ReadMatrix("/parameters/covariance");
+}
 
-  const auto nuisance = r.ReadStrings("/nuisances/name"), unit = r.ReadStrings("/nuisances/unit");
-  const auto value = r.ReadDoubles("/nuisances/value"), sigma = r.ReadDoubles("/nuisances/sigma");
-  for (std::size_t i = 0; i < nuisance.size(); ++i) {
-    fit.nuisances.push_back({nuisance[i], unit.at(i), value.at(i), sigma.at(i)});
-  }
-
+void ReadEvaluations(const H5Reader& r, FitRecord* fit) {
   const Eigen::MatrixXd theta = r.ReadMatrix("/evaluations/theta");
   const auto purpose = r.ReadStrings("/evaluations/purpose");
   const auto message = r.ReadStrings("/evaluations/message");
@@ -311,19 +303,42 @@ FitRecord ReadFit(const std::string& path) {
     e.stage = stage.at(i);
     e.failed = failed.at(i) != 0;
     e.cost = cost.at(i);
-    fit.evaluations.push_back(std::move(e));
+    fit->evaluations.push_back(std::move(e));
   }
+  const auto start = r.ReadInts("/evaluations/start"), trial = r.ReadInts("/evaluations/trial");
+  const auto fidelity = r.ReadInts("/evaluations/fidelity");
+  for (std::size_t i = 0; i < fit->evaluations.size(); ++i) {
+    fit->evaluations[i].start = start.at(i);
+    fit->evaluations[i].trial = trial.at(i);
+    fit->evaluations[i].fidelity = fidelity.at(i);
+  }
+}
+
+}  // namespace
+
+FitRecord ReadFit(const std::string& path) {
+  const H5Reader r(path, kFitSchema, kFitVersion);
+  FitRecord fit;
+  fit.study = r.StringAttribute("/", "study");
+  fit.status = r.StringAttribute("/", "status");
+  fit.message = r.StringAttribute("/", "message");
+  fit.verdict = r.StringAttribute("/", "verdict");
+  fit.reasons = r.ReadStrings("/reasons");
+
+  ReadParameters(r, &fit);
+  fit.covariance = r.ReadMatrix("/parameters/covariance");
+
+  const auto nuisance = r.ReadStrings("/nuisances/name"), unit = r.ReadStrings("/nuisances/unit");
+  const auto value = r.ReadDoubles("/nuisances/value"), sigma = r.ReadDoubles("/nuisances/sigma");
+  for (std::size_t i = 0; i < nuisance.size(); ++i) {
+    fit.nuisances.push_back({nuisance[i], unit.at(i), value.at(i), sigma.at(i)});
+  }
+
+  ReadEvaluations(r, &fit);
 
   fit.marks = r.ReadStrings("/samples/marks");
   fit.t = r.ReadDoubles("/samples/t", "s");
   fit.mark = r.ReadInts("/samples/mark");
-  const auto start = r.ReadInts("/evaluations/start"), trial = r.ReadInts("/evaluations/trial");
-  const auto fidelity = r.ReadInts("/evaluations/fidelity");
-  for (std::size_t i = 0; i < fit.evaluations.size(); ++i) {
-    fit.evaluations[i].start = start.at(i);
-    fit.evaluations[i].trial = trial.at(i);
-    fit.evaluations[i].fidelity = fidelity.at(i);
-  }
   ReadSearch(r, &fit);
 
   fit.trial = r.ReadInts("/samples/trial");

@@ -1,10 +1,12 @@
 #include <fmt/format.h>
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <cctype>
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <optional>
 #include <set>
 #include <string>
 
@@ -89,21 +91,15 @@ bool LooksLikeGsi(const std::string& path) {
   return text.size() >= at + 7 + digits && ParseWord(text.substr(at, 7 + digits), digits, &word);
 }
 
-Survey ReadGsi(const std::string& path, const StationSigmas& sigmas) {
-  Survey survey;
-  std::vector<Eigen::Vector3d> p;
-  std::vector<Eigen::Matrix3d> cov;
-  std::set<std::string> seen;
-  Eigen::Vector3d station = Eigen::Vector3d::Constant(NAN);
-  int number = 0;
-  for (const std::string& raw : Split(ReadTextFile(path), '\n')) {
-    ++number;
-    std::string line(Trim(raw));
-    if (line.empty()) continue;
-    const std::string where = fmt::format("{}:{}", path, number);
+namespace {
+
+// The words of one line, by index.
+class GsiLine {
+ public:
+  // `line` is not empty.
+  GsiLine(std::string line, const std::string& where) : where_(where) {
     const bool wide = line[0] == '*';
     if (wide) line.erase(0, 1);
-    std::map<int, Word> words;
     for (const std::string& text : Split(line, ' ')) {
       if (Trim(text).empty()) continue;
       Word word;
@@ -111,53 +107,88 @@ Survey ReadGsi(const std::string& path, const StationSigmas& sigmas) {
         throw Error(fmt::format("'{}' is not a GSI-{} word", Trim(text), wide ? 16 : 8), where,
                     "export the file again");
       }
-      words[word.index] = word;
+      words_[word.index] = word;
     }
-    const auto has = [&](std::initializer_list<int> indices) {
-      for (const int index : indices) {
-        if (!words.contains(index)) return false;
-      }
-      return true;
-    };
-    const auto value = [&](int index) { return Value(words.at(index), where); };
-    if (has({84, 85, 86})) station = {value(84), value(85), value(86)};
-    if (!has({11})) continue;  // codes and the station's own line
-    if (has({81, 82, 83})) {
-      if (!(sigmas.coordinate > 0.0)) {
-        throw Error("states no uncertainty of its points", path, "give --sigma [m]");
-      }
-      p.emplace_back(value(81), value(82), value(83));
-      cov.emplace_back(sigmas.coordinate * sigmas.coordinate * Eigen::Matrix3d::Identity());
-    } else if (has({21, 22, 31})) {
-      if (!(sigmas.angle > 0.0) || !(sigmas.distance > 0.0)) {
-        throw Error("holds angles and distances without their uncertainty", path,
-                    "give --angle-sigma [rad] and --distance-sigma [m]");
-      }
-      Eigen::Matrix3d J;
-      const Eigen::Vector3d way = FromPolar(value(21), value(22), value(31), &J);
-      const Eigen::Vector3d s(sigmas.angle, sigmas.angle, sigmas.distance);
-      p.emplace_back(station.allFinite() ? Eigen::Vector3d(station + way) : way);
-      cov.emplace_back(J * s.cwiseAbs2().asDiagonal() * J.transpose());
-      if (!station.allFinite()) station.setZero();
-    } else {
-      continue;
+  }
+
+  bool Has(std::initializer_list<int> indices) const {
+    return std::all_of(indices.begin(), indices.end(), [&](int i) { return words_.contains(i); });
+  }
+  double Number(int index) const { return Value(words_.at(index), where_); }
+  Eigen::Vector3d Numbers(int x, int y, int z) const { return {Number(x), Number(y), Number(z)}; }
+  std::string Id() const { return PointId(words_.at(11).data); }
+
+ private:
+  std::string where_;
+  std::map<int, Word> words_;
+};
+
+struct GsiPoint {
+  Eigen::Vector3d p;
+  Eigen::Matrix3d cov;
+};
+
+// The point of a line: words 81 to 83, or angles and a distance from the station, which becomes the
+// origin where the file does not say where it stands. None where the line has neither.
+std::optional<GsiPoint> PointOf(const GsiLine& line, const std::string& path,
+                                const StationSigmas& sigmas, Eigen::Vector3d* station) {
+  if (line.Has({81, 82, 83})) {
+    if (!(sigmas.coordinate > 0.0)) {
+      throw Error("states no uncertainty of its points", path, "give --sigma [m]");
     }
-    survey.id.push_back(PointId(words.at(11).data));
+    return GsiPoint{line.Numbers(81, 82, 83),
+                    sigmas.coordinate * sigmas.coordinate * Eigen::Matrix3d::Identity()};
+  }
+  if (!line.Has({21, 22, 31})) return std::nullopt;
+  if (!(sigmas.angle > 0.0) || !(sigmas.distance > 0.0)) {
+    throw Error("holds angles and distances without their uncertainty", path,
+                "give --angle-sigma [rad] and --distance-sigma [m]");
+  }
+  Eigen::Matrix3d J;
+  const Eigen::Vector3d way = FromPolar(line.Number(21), line.Number(22), line.Number(31), &J);
+  const Eigen::Vector3d s(sigmas.angle, sigmas.angle, sigmas.distance);
+  GsiPoint point{station->allFinite() ? Eigen::Vector3d(*station + way) : way,
+                 J * s.cwiseAbs2().asDiagonal() * J.transpose()};
+  if (!station->allFinite()) station->setZero();
+  return point;
+}
+
+}  // namespace
+
+Survey ReadGsi(const std::string& path, const StationSigmas& sigmas) {
+  Survey survey;
+  std::vector<GsiPoint> points;
+  std::set<std::string> seen;
+  Eigen::Vector3d station = Eigen::Vector3d::Constant(NAN);
+  int number = 0;
+  for (const std::string& raw : Split(ReadTextFile(path), '\n')) {
+    ++number;
+    const std::string text(Trim(raw));
+    if (text.empty()) continue;
+    const std::string where = fmt::format("{}:{}", path, number);
+    const GsiLine line(text, where);
+    if (line.Has({84, 85, 86})) station = line.Numbers(84, 85, 86);
+    if (!line.Has({11})) continue;  // codes and the station's own line
+    const std::optional<GsiPoint> point = PointOf(line, path, sigmas, &station);
+    if (!point) continue;
+    points.push_back(*point);
+    survey.id.push_back(line.Id());
     if (!seen.insert(survey.id.back()).second) {
       throw Error(fmt::format("the id '{}' is there twice", survey.id.back()), where,
                   "give each point an id of its own");
     }
   }
-  if (p.empty()) {
+  if (points.empty()) {
     throw Error("holds no point with coordinates, or with angles and a distance", path,
                 "export words 11, 81, 82, 83 or 11, 21, 22, 31");
   }
-  const auto n = static_cast<Eigen::Index>(p.size());
+  const auto n = static_cast<Eigen::Index>(points.size());
   survey.p.resize(3, n);
   survey.cov.resize(6, n);
   for (Eigen::Index i = 0; i < n; ++i) {
-    survey.p.col(i) = p[static_cast<std::size_t>(i)];
-    const Eigen::Matrix3d& c = cov[static_cast<std::size_t>(i)];
+    const GsiPoint& point = points[static_cast<std::size_t>(i)];
+    const Eigen::Matrix3d& c = point.cov;
+    survey.p.col(i) = point.p;
     survey.cov.col(i) << c(0, 0), c(0, 1), c(0, 2), c(1, 1), c(1, 2), c(2, 2);
   }
   survey.station = station;

@@ -107,29 +107,34 @@ void Journal::Scan(const std::string& identity, bool resume) {
                      : "is not a journal of a fit",
                 path_, "resume with the same inputs, or start anew without --resume");
   }
-  if (!resume && begun && ours) {
-    // Hours of work are not thrown away because an option was forgotten.
-    const std::string aside = path_ + "~";
-    unlink((path_ + ".new").c_str());  // of a program that was killed at this very step
-    const int fresh =
-        open((path_ + ".new").c_str(), O_CREAT | O_EXCL | O_NOFOLLOW | O_RDWR | O_CLOEXEC, 0644);
-    if (fresh < 0) ThrowWriteError(path_, errno);
-    std::rename(path_.c_str(), aside.c_str());
-    std::rename((path_ + ".new").c_str(), path_.c_str());
-    close(file_);
-    file_ = fresh;
-    struct flock whole = {};
-    whole.l_type = F_WRLCK;
-    whole.l_whence = SEEK_SET;
-    fcntl(file_, F_OFD_SETLK, &whole);
-  }
-  if (!resume || !same) {
-    if (ftruncate(file_, 0) != 0) ThrowWriteError(path_, errno);
-    WriteAt(file_, path_, 0, header);
-    end_ = header.size();
+  // Hours of work are not thrown away because an option was forgotten.
+  if (!resume && begun && ours) SetAside();
+  end_ = header.size();
+  if (resume && same) {
+    FindRecords(size);
     return;
   }
-  end_ = header.size();
+  if (ftruncate(file_, 0) != 0) ThrowWriteError(path_, errno);
+  WriteAt(file_, path_, 0, header);
+}
+
+void Journal::SetAside() {
+  const std::string aside = path_ + "~", beside = path_ + ".new";
+  unlink(beside.c_str());  // of a program that was killed at this very step
+  const int fresh = open(beside.c_str(), O_CREAT | O_EXCL | O_NOFOLLOW | O_RDWR | O_CLOEXEC, 0644);
+  if (fresh < 0) ThrowWriteError(path_, errno);
+  std::rename(path_.c_str(), aside.c_str());
+  std::rename(beside.c_str(), path_.c_str());
+  close(file_);
+  file_ = fresh;
+  struct flock whole = {};
+  whole.l_type = F_WRLCK;
+  whole.l_whence = SEEK_SET;
+  fcntl(file_, F_OFD_SETLK, &whole);
+}
+
+// The records behind the header, up to the first that is torn; what follows is cut off.
+void Journal::FindRecords(std::uint64_t size) {
   std::string payload;
   for (Head head; ReadAt(file_, end_, reinterpret_cast<char*>(&head), sizeof head);) {
     if (head.length > kLongest || end_ + sizeof head + head.length > size) break;

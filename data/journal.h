@@ -39,6 +39,8 @@ class Journal {
     std::uint64_t length = 0;
   };
   void Scan(const std::string& identity, bool resume);
+  void SetAside();
+  void FindRecords(std::uint64_t size);
 
   std::string path_;
   int file_ = -1;

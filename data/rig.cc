@@ -160,36 +160,30 @@ void WriteRig(const std::string& path, const Rig& rig, const Provenance& provena
   file.Commit();
 }
 
-Rig ReadRig(const std::string& path) {
-  const H5Reader file(path, kRigSchema, kRigVersion);
-  Rig rig;
-  const std::vector<std::string> names = file.ReadStrings("/cameras/name");
-  if (names.empty()) file.Fail("names no camera", "/cameras/name", "calibrate again");
-  if (file.schema_version() < 2) {
-    file.Fail("does not say how many pixels each camera has: it was written by an older version",
-              "/cameras/pixels", "calibrate again");
+namespace {
+
+// One finite number per camera.
+std::vector<double> ReadColumn(const H5Reader& file, std::size_t cameras, const char* dataset,
+                               const char* units) {
+  std::vector<double> out = file.ReadDoubles(dataset, units);
+  if (out.size() != cameras ||
+      !std::all_of(out.begin(), out.end(), [](double v) { return std::isfinite(v); })) {
+    file.Fail("does not hold one finite number per camera", dataset, "calibrate again");
   }
-  const std::vector<LensModel> lenses = ReadLenses(file, names);
-  const std::vector<std::int32_t> pixels = file.ReadInts("/cameras/pixels");
-  if (pixels.size() != names.size() || *std::min_element(pixels.begin(), pixels.end()) < 1) {
-    file.Fail("does not hold a number of pixels for each camera", "/cameras/pixels",
-              "calibrate again");
-  }
+  return out;
+}
+
+void ReadCameras(const H5Reader& file, const std::vector<std::string>& names,
+                 const std::vector<LensModel>& lenses, const std::vector<std::int32_t>& pixels,
+                 Rig* rig) {
   const auto c = static_cast<Eigen::Index>(names.size());
   const Eigen::MatrixXd R_CW = ReadFinite(file, "/cameras/R_CW", "1", c, 9);
   const Eigen::MatrixXd p_WC = ReadFinite(file, "/cameras/p_WC", "m", c, 3);
   const Eigen::MatrixXd values =
       ReadFinite(file, "/cameras/terms", "px", c, static_cast<Eigen::Index>(kLensTerms));
-  const auto column = [&](const char* dataset, const char* units) {
-    std::vector<double> out = file.ReadDoubles(dataset, units);
-    if (out.size() != names.size() ||
-        !std::all_of(out.begin(), out.end(), [](double v) { return std::isfinite(v); })) {
-      file.Fail("does not hold one finite number per camera", dataset, "calibrate again");
-    }
-    return out;
-  };
-  const std::vector<double> f = column("/cameras/f", "px"), u0 = column("/cameras/u0", "px"),
-                            e = column("/cameras/e", "m");
+  const std::vector<double> f = ReadColumn(file, names.size(), "/cameras/f", "px"),
+                            u0 = ReadColumn(file, names.size(), "/cameras/u0", "px"),
+                            e = ReadColumn(file, names.size(), "/cameras/e", "m");
   for (Eigen::Index j = 0; j < c; ++j) {
     const auto index = static_cast<std::size_t>(j);
     RigCamera camera;
@@ -209,15 +203,36 @@ Rig ReadRig(const std::string& path) {
     camera.f_px = f[index];
     camera.u0_px = u0[index];
     camera.e = e[index];
-    rig.cameras.push_back(camera);
+    rig->cameras.push_back(camera);
   }
+}
+
+}  // namespace
+
+Rig ReadRig(const std::string& path) {
+  const H5Reader file(path, kRigSchema, kRigVersion);
+  Rig rig;
+  const std::vector<std::string> names = file.ReadStrings("/cameras/name");
+  if (names.empty()) file.Fail("names no camera", "/cameras/name", "calibrate again");
+  if (file.schema_version() < 2) {
+    file.Fail("does not say how many pixels each camera has: it was written by an older version",
+              "/cameras/pixels", "calibrate again");
+  }
+  const std::vector<LensModel> lenses = ReadLenses(file, names);
+  const std::vector<std::int32_t> pixels = file.ReadInts("/cameras/pixels");
+  if (pixels.size() != names.size() || *std::min_element(pixels.begin(), pixels.end()) < 1) {
+    file.Fail("does not hold a number of pixels for each camera", "/cameras/pixels",
+              "calibrate again");
+  }
+  ReadCameras(file, names, lenses, pixels, &rig);
+  const auto c = static_cast<Eigen::Index>(names.size());
   rig.covariance =
       ReadFinite(file, "/covariance", "rad, m, px", kCameraParameters * c, kCameraParameters * c);
   CheckCovariance(file, rig.covariance);
   rig.model_floor_px = ReadNumber(file, "/model_floor", "px");
   if (rig.model_floor_px < 0.0) file.Fail("is negative", "/model_floor", "calibrate again");
   if (file.Has("/cameras/floor")) {  // older files have one floor for all
-    const std::vector<double> floors = column("/cameras/floor", "px");
+    const std::vector<double> floors = ReadColumn(file, names.size(), "/cameras/floor", "px");
     for (std::size_t j = 0; j < floors.size(); ++j) {
       if (floors[j] < 0.0) file.Fail("is negative", "/cameras/floor", "calibrate again");
       rig.cameras[j].floor_px = floors[j];

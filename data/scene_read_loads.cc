@@ -103,40 +103,42 @@ void SceneReader::ReadWatches() {
   }
 }
 
+void SceneReader::FailUnwatchable(const TomlTable& table, const std::string& name,
+                                  const std::string& column) const {
+  std::vector<std::string> known;
+  for (const auto& [n, t] : things_) {
+    if (t != Thing::kBeam && t != Thing::kSpring) known.push_back(n);
+  }
+  const std::string nearest = NearestName(name, known);
+  table.Fail("when", "there is no joint, body or mark \"" + name + "\"",
+             nearest.empty() ? "write it as NAME.theta, NAME.x"
+                             : "did you mean \"" + nearest + "." + column + "\"?");
+}
+
+std::vector<std::string> SceneReader::WatchedColumns(const std::string& name, Thing kind) const {
+  if (kind == Thing::kBody) return {"x", "y", "theta", "vx", "vy", "omega"};
+  if (kind != Thing::kJoint) return {"x", "y", "vx", "vy"};
+  SceneJoint::Kind joint_kind = SceneJoint::Kind::kRevolute;
+  for (const SceneJoint& joint : scene_.joints) {
+    if (joint.name == name) joint_kind = joint.kind;
+  }
+  std::vector<std::string> columns;
+  if (joint_kind != SceneJoint::Kind::kSlider) columns = {"theta", "theta_rate"};
+  if (joint_kind != SceneJoint::Kind::kRevolute) {
+    columns.insert(columns.end(), {"travel", "travel_rate"});
+  }
+  return columns;
+}
+
 void SceneReader::CheckQuantity(const TomlTable& table, const std::string& quantity) const {
   const std::size_t dot = quantity.find('.');
   const std::string name = quantity.substr(0, dot);
   const std::string column = dot == std::string::npos ? "" : quantity.substr(dot + 1);
-  const auto thing = things_.find(name);
-  if (thing == things_.end() || thing->second == Thing::kBeam || thing->second == Thing::kSpring) {
-    std::vector<std::string> known;
-    for (const auto& [n, t] : things_) {
-      if (t != Thing::kBeam && t != Thing::kSpring) known.push_back(n);
-    }
-    const std::string nearest = NearestName(name, known);
-    table.Fail("when", "there is no joint, body or mark \"" + name + "\"",
-               nearest.empty() ? "write it as NAME.theta, NAME.x"
-                               : "did you mean \"" + nearest + "." + column + "\"?");
+  const auto found = things_.find(name);
+  if (found == things_.end() || found->second == Thing::kBeam || found->second == Thing::kSpring) {
+    FailUnwatchable(table, name, column);
   }
-  std::vector<std::string> columns;
-  switch (thing->second) {
-    case Thing::kJoint: {
-      SceneJoint::Kind kind = SceneJoint::Kind::kRevolute;
-      for (const SceneJoint& joint : scene_.joints) {
-        if (joint.name == name) kind = joint.kind;
-      }
-      if (kind != SceneJoint::Kind::kSlider) columns = {"theta", "theta_rate"};
-      if (kind != SceneJoint::Kind::kRevolute) {
-        columns.insert(columns.end(), {"travel", "travel_rate"});
-      }
-      break;
-    }
-    case Thing::kBody:
-      columns = {"x", "y", "theta", "vx", "vy", "omega"};
-      break;
-    default:
-      columns = {"x", "y", "vx", "vy"};
-  }
+  const std::vector<std::string> columns = WatchedColumns(name, found->second);
   for (const std::string& known : columns) {
     if (column == known) return;
   }

@@ -42,6 +42,9 @@ class SceneReader {
   void ReadForces();
   void ReadWatches();
   void CheckQuantity(const TomlTable& table, const std::string& quantity) const;
+  [[noreturn]] void FailUnwatchable(const TomlTable& table, const std::string& name,
+                                    const std::string& column) const;
+  std::vector<std::string> WatchedColumns(const std::string& name, Thing kind) const;
   void ReadMarks();
   void ReadFields();
   void ReadSolver();

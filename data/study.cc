@@ -138,57 +138,87 @@ void ReadSolver(const TomlTable& t, Study* study) {
   }
 }
 
-Study ReadFrom(const TomlTable& root, const std::string& path) {
-  Study study;
-  study.path = path;
+// The model: a program, or the simulator and its scene.
+void ReadModel(const TomlTable& root, const std::string& path, Study* study) {
   const TomlTable head = root.Table("study");
-  study.name = head.StringOr("name", std::filesystem::path(path).stem().string());
+  study->name = head.StringOr("name", std::filesystem::path(path).stem().string());
   const auto model = root.TableOrNone("model");
   if (model && model->Has("command")) {
-    study.command = ReadCommand(path, *model);
+    study->command = ReadCommand(path, *model);
     if (head.Has("scene")) {
       head.Fail("scene", "there is a scene and a command",
                 "keep one of study.scene, model.command");
     }
   } else {
-    study.scene = Beside(path, head.String("scene"));
-    study.set = head.StringsOr("set", {});
+    study->scene = Beside(path, head.String("scene"));
+    study->set = head.StringsOr("set", {});
   }
-  if (root.IsArray("trial")) {
-    const std::vector<TomlTable> trials = root.TableArray("trial");
-    for (std::size_t i = 0; i < trials.size(); ++i) {
-      study.trials.push_back(ReadTrial(path, fmt::format("trial {}", i + 1), trials[i]));
-    }
-  } else {
-    study.trials.push_back(ReadTrial(path, "trial", root.Table("trial")));
-  }
+}
 
-  for (const auto& [name, table] : root.NamedTables("parameter")) {
-    study.parameters.push_back(ReadParameter(name, table, study.command.has_value()));
+void ReadTrials(const TomlTable& root, const std::string& path, Study* study) {
+  if (!root.IsArray("trial")) {
+    study->trials.push_back(ReadTrial(path, "trial", root.Table("trial")));
+    return;
   }
-  if (study.parameters.empty()) {
+  const std::vector<TomlTable> trials = root.TableArray("trial");
+  for (std::size_t i = 0; i < trials.size(); ++i) {
+    study->trials.push_back(ReadTrial(path, fmt::format("trial {}", i + 1), trials[i]));
+  }
+}
+
+// Each key of the scene is driven by one parameter.
+void ReadParameters(const TomlTable& root, Study* study) {
+  for (const auto& [name, table] : root.NamedTables("parameter")) {
+    study->parameters.push_back(ReadParameter(name, table, study->command.has_value()));
+  }
+  if (study->parameters.empty()) {
     root.Fail("parameter", "a study without parameters", "add a table [parameter.NAME]");
   }
   std::map<std::string, std::string> driven;
-  for (const StudyParameter& p : study.parameters) {
+  for (const StudyParameter& p : study->parameters) {
     for (const std::string& key : p.keys) {
       const auto [by, first] = driven.try_emplace(key, p.name);
-      if (!first) {
-        root.Table("parameter")
-            .Table(p.name)
-            .Fail("keys", fmt::format("{} is driven by {} already", key, by->second),
-                  "let each key of the scene be driven by one parameter");
-      }
+      if (first) continue;
+      root.Table("parameter")
+          .Table(p.name)
+          .Fail("keys", fmt::format("{} is driven by {} already", key, by->second),
+                "let each key of the scene be driven by one parameter");
     }
   }
+}
 
-  if (model && !study.command) {
-    if (model->IsString("rtol")) {
-      model->Choice("rtol", {"auto"});
-    } else {
-      study.rtol = model->NumberOr("rtol", study.rtol, {1e-12, 1e-2});
-    }
+void ReadTolerance(const TomlTable& model, Study* study) {
+  if (model.IsString("rtol")) {
+    model.Choice("rtol", {"auto"});
+  } else {
+    study->rtol = model.NumberOr("rtol", study->rtol, {1e-12, 1e-2});
   }
+}
+
+StudyMeshCheck ReadMeshCheck(const TomlTable& mesh) {
+  StudyMeshCheck check;
+  check.wanted = mesh.BoolOr("wanted", true);
+  check.keys = mesh.StringsOr("keys", {});
+  if (check.keys.empty()) {
+    for (const char* key : {"value", "spacing_ratio", "order"}) {
+      if (mesh.Has(key)) mesh.Fail(key, "belongs to keys of the scene", "give mesh_check.keys");
+    }
+  } else {
+    check.value = mesh.Number("value", kPositive);
+  }
+  check.spacing_ratio = mesh.NumberOr("spacing_ratio", 2.0, {1.0, 1e3, true, false});
+  check.order = mesh.NumberOr("order", 2.0, kPositive);
+  return check;
+}
+
+Study ReadFrom(const TomlTable& root, const std::string& path) {
+  Study study;
+  study.path = path;
+  ReadModel(root, path, &study);
+  ReadTrials(root, path, &study);
+  ReadParameters(root, &study);
+  const auto model = root.TableOrNone("model");
+  if (model && !study.command) ReadTolerance(*model, &study);
   if (const auto solver = root.TableOrNone("solver")) ReadSolver(*solver, &study);
   if (const auto profile = root.TableOrNone("profile")) {
     study.profile_levels = profile->NumbersOr("levels", study.profile_levels, -1, kPositive);
@@ -200,19 +230,7 @@ Study ReadFrom(const TomlTable& root, const std::string& path) {
     if (study.command) {
       root.Fail("mesh_check", "a mesh of a program", "give the finer program as model.finer");
     }
-    StudyMeshCheck check;
-    check.wanted = mesh->BoolOr("wanted", true);
-    check.keys = mesh->StringsOr("keys", {});
-    if (check.keys.empty()) {
-      for (const char* key : {"value", "spacing_ratio", "order"}) {
-        if (mesh->Has(key)) mesh->Fail(key, "belongs to keys of the scene", "give mesh_check.keys");
-      }
-    } else {
-      check.value = mesh->Number("value", kPositive);
-    }
-    check.spacing_ratio = mesh->NumberOr("spacing_ratio", 2.0, {1.0, 1e3, true, false});
-    check.order = mesh->NumberOr("order", 2.0, kPositive);
-    study.mesh_check = check;
+    study.mesh_check = ReadMeshCheck(*mesh);
   }
   root.RefuseUnknownKeys();
   return study;

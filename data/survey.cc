@@ -71,6 +71,36 @@ Survey ReadCsv(const std::string& path) {
   return survey;
 }
 
+void CheckSize(const H5Reader& file, const char* name, const std::vector<std::size_t>& expected) {
+  if (file.Dims(name) == expected) return;
+  file.Fail("does not have the size that the points and cameras ask for", name,
+            "make the file again");
+}
+
+// A standard deviation, where the file states it.
+void ReadStated(const H5Reader& file, const char* name, const char* unit, double* sigma) {
+  if (!file.Has(name)) return;
+  const std::vector<double> values = file.ReadDoubles(name, unit);
+  if (values.size() != 1 || !std::isfinite(values[0]) || values[0] < 0.0) {
+    file.Fail("is not one number of 0 or more", name, "make the file again");
+  }
+  *sigma = values[0];
+}
+
+void ReadLines(const H5Reader& file, Survey* survey) {
+  const std::size_t n = survey->size(), cameras = survey->cameras.size();
+  survey->format = ReadLineFormats(file, "/lit", cameras);
+  std::vector<std::size_t> dims = LineDims(survey->format, cameras);
+  dims.insert(dims.begin(), n);
+  CheckSize(file, "/lit", dims);
+  CheckSize(file, "/dark", dims);
+  survey->lit.resize(n * survey->line_counts());
+  survey->dark.resize(survey->lit.size());
+  file.ReadRows("/lit", 0, n, std::span<std::uint16_t>(survey->lit));
+  file.ReadRows("/dark", 0, n, std::span<std::uint16_t>(survey->dark));
+  survey->response = ReadResponse(file, cameras, survey->format);
+}
+
 Survey ReadH5(const std::string& path) {
   const H5Reader file(path, kSurveySchema, kSurveyVersion);
   Survey survey;
@@ -78,14 +108,8 @@ Survey ReadH5(const std::string& path) {
   survey.cameras = file.ReadStrings("/cameras");
   const std::size_t n = survey.size();
   const std::size_t cameras = survey.cameras.size();
-  const auto check = [&](const char* name, const std::vector<std::size_t>& expected) {
-    if (file.Dims(name) != expected) {
-      file.Fail("does not have the size that the points and cameras ask for", name,
-                "make the file again");
-    }
-  };
-  check("/p", {n, 3});
-  check("/cov", {n, 6});
+  CheckSize(file, "/p", {n, 3});
+  CheckSize(file, "/cov", {n, 6});
   survey.p = file.ReadMatrix("/p", "m").transpose();
   survey.cov = file.ReadMatrix("/cov", "m^2").transpose();
   if (!survey.p.allFinite()) file.Fail("holds a number that is not finite", "/p", "mend the point");
@@ -101,35 +125,16 @@ Survey ReadH5(const std::string& path) {
     if (station.size() != 3) file.Fail("is not three numbers", "/station", "make the file again");
     survey.station = Eigen::Vector3d::Map(station.data());
   }
-  const auto stated = [&](const char* name, const char* unit, double* sigma) {
-    if (!file.Has(name)) return;
-    const std::vector<double> values = file.ReadDoubles(name, unit);
-    if (values.size() != 1 || !std::isfinite(values[0]) || values[0] < 0.0) {
-      file.Fail("is not one number of 0 or more", name, "make the file again");
-    }
-    *sigma = values[0];
-  };
-  stated("/station_errors/distance_offset", "m", &survey.station_errors.distance_offset);
-  stated("/station_errors/distance_scale", "1", &survey.station_errors.distance_scale);
-  stated("/station_errors/zenith", "rad", &survey.station_errors.zenith);
+  ReadStated(file, "/station_errors/distance_offset", "m", &survey.station_errors.distance_offset);
+  ReadStated(file, "/station_errors/distance_scale", "1", &survey.station_errors.distance_scale);
+  ReadStated(file, "/station_errors/zenith", "rad", &survey.station_errors.zenith);
   if (file.Has("/u")) {
-    check("/u", {n, cameras});
-    check("/s", {n, cameras});
+    CheckSize(file, "/u", {n, cameras});
+    CheckSize(file, "/s", {n, cameras});
     survey.u_px = file.ReadMatrix("/u", "px");
     survey.s_px = file.ReadMatrix("/s", "px");
   }
-  if (file.Has("/lit")) {
-    survey.format = ReadLineFormats(file, "/lit", cameras);
-    std::vector<std::size_t> dims = LineDims(survey.format, cameras);
-    dims.insert(dims.begin(), n);
-    check("/lit", dims);
-    check("/dark", dims);
-    survey.lit.resize(n * survey.line_counts());
-    survey.dark.resize(survey.lit.size());
-    file.ReadRows("/lit", 0, n, std::span<std::uint16_t>(survey.lit));
-    file.ReadRows("/dark", 0, n, std::span<std::uint16_t>(survey.dark));
-    survey.response = ReadResponse(file, cameras, survey.format);
-  }
+  if (file.Has("/lit")) ReadLines(file, &survey);
   // Of lines their layout says it; of readings, files before version 2 did not.
   if (file.Has("/pixels")) {
     for (const std::int32_t pixels : file.ReadInts("/pixels")) survey.pixels.push_back(pixels);
@@ -202,6 +207,33 @@ void WriteSurvey(const std::string& path, const Survey& survey, const Provenance
   file.Commit();
 }
 
+namespace {
+
+// What is true of all points: cameras, their pixels, the station and its common errors.
+void WriteComments(const Survey& survey, CsvWriter* writer) {
+  writer->Comment(fmt::format("cameras: {}", fmt::join(survey.cameras, ", ")));
+  if (survey.has_lines() || !survey.pixels.empty()) {
+    std::vector<int> pixels = survey.pixels;
+    for (std::size_t c = 0; survey.has_lines() && c < survey.cameras.size(); ++c) {
+      pixels.resize(survey.cameras.size());
+      pixels[c] = survey.format.Of(c).active;
+    }
+    writer->Comment(fmt::format("pixels: {}", fmt::join(pixels, ", ")));
+  }
+  if (survey.station.allFinite()) {
+    writer->Comment(fmt::format("station: {}, {}, {}", survey.station.x(), survey.station.y(),
+                                survey.station.z()));
+  }
+  const StationErrors& errors = survey.station_errors;
+  if (errors.distance_offset > 0.0 || errors.distance_scale > 0.0) {
+    writer->Comment(
+        fmt::format("distance error: {}, {}", errors.distance_offset, errors.distance_scale));
+  }
+  if (errors.zenith > 0.0) writer->Comment(fmt::format("zenith error: {}", errors.zenith));
+}
+
+}  // namespace
+
 void WriteSurveyCsv(const std::string& path, const Survey& survey) {
   if (survey.u_px.size() == 0) {
     throw Error("holds raw lines, which a CSV cannot", path,
@@ -215,25 +247,7 @@ void WriteSurveyCsv(const std::string& path, const Survey& survey) {
     columns.push_back({fmt::format("s{}", c), "px"});
   }
   CsvWriter writer(std::move(columns));
-  writer.Comment(fmt::format("cameras: {}", fmt::join(survey.cameras, ", ")));
-  if (survey.has_lines() || !survey.pixels.empty()) {
-    std::vector<int> pixels = survey.pixels;
-    for (std::size_t c = 0; survey.has_lines() && c < survey.cameras.size(); ++c) {
-      pixels.resize(survey.cameras.size());
-      pixels[c] = survey.format.Of(c).active;
-    }
-    writer.Comment(fmt::format("pixels: {}", fmt::join(pixels, ", ")));
-  }
-  if (survey.station.allFinite()) {
-    writer.Comment(fmt::format("station: {}, {}, {}", survey.station.x(), survey.station.y(),
-                               survey.station.z()));
-  }
-  const StationErrors& errors = survey.station_errors;
-  if (errors.distance_offset > 0.0 || errors.distance_scale > 0.0) {
-    writer.Comment(
-        fmt::format("distance error: {}, {}", errors.distance_offset, errors.distance_scale));
-  }
-  if (errors.zenith > 0.0) writer.Comment(fmt::format("zenith error: {}", errors.zenith));
+  WriteComments(survey, &writer);
   const auto cell = [](double v) { return std::isnan(v) ? std::string() : fmt::format("{}", v); };
   for (Eigen::Index i = 0; i < survey.p.cols(); ++i) {
     std::vector<std::string> cells = {survey.id[static_cast<std::size_t>(i)]};

@@ -163,6 +163,8 @@ bool ReadSpread(const CsvTable& table, const std::array<const char*, 3>& names, 
   return has_sigma || has_cov;
 }
 
+bool HasAngles(const CsvTable& table) { return table.Find("hz") >= 0 && table.Find("v") >= 0; }
+
 // Coordinates from hz, v, d about the station, with the covariance that their sigmas give.
 bool ReadPolar(const CsvTable& table, const Eigen::Vector3d& station, double prism_offset,
                Eigen::Matrix3Xd* p, Survey* with_spread) {
@@ -204,6 +206,71 @@ int Handedness(const Eigen::Matrix3Xd& p, const Eigen::Matrix3Xd& polar) {
   return R.determinant() > 0.0 ? 1 : -1;
 }
 
+// The columns of x, y, z: by these names, or E, N, H in whatever order.
+std::array<int, 3> CoordinateColumns(const CsvTable& table, Survey* survey) {
+  if (table.Find("x") >= 0) {
+    return {table.Require("x", "m"), table.Require("y", "m"), table.Require("z", "m")};
+  }
+  const std::array<int, 3> enh = FindEnh(table);
+  for (const int c : enh) table.Require(table.columns()[static_cast<std::size_t>(c)].name, "m");
+  if (enh[1] < enh[0]) {
+    survey->notes.push_back(
+        "the columns stand in the order N, E, H, which is left-handed: read as x = E, y = N, "
+        "z = H");
+  }
+  return enh;
+}
+
+// Where a table has both coordinates and angles, the angles show whether the coordinates are
+// right-handed; N, E, H under other names are not, and exchanging the first two makes them so.
+void CompareWithAngles(const CsvTable& table, Survey* survey) {
+  const Eigen::Index n = survey->p.cols();
+  Eigen::Matrix3Xd polar;
+  ReadPolar(table, Eigen::Vector3d::Zero(), 0.0, &polar, nullptr);
+  const int handedness = Handedness(survey->p, polar);
+  if (handedness == 0 && n >= 4) {
+    throw Error("coordinates and angles do not belong together, whichever way round", table.path(),
+                "leave out the wrong ones");
+  }
+  if (handedness >= 0) return;
+  survey->p.row(0).swap(survey->p.row(1));
+  for (Eigen::Index i = 0; i < n; ++i) {
+    Eigen::Matrix3d exchange = Eigen::Matrix3d::Identity();
+    exchange.col(0).swap(exchange.col(1));
+    Store(exchange * Load(*survey, i) * exchange.transpose(), i, survey);
+  }
+  survey->notes.push_back(
+      "the angles show that the coordinates are left-handed (N, E, H): the first two were "
+      "exchanged");
+}
+
+// Adds the prism's offset to each distance from the station.
+void AddPrismOffset(const CsvTable& table, double prism_offset, Survey* survey) {
+  if (!survey->station.allFinite()) {
+    throw Error("a prism offset without the station's place", table.path() + ": # prism offset",
+                "add a comment '# station: E, N, H'");
+  }
+  for (Eigen::Index i = 0; i < survey->p.cols(); ++i) {
+    const Eigen::Vector3d way = survey->p.col(i) - survey->station;
+    survey->p.col(i) += prism_offset * way.normalized();
+  }
+}
+
+// Returns whether the table states uncertainties, as ReadPolar does.
+bool ReadCoordinates(const CsvTable& table, double prism_offset, Survey* survey) {
+  const std::array<int, 3> columns = CoordinateColumns(table, survey);
+  for (Eigen::Index i = 0; i < survey->p.cols(); ++i) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      survey->p(static_cast<Eigen::Index>(k), i) =
+          table.Number(static_cast<std::size_t>(i), columns[k]);
+    }
+  }
+  const bool spread = ReadSpread(table, table.Find("x") >= 0 ? kSigma : kSigmaEnh, survey);
+  if (HasAngles(table)) CompareWithAngles(table, survey);
+  if (prism_offset != 0.0) AddPrismOffset(table, prism_offset, survey);
+  return spread;
+}
+
 }  // namespace
 
 Eigen::Vector3d FromPolar(double hz, double v, double d, Eigen::Matrix3d* derivative) {
@@ -232,61 +299,10 @@ bool ReadSurveyPoints(const CsvTable& table, Survey* survey) {
   double prism_offset = 0.0;
   if (Note(table, "prism offset", 1, &values)) prism_offset = values[0];
 
-  const std::array<int, 3> enh = FindEnh(table);
-  const bool has_polar = table.Find("hz") >= 0 && table.Find("v") >= 0;
-  const bool has_xyz = table.Find("x") >= 0;
   bool spread = false;
-  if (has_xyz || AllThere(enh)) {
-    std::array<int, 3> columns = enh;
-    if (has_xyz) {
-      columns = {table.Require("x", "m"), table.Require("y", "m"), table.Require("z", "m")};
-    } else {
-      for (const int c : enh) table.Require(table.columns()[static_cast<std::size_t>(c)].name, "m");
-      if (enh[1] < enh[0]) {
-        survey->notes.push_back(
-            "the columns stand in the order N, E, H, which is left-handed: read as x = E, y = N, "
-            "z = H");
-      }
-    }
-    for (Eigen::Index i = 0; i < n; ++i) {
-      for (std::size_t k = 0; k < 3; ++k) {
-        survey->p(static_cast<Eigen::Index>(k), i) =
-            table.Number(static_cast<std::size_t>(i), columns[k]);
-      }
-    }
-    spread = ReadSpread(table, has_xyz ? kSigma : kSigmaEnh, survey);
-    if (has_polar) {
-      Eigen::Matrix3Xd polar;
-      ReadPolar(table, Eigen::Vector3d::Zero(), 0.0, &polar, nullptr);
-      const int hand = Handedness(survey->p, polar);
-      if (hand == 0 && n >= 4) {
-        throw Error("coordinates and angles do not belong together, whichever way round",
-                    table.path(), "leave out the wrong ones");
-      }
-      if (hand < 0) {
-        // N, E, H under other names: exchanging the first two makes it right-handed again.
-        survey->p.row(0).swap(survey->p.row(1));
-        for (Eigen::Index i = 0; i < n; ++i) {
-          Eigen::Matrix3d exchange = Eigen::Matrix3d::Identity();
-          exchange.col(0).swap(exchange.col(1));
-          Store(exchange * Load(*survey, i) * exchange.transpose(), i, survey);
-        }
-        survey->notes.push_back(
-            "the angles show that the coordinates are left-handed (N, E, H): the first two were "
-            "exchanged");
-      }
-    }
-    if (prism_offset != 0.0) {
-      if (!survey->station.allFinite()) {
-        throw Error("a prism offset without the station's place", table.path() + ": # prism offset",
-                    "add a comment '# station: E, N, H'");
-      }
-      for (Eigen::Index i = 0; i < n; ++i) {
-        const Eigen::Vector3d way = survey->p.col(i) - survey->station;
-        survey->p.col(i) += prism_offset * way.normalized();
-      }
-    }
-  } else if (has_polar) {
+  if (table.Find("x") >= 0 || AllThere(FindEnh(table))) {
+    spread = ReadCoordinates(table, prism_offset, survey);
+  } else if (HasAngles(table)) {
     if (!survey->station.allFinite()) survey->station.setZero();
     Eigen::Matrix3Xd p;
     spread = ReadPolar(table, survey->station, prism_offset, &p, survey);

@@ -152,6 +152,75 @@ void WriteTracks(const std::string& path, const Tracks& tracks, const Provenance
   writer.Commit();
 }
 
+namespace {
+
+void CheckSizes(const H5Reader& file, const std::vector<std::int32_t>& status,
+                const Tracks& tracks) {
+  const std::size_t n = tracks.size();
+  const std::size_t k = static_cast<std::size_t>(std::max(0, tracks.shared_rank));
+  if (tracks.mark.size() != n || status.size() != n ||
+      file.Dims("/p") != std::vector<std::size_t>{n, 3} ||
+      file.Dims("/cov") != std::vector<std::size_t>{n, 6} ||
+      (k > 0 && file.Dims("/shared") != std::vector<std::size_t>{n, 3, k})) {
+    file.Fail("holds series of different lengths", "/t", "make the file again");
+  }
+}
+
+// The samples' status, once marks, times and places are there to go with it.
+void CheckStatus(const H5Reader& file, const std::vector<std::int32_t>& status, Tracks* tracks) {
+  const int marks = static_cast<int>(tracks->marks.size());
+  tracks->status.resize(tracks->size());
+  for (std::size_t i = 0; i < tracks->size(); ++i) {
+    if (status[i] < 0 || status[i] > 3 || tracks->mark[i] < 0 || tracks->mark[i] >= marks ||
+        !std::isfinite(tracks->t[i])) {
+      file.Fail(fmt::format("sample {} has an impossible status, mark or time", i), "/status",
+                "make the file again");
+    }
+    tracks->status[i] = static_cast<SampleStatus>(status[i]);
+    const Eigen::Index col = static_cast<Eigen::Index>(i);
+    if (Usable(tracks->status[i]) &&
+        !(tracks->p.col(col).allFinite() && tracks->cov.col(col).allFinite())) {
+      file.Fail(fmt::format("sample {} is called {} but is not finite", i, Name(tracks->status[i])),
+                "/p", "make the file again");
+    }
+  }
+}
+
+// Which cameras each sample used and left out, and why it is no better than it is.
+void ReadDetails(const H5Reader& file, Tracks* tracks) {
+  const std::size_t n = tracks->size();
+  tracks->cameras = file.ReadStrings("/cameras");
+  const std::vector<std::int32_t> used = file.ReadInts("/used");
+  const std::vector<std::int32_t> left_out = file.ReadInts("/left_out");
+  const std::vector<std::int32_t> reason = file.ReadInts("/reason");
+  if (used.size() != n || left_out.size() != n || reason.size() != n) {
+    file.Fail("holds series of different lengths", "/used", "make the file again");
+  }
+  for (std::size_t i = 0; i < n; ++i) {
+    if (reason[i] < 0 || reason[i] >= kSampleReasons) {
+      file.Fail(fmt::format("sample {} has an impossible reason", i), "/reason",
+                "make the file again");
+    }
+    tracks->used.push_back(static_cast<std::uint32_t>(used[i]));
+    tracks->left_out.push_back(static_cast<std::uint32_t>(left_out[i]));
+    tracks->reason.push_back(static_cast<SampleReason>(reason[i]));
+  }
+}
+
+void ReadShared(const H5Reader& file, Tracks* tracks) {
+  const std::size_t n = tracks->size(), k = static_cast<std::size_t>(tracks->shared_rank);
+  const std::vector<double> rows = file.ReadDoubles("/shared", "m");
+  tracks->shared.resize(3, static_cast<Eigen::Index>(n * k));
+  using RowMajor = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>;
+  const Eigen::Index rank = static_cast<Eigen::Index>(k);
+  for (std::size_t i = 0; i < n; ++i) {
+    tracks->shared.middleCols(static_cast<Eigen::Index>(i) * rank, rank) =
+        Eigen::Map<const RowMajor>(&rows[3 * k * i], 3, rank);
+  }
+}
+
+}  // namespace
+
 Tracks ReadTracks(const std::string& path) {
   const H5Reader file(path, kTracksSchema, kTracksVersion);
   Tracks tracks;
@@ -161,61 +230,13 @@ Tracks ReadTracks(const std::string& path) {
   tracks.shared_rank = static_cast<int>(file.IntAttribute("/", "shared_rank"));
   tracks.t = file.ReadDoubles("/t", "s");
   tracks.mark = file.ReadInts("/mark");
-  const std::size_t n = tracks.size();
   const std::vector<std::int32_t> status = file.ReadInts("/status");
-  const std::size_t k = static_cast<std::size_t>(std::max(0, tracks.shared_rank));
-  if (tracks.mark.size() != n || status.size() != n ||
-      file.Dims("/p") != std::vector<std::size_t>{n, 3} ||
-      file.Dims("/cov") != std::vector<std::size_t>{n, 6} ||
-      (k > 0 && file.Dims("/shared") != std::vector<std::size_t>{n, 3, k})) {
-    file.Fail("holds series of different lengths", "/t", "make the file again");
-  }
+  CheckSizes(file, status, tracks);
   tracks.p = file.ReadMatrix("/p", "m").transpose();
   tracks.cov = file.ReadMatrix("/cov", "m^2").transpose();
-  const int marks = static_cast<int>(tracks.marks.size());
-  tracks.status.resize(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    if (status[i] < 0 || status[i] > 3 || tracks.mark[i] < 0 || tracks.mark[i] >= marks ||
-        !std::isfinite(tracks.t[i])) {
-      file.Fail(fmt::format("sample {} has an impossible status, mark or time", i), "/status",
-                "make the file again");
-    }
-    tracks.status[i] = static_cast<SampleStatus>(status[i]);
-    const Eigen::Index col = static_cast<Eigen::Index>(i);
-    if (Usable(tracks.status[i]) &&
-        !(tracks.p.col(col).allFinite() && tracks.cov.col(col).allFinite())) {
-      file.Fail(fmt::format("sample {} is called {} but is not finite", i, Name(tracks.status[i])),
-                "/p", "make the file again");
-    }
-  }
-  if (file.Has("/cameras")) {
-    tracks.cameras = file.ReadStrings("/cameras");
-    const std::vector<std::int32_t> used = file.ReadInts("/used");
-    const std::vector<std::int32_t> left_out = file.ReadInts("/left_out");
-    const std::vector<std::int32_t> reason = file.ReadInts("/reason");
-    if (used.size() != n || left_out.size() != n || reason.size() != n) {
-      file.Fail("holds series of different lengths", "/used", "make the file again");
-    }
-    for (std::size_t i = 0; i < n; ++i) {
-      if (reason[i] < 0 || reason[i] >= kSampleReasons) {
-        file.Fail(fmt::format("sample {} has an impossible reason", i), "/reason",
-                  "make the file again");
-      }
-      tracks.used.push_back(static_cast<std::uint32_t>(used[i]));
-      tracks.left_out.push_back(static_cast<std::uint32_t>(left_out[i]));
-      tracks.reason.push_back(static_cast<SampleReason>(reason[i]));
-    }
-  }
-  if (k > 0) {
-    const std::vector<double> rows = file.ReadDoubles("/shared", "m");
-    tracks.shared.resize(3, static_cast<Eigen::Index>(n * k));
-    using RowMajor = Eigen::Matrix<double, 3, Eigen::Dynamic, Eigen::RowMajor>;
-    const Eigen::Index rank = static_cast<Eigen::Index>(k);
-    for (std::size_t i = 0; i < n; ++i) {
-      tracks.shared.middleCols(static_cast<Eigen::Index>(i) * rank, rank) =
-          Eigen::Map<const RowMajor>(&rows[3 * k * i], 3, rank);
-    }
-  }
+  CheckStatus(file, status, &tracks);
+  if (file.Has("/cameras")) ReadDetails(file, &tracks);
+  if (tracks.shared_rank > 0) ReadShared(file, &tracks);
   return tracks;
 }
 
@@ -240,6 +261,24 @@ void WriteTracksCsv(const std::string& path, const Tracks& tracks) {
   }
   WriteTextFile(path, writer.text());
 }
+
+namespace {
+
+// The word of a line's status column; where there is none, whether the line has a place.
+SampleStatus StatusOf(const CsvTable& table, std::size_t row, int column, int place) {
+  const std::string word = column >= 0 ? table.Text(row, column) : std::string();
+  if (word.empty()) {
+    return table.Empty(row, place) ? SampleStatus::kUnsolvable : SampleStatus::kGood;
+  }
+  const auto found = std::find(kStatusNames.begin(), kStatusNames.end(), word);
+  if (found == kStatusNames.end()) {
+    throw Error(fmt::format("'{}' is no status", word), table.Where(row, column),
+                "write good, three_cameras, rejected_reading or unsolvable");
+  }
+  return static_cast<SampleStatus>(found - kStatusNames.begin());
+}
+
+}  // namespace
 
 Tracks ReadTracksCsv(const std::string& path) {
   const CsvTable table = CsvTable::Load(path);
@@ -269,18 +308,7 @@ Tracks ReadTracksCsv(const std::string& path) {
     if (name.empty()) throw Error("a sample without a mark", table.Where(i, mark), "name its mark");
     if (tracks.FindMark(name) < 0) tracks.marks.push_back(name);
     tracks.mark.push_back(tracks.FindMark(name));
-    SampleStatus s = SampleStatus::kGood;
-    const std::string word = status >= 0 ? table.Text(i, status) : std::string();
-    if (!word.empty()) {
-      const auto found = std::find(kStatusNames.begin(), kStatusNames.end(), word);
-      if (found == kStatusNames.end()) {
-        throw Error(fmt::format("'{}' is no status", word), table.Where(i, status),
-                    "write good, three_cameras, rejected_reading or unsolvable");
-      }
-      s = static_cast<SampleStatus>(found - kStatusNames.begin());
-    } else if (table.Empty(i, p[0])) {
-      s = SampleStatus::kUnsolvable;
-    }
+    const SampleStatus s = StatusOf(table, i, status, p[0]);
     tracks.status.push_back(s);
     for (std::size_t k = 0; k < 9; ++k) {
       const int column = k < 3 ? p[k] : cov[k - 3];

@@ -134,6 +134,103 @@ std::size_t ForeignFunction(const UffFile& file, UffFunction* f, std::string* ot
   return static_cast<std::size_t>(direction) - 1;
 }
 
+// The usable samples of a mark, and whether there are others between them.
+std::vector<Eigen::Index> UsableSamples(const Tracks& tracks, std::size_t mark, bool* gaps) {
+  std::vector<Eigen::Index> samples;
+  *gaps = false;
+  for (std::size_t i = 0; i < tracks.size(); ++i) {
+    if (tracks.mark[i] != static_cast<std::int32_t>(mark)) continue;
+    if (Usable(tracks.status[i])) {
+      samples.push_back(static_cast<Eigen::Index>(i));
+    } else {
+      *gaps = true;
+    }
+  }
+  return samples;
+}
+
+// The head of dataset 58: five lines of identity, then records 6 to 11.
+std::string FunctionHead(const Tracks& tracks, const TracksGrid& grid, std::size_t m, std::size_t f,
+                         std::size_t samples, bool even) {
+  std::string text = "    -1\n    58\n";
+  text += Line(tracks.marks[m]);
+  text += Line(fmt::format("{}: {}", kIdentity, kFunctions[f]));
+  text += Line("NONE");
+  // Abscissae have few digits in this format; the grid restores the others.
+  text += Line(grid.regular ? fmt::format("grid {} {}", grid.start + grid.delay[m], grid.step)
+                            : "NONE");
+  text += Line(fmt::format("frame {} smoothed {}", tracks.frame, tracks.smoothed ? "yes" : "no"));
+  text += Line(fmt::format("{:5d}{:10d}{:5d}{:10d} {:<10}{:10d}{:4d} {:<10}{:10d}{:4d}",
+                           f < 3 ? kTimeResponse : kGeneral, 0, 0, 0, tracks.marks[m].substr(0, 10),
+                           m + 1, f < 3 ? f + 1 : 0, "NONE", 0, 0));
+  text += Line(fmt::format("{:10d}{:10d}{:10d}{:13.5E}{:13.5E}{:13.5E}", 4, samples, even ? 1 : 0,
+                           grid.regular ? grid.start + grid.delay[m] : 0.0, even ? grid.step : 0.0,
+                           0.0));
+  text += AxisLine(kTime, "Time", "s");
+  text += f < 3 ? AxisLine(kDisplacement, "Displacement", "m")
+                : AxisLine(kNoUnit, kFunctions[f], f < 9 ? "m^2" : "NONE");
+  text += AxisLine(kNoUnit, "NONE", "NONE");
+  text += AxisLine(kNoUnit, "NONE", "NONE");
+  return text;
+}
+
+// Gathers the functions of the file by node; `other` says what was passed over, and why.
+std::map<int, Mark> MarksOf(UffFile* file, Tracks* tracks, std::string* other) {
+  std::map<int, Mark> marks;
+  for (UffFunction& f : file->functions) {
+    Mark& mark = marks[f.node];
+    std::size_t which = OwnFunction(*file, &f, &mark, tracks);
+    if (which >= kFunctions.size()) which = ForeignFunction(*file, &f, other);
+    if (which >= kFunctions.size()) continue;
+    if (mark.has[which]) {
+      throw Error(fmt::format("node {} has two functions of {}", f.node, kFunctions[which]),
+                  f.where, "export each once");
+    }
+    mark.f[which] = std::move(f);
+    mark.has[which] = true;
+  }
+  return marks;
+}
+
+// Whether a mark has displacements in all three directions. Checks that they belong together, and
+// leaves has[3] to say whether there are covariances, has[9] whether there is a status.
+bool IsWhole(const std::string& path, int node, double sigma, Mark* mark) {
+  if (!mark->has[0] || !mark->has[1] || !mark->has[2]) return false;
+  const std::vector<double>& t = mark->f[0].t;
+  if (mark->f[1].t != t || mark->f[2].t != t) {
+    throw Error(fmt::format("node {} has other times along y or z than along x", node), path,
+                "export the three directions of a node with the same times");
+  }
+  if (mark->name.empty()) mark->name = fmt::format("node{}", node);
+  bool covariances = true;
+  for (std::size_t f = 3; f < 9; ++f) {
+    covariances = covariances && mark->has[f] && mark->f[f].t.size() == t.size();
+  }
+  if (!covariances && !(sigma > 0.0)) {
+    throw Error(fmt::format("node {} comes without a sigma", node), path,
+                "say what sigma the points have, as in --sigma 0.0005");
+  }
+  mark->has[3] = covariances;
+  mark->has[9] = mark->has[9] && mark->f[9].t.size() == t.size();
+  return true;
+}
+
+// Place, covariance and status of one sample, as column i.
+void FillSample(const Mark& mark, std::size_t index, double sigma, Eigen::Index i, Tracks* tracks) {
+  const double status = mark.has[9] ? mark.f[9].y[index] : 0.0;
+  tracks->status.push_back(static_cast<SampleStatus>(std::lround(std::clamp(status, 0.0, 2.0))));
+  for (std::size_t k = 0; k < 3; ++k) {
+    tracks->p(static_cast<Eigen::Index>(k), i) = mark.f[k].y[index];
+  }
+  if (!mark.has[3]) {
+    tracks->cov.col(i) << sigma * sigma, 0.0, 0.0, sigma * sigma, 0.0, sigma * sigma;
+    return;
+  }
+  for (std::size_t k = 0; k < 6; ++k) {
+    tracks->cov(static_cast<Eigen::Index>(k), i) = mark.f[3 + k].y[index];
+  }
+}
+
 }  // namespace
 
 void WriteTracksUff(const std::string& path, const Tracks& tracks) {
@@ -141,40 +238,12 @@ void WriteTracksUff(const std::string& path, const Tracks& tracks) {
   TextFileWriter file(path);
   file.Append(kUnits);
   for (std::size_t m = 0; m < tracks.marks.size(); ++m) {
-    std::vector<Eigen::Index> samples;
     bool gaps = false;
-    for (std::size_t i = 0; i < tracks.size(); ++i) {
-      if (tracks.mark[i] != static_cast<std::int32_t>(m)) continue;
-      if (Usable(tracks.status[i])) {
-        samples.push_back(static_cast<Eigen::Index>(i));
-      } else {
-        gaps = true;
-      }
-    }
+    const std::vector<Eigen::Index> samples = UsableSamples(tracks, m, &gaps);
     if (samples.empty()) continue;
     const bool even = grid.regular && !gaps && samples.size() == grid.frames;
     for (std::size_t f = 0; f < kFunctions.size(); ++f) {
-      std::string text = "    -1\n    58\n";
-      text += Line(tracks.marks[m]);
-      text += Line(fmt::format("{}: {}", kIdentity, kFunctions[f]));
-      text += Line("NONE");
-      // Abscissae have few digits in this format; the grid restores the others.
-      text += Line(grid.regular ? fmt::format("grid {} {}", grid.start + grid.delay[m], grid.step)
-                                : "NONE");
-      text +=
-          Line(fmt::format("frame {} smoothed {}", tracks.frame, tracks.smoothed ? "yes" : "no"));
-      text +=
-          Line(fmt::format("{:5d}{:10d}{:5d}{:10d} {:<10}{:10d}{:4d} {:<10}{:10d}{:4d}",
-                           f < 3 ? kTimeResponse : kGeneral, 0, 0, 0, tracks.marks[m].substr(0, 10),
-                           m + 1, f < 3 ? f + 1 : 0, "NONE", 0, 0));
-      text += Line(fmt::format("{:10d}{:10d}{:10d}{:13.5E}{:13.5E}{:13.5E}", 4, samples.size(),
-                               even ? 1 : 0, grid.regular ? grid.start + grid.delay[m] : 0.0,
-                               even ? grid.step : 0.0, 0.0));
-      text += AxisLine(kTime, "Time", "s");
-      text += f < 3 ? AxisLine(kDisplacement, "Displacement", "m")
-                    : AxisLine(kNoUnit, kFunctions[f], f < 9 ? "m^2" : "NONE");
-      text += AxisLine(kNoUnit, "NONE", "NONE");
-      text += AxisLine(kNoUnit, "NONE", "NONE");
+      std::string text = FunctionHead(tracks, grid, m, f, samples.size(), even);
       const std::size_t row = even ? 4 : 2;
       for (std::size_t k = 0; k < samples.size(); ++k) {
         // Seven digits fit into the columns of six.
@@ -191,22 +260,10 @@ void WriteTracksUff(const std::string& path, const Tracks& tracks) {
 
 Tracks ReadTracksUff(const std::string& path, double sigma) {
   UffFile file = ReadUff(path);
-  std::map<int, Mark> marks;  // by node
   Tracks tracks;
   tracks.frame = "rig";
-  std::string other;  // that was passed over, and why
-  for (UffFunction& f : file.functions) {
-    Mark& mark = marks[f.node];
-    std::size_t which = OwnFunction(file, &f, &mark, &tracks);
-    if (which >= kFunctions.size()) which = ForeignFunction(file, &f, &other);
-    if (which >= kFunctions.size()) continue;
-    if (mark.has[which]) {
-      throw Error(fmt::format("node {} has two functions of {}", f.node, kFunctions[which]),
-                  f.where, "export each once");
-    }
-    mark.f[which] = std::move(f);
-    mark.has[which] = true;
-  }
+  std::string other;
+  std::map<int, Mark> marks = MarksOf(&file, &tracks, &other);
   struct Sample {
     double t;
     std::int32_t mark;
@@ -215,22 +272,7 @@ Tracks ReadTracksUff(const std::string& path, double sigma) {
   std::vector<Sample> samples;
   std::vector<const Mark*> kept;
   for (auto& [node, mark] : marks) {
-    if (!mark.has[0] || !mark.has[1] || !mark.has[2]) continue;
-    if (mark.f[1].t != mark.f[0].t || mark.f[2].t != mark.f[0].t) {
-      throw Error(fmt::format("node {} has other times along y or z than along x", node), path,
-                  "export the three directions of a node with the same times");
-    }
-    if (mark.name.empty()) mark.name = fmt::format("node{}", node);
-    bool covariances = true;
-    for (std::size_t f = 3; f < 9; ++f) {
-      covariances = covariances && mark.has[f] && mark.f[f].t.size() == mark.f[0].t.size();
-    }
-    if (!covariances && !(sigma > 0.0)) {
-      throw Error(fmt::format("node {} comes without a sigma", node), path,
-                  "say what sigma the points have, as in --sigma 0.0005");
-    }
-    mark.has[3] = covariances;
-    mark.has[9] = mark.has[9] && mark.f[9].t.size() == mark.f[0].t.size();
+    if (!IsWhole(path, node, sigma, &mark)) continue;
     for (std::size_t i = 0; i < mark.f[0].t.size(); ++i) {
       samples.push_back({mark.f[0].t[i], static_cast<std::int32_t>(kept.size()), i});
     }
@@ -253,17 +295,7 @@ Tracks ReadTracksUff(const std::string& path, double sigma) {
     const Mark& mark = *kept[static_cast<std::size_t>(s.mark)];
     tracks.t.push_back(s.t);
     tracks.mark.push_back(s.mark);
-    const double status = mark.has[9] ? mark.f[9].y[s.index] : 0.0;
-    tracks.status.push_back(static_cast<SampleStatus>(std::lround(std::clamp(status, 0.0, 2.0))));
-    for (std::size_t k = 0; k < 3; ++k) {
-      tracks.p(static_cast<Eigen::Index>(k), i) = mark.f[k].y[s.index];
-    }
-    for (std::size_t k = 0; k < 6; ++k) {
-      const bool diagonal = k == 0 || k == 3 || k == 5;
-      tracks.cov(static_cast<Eigen::Index>(k), i) = mark.has[3] ? mark.f[3 + k].y[s.index]
-                                                    : diagonal  ? sigma * sigma
-                                                                : 0.0;
-    }
+    FillSample(mark, s.index, sigma, i, &tracks);
     if (!tracks.p.col(i).allFinite() || !tracks.cov.col(i).allFinite()) {
       throw Error(fmt::format("mark {} is not finite at {} s", mark.name, s.t), path,
                   "export it again");

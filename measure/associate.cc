@@ -53,6 +53,8 @@ Associator::Associator(const Triangulator& triangulator, const AssociateOptions&
   for (const data::RigCamera& camera : rig.cameras) row_px_.push_back(camera.pixels);
 }
 
+// Branch and bound over one point, or none, for each mark. `best_rest_` bounds what the marks from
+// `depth` on can add; sets whose weight cannot count beside the best are cut off.
 void Associator::Search(std::span<const Mark> marks, std::size_t depth, double score) {
   if (depth == marks.size()) {
     best_ = std::max(best_, score);
@@ -76,31 +78,40 @@ void Associator::Search(std::span<const Mark> marks, std::size_t depth, double s
       continue;
     }
     const Hypothesis& at = list[static_cast<std::size_t>(h)];
-    // A spot is one mark's alone, or is shared by some that are expected there.
-    bool free = true;
     const Sets taken = taken_, shared = shared_;
-    for (std::size_t c = 0; c < u_.size() && free; ++c) {
-      if (at.chosen[c] < 0) continue;
-      const bool merged = at.chosen[c] == kMerged;
-      const auto bit = static_cast<std::uint8_t>(
-          1U << (merged ? marks[depth].merged_spot[c] : static_cast<unsigned>(at.chosen[c])));
-      free = (taken_[c] & bit) == 0 && (merged || (shared_[c] & bit) == 0);
-      (merged ? shared_[c] : taken_[c]) |= bit;
-    }
-    // Marks of which nothing is known: their points ascend in x, so that no set counts twice.
-    for (std::size_t m = depth; free && !marks[depth].known && m-- > 0;) {
-      if (marks[m].known) continue;
-      free = choice_[m] >= 0 &&
-             lists_[m][static_cast<std::size_t>(choice_[m])].point.p.x() < at.point.p.x();
-      break;
-    }
-    if (free) {
+    if (Claim(marks[depth], at) && Ascends(marks, depth, at)) {
       choice_[depth] = h;
       Search(marks, depth + 1, score + gain);
     }
     taken_ = taken;
     shared_ = shared;
   }
+}
+
+// A spot is one mark's alone, or is shared by some that are expected there.
+bool Associator::Claim(const Mark& mark, const Hypothesis& at) {
+  bool free = true;
+  for (std::size_t c = 0; c < u_.size() && free; ++c) {
+    if (at.chosen[c] < 0) continue;
+    const bool merged = at.chosen[c] == kMerged;
+    const auto bit = static_cast<std::uint8_t>(
+        1U << (merged ? mark.merged_spot[c] : static_cast<unsigned>(at.chosen[c])));
+    free = (taken_[c] & bit) == 0 && (merged || (shared_[c] & bit) == 0);
+    (merged ? shared_[c] : taken_[c]) |= bit;
+  }
+  return free;
+}
+
+// Marks of which nothing is known: their points ascend in x, so that no set counts twice.
+bool Associator::Ascends(std::span<const Mark> marks, std::size_t depth,
+                         const Hypothesis& at) const {
+  if (marks[depth].known) return true;
+  for (std::size_t m = depth; m-- > 0;) {
+    if (marks[m].known) continue;
+    return choice_[m] >= 0 &&
+           lists_[m][static_cast<std::size_t>(choice_[m])].point.p.x() < at.point.p.x();
+  }
+  return true;
 }
 
 // How sure a choice for one mark is: the share of the weight of all sets that agree with it, and
@@ -167,6 +178,22 @@ void Associator::Conclude(std::span<const Mark> marks, std::vector<Association>*
   }
 }
 
+// Adds where the mark is expected to the points' scores, and keeps the best of them.
+void Associator::Weigh(const Mark& mark, std::size_t m) {
+  std::vector<Hypothesis>& list = lists_[m];
+  for (Hypothesis& h : list) {
+    if (h.point.readings < 3) continue;
+    h.weighed =
+        h.score + (mark.known ? LogDensity(mark.expected, h.point.p, h.point.cov) : -log_volume_);
+  }
+  std::stable_sort(list.begin(), list.end(),
+                   [](const Hypothesis& a, const Hypothesis& b) { return a.weighed > b.weighed; });
+  if (list.size() > kMostPoints) {
+    cut_[m] = mark.known || list[kMostPoints].weighed > list[0].weighed - kLost;
+    list.resize(kMostPoints);
+  }
+}
+
 void Associator::Associate(std::span<const std::span<const Candidate>> cameras,
                            std::span<const Mark> marks, std::span<const double> miss,
                            std::vector<Association>* out) {
@@ -190,18 +217,7 @@ void Associator::Associate(std::span<const std::span<const Candidate>> cameras,
       Enumerate(cameras, marks[m].known ? &marks[m] : nullptr, miss, &lists_[m]);
       if (!marks[m].known) unknown = static_cast<int>(m);
     }
-    for (Hypothesis& h : lists_[m]) {
-      if (h.point.readings < 3) continue;
-      h.weighed = h.score + (marks[m].known ? LogDensity(marks[m].expected, h.point.p, h.point.cov)
-                                            : -log_volume_);
-    }
-    std::stable_sort(
-        lists_[m].begin(), lists_[m].end(),
-        [](const Hypothesis& a, const Hypothesis& b) { return a.weighed > b.weighed; });
-    if (lists_[m].size() > kMostPoints) {
-      cut_[m] = marks[m].known || lists_[m][kMostPoints].weighed > lists_[m][0].weighed - kLost;
-      lists_[m].resize(kMostPoints);
-    }
+    Weigh(marks[m], m);
     mark_ = &marks[m];
     none_[m] =
         Unclaimed(marks[m].known ? marks[m].expected.Likeliest() : triangulator_.centre(), 0, miss);

@@ -114,6 +114,11 @@ class Associator {
   double Unclaimed(const Eigen::Vector3d& p, std::uint32_t claimed,
                    std::span<const double> miss) const;
   void Search(std::span<const Mark> marks, std::size_t depth, double score);
+  // Takes the spots of a point for one mark; false if any is taken. The caller gives them back.
+  bool Claim(const Mark& mark, const Hypothesis& at);
+  bool Ascends(std::span<const Mark> marks, std::size_t depth, const Hypothesis& at) const;
+  void Weigh(const Mark& mark, std::size_t m);
+  void FindNear(std::span<const std::span<const Candidate>> cameras, const Mark& mark);
   struct Doubt {
     double certainty = 0.0;  // [-]
     double spread = 0.0;     // [m^2]

@@ -164,6 +164,31 @@ void Associator::Extend(std::span<const std::span<const Candidate>> cameras, std
   }
 }
 
+// The spots of each camera within reach of any place where the mark is expected.
+void Associator::FindNear(std::span<const std::span<const Candidate>> cameras, const Mark& mark) {
+  near_.fill(0);
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    for (std::size_t j = 0; j < mark.expected.count; ++j) {
+      Seen& seen = seen_[c * Motion::Prediction::kMost + j];
+      Projection here;
+      seen.in_front = Project(triangulator_.rig().cameras[c], mark.expected.mean[j], &here);
+      if (!seen.in_front) continue;
+      seen.u_px = here.u_px;
+      seen.du_dp = here.du_dp;
+      if ((mark.hidden >> c & 1U) != 0) continue;
+      const double reach =
+          options_.gate_sigmas * here.du_dp.norm() * std::sqrt(mark.expected.variance[j]);
+      for (std::size_t k = 0; k < std::min(cameras[c].size(), kMostCandidates); ++k) {
+        const Candidate& candidate = cameras[c][k];
+        if (std::abs(candidate.u_px - here.u_px) <
+            reach + kSlack * row_px_[c] + options_.gate_sigmas * candidate.s_px) {
+          near_[c] |= static_cast<std::uint8_t>(1U << k);
+        }
+      }
+    }
+  }
+}
+
 void Associator::Enumerate(std::span<const std::span<const Candidate>> cameras, const Mark* mark,
                            std::span<const double> miss, std::vector<Hypothesis>* out) {
   out->clear();
@@ -175,28 +200,8 @@ void Associator::Enumerate(std::span<const std::span<const Candidate>> cameras, 
   mark_ = mark;
   Eigen::Vector3d start = triangulator_.centre();
   if (mark != nullptr) {
-    near_.fill(0);
     start = mark->expected.Likeliest();
-    for (std::size_t c = 0; c < n; ++c) {
-      for (std::size_t j = 0; j < mark->expected.count; ++j) {
-        Seen& seen = seen_[c * Motion::Prediction::kMost + j];
-        Projection here;
-        seen.in_front = Project(triangulator_.rig().cameras[c], mark->expected.mean[j], &here);
-        if (!seen.in_front) continue;
-        seen.u_px = here.u_px;
-        seen.du_dp = here.du_dp;
-        if ((mark->hidden >> c & 1U) != 0) continue;
-        const double reach =
-            options_.gate_sigmas * here.du_dp.norm() * std::sqrt(mark->expected.variance[j]);
-        for (std::size_t k = 0; k < std::min(cameras[c].size(), kMostCandidates); ++k) {
-          const Candidate& candidate = cameras[c][k];
-          if (std::abs(candidate.u_px - here.u_px) <
-              reach + kSlack * row_px_[c] + options_.gate_sigmas * candidate.s_px) {
-            near_[c] |= static_cast<std::uint8_t>(1U << k);
-          }
-        }
-      }
-    }
+    FindNear(cameras, *mark);
   }
   const auto each = [&](std::size_t c, const auto& then) {
     for (std::size_t k = 0; k < Choices(cameras, c); ++k) {

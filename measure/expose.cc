@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <optional>
 
 #include "base/error.h"
 #include "base/worker_pool.h"
@@ -120,36 +121,75 @@ data::TrialHeader HeaderOf(const data::Lab& lab) {
   return header;
 }
 
-void ExposeTrial(const data::Lab& lab, const data::Run& run, data::TrialWriter& trial,
-                 const ExposeOptions& options, data::Tracks* truth) {
-  constexpr std::size_t kBlock = 512;  // lines held at once
-  // Gauss-Legendre: two instants have the mean and the spread of a flash's whole length.
-  const double half_spread = 0.5 * lab.led.flash / std::sqrt(3.0);
+namespace {
 
-  const VirtualRig rig = MakeVirtualRig(lab);
-  const data::TrialHeader header = HeaderOf(lab);
-  std::vector<std::vector<MarkPath>> paths(header.slots.size());  // of what each slot lights
-  std::vector<std::int32_t> cycle;
-  for (const std::string& slot : lab.strobe.slots) {
-    const auto at = std::find(header.slots.begin(), header.slots.end(), slot);
-    cycle.push_back(static_cast<std::int32_t>(at - header.slots.begin()));
-  }
-  for (std::size_t s = 0; s < header.slots.size(); ++s) {
-    for (const std::string& mark : data::MarksOfSlot(header.slots[s])) {
-      paths[s].emplace_back(run, mark);
+// The lines of a trial before they are exposed: what each of them shows, and when.
+class TrialPlan {
+ public:
+  TrialPlan(const data::Lab& lab, const data::Run& run, const data::TrialHeader& header,
+            const VirtualRig& rig)
+      : rig_(rig),
+        line_rate_(header.line_rate),
+        scale_(1.0 + lab.strobe.clock_drift),
+        half_spread_(0.5 * lab.led.flash / std::sqrt(3.0)),
+        led_axis_(rig.X_WM.linear() * lab.led.axis),
+        paths_(header.slots.size()) {
+    for (const std::string& slot : lab.strobe.slots) {
+      const auto at = std::find(header.slots.begin(), header.slots.end(), slot);
+      cycle_.push_back(static_cast<std::int32_t>(at - header.slots.begin()));
     }
+    for (std::size_t s = 0; s < header.slots.size(); ++s) {
+      for (const std::string& mark : data::MarksOfSlot(header.slots[s])) {
+        paths_[s].emplace_back(run, mark);
+      }
+    }
+    if (run.t.size() < 2) {
+      throw Error("holds no motion: fewer than two samples", "the run", "simulate again");
+    }
+    const double last_stamp = (run.t.back() + rig.lead) / scale_;
+    lines_ =
+        static_cast<std::size_t>(std::max(0.0, std::floor(last_stamp * header.line_rate + 0.5)));
   }
-  if (run.t.size() < 2) {
-    throw Error("holds no motion: fewer than two samples", "the run", "simulate again");
-  }
-  // Stamp s of the recorder is true time s (1 + drift); release is at true time `lead`.
-  const double scale = 1.0 + lab.strobe.clock_drift;
-  const auto run_time = [&](double stamp) { return stamp * scale - rig.lead; };
-  const double last_stamp = (run.t.back() + rig.lead) / scale;
-  const std::size_t lines =
-      static_cast<std::size_t>(std::max(0.0, std::floor(last_stamp * header.line_rate + 0.5)));
 
-  if (truth != nullptr) {
+  std::size_t lines() const { return lines_; }
+  double StampOf(std::size_t line) const { return (static_cast<double>(line) + 0.5) / line_rate_; }
+  std::int32_t SlotOf(std::size_t line) const { return cycle_[line % cycle_.size()]; }
+
+  Eigen::Vector3d PlaceOf(std::size_t slot, std::size_t mark, double stamp) const {
+    return rig_.X_WM * paths_[slot][mark].At(RunTime(stamp));
+  }
+
+  // What the marks of a line send out, at the two instants of Gauss and Legendre that have the mean
+  // and the spread of a flash's whole length.
+  void Light(std::size_t line, std::vector<std::array<Eigen::Vector3d, 2>>* instants,
+             std::vector<Exposer::Led>* leds) const {
+    const double stamp = StampOf(line);
+    instants->clear();
+    for (const MarkPath& path : paths_[static_cast<std::size_t>(SlotOf(line))]) {
+      instants->push_back({rig_.X_WM * path.At(RunTime(stamp - half_spread_)),
+                           rig_.X_WM * path.At(RunTime(stamp + half_spread_))});
+    }
+    leds->clear();
+    for (const auto& places : *instants) leds->push_back({places, led_axis_});
+  }
+
+ private:
+  // Stamp s of the recorder is true time s (1 + drift); release is at true time `lead`.
+  double RunTime(double stamp) const { return stamp * scale_ - rig_.lead; }
+
+  const VirtualRig& rig_;
+  double line_rate_, scale_, half_spread_;
+  Eigen::Vector3d led_axis_;
+  std::vector<std::vector<MarkPath>> paths_;  // of what each slot lights
+  std::vector<std::int32_t> cycle_;           // slots in the order of the lines
+  std::size_t lines_ = 0;
+};
+
+// The true places of the marks at the lines' stamps, without error.
+class TruthRecorder {
+ public:
+  TruthRecorder(const data::TrialHeader& header, data::Tracks* truth)
+      : header_(header), truth_(truth) {
     *truth = {};
     truth->frame = "rig";
     for (const std::string& slot : header.slots) {
@@ -158,21 +198,53 @@ void ExposeTrial(const data::Lab& lab, const data::Run& run, data::TrialWriter& 
       }
     }
   }
-  std::vector<Eigen::Vector3d> true_points;
+
+  void Add(const TrialPlan& plan, const data::TrialBlock& block) {
+    for (std::size_t i = 0; i < block.size(); ++i) {
+      const std::size_t slot = static_cast<std::size_t>(block.slot[i]);
+      const std::vector<std::string> marks = data::MarksOfSlot(header_.slots[slot]);
+      for (std::size_t m = 0; m < marks.size(); ++m) {
+        truth_->t.push_back(block.t[i]);
+        truth_->mark.push_back(truth_->FindMark(marks[m]));
+        truth_->status.push_back(data::SampleStatus::kGood);
+        points_.push_back(plan.PlaceOf(slot, m, block.t[i]));
+      }
+    }
+  }
+
+  void Finish() {
+    const auto n = static_cast<Eigen::Index>(points_.size());
+    truth_->p.resize(3, n);
+    for (Eigen::Index i = 0; i < n; ++i) truth_->p.col(i) = points_[static_cast<std::size_t>(i)];
+    truth_->cov.setZero(6, n);
+  }
+
+ private:
+  const data::TrialHeader& header_;
+  data::Tracks* truth_;
+  std::vector<Eigen::Vector3d> points_;
+};
+
+}  // namespace
+
+void ExposeTrial(const data::Lab& lab, const data::Run& run, data::TrialWriter& trial,
+                 const ExposeOptions& options, data::Tracks* truth) {
+  constexpr std::size_t kBlock = 512;  // lines held at once
+  const VirtualRig rig = MakeVirtualRig(lab);
+  const data::TrialHeader header = HeaderOf(lab);
+  const TrialPlan plan(lab, run, header, rig);
+  std::optional<TruthRecorder> recorder;
+  if (truth != nullptr) recorder.emplace(header, truth);
   const Rng noise = Rng(lab.seed).Stream("trial");
   const std::size_t cameras = rig.cameras.size();
   const std::size_t memory = LongestMemory(lab);
-  const Eigen::Vector3d led_axis = rig.X_WM.linear() * lab.led.axis;
-  const auto stamp_of = [&](std::size_t line) {
-    return (static_cast<double>(line) + 0.5) / header.line_rate;
-  };
   data::TrialBlock block;
-  for (std::size_t first = 0; first < lines; first += kBlock) {
-    const std::size_t count = std::min(kBlock, lines - first);
+  for (std::size_t first = 0; first < plan.lines(); first += kBlock) {
+    const std::size_t count = std::min(kBlock, plan.lines() - first);
     block.Resize(count, header);
     for (std::size_t i = 0; i < count; ++i) {
-      block.t[i] = stamp_of(first + i);
-      block.slot[i] = cycle[(first + i) % cycle.size()];
+      block.t[i] = plan.StampOf(first + i);
+      block.slot[i] = plan.SlotOf(first + i);
     }
     ForLines(lab, rig, count, options.workers,
              [&](Exposer& exposer, std::size_t i, std::size_t end) {
@@ -182,15 +254,8 @@ void ExposeTrial(const data::Lab& lab, const data::Run& run, data::TrialWriter& 
                const std::size_t line0 = first + i;
                const std::size_t before = std::min(memory, line0);
                for (std::size_t line = line0 - before; line < first + end; ++line) {
-                 const double stamp = stamp_of(line);
-                 const std::size_t slot = static_cast<std::size_t>(cycle[line % cycle.size()]);
-                 instants.clear();
-                 for (const MarkPath& path : paths[slot]) {
-                   instants.push_back({rig.X_WM * path.At(run_time(stamp - half_spread)),
-                                       rig.X_WM * path.At(run_time(stamp + half_spread))});
-                 }
-                 leds.clear();
-                 for (const auto& places : instants) leds.push_back({places, led_axis});
+                 const double stamp = plan.StampOf(line);
+                 plan.Light(line, &instants, &leds);
                  const Exposer::Line light{.leds = leds,
                                            .electrons = rig.flash_electrons,
                                            .t = stamp,
@@ -207,28 +272,12 @@ void ExposeTrial(const data::Lab& lab, const data::Run& run, data::TrialWriter& 
                }
              });
     trial.Append(block);
-    for (std::size_t i = 0; truth != nullptr && i < count; ++i) {
-      const std::size_t slot = static_cast<std::size_t>(block.slot[i]);
-      const std::vector<std::string> marks = data::MarksOfSlot(header.slots[slot]);
-      for (std::size_t m = 0; m < marks.size(); ++m) {
-        truth->t.push_back(block.t[i]);
-        truth->mark.push_back(truth->FindMark(marks[m]));
-        truth->status.push_back(data::SampleStatus::kGood);
-        true_points.push_back(rig.X_WM * paths[slot][m].At(run_time(block.t[i])));
-      }
-    }
+    if (recorder) recorder->Add(plan, block);
     if (options.progress) {
-      options.progress(static_cast<double>(first + count) / static_cast<double>(lines));
+      options.progress(static_cast<double>(first + count) / static_cast<double>(plan.lines()));
     }
   }
-  if (truth != nullptr) {
-    const auto n = static_cast<Eigen::Index>(true_points.size());
-    truth->p.resize(3, n);
-    for (Eigen::Index i = 0; i < n; ++i) {
-      truth->p.col(i) = true_points[static_cast<std::size_t>(i)];
-    }
-    truth->cov.setZero(6, n);
-  }
+  if (recorder) recorder->Finish();
 }
 
 data::Survey ExposeSurvey(const data::Lab& lab, const data::Survey& points,

@@ -295,34 +295,44 @@ bool Follower::Telling(const Motion& motion, double t) const {
   return motion.Reach(t) <= kTellingReach * triangulator_.size();
 }
 
+namespace {
+
+// One reading is known to be wrong, or may be another mark's; so may be a second.
+bool AsExpected(const Motion& motion, double t, bool several, const TrackedPoint& mine) {
+  return (!several && mine.left_out == 0) || Expected(motion.Predict(t), mine.point);
+}
+
+}  // namespace
+
 // Conditions that hold whatever the association's probabilities say: no mark is faster than its
 // highest speed, and a point without a reading to spare continues the mark's motion.
 PointOutcome Follower::Allowed(double t, int mark, const Motion* after, bool several, bool one_each,
                                bool lost, const TrackedPoint& mine) const {
   const Motion& motion = motion_[static_cast<std::size_t>(mark)];
-  const bool before = motion.Fresh(t), ahead = after != nullptr && after->Fresh(-t);
+  if (after != nullptr && !after->Fresh(-t)) after = nullptr;
+  const bool before = motion.Fresh(t), ahead = after != nullptr;
   const Eigen::Vector3d& p = mine.point.p;
+  if (motion.TooFast(t, p)) return PointOutcome::kOffPath;
+  if (ahead && after->TooFast(-t, p)) return PointOutcome::kOffPath;
+  if (mine.own > 3) return PointOutcome::kSolved;  // a reading is left over to vouch for it
   const double sigma = std::sqrt(mine.point.cov.trace());
-  const bool lone = mine.own <= 3;  // no reading is left over to vouch for it
-  if (motion.TooFast(t, p) || (ahead && after->TooFast(-t, p))) return PointOutcome::kOffPath;
   const auto reaches = [&](const Motion& m, double at) {
     return m.WithinReach(at, p, sigma) && (several || Telling(m, at));
   };
   if (before && ahead) {
-    return lone && !reaches(motion, t) && !reaches(*after, -t) ? PointOutcome::kOffPath
-                                                               : PointOutcome::kSolved;
+    return reaches(motion, t) || reaches(*after, -t) ? PointOutcome::kSolved
+                                                     : PointOutcome::kOffPath;
   }
   if (before || ahead) {
-    const bool reached = before ? reaches(motion, t) : reaches(*after, -t);
-    // One reading is known to be wrong, or may be another mark's; so may be a second.
-    const bool expected = (!several && mine.left_out == 0) ||
-                          Expected(before ? motion.Predict(t) : after->Predict(-t), mine.point);
-    return lone && !(reached && expected) ? PointOutcome::kOffPath : PointOutcome::kSolved;
+    const Motion& known = before ? motion : *after;
+    const double at = before ? t : -t;
+    return reaches(known, at) && AsExpected(known, at, several, mine) ? PointOutcome::kSolved
+                                                                      : PointOutcome::kOffPath;
   }
   // A mark that is not being followed is taken up with a reading to spare, or not yet: any three
   // false spots meet somewhere. Of several lit together the association weighs that.
-  if (!several && mine.left_out != 0 && lone && one_each) return PointOutcome::kDisagree;
-  return lone && (lost || !several) ? PointOutcome::kAmbiguous : PointOutcome::kSolved;
+  if (!several && mine.left_out != 0 && one_each) return PointOutcome::kDisagree;
+  return lost || !several ? PointOutcome::kAmbiguous : PointOutcome::kSolved;
 }
 
 void Follower::Settle(double t, int mark, TrackedPoint* out) {

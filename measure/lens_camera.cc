@@ -99,71 +99,52 @@ bool TraceThroughSlit(const LensCamera& camera, const Eigen::Vector3d& p_C, doub
   return true;
 }
 
-bool TraceSpot(const LensCamera& camera, const Eigen::Vector3d& p_W, SpotLight* spot,
-               const LightPath* path) {
+namespace {
+
+// A ray that reaches the row, and how far it lands across the row per metre along the slit.
+struct RowRay {
+  double y = 0.0;      // of its point in the slit [m]
+  double slope = 0.0;  // [-]
+  Landing landing;
+};
+
+// Newton's method for the point along the slit, at `x` across it, whose ray meets the row; from
+// ray->y, with one slope for all steps.
+bool FindRowRay(const LensCamera& camera, const Eigen::Vector3d& p_C, double x, RowRay* ray) {
+  constexpr int kMaxSteps = 12;
   const double tolerance = 1e-4 * camera.sensor.pitch;   // of where a ray meets the row [m]
   const double step_y = 3e-3 * camera.slit_half_length;  // for the derivative along the slit [m]
-  constexpr int kMaxSteps = 12;
-
-  if (camera.model) {
-    spot->count = 0;
-    spot->flux = 0.0;
-    return ImageSpot(camera, p_W, spot, path);
-  }
-  const bool mirrored = path != nullptr && path->mirror != nullptr;
-  const Eigen::Vector3d p_C =
-      camera.X_WC.inverse() * (mirrored ? path->mirror->Mirrored(p_W) : p_W);
-  spot->count = 0;
-  spot->flux = 0.0;
-  if (!(p_C.z() > 0.0)) return false;
-
-  // As if the glass were air; Newton mends the rest.
-  const double depth = -camera.sensor.centre.z();
-  double y = p_C.y() * depth / (p_C.z() + depth);
-
-  // Rays through the edges of kSlitSamples equal strips of the slit; each strip's light is spread
-  // between where its two edges land.
-  Landing edges[kSlitSamples + 1];
-  double flux[kSlitSamples + 1];
-  bool arrives[kSlitSamples + 1];
-  const double strip = 2.0 * camera.slit_half_width / kSlitSamples;
-  for (int i = 0; i <= kSlitSamples; ++i) {
-    const double x = -camera.slit_half_width + i * strip;
-    Landing here, beside;
-    bool found = false;
-    double slope = 0.0;
-    for (int step = 0; step < kMaxSteps && !found; ++step) {
-      if (!TraceThroughSlit(camera, p_C, x, y, &here)) break;
-      if (slope == 0.0) {
-        if (!TraceThroughSlit(camera, p_C, x, y + step_y, &beside)) break;
-        slope = (beside.across - here.across) / step_y;
-        if (std::abs(slope) < 1e-3) break;
-      }
-      found = std::abs(here.across) < tolerance;
-      if (!found) y -= here.across / slope;
+  Landing beside;
+  ray->slope = 0.0;
+  for (int step = 0; step < kMaxSteps; ++step) {
+    if (!TraceThroughSlit(camera, p_C, x, ray->y, &ray->landing)) return false;
+    if (ray->slope == 0.0) {
+      if (!TraceThroughSlit(camera, p_C, x, ray->y + step_y, &beside)) return false;
+      ray->slope = (beside.across - ray->landing.across) / step_y;
+      if (std::abs(ray->slope) < 1e-3) return false;
     }
-    arrives[i] = found && std::abs(y) <= camera.slit_half_length;
-    if (path != nullptr && arrives[i]) {
-      arrives[i] = Reaches(*path, p_W, camera.X_WC * Eigen::Vector3d(x, y, 0.0));
-    }
-    if (!arrives[i]) continue;
-    edges[i] = here;
-    // Solid angle of the slit's piece that sees the row: its length along the slit is the row's
-    // height over the magnification `slope`.
-    const Eigen::Vector3d sight = p_C - Eigen::Vector3d(x, y, 0.0);
-    const double r = sight.norm();
-    const double height = camera.sensor.pitch / std::abs(slope);
-    flux[i] = height * strip * sight.z() / (r * r * r) * here.transmission;
+    if (std::abs(ray->landing.across) < tolerance) return true;
+    ray->y -= ray->landing.across / ray->slope;
   }
+  return false;
+}
 
-  double first = 0.0;
-  double second = 0.0;
-  for (int i = 0; i < kSlitSamples; ++i) {
-    if (!arrives[i] || !arrives[i + 1]) continue;
+// An edge of a strip of the slit as it lands.
+struct StripEdge {
+  bool arrives = false;
+  double u = 0.0, flux = 0.0;
+};
+
+// Each strip's light is spread between where its two edges land; centre and width by the moments.
+bool Gather(std::span<const StripEdge> edges, SpotLight* spot) {
+  double first = 0.0, second = 0.0;
+  for (std::size_t i = 0; i + 1 < edges.size(); ++i) {
+    const StripEdge &a = edges[i], &c = edges[i + 1];
+    if (!a.arrives || !c.arrives) continue;
     Bundle& b = spot->bundles[static_cast<std::size_t>(spot->count++)];
-    b.low = std::min(edges[i].u, edges[i + 1].u);
-    b.high = std::max(edges[i].u, edges[i + 1].u);
-    b.flux = 0.5 * (flux[i] + flux[i + 1]);
+    b.low = std::min(a.u, c.u);
+    b.high = std::max(a.u, c.u);
+    b.flux = 0.5 * (a.flux + c.flux);
     const double middle = 0.5 * (b.low + b.high);
     const double width = b.high - b.low;
     spot->flux += b.flux;
@@ -174,7 +155,46 @@ bool TraceSpot(const LensCamera& camera, const Eigen::Vector3d& p_W, SpotLight* 
   spot->centre_px = first / spot->flux;
   spot->sigma_px =
       std::sqrt(std::max(0.0, second / spot->flux - spot->centre_px * spot->centre_px));
-  return OnRow(spot->centre_px, camera.sensor.pixels);
+  return true;
+}
+
+}  // namespace
+
+bool TraceSpot(const LensCamera& camera, const Eigen::Vector3d& p_W, SpotLight* spot,
+               const LightPath* path) {
+  spot->count = 0;
+  spot->flux = 0.0;
+  if (camera.model) return ImageSpot(camera, p_W, spot, path);
+  const bool mirrored = path != nullptr && path->mirror != nullptr;
+  const Eigen::Vector3d p_C =
+      camera.X_WC.inverse() * (mirrored ? path->mirror->Mirrored(p_W) : p_W);
+  if (!(p_C.z() > 0.0)) return false;
+
+  // As if the glass were air; Newton's method mends the rest.
+  const double depth = -camera.sensor.centre.z();
+  RowRay ray;
+  ray.y = p_C.y() * depth / (p_C.z() + depth);
+
+  // Rays through the edges of kSlitSamples equal strips of the slit.
+  std::array<StripEdge, kSlitSamples + 1> edges;
+  const double strip = 2.0 * camera.slit_half_width / kSlitSamples;
+  for (int i = 0; i <= kSlitSamples; ++i) {
+    const double x = -camera.slit_half_width + i * strip;
+    StripEdge& edge = edges[static_cast<std::size_t>(i)];
+    edge.arrives = FindRowRay(camera, p_C, x, &ray) && std::abs(ray.y) <= camera.slit_half_length;
+    if (path != nullptr && edge.arrives) {
+      edge.arrives = Reaches(*path, p_W, camera.X_WC * Eigen::Vector3d(x, ray.y, 0.0));
+    }
+    if (!edge.arrives) continue;
+    // Solid angle of the slit's piece that sees the row: its length along the slit is the row's
+    // height over the magnification `slope`.
+    const Eigen::Vector3d sight = p_C - Eigen::Vector3d(x, ray.y, 0.0);
+    const double r = sight.norm();
+    const double height = camera.sensor.pitch / std::abs(ray.slope);
+    edge.u = ray.landing.u;
+    edge.flux = height * strip * sight.z() / (r * r * r) * ray.landing.transmission;
+  }
+  return Gather(edges, spot) && OnRow(spot->centre_px, camera.sensor.pixels);
 }
 
 double FocusedSensorDistance(const LensCamera& camera, double distance) {

@@ -150,6 +150,32 @@ void Reconstructor::PrimeBackgrounds(const data::TrialReader& trial) {
                                  : static_cast<double>(slots_.size()) / header_.line_rate;
 }
 
+namespace {
+
+struct LastPoint {  // of a mark, with a fourth reading
+  double t = 0.0;
+  PointSolution point;
+};
+
+// Adds a line's usable points, and the speeds of its marks since their last points; a fourth
+// reading vouches for both ends of a step.
+void AddSpeeds(const TrackedLine& line, std::vector<LastPoint>* last,
+               std::vector<PointSolution>* points, std::vector<double>* speeds) {
+  for (std::size_t m = 0; m < line.lit.size(); ++m) {
+    const TrackedPoint& point = line.points[m];
+    if (!data::Usable(point.status)) continue;
+    points->push_back(point.point);
+    if (point.own <= 3) continue;
+    LastPoint& before = (*last)[static_cast<std::size_t>(line.lit[m])];
+    if (before.point.readings > 3 && line.t > before.t) {
+      speeds->push_back((point.point.p - before.point.p).norm() / (line.t - before.t));
+    }
+    before = {line.t, point.point};
+  }
+}
+
+}  // namespace
+
 TrackerOptions Reconstructor::LookAhead(const data::TrialReader& trial) {
   constexpr std::size_t kLooks = 64, kRounds = 2;  // pieces of the trial, each so many rounds long
   constexpr std::size_t kMostLines = 64;           // of a piece
@@ -174,21 +200,9 @@ TrackerOptions Reconstructor::LookAhead(const data::TrialReader& trial) {
     trial.Read(first, std::min(lines, trial.size() - first), &block);
     FindSpots(block, slots_, false, &seen);
     MarkTracker tracker(triangulator_, layout_.marks.size(), out);
-    std::vector<std::pair<double, PointSolution>> last(layout_.marks.size());
+    std::vector<LastPoint> last(layout_.marks.size());
     const auto take = [&] {
-      while (const TrackedLine* line = tracker.Next()) {
-        for (std::size_t m = 0; m < line->lit.size(); ++m) {
-          const TrackedPoint& point = line->points[m];
-          if (!data::Usable(point.status)) continue;
-          points.push_back(point.point);
-          auto& [t, before] = last[static_cast<std::size_t>(line->lit[m])];
-          // A fourth reading vouches for both ends of a step.
-          if (point.own > 3 && before.readings > 3 && line->t > t) {
-            speeds.push_back((point.point.p - before.p).norm() / (line->t - t));
-          }
-          if (point.own > 3) before = point.point, t = line->t;
-        }
-      }
+      while (const TrackedLine* line = tracker.Next()) AddSpeeds(*line, &last, &points, &speeds);
     };
     for (std::size_t i = 0; i < block.size(); ++i) {
       const Slot& slot = slots_[static_cast<std::size_t>(block.slot[i])];

@@ -321,12 +321,32 @@ class StretchSmoother {
 std::vector<Stretch> StretchesOf(const data::Tracks& tracks, std::int32_t mark, double longest) {
   std::vector<Stretch> out;
   for (std::size_t i : tracks.SamplesOf(mark)) {
-    const bool fresh =
-        out.empty() || !(tracks.t[i] - tracks.t[out.back().samples.back()] <= longest);
-    if (fresh) out.emplace_back();
+    if (out.empty() || !(tracks.t[i] - tracks.t[out.back().samples.back()] <= longest)) {
+      out.emplace_back();
+    }
     out.back().samples.push_back(i);
   }
   return out;
+}
+
+// The process noise of each section: `given`, or where that is 0 the one of largest likelihood. A
+// section too short to determine it takes the roughest of its neighbours, or smooths nothing.
+std::vector<double> JerksOf(const StretchSmoother& smoother, const Scale& scale, double given) {
+  constexpr std::size_t kEnough = 12;  // samples that determine their own process noise
+  const auto sections = smoother.Sections();
+  std::vector<double> found(sections.size(), given);
+  for (std::size_t s = 0; s < sections.size() && given == 0.0; ++s) {
+    const auto [first, last] = sections[s];
+    if (last - first >= kEnough) found[s] = smoother.LikeliestJerk(first, last);
+  }
+  std::vector<double> jerks = found;
+  for (std::size_t s = 0; s < sections.size(); ++s) {
+    if (found[s] != 0.0) continue;
+    if (s > 0) jerks[s] = std::max(jerks[s], found[s - 1]);
+    if (s + 1 < sections.size()) jerks[s] = std::max(jerks[s], found[s + 1]);
+    if (jerks[s] == 0.0) jerks[s] = scale.most_jerk();
+  }
+  return jerks;
 }
 
 }  // namespace
@@ -335,7 +355,6 @@ data::Tracks Smooth(const data::Tracks& tracks, const SmoothOptions& options,
                     SmoothReport* report) {
   constexpr double kGapIntervals = 20.0;
   constexpr std::size_t kFewest = 4;     // samples that can be smoothed at all
-  constexpr std::size_t kEnough = 12;    // that tell their own process noise
   constexpr std::size_t kWindow = 2000;  // samples in memory at once
   constexpr std::size_t kOverlap = 200;  // the smoother's memory is some ten samples
   const double longest_gap =
@@ -349,32 +368,16 @@ data::Tracks Smooth(const data::Tracks& tracks, const SmoothOptions& options,
       const Scale scale = ScaleOf(tracks, stretch);
       const StretchSmoother smoother(tracks, stretch, scale, options);
       const auto sections = smoother.Sections();
-      std::vector<double> found(sections.size(), options.jerk);
-      for (std::size_t s = 0; s < sections.size() && options.jerk == 0.0; ++s) {
-        const auto [first, last] = sections[s];
-        if (last - first >= kEnough) found[s] = smoother.LikeliestJerk(first, last);
-      }
-      // A section too short to tell takes the roughest of its neighbours, or smooths nothing.
+      const std::vector<double> found = JerksOf(smoother, scale, options.jerk);
       std::vector<double> jerk(smoother.size());
       for (std::size_t s = 0; s < sections.size(); ++s) {
-        double own = found[s];
-        if (own == 0.0) {
-          if (s > 0) own = std::max(own, found[s - 1]);
-          if (s + 1 < sections.size()) own = std::max(own, found[s + 1]);
-          if (own == 0.0) own = scale.most_jerk();
-        }
         const auto [first, last] = sections[s];
         std::fill(jerk.begin() + static_cast<std::ptrdiff_t>(first),
-                  jerk.begin() + static_cast<std::ptrdiff_t>(last), own);
+                  jerk.begin() + static_cast<std::ptrdiff_t>(last), found[s]);
         if (report == nullptr) continue;
-        SmoothSection section{static_cast<int>(m),
-                              smoother.Time(first),
-                              smoother.Time(last - 1),
-                              last - first,
-                              own,
-                              0.0};
-        smoother.LogLikelihood(first, last, own, &section.chi_square);
-        report->sections.push_back(section);
+        report->sections.push_back({static_cast<int>(m), smoother.Time(first),
+                                    smoother.Time(last - 1), last - first, found[s], 0.0});
+        smoother.LogLikelihood(first, last, found[s], &report->sections.back().chi_square);
       }
       for (std::size_t from = 0; from < smoother.size(); from += kWindow) {
         const std::size_t to = std::min(smoother.size(), from + kWindow);

@@ -31,6 +31,24 @@ int Margin(const SpotPeak& peak) {
   return kMargin + static_cast<int>(std::max(0.0, (kReach / fallen - 1.0) * half));
 }
 
+// Centre and width of a peak by the moments of its light: where the fit begins.
+Spot GuessOf(const SpotPeak& p, const float* d) {
+  Spot spot;
+  spot.flags = 0;
+  double sum = 0.0, by_k = 0.0, by_square = 0.0;
+  for (int k = p.low; k <= p.high; ++k) {
+    const double light = std::max(0.0F, d[k]);
+    const double at = k - p.summit;
+    sum += light;
+    by_k += light * at;
+    by_square += light * at * at;
+  }
+  const double mean = by_k / sum;
+  spot.u_px = p.summit + mean;
+  spot.width_px = std::sqrt(std::max(0.3, by_square / sum - mean * mean));
+  return spot;
+}
+
 }  // namespace
 
 SpotFinder::SpotFinder(const data::LineFormat& format, const SpotOptions& options)
@@ -159,26 +177,12 @@ std::size_t SpotFinder::GroupEnd(std::size_t first) const {
 void SpotFinder::Read(std::span<const std::uint16_t> line, std::size_t first, std::size_t last,
                       std::span<Spot> spots) {
   const int n = format_.active;
-  const std::uint16_t* counts = line.data() + format_.first_active();
-  const float* d = signal_.data();
   float* w = window_.data();
   for (std::size_t i = first; i < last; ++i) {
-    const SpotPeak& p = peaks_[i];
     Spot& spot = spots[i - first];
-    spot = {};
-    spot.flags = 0;
-    if (p.touches_next || (i > 0 && peaks_[i - 1].touches_next)) spot.flags |= kSpotOverlap;
-    double sum = 0.0, by_k = 0.0, by_square = 0.0;
-    for (int k = p.low; k <= p.high; ++k) {
-      const double light = std::max(0.0F, d[k]);
-      const double at = k - p.summit;
-      sum += light;
-      by_k += light * at;
-      by_square += light * at * at;
-    }
-    const double mean = by_k / sum;
-    spot.u_px = p.summit + mean;
-    spot.width_px = std::sqrt(std::max(0.3, by_square / sum - mean * mean));
+    spot = GuessOf(peaks_[i], signal_.data());
+    const bool overlaps = peaks_[i].touches_next || (i > 0 && peaks_[i - 1].touches_next);
+    if (overlaps) spot.flags |= kSpotOverlap;
   }
   // A chain too long for one fit is cut where its spots meet.
   const bool cut_left = first > 0 && peaks_[first - 1].touches_next;
@@ -186,26 +190,10 @@ void SpotFinder::Read(std::span<const std::uint16_t> line, std::size_t first, st
   const int from = std::max(0, peaks_[first].low - (cut_left ? 0 : Margin(peaks_[first])));
   const int to =
       std::min(n - 1, peaks_[last - 1].high + (cut_right ? 0 : Margin(peaks_[last - 1])));
-  const int full = static_cast<int>(format_.full_scale());
-  const bool fits = options_.estimator == SpotEstimator::kMaximumLikelihood ||
-                    options_.estimator == SpotEstimator::kLeastSquares;
-  std::copy(d + from, d + to + 1, w + from);
-  for (int k = from; k <= to && !inverse_response_.empty(); ++k) {
-    w[k] *= inverse_response_[static_cast<std::size_t>(k)];
-  }
-  for (int k = from; k <= to; ++k) {
-    if (counts[k] < full) continue;
-    for (std::size_t i = first; i < last; ++i) {
-      if (k >= peaks_[i].low && k <= peaks_[i].high) spots[i - first].flags |= kSpotSaturated;
-    }
-    // The neighbours of full pixels may hold what these could not.
-    for (int j = std::max(from, k - 1); fits && j <= std::min(to, k + 1); ++j) {
-      w[j] = std::numeric_limits<float>::quiet_NaN();
-    }
-  }
+  FillWindow(line, from, to, first, spots);
   const PixelNoise noise{.electrons_per_count = format_.electrons_per_count,
                          .dark_variance = dark_variance_};
-  if (fits) {
+  if (Fits()) {
     FitGaussians({w + from, static_cast<std::size_t>(to - from + 1)}, from, noise, options_, spots);
   } else {
     for (std::size_t i = first; i < last; ++i) {
@@ -218,6 +206,35 @@ void SpotFinder::Read(std::span<const std::uint16_t> line, std::size_t first, st
   for (Spot& spot : spots) {
     if (spot.u_px < kInside * spot.width_px || spot.u_px > n - 1 - kInside * spot.width_px) {
       spot.flags |= kSpotEdge;
+    }
+  }
+}
+
+bool SpotFinder::Fits() const {
+  return options_.estimator == SpotEstimator::kMaximumLikelihood ||
+         options_.estimator == SpotEstimator::kLeastSquares;
+}
+
+void SpotFinder::FillWindow(std::span<const std::uint16_t> line, int from, int to,
+                            std::size_t first, std::span<Spot> spots) {
+  const std::uint16_t* counts = line.data() + format_.first_active();
+  const float* d = signal_.data();
+  float* w = window_.data();
+  const int full = static_cast<int>(format_.full_scale());
+  const bool fits = Fits();
+  std::copy(d + from, d + to + 1, w + from);
+  for (int k = from; k <= to && !inverse_response_.empty(); ++k) {
+    w[k] *= inverse_response_[static_cast<std::size_t>(k)];
+  }
+  for (int k = from; k <= to; ++k) {
+    if (counts[k] < full) continue;
+    for (std::size_t i = 0; i < spots.size(); ++i) {
+      const SpotPeak& peak = peaks_[first + i];
+      if (k >= peak.low && k <= peak.high) spots[i].flags |= kSpotSaturated;
+    }
+    // The neighbours of full pixels may hold what these could not.
+    for (int j = std::max(from, k - 1); fits && j <= std::min(to, k + 1); ++j) {
+      w[j] = std::numeric_limits<float>::quiet_NaN();
     }
   }
 }

@@ -95,6 +95,11 @@ class SpotFinder {
   // Reads the peaks [first, last) into as many spots.
   void Read(std::span<const std::uint16_t> line, std::size_t first, std::size_t last,
             std::span<Spot> spots);
+  bool Fits() const;  // else a centroid
+  // Fills window_ from pixel `from` to `to`, without those that saturation spoils, and flags the
+  // spots of the peaks from `first` on that have such pixels.
+  void FillWindow(std::span<const std::uint16_t> line, int from, int to, std::size_t first,
+                  std::span<Spot> spots);
   Spot FindFast(std::span<const std::uint16_t> line, const Background& background);
 
   data::LineFormat format_;

@@ -30,6 +30,45 @@ std::uint16_t MiddleOf(const std::uint16_t* values, int n) {
                   MiddleOf(nine[2], nine[5], nine[8]));
 }
 
+// The highest signal of each block of kBlock pixels.
+inline void HighestOfBlocks(const std::uint16_t* counts, const std::uint16_t* pattern, int n,
+                            std::uint16_t* highest) {
+  const int whole = n / kBlock;
+  for (int b = 0; b < whole; ++b) {
+    const std::uint16_t* c = counts + b * kBlock;
+    const std::uint16_t* p = pattern + b * kBlock;
+    highest[b] = Highest(
+        Max(Above(LoadWide(c), LoadWide(p)), Above(LoadWide(c + kCounts), LoadWide(p + kCounts))));
+  }
+  if (whole * kBlock == n) return;
+  int highest_left = 0;
+  for (int k = whole * kBlock; k < n; ++k) {
+    highest_left = std::max(highest_left, counts[k] - pattern[k]);
+  }
+  highest[whole] = static_cast<std::uint16_t>(highest_left);
+}
+
+// The end of a spot in one direction: where its signal falls below the foot, or the valley from
+// which it rises again to a neighbour, which is flagged.
+template <typename Signal>
+inline int EndOfSpot(const Signal& signal, int summit, int step, int n, float foot, float rise,
+                     Spot* spot) {
+  int k = summit;
+  float lowest = signal(k);
+  int lowest_at = k;
+  while (k + step >= 0 && k + step < n) {
+    const float v = signal(k);
+    if (v < foot) break;
+    if (v < lowest) lowest = v, lowest_at = k;
+    if (v > lowest + rise) {
+      spot->flags |= kSpotOverlap;
+      return lowest_at;
+    }
+    k += step;
+  }
+  return k;
+}
+
 }  // namespace
 
 // The signal is looked at once, in whole counts, by the highest value of each block. The level is
@@ -42,20 +81,7 @@ Spot SpotFinder::FindFast(std::span<const std::uint16_t> line, const Background&
   const int blocks = (n + kBlock - 1) / kBlock;
   constexpr int kMostBlocks = 2048;
   std::uint16_t highest[kMostBlocks];
-  const int whole = n / kBlock;
-  for (int b = 0; b < whole; ++b) {
-    const std::uint16_t* c = counts + b * kBlock;
-    const std::uint16_t* p = pattern + b * kBlock;
-    highest[b] = Highest(
-        Max(Above(LoadWide(c), LoadWide(p)), Above(LoadWide(c + kCounts), LoadWide(p + kCounts))));
-  }
-  if (whole < blocks) {
-    int highest_left = 0;
-    for (int k = whole * kBlock; k < n; ++k) {
-      highest_left = std::max(highest_left, counts[k] - pattern[k]);
-    }
-    highest[whole] = static_cast<std::uint16_t>(highest_left);
-  }
+  HighestOfBlocks(counts, pattern, n, highest);
   const double modelled =
       std::sqrt(format_.read_noise_counts * format_.read_noise_counts + 1.0 / 12.0);
   const float sigma = static_cast<float>(std::max(modelled, background.noise()));
@@ -78,23 +104,8 @@ Spot SpotFinder::FindFast(std::span<const std::uint16_t> line, const Background&
   const float rise = static_cast<float>(
       options_.threshold *
       std::sqrt(2.0F * (sigma * sigma + peak / static_cast<float>(format_.electrons_per_count))));
-  const auto walk = [&](int step) {
-    int k = summit;
-    float lowest = signal(k);
-    int lowest_at = k;
-    while (k + step >= 0 && k + step < n) {
-      const float v = signal(k);
-      if (v < foot) break;
-      if (v < lowest) lowest = v, lowest_at = k;
-      if (v > lowest + rise) {
-        spot.flags |= kSpotOverlap;
-        return lowest_at;
-      }
-      k += step;
-    }
-    return k;
-  };
-  const int low = walk(-1), high = walk(1);
+  const int low = EndOfSpot(signal, summit, -1, n, foot, rise, &spot);
+  const int high = EndOfSpot(signal, summit, 1, n, foot, rise, &spot);
   for (int k = low; k <= high; ++k) {
     d[k] = signal(k);
     if (!inverse_response_.empty()) d[k] *= inverse_response_[static_cast<std::size_t>(k)];

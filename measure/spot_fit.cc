@@ -162,20 +162,27 @@ class Fit {
     }
   }
 
-  // Normal matrix, gradient and chi-square at the present parameters.
-  void Pass(bool from_counts) {
+  // Left edges of a pack's pixels, in widths from each centre, with density and distribution there.
+  struct Edges {
+    std::array<Pack, Q> z, pdf, cdf;
+  };
+  // What a pass sums up, lane by lane.
+  struct Sums {
     std::array<Pack, kPairs> A{}, V{};
     std::array<Pack, kParameters> g{};
-    Pack chi_square{};
-    Pack used{};
-    const Pack zero{};
+    Pack chi_square{}, used{};
+  };
+
+  // Normal matrix, gradient and chi-square at the present parameters.
+  void Pass(bool from_counts) {
+    Sums sums;
+    const Pack zero{}, one = Broadcast(1.0);
     const Pack dark = Broadcast(noise_.dark_variance);
     const double per_electron = 1.0 / noise_.electrons_per_count;
-    // Value, density and distribution at the left edge of the pack's first pixel.
-    std::array<Pack, Q> last_pdf, last_cdf, last_z;
+    Edges edges;
     for (int q = 0; q < Q; ++q) {
-      last_z[q] = Broadcast((first_ - 0.5 - c_[q]) / s_[q]);
-      Normal(last_z[q], &last_pdf[q], &last_cdf[q]);
+      edges.z[q] = Broadcast((first_ - 0.5 - c_[q]) / s_[q]);
+      Normal(edges.z[q], &edges.pdf[q], &edges.cdf[q]);
     }
     const int n = static_cast<int>(counts_.size());
     for (int k = 0; k < n; k += kLanes) {
@@ -185,56 +192,67 @@ class Fit {
       }
       const PackInt seen = y == y;
       y = seen ? y : zero;
-      const Pack right = (first_ + k + 0.5) + Pack{0, 1, 2, 3, 4, 5, 6, 7};
       std::array<Pack, kParameters> J;
-      Pack model = Broadcast(level_);
-      for (int q = 0; q < Q; ++q) {
-        const double per_width = 1.0 / s_[q];
-        const Pack z = (right - c_[q]) * per_width;
-        Pack pdf, cdf;
-        Normal(z, &pdf, &cdf);
-        const Pack low_pdf = Shifted(last_pdf[q], pdf), low_cdf = Shifted(last_cdf[q], cdf);
-        const Pack low_z = Shifted(last_z[q], z);
-        last_pdf[q] = pdf, last_cdf[q] = cdf, last_z[q] = z;
-        const Pack share = cdf - low_cdf;
-        const double slope = -flux_[q] * per_width;
-        J[3 * q] = slope * (pdf - low_pdf);
-        J[3 * q + 1] = slope * (z * pdf - low_z * low_pdf);
-        J[3 * q + 2] = share;
-        model += flux_[q] * share;
-      }
-      J[kConstant] = Broadcast(1.0);
+      const Pack model = Model((first_ + k + 0.5) + Pack{0, 1, 2, 3, 4, 5, 6, 7}, &edges, &J);
       const Pack light = from_counts ? y : model;
       const Pack variance = dark + (light > zero ? light : zero) * per_electron;
       const Pack exact = seen ? 1.0 / variance : zero;
-      const Pack w = weighted_ ? exact : (seen ? J[kConstant] : zero);
       const Pack r = y - model;
-      int pair = 0;
-      for (int a = 0; a < kParameters; ++a) {
-        const Pack wJ = w * J[a];
-        g[a] += wJ * r;
-        for (int b = 0; b <= a; ++b) A[pair++] += wJ * J[b];
-      }
-      if (!weighted_) {
-        pair = 0;
-        for (int a = 0; a < kParameters; ++a) {
-          const Pack vJ = w * variance * J[a];
-          for (int b = 0; b <= a; ++b) V[pair++] += vJ * J[b];
-        }
-      }
-      chi_square += exact * r * r;
-      used += seen ? J[kConstant] : zero;
+      AddToNormals(J, weighted_ ? exact : (seen ? one : zero), variance, r, &sums);
+      sums.chi_square += exact * r * r;
+      sums.used += seen ? one : zero;
     }
     int pair = 0;
     for (int a = 0; a < kParameters; ++a) {
-      g_[a] = Sum(g[a]);
+      g_[a] = Sum(sums.g[a]);
       for (int b = 0; b <= a; ++b, ++pair) {
-        A_[a][b] = Sum(A[pair]);
-        if (!weighted_) V_[a][b] = Sum(V[pair]);
+        A_[a][b] = Sum(sums.A[pair]);
+        if (!weighted_) V_[a][b] = Sum(sums.V[pair]);
       }
     }
-    chi_square_ = Sum(chi_square);
-    used_ = static_cast<int>(Sum(used) + 0.5);
+    chi_square_ = Sum(sums.chi_square);
+    used_ = static_cast<int>(Sum(sums.used) + 0.5);
+  }
+
+  // The model at a pack of pixels with these right edges, and its derivatives: Gaussians integrated
+  // over each pixel, on a constant. `edges` moves on by one pack.
+  [[gnu::always_inline]] Pack Model(const Pack& right, Edges* edges,
+                                    std::array<Pack, kParameters>* J) const {
+    Pack model = Broadcast(level_);
+    for (int q = 0; q < Q; ++q) {
+      const double per_width = 1.0 / s_[q];
+      const Pack z = (right - c_[q]) * per_width;
+      Pack pdf, cdf;
+      Normal(z, &pdf, &cdf);
+      const Pack low_pdf = Shifted(edges->pdf[q], pdf), low_cdf = Shifted(edges->cdf[q], cdf);
+      const Pack low_z = Shifted(edges->z[q], z);
+      edges->pdf[q] = pdf, edges->cdf[q] = cdf, edges->z[q] = z;
+      const Pack share = cdf - low_cdf;
+      const double slope = -flux_[q] * per_width;
+      (*J)[3 * q] = slope * (pdf - low_pdf);
+      (*J)[3 * q + 1] = slope * (z * pdf - low_z * low_pdf);
+      (*J)[3 * q + 2] = share;
+      model += flux_[q] * share;
+    }
+    (*J)[kConstant] = Broadcast(1.0);
+    return model;
+  }
+
+  // J'WJ and J'Wr; with equal weights J'VJ too, of which the covariance is made.
+  [[gnu::always_inline]] void AddToNormals(const std::array<Pack, kParameters>& J, const Pack& w,
+                                           const Pack& variance, const Pack& r, Sums* sums) const {
+    int pair = 0;
+    for (int a = 0; a < kParameters; ++a) {
+      const Pack wJ = w * J[a];
+      sums->g[a] += wJ * r;
+      for (int b = 0; b <= a; ++b) sums->A[pair++] += wJ * J[b];
+    }
+    if (weighted_) return;
+    pair = 0;
+    for (int a = 0; a < kParameters; ++a) {
+      const Pack vJ = w * variance * J[a];
+      for (int b = 0; b <= a; ++b) sums->V[pair++] += vJ * J[b];
+    }
   }
 
   // The values one pixel to the left: the last of the pack before, then the first seven of this.

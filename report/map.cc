@@ -80,6 +80,35 @@ std::string ScaleColor(double share) {
   return fmt::format("#{:02x}{:02x}{:02x}", rgb[0], rgb[1], rgb[2]);
 }
 
+namespace {
+
+// A pane's values as rectangles, row by row from below; those that are not finite stay grey.
+std::string Cells(const Map& map, const MapPane& pane, const Scale& scale, double left,
+                  double height) {
+  if (pane.values.empty()) return {};
+  if (map.columns < 1 || pane.values.size() % static_cast<std::size_t>(map.columns) != 0) {
+    throw Error(fmt::format("{} values in rows of {}", pane.values.size(), map.columns),
+                "report: map \"" + map.title + "\"", "give whole rows");
+  }
+  const std::string unit =
+      map.value.unit.empty() || map.value.unit == "1" ? "" : " " + map.value.unit;
+  const std::size_t columns = static_cast<std::size_t>(map.columns);
+  const std::size_t rows = pane.values.size() / columns;
+  const double w = kPane / static_cast<double>(columns), h = height / static_cast<double>(rows);
+  std::string svg;
+  for (std::size_t i = 0; i < pane.values.size(); ++i) {
+    const double value = pane.values[i];
+    if (!std::isfinite(value)) continue;
+    const double column = static_cast<double>(i % columns);
+    const double row = static_cast<double>(rows - 1 - i / columns);
+    svg += Rect(left + w * column, kTop + h * row, w + 0.3, h + 0.3, ScaleColor(scale.Share(value)),
+                Number(value, 3) + unit);
+  }
+  return svg + "\n";
+}
+
+}  // namespace
+
 std::string MapSvg(const Map& map) {
   const Scale scale = ScaleOf(map);
   const double span_x = map.x_high - map.x_low, span_y = map.y_high - map.y_low;
@@ -97,8 +126,6 @@ std::string MapSvg(const Map& map) {
       width, whole, EscapeHtml(map.title));
   const auto X = [&](double left, double x) { return left + kPane * (x - map.x_low) / span_x; };
   const auto Y = [&](double y) { return kTop + height * (map.y_high - y) / span_y; };
-  const std::string unit =
-      map.value.unit.empty() || map.value.unit == "1" ? "" : " " + map.value.unit;
   for (std::size_t k = 0; k < map.panes.size(); ++k) {
     const MapPane& pane = map.panes[k];
     const double left = kLeft + step * static_cast<double>(k);
@@ -107,24 +134,7 @@ std::string MapSvg(const Map& map) {
         "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" fill=\"#eceff3\" "
         "stroke=\"#566072\"/>\n",
         left, kTop, kPane, height);
-    if (!pane.values.empty()) {
-      if (map.columns < 1 || pane.values.size() % static_cast<std::size_t>(map.columns) != 0) {
-        throw Error(fmt::format("{} values in rows of {}", pane.values.size(), map.columns),
-                    "report: map \"" + map.title + "\"", "give whole rows");
-      }
-      const std::size_t columns = static_cast<std::size_t>(map.columns);
-      const std::size_t rows = pane.values.size() / columns;
-      const double w = kPane / static_cast<double>(columns), h = height / static_cast<double>(rows);
-      for (std::size_t i = 0; i < pane.values.size(); ++i) {
-        const double value = pane.values[i];
-        if (!std::isfinite(value)) continue;  // stays grey
-        const double column = static_cast<double>(i % columns);
-        const double row = static_cast<double>(rows - 1 - i / columns);
-        svg += Rect(left + w * column, kTop + h * row, w + 0.3, h + 0.3,
-                    ScaleColor(scale.Share(value)), Number(value, 3) + unit);
-      }
-      svg += "\n";
-    }
+    svg += Cells(map, pane, scale, left, height);
     for (const MapDot& dot : pane.dots) {
       svg += fmt::format(
           "<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"{}\" fill=\"{}\" stroke=\"#1c2430\" "

@@ -104,6 +104,51 @@ std::string Band(const Series& s, const Scale& X, const Scale& Y, const std::str
   return fmt::format("<path d=\"{}{}Z\" fill=\"{}\" fill-opacity=\"0.18\"/>\n", there, back, color);
 }
 
+// Dashed lines with upright words; words of neighbours stand one below the other.
+std::string Markers(const Chart& chart, const Scale& X, double top, double width, double height) {
+  std::string svg;
+  std::vector<Marker> markers = chart.markers;
+  std::stable_sort(markers.begin(), markers.end(),
+                   [](const Marker& a, const Marker& b) { return a.x < b.x; });
+  double last_x = -1e9, down = 0.0;
+  for (const Marker& m : markers) {
+    if (!X.Shows(m.x) || X(m.x) < kLeft || X(m.x) > width - kRight) continue;
+    constexpr double kApart = 12.0, kLetter = 6.0;
+    const double previous = down;
+    down = X(m.x) - last_x < kApart ? previous : 0.0;
+    last_x = X(m.x);
+    svg += fmt::format(
+        "<path d=\"M{0:.1f} {1:.1f}V{2:.1f}\" stroke=\"#888\" stroke-dasharray=\"3 3\"/><text "
+        "x=\"{3:.1f}\" y=\"{4:.1f}\" font-size=\"10\" fill=\"#555\" transform=\"rotate(-90 {3:.1f} "
+        "{4:.1f})\" text-anchor=\"end\">{5}</text>\n",
+        X(m.x), top, height - kBottom, X(m.x) - 3, top + 4 + down, EscapeHtml(m.label));
+    down += kLetter * static_cast<double>(m.label.size()) + 6.0;
+  }
+  return svg;
+}
+
+// The series, and their names in two columns above the plot.
+std::string CurvesWithKey(const Chart& chart, const Scale& X, const Scale& Y, double width) {
+  std::string svg;
+  double key_x = kLeft, key_y = 38.0;
+  for (std::size_t k = 0; k < chart.series.size(); ++k) {
+    const Series& s = chart.series[k];
+    const std::string color = PaletteColor(s.color >= 0 ? s.color : static_cast<int>(k));
+    svg += Band(s, X, Y, color) + Curve(s, X, Y, color);
+    svg += s.style == Style::kDots
+               ? fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"2\" fill=\"{}\"/>",
+                             key_x + 12, key_y - 4, color)
+               : fmt::format("<path d=\"M{:.1f} {:.1f}h24\" stroke=\"{}\" stroke-width=\"2\"{}/>",
+                             key_x, key_y - 4, color,
+                             s.style == Style::kDashes ? " stroke-dasharray=\"6 4\"" : "");
+    svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\">{}</text>\n", key_x + 30, key_y,
+                       EscapeHtml(s.name));
+    key_x = k % 2 == 0 ? 0.5 * (kLeft + width) : kLeft;
+    if (k % 2 == 1) key_y += kRow;
+  }
+  return svg;
+}
+
 }  // namespace
 
 std::string StillSvg(const Chart& chart, int width_px, int height_px) {
@@ -148,40 +193,8 @@ std::string StillSvg(const Chart& chart, int width_px, int height_px) {
         "text-anchor=\"end\">{5}</text>\n",
         kLeft, Y(y), width - kRight, kLeft - 6, Y(y) + 4, Word(y, y_step));
   }
-  std::vector<Marker> markers = chart.markers;
-  std::stable_sort(markers.begin(), markers.end(),
-                   [](const Marker& a, const Marker& b) { return a.x < b.x; });
-  double last_x = -1e9, down = 0.0;
-  for (const Marker& m : markers) {
-    if (!X.Shows(m.x) || X(m.x) < kLeft || X(m.x) > width - kRight) continue;
-    // Words of neighbours stand one below the other.
-    constexpr double kApart = 12.0, kLetter = 6.0;
-    const double previous = down;
-    down = X(m.x) - last_x < kApart ? previous : 0.0;
-    last_x = X(m.x);
-    svg += fmt::format(
-        "<path d=\"M{0:.1f} {1:.1f}V{2:.1f}\" stroke=\"#888\" stroke-dasharray=\"3 3\"/><text "
-        "x=\"{3:.1f}\" y=\"{4:.1f}\" font-size=\"10\" fill=\"#555\" transform=\"rotate(-90 {3:.1f} "
-        "{4:.1f})\" text-anchor=\"end\">{5}</text>\n",
-        X(m.x), top, height - kBottom, X(m.x) - 3, top + 4 + down, EscapeHtml(m.label));
-    down += kLetter * static_cast<double>(m.label.size()) + 6.0;
-  }
-  double key_x = kLeft, key_y = 38.0;
-  for (std::size_t k = 0; k < chart.series.size(); ++k) {
-    const Series& s = chart.series[k];
-    const std::string color = PaletteColor(s.color >= 0 ? s.color : static_cast<int>(k));
-    svg += Band(s, X, Y, color) + Curve(s, X, Y, color);
-    svg += s.style == Style::kDots
-               ? fmt::format("<circle cx=\"{:.1f}\" cy=\"{:.1f}\" r=\"2\" fill=\"{}\"/>",
-                             key_x + 12, key_y - 4, color)
-               : fmt::format("<path d=\"M{:.1f} {:.1f}h24\" stroke=\"{}\" stroke-width=\"2\"{}/>",
-                             key_x, key_y - 4, color,
-                             s.style == Style::kDashes ? " stroke-dasharray=\"6 4\"" : "");
-    svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\">{}</text>\n", key_x + 30, key_y,
-                       EscapeHtml(s.name));
-    key_x = k % 2 == 0 ? 0.5 * (kLeft + width) : kLeft;
-    if (k % 2 == 1) key_y += kRow;
-  }
+  svg += Markers(chart, X, top, width, height);
+  svg += CurvesWithKey(chart, X, Y, width);
   svg += fmt::format(
       "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" fill=\"none\" "
       "stroke=\"#555\"/>\n<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"middle\">{}</text>\n"

@@ -170,6 +170,71 @@ double Alignment::Sigma(const std::string& unknown) const {
   return 0.0;
 }
 
+namespace {
+
+// The candidate offset that leaves the least squares per sample once refined; false: none has
+// enough samples with a counterpart.
+bool FindBest(const Observations& record, const SampledModel& b, const OffsetSearch& search,
+              double min_correlation, const AlignOptions& options, Refined* best,
+              double* correlation) {
+  const auto per_sample = [](const Refined& r) {
+    return r.fit.SumOfSquares() / static_cast<double>(r.fit.known);
+  };
+  bool found = false;
+  for (const OffsetCandidate& candidate : search.candidates) {
+    if (candidate.correlation < min_correlation) continue;
+    Refined refined = Refine(record, b, candidate.offset, 0.0, options);
+    if (refined.fit.known < kFewest) continue;
+    if (found && !(per_sample(refined) < per_sample(*best))) continue;
+    *best = std::move(refined);
+    *correlation = candidate.correlation;
+    found = true;
+  }
+  return found;
+}
+
+// Status and message of an alignment that was found.
+void Judge(bool converged, double min_r2, Alignment* out) {
+  if (out->r2 < min_r2) {
+    out->status = AlignStatus::kNothingShared;
+    out->message = fmt::format(
+        "the records share nothing: with the best frame and time offset ({:.4f} s) the reference "
+        "explains {:.0f}% of the marks' motion ({:.0f}% is asked)",
+        out->at.offset, 100.0 * std::max(0.0, out->r2), 100.0 * min_r2);
+    return;
+  }
+  if (!converged) {
+    out->status = AlignStatus::kNotConverged;
+    out->message = "frame and time offset did not settle";
+    return;
+  }
+  out->status = AlignStatus::kGood;
+  out->message = fmt::format("aligned on {} samples; the reference explains {:.3f}% of the motion",
+                             out->fit.known, 100.0 * out->r2);
+  if (!out->fit.weak.empty()) {
+    out->message += "; not determined by these marks: " + JoinWords(out->fit.weak);
+  }
+}
+
+// The first and last stamp with a counterpart in the reference.
+void FillOverlap(const Observations& a, Alignment* out) {
+  double first = std::numeric_limits<double>::infinity(), last = -first;
+  for (std::size_t m = 0; m < a.marks.size(); ++m) {
+    const auto& known = out->reference.marks[m].known;
+    for (std::size_t i = 0; i < a.marks[m].size(); ++i) {
+      if (!known.empty() && !known[i]) continue;
+      first = std::min(first, a.marks[m].t[i]);
+      last = std::max(last, a.marks[m].t[i]);
+    }
+  }
+  out->overlap_start = first;
+  out->overlap_end = last;
+}
+
+}  // namespace
+
+// Offset by correlation, frame and offset by least squares from the best candidates, then the
+// covariance and how much of the motion the reference explains.
 Alignment Align(const Observations& record, const SampledModel& b, const AlignOptions& asked) {
   Alignment out;
   AlignOptions options = asked;
@@ -203,21 +268,8 @@ Alignment Align(const Observations& record, const SampledModel& b, const AlignOp
     return out;
   }
 
-  bool found = false;
   Refined best;
-  for (const OffsetCandidate& candidate : search.candidates) {
-    if (candidate.correlation < min_correlation) continue;
-    Refined refined = Refine(record, b, candidate.offset, 0.0, options);
-    if (refined.fit.known < kFewest) continue;
-    auto per_sample = [](const Refined& r) {
-      return r.fit.SumOfSquares() / static_cast<double>(r.fit.known);
-    };
-    if (!found || per_sample(refined) < per_sample(best)) {
-      best = std::move(refined);
-      out.correlation = candidate.correlation;
-      found = true;
-    }
-  }
+  const bool found = FindBest(record, b, search, min_correlation, options, &best, &out.correlation);
   if (!found) {
     out.message = fmt::format("fewer than {} samples have a counterpart in the reference", kFewest);
     return out;
@@ -243,36 +295,8 @@ Alignment Align(const Observations& record, const SampledModel& b, const AlignOp
       std::max(1.0, 3.0 * static_cast<double>(out.fit.known) -
                         static_cast<double>(out.fit.jacobian.cols() - a.shared_rank));
   out.chi2_per_dof = a.has_sigma ? out.fit.SumOfSquares() / dof : 0.0;
-  double first = std::numeric_limits<double>::infinity(), last = -first;
-  for (std::size_t m = 0; m < a.marks.size(); ++m) {
-    const auto& known = out.reference.marks[m].known;
-    for (std::size_t i = 0; i < a.marks[m].size(); ++i) {
-      if (!known.empty() && !known[i]) continue;
-      first = std::min(first, a.marks[m].t[i]);
-      last = std::max(last, a.marks[m].t[i]);
-    }
-  }
-  out.overlap_start = first;
-  out.overlap_end = last;
-  if (out.r2 < min_r2) {
-    out.status = AlignStatus::kNothingShared;
-    out.message = fmt::format(
-        "the records share nothing: with the best frame and time offset ({:.4f} s) the reference "
-        "explains {:.0f}% of the marks' motion ({:.0f}% is asked)",
-        out.at.offset, 100.0 * std::max(0.0, out.r2), 100.0 * min_r2);
-    return out;
-  }
-  if (!best.converged) {
-    out.status = AlignStatus::kNotConverged;
-    out.message = "frame and time offset did not settle";
-    return out;
-  }
-  out.status = AlignStatus::kGood;
-  out.message = fmt::format("aligned on {} samples; the reference explains {:.3f}% of the motion",
-                            out.fit.known, 100.0 * out.r2);
-  if (!out.fit.weak.empty()) {
-    out.message += "; not determined by these marks: " + JoinWords(out.fit.weak);
-  }
+  FillOverlap(a, &out);
+  Judge(best.converged, min_r2, &out);
   return out;
 }
 

@@ -16,6 +16,27 @@ double Branch(double angle, double near) {
   return angle - kTurn * std::round((angle - near) / kTurn);
 }
 
+bool IsKnown(const MarkMotion& mark, std::size_t i) { return mark.known.empty() || mark.known[i]; }
+
+// Whether stamp `t` falls between two samples that are further apart than `widest`.
+bool IsInGap(const std::vector<double>& stamps, double t, double widest) {
+  const auto after = std::upper_bound(stamps.begin(), stamps.end(), t);
+  return after != stamps.end() && *after - *(after - 1) > widest;
+}
+
+// A place by the cubic's weights; adds its covariance to `cov`.
+template <typename Places, typename Covariances>
+Eigen::Vector3d Interpolate(const LocalCubic& c, const Places& p, const Covariances& covariances,
+                            Eigen::Matrix3d* cov) {
+  Eigen::Vector3d at = Eigen::Vector3d::Zero();
+  for (int j = 0; j < c.count; ++j) {
+    const auto from = static_cast<Eigen::Index>(c.first) + j;
+    at += c.value[j] * p.col(from);
+    *cov += c.value[j] * c.value[j] * Symmetric(covariances.col(from));
+  }
+  return at;
+}
+
 }  // namespace
 
 std::vector<std::pair<std::string, std::string>> RigidPairs(const Prediction& prediction,
@@ -32,7 +53,7 @@ std::vector<std::pair<std::string, std::string>> RigidPairs(const Prediction& pr
       double low = std::numeric_limits<double>::infinity(), high = 0.0, sigma = 0.0;
       for (Eigen::Index i = 0; i < n; ++i) {
         const auto k = static_cast<std::size_t>(i);
-        if ((!A.known.empty() && !A.known[k]) || (!B.known.empty() && !B.known[k])) continue;
+        if (!IsKnown(A, k) || !IsKnown(B, k)) continue;
         const double d = (A.p.col(i) - B.p.col(i)).norm();
         low = std::min(low, d);
         high = std::max(high, d);
@@ -79,18 +100,11 @@ BodyAngle MeasureBodyAngle(const Observations& observations, const Model& model,
   for (std::size_t i = 0; i < A.size(); ++i) {
     const double t = A.t[i];
     if (t < B.t.front() || t > B.t.back()) continue;
-    if ((!MA.known.empty() && !MA.known[i]) || (!MB.known.empty() && !MB.known[i])) continue;
-    const auto after =
-        static_cast<std::size_t>(std::upper_bound(B.t.begin(), B.t.end(), t) - B.t.begin());
-    if (after < B.size() && B.t[after] - B.t[after - 1] > widest) continue;
+    if (!IsKnown(MA, i) || !IsKnown(MB, i)) continue;
+    if (IsInGap(B.t, t, widest)) continue;
     const LocalCubic c = CubicAt(B.t, t);
-    Eigen::Vector3d pb = Eigen::Vector3d::Zero();
     Eigen::Matrix3d cov = Symmetric(A.cov.col(static_cast<Eigen::Index>(i)));
-    for (int j = 0; j < c.count; ++j) {
-      const auto from = static_cast<Eigen::Index>(c.first) + j;
-      pb += c.value[j] * p[b].col(from);
-      cov += c.value[j] * c.value[j] * Symmetric(B.cov.col(from));
-    }
+    const Eigen::Vector3d pb = Interpolate(c, p[b], B.cov, &cov);
     const auto column = static_cast<Eigen::Index>(i);
     const Eigen::Vector3d d = pb - p[a].col(column);
     const Eigen::Vector3d s = MB.p.col(column) - MA.p.col(column);

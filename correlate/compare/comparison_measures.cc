@@ -231,48 +231,64 @@ void FillOperatingShapes(Comparison* c) {
   }
 }
 
+// Over all marks: squares add up over the samples, the rest is the mean of the marks'.
+class TotalScore {
+ public:
+  void Add(const ComparedScore& s) {
+    const auto n = static_cast<double>(s.score.samples);
+    squares_ += n * s.score.rmse * s.score.rmse;
+    unexplained_ += s.score.r2 < 1.0 ? n * s.score.rmse * s.score.rmse / (1.0 - s.score.r2) : 0.0;
+    range2_ = std::max(range2_, s.score.range * s.score.range);
+    all_.score.samples += s.score.samples;
+    if (s.score.largest > all_.score.largest) {
+      all_.score.largest = s.score.largest;
+      all_.score.largest_at = s.score.largest_at;
+    }
+    if (!std::isfinite(s.score.sprague_geers)) return;  // one of the two does not move
+    count_ += 1.0;
+    all_.rated = s.rated && (all_.rated || count_ == 1.0);
+    all_.rating_step = s.rating_step;
+    for (const auto member : kMeans) all_.score.*member += s.score.*member;
+    for (const auto member : kRatings) all_.rating.*member += s.rating.*member;
+  }
+
+  auto samples() const { return all_.score.samples; }
+
+  ComparedScore Get(double sigmas) const {
+    ComparedScore all = all_;
+    all.of = ComparedScore::Of::kAll;
+    all.name = "all";
+    for (const auto member : kMeans) all.score.*member /= std::max(count_, 1.0);
+    for (const auto member : kRatings) all.rating.*member /= std::max(count_, 1.0);
+    all.rating.grade = GradeOf(all.rating.overall);
+    all.score.rmse = std::sqrt(squares_ / static_cast<double>(all.score.samples));
+    all.score.range = std::sqrt(range2_);
+    all.score.nrmse = all.score.range > 0.0 ? all.score.rmse / all.score.range : 0.0;
+    all.score.r2 = unexplained_ > 0.0 ? 1.0 - squares_ / unexplained_ : 1.0;
+    all.sigmas = sigmas;
+    return all;
+  }
+
+ private:
+  ComparedScore all_;
+  double squares_ = 0.0, range2_ = 0.0, unexplained_ = 0.0;
+  double count_ = 0.0;  // marks of which both move
+};
+
 }  // namespace
 
 void FillScores(Comparison* c) {
   for (const ComparedSignal& s : c->signals) {
     if (s.id.IsAngle()) c->scores.push_back(Score(*c, s.name, {&s}));
   }
-  ComparedScore all;
-  all.of = ComparedScore::Of::kAll;
-  all.name = "all";
-  double squares = 0.0, range2 = 0.0, unexplained = 0.0, count = 0.0;
+  TotalScore total;
   for (std::size_t m = 0; m < c->marks.size(); ++m) {
     const ComparedSignal *x = FindCoordinate(*c, m, 0), *y = FindCoordinate(*c, m, 1);
     if (x == nullptr || y == nullptr || x->t.size() < 2) continue;
     c->scores.push_back(Score(*c, c->marks[m], {x, y}));
-    const ComparedScore& s = c->scores.back();
-    // Over all marks: squares add up over the samples, the rest is the mean of the marks'.
-    const auto n = static_cast<double>(s.score.samples);
-    squares += n * s.score.rmse * s.score.rmse;
-    unexplained += s.score.r2 < 1.0 ? n * s.score.rmse * s.score.rmse / (1.0 - s.score.r2) : 0.0;
-    range2 = std::max(range2, s.score.range * s.score.range);
-    all.score.samples += s.score.samples;
-    if (s.score.largest > all.score.largest) {
-      all.score.largest = s.score.largest;
-      all.score.largest_at = s.score.largest_at;
-    }
-    if (!std::isfinite(s.score.sprague_geers)) continue;  // one of the two does not move
-    count += 1.0;
-    all.rated = s.rated && (all.rated || count == 1.0);
-    all.rating_step = s.rating_step;
-    for (const auto member : kMeans) all.score.*member += s.score.*member;
-    for (const auto member : kRatings) all.rating.*member += s.rating.*member;
+    total.Add(c->scores.back());
   }
-  if (all.score.samples == 0) return;
-  for (const auto member : kMeans) all.score.*member /= std::max(count, 1.0);
-  for (const auto member : kRatings) all.rating.*member /= std::max(count, 1.0);
-  all.rating.grade = GradeOf(all.rating.overall);
-  all.score.rmse = std::sqrt(squares / static_cast<double>(all.score.samples));
-  all.score.range = std::sqrt(range2);
-  all.score.nrmse = all.score.range > 0.0 ? all.score.rmse / all.score.range : 0.0;
-  all.score.r2 = unexplained > 0.0 ? 1.0 - squares / unexplained : 1.0;
-  all.sigmas = c->errors.back().sigmas;
-  c->scores.push_back(all);
+  if (total.samples() > 0) c->scores.push_back(total.Get(c->errors.back().sigmas));
 }
 
 void FillSpectra(const ComparisonOptions& options, Comparison* c) {

@@ -131,6 +131,99 @@ double ModalAssurance(const Eigen::VectorXcd& a, const Eigen::VectorXcd& b) {
   return scale > 0.0 ? std::norm(a.dot(b)) / scale : 0.0;
 }
 
+namespace {
+
+Eigen::VectorXd PolesAsVector(std::span<const Complex> poles) {
+  Eigen::VectorXd out(2 * static_cast<Eigen::Index>(poles.size()));
+  for (std::size_t k = 0; k < poles.size(); ++k) {
+    out(2 * static_cast<Eigen::Index>(k)) = -poles[k].real();
+    out(2 * static_cast<Eigen::Index>(k) + 1) = poles[k].imag();
+  }
+  return out;
+}
+
+// By rising frequency, whatever they were given as.
+Eigen::VectorXd ByFrequency(const Eigen::VectorXd& pole) {
+  std::vector<Complex> sorted(static_cast<std::size_t>(pole.size() / 2));
+  for (std::size_t k = 0; k < sorted.size(); ++k) {
+    const auto i = static_cast<Eigen::Index>(k);
+    sorted[k] = {-pole(2 * i), std::abs(pole(2 * i + 1))};
+  }
+  std::sort(sorted.begin(), sorted.end(), [](Complex a, Complex b) { return a.imag() < b.imag(); });
+  return PolesAsVector(sorted);
+}
+
+// Squares of the signals at the poles: what the model leaves, the motion about the trend, and each
+// mode's part of it.
+struct DecaySquares {
+  double left = 0.0, motion = 0.0;
+  double metres = 0.0;  // what is left, without the weights
+  std::vector<double> share;
+};
+
+DecaySquares Squares(const DecayProblem& problem, const std::vector<DecayChannel>& channels,
+                     std::size_t modes) {
+  DecaySquares out;
+  out.share.assign(modes, 0.0);
+  for (std::size_t j = 0; j < channels.size(); ++j) {
+    const DecayChannel& c = channels[j];
+    out.left += c.residual.squaredNorm();
+    out.metres += c.residual.cwiseQuotient(problem.weight(j)).squaredNorm();
+    const Eigen::MatrixXd& p = problem.polynomial(j);
+    Eigen::VectorXd about = problem.value(j);
+    const Eigen::HouseholderQR<Eigen::MatrixXd> trend(p);
+    if (p.cols() > 0) about -= p * trend.solve(about);
+    out.motion += about.squaredNorm();
+    for (std::size_t k = 0; k < modes; ++k) {
+      // What a trend could have shown as well is not the mode's.
+      const Eigen::Index first = 2 * static_cast<Eigen::Index>(k);
+      Eigen::VectorXd own = c.basis.middleCols(first, 2) * c.coefficient.segment<2>(first);
+      if (p.cols() > 0) own -= p * trend.solve(own);
+      out.share[k] += own.squaredNorm();
+    }
+  }
+  return out;
+}
+
+// Of each channel's amplitudes at fixed poles, with the residuals' own correlation.
+std::vector<Eigen::MatrixXd> AmplitudeCovariances(const std::vector<DecayChannel>& channels,
+                                                  const ResidualNoise& noise) {
+  std::vector<Eigen::MatrixXd> own;
+  for (std::size_t j = 0; j < channels.size(); ++j) {
+    ResidualNoise one;
+    one.series.push_back(noise.series[j]);
+    for (std::size_t i = 0; i < one.series[0].row.size(); ++i) {
+      one.series[0].row[i] = static_cast<Eigen::Index>(i);
+    }
+    own.push_back(channels[j].inverse * one.Middle(channels[j].basis) * channels[j].inverse);
+  }
+  return own;
+}
+
+}  // namespace
+
+namespace {
+
+// Whether there is anything to fit; else the fit says what is missing.
+bool IsEnough(std::span<const DecaySignal> signals, Eigen::Index modes, std::size_t fewest,
+              DecayFit* fit) {
+  for (const DecaySignal& s : signals) {
+    if (s.t.size() < fewest) {
+      fit->message =
+          fmt::format("{} has {} samples, too few for {} modes", s.name, s.t.size(), modes);
+      return false;
+    }
+  }
+  if (signals.empty() || modes == 0) {
+    fit->status = signals.empty() ? DecayStatus::kTooLittle : DecayStatus::kNothingFound;
+    fit->message = signals.empty() ? "no signals" : "no modes to fit";
+    return false;
+  }
+  return true;
+}
+
+}  // namespace
+
 DecayFit FitDecay(std::span<const DecaySignal> signals, std::span<const Complex> poles,
                   const DecayOptions& options) {
   DecayFit fit;
@@ -139,61 +232,23 @@ DecayFit FitDecay(std::span<const DecaySignal> signals, std::span<const Complex>
   fit.samples = problem.samples();
   const auto modes = static_cast<Eigen::Index>(poles.size());
   const auto per_signal = static_cast<std::size_t>(2 * modes + options.trend + 1);
-  for (const DecaySignal& s : signals) {
-    if (s.t.size() < 2 * per_signal + 4) {
-      fit.message =
-          fmt::format("{} has {} samples, too few for {} modes", s.name, s.t.size(), modes);
-      return fit;
-    }
-  }
-  if (signals.empty() || modes == 0) {
-    fit.status = signals.empty() ? DecayStatus::kTooLittle : DecayStatus::kNothingFound;
-    fit.message = signals.empty() ? "no signals" : "no modes to fit";
-    return fit;
-  }
-  std::vector<Complex> sorted(poles.begin(), poles.end());
-  Eigen::VectorXd pole(2 * modes);
-  for (Eigen::Index k = 0; k < modes; ++k) {
-    pole(2 * k) = -sorted[static_cast<std::size_t>(k)].real();
-    pole(2 * k + 1) = sorted[static_cast<std::size_t>(k)].imag();
-  }
+  if (!IsEnough(signals, modes, 2 * per_signal + 4, &fit)) return fit;
+  // Variable projection [Golub and Pereyra 1973]: the poles alone are searched for.
+  Eigen::VectorXd pole = PolesAsVector(poles);
   const bool converged = Minimise(problem, options.max_iterations, &pole);
-  // By rising frequency, whatever they were given as.
-  for (Eigen::Index k = 0; k < modes; ++k) {
-    sorted[static_cast<std::size_t>(k)] = {-pole(2 * k), std::abs(pole(2 * k + 1))};
-  }
-  std::sort(sorted.begin(), sorted.end(), [](Complex a, Complex b) { return a.imag() < b.imag(); });
-  for (Eigen::Index k = 0; k < modes; ++k) {
-    pole(2 * k) = -sorted[static_cast<std::size_t>(k)].real();
-    pole(2 * k + 1) = sorted[static_cast<std::size_t>(k)].imag();
-  }
+  pole = ByFrequency(pole);
 
   std::vector<DecayChannel> channels;
-  double left = 0.0, motion = 0.0, metres = 0.0;
-  std::vector<double> share(static_cast<std::size_t>(modes), 0.0);
   for (std::size_t j = 0; j < signals.size(); ++j) {
-    DecayChannel c = problem.Solve(j, pole, true);
-    left += c.residual.squaredNorm();
-    metres += c.residual.cwiseQuotient(problem.weight(j)).squaredNorm();
-    const Eigen::MatrixXd& p = problem.polynomial(j);
-    Eigen::VectorXd about = problem.value(j);
-    const Eigen::HouseholderQR<Eigen::MatrixXd> trend(p);
-    if (p.cols() > 0) about -= p * trend.solve(about);
-    motion += about.squaredNorm();
-    for (Eigen::Index k = 0; k < modes; ++k) {
-      // What a trend could have shown as well is not the mode's.
-      Eigen::VectorXd own = c.basis.middleCols(2 * k, 2) * c.coefficient.segment<2>(2 * k);
-      if (p.cols() > 0) own -= p * trend.solve(own);
-      share[static_cast<std::size_t>(k)] += own.squaredNorm();
-    }
-    channels.push_back(std::move(c));
+    channels.push_back(problem.Solve(j, pole, true));
   }
+  const DecaySquares squares = Squares(problem, channels, poles.size());
   const auto n = static_cast<double>(fit.samples);
   const double dof = std::max(
       1.0, n - static_cast<double>(per_signal * signals.size()) - 2.0 * static_cast<double>(modes));
-  fit.explained = motion > 0.0 ? 1.0 - left / motion : 0.0;
-  fit.residual_rms = std::sqrt(metres / n);
-  fit.chi2_per_dof = problem.weighted() ? left / dof : 0.0;
+  fit.explained = squares.motion > 0.0 ? 1.0 - squares.left / squares.motion : 0.0;
+  fit.residual_rms = std::sqrt(squares.metres / n);
+  fit.chi2_per_dof = problem.weighted() ? squares.left / dof : 0.0;
 
   const ResidualNoise noise = Noise(problem, channels, problem.weighted() ? 1.0 : 0.0);
   fit.whiteness = noise.smallest_p;
@@ -207,15 +262,7 @@ DecayFit FitDecay(std::span<const DecaySignal> signals, std::span<const Complex>
   const Eigen::MatrixXd H = J.transpose() * J;
   const Eigen::MatrixXd inverse = H.ldlt().solve(Eigen::MatrixXd::Identity(2 * modes, 2 * modes));
   const Eigen::MatrixXd covariance = inverse * noise.Middle(J) * inverse;
-  std::vector<Eigen::MatrixXd> own;  // amplitudes' covariance at fixed poles
-  for (std::size_t j = 0; j < channels.size(); ++j) {
-    ResidualNoise one;
-    one.series.push_back(noise.series[j]);
-    for (std::size_t i = 0; i < one.series[0].row.size(); ++i) {
-      one.series[0].row[i] = static_cast<Eigen::Index>(i);
-    }
-    own.push_back(channels[j].inverse * one.Middle(channels[j].basis) * channels[j].inverse);
-  }
+  const std::vector<Eigen::MatrixXd> own = AmplitudeCovariances(channels, noise);
 
   Eigen::MatrixXd to_modal = Eigen::MatrixXd::Zero(2 * modes, 2 * modes);
   constexpr double kTau = 2.0 * std::numbers::pi;
@@ -225,7 +272,8 @@ DecayFit FitDecay(std::span<const DecaySignal> signals, std::span<const Complex>
     mode.pole = {-a, w};
     mode.frequency = size / kTau;
     mode.damping = a / size;
-    mode.share = motion > 0.0 ? share[static_cast<std::size_t>(k)] / motion : 0.0;
+    mode.share =
+        squares.motion > 0.0 ? squares.share[static_cast<std::size_t>(k)] / squares.motion : 0.0;
     to_modal(2 * k, 2 * k) = a / (kTau * size);
     to_modal(2 * k, 2 * k + 1) = w / (kTau * size);
     to_modal(2 * k + 1, 2 * k) = w * w / (size * size * size);

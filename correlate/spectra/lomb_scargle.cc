@@ -13,14 +13,10 @@
 
 namespace unfurl::correlate {
 
-LombSpectrum LombScargle(std::span<const double> t, std::span<const double> x,
-                         std::span<const double> sigma, const std::string& unit,
-                         const LombOptions& options) {
-  const std::size_t n = t.size();
-  if (n < 8 || x.size() != n || !(t.back() > t.front())) {
-    throw Error(fmt::format("a periodogram of {} samples", n), "spectrum",
-                "give at least 8 samples at rising stamps");
-  }
+namespace {
+
+// 1 / sigma^2, or all alike, that add up to 1.
+std::vector<double> Weights(std::span<const double> sigma, std::size_t n) {
   std::vector<double> w(n, 1.0);
   if (sigma.size() == n) {
     for (std::size_t i = 0; i < n; ++i) w[i] = 1.0 / (sigma[i] * sigma[i]);
@@ -28,8 +24,13 @@ LombSpectrum LombScargle(std::span<const double> t, std::span<const double> x,
   double total = 0.0;
   for (const double v : w) total += v;
   for (double& v : w) v /= total;
+  return w;
+}
 
-  // The straight line, by the same weights.
+// What a straight line by the same weights leaves.
+std::vector<double> WithoutLine(std::span<const double> t, std::span<const double> x,
+                                const std::vector<double>& w) {
+  const std::size_t n = t.size();
   double mt = 0.0, mx = 0.0;
   for (std::size_t i = 0; i < n; ++i) mt += w[i] * t[i], mx += w[i] * x[i];
   double tt = 0.0, tx = 0.0;
@@ -38,11 +39,25 @@ LombSpectrum LombScargle(std::span<const double> t, std::span<const double> x,
     tx += w[i] * (t[i] - mt) * (x[i] - mx);
   }
   std::vector<double> y(n);
-  double yy = 0.0;
-  for (std::size_t i = 0; i < n; ++i) {
-    y[i] = x[i] - mx - tx / tt * (t[i] - mt);
-    yy += w[i] * y[i] * y[i];
+  for (std::size_t i = 0; i < n; ++i) y[i] = x[i] - mx - tx / tt * (t[i] - mt);
+  return y;
+}
+
+}  // namespace
+
+// [Zechmeister and Kuerster 2009]: weights and a constant fitted beside the sine.
+LombSpectrum LombScargle(std::span<const double> t, std::span<const double> x,
+                         std::span<const double> sigma, const std::string& unit,
+                         const LombOptions& options) {
+  const std::size_t n = t.size();
+  if (n < 8 || x.size() != n || !(t.back() > t.front())) {
+    throw Error(fmt::format("a periodogram of {} samples", n), "spectrum",
+                "give at least 8 samples at rising stamps");
   }
+  const std::vector<double> w = Weights(sigma, n);
+  const std::vector<double> y = WithoutLine(t, x, w);
+  double yy = 0.0;
+  for (std::size_t i = 0; i < n; ++i) yy += w[i] * y[i] * y[i];
 
   LombSpectrum out;
   out.n = n;

@@ -25,6 +25,43 @@ double OverlapCorrelation(std::span<const double> w, std::size_t lag) {
   return (with / all) * (with / all);
 }
 
+std::size_t SegmentLength(const DensityOptions& options, std::size_t longest) {
+  // Eight segments that overlap by half take four and a half lengths.
+  const std::size_t n = options.segment != 0
+                            ? options.segment
+                            : static_cast<std::size_t>(static_cast<double>(longest) / 4.5);
+  return std::clamp(n, kFewest, longest);
+}
+
+// Adds the windowed periodograms of one segment of both signals.
+void AddPeriodograms(std::span<const double> x, std::span<const double> y,
+                     const std::vector<double>& w, Detrend detrend, CrossSpectrum* out) {
+  std::vector<double> a = Detrended(x, detrend);
+  std::vector<double> b = Detrended(y, detrend);
+  for (std::size_t i = 0; i < w.size(); ++i) a[i] *= w[i], b[i] *= w[i];
+  const auto A = RealFft(a), B = RealFft(b);
+  for (std::size_t k = 0; k < out->xx.size(); ++k) {
+    out->xx[k] += std::norm(A[k]);
+    out->yy[k] += std::norm(B[k]);
+    out->xy[k] += std::conj(A[k]) * B[k];
+  }
+}
+
+// From sums over segments of n samples to single-sided densities; `squares`: of the window, times
+// the segments.
+void ScaleDensities(std::size_t n, double squares, CrossSpectrum* out) {
+  for (std::size_t k = 0; k < out->xx.size(); ++k) {
+    const bool alone = k == 0 || (n % 2 == 0 && k == n / 2);
+    const double scale = (alone ? 1.0 : 2.0) * out->dt / (squares);
+    out->frequency.push_back(static_cast<double>(k) * out->resolution);
+    out->xx[k] *= scale;
+    out->yy[k] *= scale;
+    out->xy[k] *= scale;
+    const double both = out->xx[k] * out->yy[k];
+    out->coherence.push_back(both > 0.0 ? std::min(1.0, std::norm(out->xy[k]) / both) : 0.0);
+  }
+}
+
 }  // namespace
 
 CrossSpectrum WelchCrossSpectrum(std::span<const double> t, std::span<const double> x,
@@ -37,10 +74,7 @@ CrossSpectrum WelchCrossSpectrum(std::span<const double> t, std::span<const doub
     throw Error(fmt::format("densities of {} samples, {} without a gap", t.size(), longest),
                 "spectrum", "give at least 8 evenly spaced samples of both signals");
   }
-  std::size_t n = options.segment;
-  // Eight segments that overlap by half take four and a half lengths.
-  if (n == 0) n = static_cast<std::size_t>(static_cast<double>(longest) / 4.5);
-  n = std::clamp(n, kFewest, longest);
+  const std::size_t n = SegmentLength(options, longest);
   const auto hop = std::max<std::size_t>(
       1, static_cast<std::size_t>(std::lround(static_cast<double>(n) * (1.0 - options.overlap))));
   const std::vector<double> w = WindowValues(options.window, n);
@@ -56,15 +90,8 @@ CrossSpectrum WelchCrossSpectrum(std::span<const double> t, std::span<const doub
   for (const EvenStretch& s : stretches) {
     std::size_t own = 0;
     for (std::size_t from = 0; from + n <= s.count; from += hop, ++own) {
-      std::vector<double> a = Detrended(x.subspan(s.first + from, n), options.detrend);
-      std::vector<double> b = Detrended(y.subspan(s.first + from, n), options.detrend);
-      for (std::size_t i = 0; i < n; ++i) a[i] *= w[i], b[i] *= w[i];
-      const auto A = RealFft(a), B = RealFft(b);
-      for (std::size_t k = 0; k < bins; ++k) {
-        out.xx[k] += std::norm(A[k]);
-        out.yy[k] += std::norm(B[k]);
-        out.xy[k] += std::conj(A[k]) * B[k];
-      }
+      AddPeriodograms(x.subspan(s.first + from, n), y.subspan(s.first + from, n), w,
+                      options.detrend, &out);
       total_dt += s.dt;
     }
     for (std::size_t r = 1; r < own; ++r) {
@@ -78,16 +105,7 @@ CrossSpectrum WelchCrossSpectrum(std::span<const double> t, std::span<const doub
   out.effective_segments = count * count / (count + correlated);
   out.resolution = 1.0 / (static_cast<double>(n) * out.dt);
   out.noise_bandwidth = NoiseBandwidth(options.window) * out.resolution;
-  for (std::size_t k = 0; k < bins; ++k) {
-    const bool alone = k == 0 || (n % 2 == 0 && k == n / 2);
-    const double scale = (alone ? 1.0 : 2.0) * out.dt / (square * count);
-    out.frequency.push_back(static_cast<double>(k) * out.resolution);
-    out.xx[k] *= scale;
-    out.yy[k] *= scale;
-    out.xy[k] *= scale;
-    const double both = out.xx[k] * out.yy[k];
-    out.coherence.push_back(both > 0.0 ? std::min(1.0, std::norm(out.xy[k]) / both) : 0.0);
-  }
+  ScaleDensities(n, square * count, &out);
   if (out.effective_segments > 1.0) {
     out.no_coherence = 1.0 - std::pow(0.05, 1.0 / (out.effective_segments - 1.0));
   }

@@ -177,15 +177,24 @@ DensePolynomial EventFinder::Beyond(Stepper& stepper, int watch, bool cubic, dou
   return Through(values);
 }
 
+namespace {
+
+// The sign of a polynomial just after its start.
+bool LeavesUpwards(const DensePolynomial& p) {
+  int leading = 0;
+  while (leading + 1 < p.count && p.c[leading] == 0.0) ++leading;
+  return p.c[leading] > 0.0;
+}
+
+}  // namespace
+
 void EventFinder::FindWatch(Stepper& stepper, int watch) {
   const Watches::Watch& w = model_.watches.at(watch);
   const bool cubic = !stepper.DenseIsFree();
   double margin = 0.0;
   DensePolynomial p = Beyond(stepper, watch, cubic, &margin);
   if (side_[watch] == Side::kUnknown) {
-    int leading = 0;
-    while (leading + 1 < p.count && p.c[leading] == 0.0) ++leading;
-    side_[watch] = p.c[leading] > 0.0 ? Side::kAbove : Side::kBelow;
+    side_[watch] = LeavesUpwards(p) ? Side::kAbove : Side::kBelow;
   }
   if (cubic) {
     const bool above = side_[watch] == Side::kAbove;

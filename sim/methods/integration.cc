@@ -179,10 +179,7 @@ SimulateReport Integration::Go() {
       h = std::max(h, wished);  // what cut the step short says nothing of the next one
     }
     if (loops_) SwitchNearDependence();
-    if (++report_.steps % poll_steps_ == 0) Poll();
-    if (report_.steps < kJudgeAll || report_.steps % kJudgeSteps == 0) {
-      judge_.Look(t_, stepper_->state(), dynamics_.modes());
-    }
+    CountStep();
   }
   Judge();
   FillReport();
@@ -206,6 +203,13 @@ void Integration::NoteAccepted(double h) {
   crossings_ = 0;
   longest_ = std::max(h, kForget * longest_);
   if (report_.steps % kStabilitySteps == 0) stable_ = stepper_->StabilityUse() < kStabilityUse;
+}
+
+void Integration::CountStep() {
+  if (++report_.steps % poll_steps_ == 0) Poll();
+  if (report_.steps < kJudgeAll || report_.steps % kJudgeSteps == 0) {
+    judge_.Look(t_, stepper_->state(), dynamics_.modes());
+  }
 }
 
 void Integration::FillReport() {

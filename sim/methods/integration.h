@@ -24,6 +24,7 @@ class Integration {
  private:
   void StartMotion();
   void NoteAccepted(double h);
+  void CountStep();
   void FillReport();
   void Shrink(double error, double* h);
   void Fail(SimulateStatus status, const std::string& what);
