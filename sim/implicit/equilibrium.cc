@@ -17,13 +17,36 @@ constexpr double kLongestTurn = 0.2;  // of an angle in one iteration [rad], len
 constexpr double kStill = 1e-13;      // of an iteration's step, of the length scale
 constexpr double kMostGrowth = 4.0, kMostShrink = 0.25;
 
+// Of what can move; angles as lengths [m/s^2].
+double LargestAcceleration(const Model& model, const std::vector<double>& rate) {
+  const int n = model.slots.count;
+  double largest = 0.0;
+  for (int k = 0; k < n; ++k) {
+    if (!model.slots.IsDynamic(k)) continue;
+    largest = std::max({largest, std::fabs(rate[3 * n + k]), std::fabs(rate[4 * n + k]),
+                        model.length_scale * std::fabs(rate[5 * n + k])});
+  }
+  return largest;
+}
+
+// Of a step; lengths as angles [rad].
+double LargestTurn(const Model& model, const std::vector<double>& x) {
+  const int n = model.slots.count;
+  const double length = model.length_scale;
+  double largest = 0.0;
+  for (int k = 0; k < n; ++k) {
+    largest = std::max(
+        {largest, std::fabs(x[k]) / length, std::fabs(x[n + k]) / length, std::fabs(x[2 * n + k])});
+  }
+  return largest;
+}
+
 }  // namespace
 
 EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
   const Model& model = dynamics->model();
   const Constraints& constraints = model.constraints;
   const int n = model.slots.count, rows = constraints.rows();
-  const double length = model.length_scale;
   std::fill_n(y + 3 * n, 3 * n, 0.0);
   std::vector<double> rate(model.index.size()), J(6 * rows + 6), drift(rows + 1), x(3 * n + kBlock);
   std::vector<double> lambda(rows + 1);
@@ -38,13 +61,7 @@ EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
     std::copy_n(work.lambda.begin(), rows, lambda.begin());
     dynamics->FillTangent(0.0, y, lambda.data(), &tangent);
     constraints.Jacobian(dynamics->MotionAt(0.0, y), work, J.data());
-    report.acceleration = 0.0;
-    for (int k = 0; k < n; ++k) {
-      if (!model.slots.IsDynamic(k)) continue;
-      report.acceleration =
-          std::max({report.acceleration, std::fabs(rate[3 * n + k]), std::fabs(rate[4 * n + k]),
-                    length * std::fabs(rate[5 * n + k])});
-    }
+    report.acceleration = LargestAcceleration(model, rate);
     if (!std::isfinite(report.acceleration)) return report;
     if (last > 0.0 && report.acceleration > 0.0) {
       step *= std::clamp(last / report.acceleration, kMostShrink, kMostGrowth);
@@ -64,11 +81,7 @@ EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
     Saddle saddle(model.slots, constraints, tangent);
     saddle.Factor(tangent, J.data(), 0.0, b);
     saddle.Solve(x.data(), drift.data());
-    double largest = 0.0;
-    for (int k = 0; k < n; ++k) {
-      largest = std::max({largest, std::fabs(x[k]) / length, std::fabs(x[n + k]) / length,
-                          std::fabs(x[2 * n + k])});
-    }
+    const double largest = LargestTurn(model, x);
     if (!std::isfinite(largest)) return report;
     const double part = largest > kLongestTurn ? kLongestTurn / largest : 1.0;
     if (part < 1.0) step = std::max(step * kMostShrink, first_step);

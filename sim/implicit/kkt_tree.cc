@@ -177,66 +177,30 @@ inline void RowsTimes(const double* S, const double* v, double* out) {
   }
 }
 
-// S = J P J^T of a body's own rows, inverted; `JP` holds P J^T by row.
-template <int kRows>
-inline void InvertRows(const double (*JP)[3], const double* const* J, double* S) {
-  if constexpr (kRows == 1) {
-    S[0] = 1.0 / Dot(JP[0], J[0]);
-  } else if constexpr (kRows == 2) {
-    const double a = Dot(JP[0], J[0]);
-    const double b = Dot(JP[0], J[1]);
-    const double d = Dot(JP[1], J[1]);
-    const double scale = 1.0 / (a * d - b * b);
-    S[0] = d * scale;
-    S[1] = -b * scale;
-    S[2] = a * scale;
-  } else if constexpr (kRows == 3) {
-    for (int i = 0, k = 0; i < 3; ++i) {
-      for (int j = i; j < 3; ++j) S[k++] = Dot(JP[i], J[j]);
-    }
-    Invert(S);
-  }
-}
-
-// G = J_other - J P K of the rows between a body and its parent, S^-1 G, and what these take from
-// the parent's block: dW -= G^T S^-1 G.
-template <int kRows, typename Numbers>
-inline void EliminateRows(const double* const* other, Numbers* c, double* dW) {
-  const double* K = c->K;
-  for (int i = 0; i < kRows; ++i) {
-    const double* v = c->JP[i];
-    for (int j = 0; j < 3; ++j) {
-      c->G[i][j] = other[i][j] - (v[0] * K[j] + v[1] * K[3 + j] + v[2] * K[6 + j]);
-    }
-  }
-  for (int j = 0; j < 3; ++j) {
-    double g[kRows], sg[kRows];
-    for (int i = 0; i < kRows; ++i) g[i] = c->G[i][j];
-    RowsTimes<kRows>(c->S, g, sg);
-    for (int i = 0; i < kRows; ++i) c->SG[i][j] = sg[i];
-  }
-  for (int i = 0, k = 0; i < 3; ++i) {
-    for (int j = i; j < 3; ++j, ++k) {
-      for (int r = 0; r < kRows; ++r) dW[k] -= c->G[r][i] * c->SG[r][j];
-    }
-  }
-}
-
 }  // namespace
 
-// Block elimination of a body and its rows from leaf to root: the inverse of its own block, then
-// the Schur complement in its parent's, W_p - K^T P K - G^T S^-1 G.
 template <int kRows>
 void TreeSaddle::Eliminate(const Node& node, const double* jacobian) {
   Numbers& c = numbers_[&node - nodes_.data()];
   Invert(c.W);
   const double* P = c.W;
-  const double* own[kMostRows];
-  for (int i = 0; i < kRows; ++i) {
-    own[i] = jacobian + node.own[i];
-    Times(P, own[i], c.JP[i]);
+  for (int i = 0; i < kRows; ++i) Times(P, jacobian + node.own[i], c.JP[i]);
+  if constexpr (kRows == 1) {
+    c.S[0] = 1.0 / Dot(c.JP[0], jacobian + node.own[0]);
+  } else if constexpr (kRows == 2) {
+    const double a = Dot(c.JP[0], jacobian + node.own[0]);
+    const double b = Dot(c.JP[0], jacobian + node.own[1]);
+    const double d = Dot(c.JP[1], jacobian + node.own[1]);
+    const double scale = 1.0 / (a * d - b * b);
+    c.S[0] = d * scale;
+    c.S[1] = -b * scale;
+    c.S[2] = a * scale;
+  } else if constexpr (kRows == 3) {
+    for (int i = 0, k = 0; i < 3; ++i) {
+      for (int j = i; j < 3; ++j) c.S[k++] = Dot(c.JP[i], jacobian + node.own[j]);
+    }
+    Invert(c.S);
   }
-  InvertRows<kRows>(c.JP, own, c.S);
   if (node.parent < 0) return;
   Numbers& p = numbers_[node.parent];
   const double* K = c.K;
@@ -252,9 +216,24 @@ void TreeSaddle::Eliminate(const Node& node, const double* jacobian) {
       dW[k] = K[i] * U[j][0] + K[3 + i] * U[j][1] + K[6 + i] * U[j][2];
   }
   if constexpr (kRows > 0) {
-    const double* other[kRows];
-    for (int i = 0; i < kRows; ++i) other[i] = jacobian + node.other[i];
-    EliminateRows<kRows>(other, &c, dW);
+    for (int i = 0; i < kRows; ++i) {
+      const double* other = jacobian + node.other[i];
+      const double* v = c.JP[i];
+      for (int j = 0; j < 3; ++j) {
+        c.G[i][j] = other[j] - (v[0] * K[j] + v[1] * K[3 + j] + v[2] * K[6 + j]);
+      }
+    }
+    for (int j = 0; j < 3; ++j) {
+      double g[kRows], sg[kRows];
+      for (int i = 0; i < kRows; ++i) g[i] = c.G[i][j];
+      RowsTimes<kRows>(c.S, g, sg);
+      for (int i = 0; i < kRows; ++i) c.SG[i][j] = sg[i];
+    }
+    for (int i = 0, k = 0; i < 3; ++i) {
+      for (int j = i; j < 3; ++j, ++k) {
+        for (int r = 0; r < kRows; ++r) dW[k] -= c.G[r][i] * c.SG[r][j];
+      }
+    }
   }
   for (int k = 0; k < 6; ++k) p.W[k] -= dW[k];
 }
@@ -314,7 +293,6 @@ inline void MultiplyRows(int rows, const double* S, const double* v, double* out
 
 }  // namespace
 
-// Forward substitution from the leaves, then back substitution from the root.
 void TreeSaddle::Solve(double* x, const double* g) {
   const int n = n_;
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
@@ -340,32 +318,31 @@ void TreeSaddle::Solve(double* x, const double* g) {
     x[n + p] += out[1];
     x[2 * n + p] += out[2];
   }
-  for (std::size_t i = nodes_.size(); i-- > 0;) SubstituteBack(nodes_[i], numbers_[i], x);
-}
-
-inline void TreeSaddle::SubstituteBack(const Node& node, const Numbers& c, double* x) const {
-  const int n = n_;
-  double r[3] = {c.r[0], c.r[1], c.r[2]};
-  double q[kMostRows] = {c.q[0], c.q[1], c.q[2]};
-  if (node.parent >= 0) {
-    const int p = nodes_[node.parent].slot;
-    const double xp[3] = {x[p], x[n + p], x[2 * n + p]};
-    for (int j = 0; j < 3; ++j) r[j] -= Dot(c.K + 3 * j, xp);
-    for (int k = 0; k < node.rows; ++k) q[k] -= Dot(c.G[k], xp);
-  }
-  double u[3];
-  Times(c.W, r, u);
-  if (node.rows > 0) {
-    double mu[kMostRows];
-    MultiplyRows(node.rows, c.S, q, mu);  // minus the multipliers
-    for (int k = 0; k < node.rows; ++k) {
-      for (int j = 0; j < 3; ++j) u[j] += c.JP[k][j] * mu[k];
+  for (std::size_t i = nodes_.size(); i-- > 0;) {
+    const Node& node = nodes_[i];
+    const Numbers& c = numbers_[i];
+    double r[3] = {c.r[0], c.r[1], c.r[2]};
+    double q[kMostRows] = {c.q[0], c.q[1], c.q[2]};
+    if (node.parent >= 0) {
+      const int p = nodes_[node.parent].slot;
+      const double xp[3] = {x[p], x[n + p], x[2 * n + p]};
+      for (int j = 0; j < 3; ++j) r[j] -= Dot(c.K + 3 * j, xp);
+      for (int k = 0; k < node.rows; ++k) q[k] -= Dot(c.G[k], xp);
     }
+    double u[3];
+    Times(c.W, r, u);
+    if (node.rows > 0) {
+      double mu[kMostRows];
+      MultiplyRows(node.rows, c.S, q, mu);  // minus the multipliers
+      for (int k = 0; k < node.rows; ++k) {
+        for (int j = 0; j < 3; ++j) u[j] += c.JP[k][j] * mu[k];
+      }
+    }
+    const int s = node.slot;
+    x[s] = u[0];
+    x[n + s] = u[1];
+    x[2 * n + s] = u[2];
   }
-  const int s = node.slot;
-  x[s] = u[0];
-  x[n + s] = u[1];
-  x[2 * n + s] = u[2];
 }
 
 }  // namespace unfurl::sim

@@ -44,7 +44,6 @@ class TreeSaddle {
   };
   template <int kRows>
   void Eliminate(const Node& node, const double* jacobian);
-  void SubstituteBack(const Node& node, const Numbers& numbers, double* x) const;
 
   bool applies_ = false;
   int n_ = 0;
