@@ -227,7 +227,11 @@ int Conclude(const Common& common, const Settings& s, const data::Rig& rig,
              double seconds) {
   const measure::ReconstructSummary& done = reconstructor.summary();
   ordered_json summary = Summarize(s, rig, header, reconstructor.layout(), done, smoothing);
-  std::string text =
+  const std::vector<std::string> lost = done.LostMarks();
+  std::string text;
+  for (const std::string& mark : lost) text += "not usable: " + mark + "\n";
+  if (!lost.empty()) summary["lost_marks"] = lost;
+  text +=
       fmt::format("{}: {} samples from {} lines in {:.1f} s ({:.0f} lines/s)\n", s.output,
                   done.samples(), done.lines, seconds, static_cast<double>(done.lines) / seconds);
   text += DescribeSamples(done, header);
@@ -242,7 +246,8 @@ int Conclude(const Common& common, const Settings& s, const data::Rig& rig,
   }
   if (done.usable() == 0) text += "no sample is usable\n";
   Finish(common, summary, text);
-  return done.usable() == 0 ? NotUsable(s.trial, "no sample is usable") : kExitGood;
+  if (done.usable() == 0) return NotUsable(s.trial, "no sample is usable");
+  return lost.empty() ? kExitGood : NotUsable(s.trial, lost.front());
 }
 
 int ReconstructVerb(const Common& common, const Settings& s) {

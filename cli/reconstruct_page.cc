@@ -54,7 +54,8 @@ void AddVerdict(const ReconstructPageInput& in, report::Page* page) {
   report::Level level = usable >= 99.0 && rig_good ? report::Level::kGood
                         : usable >= 80.0           ? report::Level::kCare
                                                    : report::Level::kBad;
-  std::vector<std::string> details;
+  std::vector<std::string> details = s.LostMarks();
+  if (!details.empty()) level = report::Level::kBad;
   if (!rig_good) {
     details.push_back(fmt::format("The rig's own verdict is \"{}\".", in.rig->verdict));
   }

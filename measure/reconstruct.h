@@ -49,6 +49,8 @@ struct ReconstructSummary {
   std::vector<std::string> marks;
   std::vector<std::array<std::size_t, 4>> status;  // by mark and data::SampleStatus
   std::map<std::string, std::size_t> unsolved;     // by reason
+  // The same mark by mark.
+  std::vector<std::map<std::string, std::size_t>> unsolved_of;
   std::vector<std::array<std::size_t, kSpotFlags>>
       flags;                                // by camera and bit of SpotFlag, lit lines
   std::vector<std::size_t> readings;        // by camera, that entered
@@ -57,6 +59,9 @@ struct ReconstructSummary {
   // Share of the calibration's variance that is not in the shared part but in the samples' own
   // covariance, the largest of any sample [-].
   double unshared = 0.0;
+  // A mark of which fewer than half of its samples have a position; a sentence with the counts, the
+  // commonest reason, and what to look at. Empty: there is none.
+  std::vector<std::string> LostMarks() const;
   /// Of all marks; the usable ones of them.
   std::size_t samples() const;
   std::size_t usable() const;
