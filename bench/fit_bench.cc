@@ -41,7 +41,7 @@ const std::vector<Setting> kSettings = {
     {"tolerance 1e-4", 8, {"model.rtol=1e-4"}},
     {"tolerance 1e-6", 8, {"model.rtol=1e-6"}},
     {"one step of the solver", 8, {"solver.max_iterations=1"}},
-    {"without the mesh's check", 8, {"mesh_check.wanted=false"}},
+    {"without the mesh's check", 8, {"fidelity.wanted=false"}},
     {"with profiles", 8, {"profile.levels=[1.0, 2.0]"}},
     {"with profiles, 4 levels", 8, {"profile.levels=[0.5, 1.0, 1.5, 2.0]"}},
     {"8 points screened, 2 starts", 8, {"solver.screened=8", "solver.starts=2"}},

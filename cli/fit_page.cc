@@ -7,6 +7,7 @@
 
 #include "base/number.h"
 #include "cli/comparison_panels.h"
+#include "cli/ladder_panel.h"
 #include "report/page.h"
 
 namespace unfurl::cli {
@@ -82,17 +83,23 @@ void AddParameters(const FitPageInput& in, report::Page* page) {
 
 void AddModelError(const FitPageInput& in, report::Page* page) {
   if (in.record.model_error.cols() == 0) return;
-  const bool mesh = in.result.trials.front().error_check == correlate::ErrorCheck::kFiner;
+  const correlate::ErrorCheck check = in.result.trials.front().error_check;
+  const bool mesh = check != correlate::ErrorCheck::kTolerance;
+  const bool ladder = check == correlate::ErrorCheck::kLadder;
   page->AddSection(
       "The model's own error",
       fmt::format("What {} moves the marks by at the estimate: {:.3g} mm RMS, {:.2g} of "
                   "their sigma. It is counted in the standard errors as an error common to all "
                   "samples, once as a whole and once in pieces by mark and time.",
-                  mesh ? "a finer model" : "a tighter tolerance",
+                  ladder ? "what the finest rung still lacks (by its change from the rung below)"
+                  : mesh ? "a finer model"
+                         : "a tighter tolerance",
                   1e3 * in.result.trials.front().model_error_rms,
                   in.result.trials.front().model_error_sigmas));
   report::Chart chart;
-  chart.title = mesh ? "Distance to the finer model" : "Distance to the tighter tolerance";
+  chart.title = ladder ? "What the finest rung lacks"
+                : mesh ? "Distance to the finer model"
+                       : "Distance to the tighter tolerance";
   chart.y = {"distance", "mm", false};
   for (std::size_t m = 0; m < in.record.marks.size(); ++m) {
     report::Series s;
@@ -367,6 +374,7 @@ void WriteFitPage(const std::string& path, const FitPageInput& in) {
     AddParameters(in, &page);
     AddProfiles(in, &page);
     if (!in.comparison.errors.empty()) AddComparisonPanels(in.comparison, &page);
+    AddLadder(in.record, &page);
     AddModelError(in, &page);
     AddResiduals(in, &page);
     AddBands(in, &page);

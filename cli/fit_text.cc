@@ -40,8 +40,36 @@ std::string FitText(const data::FitRecord& record, double seconds) {
         record.trials.size() > 1 ? " of " + record.trials[static_cast<std::size_t>(n.trial)] : "",
         NumberWithError(n.value, n.sigma));
   }
+  for (std::size_t i = 0; i < record.rungs.size(); ++i) {
+    text += fmt::format("{}{}: {} runs{}", i == 0 ? "ladder: " : "; ", record.rungs[i].name,
+                        record.rungs[i].runs, i + 1 == record.rungs.size() ? "\n" : "");
+  }
   return text + cost;
 }
+
+namespace {
+
+// NaN, as of the first look, is null.
+ordered_json LadderJson(const data::FitRecord& record) {
+  auto number = [](double x) { return std::isfinite(x) ? ordered_json(x) : ordered_json(nullptr); };
+  ordered_json json;
+  for (const auto& rung : record.rungs) {
+    json["rungs"].push_back({{"name", rung.name}, {"runs", rung.runs}});
+  }
+  json["rounds"] = ordered_json::array();
+  for (const auto& r : record.rounds) {
+    json["rounds"].push_back({{"base", r.base},
+                              {"theta", r.theta},
+                              {"fine_cost", r.fine_cost},
+                              {"step", number(r.step)},
+                              {"contraction", number(r.contraction)},
+                              {"counted", r.counted},
+                              {"slope", r.slope}});
+  }
+  return json;
+}
+
+}  // namespace
 
 ordered_json FitJson(const data::FitRecord& record, const std::string& output, double seconds) {
   ordered_json json = {{"fit", output},
@@ -58,6 +86,7 @@ ordered_json FitJson(const data::FitRecord& record, const std::string& output, d
                                   {"sigma_white", p.sigma_white},
                                   {"sigma_model", p.sigma_model},
                                   {"sigma_alone", limit(p.sigma_alone)},
+                                  {"sigma_doubt", p.sigma_doubt},
                                   {"model_shift", p.model_shift},
                                   {"low95", limit(p.low95)},
                                   {"high95", limit(p.high95)},
@@ -79,6 +108,7 @@ ordered_json FitJson(const data::FitRecord& record, const std::string& output, d
   for (const auto& s : record.starts) {
     json["starts"].push_back({{"from", s.from}, {"to", s.to}, {"cost", s.cost}});
   }
+  if (!record.rungs.empty()) json["ladder"] = LadderJson(record);
   for (const auto& [name, value] : record.checks) json["checks"][name] = value;
   json["evaluations"] = record.evaluations.size();
   std::size_t failed = 0;

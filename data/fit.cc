@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "data/fit_ladder.h"
 #include "data/h5.h"
 
 namespace unfurl::data {
@@ -204,10 +205,12 @@ void WriteFit(const std::string& path, const FitRecord& fit, const Provenance& p
   w.Write({"/evaluations/start", "1", "which of several starts; -1: not of one"}, start);
   w.Write({"/evaluations/trial", "1", "index into trials"}, trial);
   w.Write({"/evaluations/fidelity", "1",
-           "0: the model; 1: with a tighter tolerance; 2: with less error of its own"},
+           "0: the model; 1: with a tighter tolerance; 2: with less error of its own; 3 and more: "
+           "rungs of the ladder above the lowest"},
           fidelity);
   WriteSearch(fit, p, w);
   WriteNoise(fit, w);
+  WriteLadder(fit, p, w);
 
   WriteAxisNames(w);
   w.Write({"/samples/marks", "1", "marks' names"}, fit.marks);
@@ -340,6 +343,7 @@ FitRecord ReadFit(const std::string& path) {
   fit.t = r.ReadDoubles("/samples/t", "s");
   fit.mark = r.ReadInts("/samples/mark");
   ReadSearch(r, &fit);
+  ReadLadder(r, &fit);
 
   fit.trial = r.ReadInts("/samples/trial");
   fit.trials = r.ReadStrings("/trials");

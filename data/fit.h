@@ -28,6 +28,7 @@ struct FitRecord {
     double sigma_data = 0.0;   // from the samples, residual correlation included [unit]
     double sigma_white = 0.0;  // the same for white residuals [unit]
     double sigma_model = 0.0;  // from the model's own error [unit]
+    double sigma_doubt = 0.0;  // of that, what lies to either side of the value [unit]
     double model_shift = 0.0;  // what the finer model would change the value by [unit]
     double kink = 0.0;         // roughness of the differences [-]
     double sigma_alone = 0.0;  // of the data, were all other parameters known [unit]
@@ -58,6 +59,23 @@ struct FitRecord {
   };
   std::vector<ProfilePoint> profiles;
 
+  // The ladder: versions of the model, the lowest first, and the looks at the finest.
+  struct Rung {
+    std::string name;
+    std::int32_t runs = 0;  // evaluations
+  };
+  std::vector<Rung> rungs;
+  struct Round {
+    std::int32_t base = 0;      // the rung that led there
+    double fine_cost = -1.0;    // half the finest rung's sum of squares there [-]; -1: it failed
+    double step = 0.0;          // from the round before, in standard errors [-]; NaN: the first
+    double contraction = 0.0;   // that step over the one before it [-]; NaN: none
+    bool counted = true;        // the cost fell
+    bool slope = false;         // the difference's slope took it in
+    std::vector<double> theta;  // p [units]
+  };
+  std::vector<Round> rounds;
+
   // Where the search began and ended, best first.
   struct Start {
     std::vector<double> from, to;  // p [units]
@@ -75,7 +93,8 @@ struct FitRecord {
     bool failed = false;
     std::int32_t start = -1;  // which of several; -1: not of one
     std::int32_t trial = 0;
-    std::int32_t fidelity = 0;  // 0 the model, 1 with a tighter tolerance, 2 with a finer mesh
+    std::int32_t fidelity = 0;  // 0 the model, 1 with a tighter tolerance, 2 with a finer mesh,
+                                // 3.. rungs of the ladder above the lowest
     double cost = -1.0;  // half the sum of squares of whitened residuals [-]; -1: not compared
   };
   std::vector<Evaluation> evaluations;

@@ -3,8 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <map>
+
+#include "data/scene.h"
 
 namespace unfurl::data {
 
@@ -138,6 +141,55 @@ void ReadSolver(const TomlTable& t, Study* study) {
   }
 }
 
+StudyFidelity::Rung ReadRung(const TomlTable& t) {
+  StudyFidelity::Rung rung;
+  rung.name = t.StringOr("name", "");
+  rung.set = t.StringsOr("set", {});
+  if (t.Has("segments")) rung.segments = t.Integer("segments", 1, kMostSegments);
+  if (t.Has("order")) rung.order = t.Integer("order", 1, kHighestOrder);
+  if (rung.segments > 0 && rung.order > 0) {
+    t.Fail("order", "a beam of segments has none", "keep one of segments, order");
+  }
+  if (t.Has("error")) rung.error = t.Number("error", kPositive);
+  return rung;
+}
+
+// "segments = [8, 12, 16]": one rung for each; the same of "order", for smooth beams.
+void ReadRungList(const TomlTable& t, const char* key, int most,
+                  std::vector<StudyFidelity::Rung>* rungs) {
+  double last = 0.0;
+  for (double number : t.NumbersOr(key, {}, -1, {1.0, static_cast<double>(most)})) {
+    if (number != std::floor(number) || number <= last) {
+      t.Fail(key, fmt::format("{} after {}", number, last), "give rising whole numbers");
+    }
+    last = number;
+    StudyFidelity::Rung rung;
+    (std::string(key) == "segments" ? rung.segments : rung.order) = static_cast<int>(number);
+    rungs->push_back(rung);
+  }
+}
+
+void ReadFidelity(const TomlTable& root, Study* study) {
+  if (root.Has("mesh_check")) {
+    root.Fail("mesh_check", "the check of the mesh has become a ladder of meshes",
+              "leave it out, or give fidelity.segments = [coarse, .., fine]; docs/study.md");
+  }
+  const auto table = root.TableOrNone("fidelity");
+  if (!table) return;
+  StudyFidelity& out = study->fidelity;
+  out.wanted = table->BoolOr("wanted", true);
+  ReadRungList(*table, "segments", kMostSegments, &out.rungs);
+  ReadRungList(*table, "order", kHighestOrder, &out.rungs);
+  const std::vector<TomlTable> tables = table->TableArray("rung");
+  if (!tables.empty() && !out.rungs.empty()) {
+    table->Fail("rung", "rungs are given twice", "keep one of rung, and segments and order");
+  }
+  for (const TomlTable& t : tables) out.rungs.push_back(ReadRung(t));
+  if (study->command && !out.rungs.empty()) {
+    root.Fail("fidelity", "rungs of a program", "give the finer program as model.finer");
+  }
+}
+
 // The model: a program, or the simulator and its scene.
 void ReadModel(const TomlTable& root, const std::string& path, Study* study) {
   const TomlTable head = root.Table("study");
@@ -226,12 +278,7 @@ Study ReadFrom(const TomlTable& root, const std::string& path) {
     study.profile_evaluations =
         profile->IntegerOr("max_evaluations", study.profile_evaluations, 1, 1000000);
   }
-  if (const auto mesh = root.TableOrNone("mesh_check")) {
-    if (study.command) {
-      root.Fail("mesh_check", "a mesh of a program", "give the finer program as model.finer");
-    }
-    study.mesh_check = ReadMeshCheck(*mesh);
-  }
+  ReadFidelity(root, &study);
   root.RefuseUnknownKeys();
   return study;
 }

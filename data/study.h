@@ -60,14 +60,19 @@ struct StudyCommand {
   std::string where;
 };
 
-// The same scene with less error of its own, to see what that error does to the parameters. Without
-// keys the program makes it: every beam finer.
-struct StudyMeshCheck {
+// The rungs of a study's ladder, coarse to fine; docs/study.md. Without any the program makes them
+// from the scene.
+struct StudyFidelity {
   bool wanted = true;
-  std::vector<std::string> keys;  // of the scene: the numbers of segments
-  double value = 0.0;             // what they are set to [the keys' unit]
-  double spacing_ratio = 2.0;     // coarse spacing over fine, > 1 [-]
-  double order = 2.0;             // the error falls with spacing^order [-]
+  // One version of the scene. What is 0 or empty is as the scene has it.
+  struct Rung {
+    std::string name;              // in words; empty: by what it sets
+    int segments = 0;              // of every beam
+    int order = 0;                 // of every beam, which is then a smooth one
+    std::vector<std::string> set;  // overrides of the scene
+    double error = 0.0;            // relative to the first rung's [-]; 0: not known
+  };
+  std::vector<Rung> rungs;
 };
 
 // A study as read and checked.
@@ -90,7 +95,7 @@ struct Study {
   bool whiten = true;
   std::vector<double> profile_levels = {1.0, 2.0};  // in standard errors [-]; empty: no profiles
   int profile_evaluations = 400;                    // at most
-  StudyMeshCheck mesh_check;
+  StudyFidelity fidelity;
 };
 
 // Throws Error (file:line:key).

@@ -10,6 +10,7 @@
 #include "base/text.h"
 #include "correlate/align/nuisance.h"
 #include "correlate/compare/metrics.h"
+#include "study/ladder_words.h"
 
 namespace unfurl::study {
 
@@ -69,7 +70,8 @@ std::string ResidualWords(const correlate::TrialResult& t, bool several) {
           "are wrong by more than the tracks claim, and the values may be off by more than their "
           "errors say.",
           Probability(g.p_covariances()), g.p_noise(),
-          t.error_check == correlate::ErrorCheck::kFiner
+          t.error_check == correlate::ErrorCheck::kFiner ||
+                  t.error_check == correlate::ErrorCheck::kLadder
               ? fmt::format(" nor a finer model, which takes {:.0f}% of it away",
                             100.0 * g.mesh_takes)
               : std::string());
@@ -88,6 +90,9 @@ std::string ErrorWords(const correlate::TrialResult& t, const std::string& of) {
   const std::string size = fmt::format("moves the marks{} by {:.3g} mm RMS, {:.2g} of their sigma",
                                        of, 1e3 * t.model_error_rms, t.model_error_sigmas);
   switch (t.error_check) {
+    case correlate::ErrorCheck::kLadder:
+      return "What the finest rung still lacks, by its change from the rung below, " + size +
+             "; it is in the standard errors and intervals.";
     case correlate::ErrorCheck::kFiner:
       return "The model's own error, by a finer model and a tighter tolerance, " + size +
              "; it is in the standard errors and intervals.";
@@ -222,6 +227,7 @@ void JudgeWhole(const correlate::FitProblem& problem, const correlate::FitResult
                     parameters[j].unit, r.parameters[j].reason));
   }
   AddTrialWords(problem.trials, r, record);
+  AddLadderWords(r.ladder, record);
   AddSearchWords(r, record);
 }
 
@@ -238,6 +244,13 @@ void AddSearch(const correlate::FitResult& r, data::FitRecord* record) {
     record->evaluations.push_back({e.theta, e.purpose, e.message, e.stage,
                                    e.status != correlate::ModelStatus::kGood, e.start, e.trial,
                                    static_cast<std::int32_t>(e.fidelity), e.cost});
+  }
+  for (std::size_t rung = 0; rung < r.ladder.names.size(); ++rung) {
+    record->rungs.push_back({r.ladder.names[rung], static_cast<std::int32_t>(r.ladder.runs[rung])});
+  }
+  for (const correlate::LadderRound& round : r.ladder.rounds) {
+    record->rounds.push_back({static_cast<std::int32_t>(round.base), round.fine_cost, round.step,
+                              round.contraction, round.counted, round.slope, round.theta});
   }
   record->checks["evaluations [1]"] = static_cast<double>(r.evaluations.size());
 }
@@ -308,6 +321,7 @@ data::FitRecord RecordOf(const data::Study& study, const correlate::FitProblem& 
     to.start = q.start, to.low = q.low, to.high = q.high;
     to.value = e.value, to.sigma = e.sigma, to.sigma_data = e.sigma_data;
     to.sigma_white = e.sigma_white, to.sigma_model = e.sigma_model;
+    to.sigma_doubt = e.sigma_doubt;
     to.model_shift = e.model_shift, to.kink = e.kink, to.sigma_alone = e.sigma_alone;
     to.imitated = e.imitated, to.low95 = e.all95.low, to.high95 = e.all95.high;
     to.low95_data = e.data95.low, to.high95_data = e.data95.high;

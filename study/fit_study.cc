@@ -54,7 +54,9 @@ correlate::Comparison CompareAtEstimate(const correlate::FitTrial& trial,
   std::vector<double> theta;
   for (const auto& p : record.parameters) theta.push_back(p.value);
   const double end = c.observations.End() - c.observations.Start();
-  const correlate::SampledModel sampled(*trial.model, theta, c.marks, 0.0, end, kComparisonStep);
+  const correlate::Model& model =
+      trial.rungs.empty() ? *trial.model : *trial.rungs.back().model;  // what the fit means
+  const correlate::SampledModel sampled(model, theta, c.marks, 0.0, end, kComparisonStep);
   if (!sampled.good()) return c;
   for (const correlate::ModelEvent& e : sampled.events()) {
     if (e.kind == "latch") c.latches.push_back(e);

@@ -12,7 +12,7 @@
 #include "data/formats.h"
 #include "data/h5.h"
 #include "data/tracks.h"
-#include "study/finer_mesh.h"
+#include "study/rungs.h"
 #include "study/scene_model.h"
 
 namespace unfurl::study {
@@ -118,33 +118,39 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from,
     }
   }
   for (const std::string& file : model->files()) bound->inputs.push_back(file);
-  const FinerMesh mesh = FinerMeshOf(study.mesh_check, model->beams());
-  auto at = [&](double rtol, bool fine) {
+  const std::vector<SceneRung> rungs = RungsOf(study.fidelity, model->beams());
+  auto at = [&](double rtol, std::size_t rung) {
     SceneModelOptions options = binding;
     options.rtol = rtol;
-    if (fine) options.set.insert(options.set.end(), mesh.set.begin(), mesh.set.end());
+    if (rung < rungs.size()) {
+      options.set.insert(options.set.end(), rungs[rung].set.begin(), rungs[rung].set.end());
+    }
     return BindScene(study, options, theta);
   };
-  std::unique_ptr<SceneModel> finer;
-  if (!mesh.set.empty()) finer = at(0.1 * binding.rtol, true);
   if (study.rtol == 0.0) {
-    const correlate::ToleranceChoice choice = correlate::ChooseTolerance(
-        [&](double rtol) { return at(rtol, false); }, finer.get(), theta, *trial->observations);
-    bound->tolerance.push_back(choice);
-    binding.rtol = choice.rtol;
-    model = at(binding.rtol, false);
-    if (!mesh.set.empty()) finer = at(0.1 * binding.rtol, true);
+    // The residuals to come: noise, and what the finest rung leaves.
+    std::unique_ptr<SceneModel> finer;
+    double part = 0.0;
+    if (rungs.size() > 1 && rungs[1].error > 0.0 && rungs[1].error < rungs[0].error) {
+      finer = at(0.1 * binding.rtol, 1);
+      part = rungs.back().error / (rungs[0].error - rungs[1].error);
+    }
+    bound->tolerance.push_back(correlate::ChooseTolerance(
+        [&](double rtol) { return at(rtol, 0); }, finer.get(), theta, *trial->observations, part));
+    binding.rtol = bound->tolerance.back().rtol;
   }
-  auto tighter = at(0.1 * binding.rtol, false);
-  if (finer != nullptr) {
-    bound->models.push_back(std::move(finer));
-    trial->finer = bound->models.back().get();
-    trial->finer_factor = mesh.factor;
+  auto keep = [&](std::unique_ptr<SceneModel> made) {
+    bound->models.push_back(std::move(made));
+    return bound->models.back().get();
+  };
+  trial->model = keep(at(binding.rtol, 0));
+  trial->tighter = keep(at(0.1 * binding.rtol, 0));
+  if (rungs.empty()) return;
+  trial->model_name = rungs[0].name;
+  trial->model_relative_error = rungs[0].error > 0.0 ? rungs[0].error : 1.0;
+  for (std::size_t r = 1; r < rungs.size(); ++r) {
+    trial->rungs.push_back({keep(at(binding.rtol, r)), rungs[r].name, rungs[r].error});
   }
-  trial->model = model.get();
-  trial->tighter = tighter.get();
-  bound->models.push_back(std::move(model));
-  bound->models.push_back(std::move(tighter));
 }
 
 void BindCommand(const data::Study& study, const data::StudyTrial& from, correlate::FitTrial* trial,
@@ -163,11 +169,11 @@ void BindCommand(const data::Study& study, const data::StudyTrial& from, correla
   options.study_folder = std::filesystem::absolute(study.path).parent_path().string();
   bound->models.push_back(std::make_unique<correlate::CommandModel>(options));
   trial->model = bound->models.back().get();
-  if (study.command->finer.empty()) return;
+  if (study.command->finer.empty() || !study.fidelity.wanted) return;
   options.words = study.command->finer;
   bound->models.push_back(std::make_unique<correlate::CommandModel>(options));
-  trial->finer = bound->models.back().get();
-  trial->finer_factor = 1.0;
+  trial->model_name = "the program";
+  trial->rungs.push_back({bound->models.back().get(), "the finer program", 0.0});
 }
 
 }  // namespace

@@ -10,7 +10,7 @@ namespace unfurl::correlate {
 
 ToleranceChoice ChooseTolerance(const std::function<std::unique_ptr<Model>(double rtol)>& at,
                                 const Model* finer, const std::vector<double>& theta,
-                                const Observations& observations) {
+                                const Observations& observations, double part) {
   constexpr double kPart = 0.01;  // of the residuals to come
   constexpr double kLadder[] = {1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10};
   constexpr std::size_t kRungs = std::size(kLadder);
@@ -37,7 +37,7 @@ ToleranceChoice ChooseTolerance(const std::function<std::unique_ptr<Model>(doubl
   run(0, 2, finer != nullptr);
   double error = 0.0;
   if (finer != nullptr && good(fine) && good(answers[1])) {
-    error = RmsDifference(fine, answers[1]);
+    error = part * RmsDifference(fine, answers[1]);
   }
   choice.wanted = kPart * std::hypot(TypicalSigma(observations), error);
   for (std::size_t i = 0; i + 1 < kRungs; ++i) {

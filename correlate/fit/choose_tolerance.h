@@ -18,11 +18,11 @@ struct ToleranceChoice {
 };
 
 // The loosest of 1e-5, 1e-6 .. 1e-9 whose scatter at `theta` over the whole record is below a
-// hundredth of what the residuals will be: the marks' sigma, and with it the mesh's error where
-// `finer` (null: none) tells it. Where none is, the one of least scatter. `at(rtol)` makes the
+// hundredth of what the residuals will be: the marks' sigma, and with it `part` of what `finer`
+// (null: none) moves the marks by. Where none is, the one of least scatter. `at(rtol)` makes the
 // model.
 ToleranceChoice ChooseTolerance(const std::function<std::unique_ptr<Model>(double rtol)>& at,
                                 const Model* finer, const std::vector<double>& theta,
-                                const Observations& observations);
+                                const Observations& observations, double part = 1.0);
 
 }  // namespace unfurl::correlate

@@ -2,13 +2,24 @@
 
 namespace unfurl::correlate {
 
+Fidelity FidelityOfRung(std::size_t rung) {
+  if (rung == 0) return Fidelity::kMain;
+  return static_cast<Fidelity>(static_cast<std::int32_t>(Fidelity::kRung) +
+                               static_cast<std::int32_t>(rung) - 1);
+}
+
 const Model* ModelOf(const FitTrial& trial, Fidelity fidelity) {
+  if (fidelity >= Fidelity::kRung) {
+    const auto rung =
+        static_cast<std::size_t>(fidelity) - static_cast<std::size_t>(Fidelity::kRung);
+    return trial.rungs.at(rung).model;
+  }
   switch (fidelity) {
     case Fidelity::kTighter:
       return trial.tighter;
     case Fidelity::kFiner:
       return trial.finer;
-    case Fidelity::kMain:
+    default:
       break;
   }
   return trial.model;
@@ -26,8 +37,9 @@ std::vector<Evaluator::Answer> Evaluator::Ask(const std::vector<const Request*>&
   std::vector<Job> jobs;
   for (std::size_t i = 0; i < requests.size(); ++i) {
     const Request& r = *requests[i];
+    const Fidelity fidelity = Meant(r);
     jobs.push_back(
-        {r.trial, r.fidelity, ModelOf(problem_.trials[r.trial], r.fidelity), r.theta, stamps[i]});
+        {r.trial, fidelity, ModelOf(problem_.trials[r.trial], fidelity), r.theta, stamps[i]});
   }
   std::vector<Answer> answers(requests.size());
   workers_.Run(jobs, [&](std::size_t i, Prediction answer) {
@@ -40,7 +52,7 @@ std::vector<Evaluator::Answer> Evaluator::Ask(const std::vector<const Request*>&
     record.stage = stage_;
     record.start = start_;
     record.trial = static_cast<int>(requests[i]->trial);
-    record.fidelity = requests[i]->fidelity;
+    record.fidelity = Meant(*requests[i]);
     record.status = answers[i]->status;
     record.message = answers[i]->message;
     records_.push_back(std::move(record));
@@ -65,7 +77,7 @@ std::vector<Evaluator::Answer> Evaluator::Evaluate(const std::vector<Request>& r
   std::vector<const Stamps*> where;
   std::map<Key, Answer> mine;  // what this call needs, whatever the cache drops meanwhile
   for (const Request& request : requests) {
-    const Key key{{request.trial, request.fidelity}, request.theta};
+    const Key key{{request.trial, Meant(request)}, request.theta};
     const auto cached = cache_.find(key);
     if (cached != cache_.end()) {
       mine[key] = cached->second;
@@ -76,7 +88,7 @@ std::vector<Evaluator::Answer> Evaluator::Evaluate(const std::vector<Request>& r
   }
   const std::vector<Answer> answers = Ask(fresh, where);
   for (std::size_t i = 0; i < fresh.size(); ++i) {
-    const Key key{{fresh[i]->trial, fresh[i]->fidelity}, fresh[i]->theta};
+    const Key key{{fresh[i]->trial, Meant(*fresh[i])}, fresh[i]->theta};
     mine[key] = cache_[key] = answers[i];
     age_.push_back(key);
   }
@@ -86,7 +98,15 @@ std::vector<Evaluator::Answer> Evaluator::Evaluate(const std::vector<Request>& r
   }
   std::vector<Answer> out;
   for (const Request& request : requests) {
-    out.push_back(mine.at(Key{{request.trial, request.fidelity}, request.theta}));
+    Answer answer = mine.at(Key{{request.trial, Meant(request)}, request.theta});
+    const bool model =
+        request.fidelity == Fidelity::kMain || request.fidelity == Fidelity::kTighter;
+    if (correction_ != nullptr && request.corrected && model &&
+        answer->status == ModelStatus::kGood) {
+      answer = std::make_shared<const Prediction>(
+          correction_->Apply(request.trial, request.theta, *answer));
+    }
+    out.push_back(std::move(answer));
   }
   return out;
 }
@@ -95,7 +115,7 @@ void Evaluator::NoteCost(const std::vector<double>& theta, double cost) {
   std::size_t left = problem_.trials.size();
   for (auto record = records_.rbegin(); record != records_.rend() && left > 0; ++record) {
     if (record->stage != stage_) return;
-    if (record->theta != theta || record->fidelity != Fidelity::kMain) continue;
+    if (record->theta != theta || record->fidelity != FidelityOfRung(base_)) continue;
     if (record->cost < 0.0) record->cost = cost;
     --left;
   }

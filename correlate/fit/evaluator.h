@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "correlate/fit/correction.h"
 #include "correlate/fit/fit_problem.h"
 #include "correlate/fit/workers.h"
 
@@ -36,6 +37,7 @@ class Evaluator {
     std::vector<double> theta;
     std::string purpose;
     Fidelity fidelity = Fidelity::kMain;
+    bool corrected = true;  // kMain, kTighter: with the correction that stands
   };
   // What a model said; several askers share it.
   using Answer = std::shared_ptr<const Prediction>;
@@ -52,6 +54,13 @@ class Evaluator {
   std::vector<Answer> EvaluateAt(const std::vector<Request>& requests,
                                  const std::vector<Stamps>& stamps);
 
+  // The rung that kMain means from now on; 0: the trials' `model`.
+  void SetBase(std::size_t rung) { base_ = rung; }
+  // Added to every answer of kMain and kTighter at the standing stamps; null: none.
+  void SetCorrection(std::shared_ptr<const Correction> correction) {
+    correction_ = std::move(correction);
+  }
+
   // Adds what an evaluation cost the data; the latest records of `theta` take it.
   void NoteCost(const std::vector<double>& theta, double cost);
 
@@ -62,6 +71,11 @@ class Evaluator {
  private:
   using Key = std::pair<std::pair<std::size_t, Fidelity>, std::vector<double>>;
   static constexpr std::size_t kCached = 200;  // answers; a long record takes 200 kB each
+  // Rung 0 itself is asked for uncorrected.
+  Fidelity Meant(const Request& request) const {
+    return request.corrected && request.fidelity == Fidelity::kMain ? FidelityOfRung(base_)
+                                                                    : request.fidelity;
+  }
   std::vector<Answer> Ask(const std::vector<const Request*>& requests,
                           const std::vector<const Stamps*>& stamps);
 
@@ -70,6 +84,8 @@ class Evaluator {
   int start_;
   std::vector<Stamps> stamps_;
   int stage_ = 0;
+  std::size_t base_ = 0;
+  std::shared_ptr<const Correction> correction_;
   std::map<Key, Answer> cache_;
   std::deque<Key> age_;
   std::vector<EvaluationRecord> records_;

@@ -19,6 +19,10 @@ void CheckProblem(const FitProblem& problem) {
     throw Error("a study without a trial", "trials", "name at least one");
   }
   for (const FitTrial& trial : problem.trials) {
+    if (trial.rungs.size() != problem.trials.front().rungs.size()) {
+      throw Error("its ladder has another number of rungs", "trial " + trial.name,
+                  "give every trial the same rungs");
+    }
     if (!trial.observations->has_sigma) {
       throw Error("the data carry no covariances", "tracks",
                   "fit to tracks; a run is compared by `correlate`");

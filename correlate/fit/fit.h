@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -92,6 +93,8 @@ struct ParameterEstimate {
   double sigma_data = 0.0;   // from the samples and what they share, residual correlation included
   double sigma_white = 0.0;  // the same, were the residuals white and their covariances right
   double sigma_model = 0.0;  // from the model's own error (mesh, tolerance)
+  double sigma_doubt = 0.0;  // of that, what lies to either side; the rest is between 0 and
+                             // model_shift (FitResult::ladder.one_sided); else all of it
   double sigma_alone = 0.0;  // of the data, were all other parameters known
   double model_shift = 0.0;  // by how much the finer model would move the value
   double kink = 0.0;         // |forward - backward| / |forward + backward| differences, RMS [-]
@@ -136,6 +139,7 @@ struct LessWeight {
 enum class ErrorCheck {
   kNone,       // by nothing: the standard errors are those of the data alone
   kTolerance,  // by a tighter tolerance of the solver; not by a finer mesh
+  kLadder,     // by the change between the finest rungs of a ladder
   kFiner,      // by a model with less discretisation error, and a tighter tolerance
 };
 
@@ -168,9 +172,44 @@ struct TrialResult {
   // 3 x n [m]; empty where none was run. RMS in metres and in the marks' sigmas.
   std::vector<Eigen::Matrix3Xd> model_error;
   Eigen::VectorXd event_error;  // of the events, in their sigmas
+  // By how much a second estimate of it, from lower rungs of the ladder, differs; empty: none.
+  std::vector<Eigen::Matrix3Xd> model_doubt;
+  Eigen::VectorXd event_doubt;
+  // What a tighter tolerance moves the lowest rung's marks by there; empty: none was run.
+  std::vector<Eigen::Matrix3Xd> model_scatter;
+  Eigen::VectorXd event_scatter;
   double model_error_rms = 0.0;
   double model_error_sigmas = 0.0;
   double data_sigma = 0.0;  // typical sigma of the samples [m]
+};
+
+/// One look of a fit's ladder at the finest rung (docs/physics-correlation.md, "The ladder").
+struct LadderRound {
+  std::size_t base = 0;       ///< the rung that led there
+  std::vector<double> theta;  ///< values at which the finest rung was evaluated
+  double fine_cost = -1.0;    ///< half its sum of squares there; -1: it failed
+  /// From the round before, the largest in standard errors; NaN: the first [-].
+  double step = std::numeric_limits<double>::quiet_NaN();
+  /// That step over the one before it; NaN: there is none [-].
+  double contraction = std::numeric_limits<double>::quiet_NaN();
+  bool counted = true;  ///< the finest rung's cost fell
+  bool slope = false;   ///< the difference's slope took it in (Broyden)
+};
+
+/// What the ladder of a fit did.
+struct LadderResult {
+  bool used = false;                ///< there were rungs
+  bool settled = false;             ///< the last step was small, or the last rung was fitted itself
+  std::size_t base = 0;             ///< the rung that was solved on in the end
+  std::vector<std::string> names;   ///< of the rungs, the lowest first
+  std::vector<std::size_t> runs;    ///< evaluations of each, over all trials
+  std::vector<LadderRound> rounds;  ///< the looks, in their order
+  std::vector<std::string> notes;   ///< in words: what went up, and why
+  /// Whether two estimates of what the finest rung leaves agree, so that its direction is known.
+  bool one_sided = false;
+  /// What it leaves is more than ten times what the data leave open of any parameter: no profile of
+  /// the data would show in an interval (less than half a per cent of it), and none was followed.
+  bool rules = false;
 };
 
 /// All that a fit found.
@@ -191,6 +230,7 @@ struct FitResult {
   double cost = 0.0;            // half the sum of squares at the estimate, whitened, with priors
   // Deviance by which the lowest point of any profile lies below the estimate; 0: none does [-].
   double profile_below = 0.0;
+  LadderResult ladder;
   int returns = 0;  // how often the fit was taken up again from a lower point of a profile
 };
 

@@ -92,6 +92,25 @@ Eigen::MatrixXd SectionShifts(const Observations& o, const RowWhitening* whiteni
   return gain * pieces;
 }
 
+// What an error of the model, in metres and in events' sigmas, does to the unknowns: as a whole,
+// and in independent pieces.
+struct ErrorShift {
+  Eigen::MatrixXd rows;    // of the trial, in the samples' own sigmas; one column
+  Eigen::VectorXd common;  // of the unknowns
+  Eigen::MatrixXd pieces;  // unknowns x sections
+
+  ErrorShift(const Observations& o, const TrialResult& trial, const RowWhitening* whitening,
+             const Eigen::MatrixXd& gain, int sections, const std::vector<Eigen::Matrix3Xd>& marks,
+             const Eigen::VectorXd& events)
+      : rows(WhitenedSensitivity(o, trial.prediction, trial.at.X_WM, {marks})) {
+    rows.middleRows(3 * static_cast<Eigen::Index>(o.size()), events.size()) = events;
+    pieces = SectionShifts(o, whitening, gain, rows.col(0), sections);
+    Eigen::MatrixXd whitened = rows;
+    if (whitening != nullptr) whitening->Apply(whitened);
+    common = gain * whitened;
+  }
+};
+
 double Rms(const std::vector<Eigen::Matrix3Xd>& tracks) {
   double sum = 0.0, n = 0.0;
   for (const auto& t : tracks) sum += t.squaredNorm(), n += static_cast<double>(t.cols());
@@ -121,6 +140,81 @@ void FillBand(const Eigen::MatrixXd& covariance, TrialResult* trial) {
     }
     trial->band.push_back(variance.cwiseMax(0.0).cwiseSqrt());
   }
+}
+
+// The model's part of the covariance: of the error found, and of the doubt about it where there are
+// two estimates.
+struct ModelPart {
+  Eigen::MatrixXd covariance, doubtful;  // of the unknowns; the part to either side
+  Eigen::VectorXd common;                // shift of the unknowns that the error as a whole causes
+  Eigen::VectorXd rows;                  // the error in the samples' own sigmas, all trials
+};
+
+struct ModelPartInput {
+  const FitProblem& problem;
+  const std::vector<const Observations*>& data;
+  const std::vector<const RowWhitening*>& whitening;
+  const Stacked& whole;
+  const Eigen::MatrixXd& inverse;
+  int sections;
+};
+
+// Adds a trial's error, or the doubt about it, to the covariance; its shift as a whole.
+struct Shifts {
+  Eigen::MatrixXd covariance;
+  Eigen::VectorXd common;
+  explicit Shifts(Eigen::Index n)
+      : covariance(Eigen::MatrixXd::Zero(n, n)), common(Eigen::VectorXd::Zero(n)) {}
+  void Add(const ErrorShift& one) {
+    covariance += one.pieces * one.pieces.transpose();
+    common += one.common;
+  }
+  void AddCommon() { covariance += common * common.transpose(); }
+};
+
+ModelPart PartOfModel(const ModelPartInput& in, const Eigen::MatrixXd& from_data, FitResult* r) {
+  const auto p = static_cast<Eigen::Index>(in.problem.parameters.size());
+  const Eigen::Index n = in.inverse.rows();
+  Shifts error(n), doubt(n), scatter(n);
+  ModelPart out;
+  out.rows = Eigen::VectorXd::Zero(in.whole.A.rows());
+  const Eigen::MatrixXd gain = in.inverse * in.whole.A.transpose();
+  bool second = r->ladder.used;
+  for (std::size_t t = 0; t < r->trials.size(); ++t) {
+    TrialResult& trial = r->trials[t];
+    const Block& b = in.whole.blocks[t];
+    second = second && !trial.model_doubt.empty();
+    if (trial.model_error.empty()) continue;
+    const Observations& o = *in.data[t];
+    const Eigen::MatrixXd own = gain.middleCols(b.row, b.rows);
+    auto shift = [&](const std::vector<Eigen::Matrix3Xd>& marks, const Eigen::VectorXd& events) {
+      return ErrorShift(o, trial, in.whitening[t], own, in.sections, marks, events);
+    };
+    const ErrorShift found = shift(trial.model_error, trial.event_error);
+    error.Add(found);
+    out.rows.segment(b.row, b.rows) = found.rows.col(0);
+    trial.model_error_rms = Rms(trial.model_error);
+    trial.model_error_sigmas =
+        std::sqrt(found.rows.squaredNorm() / std::max(1.0, 3.0 * static_cast<double>(o.size())));
+    if (!trial.model_doubt.empty()) doubt.Add(shift(trial.model_doubt, trial.event_doubt));
+    if (!trial.model_scatter.empty()) scatter.Add(shift(trial.model_scatter, trial.event_scatter));
+  }
+  for (Shifts* part : {&error, &doubt, &scatter}) part->AddCommon();
+  out.common = error.common;
+  out.doubtful = doubt.covariance + scatter.covariance;
+  // Estimates that differ by less than they are large know the error's direction: the value without
+  // it lies between none and all of it (variance of a uniform density about its end: a third), give
+  // or take the doubt. Else the error found is a bound to either side.
+  const Eigen::VectorXd scale = from_data.diagonal().head(p).cwiseMax(1e-300).cwiseSqrt();
+  auto size = [&](const Eigen::VectorXd& v) { return v.head(p).cwiseQuotient(scale).norm(); };
+  r->ladder.one_sided = second && size(doubt.common) < size(error.common);
+  if (r->ladder.one_sided) {
+    out.covariance = error.common * error.common.transpose() / 3.0 + out.doubtful;
+  } else {
+    out.covariance = error.covariance + out.doubtful;
+    out.doubtful = out.covariance;
+  }
+  return out;
 }
 
 }  // namespace
@@ -190,32 +284,13 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
   }
   const Eigen::MatrixXd from_data = inverse * middle * inverse + open;
 
-  Eigen::MatrixXd from_model = Eigen::MatrixXd::Zero(H.rows(), H.cols());
-  Eigen::VectorXd common = Eigen::VectorXd::Zero(H.rows());
-  const Eigen::MatrixXd gain = inverse * whole.A.transpose();
-  Eigen::VectorXd left = Eigen::VectorXd::Zero(plain.A.rows()), finer = left;
+  Eigen::VectorXd left = Eigen::VectorXd::Zero(plain.A.rows());
   for (std::size_t t = 0; t < trials; ++t) {
-    TrialResult& trial = r->trials[t];
-    const Block& b = whole.blocks[t];
-    left.segment(b.row, b.rows) = trial.residual;
-    if (trial.model_error.empty()) continue;
-    Eigen::MatrixXd error =
-        WhitenedSensitivity(*data[t], trial.prediction, trial.at.X_WM, {trial.model_error});
-    error.middleRows(3 * static_cast<Eigen::Index>(data[t]->size()), trial.event_error.size()) =
-        trial.event_error;
-    trial.model_error_rms = Rms(trial.model_error);
-    trial.model_error_sigmas =
-        std::sqrt(error.squaredNorm() / std::max(1.0, 3.0 * static_cast<double>(data[t]->size())));
-    finer.segment(b.row, b.rows) = error.col(0);
-    const Eigen::MatrixXd sections =
-        SectionShifts(*data[t], whitening[t], gain.middleCols(b.row, b.rows), error.col(0),
-                      std::max(1, options.error_sections));
-    from_model += sections * sections.transpose();
-    if (whitening[t] != nullptr) whitening[t]->Apply(error);
-    common += gain.middleCols(b.row, b.rows) * error;
+    left.segment(whole.blocks[t].row, whole.blocks[t].rows) = r->trials[t].residual;
   }
-  from_model += common * common.transpose();
-
+  const int sections = std::max(1, options.error_sections);
+  ModelPart model = PartOfModel({problem, data, whitening, whole, inverse, sections}, from_data, r);
+  Eigen::VectorXd& finer = model.rows;
   for (Eigen::VectorXd* rows : {&left, &finer}) {
     *rows -= plain.A * (inverse_white * (plain.A.transpose() * *rows));
   }
@@ -227,19 +302,20 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     in.plain = &trial.plain;
     in.whitened = &trial.whitened;
     in.whitened_residual = &trial.registration.residual;
+    in.residual = &trial.residual;
     in.squares = trial.residual.squaredNorm();
     in.dof = dof[t];
-    if (trial.error_check == ErrorCheck::kFiner) {
+    if (trial.error_check == ErrorCheck::kFiner || trial.error_check == ErrorCheck::kLadder) {
       const auto here = left.segment(b.row, b.rows), change = finer.segment(b.row, b.rows);
       in.left = here.squaredNorm();
       in.finer = change.squaredNorm();
       in.left_by_finer = here.dot(change);
     }
-    in.sections = std::max(1, options.error_sections);
+    in.sections = sections;
     trial.goodness = TestGoodness(in);
   }
 
-  const Eigen::MatrixXd total = from_data + from_model;
+  const Eigen::MatrixXd total = from_data + model.covariance;
   r->covariance = total.topLeftCorner(p, p);
   const Eigen::VectorXd sigma = total.diagonal().cwiseMax(0.0).cwiseSqrt();
   const Eigen::VectorXd unit = sigma.cwiseMax(1e-300).cwiseInverse();
@@ -256,8 +332,9 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     e.sigma = sigma(j);
     e.sigma_data = std::sqrt(std::max(0.0, from_data(j, j)));
     e.sigma_white = std::sqrt(std::max(0.0, white(j, j)));
-    e.sigma_model = std::sqrt(std::max(0.0, from_model(j, j)));
-    e.model_shift = -common(j);
+    e.sigma_model = std::sqrt(std::max(0.0, model.covariance(j, j)));
+    e.sigma_doubt = std::sqrt(std::max(0.0, model.doubtful(j, j)));
+    e.model_shift = -model.common(j);
   }
 }
 

@@ -38,14 +38,16 @@ std::vector<LessWeight> WeighSections(const Observations& all, const Prediction&
   return less;
 }
 
-bool FillEstimate(const FitProblem& problem, StageRunner& runner, FitResult* r) {
+bool FillEstimate(const FitProblem& problem, StageRunner& runner,
+                  std::vector<Evaluator::Request> beside, FitResult* r) {
   ReducedProblem& reduced = runner.reduced();
   const std::vector<double>& u = runner.u();
   const ReducedProblem::Point& point = runner.point();
   const std::vector<double> theta = Values(problem.parameters, u.data());
-  std::vector<Evaluator::Request> beside;
+  const std::size_t ladder = beside.size();
   for (std::size_t t = 0; t < problem.trials.size(); ++t) {
     const FitTrial& trial = problem.trials[t];
+    if (!trial.rungs.empty()) continue;  // the ladder tells more
     if (trial.finer != nullptr) {
       beside.push_back({t, theta, "finer model", Fidelity::kFiner});
     } else if (trial.tighter != nullptr) {
@@ -94,6 +96,7 @@ bool FillEstimate(const FitProblem& problem, StageRunner& runner, FitResult* r) 
       }
     }
   }
+  beside.erase(beside.begin(), beside.begin() + static_cast<std::ptrdiff_t>(ladder));
   for (const Evaluator::Request& request : beside) {
     const Evaluator::Answer finer = runner.evaluator().Evaluate({request}).front();
     TrialResult& trial = r->trials[request.trial];

@@ -13,8 +13,9 @@ namespace unfurl::correlate {
 std::vector<LessWeight> WeighSections(const Observations& all, const Prediction& plain,
                                       const Prediction& tight, int sections, Observations* out);
 
-// Two-sided differences at the estimate, the finer models beside them. False: a model failed
-// there, and the result says so.
-bool FillEstimate(const FitProblem& problem, StageRunner& runner, FitResult* r);
+// Two-sided differences at the estimate, the finer models and what else is wanted beside them.
+// False: a model failed there, and the result says so.
+bool FillEstimate(const FitProblem& problem, StageRunner& runner,
+                  std::vector<Evaluator::Request> beside, FitResult* r);
 
 }  // namespace unfurl::correlate

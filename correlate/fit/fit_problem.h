@@ -9,6 +9,15 @@
 
 namespace unfurl::correlate {
 
+/// A version of a trial's model with less error of its own than the rung below it.
+struct Rung {
+  const Model* model = nullptr;
+  std::string name;  ///< "16 segments"
+  /// Its discretisation error relative to that of the trial's `model`, as theory has it [-]; 0: not
+  /// known, and the last change of the ladder stands for what is left.
+  double error = 0.0;
+};
+
 // One trial and the model of it. Models and observations must outlive the fit.
 struct FitTrial {
   std::string name;
@@ -23,6 +32,11 @@ struct FitTrial {
   // finer mesh has half the spacing and the error falls with its square.
   const Model* finer = nullptr;
   double finer_factor = 4.0 / 3.0;
+  // Instead of `finer`: rungs above `model`, each with less error than the one before; the fit then
+  // means the last of them (docs/physics-correlation.md, "The ladder"). As many in every trial.
+  std::vector<Rung> rungs;
+  std::string model_name = "the model";  // of the lowest rung
+  double model_relative_error = 1.0;     // of the lowest rung, as Rung::error [-]
 
   // Trials reconstructed with one calibration share its error; a name for it. Empty: its own.
   std::string calibration;
@@ -34,8 +48,10 @@ struct FitProblem {
   std::vector<FitTrial> trials;
 };
 
-// Which of a trial's models is asked.
-enum class Fidelity : std::int32_t { kMain = 0, kTighter = 1, kFiner = 2 };
+// Which of a trial's models is asked; kRung + i: rungs[i].
+enum class Fidelity : std::int32_t { kMain = 0, kTighter = 1, kFiner = 2, kRung = 3 };
+// Of rung 0 (the trial's `model`), 1 (rungs[0]), ...
+Fidelity FidelityOfRung(std::size_t rung);
 const Model* ModelOf(const FitTrial& trial, Fidelity fidelity);
 
 }  // namespace unfurl::correlate

@@ -9,6 +9,7 @@
 #include "base/worker_pool.h"
 #include "correlate/fit/fit_covariance.h"
 #include "correlate/fit/fit_estimate.h"
+#include "correlate/fit/ladder_error.h"
 #include "correlate/fit/reduced_problem.h"
 #include "correlate/fit/start_choice.h"
 #include "correlate/fit/verdict.h"
@@ -79,6 +80,7 @@ FitRun::FitRun(const FitProblem& problem, const FitOptions& options)
       local_(options.where == nullptr ? LocalWorkers(options.workers) : nullptr),
       workers_(options.where != nullptr ? *options.where : *local_, options.progress),
       budget_(BudgetOf(problem, options)),
+      ladder_(problem, options),
       weighed_(trials_),
       data_(trials_, nullptr),
       whitening_(trials_),
@@ -183,7 +185,8 @@ void FitRun::WeighByModelNoise() {
     weighed_[t] = *trial.observations;
     data_[t] = &weighed_[t];
     const Prediction& plain = *best_->point().prediction[t];
-    if (trial.tighter != nullptr) {
+    // The tighter tolerance is that of the lowest rung.
+    if (trial.tighter != nullptr && ladder_.result().base == 0) {
       const Evaluator::Answer tight =
           best_->evaluator().Evaluate({{t, theta, "noise", Fidelity::kTighter}}).front();
       if (tight->status == ModelStatus::kGood) {
@@ -195,6 +198,11 @@ void FitRun::WeighByModelNoise() {
     result_.trials[t].model_noise = std::max(noise_[t], plain.noise);
   }
   best_->SetModelNoise(noise_);
+}
+
+bool FitRun::Sharpen(const std::string& what) {
+  if (!ladder_.wanted()) return best_->Sharpen(data_, whiteners_, what);
+  return ladder_.Climb(*best_, data_, whiteners_, what);
 }
 
 bool FitRun::Whiten() {
@@ -212,7 +220,19 @@ bool FitRun::Whiten() {
     whiteners_[t] = &whitening_[t];
     coloured = coloured || !whitening_[t].identity();
   }
-  return !coloured || best_->Sharpen(data_, whiteners_, "whitened");
+  return !coloured || Sharpen("whitened");
+}
+
+void FitRun::TakeStatus() {
+  result_.status = best_->status();
+  result_.message = best_->message();
+  result_.ladder = ladder_.result();
+  const bool lost =
+      ladder_.wanted() && !ladder_.result().settled && ladder_.correction() != nullptr;
+  if (!lost || result_.status != FitStatus::kConverged) return;
+  result_.status = FitStatus::kNotConverged;
+  result_.message =
+      ladder_.result().notes.empty() ? "the ladder did not settle" : ladder_.result().notes.back();
 }
 
 bool FitRun::Solve() {
@@ -222,28 +242,43 @@ bool FitRun::Solve() {
   const bool whitened = std::any_of(whiteners_.begin(), whiteners_.end(),
                                     [](const auto* w) { return w != nullptr && !w->identity(); });
   if (whitened) {  // a return: the cost by which the point is lower must stay what it is
-    const bool good = best_->Sharpen(data_, whiteners_, "from a lower point of a profile");
-    result_.status = best_->status();
-    result_.message = best_->message();
+    const bool good = Sharpen("from a lower point of a profile");
+    TakeStatus();
     return good;
   }
   WeighByModelNoise();
   std::fill(whiteners_.begin(), whiteners_.end(), nullptr);
-  const bool good =
-      best_->Sharpen(data_, whiteners_, "sharpened") && (!options_.whiten || Whiten());
-  result_.status = best_->status();
-  result_.message = best_->message();
+  const bool good = Sharpen("sharpened") && (!options_.whiten || Whiten());
+  TakeStatus();
   return good;
 }
 
 bool FitRun::Estimate() {
-  if (!FillEstimate(problem_, *best_, &result_)) return false;
+  if (!FillEstimate(problem_, *best_, RungsWanted(problem_, ladder_, *best_), &result_))
+    return false;
+  if (ladder_.wanted()) FillWhatIsLeft(problem_, ladder_, *best_, &result_);
   FillCovariance(problem_, data_, whiteners_, options_, &result_);
-  if (options_.profile.wanted) {
+  constexpr double kRules = 10.0;
+  result_.ladder.rules =
+      ladder_.wanted() &&
+      std::all_of(result_.parameters.begin(), result_.parameters.end(),
+                  [](const ParameterEstimate& e) { return e.sigma_model > kRules * e.sigma_data; });
+  if (options_.profile.wanted && !result_.ladder.rules) {
     workers_.Phase("profiles", budget_.profiles);
     FillProfiles(problem_, best_->reduced(), best_->u(), best_->point(), options_, &result_);
   }
   return true;
+}
+
+// With a ladder the values are known no better than its finest rung: what is lower within the
+// tolerance of that is its roughness.
+bool FitRun::FarFrom(const std::vector<double>& theta) const {
+  if (!ladder_.wanted()) return true;
+  for (std::size_t j = 0; j < theta.size(); ++j) {
+    const ParameterEstimate& e = result_.parameters[j];
+    if (std::abs(theta[j] - e.value) > options_.step_tolerance * e.sigma) return true;
+  }
+  return false;
 }
 
 bool FitRun::GoToBetterPoint() {
@@ -258,7 +293,7 @@ bool FitRun::GoToBetterPoint() {
   }
   result_.returns = returns_;
   result_.profile_below = lowest != nullptr ? std::max(0.0, -lowest->deviance) : 0.0;
-  if (result_.profile_below <= kBetter) return false;
+  if (result_.profile_below <= kBetter || !FarFrom(lowest->theta)) return false;
   if (returns_ < kMostReturns) {
     ++returns_;
     best_->Restart(lowest->theta);
@@ -277,6 +312,15 @@ bool FitRun::GoToBetterPoint() {
 
 void FitRun::JudgeParameters() { Judge(problem_, best_->reduced(), best_->point(), &result_); }
 
+void FitRun::CountRuns() {
+  result_.ladder.runs.assign(ladder_.wanted() ? ladder_.top() + 1 : 0, 0);
+  for (const EvaluationRecord& e : result_.evaluations) {
+    for (std::size_t rung = 0; rung < result_.ladder.runs.size(); ++rung) {
+      result_.ladder.runs[rung] += e.fidelity == FidelityOfRung(rung) ? 1 : 0;
+    }
+  }
+}
+
 FitResult FitRun::Finish() {
   for (const auto* group : {&retired_, &runners_}) {
     for (const auto& runner : *group) {
@@ -289,6 +333,7 @@ FitResult FitRun::Finish() {
     if (runner.get() == best_) result_.stages = runner->result().stages;
   }
   if (best_ == nullptr && !runners_.empty()) result_.stages = runners_.front()->result().stages;
+  CountRuns();
   SortByCost(&result_.starts);
   return std::move(result_);
 }

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "correlate/fit/fit.h"
+#include "correlate/fit/ladder.h"
 #include "correlate/fit/progress_workers.h"
 #include "correlate/fit/search.h"
 
@@ -52,7 +53,11 @@ class FitRun {
   void LeadAll(std::size_t from_stage, std::size_t to_stage);
   void ScatterWhatIsOpen();
   void WeighByModelNoise();
+  bool Sharpen(const std::string& what);  // by the ladder where there is one
   bool Whiten();
+  void TakeStatus();
+  void CountRuns();
+  bool FarFrom(const std::vector<double>& theta) const;
 
   const FitProblem& problem_;
   const FitOptions& options_;
@@ -67,6 +72,7 @@ class FitRun {
   std::vector<std::unique_ptr<StageRunner>> runners_, retired_;
   std::vector<std::uint8_t> failed_;  // by runner
   StageRunner* best_ = nullptr;       // among the runners
+  Ladder ladder_;
 
   std::vector<Observations> weighed_;  // by trial, weighed for the model's noise
   std::vector<const Observations*> data_;

@@ -17,6 +17,38 @@ constexpr double kFactor = 4.0;  // of the extrapolated error, to either side of
 
 double Either(double a, double b) { return std::min(1.0, 2.0 * std::min(a, b)); }
 
+// Sum of squares of one series (mark and axis) over one section of time.
+struct Stretch {
+  double squares = 0.0, n = 0.0;
+};
+
+// By series; sections with fewer than ten values take no part.
+std::vector<std::vector<Stretch>> StretchesOf(const Observations& observations,
+                                              const Eigen::VectorXd& residual, int sections) {
+  constexpr double kFewest = 10.0;
+  const double start = observations.Start();
+  const double span = std::max(1e-12, observations.End() - start);
+  std::vector<std::vector<Stretch>> out;
+  Eigen::Index first = 0;
+  for (const MarkSeries& mark : observations.marks) {
+    for (Eigen::Index axis = 0; axis < 3; ++axis) {
+      std::vector<Stretch> series(static_cast<std::size_t>(sections));
+      for (std::size_t i = 0; i < mark.size(); ++i) {
+        const Eigen::Index row = first + 3 * static_cast<Eigen::Index>(i);
+        if (residual.segment<3>(row).squaredNorm() == 0.0) continue;
+        const int s =
+            std::clamp(static_cast<int>((mark.t[i] - start) / span * sections), 0, sections - 1);
+        series[static_cast<std::size_t>(s)].squares += residual(row + axis) * residual(row + axis);
+        series[static_cast<std::size_t>(s)].n += 1.0;
+      }
+      std::erase_if(series, [](const Stretch& s) { return s.n < kFewest; });
+      out.push_back(std::move(series));
+    }
+    first += 3 * static_cast<Eigen::Index>(mark.size());
+  }
+  return out;
+}
+
 }  // namespace
 
 double GoodnessOfFit::p_covariances() const { return Either(p_size, p_white); }
@@ -24,43 +56,34 @@ double GoodnessOfFit::p_noise() const { return Either(p_found, p_steady); }
 
 double SteadyPValue(const Observations& observations, const Eigen::VectorXd& residual,
                     int sections) {
-  constexpr double kFewest = 10.0;
-  const double start = observations.Start();
-  const double span = std::max(1e-12, observations.End() - start);
-  const auto count = static_cast<std::size_t>(sections);
   double statistic = 0.0, freedoms = 0.0;
-  Eigen::Index first = 0;
-  for (const MarkSeries& mark : observations.marks) {
-    for (Eigen::Index axis = 0; axis < 3; ++axis) {
-      std::vector<double> squares(count, 0.0), n(count, 0.0);
-      for (std::size_t i = 0; i < mark.size(); ++i) {
-        const Eigen::Index row = first + 3 * static_cast<Eigen::Index>(i);
-        if (residual.segment<3>(row).squaredNorm() == 0.0) continue;
-        const int s =
-            std::clamp(static_cast<int>((mark.t[i] - start) / span * sections), 0, sections - 1);
-        squares[static_cast<std::size_t>(s)] += residual(row + axis) * residual(row + axis);
-        n[static_cast<std::size_t>(s)] += 1.0;
-      }
-      double all = 0.0, total = 0.0, used = 0.0;
-      for (std::size_t s = 0; s < count; ++s) {
-        if (n[s] < kFewest) continue;
-        all += squares[s], total += n[s], used += 1.0;
-      }
-      if (used < 2.0 || all <= 0.0) continue;
-      // Bartlett's statistic: a likelihood ratio, with his correction for few values.
-      const double pooled = all / total;
-      double ratio = total * std::log(pooled), inverse = -1.0 / total;
-      for (std::size_t s = 0; s < count; ++s) {
-        if (n[s] < kFewest) continue;
-        ratio -= n[s] * std::log(std::max(squares[s] / n[s], 1e-12 * pooled));
-        inverse += 1.0 / n[s];
-      }
-      statistic += ratio / (1.0 + inverse / (3.0 * (used - 1.0)));
-      freedoms += used - 1.0;
+  for (const std::vector<Stretch>& series : StretchesOf(observations, residual, sections)) {
+    double all = 0.0, total = 0.0, used = 0.0;
+    for (const Stretch& s : series) all += s.squares, total += s.n, used += 1.0;
+    if (used < 2.0 || all <= 0.0) continue;
+    // Bartlett's statistic: a likelihood ratio, with his correction for few values.
+    const double pooled = all / total;
+    double ratio = total * std::log(pooled), inverse = -1.0 / total;
+    for (const Stretch& s : series) {
+      ratio -= s.n * std::log(std::max(s.squares / s.n, 1e-12 * pooled));
+      inverse += 1.0 / s.n;
     }
-    first += 3 * static_cast<Eigen::Index>(mark.size());
+    statistic += ratio / (1.0 + inverse / (3.0 * (used - 1.0)));
+    freedoms += used - 1.0;
   }
   return freedoms > 0.0 ? ChiSquareTail(statistic, freedoms) : 1.0;
+}
+
+double LargestStretchPValue(const Observations& observations, const Eigen::VectorXd& residual,
+                            int sections) {
+  double least = 1.0, count = 0.0;
+  for (const std::vector<Stretch>& series : StretchesOf(observations, residual, sections)) {
+    for (const Stretch& s : series) {
+      least = std::min(least, ChiSquareTail(s.squares, s.n));
+      count += 1.0;
+    }
+  }
+  return std::min(1.0, count * least);
 }
 
 GoodnessOfFit TestGoodness(const GoodnessInput& in) {
@@ -70,12 +93,17 @@ GoodnessOfFit TestGoodness(const GoodnessInput& in) {
   out.excess = std::sqrt(std::max(0.0, in.squares / in.dof - 1.0));
   out.p_found = in.whitened->p_together;
   out.p_steady = SteadyPValue(*in.observations, *in.whitened_residual, in.sections);
+  const double stretch = in.residual != nullptr
+                             ? LargestStretchPValue(*in.observations, *in.residual, in.sections)
+                             : 0.0;
+  out.p_steady = std::max(out.p_steady, stretch);
   const double beyond = in.left - in.dof;
   const double factor = in.finer > 0.0 ? -in.left_by_finer / in.finer : 0.0;
   if (beyond > 0.0 && factor > 1.0 / kFactor && factor < kFactor) {
     out.mesh_takes = std::min(1.0, -factor * in.left_by_finer / beyond);
   }
-  if (out.p_covariances() >= kGoodnessLevel) {
+  out.within_known = out.p_size >= kGoodnessLevel && in.finer > in.dof;
+  if (out.p_covariances() >= kGoodnessLevel || out.within_known) {
     out.outcome = Explained::kYes;
   } else if (out.mesh_takes > kHalf) {
     out.outcome = Explained::kMesh;

@@ -9,9 +9,11 @@ namespace unfurl::correlate {
 
 // Does the model explain a trial? Three questions, each at `kGoodnessLevel`:
 // 1. Are the residuals white and no larger than the marks' covariances say (chi-square, Ljung-Box)?
+//    A pattern in residuals that are no larger, while the model's own known error is, is explained.
 // 2. If not: is what is left the model's own known error, which a finer mesh takes away?
 // 3. If not: is it noise that stays the same along the record (whitened by what was found of it,
-//    nothing follows anything, and every stretch has the same variance)? Then the standard errors
+//    nothing follows anything, and every stretch has the same variance, or none has more than the
+//    marks' covariances allow)? Then the standard errors
 //    hold it. A model that is wrong shows where it is wrong: in bursts, at some time, at some mark.
 enum class Explained {
   kYes,
@@ -28,8 +30,12 @@ struct GoodnessOfFit {
   double p_size = 1.0;    // of 1, residuals in the marks' sigmas; one-sided
   double p_white = 1.0;   // of 1, over all series
   double p_found = 1.0;   // of 3, whiteness of what is left after whitening
-  double p_steady = 1.0;  // of 3, equal variance along the record
+  double p_steady = 1.0;  // of 3, equal variance along the record, or no stretch beyond what is
+                          // claimed: covariances that promise too little are no fault of the model
   double excess = 0.0;    // RMS of a coordinate beyond the marks' sigma, in sigmas
+  // The residuals are no larger than the covariances allow, and the model's own known error is: a
+  // pattern within them is less than what the standard errors hold for that error.
+  bool within_known = false;
   // Of the excess's square, what a finer mesh takes away, some factor of it: extrapolation gives
   // the shape of the mesh's error better than its size. 0: no finer mesh, or the factor is far
   // from 1.
@@ -45,13 +51,18 @@ struct GoodnessOfFit {
 double SteadyPValue(const Observations& observations, const Eigen::VectorXd& residual,
                     int sections);
 
+/// P-value of the largest stretch (series and section) under unit variance: one-sided, Bonferroni.
+double LargestStretchPValue(const Observations& observations, const Eigen::VectorXd& residual,
+                            int sections);
+
 /// What the tests look at.
 struct GoodnessInput {
   const Observations* observations = nullptr;
   const ResidualNoise* plain = nullptr;     // of the residuals in the marks' own sigmas
   const ResidualNoise* whitened = nullptr;  // of those whitened by the noise found
   const Eigen::VectorXd* whitened_residual = nullptr;
-  double squares = 0.0, dof = 1.0;  // of the former
+  const Eigen::VectorXd* residual = nullptr;  // in the marks' own sigmas; null: not looked at
+  double squares = 0.0, dof = 1.0;            // of the former
   // With everything that was fitted taken out: sum of squares of what is left of them, of what a
   // finer mesh changes them by, and their product; all 0: no finer mesh.
   double left = 0.0, finer = 0.0, left_by_finer = 0.0;

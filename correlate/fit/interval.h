@@ -26,6 +26,9 @@ Interval IntervalOfData(const Parameter& parameter, const ParameterEstimate& est
 /// The 95% interval of all parts. Each half of the data's interval and the half that the model's
 /// own error gives, 1.96 sigma_model, are independent and add in quadrature, in the coordinate that
 /// the solver moves (the logarithm where that is what moves), and end at the bounds at the latest.
-Interval IntervalOfAllParts(const Parameter& parameter, const ParameterEstimate& estimate);
+/// `one_sided`: of the model's error sigma_doubt lies to either side, and the rest anywhere between
+/// none and model_shift, so that the interval reaches that way.
+Interval IntervalOfAllParts(const Parameter& parameter, const ParameterEstimate& estimate,
+                            bool one_sided = false);
 
 }  // namespace unfurl::correlate

@@ -66,6 +66,15 @@ std::vector<Evaluator::Request> ReducedProblem::RequestsAt(const std::vector<dou
 
 bool ReducedProblem::Finish(const std::vector<double>& u,
                             std::span<const Evaluator::Answer> answers, Point* point) {
+  const bool good = CostOf(u, answers, point);
+  if (!point->registration.empty()) {
+    evaluator_.NoteCost(Values(parameters(), u.data()), point->cost);
+  }
+  return good;
+}
+
+bool ReducedProblem::CostOf(const std::vector<double>& u,
+                            std::span<const Evaluator::Answer> answers, Point* point) const {
   const std::vector<double> theta = Values(parameters(), u.data());
   point->prediction.assign(answers.begin(), answers.end());
   point->registration.clear();
@@ -89,7 +98,6 @@ bool ReducedProblem::Finish(const std::vector<double>& u,
     if (p.has_prior) point->residual(row++) = (theta[j] - p.prior_mean) / p.prior_sigma;
   }
   point->cost = 0.5 * point->residual.squaredNorm();
-  evaluator_.NoteCost(theta, point->cost);
   if (!std::isfinite(point->cost)) {
     point->failure = "the residuals are not finite";
     return false;
@@ -130,8 +138,9 @@ bool ReducedProblem::Shifted(const std::vector<double>& u, std::size_t j, int si
 }
 
 bool ReducedProblem::CentralSensitivity(const std::vector<double>& u, const Point& at,
-                                        Eigen::MatrixXd* J, std::vector<double>* kinks) {
-  std::vector<Evaluator::Request> forward;
+                                        Eigen::MatrixXd* J, std::vector<double>* kinks,
+                                        const std::vector<Evaluator::Request>& beside) {
+  std::vector<Evaluator::Request> forward(beside);
   for (std::size_t j = 0; j < u.size(); ++j) {
     std::vector<double> moved;
     if (!Shifted(u, j, +1, &moved)) continue;

@@ -50,6 +50,10 @@ class ReducedProblem {
   std::vector<bool> AtAll(const std::vector<std::vector<double>>& u, std::vector<Point>* points,
                           const std::string& purpose);
 
+  // What these answers, one a part, are to the data at u; nothing is evaluated. False: one failed.
+  bool CostOf(const std::vector<double>& u, std::span<const Evaluator::Answer> answers,
+              Point* point) const;
+
   // d residual / d u before projection, by one-sided differences, all evaluated at once. `sign` +1
   // or -1 says to which side; a bound or a failure turns a column to the other side. False: a
   // column failed on both. Steps: SetSteps. `change`, if wanted: the same in metres in the model's
@@ -62,7 +66,8 @@ class ReducedProblem {
   // goes within the step: a kink), the mean is the slope of neither: the side that leads downhill
   // is taken, and where neither does, the steeper. `kinks` tells |D+ - D-| / |D+ + D-|.
   bool CentralSensitivity(const std::vector<double>& u, const Point& at, Eigen::MatrixXd* J,
-                          std::vector<double>* kinks = nullptr);
+                          std::vector<double>* kinks = nullptr,
+                          const std::vector<Evaluator::Request>& beside = {});
 
   // Takes the part out of J that a change of the registrations imitates (Kaufman's form).
   Eigen::MatrixXd Project(const Point& at, const Eigen::MatrixXd& J) const;
@@ -79,6 +84,7 @@ class ReducedProblem {
                std::vector<double>* moved) const;
   std::vector<Evaluator::Request> RequestsAt(const std::vector<double>& u,
                                              const std::string& purpose) const;
+  // CostOf, noted at the evaluator's records.
   bool Finish(const std::vector<double>& u, std::span<const Evaluator::Answer> answers,
               Point* point);
 

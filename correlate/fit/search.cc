@@ -77,6 +77,7 @@ bool StageRunner::SolveStage(const StageResult& named, double tolerance, bool ce
   solver.max_iterations = options_.max_iterations;
   solver.central_from_start = central;
   solver.step_tolerance = tolerance;
+  solver.floor = floor_;
   for (std::size_t t = 0; t < problem_.trials.size(); ++t) {
     solver.difference_target =
         std::max({solver.difference_target,
@@ -102,6 +103,7 @@ bool StageRunner::SolveStage(const StageResult& named, double tolerance, bool ce
   stage.solver_message = solved.message;
   stage.cost = solved.cost;
   u_ = solved.u;
+  if (solved.sigma.size() > 0) sigma_ = solved.sigma;
   steps_ = reduced_->steps();
   stage.theta = Values(problem_.parameters, u_.data());
   const bool good =
@@ -339,25 +341,47 @@ bool StageRunner::Polish() {
   return true;
 }
 
+Eigen::VectorXd StageRunner::sigma() const {
+  if (floor_.size() != sigma_.size()) return sigma_;
+  return (sigma_.cwiseAbs2() + floor_.cwiseAbs2()).cwiseSqrt();
+}
+
+bool StageRunner::Settled() const {
+  for (std::size_t t = 0; t < at_.size(); ++t) {
+    if (std::abs(at_[t].offset - offset_ref_[t]) > kOffsetSettled) return false;
+  }
+  return true;
+}
+
+bool StageRunner::Place(const std::vector<const Observations*>& observations,
+                        const std::vector<const RowWhitening*>& whitening) {
+  const bool settled = Settled();
+  Build(observations, whitening, settled, last_stage_);
+  if (!steps_.empty()) reduced_->TakeSteps(steps_);
+  return settled;
+}
+
+bool StageRunner::SolveHere(const std::string& what) {
+  StageResult stage;
+  stage.end = std::numeric_limits<double>::infinity();
+  for (const ReducedProblem::Part& part : reduced_->parts()) {
+    stage.samples += part.observations->size();
+  }
+  const bool good =
+      SolveStage(stage, options_.step_tolerance, true,
+                 options_.free.empty() ? std::vector<std::string>{} : options_.free.back());
+  result_.stages.back().solver_message = what + ": " + result_.stages.back().solver_message;
+  return good;
+}
+
 bool StageRunner::Sharpen(const std::vector<const Observations*>& observations,
                           const std::vector<const RowWhitening*>& whitening,
                           const std::string& what) {
   constexpr int kMaxRounds = 3;
-  std::vector<std::string> free =
-      options_.free.empty() ? std::vector<std::string>{} : options_.free.back();
   for (int round = 0; round < kMaxRounds; ++round) {
-    bool settled = true;
-    for (std::size_t t = 0; t < at_.size(); ++t) {
-      settled = settled && std::abs(at_[t].offset - offset_ref_[t]) <= kOffsetSettled;
-    }
-    if (round > 0 && settled) return true;
-    Build(observations, whitening, settled, last_stage_);
-    StageResult stage;
-    stage.end = std::numeric_limits<double>::infinity();
-    for (const Observations* o : observations) stage.samples += o->size();
-    const bool good = SolveStage(stage, options_.step_tolerance, true, free);
-    result_.stages.back().solver_message = what + ": " + result_.stages.back().solver_message;
-    if (!good) return false;
+    if (round > 0 && Settled()) return true;
+    Place(observations, whitening);
+    if (!SolveHere(what)) return false;
   }
   return true;
 }

@@ -31,6 +31,15 @@ class StageRunner {
   bool Sharpen(const std::vector<const Observations*>& observations,
                const std::vector<const RowWhitening*>& whitening, const std::string& what);
 
+  // The steps of Sharpen, for whoever does something between them. Place: new stamps where the time
+  // offsets have moved; false: there are. SolveHere: false: a model failed at the start.
+  bool Place(const std::vector<const Observations*>& observations,
+             const std::vector<const RowWhitening*>& whitening);
+  bool SolveHere(const std::string& what);
+  bool Settled() const;  // the offsets are near those of the stamps
+  // Standard errors of u by the last solution, the floor in them.
+  Eigen::VectorXd sigma() const;
+
   // Points of the hypercube with what this stage's data determine kept where it is; none where they
   // leave nothing open.
   std::vector<std::vector<double>> ScatterOpen(const std::vector<std::vector<double>>& hypercube);
@@ -39,6 +48,10 @@ class StageRunner {
   std::vector<double> CostsAt(const std::vector<std::vector<double>>& theta, std::size_t stage);
   // Goes there, with frame and offset as they are.
   void MoveTo(const std::vector<double>& theta, const StageRunner& from);
+  // Where the values are known beforehand to be no better than this, in u: steps are then judged by
+  // it, too.
+  void SetFloor(Eigen::VectorXd floor) { floor_ = std::move(floor); }
+  void GoTo(const std::vector<double>& u) { u_ = u; }
   // Goes there within the problem that stands.
   void Restart(const std::vector<double>& theta);
 
@@ -76,6 +89,7 @@ class StageRunner {
   std::unique_ptr<ReducedProblem> reduced_;
   ReducedProblem::Point point_;
   std::vector<double> u_, steps_;
+  Eigen::VectorXd sigma_, floor_;
   double misfit_ = 0.0;
   StartResult result_;
   FitStatus status_ = FitStatus::kModelFailed;

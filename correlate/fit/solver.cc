@@ -103,7 +103,10 @@ class StepWatch : public ceres::IterationCallback {
     for (std::size_t j = 0; j < parameters_.size(); ++j) {
       const auto i = static_cast<Eigen::Index>(j);
       if (!options_.held.empty() && options_.held[j]) continue;
-      if (std::abs(next.step(i)) > tolerance * next.sigma(i)) return ceres::SOLVER_CONTINUE;
+      const double floor = options_.floor.size() > i ? options_.floor(i) : 0.0;
+      if (std::abs(next.step(i)) > tolerance * std::hypot(next.sigma(i), floor)) {
+        return ceres::SOLVER_CONTINUE;
+      }
     }
     small = true;
     return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
@@ -186,6 +189,7 @@ SolverResult Solve(ReducedProblem& problem, const std::vector<Parameter>& parame
     result.message = "the model could not be evaluated at the start";
     return result;
   }
+  result.sigma = StepAndSigma(cost.last_projected, cost.last_residual).sigma;
   if (summary.IsSolutionUsable() &&
       (watch.small || summary.termination_type == ceres::CONVERGENCE)) {
     result.status = SolverStatus::kConverged;

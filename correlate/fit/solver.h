@@ -13,6 +13,7 @@ struct SolverOptions {
   double step_tolerance = 0.02;     // of each parameter's standard error
   bool central_from_start = false;  // else the first differences are one-sided
   double difference_target = 0.0;   // RMS change of the marks by one difference step [m]
+  Eigen::VectorXd floor;            // beside the standard error, in u; empty: nothing is
   std::vector<bool> held;           // by parameter: true stays where it is; empty: none
   std::function<void(double cost, const std::vector<double>& u)> on_iteration;
 };
@@ -22,6 +23,7 @@ enum class SolverStatus { kConverged, kStartFailed, kGaveUp };
 struct SolverResult {
   SolverStatus status = SolverStatus::kStartFailed;
   std::vector<double> u;
+  Eigen::VectorXd sigma;  // standard errors of u by the last sensitivities; empty: there were none
   double cost = 0.0;
   int iterations = 0;
   std::string message;

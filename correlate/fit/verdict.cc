@@ -195,7 +195,7 @@ void Judge(const FitProblem& problem, const ReducedProblem& reduced,
     e.imitated = effect > 0.0 ? 1.0 - own * own / (effect * effect) : 0.0;
     e.sigma_alone = own > 0.0 ? 1.0 / own : std::numeric_limits<double>::infinity();
     e.data95 = IntervalOfData(q, e);
-    e.all95 = IntervalOfAllParts(q, e);
+    e.all95 = IntervalOfAllParts(q, e, r->ladder.one_sided);
     const Knowledge k = KnowledgeOf(q, e, explained);
     // 2. What hides it, where it is not known: other parameters, or what is fitted beside them.
     e.with.clear();

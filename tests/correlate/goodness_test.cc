@@ -67,6 +67,25 @@ TEST(Goodness, ABurstIsNoNoise) {
   EXPECT_EQ(TestGoodness(InputOf(o, r, noise)).outcome, Explained::kNo);
 }
 
+// Covariances that claim too much noise, here and there, are no fault of the model.
+TEST(Goodness, StretchesBelowWhatIsClaimedAreNoMisfit) {
+  const Observations o = TwoMarks();
+  Eigen::VectorXd r = White(7);
+  r.head(3 * kSamples) *= 0.3;
+  for (int i = 100; i < 130; ++i) r(3 * i) *= 3.0;  // unsteady, and below the claim all along
+  const ResidualNoise noise = EstimateResidualNoise(o, r);
+  EXPECT_LT(SteadyPValue(o, r, kSections), 1e-6);
+  EXPECT_GT(LargestStretchPValue(o, r, kSections), 0.05);
+  GoodnessInput in = InputOf(o, r, noise);
+  in.residual = &r;
+  EXPECT_EQ(TestGoodness(in).p_steady, LargestStretchPValue(o, r, kSections));
+  // The same burst above the claim is one still.
+  Eigen::VectorXd burst = White(7);
+  for (int i = 100; i < 130; ++i) burst(3 * i) *= 4.0;
+  in.whitened_residual = in.residual = &burst;
+  EXPECT_LT(TestGoodness(in).p_steady, 1e-6);
+}
+
 TEST(Goodness, LargerWhiteResidualsAreNoise) {
   const Observations o = TwoMarks();
   const Eigen::VectorXd r = 1.3 * White(8);

@@ -63,5 +63,23 @@ TEST(Interval, AnOpenSideStaysOpenWhateverTheModel) {
   EXPECT_TRUE(std::isnan(all.high));
 }
 
+// A value anywhere between the estimate and 100 standard errors above it: 1.645 beyond either end.
+// Without that range it is the plain interval; in between, the two tails at either end hold 5%.
+TEST(Interval, OfOneSideReachesAlongTheWay) {
+  ParameterEstimate e = At(10.0, 0.3, 30.0);
+  e.sigma_doubt = 0.4, e.model_shift = 50.0;
+  const Interval wide = IntervalOfAllParts(Plain(), e, true);
+  EXPECT_NEAR(wide.low, 10.0 - 1.644854 * 0.5, 1e-6);
+  EXPECT_NEAR(wide.high, 60.0 + 1.644854 * 0.5, 1e-6);
+  e.model_shift = -0.5;  // one standard error, to the other side
+  const Interval one = IntervalOfAllParts(Plain(), e, true);
+  const double c = (one.high - 10.0) / 0.5;
+  EXPECT_NEAR(one.low, 9.5 - 0.5 * c, 1e-12);
+  EXPECT_NEAR(0.5 * std::erfc(-(c + 1.0) / std::sqrt(2.0)) - 0.5 * std::erfc(c / std::sqrt(2.0)),
+              0.95, 1e-9);
+  e.model_shift = 0.0;
+  EXPECT_NEAR(IntervalOfAllParts(Plain(), e, true).high, 10.0 + kHalf95 * 0.5, 1e-9);
+}
+
 }  // namespace
 }  // namespace unfurl::correlate

@@ -147,6 +147,7 @@ struct BeamNature {
   int order = 4;        // of that
   bool checked = true;  // a finer mesh is asked at the estimate
   bool profiles = false;
+  bool ladder = false;  // instead: rungs of 6 and 8 segments, as a study finds them
   std::vector<std::string> Set() const {
     if (segments > 0) return {fmt::format("beam.arm.segments={}", segments)};
     return {"beam.arm.model=kirchhoff", fmt::format("beam.arm.order={}", order)};
@@ -188,6 +189,12 @@ inline std::vector<WrongModelFit> FitToBeam(const BeamNature& beam, int trials, 
       constexpr double kGain = 1.0 * kFine * kFine / (kCoarse * kCoarse);
       trial.finer = &finer;
       trial.finer_factor = kGain / (kGain - 1.0);
+    }
+    const study::SceneModel middle(FlexibleArm::Binding(kFine, kTolerance), start);
+    const study::SceneModel finest(FlexibleArm::Binding(2 * kCoarse, kTolerance), start);
+    if (beam.ladder) {
+      trial.finer = nullptr;
+      trial.rungs = {{&middle, "6 segments", 4.0 / 9.0}, {&finest, "8 segments", 0.25}};
     }
     FitOptions options;
     options.stages_by_impacts = true;

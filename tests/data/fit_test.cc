@@ -46,6 +46,10 @@ FitRecord Example() {
   f.evaluations = {{{1.0, 2.0}, "trial", "", 0, false, -1, 0, 0, 12.5},
                    {{1.5, 2.0}, "difference", "it failed", 1, true, 3, 1, 2, -1.0}};
   f.profiles = {{1, 3.9, true, {1.5, 2.5}}, {0, 0.0, false, {1.0, 2.0}}};
+  a.sigma_doubt = 0.5;
+  f.rungs = {{"8 segments", 40}, {"16 segments", 3}};
+  f.rounds = {{0, 12.0, std::numeric_limits<double>::quiet_NaN(), 0.25, true, false, {1.0, 2.0}},
+              {1, 11.0, 0.5, 0.125, false, true, {1.5, 2.5}}};
   f.starts = {{{1.0, 2.0}, {3.0, 4.0}, 7.5, 11.0, "good"}};
   f.trials = {"trial"};
   f.noise = {{0, 1, 2, 3.5, 0.25, 0.98}};
@@ -85,6 +89,17 @@ TEST_F(FitFile, ComesBackAsItWasWritten) {
   ASSERT_EQ(g.starts.size(), 1u);
   EXPECT_EQ(g.starts[0].to, f.starts[0].to);
   EXPECT_EQ(g.starts[0].message, "good");
+  ASSERT_EQ(g.rungs.size(), 2u);
+  EXPECT_EQ(g.rungs[1].name, "16 segments");
+  EXPECT_EQ(g.rungs[1].runs, 3);
+  ASSERT_EQ(g.rounds.size(), 2u);
+  EXPECT_TRUE(std::isnan(g.rounds[0].step));
+  EXPECT_EQ(g.rounds[1].base, 1);
+  EXPECT_EQ(g.rounds[1].contraction, 0.125);
+  EXPECT_FALSE(g.rounds[1].counted);
+  EXPECT_TRUE(g.rounds[1].slope);
+  EXPECT_EQ(g.rounds[1].theta, f.rounds[1].theta);
+  EXPECT_EQ(g.parameters[0].sigma_doubt, 0.5);
   EXPECT_EQ(g.noise.at(0).rho, 0.98);
   EXPECT_EQ(g.less_weight.at(0).weight, 0.5);
   EXPECT_EQ(g.band, f.band);

@@ -30,9 +30,9 @@ prior = { mean = 0.005, sigma = 0.001 }
 rtol = 1e-6
 [solver]
 stages = [1.0, 2.0]
-[mesh_check]
-keys = ["beam.b.segments"]
-value = 12
+[fidelity]
+segments = [8, 12, 16]
+order = [4]
 )";
 
 std::string Message(const std::string& text) {
@@ -76,17 +76,32 @@ TEST(Study, ReadsWhatAPersonWrote) {
   EXPECT_EQ(p.prior->sigma, 0.001);
   EXPECT_EQ(s.stages, (std::vector<double>{1.0, 2.0}));
   EXPECT_EQ(s.rtol, 1e-6);
-  EXPECT_EQ(s.mesh_check.value, 12.0);
-  EXPECT_EQ(s.mesh_check.order, 2.0);
+  ASSERT_EQ(s.fidelity.rungs.size(), 4u);
+  EXPECT_EQ(s.fidelity.rungs[1].segments, 12);
+  EXPECT_EQ(s.fidelity.rungs[3].segments, 0);
+  EXPECT_EQ(s.fidelity.rungs[3].order, 4);
 }
 
-TEST(Study, TheMeshIsCheckedUnlessSaidOtherwise) {
-  const std::string none = Replaced("[mesh_check]\nkeys = [\"beam.b.segments\"]\nvalue = 12\n", "");
-  EXPECT_TRUE(ParseStudy(none, "s.toml").mesh_check.wanted);
-  EXPECT_TRUE(ParseStudy(none, "s.toml").mesh_check.keys.empty());
-  EXPECT_FALSE(ParseStudy(none + "[mesh_check]\nwanted = false\n", "s.toml").mesh_check.wanted);
-  EXPECT_THAT(Message(none + "[mesh_check]\nvalue = 12\n"), HasSubstr("mesh_check.keys"));
-  EXPECT_THAT(Message(none + "[mesh_check]\nkeys = [\"beam.b.segments\"]\n"), HasSubstr("value"));
+TEST(Study, TheLadderIsClimbedUnlessSaidOtherwise) {
+  const std::string none = Replaced("[fidelity]\nsegments = [8, 12, 16]\norder = [4]\n", "");
+  EXPECT_TRUE(ParseStudy(none, "s.toml").fidelity.wanted);
+  EXPECT_TRUE(ParseStudy(none, "s.toml").fidelity.rungs.empty());
+  EXPECT_FALSE(ParseStudy(none + "[fidelity]\nwanted = false\n", "s.toml").fidelity.wanted);
+  EXPECT_THAT(Message(Replaced("[8, 12, 16]", "[8, 16, 12]")), HasSubstr("rising"));
+  EXPECT_THAT(Message(Replaced("[8, 12, 16]", "[8.5]")), HasSubstr("fidelity.segments"));
+  EXPECT_THAT(Message(Replaced("[8, 12, 16]", "[0]")), HasSubstr("fidelity.segments"));
+  const std::string rung =
+      none + "[[fidelity.rung]]\n[[fidelity.rung]]\nset = [\"beam.b.segments=9\"]\nerror = 0.4\n";
+  ASSERT_EQ(ParseStudy(rung, "s.toml").fidelity.rungs.size(), 2u);
+  EXPECT_EQ(ParseStudy(rung, "s.toml").fidelity.rungs[1].error, 0.4);
+  EXPECT_THAT(Message(rung + "segments = 3\norder = 2\n"), HasSubstr("keep one"));
+  EXPECT_THAT(Message(none + "[fidelity]\nsegments = [4]\n[[fidelity.rung]]\norder = 2\n"),
+              HasSubstr("given twice"));
+}
+
+TEST(Study, TheOldCheckOfTheMeshIsNamedWithItsRemedy) {
+  EXPECT_THAT(Message(std::string(kGood) + "[mesh_check]\nwanted = false\n"),
+              ::testing::AllOf(HasSubstr("mesh_check"), HasSubstr("fidelity.segments")));
 }
 
 TEST(Study, NamesFileKeyAndRemedyOfWhatIsWrong) {
@@ -112,7 +127,7 @@ TEST(Study, TheShippedOneIsWhole) {
   EXPECT_EQ(s.scene, folder + "scene_suspension.toml");
   ASSERT_EQ(s.parameters.size(), 2u);
   EXPECT_EQ(s.parameters[0].keys.size(), 8u);
-  EXPECT_TRUE(s.mesh_check.wanted);
+  EXPECT_TRUE(s.fidelity.wanted);
 }
 
 }  // namespace

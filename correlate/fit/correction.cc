@@ -1,0 +1,104 @@
+#include "correlate/fit/correction.h"
+
+#include <cmath>
+
+namespace unfurl::correlate {
+
+namespace {
+
+Eigen::Index RowsOf(const Observations& o) {
+  return 6 * static_cast<Eigen::Index>(o.size()) + static_cast<Eigen::Index>(o.events.size());
+}
+
+// The time of one event of a prediction; null: it has none.
+double* TimeOf(const TimedEvent& event, Prediction* prediction) {
+  int left = event.count;
+  for (ModelEvent& e : prediction->events) {
+    if (e.kind == event.kind && e.where == event.where && --left == 0) return &e.t;
+  }
+  return nullptr;
+}
+
+}  // namespace
+
+Eigen::VectorXd Correction::DifferenceOf(const Observations& o, const Prediction& coarse,
+                                         const Prediction& fine) {
+  Eigen::VectorXd out = Eigen::VectorXd::Zero(RowsOf(o));
+  Eigen::Index row = 0;
+  for (std::size_t m = 0; m < coarse.marks.size(); ++m) {
+    const Eigen::Index n = coarse.marks[m].p.cols();
+    Eigen::Map<Eigen::Matrix3Xd>(out.data() + row, 3, n) = fine.marks[m].p - coarse.marks[m].p;
+    row += 3 * n;
+    Eigen::Map<Eigen::Matrix3Xd>(out.data() + row, 3, n) = fine.marks[m].v - coarse.marks[m].v;
+    row += 3 * n;
+  }
+  const std::vector<double> from = EventTimes(o.events, coarse), to = EventTimes(o.events, fine);
+  for (std::size_t i = 0; i < from.size(); ++i, ++row) {
+    if (std::isfinite(from[i]) && std::isfinite(to[i])) out(row) = to[i] - from[i];
+  }
+  return out;
+}
+
+Correction::Correction(const std::vector<Parameter>& parameters,
+                       std::vector<const Observations*> observations, Eigen::VectorXd u,
+                       Difference difference)
+    : parameters_(parameters),
+      observations_(std::move(observations)),
+      u_(std::move(u)),
+      difference_(std::move(difference)) {}
+
+Eigen::VectorXd Correction::At(std::size_t trial, const Eigen::VectorXd& u) const {
+  Eigen::VectorXd out = difference_[trial];
+  if (has_slope()) out.noalias() += slope_[trial] * (u - u_);
+  return out;
+}
+
+void Correction::Learn(const Eigen::VectorXd& u, const Difference& difference,
+                       const Eigen::VectorXd& sigma) {
+  // B += (y - B s) s^T W^2 / (s^T W^2 s), with W = 1 / sigma: the least change, in standard errors,
+  // that makes the correction exact at u, too.
+  const Eigen::VectorXd weight = sigma.cwiseMax(1e-300).cwiseAbs2().cwiseInverse();
+  const Eigen::VectorXd step = u - u_, weighted = weight.cwiseProduct(step);
+  const double square = step.dot(weighted);
+  if (!(square > 0.0)) return;
+  if (!has_slope()) {
+    for (const Eigen::VectorXd& d : difference_) {
+      slope_.push_back(Eigen::MatrixXd::Zero(d.size(), u_.size()));
+    }
+  }
+  for (std::size_t t = 0; t < difference_.size(); ++t) {
+    const Eigen::VectorXd missing = difference[t] - At(t, u);
+    slope_[t].noalias() += missing * (weighted.transpose() / square);
+  }
+}
+
+void Correction::MoveTo(const Eigen::VectorXd& u, Difference difference) {
+  u_ = u;
+  difference_ = std::move(difference);
+}
+
+Prediction Correction::Apply(std::size_t trial, const std::vector<double>& theta,
+                             const Prediction& coarse) const {
+  Eigen::VectorXd u(u_.size());
+  for (Eigen::Index j = 0; j < u.size(); ++j) {
+    const auto i = static_cast<std::size_t>(j);
+    u(j) = ToInternal(parameters_[i], theta[i]);
+  }
+  const Eigen::VectorXd add = At(trial, u);
+  Prediction out = coarse;
+  Eigen::Index row = 0;
+  for (MarkMotion& motion : out.marks) {
+    const Eigen::Index n = motion.p.cols();
+    motion.p += Eigen::Map<const Eigen::Matrix3Xd>(add.data() + row, 3, n);
+    row += 3 * n;
+    motion.v += Eigen::Map<const Eigen::Matrix3Xd>(add.data() + row, 3, n);
+    row += 3 * n;
+  }
+  for (const TimedEvent& event : observations_[trial]->events) {
+    if (double* t = TimeOf(event, &out)) *t += add(row);
+    ++row;
+  }
+  return out;
+}
+
+}  // namespace unfurl::correlate

@@ -1,0 +1,257 @@
+#include "correlate/fit/ladder.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "correlate/fit/ladder_error.h"
+#include "correlate/fit/reduced_problem.h"
+#include "correlate/sampled_model.h"
+
+namespace unfurl::correlate {
+
+namespace {
+
+constexpr int kMostRounds = 12;
+// Of a step by the one before it: slower than this, the difference's slope is wanted.
+constexpr double kSlow = 0.3;
+// Rounds in a row whose fine cost did not fall, after which the ladder goes up.
+constexpr int kMostUnsuccessful = 2;
+// Standard errors: a step below it that does not lead down is the model's own roughness, as in the
+// solver.
+constexpr double kRough = 1.0;
+
+Eigen::VectorXd Point(const StageRunner& runner) {
+  return Eigen::Map<const Eigen::VectorXd>(runner.u().data(),
+                                           static_cast<Eigen::Index>(runner.u().size()));
+}
+
+// The largest part of a step, in standard errors; what the data do not determine has none.
+double InSigmas(const Eigen::VectorXd& step, const Eigen::VectorXd& sigma) {
+  double largest = 0.0;
+  for (Eigen::Index j = 0; j < std::min(step.size(), sigma.size()); ++j) {
+    if (sigma(j) > 0.0) largest = std::max(largest, std::abs(step(j)) / sigma(j));
+  }
+  return largest;
+}
+
+// Times of the latches by joint and count.
+std::map<std::pair<std::string, int>, double> LatchTimes(const Prediction& prediction) {
+  std::map<std::pair<std::string, int>, double> out;
+  std::map<std::string, int> count;
+  for (const ModelEvent& e : prediction.events) {
+    if (e.kind == "latch") out[{e.where, ++count[e.where]}] = e.t;
+  }
+  return out;
+}
+
+}  // namespace
+
+std::string LatchesDiffer(const Prediction& coarse, const Prediction& fine, double resolution) {
+  const auto a = LatchTimes(coarse), b = LatchTimes(fine);
+  for (const auto* lists : {&a, &b}) {
+    for (const auto& [latch, t] : *lists) {
+      const bool both = a.count(latch) > 0 && b.count(latch) > 0;
+      if (!both) {
+        return fmt::format("{} latches at {:.4f} s on one rung and not on the other", latch.first,
+                           t);
+      }
+    }
+  }
+  for (auto i = a.begin(); i != a.end(); ++i) {
+    for (auto j = std::next(i); j != a.end(); ++j) {
+      const double before = j->second - i->second;
+      const double after = b.at(j->first) - b.at(i->first);
+      if (before * after >= 0.0) continue;
+      if (std::min(std::abs(before), std::abs(after)) <= resolution) continue;
+      return fmt::format("{} latches before {} on one rung and after it on the other",
+                         i->first.first, j->first.first);
+    }
+  }
+  return {};
+}
+
+Ladder::Ladder(const FitProblem& problem, const FitOptions& options)
+    : problem_(problem), options_(options), top_(problem.trials.front().rungs.size()) {
+  result_.used = wanted();
+  if (!wanted()) return;
+  result_.names.push_back(problem.trials.front().model_name);
+  for (const Rung& rung : problem.trials.front().rungs) result_.names.push_back(rung.name);
+}
+
+void Ladder::Note(const std::string& words) {
+  if (std::find(result_.notes.begin(), result_.notes.end(), words) == result_.notes.end()) {
+    result_.notes.push_back(words);
+  }
+}
+
+LadderRound& Ladder::AddRound(const StageRunner& runner) {
+  LadderRound round;
+  round.base = result_.base;
+  round.theta = Values(problem_.parameters, runner.u().data());
+  result_.rounds.push_back(std::move(round));
+  return result_.rounds.back();
+}
+
+Correction::Difference Ladder::DifferenceOf(const Answers& coarse, const Answers& fine) const {
+  Correction::Difference out;
+  for (std::size_t t = 0; t < fine.size(); ++t) {
+    out.push_back(Correction::DifferenceOf(*data_[t], *coarse[t], *fine[t]));
+  }
+  return out;
+}
+
+// Both rungs where the runner stands, and beside them the differences that the next solution starts
+// from. False: one failed, and failure_ says why.
+bool Ladder::Ask(StageRunner& runner, Answers* coarse, Answers* fine) {
+  const std::vector<double> theta = Values(problem_.parameters, runner.u().data());
+  std::vector<Evaluator::Request> finest, base;
+  for (std::size_t t = 0; t < problem_.trials.size(); ++t) {
+    finest.push_back({t, theta, "finest rung", FidelityOfRung(top_), false});
+    base.push_back({t, theta, "trial", FidelityOfRung(result_.base), false});
+  }
+  ReducedProblem::Point point;
+  Eigen::MatrixXd J;
+  const bool sloped = runner.reduced().At(runner.u(), &point, "trial") &&
+                      runner.reduced().CentralSensitivity(runner.u(), point, &J, nullptr, finest);
+  *fine = runner.evaluator().Evaluate(finest);
+  *coarse = runner.evaluator().Evaluate(base);
+  for (const Answers* answers : {fine, coarse}) {
+    for (const Evaluator::Answer& answer : *answers) {
+      if (answer->status == ModelStatus::kGood) continue;
+      failure_ = answer->message;
+      return false;
+    }
+  }
+  if (sloped) {
+    runner.SetFloor(
+        FloorOf(problem_, result_.base, top_, runner.reduced(), point, J, *coarse, *fine));
+  }
+  return true;
+}
+
+bool Ladder::EventsAgree(const Answers& coarse, const Answers& fine) {
+  for (std::size_t t = 0; t < fine.size(); ++t) {
+    // Nearer than the samples of a mark no record tells which was first.
+    double step = std::numeric_limits<double>::infinity();
+    for (const MarkSeries& m : data_[t]->marks) step = std::min(step, MedianStep(m.t));
+    const std::string difference = LatchesDiffer(*coarse[t], *fine[t], step);
+    if (difference.empty()) continue;
+    Note(fmt::format("{} and {} are different motions: {}", result_.names[result_.base],
+                     result_.names[top_], difference));
+    return false;
+  }
+  return true;
+}
+
+bool Ladder::FirstLook(StageRunner& runner, const std::vector<const Observations*>& data) {
+  Answers coarse;
+  LadderRound& round = AddRound(runner);
+  if (!Ask(runner, &coarse, &fine_)) return false;
+  ReducedProblem::Point point;
+  runner.reduced().CostOf(runner.u(), fine_, &point);
+  round.fine_cost = point.cost;
+  correction_ = std::make_shared<Correction>(problem_.parameters, data, Point(runner),
+                                             DifferenceOf(coarse, fine_));
+  runner.evaluator().SetCorrection(correction_);
+  return EventsAgree(coarse, fine_);
+}
+
+// The finest rung where the corrected one has led.
+Ladder::Way Ladder::Advance(StageRunner& runner, double step, double contraction,
+                            int* unsuccessful) {
+  LadderRound& round = AddRound(runner);
+  round.step = step;
+  round.contraction = contraction;
+  Answers coarse, fine;
+  if (!Ask(runner, &coarse, &fine)) {
+    round.counted = false;
+    Note(fmt::format("{} failed on the way: {}", result_.names[top_], failure_));
+    return Way::kFineFailed;
+  }
+  // 1. Did it get better? Both costs with the weights that stand now.
+  const Eigen::VectorXd centre = correction_->centre();
+  ReducedProblem::Point here, before;
+  runner.reduced().CostOf(runner.u(), fine, &here);
+  runner.reduced().CostOf({centre.data(), centre.data() + centre.size()}, fine_, &before);
+  round.fine_cost = here.cost;
+  round.counted = here.cost < before.cost;
+  // 2. The slope where the way is slow, or the step was wrong.
+  const Correction::Difference difference = DifferenceOf(coarse, fine);
+  round.slope = !round.counted || correction_->has_slope() || contraction > kSlow;
+  auto next = std::make_shared<Correction>(*correction_);
+  if (round.slope) next->Learn(Point(runner), difference, runner.sigma());
+  if (round.counted) {
+    next->MoveTo(Point(runner), difference);
+    fine_ = fine;
+    *unsuccessful = 0;
+  } else {
+    runner.GoTo({centre.data(), centre.data() + centre.size()});
+    ++*unsuccessful;
+  }
+  correction_ = next;
+  runner.evaluator().SetCorrection(correction_);
+  if (round.counted && !EventsAgree(coarse, fine)) return Way::kUp;
+  if (*unsuccessful < kMostUnsuccessful) return Way::kOn;
+  if (step < kRough) {
+    Note(
+        fmt::format("settled to {:.2g} standard errors: what is smaller does not lower the cost "
+                    "of {}, whose own roughness it is",
+                    step, result_.names[top_]));
+    return Way::kSettled;
+  }
+  Note(fmt::format("{} led nowhere: {} rounds in a row did not lower the cost of {}",
+                   result_.names[result_.base], *unsuccessful, result_.names[top_]));
+  return Way::kUp;
+}
+
+Ladder::Way Ladder::Rounds(StageRunner& runner, const std::vector<const Observations*>& data,
+                           const std::vector<const RowWhitening*>& whitening,
+                           const std::string& what) {
+  data_ = data;
+  int unsuccessful = 0;
+  double last = std::numeric_limits<double>::quiet_NaN();
+  bool place = true;
+  for (int round = 0; round < kMostRounds; ++round) {
+    if (place && (!runner.Place(data, whitening) || correction_ == nullptr)) {
+      // New stamps: the difference is wanted there.
+      runner.evaluator().SetCorrection(nullptr);
+      if (!FirstLook(runner, data)) return failure_.empty() ? Way::kUp : Way::kFineFailed;
+    }
+    if (!runner.SolveHere(what)) return Way::kModelFailed;
+    const double step = InSigmas(Point(runner) - correction_->centre(), runner.sigma());
+    place = !runner.Settled();
+    if (step <= options_.step_tolerance && !place) return Way::kSettled;
+    if (place) continue;
+    const Way way = Advance(runner, step, step / last, &unsuccessful);
+    if (way != Way::kOn) return way;
+    last = unsuccessful == 0 ? step : std::numeric_limits<double>::quiet_NaN();
+  }
+  Note(fmt::format("not settled after {} rounds", kMostRounds));
+  return Way::kUp;
+}
+
+bool Ladder::Climb(StageRunner& runner, const std::vector<const Observations*>& data,
+                   const std::vector<const RowWhitening*>& whitening, const std::string& what) {
+  result_.settled = false;
+  while (failure_.empty() && result_.base < top_) {
+    const Way way = Rounds(runner, data, whitening, what);
+    if (way == Way::kModelFailed) return false;
+    result_.settled = way == Way::kSettled;
+    if (way != Way::kUp) break;
+    ++result_.base;
+    correction_.reset();
+    runner.evaluator().SetCorrection(nullptr);
+    runner.evaluator().SetBase(result_.base);
+    Note(fmt::format("gone up to {}", result_.names[result_.base]));
+  }
+  const bool itself = result_.base == top_;
+  if (itself) result_.settled = true;
+  // A finest rung that could not be evaluated at all leaves the fit to the lowest.
+  if (itself || correction_ == nullptr) return runner.Sharpen(data, whitening, what);
+  return true;
+}
+
+}  // namespace unfurl::correlate

@@ -1,0 +1,319 @@
+// Fits on a ladder of models whose rungs and fixed point are closed forms.
+#include "correlate/fit/ladder.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <filesystem>
+#include <functional>
+
+#include "base/error.h"
+#include "correlate/fit/evaluation_store.h"
+#include "correlate/fit/fit.h"
+#include "tests/correlate/fit_repeats.h"
+#include "tests/correlate/two_link.h"
+
+namespace unfurl::correlate {
+namespace {
+
+// The two-link arm with its parameters changed first; latches as given.
+class Changed : public TwoLink {
+ public:
+  using Change = std::function<std::vector<double>(std::span<const double>)>;
+  explicit Changed(Change change, std::vector<ModelEvent> latches = {})
+      : change_(std::move(change)), latches_(std::move(latches)) {}
+  Prediction Evaluate(std::span<const double> theta, const Stamps& stamps) const override {
+    ++count;
+    Prediction out = TwoLink::Evaluate(change_(theta), stamps);
+    out.events = latches_;
+    return out;
+  }
+  mutable std::atomic<int> count = 0;
+
+ private:
+  Change change_;
+  std::vector<ModelEvent> latches_;
+};
+
+// Frequency and decay off by parts that fall with the square of the spacing.
+Changed::Change Mesh(double spacing) {
+  return [part = 0.004 * spacing * spacing](std::span<const double> theta) {
+    return std::vector<double>{theta[0] * (1.0 - part), theta[1] * (1.0 + 2.0 * part)};
+  };
+}
+
+// Answers to the frequency with `gain` times the change that it should have, about `centre`.
+Changed::Change Gain(double gain, double centre) {
+  return [=](std::span<const double> theta) {
+    return std::vector<double>{centre + gain * (theta[0] - centre), theta[1]};
+  };
+}
+
+Observations Data(const Model& nature, std::uint64_t seed) {
+  Rng rng(seed);
+  return Record(nature, TwoLink::Truth(), TwoLink::Marks(), SparseTrial(), rng);
+}
+
+FitProblem Problem(const Observations& data, const Model& lowest, const std::vector<Rung>& rungs) {
+  FitProblem problem;
+  problem.parameters = TwoLinkParameters();
+  problem.trials.resize(1);
+  problem.trials[0].observations = &data;
+  problem.trials[0].model = &lowest;
+  problem.trials[0].rungs = rungs;
+  return problem;
+}
+
+FitResult FitQuick(const FitProblem& problem) {
+  FitOptions options;
+  options.profile.wanted = false;
+  return Fit(problem, options);
+}
+
+constexpr double kMiddle = 2.0 / 3.0, kFine = 0.5;  // spacings; the coarse one is 1
+
+TEST(Ladder, GivesTheFinestRungsAnswer) {
+  const Changed coarse(Mesh(1.0)), middle(Mesh(kMiddle)), fine(Mesh(kFine)), exact(Mesh(0.0));
+  const Observations data = Data(exact, 3);
+  const FitResult ladder = FitQuick(Problem(
+      data, coarse, {{&middle, "middle", kMiddle * kMiddle}, {&fine, "fine", kFine * kFine}}));
+  const int fine_runs = fine.count;
+  const FitResult direct = FitQuick(Problem(data, fine, {}));
+  ASSERT_TRUE(ladder.Usable()) << ladder.message;
+  EXPECT_TRUE(ladder.ladder.settled);
+  EXPECT_EQ(ladder.ladder.base, 0u);
+  EXPECT_LE(fine_runs, 4);
+  EXPECT_THAT(ladder.ladder.runs,
+              ::testing::ElementsAre(::testing::Gt(9u), 1u, static_cast<std::size_t>(fine_runs)));
+  for (std::size_t j = 0; j < 2; ++j) {
+    const ParameterEstimate &a = ladder.parameters[j], &b = direct.parameters[j];
+    EXPECT_NEAR(a.value, b.value, 0.1 * a.sigma) << j;
+    // Without noise the answer would be the finest rung's own error, in closed form.
+    const double part = 0.004 * kFine * kFine;
+    const double expected =
+        j == 0 ? TwoLink::Truth()[0] / (1.0 - part) : TwoLink::Truth()[1] / (1.0 + 2.0 * part);
+    EXPECT_NEAR(a.value, expected, 4.0 * a.sigma_data) << j;
+  }
+}
+
+// What the finest rung lacks is found from the two changes, with its direction: the interval holds
+// the truth and is narrower than one of both directions.
+TEST(Ladder, WhatIsLeftReachesToTheTruth) {
+  const Changed coarse(Mesh(1.0)), middle(Mesh(kMiddle)), fine(Mesh(kFine)), exact(Mesh(0.0));
+  const Observations data = Data(exact, 4);
+  const FitResult fit = FitQuick(Problem(
+      data, coarse, {{&middle, "middle", kMiddle * kMiddle}, {&fine, "fine", kFine * kFine}}));
+  ASSERT_TRUE(fit.Usable());
+  EXPECT_TRUE(fit.ladder.one_sided);
+  const ParameterEstimate& frequency = fit.parameters[0];
+  const double left = TwoLink::Truth()[0] * 0.004 * kFine * kFine;  // to first order
+  EXPECT_NEAR(frequency.model_shift, -left, 0.1 * left);
+  EXPECT_LT(frequency.all95.low, TwoLink::Truth()[0]);
+  EXPECT_GT(frequency.all95.high, frequency.value);
+  EXPECT_GT(frequency.value - frequency.all95.low, 2.0 * (frequency.all95.high - frequency.value));
+  // Two rungs alone tell the size and not its certainty.
+  const FitResult two = FitQuick(Problem(data, coarse, {{&fine, "fine", kFine * kFine}}));
+  ASSERT_TRUE(two.Usable());
+  EXPECT_FALSE(two.ladder.one_sided);
+  EXPECT_GT(two.parameters[0].all95.high - two.parameters[0].all95.low,
+            1.5 * (frequency.all95.high - frequency.all95.low));
+  // Rungs of unknown error: the whole last change stands for what is left, 3 times a Richardson's.
+  const FitResult unknown = FitQuick(Problem(data, coarse, {{&fine, "fine", 0.0}}));
+  EXPECT_NEAR(unknown.parameters[0].model_shift, 3.0 * two.parameters[0].model_shift,
+              0.05 * std::abs(unknown.parameters[0].model_shift));
+}
+
+// A coarse rung that answers too little: each step overshoots by 1 / gain - 1.
+TEST(Ladder, ASlowWayTakesTheSlopeIn) {
+  const double centre = TwoLink::Truth()[0] - 0.002;
+  const Changed coarse(Gain(0.65, centre)), fine(Mesh(0.0));
+  const Observations data = Data(fine, 5);
+  const FitResult fit = FitQuick(Problem(data, coarse, {{&fine, "fine", 0.0}}));
+  ASSERT_TRUE(fit.Usable()) << fit.message;
+  EXPECT_EQ(fit.ladder.base, 0u);
+  EXPECT_TRUE(std::any_of(fit.ladder.rounds.begin(), fit.ladder.rounds.end(),
+                          [](const LadderRound& r) { return r.slope && r.counted; }));
+  // Without it each step is 1 / gain - 1 = 0.54 of the one before: from the first of these down to
+  // a twentieth of a standard error.
+  double first = 0.0;
+  std::size_t steps = 0;
+  for (const LadderRound& r : fit.ladder.rounds) {
+    if (!(r.step > 0.0)) continue;
+    if (steps++ == 0) first = r.step;
+  }
+  EXPECT_GT(first, 1.0);
+  EXPECT_LT(static_cast<double>(steps), std::log(0.05 / first) / std::log(1.0 / 0.65 - 1.0));
+  EXPECT_NEAR(fit.parameters[0].value, TwoLink::Truth()[0], 4.0 * fit.parameters[0].sigma_data);
+}
+
+// With less than half of the answer each step is worse than none: the round does not count, and the
+// slope alone brings the fit home.
+TEST(Ladder, ARoundWhoseCostRisesDoesNotCount) {
+  const double centre = TwoLink::Truth()[0] - 0.002;
+  const Changed coarse(Gain(0.4, centre)), fine(Mesh(0.0));
+  const Observations data = Data(fine, 6);
+  const FitResult fit = FitQuick(Problem(data, coarse, {{&fine, "fine", 0.0}}));
+  ASSERT_TRUE(fit.Usable()) << fit.message;
+  const auto& rounds = fit.ladder.rounds;
+  EXPECT_TRUE(
+      std::any_of(rounds.begin(), rounds.end(), [](const LadderRound& r) { return !r.counted; }));
+  double best = rounds.front().fine_cost;
+  for (const LadderRound& r : rounds) {
+    if (&r == &rounds.front() || r.base != rounds.front().base) continue;
+    if (!r.counted) continue;
+    EXPECT_LT(r.fine_cost, best);
+    best = r.fine_cost;
+  }
+  EXPECT_NEAR(fit.parameters[0].value, TwoLink::Truth()[0], 4.0 * fit.parameters[0].sigma_data);
+}
+
+TEST(Ladder, AnotherOrderOfLatchesGoesUpARung) {
+  const std::vector<ModelEvent> one = {{1.0, "latch", "a"}, {1.2, "latch", "b"}};
+  const std::vector<ModelEvent> other = {{1.0, "latch", "b"}, {1.2, "latch", "a"}};
+  const Changed coarse(Mesh(1.0), one), middle(Mesh(kMiddle), other), fine(Mesh(kFine), other);
+  const Observations data = Data(fine, 7);
+  const FitResult fit = FitQuick(Problem(
+      data, coarse, {{&middle, "middle", kMiddle * kMiddle}, {&fine, "fine", kFine * kFine}}));
+  ASSERT_TRUE(fit.Usable()) << fit.message;
+  EXPECT_EQ(fit.ladder.base, 1u);
+  EXPECT_THAT(fit.ladder.notes, ::testing::Contains(::testing::HasSubstr("a latches before b")));
+  EXPECT_NEAR(fit.parameters[0].value, TwoLink::Truth()[0], 4.0 * fit.parameters[0].sigma_data);
+  // Without a rung between, the finest is fitted itself.
+  const FitResult itself = FitQuick(Problem(data, coarse, {{&fine, "fine", kFine * kFine}}));
+  ASSERT_TRUE(itself.Usable());
+  EXPECT_EQ(itself.ladder.base, 1u);
+  EXPECT_GT(itself.parameters[0].sigma_model, 0.0);
+  EXPECT_GT(fit.parameters[0].sigma_model, 0.0);
+  EXPECT_TRUE(itself.ladder.settled);
+  EXPECT_NEAR(itself.parameters[0].value, TwoLink::Truth()[0],
+              4.0 * itself.parameters[0].sigma_data);
+}
+
+TEST(Ladder, LatchesDifferByKindAndOrderBeyondTheResolution) {
+  Prediction a, b;
+  a.events = {{1.0, "latch", "x"}, {1.002, "latch", "y"}, {1.5, "contact_start", "x"}};
+  b.events = {{1.003, "latch", "x"}, {1.001, "latch", "y"}};
+  EXPECT_EQ(LatchesDiffer(a, b, 0.005), "");
+  EXPECT_THAT(LatchesDiffer(a, b, 0.001), ::testing::HasSubstr("x latches before y"));
+  b.events.pop_back();
+  EXPECT_THAT(LatchesDiffer(a, b, 0.005), ::testing::HasSubstr("y latches at"));
+  EXPECT_EQ(LatchesDiffer(a, a, 0.0), "");
+}
+
+TEST(Ladder, AFinestRungThatFailsLeavesTheLowestAndSaysSo) {
+  class Broken : public TwoLink {
+   public:
+    Prediction Evaluate(std::span<const double>, const Stamps&) const override {
+      Prediction out;
+      out.status = ModelStatus::kFailed;
+      out.message = "no licence";
+      return out;
+    }
+  };
+  const Broken fine;
+  const TwoLink coarse;
+  const Observations data = Data(coarse, 8);
+  const FitResult fit = FitQuick(Problem(data, coarse, {{&fine, "fine", 0.25}}));
+  ASSERT_TRUE(fit.Usable()) << fit.message;
+  EXPECT_EQ(fit.trials[0].error_check, ErrorCheck::kNone);
+  EXPECT_EQ(fit.trials[0].error_check_failure, "no licence");
+}
+
+TEST(Ladder, TrialsWithDifferentRungsAreRefused) {
+  const TwoLink model;
+  const Observations data = Data(model, 9);
+  FitProblem problem = Problem(data, model, {{&model, "fine", 0.25}});
+  problem.trials.push_back(problem.trials[0]);
+  problem.trials[1].rungs.clear();
+  EXPECT_THROW(Fit(problem), Error);
+}
+
+// Stopped after any number of evaluations, and resumed with the journal: the same bits.
+TEST(Ladder, IsResumedToTheSameBits) {
+  const std::string result = (std::filesystem::temp_directory_path() /
+                              ("unfurl_ladder_" + std::to_string(getpid()) + ".h5"))
+                                 .string();
+  class Stopped : public Workers {
+   public:
+    Stopped(Workers& inner, int left) : inner_(inner), left_(left) {}
+    void Run(std::span<const Job> jobs,
+             const std::function<void(std::size_t, Prediction)>& done) override {
+      for (std::size_t i = 0; i < jobs.size(); ++i) {
+        if (left_-- <= 0) throw Interrupted();
+        inner_.Run(jobs.subspan(i, 1),
+                   [&](std::size_t, Prediction answer) { done(i, std::move(answer)); });
+      }
+    }
+
+   private:
+    Workers& inner_;
+    std::atomic<int> left_;
+  };
+  const Changed coarse(Mesh(1.0)), middle(Mesh(kMiddle)), fine(Mesh(kFine));
+  const Observations data = Data(TwoLink(), 10);
+  const FitProblem problem = Problem(
+      data, coarse, {{&middle, "middle", kMiddle * kMiddle}, {&fine, "fine", kFine * kFine}});
+  FitOptions options;
+  const FitResult whole = Fit(problem, options);
+  ASSERT_TRUE(whole.Usable());
+  const auto threads = LocalWorkers(2);
+  const int count = static_cast<int>(whole.evaluations.size());
+  for (int stop = 0; stop < count; stop += 5) {
+    {
+      data::Journal journal(result, "same", false);
+      Stopped stopped(*threads, stop);
+      JournaledWorkers workers(stopped, journal);
+      options.where = &workers;
+      EXPECT_THROW(Fit(problem, options), Interrupted);
+    }
+    data::Journal journal(result, "same", true);
+    JournaledWorkers workers(*threads, journal);
+    options.where = &workers;
+    const FitResult resumed = Fit(problem, options);
+    ASSERT_EQ(resumed.evaluations.size(), whole.evaluations.size());
+    ASSERT_EQ(resumed.ladder.rounds.size(), whole.ladder.rounds.size());
+    for (std::size_t i = 0; i < whole.ladder.rounds.size(); ++i) {
+      EXPECT_EQ(resumed.ladder.rounds[i].fine_cost, whole.ladder.rounds[i].fine_cost);
+    }
+    for (std::size_t j = 0; j < 2; ++j) {
+      EXPECT_EQ(resumed.parameters[j].value, whole.parameters[j].value);
+      EXPECT_EQ(resumed.parameters[j].all95.low, whole.parameters[j].all95.low);
+    }
+    journal.Remove();
+  }
+}
+
+// The correction is exact where it was taken and where it has learnt, in marks and in event times.
+TEST(Correction, IsExactAtItsPoints) {
+  const TwoLink model;
+  Observations data = Data(model, 11);
+  data.events = {{"latch", "a", 2, 1.0, 1e-3}};
+  const std::vector<Parameter> parameters = TwoLinkParameters();
+  const Stamps stamps = data.StampsAt(data.Start());
+  auto at = [&](double frequency, double latch) {
+    Prediction p = model.Evaluate(std::vector<double>{frequency, 0.35}, stamps);
+    p.events = {{0.1, "latch", "a"}, {latch, "latch", "a"}};
+    return p;
+  };
+  auto u = [&](double frequency) { return Eigen::VectorXd{{frequency, std::log(0.35)}}; };
+  const std::vector<const Observations*> observations = {&data};
+  Correction correction(parameters, observations, u(0.9),
+                        {Correction::DifferenceOf(data, at(0.90, 0.50), at(0.91, 0.53))});
+  correction.Learn(u(0.92), {Correction::DifferenceOf(data, at(0.92, 0.60), at(0.94, 0.68))},
+                   Eigen::Vector2d(1e-3, 1e-2));
+  const Prediction first = correction.Apply(0, {0.90, 0.35}, at(0.90, 0.50));
+  const Prediction second = correction.Apply(0, {0.92, 0.35}, at(0.92, 0.60));
+  for (std::size_t m = 0; m < 4; ++m) {
+    EXPECT_LT((first.marks[m].p - at(0.91, 0.0).marks[m].p).norm(), 1e-12);
+    EXPECT_LT((second.marks[m].p - at(0.94, 0.0).marks[m].p).norm(), 1e-12);
+    EXPECT_LT((second.marks[m].v - at(0.94, 0.0).marks[m].v).norm(), 1e-9);
+  }
+  EXPECT_EQ(first.events[0].t, 0.1);
+  EXPECT_NEAR(first.events[1].t, 0.53, 1e-12);
+  EXPECT_NEAR(second.events[1].t, 0.68, 1e-12);
+}
+
+}  // namespace
+}  // namespace unfurl::correlate
