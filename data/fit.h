@@ -65,6 +65,7 @@ struct FitRecord {
     std::int32_t runs = 0;  // evaluations
   };
   std::vector<Rung> rungs;
+  // One look at the finest rung.
   struct Round {
     std::int32_t base = 0;      // the rung that led there
     double fine_cost = -1.0;    // half the finest rung's sum of squares there [-]; -1: it failed

@@ -35,7 +35,7 @@ void WriteLadder(const FitRecord& fit, Eigen::Index p, H5Writer& w) {
           rounds);
   std::vector<double> doubt;
   for (const FitRecord::Parameter& q : fit.parameters) doubt.push_back(q.sigma_doubt);
-  w.Write({"/ladder/sigma_doubt",
+  w.Write({"/parameters/sigma_doubt",
            "1",
            "of sigma_model what lies to either side of the value, each in its parameter's unit",
            {"/parameters/name"}},
@@ -55,7 +55,7 @@ void ReadLadder(const H5Reader& r, FitRecord* fit) {
     for (Eigen::Index j = kRoundNumbers; j < rounds.cols(); ++j) round.theta.push_back(n(j));
     fit->rounds.push_back(std::move(round));
   }
-  const auto doubt = r.ReadDoubles("/ladder/sigma_doubt");
+  const auto doubt = r.ReadDoubles("/parameters/sigma_doubt");
   for (std::size_t j = 0; j < fit->parameters.size(); ++j) {
     fit->parameters[j].sigma_doubt = doubt.at(j);
   }

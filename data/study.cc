@@ -247,22 +247,6 @@ void ReadTolerance(const TomlTable& model, Study* study) {
   }
 }
 
-StudyMeshCheck ReadMeshCheck(const TomlTable& mesh) {
-  StudyMeshCheck check;
-  check.wanted = mesh.BoolOr("wanted", true);
-  check.keys = mesh.StringsOr("keys", {});
-  if (check.keys.empty()) {
-    for (const char* key : {"value", "spacing_ratio", "order"}) {
-      if (mesh.Has(key)) mesh.Fail(key, "belongs to keys of the scene", "give mesh_check.keys");
-    }
-  } else {
-    check.value = mesh.Number("value", kPositive);
-  }
-  check.spacing_ratio = mesh.NumberOr("spacing_ratio", 2.0, {1.0, 1e3, true, false});
-  check.order = mesh.NumberOr("order", 2.0, kPositive);
-  return check;
-}
-
 Study ReadFrom(const TomlTable& root, const std::string& path) {
   Study study;
   study.path = path;

@@ -36,8 +36,8 @@ class Correction {
   Prediction Apply(std::size_t trial, const std::vector<double>& theta,
                    const Prediction& coarse) const;
 
-  const Eigen::VectorXd& centre() const { return u_; }
-  bool has_slope() const { return !slope_.empty(); }
+  const Eigen::VectorXd& centre() const { return u_; }  // where it is exact
+  bool has_slope() const { return !slope_.empty(); }    // beyond a constant
 
  private:
   Eigen::VectorXd At(std::size_t trial, const Eigen::VectorXd& u) const;
