@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/progress.h"
+#include "base/refuse_option.h"
 #include "base/text.h"
 #include "calib/covariance.h"
 #include "calib/held_out.h"
@@ -210,9 +211,7 @@ RigFit FitRig(const Observations& data, const CalibrateOptions& options, const s
 }
 
 void CalibrateOptions::Check() const {
-  const auto refuse = [](const char* name, const char* what, const char* remedy) {
-    throw Error(what, std::string("CalibrateOptions::") + name, remedy);
-  };
+  const RefuseOption refuse("CalibrateOptions");
   verdict.Check();
   guess.Check();
   refine.gross.Check();

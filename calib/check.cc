@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "base/length.h"
+#include "base/refuse_option.h"
 #include "base/statistics.h"
 #include "calib/verdict.h"
 #include "measure/camera_model.h"
@@ -289,9 +290,7 @@ Observations BarEnds(const data::ReadingTable& table, const data::Rig& rig,
 }  // namespace
 
 void CheckOptions::Check() const {
-  const auto refuse = [](const char* name, const char* what) {
-    throw Error(what, std::string("CheckOptions::") + name, "give a number that makes sense");
-  };
+  const RefuseOption refuse("CheckOptions");
   if (!(invalid > 0.0 && invalid < 1.0)) refuse("invalid", "is not between 0 and 1");
   if (!(doubtful >= invalid && doubtful < 1.0)) refuse("doubtful", "is not from `invalid` to 1");
   if (!(need >= 0.0) || !std::isfinite(need)) refuse("need", "is not a length");

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "base/error.h"
+#include "base/refuse_option.h"
 #include "measure/camera_model.h"
 
 namespace unfurl::calib {
@@ -94,11 +95,11 @@ void TrySubsets(const Observations& data, const Prices& prices, const Weighting&
 }  // namespace
 
 void GrossOptions::Check() const {
-  const auto share = [](const char* name, double value) {
-    if (value > 0.0 && value < 1.0) return;
-    throw Error("is not between 0 and 1", std::string("GrossOptions::") + name, "give a share");
+  const RefuseOption refuse("GrossOptions");
+  const auto share = [&](const char* name, double value) {
+    if (!(value > 0.0 && value < 1.0)) refuse(name, "is not between 0 and 1", "give a share");
   };
-  if (!(sigmas > 0.0)) throw Error("is not above 0", "GrossOptions::sigmas", "give sigmas, as 4");
+  if (!(sigmas > 0.0)) refuse("sigmas", "is not above 0", "give sigmas, as 4");
   share("reading_share", reading_share);
   share("survey_share", survey_share);
   share("least_share", least_share);

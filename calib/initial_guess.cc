@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "base/error.h"
+#include "base/refuse_option.h"
 #include "base/statistics.h"
 #include "calib/direct_transform.h"
 #include "measure/camera_model.h"
@@ -204,9 +205,7 @@ void RefuseCopies(const Observations& data, int fewest, const std::string& where
 }  // namespace
 
 void GuessOptions::Check() const {
-  const auto refuse = [](const char* name, const char* what, const char* remedy) {
-    throw Error(what, std::string("GuessOptions::") + name, remedy);
-  };
+  const RefuseOption refuse("GuessOptions");
   if (fewest_points < kDirectTransformPoints) {
     refuse("fewest_points", "is fewer than a pinhole's unknowns", "give 7 or more");
   }

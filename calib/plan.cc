@@ -12,6 +12,7 @@
 #include "base/length.h"
 #include "base/progress.h"
 #include "base/random.h"
+#include "base/refuse_option.h"
 #include "base/statistics.h"
 #include "calib/verdict.h"
 #include "measure/camera_model.h"
@@ -100,9 +101,7 @@ double UncertaintyMap::Within(double need) const {
 }
 
 void PlanOptions::Check() const {
-  const auto refuse = [](const char* name, const char* what) {
-    throw Error(what, std::string("PlanOptions::") + name, "give a number that makes sense");
-  };
+  const RefuseOption refuse("PlanOptions");
   if (survey_points < 1) refuse("survey_points", "is less than 1");
   if (map.columns < 1) refuse("map.columns", "is less than 1");
   if (map.layers < 1) refuse("map.layers", "is less than 1");

@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "base/length.h"
+#include "base/refuse_option.h"
 #include "base/statistics.h"
 
 namespace unfurl::calib {
@@ -220,9 +221,7 @@ void ListWeak(const CalibrationReport& report, data::Rig* rig, Tally* tally) {
 }  // namespace
 
 void VerdictOptions::Check() const {
-  const auto refuse = [](const char* name, const char* what) {
-    throw Error(what, std::string("VerdictOptions::") + name, "give a number that makes sense");
-  };
+  const RefuseOption refuse("VerdictOptions");
   const auto positive = [&](const char* name, double value) {
     if (!(value > 0.0) || !std::isfinite(value)) refuse(name, "is not a positive number");
   };

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "base/length.h"
 #include "calib/plan.h"
 #include "calib/verdict.h"
 #include "cli/uncertainty_panel.h"
@@ -27,6 +28,11 @@ std::string Cell(const Calibration& result, const char* check, double scale, int
                                           : fmt::format("{:.{}f}", scale * found->second, decimals);
 }
 
+std::string LengthCell(const Calibration& result, const char* check) {
+  const auto found = result.rig.checks.find(check);
+  return found == result.rig.checks.end() ? "-" : LengthText(found->second);
+}
+
 Level LevelOf(const std::string& verdict) {
   if (verdict == calib::kGood) return Level::kGood;
   return verdict == calib::kWithCare ? Level::kCare : Level::kBad;
@@ -37,13 +43,12 @@ void AddHead(const Calibration& result, report::Page* page) {
   const auto& report = result.report;
   page->AddFigures(
       {{"error of a found point (predicted, median)",
-        Cell(result, "own_error_median_predicted [m]", 1e3, 3) + " mm",
-        "3-D, of calibration and readings"},
-       {"held-out points from the survey", Cell(result, "held_out_rms [m]", 1e3, 3) + " mm",
-        "predicted " + Cell(result, "held_out_rms_predicted [m]", 1e3, 3) +
-            " mm, with the survey's own error"},
-       {"95% of them within", Cell(result, "held_out_p95 [m]", 1e3, 3) + " mm",
-        "largest " + Cell(result, "held_out_max [m]", 1e3, 3) + " mm"},
+        LengthCell(result, "own_error_median_predicted [m]"), "3-D, of calibration and readings"},
+       {"held-out points from the survey", LengthCell(result, "held_out_rms [m]"),
+        "predicted " + LengthCell(result, "held_out_rms_predicted [m]") +
+            ", with the survey's own error"},
+       {"95% of them within", LengthCell(result, "held_out_p95 [m]"),
+        "largest " + LengthCell(result, "held_out_max [m]")},
        {"lens model", report.order == calib::kOrderByCamera ? "by camera" : report.lens_model,
         report.order_chosen ? "by cross-validation" : "as given by --order"},
        {"left out as gross",
@@ -60,9 +65,9 @@ void AddGross(const Calibration& result, report::Page* page) {
   table.header = {"kind", "what", "size"};
   table.text_columns = {0, 1};
   for (const calib::GrossFinding& finding : result.report.gross) {
-    table.rows.push_back({calib::Name(finding.kind), finding.text,
-                          finding.camera >= 0 ? fmt::format("{:.2f} px", finding.size)
-                                              : fmt::format("{:.1f} mm", 1e3 * finding.size)});
+    table.rows.push_back(
+        {calib::Name(finding.kind), finding.text,
+         finding.camera >= 0 ? fmt::format("{:.2f} px", finding.size) : LengthText(finding.size)});
   }
   page->AddTable(table);
 }
@@ -241,11 +246,13 @@ void AddWeak(const Calibration& result, report::Page* page) {
   report::Table table;
   table.title = "What the survey barely determines";
   table.note =
-      "Directions in a camera's parameters that are not known to 1 mrad, 10 mm, 0.1% of image "
-      "scale, "
-      "2 px of offset, 5 mm between the centres, or 1 px at the edge of the field. What one sigma "
-      "of "
-      "it does to found points says whether it matters.";
+      "Directions in a camera's parameters that are not known to 1 mrad, 0.3% of the distance to "
+      "the "
+      "volume (0.15% of it between the two centres), 0.1% of image scale, 0.1% of the row in "
+      "offset, "
+      "or 0.05% of it at the edge of the field. What one sigma does to found points says whether "
+      "it "
+      "matters.";
   table.header = {
       "camera", "direction", "sigma", "known from the prior [%]", "moves points by [mm]", "advice"};
   table.text_columns = {0, 1, 5};

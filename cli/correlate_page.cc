@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "base/length.h"
 #include "base/number.h"
 #include "base/text.h"
 #include "cli/comparison_panels.h"
@@ -266,13 +267,13 @@ void WriteComparisonPage(const std::string& path, const correlate::Comparison& c
     const bool within = all.sigmas > 0.0 && all.sigmas < 1.2;
     page.AddWords(within ? report::Level::kGood : report::Level::kCare, c.verdict, c.reasons);
     page.AddFigures(
-        {{"distance, RMS", fmt::format("{:.3g} mm", kMilli * all.rmse),
+        {{"distance, RMS", LengthText(all.rmse),
           all.sigmas > 0.0 ? fmt::format("{:.3g} times the measurement's sigma", all.sigmas) : "",
           within ? report::Level::kGood : report::Level::kCare},
          {"time offset", NumberWithError(a.at.offset, a.Sigma("time offset")) + " s", "",
           report::Level::kNeutral},
-         {"across the plane, RMS", fmt::format("{:.3g} mm", kMilli * all.rmse_across),
-          fmt::format("mean {:+.3f} mm", kMilli * all.bias_across), report::Level::kNeutral},
+         {"across the plane, RMS", LengthText(all.rmse_across),
+          "mean " + LengthText(all.bias_across), report::Level::kNeutral},
          {"motion explained", fmt::format("{:.3f} %", 100.0 * a.r2), "R squared of the positions",
           report::Level::kNeutral}});
     AddComparisonPanels(c, &page);

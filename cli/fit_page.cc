@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/length.h"
 #include "base/number.h"
 #include "cli/comparison_panels.h"
 #include "cli/ladder_panel.h"
@@ -88,13 +89,13 @@ void AddModelError(const FitPageInput& in, report::Page* page) {
   const bool ladder = check == correlate::ErrorCheck::kLadder;
   page->AddSection(
       "The model's own error",
-      fmt::format("What {} moves the marks by at the estimate: {:.3g} mm RMS, {:.2g} of "
+      fmt::format("What {} moves the marks by at the estimate: {} RMS, {:.2g} of "
                   "their sigma. It is counted in the standard errors as an error common to all "
                   "samples, once as a whole and once in pieces by mark and time.",
                   ladder ? "what the finest rung still lacks (by its change from the rung below)"
                   : mesh ? "a finer model"
                          : "a tighter tolerance",
-                  1e3 * in.result.trials.front().model_error_rms,
+                  LengthText(in.result.trials.front().model_error_rms),
                   in.result.trials.front().model_error_sigmas));
   report::Chart chart;
   chart.title = ladder ? "What the finest rung lacks"

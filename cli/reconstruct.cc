@@ -144,7 +144,7 @@ ordered_json Summarize(const Settings& s, const data::Rig& rig, const data::Tria
           done.status[m][k];
     }
   }
-  for (const auto& [reason, count] : done.unsolved) summary["unsolved"][reason] = count;
+  for (const auto& [reason, count] : done.Unsolved()) summary["unsolved"][reason] = count;
   for (std::size_t c = 0; c < done.left_out.size(); ++c) {
     summary["readings"][header.cameras[c]] = {{"used", done.readings[c]},
                                               {"not_taken", done.left_out[c]}};
@@ -175,7 +175,7 @@ std::string DescribeSamples(const measure::ReconstructSummary& done,
     for (std::size_t k = 0; k < 4; ++k) rows.back().push_back(std::to_string(done.status[m][k]));
   }
   std::string text = AlignedTable(rows);
-  for (const auto& [reason, count] : done.unsolved) {
+  for (const auto& [reason, count] : done.Unsolved()) {
     text += fmt::format("unsolvable: {} x {}\n", count, reason);
   }
   for (std::size_t c = 0; c < done.left_out.size(); ++c) {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/length.h"
 #include "base/text.h"
 #include "report/page.h"
 
@@ -59,7 +60,7 @@ void AddVerdict(const ReconstructPageInput& in, report::Page* page) {
   if (!rig_good) {
     details.push_back(fmt::format("The rig's own verdict is \"{}\".", in.rig->verdict));
   }
-  for (const auto& [reason, count] : s.unsolved) {
+  for (const auto& [reason, count] : s.Unsolved()) {
     details.push_back(fmt::format("{} samples without a position: {}.", count, reason));
   }
   for (std::size_t c = 0; c < s.left_out.size(); ++c) {
@@ -96,9 +97,9 @@ void AddVerdict(const ReconstructPageInput& in, report::Page* page) {
         "no check but continuity", report::Level::kNeutral},
        {"a reading rejected", fmt::format("{:.2f} %", Share(rejected, s.samples())), "",
         report::Level::kNeutral},
-       {"sigma by the readings", fmt::format("{:.3f} mm", kMilli * norm(in.sigma_readings)),
-        "of the distance, median", report::Level::kNeutral},
-       {"sigma by the calibration", fmt::format("{:.3f} mm", kMilli * norm(in.sigma_calibration)),
+       {"sigma by the readings", LengthText(norm(in.sigma_readings)), "of the distance, median",
+        report::Level::kNeutral},
+       {"sigma by the calibration", LengthText(norm(in.sigma_calibration)),
         fmt::format("common to all samples, {} directions", in.shared_rank),
         report::Level::kNeutral}});
 }

@@ -172,18 +172,20 @@ Observations Cut(const Observations& all, const Window& window) {
   return out;
 }
 
+const ModelEvent* FindEvent(const std::vector<ModelEvent>& events, const TimedEvent& named) {
+  int left = named.count;
+  for (const ModelEvent& e : events) {
+    if (e.kind == named.kind && e.where == named.where && --left <= 0) return &e;
+  }
+  return nullptr;
+}
+
 std::vector<double> EventTimes(const std::vector<TimedEvent>& events,
                                const Prediction& prediction) {
   std::vector<double> out;
   for (const TimedEvent& event : events) {
-    int left = event.count;
-    double t = std::numeric_limits<double>::quiet_NaN();
-    for (const ModelEvent& e : prediction.events) {
-      if (e.kind != event.kind || e.where != event.where || --left > 0) continue;
-      t = e.t;
-      break;
-    }
-    out.push_back(t);
+    const ModelEvent* found = FindEvent(prediction.events, event);
+    out.push_back(found != nullptr ? found->t : std::numeric_limits<double>::quiet_NaN());
   }
   return out;
 }

@@ -72,6 +72,8 @@ Observations Cut(const Observations& all, const Window& window);
 // drift), `drift` being by how much the record's clock runs fast [-].
 Observations WithoutDrift(Observations record, double drift, double pivot);
 
+// The event of a model's list that another one names; nullptr: it never happened.
+const ModelEvent* FindEvent(const std::vector<ModelEvent>& events, const TimedEvent& named);
 // When the model has each of the events, on its own clock; NaN: never, by the end of the stamps.
 std::vector<double> EventTimes(const std::vector<TimedEvent>& events, const Prediction& prediction);
 

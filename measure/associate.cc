@@ -8,6 +8,7 @@
 #include <string>
 
 #include "base/error.h"
+#include "base/refuse_option.h"
 
 namespace unfurl::measure {
 
@@ -26,10 +27,11 @@ constexpr double kSameShare = 1.3e-5;
 }  // namespace
 
 void AssociateOptions::Check() const {
-  const auto between = [](const char* name, double value, double low, double high) {
+  const RefuseOption refuse("AssociateOptions");
+  const auto between = [&](const char* name, double value, double low, double high) {
     if (value > low && value < high) return;
-    throw Error(fmt::format("is not between {:g} and {:g}", low, high),
-                std::string("AssociateOptions::") + name, "give a number between them");
+    refuse(name, fmt::format("is not between {:g} and {:g}", low, high),
+           "give a number between them");
   };
   constexpr double kAny = std::numeric_limits<double>::infinity();
   between("miss", miss, 0.0, 1.0);

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "base/error.h"
+#include "base/refuse_option.h"
 
 namespace unfurl::measure {
 
@@ -28,10 +29,10 @@ double JerkOf(double sigma, double dt) { return 20.0 * sigma * sigma / std::pow(
 }  // namespace
 
 void MotionOptions::Check() const {
-  const auto positive = [](const char* name, double value) {
+  const RefuseOption refuse("MotionOptions");
+  const auto positive = [&](const char* name, double value) {
     if (value > 0.0 && std::isfinite(value)) return;
-    throw Error("is not a positive number", std::string("MotionOptions::") + name,
-                "give one above 0");
+    refuse(name, "is not a positive number", "give one above 0");
   };
   positive("interval", interval);
   positive("max_speed", max_speed);

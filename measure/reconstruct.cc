@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <utility>
 
 #include "base/error.h"
 #include "base/progress.h"
+#include "base/refuse_option.h"
 #include "base/statistics.h"
 #include "base/text.h"
 #include "base/worker_pool.h"
@@ -35,70 +35,10 @@ void CheckMatch(const data::TrialReader& trial, const data::Rig& rig, const std:
 
 }  // namespace
 
-std::size_t ReconstructSummary::samples() const {
-  std::size_t sum = 0;
-  for (const auto& counts : status) {
-    for (std::size_t n : counts) sum += n;
-  }
-  return sum;
-}
-
-std::size_t ReconstructSummary::usable() const {
-  std::size_t sum = samples();
-  for (const auto& counts : status) {
-    sum -= counts[static_cast<std::size_t>(data::SampleStatus::kUnsolvable)];
-  }
-  return sum;
-}
-
-namespace {
-
-// What makes most of a mark's samples fail for a reason, most likely first.
-const char* CauseOf(data::SampleReason reason) {
-  switch (reason) {
-    case data::SampleReason::kTooFew:
-      return "its LED is dark, hidden or out of view, or the slots name another mark in its place: "
-             "look at --picture";
-    case data::SampleReason::kDisagree:
-      return "a camera has moved or is late by a line, or the slots are off by one: unfurl check "
-             "with some surveyed points tells";
-    case data::SampleReason::kOutside:
-      return "the rig's lengths have another unit, its axes another order, or cameras are exchanged";
-    case data::SampleReason::kOffPath:
-      return "two marks share its slot, or it is faster than --max-speed";
-    default:
-      return "the page (--report) shows which cameras see it";
-  }
-}
-
-}  // namespace
-
-std::vector<std::string> ReconstructSummary::LostMarks() const {
-  std::vector<std::string> lost;
-  for (std::size_t m = 0; m < marks.size(); ++m) {
-    const std::size_t all = std::accumulate(status[m].begin(), status[m].end(), std::size_t{0});
-    const std::size_t without = status[m][static_cast<std::size_t>(data::SampleStatus::kUnsolvable)];
-    if (2 * without <= all) continue;
-    const auto most = std::max_element(
-        unsolved_of[m].begin(), unsolved_of[m].end(),
-        [](const auto& a, const auto& b) { return a.second < b.second; });
-    std::string cause;
-    for (int r = 0; r < data::kSampleReasons; ++r) {
-      const auto reason = static_cast<data::SampleReason>(r);
-      if (most->first == data::Name(reason)) cause = CauseOf(reason);
-    }
-    lost.push_back(fmt::format("{}: {} of {} samples have a position, {} times because of \"{}\"; {}",
-                               marks[m], all - without, all, most->second, most->first, cause));
-  }
-  return lost;
-}
-
 void ReconstructOptions::Check() const {
   point.Check();
   associate.Check();
-  const auto refuse = [](const char* name, const char* what, const char* remedy) {
-    throw Error(what, std::string("ReconstructOptions::") + name, remedy);
-  };
+  const RefuseOption refuse("ReconstructOptions");
   if (!(max_speed >= 0.0)) refuse("max_speed", "is negative", "give m/s, or 0 to derive it");
   if (!(start_sigma >= 0.0)) refuse("start_sigma", "is negative", "give m, or 0 to derive it");
   if (!(least_share >= 0.0 && least_share < 1.0)) {
@@ -116,7 +56,7 @@ Reconstructor::Reconstructor(const data::TrialReader& trial, const data::Rig& ri
   const std::size_t cameras = header_.cameras.size();
   summary_.marks = layout_.marks;
   summary_.status.resize(layout_.marks.size());
-  summary_.unsolved_of.resize(layout_.marks.size());
+  summary_.reasons.resize(layout_.marks.size());
   summary_.flags.resize(cameras);
   summary_.readings.resize(cameras);
   summary_.left_out.resize(cameras);
@@ -387,8 +327,7 @@ void Reconstructor::HandOut(data::Tracks* tracks) {
       }
       if (!data::Usable(mine.status)) {
         tracks->reason[sample] = ReasonOf(mine.point.outcome);
-        ++summary_.unsolved[Name(mine.point.outcome)];
-        ++summary_.unsolved_of[mark][Name(mine.point.outcome)];
+        ++summary_.reasons[mark][static_cast<std::size_t>(tracks->reason[sample])];
         continue;
       }
       tracks->used[sample] = mine.point.cameras;

@@ -48,9 +48,8 @@ struct ReconstructSummary {
   std::size_t lines = 0, dark_lines = 0;
   std::vector<std::string> marks;
   std::vector<std::array<std::size_t, 4>> status;  // by mark and data::SampleStatus
-  std::map<std::string, std::size_t> unsolved;     // by reason
-  // The same mark by mark.
-  std::vector<std::map<std::string, std::size_t>> unsolved_of;
+  // Samples without a position, by mark and data::SampleReason.
+  std::vector<std::array<std::size_t, data::kSampleReasons>> reasons;
   std::vector<std::array<std::size_t, kSpotFlags>>
       flags;                                // by camera and bit of SpotFlag, lit lines
   std::vector<std::size_t> readings;        // by camera, that entered
@@ -59,6 +58,8 @@ struct ReconstructSummary {
   // Share of the calibration's variance that is not in the shared part but in the samples' own
   // covariance, the largest of any sample [-].
   double unshared = 0.0;
+  // Those of all marks, by the reason in words; reasons that did not occur are not in it.
+  std::map<std::string, std::size_t> Unsolved() const;
   // A mark of which fewer than half of its samples have a position; a sentence with the counts, the
   // commonest reason, and what to look at. Empty: there is none.
   std::vector<std::string> LostMarks() const;

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "base/error.h"
+#include "base/refuse_option.h"
 #include "base/statistics.h"
 #include "measure/camera_model.h"
 
@@ -44,10 +45,11 @@ std::vector<double> TypicalSigmas(const data::Rig& rig) {
 }  // namespace
 
 void TriangulateOptions::Check() const {
-  const auto positive = [](const char* name, double value, double below) {
+  const RefuseOption refuse("TriangulateOptions");
+  const auto positive = [&](const char* name, double value, double below) {
     if (value > 0.0 && value < below) return;
-    throw Error(fmt::format("{} is not between 0 and {:g}", value, below),
-                std::string("TriangulateOptions::") + name, "give a number between them");
+    refuse(name, fmt::format("{} is not between 0 and {:g}", value, below),
+           "give a number between them");
   };
   constexpr double kAny = std::numeric_limits<double>::infinity();
   positive("residual_level", residual_level, 1.0);

@@ -54,7 +54,7 @@ Model ModelFrom(const py::object& object, const py::object& set) {
     throw Error("keys are set where a scene is read", "set", "use read_scene(path, set=..)");
   }
   const auto scene = SceneFrom(object, set);
-  return {std::make_shared<const sim::Model>(sim::Compile(scene->scene)), scene};
+  return {sim::CompileModel(scene->scene), scene};
 }
 
 data::RunEvent EventOf(const sim::Model& model, const sim::Event& event) {

@@ -6,6 +6,7 @@
 #include <cctype>
 #include <cmath>
 
+#include "base/length.h"
 #include "base/number.h"
 #include "base/text.h"
 #include "correlate/align/nuisance.h"
@@ -87,8 +88,8 @@ std::string Replaced(std::string kind) {  // "contact_start" as people say it
 
 // What the model's own error was judged by, and what it is.
 std::string ErrorWords(const correlate::TrialResult& t, const std::string& of) {
-  const std::string size = fmt::format("moves the marks{} by {:.3g} mm RMS, {:.2g} of their sigma",
-                                       of, 1e3 * t.model_error_rms, t.model_error_sigmas);
+  const std::string size = fmt::format("moves the marks{} by {} RMS, {:.2g} of their sigma", of,
+                                       LengthText(t.model_error_rms), t.model_error_sigmas);
   switch (t.error_check) {
     case correlate::ErrorCheck::kLadder:
       return "What the finest rung still lacks, by its change from the rung below, " + size +
@@ -379,12 +380,12 @@ void AddTolerances(const std::vector<correlate::ToleranceChoice>& choices,
     record->checks[fmt::format("rtol{} [1]", t == 0 ? "" : fmt::format("_{}", t + 1))] = c.rtol;
     record->reasons.push_back(
         c.noise <= c.wanted
-            ? fmt::format("Simulated{} with a tolerance of {:.0e}: its own scatter, {:.2g} mm RMS "
+            ? fmt::format("Simulated{} with a tolerance of {:.0e}: its own scatter, {} RMS "
                           "at the start, is below a hundredth of what the residuals show.",
-                          of, c.rtol, 1e3 * c.noise)
+                          of, c.rtol, LengthText(c.noise))
             : fmt::format("No tolerance down to 1e-9 brings the simulator's own scatter{} below "
-                          "{:.2g} mm at the start: {:.0e} leaves {:.2g} mm.",
-                          of, 1e3 * c.wanted, c.rtol, 1e3 * c.noise));
+                          "{} at the start: {:.0e} leaves {}.",
+                          of, LengthText(c.wanted), c.rtol, LengthText(c.noise)));
   }
 }
 

@@ -21,6 +21,13 @@ struct Refined {
   bool converged = false;
 };
 
+// Of the median steps of all marks, the largest [s].
+double LargestStep(const Observations& a) {
+  double step = 0.0;
+  for (const MarkSeries& m : a.marks) step = std::max(step, MedianStep(m.t));
+  return step;
+}
+
 // Frame and offset together, the reference asked anew at each offset; with a drift also the record
 // is given its stamps anew.
 Refined Refine(const Observations& record, const SampledModel& b, double offset, double drift,
@@ -59,10 +66,11 @@ Refined Refine(const Observations& record, const SampledModel& b, double offset,
     const double moved = std::abs(out.fit.at.offset - offset);
     offset = out.fit.at.offset;
     out.reference = b.Evaluate({}, a.StampsAt(offset));
-    // Without sigmas the unit weight is 1 m: then 10 ns settle it.
-    constexpr double kNoSigma = 1e-5;  // [s]
-    const double moves =
-        a.has_sigma ? std::max(sigma > 0.0 ? moved / sigma : 0.0, turned) : moved / kNoSigma;
+    // Without sigmas the unit weight is 1 m and no standard error tells: then a hundred-thousandth
+    // of the samples' step settles it.
+    constexpr double kNoSigma = 1e-2;
+    const double moves = a.has_sigma ? std::max(sigma > 0.0 ? moved / sigma : 0.0, turned)
+                                     : moved / (kNoSigma * LargestStep(a));
     out.converged = round > 0 && moves <= (round + 1 < kMaxRounds ? kSettled : kLetPass);
     if (out.converged) break;
   }

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "base/error.h"
+#include "base/length.h"
 #include "base/number.h"
 #include "base/text.h"
 #include "correlate/align/body_angle.h"
@@ -127,8 +128,8 @@ double LargestMotion(const Comparison& c) {
 std::string VerdictOf(const Comparison& c) {
   const MarkError& all = c.errors.back();
   const double part = all.rmse / std::max(LargestMotion(c), std::numeric_limits<double>::min());
-  std::string words = fmt::format("The two agree to {:.3g} mm RMS, {:.2g}% of the motion",
-                                  1e3 * all.rmse, 100.0 * part);
+  std::string words = fmt::format("The two agree to {} RMS, {:.2g}% of the motion",
+                                  LengthText(all.rmse), 100.0 * part);
   if (all.sigmas <= 0.0) return words + ".";
   // Above the scatter of a mean square of a few hundred samples, and of covariances that are known
   // to a tenth.
@@ -144,12 +145,13 @@ void AddErrorReasons(Comparison* c) {
   for (std::size_t m = 0; m < c->marks.size(); ++m) {  // not the row of all marks
     if (c->errors[m].rmse > worst->rmse) worst = &c->errors[m];
   }
+  c->reasons.push_back(fmt::format("Farthest apart is {}: {} RMS, {} at most, at {:.3f} s.",
+                                   worst->mark, LengthText(worst->rmse), LengthText(worst->largest),
+                                   worst->largest_at));
   c->reasons.push_back(
-      fmt::format("Farthest apart is {}: {:.3g} mm RMS, {:.3g} mm at most, at {:.3f} s.",
-                  worst->mark, 1e3 * worst->rmse, 1e3 * worst->largest, worst->largest_at));
-  c->reasons.push_back(fmt::format(
-      "Out of the plane the marks stray by {:.3g} mm RMS (mean {:+.3f} mm); the reference is {}.",
-      1e3 * all.rmse_across, 1e3 * all.bias_across, c->reference_is_run ? "planar" : "measured"));
+      fmt::format("Out of the plane the marks stray by {} RMS (mean {}); the reference is {}.",
+                  LengthText(all.rmse_across), LengthText(all.bias_across),
+                  c->reference_is_run ? "planar" : "measured"));
 }
 
 void AddClockReasons(Comparison* c) {

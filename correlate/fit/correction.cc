@@ -10,15 +10,6 @@ Eigen::Index RowsOf(const Observations& o) {
   return 6 * static_cast<Eigen::Index>(o.size()) + static_cast<Eigen::Index>(o.events.size());
 }
 
-// The time of one event of a prediction; null: it has none.
-double* TimeOf(const TimedEvent& event, Prediction* prediction) {
-  int left = event.count;
-  for (ModelEvent& e : prediction->events) {
-    if (e.kind == event.kind && e.where == event.where && --left == 0) return &e.t;
-  }
-  return nullptr;
-}
-
 }  // namespace
 
 Eigen::VectorXd Correction::DifferenceOf(const Observations& o, const Prediction& coarse,
@@ -95,7 +86,10 @@ Prediction Correction::Apply(std::size_t trial, const std::vector<double>& theta
     row += 3 * n;
   }
   for (const TimedEvent& event : observations_[trial]->events) {
-    if (double* t = TimeOf(event, &out)) *t += add(row);
+    const ModelEvent* found = FindEvent(coarse.events, event);
+    if (found != nullptr) {
+      out.events[static_cast<std::size_t>(found - coarse.events.data())].t += add(row);
+    }
     ++row;
   }
   return out;

@@ -20,6 +20,10 @@ void Check(const Parameter& p) {
         fmt::format("the start {} lies outside the bounds [{}, {}]", p.start, p.low, p.high), where,
         "start within the bounds");
   }
+  if (p.start == 0.0 && !std::isfinite(p.high - p.low) && !(p.has_prior && p.prior_sigma > 0.0)) {
+    throw Error("a start of 0 without bounds says nothing of the size that the value may have",
+                where, "give bounds = [low, high], or a prior with its sigma");
+  }
   if (p.log && (!(p.start > 0.0) || p.low < 0.0)) {
     throw Error(fmt::format("a logarithm needs positive values, not start {} and lower bound {}",
                             p.start, p.low),

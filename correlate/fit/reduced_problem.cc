@@ -15,9 +15,9 @@ constexpr double kNarrowest = 1e-7;
 double SizeOf(const Parameter& p) {
   if (p.log) return 1.0;
   const double range = p.high - p.low;
-  // A value that starts at zero has its size from its bounds.
-  const double fallback = std::isfinite(range) ? 0.1 * range : 1e-12;
-  return p.start != 0.0 ? std::abs(p.start) : fallback;
+  if (p.start != 0.0) return std::abs(p.start);
+  // A value that starts at zero has its size from its bounds, or its prior (Check asks for one).
+  return std::isfinite(range) ? 0.1 * range : p.prior_sigma;
 }
 
 }  // namespace

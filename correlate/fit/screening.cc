@@ -57,8 +57,6 @@ std::vector<Candidate> Screen(const FitProblem& problem, const FitOptions& optio
   std::vector<Stamps> grid;
   for (const FitTrial& trial : problem.trials) {
     const Observations& o = *trial.observations;
-    // Positions and velocities on half the data's own step carry any motion that the data show.
-    const double step = std::clamp(0.5 * MedianStep(o.marks.front().t), 1e-3, 1e-2);
     double horizon = o.End() - o.Start();
     if (!options.stages.empty()) {
       horizon = std::min(horizon, *std::min_element(options.stages.begin(), options.stages.end()));
@@ -66,6 +64,12 @@ std::vector<Candidate> Screen(const FitProblem& problem, const FitOptions& optio
     if (options.stages_by_impacts && std::isfinite(FirstImpact(o))) {
       horizon = std::min(horizon, FirstImpact(o) - o.Start());
     }
+    // Positions and velocities on half the data's own step carry any motion that the data show.
+    // At the least 200 points, so that a model's ten periods over the horizon are smooth between
+    // them however sparse the data; beyond a hundred thousand a coarser grid aligns as well.
+    constexpr double kFewest = 200.0, kMost = 1e5;
+    const double step =
+        std::clamp(0.5 * MedianStep(o.marks.front().t), horizon / kMost, horizon / kFewest);
     grid.push_back(EvenStamps(MarkNames(o), 0.0, horizon, step));
   }
   std::vector<Evaluator::Request> requests = beside;

@@ -6,6 +6,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "base/error.h"
@@ -19,9 +20,23 @@ namespace unfurl::correlate {
 
 namespace {
 
-// Beyond this the prediction is asked at new stamps, and the stage solved again: to this far the
-// velocities carry it. Accelerations of 1 km/s^2 at impacts make 1e-6 m of it.
-constexpr double kOffsetSettled = 5e-5;  // [s]
+// By how much the offset may move before the prediction is asked at new stamps and the stage solved
+// again [s]: to this far its velocities carry it, that is until the curvature of a path, by the
+// changes of velocity from sample to sample, moves a mark by kPart of the samples' sigma.
+double CarriedFor(const Prediction& prediction, double sigma, const Stamps& stamps) {
+  constexpr double kPart = 1e-3;  // nothing that an estimate could show
+  double steepest = 0.0;          // [m/s^2]
+  for (std::size_t m = 0; m < prediction.marks.size(); ++m) {
+    const Eigen::Matrix3Xd& v = prediction.marks[m].v;
+    const std::vector<double>& t = stamps.t[m];
+    for (Eigen::Index i = 1; i < v.cols(); ++i) {
+      const double step = t[static_cast<std::size_t>(i)] - t[static_cast<std::size_t>(i - 1)];
+      steepest = std::max(steepest, (v.col(i) - v.col(i - 1)).norm() / step);
+    }
+  }
+  return steepest > 0.0 ? std::sqrt(2.0 * kPart * sigma / steepest)
+                        : std::numeric_limits<double>::infinity();
+}
 
 // Of a standard error: how near to its minimum a stage that only leads the way has to come.
 constexpr double kLeadingTolerance = 0.5;
@@ -348,7 +363,11 @@ Eigen::VectorXd StageRunner::sigma() const {
 
 bool StageRunner::Settled() const {
   for (std::size_t t = 0; t < at_.size(); ++t) {
-    if (std::abs(at_[t].offset - offset_ref_[t]) > kOffsetSettled) return false;
+    const Observations& o = *reduced_->parts()[t].observations;
+    // Without sigmas the weights are 1 m^-1, and the residuals are what tells of errors.
+    const double sigma = TypicalSigma(o) * (o.has_sigma ? 1.0 : std::sqrt(misfit_));
+    const double carried = CarriedFor(*point_.prediction[t], sigma, o.StampsAt(offset_ref_[t]));
+    if (std::abs(at_[t].offset - offset_ref_[t]) > carried) return false;
   }
   return true;
 }

@@ -150,8 +150,7 @@ Recording Record(const data::Scene& scene, const RecordOptions& options, const s
   if (!filled.simulate) filled.simulate = SolverOptions(scene);
   filled.Check();
   const bool is_file = std::filesystem::is_regular_file(scene.path);  // not text parsed in memory
-  return Record(std::make_shared<const Model>(Compile(scene)), filled, path,
-                is_file ? data::ReadTextFile(scene.path) : "");
+  return Record(CompileModel(scene), filled, path, is_file ? data::ReadTextFile(scene.path) : "");
 }
 
 std::string SizeText(double bytes) {

@@ -13,6 +13,7 @@
 #include "correlate/fit/evaluation_store.h"
 #include "correlate/fit/fit.h"
 #include "tests/correlate/fit_repeats.h"
+#include "tests/correlate/stopped_workers.h"
 #include "tests/correlate/two_link.h"
 
 namespace unfurl::correlate {
@@ -235,22 +236,6 @@ TEST(Ladder, IsResumedToTheSameBits) {
   const std::string result = (std::filesystem::temp_directory_path() /
                               ("unfurl_ladder_" + std::to_string(getpid()) + ".h5"))
                                  .string();
-  class Stopped : public Workers {
-   public:
-    Stopped(Workers& inner, int left) : inner_(inner), left_(left) {}
-    void Run(std::span<const Job> jobs,
-             const std::function<void(std::size_t, Prediction)>& done) override {
-      for (std::size_t i = 0; i < jobs.size(); ++i) {
-        if (left_-- <= 0) throw Interrupted();
-        inner_.Run(jobs.subspan(i, 1),
-                   [&](std::size_t, Prediction answer) { done(i, std::move(answer)); });
-      }
-    }
-
-   private:
-    Workers& inner_;
-    std::atomic<int> left_;
-  };
   const Changed coarse(Mesh(1.0)), middle(Mesh(kMiddle)), fine(Mesh(kFine));
   const Observations data = Data(TwoLink(), 10);
   const FitProblem problem = Problem(

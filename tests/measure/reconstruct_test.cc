@@ -147,7 +147,7 @@ TEST(Reconstruct, TwoBlindCamerasLeaveNothingAndSayWhy) {
   const data::Tracks tracks = Reconstruct(data::TrialReader(path), Shared().rig, {}, &summary);
   std::remove(path.c_str());
   EXPECT_EQ(summary.usable(), 0U);
-  EXPECT_EQ(summary.unsolved.at("too few readings"), tracks.size());
+  EXPECT_EQ(summary.Unsolved().at("too few readings"), tracks.size());
   for (std::size_t i = 0; i < tracks.size(); ++i) {
     EXPECT_TRUE(std::isnan(tracks.p(0, static_cast<Eigen::Index>(i))));
   }
@@ -194,7 +194,7 @@ TEST(Reconstruct, WithoutAPastNothingTellsWhichSoItIsUnsolvable) {
     EXPECT_EQ(tracks.status[i], tracks.mark[i] == mark2 ? data::SampleStatus::kUnsolvable
                                                         : data::SampleStatus::kGood);
   }
-  EXPECT_GT(summary.unsolved.at("readings disagree"), 200U);
+  EXPECT_GT(summary.Unsolved().at("readings disagree"), 200U);
 }
 
 TEST(Reconstruct, RefusesARigOfOtherCameras) {
