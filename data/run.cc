@@ -86,12 +86,23 @@ RunInMemory::RunInMemory(const RunLayout& layout) {
   run_.quantities = layout.quantities;
   run_.columns.resize(layout.quantities.size());
   run_.marks = layout.marks;
+  run_.summary_quantities = layout.summary;
+  for (const BeamShape& shape : layout.shapes) run_.shapes.push_back({shape.name, shape.at, {}});
   for (const auto& [name, text] : layout.text) SetText(name, text);
 }
 
 void RunInMemory::Append(double t, std::span<const double> values) {
   run_.t.push_back(t);
   for (std::size_t q = 0; q < values.size(); ++q) run_.columns[q].push_back(values[q]);
+}
+
+void RunInMemory::AppendShapes(double t, std::span<const double> points) {
+  run_.shape_t.push_back(t);
+  for (BeamMotion& beam : run_.shapes) {
+    const auto own = points.first(2 * beam.at.size());
+    beam.xy.insert(beam.xy.end(), own.begin(), own.end());
+    points = points.subspan(own.size());
+  }
 }
 
 void RunInMemory::SetText(const std::string& name, const std::string& text) {
@@ -119,9 +130,31 @@ void ReadEvents(const H5Reader& file, bool ended, Run* run) {
   }
 }
 
+void ReadShapes(const H5Reader& file, bool ended, Run* run) {
+  if (!file.Has("/beam_shape_t")) return;
+  std::vector<std::string> datasets = {"/beam_shape_t"};
+  const std::vector<std::string> names = file.Children("/beam_shape");
+  for (const std::string& name : names) datasets.push_back("/beam_shape/" + name);
+  const std::size_t rows = Rows(file, datasets, ended);
+  run->shape_t = file.ReadDoubles("/beam_shape_t", "s");
+  run->shape_t.resize(rows);
+  for (const std::string& name : names) {
+    const std::string at = "/beam_shape/" + name;
+    BeamMotion beam{name, file.ReadDoubles("/beam_place/" + name, "m"), {}};
+    const std::vector<std::size_t> dims = file.Dims(at);
+    if (dims.size() != 3 || dims[1] != beam.at.size() || dims[2] != 2) {
+      file.Fail(fmt::format("does not hold x, y of {} points", beam.at.size()), at,
+                "make the file again");
+    }
+    beam.xy = file.ReadDoubles(at, "m");
+    beam.xy.resize(rows * dims[1] * dims[2]);
+    run->shapes.push_back(std::move(beam));
+  }
+}
+
 }  // namespace
 
-Run ReadRun(const std::string& path) {
+Run ReadRun(const std::string& path, bool with_shapes) {
   const RunReader reader(path);
   const H5Reader& file = reader.file();
   Run run;
@@ -146,8 +179,11 @@ Run ReadRun(const std::string& path) {
     }
   }
   ReadEvents(file, reader.ended(), &run);
+  if (with_shapes) ReadShapes(file, reader.ended(), &run);
   for (const std::string& name : file.Children("/summary")) {
-    const std::vector<double> value = file.ReadDoubles("/summary/" + name);
+    const std::string at = "/summary/" + name;
+    const std::vector<double> value = file.ReadDoubles(at);
+    run.summary_quantities.push_back({name, file.Units(at), file.Description(at)});
     if (value.size() == 1 && !std::isnan(value[0])) run.summary[name] = value[0];
   }
   for (const std::string& name : file.Children("/text")) {

@@ -103,6 +103,13 @@ class RunWriter : public RunSink {
   std::unique_ptr<Impl> impl_;
 };
 
+/// The centre line of one beam, as it was kept.
+struct BeamMotion {
+  std::string name;
+  std::vector<double> at;  ///< places of its k points, from the beam's start at rest [m]
+  std::vector<double> xy;  ///< x, y of every point at every time of Run::shape_t, s x k x 2 [m]
+};
+
 // A simulated motion in memory: n samples of q quantities.
 struct Run {
   std::vector<double> t;                     // n [s]
@@ -111,18 +118,21 @@ struct Run {
   std::vector<std::string> marks;
   std::vector<RunEvent> events;
   std::map<std::string, double> summary;
+  std::vector<Quantity> summary_quantities;  // units and descriptions of those that may be there
   std::map<std::string, std::string> text;
+  std::vector<double> shape_t;     // s [s]; none: no shapes were kept, or they were not read
+  std::vector<BeamMotion> shapes;  // by beam
 
   int Find(const std::string& name) const;                           // -1 when absent
   const std::vector<double>& Column(const std::string& name) const;  // throws Error when absent
 };
-// Keeps a run in memory: what ReadRun gives of the file that a RunWriter would have made. Beams'
-// shapes are not kept.
+// Keeps a run in memory: what ReadRun gives of the file that a RunWriter would have made, shapes
+// included.
 class RunInMemory : public RunSink {
  public:
   explicit RunInMemory(const RunLayout& layout);
   void Append(double t, std::span<const double> values) override;
-  void AppendShapes(double, std::span<const double>) override {}
+  void AppendShapes(double t, std::span<const double> points) override;
   void AddEvent(const RunEvent& event) override { run_.events.push_back(event); }
   void SetSummary(const std::string& name, double value) override { run_.summary[name] = value; }
   void SetText(const std::string& name, const std::string& text) override;
@@ -133,8 +143,11 @@ class RunInMemory : public RunSink {
   Run run_;
 };
 
-// Of a run that did not end: as much as all its series have.
-Run ReadRun(const std::string& path);
+// Of a run that did not end: as much as all its series have. `with_shapes`: the beams' too, which
+// may be most of the file.
+Run ReadRun(const std::string& path, bool with_shapes = false);
+// The file that ReadRun reads, whole or not at all.
+void WriteRun(const std::string& path, const Run& run, const Provenance& provenance);
 
 // The samples of a run, block by block, for files larger than memory.
 class RunReader {

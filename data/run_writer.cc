@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <stdexcept>
 
 #include "data/run.h"
@@ -210,6 +211,68 @@ double RunWriter::FileSize(const RunLayout& layout, double samples, double shape
   return 8.0 * (2.0 + q) * whole_chunks + 8.0 * (1.0 + 2.0 * points) * shapes +
          kBytesPerObject * (q + static_cast<double>(layout.summary.size())) +
          16.0 * (2.0 + q) * samples / rows;
+}
+
+namespace {
+
+// "theta_rate [rad/s]" apart.
+Quantity FromNameWithUnit(const std::string& text) {
+  const std::size_t open = text.rfind(" [");
+  if (open == std::string::npos || text.back() != ']') return {text, "1", ""};
+  return {text.substr(0, open), text.substr(open + 2, text.size() - open - 3), ""};
+}
+
+RunLayout LayoutOf(const Run& run) {
+  RunLayout layout;
+  layout.quantities = run.quantities;
+  layout.marks = run.marks;
+  for (const BeamMotion& beam : run.shapes) layout.shapes.push_back({beam.name, beam.at});
+  std::map<std::string, Quantity> event_data;
+  for (const RunEvent& event : run.events) {
+    layout.event_places.push_back(event.where);
+    for (const auto& [name, value] : event.data) event_data[name] = FromNameWithUnit(name);
+  }
+  for (const auto& [name, quantity] : event_data) layout.event_data.push_back(quantity);
+  layout.summary = run.summary_quantities;
+  for (const auto& [name, value] : run.summary) {
+    const auto same = [&](const Quantity& q) { return q.name == name; };
+    if (std::none_of(layout.summary.begin(), layout.summary.end(), same)) {
+      layout.summary.push_back({name, "1", ""});
+    }
+  }
+  if (const auto scene = run.text.find("scene"); scene != run.text.end()) {
+    layout.text["scene"] = scene->second;
+  }
+  return layout;
+}
+
+}  // namespace
+
+void WriteRun(const std::string& path, const Run& run, const Provenance& provenance) {
+  RunWriter writer(path, provenance, LayoutOf(run));
+  std::vector<double> row(run.columns.size());
+  for (std::size_t i = 0; i < run.t.size(); ++i) {
+    for (std::size_t q = 0; q < row.size(); ++q) row[q] = run.columns[q][i];
+    writer.Append(run.t[i], row);
+  }
+  std::vector<double> points;
+  for (std::size_t i = 0; i < run.shape_t.size(); ++i) {
+    points.clear();
+    for (const BeamMotion& beam : run.shapes) {
+      const std::size_t numbers = 2 * beam.at.size();
+      const auto from = beam.xy.begin() + static_cast<std::ptrdiff_t>(i * numbers);
+      points.insert(points.end(), from, from + static_cast<std::ptrdiff_t>(numbers));
+    }
+    writer.AppendShapes(run.shape_t[i], points);
+  }
+  for (const RunEvent& event : run.events) writer.AddEvent(event);
+  for (const auto& [name, value] : run.summary) writer.SetSummary(name, value);
+  for (const char* name : {"status", "message", "method", "stopped_by"}) {
+    if (const auto words = run.text.find(name); words != run.text.end()) {
+      writer.SetText(name, words->second);
+    }
+  }
+  writer.Commit();
 }
 
 }  // namespace unfurl::data

@@ -33,7 +33,8 @@ py::object Loaded(const fs::path& path, const Read& read) {
 py::object LoadH5(const fs::path& path) {
   const std::string schema = data::H5Reader::SchemaOf(path.string());
   if (schema == data::kTracksSchema) return Loaded<data::Tracks>(path, &data::ReadTracks);
-  if (schema == data::kRunSchema) return Loaded<data::Run>(path, &data::ReadRun);
+  if (schema == data::kRunSchema)
+    return Loaded<data::Run>(path, [](const std::string& p) { return data::ReadRun(p, true); });
   if (schema == data::kRigSchema) return Loaded<data::Rig>(path, &data::ReadRig);
   if (schema == data::kSurveySchema) return Loaded<data::Survey>(path, &data::ReadSurvey);
   if (schema == data::kFitSchema) return LoadFit(path);

@@ -34,7 +34,8 @@ std::shared_ptr<data::TrialReader> TrialFrom(const py::object& object) {
 
 py::tuple Expose(const py::object& run_or_path, const py::object& lab_or_path,
                  const fs::path& output, std::size_t workers, const py::object& progress) {
-  const auto run = RecordFrom<Run>(run_or_path, "a Run", &data::ReadRun);
+  const auto run = RecordFrom<Run>(run_or_path, "a Run",
+                                   [](const std::string& path) { return data::ReadRun(path); });
   const auto lab = LabFrom(lab_or_path);
   const data::Provenance provenance = [&] {
     data::Provenance made = ProvenanceOf(Joined(run->sources, {SourceOf(lab->path)}));

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <map>
 
 #include "base/error.h"
 #include "data/atomic_file.h"
@@ -39,41 +40,6 @@ std::vector<std::string> Names(const data::Run& run) {
   return names;
 }
 
-// "theta_rate [rad/s]" apart.
-data::Quantity FromNameWithUnit(const std::string& text) {
-  const std::size_t open = text.rfind(" [");
-  if (open == std::string::npos || text.back() != ']') return {text, "1", ""};
-  return {text.substr(0, open), text.substr(open + 2, text.size() - open - 3), ""};
-}
-
-void WriteH5(const Run& run, const fs::path& path) {
-  const data::Run& d = run.data;
-  data::RunLayout layout;
-  layout.quantities = d.quantities;
-  layout.marks = d.marks;
-  std::map<std::string, data::Quantity> event_data;
-  for (const data::RunEvent& event : d.events) {
-    layout.event_places.push_back(event.where);
-    for (const auto& [name, value] : event.data) event_data[name] = FromNameWithUnit(name);
-  }
-  for (const auto& [name, quantity] : event_data) layout.event_data.push_back(quantity);
-  const data::Provenance provenance = ProvenanceOf(run.sources);
-  const std::string scene = TextOf(d, "scene");
-  if (!scene.empty()) layout.text["scene"] = scene;
-  data::RunWriter writer(path.string(), provenance, layout);
-  std::vector<double> row(d.columns.size());
-  for (std::size_t i = 0; i < d.t.size(); ++i) {
-    for (std::size_t q = 0; q < row.size(); ++q) row[q] = d.columns[q][i];
-    writer.Append(d.t[i], row);
-  }
-  for (const data::RunEvent& event : d.events) writer.AddEvent(event);
-  for (const char* name : {"status", "message", "method", "stopped_by"}) {
-    const std::string text = TextOf(d, name);
-    if (!text.empty()) writer.SetText(name, text);
-  }
-  writer.Commit();
-}
-
 void WriteCsv(const data::Run& run, const fs::path& path) {
   constexpr std::size_t kRows = 4096;  // that are text at a time
   std::vector<data::CsvColumn> columns = {{"t", "s"}};
@@ -95,7 +61,7 @@ void WriteCsv(const data::Run& run, const fs::path& path) {
 
 void Write(const Run& run, const fs::path& path) {
   if (data::FormatOf(path.string()) == data::FileFormat::kCsv) return WriteCsv(run.data, path);
-  WriteH5(run, path);
+  data::WriteRun(path.string(), run.data, ProvenanceOf(run.sources));
 }
 
 py::tuple Pickle(const Run& run) {
@@ -106,8 +72,15 @@ py::tuple Pickle(const Run& run) {
   }
   py::list columns;
   for (const std::vector<double>& column : d.columns) columns.append(Owned(column));
+  py::list summary_quantities, shapes;
+  for (const data::Quantity& q : d.summary_quantities) {
+    summary_quantities.append(py::make_tuple(q.name, q.units, q.description));
+  }
+  for (const data::BeamMotion& beam : d.shapes) {
+    shapes.append(py::make_tuple(beam.name, Owned(beam.at), Owned(beam.xy)));
+  }
   return py::make_tuple(Owned(d.t), quantities, columns, d.marks, py::cast(d.events), d.summary,
-                        d.text, StateOf(run.sources));
+                        d.text, StateOf(run.sources), summary_quantities, Owned(d.shape_t), shapes);
 }
 
 std::shared_ptr<Run> Unpickle(const py::tuple& state) {
@@ -124,7 +97,28 @@ std::shared_ptr<Run> Unpickle(const py::tuple& state) {
   d.summary = state[5].cast<std::map<std::string, double>>();
   d.text = state[6].cast<std::map<std::string, std::string>>();
   run->sources = SourcesOf(state[7].cast<SourceState>());
+  for (const py::handle& q : state[8]) {
+    const auto words = q.cast<std::vector<std::string>>();
+    d.summary_quantities.push_back({words.at(0), words.at(1), words.at(2)});
+  }
+  d.shape_t = NumbersFrom(state[9], "shape_t");
+  for (const py::handle& beam : state[10]) {
+    const auto parts = beam.cast<py::tuple>();
+    d.shapes.push_back(
+        {parts[0].cast<std::string>(), NumbersFrom(parts[1], "at"), NumbersFrom(parts[2], "xy")});
+  }
   return run;
+}
+
+// A beam's centre line as an array that the run keeps alive.
+std::map<std::string, py::array_t<double>> Shapes(const py::object& self) {
+  const data::Run& run = self.cast<Run&>().data;
+  std::map<std::string, py::array_t<double>> out;
+  for (const data::BeamMotion& beam : run.shapes) {
+    const py::array flat = View(beam.xy, self);
+    out[beam.name] = flat.attr("reshape")(run.shape_t.size(), beam.at.size(), 2);
+  }
+  return out;
 }
 
 std::string Repr(const data::Run& run) {
@@ -194,6 +188,12 @@ void BindRun(py::module_& m) {
       .def_property_readonly(
           "events", [](const Run& self) { return self.data.events; }, "List of RunEvent.")
       .def_property_readonly(
+          "shape_t", [](py::object self) { return View(self.cast<Run&>().data.shape_t, self); },
+          "(s,) times at which the beams' shapes were kept [s]; empty: none were.")
+      .def_property_readonly(
+          "shapes", &Shapes,
+          "Centre lines of the beams by name: (s, k, 2), x and y of k points [m].")
+      .def_property_readonly(
           "summary", [](const Run& self) { return self.data.summary; },
           "Numbers of the whole run by name: steps, impacts, JOINT.latch_time [s] ..")
       .def_property_readonly(
@@ -208,11 +208,7 @@ void BindRun(py::module_& m) {
       .def_property_readonly(
           "usable", [](const Run& self) { return TextOf(self.data, "status") == "good"; },
           "Whether it ran to its end.")
-      .def("write", &Write, py::arg("path"),
-           "Writes the samples as .csv, or samples, events and words as HDF5. The counted numbers "
-           "and the beams' shapes "
-           "are\n"
-           "in the file that simulate(output=..) writes.")
+      .def("write", &Write, py::arg("path"), "Writes the samples as .csv, or all of it as HDF5.")
       .def("__repr__", [](const Run& self) { return Repr(self.data); });
 }
 

@@ -160,7 +160,7 @@ Run Simulate(const py::object& scene, const py::object& set, std::optional<doubl
         sim::Record(model.model, options, output.value_or("").string(), model.scene->text);
     if (recording.status == "interrupted") throw Interrupted();
     if (!output) return Run{std::move(recording.run), model.scene->sources};
-    return Run{data::ReadRun(recording.path), model.scene->sources};
+    return Run{data::ReadRun(recording.path, true), model.scene->sources};
   });
 }
 

@@ -1,6 +1,7 @@
 """Simulation from Python: against closed forms, observed, and interrupted."""
 
 import os
+import pickle
 import signal
 import threading
 
@@ -57,6 +58,36 @@ def test_in_memory_and_in_a_file_are_the_same(pendulum, tmp_path):
     for name in a:
         np.testing.assert_array_equal(a[name], b[name])
     assert a.summary == b.summary
+
+
+def test_beams_are_kept_in_memory_in_files_and_pickles(sets, tmp_path):
+    scene = sets / "deployment" / "scene_suspension_4.toml"
+    run = unfurl.simulate(scene, duration=0.3, output=tmp_path / "streamed.h5")
+    in_memory = unfurl.simulate(scene, duration=0.3)
+    in_memory.write(tmp_path / "written.h5")
+    assert run.shapes and len(run.shape_t) == 16  # fifty a second
+    for other in (in_memory, unfurl.load(tmp_path / "written.h5"), pickle.loads(pickle.dumps(run))):
+        np.testing.assert_array_equal(other.shape_t, run.shape_t)
+        assert sorted(other.shapes) == sorted(run.shapes)
+        for name, xy in run.shapes.items():
+            assert xy.shape[0] == len(run.shape_t) and xy.shape[2] == 2
+            np.testing.assert_array_equal(other.shapes[name], xy)
+        assert other.summary == run.summary
+        assert [(e.t, e.kind, e.where, e.data) for e in other.events] == [
+            (e.t, e.kind, e.where, e.data) for e in run.events
+        ]
+
+
+def test_a_run_goes_to_a_file_and_back(tmp_path, sets):
+    run = unfurl.simulate(sets / "bouncing_latch" / "scene.toml", duration=1.2)
+    assert run.events
+    run.write(tmp_path / "run.h5")
+    again = unfurl.load(tmp_path / "run.h5")
+    assert again.summary == run.summary and again.text == run.text and again.keys() == run.keys()
+    assert [(e.t, e.kind, e.where, e.data) for e in again.events] == [
+        (e.t, e.kind, e.where, e.data) for e in run.events
+    ]
+    assert dict(unfurl.load(tmp_path / "run.h5").shapes) == {}
 
 
 def test_quantities_are_chosen(pendulum):
