@@ -22,6 +22,8 @@ namespace unfurl {
 namespace {
 
 constexpr int kGrace = 700000;  // [us] for work to stop by itself
+// Unfinished files that the handler can remove: one for each file that the process writes at a
+// time. Those beyond stay behind when a signal ends it.
 constexpr std::size_t kPlaces = 64;
 
 volatile sig_atomic_t g_signal = 0;
@@ -72,7 +74,7 @@ thread_local const char* t_reading = nullptr;
 
 // Only what may be called from a handler. Controls in a name are shown as '?'.
 void WriteWords(const char* words, bool of_a_file = false) {
-  constexpr std::size_t kLongest = 4096;
+  constexpr std::size_t kLongest = 4096;  // bytes of a line, as PATH_MAX: the rest is cut off
   char line[kLongest];
   std::size_t n = 0;
   for (; words[n] != '\0' && n < kLongest; ++n) {

@@ -15,7 +15,7 @@
 namespace unfurl {
 
 namespace {
-constexpr int kNotStarted = 127;
+constexpr int kNotStarted = 127;  // the shell's exit status for a program that was not found
 }
 
 ProgramOutcome RunProgram(const std::vector<std::string>& words, const std::string& folder,

@@ -22,7 +22,7 @@ namespace {
 
 // A camera as Ceres stores it: R_CW row by row, then p_WC, f, u0, e and the terms.
 constexpr int kTail = data::kCameraParameters - 3;  // what follows the rotation
-constexpr int kAmbient = 9 + kTail;
+constexpr int kAmbient = 9 + kTail;                 // numbers of a camera so stored
 constexpr int kTerms = static_cast<int>(data::kLensTerms);
 constexpr int kFirst = kAmbient - kTerms;  // of the terms
 using CameraBlock = std::array<double, kAmbient>;

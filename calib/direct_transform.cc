@@ -14,7 +14,9 @@ namespace {
 
 constexpr int kSubsets = 400;       // 30% gross errors leave > 99.9% chance of a clean subset of 10
 constexpr int kLargestSubset = 12;  // larger than minimal, so that lens error averages out
-constexpr int kRefits = 5;
+constexpr int kRefits = 5;          // for the set of inliers to settle
+// Of the robust sigma: normal errors of a hundred readings all stay below it
+// in 95 cases of 100 (0.99953 each).
 constexpr double kInlierSigmas = 3.5;
 
 void ScaleToDepth(const Eigen::Matrix3Xd& p, DirectTransform* transform) {

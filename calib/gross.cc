@@ -14,6 +14,7 @@
 namespace unfurl::calib {
 namespace {
 
+// Of Gauss-Newton, which converges in a few; a hypothesis that takes more is dropped.
 constexpr int kIterations = 25;
 // A step is the last when it is this small a share of the point's own standard deviation [-]: it
 // then changes chi-square by a millionth of that.

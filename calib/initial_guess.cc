@@ -94,7 +94,7 @@ DirectGuess GuessDirect(const Eigen::Matrix3Xd& p, const Eigen::VectorXd& u, int
     return best;
   }
   constexpr double kWidest = 1.48, kNarrowest = 0.1;  // half the field [rad]
-  constexpr int kScales = 24;
+  constexpr int kScales = 24;  // focal lengths, each 1.12 times the one before
   const double half = 0.5 * (row - 1);
   double least = std::numeric_limits<double>::infinity();
   for (int k = 0; k < kScales; ++k) {

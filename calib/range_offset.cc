@@ -12,8 +12,10 @@ namespace unfurl::calib {
 namespace {
 
 constexpr double kGate = 4.0;  // sigmas per coordinate
+// Points that must share an offset: one determines it where the station is known, two where it is
+// not (four unknowns, three coordinates each). The others are the check.
 constexpr int kFewestWithStation = 3, kFewestWithout = 5;
-constexpr int kRounds = 10;
+constexpr int kRounds = 10;  // ends a cycle between two sets of members
 
 // How far a shift is from `offset` along the line from the station, in its own sigmas.
 double Misfit(const Eigen::Vector3d& p, const Eigen::Vector3d& shift, const Eigen::Matrix3d& cov,

@@ -30,8 +30,25 @@ constexpr double kHarmless = 0.1;    // of the calibration's variance of points
 constexpr double kNearPlane = 0.25;  // least spread over the largest: below, more depth is advised
 constexpr double kGap = 0.15;        // of the sensor's row without a reading
 constexpr double kReading = 1.4e-5;  // a reading's sigma over the row, where it only weighs
-constexpr int kFewPoints = 60;
-constexpr int kGrid = 5;
+// Surveyed points to each free parameter of a camera: the calibration's part of an error goes with
+// the root of parameters over readings.
+constexpr int kFewPerParameter = 5;
+constexpr int kGrid = 5;  // points along each edge of the volume; 125 in all
+
+// Decimals that show hundredths of a length [m], whether of a hinge or of a wing.
+int DecimalsOf(double length) {
+  return length > 0.0 ? std::clamp(2 - static_cast<int>(std::floor(std::log10(length))), 0, 9) : 2;
+}
+
+// Of the camera that has most: those whose covariance is not that of what was held fixed.
+int MostFreeParameters(const data::Rig& rig) {
+  Eigen::Index most = 0;
+  for (Eigen::Index first = 0; first < rig.covariance.rows(); first += kParameters) {
+    const auto variance = rig.covariance.diagonal().segment<kParameters>(first);
+    most = std::max<Eigen::Index>(most, (variance.array() > 0.0).count());
+  }
+  return static_cast<int>(most);
+}
 
 // What a parameter is called, and its unit.
 struct Word {
@@ -224,15 +241,16 @@ std::vector<std::string> SurveyAdvice(const Observations& data, const Weighting&
     const Eigen::Vector3d centre = p.rowwise().mean();
     const double away = 2.0 * kNearPlane * spread.sigma(0);
     const bool level = std::abs(spread.normal.z()) > 0.9;
+    const int decimals = DecimalsOf(spread.sigma(0));
     out.push_back(fmt::format(
-        "the points lie within {:.2f} m (one sigma) of one plane with normal ({:.2f}, {:.2f}, "
+        "the points lie within {:.{}f} m (one sigma) of one plane with normal ({:.2f}, {:.2f}, "
         "{:.2f}): measure some {}",
-        spread.sigma(2), spread.normal.x(), spread.normal.y(), spread.normal.z(),
-        level
-            ? fmt::format("at z > {:.2f} m and z < {:.2f} m", centre.z() + away, centre.z() - away)
-            : fmt::format("{:.2f} m and more to either side of it", away)));
+        spread.sigma(2), decimals, spread.normal.x(), spread.normal.y(), spread.normal.z(),
+        level ? fmt::format("at z > {:.{}f} m and z < {:.{}f} m", centre.z() + away, decimals,
+                            centre.z() - away, decimals)
+              : fmt::format("{:.{}f} m and more to either side of it", away, decimals)));
   }
-  if (static_cast<int>(used.size()) < kFewPoints) {
+  if (static_cast<int>(used.size()) < kFewPerParameter * MostFreeParameters(rig)) {
     out.push_back(fmt::format(
         "{} points calibrate the rig: four times as many would halve its part of the error",
         used.size()));

@@ -19,8 +19,8 @@ namespace {
 using calib::Calibration;
 using report::Level;
 
-constexpr std::size_t kWorst = 15;
-constexpr int kSlabs = 3;  // of the volume's height, for dots
+constexpr std::size_t kWorst = 15;  // held-out points in the table, the worst first
+constexpr int kSlabs = 3;           // of the volume's height, for dots
 
 std::string Cell(const Calibration& result, const char* check, double scale, int decimals) {
   const auto found = result.rig.checks.find(check);

@@ -50,7 +50,8 @@ Chart StabilisationChart(const std::string& whose, const correlate::ModalFit& fi
 
 // A mark that swings far moves on an arc, and across it at twice the frequency: no mode.
 std::string Harmonics(const std::vector<correlate::Mode>& modes) {
-  constexpr double kSigmas = 3.0;
+  constexpr double kSigmas =
+      3.0;  // of the difference: frequencies nearer than this are called equal
   std::string words;
   for (const correlate::Mode& m : modes) {
     for (const correlate::Mode& of : modes) {

@@ -27,7 +27,7 @@ namespace {
 
 // Block by block: a run may be larger than memory.
 void RunToCsv(const std::string& in, const std::string& out) {
-  constexpr std::size_t kBlockRows = 4096;
+  constexpr std::size_t kBlockRows = 4096;  // samples in memory at once
   const data::RunReader run(in);
   std::vector<data::CsvColumn> columns = {{"t", "s"}};
   for (const data::Quantity& quantity : run.quantities()) {

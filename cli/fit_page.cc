@@ -169,7 +169,7 @@ void AddProfiles(const FitPageInput& in, report::Page* page) {
       found.y.push_back(point.deviance / p.dispersion);
     }
     if (found.x.size() < 2) continue;
-    constexpr int kPoints = 81;
+    constexpr int kPoints = 81;        // of the drawn parabola: smooth at a page's width
     constexpr double kHighest = 12.0;  // of the parabola: three times what ends the interval
     const double low = found.x.front(), high = found.x.back();
     for (int i = 0; i < kPoints; ++i) {
@@ -228,25 +228,38 @@ void AddWaterfall(const FitPageInput& in, report::Page* page) {
   page->AddTable(table);
 }
 
-// Mean autocorrelation over all series of residuals, in steps of the samples.
+// Lags of the chart, in samples: until the correlation that was found has decayed.
+std::size_t LagsOf(const correlate::SeriesNoise& noise) {
+  constexpr double kFewest = 60.0;   // of noise that is white
+  constexpr double kDecayed = 0.05;  // of what it is at lag 0
+  double lags = kFewest;
+  for (const correlate::MarkovNoise& n : noise.series) {
+    if (n.share > 0.0 && n.rho > 0.0) lags = std::max(lags, std::log(kDecayed) / std::log(n.rho));
+  }
+  return static_cast<std::size_t>(lags);
+}
+
+// Mean autocorrelation over all series of residuals, in steps of the samples, up to `lags`.
 report::Series Autocorrelation(const correlate::ResidualNoise& noise,
-                               const Eigen::VectorXd& residual, const std::string& name) {
-  constexpr std::size_t kLags = 60;
-  std::vector<double> sum(kLags + 1, 0.0);
+                               const Eigen::VectorXd& residual, std::size_t lags,
+                               const std::string& name) {
+  constexpr std::size_t kMost = 240;  // points: what a chart can show
+  const std::size_t step = (lags + kMost - 1) / kMost;
+  std::vector<double> sum(lags / step + 1, 0.0);
   for (const auto& series : noise.series) {
     std::vector<double> x(series.slot.empty() ? 0 : series.slot.back() + 1, 0.0);
     for (std::size_t i = 0; i < series.row.size(); ++i) {
       x[series.slot[i]] = residual(series.row[i]);
     }
-    for (std::size_t l = 0; l <= kLags && l < x.size(); ++l) {
-      for (std::size_t i = l; i < x.size(); ++i) sum[l] += x[i] * x[i - l];
+    for (std::size_t k = 0; k < sum.size() && k * step < x.size(); ++k) {
+      for (std::size_t i = k * step; i < x.size(); ++i) sum[k] += x[i] * x[i - k * step];
     }
   }
   report::Series out;
   out.name = name;
-  for (std::size_t l = 0; l <= kLags; ++l) {
-    out.x.push_back(static_cast<double>(l));
-    out.y.push_back(sum[0] > 0.0 ? sum[l] / sum[0] : 0.0);
+  for (std::size_t k = 0; k < sum.size(); ++k) {
+    out.x.push_back(static_cast<double>(k * step));
+    out.y.push_back(sum[0] > 0.0 ? sum[k] / sum[0] : 0.0);
   }
   return out;
 }
@@ -263,9 +276,11 @@ void AddResiduals(const FitPageInput& in, report::Page* page) {
     chart.title = "Autocorrelation of the residuals" + (several ? ", " + t.name : std::string());
     chart.x = {"lag", "samples of a mark", false};
     chart.y = {"autocorrelation", "1", false};
-    chart.series.push_back(Autocorrelation(t.plain, t.residual, "unweighted"));
+    const std::size_t lags = LagsOf(t.noise);
+    chart.series.push_back(Autocorrelation(t.plain, t.residual, lags, "unweighted"));
     if (!t.noise.series.empty() && !t.noise.white()) {
-      chart.series.push_back(Autocorrelation(t.whitened, t.registration.residual, "whitened"));
+      chart.series.push_back(
+          Autocorrelation(t.whitened, t.registration.residual, lags, "whitened"));
     }
     page->AddChart(chart);
   }

@@ -18,10 +18,10 @@ using report::Chart;
 using report::Series;
 using report::Style;
 
-constexpr double kMilli = 1e3;
-constexpr double kBand = 2.0;            // sigmas of the error band
-constexpr std::size_t kMostDots = 1200;  // per mark
-constexpr std::size_t kMostIncidents = 200;
+constexpr double kMilli = 1e3;               // [mm/m]
+constexpr double kBand = 2.0;                // sigmas of the error band
+constexpr std::size_t kMostDots = 1200;      // per mark
+constexpr std::size_t kMostIncidents = 200;  // rows of the table; the others are counted below it
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 std::vector<double> Scaled(const std::vector<double>& x, double factor) {

@@ -39,7 +39,7 @@ class TracksDigest {
     data::SampleReason reason = data::SampleReason::kNone;
     std::uint32_t left_out = 0;
   };
-  static constexpr std::size_t kSlices = 150;
+  static constexpr std::size_t kSlices = 150;  // of the record's duration, in the chart of statuses
 
   std::vector<std::string> marks, cameras;
   double start = 0.0, slice = 0.0;                 // [s]

@@ -19,8 +19,8 @@ constexpr std::size_t kShown = 1000;       // buckets along a chart
 constexpr std::size_t kBlockRows = 65536;  // read at once
 constexpr std::size_t kMostCurves = 8;     // in one chart: the palette's colours
 constexpr std::size_t kMostRows = 40;      // of the table of joints
-constexpr std::size_t kShapesShown = 9;
-constexpr double kGoodResidual = 1e-4;  // of the energy's scale; beyond it the page says so
+constexpr std::size_t kShapesShown = 9;    // instants, evenly spread: every eighth of the run
+constexpr double kGoodResidual = 1e-4;     // of the energy's scale; beyond it the page says so
 
 // Columns of a run by name, thinned.
 class RunColumns {
@@ -261,7 +261,7 @@ class Composer {
     const std::vector<std::string> joints = Names(in_.model.joints);
     if (joints.empty()) return;
     page_.AddSection("Joints", "Drag to zoom; all charts of time follow.");
-    constexpr double kDegrees = 180.0 / M_PI;
+    constexpr double kDegrees = 180.0 / M_PI;  // [deg/rad]
     AddChart("Angles", "0: deployed.", {"theta", "deg", false}, joints, ".theta", kDegrees);
     AddChart("Rates", "", {"rate", "rad/s", false}, joints, ".theta_rate", 1.0);
     AddChart("Contact moments", "Of the samples; the peaks between them are in the table.",

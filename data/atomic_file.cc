@@ -51,7 +51,7 @@ void ThrowWriteError(const std::string& path, int error_number) {
 
 namespace {
 
-constexpr std::size_t kHiddenLetters = 6;
+constexpr std::size_t kHiddenLetters = 6;  // chosen at random: 36^6 names for one folder
 
 // Locks the open file, not the process; HDF5's own lock (flock) is of another kind. False when
 // another program holds it; a file system without locks counts as locked.

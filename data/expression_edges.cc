@@ -13,6 +13,8 @@ namespace {
 
 using Op = Expression::Op;
 
+// Parts of the duration on which an argument that is not linear is looked at: two crossings within
+// one part are not seen (docs/physics-simulator.md, "Edges"). A few ms of work for each.
 constexpr int kCells = 4096;
 // Parts of the rise of a smoothstep. A method of fifth order integrates the quintic to 2.2e-3 of it
 // in one step and to 7e-10 in twenty.

@@ -63,7 +63,7 @@ class Parser {
 
  private:
   [[noreturn]] void Fail(std::size_t at, const std::string& what, const std::string& remedy) const {
-    constexpr std::size_t kShown = 80;
+    constexpr std::size_t kShown = 80;  // characters of it: the message stays a line or two
     const std::string shown = text_.size() > kShown ? text_.substr(0, kShown) + "..." : text_;
     throw Error(fmt::format("column {} of \"{}\": {}", at + 1, shown, what), where_, remedy);
   }
@@ -219,7 +219,7 @@ class Parser {
     Push(Op::kNumber, value);
   }
 
-  static constexpr int kMostNesting = 200;
+  static constexpr int kMostNesting = 200;  // far from what overflows the stack of the recursion
   const std::string& text_;
   const std::string& where_;
   std::size_t at_ = 0;

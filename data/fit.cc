@@ -15,7 +15,7 @@ constexpr const char* kParameterColumns =
     "start, low, high, value, sigma, sigma_data, sigma_white, sigma_model, model_shift in the "
     "parameter's unit; kink [1]; sigma_alone in the parameter's unit; imitated [1]; low95, high95 "
     "(all parts), low95_data, high95_data (the data alone) in the parameter's unit; dispersion [1]";
-constexpr Eigen::Index kParameterNumbers = 17;
+constexpr Eigen::Index kParameterNumbers = 17;  // those columns
 
 template <typename List, typename Get>
 std::vector<std::string> Texts(const List& list, Get get) {

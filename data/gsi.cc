@@ -44,7 +44,7 @@ double Value(const Word& word, const std::string& where) {
   if (!ParseDouble(word.data[0] == '+' ? word.data.substr(1) : word.data, &value)) {
     throw Error(fmt::format("'{}' is not a number", word.data), where, "export the file again");
   }
-  constexpr double kFoot = 0.3048, kGon = std::numbers::pi / 200.0;
+  constexpr double kFoot = 0.3048, kGon = std::numbers::pi / 200.0;  // [m], [rad]
   switch (word.unit) {
     case '0':
       return 1e-3 * value;

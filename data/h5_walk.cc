@@ -14,7 +14,7 @@ namespace unfurl::data {
 
 namespace {
 
-constexpr int kDeepest = 32;
+constexpr int kDeepest = 32;  // levels: own files have three, and the recursion stays short
 
 void List(hid_t file, hid_t group, const std::string& path, const std::string& prefix, int depth,
           std::set<std::pair<unsigned long, haddr_t>>* seen, std::vector<std::string>* out) {

@@ -12,8 +12,8 @@ namespace {
 
 constexpr char kGroup[] = "/line_formats";  // of cameras that differ
 constexpr int kMostOthers = 1000;           // elements of a kind that is not active, of any sensor
-constexpr int kFewestActive = 16, kMostActive = 100000;
-constexpr double kLargest = 1e12;  // beyond, a number is a mistake
+constexpr int kFewestActive = 16, kMostActive = 100000;  // as the lab's file is checked (lab.cc)
+constexpr double kLargest = 1e12;                        // beyond, a number is a mistake
 
 // What a format's whole numbers are called, with their bounds.
 struct Whole {

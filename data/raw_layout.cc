@@ -148,7 +148,7 @@ void ReadSurveyTable(const TomlTable& t, const TomlTable& recording, const fs::p
 }
 
 void ReadBinary(const TomlTable& t, RawLayout* layout) {
-  constexpr int kMostBytes = 1 << 30;
+  constexpr int kMostBytes = 1 << 30;  // of a header: more is a mistake
   layout->bytes = t.IntegerOr("bytes", 2, 1, 2);
   layout->big_endian = t.ChoiceOr("byte_order", "little", {"little", "big"}) == "big";
   layout->shift = t.IntegerOr("shift", 0, 0, 8);

@@ -11,7 +11,7 @@ namespace unfurl::data {
 
 namespace {
 
-constexpr std::size_t kBlockRows = 65536;
+constexpr std::size_t kBlockRows = 65536;  // samples in memory at once
 
 // A run that did not end may have lengths that differ: it is read as far as all of them go.
 std::size_t Rows(const H5Reader& file, const std::vector<std::string>& datasets, bool ended) {

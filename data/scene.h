@@ -43,8 +43,8 @@ struct SceneBody {
 // or one smooth centre line.
 enum class BeamModel { kSegments, kKirchhoff };
 
-inline constexpr int kMostSegments = 1'000'000;
-inline constexpr int kHighestOrder = 11;  // modes of one smooth beam
+inline constexpr int kMostSegments = 1'000'000;  // of a beam; a state of some 50 MB
+inline constexpr int kHighestOrder = 11;         // modes of one smooth beam
 
 // The beam's own x axis runs from its start (inboard) to its end (outboard).
 struct SceneBeam {

@@ -15,10 +15,16 @@ namespace {
 
 using Impl = TimeFunction::Impl;
 
-constexpr int kTerms = 17;  // of a piece's series
-constexpr int kFirstPieces = 16;
-constexpr int kMostHalvings = 46;  // of a first piece, towards a jump
-constexpr std::size_t kMostPieces = 1 << 17;
+constexpr int kTerms = 17;                    // of a piece's series
+constexpr int kFirstPieces = 16;              // smooth rates need no more: their series end early
+constexpr int kMostHalvings = 46;             // of a first piece, towards a jump
+constexpr std::size_t kMostPieces = 1 << 17;  // some 20 MB
+// Parts of the duration at whose ends a series is held against the rate as well: a pulse between
+// the points of the series is seen. As many as Edges() looks at (expression_edges.cc).
+constexpr int kLooks = 4096;
+// Difference there, against the largest value of the rate, that the series may have: far more than
+// kEnd and what rounding adds, far less than a pulse that matters.
+constexpr double kSeen = 1e-9;
 // The last two terms of a series, against the largest value of the rate. What is left out is as
 // small as they are, and it is integrated over one piece.
 constexpr double kEnd = 3e-14;
@@ -66,9 +72,10 @@ Series Fit(const Impl& f, double a, double b) {
 }
 
 // Sum c_k T_k(x), by Clenshaw.
-double Evaluate(const std::array<double, kTerms + 1>& c, double x) {
+template <std::size_t kCount>
+double Evaluate(const std::array<double, kCount>& c, double x) {
   double b1 = 0.0, b2 = 0.0;
-  for (int k = kTerms; k >= 1; --k) {
+  for (std::size_t k = kCount - 1; k >= 1; --k) {
     const double b = 2.0 * x * b1 - b2 + c[k];
     b2 = b1;
     b1 = b;
@@ -80,6 +87,10 @@ struct SmoothIntegral : Impl {
   std::shared_ptr<const Impl> rate;
   double start = 0.0;
   std::vector<Piece> pieces;
+  struct {
+    double duration = 0.0;       // [s]
+    std::vector<double> values;  // of the rate at the ends of kLooks parts of it
+  } looks;                       // until the pieces are there
 
   std::vector<double> Edges(double duration) const override { return rate->Edges(duration); }
   TimeValue At(double t) const override {
@@ -112,11 +123,24 @@ struct SmoothIntegral : Impl {
   }
   std::string text() const override { return rate->text(); }
 
+  // Whether the series of [a, b] goes through what was seen of the rate.
+  bool GoesThrough(const Series& c, double a, double b, double scale) const {
+    const double part = looks.duration / kLooks;
+    for (auto k = static_cast<std::size_t>(std::ceil(a / part)); k < looks.values.size(); ++k) {
+      const double t = looks.duration * static_cast<double>(k) / kLooks;
+      if (t > b) break;
+      if (t < a) continue;
+      const double x = std::clamp((2.0 * t - a - b) / (b - a), -1.0, 1.0);
+      if (std::fabs(Evaluate(c, x) - looks.values[k]) > kSeen * scale) return false;
+    }
+    return true;
+  }
+
   // Adds pieces for [a, b].
   void Add(double a, double b, double scale, int halvings) {
     const Series c = Fit(*rate, a, b);
     const double rest = std::fabs(c[kTerms - 1]) + std::fabs(c[kTerms - 2]);
-    if (rest > kEnd * scale && halvings < kMostHalvings) {
+    if ((rest > kEnd * scale || !GoesThrough(c, a, b, scale)) && halvings < kMostHalvings) {
       Add(a, 0.5 * (a + b), scale, halvings + 1);
       Add(0.5 * (a + b), b, scale, halvings + 1);
       return;
@@ -148,12 +172,15 @@ std::shared_ptr<const Impl> IntegrateSmooth(std::shared_ptr<const Impl> rate, do
   integral->start = start;
   integral->where = rate->where;
   double scale = 1e-300;
-  for (int k = 0; k <= 1024; ++k) {
-    scale = std::max(scale, std::fabs(rate->Value(duration * k / 1024.0)));
+  integral->looks.duration = duration;
+  for (int k = 0; k <= kLooks; ++k) {
+    integral->looks.values.push_back(rate->Value(duration * k / kLooks));
+    scale = std::max(scale, std::fabs(integral->looks.values.back()));
   }
   for (int k = 0; k < kFirstPieces; ++k) {
     integral->Add(duration * k / kFirstPieces, duration * (k + 1) / kFirstPieces, scale, 0);
   }
+  integral->looks = {};
   return integral;
 }
 

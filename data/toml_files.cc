@@ -21,8 +21,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMostFiles = 100000;
-constexpr std::size_t kLongestName = 4096;
+constexpr std::size_t kMostFiles = 100000;  // named in all; patterns are expanded
+constexpr std::size_t kLongestName = 4096;  // bytes, as PATH_MAX: longer text is no path
 
 // By the name; or, whatever the name, as text of a size that people write. A pipe can be read once
 // only, and that is its reader's.

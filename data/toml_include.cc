@@ -14,8 +14,8 @@
 namespace unfurl::data {
 namespace {
 
-constexpr std::size_t kMostFiles = 1000;
-constexpr int kMostParts = 64;  // of a dotted key
+constexpr std::size_t kMostFiles = 1000;  // included by one; stops those that double at each level
+constexpr int kMostParts = 64;            // of a dotted key
 
 // The place after the string that begins at `at`.
 std::size_t AfterString(const std::string& text, std::size_t at) {

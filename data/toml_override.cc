@@ -39,7 +39,7 @@ KeyPart PartOf(const std::string& text, const std::string& dotted) {
     const std::size_t close = text.find(']', at);
     const std::string digits =
         close == std::string::npos ? std::string() : text.substr(at + 1, close - at - 1);
-    constexpr std::size_t kMostDigits = 9;
+    constexpr std::size_t kMostDigits = 9;  // of an index; fits an int
     if (text[at] != '[' || digits.empty() || digits.size() > kMostDigits ||
         digits.find_first_not_of("0123456789") != std::string::npos) {
       throw Error(fmt::format("'{}' is not a key", text), "--set " + dotted,

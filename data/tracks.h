@@ -31,8 +31,8 @@ enum class SampleReason : std::int32_t {
   kAmbiguous = 6,  // several spots could be the mark's
   kOffPath = 7,    // far from the predicted path, with no redundant reading to confirm it
 };
-inline constexpr int kSampleReasons = 8;
-const char* Name(SampleReason reason);  // in words
+inline constexpr int kSampleReasons = 8;  // how many there are
+const char* Name(SampleReason reason);    // in words
 
 // Marks in time, sample by sample in order of time; n samples of m marks.
 //

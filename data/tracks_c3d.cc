@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kMilli = 1e3;          // the file's lengths are in mm
 constexpr float kResidualUnit = 0.01F;  // of a residual [mm]
-constexpr int kMaskCameras = 7;
+constexpr int kMaskCameras = 7;         // that the format's mask has bits for
 
 template <typename T>
 void Put(T value, std::string* to) {

@@ -21,7 +21,7 @@ namespace unfurl::data {
 namespace {
 
 constexpr std::size_t kMostParameter = 255 * kC3dBlock;  // bytes: the whole section
-constexpr double kMostPoints = 1 << 20;
+constexpr double kMostPoints = 1 << 20;                  // of a frame: more is damage
 
 [[noreturn]] void Bad(const std::string& path, const std::string& what) {
   throw Error(what, path, "export it again");

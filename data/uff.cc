@@ -19,6 +19,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little);
 
+// The format's codes of a data type.
 constexpr int kSingle = 2, kDouble = 4, kComplexSingle = 5, kComplexDouble = 6;
 constexpr int kAsciiLines = 11;  // of a dataset 58, before its values
 
@@ -237,7 +238,7 @@ double ReadLengthFactor(Scanner& in) {
     int code;
     double factor;  // lengths per metre
   };
-  constexpr double kFoot = 0.3048, kInch = 0.0254;
+  constexpr double kFoot = 0.3048, kInch = 0.0254;  // [m]
   constexpr Known kKnown[] = {{1, 1.0}, {2, 1.0 / kFoot}, {3, 1.0}, {4, 1.0 / kFoot}, {5, 1e3},
                               {6, 1e2}, {7, 1.0 / kInch}, {8, 1e3}, {10, 1e3}};
   const int code = in.Integer(in.Need(), 0, 10);

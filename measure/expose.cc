@@ -16,6 +16,8 @@ namespace unfurl::measure {
 
 namespace {
 
+// An Exposer is made for each task: lines enough to make that cheap, few enough for all workers to
+// end together.
 constexpr std::size_t kLinesPerTask = 16;
 
 // Calls task(exposer, first, end) for pieces of [0, count), in parallel.

@@ -22,7 +22,7 @@ double MeanFlicker(double depth, double frequency, double phase, double from, do
 }
 
 int ResidualMemory(const data::LabSensor& sensor) {
-  constexpr double kNothing = 1e-6;
+  constexpr double kNothing = 1e-6;  // of a signal: less than a tenth of a count of 16 bits
   if (sensor.residual <= 0.0) return 0;
   return static_cast<int>(std::ceil(std::log(kNothing) / std::log(sensor.residual)));
 }

@@ -25,6 +25,7 @@ constexpr double kWorst = 0.5;       // a camera is never held to be wrong more 
 // Where a mark that moves on as it has of late may be; a kick is not expected. `at` is a forecast.
 bool Expected(const Motion::Prediction& at, const PointSolution& point) {
   constexpr double kLikely = 0.25;  // weight of a way of moving [-]
+  // The mark's own place lies beyond in 2 of 100,000 cases at most (chi-square of 3).
   constexpr double kSigmas = 5.0;
   for (std::size_t j = 0; j + 1 < at.count; ++j) {  // the last one is the kick
     const double sigma = std::sqrt(at.variance[j] + point.cov.trace());

@@ -36,7 +36,7 @@ struct MotionOptions {
 // sample.
 class Motion {
  public:
-  static constexpr int kModels = 4;
+  static constexpr int kModels = 4;  // filters
 
   // A sum of isotropic Gaussians: one for each way of moving, or for each pair of ways before and
   // after.

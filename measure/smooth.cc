@@ -353,10 +353,10 @@ std::vector<double> JerksOf(const StretchSmoother& smoother, const Scale& scale,
 
 data::Tracks Smooth(const data::Tracks& tracks, const SmoothOptions& options,
                     SmoothReport* report) {
-  constexpr double kGapIntervals = 20.0;
-  constexpr std::size_t kFewest = 4;     // samples that can be smoothed at all
-  constexpr std::size_t kWindow = 2000;  // samples in memory at once
-  constexpr std::size_t kOverlap = 200;  // the smoother's memory is some ten samples
+  constexpr double kGapIntervals = 20.0;  // between samples: twice the smoother's memory
+  constexpr std::size_t kFewest = 4;      // samples that can be smoothed at all
+  constexpr std::size_t kWindow = 2000;   // samples in memory at once
+  constexpr std::size_t kOverlap = 200;   // the smoother's memory is some ten samples
   const double longest_gap =
       options.longest_gap > 0.0 ? options.longest_gap : kGapIntervals * IntervalOf(tracks);
   data::Tracks out = tracks;

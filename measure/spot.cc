@@ -81,9 +81,9 @@ void SetResponses(std::span<const float> response, std::span<SpotFinder> finders
 // believed of how fast light changes; what is left is the medians' own error, a thirteenth of a
 // pixel's noise.
 void SpotFinder::SubtractBaseline(float sigma) {
-  constexpr int kPerSection = 9;  // blocks whose median counts
-  constexpr int kMostSections = 64;
-  constexpr float kTells = 3.0F;  // sigmas of a section's median: below, it would only add noise
+  constexpr int kPerSection = 9;     // blocks whose median counts
+  constexpr int kMostSections = 64;  // fixed, so that nothing is allocated; 17,280 px side by side
+  constexpr float kTells = 3.0F;     // sigmas of a section's median: below, it would only add noise
   const int n = format_.active;
   // Six sums of five; fewer on rows too short for one such section.
   const int fives = std::clamp(n / (5 * kPerSection), 0, 6);

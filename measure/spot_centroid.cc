@@ -8,9 +8,9 @@ namespace unfurl::measure {
 
 void ReadCentroid(std::span<const float> counts, int first, const PixelNoise& noise,
                   const SpotOptions& options, Spot* spot) {
-  constexpr float kShare = 0.1F;   // of the peak, that a value must exceed to count
-  constexpr float kSigmas = 4.0F;  // and this many of the dark noise
-  constexpr double kQuantum = 1.0 / 12.0;
+  constexpr float kShare = 0.1F;           // of the peak, that a value must exceed to count
+  constexpr float kSigmas = 4.0F;          // and this many of the dark noise
+  constexpr double kQuantum = 1.0 / 12.0;  // variance of a uniform pixel [px^2]
   const bool squared = options.estimator == SpotEstimator::kSquaredCentroid;
   const int n = static_cast<int>(counts.size());
   int summit = -1;

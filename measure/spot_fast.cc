@@ -10,7 +10,7 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr int kBlock = 2 * kCounts;
+constexpr int kBlock = 2 * kCounts;  // pixels of a block: two packs
 // The highest of 64 normal values lies this many sigmas above their mean, half of the time more.
 constexpr float kHighest = 2.3F;
 
@@ -79,7 +79,7 @@ Spot SpotFinder::FindFast(std::span<const std::uint16_t> line, const Background&
   const std::uint16_t* counts = line.data() + format_.first_active();
   const std::uint16_t* pattern = background.pattern().data();
   const int blocks = (n + kBlock - 1) / kBlock;
-  constexpr int kMostBlocks = 2048;
+  constexpr int kMostBlocks = 2048;  // 131,072 pixels; a format has 100,000 at most
   std::uint16_t highest[kMostBlocks];
   HighestOfBlocks(counts, pattern, n, highest);
   const double modelled =

@@ -47,14 +47,15 @@ double TailSigmas(double reduced, double dof) {
   const double variance = 2.0 / (9.0 * dof);
   return (std::cbrt(reduced) - (1.0 - variance)) / std::sqrt(variance);
 }
+// One spot in three millions of the right shape lies beyond.
 constexpr double kShapeSigmas = 5.0;
 
 // Q spots on one constant. Parameters: centre, width, flux of each, then the constant.
 template <int Q>
 class Fit {
  public:
-  static constexpr int kParameters = 3 * Q + 1;
-  static constexpr int kConstant = 3 * Q;
+  static constexpr int kParameters = 3 * Q + 1;  // all of them
+  static constexpr int kConstant = 3 * Q;        // its index
   static constexpr int kPairs = kParameters * (kParameters + 1) / 2;
 
   Fit(std::span<const float> counts, int first, const PixelNoise& noise, const SpotOptions& options)
@@ -95,6 +96,8 @@ class Fit {
   // Gauss-Newton with the weights renewed in every step; steps of centre and width are limited to a
   // part of the width, so that a spot does not pass its neighbour.
   bool Iterate() {
+    // Far more than it takes from within a few widths at 0.7 of a width a step: the rest is for two
+    // spots that part slowly.
     constexpr int kMaxSteps = 40;
     // Squared length of a step in units of the parameters' own sigmas; the next one would square
     // it.

@@ -17,11 +17,11 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr int kWidth = 1400;  // of a panel, at most [picture px]
-constexpr int kHeight = 240;  // of a panel [picture px]
-constexpr int kMargin = 46;   // for the labels
-constexpr int kGap = 26;      // above each panel
-constexpr double kGamma = 0.45;
+constexpr int kWidth = 1400;          // of a panel, at most [picture px]
+constexpr int kHeight = 240;          // of a panel [picture px]
+constexpr int kMargin = 46;           // for the labels
+constexpr int kGap = 26;              // above each panel
+constexpr double kGamma = 0.45;       // a screen's own, about 1 / 2.2: faint streaks show
 constexpr double kFloorSigmas = 5.0;  // what counts as dark
 
 // Distinct on black, blue-green-red.

@@ -110,6 +110,7 @@ void Triangulator::Weights(std::span<const double> u_px, std::span<const double>
 
 PointSolution Triangulator::Solve(std::span<const double> u_px, std::span<const double> s_px,
                                   const Eigen::Vector3d& start, std::uint32_t use) const {
+  // At most four of the longest lead across the volume; the rest are for converging.
   constexpr int kMaxSteps = 15;
   // Over the volume's size. The step that would come next: a hundredth of the error of a reading of
   // 0.001 px in a row of thousands. The longest step: the surfaces bend, but not much.
@@ -275,7 +276,7 @@ void Triangulator::SharedFactor(const PointSolution& point, std::span<const doub
 
 // Points on a grid over the volume, with all cameras and with each one missing.
 std::vector<PointSolution> Triangulator::GridOfVolume() const {
-  constexpr int kGrid = 5;
+  constexpr int kGrid = 5;  // points along each edge: what is sought varies little between them
   std::vector<PointSolution> points;
   std::vector<double> u(rig_.cameras.size());
   const std::vector<double> s = TypicalSigmas(rig_);

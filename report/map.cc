@@ -16,6 +16,7 @@
 namespace unfurl::report {
 namespace {
 
+// Of the drawing, in its own units: the pane's width and what stands around it.
 constexpr double kPane = 300.0, kLeft = 52.0, kTop = 24.0, kBottom = 44.0, kGap = 14.0;
 constexpr double kBar = 54.0;  // height of the scale with its numbers
 
@@ -160,7 +161,7 @@ std::string MapSvg(const Map& map) {
       "{0:.1f})\">{1}</text>\n",
       kTop + 0.5 * height, EscapeHtml(AxisTitle(map.y)));
   const double bar_y = kTop + height + kBottom;
-  constexpr int kSteps = 60;
+  constexpr int kSteps = 60;  // of colour: too fine to be seen
   for (int k = 0; k < kSteps; ++k) {
     svg += fmt::format(
         "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.2f}\" height=\"12\" fill=\"{}\"/>",

@@ -15,6 +15,7 @@ namespace {
 
 constexpr double kWidth = 1000.0;     // of the drawing, in its own units (px at full width)
 constexpr double kMaxHeight = 620.0;  // a tall drawing is narrowed instead
+// Room for the axes' numbers and titles.
 constexpr double kLeft = 64.0, kRight = 16.0, kTop = 12.0, kBottom = 44.0;
 constexpr double kMinStep = 0.4;  // points nearer than this to the last one add nothing
 

@@ -14,6 +14,7 @@
 namespace unfurl::report {
 namespace {
 
+// Room for the axes' numbers and titles [px].
 constexpr double kLeft = 72.0, kRight = 18.0, kBottom = 52.0;
 constexpr double kRow = 18.0;      // of the legend
 constexpr double kMinStep = 0.35;  // points nearer than this to the last one add nothing [px]
@@ -113,7 +114,7 @@ std::string Markers(const Chart& chart, const Scale& X, double top, double width
   double last_x = -1e9, down = 0.0;
   for (const Marker& m : markers) {
     if (!X.Shows(m.x) || X(m.x) < kLeft || X(m.x) > width - kRight) continue;
-    constexpr double kApart = 12.0, kLetter = 6.0;
+    constexpr double kApart = 12.0, kLetter = 6.0;  // a label's height, a letter's width [px]
     const double previous = down;
     down = X(m.x) - last_x < kApart ? previous : 0.0;
     last_x = X(m.x);

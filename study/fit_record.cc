@@ -19,7 +19,7 @@ namespace {
 
 // "of 0.02"; what is too small to be computed is no zero.
 std::string Probability(double p) {
-  constexpr double kLeast = 1e-12;
+  constexpr double kLeast = 1e-12;  // what rounding leaves of 1 - p [-]
   return p < kLeast ? fmt::format("below {:.0e}", kLeast) : fmt::format("of {:.2g}", p);
 }
 

@@ -17,7 +17,7 @@ constexpr double kFiner = 0.01;
 // Its mesh, times the finest asked: of second order, so that three quarters of the error show.
 constexpr int kFinerMesh = 2;
 constexpr double kTightest = 1e-12;  // that rounding lets a run of some 1e5 steps keep [-]
-constexpr int kRepeats = 3;
+constexpr int kRepeats = 3;          // of a short run: the median is not moved by what else ran
 
 class CostRuns {
  public:

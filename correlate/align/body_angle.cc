@@ -12,7 +12,7 @@ namespace {
 
 // The branch of `angle` nearest to `near`.
 double Branch(double angle, double near) {
-  constexpr double kTurn = 2.0 * std::numbers::pi;
+  constexpr double kTurn = 2.0 * std::numbers::pi;  // [rad]
   return angle - kTurn * std::round((angle - near) / kTurn);
 }
 
@@ -41,8 +41,8 @@ Eigen::Vector3d Interpolate(const LocalCubic& c, const Places& p, const Covarian
 
 std::vector<std::pair<std::string, std::string>> RigidPairs(const Prediction& prediction,
                                                             const std::vector<std::string>& marks) {
-  constexpr double kConstant = 1e-4;
-  constexpr double kNoise = 10.0;  // sigmas between the ends of thousands of normal draws
+  constexpr double kConstant = 1e-4;  // change of a distance over itself that counts as none [-]
+  constexpr double kNoise = 10.0;     // sigmas between the ends of thousands of normal draws
   std::vector<std::pair<std::string, std::string>> out;
   std::vector<bool> used(marks.size(), false);
   for (std::size_t a = 0; a < marks.size(); ++a) {

@@ -42,6 +42,8 @@ std::vector<double> Less(const std::vector<double>& x, double zero) {
 // grows with the square) is worth.
 bool Rate(const std::vector<double>& t, const std::vector<double>& test,
           const std::vector<double>& computed, ObjectiveRating* rating, double* step) {
+  // Samples. The standard shifts by up to a fifth of the length: of fewer than 50, one sample is
+  // over a tenth of that, and the phase score is as coarse.
   constexpr std::size_t kMost = 3000, kLeast = 50;
   const auto stretch = LongestEvenStretch(t);
   if (stretch.count < kLeast) return false;
@@ -190,7 +192,7 @@ ComparedSpectrum SpectraOf(const ComparedSignal& s, std::size_t first, std::size
 
 // At each frequency that both show: how alike the deformations are in which they vibrate there.
 void FillOperatingShapes(Comparison* c) {
-  constexpr std::size_t kMost = 6;
+  constexpr std::size_t kMost = 6;  // of the largest amplitudes: what a page can show
   for (const ComparedSpectrum& s : c->spectra) {
     if (s.id.IsAngle()) continue;
     for (const PeakPair& p : s.pairs) {

@@ -18,6 +18,7 @@ constexpr double kA0 = 0.05, kB0 = 0.5;     // half-widths of the corridors over
 constexpr double kMaxShift = 0.2;           // 1 - INIT, of N
 constexpr double kBand = 0.1;               // of the shifted length
 constexpr double kEpsM = 0.5, kEpsS = 2.0;  // errors at which a score reaches zero
+// Weights of corridor, phase, magnitude and slope in the overall rating; they sum to one.
 constexpr double kWZ = 0.4, kWP = 0.2, kWM = 0.2, kWS = 0.2;
 constexpr std::size_t kFewest = 10;  // the slope's average needs nine
 

@@ -34,7 +34,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kScratchHead[] = "unfurl-evaluation-", kParametersFile[] = "parameters.json";
-constexpr std::size_t kScratchLetters = 6;
+constexpr std::size_t kScratchLetters = 6;  // that mkdtemp() chooses
 
 // Holds a folder as long as it is open, and the program lives.
 int LockFolder(const fs::path& path) {
@@ -109,7 +109,7 @@ std::string LastLine(const std::string& path) {
   while (std::getline(stream, line)) {
     if (!Trim(line).empty()) last = std::string(Trim(line));
   }
-  constexpr std::size_t kLongest = 200;
+  constexpr std::size_t kLongest = 200;  // characters: the message stays a line or two
   return last.substr(0, kLongest);
 }
 

@@ -12,6 +12,8 @@ namespace {
 // it, and get a large but finite variance of their own in `open`, so that what depends on them is
 // seen to be unknown.
 Eigen::MatrixXd InverseOf(const Eigen::MatrixXd& normal, Eigen::MatrixXd* open) {
+  // Of an eigenvalue of the unit-diagonal form. Derivatives by differences are good to some 1e-6,
+  // so that a direction's information is known to the square of that.
   constexpr double kFloor = 1e-12;
   const Eigen::VectorXd scale = normal.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd unit = scale.asDiagonal() * normal * scale.asDiagonal();

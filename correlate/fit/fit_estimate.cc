@@ -9,6 +9,7 @@ namespace unfurl::correlate {
 
 std::vector<LessWeight> WeighSections(const Observations& all, const Prediction& plain,
                                       const Prediction& tight, int sections, Observations* out) {
+  // Of the marks' sigma. Below, it adds 5% to it at most: sqrt(1 + 1/9) = 1.05.
   constexpr double kNoticed = 1.0 / 3.0;
   std::vector<LessWeight> less;
   *out = all;

@@ -25,6 +25,7 @@ struct Stretch {
 // By series; sections with fewer than ten values take no part.
 std::vector<std::vector<Stretch>> StretchesOf(const Observations& observations,
                                               const Eigen::VectorXd& residual, int sections) {
+  // The variance of fewer is known to worse than half of itself: sqrt(2 / 10) = 0.45.
   constexpr double kFewest = 10.0;
   const double start = observations.Start();
   const double span = std::max(1e-12, observations.End() - start);

@@ -22,6 +22,7 @@ enum class Explained {
   kNo,
 };
 
+/// Probability that a question rejects a model which does explain the data [-].
 inline constexpr double kGoodnessLevel = 0.01;
 
 /// The outcome, and what it rests on.

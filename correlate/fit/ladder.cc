@@ -14,6 +14,8 @@ namespace unfurl::correlate {
 
 namespace {
 
+// On one rung. Steps that shrink by kSlow each are below 1e-6 of the first by then; what has not
+// settled goes up a rung.
 constexpr int kMostRounds = 12;
 // Of a step by the one before it: slower than this, the difference's slope is wanted.
 constexpr double kSlow = 0.3;

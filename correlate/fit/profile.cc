@@ -328,6 +328,8 @@ class Follower {
 }  // namespace
 
 double KnownWithin(const Parameter& parameter, double value) {
+  // A value is known to no better than its order of magnitude beyond half of itself; an eighth of
+  // the range to either side is a quarter of what the bounds alone say.
   constexpr double kHalf = 0.5, kEighth = 0.125;
   const double range = parameter.high - parameter.low;
   if (parameter.low < 0.0 && parameter.high > 0.0 && std::isfinite(range)) {

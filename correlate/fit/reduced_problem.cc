@@ -10,6 +10,8 @@ namespace {
 
 constexpr double kFirstStep = 1e-3;   // of the value, before any sensitivity is known
 constexpr double kWidestStep = 0.05;  // of the value or of log: differences stay local
+// Of the value or of log: differences over shorter steps, near the root of the machine's precision
+// (1.5e-8), are rounding.
 constexpr double kNarrowest = 1e-7;
 
 double SizeOf(const Parameter& p) {

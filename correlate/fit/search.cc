@@ -286,7 +286,7 @@ void StageRunner::Restart(const std::vector<double>& theta) {
 }
 
 bool StageRunner::Polish() {
-  constexpr int kRounds = 14;
+  constexpr int kRounds = 14;      // kForget^14 < 1e-3: the spread has left its start behind
   constexpr double kWide = 3.0;    // standard errors drawn at first
   constexpr double kSpread = 1.0;  // of the best quarter's costs: below, the floor is reached
   constexpr double kForget = 0.6;  // of the old spread, each round
@@ -396,6 +396,7 @@ bool StageRunner::SolveHere(const std::string& what) {
 bool StageRunner::Sharpen(const std::vector<const Observations*>& observations,
                           const std::vector<const RowWhitening*>& whitening,
                           const std::string& what) {
+  // Each starts from the solution of the one before; it ends earlier where that stays.
   constexpr int kMaxRounds = 3;
   for (int round = 0; round < kMaxRounds; ++round) {
     if (round > 0 && Settled()) return true;

@@ -14,6 +14,8 @@ namespace unfurl::correlate {
 
 namespace {
 
+// A correlation time of 20,000 samples: in a record of fewer, longer-lived noise looks like a
+// constant.
 constexpr double kLargestRho = 0.99995;
 // Shares at and beyond this leave a little white noise, without which a row that repeats the one
 // before would be known for certain.

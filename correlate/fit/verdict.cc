@@ -13,6 +13,8 @@ namespace unfurl::correlate {
 
 namespace {
 
+// So near to a bound that it was the bound that stopped the solver: an estimate inside comes so
+// near by chance in less than one case of a thousand.
 constexpr double kAtBoundSigmas = 1e-3;
 // Were the others known, the standard error would be less than this part of what it is: then it is
 // they that hide the parameter, and not a lack of effect.

@@ -15,7 +15,7 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr double kTau = 2.0 * std::numbers::pi;
+constexpr double kTau = 2.0 * std::numbers::pi;  // [rad]
 
 struct Candidate {
   StabilisationPole pole;

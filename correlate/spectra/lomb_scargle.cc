@@ -166,8 +166,8 @@ std::vector<double> TakeOut(std::span<const double> t, std::span<const double> x
 std::vector<LombPeak> FindLombPeaks(std::span<const double> t, std::span<const double> x,
                                     std::span<const double> sigma, const LombOptions& options,
                                     int most) {
-  constexpr double kChance = 0.01;
-  constexpr int kSweeps = 2;  // over all sines, each with the others taken out
+  constexpr double kChance = 0.01;  // probability of a peak as high in white noise [-]
+  constexpr int kSweeps = 2;        // over all sines, each with the others taken out
   std::vector<LombPeak> peaks;
   std::vector<double> left(x.begin(), x.end());
   while (static_cast<int>(peaks.size()) < most) {

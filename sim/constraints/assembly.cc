@@ -13,6 +13,8 @@
 namespace unfurl::sim {
 namespace {
 
+// Newton's: with kLongestStep an angle turns once around in 13; near the solution it takes some
+// four.
 constexpr int kMostIterations = 60;
 // Gap of a closed loop, of the links' size and in rad: some thousand roundings, as the paths
 // through a loop of a hundred links add up to.

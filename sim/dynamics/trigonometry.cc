@@ -7,7 +7,7 @@ namespace unfurl::sim {
 
 void SinCos(const double* __restrict theta, int n, double* __restrict sine,
             double* __restrict cosine) {
-  constexpr double kTwoOverPi = 0.63661977236758134308;
+  constexpr double kTwoOverPi = 0.63661977236758134308;  // quadrants per rad
   // pi/2 in three parts; the first two have trailing zeros, so that k times them is exact.
   constexpr double kPart1 = 1.57079625129699707031;
   constexpr double kPart2 = 7.54978941586159635336e-8;

@@ -9,12 +9,15 @@
 namespace unfurl::sim {
 namespace {
 
+// Each turns by kLongestTurn at most, so that all together are some 60 turns.
 constexpr int kMostIterations = 2000;
 // Of pseudo-time, in time scales of the model: the first, within which nothing moves far; the
 // longest, beside which masses do not count, so that it is Newton's.
 constexpr double kFirstStep = 0.02, kLongestStep = 1e4;
 constexpr double kLongestTurn = 0.2;  // of an angle in one iteration [rad], lengths alike
 constexpr double kStill = 1e-13;      // of an iteration's step, of the length scale
+// Of the pseudo-time step from one iteration to the next: one small residual does not make it
+// Newton's at once.
 constexpr double kMostGrowth = 4.0, kMostShrink = 0.25;
 
 // Of what can move; angles as lengths [m/s^2].

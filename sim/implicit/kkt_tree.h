@@ -25,7 +25,7 @@ class TreeSaddle {
   void Solve(double* x, const double* g);
 
  private:
-  static constexpr int kMostRows = 3;
+  static constexpr int kMostRows = 3;  // a weld's: x, y, theta
   struct Node {
     int slot = -1, parent = -1;  // parent: index of a node, -1 for roots
     int rows = 0;

@@ -16,6 +16,7 @@ using Eigen::VectorXd;
 constexpr int kDenseBodies = 150;  // up to here the dense solution takes a second at most
 constexpr double kRigid = 1e-11;   // of the largest omega^2, below which rounding hides a stiffness
 constexpr int kGuard = 8;          // vectors of the subspace beyond those wanted
+// Of the subspace: an error falls by the ratio of omega^2 to that of the first mode beyond it.
 constexpr int kMostIterations = 200;
 constexpr double kConverged = 1e-10;  // change of omega^2 in an iteration, relative
 
@@ -178,7 +179,7 @@ ModesReport FindModes(Dynamics* dynamics, double* y, int count, ModesSolver solv
   if (system.size() == 0) return report;
   const bool dense = solver == ModesSolver::kDense ||
                      (solver == ModesSolver::kAuto && system.size() <= 3 * kDenseBodies);
-  constexpr int kMostRigid = 3;
+  constexpr int kMostRigid = 3;  // x, y, theta of one structure; those of others take the guard's
   const Pairs pairs = dense ? SolveDense(system) : SolveSubspace(system, count + kMostRigid);
   const double rigid = kRigid * system.stiffest();
   const int n = system.model().slots.count;

@@ -14,7 +14,7 @@ namespace unfurl::sim {
 //   y_1 = y + sum b_i k_i,
 // whose order holds for any matrix A.
 struct RosenbrockTable {
-  static constexpr int kMostStages = 6;
+  static constexpr int kMostStages = 6;  // that a table has room for
   const char* name = "";
   int stages = 0;
   int error_order = 0;  // by which the error estimate falls with the step

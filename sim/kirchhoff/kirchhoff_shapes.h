@@ -24,7 +24,7 @@ struct KirchhoffShapes {
     bool force_at_end = false, moment_at_end = false;
     int count() const { return force_at_start + moment_at_start + force_at_end + moment_at_end; }
   };
-  static constexpr int kMostModes = 11;
+  static constexpr int kMostModes = 11;  // as data::kHighestOrder
   static constexpr int kMostShapes = kMostModes + 4;
 
   KirchhoffShapes() = default;

@@ -5,6 +5,7 @@
 namespace unfurl::sim {
 namespace {
 
+// Dormand and Prince 1980, as in Hairer, Norsett and Wanner, Solving ODEs I, table II.5.2.
 constexpr double kA21 = 1.0 / 5;
 constexpr double kA31 = 3.0 / 40, kA32 = 9.0 / 40;
 constexpr double kA41 = 44.0 / 45, kA42 = -56.0 / 15, kA43 = 32.0 / 9;
@@ -17,6 +18,7 @@ constexpr double kB1 = 35.0 / 384, kB3 = 500.0 / 1113, kB4 = 125.0 / 192, kB5 = 
 // Difference between the fifth and the fourth order weights.
 constexpr double kE1 = 71.0 / 57600, kE3 = -71.0 / 16695, kE4 = 71.0 / 1920,
                  kE5 = -17253.0 / 339200, kE6 = 22.0 / 525, kE7 = -1.0 / 40;
+// Dense output of fourth order (Shampine), of the same book's DOPRI5.
 constexpr double kD1 = -12715105075.0 / 11282082432.0, kD3 = 87487479700.0 / 32700410799.0,
                  kD4 = -10690763975.0 / 1880347072.0, kD5 = 701980252875.0 / 199316789632.0,
                  kD6 = -1453857185.0 / 822651844.0, kD7 = 69997945.0 / 29380423.0;

@@ -4,7 +4,7 @@ namespace unfurl::sim {
 
 /// What may happen at an instant of a run.
 enum class EventKind { kLatch, kContactStart, kContactEnd, kWatch };
-inline constexpr int kEventKinds = 4;
+inline constexpr int kEventKinds = 4;   // how many there are
 const char* EventName(EventKind kind);  ///< "latch", "contact_start", "contact_end", "watch"
 
 /// One of them.

@@ -154,7 +154,7 @@ DensePolynomial EventFinder::Beyond(Stepper& stepper, int watch, bool cubic, dou
     }
     return sum;
   }
-  constexpr int kMostEntries = 12;
+  constexpr int kMostEntries = 12;  // a travel's rate: positions and rates of two bodies
   DensePolynomial of[kMostEntries];
   double offs[kMostEntries];
   const int entries = static_cast<int>(w.entries.size());

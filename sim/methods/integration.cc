@@ -21,11 +21,13 @@ namespace {
 
 // Controller of Hairer, Norsett and Wanner (Solving ODEs I, II.4), with memory against the
 // oscillation of steps that stability limits.
-constexpr double kSafety = 0.9, kMemory = 0.2;  // memory times the order
-constexpr double kMostGrowth = 5.0, kMostShrink = 0.2;
+constexpr double kSafety = 0.9, kMemory = 0.2;          // memory times the order
+constexpr double kMostGrowth = 5.0, kMostShrink = 0.2;  // of one step by the one before
 // Of the options' time scale: the first step, which grows fivefold per step from there; how far
 // ahead a function of time is looked for that fails; the smallest step, also of the time reached.
 constexpr double kFirstStep = 1e-6, kFunctionsAhead = 1e-9, kSmallestStep = 1e-15;
+// Over the diagonal entry before elimination: below, constraints depend on one another but for
+// rounding.
 constexpr double kSingularPivot = 1e-12;
 // Where the smallest pivot has fallen to this part of the largest that it has been, constraints are
 // near to depending on one another (it goes with the square of the distance), and the drift of an
@@ -34,10 +36,10 @@ constexpr double kNearPivot = 0.1;
 constexpr double kFarAgain = 1.5;      // times that: far enough
 constexpr double kAcrossShrink = 0.1;  // of the steps before: they have shrunk
 constexpr double kAcrossError = 1e5;   // over the error allowed: taken all the same
-constexpr double kAcrossGrowth = 1.3;
-constexpr int kMostAcross = 6;      // of growing length
-constexpr double kForget = 0.97;    // a step, of the longest one
-constexpr double kZonePart = 0.25;  // of a contact's transition zone, per step on the way out
+constexpr double kAcrossGrowth = 1.3;  // of each further step across, where one did not lead out
+constexpr int kMostAcross = 6;         // of growing length
+constexpr double kForget = 0.97;       // by which the longest step on record fades at each step
+constexpr double kZonePart = 0.25;     // of a contact's transition zone, per step on the way out
 // Steps between looks at Ctrl-C, pivots and progress: at most so many, and fewer where steps are
 // long, so that a look comes every tenth of a second or so.
 constexpr int kPollSteps = 512, kPollSlots = 100'000;

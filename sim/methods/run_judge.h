@@ -38,7 +38,7 @@ class RunJudge {
   std::string Complaint() const;
 
  private:
-  static constexpr int kKinds = 7 + kEffects;
+  static constexpr int kKinds = 7 + kEffects;  // of energy
   // A balance is a sum of as many terms as there are bodies and elements, each computed to some
   // roundings of 1e-16 from angles that have turned for the whole run.
   static constexpr double kRoundingOfTerms = 1e-12;

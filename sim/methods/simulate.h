@@ -78,7 +78,7 @@ const char* StatusName(SimulateStatus status);
 // most fivefold; options.max_step; the way out of a contact; an event in it; an edge or knot of a
 // function of time; the end of the run. Samples never do.
 enum class StepLimit { kError, kStability, kGrowth, kMaxStep, kContactExit, kEvent, kEdge, kEnd };
-inline constexpr int kStepLimits = 8;
+inline constexpr int kStepLimits = 8;  // how many there are
 const char* LimitName(StepLimit limit);
 
 /// How a run went, and what it cost.

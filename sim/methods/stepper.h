@@ -24,7 +24,7 @@ struct ErrorScale {
 // An entry of the state within a step, as a polynomial in the part sigma of the step, lowest power
 // first.
 struct DensePolynomial {
-  static constexpr int kMostCoefficients = 8;
+  static constexpr int kMostCoefficients = 8;  // degree seven: the dense output of order eight
   std::array<double, kMostCoefficients> c{};
   int count = 0;  // of coefficients
 

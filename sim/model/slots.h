@@ -50,7 +50,7 @@ inline constexpr int kExtraContact = 0;  // dissipated in contacts [J]
 inline constexpr int kExtraBeams = 1;    // dissipated in beams [J]
 inline constexpr int kExtraDampers = 2;  // dissipated in dampers and by friction [J]
 inline constexpr int kExtraWork = 3;     // done by drives, motors and applied forces [J]
-inline constexpr int kExtrasUsed = 4;
+inline constexpr int kExtrasUsed = 4;    // those above
 inline constexpr int kExtras = kBlock;
 
 struct StateIndex {

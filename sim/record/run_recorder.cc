@@ -11,7 +11,7 @@ namespace unfurl::sim {
 
 namespace {
 
-constexpr double kBinWidth = 0.001;
+constexpr double kBinWidth = 0.001;  // of a restitution [-]; medians are known to half of it
 // Samples that wait in a buffer go to the disk after so many looks, some seconds of work. Work is
 // counted, not timed, so that the same run gives the same bytes.
 constexpr int kFlushLooks = 300;

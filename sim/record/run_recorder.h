@@ -21,6 +21,7 @@ struct LatchCount {
   double MedianRestitution() const;
 
  private:
+  // Up to 2. A stop alone gives 1 at most; what load adds beyond counts in the last bin.
   static constexpr int kBins = 2000;
   std::vector<long> bins_;  // of 0.001 from 0 on; made when first needed
 };

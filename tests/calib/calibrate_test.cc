@@ -1,5 +1,6 @@
 #include "calib/calibrate.h"
 
+#include <fmt/ranges.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -202,6 +203,29 @@ TEST(Advice, PointsNearOnePlaneAndSensorsWithoutReadingsAreTold) {
               ::testing::Contains(AllOf(HasSubstr("one plane"), HasSubstr("at z > "))));
   EXPECT_THAT(result.report.advice,
               ::testing::Contains(AllOf(HasSubstr("\"c2\""), HasSubstr("from pixel 0 to 7"))));
+}
+
+// A hinge's survey is a hundredth of a wing's: what to measure is said with as many digits.
+TEST(Advice, LengthsHaveTheDigitsOfTheSurvey) {
+  Study study = MakeStudy(19, 100);
+  study.points.row(2) *= 0.15;
+  study.data = Observe(study.truth, study.points, 3e-4, 0.05, Rng(20));
+  study.data.p *= 0.01;
+  for (Eigen::Matrix3d& cov : study.data.cov) cov *= 1e-4;
+  const Calibration result = Calibrate(study.data, {}, "test");
+  EXPECT_THAT(result.report.advice,
+              ::testing::Contains(::testing::ContainsRegex("within 0.00[1-9][0-9] m")));
+}
+
+// Five points to each free parameter of a camera: nine, and the lens terms that were taken up.
+TEST(Advice, FewPointsAreAskedToBeMore) {
+  const auto asks = [](int points) {
+    const Calibration result = Calibrate(MakeStudy(23, points).data, {}, "test");
+    const std::string words = fmt::format("{}", fmt::join(result.report.advice, "; "));
+    return words.find("four times as many") != std::string::npos;
+  };
+  EXPECT_TRUE(asks(40));
+  EXPECT_FALSE(asks(120));
 }
 
 TEST(Verdict, DishonestErrorBarsAreNotToBeUsed) {

@@ -1,9 +1,11 @@
 #include "data/time_function.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 
 #include "errors.h"
 
@@ -124,6 +126,20 @@ TEST(TimeFunction, IntegralsOfExpressions) {
     // A run may be asked to last longer than its scene.
     EXPECT_NEAR(g.Value(1.3 * k.duration), 0.5 + k.exact(1.3 * k.duration), 1e-6 * k.range)
         << k.text;
+  }
+}
+
+// A pulse of a five-thousandth of the run, wherever it lies: its whole area, sqrt(pi) w.
+TEST(TimeFunction, ShortPulsesAreIntegrated) {
+  for (const double duration : {1.0, 10.0, 1000.0}) {
+    for (const double part : {0.031, 0.28, 0.4999, 0.5312, 0.87}) {
+      const double width = 2e-4 * duration, at = part * duration;
+      const TimeFunction f = TimeFunction::Expression(
+          fmt::format("exp(-((t - {:.17g}) / {:.17g}) ^ 2)", at, width), "s.toml:1:x");
+      const double area = std::sqrt(std::numbers::pi) * width;
+      EXPECT_NEAR(f.Integral(0.0, duration).Value(duration), area, 1e-12 * duration)
+          << part << " of " << duration;
+    }
   }
 }
 

@@ -131,6 +131,32 @@ std::vector<std::string> CMakeWords(std::string_view text) {
   return words;
 }
 
+// A declaration's text with `//` comments taken out, from its first line to the semicolon.
+struct Declaration {
+  std::string code;
+  bool has_comment = false;
+
+  void Add(std::string_view line) {
+    const std::size_t comment = line.find("//");
+    has_comment |= comment != std::string_view::npos;
+    code += line.substr(0, comment);
+    code += ' ';
+  }
+  bool Ends() const { return code.find(';') != std::string::npos; }
+  // Whether it gives a name a number: "double kA = 0.5", "int kB = -2 * kC, kD = kE".
+  bool IsNumber() const {
+    const std::size_t first = code.find('=');
+    if (code.find('(') < first) return false;  // a function
+    for (std::size_t at = first; at != std::string::npos; at = code.find('=', at + 1)) {
+      const std::size_t value = code.find_first_not_of(" -.", at + 1);
+      if (value != std::string::npos && std::isdigit(static_cast<unsigned char>(code[value])) != 0)
+        return true;
+    }
+    return false;
+  }
+  bool IsVersion() const { return code.find("Version =") != std::string::npos; }
+};
+
 void CheckArrow(const std::string& room, const std::string& target, const std::string& where,
                 Findings* findings) {
   if (!Below().contains(target) || target == room || Below().at(room).contains(target)) return;
@@ -248,6 +274,37 @@ Findings CheckLineLengths(const std::string& path, std::string_view text) {
       return;
     findings.push_back(fmt::format("{}:{}: {} characters (at most {})", path, number, characters,
                                    kDocumentCharacters));
+  });
+  return findings;
+}
+
+Findings CheckConstants(const std::string& path, std::string_view text) {
+  Findings findings;
+  if (RoomOf(path).empty()) return findings;
+  bool shared = false;  // a comment stands above this run of constants
+  int first = 0;        // line of the declaration that is being read; 0: none
+  Declaration declaration;
+  ForEachLine(text, [&](int number, std::string_view line) {
+    if (first == 0) {
+      const std::size_t begin = line.find_first_not_of(' ');
+      const bool is_comment = begin != std::string_view::npos && line.substr(begin, 2) == "//";
+      if (is_comment || line.find("constexpr ") == std::string_view::npos) {
+        shared = is_comment;
+        return;
+      }
+      first = number;
+      declaration = {};
+    }
+    declaration.Add(line);
+    if (!declaration.Ends() && declaration.code.find('{') == std::string::npos) return;
+    if (declaration.IsNumber() && !declaration.IsVersion() && !declaration.has_comment && !shared) {
+      findings.push_back(
+          fmt::format("{}:{}: a number without its reason: say beside it, or above, "
+                      "why it is this one, and its unit",
+                      path, first));
+    }
+    shared &= !declaration.has_comment;
+    first = 0;
   });
   return findings;
 }

@@ -128,6 +128,34 @@ TEST(CheckLineLengths, FindsLongLinesOfDocuments) {
   EXPECT_THAT(CheckLineLengths("a.md", umlauts), IsEmpty());
 }
 
+TEST(CheckConstants, FindsNumbersWithoutAReason) {
+  const auto lines = [](const std::string& text, const std::string& path = "sim/a.cc") {
+    return CheckConstants(path, text).size();
+  };
+  EXPECT_THAT(CheckConstants("sim/a.h", "int x;\ninline constexpr int kMost = 3;\n"),
+              ElementsAre(HasSubstr("sim/a.h:2: a number without its reason")));
+  EXPECT_EQ(lines("constexpr double kA = -.5;\n"), 1u);
+  EXPECT_EQ(lines("  static constexpr int kA =\n      12;\n"), 1u);
+  EXPECT_EQ(lines("constexpr double kA = kB, kC = 2.0;\n"), 1u);
+  // A comment beside one says nothing of the next, nor does one that other code parts from it.
+  EXPECT_EQ(lines("constexpr int kA = 1;  // [s]\nconstexpr int kB = 2;\n"), 1u);
+  EXPECT_EQ(lines("// Why.\n\nconstexpr int kA = 1;\n"), 1u);
+  EXPECT_EQ(lines("// Why.\nconstexpr int kA = 1;  // [s]\nconstexpr int kB = 2;\n"), 1u);
+}
+
+TEST(CheckConstants, PassesWhatHasAReason) {
+  for (const char* text :
+       {"constexpr int kA = 1;  // [s]\n", "// Why.\nconstexpr int kA = 1;\n",
+        "/// Why.\n  inline constexpr int kA = 1,\n  kB = 2;\nconstexpr int kC = 3;\n",
+        "constexpr int kA = 1,  // why\n    kB = 2;\n", "inline constexpr int kRunVersion = 3;\n",
+        "constexpr int kA = kB;\n", "constexpr char kA[] = \"2\";\n",
+        "constexpr int Twice(int a) { return 2 * a; }\n",
+        "constexpr std::array<int, 2> kA = {{1, 2}};\n", "int a = 3;\n"}) {
+    EXPECT_THAT(CheckConstants("sim/a.cc", text), IsEmpty()) << text;
+  }
+  EXPECT_THAT(CheckConstants("tests/sim/a.cc", "constexpr int kA = 1;\n"), IsEmpty());
+}
+
 TEST(CheckHeader, WantsAGuard) {
   EXPECT_THAT(CheckHeader("a.h", "int x;\n"), ElementsAre(HasSubstr("#pragma once")));
   EXPECT_THAT(CheckHeader("a.h", "#pragma once\n"), IsEmpty());
@@ -141,7 +169,8 @@ TEST(LinksOf, FindsWhatCanBeChecked) {
 }
 
 TEST(CheckPackages, WantsARowForEach) {
-  EXPECT_THAT(CheckPackages("packages-test.txt", "# words\ncmake\nlibx-dev  # for y\n", "| `cmake` | builds |"),
+  EXPECT_THAT(CheckPackages("packages-test.txt", "# words\ncmake\nlibx-dev  # for y\n",
+                            "| `cmake` | builds |"),
               ElementsAre(HasSubstr("packages-test.txt:3: libx-dev")));
 }
 

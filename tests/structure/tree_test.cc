@@ -150,6 +150,12 @@ TEST(Tree, FunctionsAreSimple) {
   EXPECT_GT(functions, 1000u);
 }
 
+TEST(Tree, NumbersHaveReasons) {
+  for (const auto& [path, text] : Tree()) {
+    if (path.ends_with(".h") || path.ends_with(".cc")) Expect(CheckConstants(path, text));
+  }
+}
+
 TEST(Tree, HeadersAreGuarded) {
   for (const auto& [path, text] : Tree()) Expect(CheckHeader(path, text));
 }
