@@ -101,12 +101,7 @@ int Run(int argc, char** argv) {
   for (const Verb& verb : verbs) {
     if (!verb.app->parsed()) continue;
     verb.files->Prepare();
-    const int code = verb.run();
-    if (code == unfurl::kExitNotUsable) {
-      unfurl::Complain(fmt::format("{}: not usable{}{}", verb.app->get_name(),
-                                   common.outcome.empty() ? "" : ": ", common.outcome));
-    }
-    return code;
+    return verb.run();
   }
   return unfurl::kExitBadInput;
 }

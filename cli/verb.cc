@@ -26,23 +26,6 @@ std::string DefaultOutput(const std::string& input, const std::string& suffix) {
   return std::filesystem::path(input).stem().string() + suffix;
 }
 
-namespace {
-
-// What a summary says of itself, in a line.
-std::string OutcomeOf(const nlohmann::ordered_json& summary) {
-  for (const char* key : {"message", "reasons", "verdict", "status"}) {
-    const auto found = summary.find(key);
-    if (found == summary.end()) continue;
-    const auto& value = found->is_array() && !found->empty() ? found->front() : *found;
-    if (value.is_string() && !value.get_ref<const std::string&>().empty()) {
-      return value.get<std::string>();
-    }
-  }
-  return {};
-}
-
-}  // namespace
-
 data::Provenance StartProvenance(const Common& common) {
   data::Provenance provenance;
   provenance.program = data::ProgramVersion();
@@ -60,7 +43,6 @@ std::string JsonText(const nlohmann::ordered_json& json) {
 }
 
 void Finish(const Common& common, const nlohmann::ordered_json& summary, const std::string& text) {
-  common.outcome = OutcomeOf(summary);
   if (common.json) {
     std::fputs(JsonText(summary).c_str(), stdout);
   } else if (!common.quiet) {

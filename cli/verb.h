@@ -20,7 +20,6 @@ struct Common {
   bool json = false;
   bool quiet = false;
   std::string command_line;
-  mutable std::string outcome;  // the verdict in a line, once Finish was called
 };
 
 // One file per verb defines one of these: it declares its options on the program, those that are

@@ -214,6 +214,7 @@ void WriteTextFile(const std::string& path, const std::string& text) {
 }
 
 std::string ReadTextFile(const std::string& path) {
+  constexpr std::size_t kMostText = std::size_t{1} << 32;
   std::string text;
   if (RecallPipe(path, &text)) return text;  // a pipe gives what it holds once
   std::error_code ignored;
@@ -230,7 +231,14 @@ std::string ReadTextFile(const std::string& path) {
   }
   char buffer[1 << 16];
   std::size_t got;
-  while ((got = std::fread(buffer, 1, sizeof buffer, stream.get())) > 0) text.append(buffer, got);
+  while ((got = std::fread(buffer, 1, sizeof buffer, stream.get())) > 0) {
+    // A device without an end would take all memory, and a system that lends more than it has then
+    // kills programs.
+    if (text.size() + got > kMostText) {
+      throw Error("more than 4 GB of text", path, "name a file of text, or cut it into several");
+    }
+    text.append(buffer, got);
+  }
   if (std::ferror(stream.get()) != 0) {
     throw Error(fmt::format("cannot read: {}", std::strerror(errno)), path,
                 "check the disk, and copy the file again", ErrorKind::kMachine);

@@ -7,6 +7,7 @@
 #include <limits>
 #include <sstream>
 
+#include "base/signals.h"
 #include "data/atomic_file.h"
 #include "data/toml_include.h"
 #include "data/toml_node.h"
@@ -122,11 +123,8 @@ namespace {
 
 // Names become names of datasets, columns and files, and are shown on terminals.
 void RefuseName(const TomlTable& group, const std::string& name) {
-  const bool bad = name.empty() || name == "." || name.find('/') != std::string::npos ||
-                   std::any_of(name.begin(), name.end(), [](char c) {
-                     const auto byte = static_cast<unsigned char>(c);
-                     return byte < 0x20 || byte == 0x7f;
-                   });
+  const bool bad = name.empty() || name == "." ||
+                   name.find_first_of("/\n\t") != std::string::npos || Printable(name) != name;
   if (!bad) return;
   group.Fail(name,
              name.empty() ? "a name of no letters" : "a name with a slash or a control character",

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "base/signals.h"
 #include "data/toml_node.h"
 
 namespace unfurl::data {
@@ -68,6 +69,17 @@ struct Reader {
     }
     return *value;
   }
+  // Shown on terminals and kept in files: no control characters but the ends of lines and tabs that
+  // scripts and long expressions have, and not those in a name.
+  std::string Text(const toml::node& n) const {
+    if (!n.is_string()) Wrong(n, "a string");
+    std::string value = *n.value<std::string>();
+    if (Printable(value) != value ||
+        (key == "name" && value.find_first_of("\n\t") != std::string::npos)) {
+      owner.Fail(key, "holds a control character", "write it with letters");
+    }
+    return value;
+  }
   const toml::array& Array(const toml::node& n, int size) const {
     const toml::array* array = n.as_array();
     if (array == nullptr) Wrong(n, "an array");
@@ -107,8 +119,7 @@ bool TomlTable::Bool(std::string_view key) const {
 std::string TomlTable::String(std::string_view key) const {
   const Reader reader{*this, std::string(key), node_->Get(key)};
   const toml::node& node = reader.Require();
-  if (!node.is_string()) reader.Wrong(node, "a string");
-  return *node.value<std::string>();
+  return reader.Text(node);
 }
 
 std::string TomlTable::Choice(std::string_view key, const std::vector<std::string>& allowed) const {
@@ -135,8 +146,7 @@ std::vector<std::string> TomlTable::Strings(std::string_view key) const {
   const Reader reader{*this, std::string(key), node_->Get(key)};
   std::vector<std::string> values;
   for (const toml::node& item : reader.Array(reader.Require(), -1)) {
-    if (!item.is_string()) reader.Wrong(item, "a string");
-    values.push_back(*item.value<std::string>());
+    values.push_back(reader.Text(item));
   }
   return values;
 }

@@ -177,6 +177,12 @@ void AddModeReasons(Comparison* c) {
   } else if (!c->measured_modes.decay.message.empty()) {
     c->reasons.push_back("No modes: " + c->measured_modes.decay.message + ".");
   }
+  if (c->modes_until) {
+    c->reasons.push_back(
+        fmt::format("Modes are those of {:.6g} to {:.6g} s, 100,000 samples of a mark; --from and "
+                    "--to choose others.",
+                    c->spectrum_from, *c->modes_until));
+  }
 }
 
 void AddPeakReasons(Comparison* c) {

@@ -93,6 +93,8 @@ struct Comparison {
   std::vector<std::string> mode_signals;
   ModalFit measured_modes, reference_modes;
   std::vector<ModePair> mode_pairs;
+  // Where the modes' part of the spectra's window ends, if before it, on the record's clock [s].
+  std::optional<double> modes_until;
   std::vector<ModelEvent> latches;  // of a run, on its own clock
   std::string verdict;
   std::vector<std::string> reasons;

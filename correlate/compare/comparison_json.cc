@@ -152,6 +152,7 @@ ordered_json ComparisonJson(const Comparison& c) {
   json["test"] = c.record_is_test ? "record" : "reference";
   for (const ComparedScore& s : c.scores) json["scores"].push_back(ScoreJson(s));
   json["spectra_window"] = {c.spectrum_from, c.spectrum_to};
+  if (c.modes_until) json["modes_window"] = {c.spectrum_from, *c.modes_until};
   for (const ComparedSpectrum& s : c.spectra) json["spectra"].push_back(SpectrumJson(s));
   for (const OperatingShape& s : c.operating_shapes) {
     json["operating_shapes"].push_back({{"measured_frequency", s.measured_frequency},

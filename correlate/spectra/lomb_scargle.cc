@@ -10,6 +10,7 @@
 
 #include "base/error.h"
 #include "correlate/sampled_model.h"
+#include "correlate/spectra/nonuniform_fft.h"
 
 namespace unfurl::correlate {
 
@@ -59,6 +60,8 @@ LombSpectrum LombScargle(std::span<const double> t, std::span<const double> x,
   double yy = 0.0;
   for (std::size_t i = 0; i < n; ++i) yy += w[i] * y[i] * y[i];
 
+  // Below, cosine and sine are one column at these stamps; the sums are good to some 1e-12.
+  constexpr double kOneColumn = 1e-9;
   LombSpectrum out;
   out.n = n;
   const double duration = t.back() - t.front();
@@ -66,31 +69,32 @@ LombSpectrum LombScargle(std::span<const double> t, std::span<const double> x,
   const double low = options.low > 0.0 ? options.low : out.resolution;
   const double high = options.high > 0.0 ? options.high : 0.5 / MedianStep(t);
   const double step = out.resolution / std::max(1, options.oversample);
-  // exp(i w t) of the next frequency is this one's times a constant per sample.
-  std::vector<std::complex<double>> turn(n), ahead(n);
-  for (std::size_t i = 0; i < n; ++i) {
-    turn[i] = std::polar(1.0, 2.0 * std::numbers::pi * low * (t[i] - t[0]));
-    ahead[i] = std::polar(1.0, 2.0 * std::numbers::pi * step * (t[i] - t[0]));
-  }
-  for (std::size_t k = 0;; ++k) {
-    const double f = low + static_cast<double>(k) * step;
-    if (f > high) break;
-    double c = 0, s = 0, cc = 0, cs = 0, yc = 0, ys = 0;
+  std::size_t count = 0;
+  while (low + static_cast<double>(count) * step <= high) ++count;
+  // sum w y exp(i w t), sum w exp(i w t), and sum w exp(2 i w t), from which the squares come.
+  const auto sums = [&](std::span<const double> values, double times) {
+    std::vector<double> phase(n);
+    std::vector<std::complex<double>> term(n);
     for (std::size_t i = 0; i < n; ++i) {
-      const double a = turn[i].real(), b = turn[i].imag();
-      c += w[i] * a;
-      s += w[i] * b;
-      cc += w[i] * a * a;
-      cs += w[i] * a * b;
-      yc += w[i] * y[i] * a;
-      ys += w[i] * y[i] * b;
-      turn[i] *= ahead[i];
+      const double turns = times * (t[i] - t[0]);
+      phase[i] = 2.0 * std::numbers::pi * step * turns;
+      term[i] = std::polar(values[i], 2.0 * std::numbers::pi * low * turns);
     }
+    return NonuniformFft(phase, term, count);
+  };
+  std::vector<double> wy(n);
+  for (std::size_t i = 0; i < n; ++i) wy[i] = w[i] * y[i];
+  const auto signal = sums(wy, 1.0), weight = sums(w, 1.0), twice = sums(w, 2.0);
+  for (std::size_t k = 0; k < count; ++k) {
+    const double f = low + static_cast<double>(k) * step;
+    const double c = weight[k].real(), s = weight[k].imag();
+    const double cc = 0.5 * (1.0 + twice[k].real()), cs = 0.5 * twice[k].imag();
+    const double yc = signal[k].real(), ys = signal[k].imag();
     // About the fitted constant; y has weighted mean zero.
     const double CC = cc - c * c, SS = 1.0 - cc - s * s, CS = cs - c * s;
     const double D = CC * SS - CS * CS;
     double a = 0.0, b = 0.0;
-    if (D > 1e-12) {  // below, the two columns are one at these stamps
+    if (D > kOneColumn) {
       a = (SS * yc - CS * ys) / D;
       b = (CC * ys - CS * yc) / D;
     }

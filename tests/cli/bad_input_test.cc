@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <sys/mount.h>
 
+#include <algorithm>
 #include <fstream>
 #include <iterator>
 
@@ -131,6 +132,24 @@ TEST_F(BadInput, RigThatDoesNotMatchTheTrial) {
 TEST_F(BadInput, OutputFolderThatIsNotThere) {
   ExpectRefused(Run({"simulate", Shipped("scene_clearance.toml"), "-o", "no/where/run.h5"}),
                 {"no/where", "no such folder", "-o"}, {});
+}
+
+// What ran and cannot be used says so in one line, however little is to be printed.
+TEST_F(BadInput, ResultThatCannotBeUsed) {
+  Put("two.csv",
+      "t [s],mark,x [m],y [m],z [m],cxx [m^2],cxy [m^2],cxz [m^2],cyy [m^2],cyz [m^2],czz [m^2]\n"
+      "0,m,0,0,0,1e-8,0,0,1e-8,0,1e-8\n0.1,m,0,0,0,1e-8,0,0,1e-8,0,1e-8\n");
+  for (const std::vector<std::string>& how :
+       std::vector<std::vector<std::string>>{{}, {"--quiet"}, {"--json"}, {"--json", "--quiet"}}) {
+    for (std::vector<std::string> command : std::vector<std::vector<std::string>>{
+             {"correlate", "two.csv", "two.csv"},
+             {"plan", Shipped("lab.toml"), "--reading-sigma", "30"}}) {
+      command.insert(command.end(), how.begin(), how.end());
+      const Outcome outcome = Run(command);
+      EXPECT_EQ(outcome.code, 1) << command[0] << outcome.err;
+      EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+    }
+  }
 }
 
 TEST_F(BadInput, CommandLine) {

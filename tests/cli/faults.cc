@@ -36,6 +36,7 @@ __attribute__((constructor)) void Prepare() {
     }
   }
   g_plan.count_file = getenv("UNFURL_FAULT_COUNT");
+  unsetenv("LD_PRELOAD");  // programs that this one starts are left alone
 }
 
 __attribute__((destructor)) void Report() {

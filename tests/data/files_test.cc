@@ -272,12 +272,27 @@ TEST_F(Files, TomlKeysOfManyParts) {
 }
 
 TEST_F(Files, TomlNamesThatAreNoNames) {
-  for (const char* name : {"\"a/b\"", "\"\\u001b[2Jx\"", "\"\"", "\"a\\nb\"", "\".\""}) {
+  for (const char* name : {"\"a/b\"", "\"\\u001b[2Jx\"", "\"\"", "\"a\\nb\"", "\".\"",
+                           "\"\\u009b2J\"", "\"a\\u202eb\""}) {
     const std::string text = std::string("[body.") + name + "]\nmass = 1.0\n";
     EXPECT_NE(ErrorOf([&] { LoadToml(Put("n.toml", text)).NamedTables("body"); }), "no error")
         << name;
   }
   EXPECT_EQ(LoadToml(Put("g.toml", "[body.\"Außen 1\"]\n")).NamedTables("body").size(), 1u);
+}
+
+TEST_F(Files, TomlTextWithControlCharacters) {
+  const auto read = [&](const std::string& line) {
+    const TomlTable table = LoadToml(Put("c.toml", line + "\n"));
+    table.Has("name") ? (void)table.String("name") : (void)table.Strings("words");
+  };
+  for (const char* line : {"name = \"\\u001b[2J\"", "name = \"a\\nunfurl: all is well\"",
+                           "name = \"\\u009b2J\"", "words = [\"good\", \"b\\u0007\"]"}) {
+    EXPECT_THAT(ErrorOf([&] { read(line); }), HasSubstr("holds a control character")) << line;
+  }
+  EXPECT_EQ(ErrorOf([&] { read("name = \"Außen 1\""); }), "no error");
+  EXPECT_EQ(ErrorOf([&] { read("words = [\"python3\", '''\nimport os\n\tpass'''] "); }),
+            "no error");
 }
 
 TEST_F(Files, WhatIsHashedIsWhatWasParsed) {
