@@ -13,6 +13,7 @@
 #include "base/error.h"
 #include "base/progress.h"
 #include "base/signals.h"
+#include "cli/usage.h"
 #include "cli/verb.h"
 
 namespace {
@@ -20,6 +21,7 @@ namespace {
 using unfurl::cli::Verb;
 
 constexpr char kFooter[] =
+    "To begin: unfurl new boom (or wing, rig, trial, study) makes a commented start that runs.\n\n"
     "The main job, in order:\n"
     "  unfurl simulate scene.toml -o run.h5               the deployment\n"
     "  unfurl expose --survey points.csv --lab lab.toml   a virtual survey, where there is no real "
@@ -31,7 +33,9 @@ constexpr char kFooter[] =
     "  unfurl fit study.toml                              the parameters, with standard errors\n\n"
     "Exit codes: 0 good, 1 ran but the result is not usable, 2 bad input, 3 a fault of ours,\n"
     "4 the machine (disk full, no permission), 130 and 143 interrupted.\n"
-    "`unfurl VERB --help` lists the options of a verb and gives an example.";
+    "`unfurl help VERB` lists the options of a verb and gives an example; `unfurl doctor` tells "
+    "what\n"
+    "this machine lacks.";
 
 std::string CommandLine(int argc, char** argv) {
   std::string line = "unfurl";
@@ -44,22 +48,6 @@ std::string CommandLine(int argc, char** argv) {
   return line;
 }
 
-// An option that the verb does not have leaves its value for the next positional argument, and what
-// CLI11 then says is about that: this is said instead. Empty where every option is known.
-std::string UnknownOption(const std::vector<Verb>& verbs, int argc, char** argv) {
-  for (const Verb& verb : verbs) {
-    if (verb.app->get_name() != argv[1]) continue;
-    for (int i = 2; i < argc; ++i) {
-      std::string name = argv[i];
-      name = name.substr(0, name.find('='));
-      if (name == "--") break;
-      if (!name.starts_with("--") || verb.app->get_option_no_throw(name) != nullptr) continue;
-      return "`unfurl " + verb.app->get_name() + "` has no option " + name;
-    }
-  }
-  return {};
-}
-
 int Run(int argc, char** argv) {
   unfurl::cli::Common common;
   common.command_line = CommandLine(argc, argv);
@@ -67,7 +55,7 @@ int Run(int argc, char** argv) {
   CLI::App program(
       "Unfurl: calibrate a rig of line cameras, reconstruct a deployment trial, simulate "
       "it, and fit the one to the other.");
-  program.set_version_flag("--version", unfurl::data::ProgramVersion());
+  program.set_version_flag("-v,--version", unfurl::data::ProgramVersion());
   program.require_subcommand(1);
   program.footer(kFooter);
   std::vector<Verb> verbs;
@@ -76,7 +64,8 @@ int Run(int argc, char** argv) {
       unfurl::cli::AddSimulate,    unfurl::cli::AddModes,     unfurl::cli::AddExpose,
       unfurl::cli::AddPlan,        unfurl::cli::AddCalibrate, unfurl::cli::AddCheck,
       unfurl::cli::AddReconstruct, unfurl::cli::AddCorrelate, unfurl::cli::AddFit,
-      unfurl::cli::AddCost,        unfurl::cli::AddInfo,      unfurl::cli::AddConvert};
+      unfurl::cli::AddCost,        unfurl::cli::AddInfo,      unfurl::cli::AddConvert,
+      unfurl::cli::AddNew,         unfurl::cli::AddDoctor,    unfurl::cli::AddCompletion};
   for (const AddVerb add : all) {
     verbs.push_back(add(program, common));
     verbs.back().files->CheckDeclared();
@@ -86,17 +75,16 @@ int Run(int argc, char** argv) {
     std::fputs(program.help().c_str(), stdout);
     return unfurl::kExitBadInput;
   }
+  if (argv[1] == std::string("help")) {
+    unfurl::cli::PrintHelp(program, verbs, argc, argv);
+    return unfurl::kExitGood;
+  }
   try {
     program.parse(argc, argv);
   } catch (const CLI::Success& asked) {  // --help and --version
     return program.exit(asked);
   } catch (const CLI::ParseError& error) {
-    const std::string unknown = UnknownOption(verbs, argc, argv);
-    if (unknown.empty()) {
-      throw unfurl::Error(error.what(), "command line", "see `unfurl --help`");
-    }
-    throw unfurl::Error(unknown, "command line",
-                        std::string("see `unfurl ") + argv[1] + " --help`");
+    throw unfurl::cli::UsageError(verbs, argc, argv, error);
   }
   for (const Verb& verb : verbs) {
     if (!verb.app->parsed()) continue;

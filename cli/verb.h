@@ -43,6 +43,9 @@ Verb AddFit(CLI::App& program, Common& common);
 Verb AddCost(CLI::App& program, Common& common);
 Verb AddInfo(CLI::App& program, Common& common);
 Verb AddConvert(CLI::App& program, Common& common);
+Verb AddNew(CLI::App& program, Common& common);
+Verb AddDoctor(CLI::App& program, Common& common);
+Verb AddCompletion(CLI::App& program, Common& common);
 
 // Declares a verb with --json, --quiet and an example in its --help.
 Verb DeclareVerb(CLI::App& program, Common& common, const std::string& name,

@@ -37,5 +37,5 @@ function(unfurl_embed output)
   add_custom_command(OUTPUT ${output}
     COMMAND ${CMAKE_COMMAND} -DOUTPUT=${output} -DHEADER=${ARG_HEADER}
             -DNAMESPACE=${ARG_NAMESPACE} "-DENTRIES=${entries}" -P ${UNFURL_EMBED_SCRIPT}
-    DEPENDS ${depends} COMMENT "Embedding the files that every page carries" VERBATIM)
+    DEPENDS ${depends} COMMENT "Embedding files in the program" VERBATIM)
 endfunction()

@@ -102,6 +102,8 @@ void TomlTable::Fail(std::string_view key, const std::string& what,
   throw Error(what, Where(key), remedy);
 }
 
+void TomlTable::FailMissing(std::string_view key) const { node_->FailMissing(key); }
+
 std::optional<TomlTable> TomlTable::TableOrNone(std::string_view key) const {
   const toml::node* node = node_->Get(key);
   if (node == nullptr) return std::nullopt;
@@ -190,7 +192,7 @@ std::vector<TomlTable> TomlTable::TableArray(std::string_view key) const {
 
 TomlTable TomlTable::Items(std::string_view key, int size) const {
   const toml::node* node = node_->Get(key);
-  if (node == nullptr) throw Error(fmt::format("'{}' is missing", key), Where(), "add the key");
+  if (node == nullptr) FailMissing(key);
   const toml::array* array = node->as_array();
   if (array == nullptr || array->size() != static_cast<std::size_t>(size)) {
     Fail(key,

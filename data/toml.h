@@ -108,6 +108,9 @@ class TomlTable {
   const std::string& path() const;
   [[noreturn]] void Fail(std::string_view key, const std::string& what,
                          const std::string& remedy) const;
+  // For a key that is wanted and not there. Where the whole table is there by an override alone, its
+  // name is the likelier mistake.
+  [[noreturn]] void FailMissing(std::string_view key) const;
 
  private:
   friend class TomlDocument;

@@ -174,7 +174,20 @@ class Merger {
 
 }  // namespace
 
+namespace {
+
+// Pictures, HDF5, archives: what the parser would say of their first byte helps nobody.
+void RefuseBinary(const std::string& text, const std::string& name) {
+  if (text.find('\0') == std::string::npos) return;
+  const bool hdf5 = text.starts_with("\x89HDF");
+  throw Error(hdf5 ? "is an HDF5 file, where TOML is read" : "is a binary file, where TOML is read",
+              name, hdf5 ? "`unfurl info` says what it holds" : "give a text file");
+}
+
+}  // namespace
+
 toml::table ParseTomlDocument(const std::string& text, const std::string& name) {
+  RefuseBinary(text, name);
   RefuseLongKeys(text, name);
   try {
     return toml::parse(text, name);

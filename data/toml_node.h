@@ -84,6 +84,35 @@ struct TomlTable::Node {
     return node;
   }
 
+  // Throws Error: a reader wants a key that is not there.
+  [[noreturn]] void FailMissing(std::string_view key) const {
+    // A table without a place in a file was made by --set: most likely its name is misspelt.
+    const std::size_t dot = path.rfind('.');
+    if (line == 0 && dot != std::string::npos) {
+      const std::string group = path.substr(0, dot), name = path.substr(dot + 1);
+      const toml::node_view<toml::node> others = owner->at_path(group);
+      std::vector<std::string> written;
+      if (const toml::table* named = others.as_table()) {
+        for (const auto& [other, node] : *named) {
+          if (node.source().begin.line > 0) written.emplace_back(other.str());
+        }
+      }
+      const std::string nearest = NearestName(name, written);
+      if (!written.empty()) {
+        std::string assigned = path;
+        for (const auto& [node, dotted] : document->overridden) {
+          if (dotted.starts_with(path + ".")) assigned = dotted;
+        }
+        throw Error(
+            fmt::format("the file has no '{}', and '{}' is missing for a new one", name, key),
+            "--set " + assigned,
+            nearest.empty() ? fmt::format("{} has {}", group, JoinWords(written))
+                            : "did you mean '" + group + "." + nearest + "'?");
+      }
+    }
+    throw Error(fmt::format("'{}' is missing", key), WhereOf({}), "add the key");
+  }
+
   void ListAsked(std::vector<std::string>* keys) const {
     for (const std::string& key : asked) keys->push_back(Dotted(key));
     for (const auto& [slot, child] : tables) child->ListAsked(keys);

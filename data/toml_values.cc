@@ -52,9 +52,7 @@ struct Reader {
   const toml::node* node;
 
   const toml::node& Require() const {
-    if (node == nullptr) {
-      throw Error(fmt::format("'{}' is missing", key), owner.Where(), "add the key");
-    }
+    if (node == nullptr) owner.FailMissing(key);
     return *node;
   }
   [[noreturn]] void Wrong(const toml::node& n, const std::string& wanted) const {

@@ -19,27 +19,14 @@
 namespace unfurl::sim {
 namespace {
 
-// Controller of Hairer, Norsett and Wanner (Solving ODEs I, II.4), with memory against the
-// oscillation of steps that stability limits.
-constexpr double kSafety = 0.9, kMemory = 0.2;          // memory times the order
-constexpr double kMostGrowth = 5.0, kMostShrink = 0.2;  // of one step by the one before
-// Of the options' time scale: the first step, which grows fivefold per step from there; how far
-// ahead a function of time is looked for that fails; the smallest step, also of the time reached.
-constexpr double kFirstStep = 1e-6, kFunctionsAhead = 1e-9, kSmallestStep = 1e-15;
+// Of the options' time scale: the first step, which grows fivefold per step from there.
+constexpr double kFirstStep = 1e-6;
 // Over the diagonal entry before elimination: below, constraints depend on one another but for
 // rounding.
 constexpr double kSingularPivot = 1e-12;
-// Where the smallest pivot has fallen to this part of the largest that it has been, constraints are
-// near to depending on one another (it goes with the square of the distance), and the drift of an
-// explicit step in absolute coordinates comes back magnified.
-constexpr double kNearPivot = 0.1;
-constexpr double kFarAgain = 1.5;      // times that: far enough
-constexpr double kAcrossShrink = 0.1;  // of the steps before: they have shrunk
-constexpr double kAcrossError = 1e5;   // over the error allowed: taken all the same
-constexpr double kAcrossGrowth = 1.3;  // of each further step across, where one did not lead out
-constexpr int kMostAcross = 6;         // of growing length
-constexpr double kForget = 0.97;       // by which the longest step on record fades at each step
-constexpr double kZonePart = 0.25;     // of a contact's transition zone, per step on the way out
+constexpr double kAcrossError = 1e5;  // over the error allowed: taken all the same
+constexpr double kForget = 0.97;      // by which the longest step on record fades at each step
+constexpr double kZonePart = 0.25;    // of a contact's transition zone, per step on the way out
 // Steps between looks at Ctrl-C, pivots and progress: at most so many, and fewer where steps are
 // long, so that a look comes every tenth of a second or so.
 constexpr int kPollSteps = 512, kPollSlots = 100'000;
@@ -270,76 +257,6 @@ void Integration::Judge() {
       report_.largest_position_drift, report_.largest_velocity_drift, drift);
 }
 
-// Near a state where constraints depend on one another steps are taken by method partitioned, which
-// meets them at every stage.
-void Integration::SwitchNearDependence() {
-  const double pivot = dynamics_.SmallestPivot(nullptr);
-  largest_pivot_ = std::max(largest_pivot_, pivot);
-  if (is_near_ ? pivot < kFarAgain * kNearPivot * largest_pivot_
-               : pivot >= kNearPivot * largest_pivot_) {
-    return;
-  }
-  is_near_ = !is_near_;
-  if (is_near_) ++report_.near_dependence;
-  if (near_ == nullptr) return;  // partitioned anyway
-  std::copy_n(stepper_->state(), sample_.size(), start_.begin());
-  stepper_ = is_near_ ? near_.get() : far_.get();
-  stepper_->Start(t_, start_);
-}
-
-// The motion goes smoothly through a state where constraints depend on one another; what its
-// neighbourhood spoils is the estimate of the error, and the shorter the steps the nearer they
-// come. So where steps have shrunk there, one of the length that was good before is taken across.
-void Integration::StepAcross(double* h) {
-  if (!is_near_ || *h > kAcrossShrink * longest_ || crossings_ >= kMostAcross) {
-    across_ = false;
-    return;
-  }
-  across_ = true;
-  ++crossings_;
-  *h = std::min(longest_ * std::pow(kAcrossGrowth, crossings_ - 1), end_ - t_);
-}
-
-void Integration::NextStep(double error, double* h) {
-  const int order = stepper_->ErrorOrder();
-  const double exponent = (1.0 - 0.75 * kMemory) / order, memory = kMemory / order;
-  const double wanted =
-      std::pow(std::max(error, 1e-10), exponent) / std::pow(last_error_, memory) / kSafety;
-  const double factor = std::clamp(wanted, 1.0 / kMostGrowth, 1.0 / kMostShrink);
-  last_error_ = std::max(error, 1e-4);
-  limit_ = factor > wanted ? StepLimit::kGrowth
-           : stable_       ? StepLimit::kError
-                           : StepLimit::kStability;
-  *h /= factor;
-  const double contact = ContactStep();
-  if (contact < *h) {
-    *h = contact;
-    limit_ = StepLimit::kContactExit;
-  }
-  if (options_.max_step < *h) {
-    *h = options_.max_step;
-    limit_ = StepLimit::kMaxStep;
-  }
-}
-
-void Integration::Shrink(double error, double* h) {
-  const double factor =
-      std::isfinite(error)
-          ? std::max(kMostShrink, kSafety * std::pow(error, -1.0 / stepper_->ErrorOrder()))
-          : 0.1;
-  *h *= factor;
-  limit_ = stable_ ? StepLimit::kError : StepLimit::kStability;
-  if (*h > kSmallestStep * std::max(t_, options_.time) || FailIfDependent()) return;
-  std::string cause;
-  for (const double ahead : {0.0, 10.0 * *h, kFunctionsAhead * options_.time}) {
-    if (cause.empty()) cause = model_.FaultyFunctions(t_ + ahead);
-  }
-  if (!cause.empty()) cause = "; not finite near here: " + cause;
-  Fail(std::isfinite(error) ? SimulateStatus::kStepTooSmall : SimulateStatus::kNotFinite,
-       fmt::format("the step shrank to {:.1e} s, worst at {}{}", *h,
-                   NameOfSlot(model_, stepper_->WorstSlot()), cause));
-}
-
 void Integration::Fail(SimulateStatus status, const std::string& what) {
   report_.status = status;
   report_.message = fmt::format("{}, at t = {:.9g} s", what, t_);
@@ -406,29 +323,6 @@ bool Integration::RemoveDrift(double t, double* y) {
   dynamics_.Project(t, y);
   ++report_.projections;
   return true;
-}
-
-// The longest step that does not step over the end of a contact. Where f is held at zero nothing
-// slows the steps down, and yet f comes back for an instant in the law's transition
-// zone, between two stages of a long step.
-double Integration::ContactStep() const {
-  double longest = HUGE_VAL;
-  for (int k = 0; k < model_.latches.count(); ++k) {
-    const LatchMode mode = dynamics_.modes()[k];
-    if (!(mode.upper_contact | mode.lower_contact)) continue;
-    const double zone = model_.latches.law(k).ReturnDepth();
-    if (!(zone > 0.0)) continue;
-    const Motion motion = dynamics_.MotionAt(t_, stepper_->state());
-    const double theta = model_.latches.hinge(k).Theta(motion);
-    const double rate = model_.latches.hinge(k).Rate(motion);
-    for (const bool upper : {true, false}) {
-      if (!(upper ? mode.upper_contact : mode.lower_contact)) continue;
-      const Latches::Contact c = model_.latches.At(k, upper, theta, rate);
-      if (c.depth_rate >= 0.0 || c.depth <= 0.0) continue;
-      longest = std::min(longest, std::max(c.depth - zone, zone_part_ * zone) / -c.depth_rate);
-    }
-  }
-  return longest;
 }
 
 void Integration::SampleStep(double h, double t_new) {

@@ -1,0 +1,124 @@
+// How long the next step is, and how near-dependent constraints are passed.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "sim/dynamics/observables.h"
+#include "sim/methods/integration.h"
+
+namespace unfurl::sim {
+namespace {
+
+// Controller of Hairer, Norsett and Wanner (Solving ODEs I, II.4), with memory against the
+// oscillation of steps that stability limits.
+constexpr double kSafety = 0.9, kMemory = 0.2;          // memory times the order
+constexpr double kMostGrowth = 5.0, kMostShrink = 0.2;  // of one step by the one before
+// Of the options' time scale: how far ahead a function of time is looked for that fails; the
+// smallest step, also of the time reached.
+constexpr double kFunctionsAhead = 1e-9, kSmallestStep = 1e-15;
+// Where the smallest pivot has fallen to this part of the largest that it has been, constraints are
+// near to depending on one another (it goes with the square of the distance), and the drift of an
+// explicit step in absolute coordinates comes back magnified.
+constexpr double kNearPivot = 0.1;
+constexpr double kFarAgain = 1.5;      // times that: far enough
+constexpr double kAcrossShrink = 0.1;  // of the steps before: they have shrunk
+constexpr double kAcrossGrowth = 1.3;  // of each further step across, where one did not lead out
+constexpr int kMostAcross = 6;         // of growing length
+
+}  // namespace
+
+// Near a state where constraints depend on one another steps are taken by method partitioned, which
+// meets them at every stage.
+void Integration::SwitchNearDependence() {
+  const double pivot = dynamics_.SmallestPivot(nullptr);
+  largest_pivot_ = std::max(largest_pivot_, pivot);
+  if (is_near_ ? pivot < kFarAgain * kNearPivot * largest_pivot_
+               : pivot >= kNearPivot * largest_pivot_) {
+    return;
+  }
+  is_near_ = !is_near_;
+  if (is_near_) ++report_.near_dependence;
+  if (near_ == nullptr) return;  // partitioned anyway
+  std::copy_n(stepper_->state(), sample_.size(), start_.begin());
+  stepper_ = is_near_ ? near_.get() : far_.get();
+  stepper_->Start(t_, start_);
+}
+
+// The motion goes smoothly through a state where constraints depend on one another; what its
+// neighbourhood spoils is the estimate of the error, and the shorter the steps the nearer they
+// come. So where steps have shrunk there, one of the length that was good before is taken across.
+void Integration::StepAcross(double* h) {
+  if (!is_near_ || *h > kAcrossShrink * longest_ || crossings_ >= kMostAcross) {
+    across_ = false;
+    return;
+  }
+  across_ = true;
+  ++crossings_;
+  *h = std::min(longest_ * std::pow(kAcrossGrowth, crossings_ - 1), end_ - t_);
+}
+
+void Integration::NextStep(double error, double* h) {
+  const int order = stepper_->ErrorOrder();
+  const double exponent = (1.0 - 0.75 * kMemory) / order, memory = kMemory / order;
+  const double wanted =
+      std::pow(std::max(error, 1e-10), exponent) / std::pow(last_error_, memory) / kSafety;
+  const double factor = std::clamp(wanted, 1.0 / kMostGrowth, 1.0 / kMostShrink);
+  last_error_ = std::max(error, 1e-4);
+  limit_ = factor > wanted ? StepLimit::kGrowth
+           : stable_       ? StepLimit::kError
+                           : StepLimit::kStability;
+  *h /= factor;
+  const double contact = ContactStep();
+  if (contact < *h) {
+    *h = contact;
+    limit_ = StepLimit::kContactExit;
+  }
+  if (options_.max_step < *h) {
+    *h = options_.max_step;
+    limit_ = StepLimit::kMaxStep;
+  }
+}
+
+void Integration::Shrink(double error, double* h) {
+  const double factor =
+      std::isfinite(error)
+          ? std::max(kMostShrink, kSafety * std::pow(error, -1.0 / stepper_->ErrorOrder()))
+          : 0.1;
+  *h *= factor;
+  limit_ = stable_ ? StepLimit::kError : StepLimit::kStability;
+  if (*h > kSmallestStep * std::max(t_, options_.time) || FailIfDependent()) return;
+  std::string cause;
+  for (const double ahead : {0.0, 10.0 * *h, kFunctionsAhead * options_.time}) {
+    if (cause.empty()) cause = model_.FaultyFunctions(t_ + ahead);
+  }
+  if (!cause.empty()) cause = "; not finite near here: " + cause;
+  Fail(std::isfinite(error) ? SimulateStatus::kStepTooSmall : SimulateStatus::kNotFinite,
+       fmt::format("the step shrank to {:.1e} s, worst at {}{}", *h,
+                   NameOfSlot(model_, stepper_->WorstSlot()), cause));
+}
+
+// The longest step that does not step over the end of a contact. Where f is held at zero nothing
+// slows the steps down, and yet f comes back for an instant in the law's transition
+// zone, between two stages of a long step.
+double Integration::ContactStep() const {
+  double longest = HUGE_VAL;
+  for (int k = 0; k < model_.latches.count(); ++k) {
+    const LatchMode mode = dynamics_.modes()[k];
+    if (!(mode.upper_contact | mode.lower_contact)) continue;
+    const double zone = model_.latches.law(k).ReturnDepth();
+    if (!(zone > 0.0)) continue;
+    const Motion motion = dynamics_.MotionAt(t_, stepper_->state());
+    const double theta = model_.latches.hinge(k).Theta(motion);
+    const double rate = model_.latches.hinge(k).Rate(motion);
+    for (const bool upper : {true, false}) {
+      if (!(upper ? mode.upper_contact : mode.lower_contact)) continue;
+      const Latches::Contact c = model_.latches.At(k, upper, theta, rate);
+      if (c.depth_rate >= 0.0 || c.depth <= 0.0) continue;
+      longest = std::min(longest, std::max(c.depth - zone, zone_part_ * zone) / -c.depth_rate);
+    }
+  }
+  return longest;
+}
+
+}  // namespace unfurl::sim
