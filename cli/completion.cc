@@ -216,6 +216,10 @@ int WriteShare(const CLI::App& program, const fs::path& folder) {
   const auto write = [&](const fs::path& path, const std::string& text) {
     std::error_code failed;
     fs::create_directories((folder / path).parent_path(), failed);
+    if (failed) {
+      throw Error("cannot be made: " + failed.message(), (folder / path).parent_path().string(),
+                  "name a folder to write in", ErrorKind::kMachine);
+    }
     data::WriteTextFile((folder / path).string(), text);
   };
   write("man/man1/unfurl.1", ProgramPage(program, verbs));

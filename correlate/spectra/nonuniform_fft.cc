@@ -12,7 +12,7 @@ namespace {
 
 using Complex = std::complex<double>;
 
-constexpr double kTwoPi = 2.0 * std::numbers::pi;
+constexpr double kTwoPi = 2.0 * std::numbers::pi;  // a full turn [rad]
 // Grid points that a term is spread over to either side, at twice as many points as sums: the
 // error, exp(-2 pi reach / 3), is 2e-13 [Greengard and Lee 2004, section 3].
 constexpr int kReach = 14;
