@@ -4,7 +4,8 @@ namespace unfurl {
 
 /// While it lives, a crash on this thread is put down to damage of the file that a library of
 /// others is reading here: the program ends with one line that names it, and exit code 2. A crash
-/// anywhere else is a fault of ours, and says so. For programs that called InstallInterruptHandler.
+/// anywhere else is an internal error, and says so. For programs that called
+/// InstallInterruptHandler.
 class ReadsForeign {
  public:
   /// `path` must outlive it.

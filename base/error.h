@@ -43,7 +43,7 @@ enum ExitCode : int {
   kExitGood = 0,
   kExitNotUsable = 1,  // ran, but the result is not usable
   kExitBadInput = 2,
-  kExitFault = 3,  // a fault of ours
+  kExitFault = 3,  // internal error
   kExitMachine = 4,
   kExitInterrupted = 130,
 };

@@ -93,7 +93,8 @@ void OnCrash(int) {
         ": is damaged: the library that reads it broke off; copy it again, or make it again\n");
     _exit(kExitBadInput);
   }
-  WriteWords("a fault of ours: it crashed; please report it with the command that you typed\n");
+  WriteWords(
+      "internal error: the program crashed; please report it with the command that you typed\n");
   _exit(kExitFault);
 }
 

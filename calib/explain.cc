@@ -246,8 +246,9 @@ class Explainer {
         }
         d.explained = true;
         Add(GrossKind::kAlongOneAxis, {d.point}, -1, size,
-            fmt::format("point {}: {} alone is off, by {:+.1f} mm (a slip of the pen, or a height)",
-                        Id(d.point), kAxis[a], -1e3 * e(a)));
+            fmt::format(
+                "point {}: {} alone is off, by {:+.1f} mm (a typing error, or a wrong height)",
+                Id(d.point), kAxis[a], -1e3 * e(a)));
       }
     }
   }

@@ -87,7 +87,7 @@ Vector Units(const data::RigCamera& camera, const CameraPrior& prior, double dis
 
 std::string Advice(int main_part, bool harmless, const data::RigCamera& camera) {
   const std::string name = "\"" + camera.name + "\"";
-  if (harmless) return "found points do not feel it: nothing need be done";
+  if (harmless) return "its effect on reconstructed points is negligible: no action needed";
   switch (main_part) {
     case 5:
     case 6:
@@ -251,9 +251,10 @@ std::vector<std::string> SurveyAdvice(const Observations& data, const Weighting&
               : fmt::format("{:.{}f} m and more to either side of it", away, decimals)));
   }
   if (static_cast<int>(used.size()) < kFewPerParameter * MostFreeParameters(rig)) {
-    out.push_back(fmt::format(
-        "{} points calibrate the rig: four times as many would halve its part of the error",
-        used.size()));
+    out.push_back(
+        fmt::format("{} points calibrate the rig: four times as many would halve the calibration's "
+                    "part of the error",
+                    used.size()));
   }
   for (std::size_t j = 0; j < rig.cameras.size(); ++j) {
     const double row = rig.cameras[j].pixels;

@@ -134,15 +134,15 @@ int CorrelateVerb(const Common& common, Settings& s) {
 Verb AddCorrelate(CLI::App& program, Common& common) {
   Verb verb =
       DeclareVerb(program, common, "correlate",
-                  "Two records side by side: time and frame aligned, errors, spectra, modes",
+                  "Compare two motions, simulated or measured: alignment, errors, spectra, modes",
                   "unfurl correlate tracks.h5 run.h5 --report correlate.html");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
   auto settings = std::make_shared<Settings>();
   files.Read("A", &settings->record, "A run, or tracks (.h5, .csv)")->required();
   files.Read("B", &settings->reference, "The reference: a run, or tracks")->required();
-  files.Write("-o,--output", &settings->output, "The numbers as a file (JSON)");
-  files.Write("--report", &settings->report, "A page to look at (HTML)");
+  files.Write("-o,--output", &settings->output, "The results as a file (JSON)");
+  files.Write("--report", &settings->report, "Also write a page with pictures (HTML)");
   files.WriteFolder("--figures", &settings->figures, PaperFigureNames(),
                     "A folder for the paper's figures 15, 16 and 17 of this trial (SVG)");
   app->add_option("--marks", settings->options.marks, "Marks to compare (default: all in common)")

@@ -76,16 +76,15 @@ int Run(const Common& common, const Arguments& arguments) {
     json["report"] = arguments.report;
   }
   Finish(common, json, text);
-  return cost.Usable()
-             ? kExitGood
-             : NotUsable(arguments.scene, "no run came to its end; the table says why");
+  return cost.Usable() ? kExitGood
+                       : NotUsable(arguments.scene, "no run came to its end; the table says why");
 }
 
 }  // namespace
 
 Verb AddCost(CLI::App& program, Common& common) {
   Verb verb = DeclareVerb(program, common, "cost",
-                          "What accuracy costs in time on a scene: tolerances, methods, meshes",
+                          "Run time against accuracy on a scene: tolerances, methods, meshes",
                           "unfurl cost scene.toml --segments 4,8,16 --report cost.html");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;

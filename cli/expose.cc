@@ -144,10 +144,11 @@ int ExposeTrialVerb(const Common& common, const Settings& s) {
 }  // namespace
 
 Verb AddExpose(CLI::App& program, Common& common) {
-  Verb verb = DeclareVerb(program, common, "expose",
-                          "A virtual experiment: what the cameras of a lab would record",
-                          "unfurl expose run.h5 --lab lab.toml -o trial.h5\n"
-                          "  unfurl expose --survey points.csv --lab lab.toml -o survey.h5");
+  Verb verb =
+      DeclareVerb(program, common, "expose",
+                  "A virtual experiment: the sensor lines that a laboratory's cameras would record",
+                  "unfurl expose run.h5 --lab lab.toml -o trial.h5\n"
+                  "  unfurl expose --survey points.csv --lab lab.toml -o survey.h5");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
   auto s = std::make_shared<Settings>();
@@ -158,8 +159,8 @@ Verb AddExpose(CLI::App& program, Common& common) {
   files.WriteOr(
       "-o,--output", &s->output, [s] { return s->points.empty() ? "trial.h5" : "survey.h5"; },
       "Output [HDF5]; default trial.h5 or survey.h5");
-  files.Write("--truth", &s->truth, "Also write where every mark truly was [HDF5 tracks]");
-  files.Overrides(&s->overrides, "Another value for a key of the lab (repeatable)");
+  files.Write("--truth", &s->truth, "Also write the true positions of the marks [HDF5 tracks]");
+  files.Overrides(&s->overrides, "Overrides a key of the lab (repeatable)");
   app->add_option("--workers", s->workers, "Threads; 0: all cores");
   verb.run = [&common, s] {
     if (s->run.empty() == s->points.empty()) {

@@ -111,15 +111,16 @@ int FitVerb(const Common& common, const Settings& s) {
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   Finish(common, FitJson(fit.record, options.output, seconds), FitText(fit.record, seconds));
   return fit.Usable() ? kExitGood
-                      : NotUsable(options.output, "the fit is not usable; its words say why");
+                      : NotUsable(options.output, "the fit is not usable; the reasons are above");
 }
 
 }  // namespace
 
 Verb AddFit(CLI::App& program, Common& common) {
-  Verb verb = DeclareVerb(program, common, "fit",
-                          "Parameters of a model, and what they are worth, from trials",
-                          "unfurl fit study.toml -o fit.h5 --report fit.html");
+  Verb verb =
+      DeclareVerb(program, common, "fit",
+                  "Parameters of a model from recorded trials, with standard errors and verdicts",
+                  "unfurl fit study.toml -o fit.h5 --report fit.html");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
   auto settings = std::make_shared<Settings>();
@@ -128,7 +129,7 @@ Verb AddFit(CLI::App& program, Common& common) {
       "-o,--output", &settings->output,
       [settings] { return DefaultOutput(settings->study, ".h5"); },
       "The fit to write (default: the study's name, .h5)");
-  files.Write("--report", &settings->report, "A page to look at (HTML)");
+  files.Write("--report", &settings->report, "Also write a page with pictures (HTML)");
   files.Read("--tracks", &settings->tracks, "Tracks to fit to instead of the study's");
   files.Overrides(&settings->sets, "Overrides a key of the study (repeatable)");
   app->add_option("--workers", settings->workers,

@@ -99,7 +99,7 @@ int InfoCsv(const Common& common, const std::string& path) {
   return kExitGood;
 }
 
-// Tracks of another field: where sigmas are not told, the marks and their times still are.
+// Tracks of another program: where no standard deviations are given, marks and times still are.
 int InfoForeignTracks(const Common& common, const std::string& path) {
   constexpr double kAnySigma = 1.0;  // [m]; nothing of it is shown
   const data::Tracks tracks = data::ReadTracksAny(path, kAnySigma);
@@ -138,9 +138,10 @@ int InfoToml(const Common& common, const std::string& path) {
 }  // namespace
 
 Verb AddInfo(CLI::App& program, Common& common) {
-  Verb verb = DeclareVerb(program, common, "info",
-                          "What a file is, who made it from what, and what it holds",
-                          "unfurl info tracks.h5");
+  Verb verb =
+      DeclareVerb(program, common, "info",
+                  "What a file is, which program made it from which inputs, and what it holds",
+                  "unfurl info tracks.h5");
   auto file = std::make_shared<std::string>();
   verb.files->Read("FILE", file.get(), "Any file that unfurl reads or writes")->required();
   verb.run = [&common, file] {

@@ -31,7 +31,7 @@ constexpr char kFooter[] =
     "  unfurl reconstruct trial.h5 --rig rig.h5           the marks in time\n"
     "  unfurl correlate tracks.h5 run.h5                  both, side by side\n"
     "  unfurl fit study.toml                              the parameters, with standard errors\n\n"
-    "Exit codes: 0 good, 1 ran but the result is not usable, 2 bad input, 3 a fault of ours,\n"
+    "Exit codes: 0 good, 1 ran but the result is not usable, 2 bad input, 3 internal error,\n"
     "4 the machine (disk full, no permission), 130 and 143 interrupted.\n"
     "`unfurl help VERB` lists the options of a verb and gives an example; `unfurl doctor` tells "
     "what\n"
@@ -130,7 +130,7 @@ int main(int argc, char** argv) {
     if (what.find("Insufficient memory") != std::string::npos) {  // OpenCV has its own words
       code = MachineRefused(argc, argv, "the machine has not enough memory for this");
     } else {
-      Complain("a fault of ours: " + what + "; please report it with the command that you typed");
+      Complain("internal error: " + what + "; please report it with the command that you typed");
     }
   }
   if (std::fflush(stdout) != 0 && code == unfurl::kExitGood) {

@@ -125,8 +125,8 @@ int RunPlan(const Common& common, Arguments arguments) {
 
 Verb AddPlan(CLI::App& program, Common& common) {
   Verb verb = DeclareVerb(program, common, "plan",
-                          "How well a proposed or a calibrated rig will find points, and what "
-                          "the loss of a camera does",
+                          "Errors to expect of a proposed or calibrated rig over its volume, with "
+                          "all cameras and with one lost",
                           "unfurl plan lab.toml --report plan.html\n"
                           "  unfurl plan rig.h5");
   CLI::App* app = verb.app;
@@ -151,7 +151,7 @@ Verb AddPlan(CLI::App& program, Common& common) {
       ->check(CLI::Range(1, 50));
   app->add_option("--seed", arguments->plan.seed, "Random seed of the points' positions")
       ->capture_default_str();
-  files.Overrides(&arguments->overrides, "Another value for a key of the lab (repeatable)");
+  files.Overrides(&arguments->overrides, "Overrides a key of the lab (repeatable)");
   verb.run = [&common, arguments] { return RunPlan(common, *arguments); };
   return verb;
 }

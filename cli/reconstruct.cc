@@ -40,8 +40,8 @@ using nlohmann::ordered_json;
 struct Settings {
   std::string trial, rig, output, picture, report, start, events;
   bool smooth = false;
-  double event_sigma = 0.005;  // [s]
-  double max_speed = 0.0;      // [m/s]; 0: derived
+  std::optional<double> event_sigma;  // [s]; none: the interval between samples of a mark
+  double max_speed = 0.0;             // [m/s]; 0: derived
   std::size_t workers = 0;
 };
 
@@ -112,7 +112,7 @@ measure::ReconstructOptions OptionsOf(const Settings& s, data::Provenance* prove
   if (!s.smooth && !s.events.empty()) {
     throw Error("events matter to smoothing only", "--events", "add --smooth");
   }
-  if (!(s.event_sigma >= 0.0)) {
+  if (s.event_sigma && !(*s.event_sigma >= 0.0)) {
     throw Error("must not be negative", "--event-sigma", "give seconds, as in 0.005");
   }
   return options;
@@ -123,7 +123,7 @@ data::Tracks SmoothAll(const Settings& s, data::Tracks all, measure::SmoothRepor
   measure::TrimTracks(&all);
   measure::SmoothOptions smooth;
   smooth.events = EventTimes(s, all);
-  smooth.event_sigma = s.event_sigma;
+  smooth.event_sigma = s.event_sigma.value_or(measure::IntervalOf(all));
   all = measure::Smooth(all, smooth, report);
   ThrowIfInterrupted();
   return all;
@@ -306,7 +306,8 @@ int ReconstructVerb(const Common& common, const Settings& s) {
 
 Verb AddReconstruct(CLI::App& program, Common& common) {
   Verb verb = DeclareVerb(
-      program, common, "reconstruct", "From a trial's raw lines to marks in time",
+      program, common, "reconstruct",
+      "Positions of the marks over time, from a trial's raw sensor lines",
       "unfurl reconstruct trial.h5 --rig rig.h5 -o tracks.h5 --report reconstruct.html");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
@@ -316,23 +317,24 @@ Verb AddReconstruct(CLI::App& program, Common& common) {
   files.WriteOr(
       "-o,--output", &s->output, [] { return "tracks.h5"; }, "Output [HDF5]; default tracks.h5");
   files.Write("--picture", &s->picture, "Also draw the cameras' streak images [PNG]");
-  files.Write("--report", &s->report, "A page to look at (HTML)");
+  files.Write("--report", &s->report, "Also write a page with pictures (HTML)");
   files.Read("--start", &s->start,
              "Initial positions of marks that are lit together: mark, x, y, z [CSV]");
-  app->add_option("--max-speed", s->max_speed,
-                  "No mark is ever faster [m/s]; default: five times the fastest seen in a first "
-                  "look at the record, and no less than the volume's size in 40 samples of a mark")
+  app->add_option(
+         "--max-speed", s->max_speed,
+         "Upper bound of a mark's speed [m/s]; default: five times the largest found in a first "
+         "pass over the record, and no less than the volume's size in 40 samples of a mark")
       ->check(CLI::PositiveNumber);
-  app->add_flag(
-      "--smooth", s->smooth,
-      "Smooth the tracks (Rauch-Tung-Striebel); for looking at, not for fitting. Holds the "
-      "whole record's tracks in memory, up to 1 kB a sample; without it memory does not "
-      "grow with the record");
+  app->add_flag("--smooth", s->smooth,
+                "Smooth the tracks (Rauch-Tung-Striebel); for display, not for fitting. Holds the "
+                "whole record's tracks in memory, up to 1 kB a sample; without it memory does not "
+                "grow with the record");
   files.Read("--events", &s->events,
              "Times of impacts and latches, which smoothing must not round off: seconds on the "
              "record's clock, with commas, or a run whose latch events are taken [HDF5]");
-  app->add_option("--event-sigma", s->event_sigma,
-                  "How well these times are known [s]; default 0.005");
+  app->add_option(
+      "--event-sigma", s->event_sigma,
+      "Standard deviation of these times [s]; default: the interval between samples of a mark");
   app->add_option("--workers", s->workers, "Threads; 0: all cores");
   verb.run = [&common, s] { return ReconstructVerb(common, *s); };
   return verb;

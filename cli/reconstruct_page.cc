@@ -66,18 +66,20 @@ void AddVerdict(const ReconstructPageInput& in, report::Page* page) {
   for (std::size_t c = 0; c < s.left_out.size(); ++c) {
     if (s.left_out[c] == 0) continue;
     details.push_back(fmt::format(
-        "{}: {} times it saw something that was not taken, because the other cameras, the marks' "
-        "ways or the cameras' records spoke against it.",
+        "{}: {} readings were rejected, because they disagreed with the other cameras or with the "
+        "marks' motion, or because the camera had often been wrong before.",
         in.digest->cameras[c], s.left_out[c]));
   }
   if (!s.named_by_place.empty()) {
-    details.push_back(fmt::format(
-        "{} are lit together and nobody said where they start: they were named in order of x.",
-        JoinWords(s.named_by_place)));
+    details.push_back(
+        fmt::format("{} are lit together and their starting positions were not given: they were "
+                    "named in order of x.",
+                    JoinWords(s.named_by_place)));
   }
   if (in.smoothing != nullptr) {
     details.push_back(
-        "These tracks are smoothed: neighbouring errors belong together, and a fit refuses them.");
+        "These tracks are smoothed: errors of neighbouring samples are correlated, and a fit "
+        "refuses them.");
   }
   page->AddWords(level, fmt::format("{:.2f}% of {} samples have a position", usable, s.samples()),
                  details);
@@ -205,7 +207,7 @@ void AddStatuses(const ReconstructPageInput& in, report::Page* page) {
   if (d.incidents.empty()) return;
   report::Table list;
   list.title = "What was rejected, and why";
-  list.note = "The first sample of every stretch of alike ones.";
+  list.note = "The first sample of every run of equal ones.";
   if (d.more_incidents > 0) list.note += fmt::format(" {} more are not listed.", d.more_incidents);
   list.header = {"time [s]", "mark", "status", "why", "not taken"};
   list.text_columns = {1, 2, 3, 4};

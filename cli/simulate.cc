@@ -120,10 +120,11 @@ class SimulateVerb {
 }  // namespace
 
 Verb AddSimulate(CLI::App& program, Common& common) {
-  Verb verb = DeclareVerb(program, common, "simulate",
-                          "A deployment, from a scene to a run with every quantity in time",
-                          "unfurl simulate scene.toml -o run.h5 --set beam.beam1.segments=8 "
-                          "--report page.html");
+  Verb verb =
+      DeclareVerb(program, common, "simulate",
+                  "Simulate a deployment: from a scene to a run with all quantities over time",
+                  "unfurl simulate scene.toml -o run.h5 --set beam.beam1.segments=8 "
+                  "--report page.html");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
   auto arguments = std::make_shared<Arguments>();

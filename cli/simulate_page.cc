@@ -120,7 +120,7 @@ class Composer {
       std::string words = fmt::format("The energy balance closes to {:.1e} J, {:.1e} of its scale.",
                                       residual, residual / scale);
       if (residual > kGoodResidual * scale) {
-        words += " That is more than a picture should hide: ask for a smaller --rtol.";
+        words += " That is large: use a smaller --rtol.";
         level = std::max(level, Level::kCare);
       }
       details.push_back(words);

@@ -53,9 +53,10 @@ void Finish(const Common& common, const nlohmann::ordered_json& summary, const s
 }
 
 void AddNeedOption(CLI::App* app, std::string* text) {
-  app->add_option("--need", *text,
-                  "Error of a found point that is aimed at, with its unit, as 0.5mm; default: a "
-                  "2000th of the volume's longest side")
+  app->add_option(
+         "--need", *text,
+         "Accuracy needed: error of a reconstructed point, with its unit, as 0.5mm; default: a "
+         "2000th of the volume's longest side")
       ->type_name("LENGTH");
 }
 

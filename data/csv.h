@@ -49,7 +49,7 @@ class CsvWriter {
   void Row(const std::vector<std::string>& cells);  ///< a cell for each column
   void Row(const std::vector<double>& values);      ///< a value for each column
   void Comment(const std::string& text);            ///< a line of its own, after #
-  std::string text() const;                         // hand it to WriteTextFile
+  std::string text() const;                         // for WriteTextFile
   // What there is so far, for long tables: from then on the writer holds what comes after it.
   std::string Take();
 

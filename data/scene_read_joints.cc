@@ -201,7 +201,7 @@ void SceneReader::ReadDrive(const TomlTable& table, const TomlTable& owner, Scen
   drive.by_rate = table.Has("rate");
   const bool by_position = table.Has("position");
   if (drive.by_rate && by_position) {
-    table.Fail("rate", "position and rate are both given, and may fight", "keep one");
+    table.Fail("rate", "position and rate are both given, and may conflict", "keep one");
   }
   if (!drive.by_rate && !by_position) {
     table.Fail("", "the drive says neither position nor rate", "give one of them");

@@ -77,7 +77,7 @@ class Associator {
 
   // `cameras[c]` the candidates of camera c; `miss` the chance that camera c does not show a mark,
   // or shows it wrong, for each camera (empty: the option). Marks of which nothing is known are
-  // told apart by their places alone: the points that they get ascend in x. `out` as many as marks.
+  // distinguished by place alone: the points that they get ascend in x. `out` as many as marks.
   void Associate(std::span<const std::span<const Candidate>> cameras, std::span<const Mark> marks,
                  std::span<const double> miss, std::vector<Association>* out);
 
@@ -134,7 +134,7 @@ class Associator {
   AssociateOptions options_;
   double log_volume_;
   std::vector<double> row_px_;  // by camera, over which clutter is spread
-  // Of the line in hand, kept so that nothing is allocated once they have grown.
+  // Of the current line, kept so that nothing is allocated once they have grown.
   std::vector<double> u_, s_;
   std::span<const std::span<const Candidate>> lone_;  // the line's, while one mark is lit
   struct Seen {
@@ -142,7 +142,7 @@ class Associator {
     Eigen::RowVector3d du_dp = Eigen::RowVector3d::Zero();
     bool in_front = false;
   };
-  std::vector<Seen> seen_;  // camera x way of moving, of the mark at hand
+  std::vector<Seen> seen_;  // camera x way of moving, of the current mark
   std::array<std::int8_t, CameraBank::kMaxCameras> chosen_{};
   std::array<std::uint8_t, CameraBank::kMaxCameras>
       near_{};                                  // bit k: candidate k may be the mark's

@@ -53,7 +53,7 @@ class Exposer {
   double led_exponent_ = 0.0;          // m of cos^m; 0: alike in all directions
   std::vector<Disc> mirrors_;
   std::vector<Disc> occluders_;               // those that stand there now
-  std::vector<double> pixels_;                // electrons of the camera at hand
+  std::vector<double> pixels_;                // electrons of the current camera
   std::vector<std::vector<double>> ambient_;  // by camera: over a line, unmodulated [e-], or empty
   std::vector<std::vector<double>> lamps_;    // camera x lamp: its light in a line [e-]
   std::vector<std::vector<double>> remains_;  // by camera: charge that is left [e-]; empty: none

@@ -28,8 +28,8 @@ struct TrackerOptions {
   AssociateOptions associate{};
 };
 
-// From readings to points, line after line, with what the lines before told (where each mark moves,
-// which cameras have been wrong of late) and, where it is given, with what the lines after tell.
+// From readings to points, line after line, with what is known from earlier lines (where each mark
+// moves, which cameras have been wrong of late) and, where it is given, from later ones.
 //
 // Readings of one mark that meet, four or more, need no other witness as long as the cameras are
 // trusted. Where they do not meet, where a camera has several spots, and where marks are lit

@@ -11,7 +11,7 @@ namespace unfurl::measure {
 
 // Readings of a survey's raw lines (layout.survey tells which line shows which of `points`): the
 // spot of every lit line against the background of all dark ones, repeats averaged with their
-// scatter (data::ReadingRepeats). The files are read twice, in constant memory. `progress` is told
+// scatter (data::ReadingRepeats). The files are read twice, in constant memory. `progress` receives
 // the share that is done. Throws Error as RawLines does, and for numbers of lines that do not fit
 // the points, rows of survey.ids that are no id or slot, a point without a lit line, and lines of
 // which none is dark.

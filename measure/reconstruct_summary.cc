@@ -43,7 +43,7 @@ const char* CauseOf(data::SampleReason reason) {
              "look at --picture";
     case data::SampleReason::kDisagree:
       return "a camera has moved or is late by a line, or the slots are off by one: unfurl check "
-             "with some surveyed points tells";
+             "with some surveyed points shows which";
     case data::SampleReason::kOutside:
       return "the rig's lengths have another unit, its axes another order, or cameras are "
              "exchanged";

@@ -66,19 +66,6 @@ Scale ScaleOf(const data::Tracks& tracks, const Stretch& stretch) {
   return scale;
 }
 
-// The median interval between usable samples of a mark [s]; 0 where no mark has two.
-double IntervalOf(const data::Tracks& tracks) {
-  std::vector<double> last(tracks.marks.size(), std::numeric_limits<double>::quiet_NaN());
-  std::vector<double> steps;
-  for (std::size_t i = 0; i < tracks.size(); ++i) {
-    if (!data::Usable(tracks.status[i])) continue;
-    double& before = last[static_cast<std::size_t>(tracks.mark[i])];
-    if (tracks.t[i] > before) steps.push_back(tracks.t[i] - before);
-    before = tracks.t[i];
-  }
-  return steps.empty() ? 0.0 : Median(steps);
-}
-
 Matrix9 Transition(double dt) {
   Matrix9 F = Matrix9::Identity();
   F.block<3, 3>(0, 3).diagonal().setConstant(dt);
@@ -350,6 +337,18 @@ std::vector<double> JerksOf(const StretchSmoother& smoother, const Scale& scale,
 }
 
 }  // namespace
+
+double IntervalOf(const data::Tracks& tracks) {
+  std::vector<double> last(tracks.marks.size(), std::numeric_limits<double>::quiet_NaN());
+  std::vector<double> steps;
+  for (std::size_t i = 0; i < tracks.size(); ++i) {
+    if (!data::Usable(tracks.status[i])) continue;
+    double& before = last[static_cast<std::size_t>(tracks.mark[i])];
+    if (tracks.t[i] > before) steps.push_back(tracks.t[i] - before);
+    before = tracks.t[i];
+  }
+  return steps.empty() ? 0.0 : Median(steps);
+}
 
 data::Tracks Smooth(const data::Tracks& tracks, const SmoothOptions& options,
                     SmoothReport* report) {

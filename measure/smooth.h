@@ -36,6 +36,9 @@ struct SmoothReport {
   std::vector<double> events;  // that fell into the record [s]
 };
 
+// Median interval between usable samples of a mark; 0 where no mark has two [s].
+double IntervalOf(const data::Tracks& tracks);
+
 // Rauch, Tung and Striebel's smoother, mark by mark: position, velocity and acceleration driven by
 // white jerk, each usable sample with its own covariance and time stamp (continuous-discrete Kalman
 // filter forward, RTS backward). The shared factor is put through the same gains, for it moves

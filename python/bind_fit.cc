@@ -259,7 +259,7 @@ void BindParameters(py::module_& m) {
   py::class_<correlate::FitProgress>(m, "FitProgress", "How far a fit has come.")
       .def_readonly("phase", &correlate::FitProgress::phase)
       .def_readonly("evaluations", &correlate::FitProgress::evaluations)
-      .def_readonly("expected", &correlate::FitProgress::expected, "As far as can be told now.")
+      .def_readonly("expected", &correlate::FitProgress::expected, "Estimated so far.")
       .def_readonly("best_cost", &correlate::FitProgress::best_cost,
                     "Half the sum of squares of whitened residuals; 0: not known yet [-].")
       .def_readonly("best", &correlate::FitProgress::best_theta, "The parameters there.");

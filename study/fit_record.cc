@@ -23,7 +23,7 @@ std::string Probability(double p) {
   return p < kLeast ? fmt::format("below {:.0e}", kLeast) : fmt::format("of {:.2g}", p);
 }
 
-// The residuals of one trial: how large, whether they follow one another, what was done about it,
+// The residuals of one trial: how large, whether they are correlated, what was done about it,
 // and whether the model explains them.
 std::string ResidualWords(const correlate::TrialResult& t, bool several) {
   const std::string of = several ? " of " + t.name : "";
@@ -33,7 +33,7 @@ std::string ResidualWords(const correlate::TrialResult& t, bool several) {
   if (t.plain.white()) {
     words += " and white, as they should be.";
   } else if (t.noise.series.empty() || t.noise.white()) {
-    words += ", and follow one another: the standard errors are widened for it.";
+    words += ", and are correlated in time: the standard errors are widened for it.";
   } else {
     double share = 0.0, rho = 0.0, variance = 0.0;
     for (const correlate::MarkovNoise& n : t.noise.series) {
@@ -42,8 +42,8 @@ std::string ResidualWords(const correlate::TrialResult& t, bool several) {
       rho += n.variance * n.share * n.rho;
     }
     words += fmt::format(
-        ", and follow one another: {:.0f}% of their variance is correlated from sample to sample "
-        "(by {:.3f}); the fit is weighted for it",
+        ", and are correlated in time: {:.0f}% of their variance from sample to sample, by {:.3f}; "
+        "the fit is weighted for it",
         100.0 * share / variance, share > 0.0 ? rho / share : 0.0);
     words += t.whitened.white() ? ", after which they are white."
                                 : ", and the standard errors are widened for what is left of it.";
@@ -53,27 +53,26 @@ std::string ResidualWords(const correlate::TrialResult& t, bool several) {
       break;
     case correlate::Explained::kNoise:
       words += fmt::format(
-          " By the marks' covariances that has a probability {}; as noise that stays the same "
-          "all along it is likely enough ({:.2g}). If noise it is (of the optics), the standard "
-          "errors hold it; a smooth effect that the model lacks would look the same.",
+          " By the marks' covariances that has a probability {}; by stationary noise it is "
+          "plausible ({:.2g}). If it is noise (of the optics), the standard errors include it; a "
+          "smooth effect that the model lacks would look the same.",
           Probability(g.p_covariances()), g.p_noise());
       break;
     case correlate::Explained::kMesh:
       words += fmt::format(
-          " By the marks' covariances that has a probability {}; a finer model takes {:.0f}% "
-          "of what is too much away.",
+          " By the marks' covariances that has a probability {}; with a finer model {:.0f}% of "
+          "the excess disappears.",
           Probability(g.p_covariances()), 100.0 * g.mesh_takes);
       break;
     case correlate::Explained::kNo:
       words += fmt::format(
           " The model does not explain them: neither the marks' covariances (probability {}) "
-          "nor noise that stays the same all along ({:.2g}){}. It lacks something, or the optics "
-          "are wrong by more than the tracks claim, and the values may be off by more than their "
-          "errors say.",
+          "nor stationary noise ({:.2g}){}. It lacks an effect, or the tracks are off by more than "
+          "their covariances say; the values may be off by more than their standard errors.",
           Probability(g.p_covariances()), g.p_noise(),
           t.error_check == correlate::ErrorCheck::kFiner ||
                   t.error_check == correlate::ErrorCheck::kLadder
-              ? fmt::format(" nor a finer model, which takes {:.0f}% of it away",
+              ? fmt::format(" nor a finer model, with which {:.0f}% of the excess disappears",
                             100.0 * g.mesh_takes)
               : std::string());
       break;
@@ -121,10 +120,11 @@ void AddTrialWords(const std::vector<correlate::FitTrial>& trials, const correla
         from = std::min(from, l.from);
         least = std::min(least, l.weight);
       }
-      record->reasons.push_back(fmt::format(
-          "From {:.2f} s on the motion answers to the solver's tolerance (impacts magnify it): "
-          "{} sections of marks count less there, down to {:.2g} of their weight.",
-          from, t.less_weight.size(), least));
+      record->reasons.push_back(
+          fmt::format("From {:.2f} s on the simulated motion depends on the solver's tolerance "
+                      "(impacts magnify "
+                      "its errors): {} sections of marks have less weight there, down to {:.2g}.",
+                      from, t.less_weight.size(), least));
     }
     for (std::size_t i = 0; i < t.event_times.size(); ++i) {
       const correlate::TimedEvent& e = trials[k].observations->events[i];
@@ -134,16 +134,17 @@ void AddTrialWords(const std::vector<correlate::FitTrial>& trials, const correla
                                            several ? " in " + t.name : "");
       record->reasons.push_back(
           std::isfinite(off)
-              ? fmt::format("{} was told at {:.4f} s, {:+.2g} ms ({:+.2g} of its sigma) from the "
-                            "model's.",
-                            what, e.t, 1e3 * off, off / e.sigma)
-              : fmt::format("{} was told at {:.4f} s; the model has none.", what, e.t));
+              ? fmt::format(
+                    "{} was observed at {:.4f} s, {:+.2g} ms ({:+.2g} of its sigma) from the "
+                    "model's.",
+                    what, e.t, 1e3 * off, off / e.sigma)
+              : fmt::format("{} was observed at {:.4f} s; the model has none.", what, e.t));
     }
     record->reasons.push_back(ErrorWords(t, several ? " of " + t.name : ""));
   }
 }
 
-// How the whole sentence speaks of the parameters of each verdict, worst news first.
+// Words for the parameters of each verdict in the summary, the worst first.
 struct VerdictPhrase {
   correlate::Verdict verdict;
   const char* words;
@@ -181,7 +182,7 @@ std::string WholeVerdict(const std::vector<correlate::Parameter>& parameters,
   }
   words.resize(words.size() - 2);
   if (known && AnyTrial(r, correlate::Explained::kNoise)) {
-    words += ": if what is too much in the residuals is noise";
+    words += ": if the excess of the residuals is noise";
   }
   words[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(words[0])));
   return words + ".";

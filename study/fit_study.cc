@@ -1,5 +1,7 @@
 #include "study/fit_study.h"
 
+#include <algorithm>
+
 #include "base/error.h"
 #include "correlate/fit/evaluation_store.h"
 #include "data/journal.h"
@@ -9,7 +11,19 @@ namespace unfurl::study {
 
 namespace {
 
-constexpr double kComparisonStep = 5e-4;  // [s], of the model's samples in a comparison
+// Samples of the model to one of a mark, in a comparison: the cubic through four of them is then
+// off by 1e-4 of what the cubic through the mark's own samples is.
+constexpr double kModelSamples = 10.0;
+
+// Of the model's samples over `duration`, by the mark that is sampled most often [s].
+double ComparisonStep(const correlate::Observations& observations, double duration) {
+  double interval = duration > 0.0 ? duration : 1.0;  // of marks with one sample each
+  for (const correlate::MarkSeries& mark : observations.marks) {
+    const double median = correlate::MedianStep(mark.t);
+    if (median > 0.0) interval = std::min(interval, median);
+  }
+  return interval / kModelSamples;
+}
 
 // The fit on `workers`, recorded; the journal, where there is one, outlives an interruption.
 void Run(const data::Study& study, const FitStudyOptions& options, correlate::Workers* workers,
@@ -56,7 +70,8 @@ correlate::Comparison CompareAtEstimate(const correlate::FitTrial& trial,
   const double end = c.observations.End() - c.observations.Start();
   const correlate::Model& model =
       trial.rungs.empty() ? *trial.model : *trial.rungs.back().model;  // what the fit means
-  const correlate::SampledModel sampled(model, theta, c.marks, 0.0, end, kComparisonStep);
+  const correlate::SampledModel sampled(model, theta, c.marks, 0.0, end,
+                                        ComparisonStep(c.observations, end));
   if (!sampled.good()) return c;
   for (const correlate::ModelEvent& e : sampled.events()) {
     if (e.kind == "latch") c.latches.push_back(e);

@@ -156,7 +156,7 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from,
 void BindCommand(const data::Study& study, const data::StudyTrial& from, correlate::FitTrial* trial,
                  BoundStudy* bound) {
   if (!from.events.empty() && data::FormatOf(study.command->tracks) != data::FileFormat::kHdf5) {
-    throw Error("a CSV of tracks tells no events", from.events.front().at,
+    throw Error("a CSV of tracks holds no events", from.events.front().at,
                 "let the program write a run file (.h5), or leave the event out");
   }
   correlate::CommandModelOptions options;

@@ -221,7 +221,7 @@ void Assembly::FailToClose(const LoopSystem& loops) const {
   const Link& link = links_[cut_[worst]];
   take(link);
   const std::string drives =
-      driven.size() < 2 ? "" : fmt::format(" (the drives of {} may fight)", JoinWords(driven));
+      driven.size() < 2 ? "" : fmt::format(" (the drives of {} may conflict)", JoinWords(driven));
   throw Error(fmt::format("the loop through {} cannot close: a gap of {:.3g} m is left at '{}'{}",
                           JoinWords(names), largest * size_, link.name, drives),
               link.where, "change the lengths or points of the loop, or the starting angles");

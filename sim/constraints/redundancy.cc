@@ -71,7 +71,7 @@ Violation ViolationAt(const std::vector<int>& redundant, int rows, Dynamics* dyn
 // lead; else the start is singular, and dropping them would free a motion.
 Redundancy FindRedundancy(const Model& model) {
   Redundancy found;
-  // Smooth beams bring coordinates that the partition does not know.
+  // Smooth beams bring coordinates that the partition does not cover.
   if (!model.constraints.HasLoops() || model.kirchhoff.count() > 0) return found;
   const double length = model.length_scale;
   const int rows = model.constraints.rows();

@@ -185,7 +185,7 @@ void Dynamics::Jacobian(double t, double* y, double* six_per_row) const {
 void Dynamics::Project(double t, double* y) {
   if (model_.constraints.count() == 0) return;
   const Motion motion = MotionAt(t, y);
-  // Velocities first: their rows are at the positions that the factor knows.
+  // Velocities first: their rows are at the positions of the factored matrix.
   model_.constraints.VelocityDrift(motion, &work_);
   const int n = model_.slots.count;
   model_.constraints.RemoveDrift(&work_, y + 3 * n, y + 4 * n, y + 5 * n);

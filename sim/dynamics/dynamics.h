@@ -73,8 +73,8 @@ class Dynamics {
     return {0.0,     nullptr, nullptr,        nullptr,     nullptr,
             nullptr, nullptr, cosine_.data(), sine_.data()};
   }
-  // Multipliers of the joints' rows (JointRows), [N] and [N m]; of the last RightSide, before any
-  // look at the drift.
+  // Multipliers of the joints' rows (JointRows), [N] and [N m]; of the last RightSide, before the
+  // drift is computed.
   const double* JointMultipliers() const {
     return work_.lambda.data() + model_.constraints.first_joint_row();
   }

@@ -72,7 +72,7 @@ std::string NameOfSlot(const Model& model, int slot) {
   for (const Model::Body& body : model.bodies) {
     if (body.centre.slot == slot) return fmt::format("body '{}'", body.name);
   }
-  return fmt::format("slot {}", slot);
+  return fmt::format("rigid body {} of the equations of motion", slot);
 }
 
 namespace {

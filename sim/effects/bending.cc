@@ -105,7 +105,7 @@ void Bending::Forces(const Motion& motion, double* scratch) const {
     }
     const double fy = shear[e] * y;
     const double couple = bend[e] * theta;
-    // Printed: both stations feel -F_y l / 2. The gradient adds -(F_y (dx - l) - F_x dy) / 2.
+    // As printed: -F_y l / 2 on both stations. The gradient adds -(F_y (dx - l) - F_x dy) / 2.
     double arm = fy * (length[e] + gradient[e] * (r.dx - length[e]));
     if constexpr (kAxial) {
       const double fx = axial[e] * x;

@@ -96,8 +96,8 @@ std::vector<std::string> AxialWatch::Warnings() const {
     } else if (peak.euler > 0.0 && peak.pressed > peak.euler) {
       warnings.push_back(fmt::format(
           "beam '{}' bears {:.3g} times its Euler load of {:.3g} N (pinned ends) for longer than a "
-          "period of its first bending mode: it may buckle, which the mesh resolves; which way "
-          "hangs on its imperfections",
+          "period of its first bending mode: it may buckle, which the mesh resolves; "
+          "the direction depends on its imperfections",
           model_.beams[b].name, peak.pressed / peak.euler, peak.euler));
     }
   }

@@ -8,7 +8,7 @@ namespace unfurl::sim {
 namespace {
 
 constexpr std::size_t kMostLikely = 256;  // edges of a run: room made at once
-// Functions that say the same time in different words differ by that much.
+// Equal times by different expressions differ by that much.
 constexpr double kSame = 4.0 * std::numeric_limits<double>::epsilon();
 
 }  // namespace

@@ -27,13 +27,14 @@ constexpr double kSingularPivot = 1e-12;
 constexpr double kAcrossError = 1e5;  // over the error allowed: taken all the same
 constexpr double kForget = 0.97;      // by which the longest step on record fades at each step
 constexpr double kZonePart = 0.25;    // of a contact's transition zone, per step on the way out
-// Steps between looks at Ctrl-C, pivots and progress: at most so many, and fewer where steps are
-// long, so that a look comes every tenth of a second or so.
+// Steps between checks of Ctrl-C, pivots and progress: at most so many, and fewer where steps are
+// long, so that a check comes every tenth of a second or so.
 constexpr int kPollSteps = 512, kPollSlots = 100'000;
-// Steps between looks at the energy: one costs about what an evaluation does. Of a short run, all.
+// Steps between checks of the energy: one costs about as much as an evaluation. Of a short run,
+// all.
 constexpr int kJudgeSteps = 32, kJudgeAll = 64;
 constexpr double kMostDrift = 100.0;   // tolerances that constraints may be off by
-constexpr int kStabilitySteps = 8;     // between looks at stability
+constexpr int kStabilitySteps = 8;     // between checks of stability
 constexpr double kStabilityUse = 0.7;  // from here on stability is what limits the step
 
 // From here on the pair of order 8 costs less (docs/accuracy.md).
@@ -92,7 +93,7 @@ ErrorScale ScaleOf(const Model& model, const SimulateOptions& o) {
   if (o.track_energy) {
     std::vector<double> start = model.initial_state;
     const Balance b = Dynamics(model).BalanceAt(0.0, start.data());
-    // No less than what goes with the speeds below which velocities are not told apart either: a
+    // No less than what goes with the speeds below which velocities are not distinguished either: a
     // scene may start without energy.
     scale.energy = b.Scale() + FloorEnergy(model, scale);
   }
@@ -165,7 +166,7 @@ SimulateReport Integration::Go() {
     NextStep(error, &h);
     if (whole && t_ == stop && stop < end_) {
       PassEdge();
-      h = std::max(h, wished);  // what cut the step short says nothing of the next one
+      h = std::max(h, wished);  // what shortened this step does not limit the next one
     }
     if (loops_) SwitchNearDependence();
     CountStep();
@@ -339,7 +340,7 @@ void Integration::Emit(double t) {
   ++report_.samples;
 }
 
-// Of the last right side, which was at the step's end or near it; who looks at the drift loses it.
+// From the last right side, at the step's end or near it. Computing the drift overwrites it.
 void Integration::ReadPinForces() {
   const Motion motion = dynamics_.LastMotion();
   for (std::size_t j = 0; j < pin_force_.size(); ++j) {

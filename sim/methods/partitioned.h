@@ -48,7 +48,7 @@ class Partitioned : public Pair {
   void Repartition(double t, double* y);
   bool Iterate(double t, double* y, bool velocities, double enough);
 
-  // How far out and how fast things are, for what rounding leaves of the constraints.
+  // How far out and how fast the bodies are, for what rounding leaves of the constraints.
   void Measure();
 
   Partition partition_;

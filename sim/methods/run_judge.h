@@ -10,7 +10,7 @@
 
 namespace unfurl::sim {
 
-// Whether a run can be believed, by what every motion of the model must keep: the balance of
+// Whether a run is credible, by a law that every motion of the model obeys: the balance of
 // energy. The residual, stored + dissipated - work less its value at the start, is compared with
 // the energy that moved: half the sum, over the kinds of energy, of the range of each, as what
 // leaves one kind enters another. Where dissipation and work are not integrated, only growth of

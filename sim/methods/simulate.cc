@@ -154,8 +154,9 @@ SimulateReport Simulate(const Model& model, const SimulateOptions& options, Obse
   const bool explicit_method =
       options.method == Method::kAuto || options.method == Method::kProjected;
   if (model.kirchhoff.count() > 0 && !explicit_method) {
-    throw Error(fmt::format("the method {} does not know smooth beams", MethodName(options.method)),
-                "option method", "use \"projected\", or model = \"segments\" for every beam");
+    throw Error(
+        fmt::format("the method {} does not support smooth beams", MethodName(options.method)),
+        "option method", "use \"projected\", or model = \"segments\" for every beam");
   }
   SimulateOptions scaled = options;
   if (scaled.length == 0.0) scaled.length = model.length_scale;

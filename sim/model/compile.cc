@@ -273,9 +273,11 @@ void Compiler::RefuseDrivesThatFight(std::size_t redundant, const std::string& w
   passive.constraints =
       Constraints(model_.slots, longitudinal_, all.joints(), element_names_, drives);
   if (FindRedundancy(passive).rows.size() == redundant) return;
-  throw Error(fmt::format("the drives of {} fight or repeat what others already hold (found at {})",
-                          JoinWords(names), which),
-              scene_.path, "remove a drive, or a joint that leaves it no freedom");
+  throw Error(
+      fmt::format(
+          "the drives of {} conflict with other constraints, or duplicate them (found at {})",
+          JoinWords(names), which),
+      scene_.path, "remove a drive, or a joint that leaves it no freedom");
 }
 
 // Independent constraints have a definite Schur complement; starting velocities are made to fit.
@@ -311,9 +313,9 @@ void Compiler::CheckConstraints() {
   if (!(pivot > kRedundant)) {
     throw Error(
         fmt::format("the constraints are not independent (found at '{}')", name), scene_.path,
-        model_.constraints.driven()
-            ? "remove a joint, weld or drive that repeats or fights what others already hold"
-            : "remove a joint or weld that repeats what others already hold");
+        model_.constraints.driven() ? "remove a joint, weld or drive that duplicates other "
+                                      "constraints or conflicts with them"
+                                    : "remove a joint or weld that duplicates other constraints");
   }
   dynamics.Project(0.0, model_.initial_state.data());
   dynamics.Update(0.0, model_.initial_state.data());

@@ -293,8 +293,8 @@ std::string SummaryText(const SummaryInput& in, ordered_json* json) {
   if (report.near_dependence > 0) {
     j["near_dependence"] = report.near_dependence;
     text += fmt::format(
-        "{} times the constraints came near to depending on one another (a dead "
-        "centre, a flat chain); where they do, what follows may hang on rounding\n",
+        "{} times the constraints were nearly dependent (a dead centre, a flat chain); "
+        "the motion after such an instant may depend on rounding\n",
         report.near_dependence);
   }
   text += WarningsText(in, json);

@@ -7,7 +7,7 @@
 
 namespace unfurl::sim {
 
-// A run in words, as an engineer wants it: what latched, margins and loads, then how far the
+// A run in words, in an engineer's order: what latched, margins and loads, then how far the
 // numbers can be trusted, then what they cost.
 struct SummaryInput {
   const Model& model;

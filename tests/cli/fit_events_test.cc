@@ -31,7 +31,8 @@ TEST_F(FitEventsTest, ASwitchTakesPartAndIsReported) {
   ASSERT_GT(latch, 0.0);
   MakeStudyWith(fmt::format("joint = \"hinge\"\ntime = {:.6f}\nsigma = 1e-4\n", latch));
   const Outcome fit = Good({"fit", "study.toml", "-o", "fit.h5"});
-  EXPECT_THAT(fit.out, HasSubstr(fmt::format("The latch of hinge was told at {:.4f} s", latch)));
+  EXPECT_THAT(fit.out,
+              HasSubstr(fmt::format("The latch of hinge was observed at {:.4f} s", latch)));
   EXPECT_THAT(fit.out, HasSubstr("of its sigma) from the model's"));
   // One that never comes is said to.
   MakeStudyWith(fmt::format("joint = \"hinge\"\ncount = 1000\ntime = 1.0\nsigma = 10.0\n"));

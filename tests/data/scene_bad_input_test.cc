@@ -66,7 +66,7 @@ const Bad kBad[] = {
     {"friction without creep", "[joint.pivot.friction]\nmoment = 1\n", "joint.pivot.friction",
      "'creep_rate' is missing"},
     {"two drives", "[joint.pivot.drive]\nposition = 1\nrate = 1\n", "joint.pivot.drive.rate",
-     "may fight"},
+     "may conflict"},
     {"no drive", "[joint.pivot.drive]\n", "joint.pivot.drive", "neither position nor rate"},
     {"drive and motor", "[joint.pivot.drive]\nrate = 1\n[joint.pivot.motor]\nmoment = 1\n",
      "joint.pivot.motor", "keep one"},

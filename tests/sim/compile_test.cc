@@ -147,11 +147,11 @@ TEST(Compile, RefusesDrivesThatFight) {
   ExpectRefused(FourBar(1.0) +
                     "theta = 1.5707963267948966\n[joint.a.drive]\nrate = 1.0\n"
                     "[joint.d.drive]\nrate = 2.0\n",
-                {"the drives of", "'a'", "'d'", "fight or repeat"});
+                {"the drives of", "'a'", "'d'", "conflict with other"});
   ExpectRefused(
       FourBar(1.2) +
           "[joint.a.drive]\nposition = '1.5707963267948966 + t'\n[joint.d.drive]\nposition = 0.1\n",
-      {"cannot close", "the drives of", "'a'", "'d'", "may fight"});
+      {"cannot close", "the drives of", "'a'", "'d'", "may conflict"});
 }
 
 TEST(Compile, RefusesWhatDoesNotFit) {

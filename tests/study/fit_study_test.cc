@@ -1,0 +1,70 @@
+#include "study/fit_study.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <limits>
+
+#include "correlate/observations.h"
+
+namespace unfurl::study {
+namespace {
+
+// A mark on a circle, one turn in `period` [s]; keeps the shortest step that it was asked for [s].
+class Circle : public correlate::Model {
+ public:
+  explicit Circle(double period) : period_(period) {}
+  correlate::Prediction Evaluate(std::span<const double> /*theta*/,
+                                 const correlate::Stamps& stamps) const override {
+    correlate::Prediction out;
+    for (const std::vector<double>& t : stamps.t) {
+      correlate::MarkMotion motion;
+      const auto n = static_cast<Eigen::Index>(t.size());
+      motion.p.setZero(3, n);
+      motion.v.setZero(3, n);
+      for (Eigen::Index i = 0; i < n; ++i) {
+        const auto at = static_cast<std::size_t>(i);
+        const double turn = 2.0 * M_PI * t[at] / period_;
+        motion.p.col(i) << std::cos(turn), std::sin(turn), 0.0;
+        if (i > 0) shortest_ = std::min(shortest_, t[at] - t[at - 1]);
+      }
+      out.marks.push_back(std::move(motion));
+    }
+    return out;
+  }
+  double shortest() const { return shortest_; }
+
+ private:
+  double period_;
+  mutable double shortest_ = std::numeric_limits<double>::infinity();
+};
+
+// The model is sampled by the record's own interval, whether a hinge snaps in milliseconds or a
+// boom takes minutes: ten times as often as the mark.
+TEST(CompareAtEstimate, SamplesTheModelByTheRecord) {
+  for (const double interval : {1e-5, 5e-3, 0.8}) {
+    constexpr int kSamples = 200;
+    const Circle model(kSamples * interval);
+    correlate::MarkSeries mark;
+    mark.name = "a";
+    mark.p.resize(3, kSamples);
+    mark.cov.setZero(6, kSamples);
+    for (int i = 0; i < kSamples; ++i) {
+      mark.t.push_back(3.0 + i * interval);
+      const double turn = 2.0 * M_PI * i / kSamples;
+      mark.p.col(i) << std::cos(turn), std::sin(turn), 0.0;
+      for (const int row : {0, 3, 5}) mark.cov(row, i) = 1e-8;
+    }
+    correlate::Observations observations;
+    observations.marks.push_back(mark);
+    correlate::FitTrial trial;
+    trial.name = "circle";
+    trial.observations = &observations;
+    trial.model = &model;
+    CompareAtEstimate(trial, {});
+    EXPECT_NEAR(model.shortest() / interval, 0.1, 1e-6) << interval;
+  }
+}
+
+}  // namespace
+}  // namespace unfurl::study
