@@ -12,105 +12,16 @@
 #include "base/error.h"
 #include "base/length.h"
 #include "base/refuse_option.h"
-#include "base/statistics.h"
+#include "calib/check_causes.h"
+#include "calib/check_design.h"
 #include "calib/verdict.h"
-#include "measure/camera_model.h"
 #include "measure/survey_readings.h"
 #include "measure/triangulate.h"
 
 namespace unfurl::calib {
 namespace {
 
-constexpr Eigen::Index kParameters = data::kCameraParameters;
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-
-// Cameras of the data, as the rig numbers them.
-std::vector<std::size_t> MatchCameras(const data::Rig& rig, const Observations& data,
-                                      const std::string& where) {
-  std::vector<std::size_t> out;
-  for (const std::string& name : data.cameras) {
-    std::size_t k = 0;
-    while (k < rig.cameras.size() && rig.cameras[k].name != name) ++k;
-    if (k == rig.cameras.size()) {
-      throw Error(fmt::format("camera \"{}\" is not one of the rig's", name), where,
-                  "name the cameras as the rig does (# cameras: ...)");
-    }
-    out.push_back(k);
-  }
-  return out;
-}
-
-double Variance(const data::Rig& rig, std::size_t camera, double s_px) {
-  const double floor = data::FloorOf(rig, camera);
-  return s_px * s_px + floor * floor;
-}
-
-// Misfits with their joint covariance; which camera and point each belongs to.
-struct Joint {
-  Eigen::VectorXd misfit;
-  Eigen::MatrixXd covariance;
-  std::vector<int> camera, point;
-
-  double Chance(const std::vector<Eigen::Index>& keep) const {
-    if (keep.empty()) return 0.0;
-    const Eigen::MatrixXd C = covariance(keep, keep);
-    const Eigen::VectorXd e = misfit(keep);
-    const double square = e.dot(C.ldlt().solve(e));
-    return ChiSquareTail(square, static_cast<double>(keep.size()));
-  }
-  template <typename Keep>
-  double ChanceOf(const Keep& wanted) const {
-    std::vector<Eigen::Index> keep;
-    for (Eigen::Index k = 0; k < misfit.size(); ++k) {
-      if (wanted(camera[static_cast<std::size_t>(k)], point[static_cast<std::size_t>(k)])) {
-        keep.push_back(k);
-      }
-    }
-    return Chance(keep);
-  }
-};
-
-Joint MakeJoint(const data::Rig& rig, const Observations& data,
-                const std::vector<std::size_t>& match, const std::string& where) {
-  const auto n = static_cast<Eigen::Index>(data.readings.size());
-  Joint joint;
-  joint.misfit.resize(n);
-  Eigen::MatrixXd H(n, 3), G = Eigen::MatrixXd::Zero(n, rig.covariance.rows());
-  for (Eigen::Index k = 0; k < n; ++k) {
-    const Reading& r = data.readings[static_cast<std::size_t>(k)];
-    const std::size_t c = match[static_cast<std::size_t>(r.camera)];
-    measure::Projection h;
-    if (!measure::Project(rig.cameras[c], data.p.col(r.point), &h)) {
-      throw Error(fmt::format("point \"{}\" lies behind camera \"{}\"",
-                              data.ids[static_cast<std::size_t>(r.point)], rig.cameras[c].name),
-                  where, "measure in the frame in which the rig was surveyed");
-    }
-    joint.misfit(k) = r.u_px - h.u_px;
-    joint.camera.push_back(static_cast<int>(c));
-    joint.point.push_back(r.point);
-    H.row(k) = h.du_dp;
-    G.block(k, kParameters * static_cast<Eigen::Index>(c), 1, kParameters) = h.du_dc;
-  }
-  joint.covariance = G * rig.covariance * G.transpose();
-  for (Eigen::Index a = 0; a < n; ++a) {
-    const Reading& r = data.readings[static_cast<std::size_t>(a)];
-    joint.covariance(a, a) += Variance(rig, match[static_cast<std::size_t>(r.camera)], r.s_px);
-    for (Eigen::Index b = 0; b < n; ++b) {
-      if (joint.point[static_cast<std::size_t>(b)] != r.point) continue;
-      joint.covariance(a, b) +=
-          (H.row(a) * data.cov[static_cast<std::size_t>(r.point)] * H.row(b).transpose()).value();
-    }
-  }
-  // What the station does to all points: with another set-up than the calibration's, another error.
-  for (const CommonError& error : data.common) {
-    Eigen::VectorXd shared(n);
-    for (Eigen::Index k = 0; k < n; ++k) {
-      shared(k) = H.row(k).dot(error.shift.col(joint.point[static_cast<std::size_t>(k)]));
-    }
-    joint.covariance += shared * shared.transpose();
-  }
-  return joint;
-}
 
 double CommonVariance(const Observations& data, Eigen::Index point) {
   double sum = 0.0;
@@ -158,7 +69,6 @@ void NoteCoarse(const data::Rig& rig, const CheckOptions& options, CheckResult* 
 }
 
 void Conclude(const std::string& what, const CheckOptions& options, CheckResult* result) {
-  result->options = options;
   result->invalid = result->chance < options.invalid;
   if (result->chance >= options.doubtful) {
     result->verdict = "still valid";
@@ -176,11 +86,9 @@ void Conclude(const std::string& what, const CheckOptions& options, CheckResult*
                   what, result->chance));
 }
 
-// Each surveyed point as its readings place it, and how probable the rest is without it.
-void CheckEachPoint(const data::Rig& rig, const Observations& data,
-                    const std::vector<std::size_t>& match, const Joint& joint, bool bad,
+// Each surveyed point as its readings place it.
+void CheckEachPoint(const Observations& data, const std::vector<Found>& found,
                     CheckResult* result) {
-  const std::vector<Found> found = FindPoints(rig, data, match);
   double squares = 0.0, predicted = 0.0, n = 0.0;
   for (int i = 0; i < data.points(); ++i) {
     const auto point = static_cast<std::size_t>(i);
@@ -195,56 +103,104 @@ void CheckEachPoint(const data::Rig& rig, const Observations& data,
       predicted += variance;
       n += 1.0;
     }
-    checked.chance_without =
-        bad ? joint.ChanceOf([&](int, int p) { return p != i; }) : result->chance;
     result->points.push_back(checked);
   }
   result->rms = std::sqrt(squares / std::max(1.0, n));
   result->rms_predicted = std::sqrt(predicted / std::max(1.0, n));
 }
 
-// Each camera's misfits, and how probable the rest is without it.
-void CheckEachCamera(const data::Rig& rig, const Joint& joint, bool bad, CheckResult* result) {
-  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
-    CheckedCamera camera{rig.cameras[c].name};
-    for (Eigen::Index k = 0; k < joint.misfit.size(); ++k) {
-      if (joint.camera[static_cast<std::size_t>(k)] != static_cast<int>(c)) continue;
-      ++camera.readings;
-      camera.rms_px += joint.misfit(k) * joint.misfit(k);
-      camera.rms_predicted_px += joint.covariance(k, k);
+// Each placement of the bar, where both ends were found.
+void CheckEachLength(const Observations& data, const std::vector<Found>& found, const Bar& bar,
+                     CheckResult* result) {
+  double squares = 0.0, predicted = 0.0, n = 0.0;
+  for (std::size_t a = 0; a + 1 < found.size(); a += 2) {
+    const std::size_t b = a + 1;
+    CheckedPoint checked{data.ids[a] + " to " + data.ids[b], kNone, kNone};
+    if (found[a].solution.outcome == measure::PointOutcome::kSolved &&
+        found[b].solution.outcome == measure::PointOutcome::kSolved) {
+      const Eigen::Vector3d along = found[b].solution.p - found[a].solution.p;
+      const Eigen::RowVector3d way = along.normalized().transpose();
+      const double variance =
+          (way * (found[a].solution.cov + found[b].solution.cov) * way.transpose()).value() +
+          (way * (found[b].F - found[a].F)).squaredNorm() + bar.sigma * bar.sigma;
+      checked.at = 0.5 * (found[a].solution.p + found[b].solution.p);
+      checked.error = along.norm() - bar.length;
+      checked.predicted = std::sqrt(variance);
+      squares += checked.error * checked.error;
+      predicted += variance;
+      n += 1.0;
     }
-    const double m = std::max(1.0, static_cast<double>(camera.readings));
-    camera.rms_px = std::sqrt(camera.rms_px / m);
-    camera.rms_predicted_px = std::sqrt(camera.rms_predicted_px / m);
-    camera.chance_without =
-        bad ? joint.ChanceOf([&](int k, int) { return k != static_cast<int>(c); }) : result->chance;
+    result->points.push_back(checked);
+  }
+  result->rms = std::sqrt(squares / std::max(1.0, n));
+  result->rms_predicted = std::sqrt(predicted / std::max(1.0, n));
+}
+
+// Each camera's misfits as a shift of all its readings, and what of it would show.
+void CheckEachCamera(const data::Rig& rig, const CheckDesign& design, const JointTest& test,
+                     const CheckOptions& options, CheckResult* result) {
+  const Eigen::MatrixXd shifts = design.Shifts(rig.cameras.size());
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    const auto j = static_cast<Eigen::Index>(c);
+    CheckedCamera camera{rig.cameras[c].name};
+    camera.readings = static_cast<int>(
+        std::count(design.camera.begin(), design.camera.end(), static_cast<int>(c)));
+    const JointTest::Amount shift = test.AmountOf(shifts.col(j));
+    camera.shift_px = shift.value;
+    camera.shift_sigma_px = shift.sigma;
+    camera.shows_px = test.ShownAmount(shifts, j, options.doubtful);
     result->cameras.push_back(camera);
   }
 }
 
-// Names the point or the camera without which the rest is probable.
-void NameCause(int points, const CheckOptions& options, CheckResult* result) {
-  const auto less = [](const auto& a, const auto& b) {
-    return a.chance_without < b.chance_without;
-  };
-  const auto camera = std::max_element(result->cameras.begin(), result->cameras.end(), less);
-  const auto point = std::max_element(result->points.begin(), result->points.end(), less);
-  if (points > 1 && point->chance_without >= options.doubtful &&
-      point->chance_without >= camera->chance_without) {
-    result->verdict = "doubtful";
-    result->reasons.push_back(fmt::format(
-        "the rest agrees without point \"{}\": measure it again, the rig may be unchanged",
-        point->id));
-  } else if (camera->chance_without >= options.doubtful) {
-    result->reasons.push_back(fmt::format(
-        "the rest agrees without camera \"{}\": it has moved; its readings are off by {:.2f} px "
-        "RMS ({:.2f} px predicted). Use the other cameras without it, or calibrate again",
-        camera->name, camera->rms_px, camera->rms_predicted_px));
-  } else {
-    result->reasons.push_back(
-        "no single point or camera explains it: calibrate again (or the points were not measured "
-        "in the frame in which the rig was surveyed)");
+// How far each camera's readings are from what rig and survey predict.
+void AddMisfits(const CheckDesign& design, const Observations& data, CheckResult* result) {
+  for (Eigen::Index k = 0; k < design.misfit.size(); ++k) {
+    const auto at = static_cast<std::size_t>(k);
+    const double variance = design.covariance(k, k);
+    result->readings.push_back({design.camera[at], design.point[at], data.readings[at].u_px,
+                                design.misfit(k), std::sqrt(variance)});
+    CheckedCamera& camera = result->cameras[static_cast<std::size_t>(design.camera[at])];
+    camera.rms_px += design.misfit(k) * design.misfit(k);
+    camera.rms_predicted_px += variance;
   }
+  for (CheckedCamera& camera : result->cameras) {
+    const double m = std::max(1.0, static_cast<double>(camera.readings));
+    camera.rms_px = std::sqrt(camera.rms_px / m);
+    camera.rms_predicted_px = std::sqrt(camera.rms_predicted_px / m);
+  }
+}
+
+// How probable the rest is without each camera and without each point.
+void TryWithout(const CheckDesign& design, const JointTest& test, bool bad, CheckResult* result) {
+  for (std::size_t c = 0; c < result->cameras.size(); ++c) {
+    double& chance = result->cameras[c].chance_without;
+    chance = result->chance;
+    if (!bad) continue;
+    std::vector<Eigen::Index> mine;
+    for (std::size_t r = 0; r < design.camera.size(); ++r) {
+      if (design.camera[r] == static_cast<int>(c)) mine.push_back(static_cast<Eigen::Index>(r));
+    }
+    if (!mine.empty()) chance = test.ChanceWithout(design.by_reading(Eigen::all, mine));
+  }
+  for (std::size_t i = 0; i < result->points.size(); ++i) {
+    result->points[i].chance_without =
+        bad ? test.ChanceWithout(design.by_point[i]) : result->chance;
+  }
+}
+
+// The test of a design, in words.
+void Test(const data::Rig& rig, const CheckDesign& design, const Observations& data, bool bar,
+          const std::string& what, CheckResult* result) {
+  const JointTest test(design.misfit, design.covariance);
+  result->chance = test.ScanChance(design.Shifts(rig.cameras.size()));
+  const bool bad = result->chance < result->options.doubtful;
+  CheckEachCamera(rig, design, test, result->options, result);
+  TryWithout(design, test, bad, result);
+  Conclude(what, result->options, result);
+  if (bad) NameCauses(rig, design, test, data, bar, result);
+  NoteShown(result);
+  NoteCoarse(rig, result->options, result);
 }
 
 // Both ends of each placement, one after the other.
@@ -294,6 +250,13 @@ void CheckOptions::Check() const {
   if (!(invalid > 0.0 && invalid < 1.0)) refuse("invalid", "is not between 0 and 1");
   if (!(doubtful >= invalid && doubtful < 1.0)) refuse("doubtful", "is not from `invalid` to 1");
   if (!(need >= 0.0) || !std::isfinite(need)) refuse("need", "is not a length");
+  const auto odds = [&](const char* name, double value) {
+    if (!(value > 0.0 && value < 1.0)) refuse(name, "is not between 0 and 1");
+  };
+  odds("camera_odds", camera_odds);
+  odds("point_odds", point_odds);
+  odds("reading_odds", reading_odds);
+  odds("frame_odds", frame_odds);
 }
 
 CheckResult CheckPoints(const data::Rig& rig, data::Survey survey, const std::string& where,
@@ -309,22 +272,15 @@ CheckResult CheckPoints(const data::Rig& rig, const Observations& data, const st
   if (data.readings.empty()) {
     throw Error("holds no readings", where, "give readings of some points");
   }
-  const Joint joint = MakeJoint(rig, data, match, where);
+  const CheckDesign design = DesignOfPoints(rig, data, match, where);
   CheckResult result;
-  result.chance = joint.ChanceOf([](int, int) { return true; });
-  const bool bad = result.chance < options.doubtful;
-  CheckEachPoint(rig, data, match, joint, bad, &result);
-  for (Eigen::Index k = 0; k < joint.misfit.size(); ++k) {
-    const auto at = static_cast<std::size_t>(k);
-    result.readings.push_back({joint.camera[at], joint.point[at], data.readings[at].u_px,
-                               joint.misfit(k), std::sqrt(joint.covariance(k, k))});
-  }
-  CheckEachCamera(rig, joint, bad, &result);
-  Conclude(fmt::format("{} points ({} RMS from the survey, {} predicted)", data.points(),
-                       LengthText(result.rms), LengthText(result.rms_predicted)),
-           options, &result);
-  if (bad) NameCause(data.points(), options, &result);
-  NoteCoarse(rig, options, &result);
+  result.options = options;
+  CheckEachPoint(data, FindPoints(rig, data, match), &result);
+  Test(rig, design, data, false,
+       fmt::format("{} points ({} RMS from the survey, {} predicted)", data.points(),
+                   LengthText(result.rms), LengthText(result.rms_predicted)),
+       &result);
+  AddMisfits(design, data, &result);
   return result;
 }
 
@@ -338,47 +294,28 @@ CheckResult CheckBar(const data::Rig& rig, const Observations& data, const Bar& 
   options.Check();
   const std::vector<std::size_t> match = MatchCameras(rig, data, where);
   const std::vector<Found> found = FindPoints(rig, data, match);
-  const auto most = static_cast<Eigen::Index>(data.points() / 2);
-  const Eigen::Index rank = found.empty() ? 0 : found[0].F.cols();
-  Eigen::VectorXd misfit(most), variance(most);
-  Eigen::MatrixXd shared(most, rank + 1);
+  Eigen::Matrix3Xd start = Eigen::Matrix3Xd::Constant(3, data.points(), kNone);
+  for (Eigen::Index i = 0; i < start.cols(); ++i) {
+    const measure::PointSolution& solution = found[static_cast<std::size_t>(i)].solution;
+    if (solution.outcome == measure::PointOutcome::kSolved) start.col(i) = solution.p;
+  }
+  const CheckDesign design = DesignOfBar(rig, data, match, bar, start);
+  if (design.misfit.size() == 0) {
+    throw Error("no placement of the bar has more readings than its two ends need", where,
+                "place the bar where three cameras or more see both ends");
+  }
   CheckResult result;
-  Eigen::Index n = 0;
-  for (Eigen::Index k = 0; k < most; ++k) {
-    const auto a = static_cast<std::size_t>(2 * k), b = a + 1;
-    CheckedPoint checked{data.ids[a] + " to " + data.ids[b], kNone, kNone};
-    if (found[a].solution.outcome == measure::PointOutcome::kSolved &&
-        found[b].solution.outcome == measure::PointOutcome::kSolved) {
-      const Eigen::Vector3d along = found[b].solution.p - found[a].solution.p;
-      const Eigen::RowVector3d way = along.normalized().transpose();
-      misfit(n) = along.norm() - bar.length;
-      variance(n) =
-          (way * (found[a].solution.cov + found[b].solution.cov) * way.transpose()).value();
-      shared.row(n) << way * (found[b].F - found[a].F), bar.sigma;
-      checked.at = 0.5 * (found[a].solution.p + found[b].solution.p);
-      checked.error = misfit(n);
-      checked.predicted = std::sqrt(variance(n) + shared.row(n).squaredNorm());
-      ++n;
-    }
-    result.points.push_back(checked);
-  }
-  if (n == 0) {
-    throw Error("no placement of the bar was seen whole by three cameras", where,
-                "place the bar inside the surveyed volume");
-  }
-  Eigen::MatrixXd C = shared.topRows(n) * shared.topRows(n).transpose();
-  C.diagonal() += variance.head(n);
-  const Eigen::VectorXd e = misfit.head(n);
-  result.chance = ChiSquareTail(e.dot(C.ldlt().solve(e)), static_cast<double>(n));
-  result.rms = std::sqrt(e.squaredNorm() / static_cast<double>(n));
-  result.rms_predicted = std::sqrt(C.trace() / static_cast<double>(n));
-  Conclude(fmt::format("{} lengths of the bar ({} RMS from {:.6g} m, {} predicted)", n,
-                       LengthText(result.rms), bar.length, LengthText(result.rms_predicted)),
-           options, &result);
-  result.reasons.push_back(fmt::format("on average the bar was found {} too {}",
-                                       LengthText(std::abs(e.mean())),
-                                       e.mean() > 0.0 ? "long" : "short"));
-  NoteCoarse(rig, options, &result);
+  result.options = options;
+  CheckEachLength(data, found, bar, &result);
+  const auto whole =
+      std::count_if(result.points.begin(), result.points.end(),
+                    [](const CheckedPoint& point) { return std::isfinite(point.error); });
+  Test(rig, design, data, true,
+       fmt::format("{} readings of {} placements of the bar, {} of them found whole ({} RMS from "
+                   "{:.6g} m, {} predicted),",
+                   data.readings.size(), result.points.size(), whole, LengthText(result.rms),
+                   bar.length, LengthText(result.rms_predicted)),
+       &result);
   return result;
 }
 

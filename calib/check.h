@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "calib/joint_test.h"
 #include "calib/observations.h"
 #include "data/rig.h"
 #include "data/survey.h"
@@ -21,6 +22,10 @@ struct CheckOptions {
   // Error of a found point that matters [m]; 0: see NeedOf in calib/verdict.h. Where the check
   // itself is coarser than that, it is said.
   double need = 0.0;
+  // What is expected to be wrong before the data speak, each against nothing being wrong: a camera
+  // since it was calibrated, a surveyed place (or a placement of a bar), a reading, and the frame
+  // of all points (or the bar's length) [-]. They weigh where the data do not decide.
+  double camera_odds = 0.05, point_odds = 0.01, reading_odds = 0.003, frame_odds = 0.01;
 
   // Throws Error that names a value which makes no sense.
   void Check() const;
@@ -33,6 +38,9 @@ struct CheckedCamera {
   double rms_px = 0.0;  // of readings from what rig and survey predict
   double rms_predicted_px = 0.0;
   double chance_without = 0.0;  // of the rest, without this camera
+  // By how much all its readings are off, and what this check shows of it and tells from another
+  // camera's nine times in ten; infinity: it cannot [px].
+  double shift_px = 0.0, shift_sigma_px = 0.0, shows_px = 0.0;
 };
 
 /// A surveyed point's, or a placement of the bar's.
@@ -53,6 +61,16 @@ struct CheckedReading {
   double predicted_px = 0.0;  // its sigma
 };
 
+/// What is wrong, where the whole is improbable.
+struct CheckedCause {
+  CauseKind kind = CauseKind::kCamera;
+  int camera = -1, point = -1;  // indices into cameras and points; -1: does not apply
+  double size = 0.0;            // of a camera or a reading [px], else [m]
+  double sigma = 0.0;           // its standard deviation
+  double probability = 0.0;     // of all that may be wrong [-]
+  std::string text;             // a sentence
+};
+
 /// Whether the calibration is still valid, and who says so.
 struct CheckResult {
   double chance = 0.0;                    // of so large a misfit, were the calibration valid
@@ -60,24 +78,29 @@ struct CheckResult {
   std::vector<CheckedCamera> cameras;
   std::vector<CheckedPoint> points;
   std::vector<CheckedReading> readings;  // none of a bar
-  CheckOptions options;                  // by which it was judged
+  // The causes that explain the misfit, most telling first; empty where all is well.
+  std::vector<CheckedCause> causes;
+  bool explained = false;  // without them the rest is probable
+  CheckOptions options;    // by which it was judged
   bool invalid = false;
   std::string verdict;  // "still valid", "doubtful", "no longer valid"
   std::vector<std::string> reasons;
 };
 
 // Against points of known place: readings less what the rig predicts at the surveyed places, all at
-// once, with the covariance of rig, survey and readings. Where the whole is impossible it is tried
-// without each point and without each camera: the one whose absence mends it is named. Throws
-// Error where cameras differ from the rig's.
+// once, with the covariance of rig, survey and readings. Where the whole, or a shift of one camera,
+// is improbable, cameras, points, single readings and the frame compete as its cause
+// (calib/joint_test.h). Throws Error where cameras differ from the rig's.
 CheckResult CheckPoints(const data::Rig& rig, const Observations& data, const std::string& where,
                         const CheckOptions& options = {});
 // The same of a survey as it was read: readings are first found where it holds lines.
 CheckResult CheckPoints(const data::Rig& rig, data::Survey survey, const std::string& where,
                         const CheckOptions& options = {});
 
-// Against a bar of known length. `data` holds two points for each placement, one after the other;
-// their places and covariances are not used, but as where the search starts.
+// Against a bar of known length: all readings of all placements and the length at once, the places
+// being free; ends that fewer than three cameras see take part. `data` holds two points for each
+// placement, one after the other; their places and covariances are not used, but as where the
+// search starts.
 struct Bar {
   double length = 0.0, sigma = 0.0;  // [m]
 };

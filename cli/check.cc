@@ -33,6 +33,11 @@ std::string Cell(double value, double scale, const char* format) {
   return std::isfinite(value) ? fmt::format(fmt::runtime(format), scale * value) : "-";
 }
 
+// JSON has no infinity.
+ordered_json Number(double value) {
+  return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
+}
+
 int RunCheck(const Common& common, const Arguments& arguments) {
   data::Provenance provenance = StartProvenance(common);
   const data::Rig rig = data::ReadRig(arguments.rig);
@@ -69,17 +74,37 @@ int RunCheck(const Common& common, const Arguments& arguments) {
                       Cell(point.predicted, unit.per_metre, "{:.3f}")});
   }
   std::vector<std::vector<std::string>> cameras = {
-      {"camera", "readings", "error, RMS [px]", "predicted [px]", "p-value without it"}};
+      {"camera", "readings", "shift [px]", "+- [px]", "shows from [px]", "p-value without it"}};
   for (const calib::CheckedCamera& camera : result.cameras) {
     summary["cameras"].push_back({{"name", camera.name},
                                   {"readings", camera.readings},
-                                  {"rms_px", camera.rms_px},
-                                  {"rms_predicted_px", camera.rms_predicted_px},
+                                  {"shift_px", camera.shift_px},
+                                  {"shift_sigma_px", Number(camera.shift_sigma_px)},
+                                  {"shows_px", Number(camera.shows_px)},
                                   {"chance_without", camera.chance_without}});
-    cameras.push_back({camera.name, std::to_string(camera.readings),
-                       fmt::format("{:.3f}", camera.rms_px),
-                       fmt::format("{:.3f}", camera.rms_predicted_px),
-                       fmt::format("{:.2g}", camera.chance_without)});
+    if (!bar) {
+      summary["cameras"].back()["rms_px"] = camera.rms_px;
+      summary["cameras"].back()["rms_predicted_px"] = camera.rms_predicted_px;
+    }
+    cameras.push_back(
+        {camera.name, std::to_string(camera.readings), Cell(camera.shift_px, 1.0, "{:+.3f}"),
+         Cell(camera.shift_sigma_px, 1.0, "{:.3f}"), Cell(camera.shows_px, 1.0, "{:.2f}"),
+         fmt::format("{:.2g}", camera.chance_without)});
+  }
+  summary["causes"] = ordered_json::array();
+  for (const calib::CheckedCause& cause : result.causes) {
+    ordered_json one = {{"kind", calib::Name(cause.kind)}};
+    if (cause.camera >= 0) {
+      one["camera"] = result.cameras[static_cast<std::size_t>(cause.camera)].name;
+    }
+    if (cause.point >= 0) one["point"] = result.points[static_cast<std::size_t>(cause.point)].id;
+    const bool pixels =
+        cause.kind == calib::CauseKind::kCamera || cause.kind == calib::CauseKind::kReading;
+    one["size"] = Number(cause.size);
+    one["sigma"] = Number(cause.sigma);
+    one["unit"] = pixels ? "px" : "m";
+    one["probability"] = cause.probability;
+    summary["causes"].push_back(one);
   }
   std::string text = fmt::format("The calibration is {}.\n", result.verdict);
   for (const std::string& reason : result.reasons) text += "  - " + reason + "\n";

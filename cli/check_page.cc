@@ -52,19 +52,29 @@ void AddCameras(const CheckResult& result, report::Page* page) {
   report::Table table;
   table.title = "Cameras";
   table.note =
-      "The errors of a camera that has moved exceed their prediction, and without it the rest is "
-      "probable.";
-  table.header = {"camera", "readings", "error, RMS [px]", "predicted [px]"};
+      "By how much all readings of a camera are off, and the least shift that this check shows and "
+      "tells from another camera's nine times in ten.";
+  table.header = {"camera", "readings", "shift [px]", "+- [px]", "shows from [px]"};
+  const bool misfits = !result.readings.empty();
+  if (misfits) {
+    table.header.push_back("error, RMS [px]");
+    table.header.push_back("predicted [px]");
+  }
   if (TriedWithout(result)) table.header.push_back("p-value without it");
   for (const calib::CheckedCamera& camera : result.cameras) {
     table.rows.push_back({camera.name, std::to_string(camera.readings),
-                          fmt::format("{:.3f}", camera.rms_px),
-                          fmt::format("{:.3f}", camera.rms_predicted_px)});
+                          Cell(camera.shift_px, 1.0, 3), Cell(camera.shift_sigma_px, 1.0, 3),
+                          Cell(camera.shows_px, 1.0, 2)});
+    if (misfits) {
+      table.rows.back().push_back(fmt::format("{:.3f}", camera.rms_px));
+      table.rows.back().push_back(fmt::format("{:.3f}", camera.rms_predicted_px));
+    }
     if (TriedWithout(result)) {
       table.rows.back().push_back(fmt::format("{:.2g}", camera.chance_without));
     }
   }
   page->AddTable(table);
+  if (!misfits) return;
   report::Chart chart;
   chart.title = "Readings along the sensor";
   chart.note =
@@ -135,7 +145,7 @@ void AddPoints(const CheckResult& result, bool bar, report::Page* page) {
                   "z [m]",
                   fmt::format("error [{}]", unit.name),
                   fmt::format("predicted [{}]", unit.name)};
-  const bool without = !bar && TriedWithout(result);
+  const bool without = TriedWithout(result);
   if (without) table.header.push_back("p-value without it");
   for (const calib::CheckedPoint& point : result.points) {
     table.rows.push_back({point.id, Cell(point.at.x(), 1.0, 3), Cell(point.at.y(), 1.0, 3),

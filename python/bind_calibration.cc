@@ -256,6 +256,27 @@ void BindCalibrate(py::module_& m) {
 
 void BindCheck(py::module_& m) {
   using calib::CheckResult;
+  py::class_<calib::CheckedCamera>(m, "CheckedCamera", "A camera's part in a check.")
+      .def_readonly("name", &calib::CheckedCamera::name)
+      .def_readonly("readings", &calib::CheckedCamera::readings, "Number of its readings.")
+      .def_readonly("shift", &calib::CheckedCamera::shift_px,
+                    "By how much all its readings are off [px].")
+      .def_readonly("shift_sigma", &calib::CheckedCamera::shift_sigma_px,
+                    "Its standard deviation [px].")
+      .def_readonly("shows", &calib::CheckedCamera::shows_px,
+                    "The least shift that is found and named nine times in ten [px].");
+  py::class_<calib::CheckedCause>(m, "CheckedCause", "What explains a misfit.")
+      .def_property_readonly(
+          "kind", [](const calib::CheckedCause& self) { return calib::Name(self.kind); },
+          "'camera', 'point', 'reading' or 'frame'.")
+      .def_readonly("camera", &calib::CheckedCause::camera, "Index; -1: does not apply.")
+      .def_readonly("point", &calib::CheckedCause::point,
+                    "Index of the point or placement; -1: does not apply.")
+      .def_readonly("size", &calib::CheckedCause::size, "Of a camera or a reading [px], else [m].")
+      .def_readonly("sigma", &calib::CheckedCause::sigma, "Its standard deviation.")
+      .def_readonly("probability", &calib::CheckedCause::probability,
+                    "Of all that may be wrong [-].")
+      .def_readonly("text", &calib::CheckedCause::text, "A sentence.");
   py::class_<CheckResult>(m, "CheckResult", "Whether a calibration is still valid.")
       .def_readonly("verdict", &CheckResult::verdict,
                     "'still valid', 'doubtful' or 'no longer valid'.")
@@ -264,6 +285,11 @@ void BindCheck(py::module_& m) {
                     "Probability of so large a misfit, were the calibration valid [-].")
       .def_readonly("rms", &CheckResult::rms, "Of the found points' errors [m].")
       .def_readonly("rms_predicted", &CheckResult::rms_predicted, "What it should be [m].")
+      .def_readonly("cameras", &CheckResult::cameras, "What was found of each camera.")
+      .def_readonly("causes", &CheckResult::causes,
+                    "What explains the misfit, most telling first; empty where all is well.")
+      .def_readonly("explained", &CheckResult::explained,
+                    "Whether the rest is probable without the causes.")
       .def_property_readonly(
           "usable", [](const CheckResult& self) { return !self.invalid; },
           "Whether it is not 'no longer valid'.")

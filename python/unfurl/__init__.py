@@ -22,6 +22,8 @@ from . import _convert
 from ._core import (
     Calibration,
     CameraReport,
+    CheckedCamera,
+    CheckedCause,
     CheckResult,
     Comparison,
     Cost,
@@ -99,6 +101,8 @@ def to_xarray(record: Any) -> Any:
 __all__ = [
     "Calibration",
     "CameraReport",
+    "CheckedCamera",
+    "CheckedCause",
     "CheckResult",
     "Comparison",
     "Cost",

@@ -24,42 +24,82 @@ inline constexpr double kTracedHalf = 1.08;     // half a side of the surveyed c
 struct TracedLab {
   measure::VirtualRig truth;
   Rng rng{0};
+  double half = kTracedHalf;  // of a side of the surveyed cube [m]
+  double survey_sigma = kTracedSurvey, reading_sigma = kTracedReading;
 
   explicit TracedLab(std::uint64_t seed)
       : truth(measure::MakeVirtualRig(data::ReadLab(
             UNFURL_SOURCE_DIR "/data/sets/deployment/lab.toml", {"seed=" + std::to_string(seed)}))),
         rng(seed) {}
+  TracedLab(const data::Lab& lab, double half_side, std::uint64_t seed)
+      : truth(measure::MakeVirtualRig(lab)), rng(seed), half(half_side) {}
 
   bool Read(std::size_t camera, const Eigen::Vector3d& p, double* u) const {
     measure::SpotLight spot;
     if (!measure::TraceSpot(truth.cameras[camera], p, &spot)) return false;
     *u = spot.centre_px;
-    return *u > 10.0 && *u < 2149.0;
+    return *u > 10.0 && *u < truth.cameras[camera].sensor.pixels - 11.0;
   }
 
   Eigen::Matrix3Xd Places(int points) const {
-    return PointsInCube(points, kTracedHalf, rng.Stream("places"));
+    return PointsInCube(points, half, rng.Stream("places"));
   }
   Observations Survey(int points) const { return Survey(Places(points)); }
   Observations Survey(const Eigen::Matrix3Xd& places) const {
     Observations out;
     out.p = places;
     Rng noise = rng.Stream("noise");
-    for (const auto& camera : truth.cameras) out.cameras.push_back(camera.name);
+    for (const auto& camera : truth.cameras) {
+      out.cameras.push_back(camera.name);
+      out.pixels.push_back(camera.sensor.pixels);
+    }
     for (Eigen::Index i = 0; i < out.p.cols(); ++i) {
       out.ids.push_back("p" + std::to_string(i + 1));
-      out.cov.emplace_back(kTracedSurvey * kTracedSurvey * Eigen::Matrix3d::Identity());
+      out.cov.emplace_back(survey_sigma * survey_sigma * Eigen::Matrix3d::Identity());
       for (std::size_t c = 0; c < truth.cameras.size(); ++c) {
         double u = 0.0;
         if (!Read(c, places.col(i), &u)) continue;
         out.readings.push_back({static_cast<int>(i), static_cast<int>(c),
-                                u + kTracedReading * noise.Normal(), kTracedReading});
+                                u + reading_sigma * noise.Normal(), reading_sigma});
       }
-      for (int k = 0; k < 3; ++k) out.p(k, i) += kTracedSurvey * noise.Normal();
+      for (int k = 0; k < 3; ++k) out.p(k, i) += survey_sigma * noise.Normal();
     }
     return out;
   }
 };
+
+// A laboratory of another kind each time: 3 to 8 cameras on a ring of any height, rows of 1000 to
+// 6000 pixels, lenses curved in front, behind or on both faces, of any size.
+inline data::Lab RandomLab(std::uint64_t seed, double* half_side) {
+  data::Lab lab = data::ReadLab(UNFURL_SOURCE_DIR "/data/sets/deployment/lab.toml",
+                                {"seed=" + std::to_string(seed)});
+  Rng rng = Rng(seed).Stream("kind of laboratory");
+  const auto cameras = static_cast<int>(3 + rng.Integer(6));
+  const double scale = std::pow(10.0, rng.Uniform(-0.3, 0.3));  // of all distances
+  *half_side = scale * kTracedHalf;
+  const double height = rng.Uniform(2.4, 3.2), ring = std::sqrt(3.3 * 3.3 - height * height);
+  const double from = rng.Uniform(0.0, 2.0 * M_PI);
+  lab.cameras.clear();
+  for (int j = 0; j < cameras; ++j) {
+    data::LabCamera camera;
+    camera.name = "camera " + std::to_string(j + 1);
+    const double turn = from + 2.0 * M_PI * (j + 0.5) / cameras;
+    camera.position = scale * Eigen::Vector3d(ring * std::cos(turn), ring * std::sin(turn), height);
+    // Odd numbers of cameras would have two neighbours alike.
+    const double lean =
+        cameras % 2 == 0 ? (j % 2 == 0 ? 1.0 : -1.0) * M_PI / 4.0 : M_PI * j / cameras - M_PI / 2.0;
+    camera.roll = lean + rng.Uniform(-0.1, 0.1);
+    lab.cameras.push_back(camera);
+  }
+  lab.lens.focus_distance *= scale;
+  const char* const kFaces[] = {"back", "front", "both"};
+  lab.lens.curved = kFaces[rng.Integer(3)];
+  if (lab.lens.curved == std::string("both")) lab.lens.radius *= 2.0;  // as strong as one face
+  const int row = static_cast<int>(rng.Uniform(1000.0, 6000.0));
+  lab.sensor.format.pitch *= 1.0 * lab.sensor.format.active / row;
+  lab.sensor.format.active = row;
+  return lab;
+}
 
 // Errors of points found with noisy readings, and their bound: what the covariance says, of
 // calibration and readings. Points that all of the lab's cameras see; of those, `use` read them.
@@ -87,12 +127,13 @@ inline TracedErrors FindCheckPoints(const TracedLab& lab, const data::Rig& rig, 
   Rng noise = lab.rng.Stream("check noise");
   const auto points = PointsInCube(count, half, lab.rng.Stream("check"));
   const std::size_t cameras = lab.truth.cameras.size();
-  std::vector<double> all_u(cameras), u(rig.cameras.size()), s(rig.cameras.size(), kTracedReading);
+  std::vector<double> all_u(cameras), u(rig.cameras.size()),
+      s(rig.cameras.size(), lab.reading_sigma);
   for (Eigen::Index i = 0; i < points.cols(); ++i) {
     bool all = true;
     for (std::size_t c = 0; c < cameras; ++c) {
       all = lab.Read(c, points.col(i), &all_u[c]) && all;
-      all_u[c] += kTracedReading * noise.Normal();
+      all_u[c] += lab.reading_sigma * noise.Normal();
     }
     if (!all) continue;
     // The rig's cameras by name: it may lack one of the lab's.

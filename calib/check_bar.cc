@@ -1,0 +1,195 @@
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "calib/check_design.h"
+#include "measure/camera_model.h"
+
+namespace unfurl::calib {
+namespace {
+
+constexpr Eigen::Index kParameters = data::kCameraParameters;
+constexpr int kIterations = 60;
+constexpr double kConverged = 1e-9;  // of a step, over the bar's length
+// By how much a bar's length differs from one placement to the next, over itself: how it is held
+// and seated. It only keeps the length's weight finite [-].
+constexpr double kSeating = 2e-6;
+constexpr double kRank = 1e-9;  // of singular values: what the data do not fix at all [-]
+
+// The data of one placement at two places: whitened misfits, readings first, the length last.
+struct Placement {
+  Eigen::VectorXd misfit;     // m + 1
+  Eigen::MatrixXd by_places;  // m + 1 x 6
+  Eigen::MatrixXd by_camera;  // m + 1 x 19 c
+  Eigen::VectorXd weight;     // 1 / sigma [1/px], the length's [1/m]
+};
+
+class Placer {
+ public:
+  Placer(const data::Rig& rig, const Observations& data, const std::vector<std::size_t>& match,
+         const Bar& bar)
+      : rig_(rig), data_(data), match_(match), bar_(bar) {}
+
+  // False where a place lies behind a camera, or both are one.
+  bool At(const std::vector<std::size_t>& readings, int first,
+          const Eigen::Matrix<double, 6, 1>& places, Placement* out) const {
+    const auto m = static_cast<Eigen::Index>(readings.size());
+    out->misfit.resize(m + 1);
+    out->weight.resize(m + 1);
+    out->by_places.setZero(m + 1, 6);
+    out->by_camera.setZero(m + 1, rig_.covariance.rows());
+    for (Eigen::Index k = 0; k < m; ++k) {
+      const Reading& r = data_.readings[readings[static_cast<std::size_t>(k)]];
+      const std::size_t c = match_[static_cast<std::size_t>(r.camera)];
+      const Eigen::Index end = 3 * (r.point - first);
+      measure::Projection h;
+      if (!measure::Project(rig_.cameras[c], places.segment<3>(end), &h)) return false;
+      const double w = 1.0 / std::sqrt(ReadingVariance(rig_, c, r.s_px));
+      out->weight(k) = w;
+      out->misfit(k) = w * (r.u_px - h.u_px);
+      out->by_places.block<1, 3>(k, end) = w * h.du_dp;
+      out->by_camera.block(k, kParameters * static_cast<Eigen::Index>(c), 1, kParameters) =
+          w * h.du_dc;
+    }
+    const Eigen::Vector3d along = places.tail<3>() - places.head<3>();
+    const double length = along.norm();
+    if (!(length > 0.0)) return false;
+    out->weight(m) = 1.0 / (kSeating * bar_.length);
+    out->misfit(m) = out->weight(m) * (bar_.length - length);
+    out->by_places.block<1, 3>(m, 0) = -out->weight(m) * along.transpose() / length;
+    out->by_places.block<1, 3>(m, 3) = out->weight(m) * along.transpose() / length;
+    return true;
+  }
+
+  // Least squares over the two places [Levenberg-Marquardt]; the sum of squares, infinite where it
+  // leads nowhere.
+  double Solve(const std::vector<std::size_t>& readings, int first,
+               Eigen::Matrix<double, 6, 1>* places) const {
+    Placement here, there;
+    if (!At(readings, first, *places, &here)) return std::numeric_limits<double>::infinity();
+    double square = here.misfit.squaredNorm(), damping = 1e-3;
+    for (int k = 0; k < kIterations; ++k) {
+      Eigen::Matrix<double, 6, 6> A = here.by_places.transpose() * here.by_places;
+      const Eigen::Matrix<double, 6, 1> b = here.by_places.transpose() * here.misfit;
+      A.diagonal() *= 1.0 + damping;
+      A.diagonal().array() += 1e-12 * A.trace();
+      const Eigen::Matrix<double, 6, 1> step = A.ldlt().solve(b);
+      const bool better =
+          At(readings, first, *places + step, &there) && there.misfit.squaredNorm() <= square;
+      if (!better) {
+        damping *= 10.0;
+        if (damping > 1e12) break;
+        continue;
+      }
+      *places += step;
+      here = there;
+      square = here.misfit.squaredNorm();
+      damping *= 0.1;
+      if (step.norm() < kConverged * bar_.length) break;
+    }
+    return square;
+  }
+
+ private:
+  const data::Rig& rig_;
+  const Observations& data_;
+  const std::vector<std::size_t>& match_;
+  const Bar& bar_;
+};
+
+// Where the two ends are, from where each was found, or along an axis from the other.
+Eigen::Matrix<double, 6, 1> FindEnds(const Placer& placer, const std::vector<std::size_t>& readings,
+                                     int first, double length, const Eigen::Vector3d& middle,
+                                     const Eigen::Matrix3Xd& start) {
+  const bool a = start.col(first).allFinite(), b = start.col(first + 1).allFinite();
+  Eigen::Matrix<double, 6, 1> best;
+  if (a && b) {
+    best << start.col(first), start.col(first + 1);
+    placer.Solve(readings, first, &best);
+    return best;
+  }
+  double least = std::numeric_limits<double>::infinity();
+  for (int way = 0; way < 6; ++way) {
+    const Eigen::Vector3d bar = (way % 2 == 0 ? length : -length) * Eigen::Vector3d::Unit(way / 2);
+    Eigen::Matrix<double, 6, 1> places;
+    if (b) {
+      places << start.col(first + 1) - bar, start.col(first + 1);
+    } else if (a) {
+      places << start.col(first), start.col(first) + bar;
+    } else {
+      places << middle - 0.5 * bar, middle + 0.5 * bar;
+    }
+    const double square = placer.Solve(readings, first, &places);
+    if (square < least) {
+      least = square;
+      best = places;
+    }
+  }
+  return best;
+}
+
+}  // namespace
+
+CheckDesign DesignOfBar(const data::Rig& rig, const Observations& data,
+                        const std::vector<std::size_t>& match, const Bar& bar,
+                        const Eigen::Matrix3Xd& start) {
+  const Placer placer(rig, data, match, bar);
+  const Eigen::Vector3d middle = 0.5 * (rig.volume_low + rig.volume_high);
+  const int placements = data.points() / 2;
+  const auto all = static_cast<Eigen::Index>(data.readings.size());
+  CheckDesign design;
+  // At most as many rows as data; those that check nothing are not filled.
+  design.misfit.setZero(all + placements);
+  design.by_reading.setZero(all + placements, all);
+  design.by_camera.setZero(all + placements, rig.covariance.rows());
+  design.by_point.assign(static_cast<std::size_t>(placements),
+                         Eigen::MatrixXd::Zero(all + placements, 1));
+  Eigen::Index n = 0;
+  std::vector<std::size_t> mine;
+  std::size_t k = 0;
+  for (int i = 0; i < placements; ++i) {
+    mine.clear();
+    for (; k < data.readings.size() && data.readings[k].point < 2 * i + 2; ++k) {
+      mine.push_back(k);
+      design.camera.push_back(
+          static_cast<int>(match[static_cast<std::size_t>(data.readings[k].camera)]));
+      design.point.push_back(data.readings[k].point);
+    }
+    if (mine.size() < 6) continue;  // with the length, as many as there are unknowns or fewer
+    const Eigen::Matrix<double, 6, 1> places =
+        FindEnds(placer, mine, 2 * i, bar.length, middle, start);
+    Placement at;
+    if (!placer.At(mine, 2 * i, places, &at)) continue;
+    // What the data say beyond the two places: the left null space of their derivative.
+    const Eigen::JacobiSVD<Eigen::MatrixXd> svd(at.by_places, Eigen::ComputeFullU);
+    const Eigen::VectorXd& s = svd.singularValues();
+    const Eigen::Index rank = (s.array() > kRank * s(0)).count();
+    const Eigen::Index beyond = at.misfit.size() - rank;
+    const Eigen::MatrixXd N = svd.matrixU().rightCols(beyond);
+    design.misfit.segment(n, beyond) = N.transpose() * at.misfit;
+    design.by_camera.middleRows(n, beyond) = N.transpose() * at.by_camera;
+    const auto m = static_cast<Eigen::Index>(mine.size());
+    for (Eigen::Index r = 0; r < m; ++r) {
+      design.by_reading.block(n, static_cast<Eigen::Index>(mine[static_cast<std::size_t>(r)]),
+                              beyond, 1) = at.weight(r) * N.row(r).transpose();
+    }
+    design.by_point[static_cast<std::size_t>(i)].middleRows(n, beyond) =
+        at.weight(m) * N.row(m).transpose();
+    n += beyond;
+  }
+  design.misfit.conservativeResize(n);
+  design.by_reading.conservativeResize(n, Eigen::NoChange);
+  design.by_camera.conservativeResize(n, Eigen::NoChange);
+  design.by_frame.setZero(n, 1);
+  for (Eigen::MatrixXd& length : design.by_point) {
+    length.conservativeResize(n, Eigen::NoChange);
+    design.by_frame += length;
+  }
+  design.covariance = design.by_camera * rig.covariance * design.by_camera.transpose() +
+                      bar.sigma * bar.sigma * design.by_frame * design.by_frame.transpose();
+  design.covariance.diagonal().array() += 1.0;
+  return design;
+}
+
+}  // namespace unfurl::calib

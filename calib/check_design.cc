@@ -1,0 +1,140 @@
+#include "calib/check_design.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+
+#include "base/error.h"
+#include "base/pose.h"
+#include "measure/camera_model.h"
+
+namespace unfurl::calib {
+namespace {
+
+constexpr Eigen::Index kParameters = data::kCameraParameters;
+
+double SizeOf(const data::Rig& rig) { return (rig.volume_high - rig.volume_low).norm(); }
+
+// A camera that was moved, in pixels: turned and displaced by what moves readings by about one.
+Eigen::MatrixXd Moved(const data::RigCamera& camera, double distance,
+                      const Eigen::Ref<const Eigen::MatrixXd>& by_camera) {
+  Eigen::MatrixXd out = by_camera.leftCols(6);
+  out.leftCols(3) /= camera.f_px;
+  out.rightCols(3) *= distance / camera.f_px;
+  return out;
+}
+
+}  // namespace
+
+Eigen::MatrixXd CheckDesign::Shifts(std::size_t cameras) const {
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(misfit.size(), static_cast<Eigen::Index>(cameras));
+  for (std::size_t r = 0; r < camera.size(); ++r) {
+    out.col(camera[r]) += by_reading.col(static_cast<Eigen::Index>(r));
+  }
+  return out;
+}
+
+std::vector<std::size_t> MatchCameras(const data::Rig& rig, const Observations& data,
+                                      const std::string& where) {
+  std::vector<std::size_t> out;
+  for (const std::string& name : data.cameras) {
+    std::size_t k = 0;
+    while (k < rig.cameras.size() && rig.cameras[k].name != name) ++k;
+    if (k == rig.cameras.size()) {
+      throw Error(fmt::format("camera \"{}\" is not one of the rig's", name), where,
+                  "name the cameras as the rig does (# cameras: ...)");
+    }
+    out.push_back(k);
+  }
+  return out;
+}
+
+double ReadingVariance(const data::Rig& rig, std::size_t camera, double s_px) {
+  const double floor = data::FloorOf(rig, camera);
+  return s_px * s_px + floor * floor;
+}
+
+CheckDesign DesignOfPoints(const data::Rig& rig, const Observations& data,
+                           const std::vector<std::size_t>& match, const std::string& where) {
+  const auto n = static_cast<Eigen::Index>(data.readings.size());
+  CheckDesign design;
+  design.misfit.resize(n);
+  design.by_reading.setIdentity(n, n);
+  design.by_camera.setZero(n, rig.covariance.rows());
+  design.by_point.assign(static_cast<std::size_t>(data.points()), Eigen::MatrixXd::Zero(n, 3));
+  design.by_frame.resize(n, 6);
+  const Eigen::Vector3d middle = 0.5 * (rig.volume_low + rig.volume_high);
+  Eigen::MatrixXd H(n, 3);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    const Reading& r = data.readings[static_cast<std::size_t>(k)];
+    const std::size_t c = match[static_cast<std::size_t>(r.camera)];
+    measure::Projection h;
+    if (!measure::Project(rig.cameras[c], data.p.col(r.point), &h)) {
+      throw Error(fmt::format("point \"{}\" lies behind camera \"{}\"",
+                              data.ids[static_cast<std::size_t>(r.point)], rig.cameras[c].name),
+                  where, "measure in the frame in which the rig was surveyed");
+    }
+    design.misfit(k) = r.u_px - h.u_px;
+    design.camera.push_back(static_cast<int>(c));
+    design.point.push_back(r.point);
+    H.row(k) = h.du_dp;
+    design.by_camera.block(k, kParameters * static_cast<Eigen::Index>(c), 1, kParameters) = h.du_dc;
+    design.by_point[static_cast<std::size_t>(r.point)].row(k) = h.du_dp;
+    // Turned about the volume's middle, by an angle that moves its corners by half a metre.
+    const Eigen::Vector3d arm = (data.p.col(r.point) - middle) / SizeOf(rig);
+    design.by_frame.row(k) << h.du_dp, -h.du_dp * Skew(arm);
+  }
+  design.covariance = design.by_camera * rig.covariance * design.by_camera.transpose();
+  for (Eigen::Index a = 0; a < n; ++a) {
+    const Reading& r = data.readings[static_cast<std::size_t>(a)];
+    const auto point = static_cast<std::size_t>(r.point);
+    design.covariance(a, a) +=
+        ReadingVariance(rig, match[static_cast<std::size_t>(r.camera)], r.s_px);
+    for (Eigen::Index b = 0; b < n; ++b) {
+      if (design.point[static_cast<std::size_t>(b)] != r.point) continue;
+      design.covariance(a, b) += (H.row(a) * data.cov[point] * H.row(b).transpose()).value();
+    }
+  }
+  // What the station does to all points: with another set-up than the calibration's, another error.
+  for (const CommonError& error : data.common) {
+    Eigen::VectorXd shared(n);
+    for (Eigen::Index k = 0; k < n; ++k) {
+      shared(k) = H.row(k).dot(error.shift.col(design.point[static_cast<std::size_t>(k)]));
+    }
+    design.covariance += shared * shared.transpose();
+  }
+  return design;
+}
+
+std::vector<Hypothesis> HypothesesOf(const data::Rig& rig, const CheckDesign& design,
+                                     const CheckOptions& options) {
+  std::vector<Hypothesis> out;
+  const Eigen::MatrixXd shifts = design.Shifts(rig.cameras.size());
+  const Eigen::Vector3d middle = 0.5 * (rig.volume_low + rig.volume_high);
+  for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+    const data::RigCamera& camera = rig.cameras[c];
+    const auto j = static_cast<int>(c);
+    const double half = 0.5 * options.camera_odds;
+    out.push_back({CauseKind::kCamera, j, shifts.col(j), 1.0 * camera.pixels, half});
+    out.push_back({CauseKind::kCamera, j,
+                   Moved(camera, (middle - camera.p_WC).norm(),
+                         design.by_camera.middleCols(kParameters * j, kParameters)),
+                   1.0 * camera.pixels, half});
+  }
+  const double size = SizeOf(rig);
+  for (std::size_t i = 0; i < design.by_point.size(); ++i) {
+    out.push_back(
+        {CauseKind::kPoint, static_cast<int>(i), design.by_point[i], size, options.point_odds});
+  }
+  for (std::size_t r = 0; r < design.camera.size(); ++r) {
+    out.push_back({CauseKind::kReading, static_cast<int>(r),
+                   design.by_reading.col(static_cast<Eigen::Index>(r)),
+                   1.0 * rig.cameras[static_cast<std::size_t>(design.camera[r])].pixels,
+                   options.reading_odds});
+  }
+  out.push_back({CauseKind::kFrame, 0, design.by_frame, size, options.frame_odds});
+  return out;
+}
+
+}  // namespace unfurl::calib

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "calib/check.h"
+#include "calib/joint_test.h"
+#include "calib/observations.h"
+#include "data/rig.h"
+
+namespace unfurl::calib {
+
+// What a check's n linear combinations of data are from what the rig predicts, their covariance if
+// nothing is wrong, and what anything that is wrong adds to them.
+struct CheckDesign {
+  Eigen::VectorXd misfit;      // n
+  Eigen::MatrixXd covariance;  // n x n: readings with floors, calibration, survey or bar
+  // Of the m readings: which camera of the rig, which point (a bar's end).
+  std::vector<int> camera, point;
+  Eigen::MatrixXd by_reading;  // n x m [1/px]
+  Eigen::MatrixXd by_camera;   // n x 19 c, of the rig's parameters
+  // n x k for each surveyed point (k = 3) or placement of the bar (k = 1) [1/m].
+  std::vector<Eigen::MatrixXd> by_point;
+  // n x 6: all points moved and turned against the rig; n x 1: all lengths [1/m].
+  Eigen::MatrixXd by_frame;
+
+  // n x 1 for each camera of the rig: one pixel on all its readings.
+  Eigen::MatrixXd Shifts(std::size_t cameras) const;
+};
+
+// Cameras of the data, as the rig numbers them. Throws Error for one that the rig does not have.
+std::vector<std::size_t> MatchCameras(const data::Rig& rig, const Observations& data,
+                                      const std::string& where);
+
+// Of a reading by that camera of the rig, floor included [px^2].
+double ReadingVariance(const data::Rig& rig, std::size_t camera, double s_px);
+
+// Readings less what the rig predicts at the surveyed places. Throws Error for a point behind a
+// camera.
+CheckDesign DesignOfPoints(const data::Rig& rig, const Observations& data,
+                           const std::vector<std::size_t>& match, const std::string& where);
+
+// A bar's placements, two points each: what their readings and the length say beyond the two
+// places, which are free. `start` (3 x points) is where the search for them begins; NaN: not known.
+// A placement that its data do not check adds nothing.
+CheckDesign DesignOfBar(const data::Rig& rig, const Observations& data,
+                        const std::vector<std::size_t>& match, const Bar& bar,
+                        const Eigen::Matrix3Xd& start);
+
+// What may be wrong, with its odds.
+std::vector<Hypothesis> HypothesesOf(const data::Rig& rig, const CheckDesign& design,
+                                     const CheckOptions& options);
+
+}  // namespace unfurl::calib

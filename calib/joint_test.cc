@@ -1,0 +1,216 @@
+#include "calib/joint_test.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/statistics.h"
+
+namespace unfurl::calib {
+namespace {
+
+constexpr double kPower = 0.9;  // of ShownAmount, to be seen and to be told apart
+// Squared share of a shape that is left beside another one, or squared whitened effect: less is
+// rounding [-].
+constexpr double kNothing = 1e-9;
+
+// Of one of `tests` giving a p-value as small as p.
+double SidakChance(double p, double tests) { return -std::expm1(tests * std::log1p(-p)); }
+
+// log of the evidence for an effect over that for none, sizes integrated out.
+double LogGain(const Eigen::MatrixXd& W, const Eigen::VectorXd& y, double high) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(W.transpose() * W);
+  const Eigen::VectorXd b = eigen.eigenvectors().transpose() * (W.transpose() * y);
+  const double most = b.size() > 0 ? eigen.eigenvalues()(b.size() - 1) : 0.0;
+  if (!(most > kNothing)) return 0.0;
+  std::vector<double> gains;
+  for (double t = 1.0 / std::sqrt(most); t < 2.0 * high || gains.empty(); t *= 2.0) {
+    double gain = 0.0;
+    for (Eigen::Index k = 0; k < b.size(); ++k) {
+      const double ratio = t * t * std::max(0.0, eigen.eigenvalues()(k));
+      gain += 0.5 * (t * t * b(k) * b(k) / (1.0 + ratio) - std::log1p(ratio));
+    }
+    gains.push_back(gain);
+  }
+  const double best = *std::max_element(gains.begin(), gains.end());
+  double sum = 0.0;
+  for (const double gain : gains) sum += std::exp(gain - best);
+  return best + std::log(sum / static_cast<double>(gains.size()));
+}
+
+bool IsOf(const Hypothesis& hypothesis, const FoundCause& cause) {
+  return hypothesis.kind == cause.kind && hypothesis.index == cause.index;
+}
+
+// Orthonormal columns of what W spans.
+Eigen::MatrixXd Basis(const Eigen::MatrixXd& W) {
+  if (W.cols() == 0) return W;
+  const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(W);
+  return qr.householderQ() * Eigen::MatrixXd::Identity(W.rows(), qr.rank());
+}
+
+}  // namespace
+
+const char* Name(CauseKind kind) {
+  switch (kind) {
+    case CauseKind::kCamera:
+      return "camera";
+    case CauseKind::kPoint:
+      return "point";
+    case CauseKind::kReading:
+      return "reading";
+    case CauseKind::kFrame:
+      return "frame";
+  }
+  return "";
+}
+
+JointTest::JointTest(const Eigen::VectorXd& e, const Eigen::MatrixXd& C)
+    : root_(C.llt().matrixL()), white_(root_.triangularView<Eigen::Lower>().solve(e)) {}
+
+Eigen::MatrixXd JointTest::Whiten(const Eigen::MatrixXd& columns) const {
+  return root_.triangularView<Eigen::Lower>().solve(columns);
+}
+
+double JointTest::Chance() const {
+  return white_.size() == 0
+             ? 1.0
+             : ChiSquareTail(white_.squaredNorm(), static_cast<double>(white_.size()));
+}
+
+double JointTest::ChanceWithout(const Eigen::MatrixXd& free) const {
+  const Eigen::MatrixXd Q = Basis(Whiten(free));
+  const auto freedom = static_cast<double>(white_.size() - Q.cols());
+  if (!(freedom > 0.0)) return 1.0;
+  const double square = white_.squaredNorm() - (Q.transpose() * white_).squaredNorm();
+  return ChiSquareTail(std::max(0.0, square), freedom);
+}
+
+double JointTest::ScanChance(const Eigen::MatrixXd& shapes) const {
+  const Eigen::MatrixXd W = Whiten(shapes);
+  double least = 1.0, tried = 0.0;
+  for (Eigen::Index j = 0; j < W.cols(); ++j) {
+    const double norm = W.col(j).norm();
+    if (!(norm > 0.0)) continue;
+    const double along = W.col(j).dot(white_) / norm;
+    least = std::min(least, ChiSquareTail(along * along, 1.0));
+    tried += 1.0;
+  }
+  if (tried > 0.0) least = SidakChance(least, tried);
+  return SidakChance(std::min(least, Chance()), tried > 0.0 ? 2.0 : 1.0);
+}
+
+JointTest::Amount JointTest::AmountOf(const Eigen::VectorXd& shape) const {
+  const Eigen::VectorXd w = Whiten(shape);
+  const double information = w.squaredNorm();
+  if (!(information > 0.0)) return {0.0, std::numeric_limits<double>::infinity()};
+  return {w.dot(white_) / information, 1.0 / std::sqrt(information)};
+}
+
+double JointTest::ShownAmount(const Eigen::MatrixXd& shapes, Eigen::Index j, double level) const {
+  const Eigen::MatrixXd W = Whiten(shapes);
+  const double whole = W.col(j).squaredNorm(), rivals = static_cast<double>(W.cols() - 1);
+  double beside = whole;  // of it beside its nearest rival
+  for (Eigen::Index k = 0; k < W.cols(); ++k) {
+    const double norm = W.col(k).squaredNorm();
+    if (k == j || !(norm > 0.0)) continue;
+    const double mixed = W.col(j).dot(W.col(k));
+    beside = std::min(beside, whole - mixed * mixed / norm);
+  }
+  if (!(beside > kNothing * whole)) return std::numeric_limits<double>::infinity();
+  const double each = 1.0 - std::pow(1.0 - level, 0.5 / static_cast<double>(W.cols()));
+  const double seen = NormalQuantile(1.0 - 0.5 * each) + NormalQuantile(kPower);
+  // The two squared amounts differ by a^2 `beside` on average, with a scatter of 2 a sqrt(beside).
+  const double named = rivals > 0.0 ? 2.0 * NormalQuantile(1.0 - (1.0 - kPower) / rivals) : 0.0;
+  return std::max(seen / std::sqrt(whole), named / std::sqrt(beside));
+}
+
+// Weighs all hypotheses by the misfits that are left: the most probable cause and the next one.
+// Several hypotheses may be of one cause: a camera that is shifted, or moved at will.
+FoundCause JointTest::MostProbable(const std::vector<Hypothesis>& all,
+                                   const std::vector<Eigen::MatrixXd>& effects,
+                                   const Eigen::VectorXd& rest,
+                                   const std::vector<FoundCause>& known) const {
+  std::vector<double> log_weight;
+  std::vector<FoundCause> causes;
+  std::vector<std::size_t> cause_of;
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    auto cause = std::find_if(causes.begin(), causes.end(),
+                              [&](const FoundCause& c) { return IsOf(all[k], c); });
+    if (cause == causes.end()) cause = causes.insert(causes.end(), {all[k].kind, all[k].index});
+    cause_of.push_back(static_cast<std::size_t>(cause - causes.begin()));
+    const bool used = std::any_of(known.begin(), known.end(),
+                                  [&](const FoundCause& c) { return IsOf(all[k], c); });
+    log_weight.push_back(used ? -std::numeric_limits<double>::infinity()
+                              : std::log(all[k].odds) + LogGain(effects[k], rest, all[k].high));
+  }
+  const double best = *std::max_element(log_weight.begin(), log_weight.end());
+  double sum = 0.0;
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const double weight = std::exp(log_weight[k] - best);
+    causes[cause_of[k]].probability += weight;
+    sum += weight;
+  }
+  FoundCause out;
+  for (FoundCause& cause : causes) {
+    cause.probability /= sum;
+    if (cause.probability > out.probability) {
+      const FoundCause before = out;
+      out = cause;
+      cause = before;
+    }
+    if (cause.probability > out.other_probability) {
+      out.other_kind = cause.kind;
+      out.other_index = cause.index;
+      out.other_probability = cause.probability;
+    }
+  }
+  return out;
+}
+
+std::vector<FoundCause> JointTest::FindCauses(const std::vector<Hypothesis>& all, double enough,
+                                              std::size_t most, bool* explained) const {
+  std::vector<FoundCause> out;
+  std::vector<Eigen::MatrixXd> effects;
+  for (const Hypothesis& one : all) effects.push_back(Whiten(one.effect));
+  const std::vector<Eigen::MatrixXd> whole = effects;
+  // Orthonormal columns of whatever the causes do, but for one of them.
+  const auto free = [&](const FoundCause* but) {
+    Eigen::MatrixXd columns(white_.size(), 0);
+    for (std::size_t k = 0; k < all.size(); ++k) {
+      const bool in = std::any_of(out.begin(), out.end(), [&](const FoundCause& c) {
+        return &c != but && IsOf(all[k], c);
+      });
+      if (!in) continue;
+      columns.conservativeResize(Eigen::NoChange, columns.cols() + whole[k].cols());
+      columns.rightCols(whole[k].cols()) = whole[k];
+    }
+    return Basis(columns);
+  };
+  const auto chance = [&](const Eigen::MatrixXd& Q) {
+    const auto freedom = static_cast<double>(white_.size() - Q.cols());
+    const double square = white_.squaredNorm() - (Q.transpose() * white_).squaredNorm();
+    return freedom > 0.0 ? ChiSquareTail(std::max(0.0, square), freedom) : 0.0;
+  };
+  Eigen::VectorXd rest = white_;
+  *explained = false;
+  while (out.size() < most && !*explained) {
+    out.push_back(MostProbable(all, effects, rest, out));
+    const Eigen::MatrixXd Q = free(nullptr);
+    rest = white_ - Q * (Q.transpose() * white_);
+    for (Eigen::MatrixXd& effect : effects) effect -= Q * (Q.transpose() * effect).eval();
+    *explained = chance(Q) >= enough;
+  }
+  // One that was taken first for several together may have become needless.
+  for (std::size_t k = 0; *explained && out.size() > 1 && k < out.size();) {
+    if (chance(free(&out[k])) >= enough) {
+      out.erase(out.begin() + static_cast<std::ptrdiff_t>(k));
+    } else {
+      ++k;
+    }
+  }
+  return out;
+}
+
+}  // namespace unfurl::calib

@@ -1,0 +1,124 @@
+#include "calib/joint_test.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+
+#include "base/random.h"
+#include "base/statistics.h"
+
+namespace unfurl::calib {
+namespace {
+
+constexpr Eigen::Index kData = 24;
+
+Eigen::MatrixXd Draw(Eigen::Index rows, Eigen::Index columns, Rng* rng) {
+  Eigen::MatrixXd out(rows, columns);
+  for (double& x : out.reshaped()) x = rng->Normal();
+  return out;
+}
+
+struct World {
+  Eigen::MatrixXd root, C, shapes;
+  explicit World(Rng* rng) : root(0.1 * Draw(kData, kData, rng)) {
+    root += Eigen::MatrixXd::Identity(kData, kData);
+    C = root * root.transpose();
+    shapes = Draw(kData, 4, rng);
+  }
+  Eigen::VectorXd Noise(Rng* rng) const { return root * Draw(kData, 1, rng); }
+};
+
+// The p-value is below p in a share p of the draws, were nothing wrong; never much above, for the
+// tests that are made together are not independent.
+TEST(JointTest, PValuesAreWhatTheySay) {
+  Rng rng(5);
+  const World world(&rng);
+  constexpr int kDraws = 4000;
+  int scan = 0, whole = 0;
+  for (int k = 0; k < kDraws; ++k) {
+    const JointTest test(world.Noise(&rng), world.C);
+    scan += test.ScanChance(world.shapes) < 0.05 ? 1 : 0;
+    whole += test.Chance() < 0.05 ? 1 : 0;
+  }
+  const double sigma = std::sqrt(0.05 * 0.95 * kDraws);
+  EXPECT_NEAR(whole, 0.05 * kDraws, 4.0 * sigma);
+  EXPECT_LT(scan, 0.05 * kDraws + 4.0 * sigma);
+  EXPECT_GT(scan, 0.03 * kDraws);
+}
+
+// Leaving data free is leaving them out: against the chi-square of the rest, from its own block of
+// the covariance.
+TEST(JointTest, FreeDataAreLeftOut) {
+  Rng rng(6);
+  const World world(&rng);
+  const Eigen::VectorXd e = world.Noise(&rng);
+  const Eigen::MatrixXd free = Eigen::MatrixXd::Identity(kData, 5);
+  const Eigen::Index rest = kData - 5;
+  const Eigen::VectorXd tail = e.tail(rest);
+  const double square = tail.dot(world.C.bottomRightCorner(rest, rest).ldlt().solve(tail));
+  EXPECT_NEAR(JointTest(e, world.C).ChanceWithout(free),
+              ChiSquareTail(square, static_cast<double>(rest)), 1e-9);
+}
+
+// The amount is unbiased, scatters as it says, and the shift that is said to show is found nine
+// times in ten.
+TEST(JointTest, AmountsScatterAsTheySay) {
+  Rng rng(7);
+  const World world(&rng);
+  const Eigen::VectorXd shape = world.shapes.col(2);
+  constexpr int kDraws = 2000;
+  double sum = 0.0, squares = 0.0, found = 0.0, named = 0.0;
+  for (int k = 0; k < kDraws; ++k) {
+    const Eigen::VectorXd noise = world.Noise(&rng);
+    const JointTest quiet(noise, world.C);
+    const double amount = quiet.ShownAmount(world.shapes, 2, 0.01);
+    const JointTest test(noise + amount * shape, world.C);
+    const JointTest::Amount got = test.AmountOf(shape);
+    sum += (got.value - amount) / got.sigma;
+    squares += std::pow((got.value - amount) / got.sigma, 2);
+    found += test.ScanChance(world.shapes) < 0.01 ? 1.0 : 0.0;
+    Eigen::Index best = 0;
+    double most = 0.0;
+    for (Eigen::Index j = 0; j < 4; ++j) {
+      const auto other = test.AmountOf(world.shapes.col(j));
+      if (std::abs(other.value) > most * other.sigma) {
+        most = std::abs(other.value) / other.sigma;
+        best = j;
+      }
+    }
+    named += best == 2 ? 1.0 : 0.0;
+  }
+  EXPECT_NEAR(sum / kDraws, 0.0, 4.0 / std::sqrt(kDraws));
+  EXPECT_NEAR(squares / kDraws, 1.0, 4.0 * std::sqrt(2.0 / kDraws));
+  EXPECT_GT(found / kDraws, 0.87);
+  EXPECT_GT(named / kDraws, 0.87);
+}
+
+// Two things wrong at once, of different kinds.
+TEST(JointTest, CausesAreFoundOneAfterTheOther) {
+  Rng rng(8);
+  const World world(&rng);
+  std::vector<Hypothesis> all;
+  for (int j = 0; j < 4; ++j) {
+    all.push_back({CauseKind::kCamera, j, world.shapes.col(j), 1e4, 0.05});
+  }
+  for (int r = 0; r < kData; ++r) {
+    all.push_back({CauseKind::kReading, r, Eigen::VectorXd::Unit(kData, r), 1e4, 0.01});
+  }
+  const Eigen::VectorXd e =
+      world.Noise(&rng) + 30.0 * world.shapes.col(1) + 100.0 * Eigen::VectorXd::Unit(kData, 7);
+  bool explained = false;
+  const auto found = JointTest(e, world.C).FindCauses(all, 0.01, 3, &explained);
+  EXPECT_TRUE(explained);
+  ASSERT_EQ(found.size(), 2U);
+  const bool camera_first = found[0].kind == CauseKind::kCamera;
+  const FoundCause &camera = found[camera_first ? 0 : 1], &reading = found[camera_first ? 1 : 0];
+  EXPECT_EQ(camera.kind, CauseKind::kCamera);
+  EXPECT_EQ(camera.index, 1);
+  EXPECT_EQ(reading.kind, CauseKind::kReading);
+  EXPECT_EQ(reading.index, 7);
+}
+
+}  // namespace
+}  // namespace unfurl::calib
