@@ -17,6 +17,12 @@
 #include "base/error.h"
 #include "base/progress.h"
 
+#if defined(__has_feature)
+#define UNFURL_CLANG_SANITIZES (__has_feature(address_sanitizer) || __has_feature(thread_sanitizer))
+#else
+#define UNFURL_CLANG_SANITIZES 0
+#endif
+
 namespace unfurl {
 
 namespace {
@@ -56,17 +62,25 @@ void OnAlarm(int) {
 }
 
 // Memory may run out where nothing can be thrown: in a destructor of a library (that of a JSON
-// value allocates), or in a thread of one. That is the machine's refusal, too.
+// value allocates), or in a thread of one; and a library may be left with half a value, which its
+// destructor breaks on. That is the machine's refusal, too.
+std::atomic<bool> g_memory_refused{false};
+
+void OnMemoryRefused() {
+  g_memory_refused = true;
+  throw std::bad_alloc();
+}
+
+// Only what may be called from a handler.
+[[noreturn]] void EndWithoutMemory() {
+  RemoveTemporaries();
+  constexpr char kWords[] = "unfurl: the machine has not enough memory for this\n";
+  if (write(STDERR_FILENO, kWords, sizeof kWords - 1) < 0) _exit(kExitMachine);
+  _exit(kExitMachine);
+}
+
 [[noreturn]] void OnTerminate() {
-  try {
-    if (std::current_exception() != nullptr) std::rethrow_exception(std::current_exception());
-  } catch (const std::bad_alloc&) {
-    RemoveTemporaries();
-    constexpr char kWords[] = "unfurl: the machine has not enough memory for this\n";
-    if (write(STDERR_FILENO, kWords, sizeof kWords - 1) < 0) _exit(kExitMachine);
-    _exit(kExitMachine);
-  } catch (...) {
-  }
+  if (g_memory_refused) EndWithoutMemory();
   std::abort();
 }
 
@@ -85,6 +99,7 @@ void WriteWords(const char* words, bool of_a_file = false) {
 }
 
 void OnCrash(int) {
+  if (g_memory_refused) EndWithoutMemory();
   RemoveTemporaries();
   WriteWords("unfurl: ");
   if (const char* path = t_reading) {
@@ -100,7 +115,7 @@ void OnCrash(int) {
 
 // On a stack of its own, for the one that has run out.
 void InstallCrashHandler() {
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__) && !UNFURL_CLANG_SANITIZES
   static char stack[1 << 16];
   stack_t own = {};
   own.ss_sp = stack;
@@ -156,6 +171,7 @@ ReadsForeign::ReadsForeign(const char* path) : before_(t_reading) { t_reading = 
 ReadsForeign::~ReadsForeign() { t_reading = before_; }
 
 void InstallInterruptHandler() {
+  std::set_new_handler(OnMemoryRefused);
   std::set_terminate(OnTerminate);
   InstallCrashHandler();
   struct sigaction action = {};

@@ -15,6 +15,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/folder.h"
 #include "base/progress.h"
 #include "base/signals.h"
 #include "data/inputs.h"
@@ -84,16 +85,15 @@ void RefuseInput(const std::string& path) {
 // Programs that were killed leave their temporaries behind: unlocked, and not just made.
 void RemoveStale(const std::string& folder, const std::string& result) {
   constexpr std::time_t kYoung = 10;  // [s], between making and locking
-  std::error_code failed;
-  for (const auto& entry : std::filesystem::directory_iterator(folder, failed)) {
-    const std::string path = entry.path().string();
-    if (!IsTemporaryOf(entry.path().filename().string(), result) || IsInput(path)) continue;
-    const int fd = open(entry.path().c_str(), O_RDWR | O_NOFOLLOW | O_CLOEXEC);
+  for (const std::string& name : NamesIn(folder)) {
+    const std::string path = (std::filesystem::path(folder) / name).string();
+    if (!IsTemporaryOf(name, result) || IsInput(path)) continue;
+    const int fd = open(path.c_str(), O_RDWR | O_NOFOLLOW | O_CLOEXEC);
     if (fd < 0) continue;
     struct stat info = {};
     if (fstat(fd, &info) == 0 && S_ISREG(info.st_mode) &&
         std::time(nullptr) - info.st_mtime > kYoung && Lock(fd)) {
-      unlink(entry.path().c_str());
+      unlink(path.c_str());
     }
     close(fd);
   }

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "base/error.h"
+#include "base/folder.h"
 #include "base/text.h"
 #include "data/lab.h"
 #include "data/toml.h"
@@ -24,28 +25,17 @@ std::vector<std::string> FilesOf(const TomlTable& table, const char* key, const 
   for (const std::string& name : table.Strings(key)) {
     const fs::path path = fs::path(name).is_absolute() ? fs::path(name) : folder / name;
     const std::string last = path.filename().string();
-    const std::size_t star = last.find('*');
-    if (star == std::string::npos) {
+    if (last.find('*') == std::string::npos) {
       if (std::error_code failed; !fs::is_regular_file(path, failed)) {
         table.Fail(key, fmt::format("there is no file '{}'", path.string()), "check the name");
       }
       names.push_back(path.string());
       continue;
     }
-    const std::string before = last.substr(0, star), after = last.substr(star + 1);
-    std::vector<std::string> found;
-    std::error_code ignored;
-    for (const auto& entry : fs::directory_iterator(path.parent_path(), ignored)) {
-      const std::string here = entry.path().filename().string();
-      if (here.size() >= before.size() + after.size() && here.starts_with(before) &&
-          here.ends_with(after) && entry.is_regular_file(ignored)) {
-        found.push_back(entry.path().string());
-      }
-    }
+    const std::vector<std::string> found = FilesLike(path.string());
     if (found.empty()) {
       table.Fail(key, fmt::format("no file is named like '{}'", path.string()), "check the name");
     }
-    std::sort(found.begin(), found.end());
     names.insert(names.end(), found.begin(), found.end());
   }
   if (names.empty()) table.Fail(key, "names no file", "list the files in order");

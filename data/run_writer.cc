@@ -235,7 +235,8 @@ RunLayout LayoutOf(const Run& run) {
   for (const auto& [name, quantity] : event_data) layout.event_data.push_back(quantity);
   layout.summary = run.summary_quantities;
   for (const auto& [name, value] : run.summary) {
-    const auto same = [&](const Quantity& q) { return q.name == name; };
+    const std::string& wanted = name;  // clang 14 captures no structured binding
+    const auto same = [&](const Quantity& q) { return q.name == wanted; };
     if (std::none_of(layout.summary.begin(), layout.summary.end(), same)) {
       layout.summary.push_back({name, "1", ""});
     }

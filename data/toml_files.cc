@@ -11,6 +11,7 @@
 #include <string_view>
 
 #include "base/error.h"
+#include "base/folder.h"
 #include "base/text.h"
 #include "data/atomic_file.h"
 #include "data/toml_include.h"
@@ -62,20 +63,11 @@ class Finder {
     }
     const fs::path path = folder / name;
     const std::string last = path.filename().string();
-    const std::size_t star = last.find('*');
     std::error_code failed;
-    if (star == std::string::npos) {
-      if (fs::is_regular_file(path, failed)) Add(path.string(), where);
-      return;
-    }
-    const std::string before = last.substr(0, star), after = last.substr(star + 1);
-    for (const auto& entry : fs::directory_iterator(
-             path.has_parent_path() ? path.parent_path() : fs::path("."), failed)) {
-      const std::string here = entry.path().filename().string();
-      if (here.size() >= before.size() + after.size() && here.starts_with(before) &&
-          here.ends_with(after) && entry.is_regular_file(failed)) {
-        Add(entry.path().string(), where);
-      }
+    if (last.find('*') != std::string::npos) {
+      for (const std::string& file : FilesLike(path.string())) Add(file, where);
+    } else if (fs::is_regular_file(path, failed)) {
+      Add(path.string(), where);
     }
   }
 

@@ -18,6 +18,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/folder.h"
 #include "base/subprocess.h"
 #include "base/text.h"
 #include "correlate/sampled_model.h"
@@ -50,20 +51,20 @@ int LockFolder(const fs::path& path) {
 void RemoveStaleScratch(const fs::path& where) {
   constexpr std::time_t kYoung = 10;  // [s], between making and locking
   std::error_code failed;
-  for (const auto& entry : fs::directory_iterator(where, failed)) {
-    const std::string name = entry.path().filename().string();
+  for (const std::string& name : NamesIn(where.string())) {
     if (!name.starts_with(kScratchHead) ||
         name.size() != sizeof kScratchHead - 1 + kScratchLetters) {
       continue;
     }
-    const int folder = LockFolder(entry.path());
+    const fs::path scratch = where / name;
+    const int folder = LockFolder(scratch);
     if (folder < 0) continue;
     struct stat info = {};
     const bool made_here =
-        fs::exists(entry.path() / kParametersFile, failed) || fs::is_empty(entry.path(), failed);
+        fs::exists(scratch / kParametersFile, failed) || fs::is_empty(scratch, failed);
     if (made_here && fstat(folder, &info) == 0 && info.st_uid == geteuid() &&
         std::time(nullptr) - info.st_mtime > kYoung) {
-      fs::remove_all(entry.path(), failed);
+      fs::remove_all(scratch, failed);
     }
     close(folder);
   }

@@ -69,7 +69,10 @@ bool IsFile(int file) {
 }  // namespace
 
 void* operator new(std::size_t size) {
-  if (Fails("new")) throw std::bad_alloc();
+  if (Fails("new")) {
+    if (const std::new_handler refused = std::get_new_handler()) refused();
+    throw std::bad_alloc();
+  }
   if (void* memory = malloc(size > 0 ? size : 1)) return memory;
   throw std::bad_alloc();
 }
