@@ -8,6 +8,7 @@
 #include "base/number.h"
 #include "base/text.h"
 #include "cli/comparison_panels.h"
+#include "cli/motion_panel.h"
 #include "correlate/compare/comparison.h"
 #include "report/page.h"
 
@@ -256,6 +257,28 @@ void AddComparisonPanels(const correlate::Comparison& c, report::Page* page) {
   AddModePanels(c, page);
 }
 
+namespace {
+
+// The reference in motion, by the record's clock, and the measured marks over it.
+void AddMovingPicture(const correlate::Comparison& c, report::Page* page) {
+  std::optional<report::Motion> motion;
+  if (c.reference_is_run) {
+    motion = MotionOfRun(data::RunReader(c.reference), c.marks, c.alignment.at.offset);
+  }
+  if (motion) {
+    motion->title = "Both in motion";
+    motion->note =
+        "Lines and discs are simulated, rings measured, in the model's plane; between two measured "
+        "samples a ring goes straight.";
+    AddMeasured(c, &*motion);
+  } else {
+    motion = MotionOfMarks(c);
+  }
+  if (motion) page->AddMotion(*motion);
+}
+
+}  // namespace
+
 void WriteComparisonPage(const std::string& path, const correlate::Comparison& c,
                          const data::Provenance& provenance) {
   report::Page page("Correlation", c.record + " against " + c.reference);
@@ -273,9 +296,12 @@ void WriteComparisonPage(const std::string& path, const correlate::Comparison& c
          {"time offset", NumberWithError(a.at.offset, a.Sigma("time offset")) + " s", "",
           report::Level::kNeutral},
          {"across the plane, RMS", LengthText(all.rmse_across),
-          "mean " + LengthText(all.bias_across), report::Level::kNeutral},
+          fmt::format("mean {:+.2f} {}", UnitFor(all.rmse_across).per_metre * all.bias_across,
+                      UnitFor(all.rmse_across).name),
+          report::Level::kNeutral},
          {"motion explained", fmt::format("{:.3f} %", 100.0 * a.r2), "R squared of the positions",
           report::Level::kNeutral}});
+    AddMovingPicture(c, &page);
     AddComparisonPanels(c, &page);
   }
   page.AddOrigin(provenance);

@@ -9,6 +9,7 @@
 #include "base/number.h"
 #include "cli/comparison_panels.h"
 #include "cli/ladder_panel.h"
+#include "cli/motion_panel.h"
 #include "report/page.h"
 
 namespace unfurl::cli {
@@ -389,7 +390,10 @@ void WriteFitPage(const std::string& path, const FitPageInput& in) {
   if (in.record.measured.cols() > 0) {
     AddParameters(in, &page);
     AddProfiles(in, &page);
-    if (!in.comparison.errors.empty()) AddComparisonPanels(in.comparison, &page);
+    if (!in.comparison.errors.empty()) {
+      if (const auto motion = MotionOfMarks(in.comparison)) page.AddMotion(*motion);
+      AddComparisonPanels(in.comparison, &page);
+    }
     AddLadder(in.record, &page);
     AddModelError(in, &page);
     AddResiduals(in, &page);

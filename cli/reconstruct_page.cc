@@ -8,6 +8,7 @@
 
 #include "base/length.h"
 #include "base/text.h"
+#include "cli/motion_panel.h"
 #include "report/page.h"
 
 namespace unfurl::cli {
@@ -143,8 +144,40 @@ void AddTracks(const ReconstructPageInput& in, report::Page* page) {
   page->AddTimeSeries(std::move(sigma));
 }
 
+// Over the two axes along which the marks move farthest.
+void AddMotion(const ReconstructPageInput& in, report::Page* page) {
+  const char* axes[] = {"x", "y", "z"};
+  std::array<double, 3> range{};
+  for (std::size_t k = 0; k < 3; ++k) {
+    double low = HUGE_VAL, high = -HUGE_VAL;
+    for (const TracksDigest::Dots& dots : in.digest->dots) {
+      for (const double p : dots.p[k]) {
+        if (!std::isfinite(p)) continue;
+        low = std::min(low, p);
+        high = std::max(high, p);
+      }
+    }
+    range[k] = high - low;
+  }
+  const std::size_t least =
+      static_cast<std::size_t>(std::min_element(range.begin(), range.end()) - range.begin());
+  const std::size_t a = least == 0 ? 1 : 0, b = least == 2 ? 1 : 2;
+  report::Motion motion;
+  motion.title = "The marks in motion";
+  motion.note = "Between two samples a ring goes straight.";
+  motion.x = {axes[a], "m", false};
+  motion.y = {axes[b], "m", false};
+  for (std::size_t m = 0; m < in.digest->marks.size(); ++m) {
+    const TracksDigest::Dots& dots = in.digest->dots[m];
+    motion.marks.push_back(
+        {in.digest->marks[m], true, dots.t, dots.p[a], dots.p[b], static_cast<int>(m)});
+  }
+  if (SpanFrames(&motion)) page->AddMotion(motion);
+}
+
 void AddViews(const ReconstructPageInput& in, report::Page* page) {
   page->AddSection("Where that was", "Views along the axes of the rig's frame, with the cameras.");
+  AddMotion(in, page);
   const std::array<std::pair<std::size_t, std::size_t>, 2> planes = {{{0, 1}, {0, 2}}};
   const char* axes[] = {"x", "y", "z"};
   for (const auto& [a, b] : planes) {

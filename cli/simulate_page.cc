@@ -6,6 +6,7 @@
 #include <cmath>
 #include <optional>
 
+#include "cli/motion_panel.h"
 #include "report/page.h"
 
 namespace unfurl::cli {
@@ -27,6 +28,7 @@ class RunColumns {
  public:
   explicit RunColumns(const std::string& path) : reader_(path) {}
 
+  const data::RunReader& reader() const { return reader_; }
   bool Has(const std::string& name) const { return reader_.file().Has("/series/" + name); }
 
   // The least and the largest value of every bucket in time order, so that no peak is lost.
@@ -83,8 +85,8 @@ class Composer {
     AddWords();
     AddFigures();
     AddJointTable();
-    AddJoints();
     AddMotion();
+    AddJoints();
     AddEnergies();
     AddCost();
     page_.AddOrigin(provenance_);
@@ -272,12 +274,14 @@ class Composer {
 
   void AddMotion() {
     page_.AddSection("Motion");
+    const std::vector<std::string> marks = in_.recorder.observables().marks();
+    if (const auto motion = MotionOfRun(run_.reader(), marks)) page_.AddMotion(*motion);
     report::Paths paths;
     paths.title = "Paths of the marks";
     paths.note = "A ring at the start, a disc at the end.";
     paths.x = {"x", "m", false};
     paths.y = {"y", "m", false};
-    for (const std::string& mark : in_.recorder.observables().marks()) {
+    for (const std::string& mark : marks) {
       if (paths.paths.size() == kMostCurves) break;
       report::Path path;
       path.name = mark;

@@ -27,6 +27,16 @@ std::size_t Rows(const H5Reader& file, const std::vector<std::string>& datasets,
   return least;
 }
 
+// Of a run that did not end: rows before the first that has no number, which was never written. It
+// is sought in the last block alone: what came before the last flush is there.
+std::size_t Written(const H5Reader& file, const std::string& at, std::size_t rows) {
+  const std::size_t count = std::min(rows, kBlockRows), first = rows - count;
+  std::vector<double> tail(count);
+  if (count > 0) file.ReadRows(at, first, count, std::span<double>(tail));
+  const auto none = std::find_if(tail.begin(), tail.end(), [](double v) { return std::isnan(v); });
+  return first + static_cast<std::size_t>(none - tail.begin());
+}
+
 }  // namespace
 
 RunReader::RunReader(const std::string& path) : file_(path, kRunSchema, kRunVersion) {
@@ -41,6 +51,8 @@ RunReader::RunReader(const std::string& path) : file_(path, kRunSchema, kRunVers
     quantities_.push_back({name, file_.Units(datasets.back()), file_.Description(datasets.back())});
   }
   samples_ = Rows(file_, datasets, ended_);
+  if (ended_) return;
+  for (const std::string& at : datasets) samples_ = Written(file_, at, samples_);
 }
 
 void RunReader::Read(std::size_t first, std::size_t count, std::vector<double>* t,
@@ -87,13 +99,20 @@ RunInMemory::RunInMemory(const RunLayout& layout) {
   run_.columns.resize(layout.quantities.size());
   run_.marks = layout.marks;
   run_.summary_quantities = layout.summary;
-  for (const BeamShape& shape : layout.shapes) run_.shapes.push_back({shape.name, shape.at, {}});
+  for (const BeamShape& shape : layout.shapes) {
+    run_.shapes.push_back({shape.name, shape.at, {}, shape.kind});
+  }
   for (const auto& [name, text] : layout.text) SetText(name, text);
 }
 
 void RunInMemory::Append(double t, std::span<const double> values) {
   run_.t.push_back(t);
   for (std::size_t q = 0; q < values.size(); ++q) run_.columns[q].push_back(values[q]);
+}
+
+const char* ShapeGroup(ShapeKind kind) {
+  constexpr const char* kGroups[] = {"/beam_shape", "/outline", "/pin"};
+  return kGroups[static_cast<int>(kind)];
 }
 
 void RunInMemory::AppendShapes(double t, std::span<const double> points) {
@@ -115,7 +134,8 @@ void ReadEvents(const H5Reader& file, bool ended, Run* run) {
   std::vector<std::string> datasets = {"/events/t", "/events/kind", "/events/where"};
   const std::vector<std::string> names = file.Children("/events/data");
   for (const std::string& name : names) datasets.push_back("/events/data/" + name);
-  const std::size_t rows = Rows(file, datasets, ended);
+  std::size_t rows = Rows(file, datasets, ended);
+  if (!ended) rows = Written(file, "/events/t", rows);
   const std::vector<double> times = file.ReadDoubles("/events/t", "s");
   const std::vector<std::string> kinds = file.ReadStrings("/events/kind");
   const std::vector<std::string> places = file.ReadStrings("/events/where");
@@ -131,24 +151,38 @@ void ReadEvents(const H5Reader& file, bool ended, Run* run) {
 }
 
 void ReadShapes(const H5Reader& file, bool ended, Run* run) {
-  if (!file.Has("/beam_shape_t")) return;
-  std::vector<std::string> datasets = {"/beam_shape_t"};
-  const std::vector<std::string> names = file.Children("/beam_shape");
-  for (const std::string& name : names) datasets.push_back("/beam_shape/" + name);
-  const std::size_t rows = Rows(file, datasets, ended);
-  run->shape_t = file.ReadDoubles("/beam_shape_t", "s");
+  if (!file.Has(kShapeTime)) return;
+  std::vector<std::string> datasets = {kShapeTime};
+  constexpr ShapeKind kKinds[] = {ShapeKind::kBeam, ShapeKind::kBody, ShapeKind::kPin};
+  for (const ShapeKind kind : kKinds) {
+    const std::string group = ShapeGroup(kind);
+    if (!file.Has(group)) continue;  // of earlier versions
+    for (const std::string& name : file.Children(group)) {
+      datasets.push_back(group + "/" + name);
+      run->shapes.push_back({name, {}, {}, kind});
+    }
+  }
+  std::size_t rows = Rows(file, datasets, ended);
+  if (!ended) rows = Written(file, kShapeTime, rows);
+  run->shape_t = file.ReadDoubles(kShapeTime, "s");
   run->shape_t.resize(rows);
-  for (const std::string& name : names) {
-    const std::string at = "/beam_shape/" + name;
-    BeamMotion beam{name, file.ReadDoubles("/beam_place/" + name, "m"), {}};
+  for (std::size_t i = 0; i < run->shapes.size(); ++i) {
+    BeamMotion& shape = run->shapes[i];
+    const std::string& at = datasets[i + 1];
     const std::vector<std::size_t> dims = file.Dims(at);
-    if (dims.size() != 3 || dims[1] != beam.at.size() || dims[2] != 2) {
-      file.Fail(fmt::format("does not hold x, y of {} points", beam.at.size()), at,
+    if (dims.size() != 3 || dims[2] != 2) {
+      file.Fail("does not hold x, y of points in time", at, "make the file again");
+    }
+    shape.at.assign(dims[1], 0.0);
+    if (shape.kind == ShapeKind::kBeam) {
+      shape.at = file.ReadDoubles("/beam_place/" + shape.name, "m");
+    }
+    if (shape.at.size() != dims[1]) {
+      file.Fail(fmt::format("does not hold x, y of {} points", shape.at.size()), at,
                 "make the file again");
     }
-    beam.xy = file.ReadDoubles(at, "m");
-    beam.xy.resize(rows * dims[1] * dims[2]);
-    run->shapes.push_back(std::move(beam));
+    shape.xy = file.ReadDoubles(at, "m");
+    shape.xy.resize(rows * dims[1] * dims[2]);
   }
 }
 

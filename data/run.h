@@ -30,10 +30,17 @@ struct RunEvent {
   std::map<std::string, double> data;  // by name with unit: "theta_rate [rad/s]"
 };
 
-// A beam whose centre line is kept at a rate of its own.
+// What is kept for pictures, at a rate of its own.
+enum class ShapeKind {
+  kBeam,  // a centre line
+  kBody,  // lines from its centre of mass to each point at which something holds on to it, and back
+  kPin,   // a joint's place, one point
+};
 struct BeamShape {
   std::string name;
-  std::vector<double> at;  // places of the points, from the beam's start at rest [m]
+  // Of a beam: places of the points, from its start at rest [m]; else as many zeros as points.
+  std::vector<double> at;
+  ShapeKind kind = ShapeKind::kBeam;
 };
 
 // Everything a run will hold, declared before its first sample.
@@ -103,11 +110,12 @@ class RunWriter : public RunSink {
   std::unique_ptr<Impl> impl_;
 };
 
-/// The centre line of one beam, as it was kept.
+/// A beam, a body or a pin in time, as it was kept.
 struct BeamMotion {
   std::string name;
-  std::vector<double> at;  ///< places of its k points, from the beam's start at rest [m]
+  std::vector<double> at;  ///< by point, k of them, see BeamShape [m]
   std::vector<double> xy;  ///< x, y of every point at every time of Run::shape_t, s x k x 2 [m]
+  ShapeKind kind = ShapeKind::kBeam;
 };
 
 // A simulated motion in memory: n samples of q quantities.
@@ -121,7 +129,7 @@ struct Run {
   std::vector<Quantity> summary_quantities;  // units and descriptions of those that may be there
   std::map<std::string, std::string> text;
   std::vector<double> shape_t;     // s [s]; none: no shapes were kept, or they were not read
-  std::vector<BeamMotion> shapes;  // by beam
+  std::vector<BeamMotion> shapes;  // beams first, then bodies, then pins
 
   int Find(const std::string& name) const;                           // -1 when absent
   const std::vector<double>& Column(const std::string& name) const;  // throws Error when absent
@@ -143,8 +151,12 @@ class RunInMemory : public RunSink {
   Run run_;
 };
 
-// Of a run that did not end: as much as all its series have. `with_shapes`: the beams' too, which
-// may be most of the file.
+/// Group of a run's file in which shapes of this kind stand: "/beam_shape", "/outline", "/pin".
+const char* ShapeGroup(ShapeKind kind);
+inline constexpr char kShapeTime[] = "/beam_shape_t";
+
+// Of a run that did not end: as much as all its series have. `with_shapes`: those too, which may be
+// most of the file.
 Run ReadRun(const std::string& path, bool with_shapes = false);
 // The file that ReadRun reads, whole or not at all.
 void WriteRun(const std::string& path, const Run& run, const Provenance& provenance);

@@ -78,11 +78,16 @@ struct RunWriter::Impl {
     for (const BeamShape& shape : layout.shapes) numbers += 2 * shape.at.size();
     shapes_per_chunk = std::max<std::size_t>(1, RowsPerChunk(numbers) / 16);
     if (layout.shapes.empty()) return;
-    shape_t = file.Series({"/beam_shape_t", "s", "time of the beams' shapes"}, H5Type::kDouble, {},
-                          shapes_per_chunk);
+    shape_t =
+        file.Series({kShapeTime, "s", "time of the shapes"}, H5Type::kDouble, {}, shapes_per_chunk);
     for (const BeamShape& shape : layout.shapes) {
-      shapes.push_back(file.Series({"/beam_shape/" + shape.name, "m", "x, y of the centre line"},
+      constexpr const char* kWhat[] = {
+          "x, y of the centre line", "x, y of lines from the centre of mass to what holds on to it",
+          "x, y of the joint"};
+      shapes.push_back(file.Series({fmt::format("{}/{}", ShapeGroup(shape.kind), shape.name), "m",
+                                    kWhat[static_cast<int>(shape.kind)]},
                                    H5Type::kDouble, {shape.at.size(), 2}, shapes_per_chunk));
+      if (shape.kind != ShapeKind::kBeam) continue;
       file.Write({"/beam_place/" + shape.name, "m", "places of its points along the beam"},
                  std::span<const double>(shape.at));
     }
@@ -226,7 +231,9 @@ RunLayout LayoutOf(const Run& run) {
   RunLayout layout;
   layout.quantities = run.quantities;
   layout.marks = run.marks;
-  for (const BeamMotion& beam : run.shapes) layout.shapes.push_back({beam.name, beam.at});
+  for (const BeamMotion& beam : run.shapes) {
+    layout.shapes.push_back({beam.name, beam.at, beam.kind});
+  }
   std::map<std::string, Quantity> event_data;
   for (const RunEvent& event : run.events) {
     layout.event_places.push_back(event.where);

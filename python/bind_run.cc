@@ -77,7 +77,8 @@ py::tuple Pickle(const Run& run) {
     summary_quantities.append(py::make_tuple(q.name, q.units, q.description));
   }
   for (const data::BeamMotion& beam : d.shapes) {
-    shapes.append(py::make_tuple(beam.name, Owned(beam.at), Owned(beam.xy)));
+    shapes.append(
+        py::make_tuple(beam.name, Owned(beam.at), Owned(beam.xy), static_cast<int>(beam.kind)));
   }
   return py::make_tuple(Owned(d.t), quantities, columns, d.marks, py::cast(d.events), d.summary,
                         d.text, StateOf(run.sources), summary_quantities, Owned(d.shape_t), shapes);
@@ -104,8 +105,9 @@ std::shared_ptr<Run> Unpickle(const py::tuple& state) {
   d.shape_t = NumbersFrom(state[9], "shape_t");
   for (const py::handle& beam : state[10]) {
     const auto parts = beam.cast<py::tuple>();
-    d.shapes.push_back(
-        {parts[0].cast<std::string>(), NumbersFrom(parts[1], "at"), NumbersFrom(parts[2], "xy")});
+    d.shapes.push_back({parts[0].cast<std::string>(), NumbersFrom(parts[1], "at"),
+                        NumbersFrom(parts[2], "xy"),
+                        static_cast<data::ShapeKind>(parts[3].cast<int>())});
   }
   return run;
 }
@@ -115,6 +117,7 @@ std::map<std::string, py::array_t<double>> Shapes(const py::object& self) {
   const data::Run& run = self.cast<Run&>().data;
   std::map<std::string, py::array_t<double>> out;
   for (const data::BeamMotion& beam : run.shapes) {
+    if (beam.kind != data::ShapeKind::kBeam) continue;
     const py::array flat = View(beam.xy, self);
     out[beam.name] = flat.attr("reshape")(run.shape_t.size(), beam.at.size(), 2);
   }

@@ -11,5 +11,6 @@ extern const std::string_view kSynchronizerScript;  // dygraphs' own extra: zoom
 extern const std::string_view kDygraphsStyle;
 extern const std::string_view kPageScript;
 extern const std::string_view kPageStyle;
+extern const std::string_view kMotionScript;
 
 }  // namespace unfurl::report

@@ -11,6 +11,7 @@
 #include "report/chart.h"
 #include "report/escape.h"
 #include "report/map.h"
+#include "report/motion.h"
 #include "report/paths.h"
 
 namespace unfurl::report {
@@ -135,6 +136,7 @@ void Page::AddTable(const Table& table) {
 
 void Page::AddTimeSeries(Chart chart) {
   if (chart.group.empty()) chart.group = "time";
+  if (chart.x.label.empty()) chart.x = {"time", "s", chart.x.log};
   AddChart(chart);
 }
 
@@ -156,6 +158,11 @@ void Page::AddPaths(const Paths& paths) {
 void Page::AddMap(const Map& map) {
   body_ += "<figure class=\"panel paths\">\n" + Heading(map.title, map.note) + MapSvg(map) +
            "</figure>\n";
+}
+
+void Page::AddMotion(const Motion& motion) {
+  body_ += MotionHtml(motion, fmt::format("motion{}", motions_));
+  ++motions_;
 }
 
 void Page::AddPicture(const std::string& title, const std::string& note,
@@ -187,7 +194,7 @@ std::string Page::Html() const {
           EscapeHtml(title_) + "</h1>\n";
   if (!subtitle_.empty()) html += "<p>" + EscapeHtml(subtitle_) + "</p>\n";
   html += "</header>\n<main>\n";
-  if (charts_ > 0) {
+  if (charts_ + motions_ > 0) {
     html +=
         "<noscript><section class=\"panel\">The charts need scripts, which this browser has "
         "switched off; words, tables and still pictures are all here.</section></noscript>\n";
@@ -217,6 +224,7 @@ std::string Page::Html() const {
     html += kPageScript;
     html += "</script>\n";
   }
+  if (motions_ > 0) html += "<script>\n" + std::string(kMotionScript) + "</script>\n";
   html += "</body>\n</html>\n";
   return html;
 }

@@ -121,6 +121,8 @@ struct Map {
   std::vector<MapPane> panes;
 };
 
+struct Motion;  // report/motion.h
+
 class Page {
  public:
   explicit Page(std::string title, std::string subtitle = {});
@@ -137,6 +139,7 @@ class Page {
   void AddChart(const Chart& chart);
   void AddPaths(const Paths& paths);
   void AddMap(const Map& map);
+  void AddMotion(const Motion& motion);  // its time is that of the charts of time
   // `png` are the bytes of a PNG file; `alternative` says in words what it shows.
   void AddPicture(const std::string& title, const std::string& note,
                   std::span<const std::uint8_t> png, const std::string& alternative);
@@ -156,6 +159,7 @@ class Page {
   std::string body_;
   std::vector<std::pair<std::string, std::string>> origin_;
   int charts_ = 0;
+  int motions_ = 0;
 };
 
 }  // namespace unfurl::report

@@ -117,8 +117,8 @@
       xLabelHeight: 20,
       yLabelWidth: 20,
       axisLabelFontSize: 12,
-      axisLineColor: '#888',
-      gridLineColor: '#dfe3e8',
+      axisLineColor: tone('--soft'),
+      gridLineColor: tone('--line'),
       highlightCircleSize: 3,
       animatedZooms: false,
       yRangePad: 8 + (data.markers.length ? 20 : 0),
@@ -148,6 +148,10 @@
     });
   }
 
+  function tone(name) {
+    return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+  }
+
   var charts = {};
   var groups = {};
   document.querySelectorAll('script.chart-data').forEach(function (block) {
@@ -162,6 +166,7 @@
       Dygraph.synchronize(groups[name], {zoom: true, range: false, selection: false});
     }
   });
+  window.unfurlCharts = groups;  // by name, for what moves with them
   document.querySelectorAll('button.key').forEach(function (key) {
     key.addEventListener('click', function () {
       var chart = charts[key.dataset.plot];

@@ -148,10 +148,11 @@ void AddErrorReasons(Comparison* c) {
   c->reasons.push_back(fmt::format("Farthest apart is {}: {} RMS, {} at most, at {:.3f} s.",
                                    worst->mark, LengthText(worst->rmse), LengthText(worst->largest),
                                    worst->largest_at));
-  c->reasons.push_back(
-      fmt::format("Out of the plane the marks stray by {} RMS (mean {}); the reference is {}.",
-                  LengthText(all.rmse_across), LengthText(all.bias_across),
-                  c->reference_is_run ? "planar" : "measured"));
+  const LengthUnit unit = UnitFor(all.rmse_across);
+  c->reasons.push_back(fmt::format(
+      "Out of the plane the marks stray by {} RMS (mean {:+.2f} {}); the reference is {}.",
+      LengthText(all.rmse_across), unit.per_metre * all.bias_across, unit.name,
+      c->reference_is_run ? "planar" : "measured"));
 }
 
 void AddClockReasons(Comparison* c) {

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <utility>
 
 #include "base/error.h"
@@ -103,6 +104,7 @@ Observables::Observables(const Model& model, const std::vector<std::string>& wan
     lines_.emplace_back(model, beam);
     places_.push_back(ShapePlaces(beam));
   }
+  MakeOutlines();
   Declare();
   if (!wanted.empty()) Keep(wanted);
   for (const data::Quantity& q : quantities_) {
@@ -160,9 +162,47 @@ std::vector<std::string> Observables::marks() const {
 std::vector<data::BeamShape> Observables::shapes() const {
   std::vector<data::BeamShape> shapes;
   for (std::size_t b = 0; b < places_.size(); ++b) {
-    shapes.push_back({model_.beams[b].name, places_[b]});
+    shapes.push_back({model_.beams[b].name, places_[b], data::ShapeKind::kBeam});
+  }
+  for (const Outline& outline : outlines_) {
+    shapes.push_back(
+        {outline.name, std::vector<double>(outline.points.size(), 0.0), data::ShapeKind::kBody});
+  }
+  for (const Model::Joint& joint : model_.joints) {
+    shapes.push_back({joint.name, {0.0}, data::ShapeKind::kPin});
   }
   return shapes;
+}
+
+// A star over each rigid body (those welded together are one): from the centre of the first of them
+// to every joint, mark, beam's end and other centre on it.
+void Observables::MakeOutlines() {
+  std::vector<MovingPoint> held;
+  const auto hold = [&](int slot, double px, double py) {
+    MovingPoint point;
+    point.slot = slot, point.px = px, point.py = py;
+    held.push_back(point);
+  };
+  for (const Model::Body& body : model_.bodies) held.push_back(body.centre);
+  for (const Model::Joint& joint : model_.joints) {
+    const Coordinate& c = joint.coordinate;
+    hold(c.hinge.inner, c.ix, c.iy);
+    held.push_back(joint.pin);
+  }
+  for (const Model::Mark& mark : model_.marks) held.push_back(mark.point);
+  for (const Station& station : model_.slots.stations) hold(station.body, station.px, station.py);
+  std::set<int> done;
+  for (const Model::Body& body : model_.bodies) {
+    if (!done.insert(body.centre.slot).second) continue;
+    Outline outline{body.name, {body.centre}};
+    for (const MovingPoint& point : held) {
+      const bool same = point.px == body.centre.px && point.py == body.centre.py;
+      if (point.slot != body.centre.slot || point.other_slot >= 0 || same) continue;
+      outline.points.push_back(point);
+      outline.points.push_back(body.centre);
+    }
+    outlines_.push_back(std::move(outline));
+  }
 }
 
 const std::vector<double>& Observables::Row(double t, double* state,
@@ -192,6 +232,15 @@ const std::vector<double>& Observables::ShapeRow(double t, double* state) {
       shape_row_.push_back(p.y);
     }
   }
+  const auto add = [&](const MovingPoint& point) {
+    const PointMotion p = MotionOf(model_, point, motion);
+    shape_row_.push_back(p.x);
+    shape_row_.push_back(p.y);
+  };
+  for (const Outline& outline : outlines_) {
+    for (const MovingPoint& point : outline.points) add(point);
+  }
+  for (const Model::Joint& joint : model_.joints) add(joint.pin);
   return shape_row_;
 }
 

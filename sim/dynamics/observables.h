@@ -44,7 +44,7 @@ class Observables {
   const TorqueMargins& margins() const { return margins_; }  // over all rows so far
 
   std::vector<data::BeamShape> shapes() const;
-  // x, y of every point of shapes(), beam after beam [m].
+  // x, y of every point of shapes(), one after another [m].
   const std::vector<double>& ShapeRow(double t, double* state);
 
  private:
@@ -64,6 +64,13 @@ class Observables {
     int index;
   };
 
+  // Of a body's shape.
+  struct Outline {
+    std::string name;
+    std::vector<MovingPoint> points;
+  };
+
+  void MakeOutlines();
   void Declare();
   void DeclareJoints();
   void DeclareBodies();
@@ -83,6 +90,7 @@ class Observables {
   bool wants_forces_ = false;                // some column needs the multipliers
   std::vector<CentreLine> lines_;            // by beam
   std::vector<std::vector<double>> places_;  // by beam
+  std::vector<Outline> outlines_;            // by rigid body
   std::vector<data::Quantity> quantities_;
   std::vector<Column> columns_;
   std::vector<double> row_, shape_row_, rates_;

@@ -47,7 +47,7 @@ RunRecorder::RunRecorder(const Model& model, const std::vector<std::string>& qua
       observables_(model, quantities),
       progress_("simulate", progress),
       latches_(static_cast<std::size_t>(model.latches.count())) {
-  if (shape_rate > 0.0 && !model.beams.empty()) {
+  if (shape_rate > 0.0) {
     shape_every_ = static_cast<int>(std::max(1.0, std::round(rate / shape_rate)));
   }
 }

@@ -120,6 +120,11 @@ std::string LatchSentence(const SummaryInput& in) {
     }
   }
   if (all == 0) return {};
+  if (all == 1) {
+    return closed == 0 ? fmt::format("the latch of {} did not close", open[0])
+                       : fmt::format("the latch of {} closed at {:.6g} s", last->name,
+                                     in.recorder.latch(last->latch).latch_time);
+  }
   if (closed == 0) return fmt::format("none of the {} latches closed", all);
   const std::string when = fmt::format("the last, {}, at {:.6g} s", last->name,
                                        in.recorder.latch(last->latch).latch_time);
