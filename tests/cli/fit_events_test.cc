@@ -37,7 +37,7 @@ TEST_F(FitEventsTest, ASwitchTakesPartAndIsReported) {
   // One that never comes is said to.
   MakeStudyWith(fmt::format("joint = \"hinge\"\ncount = 1000\ntime = 1.0\nsigma = 10.0\n"));
   EXPECT_THAT(Good({"fit", "study.toml", "-o", "fit.h5"}).out,
-              HasSubstr("told at 1.0000 s; the model has none"));
+              HasSubstr("observed at 1.0000 s; the model has none"));
 }
 
 TEST_F(FitEventsTest, BadOnesAreRefused) {
