@@ -10,6 +10,7 @@ namespace unfurl::calib {
 namespace {
 
 constexpr Eigen::Index kParameters = data::kCameraParameters;
+// Of Levenberg and Marquardt: steps that are refused, some fifteen in a row, end it sooner.
 constexpr int kIterations = 60;
 constexpr double kConverged = 1e-9;  // of a step, over the bar's length
 // By how much a bar's length differs from one placement to the next, over itself: how it is held
