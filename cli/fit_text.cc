@@ -41,8 +41,9 @@ std::string FitText(const data::FitRecord& record, double seconds) {
         NumberWithError(n.value, n.sigma));
   }
   for (std::size_t i = 0; i < record.rungs.size(); ++i) {
-    text += fmt::format("{}{}: {} runs{}", i == 0 ? "ladder: " : "; ", record.rungs[i].name,
-                        record.rungs[i].runs, i + 1 == record.rungs.size() ? "\n" : "");
+    text += fmt::format("{}{}: {} run{}{}", i == 0 ? "ladder: " : "; ", record.rungs[i].name,
+                        record.rungs[i].runs, record.rungs[i].runs == 1 ? "" : "s",
+                        i + 1 == record.rungs.size() ? "\n" : "");
   }
   return text + cost;
 }

@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/table.h"
+#include "cli/modes_page.h"
 #include "cli/verb.h"
 #include "data/scene.h"
 #include "sim/implicit/find_modes.h"
@@ -20,7 +21,7 @@ namespace {
 using nlohmann::ordered_json;
 
 struct Arguments {
-  std::string scene, out, state = "auto";
+  std::string scene, out, report, state = "auto";
   std::vector<std::string> sets;
   std::optional<double> at;  // [s]
   bool as_is = false;
@@ -96,6 +97,17 @@ int Run(const Common& common, const Arguments& arguments) {
   text += fmt::format("{} rigid motion{}\n", modes.rigid, modes.rigid == 1 ? "" : "s");
   text += ModeText(modes.record, &json);
   if (!arguments.out.empty()) text += fmt::format("shapes -> {}\n", arguments.out);
+  if (!arguments.report.empty()) {
+    WriteModesPage(arguments.report,
+                   {modes.record,
+                    scene.name,
+                    {fmt::format("{} modes, {}", modes.record.modes.size(), state),
+                     EquilibriumText(modes, arguments.as_is),
+                     fmt::format("{} rigid motion{}", modes.rigid, modes.rigid == 1 ? "" : "s")},
+                    modes.usable},
+                   provenance);
+    text += fmt::format("page -> {}\n", arguments.report);
+  }
   Finish(common, json, text);
   return modes.usable
              ? kExitGood
@@ -114,6 +126,7 @@ Verb AddModes(CLI::App& program, Common& common) {
   auto arguments = std::make_shared<Arguments>();
   files.Read("SCENE", &arguments->scene, "The scene (TOML)")->required();
   files.Write("-o,--output", &arguments->out, "Where to write the shapes (.h5 or .csv)");
+  files.Write("--report", &arguments->report, "Also write a page with the shapes in motion (HTML)");
   files.Overrides(&arguments->sets, "Overrides a key of the scene (repeatable)");
   app->add_option(
          "--state", arguments->state,

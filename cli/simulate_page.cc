@@ -133,12 +133,7 @@ class Composer {
         level = std::max(level, Level::kCare);
       }
     }
-    std::string calls = "The scene calls for";
-    for (const sim::Model::EffectCount& effect : in_.model.Effects()) {
-      calls += fmt::format(" {} {},", effect.count, effect.name);
-    }
-    calls.back() = '.';
-    details.push_back(calls);
+    details.push_back("The scene calls for " + sim::EffectsText(in_.model) + ".");
     page_.AddWords(level, headline, details);
   }
 

@@ -134,11 +134,8 @@ std::string MotionJson(const Motion& motion) {
   const std::vector<std::size_t> frames = EvenlyChosen(motion.t.size(), budget.frames);
   std::vector<double> t;
   for (const std::size_t f : frames) t.push_back(motion.t[f]);
-  Json json = {{"x", AxisTitle(motion.x)},
-               {"y", AxisTitle(motion.y)},
-               {"group", "time"},
-               {"box", box.Margined()},
-               {"t", Floats(t)}};
+  Json json = {{"x", AxisTitle(motion.x)}, {"y", AxisTitle(motion.y)}, {"group", "time"},
+               {"loops", motion.loops},    {"box", box.Margined()},    {"t", Floats(t)}};
   for (const char* list : {"lines", "pins", "marks", "events"}) json[list] = Json::array();
   for (const MovingLine& line : motion.lines) {
     // The star of a body goes to its centre and back: no point of it may be left out.
@@ -203,13 +200,15 @@ std::string MotionHtml(const Motion& motion, const std::string& id) {
       "<canvas tabindex=\"0\" role=\"img\" aria-label=\"{}; space plays, arrows step, n and p go "
       "to the next and previous event\"></canvas>\n",
       EscapeHtml(motion.title));
-  html +=
+  const char* steps = motion.events.empty() ? " hidden" : "";
+  html += fmt::format(
       "<div class=\"controls\"><button type=\"button\" class=\"play\">\u25b6 Play</button>"
-      "<button type=\"button\" class=\"previous\">\u25c2 event</button>"
-      "<button type=\"button\" class=\"next\">event \u25b8</button>"
+      "<button type=\"button\" class=\"previous\"{0}>\u25c2 event</button>"
+      "<button type=\"button\" class=\"next\"{0}>event \u25b8</button>"
       "<input type=\"range\" class=\"scrub\" min=\"0\" max=\"1\" step=\"any\" value=\"0\" "
       "aria-label=\"time\"><output class=\"clock\"></output>"
-      "<label>speed <select class=\"speed\"></select></label>";
+      "<label>speed <select class=\"speed\"></select></label>",
+      steps);
   const bool bends = std::any_of(motion.lines.begin(), motion.lines.end(), [](const auto& line) {
     return line.kind == MovingLine::Kind::kBeam;
   });

@@ -44,6 +44,7 @@ struct Motion {
   std::vector<MovingPin> pins;
   std::vector<MovingMark> marks;
   std::vector<Marker> events;  // on the frames' clock
+  bool loops = false;          // begins again at its end: a period
 };
 
 // Indices of at most `most` (2 or more) of `count`, both ends included.

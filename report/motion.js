@@ -2,7 +2,6 @@
 (function() {
 'use strict';
 
-var SPEEDS = [0.02, 0.05, 0.1, 0.25, 0.5, 1, 2, 5];
 
 function floats(text) {
   var letters = atob(text);
@@ -69,6 +68,8 @@ function Player(block) {
     m.xy = floats(m.xy);
   });
   var first = t[0], last = t[t.length - 1];
+  // Steps of a frame are seen in the clock.
+  var digits = Math.max(0, Math.min(9, 3 - Math.floor(Math.log10(last - first))));
   var now = first, playing = false, stamp = 0, scale = 1, width = 0, height = 0, recorder = null;
   var linked = [];
 
@@ -252,14 +253,14 @@ function Player(block) {
     context.textAlign = 'left';
     context.textBaseline = 'top';
     context.fillText(
-        't = ' + now.toFixed(3) + ' s' + (scale === 1 ? '' : ', bending times ' + scale),
+        't = ' + now.toFixed(digits) + ' s' + (scale === 1 ? '' : ', bending times ' + scale),
         margin.left + 8, margin.top + 6);
   }
 
   function showTime() {
     part('scrub').value = String((now - first) / (last - first || 1));
-    part('scrub').setAttribute('aria-valuetext', now.toFixed(3) + ' seconds');
-    part('clock').textContent = now.toFixed(3) + '\u2009s';
+    part('scrub').setAttribute('aria-valuetext', now.toFixed(digits) + ' seconds');
+    part('clock').textContent = now.toFixed(digits) + '\u2009s';
     linked.forEach(function(link) {
       var x = link.chart.toDomXCoord(now), area = link.chart.getArea();
       var inside = x >= area.x && x <= area.x + area.w;
@@ -293,6 +294,7 @@ function Player(block) {
     if (!playing) return;
     seek(now + (clock - stamp) / 1000 * +part('speed').value);
     stamp = clock;
+    if (now >= last && data.loops && !recorder) now = first;
     if (now >= last)
       play(false);
     else
@@ -360,7 +362,7 @@ function Player(block) {
   part('trails').addEventListener('change', draw);
   part('still').addEventListener('click', function() {
     canvas.toBlob(function(blob) {
-      save(blob, id + '-' + now.toFixed(3) + 's.png');
+      save(blob, id + '-' + now.toFixed(digits) + 's.png');
     });
   });
   if (window.MediaRecorder && canvas.captureStream)
@@ -384,15 +386,19 @@ function Player(block) {
     key.preventDefault();
   });
 
-  // The speed at which the whole takes some ten seconds.
-  var fitting = SPEEDS.filter(function(s) {
-    return (last - first) / s >= 5;
-  });
-  SPEEDS.forEach(function(s) {
-    var option = new Option('\u00d7' + s, String(s));
-    option.selected = s === (fitting.length ? fitting[fitting.length - 1] : SPEEDS[0]);
-    part('speed').add(option);
-  });
+  // Speeds around the one at which the whole takes some eight seconds; of a period one.
+  var wanted = Math.log10((last - first) / (data.loops ? 1.5 : 8)), best = null;
+  for (var power = Math.floor(wanted) - 1; power <= Math.ceil(wanted) + 1; power++) {
+    [1, 2, 5].forEach(function(k) {
+      var value = +(k * Math.pow(10, power)).toPrecision(1);
+      var option = new Option('\u00d7' + value, String(value));
+      part('speed').add(option);
+      if (best === null || Math.abs(Math.log10(value) - wanted) < Math.abs(Math.log10(+best.value) - wanted)) {
+        best = option;
+      }
+    });
+  }
+  best.selected = true;
 
   // A line in each chart of time; a click there comes here.
   var charts = (window.unfurlCharts && window.unfurlCharts[data.group]) || [];

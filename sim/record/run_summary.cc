@@ -102,6 +102,25 @@ std::string ProfileText(const SimulateReport& report, ordered_json* json) {
 
 }  // namespace
 
+std::string EffectsText(const Model& model) {
+  std::string text;
+  for (const Model::EffectCount& effect : model.Effects()) {
+    std::string name = effect.name;
+    if (effect.count == 1) {
+      const std::string endings[][2] = {{"ies", "y"}, {"ches", "ch"}, {"s", ""}};
+      for (const auto& [many, one] : endings) {
+        if (!name.ends_with(many)) continue;
+        name.replace(name.size() - many.size(), many.size(), one);
+        break;
+      }
+    }
+    // What cannot be counted has no plural.
+    const bool counted = name != effect.name || effect.count != 1;
+    text += (text.empty() ? "" : ", ") + (counted ? fmt::format("{} ", effect.count) : "") + name;
+  }
+  return text;
+}
+
 std::string LatchSentence(const SummaryInput& in) {
   int closed = 0, all = 0;
   const Model::Joint* last = nullptr;
@@ -304,12 +323,10 @@ std::string SummaryText(const SummaryInput& in, ordered_json* json) {
   }
   text += WarningsText(in, json);
   text += AxialText(in, json);
-  text += "the scene calls for:";
   for (const Model::EffectCount& effect : in.model.Effects()) {
     j["effects"][effect.name] = effect.count;
-    text += fmt::format(" {} {};", effect.count, effect.name);
   }
-  text.back() = '\n';
+  text += "the scene calls for " + EffectsText(in.model) + "\n";
   text += fmt::format(
       "{}: {} steps ({} rejected), {} evaluations, {} projections, {} samples, {} events\n",
       report.method, report.steps, report.rejected, report.evaluations, report.projections,

@@ -21,6 +21,8 @@ struct SummaryInput {
   bool profile = false;
 };
 
+// "4 bodies, 1 latch": what the scene called for, in the model's order.
+std::string EffectsText(const Model& model);
 // "all 4 latches closed, the last at 1.93 s (joint4)".
 std::string LatchSentence(const SummaryInput& input);
 // Rows for a table of joints, header first; `most` rows at most, those with the largest loads.

@@ -30,10 +30,11 @@ def pages(tmp_path_factory):
     run("simulate", "study/scene.toml", "-o", "drawn.h5")
     run("correlate", "study/tracks.csv", "drawn.h5", "--report", "correlate.html")
     run("plan", "rig/lab.toml", "--report", "plan.html", "--columns", "9", "--layers", "2")
-    return {name: folder / f"{name}.html" for name in ("simulate", "correlate", "plan")}
+    run("modes", "boom/scene.toml", "--count", "3", "--report", "modes.html")
+    return {name: folder / f"{name}.html" for name in ("simulate", "correlate", "plan", "modes")}
 
 
-@pytest.mark.parametrize("name", ["simulate", "correlate", "plan"])
+@pytest.mark.parametrize("name", ["simulate", "correlate", "plan", "modes"])
 @pytest.mark.parametrize("width", [1100, 390])
 def test_opens_without_errors_requests_or_overflow(browser, pages, name, width):
     browser.open(pages[name].as_uri(), width=width)
@@ -95,6 +96,22 @@ def test_a_click_on_a_chart_sets_the_time(browser, pages):
       return unfurlPlayers[0].time();
     })()""")
     assert found == pytest.approx(1.5, abs=0.02)
+
+
+def test_modes_swing_for_ever(browser, pages):
+    browser.open(pages["modes"].as_uri())
+    assert browser.run("unfurlPlayers.length") == 3
+    titles = browser.run("Array.from(document.querySelectorAll('.motion h3')).map(h => h.textContent)")
+    assert titles[0].startswith("Mode 1: 2.19")  # Hz, as the terminal says
+    found = browser.run("""(async function () {
+      const player = unfurlPlayers[2], panel = document.querySelectorAll('.motion')[2];
+      const period = 1 / 36.2477;
+      player.seek(0.98 * period);
+      panel.querySelector('.play').click();
+      await new Promise(done => setTimeout(done, 800));
+      return {time: player.time() / period, plays: panel.querySelector('.play').textContent};
+    })()""")
+    assert found["time"] < 0.98 and "Pause" in found["plays"]
 
 
 def test_measured_marks_lie_over_the_simulated_ones(browser, pages):

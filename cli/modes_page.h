@@ -1,0 +1,21 @@
+#pragma once
+
+#include <string>
+
+#include "data/modes.h"
+#include "data/provenance.h"
+
+namespace unfurl::cli {
+
+/// The page of `unfurl modes`: a table, and each mode's shape in motion. `scene` is its name;
+/// `words` say about which state, one line each.
+struct ModesPageInput {
+  const data::ModesRecord& record;
+  std::string scene;
+  std::vector<std::string> words;
+  bool usable = true;
+};
+void WriteModesPage(const std::string& path, const ModesPageInput& input,
+                    const data::Provenance& provenance);
+
+}  // namespace unfurl::cli
