@@ -98,7 +98,7 @@ void WriteWords(const char* words, bool of_a_file = false) {
   if (write(STDERR_FILENO, line, n) < 0) return;
 }
 
-void OnCrash(int) {
+[[maybe_unused]] void OnCrash(int) {
   if (g_memory_refused) EndWithoutMemory();
   RemoveTemporaries();
   WriteWords("unfurl: ");

@@ -21,7 +21,8 @@ void PutText(std::string* out, const std::string& text) {
 
 // A row of a track, or a zero byte where it is nothing but zeros (a plane's z).
 void PutRow(std::string* out, const Eigen::Matrix3Xd& m, Eigen::Index row) {
-  const bool zero = (m.row(row).array() == 0.0).all();
+  // A mark without samples has no rows that could be named.
+  const bool zero = m.cols() == 0 || (m.row(row).array() == 0.0).all();
   Put(out, static_cast<std::uint8_t>(zero ? 0 : 1));
   if (zero) return;
   for (Eigen::Index i = 0; i < m.cols(); ++i) Put(out, m(row, i));
@@ -53,7 +54,7 @@ class Source {
   }
   void Row(Eigen::Matrix3Xd* m, Eigen::Index row) {
     if (Get<std::uint8_t>() == 0) {
-      m->row(row).setZero();
+      if (m->cols() > 0) m->row(row).setZero();
       return;
     }
     for (Eigen::Index i = 0; i < m->cols(); ++i) (*m)(row, i) = Get<double>();

@@ -170,7 +170,8 @@ TEST_F(Load, SurveyPoints) {
     Measure({"expose", "--survey", "points.csv", "--lab", Shipped("lab.toml"), "-o", "survey.h5"},
             points, "points");
     Measure({"calibrate", "survey.h5", "-o", "rig.h5", "--report", "page.html"}, points, "points");
-    Measure({"check", "rig.h5", "survey.h5"}, points, "points");
+    // Not `check`, which is for tens of points: its joint test holds the covariance of all
+    // readings.
     Measure({"plan", "rig.h5", "--points", std::to_string(points)}, points, "points");
   }
 }
