@@ -201,7 +201,14 @@ RigFit FitRig(const Observations& data, const CalibrateOptions& options, const s
       SolveWithFloor(data, fit.priors, start_floor_px, options.bundle, std::move(start));
   const Weighting weighting = StartWeighting(data, fit.priors, robust.floor_px,
                                              options.refine.gross, robust.state, robust.summary);
-  fit.bundle = Refine(data, fit.priors, weighting, options.refine, std::move(robust.state));
+  fit.bundle = Refine(data, fit.priors, weighting, options.refine, robust.state);
+  // Few gross errors or a lens that fits worse: where readings were left out, and a floor for all
+  // would do instead, the more probable of the two fits is taken.
+  if (robust.floor_px > 0.0 && fit.bundle.summary.gross_readings() > 0) {
+    RefinedBundle floored = Refine(data, fit.priors, EqualWeighting(data, robust.floor_px),
+                                   options.refine, std::move(robust.state));
+    if (floored.price < fit.bundle.price) fit.bundle = std::move(floored);
+  }
   if (options.order != kAutomaticOrder && options.order != kFullOrder) {
     fit.priors = WithOrder(fit.priors, options.order);
     fit.bundle = FitOrder(data, fit.priors, fit.bundle);

@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <string>
 
 #include "base/error.h"
@@ -38,60 +39,127 @@ struct Choice {
 // Of being gross at all, for one in a hundred: 9.2.
 double AtAll(double share) { return 2.0 * std::log((1.0 - share) / share); }
 
-struct Prices {
-  double reading = 0.0, survey = 0.0;
-  double suspect = 0.0;  // chi-square of the whole, below which nothing is tried
+// What it costs to call a datum wrong by d of its sigmas, beyond being so at all: -2 log of the
+// density of wrong values over the normal one's peak. Sizes are as likely in each octave from
+// `from` to `to` sigmas, and spread evenly below.
+double BeingOff(double d, double from, double to) {
+  const double octaves = 1.0 + std::log(std::max(1.0, to / from));
+  return 2.0 * std::log(2.0 * octaves * std::max(d, from) / std::sqrt(2.0 * std::numbers::pi));
+}
+// The same of a place in three dimensions.
+double PlaceBeingOff(double d, double from, double to) {
+  const double octaves = 1.0 / 3.0 + std::log(std::max(1.0, to / from));
+  return 2.0 * std::log(4.0 * std::numbers::pi * octaves * std::pow(std::max(d, from), 3)) -
+         3.0 * std::log(2.0 * std::numbers::pi);
+}
+
+// What depends on all points: the shares that are gross, how large an error may be.
+class Prices {
+ public:
+  Prices(const Observations& data, const GrossOptions& options) : from_(options.sigmas) {
+    reading_ = AtAll(options.reading_share);
+    survey_ = AtAll(options.survey_share);
+    size_ = (data.p.rowwise().maxCoeff() - data.p.rowwise().minCoeff()).norm();
+    for (int c = 0; c < data.camera_count(); ++c) rows_.push_back(data.RowOf(c));
+  }
+
+  // Of a reading with that variance that is off by so much [px].
+  double Reading(int camera, double off_px, double variance) const {
+    const double row = rows_[static_cast<std::size_t>(camera)], sigma = std::sqrt(variance);
+    if (!std::isfinite(off_px)) off_px = row;
+    return reading_ + BeingOff(std::abs(off_px) / sigma, from_, row / sigma);
+  }
+  // Of a surveyed place that is `off` from the true one [m]; covariance of the survey.
+  double Survey(const Eigen::Vector3d& off, const Eigen::Matrix3d& cov) const {
+    const double sigmas = std::sqrt(off.dot(cov.llt().solve(off)));
+    return survey_ + PlaceBeingOff(sigmas, from_, size_ / std::cbrt(std::sqrt(cov.determinant())));
+  }
+  // Chi-square of the whole, below which nothing is tried: nothing costs less to leave out.
+  double suspect() const { return reading_ + BeingOff(from_, from_, from_) - kMayGain; }
+
+ private:
+  double from_ = 0.0, reading_ = 0.0, survey_ = 0.0;
+  double size_ = 0.0;         // of the surveyed volume [m]
+  std::vector<double> rows_;  // of the cameras [px]
 };
 
-Prices PricesOf(const GrossOptions& options) {
-  const double anywhere =
-      std::max(0.0, options.sigmas * options.sigmas - AtAll(options.least_share));
-  Prices prices;
-  prices.reading = AtAll(options.reading_share) + anywhere;
-  prices.survey = AtAll(options.survey_share) + 3.0 * anywhere;
-  prices.suspect = prices.reading - kMayGain;
-  return prices;
-}
-
-// The subsets of one point's n data from reading `first` on, with their prices: all of them where
-// the whole is suspect.
-void TrySubsets(const Observations& data, const Prices& prices, const Weighting& weighting,
-                const BundleState& state, std::size_t first, int n, std::vector<Choice>* choices) {
-  const int i = data.readings[first].point;
-  const Eigen::Vector3d surveyed = data.p.col(i);
-  const double log_survey = std::log(data.cov[static_cast<std::size_t>(i)].determinant()) +
-                            6.0 * std::log(weighting.survey_factor);
-  const unsigned all = n >= 32 ? ~0U : (1U << n) - 1U;
-  choices->clear();
-  const auto consider = [&](unsigned use, bool survey) {
-    Choice choice{0.0, use, survey, surveyed};
-    choice.price = (n - std::popcount(use)) * prices.reading + (survey ? 0.0 : prices.survey);
-    if (use == 0) {  // the survey alone
-      choices->push_back(choice);
-      return 0.0;
-    }
-    // From the survey, then from where the bundle has the point: readings alone may meet twice.
-    PointFit fit, other;
-    bool good = FitPoint(data, weighting, state.cameras, first, use, survey, surveyed, &fit);
-    if (!survey &&
-        FitPoint(data, weighting, state.cameras, first, use, survey, state.points.col(i), &other) &&
-        (!good || other.chi_square < fit.chi_square)) {
-      fit = other;
-      good = true;
-    }
-    if (!good) return HUGE_VAL;
-    choice.price += fit.chi_square + log_survey - std::log(fit.cov.determinant());
-    choice.p = fit.p;
-    choices->push_back(choice);
-    return fit.chi_square;
-  };
-  if (consider(all, true) <= prices.suspect) return;
-  for (unsigned use = 0; use <= all && n < 31; ++use) {
-    if (n > kMostReadings && n - std::popcount(use) > kMostLeftOut) continue;
-    if (use != all) consider(use, true);
-    if (std::popcount(use) >= 3) consider(use, false);
+// Tries subsets of one point's n data, from reading `first` on.
+class Subsets {
+ public:
+  Subsets(const Observations& data, const Prices& prices, const Weighting& weighting,
+          const BundleState& state, std::size_t first, int n)
+      : data_(data), prices_(prices), weighting_(weighting), state_(state), first_(first), n_(n) {
+    point_ = data.readings[first].point;
+    surveyed_ = data.p.col(point_);
+    survey_cov_ = data.cov[static_cast<std::size_t>(point_)] *
+                  (weighting.survey_factor * weighting.survey_factor);
+    log_survey_ = std::log(survey_cov_.determinant());
   }
-}
+
+  // With their prices: all of them where the whole is suspect.
+  void Try(std::vector<Choice>* choices) const {
+    const unsigned all = n_ >= 32 ? ~0U : (1U << n_) - 1U;
+    choices->clear();
+    if (Consider(all, true, choices) <= prices_.suspect()) return;
+    for (unsigned use = 0; use <= all && n_ < 31; ++use) {
+      if (n_ > kMostReadings && n_ - std::popcount(use) > kMostLeftOut) continue;
+      if (use != all) Consider(use, true, choices);
+      if (std::popcount(use) >= 3) Consider(use, false, choices);
+    }
+  }
+
+ private:
+  // Chi-square of what is kept.
+  double Consider(unsigned use, bool survey, std::vector<Choice>* choices) const {
+    Choice choice{0.0, use, survey, surveyed_};
+    double chi_square = 0.0;
+    if (use != 0) {  // else the survey alone
+      // From the survey, then from where the bundle has the point: readings alone may meet twice.
+      PointFit fit, other;
+      bool good = Fit(use, survey, surveyed_, &fit);
+      if (!survey && Fit(use, survey, state_.points.col(point_), &other) &&
+          (!good || other.chi_square < fit.chi_square)) {
+        fit = other;
+        good = true;
+      }
+      if (!good) return HUGE_VAL;
+      chi_square = fit.chi_square;
+      choice.price = chi_square + log_survey_ - std::log(fit.cov.determinant());
+      choice.p = fit.p;
+    }
+    choice.price += LeftOut(use, choice.p);
+    if (!survey) choice.price += prices_.Survey(surveyed_ - choice.p, survey_cov_);
+    choices->push_back(choice);
+    return chi_square;
+  }
+
+  bool Fit(unsigned use, bool survey, const Eigen::Vector3d& start, PointFit* out) const {
+    return FitPoint(data_, weighting_, state_.cameras, first_, use, survey, start, out);
+  }
+
+  // Of the readings that are not in `use`.
+  double LeftOut(unsigned use, const Eigen::Vector3d& p) const {
+    double sum = 0.0;
+    for (int m = 0; m < n_; ++m) {
+      if (m < 32 && (use >> m & 1U) != 0) continue;
+      const Reading& r = data_.readings[first_ + static_cast<std::size_t>(m)];
+      double u = NAN;
+      measure::Project(state_.cameras[static_cast<std::size_t>(r.camera)], p, &u);
+      sum += prices_.Reading(r.camera, r.u_px - u, weighting_.Variance(r));
+    }
+    return sum;
+  }
+
+  const Observations& data_;
+  const Prices& prices_;
+  const Weighting& weighting_;
+  const BundleState& state_;
+  std::size_t first_;
+  int n_, point_ = 0;
+  Eigen::Vector3d surveyed_ = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d survey_cov_ = Eigen::Matrix3d::Zero();
+  double log_survey_ = 0.0;
+};
 
 }  // namespace
 
@@ -166,6 +234,7 @@ namespace {
 // The most probable choice of one point's data, with what is also improbable left out.
 struct PointChoice {
   Choice chosen;
+  double price = 0.0;  // of the most probable one
   bool ambiguous = false;
   double readings_wrong = 0.0, survey_wrong = 0.0;  // expected numbers
 };
@@ -191,6 +260,7 @@ PointChoice Decide(const Observations& data, const GrossOptions& options,
     out.ambiguous |= k != best && choices[k].price < choices[best].price + kAsLikely;
   }
   out.chosen = choices[best];
+  out.price = choices[best].price;
   Choice doubted = out.chosen;
   for (int m = 0; m < n; ++m) {
     const double chance = wrong[static_cast<std::size_t>(m)] / sum;
@@ -215,7 +285,7 @@ PointChoice Decide(const Observations& data, const GrossOptions& options,
 
 GrossChoice ChooseGross(const Observations& data, const GrossOptions& options, Weighting* weighting,
                         BundleState* state) {
-  const Prices prices = PricesOf(options);
+  const Prices prices(data, options);
   GrossChoice out;
   weighting->use_reading.resize(data.readings.size(), 1);
   weighting->use_survey.resize(static_cast<std::size_t>(data.points()), 1);
@@ -229,12 +299,16 @@ GrossChoice ChooseGross(const Observations& data, const GrossOptions& options, W
     for (end = first; end < data.readings.size() && data.readings[end].point == i;) ++end;
     if (end == first) continue;
     const auto n = static_cast<int>(end - first);
-    TrySubsets(data, prices, *weighting, *state, first, n, &choices);
+    Subsets(data, prices, *weighting, *state, first, n).Try(&choices);
     if (choices.empty()) continue;
     const PointChoice point = Decide(data, options, *weighting, *state, first, n, choices);
     out.reading_share += point.readings_wrong;
     out.survey_share += point.survey_wrong;
     const Choice& chosen = point.chosen;
+    out.price += point.price;
+    for (std::size_t k = first; k < end; ++k) {
+      out.price += std::log(weighting->Variance(data.readings[k]));
+    }
     for (std::size_t k = first; k < end; ++k) {
       set((chosen.use >> (k - first) & 1U) != 0, &weighting->use_reading[k]);
     }

@@ -10,10 +10,10 @@ namespace unfurl::calib {
 
 /// Of the test for gross errors.
 struct GrossOptions {
-  // What leaving out one reading must gain where one in a hundred is gross, in sigmas: 4 are
-  // reached by chance once in 16,000. That is the price of being gross at all, 2 log((1 - share) /
-  // share), and of being anywhere; a survey pays the first once and the second for each of its
-  // three coordinates.
+  // Sizes of errors are as likely in each octave from so many sigmas up to the row, or the surveyed
+  // volume. Where one in a hundred is gross, leaving out a reading that is off by 4 sigmas must
+  // then gain about 4^2, which chance reaches once in 16,000; one off by more, as much more as it
+  // is less likely to be off by just that: d sigmas cost 2 log d more, a surveyed place 6 log d.
   double sigmas = 4.0;
   // Share of the readings and of the surveyed points that is gross; Refine finds it from the data,
   // between `least_share` and `most_share`.
@@ -40,6 +40,9 @@ struct GrossChoice {
   bool changed = false;
   std::vector<int> ambiguous;
   double reading_share = 0.0, survey_share = 0.0;
+  // -2 log of how probable all data are as chosen, but for a constant: what two fits of the same
+  // data with other floors and choices are compared by.
+  double price = 0.0;
 };
 GrossChoice ChooseGross(const Observations& data, const GrossOptions& options, Weighting* weighting,
                         BundleState* state);

@@ -191,6 +191,11 @@ RefinedBundle Refine(const Observations& data, const std::vector<CameraPrior>& p
   }
   squares.function_tolerance = BundleOptions{}.function_tolerance;
   out.summary = SolveBundle(data, priors, out.weighting, squares, &out.state);
+  if (options.choose_gross) {
+    Weighting trial = out.weighting;
+    BundleState scratch = out.state;
+    out.price = ChooseGross(Corrected(data, out.state.common), gross, &trial, &scratch).price;
+  }
   return out;
 }
 
