@@ -55,6 +55,7 @@ class JointTest {
   struct Amount {
     double value = 0.0, sigma = 0.0;  // in units of the shape; sigma is infinite for a zero shape
   };
+  /// How much of one shape the residuals hold, with every column of the design free beside it.
   Amount AmountOf(const Eigen::VectorXd& shape) const;
   // The amount of shape j that a test at `level` shows, and tells from every other column, nine
   // times in ten; infinity: none does.

@@ -18,7 +18,8 @@ Error UnknownVerb(const std::vector<Verb>& verbs, const std::string& name) {
   for (const Verb& verb : verbs) known.push_back(verb.app->get_name());
   const std::string nearest = NearestName(name, known);
   return {fmt::format("there is no verb '{}'", name), kWhere,
-          nearest.empty() ? "see `unfurl --help`" : "did you mean `unfurl " + nearest + "`?"};
+          nearest.empty() ? "see `unfurl --help`"
+                          : "did you mean `unfurl " + nearest + "`? see `unfurl --help`"};
 }
 
 const Verb* FindVerb(const std::vector<Verb>& verbs, const std::string& name) {
@@ -113,7 +114,7 @@ Error UsageError(const std::vector<Verb>& verbs, int argc, char** argv, const CL
   if (!unknown.empty()) {
     const std::string nearest = NearestName(unknown, NamesOf(*verb->app));
     return {fmt::format("`unfurl {}` has no option {}", first, unknown), kWhere,
-            nearest.empty() ? HelpOf(*verb) : "did you mean " + nearest + "?"};
+            (nearest.empty() ? "" : "did you mean " + nearest + "? ") + HelpOf(*verb)};
   }
   if (dynamic_cast<const CLI::ConversionError*>(&error) != nullptr) {
     return WrongValue(*verb, error);

@@ -36,6 +36,7 @@ enum class ShapeKind {
   kBody,  // lines from its centre of mass to each point at which something holds on to it, and back
   kPin,   // a joint's place, one point
 };
+/// A beam, a body or a joint of which places are kept in time.
 struct BeamShape {
   std::string name;
   // Of a beam: places of the points, from its start at rest [m]; else as many zeros as points.

@@ -140,10 +140,48 @@ TEST(CentreLine, EveryBeamOfTheDeploymentStartsStraight) {
   }
   EXPECT_EQ(deflections, 8);
   const std::vector<double> shapes = observables.ShapeRow(0.0, state.data());
-  ASSERT_EQ(shapes.size(), 4u * 2u * (static_cast<std::size_t>(model.beams[0].segments) + 1u));
+  std::size_t numbers = 0, beams = 0;
+  for (const data::BeamShape& shape : observables.shapes()) {
+    numbers += 2 * shape.at.size();
+    if (shape.kind == data::ShapeKind::kBeam) beams += 2 * shape.at.size();
+  }
+  ASSERT_EQ(shapes.size(), numbers);
+  ASSERT_EQ(beams, 4u * 2u * (static_cast<std::size_t>(model.beams[0].segments) + 1u));
   // Beam 1 stands on the folded root joint: its ends are its length apart.
   const std::size_t last = 2 * static_cast<std::size_t>(model.beams[0].segments);
   EXPECT_NEAR(std::hypot(shapes[last] - shapes[0], shapes[last + 1] - shapes[1]), 0.8, 1e-12);
+}
+
+// Every joint of the deployment joins two bodies: its pin is a point of both outlines.
+TEST(CentreLine, OutlinesMeetAtThePins) {
+  const Model model = Compile(data::ReadScene(DeploymentPath("clearance")));
+  Observables observables(model);
+  std::vector<double> state = model.initial_state;
+  const std::vector<double>& xy = observables.ShapeRow(0.0, state.data());
+  const std::vector<data::BeamShape> shapes = observables.shapes();
+  std::size_t at = 0;
+  std::vector<std::size_t> first;
+  for (const data::BeamShape& shape : shapes) {
+    first.push_back(at);
+    at += 2 * shape.at.size();
+  }
+  int pins = 0;
+  for (std::size_t p = 0; p < shapes.size(); ++p) {
+    if (shapes[p].kind != data::ShapeKind::kPin) continue;
+    ++pins;
+    int meet = 0;
+    for (std::size_t b = 0; b < shapes.size(); ++b) {
+      if (shapes[b].kind != data::ShapeKind::kBody) continue;
+      double nearest = HUGE_VAL;
+      for (std::size_t k = 0; k < shapes[b].at.size(); ++k) {
+        nearest = std::min(nearest, std::hypot(xy[first[b] + 2 * k] - xy[first[p]],
+                                               xy[first[b] + 2 * k + 1] - xy[first[p] + 1]));
+      }
+      meet += nearest < 1e-12 ? 1 : 0;
+    }
+    EXPECT_GE(meet, 2) << shapes[p].name;
+  }
+  EXPECT_EQ(pins, 4);
 }
 
 TEST(CentreLine, ShapePlacesAreBounded) {
