@@ -49,22 +49,14 @@ std::string LatchText(const sim::SceneModes& modes, ordered_json* json) {
 }
 
 std::string ModeText(const data::ModesRecord& record, ordered_json* json) {
-  std::vector<std::vector<std::string>> rows = {
-      {"mode", "frequency [Hz]", "damping ratio [%]", "moves most"}};
   (*json)["modes"] = ordered_json::array();
-  for (std::size_t m = 0; m < record.modes.size(); ++m) {
-    const data::ModesRecord::Mode& mode = record.modes[m];
-    const std::string& most = record.places[record.MovesMost(mode)];
+  for (const data::ModesRecord::Mode& mode : record.modes) {
     (*json)["modes"].push_back({{"frequency", mode.frequency},
                                 {"damping", mode.damping},
                                 {"growth", mode.growth},
-                                {"moves_most", most}});
-    rows.push_back({std::to_string(m + 1),
-                    mode.growth > 0.0 ? fmt::format("unstable, {:.4g} 1/s", mode.growth)
-                                      : fmt::format("{:.5f}", mode.frequency),
-                    fmt::format("{:.4f}", 100.0 * mode.damping), most});
+                                {"moves_most", record.places[record.MovesMost(mode)]}});
   }
-  return AlignedTable(rows);
+  return AlignedTable(ModeRows(record));
 }
 
 int Run(const Common& common, const Arguments& arguments) {

@@ -129,23 +129,31 @@ report::Motion MotionOf(const data::ModesRecord& record, const Mode& mode, std::
 
 }  // namespace
 
+std::vector<std::vector<std::string>> ModeRows(const data::ModesRecord& record) {
+  std::vector<std::vector<std::string>> rows = {
+      {"mode", "frequency [Hz]", "damping ratio [%]", "moves most"}};
+  for (std::size_t m = 0; m < record.modes.size(); ++m) {
+    const Mode& mode = record.modes[m];
+    rows.push_back({std::to_string(m + 1),
+                    mode.growth > 0.0 ? fmt::format("unstable, {:.4g} 1/s", mode.growth)
+                                      : fmt::format("{:.5f}", mode.frequency),
+                    fmt::format("{:.4f}", 100.0 * mode.damping),
+                    record.places[record.MovesMost(mode)]});
+  }
+  return rows;
+}
+
 void WriteModesPage(const std::string& path, const ModesPageInput& in,
                     const data::Provenance& provenance) {
   report::Page page("Natural modes", in.scene);
   page.AddWords(in.usable ? report::Level::kNeutral : report::Level::kBad, in.words.front(),
                 {in.words.begin() + 1, in.words.end()});
+  std::vector<std::vector<std::string>> rows = ModeRows(in.record);
   report::Table table;
   table.title = "Modes";
-  table.header = {"mode", "frequency [Hz]", "damping ratio [%]", "moves most"};
+  table.header = std::move(rows.front());
+  table.rows.assign(rows.begin() + 1, rows.end());
   table.text_columns = {3};
-  for (std::size_t m = 0; m < in.record.modes.size(); ++m) {
-    const Mode& mode = in.record.modes[m];
-    table.rows.push_back({std::to_string(m + 1),
-                          mode.growth > 0.0 ? fmt::format("unstable, {:.4g} 1/s", mode.growth)
-                                            : fmt::format("{:.5f}", mode.frequency),
-                          fmt::format("{:.4f}", 100.0 * mode.damping),
-                          in.record.places[in.record.MovesMost(mode)]});
-  }
   page.AddTable(table);
   const std::size_t shown = std::min(kMostMoving, in.record.modes.size());
   page.AddSection("Shapes in motion",

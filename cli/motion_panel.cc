@@ -11,14 +11,28 @@ namespace {
 constexpr std::size_t kMostFrames = 2000;   // forty seconds of pictures at the usual rate
 constexpr std::size_t kMostSamples = 1500;  // of a mark's path: as many as a screen has columns
 
-// x, y of all points of a shape in the chosen frames.
-std::vector<double> ReadFrames(const data::H5Reader& file, const std::string& at,
-                               const std::vector<std::size_t>& frames, std::size_t points) {
-  std::vector<double> xy(2 * points * frames.size());
-  for (std::size_t f = 0; f < frames.size(); ++f) {
-    file.ReadRows(at, frames[f], 1, std::span<double>(xy).subspan(2 * points * f, 2 * points));
+// Rows of `width` numbers at these rising places: at one go where they are most of all rows, else
+// one by one.
+std::vector<double> ReadChosen(const data::H5Reader& file, const std::string& at,
+                               const std::vector<std::size_t>& rows, std::size_t width) {
+  constexpr std::size_t kMost = 4;  // times as much as is kept: a call reads a whole chunk anyway
+  std::vector<double> out(width * rows.size());
+  const std::size_t all = rows.empty() ? 0 : rows.back() + 1;
+  if (all == rows.size()) {
+    file.ReadRows(at, 0, all, std::span<double>(out));
+    return out;
   }
-  return xy;
+  std::vector<double> whole(all <= kMost * rows.size() ? width * all : 0);
+  if (!whole.empty()) file.ReadRows(at, 0, all, std::span<double>(whole));
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const std::span<double> row = std::span<double>(out).subspan(width * i, width);
+    if (whole.empty()) {
+      file.ReadRows(at, rows[i], 1, row);
+    } else {
+      std::copy_n(whole.begin() + static_cast<std::ptrdiff_t>(width * rows[i]), width, row.begin());
+    }
+  }
+  return out;
 }
 
 void AddShapes(const data::H5Reader& file, const std::vector<std::size_t>& frames,
@@ -32,7 +46,7 @@ void AddShapes(const data::H5Reader& file, const std::vector<std::size_t>& frame
       line.name = name;
       line.kind = kind == data::ShapeKind::kBeam ? Kind::kBeam : Kind::kBody;
       line.points = file.Dims(group + "/" + name).at(1);
-      line.xy = ReadFrames(file, group + "/" + name, frames, line.points);
+      line.xy = ReadChosen(file, group + "/" + name, frames, 2 * line.points);
       motion->lines.push_back(std::move(line));
     }
   }
@@ -41,7 +55,7 @@ void AddShapes(const data::H5Reader& file, const std::vector<std::size_t>& frame
   for (const std::string& name : file.Children(group)) {
     report::MovingPin pin;
     pin.name = name;
-    pin.xy = ReadFrames(file, group + "/" + name, frames, 1);
+    pin.xy = ReadChosen(file, group + "/" + name, frames, 2);
     motion->pins.push_back(std::move(pin));
   }
 }
@@ -70,14 +84,7 @@ void AddMarks(const data::RunReader& run, const std::vector<std::string>& marks,
               report::Motion* motion) {
   const data::H5Reader& file = run.file();
   const std::vector<std::size_t> samples = report::EvenlyChosen(run.samples(), kMostSamples);
-  const auto read = [&](const std::string& at) {
-    std::vector<double> values(samples.size());
-    for (std::size_t i = 0; i < samples.size(); ++i) {
-      file.ReadRows(at, samples[i], 1, std::span<double>(values).subspan(i, 1));
-    }
-    return values;
-  };
-  std::vector<double> t = read("/t");
+  std::vector<double> t = ReadChosen(file, "/t", samples, 1);
   for (double& time : t) time += offset;
   for (std::size_t m = 0; m < marks.size(); ++m) {
     const std::string x = "/series/" + marks[m] + ".x", y = "/series/" + marks[m] + ".y";
@@ -85,8 +92,8 @@ void AddMarks(const data::RunReader& run, const std::vector<std::string>& marks,
     report::MovingMark mark;
     mark.name = marks[m];
     mark.t = t;
-    mark.x = read(x);
-    mark.y = read(y);
+    mark.x = ReadChosen(file, x, samples, 1);
+    mark.y = ReadChosen(file, y, samples, 1);
     mark.color = static_cast<int>(m);
     motion->marks.push_back(std::move(mark));
   }
@@ -112,14 +119,25 @@ std::optional<report::Motion> MotionOfRun(const data::RunReader& run,
   return motion;
 }
 
-void AddMeasured(const correlate::Comparison& c, report::Motion* motion) {
+namespace {
+
+// Marks whose x and y have common stamps, from one side of a comparison.
+void AddCompared(const correlate::Comparison& c, bool measured, report::Motion* motion) {
+  const auto side =
+      measured ? &correlate::ComparedSignal::measured : &correlate::ComparedSignal::reference;
   for (std::size_t m = 0; m < c.marks.size(); ++m) {
     const correlate::ComparedSignal *x = correlate::FindCoordinate(c, m, 0),
                                     *y = correlate::FindCoordinate(c, m, 1);
     if (x == nullptr || y == nullptr || x->t != y->t) continue;
-    motion->marks.push_back(
-        {c.marks[m] + ", measured", true, x->t, x->measured, y->measured, static_cast<int>(m)});
+    motion->marks.push_back({c.marks[m] + (measured ? ", measured" : ""), measured, x->t, x->*side,
+                             y->*side, static_cast<int>(m)});
   }
+}
+
+}  // namespace
+
+void AddMeasured(const correlate::Comparison& c, report::Motion* motion) {
+  AddCompared(c, true, motion);
 }
 
 std::optional<report::Motion> MotionOfMarks(const correlate::Comparison& c) {
@@ -130,13 +148,7 @@ std::optional<report::Motion> MotionOfMarks(const correlate::Comparison& c) {
       "straight.";
   motion.x = {"x", "m", false};
   motion.y = {"y", "m", false};
-  for (std::size_t m = 0; m < c.marks.size(); ++m) {
-    const correlate::ComparedSignal *x = correlate::FindCoordinate(c, m, 0),
-                                    *y = correlate::FindCoordinate(c, m, 1);
-    if (x == nullptr || y == nullptr || x->t != y->t) continue;
-    motion.marks.push_back(
-        {c.marks[m], false, x->t, x->reference, y->reference, static_cast<int>(m)});
-  }
+  AddCompared(c, false, &motion);
   AddMeasured(c, &motion);
   for (const correlate::ModelEvent& latch : c.latches) {
     motion.events.push_back({latch.t + c.alignment.at.offset, "latch " + latch.where, -1});
