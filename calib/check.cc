@@ -86,10 +86,24 @@ void Conclude(const std::string& what, const CheckOptions& options, CheckResult*
                   what, result->chance));
 }
 
+// Errors beside what was predicted of them.
+struct RmsOfErrors {
+  double squares = 0.0, predicted = 0.0, n = 0.0;
+  void Add(double error, double variance) {
+    squares += error * error;
+    predicted += variance;
+    n += 1.0;
+  }
+  void Finish(CheckResult* result) const {
+    result->rms = std::sqrt(squares / std::max(1.0, n));
+    result->rms_predicted = std::sqrt(predicted / std::max(1.0, n));
+  }
+};
+
 // Each surveyed point as its readings place it.
 void CheckEachPoint(const Observations& data, const std::vector<Found>& found,
                     CheckResult* result) {
-  double squares = 0.0, predicted = 0.0, n = 0.0;
+  RmsOfErrors all;
   for (int i = 0; i < data.points(); ++i) {
     const auto point = static_cast<std::size_t>(i);
     CheckedPoint checked{data.ids[point], kNone, kNone};
@@ -99,20 +113,17 @@ void CheckEachPoint(const Observations& data, const std::vector<Found>& found,
       const double variance = found[point].solution.cov.trace() + found[point].F.squaredNorm() +
                               data.cov[point].trace() + CommonVariance(data, i);
       checked.predicted = std::sqrt(variance);
-      squares += checked.error * checked.error;
-      predicted += variance;
-      n += 1.0;
+      all.Add(checked.error, variance);
     }
     result->points.push_back(checked);
   }
-  result->rms = std::sqrt(squares / std::max(1.0, n));
-  result->rms_predicted = std::sqrt(predicted / std::max(1.0, n));
+  all.Finish(result);
 }
 
 // Each placement of the bar, where both ends were found.
 void CheckEachLength(const Observations& data, const std::vector<Found>& found, const Bar& bar,
                      CheckResult* result) {
-  double squares = 0.0, predicted = 0.0, n = 0.0;
+  RmsOfErrors all;
   for (std::size_t a = 0; a + 1 < found.size(); a += 2) {
     const std::size_t b = a + 1;
     CheckedPoint checked{data.ids[a] + " to " + data.ids[b], kNone, kNone};
@@ -126,14 +137,11 @@ void CheckEachLength(const Observations& data, const std::vector<Found>& found, 
       checked.at = 0.5 * (found[a].solution.p + found[b].solution.p);
       checked.error = along.norm() - bar.length;
       checked.predicted = std::sqrt(variance);
-      squares += checked.error * checked.error;
-      predicted += variance;
-      n += 1.0;
+      all.Add(checked.error, variance);
     }
     result->points.push_back(checked);
   }
-  result->rms = std::sqrt(squares / std::max(1.0, n));
-  result->rms_predicted = std::sqrt(predicted / std::max(1.0, n));
+  all.Finish(result);
 }
 
 // Each camera's misfits as a shift of all its readings, and what of it would show.
