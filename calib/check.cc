@@ -153,7 +153,7 @@ void CheckEachCamera(const data::Rig& rig, const CheckDesign& design, const Join
     CheckedCamera camera{rig.cameras[c].name};
     camera.readings = static_cast<int>(
         std::count(design.camera.begin(), design.camera.end(), static_cast<int>(c)));
-    const JointTest::Amount shift = test.AmountOf(shifts.col(j));
+    const JointTest::Amount shift = test.AmountOf({0, shifts.col(j)});
     camera.shift_px = shift.value;
     camera.shift_sigma_px = shift.sigma;
     camera.shows_px = test.ShownAmount(shifts, j, options.doubtful);
@@ -163,9 +163,10 @@ void CheckEachCamera(const data::Rig& rig, const CheckDesign& design, const Join
 
 // How far each camera's readings are from what rig and survey predict.
 void AddMisfits(const CheckDesign& design, const Observations& data, CheckResult* result) {
+  const Eigen::VectorXd variances = design.covariance.Variances();
   for (Eigen::Index k = 0; k < design.misfit.size(); ++k) {
     const auto at = static_cast<std::size_t>(k);
-    const double variance = design.covariance(k, k);
+    const double variance = variances(k);
     result->readings.push_back({design.camera[at], design.point[at], data.readings[at].u_px,
                                 design.misfit(k), std::sqrt(variance)});
     CheckedCamera& camera = result->cameras[static_cast<std::size_t>(design.camera[at])];
@@ -185,16 +186,16 @@ void TryWithout(const CheckDesign& design, const JointTest& test, bool bad, Chec
     double& chance = result->cameras[c].chance_without;
     chance = result->chance;
     if (!bad) continue;
-    std::vector<Eigen::Index> mine;
+    std::vector<const Effect*> mine;
     for (std::size_t r = 0; r < design.camera.size(); ++r) {
-      if (design.camera[r] == static_cast<int>(c)) mine.push_back(static_cast<Eigen::Index>(r));
+      if (design.camera[r] == static_cast<int>(c)) mine.push_back(&design.by_reading[r]);
     }
-    if (!mine.empty()) chance = test.ChanceWithout(design.by_reading(Eigen::all, mine));
+    if (!mine.empty()) chance = test.ChanceWithoutAll(mine);
   }
-  for (std::size_t i = 0; i < result->points.size(); ++i) {
-    result->points[i].chance_without =
-        bad ? test.ChanceWithout(design.by_point[i]) : result->chance;
-  }
+  const std::vector<double> without =
+      bad ? test.ChancesWithout(design.by_point)
+          : std::vector<double>(result->points.size(), result->chance);
+  for (std::size_t i = 0; i < without.size(); ++i) result->points[i].chance_without = without[i];
 }
 
 // The test of a design, in words.

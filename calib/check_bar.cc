@@ -142,10 +142,9 @@ CheckDesign DesignOfBar(const data::Rig& rig, const Observations& data,
   CheckDesign design;
   // At most as many rows as data; those that check nothing are not filled.
   design.misfit.setZero(all + placements);
-  design.by_reading.setZero(all + placements, all);
   design.by_camera.setZero(all + placements, rig.covariance.rows());
-  design.by_point.assign(static_cast<std::size_t>(placements),
-                         Eigen::MatrixXd::Zero(all + placements, 1));
+  design.by_reading.assign(data.readings.size(), {0, Eigen::MatrixXd(0, 1)});
+  design.by_point.assign(static_cast<std::size_t>(placements), {0, Eigen::MatrixXd(0, 1)});
   Eigen::Index n = 0;
   std::vector<std::size_t> mine;
   std::size_t k = 0;
@@ -172,24 +171,23 @@ CheckDesign DesignOfBar(const data::Rig& rig, const Observations& data,
     design.by_camera.middleRows(n, beyond) = N.transpose() * at.by_camera;
     const auto m = static_cast<Eigen::Index>(mine.size());
     for (Eigen::Index r = 0; r < m; ++r) {
-      design.by_reading.block(n, static_cast<Eigen::Index>(mine[static_cast<std::size_t>(r)]),
-                              beyond, 1) = at.weight(r) * N.row(r).transpose();
+      design.by_reading[mine[static_cast<std::size_t>(r)]] = {n,
+                                                              at.weight(r) * N.row(r).transpose()};
     }
-    design.by_point[static_cast<std::size_t>(i)].middleRows(n, beyond) =
-        at.weight(m) * N.row(m).transpose();
+    design.by_point[static_cast<std::size_t>(i)] = {n, at.weight(m) * N.row(m).transpose()};
+    design.covariance.own.emplace_back(Eigen::MatrixXd::Identity(beyond, beyond));
     n += beyond;
   }
   design.misfit.conservativeResize(n);
-  design.by_reading.conservativeResize(n, Eigen::NoChange);
   design.by_camera.conservativeResize(n, Eigen::NoChange);
   design.by_frame.setZero(n, 1);
-  for (Eigen::MatrixXd& length : design.by_point) {
-    length.conservativeResize(n, Eigen::NoChange);
-    design.by_frame += length;
+  for (const Effect& length : design.by_point) {
+    design.by_frame.middleRows(length.first, length.rows.rows()) += length.rows;
   }
-  design.covariance = design.by_camera * rig.covariance * design.by_camera.transpose() +
-                      bar.sigma * bar.sigma * design.by_frame * design.by_frame.transpose();
-  design.covariance.diagonal().array() += 1.0;
+  Eigen::MatrixXd& shared = design.covariance.shared;
+  shared = SharedByRig(rig, design.by_camera);
+  shared.conservativeResize(Eigen::NoChange, shared.cols() + 1);
+  shared.rightCols(1) = bar.sigma * design.by_frame;
   return design;
 }
 

@@ -91,15 +91,15 @@ CheckedCause Measure(const FoundCause& one, const CheckDesign& design, const Joi
       cause.point = one.index;
       set({result.points[at].error, result.points[at].predicted}, 1.0);
       // Of a bar the one as found, over its stated length.
-      if (bar) set(test.AmountOf(design.by_point[at].col(0)), -1.0);
+      if (bar) set(test.AmountOf(design.by_point[at]), -1.0);
       break;
     case CauseKind::kReading:
       cause.camera = design.camera[at];
       cause.point = bar ? design.point[at] / 2 : design.point[at];
-      set(test.AmountOf(design.by_reading.col(one.index)), 1.0);
+      set(test.AmountOf(design.by_reading[at]), 1.0);
       break;
     case CauseKind::kFrame:
-      if (bar) set(test.AmountOf(design.by_frame.col(0)), -1.0);
+      if (bar) set(test.AmountOf({0, design.by_frame}), -1.0);
       break;
   }
   return cause;

@@ -30,7 +30,8 @@ Eigen::MatrixXd Moved(const data::RigCamera& camera, double distance,
 Eigen::MatrixXd CheckDesign::Shifts(std::size_t cameras) const {
   Eigen::MatrixXd out = Eigen::MatrixXd::Zero(misfit.size(), static_cast<Eigen::Index>(cameras));
   for (std::size_t r = 0; r < camera.size(); ++r) {
-    out.col(camera[r]) += by_reading.col(static_cast<Eigen::Index>(r));
+    const Effect& reading = by_reading[r];
+    out.col(camera[r]).segment(reading.first, reading.rows.rows()) += reading.rows;
   }
   return out;
 }
@@ -55,17 +56,27 @@ double ReadingVariance(const data::Rig& rig, std::size_t camera, double s_px) {
   return s_px * s_px + floor * floor;
 }
 
+Eigen::MatrixXd SharedByRig(const data::Rig& rig, const Eigen::MatrixXd& by_camera) {
+  // Parameters have units; scaling by their sigmas keeps the small ones from drowning.
+  const Eigen::VectorXd sigma = rig.covariance.diagonal().cwiseMax(0.0).cwiseSqrt();
+  const Eigen::VectorXd inverse = sigma.unaryExpr([](double s) { return s > 0.0 ? 1.0 / s : 0.0; });
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(inverse.asDiagonal() * rig.covariance *
+                                                             inverse.asDiagonal());
+  const Eigen::MatrixXd factor = sigma.asDiagonal() * eigen.eigenvectors() *
+                                 eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+  return by_camera * factor;
+}
+
 CheckDesign DesignOfPoints(const data::Rig& rig, const Observations& data,
                            const std::vector<std::size_t>& match, const std::string& where) {
   const auto n = static_cast<Eigen::Index>(data.readings.size());
   CheckDesign design;
   design.misfit.resize(n);
-  design.by_reading.setIdentity(n, n);
   design.by_camera.setZero(n, rig.covariance.rows());
-  design.by_point.assign(static_cast<std::size_t>(data.points()), Eigen::MatrixXd::Zero(n, 3));
   design.by_frame.resize(n, 6);
   const Eigen::Vector3d middle = 0.5 * (rig.volume_low + rig.volume_high);
   Eigen::MatrixXd H(n, 3);
+  Eigen::VectorXd own(n);  // variance of each reading alone
   for (Eigen::Index k = 0; k < n; ++k) {
     const Reading& r = data.readings[static_cast<std::size_t>(k)];
     const std::size_t c = match[static_cast<std::size_t>(r.camera)];
@@ -78,31 +89,36 @@ CheckDesign DesignOfPoints(const data::Rig& rig, const Observations& data,
     design.misfit(k) = r.u_px - h.u_px;
     design.camera.push_back(static_cast<int>(c));
     design.point.push_back(r.point);
+    design.by_reading.push_back({k, Eigen::MatrixXd::Ones(1, 1)});
     H.row(k) = h.du_dp;
+    own(k) = ReadingVariance(rig, c, r.s_px);
     design.by_camera.block(k, kParameters * static_cast<Eigen::Index>(c), 1, kParameters) = h.du_dc;
-    design.by_point[static_cast<std::size_t>(r.point)].row(k) = h.du_dp;
     // Turned about the volume's middle, by an angle that moves its corners by half a metre.
     const Eigen::Vector3d arm = (data.p.col(r.point) - middle) / SizeOf(rig);
     design.by_frame.row(k) << h.du_dp, -h.du_dp * Skew(arm);
   }
-  design.covariance = design.by_camera * rig.covariance * design.by_camera.transpose();
-  for (Eigen::Index a = 0; a < n; ++a) {
-    const Reading& r = data.readings[static_cast<std::size_t>(a)];
-    const auto point = static_cast<std::size_t>(r.point);
-    design.covariance(a, a) +=
-        ReadingVariance(rig, match[static_cast<std::size_t>(r.camera)], r.s_px);
-    for (Eigen::Index b = 0; b < n; ++b) {
-      if (design.point[static_cast<std::size_t>(b)] != r.point) continue;
-      design.covariance(a, b) += (H.row(a) * data.cov[point] * H.row(b).transpose()).value();
-    }
+  // Readings of one point are neighbours (Observations).
+  Eigen::Index first = 0;
+  for (int i = 0; i < data.points(); ++i) {
+    Eigen::Index m = 0;
+    while (first + m < n && design.point[static_cast<std::size_t>(first + m)] == i) ++m;
+    design.by_point.push_back({first, H.middleRows(first, m)});
+    if (m == 0) continue;
+    const Eigen::MatrixXd& by_place = design.by_point.back().rows;
+    design.covariance.own.emplace_back(by_place * data.cov[static_cast<std::size_t>(i)] *
+                                       by_place.transpose());
+    design.covariance.own.back().diagonal() += own.segment(first, m);
+    first += m;
   }
   // What the station does to all points: with another set-up than the calibration's, another error.
+  Eigen::MatrixXd& shared = design.covariance.shared;
+  shared = SharedByRig(rig, design.by_camera);
   for (const CommonError& error : data.common) {
-    Eigen::VectorXd shared(n);
+    shared.conservativeResize(Eigen::NoChange, shared.cols() + 1);
     for (Eigen::Index k = 0; k < n; ++k) {
-      shared(k) = H.row(k).dot(error.shift.col(design.point[static_cast<std::size_t>(k)]));
+      shared(k, shared.cols() - 1) =
+          H.row(k).dot(error.shift.col(design.point[static_cast<std::size_t>(k)]));
     }
-    design.covariance += shared * shared.transpose();
   }
   return design;
 }
@@ -116,11 +132,13 @@ std::vector<Hypothesis> HypothesesOf(const data::Rig& rig, const CheckDesign& de
     const data::RigCamera& camera = rig.cameras[c];
     const auto j = static_cast<int>(c);
     const double half = 0.5 * options.camera_odds;
-    out.push_back({CauseKind::kCamera, j, shifts.col(j), 1.0 * camera.pixels, half});
-    out.push_back({CauseKind::kCamera, j,
-                   Moved(camera, (middle - camera.p_WC).norm(),
-                         design.by_camera.middleCols(kParameters * j, kParameters)),
-                   1.0 * camera.pixels, half});
+    out.push_back({CauseKind::kCamera, j, {0, shifts.col(j)}, 1.0 * camera.pixels, half});
+    out.push_back({CauseKind::kCamera,
+                   j,
+                   {0, Moved(camera, (middle - camera.p_WC).norm(),
+                             design.by_camera.middleCols(kParameters * j, kParameters))},
+                   1.0 * camera.pixels,
+                   half});
   }
   const double size = SizeOf(rig);
   for (std::size_t i = 0; i < design.by_point.size(); ++i) {
@@ -128,12 +146,11 @@ std::vector<Hypothesis> HypothesesOf(const data::Rig& rig, const CheckDesign& de
         {CauseKind::kPoint, static_cast<int>(i), design.by_point[i], size, options.point_odds});
   }
   for (std::size_t r = 0; r < design.camera.size(); ++r) {
-    out.push_back({CauseKind::kReading, static_cast<int>(r),
-                   design.by_reading.col(static_cast<Eigen::Index>(r)),
+    out.push_back({CauseKind::kReading, static_cast<int>(r), design.by_reading[r],
                    1.0 * rig.cameras[static_cast<std::size_t>(design.camera[r])].pixels,
                    options.reading_odds});
   }
-  out.push_back({CauseKind::kFrame, 0, design.by_frame, size, options.frame_odds});
+  out.push_back({CauseKind::kFrame, 0, {0, design.by_frame}, size, options.frame_odds});
   return out;
 }
 

@@ -14,14 +14,14 @@ namespace unfurl::calib {
 // What a check's n linear combinations of data are from what the rig predicts, their covariance if
 // nothing is wrong, and what anything that is wrong adds to them.
 struct CheckDesign {
-  Eigen::VectorXd misfit;      // n
-  Eigen::MatrixXd covariance;  // n x n: readings with floors, calibration, survey or bar
+  Eigen::VectorXd misfit;        // n
+  GroupedCovariance covariance;  // a group is a point with readings, or a placement of the bar
   // Of the m readings: which camera of the rig, which point (a bar's end).
   std::vector<int> camera, point;
-  Eigen::MatrixXd by_reading;  // n x m [1/px]
-  Eigen::MatrixXd by_camera;   // n x 19 c, of the rig's parameters
-  // n x k for each surveyed point (k = 3) or placement of the bar (k = 1) [1/m].
-  std::vector<Eigen::MatrixXd> by_point;
+  std::vector<Effect> by_reading;  // m of one column [1/px]
+  Eigen::MatrixXd by_camera;       // n x 19 c, of the rig's parameters
+  // Of each surveyed point (k = 3) or placement of the bar (k = 1) [1/m].
+  std::vector<Effect> by_point;
   // n x 6: all points moved and turned against the rig; n x 1: all lengths [1/m].
   Eigen::MatrixXd by_frame;
 
@@ -35,6 +35,10 @@ std::vector<std::size_t> MatchCameras(const data::Rig& rig, const Observations& 
 
 // Of a reading by that camera of the rig, floor included [px^2].
 double ReadingVariance(const data::Rig& rig, std::size_t camera, double s_px);
+
+// What the rig's uncertain parameters do to misfits, n x 19 c of their factor: by_camera F with F
+// F^T the calibration's covariance.
+Eigen::MatrixXd SharedByRig(const data::Rig& rig, const Eigen::MatrixXd& by_camera);
 
 // Readings less what the rig predicts at the surveyed places. Throws Error for a point behind a
 // camera.

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
+#include <utility>
 
 #include "base/statistics.h"
 
@@ -11,19 +13,18 @@ namespace unfurl::calib {
 namespace {
 
 constexpr double kPower = 0.9;  // of ShownAmount, to be seen and to be told apart
-// Squared share of a shape that is left beside another one, or squared whitened effect: less is
-// rounding [-].
+// Squared share of a shape, or of an effect, that is left beside others: less is rounding [-].
 constexpr double kNothing = 1e-9;
 
 // Of one of `tests` giving a p-value as small as p.
 double SidakChance(double p, double tests) { return -std::expm1(tests * std::log1p(-p)); }
 
 // log of the evidence for an effect over that for none, sizes integrated out.
-double LogGain(const Eigen::MatrixXd& W, const Eigen::VectorXd& y, double high) {
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(W.transpose() * W);
-  const Eigen::VectorXd b = eigen.eigenvectors().transpose() * (W.transpose() * y);
+double LogGain(const Whitening::Products& of, double high) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(of.gram);
+  const Eigen::VectorXd b = eigen.eigenvectors().transpose() * of.along;
   const double most = b.size() > 0 ? eigen.eigenvalues()(b.size() - 1) : 0.0;
-  if (!(most > kNothing)) return 0.0;
+  if (!(most > kNothing * of.whole)) return 0.0;
   std::vector<double> gains;
   for (double t = 1.0 / std::sqrt(most); t < 2.0 * high || gains.empty(); t *= 2.0) {
     double gain = 0.0;
@@ -43,13 +44,6 @@ bool IsOf(const Hypothesis& hypothesis, const FoundCause& cause) {
   return hypothesis.kind == cause.kind && hypothesis.index == cause.index;
 }
 
-// Orthonormal columns of what W spans.
-Eigen::MatrixXd Basis(const Eigen::MatrixXd& W) {
-  if (W.cols() == 0) return W;
-  const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(W);
-  return qr.householderQ() * Eigen::MatrixXd::Identity(W.rows(), qr.rank());
-}
-
 }  // namespace
 
 const char* Name(CauseKind kind) {
@@ -66,12 +60,8 @@ const char* Name(CauseKind kind) {
   return "";
 }
 
-JointTest::JointTest(const Eigen::VectorXd& e, const Eigen::MatrixXd& C)
-    : root_(C.llt().matrixL()), white_(root_.triangularView<Eigen::Lower>().solve(e)) {}
-
-Eigen::MatrixXd JointTest::Whiten(const Eigen::MatrixXd& columns) const {
-  return root_.triangularView<Eigen::Lower>().solve(columns);
-}
+JointTest::JointTest(const Eigen::VectorXd& e, const GroupedCovariance& C)
+    : misfit_(e), whitening_(C), white_(whitening_.Whiten(e)) {}
 
 double JointTest::Chance() const {
   return white_.size() == 0
@@ -79,16 +69,28 @@ double JointTest::Chance() const {
              : ChiSquareTail(white_.squaredNorm(), static_cast<double>(white_.size()));
 }
 
-double JointTest::ChanceWithout(const Eigen::MatrixXd& free) const {
-  const Eigen::MatrixXd Q = Basis(Whiten(free));
-  const auto freedom = static_cast<double>(white_.size() - Q.cols());
-  if (!(freedom > 0.0)) return 1.0;
-  const double square = white_.squaredNorm() - (Q.transpose() * white_).squaredNorm();
-  return ChiSquareTail(std::max(0.0, square), freedom);
+double JointTest::ChanceOf(const Whitening::Rest& rest) const {
+  const auto freedom = static_cast<double>(white_.size() - rest.freed);
+  return freedom > 0.0 ? ChiSquareTail(std::max(0.0, rest.square), freedom) : 1.0;
+}
+
+std::vector<double> JointTest::ChancesWithout(const std::vector<Effect>& each) const {
+  const Eigen::MatrixXd none(white_.size(), 0);
+  const Whitening::Against against = whitening_.MakeAgainst(white_, none);
+  std::vector<double> out;
+  out.reserve(each.size());
+  for (const Effect& free : each) {
+    out.push_back(ChanceOf(whitening_.WithoutLocal(free, against)));
+  }
+  return out;
+}
+
+double JointTest::ChanceWithoutAll(const std::vector<const Effect*>& free) const {
+  return ChanceOf(whitening_.WithoutMany(free, misfit_));
 }
 
 double JointTest::ScanChance(const Eigen::MatrixXd& shapes) const {
-  const Eigen::MatrixXd W = Whiten(shapes);
+  const Eigen::MatrixXd W = whitening_.Whiten(shapes);
   double least = 1.0, tried = 0.0;
   for (Eigen::Index j = 0; j < W.cols(); ++j) {
     const double norm = W.col(j).norm();
@@ -101,15 +103,15 @@ double JointTest::ScanChance(const Eigen::MatrixXd& shapes) const {
   return SidakChance(std::min(least, Chance()), tried > 0.0 ? 2.0 : 1.0);
 }
 
-JointTest::Amount JointTest::AmountOf(const Eigen::VectorXd& shape) const {
-  const Eigen::VectorXd w = Whiten(shape);
+JointTest::Amount JointTest::AmountOf(const Effect& shape) const {
+  const Eigen::VectorXd w = whitening_.Whiten(shape);
   const double information = w.squaredNorm();
   if (!(information > 0.0)) return {0.0, std::numeric_limits<double>::infinity()};
   return {w.dot(white_) / information, 1.0 / std::sqrt(information)};
 }
 
 double JointTest::ShownAmount(const Eigen::MatrixXd& shapes, Eigen::Index j, double level) const {
-  const Eigen::MatrixXd W = Whiten(shapes);
+  const Eigen::MatrixXd W = whitening_.Whiten(shapes);
   const double whole = W.col(j).squaredNorm(), rivals = static_cast<double>(W.cols() - 1);
   double beside = whole;  // of it beside its nearest rival
   for (Eigen::Index k = 0; k < W.cols(); ++k) {
@@ -129,21 +131,26 @@ double JointTest::ShownAmount(const Eigen::MatrixXd& shapes, Eigen::Index j, dou
 // Weighs all hypotheses by the misfits that are left: the most probable cause and the next one.
 // Several hypotheses may be of one cause: a camera that is shifted, or moved at will.
 FoundCause JointTest::MostProbable(const std::vector<Hypothesis>& all,
-                                   const std::vector<Eigen::MatrixXd>& effects,
-                                   const Eigen::VectorXd& rest,
+                                   const std::vector<WideEffect>& wide, const Eigen::VectorXd& rest,
+                                   const Eigen::MatrixXd& freed,
                                    const std::vector<FoundCause>& known) const {
+  const Whitening::Against against = whitening_.MakeAgainst(rest, freed);
   std::vector<double> log_weight;
   std::vector<FoundCause> causes;
   std::vector<std::size_t> cause_of;
+  std::map<std::pair<CauseKind, int>, std::size_t> seen;
+  auto next = wide.begin();
   for (std::size_t k = 0; k < all.size(); ++k) {
-    auto cause = std::find_if(causes.begin(), causes.end(),
-                              [&](const FoundCause& c) { return IsOf(all[k], c); });
-    if (cause == causes.end()) cause = causes.insert(causes.end(), {all[k].kind, all[k].index});
-    cause_of.push_back(static_cast<std::size_t>(cause - causes.begin()));
+    const auto [cause, is_new] = seen.try_emplace({all[k].kind, all[k].index}, causes.size());
+    if (is_new) causes.push_back({all[k].kind, all[k].index});
+    cause_of.push_back(cause->second);
+    const bool is_wide = next != wide.end() && next->hypothesis == k;
+    const Whitening::Products of =
+        is_wide ? (next++)->ProductsWith(rest) : whitening_.ProductsOf(all[k].effect, against);
     const bool used = std::any_of(known.begin(), known.end(),
                                   [&](const FoundCause& c) { return IsOf(all[k], c); });
     log_weight.push_back(used ? -std::numeric_limits<double>::infinity()
-                              : std::log(all[k].odds) + LogGain(effects[k], rest, all[k].high));
+                              : std::log(all[k].odds) + LogGain(of, all[k].high));
   }
   const double best = *std::max_element(log_weight.begin(), log_weight.end());
   double sum = 0.0;
@@ -172,21 +179,23 @@ FoundCause JointTest::MostProbable(const std::vector<Hypothesis>& all,
 std::vector<FoundCause> JointTest::FindCauses(const std::vector<Hypothesis>& all, double enough,
                                               std::size_t most, bool* explained) const {
   std::vector<FoundCause> out;
-  std::vector<Eigen::MatrixXd> effects;
-  for (const Hypothesis& one : all) effects.push_back(Whiten(one.effect));
-  const std::vector<Eigen::MatrixXd> whole = effects;
+  std::vector<WideEffect> wide;
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    if (whitening_.IsLocal(all[k].effect)) continue;
+    wide.push_back({k, whitening_.Whiten(all[k].effect)});
+    wide.back().whole = wide.back().white.squaredNorm();
+  }
   // Orthonormal columns of whatever the causes do, but for one of them.
   const auto free = [&](const FoundCause* but) {
     Eigen::MatrixXd columns(white_.size(), 0);
-    for (std::size_t k = 0; k < all.size(); ++k) {
-      const bool in = std::any_of(out.begin(), out.end(), [&](const FoundCause& c) {
-        return &c != but && IsOf(all[k], c);
-      });
+    for (const Hypothesis& one : all) {
+      const bool in = std::any_of(out.begin(), out.end(),
+                                  [&](const FoundCause& c) { return &c != but && IsOf(one, c); });
       if (!in) continue;
-      columns.conservativeResize(Eigen::NoChange, columns.cols() + whole[k].cols());
-      columns.rightCols(whole[k].cols()) = whole[k];
+      columns.conservativeResize(Eigen::NoChange, columns.cols() + one.effect.rows.cols());
+      columns.rightCols(one.effect.rows.cols()) = whitening_.Whiten(one.effect);
     }
-    return Basis(columns);
+    return SpanOf(columns);
   };
   const auto chance = [&](const Eigen::MatrixXd& Q) {
     const auto freedom = static_cast<double>(white_.size() - Q.cols());
@@ -194,13 +203,14 @@ std::vector<FoundCause> JointTest::FindCauses(const std::vector<Hypothesis>& all
     return freedom > 0.0 ? ChiSquareTail(std::max(0.0, square), freedom) : 0.0;
   };
   Eigen::VectorXd rest = white_;
+  Eigen::MatrixXd freed(white_.size(), 0);
   *explained = false;
   while (out.size() < most && !*explained) {
-    out.push_back(MostProbable(all, effects, rest, out));
-    const Eigen::MatrixXd Q = free(nullptr);
-    rest = white_ - Q * (Q.transpose() * white_);
-    for (Eigen::MatrixXd& effect : effects) effect -= Q * (Q.transpose() * effect).eval();
-    *explained = chance(Q) >= enough;
+    out.push_back(MostProbable(all, wide, rest, freed, out));
+    freed = free(nullptr);
+    rest = white_ - freed * (freed.transpose() * white_);
+    for (WideEffect& one : wide) one.white -= freed * (freed.transpose() * one.white).eval();
+    *explained = chance(freed) >= enough;
   }
   // One that was taken first for several together may have become needless.
   for (std::size_t k = 0; *explained && out.size() > 1 && k < out.size();) {

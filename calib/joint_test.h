@@ -1,7 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstddef>
 #include <vector>
+
+#include "calib/whitening.h"
 
 namespace unfurl::calib {
 
@@ -19,8 +22,8 @@ const char* Name(CauseKind kind);  // "camera", ...
 // to `high`.
 struct Hypothesis {
   CauseKind kind = CauseKind::kCamera;
-  int index = 0;           // of the camera, point or reading
-  Eigen::MatrixXd effect;  // n x k [per unit of z]
+  int index = 0;  // of the camera, point or reading
+  Effect effect;
   double high = 0.0;
   double odds = 0.0;  // against nothing being wrong, before the data speak [-]
 };
@@ -37,26 +40,28 @@ struct FoundCause {
 };
 
 // Misfits e ~ N(0, C) if nothing is wrong, against a list of what may be. [Kass & Raftery 1995:
-// evidence of each hypothesis, its unknowns integrated out]
+// evidence of each hypothesis, its unknowns integrated out] All of it takes a time that grows with
+// the number of misfits, where effects are local (calib/whitening.h).
 class JointTest {
  public:
-  // C is positive definite.
-  JointTest(const Eigen::VectorXd& e, const Eigen::MatrixXd& C);
+  JointTest(const Eigen::VectorXd& e, const GroupedCovariance& C);
 
-  // Probability of so large a sum of squared whitened misfits, whatever the misfits along `free`
-  // (n x k) are.
+  // Probability of so large a sum of squared whitened misfits, whatever the misfits along some
+  // local effects are.
   double Chance() const;
-  double ChanceWithout(const Eigen::MatrixXd& free) const;
+  double ChanceWithoutAll(const std::vector<const Effect*>& free) const;
+  // The same, each one free alone.
+  std::vector<double> ChancesWithout(const std::vector<Effect>& each) const;
   // The least of that and of the probabilities of so large a misfit along each column of `shapes`,
   // with the price of having looked so often [Sidak]: one shape among many data is not drowned.
   double ScanChance(const Eigen::MatrixXd& shapes) const;
 
-  // How much of one shape is in the misfits, by least squares, and its standard deviation.
+  // How much of one shape (k = 1) is in the misfits, by least squares, and its standard deviation.
   struct Amount {
     double value = 0.0, sigma = 0.0;  // in units of the shape; sigma is infinite for a zero shape
   };
   /// How much of one shape the residuals hold, with every column of the design free beside it.
-  Amount AmountOf(const Eigen::VectorXd& shape) const;
+  Amount AmountOf(const Effect& shape) const;
   // The amount of shape j that a test at `level` shows, and tells from every other column, nine
   // times in ten; infinity: none does.
   double ShownAmount(const Eigen::MatrixXd& shapes, Eigen::Index j, double level) const;
@@ -67,13 +72,25 @@ class JointTest {
                                      std::size_t most, bool* explained) const;
 
  private:
-  Eigen::MatrixXd Whiten(const Eigen::MatrixXd& columns) const;
-  FoundCause MostProbable(const std::vector<Hypothesis>& all,
-                          const std::vector<Eigen::MatrixXd>& effects, const Eigen::VectorXd& rest,
+  double ChanceOf(const Whitening::Rest& rest) const;
+  // The whitened effect of a hypothesis that is not local, beside what is free.
+  struct WideEffect {
+    std::size_t hypothesis = 0;
+    Eigen::MatrixXd white;  // n x k
+    double whole = 0.0;     // its sum of squares before anything was free
+    Whitening::Products ProductsWith(const Eigen::VectorXd& rest) const {
+      return {white.transpose() * white, white.transpose() * rest, whole};
+    }
+  };
+  // `rest` are the whitened misfits beside the orthonormal columns `freed`; `wide` is in the order
+  // of the hypotheses.
+  FoundCause MostProbable(const std::vector<Hypothesis>& all, const std::vector<WideEffect>& wide,
+                          const Eigen::VectorXd& rest, const Eigen::MatrixXd& freed,
                           const std::vector<FoundCause>& known) const;
 
-  Eigen::MatrixXd root_;   // L of C = L L^T
-  Eigen::VectorXd white_;  // L^-1 e
+  Eigen::VectorXd misfit_;  // e
+  Whitening whitening_;
+  Eigen::VectorXd white_;  // W e
 };
 
 }  // namespace unfurl::calib

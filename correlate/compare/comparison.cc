@@ -167,6 +167,29 @@ void AddClockReasons(Comparison* c) {
       NumberWithError(1e6 * a.drift, 1e6 * a.Sigma("clock drift")), a.drift_pivot));
 }
 
+// Of a record that is longer than what the modes were fitted to: what the rest would add.
+void AddModesWindow(Comparison* c) {
+  constexpr double kAll = 0.99;  // information: the standard error is within half a per cent
+  if (!c->modes_until) return;
+  const Mode* least = nullptr;
+  for (const Mode& mode : c->measured_modes.decay.modes) {
+    if (least == nullptr || mode.information < least->information) least = &mode;
+  }
+  std::string rest;
+  if (least != nullptr && least->information >= kAll) {
+    rest = "their vibrations have decayed by then, and later samples would add nothing";
+  } else if (least != nullptr) {
+    rest = fmt::format(
+        "that of {:.4g} Hz has not decayed by then, and all samples would tell its frequency "
+        "{:.2g} "
+        "times as well",
+        least->frequency, 1.0 / std::sqrt(least->information));
+  }
+  c->reasons.push_back(
+      fmt::format("Modes are those of {:.6g} to {:.6g} s{}{}; --from and --to choose another part.",
+                  c->spectrum_from, *c->modes_until, rest.empty() ? "" : ": ", rest));
+}
+
 void AddModeReasons(Comparison* c) {
   if (c->measured_modes.decay.Usable()) {
     const auto shared = std::count_if(c->mode_pairs.begin(), c->mode_pairs.end(),
@@ -178,12 +201,7 @@ void AddModeReasons(Comparison* c) {
   } else if (!c->measured_modes.decay.message.empty()) {
     c->reasons.push_back("No modes: " + c->measured_modes.decay.message + ".");
   }
-  if (c->modes_until) {
-    c->reasons.push_back(
-        fmt::format("Modes are those of {:.6g} to {:.6g} s, 100,000 samples of a mark; --from and "
-                    "--to choose others.",
-                    c->spectrum_from, *c->modes_until));
-  }
+  AddModesWindow(c);
 }
 
 void AddPeakReasons(Comparison* c) {

@@ -115,6 +115,7 @@ ordered_json ModesJson(const ModalFit& fit) {
                      {"damping_ratio_sigma", m.damping_sigma},
                      {"amplitude", m.amplitude.cwiseAbs().maxCoeff()},
                      {"share", m.share},
+                     {"information", m.information},
                      {"stable_poles", m.members},
                      {"shape",
                       {{"real", real},

@@ -311,9 +311,6 @@ void FillSpectra(const ComparisonOptions& options, Comparison* c) {
 }
 
 void FillModes(Comparison* c) {
-  // The fit keeps up to 1.3 kB a sample and signal. So many samples of a sine, ten a period, tell
-  // its frequency to 2.5e-7 over its signal-to-noise ratio.
-  constexpr std::size_t kMost = 100000;  // samples of a signal
   // After a deployment the whole still swings slowly, by less than a period: a cubic stands for it.
   ModalOptions options;
   options.decay.trend = 3;
@@ -323,11 +320,8 @@ void FillModes(Comparison* c) {
     for (Eigen::Index axis = 0; axis < 2; ++axis) {
       const ComparedSignal* s = FindCoordinate(*c, m, static_cast<int>(axis));
       if (s == nullptr) continue;
-      const auto [first, end] = Within(*c, *s);
-      if (end < first + 2 * kFewest) continue;
-      const std::size_t last = std::min(end, first + kMost);
-      if (last < end)
-        c->modes_until = std::max(c->modes_until.value_or(s->t[last - 1]), s->t[last - 1]);
+      const auto [first, last] = Within(*c, *s);
+      if (last < first + 2 * kFewest) continue;
       DecaySignal a, b;
       a.name = b.name = s->name;
       for (std::size_t i = first; i < last; ++i) {
@@ -351,6 +345,7 @@ void FillModes(Comparison* c) {
   }
   for (const DecaySignal& s : measured) c->mode_signals.push_back(s.name);
   c->measured_modes = IdentifyModes(measured, options);
+  if (c->measured_modes.cut) c->modes_until = c->measured_modes.until;
   c->reference_modes = IdentifyModes(reference, options);
   c->mode_pairs = PairModes(c->measured_modes.decay.modes, c->reference_modes.decay.modes);
 }

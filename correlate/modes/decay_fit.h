@@ -31,6 +31,8 @@ struct Mode {
   double share = 0.0;  // of the signals' mean square about their trends [-]
   // Squared amplitudes over their own errors, summed: chi-square of 2 per signal were there none.
   double evidence = 0.0;
+  // Of what the whole record tells of its frequency, the part that the samples fitted tell [-].
+  double information = 1.0;
   int members = 0;  // stable poles of its cluster; 0 where it was not sought by a diagram
 };
 

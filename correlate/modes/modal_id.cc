@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "base/statistics.h"
+#include "correlate/modes/decay_information.h"
 #include "correlate/modes/matrix_pencil.h"
 
 namespace unfurl::correlate {
@@ -243,9 +245,20 @@ void AssignPoles(const std::vector<std::vector<Candidate>>& diagram, const Modal
   }
 }
 
-}  // namespace
+// The first samples of each signal.
+std::vector<DecaySignal> FirstSamples(std::span<const DecaySignal> signals, std::size_t most) {
+  std::vector<DecaySignal> out;
+  for (const DecaySignal& s : signals) {
+    const auto n = static_cast<std::ptrdiff_t>(std::min(most, s.t.size()));
+    out.push_back({s.name,
+                   {s.t.begin(), s.t.begin() + n},
+                   {s.value.begin(), s.value.begin() + n},
+                   {s.sigma.begin(), s.sigma.empty() ? s.sigma.end() : s.sigma.begin() + n}});
+  }
+  return out;
+}
 
-ModalFit IdentifyModes(std::span<const DecaySignal> signals, const ModalOptions& options) {
+ModalFit IdentifyWhole(std::span<const DecaySignal> signals, const ModalOptions& options) {
   ModalFit out;
   const double duration = DurationOf(signals);
   if (signals.empty() || !(duration > 0.0)) {
@@ -269,6 +282,27 @@ ModalFit IdentifyModes(std::span<const DecaySignal> signals, const ModalOptions&
   out.decay = Eliminate(signals, poles, out.low, out.high, duration, options);
   // 3. The diagram, with the modes named.
   AssignPoles(diagram, options, &out);
+  return out;
+}
+
+}  // namespace
+
+ModalFit IdentifyModes(std::span<const DecaySignal> signals, const ModalOptions& options) {
+  const bool cut = std::any_of(signals.begin(), signals.end(), [&](const DecaySignal& s) {
+    return s.t.size() > options.most_samples;
+  });
+  if (!cut) return IdentifyWhole(signals, options);
+  const std::vector<DecaySignal> first = FirstSamples(signals, options.most_samples);
+  ModalFit out = IdentifyWhole(first, options);
+  const double window = DurationOf(first), whole = DurationOf(signals);
+  out.cut = true;
+  out.until = -std::numeric_limits<double>::infinity();
+  for (const DecaySignal& s : first) {
+    if (!s.t.empty()) out.until = std::max(out.until, s.t.back());
+  }
+  for (Mode& mode : out.decay.modes) {
+    mode.information = InformationShare(-mode.pole.real(), window, whole);
+  }
   return out;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <limits>
 #include <span>
 #include <vector>
@@ -23,6 +24,9 @@ struct ModalOptions {
   // Part of the orders, from its first on, at which a cluster must be found to be a mode.
   double persistence = 0.5;
   int most = 12;  // modes
+  // Samples of each signal that are fitted, its first ones: a fit takes up to 1.3 kB for each. A
+  // free decay is over by then, or Mode::information says what the rest holds.
+  std::size_t most_samples = 100000;
   DecayOptions decay;
 };
 
@@ -43,6 +47,8 @@ struct ModalFit {
   std::vector<StabilisationPole> poles;  // by order, then frequency
   double step = 0.0;                     // of the grid that the pencil saw [s]
   double low = 0.0, high = 0.0;          // the band [Hz]
+  bool cut = false;                      // there are later samples than were fitted
+  double until = 0.0;                    // latest stamp fitted [s]
 };
 
 /// Throws Error for options that make no sense; a decay without modes is a status.

@@ -19,6 +19,9 @@ Eigen::MatrixXd Draw(Eigen::Index rows, Eigen::Index columns, Rng* rng) {
   return out;
 }
 
+// A covariance as one group.
+GroupedCovariance Dense(const Eigen::MatrixXd& C) { return {{C}, Eigen::MatrixXd(C.rows(), 0)}; }
+
 struct World {
   Eigen::MatrixXd root, C, shapes;
   explicit World(Rng* rng) : root(0.1 * Draw(kData, kData, rng)) {
@@ -37,7 +40,7 @@ TEST(JointTest, PValuesAreWhatTheySay) {
   constexpr int kDraws = 4000;
   int scan = 0, whole = 0;
   for (int k = 0; k < kDraws; ++k) {
-    const JointTest test(world.Noise(&rng), world.C);
+    const JointTest test(world.Noise(&rng), Dense(world.C));
     scan += test.ScanChance(world.shapes) < 0.05 ? 1 : 0;
     whole += test.Chance() < 0.05 ? 1 : 0;
   }
@@ -53,12 +56,14 @@ TEST(JointTest, FreeDataAreLeftOut) {
   Rng rng(6);
   const World world(&rng);
   const Eigen::VectorXd e = world.Noise(&rng);
-  const Eigen::MatrixXd free = Eigen::MatrixXd::Identity(kData, 5);
+  const Effect free{0, Eigen::MatrixXd::Identity(5, 5)};
   const Eigen::Index rest = kData - 5;
   const Eigen::VectorXd tail = e.tail(rest);
   const double square = tail.dot(world.C.bottomRightCorner(rest, rest).ldlt().solve(tail));
-  EXPECT_NEAR(JointTest(e, world.C).ChanceWithout(free),
-              ChiSquareTail(square, static_cast<double>(rest)), 1e-9);
+  const double expected = ChiSquareTail(square, static_cast<double>(rest));
+  const JointTest test(e, Dense(world.C));
+  EXPECT_NEAR(test.ChanceWithoutAll({&free}), expected, 1e-9);
+  EXPECT_NEAR(test.ChancesWithout({free})[0], expected, 1e-9);
 }
 
 // The amount is unbiased, scatters as it says, and the shift that is said to show is found nine
@@ -71,17 +76,17 @@ TEST(JointTest, AmountsScatterAsTheySay) {
   double sum = 0.0, squares = 0.0, found = 0.0, named = 0.0;
   for (int k = 0; k < kDraws; ++k) {
     const Eigen::VectorXd noise = world.Noise(&rng);
-    const JointTest quiet(noise, world.C);
+    const JointTest quiet(noise, Dense(world.C));
     const double amount = quiet.ShownAmount(world.shapes, 2, 0.01);
-    const JointTest test(noise + amount * shape, world.C);
-    const JointTest::Amount got = test.AmountOf(shape);
+    const JointTest test(noise + amount * shape, Dense(world.C));
+    const JointTest::Amount got = test.AmountOf({0, shape});
     sum += (got.value - amount) / got.sigma;
     squares += std::pow((got.value - amount) / got.sigma, 2);
     found += test.ScanChance(world.shapes) < 0.01 ? 1.0 : 0.0;
     Eigen::Index best = 0;
     double most = 0.0;
     for (Eigen::Index j = 0; j < 4; ++j) {
-      const auto other = test.AmountOf(world.shapes.col(j));
+      const auto other = test.AmountOf({0, world.shapes.col(j)});
       if (std::abs(other.value) > most * other.sigma) {
         most = std::abs(other.value) / other.sigma;
         best = j;
@@ -101,15 +106,15 @@ TEST(JointTest, CausesAreFoundOneAfterTheOther) {
   const World world(&rng);
   std::vector<Hypothesis> all;
   for (int j = 0; j < 4; ++j) {
-    all.push_back({CauseKind::kCamera, j, world.shapes.col(j), 1e4, 0.05});
+    all.push_back({CauseKind::kCamera, j, {0, world.shapes.col(j)}, 1e4, 0.05});
   }
   for (int r = 0; r < kData; ++r) {
-    all.push_back({CauseKind::kReading, r, Eigen::VectorXd::Unit(kData, r), 1e4, 0.01});
+    all.push_back({CauseKind::kReading, r, {r, Eigen::MatrixXd::Ones(1, 1)}, 1e4, 0.01});
   }
   const Eigen::VectorXd e =
       world.Noise(&rng) + 30.0 * world.shapes.col(1) + 100.0 * Eigen::VectorXd::Unit(kData, 7);
   bool explained = false;
-  const auto found = JointTest(e, world.C).FindCauses(all, 0.01, 3, &explained);
+  const auto found = JointTest(e, Dense(world.C)).FindCauses(all, 0.01, 3, &explained);
   EXPECT_TRUE(explained);
   ASSERT_EQ(found.size(), 2U);
   const bool camera_first = found[0].kind == CauseKind::kCamera;

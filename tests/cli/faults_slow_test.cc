@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <filesystem>
 #include <fstream>
+#include <map>
 
 #include "tests/cli/small_jobs.h"
 
@@ -26,6 +28,9 @@ class Faults : public SmallJobsTest {
     jobs_.push_back({{"convert", "tracks.csv", "out.uff"}, "out.uff"});
     jobs_.push_back({{"correlate", "run.h5", "run.h5", "-o", "out.json"}, "out.json"});
     jobs_.push_back({{"info", "run.h5"}, ""});
+    jobs_.push_back({{"completion", "bash"}, ""});
+    jobs_.push_back({{"completion", "man"}, ""});
+    jobs_.push_back({{"doctor"}, ""});
   }
 
   Outcome RunWith(const std::vector<std::string>& command, const std::string& fault) const {
@@ -94,6 +99,50 @@ TEST_F(Faults, EachCallFailsOnce) {
     if (!job.output.empty()) std::filesystem::remove(folder_ / job.output);
   }
   std::printf("found: %d runs with a fault, %d refused, the others did without\n", runs, refused);
+}
+
+// A start is made whole or not at all, and what was in its folder stays.
+TEST_F(Faults, AStartIsWholeOrNotThere) {
+  const std::vector<std::string> command = {"new", "study", "mine"};
+  std::filesystem::create_directories(folder_ / "mine");
+  Put("mine/notes.txt", kOld);
+  const std::vector<std::string> before = Files();
+  ASSERT_EQ(Run(command).code, 0);
+  std::map<std::string, std::string> fresh;
+  for (const char* name : {"study.toml", "scene.toml", "tracks.csv", "README.md"}) {
+    fresh[name] = Get(std::string("mine/") + name);
+    EXPECT_FALSE(fresh[name].empty()) << name;
+  }
+  const auto clear = [&] {
+    for (const auto& [name, text] : fresh) std::filesystem::remove(folder_ / "mine" / name);
+  };
+  int runs = 0, refused = 0;
+  for (const char* kind : {"new", "write", "read", "fsync", "rename", "open"}) {
+    clear();
+    RunWith(command, std::string(kind) + ":0");
+    for (long at = Count(); at > 0; --at) {
+      clear();
+      const std::string fault = std::string(kind) + ":" + std::to_string(at);
+      const Outcome outcome = RunWith(command, fault);
+      Count();
+      SCOPED_TRACE(fault + ": " + outcome.err);
+      ++runs;
+      refused += outcome.code == 0 ? 0 : 1;
+      EXPECT_TRUE(outcome.code == 0 || outcome.code == 2 || outcome.code == 4) << outcome.code;
+      EXPECT_EQ(Get("mine/notes.txt"), kOld);
+      std::size_t whole = 0;
+      for (const auto& [name, text] : fresh) {
+        if (!std::filesystem::exists(folder_ / "mine" / name)) continue;
+        EXPECT_EQ(Get("mine/" + name), text);
+        ++whole;
+      }
+      // What fails once they all have their names leaves them.
+      EXPECT_TRUE(whole == fresh.size() || (whole == 0 && outcome.code != 0)) << whole;
+    }
+  }
+  clear();
+  EXPECT_EQ(Files(), before);
+  std::printf("found: %d runs of new with a fault, %d refused\n", runs, refused);
 }
 
 }  // namespace

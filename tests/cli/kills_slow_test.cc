@@ -8,6 +8,8 @@
 #include <algorithm>
 #include <chrono>
 #include <cstdlib>
+#include <filesystem>
+#include <map>
 #include <random>
 #include <thread>
 
@@ -84,6 +86,43 @@ TEST_F(Kills, AtRandomMoments) {
     std::filesystem::remove(folder_ / job.output);
     std::filesystem::remove(folder_ / (job.output + ".partial~"));
   }
+}
+
+// A start is several files: each is whole or not there, and what was in the folder stays.
+TEST_F(Kills, StartsAtRandomMoments) {
+  constexpr int kKills = 50;
+  const std::vector<std::string> command = {"new", "study", "mine"};
+  const auto start = std::chrono::steady_clock::now();
+  Good(command);
+  const double whole =
+      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  std::map<std::string, std::string> fresh;
+  for (const char* name : {"study.toml", "scene.toml", "tracks.csv", "README.md"}) {
+    fresh[name] = Get(std::string("mine/") + name);
+  }
+  std::mt19937 random(8);
+  int killed = 0, some = 0;
+  for (int k = 0; k < kKills; ++k) {
+    std::filesystem::remove_all(folder_ / "mine");
+    std::filesystem::create_directories(folder_ / "mine");
+    Put("mine/notes.txt", kOld);
+    const int after = 1 + static_cast<int>(std::uniform_real_distribution<>(0.0, whole)(random));
+    const Outcome outcome = RunProgram(command, folder_, 0, after, SIGKILL);
+    killed += outcome.code == 128 + SIGKILL ? 1 : 0;
+    EXPECT_EQ(Get("mine/notes.txt"), kOld);
+    std::size_t there = 0;
+    for (const auto& [name, text] : fresh) {
+      if (!std::filesystem::exists(folder_ / "mine" / name)) continue;
+      EXPECT_EQ(Get("mine/" + name), text) << name << " after " << after << " ms";
+      ++there;
+    }
+    some += there > 0 && there < fresh.size() ? 1 : 0;
+    // The next one makes them, or says which file is in the way.
+    const Outcome again = Run(command);
+    EXPECT_EQ(again.code, there == 0 ? 0 : 2) << again.err;
+    if (there > 0) EXPECT_THAT(again.err, ::testing::HasSubstr("is there already, and stays"));
+  }
+  std::printf("found: new: %d killed in %.0f ms, %d left some of its files\n", killed, whole, some);
 }
 
 TEST_F(Kills, TwoAtOnceOnOneOutput) {

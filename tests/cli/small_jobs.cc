@@ -63,6 +63,7 @@ void SmallJobsTest::SetUp() {
       {{"simulate", Shipped("scene_suspension_4.toml"), "--duration", "0.1", "-o", "out.h5"},
        "out.h5"},
       {{"modes", latch, "-o", "out.h5"}, "out.h5"},
+      {{"modes", latch, "--report", "out.html"}, "out.html"},
       {{"expose", "run.h5", "--lab", lab, "-o", "out.h5"}, "out.h5"},
       {{"expose", "--survey", Shipped("points.csv"), "--lab", lab, "-o", "out.h5"}, "out.h5"},
       {{"plan", rig, "--columns", "3", "--report", "out.html"}, "out.html"},
