@@ -33,16 +33,16 @@ struct Constraints::Pattern {
   int places = 0;
 };
 
-Constraints::Constraints(const Slots& slots, const std::vector<Longitudinal>& elements,
+Constraints::Constraints(const RigidBodies& bodies, const std::vector<Longitudinal>& elements,
                          JointRows joints, const std::vector<std::string>& element_names,
                          const std::vector<int>& dropped)
-    : n_(slots.count),
-      beam_count_(slots.beam_count),
-      rows_(slots.beam_count + joints.rows()),
-      inverse_mass_(slots.inverse_mass),
-      inverse_inertia_(slots.inverse_inertia),
-      stations_(slots.stations),
-      station_of_(slots.count, -1),
+    : n_(bodies.count),
+      beam_count_(bodies.beam_count),
+      rows_(bodies.beam_count + joints.rows()),
+      inverse_mass_(bodies.inverse_mass),
+      inverse_inertia_(bodies.inverse_inertia),
+      stations_(bodies.stations),
+      station_of_(bodies.count, -1),
       joints_(std::move(joints)),
       element_names_(element_names),
       active_(beam_count_, 0.0),
@@ -53,7 +53,7 @@ Constraints::Constraints(const Slots& slots, const std::vector<Longitudinal>& el
       inertia_j_(beam_count_, 0.0),
       shared_(beam_count_, 0.0) {
   for (std::size_t k = 0; k < stations_.size(); ++k) {
-    station_of_[stations_[k].slot] = static_cast<int>(k);
+    station_of_[stations_[k].index] = static_cast<int>(k);
   }
   is_dropped_.assign(joints_.rows(), 0);
   std::vector<std::uint8_t> left_out(rows_, 0);
@@ -77,7 +77,7 @@ Constraints::Constraints(const Slots& slots, const std::vector<Longitudinal>& el
     if (inverse_mass_[body] != 0.0) CoupleOnBody(body, &pattern);
   }
   int first = 0;  // of this beam's compliances
-  for (const std::vector<int>& attached : slots.attached) {
+  for (const std::vector<int>& attached : bodies.attached) {
     const int stride = 3 * static_cast<int>(attached.size());
     CoupleOnSmoothBeam(attached, first, &pattern);
     first += stride * stride;

@@ -7,7 +7,7 @@
 #include "sim/constraints/joint_rows.h"
 #include "sim/constraints/sparse_ldlt.h"
 #include "sim/kirchhoff/kirchhoff_beams.h"
-#include "sim/model/slots.h"
+#include "sim/model/rigid_bodies.h"
 
 namespace unfurl::sim {
 
@@ -17,8 +17,8 @@ class Tangent;
 //   M a = Q + J^T lambda,   J a = gamma,   (J M^-1 J^T) lambda = gamma - J M^-1 Q.
 // Rows: the longitudinal constraint (r_j - r_i).a - l of element e is row e (rows of pairs that are
 // no such element stay empty), a along the inboard segment, eq. (30), or along r_j - r_i itself;
-// the joints' rows follow from row Slots::beam_count on. M is diagonal, so the Schur complement is
-// as sparse as the graph of the constraints: along a beam it is tridiagonal.
+// the joints' rows follow from row RigidBodies::beam_count on. M is diagonal, so the Schur
+// complement is as sparse as the graph of the constraints: along a beam it is tridiagonal.
 class Constraints {
  public:
   // Of an element; length 0: none.
@@ -33,8 +33,8 @@ class Constraints {
     Array tilt_i, tilt_j;          // the same for the bodies that carry the stations
     Array diagonal, off, inverse;  // the Schur complement, then its factor
     Array lambda;                  // by row
-    Array fx, fy, m;               // J^T lambda by slot
-    Array ax, ay, alpha;           // accelerations by slot
+    Array fx, fy, m;               // J^T lambda by body
+    Array ax, ay, alpha;           // accelerations by body
     std::vector<double> joints;    // geometry of the joints' rows
     std::vector<double> blocks;    // Jacobian of the joints' rows, 6 each, then the blocks of
                                    // elements that cross terms use, 3 each
@@ -44,10 +44,11 @@ class Constraints {
   };
 
   Constraints() = default;
-  // `elements[e]` joins slots e and e + 1.
+  // `elements[e]` joins bodies e and e + 1.
   // `dropped`: rows that get no equation, as they follow from others.
-  Constraints(const Slots& slots, const std::vector<Longitudinal>& elements, JointRows joints,
-              const std::vector<std::string>& element_names, const std::vector<int>& dropped = {});
+  Constraints(const RigidBodies& bodies, const std::vector<Longitudinal>& elements,
+              JointRows joints, const std::vector<std::string>& element_names,
+              const std::vector<int>& dropped = {});
 
   int count() const { return ldlt_.size(); }  // equations
   int rows() const { return rows_; }          // with empty ones
@@ -95,7 +96,7 @@ class Constraints {
   // the geometry of the last Accelerate.
   void AddTangent(const Motion& motion, const Work& work, const double* lambda,
                   Tangent* tangent) const;
-  // Dense J (rows() x 3 slots; x, y, theta of slot k in columns 3 k to 3 k + 2, stations folded
+  // Dense J (rows() x 3 bodies; x, y, theta of body k in columns 3 k to 3 k + 2, stations folded
   // into their bodies) for tests and checks.
   std::vector<double> DenseJacobian(const Motion& motion, Work* work) const;
 
@@ -150,11 +151,11 @@ class Constraints {
   void ConstraintLoad(Work* work) const;
 
   int n_ = 0, beam_count_ = 0, rows_ = 0;
-  Array inverse_mass_, inverse_inertia_;  // by slot
+  Array inverse_mass_, inverse_inertia_;  // by body
   std::vector<Station> stations_;
-  std::vector<int> station_of_;  // by slot; -1: none
+  std::vector<int> station_of_;  // by body; -1: none
   JointRows joints_;
-  std::vector<std::string> element_names_;  // by slot of the beam
+  std::vector<std::string> element_names_;  // by body of the beam
   Array active_, length_, chord_;           // by row of elements
   Array mass_sum_;                          // 1/m_i + 1/m_j by row
   Array inertia_i_, inertia_j_;             // 1/I of the two sides, 0 where tilt is 0, by row

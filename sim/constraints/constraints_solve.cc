@@ -144,9 +144,9 @@ void Constraints::ConstraintLoad(Work* work) const {
   for (int k = count; k < n_; ++k) fx[k] = fy[k] = mm[k] = 0.0;
   const double* offset = work->station.data();
   for (const Station& s : stations_) {
-    fx[s.body] += fx[s.slot];
-    fy[s.body] += fy[s.slot];
-    mm[s.body] += mm[s.slot] + offset[0] * fy[s.slot] - offset[1] * fx[s.slot];
+    fx[s.body] += fx[s.index];
+    fy[s.body] += fy[s.index];
+    mm[s.body] += mm[s.index] + offset[0] * fy[s.index] - offset[1] * fx[s.index];
     offset += 2;
   }
   joints_.AddLoad(work->joints.data(), work->blocks.data(), lambda + beam_count_, fx, fy, mm);
@@ -181,9 +181,9 @@ void Constraints::Accelerate(const Motion& m, Load load, Work* work) const {
   const double* offset = work->station.data();
   for (const Station& s : stations_) {
     const double w2 = m.omega[s.body] * m.omega[s.body], a = alpha[s.body];
-    ax[s.slot] = ax[s.body] - a * offset[1] - w2 * offset[0];
-    ay[s.slot] = ay[s.body] + a * offset[0] - w2 * offset[1];
-    alpha[s.slot] = a;
+    ax[s.index] = ax[s.body] - a * offset[1] - w2 * offset[0];
+    ay[s.index] = ay[s.body] + a * offset[0] - w2 * offset[1];
+    alpha[s.index] = a;
     offset += 2;
   }
   FillGeometry(m, work);

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "data/time_function.h"
-#include "sim/model/slots.h"
+#include "sim/model/rigid_bodies.h"
 
 namespace unfurl::sim {
 
@@ -19,7 +19,7 @@ class Tangent;
 class JointRows {
  public:
   struct Pin {
-    int inner, outer;  // slots
+    int inner, outer;  // bodies
     double ix, iy;     // the point in the inner body's frame [m]
     double ox, oy;     // in the outer's [m]
     std::string name;  // of the joint
@@ -62,7 +62,7 @@ class JointRows {
   // gamma - J a for accelerations a; by row.
   void Residual(const Motion& motion, const double* geometry, const double* jacobian,
                 const double* ax, const double* ay, const double* alpha, double* b) const;
-  // Adds J^T lambda to the slots'.
+  // Adds J^T lambda to the bodies'.
   void AddLoad(const double* geometry, const double* jacobian, const double* lambda, double* fx,
                double* fy, double* m) const;
   // The constraints and their rates.

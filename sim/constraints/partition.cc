@@ -13,20 +13,21 @@ constexpr int kMostCost = 63;          // Markowitz costs beyond count alike
 
 }  // namespace
 
-Partition::Partition(const Constraints& constraints, const Slots& slots, double length)
+Partition::Partition(const Constraints& constraints, const RigidBodies& bodies, double length)
     : rows_(constraints.rows()),
       places_(6 * constraints.rows()),
-      column_count_(3 * slots.count),
+      column_count_(3 * bodies.count),
       length_(length),
       column_of_(6 * constraints.rows(), -1),
-      scale_(3 * slots.count, 1.0) {
-  for (int slot = 0; slot < slots.count; ++slot) scale_[2 * slots.count + slot] = 1.0 / length;
+      scale_(3 * bodies.count, 1.0) {
+  for (int body = 0; body < bodies.count; ++body) scale_[2 * bodies.count + body] = 1.0 / length;
   for (int row = 0; row < rows_; ++row) {
     if (!constraints.IsActive(row)) continue;
     const int body[2] = {constraints.InnerBody(row), constraints.OuterBody(row)};
     for (int side = 0; side < 2; ++side) {
-      if (!slots.IsDynamic(body[side])) continue;
-      for (int k = 0; k < 3; ++k) column_of_[6 * row + 3 * side + k] = k * slots.count + body[side];
+      if (!bodies.IsDynamic(body[side])) continue;
+      for (int k = 0; k < 3; ++k)
+        column_of_[6 * row + 3 * side + k] = k * bodies.count + body[side];
     }
   }
   value_.assign(places_, 0.0);

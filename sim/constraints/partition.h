@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "sim/constraints/constraints.h"
-#include "sim/model/slots.h"
+#include "sim/model/rigid_bodies.h"
 
 namespace unfurl::sim {
 
@@ -21,7 +21,7 @@ namespace unfurl::sim {
 // numbers of the state's entries (StateIndex).
 class Partition {
  public:
-  Partition(const Constraints& constraints, const Slots& slots, double length);
+  Partition(const Constraints& constraints, const RigidBodies& bodies, double length);
 
   // Chooses pivots at this Jacobian, and factors it.
   void Choose(const double* six);

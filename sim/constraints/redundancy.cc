@@ -20,12 +20,12 @@ double Direction(int k) { return std::fmod(0.6180339887498949 * (k + 1), 1.0) * 
 // order, J move = 0 in the equations that are kept. `jacobian`: six entries a row.
 std::vector<double> FirstOrderMove(const Model& model, const std::vector<double>& jacobian,
                                    const Partition& partition) {
-  const int n = model.slots.count, rows = model.constraints.rows();
+  const int n = model.rigid_bodies.count, rows = model.constraints.rows();
   std::vector<double> move(3 * n, 0.0), b(rows, 0.0);
-  for (int slot = 0; slot < n; ++slot) {
-    if (!model.slots.IsDynamic(slot)) continue;
+  for (int body = 0; body < n; ++body) {
+    if (!model.rigid_bodies.IsDynamic(body)) continue;
     for (int k = 0; k < 3; ++k)
-      move[k * n + slot] = (k < 2 ? model.length_scale : 1.0) * Direction(3 * slot + k);
+      move[k * n + body] = (k < 2 ? model.length_scale : 1.0) * Direction(3 * body + k);
   }
   for (const int column : partition.dependents()) move[column] = 0.0;
   for (int row = 0; row < rows; ++row) {
@@ -77,7 +77,7 @@ Redundancy FindRedundancy(const Model& model) {
   const int rows = model.constraints.rows();
   Dynamics dynamics(model);
   std::vector<double> y = model.initial_state, six(6 * rows);
-  Partition partition(model.constraints, model.slots, length);
+  Partition partition(model.constraints, model.rigid_bodies, length);
   dynamics.EvaluateConstraints(0.0, y.data());
   dynamics.Jacobian(0.0, y.data(), six.data());
   partition.Choose(six.data());
@@ -95,7 +95,7 @@ Redundancy FindRedundancy(const Model& model) {
     partition.Correct(dynamics.constraint_rows(), y.data());
     off = ViolationAt(found.rows, rows, &dynamics, &y);
   }
-  Partition moved(model.constraints, model.slots, length);
+  Partition moved(model.constraints, model.rigid_bodies, length);
   dynamics.Jacobian(0.0, y.data(), six.data());
   moved.Choose(six.data());
   found.singular = iteration == kMostIterations || off.redundant > kMet * length ||

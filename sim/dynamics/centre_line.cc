@@ -8,8 +8,8 @@ namespace {
 
 constexpr double kAtBoundary = 1e-9;  // of a segment: places this near an end of one are the end
 
-PlanePoint OnSegment(const Motion& m, int slot, double along) {
-  return {m.x[slot] + m.c[slot] * along, m.y[slot] + m.s[slot] * along};
+PlanePoint OnSegment(const Motion& m, int body, double along) {
+  return {m.x[body] + m.c[body] * along, m.y[body] + m.s[body] * along};
 }
 
 }  // namespace

@@ -40,11 +40,11 @@ const char* Dynamics::PartName(int part) {
 Dynamics::Dynamics(const Model& model)
     : model_(model),
       modes_(model.initial_modes),
-      cosine_(model.slots.count + kBlock, 1.0),
-      sine_(model.slots.count + kBlock, 0.0),
-      fx_(model.slots.count + kBlock, 0.0),
-      fy_(model.slots.count + kBlock, 0.0),
-      m_(model.slots.count + kBlock, 0.0),
+      cosine_(model.rigid_bodies.count + kBlock, 1.0),
+      sine_(model.rigid_bodies.count + kBlock, 0.0),
+      fx_(model.rigid_bodies.count + kBlock, 0.0),
+      fy_(model.rigid_bodies.count + kBlock, 0.0),
+      m_(model.rigid_bodies.count + kBlock, 0.0),
       scratch_(model.bending.ScratchSize(), 0.0),
       work_(model.constraints.MakeWork()) {
   if (model.kirchhoff.count() == 0) return;
@@ -53,7 +53,7 @@ Dynamics::Dynamics(const Model& model)
 }
 
 Motion Dynamics::Update(double t, double* y) {
-  const int n = model_.slots.count;
+  const int n = model_.rigid_bodies.count;
   double* x = y;
   double* yy = y + n;
   double* theta = y + 2 * n;
@@ -63,28 +63,28 @@ Motion Dynamics::Update(double t, double* y) {
   if (work_.smooth != nullptr) {
     work_.smooth->Update(x, yy, theta, vx, vy, omega, &work_.smooth_work);
   }
-  for (const Station& s : model_.slots.stations) {
-    theta[s.slot] = theta[s.body] + s.angle;
-    omega[s.slot] = omega[s.body];
+  for (const Station& s : model_.rigid_bodies.stations) {
+    theta[s.index] = theta[s.body] + s.angle;
+    omega[s.index] = omega[s.body];
   }
   SinCos(theta, n, sine_.data(), cosine_.data());
   double* offset = work_.station.data();
-  for (const Station& s : model_.slots.stations) {
+  for (const Station& s : model_.rigid_bodies.stations) {
     const double c = cosine_[s.body], sn = sine_[s.body], w = omega[s.body];
     const double ox = c * s.px - sn * s.py, oy = sn * s.px + c * s.py;
     offset[0] = ox;
     offset[1] = oy;
     offset += 2;
-    x[s.slot] = x[s.body] + ox;
-    yy[s.slot] = yy[s.body] + oy;
-    vx[s.slot] = vx[s.body] - w * oy;
-    vy[s.slot] = vy[s.body] + w * ox;
+    x[s.index] = x[s.body] + ox;
+    yy[s.index] = yy[s.body] + oy;
+    vx[s.index] = vx[s.body] - w * oy;
+    vy[s.index] = vy[s.body] + w * ox;
   }
   return {Within(t), x, yy, theta, vx, vy, omega, cosine_.data(), sine_.data(), modes_.data()};
 }
 
 Motion Dynamics::MotionAt(double t, double* y) const {
-  const int n = model_.slots.count;
+  const int n = model_.rigid_bodies.count;
   return {Within(t), y,         y + n,          y + 2 * n,    y + 3 * n,
           y + 4 * n, y + 5 * n, cosine_.data(), sine_.data(), modes_.data()};
 }
@@ -98,7 +98,7 @@ void Dynamics::Evaluate(double t, double* y, double* dydt) {
       return NoTimer{};
     }
   }();
-  const int n = model_.slots.count;
+  const int n = model_.rigid_bodies.count;
   const Motion motion = Update(t, y);
   const Load load{fx_.data(), fy_.data(), m_.data()};
   std::fill_n(load.fx, n, 0.0);
@@ -126,10 +126,11 @@ void Dynamics::Evaluate(double t, double* y, double* dydt) {
   if (model_.bending.count() > 0) {
     model_.bending.AddLoad(motion, scratch_.data(), load, lost_beams);
     const double* offset = work_.station.data();
-    for (const Station& s : model_.slots.stations) {
-      load.fx[s.body] += load.fx[s.slot];
-      load.fy[s.body] += load.fy[s.slot];
-      load.m[s.body] += load.m[s.slot] + offset[0] * load.fy[s.slot] - offset[1] * load.fx[s.slot];
+    for (const Station& s : model_.rigid_bodies.stations) {
+      load.fx[s.body] += load.fx[s.index];
+      load.fy[s.body] += load.fy[s.index];
+      load.m[s.body] +=
+          load.m[s.index] + offset[0] * load.fy[s.index] - offset[1] * load.fx[s.index];
       offset += 2;
     }
     timer.Mark(kBending);
@@ -187,7 +188,7 @@ void Dynamics::Project(double t, double* y) {
   const Motion motion = MotionAt(t, y);
   // Velocities first: their rows are at the positions of the factored matrix.
   model_.constraints.VelocityDrift(motion, &work_);
-  const int n = model_.slots.count;
+  const int n = model_.rigid_bodies.count;
   model_.constraints.RemoveDrift(&work_, y + 3 * n, y + 4 * n, y + 5 * n);
   model_.constraints.PositionDrift(motion, &work_);
   model_.constraints.RemoveDrift(&work_, y, y + n, y + 2 * n);
@@ -203,18 +204,18 @@ double Dynamics::SmallestPivot(std::string* where) const {
 
 Balance Dynamics::BalanceAt(double t, double* y) {
   Balance b;
-  const Slots& slots = model_.slots;
-  const int n = slots.count;
+  const RigidBodies& bodies = model_.rigid_bodies;
+  const int n = bodies.count;
   const Motion m = Update(t, y);
   double total_mass = 0.0;
   for (int k = 0; k < n; ++k) {
-    const double mass = slots.mass[k];
+    const double mass = bodies.mass[k];
     b.kinetic += 0.5 * mass * (m.vx[k] * m.vx[k] + m.vy[k] * m.vy[k]) +
-                 0.5 * slots.inertia[k] * m.omega[k] * m.omega[k];
+                 0.5 * bodies.inertia[k] * m.omega[k] * m.omega[k];
     b.momentum_x += mass * m.vx[k];
     b.momentum_y += mass * m.vy[k];
     b.angular_momentum +=
-        mass * (m.x[k] * m.vy[k] - m.y[k] * m.vx[k]) + slots.inertia[k] * m.omega[k];
+        mass * (m.x[k] * m.vy[k] - m.y[k] * m.vx[k]) + bodies.inertia[k] * m.omega[k];
     b.centre_x += mass * m.x[k];
     b.centre_y += mass * m.y[k];
     total_mass += mass;

@@ -14,7 +14,7 @@ namespace unfurl::sim {
 
 namespace {
 
-// `turn`: cosine and sine of a slot's angle.
+// `turn`: cosine and sine of a body's angle.
 template <typename Turn>
 PointMotion PointAt(const Model& model, const MovingPoint& p, const double* state, Turn turn) {
   const StateIndex& i = model.index;
@@ -22,30 +22,30 @@ PointMotion PointAt(const Model& model, const MovingPoint& p, const double* stat
     const KirchhoffRod::Frame f = model.kirchhoff.MotionAt(p.watched, state, i.n);
     return {f.x, f.y, f.vx, f.vy};
   }
-  if (p.other_slot >= 0) {
-    const PointMotion a = PointAt(model, {p.slot, p.px, p.py}, state, turn);
-    const PointMotion b = PointAt(model, {p.other_slot, p.other_px, 0.0}, state, turn);
+  if (p.other_body >= 0) {
+    const PointMotion a = PointAt(model, {p.body, p.px, p.py}, state, turn);
+    const PointMotion b = PointAt(model, {p.other_body, p.other_px, 0.0}, state, turn);
     return {0.5 * (a.x + b.x), 0.5 * (a.y + b.y), 0.5 * (a.vx + b.vx), 0.5 * (a.vy + b.vy)};
   }
-  const auto [c, s] = turn(p.slot);
+  const auto [c, s] = turn(p.body);
   const double ox = c * p.px - s * p.py, oy = s * p.px + c * p.py;
-  const double w = state[i.omega(p.slot)];
-  return {state[i.x(p.slot)] + ox, state[i.y(p.slot)] + oy, state[i.vx(p.slot)] - w * oy,
-          state[i.vy(p.slot)] + w * ox};
+  const double w = state[i.omega(p.body)];
+  return {state[i.x(p.body)] + ox, state[i.y(p.body)] + oy, state[i.vx(p.body)] - w * oy,
+          state[i.vy(p.body)] + w * ox};
 }
 
 }  // namespace
 
 PointMotion MotionOf(const Model& model, const MovingPoint& point, const double* state) {
-  return PointAt(model, point, state, [&](int slot) {
-    const double theta = state[model.index.theta(slot)];
+  return PointAt(model, point, state, [&](int body) {
+    const double theta = state[model.index.theta(body)];
     return std::pair{std::cos(theta), std::sin(theta)};
   });
 }
 
 PointMotion MotionOf(const Model& model, const MovingPoint& point, const Motion& motion) {
-  return PointAt(model, point, motion.x, [&](int slot) {
-    return std::pair{motion.c[slot], motion.s[slot]};
+  return PointAt(model, point, motion.x, [&](int body) {
+    return std::pair{motion.c[body], motion.s[body]};
   });
 }
 
@@ -56,24 +56,27 @@ double LatchMoment(const Model& model, int latch, const double* state, const Lat
   return model.latches.Moment(latch, motion, mode);
 }
 
-std::string NameOfSlot(const Model& model, int slot) {
+std::string NameOfRigidBody(const Model& model, int body) {
   for (const Model::Beam& beam : model.beams) {
-    if (slot == beam.first && beam.smooth >= 0) return fmt::format("beam '{}'", beam.name);
-    if (slot >= beam.first && slot < beam.first + beam.segments) {
-      return fmt::format("beam '{}', segment {}", beam.name, slot - beam.first + 1);
+    if (body == beam.first && beam.smooth >= 0) return fmt::format("beam '{}'", beam.name);
+    if (body >= beam.first && body < beam.first + beam.segments) {
+      return fmt::format("beam '{}', segment {}", beam.name, body - beam.first + 1);
     }
   }
   for (int b = 0; b < model.kirchhoff.count(); ++b) {
     const KirchhoffBeams::Beam& beam = model.kirchhoff.beam(b);
-    const int k = slot - beam.first_amplitude();
-    if (k >= 0 && k < beam.amplitude_slots()) {
+    const int k = body - beam.first_amplitude();
+    if (k >= 0 && k < beam.amplitude_bodies()) {
       return fmt::format("beam '{}', amplitudes from {}", beam.name, 3 * k + 1);
     }
   }
-  for (const Model::Body& body : model.bodies) {
-    if (body.centre.slot == slot) return fmt::format("body '{}'", body.name);
+  for (const Model::Body& part : model.bodies) {
+    if (part.centre.body == body) return fmt::format("body '{}'", part.name);
   }
-  return fmt::format("rigid body {} of the equations of motion", slot);
+  for (const Model::EndBody& end : model.end_bodies) {
+    if (end.body == body) return fmt::format("beam end '{}'", end.name);
+  }
+  return body == model.rigid_bodies.ground ? "the ground" : "a welded end of a beam";
 }
 
 namespace {
@@ -178,9 +181,9 @@ std::vector<data::BeamShape> Observables::shapes() const {
 // to every joint, mark, beam's end and other centre on it.
 void Observables::MakeOutlines() {
   std::vector<MovingPoint> held;
-  const auto hold = [&](int slot, double px, double py) {
+  const auto hold = [&](int body, double px, double py) {
     MovingPoint point;
-    point.slot = slot, point.px = px, point.py = py;
+    point.body = body, point.px = px, point.py = py;
     held.push_back(point);
   };
   for (const Model::Body& body : model_.bodies) held.push_back(body.centre);
@@ -190,14 +193,15 @@ void Observables::MakeOutlines() {
     held.push_back(joint.pin);
   }
   for (const Model::Mark& mark : model_.marks) held.push_back(mark.point);
-  for (const Station& station : model_.slots.stations) hold(station.body, station.px, station.py);
+  for (const Station& station : model_.rigid_bodies.stations)
+    hold(station.body, station.px, station.py);
   std::set<int> done;
   for (const Model::Body& body : model_.bodies) {
-    if (!done.insert(body.centre.slot).second) continue;
+    if (!done.insert(body.centre.body).second) continue;
     Outline outline{body.name, {body.centre}};
     for (const MovingPoint& point : held) {
       const bool same = point.px == body.centre.px && point.py == body.centre.py;
-      if (point.slot != body.centre.slot || point.other_slot >= 0 || same) continue;
+      if (point.body != body.centre.body || point.other_body >= 0 || same) continue;
       outline.points.push_back(point);
       outline.points.push_back(body.centre);
     }

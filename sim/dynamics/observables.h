@@ -23,7 +23,7 @@ PointMotion MotionOf(const Model& model, const MovingPoint& point, const Motion&
 double LatchMoment(const Model& model, int latch, const double* state, const LatchMode& mode);
 
 // "beam 'beam1', segment 3", "body 'hub'".
-std::string NameOfSlot(const Model& model, int slot);
+std::string NameOfRigidBody(const Model& model, int body);
 
 // The sampled quantities of a run, in the order of its columns: marks, joints, bodies, beams,
 // energies, momentum, centre of mass, drift of the constraints; and the beams' shapes.

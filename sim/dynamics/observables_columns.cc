@@ -142,7 +142,7 @@ void Observables::DeclareBodies() {
         name + ".theta", "rad", "angle of " + name,
         [](const Frame& f, int i) {
           const Model::Body& body = f.self.model_.bodies[i];
-          return f.motion.theta[body.centre.slot] + body.angle;
+          return f.motion.theta[body.centre.body] + body.angle;
         },
         k);
     Add(
@@ -159,7 +159,7 @@ void Observables::DeclareBodies() {
         k);
     Add(
         name + ".omega", "rad/s", "angular velocity of " + name,
-        [](const Frame& f, int i) { return f.motion.omega[f.self.model_.bodies[i].centre.slot]; },
+        [](const Frame& f, int i) { return f.motion.omega[f.self.model_.bodies[i].centre.body]; },
         k);
   }
   for (int k = 0; k < static_cast<int>(model_.beams.size()); ++k) {

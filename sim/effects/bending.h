@@ -1,7 +1,7 @@
 #pragma once
 
 #include "sim/model/aligned.h"
-#include "sim/model/slots.h"
+#include "sim/model/rigid_bodies.h"
 
 namespace unfurl::sim {
 
@@ -11,7 +11,7 @@ class Tangent;
 // them: with dx, dy the relative position of the two stations in the element's axes (at the mean of
 // their angles) and dtheta the relative angle,
 //   U = (12 EI / l^3) dy^2 / 2 + (EI / l) dtheta^2 / 2 + (EA / l) (dx - l)^2 / 2,
-// and the damped forces are those of d + beta d_dot. Element e joins slots e and e + 1; entries
+// and the damped forces are those of d + beta d_dot. Element e joins bodies e and e + 1; entries
 // that are no element have zero stiffness.
 class Bending {
  public:
@@ -28,7 +28,7 @@ class Bending {
   void Set(int e, const Element& element);
 
   int count() const { return count_; }
-  int slots() const { return beam_count_; }                  // elements are numbered below
+  int bodies() const { return beam_count_; }                 // elements are numbered below
   double length(int e) const { return length_[e]; }          // l [m]
   double shear_stiffness(int e) const { return shear_[e]; }  // 12 EI / l^3 [N/m]
   double axial_stiffness(int e) const { return axial_stiffness_[e]; }  // EA / l [N/m]
@@ -36,7 +36,7 @@ class Bending {
   bool damped() const { return damped_; }
   bool axial() const { return axial_; }
 
-  // Adds the elements' forces to the slots'. `scratch` holds ScratchSize() entries. Where
+  // Adds the elements' forces to the bodies'. `scratch` holds ScratchSize() entries. Where
   // `dissipated` is given, it receives the power turned into heat [W].
   void AddLoad(const Motion& motion, double* scratch, Load load, double* dissipated) const;
   int ScratchSize() const { return 5 * (beam_count_ + kBlock); }

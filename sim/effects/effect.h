@@ -2,7 +2,7 @@
 
 #include <concepts>
 
-#include "sim/model/slots.h"
+#include "sim/model/rigid_bodies.h"
 
 namespace unfurl::sim {
 

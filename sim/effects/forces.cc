@@ -11,7 +11,7 @@ void Forces::AddForce(const LoadPoint& point, const Pair& force, bool follows, d
 }
 
 void Forces::AddTorque(const LoadPoint& point, const data::TimeFunction& torque) {
-  torques_.push_back({point.slot, point.other < 0 ? point.slot : point.other, torque});
+  torques_.push_back({point.body, point.other < 0 ? point.body : point.other, torque});
 }
 
 void Forces::AddPerLength(int first, int segments, double length, const Pair& per_length,
@@ -25,8 +25,8 @@ void Forces::AddLoad(const Motion& m, Load load, double* work) const {
     double fx = f.force[0].Value(m.t), fy = f.force[1].Value(m.t);
     if (f.follows) {
       // Between two segments the axes are those of the second, which the point counts from.
-      const double c = m.c[f.point.slot] * f.c - m.s[f.point.slot] * f.s;
-      const double s = m.s[f.point.slot] * f.c + m.c[f.point.slot] * f.s;
+      const double c = m.c[f.point.body] * f.c - m.s[f.point.body] * f.s;
+      const double s = m.s[f.point.body] * f.c + m.c[f.point.body] * f.s;
       const double along = fx;
       fx = c * along - s * fy;
       fy = s * along + c * fy;
@@ -37,9 +37,9 @@ void Forces::AddLoad(const Motion& m, Load load, double* work) const {
   }
   for (const Torque& t : torques_) {
     const double half = 0.5 * t.torque.Value(m.t);
-    load.m[t.slot] += half;
+    load.m[t.body] += half;
     load.m[t.other] += half;
-    power += half * (m.omega[t.slot] + m.omega[t.other]);
+    power += half * (m.omega[t.body] + m.omega[t.other]);
   }
   for (const Line& line : lines_) {
     const double qx = line.per_length[0].Value(m.t) * line.length;
@@ -62,7 +62,7 @@ void Forces::AddTangent(const Motion& motion, Tangent* tangent) const {
     const int count = f.point.Parts(motion, parts);
     const double fx = f.force[0].Value(motion.t), fy = f.force[1].Value(motion.t);
     for (int i = 0; i < count; ++i) {
-      tangent->DiagonalK(parts[i].slot)[8] +=
+      tangent->DiagonalK(parts[i].body)[8] +=
           parts[i].share * (fx * parts[i].ox + fy * parts[i].oy);
     }
   }

@@ -18,7 +18,7 @@ class Forces {
 
   using Pair = std::array<data::TimeFunction, 2>;
 
-  // `angle`: of the axes against the slot's, where they follow it [rad].
+  // `angle`: of the axes against the body's, where they follow it [rad].
   void AddForce(const LoadPoint& point, const Pair& force, bool follows, double angle);
   void AddTorque(const LoadPoint& point, const data::TimeFunction& torque);
   // On segments first to first + segments - 1, each of `length` [m]; the uniform load of a rigid
@@ -43,7 +43,7 @@ class Forces {
     double c, s;  // of `angle`
   };
   struct Torque {
-    int slot, other;
+    int body, other;
     data::TimeFunction torque;  // [N m]
   };
   struct Line {

@@ -2,18 +2,18 @@
 
 #include "sim/effects/effect.h"
 #include "sim/model/aligned.h"
-#include "sim/model/slots.h"
+#include "sim/model/rigid_bodies.h"
 
 namespace unfurl::sim {
 
-// A uniform field: force m g on every slot's centre of mass.
+// A uniform field: force m g on every body's centre of mass.
 class Gravity {
  public:
   static constexpr EffectText kText = {"gravity", "gravity", "energy in the field of gravity"};
   static constexpr PowerKind kPower = PowerKind::kNone;
 
   Gravity() = default;
-  Gravity(const Array& mass, double gx, double gy);  // mass by slot [kg]; g [m/s^2]
+  Gravity(const Array& mass, double gx, double gy);  // mass by body [kg]; g [m/s^2]
   int count() const { return count_; }               // bodies with a mass
   bool HasPower() const { return false; }
 
@@ -24,7 +24,7 @@ class Gravity {
   double EnergyScale(const Motion&) const { return 0.0; }  // its zero is at the world's origin
 
  private:
-  Array mass_;                  // by slot [kg]
+  Array mass_;                  // by body [kg]
   double gx_ = 0.0, gy_ = 0.0;  // [m/s^2]
   int count_ = 0;
 };

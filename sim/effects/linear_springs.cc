@@ -44,7 +44,7 @@ double LinearSprings::Energy(const Motion& motion) const {
 }
 
 // With e along the line, T the tension and d the distance, H = k e e^T + T / d (1 - e e^T) between
-// the two points, spread over the slots by d(point) = share [1 0 -oy; 0 1 ox] dq.
+// the two points, spread over the bodies by d(point) = share [1 0 -oy; 0 1 ox] dq.
 void LinearSprings::AddTangent(const Motion& motion, Tangent* tangent) const {
   for (int k = 0; k < count(); ++k) {
     const Spring& spring = springs_[k];
@@ -62,7 +62,7 @@ void LinearSprings::AddTangent(const Motion& motion, Tangent* tangent) const {
       std::copy_n(e, 3, along[i]);
       std::copy_n(n, 3, normal[i]);
       // The offset turns: its second derivative is minus itself.
-      tangent->DiagonalK(p.slot)[8] -= s.tension * w * (s.ex * p.ox + s.ey * p.oy);
+      tangent->DiagonalK(p.body)[8] -= s.tension * w * (s.ex * p.ox + s.ey * p.oy);
     }
     for (int i = 0; i < count; ++i) {
       for (int j = i; j < count; ++j) {
@@ -74,13 +74,13 @@ void LinearSprings::AddTangent(const Motion& motion, Tangent* tangent) const {
             damp[3 * r + c] = spring.damping * ee;
           }
         }
-        if (i != j && parts[i].slot == parts[j].slot) {
+        if (i != j && parts[i].body == parts[j].body) {
           for (Tangent::Block* block : {&stiff, &damp}) {
             const Tangent::Block once = *block;
             for (int m = 0; m < 9; ++m) (*block)[m] += once[m % 3 * 3 + m / 3];
           }
         }
-        tangent->AddPair(parts[i].slot, parts[j].slot, stiff, &damp);
+        tangent->AddPair(parts[i].body, parts[j].body, stiff, &damp);
       }
     }
   }

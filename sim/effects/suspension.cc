@@ -6,14 +6,14 @@
 
 namespace unfurl::sim {
 
-Suspension::Suspension(int slots) : stiffness_(slots, 0.0), x_(slots, 0.0), y_(slots, 0.0) {}
+Suspension::Suspension(int bodies) : stiffness_(bodies, 0.0), x_(bodies, 0.0), y_(bodies, 0.0) {}
 
-void Suspension::Set(int slot, double stiffness, double x_hang, double y_hang, double kappa,
+void Suspension::Set(int body, double stiffness, double x_hang, double y_hang, double kappa,
                      double theta_hang) {
-  stiffness_[slot] = stiffness;
-  x_[slot] = x_hang;
-  y_[slot] = y_hang;
-  if (kappa > 0.0) turning_.push_back({slot, kappa, theta_hang});
+  stiffness_[body] = stiffness;
+  x_[body] = x_hang;
+  y_[body] = y_hang;
+  if (kappa > 0.0) turning_.push_back({body, kappa, theta_hang});
   ++count_;
 }
 
@@ -32,7 +32,7 @@ void Suspension::AddLoad(const Motion& motion, Load load, double*) const {
     fy[i] -= k[i] * (y[i] - y_hang[i]);
   }
   for (const Turning& t : turning_) {
-    load.m[t.slot] -= t.kappa * std::sin(motion.theta[t.slot] - t.theta_hang);
+    load.m[t.body] -= t.kappa * std::sin(motion.theta[t.body] - t.theta_hang);
   }
 }
 
@@ -43,7 +43,7 @@ double Suspension::Energy(const Motion& motion) const {
     sum += 0.5 * stiffness_[i] * (dx * dx + dy * dy);
   }
   for (const Turning& t : turning_) {
-    const double half = std::sin(0.5 * (motion.theta[t.slot] - t.theta_hang));
+    const double half = std::sin(0.5 * (motion.theta[t.body] - t.theta_hang));
     sum += 2.0 * t.kappa * half * half;
   }
   return sum;
@@ -56,7 +56,7 @@ void Suspension::AddTangent(const Motion& motion, Tangent* tangent) const {
     k[4] += stiffness_[i];
   }
   for (const Turning& t : turning_) {
-    tangent->DiagonalK(t.slot)[8] += t.kappa * std::cos(motion.theta[t.slot] - t.theta_hang);
+    tangent->DiagonalK(t.body)[8] += t.kappa * std::cos(motion.theta[t.body] - t.theta_hang);
   }
 }
 

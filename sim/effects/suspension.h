@@ -4,7 +4,7 @@
 
 #include "sim/effects/effect.h"
 #include "sim/model/aligned.h"
-#include "sim/model/slots.h"
+#include "sim/model/rigid_bodies.h"
 
 namespace unfurl::sim {
 
@@ -18,8 +18,8 @@ class Suspension {
   static constexpr PowerKind kPower = PowerKind::kNone;
 
   Suspension() = default;
-  explicit Suspension(int slots);
-  void Set(int slot, double stiffness, double x_hang, double y_hang, double kappa,
+  explicit Suspension(int bodies);
+  void Set(int body, double stiffness, double x_hang, double y_hang, double kappa,
            double theta_hang);
   int count() const { return count_; }
   bool HasPower() const { return false; }
@@ -31,13 +31,13 @@ class Suspension {
 
  private:
   struct Turning {
-    int slot;
+    int body;
     double kappa;       // [N m]
     double theta_hang;  // [rad]
   };
   int count_ = 0;
-  Array stiffness_;  // m g / L by slot [N/m]
-  Array x_, y_;      // r_hang by slot [m]
+  Array stiffness_;  // m g / L by body [N/m]
+  Array x_, y_;      // r_hang by body [m]
   std::vector<Turning> turning_;
 };
 

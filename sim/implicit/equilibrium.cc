@@ -22,10 +22,10 @@ constexpr double kMostGrowth = 4.0, kMostShrink = 0.25;
 
 // Of what can move; angles as lengths [m/s^2].
 double LargestAcceleration(const Model& model, const std::vector<double>& rate) {
-  const int n = model.slots.count;
+  const int n = model.rigid_bodies.count;
   double largest = 0.0;
   for (int k = 0; k < n; ++k) {
-    if (!model.slots.IsDynamic(k)) continue;
+    if (!model.rigid_bodies.IsDynamic(k)) continue;
     largest = std::max({largest, std::fabs(rate[3 * n + k]), std::fabs(rate[4 * n + k]),
                         model.length_scale * std::fabs(rate[5 * n + k])});
   }
@@ -34,7 +34,7 @@ double LargestAcceleration(const Model& model, const std::vector<double>& rate) 
 
 // Of a step; lengths as angles [rad].
 double LargestTurn(const Model& model, const std::vector<double>& x) {
-  const int n = model.slots.count;
+  const int n = model.rigid_bodies.count;
   const double length = model.length_scale;
   double largest = 0.0;
   for (int k = 0; k < n; ++k) {
@@ -49,7 +49,7 @@ double LargestTurn(const Model& model, const std::vector<double>& x) {
 EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
   const Model& model = dynamics->model();
   const Constraints& constraints = model.constraints;
-  const int n = model.slots.count, rows = constraints.rows();
+  const int n = model.rigid_bodies.count, rows = constraints.rows();
   std::fill_n(y + 3 * n, 3 * n, 0.0);
   std::vector<double> rate(model.index.size()), J(6 * rows + 6), drift(rows + 1), x(3 * n + kBlock);
   std::vector<double> lambda(rows + 1);
@@ -73,15 +73,15 @@ EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
     last = report.acceleration;
     const double b = step * step;
     for (int k = 0; k < n; ++k) {
-      x[k] = b * model.slots.mass[k] * rate[3 * n + k];
-      x[n + k] = b * model.slots.mass[k] * rate[4 * n + k];
-      x[2 * n + k] = b * model.slots.inertia[k] * rate[5 * n + k];
+      x[k] = b * model.rigid_bodies.mass[k] * rate[3 * n + k];
+      x[n + k] = b * model.rigid_bodies.mass[k] * rate[4 * n + k];
+      x[2 * n + k] = b * model.rigid_bodies.inertia[k] * rate[5 * n + k];
     }
     if (rows > 0) {
       dynamics->PositionDrift(0.0, y);
       for (int r = 0; r < rows; ++r) drift[r] = -dynamics->constraint_work().lambda[r];
     }
-    Saddle saddle(model.slots, constraints, tangent);
+    Saddle saddle(model.rigid_bodies, constraints, tangent);
     saddle.Factor(tangent, J.data(), 0.0, b);
     saddle.Solve(x.data(), drift.data());
     const double largest = LargestTurn(model, x);

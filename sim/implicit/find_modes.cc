@@ -53,16 +53,16 @@ std::vector<NamedPoint> PointsOf(const Model& model) {
 data::ModesRecord::Pose Displacement(const Model& model, const MovingPoint& p,
                                      const std::vector<double>& y,
                                      const std::vector<double>& shape) {
-  const int n = model.slots.count;
+  const int n = model.rigid_bodies.count;
   const auto of = [&](int body, double px, double py) -> data::ModesRecord::Pose {
     const double theta = y[model.index.theta(body)], c = std::cos(theta), s = std::sin(theta);
     const double turn = shape[2 * n + body];
     return {shape[body] - turn * (s * px + c * py), shape[n + body] + turn * (c * px - s * py),
             turn};
   };
-  data::ModesRecord::Pose d = of(p.slot, p.px, p.py);
-  if (p.other_slot >= 0) {  // where two segments meet: their mean
-    const data::ModesRecord::Pose other = of(p.other_slot, p.other_px, 0.0);
+  data::ModesRecord::Pose d = of(p.body, p.px, p.py);
+  if (p.other_body >= 0) {  // where two segments meet: their mean
+    const data::ModesRecord::Pose other = of(p.other_body, p.other_px, 0.0);
     for (std::size_t k = 0; k < 3; ++k) d[k] = 0.5 * (d[k] + other[k]);
   }
   return d;
@@ -74,7 +74,7 @@ data::ModesRecord RecordOf(const Model& model, std::vector<double> y, const Mode
   for (const NamedPoint& at : points) {
     const PointMotion p = MotionOf(model, at.point, y.data());
     record.places.push_back(at.name);
-    record.rest.push_back({p.x, p.y, y[model.index.theta(at.point.slot)]});
+    record.rest.push_back({p.x, p.y, y[model.index.theta(at.point.body)]});
   }
   for (const NaturalMode& mode : report.modes) {
     record.modes.push_back({mode.frequency, mode.damping, mode.growth, {}});
@@ -98,7 +98,7 @@ void RunTo(double t, const Model& model, const std::string& path, Dynamics* dyna
                 "take an earlier time");
   }
   dynamics->modes() = last.modes();
-  std::fill_n(y->begin() + model.index.vx(0), 3 * model.slots.count, 0.0);
+  std::fill_n(y->begin() + model.index.vx(0), 3 * model.rigid_bodies.count, 0.0);
 }
 
 std::vector<SceneModes::Latch> LatchesOf(const Dynamics& dynamics, std::vector<double>* y) {

@@ -5,18 +5,18 @@
 
 namespace unfurl::sim {
 
-Saddle::Saddle(const Slots& slots, const Constraints& constraints, const Tangent& tangent,
+Saddle::Saddle(const RigidBodies& bodies, const Constraints& constraints, const Tangent& tangent,
                bool by_blocks)
-    : n_(slots.count), rows_(constraints.rows()), mass_(slots.mass), inertia_(slots.inertia) {
-  for (int s = 0; s < n_; ++s) (slots.IsDynamic(s) ? moving_ : still_).push_back(s);
+    : n_(bodies.count), rows_(constraints.rows()), mass_(bodies.mass), inertia_(bodies.inertia) {
+  for (int s = 0; s < n_; ++s) (bodies.IsDynamic(s) ? moving_ : still_).push_back(s);
   for (int r = 0; r < rows_; ++r) {
     if (constraints.IsActive(r)) {
       row_list_.push_back({r, constraints.InnerBody(r), constraints.OuterBody(r)});
     }
   }
-  if (by_blocks) tree_ = TreeSaddle(slots, constraints, tangent);
+  if (by_blocks) tree_ = TreeSaddle(bodies, constraints, tangent);
   if (tree_.applies()) return;
-  // Unknowns: three of every slot side by side, then the rows.
+  // Unknowns: three of every body side by side, then the rows.
   const int size = 3 * n_ + rows_;
   std::vector<std::uint8_t> active(size, 0), is_row(size, 0);
   for (const int s : moving_) {
@@ -45,10 +45,10 @@ Saddle::Saddle(const Slots& slots, const Constraints& constraints, const Tangent
     const int row = 3 * n_ + r.row;
     active[row] = is_row[row] = 1;
     for (int d = 0; d < 3; ++d) {
-      if (slots.IsDynamic(r.inner)) {
+      if (bodies.IsDynamic(r.inner)) {
         jacobian_at_.push_back({6 * r.row + d, place(row, 3 * r.inner + d)});
       }
-      if (slots.IsDynamic(r.outer)) {
+      if (bodies.IsDynamic(r.outer)) {
         jacobian_at_.push_back({6 * r.row + 3 + d, place(row, 3 * r.outer + d)});
       }
     }

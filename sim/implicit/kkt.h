@@ -18,13 +18,13 @@ namespace unfurl::sim {
 class Saddle {
  public:
   // `tangent` has its pattern already.
-  Saddle(const Slots& slots, const Constraints& constraints, const Tangent& tangent,
+  Saddle(const RigidBodies& bodies, const Constraints& constraints, const Tangent& tangent,
          bool by_blocks = true);
 
   bool by_blocks() const { return tree_.applies(); }
   // Factors with the numbers of `tangent` and of J (six a row, Constraints::Jacobian).
   void Factor(const Tangent& tangent, const double* jacobian, double a, double b);
-  // `x`: on entry r, three blocks of the slots; on return the solution, zero where nothing moves.
+  // `x`: on entry r, three blocks of the bodies; on return the solution, zero where nothing moves.
   // `g` by row of the constraints, overwritten; null: zero.
   void Solve(double* x, const double* g);
   // g = J v.
@@ -38,10 +38,10 @@ class Saddle {
   };
 
   int n_ = 0, rows_ = 0;
-  std::vector<int> moving_, still_;  // slots
-  Array mass_, inertia_;             // by slot
+  std::vector<int> moving_, still_;  // bodies
+  Array mass_, inertia_;             // by body
   struct Row {                       // of J
-    int row, inner, outer;           // slots of bodies
+    int row, inner, outer;           // bodies
   };
   struct Entry {
     int source, place;  // in J, in off_

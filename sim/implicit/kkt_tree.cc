@@ -17,11 +17,11 @@ struct CouplingTrees {
       : at(bodies), ground_rows(bodies), parent(bodies, -1), seen(bodies, 0) {}
 
   // False where a row couples two bodies that cannot move.
-  bool Connect(const Slots& slots, const Constraints& constraints, const Tangent& tangent) {
+  bool Connect(const RigidBodies& bodies, const Constraints& constraints, const Tangent& tangent) {
     for (int r = 0; r < constraints.rows(); ++r) {
       if (!constraints.IsActive(r)) continue;
       const int a = constraints.InnerBody(r), b = constraints.OuterBody(r);
-      const bool first = slots.IsDynamic(a), second = slots.IsDynamic(b);
+      const bool first = bodies.IsDynamic(a), second = bodies.IsDynamic(b);
       if (first && second) {
         at[a].push_back({b, r});
         at[b].push_back({a, r});
@@ -62,10 +62,10 @@ struct CouplingTrees {
 
   // Trees outwards from the bodies that the ground holds, then from what is left: of a free
   // component the body with the most neighbours, so that its branches can be worked on in turn.
-  bool GrowAll(const Slots& slots, std::size_t most_rows) {
+  bool GrowAll(const RigidBodies& bodies, std::size_t most_rows) {
     std::vector<int> roots;
-    for (int s = 0; s < slots.count; ++s) {
-      if (slots.IsDynamic(s)) roots.push_back(s);
+    for (int s = 0; s < bodies.count; ++s) {
+      if (bodies.IsDynamic(s)) roots.push_back(s);
     }
     std::stable_sort(roots.begin(), roots.end(), [&](int a, int b) {
       if (ground_rows[a].empty() != ground_rows[b].empty()) return !ground_rows[a].empty();
@@ -105,10 +105,11 @@ struct CouplingTrees {
 
 }  // namespace
 
-TreeSaddle::TreeSaddle(const Slots& slots, const Constraints& constraints, const Tangent& tangent)
-    : n_(slots.count), mass_(slots.mass), inertia_(slots.inertia) {
+TreeSaddle::TreeSaddle(const RigidBodies& bodies, const Constraints& constraints,
+                       const Tangent& tangent)
+    : n_(bodies.count), mass_(bodies.mass), inertia_(bodies.inertia) {
   CouplingTrees trees(n_);
-  if (!trees.Connect(slots, constraints, tangent) || !trees.GrowAll(slots, kMostRows)) return;
+  if (!trees.Connect(bodies, constraints, tangent) || !trees.GrowAll(bodies, kMostRows)) return;
   trees.TipsFirst();
   std::vector<int> node_of(n_, -1);
   for (std::size_t k = 0; k < trees.order.size(); ++k) {
@@ -118,7 +119,7 @@ TreeSaddle::TreeSaddle(const Slots& slots, const Constraints& constraints, const
     const std::vector<int> rows = trees.RowsOf(s);
     if (rows.size() > kMostRows) return;
     Node node;
-    node.slot = s;
+    node.body = s;
     node.parent = trees.parent[s] < 0 ? -1 : node_of[trees.parent[s]];
     for (const int r : rows) {
       const bool inner = constraints.InnerBody(r) == s;
@@ -241,7 +242,7 @@ void TreeSaddle::Eliminate(const Node& node, const double* jacobian) {
 void TreeSaddle::Factor(const Tangent& tangent, const double* jacobian, double a, double b) {
   constexpr int kUpper[6] = {0, 1, 2, 4, 5, 8};
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
-    const int s = nodes_[i].slot;
+    const int s = nodes_[i].body;
     const Tangent::Block &k = tangent.K(s), &d = tangent.D(s);
     Numbers& c = numbers_[i];
     for (int j = 0; j < 6; ++j) c.W[j] = a * d[kUpper[j]] + b * k[kUpper[j]];
@@ -298,7 +299,7 @@ void TreeSaddle::Solve(double* x, const double* g) {
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
     const Node& node = nodes_[i];
     Numbers& c = numbers_[i];
-    const int s = node.slot;
+    const int s = node.body;
     // x holds r; children have subtracted theirs already.
     const double r[3] = {x[s], x[n + s], x[2 * n + s]};
     for (int k = 0; k < 3; ++k) c.r[k] = r[k];
@@ -308,7 +309,7 @@ void TreeSaddle::Solve(double* x, const double* g) {
     if (node.parent < 0) continue;
     double u[3];
     Times(c.W, r, u);
-    const int p = nodes_[node.parent].slot;
+    const int p = nodes_[node.parent].body;
     double out[3];
     for (int j = 0; j < 3; ++j) out[j] = -(c.K[j] * u[0] + c.K[3 + j] * u[1] + c.K[6 + j] * u[2]);
     for (int k = 0; k < node.rows; ++k) {
@@ -324,7 +325,7 @@ void TreeSaddle::Solve(double* x, const double* g) {
     double r[3] = {c.r[0], c.r[1], c.r[2]};
     double q[kMostRows] = {c.q[0], c.q[1], c.q[2]};
     if (node.parent >= 0) {
-      const int p = nodes_[node.parent].slot;
+      const int p = nodes_[node.parent].body;
       const double xp[3] = {x[p], x[n + p], x[2 * n + p]};
       for (int j = 0; j < 3; ++j) r[j] -= Dot(c.K + 3 * j, xp);
       for (int k = 0; k < node.rows; ++k) q[k] -= Dot(c.G[k], xp);
@@ -338,7 +339,7 @@ void TreeSaddle::Solve(double* x, const double* g) {
         for (int j = 0; j < 3; ++j) u[j] += c.JP[k][j] * mu[k];
       }
     }
-    const int s = node.slot;
+    const int s = node.body;
     x[s] = u[0];
     x[n + s] = u[1];
     x[2 * n + s] = u[2];

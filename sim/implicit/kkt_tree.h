@@ -17,7 +17,7 @@ namespace unfurl::sim {
 class TreeSaddle {
  public:
   TreeSaddle() = default;
-  TreeSaddle(const Slots& slots, const Constraints& constraints, const Tangent& tangent);
+  TreeSaddle(const RigidBodies& bodies, const Constraints& constraints, const Tangent& tangent);
   // Whether the scene's couplings are trees, each held to the ground at one body at most.
   bool applies() const { return applies_; }
 
@@ -27,7 +27,7 @@ class TreeSaddle {
  private:
   static constexpr int kMostRows = 3;  // a weld's: x, y, theta
   struct Node {
-    int slot = -1, parent = -1;  // parent: index of a node, -1 for roots
+    int body = -1, parent = -1;  // parent: index of a node, -1 for roots
     int rows = 0;
     std::array<int, kMostRows> row{};           // of the constraints
     std::array<int, kMostRows> own{}, other{};  // where J_c, J_p start in J; other -1: the ground

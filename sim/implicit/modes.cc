@@ -22,7 +22,8 @@ constexpr double kConverged = 1e-10;  // change of omega^2 in an iteration, rela
 
 class Linearised {
  public:
-  Linearised(Dynamics* dynamics, double* y) : model_(dynamics->model()), n_(model_.slots.count) {
+  Linearised(Dynamics* dynamics, double* y)
+      : model_(dynamics->model()), n_(model_.rigid_bodies.count) {
     const Constraints& constraints = model_.constraints;
     std::vector<double> rate(model_.index.size());
     dynamics->RightSide(0.0, y, rate.data());
@@ -34,10 +35,10 @@ class Linearised {
       constraints.Jacobian(dynamics->MotionAt(0.0, y), work, J_.data());
     }
     for (int s = 0; s < n_; ++s) {
-      if (!model_.slots.IsDynamic(s)) continue;
+      if (!model_.rigid_bodies.IsDynamic(s)) continue;
       for (int d = 0; d < 3; ++d) {
         entry_.push_back(d * n_ + s);
-        mass_.push_back(d < 2 ? model_.slots.mass[s] : model_.slots.inertia[s]);
+        mass_.push_back(d < 2 ? model_.rigid_bodies.mass[s] : model_.rigid_bodies.inertia[s]);
         stiffest_ = std::max(stiffest_, tangent_.K(s)[4 * d] / mass_.back());
       }
     }
@@ -133,7 +134,7 @@ Pairs SolveSubspace(const Linearised& system, int wanted) {
   }
   VectorXd mass(size);
   for (int k = 0; k < size; ++k) mass[k] = system.mass(k);
-  Saddle saddle(system.model().slots, system.model().constraints, system.tangent());
+  Saddle saddle(system.model().rigid_bodies, system.model().constraints, system.tangent());
   // [s^2]; later 1 / omega^2 of the lowest one that bends.
   double b = system.model().time_scale * system.model().time_scale;
   saddle.Factor(system.tangent(), system.jacobian(), 0.0, b);
@@ -182,7 +183,7 @@ ModesReport FindModes(Dynamics* dynamics, double* y, int count, ModesSolver solv
   constexpr int kMostRigid = 3;  // x, y, theta of one structure; those of others take the guard's
   const Pairs pairs = dense ? SolveDense(system) : SolveSubspace(system, count + kMostRigid);
   const double rigid = kRigid * system.stiffest();
-  const int n = system.model().slots.count;
+  const int n = system.model().rigid_bodies.count;
   for (int k = 0; k < pairs.square.size(); ++k) {
     if (static_cast<int>(report.modes.size()) == count) break;
     const double square = pairs.square[k];

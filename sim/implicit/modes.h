@@ -12,7 +12,7 @@ struct NaturalMode {
   double frequency = 0.0;  // undamped, omega / (2 pi) [Hz]; 0 for a rigid or unstable one
   double growth = 0.0;     // of an unstable motion: sqrt(-omega^2) [1/s]
   double damping = 0.0;    // ratio, to first order in D [-]
-  // dx, dy of all slots' points and their dtheta, three blocks; the largest displacement is 1 m
+  // dx, dy of all bodies' points and their dtheta, three blocks; the largest displacement is 1 m
   // (or the largest angle 1 rad where nothing is displaced).
   std::vector<double> shape;
 };

@@ -74,7 +74,7 @@ Rosenbrock::Rosenbrock(Dynamics& dynamics, const ErrorScale& scale, const Rosenb
   stage_.assign(dynamics.model().initial_state.begin(), dynamics.model().initial_state.end());
   dynamics_.RightSide(0.0, stage_.data(), f0_.data());
   dynamics_.FillTangent(0.0, stage_.data(), lambda_.data(), &tangent_);
-  saddle_ = std::make_unique<Saddle>(dynamics.model().slots, constraints, tangent_);
+  saddle_ = std::make_unique<Saddle>(dynamics.model().rigid_bodies, constraints, tangent_);
   jacobian_ = Array(6 * constraints.rows() + kBlock, 0.0);
 }
 
@@ -122,8 +122,8 @@ void Rosenbrock::Stage(int i, double h) {
   if (dynamics_.model().constraints.count() > 0) {
     saddle_->JacobianTimes(jacobian_.data(), w, row_.data());
   }
-  const double* __restrict mass = dynamics_.model().slots.mass.data();
-  const double* __restrict inertia = dynamics_.model().slots.inertia.data();
+  const double* __restrict mass = dynamics_.model().rigid_bodies.mass.data();
+  const double* __restrict inertia = dynamics_.model().rigid_bodies.inertia.data();
 #pragma GCC ivdep
   for (int k = 0; k < n_; ++k) {
     w[k] *= mass[k];

@@ -4,35 +4,35 @@
 
 namespace unfurl::sim {
 
-Tangent::Tangent(const Slots& slots)
-    : n_(slots.count),
-      beam_count_(slots.beam_count),
-      stations_(slots.stations),
-      body_of_(slots.count),
-      is_dynamic_(slots.count),
-      pairs_(slots.beam_count, Pair{-1, -1}),
-      k_(slots.count + slots.beam_count, Block{}),
-      d_(slots.count + slots.beam_count, Block{}),
-      damped_(slots.count + slots.beam_count, 0) {
+Tangent::Tangent(const RigidBodies& bodies)
+    : n_(bodies.count),
+      beam_count_(bodies.beam_count),
+      stations_(bodies.stations),
+      body_of_(bodies.count),
+      is_dynamic_(bodies.count),
+      pairs_(bodies.beam_count, Pair{-1, -1}),
+      k_(bodies.count + bodies.beam_count, Block{}),
+      d_(bodies.count + bodies.beam_count, Block{}),
+      damped_(bodies.count + bodies.beam_count, 0) {
   for (int s = 0; s < n_; ++s) {
     body_of_[s] = s;
-    is_dynamic_[s] = slots.IsDynamic(s) ? 1 : 0;
+    is_dynamic_[s] = bodies.IsDynamic(s) ? 1 : 0;
   }
-  for (const Station& s : stations_) body_of_[s.slot] = s.body;
+  for (const Station& s : stations_) body_of_[s.index] = s.body;
 }
 
 void Tangent::Begin(bool note) {
   note_ = note;
   next_ = 0;
   std::fill(k_.begin(), k_.end(), Block{});
-  for (const int s : damped_slots_) d_[s] = Block{};
+  for (const int s : damped_bodies_) d_[s] = Block{};
   for (const int p : damped_pairs_) d_[n_ + p] = Block{};
 }
 
-void Tangent::NoteDamped(int slot) {
-  if (!note_ || damped_[slot]) return;
-  damped_[slot] = 1;
-  damped_slots_.push_back(slot);
+void Tangent::NoteDamped(int body) {
+  if (!note_ || damped_[body]) return;
+  damped_[body] = 1;
+  damped_bodies_.push_back(body);
 }
 
 void Tangent::NoteDampedPair(int p) {
@@ -46,7 +46,7 @@ void Tangent::NoteElement(int e, bool damps) {
   const int a = body_of_[e], b = body_of_[e + 1];
   if (is_dynamic_[a] && is_dynamic_[b]) pairs_[e] = {a, b};
   if (!damps) return;
-  for (const int slot : {e, e + 1, a, b}) NoteDamped(slot);
+  for (const int body : {e, e + 1, a, b}) NoteDamped(body);
   NoteDampedPair(e);
 }
 
@@ -65,7 +65,7 @@ int Tangent::PlaceOf(int a, int b) {
 }
 
 void Tangent::AddPair(int a, int b, const Block& k, const Block* d) {
-  if (a == b) {  // the slot with itself
+  if (a == b) {  // the body with itself
     if (d != nullptr) NoteDamped(a);
     for (int i = 0; i < 9; ++i) {
       k_[a][i] += k[i];
@@ -149,18 +149,18 @@ void Tangent::FoldStations(const double* load_x, const double* load_y, const dou
     const auto fold = [&](std::vector<Block>& blocks) {
       // The station stands at the start of its own element or at the end of the one before; the
       // other of the two is empty.
-      if (s.slot > 0) FoldColumns(blocks[n_ + s.slot - 1], ox, oy);
-      FoldRows(blocks[n_ + s.slot], ox, oy);
-      Block at = blocks[s.slot];
+      if (s.index > 0) FoldColumns(blocks[n_ + s.index - 1], ox, oy);
+      FoldRows(blocks[n_ + s.index], ox, oy);
+      Block at = blocks[s.index];
       FoldRows(at, ox, oy);
       FoldColumns(at, ox, oy);
       for (int i = 0; i < 9; ++i) blocks[s.body][i] += at[i];
     };
     fold(k_);
-    if (damped_[s.slot]) fold(d_);
+    if (damped_[s.index]) fold(d_);
     // A force whose point turns with the body.
-    const double fx = load_x[s.slot] + reaction_x[s.slot];
-    const double fy = load_y[s.slot] + reaction_y[s.slot];
+    const double fx = load_x[s.index] + reaction_x[s.index];
+    const double fy = load_y[s.index] + reaction_y[s.index];
     k_[s.body][8] += fx * ox + fy * oy;
   }
 }
@@ -186,7 +186,7 @@ inline void MultiplyTransposed(const Tangent::Block& b, double f, const double* 
 }  // namespace
 
 void Tangent::AddDamping(double factor, const double* v, double* out) const {
-  for (const int s : damped_slots_) Multiply(d_[s], factor, v, s, out, s, n_);
+  for (const int s : damped_bodies_) Multiply(d_[s], factor, v, s, out, s, n_);
   for (const int p : damped_pairs_) {
     const Pair& pair = pairs_[p];
     if (pair.a < 0) continue;

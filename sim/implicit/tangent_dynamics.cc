@@ -5,7 +5,7 @@ namespace unfurl::sim {
 void Dynamics::FillTangent(double t, double* y, const double* lambda, Tangent* tangent) const {
   const Motion motion = MotionAt(t, y);
   const bool note = tangent->empty();
-  if (note) *tangent = Tangent(model_.slots);
+  if (note) *tangent = Tangent(model_.rigid_bodies);
   tangent->Begin(note);
   if (model_.bending.count() > 0) model_.bending.AddTangent(motion, tangent);
   ForEachEffect(model_, [&](const auto& effect) {

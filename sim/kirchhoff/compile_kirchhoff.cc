@@ -1,4 +1,4 @@
-// Smooth beams: what is attached to them, their slots, and welds that stay constraints.
+// Smooth beams: what is attached to them, their bodies, and welds that stay constraints.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -128,17 +128,17 @@ void Compiler::CheckSmoothBeams() const {
   }
 }
 
-int Compiler::NumberSmoothSlots(int next) {
-  Slots& slots = model_.slots;
+int Compiler::NumberSmoothBodies(int next) {
+  RigidBodies& bodies = model_.rigid_bodies;
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
     if (!IsSmooth(static_cast<int>(b))) continue;
     first_segment_[b] = next++;
     const int shapes = scene_.beams[b].order + smooth_[b].ends.count();
-    for (int k = 0; k < shapes; k += 3) slots.amplitudes.push_back(next++);
-    slots.attached.emplace_back();
+    for (int k = 0; k < shapes; k += 3) bodies.amplitudes.push_back(next++);
+    bodies.attached.emplace_back();
     for (Attached& a : smooth_[b].attached) {
-      a.slot = a.composite < 0 ? next++ : slot_of_composite_[a.composite];
-      slots.attached.back().push_back(a.slot);
+      a.body = a.composite < 0 ? next++ : body_of_composite_[a.composite];
+      bodies.attached.back().push_back(a.body);
     }
   }
   return next;
@@ -164,7 +164,7 @@ void Compiler::FillSmooth() {
         attachment.inertia = merged_.list[a.composite].inertia;
       }
       attachments.push_back(attachment);
-      out.attached.push_back(a.slot);
+      out.attached.push_back(a.body);
     }
     KirchhoffRod::Strings strings;
     if (scene_.suspension) {
@@ -183,23 +183,23 @@ void Compiler::FillSmooth() {
 
 void Compiler::AddWeldRows(JointRows* rows) {
   const auto point = [&](const data::SceneEnd& end) {
-    if (OnSmooth(end)) return MovingPoint{AttachmentAt(end).slot, 0.0, 0.0};
+    if (OnSmooth(end)) return MovingPoint{AttachmentAt(end).body, 0.0, 0.0};
     const PlanePose in = InNode(end);
-    return MovingPoint{slot_of_composite_[NodeOf(end)], in.x, in.y};
+    return MovingPoint{body_of_composite_[NodeOf(end)], in.x, in.y};
   };
   for (const data::SceneWeld* weld : weld_rows_) {
     const MovingPoint i = point(weld->inner), o = point(weld->outer);
-    rows->pins.push_back({i.slot, o.slot, i.px, i.py, o.px, o.py, weld->name});
+    rows->pins.push_back({i.body, o.body, i.px, i.py, o.px, o.py, weld->name});
     const double zero =
         start_.node[NodeOf(weld->outer)].angle - start_.node[NodeOf(weld->inner)].angle;
-    rows->angles.push_back({i.slot, o.slot, zero, 1.0, data::TimeFunction(), weld->name});
+    rows->angles.push_back({i.body, o.body, zero, 1.0, data::TimeFunction(), weld->name});
   }
 }
 
 MovingPoint Compiler::SmoothPoint(const data::SceneEnd& end) {
   const double at = PlaceOn(end);
   for (const Attached& a : smooth_[end.index].attached) {
-    if (a.at == at && a.composite < 0) return {a.slot, 0.0, 0.0};
+    if (a.at == at && a.composite < 0) return {a.body, 0.0, 0.0};
   }
   MovingPoint point{first_segment_[end.index], 0.0, 0.0};
   point.watched = model_.kirchhoff.Watch(smooth_[end.index].index, at);

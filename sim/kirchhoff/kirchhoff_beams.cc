@@ -5,7 +5,7 @@
 namespace unfurl::sim {
 namespace {
 
-// Calls f(k, block, slot, scale) for each amplitude: what stands in the slot's block is scale a_k.
+// Calls f(k, block, body, scale) for each amplitude: what stands in the body's block is scale a_k.
 template <typename F>
 void EachAmplitude(const KirchhoffBeams::Beam& beam, F f) {
   const double length = beam.rod.properties().length;
@@ -74,13 +74,13 @@ void KirchhoffBeams::Update(double* x, double* y, double* theta, double* vx, dou
     beam.rod.Update(work->q.data(), work->rate.data(), &rod);
     for (std::size_t k = 0; k < beam.attached.size(); ++k) {
       const KirchhoffRod::Frame& f = rod.frame[k];
-      const int slot = beam.attached[k];
-      x[slot] = f.x;
-      y[slot] = f.y;
-      theta[slot] = f.theta;
-      vx[slot] = f.vx;
-      vy[slot] = f.vy;
-      omega[slot] = f.omega;
+      const int body = beam.attached[k];
+      x[body] = f.x;
+      y[body] = f.y;
+      theta[body] = f.theta;
+      vx[body] = f.vx;
+      vy[body] = f.vy;
+      omega[body] = f.omega;
     }
   }
 }
@@ -90,19 +90,19 @@ void KirchhoffBeams::Solve(Load load, Work* work, double* ax, double* ay, double
   for (std::size_t b = 0; b < beams_.size(); ++b) {
     const Beam& beam = beams_[b];
     double* on = work->load.data();
-    for (const int slot : beam.attached) {
-      *on++ = load.fx[slot];
-      *on++ = load.fy[slot];
-      *on++ = load.m[slot];
+    for (const int body : beam.attached) {
+      *on++ = load.fx[body];
+      *on++ = load.fy[body];
+      *on++ = load.m[body];
     }
     const double centre[2] = {load.fx[beam.root], load.fy[beam.root]};
     double* free = work->free.data() + free_at_[b];
     beam.rod.Solve(centre, work->load.data(), &work->rods[b], free,
                    work->compliance.data() + compliance_at_[b], &work->power);
-    for (const int slot : beam.attached) {
-      ax[slot] = free[0];
-      ay[slot] = free[1];
-      alpha[slot] = free[2];
+    for (const int body : beam.attached) {
+      ax[body] = free[0];
+      ay[body] = free[1];
+      alpha[body] = free[2];
       free += 3;
     }
   }
@@ -114,10 +114,10 @@ void KirchhoffBeams::Accelerate(const double* fx, const double* fy, const double
   for (std::size_t b = 0; b < beams_.size(); ++b) {
     const Beam& beam = beams_[b];
     double* on = work->load.data();
-    for (const int slot : beam.attached) {
-      *on++ = fx[slot];
-      *on++ = fy[slot];
-      *on++ = m[slot];
+    for (const int body : beam.attached) {
+      *on++ = fx[body];
+      *on++ = fy[body];
+      *on++ = m[body];
     }
     const int rows = 3 * static_cast<int>(beam.attached.size());
     double* q = work->q.data();
@@ -126,15 +126,15 @@ void KirchhoffBeams::Accelerate(const double* fx, const double* fy, const double
     ay[beam.root] = q[1];
     alpha[beam.root] = q[2];
     EachAmplitude(beam,
-                  [&](int k, int c, int slot, double scale) { block[c][slot] = scale * q[3 + k]; });
+                  [&](int k, int c, int body, double scale) { block[c][body] = scale * q[3 + k]; });
     const double* free = work->free.data() + free_at_[b];
     const double* answer = work->compliance.data() + compliance_at_[b];
-    for (const int slot : beam.attached) {
+    for (const int body : beam.attached) {
       for (int c = 0; c < 3; ++c) {
         double sum = *free++;
         for (int j = 0; j < rows; ++j) sum += answer[j] * work->load[j];
         answer += rows;
-        block[c][slot] = sum;
+        block[c][body] = sum;
       }
     }
   }
@@ -146,18 +146,18 @@ void KirchhoffBeams::Respond(const double* fx, const double* fy, const double* m
   for (std::size_t b = 0; b < beams_.size(); ++b) {
     const Beam& beam = beams_[b];
     double* on = work->load.data();
-    for (const int slot : beam.attached) {
-      *on++ = fx[slot];
-      *on++ = fy[slot];
-      *on++ = m[slot];
+    for (const int body : beam.attached) {
+      *on++ = fx[body];
+      *on++ = fy[body];
+      *on++ = m[body];
     }
     double* change = work->q.data();
     beam.rod.Respond(work->load.data(), &work->rods[b], change);
     x[beam.root] -= change[0];
     y[beam.root] -= change[1];
     theta[beam.root] -= change[2];
-    EachAmplitude(beam, [&](int k, int c, int slot, double scale) {
-      block[c][slot] -= scale * change[3 + k];
+    EachAmplitude(beam, [&](int k, int c, int body, double scale) {
+      block[c][body] -= scale * change[3 + k];
     });
   }
 }

@@ -4,25 +4,25 @@
 #include <vector>
 
 #include "sim/kirchhoff/kirchhoff.h"
-#include "sim/model/slots.h"
+#include "sim/model/rigid_bodies.h"
 
 namespace unfurl::sim {
 
-// The smooth beams of a model, and where their coordinates stand among the slots: x_c, y_c and
-// theta_0 in the beam's root slot, the amplitudes three to a slot in the slots that follow it (x
+// The smooth beams of a model, and where their coordinates stand among the bodies: x_c, y_c and
+// theta_0 in the beam's root body, the amplitudes three to a body in the bodies that follow it (x
 // and y hold a_k times the length, so that tolerances of lengths fit them; theta holds a_k itself).
-// Each attachment has a slot too, which joints take for a body: its motion is filled in from the
+// Each attachment has a body too, which joints take for a body: its motion is filled in from the
 // coordinates, loads on it are loads on them.
 class KirchhoffBeams {
  public:
   struct Beam {
     KirchhoffRod rod;
-    int root = -1;              // slot
-    std::vector<int> attached;  // slot by attachment
+    int root = -1;              // body
+    std::vector<int> attached;  // body by attachment
     std::string name;
 
     int first_amplitude() const { return root + 1; }
-    int amplitude_slots() const { return (rod.amplitudes() + 2) / 3; }
+    int amplitude_bodies() const { return (rod.amplitudes() + 2) / 3; }
   };
   // A point along a beam that only samples evaluate.
   struct Watched {
@@ -46,26 +46,26 @@ class KirchhoffBeams {
   int Watch(int beam, double at);
   Work MakeWork() const;
 
-  // Fills the attachments' slots of the six blocks of a state.
+  // Fills the attachments' bodies of the six blocks of a state.
   void Update(double* x, double* y, double* theta, double* vx, double* vy, double* omega,
               Work* work) const;
-  // Accelerations of the attachments' slots without constraints, and Work::compliance; at the last
+  // Accelerations of the attachments' bodies without constraints, and Work::compliance; at the last
   // Update.
   void Solve(Load load, Work* work, double* ax, double* ay, double* alpha) const;
-  // Accelerations of all their slots with the constraints' forces; after Solve.
+  // Accelerations of all their bodies with the constraints' forces; after Solve.
   void Accelerate(const double* fx, const double* fy, const double* m, Work* work, double* ax,
                   double* ay, double* alpha) const;
   // Takes M^-1 T^T (fx, fy, m) away from the coordinates in three blocks of a state; after Solve.
   void Respond(const double* fx, const double* fy, const double* m, Work* work, double* x,
                double* y, double* theta) const;
 
-  // After Update. Attached bodies and the centre's motion are the slots' own.
+  // After Update. Attached bodies and the centre's motion are the bodies' own.
   double KineticAboutCentres(Work* work) const;  // [J]
   double AngularMomentum(Work* work) const;      // each about its centre [kg m^2/s]
   double Bending(const Work& work) const;        // [J]
   double OfStrings(const Work& work) const;      // [J]
 
-  // At a state of `n` slots.
+  // At a state of `n` bodies.
   KirchhoffRod::Frame MotionAt(int watched, const double* state, int n) const;
   // Of any place of beam b.
   KirchhoffRod::Frame FrameAt(int b, const KirchhoffRod::Place& place, const Motion& motion) const;

@@ -21,7 +21,7 @@ AxialWatch::AxialWatch(const Model& model) : model_(model), peaks_(model.beams.s
     const int last = beam.stations[1] >= 0 ? beam.stations[1] : beam.first + beam.segments - 1;
     const double length = beam.segments * beam.segment_length;
     double mass = 0.0;
-    for (int k = 0; k < beam.segments; ++k) mass += model.slots.mass[beam.first + k];
+    for (int k = 0; k < beam.segments; ++k) mass += model.rigid_bodies.mass[beam.first + k];
     for (int e = first; e < last; ++e) {
       const double l = model.bending.length(e);
       const double EI = model.bending.shear_stiffness(e) * l * l * l / 12.0;
@@ -37,10 +37,10 @@ void AxialWatch::Look(double t, const double* lambda, const double* state) {
   const StateIndex& i = model_.index;
   const double dt = t - t_;
   for (Element& e : elements_) {
-    double force = -lambda[e.slot];
+    double force = -lambda[e.body];
     if (e.stiffness > 0.0) {
-      const double dx = state[i.x(e.slot + 1)] - state[i.x(e.slot)];
-      const double dy = state[i.y(e.slot + 1)] - state[i.y(e.slot)];
+      const double dx = state[i.x(e.body + 1)] - state[i.x(e.body)];
+      const double dy = state[i.y(e.body + 1)] - state[i.y(e.body)];
       force = e.stiffness * (std::hypot(dx, dy) - e.length);
     }
     // The implicit Euler step of a first-order lag.

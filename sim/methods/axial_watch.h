@@ -35,7 +35,7 @@ class AxialWatch {
   static constexpr double kWarn = 0.1, kStop = 0.5;
 
   struct Element {
-    int slot;  // the inboard one, and the row of the constraint
+    int body;  // the inboard one, and the row of the constraint
     int beam;
     double ratio;          // l^2 / EI [1/N]
     double length;         // [m]

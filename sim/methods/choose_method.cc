@@ -19,10 +19,10 @@ constexpr double kAtTolerance = 1e-3, kPower = -0.25;
 bool BeamsAreStiff(const Model& model, double rtol) {
   const double overdamped = kOverdamped * std::pow(rtol / kAtTolerance, kPower);
   const Bending& bending = model.bending;
-  for (int e = 0; e < bending.slots(); ++e) {
+  for (int e = 0; e < bending.bodies(); ++e) {
     if (bending.shear_stiffness(e) == 0.0) continue;
     // The lighter neighbour; stations have no mass of their own.
-    const double a = model.slots.mass[e], b = model.slots.mass[e + 1];
+    const double a = model.rigid_bodies.mass[e], b = model.rigid_bodies.mass[e + 1];
     const double mass = a == 0.0 || b == 0.0 ? std::max(a, b) : std::min(a, b);
     const double bend = kBendingRate * std::sqrt(bending.shear_stiffness(e) / mass);
     const double stretch = 2.0 * std::sqrt(bending.axial_stiffness(e) / mass);

@@ -29,7 +29,7 @@ constexpr double kForget = 0.97;      // by which the longest step on record fad
 constexpr double kZonePart = 0.25;    // of a contact's transition zone, per step on the way out
 // Steps between checks of Ctrl-C, pivots and progress: at most so many, and fewer where steps are
 // long, so that a check comes every tenth of a second or so.
-constexpr int kPollSteps = 512, kPollSlots = 100'000;
+constexpr int kPollSteps = 512, kPollBodies = 100'000;
 // Steps between checks of the energy: one costs about as much as an evaluation. Of a short run,
 // all.
 constexpr int kJudgeSteps = 32, kJudgeAll = 64;
@@ -74,9 +74,9 @@ std::unique_ptr<Stepper> MakeStepper(const SimulateOptions& options, Dynamics& d
 // Kinetic energy of all bodies at the floors of the velocities' scales [J].
 double FloorEnergy(const Model& model, const ErrorScale& scale) {
   double sum = 0.0;
-  for (int k = 0; k < model.slots.count; ++k) {
-    sum += model.slots.mass[k] * scale.speed * scale.speed +
-           model.slots.inertia[k] * scale.spin * scale.spin;
+  for (int k = 0; k < model.rigid_bodies.count; ++k) {
+    sum += model.rigid_bodies.mass[k] * scale.speed * scale.speed +
+           model.rigid_bodies.inertia[k] * scale.spin * scale.spin;
   }
   return 0.5 * sum;
 }
@@ -116,7 +116,7 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       axial_(model),
       forces_(model),
       pin_force_(model.joints.size(), 0.0),
-      poll_steps_(std::clamp(kPollSlots / model.slots.count, 1, kPollSteps)),
+      poll_steps_(std::clamp(kPollBodies / model.rigid_bodies.count, 1, kPollSteps)),
       sample_(model.index.size(), 0.0),
       end_(options.duration > 0.0 ? options.duration : model.duration),
       edges_(model, end_),
@@ -133,7 +133,7 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
   report_.peak_time.assign(model.latches.count(), 0.0);
   report_.peak_pin_force.assign(model.joints.size(), 0.0);
   report_.peak_pin_time.assign(model.joints.size(), 0.0);
-  report_.worst_slots.assign(model.slots.count, 0);
+  report_.worst_bodies.assign(model.rigid_bodies.count, 0);
   if (options.profile) {
     report_.part_seconds.assign(Dynamics::kParts, 0.0);
     dynamics_.profile = report_.part_seconds.data();
@@ -368,7 +368,7 @@ void Integration::WatchPeaks() {
 }
 
 void Integration::Poll() {
-  ++report_.worst_slots[stepper_->WorstSlot()];
+  ++report_.worst_bodies[stepper_->WorstBody()];
   if (observer_ != nullptr) observer_->OnProgress(t_ / end_);
   ThrowIfInterrupted();
   if (report_.steps >= options_.max_steps) {

@@ -19,7 +19,7 @@ constexpr int kMostIterations = 5;   // with one factor
 template <typename Pair>
 Partitioned<Pair>::Partitioned(Dynamics& dynamics, const ErrorScale& scale)
     : Pair(dynamics, scale),
-      partition_(dynamics.model().constraints, dynamics.model().slots, scale.length),
+      partition_(dynamics.model().constraints, dynamics.model().rigid_bodies, scale.length),
       jacobian_(6 * dynamics.model().constraints.rows(), 0.0),
       constrained_(dynamics.model().constraints.count() > 0) {}
 

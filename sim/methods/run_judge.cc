@@ -30,9 +30,9 @@ RunJudge::RunJudge(const Model& model, const ErrorScale& scale, bool tracked)
       rtol_(scale.rtol),
       state_(model.index.size(), 0.0) {
   const double speed = scale.rtol * scale.speed, spin = scale.rtol * scale.spin;
-  for (int k = 0; k < model.slots.count; ++k) {
-    tolerance_floor_ +=
-        0.5 * (model.slots.mass[k] * speed * speed + model.slots.inertia[k] * spin * spin);
+  for (int k = 0; k < model.rigid_bodies.count; ++k) {
+    tolerance_floor_ += 0.5 * (model.rigid_bodies.mass[k] * speed * speed +
+                               model.rigid_bodies.inertia[k] * spin * spin);
   }
 }
 

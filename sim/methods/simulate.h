@@ -107,7 +107,7 @@ struct SimulateReport {
   double energy_residual = 0.0, energy_residual_time = 0.0, energy_moved = 0.0;
   std::vector<AxialPeak> axial;       // by beam
   std::vector<std::string> warnings;  // about the run, one line each
-  std::vector<long> worst_slots;      // where the error weighed most, looked at now and then
+  std::vector<long> worst_bodies;     // where the error weighed most, looked at now and then
   double seconds = 0.0;               // wall clock
   std::vector<double> part_seconds;   // with options.profile, by part of the work
 

@@ -95,7 +95,7 @@ void Integration::Shrink(double error, double* h) {
   if (!cause.empty()) cause = "; not finite near here: " + cause;
   Fail(std::isfinite(error) ? SimulateStatus::kStepTooSmall : SimulateStatus::kNotFinite,
        fmt::format("the step shrank to {:.1e} s, worst at {}{}", *h,
-                   NameOfSlot(model_, stepper_->WorstSlot()), cause));
+                   NameOfRigidBody(model_, stepper_->WorstBody()), cause));
 }
 
 // The longest step that does not step over the end of a contact. Where f is held at zero nothing

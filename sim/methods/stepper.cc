@@ -7,7 +7,7 @@ namespace unfurl::sim {
 Stepper::Stepper(Dynamics& dynamics, const ErrorScale& scale)
     : dynamics_(dynamics),
       scale_(scale),
-      n_(dynamics.model().slots.count),
+      n_(dynamics.model().rigid_bodies.count),
       size_(dynamics.model().index.size()),
       y_(size_, 0.0),
       trial_(size_, 0.0),
@@ -17,7 +17,7 @@ Stepper::Stepper(Dynamics& dynamics, const ErrorScale& scale)
       mask_(n_, 0.0) {
   int moving = 0;
   for (int s = 0; s < n_; ++s) {
-    if (!dynamics.model().slots.IsDynamic(s)) continue;
+    if (!dynamics.model().rigid_bodies.IsDynamic(s)) continue;
     position_weight_[s] = 1.0 / (scale.rtol * scale.length);
     angle_weight_[s] = 1.0 / (scale.rtol * scale.angle);
     mask_[s] = 1.0;
@@ -56,19 +56,19 @@ DensePolynomial Stepper::Cubic(int entry, double* margin) const {
 
 double Stepper::WeightedError(int i) const {
   const double error = ErrorOf(i);
-  const int block = i / n_, slot = i % n_;
-  if (block < 2) return position_weight_[slot] * error;
-  if (block < 3) return angle_weight_[slot] * error;
+  const int block = i / n_, body = i % n_;
+  if (block < 2) return position_weight_[body] * error;
+  if (block < 3) return angle_weight_[body] * error;
   const double floor = block < 5 ? scale_.speed : scale_.spin;
-  return mask_[slot] * error / (scale_.rtol * (floor + std::fabs(y_[i])));
+  return mask_[body] * error / (scale_.rtol * (floor + std::fabs(y_[i])));
 }
 
 double Stepper::FastestRate(const double* state_a, const double* rate_a, const double* state_b,
                             const double* rate_b) const {
-  const Slots& slots = dynamics_.model().slots;
+  const RigidBodies& bodies = dynamics_.model().rigid_bodies;
   double states = 0.0, rates = 0.0;
   for (int block = 0; block < 3; ++block) {
-    const double* mass = block < 2 ? slots.mass.data() : slots.inertia.data();
+    const double* mass = block < 2 ? bodies.mass.data() : bodies.inertia.data();
     for (int k = 0; k < n_; ++k) {
       const int x = block * n_ + k, v = x + 3 * n_;
       const double dx = state_a[x] - state_b[x], da = rate_a[v] - rate_b[v];
@@ -79,7 +79,7 @@ double Stepper::FastestRate(const double* state_a, const double* rate_a, const d
   return states > 0.0 ? std::sqrt(std::sqrt(rates / states)) : 0.0;
 }
 
-int Stepper::WorstSlot() const {
+int Stepper::WorstBody() const {
   int worst = 0;
   double largest = -1.0;
   for (int i = 0; i < 6 * n_; ++i) {

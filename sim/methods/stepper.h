@@ -96,8 +96,8 @@ class Stepper {
   // Times that dependent coordinates were chosen anew; method partitioned.
   virtual long repartitions() const { return 0; }
 
-  // The slot whose error weighs most in the last tried step.
-  int WorstSlot() const;
+  // The body whose error weighs most in the last tried step.
+  int WorstBody() const;
 
  protected:
   // Of a method that may keep the constraints at every stage and at the trial: called before each
@@ -157,7 +157,7 @@ class Stepper {
 
   Dynamics& dynamics_;
   ErrorScale scale_;
-  int n_ = 0;     // slots
+  int n_ = 0;     // bodies
   int size_ = 0;  // entries of a state
   long evaluations_ = 0;
   double t_ = 0.0, h_ = 0.0;
@@ -165,7 +165,7 @@ class Stepper {
 
  private:
   double norm_factor_ = 0.0;
-  Array position_weight_, angle_weight_, mask_;  // by slot; zero where nothing moves by itself
+  Array position_weight_, angle_weight_, mask_;  // by body; zero where nothing moves by itself
 };
 
 }  // namespace unfurl::sim

@@ -16,13 +16,13 @@ using Watch = Watches::Watch;
 
 Watch PointWatch(const StateIndex& i, const MovingPoint& point, int axis, bool velocity) {
   Watch w;
-  const bool two = point.other_slot >= 0;
-  w.points.push_back({point.slot, point.px, point.py, two ? 0.5 : 1.0, axis, velocity});
-  if (two) w.points.push_back({point.other_slot, point.other_px, 0.0, 0.5, axis, velocity});
+  const bool two = point.other_body >= 0;
+  w.points.push_back({point.body, point.px, point.py, two ? 0.5 : 1.0, axis, velocity});
+  if (two) w.points.push_back({point.other_body, point.other_px, 0.0, 0.5, axis, velocity});
   for (const Watches::Point& p : w.points) {
-    w.entries.push_back((velocity ? 3 * i.n : 0) + (axis == 0 ? i.x(p.slot) : i.y(p.slot)));
-    w.entries.push_back(i.theta(p.slot));
-    if (velocity) w.entries.push_back(i.omega(p.slot));
+    w.entries.push_back((velocity ? 3 * i.n : 0) + (axis == 0 ? i.x(p.body) : i.y(p.body)));
+    w.entries.push_back(i.theta(p.body));
+    if (velocity) w.entries.push_back(i.omega(p.body));
   }
   return w;
 }
@@ -31,8 +31,8 @@ Watch TravelWatch(const StateIndex& i, const Coordinate& coordinate, bool rate) 
   Watch w;
   w.travel = coordinate;
   w.travel_rate = rate;
-  for (const int slot : {coordinate.hinge.inner, coordinate.hinge.outer}) {
-    for (int block = 0; block < (rate ? 6 : 3); ++block) w.entries.push_back(block * i.n + slot);
+  for (const int body : {coordinate.hinge.inner, coordinate.hinge.outer}) {
+    for (int block = 0; block < (rate ? 6 : 3); ++block) w.entries.push_back(block * i.n + body);
   }
   return w;
 }
@@ -71,8 +71,8 @@ std::map<std::string, Watch> Quantities(const Model& model) {
   for (const Model::Mark& mark : model.marks) add_point(mark.name, mark.point, true);
   for (const Model::Body& body : model.bodies) {
     add_point(body.name, body.centre, true);
-    known[body.name + ".theta"] = LinearWatch({{i.theta(body.centre.slot), 1.0}}, body.angle);
-    known[body.name + ".omega"] = LinearWatch({{i.omega(body.centre.slot), 1.0}});
+    known[body.name + ".theta"] = LinearWatch({{i.theta(body.centre.body), 1.0}}, body.angle);
+    known[body.name + ".omega"] = LinearWatch({{i.omega(body.centre.body), 1.0}});
   }
   for (const Model::Beam& beam : model.beams) {
     constexpr const char* kColumns[6] = {".x", ".y", ".theta", ".vx", ".vy", ".omega"};
@@ -116,12 +116,12 @@ Watches::Watches(const data::Scene& scene, const Model& model) {
 
 namespace {
 
-// The travel or its rate, from the two slots' entries alone.
+// The travel or its rate, from the two bodies' entries alone.
 double TravelOf(Coordinate c, bool rate, const StateIndex& i, const double* y) {
-  const int slots[2] = {c.hinge.inner, c.hinge.outer};
+  const int bodies[2] = {c.hinge.inner, c.hinge.outer};
   double block[6][2], cosine[2], sine[2];
   for (int side = 0; side < 2; ++side) {
-    for (int b = 0; b < (rate ? 6 : 3); ++b) block[b][side] = y[b * i.n + slots[side]];
+    for (int b = 0; b < (rate ? 6 : 3); ++b) block[b][side] = y[b * i.n + bodies[side]];
     cosine[side] = std::cos(block[2][side]);
     sine[side] = std::sin(block[2][side]);
   }
@@ -139,14 +139,14 @@ double Watches::Beyond(int k, const StateIndex& i, const double* y) const {
   for (const auto& [entry, weight] : w.terms) value += weight * y[entry];
   if (w.travel) value += TravelOf(*w.travel, w.travel_rate, i, y);
   for (const Point& p : w.points) {
-    const double c = std::cos(y[i.theta(p.slot)]), s = std::sin(y[i.theta(p.slot)]);
+    const double c = std::cos(y[i.theta(p.body)]), s = std::sin(y[i.theta(p.body)]);
     const double x = c * p.px - s * p.py, yy = s * p.px + c * p.py;  // of the point from the centre
     if (p.velocity) {
-      const double omega = y[i.omega(p.slot)];
+      const double omega = y[i.omega(p.body)];
       value +=
-          p.weight * (p.axis == 0 ? y[i.vx(p.slot)] - omega * yy : y[i.vy(p.slot)] + omega * x);
+          p.weight * (p.axis == 0 ? y[i.vx(p.body)] - omega * yy : y[i.vy(p.body)] + omega * x);
     } else {
-      value += p.weight * (p.axis == 0 ? y[i.x(p.slot)] + x : y[i.y(p.slot)] + yy);
+      value += p.weight * (p.axis == 0 ? y[i.x(p.body)] + x : y[i.y(p.body)] + yy);
     }
   }
   return value;

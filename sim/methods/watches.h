@@ -7,7 +7,7 @@
 
 #include "data/scene.h"
 #include "sim/model/coordinate.h"
-#include "sim/model/slots.h"
+#include "sim/model/rigid_bodies.h"
 
 namespace unfurl::sim {
 
@@ -20,7 +20,7 @@ struct Model;
 class Watches {
  public:
   struct Point {
-    int slot;
+    int body;
     double px, py;  // [m]
     double weight;
     int axis;  // 0 x, 1 y
@@ -32,7 +32,7 @@ class Watches {
     bool rising = true, falling = true;  // which crossings count
     bool stop = false;                   // the run ends there
     // The value is constant + sum of weight * entry of the state + sum of weight * a coordinate (or
-    // velocity) of a point that moves with a slot.
+    // velocity) of a point that moves with a body.
     double constant = 0.0;
     std::vector<std::pair<int, double>> terms;
     std::vector<Point> points;

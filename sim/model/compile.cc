@@ -1,4 +1,4 @@
-// The order of work, slots, outputs and the state at the start.
+// The order of work, bodies, outputs and the state at the start.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -46,7 +46,7 @@ Model Compiler::Run() {
   model_.time_scale = kPace * scene_.duration;
   FindBeamWelds();
   FindAttachments();
-  NumberSlots();
+  NumberRigidBodies();
   MakeLinks();
   PlaceAll();
   FillBending();
@@ -94,7 +94,7 @@ data::SceneEnd Compiler::Carrier(const data::SceneEnd& end) {
   return end;
 }
 
-double Compiler::SlotAngle(const data::SceneEnd& end) {
+double Compiler::BodyAngle(const data::SceneEnd& end) {
   return start_.node[NodeOf(Carrier(end))].angle;
 }
 
@@ -104,7 +104,7 @@ MovingPoint Compiler::PointOf(const data::SceneEnd& raw, double* angle) {
   if (!OnBeam(end)) {
     const PlanePose in = InNode(end);
     *angle = in.angle;
-    return {slot_of_composite_[NodeOf(end)], in.x, in.y};
+    return {body_of_composite_[NodeOf(end)], in.x, in.y};
   }
   if (IsSmooth(end.index)) return SmoothPoint(end);
   const data::SceneBeam& beam = scene_.beams[end.index];
@@ -114,7 +114,7 @@ MovingPoint Compiler::PointOf(const data::SceneEnd& raw, double* angle) {
   MovingPoint point{first_segment_[end.index] + k, (place - k - 0.5) * l, 0.0};
   // On the boundary of two segments: the mean of the places that both give it.
   if (k > 0 && std::fabs(place - k) < 1e-9) {
-    point.other_slot = point.slot - 1;
+    point.other_body = point.body - 1;
     point.other_px = 0.5 * l;
   }
   return point;
@@ -135,7 +135,7 @@ void Compiler::FindBeamWelds() {
   }
 }
 
-void Compiler::NumberSlots() {
+void Compiler::NumberRigidBodies() {
   int next = 0;
   first_segment_.resize(scene_.beams.size());
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
@@ -145,49 +145,52 @@ void Compiler::NumberSlots() {
     next += scene_.beams[b].segments;
     if (beam_ends_[b][1].weld != nullptr) beam_ends_[b][1].station = next++;
   }
-  Slots& slots = model_.slots;
-  slots.beam_count = PaddedSize(next);
-  next = slots.beam_count;
-  slot_of_composite_.assign(merged_.list.size(), -1);
-  for (std::size_t c = 1; c < merged_.list.size(); ++c) slot_of_composite_[c] = next++;
-  next = NumberSmoothSlots(next);
-  slots.ground = next++;
-  slot_of_composite_[0] = slots.ground;
-  slots.count = PaddedSize(next);
-  model_.index.n = slots.count;
-  slots.mass = slots.inertia = Array(slots.count, 0.0);
+  RigidBodies& bodies = model_.rigid_bodies;
+  bodies.beam_count = PaddedSize(next);
+  next = bodies.beam_count;
+  body_of_composite_.assign(merged_.list.size(), -1);
+  for (std::size_t c = 1; c < merged_.list.size(); ++c) body_of_composite_[c] = next++;
+  next = NumberSmoothBodies(next);
+  bodies.ground = next++;
+  body_of_composite_[0] = bodies.ground;
+  bodies.count = PaddedSize(next);
+  model_.index.n = bodies.count;
+  bodies.mass = bodies.inertia = Array(bodies.count, 0.0);
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
     const data::SceneBeam& beam = scene_.beams[b];
     if (IsSmooth(static_cast<int>(b))) {
-      slots.mass[first_segment_[b]] = beam.mass;  // its turning is the beam's own
+      bodies.mass[first_segment_[b]] = beam.mass;  // its turning is the beam's own
       continue;
     }
     const double l = beam.length / beam.segments, m = beam.mass / beam.segments;
     for (int k = 0; k < beam.segments; ++k) {
-      slots.mass[first_segment_[b] + k] = SegmentMass(beam, k);
-      slots.inertia[first_segment_[b] + k] = m * l * l / 12.0;
+      bodies.mass[first_segment_[b] + k] = SegmentMass(beam, k);
+      bodies.inertia[first_segment_[b] + k] = m * l * l / 12.0;
     }
   }
   for (std::size_t c = 1; c < merged_.list.size(); ++c) {
-    slots.mass[slot_of_composite_[c]] = merged_.list[c].mass;
-    slots.inertia[slot_of_composite_[c]] = merged_.list[c].inertia;
+    bodies.mass[body_of_composite_[c]] = merged_.list[c].mass;
+    bodies.inertia[body_of_composite_[c]] = merged_.list[c].inertia;
   }
-  slots.inverse_mass = slots.inverse_inertia = Array(slots.count, 0.0);
-  for (int k = 0; k < slots.count; ++k) {
-    if (slots.mass[k] > 0.0) slots.inverse_mass[k] = 1.0 / slots.mass[k];
-    if (slots.inertia[k] > 0.0) slots.inverse_inertia[k] = 1.0 / slots.inertia[k];
+  bodies.inverse_mass = bodies.inverse_inertia = Array(bodies.count, 0.0);
+  for (int k = 0; k < bodies.count; ++k) {
+    if (bodies.mass[k] > 0.0) bodies.inverse_mass[k] = 1.0 / bodies.mass[k];
+    if (bodies.inertia[k] > 0.0) bodies.inverse_inertia[k] = 1.0 / bodies.inertia[k];
   }
-  for (const std::vector<int>& attached : slots.attached) {
-    for (const int slot : attached) slots.inverse_mass[slot] = slots.inverse_inertia[slot] = 0.0;
+  for (const std::vector<int>& attached : bodies.attached) {
+    for (const int body : attached) bodies.inverse_mass[body] = bodies.inverse_inertia[body] = 0.0;
   }
 }
 
 void Compiler::FillOutputs() {
   for (std::size_t b = 0; b < scene_.bodies.size(); ++b) {
     const PlanePose& in = merged_.body_in[b];
-    if (scene_.bodies[b].implied) continue;
-    model_.bodies.push_back(
-        {scene_.bodies[b].name, {slot_of_composite_[merged_.of_body[b]], in.x, in.y}, in.angle});
+    const int body = body_of_composite_[merged_.of_body[b]];
+    if (scene_.bodies[b].implied) {
+      model_.end_bodies.push_back({body, scene_.bodies[b].name});
+    } else {
+      model_.bodies.push_back({scene_.bodies[b].name, {body, in.x, in.y}, in.angle});
+    }
   }
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
     const data::SceneBeam& beam = scene_.beams[b];
@@ -236,17 +239,17 @@ double Compiler::ReachOfBodies() const {
 void Compiler::FillState() {
   const StateIndex& index = model_.index;
   model_.initial_state.assign(index.size(), 0.0);
-  const auto set = [&](int slot, const PlanePose& node, const PlanePose& velocity, double px) {
+  const auto set = [&](int body, const PlanePose& node, const PlanePose& velocity, double px) {
     const PlanePose at = node * PlanePose{px, 0.0, 0.0};
-    model_.initial_state[index.x(slot)] = at.x;
-    model_.initial_state[index.y(slot)] = at.y;
-    model_.initial_state[index.theta(slot)] = at.angle;
-    model_.initial_state[index.vx(slot)] = velocity.x - velocity.angle * (at.y - node.y);
-    model_.initial_state[index.vy(slot)] = velocity.y + velocity.angle * (at.x - node.x);
-    model_.initial_state[index.omega(slot)] = velocity.angle;
+    model_.initial_state[index.x(body)] = at.x;
+    model_.initial_state[index.y(body)] = at.y;
+    model_.initial_state[index.theta(body)] = at.angle;
+    model_.initial_state[index.vx(body)] = velocity.x - velocity.angle * (at.y - node.y);
+    model_.initial_state[index.vy(body)] = velocity.y + velocity.angle * (at.x - node.x);
+    model_.initial_state[index.omega(body)] = velocity.angle;
   };
   for (std::size_t c = 1; c < merged_.list.size(); ++c) {
-    set(slot_of_composite_[c], start_.node[c], start_.velocity[c], 0.0);
+    set(body_of_composite_[c], start_.node[c], start_.velocity[c], 0.0);
   }
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
     const int node = NodeOfBeam(static_cast<int>(b));
@@ -271,7 +274,7 @@ void Compiler::RefuseDrivesThatFight(std::size_t redundant, const std::string& w
   if (drives.empty()) return;
   Model passive = model_;
   passive.constraints =
-      Constraints(model_.slots, longitudinal_, all.joints(), element_names_, drives);
+      Constraints(model_.rigid_bodies, longitudinal_, all.joints(), element_names_, drives);
   if (FindRedundancy(passive).rows.size() == redundant) return;
   throw Error(
       fmt::format(
@@ -302,8 +305,8 @@ void Compiler::CheckConstraints() {
         "loop share its loads is not determined",
         redundancy.rows.size(), which, redundancy.rows.size() == 1 ? "follows" : "follow",
         redundancy.rows.size() == 1 ? "is" : "are"));
-    model_.constraints = Constraints(model_.slots, longitudinal_, model_.constraints.joints(),
-                                     element_names_, redundancy.rows);
+    model_.constraints = Constraints(model_.rigid_bodies, longitudinal_,
+                                     model_.constraints.joints(), element_names_, redundancy.rows);
   }
   Dynamics dynamics(model_);
   std::vector<double> rate(model_.initial_state.size());

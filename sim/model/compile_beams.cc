@@ -6,10 +6,10 @@
 namespace unfurl::sim {
 
 void Compiler::FillBending() {
-  Slots& slots = model_.slots;
-  model_.bending = Bending(slots.beam_count);
-  longitudinal_.assign(slots.beam_count, {});
-  element_names_.assign(slots.beam_count, "");
+  RigidBodies& bodies = model_.rigid_bodies;
+  model_.bending = Bending(bodies.beam_count);
+  longitudinal_.assign(bodies.beam_count, {});
+  element_names_.assign(bodies.beam_count, "");
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
     const data::SceneBeam& beam = scene_.beams[b];
     if (IsSmooth(static_cast<int>(b))) continue;
@@ -35,8 +35,8 @@ void Compiler::AddStation(const BeamEnd& end, int beam) {
   const data::SceneEnd& body_end = BodySide(*end.weld);
   const PlanePose in = InNode(body_end);
   Station s;
-  s.slot = end.station;
-  s.body = slot_of_composite_[NodeOf(body_end)];
+  s.index = end.station;
+  s.body = body_of_composite_[NodeOf(body_end)];
   s.px = in.x;
   s.py = in.y;
   s.angle = in.angle + (IsBeamEnd(end.weld->outer) ? end.weld->angle : -end.weld->angle);
@@ -44,17 +44,17 @@ void Compiler::AddStation(const BeamEnd& end, int beam) {
   const double turned =
       start_.node[NodeOfBeam(beam)].angle - start_.node[NodeOf(body_end)].angle - s.angle;
   s.angle += 2.0 * M_PI * std::round(turned / (2.0 * M_PI));
-  model_.slots.stations.push_back(s);
+  model_.rigid_bodies.stations.push_back(s);
 }
 
 void Compiler::FillFields() {
   if (scene_.gravity) {
-    model_.gravity = Gravity(model_.slots.mass, scene_.gravity->acceleration[0],
+    model_.gravity = Gravity(model_.rigid_bodies.mass, scene_.gravity->acceleration[0],
                              scene_.gravity->acceleration[1]);
   }
   if (!scene_.suspension) return;
   const double per_mass = scene_.suspension->gravity / scene_.suspension->length;
-  model_.suspension = Suspension(model_.slots.count);
+  model_.suspension = Suspension(model_.rigid_bodies.count);
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
     const data::SceneBeam& beam = scene_.beams[b];
     // Of a smooth beam the centre here; how the strings turn and bend it is the beam's own.
@@ -63,8 +63,9 @@ void Compiler::FillFields() {
     const PlanePose& at = hang_.node[NodeOfBeam(static_cast<int>(b))];
     for (int k = 0; k < segments; ++k) {
       const PlanePose centre = at * PlanePose{(k + 0.5) * l, 0.0, 0.0};
-      const int slot = first_segment_[b] + k;
-      model_.suspension.Set(slot, per_mass * model_.slots.mass[slot], centre.x, centre.y, 0.0, 0.0);
+      const int body = first_segment_[b] + k;
+      model_.suspension.Set(body, per_mass * model_.rigid_bodies.mass[body], centre.x, centre.y,
+                            0.0, 0.0);
     }
   }
   for (std::size_t c = 1; c < merged_.list.size(); ++c) {
@@ -73,9 +74,10 @@ void Compiler::FillFields() {
       const PlanePose& in = merged_.body_in[b];
       kappa += per_mass * scene_.bodies[b].mass * (in.x * in.x + in.y * in.y);
     }
-    const int slot = slot_of_composite_[c];
+    const int body = body_of_composite_[c];
     const PlanePose& at = hang_.node[c];
-    model_.suspension.Set(slot, per_mass * model_.slots.mass[slot], at.x, at.y, kappa, at.angle);
+    model_.suspension.Set(body, per_mass * model_.rigid_bodies.mass[body], at.x, at.y, kappa,
+                          at.angle);
   }
 }
 

@@ -77,7 +77,7 @@ void Compiler::CheckStops() {
   double others = b.Scale() - contact;
   if (scene_.gravity) {
     const double g = std::hypot(scene_.gravity->acceleration[0], scene_.gravity->acceleration[1]);
-    for (const double mass : model_.slots.mass) others += mass * g * model_.length_scale;
+    for (const double mass : model_.rigid_bodies.mass) others += mass * g * model_.length_scale;
   }
   const std::string what =
       fmt::format("{} {} beyond the lower stop: the contact stores {:.3g} J, all else {:.3g} J",

@@ -15,7 +15,7 @@ void Compiler::FillJoints() {
     double inner_angle = 0.0, outer_angle = 0.0;
     const MovingPoint inner = PointOf(joint.inner, &inner_angle);
     const MovingPoint outer = PointOf(joint.outer, &outer_angle);
-    if (inner.slot == outer.slot) {
+    if (inner.body == outer.body) {
       throw Error(fmt::format("joint '{}' joins a rigid body to itself", joint.name), joint.where,
                   "join two bodies that are not welded together");
     }
@@ -24,12 +24,12 @@ void Compiler::FillJoints() {
     out.kind = joint.kind;
     out.pin = outer;
     Coordinate& c = out.coordinate;
-    c.hinge.inner = inner.slot;
-    c.hinge.outer = outer.slot;
+    c.hinge.inner = inner.body;
+    c.hinge.outer = outer.body;
     c.hinge.sign = joint.sign;
     // The coordinates at the start are known; for angles this also settles whole turns.
     c.hinge.zero =
-        SlotAngle(joint.outer) - SlotAngle(joint.inner) - joint.sign * start_.at.theta[j];
+        BodyAngle(joint.outer) - BodyAngle(joint.inner) - joint.sign * start_.at.theta[j];
     c.travel = joint.kind != data::SceneJoint::Kind::kRevolute;
     c.ix = inner.px;
     c.iy = inner.py;
@@ -42,7 +42,8 @@ void Compiler::FillJoints() {
     model_.joints.push_back(out);
   }
   AddWeldRows(&rows);
-  model_.constraints = Constraints(model_.slots, longitudinal_, std::move(rows), element_names_);
+  model_.constraints =
+      Constraints(model_.rigid_bodies, longitudinal_, std::move(rows), element_names_);
 }
 
 void Compiler::AddRows(std::size_t j, const Model::Joint& out, JointRows* rows) {

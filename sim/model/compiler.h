@@ -11,7 +11,7 @@
 
 namespace unfurl::sim {
 
-// From a scene to a model: merge welded bodies, number the slots, place everything, fill the
+// From a scene to a model: merge welded bodies, number them, place everything, fill the
 // effects, and check that the constraints are independent. Private to the room; see Compile in
 // sim/model.h.
 class Compiler {
@@ -22,13 +22,13 @@ class Compiler {
  private:
   struct BeamEnd {
     const data::SceneWeld* weld = nullptr;  // to a body
-    int station = -1;                       // slot
+    int station = -1;                       // body
   };
 
   struct Attached {      // to a smooth beam
     double at = 0.0;     // place, of the length
     int composite = -1;  // what rides there and is part of the beam; -1: none
-    int slot = -1;
+    int body = -1;
   };
   struct Smooth {
     std::vector<Attached> attached;
@@ -40,7 +40,7 @@ class Compiler {
 
   // compile.cc
   void FindBeamWelds();
-  void NumberSlots();
+  void NumberRigidBodies();
   void FillOutputs();
   double ReachOfBodies() const;  // [m]
   void FillState();
@@ -59,7 +59,7 @@ class Compiler {
   void AttachLoads();
   void AttachMarks();
   void CheckSmoothBeams() const;
-  int NumberSmoothSlots(int next);
+  int NumberSmoothBodies(int next);
   void FillSmooth();
   void AddWeldRows(JointRows* rows);
   MovingPoint SmoothPoint(const data::SceneEnd& end);
@@ -89,10 +89,10 @@ class Compiler {
   BeamEnd& EndOf(const data::SceneEnd& end);
   // The body-side end that stands for a beam's end: of a welded end, the body it is welded to.
   data::SceneEnd Carrier(const data::SceneEnd& end);
-  // The slot and point of an end, and the angle of the end's axis in the slot. Beam ends that are
+  // The body and point of an end, and the angle of the end's axis in the body. Beam ends that are
   // not welded move with the outer half segment.
   MovingPoint PointOf(const data::SceneEnd& end, double* angle);
-  double SlotAngle(const data::SceneEnd& end);  // at the start [rad]
+  double BodyAngle(const data::SceneEnd& end);  // at the start [rad]
 
   data::Scene scene_;
   Composites merged_;
@@ -100,8 +100,8 @@ class Compiler {
   std::vector<std::array<BeamEnd, 2>> beam_ends_;
   std::vector<Smooth> smooth_;  // by beam
   std::vector<const data::SceneWeld*> weld_rows_;
-  std::vector<int> first_segment_;  // slot by beam; of a smooth one its root
-  std::vector<int> slot_of_composite_;
+  std::vector<int> first_segment_;  // body by beam; of a smooth one its root
+  std::vector<int> body_of_composite_;
   std::vector<Link> links_;
   Placement start_, hang_;
   std::vector<Constraints::Longitudinal> longitudinal_;  // by element

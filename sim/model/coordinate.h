@@ -1,7 +1,7 @@
 #pragma once
 
 #include "sim/model/hinge.h"
-#include "sim/model/slots.h"
+#include "sim/model/rigid_bodies.h"
 
 namespace unfurl::sim {
 
@@ -9,11 +9,11 @@ namespace unfurl::sim {
 // revolute joint, or the travel of outer's point from inner's along the slot's axis,
 //   travel = sign (r_o - r_i) . e,   e fixed in the inner body.
 struct Coordinate {
-  Hinge hinge;                // slots and sign; `zero` only for the angle
+  Hinge hinge;                // bodies and sign; `zero` only for the angle
   bool travel = false;        // else the angle
-  double ix = 0.0, iy = 0.0;  // inner's point in its slot's frame [m]
+  double ix = 0.0, iy = 0.0;  // inner's point in its body's frame [m]
   double ox = 0.0, oy = 0.0;  // outer's [m]
-  double ax = 1.0, ay = 0.0;  // the axis in the inner slot's frame, of length 1
+  double ax = 1.0, ay = 0.0;  // the axis in the inner body's frame, of length 1
 
   // Geometry of the travel: e, the offsets of both points and their distance, in the world.
   struct Along {
@@ -51,7 +51,7 @@ struct Coordinate {
     double value, rate;  // [rad], [rad/s]; of a travel [m], [m/s]
   };
   State At(const Motion& m) const { return {Value(m), Rate(m)}; }
-  // A moment on the angle [N m] or a force on the travel [N], as loads on the two slots: the
+  // A moment on the angle [N m] or a force on the travel [N], as loads on the two bodies: the
   // gradient of the coordinate times it.
   void Apply(const Motion& m, double moment, Load load) const {
     if (!travel) return hinge.Apply(moment, load);

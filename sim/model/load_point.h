@@ -1,47 +1,48 @@
 #pragma once
 
-#include "sim/model/slots.h"
+#include "sim/model/rigid_bodies.h"
 
 namespace unfurl::sim {
 
-// A point that a force may act on: fixed in one slot, or, where two segments of a beam meet, the
+// A point that a force may act on: fixed in one body, or, where two segments of a beam meet, the
 // mean of the places that both give. Forces act by the gradient of the position.
 struct LoadPoint {
-  int slot = -1;
-  double px = 0.0, py = 0.0;  // in the slot's frame [m]
-  int other = -1;             // the second slot; -1: none
+  int body = -1;
+  double px = 0.0, py = 0.0;  // in the body's frame [m]
+  int other = -1;             // the second body; -1: none
   double other_px = 0.0;      // [m]
 
   struct At {
     double x, y, vx, vy;  // [m], [m/s]
   };
   At Place(const Motion& m) const {
-    At a = InSlot(m, slot, px, py);
+    At a = OnBody(m, body, px, py);
     if (other < 0) return a;
-    const At b = InSlot(m, other, other_px, 0.0);
+    const At b = OnBody(m, other, other_px, 0.0);
     return {0.5 * (a.x + b.x), 0.5 * (a.y + b.y), 0.5 * (a.vx + b.vx), 0.5 * (a.vy + b.vy)};
   }
-  // The slots that carry the point, with their share and the offset in the world; returns how many.
+  // The bodies that carry the point, with their share and the offset in the world; returns how
+  // many.
   struct Part {
-    int slot;
+    int body;
     double share, ox, oy;
   };
   int Parts(const Motion& m, Part out[2]) const {
     const double share = other < 0 ? 1.0 : 0.5;
-    const double c = m.c[slot], s = m.s[slot];
-    out[0] = {slot, share, c * px - s * py, s * px + c * py};
+    const double c = m.c[body], s = m.s[body];
+    out[0] = {body, share, c * px - s * py, s * px + c * py};
     if (other < 0) return 1;
     out[1] = {other, share, m.c[other] * other_px, m.s[other] * other_px};
     return 2;
   }
   void Apply(const Motion& m, double fx, double fy, Load load) const {
-    if (other < 0) return ApplyTo(m, slot, px, py, fx, fy, load);
-    ApplyTo(m, slot, px, py, 0.5 * fx, 0.5 * fy, load);
+    if (other < 0) return ApplyTo(m, body, px, py, fx, fy, load);
+    ApplyTo(m, body, px, py, 0.5 * fx, 0.5 * fy, load);
     ApplyTo(m, other, other_px, 0.0, 0.5 * fx, 0.5 * fy, load);
   }
 
  private:
-  static At InSlot(const Motion& m, int s, double px, double py) {
+  static At OnBody(const Motion& m, int s, double px, double py) {
     const double ox = m.c[s] * px - m.s[s] * py, oy = m.s[s] * px + m.c[s] * py;
     return {m.x[s] + ox, m.y[s] + oy, m.vx[s] - m.omega[s] * oy, m.vy[s] + m.omega[s] * ox};
   }

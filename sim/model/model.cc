@@ -46,8 +46,8 @@ int Model::FindMark(const std::string& mark) const {
 }
 
 int Model::DynamicBodies() const {
-  return static_cast<int>(
-      std::count_if(slots.mass.begin(), slots.mass.end(), [](double m) { return m > 0.0; }));
+  return static_cast<int>(std::count_if(rigid_bodies.mass.begin(), rigid_bodies.mass.end(),
+                                        [](double m) { return m > 0.0; }));
 }
 
 }  // namespace unfurl::sim

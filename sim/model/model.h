@@ -11,38 +11,42 @@
 #include "sim/kirchhoff/kirchhoff_beams.h"
 #include "sim/methods/watches.h"
 #include "sim/model/coordinate.h"
-#include "sim/model/slots.h"
+#include "sim/model/rigid_bodies.h"
 
 namespace unfurl::sim {
 
-// A point that moves with a slot.
+// A point that moves with a body.
 struct MovingPoint {
-  int slot = -1;
-  double px = 0.0, py = 0.0;  // in the slot's frame [m]
-  // Where two segments of a beam meet, the mean of the places that both give; -1: one slot alone.
-  int other_slot = -1;
+  int body = -1;
+  double px = 0.0, py = 0.0;  // in the body's frame [m]
+  // Where two segments of a beam meet, the mean of the places that both give; -1: one body alone.
+  int other_body = -1;
   double other_px = 0.0;  // [m]
-  // Into KirchhoffBeams: a place along a smooth beam that has no slot; -1: none.
+  // Into KirchhoffBeams: a place along a smooth beam that has no body; -1: none.
   int watched = -1;
 };
 
 // A scene made ready to be simulated; immutable, so that several threads may share one. The effects
 // that it holds are listed in sim/effects/effects.h.
 struct Model : ModelEffects {
-  struct Body {  // of the scene; several share a slot where they are welded
+  struct Body {  // of the scene; several are one rigid body where they are welded
     std::string name;
     MovingPoint centre;
-    double angle = 0.0;  // of its x axis against the slot's [rad]
+    double angle = 0.0;  // of its x axis against the rigid body's [rad]
   };
   struct Beam {
     std::string name;
-    int first = -1;  // slot of the first segment
+    int first = -1;  // body of the first segment
     int segments = 0;
     double segment_length = 0.0;  // [m]
-    // Into KirchhoffBeams, for a smooth one: `first` is its root slot, taken as one segment.
+    // Into KirchhoffBeams, for a smooth one: `first` is its root body, taken as one segment.
     int smooth = -1;
-    // Slots of the stations where its start and end are welded; -1: not welded.
+    // Bodies of the stations where its start and end are welded; -1: not welded.
     std::array<int, 2> stations{-1, -1};
+  };
+  struct EndBody {  // that a beam's own end was given (sim/model/end_bodies.h)
+    int body = -1;
+    std::string name;  // BEAM.start or BEAM.end
   };
   struct Joint {
     std::string name;
@@ -77,7 +81,7 @@ struct Model : ModelEffects {
   // duration, within which a deployment's velocities come and go [s].
   double length_scale = 0.0;
   double time_scale = 1.0;
-  Slots slots;
+  RigidBodies rigid_bodies;
   StateIndex index;
 
   Bending bending;
@@ -86,6 +90,7 @@ struct Model : ModelEffects {
 
   std::vector<Body> bodies;
   std::vector<Beam> beams;
+  std::vector<EndBody> end_bodies;
   std::vector<Joint> joints;
   std::vector<Mark> marks;
   std::vector<std::string> linear_spring_names;

@@ -222,11 +222,11 @@ std::string LimitSentence(const SummaryInput& in) {
         100.0 * static_cast<double>(count) / static_cast<double>(in.report.steps);
     if (percent < 0.5) continue;
     std::string part = fmt::format("{} {:.0f} %", LimitName(static_cast<StepLimit>(k)), percent);
-    const auto& worst = in.report.worst_slots;
+    const auto& worst = in.report.worst_bodies;
     const auto most = std::max_element(worst.begin(), worst.end());
     if (k == static_cast<int>(StepLimit::kError) && most != worst.end() && *most > 0) {
-      part +=
-          fmt::format(" (mostly {})", NameOfSlot(in.model, static_cast<int>(most - worst.begin())));
+      part += fmt::format(" (mostly {})",
+                          NameOfRigidBody(in.model, static_cast<int>(most - worst.begin())));
     }
     parts.push_back(part);
   }

@@ -53,8 +53,8 @@ TEST(MeshHard, HundredThousandSegmentsFallFreely) {
   std::vector<double> y = model.initial_state, rate(y.size());
   dynamics.RightSide(0.0, y.data(), rate.data());
   double worst = 0.0;
-  for (int s = 0; s < model.slots.count; ++s) {
-    if (!model.slots.IsDynamic(s)) continue;
+  for (int s = 0; s < model.rigid_bodies.count; ++s) {
+    if (!model.rigid_bodies.IsDynamic(s)) continue;
     worst = std::max(worst, std::fabs(rate[model.index.vy(s)] + 9.81));
     worst = std::max(worst, std::fabs(rate[model.index.vx(s)]));
   }

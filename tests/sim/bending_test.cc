@@ -11,14 +11,15 @@
 namespace unfurl::sim {
 namespace {
 
-// Eight slots in a bent row, joined by elements.
+// Eight bodies in a bent row, joined by elements.
 class BendingTest : public ::testing::Test {
  protected:
-  static constexpr int kSlots = 16, kBeam = 8;
+  static constexpr int kBodies = 16, kBeam = 8;
 
   void SetUp() override {
     Rng rng(21);
-    for (auto* a : {&x, &y, &theta, &vx, &vy, &omega, &c, &s, &fx, &fy, &m}) a->assign(kSlots, 0.0);
+    for (auto* a : {&x, &y, &theta, &vx, &vy, &omega, &c, &s, &fx, &fy, &m})
+      a->assign(kBodies, 0.0);
     for (int k = 0; k < kBeam; ++k) {
       x[k] = 0.1 * k + 0.003 * rng.Normal();
       y[k] = 0.003 * rng.Normal();
@@ -34,7 +35,7 @@ class BendingTest : public ::testing::Test {
   }
 
   Motion Now() {
-    SinCos(theta.data(), kSlots, s.data(), c.data());
+    SinCos(theta.data(), kBodies, s.data(), c.data());
     return {0.0,       x.data(),     y.data(), theta.data(), vx.data(),
             vy.data(), omega.data(), c.data(), s.data()};
   }

@@ -17,13 +17,13 @@ namespace {
 // are seen; thirty times that.
 constexpr double kTolerance = 1e-9;
 
-// The slots' state, moved at random: angles enough to bend the beams well beyond what the
+// The bodies' state, moved at random: angles enough to bend the beams well beyond what the
 // deployment does, velocities as large as its own.
 std::vector<double> RandomState(const Model& model, Rng* rng) {
   std::vector<double> y = model.initial_state;
   const StateIndex& i = model.index;
-  for (int s = 0; s < model.slots.count; ++s) {
-    if (!model.slots.IsDynamic(s)) continue;
+  for (int s = 0; s < model.rigid_bodies.count; ++s) {
+    if (!model.rigid_bodies.IsDynamic(s)) continue;
     y[i.x(s)] += rng->Normal() * 0.01;
     y[i.y(s)] += rng->Normal() * 0.01;
     y[i.theta(s)] += rng->Normal() * 0.1;
@@ -50,7 +50,7 @@ Comparison Compare(const data::Scene& scene, DenseFormulation& dense, const Mode
   Eigen::VectorXd q(n), v(n), a(n);
   for (int b = 0; b < static_cast<int>(model.bodies.size()); ++b) {
     const Model::Body& body = model.bodies[b];
-    const int s = body.centre.slot;
+    const int s = body.centre.body;
     const double t = y[i.theta(s)], w = y[i.omega(s)], al = rate[i.omega(s)];
     const double ox = std::cos(t) * body.centre.px - std::sin(t) * body.centre.py;
     const double oy = std::sin(t) * body.centre.px + std::cos(t) * body.centre.py;
@@ -147,8 +147,8 @@ TEST(Dynamics, ContactsAgreeWithTheDenseFormulation) {
   modes[3] = {1, 0, 0};
   for (int trial = 0; trial < 4; ++trial) {
     std::vector<double> y = model.initial_state;
-    for (int s = 0; s < model.slots.count; ++s) {
-      if (!model.slots.IsDynamic(s)) continue;
+    for (int s = 0; s < model.rigid_bodies.count; ++s) {
+      if (!model.rigid_bodies.IsDynamic(s)) continue;
       y[model.index.omega(s)] = 0.3 * rng.Normal();
       y[model.index.vx(s)] = 0.3 * rng.Normal();
     }
@@ -187,16 +187,16 @@ TEST(Dynamics, ElasticBeamsAndGroundAgreeWithTheDenseFormulation) {
 TEST(Dynamics, MultipliersAgreeWithTheDenseSchurComplement) {
   Rng rng(14);
   const Model model = Compile(Deployment("suspension", 5, 0.0));
-  const int n = model.slots.count;
+  const int n = model.rigid_bodies.count;
   Dynamics dynamics(model);
   std::vector<double> y = RandomState(model, &rng), rate(y.size());
   dynamics.RightSide(0.0, y.data(), rate.data());
   const Motion motion = dynamics.Update(0.0, y.data());
   Constraints::Work work = model.constraints.MakeWork();
-  for (std::size_t k = 0; k < model.slots.stations.size(); ++k) {
-    const Station& s = model.slots.stations[k];
-    work.station[2 * k] = motion.x[s.slot] - motion.x[s.body];
-    work.station[2 * k + 1] = motion.y[s.slot] - motion.y[s.body];
+  for (std::size_t k = 0; k < model.rigid_bodies.stations.size(); ++k) {
+    const Station& s = model.rigid_bodies.stations[k];
+    work.station[2 * k] = motion.x[s.index] - motion.x[s.body];
+    work.station[2 * k + 1] = motion.y[s.index] - motion.y[s.body];
   }
   const std::vector<double> flat = model.constraints.DenseJacobian(motion, &work);
   std::vector<Eigen::RowVectorXd> rows;
@@ -210,8 +210,8 @@ TEST(Dynamics, MultipliersAgreeWithTheDenseSchurComplement) {
   for (std::size_t r = 0; r < rows.size(); ++r) J.row(r) = rows[r];
   Eigen::VectorXd W(3 * n);
   for (int k = 0; k < n; ++k) {
-    W.segment<3>(3 * k) << model.slots.inverse_mass[k], model.slots.inverse_mass[k],
-        model.slots.inverse_inertia[k];
+    W.segment<3>(3 * k) << model.rigid_bodies.inverse_mass[k], model.rigid_bodies.inverse_mass[k],
+        model.rigid_bodies.inverse_inertia[k];
   }
   // Constraint forces change accelerations only by W J^T lambda: project any load dense and sparse.
   std::vector<double> fx(n), fy(n), m(n);
@@ -242,8 +242,8 @@ TEST(Dynamics, ProjectionRemovesDriftToSecondOrder) {
   const Model model = Compile(Deployment("clearance", 4, 0.0));
   Dynamics dynamics(model);
   std::vector<double> y = model.initial_state, rate(y.size());
-  for (int s = 0; s < model.slots.count; ++s) {
-    if (!model.slots.IsDynamic(s)) continue;
+  for (int s = 0; s < model.rigid_bodies.count; ++s) {
+    if (!model.rigid_bodies.IsDynamic(s)) continue;
     y[model.index.x(s)] += 1e-5 * rng.Normal();
     y[model.index.theta(s)] += 1e-5 * rng.Normal();
     y[model.index.vy(s)] += 1e-3 * rng.Normal();

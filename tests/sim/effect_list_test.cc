@@ -37,21 +37,21 @@ std::string ListScene() {
          "[joint.hinge.latch]\ntheta_a = 0.1\ntheta_b = 0.1\nlever = 0.1\ncontact = 'soft'\n";
 }
 
-// A motion that is only a table of numbers: any slot can be moved by itself.
+// A motion that is only a table of numbers: any body can be moved by itself.
 class Free {
  public:
   explicit Free(const Model& model)
       : model_(model), y_(model.initial_state), modes_(model.initial_modes) {
-    const int n = model.slots.count;
+    const int n = model.rigid_bodies.count;
     Dynamics(model).Update(0.0, y_.data());  // stations
     c_.resize(n), s_.resize(n);
     fx_.resize(n), fy_.resize(n), m_.resize(n);
   }
   void Shake(std::uint64_t seed, double place, double speed) {
     Rng rng(seed);
-    const int n = model_.slots.count;
+    const int n = model_.rigid_bodies.count;
     for (int s = 0; s < n; ++s) {
-      if (!model_.slots.IsDynamic(s)) continue;
+      if (!model_.rigid_bodies.IsDynamic(s)) continue;
       for (int d = 0; d < 3; ++d) y_[d * n + s] += place * rng.Normal();
       for (int d = 3; d < 6; ++d) y_[d * n + s] = speed * rng.Normal();
     }
@@ -59,7 +59,7 @@ class Free {
   double& operator[](int entry) { return y_[entry]; }
   std::vector<LatchMode>& modes() { return modes_; }
   Motion At(double t = 0.3) {
-    const int n = model_.slots.count;
+    const int n = model_.rigid_bodies.count;
     const double* y = y_.data();
     for (int s = 0; s < n; ++s) c_[s] = std::cos(y[2 * n + s]), s_[s] = std::sin(y[2 * n + s]);
     return {t,         y,         y + n,     y + 2 * n, y + 3 * n,
@@ -104,10 +104,10 @@ double Largest(const std::vector<double>& v) {
 
 // Entries of the state that move by themselves: place, or rate with `from` = 3 n.
 std::vector<int> Moving(const Model& model, int from = 0) {
-  const int n = model.slots.count;
+  const int n = model.rigid_bodies.count;
   std::vector<int> entries;
   for (int s = 0; s < n; ++s) {
-    if (!model.slots.IsDynamic(s)) continue;
+    if (!model.rigid_bodies.IsDynamic(s)) continue;
     for (int d = 0; d < 3; ++d) entries.push_back(from + d * n + s);
   }
   return entries;
@@ -159,7 +159,7 @@ TEST(EffectList, LoadsAreGradientsOfTheirEnergies) {
 // load . v = -dE/dt - loss, or + work; what is lost is never won back.
 TEST(EffectList, PowersBalance) {
   const Model model = ModelFrom(ListScene());
-  const int n = model.slots.count;
+  const int n = model.rigid_bodies.count;
   for (const int seed : {4, 5, 6}) {
     Free motion(model);
     motion.Shake(seed, 0.02, 1.0);
@@ -184,12 +184,12 @@ TEST(EffectList, PowersBalance) {
 // K at rest, where the directions of dampers do not turn under a force; D at speed.
 TEST(EffectList, TangentsAreDerivativesOfTheLoads) {
   const Model model = ModelFrom(ListScene());
-  const int n = model.slots.count;
+  const int n = model.rigid_bodies.count;
   ForEachEffect(model, [&](const auto& effect) {
     for (const bool damping : {false, true}) {
       Free motion(model);
       motion.Shake(7, 0.02, damping || !effect.HasPower() ? 1.0 : 0.0);
-      Tangent tangent(model.slots);
+      Tangent tangent(model.rigid_bodies);
       for (const bool note : {true, false}) {  // the first pass notes the pattern
         tangent.Begin(note);
         effect.AddTangent(motion.At(), &tangent);
@@ -244,7 +244,7 @@ TEST(EffectList, MomentsColumnsAndMarginsAreTheLoads) {
         double others = 0.0;
         for (int i = 0; i < effect.count(); ++i) {
           if (i == k) continue;
-          std::vector<double> fx(model.slots.count), fy = fx, m = fx;
+          std::vector<double> fx(model.rigid_bodies.count), fy = fx, m = fx;
           effect.coordinate(i).Apply(motion.At(), effect.Moment(i, motion.At()),
                                      {fx.data(), fy.data(), m.data()});
           others += m[hinge.outer];

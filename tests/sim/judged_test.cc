@@ -38,7 +38,7 @@ double SpeedAfter(const std::string& force, Method method, int order) {
   Last last(model);
   const SimulateReport report = Simulate(model, options, &last);
   EXPECT_TRUE(report.Usable()) << force << ": " << report.message;
-  return last.state[model.index.vx(model.bodies[0].centre.slot)];
+  return last.state[model.index.vx(model.bodies[0].centre.body)];
 }
 
 // Impulses of 2 N s, as wide as 3 ms and as short as 1 ns, beginning at 1 ms: there a double of the
@@ -133,9 +133,9 @@ TEST(Drives, RateThatJumpsCarriesItsWork) {
       Last last(model);
       const SimulateReport report = Simulate(model, options, &last);
       ASSERT_TRUE(report.Usable()) << kink << MethodName(method) << report.message;
-      const int slot = model.bodies[0].centre.slot;
-      EXPECT_NEAR(last.state[model.index.omega(slot)], 3.0, 1e-6) << kink;
-      EXPECT_NEAR(last.state[model.index.theta(slot)], 3.0 * 0.4, 1e-6) << kink;
+      const int body = model.bodies[0].centre.body;
+      EXPECT_NEAR(last.state[model.index.omega(body)], 3.0, 1e-6) << kink;
+      EXPECT_NEAR(last.state[model.index.theta(body)], 3.0 * 0.4, 1e-6) << kink;
       EXPECT_NEAR(last.state[model.index.extra(kExtraWork)], 0.5 * (0.1 + 0.25) * 9.0, 1e-5)
           << kink << " " << MethodName(method);
       EXPECT_LT(report.energy_residual, 1e-5);
@@ -290,7 +290,7 @@ TEST(Judge, EnergyThatIsNotBalancedIsNotGood) {
   judge.Look(0.0, model.initial_state.data(), last.at_end);
   judge.Look(0.5, last.y.data(), last.at_end);
   EXPECT_EQ(judge.Complaint(), "");
-  for (int k = 0; k < 3 * model.slots.count; ++k) last.y[model.index.vx(0) + k] *= 1.02;
+  for (int k = 0; k < 3 * model.rigid_bodies.count; ++k) last.y[model.index.vx(0) + k] *= 1.02;
   judge.Look(0.6, last.y.data(), last.at_end);
   EXPECT_NE(judge.Complaint().find("balance of energy"), std::string::npos) << judge.Complaint();
 }

@@ -179,12 +179,12 @@ TEST(SmoothBeams, WhatTheyCannotDoIsSaid) {
   EXPECT_THROW(ModelFrom(TwoBeams(Smooth(0))), Error);
 }
 
-TEST(SmoothBeams, EffectsAndSlotsAreNamed) {
+TEST(SmoothBeams, EffectsAndBodiesAreNamed) {
   const Model model = ModelFrom(TwoBeams(Smooth(3)));
   EXPECT_EQ(model.DynamicBodies(), 2);
   const KirchhoffBeams::Beam& beam = model.kirchhoff.beam(1);
-  EXPECT_EQ(NameOfSlot(model, beam.root), "beam 'beam2'");
-  EXPECT_EQ(NameOfSlot(model, beam.first_amplitude() + 1), "beam 'beam2', amplitudes from 4");
+  EXPECT_EQ(NameOfRigidBody(model, beam.root), "beam 'beam2'");
+  EXPECT_EQ(NameOfRigidBody(model, beam.first_amplitude() + 1), "beam 'beam2', amplitudes from 4");
 }
 
 }  // namespace

@@ -17,10 +17,10 @@ constexpr double kTolerance = 1e-9;
 // Both eliminations against a dense solution, with random right sides, in the midst of a motion.
 void ExpectSolves(const Model& model, bool tree) {
   Rng rng(3);
-  const int n = model.slots.count, rows = model.constraints.rows();
+  const int n = model.rigid_bodies.count, rows = model.constraints.rows();
   std::vector<double> y = model.initial_state, rate(y.size());
   for (int s = 0; s < n; ++s) {
-    if (!model.slots.IsDynamic(s)) continue;
+    if (!model.rigid_bodies.IsDynamic(s)) continue;
     for (int d = 0; d < 3; ++d) y[d * n + s] += 0.01 * rng.Normal();
     for (int d = 3; d < 6; ++d) y[d * n + s] = rng.Normal();
   }
@@ -48,14 +48,14 @@ void ExpectSolves(const Model& model, bool tree) {
     }
   };
   for (int s = 0; s < n; ++s) {
-    if (!model.slots.IsDynamic(s)) {
+    if (!model.rigid_bodies.IsDynamic(s)) {
       for (int d = 0; d < 3; ++d) A(d * n + s, d * n + s) = 1.0;
       continue;
     }
     add(s, s, tangent.K(s), tangent.D(s));
-    A(s, s) += model.slots.mass[s];
-    A(n + s, n + s) += model.slots.mass[s];
-    A(2 * n + s, 2 * n + s) += model.slots.inertia[s];
+    A(s, s) += model.rigid_bodies.mass[s];
+    A(n + s, n + s) += model.rigid_bodies.mass[s];
+    A(2 * n + s, 2 * n + s) += model.rigid_bodies.inertia[s];
   }
   for (std::size_t p = 0; p < tangent.pairs().size(); ++p) {
     const Tangent::Pair& pair = tangent.pairs()[p];
@@ -64,16 +64,16 @@ void ExpectSolves(const Model& model, bool tree) {
   for (int r = 0; r < rows; ++r) {
     if (row_of[r] < 0) continue;
     for (int k = 0; k < 6; ++k) {
-      const int slot = k < 3 ? model.constraints.InnerBody(r) : model.constraints.OuterBody(r);
-      if (!model.slots.IsDynamic(slot)) continue;
-      A(row_of[r], k % 3 * n + slot) += J[6 * r + k];
-      A(k % 3 * n + slot, row_of[r]) += J[6 * r + k];
+      const int body = k < 3 ? model.constraints.InnerBody(r) : model.constraints.OuterBody(r);
+      if (!model.rigid_bodies.IsDynamic(body)) continue;
+      A(row_of[r], k % 3 * n + body) += J[6 * r + k];
+      A(k % 3 * n + body, row_of[r]) += J[6 * r + k];
     }
   }
   Eigen::VectorXd right = Eigen::VectorXd::Zero(3 * n + active);
   std::vector<double> x(3 * n), g(rows, 0.0);
   for (int s = 0; s < n; ++s) {
-    for (int d = 0; d < 3 && model.slots.IsDynamic(s); ++d) x[d * n + s] = rng.Normal();
+    for (int d = 0; d < 3 && model.rigid_bodies.IsDynamic(s); ++d) x[d * n + s] = rng.Normal();
   }
   for (int k = 0; k < 3 * n; ++k) right[k] = x[k];
   for (int r = 0; r < rows; ++r) {
@@ -83,7 +83,7 @@ void ExpectSolves(const Model& model, bool tree) {
   const double scale = dense.head(3 * n).cwiseAbs().maxCoeff();
   for (const bool by_blocks : {false, true}) {
     if (by_blocks && !tree) continue;
-    Saddle saddle(model.slots, model.constraints, tangent, by_blocks);
+    Saddle saddle(model.rigid_bodies, model.constraints, tangent, by_blocks);
     EXPECT_EQ(saddle.by_blocks(), by_blocks);
     saddle.Factor(tangent, J.data(), a, b);
     for (int repeat = 0; repeat < 2; ++repeat) {

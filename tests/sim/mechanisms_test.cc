@@ -152,7 +152,7 @@ TEST(Drive, TheFirstVelocitiesAreThoseOfTheRigidMechanism) {
   for (int k = rod.first; k < rod.first + rod.segments; ++k) {
     EXPECT_NEAR(model.initial_state[index.omega(k)], rod_rate, 1e-11);
   }
-  const int slider = model.bodies[1].centre.slot;
+  const int slider = model.bodies[1].centre.body;
   EXPECT_NEAR(model.initial_state[index.vx(slider)],
               -0.1 * w * std::sin(a) - 0.1 * up * w * std::cos(a) / along, 1e-11);
 }

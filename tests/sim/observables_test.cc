@@ -99,10 +99,10 @@ double DeflectionError(int segments, bool tip) {
   const StateIndex& index = model.index;
   for (int k = 0; k < segments; ++k) {
     const double angle = (k + 0.5) * kLength / segments / kRadius;
-    const int slot = model.beams[0].first + k;
-    state[index.x(slot)] = kRadius * std::sin(angle);
-    state[index.y(slot)] = kRadius * (1.0 - std::cos(angle));
-    state[index.theta(slot)] = angle;
+    const int body = model.beams[0].first + k;
+    state[index.x(body)] = kRadius * std::sin(angle);
+    state[index.y(body)] = kRadius * (1.0 - std::cos(angle));
+    state[index.theta(body)] = angle;
   }
   Dynamics dynamics(model);
   const Motion motion = dynamics.Update(0.0, state.data());

@@ -45,7 +45,7 @@ std::vector<double> JacobianOf(const Model& model) {
 // The columns of the dependent coordinates, dense; rows are those that have pivots.
 Eigen::MatrixXd Dependent(const Model& model, const Partition& partition,
                           const std::vector<double>& six) {
-  const int n = model.slots.count, rows = model.constraints.rows();
+  const int n = model.rigid_bodies.count, rows = model.constraints.rows();
   Eigen::MatrixXd J = Eigen::MatrixXd::Zero(rows, 3 * n);
   for (int row = 0; row < rows; ++row) {
     if (!model.constraints.IsActive(row)) continue;
@@ -68,7 +68,7 @@ TEST(Partition, CorrectSolvesForTheDependentCoordinates) {
   for (const Model& model : {ModelFrom(ChainScene(5)),
                              ModelFrom(ChainScene(4, true, 0.5, 2.6, 2.4)), Compile(deployment)}) {
     const std::vector<double> six = JacobianOf(model);
-    Partition partition(model.constraints, model.slots, 1.0);
+    Partition partition(model.constraints, model.rigid_bodies, 1.0);
     partition.Choose(six.data());
     EXPECT_TRUE(partition.redundant().empty());
     ASSERT_EQ(static_cast<int>(partition.dependents().size()), model.constraints.count());
@@ -78,7 +78,7 @@ TEST(Partition, CorrectSolvesForTheDependentCoordinates) {
         EXPECT_GT(partition.Factor(six.data(), &turned), 0.2);
         EXPECT_FALSE(turned);
       }
-      std::vector<double> b(model.constraints.rows(), 0.0), x(3 * model.slots.count, 0.0);
+      std::vector<double> b(model.constraints.rows(), 0.0), x(3 * model.rigid_bodies.count, 0.0);
       Eigen::VectorXd right(model.constraints.rows());
       for (int row = 0; row < model.constraints.rows(); ++row) {
         b[row] = model.constraints.IsActive(row) ? rng.Uniform(-1.0, 1.0) : 0.0;
@@ -95,7 +95,7 @@ TEST(Partition, CorrectSolvesForTheDependentCoordinates) {
 
 TEST(Partition, AChainHasNoFill) {
   const Model model = ModelFrom(ChainScene(60));
-  Partition partition(model.constraints, model.slots, 1.0);
+  Partition partition(model.constraints, model.rigid_bodies, 1.0);
   partition.Choose(JacobianOf(model).data());
   EXPECT_EQ(partition.fill(), 0);
 }
@@ -105,7 +105,7 @@ TEST(Partition, ARingHasBoundedFill) {
   const double turn = 2.0 * M_PI / bars;
   // A regular polygon comes back to where it began.
   const Model model = ModelFrom(ChainScene(bars, true, turn));
-  Partition partition(model.constraints, model.slots, 1.0);
+  Partition partition(model.constraints, model.rigid_bodies, 1.0);
   partition.Choose(JacobianOf(model).data());
   EXPECT_TRUE(partition.redundant().empty());
   EXPECT_LT(partition.fill(), 12 * bars);

@@ -87,10 +87,10 @@ TEST(Rosenbrock, ThirdOrderOnASwingingBeam) {
   for (int k = 0; k < 3; ++k) {
     const std::vector<double> y = Fixed(&stepper, model, kEnd, 200 << k);
     error[k] = 0.0;
-    for (int s = 0; s < model.slots.count; ++s) {
-      if (!model.slots.IsDynamic(s)) continue;
+    for (int s = 0; s < model.rigid_bodies.count; ++s) {
+      if (!model.rigid_bodies.IsDynamic(s)) continue;
       for (int d = 0; d < 6; ++d) {
-        const int i = d * model.slots.count + s;
+        const int i = d * model.rigid_bodies.count + s;
         error[k] = std::max(error[k], std::fabs(y[i] - exact[i]));
       }
     }
@@ -117,7 +117,7 @@ TEST(Rosenbrock, DenseOutput) {
   const std::vector<double> middle = Fixed(&reference, model, 0.4 * h, 20);
   std::vector<double> dense(model.index.size());
   stepper.Dense(0.4, dense.data());
-  const int slot = model.bodies[0].centre.slot;
+  const int body = model.bodies[0].centre.body;
   // Of a position's fourth derivative, 2e3 at most, the cubic leaves h^4 / 384 and the step h^4 /
   // 20; of the same, the cubic's derivative leaves s (1 - s) (1 - 2 s) h^3 / 12 to the velocities.
   constexpr double kFourth = 2e3;
@@ -127,9 +127,9 @@ TEST(Rosenbrock, DenseOutput) {
     EXPECT_NEAR(dense[i], middle[i], tolerance);
     EXPECT_NEAR(stepper.Polynomial(i)(0.4), dense[i], 1e-14);
   };
-  expect(model.index.theta(slot), position);
-  expect(model.index.x(slot), position);
-  expect(model.index.omega(slot), velocity);
+  expect(model.index.theta(body), position);
+  expect(model.index.x(body), position);
+  expect(model.index.omega(body), velocity);
 }
 
 // Energy, stored and dissipated, against that at the start.

@@ -33,7 +33,7 @@ struct Summary {
       : model(ModelFrom(toml)), recorder(model, {}, 50.0, 100.0, false) {
     report.steps = 1000;
     report.t_end = 1.0;
-    report.worst_slots.assign(static_cast<std::size_t>(model.slots.count), 0);
+    report.worst_bodies.assign(static_cast<std::size_t>(model.rigid_bodies.count), 0);
   }
   SummaryInput Input() const {
     return {model, report, recorder, "good", "", "s.toml", "chain", "r.h5", false};
@@ -52,8 +52,8 @@ TEST(RunSummary, StepLimitsAreSharesOfTheSteps) {
   s.report.limited[static_cast<std::size_t>(StepLimit::kMaxStep)] = 296;
   s.report.limited[last] = 4;
   EXPECT_EQ(LimitSentence(s.Input()), "error 70 %, max_step 30 %");
-  s.report.worst_slots[1] = 3;
-  s.report.worst_slots[2] = 2;
+  s.report.worst_bodies[1] = 3;
+  s.report.worst_bodies[2] = 2;
   EXPECT_THAT(LimitSentence(s.Input()), HasSubstr("error 70 % (mostly "));
   EXPECT_THAT(LimitSentence(s.Input()), HasSubstr("'b'"));
   EXPECT_THAT(LimitSentence(s.Input()), HasSubstr("), max_step 30 %"));

@@ -19,7 +19,7 @@ const double kOmega = std::sqrt(2.0 * 9.81 * 0.5 / (0.1 + 2.0 * 0.5 * 0.5));  //
 
 // The pendulum's angle, from the state of its bar.
 double Theta(const Model& model, const double* y) {
-  return y[model.index.theta(model.bodies[0].centre.slot)] + M_PI / 2;
+  return y[model.index.theta(model.bodies[0].centre.body)] + M_PI / 2;
 }
 
 struct Errors {
@@ -52,7 +52,7 @@ Errors ErrorsOf(int steps) {
     method.Accept((i + 1) * h);
   }
   PendulumAt(duration, kTheta0, kOmega, &theta, &rate);
-  const double omega = method.state()[model.index.omega(model.bodies[0].centre.slot)];
+  const double omega = method.state()[model.index.omega(model.bodies[0].centre.body)];
   errors.end = std::hypot(Theta(model, method.state()) - theta, (omega - rate) / kOmega);
   return errors;
 }
@@ -117,7 +117,7 @@ Errors DrivenErrorsOf(int steps) {
   Dynamics dynamics(model);
   Method method(dynamics, {});
   method.Start(0.0, model.initial_state);
-  const int at = model.index.x(model.bodies[0].centre.slot);
+  const int at = model.index.x(model.bodies[0].centre.body);
   const double x0 = model.initial_state[at], h = kDuration / steps;
   const auto exact = [&](double t) {
     return x0 + kForce / (kMass * kRate * kRate) * (1.0 - std::cos(kRate * t));

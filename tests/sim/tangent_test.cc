@@ -20,10 +20,10 @@ constexpr double kTolerance = 1e-8;
 
 using Matrix = Eigen::MatrixXd;
 
-// Dense K or D in the order x, y, theta of all slots, three blocks; places that cannot move are
+// Dense K or D in the order x, y, theta of all bodies, three blocks; places that cannot move are
 // left out by zeros.
 Matrix Dense(const Model& model, const Tangent& tangent, bool damping) {
-  const int n = model.slots.count;
+  const int n = model.rigid_bodies.count;
   Matrix out = Matrix::Zero(3 * n, 3 * n);
   const auto add = [&](int a, int b, const Tangent::Block& block) {
     for (int r = 0; r < 3; ++r) {
@@ -34,7 +34,7 @@ Matrix Dense(const Model& model, const Tangent& tangent, bool damping) {
     }
   };
   for (int s = 0; s < n; ++s) {
-    if (model.slots.IsDynamic(s)) add(s, s, damping ? tangent.D(s) : tangent.K(s));
+    if (model.rigid_bodies.IsDynamic(s)) add(s, s, damping ? tangent.D(s) : tangent.K(s));
   }
   for (std::size_t p = 0; p < tangent.pairs().size(); ++p) {
     const Tangent::Pair& pair = tangent.pairs()[p];
@@ -51,14 +51,14 @@ class Loads {
   Dynamics& dynamics() { return dynamics_; }
 
   Eigen::VectorXd At(std::vector<double> y, const Eigen::VectorXd* lambda) {
-    const int n = model_.slots.count;
+    const int n = model_.rigid_bodies.count;
     std::vector<double> rate(y.size());
     dynamics_.RightSide(0.0, y.data(), rate.data());
     Eigen::VectorXd out(3 * n);
     for (int s = 0; s < n; ++s) {
-      out[s] = model_.slots.mass[s] * rate[3 * n + s];
-      out[n + s] = model_.slots.mass[s] * rate[4 * n + s];
-      out[2 * n + s] = model_.slots.inertia[s] * rate[5 * n + s];
+      out[s] = model_.rigid_bodies.mass[s] * rate[3 * n + s];
+      out[n + s] = model_.rigid_bodies.mass[s] * rate[4 * n + s];
+      out[2 * n + s] = model_.rigid_bodies.inertia[s] * rate[5 * n + s];
     }
     const int rows = model_.constraints.rows();
     if (rows == 0) return out;
@@ -69,7 +69,7 @@ class Loads {
     const Eigen::VectorXd difference = *lambda - now;
     for (int r = 0; r < rows; ++r) {
       for (int s = 0; s < n; ++s) {
-        if (!model_.slots.IsDynamic(s)) continue;
+        if (!model_.rigid_bodies.IsDynamic(s)) continue;
         for (int d = 0; d < 3; ++d) {
           out[d * n + s] += J[static_cast<std::size_t>(r) * 3 * n + 3 * s + d] * difference[r];
         }
@@ -90,10 +90,10 @@ struct Shake {
 // K and D against differences of the loads about a random state.
 void ExpectTangent(const Model& model, const std::vector<LatchMode>& modes, const Shake& shake) {
   Rng rng(7);
-  const int n = model.slots.count;
+  const int n = model.rigid_bodies.count;
   std::vector<double> y = model.initial_state;
   for (int s = 0; s < n; ++s) {
-    if (!model.slots.IsDynamic(s)) continue;
+    if (!model.rigid_bodies.IsDynamic(s)) continue;
     y[s] += shake.place * rng.Normal();
     y[n + s] += shake.place * rng.Normal();
     y[2 * n + s] += shake.angle * rng.Normal();
@@ -114,7 +114,7 @@ void ExpectTangent(const Model& model, const std::vector<LatchMode>& modes, cons
     const Matrix ours = Dense(model, tangent, damping);
     Matrix theirs = Matrix::Zero(3 * n, 3 * n);
     for (int s = 0; s < n; ++s) {
-      if (!model.slots.IsDynamic(s)) continue;
+      if (!model.rigid_bodies.IsDynamic(s)) continue;
       for (int d = 0; d < 3; ++d) {
         const int column = d * n + s;
         for (const auto& [at, weight] :

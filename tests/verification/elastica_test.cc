@@ -47,27 +47,27 @@ Place UnderForce(double a) {
 // at the origin. A moment acts on a little plate at the end, half a segment
 // further on.
 std::vector<int> StationsOf(const Model& model) {
-  std::vector<int> slots;
-  for (int k = 0; k < model.beams[0].segments; ++k) slots.push_back(model.beams[0].first + k);
-  for (const Model::Body& body : model.bodies) slots.push_back(body.centre.slot);
-  return slots;
+  std::vector<int> bodies;
+  for (int k = 0; k < model.beams[0].segments; ++k) bodies.push_back(model.beams[0].first + k);
+  for (const Model::Body& body : model.bodies) bodies.push_back(body.centre.body);
+  return bodies;
 }
 
 std::vector<double> StateOf(const Model& model, const Eigen::VectorXd& u) {
   std::vector<double> state = model.initial_state;
   const Model::Beam& beam = model.beams[0];
-  const std::vector<int> slots = StationsOf(model);
+  const std::vector<int> bodies = StationsOf(model);
   double x = 0.0, y = 0.0, theta = 0.0;
-  for (int k = 0; k < static_cast<int>(slots.size()); ++k) {
+  for (int k = 0; k < static_cast<int>(bodies.size()); ++k) {
     const bool half = k == 0 || k == beam.segments;
     const double l = half ? 0.5 * beam.segment_length : beam.segment_length;
     x += l * std::cos(theta) - u[2 * k] * std::sin(theta);
     y += l * std::sin(theta) + u[2 * k] * std::cos(theta);
     theta = u[2 * k + 1];
-    const int slot = slots[k];
-    state[model.index.x(slot)] = x;
-    state[model.index.y(slot)] = y;
-    state[model.index.theta(slot)] = theta;
+    const int body = bodies[k];
+    state[model.index.x(body)] = x;
+    state[model.index.y(body)] = y;
+    state[model.index.theta(body)] = theta;
   }
   return state;
 }
@@ -86,9 +86,9 @@ Eigen::VectorXd Imbalance(const Model& model, Dynamics* dynamics, const Eigen::V
     const std::vector<double> a = StateOf(model, more), b = StateOf(model, less);
     double sum = 0.0;
     for (const int s : StationsOf(model)) {
-      sum += model.slots.mass[s] * (rate[i.vx(s)] * (a[i.x(s)] - b[i.x(s)]) +
-                                    rate[i.vy(s)] * (a[i.y(s)] - b[i.y(s)])) +
-             model.slots.inertia[s] * rate[i.omega(s)] * (a[i.theta(s)] - b[i.theta(s)]);
+      sum += model.rigid_bodies.mass[s] * (rate[i.vx(s)] * (a[i.x(s)] - b[i.x(s)]) +
+                                           rate[i.vy(s)] * (a[i.y(s)] - b[i.y(s)])) +
+             model.rigid_bodies.inertia[s] * rate[i.omega(s)] * (a[i.theta(s)] - b[i.theta(s)]);
     }
     out[c] = sum / (2.0 * kStep);
   }

@@ -11,8 +11,8 @@ std::vector<double> TransverseFrequencies(const Model& model, double rigid) {
   Dynamics dynamics(model);
   const StateIndex& i = model.index;
   std::vector<int> q, a;
-  for (int s = 0; s < model.slots.count; ++s) {
-    if (!model.slots.IsDynamic(s)) continue;
+  for (int s = 0; s < model.rigid_bodies.count; ++s) {
+    if (!model.rigid_bodies.IsDynamic(s)) continue;
     q.push_back(i.y(s)), a.push_back(i.vy(s));
     q.push_back(i.theta(s)), a.push_back(i.omega(s));
   }
