@@ -14,6 +14,7 @@
 #include "cli/verb.h"
 #include "data/atomic_file.h"
 #include "data/scene.h"
+#include "sim/record/certificate.h"
 #include "sim/record/record.h"
 #include "sim/record/run_summary.h"
 
@@ -30,9 +31,17 @@ struct Arguments {
   std::vector<std::string> sets;
   std::optional<std::string> method;
   std::optional<double> rtol, rate, duration;
-  bool profile = false;
+  bool profile = false, certify = false;
   std::vector<std::string> quantities;
   double shape_rate = sim::RecordOptions().shape_rate;  // [1/s]
+};
+
+// Says while a run goes on that it will take long.
+class SlowRunWarning : public sim::Observer {
+ public:
+  void OnSlow(const std::string& text) override {
+    std::fprintf(stderr, "unfurl: %s\n", text.c_str());
+  }
 };
 
 class SimulateVerb {
@@ -57,12 +66,27 @@ class SimulateVerb {
                    "unfurl: %s will take about %s (--rate %g; --quantities chooses columns)\n",
                    out.c_str(), sim::SizeText(bytes).c_str(), options.simulate->rate);
     }
+    SlowRunWarning warning;
+    if (!common_.quiet) options.observer = &warning;
+    if (arguments_.certify) {
+      sim::CertifyOptions certify;
+      certify.quantities = arguments_.quantities;
+      certify.progress = !common_.quiet;
+      options.certificate = sim::Certificate::Make(scene, *options.simulate, certify);
+    }
     const sim::Recording run =
         sim::Record(model, options, out, data::ReadTextFile(arguments_.scene));
 
-    const sim::SummaryInput summary{*model,     run.report,  *run.recorder,
-                                    run.status, run.message, arguments_.scene,
-                                    scene.name, run.path,    run.options.profile};
+    const sim::SummaryInput summary{*model,
+                                    run.report,
+                                    *run.recorder,
+                                    run.status,
+                                    run.message,
+                                    arguments_.scene,
+                                    scene.name,
+                                    run.path,
+                                    run.options.profile,
+                                    options.certificate.get()};
     const bool interrupted = run.status == "interrupted";
     ordered_json json;
     const std::string text = sim::SummaryText(summary, &json);
@@ -77,6 +101,9 @@ class SimulateVerb {
       return InterruptExitCode();
     }
     Finish(common_, json, text);
+    if (run.Usable() && options.certificate && !options.certificate->problem().empty()) {
+      return NotUsable(arguments_.scene, "not certified: " + options.certificate->problem());
+    }
     return run.Usable() ? kExitGood : NotUsable(arguments_.scene, run.status + ": " + run.message);
   }
 
@@ -152,6 +179,9 @@ Verb AddSimulate(CLI::App& program, Common& common) {
   app->add_option("--shape-rate", arguments->shape_rate, "Beam shapes per second; 0 for none")
       ->capture_default_str();
   files.Write("--report", &arguments->report, "Also write a page with pictures (HTML)");
+  app->add_flag("--certify", arguments->certify,
+                "State the numerical error of marks, joints and --quantities, of time stepping and "
+                "of the mesh, by two further runs: at a tenth of --rtol, and on another mesh");
   app->add_flag("--profile", arguments->profile,
                 "Report the share of the time that each part took, and store it in the run");
   verb.run = [&common, arguments] { return SimulateVerb(common, *arguments).Run(); };

@@ -8,6 +8,7 @@
 
 #include "cli/motion_panel.h"
 #include "report/page.h"
+#include "sim/record/certificate.h"
 
 namespace unfurl::cli {
 
@@ -58,13 +59,13 @@ class RunColumns {
   }
 
   // Every so-and-so-many-th value, at the same samples for every column.
-  std::vector<double> Thin(const std::string& name) const {
+  std::vector<double> Thin(const std::string& path) const {
     const std::size_t all = reader_.samples(), step = all / kShown + 1;
     const std::size_t block = step * std::max<std::size_t>(1, kBlockRows / step);
     std::vector<double> v(block), out;
     for (std::size_t first = 0; first < all; first += block) {
       const std::size_t count = std::min(block, all - first);
-      reader_.file().ReadRows("/series/" + name, first, count, std::span<double>(v));
+      reader_.file().ReadRows(path, first, count, std::span<double>(v));
       for (std::size_t i = 0; i < count; i += step) out.push_back(v[i]);
     }
     return out;
@@ -87,6 +88,7 @@ class Composer {
     AddJointTable();
     AddMotion();
     AddJoints();
+    AddErrors();
     AddEnergies();
     AddCost();
     page_.AddOrigin(provenance_);
@@ -280,8 +282,8 @@ class Composer {
       if (paths.paths.size() == kMostCurves) break;
       report::Path path;
       path.name = mark;
-      path.x = run_.Thin(mark + ".x");
-      path.y = run_.Thin(mark + ".y");
+      path.x = run_.Thin("/series/" + mark + ".x");
+      path.y = run_.Thin("/series/" + mark + ".y");
       paths.paths.push_back(std::move(path));
     }
     if (!paths.paths.empty()) page_.AddPaths(paths);
@@ -322,6 +324,52 @@ class Composer {
       paths.paths.push_back(std::move(path));
     }
     page_.AddPaths(paths);
+  }
+
+  // What a certificate states: a table of all, and the worst of them with its band.
+  void AddErrors() {
+    if (in_.certificate == nullptr) return;
+    if (!in_.certificate->problem().empty()) {
+      page_.AddSection("Numerical error", "Not known: " + in_.certificate->problem() + ".");
+      return;
+    }
+    const std::string& mesh = in_.certificate->mesh();
+    page_.AddSection("Numerical error",
+                     "Estimated by a run of a tenth of the tolerance" +
+                         (mesh.empty() ? std::string(".") : " and one with " + mesh + "."));
+    std::vector<sim::Certificate::Line> lines = in_.certificate->Lines();
+    const auto part = [](const sim::Certificate::Line& line) {
+      return line.range > 0.0 ? (line.time + line.mesh) / line.range : 0.0;
+    };
+    std::stable_sort(lines.begin(), lines.end(),
+                     [&](const auto& a, const auto& b) { return part(a) > part(b); });
+    report::Table table;
+    table.title = "Largest error of each quantity";
+    table.header = {"quantity", "unit", "range", "time stepping", "mesh", "of its range [%]"};
+    table.text_columns = {0, 1};
+    for (const sim::Certificate::Line& line : lines) {
+      table.rows.push_back({line.name, line.units, fmt::format("{:.4g}", line.range),
+                            fmt::format("{:.2g}", line.time), fmt::format("{:.2g}", line.mesh),
+                            fmt::format("{:.2g}", 100.0 * part(line))});
+    }
+    page_.AddTable(table);
+    if (lines.empty() || !run_.Has("error_time." + lines[0].name)) return;
+    const std::string& name = lines[0].name;
+    Chart chart;
+    chart.title = name + " with its band";
+    chart.note = "The quantity whose error is the largest part of its range.";
+    chart.y = {name, lines[0].units, false};
+    report::Series series;
+    series.name = name;
+    series.x = run_.Thin(data::kSeriesTime);
+    series.y = run_.Thin("/series/" + name);
+    series.half_width = run_.Thin("/series/error_time." + name);
+    if (run_.Has("error_mesh." + name)) {
+      const std::vector<double> more = run_.Thin("/series/error_mesh." + name);
+      for (std::size_t i = 0; i < more.size(); ++i) series.half_width[i] += more[i];
+    }
+    chart.series.push_back(std::move(series));
+    page_.AddTimeSeries(std::move(chart));
   }
 
   void AddEnergies() {

@@ -10,6 +10,13 @@ namespace {
 // tolerance for each keeps the sum, and the energy, within it.
 constexpr double kStrictness = 10.0;
 
+// Tangent, factorization and four solves, in right sides: 1.9 + 3.5 + 4 x 0.7 by blocks, 1.9 + 7 +
+// 4 x 2.9 by entries (docs/decisions/012-implicit.md).
+constexpr double kOverheadBlocks = 8.2, kOverheadEntries = 20.5;
+// The same with smooth beams, whose right sides are dear: a wing of four takes 13 us a step beside
+// right sides of 3.3 us.
+constexpr double kOverheadSmooth = 4.0;
+
 }  // namespace
 
 const RosenbrockTable& Ros34Pw2() {
@@ -74,11 +81,22 @@ Rosenbrock::Rosenbrock(Dynamics& dynamics, const ErrorScale& scale, const Rosenb
   stage_.assign(dynamics.model().initial_state.begin(), dynamics.model().initial_state.end());
   dynamics_.RightSide(0.0, stage_.data(), f0_.data());
   dynamics_.FillTangent(0.0, stage_.data(), lambda_.data(), &tangent_);
-  saddle_ = std::make_unique<Saddle>(dynamics.model().rigid_bodies, constraints, tangent_);
+  const Model& model = dynamics.model();
+  if (model.kirchhoff.count() > 0) {
+    smooth_ =
+        std::make_unique<SmoothSaddle>(model.rigid_bodies, model.kirchhoff, constraints, tangent_);
+  } else {
+    saddle_ = std::make_unique<Saddle>(model.rigid_bodies, constraints, tangent_);
+  }
   jacobian_ = Array(6 * constraints.rows() + kBlock, 0.0);
 }
 
 double Rosenbrock::Strictness() const { return kStrictness; }
+
+double Rosenbrock::StepOverhead() const {
+  if (smooth_) return kOverheadSmooth;
+  return saddle_->by_blocks() ? kOverheadBlocks : kOverheadEntries;
+}
 
 void Rosenbrock::Refresh() {
   dynamics_.RightSide(t_, y_.data(), f0_.data());
@@ -97,8 +115,34 @@ void Rosenbrock::Linearise() {
   dynamics_.FillTangent(t_, y_.data(), lambda_.data(), &tangent_);
   dynamics_.model().constraints.Jacobian(dynamics_.MotionAt(t_, y_.data()),
                                          dynamics_.constraint_work(), jacobian_.data());
+  if (smooth_) {
+    smooth_->Linearise(dynamics_.model().kirchhoff, dynamics_.constraint_work().smooth_work);
+  }
   linearised_ = true;
   factored_h_ = 0.0;
+}
+
+// w := M w + h gamma D v and, before, g = J w; of smooth beams with what is attached to them.
+void Rosenbrock::FormRight(double hg, double* v, double* w) {
+  const bool constrained = dynamics_.model().constraints.count() > 0;
+  if (smooth_) {
+    smooth_->FillAttached(v);
+    smooth_->FillAttached(w);
+    if (constrained) smooth_->JacobianTimes(jacobian_.data(), w, row_.data());
+    smooth_->MassTimes(w);
+    smooth_->AddDamping(tangent_, hg, v, w);
+    return;
+  }
+  if (constrained) saddle_->JacobianTimes(jacobian_.data(), w, row_.data());
+  const double* __restrict mass = dynamics_.model().rigid_bodies.mass.data();
+  const double* __restrict inertia = dynamics_.model().rigid_bodies.inertia.data();
+#pragma GCC ivdep
+  for (int k = 0; k < n_; ++k) {
+    w[k] *= mass[k];
+    w[n_ + k] *= mass[k];
+    w[2 * n_ + k] *= inertia[k];
+  }
+  tangent_.AddDamping(hg, v, w);
 }
 
 // Solves for u_i with the rates of the stage in rate_. With F = f + sum c_ij u_j / h and
@@ -119,19 +163,12 @@ void Rosenbrock::Stage(int i, double h) {
   double* __restrict out = u_[i].data();
 #pragma GCC ivdep
   for (int k = 0; k < n3; ++k) w[k] = hg * F[n3 + k] + F[k];
-  if (dynamics_.model().constraints.count() > 0) {
-    saddle_->JacobianTimes(jacobian_.data(), w, row_.data());
+  FormRight(hg, F, w);
+  if (smooth_) {
+    smooth_->Solve(w, row_.data());
+  } else {
+    saddle_->Solve(w, row_.data());
   }
-  const double* __restrict mass = dynamics_.model().rigid_bodies.mass.data();
-  const double* __restrict inertia = dynamics_.model().rigid_bodies.inertia.data();
-#pragma GCC ivdep
-  for (int k = 0; k < n_; ++k) {
-    w[k] *= mass[k];
-    w[n_ + k] *= mass[k];
-    w[2 * n_ + k] *= inertia[k];
-  }
-  tangent_.AddDamping(hg, F, w);
-  saddle_->Solve(w, row_.data());
 #pragma GCC ivdep
   for (int k = 0; k < n3; ++k) {
     out[k] = hg * w[k];
@@ -145,7 +182,11 @@ double Rosenbrock::Try(double h) {
   if (!linearised_) Linearise();
   if (factored_h_ != h) {
     const double hg = h * table_.gamma;
-    saddle_->Factor(tangent_, jacobian_.data(), hg, hg * hg);
+    if (smooth_) {
+      smooth_->Factor(tangent_, jacobian_.data(), hg, hg * hg);
+    } else {
+      saddle_->Factor(tangent_, jacobian_.data(), hg, hg * hg);
+    }
     factored_h_ = h;
   }
   const double* __restrict y = y_.data();

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "sim/implicit/kkt.h"
+#include "sim/implicit/kkt_smooth.h"
 #include "sim/methods/stepper.h"
 
 namespace unfurl::sim {
@@ -40,6 +41,7 @@ class Rosenbrock : public Stepper {
   int ErrorOrder() const override { return table_.error_order; }
   const char* name() const override { return table_.name; }
   double Strictness() const override;
+  double StepOverhead() const override;
   void Refresh() override;
   double Try(double h) override;
   bool EndsAtTrial() const override { return true; }
@@ -54,6 +56,7 @@ class Rosenbrock : public Stepper {
  private:
   void Linearise();
   void KeepMultipliers(Array* to) const;
+  void FormRight(double hg, double* v, double* w);
   void Stage(int i, double h);
 
   RosenbrockTable table_;
@@ -64,6 +67,7 @@ class Rosenbrock : public Stepper {
   double at_[RosenbrockTable::kMostStages] = {};
   Tangent tangent_;
   std::unique_ptr<Saddle> saddle_;
+  std::unique_ptr<SmoothSaddle> smooth_;  // in its place where beams are smooth
   std::vector<Array> u_;
   Array f0_, f1_, rate_, solution_, row_, jacobian_, lambda_, end_lambda_;
   bool linearised_ = false;

@@ -18,6 +18,10 @@ Tangent::Tangent(const RigidBodies& bodies)
     body_of_[s] = s;
     is_dynamic_[s] = bodies.IsDynamic(s) ? 1 : 0;
   }
+  // Those attached to a smooth beam move with it (SmoothSaddle).
+  for (const std::vector<int>& attached : bodies.attached) {
+    for (const int s : attached) is_dynamic_[s] = 1;
+  }
   for (const Station& s : stations_) body_of_[s.index] = s.body;
 }
 

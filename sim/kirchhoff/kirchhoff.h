@@ -88,6 +88,14 @@ class KirchhoffRod {
   // M^-1 T^T load: the change of q' by impulses on the attachments; after Solve.
   void Respond(const double* attached, Work* work, double* change) const;
 
+  // M, coordinates() squared, and by attachment T_b, three rows; after Solve.
+  struct Linear {
+    Array mass, motion;
+  };
+  void Linearise(const Work& work, Linear* out) const;
+  // d^2V/da_k^2, k from 1 [N m].
+  double stiffness(int k) const { return stiffness_[k]; }
+
   // Energies relative to the centre's motion and without attached bodies; after Update.
   double KineticAboutCentre(Work* work) const;  // [J]
   double AngularMomentum(Work* work) const;     // about the centre of mass [kg m^2/s]

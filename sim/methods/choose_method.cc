@@ -16,6 +16,8 @@ constexpr double kBendingRate = 4.6;
 constexpr double kOverdamped = 2.5, kAxialOverBending = 4.0;
 constexpr double kAtTolerance = 1e-3, kPower = -0.25;
 
+constexpr double kLongestStep = 0.01;  // of the time scale; see SimulateOptions::max_step
+
 bool BeamsAreStiff(const Model& model, double rtol) {
   const double overdamped = kOverdamped * std::pow(rtol / kAtTolerance, kPower);
   const Bending& bending = model.bending;
@@ -32,6 +34,10 @@ bool BeamsAreStiff(const Model& model, double rtol) {
 }
 
 }  // namespace
+
+double LongestStep(const SimulateOptions& options, const Model& model) {
+  return options.max_step > 0.0 ? options.max_step : kLongestStep * model.time_scale;
+}
 
 Method ChooseMethod(const SimulateOptions& options, const Model& model) {
   if (options.method != Method::kAuto) return options.method;

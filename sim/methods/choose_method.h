@@ -10,4 +10,7 @@ namespace unfurl::sim {
 // docs/decisions/012-implicit.md. Other methods stand for themselves.
 Method ChooseMethod(const SimulateOptions& options, const Model& model);
 
+// The longest step that the options allow, or their default allows with this model [s].
+double LongestStep(const SimulateOptions& options, const Model& model);
+
 }  // namespace unfurl::sim

@@ -15,6 +15,7 @@
 #include "sim/methods/dormand_prince8.h"
 #include "sim/methods/partitioned.h"
 #include "sim/methods/runge_kutta_43.h"
+#include "sim/methods/slow_run.h"
 
 namespace unfurl::sim {
 namespace {
@@ -36,6 +37,9 @@ constexpr int kJudgeSteps = 32, kJudgeAll = 64;
 constexpr double kMostDrift = 100.0;   // tolerances that constraints may be off by
 constexpr int kStabilitySteps = 8;     // between checks of stability
 constexpr double kStabilityUse = 0.7;  // from here on stability is what limits the step
+// And from here on an implicit method is worth a trial: along the imaginary axis, where undamped
+// vibrations are, 5(4) is stable up to 0.3 of the edge along the real one.
+constexpr double kDoubt = 0.25;
 
 // From here on the pair of order 8 costs less (docs/accuracy.md).
 constexpr double kTightTolerance = 1e-7;
@@ -59,8 +63,7 @@ std::unique_ptr<Stepper> MakePartitioned(const SimulateOptions& options, Dynamic
 }
 
 std::unique_ptr<Stepper> MakeStepper(const SimulateOptions& options, Dynamics& dynamics,
-                                     const ErrorScale& scale) {
-  const Method method = ChooseMethod(options, dynamics.model());
+                                     const ErrorScale& scale, Method method) {
   if (method == Method::kPartitioned) return MakePartitioned(options, dynamics, scale);
   if (method == Method::kImplicit) {
     return std::make_unique<Rosenbrock>(dynamics, scale, Ros34Pw2());
@@ -81,11 +84,14 @@ double FloorEnergy(const Model& model, const ErrorScale& scale) {
   return 0.5 * sum;
 }
 
-ErrorScale ScaleOf(const Model& model, const SimulateOptions& o) {
+// The implicit method is that much stricter by itself.
+double ToleranceOf(const SimulateOptions& o, Method method) {
+  return method == Method::kImplicit ? o.rtol : std::min(o.rtol, kLoosestExplicit);
+}
+
+ErrorScale ScaleOf(const Model& model, const SimulateOptions& o, Method method) {
   ErrorScale scale;
-  // The implicit method is that much stricter by itself.
-  const bool implicit = ChooseMethod(o, model) == Method::kImplicit;
-  scale.rtol = implicit ? o.rtol : std::min(o.rtol, kLoosestExplicit);
+  scale.rtol = ToleranceOf(o, method);
   scale.length = o.length;
   scale.angle = 1.0;
   scale.speed = scale.length / o.time;
@@ -100,6 +106,15 @@ ErrorScale ScaleOf(const Model& model, const SimulateOptions& o) {
   return scale;
 }
 
+double SecondsSince(std::chrono::steady_clock::time_point begin) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+}
+
+constexpr double kWorthAWord = 0.005;  // of the run: a percent, rounded
+
+// What is worth a word, and after how long the rest of the run can be judged by what is done [s].
+constexpr double kSlow = 10.0, kJudgeSlow = 1.0;
+
 }  // namespace
 
 Integration::Integration(const Model& model, const SimulateOptions& options, Observer* observer)
@@ -107,9 +122,11 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       options_(options),
       observer_(observer),
       dynamics_(model),
-      scale_(ScaleOf(model, options)),
-      far_(MakeStepper(options, dynamics_, scale_)),
+      method_(ChooseMethod(options, model)),
+      scale_(ScaleOf(model, options, method_)),
+      far_(MakeStepper(options, dynamics_, scale_, method_)),
       stepper_(far_.get()),
+      switch_(method_ == Method::kImplicit),
       finder_(model),
       log_(model.latches.count()),
       judge_(model, scale_, options.track_energy),
@@ -127,8 +144,9 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
   loops_ = model.constraints.HasLoops() && model.kirchhoff.count() == 0;
   if (loops_ && options.method != Method::kPartitioned) {
     near_ = MakePartitioned(options, dynamics_, scale_);
-    start_.assign(sample_.size(), 0.0);
   }
+  switches_ = options.method == Method::kAuto && options.order == 0;
+  start_.assign(sample_.size(), 0.0);
   report_.peak_moment.assign(model.latches.count(), 0.0);
   report_.peak_time.assign(model.latches.count(), 0.0);
   report_.peak_pin_force.assign(model.joints.size(), 0.0);
@@ -140,9 +158,16 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
   }
 }
 
+void Integration::MakeOther() {
+  const Method method = method_ == Method::kImplicit ? Method::kProjected : Method::kImplicit;
+  ErrorScale scale = scale_;
+  scale.rtol = ToleranceOf(options_, method);
+  other_ = MakeStepper(options_, dynamics_, scale, method);
+}
+
 SimulateReport Integration::Go() {
   const FlushDenormals flush;
-  const auto begin = std::chrono::steady_clock::now();
+  begin_ = std::chrono::steady_clock::now();
   StartMotion();
   double h = std::min(kFirstStep * options_.time, options_.max_step);
   while (t_ < end_ && report_.status == SimulateStatus::kGood && !stopped_) {
@@ -161,6 +186,7 @@ SimulateReport Integration::Go() {
       continue;
     }
     NoteAccepted(h);
+    const double before = t_;
     Advance(h, whole);
     ++report_.limited[static_cast<int>(limit_)];
     NextStep(error, &h);
@@ -169,11 +195,12 @@ SimulateReport Integration::Go() {
       h = std::max(h, wished);  // what shortened this step does not limit the next one
     }
     if (loops_) SwitchNearDependence();
+    if (switches_ && !is_near_) SwitchMethod(t_ - before, &h);
     CountStep();
   }
   Judge();
   FillReport();
-  report_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
+  report_.seconds = SecondsSince(begin_);
   return std::move(report_);
 }
 
@@ -192,7 +219,11 @@ void Integration::NoteAccepted(double h) {
   across_ = false;
   crossings_ = 0;
   longest_ = std::max(h, kForget * longest_);
-  if (report_.steps % kStabilitySteps == 0) stable_ = stepper_->StabilityUse() < kStabilityUse;
+  if (report_.steps % kStabilitySteps == 0) {
+    const double use = stepper_->StabilityUse();
+    stable_ = use < kStabilityUse;
+    doubted_ = use >= kDoubt;
+  }
 }
 
 void Integration::CountStep() {
@@ -205,10 +236,20 @@ void Integration::CountStep() {
 void Integration::FillReport() {
   report_.axial = axial_.peaks();
   report_.warnings = axial_.Warnings();
+  const std::string energy = judge_.Warning();
+  if (!energy.empty()) report_.warnings.push_back(energy);
   report_.t_end = t_;
   report_.method = far_->Description();
-  report_.evaluations = far_->evaluations() + (near_ ? near_->evaluations() : 0);
-  report_.repartitions = far_->repartitions() + (near_ ? near_->repartitions() : 0);
+  for (const std::unique_ptr<Stepper>* stepper : {&far_, &near_, &other_}) {
+    if (*stepper == nullptr) continue;
+    report_.evaluations += (*stepper)->evaluations();
+    report_.repartitions += (*stepper)->repartitions();
+  }
+  // Trials that were lost are not worth a word.
+  if (other_ != nullptr && other_time_ > kWorthAWord * t_) {
+    report_.method += fmt::format("; {} for {:.0f}% of the time, where it is faster",
+                                  other_->name(), 100.0 * other_time_ / std::max(t_, other_time_));
+  }
   report_.events = log_.Kept(&report_.events_left_out);
   report_.event_counts = log_.counts();
   report_.latch_counts = log_.latches();
@@ -370,10 +411,20 @@ void Integration::WatchPeaks() {
 void Integration::Poll() {
   ++report_.worst_bodies[stepper_->WorstBody()];
   if (observer_ != nullptr) observer_->OnProgress(t_ / end_);
+  SayIfSlow();
   ThrowIfInterrupted();
   if (report_.steps >= options_.max_steps) {
     Fail(SimulateStatus::kTooManySteps, fmt::format("{} steps taken", report_.steps));
   }
+}
+
+void Integration::SayIfSlow() {
+  if (said_slow_ || observer_ == nullptr || !(t_ > 0.0)) return;
+  const double so_far = SecondsSince(begin_);
+  const double in_all = so_far * end_ / t_;
+  if (so_far < kJudgeSlow || in_all < kSlow) return;
+  said_slow_ = true;
+  observer_->OnSlow(AboutSlowRun(model_, options_, report_, in_all));
 }
 
 }  // namespace unfurl::sim

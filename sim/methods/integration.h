@@ -1,5 +1,6 @@
 #pragma once
 
+#include <chrono>
 #include <memory>
 #include <string>
 #include <vector>
@@ -9,6 +10,7 @@
 #include "sim/methods/edges.h"
 #include "sim/methods/event_log.h"
 #include "sim/methods/events.h"
+#include "sim/methods/method_switch.h"
 #include "sim/methods/run_judge.h"
 #include "sim/methods/simulate.h"
 #include "sim/methods/stepper.h"
@@ -39,6 +41,9 @@ class Integration {
   void HandleEvents();
   void SwitchNearDependence();
   void StepAcross(double* h);
+  // After a step that gained so much time: changes between the explicit and the implicit method.
+  void SwitchMethod(double gained, double* h);
+  void MakeOther();
   void NextStep(double error, double* h);
   bool RemoveDrift(double t, double* y);
   double ContactStep() const;
@@ -47,6 +52,7 @@ class Integration {
   void ReadPinForces();
   void WatchPeaks();
   void Poll();
+  void SayIfSlow();
   // Judges the run that has come to its end.
   void Judge();
 
@@ -54,9 +60,16 @@ class Integration {
   const SimulateOptions& options_;
   Observer* observer_;
   Dynamics dynamics_;
+  Method method_;  // of far_
   ErrorScale scale_;
   std::unique_ptr<Stepper> far_, near_;  // near_: where constraints nearly depend on one another
   Stepper* stepper_;                     // the one in use
+  MethodSwitch switch_;
+  bool switches_ = false;           // whether it may change
+  std::unique_ptr<Stepper> other_;  // explicit where far_ is implicit, and the other way round
+  long counted_evaluations_ = 0, counted_rejected_ = 0;
+  double other_step_ = 0.0;  // last of the one not in use [s]
+  double other_time_ = 0.0;  // gone through with other_ [s]
   EventFinder finder_;
   EventLog log_;
   RunJudge judge_;
@@ -79,8 +92,11 @@ class Integration {
   bool across_ = false;         // the step about to be tried is to cross
   int crossings_ = 0;
   double t_ = 0.0;
+  std::chrono::steady_clock::time_point begin_;
+  bool said_slow_ = false;
   StepLimit limit_ = StepLimit::kGrowth;  // of the step about to be tried
   bool stable_ = true;                    // as last judged
+  bool doubted_ = false;                  // an implicit method may do better; likewise
   bool stopped_ = false;                  // by a watch
 };
 

@@ -11,6 +11,9 @@ namespace {
 // Of what moved: beyond it the motion is not that of the scene. Runs within ten tolerances of
 // their references at rtol = 1e-3 stay below (tests/hard/sets_test.cc).
 constexpr double kMostResidual = 0.01;
+// Tolerances of what moved that are worth a warning: ten times the twenty that an energy is off
+// where velocities are off by ten, which is what methods keep (docs/accuracy.md).
+constexpr double kWarnTolerances = 200.0;
 
 // Whether nothing does work on the model.
 bool IsClosed(const Model& model) {
@@ -71,6 +74,15 @@ double RunJudge::moved() const {
   double sum = 0.0;
   for (int k = 0; k < kKinds; ++k) sum += most_[k] - least_[k];
   return 0.5 * sum;
+}
+
+std::string RunJudge::Warning() const {
+  if (!Complaint().empty()) return {};
+  if (residual_ <= kWarnTolerances * rtol_ * moved() + floor()) return {};
+  return fmt::format(
+      "the balance of energy is off by {:.2g}% of what moved, {:.0f} tolerances: the run is less "
+      "accurate than its rtol says; use a smaller one, or another method",
+      100.0 * residual_ / moved(), residual_ / (rtol_ * moved()));
 }
 
 std::string RunJudge::Complaint() const {

@@ -36,6 +36,8 @@ class RunJudge {
   }
   // Empty where the balance holds.
   std::string Complaint() const;
+  // Of a run that is usable, but farther off than its tolerance promises; empty otherwise.
+  std::string Warning() const;
 
  private:
   static constexpr int kKinds = 7 + kEffects;  // of energy

@@ -21,6 +21,7 @@ class RungeKutta43 : public Stepper {
   double Try(double h) override;
   void Accept(double t) override;
   DensePolynomial Polynomial(int entry) override;
+  double StabilityUse() const override;
 
  protected:
   double ErrorOf(int entry) const override;

@@ -9,6 +9,7 @@
 #include "base/text.h"
 #include "sim/dynamics/observables.h"
 #include "sim/implicit/rosenbrock.h"
+#include "sim/methods/choose_method.h"
 #include "sim/methods/integration.h"
 
 namespace unfurl::sim {
@@ -40,8 +41,6 @@ class MarkCollector : public Observer {
   const Model& model_;
   MarkTracks* tracks_;
 };
-
-constexpr double kLongestStep = 0.01;  // of the time scale; see SimulateOptions::max_step
 
 bool IsPositive(double v) { return v > 0.0 && std::isfinite(v); }
 bool IsNotNegative(double v) { return v >= 0.0 && std::isfinite(v); }
@@ -151,17 +150,16 @@ const char* LimitName(StepLimit limit) {
 
 SimulateReport Simulate(const Model& model, const SimulateOptions& options, Observer* observer) {
   options.Check();
-  const bool explicit_method =
-      options.method == Method::kAuto || options.method == Method::kProjected;
-  if (model.kirchhoff.count() > 0 && !explicit_method) {
+  if (model.kirchhoff.count() > 0 && options.method == Method::kPartitioned) {
     throw Error(
         fmt::format("the method {} does not support smooth beams", MethodName(options.method)),
-        "option method", "use \"projected\", or model = \"segments\" for every beam");
+        "option method",
+        "use \"auto\", \"projected\" or \"implicit\", or model = \"segments\" for every beam");
   }
   SimulateOptions scaled = options;
   if (scaled.length == 0.0) scaled.length = model.length_scale;
   if (scaled.time == 0.0) scaled.time = model.time_scale;
-  if (scaled.max_step == 0.0) scaled.max_step = kLongestStep * model.time_scale;
+  scaled.max_step = LongestStep(scaled, model);
   return Integration(model, scaled, observer).Go();
 }
 

@@ -59,6 +59,8 @@ class Observer {
   virtual void OnEvent(const Event& /*event*/) {}
   // Now and then; may throw Interrupted.
   virtual void OnProgress(double /*fraction*/) {}
+  // Once, of a run that will take more than ten seconds: what limits it and what would shorten it.
+  virtual void OnSlow(const std::string& /*text*/) {}
 };
 
 enum class SimulateStatus {

@@ -41,7 +41,9 @@ void Integration::SwitchNearDependence() {
   if (is_near_) ++report_.near_dependence;
   if (near_ == nullptr) return;  // partitioned anyway
   std::copy_n(stepper_->state(), sample_.size(), start_.begin());
-  stepper_ = is_near_ ? near_.get() : far_.get();
+  Stepper* far =
+      other_ && switch_.implicit() != (method_ == Method::kImplicit) ? other_.get() : far_.get();
+  stepper_ = is_near_ ? near_.get() : far;
   stepper_->Start(t_, start_);
 }
 
@@ -56,6 +58,28 @@ void Integration::StepAcross(double* h) {
   across_ = true;
   ++crossings_;
   *h = std::min(longest_ * std::pow(kAcrossGrowth, crossings_ - 1), end_ - t_);
+}
+
+void Integration::SwitchMethod(double gained, double* h) {
+  const double cost =
+      static_cast<double>(stepper_->evaluations() - counted_evaluations_) +
+      stepper_->StepOverhead() * static_cast<double>(1 + report_.rejected - counted_rejected_);
+  counted_evaluations_ = stepper_->evaluations();
+  counted_rejected_ = report_.rejected;
+  if (stepper_ == other_.get()) other_time_ += gained;
+  if (!switch_.Note(gained, cost, doubted_)) return;
+  std::copy_n(stepper_->state(), sample_.size(), start_.begin());
+  if (other_ == nullptr) MakeOther();
+  stepper_ = stepper_ == far_.get() ? other_.get() : far_.get();
+  stepper_->Start(t_, start_);
+  counted_evaluations_ = stepper_->evaluations();
+  // An implicit step grows from where the explicit one stood; an explicit one is as short as it
+  // was.
+  const double last = *h;
+  if (!switch_.implicit() && other_step_ > 0.0) *h = std::min(*h, other_step_);
+  other_step_ = last;
+  stable_ = true;
+  doubted_ = false;
 }
 
 void Integration::NextStep(double error, double* h) {

@@ -23,6 +23,18 @@ Stepper::Stepper(Dynamics& dynamics, const ErrorScale& scale)
     mask_[s] = 1.0;
     ++moving;
   }
+  mass_ = dynamics.model().rigid_bodies.mass;
+  inertia_ = dynamics.model().rigid_bodies.inertia;
+  const KirchhoffBeams& smooth = dynamics.model().kirchhoff;
+  for (int b = 0; b < smooth.count(); ++b) {
+    // Amplitudes stand as lengths (x, y) or angles; the norm wants their weight to some factor.
+    const KirchhoffBeams::Beam& beam = smooth.beam(b);
+    const double mass = beam.rod.properties().mass, length = beam.rod.properties().length;
+    for (int k = 0; k < beam.amplitude_bodies(); ++k) {
+      mass_[beam.first_amplitude() + k] = mass;
+      inertia_[beam.first_amplitude() + k] = mass * length * length;
+    }
+  }
   norm_factor_ = 1.0 / (6.0 * std::max(moving, 1));
 }
 
@@ -65,10 +77,9 @@ double Stepper::WeightedError(int i) const {
 
 double Stepper::FastestRate(const double* state_a, const double* rate_a, const double* state_b,
                             const double* rate_b) const {
-  const RigidBodies& bodies = dynamics_.model().rigid_bodies;
   double states = 0.0, rates = 0.0;
   for (int block = 0; block < 3; ++block) {
-    const double* mass = block < 2 ? bodies.mass.data() : bodies.inertia.data();
+    const double* mass = block < 2 ? mass_.data() : inertia_.data();
     for (int k = 0; k < n_; ++k) {
       const int x = block * n_ + k, v = x + 3 * n_;
       const double dx = state_a[x] - state_b[x], da = rate_a[v] - rate_b[v];

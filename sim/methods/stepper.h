@@ -93,6 +93,8 @@ class Stepper {
   // After Try: h |lambda| of the fastest motion seen, over what the method is stable for (some 1
   // where stability and not accuracy limits the step); 0 where the method cannot tell.
   virtual double StabilityUse() const { return 0.0; }
+  // What a tried step costs beside its right sides, in right sides.
+  virtual double StepOverhead() const { return 0.0; }
   // Times that dependent coordinates were chosen anew; method partitioned.
   virtual long repartitions() const { return 0; }
 
@@ -165,6 +167,7 @@ class Stepper {
 
  private:
   double norm_factor_ = 0.0;
+  Array mass_, inertia_;                         // of FastestRate's norm, by body [kg], [kg m^2]
   Array position_weight_, angle_weight_, mask_;  // by body; zero where nothing moves by itself
 };
 

@@ -10,6 +10,7 @@
 #include "base/error.h"
 #include "base/progress.h"
 #include "data/atomic_file.h"
+#include "sim/record/certificate.h"
 #include "sim/record/run_recorder.h"
 
 namespace unfurl::sim {
@@ -30,6 +31,10 @@ class Both : public Observer {
   void OnProgress(double fraction) override {
     if (first_ != nullptr) first_->OnProgress(fraction);
     second_->OnProgress(fraction);
+  }
+  void OnSlow(const std::string& text) override {
+    if (first_ != nullptr) first_->OnSlow(text);
+    second_->OnSlow(text);
   }
 
  private:
@@ -131,6 +136,9 @@ Recording Record(std::shared_ptr<const Model> model, const RecordOptions& option
   const auto recorder = std::make_shared<RunRecorder>(
       *out.model, options.quantities, options.shape_rate, out.options.rate, options.progress);
   out.recorder = recorder;
+  if (options.certificate && options.certificate->problem().empty()) {
+    recorder->SetCertificate(options.certificate.get());
+  }
   const data::RunLayout layout = recorder->Layout(scene_text, out.options.profile);
   if (!path.empty()) {
     RunIntoFile(path, options.provenance, layout, options.observer, recorder.get(), &out);

@@ -12,6 +12,7 @@
 
 namespace unfurl::sim {
 
+class Certificate;
 class RunRecorder;
 
 /// How a scene is run and what is kept of it.
@@ -23,6 +24,8 @@ struct RecordOptions {
   data::Provenance provenance;          ///< of the file
   /// Called, where given, with everything that the run meets, before it is kept.
   Observer* observer = nullptr;
+  /// Of this run, from Certificate::Make; its errors become columns. Null: none.
+  std::shared_ptr<Certificate> certificate;
 
   /// Throws Error naming the field.
   void Check() const;

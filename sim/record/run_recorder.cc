@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "sim/methods/events.h"
+#include "sim/record/certificate.h"
 
 namespace unfurl::sim {
 
@@ -55,6 +56,7 @@ RunRecorder::RunRecorder(const Model& model, const std::vector<std::string>& qua
 data::RunLayout RunRecorder::Layout(const std::string& scene, bool profile) const {
   data::RunLayout layout;
   layout.quantities = observables_.quantities();
+  if (certificate_ != nullptr) certificate_->Bind(&layout.quantities);
   layout.marks = observables_.marks();
   if (shape_every_ > 0) layout.shapes = observables_.shapes();
   layout.event_data = {{"theta_rate", "rad/s", "rate of the joint's angle"},
@@ -168,7 +170,15 @@ void RunRecorder::Finish(const SimulateReport& report, const std::string& status
 }
 
 void RunRecorder::OnSample(double t, double* state, const std::vector<LatchMode>& modes) {
-  sink_->Append(t, observables_.Row(t, state, modes));
+  const std::vector<double>& row = observables_.Row(t, state, modes);
+  if (certificate_ == nullptr) {
+    sink_->Append(t, row);
+  } else {
+    const std::vector<double>& errors = certificate_->Add(row);
+    row_.assign(row.begin(), row.end());
+    row_.insert(row_.end(), errors.begin(), errors.end());
+    sink_->Append(t, row_);
+  }
   if (shape_every_ > 0 && samples_ % shape_every_ == 0) {
     sink_->AppendShapes(t, observables_.ShapeRow(t, state));
   }

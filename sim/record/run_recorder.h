@@ -26,6 +26,8 @@ struct LatchCount {
   std::vector<long> bins_;  // of 0.001 from 0 on; made when first needed
 };
 
+class Certificate;
+
 // Writes samples, beam shapes and events to a run as they occur, in constant memory.
 class RunRecorder : public Observer {
  public:
@@ -37,6 +39,8 @@ class RunRecorder : public Observer {
   // What the file will hold; `scene` is the scene's text.
   data::RunLayout Layout(const std::string& scene, bool profile) const;
   int shape_every() const { return shape_every_; }  // samples; 0: no shapes
+  // Before Layout; the certificate outlives the run. Null: none.
+  void SetCertificate(Certificate* certificate) { certificate_ = certificate; }
   void SetSink(data::RunSink* sink) { sink_ = sink; }
   // The summary of a run that ended, or of one that was interrupted (report without steps).
   void Finish(const SimulateReport& report, const std::string& status, const std::string& message,
@@ -58,6 +62,8 @@ class RunRecorder : public Observer {
   const Model& model_;
   Observables observables_;
   data::RunSink* sink_ = nullptr;
+  Certificate* certificate_ = nullptr;
+  std::vector<double> row_;  // with the certificate's columns
   Progress progress_;
   int shape_every_ = 0;
   std::vector<LatchCount> latches_;

@@ -19,6 +19,7 @@ struct SummaryInput {
   std::string name;     // of the scene
   std::string out;      // the file written
   bool profile = false;
+  const Certificate* certificate = nullptr;  // after the run; null: none was asked for
 };
 
 // "4 bodies, 1 latch": what the scene called for, in the model's order.

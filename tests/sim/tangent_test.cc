@@ -247,7 +247,7 @@ TEST(Tangent, SpringsBetweenPointsDampersTablesAndForces) {
 
 // A slot and a spring along it, whose directions turn.
 TEST(Tangent, PinInASlotWithASpring) {
-  ExpectTangent(ModelFrom("[scene]\nname = \"slot\"\nduration = 1.0\n"
+  ExpectTangent(ModelFrom("[scene]\nname = \"body\"\nduration = 1.0\n"
                           "[body.arm]\nmass = 1.0\ninertia = 0.1\n"
                           "[body.block]\nmass = 0.5\ninertia = 0.2\n"
                           "[joint.pivot]\ninner = \"ground\"\nouter = \"arm\"\n"

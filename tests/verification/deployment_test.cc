@@ -73,19 +73,28 @@ INSTANTIATE_TEST_SUITE_P(Scenes, Variant,
 
 // Without suspension nothing acts from outside: momentum stays zero to rounding, angular momentum
 // to the tolerance, and what is not stored is dissipated. With damping both ways of losing are at
-// work.
+// work. `auto` may take implicit steps, whose linear systems are solved to rounding times their
+// condition: momentum is kept to the tolerance there.
 TEST(DeploymentBalance, EnergyAndMomentum) {
-  for (const double damping : {0.0, 2e-4}) {
+  const struct {
+    double damping;
+    Method method;
+    double momentum;  // [kg m/s], of some 1 kg m/s that beams and hub have each
+  } cases[] = {{0.0, Method::kProjected, 1e-12},
+               {2e-4, Method::kProjected, 1e-12},
+               {2e-4, Method::kAuto, 1e-8}};
+  for (const auto& [damping, method, momentum] : cases) {
     const Model model = Compile(Deployment("clearance", 4, damping));
     Books books(model);
     SimulateOptions options;
     options.rtol = 1e-8;
+    options.method = method;
     ASSERT_TRUE(Simulate(model, options, &books).Usable());
     const double energy = books.observables.energy_at_start();  // 7.0 J
-    EXPECT_LT(books.momentum, 1e-12);
+    EXPECT_LT(books.momentum, momentum);
     EXPECT_LT(books.angular, 1e-7);
     // Hub and beams: the centre of all mass does not move.
-    EXPECT_LT(books.centre, 1e-13);
+    EXPECT_LT(books.centre, 0.1 * momentum);
     // Some 2e5 steps of 1e-8 each, mostly of either sign; the loss is ten thousand times as much.
     EXPECT_LT(books.energy, 1e-5 * energy);
     EXPECT_GT(books.last_lost, 0.1 * energy);

@@ -1,0 +1,41 @@
+// What a linearly implicit step needs of a smooth beam: its mass matrix, and how its attachments
+// move with its coordinates.
+#include <algorithm>
+
+#include "sim/kirchhoff/kirchhoff.h"
+
+namespace unfurl::sim {
+
+void KirchhoffRod::Linearise(const Work& work, Linear* out) const {
+  const int used = shapes_.count + 1, width = shapes_.width, size = coordinates();
+  out->mass.assign(size * size, 0.0);
+  double* mass = out->mass.data();
+  // Kinetic energy: that of the common centre, whose rate is (x_c', y_c') + centre (theta_0', a'),
+  // and the rest, L D L^T as Solve has factored it.
+  mass[0] = mass[size + 1] = total_mass_;
+  for (int i = 0; i < used; ++i) {
+    mass[2 + i] = mass[(2 + i) * size] = total_mass_ * work.centre_x[i];
+    mass[size + 2 + i] = mass[(2 + i) * size + 1] = total_mass_ * work.centre_y[i];
+    for (int j = 0; j <= i; ++j) {
+      double sum =
+          total_mass_ * (work.centre_x[i] * work.centre_x[j] + work.centre_y[i] * work.centre_y[j]);
+      for (int k = 0; k <= j; ++k) {
+        const double li = i == k ? 1.0 : work.factor[i * width + k];
+        const double lj = j == k ? 1.0 : work.factor[j * width + k];
+        sum += li * lj / work.inverse[k];
+      }
+      mass[(2 + i) * size + 2 + j] = mass[(2 + j) * size + 2 + i] = sum;
+    }
+  }
+  out->motion.assign(3 * size * attachments_.size(), 0.0);
+  for (std::size_t b = 0; b < attachments_.size(); ++b) {
+    double* x = out->motion.data() + 3 * size * b;
+    double *y = x + size, *theta = y + size;
+    x[0] = y[1] = 1.0;
+    std::copy_n(work.jx.data() + b * width, used, x + 2);
+    std::copy_n(work.jy.data() + b * width, used, y + 2);
+    std::copy_n(attached_shape_.data() + b * width, used, theta + 2);
+  }
+}
+
+}  // namespace unfurl::sim

@@ -1,0 +1,189 @@
+#include "sim/record/certificate.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/error.h"
+#include "base/text.h"
+#include "sim/dynamics/observables.h"
+#include "sim/kirchhoff/kirchhoff_shapes.h"
+#include "sim/methods/choose_method.h"
+#include "sim/record/record.h"
+
+namespace unfurl::sim {
+namespace {
+
+// What is stated may be half of the true error or four times it; so it aims at the middle of that,
+// as ratios go: sqrt(0.5 x 4).
+constexpr double kCaution = 1.41;
+// Of the tolerance of the run, that of its companion; no smaller than what rounding allows.
+constexpr double kTighter = 0.1, kTightest = 1e-13;
+// And of its longest step, where that and not the tolerance limits the run: its error is then a
+// 16th and less.
+constexpr double kShorter = 0.5;
+// Errors fall with this power of the number of segments (tests/verification), and of a smooth
+// beam's shapes (docs/decisions/010-second-beam.md).
+constexpr double kSegmentsPower = 2.0, kShapesPower = 3.0;
+// Shapes that a smooth beam's companion has more: as many again would cost fourfold.
+constexpr int kMoreShapes = 2;
+
+// error of `own` = factor |own - other| where errors go with size^-power.
+double RichardsonFactor(double own, double other, double power) {
+  return 1.0 / std::fabs(1.0 - std::pow(own / other, power));
+}
+
+bool IsDefault(const std::string& name, const data::Scene& scene) {
+  const auto is = [&](const std::string& owner, const char* part) { return name == owner + part; };
+  for (const data::SceneMark& mark : scene.marks) {
+    if (is(mark.name, ".x") || is(mark.name, ".y")) return true;
+  }
+  return std::any_of(scene.joints.begin(), scene.joints.end(), [&](const data::SceneJoint& joint) {
+    return is(joint.name, ".theta") || is(joint.name, ".travel");
+  });
+}
+
+}  // namespace
+
+data::Scene CompanionMesh(const data::Scene& scene, bool finer, double* factor,
+                          std::string* words) {
+  data::Scene out = scene;
+  std::vector<std::string> changes;
+  *factor = 0.0;
+  const auto change = [&](const char* what, int from, int to, double power) {
+    *factor = std::max(*factor, RichardsonFactor(from, to, power));
+    const std::string text = fmt::format("{} {} in place of {}", what, to, from);
+    if (std::find(changes.begin(), changes.end(), text) == changes.end()) changes.push_back(text);
+  };
+  for (data::SceneBeam& beam : out.beams) {
+    if (beam.model == data::BeamModel::kKirchhoff) {
+      const int more = std::min(beam.order + kMoreShapes, KirchhoffShapes::kMostModes);
+      const int to = more > beam.order ? more : beam.order - kMoreShapes;
+      change("order", beam.order, to, kShapesPower);
+      beam.order = to;
+    } else {
+      const bool twice = finer || beam.segments == 1;
+      const int to = twice ? 2 * beam.segments : (beam.segments + 1) / 2;
+      change("segments", beam.segments, to, kSegmentsPower);
+      beam.segments = to;
+    }
+  }
+  *words = JoinWords(changes);
+  return out;
+}
+
+bool Certificate::Run(const data::Scene& scene, const SimulateOptions& options, double factor,
+                      const CertifyOptions& certify, const char* label) {
+  RecordOptions record;
+  record.simulate = options;
+  record.shape_rate = 0.0;
+  record.progress = certify.progress;
+  for (const data::Quantity& q : certified_) record.quantities.push_back(q.name);
+  Recording run = Record(CompileModel(scene), record);
+  if (run.status == "interrupted") throw Interrupted();
+  if (!run.Usable()) {
+    problem_ = fmt::format("the companion {} is not usable: {}", label, run.message);
+    return false;
+  }
+  Companion companion;
+  companion.factor = factor;
+  for (const data::Quantity& q : certified_) {
+    companion.columns.push_back(run.run.Column(q.name));
+  }
+  companions_.push_back(std::move(companion));
+  return true;
+}
+
+std::shared_ptr<Certificate> Certificate::Make(const data::Scene& scene,
+                                               const SimulateOptions& options,
+                                               const CertifyOptions& certify) {
+  auto out = std::make_shared<Certificate>();
+  const std::shared_ptr<const Model> model = CompileModel(scene);
+  const Observables all(*model, certify.quantities);
+  for (const data::Quantity& q : all.quantities()) {
+    if (!certify.quantities.empty() || IsDefault(q.name, scene)) out->certified_.push_back(q);
+  }
+  if (out->certified_.empty()) {
+    out->problem_ = "there is neither a mark nor a joint whose error could be stated";
+    return out;
+  }
+  SimulateOptions tighter = options;
+  tighter.rtol = std::max(kTighter * options.rtol, kTightest);
+  // Of the difference, 1 - 0.1 is the run's own error; the method of `auto` may differ, which is as
+  // well.
+  tighter.max_step = kShorter * LongestStep(options, *model);
+  if (!out->Run(scene, tighter, 1.0 / (1.0 - kTighter), certify, "of a tighter tolerance") ||
+      !certify.mesh) {
+    return out;
+  }
+  // A coarser mesh is cheap, but may be too coarse for the scene.
+  for (const bool finer : {false, true}) {
+    double factor = 0.0;
+    const data::Scene other = CompanionMesh(scene, finer, &factor, &out->mesh_);
+    if (out->mesh_.empty() || out->Run(other, options, factor, certify, "of another mesh")) {
+      out->problem_.clear();
+      break;
+    }
+  }
+  return out;
+}
+
+void Certificate::Bind(std::vector<data::Quantity>* quantities) {
+  column_.clear();
+  const std::size_t before = quantities->size();
+  for (const data::Quantity& q : certified_) {
+    const auto at = std::find_if(quantities->begin(), quantities->begin() + before,
+                                 [&](const data::Quantity& other) { return other.name == q.name; });
+    column_.push_back(
+        at == quantities->begin() + before ? -1 : static_cast<int>(at - quantities->begin()));
+  }
+  constexpr const char* kNames[] = {"error_time.", "error_mesh."};
+  constexpr const char* kTexts[] = {"largest error of time stepping so far, estimated",
+                                    "largest error of the mesh so far, estimated"};
+  for (std::size_t k = 0; k < companions_.size(); ++k) {
+    for (std::size_t i = 0; i < certified_.size(); ++i) {
+      if (column_[i] < 0) continue;
+      quantities->push_back({kNames[k] + certified_[i].name, certified_[i].units, kTexts[k]});
+    }
+  }
+  errors_.assign(quantities->size() - before, 0.0);
+  least_.assign(certified_.size(), HUGE_VAL);
+  most_.assign(certified_.size(), -HUGE_VAL);
+  samples_ = 0;
+}
+
+const std::vector<double>& Certificate::Add(std::span<const double> row) {
+  std::size_t at = 0;
+  for (const Companion& companion : companions_) {
+    for (std::size_t i = 0; i < certified_.size(); ++i) {
+      if (column_[i] < 0) continue;
+      const std::vector<double>& other = companion.columns[i];
+      const double value = row[static_cast<std::size_t>(column_[i])];
+      if (samples_ < other.size()) {
+        errors_[at] =
+            std::max(errors_[at], kCaution * companion.factor * std::fabs(value - other[samples_]));
+      }
+      least_[i] = std::min(least_[i], value);
+      most_[i] = std::max(most_[i], value);
+      ++at;
+    }
+  }
+  ++samples_;
+  return errors_;
+}
+
+std::vector<Certificate::Line> Certificate::Lines() const {
+  std::vector<Line> lines;
+  const std::size_t kept = companions_.empty() ? 0 : errors_.size() / companions_.size();
+  for (std::size_t i = 0; i < certified_.size(); ++i) {
+    if (i >= column_.size() || column_[i] < 0 || samples_ == 0 || kept == 0) continue;
+    Line line{certified_[i].name, certified_[i].units, errors_[lines.size()], 0.0,
+              most_[i] - least_[i]};
+    if (companions_.size() > 1) line.mesh = errors_[kept + lines.size()];
+    lines.push_back(line);
+  }
+  return lines;
+}
+
+}  // namespace unfurl::sim

@@ -1,0 +1,77 @@
+#pragma once
+
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "data/run.h"
+#include "data/scene.h"
+#include "sim/methods/simulate.h"
+
+namespace unfurl::sim {
+
+/// What companions of a run are made to find its numerical error.
+struct CertifyOptions {
+  bool mesh = true;  ///< a run on another mesh, beside that of a tighter tolerance
+  /// Names to certify, * and ? standing for letters; empty: marks' x and y, joints' coordinates.
+  std::vector<std::string> quantities;
+  bool progress = false;  ///< a line on the terminal
+};
+
+/// The numerical error of a run, quantity by quantity, from companions of it: the same scene at a
+/// tenth of the tolerance, and on another mesh. Of the difference to the first the run's own error
+/// of time stepping is nine tenths and more, as an error falls with the tolerance; of that to the
+/// second the order of the mesh's error says which part is the run's (Richardson). What is stated
+/// is the largest difference so far, times kCaution; docs/decisions/102-certificate.md.
+class Certificate {
+ public:
+  /// One certified quantity, over a whole run.
+  struct Line {
+    std::string name, units;
+    double time = 0.0, mesh = 0.0;  ///< errors, of time stepping and of the mesh
+    double range = 0.0;             ///< largest less smallest value of the run
+  };
+
+  /// Runs the companions of a run of `scene` by `options`. Throws Error for a quantity that fits
+  /// nothing, and Interrupted.
+  static std::shared_ptr<Certificate> Make(const data::Scene& scene, const SimulateOptions& options,
+                                           const CertifyOptions& certify);
+
+  /// Why there is no certificate, such as a companion that failed; empty: there is one.
+  const std::string& problem() const { return problem_; }
+  /// What the mesh's companion was: "segments 4 in place of 8"; empty: none.
+  const std::string& mesh() const { return mesh_; }
+
+  /// Of a run that is being recorded: finds the certified among its quantities, and adds the
+  /// columns error_time.NAME and error_mesh.NAME.
+  void Bind(std::vector<data::Quantity>* quantities);
+  /// The run's next sample, in the order of the quantities before Bind; its errors so far.
+  const std::vector<double>& Add(std::span<const double> row);
+
+  /// After the run.
+  std::vector<Line> Lines() const;
+
+ private:
+  struct Companion {
+    std::vector<std::vector<double>> columns;  // by certified quantity, one value a sample
+    double factor = 0.0;                       // from a difference to the run's error
+  };
+  // False, with problem() set, where the companion is not usable.
+  bool Run(const data::Scene& scene, const SimulateOptions& options, double factor,
+           const CertifyOptions& certify, const char* label);
+
+  std::string problem_, mesh_;
+  std::vector<data::Quantity> certified_;
+  std::vector<Companion> companions_;  // tolerance, then mesh
+  std::vector<int> column_;            // in the run's row, by certified quantity
+  std::vector<double> errors_, least_, most_;
+  std::size_t samples_ = 0;
+};
+
+/// The scene on another mesh: half the segments, or twice as many where `finer` or where there is
+/// one only; two more shapes of smooth beams. `factor`: from the difference of the two to the error
+/// of `scene`. `words`: what was changed; empty where no beam is there.
+data::Scene CompanionMesh(const data::Scene& scene, bool finer, double* factor, std::string* words);
+
+}  // namespace unfurl::sim
