@@ -1,0 +1,66 @@
+#pragma once
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdint>
+#include <string>
+
+#include "base/random.h"
+
+namespace unfurl::sim {
+
+// A mechanism drawn by its seed: one to three beams in a chain, from the ground or from a free hub;
+// segments or smooth beams; springs, dampers of the joints and of the material, latches, gravity;
+// masses, stiffnesses and rates over an order of magnitude or two.
+struct RandomScene {
+  std::string toml;
+  bool latches = false, smooth = false, damped = false;
+};
+
+inline RandomScene DrawScene(std::uint64_t seed) {
+  Rng rng(seed);
+  const auto between = [&](double low, double high) { return low + (high - low) * rng.Uniform(); };
+  const auto power = [&](double low, double high) { return std::pow(10.0, between(low, high)); };
+  const auto chance = [&](double p) { return rng.Uniform() < p; };
+  RandomScene out;
+  const int beams = 1 + static_cast<int>(3.0 * rng.Uniform());
+  const bool free = chance(0.33), gravity = !free && chance(0.4), may_latch = chance(0.5);
+  out.smooth = chance(0.4);
+  out.damped = chance(0.6);
+  const double beta = out.damped ? power(-5.5, -3.0) : 0.0;
+  std::string& t = out.toml;
+  t = fmt::format("[scene]\nname = \"random {}\"\nduration = {:.3f}\n", seed, between(0.2, 0.4));
+  t += "[contact.lock]\nK = 5e8\nC = 4000.0\nQ = 3.0\nepsilon = 5e-6\n";
+  if (free) {
+    t += fmt::format("[body.hub]\nmass = {:.3f}\ninertia = {:.4f}\n", between(1.0, 20.0),
+                     between(0.1, 2.0));
+  }
+  for (int b = 0; b < beams; ++b) {
+    t += fmt::format("[beam.b{}]\nlength = {:.3f}\nmass = {:.3f}\nEI = {:.3f}\ndamping = {:.3g}\n",
+                     b, between(0.4, 1.2), between(0.2, 0.8), power(0.7, 2.3), beta);
+    const int fineness = static_cast<int>(3.0 * rng.Uniform());
+    t += out.smooth ? fmt::format("model = \"kirchhoff\"\norder = {}\n", 1 + fineness)
+                    : fmt::format("segments = {}\n", 4 + fineness);
+    const std::string inner = b > 0 ? fmt::format("b{}.end", b - 1) : free ? "hub" : "ground";
+    t += fmt::format(
+        "[joint.j{0}]\ninner = \"{1}\"\nouter = \"b{0}.start\"\ntheta = {2:.4f}\nsign = {3}\n"
+        "theta_rate = {4:.3f}\n[joint.j{0}.spring]\nstiffness = {5:.3f}\npreload = {6:.3f}\n",
+        b, inner, between(0.3, 2.8), chance(0.5) ? 1 : -1, -between(0.0, 2.0), power(-0.7, 0.7),
+        between(0.2, 1.5));
+    if (chance(0.4)) t += fmt::format("[joint.j{}.damper]\ndamping = {:.4g}\n", b, power(-3, 0.5));
+    if (may_latch && chance(0.7)) {
+      out.latches = true;
+      const double clearance = between(0.001, 0.006);
+      t += fmt::format(
+          "[joint.j{0}.latch]\ntheta_a = {1:.4f}\ntheta_b = {1:.4f}\nlever = 0.03\n"
+          "contact = \"lock\"\n",
+          b, clearance);
+    }
+    t += fmt::format("[mark.m{0}]\non = \"b{0}.end\"\n", b);
+  }
+  if (gravity) t += "[gravity]\nacceleration = [0.0, -9.81]\n";
+  return out;
+}
+
+}  // namespace unfurl::sim
