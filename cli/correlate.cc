@@ -23,6 +23,7 @@ using nlohmann::ordered_json;
 
 struct Settings {
   std::string record, reference, output, report, figures, window = "hann";
+  std::string offset, drift, frame;  // what is known of A beforehand; empty: nothing is said
   correlate::ComparisonOptions options;
 };
 
@@ -113,6 +114,10 @@ int CorrelateVerb(const Common& common, Settings& s) {
     throw Error(fmt::format("no time between {} and {} s", *s.options.from, *s.options.to),
                 "--from, --to", "give the earlier one first");
   }
+  correlate::Placement& known = s.options.placement;
+  if (!s.offset.empty()) known.offset = correlate::ParsePrior(s.offset, "--offset");
+  if (!s.drift.empty()) known.drift = correlate::ParsePrior(s.drift, "--drift");
+  if (!s.frame.empty()) known.frame = correlate::ParseFramePrior(s.frame, "--frame");
   const correlate::Comparison comparison = correlate::Compare(s.record, s.reference, s.options);
   data::Provenance provenance = StartProvenance(common);
   provenance.AddInput(s.record);
@@ -157,6 +162,16 @@ Verb AddCorrelate(CLI::App& program, Common& common) {
       ->type_name("WINDOW");
   app->add_flag("--clock-drift", settings->options.clock_drift,
                 "A's clock may run at another rate than B's: find by how much");
+  app->add_option("--offset", settings->offset,
+                  "What A's clock shows when B's shows 0 [s], where it is known:\nfree, 0.25, "
+                  "0.25+-0.001 (default: free)")
+      ->type_name("VALUE[+-SIGMA]");
+  app->add_option("--drift", settings->drift,
+                  "By how much A's clock runs fast [1]: free, 2e-5, 0+-1e-4 (default: not at all)")
+      ->type_name("VALUE[+-SIGMA]");
+  app->add_option("--frame", settings->frame,
+                  "Whether A's frame is B's: free, known, or known to SHIFT [m] and ROTATION [rad]")
+      ->type_name("free|known|SHIFT,ROTATION");
   verb.run = [&common, settings] { return CorrelateVerb(common, *settings); };
   return verb;
 }

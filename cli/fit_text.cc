@@ -20,7 +20,7 @@ std::string FitText(const data::FitRecord& record, double seconds) {
   for (const auto& e : record.evaluations) failed += e.failed ? 1 : 0;
   const std::string cost = fmt::format("{} evaluations of the model, {} failed, in {:.1f} s\n",
                                        record.evaluations.size(), failed, seconds);
-  if (record.nuisances.empty()) return text + cost;
+  if (record.nuisances.empty() && record.status != "converged") return text + cost;
   std::vector<std::vector<std::string>> rows = {{"parameter", "value", "error", "%", "of data",
                                                  "of model", "95% low", "95% high", "data's low",
                                                  "data's high", "unit", "verdict"}};
@@ -34,11 +34,11 @@ std::string FitText(const data::FitRecord& record, double seconds) {
   }
   text += AlignedTable(rows);
   for (const auto& n : record.nuisances) {
-    if (n.name != "time offset") continue;
+    if (n.name != "time offset" && n.name != "clock drift") continue;
     text += fmt::format(
-        "time offset{} {} s\n",
+        "{}{} {}{}\n", n.name,
         record.trials.size() > 1 ? " of " + record.trials[static_cast<std::size_t>(n.trial)] : "",
-        NumberWithError(n.value, n.sigma));
+        NumberWithError(n.value, n.sigma), n.unit == "1" ? "" : " " + n.unit);
   }
   for (std::size_t i = 0; i < record.rungs.size(); ++i) {
     text += fmt::format("{}{}: {} run{}{}", i == 0 ? "ladder: " : "; ", record.rungs[i].name,
@@ -105,6 +105,12 @@ ordered_json FitJson(const data::FitRecord& record, const std::string& output, d
                                  {"trial", record.trials[static_cast<std::size_t>(n.trial)]},
                                  {"value", n.value},
                                  {"sigma", n.sigma}});
+  }
+  for (const auto& g : record.gross) {
+    json["gross"].push_back({{"trial", record.trials[static_cast<std::size_t>(g.trial)]},
+                             {"mark", record.marks[static_cast<std::size_t>(g.mark)]},
+                             {"t", g.t},
+                             {"sigmas", g.sigmas}});
   }
   for (const auto& s : record.starts) {
     json["starts"].push_back({{"from", s.from}, {"to", s.to}, {"cost", s.cost}});

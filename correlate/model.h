@@ -51,6 +51,7 @@ struct Prediction {
                                    // erratically when a parameter is moved a little [m]
   double seconds = 0.0;            // what the evaluation cost
   std::vector<ModelEvent> events;  // if it has them
+  bool held_before = true;         // the marks stand still before the model's start, at t < 0
 };
 
 // A function from parameters to tracks: a simulator, an interpolated record, an external program.

@@ -4,6 +4,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 #include "base/error.h"
@@ -78,14 +79,25 @@ int Observations::FindMark(const std::string& name) const {
   return -1;
 }
 
-Stamps Observations::StampsAt(double offset) const {
+double Observations::Pivot() const {
+  return std::isnan(placement.pivot) ? 0.5 * (Start() + End()) : placement.pivot;
+}
+
+Stamps Observations::StampsAt(const Clock& clock) const {
   Stamps stamps;
+  const double pivot = Pivot();
   for (const MarkSeries& m : marks) {
     stamps.marks.push_back(m.name);
     stamps.t.push_back(m.t);
-    for (double& t : stamps.t.back()) t -= offset;
+    for (double& t : stamps.t.back()) t = clock.ModelTime(t, pivot);
   }
   return stamps;
+}
+
+Eigen::Index Observations::PriorRows() const {
+  constexpr Foreknowledge kNormal = Foreknowledge::kNormal;
+  return (placement.frame.kind == kNormal ? 6 : 0) + (placement.offset.kind == kNormal ? 1 : 0) +
+         (placement.drift.kind == kNormal ? 1 : 0);
 }
 
 Observations FromTracks(const data::Tracks& tracks, const std::vector<std::string>& marks,
@@ -161,6 +173,7 @@ Observations FromRun(const data::Run& run, const std::vector<std::string>& marks
 
 Observations Cut(const Observations& all, const Window& window) {
   Observations out = all;
+  out.placement.pivot = all.Pivot();
   for (MarkSeries& series : out.marks) {
     std::vector<std::size_t> keep;
     for (std::size_t i = 0; i < series.size(); ++i) {
@@ -195,6 +208,12 @@ Observations WithoutDrift(Observations record, double drift, double pivot) {
     for (double& t : series.t) t = pivot + (t - pivot) / (1.0 + drift);
   }
   for (TimedEvent& e : record.events) e.t = pivot + (e.t - pivot) / (1.0 + drift);
+  record.placement.pivot = pivot;
+  Prior& known = record.placement.drift;
+  if (known.Told()) {
+    known.mean = (1.0 + known.mean) / (1.0 + drift) - 1.0;
+    known.sigma /= 1.0 + drift;
+  }
   return record;
 }
 

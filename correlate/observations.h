@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "correlate/model.h"
+#include "correlate/placement.h"
 #include "data/run.h"
 #include "data/tracks.h"
 
@@ -40,13 +41,17 @@ struct Observations {
   bool has_sigma = true;     // false: cov is a unit weight only, and the scatter gives the scale
   bool held_before = false;  // before the first stamp the marks stood still (a run before release)
   std::string frame;
+  Placement placement;  // what is known of its clock and frame beforehand
 
   std::size_t size() const;                     // samples of all marks
   double Start() const;                         // of the earliest and the latest sample [s]
   double End() const;                           // likewise
   int FindMark(const std::string& name) const;  // -1 when absent
-  // The stamps of all samples, less `offset`.
-  Stamps StampsAt(double offset) const;
+  double Pivot() const;                         // of the clock's drift [s]
+  // The stamps of all samples by the model's clock.
+  Stamps StampsAt(const Clock& clock) const;
+  // How many numbers of clock and frame have a normal prior: each is a row of a registration.
+  Eigen::Index PriorRows() const;
 };
 
 /// A part of a record, its ends included.
@@ -65,11 +70,12 @@ Observations FromTracks(const data::Tracks& tracks, const std::vector<std::strin
 Observations FromRun(const data::Run& run, const std::vector<std::string>& marks = {},
                      const Window& window = {});
 
-// The part of `all` within the window, events too.
+// The part of `all` within the window, events too; the drift's pivot stays.
 Observations Cut(const Observations& all, const Window& window);
 
 // The same samples by a clock that runs at the model's rate: t becomes pivot + (t - pivot) / (1 +
-// drift), `drift` being by how much the record's clock runs fast [-].
+// drift), `drift` being by how much the record's clock runs fast [-]. What was known of the drift
+// beforehand is from then on of what is left of it.
 Observations WithoutDrift(Observations record, double drift, double pivot);
 
 // The event of a model's list that another one names; nullptr: it never happened.

@@ -43,6 +43,22 @@ LocalCubic CubicAt(std::span<const double> stamps, double t) {
   return c;
 }
 
+namespace {
+
+// Marks that move at a run's start, beyond round-off, were not held before it.
+bool StartsAtRest(const std::vector<Eigen::Matrix3Xd>& velocity) {
+  constexpr double kRoundOff = 1e-9;  // of the highest speed
+  double first = 0.0, highest = 0.0;
+  for (const Eigen::Matrix3Xd& v : velocity) {
+    if (v.cols() == 0) continue;
+    first = std::max(first, v.col(0).norm());
+    highest = std::max(highest, v.colwise().norm().maxCoeff());
+  }
+  return first <= kRoundOff * highest;
+}
+
+}  // namespace
+
 SampledModel::SampledModel(const data::Run& run, const std::vector<std::string>& marks)
     : samples_(FromRun(run, marks)) {
   const auto n = static_cast<Eigen::Index>(run.t.size());
@@ -55,6 +71,7 @@ SampledModel::SampledModel(const data::Run& run, const std::vector<std::string>&
     }
     velocity_.push_back(std::move(v));
   }
+  samples_.held_before = StartsAtRest(velocity_);
   for (const data::RunEvent& e : run.events) events_.push_back({e.t, e.kind, e.where});
   FindSteps();
 }
@@ -83,7 +100,7 @@ SampledModel::SampledModel(const Model& model, std::span<const double> theta,
 
 SampledModel::SampledModel(const Stamps& stamps, Prediction prediction) {
   samples_.has_sigma = false;
-  samples_.held_before = true;
+  samples_.held_before = prediction.held_before;
   samples_.frame = "model";
   if (prediction.status != ModelStatus::kGood) {
     good_ = false;

@@ -78,6 +78,16 @@ void WriteNoise(const FitRecord& fit, H5Writer& w) {
   w.Write({"/noise/less_weight", "1",
            "trial, mark; from, to [s]; the model's own noise there [m]; weight of the samples"},
           less);
+  if (fit.gross.empty()) return;
+  Eigen::MatrixXd gross(static_cast<Eigen::Index>(fit.gross.size()), 4);
+  for (std::size_t i = 0; i < fit.gross.size(); ++i) {
+    const FitRecord::Gross& g = fit.gross[i];
+    gross.row(static_cast<Eigen::Index>(i)) << g.trial, g.mark, g.t, g.sigmas;
+  }
+  w.Write({"/noise/gross", "1",
+           "samples put aside: trial, mark, t [s], RMS of a coordinate from its neighbours' "
+           "residuals in sigmas"},
+          gross);
 }
 
 std::vector<double> Row(const Eigen::MatrixXd& m, Eigen::Index row, Eigen::Index from) {
@@ -112,6 +122,13 @@ void ReadSearch(const H5Reader& r, FitRecord* fit) {
     const auto l = less.row(i).array();
     fit->less_weight.push_back(
         {static_cast<std::int32_t>(l(0)), static_cast<std::int32_t>(l(1)), l(2), l(3), l(4), l(5)});
+  }
+  if (!r.Has("/noise/gross")) return;
+  const Eigen::MatrixXd gross = r.ReadMatrix("/noise/gross");
+  for (Eigen::Index i = 0; i < gross.rows(); ++i) {
+    const auto g = gross.row(i).array();
+    fit->gross.push_back(
+        {static_cast<std::int32_t>(g(0)), static_cast<std::int32_t>(g(1)), g(2), g(3)});
   }
 }
 

@@ -118,6 +118,14 @@ struct FitRecord {
   };
   std::vector<LessWeight> less_weight;
 
+  // Samples that were found to be gross errors, and count for next to nothing.
+  struct Gross {
+    std::int32_t trial = 0, mark = 0;
+    double t = 0.0;       // on the tracks' clock [s]
+    double sigmas = 0.0;  // RMS of a coordinate, from its neighbours' residuals [-]
+  };
+  std::vector<Gross> gross;
+
   // At the estimate, sample by sample (n), in the model's frame.
   std::vector<std::string> marks;
   std::vector<double> t;            // on the tracks' clock [s]

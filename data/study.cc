@@ -52,6 +52,46 @@ StudyParameter ReadParameter(const std::string& name, const TomlTable& t, bool c
   return p;
 }
 
+using Knowledge = StudyKnowledge::Kind;
+
+// "free", "known" (it is 0), a number (that it is known to be), { mean = .., sigma = .. }.
+StudyKnowledge ReadKnowledge(const TomlTable& t, const char* key, TomlRange range) {
+  StudyKnowledge out;
+  if (!t.Has(key)) return out;
+  if (t.IsNumber(key)) {
+    out.kind = Knowledge::kKnown;
+    out.mean = t.Number(key, range);
+  } else if (t.IsTable(key)) {
+    const TomlTable density = t.Table(key);
+    out.kind = Knowledge::kNormal;
+    out.mean = density.NumberOr("mean", 0.0, range);
+    out.sigma = density.Number("sigma", kPositive);
+  } else {
+    out.kind = t.Choice(key, {"free", "known"}) == "free" ? Knowledge::kFree : Knowledge::kKnown;
+  }
+  return out;
+}
+
+// "free", "known" (the tracks' is the scene's), or a table; without sigmas it is known.
+StudyFrame ReadFrame(const TomlTable& t) {
+  StudyFrame out;
+  if (!t.Has("frame")) return out;
+  if (!t.IsTable("frame")) {
+    out.kind =
+        t.Choice("frame", {"free", "known"}) == "free" ? Knowledge::kFree : Knowledge::kKnown;
+    return out;
+  }
+  const TomlTable frame = t.Table("frame");
+  out.rotation = frame.NumbersOr("rotation", out.rotation, 3);
+  out.shift = frame.NumbersOr("shift", out.shift, 3);
+  out.kind = Knowledge::kKnown;
+  if (!frame.Has("sigma_rotation") && !frame.Has("sigma_shift")) return out;
+  out.kind = Knowledge::kNormal;
+  out.sigma_rotation = frame.Number("sigma_rotation", kPositive);
+  out.sigma_shift = frame.Number("sigma_shift", kPositive);
+  return out;
+}
+
 StudyTrial ReadTrial(const std::string& study, const std::string& name, const TomlTable& t) {
   StudyTrial trial;
   trial.where = t.Where();
@@ -74,6 +114,10 @@ StudyTrial ReadTrial(const std::string& study, const std::string& name, const To
       trial.sigma_factors.emplace_back(key, factors->Number(key, kPositive));
     }
   }
+  constexpr TomlRange kRate{-0.5, 0.5};
+  trial.offset = ReadKnowledge(t, "offset", kAny);
+  trial.drift = ReadKnowledge(t, "drift", kRate);
+  trial.frame = ReadFrame(t);
   for (const auto& named : t.NamedTables("event")) {
     const TomlTable& table = named.second;
     StudyEvent event;
@@ -118,8 +162,9 @@ void ReadSolver(const TomlTable& t, Study* study) {
   study->max_iterations = t.IntegerOr("max_iterations", study->max_iterations, 1, 1000);
   study->screened = t.IntegerOr("screened", study->screened, 0, 100000);
   study->starts = t.IntegerOr("starts", study->starts, 1, 1000);
-  if (study->starts > 1 && study->screened + 1 < study->starts) {
-    t.Fail("starts", fmt::format("{} starts of {} points", study->starts, study->screened + 1),
+  if (study->starts > 1 && std::max(0, study->screened) + 1 < study->starts) {
+    t.Fail("starts",
+           fmt::format("{} starts of {} points", study->starts, std::max(0, study->screened) + 1),
            "set screened to several times as many as starts");
   }
   study->seed = t.IntegerOr("seed", study->seed, 0, 1000000000);

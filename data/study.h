@@ -35,6 +35,22 @@ struct StudyEvent {
   std::string at;      // file:line:key, for messages
 };
 
+// What is known beforehand of a trial's clock.
+struct StudyKnowledge {
+  /// Nothing was said; it is fitted; it is fitted with a density; it is not fitted.
+  enum class Kind { kUnsaid, kFree, kNormal, kKnown };
+  Kind kind = Kind::kUnsaid;
+  double mean = 0.0, sigma = 0.0;  // of a normal density; the known value is the mean
+};
+
+// The same of its frame: where the scene's frame lies in the tracks'.
+struct StudyFrame {
+  StudyKnowledge::Kind kind = StudyKnowledge::Kind::kUnsaid;
+  std::vector<double> rotation = {0.0, 0.0, 0.0};  // vector [rad]
+  std::vector<double> shift = {0.0, 0.0, 0.0};     // of the scene's origin [m]
+  double sigma_rotation = 0.0, sigma_shift = 0.0;  // of each axis [rad, m]
+};
+
 // One recorded trial and what of it counts.
 struct StudyTrial {
   std::string name;    // "trial", or "trial 2" of several
@@ -46,6 +62,9 @@ struct StudyTrial {
   // Factors on marks' sigmas: 2 lets a mark count a quarter.
   std::vector<std::pair<std::string, double>> sigma_factors;
   std::vector<StudyEvent> events;
+  StudyKnowledge offset;  // what the tracks' clock shows at the scene's start [s]
+  StudyKnowledge drift;   // by which it runs fast [-]
+  StudyFrame frame;
   std::string where;
 };
 
@@ -89,9 +108,9 @@ struct Study {
   bool stages_by_impacts = false;  // instead: by the impacts that the data show
   int max_iterations = 25;         // per stage
   std::vector<std::vector<std::string>> free;  // by stage: parameters that it moves; empty: all
-  int screened = 0;                            // points of a Latin hypercube, beside the start
-  int starts = 1;                              // that are carried on
-  int seed = 1;                                // of the hypercube
+  int screened = -1;  // points of a Latin hypercube, beside the start; -1: as needed
+  int starts = 1;     // that are carried on
+  int seed = 1;       // of the hypercube
   bool whiten = true;
   std::vector<double> profile_levels = {1.0, 2.0};  // in standard errors [-]; empty: no profiles
   int profile_evaluations = 400;                    // at most

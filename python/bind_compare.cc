@@ -9,6 +9,7 @@
 #include "data/run.h"
 #include "data/tracks.h"
 #include "python/bindings.h"
+#include "python/placement.h"
 
 namespace unfurl::python {
 namespace {
@@ -65,7 +66,9 @@ Side SideFrom(const py::object& object) {
 std::shared_ptr<Comparison> Compare(const py::object& record, const py::object& reference,
                                     const std::vector<std::string>& marks,
                                     std::optional<double> start, std::optional<double> end,
-                                    const std::string& window, bool clock_drift) {
+                                    const std::string& window, bool clock_drift,
+                                    const py::object& offset, const py::object& drift,
+                                    const py::object& frame) {
   const Side a = SideFrom(record), b = SideFrom(reference);
   correlate::ComparisonOptions options;
   options.marks = marks;
@@ -73,6 +76,7 @@ std::shared_ptr<Comparison> Compare(const py::object& record, const py::object& 
   options.to = end;
   options.window = WindowNamed(window);
   options.clock_drift = clock_drift;
+  options.placement = PlacementFrom(offset, drift, frame);
   if (start && end && !(*start < *end)) {
     throw Error(fmt::format("no time between {} and {} s", *start, *end), "start, end",
                 "give the earlier one first");
@@ -237,11 +241,15 @@ void BindCompare(py::module_& m) {
       "compare", &Compare, py::arg("record"), py::arg("reference"), py::kw_only(),
       py::arg("marks") = std::vector<std::string>{}, py::arg("start") = py::none(),
       py::arg("end") = py::none(), py::arg("window") = "hann", py::arg("clock_drift") = false,
+      py::arg("offset") = py::none(), py::arg("drift") = py::none(), py::arg("frame") = py::none(),
       "Two of runs and tracks (or paths) side by side: aligned, then errors, scores, spectra and\n"
       "modes.\n\n"
       "marks: those to compare; none: all in common. start, end: of spectra and modes on the\n"
       "record's clock [s]; none: from the last latch, to the end. window: of the spectra.\n"
-      "clock_drift: the record's clock may run at another rate. Two that share no motion are a\n"
+      "clock_drift: the record's clock may run at another rate. offset [s], drift [-], frame: "
+      "what\n"
+      "is known of the record's clock and frame: 'free', 'known', a number, (mean, sigma); of the\n"
+      "frame (shift, rotation), standard deviations [m, rad]. Two that share no motion are a\n"
       "result: see usable and message.");
 }
 

@@ -15,6 +15,7 @@
 #include "data/tracks.h"
 #include "python/bindings.h"
 #include "python/fit_object.h"
+#include "python/placement.h"
 #include "study/fit_record.h"
 
 namespace unfurl::python {
@@ -121,6 +122,7 @@ struct ModelFitOptions {
   py::object finer;
   double finer_factor = 1.0;
   std::string name;
+  correlate::Placement placement;
 };
 
 Fit FitModel(const py::object& model, const py::object& tracks_or_path,
@@ -148,8 +150,9 @@ Fit FitModel(const py::object& model, const py::object& tracks_or_path,
   const PythonModel coarse(model, names, errors);
   std::unique_ptr<PythonModel> finer;
   if (!what.finer.is_none()) finer = std::make_unique<PythonModel>(what.finer, names, errors);
-  const correlate::Observations observations =
+  correlate::Observations observations =
       correlate::FromTracks(tracks->data, what.marks, WindowFrom(what.window));
+  observations.placement = what.placement;
   correlate::FitProblem problem;
   problem.parameters = parameters;
   problem.trials.push_back({.name = "trial",
@@ -169,7 +172,8 @@ Fit FitFunction(const py::object& model, const py::object& tracks,
                 std::optional<std::pair<double, double>> window, const py::object& finer,
                 double finer_factor, const std::vector<double>& stages, int screened, int starts,
                 std::uint64_t seed, bool whiten, const std::vector<double>& profile_levels,
-                std::size_t workers, const py::object& progress, const std::string& name) {
+                std::size_t workers, const py::object& progress, const std::string& name,
+                const py::object& offset, const py::object& drift, const py::object& frame) {
   if (PyCallable_Check(model.ptr()) == 0) throw py::type_error("model: expected a callable");
   CallbackError errors;
   correlate::FitOptions options;
@@ -182,8 +186,9 @@ Fit FitFunction(const py::object& model, const py::object& tracks,
   options.profile.levels = profile_levels;
   options.workers = workers;
   options.progress = FitProgressOf(progress, &errors);
-  return FitModel(model, tracks, parameters, {marks, window, finer, finer_factor, name}, options,
-                  &errors);
+  return FitModel(model, tracks, parameters,
+                  {marks, window, finer, finer_factor, name, PlacementFrom(offset, drift, frame)},
+                  options, &errors);
 }
 
 const FitParameter& ParameterOf(const Fit& fit, const std::string& name) {
@@ -379,10 +384,11 @@ void BindFit(py::module_& m) {
       "fit", &FitFunction, py::arg("model"), py::arg("tracks"), py::arg("parameters"),
       py::kw_only(), py::arg("marks") = std::vector<std::string>{}, py::arg("window") = py::none(),
       py::arg("finer") = py::none(), py::arg("finer_factor") = 1.0,
-      py::arg("stages") = std::vector<double>{}, py::arg("screened") = 0, py::arg("starts") = 1,
+      py::arg("stages") = std::vector<double>{}, py::arg("screened") = -1, py::arg("starts") = 1,
       py::arg("seed") = 1, py::arg("whiten") = true,
       py::arg("profile_levels") = std::vector<double>{1.0, 2.0}, py::arg("workers") = 1,
-      py::arg("progress") = py::none(), py::arg("name") = "fit",
+      py::arg("progress") = py::none(), py::arg("name") = "fit", py::arg("offset") = py::none(),
+      py::arg("drift") = py::none(), py::arg("frame") = py::none(),
       "The parameters of any model, a Python function, from Tracks (or their path).\n\n"
       "model(parameters, times): parameters is {name: value}, times {mark: (n,) seconds on the\n"
       "model's own clock}; it returns {mark: positions (n, 2) or (n, 3) [m]}, in a frame of its\n"
@@ -391,8 +397,12 @@ void BindFit(py::module_& m) {
       "evaluated; any other exception ends the fit. finer: the same with less error of its own,\n"
       "which (finer - model) times finer_factor estimates. marks, window: what to use of the\n"
       "tracks [s]. stages: ends of a growing horizon [s]. screened, starts, seed: of several\n"
-      "starts. profile_levels: where each parameter is held, in standard errors; []: no profiles.\n"
-      "workers: evaluations at a time; more than 1 serves models that release the lock.");
+      "starts; screened = -1: only where the model does not explain the data at first. "
+      "profile_levels: where each parameter is held, in standard errors; []: no profiles.\n"
+      "workers: evaluations at a time; more than 1 serves models that release the lock. offset "
+      "[s],\n"
+      "drift [-], frame: what is known of the tracks' clock and frame: 'free', 'known', a number,\n"
+      "(mean, sigma); of the frame (shift, rotation), standard deviations [m, rad].");
 }
 
 }  // namespace unfurl::python

@@ -12,137 +12,11 @@
 #include "correlate/align/nuisance.h"
 #include "correlate/compare/metrics.h"
 #include "study/ladder_words.h"
+#include "study/trial_words.h"
 
 namespace unfurl::study {
 
 namespace {
-
-// "of 0.02"; what is too small to be computed is no zero.
-std::string Probability(double p) {
-  constexpr double kLeast = 1e-12;  // what rounding leaves of 1 - p [-]
-  return p < kLeast ? fmt::format("below {:.0e}", kLeast) : fmt::format("of {:.2g}", p);
-}
-
-// The residuals of one trial: how large, whether they are correlated, what was done about it,
-// and whether the model explains them.
-std::string ResidualWords(const correlate::TrialResult& t, bool several) {
-  const std::string of = several ? " of " + t.name : "";
-  const correlate::GoodnessOfFit& g = t.goodness;
-  std::string words = fmt::format("The residuals{} are {:.2f} times the marks' sigma", of,
-                                  std::sqrt(t.chi2_per_dof));
-  if (t.plain.white()) {
-    words += " and white, as they should be.";
-  } else if (t.noise.series.empty() || t.noise.white()) {
-    words += ", and are correlated in time: the standard errors are widened for it.";
-  } else {
-    double share = 0.0, rho = 0.0, variance = 0.0;
-    for (const correlate::MarkovNoise& n : t.noise.series) {
-      variance += n.variance;
-      share += n.variance * n.share;
-      rho += n.variance * n.share * n.rho;
-    }
-    words += fmt::format(
-        ", and are correlated in time: {:.0f}% of their variance from sample to sample, by {:.3f}; "
-        "the fit is weighted for it",
-        100.0 * share / variance, share > 0.0 ? rho / share : 0.0);
-    words += t.whitened.white() ? ", after which they are white."
-                                : ", and the standard errors are widened for what is left of it.";
-  }
-  switch (g.outcome) {
-    case correlate::Explained::kYes:
-      break;
-    case correlate::Explained::kNoise:
-      words += fmt::format(
-          " By the marks' covariances that has a probability {}; by stationary noise it is "
-          "plausible ({:.2g}). If it is noise (of the optics), the standard errors include it; a "
-          "smooth effect that the model lacks would look the same.",
-          Probability(g.p_covariances()), g.p_noise());
-      break;
-    case correlate::Explained::kMesh:
-      words += fmt::format(
-          " By the marks' covariances that has a probability {}; with a finer model {:.0f}% of "
-          "the excess disappears.",
-          Probability(g.p_covariances()), 100.0 * g.mesh_takes);
-      break;
-    case correlate::Explained::kNo:
-      words += fmt::format(
-          " The model does not explain them: neither the marks' covariances (probability {}) "
-          "nor stationary noise ({:.2g}){}. It lacks an effect, or the tracks are off by more than "
-          "their covariances say; the values may be off by more than their standard errors.",
-          Probability(g.p_covariances()), g.p_noise(),
-          t.error_check == correlate::ErrorCheck::kFiner ||
-                  t.error_check == correlate::ErrorCheck::kLadder
-              ? fmt::format(" nor a finer model, with which {:.0f}% of the excess disappears",
-                            100.0 * g.mesh_takes)
-              : std::string());
-      break;
-  }
-  return words;
-}
-
-std::string Replaced(std::string kind) {  // "contact_start" as people say it
-  std::replace(kind.begin(), kind.end(), '_', ' ');
-  return kind;
-}
-
-// What the model's own error was judged by, and what it is.
-std::string ErrorWords(const correlate::TrialResult& t, const std::string& of) {
-  const std::string size = fmt::format("moves the marks{} by {} RMS, {:.2g} of their sigma", of,
-                                       LengthText(t.model_error_rms), t.model_error_sigmas);
-  switch (t.error_check) {
-    case correlate::ErrorCheck::kLadder:
-      return "What the finest rung still lacks, by its change from the rung below, " + size +
-             "; it is in the standard errors and intervals.";
-    case correlate::ErrorCheck::kFiner:
-      return "The model's own error, by a finer model and a tighter tolerance, " + size +
-             "; it is in the standard errors and intervals.";
-    case correlate::ErrorCheck::kTolerance:
-      return "A tighter tolerance " + size +
-             "; that is in the standard errors and intervals. No finer model was run.";
-    case correlate::ErrorCheck::kNone:
-      break;
-  }
-  return (t.error_check_failure.empty() ? "No model with less error of its own was run" + of
-                                        : "The model with less error of its own failed" + of +
-                                              " (" + t.error_check_failure + ")") +
-         ": the standard errors and intervals are those of the data alone.";
-}
-
-void AddTrialWords(const std::vector<correlate::FitTrial>& trials, const correlate::FitResult& r,
-                   data::FitRecord* record) {
-  const bool several = r.trials.size() > 1;
-  for (std::size_t k = 0; k < r.trials.size(); ++k) {
-    const correlate::TrialResult& t = r.trials[k];
-    record->reasons.push_back(ResidualWords(t, several));
-    if (!t.less_weight.empty()) {
-      double from = std::numeric_limits<double>::infinity(), least = 1.0;
-      for (const correlate::LessWeight& l : t.less_weight) {
-        from = std::min(from, l.from);
-        least = std::min(least, l.weight);
-      }
-      record->reasons.push_back(
-          fmt::format("From {:.2f} s on the simulated motion depends on the solver's tolerance "
-                      "(impacts magnify "
-                      "its errors): {} sections of marks have less weight there, down to {:.2g}.",
-                      from, t.less_weight.size(), least));
-    }
-    for (std::size_t i = 0; i < t.event_times.size(); ++i) {
-      const correlate::TimedEvent& e = trials[k].observations->events[i];
-      const double off = e.t - t.at.offset - t.event_times[i];
-      const std::string what = fmt::format("The {} of {}{}{}", Replaced(e.kind), e.where,
-                                           e.count > 1 ? fmt::format(", number {},", e.count) : "",
-                                           several ? " in " + t.name : "");
-      record->reasons.push_back(
-          std::isfinite(off)
-              ? fmt::format(
-                    "{} was observed at {:.4f} s, {:+.2g} ms ({:+.2g} of its sigma) from the "
-                    "model's.",
-                    what, e.t, 1e3 * off, off / e.sigma)
-              : fmt::format("{} was observed at {:.4f} s; the model has none.", what, e.t));
-    }
-    record->reasons.push_back(ErrorWords(t, several ? " of " + t.name : ""));
-  }
-}
 
 // Words for the parameters of each verdict in the summary, the worst first.
 struct VerdictPhrase {
@@ -201,6 +75,14 @@ void AddSearchWords(const correlate::FitResult& r, data::FitRecord* record) {
         "A profile still holds a point whose deviance is lower by {:.2g}, within the 95% region of "
         "the values given; more starts may find a better minimum.",
         r.profile_below));
+  }
+  if (r.elsewhere != correlate::Elsewhere::kNotLooked) {
+    record->reasons.push_back(
+        r.elsewhere == correlate::Elsewhere::kFound
+            ? "The way from the start ended where the model does not explain the data; points over "
+              "the bounds were looked at, and a lower minimum was found from there."
+            : "The model does not explain the data; points over the bounds were looked at, and no "
+              "lower minimum was found from there.");
   }
   if (r.starts.size() < 2) return;
   // Ends whose sums of squares differ by less than the noise of a fit are the same minimum.
@@ -282,8 +164,12 @@ void AddSamples(const correlate::TrialResult& t, const correlate::Observations& 
     const Eigen::Index count = measured[m].cols();
     record->measured.middleCols(column, count) = measured[m];
     record->sigma.middleCols(column, count) = sigma[m];
-    record->simulated.middleCols(column, count) =
-        t.prediction.marks[m].p - (t.at.offset - t.offset_ref) * t.prediction.marks[m].v;
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const double ahead = correlate::Ahead(observations.marks[m].t[static_cast<std::size_t>(i)],
+                                            observations.Pivot(), t.reference, t.at.clock());
+      record->simulated.col(column + i) =
+          t.prediction.marks[m].p.col(i) - ahead * t.prediction.marks[m].v.col(i);
+    }
     if (!t.model_error.empty()) record->model_error.middleCols(column, count) = t.model_error[m];
     record->band.middleCols(column, count) = t.band[m];
     for (double stamp : observations.marks[m].t) {
@@ -297,6 +183,10 @@ void AddSamples(const correlate::TrialResult& t, const correlate::Observations& 
           {index, mark, static_cast<std::int32_t>(axis), n.variance, n.share, n.rho});
     }
     column += count;
+  }
+  for (const correlate::GrossSample& g : t.gross.samples) {
+    record->gross.push_back(
+        {index, MarkIndex(observations.marks[g.mark].name, record), g.t, g.sigmas});
   }
   for (const correlate::LessWeight& l : t.less_weight) {
     record->less_weight.push_back(

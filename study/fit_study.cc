@@ -65,6 +65,12 @@ correlate::Comparison CompareAtEstimate(const correlate::FitTrial& trial,
   c.reference_is_run = true;
   c.observations = *trial.observations;
   for (const correlate::MarkSeries& m : c.observations.marks) c.marks.push_back(m.name);
+  const bool drifts =
+      std::any_of(record.nuisances.begin(), record.nuisances.end(),
+                  [](const data::FitRecord::Nuisance& n) { return n.name == "clock drift"; });
+  if (drifts && !c.observations.placement.drift.Told()) {
+    c.observations.placement.drift = correlate::Prior::Free();
+  }
   std::vector<double> theta;
   for (const auto& p : record.parameters) theta.push_back(p.value);
   const double end = c.observations.End() - c.observations.Start();

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 
 #include "base/error.h"
 #include "base/progress.h"
@@ -34,10 +35,27 @@ class Collector : public sim::Observer {
   }
   void OnProgress(double) override { ThrowIfInterrupted(); }
 
-  // Cubic Hermite through the samples; before the start the marks are held, past the end unknown.
+  // Whether the marks stand still at the start, so that they were held before it: to round-off of
+  // the initial velocities, beside the highest speed of the run.
+  bool StartsAtRest() const {
+    constexpr double kRoundOff = 1e-9;  // of the highest speed
+    double first = 0.0, highest = 0.0;
+    for (const std::vector<sim::PointMotion>& s : samples_) {
+      first = std::max(first, std::hypot(s.front().vx, s.front().vy));
+      for (const sim::PointMotion& m : s) highest = std::max(highest, std::hypot(m.vx, m.vy));
+    }
+    return first <= kRoundOff * highest;
+  }
+
+  // Cubic Hermite through the samples; before the start the marks are held, or unknown where they
+  // move at the start; past the end unknown.
   void At(std::size_t mark, double t, correlate::MarkMotion* out, Eigen::Index i) const {
     const std::vector<sim::PointMotion>& s = samples_[mark];
-    if (t <= 0.0) {
+    if (t < 0.0 || (t == 0.0 && held_)) {
+      if (!held_) {
+        out->known[static_cast<std::size_t>(i)] = 0;
+        return;
+      }
       out->p.col(i) << s.front().x, s.front().y, 0.0;
       return;
     }
@@ -59,8 +77,12 @@ class Collector : public sim::Observer {
         d * (b.y - a.y) + d0 * a.vy + d1 * b.vy, 0.0;
   }
 
+  void Finish() { held_ = StartsAtRest(); }
+  bool held() const { return held_; }
+
  private:
   const sim::Model& model_;
+  bool held_ = true;
   std::vector<int> points_;
   std::vector<double> t_;
   std::vector<std::vector<sim::PointMotion>> samples_;
@@ -120,6 +142,8 @@ correlate::Prediction SceneModel::Evaluate(std::span<const double> theta,
     out.message = report.message;
     return out;
   }
+  collector.Finish();
+  out.held_before = collector.held();
   for (std::size_t m = 0; m < stamps.marks.size(); ++m) {
     const auto n = static_cast<Eigen::Index>(stamps.t[m].size());
     correlate::MarkMotion motion;

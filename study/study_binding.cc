@@ -14,10 +14,41 @@
 #include "data/tracks.h"
 #include "study/rungs.h"
 #include "study/scene_model.h"
+#include "study/unit_check.h"
 
 namespace unfurl::study {
 
 namespace {
+
+correlate::Prior PriorOf(const data::StudyKnowledge& from) {
+  using Kind = data::StudyKnowledge::Kind;
+  switch (from.kind) {
+    case Kind::kFree:
+      return correlate::Prior::Free();
+    case Kind::kNormal:
+      return correlate::Prior::Normal(from.mean, from.sigma);
+    case Kind::kKnown:
+      return correlate::Prior::Known(from.mean);
+    case Kind::kUnsaid:
+      break;
+  }
+  return {};
+}
+
+correlate::Placement PlacementOf(const data::StudyTrial& trial) {
+  correlate::Placement out;
+  out.offset = PriorOf(trial.offset);
+  out.drift = PriorOf(trial.drift);
+  data::StudyKnowledge frame;
+  frame.kind = trial.frame.kind;
+  out.frame.kind = PriorOf(frame).kind;
+  out.frame.X_WM.linear() =
+      RotationFromVector(Eigen::Map<const Eigen::Vector3d>(trial.frame.rotation.data()));
+  out.frame.X_WM.translation() = Eigen::Map<const Eigen::Vector3d>(trial.frame.shift.data());
+  out.frame.sigma_rotation = trial.frame.sigma_rotation;
+  out.frame.sigma_shift = trial.frame.sigma_shift;
+  return out;
+}
 
 correlate::Observations ReadTrial(const data::StudyTrial& trial, const std::string& path) {
   const data::Tracks tracks = data::ReadTracksAny(path, trial.sigma);
@@ -47,6 +78,7 @@ correlate::Observations ReadTrial(const data::StudyTrial& trial, const std::stri
     }
     out.events.push_back({e.kind, e.where, e.count, e.time, e.sigma});
   }
+  out.placement = PlacementOf(trial);
   return out;
 }
 
@@ -91,7 +123,7 @@ std::unique_ptr<SceneModel> BindScene(const data::Study& study, const SceneModel
   }
 }
 
-void BindScenes(const data::Study& study, const data::StudyTrial& from,
+void BindScenes(const data::Study& study, const data::StudyTrial& from, const std::string& path,
                 const std::vector<double>& theta, data::TextFiles* texts,
                 correlate::FitTrial* trial, BoundStudy* bound) {
   constexpr double kAtFirst = 1e-5;  // where the tolerance is still to be chosen
@@ -118,6 +150,7 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from,
     }
   }
   for (const std::string& file : model->files()) bound->inputs.push_back(file);
+  RefuseOtherUnits(*trial->observations, *model, theta, path);
   const std::vector<SceneRung> rungs = RungsOf(study.fidelity, model->beams());
   auto at = [&](double rtol, std::size_t rung) {
     SceneModelOptions options = binding;
@@ -202,7 +235,7 @@ BoundStudy Bind(const data::Study& study, const std::string& tracks) {
     if (study.command) {
       BindCommand(study, from, &trial, &bound);
     } else {
-      BindScenes(study, from, theta, &texts, &trial, &bound);
+      BindScenes(study, from, path, theta, &texts, &trial, &bound);
     }
     bound.problem.trials.push_back(trial);
     bound.inputs.push_back(path);

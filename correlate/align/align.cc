@@ -5,150 +5,33 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "base/text.h"
+#include "correlate/align/far_samples.h"
+#include "correlate/align/refine.h"
+#include "correlate/align/unit_doubt.h"
 
 namespace unfurl::correlate {
 
 namespace {
 
-constexpr std::size_t kFewest = 20;  // samples for six frame numbers, an offset and a check
-
-struct Refined {
-  RegistrationFit fit;
-  Prediction reference;
-  double drift = 0.0;  // already out of the stamps that the fit was made with
-  bool converged = false;
-};
-
-// Of the median steps of all marks, the largest [s].
-double LargestStep(const Observations& a) {
-  double step = 0.0;
-  for (const MarkSeries& m : a.marks) step = std::max(step, MedianStep(m.t));
-  return step;
-}
-
-// Frame and offset together, the reference asked anew at each offset; with a drift also the record
-// is given its stamps anew.
-Refined Refine(const Observations& record, const SampledModel& b, double offset, double drift,
-               const AlignOptions& options) {
-  // Rounds end at a thousandth of a standard error. Where samples cross a jump of the reference as
-  // the offset moves, they may go to and fro for ever by more; a tenth adds half a per cent to the
-  // error and is let pass.
-  constexpr int kMaxRounds = 30;
-  constexpr double kSettled = 1e-3, kLetPass = 0.1;
-  const bool drifts = options.registration.fit_drift;
-  const double pivot = options.registration.drift_pivot;
-  Refined out;
-  out.drift = drift;
-  Observations restamped;
-  if (drifts) restamped = WithoutDrift(record, drift, pivot);
-  const Observations& a = drifts ? restamped : record;
-  out.reference = b.Evaluate({}, a.StampsAt(offset));
-  Registration start = StartingFrame(a, out.reference, offset);
-  RegistrationOptions one = options.registration;
-  for (int round = 0; round < kMaxRounds; ++round) {
-    // The linear step in time holds near the reference's stamps only: one step, then ask again.
-    one.max_iterations = 1;
-    out.fit = FitRegistration(a, out.reference, offset, start, one);
-    start = out.fit.at;
-    if (out.fit.known < kFewest) return out;
-    double turned = 0.0;  // standard errors by which the drift still moved
-    if (drifts) {
-      const double sigma = out.fit.sigma(options.registration.fit_frame ? 7 : 1);
-      turned = sigma > 0.0 ? std::abs(start.drift) / sigma : 0.0;  // 0: not determined, not moved
-      out.drift = (1.0 + out.drift) / (1.0 - start.drift) - 1.0;
-      restamped = WithoutDrift(record, out.drift, pivot);
-      start.drift = 0.0;
-    }
-    const Eigen::Index time = options.registration.fit_frame ? 6 : 0;
-    const double sigma = options.registration.fit_offset ? out.fit.sigma(time) : 1.0;
-    const double moved = std::abs(out.fit.at.offset - offset);
-    offset = out.fit.at.offset;
-    out.reference = b.Evaluate({}, a.StampsAt(offset));
-    // Without sigmas the unit weight is 1 m and no standard error tells: then a hundred-thousandth
-    // of the samples' step settles it.
-    constexpr double kNoSigma = 1e-2;
-    const double moves = a.has_sigma ? std::max(sigma > 0.0 ? moved / sigma : 0.0, turned)
-                                     : moved / (kNoSigma * LargestStep(a));
-    out.converged = round > 0 && moves <= (round + 1 < kMaxRounds ? kSettled : kLetPass);
-    if (out.converged) break;
-  }
-  one.max_iterations = options.registration.max_iterations;
-  out.fit = FitRegistration(a, out.reference, offset, start, one);
-  if (drifts) {  // a thousandth of a standard error, which the stamps need not follow
-    out.drift = (1.0 + out.drift) / (1.0 - out.fit.at.drift) - 1.0;
-    out.fit.at.drift = 0.0;
-  }
-  return out;
-}
-
-// Sum of squares of the residuals and of the marks' motion about their own means [m^2].
-std::pair<double, double> Squares(const Observations& a, const Refined& r) {
-  const auto residuals = ResidualsInModelFrame(a, r.reference, r.fit.at.offset, r.fit.at);
-  double left = 0.0, motion = 0.0;
-  for (std::size_t m = 0; m < a.marks.size(); ++m) {
-    const auto& known = r.reference.marks[m].known;
-    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
-    double n = 0.0;
-    for (Eigen::Index i = 0; i < a.marks[m].p.cols(); ++i) {
-      if (known.empty() || known[static_cast<std::size_t>(i)]) mean += a.marks[m].p.col(i), n += 1;
-    }
-    if (n == 0.0) continue;
-    mean /= n;
-    for (Eigen::Index i = 0; i < a.marks[m].p.cols(); ++i) {
-      if (!known.empty() && !known[static_cast<std::size_t>(i)]) continue;
-      left += residuals[m].col(i).squaredNorm();
-      motion += (a.marks[m].p.col(i) - mean).squaredNorm();
-    }
-  }
-  return {left, motion};
-}
-
-// The same marks with a variance added to each coordinate of each sample [m^2].
-Observations Loosened(Observations a, double variance) {
-  for (MarkSeries& m : a.marks) {
-    for (int diagonal : {0, 3, 5}) m.cov.row(diagonal).array() += variance;
-  }
-  return a;
-}
-
-// A reference that does not fit must not be followed at the price of the calibration's draw, and it
-// is its misfit, not the marks' sigma, that limits the alignment: the variance that the residuals
-// show is added to the marks' own until it changes no more. Gives that variance [m^2].
-double RefineWithMisfit(const Observations& a, const SampledModel& b, const AlignOptions& options,
-                        Refined* best) {
-  // Residuals of twice their sigma. With a right model the mean square of thousands of them is 1
-  // within a few hundredths, so this is no chance; but covariances may be wrong by some tens of per
-  // cent without the reference being to blame, and then the weights they give are still the best.
-  constexpr double kFits = 4.0;
-  constexpr int kRounds = 6;
-  double variance = 0.0;
-  if (!a.has_sigma) return variance;
-  for (int round = 0; round < kRounds; ++round) {
-    const double samples = 3.0 * static_cast<double>(best->fit.known);
-    if (round == 0 && best->fit.SumOfSquares() < kFits * samples) break;
-    const double before = variance;
-    variance =
-        Squares(WithoutDrift(a, best->drift, options.registration.drift_pivot), *best).first /
-        samples;
-    if (round > 0 && std::abs(variance - before) < 0.01 * variance) break;
-    *best = Refine(Loosened(a, variance), b, best->fit.at.offset, best->drift, options);
-  }
-  return variance;
-}
-
 void FillCovariance(const Observations& a, Alignment* out) {
   const Eigen::MatrixXd& J = out->fit.jacobian;
+  if (J.cols() == 0) {  // all is known
+    out->noise = EstimateResidualNoise(a, out->fit.residual, a.has_sigma ? 1.0 : 0.0);
+    return;
+  }
   out->unknowns.resize(static_cast<std::size_t>(J.cols()));
   const Eigen::MatrixXd normal = J.transpose() * J;
   const Eigen::MatrixXd inverse =
       normal.ldlt().solve(Eigen::MatrixXd::Identity(J.cols(), J.cols()));
   // Without sigmas the residuals themselves set the scale.
   out->noise = EstimateResidualNoise(a, out->fit.residual, a.has_sigma ? 1.0 : 0.0);
-  const Eigen::Index k = a.shared_rank;
+  // What is known beforehand of clock, frame and calibration.
+  const Eigen::Index known = a.PriorRows() + a.shared_rank;
   Eigen::MatrixXd middle = out->noise.Middle(J);
-  if (k > 0) middle += J.bottomRows(k).transpose() * J.bottomRows(k);
+  if (known > 0) middle += J.bottomRows(known).transpose() * J.bottomRows(known);
   out->covariance = inverse * middle * inverse;
   const double unit = a.has_sigma ? 1.0 : out->noise.variance;
   out->white_sigma = (unit * inverse.diagonal()).cwiseMax(0.0).cwiseSqrt();
@@ -180,19 +63,85 @@ double Alignment::Sigma(const std::string& unknown) const {
 
 namespace {
 
+double StartingDrift(const Observations& record) {
+  return record.placement.drift.Told() ? record.placement.drift.mean : 0.0;
+}
+
+// Whether what is known of the clock alone places the reference as well as an alignment is asked to
+// be: an offset that is wrong by its sigma leaves at least this share of the motion explained. Then
+// there is nothing for the search to be misled by, and two records that differ are two records that
+// differ.
+bool PlacedBeforehand(const Observations& record, const SampledModel& b, double min_r2) {
+  const Prior& known = record.placement.offset;
+  if (!known.Told()) return false;
+  if (known.kind == Foreknowledge::kKnown) return true;
+  const Prediction at = b.Evaluate({}, record.StampsAt(known.mean));
+  double speeds = 0.0, motion = 0.0;
+  for (const MarkMotion& mark : at.marks) {
+    Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+    double n = 0.0, squares = 0.0;
+    for (Eigen::Index i = 0; i < mark.p.cols(); ++i) {
+      if (!mark.known.empty() && !mark.known[static_cast<std::size_t>(i)]) continue;
+      sum += mark.p.col(i);
+      squares += mark.p.col(i).squaredNorm();
+      speeds += mark.v.col(i).squaredNorm();
+      n += 1.0;
+    }
+    if (n > 0.0) motion += std::max(0.0, squares - sum.squaredNorm() / n);
+  }
+  return known.sigma * known.sigma * speeds <= (1.0 - min_r2) * motion;
+}
+
+// Offsets to begin with: the peaks of a correlation, within what is known of the offset, and what
+// is known itself.
+OffsetSearch Search(const Observations& record, const SampledModel& b,
+                    const std::vector<std::string>& marks, const AlignOptions& options) {
+  const Prior& known = record.placement.offset;
+  if (known.kind == Foreknowledge::kKnown) {
+    OffsetSearch out;
+    out.candidates = {{known.mean, 1.0, 1.0}};
+    return out;
+  }
+  OffsetOptions search = options.search;
+  constexpr double kWithin = 4.0;  // standard deviations of the prior: one in 16 000 lies beyond
+  if (known.kind == Foreknowledge::kNormal) {
+    search.low = std::max(search.low, known.mean - kWithin * known.sigma);
+    search.high = std::min(search.high, known.mean + kWithin * known.sigma);
+  }
+  return FindOffset(SampledModel(record), b, marks, search);
+}
+
+// Mean square of the samples' distance from their mark's mean, in their sigmas: what a model that
+// knows nothing of a sample leaves unexplained. One that starts in motion would else fit best where
+// it is compared with least.
+double MotionOf(const Observations& record) {
+  double sum = 0.0;
+  for (const MarkSeries& m : record.marks) {
+    if (m.size() == 0) continue;
+    const Eigen::Vector3d mean = m.p.rowwise().mean();
+    const auto trace = m.cov.row(0) + m.cov.row(3) + m.cov.row(5);
+    sum += 3.0 * (m.p.colwise() - mean).colwise().squaredNorm().cwiseQuotient(trace).sum();
+  }
+  return sum / std::max(1.0, static_cast<double>(record.size()));
+}
+
 // The candidate offset that leaves the least squares per sample once refined; false: none has
 // enough samples with a counterpart.
 bool FindBest(const Observations& record, const SampledModel& b, const OffsetSearch& search,
               double min_correlation, const AlignOptions& options, Refined* best,
               double* correlation) {
-  const auto per_sample = [](const Refined& r) {
-    return r.fit.SumOfSquares() / static_cast<double>(r.fit.known);
+  const double hidden = b.samples().held_before || b.samples().has_sigma ? 0.0 : MotionOf(record);
+  const auto per_sample = [&](const Refined& r) {
+    const double known = static_cast<double>(r.fit.known);
+    if (hidden == 0.0) return r.fit.SumOfSquares() / known;
+    const double all = static_cast<double>(record.size());
+    return (r.fit.SumOfSquares() + hidden * (all - known)) / all;
   };
   bool found = false;
   for (const OffsetCandidate& candidate : search.candidates) {
     if (candidate.correlation < min_correlation) continue;
-    Refined refined = Refine(record, b, candidate.offset, 0.0, options);
-    if (refined.fit.known < kFewest) continue;
+    Refined refined = Refine(record, b, candidate.offset, StartingDrift(record), options);
+    if (refined.fit.known < kFewestAligned) continue;
     if (found && !(per_sample(refined) < per_sample(*best))) continue;
     *best = std::move(refined);
     *correlation = candidate.correlation;
@@ -241,24 +190,30 @@ void FillOverlap(const Observations& a, Alignment* out) {
 
 }  // namespace
 
-// Offset by correlation, frame and offset by least squares from the best candidates, then the
-// covariance and how much of the motion the reference explains.
-Alignment Align(const Observations& record, const SampledModel& b, const AlignOptions& asked) {
+namespace {
+
+Alignment AlignAsIs(const Observations& record, const SampledModel& b, const AlignOptions& asked) {
   Alignment out;
-  AlignOptions options = asked;
-  if (record.size() > 0) options.registration.drift_pivot = 0.5 * (record.Start() + record.End());
-  if (record.size() < kFewest) {
+  const AlignOptions& options = asked;
+  if (record.size() < kFewestAligned) {
     out.message =
-        fmt::format("the record has {} samples; {} are the fewest", record.size(), kFewest);
+        fmt::format("the record has {} samples; {} are the fewest", record.size(), kFewestAligned);
     return out;
   }
   std::vector<std::string> marks;
   for (const MarkSeries& m : record.marks) marks.push_back(m.name);
-  const OffsetSearch search = FindOffset(SampledModel(record), b, marks, options.search);
+  OffsetSearch search = Search(record, b, marks, options);
   out.signal = search.signal;
-  const double min_correlation =
+  double min_correlation =
       search.independent > 1 ? options.min_correlation : options.min_correlation_of_one;
-  const double min_r2 = search.independent > 1 ? options.min_r2 : options.min_r2_of_one;
+  double min_r2 = search.independent > 1 ? options.min_r2 : options.min_r2_of_one;
+  if (PlacedBeforehand(record, b, min_r2)) {
+    constexpr double kNothingAsked = -std::numeric_limits<double>::infinity();
+    min_correlation = min_r2 = kNothingAsked;
+    if (record.placement.offset.kind == Foreknowledge::kNormal) {
+      search.candidates.push_back({record.placement.offset.mean, 0.0, 1.0});
+    }
+  }
   if (search.candidates.empty()) {
     out.message = fmt::format(
         "no time offset leaves enough in common: {} samples against {}, at least {:.0f}% of the "
@@ -279,12 +234,13 @@ Alignment Align(const Observations& record, const SampledModel& b, const AlignOp
   Refined best;
   const bool found = FindBest(record, b, search, min_correlation, options, &best, &out.correlation);
   if (!found) {
-    out.message = fmt::format("fewer than {} samples have a counterpart in the reference", kFewest);
+    out.message =
+        fmt::format("fewer than {} samples have a counterpart in the reference", kFewestAligned);
     return out;
   }
   const double variance = RefineWithMisfit(record, b, options, &best);
   out.drift = best.drift;
-  out.drift_pivot = options.registration.drift_pivot;
+  out.drift_pivot = record.Pivot();
   const Observations a = WithoutDrift(record, out.drift, out.drift_pivot);
   out.misfit = std::sqrt(variance);
   const auto [left, motion] = Squares(a, best);
@@ -293,18 +249,49 @@ Alignment Align(const Observations& record, const SampledModel& b, const AlignOp
   out.at = out.fit.at;
   out.r2 = motion > 0.0 ? 1.0 - left / motion : 0.0;
   FillCovariance(variance > 0.0 ? Loosened(a, variance) : a, &out);
-  out.unknowns = NuisanceNames(options.registration, a.shared_rank);
+  out.unknowns =
+      NuisanceNames(WithPlacement(options.registration, record.placement), a.shared_rank);
   if (variance > 0.0) {  // what was weighed less is still told in the marks' own sigmas
     RegistrationOptions none = options.registration;
     none.max_iterations = 0;
     out.fit.residual = FitRegistration(a, out.reference, out.at.offset, out.at, none).residual;
   }
-  const double dof =
-      std::max(1.0, 3.0 * static_cast<double>(out.fit.known) -
-                        static_cast<double>(out.fit.jacobian.cols() - a.shared_rank));
+  const double dof = std::max(
+      1.0, 3.0 * static_cast<double>(out.fit.known) -
+               static_cast<double>(out.fit.jacobian.cols() - a.shared_rank - a.PriorRows()));
   out.chi2_per_dof = a.has_sigma ? out.fit.SumOfSquares() / dof : 0.0;
   FillOverlap(a, &out);
   Judge(best.converged, min_r2, &out);
+  return out;
+}
+
+// What was aligned without the far samples is told of all of them.
+void TakeAllSamples(const Observations& record, const SampledModel& b, const AlignOptions& options,
+                    std::vector<FarSample> far, Alignment* out) {
+  out->far = std::move(far);
+  if (out->reference.marks.empty()) return;
+  out->message += "; left out: " + Words(record, out->far);
+  const Observations all = WithoutDrift(record, out->drift, out->drift_pivot);
+  out->reference = b.Evaluate({}, all.StampsAt(out->at.offset));
+  RegistrationOptions none = options.registration;
+  none.max_iterations = 0;
+  out->fit.residual = FitRegistration(all, out->reference, out->at.offset, out->at, none).residual;
+}
+
+}  // namespace
+
+// Offset by correlation, frame and offset by least squares from the best candidates, then the
+// covariance and how much of the motion the reference explains.
+Alignment Align(const Observations& record, const SampledModel& b, const AlignOptions& asked) {
+  std::vector<FarSample> far = FindFarSamples(record);
+  Alignment out = AlignAsIs(far.empty() ? record : Without(record, far), b, asked);
+  if (!far.empty()) TakeAllSamples(record, b, asked, std::move(far), &out);
+  // What was not aligned for its units, and what was though a known clock asked for nothing.
+  constexpr double kNothing = 0.5;
+  if (!out.Usable() || out.r2 < kNothing) {
+    const std::string doubt = UnitDoubt(CompareUnits(record, b.samples()));
+    if (!doubt.empty()) out.message += "; " + doubt;
+  }
   return out;
 }
 

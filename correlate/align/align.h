@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "correlate/align/far_samples.h"
 #include "correlate/align/offset.h"
 #include "correlate/align/registration.h"
 #include "correlate/fit/autocorrelation.h"
@@ -27,7 +28,7 @@ struct AlignOptions {
   // The same where a single history was correlated (two marks, one body): a frame and an offset
   // make any two smooth openings of one mark look somewhat alike (docs/physics-correlation.md).
   double min_correlation_of_one = 0.8, min_r2_of_one = 0.8;
-  RegistrationOptions registration;  // its drift_pivot is set to the record's middle
+  RegistrationOptions registration;
 };
 
 // Time offset and rigid frame of `a` (in W) with respect to `b` (in M).
@@ -53,14 +54,18 @@ struct Alignment {
   double chi2_per_dof = 0.0;  // of residuals in the marks' own sigmas; 0 without one
   double misfit = 0.0;        // what the reference fails to explain, per coordinate; 0: it fits [m]
   double overlap_start = 0.0, overlap_end = 0.0;  // on a's clock [s]
-  RegistrationFit fit;                            // residuals and Jacobian at the solution
-  Prediction reference;                           // b at the stamps of a
+  std::vector<FarSample> far;  // gross errors that were left out, except of the residuals
+  RegistrationFit fit;         // residuals of all samples, and the Jacobian at the solution
+  Prediction reference;        // b at the stamps of a
   ResidualNoise noise;
 };
 
-// Coarse offset by cross-correlation, then frame and offset together by weighted least squares
-// with the covariances of both. `a` holds the marks that are to be compared; `b` must hold them
-// too. What cannot be aligned is a status with a message, not an error.
+// What is known of the record's clock and frame (Observations::placement) is used: a known offset
+// is not searched for, and where it places the reference as well as an alignment is asked to,
+// neither correlation nor r2 is asked for. Else coarse offset by cross-correlation, then frame and
+// offset together by weighted least squares with the covariances of both. `a` holds the marks that
+// are to be compared; `b` must hold them too. What cannot be aligned is a status with a message,
+// not an error.
 Alignment Align(const Observations& a, const SampledModel& b, const AlignOptions& options = {});
 
 }  // namespace unfurl::correlate

@@ -7,35 +7,11 @@
 #include <cmath>
 
 #include "correlate/align/nuisance.h"
+#include "correlate/align/sample_whitener.h"
 
 namespace unfurl::correlate {
 
 namespace {
-
-bool Known(const MarkMotion& motion, Eigen::Index i) {
-  return motion.known.empty() || motion.known[static_cast<std::size_t>(i)] != 0;
-}
-
-// The inverse of the lower Cholesky factor of a sample's covariance, the reference's included.
-Eigen::Matrix3d Whitener(const MarkSeries& series, const MarkMotion& motion, Eigen::Index i,
-                         const Eigen::Matrix3d& R_WM) {
-  Eigen::Matrix3d cov = Symmetric(series.cov.col(i));
-  if (motion.cov.cols() > 0) cov += R_WM * Symmetric(motion.cov.col(i)) * R_WM.transpose();
-  // Written out: this is called for every sample of every iteration.
-  Eigen::Matrix3d W = Eigen::Matrix3d::Zero();
-  const double l00 = std::sqrt(cov(0, 0));
-  const double l10 = cov(1, 0) / l00, l20 = cov(2, 0) / l00;
-  const double l11 = std::sqrt(cov(1, 1) - l10 * l10);
-  const double l21 = (cov(2, 1) - l20 * l10) / l11;
-  const double l22 = std::sqrt(cov(2, 2) - l20 * l20 - l21 * l21);
-  W(0, 0) = 1.0 / l00;
-  W(1, 1) = 1.0 / l11;
-  W(2, 2) = 1.0 / l22;
-  W(1, 0) = -l10 * W(0, 0) * W(1, 1);
-  W(2, 1) = -l21 * W(1, 1) * W(2, 2);
-  W(2, 0) = -(l20 * W(0, 0) + l21 * W(1, 0)) * W(2, 2);
-  return W;
-}
 
 Eigen::Vector3d Centroid(const Prediction& prediction) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -93,11 +69,31 @@ std::vector<std::string> NuisanceNames(const RegistrationOptions& options, int s
   return names;
 }
 
+RegistrationOptions WithPlacement(RegistrationOptions options, const Placement& placement) {
+  auto fitted = [](bool otherwise, Foreknowledge kind) {
+    return kind == Foreknowledge::kUnsaid ? otherwise : kind != Foreknowledge::kKnown;
+  };
+  options.fit_frame = fitted(options.fit_frame, placement.frame.kind);
+  options.fit_offset = fitted(options.fit_offset, placement.offset.kind);
+  options.fit_drift = fitted(options.fit_drift, placement.drift.kind);
+  return options;
+}
+
+Eigen::Index RowsOf(const Observations& observations) {
+  return 3 * static_cast<Eigen::Index>(observations.size()) +
+         static_cast<Eigen::Index>(observations.events.size()) + observations.PriorRows() +
+         observations.shared_rank;
+}
+
 Registration StartingFrame(const Observations& observations, const Prediction& prediction,
                            double offset) {
   Registration start;
   start.offset = offset;
   start.z = Eigen::VectorXd::Zero(observations.shared_rank);
+  if (observations.placement.frame.Told()) {
+    start.X_WM = observations.placement.frame.X_WM;
+    return start;
+  }
   const auto n = static_cast<Eigen::Index>(observations.size());
   Eigen::Matrix3Xd p_W(3, n), p_M(3, n);
   Eigen::VectorXd weight(n);
@@ -121,29 +117,47 @@ Registration StartingFrame(const Observations& observations, const Prediction& p
 
 namespace {
 
+// The inverse of the left Jacobian of rotations: log(Exp(d) Exp(w)) = w + J^-1 d + O(d^2)
+// [Barfoot 2017, eq. (7.76)].
+Eigen::Matrix3d InverseOfLeftJacobian(const Eigen::Vector3d& w) {
+  constexpr double kSmall = 1e-4;  // [rad]: the series' next term is 1e-11
+  const double angle = w.norm();
+  const Eigen::Matrix3d W = Skew(w);
+  const double square =
+      angle < kSmall
+          ? 1.0 / 12.0
+          : 1.0 / (angle * angle) - (1.0 + std::cos(angle)) / (2.0 * angle * std::sin(angle));
+  return Eigen::Matrix3d::Identity() - 0.5 * W + square * W * W;
+}
+
 // Gauss-Newton over the frame, the offset, the drift and the calibration's draw.
 class RegistrationSolver {
  public:
   RegistrationSolver(const Observations& observations, const Prediction& prediction,
-                     double offset_ref, const Registration& start,
+                     const Clock& reference, const Registration& start,
                      const RegistrationOptions& options, const RowWhitening* whitening)
       : observations_(observations),
         prediction_(prediction),
-        offset_ref_(offset_ref),
-        options_(options),
+        reference_(reference),
+        pivot_(observations.Pivot()),
+        options_(WithPlacement(options, observations.placement)),
         whitening_(whitening != nullptr && !whitening->identity() ? whitening : nullptr),
         k_(observations.shared_rank),
-        names_(NuisanceNames(options, observations.shared_rank)),
-        time_(options.fit_frame ? 6 : 0),
-        rate_(time_ + (options.fit_offset ? 1 : 0)),
-        draw_(rate_ + (options.fit_drift ? 1 : 0)),
+        names_(NuisanceNames(options_, observations.shared_rank)),
+        time_(options_.fit_frame ? 6 : 0),
+        rate_(time_ + (options_.fit_offset ? 1 : 0)),
+        draw_(rate_ + (options_.fit_drift ? 1 : 0)),
         samples_(static_cast<Eigen::Index>(observations.size())),
         events_(static_cast<Eigen::Index>(observations.events.size())),
         event_time_(EventTimes(observations.events, prediction)) {
     fit_.at = start;
+    const Placement& known = observations.placement;
+    if (known.frame.kind == Foreknowledge::kKnown) fit_.at.X_WM = known.frame.X_WM;
+    if (known.offset.kind == Foreknowledge::kKnown) fit_.at.offset = known.offset.mean;
+    if (known.drift.kind == Foreknowledge::kKnown) fit_.at.drift = known.drift.mean;
     if (fit_.at.z.size() != k_) fit_.at.z = Eigen::VectorXd::Zero(k_);
     fit_.centroid_M = Centroid(prediction);
-    fit_.residual.resize(3 * samples_ + events_ + k_);
+    fit_.residual.resize(RowsOf(observations));
     fit_.jacobian.setZero(fit_.residual.size(), static_cast<Eigen::Index>(names_.size()));
     for (const MarkMotion& motion : prediction.marks) {
       for (Eigen::Index i = 0; i < motion.p.cols(); ++i) fit_.known += Known(motion, i) ? 1 : 0;
@@ -154,7 +168,7 @@ class RegistrationSolver {
     for (std::size_t m = 0; m < observations.marks.size(); ++m) {
       for (Eigen::Index i = 0; i < observations.marks[m].p.cols(); ++i) {
         whitener_.push_back(
-            Whitener(observations.marks[m], prediction.marks[m], i, start.X_WM.linear()));
+            Whitener(observations.marks[m], prediction.marks[m], i, fit_.at.X_WM.linear()));
       }
     }
   }
@@ -189,18 +203,48 @@ class RegistrationSolver {
     }
     fit_.residual.segment(3 * samples_, events_).setZero();
     for (Eigen::Index i = 0; i < events_ && options_.with_events; ++i) EventRow(i);
+    PriorRows(3 * samples_ + events_);
     // The prior of the draw, N(0, I).
     fit_.residual.tail(k_) = fit_.at.z;
     if (k_ > 0) fit_.jacobian.bottomRightCorner(k_, k_).setIdentity();
   }
 
-  // e = p - X_WM (y - (ahead + drift (t - pivot)) dy/dt) - F z, whitened.
+  // What is known of frame, offset and drift by a normal density, in its standard deviations.
+  void PriorRows(Eigen::Index row) {
+    constexpr Foreknowledge kNormal = Foreknowledge::kNormal;
+    const Placement& known = observations_.placement;
+    if (known.frame.kind == kNormal) {
+      const Pose& X = fit_.at.X_WM;
+      const Eigen::Vector3d w =
+          VectorFromRotation(X.linear() * known.frame.X_WM.linear().transpose());
+      const double inverse_rotation = 1.0 / known.frame.sigma_rotation;
+      const double inverse_shift = 1.0 / known.frame.sigma_shift;
+      fit_.residual.segment<3>(row) = inverse_rotation * w;
+      fit_.residual.segment<3>(row + 3) =
+          inverse_shift * (X.translation() - known.frame.X_WM.translation());
+      // The origin goes along with a turn about the centroid.
+      fit_.jacobian.block<3, 3>(row, 0) = inverse_rotation * InverseOfLeftJacobian(w);
+      fit_.jacobian.block<3, 3>(row + 3, 0) = inverse_shift * Skew(X.linear() * fit_.centroid_M);
+      fit_.jacobian.block<3, 3>(row + 3, 3) = inverse_shift * Eigen::Matrix3d::Identity();
+      row += 6;
+    }
+    if (known.offset.kind == kNormal) {
+      fit_.residual(row) = (fit_.at.offset - known.offset.mean) / known.offset.sigma;
+      fit_.jacobian(row++, time_) = 1.0 / known.offset.sigma;
+    }
+    if (known.drift.kind == kNormal) {
+      fit_.residual(row) = (fit_.at.drift - known.drift.mean) / known.drift.sigma;
+      fit_.jacobian(row, rate_) = 1.0 / known.drift.sigma;
+    }
+  }
+
+  // e = p - X_WM (y - ahead dy/dt) - F z, whitened.
   void SampleRows(const MarkSeries& series, const MarkMotion& motion, Eigen::Index i,
                   Eigen::Index row) {
     const Eigen::Matrix3d& W = whitener_[static_cast<std::size_t>(row / 3)];
     const Eigen::Matrix3d R = fit_.at.X_WM.linear();
-    const double from_pivot = series.t[static_cast<std::size_t>(i)] - options_.drift_pivot;
-    const double ahead = fit_.at.offset - offset_ref_ + fit_.at.drift * from_pivot;
+    const double t = series.t[static_cast<std::size_t>(i)];
+    const double ahead = Ahead(t, pivot_, reference_, fit_.at.clock());
     const Eigen::Vector3d y = motion.p.col(i) - ahead * motion.v.col(i);
     Eigen::Vector3d e = series.p.col(i) - fit_.at.X_WM * y;
     if (k_ > 0) e -= series.shared.middleCols(i * k_, k_) * fit_.at.z;
@@ -211,24 +255,29 @@ class RegistrationSolver {
     }
     if (options_.fit_offset) fit_.jacobian.block<3, 1>(row, time_) = W * (R * motion.v.col(i));
     if (options_.fit_drift) {
-      fit_.jacobian.block<3, 1>(row, rate_) = W * (R * motion.v.col(i)) * from_pivot;
+      fit_.jacobian.block<3, 1>(row, rate_) = W * (R * motion.v.col(i)) * AheadByDrift(t);
     }
     if (k_ > 0) {
       fit_.jacobian.block(row, draw_, 3, k_).noalias() = -W * series.shared.middleCols(i * k_, k_);
     }
   }
 
-  // (t - offset - drift (t - pivot) - t_model) / sigma; without one in the model, the last stamp.
+  // Derivative of Ahead by the drift.
+  double AheadByDrift(double t) const {
+    const double rate = 1.0 + fit_.at.drift;
+    return (t - pivot_) / (rate * rate);
+  }
+
+  // (t by the model's clock - t_model) / sigma; without one in the model, the last stamp.
   void EventRow(Eigen::Index i) {
     const TimedEvent& e = observations_.events[static_cast<std::size_t>(i)];
     const double predicted = event_time_[static_cast<std::size_t>(i)];
-    const double from_pivot = e.t - options_.drift_pivot;
-    const double by_record = e.t - fit_.at.offset - fit_.at.drift * from_pivot;
-    const double last = observations_.End() - offset_ref_;
+    const double by_record = fit_.at.clock().ModelTime(e.t, pivot_);
+    const double last = reference_.ModelTime(observations_.End(), pivot_);
     const Eigen::Index row = 3 * samples_ + i;
     fit_.residual(row) = (by_record - (std::isnan(predicted) ? last : predicted)) / e.sigma;
     if (options_.fit_offset) fit_.jacobian(row, time_) = -1.0 / e.sigma;
-    if (options_.fit_drift) fit_.jacobian(row, rate_) = -from_pivot / e.sigma;
+    if (options_.fit_drift) fit_.jacobian(row, rate_) = -AheadByDrift(e.t) / e.sigma;
   }
 
   // One Gauss-Newton step. True: it moved no unknown by more than its tolerance.
@@ -257,8 +306,9 @@ class RegistrationSolver {
 
   const Observations& observations_;
   const Prediction& prediction_;
-  const double offset_ref_;  // [s]
-  const RegistrationOptions& options_;
+  const Clock reference_;  // that the prediction is for
+  const double pivot_;     // of the drift [s]
+  const RegistrationOptions options_;
   const RowWhitening* whitening_;  // null: white
   const int k_;                    // rank of the calibration's draw
   const std::vector<std::string> names_;
@@ -272,68 +322,9 @@ class RegistrationSolver {
 }  // namespace
 
 RegistrationFit FitRegistration(const Observations& observations, const Prediction& prediction,
-                                double offset_ref, const Registration& start,
+                                const Clock& reference, const Registration& start,
                                 const RegistrationOptions& options, const RowWhitening* whitening) {
-  return RegistrationSolver(observations, prediction, offset_ref, start, options, whitening).Run();
-}
-
-Eigen::MatrixXd WhitenedSensitivity(const Observations& observations, const Prediction& prediction,
-                                    const Pose& X_WM,
-                                    const std::vector<std::vector<Eigen::Matrix3Xd>>& change) {
-  const auto columns = static_cast<Eigen::Index>(change.size());
-  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(
-      3 * static_cast<Eigen::Index>(observations.size()) +
-          static_cast<Eigen::Index>(observations.events.size()) + observations.shared_rank,
-      columns);
-  const Eigen::Matrix3d R = X_WM.linear();
-  Eigen::Index row = 0;
-  for (std::size_t m = 0; m < observations.marks.size(); ++m) {
-    const MarkSeries& series = observations.marks[m];
-    const MarkMotion& motion = prediction.marks[m];
-    for (Eigen::Index i = 0; i < series.p.cols(); ++i, row += 3) {
-      if (!Known(motion, i)) continue;
-      const Eigen::Matrix3d WR = Whitener(series, motion, i, R) * R;
-      for (Eigen::Index j = 0; j < columns; ++j) {
-        out.block<3, 1>(row, j) = -WR * change[static_cast<std::size_t>(j)][m].col(i);
-      }
-    }
-  }
-  return out;
-}
-
-Eigen::VectorXd EventSensitivity(const Observations& observations, const Prediction& prediction,
-                                 const Prediction& moved, double h) {
-  const std::vector<double> before = EventTimes(observations.events, prediction);
-  const std::vector<double> after = EventTimes(observations.events, moved);
-  Eigen::VectorXd out(static_cast<Eigen::Index>(before.size()));
-  for (std::size_t i = 0; i < before.size(); ++i) {
-    const double change = (after[i] - before[i]) / h;
-    out(static_cast<Eigen::Index>(i)) =
-        std::isfinite(change) ? -change / observations.events[i].sigma : 0.0;
-  }
-  return out;
-}
-
-std::vector<Eigen::Matrix3Xd> ResidualsInModelFrame(const Observations& observations,
-                                                    const Prediction& prediction, double offset_ref,
-                                                    const Registration& at) {
-  const int k = observations.shared_rank;
-  const double ahead = at.offset - offset_ref;
-  std::vector<Eigen::Matrix3Xd> out;
-  for (std::size_t m = 0; m < observations.marks.size(); ++m) {
-    const MarkSeries& series = observations.marks[m];
-    const MarkMotion& motion = prediction.marks[m];
-    Eigen::Matrix3Xd e = Eigen::Matrix3Xd::Zero(3, series.p.cols());
-    for (Eigen::Index i = 0; i < series.p.cols(); ++i) {
-      if (!Known(motion, i)) continue;
-      const Eigen::Vector3d y = motion.p.col(i) - ahead * motion.v.col(i);
-      Eigen::Vector3d w = series.p.col(i) - at.X_WM * y;
-      if (k > 0 && at.z.size() == k) w -= series.shared.middleCols(i * k, k) * at.z;
-      e.col(i) = at.X_WM.linear().transpose() * w;
-    }
-    out.push_back(std::move(e));
-  }
-  return out;
+  return RegistrationSolver(observations, prediction, reference, start, options, whitening).Run();
 }
 
 }  // namespace unfurl::correlate

@@ -16,20 +16,25 @@ namespace unfurl::correlate {
 struct Registration {
   Pose X_WM = Pose::Identity();  // from the model's frame M to the record's frame W
   double offset = 0.0;           // what the record's clock shows when the model's shows 0 [s]
-  double drift = 0.0;  // by which the record's clock runs fast, beyond the stamps given [-]
-  Eigen::VectorXd z;   // k, prior N(0, I)
+  double drift = 0.0;            // by which the record's clock runs fast, about its pivot [-]
+  Eigen::VectorXd z;             // k, prior N(0, I)
+  /// The record's clock.
+  Clock clock() const { return {offset, drift}; }
 };
 
-/// What of a registration is fitted.
+/// What of a registration is fitted, where nothing is said of it beforehand.
 struct RegistrationOptions {
   bool fit_frame = true;
   bool fit_offset = true;
-  bool fit_drift = false;    // asks for fit_offset too
+  bool fit_drift = false;
   bool with_events = false;  // of the observations; off: their rows are zeros
-  double drift_pivot = 0.0;  // stamp at which the drift has no effect [s]
   int max_iterations = 30;
   double tolerance = 1e-5;  // ends when no unknown moves by more than this part of its sigma
 };
+
+/// The same with what is known of a record beforehand: what is known is not fitted, what has a
+/// prior or is said to be free is.
+RegistrationOptions WithPlacement(RegistrationOptions options, const Placement& placement);
 
 // Nuisance unknowns in the order of the columns below: rotation w (3, X_WM <- Exp(w) about the
 // centroid of the predicted marks) [rad], shift of that centroid in W (3) [m], offset [s], drift
@@ -37,10 +42,12 @@ struct RegistrationOptions {
 std::vector<std::string> NuisanceNames(const RegistrationOptions& options, int shared_rank);
 
 // Weighted least squares of  p_i = X_WM y(t_i - offset) + F_i z + random_i  by Gauss-Newton, with
-// the prior on z. Rows: 3 per sample in the order of the observations, whitened by the sample's
-// covariance (and the reference's own, where it is a measurement), then one per event told, then
-// the k rows of the prior. Samples at which the model has no answer have rows of zeros; an event
-// that the model does not have counts as one at the last stamp.
+// the priors on z and on what is known of the record (Observations::placement). Rows: 3 per sample
+// in the order of the observations, whitened by the sample's covariance (and the reference's own,
+// where it is a measurement), then one per event told, then those of the normal priors of frame
+// (rotation, shift of the model's origin), offset and drift, then the k rows of the prior on z.
+// Samples at which the model has no answer have rows of zeros; an event that the model does not
+// have counts as one at the last stamp.
 struct RegistrationFit {
   Registration at;
   Eigen::Vector3d centroid_M = Eigen::Vector3d::Zero();  // about which w turns [m]
@@ -54,15 +61,16 @@ struct RegistrationFit {
   double SumOfSquares() const { return residual.squaredNorm(); }  // twice the cost
 };
 
-// `prediction` must be for observations.StampsAt(offset_ref); away from it the offset acts through
-// the predicted velocities, so a caller iterates until at.offset and offset_ref agree. With
+// `prediction` must be for observations.StampsAt(reference); away from it offset and drift act
+// through the predicted velocities, so a caller iterates until the clocks agree. What is known
+// beforehand is taken from the placement, whatever `start` says. With
 // `whitening`, rows are its innovations: generalised least squares for correlated noise.
 RegistrationFit FitRegistration(const Observations& observations, const Prediction& prediction,
-                                double offset_ref, const Registration& start,
+                                const Clock& reference, const Registration& start,
                                 const RegistrationOptions& options = {},
                                 const RowWhitening* whitening = nullptr);
 
-// A start for the frame from the marks alone (Kabsch, weighted).
+// A start for the frame from the marks alone (Kabsch, weighted), or from what is known of it.
 Registration StartingFrame(const Observations& observations, const Prediction& prediction,
                            double offset);
 
@@ -80,7 +88,16 @@ Eigen::VectorXd EventSensitivity(const Observations& observations, const Predict
 
 // Residuals p - X_WM y(t) - F z in metres in the model's frame, per mark 3 x n; unknown: 0.
 std::vector<Eigen::Matrix3Xd> ResidualsInModelFrame(const Observations& observations,
-                                                    const Prediction& prediction, double offset_ref,
-                                                    const Registration& at);
+                                                    const Prediction& prediction,
+                                                    const Clock& reference, const Registration& at);
+
+// Rows of a registration of these observations: RegistrationFit::residual's size.
+Eigen::Index RowsOf(const Observations& observations);
+
+// By how much a registration's clock at stamp `t` is ahead of the one that a prediction was made
+// for: the model's answer for it is p - Ahead(..) v [s].
+inline double Ahead(double t, double pivot, const Clock& reference, const Clock& at) {
+  return reference.ModelTime(t, pivot) - at.ModelTime(t, pivot);
+}
 
 }  // namespace unfurl::correlate

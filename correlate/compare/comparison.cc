@@ -157,14 +157,38 @@ void AddErrorReasons(Comparison* c) {
 
 void AddClockReasons(Comparison* c) {
   const Alignment& a = c->alignment;
-  c->reasons.push_back(fmt::format(
-      "The record's clock shows {} s when the reference's shows 0: found from {}, then together "
-      "with the frame.",
-      NumberWithError(a.at.offset, a.Sigma("time offset"), 6), a.signal));
+  if (!a.far.empty()) {
+    c->reasons.push_back(
+        fmt::format("Frame and clock were found without {}; all errors and signals are with them.",
+                    Words(c->observations, a.far)));
+  }
+  const Placement& known = c->observations.placement;
+  c->reasons.push_back(
+      known.offset.kind == Foreknowledge::kKnown
+          ? fmt::format("The record's clock shows {} s when the reference's shows 0: that was "
+                        "known, and not sought.",
+                        a.at.offset)
+          : fmt::format("The record's clock shows {} s when the reference's shows 0: found from "
+                        "{}{}, then together with the frame.",
+                        NumberWithError(a.at.offset, a.Sigma("time offset"), 6), a.signal,
+                        known.offset.kind == Foreknowledge::kNormal
+                            ? fmt::format(" and what was known, {} s",
+                                          NumberWithError(known.offset.mean, known.offset.sigma, 6))
+                            : std::string()));
+  if (known.frame.Told()) {
+    c->reasons.push_back(known.frame.kind == Foreknowledge::kKnown
+                             ? std::string("Its frame was known, and not sought.")
+                             : fmt::format("Its frame was known to {:.3g} mm and {:.3g} mrad.",
+                                           1e3 * known.frame.sigma_shift,
+                                           1e3 * known.frame.sigma_rotation));
+  }
   if (a.drift == 0.0) return;
+  const std::string fast = a.Sigma("clock drift") > 0.0
+                               ? NumberWithError(1e6 * a.drift, 1e6 * a.Sigma("clock drift"))
+                               : fmt::format("{:g} (known)", 1e6 * a.drift);
   c->reasons.push_back(fmt::format(
       "The record's clock runs fast by {} parts in a million; that is taken out, about {:.3f} s.",
-      NumberWithError(1e6 * a.drift, 1e6 * a.Sigma("clock drift")), a.drift_pivot));
+      fast, a.drift_pivot));
 }
 
 // Of a record that is longer than what the modes were fitted to: what the rest would add.
@@ -299,6 +323,11 @@ Comparison Compare(const ComparedRecord& a, const ComparedRecord& b,
 void CompareWith(const SampledModel& reference, const ComparisonOptions& options, Comparison* c) {
   AlignOptions how;
   how.registration.fit_drift = options.clock_drift;
+  Placement& known = c->observations.placement;
+  const Placement& said = options.placement;
+  if (said.offset.kind != Foreknowledge::kUnsaid) known.offset = said.offset;
+  if (said.drift.kind != Foreknowledge::kUnsaid) known.drift = said.drift;
+  if (said.frame.kind != Foreknowledge::kUnsaid) known.frame = said.frame;
   c->alignment = Align(c->observations, reference, how);
   if (!c->alignment.Usable()) {
     c->verdict = std::string("Not correlated: ") + Name(c->alignment.status) + ".";

@@ -110,6 +110,9 @@ struct ComparisonOptions {
   std::optional<double> from, to;
   SpectralWindow window = SpectralWindow::kHann;
   bool clock_drift = false;  // whether the record's clock may run at another rate
+  // What is known of the record's clock and frame beforehand; what is unsaid is found, the drift
+  // where `clock_drift` says so.
+  Placement placement;
 };
 
 /// One side of a comparison: a run, or tracks. Points to what the caller keeps.

@@ -44,8 +44,8 @@ struct Sums {
 }  // namespace
 
 std::vector<MarkError> Errors(const Observations& observations, const Prediction& prediction,
-                              double offset_ref, const RegistrationFit& fit) {
-  const auto residuals = ResidualsInModelFrame(observations, prediction, offset_ref, fit.at);
+                              const Clock& reference, const RegistrationFit& fit) {
+  const auto residuals = ResidualsInModelFrame(observations, prediction, reference, fit.at);
   std::vector<MarkError> out;
   Sums all;
   Eigen::Index row = 0;

@@ -25,7 +25,7 @@ struct MarkError {
 
 // One entry per mark, then "all".
 std::vector<MarkError> Errors(const Observations& observations, const Prediction& prediction,
-                              double offset_ref, const RegistrationFit& fit);
+                              const Clock& reference, const RegistrationFit& fit);
 
 // The record's marks in the model's frame, the calibration's draw taken out, per mark 3 x n.
 std::vector<Eigen::Matrix3Xd> InModelFrame(const Observations& observations,

@@ -61,6 +61,7 @@ class Source {
   }
   bool Room(std::uint64_t count) const { return good_ && count <= bytes_.size(); }
   bool good() const { return good_; }
+  bool empty() const { return bytes_.empty(); }
 
  private:
   std::string_view bytes_;
@@ -103,6 +104,12 @@ std::string AnswerBytes(const Prediction& p) {
     PutText(&out, event.kind);
     PutText(&out, event.where);
   }
+  // Of a model that starts in motion, which stamps it knows; all else know all, and say nothing.
+  if (p.held_before) return out;
+  for (const MarkMotion& motion : p.marks) {
+    const std::vector<std::uint8_t> all(static_cast<std::size_t>(motion.p.cols()), 1);
+    for (std::uint8_t known : motion.known.empty() ? all : motion.known) Put(&out, known);
+  }
   return out;
 }
 
@@ -133,6 +140,12 @@ bool ParseAnswer(std::string_view bytes, Prediction* p) {
     event.kind = from.Text();
     event.where = from.Text();
     p->events.push_back(std::move(event));
+  }
+  p->held_before = from.empty();
+  if (p->held_before) return from.good();
+  for (MarkMotion& motion : p->marks) {
+    motion.known.resize(static_cast<std::size_t>(motion.p.cols()));
+    for (std::uint8_t& known : motion.known) known = from.Get<std::uint8_t>();
   }
   return from.good();
 }

@@ -1,6 +1,9 @@
 #include "correlate/fit/fit.h"
 
 #include <algorithm>
+#include <cmath>
+#include <memory>
+#include <optional>
 #include <string>
 
 #include "base/error.h"
@@ -30,6 +33,22 @@ void CheckProblem(const FitProblem& problem) {
   }
 }
 
+// A search of more than the start, where none was ordered and the bounds allow one.
+std::optional<FitOptions> Wider(const FitProblem& problem, const FitOptions& options) {
+  constexpr int kPointsEach = 16;  // of a parameter: basins a sixteenth of its range wide
+  constexpr int kStarts = 2;       // the best and, for what the first horizon hides, one more
+  const SearchOptions& search = options.search;
+  if (search.screened != SearchOptions::kAsNeeded || search.starts > 1) return {};
+  for (const Parameter& p : problem.parameters) {
+    if (!std::isfinite(p.low) || !std::isfinite(p.high) || (p.log && !(p.low > 0.0))) return {};
+  }
+  FitOptions wider = options;
+  wider.search.screened = kPointsEach * static_cast<int>(problem.parameters.size());
+  wider.search.starts = kStarts;
+  wider.stages_by_impacts = options.stages.empty();
+  return wider;
+}
+
 void Require(bool good, const char* option, const char* remedy) {
   if (!good) throw Error("is out of its range", std::string("FitOptions.") + option, remedy);
 }
@@ -39,11 +58,13 @@ void Require(bool good, const char* option, const char* remedy) {
 void FitOptions::Check() const {
   Require(std::is_sorted(stages.begin(), stages.end()), "stages", "let the ends rise");
   Require(stages.empty() || stages.front() > 0.0, "stages", "give positive times");
-  Require(search.screened >= 0, "search.screened", "give 0 or more points");
+  Require(search.screened >= SearchOptions::kAsNeeded, "search.screened",
+          "give 0 or more points, or -1: as needed");
   Require(search.starts >= 1, "search.starts", "carry on at least one start");
   Require(max_iterations >= 1, "max_iterations", "allow at least one");
   Require(step_tolerance > 0.0 && step_tolerance < 1.0, "step_tolerance", "give a part of 1");
   Require(difference_sigma > 0.0, "difference_sigma", "give a positive part of the sigma");
+  Require(clock_sigma > 0.0 && clock_sigma < 1.0, "clock_sigma", "give a part of 1");
   Require(noise_factor >= 1.0, "noise_factor", "give 1 or more");
   Require(error_sections >= 1, "error_sections", "give at least one");
   Require(std::all_of(profile.levels.begin(), profile.levels.end(), [](double l) { return l > 0; }),
@@ -54,13 +75,27 @@ void FitOptions::Check() const {
 FitResult Fit(const FitProblem& problem, const FitOptions& options) {
   CheckProblem(problem);
   options.Check();
-  FitRun run(problem, options);
-  if (!run.Screen() || !run.LeadStarts()) return run.Finish();
-  do {
-    if (!run.Solve() || !run.Estimate()) return run.Finish();
-  } while (run.GoToBetterPoint());
-  run.JudgeParameters();
-  return run.Finish();
+  auto run = std::make_unique<FitRun>(problem, options);
+  if (!run->Screen() || !run->LeadStarts() || !run->Solve()) return run->Finish();
+  // Residuals far above the data's sigmas: the model lacks something, or this is a wrong minimum.
+  const std::optional<FitOptions> wider = Wider(problem, options);
+  if (wider && run->Unexplained()) {
+    auto other = std::make_unique<FitRun>(problem, *wider);
+    if (other->Screen() && other->LeadStarts() && other->LedLowerThan(*run)) {
+      other->TakeOver(std::move(*run), Elsewhere::kFound);
+      run = std::move(other);
+      if (!run->Solve()) return run->Finish();
+    } else {
+      run->TakeOver(std::move(*other), Elsewhere::kNothing);
+    }
+  }
+  for (;;) {
+    if (!run->Estimate()) return run->Finish();
+    if (!run->GoToBetterPoint()) break;
+    if (!run->Solve()) return run->Finish();
+  }
+  run->JudgeParameters();
+  return run->Finish();
 }
 
 const char* Name(FitStatus status) {

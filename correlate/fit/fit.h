@@ -8,9 +8,11 @@
 #include <vector>
 
 #include "correlate/align/align.h"
+#include "correlate/fit/clock_drift.h"
 #include "correlate/fit/evaluator.h"
 #include "correlate/fit/fit_problem.h"
 #include "correlate/fit/goodness.h"
+#include "correlate/fit/gross_samples.h"
 #include "correlate/fit/interval.h"
 #include "correlate/fit/parameter.h"
 #include "correlate/fit/profile.h"
@@ -24,7 +26,10 @@ namespace unfurl::correlate {
 // fit is carried on, and the best end is the answer. What the first stage leaves open (clearance,
 // while nothing has struck yet) is scattered anew over its bounds before the second.
 struct SearchOptions {
-  int screened = 0;        // points of the hypercube, beside the study's own start
+  // Points of the hypercube, beside the study's own start. kAsNeeded: none, unless the search from
+  // the start ends where the residuals are far above the data's sigmas.
+  static constexpr int kAsNeeded = -1;
+  int screened = kAsNeeded;
   int starts = 1;          // that are carried on
   std::uint64_t seed = 1;  // of the hypercube
 };
@@ -56,6 +61,13 @@ struct FitOptions {
   // sharpened with that, unless they are more than twice the marks' sigma: then they are the
   // model's error and no noise. Off: the plain estimate; its errors are corrected all the same.
   bool whiten = true;
+  // Samples that the data themselves show to be gross errors count for next to nothing. Off: all
+  // count as their covariances say.
+  bool robust = true;
+  // What clocks differ by, of which nothing is said beforehand: the standard deviation of the drift
+  // where the data call for one [-]. Crystals keep 1e-4; what is set by hand or by RC, 1e-3 and
+  // less.
+  double clock_sigma = 1e-3;
   // Sections, in time, over which the model's own error is taken for one common shape each, and
   // whose weight is looked at one by one.
   int error_sections = 8;
@@ -152,12 +164,14 @@ struct TrialResult {
   Eigen::VectorXd residual;            // in the samples' own sigmas
   std::vector<std::string> nuisances;  // names
   Eigen::VectorXd nuisance_sigma;      // standard errors, all parts [rad, m, s, -]
-  Prediction prediction;               // at observations.StampsAt(offset_ref)
-  double offset_ref = 0.0;
+  Prediction prediction;               // at observations.StampsAt(reference)
+  Clock reference;
   // Change of the predicted marks per unit of each parameter, [parameter][mark] 3 x n [m / unit].
   std::vector<std::vector<Eigen::Matrix3Xd>> change;
   // Standard error of the predicted marks by the parameters', all parts, per mark 3 x n [m].
   std::vector<Eigen::Matrix3Xd> band;
+  GrossErrors gross;          // samples put aside
+  DriftTest drift;            // whether the data call for a drift of the clock
   SeriesNoise noise;          // found in the residuals, with which they are whitened
   ResidualNoise plain;        // the residuals before that: autocorrelation, whiteness
   ResidualNoise whitened;     // and after
@@ -212,6 +226,9 @@ struct LadderResult {
   bool rules = false;
 };
 
+/// Whether a fit that did not explain its data looked for another minimum, and found one.
+enum class Elsewhere { kNotLooked, kNothing, kFound };
+
 /// All that a fit found.
 struct FitResult {
   FitStatus status = FitStatus::kModelFailed;
@@ -231,6 +248,7 @@ struct FitResult {
   // Deviance by which the lowest point of any profile lies below the estimate; 0: none does [-].
   double profile_below = 0.0;
   LadderResult ladder;
+  Elsewhere elsewhere = Elsewhere::kNotLooked;
   int returns = 0;  // how often the fit was taken up again from a lower point of a profile
 };
 

@@ -125,7 +125,7 @@ RegistrationFit PlainRows(const Observations& o, const TrialResult& trial,
   RegistrationOptions stay = options;
   stay.max_iterations = 0;
   stay.with_events = true;
-  return FitRegistration(o, trial.prediction, trial.offset_ref, trial.at, stay);
+  return FitRegistration(o, trial.prediction, trial.reference, trial.at, stay);
 }
 
 void FillBand(const Eigen::MatrixXd& covariance, TrialResult* trial) {
@@ -261,7 +261,8 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     const Observations& o = *data[t];
     trial.plain = EstimateResidualNoise(o, trial.residual);
     trial.whitened = EstimateResidualNoise(o, trial.registration.residual);
-    const auto told = static_cast<Eigen::Index>(o.events.size());
+    // Events and what is known of clock and frame: independent rows of unit variance.
+    const Eigen::Index told = static_cast<Eigen::Index>(o.events.size()) + o.PriorRows();
     dof[t] = std::max<double>(1.0, 3.0 * static_cast<double>(trial.registration.known) -
                                        static_cast<double>(p + b.columns - o.shared_rank - told));
     trial.chi2_per_dof = trial.residual.squaredNorm() / dof[t];
@@ -325,7 +326,8 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
   for (std::size_t t = 0; t < trials; ++t) {
     const Block& b = whole.blocks[t];
     TrialResult& trial = r->trials[t];
-    trial.nuisances = NuisanceNames(options.align.registration, data[t]->shared_rank);
+    trial.nuisances = NuisanceNames(WithPlacement(options.align.registration, data[t]->placement),
+                                    data[t]->shared_rank);
     trial.nuisance_sigma = sigma.segment(b.column, b.columns);
     FillBand(r->covariance, &trial);
   }

@@ -87,7 +87,7 @@ bool FillEstimate(const FitProblem& problem, StageRunner& runner,
     trial.prediction = *point.prediction[t];
     trial.registration = point.registration[t];
     trial.at = trial.registration.at;
-    trial.offset_ref = reduced.parts()[t].offset_ref;
+    trial.reference = reduced.parts()[t].reference;
     trial.event_times = EventTimes(problem.trials[t].observations->events, trial.prediction);
     trial.change = up[t];
     for (std::size_t j = 0; j < theta.size(); ++j) {

@@ -18,11 +18,6 @@ namespace unfurl::correlate {
 
 namespace {
 
-// Mean square of residuals in sigmas above which they are the model's error and no noise: an
-// alignment draws the same line. Whitening with a noise model fitted to them would weigh down the
-// very data that hold frame and calibration.
-constexpr double kNotNoise = 4.0;
-
 // Of deviance: a point of a profile that is lower by less is the same minimum, known to less than a
 // standard error.
 constexpr double kBetter = 1.0;
@@ -66,7 +61,7 @@ FitRun::Budget FitRun::BudgetOf(const FitProblem& problem, const FitOptions& opt
   const std::size_t p = problem.parameters.size(), trials = problem.trials.size();
   const std::size_t starts = static_cast<std::size_t>(std::max(1, options.search.starts));
   Budget b;
-  b.screening = trials * (static_cast<std::size_t>(options.search.screened) + 3);
+  b.screening = trials * (static_cast<std::size_t>(std::max(0, options.search.screened)) + 3);
   b.leading = starts * trials * (3 * (1 + p) + 1) * (options.stages.size() + 1);
   b.sharpening = trials * (2 * (1 + 2 * p) + 1);
   if (options.profile.wanted) b.profiles = trials * 2 * p * options.profile.levels.size() * 3;
@@ -77,6 +72,8 @@ FitRun::FitRun(const FitProblem& problem, const FitOptions& options)
     : problem_(problem),
       options_(options),
       trials_(problem.trials.size()),
+      far_(FarOf(problem, options.robust)),
+      way_(Way()),
       local_(options.where == nullptr ? LocalWorkers(options.workers) : nullptr),
       workers_(options.where != nullptr ? *options.where : *local_, options.progress),
       budget_(BudgetOf(problem, options)),
@@ -90,6 +87,25 @@ FitRun::FitRun(const FitProblem& problem, const FitOptions& options)
   for (std::size_t t = 0; t < trials_; ++t) result_.trials[t].name = problem.trials[t].name;
 }
 
+std::vector<std::vector<FarSample>> FitRun::FarOf(const FitProblem& problem, bool robust) {
+  std::vector<std::vector<FarSample>> far(problem.trials.size());
+  for (std::size_t t = 0; robust && t < far.size(); ++t) {
+    far[t] = FindFarSamples(*problem.trials[t].observations);
+  }
+  return far;
+}
+
+FitProblem FitRun::Way() {
+  FitProblem way = problem_;
+  widened_.resize(trials_);
+  for (std::size_t t = 0; t < trials_; ++t) {
+    if (far_[t].empty()) continue;
+    widened_[t] = Widened(*problem_.trials[t].observations, far_[t]);
+    way.trials[t].observations = &widened_[t];
+  }
+  return way;
+}
+
 bool FitRun::Screen() {
   workers_.Phase("screening",
                  budget_.screening + budget_.leading + budget_.sharpening + budget_.profiles);
@@ -97,8 +113,8 @@ bool FitRun::Screen() {
   const std::vector<std::vector<double>> points = PointsToScreen(problem_, options_.search);
   const NoiseProbe probe(problem_, points[0]);
   std::vector<Evaluator::Answer> found;
-  candidates_ = correlate::Screen(problem_, options_, points, evaluator, probe.requests,
-                                  probe.stamps, &found);
+  candidates_ =
+      correlate::Screen(way_, options_, points, evaluator, probe.requests, probe.stamps, &found);
   noise_ = probe.Noise(found, trials_);
   result_.evaluations = evaluator.records();
   for (std::size_t i : ChooseCandidates(candidates_, options_.search.starts)) {
@@ -116,7 +132,7 @@ bool FitRun::Screen() {
 
 void FitRun::AddRunner(const Candidate& from) {
   const auto start = static_cast<int>(runners_.size() + retired_.size());
-  runners_.push_back(std::make_unique<StageRunner>(problem_, options_, from, workers_, start));
+  runners_.push_back(std::make_unique<StageRunner>(way_, options_, from, workers_, start));
   runners_.back()->SetModelNoise(noise_);
   runners_.back()->on_best = [this](double cost, const std::vector<double>& theta) {
     workers_.Best(cost, theta);
@@ -178,79 +194,24 @@ bool FitRun::LeadStarts() {
   return true;
 }
 
-void FitRun::WeighByModelNoise() {
-  const std::vector<double> theta = Values(problem_.parameters, best_->u().data());
-  for (std::size_t t = 0; t < trials_; ++t) {
-    const FitTrial& trial = problem_.trials[t];
-    weighed_[t] = *trial.observations;
-    data_[t] = &weighed_[t];
-    const Prediction& plain = *best_->point().prediction[t];
-    // The tighter tolerance is that of the lowest rung.
-    if (trial.tighter != nullptr && ladder_.result().base == 0) {
-      const Evaluator::Answer tight =
-          best_->evaluator().Evaluate({{t, theta, "noise", Fidelity::kTighter}}).front();
-      if (tight->status == ModelStatus::kGood) {
-        noise_[t] = std::max(noise_[t], RmsDifference(plain, *tight));
-        result_.trials[t].less_weight = WeighSections(*trial.observations, plain, *tight,
-                                                      options_.error_sections, &weighed_[t]);
-      }
-    }
-    result_.trials[t].model_noise = std::max(noise_[t], plain.noise);
+bool FitRun::Unexplained() const {
+  double squares = 0.0, count = 0.0;
+  for (const RegistrationFit& r : best_->point().registration) {
+    squares += r.SumOfSquares();
+    count += 3.0 * static_cast<double>(r.known);
   }
-  best_->SetModelNoise(noise_);
+  return squares > kNotNoise * count;
 }
 
-bool FitRun::Sharpen(const std::string& what) {
-  if (!ladder_.wanted()) return best_->Sharpen(data_, whiteners_, what);
-  return ladder_.Climb(*best_, data_, whiteners_, what);
+bool FitRun::LedLowerThan(const FitRun& other) const {
+  return best_ != nullptr && best_->result().cost < other.best_->result().cost - kBetter;
 }
 
-bool FitRun::Whiten() {
-  Eigen::MatrixXd J;
-  if (!best_->reduced().CentralSensitivity(best_->u(), best_->point(), &J)) return false;
-  bool coloured = false;
-  for (std::size_t t = 0; t < trials_; ++t) {
-    const RegistrationFit& at = best_->point().registration[t];
-    const Eigen::Index rows = at.residual.size();
-    if (at.SumOfSquares() > kNotNoise * 3.0 * static_cast<double>(at.known)) continue;
-    Eigen::MatrixXd A(rows, J.cols() + at.jacobian.cols());
-    A << J.middleRows(best_->reduced().first_row(t), rows), at.jacobian;
-    result_.trials[t].noise = FitSeriesNoise(weighed_[t], at.residual, A);
-    whitening_[t] = RowWhitening(weighed_[t], result_.trials[t].noise);
-    whiteners_[t] = &whitening_[t];
-    coloured = coloured || !whitening_[t].identity();
-  }
-  return !coloured || Sharpen("whitened");
-}
-
-void FitRun::TakeStatus() {
-  result_.status = best_->status();
-  result_.message = best_->message();
-  result_.ladder = ladder_.result();
-  const bool lost =
-      ladder_.wanted() && !ladder_.result().settled && ladder_.correction() != nullptr;
-  if (!lost || result_.status != FitStatus::kConverged) return;
-  result_.status = FitStatus::kNotConverged;
-  result_.message =
-      ladder_.result().notes.empty() ? "the ladder did not settle" : ladder_.result().notes.back();
-}
-
-bool FitRun::Solve() {
-  workers_.Phase("polishing", budget_.sharpening + budget_.profiles);
-  best_->Polish();
-  workers_.Phase("sharpening", budget_.sharpening + budget_.profiles);
-  const bool whitened = std::any_of(whiteners_.begin(), whiteners_.end(),
-                                    [](const auto* w) { return w != nullptr && !w->identity(); });
-  if (whitened) {  // a return: the cost by which the point is lower must stay what it is
-    const bool good = Sharpen("from a lower point of a profile");
-    TakeStatus();
-    return good;
-  }
-  WeighByModelNoise();
-  std::fill(whiteners_.begin(), whiteners_.end(), nullptr);
-  const bool good = Sharpen("sharpened") && (!options_.whiten || Whiten());
-  TakeStatus();
-  return good;
+void FitRun::TakeOver(FitRun&& other, Elsewhere found) {
+  FitResult tried = other.Finish();
+  result_.evaluations.insert(result_.evaluations.begin(), tried.evaluations.begin(),
+                             tried.evaluations.end());
+  result_.elsewhere = found;
 }
 
 bool FitRun::Estimate() {

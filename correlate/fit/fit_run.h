@@ -3,12 +3,18 @@
 #include <memory>
 #include <vector>
 
+#include "correlate/align/far_samples.h"
 #include "correlate/fit/fit.h"
 #include "correlate/fit/ladder.h"
 #include "correlate/fit/progress_workers.h"
 #include "correlate/fit/search.h"
 
 namespace unfurl::correlate {
+
+// Mean square of residuals in sigmas above which they are the model's error and no noise: an
+// alignment draws the same line. Whitening with a noise model fitted to them would weigh down the
+// very data that hold frame and calibration.
+inline constexpr double kNotNoise = 4.0;
 
 // The steps of one fit, in the order in which Fit() takes them; each leaves what the next needs.
 // The problem and the options must outlive it.
@@ -28,6 +34,13 @@ class FitRun {
   //    samples weighed for the model's own noise and rows whitened by the noise found in the
   //    residuals. False: a model failed there.
   bool Solve();
+
+  // After step 3: the residuals are far above the data's sigmas.
+  bool Unexplained() const;
+  // After step 2: the ways led to a lower cost over the whole record than the other's.
+  bool LedLowerThan(const FitRun& other) const;
+  // The other was a search of the same that led no lower; what it evaluated is recorded.
+  void TakeOver(FitRun&& other, Elsewhere found);
 
   // 4. Sensitivities at the estimate, the model's own error, covariance, profiles. False: a model
   //    failed beside the estimate.
@@ -54,14 +67,23 @@ class FitRun {
   void ScatterWhatIsOpen();
   void WeighByModelNoise();
   bool Sharpen(const std::string& what);  // by the ladder where there is one
+  bool PutGrossAside(const std::vector<Observations>& all);
+  bool TakeClockDrift();
   bool Whiten();
   void TakeStatus();
   void CountRuns();
   bool FarFrom(const std::vector<double>& theta) const;
 
+  // What is far from its neighbours counts for what it is off by until a fit can judge it.
+  static std::vector<std::vector<FarSample>> FarOf(const FitProblem& problem, bool robust);
+  FitProblem Way();
+
   const FitProblem& problem_;
   const FitOptions& options_;
   const std::size_t trials_;
+  const std::vector<std::vector<FarSample>> far_;  // by trial
+  std::vector<Observations> widened_;              // by trial, where there are far samples
+  const FitProblem way_;                           // the problem with those, to the first minimum
   std::unique_ptr<Workers> local_;
   ProgressWorkers workers_;
   Budget budget_;

@@ -25,11 +25,11 @@ double SizeOf(const Parameter& p) {
 }  // namespace
 
 double TypicalSigma(const Observations& o) {
-  double sum = 0.0;
+  double information = 0.0;
   for (const MarkSeries& m : o.marks) {
-    sum += m.cov.row(0).sum() + m.cov.row(3).sum() + m.cov.row(5).sum();
+    for (const Eigen::Index row : {0, 3, 5}) information += m.cov.row(row).cwiseInverse().sum();
   }
-  return std::sqrt(sum / std::max(1.0, 3.0 * static_cast<double>(o.size())));
+  return information > 0.0 ? std::sqrt(3.0 * static_cast<double>(o.size()) / information) : 0.0;
 }
 
 double RmsDifference(const Prediction& a, const Prediction& b) {
@@ -47,9 +47,7 @@ ReducedProblem::ReducedProblem(std::vector<Part> parts, const RegistrationOption
   options_.with_events = true;
   for (const Part& part : parts_) {
     first_.push_back(rows_);
-    rows_ += 3 * static_cast<Eigen::Index>(part.observations->size()) +
-             static_cast<Eigen::Index>(part.observations->events.size()) +
-             part.observations->shared_rank;
+    rows_ += RowsOf(*part.observations);
   }
   first_.push_back(rows_);
   for (const Parameter& p : parameters()) {
@@ -89,7 +87,7 @@ bool ReducedProblem::CostOf(const std::vector<double>& u,
   point->residual.setZero(rows_);
   for (std::size_t i = 0; i < parts_.size(); ++i) {
     const Part& part = parts_[i];
-    point->registration.push_back(FitRegistration(*part.observations, *answers[i], part.offset_ref,
+    point->registration.push_back(FitRegistration(*part.observations, *answers[i], part.reference,
                                                   part.start, options_, part.whitening));
     const Eigen::VectorXd& r = point->registration.back().residual;
     point->residual.segment(first_[i], r.size()) = r;

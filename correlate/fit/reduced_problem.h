@@ -17,11 +17,11 @@ namespace unfurl::correlate {
 class ReducedProblem {
  public:
   // One trial's data in this stage; they and the whitening must outlive the problem. The
-  // evaluator's stamps must be the observations' at `offset_ref`.
+  // evaluator's stamps must be the observations' at `reference`.
   struct Part {
     std::size_t trial = 0;  // of the problem
     const Observations* observations = nullptr;
-    double offset_ref = 0.0;
+    Clock reference;
     Registration start;
     const RowWhitening* whitening = nullptr;  // null: white
   };
@@ -99,7 +99,8 @@ class ReducedProblem {
 // Beyond this the differences to either side are of different motions.
 inline constexpr double kKink = 0.3;
 
-// RMS of the sigma of one coordinate over all samples [m].
+// The sigma of one coordinate [m]: of the mean information of all samples, so that one that is put
+// aside does not count.
 double TypicalSigma(const Observations& observations);
 
 // RMS distance between the marks of two answers at the same stamps [m].

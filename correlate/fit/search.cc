@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
@@ -10,7 +9,6 @@
 #include <numeric>
 
 #include "base/error.h"
-#include "base/random.h"
 #include "base/worker_pool.h"
 #include "correlate/align/first_impact.h"
 #include "correlate/fit/solver.h"
@@ -59,7 +57,8 @@ StageRunner::StageRunner(const FitProblem& problem, const FitOptions& options,
   }
   for (const Alignment& a : from.alignment) {
     at_.push_back(a.at);
-    offset_ref_.push_back(a.at.offset);
+    at_.back().drift = a.drift;
+    reference_.push_back(at_.back().clock());
   }
   FindEnds();
 }
@@ -69,17 +68,17 @@ double StageRunner::HorizonEnd(std::size_t trial, double end) const {
 }
 
 void StageRunner::Build(const std::vector<const Observations*>& observations,
-                        const std::vector<const RowWhitening*>& whitening, bool keep_offsets,
+                        const std::vector<const RowWhitening*>& whitening, bool keep_clocks,
                         int stage) {
   std::vector<ReducedProblem::Part> parts;
   std::vector<Stamps> stamps;
   for (std::size_t t = 0; t < problem_.trials.size(); ++t) {
-    if (!keep_offsets) offset_ref_[t] = at_[t].offset;
-    parts.push_back({t, observations[t], offset_ref_[t], at_[t], whitening[t]});
-    stamps.push_back(observations[t]->StampsAt(offset_ref_[t]));
+    if (!keep_clocks) reference_[t] = at_[t].clock();
+    parts.push_back({t, observations[t], reference_[t], at_[t], whitening[t]});
+    stamps.push_back(observations[t]->StampsAt(reference_[t]));
   }
   // Stamps that stand keep what was answered at them.
-  if (!keep_offsets) evaluator_.SetStamps(std::move(stamps), stage);
+  if (!keep_clocks) evaluator_.SetStamps(std::move(stamps), stage);
   reduced_ =
       std::make_unique<ReducedProblem>(std::move(parts), options_.align.registration, evaluator_);
 }
@@ -285,77 +284,6 @@ void StageRunner::Restart(const std::vector<double>& theta) {
   for (std::size_t t = 0; t < at_.size(); ++t) at_[t] = point_.registration[t].at;
 }
 
-bool StageRunner::Polish() {
-  constexpr int kRounds = 14;      // kForget^14 < 1e-3: the spread has left its start behind
-  constexpr double kWide = 3.0;    // standard errors drawn at first
-  constexpr double kSpread = 1.0;  // of the best quarter's costs: below, the floor is reached
-  constexpr double kForget = 0.6;  // of the old spread, each round
-  const auto p = static_cast<Eigen::Index>(u_.size());
-  Eigen::MatrixXd J;
-  std::vector<double> kinks;
-  if (!reduced_->CentralSensitivity(u_, point_, &J, &kinks)) return true;
-  if (*std::max_element(kinks.begin(), kinks.end()) <= kKink) return true;
-  const Eigen::MatrixXd projected = reduced_->Project(point_, J);
-  const GaussNewton newton = StepAndSigma(projected, point_.residual);
-  Eigen::VectorXd range(p);
-  for (Eigen::Index j = 0; j < p; ++j) {
-    const Parameter& q = problem_.parameters[static_cast<std::size_t>(j)];
-    range(j) = std::isfinite(q.high - q.low) && (!q.log || q.low > 0.0)
-                   ? ToInternal(q, q.high) - ToInternal(q, q.low)
-                   : 1.0;
-  }
-  const Eigen::VectorXd sigma = (kWide * newton.sigma).cwiseMin(0.05 * range);
-  Eigen::MatrixXd cov = sigma.cwiseAbs2().asDiagonal();
-  Eigen::VectorXd mean = Eigen::Map<const Eigen::VectorXd>(u_.data(), p);
-  const auto count = static_cast<std::size_t>(16 + 6 * p), elite = count / 4;
-  Rng rng = Rng(options_.search.seed).Stream("polish");
-  double best = point_.cost;
-  for (int round = 0; round < kRounds; ++round) {
-    const Eigen::MatrixXd root = cov.llt().matrixL();
-    std::vector<std::vector<double>> points;
-    for (std::size_t i = 0; i < count; ++i) {
-      Eigen::VectorXd z(p);
-      for (Eigen::Index j = 0; j < p; ++j) z(j) = rng.Normal();
-      const Eigen::VectorXd at = mean + root * z;
-      std::vector<double> u(u_.size());
-      for (std::size_t j = 0; j < u.size(); ++j) {
-        const Parameter& q = problem_.parameters[j];
-        u[j] = ToInternal(q, FromInternal(q, at(static_cast<Eigen::Index>(j))));
-      }
-      points.push_back(std::move(u));
-    }
-    std::vector<ReducedProblem::Point> found;
-    const std::vector<bool> good = reduced_->AtAll(points, &found, "polish");
-    std::vector<std::pair<double, const std::vector<double>*>> order = {{best, &u_}};
-    for (std::size_t i = 0; i < count; ++i) {
-      if (good[i]) order.emplace_back(found[i].cost, &points[i]);
-    }
-    std::stable_sort(order.begin(), order.end(),
-                     [](const auto& a, const auto& b) { return a.first < b.first; });
-    if (order.size() > elite) order.resize(elite);
-    Eigen::MatrixXd members(p, static_cast<Eigen::Index>(order.size()));
-    for (std::size_t i = 0; i < order.size(); ++i) {
-      members.col(static_cast<Eigen::Index>(i)) =
-          Eigen::Map<const Eigen::VectorXd>(order[i].second->data(), p);
-    }
-    mean = members.rowwise().mean();
-    const Eigen::MatrixXd away = members.colwise() - mean;
-    cov = kForget * (away * away.transpose()) / static_cast<double>(order.size()) +
-          (1.0 - kForget) * cov;
-    cov.diagonal().array() += 1e-24;
-    const double spread = order.back().first - order.front().first;
-    best = order.front().first;
-    u_ = std::vector<double>(*order.front().second);
-    if (on_best) on_best(best, Values(problem_.parameters, u_.data()));
-    if (spread < kSpread) break;
-  }
-  if (!reduced_->At(u_, &point_, "trial")) return false;
-  for (std::size_t t = 0; t < problem_.trials.size(); ++t) at_[t] = point_.registration[t].at;
-  result_.cost = point_.cost;
-  result_.to = Values(problem_.parameters, u_.data());
-  return true;
-}
-
 Eigen::VectorXd StageRunner::sigma() const {
   if (floor_.size() != sigma_.size()) return sigma_;
   return (sigma_.cwiseAbs2() + floor_.cwiseAbs2()).cwiseSqrt();
@@ -366,14 +294,23 @@ bool StageRunner::Settled() const {
     const Observations& o = *reduced_->parts()[t].observations;
     // Without sigmas the weights are 1 m^-1, and the residuals are what tells of errors.
     const double sigma = TypicalSigma(o) * (o.has_sigma ? 1.0 : std::sqrt(misfit_));
-    const double carried = CarriedFor(*point_.prediction[t], sigma, o.StampsAt(offset_ref_[t]));
-    if (std::abs(at_[t].offset - offset_ref_[t]) > carried) return false;
+    const double carried = CarriedFor(*point_.prediction[t], sigma, o.StampsAt(reference_[t]));
+    for (double stamp : {o.Start(), o.End()}) {  // a drift moves the ends most
+      const double ahead = Ahead(stamp, o.Pivot(), reference_[t], at_[t].clock());
+      if (std::abs(ahead) > carried) return false;
+    }
   }
   return true;
 }
 
 bool StageRunner::Place(const std::vector<const Observations*>& observations,
                         const std::vector<const RowWhitening*>& whitening) {
+  // A drift that was fitted before is not one that stays where none is fitted.
+  for (std::size_t t = 0; t < at_.size(); ++t) {
+    const Placement& known = observations[t]->placement;
+    if (WithPlacement(options_.align.registration, known).fit_drift) continue;
+    at_[t].drift = known.drift.kind == Foreknowledge::kKnown ? known.drift.mean : 0.0;
+  }
   const bool settled = Settled();
   Build(observations, whitening, settled, last_stage_);
   if (!steps_.empty()) reduced_->TakeSteps(steps_);

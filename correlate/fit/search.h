@@ -36,7 +36,7 @@ class StageRunner {
   bool Place(const std::vector<const Observations*>& observations,
              const std::vector<const RowWhitening*>& whitening);
   bool SolveHere(const std::string& what);
-  bool Settled() const;  // the offsets are near those of the stamps
+  bool Settled() const;  // the clocks are near those of the stamps
   // Standard errors of u by the last solution, the floor in them.
   Eigen::VectorXd sigma() const;
 
@@ -46,7 +46,7 @@ class StageRunner {
   // Half the sums of squares at these values over the data of a stage; infinite where a model
   // fails.
   std::vector<double> CostsAt(const std::vector<std::vector<double>>& theta, std::size_t stage);
-  // Goes there, with frame and offset as they are.
+  // Goes there, with frame and clock as they are.
   void MoveTo(const std::vector<double>& theta, const StageRunner& from);
   // Where the values are known beforehand to be no better than this, in u: steps are then judged by
   // it, too.
@@ -69,7 +69,7 @@ class StageRunner {
 
  private:
   void Build(const std::vector<const Observations*>& observations,
-             const std::vector<const RowWhitening*>& whitening, bool keep_offsets, int stage);
+             const std::vector<const RowWhitening*>& whitening, bool keep_clocks, int stage);
   // The data up to a stage's end; the number of samples.
   std::size_t BuildStage(std::size_t stage);
   bool SolveStage(const StageResult& named, double tolerance, bool central,
@@ -83,7 +83,7 @@ class StageRunner {
   Evaluator evaluator_;
   std::vector<double> ends_;         // of the stages, on the model's clock; the last: infinity [s]
   std::vector<Registration> at_;     // by trial
-  std::vector<double> offset_ref_;   // by trial; of the stamps that stand
+  std::vector<Clock> reference_;     // by trial; of the stamps that stand
   std::vector<double> model_noise_;  // by trial [m]
   std::vector<std::unique_ptr<Observations>> cut_;
   std::unique_ptr<ReducedProblem> reduced_;

@@ -29,8 +29,10 @@ void CheckWhole(const Stamps& stamps, Prediction* p) {
     if (!motion.p.allFinite() || !motion.v.allFinite()) {
       return fail("the model's motion of " + stamps.marks[m] + " is not finite");
     }
-    for (std::uint8_t known : motion.known) {
-      if (!known) return fail("the model's motion of " + stamps.marks[m] + " ends too early");
+    // A model that starts in motion knows nothing of what was before; of all else it has to.
+    for (std::size_t i = 0; i < motion.known.size(); ++i) {
+      if (motion.known[i] || (!p->held_before && stamps.t[m][i] < 0.0)) continue;
+      return fail("the model's motion of " + stamps.marks[m] + " ends too early");
     }
   }
 }

@@ -7,6 +7,8 @@ from numpy.typing import ArrayLike, NDArray
 _Path = Union[str, bytes, PathLike[str], PathLike[bytes]]
 _Floats = NDArray[np.float64]
 _Ints = NDArray[np.int32]
+_Prior = Union[None, str, float, tuple[float, float]]
+_FramePrior = Union[None, str, tuple[float, float]]
 _Set = Optional[Union[Mapping[str, object], Iterable[str]]]
 _Progress = Optional[Callable[[float], object]]
 _Positions = Union[ArrayLike, tuple[ArrayLike, ArrayLike]]
@@ -736,6 +738,9 @@ def compare(
     end: Optional[float] = None,
     window: str = "hann",
     clock_drift: bool = False,
+    offset: _Prior = None,
+    drift: _Prior = None,
+    frame: _FramePrior = None,
 ) -> Comparison: ...
 def fit_study(
     study: Union[Study, _Path],
@@ -759,7 +764,7 @@ def fit(
     finer: Optional[_ModelFunction] = None,
     finer_factor: float = 1.0,
     stages: Sequence[float] = ...,
-    screened: int = 0,
+    screened: int = -1,
     starts: int = 1,
     seed: int = 1,
     whiten: bool = True,
@@ -767,4 +772,7 @@ def fit(
     workers: int = 1,
     progress: Optional[Callable[[FitProgress], object]] = None,
     name: str = "fit",
+    offset: _Prior = None,
+    drift: _Prior = None,
+    frame: _FramePrior = None,
 ) -> Fit: ...

@@ -21,22 +21,19 @@ Outcome FitVerbTest::Good(const std::vector<std::string>& arguments) const {
 void FitVerbTest::MakeTracks(const std::string& name, const std::vector<std::string>& settings,
                              std::uint64_t seed, double sigma) const {
   std::vector<std::string> arguments = {
-      "simulate",
-      std::string(UNFURL_SOURCE_DIR) + "/data/sets/bouncing_latch/scene.toml",
-      "--duration",
-      "1.2",
-      "-o",
-      "truth.h5",
-      "--quiet",
-      "--set",
-      "mark.mid.on=arm",
-      "--set",
-      "mark.mid.point=[0.0, 0.0]"};
+      "simulate", std::string(UNFURL_SOURCE_DIR) + "/data/sets/bouncing_latch/scene.toml",
+      "--duration", "1.2", "-o", "truth.h5", "--quiet",
+      // Impacts magnify the generator's own error until the fit takes it for clearance.
+      "--rtol", "1e-10", "--set", "mark.mid.on=arm", "--set", "mark.mid.point=[0.0, 0.0]"};
   for (const std::string& setting : settings) {
     arguments.push_back("--set");
     arguments.push_back(setting);
   }
   Good(arguments);
+  NoisyTracks(name, seed, sigma);
+}
+
+void FitVerbTest::NoisyTracks(const std::string& name, std::uint64_t seed, double sigma) const {
   const data::Run run = data::ReadRun((folder_ / "truth.h5").string());
   data::Tracks tracks;
   tracks.frame = "rig";
@@ -90,7 +87,11 @@ void FitVerbTest::ExpectResumes(int kills, std::uint64_t seed) const {
   MakeTracks("tracks.h5", {}, 5);
   MakeStudy("study.toml", "[trial]\ntracks = \"tracks.h5\"\n",
             "[solver]\nstages = \"impacts\"\nscreened = 12\nstarts = 2\n");
-  const std::vector<std::string> fit = {"fit", "study.toml", "-o", "fit.h5", "--quiet"};
+  ExpectResumesOf("study.toml", kills, seed);
+}
+
+void FitVerbTest::ExpectResumesOf(const std::string& study, int kills, std::uint64_t seed) const {
+  const std::vector<std::string> fit = {"fit", study, "-o", "fit.h5", "--quiet"};
   const auto start = std::chrono::steady_clock::now();
   Good(fit);
   double ms =

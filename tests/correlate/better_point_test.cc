@@ -49,6 +49,7 @@ TEST(BetterPoint, IsWhereTheFitEnds) {
   FitOptions options;
   options.whiten = false;
   options.profile.wanted = false;
+  options.search.screened = 0;  // and no look elsewhere
   const FitResult blind = Fit(problem, options);
   ASSERT_TRUE(blind.Usable()) << blind.message;
   EXPECT_NEAR(blind.parameters[0].value, next, 0.1 * next);  // the wrong one, as it must

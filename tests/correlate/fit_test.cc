@@ -164,7 +164,7 @@ TEST(Fit, AParameterAtItsBoundIsSaidToBe) {
   problem.parameters[1].low = 0.45;  // the truth is 0.35
   problem.trials[0].observations = &data;
   const FitResult fit = Fit(problem);
-  EXPECT_EQ(fit.parameters[1].verdict, Verdict::kAtBound);
+  EXPECT_EQ(fit.parameters[1].verdict, Verdict::kAtBound) << fit.parameters[1].reason;
   EXPECT_DOUBLE_EQ(fit.parameters[1].value, 0.45);
 }
 

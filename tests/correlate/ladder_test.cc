@@ -8,8 +8,11 @@
 #include <atomic>
 #include <filesystem>
 #include <functional>
+#include <numbers>
 
 #include "base/error.h"
+#include "base/statistics.h"
+#include "base/worker_pool.h"
 #include "correlate/fit/evaluation_store.h"
 #include "correlate/fit/fit.h"
 #include "tests/correlate/fit_repeats.h"
@@ -268,6 +271,112 @@ TEST(Ladder, IsResumedToTheSameBits) {
     }
     journal.Remove();
   }
+}
+
+// A chain of two links of five parameters in closed form: frequency and decay of the first link,
+// size, rate and swing of the second. Coarse meshes have all of them off.
+class FiveParameters : public Model {
+ public:
+  explicit FiveParameters(double spacing) : part_(0.0003 * spacing * spacing) {}
+  static std::vector<double> Truth() { return {0.9, 0.35, 0.8, 2.0, 0.1}; }
+  static std::vector<Parameter> Parameters() {
+    const char* const names[] = {"frequency", "decay", "size", "rate", "swing"};
+    const std::vector<double> truth = Truth();
+    std::vector<Parameter> all(5);
+    for (std::size_t j = 0; j < 5; ++j) {
+      all[j].name = names[j];
+      all[j].start = truth[j] * (j % 2 == 0 ? 1.03 : 0.9);
+      all[j].low = 0.3 * truth[j], all[j].high = 3.0 * truth[j];
+    }
+    return all;
+  }
+  Prediction Evaluate(std::span<const double> theta, const Stamps& stamps) const override {
+    constexpr double kStep = 1e-6;
+    Prediction out;
+    for (std::size_t m = 0; m < stamps.marks.size(); ++m) {
+      MarkMotion motion;
+      const auto n = static_cast<Eigen::Index>(stamps.t[m].size());
+      motion.p.setZero(3, n);
+      motion.v.setZero(3, n);
+      for (Eigen::Index i = 0; i < n; ++i) {
+        const double t = stamps.t[m][static_cast<std::size_t>(i)];
+        motion.p.col(i) = Position(theta, stamps.marks[m], std::max(0.0, t));
+        if (t < 0.0) continue;
+        motion.v.col(i) = (Position(theta, stamps.marks[m], t + kStep) - motion.p.col(i)) / kStep;
+      }
+      out.marks.push_back(std::move(motion));
+    }
+    return out;
+  }
+
+ private:
+  Eigen::Vector3d Position(std::span<const double> theta, const std::string& mark, double t) const {
+    auto off = [&](std::size_t j, double sign) { return theta[j] * (1.0 + sign * part_); };
+    const double q1 =
+        1.2 * std::exp(-off(1, 2.0) * t) * std::cos(2.0 * std::numbers::pi * off(0, -1.0) * t);
+    const double q2 = q1 + off(2, 1.5) * (1.0 - std::exp(-off(3, -2.0) * t)) +
+                      off(4, 3.0) * (1.0 - std::cos(7.0 * t));
+    auto along = [](double a, double length) {
+      return Eigen::Vector3d(length * std::cos(a), length * std::sin(a), 0.0);
+    };
+    const Eigen::Vector3d elbow = along(0.05 * std::sin(2.5 * t), 0.2) + along(q1, 0.8);
+    if (mark == "base") return along(0.05 * std::sin(2.5 * t), -0.16);
+    return mark == "elbow" ? elbow : Eigen::Vector3d(elbow + along(q2, 0.8));
+  }
+  double part_;
+};
+
+// Five parameters, two trials, a prior, stages: as many fine runs a round as there are trials, the
+// finest rung's own answer, and intervals that hold, counted over seeds.
+TEST(Ladder, FiveParametersTwoTrialsAPriorAndStages) {
+  const FiveParameters coarse(1.0), middle(kMiddle), fine(kFine), exact(0.0);
+  const std::vector<double> truth = FiveParameters::Truth();
+  const std::vector<std::string> marks = {"base", "elbow", "tip"};
+  constexpr std::size_t kSeeds = 8;
+  std::atomic<std::size_t> held = 0;
+  ParallelFor(kSeeds, 0, [&](std::size_t seed) {
+    Rng rng(12 + seed);
+    Trial second = SparseTrial();
+    second.offset = -0.4;
+    const Observations a = Record(exact, truth, marks, SparseTrial(), rng);
+    const Observations b = Record(exact, truth, marks, second, rng);
+    auto problem = [&](const Model& lowest, const std::vector<Rung>& rungs) {
+      FitProblem out;
+      out.parameters = FiveParameters::Parameters();
+      out.parameters[4].has_prior = true;
+      out.parameters[4].prior_mean = truth[4];
+      out.parameters[4].prior_sigma = 1e-4;
+      for (const Observations* o : {&a, &b}) {
+        FitTrial trial;
+        trial.name = o == &a ? "one" : "two";
+        trial.observations = o;
+        trial.model = &lowest;
+        trial.rungs = rungs;
+        out.trials.push_back(trial);
+      }
+      return out;
+    };
+    FitOptions options;
+    options.profile.wanted = false;
+    options.stages = {1.0, 2.0};
+    options.workers = 1;
+    const FitResult ladder = Fit(
+        problem(coarse, {{&middle, "middle", kMiddle * kMiddle}, {&fine, "fine", kFine * kFine}}),
+        options);
+    ASSERT_TRUE(ladder.Usable()) << ladder.message;
+    const FitResult direct = Fit(problem(fine, {}), options);
+    const std::size_t rounds = ladder.ladder.rounds.size();
+    EXPECT_LE(ladder.ladder.runs.back(), 2 * rounds);  // one a round and trial
+    EXPECT_LE(rounds, 5u);
+    for (std::size_t j = 0; j < 5; ++j) {
+      const ParameterEstimate &x = ladder.parameters[j], &y = direct.parameters[j];
+      EXPECT_NEAR(x.value, y.value, 0.1 * x.sigma) << j;
+      held += x.all95.low <= truth[j] && truth[j] <= x.all95.high ? 1 : 0;
+    }
+    // The prior is at work: swing is known no worse than beforehand.
+    EXPECT_LT(ladder.parameters[4].sigma_data, 1e-4);
+  });
+  EXPECT_GE(BinomialInterval(held, 5 * kSeeds, 0.999).second, 0.95) << held << " of " << 5 * kSeeds;
 }
 
 // The correction is exact where it was taken and where it has learnt, in marks and in event times.

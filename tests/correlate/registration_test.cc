@@ -50,6 +50,7 @@ Case MakeCase(std::uint64_t seed) {
   c.at.drift = 2e-3;
   c.at.z = Eigen::Vector2d(0.7, -0.4);
   c.record.shared_rank = kDraws;
+  c.record.placement.pivot = kPivot;
   for (int m = 0; m < kMarks; ++m) {
     MarkSeries s;
     s.name = std::string(1, static_cast<char>('a' + m));
@@ -90,7 +91,6 @@ RegistrationOptions Everything() {
   RegistrationOptions options;
   options.fit_drift = true;
   options.with_events = true;
-  options.drift_pivot = kPivot;
   options.max_iterations = 0;  // rows at the start itself
   return options;
 }
@@ -113,9 +113,9 @@ TEST(Registration, RowsAreMahalanobisDistances) {
         EXPECT_EQ(found, 0.0);
         continue;
       }
-      // The record's clock shows t; the model's is t - offset - drift (t - pivot).
-      const double later =
-          c.at.offset - kOffsetRef + c.at.drift * (s.t[static_cast<std::size_t>(i)] - kPivot);
+      // The record's clock shows t; the model's is pivot + (t - pivot) / (1 + drift) - offset.
+      const double from_pivot = s.t[static_cast<std::size_t>(i)] - kPivot;
+      const double later = c.at.offset - kOffsetRef + c.at.drift / (1.0 + c.at.drift) * from_pivot;
       const Eigen::Vector3d e = s.p.col(i) - R * (y.p.col(i) - later * y.v.col(i)) -
                                 c.at.X_WM.translation() -
                                 s.shared.middleCols(kDraws * i, kDraws) * c.at.z;
@@ -127,7 +127,7 @@ TEST(Registration, RowsAreMahalanobisDistances) {
   }
   for (int k = 0; k < 2; ++k) {
     const TimedEvent& e = c.record.events[static_cast<std::size_t>(k)];
-    const double by_model = e.t - c.at.offset - c.at.drift * (e.t - kPivot);
+    const double by_model = kPivot + (e.t - kPivot) / (1.0 + c.at.drift) - c.at.offset;
     EXPECT_NEAR(fit.residual(row + k),
                 (by_model - c.model.events[static_cast<std::size_t>(k)].t) / e.sigma, 1e-10);
   }
@@ -135,14 +135,14 @@ TEST(Registration, RowsAreMahalanobisDistances) {
 }
 
 TEST(Registration, ResidualsInMetresAreTurnedIntoTheModelsFrame) {
-  Case c = MakeCase(9);
-  c.at.drift = 0.0;
+  const Case c = MakeCase(9);
   const auto residuals = ResidualsInModelFrame(c.record, c.model, kOffsetRef, c.at);
-  const double later = c.at.offset - kOffsetRef;
   for (std::size_t m = 0; m < kMarks; ++m) {
     const MarkSeries& s = c.record.marks[m];
     const MarkMotion& y = c.model.marks[m];
     for (Eigen::Index i = 0; i < kSamples; ++i) {
+      const double from_pivot = s.t[static_cast<std::size_t>(i)] - kPivot;
+      const double later = c.at.offset - kOffsetRef + c.at.drift / (1.0 + c.at.drift) * from_pivot;
       const Eigen::Vector3d place =
           c.at.X_WM.inverse() *
           Eigen::Vector3d(s.p.col(i) - s.shared.middleCols(kDraws * i, kDraws) * c.at.z);
@@ -201,6 +201,51 @@ TEST(Registration, ColumnsAreDerivatives) {
     EXPECT_LT((difference - here.jacobian.col(column)).cwiseAbs().maxCoeff(),
               1e-6 * (1.0 + here.jacobian.col(column).cwiseAbs().maxCoeff()))
         << column;
+  }
+}
+
+// What is known of frame, offset and drift, in its standard deviations: rows after the events',
+// whose columns are their derivatives.
+TEST(Registration, WhatIsKnownBeforehandAddsRows) {
+  Case c = MakeCase(10);
+  for (MarkMotion& y : c.model.marks) y.cov.resize(6, 0);
+  Placement& known = c.record.placement;
+  known.offset = Prior::Normal(c.at.offset - 2e-3, 1e-3);
+  known.drift = Prior::Normal(1e-3, 5e-4);
+  known.frame.kind = Foreknowledge::kNormal;
+  known.frame.X_WM.linear() = Turn({0.3, -0.2, 0.6}).transpose() * c.at.X_WM.linear();
+  known.frame.X_WM.translation() = c.at.X_WM.translation() - Eigen::Vector3d(0.1, 0.2, -0.3);
+  known.frame.sigma_rotation = 0.5;
+  known.frame.sigma_shift = 0.1;
+  const RegistrationOptions options = Everything();
+  const RegistrationFit fit = FitRegistration(c.record, c.model, kOffsetRef, c.at, options);
+  const Eigen::Index first = 3 * kMarks * kSamples + 2;
+  ASSERT_EQ(fit.residual.size(), first + 8 + kDraws);
+  EXPECT_LT((fit.residual.segment<3>(first) - Eigen::Vector3d(0.6, -0.4, 1.2)).norm(), 1e-12);
+  EXPECT_LT((fit.residual.segment<3>(first + 3) - Eigen::Vector3d(1.0, 2.0, -3.0)).norm(), 1e-12);
+  EXPECT_NEAR(fit.residual(first + 6), 2.0, 1e-12);
+  EXPECT_NEAR(fit.residual(first + 7), 2.0, 1e-12);
+  constexpr double kStep = 1e-6;
+  for (int column = 0; column < 8; ++column) {
+    Eigen::VectorXd difference = Eigen::VectorXd::Zero(8);
+    for (const double side : {1.0, -1.0}) {
+      Registration at = c.at;
+      const double h = side * kStep;
+      if (column < 3) {
+        const Eigen::Vector3d centre = at.X_WM * fit.centroid_M;
+        at.X_WM.linear() = Turn(h * Eigen::Vector3d::Unit(column)) * at.X_WM.linear();
+        at.X_WM.translation() = centre - at.X_WM.linear() * fit.centroid_M;
+      } else if (column < 6) {
+        at.X_WM.translation()(column - 3) += h;
+      } else {
+        (column == 6 ? at.offset : at.drift) += h;
+      }
+      difference +=
+          side / (2.0 * kStep) *
+          FitRegistration(c.record, c.model, kOffsetRef, at, options).residual.segment<8>(first);
+    }
+    const Eigen::VectorXd found = fit.jacobian.col(column).segment<8>(first);
+    EXPECT_LT((difference - found).cwiseAbs().maxCoeff(), 1e-6 * (1.0 + found.norm())) << column;
   }
 }
 

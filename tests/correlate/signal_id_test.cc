@@ -1,12 +1,11 @@
 // A comparison asks signals what they are of, never what they are called.
-#include "correlate/compare/comparison.h"
-
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <numbers>
 
 #include "base/random.h"
+#include "correlate/compare/comparison.h"
 
 namespace unfurl::correlate {
 namespace {

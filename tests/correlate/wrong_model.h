@@ -148,9 +148,16 @@ struct BeamNature {
   bool checked = true;  // a finer mesh is asked at the estimate
   bool profiles = false;
   bool ladder = false;  // instead: rungs of 6 and 8 segments, as a study finds them
+  std::vector<std::string> faults = {};  // what the fit's scene does not know
   std::vector<std::string> Set() const {
-    if (segments > 0) return {fmt::format("beam.arm.segments={}", segments)};
-    return {"beam.arm.model=kirchhoff", fmt::format("beam.arm.order={}", order)};
+    std::vector<std::string> set = faults;
+    if (segments > 0) {
+      set.push_back(fmt::format("beam.arm.segments={}", segments));
+    } else {
+      set.push_back("beam.arm.model=kirchhoff");
+      set.push_back(fmt::format("beam.arm.order={}", order));
+    }
+    return set;
   }
 };
 

@@ -81,11 +81,17 @@ TEST_P(IntervalsOfAllParts, HoldTheTruth) {
   beam.ladder = ladder;
   const std::vector<WrongModelFit> fits = FitToBeam(beam, kEach, 1, sigma);
   const std::vector<Parameter> parameters = FlexibleArm::Parameters();
-  int usable = 0, one_sided = 0;
+  int usable = 0, one_sided = 0, unexplained = 0;
   for (const WrongModelFit& one : fits) {
     usable += one.fit.Usable() ? 1 : 0;
     one_sided += one.fit.ladder.one_sided ? 1 : 0;
+    unexplained += one.fit.Usable() && one.fit.trials[0].goodness.outcome == Explained::kNo ? 1 : 0;
   }
+  fmt::print("told that the model does not explain the data: {} of {}\n", unexplained, usable);
+  EXPECT_LE(BinomialInterval(static_cast<std::size_t>(unexplained),
+                             static_cast<std::size_t>(usable), 0.99)
+                .first,
+            0.02);
   for (std::size_t j = 0; j < parameters.size(); ++j) {
     int all = 0, data = 0, open = 0;
     double width = 0.0;  // half, of the value
@@ -115,6 +121,57 @@ TEST_P(IntervalsOfAllParts, HoldTheTruth) {
   EXPECT_GE(usable, kUsable * kEach);
 }
 INSTANTIATE_TEST_SUITE_P(Study, IntervalsOfAllParts, ::testing::Range(0, 18));
+
+// Effects that the fit's scene lacks, on the ladder, where the mesh's known error is larger than
+// the marks' sigma or of its size. What is wrong must be said: by the verdict of the whole, or by
+// an interval that holds the truth. One fault and noise level a shard.
+struct Fault {
+  const char* name;
+  std::vector<std::string> set;
+};
+
+class FaultsOnTheLadder : public ::testing::TestWithParam<int> {};
+
+TEST_P(FaultsOnTheLadder, AreNamedOrHeld) {
+  const Fault faults[] = {
+      {"friction of 14 mN m",
+       {"joint.hinge.friction.moment=0.014", "joint.hinge.friction.creep_rate=0.1"}},
+      {"a mass larger by a fifth", {"beam.arm.mass=0.509"}},
+      {"gravity of 0.1 m/s^2", {"gravity.acceleration=[0.0, -0.1]"}},
+      {"bending stiffness less by a fifth", {"beam.arm.E=5.5e10"}},
+      {"a preload less by a tenth", {"joint.hinge.spring.preload=1.41"}},
+      {"none", {}}};
+  constexpr double kSigmas[] = {1e-4, 3e-4, 1e-3};
+  constexpr int kEach = 10;
+  const Fault& fault = faults[GetParam() / 3];
+  const double sigma = kSigmas[GetParam() % 3];
+  BeamNature beam{16, 0, true, false, true, fault.set};
+  int usable = 0, named = 0, within_known = 0, silently = 0;
+  for (const WrongModelFit& one : FitToBeam(beam, kEach, 1, sigma)) {
+    if (!one.fit.Usable()) continue;
+    ++usable;
+    const GoodnessOfFit& g = one.fit.trials[0].goodness;
+    named += g.outcome == Explained::kNo || g.outcome == Explained::kNoise ? 1 : 0;
+    within_known += g.within_known ? 1 : 0;
+    bool wrong = false;
+    for (std::size_t j = 0; j < 2; ++j) {  // the stiffness of the spring takes the pace's part
+      const Interval& in = one.fit.parameters[j].all95;
+      wrong = wrong || one.truth[j] < in.low || one.truth[j] > in.high;
+    }
+    silently += wrong && g.outcome != Explained::kNo && g.outcome != Explained::kNoise ? 1 : 0;
+  }
+  fmt::print(
+      "fault: {}; marks' sigma {:g} m: {} of {} usable, {} named, {} within the known error; wrong "
+      "without a word {}\n",
+      fault.name, sigma, usable, kEach, named, within_known, silently);
+  std::fflush(stdout);
+  // By chance one value in twenty lies outside.
+  EXPECT_LE(BinomialInterval(static_cast<std::size_t>(silently),
+                             static_cast<std::size_t>(std::max(1, usable)), 0.99)
+                .first,
+            0.1);
+}
+INSTANTIATE_TEST_SUITE_P(Study, FaultsOnTheLadder, ::testing::Range(0, 18));
 
 }  // namespace
 }  // namespace unfurl::correlate

@@ -54,6 +54,7 @@ FitRecord Example() {
   f.trials = {"trial"};
   f.noise = {{0, 1, 2, 3.5, 0.25, 0.98}};
   f.less_weight = {{0, 1, 2.0, 3.0, 1e-4, 0.5}};
+  f.gross = {{0, 1, 2.5, 40.0}};
   f.marks = {"a", "b"};
   f.t = {0.0, 0.1, 0.05};
   f.mark = {0, 0, 1};
@@ -102,6 +103,10 @@ TEST_F(FitFile, ComesBackAsItWasWritten) {
   EXPECT_EQ(g.parameters[0].sigma_doubt, 0.5);
   EXPECT_EQ(g.noise.at(0).rho, 0.98);
   EXPECT_EQ(g.less_weight.at(0).weight, 0.5);
+  ASSERT_EQ(g.gross.size(), 1u);
+  EXPECT_EQ(g.gross[0].mark, 1);
+  EXPECT_EQ(g.gross[0].t, 2.5);
+  EXPECT_EQ(g.gross[0].sigmas, 40.0);
   EXPECT_EQ(g.band, f.band);
   EXPECT_EQ(g.trial, f.trial);
   EXPECT_EQ(g.evaluations.at(1).fidelity, 2);

@@ -169,3 +169,17 @@ def test_parameters_are_checked():
     assert smooth.smoothed
     with pytest.raises(unfurl.Error, match="smoothed"):
         unfurl.fit(swing, smooth, unknowns())
+
+
+def test_what_is_known_of_the_clock_is_said():
+    fit = unfurl.fit(swing, recorded(), unknowns(), offset=4.2, drift="known", frame="free")
+    assert fit.usable, fit.message
+    assert any("was known, 4.2 s" in reason for reason in fit.reasons)
+    told = unfurl.fit(swing, recorded(), unknowns(), offset=(4.2, 1e-3))
+    assert any("known beforehand" in reason for reason in told.reasons)
+    for name, value in TRUTH.items():
+        assert abs(fit[name].value - value) < 4.5 * fit[name].sigma
+        assert fit[name].sigma <= 1.01 * told[name].sigma
+    for wrong in ({"offset": "soon"}, {"drift": (0.0, -1.0)}, {"frame": (1e-3, 0.0)}):
+        with pytest.raises(unfurl.Error):
+            unfurl.fit(swing, recorded(), unknowns(), **wrong)

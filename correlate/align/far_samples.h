@@ -1,0 +1,34 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "correlate/observations.h"
+
+namespace unfurl::correlate {
+
+/// A sample that lies further from its neighbours in time than its mark moves between them.
+struct FarSample {
+  std::size_t mark = 0, index = 0;  ///< into Observations::marks and its samples
+  double distance = 0.0;            ///< from where its neighbours place it [m]
+};
+
+/// Gross errors that show before any model is asked, by mark, then time. A sample is placed by the
+/// straight lines between the three samples before it and the three after, by the median of the
+/// nine, coordinate by coordinate, or by where either side's last step leads (an impact). It is far
+/// where it lies off from all of these by more than chance brings to one sample of the mark in a
+/// hundred records, and by more than twice the median step of those neighbours. Errors smaller than
+/// the motion are for a fit to find (FindGrossErrors).
+std::vector<FarSample> FindFarSamples(const Observations& observations);
+
+/// What they are, the first by name; `far` must not be empty.
+std::string Words(const Observations& observations, const std::vector<FarSample>& far);
+
+/// The same samples, the far ones with covariances as wide as they are off.
+Observations Widened(Observations observations, const std::vector<FarSample>& far);
+
+/// All samples but the far ones.
+Observations Without(const Observations& observations, const std::vector<FarSample>& far);
+
+}  // namespace unfurl::correlate

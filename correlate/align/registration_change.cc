@@ -1,0 +1,68 @@
+// What a change of the model does to the rows of a registration.
+#include <cmath>
+
+#include "correlate/align/registration.h"
+#include "correlate/align/sample_whitener.h"
+
+namespace unfurl::correlate {
+
+Eigen::MatrixXd WhitenedSensitivity(const Observations& observations, const Prediction& prediction,
+                                    const Pose& X_WM,
+                                    const std::vector<std::vector<Eigen::Matrix3Xd>>& change) {
+  const auto columns = static_cast<Eigen::Index>(change.size());
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(RowsOf(observations), columns);
+  const Eigen::Matrix3d R = X_WM.linear();
+  Eigen::Index row = 0;
+  for (std::size_t m = 0; m < observations.marks.size(); ++m) {
+    const MarkSeries& series = observations.marks[m];
+    const MarkMotion& motion = prediction.marks[m];
+    for (Eigen::Index i = 0; i < series.p.cols(); ++i, row += 3) {
+      if (!Known(motion, i)) continue;
+      const Eigen::Matrix3d WR = Whitener(series, motion, i, R) * R;
+      for (Eigen::Index j = 0; j < columns; ++j) {
+        out.block<3, 1>(row, j) = -WR * change[static_cast<std::size_t>(j)][m].col(i);
+      }
+    }
+  }
+  return out;
+}
+
+Eigen::VectorXd EventSensitivity(const Observations& observations, const Prediction& prediction,
+                                 const Prediction& moved, double h) {
+  const std::vector<double> before = EventTimes(observations.events, prediction);
+  const std::vector<double> after = EventTimes(observations.events, moved);
+  Eigen::VectorXd out(static_cast<Eigen::Index>(before.size()));
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    const double change = (after[i] - before[i]) / h;
+    out(static_cast<Eigen::Index>(i)) =
+        std::isfinite(change) ? -change / observations.events[i].sigma : 0.0;
+  }
+  return out;
+}
+
+std::vector<Eigen::Matrix3Xd> ResidualsInModelFrame(const Observations& observations,
+                                                    const Prediction& prediction,
+                                                    const Clock& reference,
+                                                    const Registration& at) {
+  const int k = observations.shared_rank;
+  const double pivot = observations.Pivot();
+  std::vector<Eigen::Matrix3Xd> out;
+  for (std::size_t m = 0; m < observations.marks.size(); ++m) {
+    const MarkSeries& series = observations.marks[m];
+    const MarkMotion& motion = prediction.marks[m];
+    Eigen::Matrix3Xd e = Eigen::Matrix3Xd::Zero(3, series.p.cols());
+    for (Eigen::Index i = 0; i < series.p.cols(); ++i) {
+      if (!Known(motion, i)) continue;
+      const double ahead =
+          Ahead(series.t[static_cast<std::size_t>(i)], pivot, reference, at.clock());
+      const Eigen::Vector3d y = motion.p.col(i) - ahead * motion.v.col(i);
+      Eigen::Vector3d w = series.p.col(i) - at.X_WM * y;
+      if (k > 0 && at.z.size() == k) w -= series.shared.middleCols(i * k, k) * at.z;
+      e.col(i) = at.X_WM.linear().transpose() * w;
+    }
+    out.push_back(std::move(e));
+  }
+  return out;
+}
+
+}  // namespace unfurl::correlate

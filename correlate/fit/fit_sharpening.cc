@@ -1,0 +1,155 @@
+// Step 3 of a fit: from the end of the best way to the estimate.
+#include <algorithm>
+#include <cmath>
+
+#include "correlate/fit/fit_covariance.h"
+#include "correlate/fit/fit_estimate.h"
+#include "correlate/fit/fit_run.h"
+#include "correlate/fit/reduced_problem.h"
+
+namespace unfurl::correlate {
+
+void FitRun::WeighByModelNoise() {
+  const std::vector<double> theta = Values(problem_.parameters, best_->u().data());
+  for (std::size_t t = 0; t < trials_; ++t) {
+    const FitTrial& trial = problem_.trials[t];
+    weighed_[t] = *trial.observations;
+    data_[t] = &weighed_[t];
+    const Prediction& plain = *best_->point().prediction[t];
+    // The tighter tolerance is that of the lowest rung.
+    if (trial.tighter != nullptr && ladder_.result().base == 0) {
+      const Evaluator::Answer tight =
+          best_->evaluator().Evaluate({{t, theta, "noise", Fidelity::kTighter}}).front();
+      if (tight->status == ModelStatus::kGood) {
+        noise_[t] = std::max(noise_[t], RmsDifference(plain, *tight));
+        result_.trials[t].less_weight = WeighSections(*trial.observations, plain, *tight,
+                                                      options_.error_sections, &weighed_[t]);
+      }
+    }
+    result_.trials[t].model_noise = std::max(noise_[t], plain.noise);
+  }
+  best_->SetModelNoise(noise_);
+}
+
+bool FitRun::Sharpen(const std::string& what) {
+  if (!ladder_.wanted()) return best_->Sharpen(data_, whiteners_, what);
+  return ladder_.Climb(*best_, data_, whiteners_, what);
+}
+
+// Gross errors stick out of their neighbours' residuals however the fit is bent by them; what the
+// bent fit hides shows in the next round. A fit that is bent by much has clean samples stick out,
+// too, and all of them look like bursts of a wrong model: they are put aside once, and judged by
+// the fit to the others.
+bool FitRun::PutGrossAside(const std::vector<Observations>& all) {
+  constexpr int kMostRounds = 4;  // two nearly always do
+  if (!options_.robust) return true;
+  RegistrationOptions stay = options_.align.registration;
+  stay.max_iterations = 0;
+  for (int round = 0; round < kMostRounds; ++round) {
+    bool changed = false;
+    for (std::size_t t = 0; t < trials_; ++t) {
+      const Eigen::VectorXd residual = FitRegistration(all[t], *best_->point().prediction[t],
+                                                       best_->reduced().parts()[t].reference,
+                                                       best_->point().registration[t].at, stay)
+                                           .residual;
+      GrossErrors found = FindGrossErrors(all[t], residual);
+      if (round > 0) found.suspects.clear();
+      GrossErrors& known = result_.trials[t].gross;
+      auto same = [](const GrossSample& a, const GrossSample& b) {
+        return a.mark == b.mark && a.index == b.index;
+      };
+      changed = changed || (round == 0 && !far_[t].empty()) ||
+                found.suspects.size() != known.suspects.size() ||
+                !std::equal(found.samples.begin(), found.samples.end(), known.samples.begin(),
+                            known.samples.end(), same);
+      known = std::move(found);
+      weighed_[t] = all[t];
+      PutAside(known, &weighed_[t]);
+    }
+    if (!changed) break;
+    if (!Sharpen("gross errors put aside")) return false;
+  }
+  return true;
+}
+
+bool FitRun::TakeClockDrift() {
+  // What a bound leaves in the residuals is the bound's, and no clock's.
+  for (std::size_t j = 0; j < problem_.parameters.size(); ++j) {
+    const Parameter& p = problem_.parameters[j];
+    const double u = best_->u()[j];
+    for (const double bound : {p.low, p.high}) {
+      const bool finite = std::isfinite(bound) && (!p.log || bound > 0.0);
+      constexpr double kRoundOff = 1e-9;  // of the bound
+      if (finite && std::abs(u - ToInternal(p, bound)) <= kRoundOff * (1.0 + std::abs(u)))
+        return true;
+    }
+  }
+  Eigen::MatrixXd J;
+  std::vector<double> kinks;
+  if (!best_->reduced().CentralSensitivity(best_->u(), best_->point(), &J, &kinks)) return false;
+  const std::vector<DriftTest> tests =
+      TestClockDrift(best_->reduced(), best_->point(), J, options_.align.registration,
+                     options_.clock_sigma, *std::max_element(kinks.begin(), kinks.end()));
+  bool called = false;
+  for (std::size_t t = 0; t < trials_; ++t) {
+    result_.trials[t].drift = tests[t];
+    if (!tests[t].called) continue;
+    called = true;
+    weighed_[t].placement.drift = Prior::Normal(0.0, options_.clock_sigma);
+  }
+  return !called || Sharpen("with a clock drift");
+}
+
+bool FitRun::Whiten() {
+  Eigen::MatrixXd J;
+  if (!best_->reduced().CentralSensitivity(best_->u(), best_->point(), &J)) return false;
+  bool coloured = false;
+  for (std::size_t t = 0; t < trials_; ++t) {
+    const RegistrationFit& at = best_->point().registration[t];
+    const Eigen::Index rows = at.residual.size();
+    if (at.SumOfSquares() > kNotNoise * 3.0 * static_cast<double>(at.known)) continue;
+    Eigen::MatrixXd A(rows, J.cols() + at.jacobian.cols());
+    A << J.middleRows(best_->reduced().first_row(t), rows), at.jacobian;
+    result_.trials[t].noise = FitSeriesNoise(weighed_[t], at.residual, A);
+    whitening_[t] = RowWhitening(weighed_[t], result_.trials[t].noise);
+    whiteners_[t] = &whitening_[t];
+    coloured = coloured || !whitening_[t].identity();
+  }
+  return !coloured || Sharpen("whitened");
+}
+
+void FitRun::TakeStatus() {
+  result_.status = best_->status();
+  result_.message = best_->message();
+  result_.ladder = ladder_.result();
+  const bool lost =
+      ladder_.wanted() && !ladder_.result().settled && ladder_.correction() != nullptr;
+  if (!lost || result_.status != FitStatus::kConverged) return;
+  result_.status = FitStatus::kNotConverged;
+  result_.message =
+      ladder_.result().notes.empty() ? "the ladder did not settle" : ladder_.result().notes.back();
+}
+
+bool FitRun::Solve() {
+  workers_.Phase("polishing", budget_.sharpening + budget_.profiles);
+  best_->Polish();
+  workers_.Phase("sharpening", budget_.sharpening + budget_.profiles);
+  const bool whitened = std::any_of(whiteners_.begin(), whiteners_.end(),
+                                    [](const auto* w) { return w != nullptr && !w->identity(); });
+  if (whitened) {  // a return: the cost by which the point is lower must stay what it is
+    const bool good = Sharpen("from a lower point of a profile");
+    TakeStatus();
+    return good;
+  }
+  WeighByModelNoise();
+  std::fill(whiteners_.begin(), whiteners_.end(), nullptr);
+  for (TrialResult& trial : result_.trials) trial.gross = {};
+  const std::vector<Observations> all = weighed_;
+  for (std::size_t t = 0; t < trials_; ++t) weighed_[t] = Widened(all[t], far_[t]);
+  const bool good = Sharpen("sharpened") && PutGrossAside(all) && TakeClockDrift() &&
+                    (!options_.whiten || Whiten());
+  TakeStatus();
+  return good;
+}
+
+}  // namespace unfurl::correlate

@@ -1,0 +1,83 @@
+// The last steps of a way where the cost is rough: by draws instead of differences.
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+
+#include "base/random.h"
+#include "correlate/fit/search.h"
+#include "correlate/fit/solver.h"
+
+namespace unfurl::correlate {
+
+bool StageRunner::Polish() {
+  constexpr int kRounds = 14;      // kForget^14 < 1e-3: the spread has left its start behind
+  constexpr double kWide = 3.0;    // standard errors drawn at first
+  constexpr double kSpread = 1.0;  // of the best quarter's costs: below, the floor is reached
+  constexpr double kForget = 0.6;  // of the old spread, each round
+  const auto p = static_cast<Eigen::Index>(u_.size());
+  Eigen::MatrixXd J;
+  std::vector<double> kinks;
+  if (!reduced_->CentralSensitivity(u_, point_, &J, &kinks)) return true;
+  if (*std::max_element(kinks.begin(), kinks.end()) <= kKink) return true;
+  const Eigen::MatrixXd projected = reduced_->Project(point_, J);
+  const GaussNewton newton = StepAndSigma(projected, point_.residual);
+  Eigen::VectorXd range(p);
+  for (Eigen::Index j = 0; j < p; ++j) {
+    const Parameter& q = problem_.parameters[static_cast<std::size_t>(j)];
+    range(j) = std::isfinite(q.high - q.low) && (!q.log || q.low > 0.0)
+                   ? ToInternal(q, q.high) - ToInternal(q, q.low)
+                   : 1.0;
+  }
+  const Eigen::VectorXd sigma = (kWide * newton.sigma).cwiseMin(0.05 * range);
+  Eigen::MatrixXd cov = sigma.cwiseAbs2().asDiagonal();
+  Eigen::VectorXd mean = Eigen::Map<const Eigen::VectorXd>(u_.data(), p);
+  const auto count = static_cast<std::size_t>(16 + 6 * p), elite = count / 4;
+  Rng rng = Rng(options_.search.seed).Stream("polish");
+  double best = point_.cost;
+  for (int round = 0; round < kRounds; ++round) {
+    const Eigen::MatrixXd root = cov.llt().matrixL();
+    std::vector<std::vector<double>> points;
+    for (std::size_t i = 0; i < count; ++i) {
+      Eigen::VectorXd z(p);
+      for (Eigen::Index j = 0; j < p; ++j) z(j) = rng.Normal();
+      const Eigen::VectorXd at = mean + root * z;
+      std::vector<double> u(u_.size());
+      for (std::size_t j = 0; j < u.size(); ++j) {
+        const Parameter& q = problem_.parameters[j];
+        u[j] = ToInternal(q, FromInternal(q, at(static_cast<Eigen::Index>(j))));
+      }
+      points.push_back(std::move(u));
+    }
+    std::vector<ReducedProblem::Point> found;
+    const std::vector<bool> good = reduced_->AtAll(points, &found, "polish");
+    std::vector<std::pair<double, const std::vector<double>*>> order = {{best, &u_}};
+    for (std::size_t i = 0; i < count; ++i) {
+      if (good[i]) order.emplace_back(found[i].cost, &points[i]);
+    }
+    std::stable_sort(order.begin(), order.end(),
+                     [](const auto& a, const auto& b) { return a.first < b.first; });
+    if (order.size() > elite) order.resize(elite);
+    Eigen::MatrixXd members(p, static_cast<Eigen::Index>(order.size()));
+    for (std::size_t i = 0; i < order.size(); ++i) {
+      members.col(static_cast<Eigen::Index>(i)) =
+          Eigen::Map<const Eigen::VectorXd>(order[i].second->data(), p);
+    }
+    mean = members.rowwise().mean();
+    const Eigen::MatrixXd away = members.colwise() - mean;
+    cov = kForget * (away * away.transpose()) / static_cast<double>(order.size()) +
+          (1.0 - kForget) * cov;
+    cov.diagonal().array() += 1e-24;
+    const double spread = order.back().first - order.front().first;
+    best = order.front().first;
+    u_ = std::vector<double>(*order.front().second);
+    if (on_best) on_best(best, Values(problem_.parameters, u_.data()));
+    if (spread < kSpread) break;
+  }
+  if (!reduced_->At(u_, &point_, "trial")) return false;
+  for (std::size_t t = 0; t < problem_.trials.size(); ++t) at_[t] = point_.registration[t].at;
+  result_.cost = point_.cost;
+  result_.to = Values(problem_.parameters, u_.data());
+  return true;
+}
+
+}  // namespace unfurl::correlate

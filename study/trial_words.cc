@@ -1,0 +1,212 @@
+#include "study/trial_words.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/length.h"
+#include "base/number.h"
+#include "base/text.h"
+
+namespace unfurl::study {
+
+namespace {
+
+// "of 0.02"; what is too small to be computed is no zero.
+std::string Probability(double p) {
+  constexpr double kLeast = 1e-12;  // what rounding leaves of 1 - p [-]
+  return p < kLeast ? fmt::format("below {:.0e}", kLeast) : fmt::format("of {:.2g}", p);
+}
+
+// The residuals of one trial: how large, whether they are correlated, what was done about it,
+// and whether the model explains them.
+std::string ResidualWords(const correlate::TrialResult& t, bool several) {
+  const std::string of = several ? " of " + t.name : "";
+  const correlate::GoodnessOfFit& g = t.goodness;
+  std::string words = fmt::format("The residuals{} are {:.2f} times the marks' sigma", of,
+                                  std::sqrt(t.chi2_per_dof));
+  if (t.plain.white()) {
+    words += " and white, as they should be.";
+  } else if (t.noise.series.empty() || t.noise.white()) {
+    words += ", and are correlated in time: the standard errors are widened for it.";
+  } else {
+    double share = 0.0, rho = 0.0, variance = 0.0;
+    for (const correlate::MarkovNoise& n : t.noise.series) {
+      variance += n.variance;
+      share += n.variance * n.share;
+      rho += n.variance * n.share * n.rho;
+    }
+    words += fmt::format(
+        ", and are correlated in time: {:.0f}% of their variance from sample to sample, by {:.3f}; "
+        "the fit is weighted for it",
+        100.0 * share / variance, share > 0.0 ? rho / share : 0.0);
+    words += t.whitened.white() ? ", after which they are white."
+                                : ", and the standard errors are widened for what is left of it.";
+  }
+  switch (g.outcome) {
+    case correlate::Explained::kYes:
+      break;
+    case correlate::Explained::kNoise:
+      words += fmt::format(
+          " By the marks' covariances that has a probability {}; by stationary noise it is "
+          "plausible ({:.2g}). If it is noise (of the optics), the standard errors include it; a "
+          "smooth effect that the model lacks would look the same.",
+          Probability(g.p_covariances()), g.p_noise());
+      break;
+    case correlate::Explained::kMesh:
+      words += fmt::format(
+          " By the marks' covariances that has a probability {}; with a finer model {:.0f}% of "
+          "the excess disappears.",
+          Probability(g.p_covariances()), 100.0 * g.mesh_takes);
+      break;
+    case correlate::Explained::kNo:
+      words += fmt::format(
+          " The model does not explain them: neither the marks' covariances (probability {}) "
+          "nor stationary noise ({:.2g}){}. It lacks an effect, or the tracks are off by more than "
+          "their covariances say; the values may be off by more than their standard errors.",
+          Probability(g.p_covariances()), g.p_noise(),
+          t.error_check == correlate::ErrorCheck::kFiner ||
+                  t.error_check == correlate::ErrorCheck::kLadder
+              ? fmt::format(" nor a finer model, with which {:.0f}% of the excess disappears",
+                            100.0 * g.mesh_takes)
+              : std::string());
+      break;
+  }
+  return words;
+}
+
+// What was known of clock and frame, what of a drift the data show, and what was put aside.
+void AddPlacementWords(const correlate::Observations& o, const correlate::TrialResult& t,
+                       const std::string& of, data::FitRecord* record) {
+  using correlate::Foreknowledge;
+  auto add = [&](std::string words) { record->reasons.push_back(std::move(words)); };
+  const correlate::Placement& known = o.placement;
+  if (known.offset.kind == Foreknowledge::kKnown) {
+    add(fmt::format("The time offset{} was known, {} s, and not sought.", of, known.offset.mean));
+  } else if (known.offset.kind == Foreknowledge::kNormal) {
+    add(fmt::format("The time offset{} was known beforehand, {} s; with the marks it is {:.6g} s.",
+                    of, NumberWithError(known.offset.mean, known.offset.sigma), t.at.offset));
+  }
+  if (known.frame.kind == Foreknowledge::kKnown) {
+    add("The frame" + of + " was known, and not sought.");
+  } else if (known.frame.kind == Foreknowledge::kNormal) {
+    add(fmt::format("The frame{} was known beforehand to {:.3g} mm and {:.3g} mrad.", of,
+                    1e3 * known.frame.sigma_shift, 1e3 * known.frame.sigma_rotation));
+  }
+  const correlate::DriftTest& drift = t.drift;
+  if (drift.called) {
+    add(fmt::format(
+        "The data call for a clock{} that runs fast by {} parts in a million ({:.0f} "
+        "times its standard error): it is fitted. If the clock is right, say so "
+        "(trial.drift = \"known\").",
+        of, NumberWithError(1e6 * t.at.drift, 1e6 * drift.sigma), std::sqrt(drift.deviance)));
+  } else if (drift.too_large) {
+    add(
+        fmt::format("A clock{} that runs fast by {:.2g}% would lower the residuals most, and no "
+                    "clock does: look at what sets the pace of the model (gravity, masses, "
+                    "springs), or say what is known of the clock (trial.drift).",
+                    of, 100.0 * drift.drift));
+  }
+}
+
+// Samples that stick out, the farthest by name.
+void AddGrossWords(const correlate::Observations& o, const correlate::TrialResult& t,
+                   const std::string& of, data::FitRecord* record) {
+  const correlate::GrossErrors& gross = t.gross;
+  if (gross.in_bursts > 0) {
+    record->reasons.push_back(
+        fmt::format("{} samples{} stick out of their neighbours', but in bursts or too often: a "
+                    "motion that the "
+                    "model lacks, or a disturbance. They count like all others.",
+                    gross.in_bursts, of));
+  }
+  if (gross.samples.empty()) return;
+  constexpr std::size_t kNamed = 5;  // as many as a sentence bears; the file has all
+  std::vector<correlate::GrossSample> far = gross.samples;
+  std::stable_sort(far.begin(), far.end(),
+                   [](const correlate::GrossSample& a, const correlate::GrossSample& b) {
+                     return a.sigmas > b.sigmas;
+                   });
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < std::min(kNamed, far.size()); ++i) {
+    names.push_back(fmt::format("{} at {:.4f} s ({:.3g} sigma)", o.marks[far[i].mark].name,
+                                far[i].t, far[i].sigmas));
+  }
+  record->reasons.push_back(
+      fmt::format("{} of {} samples{} are gross errors and count for next to nothing: {}{}.",
+                  gross.samples.size(), o.size(), of,
+                  far.size() > kNamed ? "the farthest are " : "", JoinWords(names)));
+}
+
+std::string Replaced(std::string kind) {  // "contact_start" as people say it
+  std::replace(kind.begin(), kind.end(), '_', ' ');
+  return kind;
+}
+
+// What the model's own error was judged by, and what it is.
+std::string ErrorWords(const correlate::TrialResult& t, const std::string& of) {
+  const std::string size = fmt::format("moves the marks{} by {} RMS, {:.2g} of their sigma", of,
+                                       LengthText(t.model_error_rms), t.model_error_sigmas);
+  switch (t.error_check) {
+    case correlate::ErrorCheck::kLadder:
+      return "What the finest rung still lacks, by its change from the rung below, " + size +
+             "; it is in the standard errors and intervals.";
+    case correlate::ErrorCheck::kFiner:
+      return "The model's own error, by a finer model and a tighter tolerance, " + size +
+             "; it is in the standard errors and intervals.";
+    case correlate::ErrorCheck::kTolerance:
+      return "A tighter tolerance " + size +
+             "; that is in the standard errors and intervals. No finer model was run.";
+    case correlate::ErrorCheck::kNone:
+      break;
+  }
+  return (t.error_check_failure.empty() ? "No model with less error of its own was run" + of
+                                        : "The model with less error of its own failed" + of +
+                                              " (" + t.error_check_failure + ")") +
+         ": the standard errors and intervals are those of the data alone.";
+}
+
+}  // namespace
+
+void AddTrialWords(const std::vector<correlate::FitTrial>& trials, const correlate::FitResult& r,
+                   data::FitRecord* record) {
+  const bool several = r.trials.size() > 1;
+  for (std::size_t k = 0; k < r.trials.size(); ++k) {
+    const correlate::TrialResult& t = r.trials[k];
+    record->reasons.push_back(ResidualWords(t, several));
+    if (!t.less_weight.empty()) {
+      double from = std::numeric_limits<double>::infinity(), least = 1.0;
+      for (const correlate::LessWeight& l : t.less_weight) {
+        from = std::min(from, l.from);
+        least = std::min(least, l.weight);
+      }
+      record->reasons.push_back(
+          fmt::format("From {:.2f} s on the simulated motion depends on the solver's tolerance "
+                      "(impacts magnify "
+                      "its errors): {} sections of marks have less weight there, down to {:.2g}.",
+                      from, t.less_weight.size(), least));
+    }
+    for (std::size_t i = 0; i < t.event_times.size(); ++i) {
+      const correlate::TimedEvent& e = trials[k].observations->events[i];
+      const double off = e.t - t.at.offset - t.event_times[i];
+      const std::string what = fmt::format("The {} of {}{}{}", Replaced(e.kind), e.where,
+                                           e.count > 1 ? fmt::format(", number {},", e.count) : "",
+                                           several ? " in " + t.name : "");
+      record->reasons.push_back(
+          std::isfinite(off)
+              ? fmt::format(
+                    "{} was observed at {:.4f} s, {:+.2g} ms ({:+.2g} of its sigma) from the "
+                    "model's.",
+                    what, e.t, 1e3 * off, off / e.sigma)
+              : fmt::format("{} was observed at {:.4f} s; the model has none.", what, e.t));
+    }
+    const std::string of = several ? " of " + t.name : "";
+    AddPlacementWords(*trials[k].observations, t, of, record);
+    AddGrossWords(*trials[k].observations, t, of, record);
+    record->reasons.push_back(ErrorWords(t, of));
+  }
+}
+
+}  // namespace unfurl::study

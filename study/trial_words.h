@@ -1,0 +1,15 @@
+#pragma once
+
+#include <vector>
+
+#include "correlate/fit/fit.h"
+#include "data/fit.h"
+
+namespace unfurl::study {
+
+// What a fit says of each trial, as reasons of its record: residuals, noise, weights, events, clock
+// and frame, gross errors, the model's own error.
+void AddTrialWords(const std::vector<correlate::FitTrial>& trials,
+                   const correlate::FitResult& result, data::FitRecord* record);
+
+}  // namespace unfurl::study
