@@ -46,6 +46,7 @@ class Whitening {
   };
   /// Both are kept by reference.
   Against MakeAgainst(const Eigen::VectorXd& y, const Eigen::MatrixXd& P) const;
+  /// What ProductsOf gives.
   struct Products {
     Eigen::MatrixXd gram;   // k x k, E^T E of the whitened effect E beside P: (1 - P P^T) E
     Eigen::VectorXd along;  // E^T y
@@ -60,6 +61,7 @@ class Whitening {
     double square = 0.0;
     Eigen::Index freed = 0;
   };
+  /// Of one local effect, in a time that does not depend on n.
   Rest WithoutLocal(const Effect& effect, const Against& against) const;
   /// The same of misfits e and many local effects at once, in a time that grows with n.
   Rest WithoutMany(const std::vector<const Effect*>& effects, const Eigen::VectorXd& e) const;
