@@ -1,5 +1,6 @@
 // What this machine lacks for the program, and what of it is slow.
 #include <fmt/format.h>
+#include <sys/mman.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
 
@@ -140,23 +141,27 @@ Finding Simulator() {
                        : ""};
 }
 
+// Whether a program runs, and its first line. Its words go to memory: in the temporary folder,
+// which may be what lacks, others could lay a link by the file's name, or a module for Python to
+// import.
 Finding Program(const std::string& what, const std::vector<std::string>& words,
                 const std::string& remedy) {
-  const fs::path folder = fs::temp_directory_path();
-  const std::string log = (folder / fmt::format(".unfurl-doctor-{}-log", getpid())).string();
-  ProgramOutcome outcome;
   constexpr double kPatience = 10.0;  // [s]
+  const Finding missing = {what, Health::kOptional, "", remedy};
+  const int log = memfd_create("log", MFD_CLOEXEC);
+  if (log < 0) return missing;
+  const std::string path = fmt::format("/proc/self/fd/{}", log);
+  ProgramOutcome outcome;
+  std::string line;
   try {
-    outcome = RunProgram(words, folder.string(), log, log, kPatience);
+    outcome = RunProgram(words, "/", path, path, kPatience);
+    std::ifstream stream(path);
+    std::getline(stream, line);
   } catch (const Error&) {
   }
-  std::ifstream stream(log);
-  std::string line;
-  std::getline(stream, line);
-  std::error_code ignored;
-  fs::remove(log, ignored);
-  if (outcome.started && outcome.code == 0) return {what, Health::kGood, line, ""};
-  return {what, Health::kOptional, "", remedy};
+  close(log);
+  if (!outcome.started || outcome.code != 0) return missing;
+  return {what, Health::kGood, line, ""};
 }
 
 int Run(const Common& common) {
@@ -173,19 +178,20 @@ int Run(const Common& common) {
               "for scripts: docs/python.md tells how it is installed")};
   ordered_json summary = {{"findings", ordered_json::array()}};
   std::vector<std::vector<std::string>> rows = {{"", "what", "found"}};
-  bool lacking = false;
+  const Finding* lacking = nullptr;  // the first
   std::string remedies;
   for (const Finding& f : findings) {
     summary["findings"].push_back(
         {{"what", f.what}, {"health", Name(f.health)}, {"found", f.found}, {"remedy", f.remedy}});
     rows.push_back({Name(f.health), f.what, f.found});
-    lacking = lacking || f.health == Health::kLacking;
+    if (lacking == nullptr && f.health == Health::kLacking) lacking = &f;
     if (!f.remedy.empty()) remedies += fmt::format("{}: {}\n", f.what, f.remedy);
   }
-  summary["usable"] = !lacking;
-  if (lacking) summary["message"] = "this machine lacks what the program needs";
+  summary["usable"] = lacking == nullptr;
+  if (lacking != nullptr) summary["message"] = "this machine lacks what the program needs";
   Finish(common, summary, AlignedTable(rows) + remedies);
-  return lacking ? kExitNotUsable : kExitGood;
+  return lacking == nullptr ? kExitGood
+                            : NotUsable(lacking->what, lacking->found + "; " + lacking->remedy);
 }
 
 }  // namespace

@@ -90,11 +90,14 @@ const Start& StartOf(const std::string& kind) {
               nearest.empty() ? "known: " + JoinWords(kinds) : "did you mean '" + nearest + "'?");
 }
 
-// All of them, or none: what was written before a failure is taken away again.
+// All of them, or none: what was written before a failure is taken away again. Their paths are
+// made before anything is written, for where memory lacks that is what fails.
 void WriteAll(const Start& start, const fs::path& folder) {
+  std::vector<fs::path> paths;
   for (const StartFile& file : start.files) {
-    if (!fs::exists(fs::symlink_status(folder / file.name))) continue;
-    throw Error("is there already, and stays", (folder / file.name).string(),
+    paths.push_back(folder / file.name);
+    if (!fs::exists(fs::symlink_status(paths.back()))) continue;
+    throw Error("is there already, and stays", paths.back().string(),
                 "name another folder: unfurl new " + std::string(start.kind) + " FOLDER");
   }
   std::error_code failed;
@@ -103,14 +106,14 @@ void WriteAll(const Start& start, const fs::path& folder) {
     throw Error("cannot be made: " + failed.message(), folder.string(), "name another folder",
                 ErrorKind::kMachine);
   }
-  std::vector<fs::path> written;
+  std::size_t tried = 0;
   try {
-    for (const StartFile& file : start.files) {
-      data::WriteTextFile((folder / file.name).string(), std::string(file.text));
-      written.push_back(folder / file.name);
+    while (tried < paths.size()) {
+      const std::size_t k = tried++;  // one that fails may have its name by then
+      data::WriteTextFile(paths[k].string(), std::string(start.files[k].text));
     }
   } catch (...) {
-    for (const fs::path& path : written) fs::remove(path, failed);
+    for (std::size_t k = 0; k < tried; ++k) fs::remove(paths[k], failed);
     if (made) fs::remove(folder, failed);
     throw;
   }

@@ -120,7 +120,10 @@ TEST_F(Faults, AStartIsWholeOrNotThere) {
   for (const char* kind : {"new", "write", "read", "fsync", "rename", "open"}) {
     clear();
     RunWith(command, std::string(kind) + ":0");
-    for (long at = Count(); at > 0; --at) {
+    // The last ones are those of writing; of memory there are thousands before.
+    constexpr long kMost = 150;
+    const long calls = Count();
+    for (long at = calls; at > std::max(0L, calls - kMost); --at) {
       clear();
       const std::string fault = std::string(kind) + ":" + std::to_string(at);
       const Outcome outcome = RunWith(command, fault);

@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 
+#include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -163,6 +164,35 @@ TEST_F(New, DoctorSaysWhatIsThere) {
   const json summary = json::parse(outcome.out);
   EXPECT_TRUE(summary["usable"].get<bool>());
   EXPECT_GE(summary["findings"].size(), 6U);
+}
+
+// A folder where nobody, root neither, may make a file.
+TEST_F(New, DoctorSaysInOneLineWhatLacks) {
+  setenv("TMPDIR", "/proc", 1);
+  const Outcome outcome = Run({"doctor", "--quiet"});
+  unsetenv("TMPDIR");
+  EXPECT_EQ(outcome.code, 1);
+  EXPECT_EQ(outcome.out, "");
+  EXPECT_EQ(outcome.err,
+            "unfurl: temporary folder: /proc takes no file; set TMPDIR to a folder that does\n");
+  setenv("TMPDIR", (folder_ / "none").c_str(), 1);
+  EXPECT_EQ(Run({"doctor"}).code, 0);  // /tmp serves
+  unsetenv("TMPDIR");
+}
+
+// What lies in the temporary folder by any name that it could choose is not written, nor imported.
+TEST_F(New, DoctorLeavesTheTemporaryFolderAlone) {
+  const std::filesystem::path temporary = folder_ / "tmp";
+  std::filesystem::create_directories(temporary);
+  Put("tmp/unfurl.py", "open('ran', 'w')\n__version__ = 'of a stranger'\n");
+  setenv("TMPDIR", temporary.c_str(), 1);
+  const Outcome outcome = Run({"doctor"});
+  unsetenv("TMPDIR");
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  EXPECT_EQ(outcome.out.find("stranger"), std::string::npos);
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(temporary),
+                          std::filesystem::directory_iterator()),
+            1);
 }
 
 }  // namespace
