@@ -52,11 +52,11 @@ class Source {
     bytes_.remove_prefix(size);
     return text;
   }
+  // Of a matrix of zeros.
   void Row(Eigen::Matrix3Xd* m, Eigen::Index row) {
-    if (Get<std::uint8_t>() == 0) {
-      if (m->cols() > 0) m->row(row).setZero();
-      return;
-    }
+    if (Get<std::uint8_t>() == 0) return;
+    good_ = good_ && static_cast<std::size_t>(m->cols()) <= bytes_.size() / sizeof(double);
+    if (!good_) return;
     for (Eigen::Index i = 0; i < m->cols(); ++i) (*m)(row, i) = Get<double>();
   }
   bool Room(std::uint64_t count) const { return good_ && count <= bytes_.size(); }
@@ -127,8 +127,8 @@ bool ParseAnswer(std::string_view bytes, Prediction* p) {
     MarkMotion motion;
     if (n > room) return false;
     room -= n;
-    motion.p.resize(3, static_cast<Eigen::Index>(n));
-    motion.v.resize(3, static_cast<Eigen::Index>(n));
+    motion.p.setZero(3, static_cast<Eigen::Index>(n));
+    motion.v.setZero(3, static_cast<Eigen::Index>(n));
     for (Eigen::Index row = 0; row < 3; ++row) from.Row(&motion.p, row);
     for (Eigen::Index row = 0; row < 3; ++row) from.Row(&motion.v, row);
     p->marks.push_back(std::move(motion));
