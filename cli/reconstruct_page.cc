@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "base/length.h"
 #include "base/text.h"
@@ -19,11 +18,8 @@ using report::Chart;
 using report::Series;
 using report::Style;
 
-constexpr double kMilli = 1e3;               // [mm/m]
-constexpr double kBand = 2.0;                // sigmas of the error band
-constexpr std::size_t kMostDots = 1200;      // per mark
-constexpr std::size_t kMostIncidents = 200;  // rows of the table; the others are counted below it
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kMilli = 1e3;  // [mm/m]
+constexpr double kBand = 2.0;   // sigmas of the error band
 
 std::vector<double> Scaled(const std::vector<double>& x, double factor) {
   std::vector<double> out(x);
@@ -306,92 +302,6 @@ void AddSmoothing(const ReconstructPageInput& in, report::Page* page) {
 }
 
 }  // namespace
-
-TracksDigest::TracksDigest(const data::Tracks& layout, double from, double duration,
-                           std::size_t samples)
-    : marks(layout.marks),
-      cameras(layout.cameras),
-      start(from),
-      slice(std::max(duration, 1e-9) / static_cast<double>(kSlices)),
-      dots(marks.size()),
-      slices(marks.size()),
-      residual_t(cameras.size()),
-      residual(cameras.size()),
-      residual_squared(cameras.size(), 0.0),
-      residual_count(cameras.size(), 0),
-      reasons(marks.size()),
-      every_(
-          std::max<std::size_t>(1, samples / std::max<std::size_t>(1, marks.size()) / kMostDots)),
-      seen_(marks.size(), 0),
-      last_(marks.size()) {}
-
-void TracksDigest::Add(const data::Tracks& block, std::span<const float> residuals) {
-  for (std::size_t i = 0; i < block.size(); ++i) {
-    const auto m = static_cast<std::size_t>(block.mark[i]);
-    const double at =
-        std::clamp((block.t[i] - start) / slice, 0.0, static_cast<double>(kSlices) - 1.0);
-    ++slices[m][static_cast<std::size_t>(at)].status[static_cast<std::size_t>(block.status[i])];
-    AddIncident(block, i);
-    const bool shown = seen_[m]++ % every_ == 0;
-    if (data::Usable(block.status[i])) AddResiduals(block.t[i], shown, i, residuals);
-    if (shown) AddDot(block, i);
-  }
-}
-
-// A sample that is not as good as it may be, where it differs from the one before.
-void TracksDigest::AddIncident(const data::Tracks& block, std::size_t i) {
-  const auto m = static_cast<std::size_t>(block.mark[i]);
-  const Incident now{block.t[i], block.mark[i], block.status[i],
-                     block.reason.empty() ? data::SampleReason::kNone : block.reason[i],
-                     block.left_out.empty() ? 0U : block.left_out[i]};
-  ++reasons[m][static_cast<std::size_t>(now.reason)];
-  const Incident before = last_[m];
-  last_[m] = now;
-  const bool plain = now.status == data::SampleStatus::kGood && now.left_out == 0;
-  const bool alike = before.status == now.status && before.reason == now.reason &&
-                     before.left_out == now.left_out && seen_[m] > 0;
-  if (plain || alike) return;
-  if (incidents.size() < kMostIncidents) {
-    incidents.push_back(now);
-  } else {
-    ++more_incidents;
-  }
-}
-
-void TracksDigest::AddResiduals(double t, bool shown, std::size_t i,
-                                std::span<const float> residuals) {
-  if (residuals.empty()) return;
-  for (std::size_t c = 0; c < cameras.size(); ++c) {
-    const auto r = static_cast<double>(residuals[i * cameras.size() + c]);
-    if (std::isnan(r)) continue;
-    residual_squared[c] += r * r;
-    ++residual_count[c];
-    if (!shown) continue;
-    residual_t[c].push_back(t);
-    residual[c].push_back(r);
-  }
-}
-
-void TracksDigest::AddDot(const data::Tracks& block, std::size_t i) {
-  constexpr std::array<Eigen::Index, 3> kDiagonal = {0, 3, 5};
-  const auto col = static_cast<Eigen::Index>(i);
-  const bool usable = data::Usable(block.status[i]);
-  const Eigen::Index rank = block.shared_rank;
-  Dots& to = dots[static_cast<std::size_t>(block.mark[i])];
-  to.t.push_back(block.t[i]);
-  double total = 0.0;
-  for (std::size_t k = 0; k < 3; ++k) {
-    const auto row = static_cast<Eigen::Index>(k);
-    double variance = usable ? block.cov(kDiagonal[k], col) : kNone;
-    if (usable && rank > 0) {
-      variance += block.shared.middleCols(col * rank, rank).row(row).squaredNorm();
-    }
-    to.p[k].push_back(usable ? block.p(row, col) : kNone);
-    to.axis[k].push_back(std::sqrt(variance));
-    total += variance;
-  }
-  to.sigma.push_back(std::sqrt(total));
-}
 
 void WriteReconstructPage(const std::string& path, const ReconstructPageInput& input,
                           const data::Provenance& provenance) {

@@ -11,6 +11,7 @@ extern const std::string_view kSynchronizerScript;  // dygraphs' own extra: zoom
 extern const std::string_view kDygraphsStyle;
 extern const std::string_view kPageScript;
 extern const std::string_view kPageStyle;
+extern const std::string_view kMotionViewScript;  // before kMotionScript
 extern const std::string_view kMotionScript;
 
 }  // namespace unfurl::report

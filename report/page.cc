@@ -224,7 +224,10 @@ std::string Page::Html() const {
     html += kPageScript;
     html += "</script>\n";
   }
-  if (motions_ > 0) html += "<script>\n" + std::string(kMotionScript) + "</script>\n";
+  if (motions_ > 0) {
+    html +=
+        "<script>\n" + std::string(kMotionViewScript) + std::string(kMotionScript) + "</script>\n";
+  }
   html += "</body>\n</html>\n";
   return html;
 }

@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "base/random.h"
+#include "strobed_tracks.h"
 
 namespace unfurl::data {
 namespace {
@@ -164,6 +165,18 @@ TEST(Tracks, ACsvCellThatIsWrongIsNamed) {
   EXPECT_THAT(error("0,,1,2,3,1,0,0,1,0,1,good\n"), HasSubstr("mark"));
   EXPECT_THAT(error("nan,m,1,2,3,1,0,0,1,0,1,good\n"), HasSubstr("bad_tracks.csv:2:t"));
   std::remove(Path("bad_tracks.csv").c_str());
+}
+
+TEST(Tracks, HowSamplesCameAboutGoesThroughTheFile) {
+  const Tracks tracks = Strobed();
+  const std::string path = Path("reasons.h5");
+  WriteTracks(path, tracks, {});
+  const Tracks back = ReadTracks(path);
+  std::remove(path.c_str());
+  EXPECT_EQ(back.cameras, tracks.cameras);
+  EXPECT_EQ(back.used, tracks.used);
+  EXPECT_EQ(back.left_out, tracks.left_out);
+  EXPECT_EQ(back.reason, tracks.reason);
 }
 
 }  // namespace

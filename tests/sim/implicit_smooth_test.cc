@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/random.h"
+#include "runs.h"
 #include "scenes.h"
 #include "sim/implicit/kkt_smooth.h"
 #include "sim/implicit/rosenbrock.h"
@@ -123,17 +124,6 @@ TEST(SmoothSaddle, SolvesAsTheRightSideDoes) {
   }
 }
 
-constexpr double kAnyError = 1e3;  // steps of a given size are taken, whatever their error
-
-std::vector<double> Fixed(Stepper* stepper, const Model& model, double end, int steps) {
-  stepper->Start(0.0, model.initial_state);
-  for (int k = 1; k <= steps; ++k) {
-    stepper->Try(end / steps);
-    stepper->Accept(end * k / steps);
-  }
-  return {stepper->state(), stepper->state() + model.index.size()};
-}
-
 // What the tangent leaves out costs no order; a mass matrix or Jacobian that is not that of the
 // right side would.
 TEST(RosenbrockOnSmoothBeams, ThirdOrder) {
@@ -171,16 +161,6 @@ MarkTracks MarksOf(const Model& model, Method method, double rtol) {
   return SimulateMarks(model, options);
 }
 
-double Furthest(const MarkTracks& a, const MarkTracks& b) {
-  double furthest = 0.0;
-  for (std::size_t m = 0; m < a.x.size(); ++m) {
-    for (std::size_t k = 0; k < std::min(a.t.size(), b.t.size()); ++k) {
-      furthest = std::max(furthest, std::hypot(a.x[m][k] - b.x[m][k], a.y[m][k] - b.y[m][k]));
-    }
-  }
-  return furthest;
-}
-
 // Damping of 1 ms makes the smooth beams' highest shapes decay at some 1e7 per second, which binds
 // explicit steps; the implicit method, and `auto`, take hundreds of times fewer.
 TEST(AutoSwitches, DampedSmoothBeams) {
@@ -191,8 +171,8 @@ TEST(AutoSwitches, DampedSmoothBeams) {
     const MarkTracks reference = MarksOf(model, Method::kImplicit, 1e-9);
     ASSERT_TRUE(chosen.report.Usable()) << chosen.report.message;
     ASSERT_TRUE(implicit.report.Usable()) << implicit.report.message;
-    EXPECT_LT(Furthest(chosen, reference), 10.0 * rtol * model.length_scale);
-    EXPECT_LT(Furthest(implicit, reference), 10.0 * rtol * model.length_scale);
+    EXPECT_LT(FarthestApart(chosen, reference), 10.0 * rtol * model.length_scale);
+    EXPECT_LT(FarthestApart(implicit, reference), 10.0 * rtol * model.length_scale);
     EXPECT_NE(chosen.report.method.find("ROS34PW2"), std::string::npos) << chosen.report.method;
     // A first window and trial beside, of some thousand right sides.
     EXPECT_LT(chosen.report.evaluations, 2 * implicit.report.evaluations + 2500);
@@ -219,7 +199,7 @@ TEST(AutoSwitches, OverdampedSegmentsInALoop) {
   ASSERT_TRUE(chosen.report.Usable()) << chosen.report.message;
   EXPECT_LT(chosen.report.evaluations, 100'000);
   const MarkTracks reference = MarksOf(model, Method::kImplicit, 1e-8);
-  EXPECT_LT(Furthest(chosen, reference), 10.0 * kRtol * model.length_scale);
+  EXPECT_LT(FarthestApart(chosen, reference), 10.0 * kRtol * model.length_scale);
 }
 
 // Stretching that is stiff and undamped: the edge of stability along the imaginary axis. Against
@@ -247,7 +227,7 @@ TEST(AutoSwitches, StiffStretching) {
     EXPECT_LT(report.evaluations, 2 * implicit.report.evaluations + 2500);
     const MarkTracks chosen = MarksOf(model, Method::kAuto, kRtol);
     const MarkTracks followed = MarksOf(model, Method::kProjected, 1e-8);
-    const double off = Furthest(chosen, followed) / (kRtol * model.length_scale);
+    const double off = FarthestApart(chosen, followed) / (kRtol * model.length_scale);
     EXPECT_TRUE(off < 10.0 || !report.warnings.empty()) << EA << " " << off;
     if (EA < 1e7) {
       EXPECT_LT(off, 10.0);

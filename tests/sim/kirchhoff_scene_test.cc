@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "runs.h"
 #include "scenes.h"
 #include "sim/dynamics/observables.h"
 #include "sim/methods/simulate.h"
@@ -43,15 +44,6 @@ MarkTracks Tracks(const std::string& scene, double rtol, double duration = 0.0) 
   return tracks;
 }
 
-double Largest(const MarkTracks& a, const MarkTracks& b, int mark) {
-  double largest = 0.0;
-  for (std::size_t i = 0; i < a.t.size(); ++i) {
-    largest =
-        std::max(largest, std::hypot(a.x[mark][i] - b.x[mark][i], a.y[mark][i] - b.y[mark][i]));
-  }
-  return largest;
-}
-
 // Two formulations that share no equation of a beam. The segments come towards the smooth beam with
 // the square of their number, from both sides of that order.
 TEST(SmoothBeams, SegmentsConvergeToThem) {
@@ -61,13 +53,13 @@ TEST(SmoothBeams, SegmentsConvergeToThem) {
   const MarkTracks smooth = Tracks(TwoBeams(Smooth(5), damping), 1e-9);
   const MarkTracks few = Tracks(TwoBeams(Segments(10), damping), 1e-7);
   const MarkTracks many = Tracks(TwoBeams(Segments(20), damping), 1e-7);
-  for (const int mark : {0, 1}) {
-    const double ratio = Largest(few, smooth, mark) / Largest(many, smooth, mark);
+  for (const std::size_t mark : {0U, 1U}) {
+    const double ratio = FarthestApart(few, smooth, mark) / FarthestApart(many, smooth, mark);
     EXPECT_GT(ratio, 3.2) << mark;  // 4 when nothing but the n^-2 of the elements is left
     EXPECT_LT(ratio, 8.0) << mark;  // 8 were it all the n^-3 of the bodies at the ends
   }
   // The tip has gone a sixth of a metre.
-  EXPECT_LT(Largest(many, smooth, 0), 5e-4);
+  EXPECT_LT(FarthestApart(many, smooth, 0), 5e-4);
 }
 
 TEST(SmoothBeams, KeepEnergyAndReportWhatDampingTakes) {
@@ -119,7 +111,7 @@ TEST(SmoothBeams, CarriedBodyMovesAsAConstrainedOne) {
           ("[joint.j]\nzero_angle = 0.4\n" + points + "[joint.j.drive]\nposition = 0.0\n").c_str()),
       1e-10);
   constexpr double kTolerance = 1e-8;  // [m], of a path of half a metre at rtol 1e-10
-  for (const int mark : {0, 1}) EXPECT_LT(Largest(carried, held, mark), kTolerance);
+  for (const std::size_t mark : {0U, 1U}) EXPECT_LT(FarthestApart(carried, held, mark), kTolerance);
 }
 
 // Welds that stay constraints: to the ground, and of two beams. A cantilever of two halves in

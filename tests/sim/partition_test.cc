@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/random.h"
+#include "runs.h"
 #include "scenes.h"
 #include "sim/dynamics/dynamics.h"
 #include "sim/methods/simulate.h"
@@ -135,16 +136,6 @@ data::Scene CrankRocker() { return FourBar(0.4, 1.2, 1.0, 1.2, 12.0); }
 // No bar turns round: each comes to dead centres, where its angle will not do.
 data::Scene TripleRocker() { return FourBar(0.8, 0.7, 0.8, 1.5, 6.0); }
 
-double WorstDistance(const MarkTracks& a, const MarkTracks& b) {
-  double worst = 0.0;
-  for (std::size_t m = 0; m < a.x.size(); ++m) {
-    for (std::size_t i = 0; i < std::min(a.t.size(), b.t.size()); ++i) {
-      worst = std::max(worst, std::hypot(a.x[m][i] - b.x[m][i], a.y[m][i] - b.y[m][i]));
-    }
-  }
-  return worst;
-}
-
 TEST(Partitioned, AgreesWithProjection) {
   data::Scene deployment = data::ReadScene(DeploymentPath("suspension"));
   for (auto& beam : deployment.beams) beam.segments = 3;
@@ -161,7 +152,7 @@ TEST(Partitioned, AgreesWithProjection) {
     ASSERT_TRUE(partitioned.report.Usable()) << scene.name << partitioned.report.message;
     ASSERT_EQ(partitioned.t.size(), projected.t.size());
     // Both are off by some ten times the tolerance, of marks that move a metre.
-    EXPECT_LT(WorstDistance(projected, partitioned), 2e-7) << scene.name;
+    EXPECT_LT(FarthestApart(projected, partitioned), 2e-7) << scene.name;
     EXPECT_EQ(partitioned.report.projections, 0);
     EXPECT_LT(partitioned.report.largest_position_drift, 1e-10);
   }
@@ -186,7 +177,7 @@ TEST(Partitioned, ErrorFollowsTheTolerance) {
   options.method = Method::kPartitioned;
   for (const double rtol : {1e-5, 1e-7, 1e-9}) {
     options.rtol = rtol;
-    const double error = WorstDistance(SimulateMarks(model, options), reference);
+    const double error = FarthestApart(SimulateMarks(model, options), reference);
     EXPECT_LT(error, 30 * rtol);
     EXPECT_GT(error, 0.005 * rtol);
   }

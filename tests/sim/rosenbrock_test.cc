@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "runs.h"
 #include "scenes.h"
 #include "sim/methods/dormand_prince.h"
 #include "sim/methods/simulate.h"
@@ -55,18 +56,6 @@ TEST(Rosenbrock, OrderConditionsForAnyMatrix) {
   EXPECT_NEAR(hat_g, 0.0, kDigits);
   // Stiffly accurate: the last stage is the step itself.
   for (int j = 0; j < s; ++j) EXPECT_NEAR(t.b[j], t.alpha[3][j] + full(3, j), kDigits);
-}
-
-constexpr double kAnyError = 1e3;  // steps of a given size are taken, whatever their error
-
-// The state after `steps` equal steps.
-std::vector<double> Fixed(Stepper* stepper, const Model& model, double end, int steps) {
-  stepper->Start(0.0, model.initial_state);
-  for (int k = 1; k <= steps; ++k) {
-    stepper->Try(end / steps);
-    stepper->Accept(end * k / steps);
-  }
-  return {stepper->state(), stepper->state() + model.index.size()};
 }
 
 // A swinging beam on a pin: what the tangent leaves out (the constraints turn) costs no order.

@@ -7,6 +7,7 @@
 #include <thread>
 
 #include "base/error.h"
+#include "runs.h"
 #include "scenes.h"
 #include "sim/dynamics/observables.h"
 
@@ -17,14 +18,6 @@ data::Scene Deployment(const std::string& variant, int segments) {
   data::Scene scene = data::ReadScene(DeploymentPath(variant));
   for (auto& beam : scene.beams) beam.segments = segments;
   return scene;
-}
-
-double WorstDistance(const MarkTracks& a, const MarkTracks& b, std::size_t mark) {
-  double worst = 0.0;
-  for (std::size_t i = 0; i < std::min(a.t.size(), b.t.size()); ++i) {
-    worst = std::max(worst, std::hypot(a.x[mark][i] - b.x[mark][i], a.y[mark][i] - b.y[mark][i]));
-  }
-  return worst;
 }
 
 TEST(Simulate, PendulumKeepsItsPeriod) {
@@ -56,7 +49,7 @@ TEST(Simulate, ErrorFollowsTheTolerance) {
   const MarkTracks reference = SimulateMarks(model, options);
   for (const double rtol : {1e-5, 1e-7, 1e-9}) {
     options.rtol = rtol;
-    const double error = WorstDistance(SimulateMarks(model, options), reference, 0);
+    const double error = FarthestApart(SimulateMarks(model, options), reference, 0);
     // Relative to the range of 1 m: errors add up over some ten swings, tolerance by tolerance.
     EXPECT_LT(error, 100 * rtol);
     EXPECT_GT(error, 0.01 * rtol);  // and work is not wasted

@@ -1,134 +1,22 @@
-#include "data/tracks_exchange.h"
-
+// Tracks as universal files, dataset 58.
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
-#include <limits>
 
 #include "data/atomic_file.h"
+#include "data/tracks_exchange.h"
+#include "strobed_tracks.h"
 #include "tests/data/errors.h"
 
 namespace unfurl::data {
 namespace {
 
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-
-// Three marks strobed at 200 Hz, 1 ms apart, as reconstructed; sample 7 of the second is missing.
-Tracks Strobed() {
-  Tracks tracks;
-  tracks.frame = "rig";
-  tracks.marks = {"mark1", "mark2", "mark3"};
-  tracks.cameras = {"a", "b", "c", "d"};
-  constexpr int kFrames = 20;
-  tracks.p.resize(3, 3 * kFrames);
-  tracks.cov.resize(6, 3 * kFrames);
-  tracks.shared.resize(3, 0);
-  for (int f = 0; f < kFrames; ++f) {
-    for (int m = 0; m < 3; ++m) {
-      const Eigen::Index i = 3 * f + m;
-      const bool missing = f == 7 && m == 1;
-      tracks.t.push_back(0.0005 + 0.005 * f + 0.001 * m);
-      tracks.mark.push_back(m);
-      tracks.status.push_back(missing  ? SampleStatus::kUnsolvable
-                              : m == 2 ? SampleStatus::kThreeCameras
-                                       : SampleStatus::kGood);
-      tracks.used.push_back(missing ? 0U : m == 2 ? 7U : 15U);
-      tracks.left_out.push_back(0);
-      tracks.reason.push_back(missing ? SampleReason::kTooFew : SampleReason::kNone);
-      tracks.p.col(i) = Eigen::Vector3d(0.1 * m - 1.0, 0.01 * f, 1e-4 * f * m);
-      tracks.cov.col(i) << 4e-10, 1e-10, 0.0, 5e-10, -1e-10, 9e-10;
-      if (!missing) continue;
-      tracks.p.col(i).setConstant(kNan);
-      tracks.cov.col(i).setConstant(kNan);
-    }
-  }
-  return tracks;
-}
-
-std::string Name(const std::string& ending) {
-  return testing::TempDir() + std::to_string(getpid()) + "exchange" + ending;
-}
-
-TEST(C3d, ThereAndBack) {
-  const Tracks tracks = Strobed();
-  const std::string path = Name(".c3d");
-  WriteTracksC3d(path, tracks);
-  const Tracks back = ReadTracksC3d(path);
-  std::remove(path.c_str());
-  ASSERT_EQ(back.size(), tracks.size());
-  EXPECT_EQ(back.marks, tracks.marks);
-  EXPECT_EQ(back.cameras, tracks.cameras);
-  EXPECT_EQ(back.status, tracks.status);
-  EXPECT_EQ(back.used, tracks.used);
-  EXPECT_EQ(back.frame, "rig");
-  for (std::size_t i = 0; i < tracks.size(); ++i) {
-    EXPECT_NEAR(back.t[i], tracks.t[i], 1e-12);
-    EXPECT_EQ(back.mark[i], tracks.mark[i]);
-    if (!Usable(tracks.status[i])) continue;
-    const auto col = static_cast<Eigen::Index>(i);
-    EXPECT_LT((back.p.col(col) - tracks.p.col(col)).norm(), 1.2e-7);  // 24 bits of a metre
-    // The sigma in hundredths of a millimetre, rounded up.
-    const double sigma = std::sqrt(tracks.Covariance(i).trace() / 3.0);
-    EXPECT_GE(std::sqrt(back.cov(0, col)), sigma);
-    EXPECT_LT(std::sqrt(back.cov(0, col)), sigma + 1.0001e-5);
-  }
-}
-
-TEST(C3d, StandsByteByByteWhereTheFormatPutsIt) {
-  // Read here by the format's own page, without our reader: header words, the data's block, the
-  // first point's floats.
-  const std::string path = Name("bytes.c3d");
-  WriteTracksC3d(path, Strobed());
-  const std::string text = ReadTextFile(path);
-  std::remove(path.c_str());
-  const auto word = [&](std::size_t number) {  // 16-bit words of the header, counted from 1
-    std::uint16_t v;
-    std::memcpy(&v, &text[2 * (number - 1)], 2);
-    return v;
-  };
-  const auto real = [&](std::size_t at) {
-    float v;
-    std::memcpy(&v, &text[at], 4);
-    return v;
-  };
-  EXPECT_EQ(text.size() % 512, 0U);
-  EXPECT_EQ(word(1), 0x5002);
-  EXPECT_EQ(word(2), 3);
-  EXPECT_EQ(word(3), 0);
-  EXPECT_EQ(word(4), 1);
-  EXPECT_EQ(word(5), 20);
-  EXPECT_LT(real(12), 0.0F);  // floating-point data
-  EXPECT_FLOAT_EQ(real(20), 200.0F);
-  const std::size_t data = 512U * (word(9) - 1U);
-  EXPECT_EQ(static_cast<unsigned char>(text[512 + 3]), 84);
-  EXPECT_EQ(static_cast<std::size_t>(static_cast<unsigned char>(text[512 + 2])) * 512 + 512, data);
-  EXPECT_FLOAT_EQ(real(data), -1000.0F);  // mm
-  EXPECT_EQ(static_cast<int>(real(data + 12)) / 256, 15);
-  EXPECT_FLOAT_EQ(real(data + 16 * (7 * 3 + 1) + 12), -1.0F);
-  EXPECT_NE(text.find("LABELS"), std::string::npos);
-}
-
-TEST(C3d, RefusesWhatItCannotHold) {
-  Tracks tracks = Strobed();
-  tracks.t[6] += 0.002;
-  EXPECT_NE(ErrorOf([&] { WriteTracksC3d(Name(".c3d"), tracks); }).find("grid"), std::string::npos);
-  const std::string path = Name("bad.c3d");
-  WriteTracksC3d(path, Strobed());
-  const std::string text = ReadTextFile(path);
-  WriteTextFile(path, text.substr(0, text.size() - 700));
-  EXPECT_NE(ErrorOf([&] { ReadTracksC3d(path); }).find("cut off"), std::string::npos);
-  WriteTextFile(path, "no C3D at all");
-  EXPECT_NE(ErrorOf([&] { ReadTracksC3d(path); }).find("no C3D"), std::string::npos);
-  std::remove(path.c_str());
-}
-
 TEST(Uff, ThereAndBack) {
   const Tracks tracks = Strobed();
-  const std::string path = Name(".uff");
+  const std::string path = ExchangePath(".uff");
   WriteTracksUff(path, tracks);
   const Tracks back = ReadTracksUff(path);
   std::remove(path.c_str());
@@ -170,7 +58,7 @@ TEST(Uff, ReadsWhatOthersWrite) {
     }
     text += "\n    -1\n";
   }
-  const std::string path = Name("other.uff");
+  const std::string path = ExchangePath("other.uff");
   WriteTextFile(path, text);
   EXPECT_NE(ErrorOf([&] { ReadTracksUff(path); }).find("without a sigma"), std::string::npos);
   const Tracks tracks = ReadTracksUff(path, 1e-3);
@@ -265,7 +153,7 @@ constexpr char kMillimetres[] =
     "  2.7314999999999998D+02\n    -1\n";
 
 Tracks ReadUffText(const std::string& text) {
-  const std::string path = Name("foreign.uff");
+  const std::string path = ExchangePath("foreign.uff");
   WriteTextFile(path, text);
   struct Gone {
     std::string path;
@@ -361,52 +249,6 @@ TEST(Uff, CountsThatTheFileDoesNotHold) {
   std::string changed = binary.Node();
   changed.replace(changed.find("          12"), 12, "  2000000000");
   EXPECT_NE(ErrorOf([&] { ReadUffText(changed); }).find("cut off"), std::string::npos);
-}
-
-TEST(C3d, CountsThatTheFileDoesNotHold) {
-  const std::string path = Name("counts.c3d");
-  WriteTracksC3d(path, Strobed());
-  const std::string text = ReadTextFile(path);
-  const auto with = [&](std::size_t at, std::uint16_t value) {
-    std::string changed = text;
-    std::memcpy(&changed[at], &value, 2);
-    WriteTextFile(path, changed);
-    return ErrorOf([&] { ReadTracksC3d(path); });
-  };
-  // The header's words count from 1: analogue values a frame, first and last frame, parameters.
-  EXPECT_NE(with(4, 65535).find("cut off"), std::string::npos);
-  EXPECT_NE(with(8, 65535).find("cut off"), std::string::npos);
-  EXPECT_NE(with(8, 0).find("frames run from"), std::string::npos);
-  EXPECT_NE(with(6, 999).find("frames run from"), std::string::npos);
-  EXPECT_NE(with(0, 0x5000).find("no section of parameters"), std::string::npos);
-  const auto parameter = [&](const char* name, std::size_t size, const void* value) {
-    std::string changed = text;
-    const std::size_t at = changed.find(name) + std::strlen(name) + 4;
-    changed.replace(at, size, static_cast<const char*>(value), size);
-    WriteTextFile(path, changed);
-    return ErrorOf([&] { ReadTracksC3d(path); });
-  };
-  const std::uint16_t none = 0, many = 65535;
-  EXPECT_NE(parameter("USED", 2, &none).find("POINT:USED"), std::string::npos);
-  EXPECT_NE(parameter("USED", 2, &many).find("cut off"), std::string::npos);
-  EXPECT_NE(parameter("DATA_START", 2, &none).find("POINT:DATA_START"), std::string::npos);
-  EXPECT_NE(parameter("DATA_START", 2, &many).find("cut off"), std::string::npos);
-  for (const float bad : {0.0F, -1.0F, std::nanf(""), std::numeric_limits<float>::infinity()}) {
-    EXPECT_NE(parameter("RATE", 4, &bad), "no error") << bad;
-  }
-  std::remove(path.c_str());
-}
-
-TEST(Tracks, HowSamplesCameAboutGoesThroughTheFile) {
-  const Tracks tracks = Strobed();
-  const std::string path = Name(".h5");
-  WriteTracks(path, tracks, {});
-  const Tracks back = ReadTracks(path);
-  std::remove(path.c_str());
-  EXPECT_EQ(back.cameras, tracks.cameras);
-  EXPECT_EQ(back.used, tracks.used);
-  EXPECT_EQ(back.left_out, tracks.left_out);
-  EXPECT_EQ(back.reason, tracks.reason);
 }
 
 }  // namespace

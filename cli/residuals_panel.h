@@ -1,0 +1,14 @@
+#pragma once
+
+#include "correlate/fit/fit.h"
+#include "data/fit.h"
+#include "report/page.h"
+
+namespace unfurl::cli {
+
+// What a fit's residuals show: autocorrelation by trial, the noise found in them, and the samples
+// that were given less weight.
+void AddResiduals(const correlate::FitResult& result, const data::FitRecord& record,
+                  report::Page* page);
+
+}  // namespace unfurl::cli

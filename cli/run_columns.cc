@@ -1,0 +1,53 @@
+#include "cli/run_columns.h"
+
+#include <algorithm>
+#include <span>
+
+namespace unfurl::cli {
+
+namespace {
+
+constexpr std::size_t kShown = 1000;       // buckets along a chart
+constexpr std::size_t kBlockRows = 65536;  // read at once
+
+}  // namespace
+
+report::Series RunColumns::Read(const std::string& name, const std::string& shown,
+                                double factor) const {
+  report::Series out;
+  out.name = shown;
+  const std::size_t all = reader_.samples(), bucket = all / kShown + 1;
+  const std::size_t block = bucket * std::max<std::size_t>(1, kBlockRows / bucket);
+  std::vector<double> t(block), v(block);
+  for (std::size_t first = 0; first < all; first += block) {
+    const std::size_t count = std::min(block, all - first);
+    reader_.file().ReadRows("/t", first, count, std::span<double>(t));
+    reader_.file().ReadRows("/series/" + name, first, count, std::span<double>(v));
+    for (std::size_t i = 0; i < count; i += bucket) {
+      const auto begin = v.begin() + static_cast<std::ptrdiff_t>(i);
+      const auto end = v.begin() + static_cast<std::ptrdiff_t>(std::min(i + bucket, count));
+      const auto [low, high] = std::minmax_element(begin, end);
+      for (const auto at : {std::min(low, high), std::max(low, high)}) {
+        const double time = t[static_cast<std::size_t>(at - v.begin())];
+        if (!out.x.empty() && time <= out.x.back()) continue;
+        out.x.push_back(time);
+        out.y.push_back(factor * *at);
+      }
+    }
+  }
+  return out;
+}
+
+std::vector<double> RunColumns::Thin(const std::string& path) const {
+  const std::size_t all = reader_.samples(), step = all / kShown + 1;
+  const std::size_t block = step * std::max<std::size_t>(1, kBlockRows / step);
+  std::vector<double> v(block), out;
+  for (std::size_t first = 0; first < all; first += block) {
+    const std::size_t count = std::min(block, all - first);
+    reader_.file().ReadRows(path, first, count, std::span<double>(v));
+    for (std::size_t i = 0; i < count; i += step) out.push_back(v[i]);
+  }
+  return out;
+}
+
+}  // namespace unfurl::cli

@@ -1,0 +1,80 @@
+#include "sim/methods/make_stepper.h"
+
+#include <algorithm>
+
+#include "sim/implicit/rosenbrock.h"
+#include "sim/methods/dormand_prince.h"
+#include "sim/methods/dormand_prince8.h"
+#include "sim/methods/partitioned.h"
+#include "sim/methods/runge_kutta_43.h"
+
+namespace unfurl::sim {
+namespace {
+
+// From here on the pair of order 8 costs less (docs/accuracy.md).
+constexpr double kTightTolerance = 1e-7;
+// And from here up that of order 4: its steps reach twice as far where undamped beams limit them,
+// and contacts stay right at tolerances where Dormand-Prince's begin to chatter.
+constexpr double kLooseTolerance = 3e-4;
+
+// Explicit steps are not looser than this: stability limits them by then, so that nothing is
+// gained, and what a looser tolerance lets pass in the fastest vibrations turns into heat that
+// never was.
+constexpr double kLoosestExplicit = 1e-3;
+
+bool Fourth(const SimulateOptions& options) {
+  return options.order == 0 ? options.rtol >= kLooseTolerance : options.order == 4;
+}
+
+// Kinetic energy of all bodies at the floors of the velocities' scales [J].
+double FloorEnergy(const Model& model, const ErrorScale& scale) {
+  double sum = 0.0;
+  for (int k = 0; k < model.rigid_bodies.count; ++k) {
+    sum += model.rigid_bodies.mass[k] * scale.speed * scale.speed +
+           model.rigid_bodies.inertia[k] * scale.spin * scale.spin;
+  }
+  return 0.5 * sum;
+}
+
+}  // namespace
+
+std::unique_ptr<Stepper> MakePartitioned(const SimulateOptions& options, Dynamics& dynamics,
+                                         const ErrorScale& scale) {
+  if (Fourth(options)) return std::make_unique<Partitioned<RungeKutta43>>(dynamics, scale);
+  return std::make_unique<Partitioned<DormandPrince>>(dynamics, scale);
+}
+
+std::unique_ptr<Stepper> MakeStepper(const SimulateOptions& options, Dynamics& dynamics,
+                                     const ErrorScale& scale, Method method) {
+  if (method == Method::kPartitioned) return MakePartitioned(options, dynamics, scale);
+  if (method == Method::kImplicit) {
+    return std::make_unique<Rosenbrock>(dynamics, scale, Ros34Pw2());
+  }
+  if (Fourth(options)) return std::make_unique<RungeKutta43>(dynamics, scale);
+  const bool eighth = options.order == 0 ? options.rtol <= kTightTolerance : options.order == 8;
+  if (eighth) return std::make_unique<DormandPrince8>(dynamics, scale);
+  return std::make_unique<DormandPrince>(dynamics, scale);
+}
+
+double ToleranceOf(const SimulateOptions& o, Method method) {
+  return method == Method::kImplicit ? o.rtol : std::min(o.rtol, kLoosestExplicit);
+}
+
+ErrorScale ScaleOf(const Model& model, const SimulateOptions& o, Method method) {
+  ErrorScale scale;
+  scale.rtol = ToleranceOf(o, method);
+  scale.length = o.length;
+  scale.angle = 1.0;
+  scale.speed = scale.length / o.time;
+  scale.spin = 1.0 / o.time;
+  if (o.track_energy) {
+    std::vector<double> start = model.initial_state;
+    const Balance b = Dynamics(model).BalanceAt(0.0, start.data());
+    // No less than what goes with the speeds below which velocities are not distinguished either: a
+    // scene may start without energy.
+    scale.energy = b.Scale() + FloorEnergy(model, scale);
+  }
+  return scale;
+}
+
+}  // namespace unfurl::sim

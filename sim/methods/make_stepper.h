@@ -1,0 +1,26 @@
+#pragma once
+
+#include <memory>
+
+#include "sim/dynamics/dynamics.h"
+#include "sim/methods/simulate.h"
+#include "sim/methods/stepper.h"
+#include "sim/model/model.h"
+
+namespace unfurl::sim {
+
+// The stepper of a method, of the order that the options ask for or that costs least at their
+// tolerance. `method`: anything but kAuto.
+std::unique_ptr<Stepper> MakeStepper(const SimulateOptions& options, Dynamics& dynamics,
+                                     const ErrorScale& scale, Method method);
+std::unique_ptr<Stepper> MakePartitioned(const SimulateOptions& options, Dynamics& dynamics,
+                                         const ErrorScale& scale);
+
+// The relative tolerance of a method's steps [-]: the implicit one is strict enough by itself,
+// explicit ones are bounded from above.
+double ToleranceOf(const SimulateOptions& options, Method method);
+
+// What errors of a step are measured against, from the scene's scales and its energy at the start.
+ErrorScale ScaleOf(const Model& model, const SimulateOptions& options, Method method);
+
+}  // namespace unfurl::sim
