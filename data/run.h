@@ -126,7 +126,7 @@ struct Run {
   std::vector<std::vector<double>> columns;  // q of n values each [Quantity::units]
   std::vector<std::string> marks;
   std::vector<RunEvent> events;
-  std::map<std::string, double> summary;
+  std::map<std::string, double> summary;     // by name [Quantity::units of summary_quantities]
   std::vector<Quantity> summary_quantities;  // units and descriptions of those that may be there
   std::map<std::string, std::string> text;
   std::vector<double> shape_t;     // s [s]; none: no shapes were kept, or they were not read

@@ -108,8 +108,8 @@ class TomlTable {
   const std::string& path() const;
   [[noreturn]] void Fail(std::string_view key, const std::string& what,
                          const std::string& remedy) const;
-  // For a key that is wanted and not there. Where the whole table is there by an override alone, its
-  // name is the likelier mistake.
+  // For a key that is wanted and not there. Where the whole table is there by an override alone,
+  // its name is the likelier mistake.
   [[noreturn]] void FailMissing(std::string_view key) const;
 
  private:
@@ -140,7 +140,7 @@ class TomlDocument {
   /// A number to be set: "beam.arm.damping", "gravity.acceleration[1]".
   struct Value {
     std::string key;
-    double number = 0.0;
+    double number = 0.0;  // [what the key is in]
   };
 
   TomlDocument() = default;

@@ -14,8 +14,8 @@ namespace unfurl::measure {
 
 // A reading that may be a mark's.
 struct Candidate {
-  double u_px = 0.0;
-  double s_px = 0.0;  // its standard deviation
+  double u_px = 0.0;  // where it is seen [px]
+  double s_px = 0.0;  // its standard deviation [px]
 };
 
 /// What is expected of spots: missing ones, foreign ones, merged ones.
@@ -25,7 +25,8 @@ struct AssociateOptions {
   double miss = 0.02;     // chance that a camera does not show a mark that is there [-]
   double clutter = 0.05;  // spots of no mark, expected per camera and line [-]
   // While one mark is lit, a camera's spots that are not taken stand for a wrong reading of it. Of
-  // its error any order of magnitude is as likely, from so many sigmas of the reading to the row.
+  // its error any order of magnitude is as likely, from so many sigmas of the reading [-] to the
+  // row.
   double displaced_sigmas = 5.0;
   // Two marks that are expected as near as this in a camera make one spot there [px]: three widths
   // (sigmas) of a spot. Reconstructor takes them from the record; the default is of spots of 4 px.
@@ -85,11 +86,11 @@ class Associator {
   struct Hypothesis {
     PointSolution point;   // of three readings or more; else kTooFew, at the likeliest place
     double score = 0.0;    // readings, cameras, clutter [-]
-    double weighed = 0.0;  // with the mark's own expectation
+    double weighed = 0.0;  // with the mark's own expectation [-]
     std::array<std::int8_t, CameraBank::kMaxCameras> chosen{};
   };
-  struct Set {  // one point, or none, for each mark
-    double score = 0.0;
+  struct Set {           // one point, or none, for each mark
+    double score = 0.0;  // [-]
     std::vector<int> choice;
   };
 
@@ -132,14 +133,14 @@ class Associator {
 
   const Triangulator& triangulator_;
   AssociateOptions options_;
-  double log_volume_;
-  std::vector<double> row_px_;  // by camera, over which clutter is spread
-  // Of the current line, kept so that nothing is allocated once they have grown.
+  double log_volume_;           // of where a mark may be [log m^3]
+  std::vector<double> row_px_;  // by camera, over which clutter is spread [px]
+  // Of the current line, kept so that nothing is allocated once they have grown [px].
   std::vector<double> u_, s_;
   std::span<const std::span<const Candidate>> lone_;  // the line's, while one mark is lit
   struct Seen {
-    double u_px = 0.0;
-    Eigen::RowVector3d du_dp = Eigen::RowVector3d::Zero();
+    double u_px = 0.0;                                      // [px]
+    Eigen::RowVector3d du_dp = Eigen::RowVector3d::Zero();  // [px/m]
     bool in_front = false;
   };
   std::vector<Seen> seen_;  // camera x way of moving, of the current mark
@@ -148,14 +149,14 @@ class Associator {
       near_{};                                  // bit k: candidate k may be the mark's
   const Mark* mark_ = nullptr;                  // whose points are enumerated; null: of anyone
   std::vector<std::vector<Hypothesis>> lists_;  // by mark, best first; index -1 stands for none
-  std::vector<double> none_;                    // score of "not seen", by mark
+  std::vector<double> none_;                    // score of "not seen", by mark [-]
   std::vector<bool> cut_;                       // there were more than are listed
-  std::vector<double> best_rest_;               // of marks from here on
+  std::vector<double> best_rest_;               // of marks from here on [-]
   using Sets = std::array<std::uint8_t, CameraBank::kMaxCameras>;  // of candidates, by camera
   Sets taken_{}, shared_{};  // by one mark alone; by marks that share it
   std::vector<int> choice_;
   std::vector<Set> sets_;
-  double best_ = 0.0;
+  double best_ = 0.0;  // score [-]
   std::size_t visited_ = 0;
 };
 

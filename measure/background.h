@@ -46,13 +46,13 @@ class Background {
   static constexpr int kSeldom = 8;  // of the later ones, each of so many
 
   data::LineFormat format_;
-  std::vector<float> mean_;
+  std::vector<float> mean_;  // of the dark lines, by active pixel [count]
   std::vector<std::uint16_t> pattern_;
-  float lowest_ = 0.0F;
-  std::array<float, 2> level_{};
+  float lowest_ = 0.0F;           // of mean_ [count]
+  std::array<float, 2> level_{};  // of the shielded elements in the mean, by register [count]
   int lines_ = 0;
-  double noise_ = 0.0;
-  std::vector<float> scratch_;
+  double noise_ = 0.0;          // see noise() [count]
+  std::vector<float> scratch_;  // of one line, in the making of the noise [count]
 };
 
 }  // namespace unfurl::measure

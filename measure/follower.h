@@ -85,7 +85,7 @@ class Follower {
   Associator associator_;
   std::vector<Motion> motion_;
   std::vector<bool> named_by_place_;
-  // How often each camera was wrong of late, forgotten over some hundred lines.
+  // How often each camera was wrong of late, forgotten over some hundred lines [-].
   std::vector<double> wrong_, seen_, miss_;
   std::vector<Associator::Mark> marks_;
   std::vector<std::array<double, CameraBank::kMaxCameras>> expected_u_;  // by mark and camera

@@ -58,14 +58,14 @@ class MarkTracker {
   Follower first_look_;  // of lines with several marks, as they come
   Follower final_;
   std::vector<bool> together_;         // marks that were ever lit with another
-  std::vector<Eigen::Vector3d> last_;  // by mark: where a search begins
+  std::vector<Eigen::Vector3d> last_;  // by mark: where a search begins [m]
   std::vector<Held> held_;             // a ring
   std::size_t first_ = 0, count_ = 0;
   bool finished_ = false;
   std::vector<Motion> after_;
   struct Anchor {
-    double t, variance;
-    Eigen::Vector3d p;
+    double t, variance;  // [s], [m^2]
+    Eigen::Vector3d p;   // [m]
   };
   std::vector<Anchor> anchors_;
   TrackedLine out_;

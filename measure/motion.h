@@ -92,9 +92,9 @@ class Motion {
 
  private:
   struct Model {
-    Eigen::Matrix3d x = Eigen::Matrix3d::Zero();  // rows: position, velocity, acceleration
-    Eigen::Matrix3d P = Eigen::Matrix3d::Zero();  // of one axis
-    double weight = 1.0 / kModels;
+    Eigen::Matrix3d x = Eigen::Matrix3d::Zero();  // rows: position, velocity, acceleration [SI]
+    Eigen::Matrix3d P = Eigen::Matrix3d::Zero();  // of one axis [SI]
+    double weight = 1.0 / kModels;                // [-]
   };
   using Models = std::array<Model, kModels>;
   // Mixed and carried on by dt; weights before the sample is known.
@@ -103,11 +103,11 @@ class Motion {
   MotionOptions options_;
   std::array<double, kModels> jerk_{};  // spectral density, by way of moving [m^2/s^5]
   Models models_;
-  std::array<double, 2> t_{};  // of the last two samples
-  std::array<Eigen::Vector3d, 2> p_{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};
-  Eigen::Vector3d expected_ = Eigen::Vector3d::Zero();
-  double expected_sigma_ = 0.0;
-  double expected_t_ = std::numeric_limits<double>::infinity();
+  std::array<double, 2> t_{};  // of the last two samples [s]
+  std::array<Eigen::Vector3d, 2> p_{Eigen::Vector3d::Zero(), Eigen::Vector3d::Zero()};  // [m]
+  Eigen::Vector3d expected_ = Eigen::Vector3d::Zero();                                  // [m]
+  double expected_sigma_ = 0.0;                                                         // [m]
+  double expected_t_ = std::numeric_limits<double>::infinity();                         // [s]
   int count_ = 0;  // of samples in a row without a long gap, up to 2
 };
 

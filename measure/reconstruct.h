@@ -30,7 +30,7 @@ struct ReconstructOptions {
   // volume's size). Only marks that are lit together need it; without it they are named by their
   // places, in order of x.
   std::map<std::string, Eigen::Vector3d> start;
-  double start_sigma = 0.0;
+  double start_sigma = 0.0;  // [m]
   // Where one mark is lit, spots fainter than this share of the line's brightest are not its own:
   // faint reflections, what the sensor kept of the line before [-].
   double least_share = 0.1;
@@ -103,7 +103,7 @@ class Reconstructor {
   struct Seen {
     std::uint8_t count = 0;
     std::uint8_t flags = 0;
-    float width_px = 0.0F;  // of the brightest
+    float width_px = 0.0F;  // of the brightest [px]
     std::array<Candidate, Associator::kMostCandidates> spots;
   };
 
@@ -132,7 +132,7 @@ class Reconstructor {
   std::vector<Seen> seen_;            // line x camera, of the block
   std::vector<TrackedLine> decided_;  // the first `lines_decided_` are to be handed out
   std::size_t lines_decided_ = 0;
-  std::vector<float> residuals_;
+  std::vector<float> residuals_;  // samples x cameras, NaN where none [px]
   std::size_t next_line_ = 0, last_line_ = 0;
   std::size_t primed_ = 0;  // lines whose dark ones the backgrounds already know
 };

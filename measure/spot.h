@@ -59,7 +59,7 @@ struct SpotOptions {
   double threshold = 6.0;  // detection, in sigmas of the dark noise [-]
   // A spot whose chi-square per degree of freedom exceeds 1 by more than this many of its own
   // standard deviations is not the shape that was fitted: its sigma grows by sqrt(chi-square /
-  // dof).
+  // dof) [-].
   double misfit_sigmas = 3.0;
 };
 
@@ -104,11 +104,11 @@ class SpotFinder {
 
   data::LineFormat format_;
   SpotOptions options_;
-  std::vector<float> inverse_response_;  // of the active pixels; empty: 1
+  std::vector<float> inverse_response_;  // of the active pixels; empty: 1 [-]
   std::vector<float> signal_;            // active pixels above the background [count]
   std::vector<float> sums_;              // of five of them, or of fifteen [count]
-  std::vector<float> scratch_;           // sums_ in the making
-  std::vector<float> window_;            // signal_ by response; NaN: left out
+  std::vector<float> scratch_;           // sums_ in the making [count]
+  std::vector<float> window_;            // signal_ by response; NaN: left out [count]
   std::vector<SpotPeak> peaks_;
   double dark_variance_ = 0.0;  // of one pixel of this line [count^2]
 };

@@ -38,7 +38,7 @@ struct SimulateOptions {
   double max_step = 0.0;
   long max_steps = 500'000'000;
   // Constraints are brought back when they have drifted by more than this part of rtol * length
-  // (positions) or rtol * length / time (velocities).
+  // (positions) or rtol * length / time (velocities) [-].
   double drift_fraction = 0.1;
   bool track_energy = true;  // integrate what contacts and beams dissipate
   bool track_forces = true;  // watch the pins' forces for their peaks (costs one percent)
@@ -110,8 +110,8 @@ struct SimulateReport {
   std::vector<AxialPeak> axial;       // by beam
   std::vector<std::string> warnings;  // about the run, one line each
   std::vector<long> worst_bodies;     // where the error weighed most, looked at now and then
-  double seconds = 0.0;               // wall clock
-  std::vector<double> part_seconds;   // with options.profile, by part of the work
+  double seconds = 0.0;               // wall clock [s]
+  std::vector<double> part_seconds;   // with options.profile, by part of the work [s]
 
   // The end was reached, and the judge found nothing against it.
   bool Usable() const { return status == SimulateStatus::kGood; }
