@@ -172,9 +172,11 @@ std::string RoffQuoted(const std::string& text) {
 }
 
 std::string RoffHead(const std::string& name, const std::string& what) {
-  return fmt::format(".TH {} 1 \"\" \"{}\" \"User Commands\"\n.SH NAME\n{} \\- {}\n",
-                     Replaced(name, "-", "\\-"), data::ProgramVersion(), Replaced(name, "-", "\\-"),
-                     RoffQuoted(what));
+  return fmt::format(
+      ".\\\" Manual page of unfurl; {}`.\n.TH {} 1 \"\" \"{}\" \"User Commands\"\n.SH NAME\n{} \\- "
+      "{}\n",
+      MadeByWords("completion"), Replaced(name, "-", "\\-"), data::ProgramVersion(),
+      Replaced(name, "-", "\\-"), RoffQuoted(what));
 }
 
 std::string VerbPage(const VerbText& verb) {
@@ -211,9 +213,21 @@ std::string ProgramPage(const CLI::App& program, const std::vector<VerbText>& ve
 }
 
 // DIR/man/man1/unfurl.1, DIR/bash-completion/completions/unfurl ..: what a share folder holds.
-int WriteShare(const CLI::App& program, const fs::path& folder) {
+std::vector<std::pair<std::string, std::string>> ShareFiles(const CLI::App& program) {
   const std::vector<VerbText> verbs = VerbsOf(program);
-  const auto write = [&](const fs::path& path, const std::string& text) {
+  std::vector<std::pair<std::string, std::string>> files = {
+      {"man/man1/unfurl.1", ProgramPage(program, verbs)}};
+  for (const VerbText& verb : verbs) {
+    files.emplace_back(fmt::format("man/man1/unfurl-{}.1", verb.name), VerbPage(verb));
+  }
+  files.emplace_back("bash-completion/completions/unfurl", BashText(verbs));
+  files.emplace_back("zsh/vendor-completions/_unfurl", ZshText(verbs));
+  files.emplace_back("fish/vendor_completions.d/unfurl.fish", FishText(verbs));
+  return files;
+}
+
+int WriteShare(const CLI::App& program, const fs::path& folder) {
+  for (const auto& [path, text] : ShareFiles(program)) {
     std::error_code failed;
     fs::create_directories((folder / path).parent_path(), failed);
     if (failed) {
@@ -221,14 +235,7 @@ int WriteShare(const CLI::App& program, const fs::path& folder) {
                   "name a folder to write in", ErrorKind::kMachine);
     }
     data::WriteTextFile((folder / path).string(), text);
-  };
-  write("man/man1/unfurl.1", ProgramPage(program, verbs));
-  for (const VerbText& verb : verbs) {
-    write(fmt::format("man/man1/unfurl-{}.1", verb.name), VerbPage(verb));
   }
-  write("bash-completion/completions/unfurl", BashText(verbs));
-  write("zsh/vendor-completions/_unfurl", ZshText(verbs));
-  write("fish/vendor_completions.d/unfurl.fish", FishText(verbs));
   return kExitGood;
 }
 
@@ -251,7 +258,12 @@ Verb AddCompletion(CLI::App& program, Common& common) {
   auto shell = std::make_shared<std::string>(), folder = std::make_shared<std::string>();
   verb.app->add_option("SHELL", *shell, "Prints it for this shell; man: the manual page")
       ->type_name("bash|zsh|fish|man");
-  verb.files->WriteFolder("--into", folder.get(), {},
+  const auto names = [&program] {
+    std::vector<std::string> paths;
+    for (const auto& [path, text] : ShareFiles(program)) paths.push_back(path);
+    return paths;
+  };
+  verb.files->WriteFolder("--into", folder.get(), names,
                           "Instead: writes all of them and a manual page for each verb below this "
                           "share folder, as ~/.local/share");
   verb.run = [&program, &common, shell, folder] {

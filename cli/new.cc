@@ -159,8 +159,8 @@ Verb AddNew(CLI::App& program, Common& common) {
   }
   std::sort(names.begin(), names.end());
   names.erase(std::unique(names.begin(), names.end()), names.end());
-  verb.files->WriteFolder(
-      "DIR", folder.get(), std::move(names),
+  verb.files->FillFolder(
+      "DIR", folder.get(), [names] { return names; },
       "The folder to make (default: the kind's name); files that are there stay");
   verb.app->footer(footer + "\nExample:\n  unfurl new boom my_boom");
   verb.run = [&common, kind, folder] { return Run(common, *kind, *folder); };

@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "cli/comparison_panels.h"
+#include "cli/verb_files.h"
 #include "data/atomic_file.h"
 #include "report/still.h"
 
@@ -36,7 +37,8 @@ std::string WritePaperFigures(const std::string& folder, const correlate::Compar
     chart.title = title;
     if (chart.x.label.empty()) chart.x = {"time", "s", false};
     const std::string path = (std::filesystem::path(folder) / name).string();
-    data::WriteTextFile(path, report::StillSvg(chart));
+    data::WriteTextFile(path,
+                        "<!-- " + MadeByWords("correlate") + "` -->\n" + report::StillSvg(chart));
     written += fmt::format("wrote {}: {}\n", path, title);
   };
   const auto angle =

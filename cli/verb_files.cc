@@ -4,10 +4,13 @@
 #include <sys/stat.h>
 
 #include <CLI/CLI.hpp>
+#include <array>
 #include <filesystem>
+#include <fstream>
 #include <limits>
 #include <map>
 #include <stdexcept>
+#include <string_view>
 
 #include "base/error.h"
 #include "data/h5.h"
@@ -15,6 +18,8 @@
 #include "data/toml_files.h"
 
 namespace unfurl::cli {
+
+std::string MadeByWords(const std::string& verb) { return "made by `unfurl " + verb; }
 
 namespace {
 
@@ -39,7 +44,15 @@ std::vector<std::string> WrittenFor(const std::string& path) {
   return {path, path + ".partial", path + ".partial~", path + ".partial.new"};
 }
 
+// HDF5 files say so in their provenance; texts near their beginning.
 bool MadeBy(const std::string& path, const std::string& verb) {
+  std::error_code ignored;
+  if (!fs::is_regular_file(path, ignored)) return false;
+  std::array<char, 512> head{};
+  std::ifstream(path, std::ios::binary).read(head.data(), head.size());
+  if (std::string_view(head.data(), head.size()).find(MadeByWords(verb)) != std::string::npos) {
+    return true;
+  }
   bool made = false;
   try {
     const data::H5Reader file(path, data::H5Reader::SchemaOf(path),
@@ -59,33 +72,44 @@ std::string NameOf(const CLI::Option* option) {
 
 CLI::Option* VerbFiles::Read(const std::string& flags, std::string* path, const std::string& help) {
   CLI::Option* option = app_->add_option(flags, *path, help)->type_name(kInput);
-  inputs_.push_back({NameOf(option), path, {}});
+  inputs_.push_back({NameOf(option), path});
   return option;
 }
 
 CLI::Option* VerbFiles::Write(const std::string& flags, std::string* path,
                               const std::string& help) {
   CLI::Option* option = app_->add_option(flags, *path, help)->type_name(kOutput);
-  outputs_.push_back({NameOf(option), path, {}});
+  outputs_.push_back({NameOf(option), path});
   return option;
 }
 
 CLI::Option* VerbFiles::WriteOr(const std::string& flags, std::string* path,
                                 std::function<std::string()> name, const std::string& help) {
-  if (defaults_.empty()) {
-    app_->add_flag("--force", force_,
-                   "Let the default output replace a file that this verb did not make");
-  }
+  AddForce();
   CLI::Option* option = Write(flags, path, help);
   defaults_.push_back({NameOf(option), path, std::move(name)});
   return option;
 }
 
-CLI::Option* VerbFiles::WriteFolder(const std::string& flags, std::string* path,
-                                    std::vector<std::string> names, const std::string& help) {
+CLI::Option* VerbFiles::WriteFolder(const std::string& flags, std::string* path, Names names,
+                                    const std::string& help) {
+  AddForce();
+  CLI::Option* option = FillFolder(flags, path, std::move(names), help);
+  outputs_.back().replaces_others = false;
+  return option;
+}
+
+CLI::Option* VerbFiles::FillFolder(const std::string& flags, std::string* path, Names names,
+                                   const std::string& help) {
   CLI::Option* option = app_->add_option(flags, *path, help)->type_name(kFolder);
   outputs_.push_back({NameOf(option), path, std::move(names)});
   return option;
+}
+
+void VerbFiles::AddForce() {
+  if (app_->get_option_no_throw("--force") != nullptr) return;
+  app_->add_flag("--force", force_,
+                 "Let outputs that are not named here replace files that this verb did not make");
 }
 
 CLI::Option* VerbFiles::Overrides(std::vector<std::string>* sets, const std::string& help) {
@@ -105,27 +129,22 @@ void VerbFiles::CheckDeclared() const {
   }
 }
 
-void VerbFiles::CheckDefault(const std::string& path) const {
+void VerbFiles::CheckMadeHere(const std::string& path, const std::string& remedy) const {
   std::error_code ignored;
   if (force_ || !fs::exists(fs::symlink_status(path, ignored)) || fs::is_directory(path, ignored) ||
       MadeBy(path, app_->get_name())) {
     return;
   }
   throw Error(fmt::format("is there, and `unfurl {}` did not make it", app_->get_name()), path,
-              "name another output with -o, or replace it with --force");
+              remedy + ", or replace it with --force");
 }
 
-namespace {
-
-// The files behind one output option: itself, or those of a folder.
-std::vector<std::string> FilesOf(const std::string& output, const std::vector<std::string>& names) {
-  if (names.empty()) return {output};
+std::vector<std::string> VerbFiles::Path::Files() const {
+  if (!names) return {*path};
   std::vector<std::string> files;
-  for (const std::string& name : names) files.push_back(output + "/" + name);
+  for (const std::string& name : names()) files.push_back(*path + "/" + name);
   return files;
 }
-
-}  // namespace
 
 void VerbFiles::Prepare() const {
   std::vector<std::string> by_default;
@@ -138,7 +157,7 @@ void VerbFiles::Prepare() const {
   std::map<std::string, std::string> outputs;
   for (const Path& output : outputs_) {
     if (output.path->empty()) continue;
-    for (const std::string& file : FilesOf(*output.path, output.names)) {
+    for (const std::string& file : output.Files()) {
       for (const std::string& written : WrittenFor(file)) {
         const std::string identity = IdentityOf(written);
         const auto input = inputs.find(identity);
@@ -155,7 +174,11 @@ void VerbFiles::Prepare() const {
       }
     }
   }
-  for (const std::string& path : by_default) CheckDefault(path);
+  for (const std::string& path : by_default) CheckMadeHere(path, "name another output with -o");
+  for (const Path& output : outputs_) {
+    if (output.replaces_others || output.path->empty()) continue;
+    for (const std::string& file : output.Files()) CheckMadeHere(file, "name another folder");
+  }
   data::ProtectWhatIsRead();  // what nobody could name before it was read: from pipes, of programs
 }
 

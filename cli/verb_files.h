@@ -12,12 +12,19 @@ class Option;
 
 namespace unfurl::cli {
 
+// What a text that a verb writes into a folder says in its first 512 bytes, so that the same verb
+// may replace it.
+std::string MadeByWords(const std::string& verb);
+
 // The files that a verb reads and writes, registered as its options are declared, so that no output
 // can ever take the place of an input. Every option that takes text is declared here as a file to
 // read, a file to write or overrides, or carries a type name of its own (a word, a list of names):
 // the program refuses to start with one that is not.
 class VerbFiles {
  public:
+  // Of the files in a folder; asked for when all verbs are declared.
+  using Names = std::function<std::vector<std::string>()>;
+
   explicit VerbFiles(CLI::App* app) : app_(app) {}
   VerbFiles(const VerbFiles&) = delete;
   VerbFiles& operator=(const VerbFiles&) = delete;
@@ -29,9 +36,13 @@ class VerbFiles {
   // not make stays, unless --force is given (the flag is declared here).
   CLI::Option* WriteOr(const std::string& flags, std::string* path,
                        std::function<std::string()> name, const std::string& help);
-  // A folder in which files of these `names` are written.
-  CLI::Option* WriteFolder(const std::string& flags, std::string* path,
-                           std::vector<std::string> names, const std::string& help);
+  // A folder in which files of these `names` are written. As they are not named on the command
+  // line, files that this verb did not make stay, unless --force is given.
+  CLI::Option* WriteFolder(const std::string& flags, std::string* path, Names names,
+                           const std::string& help);
+  // The same, of a verb that replaces no file in it, whoever made it.
+  CLI::Option* FillFolder(const std::string& flags, std::string* path, Names names,
+                          const std::string& help);
   // "KEY=VALUE" for a TOML input; values may name files, too.
   CLI::Option* Overrides(std::vector<std::string>* sets, const std::string& help);
 
@@ -40,21 +51,24 @@ class VerbFiles {
 
   // Before any work: fills in default names, and throws Error where an output is one of the inputs
   // (by device and inode, through links, includes and files that a TOML input names), where two
-  // outputs are one file, or where a default name is taken.
+  // outputs are one file, or where a name that was not given is taken.
   void Prepare() const;
 
  private:
   struct Path {
     std::string option;  // as the person knows it: "SCENE", "--report"
     const std::string* path;
-    std::vector<std::string> names;  // of the files in it; empty: it is a file
+    Names names{};                // of the files in it; none: it is a file
+    bool replaces_others = true;  // may replace files that this verb did not make
+    std::vector<std::string> Files() const;
   };
   struct Default {
     std::string option;
     std::string* path;
     std::function<std::string()> name;
   };
-  void CheckDefault(const std::string& path) const;
+  void AddForce();
+  void CheckMadeHere(const std::string& path, const std::string& remedy) const;
   // Inputs by identity, with how they came to be inputs.
   std::map<std::string, std::string> Inputs() const;
 

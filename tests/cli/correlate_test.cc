@@ -105,6 +105,8 @@ TEST_F(CorrelateTest, TellsWhatWasPlanted) {
   for (const char* file : {"figure-15.svg", "figure-16a.svg", "figure-16b.svg", "figure-17.svg"}) {
     EXPECT_THAT(Get(std::string("figures/") + file), HasSubstr("</svg>")) << file;
   }
+  const Outcome again = Run({"correlate", "a.csv", "b.csv", "--figures", "figures", "--quiet"});
+  EXPECT_EQ(again.code, 0) << "its own earlier figures may be replaced: " << again.err;
 }
 
 TEST_F(CorrelateTest, SeesAMotionTooLargeAsTooLarge) {

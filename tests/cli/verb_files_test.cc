@@ -312,6 +312,36 @@ TEST_F(VerbFilesTest, ADefaultNameThatIsTakenNeedsForce) {
   ExpectKept(expose, "did not make it");
 }
 
+// What is written into a folder was not named on the command line either.
+TEST_F(VerbFilesTest, NamesInAFolderThatAreTakenNeedForce) {
+  const std::vector<std::string> completion = {"completion", "--into", "share"};
+  auto forced = completion;
+  forced.push_back("--force");
+  ASSERT_EQ(Run(completion).code, 0);
+  EXPECT_EQ(Run(completion).code, 0) << "its own earlier files may be replaced";
+  const auto made = Hashes();
+  EXPECT_EQ(made.size(), Verbs().size() + 4);  // a page for each and one for all; three shells
+  for (const auto& [path, hash] : made) {
+    const std::string name = std::filesystem::relative(path, folder_).string();
+    Put(name, "of somebody else");
+    ExpectKept(completion, "did not make it");
+    EXPECT_EQ(Run(forced).code, 0) << name;
+    EXPECT_EQ(Hashes(), made) << name;
+  }
+
+  std::filesystem::create_directories(folder_ / "figures");
+  Put("a.csv", "");
+  Put("b.csv", "");
+  for (const char* name : {kFigure, "figure-16a.svg", "figure-16b.svg", "figure-17.svg"}) {
+    Put(std::string("figures/") + name, "<svg></svg>");
+    ExpectKept({"correlate", "a.csv", "b.csv", "--figures", "figures"}, "did not make it");
+    std::filesystem::remove(folder_ / "figures" / name);
+  }
+  // A pipe is no file of anyone's, and nothing waits on it.
+  ASSERT_EQ(mkfifo((folder_ / "figures" / kFigure).c_str(), 0600), 0);
+  ExpectKept({"correlate", "a.csv", "b.csv", "--figures", "figures"}, "did not make it");
+}
+
 TEST_F(VerbFilesTest, ForceDoesNotReachInputs) {
   Put("tracks.h5", "a trial by that name");
   Put("rig.h5", "");
