@@ -12,7 +12,7 @@ std::string LengthText(double metres);
 // name, and how many of them a metre has.
 struct LengthUnit {
   const char* name;
-  double per_metre;
+  double per_metre;  // [1/m]
 };
 LengthUnit UnitFor(double metres);
 

@@ -29,7 +29,7 @@ class TracksDigest {
     std::array<std::size_t, 4> status{};
   };
   struct Incident {  // a sample that was not plainly good
-    double t = 0.0;
+    double t = 0.0;  // [s]
     int mark = 0;
     data::SampleStatus status = data::SampleStatus::kGood;
     data::SampleReason reason = data::SampleReason::kNone;

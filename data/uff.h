@@ -21,12 +21,12 @@ struct UffFunction {
   int node = 0, direction = 0;  // -3 .. 3: along an axis, against it; 0: a scalar
   bool complex = false;         // then there are no values
   UffAxis abscissa, ordinate, denominator;
-  std::vector<double> t, y;
+  std::vector<double> t, y;  // in the units of abscissa and ordinate [unit]
 };
 
 struct UffFile {
   std::vector<UffFunction> functions;
-  double length_factor = 0.0;  // file's lengths per metre (dataset 164); 0: not stated
+  double length_factor = 0.0;  // file's lengths per metre (dataset 164); 0: not stated [1/m]
 };
 
 // Values in E or D format or binary (58b: IEEE, either byte order). Throws Error with the line for

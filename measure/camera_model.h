@@ -8,7 +8,7 @@ namespace unfurl::measure {
 
 // The reading that the two-centre model predicts for a point, and its derivatives.
 struct Projection {
-  double u_px = 0.0;
+  double u_px = 0.0;                                        // [px]
   Eigen::RowVector3d du_dp;                                 // by the point in W [px/m]
   Eigen::Matrix<double, 1, data::kCameraParameters> du_dc;  // by the camera's parameters, in the
                                                             // order of data/rig.h

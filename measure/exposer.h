@@ -26,14 +26,14 @@ class Exposer {
   // places in W; `axis` as in LabLed, in W.
   struct Led {
     std::span<const Eigen::Vector3d> instants;
-    Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();
+    Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();  // [-]
   };
   struct Line {
     std::span<const Led> leds;  // lit together; none in a dark line
-    double electrons = 0.0;     // per steradian, of each
+    double electrons = 0.0;     // per steradian, of each [1/sr]
     double t = 0.0;             // middle of the line by the recorder's clock [s]
     // Of the mains over the line: those of `lab` at true time `t`, unless the phase is drawn.
-    double mains_phase = 0.0;
+    double mains_phase = 0.0;  // [rad]
   };
 
   // The charge of camera c's pixels by this line's light. With residual charge the lines of a
@@ -50,10 +50,10 @@ class Exposer {
   const data::Lab& lab_;
   const VirtualRig& rig_;
   std::vector<SpotPainter> painters_;  // by camera
-  double led_exponent_ = 0.0;          // m of cos^m; 0: alike in all directions
+  double led_exponent_ = 0.0;          // m of cos^m; 0: alike in all directions [-]
   std::vector<Disc> mirrors_;
   std::vector<Disc> occluders_;               // those that stand there now
-  std::vector<double> pixels_;                // electrons of the current camera
+  std::vector<double> pixels_;                // electrons of the current camera [-]
   std::vector<std::vector<double>> ambient_;  // by camera: over a line, unmodulated [e-], or empty
   std::vector<std::vector<double>> lamps_;    // camera x lamp: its light in a line [e-]
   std::vector<std::vector<double>> remains_;  // by camera: charge that is left [e-]; empty: none

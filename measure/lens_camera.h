@@ -21,14 +21,14 @@ struct Glass {
   double index = 1.0;            // [-]
   std::array<Surface, 2> faces;  // in the order in which light meets them
   double half_width = 0.0;       // of the faces, across the axis and along it [m]
-  double half_length = 0.0;
+  double half_length = 0.0;      // [m]
 };
 
 // The row of pixels. `row` points to growing u; the row is `pitch` high.
 struct SensorRow {
   Eigen::Vector3d centre;  // of the middle of the active row in C [m]
-  Eigen::Vector3d row;     // unit
-  Eigen::Vector3d column;  // unit, in the sensor's plane, across the row
+  Eigen::Vector3d row;     // unit [-]
+  Eigen::Vector3d column;  // unit, in the sensor's plane, across the row [-]
   double pitch = 0.0;      // [m]
   int pixels = 0;          // active ones
   double blur = 0.0;       // sigma of diffraction and charge diffusion [m]
@@ -43,7 +43,7 @@ struct LensCamera {
   // Instead of the glass: its pose, image and offset by a lens model's formula, and the width over
   // which a point's light is spread on the row [m]. X_WC and the sensor's place then do not count.
   std::optional<data::RigCamera> model;
-  double spot = 0.0;
+  double spot = 0.0;  // [m]
   SensorRow sensor;
 };
 
@@ -74,7 +74,7 @@ struct SpotLight {
 // A flat disc in W: it stops what crosses it, or mirrors it.
 struct Disc {
   Eigen::Vector3d centre;  // [m]
-  Eigen::Vector3d normal;  // unit
+  Eigen::Vector3d normal;  // unit [-]
   double radius = 0.0;     // [m]
 
   // Where the straight way from a to b crosses it; false when it does not.

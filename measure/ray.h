@@ -5,8 +5,8 @@
 namespace unfurl::measure {
 
 struct Ray {
-  Eigen::Vector3d origin;
-  Eigen::Vector3d direction;  // unit
+  Eigen::Vector3d origin;     // [m]
+  Eigen::Vector3d direction;  // unit [-]
 };
 
 // Snell's law in vector form: the unit direction `d` after a surface of unit normal `normal`

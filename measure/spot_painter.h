@@ -21,7 +21,7 @@ class SpotPainter {
   static constexpr int kFine = 16;  // grid nodes per pixel
   int reach_ = 0;                   // of the kernel [px]
   std::vector<double> kernel_;      // [node phase][pixel offset + reach]
-  std::vector<double> grid_;
+  std::vector<double> grid_;        // light by node [-]
 };
 
 }  // namespace unfurl::measure

@@ -18,8 +18,8 @@ struct VirtualRig {
   Pose X_WM = Pose::Identity();         // the model's plane
   double lead = 0.0;                    // from start of recording to release [s]
   // Electrons per steradian that an LED yields in one flash, and in one exposure of the survey.
-  double flash_electrons = 0.0;
-  double survey_electrons = 0.0;
+  double flash_electrons = 0.0;   // [1/sr]
+  double survey_electrons = 0.0;  // [1/sr]
 };
 
 VirtualRig MakeVirtualRig(const data::Lab& lab);

@@ -18,9 +18,9 @@ struct Link {
   std::string where;
   int inner = -1, outer = -1;    // nodes
   PlanePose inner_in, outer_in;  // the link's frame in each node
-  double sign = 1.0;
-  bool turns = false;   // theta may change
-  bool slides = false;  // travel may change
+  double sign = 1.0;             // +1 or -1 [-]
+  bool turns = false;            // theta may change
+  bool slides = false;           // travel may change
   // A drive gives the coordinate: closing the loops leaves it alone.
   bool theta_driven = false, travel_driven = false;
 };

@@ -28,17 +28,17 @@ class Constraints {
   };
   // Mutable arrays of one simulation.
   struct Work {
-    Array axis_x, axis_y;          // a, of length 1, by row of elements
-    Array tilt;                    // d(row)/d(theta_i), in the station's coordinates, by row
-    Array tilt_i, tilt_j;          // the same for the bodies that carry the stations
-    Array diagonal, off, inverse;  // the Schur complement, then its factor
-    Array lambda;                  // by row
-    Array fx, fy, m;               // J^T lambda by body
-    Array ax, ay, alpha;           // accelerations by body
-    std::vector<double> joints;    // geometry of the joints' rows
+    Array axis_x, axis_y;          // a, of length 1, by row of elements [-]
+    Array tilt;                    // d(row)/d(theta_i), in the station's coordinates, by row [m]
+    Array tilt_i, tilt_j;          // the same for the bodies that carry the stations [m]
+    Array diagonal, off, inverse;  // the Schur complement, then its factor [1/kg], inverse [kg]
+    Array lambda;                  // by row [N], [N m]
+    Array fx, fy, m;               // J^T lambda by body [N], [N m]
+    Array ax, ay, alpha;           // accelerations by body [m/s^2], [rad/s^2]
+    std::vector<double> joints;    // geometry of the joints' rows [m], [-]
     std::vector<double> blocks;    // Jacobian of the joints' rows, 6 each, then the blocks of
-                                   // elements that cross terms use, 3 each
-    std::vector<double> station;   // offsets in the world, 2 per station
+                                   // elements that cross terms use, 3 each [m], [-]
+    std::vector<double> station;   // offsets in the world, 2 per station [m]
     const KirchhoffBeams* smooth = nullptr;  // where the model has any
     KirchhoffBeams::Work smooth_work;
   };
@@ -119,7 +119,7 @@ class Constraints {
     bool diagonal;
     int a, b;        // in work.blocks
     int at, stride;  // of C's first entry in smooth_work.compliance
-    double factor;
+    double factor;   // [-]
   };
   double Product(const BeamCoupling& coupling, const Work& work) const;
   void AddBeamCouplings(Work* work) const;
@@ -151,15 +151,15 @@ class Constraints {
   void ConstraintLoad(Work* work) const;
 
   int n_ = 0, beam_count_ = 0, rows_ = 0;
-  Array inverse_mass_, inverse_inertia_;  // by body
+  Array inverse_mass_, inverse_inertia_;  // by body [1/kg], [1/(kg m^2)]
   std::vector<Station> stations_;
   std::vector<int> station_of_;  // by body; -1: none
   JointRows joints_;
   std::vector<std::string> element_names_;  // by body of the beam
-  Array active_, length_, chord_;           // by row of elements
-  Array mass_sum_;                          // 1/m_i + 1/m_j by row
-  Array inertia_i_, inertia_j_;             // 1/I of the two sides, 0 where tilt is 0, by row
-  Array shared_;                            // 1/m of the segment that rows e, e + 1 share
+  Array active_, length_, chord_;           // by row of elements [-], [m], [-]
+  Array mass_sum_;                          // 1/m_i + 1/m_j by row [1/kg]
+  Array inertia_i_, inertia_j_;  // 1/I of the two sides, 0 where tilt is 0, by row [1/(kg m^2)]
+  Array shared_;                 // 1/m of the segment that rows e, e + 1 share [1/kg]
   std::vector<Side> i_sides_, j_sides_;
   std::vector<Block> blocks_;
   std::vector<Cross> crosses_;

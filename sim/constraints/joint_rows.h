@@ -26,17 +26,17 @@ class JointRows {
   };
   struct Along {
     int inner, outer;
-    double ix, iy, ox, oy;  // [m]
-    double ax, ay;          // e in the inner body's frame, of length 1
-    double sign = 1.0;
+    double ix, iy, ox, oy;      // [m]
+    double ax, ay;              // e in the inner body's frame, of length 1 [-]
+    double sign = 1.0;          // [-]
     data::TimeFunction target;  // f [m]
     std::string name;
     bool drive = false;  // f is what a drive says
   };
   struct Angle {
     int inner, outer;
-    double zero = 0.0;  // [rad]
-    double sign = 1.0;
+    double zero = 0.0;          // [rad]
+    double sign = 1.0;          // [-]
     data::TimeFunction target;  // f [rad]
     std::string name;
     bool drive = false;

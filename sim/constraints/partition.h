@@ -68,23 +68,23 @@ class Partition {
   };
 
   int rows_ = 0, places_ = 0, column_count_ = 0;
-  double length_ = 1.0;
+  double length_ = 1.0;         // of the scene [m]
   std::vector<int> column_of_;  // by place of the six; -1: the ground, or no equation
-  std::vector<double> scale_;   // by column
+  std::vector<double> scale_;   // by column [-], [1/m]
   std::vector<int> row_of_;     // row that a dependent column is the pivot of, by column
   std::vector<int> columns_, redundant_;
-  double smallest_pivot_ = 1.0;
+  double smallest_pivot_ = 1.0;  // [-]
 
   std::vector<Step> steps_;
-  std::vector<Target> targets_;   // step after step
-  std::vector<int> rest_places_;  // of the pivot row beside the pivot, step after step
-  std::vector<double> rest_scale_;
-  std::vector<int> sums_;  // places that take -multiplier * rest, target after target
+  std::vector<Target> targets_;     // step after step
+  std::vector<int> rest_places_;    // of the pivot row beside the pivot, step after step
+  std::vector<double> rest_scale_;  // [-], [1/m]
+  std::vector<int> sums_;           // places that take -multiplier * rest, target after target
   struct Later {
     int place, column;
   };
   std::vector<Later> later_;
-  std::vector<double> value_;  // by place
+  std::vector<double> value_;  // by place [-], [m]
 };
 
 }  // namespace unfurl::sim

@@ -30,9 +30,9 @@ class CentreLine {
  private:
   KirchhoffRod::Frame SmoothAt(const Motion& motion, double place) const;
 
-  int first_ = 0, segments_ = 0;               // bodies of the segments
-  int start_station_ = -1, end_station_ = -1;  // bodies, where welded
-  double segment_length_ = 0.0, length_ = 0.0;
+  int first_ = 0, segments_ = 0;                // bodies of the segments
+  int start_station_ = -1, end_station_ = -1;   // bodies, where welded
+  double segment_length_ = 0.0, length_ = 0.0;  // [m]
   // Of a smooth beam: tables of the places that are asked for.
   const KirchhoffBeams* smooth_beams_ = nullptr;
   int smooth_ = -1;

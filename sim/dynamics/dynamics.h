@@ -12,13 +12,13 @@ namespace unfurl::sim {
 
 // Energies by kind [J], momentum, and what the constraints have drifted, at one state.
 struct Balance {
-  double kinetic = 0.0, bending = 0.0, axial = 0.0;
-  std::array<double, kEffects> effects{};  // by effect, in the order of kEffectTexts
-  double effects_scale = 0.0;       // the same, wherever their zeros are (Effect::EnergyScale)
-  double dissipated_contact = 0.0;  // since the start, with what held contacts still have
-  double dissipated_beams = 0.0;    // since the start
-  double dissipated_dampers = 0.0;  // since the start, friction included
-  double work = 0.0;                // of drives, motors and applied forces, since the start
+  double kinetic = 0.0, bending = 0.0, axial = 0.0;  // [J]
+  std::array<double, kEffects> effects{};            // by effect, in the order of kEffectTexts [J]
+  double effects_scale = 0.0;       // the same, wherever their zeros are (Effect::EnergyScale) [J]
+  double dissipated_contact = 0.0;  // since the start, with what held contacts still have [J]
+  double dissipated_beams = 0.0;    // since the start [J]
+  double dissipated_dampers = 0.0;  // since the start, friction included [J]
+  double work = 0.0;                // of drives, motors and applied forces, since the start [J]
   double momentum_x = 0.0, momentum_y = 0.0;          // [kg m/s]
   double angular_momentum = 0.0;                      // about the origin [kg m^2/s]
   double centre_x = 0.0, centre_y = 0.0;              // of all mass [m]
@@ -121,7 +121,7 @@ class Dynamics {
 
   const Model& model_;
   std::vector<LatchMode> modes_;
-  Array cosine_, sine_, fx_, fy_, m_, scratch_;
+  Array cosine_, sine_, fx_, fy_, m_, scratch_;  // [-], [N], [N m]
   Constraints::Work work_;
   double after_ = -HUGE_VAL, before_ = HUGE_VAL;  // [s]
 };

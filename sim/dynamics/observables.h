@@ -85,15 +85,15 @@ class Observables {
   Balance balance_;
   TorqueMargins margins_;
   JointForces forces_;
-  double start_ = 0.0;
+  double start_ = 0.0;  // energy [J]
   bool started_ = false;
   bool wants_forces_ = false;                // some column needs the multipliers
   std::vector<CentreLine> lines_;            // by beam
-  std::vector<std::vector<double>> places_;  // by beam
+  std::vector<std::vector<double>> places_;  // by beam, of its length [-]
   std::vector<Outline> outlines_;            // by rigid body
   std::vector<data::Quantity> quantities_;
   std::vector<Column> columns_;
-  std::vector<double> row_, shape_row_, rates_;
+  std::vector<double> row_, shape_row_, rates_;  // [units of the columns]
 };
 
 }  // namespace unfurl::sim

@@ -38,11 +38,11 @@ Relative RelateAt(const Motion& m, int e) {
 Bending::Bending(int beam_count)
     : beam_count_(beam_count),
       length_(beam_count, 1.0),
+      beta_(beam_count, 0.0),
+      gradient_(beam_count, 0.0),
       shear_(beam_count, 0.0),
       bend_(beam_count, 0.0),
-      axial_stiffness_(beam_count, 0.0),
-      beta_(beam_count, 0.0),
-      gradient_(beam_count, 0.0) {}
+      axial_stiffness_(beam_count, 0.0) {}
 
 void Bending::Set(int e, const Element& element) {
   const double l = element.length;

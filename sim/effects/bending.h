@@ -53,7 +53,8 @@ class Bending {
   int count_ = 0;
   bool damped_ = false;
   bool axial_ = false;
-  Array length_, shear_, bend_, axial_stiffness_, beta_, gradient_;
+  Array length_, beta_, gradient_;        // [m], [s], [-]
+  Array shear_, bend_, axial_stiffness_;  // [N/m], [N m], [N/m]
 };
 
 }  // namespace unfurl::sim

@@ -40,7 +40,7 @@ class Forces {
     LoadPoint point;
     Pair force;  // [N]
     bool follows;
-    double c, s;  // of `angle`
+    double c, s;  // of `angle` [-]
   };
   struct Torque {
     int body, other;
@@ -48,7 +48,7 @@ class Forces {
   };
   struct Line {
     int first, segments;
-    double length;
+    double length;    // [m]
     Pair per_length;  // [N/m]
     bool follows;
   };

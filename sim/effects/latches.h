@@ -31,7 +31,7 @@ class Latches {
   using Contact = ContactLaw::Contact;
   // An end of the clearance: passed where side (theta - level) > 0.
   struct Stop {
-    double side;   // 1: the upper stop; -1: the lower
+    double side;   // 1: the upper stop; -1: the lower [-]
     double level;  // of theta [rad]
   };
 

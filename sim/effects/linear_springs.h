@@ -30,7 +30,7 @@ class LinearSprings {
     double length;   // d [m]
     double rate;     // [m/s]
     double tension;  // [N]
-    double ex, ey;   // from a to b, of length 1; zeros where the points meet
+    double ex, ey;   // from a to b, of length 1; zeros where the points meet [-]
   };
   State At(int k, const Motion& motion) const;
   void AddTangent(const Motion& motion, Tangent* tangent) const;

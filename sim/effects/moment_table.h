@@ -38,7 +38,7 @@ class MomentTable {
  private:
   struct Piece {
     double begin;           // coordinate [rad]
-    double c0, c1, c2, c3;  // moment by powers of the coordinate less `begin`
+    double c0, c1, c2, c3;  // moment by powers of the coordinate less `begin` [N m/rad^k]
     double potential;       // at `begin` [J]
   };
   std::vector<Piece> pieces_;  // the last is the straight line beyond the end

@@ -39,7 +39,7 @@ class Saddle {
 
   int n_ = 0, rows_ = 0;
   std::vector<int> moving_, still_;  // bodies
-  Array mass_, inertia_;             // by body
+  Array mass_, inertia_;             // by body [kg], [kg m^2]
   struct Row {                       // of J
     int row, inner, outer;           // bodies
   };
@@ -50,7 +50,7 @@ class Saddle {
   std::vector<Scatter> pair_at_, diagonal_at_;
   std::vector<Entry> jacobian_at_;
   SparseLdlt ldlt_;
-  Array diagonal_, off_, inverse_, x_;
+  Array diagonal_, off_, inverse_, x_;  // of the system and its solution [SI]
 };
 
 }  // namespace unfurl::sim

@@ -54,8 +54,8 @@ class SmoothSaddle {
     double damping = 0.0;         // [s]
     std::vector<int> at;          // index into a vector, by coordinate
     std::vector<int> unknown;     // by coordinate
-    Array scale;                  // what a vector holds is so many times the coordinate
-    Array stiffness;              // d^2V/dq^2 over the scale squared, by coordinate
+    Array scale;                  // what a vector holds is so many times the coordinate [-]
+    Array stiffness;              // d^2V/dq^2 over the scale squared, by coordinate [SI]
     std::vector<int> place;       // of the block's lower triangle, by rows, diagonal left out
     std::vector<int> attached;    // bodies
     KirchhoffRod::Linear linear;  // scaled
@@ -68,7 +68,7 @@ class SmoothSaddle {
   void Column(const Side& side, int i, double out[3]) const;
 
   int n_ = 0, rows_ = 0;
-  Array mass_, inertia_;
+  Array mass_, inertia_;  // [kg], [kg m^2]
   std::vector<Beam> list_;
   std::vector<Side> sides_;  // by body
   std::vector<int> rigid_;   // bodies that move by themselves
@@ -76,8 +76,8 @@ class SmoothSaddle {
   std::vector<int> unknowns_;  // all that are solved for
   std::vector<char> used_row_;
   SparseLdlt ldlt_;
-  Array diagonal_, off_, inverse_, x_;
-  mutable Array product_;
+  Array diagonal_, off_, inverse_, x_;  // of the system and its solution [SI]
+  mutable Array product_;               // [SI]
 };
 
 }  // namespace unfurl::sim

@@ -33,10 +33,10 @@ class TreeSaddle {
     std::array<int, kMostRows> own{}, other{};  // where J_c, J_p start in J; other -1: the ground
   };
   struct Numbers {
-    double W[6];  // xx xy xt yy yt tt, then its inverse P
-    double K[9];  // rows of c, columns of p
-    double JP[kMostRows][3], G[kMostRows][3], S[6], SG[kMostRows][3];  // S: then its inverse
-    double r[3], q[kMostRows];
+    double W[6];  // xx xy xt yy yt tt, then its inverse P [SI]
+    double K[9];  // rows of c, columns of p [SI]
+    double JP[kMostRows][3], G[kMostRows][3], S[6], SG[kMostRows][3];  // S: then its inverse [SI]
+    double r[3], q[kMostRows];  // right sides, then solutions [SI]
   };
   struct Source {
     int node, pair;
@@ -47,7 +47,7 @@ class TreeSaddle {
 
   bool applies_ = false;
   int n_ = 0;
-  Array mass_, inertia_;
+  Array mass_, inertia_;     // [kg], [kg m^2]
   std::vector<Node> nodes_;  // tips first
   std::vector<Numbers> numbers_;
   std::vector<Source> sources_;

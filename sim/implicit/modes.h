@@ -13,7 +13,7 @@ struct NaturalMode {
   double growth = 0.0;     // of an unstable motion: sqrt(-omega^2) [1/s]
   double damping = 0.0;    // ratio, to first order in D [-]
   // dx, dy of all bodies' points and their dtheta, three blocks; the largest displacement is 1 m
-  // (or the largest angle 1 rad where nothing is displaced).
+  // (or the largest angle 1 rad where nothing is displaced) [m], [rad].
   std::vector<double> shape;
 };
 

@@ -18,12 +18,12 @@ struct RosenbrockTable {
   static constexpr int kMostStages = 6;  // that a table has room for
   const char* name = "";
   int stages = 0;
-  int error_order = 0;  // by which the error estimate falls with the step
-  double gamma = 0.0;
-  double alpha[kMostStages][kMostStages] = {};
-  double coupling[kMostStages][kMostStages] = {};  // gamma_ij, j < i
-  double b[kMostStages] = {};
-  double b_hat[kMostStages] = {};
+  int error_order = 0;                          // by which the error estimate falls with the step
+  double gamma = 0.0;                           // [-]
+  double alpha[kMostStages][kMostStages] = {};  // [-]
+  double coupling[kMostStages][kMostStages] = {};  // gamma_ij, j < i [-]
+  double b[kMostStages] = {};                      // [-]
+  double b_hat[kMostStages] = {};                  // [-]
 };
 
 // Third order, embedded second, L-stable, stiffly accurate: Rang and Angermann (2005), ROS34PW2.
@@ -69,9 +69,9 @@ class Rosenbrock : public Stepper {
   std::unique_ptr<Saddle> saddle_;
   std::unique_ptr<SmoothSaddle> smooth_;  // in its place where beams are smooth
   std::vector<Array> u_;
-  Array f0_, f1_, rate_, solution_, row_, jacobian_, lambda_, end_lambda_;
+  Array f0_, f1_, rate_, solution_, row_, jacobian_, lambda_, end_lambda_;  // [SI]
   bool linearised_ = false;
-  double factored_h_ = 0.0;
+  double factored_h_ = 0.0;  // [s]
 };
 
 }  // namespace unfurl::sim

@@ -30,7 +30,7 @@ class KirchhoffRod {
     KirchhoffShapes::Ends ends;
   };
   struct Attachment {
-    double at = 0.0;            // place, of the length
+    double at = 0.0;            // place, of the length [-]
     double px = 0.0, py = 0.0;  // of the attached frame, in the beam's frame there [m]
     double angle = 0.0;         // against the beam's [rad]
     double mass = 0.0;          // of the body there [kg]
@@ -43,23 +43,23 @@ class KirchhoffRod {
     double angle = 0.0;               // [rad]
   };
   struct Frame {
-    double x = 0.0, y = 0.0, theta = 0.0, vx = 0.0, vy = 0.0, omega = 0.0;
+    double x = 0.0, y = 0.0, theta = 0.0, vx = 0.0, vy = 0.0, omega = 0.0;  // [SI]
   };
 
   // Mutable arrays of one simulation.
   struct Work {
-    Array theta, cosine, sine, rate;  // by point, then by attachment
-    Array a, a_rate;               // theta_0 and amplitudes; shapes().width entries, as all below
-    Array products;                // K_qq' cos(theta_q - theta_q')
-    Array push;                    // by point, 3 arrays
-    Array jx, jy;                  // d(place)/d(theta_0, a) by attachment, about the centre
-    Array centre_x, centre_y;      // the same of the common centre with the attached bodies
-    Array system;                  // mass matrix and its right sides, row() entries a row
-    Array factor, inverse;         // M = L D L^T: L by rows, 1 / D
-    Array alpha;                   // right side, then solution
-    std::vector<Frame> frame;      // by attachment
-    std::vector<double> offset;    // x, y: of its origin from the beam's line [m]
-    std::vector<double> bias;      // x, y: acceleration of the place at q'' = 0 [m/s^2]
+    Array theta, cosine, sine, rate;  // by point, then by attachment [rad], [-], [-], [rad/s]
+    Array a, a_rate;             // theta_0, amplitudes; shapes().width entries, as all below [rad]
+    Array products;              // K_qq' cos(theta_q - theta_q') [kg m^2]
+    Array push;                  // by point, 4 arrays [1/s^2], [N m]
+    Array jx, jy;                // d(place)/d(theta_0, a) by attachment, about the centre [m]
+    Array centre_x, centre_y;    // the same of the common centre with the attached bodies [m]
+    Array system;                // mass matrix and its right sides, row() entries a row [SI]
+    Array factor, inverse;       // M = L D L^T: L by rows, 1 / D [SI]
+    Array alpha;                 // right side, then solution [N m], [rad/s^2]
+    std::vector<Frame> frame;    // by attachment
+    std::vector<double> offset;  // x, y: of its origin from the beam's line [m]
+    std::vector<double> bias;    // x, y: acceleration of the place at q'' = 0 [m/s^2]
     double drift[2] = {0.0, 0.0};  // acceleration of the common centre [m/s^2]
   };
 
@@ -90,7 +90,7 @@ class KirchhoffRod {
 
   // M, coordinates() squared, and by attachment T_b, three rows; after Solve.
   struct Linear {
-    Array mass, motion;
+    Array mass, motion;  // [kg m^2], [m]
   };
   void Linearise(const Work& work, Linear* out) const;
   // d^2V/da_k^2, k from 1 [N m].
@@ -104,7 +104,7 @@ class KirchhoffRod {
 
   // A place along the beam, with its tables.
   struct Place {
-    Array arm, shape;
+    Array arm, shape;  // [m], [-]
   };
   Place PlaceAt(double at) const { return {shapes_.Arm(at), shapes_.ShapesAt(at)}; }
   // Its frame at q and q'; for samples.
@@ -138,15 +138,15 @@ class KirchhoffRod {
   KirchhoffShapes shapes_;
   std::vector<Attachment> attachments_;
   Strings strings_;
-  double hang_cosine_ = 1.0, hang_sine_ = 0.0;
-  double total_mass_ = 0.0;  // with attached bodies [kg]
-  bool bodies_ = false;      // some attachment has mass
-  Array kernel_;             // m L^2 times the shapes' [kg m^2]
-  Array stiffness_;          // EI / L times the shapes' [N m]
-  int stations_ = 0;         // points and attachments, padded
-  Array column_;             // N_k at points and attachments, by column
-  Array arm_;                // by attachment, L times the shapes' [m]
-  Array attached_shape_;     // by attachment
+  double hang_cosine_ = 1.0, hang_sine_ = 0.0;  // [-]
+  double total_mass_ = 0.0;                     // with attached bodies [kg]
+  bool bodies_ = false;                         // some attachment has mass
+  Array kernel_;                                // m L^2 times the shapes' [kg m^2]
+  Array stiffness_;                             // EI / L times the shapes' [N m]
+  int stations_ = 0;                            // points and attachments, padded
+  Array column_;                                // N_k at points and attachments, by column [-]
+  Array arm_;                                   // by attachment, L times the shapes' [m]
+  Array attached_shape_;                        // by attachment [-]
 };
 
 }  // namespace unfurl::sim

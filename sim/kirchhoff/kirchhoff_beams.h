@@ -31,10 +31,10 @@ class KirchhoffBeams {
   };
   struct Work {
     std::vector<KirchhoffRod::Work> rods;
-    Array q, rate;     // of one beam
-    Array load;        // on the attachments of one beam
-    Array free;        // accelerations of all attachments without constraints, 3 each
-    Array compliance;  // by beam: accelerations of its attachments by loads on them
+    Array q, rate;  // of one beam [m], [rad], [1/s]
+    Array load;     // on the attachments of one beam [N], [N m]
+    Array free;  // accelerations of all attachments without constraints, 3 each [m/s^2], [rad/s^2]
+    Array compliance;  // by beam: accelerations of its attachments by loads on them [SI]
     double power = 0;  // turned into heat [W]
   };
 

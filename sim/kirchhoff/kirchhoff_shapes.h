@@ -45,13 +45,13 @@ struct KirchhoffShapes {
   int count = 0;   // p, shapes
   int points = 0;  // Q, Gauss points; a multiple of 4
   int width = 0;   // count + 1 padded: columns of the tables
-  Array x;         // of the points
-  Array weight;    // of the points
-  Array shape;     // N_k(x_q), Q x width
+  Array x;         // of the points [-]
+  Array weight;    // of the points [-]
+  Array shape;     // N_k(x_q), Q x width [-]
   // int_0^1 G(x, x_q) G(x, x_q') dx with the weights of both: the kinetic energy of a rod of mass m
   // relative to its centre is m L^2 / 2 sum_qq' kernel theta_q' theta_q'' cos(theta_q - theta_q').
-  Array kernel;     // Q x Q
-  Array stiffness;  // int_0^1 N_k'^2 dx, width
+  Array kernel;     // Q x Q [-]
+  Array stiffness;  // int_0^1 N_k'^2 dx, width [-]
 
  private:
   double RawShape(int k, double x) const;  // k from 0

@@ -48,7 +48,7 @@ class AxialWatch {
   const Model& model_;
   std::vector<Element> elements_;
   std::vector<AxialPeak> peaks_;
-  double t_ = 0.0, worst_ = 0.0;
+  double t_ = 0.0, worst_ = 0.0;  // [s], [-]
 };
 
 }  // namespace unfurl::sim

@@ -10,7 +10,7 @@ namespace unfurl::sim::dop853 {
 
 struct Term {
   int stage;
-  double weight;
+  double weight;  // [-]
 };
 template <std::size_t N>
 using Terms = std::array<Term, N>;

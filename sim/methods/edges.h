@@ -22,11 +22,11 @@ class Edges {
 
  private:
   struct Edge {
-    double first, last;  // of those that are one
+    double first, last;  // of those that are one [s]
   };
   std::vector<Edge> edges_;
   std::size_t at_ = 0;
-  double duration_;
+  double duration_;  // [s]
 };
 
 }  // namespace unfurl::sim

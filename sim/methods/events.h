@@ -39,10 +39,10 @@ class EventFinder {
   struct Stop {
     EventKind kind = EventKind::kLatch;
     bool upper = true;
-    double side = 1.0, level = 0.0;
+    double side = 1.0, level = 0.0;  // [-], [rad]
   };
   struct Started {
-    double t = 0.0, theta_rate = 0.0;
+    double t = 0.0, theta_rate = 0.0;  // [s], [rad/s]
   };
   enum class Side : std::uint8_t { kUnknown, kBelow, kAbove };
 
@@ -63,8 +63,8 @@ class EventFinder {
   std::vector<int> joint_of_;
   std::vector<std::array<Started, 2>> started_;  // by latch: upper, lower
   std::vector<Side> side_;                       // of its level, by watch
-  std::vector<double> probe_;                    // entries of a state that a watch takes
-  double first_ = 2.0;                           // of what was found in the step
+  std::vector<double> probe_;                    // entries of a state that a watch takes [SI]
+  double first_ = 2.0;                           // of what was found in the step [part of it]
   int pending_latch_ = -1, pending_watch_ = -1;
   Stop pending_;
 };

@@ -79,19 +79,19 @@ class Integration {
   JointForces forces_;
   std::vector<double> pin_force_;  // at the end of the step just tried, by joint [N]
   int poll_steps_ = 1;
-  Array sample_;
-  std::vector<double> start_;  // of a stepper that takes over
-  double end_ = 0.0;
+  Array sample_;               // a state [SI]
+  std::vector<double> start_;  // of a stepper that takes over [SI]
+  double end_ = 0.0;           // [s]
   Edges edges_;
-  double last_error_ = 0.0;
-  double zone_part_ = 0.0;
+  double last_error_ = 0.0;     // of the last step, over what is allowed [-]
+  double zone_part_ = 0.0;      // of a transition zone, per step [-]
   bool loops_ = false;          // constraints may come to depend on one another
   bool is_near_ = false;        // they nearly do
-  double largest_pivot_ = 0.0;  // that the smallest has been
+  double largest_pivot_ = 0.0;  // that the smallest has been [-]
   double longest_ = 0.0;        // of the last good steps [s]
   bool across_ = false;         // the step about to be tried is to cross
   int crossings_ = 0;
-  double t_ = 0.0;
+  double t_ = 0.0;  // [s]
   std::chrono::steady_clock::time_point begin_;
   bool said_slow_ = false;
   StepLimit limit_ = StepLimit::kGrowth;  // of the step about to be tried

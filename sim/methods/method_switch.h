@@ -43,10 +43,10 @@ class MethodSwitch {
   bool implicit_;
   bool trying_ = false;
   int steps_ = 0, unstable_ = 0;
-  double gained_ = 0.0, cost_ = 0.0;  // of this window or trial
-  double trial_cost_ = 0.0;
-  double speed_[2] = {0.0, 0.0};  // of the explicit and the implicit one [s]; 0: not known
-  double since_ = 0.0, wait_ = kFirstWait;
+  double gained_ = 0.0, cost_ = 0.0;  // of this window or trial [s], [evaluations]
+  double trial_cost_ = 0.0;           // [evaluations]
+  double speed_[2] = {0.0, 0.0};      // of the explicit and the implicit one [s]; 0: not known
+  double since_ = 0.0, wait_ = kFirstWait;  // [evaluations]
 };
 
 }  // namespace unfurl::sim

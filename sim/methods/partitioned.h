@@ -53,10 +53,10 @@ class Partitioned : public Pair {
 
   Partition partition_;
   double farthest_ = 0.0, fastest_ = 0.0;  // [m], [m/s]
-  std::vector<double> jacobian_;           // six a row
+  std::vector<double> jacobian_;           // six a row [m], [-]
   const bool constrained_;
   bool factored_ = false;  // at state(), or at the trial
-  double worst_ = 1.0;     // pivot of that factor
+  double worst_ = 1.0;     // pivot of that factor [-]
   long repartitions_ = 0;
 };
 

@@ -50,11 +50,12 @@ class RunJudge {
 
   Dynamics dynamics_;
   const bool tracked_, closed_;
-  const double rtol_;
-  std::vector<double> state_;
-  std::array<double, kKinds> least_{}, most_{};
+  const double rtol_;                            // [-]
+  std::vector<double> state_;                    // [SI]
+  std::array<double, kKinds> least_{}, most_{};  // by kind of energy [J]
   bool started_ = false;
-  double start_ = 0.0, residual_ = 0.0, at_ = 0.0, tolerance_floor_ = 0.0, largest_term_ = 0.0;
+  double start_ = 0.0, residual_ = 0.0, tolerance_floor_ = 0.0, largest_term_ = 0.0;  // [J]
+  double at_ = 0.0;  // of the residual [s]
 };
 
 }  // namespace unfurl::sim

@@ -12,7 +12,7 @@ namespace unfurl::sim {
 
 // What error of a step is allowed, entry by entry: rtol times a scale in the entry's own unit.
 struct ErrorScale {
-  double rtol = 1e-5;
+  double rtol = 1e-5;   // [-]
   double length = 1.0;  // of positions [m]
   double angle = 1.0;   // [rad]
   double speed = 1.0;   // of velocities, to which |v| is added [m/s]
@@ -25,8 +25,8 @@ struct ErrorScale {
 // first.
 struct DensePolynomial {
   static constexpr int kMostCoefficients = 8;  // degree seven: the dense output of order eight
-  std::array<double, kMostCoefficients> c{};
-  int count = 0;  // of coefficients
+  std::array<double, kMostCoefficients> c{};   // [SI]
+  int count = 0;                               // of coefficients
 
   double operator()(double s) const {
     double value = 0.0;
@@ -162,13 +162,13 @@ class Stepper {
   int n_ = 0;     // bodies
   int size_ = 0;  // entries of a state
   long evaluations_ = 0;
-  double t_ = 0.0, h_ = 0.0;
-  Array y_, trial_, stage_;
+  double t_ = 0.0, h_ = 0.0;  // [s]
+  Array y_, trial_, stage_;   // [SI]
 
  private:
-  double norm_factor_ = 0.0;
+  double norm_factor_ = 0.0;                     // [-]
   Array mass_, inertia_;                         // of FastestRate's norm, by body [kg], [kg m^2]
-  Array position_weight_, angle_weight_, mask_;  // by body; zero where nothing moves by itself
+  Array position_weight_, angle_weight_, mask_;  // by body; zero where nothing moves by itself [-]
 };
 
 }  // namespace unfurl::sim

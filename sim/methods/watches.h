@@ -22,18 +22,18 @@ class Watches {
   struct Point {
     int body;
     double px, py;  // [m]
-    double weight;
-    int axis;  // 0 x, 1 y
+    double weight;  // [-]
+    int axis;       // 0 x, 1 y
     bool velocity;
   };
   struct Watch {
     std::string name, quantity;
-    double level = 0.0;
+    double level = 0.0;                  // [of the quantity]
     bool rising = true, falling = true;  // which crossings count
     bool stop = false;                   // the run ends there
     // The value is constant + sum of weight * entry of the state + sum of weight * a coordinate (or
     // velocity) of a point that moves with a body.
-    double constant = 0.0;
+    double constant = 0.0;  // [of the quantity]
     std::vector<std::pair<int, double>> terms;
     std::vector<Point> points;
     std::optional<Coordinate> travel;  // plus the travel of a joint, or its rate

@@ -26,7 +26,7 @@ class Compiler {
   };
 
   struct Attached {      // to a smooth beam
-    double at = 0.0;     // place, of the length
+    double at = 0.0;     // place, of the length [-]
     int composite = -1;  // what rides there and is part of the beam; -1: none
     int body = -1;
   };

@@ -8,7 +8,7 @@ namespace unfurl::sim {
 
 // A place in the plane and a direction: p_out = (x, y) + R(angle) p.
 struct PlanePose {
-  double x = 0.0, y = 0.0, angle = 0.0;
+  double x = 0.0, y = 0.0, angle = 0.0;  // [m], [rad]
   PlanePose operator*(const PlanePose& inner) const;
   PlanePose Inverse() const;
 };

@@ -13,11 +13,11 @@ struct Coordinate {
   bool travel = false;        // else the angle
   double ix = 0.0, iy = 0.0;  // inner's point in its body's frame [m]
   double ox = 0.0, oy = 0.0;  // outer's [m]
-  double ax = 1.0, ay = 0.0;  // the axis in the inner body's frame, of length 1
+  double ax = 1.0, ay = 0.0;  // the axis in the inner body's frame, of length 1 [-]
 
   // Geometry of the travel: e, the offsets of both points and their distance, in the world.
   struct Along {
-    double ex, ey, px, py, qx, qy, dx, dy;
+    double ex, ey, px, py, qx, qy, dx, dy;  // [-], [m]
   };
   Along AlongAt(const Motion& m) const {
     const double ci = m.c[hinge.inner], si = m.s[hinge.inner];

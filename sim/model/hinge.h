@@ -9,7 +9,7 @@ namespace unfurl::sim {
 struct Hinge {
   int inner = -1;  // bodies
   int outer = -1;
-  double sign = 1.0;
+  double sign = 1.0;  // +1 or -1 [-]
   double zero = 0.0;  // [rad]
 
   double Theta(const Motion& m) const { return sign * (m.theta[outer] - m.theta[inner] - zero); }

@@ -25,7 +25,7 @@ struct LoadPoint {
   // many.
   struct Part {
     int body;
-    double share, ox, oy;
+    double share, ox, oy;  // [-], [m]
   };
   int Parts(const Motion& m, Part out[2]) const {
     const double share = other < 0 ? 1.0 : 0.5;

@@ -99,7 +99,7 @@ struct Model : ModelEffects {
 
   std::vector<std::string> warnings;  // about the scene, one line each
 
-  std::vector<double> initial_state;
+  std::vector<double> initial_state;     // see StateIndex [SI]
   std::vector<LatchMode> initial_modes;  // by latch
 
   // What the scene called for: name of the effect and how many instances it holds.

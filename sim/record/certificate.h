@@ -29,8 +29,8 @@ class Certificate {
   /// One certified quantity, over a whole run.
   struct Line {
     std::string name, units;
-    double time = 0.0, mesh = 0.0;  ///< errors, of time stepping and of the mesh
-    double range = 0.0;             ///< largest less smallest value of the run
+    double time = 0.0, mesh = 0.0;  ///< errors, of time stepping and of the mesh [units]
+    double range = 0.0;             ///< largest less smallest value of the run [units]
   };
 
   /// Runs the companions of a run of `scene` by `options`. Throws Error for a quantity that fits
@@ -54,8 +54,8 @@ class Certificate {
 
  private:
   struct Companion {
-    std::vector<std::vector<double>> columns;  // by certified quantity, one value a sample
-    double factor = 0.0;                       // from a difference to the run's error
+    std::vector<std::vector<double>> columns;  // by certified quantity, one value a sample [units]
+    double factor = 0.0;                       // from a difference to the run's error [-]
   };
   // False, with problem() set, where the companion is not usable.
   bool Run(const data::Scene& scene, const SimulateOptions& options, double factor,
@@ -63,9 +63,9 @@ class Certificate {
 
   std::string problem_, mesh_;
   std::vector<data::Quantity> certified_;
-  std::vector<Companion> companions_;  // tolerance, then mesh
-  std::vector<int> column_;            // in the run's row, by certified quantity
-  std::vector<double> errors_, least_, most_;
+  std::vector<Companion> companions_;          // tolerance, then mesh
+  std::vector<int> column_;                    // in the run's row, by certified quantity
+  std::vector<double> errors_, least_, most_;  // [units]
   std::size_t samples_ = 0;
 };
 

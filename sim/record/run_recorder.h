@@ -63,11 +63,11 @@ class RunRecorder : public Observer {
   Observables observables_;
   data::RunSink* sink_ = nullptr;
   Certificate* certificate_ = nullptr;
-  std::vector<double> row_;  // with the certificate's columns
+  std::vector<double> row_;  // with the certificate's columns [Quantity::units]
   Progress progress_;
   int shape_every_ = 0;
   std::vector<LatchCount> latches_;
-  double worst_residual_ = 0.0, last_time_ = 0.0;
+  double worst_residual_ = 0.0, last_time_ = 0.0;  // [J], [s]
   long samples_ = 0, events_ = 0;
   long looks_ = 0;  // at the progress
 };
