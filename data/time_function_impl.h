@@ -26,6 +26,6 @@ struct TimeFunction::Impl {
 // The integral of a smooth function, as Chebyshev series on as many pieces as they need
 // (time_integral.cc). Throws Error with `where` and `text`.
 std::shared_ptr<const TimeFunction::Impl> IntegrateSmooth(
-    std::shared_ptr<const TimeFunction::Impl> rate, double start, double duration);
+    const std::shared_ptr<const TimeFunction::Impl>& rate, double start, double duration);
 
 }  // namespace unfurl::data

@@ -165,7 +165,7 @@ struct SmoothIntegral : Impl {
 
 }  // namespace
 
-std::shared_ptr<const Impl> IntegrateSmooth(std::shared_ptr<const Impl> rate, double start,
+std::shared_ptr<const Impl> IntegrateSmooth(const std::shared_ptr<const Impl>& rate, double start,
                                             double duration) {
   auto integral = std::make_shared<SmoothIntegral>();
   integral->rate = rate;

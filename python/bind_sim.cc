@@ -147,9 +147,9 @@ sim::RecordOptions OptionsOf(const Model& model, const SimulateArguments& argume
 
 Run Simulate(const py::object& scene, const py::object& set, std::optional<double> duration,
              std::optional<double> rate, std::optional<double> rtol,
-             std::optional<std::string> method, std::vector<std::string> quantities,
-             std::optional<fs::path> output, const py::object& observer, const py::object& on_event,
-             const py::object& progress) {
+             const std::optional<std::string>& method, std::vector<std::string> quantities,
+             const std::optional<fs::path>& output, const py::object& observer,
+             const py::object& on_event, const py::object& progress) {
   const Model model = ModelFrom(scene, set);
   const SimulateArguments arguments{duration, rate, rtol, method, std::move(quantities), output};
   sim::RecordOptions options = OptionsOf(model, arguments);
