@@ -35,9 +35,9 @@ struct CheckOptions {
 struct CheckedCamera {
   std::string name;
   int readings = 0;
-  double rms_px = 0.0;  // of readings from what rig and survey predict
-  double rms_predicted_px = 0.0;
-  double chance_without = 0.0;  // of the rest, without this camera
+  double rms_px = 0.0;            // of readings from what rig and survey predict [px]
+  double rms_predicted_px = 0.0;  // [px]
+  double chance_without = 0.0;    // of the rest, without this camera [-]
   // By how much all its readings are off, and what this check shows of it and tells from another
   // camera's nine times in ten; infinity: it cannot [px].
   double shift_px = 0.0, shift_sigma_px = 0.0, shows_px = 0.0;
@@ -48,7 +48,7 @@ struct CheckedPoint {
   std::string id;
   double error = 0.0;           // found less surveyed [m]; NaN: not found
   double predicted = 0.0;       // its sigma, 3-D [m]
-  double chance_without = 0.0;  // of the rest, without this point
+  double chance_without = 0.0;  // of the rest, without this point [-]
   // Where it was found, of a bar its middle, in W [m]; NaN: not found.
   Eigen::Vector3d at = Eigen::Vector3d::Constant(NAN);
 };
@@ -56,9 +56,9 @@ struct CheckedPoint {
 /// A reading's.
 struct CheckedReading {
   int camera = 0, point = 0;  // indices into cameras and points
-  double u_px = 0.0;
-  double misfit_px = 0.0;     // from what rig and survey predict
-  double predicted_px = 0.0;  // its sigma
+  double u_px = 0.0;          // [px]
+  double misfit_px = 0.0;     // from what rig and survey predict [px]
+  double predicted_px = 0.0;  // its sigma [px]
 };
 
 /// What is wrong, where the whole is improbable.
@@ -66,14 +66,14 @@ struct CheckedCause {
   CauseKind kind = CauseKind::kCamera;
   int camera = -1, point = -1;  // indices into cameras and points; -1: does not apply
   double size = 0.0;            // of a camera or a reading [px], else [m]
-  double sigma = 0.0;           // its standard deviation
+  double sigma = 0.0;           // its standard deviation [likewise]
   double probability = 0.0;     // of all that may be wrong [-]
   std::string text;             // a sentence
 };
 
 /// Whether the calibration is still valid, and who says so.
 struct CheckResult {
-  double chance = 0.0;                    // of so large a misfit, were the calibration valid
+  double chance = 0.0;                    // of so large a misfit, were the calibration valid [-]
   double rms = 0.0, rms_predicted = 0.0;  // of found points, or of lengths [m]
   std::vector<CheckedCamera> cameras;
   std::vector<CheckedPoint> points;

@@ -29,8 +29,8 @@ Observations Corrected(Observations data, const Eigen::VectorXd& q);
 // What the fit made of a common error.
 struct CommonEstimate {
   std::string name, unit;
-  double stated_sigma = 0.0;  // [unit]
-  double value = 0.0, sigma = 0.0;
+  double stated_sigma = 0.0;        // [unit]
+  double value = 0.0, sigma = 0.0;  // [unit]
 };
 // `covariance` is of cameras and common errors together, as CameraCovariance gives it.
 std::vector<CommonEstimate> EstimatesOf(const Observations& data, const Eigen::VectorXd& q,

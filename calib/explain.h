@@ -43,7 +43,7 @@ struct GrossFinding {
 struct ExplainOptions {
   // Where the total station stood, in the survey's frame; NaN: found from the errors themselves,
   // which takes four points or more.
-  Eigen::Vector3d station = Eigen::Vector3d::Constant(NAN);
+  Eigen::Vector3d station = Eigen::Vector3d::Constant(NAN);  // [m]
 };
 
 // Explains every reading and surveyed point that the bundle left out, the most telling kinds first;
@@ -57,8 +57,8 @@ struct RangeOffset {
   bool found = false;
   double offset = 0.0;  // of the true distance over the surveyed one [m]
   double sigma = 0.0;   // [m]
-  Eigen::Vector3d station = Eigen::Vector3d::Zero();
-  std::vector<int> members;  // indices into the columns
+  Eigen::Vector3d station = Eigen::Vector3d::Zero();  // [m]
+  std::vector<int> members;                           // indices into the columns
 };
 RangeOffset FindRangeOffset(const Eigen::Matrix3Xd& p, const Eigen::Matrix3Xd& shift,
                             const std::vector<Eigen::Matrix3d>& cov,

@@ -14,14 +14,14 @@ struct GrossOptions {
   // volume. Where one in a hundred is gross, leaving out a reading that is off by 4 sigmas must
   // then gain about 4^2, which chance reaches once in 16,000; one off by more, as much more as it
   // is less likely to be off by just that: d sigmas cost 2 log d more, a surveyed place 6 log d.
-  double sigmas = 4.0;
+  double sigmas = 4.0;  // [-]
   // Share of the readings and of the surveyed points that is gross; Refine finds it from the data,
   // between `least_share` and `most_share`.
-  double reading_share = 0.01, survey_share = 0.01;
-  double least_share = 0.01, most_share = 0.2;
+  double reading_share = 0.01, survey_share = 0.01;  // [-]
+  double least_share = 0.01, most_share = 0.2;       // [-]
   // A datum that is wrong with a probability above this is left out, be it or another the wrong
   // one.
-  double doubt = 0.3;
+  double doubt = 0.3;  // [-]
 
   // Throws Error that names a value which makes no sense.
   void Check() const;
@@ -39,10 +39,10 @@ struct GrossOptions {
 struct GrossChoice {
   bool changed = false;
   std::vector<int> ambiguous;
-  double reading_share = 0.0, survey_share = 0.0;
+  double reading_share = 0.0, survey_share = 0.0;  // [-]
   // -2 log of how probable all data are as chosen, but for a constant: what two fits of the same
   // data with other floors and choices are compared by.
-  double price = 0.0;
+  double price = 0.0;  // [-]
 };
 GrossChoice ChooseGross(const Observations& data, const GrossOptions& options, Weighting* weighting,
                         BundleState* state);
@@ -51,9 +51,9 @@ GrossChoice ChooseGross(const Observations& data, const GrossOptions& options, W
 // whose bit is set in `use`, and from its survey unless that is left out: least squares from
 // `start`. False where they do not fix it or do not lead anywhere.
 struct PointFit {
-  Eigen::Vector3d p = Eigen::Vector3d::Zero();
-  Eigen::Matrix3d cov = Eigen::Matrix3d::Zero();
-  double chi_square = 0.0;
+  Eigen::Vector3d p = Eigen::Vector3d::Zero();    // [m]
+  Eigen::Matrix3d cov = Eigen::Matrix3d::Zero();  // [m^2]
+  double chi_square = 0.0;                        // [-]
 };
 bool FitPoint(const Observations& data, const Weighting& weighting,
               const std::vector<data::RigCamera>& cameras, std::size_t first, unsigned use,

@@ -24,7 +24,7 @@ struct Hypothesis {
   CauseKind kind = CauseKind::kCamera;
   int index = 0;  // of the camera, point or reading
   Effect effect;
-  double high = 0.0;
+  double high = 0.0;  // of z [unit of z]
   double odds = 0.0;  // against nothing being wrong, before the data speak [-]
 };
 
@@ -32,11 +32,11 @@ struct Hypothesis {
 struct FoundCause {
   CauseKind kind = CauseKind::kCamera;
   int index = 0;
-  double probability = 0.0;  // of all that may be wrong
+  double probability = 0.0;  // of all that may be wrong [-]
   // The next probable one of another kind or index, and how probable; -1: none.
   CauseKind other_kind = CauseKind::kCamera;
   int other_index = -1;
-  double other_probability = 0.0;
+  double other_probability = 0.0;  // [-]
 };
 
 // Misfits e ~ N(0, C) if nothing is wrong, against a list of what may be. [Kass & Raftery 1995:
@@ -58,7 +58,7 @@ class JointTest {
 
   // How much of one shape (k = 1) is in the misfits, by least squares, and its standard deviation.
   struct Amount {
-    double value = 0.0, sigma = 0.0;  // in units of the shape; sigma is infinite for a zero shape
+    double value = 0.0, sigma = 0.0;  // [of the shape]; sigma is infinite for a zero shape
   };
   /// How much of one shape the residuals hold, with every column of the design free beside it.
   Amount AmountOf(const Effect& shape) const;
@@ -76,8 +76,8 @@ class JointTest {
   // The whitened effect of a hypothesis that is not local, beside what is free.
   struct WideEffect {
     std::size_t hypothesis = 0;
-    Eigen::MatrixXd white;  // n x k
-    double whole = 0.0;     // its sum of squares before anything was free
+    Eigen::MatrixXd white;  // n x k [-]
+    double whole = 0.0;     // its sum of squares before anything was free [-]
     Whitening::Products ProductsWith(const Eigen::VectorXd& rest) const {
       return {white.transpose() * white, white.transpose() * rest, whole};
     }
@@ -88,9 +88,9 @@ class JointTest {
                           const Eigen::VectorXd& rest, const Eigen::MatrixXd& freed,
                           const std::vector<FoundCause>& known) const;
 
-  Eigen::VectorXd misfit_;  // e
+  Eigen::VectorXd misfit_;  // e [px]
   Whitening whitening_;
-  Eigen::VectorXd white_;  // W e
+  Eigen::VectorXd white_;  // W e [-]
 };
 
 }  // namespace unfurl::calib

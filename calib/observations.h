@@ -12,8 +12,8 @@ namespace unfurl::calib {
 struct Reading {
   int point = 0;
   int camera = 0;
-  double u_px = 0.0;
-  double s_px = 0.0;  // standard deviation
+  double u_px = 0.0;  // [px]
+  double s_px = 0.0;  // standard deviation [px]
 };
 
 // An error that all surveyed points share: surveyed = true place + q shift + noise, with one q for
@@ -21,7 +21,7 @@ struct Reading {
 struct CommonError {
   std::string name;        // "distance offset"
   std::string unit;        // of sigma: m, 1 or rad
-  double sigma = 0.0;      // as stated
+  double sigma = 0.0;      // as stated [unit]
   Eigen::Matrix3Xd shift;  // 3 x n, of the surveyed places, for one sigma [m]
 };
 

@@ -20,9 +20,9 @@ Visibility SeenOnRow(const data::Rig& rig);
 
 /// Which cells a map has, and of what readings.
 struct MapOptions {
-  int columns = 12;  // of x and of y
-  int layers = 3;    // of z
-  double reading_sigma_px = 0.03;
+  int columns = 12;                // of x and of y
+  int layers = 3;                  // of z
+  double reading_sigma_px = 0.03;  // [px]
   // How far the map reaches; the rig's volume where both are equal [m].
   Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = Eigen::Vector3d::Zero();
 };

@@ -25,7 +25,7 @@ struct RefinedBundle {
   BundleSummary summary;
   Redundancy redundancy;
   std::vector<int> ambiguous;  // points of which the wrong thing may have been left out
-  double price = 0.0;          // GrossChoice::price at the end; 0 where nothing was chosen
+  double price = 0.0;          // GrossChoice::price at the end; 0 where nothing was chosen [-]
 };
 
 // From a robust solution: in turn, which readings and surveyed points to believe (ChooseGross), the

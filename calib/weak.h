@@ -16,7 +16,7 @@ namespace unfurl::calib {
 struct WeakDirection {
   int camera = 0;
   std::string name;        // "along its lens axis", or what changes together
-  double sigma = 0.0;      // of its main parameter, in `unit`
+  double sigma = 0.0;      // of its main parameter [unit]
   std::string unit;        // "m", "rad", "px"
   double by_prior = 0.0;   // share of what is known of it that the priors supply [-]
   double point_rms = 0.0;  // by how much one sigma of it moves found points of the volume [m]

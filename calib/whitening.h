@@ -14,8 +14,8 @@ struct Effect {
 
 /// Covariance C = D + U U^T of n misfits, where D has a block for each group of neighbours.
 struct GroupedCovariance {
-  std::vector<Eigen::MatrixXd> own;  // D's blocks, in order, each positive definite
-  Eigen::MatrixXd shared;            // U, n x r
+  std::vector<Eigen::MatrixXd> own;  // D's blocks, in order, each positive definite [unit^2]
+  Eigen::MatrixXd shared;            // U, n x r [unit]
 
   /// Of each misfit alone, n.
   Eigen::VectorXd Variances() const;
@@ -40,17 +40,17 @@ class Whitening {
   struct Against {
     const Eigen::VectorXd& y;  // n
     const Eigen::MatrixXd& P;  // n x q
-    double square = 0.0;       // of y
-    Eigen::VectorXd shared_y;  // Q^T y
-    Eigen::MatrixXd shared_P;  // Q^T P
+    double square = 0.0;       // of y [-]
+    Eigen::VectorXd shared_y;  // Q^T y [-]
+    Eigen::MatrixXd shared_P;  // Q^T P [-]
   };
   /// Both are kept by reference.
   Against MakeAgainst(const Eigen::VectorXd& y, const Eigen::MatrixXd& P) const;
   /// What ProductsOf gives.
   struct Products {
-    Eigen::MatrixXd gram;   // k x k, E^T E of the whitened effect E beside P: (1 - P P^T) E
-    Eigen::VectorXd along;  // E^T y
-    double whole = 0.0;     // trace of the gram without P
+    Eigen::MatrixXd gram;   // k x k, E^T E of the whitened effect E beside P: (1 - P P^T) E [-]
+    Eigen::VectorXd along;  // E^T y [-]
+    double whole = 0.0;     // trace of the gram without P [-]
   };
   /// Of an effect that is local, in a time that does not depend on n. y has nothing along P.
   Products ProductsOf(const Effect& effect, const Against& against) const;
@@ -58,7 +58,7 @@ class Whitening {
   /// Sum of squares that is left of a whitened y where all of what the effect spans is free, and
   /// how many directions that is.
   struct Rest {
-    double square = 0.0;
+    double square = 0.0;  // [-]
     Eigen::Index freed = 0;
   };
   /// Of one local effect, in a time that does not depend on n.
@@ -69,16 +69,16 @@ class Whitening {
  private:
   struct Group {
     Eigen::Index first = 0;
-    Eigen::MatrixXd root;  // L of this block of D
+    Eigen::MatrixXd root;  // L of this block of D [unit]
   };
   // L^-1 of an effect, as rows of its whole group.
   Eigen::MatrixXd Own(const Group& group, const Effect& effect) const;
 
   std::vector<Group> groups_;
   std::vector<std::size_t> group_of_;  // of each misfit
-  Eigen::MatrixXd shared_;             // L^-1 U, n x r
-  Eigen::MatrixXd basis_;              // Q, n x min(n, r)
-  Eigen::VectorXd drop_;               // d
+  Eigen::MatrixXd shared_;             // L^-1 U, n x r [-]
+  Eigen::MatrixXd basis_;              // Q, n x min(n, r) [-]
+  Eigen::VectorXd drop_;               // d [-]
 };
 
 /// Orthonormal columns of what the columns of W span.

@@ -18,8 +18,8 @@ enum class Foreknowledge {
 /// What is known beforehand of one number.
 struct Prior {
   Foreknowledge kind = Foreknowledge::kUnsaid;
-  double mean = 0.0;   ///< of a density; or the known value
-  double sigma = 0.0;  ///< of a density; > 0
+  double mean = 0.0;   ///< of a density; or the known value [s] or [-]
+  double sigma = 0.0;  ///< of a density; > 0 [s] or [-]
   /// It is fitted.
   static Prior Free() { return {Foreknowledge::kFree, 0.0, 0.0}; }
   /// It is not fitted.

@@ -49,8 +49,8 @@ class SampledModel : public Model {
 struct LocalCubic {
   std::size_t first = 0;
   int count = 0;
-  double value[4] = {};
-  double slope[4] = {};
+  double value[4] = {};  // [-]
+  double slope[4] = {};  // [1/s]
 };
 LocalCubic CubicAt(std::span<const double> stamps, double t);
 

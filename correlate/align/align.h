@@ -23,11 +23,11 @@ const char* Name(AlignStatus status);
 /// What must agree before two records count as aligned.
 struct AlignOptions {
   OffsetOptions search;
-  double min_correlation = 0.5;  // of the frame-independent signals at the best offset, (0, 1)
-  double min_r2 = 0.5;           // of the aligned positions: below, the records share nothing
+  double min_correlation = 0.5;  // of the frame-independent signals at the best offset, (0, 1) [-]
+  double min_r2 = 0.5;           // of the aligned positions: below, the records share nothing [-]
   // The same where a single history was correlated (two marks, one body): a frame and an offset
   // make any two smooth openings of one mark look somewhat alike (docs/physics-correlation.md).
-  double min_correlation_of_one = 0.8, min_r2_of_one = 0.8;
+  double min_correlation_of_one = 0.8, min_r2_of_one = 0.8;  // [-]
   RegistrationOptions registration;
 };
 
@@ -44,14 +44,14 @@ struct Alignment {
   // the offset is that at the pivot.
   double drift = 0.0, drift_pivot = 0.0;
   std::vector<std::string> unknowns;  // of `covariance`, see NuisanceNames
-  Eigen::MatrixXd covariance;         // inflated for what the residuals' correlation shows
-  Eigen::VectorXd white_sigma;        // what it would be were the residuals white [rad, m, s]
+  Eigen::MatrixXd covariance;   // inflated for what the residuals' correlation shows [rad, m, s, -]
+  Eigen::VectorXd white_sigma;  // what it would be were the residuals white [rad, m, s]
   double Sigma(const std::string& unknown) const;  // 0 when it was not fitted
 
-  double correlation = 0.0;   // of the coarse signals at the peak
+  double correlation = 0.0;   // of the coarse signals at the peak [-]
   std::string signal;         // which these were
-  double r2 = 0.0;            // share of the marks' motion that the reference explains
-  double chi2_per_dof = 0.0;  // of residuals in the marks' own sigmas; 0 without one
+  double r2 = 0.0;            // share of the marks' motion that the reference explains [-]
+  double chi2_per_dof = 0.0;  // of residuals in the marks' own sigmas; 0 without one [-]
   double misfit = 0.0;        // what the reference fails to explain, per coordinate; 0: it fits [m]
   double overlap_start = 0.0, overlap_end = 0.0;  // on a's clock [s]
   std::vector<FarSample> far;  // gross errors that were left out, except of the residuals

@@ -22,7 +22,7 @@ struct OffsetOptions {
 struct OffsetCandidate {
   double offset = 0.0;       // the clock of `a` shows this when that of `b` shows 0 [s]
   double correlation = 0.0;  // normalised, over all signals together, in [-1, 1]
-  double overlap = 0.0;      // share of the shorter record's samples that took part
+  double overlap = 0.0;      // share of the shorter record's samples that took part [-]
 };
 
 /// What the search found.

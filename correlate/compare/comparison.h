@@ -36,9 +36,9 @@ struct SignalId {
 // One scalar in time, of both, in id.Unit().
 struct ComparedSignal {
   SignalId id;
-  std::string name;       // "angle of mark1-mark1b", "mark3 y"
-  std::vector<double> t;  // on the record's clock [s]
-  std::vector<double> measured, sigma, reference;
+  std::string name;                                // "angle of mark1-mark1b", "mark3 y"
+  std::vector<double> t;                           // on the record's clock [s]
+  std::vector<double> measured, sigma, reference;  // [rad] of an angle, else [m]
 };
 
 // Their spectra over one window, with peaks that belong together.
@@ -48,7 +48,7 @@ struct ComparedSpectrum {
   Spectrum measured, reference;
   std::vector<Peak> measured_peaks, reference_peaks;
   std::vector<PeakPair> pairs;
-  double frac = -1.0;     // frequency response assurance; below 0: not computed
+  double frac = -1.0;     // frequency response assurance; below 0: not computed [-]
   CrossSpectrum density;  // no segments: too short
   std::string note;       // of gaps
 };
@@ -62,7 +62,7 @@ struct ComparedScore {
   /// Of lengths in the score.
   const char* Unit() const { return of == Of::kAngle ? "rad" : "m"; }
   SignalScore score;    // of what moved since the reference's first sample
-  double sigmas = 0.0;  // RMS error in the marks' own sigmas; 0: unknown
+  double sigmas = 0.0;  // RMS error in the marks' own sigmas; 0: unknown [-]
   bool rated = false;   // whether there is a rating: enough even samples
   ObjectiveRating rating;
   double rating_step = 0.0;  // of the samples rated [s]
@@ -72,7 +72,7 @@ struct ComparedScore {
 struct OperatingShape {
   double measured_frequency = 0.0, reference_frequency = 0.0;  // [Hz]
   double amplitude = 0.0;                                      // largest measured [m]
-  double mac = 0.0;
+  double mac = 0.0;                                            // [-]
 };
 
 /// Two records beside each other.

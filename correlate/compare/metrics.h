@@ -10,16 +10,16 @@ namespace unfurl::correlate {
 // How far a record lies from a model, after alignment. All in the model's frame: "in plane" are x
 // and y, "across" is z, the direction in which a planar model does not move.
 struct MarkError {
-  std::string mark;         // or "all"
-  std::size_t samples = 0;  // with a counterpart
-  double rmse = 0.0;        // of the distance [m]
-  double rmse_in_plane = 0.0;
-  double rmse_across = 0.0;
-  double bias_across = 0.0;  // mean of z [m]
-  double largest = 0.0;      // distance [m]
-  double largest_at = 0.0;   // on the record's clock [s]
-  double sigmas = 0.0;       // RMS of the whitened residual: 1 where the model is right and the
-                             // covariances are too; 0 for a record without sigma [-]
+  std::string mark;            // or "all"
+  std::size_t samples = 0;     // with a counterpart
+  double rmse = 0.0;           // of the distance [m]
+  double rmse_in_plane = 0.0;  // [m]
+  double rmse_across = 0.0;    // [m]
+  double bias_across = 0.0;    // mean of z [m]
+  double largest = 0.0;        // distance [m]
+  double largest_at = 0.0;     // on the record's clock [s]
+  double sigmas = 0.0;         // RMS of the whitened residual: 1 where the model is right and the
+                               // covariances are too; 0 for a record without sigma [-]
   double largest_sigmas = 0.0;
 };
 

@@ -26,7 +26,7 @@ const char* Name(RatingGrade grade);
 
 /// The four parts and the whole, 0 to 1 [-].
 struct ObjectiveRating {
-  double corridor = 0.0, phase = 0.0, magnitude = 0.0, slope = 0.0, overall = 0.0;
+  double corridor = 0.0, phase = 0.0, magnitude = 0.0, slope = 0.0, overall = 0.0;  // [-]
   int shift = 0;  // samples by which C is behind T; negative: ahead
   RatingGrade grade = RatingGrade::kPoor;
 };

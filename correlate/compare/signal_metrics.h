@@ -21,12 +21,12 @@ struct SignalPair {
 struct SignalScore {
   std::size_t samples = 0;  // of one component
   double rmse = 0.0;        // root mean square of the distance [unit]
-  double range = 0.0;       // of the test: largest less smallest value, components in quadrature
-  double nrmse = 0.0;       // rmse / range [-]
-  double r2 = 0.0;          // 1 - sum (m - c)^2 / sum (m - mean m)^2
+  double range = 0.0;  // of the test: largest less smallest value, components in quadrature [unit]
+  double nrmse = 0.0;  // rmse / range [-]
+  double r2 = 0.0;     // 1 - sum (m - c)^2 / sum (m - mean m)^2 [-]
   double largest = 0.0;     // distance [unit]
   double largest_at = 0.0;  // [s]
-  double sigmas = 0.0;      // RMS of (m - c) / sigma; 0 without one
+  double sigmas = 0.0;      // RMS of (m - c) / sigma; 0 without one [-]
 
   // [Sprague and Geers 2004]: with I_ab = integral of a b dt, magnitude sqrt(I_cc / I_mm) - 1,
   // phase acos(I_mc / sqrt(I_mm I_cc)) / pi, combined sqrt(M^2 + P^2).

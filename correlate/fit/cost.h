@@ -22,7 +22,7 @@ struct CostRun {
   CostSetting setting;
   bool usable = false;
   std::string message;                    // why not
-  double seconds = 0.0;                   // of computing
+  double seconds = 0.0;                   // of computing [s]
   std::vector<std::vector<double>> x, y;  // by point [m]
 };
 
@@ -31,7 +31,7 @@ struct CostPoint {
   CostSetting setting;
   bool usable = false;
   std::string message;
-  double seconds = 0.0;
+  double seconds = 0.0;   // [s]
   double rms = 0.0;       // RMS distance to the reference, of the worst point, over its range [-]
   double largest = 0.0;   // the largest distance in time, likewise [-]
   bool on_front = false;  // no other is both faster and nearer
@@ -42,7 +42,7 @@ struct CostStudy {
   CostSetting reference;
   // How far a second finest run, by another method, is from the reference (rms as above): errors
   // below a few of it are not resolved. Negative: there was no second one.
-  double floor = -1.0;
+  double floor = -1.0;  // [-]
   CostSetting second;
   std::vector<CostPoint> points;  // in the order given
 };

@@ -16,15 +16,15 @@ namespace unfurl::correlate {
 
 // Every call of a model that a fit made, in an order that does not depend on the workers.
 struct EvaluationRecord {
-  std::vector<double> theta;
-  std::string purpose;  // "alignment", "trial", "difference", "finer model", "profile", ...
+  std::vector<double> theta;  // [units of the parameters]
+  std::string purpose;        // "alignment", "trial", "difference", "finer model", "profile", ...
   int stage = 0;
   int start = -1;  // which of several starts; -1: not of one
   int trial = 0;
   Fidelity fidelity = Fidelity::kMain;
   ModelStatus status = ModelStatus::kGood;
   std::string message;
-  double cost = -1.0;  // half the sum of squares; -1: it was not compared with the data
+  double cost = -1.0;  // half the sum of squares; -1: it was not compared with the data [-]
 };
 
 // Asks models for batches of parameters, never twice for the same question within a stage, and
@@ -34,7 +34,7 @@ class Evaluator {
   // One question: a trial's model at some parameters.
   struct Request {
     std::size_t trial = 0;
-    std::vector<double> theta;
+    std::vector<double> theta;  // [units of the parameters]
     std::string purpose;
     Fidelity fidelity = Fidelity::kMain;
     bool corrected = true;  // kMain, kTighter: with the correction that stands

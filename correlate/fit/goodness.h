@@ -28,19 +28,20 @@ inline constexpr double kGoodnessLevel = 0.01;
 /// The outcome, and what it rests on.
 struct GoodnessOfFit {
   Explained outcome = Explained::kYes;
-  double p_size = 1.0;    // of 1, residuals in the marks' sigmas; one-sided
-  double p_white = 1.0;   // of 1, over all series
-  double p_found = 1.0;   // of 3, whiteness of what is left after whitening
-  double p_steady = 1.0;  // of 3, equal variance along the record, or no stretch beyond what is
-                          // claimed: covariances that promise too little are no fault of the model
-  double excess = 0.0;    // RMS of a coordinate beyond the marks' sigma, in sigmas
+  double p_size = 1.0;   // of 1, residuals in the marks' sigmas; one-sided [-]
+  double p_white = 1.0;  // of 1, over all series [-]
+  double p_found = 1.0;  // of 3, whiteness of what is left after whitening [-]
+  // Of 3, equal variance along the record, or no stretch beyond what is claimed: covariances that
+  // promise too little are no fault of the model [-].
+  double p_steady = 1.0;
+  double excess = 0.0;  // RMS of a coordinate beyond the marks' sigma, in sigmas [-]
   // The residuals are no larger than the covariances allow, and the model's own known error is: a
   // pattern within them is less than what the standard errors hold for that error.
   bool within_known = false;
   // Of the excess's square, what a finer mesh takes away, some factor of it: extrapolation gives
   // the shape of the mesh's error better than its size. 0: no finer mesh, or the factor is far
   // from 1.
-  double mesh_takes = 0.0;
+  double mesh_takes = 0.0;  // [-]
 
   double p_covariances() const;  // question 1 as a whole
   double p_noise() const;        // question 3 as a whole
@@ -63,10 +64,10 @@ struct GoodnessInput {
   const ResidualNoise* whitened = nullptr;  // of those whitened by the noise found
   const Eigen::VectorXd* whitened_residual = nullptr;
   const Eigen::VectorXd* residual = nullptr;  // in the marks' own sigmas; null: not looked at
-  double squares = 0.0, dof = 1.0;            // of the former
+  double squares = 0.0, dof = 1.0;            // of the former [-]
   // With everything that was fitted taken out: sum of squares of what is left of them, of what a
   // finer mesh changes them by, and their product; all 0: no finer mesh.
-  double left = 0.0, finer = 0.0, left_by_finer = 0.0;
+  double left = 0.0, finer = 0.0, left_by_finer = 0.0;  // [-]
   int sections = 8;
 };
 GoodnessOfFit TestGoodness(const GoodnessInput& in);

@@ -10,8 +10,8 @@ struct ParameterEstimate;
 
 /// A 95% interval of one parameter, in its unit. NaN: open on that side, the data do not end it.
 struct Interval {
-  double low = std::numeric_limits<double>::quiet_NaN();
-  double high = std::numeric_limits<double>::quiet_NaN();
+  double low = std::numeric_limits<double>::quiet_NaN();   // [unit]
+  double high = std::numeric_limits<double>::quiet_NaN();  // [unit]
   /// The data end it on both sides.
   bool Closed() const { return low == low && high == high; }
 };

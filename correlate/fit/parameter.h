@@ -10,13 +10,13 @@ namespace unfurl::correlate {
 struct Parameter {
   std::string name;
   std::string unit;
-  double start = 0.0;
-  double low = -std::numeric_limits<double>::infinity();
-  double high = std::numeric_limits<double>::infinity();
-  bool log = false;        // u = log(value); then value, bounds and start are > 0
-  bool has_prior = false;  // what is known beforehand: a normal density in the value's unit
-  double prior_mean = 0.0;
-  double prior_sigma = 0.0;  // > 0
+  double start = 0.0;                                     // [unit]
+  double low = -std::numeric_limits<double>::infinity();  // [unit]
+  double high = std::numeric_limits<double>::infinity();  // [unit]
+  bool log = false;          // u = log(value); then value, bounds and start are > 0
+  bool has_prior = false;    // what is known beforehand: a normal density in the value's unit
+  double prior_mean = 0.0;   // [unit]
+  double prior_sigma = 0.0;  // > 0 [unit]
 };
 
 // Throws Error, placed at parameter.NAME, for a start outside the bounds, bounds that do not

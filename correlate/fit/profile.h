@@ -20,9 +20,9 @@ struct ProfileOptions {
 
 /// One value at which a parameter was held.
 struct ProfilePoint {
-  double value = 0.0;         // of the parameter, in its unit
+  double value = 0.0;         // of the parameter [unit]
   double deviance = 0.0;      // twice the rise of the cost with all others at their best [-]
-  std::vector<double> theta;  // all parameters there
+  std::vector<double> theta;  // all parameters there [units]
   bool settled = false;       // the others' best was found to a hundredth of the deviance's unit
 };
 
@@ -32,10 +32,10 @@ struct Profile {
   std::vector<ProfilePoint> points;  // rising in value, the estimate among them
   // 95% interval of the data: deviance 3.84 times `dispersion`; NaN where the profile does not
   // rise to it as far as it could be followed, or a bound comes first.
-  double low = std::numeric_limits<double>::quiet_NaN();
-  double high = std::numeric_limits<double>::quiet_NaN();
-  double dispersion = 1.0;  // what residual correlation that is left adds to the variance
-  double reached_low = 0.0, reached_high = 0.0;  // how far it was followed
+  double low = std::numeric_limits<double>::quiet_NaN();   // [unit]
+  double high = std::numeric_limits<double>::quiet_NaN();  // [unit]
+  double dispersion = 1.0;  // what residual correlation that is left adds to the variance [-]
+  double reached_low = 0.0, reached_high = 0.0;  // how far it was followed [unit]
   // An open side was lost, or the budget spent, before a bound or twice KnownWithin.
   bool lost_low = false, lost_high = false;
   bool closed() const { return low == low && high == high; }
@@ -43,11 +43,11 @@ struct Profile {
 
 // What a profile starts from: the estimate, sensitivities there and what they say.
 struct ProfileStart {
-  std::vector<double> u;
+  std::vector<double> u;  // the estimate [-]
   ReducedProblem::Point point;
-  Eigen::MatrixXd projected;   // rows x p, d residual / d u, nuisances projected out
+  Eigen::MatrixXd projected;   // rows x p, d residual / d u, nuisances projected out [-]
   Eigen::VectorXd sigma;       // of each u, of the data [-]
-  Eigen::VectorXd dispersion;  // variance of the data over that of the rows alone, >= 1
+  Eigen::VectorXd dispersion;  // variance of the data over that of the rows alone, >= 1 [-]
 };
 
 // All parameters' profiles, simulations of all of them in common batches. A profile that has not

@@ -14,8 +14,8 @@ struct FitProgress {
   std::string phase;            // in words: "screening", "2 starts", "sharpening", "profiles"
   std::size_t evaluations = 0;  // asked for so far, those of a journal included
   std::size_t expected = 0;     // of the whole fit, as far as can be told now
-  double best_cost = 0.0;       // half the sum of squares of the latest stage; 0: not known yet
-  std::vector<double> best_theta;
+  double best_cost = 0.0;       // half the sum of squares of the latest stage; 0: not known yet [-]
+  std::vector<double> best_theta;  // [units of the parameters]
 };
 
 // Workers that count the evaluations which others carry out, and report how far a fit is.

@@ -15,7 +15,7 @@ struct Job {
   std::size_t trial = 0;
   Fidelity fidelity = Fidelity::kMain;
   const Model* model = nullptr;
-  std::vector<double> theta;
+  std::vector<double> theta;  // [units of the parameters]
   const Stamps* stamps = nullptr;
 };
 

@@ -13,24 +13,24 @@ namespace unfurl::correlate {
 struct DecaySignal {
   std::string name;
   std::vector<double> t;      // n, ascending [s]
-  std::vector<double> value;  // n
-  std::vector<double> sigma;  // n standard deviations; empty: unknown, the scatter gives the scale
+  std::vector<double> value;  // n [unit]
+  std::vector<double> sigma;  // n; empty: unknown, the scatter gives the scale [unit]
 };
 
 // A damped sine common to all signals: signal j is Re(c_j exp(s (t - start))), s = -a + i w.
 struct Mode {
-  std::complex<double> pole;  // s [1/s]
-  double frequency = 0.0;     // undamped natural, |s| / 2 pi [Hz]
-  double frequency_sigma = 0.0;
-  double damping = 0.0;  // ratio, a / |s| [-]
-  double damping_sigma = 0.0;
-  Eigen::VectorXcd amplitude;  // c, one per signal, at the fit's start [unit of the signals]
-  // c over its largest entry, with the standard errors of real and imaginary parts.
+  std::complex<double> pole;     // s [1/s]
+  double frequency = 0.0;        // undamped natural, |s| / 2 pi [Hz]
+  double frequency_sigma = 0.0;  // [Hz]
+  double damping = 0.0;          // ratio, a / |s| [-]
+  double damping_sigma = 0.0;    // [-]
+  Eigen::VectorXcd amplitude;    // c, one per signal, at the fit's start [unit of the signals]
+  // c over its largest entry, with the standard errors of real and imaginary parts [-].
   Eigen::VectorXcd shape;
   Eigen::Matrix2Xd shape_sigma;
   double share = 0.0;  // of the signals' mean square about their trends [-]
   // Squared amplitudes over their own errors, summed: chi-square of 2 per signal were there none.
-  double evidence = 0.0;
+  double evidence = 0.0;  // [-]
   // Of what the whole record tells of its frequency, the part that the samples fitted tell [-].
   double information = 1.0;
   int members = 0;  // stable poles of its cluster; 0 where it was not sought by a diagram
@@ -59,9 +59,9 @@ struct DecayFit {
   std::size_t samples = 0;
   double explained = 0.0;     // share of the motion about the trends, in [0, 1]
   double residual_rms = 0.0;  // [unit of the signals]
-  double chi2_per_dof = 0.0;  // 0 where a signal has no sigma
-  double whiteness = 1.0;     // p-value of the least white residual, times their number
-  double effective = 1.0;  // independent values per sample that the residuals' correlation leaves
+  double chi2_per_dof = 0.0;  // 0 where a signal has no sigma [-]
+  double whiteness = 1.0;     // p-value of the least white residual, times their number [-]
+  double effective = 1.0;     // independent values per sample, for the residuals' correlation [-]
 };
 
 // Maximum likelihood for white noise: least squares over all poles, amplitudes and trends, the

@@ -14,16 +14,16 @@ namespace unfurl::correlate {
 // gathered in clusters, and from their middles a maximum-likelihood fit (decay_fit.h).
 struct ModalOptions {
   double low = 0.0;  // band to look in [Hz]; 0: one period of the record
-  double high = std::numeric_limits<double>::infinity();  // and the rate's own limit
+  double high = std::numeric_limits<double>::infinity();  // and the rate's own limit [Hz]
   int max_order = 40;        // of the pencil; two per mode, and noise and trends take some
-  double max_damping = 0.3;  // ratio above which a pole is no vibration
+  double max_damping = 0.3;  // ratio above which a pole is no vibration [-]
   // A pole is stable when the next lower order has one within these.
-  double frequency_tolerance = 0.01;  // relative
-  double damping_tolerance = 0.1;     // relative, or 0.002 absolute
-  double shape_tolerance = 0.05;      // 1 - MAC
+  double frequency_tolerance = 0.01;  // relative [-]
+  double damping_tolerance = 0.1;     // relative, or 0.002 absolute [-]
+  double shape_tolerance = 0.05;      // 1 - MAC [-]
   // Part of the orders, from its first on, at which a cluster must be found to be a mode.
-  double persistence = 0.5;
-  int most = 12;  // modes
+  double persistence = 0.5;  // [-]
+  int most = 12;             // modes
   // Samples of each signal that are fitted, its first ones: a fit takes up to 1.3 kB for each. A
   // free decay is over by then, or Mode::information says what the rest holds.
   std::size_t most_samples = 100000;
@@ -58,7 +58,7 @@ ModalFit IdentifyModes(std::span<const DecaySignal> signals, const ModalOptions&
 // and the shapes' MAC above 0.5 where their signals are the same; each used once.
 struct ModePair {
   int a = -1, b = -1;  // indices; -1: no partner
-  double mac = 0.0;
+  double mac = 0.0;    // [-]
 };
 std::vector<ModePair> PairModes(const std::vector<Mode>& a, const std::vector<Mode>& b,
                                 double tolerance = 0.1);

@@ -15,7 +15,7 @@ struct DensityOptions {
   SpectralWindow window = SpectralWindow::kHann;
   Detrend detrend = Detrend::kLine;  // of each segment
   std::size_t segment = 0;  // samples; 0: so that about eight overlapping segments come out
-  double overlap = 0.5;     // of a segment, [0, 1)
+  double overlap = 0.5;     // of a segment, [0, 1) [-]
 };
 
 // Two signals x (measured) and y (reference) at the same stamps; single-sided densities: summed
@@ -26,8 +26,8 @@ struct CrossSpectrum {
   std::vector<std::complex<double>> xy;  // mean of conj(X) Y: phase is that of y ahead of x
   std::vector<double> coherence;         // |xy|^2 / (xx yy), [0, 1]
   std::size_t segments = 0;              // averaged
-  double effective_segments = 0.0;       // independent ones: what overlapping leaves of them
-  double no_coherence = 1.0;             // exceeded in 5% of the bins by unrelated noise
+  double effective_segments = 0.0;       // independent ones: what overlapping leaves of them [-]
+  double no_coherence = 1.0;             // exceeded in 5% of the bins by unrelated noise [-]
   double resolution = 0.0;               // spacing of the bins [Hz]
   double noise_bandwidth = 0.0;          // of the window [Hz]
   double dt = 0.0;                       // [s]

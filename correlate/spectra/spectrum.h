@@ -22,7 +22,7 @@ struct SpectrumOptions {
 // whatever the window (its coherent gain is divided out) and whether n is even or odd.
 struct Spectrum {
   std::vector<double> frequency;            // n/2 + 1 bins, k / (n dt) [Hz]
-  std::vector<double> amplitude;            // in the unit of the signal
+  std::vector<double> amplitude;            // [unit of the signal]
   std::vector<std::complex<double>> value;  // the same with its phase at the first sample
   double resolution = 0.0;                  // spacing of the bins, 1 / (n dt) [Hz]
   double noise_bandwidth = 0.0;             // of the window [Hz]; 1 bin for the rectangular one
@@ -44,15 +44,15 @@ const char* Name(Detrend how);  // "a straight line taken out"
 // sine far from 0 and from the Nyquist frequency.
 struct Peak {
   double frequency = 0.0;  // [Hz]
-  double amplitude = 0.0;  // corrected for its place between the bins
+  double amplitude = 0.0;  // corrected for its place between the bins [unit of the signal]
   std::size_t bin = 0;
 };
 
 /// What counts as a peak.
 struct PeakOptions {
   int most = 6;                // peaks, strongest first
-  double over_floor = 5.0;     // times the median amplitude around it (a quarter of the band)
-  double over_largest = 0.01;  // part of the largest peak
+  double over_floor = 5.0;     // times the median amplitude around it (a quarter of the band) [-]
+  double over_largest = 0.01;  // part of the largest peak [-]
   double low = 0.0;  // [Hz]; the first two bins never count: they hold what detrending left
 };
 std::vector<Peak> FindPeaks(const Spectrum& spectrum, const PeakOptions& options = {});
