@@ -161,7 +161,7 @@ std::string H5Reader::SchemaOf(const std::string& path) {
   const ReadsForeign reads(path.c_str());
   const H5Handle file = H5OpenChecked(path);
   const H5Handle root(H5Oopen(file.get(), "/", H5P_DEFAULT), H5Oclose);
-  const std::string schema = H5ReadText(root.get(), "schema", path + ":/");
+  std::string schema = H5ReadText(root.get(), "schema", path + ":/");
   if (schema.empty()) {
     throw Error("is not a file of ours: it names no schema", path, kGiveOurs);
   }

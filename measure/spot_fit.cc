@@ -214,7 +214,7 @@ class Fit {
       }
     }
     chi_square_ = Sum(sums.chi_square);
-    used_ = static_cast<int>(Sum(sums.used) + 0.5);
+    used_ = static_cast<int>(Sum(sums.used));  // a sum of ones, exact
   }
 
   // The model at a pack of pixels with these right edges, and its derivatives: Gaussians integrated

@@ -100,10 +100,9 @@ std::string Cells(const Map& map, const MapPane& pane, const Scale& scale, doubl
   for (std::size_t i = 0; i < pane.values.size(); ++i) {
     const double value = pane.values[i];
     if (!std::isfinite(value)) continue;
-    const double column = static_cast<double>(i % columns);
-    const double row = static_cast<double>(rows - 1 - i / columns);
-    svg += Rect(left + w * column, kTop + h * row, w + 0.3, h + 0.3, ScaleColor(scale.Share(value)),
-                Number(value, 3) + unit);
+    const std::size_t column = i % columns, row = rows - 1 - i / columns;
+    svg += Rect(left + w * static_cast<double>(column), kTop + h * static_cast<double>(row),
+                w + 0.3, h + 0.3, ScaleColor(scale.Share(value)), Number(value, 3) + unit);
   }
   return svg + "\n";
 }

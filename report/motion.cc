@@ -133,6 +133,7 @@ std::string MotionJson(const Motion& motion) {
   const Budget budget = BudgetFor(motion);
   const std::vector<std::size_t> frames = EvenlyChosen(motion.t.size(), budget.frames);
   std::vector<double> t;
+  t.reserve(frames.size());
   for (const std::size_t f : frames) t.push_back(motion.t[f]);
   Json json = {{"x", AxisTitle(motion.x)}, {"y", AxisTitle(motion.y)}, {"group", "time"},
                {"loops", motion.loops},    {"box", box.Margined()},    {"t", Floats(t)}};

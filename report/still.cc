@@ -155,7 +155,8 @@ std::string CurvesWithKey(const Chart& chart, const Scale& X, const Scale& Y, do
 std::string StillSvg(const Chart& chart, int width_px, int height_px) {
   ChartJson(chart);  // its checks are ours
   const double width = width_px, height = height_px;
-  const double top = 34.0 + kRow * static_cast<double>((chart.series.size() + 1) / 2);
+  const std::size_t legend_rows = (chart.series.size() + 1) / 2;
+  const double top = 34.0 + kRow * static_cast<double>(legend_rows);
   Scale X(chart.x, kLeft, width - kRight), Y(chart.y, height - kBottom, top);
   for (const Series& s : chart.series) {
     for (std::size_t i = 0; i < s.x.size(); ++i) {

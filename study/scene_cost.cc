@@ -37,6 +37,7 @@ class CostRuns {
     correlate::CostRun second;
     if (options_.methods.size() > 1) second = Measure(Finest(1), 1);
     std::vector<correlate::CostRun> runs;
+    runs.reserve(settings.size());
     for (const correlate::CostSetting& s : settings) runs.push_back(Measure(s, kRepeats));
     return correlate::StudyCost(runs, reference, &second);
   }

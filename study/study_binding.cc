@@ -264,7 +264,7 @@ BoundStudy Bind(const data::Study& study, const std::string& tracks) {
 std::string IdentityOf(const data::Provenance& provenance) {
   std::string text = provenance.program + "\n";
   for (const data::InputFile& input : provenance.inputs) text += input.sha256 + "\n";
-  for (const auto& [key, value] : provenance.options) text += key + " = " + value + "\n";
+  for (const auto& [key, value] : provenance.options) text += fmt::format("{} = {}\n", key, value);
   return text;
 }
 
