@@ -71,29 +71,34 @@ void Unpack(const double* x, const BundleUnits& units, data::RigCamera* camera) 
   }
 }
 
-// Rotation by a small vector, R <- Exp(w) R; the rest by addition. The cost functions below give
-// their derivatives by the tangent in the first 3 and last 16 of the 25 ambient columns, so
-// PlusJacobian only picks those.
+// Rotation by a small vector, R <- Exp(w) R; the rest by addition, but for terms that are held. The
+// cost functions below give their derivatives by the tangent in the first 3 and last columns of the
+// ambient ones, so PlusJacobian only picks those.
 class CameraManifold : public ceres::Manifold {
  public:
+  explicit CameraManifold(const CameraPrior& prior) {
+    for (int k = 9; k < kAmbient; ++k) {
+      if (k < kFirst || !prior.Fixed(k - kFirst)) free_.push_back(k);
+    }
+  }
   int AmbientSize() const override { return kAmbient; }
-  int TangentSize() const override { return data::kCameraParameters; }
+  int TangentSize() const override { return 3 + static_cast<int>(free_.size()); }
 
   bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
     using Rotation = Eigen::Matrix<double, 3, 3, Eigen::RowMajor>;
     const Eigen::Vector3d w(delta[0], delta[1], delta[2]);
     const Rotation turned = RotationFromVector(w) * Eigen::Map<const Rotation>(x);
     std::copy(turned.data(), turned.data() + 9, x_plus_delta);
-    for (int k = 0; k < kTail; ++k) x_plus_delta[9 + k] = x[9 + k] + delta[3 + k];
+    std::copy(x + 9, x + kAmbient, x_plus_delta + 9);
+    for (std::size_t k = 0; k < free_.size(); ++k) x_plus_delta[free_[k]] += delta[3 + k];
     return true;
   }
 
   bool PlusJacobian(const double*, double* jacobian) const override {
-    Eigen::Map<Eigen::Matrix<double, kAmbient, data::kCameraParameters, Eigen::RowMajor>> J(
-        jacobian);
+    RowMajor J(jacobian, kAmbient, TangentSize());
     J.setZero();
     J.topLeftCorner<3, 3>().setIdentity();
-    J.bottomRightCorner<kTail, kTail>().setIdentity();
+    for (std::size_t k = 0; k < free_.size(); ++k) J(free_[k], Column(k)) = 1.0;
     return true;
   }
 
@@ -103,18 +108,23 @@ class CameraManifold : public ceres::Manifold {
         Eigen::Map<const Rotation>(y) * Eigen::Map<const Rotation>(x).transpose();
     const Eigen::Vector3d w = VectorFromRotation(R);
     std::copy(w.data(), w.data() + 3, y_minus_x);
-    for (int k = 0; k < kTail; ++k) y_minus_x[3 + k] = y[9 + k] - x[9 + k];
+    for (std::size_t k = 0; k < free_.size(); ++k) y_minus_x[3 + k] = y[free_[k]] - x[free_[k]];
     return true;
   }
 
   bool MinusJacobian(const double*, double* jacobian) const override {
-    Eigen::Map<Eigen::Matrix<double, data::kCameraParameters, kAmbient, Eigen::RowMajor>> J(
-        jacobian);
+    RowMajor J(jacobian, TangentSize(), kAmbient);
     J.setZero();
     J.topLeftCorner<3, 3>().setIdentity();
-    J.bottomRightCorner<kTail, kTail>().setIdentity();
+    for (std::size_t k = 0; k < free_.size(); ++k) J(Column(k), free_[k]) = 1.0;
     return true;
   }
+
+ private:
+  using RowMajor =
+      Eigen::Map<Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>;
+  static Eigen::Index Column(std::size_t k) { return 3 + static_cast<Eigen::Index>(k); }
+  std::vector<int> free_;  // ambient indices
 };
 
 class ReadingCost : public ceres::SizedCostFunction<1, kAmbient, 3> {
@@ -353,7 +363,8 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ownership.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   CoreLoss reading_loss(options.loss_width), survey_loss(SurveyLossWidth(options.loss_width));
-  CameraManifold manifold;
+  std::vector<CameraManifold> manifolds;
+  for (const CameraPrior& prior : priors) manifolds.emplace_back(prior);
   ceres::Problem problem(ownership);
 
   const BundleUnits units = UnitsOf(data, *state);
@@ -362,7 +373,7 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
   Eigen::Matrix3Xd points = state->points / units.length;
   auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();
   for (std::size_t j = 0; j < blocks.size(); ++j) {
-    problem.AddParameterBlock(blocks[j].data(), kAmbient, &manifold);
+    problem.AddParameterBlock(blocks[j].data(), kAmbient, &manifolds[j]);
     problem.AddResidualBlock(new PriorCost(priors[j], state->cameras[j].pixels, units), nullptr,
                              blocks[j].data());
     ordering->AddElementToGroup(blocks[j].data(), 1);

@@ -57,7 +57,7 @@ struct BundleSummary {
   // points both are of the readings alone.
   double chi_square = 0.0;
   double degrees_of_freedom = 0.0;
-  // Of the cameras, 19 c x 19 c, and after them the common errors, unless the points were fixed;
+  // Of the cameras, 31 c x 31 c, and after them the common errors, unless the points were fixed;
   // priors included (calib/covariance.h).
   Eigen::MatrixXd information;
   std::vector<double> residual_px;  // u - prediction, per reading; NaN: the point is behind
@@ -73,7 +73,7 @@ struct BundleSummary {
   }
 };
 
-// Minimises, over all cameras' 19 parameters and the points,
+// Minimises, over all cameras' 31 parameters and the points,
 //   sum_r loss((u_r - h(c, P))^2 / (s_r^2 + floor^2)) + sum_i loss(|P_i - p_i|^2 in the metric of
 //   the survey's covariance, common errors taken off p_i) + the priors,
 // with Ceres and the analytic derivatives of measure::Project, starting from `state`, over what

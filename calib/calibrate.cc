@@ -126,15 +126,14 @@ void MakeRig(const Observations& data, RigFit* fit) {
 void ChooseTerms(const Observations& data, const CalibrateOptions& options, RigFit* fit,
                  CalibrationReport* report) {
   if (options.order != kAutomaticOrder) {
-    const auto orders = measure::OrdersOf(options.guess.lens);
-    report->order =
-        options.order == kFullOrder ? static_cast<int>(orders.size()) - 1 : options.order;
-    report->lens_model = orders[static_cast<std::size_t>(report->order)].name;
+    report->order = fit->order;
+    report->lens_model =
+        measure::OrdersOf(options.guess.lens)[static_cast<std::size_t>(fit->order)].name;
     return;
   }
   OrderOptions choice = options.choice;
   choice.workers = options.workers;
-  OrderChoice chosen = ChooseOrder(data, fit->priors, fit->bundle, choice);
+  OrderChoice chosen = ChooseOrder(data, fit->priors, fit->bundle, fit->order, choice);
   const OrderTrial& trial = chosen.trials[static_cast<std::size_t>(chosen.taken)];
   report->order = trial.order;
   report->lens_model = OrderName(trial);
@@ -143,6 +142,30 @@ void ChooseTerms(const Observations& data, const CalibrateOptions& options, RigF
   fit->bundle = trial.bundle;
   MakeRig(data, fit);
   report->orders = std::move(chosen.trials);
+}
+
+// Tests the residuals for trends. Readings that drift are corrected to the end of the survey,
+// camera by camera, the bundle fitted again, and what remains tested once more.
+Observations TakeOutDrift(const Observations& data, const CalibrateOptions& options, RigFit* fit,
+                          CalibrationReport* report) {
+  Observations steady = data;
+  const Eigen::Index size = fit->rig.covariance.rows();
+  Eigen::MatrixXd added = Eigen::MatrixXd::Zero(size, size);
+  for (int round = 0; round <= data.camera_count(); ++round) {
+    const TrendResult now = TestTrends(steady, fit->priors, fit->bundle, options.trends);
+    report->trends.resize(now.trends.size());
+    for (std::size_t k = 0; k < now.trends.size(); ++k) {
+      if (!report->trends[k].found) report->trends[k] = now.trends[k];
+    }
+    if (now.drift_px.empty()) break;
+    steady = WithoutDrift(std::move(steady), now);
+    added += now.covariance.topLeftCorner(size, size);
+    fit->bundle = Refine(steady, fit->priors, fit->bundle.weighting, options.refine,
+                         std::move(fit->bundle.state));
+    MakeRig(steady, fit);
+    fit->rig.covariance += added;
+  }
+  return steady;
 }
 
 // The fit's numbers, reading by reading and camera by camera.
@@ -179,6 +202,58 @@ void NoteRows(const Observations& data, data::Rig* rig) {
                   JoinWords(guessed)));
 }
 
+// Level of the test for a pattern beyond which richer lenses are tried: a false alarm costs a fit.
+constexpr double kTryRicher = 0.2;
+
+// The cameras whose readings deviate beyond their sigmas: by a floor, by readings that were left
+// out, or by a pattern over the field.
+std::vector<char> Deviating(const Observations& data, const RigFit& fit) {
+  std::vector<char> out(data.cameras.size(), 0);
+  for (std::size_t j = 0; j < out.size(); ++j) {
+    if (fit.bundle.weighting.floor_px[j] > 0.0) out[j] = 1;
+  }
+  for (std::size_t k = 0; k < data.readings.size(); ++k) {
+    const auto j = static_cast<std::size_t>(data.readings[k].camera);
+    if (!fit.bundle.weighting.Uses(k)) out[j] = 1;
+  }
+  const std::vector<Trend> trends = TestTrends(data, fit.priors, fit.bundle).trends;
+  for (const Trend& trend : trends) {
+    if (trend.kind == TrendKind::kPattern &&
+        trend.chance * static_cast<double>(trends.size()) < kTryRicher) {
+      out[static_cast<std::size_t>(trend.camera)] = 1;
+    }
+  }
+  return out;
+}
+
+// Fits once more, from a floor for all cameras, with every term of the lens model for the cameras
+// that deviate, or for all where that is asked for. Taken where asked for, or where the data are
+// more probable with it, each term being charged with 2 (Akaike).
+void TryRichest(const Observations& data, const CalibrateOptions& options, double floor_px,
+                BundleState state, RigFit* fit) {
+  const int richest = static_cast<int>(measure::OrdersOf(options.guess.lens).size()) - 1;
+  const bool asked = options.order > fit->order;
+  if (richest <= fit->order || (!asked && options.order != kAutomaticOrder)) return;
+  const std::vector<char> richer =
+      asked ? std::vector<char>(data.cameras.size(), 1) : Deviating(data, *fit);
+  std::vector<CameraPrior> priors = fit->priors;
+  double charge = 0.0;
+  for (std::size_t j = 0; j < priors.size(); ++j) {
+    if (richer[j] == 0) continue;
+    priors[j] = fit->guesses[j].richest;
+    for (int k = 0; k < static_cast<int>(data::kLensTerms); ++k) {
+      charge += fit->priors[j].Fixed(k) && !priors[j].Fixed(k) ? 2.0 : 0.0;
+    }
+  }
+  if (charge == 0.0) return;
+  RefinedBundle bundle =
+      Refine(data, priors, EqualWeighting(data, floor_px), options.refine, std::move(state));
+  if (!asked && !(bundle.price + charge < fit->bundle.price)) return;
+  fit->bundle = std::move(bundle);
+  fit->priors = std::move(priors);
+  fit->order = richest;
+}
+
 }  // namespace
 
 RigFit FitRig(const Observations& data, const CalibrateOptions& options, const std::string& where) {
@@ -206,10 +281,13 @@ RigFit FitRig(const Observations& data, const CalibrateOptions& options, const s
   // would do instead, the more probable of the two fits is taken.
   if (robust.floor_px > 0.0 && fit.bundle.summary.gross_readings() > 0) {
     RefinedBundle floored = Refine(data, fit.priors, EqualWeighting(data, robust.floor_px),
-                                   options.refine, std::move(robust.state));
+                                   options.refine, robust.state);
     if (floored.price < fit.bundle.price) fit.bundle = std::move(floored);
   }
-  if (options.order != kAutomaticOrder && options.order != kFullOrder) {
+  fit.order = measure::UsualOrderOf(options.guess.lens);
+  TryRichest(data, options, robust.floor_px, std::move(robust.state), &fit);
+  if (options.order >= 0 && options.order < fit.order) {
+    fit.order = options.order;
     fit.priors = WithOrder(fit.priors, options.order);
     fit.bundle = FitOrder(data, fit.priors, fit.bundle);
   }
@@ -220,6 +298,7 @@ RigFit FitRig(const Observations& data, const CalibrateOptions& options, const s
 void CalibrateOptions::Check() const {
   const RefuseOption refuse("CalibrateOptions");
   verdict.Check();
+  trends.Check();
   guess.Check();
   refine.gross.Check();
   if (folds < 2) refuse("folds", "is less than 2", "give the parts that are held out in turn");
@@ -246,17 +325,19 @@ Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
   Calibration out;
   // Its terms: those asked for, or those that cross-validation justifies.
   ChooseTerms(data, options, &fit, &out.report);
+  done(0.7);
+  const Observations steady = TakeOutDrift(data, options, &fit, &out.report);
   done(0.8);
   out.rig = fit.rig;
-  ReportFit(data, fit, &out.report);
+  ReportFit(steady, fit, &out.report);
   // What the data leave open, what was left out, and points that took no part.
   CalibrationReport& report = out.report;
   report.weak = FindWeak(out.rig, fit.priors, fit.bundle.summary.information);
   report.gross =
-      ExplainGross(Corrected(data, fit.bundle.state.common), fit.bundle, options.explain);
+      ExplainGross(Corrected(steady, fit.bundle.state.common), fit.bundle, options.explain);
   report.advice = SurveyAdvice(data, fit.bundle.weighting, out.rig);
   HeldOutResult held_out =
-      CheckHeldOut(data, fit.priors, fit.bundle, options.folds, options.workers);
+      CheckHeldOut(steady, fit.priors, fit.bundle, options.folds, options.workers);
   report.held_out = std::move(held_out.points);
   report.held_out_unsolved = held_out.unsolved;
   Judge(report, data, &out.rig, options.verdict);

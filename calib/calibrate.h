@@ -13,6 +13,7 @@
 #include "calib/model_order.h"
 #include "calib/observations.h"
 #include "calib/refine.h"
+#include "calib/trends.h"
 #include "calib/verdict_options.h"
 #include "calib/weak.h"
 #include "data/rig.h"
@@ -24,11 +25,12 @@ struct CalibrateOptions {
   GuessOptions guess;
   BundleOptions bundle;  // of the robust stage
   RefineOptions refine;
-  // Index into the orders of the lens model (guess.lens), or one of calib/model_order.h; FitRig
-  // takes kAutomaticOrder for kFullOrder.
+  // Index into the orders of the lens model (guess.lens), or one of calib/model_order.h. FitRig
+  // takes the one that fits start from for kAutomaticOrder, or the richest where that does not fit.
   int order = kAutomaticOrder;
   OrderOptions choice;
   ExplainOptions explain;
+  TrendOptions trends;
   VerdictOptions verdict;
   int folds = 10;           // of the held-out check; at least 2
   std::size_t workers = 0;  // 0: all cores. Changes no result
@@ -78,6 +80,7 @@ struct CalibrationReport {
   std::vector<double> survey_weight;   // per point; below 1: left out as gross
   std::vector<HeldOutPoint> held_out;  // of usable points
   int held_out_unsolved = 0;           // points whose readings gave no position
+  std::vector<Trend> trends;  // of readings and survey; those that were found make it not good
   std::vector<WeakDirection> weak;
   std::vector<GrossFinding> gross;
   std::vector<std::string> advice;  // on the survey's layout
@@ -103,6 +106,7 @@ struct Calibration {
 struct RigFit {
   std::vector<CameraGuess> guesses;
   std::vector<CameraPrior> priors;
+  int order = 0;  // of the terms that took part
   RefinedBundle bundle;
   data::Rig rig;  // cameras, covariance, floor and volume
 };

@@ -14,6 +14,7 @@
 #include "base/refuse_option.h"
 #include "calib/check_causes.h"
 #include "calib/check_design.h"
+#include "calib/slips.h"
 #include "calib/verdict.h"
 #include "measure/survey_readings.h"
 #include "measure/triangulate.h"
@@ -280,6 +281,11 @@ CheckResult CheckPoints(const data::Rig& rig, const Observations& data, const st
   const std::vector<std::size_t> match = MatchCameras(rig, data, where);
   if (data.readings.empty()) {
     throw Error("holds no readings", where, "give readings of some points");
+  }
+  // A file that is written otherwise than it says speaks of itself, not of the rig.
+  const Slip slip = FindSlip(rig, data, match);
+  if (slip.found) {
+    throw Error("fits the rig, but " + slip.what, where, slip.remedy);
   }
   const CheckDesign design = DesignOfPoints(rig, data, match, where);
   CheckResult result;

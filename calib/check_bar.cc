@@ -22,7 +22,7 @@ constexpr double kRank = 1e-9;  // of singular values: what the data do not fix 
 struct Placement {
   Eigen::VectorXd misfit;     // m + 1
   Eigen::MatrixXd by_places;  // m + 1 x 6
-  Eigen::MatrixXd by_camera;  // m + 1 x 19 c
+  Eigen::MatrixXd by_camera;  // m + 1 x 31 c
   Eigen::VectorXd weight;     // 1 / sigma [1/px], the length's [1/m]
 };
 

@@ -19,7 +19,7 @@ struct CheckDesign {
   // Of the m readings: which camera of the rig, which point (a bar's end).
   std::vector<int> camera, point;
   std::vector<Effect> by_reading;  // m of one column [1/px]
-  Eigen::MatrixXd by_camera;       // n x 19 c, of the rig's parameters
+  Eigen::MatrixXd by_camera;       // n x 31 c, of the rig's parameters
   // Of each surveyed point (k = 3) or placement of the bar (k = 1) [1/m].
   std::vector<Effect> by_point;
   // n x 6: all points moved and turned against the rig; n x 1: all lengths [1/m].

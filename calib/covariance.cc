@@ -108,7 +108,19 @@ Eigen::MatrixXd DataInformation(const Observations& data, const std::vector<Came
   return information;
 }
 
-Eigen::MatrixXd CameraCovariance(const Eigen::MatrixXd& information) {
+Eigen::MatrixXd CameraCovariance(const Eigen::MatrixXd& all) {
+  // What stands alone, as terms that are held do, is inverted by itself.
+  std::vector<Eigen::Index> together;
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(all.rows(), all.cols());
+  for (Eigen::Index k = 0; k < all.rows(); ++k) {
+    if (all.col(k).cwiseAbs().sum() > std::abs(all(k, k))) {
+      together.push_back(k);
+    } else {
+      out(k, k) = 1.0 / all(k, k);
+    }
+  }
+  if (together.empty()) return out;
+  const Eigen::MatrixXd information = all(together, together);
   const Eigen::VectorXd scale = information.diagonal().cwiseSqrt().cwiseInverse();
   const Eigen::MatrixXd scaled = scale.asDiagonal() * information * scale.asDiagonal();
   // By eigenvalues: what round-off leaves below zero is cut off, and the inverse stays
@@ -118,7 +130,8 @@ Eigen::MatrixXd CameraCovariance(const Eigen::MatrixXd& information) {
   const Eigen::VectorXd inverse = eigen.eigenvalues().cwiseMax(least).cwiseInverse();
   const Eigen::MatrixXd half =
       scale.asDiagonal() * eigen.eigenvectors() * inverse.cwiseSqrt().asDiagonal();
-  return half * half.transpose();
+  out(together, together) = half * half.transpose();
+  return out;
 }
 
 void ClearFixed(const std::vector<CameraPrior>& priors, Eigen::MatrixXd* covariance) {

@@ -11,6 +11,7 @@
 #include "base/refuse_option.h"
 #include "base/statistics.h"
 #include "calib/direct_transform.h"
+#include "calib/model_order.h"
 #include "measure/camera_model.h"
 #include "measure/lens/lens.h"
 
@@ -120,6 +121,33 @@ DirectGuess GuessDirect(const Eigen::Matrix3Xd& p, const Eigen::VectorXd& u, int
   return best;
 }
 
+// Where readings fit no camera: whether they do with each written one row off. "before", "after" or
+// neither.
+std::string ShiftThatFits(const Observations& data, const Observations& own, int row,
+                          const GuessOptions& options, int index) {
+  for (const int by : {-1, 1}) {
+    std::vector<Eigen::Vector3d> places;
+    std::vector<double> u;
+    for (const Reading& r : own.readings) {
+      if (r.point + by < 0 || r.point + by >= data.points()) continue;
+      places.emplace_back(data.p.col(r.point + by));
+      u.push_back(r.u_px);
+    }
+    if (static_cast<int>(u.size()) < options.fewest_points) continue;
+    Eigen::Matrix3Xd p(3, static_cast<Eigen::Index>(u.size()));
+    for (std::size_t k = 0; k < u.size(); ++k) p.col(static_cast<Eigen::Index>(k)) = places[k];
+    const Eigen::VectorXd readings =
+        Eigen::VectorXd::Map(u.data(), static_cast<Eigen::Index>(u.size()));
+    const DirectGuess guess =
+        GuessDirect(p, readings, row, options.lens,
+                    Rng(options.seed).Stream("one row off", static_cast<std::uint64_t>(index)));
+    if (guess.fit.sigma_px < kLargestScale * (Quantile(u, 0.95) - Quantile(u, 0.05))) {
+      return by < 0 ? "before" : "after";
+    }
+  }
+  return "";
+}
+
 CameraGuess GuessCamera(const Observations& data, int index, const GuessOptions& options,
                         const std::string& where) {
   const std::string& name = data.cameras[static_cast<std::size_t>(index)];
@@ -153,12 +181,18 @@ CameraGuess GuessCamera(const Observations& data, int index, const GuessOptions&
   const bool in_front = static_cast<double>((depth.array() > 0.0).count()) >= kLeastInFront * n;
   if (direct.fit.condition < kLeastCondition || !in_front ||
       !(direct.sigma_px < kLargestScale * (Quantile(readings, 0.95) - Quantile(readings, 0.05)))) {
+    const std::string shifted = ShiftThatFits(data, own, row, options, index);
     throw Error(fmt::format("the readings of camera \"{}\" do not fit any camera at the surveyed "
-                            "points (they miss by {:.3g} px)",
-                            name, direct.sigma_px),
-                where, "check that readings and points belong together and fill the volume");
+                            "points (they miss by {:.3g} px){}",
+                            name, direct.sigma_px,
+                            shifted.empty() ? "" : ", but fit the points in the row " + shifted),
+                where,
+                shifted.empty()
+                    ? "check that readings and points belong together and fill the volume"
+                    : "shift the columns of its readings by one row");
   }
-  guess.prior = MakePrior(guess.camera, p, own.pitch.empty() ? 0.0 : own.pitch[0], options);
+  guess.richest = MakePrior(guess.camera, p, own.pitch.empty() ? 0.0 : own.pitch[0], options);
+  guess.prior = WithOrder({guess.richest}, kFullOrder)[0];
   guess.camera.e = guess.prior.e_mean;
 
   // Lens error is in the first scale and, once the terms are fitted, not in the second.

@@ -37,12 +37,13 @@ struct GuessOptions {
 // A camera found from its readings alone, with the survey taken as exact.
 struct CameraGuess {
   data::RigCamera camera;
-  CameraPrior prior;
+  CameraPrior prior;      // of the terms that fits start with (measure::UsualOrderOf)
+  CameraPrior richest;    // the same with every term
   double sigma_px = 0.0;  // robust scale of its residuals
   int readings = 0;
 };
 
-// For each camera: the robust direct linear transformation, then its own 19 parameters by robust
+// For each camera: the robust direct linear transformation, then its own parameters by robust
 // least squares with the loss's scale taken from the residuals (twice). Needs no starting values.
 // Throws Error, naming camera and reason, for too few readings, points that are coplanar or
 // collinear, readings that no camera explains, and two cameras with the very same readings.

@@ -169,8 +169,8 @@ std::vector<CameraPrior> WithOrders(std::vector<CameraPrior> priors,
                                     const std::vector<int>& by_camera) {
   for (std::size_t j = 0; j < priors.size(); ++j) {
     const std::span<const measure::LensOrder> orders = measure::OrdersOf(priors[j].lens);
-    const std::size_t order =
-        by_camera[j] == kFullOrder ? orders.size() - 1 : static_cast<std::size_t>(by_camera[j]);
+    const std::size_t order = static_cast<std::size_t>(
+        by_camera[j] == kFullOrder ? measure::UsualOrderOf(priors[j].lens) : by_camera[j]);
     for (std::size_t k = 0; k < priors[j].term_sigma_px.size(); ++k) {
       if (!orders[order].terms[k]) priors[j].term_sigma_px[k] = 0.0;
     }
@@ -193,12 +193,13 @@ std::string OrderName(const OrderTrial& trial) {
   return name;
 }
 
-std::vector<int> OrdersByCamera(const RefinedBundle& full, double gain) {
+std::vector<int> OrdersByCamera(const RefinedBundle& full, int whole_order, double gain) {
   const Eigen::MatrixXd covariance = CameraCovariance(full.summary.information);
   std::vector<int> out;
   for (std::size_t j = 0; j < full.state.cameras.size(); ++j) {
     const std::span<const measure::LensOrder> orders =
-        measure::OrdersOf(full.state.cameras[j].lens);
+        measure::OrdersOf(full.state.cameras[j].lens)
+            .first(static_cast<std::size_t>(whole_order) + 1);
     const auto& whole = orders.back().terms;
     std::vector<double> price(orders.size());
     for (std::size_t order = 0; order < orders.size(); ++order) {
@@ -249,15 +250,15 @@ RefinedBundle FitOrder(const Observations& data, const std::vector<CameraPrior>&
 }
 
 OrderChoice ChooseOrder(const Observations& data, const std::vector<CameraPrior>& full_priors,
-                        const RefinedBundle& full, const OrderOptions& options) {
-  const std::size_t orders = measure::OrdersOf(full_priors[0].lens).size();
+                        const RefinedBundle& full, int whole_order, const OrderOptions& options) {
+  const auto orders = static_cast<std::size_t>(whole_order) + 1;
   OrderChoice out;
   out.trials.resize(orders);
   const int folds = std::min(options.folds, data.points());
   const auto run = [&](OrderTrial& trial) {
     const double start = Now();
     trial.priors = WithOrders(full_priors, trial.by_camera);
-    const bool whole = trial.order == static_cast<int>(orders) - 1;
+    const bool whole = trial.order == whole_order;
     trial.bundle = whole ? full : FitOrder(data, trial.priors, full);
     const auto& floors = trial.bundle.weighting.floor_px;
     trial.largest_floor_px = *std::max_element(floors.begin(), floors.end());
@@ -266,7 +267,7 @@ OrderChoice ChooseOrder(const Observations& data, const std::vector<CameraPrior>
   };
   OrderTrial own;
   own.order = kOrderByCamera;
-  own.by_camera = OrdersByCamera(full, options.gain);
+  own.by_camera = OrdersByCamera(full, whole_order, options.gain);
   const bool differ = std::adjacent_find(own.by_camera.begin(), own.by_camera.end(),
                                          std::not_equal_to<>()) != own.by_camera.end();
   if (differ) out.trials.push_back(own);

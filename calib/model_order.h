@@ -12,7 +12,7 @@ namespace unfurl::calib {
 
 // Which of a lens model's sets of terms (measure::OrdersOf): an index into them, or
 inline constexpr int kAutomaticOrder = -1;  // by cross-validation
-inline constexpr int kFullOrder = -2;       // the last of them, with every term
+inline constexpr int kFullOrder = -2;       // the one that fits start from (UsualOrderOf)
 inline constexpr int kOrderByCamera = -3;   // each camera its own
 
 // The priors with the terms that the order lacks held at zero; of each camera its own.
@@ -45,21 +45,21 @@ struct OrderOptions {
   double gain = 2.0;
 };
 
-// Fits every order from the solution of the full one, whose gross errors stay left out, and says
-// which to take: the simplest whose loss is within `gain` of the best. `trials` are in the order of
-// measure::OrdersOf. Where the full fit says that cameras need different ones (OrdersByCamera),
-// that is tried too, last, and taken where it gains `gain` over what all share.
+// Fits every order up to `whole`, that of the full fit, from its solution, whose gross errors stay
+// left out, and says which to take: the simplest whose loss is within `gain` of the best. `trials`
+// are in the order of measure::OrdersOf. Where the full fit says that cameras need different ones
+// (OrdersByCamera), that is tried too, last, and taken where it gains `gain` over what all share.
 struct OrderChoice {
   int taken = 0;  // index into trials
   std::vector<OrderTrial> trials;
 };
 OrderChoice ChooseOrder(const Observations& data, const std::vector<CameraPrior>& full_priors,
-                        const RefinedBundle& full, const OrderOptions& options);
+                        const RefinedBundle& full, int whole, const OrderOptions& options);
 
 // For each camera the simplest order whose left-out terms the full fit does not miss: t^T C^-1 t of
 // the terms, C their covariance, charged with 2 for each that is kept (Akaike), within 2 `gain` of
 // the least.
-std::vector<int> OrdersByCamera(const RefinedBundle& full, double gain);
+std::vector<int> OrdersByCamera(const RefinedBundle& full, int whole, double gain);
 
 // "cubic", or "pinhole, pinhole, cubic, pinhole".
 std::string OrderName(const OrderTrial& trial);

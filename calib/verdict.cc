@@ -10,6 +10,7 @@
 #include "base/length.h"
 #include "base/refuse_option.h"
 #include "base/statistics.h"
+#include "calib/slips.h"
 
 namespace unfurl::calib {
 namespace {
@@ -206,6 +207,38 @@ void JudgeSurvey(const CalibrationReport& report, const VerdictOptions& options,
   }
 }
 
+// What the residuals follow that nothing in the model makes, and parts of the field that nothing
+// tested.
+void JudgeTrends(const CalibrationReport& report, data::Rig* rig, Tally* tally) {
+  double found = 0.0;
+  for (const Trend& trend : report.trends) {
+    if (!trend.found) continue;
+    tally->care.push_back(trend.text);
+    found += 1.0;
+  }
+  rig->checks["trends [1]"] = found;
+}
+
+void JudgeCoverage(const CalibrationReport& report, const VerdictOptions& options, data::Rig* rig,
+                   Tally* tally) {
+  std::vector<double> shares;
+  for (std::size_t j = 0; j < report.cameras.size(); ++j) {
+    const CameraReport& camera = report.cameras[j];
+    shares.push_back(std::max(0.0, camera.high_px - camera.low_px) /
+                     std::max(1, rig->cameras[j].pixels));
+  }
+  if (shares.empty()) return;
+  const double share = Median(shares);
+  rig->checks["row_covered [1]"] = share;
+  if (share >= options.least_row) return;
+  tally->care.push_back(fmt::format(
+      "the survey covers {:.0f}% of the rows (median of the cameras): what lies beyond the "
+      "surveyed "
+      "box was not tested, and error bars may be too short there. Survey the volume that is used, "
+      "or use nothing outside of what was surveyed",
+      100.0 * share));
+}
+
 void ListWeak(const CalibrationReport& report, data::Rig* rig, Tally* tally) {
   rig->checks["weak_directions [1]"] = static_cast<double>(report.weak.size());
   for (const WeakDirection& weak : report.weak) {
@@ -240,6 +273,7 @@ void VerdictOptions::Check() const {
   positive("survey_care", survey_care);
   positive("common_sigmas", common_sigmas);
   positive("fewest_redundant", fewest_redundant);
+  if (!(least_row >= 0.0 && least_row <= 1.0)) refuse("least_row", "is not a share");
 }
 
 double NeedOf(const VerdictOptions& options, const data::Rig& rig) {
@@ -250,12 +284,16 @@ double NeedOf(const VerdictOptions& options, const data::Rig& rig) {
 void Judge(const CalibrationReport& report, const Observations& data, data::Rig* rig,
            const VerdictOptions& options) {
   Tally tally;
+  const Slip slip = FindUnitSlip(*rig);
+  if (slip.found) tally.no.push_back(slip.what + "; " + slip.remedy);
   const HeldOutSums sums = Sum(report, data);
   JudgeHeldOut(sums, options, rig, &tally);
   JudgeNeed(report, sums, options, rig, &tally);
   JudgeGross(report, options, rig, &tally);
   JudgeFit(report, options, rig, &tally);
   JudgeSurvey(report, options, rig, &tally);
+  JudgeTrends(report, rig, &tally);
+  JudgeCoverage(report, options, rig, &tally);
   ListWeak(report, rig, &tally);
   if (report.cameras.size() == 3) {
     tally.care.push_back("with three cameras no reading can be checked against the others");

@@ -105,7 +105,7 @@ std::string Advice(int main_part, bool harmless, const data::RigCamera& camera) 
 // Points of a grid over the volume, each with the readings that the rig itself predicts.
 struct GridPoint {
   measure::PointSolution solution;
-  Eigen::MatrixXd of_cameras;  // dP / dc, 3 x 19 c
+  Eigen::MatrixXd of_cameras;  // dP / dc, 3 x 31 c
 };
 
 std::vector<GridPoint> Grid(const data::Rig& rig) {

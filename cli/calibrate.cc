@@ -318,8 +318,8 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
       ->type_name("LENS");
   app->add_option("--order", arguments->order,
                   "Terms of the lens model: auto (by cross-validation); rectilinear: pinhole, "
-                  "cubic, cubic-even, quintic, quintic-even, full; fisheye: equidistant, "
-                  "two-parameter, full")
+                  "cubic, cubic-even, quintic, quintic-even, full, septic; fisheye: "
+                  "equidistant, two-parameter, full, septic")
       ->capture_default_str()
       ->type_name("ORDER");
   auto* e =

@@ -57,11 +57,15 @@ void CheckCovariance(const H5Reader& file, const Eigen::MatrixXd& covariance) {
 
 constexpr char kCameraNames[] = "/cameras/name";
 
-// The cameras' lens models; their terms must be those that this version knows by these names.
-std::vector<LensModel> ReadLenses(const H5Reader& file, const std::vector<std::string>& cameras) {
+// The cameras' lens models; their terms, of which older files have fewer, must be those that this
+// version knows by these names.
+std::vector<LensModel> ReadLenses(const H5Reader& file, const std::vector<std::string>& cameras,
+                                  std::size_t* count) {
   const std::vector<std::string> names = file.ReadStrings("/cameras/lens");
   const std::vector<std::string> terms = file.ReadStrings("/cameras/term_names");
-  if (names.size() != cameras.size() || terms.size() != cameras.size() * kLensTerms) {
+  *count = terms.size() / cameras.size();
+  if (names.size() != cameras.size() || terms.size() != cameras.size() * *count ||
+      *count > kLensTerms) {
     file.Fail("does not hold one lens for each camera", "/cameras/lens", "calibrate again");
   }
   std::vector<LensModel> out;
@@ -73,8 +77,11 @@ std::vector<LensModel> ReadLenses(const H5Reader& file, const std::vector<std::s
                 "/cameras/lens", "use the version that wrote it, or calibrate again");
     }
     const auto& known = NamesOf(*model).terms;
-    if (!std::equal(known.begin(), known.end(),
-                    terms.begin() + static_cast<std::ptrdiff_t>(j * kLensTerms))) {
+    const auto first = terms.begin() + static_cast<std::ptrdiff_t>(j * *count);
+    if (!std::equal(first, first + static_cast<std::ptrdiff_t>(*count), known.begin(),
+                    [](const std::string& has, const char* knows) {
+                      return has.empty() || has == knows;
+                    })) {
       file.Fail("lists other terms than this version knows", "/cameras/term_names",
                 "calibrate again");
     }
@@ -123,7 +130,7 @@ void WriteRig(const std::string& path, const Rig& rig, const Provenance& provena
   file.Write({"/cameras/f", "px", "image scale", {kCameraNames}}, f);
   file.Write({"/cameras/u0", "px", "reading on the optical axis", {kCameraNames}}, u0);
   file.Write({"/cameras/e", "m", "distance between the two centres", {kCameraNames}}, e);
-  file.Write({"/cameras/terms", "px", "coefficients of the terms, camera x 10"}, values);
+  file.Write({"/cameras/terms", "px", "coefficients of the terms, camera x 22"}, values);
   file.Write({"/cameras/term_names", "1",
               "what each coefficient multiplies, camera by camera; x = X/Z, y = Y/(Z+e), "
               "a = atan(x); empty: none"},
@@ -133,7 +140,7 @@ void WriteRig(const std::string& path, const Rig& rig, const Provenance& provena
   const std::vector<std::string> scales = {"/parameter", "/parameter_2"};
   for (const std::string& name : scales) file.BareScale(name, parameters);
   file.Write({"/covariance", "rad, m, px",
-              "joint covariance of all cameras' parameters: 19 each, rotation, p_WC, f, u0, e, "
+              "joint covariance of all cameras' parameters: 31 each, rotation, p_WC, f, u0, e, "
               "terms",
               scales},
              rig.covariance);
@@ -175,12 +182,12 @@ std::vector<double> ReadColumn(const H5Reader& file, std::size_t cameras, const 
 
 void ReadCameras(const H5Reader& file, const std::vector<std::string>& names,
                  const std::vector<LensModel>& lenses, const std::vector<std::int32_t>& pixels,
-                 Rig* rig) {
+                 std::size_t terms, Rig* rig) {
   const auto c = static_cast<Eigen::Index>(names.size());
   const Eigen::MatrixXd R_CW = ReadFinite(file, "/cameras/R_CW", "1", c, 9);
   const Eigen::MatrixXd p_WC = ReadFinite(file, "/cameras/p_WC", "m", c, 3);
   const Eigen::MatrixXd values =
-      ReadFinite(file, "/cameras/terms", "px", c, static_cast<Eigen::Index>(kLensTerms));
+      ReadFinite(file, "/cameras/terms", "px", c, static_cast<Eigen::Index>(terms));
   const std::vector<double> f = ReadColumn(file, names.size(), "/cameras/f", "px"),
                             u0 = ReadColumn(file, names.size(), "/cameras/u0", "px"),
                             e = ReadColumn(file, names.size(), "/cameras/e", "m");
@@ -207,6 +214,20 @@ void ReadCameras(const H5Reader& file, const std::vector<std::string>& names,
   }
 }
 
+// Of `c` cameras with so many terms; those that an older file lacks are known to be zero.
+Eigen::MatrixXd ReadCovariance(const H5Reader& file, Eigen::Index c, std::size_t terms) {
+  const Eigen::Index own = kFirstTerm + static_cast<Eigen::Index>(terms);
+  const Eigen::MatrixXd stored = ReadFinite(file, "/covariance", "rad, m, px", own * c, own * c);
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(kCameraParameters * c, kCameraParameters * c);
+  for (Eigen::Index a = 0; a < c; ++a) {
+    for (Eigen::Index b = 0; b < c; ++b) {
+      out.block(kCameraParameters * a, kCameraParameters * b, own, own) =
+          stored.block(own * a, own * b, own, own);
+    }
+  }
+  return out;
+}
+
 }  // namespace
 
 Rig ReadRig(const std::string& path) {
@@ -218,16 +239,16 @@ Rig ReadRig(const std::string& path) {
     file.Fail("does not say how many pixels each camera has: it was written by an older version",
               "/cameras/pixels", "calibrate again");
   }
-  const std::vector<LensModel> lenses = ReadLenses(file, names);
+  std::size_t terms = 0;
+  const std::vector<LensModel> lenses = ReadLenses(file, names, &terms);
   const std::vector<std::int32_t> pixels = file.ReadInts("/cameras/pixels");
   if (pixels.size() != names.size() || *std::min_element(pixels.begin(), pixels.end()) < 1) {
     file.Fail("does not hold a number of pixels for each camera", "/cameras/pixels",
               "calibrate again");
   }
-  ReadCameras(file, names, lenses, pixels, &rig);
+  ReadCameras(file, names, lenses, pixels, terms, &rig);
   const auto c = static_cast<Eigen::Index>(names.size());
-  rig.covariance =
-      ReadFinite(file, "/covariance", "rad, m, px", kCameraParameters * c, kCameraParameters * c);
+  rig.covariance = ReadCovariance(file, c, terms);
   CheckCovariance(file, rig.covariance);
   rig.model_floor_px = ReadNumber(file, "/model_floor", "px");
   if (rig.model_floor_px < 0.0) file.Fail("is negative", "/model_floor", "calibrate again");

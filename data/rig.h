@@ -33,14 +33,14 @@ struct RigCamera {
 
 // Parameters of one camera, in this order, wherever a covariance or a Jacobian is laid out:
 // 0-2 rotation w, R_CW <- Exp(w) R_CW [rad]; 3-5 p_WC [m]; 6 f [px]; 7 u0 [px]; 8 e [m];
-// 9-18 terms [px].
+// 9-30 terms [px].
 inline constexpr int kFirstTerm = 9;
 inline constexpr int kCameraParameters = kFirstTerm + static_cast<int>(kLensTerms);
 
 // The calibrated cameras with their joint uncertainty, and what the calibration says of itself.
 struct Rig {
   std::vector<RigCamera> cameras;  // c
-  // Joint covariance of all cameras' parameters, 19 c x 19 c; zero rows for what was held fixed
+  // Joint covariance of all cameras' parameters, 31 c x 31 c; zero rows for what was held fixed
   // [products of the units of kCameraParameters].
   Eigen::MatrixXd covariance;
   double model_floor_px = 0.0;  // the largest of the cameras' floors [px]
@@ -60,7 +60,7 @@ inline double FloorOf(const Rig& rig, std::size_t camera) {
 }
 
 inline constexpr char kRigSchema[] = "unfurl/rig";
-inline constexpr int kRigVersion = 2;  // 2: pixels and lens of each camera
+inline constexpr int kRigVersion = 3;  // 2: pixels and lens of each camera; 3: 22 terms
 
 // Both throw Error: for a full disk or a refused path, for a file that is none or contradicts
 // itself.

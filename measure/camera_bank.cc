@@ -18,7 +18,7 @@ struct Lane {
   double u, gx, gy, gz, front;  // front > 0: the point is in front
 };
 
-template <typename Lens>
+template <typename Lens, std::size_t count>
 inline Lane Evaluate(const double* k, std::size_t stride, const double* p) {
   const auto at = [&](std::size_t i) { return k[i * stride]; };
   const double dx = p[0] - at(9), dy = p[1] - at(10), dz = p[2] - at(11);
@@ -32,9 +32,9 @@ inline Lane Evaluate(const double* k, std::size_t stride, const double* p) {
   const double iz = 1.0 / std::max(Z, least_z + kTiny);
   const double iy = 1.0 / std::max(far_z, least_far + kTiny);
   const double x = X * iz, y = Y * iy;
-  double terms[data::kLensTerms];
-  for (std::size_t i = 0; i < data::kLensTerms; ++i) terms[i] = at(15 + i);
-  const LensImage image = Lens::Evaluate(x, y, at(13), terms);
+  double terms[count];
+  for (std::size_t i = 0; i < count; ++i) terms[i] = at(15 + i);
+  const LensImage image = Lens::template Evaluate<count>(x, y, at(13), terms);
   const double cx = image.du_dx * iz, cy = image.du_dy * iy, cz = -(cx * x + cy * y);
   return {at(14) + image.u_px, cx * at(0) + cy * at(3) + cz * at(6),
           cx * at(1) + cy * at(4) + cz * at(7), cx * at(2) + cy * at(5) + cz * at(8), front};
@@ -59,17 +59,21 @@ CameraBank::CameraBank(std::span<const data::RigCamera> cameras)
     const auto lens = static_cast<std::size_t>(c.lens);
     of_lens_[lens * lanes_ + lane] = 1.0;
     present_[lens] = true;
+    const std::size_t usual = Lenses::With(
+        c.lens, []<typename Lens>() { return static_cast<std::size_t>(Lens::kUsualTerms); });
+    usual_ = usual_ && std::all_of(c.terms_px.begin() + static_cast<std::ptrdiff_t>(usual),
+                                   c.terms_px.end(), [](double term) { return term == 0.0; });
   }
 }
 
-template <typename Lens>
+template <typename Lens, std::size_t count>
 void CameraBank::AddLens(const double* p, const double* u, const double* w, double (*sum)[4],
                          double* behind) const {
   const double* mine = &of_lens_[static_cast<std::size_t>(Lens::kModel) * lanes_];
   for (std::size_t first = 0; first < lanes_; first += kLanes) {
     for (std::size_t lane = 0; lane < kLanes; ++lane) {
       const std::size_t c = first + lane;
-      const Lane here = Evaluate<Lens>(&constants_[c], lanes_, p);
+      const Lane here = Evaluate<Lens, count>(&constants_[c], lanes_, p);
       const double weight = mine[c] * w[c], used = weight > 0.0 ? 1.0 : 0.0;
       behind[lane] += here.front > 0.0 ? 0.0 : used;
       const double difference = u[c] - here.u;
@@ -99,7 +103,12 @@ void CameraBank::Accumulate(const double* p, const double* u, const double* w, S
   double sum[16][kLanes] = {};
   double behind[kLanes] = {};
   Lenses::Each([&]<typename Lens>() {
-    if (present_[static_cast<std::size_t>(Lens::kModel)]) AddLens<Lens>(p, u, w, sum, behind);
+    if (!present_[static_cast<std::size_t>(Lens::kModel)]) return;
+    if (usual_) {
+      AddLens<Lens, Lens::kUsualTerms>(p, u, w, sum, behind);
+    } else {
+      AddLens<Lens, Lens::kMonomials.size()>(p, u, w, sum, behind);
+    }
   });
   const auto total = [&](std::size_t i) { return sum[i][0] + sum[i][1] + sum[i][2] + sum[i][3]; };
   for (std::size_t i = 0; i < 6; ++i) {
@@ -115,7 +124,7 @@ template <typename Lens>
 void CameraBank::ReadLens(const double* p, double* u) const {
   const double* mine = &of_lens_[static_cast<std::size_t>(Lens::kModel) * lanes_];
   for (std::size_t c = 0; c < lanes_; ++c) {
-    const Lane here = Evaluate<Lens>(&constants_[c], lanes_, p);
+    const Lane here = Evaluate<Lens, Lens::kMonomials.size()>(&constants_[c], lanes_, p);
     const double value = here.front > 0.0 ? here.u : std::numeric_limits<double>::quiet_NaN();
     u[c] = mine[c] != 0.0 ? value : u[c];
   }

@@ -39,7 +39,7 @@ class CameraBank {
   // Per camera: R, p_WC, e, f, u0, terms.
   static constexpr std::size_t kConstants = 15 + data::kLensTerms;
   // The sums, and the readings, of the cameras that have this lens.
-  template <typename Lens>
+  template <typename Lens, std::size_t count>
   void AddLens(const double* p, const double* u, const double* w, double (*sum)[4],
                double* behind) const;
   template <typename Lens>
@@ -49,6 +49,7 @@ class CameraBank {
   std::vector<double> constants_;  // kConstants x lanes
   std::vector<double> of_lens_;    // 1 where a lane has the lens; lens x lanes
   std::vector<bool> present_;      // by lens
+  bool usual_ = true;              // no term beyond the usual ones is used
 };
 
 // row[k] += sum_j d[j] rows[j * stride + k], k in [0, count); `n` entries of d.

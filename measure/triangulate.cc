@@ -92,6 +92,13 @@ Triangulator::Triangulator(const data::Rig& rig, const TriangulateOptions& optio
                                                              inverse.asDiagonal());
   whole_ = sigma.asDiagonal() * eigen.eigenvectors() *
            eigen.eigenvalues().cwiseMax(0.0).cwiseSqrt().asDiagonal();
+  // Terms that no camera uses come last and have rows of zeros.
+  for (Eigen::Index k = 0; k < rows; ++k) {
+    if (sigma(k) > 0.0) {
+      parameters_ =
+          std::max(parameters_, static_cast<std::size_t>(k % data::kCameraParameters) + 1);
+    }
+  }
   ReduceShared(GridOfVolume());
 }
 
@@ -259,7 +266,7 @@ void Triangulator::SharedFactor(const PointSolution& point, std::span<const doub
       if ((used >> c & 1U) == 0) continue;
       std::fill_n(row.begin(), count, 0.0);
       AddWeightedRows(&rows_[c * data::kCameraParameters * columns_ + first], columns_,
-                      here[c].du_dc.data(), data::kCameraParameters, count, row.data());
+                      here[c].du_dc.data(), parameters_, count, row.data());
       AddOuter(lever[c].data(), row.data(), count, part.data());
     }
     const Eigen::Map<const Eigen::Matrix3Xd> block(part.data(), 3,

@@ -116,8 +116,9 @@ class Triangulator {
   Eigen::Vector3d low_, high_;            // where a point is believed
   Eigen::Vector3d near_low_, near_high_;  // where a second solution is as likely as the first
   CameraBank bank_;
-  std::vector<double> limit_;  // of chi-square, by degrees of freedom
-  Eigen::MatrixXd whole_;      // 19 c x r: covariance of the rig = whole whole^T
+  std::vector<double> limit_;   // of chi-square, by degrees of freedom
+  std::size_t parameters_ = 0;  // of a camera, up to the last that is not known
+  Eigen::MatrixXd whole_;       // 31 c x r: covariance of the rig = whole whole^T
   // whole_ turned so that the first `rank_` columns are what is kept; row after row.
   std::vector<double> rows_;
   std::size_t columns_ = 0, rank_ = 0;

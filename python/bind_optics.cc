@@ -156,7 +156,7 @@ void BindRig(py::module_& m) {
             const auto& terms = self.cast<data::RigCamera&>().terms_px;
             return View(terms.data(), {static_cast<py::ssize_t>(terms.size())}, self);
           },
-          "(10,) coefficients of the lens' terms; docs/physics-optics.md has their order [px].")
+          "(22,) coefficients of the lens' terms; docs/physics-optics.md has their order [px].")
       .def_readonly("f", &data::RigCamera::f_px, "Image scale [px].")
       .def_readonly("u0", &data::RigCamera::u0_px, "Reading on the optical axis [px].")
       .def_readonly("e", &data::RigCamera::e, "Distance between the two centres [m].")

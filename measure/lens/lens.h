@@ -41,6 +41,12 @@ struct LensList {
 using Lenses = LensList<RectilinearLens, FisheyeLens>;
 static_assert(Lenses::kCount == data::kLensModels.size());
 
+// Of the model's orders the one that fits start from; those beyond it are tried where it does not
+// fit.
+inline int UsualOrderOf(data::LensModel model) {
+  return Lenses::With(model, []<typename Lens>() { return static_cast<int>(Lens::kUsualOrder); });
+}
+
 // The image by any model.
 inline LensImage EvaluateLens(data::LensModel model, double x, double y, double f,
                               const double* terms) {

@@ -22,16 +22,17 @@ struct Monomial {
   int x, y;
 };
 
-// f x + sum_k t_k x^a_k y^b_k with its derivatives; `Lens::kMonomials` holds the powers, at most 5.
-// Everything is known when it is
-// compiled: no loop and no branch is left. Always inlined, for files with wider vectors share it.
-template <typename Lens>
+// f x + sum_k t_k x^a_k y^b_k with its derivatives; `Lens::kMonomials` holds the powers, at most 7,
+// of which the first `count` take part. Everything is known when it is compiled: no loop and no
+// branch is left. Always inlined, for files with wider vectors share it.
+template <typename Lens, std::size_t count>
 [[gnu::always_inline]] inline LensImage EvaluatePolynomial(double x, double y, double f,
                                                            const double* t) {
   constexpr auto& m = Lens::kMonomials;
   const double x2 = x * x, y2 = y * y;
-  const double px[] = {1.0, x, x2, x2 * x, x2 * x2, x2 * x2 * x};
-  const double py[] = {1.0, y, y2, y2 * y, y2 * y2, y2 * y2 * y};
+  const double x3 = x2 * x, y3 = y2 * y;
+  const double px[] = {1.0, x, x2, x3, x2 * x2, x2 * x3, x3 * x3, x3 * x3 * x};
+  const double py[] = {1.0, y, y2, y3, y2 * y2, y2 * y3, y3 * y3, y3 * y3 * y};
   return [&]<std::size_t... k>(std::index_sequence<k...>) {
     LensImage out;
     out.du_df = x;
@@ -44,7 +45,7 @@ template <typename Lens>
                  (m[k].y > 0 ? (m[k].y * t[k]) * (px[m[k].x] * py[std::max(m[k].y - 1, 0)]) : 0.0));
     return out;
   }
-  (std::make_index_sequence<Lens::kMonomials.size()>());
+  (std::make_index_sequence<count>());
 }
 
 // A set of terms that a calibration may choose, by name.

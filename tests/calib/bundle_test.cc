@@ -84,8 +84,9 @@ TEST(Bundle, DoesNotDependOnTheSurveysFrame) {
   for (std::size_t j = 0; j < here.rig.cameras.size(); ++j) {
     const data::RigCamera &a = here.rig.cameras[j], &b = there.rig.cameras[j];
     // Converged to 1e-10 of the cost, not to round-off: a few hundredths of a sigma.
-    const double f_sigma = std::sqrt(here.rig.covariance(19 * static_cast<Eigen::Index>(j) + 6,
-                                                         19 * static_cast<Eigen::Index>(j) + 6));
+    const double f_sigma =
+        std::sqrt(here.rig.covariance(data::kCameraParameters * static_cast<Eigen::Index>(j) + 6,
+                                      data::kCameraParameters * static_cast<Eigen::Index>(j) + 6));
     EXPECT_NEAR(a.f_px, b.f_px, 0.05 * f_sigma);
     EXPECT_LT((R * a.p_WC + t - b.p_WC).norm(), 2e-4);
   }

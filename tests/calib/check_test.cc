@@ -114,13 +114,13 @@ TEST_F(Check, MapAgreesWithTheRigsOwnCovariance) {
   EXPECT_LT((map.Middle(17) - Eigen::Vector3d(0.4, 0.4, 0.3)).norm(), 1e-12);
   for (std::size_t k = 0; k < map.sigma.size(); ++k) {
     // Normal equations of this place by hand: cov = (J^T J)^-1 s^2, plus L Sigma L^T.
-    Eigen::MatrixXd J(4, 3), G = Eigen::MatrixXd::Zero(4, 76);
+    Eigen::MatrixXd J(4, 3), G = Eigen::MatrixXd::Zero(4, 4 * data::kCameraParameters);
     for (Eigen::Index c = 0; c < 4; ++c) {
       measure::Projection h;
       ASSERT_TRUE(measure::Project(rig_->cameras[static_cast<std::size_t>(c)], map.Middle(k), &h));
       const double s = std::hypot(0.05, data::FloorOf(*rig_, static_cast<std::size_t>(c)));
       J.row(c) = h.du_dp / s;
-      G.block(c, 19 * c, 1, 19) = h.du_dc / s;
+      G.block(c, data::kCameraParameters * c, 1, data::kCameraParameters) = h.du_dc / s;
     }
     const Eigen::MatrixXd A = (J.transpose() * J).inverse(), L = A * J.transpose() * G;
     const double expected = std::sqrt(A.trace() + (L * rig_->covariance * L.transpose()).trace());

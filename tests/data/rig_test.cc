@@ -44,7 +44,7 @@ class RigFile : public ::testing::Test {
       for (double& term : camera.terms_px) term = 100.0 * rng.Normal();
       rig.cameras.push_back(camera);
     }
-    Eigen::MatrixXd half(57, 57);
+    Eigen::MatrixXd half(3 * kCameraParameters, 3 * kCameraParameters);
     for (Eigen::Index i = 0; i < half.size(); ++i) half.data()[i] = rng.Normal();
     rig.covariance = half * half.transpose();
     rig.covariance.row(8).setZero();  // held fixed
@@ -122,7 +122,7 @@ TEST_F(RigFile, RefusesWhatIsNoRig) {
   EXPECT_THAT(Refusal(rig), HasSubstr("symmetric"));
   rig = MakeRig();
   rig.covariance.conservativeResize(38, 38);
-  EXPECT_THAT(Refusal(rig), HasSubstr("57 x 57"));
+  EXPECT_THAT(Refusal(rig), HasSubstr("93 x 93"));
   rig = MakeRig();
   rig.cameras[0].f_px = std::nan("");
   EXPECT_THAT(Refusal(rig), HasSubstr("/cameras/f"));

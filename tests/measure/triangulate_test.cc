@@ -218,7 +218,7 @@ TEST(Triangulate, ParallelPlanesAreUnsolvable) {
   }
   rig.volume_low = lab.volume_low;
   rig.volume_high = lab.volume_high;
-  rig.covariance = Eigen::MatrixXd::Zero(76, 76);
+  rig.covariance = Eigen::MatrixXd::Zero(4 * data::kCameraParameters, 4 * data::kCameraParameters);
   const Triangulator triangulator(rig);
   Rng rng(2);
   for (int i = 0; i < 50; ++i) {

@@ -1,0 +1,204 @@
+#include "calib/slips.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+
+#include "base/length.h"
+#include "base/statistics.h"
+#include "measure/camera_model.h"
+
+namespace unfurl::calib {
+namespace {
+
+// Of the misfit as written: noise, a bumped camera or a displaced point never leave so little.
+constexpr double kPlainly = 0.05;
+// Of the row: a slip of a whole file moves points by a share of the field, a bumped camera its
+// readings by far less [-].
+constexpr double kLeastMisfit = 0.01;
+constexpr int kFewest = 3;  // points: fewer may be anywhere in another frame
+// From the cameras to the volume's middle [m]: an LED is lost to a line sensor beyond some hundred
+// metres, and a lens stands further off than some centimetres.
+constexpr double kFarthest = 500.0, kNearest = 5e-3;
+
+// A change of all coordinates: place a of the changed point is sign(a) scale p(from(a)).
+struct Change {
+  std::array<int, 3> from = {0, 1, 2};
+  std::array<double, 3> sign = {1.0, 1.0, 1.0};
+  double scale = 1.0;
+
+  Eigen::Vector3d Of(const Eigen::Vector3d& p) const {
+    return scale *
+           Eigen::Vector3d(sign[0] * p(from[0]), sign[1] * p(from[1]), sign[2] * p(from[2]));
+  }
+};
+
+// What a reading should have been: of a point by a camera of the rig.
+using Reader = std::function<bool(const Reading&, std::size_t* camera, Eigen::Vector3d* p)>;
+
+// Median misfit over the row; readings that no point of that kind gives count as a whole row.
+double MedianMisfit(const data::Rig& rig, const Observations& data, const Reader& of) {
+  std::vector<double> misfit;
+  for (const Reading& r : data.readings) {
+    std::size_t camera = 0;
+    Eigen::Vector3d p;
+    if (!of(r, &camera, &p)) continue;
+    double u = 0.0;
+    const double row = std::max(1, rig.cameras[camera].pixels);
+    const bool seen = measure::Project(rig.cameras[camera], p, &u);
+    misfit.push_back(seen ? std::abs(r.u_px - u) / row : 1.0);
+  }
+  return misfit.empty() ? 1.0 : Median(misfit);
+}
+
+std::string WordsOf(const Change& change) {
+  constexpr const char* kAxis = "xyz";
+  std::vector<std::string> words;
+  if (change.scale != 1.0) {
+    words.emplace_back(change.scale < 1.0
+                           ? "the coordinates are millimetres under the name of metres"
+                           : "the coordinates are metres under the name of "
+                             "millimetres");
+  }
+  std::string order;
+  for (const int a : change.from) order += kAxis[a];
+  if (order == "yzx" || order == "zxy") {
+    words.push_back(
+        fmt::format("the columns x, y, z hold {}, {}, {}", order[0], order[1], order[2]));
+  } else if (order != "xyz") {
+    const std::array<const char*, 3> pairs = {"y and z", "x and z", "x and y"};
+    for (std::size_t a = 0; a < 3; ++a) {
+      if (change.from[a] == static_cast<int>(a)) {
+        words.push_back(fmt::format("{} are exchanged", pairs[a]));
+      }
+    }
+  }
+  for (std::size_t a = 0; a < 3; ++a) {
+    if (change.sign[a] < 0.0) words.push_back(fmt::format("{} has the wrong sign", kAxis[a]));
+  }
+  std::string out;
+  for (const std::string& word : words) out += (out.empty() ? "" : ", ") + word;
+  return out;
+}
+
+// Every change of coordinates but none at all, the simple ones first.
+std::vector<Change> Changes() {
+  std::vector<std::pair<int, Change>> all;
+  std::array<int, 3> from = {0, 1, 2};
+  do {
+    for (int signs = 0; signs < 8; ++signs) {
+      for (const double scale : {1.0, 1e-3, 1e3}) {
+        Change change{from, {1.0, 1.0, 1.0}, scale};
+        int steps = scale == 1.0 ? 0 : 1;
+        for (std::size_t a = 0; a < 3; ++a) {
+          if ((signs >> a & 1) != 0) change.sign[a] = -1.0;
+          steps += (signs >> a & 1) + (from[a] == static_cast<int>(a) ? 0 : 1);
+        }
+        if (steps > 0) all.emplace_back(steps, change);
+      }
+    }
+  } while (std::next_permutation(from.begin(), from.end()));
+  std::stable_sort(all.begin(), all.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  std::vector<Change> out;
+  for (const auto& [steps, change] : all) out.push_back(change);
+  return out;
+}
+
+}  // namespace
+
+Slip FindSlip(const data::Rig& rig, const Observations& data,
+              const std::vector<std::size_t>& match) {
+  Slip slip;
+  if (data.points() < kFewest) return slip;
+  const auto camera_of = [&](const Reading& r) {
+    return match[static_cast<std::size_t>(r.camera)];
+  };
+  const double as_written =
+      MedianMisfit(rig, data, [&](const Reading& r, std::size_t* camera, Eigen::Vector3d* p) {
+        *camera = camera_of(r);
+        *p = data.p.col(r.point);
+        return true;
+      });
+  double least = as_written < kLeastMisfit ? 0.0 : kPlainly * as_written;
+  const auto propose = [&](double misfit, const std::string& what, const std::string& remedy) {
+    if (!(misfit < least)) return;
+    least = kPlainly * misfit;  // a less simple one must again be plainly better
+    slip = {true, what, remedy};
+  };
+  for (const Change& change : Changes()) {
+    const double misfit =
+        MedianMisfit(rig, data, [&](const Reading& r, std::size_t* camera, Eigen::Vector3d* p) {
+          *camera = camera_of(r);
+          *p = change.Of(data.p.col(r.point));
+          return true;
+        });
+    propose(misfit, WordsOf(change),
+            change.scale != 1.0
+                ? "state the unit in the header, as \"x [mm]\""
+                : "put the columns right: x, y, z of the frame in which the rig was "
+                  "surveyed, right-handed (or name them E, N, H)");
+  }
+  for (const int by : {-1, 1}) {
+    const double misfit =
+        MedianMisfit(rig, data, [&](const Reading& r, std::size_t* camera, Eigen::Vector3d* p) {
+          *camera = camera_of(r);
+          if (r.point + by < 0 || r.point + by >= data.points()) return false;
+          *p = data.p.col(r.point + by);
+          return true;
+        });
+    propose(
+        misfit,
+        fmt::format("each point's readings belong to the point {} it", by < 0 ? "before" : "after"),
+        "shift the columns of the readings by one row");
+  }
+  // Two cameras' columns: judged by their own readings.
+  for (std::size_t a = 0; a < match.size(); ++a) {
+    for (std::size_t b = a + 1; b < match.size(); ++b) {
+      const auto own = [&](bool exchanged) {
+        return MedianMisfit(rig, data,
+                            [&](const Reading& r, std::size_t* camera, Eigen::Vector3d* p) {
+                              const auto j = static_cast<std::size_t>(r.camera);
+                              if (j != a && j != b) return false;
+                              *camera = match[exchanged ? a + b - j : j];
+                              *p = data.p.col(r.point);
+                              return true;
+                            });
+      };
+      const double before = own(false);
+      if (before < kLeastMisfit || slip.found) continue;
+      if (own(true) < kPlainly * before) {
+        slip = {true,
+                fmt::format("the readings of cameras \"{}\" and \"{}\" are exchanged",
+                            rig.cameras[match[a]].name, rig.cameras[match[b]].name),
+                "exchange their columns, or their names in \"# cameras:\""};
+      }
+    }
+  }
+  return slip;
+}
+
+Slip FindUnitSlip(const data::Rig& rig) {
+  const Eigen::Vector3d middle = 0.5 * (rig.volume_low + rig.volume_high);
+  std::vector<double> distance;
+  for (const data::RigCamera& camera : rig.cameras) {
+    distance.push_back((camera.p_WC - middle).norm());
+  }
+  if (distance.empty()) return {};
+  const double typical = Median(distance);
+  if (typical <= kFarthest && typical >= kNearest) return {};
+  const bool large = typical > kFarthest;
+  return {
+      true,
+      fmt::format(
+          "the cameras come out {} from the points: the coordinates are {}", LengthText(typical),
+          large ? "millimetres under the name of metres" : "metres under the name of millimetres"),
+      large ? "state the unit in the survey's header, as \"x [mm]\""
+            : "state the unit in the survey's header, as \"x [m]\""};
+}
+
+}  // namespace unfurl::calib

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "calib/observations.h"
+#include "data/rig.h"
+
+namespace unfurl::calib {
+
+/// A slip in how a whole file was written, by what it does to the numbers.
+struct Slip {
+  bool found = false;
+  std::string what;    // "x and y are exchanged"
+  std::string remedy;  // "exchange the columns"
+};
+
+// Whether surveyed points fit a rig after all once coordinates are exchanged, reversed or read in
+// millimetres (or in metres), two cameras' columns are exchanged, or each camera's readings belong
+// to the row before or after: the readings' median misfit is then a twentieth of what it is as
+// written. `match`: the rig's camera of each of the data's.
+Slip FindSlip(const data::Rig& rig, const Observations& data,
+              const std::vector<std::size_t>& match);
+
+// Whether a calibration came out so large or so small that coordinates must have been written in
+// another unit than was said: no camera of this kind works at a kilometre, or at a millimetre.
+Slip FindUnitSlip(const data::Rig& rig);
+
+}  // namespace unfurl::calib

@@ -1,0 +1,121 @@
+// Slips in how whole files were written, with readings through glass: each is named, and sound
+// files are left alone.
+#include "calib/slips.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "calib/calibrate.h"
+#include "calib/check.h"
+#include "calib/verdict.h"
+#include "tests/calib/traced.h"
+
+namespace unfurl::calib {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using testing::TracedLab;
+
+// Calibrated once for all tests.
+struct Hall {
+  TracedLab lab{11};
+  data::Rig rig = FitRig(lab.Survey(150), {}, "test").rig;
+
+  Observations Points() const {
+    TracedLab other = lab;
+    other.rng = lab.rng.Stream("points to check with");
+    return other.Survey(12);
+  }
+};
+const Hall& TheHall() {
+  static const Hall hall;
+  return hall;
+}
+
+std::string RefusalOf(const Observations& data) {
+  try {
+    CheckPoints(TheHall().rig, data, "points.csv");
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "";
+}
+
+TEST(Slips, MillimetresUnderTheNameOfMetres) {
+  Observations data = TheHall().Points();
+  data.p *= 1e3;
+  EXPECT_THAT(RefusalOf(data), AllOf(HasSubstr("points.csv"), HasSubstr("millimetres under")));
+  data.p *= 1e-6;
+  EXPECT_THAT(RefusalOf(data), HasSubstr("metres under the name of millimetres"));
+}
+
+TEST(Slips, LeftHandedAndExchangedColumns) {
+  Observations data = TheHall().Points();
+  data.p.row(0).swap(data.p.row(1));
+  EXPECT_THAT(RefusalOf(data), HasSubstr("x and y are exchanged"));
+  data.p.row(1).swap(data.p.row(2));  // x, y, z hold y, z, x of the rig's frame
+  EXPECT_THAT(RefusalOf(data), HasSubstr("the columns x, y, z hold z, x, y"));
+  data = TheHall().Points();
+  data.p.row(2) *= -1.0;
+  EXPECT_THAT(RefusalOf(data), HasSubstr("z has the wrong sign"));
+}
+
+TEST(Slips, CamerasAndRows) {
+  Observations data = TheHall().Points();
+  for (Reading& r : data.readings) {
+    if (r.camera == 1 || r.camera == 2) r.camera = 3 - r.camera;
+  }
+  EXPECT_THAT(RefusalOf(data),
+              AllOf(HasSubstr("exchanged"), HasSubstr(TheHall().rig.cameras[1].name),
+                    HasSubstr(TheHall().rig.cameras[2].name)));
+  data = TheHall().Points();
+  Eigen::Matrix3Xd shifted = data.p;
+  for (Eigen::Index i = 0; i + 1 < data.p.cols(); ++i) shifted.col(i) = data.p.col(i + 1);
+  shifted.col(shifted.cols() - 1) = data.p.col(0);
+  data.p = shifted;
+  EXPECT_THAT(RefusalOf(data), HasSubstr("belong to the point before it"));
+}
+
+TEST(Slips, ReadingsOneRowOffInASurvey) {
+  Observations data = TheHall().lab.Survey(80);
+  const Eigen::Matrix3Xd p = data.p;
+  for (Eigen::Index i = 0; i < p.cols(); ++i) data.p.col(i) = p.col((i + 1) % p.cols());
+  try {
+    FitRig(data, {}, "survey.csv");
+    FAIL() << "fitted";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("the row before"), HasSubstr("by one row")));
+  }
+}
+
+TEST(Slips, ASurveyInMillimetresIsNotToBeUsed) {
+  Observations data = TheHall().lab.Survey(100);
+  data.p *= 1e3;
+  for (Eigen::Matrix3d& cov : data.cov) cov *= 1e6;
+  const data::Rig rig = Calibrate(data, {.order = kFullOrder}, "test").rig;
+  EXPECT_EQ(rig.verdict, kDoNotUse);
+  EXPECT_THAT(rig.reasons.front(), HasSubstr("millimetres under the name of metres"));
+}
+
+// A camera knocked by a tenth of its row, a displaced point, another frame by a rotation: not
+// slips.
+TEST(Slips, FaultsOfOtherKindsAreNone) {
+  const Observations sound = TheHall().Points();
+  const std::vector<std::size_t> match = {0, 1, 2, 3};
+  EXPECT_FALSE(FindSlip(TheHall().rig, sound, match).found);
+  Observations data = sound;
+  for (Reading& r : data.readings) r.u_px += r.camera == 0 ? 216.0 : 0.0;
+  EXPECT_FALSE(FindSlip(TheHall().rig, data, match).found);
+  data = sound;
+  data.p.col(0) += Eigen::Vector3d(0.5, 0.2, -0.4);
+  EXPECT_FALSE(FindSlip(TheHall().rig, data, match).found);
+  data = sound;
+  data.p = Eigen::AngleAxisd(0.4, Eigen::Vector3d(1.0, 2.0, 0.5).normalized()) * data.p;
+  EXPECT_FALSE(FindSlip(TheHall().rig, data, match).found);
+  EXPECT_FALSE(FindUnitSlip(TheHall().rig).found);
+}
+
+}  // namespace
+}  // namespace unfurl::calib

@@ -1,0 +1,223 @@
+// Models that are wrong, with rays through glass: readings that drift, patterns that no lens term
+// makes, surveys confined to a corner. A verdict "good" is only given where error bars hold.
+#include "calib/trends.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+#include "base/worker_pool.h"
+#include "calib/calibrate.h"
+#include "calib/verdict.h"
+#include "tests/calib/traced.h"
+
+namespace unfurl::calib {
+namespace {
+
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using testing::TracedLab;
+
+#ifdef UNFURL_SLOW_TESTS
+constexpr std::size_t kLabs = 300;
+#else
+constexpr std::size_t kLabs = 4;
+#endif
+constexpr int kPoints = 200;
+
+enum class Fault { kNone, kDrift, kPattern, kCorner };
+
+// One laboratory of any kind with a fault of any size, and what became of it.
+struct Outcome {
+  std::string verdict;
+  double nees = 0.0;  // of truth that was held out, over 3
+};
+
+class FaultyLab {
+ public:
+  FaultyLab(std::uint64_t seed, Fault fault) : fault_(fault), lab_(Make(seed, &half_)) {
+    Rng rng = lab_.rng.Stream("wrong model");
+    lab_.reading_sigma = std::pow(10.0, rng.Uniform(-2.0, -1.2));
+    // From a third of the readings' sigma to a hundred of them.
+    amplitude_ = lab_.reading_sigma * std::pow(10.0, rng.Uniform(-0.5, 2.0));
+    shape_ = static_cast<int>(rng.Integer(3));
+    period_ = rng.Uniform(0.03, 1.0);
+    phase_ = rng.Uniform(0.0, 2.0 * M_PI);
+    step_ = rng.Uniform(0.2, 0.8);
+    bad_ = rng.Integer(lab_.truth.cameras.size());
+    all_ = rng.Uniform() < 0.3;
+    share_ = rng.Uniform(0.1, 0.45);
+    for (double& x : corner_) x = rng.Uniform() < 0.5 ? -1.0 : 1.0;
+  }
+
+  // What is added to a reading at a time of the survey from 0 to 1.
+  double Error(std::size_t camera, double u_px, double t) const {
+    if (!all_ && camera != bad_) return 0.0;
+    if (fault_ == Fault::kDrift) {
+      const double course[] = {t, t > step_ ? 1.0 : 0.0, 1.0 - std::exp(-5.0 * t)};
+      return amplitude_ * course[shape_] * (camera % 2 == 0 ? 1.0 : -0.6);
+    }
+    if (fault_ != Fault::kPattern) return 0.0;
+    const double row = lab_.truth.cameras[camera].sensor.pixels;
+    return amplitude_ *
+           std::sin(2.0 * M_PI * u_px / (period_ * row) + phase_ + static_cast<double>(camera));
+  }
+
+  Observations Survey() const {
+    Eigen::Matrix3Xd places = lab_.Places(kPoints);
+    if (fault_ == Fault::kCorner) {
+      places = (share_ * places).colwise() + (1.0 - share_) * half_ * corner_;
+    }
+    Observations data = lab_.Survey(places);
+    for (Reading& r : data.readings) {
+      r.u_px += Error(static_cast<std::size_t>(r.camera), r.u_px, (r.point + 0.5) / kPoints);
+    }
+    return data;
+  }
+
+  // Points that all cameras see, read as after the survey; the whole covariance.
+  double NeesOf(const data::Rig& rig) const {
+    const measure::Triangulator triangulator(rig, {.residual_level = 1e-12});
+    Eigen::Matrix3Xd F(3, triangulator.shared_rank());
+    Rng noise = lab_.rng.Stream("held-out noise");
+    const Eigen::Matrix3Xd points = testing::PointsInCube(200, half_, lab_.rng.Stream("held out"));
+    std::vector<double> u(rig.cameras.size()), s(rig.cameras.size(), lab_.reading_sigma);
+    double sum = 0.0, n = 0.0;
+    for (Eigen::Index i = 0; i < points.cols(); ++i) {
+      bool all = true;
+      for (std::size_t c = 0; c < u.size(); ++c) {
+        all = lab_.Read(c, points.col(i), &u[c]) && all;
+        u[c] += Error(c, u[c], 1.0) + lab_.reading_sigma * noise.Normal();
+      }
+      if (!all) continue;
+      const auto found = triangulator.Solve(u, s, points.col(i));
+      if (found.outcome != measure::PointOutcome::kSolved) continue;
+      triangulator.SharedFactor(found, s, F);
+      const Eigen::Matrix3d cov = found.cov + F * F.transpose();
+      const Eigen::Vector3d e = found.p - points.col(i);
+      sum += e.dot(cov.llt().solve(e)) / 3.0;
+      n += 1.0;
+    }
+    return n > 0.0 ? sum / n : 0.0;
+  }
+
+ private:
+  static TracedLab Make(std::uint64_t seed, double* half) {
+    const data::Lab kind = testing::RandomLab(seed, half);
+    return {kind, *half, seed};
+  }
+
+  Fault fault_;
+  double half_ = 0.0;
+  TracedLab lab_;
+  double amplitude_ = 0.0, period_ = 1.0, phase_ = 0.0, step_ = 0.5, share_ = 1.0;
+  int shape_ = 0;
+  std::size_t bad_ = 0;
+  bool all_ = false;
+  Eigen::Vector3d corner_ = Eigen::Vector3d::Ones();
+};
+
+std::vector<Outcome> RunLabs(std::uint64_t first, bool faulty) {
+  std::vector<Outcome> out(kLabs);
+  ParallelFor(kLabs, 0, [&](std::size_t k) {
+    const auto fault = static_cast<Fault>(faulty ? 1 + k % 3 : 0);
+    const FaultyLab lab(first + k, fault);
+    const Calibration result = Calibrate(lab.Survey(), {.workers = 1}, "test");
+    out[k] = {result.rig.verdict, lab.NeesOf(result.rig)};
+  });
+  return out;
+}
+
+// Of laboratories called good, the mean of all; one has some 24 to 100 independent errors.
+TEST(TrendsTraced, GoodMeansThatErrorBarsHold) {
+  double sum = 0.0, worst = 0.0, good = 0.0;
+  for (const Outcome& one : RunLabs(500, true)) {
+    if (one.verdict != kGood) continue;
+    sum += one.nees;
+    good += 1.0;
+    worst = std::max(worst, one.nees);
+  }
+  std::printf("%zu faulty laboratories: %.0f called good, NEES/3 %.2f, largest %.2f\n", kLabs, good,
+              sum / std::max(1.0, good), worst);
+  EXPECT_LE(sum, 1.3 * std::max(1.0, good));
+}
+
+// With three cameras none is good, fault or not; what is asked is that no trend is seen.
+TEST(TrendsTraced, FaultlessLaboratoriesAreLeftAlone) {
+  std::vector<int> found(kLabs, 0);
+  ParallelFor(kLabs, 0, [&](std::size_t k) {
+    const FaultyLab lab(900 + k, Fault::kNone);
+    const Calibration result = Calibrate(lab.Survey(), {.workers = 1}, "test");
+    for (const Trend& trend : result.report.trends) found[k] += trend.found ? 1 : 0;
+  });
+  int labs = 0;
+  for (const int one : found) labs += one > 0 ? 1 : 0;
+  std::printf("%zu faultless laboratories: a trend in %d\n", kLabs, labs);
+  EXPECT_LE(labs, std::max(1.0, 0.03 * kLabs));
+}
+
+#ifndef UNFURL_SLOW_TESTS
+
+// One pixel over the survey: named, taken out, and the error is as without it.
+TEST(Trends, ADriftIsNamedAndTakenOut) {
+  TracedLab lab(21);
+  Observations data = lab.Survey(kPoints);
+  const data::Rig clean = FitRig(data, {}, "test").rig;
+  for (Reading& r : data.readings) {
+    if (r.camera == 2) r.u_px += (r.point + 0.5) / kPoints - 1.0;
+  }
+  const Calibration result = Calibrate(data, {}, "test");
+  EXPECT_EQ(result.rig.verdict, kWithCare);
+  EXPECT_THAT(result.rig.reasons, Contains(HasSubstr("drift over the survey")));
+  for (const Trend& trend : result.report.trends) {
+    EXPECT_EQ(trend.found, trend.kind == TrendKind::kReadingDrift && trend.camera == 2)
+        << Name(trend.kind) << trend.camera << " " << trend.chance;
+    if (trend.found) {
+      EXPECT_NEAR(trend.change, 1.0, 0.1);
+    }
+  }
+  const testing::TracedErrors with = FindCheckPoints(lab, result.rig, 150);
+  EXPECT_LT(with.Squares(), 2.0 * FindCheckPoints(lab, clean, 150).Squares());
+  EXPECT_LT(with.Squares(), 2.0 * with.Bounds());
+}
+
+// A pattern that no lens makes: ripples of 0.2 px over a tenth of the row.
+TEST(Trends, APatternIsNotGood) {
+  TracedLab lab(22);
+  Observations data = lab.Survey(kPoints);
+  for (Reading& r : data.readings) {
+    if (r.camera == 1) r.u_px += 0.2 * std::sin(2.0 * M_PI * r.u_px / 216.0);
+  }
+  const Calibration result = Calibrate(data, {}, "test");
+  EXPECT_NE(result.rig.verdict, kGood);
+  EXPECT_THAT(result.rig.reasons, Contains(HasSubstr("follow a pattern")));
+}
+
+// The station's tripod sinks by 3 mm while the survey goes on.
+TEST(Trends, AStationThatSinksIsSeen) {
+  TracedLab lab(23);
+  Observations data = lab.Survey(kPoints);
+  for (Eigen::Index i = 0; i < data.p.cols(); ++i) {
+    data.p(2, i) += 3e-3 * static_cast<double>(i) / kPoints;
+  }
+  const Calibration result = Calibrate(data, {}, "test");
+  EXPECT_NE(result.rig.verdict, kGood);
+  EXPECT_THAT(result.rig.reasons, Contains(HasSubstr("surveyed places drift")));
+}
+
+TEST(Trends, ASurveyInACornerIsNotGood) {
+  TracedLab lab(24);
+  Eigen::Matrix3Xd places = 0.3 * lab.Places(kPoints);
+  places.colwise() += 0.7 * Eigen::Vector3d(1.0, -1.0, 1.0);
+  const Calibration result = Calibrate(lab.Survey(places), {}, "test");
+  EXPECT_NE(result.rig.verdict, kGood);
+  EXPECT_THAT(result.rig.reasons, Contains(HasSubstr("of the rows")));
+}
+
+#endif  // UNFURL_SLOW_TESTS
+
+}  // namespace
+}  // namespace unfurl::calib
