@@ -15,6 +15,7 @@ struct FisheyeLens {
   static constexpr data::LensModel kModel = data::LensModel::kFisheye;
   static constexpr std::array<Monomial, 11> kMonomials = {
       {{3, 0}, {5, 0}, {1, 2}, {2, 0}, {1, 1}, {0, 2}, {7, 0}, {3, 2}, {1, 4}, {2, 1}, {0, 3}}};
+  // Those of the order that fits start from come first.
   static constexpr std::size_t kUsualTerms = 6, kUsualOrder = 2;
   // As in RectilinearLens; real lenses lie between stereographic and orthographic, which at 60
   // degrees differ from equidistant by 10 and 17%.
