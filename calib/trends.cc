@@ -22,6 +22,9 @@ constexpr int kTimeWaves = 8;    // half waves over the survey: a step in its mi
 constexpr int kFieldWaves = 24;  // half waves over the row: shorter ones are noise to the points
 constexpr int kCrossWaves = 6;   // of those that go across the row as well, both together
 constexpr int kVolumeWaves = 4;  // of a survey's shape along all axes together
+// A pattern's mean square over the readings' variance: below, squared errors of found points grow
+// by as much at most, which is no reason to mistrust them [-].
+constexpr double kHarmless = 0.2;
 // Share of a function's information that must be left after the fit of cameras and points; less,
 // and what is tested is round-off and priors [-].
 constexpr double kLeastLeft = 1e-3;
@@ -322,6 +325,16 @@ std::string TextOf(const Trend& trend, const std::vector<std::string>& cameras) 
       LengthText(trend.rms));
 }
 
+// Whether a pattern is so small beside the readings' errors that no error bar shows it.
+bool IsHarmless(const Observations& data, const RefinedBundle& bundle, const Trend& trend) {
+  if (trend.kind != TrendKind::kPattern) return false;
+  std::vector<double> variance;
+  for (const Reading& r : data.readings) {
+    if (r.camera == trend.camera) variance.push_back(bundle.weighting.Variance(r));
+  }
+  return variance.empty() || trend.rms * trend.rms < kHarmless * Median(variance);
+}
+
 // One camera's drift, counted from the end of the survey: that is where the rig is used from.
 void AddDrift(const ScoreTest& test, const Eigen::MatrixXd& waves, const Coefficients& found,
               Family* family, TrendResult* out) {
@@ -383,9 +396,12 @@ TrendResult TestTrends(const Observations& data, const std::vector<CameraPrior>&
   // the same points: only the least probable is named.
   const double each =
       1.0 - std::pow(1.0 - options.level, 1.0 / static_cast<double>(out.trends.size()));
-  const auto least =
-      std::min_element(out.trends.begin(), out.trends.end(),
-                       [](const Trend& a, const Trend& b) { return a.chance < b.chance; });
+  Trend* least = nullptr;
+  for (Trend& trend : out.trends) {
+    if (IsHarmless(data, bundle, trend)) continue;
+    if (least == nullptr || trend.chance < least->chance) least = &trend;
+  }
+  if (least == nullptr) return out;
   if (!(least->chance < each)) return out;
   least->found = true;
   least->text = TextOf(*least, data.cameras);
