@@ -8,8 +8,8 @@
 
 namespace unfurl::calib {
 
-// Information (inverse covariance) that readings and survey give of all cameras' parameters, 19 c x
-// 19 c in the order of data/rig.h, and after them of the survey's common errors in their sigmas,
+// Information (inverse covariance) that readings and survey give of all cameras' parameters, 31 c x
+// 31 c in the order of data/rig.h, and after them of the survey's common errors in their sigmas,
 // unless the points are fixed: the normal equations at a solution, with the loss's weights,
 // every point eliminated by its Schur complement. The points' survey noise, which the cameras share
 // because they share the points, is in it. `fixed_points`: the survey counts as exact.

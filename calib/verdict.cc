@@ -212,9 +212,9 @@ void JudgeSurvey(const CalibrationReport& report, const VerdictOptions& options,
 void JudgeTrends(const CalibrationReport& report, data::Rig* rig, Tally* tally) {
   double found = 0.0;
   for (const Trend& trend : report.trends) {
-    if (!trend.found) continue;
-    tally->care.push_back(trend.text);
-    found += 1.0;
+    if (trend.text.empty()) continue;
+    (trend.found ? tally->care : tally->fine).push_back(trend.text);
+    found += trend.found ? 1.0 : 0.0;
   }
   rig->checks["trends [1]"] = found;
 }

@@ -196,6 +196,24 @@ TEST(Trends, APatternIsNotGood) {
   EXPECT_THAT(result.rig.reasons, Contains(HasSubstr("follow a pattern")));
 }
 
+// Ripples that precise readings show and that no found point does, as the survey's error is far
+// larger: said, and no reason to mistrust the rig.
+TEST(Trends, APatternThatHarmsNoPointIsSaid) {
+  TracedLab lab(22);
+  lab.reading_sigma = 0.005;
+  Observations data = lab.Survey(kPoints);
+  for (Reading& r : data.readings) {
+    if (r.camera == 1) r.u_px += 0.015 * std::sin(2.0 * M_PI * r.u_px / 216.0);
+  }
+  const Calibration result = Calibrate(data, {}, "test");
+  EXPECT_EQ(result.rig.verdict, kGood);
+  EXPECT_THAT(result.rig.reasons, Contains(HasSubstr("it raises squared errors")));
+  // The same pattern is named where it is asked for.
+  CalibrateOptions strict;
+  strict.trends.harmless = 0.0;
+  EXPECT_EQ(Calibrate(data, strict, "test").rig.verdict, kWithCare);
+}
+
 // The station's tripod sinks by 3 mm while the survey goes on.
 TEST(Trends, AStationThatSinksIsSeen) {
   TracedLab lab(23);

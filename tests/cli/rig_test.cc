@@ -94,6 +94,24 @@ TEST_F(RigVerbs, CalibrateThenCheckTenPoints) {
   EXPECT_THAT(Get("bar.html"), AllOf(HasSubstr("Placements of the bar"), HasSubstr("1a to 1b")));
 }
 
+// The shipped set's rig as a program of version 2 of its format wrote it, with ten terms a camera.
+TEST_F(RigVerbs, ARigOfVersion2IsUsed) {
+  std::filesystem::copy_file(UNFURL_SOURCE_DIR "/tests/data/rig_version_2.h5", folder_ / "old.h5");
+  ASSERT_EQ(Run({"convert", Shipped("survey.h5"), "survey.csv", "--quiet"}).code, 0);
+  const Outcome outcome = Run({"check", "old.h5", "survey.csv", "--json"});
+  EXPECT_EQ(outcome.code, 0) << outcome.err;
+  const auto checked = nlohmann::json::parse(outcome.out);
+  EXPECT_EQ(checked["verdict"], "still valid");
+  // With the rig of today they differ by less than the fit's own tolerance.
+  const auto today =
+      nlohmann::json::parse(Run({"check", Shipped("rig.h5"), "survey.csv", "--json"}).out);
+  ASSERT_EQ(checked["points"].size(), today["points"].size());
+  for (std::size_t k = 0; k < checked["points"].size(); ++k) {
+    EXPECT_NEAR(checked["points"][k]["error"].get<double>(),
+                today["points"][k]["error"].get<double>(), 1e-5);
+  }
+}
+
 // What all points share, stated in the survey or as options, is in the summary and in the reasons.
 TEST_F(RigVerbs, CommonErrorOfTheStation) {
   ASSERT_EQ(Run({"convert", Shipped("survey.h5"), "survey.csv", "--quiet"}).code, 0);
