@@ -19,7 +19,7 @@ struct Trend {
   TrendKind kind = TrendKind::kReadingDrift;
   int camera = -1;      // -1: of the survey
   double chance = 1.0;  // of so much structure without a cause [-]
-  bool found = false;   // the least probable of those that harm, and less so than the level allows
+  bool found = false;   // the least probable that does harm, and less so than the level allows
   // Of a trend less probable than the level allows: by what share it raises the mean squared error
   // of found points above what the rig states (ScoreTest::RiseOfError); else 0 [-].
   double rise = 0.0;

@@ -23,12 +23,18 @@ using testing::Study;
 
 #ifndef UNFURL_SLOW_TESTS
 
-// A fit of 80 points with a distance offset that all share, converged to round-off.
+// A fit of 80 points with a distance offset that all share, converged to round-off. Data without
+// noise: with residuals, a fit's curvature is that of Gauss and Newton only nearly.
 class Scores : public ::testing::Test {
  protected:
   void SetUp() override {
     Study study = MakeStudy(31, 80);
     data_ = std::move(study.data);
+    data_.p = study.points;
+    for (Reading& r : data_.readings) {
+      measure::Project(study.truth[static_cast<std::size_t>(r.camera)], study.points.col(r.point),
+                       &r.u_px);
+    }
     data::Survey survey;
     survey.id = data_.ids;
     survey.p = data_.p;
@@ -80,6 +86,7 @@ class Scores : public ::testing::Test {
 // A fit to data with z of the columns in them has a score that is larger by M z, and cameras that
 // moved by K z.
 TEST_F(Scores, FollowAFitThatIsMadeAgain) {
+  z_ *= 0.01;  // weak directions of the cameras are curved
   const Observations changed = Changed(columns_);
   const RefinedBundle again = Solved(changed, fit_);
   const ScoreTest::Score before = ScoreTest(data_, priors_, fit_).Of(columns_);
@@ -95,19 +102,19 @@ TEST_F(Scores, FollowAFitThatIsMadeAgain) {
   for (std::size_t j = 0; j < again.state.cameras.size(); ++j) {
     const data::RigCamera &a = again.state.cameras[j], &b = fit_.state.cameras[j];
     const Eigen::Index first = data::kCameraParameters * static_cast<Eigen::Index>(j);
-    EXPECT_NEAR(a.f_px - b.f_px, moved(first + 6), 0.02 * std::abs(moved(first + 6)) + 1e-3);
+    EXPECT_NEAR(a.f_px - b.f_px, moved(first + 6), 0.02 * std::abs(moved(first + 6)) + 1e-5);
     EXPECT_LT((a.p_WC - b.p_WC - moved.segment<3>(first + 3)).norm(),
-              0.02 * moved.segment<3>(first + 3).norm() + 1e-6);
+              0.02 * moved.segment<3>(first + 3).norm() + 1e-8);
   }
   EXPECT_NEAR(again.state.common(0) - fit_.state.common(0), moved(moved.size() - 1),
-              0.02 * std::abs(moved(moved.size() - 1)) + 1e-4);
+              0.02 * std::abs(moved(moved.size() - 1)) + 1e-6);
 }
 
 // Points found by triangulation with a rig that was fitted to readings with a drift, from readings
 // with it.
 TEST_F(Scores, RiseOfErrorIsThatOfFoundPoints) {
   columns_.on_survey.resize(0, 0);
-  z_ *= 10.0;
+  z_ *= 0.1;
   const RefinedBundle again = Solved(Changed(columns_), fit_);
   const ScoreTest test(data_, priors_, fit_);
   const double rise =
@@ -137,8 +144,8 @@ TEST_F(Scores, RiseOfErrorIsThatOfFoundPoints) {
     found += 1.0;
   }
   ASSERT_GT(found, 60.0);
-  EXPECT_GT(rise, 0.02);
-  EXPECT_NEAR(rise, sum / found, 0.1 * sum / found);
+  EXPECT_GT(rise, 1e-4);
+  EXPECT_NEAR(rise, sum / found, 0.03 * sum / found);
 }
 
 constexpr std::size_t kDraws = 60;

@@ -178,7 +178,7 @@ void WriteVersion2(const std::string& path, const Rig& rig) {
     f.push_back(camera.f_px);
     u0.push_back(camera.u0_px);
     e.push_back(camera.e);
-    floors.push_back(camera.floor_px);
+    floors.push_back(FloorOf(rig, static_cast<std::size_t>(j)));
     for (int i = 0; i < c; ++i) {
       covariance.block(kParameters * j, kParameters * i, kParameters, kParameters) =
           rig.covariance.block(kCameraParameters * j, kCameraParameters * i, kParameters,
