@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <optional>
 
 #include "base/length.h"
 #include "base/statistics.h"
@@ -109,77 +110,104 @@ std::vector<Change> Changes() {
   return out;
 }
 
+// The slip that explains most, a less simple one only where it is again plainly better.
+class Slips {
+ public:
+  Slips(const data::Rig& rig, const Observations& data, const std::vector<std::size_t>& match)
+      : rig_(rig), data_(data), match_(match) {
+    const double as_written = MisfitOf([&](const Reading& r) -> std::optional<Eigen::Vector3d> {
+      return Eigen::Vector3d(data_.p.col(r.point));
+    });
+    least_ = as_written < kLeastMisfit ? 0.0 : kPlainly * as_written;
+  }
+
+  void TryCoordinates() {
+    for (const Change& change : Changes()) {
+      const double misfit = MisfitOf([&](const Reading& r) -> std::optional<Eigen::Vector3d> {
+        return change.Of(data_.p.col(r.point));
+      });
+      Propose(misfit, WordsOf(change),
+              change.scale != 1.0
+                  ? "state the unit in the header, as \"x [mm]\""
+                  : "put the columns right: x, y, z of the frame in which the rig was surveyed, "
+                    "right-handed (or name them E, N, H)");
+    }
+  }
+
+  void TryRows() {
+    for (const int by : {-1, 1}) {
+      const double misfit = MisfitOf([&](const Reading& r) -> std::optional<Eigen::Vector3d> {
+        if (r.point + by < 0 || r.point + by >= data_.points()) return std::nullopt;
+        return Eigen::Vector3d(data_.p.col(r.point + by));
+      });
+      Propose(misfit,
+              fmt::format("each point's readings belong to the point {} it",
+                          by < 0 ? "before" : "after"),
+              "shift the columns of the readings by one row");
+    }
+  }
+
+  // Two cameras' columns: judged by their own readings.
+  void TryCameras() {
+    for (std::size_t a = 0; a < match_.size() && !slip_.found; ++a) {
+      for (std::size_t b = a + 1; b < match_.size() && !slip_.found; ++b) {
+        const double before = OwnMisfit(a, b, false);
+        if (before < kLeastMisfit || OwnMisfit(a, b, true) >= kPlainly * before) continue;
+        slip_ = {true,
+                 fmt::format("the readings of cameras \"{}\" and \"{}\" are exchanged",
+                             rig_.cameras[match_[a]].name, rig_.cameras[match_[b]].name),
+                 "exchange their columns, or their names in \"# cameras:\""};
+      }
+    }
+  }
+
+  const Slip& found() const { return slip_; }
+
+ private:
+  // Of all readings, each at the place that `place` gives, or left aside.
+  template <typename Place>
+  double MisfitOf(const Place& place) const {
+    return MedianMisfit(rig_, data_,
+                        [&](const Reading& r, std::size_t* camera, Eigen::Vector3d* p) {
+                          *camera = match_[static_cast<std::size_t>(r.camera)];
+                          const std::optional<Eigen::Vector3d> at = place(r);
+                          if (at) *p = *at;
+                          return at.has_value();
+                        });
+  }
+  double OwnMisfit(std::size_t a, std::size_t b, bool exchanged) const {
+    return MedianMisfit(rig_, data_,
+                        [&](const Reading& r, std::size_t* camera, Eigen::Vector3d* p) {
+                          const auto j = static_cast<std::size_t>(r.camera);
+                          if (j != a && j != b) return false;
+                          *camera = match_[exchanged ? a + b - j : j];
+                          *p = data_.p.col(r.point);
+                          return true;
+                        });
+  }
+  void Propose(double misfit, const std::string& what, const std::string& remedy) {
+    if (!(misfit < least_)) return;
+    least_ = kPlainly * misfit;
+    slip_ = {true, what, remedy};
+  }
+
+  const data::Rig& rig_;
+  const Observations& data_;
+  const std::vector<std::size_t>& match_;
+  double least_ = 0.0;
+  Slip slip_;
+};
+
 }  // namespace
 
 Slip FindSlip(const data::Rig& rig, const Observations& data,
               const std::vector<std::size_t>& match) {
-  Slip slip;
-  if (data.points() < kFewest) return slip;
-  const auto camera_of = [&](const Reading& r) {
-    return match[static_cast<std::size_t>(r.camera)];
-  };
-  const double as_written =
-      MedianMisfit(rig, data, [&](const Reading& r, std::size_t* camera, Eigen::Vector3d* p) {
-        *camera = camera_of(r);
-        *p = data.p.col(r.point);
-        return true;
-      });
-  double least = as_written < kLeastMisfit ? 0.0 : kPlainly * as_written;
-  const auto propose = [&](double misfit, const std::string& what, const std::string& remedy) {
-    if (!(misfit < least)) return;
-    least = kPlainly * misfit;  // a less simple one must again be plainly better
-    slip = {true, what, remedy};
-  };
-  for (const Change& change : Changes()) {
-    const double misfit =
-        MedianMisfit(rig, data, [&](const Reading& r, std::size_t* camera, Eigen::Vector3d* p) {
-          *camera = camera_of(r);
-          *p = change.Of(data.p.col(r.point));
-          return true;
-        });
-    propose(misfit, WordsOf(change),
-            change.scale != 1.0
-                ? "state the unit in the header, as \"x [mm]\""
-                : "put the columns right: x, y, z of the frame in which the rig was "
-                  "surveyed, right-handed (or name them E, N, H)");
-  }
-  for (const int by : {-1, 1}) {
-    const double misfit =
-        MedianMisfit(rig, data, [&](const Reading& r, std::size_t* camera, Eigen::Vector3d* p) {
-          *camera = camera_of(r);
-          if (r.point + by < 0 || r.point + by >= data.points()) return false;
-          *p = data.p.col(r.point + by);
-          return true;
-        });
-    propose(
-        misfit,
-        fmt::format("each point's readings belong to the point {} it", by < 0 ? "before" : "after"),
-        "shift the columns of the readings by one row");
-  }
-  // Two cameras' columns: judged by their own readings.
-  for (std::size_t a = 0; a < match.size(); ++a) {
-    for (std::size_t b = a + 1; b < match.size(); ++b) {
-      const auto own = [&](bool exchanged) {
-        return MedianMisfit(rig, data,
-                            [&](const Reading& r, std::size_t* camera, Eigen::Vector3d* p) {
-                              const auto j = static_cast<std::size_t>(r.camera);
-                              if (j != a && j != b) return false;
-                              *camera = match[exchanged ? a + b - j : j];
-                              *p = data.p.col(r.point);
-                              return true;
-                            });
-      };
-      const double before = own(false);
-      if (before < kLeastMisfit || slip.found) continue;
-      if (own(true) < kPlainly * before) {
-        slip = {true,
-                fmt::format("the readings of cameras \"{}\" and \"{}\" are exchanged",
-                            rig.cameras[match[a]].name, rig.cameras[match[b]].name),
-                "exchange their columns, or their names in \"# cameras:\""};
-      }
-    }
-  }
-  return slip;
+  if (data.points() < kFewest) return {};
+  Slips slips(rig, data, match);
+  slips.TryCoordinates();
+  slips.TryRows();
+  slips.TryCameras();
+  return slips.found();
 }
 
 Slip FindUnitSlip(const data::Rig& rig) {

@@ -35,6 +35,8 @@ Case Sound() {
     CameraReport camera;
     camera.name = name;
     camera.readings = kPoints;
+    camera.low_px = 200.0;
+    camera.high_px = 1800.0;
     c.report.cameras.push_back(camera);
     data::RigCamera of_rig;
     of_rig.name = name;
@@ -176,6 +178,24 @@ TEST(Judge, EachLimitIsWhereItsReasonPutsIt) {
   const auto factor = [](double f) { return [f](Case* c) { c->report.survey_factor = f; }; };
   EXPECT_EQ(VerdictOf(factor(1.29)), kGood);
   EXPECT_EQ(VerdictOf(factor(1.31)), kWithCare);
+  const auto covered = [](double share) {
+    return [share](Case* c) {
+      for (CameraReport& camera : c->report.cameras) {
+        camera.high_px = camera.low_px + share * 2000.0;
+      }
+    };
+  };
+  EXPECT_EQ(VerdictOf(covered(0.51)), kGood);
+  EXPECT_EQ(VerdictOf(covered(0.49)), kWithCare);
+  const auto trend = [](bool found) {
+    return [found](Case* c) {
+      c->report.trends.resize(3);
+      c->report.trends[1].found = found;
+      c->report.trends[1].text = "a trend";
+    };
+  };
+  EXPECT_EQ(VerdictOf(trend(false)), kGood);
+  EXPECT_EQ(VerdictOf(trend(true)), kWithCare);
   EXPECT_EQ(VerdictOf([](Case* c) { c->report.converged = false; }), kDoNotUse);
   EXPECT_EQ(VerdictOf([](Case* c) { c->report.cameras.pop_back(); }), kWithCare);
 }
