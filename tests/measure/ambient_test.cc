@@ -39,7 +39,7 @@ struct Recorded {
   data::TrialBlock block;
 
   Recorded() {
-    rig.model_floor_px = 0.008;  // what FitCamera leaves
+    rig.model_floor_px = 0.008;  // spots, and more than FitCamera leaves
     const std::string path = testing::TempDir() + std::to_string(getpid()) + "ambient.h5";
     data::TrialWriter writer(path, HeaderOf(lab), {});
     ExposeTrial(lab, SwingingRun(2.0), writer, {}, &truth);

@@ -42,7 +42,7 @@ inline ReflectionScore Reflected(const data::LabReflection& mirror, double durat
                                  std::uint64_t seed) {
   data::Lab lab = ShippedLab({"seed=" + std::to_string(seed)});
   data::Rig rig = FitRig(MakeVirtualRig(lab), lab.volume_low, lab.volume_high);
-  rig.model_floor_px = 0.008;  // what FitCamera leaves
+  rig.model_floor_px = 0.008;  // spots, and more than FitCamera leaves
   lab.reflections = {mirror};
   const std::string path = testing::TempDir() + std::to_string(getpid()) + "reflected.h5";
   data::Tracks truth;

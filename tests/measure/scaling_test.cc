@@ -30,7 +30,7 @@ struct Recorded {
       : lab(ShippedLab(overrides)), path(TemporaryPath(name)) {
     const VirtualRig truth_rig = MakeVirtualRig(lab);
     rig = FitRig(truth_rig, lab.volume_low, lab.volume_high);
-    rig.model_floor_px = 4e-6 * rig.cameras[0].pixels;  // what FitCamera leaves
+    rig.model_floor_px = 4e-6 * rig.cameras[0].pixels;  // spots, and more than FitCamera leaves
     data::TrialWriter writer(path, HeaderOf(lab), {});
     ExposeTrial(lab, SwingingRun(0.5), writer, {}, &truth);
     writer.Commit();
