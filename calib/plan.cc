@@ -81,9 +81,10 @@ Visibility SeenOnRow(const data::Rig& rig) {
 
 Eigen::Vector3d UncertaintyMap::Middle(std::size_t cell) const {
   const auto n = static_cast<std::size_t>(columns);
+  const std::size_t layer = cell / (n * n);
   const Eigen::Vector3d at(static_cast<double>(cell % n) + 0.5,
                            static_cast<double>(cell / n % n) + 0.5,
-                           static_cast<double>(cell / (n * n)) + 0.5);
+                           static_cast<double>(layer) + 0.5);
   return low +
          (high - low).cwiseProduct(at).cwiseQuotient(Eigen::Vector3d(columns, columns, layers));
 }

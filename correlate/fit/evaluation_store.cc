@@ -48,7 +48,7 @@ class Source {
       good_ = false;
       return {};
     }
-    const std::string text(bytes_.substr(0, size));
+    std::string text(bytes_.substr(0, size));
     bytes_.remove_prefix(size);
     return text;
   }
