@@ -88,7 +88,7 @@ void FillSignals(const SampledModel& reference, Comparison* c) {
     id.kind = SignalId::Kind::kAngle;
     id.mark = IndexOf(c->marks, first);
     id.second = IndexOf(c->marks, second);
-    c->signals.push_back({id, "angle of " + first + "-" + second, std::move(angle.t),
+    c->signals.push_back({id, fmt::format("angle of {}-{}", first, second), std::move(angle.t),
                           std::move(angle.measured), std::move(angle.sigma),
                           std::move(angle.simulated)});
   }

@@ -110,8 +110,7 @@ std::vector<Cluster> Clusters(const std::vector<std::vector<Candidate>>& diagram
       home->members.push_back(&c);
     }
   }
-  const int last_order =
-      diagram.empty() || diagram.size() == 0 ? 0 : 2 * static_cast<int>(diagram.size());
+  const int last_order = 2 * static_cast<int>(diagram.size());
   std::erase_if(clusters, [&](const Cluster& c) {
     const double orders = 0.5 * (last_order - c.members.front()->pole.order) + 1.0;
     // Noise-free records have few orders, and then half of those will do.
