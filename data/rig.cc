@@ -33,7 +33,7 @@ double ReadNumber(const H5Reader& file, const std::string& path, const std::stri
 
 Eigen::MatrixXd ReadFinite(const H5Reader& file, const std::string& path, const std::string& units,
                            Eigen::Index rows, Eigen::Index cols) {
-  const Eigen::MatrixXd matrix = file.ReadMatrix(path, units);
+  Eigen::MatrixXd matrix = file.ReadMatrix(path, units);
   if (matrix.rows() != rows || matrix.cols() != cols) {
     file.Fail(fmt::format("is {} x {} where {} x {} is expected", matrix.rows(), matrix.cols(),
                           rows, cols),
