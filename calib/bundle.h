@@ -16,8 +16,8 @@ namespace unfurl::calib {
 struct CameraPrior {
   double e_mean = 0.03, e_sigma = 0.03;  // distance between the two centres [m]
   // Position along the lens axis: axis . p_WC = along +- along_sigma; axis a unit vector in W.
-  Eigen::Vector3d axis = Eigen::Vector3d::UnitY();
-  double along = 0.0, along_sigma = 1.0;  // [m]
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitY();  // [-]
+  double along = 0.0, along_sigma = 1.0;            // [m]
   data::LensModel lens = data::LensModel::kRectilinear;
   // Of each term's coefficient, about zero [px]; 0: the term is held at zero, not part of the
   // model.
@@ -32,10 +32,10 @@ struct CameraPrior {
 /// Of the loss, and when the search ends.
 struct BundleOptions {
   // A whitened residual is squared up to this many sigmas; beyond, its pull falls off as 1/r.
-  // Infinity: least squares of what takes part.
+  // Infinity: least squares of what takes part [-].
   double loss_width = 3.0;
   int max_iterations = 100;
-  double function_tolerance = 1e-10;  // of the cost, relative: where the search ends
+  double function_tolerance = 1e-10;  // of the cost, relative: where the search ends [-]
   bool fix_points = false;            // hold the points where the survey has them
 };
 
@@ -44,7 +44,7 @@ struct BundleState {
   std::vector<data::RigCamera> cameras;  // c
   Eigen::Matrix3Xd points;               // 3 x n [m]
   // Of the survey's common errors, in their sigmas; empty: not yet solved for, all 0.
-  Eigen::VectorXd common = Eigen::VectorXd();
+  Eigen::VectorXd common = Eigen::VectorXd();  // [-]
 };
 
 // How a bundle ended; the numbers are at the solution.
@@ -55,15 +55,15 @@ struct BundleSummary {
   // quadratic core, and its degrees of freedom: readings, less three for each surveyed point
   // outside the core, less what the data (not the priors) determine of the cameras. With fixed
   // points both are of the readings alone.
-  double chi_square = 0.0;
-  double degrees_of_freedom = 0.0;
+  double chi_square = 0.0;          // [-]
+  double degrees_of_freedom = 0.0;  // [-]
   // Of the cameras, 31 c x 31 c, and after them the common errors, unless the points were fixed;
   // priors included (calib/covariance.h).
-  Eigen::MatrixXd information;
-  std::vector<double> residual_px;  // u - prediction, per reading; NaN: the point is behind
+  Eigen::MatrixXd information;      // [1/(unit x unit)]
+  std::vector<double> residual_px;  // u - prediction, per reading; NaN: the point is behind [px]
   // Of the loss, 1 in the core; 0 if the reading is left out or the point is behind.
-  std::vector<double> reading_weight;
-  std::vector<double> survey_weight;  // the same per point; Weighting::kLeftOut if left out
+  std::vector<double> reading_weight;  // [-]
+  std::vector<double> survey_weight;   // the same per point; Weighting::kLeftOut if left out [-]
 
   int gross_readings() const;  // with a weight below 1
   int gross_points() const;    // likewise

@@ -45,10 +45,10 @@ struct CalibrateOptions {
 struct ReadingReport {
   int point = 0;
   int camera = 0;
-  double u_px = 0.0;
-  double residual_px = 0.0;  // reading less prediction
-  double sigma_px = 0.0;     // with the floor
-  double weight = 1.0;       // 0: left out as gross
+  double u_px = 0.0;         // [px]
+  double residual_px = 0.0;  // reading less prediction [px]
+  double sigma_px = 0.0;     // with the floor [px]
+  double weight = 1.0;       // 0: left out as gross [-]
   double redundancy = 0.0;   // share of an error in it that its residual shows [-]
 };
 
@@ -57,10 +57,10 @@ struct CameraReport {
   std::string name;
   int readings = 0;
   int gross = 0;                       // left out
-  double residual_rms_px = 0.0;        // of the others
-  double floor_px = 0.0;               // its model-error floor
-  double low_px = 0.0, high_px = 0.0;  // the part of the sensor that its readings cover
-  double guess_sigma_px = 0.0;         // robust scale before the points were free
+  double residual_rms_px = 0.0;        // of the others [px]
+  double floor_px = 0.0;               // its model-error floor [px]
+  double low_px = 0.0, high_px = 0.0;  // the part of the sensor that its readings cover [px]
+  double guess_sigma_px = 0.0;         // robust scale before the points were free [px]
 };
 
 // A surveyed point, left out of the fit of its fold and then found from its readings.
@@ -68,8 +68,8 @@ struct HeldOutPoint {
   int point = 0;
   int readings = 0;
   Eigen::Vector3d error = Eigen::Vector3d::Zero();      // found less surveyed [m]
-  Eigen::Matrix3d predicted = Eigen::Matrix3d::Zero();  // its covariance, survey's part included
-  double squared = 0.0;                                 // error' predicted^-1 error
+  Eigen::Matrix3d predicted = Eigen::Matrix3d::Zero();  // covariance, the survey's included [m^2]
+  double squared = 0.0;                                 // error' predicted^-1 error [-]
 };
 
 /// All that a calibration found beside its rig.
@@ -77,7 +77,7 @@ struct CalibrationReport {
   std::vector<std::string> ids;  // of the points
   std::vector<CameraReport> cameras;
   std::vector<ReadingReport> readings;
-  std::vector<double> survey_weight;   // per point; below 1: left out as gross
+  std::vector<double> survey_weight;   // per point; below 1: left out as gross [-]
   std::vector<HeldOutPoint> held_out;  // of usable points
   int held_out_unsolved = 0;           // points whose readings gave no position
   std::vector<Trend> trends;  // of readings and survey; those that were found make it not good
@@ -88,10 +88,10 @@ struct CalibrationReport {
   std::string lens_model;           // its name, or one for each camera
   bool order_chosen = false;        // by cross-validation
   std::vector<OrderTrial> orders;   // empty where none were compared
-  double survey_factor = 1.0;       // on the survey's stated sigmas
+  double survey_factor = 1.0;       // on the survey's stated sigmas [-]
   std::vector<CommonEstimate> common;
-  double chi_square = 0.0;
-  double degrees_of_freedom = 0.0;
+  double chi_square = 0.0;          // [-]
+  double degrees_of_freedom = 0.0;  // [-]
   bool converged = false;
 };
 

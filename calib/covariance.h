@@ -34,7 +34,7 @@ void ClearFixed(const std::vector<CameraPrior>& priors, Eigen::MatrixXd* covaria
 // whitened residual has this mean when its stated variance is true. `covariance` is the inverse of
 // the whole information.
 struct Redundancy {
-  std::vector<double> reading, survey;
+  std::vector<double> reading, survey;  // [-]
 };
 Redundancy RedundancyOf(const Observations& data, const std::vector<CameraPrior>& priors,
                         const Weighting& weighting, const BundleState& state,

@@ -17,7 +17,7 @@ struct GuessOptions {
   int fewest_points = 12;
   // A survey whose smallest standard deviation in any direction is below this share of its largest
   // counts as flat: one plane (or line) does not tell image scale from distance.
-  double flatness = 0.05;
+  double flatness = 0.05;  // [-]
   data::LensModel lens = data::LensModel::kRectilinear;
   // Prior of the distance between the two centres [m]. 0: a cylinder lens in front of a linear CCD
   // has it near its focal length, f times the pixels' pitch; where the pitch is not stated, some
@@ -25,7 +25,7 @@ struct GuessOptions {
   double e_mean = 0.0, e_sigma = 0.0;
   // Prior of the position along the lens axis, about where the points' centre has Y = 0, as a share
   // of the distance to that centre: the camera was pointed at the volume to within some 17 degrees.
-  double along_sigma_share = 0.3;
+  double along_sigma_share = 0.3;  // [-]
   // Priors of the terms, in those of the lens model (measure::PriorOf) [-].
   double term_sigmas = 1.0;
   std::uint64_t seed = 1;  // of the random subsets
@@ -39,7 +39,7 @@ struct CameraGuess {
   data::RigCamera camera;
   CameraPrior prior;      // of the terms that fits start with (measure::UsualOrderOf)
   CameraPrior richest;    // the same with every term
-  double sigma_px = 0.0;  // robust scale of its residuals
+  double sigma_px = 0.0;  // robust scale of its residuals [px]
   int readings = 0;
 };
 
@@ -53,8 +53,8 @@ std::vector<CameraGuess> GuessCameras(const Observations& data, const GuessOptio
 // How the points lie: standard deviations along their principal axes, largest first [m], and the
 // direction of the least one.
 struct PointSpread {
-  Eigen::Vector3d sigma;
-  Eigen::Vector3d normal;
+  Eigen::Vector3d sigma;   // [m]
+  Eigen::Vector3d normal;  // [-]
 };
 PointSpread SpreadOf(const Eigen::Matrix3Xd& p);
 

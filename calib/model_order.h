@@ -26,7 +26,7 @@ struct OrderTrial {
   std::vector<int> by_camera;  // index into the orders of each
   // -log of how likely the left-out points' survey and readings were, less the same of the best
   // order; nats. It punishes error bars that are too narrow as it does those that are too wide.
-  double loss = 0.0;
+  double loss = 0.0;  // [nat]
   // Left-out points, found from their readings, from the survey (RMS), and by how much their
   // readings contradict each other, in quadrature per reading to spare [m], [px].
   double held_out_rms = 0.0;

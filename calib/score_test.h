@@ -29,10 +29,10 @@ class ScoreTest {
 
   /// The score V^T W r of m columns V, and what the fit leaves of their information.
   struct Score {
-    Eigen::VectorXd value;       // m
-    Eigen::MatrixXd covariance;  // of it after the fit, m x m
-    Eigen::MatrixXd whole;       // the same were cameras and points known
-    Eigen::MatrixXd on_cameras;  // by how much a unit of each column moves the fitted cameras
+    Eigen::VectorXd value;       // m [1/unit of the columns' coefficients]
+    Eigen::MatrixXd covariance;  // of it after the fit, m x m [likewise, squared]
+    Eigen::MatrixXd whole;       // the same were cameras and points known [likewise]
+    Eigen::MatrixXd on_cameras;  // how a unit of each column moves the fitted cameras [SI, px]
   };
   Score Of(const Columns& columns) const;
 
@@ -55,9 +55,9 @@ class ScoreTest {
 
   const Observations& data_;
   const RefinedBundle& bundle_;
-  Eigen::MatrixXd covariance_;  // of cameras and common errors
+  Eigen::MatrixXd covariance_;  // of cameras and common errors [SI, px]
   std::vector<Row> rows_;
-  std::vector<Eigen::Matrix3d> inverse_;  // of each point's information, survey included
+  std::vector<Eigen::Matrix3d> inverse_;  // of each point's information, survey included [m^2]
 };
 
 }  // namespace unfurl::calib

@@ -50,7 +50,7 @@ struct TrendResult {
   // The drift of a camera's readings, if that was found, at each reading against the end of the
   // survey [px]; else empty.
   std::vector<double> drift_px;
-  // What not knowing it better adds to the covariance of the cameras, 31 c x 31 c.
+  // What not knowing it better adds to the covariance of the cameras, 31 c x 31 c [SI, px].
   Eigen::MatrixXd covariance;
 };
 

@@ -26,7 +26,7 @@ struct VerdictOptions {
   double common_sigmas = 4.0;  // a common error of the survey over its estimate's scatter [-]
   // Fewer redundant numbers leave chi-square and held-out check little to say (their relative
   // standard deviation is then a quarter).
-  double fewest_redundant = 30.0;
+  double fewest_redundant = 30.0;  // [-]
   // Share of the row that the readings of half of the cameras cover: with less, most of what a
   // camera sees is extrapolated, where a lens model fitted to the rest says nothing [-].
   double least_row = 0.5;

@@ -40,7 +40,7 @@ struct StudyKnowledge {
   /// Nothing was said; it is fitted; it is fitted with a density; it is not fitted.
   enum class Kind { kUnsaid, kFree, kNormal, kKnown };
   Kind kind = Kind::kUnsaid;
-  double mean = 0.0, sigma = 0.0;  // of a normal density; the known value is the mean
+  double mean = 0.0, sigma = 0.0;  // of a normal density; the known value is the mean [s] or [-]
 };
 
 // The same of its frame: where the scene's frame lies in the tracks'.

@@ -46,8 +46,8 @@ class CameraBank {
   void ReadLens(const double* p, double* u) const;
 
   std::size_t lanes_ = 0;
-  std::vector<double> constants_;  // kConstants x lanes
-  std::vector<double> of_lens_;    // 1 where a lane has the lens; lens x lanes
+  std::vector<double> constants_;  // kConstants x lanes [SI, px]
+  std::vector<double> of_lens_;    // 1 where a lane has the lens; lens x lanes [-]
   std::vector<bool> present_;      // by lens
   bool usual_ = true;              // no term beyond the usual ones is used
 };

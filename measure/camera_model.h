@@ -11,7 +11,7 @@ struct Projection {
   double u_px = 0.0;                                        // [px]
   Eigen::RowVector3d du_dp;                                 // by the point in W [px/m]
   Eigen::Matrix<double, 1, data::kCameraParameters> du_dc;  // by the camera's parameters, in the
-                                                            // order of data/rig.h
+                                                            // order of data/rig.h [px/unit]
 };
 
 // False, and `out` untouched, for a point that is not in front (kLeastSlope).

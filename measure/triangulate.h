@@ -53,7 +53,7 @@ struct PointSolution {
   PointOutcome outcome = PointOutcome::kTooFew;
   Eigen::Vector3d p = Eigen::Vector3d::Zero();    // in W [m]
   Eigen::Matrix3d cov = Eigen::Matrix3d::Zero();  // of the readings' errors [m^2]
-  double chi_square = 0.0;                        // with `readings` - 3 degrees of freedom
+  double chi_square = 0.0;                        // with `readings` - 3 degrees of freedom [-]
   double dilution = 0.0;      // what one pixel in the worst combination moves the point by [m/px]
   double condition = 0.0;     // as TriangulateOptions::max_condition [-]
   int readings = 0;           // that entered
@@ -111,15 +111,15 @@ class Triangulator {
 
   data::Rig rig_;
   TriangulateOptions options_;
-  Eigen::Vector3d centre_;
-  double size_;
-  Eigen::Vector3d low_, high_;            // where a point is believed
-  Eigen::Vector3d near_low_, near_high_;  // where a second solution is as likely as the first
+  Eigen::Vector3d centre_;                // of the rig's volume [m]
+  double size_;                           // its diagonal [m]
+  Eigen::Vector3d low_, high_;            // where a point is believed [m]
+  Eigen::Vector3d near_low_, near_high_;  // where a second solution is as likely as the first [m]
   CameraBank bank_;
-  std::vector<double> limit_;   // of chi-square, by degrees of freedom
+  std::vector<double> limit_;   // of chi-square, by degrees of freedom [-]
   std::size_t parameters_ = 0;  // of a camera, up to the last that is not known
-  Eigen::MatrixXd whole_;       // 31 c x r: covariance of the rig = whole whole^T
-  // whole_ turned so that the first `rank_` columns are what is kept; row after row.
+  Eigen::MatrixXd whole_;       // 31 c x r: covariance of the rig = whole whole^T [unit]
+  // whole_ turned so that the first `rank_` columns are what is kept; row after row [unit].
   std::vector<double> rows_;
   std::size_t columns_ = 0, rank_ = 0;
 };

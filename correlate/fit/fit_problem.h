@@ -28,10 +28,10 @@ struct FitTrial {
   // model's own noise, to which the steps of differences are tied; null: what predictions report.
   const Model* tighter = nullptr;
   // The same model with less discretisation error, asked once, at the estimate; null: none. What
-  // it moves the marks by, times `finer_factor` [-], is taken for the model's own error: 4/3 where
+  // it moves the marks by, times `finer_factor`, is taken for the model's own error: 4/3 where
   // the finer mesh has half the spacing and the error falls with its square.
   const Model* finer = nullptr;
-  double finer_factor = 4.0 / 3.0;
+  double finer_factor = 4.0 / 3.0;  // [-]
   // Instead of `finer`: rungs above `model`, each with less error than the one before; the fit then
   // means the last of them (docs/physics-correlation.md, "The ladder"). As many in every trial.
   std::vector<Rung> rungs;

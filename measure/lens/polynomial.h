@@ -11,7 +11,7 @@ namespace unfurl::measure {
 
 // What a lens makes of a point at (x, y), less the offset u0, with all its derivatives.
 struct LensImage {
-  double u_px = 0.0;
+  double u_px = 0.0;                             // [px]
   double du_dx = 0.0, du_dy = 0.0;               // [px]
   double du_df = 0.0;                            // [-]
   std::array<double, data::kLensTerms> du_dt{};  // by the terms' coefficients [-]
