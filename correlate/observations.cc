@@ -91,6 +91,7 @@ Stamps Observations::StampsAt(const Clock& clock) const {
     stamps.t.push_back(m.t);
     for (double& t : stamps.t.back()) t = clock.ModelTime(t, pivot);
   }
+  for (const auto& kind : others) kind->Ask(clock, pivot, &stamps);
   return stamps;
 }
 
@@ -98,6 +99,12 @@ Eigen::Index Observations::PriorRows() const {
   constexpr Foreknowledge kNormal = Foreknowledge::kNormal;
   return (placement.frame.kind == kNormal ? 6 : 0) + (placement.offset.kind == kNormal ? 1 : 0) +
          (placement.drift.kind == kNormal ? 1 : 0);
+}
+
+Eigen::Index Observations::OtherUnknowns() const {
+  std::size_t n = 0;
+  for (const auto& kind : others) n += kind->unknowns().size();
+  return static_cast<Eigen::Index>(n);
 }
 
 Observations FromTracks(const data::Tracks& tracks, const std::vector<std::string>& marks,
@@ -181,24 +188,9 @@ Observations Cut(const Observations& all, const Window& window) {
     }
     if (keep.size() < series.size()) series = Select(series, keep, all.shared_rank);
   }
-  std::erase_if(out.events, [&](const TimedEvent& e) { return !window.Contains(e.t); });
-  return out;
-}
-
-const ModelEvent* FindEvent(const std::vector<ModelEvent>& events, const TimedEvent& named) {
-  int left = named.count;
-  for (const ModelEvent& e : events) {
-    if (e.kind == named.kind && e.where == named.where && --left <= 0) return &e;
-  }
-  return nullptr;
-}
-
-std::vector<double> EventTimes(const std::vector<TimedEvent>& events,
-                               const Prediction& prediction) {
-  std::vector<double> out;
-  for (const TimedEvent& event : events) {
-    const ModelEvent* found = FindEvent(prediction.events, event);
-    out.push_back(found != nullptr ? found->t : std::numeric_limits<double>::quiet_NaN());
+  out.others.clear();
+  for (const auto& kind : all.others) {
+    if (auto part = kind->Within(window)) out.others.push_back(std::move(part));
   }
   return out;
 }
@@ -207,7 +199,7 @@ Observations WithoutDrift(Observations record, double drift, double pivot) {
   for (MarkSeries& series : record.marks) {
     for (double& t : series.t) t = pivot + (t - pivot) / (1.0 + drift);
   }
-  for (TimedEvent& e : record.events) e.t = pivot + (e.t - pivot) / (1.0 + drift);
+  for (auto& kind : record.others) kind = kind->WithoutDrift(drift, pivot);
   record.placement.pivot = pivot;
   Prior& known = record.placement.drift;
   if (known.Told()) {

@@ -7,6 +7,7 @@
 
 #include "correlate/model.h"
 #include "correlate/placement.h"
+#include "correlate/residual/residual_kind.h"
 #include "data/run.h"
 #include "data/tracks.h"
 
@@ -24,19 +25,11 @@ struct MarkSeries {
   std::size_t size() const { return t.size(); }  // n
 };
 
-// A moment that something else than the marks has told: a latch's switch, say.
-struct TimedEvent {
-  std::string kind;    // "latch", "contact_start", "contact_end", "watch"
-  std::string where;   // the joint, or the watch
-  int count = 1;       // the first, the second..
-  double t = 0.0;      // on the record's clock [s]
-  double sigma = 0.0;  // [s]
-};
-
-// What is compared with a model: the usable samples, mark by mark.
+// What is compared with a model: the usable samples, mark by mark, and what was recorded beside
+// them.
 struct Observations {
   std::vector<MarkSeries> marks;
-  std::vector<TimedEvent> events;
+  ResidualKinds others;
   int shared_rank = 0;       // k
   bool has_sigma = true;     // false: cov is a unit weight only, and the scatter gives the scale
   bool held_before = false;  // before the first stamp the marks stood still (a run before release)
@@ -52,14 +45,8 @@ struct Observations {
   Stamps StampsAt(const Clock& clock) const;
   // How many numbers of clock and frame have a normal prior: each is a row of a registration.
   Eigen::Index PriorRows() const;
-};
-
-/// A part of a record, its ends included.
-struct Window {
-  double low = -std::numeric_limits<double>::infinity();  // [s], on the record's own clock
-  double high = std::numeric_limits<double>::infinity();
-  // Whether a stamp lies in it.
-  bool Contains(double t) const { return t >= low && t <= high; }
+  // Unknowns of the residual kinds, all together.
+  Eigen::Index OtherUnknowns() const;
 };
 
 // `marks` empty: all of them. Throws Error for a mark that is not there, a mark without usable
@@ -70,18 +57,13 @@ Observations FromTracks(const data::Tracks& tracks, const std::vector<std::strin
 Observations FromRun(const data::Run& run, const std::vector<std::string>& marks = {},
                      const Window& window = {});
 
-// The part of `all` within the window, events too; the drift's pivot stays.
+// The part of `all` within the window, other kinds too; the drift's pivot stays.
 Observations Cut(const Observations& all, const Window& window);
 
 // The same samples by a clock that runs at the model's rate: t becomes pivot + (t - pivot) / (1 +
 // drift), `drift` being by how much the record's clock runs fast [-]. What was known of the drift
 // beforehand is from then on of what is left of it.
 Observations WithoutDrift(Observations record, double drift, double pivot);
-
-// The event of a model's list that another one names; nullptr: it never happened.
-const ModelEvent* FindEvent(const std::vector<ModelEvent>& events, const TimedEvent& named);
-// When the model has each of the events, on its own clock; NaN: never, by the end of the stamps.
-std::vector<double> EventTimes(const std::vector<TimedEvent>& events, const Prediction& prediction);
 
 // 6 entries to the symmetric matrix.
 Eigen::Matrix3d Symmetric(const Eigen::Matrix<double, 6, 1>& c);

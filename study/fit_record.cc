@@ -141,7 +141,7 @@ void AddSearch(const correlate::FitResult& r, data::FitRecord* record) {
 
 void AddNuisances(const correlate::TrialResult& t, std::int32_t index, data::FitRecord* record) {
   for (std::size_t i = 0; i < t.nuisances.size(); ++i) {
-    const correlate::Nuisance n = correlate::NuisanceNamed(t.nuisances[i]);
+    const correlate::Nuisance& n = t.nuisances[i];
     record->nuisances.push_back({n.Name(), n.Unit(), correlate::ValueOf(n, t.registration),
                                  t.nuisance_sigma(static_cast<Eigen::Index>(i)), index});
   }
@@ -170,7 +170,9 @@ void AddSamples(const correlate::TrialResult& t, const correlate::Observations& 
       record->simulated.col(column + i) =
           t.prediction.marks[m].p.col(i) - ahead * t.prediction.marks[m].v.col(i);
     }
-    if (!t.model_error.empty()) record->model_error.middleCols(column, count) = t.model_error[m];
+    if (!t.model_error.empty()) {
+      record->model_error.middleCols(column, count) = t.model_error.marks[m];
+    }
     record->band.middleCols(column, count) = t.band[m];
     for (double stamp : observations.marks[m].t) {
       record->t.push_back(stamp);

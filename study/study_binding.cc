@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "base/text.h"
 #include "correlate/fit/command_model.h"
+#include "correlate/residual/timed_events.h"
 #include "data/formats.h"
 #include "data/h5.h"
 #include "data/tracks.h"
@@ -70,13 +71,17 @@ correlate::Observations ReadTrial(const data::StudyTrial& trial, const std::stri
   if (out.size() == 0) {
     throw Error("no sample of these marks lies in the window", trial.where, "widen the window");
   }
+  std::vector<correlate::TimedEvent> events;
   for (const data::StudyEvent& e : trial.events) {
     if (e.time < out.Start() || e.time > out.End()) {
       throw Error(fmt::format("{} s lies outside of the tracks, {:.3f} to {:.3f} s", e.time,
                               out.Start(), out.End()),
                   e.at, "give the time on the tracks' clock");
     }
-    out.events.push_back({e.kind, e.where, e.count, e.time, e.sigma});
+    events.push_back({e.kind, e.where, e.count, e.time, e.sigma});
+  }
+  if (!events.empty()) {
+    out.others.push_back(std::make_shared<correlate::TimedEvents>(std::move(events)));
   }
   out.placement = PlacementOf(trial);
   return out;

@@ -140,9 +140,19 @@ void AddGrossWords(const correlate::Observations& o, const correlate::TrialResul
                   far.size() > kNamed ? "the farthest are " : "", JoinWords(names)));
 }
 
-std::string Replaced(std::string kind) {  // "contact_start" as people say it
-  std::replace(kind.begin(), kind.end(), '_', ' ');
-  return kind;
+// How what was recorded beside the marks lies to the model.
+void AddOtherWords(const correlate::Observations& o, const correlate::TrialResult& t,
+                   const std::string& of, data::FitRecord* record) {
+  const correlate::ResidualKind::Clocks clocks = correlate::ClocksOf(o, t.reference, t.at.clock());
+  Eigen::Index unknown = 0;
+  for (const auto& kind : o.others) {
+    const auto count = static_cast<Eigen::Index>(kind->unknowns().size());
+    for (std::string& words :
+         kind->Words(kind->NumbersOf(t.prediction), clocks, t.at.own.segment(unknown, count), of)) {
+      record->reasons.push_back(std::move(words));
+    }
+    unknown += count;
+  }
 }
 
 // What the model's own error was judged by, and what it is.
@@ -188,21 +198,8 @@ void AddTrialWords(const std::vector<correlate::FitTrial>& trials, const correla
                       "its errors): {} sections of marks have less weight there, down to {:.2g}.",
                       from, t.less_weight.size(), least));
     }
-    for (std::size_t i = 0; i < t.event_times.size(); ++i) {
-      const correlate::TimedEvent& e = trials[k].observations->events[i];
-      const double off = e.t - t.at.offset - t.event_times[i];
-      const std::string what = fmt::format("The {} of {}{}{}", Replaced(e.kind), e.where,
-                                           e.count > 1 ? fmt::format(", number {},", e.count) : "",
-                                           several ? " in " + t.name : "");
-      record->reasons.push_back(
-          std::isfinite(off)
-              ? fmt::format(
-                    "{} was observed at {:.4f} s, {:+.2g} ms ({:+.2g} of its sigma) from the "
-                    "model's.",
-                    what, e.t, 1e3 * off, off / e.sigma)
-              : fmt::format("{} was observed at {:.4f} s; the model has none.", what, e.t));
-    }
     const std::string of = several ? " of " + t.name : "";
+    AddOtherWords(*trials[k].observations, t, several ? " in " + t.name : "", record);
     AddPlacementWords(*trials[k].observations, t, of, record);
     AddGrossWords(*trials[k].observations, t, of, record);
     record->reasons.push_back(ErrorWords(t, of));

@@ -249,8 +249,7 @@ Alignment AlignAsIs(const Observations& record, const SampledModel& b, const Ali
   out.at = out.fit.at;
   out.r2 = motion > 0.0 ? 1.0 - left / motion : 0.0;
   FillCovariance(variance > 0.0 ? Loosened(a, variance) : a, &out);
-  out.unknowns =
-      NuisanceNames(WithPlacement(options.registration, record.placement), a.shared_rank);
+  out.unknowns = NuisanceNames(WithPlacement(options.registration, record.placement), a);
   if (variance > 0.0) {  // what was weighed less is still told in the marks' own sigmas
     RegistrationOptions none = options.registration;
     none.max_iterations = 0;

@@ -2,10 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
-#include <stdexcept>
-#include <string_view>
-
 #include "base/pose.h"
 
 namespace unfurl::correlate {
@@ -20,13 +16,15 @@ std::string Nuisance::Name() const {
       return "time offset";
     case Kind::kDrift:
       return "clock drift";
+    case Kind::kOwn:
+      return own_name;
     case Kind::kDraw:
       break;
   }
   return fmt::format("calibration draw {}", index + 1);
 }
 
-const char* Nuisance::Unit() const {
+std::string Nuisance::Unit() const {
   switch (kind) {
     case Kind::kRotation:
       return "rad";
@@ -34,6 +32,8 @@ const char* Nuisance::Unit() const {
       return "m";
     case Kind::kOffset:
       return "s";
+    case Kind::kOwn:
+      return own_unit;
     case Kind::kDrift:
     case Kind::kDraw:
       break;
@@ -41,7 +41,8 @@ const char* Nuisance::Unit() const {
   return "1";
 }
 
-std::vector<Nuisance> Nuisances(const RegistrationOptions& options, int shared_rank) {
+std::vector<Nuisance> Nuisances(const RegistrationOptions& options,
+                                const Observations& observations) {
   std::vector<Nuisance> all;
   if (options.fit_frame) {
     for (Nuisance::Kind kind : {Nuisance::Kind::kRotation, Nuisance::Kind::kShift}) {
@@ -50,23 +51,21 @@ std::vector<Nuisance> Nuisances(const RegistrationOptions& options, int shared_r
   }
   if (options.fit_offset) all.push_back({Nuisance::Kind::kOffset, 0});
   if (options.fit_drift) all.push_back({Nuisance::Kind::kDrift, 0});
-  for (int i = 0; i < shared_rank; ++i) all.push_back({Nuisance::Kind::kDraw, i});
+  int own = 0;
+  for (const auto& kind : observations.others) {
+    if (!options.with_others) break;
+    for (const ResidualKind::Unknown& u : kind->unknowns()) {
+      all.push_back({Nuisance::Kind::kOwn, own++, u.name, u.unit});
+    }
+  }
+  for (int i = 0; i < observations.shared_rank; ++i) all.push_back({Nuisance::Kind::kDraw, i});
   return all;
 }
 
-Nuisance NuisanceNamed(const std::string& name) {
-  RegistrationOptions all;
-  all.fit_drift = true;
-  for (const Nuisance& n : Nuisances(all, 0)) {
-    if (n.Name() == name) return n;
-  }
-  constexpr std::string_view kDraw = "calibration draw ";
-  int number = 0;
-  if (name.starts_with(kDraw)) {
-    std::from_chars(name.data() + kDraw.size(), name.data() + name.size(), number);
-  }
-  if (number < 1) throw std::invalid_argument("no unknown of a registration: " + name);
-  return {Nuisance::Kind::kDraw, number - 1};
+std::vector<std::string> NamesOf(const std::vector<Nuisance>& nuisances) {
+  std::vector<std::string> names;
+  for (const Nuisance& n : nuisances) names.push_back(n.Name());
+  return names;
 }
 
 double ValueOf(const Nuisance& nuisance, const RegistrationFit& fit) {
@@ -79,6 +78,8 @@ double ValueOf(const Nuisance& nuisance, const RegistrationFit& fit) {
       return fit.at.offset;
     case Nuisance::Kind::kDrift:
       return fit.at.drift;
+    case Nuisance::Kind::kOwn:
+      return fit.at.own(nuisance.index);
     case Nuisance::Kind::kDraw:
       break;
   }

@@ -15,20 +15,23 @@ struct Nuisance {
     kShift,     ///< of that centroid, in W [m]
     kOffset,    ///< [s]
     kDrift,     ///< [-]
+    kOwn,       ///< of a residual kind
     kDraw,      ///< of the calibration [-]
   };
   Kind kind = Kind::kOffset;
-  int index = 0;  ///< axis of a rotation or shift, number of a draw, from 0
+  int index = 0;  ///< axis of a rotation or shift, number of a draw or of a kind's own, from 0
+  std::string own_name = {}, own_unit = {};  ///< of a kind's own
 
   std::string Name() const;  ///< "frame shift along x"
-  const char* Unit() const;
+  std::string Unit() const;
 };
 
 /// In the order of the columns of RegistrationFit::jacobian. Those that are not fitted have none.
-std::vector<Nuisance> Nuisances(const RegistrationOptions& options, int shared_rank);
+std::vector<Nuisance> Nuisances(const RegistrationOptions& options,
+                                const Observations& observations);
 
-/// The one of this name. Throws std::invalid_argument for a name that none has.
-Nuisance NuisanceNamed(const std::string& name);
+/// Their names.
+std::vector<std::string> NamesOf(const std::vector<Nuisance>& nuisances);
 
 /// Its value at the solution, in its unit.
 double ValueOf(const Nuisance& nuisance, const RegistrationFit& fit);

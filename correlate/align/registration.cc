@@ -8,6 +8,7 @@
 
 #include "correlate/align/nuisance.h"
 #include "correlate/align/sample_whitener.h"
+#include "correlate/residual/row_layout.h"
 
 namespace unfurl::correlate {
 
@@ -63,10 +64,9 @@ Eigen::MatrixXd InvertNormal(const Eigen::MatrixXd& normal, const std::vector<st
 
 }  // namespace
 
-std::vector<std::string> NuisanceNames(const RegistrationOptions& options, int shared_rank) {
-  std::vector<std::string> names;
-  for (const Nuisance& n : Nuisances(options, shared_rank)) names.push_back(n.Name());
-  return names;
+std::vector<std::string> NuisanceNames(const RegistrationOptions& options,
+                                       const Observations& observations) {
+  return NamesOf(Nuisances(options, observations));
 }
 
 RegistrationOptions WithPlacement(RegistrationOptions options, const Placement& placement) {
@@ -79,17 +79,25 @@ RegistrationOptions WithPlacement(RegistrationOptions options, const Placement& 
   return options;
 }
 
-Eigen::Index RowsOf(const Observations& observations) {
-  return 3 * static_cast<Eigen::Index>(observations.size()) +
-         static_cast<Eigen::Index>(observations.events.size()) + observations.PriorRows() +
-         observations.shared_rank;
+namespace {
+
+// Where the unknowns of the residual kinds begin.
+Eigen::VectorXd StartOfOwn(const Observations& observations) {
+  std::vector<double> start;
+  for (const auto& kind : observations.others) {
+    for (const ResidualKind::Unknown& u : kind->unknowns()) start.push_back(u.start);
+  }
+  return Eigen::Map<const Eigen::VectorXd>(start.data(), static_cast<Eigen::Index>(start.size()));
 }
+
+}  // namespace
 
 Registration StartingFrame(const Observations& observations, const Prediction& prediction,
                            double offset) {
   Registration start;
   start.offset = offset;
   start.z = Eigen::VectorXd::Zero(observations.shared_rank);
+  start.own = StartOfOwn(observations);
   if (observations.placement.frame.Told()) {
     start.X_WM = observations.placement.frame.X_WM;
     return start;
@@ -143,24 +151,31 @@ class RegistrationSolver {
         options_(WithPlacement(options, observations.placement)),
         whitening_(whitening != nullptr && !whitening->identity() ? whitening : nullptr),
         k_(observations.shared_rank),
-        names_(NuisanceNames(options_, observations.shared_rank)),
+        names_(NuisanceNames(options_, observations)),
         time_(options_.fit_frame ? 6 : 0),
         rate_(time_ + (options_.fit_offset ? 1 : 0)),
-        draw_(rate_ + (options_.fit_drift ? 1 : 0)),
-        samples_(static_cast<Eigen::Index>(observations.size())),
-        events_(static_cast<Eigen::Index>(observations.events.size())),
-        event_time_(EventTimes(observations.events, prediction)) {
+        own_(rate_ + (options_.fit_drift ? 1 : 0)),
+        draw_(own_ + (options_.with_others ? observations.OtherUnknowns() : 0)),
+        layout_(observations) {
     fit_.at = start;
     const Placement& known = observations.placement;
     if (known.frame.kind == Foreknowledge::kKnown) fit_.at.X_WM = known.frame.X_WM;
     if (known.offset.kind == Foreknowledge::kKnown) fit_.at.offset = known.offset.mean;
     if (known.drift.kind == Foreknowledge::kKnown) fit_.at.drift = known.drift.mean;
     if (fit_.at.z.size() != k_) fit_.at.z = Eigen::VectorXd::Zero(k_);
+    if (fit_.at.own.size() != observations.OtherUnknowns()) fit_.at.own = StartOfOwn(observations);
     fit_.centroid_M = Centroid(prediction);
-    fit_.residual.resize(RowsOf(observations));
+    fit_.residual.setZero(layout_.rows);
     fit_.jacobian.setZero(fit_.residual.size(), static_cast<Eigen::Index>(names_.size()));
     for (const MarkMotion& motion : prediction.marks) {
       for (Eigen::Index i = 0; i < motion.p.cols(); ++i) fit_.known += Known(motion, i) ? 1 : 0;
+    }
+    for (std::size_t k = 0; options_.with_others && k < observations.others.size(); ++k) {
+      const ResidualKind& kind = *observations.others[k];
+      numbers_.push_back(kind.NumbersOf(prediction));
+      const auto unknowns = static_cast<Eigen::Index>(kind.unknowns().size());
+      rows_.push_back({Eigen::VectorXd::Zero(kind.rows()), Eigen::VectorXd::Zero(kind.rows()),
+                       Eigen::MatrixXd::Zero(kind.rows(), unknowns)});
     }
     // The reference's own covariance turns with the frame; that second-order effect is left to the
     // caller's next round.
@@ -179,6 +194,8 @@ class RegistrationSolver {
       fit_.converged = Step();
     }
     Evaluate();
+    fit_.data_rows = 3 * static_cast<Eigen::Index>(fit_.known);
+    for (const ResidualKind::Rows& rows : rows_) fit_.data_rows += rows.known;
     return std::move(fit_);
   }
 
@@ -197,13 +214,12 @@ class RegistrationSolver {
         }
       }
     }
+    OtherRows();
     if (whitening_ != nullptr) {
       whitening_->Apply(fit_.residual);
       whitening_->Apply(fit_.jacobian);
     }
-    fit_.residual.segment(3 * samples_, events_).setZero();
-    for (Eigen::Index i = 0; i < events_ && options_.with_events; ++i) EventRow(i);
-    PriorRows(3 * samples_ + events_);
+    PriorRows(layout_.priors);
     // The prior of the draw, N(0, I).
     fit_.residual.tail(k_) = fit_.at.z;
     if (k_ > 0) fit_.jacobian.bottomRightCorner(k_, k_).setIdentity();
@@ -268,16 +284,25 @@ class RegistrationSolver {
     return (t - pivot_) / (rate * rate);
   }
 
-  // (t by the model's clock - t_model) / sigma; without one in the model, the last stamp.
-  void EventRow(Eigen::Index i) {
-    const TimedEvent& e = observations_.events[static_cast<std::size_t>(i)];
-    const double predicted = event_time_[static_cast<std::size_t>(i)];
-    const double by_record = fit_.at.clock().ModelTime(e.t, pivot_);
-    const double last = reference_.ModelTime(observations_.End(), pivot_);
-    const Eigen::Index row = 3 * samples_ + i;
-    fit_.residual(row) = (by_record - (std::isnan(predicted) ? last : predicted)) / e.sigma;
-    if (options_.fit_offset) fit_.jacobian(row, time_) = -1.0 / e.sigma;
-    if (options_.fit_drift) fit_.jacobian(row, rate_) = -AheadByDrift(e.t) / e.sigma;
+  // Those of the residual kinds.
+  void OtherRows() {
+    const ResidualKind::Clocks clocks = ClocksOf(observations_, reference_, fit_.at.clock());
+    Eigen::Index unknown = 0;
+    for (std::size_t k = 0; k < rows_.size(); ++k) {
+      const ResidualKind& kind = *observations_.others[k];
+      ResidualKind::Rows& rows = rows_[k];
+      const Eigen::Index first = layout_.others[k], n = kind.rows();
+      const Eigen::Index count = rows.by_unknown.cols();
+      kind.Evaluate(numbers_[k], clocks, fit_.at.own.segment(unknown, count), &rows);
+      fit_.residual.segment(first, n) = rows.residual;
+      if (options_.fit_offset) fit_.jacobian.block(first, time_, n, 1) = -rows.by_time;
+      for (Eigen::Index i = 0; i < n && options_.fit_drift; ++i) {
+        const double t = kind.TimeOf(i);
+        fit_.jacobian(first + i, rate_) = std::isnan(t) ? 0.0 : -AheadByDrift(t) * rows.by_time(i);
+      }
+      fit_.jacobian.block(first, own_ + unknown, n, count) = rows.by_unknown;
+      unknown += count;
+    }
   }
 
   // One Gauss-Newton step. True: it moved no unknown by more than its tolerance.
@@ -298,6 +323,7 @@ class RegistrationSolver {
     }
     if (options_.fit_offset) fit_.at.offset += step(time_);
     if (options_.fit_drift) fit_.at.drift += step(rate_);
+    if (options_.with_others) fit_.at.own += step.segment(own_, fit_.at.own.size());
     fit_.at.z += step.tail(k_);
     // Where sigma is a unit weight's (records without one) it says nothing: relative round-off.
     constexpr double kRoundOff = 1e-13;
@@ -312,9 +338,10 @@ class RegistrationSolver {
   const RowWhitening* whitening_;  // null: white
   const int k_;                    // rank of the calibration's draw
   const std::vector<std::string> names_;
-  const Eigen::Index time_, rate_, draw_;  // first columns; the frame's is 0
-  const Eigen::Index samples_, events_;
-  const std::vector<double> event_time_;   // on the model's clock [s]
+  const Eigen::Index time_, rate_, own_, draw_;  // first columns; the frame's is 0
+  const RowLayout layout_;
+  std::vector<Eigen::VectorXd> numbers_;   // by residual kind
+  std::vector<ResidualKind::Rows> rows_;   // likewise
   std::vector<Eigen::Matrix3d> whitener_;  // by sample [1/m]
   RegistrationFit fit_;
 };

@@ -3,15 +3,23 @@
 
 #include "correlate/align/registration.h"
 #include "correlate/align/sample_whitener.h"
+#include "correlate/residual/row_layout.h"
 
 namespace unfurl::correlate {
 
+ResidualKind::Clocks ClocksOf(const Observations& observations, const Clock& reference,
+                              const Clock& at) {
+  const double pivot = observations.Pivot();
+  return {at, reference, pivot, reference.ModelTime(observations.End(), pivot)};
+}
+
 Eigen::MatrixXd WhitenedSensitivity(const Observations& observations, const Prediction& prediction,
-                                    const Pose& X_WM,
-                                    const std::vector<std::vector<Eigen::Matrix3Xd>>& change) {
+                                    const Clock& reference, const Registration& at,
+                                    const std::vector<Change>& change) {
   const auto columns = static_cast<Eigen::Index>(change.size());
-  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(RowsOf(observations), columns);
-  const Eigen::Matrix3d R = X_WM.linear();
+  const RowLayout layout(observations);
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(layout.rows, columns);
+  const Eigen::Matrix3d R = at.X_WM.linear();
   Eigen::Index row = 0;
   for (std::size_t m = 0; m < observations.marks.size(); ++m) {
     const MarkSeries& series = observations.marks[m];
@@ -20,22 +28,21 @@ Eigen::MatrixXd WhitenedSensitivity(const Observations& observations, const Pred
       if (!Known(motion, i)) continue;
       const Eigen::Matrix3d WR = Whitener(series, motion, i, R) * R;
       for (Eigen::Index j = 0; j < columns; ++j) {
-        out.block<3, 1>(row, j) = -WR * change[static_cast<std::size_t>(j)][m].col(i);
+        out.block<3, 1>(row, j) = -WR * change[static_cast<std::size_t>(j)].marks[m].col(i);
       }
     }
   }
-  return out;
-}
-
-Eigen::VectorXd EventSensitivity(const Observations& observations, const Prediction& prediction,
-                                 const Prediction& moved, double h) {
-  const std::vector<double> before = EventTimes(observations.events, prediction);
-  const std::vector<double> after = EventTimes(observations.events, moved);
-  Eigen::VectorXd out(static_cast<Eigen::Index>(before.size()));
-  for (std::size_t i = 0; i < before.size(); ++i) {
-    const double change = (after[i] - before[i]) / h;
-    out(static_cast<Eigen::Index>(i)) =
-        std::isfinite(change) ? -change / observations.events[i].sigma : 0.0;
+  const ResidualKind::Clocks clocks = ClocksOf(observations, reference, at.clock());
+  Eigen::Index unknown = 0;
+  for (std::size_t k = 0; k < observations.others.size(); ++k) {
+    const ResidualKind& kind = *observations.others[k];
+    const auto count = static_cast<Eigen::Index>(kind.unknowns().size());
+    const Eigen::VectorXd own = at.own.segment(unknown, count);
+    for (Eigen::Index j = 0; j < columns; ++j) {
+      out.col(j).segment(layout.others[k], kind.rows()) =
+          kind.Response(change[static_cast<std::size_t>(j)].others[k], clocks, own);
+    }
+    unknown += count;
   }
   return out;
 }

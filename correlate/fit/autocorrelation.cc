@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "base/statistics.h"
+#include "correlate/residual/row_layout.h"
 #include "correlate/sampled_model.h"
 #include "correlate/spectra/fft.h"
 
@@ -138,22 +139,22 @@ ResidualNoise EstimateResidualNoise(const Observations& observations,
                                     const Eigen::VectorXd& residual, double unit_variance) {
   constexpr int kLags = 20;  // of the whiteness test
   ResidualNoise noise;
-  Eigen::Index first = 0;
   double sum = 0.0, total = 0.0, effective = 0.0, statistic = 0.0, freedoms = 0.0;
-  for (const MarkSeries& mark : observations.marks) {
-    const double step = MedianStep(mark.t);
+  const RowLayout layout(observations);
+  for (const RowSeries& mark : layout.series) {
+    const std::vector<double>& t = *mark.t;
+    const double step = MedianStep(t);
     std::vector<std::size_t> place(mark.size(), 0);
     std::vector<std::size_t> sample;
     for (std::size_t i = 0; i < mark.size(); ++i) {
       if (i > 0) {
-        const double steps = step > 0.0 ? std::round((mark.t[i] - mark.t[i - 1]) / step) : 1.0;
+        const double steps = step > 0.0 ? std::round((t[i] - t[i - 1]) / step) : 1.0;
         // A long gap decorrelates; its true length would only cost memory.
         place[i] = place[i - 1] + static_cast<std::size_t>(std::clamp(steps, 1.0, 1000.0));
       }
-      const Eigen::Index row = first + 3 * static_cast<Eigen::Index>(i);
-      if (residual.segment<3>(row).squaredNorm() > 0.0) sample.push_back(i);
+      if (mark.Known(residual, i)) sample.push_back(i);
     }
-    for (int axis = 0; axis < 3 && !sample.empty(); ++axis) {
+    for (int axis = 0; axis < mark.axes && !sample.empty(); ++axis) {
       ResidualNoise::Series s;
       s.mark = mark.name;
       s.axis = axis;
@@ -161,7 +162,7 @@ ResidualNoise EstimateResidualNoise(const Observations& observations,
       std::vector<double> x(slots, 0.0);
       std::vector<std::uint8_t> known(slots, 0);
       for (std::size_t i : sample) {
-        const Eigen::Index row = first + 3 * static_cast<Eigen::Index>(i) + axis;
+        const Eigen::Index row = mark.Row(i, axis);
         s.row.push_back(row);
         s.slot.push_back(place[i]);
         x[place[i]] = residual(row);
@@ -178,7 +179,6 @@ ResidualNoise EstimateResidualNoise(const Observations& observations,
       s.model.variance = std::max(s.model.variance, unit_variance);
       noise.series.push_back(std::move(s));
     }
-    first += 3 * static_cast<Eigen::Index>(mark.size());
   }
   if (total > 0.0) {
     noise.variance = sum / total;

@@ -63,8 +63,8 @@ struct ResidualNoise {
   Eigen::MatrixXd Middle(const Eigen::MatrixXd& J) const;
 };
 
-// `residual`: rows 3 per sample in the order of the observations, whitened. Rows of exactly 0
-// in all three axes are samples without a counterpart.
+// `residual`: the rows of a registration, whitened. Rows of exactly 0 in all axes are samples
+// without a counterpart.
 ResidualNoise EstimateResidualNoise(const Observations& observations,
                                     const Eigen::VectorXd& residual, double unit_variance = 1.0);
 

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "correlate/fit/autocorrelation.h"
+#include "correlate/residual/row_layout.h"
 
 namespace unfurl::correlate {
 
@@ -16,7 +17,7 @@ Eigen::VectorXd DriftColumn(const ReducedProblem::Part& part, const Prediction& 
   Observations free = *part.observations;
   free.placement.drift = Prior::Free();
   options.max_iterations = 0;
-  options.with_events = true;
+  options.with_others = true;
   const RegistrationOptions fitted = WithPlacement(options, free.placement);
   const Eigen::Index column = (fitted.fit_frame ? 6 : 0) + (fitted.fit_offset ? 1 : 0);
   return FitRegistration(free, prediction, part.reference, at, options, part.whitening)
@@ -58,11 +59,13 @@ std::vector<DriftTest> TestClockDrift(const ReducedProblem& reduced,
     double variance = 0.0;
     for (std::size_t k = 0; k < out.size(); ++k) {
       const Observations& other = *reduced.parts()[k].observations;
-      const Eigen::Index rows = RowsOf(other);
-      const Eigen::VectorXd d = left.segment(reduced.first_row(k), rows);
-      const Eigen::VectorXd r = point.residual.segment(reduced.first_row(k), rows) + test.drift * d;
+      const RowLayout layout(other);
+      const Eigen::Index first = reduced.first_row(k);
+      const Eigen::VectorXd d = left.segment(first, layout.rows);
+      const Eigen::VectorXd r = point.residual.segment(first, layout.rows) + test.drift * d;
       variance += EstimateResidualNoise(other, r).Middle(d)(0, 0);
-      variance += d.tail(rows - 3 * static_cast<Eigen::Index>(other.size())).squaredNorm();
+      variance +=
+          layout.IndependentGram(d)(0, 0) + d.tail(layout.rows - layout.draws).squaredNorm();
     }
     test.sigma = std::sqrt(variance) / square;
     test.deviance = test.drift * test.drift / (test.sigma * test.sigma);

@@ -21,8 +21,9 @@ struct DriftTest {
 /// A score test at the estimate: the step in drift that lowers the residuals most, all parameters,
 /// frames and offsets free, over its standard error by the noise that it would leave. Called for by
 /// the Bayesian information criterion, up to three times `clock_sigma`, what clocks differ by [-].
-/// `J` is d residual / d u before projection, known to a part `roughness` (its differences to either
-/// side disagree by that): a drift of which less than that is its own is not tested. One result a part of the problem.
+/// `J` is d residual / d u before projection, known to a part `roughness` (its differences to
+/// either side disagree by that): a drift of which less than that is its own is not tested. One
+/// result a part of the problem.
 std::vector<DriftTest> TestClockDrift(const ReducedProblem& reduced,
                                       const ReducedProblem::Point& point, const Eigen::MatrixXd& J,
                                       const RegistrationOptions& options, double clock_sigma,

@@ -1,31 +1,26 @@
 #include "correlate/fit/correction.h"
 
-#include <cmath>
+#include "correlate/residual/change.h"
 
 namespace unfurl::correlate {
 
-namespace {
-
-Eigen::Index RowsOf(const Observations& o) {
-  return 6 * static_cast<Eigen::Index>(o.size()) + static_cast<Eigen::Index>(o.events.size());
-}
-
-}  // namespace
-
 Eigen::VectorXd Correction::DifferenceOf(const Observations& o, const Prediction& coarse,
                                          const Prediction& fine) {
-  Eigen::VectorXd out = Eigen::VectorXd::Zero(RowsOf(o));
+  const Change change = correlate::Difference(o, coarse, fine);
+  Eigen::Index rows = 6 * static_cast<Eigen::Index>(o.size());
+  for (const Eigen::VectorXd& kind : change.others) rows += kind.size();
+  Eigen::VectorXd out(rows);
   Eigen::Index row = 0;
   for (std::size_t m = 0; m < coarse.marks.size(); ++m) {
     const Eigen::Index n = coarse.marks[m].p.cols();
-    Eigen::Map<Eigen::Matrix3Xd>(out.data() + row, 3, n) = fine.marks[m].p - coarse.marks[m].p;
+    Eigen::Map<Eigen::Matrix3Xd>(out.data() + row, 3, n) = change.marks[m];
     row += 3 * n;
     Eigen::Map<Eigen::Matrix3Xd>(out.data() + row, 3, n) = fine.marks[m].v - coarse.marks[m].v;
     row += 3 * n;
   }
-  const std::vector<double> from = EventTimes(o.events, coarse), to = EventTimes(o.events, fine);
-  for (std::size_t i = 0; i < from.size(); ++i, ++row) {
-    if (std::isfinite(from[i]) && std::isfinite(to[i])) out(row) = to[i] - from[i];
+  for (const Eigen::VectorXd& kind : change.others) {
+    out.segment(row, kind.size()) = kind;
+    row += kind.size();
   }
   return out;
 }
@@ -85,12 +80,10 @@ Prediction Correction::Apply(std::size_t trial, const std::vector<double>& theta
     motion.v += Eigen::Map<const Eigen::Matrix3Xd>(add.data() + row, 3, n);
     row += 3 * n;
   }
-  for (const TimedEvent& event : observations_[trial]->events) {
-    const ModelEvent* found = FindEvent(coarse.events, event);
-    if (found != nullptr) {
-      out.events[static_cast<std::size_t>(found - coarse.events.data())].t += add(row);
-    }
-    ++row;
+  for (const auto& kind : observations_[trial]->others) {
+    const Eigen::Index n = kind->NumbersOf(coarse).size();
+    kind->Add(add.segment(row, n), &out);
+    row += n;
   }
   return out;
 }

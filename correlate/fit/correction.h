@@ -16,7 +16,7 @@ namespace unfurl::correlate {
 class Correction {
  public:
   /// Fine less coarse at one point, by trial: positions [m], velocities [m/s] of all marks and
-  /// samples, times [s] of the observations' events (0 where either has none).
+  /// samples, numbers of the residual kinds (0 where either has none).
   using Difference = std::vector<Eigen::VectorXd>;
   static Eigen::VectorXd DifferenceOf(const Observations& observations, const Prediction& coarse,
                                       const Prediction& fine);

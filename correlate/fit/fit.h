@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "correlate/align/align.h"
+#include "correlate/align/nuisance.h"
 #include "correlate/fit/clock_drift.h"
 #include "correlate/fit/evaluator.h"
 #include "correlate/fit/fit_problem.h"
@@ -160,14 +161,13 @@ struct TrialResult {
   std::string name;
   Alignment alignment;  // at the start that led here
   Registration at;
-  RegistrationFit registration;        // rows whitened in time, too
-  Eigen::VectorXd residual;            // in the samples' own sigmas
-  std::vector<std::string> nuisances;  // names
-  Eigen::VectorXd nuisance_sigma;      // standard errors, all parts [rad, m, s, -]
-  Prediction prediction;               // at observations.StampsAt(reference)
+  RegistrationFit registration;  // rows whitened in time, too
+  Eigen::VectorXd residual;      // in the samples' own sigmas
+  std::vector<Nuisance> nuisances;
+  Eigen::VectorXd nuisance_sigma;  // standard errors, all parts [rad, m, s, -]
+  Prediction prediction;           // at observations.StampsAt(reference)
   Clock reference;
-  // Change of the predicted marks per unit of each parameter, [parameter][mark] 3 x n [m / unit].
-  std::vector<std::vector<Eigen::Matrix3Xd>> change;
+  std::vector<Change> change;  // of the prediction per unit of each parameter
   // Standard error of the predicted marks by the parameters', all parts, per mark 3 x n [m].
   std::vector<Eigen::Matrix3Xd> band;
   GrossErrors gross;          // samples put aside
@@ -179,19 +179,15 @@ struct TrialResult {
   GoodnessOfFit goodness;     // does the model explain them?
   double model_noise = 0.0;   // RMS scatter of the model's marks, one tolerance to another [m]
   std::vector<LessWeight> less_weight;
-  std::vector<double> event_times;  // when the model has the observations' events [s]; NaN: never
   ErrorCheck error_check = ErrorCheck::kNone;
   std::string error_check_failure;  // why the better model that was asked gave nothing
-  // The model's own error at the estimate (better model less model, times the factor), per mark
-  // 3 x n [m]; empty where none was run. RMS in metres and in the marks' sigmas.
-  std::vector<Eigen::Matrix3Xd> model_error;
-  Eigen::VectorXd event_error;  // of the events, in their sigmas
+  // The model's own error at the estimate (better model less model, times the factor); empty where
+  // no better one was run. RMS of the marks, in metres and in the samples' sigmas.
+  Change model_error;
   // By how much a second estimate of it, from lower rungs of the ladder, differs; empty: none.
-  std::vector<Eigen::Matrix3Xd> model_doubt;
-  Eigen::VectorXd event_doubt;
-  // What a tighter tolerance moves the lowest rung's marks by there; empty: none was run.
-  std::vector<Eigen::Matrix3Xd> model_scatter;
-  Eigen::VectorXd event_scatter;
+  Change model_doubt;
+  // What a tighter tolerance moves the lowest rung by there; empty: none was run.
+  Change model_scatter;
   double model_error_rms = 0.0;
   double model_error_sigmas = 0.0;
   double data_sigma = 0.0;  // typical sigma of the samples [m]

@@ -3,6 +3,9 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+
+#include "correlate/residual/row_layout.h"
 
 namespace unfurl::correlate {
 
@@ -72,40 +75,47 @@ Eigen::MatrixXd SectionShifts(const Observations& o, const RowWhitening* whiteni
                               const Eigen::MatrixXd& gain, const Eigen::VectorXd& error,
                               int sections) {
   const double start = o.Start(), span = std::max(1e-12, o.End() - start);
-  const auto marks = static_cast<Eigen::Index>(o.marks.size());
-  Eigen::MatrixXd pieces = Eigen::MatrixXd::Zero(error.size(), marks * sections);
-  Eigen::Index row = 0;
-  for (Eigen::Index m = 0; m < marks; ++m) {
-    const MarkSeries& series = o.marks[static_cast<std::size_t>(m)];
-    for (std::size_t i = 0; i < series.size(); ++i, row += 3) {
-      const int s =
-          std::clamp(static_cast<int>((series.t[i] - start) / span * sections), 0, sections - 1);
-      pieces.col(m * sections + s).segment<3>(row) = error.segment<3>(row);
+  const RowLayout layout(o);
+  const auto count = static_cast<Eigen::Index>(layout.series.size());
+  auto section = [&](double t) {
+    return std::clamp(static_cast<int>((t - start) / span * sections), 0, sections - 1);
+  };
+  Eigen::MatrixXd pieces =
+      Eigen::MatrixXd::Zero(error.size(), std::max<Eigen::Index>(count, 1) * sections);
+  std::vector<std::uint8_t> placed(static_cast<std::size_t>(error.size()), 0);
+  for (Eigen::Index m = 0; m < count; ++m) {
+    const RowSeries& series = layout.series[static_cast<std::size_t>(m)];
+    for (std::size_t i = 0; i < series.size(); ++i) {
+      const Eigen::Index row = series.Row(i), column = m * sections + section((*series.t)[i]);
+      pieces.col(column).segment(row, series.axes) = error.segment(row, series.axes);
+      std::fill_n(placed.begin() + row, series.axes, 1);
     }
   }
-  // Events move with the sections that they lie in: theirs are the rows after the samples'.
-  for (std::size_t i = 0; i < o.events.size(); ++i, ++row) {
-    const int s =
-        std::clamp(static_cast<int>((o.events[i].t - start) / span * sections), 0, sections - 1);
-    for (Eigen::Index m = 0; m < marks; ++m)
-      pieces(row, m * sections + s) = error(row) / std::sqrt(marks);
+  // Events and the like move with the sections that they lie in.
+  for (std::size_t k = 0; k < o.others.size(); ++k) {
+    for (Eigen::Index i = 0; i < o.others[k]->rows(); ++i) {
+      const Eigen::Index row = layout.others[k] + i;
+      const double t = o.others[k]->TimeOf(i);
+      if (placed[static_cast<std::size_t>(row)] || std::isnan(t)) continue;
+      for (Eigen::Index m = 0; m < std::max<Eigen::Index>(count, 1); ++m) {
+        pieces(row, m * sections + section(t)) =
+            error(row) / std::sqrt(std::max<double>(1.0, static_cast<double>(count)));
+      }
+    }
   }
   if (whitening != nullptr) whitening->Apply(pieces);
   return gain * pieces;
 }
 
-// What an error of the model, in metres and in events' sigmas, does to the unknowns: as a whole,
-// and in independent pieces.
+// What an error of the model does to the unknowns: as a whole, and in independent pieces.
 struct ErrorShift {
   Eigen::MatrixXd rows;    // of the trial, in the samples' own sigmas; one column
   Eigen::VectorXd common;  // of the unknowns
   Eigen::MatrixXd pieces;  // unknowns x sections
 
   ErrorShift(const Observations& o, const TrialResult& trial, const RowWhitening* whitening,
-             const Eigen::MatrixXd& gain, int sections, const std::vector<Eigen::Matrix3Xd>& marks,
-             const Eigen::VectorXd& events)
-      : rows(WhitenedSensitivity(o, trial.prediction, trial.at.X_WM, {marks})) {
-    rows.middleRows(3 * static_cast<Eigen::Index>(o.size()), events.size()) = events;
+             const Eigen::MatrixXd& gain, int sections, const Change& error)
+      : rows(WhitenedSensitivity(o, trial.prediction, trial.reference, trial.at, {error})) {
     pieces = SectionShifts(o, whitening, gain, rows.col(0), sections);
     Eigen::MatrixXd whitened = rows;
     if (whitening != nullptr) whitening->Apply(whitened);
@@ -124,20 +134,20 @@ RegistrationFit PlainRows(const Observations& o, const TrialResult& trial,
                           const RegistrationOptions& options) {
   RegistrationOptions stay = options;
   stay.max_iterations = 0;
-  stay.with_events = true;
+  stay.with_others = true;
   return FitRegistration(o, trial.prediction, trial.reference, trial.at, stay);
 }
 
 void FillBand(const Eigen::MatrixXd& covariance, TrialResult* trial) {
   const std::size_t p = trial->change.size();
   trial->band.clear();
-  for (std::size_t m = 0; p > 0 && m < trial->change[0].size(); ++m) {
-    const Eigen::Index n = trial->change[0][m].cols();
+  for (std::size_t m = 0; p > 0 && m < trial->change[0].marks.size(); ++m) {
+    const Eigen::Index n = trial->change[0].marks[m].cols();
     Eigen::Matrix3Xd variance = Eigen::Matrix3Xd::Zero(3, n);
     for (std::size_t j = 0; j < p; ++j) {
       for (std::size_t l = 0; l < p; ++l) {
         variance.array() += covariance(static_cast<Eigen::Index>(j), static_cast<Eigen::Index>(l)) *
-                            trial->change[j][m].array() * trial->change[l][m].array();
+                            trial->change[j].marks[m].array() * trial->change[l].marks[m].array();
       }
     }
     trial->band.push_back(variance.cwiseMax(0.0).cwiseSqrt());
@@ -189,17 +199,18 @@ ModelPart PartOfModel(const ModelPartInput& in, const Eigen::MatrixXd& from_data
     if (trial.model_error.empty()) continue;
     const Observations& o = *in.data[t];
     const Eigen::MatrixXd own = gain.middleCols(b.row, b.rows);
-    auto shift = [&](const std::vector<Eigen::Matrix3Xd>& marks, const Eigen::VectorXd& events) {
-      return ErrorShift(o, trial, in.whitening[t], own, in.sections, marks, events);
+    auto shift = [&](const Change& change) {
+      return ErrorShift(o, trial, in.whitening[t], own, in.sections, change);
     };
-    const ErrorShift found = shift(trial.model_error, trial.event_error);
+    const ErrorShift found = shift(trial.model_error);
     error.Add(found);
     out.rows.segment(b.row, b.rows) = found.rows.col(0);
-    trial.model_error_rms = Rms(trial.model_error);
+    trial.model_error_rms = Rms(trial.model_error.marks);
     trial.model_error_sigmas =
-        std::sqrt(found.rows.squaredNorm() / std::max(1.0, 3.0 * static_cast<double>(o.size())));
-    if (!trial.model_doubt.empty()) doubt.Add(shift(trial.model_doubt, trial.event_doubt));
-    if (!trial.model_scatter.empty()) scatter.Add(shift(trial.model_scatter, trial.event_scatter));
+        std::sqrt(found.rows.squaredNorm() /
+                  std::max(1.0, static_cast<double>(trial.registration.data_rows)));
+    if (!trial.model_doubt.empty()) doubt.Add(shift(trial.model_doubt));
+    if (!trial.model_scatter.empty()) scatter.Add(shift(trial.model_scatter));
   }
   for (Shifts* part : {&error, &doubt, &scatter}) part->AddCommon();
   out.common = error.common;
@@ -239,10 +250,8 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
   for (std::size_t t = 0; t < trials; ++t) {
     const TrialResult& trial = r->trials[t];
     const Block& b = whole.blocks[t];
-    const Eigen::Index samples = 3 * static_cast<Eigen::Index>(data[t]->size());
-    plain_sensitivity.middleRows(b.row, samples) =
-        WhitenedSensitivity(*data[t], trial.prediction, trial.at.X_WM, trial.change)
-            .topRows(samples);
+    plain_sensitivity.middleRows(b.row, b.rows) =
+        WhitenedSensitivity(*data[t], trial.prediction, trial.reference, trial.at, trial.change);
   }
   const Eigen::MatrixXd H = Gram(whole.A);
   Eigen::MatrixXd open, open_white;
@@ -261,18 +270,18 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     const Observations& o = *data[t];
     trial.plain = EstimateResidualNoise(o, trial.residual);
     trial.whitened = EstimateResidualNoise(o, trial.registration.residual);
-    // Events and what is known of clock and frame: independent rows of unit variance.
-    const Eigen::Index told = static_cast<Eigen::Index>(o.events.size()) + o.PriorRows();
-    dof[t] = std::max<double>(1.0, 3.0 * static_cast<double>(trial.registration.known) -
-                                       static_cast<double>(p + b.columns - o.shared_rank - told));
+    // Events, priors and what is known of clock and frame: independent rows of unit variance.
+    const RowLayout layout(o);
+    dof[t] =
+        std::max<double>(1.0, static_cast<double>(trial.registration.data_rows - p - b.columns +
+                                                  o.shared_rank + layout.IndependentRows()));
     trial.chi2_per_dof = trial.residual.squaredNorm() / dof[t];
     trial.data_sigma = TypicalSigma(o);
     middle += trial.whitened.Middle(whole.A.middleRows(b.row, b.rows));
     const Eigen::Index k = o.shared_rank;
     const auto draw = whole.A.middleRows(b.row + b.rows - k, k);
     middle += draw.transpose() * draw;
-    const auto events = whole.A.middleRows(b.row + b.rows - k - told, told);
-    middle += events.transpose() * events;
+    middle += layout.IndependentGram(whole.A.middleRows(b.row, b.rows));
     for (std::size_t s = 0; s < t; ++s) {
       const Block& other = whole.blocks[s];
       const bool common = !problem.trials[t].calibration.empty() &&
@@ -326,8 +335,9 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
   for (std::size_t t = 0; t < trials; ++t) {
     const Block& b = whole.blocks[t];
     TrialResult& trial = r->trials[t];
-    trial.nuisances = NuisanceNames(WithPlacement(options.align.registration, data[t]->placement),
-                                    data[t]->shared_rank);
+    RegistrationOptions all = WithPlacement(options.align.registration, data[t]->placement);
+    all.with_others = true;
+    trial.nuisances = Nuisances(all, *data[t]);
     trial.nuisance_sigma = sigma.segment(b.column, b.columns);
     FillBand(r->covariance, &trial);
   }

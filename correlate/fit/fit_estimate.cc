@@ -56,7 +56,7 @@ bool FillEstimate(const FitProblem& problem, StageRunner& runner,
     }
   }
   Eigen::MatrixXd forward, backward;
-  ReducedProblem::Change up, down;
+  ReducedProblem::Changes up, down;
   // The finer model takes longest: it goes first, beside the backward differences.
   if (!reduced.Sensitivity(u, point, -1, &backward, &down, beside) ||
       !reduced.Sensitivity(u, point, +1, &forward, &up)) {
@@ -88,13 +88,10 @@ bool FillEstimate(const FitProblem& problem, StageRunner& runner,
     trial.registration = point.registration[t];
     trial.at = trial.registration.at;
     trial.reference = reduced.parts()[t].reference;
-    trial.event_times = EventTimes(problem.trials[t].observations->events, trial.prediction);
-    trial.change = up[t];
+    trial.change.clear();
     for (std::size_t j = 0; j < theta.size(); ++j) {
       const double slope = Slope(problem.parameters[j], theta[j]);
-      for (std::size_t m = 0; m < up[t][j].size(); ++m) {
-        trial.change[j][m] = (up[t][j][m] + down[t][j][m]) * (0.5 / slope);
-      }
+      trial.change.push_back(Scaled(Sum(up[t][j], 1.0, down[t][j]), 0.5 / slope));
     }
   }
   beside.erase(beside.begin(), beside.begin() + static_cast<std::ptrdiff_t>(ladder));
@@ -108,11 +105,8 @@ bool FillEstimate(const FitProblem& problem, StageRunner& runner,
     const bool mesh = request.fidelity == Fidelity::kFiner;
     const double factor = mesh ? problem.trials[request.trial].finer_factor : 1.0;
     trial.error_check = mesh ? ErrorCheck::kFiner : ErrorCheck::kTolerance;
-    for (std::size_t m = 0; m < finer->marks.size(); ++m) {
-      trial.model_error.push_back(factor * (finer->marks[m].p - trial.prediction.marks[m].p));
-    }
-    trial.event_error = factor * EventSensitivity(*problem.trials[request.trial].observations,
-                                                  trial.prediction, *finer, 1.0);
+    trial.model_error =
+        Difference(*problem.trials[request.trial].observations, trial.prediction, *finer, factor);
   }
   return true;
 }

@@ -198,7 +198,7 @@ bool FitRun::Unexplained() const {
   double squares = 0.0, count = 0.0;
   for (const RegistrationFit& r : best_->point().registration) {
     squares += r.SumOfSquares();
-    count += 3.0 * static_cast<double>(r.known);
+    count += static_cast<double>(r.data_rows);
   }
   return squares > kNotNoise * count;
 }

@@ -107,7 +107,7 @@ bool FitRun::Whiten() {
   for (std::size_t t = 0; t < trials_; ++t) {
     const RegistrationFit& at = best_->point().registration[t];
     const Eigen::Index rows = at.residual.size();
-    if (at.SumOfSquares() > kNotNoise * 3.0 * static_cast<double>(at.known)) continue;
+    if (at.SumOfSquares() > kNotNoise * static_cast<double>(at.data_rows)) continue;
     Eigen::MatrixXd A(rows, J.cols() + at.jacobian.cols());
     A << J.middleRows(best_->reduced().first_row(t), rows), at.jacobian;
     result_.trials[t].noise = FitSeriesNoise(weighed_[t], at.residual, A);

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "base/statistics.h"
+#include "correlate/residual/row_layout.h"
 
 namespace unfurl::correlate {
 
@@ -30,22 +31,21 @@ std::vector<std::vector<Stretch>> StretchesOf(const Observations& observations,
   const double start = observations.Start();
   const double span = std::max(1e-12, observations.End() - start);
   std::vector<std::vector<Stretch>> out;
-  Eigen::Index first = 0;
-  for (const MarkSeries& mark : observations.marks) {
-    for (Eigen::Index axis = 0; axis < 3; ++axis) {
+  const RowLayout layout(observations);
+  for (const RowSeries& mark : layout.series) {
+    for (Eigen::Index axis = 0; axis < mark.axes; ++axis) {
       std::vector<Stretch> series(static_cast<std::size_t>(sections));
       for (std::size_t i = 0; i < mark.size(); ++i) {
-        const Eigen::Index row = first + 3 * static_cast<Eigen::Index>(i);
-        if (residual.segment<3>(row).squaredNorm() == 0.0) continue;
+        if (!mark.Known(residual, i)) continue;
+        const double x = residual(mark.Row(i, axis));
         const int s =
-            std::clamp(static_cast<int>((mark.t[i] - start) / span * sections), 0, sections - 1);
-        series[static_cast<std::size_t>(s)].squares += residual(row + axis) * residual(row + axis);
+            std::clamp(static_cast<int>(((*mark.t)[i] - start) / span * sections), 0, sections - 1);
+        series[static_cast<std::size_t>(s)].squares += x * x;
         series[static_cast<std::size_t>(s)].n += 1.0;
       }
       std::erase_if(series, [](const Stretch& s) { return s.n < kFewest; });
       out.push_back(std::move(series));
     }
-    first += 3 * static_cast<Eigen::Index>(mark.size());
   }
   return out;
 }

@@ -12,20 +12,6 @@ double ErrorOf(const FitTrial& trial, std::size_t rung) {
   return rung == 0 ? trial.model_relative_error : trial.rungs[rung - 1].error;
 }
 
-struct Left {
-  std::vector<Eigen::Matrix3Xd> marks;  // [m]
-  Eigen::VectorXd events;               // in their sigmas
-};
-
-Left LeftOf(const Observations& o, double factor, const Prediction& below, const Prediction& top) {
-  Left left;
-  for (std::size_t m = 0; m < top.marks.size(); ++m) {
-    left.marks.push_back(factor * (top.marks[m].p - below.marks[m].p));
-  }
-  left.events = factor * EventSensitivity(o, below, top, 1.0);
-  return left;
-}
-
 // The rungs compared: the finest two, and the lowest where it makes a second estimate.
 std::vector<std::size_t> RungsCompared(const FitTrial& trial, std::size_t top) {
   std::vector<std::size_t> rungs = {top, top - 1};
@@ -75,11 +61,9 @@ Eigen::VectorXd FloorOf(const FitProblem& problem, std::size_t base, std::size_t
     double factor = Richardson(trial, base, top);
     if (factor == 0.0 && base + 1 == top) factor = 1.0;
     if (factor == 0.0) continue;
-    const Left left = LeftOf(*part.observations, factor, *coarse[i], *fine[i]);
+    const Change left = Difference(*part.observations, *coarse[i], *fine[i], factor);
     Eigen::MatrixXd data = WhitenedSensitivity(*part.observations, *at.prediction[i],
-                                               at.registration[i].at.X_WM, {left.marks});
-    data.middleRows(3 * static_cast<Eigen::Index>(part.observations->size()), left.events.size()) =
-        left.events;
+                                               part.reference, at.registration[i].at, {left});
     if (part.whitening != nullptr) part.whitening->Apply(data);
     rows.middleRows(reduced.first_row(i), data.rows()) = data;
   }
@@ -118,25 +102,18 @@ void FillWhatIsLeft(const FitProblem& problem, const Ladder& ladder, StageRunner
     if (!out.error_check_failure.empty()) continue;
     const double known = Richardson(trial, top - 1, top);
     const Observations& o = *trial.observations;
-    Left left = LeftOf(o, known > 0.0 ? known : 1.0, *rungs[1], *rungs[0]);
+    out.model_error = Difference(o, *rungs[1], *rungs[0], known > 0.0 ? known : 1.0);
     if (third) {
-      const Left other = LeftOf(o, Richardson(trial, 0, top), *rungs[2], *rungs[0]);
-      for (std::size_t m = 0; m < left.marks.size(); ++m) {
-        out.model_doubt.push_back(left.marks[m] - other.marks[m]);
-      }
-      out.event_doubt = left.events - other.events;
+      const Change other = Difference(o, *rungs[2], *rungs[0], Richardson(trial, 0, top));
+      out.model_doubt = Sum(out.model_error, -1.0, other);
     }
     if (trial.tighter != nullptr) {
       const std::vector<Evaluator::Answer> two =
           runner.evaluator().Evaluate(ToleranceRequests(asked.front()));
       if (two[0]->status == ModelStatus::kGood && two[1]->status == ModelStatus::kGood) {
-        Left scatter = LeftOf(o, 1.0, *two[1], *two[0]);
-        out.model_scatter = std::move(scatter.marks);
-        out.event_scatter = std::move(scatter.events);
+        out.model_scatter = Difference(o, *two[1], *two[0]);
       }
     }
-    out.model_error = std::move(left.marks);
-    out.event_error = std::move(left.events);
     out.error_check = ErrorCheck::kLadder;
   }
 }

@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "correlate/residual/row_layout.h"
+
 namespace unfurl::correlate {
 
 namespace {
@@ -44,10 +46,10 @@ double RmsDifference(const Prediction& a, const Prediction& b) {
 ReducedProblem::ReducedProblem(std::vector<Part> parts, const RegistrationOptions& options,
                                Evaluator& evaluator)
     : parts_(std::move(parts)), options_(options), evaluator_(evaluator) {
-  options_.with_events = true;
+  options_.with_others = true;
   for (const Part& part : parts_) {
     first_.push_back(rows_);
-    rows_ += RowsOf(*part.observations);
+    rows_ += RowLayout(*part.observations).rows;
   }
   first_.push_back(rows_);
   for (const Parameter& p : parameters()) {
@@ -173,7 +175,7 @@ bool ReducedProblem::CentralSensitivity(const std::vector<double>& u, const Poin
 }
 
 bool ReducedProblem::Sensitivity(const std::vector<double>& u, const Point& at, int sign,
-                                 Eigen::MatrixXd* J, Change* change_out,
+                                 Eigen::MatrixXd* J, Changes* change_out,
                                  const std::vector<Evaluator::Request>& beside) {
   const std::size_t p = parameters().size(), parts = parts_.size();
   std::vector<Evaluator::Request> requests(beside);  // first: they may be the long ones
@@ -192,8 +194,7 @@ bool ReducedProblem::Sensitivity(const std::vector<double>& u, const Point& at, 
     }
     return true;
   };
-  Change change(parts, std::vector<std::vector<Eigen::Matrix3Xd>>(p));
-  std::vector<Eigen::MatrixXd> events(parts);
+  Changes change(parts);
   for (std::size_t j = 0; j < p; ++j) {
     if (!good(j)) {  // a recorded failure: try the other side
       const int side = points[j][j] > u[j] ? -1 : +1;
@@ -206,23 +207,16 @@ bool ReducedProblem::Sensitivity(const std::vector<double>& u, const Point& at, 
     const double h = points[j][j] - u[j];
     for (std::size_t i = 0; i < parts; ++i) {
       const Prediction& moved = *answers[j * parts + i];
-      for (std::size_t m = 0; m < moved.marks.size(); ++m) {
-        change[i][j].push_back((moved.marks[m].p - at.prediction[i]->marks[m].p) / h);
-      }
-      const Observations& o = *parts_[i].observations;
-      events[i].resize(static_cast<Eigen::Index>(o.events.size()), static_cast<Eigen::Index>(p));
-      events[i].col(static_cast<Eigen::Index>(j)) =
-          EventSensitivity(o, *at.prediction[i], moved, h);
+      change[i].push_back(Difference(*parts_[i].observations, *at.prediction[i], moved, 1.0 / h));
     }
   }
   J->setZero(rows_, static_cast<Eigen::Index>(p));
   for (std::size_t i = 0; i < parts; ++i) {
-    Eigen::MatrixXd data = WhitenedSensitivity(*parts_[i].observations, *at.prediction[i],
-                                               at.registration[i].at.X_WM, change[i]);
+    Eigen::MatrixXd data =
+        WhitenedSensitivity(*parts_[i].observations, *at.prediction[i], parts_[i].reference,
+                            at.registration[i].at, change[i]);
     if (parts_[i].whitening != nullptr) parts_[i].whitening->Apply(data);
     J->middleRows(first_[i], data.rows()) = data;
-    J->middleRows(first_[i] + 3 * static_cast<Eigen::Index>(parts_[i].observations->size()),
-                  events[i].rows()) = events[i];
   }
   Eigen::Index row = first_prior_row();
   for (std::size_t j = 0; j < p; ++j) {

@@ -56,11 +56,11 @@ class ReducedProblem {
 
   // d residual / d u before projection, by one-sided differences, all evaluated at once. `sign` +1
   // or -1 says to which side; a bound or a failure turns a column to the other side. False: a
-  // column failed on both. Steps: SetSteps. `change`, if wanted: the same in metres in the model's
-  // frame, [part][parameter][mark]. `beside` are other questions that go into the same batch.
-  using Change = std::vector<std::vector<std::vector<Eigen::Matrix3Xd>>>;
+  // column failed on both. Steps: SetSteps. `change`, if wanted: of the predictions, per unit of u,
+  // [part][parameter]. `beside` are other questions that go into the same batch.
+  using Changes = std::vector<std::vector<Change>>;
   bool Sensitivity(const std::vector<double>& u, const Point& at, int sign, Eigen::MatrixXd* J,
-                   Change* change = nullptr, const std::vector<Evaluator::Request>& beside = {});
+                   Changes* change = nullptr, const std::vector<Evaluator::Request>& beside = {});
 
   // Both sides in one batch. Where they agree, their mean. Where they do not (an impact comes or
   // goes within the step: a kink), the mean is the slope of neither: the side that leads downhill

@@ -108,7 +108,7 @@ std::vector<Candidate> Screen(const FitProblem& problem, const FitOptions& optio
       c.usable = a.status == AlignStatus::kGood || a.status == AlignStatus::kNotConverged;
       if (!c.usable) c.message = a.message;
       squares += a.fit.residual.squaredNorm();
-      count += 3.0 * static_cast<double>(a.fit.known);
+      count += static_cast<double>(a.fit.data_rows);
     }
     c.misfit = count > 0.0 ? squares / count : 0.0;
   });

@@ -203,7 +203,9 @@ bool StageRunner::Lead(std::size_t s) {
                   free.empty() ? std::vector<std::string>{} : free[f])) {
     return false;
   }
-  misfit_ = 2.0 * point_.cost / std::max(1.0, 3.0 * static_cast<double>(stage.samples));
+  double rows = 0.0;
+  for (const RegistrationFit& r : point_.registration) rows += static_cast<double>(r.data_rows);
+  misfit_ = 2.0 * point_.cost / std::max(1.0, rows);
   if (s + 1 == ends_.size()) result_.cost = point_.cost;
   return true;
 }

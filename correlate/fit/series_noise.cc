@@ -8,6 +8,7 @@
 #include <cmath>
 #include <limits>
 
+#include "correlate/residual/row_layout.h"
 #include "correlate/sampled_model.h"
 
 namespace unfurl::correlate {
@@ -117,22 +118,21 @@ std::vector<Series> Split(const Observations& o, const Eigen::VectorXd& residual
                           const Eigen::MatrixXd& A) {
   std::vector<Series> all;
   const Eigen::Index free = A.cols() - o.shared_rank;
-  Eigen::Index first = 0;
-  for (std::size_t m = 0; m < o.marks.size(); ++m) {
-    const MarkSeries& mark = o.marks[m];
-    const double step = MedianStep(mark.t);
+  const RowLayout layout(o);
+  for (std::size_t m = 0; m < layout.series.size(); ++m) {
+    const RowSeries& mark = layout.series[m];
+    const std::vector<double>& t = *mark.t;
+    const double step = MedianStep(t);
     std::vector<Eigen::Index> row;
     std::vector<double> gap;
     for (std::size_t i = 0, last = 0; i < mark.size(); ++i) {
-      const Eigen::Index at = first + 3 * static_cast<Eigen::Index>(i);
-      if (residual.segment<3>(at).squaredNorm() == 0.0) continue;
-      gap.push_back(row.empty() || step <= 0.0 ? 0.0 : (mark.t[i] - mark.t[last]) / step);
-      row.push_back(at);
+      if (!mark.Known(residual, i)) continue;
+      gap.push_back(row.empty() || step <= 0.0 ? 0.0 : (t[i] - t[last]) / step);
+      row.push_back(mark.Row(i));
       last = i;
     }
-    first += 3 * static_cast<Eigen::Index>(mark.size());
     const auto n = static_cast<Eigen::Index>(row.size());
-    for (Eigen::Index axis = 0; axis < 3; ++axis) {
+    for (Eigen::Index axis = 0; axis < mark.axes; ++axis) {
       Series s;
       s.mark = m;
       s.gap = gap;
@@ -327,14 +327,18 @@ SeriesNoise FitSeriesNoise(const Observations& observations, const Eigen::Vector
 
 RowWhitening::RowWhitening(const Observations& observations, const SeriesNoise& noise) {
   if (noise.white()) return;
-  for (std::size_t m = 0; m < observations.marks.size(); ++m) {
-    const MarkSeries& mark = observations.marks[m];
-    const double step = MedianStep(mark.t);
+  const RowLayout layout(observations);
+  for (std::size_t m = 0; m < layout.series.size(); ++m) {
+    const RowSeries& mark = layout.series[m];
+    const std::vector<double>& t = *mark.t;
+    const double step = MedianStep(t);
     std::array<double, 3> left = {};
+    parts_.push_back({mark.first, mark.axes * static_cast<Eigen::Index>(mark.size()), mark.axes,
+                      inverse_sd_.size()});
     for (std::size_t i = 0; i < mark.size(); ++i) {
-      const double gap = i > 0 && step > 0.0 ? (mark.t[i] - mark.t[i - 1]) / step : 0.0;
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        const MarkovNoise& own = noise.series[3 * m + axis];
+      const double gap = i > 0 && step > 0.0 ? (t[i] - t[i - 1]) / step : 0.0;
+      for (std::size_t axis = 0; axis < static_cast<std::size_t>(mark.axes); ++axis) {
+        const MarkovNoise& own = noise.series[layout.first_axis[m] + axis];
         FilterStep s;
         if (!own.white()) s = Step(own, gap, &left[axis]);
         decay_.push_back(s.decay);
@@ -346,16 +350,20 @@ RowWhitening::RowWhitening(const Observations& observations, const SeriesNoise& 
 }
 
 void RowWhitening::Apply(Eigen::Ref<Eigen::MatrixXd> rows) const {
-  const auto n = static_cast<Eigen::Index>(inverse_sd_.size());
   for (Eigen::Index c = 0; c < rows.cols(); ++c) {
-    std::array<double, 3> state = {};
-    for (Eigen::Index i = 0; i < n; ++i) {
-      const auto k = static_cast<std::size_t>(i);
-      double& x = state[k % 3];
-      x *= decay_[k];
-      const double innovation = rows(i, c) - x;
-      x += gain_[k] * innovation;
-      rows(i, c) = innovation * inverse_sd_[k];
+    for (const Part& part : parts_) {
+      std::array<double, 3> state = {};
+      Eigen::Index axis = 0;
+      for (Eigen::Index i = 0; i < part.rows; ++i) {
+        const std::size_t k = part.at + static_cast<std::size_t>(i);
+        double& x = state[static_cast<std::size_t>(axis)];
+        if (++axis == part.axes) axis = 0;
+        x *= decay_[k];
+        double& value = rows(part.first + i, c);
+        const double innovation = value - x;
+        x += gain_[k] * innovation;
+        value = innovation * inverse_sd_[k];
+      }
     }
   }
 }

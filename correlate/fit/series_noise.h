@@ -19,7 +19,7 @@ struct MarkovNoise {
   bool white() const { return share <= 0.0; }  // nothing of it is correlated
 };
 
-// A noise per series, index 3 * mark + axis, and how it was found.
+// A noise per series and axis, in the order of RowLayout::series, and how it was found.
 struct SeriesNoise {
   std::vector<MarkovNoise> series;
   std::string pooled;  // "all series", "each mark", "each series": what shares one noise
@@ -35,9 +35,9 @@ struct SeriesNoise {
 // information criterion. A variance below 1 of white noise is taken as 1: the samples' covariances
 // are believed unless the residuals say that they are too small.
 //
-// `residual` and `A` hold 3 rows per sample in the order of the observations; rows beyond are not
-// looked at, nor are those of a sample whose three residuals are exactly 0. The last
-// `observations.shared_rank` columns of A are those of the calibration's draw, of variance 1.
+// `residual` and `A` are those of a registration; rows of no series are not looked at, nor are
+// those of a sample whose residuals are exactly 0. The last `observations.shared_rank` columns of A
+// are those of the calibration's draw, of variance 1.
 SeriesNoise FitSeriesNoise(const Observations& observations, const Eigen::VectorXd& residual,
                            const Eigen::MatrixXd& A);
 
@@ -48,12 +48,18 @@ class RowWhitening {
   RowWhitening() = default;  // the identity
   RowWhitening(const Observations& observations, const SeriesNoise& noise);
   bool identity() const { return inverse_sd_.empty(); }  // changes nothing
-  // In place, column by column; rows beyond the samples' stay as they are.
+  // In place, column by column; rows of no series stay as they are.
   void Apply(Eigen::Ref<Eigen::MatrixXd> rows) const;
 
  private:
-  // Row by row: decay of the prediction since the row's predecessor (three rows before; 0 at a
-  // mark's first sample), Kalman gain, one over the innovation's standard deviation.
+  // Rows of one series, and where its numbers begin below.
+  struct Part {
+    Eigen::Index first = 0, rows = 0, axes = 3;
+    std::size_t at = 0;
+  };
+  std::vector<Part> parts_;
+  // Row by row: decay of the prediction since the same axis of the sample before (0 at a series'
+  // first), Kalman gain, one over the innovation's standard deviation.
   std::vector<double> decay_, gain_, inverse_sd_;
 };
 

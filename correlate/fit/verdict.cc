@@ -52,7 +52,7 @@ std::vector<std::string> Imitators(const ReducedProblem& reduced,
     const double largest = part.maxCoeff();
     for (Eigen::Index i = 0; i < part.size(); ++i) {
       constexpr double kLarge = 0.5;  // of the largest
-      const std::string& name = r.trials[t].nuisances[static_cast<std::size_t>(i)];
+      const std::string name = r.trials[t].nuisances[static_cast<std::size_t>(i)].Name();
       if (part(i) >= kLarge * largest &&
           std::find(names.begin(), names.end(), name) == names.end()) {
         names.push_back(name);

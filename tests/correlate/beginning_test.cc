@@ -62,7 +62,7 @@ Tally Repeat(const Model& model, double expected_offset,
       continue;
     }
     out.unexplained += fit.trials[0].goodness.outcome == Explained::kNo ? 1 : 0;
-    const auto& names = fit.trials[0].nuisances;
+    const auto names = NamesOf(fit.trials[0].nuisances);
     const auto at = std::find(names.begin(), names.end(), "time offset") - names.begin();
     double most =
         std::abs(fit.trials[0].at.offset - expected_offset) / fit.trials[0].nuisance_sigma(at);

@@ -1,9 +1,11 @@
 // Moments told by something else than the marks, as residuals of their own.
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "base/error.h"
 #include "base/statistics.h"
 #include "correlate/fit/fit.h"
+#include "correlate/residual/timed_events.h"
 #include "tests/correlate/fit_repeats.h"
 #include "tests/correlate/two_link.h"
 
@@ -26,11 +28,17 @@ class Switched : public TwoLink {
 
 Observations WithEvents(const Trial& trial, double sigma, Rng& rng) {
   Observations data = Record(TwoLink(), TwoLink::Truth(), {"base", "elbow", "tip"}, trial, rng);
+  std::vector<TimedEvent> events;
   for (int k = 1; k <= Switched::kPassings; ++k) {
     const double t = Switched::Passing(TwoLink::Truth()[0], k) + trial.offset;
-    data.events.push_back({"latch", "elbow", k, t + sigma * rng.Normal(), sigma});
+    events.push_back({"latch", "elbow", k, t + sigma * rng.Normal(), sigma});
   }
+  data.others = {std::make_shared<TimedEvents>(std::move(events))};
   return data;
+}
+
+std::vector<TimedEvent> EventsOf(const Observations& data) {
+  return dynamic_cast<const TimedEvents&>(*data.others.at(0)).events();
 }
 
 FitResult FitTo(const Observations& data, const Model& model) {
@@ -57,7 +65,7 @@ TEST(Events, NarrowTheErrorsByWhatTheyTell) {
     Rng rng(9000 + i);
     Observations data = WithEvents(trial, kSwitch, rng);
     with[i] = FitTo(data, model);
-    data.events.clear();
+    data.others.clear();
     without[i] = FitTo(data, model);
   });
   int covered = 0;
@@ -87,16 +95,17 @@ TEST(Events, AddTheInformationOfTheirTimes) {
   const Prediction at = model.Evaluate(TwoLink::Truth(), stamps);
   constexpr double kStep = 1e-6;
   const std::vector<double> beside = {TwoLink::Truth()[0] + kStep, TwoLink::Truth()[1]};
-  const Eigen::VectorXd column = EventSensitivity(data, at, model.Evaluate(beside, stamps), kStep);
+  const Change change = Difference(data, at, model.Evaluate(beside, stamps), 1.0 / kStep);
+  const Eigen::VectorXd column = data.others[0]->Response(change.others[0], {}, {});
   const double f = TwoLink::Truth()[0];
   for (int k = 1; k <= Switched::kPassings; ++k) {
     EXPECT_NEAR(column(k - 1), (0.5 * k - 0.25) / (f * f) / kSwitch, 1e-3 / kSwitch);
   }
   RegistrationOptions options;
-  options.with_events = true;
+  options.with_others = true;
   const RegistrationFit fit =
       FitRegistration(data, at, trial.offset, StartingFrame(data, at, trial.offset), options);
-  options.with_events = false;
+  options.with_others = false;
   const RegistrationFit plain =
       FitRegistration(data, at, trial.offset, StartingFrame(data, at, trial.offset), options);
   const double before = 1.0 / (plain.sigma(6) * plain.sigma(6));
@@ -109,12 +118,18 @@ TEST(Events, OneThatTheModelLacksPullsTowardsTheEndAndIsSaid) {
   Trial trial = SparseTrial();
   Rng rng(4);
   Observations data = WithEvents(trial, 1e-3, rng);
-  data.events.resize(1);
-  data.events[0].where = "nowhere";
+  std::vector<TimedEvent> one = {EventsOf(data)[0]};
+  one[0].where = "nowhere";
+  data.others = {std::make_shared<TimedEvents>(one)};
   const Switched model;
   const FitResult fit = FitTo(data, model);
-  ASSERT_EQ(fit.trials[0].event_times.size(), 1u);
-  EXPECT_TRUE(std::isnan(fit.trials[0].event_times[0]));
+  const Eigen::VectorXd times = data.others[0]->NumbersOf(fit.trials[0].prediction);
+  ASSERT_EQ(times.size(), 1);
+  EXPECT_TRUE(std::isnan(times(0)));
+  const ResidualKind::Clocks clocks = {fit.trials[0].at.clock(), fit.trials[0].reference,
+                                       data.Pivot(), data.End()};
+  EXPECT_THAT(data.others[0]->Words(times, clocks, {}, "")[0],
+              ::testing::EndsWith("the model has none."));
   EXPECT_GT(fit.cost, 1e5);  // a second or more, in milliseconds
 }
 
@@ -122,9 +137,11 @@ TEST(Events, AHorizonAndAClockTakeThemAlong) {
   Trial trial = SparseTrial();
   Rng rng(4);
   const Observations data = WithEvents(trial, 1e-3, rng);
-  EXPECT_EQ(Cut(data, {0.0, data.events[1].t}).events.size(), 2u);
+  const std::vector<TimedEvent> all = EventsOf(data);
+  EXPECT_EQ(EventsOf(Cut(data, {0.0, all[1].t})).size(), 2u);
+  EXPECT_TRUE(Cut(data, {0.0, 0.5 * all[0].t}).others.empty());
   const Observations slow = WithoutDrift(data, 1e-3, 1.0);
-  EXPECT_NEAR(slow.events[3].t, 1.0 + (data.events[3].t - 1.0) / 1.001, 1e-12);
+  EXPECT_NEAR(EventsOf(slow)[3].t, 1.0 + (all[3].t - 1.0) / 1.001, 1e-12);
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 
 #include "base/statistics.h"
 #include "correlate/align/far_samples.h"
+#include "correlate/residual/row_layout.h"
 #include "tests/correlate/fit_repeats.h"
 
 namespace unfurl::correlate {
@@ -132,7 +133,7 @@ TEST(GrossSamples, AreNamedAndTheIntervalsHold) {
 TEST(GrossSamples, OfASmoothMisfitThereAreNone) {
   Rng rng(9);
   Observations o = Data(&rng);
-  Eigen::VectorXd residual(RowsOf(o));
+  Eigen::VectorXd residual(RowLayout(o).rows);
   for (Eigen::Index i = 0; i < residual.size(); ++i) {
     residual(i) = rng.Normal() + 200.0 * std::sin(0.02 * static_cast<double>(i));
   }
@@ -143,7 +144,7 @@ TEST(GrossSamples, OfASmoothMisfitThereAreNone) {
 TEST(GrossSamples, ThatComeTogetherAreNotPutAside) {
   Rng rng(10);
   Observations o = Data(&rng);
-  Eigen::VectorXd residual(RowsOf(o));
+  Eigen::VectorXd residual(RowLayout(o).rows);
   for (Eigen::Index i = 0; i < residual.size(); ++i) residual(i) = rng.Normal();
   for (Eigen::Index sample = 40; sample < 60; ++sample) {  // of the first mark
     residual(3 * sample) += 60.0 * (sample % 2 == 0 ? 1.0 : -1.0);

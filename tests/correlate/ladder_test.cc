@@ -15,6 +15,7 @@
 #include "base/worker_pool.h"
 #include "correlate/fit/evaluation_store.h"
 #include "correlate/fit/fit.h"
+#include "correlate/residual/timed_events.h"
 #include "tests/correlate/fit_repeats.h"
 #include "tests/correlate/stopped_workers.h"
 #include "tests/correlate/two_link.h"
@@ -383,7 +384,8 @@ TEST(Ladder, FiveParametersTwoTrialsAPriorAndStages) {
 TEST(Correction, IsExactAtItsPoints) {
   const TwoLink model;
   Observations data = Data(model, 11);
-  data.events = {{"latch", "a", 2, 1.0, 1e-3}};
+  data.others = {
+      std::make_shared<TimedEvents>(std::vector<TimedEvent>{{"latch", "a", 2, 1.0, 1e-3}})};
   const std::vector<Parameter> parameters = TwoLinkParameters();
   const Stamps stamps = data.StampsAt(data.Start());
   auto at = [&](double frequency, double latch) {

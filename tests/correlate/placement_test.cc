@@ -250,7 +250,7 @@ TEST(ClockDrift, IsTakenIntoAFitWhenTheDataCallForIt) {
     const FitResult fit = FitTwoLink(WithDrift(data, kDrift));
     ASSERT_TRUE(fit.Usable()) << fit.message;
     called += fit.trials[0].drift.called ? 1 : 0;
-    const auto& names = fit.trials[0].nuisances;
+    const auto names = NamesOf(fit.trials[0].nuisances);
     const auto at = std::find(names.begin(), names.end(), "clock drift");
     ASSERT_NE(at, names.end());
     z.push_back((fit.trials[0].at.drift - kDrift) /
@@ -275,7 +275,7 @@ TEST(ClockDrift, KnownToBeNoneIsNotFitted) {
   const FitResult fit = FitTwoLink(data);
   EXPECT_FALSE(fit.trials[0].drift.called);
   EXPECT_EQ(fit.trials[0].at.drift, 0.0);
-  EXPECT_THAT(fit.trials[0].nuisances, ::testing::Not(::testing::Contains("clock drift")));
+  EXPECT_THAT(NamesOf(fit.trials[0].nuisances), ::testing::Not(::testing::Contains("clock drift")));
 }
 
 // A model whose time runs 3% fast is no matter of the clock.

@@ -8,6 +8,7 @@
 #include <cmath>
 
 #include "base/random.h"
+#include "correlate/residual/timed_events.h"
 
 namespace unfurl::correlate {
 namespace {
@@ -75,22 +76,24 @@ Case MakeCase(std::uint64_t seed) {
     c.record.marks.push_back(std::move(s));
     c.model.marks.push_back(std::move(y));
   }
+  std::vector<TimedEvent> events;
   for (const double t : {0.25, 0.55}) {
     TimedEvent e;
     e.kind = "latch";
     e.where = t < 0.5 ? "first" : "second";
     e.t = t;
     e.sigma = 1e-3;
-    c.record.events.push_back(e);
+    events.push_back(e);
     c.model.events.push_back({t - 0.04, e.kind, e.where});
   }
+  c.record.others = {std::make_shared<TimedEvents>(std::move(events))};
   return c;
 }
 
 RegistrationOptions Everything() {
   RegistrationOptions options;
   options.fit_drift = true;
-  options.with_events = true;
+  options.with_others = true;
   options.max_iterations = 0;  // rows at the start itself
   return options;
 }
@@ -126,7 +129,8 @@ TEST(Registration, RowsAreMahalanobisDistances) {
     }
   }
   for (int k = 0; k < 2; ++k) {
-    const TimedEvent& e = c.record.events[static_cast<std::size_t>(k)];
+    const TimedEvent e =
+        dynamic_cast<const TimedEvents&>(*c.record.others[0]).events()[static_cast<std::size_t>(k)];
     const double by_model = kPivot + (e.t - kPivot) / (1.0 + c.at.drift) - c.at.offset;
     EXPECT_NEAR(fit.residual(row + k),
                 (by_model - c.model.events[static_cast<std::size_t>(k)].t) / e.sigma, 1e-10);
@@ -160,7 +164,7 @@ TEST(Registration, ColumnsAreDerivatives) {
   const RegistrationOptions options = Everything();
   const RegistrationFit fit = FitRegistration(c.record, c.model, kOffsetRef, c.at, options);
   ASSERT_EQ(fit.jacobian.cols(), 6 + 2 + kDraws);
-  ASSERT_EQ(NuisanceNames(options, kDraws).size(), 10U);
+  ASSERT_EQ(NuisanceNames(options, c.record).size(), 10U);
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
   for (std::size_t m = 0; m < kMarks; ++m) {
     for (Eigen::Index i = 0; i < kSamples; ++i) {
@@ -334,22 +338,21 @@ TEST(WhitenedSensitivity, IsTheDerivativeOfTheRows) {
   Case c = MakeCase(7);
   for (MarkMotion& y : c.model.marks) y.cov.resize(6, 0);
   RegistrationOptions options = Everything();
-  options.with_events = false;
   Rng rng(8);
-  std::vector<std::vector<Eigen::Matrix3Xd>> change(1);
   Prediction moved = c.model;
   constexpr double kStep = 1e-3;  // the rows are linear in the predicted places
   for (MarkMotion& y : moved.marks) {
     Eigen::Matrix3Xd d(3, kSamples);
     for (Eigen::Index i = 0; i < kSamples; ++i) d.col(i) = RandomVector(&rng, 1.0);
     y.p += kStep * d;
-    change[0].push_back(d);
   }
+  for (ModelEvent& e : moved.events) e.t += kStep * rng.Normal();
+  const Change change = Difference(c.record, c.model, moved, 1.0 / kStep);
   const Eigen::VectorXd before =
       FitRegistration(c.record, c.model, kOffsetRef, c.at, options).residual;
   const Eigen::VectorXd after =
       FitRegistration(c.record, moved, kOffsetRef, c.at, options).residual;
-  const Eigen::MatrixXd S = WhitenedSensitivity(c.record, c.model, c.at.X_WM, change);
+  const Eigen::MatrixXd S = WhitenedSensitivity(c.record, c.model, kOffsetRef, c.at, {change});
   EXPECT_LT(((after - before) / kStep - S.col(0)).cwiseAbs().maxCoeff(), 1e-8);
 }
 

@@ -7,6 +7,7 @@
 
 #include "correlate/compare/comparison.h"
 #include "correlate/fit/fit.h"
+#include "correlate/residual/timed_events.h"
 #include "tests/correlate/fit_repeats.h"
 #include "tests/correlate/two_link.h"
 
@@ -64,9 +65,13 @@ Observations Scaled(Observations record, Scale scale) {
     series.cov *= scale.length * scale.length;
     series.shared *= scale.length;
   }
-  for (TimedEvent& e : record.events) {
-    e.t *= scale.time;
-    e.sigma *= scale.time;
+  for (auto& kind : record.others) {
+    std::vector<TimedEvent> events = dynamic_cast<const TimedEvents&>(*kind).events();
+    for (TimedEvent& e : events) {
+      e.t *= scale.time;
+      e.sigma *= scale.time;
+    }
+    kind = std::make_shared<TimedEvents>(std::move(events));
   }
   return record;
 }

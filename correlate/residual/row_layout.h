@@ -1,0 +1,36 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "correlate/observations.h"
+
+namespace unfurl::correlate {
+
+/// Where the residual rows of a registration stand: three per sample of a mark, in the order of the
+/// observations; those of the residual kinds, one kind after the other; one each for what is known
+/// of frame, offset and drift beforehand; then those of the calibration's draw. It refers to the
+/// observations, which must outlive it.
+struct RowLayout {
+  explicit RowLayout(const Observations& observations);
+
+  /// Of the marks, then of the kinds.
+  std::vector<RowSeries> series;
+  /// First row of each residual kind.
+  std::vector<Eigen::Index> others;
+  Eigen::Index priors = 0;  ///< first row of what is known of frame and clock
+  Eigen::Index draws = 0;   ///< first row of the draw
+  Eigen::Index rows = 0;    ///< all
+
+  /// Axes of the series before, all together: where a series begins among those of a noise model.
+  std::vector<std::size_t> first_axis;
+  std::size_t axes = 0;  ///< of all series
+
+  /// A^T A of the rows that no series holds, those of the draw left out: independent, of
+  /// variance 1.
+  Eigen::MatrixXd IndependentGram(const Eigen::MatrixXd& A) const;
+  /// How many rows are independent ones, those of the draw left out.
+  Eigen::Index IndependentRows() const;
+};
+
+}  // namespace unfurl::correlate
