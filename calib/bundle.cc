@@ -3,12 +3,12 @@
 #include <ceres/ceres.h>
 #include <ceres/normal_prior.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <memory>
 
+#include "base/dense.h"
 #include "base/log_silence.h"
 #include "base/progress.h"
 #include "base/statistics.h"

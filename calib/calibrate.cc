@@ -2,11 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "base/dense.h"
 #include "base/error.h"
 #include "base/progress.h"
 #include "base/refuse_option.h"

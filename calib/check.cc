@@ -2,13 +2,13 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 #include <map>
 
+#include "base/dense.h"
 #include "base/error.h"
 #include "base/length.h"
 #include "base/refuse_option.h"

@@ -1,8 +1,8 @@
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "base/dense.h"
 #include "calib/check_design.h"
 #include "measure/camera_model.h"
 

@@ -2,9 +2,9 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <cmath>
 
+#include "base/dense.h"
 #include "base/error.h"
 #include "base/pose.h"
 #include "measure/camera_model.h"

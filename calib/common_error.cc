@@ -1,8 +1,8 @@
 #include "calib/common_error.h"
 
-#include <Eigen/Dense>
 #include <cmath>
 
+#include "base/dense.h"
 #include "base/error.h"
 #include "data/survey_points.h"
 

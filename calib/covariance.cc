@@ -1,8 +1,8 @@
 #include "calib/covariance.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 
+#include "base/dense.h"
 #include "measure/camera_model.h"
 
 namespace unfurl::calib {

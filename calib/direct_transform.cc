@@ -1,12 +1,12 @@
 #include "calib/direct_transform.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
 #include <vector>
 
+#include "base/dense.h"
 #include "base/statistics.h"
 
 namespace unfurl::calib {

@@ -1,6 +1,5 @@
 #include "calib/gross.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -8,6 +7,7 @@
 #include <numbers>
 #include <string>
 
+#include "base/dense.h"
 #include "base/error.h"
 #include "base/refuse_option.h"
 #include "measure/camera_model.h"

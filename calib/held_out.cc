@@ -1,9 +1,9 @@
 #include "calib/held_out.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <limits>
 
+#include "base/dense.h"
 #include "base/worker_pool.h"
 #include "calib/common_error.h"
 #include "calib/covariance.h"

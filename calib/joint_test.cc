@@ -1,12 +1,12 @@
 #include "calib/joint_test.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <utility>
 
+#include "base/dense.h"
 #include "base/statistics.h"
 
 namespace unfurl::calib {

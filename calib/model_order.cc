@@ -1,6 +1,5 @@
 #include "calib/model_order.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -8,6 +7,7 @@
 #include <limits>
 #include <numbers>
 
+#include "base/dense.h"
 #include "base/statistics.h"
 #include "base/worker_pool.h"
 #include "calib/common_error.h"

@@ -1,11 +1,11 @@
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <utility>
 
+#include "base/dense.h"
 #include "calib/explain.h"
 
 namespace unfurl::calib {

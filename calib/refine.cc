@@ -1,10 +1,10 @@
 #include "calib/refine.h"
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "base/dense.h"
 #include "base/statistics.h"
 #include "calib/common_error.h"
 

@@ -2,10 +2,10 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 
+#include "base/dense.h"
 #include "base/error.h"
 #include "base/length.h"
 #include "base/refuse_option.h"

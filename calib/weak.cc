@@ -2,11 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
 
+#include "base/dense.h"
 #include "calib/covariance.h"
 #include "calib/initial_guess.h"
 #include "measure/camera_model.h"

@@ -1,9 +1,10 @@
 #include "calib/whitening.h"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+
+#include "base/dense.h"
 
 namespace unfurl::calib {
 

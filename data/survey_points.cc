@@ -2,13 +2,13 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
 #include <set>
 
+#include "base/dense.h"
 #include "base/error.h"
 #include "base/text.h"
 

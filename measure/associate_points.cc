@@ -1,8 +1,8 @@
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "base/dense.h"
 #include "measure/associate.h"
 #include "measure/camera_model.h"
 

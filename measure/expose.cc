@@ -2,12 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <optional>
 
+#include "base/dense.h"
 #include "base/error.h"
 #include "base/worker_pool.h"
 #include "measure/exposer.h"

@@ -1,12 +1,11 @@
 #include "measure/smooth.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
 
+#include "base/dense.h"
 #include "base/statistics.h"
 
 namespace unfurl::measure {

@@ -1,8 +1,9 @@
 #include "measure/spot_bound.h"
 
-#include <Eigen/Cholesky>
 #include <cmath>
 #include <numbers>
+
+#include "base/dense.h"
 
 namespace unfurl::measure {
 

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <array>
 #include <cassert>
@@ -10,6 +9,7 @@
 #include <limits>
 #include <string>
 
+#include "base/dense.h"
 #include "base/error.h"
 #include "base/refuse_option.h"
 #include "base/statistics.h"

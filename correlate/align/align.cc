@@ -2,11 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
+#include "base/dense.h"
 #include "base/text.h"
 #include "correlate/align/far_samples.h"
 #include "correlate/align/refine.h"

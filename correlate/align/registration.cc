@@ -2,10 +2,9 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <cmath>
 
+#include "base/dense.h"
 #include "correlate/align/nuisance.h"
 #include "correlate/align/sample_whitener.h"
 #include "correlate/residual/row_layout.h"

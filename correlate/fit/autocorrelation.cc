@@ -1,9 +1,9 @@
 #include "correlate/fit/autocorrelation.h"
 
-#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 
+#include "base/dense.h"
 #include "base/statistics.h"
 #include "correlate/residual/row_layout.h"
 #include "correlate/sampled_model.h"

@@ -1,9 +1,9 @@
 #include "correlate/fit/clock_drift.h"
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 
+#include "base/dense.h"
 #include "correlate/fit/autocorrelation.h"
 #include "correlate/residual/row_layout.h"
 

@@ -1,10 +1,10 @@
 #include "correlate/fit/fit_covariance.h"
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 
+#include "base/dense.h"
 #include "correlate/residual/row_layout.h"
 
 namespace unfurl::correlate {

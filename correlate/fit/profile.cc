@@ -1,8 +1,9 @@
 #include "correlate/fit/profile.h"
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+
+#include "base/dense.h"
 
 namespace unfurl::correlate {
 

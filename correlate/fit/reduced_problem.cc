@@ -1,9 +1,9 @@
 #include "correlate/fit/reduced_problem.h"
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 
+#include "base/dense.h"
 #include "correlate/residual/row_layout.h"
 
 namespace unfurl::correlate {

@@ -2,12 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
 
+#include "base/dense.h"
 #include "base/error.h"
 #include "base/worker_pool.h"
 #include "correlate/align/first_impact.h"

@@ -1,8 +1,8 @@
 // The last steps of a way where the cost is rough: by draws instead of differences.
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 
+#include "base/dense.h"
 #include "base/random.h"
 #include "correlate/fit/search.h"
 #include "correlate/fit/solver.h"

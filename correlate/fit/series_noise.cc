@@ -1,13 +1,11 @@
 #include "correlate/fit/series_noise.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 
+#include "base/dense.h"
 #include "correlate/residual/row_layout.h"
 #include "correlate/sampled_model.h"
 

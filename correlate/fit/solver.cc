@@ -2,11 +2,11 @@
 
 #include <ceres/ceres.h>
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <exception>
 
+#include "base/dense.h"
 #include "base/log_silence.h"
 
 namespace unfurl::correlate {

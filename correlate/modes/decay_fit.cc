@@ -2,12 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
+#include "base/dense.h"
 #include "correlate/fit/autocorrelation.h"
 #include "correlate/modes/decay_problem.h"
 #include "correlate/sampled_model.h"

@@ -1,9 +1,9 @@
 #include "correlate/modes/decay_problem.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
+
+#include "base/dense.h"
 
 namespace unfurl::correlate {
 

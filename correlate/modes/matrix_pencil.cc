@@ -1,12 +1,10 @@
 #include "correlate/modes/matrix_pencil.h"
 
-#include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
+#include "base/dense.h"
 #include "base/statistics.h"
 #include "correlate/sampled_model.h"
 

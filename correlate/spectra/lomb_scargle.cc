@@ -2,12 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <cmath>
 #include <complex>
 #include <numbers>
 
+#include "base/dense.h"
 #include "base/error.h"
 #include "correlate/sampled_model.h"
 #include "correlate/spectra/nonuniform_fft.h"

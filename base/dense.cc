@@ -1,0 +1,3 @@
+#include "base/dense.h"
+
+UNFURL_DENSE()

@@ -1,0 +1,2 @@
+// The headers that the tests share, precompiled: tests/CMakeLists.txt.
+int main() { return 0; }
