@@ -10,6 +10,7 @@ namespace unfurl::correlate {
 /// An unknown of a registration. Which of them there are, and in which column each stands, depends
 /// on the options: ask for the kind, never count.
 struct Nuisance {
+  /// What it is an unknown of.
   enum class Kind {
     kRotation,  ///< w of X_WM <- Exp(w) about the centroid of the predicted marks [rad]
     kShift,     ///< of that centroid, in W [m]
@@ -23,7 +24,7 @@ struct Nuisance {
   std::string own_name = {}, own_unit = {};  ///< of a kind's own
 
   std::string Name() const;  ///< "frame shift along x"
-  std::string Unit() const;
+  std::string Unit() const;  ///< "rad"
 };
 
 /// In the order of the columns of RegistrationFit::jacobian. Those that are not fitted have none.
