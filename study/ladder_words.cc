@@ -28,6 +28,12 @@ void AddLadderWords(const correlate::LadderResult& ladder, data::FitRecord* reco
         "Two estimates of what the finest rung lacks agree, so the 95% intervals reach to where it "
         "would move the values, and not as far to the other side.");
   }
+  if (ladder.followed > 0) {
+    record->reasons.push_back(
+        fmt::format("What the finest rung lacks moves the values so far that the way bends: it was "
+                    "followed in {} rounds.",
+                    ladder.followed));
+  }
   if (ladder.rules) {
     record->reasons.push_back(
         "What the finest rung lacks is more than ten times what the data leave open: no profile "

@@ -169,6 +169,7 @@ struct ModelPartInput {
   const Stacked& whole;
   const Eigen::MatrixXd& inverse;
   int sections;
+  const WaysOfError& ways;
 };
 
 // Adds a trial's error, or the doubt about it, to the covariance; its shift as a whole.
@@ -212,6 +213,8 @@ ModelPart PartOfModel(const ModelPartInput& in, const Eigen::MatrixXd& from_data
     if (!trial.model_doubt.empty()) doubt.Add(shift(trial.model_doubt));
     if (!trial.model_scatter.empty()) scatter.Add(shift(trial.model_scatter));
   }
+  if (in.ways.first.size() == p) error.common.head(p) = -in.ways.first;
+  if (in.ways.second.size() == p) doubt.common.head(p) = in.ways.second - in.ways.first;
   for (Shifts* part : {&error, &doubt, &scatter}) part->AddCommon();
   out.common = error.common;
   out.doubtful = doubt.covariance + scatter.covariance;
@@ -234,7 +237,7 @@ ModelPart PartOfModel(const ModelPartInput& in, const Eigen::MatrixXd& from_data
 
 void FillCovariance(const FitProblem& problem, const std::vector<const Observations*>& data,
                     const std::vector<const RowWhitening*>& whitening, const FitOptions& options,
-                    FitResult* r) {
+                    FitResult* r, const WaysOfError& ways) {
   const auto p = static_cast<Eigen::Index>(problem.parameters.size());
   const std::size_t trials = problem.trials.size();
   std::vector<Eigen::MatrixXd> jacobian, plain_jacobian;
@@ -301,7 +304,8 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     left.segment(whole.blocks[t].row, whole.blocks[t].rows) = r->trials[t].residual;
   }
   const int sections = std::max(1, options.error_sections);
-  ModelPart model = PartOfModel({problem, data, whitening, whole, inverse, sections}, from_data, r);
+  ModelPart model =
+      PartOfModel({problem, data, whitening, whole, inverse, sections, ways}, from_data, r);
   Eigen::VectorXd& finer = model.rows;
   for (Eigen::VectorXd* rows : {&left, &finer}) {
     *rows -= plain.A * (inverse_white * (plain.A.transpose() * *rows));

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "correlate/fit/fit.h"
+#include "correlate/fit/ladder_error.h"
 #include "correlate/fit/reduced_problem.h"
 
 namespace unfurl::correlate {
@@ -21,9 +22,11 @@ namespace unfurl::correlate {
 //   enters twice: as one common direction, delta delta^T, and as independent directions for each
 //   trial, mark and section of time, sum_s delta_s delta_s^T, so that no lucky cancellation between
 //   early and late, or between marks, is counted on.
+//
+// The common direction is to first order, or along the ways that are given.
 void FillCovariance(const FitProblem& problem, const std::vector<const Observations*>& data,
                     const std::vector<const RowWhitening*>& whitening, const FitOptions& options,
-                    FitResult* result);
+                    FitResult* result, const WaysOfError& ways = {});
 
 // Profiles of all parameters, and sigma_alone.
 void FillProfiles(const FitProblem& problem, ReducedProblem& reduced, const std::vector<double>& u,

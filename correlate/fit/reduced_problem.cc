@@ -109,8 +109,7 @@ bool ReducedProblem::CostOf(const std::vector<double>& u,
 
 bool ReducedProblem::At(const std::vector<double>& u, Point* point, const std::string& purpose) {
   if (!Finish(u, evaluator_.Evaluate(RequestsAt(u, purpose)), point)) return false;
-  // Nearer than the first for every later point.
-  for (std::size_t i = 0; i < parts_.size(); ++i) parts_[i].start = point->registration[i].at;
+  TakeStarts(*point);  // nearer than the first for every later point
   return true;
 }
 

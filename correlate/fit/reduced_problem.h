@@ -77,6 +77,10 @@ class ReducedProblem {
   void SetSteps(const Eigen::MatrixXd& J, const Point& at, double target);
   const std::vector<double>& steps() const { return steps_; }
   void TakeSteps(std::vector<double> steps) { steps_ = std::move(steps); }
+  // Registrations begin where those of a point are.
+  void TakeStarts(const Point& point) {
+    for (std::size_t i = 0; i < parts_.size(); ++i) parts_[i].start = point.registration[i].at;
+  }
 
  private:
   // u with component j moved by one step to `side`; false: a bound is in the way.

@@ -83,10 +83,8 @@ void StageRunner::Build(const std::vector<const Observations*>& observations,
       std::make_unique<ReducedProblem>(std::move(parts), options_.align.registration, evaluator_);
 }
 
-bool StageRunner::SolveStage(const StageResult& named, double tolerance, bool central,
-                             const std::vector<std::string>& free) {
-  StageResult stage = named;
-  if (!steps_.empty()) reduced_->TakeSteps(steps_);
+SolverOptions StageRunner::OptionsOfSolver(double tolerance, bool central,
+                                           const std::vector<std::string>& free) const {
   SolverOptions solver;
   solver.max_iterations = options_.max_iterations;
   solver.central_from_start = central;
@@ -102,6 +100,29 @@ bool StageRunner::SolveStage(const StageResult& named, double tolerance, bool ce
     solver.held.push_back(!free.empty() &&
                           std::find(free.begin(), free.end(), p.name) == free.end());
   }
+  return solver;
+}
+
+std::vector<double> StageRunner::SolutionWith(std::shared_ptr<const Correction> correction,
+                                              const std::vector<double>& u) {
+  const std::shared_ptr<const Correction> standing = evaluator_.correction();
+  const std::vector<double> steps = reduced_->steps();
+  evaluator_.SetCorrection(std::move(correction));
+  const SolverResult solved = Solve(
+      *reduced_, problem_.parameters, u,
+      OptionsOfSolver(options_.step_tolerance, true,
+                      options_.free.empty() ? std::vector<std::string>{} : options_.free.back()));
+  evaluator_.SetCorrection(standing);
+  reduced_->TakeSteps(steps);
+  reduced_->TakeStarts(point_);
+  return solved.status == SolverStatus::kConverged ? solved.u : std::vector<double>{};
+}
+
+bool StageRunner::SolveStage(const StageResult& named, double tolerance, bool central,
+                             const std::vector<std::string>& free) {
+  StageResult stage = named;
+  if (!steps_.empty()) reduced_->TakeSteps(steps_);
+  SolverOptions solver = OptionsOfSolver(tolerance, central, free);
   if (reduced_->At(u_, &point_, "trial")) {
     for (const Evaluator::Answer& a : point_.prediction) {
       solver.difference_target =

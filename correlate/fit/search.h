@@ -8,6 +8,7 @@
 #include "correlate/fit/fit.h"
 #include "correlate/fit/reduced_problem.h"
 #include "correlate/fit/screening.h"
+#include "correlate/fit/solver.h"
 
 namespace unfurl::correlate {
 
@@ -37,6 +38,10 @@ class StageRunner {
              const std::vector<const RowWhitening*>& whitening);
   bool SolveHere(const std::string& what);
   bool Settled() const;  // the clocks are near those of the stamps
+  // The solution from `u` with this correction in the place of the one that stands; the runner
+  // stays where it is. Empty: a model failed there, or the solver did not converge.
+  std::vector<double> SolutionWith(std::shared_ptr<const Correction> correction,
+                                   const std::vector<double>& u);
   // Standard errors of u by the last solution, the floor in them.
   Eigen::VectorXd sigma() const;
 
@@ -72,6 +77,8 @@ class StageRunner {
              const std::vector<const RowWhitening*>& whitening, bool keep_clocks, int stage);
   // The data up to a stage's end; the number of samples.
   std::size_t BuildStage(std::size_t stage);
+  SolverOptions OptionsOfSolver(double tolerance, bool central,
+                                const std::vector<std::string>& free) const;
   bool SolveStage(const StageResult& named, double tolerance, bool central,
                   const std::vector<std::string>& free);
   double HorizonEnd(std::size_t trial, double end) const;

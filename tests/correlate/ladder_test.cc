@@ -89,9 +89,11 @@ TEST(Ladder, GivesTheFinestRungsAnswer) {
   ASSERT_TRUE(ladder.Usable()) << ladder.message;
   EXPECT_TRUE(ladder.ladder.settled);
   EXPECT_EQ(ladder.ladder.base, 0u);
-  EXPECT_LE(fine_runs, 4);
+  EXPECT_LE(fine_runs, 4 + std::max(0, ladder.ladder.followed - 1));
   EXPECT_THAT(ladder.ladder.runs,
-              ::testing::ElementsAre(::testing::Gt(9u), 1u, static_cast<std::size_t>(fine_runs)));
+              ::testing::ElementsAre(::testing::Gt(9u),
+                                     static_cast<std::size_t>(std::max(1, ladder.ladder.followed)),
+                                     static_cast<std::size_t>(fine_runs)));
   for (std::size_t j = 0; j < 2; ++j) {
     const ParameterEstimate &a = ladder.parameters[j], &b = direct.parameters[j];
     EXPECT_NEAR(a.value, b.value, 0.1 * a.sigma) << j;
@@ -278,7 +280,7 @@ TEST(Ladder, IsResumedToTheSameBits) {
 // size, rate and swing of the second. Coarse meshes have all of them off.
 class FiveParameters : public Model {
  public:
-  explicit FiveParameters(double spacing) : part_(0.0003 * spacing * spacing) {}
+  explicit FiveParameters(double spacing) : part_(0.003 * spacing * spacing) {}
   static std::vector<double> Truth() { return {0.9, 0.35, 0.8, 2.0, 0.1}; }
   static std::vector<Parameter> Parameters() {
     const char* const names[] = {"frequency", "decay", "size", "rate", "swing"};
@@ -367,11 +369,16 @@ TEST(Ladder, FiveParametersTwoTrialsAPriorAndStages) {
     ASSERT_TRUE(ladder.Usable()) << ladder.message;
     const FitResult direct = Fit(problem(fine, {}), options);
     const std::size_t rounds = ladder.ladder.rounds.size();
-    EXPECT_LE(ladder.ladder.runs.back(), 2 * rounds);  // one a round and trial
+    // Some 200 standard errors off, the way to the truth bends.
+    EXPECT_GE(ladder.ladder.followed, 2);
+    const std::size_t extra = static_cast<std::size_t>(ladder.ladder.followed) - 1;
+    EXPECT_LE(ladder.ladder.runs.back(), 2 * (rounds + extra));  // one a round and trial
     EXPECT_LE(rounds, 5u);
     for (std::size_t j = 0; j < 5; ++j) {
       const ParameterEstimate &x = ladder.parameters[j], &y = direct.parameters[j];
       EXPECT_NEAR(x.value, y.value, 0.1 * x.sigma) << j;
+      EXPECT_NEAR(x.value + x.model_shift, truth[j], 4.0 * std::hypot(x.sigma_data, x.sigma_doubt))
+          << j;
       held += x.all95.low <= truth[j] && truth[j] <= x.all95.high ? 1 : 0;
     }
     // The prior is at work: swing is known no worse than beforehand.
