@@ -17,10 +17,11 @@ using testing::MakeStudy;
 using testing::Observe;
 using testing::Study;
 
-#ifndef UNFURL_SLOW_TESTS
-constexpr Eigen::Index kParameters = data::kCameraParameters;
 // Of a camera, in fits that the ten usual terms suffice for.
 [[maybe_unused]] constexpr double kTakePart = data::kFirstTerm + 10;
+
+#ifndef UNFURL_SLOW_TESTS
+constexpr Eigen::Index kParameters = data::kCameraParameters;
 
 // Second formulation: the whole normal matrix of cameras and points, dense, inverted; its corner is
 // the cameras' covariance.
