@@ -61,6 +61,7 @@ class Evaluator {
     correction_ = std::move(correction);
   }
 
+  /// The one that stands; null: none.
   const std::shared_ptr<const Correction>& correction() const { return correction_; }
 
   // Adds what an evaluation cost the data; the latest records of `theta` take it.
