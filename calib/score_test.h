@@ -34,6 +34,7 @@ class ScoreTest {
     Eigen::MatrixXd whole;       // the same were cameras and points known [likewise]
     Eigen::MatrixXd on_cameras;  // how a unit of each column moves the fitted cameras [SI, px]
   };
+  /// Of these columns, all tested together.
   Score Of(const Columns& columns) const;
 
   /// By how much the mean squared error of points found with this rig exceeds what it predicts, in
