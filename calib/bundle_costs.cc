@@ -4,11 +4,11 @@
 #include <ceres/manifold.h>
 #include <ceres/sized_cost_function.h>
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
+#include "base/dense.h"
 #include "base/pose.h"
 #include "measure/camera_model.h"
 

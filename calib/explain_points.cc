@@ -1,9 +1,9 @@
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 
+#include "base/dense.h"
 #include "base/length.h"
 #include "base/statistics.h"
 #include "calib/explain_parts.h"

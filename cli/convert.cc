@@ -126,7 +126,7 @@ std::string ConvertFile(const Common& common, const std::string& in, const std::
     return data::kTrialSchema;
   }
   data::Provenance provenance = StartProvenance(common);
-  const std::string schema = data::KindOf(in);
+  std::string schema = data::KindOf(in);
   if (schema == data::kTracksSchema) {
     if (!data::HoldsTracks(to)) Refuse("tracks", out);
     const data::Tracks tracks = data::ReadTracksAny(in, sigma);

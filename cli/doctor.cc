@@ -147,7 +147,7 @@ Finding Simulator() {
 Finding Program(const std::string& what, const std::vector<std::string>& words,
                 const std::string& remedy) {
   constexpr double kPatience = 10.0;  // [s]
-  const Finding missing = {what, Health::kOptional, "", remedy};
+  Finding missing = {what, Health::kOptional, "", remedy};
   const int log = memfd_create("log", MFD_CLOEXEC);
   if (log < 0) return missing;
   const std::string path = fmt::format("/proc/self/fd/{}", log);

@@ -1,5 +1,7 @@
 #include "cli/motion_panel.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -45,8 +47,9 @@ void AddShapes(const data::H5Reader& file, const std::vector<std::size_t>& frame
       report::MovingLine line;
       line.name = name;
       line.kind = kind == data::ShapeKind::kBeam ? Kind::kBeam : Kind::kBody;
-      line.points = file.Dims(group + "/" + name).at(1);
-      line.xy = ReadChosen(file, group + "/" + name, frames, 2 * line.points);
+      const std::string path = fmt::format("{}/{}", group, name);
+      line.points = file.Dims(path).at(1);
+      line.xy = ReadChosen(file, path, frames, 2 * line.points);
       motion->lines.push_back(std::move(line));
     }
   }
@@ -55,7 +58,7 @@ void AddShapes(const data::H5Reader& file, const std::vector<std::size_t>& frame
   for (const std::string& name : file.Children(group)) {
     report::MovingPin pin;
     pin.name = name;
-    pin.xy = ReadChosen(file, group + "/" + name, frames, 2);
+    pin.xy = ReadChosen(file, fmt::format("{}/{}", group, name), frames, 2);
     motion->pins.push_back(std::move(pin));
   }
 }
