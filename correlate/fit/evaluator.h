@@ -61,9 +61,6 @@ class Evaluator {
     correction_ = std::move(correction);
   }
 
-  /// The one that stands; null: none.
-  const std::shared_ptr<const Correction>& correction() const { return correction_; }
-
   // Adds what an evaluation cost the data; the latest records of `theta` take it.
   void NoteCost(const std::vector<double>& theta, double cost);
 

@@ -218,6 +218,9 @@ ModelPart PartOfModel(const ModelPartInput& in, const Eigen::MatrixXd& from_data
   for (Shifts* part : {&error, &doubt, &scatter}) part->AddCommon();
   out.common = error.common;
   out.doubtful = doubt.covariance + scatter.covariance;
+  if (in.ways.bend.size() == p) {
+    out.doubtful.topLeftCorner(p, p) += in.ways.bend * in.ways.bend.transpose();
+  }
   // Estimates that differ by less than they are large know the error's direction: the value without
   // it lies between none and all of it (variance of a uniform density about its end: a third), give
   // or take the doubt. Else the error found is a bound to either side.

@@ -219,11 +219,12 @@ bool FitRun::Estimate() {
     return false;
   if (ladder_.wanted()) FillWhatIsLeft(problem_, ladder_, *best_, &result_);
   FillCovariance(problem_, data_, whiteners_, options_, &result_);
-  if (ladder_.wanted() && result_.status == FitStatus::kConverged &&
-      WayBends(problem_, *best_, result_)) {
+  if (ladder_.wanted() && result_.status == FitStatus::kConverged) {
     const WaysOfError ways = FollowError(problem_, ladder_, *best_, result_);
     result_.ladder.followed = ways.rounds;
-    FillCovariance(problem_, data_, whiteners_, options_, &result_, ways);
+    if (ways.first.size() + ways.bend.size() > 0) {
+      FillCovariance(problem_, data_, whiteners_, options_, &result_, ways);
+    }
   }
   // The data's part then adds at most 0.5% to a standard error (sqrt(1 + 1/100) = 1.005), so that
   // its profile would change nothing.

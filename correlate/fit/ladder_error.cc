@@ -118,8 +118,27 @@ void FillWhatIsLeft(const FitProblem& problem, const Ladder& ladder, StageRunner
   }
 }
 
-bool WayBends(const FitProblem& problem, StageRunner& runner, const FitResult& r) {
-  constexpr double kBent = 0.2;  // standard errors: 2% of one where it adds in quadrature
+namespace {
+
+// Of u: what the end of a way may be off by. A fifth of what an interval reaches beyond that end
+// for other reasons (the data, the doubt about the way): 2% of it where it adds in quadrature.
+Eigen::VectorXd ToleranceOfWay(const FitProblem& problem, const FitResult& r) {
+  constexpr double kPart = 0.2;
+  Eigen::VectorXd out(static_cast<Eigen::Index>(r.parameters.size()));
+  for (std::size_t j = 0; j < r.parameters.size(); ++j) {
+    const ParameterEstimate& e = r.parameters[j];
+    out(static_cast<Eigen::Index>(j)) = kPart * std::hypot(e.sigma_data, e.sigma_doubt) /
+                                        std::abs(Slope(problem.parameters[j], e.value));
+  }
+  return out;
+}
+
+}  // namespace
+
+namespace {
+
+// The second order of the shift, in u; empty: the shift is short, or a model failed there.
+Eigen::VectorXd BendOfWay(const FitProblem& problem, StageRunner& runner, const FitResult& r) {
   const std::vector<double>& u = runner.u();
   std::vector<double> moved = u;
   Eigen::MatrixXd J = r.sensitivity;
@@ -131,114 +150,112 @@ bool WayBends(const FitProblem& problem, StageRunner& runner, const FitResult& r
     J.col(c) *= Slope(problem.parameters[j], e.value);
     moved[j] = ToInternal(problem.parameters[j], e.value + e.model_shift);
     way(c) = moved[j] - u[j];
-    // Below a standard error its second order is less than that.
-    far = far || std::abs(e.model_shift) > e.sigma_data;
+    // Shorter than that, its second order is less.
+    far = far || std::abs(e.model_shift) > std::hypot(e.sigma_data, e.sigma_doubt);
   }
-  if (!far) return false;
+  if (!far) return {};
   ReducedProblem::Point there;
   const bool good = runner.reduced().At(moved, &there, "ladder");
   runner.reduced().TakeStarts(runner.point());
-  if (!good) return false;
+  if (!good) return {};
   const Eigen::MatrixXd projected = runner.reduced().Project(runner.point(), J);
   const Eigen::MatrixXd bend =
       runner.reduced().Project(runner.point(), there.residual - runner.point().residual - J * way);
-  const GaussNewton second = StepAndSigma(projected, bend.col(0));
-  return (second.step.cwiseAbs().array() > kBent * second.sigma.array()).any();
+  return StepAndSigma(projected, bend.col(0)).step;
 }
 
-namespace {
+// `top` with `part` times what it has more than `below`: positions, velocities and numbers.
+Evaluator::Answer Extrapolated(const Observations& o, const std::vector<Parameter>& parameters,
+                               double part, const std::vector<double>& theta,
+                               const Prediction& below, const Prediction& top) {
+  const Correction more(parameters, {&o},
+                        Eigen::VectorXd::Zero(static_cast<Eigen::Index>(theta.size())),
+                        {part * Correction::DifferenceOf(o, below, top)});
+  return std::make_shared<const Prediction>(more.Apply(0, theta, top));
+}
 
-// The extrapolated model at one point, as a correction of the base: what all trials' rungs tell.
-class Extrapolated {
- public:
-  Extrapolated(const FitProblem& problem, const Ladder& ladder, StageRunner& runner)
-      : problem_(problem), ladder_(ladder), runner_(runner) {
-    for (const ReducedProblem::Part& part : runner.reduced().parts()) {
-      observations_.push_back(part.observations);
+// The Gauss-Newton step of the extrapolated model at u, with the sensitivities of the estimate, and
+// `below` as the other rung; empty: a rung failed there.
+Eigen::VectorXd StepOfExtrapolated(const FitProblem& problem, const Ladder& ladder,
+                                   StageRunner& runner, const Eigen::MatrixXd& projected,
+                                   const std::vector<double>& u, std::size_t below) {
+  const std::vector<double> theta = Values(problem.parameters, u.data());
+  std::vector<Evaluator::Request> wanted;
+  for (std::size_t t = 0; t < problem.trials.size(); ++t) {
+    for (std::size_t rung : {ladder.top(), below}) {
+      wanted.push_back({t, theta, "ladder", FidelityOfRung(rung), false});
     }
   }
-
-  // With the rung `below` as the other one of the estimate; null: a rung failed there.
-  std::shared_ptr<Correction> At(const std::vector<double>& u, std::size_t below) const {
-    const std::vector<double> theta = Values(problem_.parameters, u.data());
-    const std::size_t top = ladder_.top(), base = ladder_.result().base;
-    std::vector<Evaluator::Request> wanted;
-    for (std::size_t t = 0; t < problem_.trials.size(); ++t) {
-      for (std::size_t rung : {top, below, base}) {
-        wanted.push_back({t, theta, "ladder", FidelityOfRung(rung), false});
-      }
-    }
-    const std::vector<Evaluator::Answer> rungs = runner_.evaluator().Evaluate(wanted);
-    Correction::Difference more;
-    for (std::size_t t = 0; t < problem_.trials.size(); ++t) {
-      const Prediction& fine = *rungs[3 * t];
-      const Prediction& other = *rungs[3 * t + 1];
-      const Prediction& coarse = *rungs[3 * t + 2];
-      for (const Prediction* p : {&fine, &other, &coarse}) {
-        if (p->status != ModelStatus::kGood) return nullptr;
-      }
-      const Observations& o = *observations_[t];
-      const double known = Richardson(problem_.trials[t], below, top);
-      more.push_back(Correction::DifferenceOf(o, coarse, fine) +
-                     (known > 0.0 ? known : 1.0) * Correction::DifferenceOf(o, other, fine));
-    }
-    return std::make_shared<Correction>(
-        problem_.parameters, observations_,
-        Eigen::Map<const Eigen::VectorXd>(u.data(), static_cast<Eigen::Index>(u.size())),
-        std::move(more));
+  const std::vector<Evaluator::Answer> rungs = runner.evaluator().Evaluate(wanted);
+  std::vector<Evaluator::Answer> model;
+  for (std::size_t t = 0; t < problem.trials.size(); ++t) {
+    const Prediction &top = *rungs[2 * t], &other = *rungs[2 * t + 1];
+    if (top.status != ModelStatus::kGood || other.status != ModelStatus::kGood) return {};
+    const double known = Richardson(problem.trials[t], below, ladder.top());
+    model.push_back(Extrapolated(*runner.reduced().parts()[t].observations, problem.parameters,
+                                 known > 0.0 ? known : 1.0, theta, other, top));
   }
-
- private:
-  const FitProblem& problem_;
-  const Ladder& ladder_;
-  StageRunner& runner_;
-  std::vector<const Observations*> observations_;
-};
+  ReducedProblem::Point there;
+  if (!runner.reduced().CostOf(u, model, &there)) return {};
+  return StepAndSigma(projected, there.residual).step;
+}
 
 }  // namespace
 
 WaysOfError FollowError(const FitProblem& problem, const Ladder& ladder, StageRunner& runner,
                         const FitResult& r) {
   constexpr int kMostRounds = 6;  // each is shorter than the last by the error's relative size
+  // A step that ends a way may be five times what its end may be off by: what would follow is
+  // shorter by that relative size.
+  constexpr double kLastStep = 5.0;
   WaysOfError out;
-  const Extrapolated model(problem, ladder, runner);
-  const std::size_t top = ladder.top();
-  const Eigen::VectorXd sigma = runner.sigma();
-  auto values = [&](const std::vector<double>& u) {
-    Eigen::VectorXd shift(static_cast<Eigen::Index>(u.size()));
+  const Eigen::VectorXd bend = BendOfWay(problem, runner, r);
+  if (bend.size() == 0) return out;
+  const Eigen::VectorXd tolerance = ToleranceOfWay(problem, r);
+  out.bend = bend;
+  Eigen::MatrixXd J = r.sensitivity;
+  for (Eigen::Index j = 0; j < bend.size(); ++j) {
+    const auto i = static_cast<std::size_t>(j);
+    const double slope = Slope(problem.parameters[i], r.parameters[i].value);
+    out.bend(j) *= slope;
+    J.col(j) *= slope;
+  }
+  if ((bend.cwiseAbs().array() <= tolerance.array()).all()) return out;
+  const Eigen::MatrixXd projected = runner.reduced().Project(runner.point(), J);
+  auto moved = [&](const std::vector<double>& u, const Eigen::VectorXd& step) {
+    std::vector<double> to = u;
     for (std::size_t j = 0; j < u.size(); ++j) {
-      shift(static_cast<Eigen::Index>(j)) =
+      const Parameter& p = problem.parameters[j];  // within its bounds
+      to[j] = ToInternal(p, FromInternal(p, u[j] + step(static_cast<Eigen::Index>(j))));
+    }
+    return to;
+  };
+  auto shift = [&](const std::vector<double>& u) {
+    Eigen::VectorXd values(static_cast<Eigen::Index>(u.size()));
+    for (std::size_t j = 0; j < u.size(); ++j) {
+      values(static_cast<Eigen::Index>(j)) =
           FromInternal(problem.parameters[j], u[j]) - r.parameters[j].value;
     }
-    return shift;
+    return values;
   };
-  std::vector<double> u = runner.u(), seen = u;  // where the rungs were evaluated last
-  if (ladder.correction() != nullptr) {          // the finest is known there
-    const Eigen::VectorXd centre = ladder.correction()->centre();
-    seen.assign(centre.data(), centre.data() + centre.size());
-  }
+  std::vector<double> u = runner.u(), seen = u;
   bool settled = false;
-  for (; out.rounds < kMostRounds && !settled; ++out.rounds) {
-    if (out.rounds > 0) seen = u;
-    const std::shared_ptr<Correction> correction = model.At(seen, top - 1);
-    if (correction == nullptr) return out;
-    const std::vector<double> next = runner.SolutionWith(correction, u);
-    if (next.empty()) return out;
-    settled = true;
-    for (std::size_t j = 0; j < u.size(); ++j) {
-      const double most = 0.2 * sigma(static_cast<Eigen::Index>(j));  // as WayBends has it
-      settled = settled && std::abs(next[j] - u[j]) <= most;
-    }
-    u = next;
+  while (out.rounds < kMostRounds && !settled) {
+    ++out.rounds;
+    seen = u;
+    const Eigen::VectorXd step =
+        StepOfExtrapolated(problem, ladder, runner, projected, seen, ladder.top() - 1);
+    if (step.size() == 0) return out;
+    u = moved(seen, step);
+    settled = (step.cwiseAbs().array() <= kLastStep * tolerance.array()).all();
   }
   if (!settled) return out;
-  out.first = values(u);
+  out.first = shift(u);
+  out.bend.resize(0);
   // The other estimate leads to near there.
-  if (RungsCompared(problem.trials.front(), top).size() > 2) {
-    const std::shared_ptr<Correction> correction = model.At(seen, 0);
-    if (correction == nullptr) return out;
-    const std::vector<double> other = runner.SolutionWith(correction, u);
-    if (!other.empty()) out.second = values(other);
+  if (RungsCompared(problem.trials.front(), ladder.top()).size() > 2) {
+    const Eigen::VectorXd step = StepOfExtrapolated(problem, ladder, runner, projected, seen, 0);
+    if (step.size() > 0) out.second = shift(moved(seen, step));
   }
   return out;
 }

@@ -28,17 +28,19 @@ std::vector<Evaluator::Request> RungsWanted(const FitProblem& problem, const Lad
 void FillWhatIsLeft(const FitProblem& problem, const Ladder& ladder, StageRunner& runner,
                     FitResult* result);
 
-/// By how much the values move with what the finest rung still lacks, by each of its two estimates.
+/// By how much the values move with what the finest rung still lacks, beyond the first order.
 struct WaysOfError {
-  Eigen::VectorXd first, second;  ///< by parameter, in its unit; empty: not known
-  int rounds = 0;                 ///< that it took to follow them
+  Eigen::VectorXd first, second;  ///< by its two estimates, by parameter, in its unit; empty: as
+                                  ///< the first order has it
+  Eigen::VectorXd bend;  ///< second order of the first, likewise, that is not in it; empty: none
+  int rounds = 0;        ///< that it took to follow them
 };
-/// Whether such a shift, of `result` to first order, is so long that it bends: that its second
-/// order (the motion at its end, one evaluation a trial, against the sensitivities) is more than a
-/// fifth of a standard error of the data.
-bool WayBends(const FitProblem& problem, StageRunner& runner, const FitResult& result);
-/// Follows it by solutions of the extrapolated model, fine + r (fine - below), with the rungs
-/// evaluated anew where each leads: what the finest rung lacks depends on the place, too.
+/// The motion at the end of the shift that `result` has to first order, one evaluation a trial,
+/// against the sensitivities: its second order. Up to a fifth of what data and doubt widen the
+/// interval by it stands as `bend`, a doubt. Where it is more, the extrapolated model, fine + r
+/// (fine
+/// - below), is followed to its minimum by Gauss-Newton steps with the sensitivities at hand, one
+/// run of each rung a trial and step: what the finest rung lacks depends on the place, too.
 WaysOfError FollowError(const FitProblem& problem, const Ladder& ladder, StageRunner& runner,
                         const FitResult& result);
 

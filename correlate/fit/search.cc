@@ -103,21 +103,6 @@ SolverOptions StageRunner::OptionsOfSolver(double tolerance, bool central,
   return solver;
 }
 
-std::vector<double> StageRunner::SolutionWith(std::shared_ptr<const Correction> correction,
-                                              const std::vector<double>& u) {
-  const std::shared_ptr<const Correction> standing = evaluator_.correction();
-  const std::vector<double> steps = reduced_->steps();
-  evaluator_.SetCorrection(std::move(correction));
-  const SolverResult solved = Solve(
-      *reduced_, problem_.parameters, u,
-      OptionsOfSolver(options_.step_tolerance, true,
-                      options_.free.empty() ? std::vector<std::string>{} : options_.free.back()));
-  evaluator_.SetCorrection(standing);
-  reduced_->TakeSteps(steps);
-  reduced_->TakeStarts(point_);
-  return solved.status == SolverStatus::kConverged ? solved.u : std::vector<double>{};
-}
-
 bool StageRunner::SolveStage(const StageResult& named, double tolerance, bool central,
                              const std::vector<std::string>& free) {
   StageResult stage = named;

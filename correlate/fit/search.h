@@ -38,10 +38,6 @@ class StageRunner {
              const std::vector<const RowWhitening*>& whitening);
   bool SolveHere(const std::string& what);
   bool Settled() const;  // the clocks are near those of the stamps
-  // The solution from `u` with this correction in the place of the one that stands; the runner
-  // stays where it is. Empty: a model failed there, or the solver did not converge.
-  std::vector<double> SolutionWith(std::shared_ptr<const Correction> correction,
-                                   const std::vector<double>& u);
   // Standard errors of u by the last solution, the floor in them.
   Eigen::VectorXd sigma() const;
 
