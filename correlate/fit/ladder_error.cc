@@ -123,7 +123,7 @@ namespace {
 // Of u: what the end of a way may be off by. A fifth of what an interval reaches beyond that end
 // for other reasons (the data, the doubt about the way): 2% of it where it adds in quadrature.
 Eigen::VectorXd ToleranceOfWay(const FitProblem& problem, const FitResult& r) {
-  constexpr double kPart = 0.2;
+  constexpr double kPart = 0.2;  // sqrt(1 + 0.2^2) = 1.02
   Eigen::VectorXd out(static_cast<Eigen::Index>(r.parameters.size()));
   for (std::size_t j = 0; j < r.parameters.size(); ++j) {
     const ParameterEstimate& e = r.parameters[j];
