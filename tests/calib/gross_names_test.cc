@@ -15,11 +15,7 @@
 namespace unfurl::calib {
 namespace {
 
-#ifdef UNFURL_SLOW_TESTS
-constexpr std::size_t kLabs = 60;
-#else
-constexpr std::size_t kLabs = 3;
-#endif
+constexpr std::size_t kLabs = testing::Labs(3, 60);
 constexpr int kPoints = 150;
 
 struct Tally {

@@ -17,6 +17,15 @@
 // what the fitted model did not make. Spots themselves are left out; readings have normal noise.
 namespace unfurl::calib::testing {
 
+// How many laboratories a test tries: the default label's number, or that of the slow one.
+constexpr std::size_t Labs(std::size_t quick, [[maybe_unused]] std::size_t slow) {
+#ifdef UNFURL_SLOW_TESTS
+  return slow;
+#else
+  return quick;
+#endif
+}
+
 inline constexpr double kTracedReading = 0.03;  // sigma, what the precise estimator has [px]
 inline constexpr double kTracedSurvey = 3e-4;   // per axis [m]
 inline constexpr double kTracedHalf = 1.08;     // half a side of the surveyed cube [m]

@@ -20,11 +20,7 @@ using testing::FindCheckPoints;
 using ::testing::HasSubstr;
 using testing::TracedLab;
 
-#ifdef UNFURL_SLOW_TESTS
-constexpr std::size_t kLabs = 60;
-#else
-constexpr std::size_t kLabs = 4;
-#endif
+constexpr std::size_t kLabs = testing::Labs(4, 60);
 
 struct Tally {
   double clean = 0.0, gross = 0.0;  // squared errors of found points [m^2]

@@ -21,11 +21,7 @@ using ::testing::Contains;
 using ::testing::HasSubstr;
 using testing::TracedLab;
 
-#ifdef UNFURL_SLOW_TESTS
-constexpr std::size_t kLabs = 300;
-#else
-constexpr std::size_t kLabs = 4;
-#endif
+constexpr std::size_t kLabs = testing::Labs(4, 300);
 constexpr int kPoints = 200;
 
 enum class Fault { kNone, kDrift, kPattern, kCorner };

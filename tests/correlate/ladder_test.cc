@@ -387,36 +387,5 @@ TEST(Ladder, FiveParametersTwoTrialsAPriorAndStages) {
   EXPECT_GE(BinomialInterval(held, 5 * kSeeds, 0.999).second, 0.95) << held << " of " << 5 * kSeeds;
 }
 
-// The correction is exact where it was taken and where it has learnt, in marks and in event times.
-TEST(Correction, IsExactAtItsPoints) {
-  const TwoLink model;
-  Observations data = Data(model, 11);
-  data.others = {
-      std::make_shared<TimedEvents>(std::vector<TimedEvent>{{"latch", "a", 2, 1.0, 1e-3}})};
-  const std::vector<Parameter> parameters = TwoLinkParameters();
-  const Stamps stamps = data.StampsAt(data.Start());
-  auto at = [&](double frequency, double latch) {
-    Prediction p = model.Evaluate(std::vector<double>{frequency, 0.35}, stamps);
-    p.events = {{0.1, "latch", "a"}, {latch, "latch", "a"}};
-    return p;
-  };
-  auto u = [&](double frequency) { return Eigen::VectorXd{{frequency, std::log(0.35)}}; };
-  const std::vector<const Observations*> observations = {&data};
-  Correction correction(parameters, observations, u(0.9),
-                        {Correction::DifferenceOf(data, at(0.90, 0.50), at(0.91, 0.53))});
-  correction.Learn(u(0.92), {Correction::DifferenceOf(data, at(0.92, 0.60), at(0.94, 0.68))},
-                   Eigen::Vector2d(1e-3, 1e-2));
-  const Prediction first = correction.Apply(0, {0.90, 0.35}, at(0.90, 0.50));
-  const Prediction second = correction.Apply(0, {0.92, 0.35}, at(0.92, 0.60));
-  for (std::size_t m = 0; m < 4; ++m) {
-    EXPECT_LT((first.marks[m].p - at(0.91, 0.0).marks[m].p).norm(), 1e-12);
-    EXPECT_LT((second.marks[m].p - at(0.94, 0.0).marks[m].p).norm(), 1e-12);
-    EXPECT_LT((second.marks[m].v - at(0.94, 0.0).marks[m].v).norm(), 1e-9);
-  }
-  EXPECT_EQ(first.events[0].t, 0.1);
-  EXPECT_NEAR(first.events[1].t, 0.53, 1e-12);
-  EXPECT_NEAR(second.events[1].t, 0.68, 1e-12);
-}
-
 }  // namespace
 }  // namespace unfurl::correlate

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <cstdio>
 #include <limits>
 #include <string>
 
@@ -46,6 +47,16 @@ inline Tracks Strobed() {
 // A file of this process in the tests' folder.
 inline std::string ExchangePath(const std::string& ending) {
   return testing::TempDir() + std::to_string(getpid()) + "exchange" + ending;
+}
+
+// As `read` gives back what `write` has written to a file of this process.
+template <typename Write, typename Read>
+Tracks ThereAndBack(const std::string& ending, const Tracks& tracks, Write write, Read read) {
+  const std::string path = ExchangePath(ending);
+  write(path, tracks);
+  Tracks back = read(path, 0.0);
+  std::remove(path.c_str());
+  return back;
 }
 
 }  // namespace unfurl::data

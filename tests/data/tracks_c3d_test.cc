@@ -16,10 +16,7 @@ namespace {
 
 TEST(C3d, ThereAndBack) {
   const Tracks tracks = Strobed();
-  const std::string path = ExchangePath(".c3d");
-  WriteTracksC3d(path, tracks);
-  const Tracks back = ReadTracksC3d(path);
-  std::remove(path.c_str());
+  const Tracks back = ThereAndBack(".c3d", tracks, WriteTracksC3d, ReadTracksC3d);
   ASSERT_EQ(back.size(), tracks.size());
   EXPECT_EQ(back.marks, tracks.marks);
   EXPECT_EQ(back.cameras, tracks.cameras);

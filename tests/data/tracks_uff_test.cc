@@ -16,10 +16,7 @@ namespace {
 
 TEST(Uff, ThereAndBack) {
   const Tracks tracks = Strobed();
-  const std::string path = ExchangePath(".uff");
-  WriteTracksUff(path, tracks);
-  const Tracks back = ReadTracksUff(path);
-  std::remove(path.c_str());
+  const Tracks back = ThereAndBack(".uff", tracks, WriteTracksUff, ReadTracksUff);
   ASSERT_EQ(back.size(), tracks.size() - 1);  // what has no position is not in the file
   EXPECT_EQ(back.marks, tracks.marks);
   for (std::size_t i = 0, j = 0; i < tracks.size(); ++i) {

@@ -82,7 +82,7 @@ const data::Rig& ShippedRig() {
   return rig;
 }
 
-data::Run SwingingRun(double duration) {
+data::Run FourMarks() {
   data::Run run;
   run.marks = {"mark1", "mark1b", "mark2", "mark3"};
   for (const std::string& mark : run.marks) {
@@ -91,6 +91,11 @@ data::Run SwingingRun(double duration) {
       run.columns.emplace_back();
     }
   }
+  return run;
+}
+
+data::Run SwingingRun(double duration) {
+  data::Run run = FourMarks();
   const int n = static_cast<int>(std::lround(duration * 1000.0));
   for (int i = 0; i <= n; ++i) {
     const double t = i * 1e-3;

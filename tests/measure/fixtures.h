@@ -32,6 +32,9 @@ data::Rig FitRig(const VirtualRig& truth, const Eigen::Vector3d& low, const Eige
 // The shipped layout as a rig of two-centre cameras.
 const data::Rig& ShippedRig();
 
+// A run of four marks in M's plane, without samples: columns x, y, vx, vy of each.
+data::Run FourMarks();
+
 // Marks on known ways that stay inside the shipped volume: swings and circles at about 1 m/s.
 data::Run SwingingRun(double duration);
 

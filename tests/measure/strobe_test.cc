@@ -23,14 +23,7 @@ TEST(Strobe, SkewAtTwoMetresPerSecond) {
   data::Rig rig = FitRig(truth, lab.volume_low, lab.volume_high);
   rig.model_floor_px = 0.008;
 
-  data::Run run;
-  run.marks = {"mark1", "mark1b", "mark2", "mark3"};
-  for (const std::string& mark : run.marks) {
-    for (const char* axis : {".x", ".y", ".vx", ".vy"}) {
-      run.quantities.push_back({mark + axis, axis[1] == 'v' ? "m/s" : "m", ""});
-      run.columns.emplace_back();
-    }
-  }
+  data::Run run = FourMarks();
   // Before release a run's marks stand still; that part is not looked at.
   for (int i = 0; i <= 350; ++i) {
     const double t = 1e-3 * i;
