@@ -194,6 +194,21 @@ TEST(LensOrder, OneBadLensDoesNotBurdenTheOthers) {
   EXPECT_LT(std::sqrt(own / shared), 0.9);
 }
 
+// The same lenses, where a richer model must gain far more than telling the cameras apart does.
+TEST(LensOrder, OrdersByCameraMustGainWhatIsAskedOfThem) {
+  Study study = MakeStudy(70, 60);
+  for (std::size_t j = 1; j < 4; ++j) study.truth[j].terms_px.fill(0.0);
+  study.data = Observe(study.truth, study.points, 3e-4, 0.05, Rng(70));
+  CalibrateOptions options;
+  options.choice.gain = 300.0;  // nats; a pinhole for the bad lens loses thousands
+  const CalibrationReport report = Calibrate(study.data, options, "test").report;
+  ASSERT_EQ(report.orders.back().order, kOrderByCamera);
+  ASSERT_GE(report.order, 0);
+  const double shared = report.orders[static_cast<std::size_t>(report.order)].loss;
+  EXPECT_GT(shared, report.orders.back().loss);  // there is a gain
+  EXPECT_LT(shared, report.orders.back().loss + options.choice.gain);
+}
+
 TEST(Advice, PointsNearOnePlaneAndSensorsWithoutReadingsAreTold) {
   Study study = MakeStudy(19, 100);
   study.points.row(2) *= 0.15;

@@ -71,6 +71,29 @@ TEST(Covariance, EqualsTheCornerOfTheWholeInverse) {
   EXPECT_LT(difference.cwiseAbs().maxCoeff(), 1e-5);  // condition 1e9 of the scaled matrix
 }
 
+// What is left over of all data together is their number less the parameters', of which the priors
+// carry what the data do not: tr(C P). For the last point as for the first: odd and even numbers.
+TEST(Redundancy, AddsUpToTheDegreesOfFreedom) {
+  for (const int points : {30, 31}) {
+    const Study study = MakeStudy(3, points);
+    const RigFit fit = FitRig(study.data, {}, "test");
+    const std::vector<double> readings(study.data.readings.size(), 1.0);
+    const std::vector<double> survey(static_cast<std::size_t>(points), 1.0);
+    const Eigen::MatrixXd prior = PriorInformation(fit.priors);
+    const Eigen::MatrixXd C =
+        CameraCovariance(prior + DataInformation(study.data, fit.priors, fit.bundle.weighting,
+                                                 false, fit.bundle.state, readings, survey));
+    const Redundancy left =
+        RedundancyOf(study.data, fit.priors, fit.bundle.weighting, fit.bundle.state, C);
+    double sum = 0.0;
+    for (const double r : left.reading) sum += r;
+    for (const double r : left.survey) sum += r;
+    const double data = static_cast<double>(readings.size()) + 3.0 * points;
+    const double unknowns = static_cast<double>(C.rows()) + 3.0 * points;
+    EXPECT_NEAR(sum, data - unknowns + C.cwiseProduct(prior).sum(), 1e-4 * data) << points;
+  }
+}
+
 TEST(Covariance, IsSymmetricAndPositiveSemidefinite) {
   const RigFit fit = FitRig(MakeStudy(2, 60).data, {}, "test");
   const Eigen::VectorXd scale = fit.rig.covariance.diagonal().unaryExpr(

@@ -100,6 +100,51 @@ TEST(JointTest, AmountsScatterAsTheySay) {
   EXPECT_GT(named / kDraws, 0.87);
 }
 
+// Probabilities of causes, against evidence from the dense covariances: of misfits that an effect E
+// of size t widens to C + t^2 E E^T, t as likely in each octave from where it shows as one sigma.
+TEST(JointTest, ProbabilitiesAreThoseOfTheDenseEvidence) {
+  Rng rng(9);
+  const World world(&rng);
+  const double high[] = {3.0, 40.0, 0.5};
+  const double odds[] = {0.05, 0.2, 1.0};
+  std::vector<Hypothesis> all;
+  for (int j = 0; j < 3; ++j) {
+    const Eigen::MatrixXd effect = j == 1 ? Eigen::MatrixXd(world.shapes.middleCols(1, 2))
+                                          : Eigen::MatrixXd(world.shapes.col(j == 0 ? 0 : 3));
+    all.push_back({CauseKind::kCamera, j, {0, effect}, high[j], odds[j]});
+  }
+  const Eigen::VectorXd e =
+      world.Noise(&rng) + 0.6 * world.shapes.col(0) + 0.5 * world.shapes.col(2);
+  const auto log_density = [&](const Eigen::MatrixXd& C) {
+    const Eigen::LLT<Eigen::MatrixXd> llt(C);
+    const Eigen::VectorXd white = llt.matrixL().solve(e);
+    return -0.5 * white.squaredNorm() -
+           Eigen::MatrixXd(llt.matrixL()).diagonal().array().log().sum();
+  };
+  std::vector<double> weight;
+  for (const Hypothesis& one : all) {
+    const Eigen::MatrixXd& E = one.effect.rows;
+    const Eigen::MatrixXd information = E.transpose() * world.C.ldlt().solve(E);
+    const double first =
+        1.0 /
+        std::sqrt(
+            Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(information).eigenvalues().maxCoeff());
+    double sum = 0.0, count = 0.0;
+    for (double t = first; t < 2.0 * one.high; t *= 2.0, count += 1.0) {
+      sum += std::exp(log_density(world.C + t * t * E * E.transpose()) - log_density(world.C));
+    }
+    weight.push_back(one.odds * sum / count);
+  }
+  const double total = weight[0] + weight[1] + weight[2];
+  std::vector<double> expected;
+  for (const double w : weight) expected.push_back(w / total);
+  bool explained = false;
+  const FoundCause found = JointTest(e, Dense(world.C)).FindCauses(all, 1.0, 1, &explained)[0];
+  EXPECT_NEAR(found.probability, expected[static_cast<std::size_t>(found.index)], 1e-9);
+  EXPECT_NEAR(found.other_probability, expected[static_cast<std::size_t>(found.other_index)], 1e-9);
+  EXPECT_GT(found.other_probability, 0.01);  // else there is nothing to compare
+}
+
 // Two things wrong at once, of different kinds.
 TEST(JointTest, CausesAreFoundOneAfterTheOther) {
   Rng rng(8);

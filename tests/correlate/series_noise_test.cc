@@ -133,5 +133,42 @@ TEST(SeriesNoise, DirectionsThatFollowTheScatterTakeNothingOut) {
   EXPECT_TRUE(FitSeriesNoise(o, residual, A).white());
 }
 
+// Noise that drifts for far longer than its record, read ten times as often, has the same longest
+// correlation time in seconds: no limit is counted in samples.
+TEST(SeriesNoise, TheLongestCorrelationTimeIsThatOfTheClock) {
+  constexpr int kRatio = 10, kSamples = 20000;
+  constexpr double kTime = 1e4, kStep = 1e-3, kWhite = 0.01;  // [s], [s], standard deviation
+  Rng rng(3);
+  const double decay = std::exp(-kStep / kTime);
+  Eigen::Matrix3Xd noise(3, kSamples);
+  for (Eigen::Index axis = 0; axis < 3; ++axis) {
+    double state = rng.Normal();
+    for (Eigen::Index i = 0; i < kSamples; ++i) {
+      if (i > 0) state = decay * state + std::sqrt(1.0 - decay * decay) * rng.Normal();
+      noise(axis, i) = state + kWhite * rng.Normal();
+    }
+  }
+  std::vector<double> times;
+  for (const int every : {1, kRatio}) {
+    const int n = kSamples / every;
+    Observations o;
+    MarkSeries mark;
+    mark.name = "a";
+    Eigen::VectorXd residual(3 * n);
+    for (int i = 0; i < n; ++i) {
+      mark.t.push_back(kStep * every * i);
+      residual.segment<3>(3 * i) = noise.col(every * i);
+    }
+    mark.p = Eigen::Matrix3Xd::Zero(3, n);
+    mark.cov = Eigen::Matrix<double, 6, Eigen::Dynamic>::Zero(6, n);
+    o.marks.push_back(std::move(mark));
+    // Nothing is taken out: that the drift begins far from zero tells that it is slow.
+    const SeriesNoise found = FitSeriesNoise(o, residual, Eigen::MatrixXd::Zero(3 * n, 1));
+    times.push_back(-kStep * every / std::log(found.series[0].rho));
+  }
+  EXPECT_GT(times[0], kStep * kSamples);        // longer than the record
+  EXPECT_NEAR(times[1] / times[0], 1.0, 1e-3);  // which is a sample longer or shorter
+}
+
 }  // namespace
 }  // namespace unfurl::correlate
