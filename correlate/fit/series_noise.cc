@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
+#include <utility>
 
 #include "base/dense.h"
 #include "correlate/residual/row_layout.h"
@@ -13,9 +15,10 @@ namespace unfurl::correlate {
 
 namespace {
 
-// A correlation time of 20,000 samples: in a record of fewer, longer-lived noise looks like a
-// constant.
-constexpr double kLargestRho = 0.99995;
+// The longest correlation time, in lengths of the longest series: over one of these such noise
+// moves by less than half its standard deviation, sqrt(2 / kLongest). Slower noise is, to a record,
+// a constant and a random walk, whose rate the variance takes up.
+constexpr double kLongest = 10.0;
 // Shares at and beyond this leave a little white noise, without which a row that repeats the one
 // before would be known for certain.
 constexpr double kLargestShare = 0.9999;
@@ -165,8 +168,8 @@ struct GroupFit {
 
 class Group {
  public:
-  Group(const std::vector<Series>& all, std::vector<std::size_t> members)
-      : all_(all), members_(std::move(members)) {
+  Group(const std::vector<Series>& all, std::vector<std::size_t> members, double largest_rho)
+      : all_(all), members_(std::move(members)), largest_rho_(largest_rho) {
     for (std::size_t s : members_) dof_ += all_[s].dof();
   }
 
@@ -222,7 +225,8 @@ class Group {
  private:
   static constexpr double kRefineGain = 10.0;  // more than the grid can be off by
 
-  // Compass search in logits, which give both ends of either range room.
+  // Compass search in logits, which give both ends of either range room; along the diagonal, too,
+  // where the rate at which slow noise walks off, over the white part, stays as it is.
   void Refine(double* share, double* rho, double* l, double* variance) const {
     auto logit = [](double x) { return std::log(x / (1.0 - x)); };
     auto inverse = [](double u) { return 1.0 / (1.0 + std::exp(-u)); };
@@ -230,10 +234,10 @@ class Group {
     *l = At(inverse(a), inverse(b), variance);
     for (double step = 0.5; step > 0.02;) {
       bool moved = false;
-      for (const auto& [da, db] :
-           std::array<std::pair<double, double>, 4>{{{1, 0}, {-1, 0}, {0, 1}, {0, -1}}}) {
+      for (const auto& [da, db] : std::array<std::pair<double, double>, 6>{
+               {{1, 0}, {-1, 0}, {0, 1}, {0, -1}, {1, 1}, {-1, -1}}}) {
         const double ta = std::clamp(a + step * da, -7.0, logit(kLargestShare));
-        const double tb = std::clamp(b + step * db, -3.0, logit(kLargestRho));
+        const double tb = std::clamp(b + step * db, -3.0, logit(largest_rho_));
         double v;
         const double here = At(inverse(ta), inverse(tb), &v);
         if (here > *l + 1e-9) {
@@ -250,8 +254,46 @@ class Group {
 
   const std::vector<Series>& all_;
   std::vector<std::size_t> members_;
+  double largest_rho_ = 0.0;
   double dof_ = 0.0;
 };
+
+// Of series of this length [samples].
+double LargestRho(double length) { return 1.0 - 1.0 / (kLongest * length); }
+
+// Shares and correlations at which every series is looked at, white noise first. Correlation times
+// double and more from one sample to the length of the longest series [samples].
+std::vector<std::pair<double, double>> ShareAndRho(double length) {
+  std::vector<double> rhos = {0.3, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.996, 0.9985};
+  constexpr double kRatio = 2.5;  // of the last ones above
+  for (double time = kRatio / (1.0 - rhos.back()); time < length; time *= kRatio) {
+    rhos.push_back(1.0 - 1.0 / time);
+  }
+  std::erase_if(rhos, [&](double rho) { return rho > LargestRho(length); });
+  std::vector<std::pair<double, double>> grid = {{0.0, 0.0}};
+  for (double share : {0.05, 0.2, 0.5, 0.8, 0.95, kLargestShare}) {
+    for (double rho : rhos) grid.emplace_back(share, rho);
+  }
+  return grid;
+}
+
+// What shares one noise: all series, those of each mark, or each series alone.
+enum class Pooling { kAll, kByMark, kNone };
+
+std::vector<std::vector<std::size_t>> GroupsOf(const std::vector<Series>& all,
+                                               const std::vector<std::size_t>& useful,
+                                               Pooling pooling) {
+  std::vector<std::vector<std::size_t>> groups;
+  for (std::size_t s : useful) {
+    const bool together =
+        !groups.empty() &&
+        (pooling == Pooling::kAll ||
+         (pooling == Pooling::kByMark && all[groups.back().back()].mark == all[s].mark));
+    if (!together) groups.emplace_back();
+    groups.back().push_back(s);
+  }
+  return groups;
+}
 
 }  // namespace
 
@@ -265,50 +307,38 @@ SeriesNoise FitSeriesNoise(const Observations& observations, const Eigen::Vector
   std::vector<Series> all = Split(observations, residual, A);
   std::vector<std::size_t> useful;
   constexpr double kFewest = 20.0;  // contrasts; fewer tell nothing of correlation
+  double length = 0.0;              // of the longest series [samples]
   for (std::size_t s = 0; s < all.size(); ++s) {
-    if (all[s].dof() >= kFewest) useful.push_back(s);
+    if (all[s].dof() < kFewest) continue;
+    useful.push_back(s);
+    length = std::max(length, std::accumulate(all[s].gap.begin(), all[s].gap.end(), 0.0));
   }
   SeriesNoise out;
   out.series.resize(all.size());
   out.pooled = "all series";
   if (useful.empty()) return out;
 
-  std::vector<std::pair<double, double>> grid = {{0.0, 0.0}};
-  for (double share : {0.05, 0.2, 0.5, 0.8, 0.95, kLargestShare}) {
-    for (double rho : {0.3, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.996, 0.9985}) {
-      grid.emplace_back(share, rho);
-    }
-  }
+  const std::vector<std::pair<double, double>> grid = ShareAndRho(length);
   std::vector<std::vector<Pieces>> table(all.size());
+  double dof = 0.0, white = 0.0;
   for (std::size_t s : useful) {
     for (const auto& [share, rho] : grid) {
       table[s].push_back(Evaluate(all[s], {1.0, share, rho}));
     }
-  }
-
-  double dof = 0.0, white = 0.0;
-  for (std::size_t s : useful) {
     dof += all[s].dof();
     white -= 0.5 * (table[s][0].squares + table[s][0].logdet);
   }
-  const double penalty = std::log(dof);
+  const double penalty = std::log(dof), largest_rho = LargestRho(length);
   double best = -std::numeric_limits<double>::infinity();
-  for (const char* pooled : {"all series", "each mark", "each series"}) {
-    std::vector<std::vector<std::size_t>> groups;
-    for (std::size_t s : useful) {
-      const bool first = groups.empty();
-      const std::size_t before = first ? 0 : groups.back().back();
-      const bool together =
-          !first && (pooled[0] == 'a' || (pooled[5] == 'm' && all[before].mark == all[s].mark));
-      if (!together) groups.emplace_back();
-      groups.back().push_back(s);
-    }
+  for (const auto& [pooling, name] :
+       {std::pair{Pooling::kAll, "all series"}, std::pair{Pooling::kByMark, "each mark"},
+        std::pair{Pooling::kNone, "each series"}}) {
     SeriesNoise candidate;
     candidate.series.resize(all.size());
-    candidate.pooled = pooled;
+    candidate.pooled = name;
     double likelihood = 0.0, parameters = 0.0;
-    for (const std::vector<std::size_t>& members : groups) {
-      const GroupFit fit = Group(all, members).Fit(table, grid, penalty);
+    for (const std::vector<std::size_t>& members : GroupsOf(all, useful, pooling)) {
+      const GroupFit fit = Group(all, members, largest_rho).Fit(table, grid, penalty);
       likelihood += fit.log_likelihood;
       parameters += fit.parameters;
       for (std::size_t s : members) candidate.series[s] = fit.noise;
