@@ -135,11 +135,13 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
   ownership.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   CoreLoss reading_loss(options.loss_width), survey_loss(SurveyLossWidth(options.loss_width));
   std::vector<std::unique_ptr<ceres::Manifold>> manifolds;
+  manifolds.reserve(priors.size());
   for (const CameraPrior& prior : priors) manifolds.push_back(MakeCameraManifold(prior));
   ceres::Problem problem(ownership);
 
   const BundleUnits units = UnitsOf(data, *state);
   std::vector<CameraBlock> blocks;
+  blocks.reserve(state->cameras.size());
   for (const data::RigCamera& camera : state->cameras) blocks.push_back(Pack(camera, units));
   Eigen::Matrix3Xd points = state->points / units.length;
   auto ordering = std::make_shared<ceres::ParameterBlockOrdering>();

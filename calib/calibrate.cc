@@ -272,8 +272,7 @@ RigFit FitRig(const Observations& data, const CalibrateOptions& options, const s
     start_floor_px = std::max(start_floor_px, 2.0 * guess.sigma_px);
   }
   ChoosePointStarts(data, start_floor_px, options.bundle.loss_width, &start);
-  FlooredBundle robust =
-      SolveWithFloor(data, fit.priors, start_floor_px, options.bundle, std::move(start));
+  FlooredBundle robust = SolveWithFloor(data, fit.priors, start_floor_px, options.bundle, start);
   const Weighting weighting = StartWeighting(data, fit.priors, robust.floor_px,
                                              options.refine.gross, robust.state, robust.summary);
   fit.bundle = Refine(data, fit.priors, weighting, options.refine, robust.state);

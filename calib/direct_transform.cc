@@ -131,12 +131,12 @@ RobustDirectFit FitDirectRobust(const Eigen::Matrix3Xd& p, const Eigen::VectorXd
 }
 
 data::RigCamera CameraFromDirect(const DirectTransform& transform, const Eigen::Vector3d& centre) {
-  const Eigen::Vector3d a = transform.row(0).head<3>(), b = transform.row(1).head<3>();
+  const Eigen::Vector3d a = transform.row(0).head<3>(), Z = transform.row(1).head<3>();
   data::RigCamera camera;
-  camera.u0_px = a.dot(b);  // |b| = 1
-  const Eigen::Vector3d across = a - camera.u0_px * b;
+  camera.u0_px = a.dot(Z);  // |Z| = 1
+  const Eigen::Vector3d across = a - camera.u0_px * Z;
   camera.f_px = across.norm();
-  const Eigen::Vector3d X = across / camera.f_px, Z = b, Y = Z.cross(X);
+  const Eigen::Vector3d X = across / camera.f_px, Y = Z.cross(X);
   camera.R_CW.row(0) = X;
   camera.R_CW.row(1) = Y;
   camera.R_CW.row(2) = Z;

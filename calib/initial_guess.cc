@@ -268,6 +268,7 @@ std::vector<CameraGuess> GuessCameras(const Observations& data, const GuessOptio
   RefuseFlat(data.p, options.flatness, "the survey's points", where);
   RefuseCopies(data, options.fewest_points, where);
   std::vector<CameraGuess> out;
+  out.reserve(static_cast<std::size_t>(data.camera_count()));
   for (int j = 0; j < data.camera_count(); ++j) {
     out.push_back(GuessCamera(data, j, options, where));
   }

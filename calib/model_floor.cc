@@ -31,8 +31,8 @@ double Between(const Trial& low, const Trial& high, double least) {
 }  // namespace
 
 FlooredBundle SolveWithFloor(const Observations& data, const std::vector<CameraPrior>& priors,
-                             double start_px, const BundleOptions& options, BundleState state,
-                             double discard_share) {
+                             double start_px, const BundleOptions& options,
+                             const BundleState& state, double discard_share) {
   double least_sigma = kInfinite;
   for (const Reading& r : data.readings) least_sigma = std::min(least_sigma, r.s_px);
   const auto solve = [&](double floor_px, const BundleState& from) {

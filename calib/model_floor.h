@@ -22,7 +22,7 @@ struct FlooredBundle {
 // to discard more than `discard_share` of the readings beyond those at the start is too low as
 // well.
 FlooredBundle SolveWithFloor(const Observations& data, const std::vector<CameraPrior>& priors,
-                             double start_px, const BundleOptions& options, BundleState state,
-                             double discard_share = 0.1);
+                             double start_px, const BundleOptions& options,
+                             const BundleState& state, double discard_share = 0.1);
 
 }  // namespace unfurl::calib

@@ -106,6 +106,7 @@ std::vector<Change> Changes() {
   std::stable_sort(all.begin(), all.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
   std::vector<Change> out;
+  out.reserve(all.size());
   for (const auto& [steps, change] : all) out.push_back(change);
   return out;
 }

@@ -116,7 +116,8 @@ std::vector<GridPoint> Grid(const data::Rig& rig) {
   std::vector<GridPoint> out;
   const Eigen::Vector3d span = rig.volume_high - rig.volume_low;
   for (int i = 0; i < kGrid * kGrid * kGrid; ++i) {
-    const Eigen::Vector3d at(i % kGrid, i / kGrid % kGrid, i / (kGrid * kGrid));
+    const int plane = i / (kGrid * kGrid), row = i / kGrid % kGrid;
+    const Eigen::Vector3d at(i % kGrid, row, plane);
     const Eigen::Vector3d p =
         rig.volume_low + span.cwiseProduct((at.array() + 0.5).matrix()) / kGrid;
     std::uint32_t use = 0;

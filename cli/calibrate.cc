@@ -206,6 +206,7 @@ ordered_json Json(const calib::Calibration& result, const Arguments& arguments) 
 data::LensModel LensOf(const std::string& name) {
   if (const auto lens = data::FindLensModel(name)) return *lens;
   std::vector<std::string> known;
+  known.reserve(std::size(data::kLensModels));
   for (const data::LensNames& lens : data::kLensModels) known.emplace_back(lens.name);
   throw Error(fmt::format("there is no lens model \"{}\"", name), "--lens",
               "give one of " + JoinWords(known));

@@ -22,9 +22,7 @@ namespace {
 using nlohmann::ordered_json;
 
 std::string DimsText(const std::vector<std::size_t>& dims) {
-  std::vector<std::string> words;
-  for (std::size_t d : dims) words.push_back(std::to_string(d));
-  return fmt::format("{}", fmt::join(words, " x "));
+  return fmt::format("{}", fmt::join(dims, " x "));
 }
 
 void ListDatasets(const data::H5Reader& reader, ordered_json* sets,

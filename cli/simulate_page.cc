@@ -198,6 +198,7 @@ class Composer {
   template <typename List>
   static std::vector<std::string> Names(const List& list) {
     std::vector<std::string> names;
+    names.reserve(list.size());
     for (const auto& item : list) names.push_back(item.name);
     return names;
   }

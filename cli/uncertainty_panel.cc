@@ -11,6 +11,7 @@ namespace unfurl::cli {
 
 std::vector<std::string> LayerTitles(const calib::UncertaintyMap& map) {
   std::vector<std::string> out;
+  out.reserve(static_cast<std::size_t>(map.layers));
   const std::size_t cells = static_cast<std::size_t>(map.columns * map.columns);
   for (int layer = 0; layer < map.layers; ++layer) {
     out.push_back(

@@ -20,6 +20,7 @@ constexpr Eigen::Index kParameterNumbers = 17;  // those columns
 template <typename List, typename Get>
 std::vector<std::string> Texts(const List& list, Get get) {
   std::vector<std::string> out;
+  out.reserve(list.size());
   for (const auto& item : list) out.push_back(get(item));
   return out;
 }

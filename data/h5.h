@@ -85,7 +85,7 @@ class H5Writer {
   void Write(const H5Field& field, const std::vector<std::string>& values);
 
   // A growing dataset: rows of `row_dims` (empty: scalars); chunk of `chunk_rows`; `deflate` 0..9.
-  H5Series Series(const H5Field& field, H5Type type, std::vector<std::size_t> row_dims = {},
+  H5Series Series(const H5Field& field, H5Type type, const std::vector<std::size_t>& row_dims = {},
                   std::size_t chunk_rows = 1024, int deflate = 0);
 
   // The same of text, each entry of fixed width.

@@ -122,7 +122,7 @@ bool H5HasChecked(hid_t file, const std::string& path, const std::string& object
     if (link.type != H5L_TYPE_HARD) {
       throw Error(fmt::format("is a link to {}, which is not followed",
                               link.type == H5L_TYPE_SOFT ? "another place" : "another file"),
-                  path + ":" + part, "write the data itself in its place");
+                  fmt::format("{}:{}", path, part), "write the data itself in its place");
     }
   }
   return true;

@@ -45,6 +45,7 @@ bool PutDimensionList(hid_t file, const H5Labelled& dataset,
     labels.push_back(references.at(scale));
   }
   std::vector<hvl_t> list;
+  list.reserve(labels.size());
   for (hobj_ref_t& label : labels) list.push_back({1, &label});
   const H5Handle type(H5Tvlen_create(H5T_STD_REF_OBJ), H5Tclose);
   const hsize_t size = list.size();

@@ -40,8 +40,9 @@ hid_t MemoryType(H5Type type) {
 
 }  // namespace
 
-H5Series H5Writer::Series(const H5Field& field, H5Type type, std::vector<std::size_t> row_dims,
-                          std::size_t chunk_rows, int deflate) {
+H5Series H5Writer::Series(const H5Field& field, H5Type type,
+                          const std::vector<std::size_t>& row_dims, std::size_t chunk_rows,
+                          int deflate) {
   H5Series series = impl_->Grow(field, DiskType(type), row_dims, chunk_rows, deflate);
   series.writer_ = this;
   series.type_ = type;

@@ -22,14 +22,14 @@ void List(hid_t file, hid_t group, const std::string& path, const std::string& p
     throw Error(fmt::format("groups nest deeper than {}", kDeepest), path + ":" + prefix,
                 "make the file again");
   }
-  for (const std::string& name : H5LinkNames(group, path + ":" + prefix + "/")) {
-    const std::string object = prefix + "/" + name;
+  for (const std::string& name : H5LinkNames(group, fmt::format("{}:{}/", path, prefix))) {
+    const std::string object = fmt::format("{}/{}", prefix, name);
     H5HasChecked(file, path, object);
     const H5Handle opened(H5Oopen(file, object.c_str(), H5P_DEFAULT), H5Oclose);
     H5O_info_t info;
     if (!opened.valid() || H5Oget_info1(opened.get(), &info) < 0) {
-      throw Error(fmt::format("is damaged: {}", H5LastMessage(nullptr)), path + ":" + object,
-                  "copy the file again, or make it again");
+      throw Error(fmt::format("is damaged: {}", H5LastMessage(nullptr)),
+                  fmt::format("{}:{}", path, object), "copy the file again, or make it again");
     }
     if (!seen->emplace(info.fileno, info.addr).second) continue;
     if (info.type == H5O_TYPE_DATASET) out->push_back(object);

@@ -273,7 +273,7 @@ Rig ReadRig(const std::string& path) {
     for (const std::string& name : file.Children("/checks")) {
       const std::string dataset = "/checks/" + name;
       const std::string units = file.Units(dataset);
-      rig.checks[name + " [" + units + "]"] = ReadNumber(file, dataset, units);
+      rig.checks[fmt::format("{} [{}]", name, units)] = ReadNumber(file, dataset, units);
     }
   }
   rig.reasons = file.ReadStrings("/reasons");

@@ -158,7 +158,7 @@ void ReadShapes(const H5Reader& file, bool ended, Run* run) {
     const std::string group = ShapeGroup(kind);
     if (!file.Has(group)) continue;  // of earlier versions
     for (const std::string& name : file.Children(group)) {
-      datasets.push_back(group + "/" + name);
+      datasets.push_back(fmt::format("{}/{}", group, name));
       run->shapes.push_back({name, {}, {}, kind});
     }
   }

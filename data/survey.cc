@@ -246,7 +246,7 @@ void WriteSurveyCsv(const std::string& path, const Survey& survey) {
     columns.push_back({fmt::format("u{}", c), "px"});
     columns.push_back({fmt::format("s{}", c), "px"});
   }
-  CsvWriter writer(std::move(columns));
+  CsvWriter writer(columns);
   WriteComments(survey, &writer);
   const auto cell = [](double v) { return std::isnan(v) ? std::string() : fmt::format("{}", v); };
   for (Eigen::Index i = 0; i < survey.p.cols(); ++i) {

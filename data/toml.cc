@@ -157,6 +157,7 @@ std::vector<std::string> TomlTable::Node::NamesInOrder(std::string_view group,
   std::stable_sort(order.begin(), order.end(),
                    [](const auto& a, const auto& b) { return a.first < b.first; });
   std::vector<std::string> names;
+  names.reserve(order.size());
   for (auto& [place, name] : order) names.push_back(std::move(name));
   return names;
 }

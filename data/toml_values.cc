@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <utility>
 
 #include "base/signals.h"
 #include "data/toml_node.h"
@@ -121,7 +122,7 @@ std::string TomlTable::String(std::string_view key) const {
 }
 
 std::string TomlTable::Choice(std::string_view key, const std::vector<std::string>& allowed) const {
-  const std::string value = String(key);
+  std::string value = String(key);
   for (const std::string& name : allowed) {
     if (name == value) return value;
   }
@@ -180,11 +181,11 @@ std::string TomlTable::ChoiceOr(std::string_view key, const std::string& fallbac
 }
 std::vector<double> TomlTable::NumbersOr(std::string_view key, std::vector<double> fallback,
                                          int size, TomlRange range) const {
-  return Has(key) ? Numbers(key, size, range) : fallback;
+  return Has(key) ? Numbers(key, size, range) : std::move(fallback);
 }
 std::vector<std::string> TomlTable::StringsOr(std::string_view key,
                                               std::vector<std::string> fallback) const {
-  return Has(key) ? Strings(key) : fallback;
+  return Has(key) ? Strings(key) : std::move(fallback);
 }
 
 }  // namespace unfurl::data

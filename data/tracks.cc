@@ -245,7 +245,7 @@ void WriteTracksCsv(const std::string& path, const Tracks& tracks) {
   for (const char* name : kCovariance) columns.push_back({name, "m^2"});
   columns.push_back({"status", ""});
   if (!tracks.reason.empty()) columns.push_back({"reason", ""});
-  CsvWriter writer(std::move(columns));
+  CsvWriter writer(columns);
   writer.Comment(fmt::format("frame: {}", tracks.frame));
   writer.Comment(fmt::format("smoothed: {}", tracks.smoothed ? "yes" : "no"));
   const auto cell = [](double v) { return std::isnan(v) ? std::string() : fmt::format("{}", v); };

@@ -156,7 +156,9 @@ class StretchSmoother {
     };
     const double lowest = std::log10(scale_.least_jerk()), highest = std::log10(scale_.most_jerk());
     double best = lowest, best_value = -std::numeric_limits<double>::infinity();
-    for (double at = lowest; at <= highest + 0.5; at += 1.0) {
+    const int steps = static_cast<int>(std::floor(highest + 0.5 - lowest));
+    for (int k = 0; k <= steps; ++k) {
+      const double at = lowest + k;
       const double here = value(at);
       if (here > best_value) {
         best_value = here;

@@ -133,7 +133,10 @@ void StreakPicture::Write(const std::string& path) const {
     const data::LineFormat& format = im.header.format.Of(static_cast<std::size_t>(c));
     text(std::to_string(format.active - 1), place.x - 40, place.y + 10, grey);
     text("0", place.x - 14, place.y + kHeight, grey);
-    for (double t = std::ceil(im.first_t / step) * step; t <= im.last_t; t += step) {
+    const double first_tick = std::ceil(im.first_t / step) * step;
+    const int ticks = static_cast<int>(std::floor((im.last_t - first_tick) / step));
+    for (int k = 0; k <= ticks; ++k) {
+      const double t = first_tick + k * step;
       const int x = place.x + static_cast<int>((t - im.first_t) / range * (im.width - 1));
       cv::line(page, {x, place.y + kHeight}, {x, place.y + kHeight + 4}, grey);
       if (c == panels - 1) text(fmt::format("{:g}", t), x - 8, place.y + kHeight + 18, grey);

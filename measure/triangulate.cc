@@ -289,7 +289,8 @@ std::vector<PointSolution> Triangulator::GridOfVolume() const {
   const std::vector<double> s = TypicalSigmas(rig_);
   const Eigen::Vector3d span = rig_.volume_high - rig_.volume_low;
   for (int i = 0; i < kGrid * kGrid * kGrid; ++i) {
-    const Eigen::Vector3d at(i % kGrid, i / kGrid % kGrid, i / (kGrid * kGrid));
+    const int plane = i / (kGrid * kGrid), row = i / kGrid % kGrid;
+    const Eigen::Vector3d at(i % kGrid, row, plane);
     const Eigen::Vector3d p = rig_.volume_low + span.cwiseProduct(at) / (kGrid - 1.0);
     bool in_front = true;
     for (std::size_t c = 0; c < u.size(); ++c) {

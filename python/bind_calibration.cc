@@ -315,7 +315,7 @@ void BindPlan(py::module_& m) {
       .def_readonly("name", &PlanCase::name, "'all cameras', or 'without NAME'.")
       .def_property_readonly(
           "sigma",
-          [](py::object self) {
+          [](const py::object& self) {
             const calib::UncertaintyMap& map = self.cast<PlanCase&>().map;
             const py::ssize_t columns = map.columns, layers = map.layers;
             return View(map.sigma.data(), {layers, columns, columns}, self);
@@ -342,7 +342,8 @@ void BindPlan(py::module_& m) {
   py::class_<Plan>(m, "Plan", "How well a rig will find points.")
       .def_readonly("rig", &Plan::rig, "With the covariance that such a calibration would have.")
       .def_property_readonly(
-          "cases", [](py::object self) { return PartsOf(self, self.cast<Plan&>().result.cases); },
+          "cases",
+          [](const py::object& self) { return PartsOf(self, self.cast<Plan&>().result.cases); },
           "List of PlanCase: with all cameras, then without each.")
       .def_property_readonly(
           "verdict", [](const Plan& self) { return self.result.headline; }, "In words.")

@@ -98,7 +98,7 @@ py::list ModeTable(const correlate::ModalFit& fit) {
 
 template <class Owner>
 auto ViewOf(std::vector<double> Owner::*member) {
-  return [member](py::object self) { return View(self.cast<Owner&>().*member, self); };
+  return [member](const py::object& self) { return View(self.cast<Owner&>().*member, self); };
 }
 
 void BindParts(py::module_& m) {
@@ -203,18 +203,20 @@ void BindCompare(py::module_& m) {
           "r2", [](const Comparison& c) { return c.alignment.r2; },
           "Share of the marks' motion that the reference explains.")
       .def_property_readonly(
-          "errors", [](py::object self) { return PartsOf(self, self.cast<Comparison&>().errors); },
+          "errors",
+          [](const py::object& self) { return PartsOf(self, self.cast<Comparison&>().errors); },
           "List of MarkError: per mark, then all.")
       .def_property_readonly(
-          "scores", [](py::object self) { return PartsOf(self, self.cast<Comparison&>().scores); },
+          "scores",
+          [](const py::object& self) { return PartsOf(self, self.cast<Comparison&>().scores); },
           "List of Score: angles, marks, then all.")
       .def_property_readonly(
           "signals",
-          [](py::object self) { return PartsOf(self, self.cast<Comparison&>().signals); },
+          [](const py::object& self) { return PartsOf(self, self.cast<Comparison&>().signals); },
           "List of Signal.")
       .def_property_readonly(
           "spectra",
-          [](py::object self) { return PartsOf(self, self.cast<Comparison&>().spectra); },
+          [](const py::object& self) { return PartsOf(self, self.cast<Comparison&>().spectra); },
           "List of SpectrumPair.")
       .def_property_readonly(
           "measured_modes", [](const Comparison& c) { return ModeTable(c.measured_modes); },

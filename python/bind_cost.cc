@@ -69,7 +69,9 @@ void BindCost(py::module_& m) {
   py::class_<SceneCost>(m, "Cost", "What accuracy of a scene costs in time.")
       .def_property_readonly(
           "points",
-          [](py::object self) { return PartsOf(self, self.cast<SceneCost&>().study.points); },
+          [](const py::object& self) {
+            return PartsOf(self, self.cast<SceneCost&>().study.points);
+          },
           "List of CostPoint, in the order of the settings.")
       .def_property_readonly(
           "advice", [](const SceneCost& c) { return correlate::CostAdvice(c.study); },

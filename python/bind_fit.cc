@@ -188,8 +188,9 @@ void BindParameters(py::module_& m) {
 
 void BindResult(py::module_& m) {
   const auto points = [](Eigen::Matrix3Xd data::FitRecord::*member) {
-    return
-        [member](py::object self) { return PointsView<3>(self.cast<Fit&>().data.*member, self); };
+    return [member](const py::object& self) {
+      return PointsView<3>(self.cast<Fit&>().data.*member, self);
+    };
   };
   py::class_<Fit, std::shared_ptr<Fit>>(
       m, "Fit",
@@ -206,7 +207,7 @@ void BindResult(py::module_& m) {
       .def_property_readonly("reasons", [](const Fit& f) { return f.data.reasons; })
       .def_property_readonly(
           "parameters",
-          [](py::object self) {
+          [](const py::object& self) {
             py::list list;
             for (const FitParameter& p : self.cast<Fit&>().data.parameters) {
               list.append(py::cast(&p, py::return_value_policy::reference_internal, self));
@@ -232,7 +233,9 @@ void BindResult(py::module_& m) {
       .def("__len__", [](const Fit& f) { return f.data.parameters.size(); })
       .def_property_readonly(
           "covariance",
-          [](py::object self) { return MatrixView(self.cast<Fit&>().data.covariance, self); },
+          [](const py::object& self) {
+            return MatrixView(self.cast<Fit&>().data.covariance, self);
+          },
           "(p, p) of the values, all parts, in the products of their units.")
       .def_property_readonly(
           "checks", [](const Fit& f) { return f.data.checks; },
@@ -242,10 +245,10 @@ void BindResult(py::module_& m) {
           "How often the model was evaluated.")
       .def_property_readonly("marks", [](const Fit& f) { return f.data.marks; })
       .def_property_readonly(
-          "t", [](py::object self) { return View(self.cast<Fit&>().data.t, self); },
+          "t", [](const py::object& self) { return View(self.cast<Fit&>().data.t, self); },
           "(n,) on the tracks' clock [s].")
       .def_property_readonly(
-          "mark", [](py::object self) { return View(self.cast<Fit&>().data.mark, self); },
+          "mark", [](const py::object& self) { return View(self.cast<Fit&>().data.mark, self); },
           "(n,) index into marks.")
       .def_property_readonly("measured", points(&data::FitRecord::measured), "(n, 3) [m].")
       .def_property_readonly("sigma", points(&data::FitRecord::sigma),

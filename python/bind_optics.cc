@@ -105,16 +105,20 @@ void BindSurvey(py::module_& m) {
       .def_property_readonly(
           "cameras", [](const Survey& self) { return self.data.cameras; }, "c names.")
       .def_property_readonly(
-          "p", [](py::object self) { return PointsView<3>(self.cast<Survey&>().data.p, self); },
+          "p",
+          [](const py::object& self) { return PointsView<3>(self.cast<Survey&>().data.p, self); },
           "(n, 3) coordinates in the station's frame [m].")
       .def_property_readonly(
-          "cov", [](py::object self) { return PointsView<6>(self.cast<Survey&>().data.cov, self); },
+          "cov",
+          [](const py::object& self) { return PointsView<6>(self.cast<Survey&>().data.cov, self); },
           "(n, 6) covariance: xx, xy, xz, yy, yz, zz [m^2].")
       .def_property_readonly(
-          "u", [](py::object self) { return MatrixView(self.cast<Survey&>().data.u_px, self); },
+          "u",
+          [](const py::object& self) { return MatrixView(self.cast<Survey&>().data.u_px, self); },
           "(n, c) readings; NaN: not seen [px]. (0, 0) where there are raw lines only.")
       .def_property_readonly(
-          "s", [](py::object self) { return MatrixView(self.cast<Survey&>().data.s_px, self); },
+          "s",
+          [](const py::object& self) { return MatrixView(self.cast<Survey&>().data.s_px, self); },
           "(n, c) their standard deviations [px].")
       .def_property_readonly(
           "has_lines", [](const Survey& self) { return self.data.has_lines(); },
@@ -138,7 +142,7 @@ void BindRig(py::module_& m) {
       .def_readonly("name", &data::RigCamera::name)
       .def_property_readonly(
           "R_CW",
-          [](py::object self) {
+          [](const py::object& self) {
             constexpr py::ssize_t kSize = sizeof(double);
             return View(self.cast<data::RigCamera&>().R_CW.data(), {3, 3}, self,
                         {kSize, 3 * kSize});
@@ -146,13 +150,13 @@ void BindRig(py::module_& m) {
           "(3, 3) rotation from world to camera.")
       .def_property_readonly(
           "p_WC",
-          [](py::object self) {
+          [](const py::object& self) {
             return View(self.cast<data::RigCamera&>().p_WC.data(), {3}, self);
           },
           "(3,) centre of the slit in the world [m].")
       .def_property_readonly(
           "terms",
-          [](py::object self) {
+          [](const py::object& self) {
             const auto& terms = self.cast<data::RigCamera&>().terms_px;
             return View(terms.data(), {static_cast<py::ssize_t>(terms.size())}, self);
           },
@@ -172,7 +176,7 @@ void BindRig(py::module_& m) {
       .def("__len__", [](const Rig& self) { return self.data.cameras.size(); })
       .def_property_readonly(
           "cameras",
-          [](py::object self) {
+          [](const py::object& self) {
             py::list cameras;
             for (const data::RigCamera& camera : self.cast<Rig&>().data.cameras) {
               cameras.append(py::cast(&camera, py::return_value_policy::reference_internal, self));
@@ -182,7 +186,9 @@ void BindRig(py::module_& m) {
           "List of RigCamera.")
       .def_property_readonly(
           "covariance",
-          [](py::object self) { return MatrixView(self.cast<Rig&>().data.covariance, self); },
+          [](const py::object& self) {
+            return MatrixView(self.cast<Rig&>().data.covariance, self);
+          },
           "Joint covariance of all parameters, camera by camera: rotation vector (3) [rad], p_WC "
           "(3)\n"
           "[m], f, u0 [px], e [m], terms [px]; zeros for what was held fixed.")

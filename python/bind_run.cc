@@ -183,7 +183,7 @@ void BindRun(py::module_& m) {
           },
           py::arg("name"), "What a quantity is, in one line.")
       .def_property_readonly(
-          "t", [](py::object self) { return View(self.cast<Run&>().data.t, self); },
+          "t", [](const py::object& self) { return View(self.cast<Run&>().data.t, self); },
           "(n,) time of each sample [s].")
       .def_property_readonly(
           "marks", [](const Run& self) { return self.data.marks; },
@@ -191,7 +191,8 @@ void BindRun(py::module_& m) {
       .def_property_readonly(
           "events", [](const Run& self) { return self.data.events; }, "List of RunEvent.")
       .def_property_readonly(
-          "shape_t", [](py::object self) { return View(self.cast<Run&>().data.shape_t, self); },
+          "shape_t",
+          [](const py::object& self) { return View(self.cast<Run&>().data.shape_t, self); },
           "(s,) times at which the beams' shapes were kept [s]; empty: none were.")
       .def_property_readonly(
           "shapes", &Shapes,

@@ -256,7 +256,7 @@ void BindSimulate(py::module_& m) {
       .def(
           "keys", [](const Sample& s) { return *s.names; }, "Names of the quantities.")
       .def_property_readonly(
-          "values", [](py::object self) { return View(self.cast<Sample&>().values, self); },
+          "values", [](const py::object& self) { return View(self.cast<Sample&>().values, self); },
           "(q,) in the order of keys().")
       .def("__len__", [](const Sample& s) { return s.values.size(); })
       .def("__getitem__",

@@ -108,6 +108,7 @@ py::tuple PickleTracks(const Tracks& tracks) {
   const data::Tracks& d = tracks.data;
   const auto numbers = [](const auto& of) {
     std::vector<std::int32_t> out;
+    out.reserve(of.size());
     for (const auto& value : of) out.push_back(static_cast<std::int32_t>(value));
     return Owned(std::move(out));
   };
@@ -207,20 +208,22 @@ void BindTracks(py::module_& m) {
           "smoothed", [](const Tracks& self) { return self.data.smoothed; },
           "Whether they were smoothed: a fit refuses those.")
       .def_property_readonly(
-          "t", [](py::object self) { return View(self.cast<Tracks&>().data.t, self); },
+          "t", [](const py::object& self) { return View(self.cast<Tracks&>().data.t, self); },
           "(n,) time stamp of each sample [s].")
       .def_property_readonly(
-          "mark", [](py::object self) { return View(self.cast<Tracks&>().data.mark, self); },
+          "mark", [](const py::object& self) { return View(self.cast<Tracks&>().data.mark, self); },
           "(n,) index into marks.")
       .def_property_readonly(
-          "p", [](py::object self) { return PointsView<3>(self.cast<Tracks&>().data.p, self); },
+          "p",
+          [](const py::object& self) { return PointsView<3>(self.cast<Tracks&>().data.p, self); },
           "(n, 3) x, y, z; NaN where unsolvable [m].")
       .def_property_readonly(
-          "cov", [](py::object self) { return PointsView<6>(self.cast<Tracks&>().data.cov, self); },
+          "cov",
+          [](const py::object& self) { return PointsView<6>(self.cast<Tracks&>().data.cov, self); },
           "(n, 6) random covariance: xx, xy, xz, yy, yz, zz [m^2].")
       .def_property_readonly(
           "status",
-          [](py::object self) {
+          [](const py::object& self) {
             const auto& status = self.cast<Tracks&>().data.status;
             return View(reinterpret_cast<const std::int32_t*>(status.data()),
                         {static_cast<py::ssize_t>(status.size())}, self);
@@ -228,7 +231,7 @@ void BindTracks(py::module_& m) {
           "(n,) unfurl.SampleStatus of each sample.")
       .def_property_readonly(
           "shared",
-          [](py::object self) {
+          [](const py::object& self) {
             const data::Tracks& tracks = self.cast<Tracks&>().data;
             const auto n = static_cast<py::ssize_t>(tracks.size());
             const py::ssize_t k = tracks.shared_rank, size = sizeof(double);

@@ -51,7 +51,11 @@ class Scale {
   std::vector<double> Marks(int count) const {
     if (!log_) return Ticks(low_, high_, count);
     std::vector<double> out;
-    for (double v = low_; v <= 1.0001 * high_; v *= 10.0) out.push_back(v);
+    double v = low_;
+    while (v <= 1.0001 * high_) {
+      out.push_back(v);
+      v *= 10.0;
+    }
     return out;
   }
 

@@ -76,7 +76,8 @@ EvenSignals::Stretch Regrid(std::span<const double> t, std::span<const double> y
   const Eigen::VectorXd h = LowPass(factor);
   const Eigen::Index skip = static_cast<Eigen::Index>(factor);
   const Eigen::Index count = n < h.size() ? 0 : (n - h.size()) / skip + 1;
-  out.start += static_cast<double>(h.size() / 2) * step;
+  const Eigen::Index half = h.size() / 2;  // of an odd number
+  out.start += static_cast<double>(half) * step;
   out.value.resize(count);
   for (Eigen::Index i = 0; i < count; ++i) out.value(i) = h.dot(even.segment(i * skip, h.size()));
   return out;

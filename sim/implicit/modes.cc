@@ -151,7 +151,7 @@ Pairs SolveSubspace(const Linearised& system, int wanted) {
     const MatrixXd A = X.transpose() * KX, B = X.transpose() * mass.asDiagonal() * X;
     const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> ritz(0.5 * (A + A.transpose()), B);
     X = X * ritz.eigenvectors();
-    const VectorXd found = ritz.eigenvalues();
+    const VectorXd& found = ritz.eigenvalues();
     double change = 0.0;
     const double rigid = kRigid * system.stiffest();
     for (int k = 0; k < std::min(wanted, columns); ++k) {

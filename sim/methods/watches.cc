@@ -78,6 +78,7 @@ std::map<std::string, Watch> Quantities(const Model& model) {
     constexpr const char* kColumns[6] = {".x", ".y", ".theta", ".vx", ".vy", ".omega"};
     for (int block = 0; block < 6; ++block) {
       std::vector<std::pair<int, double>> terms;
+      terms.reserve(static_cast<std::size_t>(beam.segments));
       for (int k = 0; k < beam.segments; ++k) {
         terms.emplace_back(block * i.n + beam.first + k, 1.0 / beam.segments);
       }
@@ -96,6 +97,7 @@ Watches::Watches(const data::Scene& scene, const Model& model) {
     const auto found = known.find(asked.quantity);
     if (found == known.end()) {
       std::vector<std::string> names;
+      names.reserve(known.size());
       for (const auto& [name, watch] : known) names.push_back(name);
       const std::string nearest = NearestName(asked.quantity, names);
       throw Error(fmt::format("there is no quantity \"{}\" to watch", asked.quantity),
