@@ -199,6 +199,7 @@ py::array_t<double> Shapes(const Modes& modes) {
 template <class Named>
 std::vector<std::string> NamesOf(const std::vector<Named>& all) {
   std::vector<std::string> names;
+  names.reserve(all.size());
   for (const Named& one : all) names.push_back(one.name);
   return names;
 }

@@ -8,6 +8,7 @@ namespace {
 PyObject* g_error = nullptr;
 PyObject* g_machine_error = nullptr;
 
+// pybind11 passes it by value. NOLINTNEXTLINE(performance-unnecessary-value-param)
 void Translate(std::exception_ptr thrown) {
   try {
     if (thrown) std::rethrow_exception(thrown);

@@ -165,7 +165,7 @@ Numbers RealNumbers(const py::handle& object, const std::string& what) {
   }
   constexpr std::string_view kReal = "fiubO";  // kinds of NumPy; objects are tried one by one
   if (kReal.find(any.dtype().kind()) != std::string_view::npos) {
-    if (const auto numbers = Numbers::ensure(any)) return numbers;
+    if (auto numbers = Numbers::ensure(any)) return numbers;
     PyErr_Clear();
   }
   throw py::type_error(fmt::format("{}: expected real numbers, got {}", what,

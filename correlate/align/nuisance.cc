@@ -64,6 +64,7 @@ std::vector<Nuisance> Nuisances(const RegistrationOptions& options,
 
 std::vector<std::string> NamesOf(const std::vector<Nuisance>& nuisances) {
   std::vector<std::string> names;
+  names.reserve(nuisances.size());
   for (const Nuisance& n : nuisances) names.push_back(n.Name());
   return names;
 }

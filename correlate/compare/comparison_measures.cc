@@ -132,6 +132,7 @@ std::pair<std::size_t, std::size_t> Within(const Comparison& c, const ComparedSi
 
 std::vector<Peak> AsPeaks(const std::vector<LombPeak>& from) {
   std::vector<Peak> out;
+  out.reserve(from.size());
   for (const LombPeak& p : from) out.push_back({p.frequency, p.amplitude, 0});
   return out;
 }

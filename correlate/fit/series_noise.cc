@@ -266,8 +266,10 @@ double LargestRho(double length) { return 1.0 - 1.0 / (kLongest * length); }
 std::vector<std::pair<double, double>> ShareAndRho(double length) {
   std::vector<double> rhos = {0.3, 0.6, 0.8, 0.9, 0.95, 0.98, 0.99, 0.996, 0.9985};
   constexpr double kRatio = 2.5;  // of the last ones above
-  for (double time = kRatio / (1.0 - rhos.back()); time < length; time *= kRatio) {
+  double time = kRatio / (1.0 - rhos.back());
+  while (time < length) {
     rhos.push_back(1.0 - 1.0 / time);
+    time *= kRatio;
   }
   std::erase_if(rhos, [&](double rho) { return rho > LargestRho(length); });
   std::vector<std::pair<double, double>> grid = {{0.0, 0.0}};
