@@ -18,8 +18,8 @@ struct Registration {
   Pose X_WM = Pose::Identity();  // from the model's frame M to the record's frame W
   double offset = 0.0;           // what the record's clock shows when the model's shows 0 [s]
   double drift = 0.0;            // by which the record's clock runs fast, about its pivot [-]
-  Eigen::VectorXd own;           // unknowns of the residual kinds, in their order
-  Eigen::VectorXd z;             // k, prior N(0, I)
+  Eigen::VectorXd own;           // unknowns of the residual kinds, in their order [theirs]
+  Eigen::VectorXd z;             // k, prior N(0, I) [-]
   /// The record's clock.
   Clock clock() const { return {offset, drift}; }
 };
@@ -31,7 +31,7 @@ struct RegistrationOptions {
   bool fit_drift = false;
   bool with_others = false;  // of the observations' residual kinds; off: their rows are zeros
   int max_iterations = 30;
-  double tolerance = 1e-5;  // ends when no unknown moves by more than this part of its sigma
+  double tolerance = 1e-5;  // ends when no unknown moves by more than this part of its sigma [-]
 };
 
 /// The same with what is known of a record beforehand: what is known is not fitted, what has a
@@ -54,9 +54,9 @@ std::vector<std::string> NuisanceNames(const RegistrationOptions& options,
 struct RegistrationFit {
   Registration at;
   Eigen::Vector3d centroid_M = Eigen::Vector3d::Zero();  // about which w turns [m]
-  Eigen::VectorXd residual;                              // whitened, at the solution
-  Eigen::MatrixXd jacobian;                              // rows x nuisances: d residual / d unknown
-  Eigen::VectorXd sigma;       // of the nuisances, for unit white residuals
+  Eigen::VectorXd residual;                              // whitened, at the solution [-]
+  Eigen::MatrixXd jacobian;    // rows x nuisances: d residual / d unknown [1/rad, 1/m, 1/s, -]
+  Eigen::VectorXd sigma;       // of the nuisances, for unit white residuals [rad, m, s, -]
   std::size_t known = 0;       // samples of marks that took part
   Eigen::Index data_rows = 0;  // rows of all series that took part, those of the marks included
   bool converged = false;

@@ -14,9 +14,9 @@ namespace unfurl::correlate {
 // over the contiguous stretches of the series (a gap ends a stretch), order by the Bayesian
 // information criterion. Its zeros lie inside the unit circle, so its autocorrelation decays.
 struct Autoregression {
-  std::vector<double> a;    // order p; empty: white
-  double variance = 0.0;    // of x
-  double innovation = 0.0;  // variance of e
+  std::vector<double> a;    // order p; empty: white [-]
+  double variance = 0.0;    // of x [unit of x, squared]
+  double innovation = 0.0;  // variance of e [the same]
   std::size_t count = 0;    // values used
 
   // Autocorrelation at lags 0 .. max_lag.
@@ -46,15 +46,15 @@ struct ResidualNoise {
     std::string mark;
     int axis = 0;  // 0, 1, 2: rows of the whitened residual
     Autoregression model;
-    double p_value = 1.0;           // of whiteness
+    double p_value = 1.0;           // of whiteness [-]
     std::vector<Eigen::Index> row;  // rows in the stacked residual, in order of time
     std::vector<std::size_t> slot;  // sample's place on the mark's even grid
   };
   std::vector<Series> series;
-  double p_together = 1.0;       // of all series being white, their statistics added up
-  double smallest_p = 1.0;       // over all series, times their number (Bonferroni)
-  double effective_share = 1.0;  // effective over nominal number of samples, mean over the series
-  double variance = 1.0;         // mean square of the whitened residuals
+  double p_together = 1.0;       // of all series being white, their statistics added up [-]
+  double smallest_p = 1.0;       // over all series, times their number (Bonferroni) [-]
+  double effective_share = 1.0;  // effective over nominal number of samples, mean of series [-]
+  double variance = 1.0;         // mean square of the whitened residuals [-]
 
   // At one in a hundred, over all series.
   bool white() const { return smallest_p > 0.01; }

@@ -44,7 +44,7 @@ class Correction {
 
   const std::vector<Parameter>& parameters_;
   std::vector<const Observations*> observations_;  // by trial
-  Eigen::VectorXd u_;
+  Eigen::VectorXd u_;                              // internal coordinates [-, units]
   Difference difference_;
   std::vector<Eigen::MatrixXd>
       slope_;  // by trial, rows of the difference x parameters; empty: none

@@ -99,22 +99,22 @@ enum class Verdict {
 };
 const char* Name(Verdict verdict);  // in words
 
-/// A fitted parameter, in its unit.
+/// A fitted parameter; [unit] is the parameter's.
 struct ParameterEstimate {
-  double value = 0.0;
-  double sigma = 0.0;        // standard error, all parts together
-  double sigma_data = 0.0;   // from the samples and what they share, residual correlation included
-  double sigma_white = 0.0;  // the same, were the residuals white and their covariances right
-  double sigma_model = 0.0;  // from the model's own error (mesh, tolerance)
+  double value = 0.0;        // [unit]
+  double sigma = 0.0;        // standard error, all parts together [unit]
+  double sigma_data = 0.0;   // from samples and what they share, with residual correlation [unit]
+  double sigma_white = 0.0;  // the same, were residuals white, their covariances right [unit]
+  double sigma_model = 0.0;  // from the model's own error (mesh, tolerance) [unit]
   double sigma_doubt = 0.0;  // of that, what lies to either side; the rest is between 0 and
-                             // model_shift (FitResult::ladder.one_sided); else all of it
-  double sigma_alone = 0.0;  // of the data, were all other parameters known
-  double model_shift = 0.0;  // by how much the finer model would move the value
+                             // model_shift (FitResult::ladder.one_sided); else all of it [unit]
+  double sigma_alone = 0.0;  // of the data, were all other parameters known [unit]
+  double model_shift = 0.0;  // by how much the finer model would move the value [unit]
   double kink = 0.0;         // |forward - backward| / |forward + backward| differences, RMS [-]
   double imitated = 0.0;     // share of its effect that frame, offset or calibration imitate [0, 1]
   Profile profile;           // without points: none was asked for
-  Interval data95;           // of the data alone
-  Interval all95;            // of the data and of the model's own error
+  Interval data95;           // of the data alone [unit]
+  Interval all95;            // of the data and of the model's own error [unit]
   Verdict verdict = Verdict::kNotDetermined;
   std::string reason;             // in words, with numbers
   std::vector<std::string> with;  // names, for kCombination
@@ -122,9 +122,9 @@ struct ParameterEstimate {
 
 /// How one stage of the search went.
 struct StageResult {
-  double end = 0.0;  // [s]; infinity: all
-  std::vector<double> theta;
-  double cost = 0.0;
+  double end = 0.0;           // [s]; infinity: all
+  std::vector<double> theta;  // values [units]
+  double cost = 0.0;          // half the sum of squares [-]
   int iterations = 0;
   std::size_t samples = 0;
   std::string solver_message;
@@ -132,9 +132,9 @@ struct StageResult {
 
 // One of several starts and where it led.
 struct StartResult {
-  std::vector<double> from, to;  // values
-  double screened = 0.0;         // misfit over the first horizon that it was chosen by
-  double cost = -1.0;            // half the sum of squares over the whole record; -1: failed
+  std::vector<double> from, to;  // values [units]
+  double screened = 0.0;         // misfit over the first horizon that it was chosen by [-]
+  double cost = -1.0;            // half the sum of squares over the whole record; -1: failed [-]
   std::string message;
   std::vector<StageResult> stages;
 };
@@ -145,7 +145,7 @@ struct LessWeight {
   std::string mark;
   double from = 0.0, to = 0.0;  // on the record's clock [s]
   double noise = 0.0;           // RMS of a coordinate [m]
-  double weight = 1.0;          // (0, 1), of the samples there
+  double weight = 1.0;          // (0, 1), of the samples there [-]
 };
 
 // What the model's own error at the estimate was judged by.
@@ -162,7 +162,7 @@ struct TrialResult {
   Alignment alignment;  // at the start that led here
   Registration at;
   RegistrationFit registration;  // rows whitened in time, too
-  Eigen::VectorXd residual;      // in the samples' own sigmas
+  Eigen::VectorXd residual;      // in the samples' own sigmas [-]
   std::vector<Nuisance> nuisances;
   Eigen::VectorXd nuisance_sigma;  // standard errors, all parts [rad, m, s, -]
   Prediction prediction;           // at observations.StampsAt(reference)
@@ -175,29 +175,29 @@ struct TrialResult {
   SeriesNoise noise;          // found in the residuals, with which they are whitened
   ResidualNoise plain;        // the residuals before that: autocorrelation, whiteness
   ResidualNoise whitened;     // and after
-  double chi2_per_dof = 0.0;  // of residuals in the samples' own sigmas
+  double chi2_per_dof = 0.0;  // of residuals in the samples' own sigmas [-]
   GoodnessOfFit goodness;     // does the model explain them?
   double model_noise = 0.0;   // RMS scatter of the model's marks, one tolerance to another [m]
   std::vector<LessWeight> less_weight;
   ErrorCheck error_check = ErrorCheck::kNone;
   std::string error_check_failure;  // why the better model that was asked gave nothing
   // The model's own error at the estimate (better model less model, times the factor); empty where
-  // no better one was run. RMS of the marks, in metres and in the samples' sigmas.
+  // no better one was run. RMS of the marks, below.
   Change model_error;
   // By how much a second estimate of it, from lower rungs of the ladder, differs; empty: none.
   Change model_doubt;
   // What a tighter tolerance moves the lowest rung by there; empty: none was run.
   Change model_scatter;
-  double model_error_rms = 0.0;
-  double model_error_sigmas = 0.0;
-  double data_sigma = 0.0;  // typical sigma of the samples [m]
+  double model_error_rms = 0.0;     // [m]
+  double model_error_sigmas = 0.0;  // in the samples' sigmas [-]
+  double data_sigma = 0.0;          // typical sigma of the samples [m]
 };
 
 /// One look of a fit's ladder at the finest rung (docs/physics-correlation.md, "The ladder").
 struct LadderRound {
   std::size_t base = 0;       ///< the rung that led there
-  std::vector<double> theta;  ///< values at which the finest rung was evaluated
-  double fine_cost = -1.0;    ///< half its sum of squares there; -1: it failed
+  std::vector<double> theta;  ///< values at which the finest rung was evaluated [units]
+  double fine_cost = -1.0;    ///< half its sum of squares there; -1: it failed [-]
   /// From the round before, the largest in standard errors; NaN: the first [-].
   double step = std::numeric_limits<double>::quiet_NaN();
   /// That step over the one before it; NaN: there is none [-].
@@ -237,14 +237,15 @@ struct FitResult {
   bool Usable() const { return status == FitStatus::kConverged; }
 
   std::vector<ParameterEstimate> parameters;
-  Eigen::MatrixXd covariance;  // of the values, all parts [unit x unit]
-  Eigen::MatrixXd correlation;
+  Eigen::MatrixXd covariance;       // of the values, all parts [unit x unit]
+  Eigen::MatrixXd correlation;      // likewise [-]
   std::vector<StartResult> starts;  // best end first; one that failed comes last
   std::vector<StageResult> stages;  // of the start that led to the estimate, sharpening included
   std::vector<TrialResult> trials;
   std::vector<EvaluationRecord> evaluations;
-  Eigen::MatrixXd sensitivity;  // whitened rows of all trials x parameters, d residual / d value
-  double cost = 0.0;            // half the sum of squares at the estimate, whitened, with priors
+  // Whitened rows of all trials x parameters: d residual / d value [1/unit].
+  Eigen::MatrixXd sensitivity;
+  double cost = 0.0;  // half the sum of squares at the estimate, whitened, with priors [-]
   // Deviance by which the lowest point of any profile lies below the estimate; 0: none does [-].
   double profile_below = 0.0;
   LadderResult ladder;

@@ -29,8 +29,8 @@ class ReducedProblem {
   struct Point {
     std::vector<Evaluator::Answer> prediction;  // by part
     std::vector<RegistrationFit> registration;
-    Eigen::VectorXd residual;  // rows, the registrations at their best for these parameters
-    double cost = 0.0;         // half the sum of squares
+    Eigen::VectorXd residual;  // rows, the registrations at their best for these parameters [-]
+    double cost = 0.0;         // half the sum of squares [-]
     std::string failure;       // in words, where a model failed
   };
 
@@ -97,11 +97,11 @@ class ReducedProblem {
   Evaluator& evaluator_;
   std::vector<Eigen::Index> first_;  // first row of each part; then that of the priors
   Eigen::Index rows_ = 0;
-  std::vector<double> steps_;
+  std::vector<double> steps_;  // of the differences, in u [-, or the parameter's unit]
 };
 
 // Beyond this the differences to either side are of different motions.
-inline constexpr double kKink = 0.3;
+inline constexpr double kKink = 0.3;  // [-]
 
 // The sigma of one coordinate [m]: of the mean information of all samples, so that one that is put
 // aside does not count.

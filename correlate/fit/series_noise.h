@@ -13,9 +13,9 @@ namespace unfurl::correlate {
 // white noise and a first-order Markov process side by side: what a reading scatters by, and what
 // drifts along (optics that are wrong in a smooth way, a model that is not quite the structure).
 struct MarkovNoise {
-  double variance = 1.0;                       // of the whole [-]
-  double share = 0.0;                          // of it that is correlated, [0, 1]; 0: white
-  double rho = 0.0;                            // correlation from one sample to the next, [0, 1)
+  double variance = 1.0;  // of the whole [-]
+  double share = 0.0;     // of it that is correlated, [0, 1]; 0: white [-]
+  double rho = 0.0;       // correlation from one sample to the next, [0, 1) [-]
   bool white() const { return share <= 0.0; }  // nothing of it is correlated
 };
 
@@ -23,7 +23,7 @@ struct MarkovNoise {
 struct SeriesNoise {
   std::vector<MarkovNoise> series;
   std::string pooled;  // "all series", "each mark", "each series": what shares one noise
-  // Twice the gain in restricted log-likelihood over white noise of the samples' own sigma.
+  // Twice the gain in restricted log-likelihood over white noise of the samples' own sigma [-].
   double gain = 0.0;
   bool white() const;  // of variance 1, all of them
 };
@@ -59,7 +59,7 @@ class RowWhitening {
   };
   std::vector<Part> parts_;
   // Row by row: decay of the prediction since the same axis of the sample before (0 at a series'
-  // first), Kalman gain, one over the innovation's standard deviation.
+  // first), Kalman gain, one over the innovation's standard deviation [-].
   std::vector<double> decay_, gain_, inverse_sd_;
 };
 
