@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/text.h"
+#include "correlate/sampled_model.h"
 
 namespace unfurl::correlate {
 
@@ -56,11 +57,33 @@ std::size_t Observations::size() const {
   return n;
 }
 
+std::size_t Observations::readings() const {
+  std::size_t n = size();
+  for (const auto& kind : others) {
+    for (const RowSeries& s : kind->series()) n += s.size();
+  }
+  return n;
+}
+
+double Observations::ShortestStep() const {
+  double step = std::numeric_limits<double>::infinity();
+  auto look = [&](const std::vector<double>& t) {
+    const double median = MedianStep(t);
+    if (median > 0.0) step = std::min(step, median);
+  };
+  for (const MarkSeries& m : marks) look(m.t);
+  for (const auto& kind : others) {
+    for (const RowSeries& s : kind->series()) look(*s.t);
+  }
+  return std::isfinite(step) ? step : 0.0;
+}
+
 double Observations::Start() const {
   double t = std::numeric_limits<double>::infinity();
   for (const MarkSeries& m : marks) {
     if (m.size() > 0) t = std::min(t, m.t.front());
   }
+  for (const auto& kind : others) t = std::min(t, kind->Span().low);
   return t;
 }
 
@@ -69,6 +92,7 @@ double Observations::End() const {
   for (const MarkSeries& m : marks) {
     if (m.size() > 0) t = std::max(t, m.t.back());
   }
+  for (const auto& kind : others) t = std::max(t, kind->Span().high);
   return t;
 }
 
@@ -81,6 +105,17 @@ int Observations::FindMark(const std::string& name) const {
 
 double Observations::Pivot() const {
   return std::isnan(placement.pivot) ? 0.5 * (Start() + End()) : placement.pivot;
+}
+
+double Stamps::Last() const {
+  double last = 0.0;
+  for (const std::vector<double>& list : t) {
+    if (!list.empty()) last = std::max(last, list.back());
+  }
+  for (const QuantityStamps& q : quantities) {
+    if (!q.t.empty()) last = std::max(last, q.t.back());
+  }
+  return last;
 }
 
 Stamps Observations::StampsAt(const Clock& clock) const {
@@ -97,8 +132,8 @@ Stamps Observations::StampsAt(const Clock& clock) const {
 
 Eigen::Index Observations::PriorRows() const {
   constexpr Foreknowledge kNormal = Foreknowledge::kNormal;
-  return (placement.frame.kind == kNormal ? 6 : 0) + (placement.offset.kind == kNormal ? 1 : 0) +
-         (placement.drift.kind == kNormal ? 1 : 0);
+  return (placement.frame.kind == kNormal && !marks.empty() ? 6 : 0) +
+         (placement.offset.kind == kNormal ? 1 : 0) + (placement.drift.kind == kNormal ? 1 : 0);
 }
 
 Eigen::Index Observations::OtherUnknowns() const {

@@ -37,8 +37,10 @@ struct Observations {
   Placement placement;  // what is known of its clock and frame beforehand
 
   std::size_t size() const;                     // samples of all marks
-  double Start() const;                         // of the earliest and the latest sample [s]
+  std::size_t readings() const;                 // those, and what else follows in time
+  double Start() const;                         // of the earliest and the latest of these [s]
   double End() const;                           // likewise
+  double ShortestStep() const;                  // least median step of all series [s]; 0: none
   int FindMark(const std::string& name) const;  // -1 when absent
   double Pivot() const;                         // of the clock's drift [s]
   // The stamps of all samples by the model's clock.

@@ -59,7 +59,12 @@ bool StartsAtRest(const std::vector<Eigen::Matrix3Xd>& velocity) {
 
 }  // namespace
 
-SampledModel::SampledModel(const data::Run& run, const std::vector<std::string>& marks)
+bool KnownWhileHeld(const std::string& unit) {
+  return unit.find('N') == std::string::npos && unit.find("/s^2") == std::string::npos;
+}
+
+SampledModel::SampledModel(const data::Run& run, const std::vector<std::string>& marks,
+                           const std::vector<std::string>& quantities)
     : samples_(FromRun(run, marks)) {
   const auto n = static_cast<Eigen::Index>(run.t.size());
   for (const MarkSeries& series : samples_.marks) {
@@ -72,6 +77,13 @@ SampledModel::SampledModel(const data::Run& run, const std::vector<std::string>&
     velocity_.push_back(std::move(v));
   }
   samples_.held_before = StartsAtRest(velocity_);
+  for (const std::string& name : quantities) {
+    const int column = run.Find(name);
+    if (column < 0) continue;
+    const auto c = static_cast<std::size_t>(column);
+    quantities_.push_back({name, run.t, Eigen::Map<const Eigen::VectorXd>(run.columns[c].data(), n),
+                           samples_.held_before && KnownWhileHeld(run.quantities[c].units)});
+  }
   for (const data::RunEvent& e : run.events) events_.push_back({e.t, e.kind, e.where});
   FindSteps();
 }
@@ -119,11 +131,48 @@ SampledModel::SampledModel(const Stamps& stamps, Prediction prediction) {
     velocity_.push_back(std::move(prediction.marks[m].v));
     samples_.marks.push_back(std::move(series));
   }
+  for (std::size_t q = 0; q < stamps.quantities.size(); ++q) {
+    quantities_.push_back({stamps.quantities[q].quantity, stamps.quantities[q].t,
+                           std::move(prediction.quantities[q].values), prediction.held_before});
+  }
   FindSteps();
+}
+
+std::pair<double, double> SampledModel::Span() const {
+  double first = samples_.Start(), last = samples_.End();
+  for (const QuantitySeries& q : quantities_) {
+    if (q.t.empty()) continue;
+    first = std::min(first, q.t.front());
+    last = std::max(last, q.t.back());
+  }
+  return {first, last};
 }
 
 void SampledModel::FindSteps() {
   for (const MarkSeries& series : samples_.marks) median_step_.push_back(MedianStep(series.t));
+}
+
+Eigen::VectorXd SampledModel::QuantityAt(const std::string& name,
+                                         const std::vector<double>& t) const {
+  const auto n = static_cast<Eigen::Index>(t.size());
+  Eigen::VectorXd out = Eigen::VectorXd::Constant(n, std::numeric_limits<double>::quiet_NaN());
+  const auto found = std::find_if(quantities_.begin(), quantities_.end(),
+                                  [&](const QuantitySeries& q) { return q.name == name; });
+  if (found == quantities_.end() || found->t.size() < 2) return out;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const double at = t[static_cast<std::size_t>(i)];
+    if (at < found->t.front()) {
+      if (found->held) out(i) = found->values(0);
+      continue;
+    }
+    if (at > found->t.back()) continue;
+    const LocalCubic c = CubicAt(found->t, at);
+    out(i) = 0.0;
+    for (int j = 0; j < c.count; ++j) {
+      out(i) += c.value[j] * found->values(static_cast<Eigen::Index>(c.first) + j);
+    }
+  }
+  return out;
 }
 
 Prediction SampledModel::Evaluate(std::span<const double>, const Stamps& stamps) const {
@@ -184,6 +233,9 @@ Prediction SampledModel::Evaluate(std::span<const double>, const Stamps& stamps)
       }
     }
     out.marks.push_back(std::move(motion));
+  }
+  for (const QuantityStamps& q : stamps.quantities) {
+    out.quantities.push_back({q.key, QuantityAt(q.quantity, q.t)});
   }
   return out;
 }

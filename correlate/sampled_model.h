@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "correlate/model.h"
@@ -15,19 +16,25 @@ namespace unfurl::correlate {
 // are interpolated by the cubic through the four nearest samples, and their covariance goes along.
 // Nothing is invented: a stamp outside the record, or in a gap of more than `max_gap` median steps,
 // is answered "not known". The one exception is a run before its start, when the marks are held.
+//
+// Quantities, of which no rate is known, by the cubic through the four nearest samples; NaN where
+// it has none. Before the start of a run that is held: KnownWhileHeld.
 class SampledModel : public Model {
  public:
   static constexpr double kMaxGap = 2.5;  // a single missing sample is bridged, two are not
 
-  explicit SampledModel(const data::Run& run, const std::vector<std::string>& marks = {});
+  explicit SampledModel(const data::Run& run, const std::vector<std::string>& marks = {},
+                        const std::vector<std::string>& quantities = {});
   explicit SampledModel(Observations tracks);
   // What another model says, sampled evenly; `held_before` as for a run.
   SampledModel(const Model& model, std::span<const double> theta,
                const std::vector<std::string>& marks, double low, double high, double step);
-  // The same from its answer at EvenStamps.
+  // The same from its answer at EvenStamps, quantities too.
   SampledModel(const Stamps& stamps, Prediction prediction);
 
   const Observations& samples() const { return samples_; }  // that it interpolates
+  /// First and last stamp of marks and quantities [s].
+  std::pair<double, double> Span() const;
   bool good() const { return good_; }  // false: the sampled model's evaluation failed
   const std::string& message() const { return message_; }            // why
   const std::vector<ModelEvent>& events() const { return events_; }  // of a model or a run
@@ -41,7 +48,16 @@ class SampledModel : public Model {
   bool good_ = true;
   std::string message_;
   std::vector<ModelEvent> events_;
+  // A quantity in time; NaN: not known there.
+  struct QuantitySeries {
+    std::string name;
+    std::vector<double> t;   // [s]
+    Eigen::VectorXd values;  // [unit of the quantity]
+    bool held = true;        // the first value stands for what was before
+  };
+  std::vector<QuantitySeries> quantities_;
   void FindSteps();
+  Eigen::VectorXd QuantityAt(const std::string& name, const std::vector<double>& t) const;
 };
 
 // The cubic through the four samples nearest to `t` (fewer where there are fewer): indices

@@ -132,6 +132,7 @@ inline constexpr char kAxisNames[] = "/axis", kComponentNames[] = "/component";
 class H5Reader {
  public:
   // Throws one clear Error for: no such file, not HDF5, truncated, another schema, a newer version.
+  // Empty `schema`: any HDF5 file, of other programs too.
   H5Reader(const std::string& path, const std::string& schema, int newest_version);
   ~H5Reader();
   H5Reader(const H5Reader&) = delete;

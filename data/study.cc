@@ -92,11 +92,68 @@ StudyFrame ReadFrame(const TomlTable& t) {
   return out;
 }
 
+StudyChannel::Filter ReadFilter(const TomlTable& t) {
+  StudyChannel::Filter out;
+  out.kind = t.Choice("kind", {"butterworth", "bessel", "average"});
+  if (out.kind == "average") {
+    out.width = t.Number("width", kPositive);
+    return out;
+  }
+  constexpr int kHighestOrder = 10;  // of the filters that instruments have
+  out.order = t.Integer("order", 1, kHighestOrder);
+  out.cutoff = t.Number("cutoff", kPositive);
+  return out;
+}
+
+StudyChannel ReadChannel(const std::string& study, const std::string& name, const TomlTable& t) {
+  StudyChannel c;
+  c.name = name;
+  c.at = t.Where();
+  c.file = Beside(study, t.String("file"));
+  c.column = t.StringOr("column", name);
+  const std::vector<double> window = t.NumbersOr("window", {0.0, 0.0}, 2);
+  c.window_low = window[0];
+  c.window_high = window[1];
+  if (t.Has("window") && !(window[0] < window[1])) {
+    t.Fail("window", fmt::format("[{}, {}] encloses nothing", window[0], window[1]),
+           "give [from, to] on the channel's clock, in seconds");
+  }
+  constexpr TomlRange kRate{-0.5, 0.5};  // a clock that is further off is another one
+  c.delay = ReadKnowledge(t, "delay", kAny);
+  if (t.Has("event")) {
+    c.event = t.Choice("event", {"latch", "contact_start", "contact_end", "watch"});
+    c.joint = t.String(c.event == "watch" ? "watch" : "joint");
+    c.rising = t.ChoiceOr("edge", "rising", {"rising", "falling"}) == "rising";
+    if (c.delay.kind != Knowledge::kUnsaid && c.delay.kind != Knowledge::kKnown) {
+      t.Fail("delay", "the delay of a switch is known or not there", "give a number of seconds");
+    }
+    return c;
+  }
+  c.quantity = t.String("quantity");
+  c.unit = t.StringOr("unit", "");
+  if (t.Has("sigma")) c.sigma = t.Number("sigma", kPositive);
+  c.gain = ReadKnowledge(t, "gain", kAny);
+  if (c.gain.kind == Knowledge::kKnown && !t.IsNumber("gain")) c.gain.mean = 1.0;
+  if (c.gain.kind == Knowledge::kKnown && c.gain.mean == 0.0) {
+    t.Fail("gain", "a channel of gain 0 shows nothing", "leave it out");
+  }
+  c.bias = ReadKnowledge(t, "bias", kAny);
+  c.drift = ReadKnowledge(t, "drift", kRate);
+  if (const auto filter = t.TableOrNone("filter")) c.filter = ReadFilter(*filter);
+  return c;
+}
+
 StudyTrial ReadTrial(const std::string& study, const std::string& name, const TomlTable& t) {
   StudyTrial trial;
   trial.where = t.Where();
   trial.name = t.StringOr("name", name);
-  trial.tracks = Beside(study, t.String("tracks"));
+  for (const auto& [channel, table] : t.NamedTables("channel")) {
+    trial.channels.push_back(ReadChannel(study, channel, table));
+  }
+  const bool marks =
+      t.Has("tracks") || std::all_of(trial.channels.begin(), trial.channels.end(),
+                                     [](const auto& c) { return c.quantity.empty(); });
+  if (marks) trial.tracks = Beside(study, t.String("tracks"));
   if (t.Has("sigma")) trial.sigma = t.Number("sigma", kPositive);
   trial.marks = t.StringsOr("marks", {});
   trial.set = t.StringsOr("set", {});

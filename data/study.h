@@ -35,12 +35,38 @@ struct StudyEvent {
   std::string at;      // file:line:key, for messages
 };
 
-// What is known beforehand of a trial's clock.
+// What is known beforehand of a number: of a trial's clock, of an instrument.
 struct StudyKnowledge {
   /// Nothing was said; it is fitted; it is fitted with a density; it is not fitted.
   enum class Kind { kUnsaid, kFree, kNormal, kKnown };
   Kind kind = Kind::kUnsaid;
-  double mean = 0.0, sigma = 0.0;  // of a normal density; the known value is the mean [s] or [-]
+  double mean = 0.0, sigma = 0.0;  // of a normal density; the known value is the mean [its unit]
+};
+
+// What an instrument recorded beside the marks, and what is known of the instrument.
+struct StudyChannel {
+  std::string name;
+  std::string file;      // path
+  std::string column;    // its name there
+  std::string quantity;  // of the model's run; empty: a switch
+  std::string unit;      // of the readings; empty: the file tells
+  double sigma = 0.0;    // of a reading where the file tells none [unit]; 0: found by the fit
+  double window_low = 0.0, window_high = 0.0;  // on its own clock [s]; equal: all
+  StudyKnowledge gain;                         // [unit of the readings over that of the quantity]
+  StudyKnowledge bias;                         // [unit]
+  StudyKnowledge delay, drift;                 // of its clock to the tracks' [s], [-]
+  // The instrument's low pass.
+  struct Filter {
+    std::string kind;                  // "butterworth", "bessel", "average"; empty: none
+    int order = 0;                     // of the first two
+    double cutoff = 0.0, width = 0.0;  // [Hz]; of an average [s]
+  };
+  Filter filter;
+  // A switch instead: the event that its edges are times of.
+  std::string event;   // "latch", ...; empty: none
+  std::string joint;   // or watch
+  bool rising = true;  // which edges
+  std::string at;      // file:line:key, for messages
 };
 
 // The same of its frame: where the scene's frame lies in the tracks'.
@@ -54,7 +80,7 @@ struct StudyFrame {
 // One recorded trial and what of it counts.
 struct StudyTrial {
   std::string name;    // "trial", or "trial 2" of several
-  std::string tracks;  // path
+  std::string tracks;  // path; empty: channels alone
   double sigma = 0.0;  // of one axis where the tracks tell none (.c3d, .uff) [m]; 0: they must
   std::vector<std::string> marks;              // empty: all of the tracks
   double window_low = 0.0, window_high = 0.0;  // on the tracks' clock [s]; equal: all
@@ -62,6 +88,7 @@ struct StudyTrial {
   // Factors on marks' sigmas: 2 lets a mark count a quarter.
   std::vector<std::pair<std::string, double>> sigma_factors;
   std::vector<StudyEvent> events;
+  std::vector<StudyChannel> channels;
   StudyKnowledge offset;  // what the tracks' clock shows at the scene's start [s]
   StudyKnowledge drift;   // by which it runs fast [-]
   StudyFrame frame;

@@ -270,15 +270,19 @@ void AddTolerances(const std::vector<correlate::ToleranceChoice>& choices,
   for (std::size_t t = 0; t < choices.size(); ++t) {
     const correlate::ToleranceChoice& c = choices[t];
     const std::string of = choices.size() > 1 ? " of " + record->trials[t] : "";
+    auto text = [&](double sigmas) {
+      return c.sigma > 0.0 ? LengthText(c.sigma * sigmas)
+                           : fmt::format("{:.2g} standard deviations of the data", sigmas);
+    };
     record->checks[fmt::format("rtol{} [1]", t == 0 ? "" : fmt::format("_{}", t + 1))] = c.rtol;
     record->reasons.push_back(
         c.noise <= c.wanted
             ? fmt::format("Simulated{} with a tolerance of {:.0e}: its own scatter, {} RMS "
                           "at the start, is below a hundredth of what the residuals show.",
-                          of, c.rtol, LengthText(c.noise))
+                          of, c.rtol, text(c.noise))
             : fmt::format("No tolerance down to 1e-9 brings the simulator's own scatter{} below "
                           "{} at the start: {:.0e} leaves {}.",
-                          of, LengthText(c.wanted), c.rtol, LengthText(c.noise)));
+                          of, text(c.wanted), c.rtol, text(c.noise)));
   }
 }
 

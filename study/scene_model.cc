@@ -5,9 +5,12 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
+#include <optional>
 
 #include "base/error.h"
 #include "base/progress.h"
+#include "correlate/sampled_model.h"
 #include "data/scene.h"
 #include "sim/dynamics/observables.h"
 #include "sim/methods/events.h"
@@ -19,15 +22,75 @@ namespace {
 
 constexpr double kRate = 2000.0;  // samples per second that the stamps are interpolated from
 
+// Names of quantities, each once.
+std::vector<std::string> QuantitiesOf(const correlate::Stamps& stamps) {
+  std::vector<std::string> names;
+  for (const correlate::QuantityStamps& q : stamps.quantities) {
+    if (std::find(names.begin(), names.end(), q.quantity) == names.end()) {
+      names.push_back(q.quantity);
+    }
+  }
+  return names;
+}
+
+// Quantities on the sampling grid; without any it costs nothing.
+class QuantityCollector {
+ public:
+  QuantityCollector(const sim::Model& model, const std::vector<std::string>& names) {
+    if (!names.empty()) observables_.emplace(model, names);
+  }
+  void OnSample(double t, double* state, const std::vector<sim::LatchMode>& modes) {
+    if (!observables_) return;
+    t_.push_back(t);
+    const std::vector<double>& row = observables_->Row(t, state, modes);
+    columns_.resize(row.size());
+    for (std::size_t q = 0; q < row.size(); ++q) columns_[q].push_back(row[q]);
+  }
+  // By the cubic through the four nearest samples. Before the start: what a held structure has,
+  // where `held`, else nothing; as past the end.
+  Eigen::VectorXd At(const correlate::QuantityStamps& asked, bool held) const {
+    const auto n = static_cast<Eigen::Index>(asked.t.size());
+    Eigen::VectorXd out = Eigen::VectorXd::Constant(n, std::numeric_limits<double>::quiet_NaN());
+    const auto& all = observables_->quantities();
+    const auto found = std::find_if(
+        all.begin(), all.end(), [&](const data::Quantity& q) { return q.name == asked.quantity; });
+    if (found == all.end() || t_.size() < 2) return out;
+    const std::vector<double>& y = columns_[static_cast<std::size_t>(found - all.begin())];
+    held = held && correlate::KnownWhileHeld(found->units);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const double t = asked.t[static_cast<std::size_t>(i)];
+      if (t < t_.front()) {
+        if (held) out(i) = y.front();
+        continue;
+      }
+      if (t > t_.back()) continue;
+      const correlate::LocalCubic c = correlate::CubicAt(t_, t);
+      out(i) = 0.0;
+      for (int j = 0; j < c.count; ++j) {
+        out(i) += c.value[j] * y[c.first + static_cast<std::size_t>(j)];
+      }
+    }
+    return out;
+  }
+
+ private:
+  std::optional<sim::Observables> observables_;
+  std::vector<double> t_;                     // [s]
+  std::vector<std::vector<double>> columns_;  // [units of the quantities]
+};
+
 // The wanted marks on the sampling grid.
 class Collector : public sim::Observer {
  public:
-  Collector(const sim::Model& model, const std::vector<std::string>& marks) : model_(model) {
-    for (const std::string& name : marks) points_.push_back(model.FindMark(name));
-    samples_.resize(marks.size());
+  Collector(const sim::Model& model, const correlate::Stamps& stamps)
+      : model_(model), quantities_(model, QuantitiesOf(stamps)) {
+    for (const std::string& name : stamps.marks) points_.push_back(model.FindMark(name));
+    samples_.resize(stamps.marks.size());
   }
-  void OnSample(double t, double* state, const std::vector<sim::LatchMode>&) override {
+  void OnSample(double t, double* state, const std::vector<sim::LatchMode>& modes) override {
     t_.push_back(t);
+    Watch(state);
+    quantities_.OnSample(t, state, modes);
     for (std::size_t m = 0; m < points_.size(); ++m) {
       const auto mark = static_cast<std::size_t>(points_[m]);
       samples_[m].push_back(sim::MotionOf(model_, model_.marks[mark].point, state));
@@ -35,16 +98,22 @@ class Collector : public sim::Observer {
   }
   void OnProgress(double) override { ThrowIfInterrupted(); }
 
-  // Whether the marks stand still at the start, so that they were held before it: to round-off of
-  // the initial velocities, beside the highest speed of the run.
+  // Whether the structure stands still at the start, so that it was held before it: to round-off of
+  // the initial velocities, beside the highest speed of the run; of the marks, and where there are
+  // none of the joints.
   bool StartsAtRest() const {
     constexpr double kRoundOff = 1e-9;  // of the highest speed
-    double first = 0.0, highest = 0.0;
+    double first = first_rate_, highest = highest_rate_;
+    if (!samples_.empty()) first = highest = 0.0;
     for (const std::vector<sim::PointMotion>& s : samples_) {
       first = std::max(first, std::hypot(s.front().vx, s.front().vy));
       for (const sim::PointMotion& m : s) highest = std::max(highest, std::hypot(m.vx, m.vy));
     }
     return first <= kRoundOff * highest;
+  }
+
+  Eigen::VectorXd QuantityAt(const correlate::QuantityStamps& asked) const {
+    return quantities_.At(asked, held_);
   }
 
   // Cubic Hermite through the samples; before the start the marks are held, or unknown where they
@@ -81,7 +150,20 @@ class Collector : public sim::Observer {
   bool held() const { return held_; }
 
  private:
+  // Rates of turning, of all bodies, as long as there are no marks to look at.
+  void Watch(const double* state) {
+    if (!samples_.empty()) return;
+    double rate = 0.0;
+    for (int body = 0; body < model_.index.n; ++body) {
+      rate = std::max(rate, std::abs(state[model_.index.omega(body)]));
+    }
+    if (t_.size() == 1) first_rate_ = rate;
+    highest_rate_ = std::max(highest_rate_, rate);
+  }
+
   const sim::Model& model_;
+  QuantityCollector quantities_;
+  double first_rate_ = 0.0, highest_rate_ = 0.0;  // [rad/s]
   bool held_ = true;
   std::vector<int> points_;
   std::vector<double> t_;
@@ -90,11 +172,24 @@ class Collector : public sim::Observer {
 
 }  // namespace
 
+namespace {
+
+// As finely as any channel wants it.
+double RateFor(const correlate::Stamps& stamps) {
+  double rate = kRate;
+  for (const correlate::QuantityStamps& q : stamps.quantities) {
+    if (q.t.size() > 1) rate = std::max(rate, 1.0 / (q.t[1] - q.t[0]));
+  }
+  return rate;
+}
+
+}  // namespace
+
 SceneModel::SceneModel(SceneModelOptions options, std::span<const double> theta)
     : options_(std::move(options)), document_(options_.scene, options_.set, options_.texts) {
   options_.texts = nullptr;
   const data::Scene scene = FirstScene(theta);
-  sim::Compile(scene);
+  quantities_ = sim::Observables(sim::Compile(scene)).quantities();
   duration_ = scene.duration;
   files_ = scene.files;
   beams_ = scene.beams;
@@ -126,16 +221,14 @@ correlate::Prediction SceneModel::Evaluate(std::span<const double> theta,
   const auto start = std::chrono::steady_clock::now();
   correlate::Prediction out;
   const sim::Model model = sim::Compile(SceneAt(theta));
-  double last = 0.0;
-  for (const auto& list : stamps.t) {
-    if (!list.empty()) last = std::max(last, list.back());
-  }
+  const double last = stamps.Last();
   sim::SimulateOptions simulate;
-  simulate.rate = kRate;
+  simulate.rate = RateFor(stamps);
   simulate.rtol = options_.rtol;
   simulate.track_energy = simulate.track_forces = false;
-  simulate.duration = last + 2.0 / kRate;  // so that the last stamp lies between two samples
-  Collector collector(model, stamps.marks);
+  simulate.duration =
+      last + 2.0 / simulate.rate;  // so that the last stamp lies between two samples
+  Collector collector(model, stamps);
   const sim::SimulateReport report = sim::Simulate(model, simulate, &collector);
   if (!report.Usable()) {
     out.status = correlate::ModelStatus::kFailed;
@@ -154,6 +247,9 @@ correlate::Prediction SceneModel::Evaluate(std::span<const double> theta,
       collector.At(m, stamps.t[m][static_cast<std::size_t>(i)], &motion, i);
     }
     out.marks.push_back(std::move(motion));
+  }
+  for (const correlate::QuantityStamps& q : stamps.quantities) {
+    out.quantities.push_back({q.key, collector.QuantityAt(q)});
   }
   for (const sim::Event& event : report.events) {
     out.events.push_back({event.t, sim::EventName(event.kind), sim::PlaceOf(model, event)});

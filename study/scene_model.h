@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "correlate/model.h"
+#include "data/run.h"
 #include "data/scene.h"
 #include "data/toml.h"
 
@@ -34,7 +35,8 @@ class SceneModel : public correlate::Model {
   const std::vector<std::string>& watches() const { return watches_; }
   const std::vector<std::string>& files() const { return files_; }  // that the scene came from
   const std::vector<data::SceneBeam>& beams() const { return beams_; }
-  double duration() const { return duration_; }  // the scene's [s]
+  const std::vector<data::Quantity>& quantities() const { return quantities_; }  // of its run
+  double duration() const { return duration_; }                                  // the scene's [s]
 
  private:
   data::Scene SceneAt(std::span<const double> theta) const;
@@ -44,6 +46,7 @@ class SceneModel : public correlate::Model {
   data::TomlDocument document_;
   std::vector<std::string> marks_, joints_, watches_, files_;
   std::vector<data::SceneBeam> beams_;
+  std::vector<data::Quantity> quantities_;
   double duration_ = 0.0;  // [s]
 };
 

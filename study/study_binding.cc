@@ -9,86 +9,21 @@
 #include "base/error.h"
 #include "base/text.h"
 #include "correlate/fit/command_model.h"
-#include "correlate/residual/timed_events.h"
 #include "data/formats.h"
 #include "data/h5.h"
 #include "data/tracks.h"
 #include "study/rungs.h"
 #include "study/scene_model.h"
+#include "study/trial_observations.h"
 #include "study/unit_check.h"
 
 namespace unfurl::study {
 
 namespace {
 
-correlate::Prior PriorOf(const data::StudyKnowledge& from) {
-  using Kind = data::StudyKnowledge::Kind;
-  switch (from.kind) {
-    case Kind::kFree:
-      return correlate::Prior::Free();
-    case Kind::kNormal:
-      return correlate::Prior::Normal(from.mean, from.sigma);
-    case Kind::kKnown:
-      return correlate::Prior::Known(from.mean);
-    case Kind::kUnsaid:
-      break;
-  }
-  return {};
-}
-
-correlate::Placement PlacementOf(const data::StudyTrial& trial) {
-  correlate::Placement out;
-  out.offset = PriorOf(trial.offset);
-  out.drift = PriorOf(trial.drift);
-  data::StudyKnowledge frame;
-  frame.kind = trial.frame.kind;
-  out.frame.kind = PriorOf(frame).kind;
-  out.frame.X_WM.linear() =
-      RotationFromVector(Eigen::Map<const Eigen::Vector3d>(trial.frame.rotation.data()));
-  out.frame.X_WM.translation() = Eigen::Map<const Eigen::Vector3d>(trial.frame.shift.data());
-  out.frame.sigma_rotation = trial.frame.sigma_rotation;
-  out.frame.sigma_shift = trial.frame.sigma_shift;
-  return out;
-}
-
-correlate::Observations ReadTrial(const data::StudyTrial& trial, const std::string& path) {
-  const data::Tracks tracks = data::ReadTracksAny(path, trial.sigma);
-  if (tracks.smoothed) {
-    throw Error("these tracks are smoothed: their errors are no longer independent", path,
-                "fit to the tracks as reconstructed");
-  }
-  correlate::Window window;
-  if (trial.window_low < trial.window_high) window = {trial.window_low, trial.window_high};
-  correlate::Observations out = correlate::FromTracks(tracks, trial.marks, window);
-  for (const auto& [mark, factor] : trial.sigma_factors) {
-    const int m = out.FindMark(mark);
-    if (m < 0) {
-      throw Error("there is no mark '" + mark + "'", trial.where,
-                  "the tracks have " + JoinWords(tracks.marks));
-    }
-    out.marks[static_cast<std::size_t>(m)].cov *= factor * factor;
-  }
-  if (out.size() == 0) {
-    throw Error("no sample of these marks lies in the window", trial.where, "widen the window");
-  }
-  std::vector<correlate::TimedEvent> events;
-  for (const data::StudyEvent& e : trial.events) {
-    if (e.time < out.Start() || e.time > out.End()) {
-      throw Error(fmt::format("{} s lies outside of the tracks, {:.3f} to {:.3f} s", e.time,
-                              out.Start(), out.End()),
-                  e.at, "give the time on the tracks' clock");
-    }
-    events.push_back({e.kind, e.where, e.count, e.time, e.sigma});
-  }
-  if (!events.empty()) {
-    out.others.push_back(std::make_shared<correlate::TimedEvents>(std::move(events)));
-  }
-  out.placement = PlacementOf(trial);
-  return out;
-}
-
 // Which calibration tracks were reconstructed with: the hash of the rig that `reconstruct` read.
 std::string CalibrationOf(const std::string& path) {
+  if (path.empty()) return {};
   if (data::FormatOf(path) != data::FileFormat::kHdf5) return {};
   const data::Provenance made =
       data::H5Reader(path, data::kTracksSchema, data::kTracksVersion).ReadProvenance();
@@ -131,6 +66,7 @@ std::unique_ptr<SceneModel> BindScene(const data::Study& study, const SceneModel
 void BindScenes(const data::Study& study, const data::StudyTrial& from, const std::string& path,
                 const std::vector<double>& theta, data::TextFiles* texts,
                 correlate::FitTrial* trial, BoundStudy* bound) {
+  correlate::Observations& observations = *bound->observations.back();
   constexpr double kAtFirst = 1e-5;  // where the tolerance is still to be chosen
   SceneModelOptions binding;
   binding.scene = study.scene;
@@ -146,16 +82,19 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from, const st
                   "name the marks to use; the scene has " + JoinWords(model->marks()));
     }
   }
-  for (const data::StudyEvent& e : from.events) {
-    const std::vector<std::string>& known = e.kind == "watch" ? model->watches() : model->joints();
-    if (std::find(known.begin(), known.end(), e.where) == known.end()) {
-      throw Error(
-          fmt::format("the scene has no {} '{}'", e.kind == "watch" ? "watch" : "joint", e.where),
-          e.at, known.empty() ? "it has none" : "it has " + JoinWords(known));
-    }
+  auto check_place = [&](const std::string& kind, const std::string& where, const std::string& at) {
+    const std::vector<std::string>& known = kind == "watch" ? model->watches() : model->joints();
+    if (std::find(known.begin(), known.end(), where) != known.end()) return;
+    throw Error(fmt::format("the scene has no {} '{}'", kind == "watch" ? "watch" : "joint", where),
+                at, known.empty() ? "it has none" : "it has " + JoinWords(known));
+  };
+  for (const data::StudyEvent& e : from.events) check_place(e.kind, e.where, e.at);
+  for (const data::StudyChannel& c : from.channels) {
+    if (!c.event.empty()) check_place(c.event, c.joint, c.at);
   }
+  AddChannels(from, &model->quantities(), &observations);
   for (const std::string& file : model->files()) bound->inputs.push_back(file);
-  RefuseOtherUnits(*trial->observations, *model, theta, path);
+  if (!observations.marks.empty()) RefuseOtherUnits(observations, *model, theta, path);
   const std::vector<SceneRung> rungs = RungsOf(study.fidelity, model->beams());
   auto at = [&](double rtol, std::size_t rung) {
     SceneModelOptions options = binding;
@@ -193,7 +132,13 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from, const st
 
 void BindCommand(const data::Study& study, const data::StudyTrial& from, correlate::FitTrial* trial,
                  BoundStudy* bound) {
-  if (!from.events.empty() && data::FormatOf(study.command->tracks) != data::FileFormat::kHdf5) {
+  AddChannels(from, nullptr, bound->observations.back().get());
+  const bool csv = data::FormatOf(study.command->tracks) != data::FileFormat::kHdf5;
+  if (csv && !from.channels.empty()) {
+    throw Error("a CSV of tracks holds no channels", from.channels.front().at,
+                "let the program write a run file (.h5)");
+  }
+  if (!from.events.empty() && csv) {
     throw Error("a CSV of tracks holds no events", from.events.front().at,
                 "let the program write a run file (.h5), or leave the event out");
   }
@@ -243,7 +188,8 @@ BoundStudy Bind(const data::Study& study, const std::string& tracks) {
       BindScenes(study, from, path, theta, &texts, &trial, &bound);
     }
     bound.problem.trials.push_back(trial);
-    bound.inputs.push_back(path);
+    if (!path.empty()) bound.inputs.push_back(path);
+    for (const data::StudyChannel& c : from.channels) bound.inputs.push_back(c.file);
   }
   std::vector<std::string> once;
   for (const std::string& input : bound.inputs) {

@@ -20,13 +20,20 @@ std::string Probability(double p) {
   return p < kLeast ? fmt::format("below {:.0e}", kLeast) : fmt::format("of {:.2g}", p);
 }
 
+// "the marks'".
+std::string Whose(const correlate::Observations& o) {
+  return o.marks.empty() ? "the channels'" : o.others.empty() ? "the marks'" : "the data's";
+}
+
 // The residuals of one trial: how large, whether they are correlated, what was done about it,
 // and whether the model explains them.
-std::string ResidualWords(const correlate::TrialResult& t, bool several) {
+std::string ResidualWords(const correlate::Observations& o, const correlate::TrialResult& t,
+                          bool several) {
   const std::string of = several ? " of " + t.name : "";
+  const std::string whose = Whose(o);
   const correlate::GoodnessOfFit& g = t.goodness;
-  std::string words = fmt::format("The residuals{} are {:.2f} times the marks' sigma", of,
-                                  std::sqrt(t.chi2_per_dof));
+  std::string words = fmt::format("The residuals{} are {:.2f} times {} sigma", of,
+                                  std::sqrt(t.chi2_per_dof), whose);
   if (t.plain.white()) {
     words += " and white, as they should be.";
   } else if (t.noise.series.empty() || t.noise.white()) {
@@ -50,23 +57,24 @@ std::string ResidualWords(const correlate::TrialResult& t, bool several) {
       break;
     case correlate::Explained::kNoise:
       words += fmt::format(
-          " By the marks' covariances that has a probability {}; by stationary noise it is "
-          "plausible ({:.2g}). If it is noise (of the optics), the standard errors include it; a "
+          " By {} covariances that has a probability {}; by stationary noise it is "
+          "plausible ({:.2g}). If it is noise ({}), the standard errors include it; a "
           "smooth effect that the model lacks would look the same.",
-          Probability(g.p_covariances()), g.p_noise());
+          whose, Probability(g.p_covariances()), g.p_noise(),
+          o.marks.empty() ? "of the instruments" : "of the optics");
       break;
     case correlate::Explained::kMesh:
       words += fmt::format(
-          " By the marks' covariances that has a probability {}; with a finer model {:.0f}% of "
+          " By {} covariances that has a probability {}; with a finer model {:.0f}% of "
           "the excess disappears.",
-          Probability(g.p_covariances()), 100.0 * g.mesh_takes);
+          whose, Probability(g.p_covariances()), 100.0 * g.mesh_takes);
       break;
     case correlate::Explained::kNo:
       words += fmt::format(
-          " The model does not explain them: neither the marks' covariances (probability {}) "
-          "nor stationary noise ({:.2g}){}. It lacks an effect, or the tracks are off by more than "
+          " The model does not explain them: neither {} covariances (probability {}) "
+          "nor stationary noise ({:.2g}){}. It lacks an effect, or the data are off by more than "
           "their covariances say; the values may be off by more than their standard errors.",
-          Probability(g.p_covariances()), g.p_noise(),
+          whose, Probability(g.p_covariances()), g.p_noise(),
           t.error_check == correlate::ErrorCheck::kFiner ||
                   t.error_check == correlate::ErrorCheck::kLadder
               ? fmt::format(" nor a finer model, with which {:.0f}% of the excess disappears",
@@ -86,7 +94,7 @@ void AddPlacementWords(const correlate::Observations& o, const correlate::TrialR
   if (known.offset.kind == Foreknowledge::kKnown) {
     add(fmt::format("The time offset{} was known, {} s, and not sought.", of, known.offset.mean));
   } else if (known.offset.kind == Foreknowledge::kNormal) {
-    add(fmt::format("The time offset{} was known beforehand, {} s; with the marks it is {:.6g} s.",
+    add(fmt::format("The time offset{} was known beforehand, {} s; with the data it is {:.6g} s.",
                     of, NumberWithError(known.offset.mean, known.offset.sigma), t.at.offset));
   }
   if (known.frame.kind == Foreknowledge::kKnown) {
@@ -156,9 +164,13 @@ void AddOtherWords(const correlate::Observations& o, const correlate::TrialResul
 }
 
 // What the model's own error was judged by, and what it is.
-std::string ErrorWords(const correlate::TrialResult& t, const std::string& of) {
-  const std::string size = fmt::format("moves the marks{} by {} RMS, {:.2g} of their sigma", of,
-                                       LengthText(t.model_error_rms), t.model_error_sigmas);
+std::string ErrorWords(const correlate::Observations& o, const correlate::TrialResult& t,
+                       const std::string& of) {
+  const std::string size =
+      o.marks.empty() ? fmt::format("moves the channels{} by {:.2g} of their sigma, RMS", of,
+                                    t.model_error_sigmas)
+                      : fmt::format("moves the marks{} by {} RMS, {:.2g} of their sigma", of,
+                                    LengthText(t.model_error_rms), t.model_error_sigmas);
   switch (t.error_check) {
     case correlate::ErrorCheck::kLadder:
       return "What the finest rung still lacks, by its change from the rung below, " + size +
@@ -185,7 +197,7 @@ void AddTrialWords(const std::vector<correlate::FitTrial>& trials, const correla
   const bool several = r.trials.size() > 1;
   for (std::size_t k = 0; k < r.trials.size(); ++k) {
     const correlate::TrialResult& t = r.trials[k];
-    record->reasons.push_back(ResidualWords(t, several));
+    record->reasons.push_back(ResidualWords(*trials[k].observations, t, several));
     if (!t.less_weight.empty()) {
       double from = std::numeric_limits<double>::infinity(), least = 1.0;
       for (const correlate::LessWeight& l : t.less_weight) {
@@ -202,7 +214,7 @@ void AddTrialWords(const std::vector<correlate::FitTrial>& trials, const correla
     AddOtherWords(*trials[k].observations, t, several ? " in " + t.name : "", record);
     AddPlacementWords(*trials[k].observations, t, of, record);
     AddGrossWords(*trials[k].observations, t, of, record);
-    record->reasons.push_back(ErrorWords(t, of));
+    record->reasons.push_back(ErrorWords(*trials[k].observations, t, of));
   }
 }
 

@@ -8,6 +8,7 @@
 
 #include "base/dense.h"
 #include "base/text.h"
+#include "correlate/align/channel_align.h"
 #include "correlate/align/far_samples.h"
 #include "correlate/align/refine.h"
 #include "correlate/align/unit_doubt.h"
@@ -249,7 +250,7 @@ Alignment AlignAsIs(const Observations& record, const SampledModel& b, const Ali
   out.at = out.fit.at;
   out.r2 = motion > 0.0 ? 1.0 - left / motion : 0.0;
   FillCovariance(variance > 0.0 ? Loosened(a, variance) : a, &out);
-  out.unknowns = NuisanceNames(WithPlacement(options.registration, record.placement), a);
+  out.unknowns = NuisanceNames(WithPlacement(options.registration, record), a);
   if (variance > 0.0) {  // what was weighed less is still told in the marks' own sigmas
     RegistrationOptions none = options.registration;
     none.max_iterations = 0;
@@ -282,6 +283,7 @@ void TakeAllSamples(const Observations& record, const SampledModel& b, const Ali
 // Offset by correlation, frame and offset by least squares from the best candidates, then the
 // covariance and how much of the motion the reference explains.
 Alignment Align(const Observations& record, const SampledModel& b, const AlignOptions& asked) {
+  if (record.marks.empty()) return AlignChannels(record, b, asked);
   std::vector<FarSample> far = FindFarSamples(record);
   Alignment out = AlignAsIs(far.empty() ? record : Without(record, far), b, asked);
   if (!far.empty()) TakeAllSamples(record, b, asked, std::move(far), &out);

@@ -23,7 +23,7 @@ Refined Refine(const Observations& record, const SampledModel& b, double offset,
   // error and is let pass.
   constexpr int kMaxRounds = 30;
   constexpr double kSettled = 1e-3, kLetPass = 0.1;
-  const RegistrationOptions fitted = WithPlacement(options.registration, record.placement);
+  const RegistrationOptions fitted = WithPlacement(options.registration, record);
   const double pivot = record.Pivot();
   const Eigen::Index time = fitted.fit_frame ? 6 : 0, rate = time + (fitted.fit_offset ? 1 : 0);
   Refined out;

@@ -68,19 +68,18 @@ std::vector<std::string> NuisanceNames(const RegistrationOptions& options,
   return NamesOf(Nuisances(options, observations));
 }
 
-RegistrationOptions WithPlacement(RegistrationOptions options, const Placement& placement) {
+RegistrationOptions WithPlacement(RegistrationOptions options, const Observations& observations) {
+  const Placement& placement = observations.placement;
   auto fitted = [](bool otherwise, Foreknowledge kind) {
     return kind == Foreknowledge::kUnsaid ? otherwise : kind != Foreknowledge::kKnown;
   };
-  options.fit_frame = fitted(options.fit_frame, placement.frame.kind);
+  options.fit_frame =
+      !observations.marks.empty() && fitted(options.fit_frame, placement.frame.kind);
   options.fit_offset = fitted(options.fit_offset, placement.offset.kind);
   options.fit_drift = fitted(options.fit_drift, placement.drift.kind);
   return options;
 }
 
-namespace {
-
-// Where the unknowns of the residual kinds begin.
 Eigen::VectorXd StartOfOwn(const Observations& observations) {
   std::vector<double> start;
   for (const auto& kind : observations.others) {
@@ -88,8 +87,6 @@ Eigen::VectorXd StartOfOwn(const Observations& observations) {
   }
   return Eigen::Map<const Eigen::VectorXd>(start.data(), static_cast<Eigen::Index>(start.size()));
 }
-
-}  // namespace
 
 Registration StartingFrame(const Observations& observations, const Prediction& prediction,
                            double offset) {
@@ -147,7 +144,7 @@ class RegistrationSolver {
         prediction_(prediction),
         reference_(reference),
         pivot_(observations.Pivot()),
-        options_(WithPlacement(options, observations.placement)),
+        options_(WithPlacement(options, observations)),
         whitening_(whitening != nullptr && !whitening->identity() ? whitening : nullptr),
         k_(observations.shared_rank),
         names_(NuisanceNames(options_, observations)),
@@ -228,7 +225,7 @@ class RegistrationSolver {
   void PriorRows(Eigen::Index row) {
     constexpr Foreknowledge kNormal = Foreknowledge::kNormal;
     const Placement& known = observations_.placement;
-    if (known.frame.kind == kNormal) {
+    if (known.frame.kind == kNormal && options_.fit_frame) {
       const Pose& X = fit_.at.X_WM;
       const Eigen::Vector3d w =
           VectorFromRotation(X.linear() * known.frame.X_WM.linear().transpose());

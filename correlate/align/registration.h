@@ -35,8 +35,8 @@ struct RegistrationOptions {
 };
 
 /// The same with what is known of a record beforehand: what is known is not fitted, what has a
-/// prior or is said to be free is.
-RegistrationOptions WithPlacement(RegistrationOptions options, const Placement& placement);
+/// prior or is said to be free is. A record without marks has no frame.
+RegistrationOptions WithPlacement(RegistrationOptions options, const Observations& observations);
 
 // Nuisance unknowns in the order of the columns below: rotation w (3, X_WM <- Exp(w) about the
 // centroid of the predicted marks) [rad], shift of that centroid in W (3) [m], offset [s], drift
@@ -44,6 +44,9 @@ RegistrationOptions WithPlacement(RegistrationOptions options, const Placement& 
 // of the record beforehand is not looked at: see WithPlacement.
 std::vector<std::string> NuisanceNames(const RegistrationOptions& options,
                                        const Observations& observations);
+
+// Where the unknowns of the residual kinds begin.
+Eigen::VectorXd StartOfOwn(const Observations& observations);
 
 // Weighted least squares of  p_i = X_WM y(t_i - offset) + F_i z + random_i  by Gauss-Newton, with
 // the priors on z and on what is known of the record (Observations::placement). Rows: 3 per sample

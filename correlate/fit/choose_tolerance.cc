@@ -29,7 +29,11 @@ ToleranceChoice ChooseTolerance(const std::function<std::unique_ptr<Model>(doubl
     });
   };
   auto good = [](const Prediction& p) {
-    return p.status == ModelStatus::kGood && !p.marks.empty();
+    return p.status == ModelStatus::kGood && p.marks.size() + p.quantities.size() > 0;
+  };
+
+  auto difference = [&](const Prediction& a, const Prediction& b) {
+    return RmsInSigmas(observations, observations.Start(), a, b);
   };
 
   ToleranceChoice choice, least;
@@ -37,15 +41,16 @@ ToleranceChoice ChooseTolerance(const std::function<std::unique_ptr<Model>(doubl
   run(0, 2, finer != nullptr);
   double error = 0.0;
   if (finer != nullptr && good(fine) && good(answers[1])) {
-    error = part * RmsDifference(fine, answers[1]);
+    error = part * difference(fine, answers[1]);
   }
-  choice.wanted = kPart * std::hypot(TypicalSigma(observations), error);
+  choice.wanted = kPart * std::hypot(1.0, error);
+  choice.sigma = TypicalSigma(observations);
   for (std::size_t i = 0; i + 1 < kRungs; ++i) {
     if (i > 0 && i % 2 == 1) run(i + 1, std::min(i + 3, kRungs), false);
     // What cannot be simulated here is the fit's to say.
     if (!good(answers[i]) || !good(answers[i + 1])) return least.noise < 1e300 ? least : choice;
     choice.rtol = kLadder[i];
-    choice.noise = RmsDifference(answers[i], answers[i + 1]);
+    choice.noise = difference(answers[i], answers[i + 1]);
     if (choice.noise < least.noise) least = choice;
     if (choice.noise <= choice.wanted) return choice;
   }

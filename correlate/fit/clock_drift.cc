@@ -18,7 +18,7 @@ Eigen::VectorXd DriftColumn(const ReducedProblem::Part& part, const Prediction& 
   free.placement.drift = Prior::Free();
   options.max_iterations = 0;
   options.with_others = true;
-  const RegistrationOptions fitted = WithPlacement(options, free.placement);
+  const RegistrationOptions fitted = WithPlacement(options, free);
   const Eigen::Index column = (fitted.fit_frame ? 6 : 0) + (fitted.fit_offset ? 1 : 0);
   return FitRegistration(free, prediction, part.reference, at, options, part.whitening)
       .jacobian.col(column);

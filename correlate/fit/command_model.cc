@@ -163,9 +163,10 @@ SampledModel FromTables(const std::string& path, const std::vector<std::string>&
 
 }  // namespace
 
-SampledModel ReadProgramTracks(const std::string& path, const std::vector<std::string>& marks) {
+SampledModel ReadProgramTracks(const std::string& path, const std::vector<std::string>& marks,
+                               const std::vector<std::string>& quantities) {
   if (data::FormatOf(path) == data::FileFormat::kHdf5)
-    return SampledModel(data::ReadRun(path), marks);
+    return SampledModel(data::ReadRun(path), marks, quantities);
   const data::CsvTable table = data::CsvTable::Load(path);
   std::vector<MarkTable> tables(marks.size());
   const int t = table.Require("t", "s");
@@ -267,7 +268,10 @@ Prediction CommandModel::Once(std::span<const double> theta, const Stamps& stamp
     return fail(fmt::format("exit code {}{}{}", outcome.code, last.empty() ? "" : ": ", last));
   }
   try {
-    out = ReadProgramTracks(scratch.File(options_.tracks), stamps.marks).Evaluate({}, stamps);
+    std::vector<std::string> quantities;
+    for (const QuantityStamps& q : stamps.quantities) quantities.push_back(q.quantity);
+    out = ReadProgramTracks(scratch.File(options_.tracks), stamps.marks, quantities)
+              .Evaluate({}, stamps);
   } catch (const Error& e) {
     return fail(e.what());
   }

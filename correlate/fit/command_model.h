@@ -42,8 +42,10 @@ class CommandModel : public Model {
   std::vector<std::pair<std::string, std::string>> files_;  // name, text
 };
 
-// Tracks that a program wrote, as a record that can be asked at any stamp. Throws Error.
+// Tracks that a program wrote, and quantities (of a run file alone), as a record that can be asked
+// at any stamp. Throws Error.
 class SampledModel;
-SampledModel ReadProgramTracks(const std::string& path, const std::vector<std::string>& marks);
+SampledModel ReadProgramTracks(const std::string& path, const std::vector<std::string>& marks,
+                               const std::vector<std::string>& quantities = {});
 
 }  // namespace unfurl::correlate

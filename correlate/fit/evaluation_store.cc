@@ -28,6 +28,9 @@ void PutRow(std::string* out, const Eigen::Matrix3Xd& m, Eigen::Index row) {
   for (Eigen::Index i = 0; i < m.cols(); ++i) Put(out, m(row, i));
 }
 
+// Begins the quantities of an answer, where there are any; what else may stand there is 0 or 1.
+constexpr std::uint8_t kQuantities = 0xff;
+
 class Source {
  public:
   explicit Source(std::string_view bytes) : bytes_(bytes) {}
@@ -59,7 +62,13 @@ class Source {
     if (!good_) return;
     for (Eigen::Index i = 0; i < m->cols(); ++i) (*m)(row, i) = Get<double>();
   }
-  bool Room(std::uint64_t count) const { return good_ && count <= bytes_.size(); }
+  bool Room(std::uint64_t numbers) const {
+    return good_ && numbers <= bytes_.size() / sizeof(double);
+  }
+  // The byte to come; 0: there is none.
+  std::uint8_t Next() const {
+    return bytes_.empty() ? std::uint8_t{0} : static_cast<std::uint8_t>(bytes_.front());
+  }
   bool good() const { return good_; }
   bool empty() const { return bytes_.empty(); }
 
@@ -83,6 +92,12 @@ std::string QuestionBytes(const Job& job) {
     hash = data::Checksum(
         std::string_view(reinterpret_cast<const char*>(t.data()), t.size() * sizeof(double)), hash);
   }
+  for (const QuantityStamps& q : job.stamps->quantities) {
+    for (const std::string* text : {&q.key, &q.quantity}) hash = data::Checksum(*text, hash);
+    hash = data::Checksum(
+        std::string_view(reinterpret_cast<const char*>(q.t.data()), q.t.size() * sizeof(double)),
+        hash);
+  }
   Put(&out, hash);
   return out;
 }
@@ -103,6 +118,15 @@ std::string AnswerBytes(const Prediction& p) {
     Put(&out, event.t);
     PutText(&out, event.kind);
     PutText(&out, event.where);
+  }
+  if (!p.quantities.empty()) {
+    Put(&out, kQuantities);
+    Put(&out, static_cast<std::uint64_t>(p.quantities.size()));
+    for (const QuantityValues& q : p.quantities) {
+      PutText(&out, q.key);
+      Put(&out, static_cast<std::uint64_t>(q.values.size()));
+      for (double value : q.values) Put(&out, value);
+    }
   }
   // Of a model that starts in motion, which stamps it knows; all else know all, and say nothing.
   if (p.held_before) return out;
@@ -140,6 +164,19 @@ bool ParseAnswer(std::string_view bytes, Prediction* p) {
     event.kind = from.Text();
     event.where = from.Text();
     p->events.push_back(std::move(event));
+  }
+  if (from.Next() == kQuantities) {
+    from.Get<std::uint8_t>();
+    const auto count = from.Get<std::uint64_t>();
+    for (std::uint64_t i = 0; i < count && from.good(); ++i) {
+      QuantityValues q;
+      q.key = from.Text();
+      const auto n = from.Get<std::uint64_t>();
+      if (!from.Room(n)) return false;
+      q.values.resize(static_cast<Eigen::Index>(n));
+      for (double& value : q.values) value = from.Get<double>();
+      p->quantities.push_back(std::move(q));
+    }
   }
   p->held_before = from.empty();
   if (p->held_before) return from.good();

@@ -54,7 +54,7 @@ struct FitOptions {
   // A stage ends when the next step would move every parameter by less than this part of its
   // standard error [-].
   double step_tolerance = 0.05;
-  // Differences move the marks by this part of their sigma, RMS, or by `noise_factor` times the
+  // Differences move the data by this part of their sigma, RMS, or by `noise_factor` times the
   // model's own noise, whichever is more [-].
   double difference_sigma = 0.1;
   double noise_factor = 30.0;

@@ -342,7 +342,7 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
   for (std::size_t t = 0; t < trials; ++t) {
     const Block& b = whole.blocks[t];
     TrialResult& trial = r->trials[t];
-    RegistrationOptions all = WithPlacement(options.align.registration, data[t]->placement);
+    RegistrationOptions all = WithPlacement(options.align.registration, *data[t]);
     all.with_others = true;
     trial.nuisances = Nuisances(all, *data[t]);
     trial.nuisance_sigma = sigma.segment(b.column, b.columns);

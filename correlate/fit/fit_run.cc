@@ -43,14 +43,19 @@ struct NoiseProbe {
     }
   }
 
-  std::vector<double> Noise(const std::vector<Evaluator::Answer>& found, std::size_t trials) const {
-    std::vector<double> noise(trials, 0.0);
+  // In metres of the marks, and in sigmas of the data.
+  void Take(const FitProblem& problem, const std::vector<Evaluator::Answer>& found,
+            std::vector<double>* metres, std::vector<double>* sigmas) const {
+    metres->assign(problem.trials.size(), 0.0);
+    sigmas->assign(problem.trials.size(), 0.0);
     for (std::size_t i = 0; i + 1 < found.size(); i += 2) {
-      if (found[i]->status == ModelStatus::kGood && found[i + 1]->status == ModelStatus::kGood) {
-        noise[requests[i].trial] = RmsDifference(*found[i], *found[i + 1]);
-      }
+      const Prediction &a = *found[i], &b = *found[i + 1];
+      if (a.status != ModelStatus::kGood || b.status != ModelStatus::kGood) continue;
+      const std::size_t t = requests[i].trial;
+      const Observations& o = *problem.trials[t].observations;
+      (*metres)[t] = RmsDifference(a, b);
+      (*sigmas)[t] = RmsInSigmas(o, o.Start(), a, b);
     }
-    return noise;
   }
 };
 
@@ -115,7 +120,7 @@ bool FitRun::Screen() {
   std::vector<Evaluator::Answer> found;
   candidates_ =
       correlate::Screen(way_, options_, points, evaluator, probe.requests, probe.stamps, &found);
-  noise_ = probe.Noise(found, trials_);
+  probe.Take(problem_, found, &noise_, &noise_sigmas_);
   result_.evaluations = evaluator.records();
   for (std::size_t i : ChooseCandidates(candidates_, options_.search.starts)) {
     AddRunner(candidates_[i]);
@@ -133,7 +138,7 @@ bool FitRun::Screen() {
 void FitRun::AddRunner(const Candidate& from) {
   const auto start = static_cast<int>(runners_.size() + retired_.size());
   runners_.push_back(std::make_unique<StageRunner>(way_, options_, from, workers_, start));
-  runners_.back()->SetModelNoise(noise_);
+  runners_.back()->SetModelNoise(noise_sigmas_);
   runners_.back()->on_best = [this](double cost, const std::vector<double>& theta) {
     workers_.Best(cost, theta);
   };

@@ -67,6 +67,7 @@ class FitRun {
   void ScatterWhatIsOpen();
   void WeighByModelNoise();
   bool Sharpen(const std::string& what);  // by the ladder where there is one
+  bool ScaleChannels(std::vector<Observations>* all);
   bool PutGrossAside(const std::vector<Observations>& all);
   bool TakeClockDrift();
   bool Whiten();
@@ -90,7 +91,8 @@ class FitRun {
   FitResult result_;
 
   std::vector<Candidate> candidates_;
-  std::vector<double> noise_;  // of the model's marks, by trial [m]
+  std::vector<double> noise_;         // of the model's marks, by trial [m]
+  std::vector<double> noise_sigmas_;  // of all, in sigmas of the data [-]
   std::vector<std::unique_ptr<StageRunner>> runners_, retired_;
   std::vector<std::uint8_t> failed_;  // by runner
   StageRunner* best_ = nullptr;       // among the runners

@@ -6,6 +6,7 @@
 #include "correlate/fit/fit_estimate.h"
 #include "correlate/fit/fit_run.h"
 #include "correlate/fit/reduced_problem.h"
+#include "correlate/residual/row_layout.h"
 
 namespace unfurl::correlate {
 
@@ -22,18 +23,48 @@ void FitRun::WeighByModelNoise() {
           best_->evaluator().Evaluate({{t, theta, "noise", Fidelity::kTighter}}).front();
       if (tight->status == ModelStatus::kGood) {
         noise_[t] = std::max(noise_[t], RmsDifference(plain, *tight));
+        noise_sigmas_[t] = std::max(
+            noise_sigmas_[t],
+            RmsInSigmas(*trial.observations, best_->reduced().parts()[t].reference, plain, *tight));
         result_.trials[t].less_weight = WeighSections(*trial.observations, plain, *tight,
                                                       options_.error_sections, &weighed_[t]);
       }
     }
     result_.trials[t].model_noise = std::max(noise_[t], plain.noise);
   }
-  best_->SetModelNoise(noise_);
+  best_->SetModelNoise(noise_sigmas_);
 }
 
 bool FitRun::Sharpen(const std::string& what) {
   if (!ladder_.wanted()) return best_->Sharpen(data_, whiteners_, what);
   return ladder_.Climb(*best_, data_, whiteners_, what);
+}
+
+// Channels of which no sigma is stated get the one that their residuals show: iteratively
+// reweighted least squares, whose fixed point is the maximum of the likelihood over the unknown
+// variances.
+bool FitRun::ScaleChannels(std::vector<Observations>* all) {
+  constexpr int kMostRounds = 4;
+  constexpr double kSettled = 0.02;  // of a sigma: a weight that changes no estimate
+  for (int round = 0; round < kMostRounds; ++round) {
+    bool changed = false;
+    for (std::size_t t = 0; t < trials_; ++t) {
+      const Eigen::VectorXd& residual = best_->point().registration[t].residual;
+      const RowLayout layout(weighed_[t]);
+      for (std::size_t k = 0; k < weighed_[t].others.size(); ++k) {
+        const auto& kind = weighed_[t].others[k];
+        const Eigen::VectorXd own = residual.segment(layout.others[k], kind->rows());
+        const auto scaled = kind->Rescaled(own);
+        const double mean = own.squaredNorm() / std::max(1.0, static_cast<double>(own.size()));
+        if (scaled == nullptr || std::abs(std::sqrt(mean) - 1.0) < kSettled) continue;
+        weighed_[t].others[k] = (*all)[t].others[k] = scaled;
+        changed = true;
+      }
+    }
+    if (!changed) break;
+    if (!Sharpen("with the noise that channels show")) return false;
+  }
+  return true;
 }
 
 // Gross errors stick out of their neighbours' residuals however the fit is bent by them; what the
@@ -144,10 +175,10 @@ bool FitRun::Solve() {
   WeighByModelNoise();
   std::fill(whiteners_.begin(), whiteners_.end(), nullptr);
   for (TrialResult& trial : result_.trials) trial.gross = {};
-  const std::vector<Observations> all = weighed_;
+  std::vector<Observations> all = weighed_;
   for (std::size_t t = 0; t < trials_; ++t) weighed_[t] = Widened(all[t], far_[t]);
-  const bool good = Sharpen("sharpened") && PutGrossAside(all) && TakeClockDrift() &&
-                    (!options_.whiten || Whiten());
+  const bool good = Sharpen("sharpened") && ScaleChannels(&all) && PutGrossAside(all) &&
+                    TakeClockDrift() && (!options_.whiten || Whiten());
   TakeStatus();
   return good;
 }

@@ -136,9 +136,8 @@ bool Ladder::Ask(StageRunner& runner, Answers* coarse, Answers* fine) {
 
 bool Ladder::EventsAgree(const Answers& coarse, const Answers& fine) {
   for (std::size_t t = 0; t < fine.size(); ++t) {
-    // Nearer than the samples of a mark no record tells which was first.
-    double step = std::numeric_limits<double>::infinity();
-    for (const MarkSeries& m : data_[t]->marks) step = std::min(step, MedianStep(m.t));
+    // Nearer than its samples no record tells which was first.
+    const double step = data_[t]->ShortestStep();
     const std::string difference = LatchesDiffer(*coarse[t], *fine[t], step);
     if (difference.empty()) continue;
     Note(fmt::format("{} and {} are different motions: {}", result_.names[result_.base],

@@ -43,6 +43,20 @@ double RmsDifference(const Prediction& a, const Prediction& b) {
   return n > 0.0 ? std::sqrt(sum / n) : 0.0;
 }
 
+double RmsInSigmas(const Observations& o, const Clock& reference, const Prediction& a,
+                   const Prediction& b) {
+  const double sigma = TypicalSigma(o);
+  double largest = sigma > 0.0 ? RmsDifference(a, b) / sigma : 0.0;
+  const Change change = Difference(o, a, b);
+  const ResidualKind::Clocks clocks = ClocksOf(o, reference, reference);
+  for (std::size_t k = 0; k < o.others.size(); ++k) {
+    if (o.others[k]->series().empty()) continue;  // events: a latch that moved is no scatter
+    const Eigen::VectorXd rows = o.others[k]->Response(change.others[k], clocks, {});
+    largest = std::max(largest, rows.norm() / std::sqrt(static_cast<double>(rows.size())));
+  }
+  return largest;
+}
+
 ReducedProblem::ReducedProblem(std::vector<Part> parts, const RegistrationOptions& options,
                                Evaluator& evaluator)
     : parts_(std::move(parts)), options_(options), evaluator_(evaluator) {
@@ -247,18 +261,11 @@ Eigen::MatrixXd ReducedProblem::Project(const Point& at, const Eigen::MatrixXd& 
 }
 
 void ReducedProblem::SetSteps(const Eigen::MatrixXd& J, const Point& at, double target) {
-  // Rows times the typical sigma are metres where no whitening in time is at work.
-  double metres = 0.0, n = 0.0;
-  for (std::size_t i = 0; i < parts_.size(); ++i) {
-    const double count = 3.0 * static_cast<double>(at.registration[i].known);
-    const double sigma = TypicalSigma(*parts_[i].observations);
-    metres += count * sigma * sigma;
-    n += count;
-  }
+  double n = 0.0;
+  for (const RegistrationFit& r : at.registration) n += static_cast<double>(r.data_rows);
   n = std::max(1.0, n);
-  metres = std::sqrt(metres / n);
   for (std::size_t j = 0; j < parameters().size(); ++j) {
-    const double rms = metres * J.col(static_cast<Eigen::Index>(j)).norm() / std::sqrt(n);
+    const double rms = J.col(static_cast<Eigen::Index>(j)).norm() / std::sqrt(n);
     const double size = SizeOf(parameters()[j]);
     const double widest = kWidestStep * size;
     steps_[j] = rms > 0.0 ? std::clamp(target / rms, kNarrowest * size, widest) : widest;

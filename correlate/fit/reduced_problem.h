@@ -72,8 +72,9 @@ class ReducedProblem {
   // Takes the part out of J that a change of the registrations imitates (Kaufman's form).
   Eigen::MatrixXd Project(const Point& at, const Eigen::MatrixXd& J) const;
 
-  // Steps in u from the last sensitivities: each moves the marks by `target` RMS [m], within a
-  // twentieth of the value (or of its logarithm). Before the first: a thousandth of the value.
+  // Steps in u from the last sensitivities: each moves the rows of the data by `target` RMS, in
+  // their standard deviations, within a twentieth of the value (or of its logarithm). Before the
+  // first: a thousandth of the value.
   void SetSteps(const Eigen::MatrixXd& J, const Point& at, double target);
   const std::vector<double>& steps() const { return steps_; }
   void TakeSteps(std::vector<double> steps) { steps_ = std::move(steps); }
@@ -109,5 +110,10 @@ double TypicalSigma(const Observations& observations);
 
 // RMS distance between the marks of two answers at the same stamps [m].
 double RmsDifference(const Prediction& a, const Prediction& b);
+
+// The same in standard deviations of the data, of marks or of channels, whichever differ by more;
+// `reference` is the clock of the stamps [-].
+double RmsInSigmas(const Observations& observations, const Clock& reference, const Prediction& a,
+                   const Prediction& b);
 
 }  // namespace unfurl::correlate

@@ -65,12 +65,15 @@ std::vector<Candidate> Screen(const FitProblem& problem, const FitOptions& optio
       horizon = std::min(horizon, FirstImpact(o) - o.Start());
     }
     // Positions and velocities on half the data's own step carry any motion that the data show.
+    // Quantities are asked for as finely as their channels want them.
     // At the least 200 points, so that a model's ten periods over the horizon are smooth between
     // them however sparse the data; beyond a hundred thousand a coarser grid aligns as well.
     constexpr double kFewest = 200.0, kMost = 1e5;
-    const double step =
-        std::clamp(0.5 * MedianStep(o.marks.front().t), horizon / kMost, horizon / kFewest);
+    const double least = o.marks.empty() ? o.ShortestStep() : MedianStep(o.marks.front().t);
+    const double step = std::clamp(0.5 * least, horizon / kMost, horizon / kFewest);
     grid.push_back(EvenStamps(MarkNames(o), 0.0, horizon, step));
+    // One point before the start: what a held model has there stands for all of before.
+    for (const auto& kind : o.others) kind->AskOver(-step, horizon, &grid.back());
   }
   std::vector<Evaluator::Request> requests = beside;
   std::vector<Stamps> stamps = beside_stamps;

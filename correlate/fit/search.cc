@@ -12,6 +12,7 @@
 #include "base/worker_pool.h"
 #include "correlate/align/first_impact.h"
 #include "correlate/fit/solver.h"
+#include "correlate/residual/row_layout.h"
 #include "correlate/sampled_model.h"
 
 namespace unfurl::correlate {
@@ -91,10 +92,8 @@ SolverOptions StageRunner::OptionsOfSolver(double tolerance, bool central,
   solver.step_tolerance = tolerance;
   solver.floor = floor_;
   for (std::size_t t = 0; t < problem_.trials.size(); ++t) {
-    solver.difference_target =
-        std::max({solver.difference_target,
-                  options_.difference_sigma * TypicalSigma(*problem_.trials[t].observations),
-                  options_.noise_factor * model_noise_[t]});
+    solver.difference_target = std::max({solver.difference_target, options_.difference_sigma,
+                                         options_.noise_factor * model_noise_[t]});
   }
   for (const Parameter& p : problem_.parameters) {
     solver.held.push_back(!free.empty() &&
@@ -109,9 +108,10 @@ bool StageRunner::SolveStage(const StageResult& named, double tolerance, bool ce
   if (!steps_.empty()) reduced_->TakeSteps(steps_);
   SolverOptions solver = OptionsOfSolver(tolerance, central, free);
   if (reduced_->At(u_, &point_, "trial")) {
-    for (const Evaluator::Answer& a : point_.prediction) {
-      solver.difference_target =
-          std::max(solver.difference_target, options_.noise_factor * a->noise);
+    for (std::size_t t = 0; t < point_.prediction.size(); ++t) {
+      const double sigma = TypicalSigma(*problem_.trials[t].observations);
+      const double noise = sigma > 0.0 ? point_.prediction[t]->noise / sigma : 0.0;
+      solver.difference_target = std::max(solver.difference_target, options_.noise_factor * noise);
     }
     if (on_best) on_best(point_.cost, Values(problem_.parameters, u_.data()));
   }
@@ -151,7 +151,7 @@ void StageRunner::FindEnds() {
     constexpr double kFirst = 6.0, kGrowth = 1.6;  // samples beyond the impact; from end to end
     const Observations& o = *problem_.trials.front().observations;
     const double impact = FirstImpact(o) - at_.front().offset;
-    const double step = MedianStep(o.marks.front().t);
+    const double step = o.ShortestStep();
     const double last = o.End() - at_.front().offset;
     if (std::isfinite(impact)) {
       ends_.push_back(impact - 1.5 * step);
@@ -169,9 +169,9 @@ void StageRunner::FindEnds() {
       const Observations& all = *problem_.trials[t].observations;
       shorter = shorter || HorizonEnd(t, end) < all.End();
       std::size_t count = 0;
-      for (const MarkSeries& m : all.marks) {
+      for (const RowSeries& s : RowLayout(all).series) {
         count += static_cast<std::size_t>(
-            std::upper_bound(m.t.begin(), m.t.end(), HorizonEnd(t, end)) - m.t.begin());
+            std::upper_bound(s.t->begin(), s.t->end(), HorizonEnd(t, end)) - s.t->begin());
       }
       fewest = std::min(fewest, count);
     }
@@ -192,7 +192,7 @@ std::size_t StageRunner::BuildStage(std::size_t s) {
     cut_.push_back(
         std::make_unique<Observations>(Cut(all, {-std::numeric_limits<double>::infinity(), end})));
     data.push_back(cut_.back().get());
-    samples += cut_.back()->size();
+    samples += cut_.back()->readings();
   }
   last_stage_ = static_cast<int>(s);
   Build(data, white, false, last_stage_);
@@ -302,7 +302,8 @@ bool StageRunner::Settled() const {
     const Observations& o = *reduced_->parts()[t].observations;
     // Without sigmas the weights are 1 m^-1, and the residuals are what tells of errors.
     const double sigma = TypicalSigma(o) * (o.has_sigma ? 1.0 : std::sqrt(misfit_));
-    const double carried = CarriedFor(*point_.prediction[t], sigma, o.StampsAt(reference_[t]));
+    double carried = CarriedFor(*point_.prediction[t], sigma, o.StampsAt(reference_[t]));
+    for (const auto& kind : o.others) carried = std::min(carried, kind->Carries());
     for (double stamp : {o.Start(), o.End()}) {  // a drift moves the ends most
       const double ahead = Ahead(stamp, o.Pivot(), reference_[t], at_[t].clock());
       if (std::abs(ahead) > carried) return false;
@@ -316,7 +317,7 @@ bool StageRunner::Place(const std::vector<const Observations*>& observations,
   // A drift that was fitted before is not one that stays where none is fitted.
   for (std::size_t t = 0; t < at_.size(); ++t) {
     const Placement& known = observations[t]->placement;
-    if (WithPlacement(options_.align.registration, known).fit_drift) continue;
+    if (WithPlacement(options_.align.registration, *observations[t]).fit_drift) continue;
     at_[t].drift = known.drift.kind == Foreknowledge::kKnown ? known.drift.mean : 0.0;
   }
   const bool settled = Settled();
@@ -329,7 +330,7 @@ bool StageRunner::SolveHere(const std::string& what) {
   StageResult stage;
   stage.end = std::numeric_limits<double>::infinity();
   for (const ReducedProblem::Part& part : reduced_->parts()) {
-    stage.samples += part.observations->size();
+    stage.samples += part.observations->readings();
   }
   const bool good =
       SolveStage(stage, options_.step_tolerance, true,

@@ -65,6 +65,7 @@ class StageRunner {
   Evaluator& evaluator() { return evaluator_; }
   const Candidate& candidate() const { return from_; }
   double misfit() const { return misfit_; }  // mean square of the last stage's residuals
+  // By trial, in sigmas of the data.
   void SetModelNoise(std::vector<double> noise) { model_noise_ = std::move(noise); }
   std::function<void(double cost, const std::vector<double>& theta)> on_best;
 
@@ -87,7 +88,7 @@ class StageRunner {
   std::vector<double> ends_;         // of the stages, on the model's clock; the last: infinity [s]
   std::vector<Registration> at_;     // by trial
   std::vector<Clock> reference_;     // by trial; of the stamps that stand
-  std::vector<double> model_noise_;  // by trial [m]
+  std::vector<double> model_noise_;  // by trial, in sigmas of the data [-]
   std::vector<std::unique_ptr<Observations>> cut_;
   std::unique_ptr<ReducedProblem> reduced_;
   ReducedProblem::Point point_;

@@ -12,7 +12,7 @@ struct SolverOptions {
   int max_iterations = 25;
   double step_tolerance = 0.02;     // of each parameter's standard error
   bool central_from_start = false;  // else the first differences are one-sided
-  double difference_target = 0.0;   // RMS change of the marks by one difference step [m]
+  double difference_target = 0.0;   // RMS change of the rows by one difference step [-]
   Eigen::VectorXd floor;            // beside the standard error, in u; empty: nothing is
   std::vector<bool> held;           // by parameter: true stays where it is; empty: none
   std::function<void(double cost, const std::vector<double>& u)> on_iteration;

@@ -1,5 +1,6 @@
 #include "correlate/fit/workers.h"
 
+#include <cmath>
 #include <exception>
 #include <semaphore>
 
@@ -33,6 +34,27 @@ void CheckWhole(const Stamps& stamps, Prediction* p) {
     for (std::size_t i = 0; i < motion.known.size(); ++i) {
       if (motion.known[i] || (!p->held_before && stamps.t[m][i] < 0.0)) continue;
       return fail("the model's motion of " + stamps.marks[m] + " ends too early");
+    }
+  }
+  if (p->quantities.size() != stamps.quantities.size()) {
+    return fail("the model did not answer for all quantities");
+  }
+  for (std::size_t q = 0; q < p->quantities.size(); ++q) {
+    const QuantityStamps& asked = stamps.quantities[q];
+    const Eigen::VectorXd& values = p->quantities[q].values;
+    if (values.size() != static_cast<Eigen::Index>(asked.t.size())) {
+      return fail("the model did not answer at all stamps of " + asked.quantity);
+    }
+    if (values.size() > 0 && !values.array().isFinite().any()) {
+      return fail("the model has nothing of " + asked.quantity);
+    }
+    if (values.array().isInf().any()) {
+      return fail("the model's " + asked.quantity + " is not finite");
+    }
+    // As of marks: only what was before the start may be unknown.
+    for (std::size_t i = 0; i < asked.t.size() && asked.t[i] <= asked.needed; ++i) {
+      if (!std::isnan(values(static_cast<Eigen::Index>(i))) || asked.t[i] <= 0.0) continue;
+      return fail("the model's " + asked.quantity + " ends too early");
     }
   }
 }
@@ -82,7 +104,10 @@ Prediction EvaluateChecked(const Model& model, std::span<const double> theta,
     answer.status = ModelStatus::kFailed;
     answer.message = e.what();
   }
-  if (answer.status != ModelStatus::kGood) answer.marks.clear();
+  if (answer.status != ModelStatus::kGood) {
+    answer.marks.clear();
+    answer.quantities.clear();
+  }
   return answer;
 }
 

@@ -81,8 +81,17 @@ class ResidualKind {
   /// What is solved for together with frame and clock.
   virtual std::vector<Unknown> unknowns() const { return {}; }
 
+  /// The part of the record that it covers; empty (low above high): moments alone.
+  virtual Window Span() const {
+    return {std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
+  }
+  /// By how much a clock may move before the model has to be asked again [s].
+  virtual double Carries() const { return std::numeric_limits<double>::infinity(); }
+
   /// Adds what it wants of a model to `stamps`.
   virtual void Ask(const Clock& /*clock*/, double /*pivot*/, Stamps* /*stamps*/) const {}
+  /// The same where nothing is known of the clocks: over all of a model's time [s].
+  virtual void AskOver(double /*low*/, double /*high*/, Stamps* /*stamps*/) const {}
   /// What it takes of a model; NaN: the model has none.
   virtual Eigen::VectorXd NumbersOf(const Prediction& prediction) const = 0;
   /// Adds to those in a prediction what a ladder's finer rung has more of them.
@@ -99,6 +108,12 @@ class ResidualKind {
   virtual std::shared_ptr<const ResidualKind> Within(const Window& window) const = 0;
   /// The same by a clock that runs at the model's rate, see correlate::WithoutDrift.
   virtual std::shared_ptr<const ResidualKind> WithoutDrift(double drift, double pivot) const = 0;
+
+  /// The same with the noise that these residuals of its rows show, where none was stated; null: it
+  /// was.
+  virtual std::shared_ptr<const ResidualKind> Rescaled(const Eigen::VectorXd& /*residual*/) const {
+    return nullptr;
+  }
 
   /// How each thing observed lies to the model, a sentence each; `of` names the trial (" of A"), or
   /// is empty.

@@ -1,0 +1,360 @@
+#include "correlate/residual/channel.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/error.h"
+#include "base/statistics.h"
+#include "correlate/sampled_model.h"
+
+namespace unfurl::correlate {
+
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+// Margin of the grid beside the readings: offsets move by less from one solution to the next.
+constexpr double kMarginReadings = 16.0;  // median steps
+constexpr double kMarginSpan = 0.01;      // of the record's length
+constexpr double kMarginPrior = 4.0;      // sigmas of the delay: one in 16 000 lies beyond
+constexpr double kMarginFree = 0.1;       // of the record's length, of a delay without a prior
+// A fit keeps 200 answers of a model: 8 MB each.
+constexpr double kMostPoints = 1e6;
+
+bool IsFitted(const Prior& prior) {
+  return prior.kind == Foreknowledge::kFree || prior.kind == Foreknowledge::kNormal;
+}
+
+double ValueOf(const Prior& prior, double unsaid) { return prior.Told() ? prior.mean : unsaid; }
+
+void CheckReadings(const ChannelRecord& r, const std::string& where) {
+  constexpr std::size_t kFewest = 4;  // of a cubic
+  if (r.t.size() < kFewest) {
+    throw Error(fmt::format("channel '{}' has {} readings", r.name, r.t.size()), where,
+                fmt::format("{} are the fewest; widen the window", kFewest));
+  }
+  for (std::size_t i = 0; i < r.t.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    if (!std::isfinite(r.t[i]) || !std::isfinite(r.y(k))) {
+      throw Error(fmt::format("reading {} of '{}' is not finite", i + 1, r.name), where,
+                  "leave readings that failed out of the file");
+    }
+    if (i > 0 && !(r.t[i] > r.t[i - 1])) {
+      throw Error(fmt::format("the stamps of '{}' do not ascend at {} s", r.name, r.t[i]), where,
+                  "write the readings in order of time, one per stamp");
+    }
+    if (r.sigma.size() > 0 && !(r.sigma(k) > 0.0 && std::isfinite(r.sigma(k)))) {
+      throw Error(fmt::format("the sigma of '{}' at {} s is not positive", r.name, r.t[i]), where,
+                  "give each reading its standard deviation, or none to any");
+    }
+  }
+}
+
+}  // namespace
+
+double NoiseOf(const Eigen::VectorXd& y) {
+  const Eigen::Index n = y.size();
+  constexpr double kSquares = 20.0;  // 1 + 9 + 9 + 1: weights of a third difference
+  std::vector<double> third;
+  for (Eigen::Index i = 3; i < n; ++i) {
+    third.push_back(y(i) - 3.0 * y(i - 1) + 3.0 * y(i - 2) - y(i - 3));
+  }
+  double noise = third.empty() ? 0.0 : RobustSigma(third) / std::sqrt(kSquares);
+  // A quantum's readings are its own: uniform over its width.
+  double quantum = std::numeric_limits<double>::infinity();
+  for (Eigen::Index i = 1; i < n; ++i) {
+    const double step = std::abs(y(i) - y(i - 1));
+    if (step > 0.0) quantum = std::min(quantum, step);
+  }
+  if (noise == 0.0 && std::isfinite(quantum)) noise = quantum / std::sqrt(12.0);
+  return noise;
+}
+
+Channel::Channel(ChannelRecord record, const std::string& where) : record_(std::move(record)) {
+  CheckReadings(record_, where);
+  record_.filter.Check();
+  const auto n = static_cast<Eigen::Index>(record_.t.size());
+  has_sigma_ = record_.sigma.size() > 0;
+  if (!has_sigma_) {
+    const double noise = NoiseOf(record_.y);
+    if (!(noise > 0.0)) {
+      throw Error(fmt::format("the readings of '{}' never change", record_.name), where,
+                  "leave the channel out, or look at its file");
+    }
+    record_.sigma = Eigen::VectorXd::Constant(n, noise);
+  }
+  const double span = record_.t.back() - record_.t.front(), median = MedianStep(record_.t);
+  if (std::isnan(record_.pivot)) record_.pivot = 0.5 * (record_.t.front() + record_.t.back());
+  margin_ = std::max(kMarginReadings * median, kMarginSpan * span);
+  if (record_.delay.kind == Foreknowledge::kNormal) margin_ += kMarginPrior * record_.delay.sigma;
+  if (record_.delay.kind == Foreknowledge::kFree) margin_ += kMarginFree * span;
+  const double length = span + 2.0 * margin_;
+  step_ = std::max(median / record_.points_per_step, length / kMostPoints);
+  if (step_ > median) {
+    throw Error(fmt::format("the readings of '{}' lie in bursts, {:.3g} s apart in {:.3g} s",
+                            record_.name, median, span),
+                where, "give a window for each part of the record that is to count");
+  }
+  count_ = static_cast<Eigen::Index>(std::ceil(length / step_)) + 1;
+  auto fit = [&](const char* name, std::string unit, const Prior& prior, double Values::*value) {
+    if (!IsFitted(prior)) return;
+    fitted_.push_back({name, std::move(unit), prior, value});
+    if (prior.kind == Foreknowledge::kNormal) ++prior_rows_;
+  };
+  fit("gain", "1", record_.gain, &Values::gain);
+  fit("bias", record_.unit, record_.bias, &Values::bias);
+  fit("delay", "s", record_.delay, &Values::delay);
+  fit("clock drift", "1", record_.drift, &Values::drift);
+}
+
+Eigen::Index Channel::rows() const { return record_.y.size() + prior_rows_; }
+
+double Channel::TimeOf(Eigen::Index row) const {
+  return row < record_.y.size() ? record_.t[static_cast<std::size_t>(row)] : kNan;
+}
+
+std::vector<RowSeries> Channel::series() const {
+  return {{record_.name, &record_.t, 0, 1, has_sigma_}};
+}
+
+std::vector<ResidualKind::Unknown> Channel::unknowns() const {
+  const Values start = ValuesOf({});
+  std::vector<Unknown> out;
+  for (const Fitted& f : fitted_) {
+    out.push_back({fmt::format("{} of {}", f.name, record_.name), f.unit, start.*f.value});
+  }
+  return out;
+}
+
+Channel::Values Channel::ValuesOf(const Eigen::VectorXd& unknowns) const {
+  Values out;
+  out.gain = ValueOf(record_.gain, 1.0);
+  out.bias = ValueOf(record_.bias, 0.0);
+  out.delay = ValueOf(record_.delay, 0.0);
+  out.drift = ValueOf(record_.drift, 0.0);
+  for (std::size_t j = 0; j < fitted_.size() && unknowns.size() > 0; ++j) {
+    out.*fitted_[j].value = unknowns(static_cast<Eigen::Index>(j));
+  }
+  return out;
+}
+
+double Channel::RecordTime(double t, const Values& at) const {
+  return record_.pivot + (t - record_.pivot) / (1.0 + at.drift) - at.delay;
+}
+
+double Channel::GridStart(const Clock& clock, double pivot) const {
+  return clock.ModelTime(RecordTime(record_.t.front(), ValuesOf({})), pivot) - margin_;
+}
+
+std::vector<double> Channel::GridFrom(double start) const {
+  std::vector<double> t(static_cast<std::size_t>(count_));
+  for (std::size_t i = 0; i < t.size(); ++i) t[i] = start + static_cast<double>(i) * step_;
+  return t;
+}
+
+void Channel::Ask(const Clock& clock, double pivot, Stamps* stamps) const {
+  std::vector<double> t = GridFrom(GridStart(clock, pivot));
+  const double needed = t.back() - margin_;
+  stamps->quantities.push_back({record_.name, record_.quantity, std::move(t), needed});
+}
+
+void Channel::AskOver(double low, double high, Stamps* stamps) const {
+  const double step = std::max(step_, (high - low) / kMostPoints);
+  std::vector<double> t;
+  for (std::size_t i = 0; low + static_cast<double>(i) * step < high + step; ++i) {
+    t.push_back(low + static_cast<double>(i) * step);
+  }
+  stamps->quantities.push_back({record_.name, record_.quantity, std::move(t)});
+}
+
+Eigen::VectorXd Channel::NumbersOf(const Prediction& prediction) const {
+  for (const QuantityValues& q : prediction.quantities) {
+    if (q.key == record_.name) return q.values;
+  }
+  return Eigen::VectorXd::Constant(count_, kNan);
+}
+
+void Channel::Add(const Eigen::VectorXd& more, Prediction* prediction) const {
+  for (QuantityValues& q : prediction->quantities) {
+    if (q.key == record_.name) q.values += more;
+  }
+}
+
+Channel::Place Channel::PlaceAt(double time, double start) const {
+  Place out;
+  const double x = (time - start) / step_;
+  if (!(x >= 0.0) || x > static_cast<double>(count_ - 1)) return out;
+  const Eigen::Index first =
+      std::clamp<Eigen::Index>(static_cast<Eigen::Index>(x) - 1, 0, count_ - 4);
+  const double u = x - static_cast<double>(first);  // in [0, 3]; the points lie at 0, 1, 2, 3
+  const double a = u, b = u - 1.0, c = u - 2.0, d = u - 3.0;
+  out.first = first;
+  out.value[0] = -b * c * d / 6.0;
+  out.value[1] = a * c * d / 2.0;
+  out.value[2] = -a * b * d / 2.0;
+  out.value[3] = a * b * c / 6.0;
+  out.slope[0] = -(c * d + b * d + b * c) / (6.0 * step_);
+  out.slope[1] = (c * d + a * d + a * c) / (2.0 * step_);
+  out.slope[2] = -(b * d + a * d + a * b) / (2.0 * step_);
+  out.slope[3] = (b * c + a * c + a * b) / (6.0 * step_);
+  return out;
+}
+
+Channel::Shown Channel::Show(const Eigen::VectorXd& numbers) const {
+  Shown out;
+  out.end = numbers.size();
+  while (out.first < out.end && !std::isfinite(numbers(out.first))) ++out.first;
+  while (out.end > out.first && !std::isfinite(numbers(out.end - 1))) --out.end;
+  out.values = Eigen::VectorXd::Zero(numbers.size());
+  if (out.end > out.first) {
+    out.values.segment(out.first, out.end - out.first) =
+        record_.filter.Apply(numbers.segment(out.first, out.end - out.first), step_);
+  }
+  // A model that starts in motion says nothing of what the filter still remembers.
+  if (out.first > 0) {
+    out.first += static_cast<Eigen::Index>(std::ceil(record_.filter.Memory() / step_));
+    out.first = std::min(out.first, out.end);
+  }
+  return out;
+}
+
+void Channel::Evaluate(const Eigen::VectorXd& numbers, const Clocks& clocks,
+                       const Eigen::VectorXd& unknowns, Rows* rows) const {
+  const Values at = ValuesOf(unknowns);
+  const Shown shown = Show(numbers);
+  const double start = GridStart(clocks.reference, clocks.pivot);
+  const double record_rate = 1.0 / (1.0 + clocks.at.drift), own_rate = 1.0 / (1.0 + at.drift);
+  rows->residual.setZero();
+  rows->by_time.setZero();
+  rows->by_unknown.setZero();
+  rows->known = 0;
+  for (Eigen::Index i = 0; i < record_.y.size(); ++i) {
+    const double t = record_.t[static_cast<std::size_t>(i)];
+    const Place p = PlaceAt(clocks.at.ModelTime(RecordTime(t, at), clocks.pivot), start);
+    if (p.first < shown.first || p.first < 0 || p.first + 4 > shown.end) continue;
+    double value = 0.0, slope = 0.0;
+    for (int k = 0; k < 4; ++k) {
+      value += p.value[k] * shown.values(p.first + k);
+      slope += p.slope[k] * shown.values(p.first + k);
+    }
+    const double weight = 1.0 / record_.sigma(i);
+    rows->residual(i) = weight * (record_.y(i) - record_.scale * at.gain * value - at.bias);
+    rows->by_time(i) = -weight * record_.scale * at.gain * slope;
+    ++rows->known;
+    for (std::size_t j = 0; j < fitted_.size(); ++j) {
+      double& cell = rows->by_unknown(i, static_cast<Eigen::Index>(j));
+      if (fitted_[j].value == &Values::gain) cell = -weight * record_.scale * value;
+      if (fitted_[j].value == &Values::bias) cell = -weight;
+      if (fitted_[j].value == &Values::delay) cell = -rows->by_time(i) * record_rate;
+      if (fitted_[j].value == &Values::drift) {
+        cell = -rows->by_time(i) * record_rate * own_rate * own_rate * (t - record_.pivot);
+      }
+    }
+  }
+  Eigen::Index row = record_.y.size();
+  for (std::size_t j = 0; j < fitted_.size(); ++j) {
+    const Prior& prior = fitted_[j].prior;
+    if (prior.kind != Foreknowledge::kNormal) continue;
+    rows->residual(row) = (at.*fitted_[j].value - prior.mean) / prior.sigma;
+    rows->by_unknown(row++, static_cast<Eigen::Index>(j)) = 1.0 / prior.sigma;
+  }
+}
+
+Eigen::VectorXd Channel::Response(const Eigen::VectorXd& change, const Clocks& clocks,
+                                  const Eigen::VectorXd& unknowns) const {
+  const Values at = ValuesOf(unknowns);
+  const Eigen::VectorXd shown = record_.filter.Apply(change, step_);
+  const double start = GridStart(clocks.reference, clocks.pivot);
+  Eigen::VectorXd out = Eigen::VectorXd::Zero(rows());
+  for (Eigen::Index i = 0; i < record_.y.size(); ++i) {
+    const double t = record_.t[static_cast<std::size_t>(i)];
+    const Place p = PlaceAt(clocks.at.ModelTime(RecordTime(t, at), clocks.pivot), start);
+    if (p.first < 0) continue;
+    double value = 0.0;
+    for (int k = 0; k < 4; ++k) value += p.value[k] * shown(p.first + k);
+    out(i) = -record_.scale * at.gain * value / record_.sigma(i);
+  }
+  return out;
+}
+
+std::shared_ptr<const ResidualKind> Channel::Within(const Window& window) const {
+  ChannelRecord part = record_;
+  part.t.clear();
+  std::vector<Eigen::Index> keep;
+  for (std::size_t i = 0; i < record_.t.size(); ++i) {
+    if (!window.Contains(record_.t[i])) continue;
+    keep.push_back(static_cast<Eigen::Index>(i));
+    part.t.push_back(record_.t[i]);
+  }
+  constexpr std::size_t kFewest = 4;  // of a cubic, as the constructor asks
+  if (keep.size() < kFewest) return nullptr;
+  part.y = record_.y(keep);
+  part.sigma = record_.sigma(keep);
+  auto out = std::make_shared<Channel>(std::move(part));
+  out->has_sigma_ = has_sigma_;
+  return out;
+}
+
+std::shared_ptr<const ResidualKind> Channel::WithoutDrift(double drift, double pivot) const {
+  const double rate = 1.0 / (1.0 + drift);
+  ChannelRecord moved = record_;
+  for (double& t : moved.t) t = pivot + (t - pivot) * rate;
+  moved.pivot = pivot + (moved.pivot - pivot) * rate;
+  moved.delay.mean *= rate;
+  moved.delay.sigma *= rate;
+  auto out = std::make_shared<Channel>(std::move(moved));
+  out->has_sigma_ = has_sigma_;
+  return out;
+}
+
+std::shared_ptr<const ResidualKind> Channel::Rescaled(const Eigen::VectorXd& residual) const {
+  if (has_sigma_) return nullptr;
+  const auto readings = residual.head(record_.y.size());
+  const double known = static_cast<double>((readings.array() != 0.0).count());
+  const double left = std::max(1.0, known - static_cast<double>(fitted_.size()));
+  const double factor = std::sqrt(readings.squaredNorm() / left);
+  if (!(factor > 0.0) || !std::isfinite(factor)) return nullptr;
+  ChannelRecord scaled = record_;
+  scaled.sigma *= factor;
+  auto out = std::make_shared<Channel>(std::move(scaled));
+  out->has_sigma_ = false;
+  return out;
+}
+
+std::vector<std::string> Channel::Words(const Eigen::VectorXd& numbers, const Clocks& clocks,
+                                        const Eigen::VectorXd& unknowns,
+                                        const std::string& of) const {
+  Rows rows;
+  rows.residual.resize(this->rows());
+  rows.by_time.resize(this->rows());
+  rows.by_unknown.resize(this->rows(), static_cast<Eigen::Index>(fitted_.size()));
+  Evaluate(numbers, clocks, unknowns, &rows);
+  const Eigen::Index n = record_.y.size();
+  const std::string head = fmt::format("Channel {} ({}){}", record_.name, record_.quantity, of);
+  if (rows.known == 0) return {head + ": the model has nothing at the times of its readings."};
+  double squares = 0.0, sigmas = 0.0, mean = 0.0, motion = 0.0;
+  for (Eigen::Index i = 0; i < n; ++i) {
+    if (rows.residual(i) == 0.0) continue;
+    squares += std::pow(rows.residual(i) * record_.sigma(i), 2);
+    sigmas += rows.residual(i) * rows.residual(i);
+    mean += record_.y(i) / static_cast<double>(rows.known);
+  }
+  for (Eigen::Index i = 0; i < n; ++i) {
+    if (rows.residual(i) != 0.0) motion += std::pow(record_.y(i) - mean, 2);
+  }
+  const double known = static_cast<double>(rows.known);
+  std::string text = fmt::format("{}: {} readings, RMS residual {:.3g} {}", head, rows.known,
+                                 std::sqrt(squares / known), record_.unit);
+  text += has_sigma_ ? fmt::format(" ({:.2f} of its sigma)", std::sqrt(sigmas / known))
+                     : ", which is taken for its noise since none was stated";
+  if (motion > 0.0) {
+    text +=
+        fmt::format("; the model explains {:.5g}% of its motion", 100.0 * (1.0 - squares / motion));
+  }
+  return {text + "."};
+}
+
+}  // namespace unfurl::correlate

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "correlate/observations.h"
+#include "data/run.h"
+#include "data/study.h"
+
+namespace unfurl::study {
+
+/// The marks of a trial, as its study wants them, from tracks at `path` (empty: none), and what is
+/// known of its clock and frame. Throws Error.
+correlate::Observations ReadTrial(const data::StudyTrial& trial, const std::string& path);
+
+/// Adds what was recorded beside the marks: channels, in the units of the model's `quantities`
+/// (null: not known), switches, times of events. Throws Error for a quantity that is not there, a
+/// unit that does not measure the same where no gain is stated, a switch without the edge.
+void AddChannels(const data::StudyTrial& trial, const std::vector<data::Quantity>* quantities,
+                 correlate::Observations* observations);
+
+}  // namespace unfurl::study
