@@ -7,6 +7,7 @@
 
 #include "base/length.h"
 #include "base/number.h"
+#include "cli/channels_panel.h"
 #include "cli/comparison_panels.h"
 #include "cli/ladder_panel.h"
 #include "cli/motion_panel.h"
@@ -308,6 +309,7 @@ void WriteFitPage(const std::string& path, const FitPageInput& in) {
     }
     AddLadder(in.record, &page);
     AddModelError(in, &page);
+    AddChannels(in.record, &page);
     AddResiduals(in.result, in.record, &page);
     AddBands(in, &page);
     AddSearch(in, &page);

@@ -34,7 +34,7 @@ std::string FitText(const data::FitRecord& record, double seconds) {
   }
   text += AlignedTable(rows);
   for (const auto& n : record.nuisances) {
-    if (n.name != "time offset" && n.name != "clock drift") continue;
+    if (n.name.starts_with("frame ") || n.name.starts_with("calibration ")) continue;
     text += fmt::format(
         "{}{} {}{}\n", n.name,
         record.trials.size() > 1 ? " of " + record.trials[static_cast<std::size_t>(n.trial)] : "",

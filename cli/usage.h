@@ -11,7 +11,8 @@ class Error;
 
 namespace unfurl::cli {
 
-// `unfurl help [VERB]`: the program's help, or that of a verb. Throws Error for a verb that is none.
+// `unfurl help [VERB]`: the program's help, or that of a verb. Throws Error for a verb that is
+// none.
 void PrintHelp(const CLI::App& program, const std::vector<Verb>& verbs, int argc, char** argv);
 
 // What is wrong with a command line that could not be parsed, and what was most likely meant.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <limits>
 
+#include "data/fit_channels.h"
 #include "data/fit_ladder.h"
 #include "data/h5.h"
 
@@ -229,6 +230,7 @@ void WriteFit(const std::string& path, const FitRecord& fit, const Provenance& p
   WriteSearch(fit, p, w);
   WriteNoise(fit, w);
   WriteLadder(fit, p, w);
+  WriteChannels(fit, w);
 
   WriteAxisNames(w);
   w.Write({"/samples/marks", "1", "marks' names"}, fit.marks);
@@ -362,6 +364,7 @@ FitRecord ReadFit(const std::string& path) {
   fit.mark = r.ReadInts("/samples/mark");
   ReadSearch(r, &fit);
   ReadLadder(r, &fit);
+  ReadChannels(r, &fit);
 
   fit.trial = r.ReadInts("/samples/trial");
   fit.trials = r.ReadStrings("/trials");

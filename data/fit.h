@@ -50,6 +50,16 @@ struct FitRecord {
   };
   std::vector<Nuisance> nuisances;
 
+  // What an instrument recorded beside the marks, and the model at the estimate as it would show
+  // it.
+  struct Channel {
+    std::string name, quantity, unit;
+    std::int32_t trial = 0;
+    std::vector<double> t;                           // k, on the channel's clock [s]
+    std::vector<double> measured, sigma, simulated;  // k [unit]; NaN: the model has none
+  };
+  std::vector<Channel> channels;
+
   // Profile likelihoods: a parameter held, all others at their best.
   struct ProfilePoint {
     std::int32_t parameter = 0;

@@ -267,6 +267,19 @@ struct SceneMark {
   std::string where;
 };
 
+// An instrument that the structure carries.
+struct SceneSensor {
+  // What it reads.
+  enum class Kind { kAccelerometer, kGyroscope, kCurvature, kStrainGauge };
+  std::string name;
+  Kind kind = Kind::kAccelerometer;
+  SceneEnd on;                // of curvature and strain: kAlongBeam, or a beam's end
+  double axis = 0.0;          // of an accelerometer, against its body's x axis [rad]
+  bool feels_gravity = true;  // of an accelerometer: it reads the specific force
+  double height = 0.0;        // of a strain gauge: to the left of the centre line [m]
+  std::string where;
+};
+
 // Uniform gravity in the plane.
 struct SceneGravity {
   std::array<double, 2> acceleration{0, 0};  // [m/s^2]
@@ -293,6 +306,7 @@ struct Scene {
   std::vector<SceneForce> forces;
   std::vector<SceneWatch> watches;
   std::vector<SceneMark> marks;
+  std::vector<SceneSensor> sensors;
   std::optional<SceneGravity> gravity;
   std::optional<SceneSuspension> suspension;
   SceneSolver solver;

@@ -84,6 +84,40 @@ void SceneReader::ReadMarks() {
   }
 }
 
+void SceneReader::ReadSensors() {
+  using Kind = SceneSensor::Kind;
+  for (const auto& [name, table] : root_.NamedTables("sensor")) {
+    Register(table, name, Thing::kSensor);
+    SceneSensor sensor;
+    sensor.name = name;
+    sensor.where = table.Where();
+    const std::string kind =
+        table.Choice("kind", {"accelerometer", "gyroscope", "curvature", "strain_gauge"});
+    sensor.kind = kind == "accelerometer" ? Kind::kAccelerometer
+                  : kind == "gyroscope"   ? Kind::kGyroscope
+                  : kind == "curvature"   ? Kind::kCurvature
+                                          : Kind::kStrainGauge;
+    sensor.on = ReadEnd(table, "on", "point", "at");
+    if (sensor.on.kind == SceneEnd::Kind::kGround) {
+      table.Fail("on", "a sensor on the ground reads nothing", "name a body or a beam");
+    }
+    const bool bends = sensor.kind == Kind::kCurvature || sensor.kind == Kind::kStrainGauge;
+    if (bends && sensor.on.kind == SceneEnd::Kind::kBody) {
+      table.Fail("on", "a rigid body does not bend", "name a beam, and its place as `at`");
+    }
+    if (sensor.kind == Kind::kAccelerometer) {
+      sensor.axis = table.NumberOr("axis", 0.0);
+      sensor.feels_gravity = table.BoolOr("gravity", true);
+    }
+    if (sensor.kind == Kind::kStrainGauge) sensor.height = table.Number("height");
+    scene_.sensors.push_back(std::move(sensor));
+  }
+}
+
+bool SceneReader::Unwatched(Thing thing) {
+  return thing == Thing::kBeam || thing == Thing::kSpring || thing == Thing::kSensor;
+}
+
 void SceneReader::ReadWatches() {
   for (const auto& [name, table] : root_.NamedTables("event")) {
     CheckName(table, name);
@@ -107,7 +141,7 @@ void SceneReader::FailUnwatchable(const TomlTable& table, const std::string& nam
                                   const std::string& column) const {
   std::vector<std::string> known;
   for (const auto& [n, t] : things_) {
-    if (t != Thing::kBeam && t != Thing::kSpring) known.push_back(n);
+    if (!Unwatched(t)) known.push_back(n);
   }
   const std::string nearest = NearestName(name, known);
   table.Fail("when", "there is no joint, body or mark \"" + name + "\"",
@@ -135,7 +169,7 @@ void SceneReader::CheckQuantity(const TomlTable& table, const std::string& quant
   const std::string name = quantity.substr(0, dot);
   const std::string column = dot == std::string::npos ? "" : quantity.substr(dot + 1);
   const auto found = things_.find(name);
-  if (found == things_.end() || found->second == Thing::kBeam || found->second == Thing::kSpring) {
+  if (found == things_.end() || Unwatched(found->second)) {
     FailUnwatchable(table, name, column);
   }
   const std::vector<std::string> columns = WatchedColumns(name, found->second);

@@ -28,6 +28,7 @@ Scene SceneReader::Read(const std::string& path) {
   ReadLinearSprings();
   ReadForces();
   ReadMarks();
+  ReadSensors();
   ReadWatches();
   ReadFields();
   ReadSolver();
@@ -50,7 +51,7 @@ void SceneReader::Register(const TomlTable& table, const std::string& name, Thin
   CheckName(table, name);
   if (!names_.emplace(name, table.Where()).second) {
     table.Fail("", "the name \"" + name + "\" is already taken by " + names_[name],
-               "give each body, beam, joint, spring and mark a name of its own");
+               "give each body, beam, joint, spring, mark and sensor a name of its own");
   }
   things_[name] = thing;
 }

@@ -19,7 +19,7 @@ class SceneReader {
 
  private:
   // What a name stands for, for the quantities that events watch.
-  enum class Thing { kBody, kBeam, kJoint, kMark, kSpring };
+  enum class Thing { kBody, kBeam, kJoint, kMark, kSpring, kSensor };
 
   static void CheckName(const TomlTable& table, const std::string& name);
   // Bodies, beams, joints, springs and marks share the columns NAME.x, NAME.theta: one set of
@@ -46,6 +46,8 @@ class SceneReader {
                                     const std::string& column) const;
   std::vector<std::string> WatchedColumns(const std::string& name, Thing kind) const;
   void ReadMarks();
+  void ReadSensors();
+  static bool Unwatched(Thing thing);
   void ReadFields();
   void ReadSolver();
 

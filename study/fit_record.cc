@@ -11,6 +11,7 @@
 #include "base/text.h"
 #include "correlate/align/nuisance.h"
 #include "correlate/compare/metrics.h"
+#include "correlate/residual/channel.h"
 #include "study/ladder_words.h"
 #include "study/trial_words.h"
 
@@ -147,6 +148,29 @@ void AddNuisances(const correlate::TrialResult& t, std::int32_t index, data::Fit
   }
 }
 
+void AddChannels(const correlate::TrialResult& t, const correlate::Observations& o,
+                 std::int32_t index, data::FitRecord* record) {
+  const correlate::ResidualKind::Clocks clocks = correlate::ClocksOf(o, t.reference, t.at.clock());
+  Eigen::Index unknown = 0;
+  for (const auto& kind : o.others) {
+    const auto count = static_cast<Eigen::Index>(kind->unknowns().size());
+    const Eigen::VectorXd own = t.at.own.segment(unknown, count);
+    unknown += count;
+    const auto* channel = dynamic_cast<const correlate::Channel*>(kind.get());
+    if (channel == nullptr) continue;
+    const correlate::ChannelRecord& c = channel->record();
+    const Eigen::VectorXd shown = channel->Simulated(channel->NumbersOf(t.prediction), clocks, own);
+    record->channels.push_back({c.name,
+                                c.quantity,
+                                c.unit,
+                                index,
+                                c.t,
+                                {c.y.begin(), c.y.end()},
+                                {c.sigma.begin(), c.sigma.end()},
+                                {shown.begin(), shown.end()}});
+  }
+}
+
 std::int32_t MarkIndex(const std::string& name, data::FitRecord* record) {
   for (std::size_t m = 0; m < record->marks.size(); ++m) {
     if (record->marks[m] == name) return static_cast<std::int32_t>(m);
@@ -230,7 +254,9 @@ data::FitRecord RecordOf(const data::Study& study, const correlate::FitProblem& 
     record.trials.push_back(r.trials[t].name);
     n += static_cast<Eigen::Index>(problem.trials[t].observations->size());
     error = error || !r.trials[t].model_error.empty();
-    whole = whole && !r.trials[t].prediction.marks.empty() && !r.trials[t].band.empty();
+    const std::size_t marks = problem.trials[t].observations->marks.size();
+    whole =
+        whole && r.trials[t].prediction.marks.size() == marks && r.trials[t].band.size() == marks;
   }
   if (!whole) n = 0;
   for (auto* m : {&record.measured, &record.sigma, &record.simulated, &record.band}) {
@@ -244,6 +270,7 @@ data::FitRecord RecordOf(const data::Study& study, const correlate::FitProblem& 
     const auto index = static_cast<std::int32_t>(t);
     const correlate::TrialResult& trial = r.trials[t];
     AddNuisances(trial, index, &record);
+    AddChannels(trial, *problem.trials[t].observations, index, &record);
     AddSamples(trial, *problem.trials[t].observations, index, column, &record);
     column += static_cast<Eigen::Index>(problem.trials[t].observations->size());
     const std::string suffix = t == 0 ? "" : fmt::format("_{}", t + 1);

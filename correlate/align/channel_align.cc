@@ -18,7 +18,7 @@ namespace {
 // Of the channels, at one offset.
 struct Fit {
   double offset = 0.0;     // [s]
-  double explained = 0.0;  // share of the readings' variance; what the model has nothing of is not
+  double explained = 0.0;  // of the readings' variance, see Explained() [-]
   RegistrationFit registration;
   Prediction prediction;
 };
@@ -26,12 +26,21 @@ struct Fit {
 class ChannelAligner {
  public:
   ChannelAligner(const Observations& record, const SampledModel& model, const AlignOptions& options)
-      : record_(record), model_(model), options_(options.registration), layout_(record) {
+      : record_(record),
+        model_(model),
+        options_(options.registration),
+        layout_(record),
+        min_overlap_(options.search.min_overlap) {
     options_.with_others = true;
     held_ = options_;
     held_.fit_offset = held_.fit_drift = false;
     for (const RowSeries& s : layout_.series) readings_ += static_cast<double>(s.size());
-    variance_ = Variance();
+    for (const auto& kind : record.others) {
+      if (kind->series().empty()) continue;
+      readings_of_.push_back(ReadingsOf(*kind));
+      const Eigen::VectorXd& y = readings_of_.back();
+      squares_ += (y.array() - y.mean()).square().sum();
+    }
   }
 
   double readings() const { return readings_; }
@@ -122,34 +131,39 @@ class ChannelAligner {
     return rows.residual.head(n);
   }
 
-  double Variance() const {
-    double sum = 0.0;
-    for (const auto& kind : record_.others) {
-      if (kind->series().empty()) continue;
-      const Eigen::VectorXd y = ReadingsOf(*kind);
-      sum += (y.array() - y.mean()).square().sum();
-    }
-    return sum / readings_;
-  }
-
-  // A reading that the model has nothing for counts as one that it does not explain at all: an
-  // offset at which they overlap little would else fit best.
+  // Share of the readings' variance. What the model has nothing for is not explained, or an offset
+  // at which they overlap little would fit best; but while a structure is held nothing changes, and
+  // there it is the mean that stands for the model.
   double Explained(const RegistrationFit& fit) const {
-    double squares = 0.0;
-    for (const RowSeries& s : layout_.series) {
-      squares +=
-          fit.residual.segment(s.first, s.axes * static_cast<Eigen::Index>(s.size())).squaredNorm();
+    if (static_cast<double>(fit.data_rows) < min_overlap_ * readings_) {
+      return -std::numeric_limits<double>::infinity();
     }
-    const double hidden = readings_ - static_cast<double>(fit.data_rows);
-    return 1.0 - (squares + hidden * variance_) / (readings_ * variance_);
+    double squares = 0.0;
+    for (std::size_t k = 0; k < layout_.series.size(); ++k) {
+      const RowSeries& s = layout_.series[k];
+      const auto n = static_cast<Eigen::Index>(s.size());
+      const auto left = fit.residual.segment(s.first, n);
+      squares += left.squaredNorm();
+      const Eigen::VectorXd& y = readings_of_[k];
+      Eigen::Index first = 0, end = n;
+      while (first < end && left(first) == 0.0) ++first;
+      while (end > first && left(end - 1) == 0.0) --end;
+      const bool held = model_.samples().held_before;
+      const double mean = held && first > 0 ? y.head(first).mean() : y.mean();
+      squares += (y.head(first).array() - mean).square().sum();
+      squares += (y.tail(n - end).array() - y.mean()).square().sum();
+    }
+    return 1.0 - squares / squares_;
   }
 
   const Observations& record_;
   const SampledModel& model_;
   RegistrationOptions options_, held_;
   const RowLayout layout_;
+  const double min_overlap_;  // of the readings [-]
   double readings_ = 0.0;
-  double variance_ = 0.0;  // of the readings in their sigmas [-]
+  std::vector<Eigen::VectorXd> readings_of_;  // by series, in their sigmas [-]
+  double squares_ = 0.0;                      // of them about their means [-]
 };
 
 // Offsets to refine: the highest of those tried, each above its neighbours; what is known itself.

@@ -58,6 +58,11 @@ std::vector<Candidate> Screen(const FitProblem& problem, const FitOptions& optio
   for (const FitTrial& trial : problem.trials) {
     const Observations& o = *trial.observations;
     double horizon = o.End() - o.Start();
+    // What shows no place may begin long after the release: as long as it lasts.
+    if (o.marks.empty()) horizon *= 2.0;
+    if (o.marks.empty() && o.placement.offset.Told()) {
+      horizon = o.End() - o.placement.offset.mean + o.placement.offset.sigma;
+    }
     if (!options.stages.empty()) {
       horizon = std::min(horizon, *std::min_element(options.stages.begin(), options.stages.end()));
     }

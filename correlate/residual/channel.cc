@@ -28,6 +28,20 @@ bool IsFitted(const Prior& prior) {
   return prior.kind == Foreknowledge::kFree || prior.kind == Foreknowledge::kNormal;
 }
 
+// A kink between two points of the grid, as a change of rate leaves it, is off by an eighth of the
+// second difference there; of the readings' own over the square of their points. So many keep that
+// within kPart of the sigma.
+int PointsFor(const ChannelRecord& r) {
+  constexpr double kPart = 0.1, kShare = 0.99;
+  constexpr int kFewest = 4, kMost = 16;  // the cubic's own; what a filter's detail costs in runs
+  std::vector<double> bends;
+  for (Eigen::Index i = 2; i < r.y.size(); ++i) {
+    bends.push_back(std::abs(r.y(i) - 2.0 * r.y(i - 1) + r.y(i - 2)) / r.sigma(i));
+  }
+  const double wanted = std::sqrt(Quantile(bends, kShare) / 8.0 / kPart);
+  return static_cast<int>(std::clamp(std::ceil(wanted), 1.0 * kFewest, 1.0 * kMost));
+}
+
 double ValueOf(const Prior& prior, double unsaid) { return prior.Told() ? prior.mean : unsaid; }
 
 void CheckReadings(const ChannelRecord& r, const std::string& where) {
@@ -88,6 +102,7 @@ Channel::Channel(ChannelRecord record, const std::string& where) : record_(std::
   }
   const double span = record_.t.back() - record_.t.front(), median = MedianStep(record_.t);
   if (std::isnan(record_.pivot)) record_.pivot = 0.5 * (record_.t.front() + record_.t.back());
+  if (record_.points_per_step == 0) record_.points_per_step = PointsFor(record_);
   margin_ = std::max(kMarginReadings * median, kMarginSpan * span);
   if (record_.delay.kind == Foreknowledge::kNormal) margin_ += kMarginPrior * record_.delay.sigma;
   if (record_.delay.kind == Foreknowledge::kFree) margin_ += kMarginFree * span;
@@ -324,14 +339,30 @@ std::shared_ptr<const ResidualKind> Channel::Rescaled(const Eigen::VectorXd& res
   return out;
 }
 
+ResidualKind::Rows Channel::RowsAt(const Eigen::VectorXd& numbers, const Clocks& clocks,
+                                   const Eigen::VectorXd& unknowns) const {
+  Rows out;
+  out.residual.resize(rows());
+  out.by_time.resize(rows());
+  out.by_unknown.resize(rows(), static_cast<Eigen::Index>(fitted_.size()));
+  Evaluate(numbers, clocks, unknowns, &out);
+  return out;
+}
+
+Eigen::VectorXd Channel::Simulated(const Eigen::VectorXd& numbers, const Clocks& clocks,
+                                   const Eigen::VectorXd& unknowns) const {
+  const Rows at = RowsAt(numbers, clocks, unknowns);
+  Eigen::VectorXd out(record_.y.size());
+  for (Eigen::Index i = 0; i < out.size(); ++i) {
+    out(i) = at.residual(i) == 0.0 ? kNan : record_.y(i) - record_.sigma(i) * at.residual(i);
+  }
+  return out;
+}
+
 std::vector<std::string> Channel::Words(const Eigen::VectorXd& numbers, const Clocks& clocks,
                                         const Eigen::VectorXd& unknowns,
                                         const std::string& of) const {
-  Rows rows;
-  rows.residual.resize(this->rows());
-  rows.by_time.resize(this->rows());
-  rows.by_unknown.resize(this->rows(), static_cast<Eigen::Index>(fitted_.size()));
-  Evaluate(numbers, clocks, unknowns, &rows);
+  const Rows rows = RowsAt(numbers, clocks, unknowns);
   const Eigen::Index n = record_.y.size();
   const std::string head = fmt::format("Channel {} ({}){}", record_.name, record_.quantity, of);
   if (rows.known == 0) return {head + ": the model has nothing at the times of its readings."};

@@ -76,6 +76,31 @@ double CentreLine::TipDeflection(const Motion& m) const {
   return std::cos(angle) * (b.y - a.y) - std::sin(angle) * (b.x - a.x);
 }
 
+double CentreLine::Curvature(const Motion& m, double place) const {
+  if (smooth_ >= 0) {
+    const double step = 1e-3 * length_;  // shapes bend over a tenth of the length and more
+    const double low = std::max(0.0, place - step), high = std::min(length_, place + step);
+    return (SmoothAt(m, high).theta - SmoothAt(m, low).theta) / (high - low);
+  }
+  const auto node = [&](int k) {  // between segments k - 1 and k
+    if (k == 0) {
+      return start_station_ < 0
+                 ? 0.0
+                 : 2.0 * (m.theta[first_] - m.theta[start_station_]) / segment_length_;
+    }
+    const int last = first_ + segments_ - 1;
+    if (k == segments_) {
+      return end_station_ < 0 ? 0.0
+                              : 2.0 * (m.theta[end_station_] - m.theta[last]) / segment_length_;
+    }
+    return (m.theta[first_ + k] - m.theta[first_ + k - 1]) / segment_length_;
+  };
+  const double count = place / segment_length_;
+  const int k = std::clamp(static_cast<int>(count), 0, segments_ - 1);
+  const double part = count - k;
+  return (1.0 - part) * node(k) + part * node(k + 1);
+}
+
 std::vector<double> ShapePlaces(const Model::Beam& beam) {
   std::vector<double> places;
   if (beam.smooth >= 0) {

@@ -24,6 +24,9 @@ class CentreLine {
   // Distance of the middle from the chord between the ends, positive to the left of it, [m]
   // (docs/physics-simulator.md, "Slider-crank": beta is this over the length).
   double MidDeflection(const Motion& motion) const;
+  // Of the line, positive to its left [1/m]. Of segments: from the angles between them, linear in
+  // between; 0 at an end that is not welded. Of a smooth beam by a difference of its angle.
+  double Curvature(const Motion& motion, double place) const;
   // Distance of the end from the tangent at the start, positive to its left [m].
   double TipDeflection(const Motion& motion) const;
 

@@ -102,6 +102,7 @@ Observables::Observables(const Model& model, const std::vector<std::string>& wan
       dynamics_(model),
       margins_(model),
       forces_(model),
+      sensors_(model),
       rates_(model.index.size(), 0.0) {
   for (const Model::Beam& beam : model.beams) {
     lines_.emplace_back(model, beam);
@@ -113,6 +114,11 @@ Observables::Observables(const Model& model, const std::vector<std::string>& wan
   for (const data::Quantity& q : quantities_) {
     for (const char* part : {".pin_force", ".drive_", ".hold_"}) {
       wants_forces_ = wants_forces_ || q.name.find(part) != std::string::npos;
+    }
+  }
+  for (const Model::Sensor& s : model.sensors) {
+    for (const data::Quantity& q : quantities_) {
+      wants_sensors_ = wants_sensors_ || q.name.starts_with(s.name + ".");
     }
   }
   row_.reserve(quantities_.size());
@@ -217,7 +223,10 @@ const std::vector<double>& Observables::Row(double t, double* state,
     start_ = balance_.Conserved();
     started_ = true;
   }
-  if (wants_forces_) dynamics_.RightSide(t, state, rates_.data());
+  if (wants_forces_ || (wants_sensors_ && sensors_.NeedsRates())) {
+    dynamics_.RightSide(t, state, rates_.data());
+  }
+  if (wants_sensors_) sensors_.Read(t, state, rates_.data(), &dynamics_);
   const Motion motion = dynamics_.Update(t, state);
   margins_.Watch(motion, modes);
   const Frame frame{*this, motion, modes};

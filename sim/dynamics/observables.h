@@ -6,6 +6,7 @@
 #include "data/run.h"
 #include "sim/dynamics/centre_line.h"
 #include "sim/dynamics/dynamics.h"
+#include "sim/dynamics/sensors.h"
 #include "sim/effects/joint_forces.h"
 #include "sim/effects/torque_margin.h"
 #include "sim/model/model.h"
@@ -75,6 +76,7 @@ class Observables {
   void DeclareJoints();
   void DeclareBodies();
   void DeclareLinearSprings();
+  void DeclareSensors();
   void DeclareTotals();
   void Add(const std::string& name, const char* units, const std::string& what, Value value,
            int index = 0);
@@ -85,9 +87,11 @@ class Observables {
   Balance balance_;
   TorqueMargins margins_;
   JointForces forces_;
+  Sensors sensors_;
   double start_ = 0.0;  // energy [J]
   bool started_ = false;
   bool wants_forces_ = false;                // some column needs the multipliers
+  bool wants_sensors_ = false;               // likewise what sensors read
   std::vector<CentreLine> lines_;            // by beam
   std::vector<std::vector<double>> places_;  // by beam, of its length [-]
   std::vector<Outline> outlines_;            // by rigid body

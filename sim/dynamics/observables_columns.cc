@@ -45,7 +45,30 @@ void Observables::Declare() {
   DeclareJoints();
   DeclareBodies();
   DeclareLinearSprings();
+  DeclareSensors();
   DeclareTotals();
+}
+
+void Observables::DeclareSensors() {
+  using Kind = data::SceneSensor::Kind;
+  for (int k = 0; k < static_cast<int>(model_.sensors.size()); ++k) {
+    const Model::Sensor& sensor = model_.sensors[k];
+    const char* unit = "1";
+    const char* what = "strain, positive in tension";
+    if (sensor.kind == Kind::kAccelerometer) {
+      unit = "m/s^2";
+      what = sensor.feels_gravity ? "specific force along its axis" : "acceleration along its axis";
+    } else if (sensor.kind == Kind::kGyroscope) {
+      unit = "rad/s";
+      what = "rate of turning";
+    } else if (sensor.kind == Kind::kCurvature) {
+      unit = "1/m";
+      what = "curvature of the beam, positive to its left";
+    }
+    Add(
+        sensor.name + ".reading", unit, what,
+        [](const Frame& f, int i) { return f.self.sensors_.readings()[i]; }, k);
+  }
 }
 
 void Observables::DeclareJoints() {

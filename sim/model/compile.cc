@@ -210,6 +210,7 @@ void Compiler::FillOutputs() {
     double angle = 0.0;
     model_.marks.push_back({mark.name, PointOf(mark.on, &angle)});
   }
+  FillSensors();
   if (scene_.beams.empty()) {
     for (const Link& link : links_) {
       for (const PlanePose& p : {link.inner_in, link.outer_in}) {
@@ -217,6 +218,27 @@ void Compiler::FillOutputs() {
       }
     }
     if (!(model_.length_scale > 0.0)) model_.length_scale = ReachOfBodies();
+  }
+}
+
+void Compiler::FillSensors() {
+  for (const data::SceneSensor& from : scene_.sensors) {
+    Model::Sensor sensor{from.name, from.kind, {}};
+    sensor.point = PointOf(from.on, &sensor.angle);
+    sensor.angle += from.axis;
+    sensor.feels_gravity = from.feels_gravity;
+    sensor.height = from.height;
+    if (from.on.kind != data::SceneEnd::Kind::kBody) {
+      sensor.beam = from.on.index;
+      const double part = from.on.kind == data::SceneEnd::Kind::kBeamStart ? 0.0
+                          : from.on.kind == data::SceneEnd::Kind::kBeamEnd ? 1.0
+                                                                           : from.on.at;
+      sensor.place = part * scene_.beams[from.on.index].length;
+    }
+    model_.sensors.push_back(std::move(sensor));
+  }
+  if (scene_.gravity) {
+    for (int k = 0; k < 2; ++k) model_.field[k] = scene_.gravity->acceleration[k];
   }
 }
 

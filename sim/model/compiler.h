@@ -42,6 +42,7 @@ class Compiler {
   void FindBeamWelds();
   void NumberRigidBodies();
   void FillOutputs();
+  void FillSensors();
   double ReachOfBodies() const;  // [m]
   void FillState();
   void CheckConstraints();

@@ -70,6 +70,16 @@ struct Model : ModelEffects {
     std::string name;
     MovingPoint point;
   };
+  // An instrument; see data::SceneSensor.
+  struct Sensor {
+    std::string name;
+    data::SceneSensor::Kind kind;
+    MovingPoint point;
+    double angle = 0.0;                // of its axis against the point's [rad]
+    bool feels_gravity = true;         // of an accelerometer
+    int beam = -1;                     // of curvature and strain
+    double place = 0.0, height = 0.0;  // along the beam, and off its centre line [m]
+  };
   struct EffectCount {
     std::string name;
     int count;
@@ -93,6 +103,8 @@ struct Model : ModelEffects {
   std::vector<EndBody> end_bodies;
   std::vector<Joint> joints;
   std::vector<Mark> marks;
+  std::vector<Sensor> sensors;
+  double field[2] = {0.0, 0.0};  // gravity [m/s^2]
   std::vector<std::string> linear_spring_names;
   std::vector<Function> functions;
   Watches watches;

@@ -46,7 +46,7 @@ TEST_F(FitEventsTest, BadOnesAreRefused) {
   };
   for (const Case& c :
        {Case{"joint = \"elbow\"\ntime = 0.7\nsigma = 1e-4\n", "hinge"},
-        Case{"joint = \"hinge\"\ntime = 70.0\nsigma = 1e-4\n", "outside of the tracks"},
+        Case{"joint = \"hinge\"\ntime = 70.0\nsigma = 1e-4\n", "outside of the record"},
         Case{"joint = \"hinge\"\ntime = 0.7\nsigma = 0.0\n", "sigma"},
         Case{"joint = \"hinge\"\ntime = 0.7\n", "sigma"},
         Case{"kind = \"latched\"\njoint = \"hinge\"\ntime = 0.7\nsigma = 1e-4\n", "contact_start"},

@@ -2,6 +2,7 @@
 
 #include "tests/correlate/fit_repeats.h"
 #include "tests/correlate/identify_cases.h"
+#include "tests/correlate/instruments.h"
 #include "tests/correlate/pendulum_repeats.h"
 
 namespace unfurl::correlate {
@@ -28,6 +29,14 @@ TEST(FitSlow, CoversWithNoiseThatOutlastsTheRecordAlmost) {
   Trial trial = SparseTrial();
   trial.rho = 0.98;  // 50 samples of 124
   ExpectHonest(Repeat(trial, kTrials, 40000), 0.93, 0.97);
+}
+
+TEST(FitSlow, CoversWithAnAccelerometerAlone) {
+  ExpectHonest(RepeatAccelerometer(kTrials, 60000, true), 0.93, 0.97);
+}
+
+TEST(FitSlow, CoversWithAnAccelerometerOfWhichNoSigmaIsStated) {
+  ExpectHonest(RepeatAccelerometer(kTrials, 70000, false), 0.93, 0.97);
 }
 
 TEST(FitSlow, HiddenSetsAreNamed) {

@@ -86,6 +86,8 @@ const char* const kScenes[] = {
     "[force.q]\non = 'rod'\nper_length = [0, 1]\n"
     "[event.e]\nwhen = 'a.theta'\n[gravity]\nacceleration = [0, 1]\n[suspension]\nlength = 1\n"
     "[mark.m]\non = 'bar'\n[mark.n]\non = 'rod'\nat = 0.5\n"
+    "[sensor.g]\nkind = 'strain_gauge'\non = 'rod'\nat = 0.5\nheight = 0.01\n"
+    "[sensor.x]\nkind = 'accelerometer'\non = 'bar'\npoint = [0, 1]\naxis = 1\n"
     "[solver]\nmethod = 'auto'\nrtol = 1e-6\nrate = 10\n",
     "[scene]\nname = 's'\nduration = 1.0\n[beam.rod]\nlength = 1\nmass = 1\nEI = 1\nEA = 1\n"
     "[contact.c]\nK = 1\nC = 1\nQ = 1\nepsilon = 1\n"
@@ -96,7 +98,7 @@ const char* const kScenes[] = {
 std::string InPageTerms(const std::string& asked, const Keys& tables) {
   std::vector<std::string> parts = Split(asked, '.');
   static const Keys kNamed = {"body",   "beam",  "weld",  "contact", "joint",
-                              "spring", "force", "event", "mark"};
+                              "spring", "force", "event", "mark", "sensor"};
   if (kNamed.contains(parts[0])) {
     if (parts.size() < 3) return "";
     parts[1] = "NAME";

@@ -2,43 +2,15 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
 
 #include "base/error.h"
 #include "sim/methods/simulate.h"
+#include "tests/sim/sampled_rows.h"
 #include "tests/sim/scenes.h"
 
 namespace unfurl::sim {
 namespace {
-
-// Every sampled row of a run.
-class Rows : public Observer {
- public:
-  explicit Rows(const Model& model) : observables(model) {}
-  void OnSample(double time, double* state, const std::vector<LatchMode>& modes) override {
-    t.push_back(time);
-    rows.push_back(observables.Row(time, state, modes));
-  }
-  double At(std::size_t row, const std::string& name) const {
-    const auto& q = observables.quantities();
-    const auto found =
-        std::find_if(q.begin(), q.end(), [&](const data::Quantity& x) { return x.name == name; });
-    EXPECT_NE(found, q.end()) << name;
-    return rows[row][static_cast<std::size_t>(found - q.begin())];
-  }
-  Observables observables;
-  std::vector<double> t;
-  std::vector<std::vector<double>> rows;
-};
-
-SimulateOptions Sampled(double duration, double rate) {
-  SimulateOptions options;
-  options.duration = duration;
-  options.rate = rate;
-  options.rtol = 1e-10;
-  return options;
-}
 
 // The multipliers are accelerations times masses: good to the drift that the tolerance allows.
 constexpr double kForceError = 1e-7;  // [N], of some 20 to 60
@@ -46,7 +18,7 @@ constexpr double kForceError = 1e-7;  // [N], of some 20 to 60
 TEST(Observables, PinForceOfAPendulumIsNewtons) {
   constexpr double kMass = 2.0, kRadius = 0.5, kInertia = 0.1, kGravity = 9.81;
   const Model model = ModelFrom(PendulumScene(1.2, kRadius, kInertia));
-  Rows run(model);
+  SampledRows run(model);
   const SimulateReport report = Simulate(model, Sampled(2.0, 500.0), &run);
   ASSERT_TRUE(report.Usable());
   double largest = 0.0;
@@ -78,7 +50,7 @@ TEST(Observables, DrivenSliderTellsItsForces) {
       "[joint.slide.drive]\nposition = \"0.1 * sin(3 * t)\"\n"
       "[gravity]\nacceleration = [0.0, -9.81]\n"
       "[mark.m]\non = \"block\"\n");
-  Rows run(model);
+  SampledRows run(model);
   ASSERT_TRUE(Simulate(model, Sampled(1.0, 100.0), &run).Usable());
   for (std::size_t i = 0; i < run.t.size(); ++i) {
     const double t = run.t[i];
@@ -196,7 +168,7 @@ TEST(CentreLine, ShapePlacesAreBounded) {
 TEST(Observables, LeastDrivingMomentIsTheSprings) {
   constexpr double kStiffness = 0.218, kPreload = 1.57, kThetaA = 0.0052;
   const Model model = ModelFrom(LatchingBarScene(kThetaA));
-  Rows run(model);
+  SampledRows run(model);
   ASSERT_TRUE(Simulate(model, Sampled(2.0, 2000.0), &run).Usable());
   const TorqueMargin& margin = run.observables.margins().of(0);
   EXPECT_TRUE(margin.seen());
@@ -212,7 +184,7 @@ TEST(Observables, TorqueMarginCountsFrictionInFull) {
   constexpr double kStiffness = 0.218, kPreload = 1.57, kThetaA = 0.0052, kFriction = 0.05;
   const Model model = ModelFrom(
       LatchingBarScene(kThetaA, "[joint.hinge.friction]\nmoment = 0.05\ncreep_rate = 0.01\n"));
-  Rows run(model);
+  SampledRows run(model);
   ASSERT_TRUE(Simulate(model, Sampled(3.0, 2000.0), &run).Usable());
   ASSERT_LT(run.At(run.t.size() - 1, "hinge.theta"), kThetaA) << "it must latch";
   const TorqueMargin& margin = run.observables.margins().of(0);

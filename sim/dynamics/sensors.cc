@@ -1,0 +1,86 @@
+#include "sim/dynamics/sensors.h"
+
+#include <cmath>
+
+#include "sim/dynamics/observables.h"
+
+namespace unfurl::sim {
+
+namespace {
+
+// Of the time scale. Velocities are linear in the rates and trigonometric in the places, so that a
+// central difference over it is off by (omega step)^2 / 6, and rounded by 1e-16 / step: both below
+// 1e-9 of what they are.
+constexpr double kStep = 1e-6;
+
+}  // namespace
+
+Sensors::Sensors(const Model& model) : model_(model), step_(kStep * model.time_scale) {
+  if (model.sensors.empty()) return;
+  for (const Model::Beam& beam : model.beams) lines_.emplace_back(model, beam);
+  for (const Model::Sensor& s : model.sensors) {
+    needs_rates_ = needs_rates_ || s.kind == data::SceneSensor::Kind::kAccelerometer;
+  }
+  readings_.resize(model.sensors.size());
+  moved_.resize(model.index.size());
+}
+
+Sensors::Turn Sensors::TurnOf(const Model::Sensor& sensor, const double* state) const {
+  const StateIndex& i = model_.index;
+  const MovingPoint& p = sensor.point;
+  if (p.watched >= 0) {
+    const KirchhoffRod::Frame f = model_.kirchhoff.MotionAt(p.watched, state, i.n);
+    return {f.theta, f.omega};
+  }
+  Turn out{state[i.theta(p.body)], state[i.omega(p.body)]};
+  if (p.other_body >= 0) {
+    out.angle = 0.5 * (out.angle + state[i.theta(p.other_body)]);
+    out.rate = 0.5 * (out.rate + state[i.omega(p.other_body)]);
+  }
+  return out;
+}
+
+void Sensors::Read(double t, double* state, const double* rates, Dynamics* dynamics) {
+  using Kind = data::SceneSensor::Kind;
+  const auto n = static_cast<std::size_t>(6 * model_.index.n);
+  // dv/dt of every accelerometer's place, by what its velocity is a moment later and earlier.
+  std::vector<double>& out = readings_;
+  for (const double side : {+1.0, -1.0}) {
+    if (!needs_rates_) break;
+    std::copy(state, state + model_.index.size(), moved_.begin());
+    for (std::size_t k = 0; k < n; ++k) moved_[k] += side * step_ * rates[k];
+    dynamics->Update(t + side * step_, moved_.data());
+    for (std::size_t s = 0; s < out.size(); ++s) {
+      const Model::Sensor& sensor = model_.sensors[s];
+      if (sensor.kind != Kind::kAccelerometer) continue;
+      const PointMotion m = MotionOf(model_, sensor.point, moved_.data());
+      const double angle = TurnOf(sensor, state).angle + sensor.angle;
+      const double along = std::cos(angle) * m.vx + std::sin(angle) * m.vy;
+      out[s] = side > 0.0 ? along : (out[s] - along) / (2.0 * step_);
+    }
+  }
+  const Motion motion = dynamics->Update(t, state);
+  for (std::size_t s = 0; s < out.size(); ++s) {
+    const Model::Sensor& sensor = model_.sensors[s];
+    switch (sensor.kind) {
+      case Kind::kAccelerometer: {
+        if (!sensor.feels_gravity) break;
+        const double angle = TurnOf(sensor, state).angle + sensor.angle;
+        out[s] -= std::cos(angle) * model_.field[0] + std::sin(angle) * model_.field[1];
+        break;
+      }
+      case Kind::kGyroscope:
+        out[s] = TurnOf(sensor, state).rate;
+        break;
+      case Kind::kCurvature:
+      case Kind::kStrainGauge: {
+        const double curvature =
+            lines_[static_cast<std::size_t>(sensor.beam)].Curvature(motion, sensor.place);
+        out[s] = sensor.kind == Kind::kCurvature ? curvature : -sensor.height * curvature;
+        break;
+      }
+    }
+  }
+}
+
+}  // namespace unfurl::sim

@@ -1,0 +1,133 @@
+// What a scene's instruments read, against closed forms.
+#include "sim/dynamics/sensors.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "base/error.h"
+#include "tests/sim/sampled_rows.h"
+#include "tests/sim/scenes.h"
+
+namespace unfurl::sim {
+namespace {
+
+// A compound pendulum: tangential and radial specific force at the tip, and its rate.
+TEST(Sensors, OfAPendulum) {
+  constexpr double kRadius = 0.5, kMass = 2.0, kInertia = 0.1, kGravity = 9.81;
+  const Model model =
+      ModelFrom(PendulumScene(1.2, kRadius, kInertia) +
+                "[sensor.along]\nkind = \"accelerometer\"\non = \"bar\"\npoint = [0.5, 0.0]\n"
+                "[sensor.across]\nkind = \"accelerometer\"\non = \"bar\"\npoint = [0.5, 0.0]\n"
+                "axis = 1.5707963267948966\n"
+                "[sensor.bare]\nkind = \"accelerometer\"\non = \"bar\"\npoint = [0.5, 0.0]\n"
+                "axis = 1.5707963267948966\ngravity = false\n"
+                "[sensor.gyro]\nkind = \"gyroscope\"\non = \"bar\"\n");
+  SampledRows run(model);
+  ASSERT_TRUE(Simulate(model, Sampled(2.0, 200.0), &run).Usable());
+  const double length = 2.0 * kRadius;
+  for (std::size_t i = 0; i < run.t.size(); ++i) {
+    const double theta = run.At(i, "pivot.theta"), rate = run.At(i, "pivot.theta_rate");
+    const double spin =
+        -kMass * kGravity * kRadius * std::sin(theta) / (kInertia + kMass * kRadius * kRadius);
+    constexpr double kError = 2e-7;  // [m/s^2]: of the run's own tolerance, and of the difference
+    EXPECT_NEAR(run.At(i, "bare.reading"), length * spin, kError);
+    EXPECT_NEAR(run.At(i, "across.reading"), length * spin + kGravity * std::sin(theta), kError);
+    EXPECT_NEAR(run.At(i, "along.reading"), -length * rate * rate - kGravity * std::cos(theta),
+                kError);
+    EXPECT_NEAR(run.At(i, "gyro.reading"), rate, 1e-12);
+  }
+}
+
+// A free fall: a specific force of nothing, whatever turns.
+TEST(Sensors, AFallingBodyFeelsNothing) {
+  const Model model = ModelFrom(
+      "[scene]\nname = \"fall\"\nduration = 1.0\n"
+      "[body.stone]\nmass = 1.0\ninertia = 0.1\npose = [0, 0, 0.3]\nvelocity = [1, 2, 5]\n"
+      "[gravity]\nacceleration = [0.0, -9.81]\n"
+      "[sensor.centre]\nkind = \"accelerometer\"\non = \"stone\"\naxis = 0.7\n"
+      "[sensor.edge]\nkind = \"accelerometer\"\non = \"stone\"\npoint = [0.2, 0.0]\n");
+  SampledRows run(model);
+  ASSERT_TRUE(Simulate(model, Sampled(0.5, 50.0), &run).Usable());
+  for (std::size_t i = 0; i < run.t.size(); ++i) {
+    EXPECT_NEAR(run.At(i, "centre.reading"), 0.0, 1e-8);
+    EXPECT_NEAR(run.At(i, "edge.reading"), -0.2 * 25.0, 1e-7);
+  }
+}
+
+// A cantilever under a moment M at its end: curvature M / EI everywhere; under a force F, F (L - s)
+// / EI; strain minus the height times that. Damped to rest; segments and smooth beams.
+TEST(Sensors, CurvatureAndStrainOfACantilever) {
+  for (const char* kind : {"segments = 24\n", "model = \"kirchhoff\"\norder = 4\n"}) {
+    const std::string scene =
+        std::string(
+            "[scene]\nname = \"beam\"\nduration = 4.0\n[beam.rod]\nlength = 1.0\n"
+            "mass = 1.0\nEI = 10.0\ndamping = 0.05\n") +
+        kind + "[weld.root]\ninner = \"ground\"\nouter = \"rod.start\"\n" +
+        "[sensor.k]\nkind = \"curvature\"\non = \"rod\"\nat = 0.37\n"
+        "[sensor.root]\nkind = \"curvature\"\non = \"rod\"\nat = 0.0\n"
+        "[sensor.gauge]\nkind = \"strain_gauge\"\non = \"rod\"\nat = 0.5\nheight = 0.002\n";
+    {
+      const Model model = ModelFrom(scene + "[force.m]\non = \"rod.end\"\ntorque = 0.05\n");
+      SampledRows run(model);
+      ASSERT_TRUE(Simulate(model, Sampled(4.0, 10.0), &run).Usable()) << kind;
+      const std::size_t last = run.t.size() - 1;
+      for (const char* name : {"k.reading", "root.reading"}) {
+        EXPECT_NEAR(run.At(last, name), 0.005, 2e-5) << kind << name;
+      }
+      EXPECT_NEAR(run.At(last, "gauge.reading"), -0.002 * 0.005, 4e-8) << kind;
+    }
+    const Model model = ModelFrom(scene + "[force.f]\non = \"rod.end\"\nforce = [0, 0.1]\n");
+    SampledRows run(model);
+    ASSERT_TRUE(Simulate(model, Sampled(4.0, 10.0), &run).Usable()) << kind;
+    const std::size_t last = run.t.size() - 1;
+    EXPECT_NEAR(run.At(last, "k.reading"), 0.01 * 0.63, 1e-4) << kind;
+    EXPECT_NEAR(run.At(last, "gauge.reading"), -0.002 * 0.01 * 0.5, 2e-7) << kind;
+  }
+}
+
+// On a smooth beam and on its segments an accelerometer feels the same motion.
+TEST(Sensors, AnAccelerometerOnABeamFeelsTheSecondDerivativeOfItsMark) {
+  for (const char* kind : {"segments = 6\n", "model = \"kirchhoff\"\norder = 3\n"}) {
+    const Model model =
+        ModelFrom(std::string("[scene]\nname = \"beam\"\nduration = 1.0\n[beam.rod]\nlength = 1.0\n"
+                              "mass = 0.5\nEI = 2.0\n") +
+                  kind +
+                  "[joint.pivot]\ninner = \"ground\"\nouter = \"rod.start\"\n"
+                  "[gravity]\nacceleration = [0.0, -9.81]\n[mark.m]\non = \"rod\"\nat = 0.4\n"
+                  "[sensor.x]\nkind = \"accelerometer\"\non = \"rod\"\nat = 0.4\ngravity = false\n"
+                  "[sensor.y]\nkind = \"accelerometer\"\non = \"rod\"\nat = 0.4\ngravity = false\n"
+                  "axis = 1.5707963267948966\n");
+    constexpr double kRate = 20000.0;
+    SampledRows run(model);
+    ASSERT_TRUE(Simulate(model, Sampled(0.4, kRate), &run).Usable()) << kind;
+    for (std::size_t i = 1000; i + 1 < run.t.size(); i += 500) {
+      auto second = [&](const char* name) {
+        return (run.At(i + 1, name) - run.At(i - 1, name)) * kRate / 2.0;
+      };
+      // The magnitude does not depend on the axes.
+      const double ax = second("m.vx"), ay = second("m.vy");
+      const double size = std::hypot(run.At(i, "x.reading"), run.At(i, "y.reading"));
+      EXPECT_NEAR(size, std::hypot(ax, ay), 1e-4 * std::hypot(ax, ay) + 1e-4) << kind << i;
+    }
+  }
+}
+
+TEST(Sensors, WhatCannotBeReadIsNamed) {
+  auto message = [](const std::string& sensor) {
+    try {
+      ModelFrom(PendulumScene(1.0) + "[sensor.s]\n" + sensor);
+    } catch (const Error& e) {
+      return std::string(e.what());
+    }
+    return std::string("none");
+  };
+  using ::testing::HasSubstr;
+  EXPECT_THAT(message("kind = \"thermometer\"\non = \"bar\"\n"), HasSubstr("thermometer"));
+  EXPECT_THAT(message("kind = \"curvature\"\non = \"bar\"\n"), HasSubstr("does not bend"));
+  EXPECT_THAT(message("kind = \"gyroscope\"\non = \"ground\"\n"), HasSubstr("reads nothing"));
+  EXPECT_THAT(message("kind = \"gyroscope\"\non = \"bra\"\n"), HasSubstr("bar"));
+  EXPECT_THAT(message("kind = \"strain_gauge\"\non = \"bar\"\n"), HasSubstr("does not bend"));
+}
+
+}  // namespace
+}  // namespace unfurl::sim
