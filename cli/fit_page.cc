@@ -300,7 +300,7 @@ void WriteFitPage(const std::string& path, const FitPageInput& in) {
     if (in.result.Usable()) level = std::max(level, LevelOf(p.verdict));
   }
   page.AddWords(level, in.record.verdict, in.record.reasons);
-  if (in.record.measured.cols() > 0) {
+  if (in.record.measured.cols() > 0 || !in.record.channels.empty()) {
     AddParameters(in, &page);
     AddProfiles(in, &page);
     if (!in.comparison.errors.empty()) {

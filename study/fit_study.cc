@@ -60,6 +60,7 @@ void RunJournaled(const data::Study& study, const FitStudyOptions& options, Stud
 correlate::Comparison CompareAtEstimate(const correlate::FitTrial& trial,
                                         const data::FitRecord& record) {
   correlate::Comparison c;
+  if (trial.observations->marks.empty()) return c;
   c.record = trial.name;
   c.reference = "the model at the estimate";
   c.reference_is_run = true;
