@@ -41,6 +41,7 @@ Verb AddReconstruct(CLI::App& program, Common& common);
 Verb AddCorrelate(CLI::App& program, Common& common);
 Verb AddFit(CLI::App& program, Common& common);
 Verb AddCost(CLI::App& program, Common& common);
+Verb AddEffects(CLI::App& program, Common& common);
 Verb AddInfo(CLI::App& program, Common& common);
 Verb AddConvert(CLI::App& program, Common& common);
 Verb AddNew(CLI::App& program, Common& common);

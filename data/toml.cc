@@ -37,7 +37,7 @@ TomlTable LoadToml(const std::string& path, const std::vector<std::string>& over
   const auto override_with = [&](const std::string& assignment) {
     std::string dotted;
     const toml::node* node = ApplyOverride(*root.table, assignment, &dotted);
-    document.overridden[node] = dotted;
+    if (node != nullptr) document.overridden[node] = dotted;
   };
   // An include from the command line must be known before the rest can be applied.
   const auto is_include = [](const std::string& assignment) {

@@ -3,9 +3,12 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <sstream>
 
 #include "base/error.h"
 #include "base/text.h"
+#include "data/atomic_file.h"
+#include "data/toml_include.h"
 
 namespace unfurl::data {
 
@@ -106,6 +109,30 @@ const toml::node* SetNode(toml::table& root, const std::string& dotted, const to
   return table->get(last.key);
 }
 
+// Takes a key away, with all that is below it.
+void RemoveNode(toml::table& root, const std::string& dotted) {
+  toml::table* table = &root;
+  const std::vector<std::string> keys = Split(dotted, '.');
+  for (std::size_t i = 0; i < keys.size() && table != nullptr; ++i) {
+    std::vector<std::string> known;
+    for (const auto& [key, node] : *table) known.emplace_back(key.str());
+    toml::node* next = table->get(keys[i]);
+    if (next == nullptr) {
+      const std::string nearest = NearestName(keys[i], known);
+      throw Error(
+          fmt::format("there is no '{}' to be taken away", dotted), "--set " + dotted + "=",
+          nearest.empty() ? "it has " + JoinWords(known) : "did you mean '" + nearest + "'?");
+    }
+    if (i + 1 == keys.size()) {
+      table->erase(keys[i]);
+      return;
+    }
+    table = next->as_table();
+  }
+  throw Error(fmt::format("'{}' is no table", dotted), "--set " + dotted + "=",
+              "name a key of the file, table by table, with dots");
+}
+
 }  // namespace
 
 const toml::node* ApplyOverride(toml::table& root, const std::string& assignment,
@@ -115,6 +142,10 @@ const toml::node* ApplyOverride(toml::table& root, const std::string& assignment
     throw Error("has no '='", "--set " + assignment, "write --set key=value");
   }
   *dotted = std::string(Trim(assignment.substr(0, equals)));
+  if (Trim(assignment.substr(equals + 1)).empty()) {
+    RemoveNode(root, *dotted);
+    return nullptr;
+  }
   const toml::table parsed = ParseOverride(assignment.substr(equals + 1), *dotted);
   return SetNode(root, *dotted, *parsed.get("v"));
 }
@@ -125,6 +156,23 @@ const toml::node* SetNumber(toml::table& root, const TomlDocument::Value& value)
     return SetNode(root, value.key, toml::value(static_cast<std::int64_t>(value.number)));
   }
   return SetNode(root, value.key, toml::value(value.number));
+}
+
+std::string TextWithOverrides(const std::string& path, const std::vector<std::string>& overrides) {
+  toml::table root = ParseTomlDocument(ReadTextFile(path), path);
+  std::string dotted;
+  if (root.get(kIncludeKey) != nullptr) {
+    std::vector<std::string> files;
+    std::map<std::string, int> order;
+    MergeIncludes(&root, path, &files, &order, nullptr);
+    root.erase(kIncludeKey);
+  }
+  for (const std::string& assignment : overrides) ApplyOverride(root, assignment, &dotted);
+  std::ostringstream out;
+  out << toml::toml_formatter(
+             root, toml::toml_formatter::default_flags & ~toml::format_flags::indentation)
+      << "\n";
+  return out.str();
 }
 
 }  // namespace unfurl::data

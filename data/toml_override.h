@@ -3,6 +3,7 @@
 #include <toml++/toml.h>
 
 #include <string>
+#include <vector>
 
 #include "data/toml.h"
 
@@ -13,11 +14,15 @@ namespace unfurl::data {
 // errors: the value, or the whole array of which an item was set. Both throw Error, placed at
 // "--set KEY".
 
-// "dotted.key=value", the value in TOML; a bare word is a string. `dotted` gets the key.
+// "dotted.key=value", the value in TOML; a bare word is a string. "dotted.key=" takes the key away,
+// which must be there; null then. `dotted` gets the key.
 const toml::node* ApplyOverride(toml::table& root, const std::string& assignment,
                                 std::string* dotted);
 
 // A number without a fraction becomes a whole number, which every reader of numbers takes.
 const toml::node* SetNumber(toml::table& root, const TomlDocument::Value& value);
+
+// The document at `path` with these overrides as TOML, without comments; what it includes is in it.
+std::string TextWithOverrides(const std::string& path, const std::vector<std::string>& overrides);
 
 }  // namespace unfurl::data

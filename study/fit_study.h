@@ -68,8 +68,8 @@ class FitInterrupted : public Interrupted {
 /// where it was interrupted with evaluations kept, Interrupted otherwise.
 StudyFit Fit(const data::Study& study, const FitStudyOptions& options = {});
 
-/// Trial and model at the estimate of a fit, side by side. Without errors where the model fails, and
-/// for a trial without marks.
+/// Trial and model at the estimate of a fit, side by side. Without errors where the model fails,
+/// and for a trial without marks.
 correlate::Comparison CompareAtEstimate(const correlate::FitTrial& trial,
                                         const data::FitRecord& record);
 

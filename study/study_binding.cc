@@ -63,6 +63,27 @@ std::unique_ptr<SceneModel> BindScene(const data::Study& study, const SceneModel
   }
 }
 
+// What a trial names has to be in the scene.
+void CheckNames(const data::StudyTrial& from, const correlate::Observations& observations,
+                const SceneModel& model) {
+  for (const correlate::MarkSeries& m : observations.marks) {
+    if (std::find(model.marks().begin(), model.marks().end(), m.name) == model.marks().end()) {
+      throw Error("the scene has no mark '" + m.name + "'", from.where,
+                  "name the marks to use; the scene has " + JoinWords(model.marks()));
+    }
+  }
+  auto check_place = [&](const std::string& kind, const std::string& where, const std::string& at) {
+    const std::vector<std::string>& known = kind == "watch" ? model.watches() : model.joints();
+    if (std::find(known.begin(), known.end(), where) != known.end()) return;
+    throw Error(fmt::format("the scene has no {} '{}'", kind == "watch" ? "watch" : "joint", where),
+                at, known.empty() ? "it has none" : "it has " + JoinWords(known));
+  };
+  for (const data::StudyEvent& e : from.events) check_place(e.kind, e.where, e.at);
+  for (const data::StudyChannel& c : from.channels) {
+    if (!c.event.empty()) check_place(c.event, c.joint, c.at);
+  }
+}
+
 void BindScenes(const data::Study& study, const data::StudyTrial& from, const std::string& path,
                 const std::vector<double>& theta, data::TextFiles* texts,
                 correlate::FitTrial* trial, BoundStudy* bound) {
@@ -76,22 +97,7 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from, const st
   binding.set.insert(binding.set.end(), from.set.begin(), from.set.end());
   for (const data::StudyParameter& p : study.parameters) binding.keys.push_back(p.keys);
   auto model = BindScene(study, binding, theta);
-  for (const correlate::MarkSeries& m : trial->observations->marks) {
-    if (std::find(model->marks().begin(), model->marks().end(), m.name) == model->marks().end()) {
-      throw Error("the scene has no mark '" + m.name + "'", from.where,
-                  "name the marks to use; the scene has " + JoinWords(model->marks()));
-    }
-  }
-  auto check_place = [&](const std::string& kind, const std::string& where, const std::string& at) {
-    const std::vector<std::string>& known = kind == "watch" ? model->watches() : model->joints();
-    if (std::find(known.begin(), known.end(), where) != known.end()) return;
-    throw Error(fmt::format("the scene has no {} '{}'", kind == "watch" ? "watch" : "joint", where),
-                at, known.empty() ? "it has none" : "it has " + JoinWords(known));
-  };
-  for (const data::StudyEvent& e : from.events) check_place(e.kind, e.where, e.at);
-  for (const data::StudyChannel& c : from.channels) {
-    if (!c.event.empty()) check_place(c.event, c.joint, c.at);
-  }
+  CheckNames(from, observations, *model);
   AddChannels(from, &model->quantities(), &observations);
   for (const std::string& file : model->files()) bound->inputs.push_back(file);
   if (!observations.marks.empty()) RefuseOtherUnits(observations, *model, theta, path);

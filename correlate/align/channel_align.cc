@@ -79,7 +79,9 @@ class ChannelAligner {
   // Lags between which no signal changes by much: an eighth of the shortest period that they show,
   // by how often they cross their means. As many as ten million readings allow.
   double Step(double low, double high) const {
-    constexpr double kPerPeriod = 8.0, kReadings = 1e7, kFewest = 200.0, kMost = 4000.0;
+    constexpr double kPerPeriod = 8.0;  // a sine is then off by a fifth of its amplitude at most
+    // Readings looked at in all: a second or two; lags that find a peak however many readings.
+    constexpr double kReadings = 1e7, kFewest = 200.0, kMost = 4000.0;
     double step = std::numeric_limits<double>::infinity();
     for (const auto& kind : record_.others) {
       const Eigen::VectorXd y = ReadingsOf(*kind);

@@ -44,7 +44,7 @@ bool FitRun::Sharpen(const std::string& what) {
 // reweighted least squares, whose fixed point is the maximum of the likelihood over the unknown
 // variances.
 bool FitRun::ScaleChannels(std::vector<Observations>* all) {
-  constexpr int kMostRounds = 4;
+  constexpr int kMostRounds = 4;     // two do where one channel's weight leads the others'
   constexpr double kSettled = 0.02;  // of a sigma: a weight that changes no estimate
   for (int round = 0; round < kMostRounds; ++round) {
     bool changed = false;

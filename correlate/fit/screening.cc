@@ -47,38 +47,47 @@ std::vector<std::vector<double>> LatinHypercube(const std::vector<Parameter>& pa
   return points;
 }
 
+namespace {
+
+// Where a model is asked so that a trial can be laid beside it.
+Stamps AlignmentGrid(const Observations& o, const FitOptions& options) {
+  // Late motion at wrong parameters aligns anything with anything: where there are stages, the
+  // first one's horizon is what is aligned.
+  double horizon = o.End() - o.Start();
+  // What shows no place may begin long after the release: as long as it lasts.
+  if (o.marks.empty()) horizon *= 2.0;
+  if (o.marks.empty() && o.placement.offset.Told()) {
+    horizon = o.End() - o.placement.offset.mean + o.placement.offset.sigma;
+  }
+  if (!options.stages.empty()) {
+    horizon = std::min(horizon, *std::min_element(options.stages.begin(), options.stages.end()));
+  }
+  if (options.stages_by_impacts && std::isfinite(FirstImpact(o))) {
+    horizon = std::min(horizon, FirstImpact(o) - o.Start());
+  }
+  // Positions and velocities on half the data's own step carry any motion that the data show;
+  // quantities are asked for as finely as their channels want them. At the least 200 points, so
+  // that a model's ten periods over the horizon are smooth between them however sparse the data;
+  // beyond a hundred thousand a coarser grid aligns as well.
+  constexpr double kFewest = 200.0, kMost = 1e5;
+  const double least = o.marks.empty() ? o.ShortestStep() : MedianStep(o.marks.front().t);
+  const double step = std::clamp(0.5 * least, horizon / kMost, horizon / kFewest);
+  Stamps grid = EvenStamps(MarkNames(o), 0.0, horizon, step);
+  // One point before the start: what a held model has there stands for all of before.
+  for (const auto& kind : o.others) kind->AskOver(-step, horizon, &grid);
+  return grid;
+}
+
+}  // namespace
+
 std::vector<Candidate> Screen(const FitProblem& problem, const FitOptions& options,
                               const std::vector<std::vector<double>>& points, Evaluator& evaluator,
                               const std::vector<Evaluator::Request>& beside,
                               const std::vector<Stamps>& beside_stamps,
                               std::vector<Evaluator::Answer>* beside_answers) {
-  // Late motion at wrong parameters aligns anything with anything: where there are stages, the
-  // first one's horizon is what is aligned.
   std::vector<Stamps> grid;
   for (const FitTrial& trial : problem.trials) {
-    const Observations& o = *trial.observations;
-    double horizon = o.End() - o.Start();
-    // What shows no place may begin long after the release: as long as it lasts.
-    if (o.marks.empty()) horizon *= 2.0;
-    if (o.marks.empty() && o.placement.offset.Told()) {
-      horizon = o.End() - o.placement.offset.mean + o.placement.offset.sigma;
-    }
-    if (!options.stages.empty()) {
-      horizon = std::min(horizon, *std::min_element(options.stages.begin(), options.stages.end()));
-    }
-    if (options.stages_by_impacts && std::isfinite(FirstImpact(o))) {
-      horizon = std::min(horizon, FirstImpact(o) - o.Start());
-    }
-    // Positions and velocities on half the data's own step carry any motion that the data show.
-    // Quantities are asked for as finely as their channels want them.
-    // At the least 200 points, so that a model's ten periods over the horizon are smooth between
-    // them however sparse the data; beyond a hundred thousand a coarser grid aligns as well.
-    constexpr double kFewest = 200.0, kMost = 1e5;
-    const double least = o.marks.empty() ? o.ShortestStep() : MedianStep(o.marks.front().t);
-    const double step = std::clamp(0.5 * least, horizon / kMost, horizon / kFewest);
-    grid.push_back(EvenStamps(MarkNames(o), 0.0, horizon, step));
-    // One point before the start: what a held model has there stands for all of before.
-    for (const auto& kind : o.others) kind->AskOver(-step, horizon, &grid.back());
+    grid.push_back(AlignmentGrid(*trial.observations, options));
   }
   std::vector<Evaluator::Request> requests = beside;
   std::vector<Stamps> stamps = beside_stamps;

@@ -50,15 +50,8 @@ class ReducedCost : public ceres::CostFunction {
         if (last_projected.col(j).norm() <= kImitated * J.col(j).norm()) {
           last_projected.col(j).setZero();
         }
-        // What presses against its bound stays there, and the others move as if it were given:
-        // steps that are cut back at the bound lead along it by inches.
-        const Parameter& p = problem_.parameters()[static_cast<std::size_t>(j)];
-        const double here = FromInternal(p, u[static_cast<std::size_t>(j)]);
-        const double rise = last_projected.col(j).dot(last_residual);
-        if ((here <= p.low && rise > 0.0) || (here >= p.high && rise < 0.0)) {
-          last_projected.col(j).setZero();
-        }
       }
+      HoldAtBounds(u);
       Eigen::Map<RowMajor>(jacobians[0], problem_.rows(), static_cast<Eigen::Index>(count_)) =
           last_projected;
       return true;
@@ -76,6 +69,25 @@ class ReducedCost : public ceres::CostFunction {
   mutable std::exception_ptr error;
 
  private:
+  // What presses against its bound stays there, and the others move as if it were given: steps that
+  // are cut back at the bound lead along it by inches.
+  void HoldAtBounds(const std::vector<double>& u) const {
+    constexpr double kNear = 0.02;  // of a standard error: below what ends a stage
+    const GaussNewton free = StepAndSigma(last_projected, last_residual);
+    for (Eigen::Index j = 0; j < last_projected.cols(); ++j) {
+      const auto i = static_cast<std::size_t>(j);
+      const Parameter& p = problem_.parameters()[i];
+      const double here = FromInternal(p, u[i]), rise = last_projected.col(j).dot(last_residual);
+      const bool log_of_nothing = p.log && !(p.low > 0.0);
+      const double near = kNear * free.sigma(j);
+      const bool low = here <= p.low || (!log_of_nothing && std::isfinite(p.low) &&
+                                         free.step(j) < 0.0 && u[i] - ToInternal(p, p.low) < near);
+      const bool high = here >= p.high || (std::isfinite(p.high) && free.step(j) > 0.0 &&
+                                           ToInternal(p, p.high) - u[i] < near);
+      if ((low && rise > 0.0) || (high && rise < 0.0)) last_projected.col(j).setZero();
+    }
+  }
+
   ReducedProblem& problem_;
   const SolverOptions& options_;
   std::size_t count_;

@@ -12,6 +12,32 @@ namespace unfurl::correlate {
 
 namespace {
 
+// Why the quantities of an answer cannot be used; empty: they can.
+std::string QuantityFault(const Stamps& stamps, const Prediction& p) {
+  if (p.quantities.size() != stamps.quantities.size()) {
+    return ("the model did not answer for all quantities");
+  }
+  for (std::size_t q = 0; q < p.quantities.size(); ++q) {
+    const QuantityStamps& asked = stamps.quantities[q];
+    const Eigen::VectorXd& values = p.quantities[q].values;
+    if (values.size() != static_cast<Eigen::Index>(asked.t.size())) {
+      return ("the model did not answer at all stamps of " + asked.quantity);
+    }
+    if (values.size() > 0 && !values.array().isFinite().any()) {
+      return ("the model has nothing of " + asked.quantity);
+    }
+    if (values.array().isInf().any()) {
+      return ("the model's " + asked.quantity + " is not finite");
+    }
+    // As of marks: only what was before the start may be unknown.
+    for (std::size_t i = 0; i < asked.t.size() && asked.t[i] <= asked.needed; ++i) {
+      if (!std::isnan(values(static_cast<Eigen::Index>(i))) || asked.t[i] <= 0.0) continue;
+      return ("the model's " + asked.quantity + " ends too early");
+    }
+  }
+  return {};
+}
+
 // A model's answer is used only when it is whole: what is missing or not finite is a failure here
 // and not a NaN somewhere later.
 void CheckWhole(const Stamps& stamps, Prediction* p) {
@@ -36,27 +62,8 @@ void CheckWhole(const Stamps& stamps, Prediction* p) {
       return fail("the model's motion of " + stamps.marks[m] + " ends too early");
     }
   }
-  if (p->quantities.size() != stamps.quantities.size()) {
-    return fail("the model did not answer for all quantities");
-  }
-  for (std::size_t q = 0; q < p->quantities.size(); ++q) {
-    const QuantityStamps& asked = stamps.quantities[q];
-    const Eigen::VectorXd& values = p->quantities[q].values;
-    if (values.size() != static_cast<Eigen::Index>(asked.t.size())) {
-      return fail("the model did not answer at all stamps of " + asked.quantity);
-    }
-    if (values.size() > 0 && !values.array().isFinite().any()) {
-      return fail("the model has nothing of " + asked.quantity);
-    }
-    if (values.array().isInf().any()) {
-      return fail("the model's " + asked.quantity + " is not finite");
-    }
-    // As of marks: only what was before the start may be unknown.
-    for (std::size_t i = 0; i < asked.t.size() && asked.t[i] <= asked.needed; ++i) {
-      if (!std::isnan(values(static_cast<Eigen::Index>(i))) || asked.t[i] <= 0.0) continue;
-      return fail("the model's " + asked.quantity + " ends too early");
-    }
-  }
+  const std::string fault = QuantityFault(stamps, *p);
+  if (!fault.empty()) fail(fault);
 }
 
 class ThreadWorkers : public Workers {

@@ -32,7 +32,8 @@ bool IsFitted(const Prior& prior) {
 // second difference there; of the readings' own over the square of their points. So many keep that
 // within kPart of the sigma.
 int PointsFor(const ChannelRecord& r) {
-  constexpr double kPart = 0.1, kShare = 0.99;
+  constexpr double kPart = 0.1;    // of a sigma: no estimate shows it
+  constexpr double kShare = 0.99;  // of the readings: impacts are few, and finer grids cost runs
   constexpr int kFewest = 4, kMost = 16;  // the cubic's own; what a filter's detail costs in runs
   std::vector<double> bends;
   for (Eigen::Index i = 2; i < r.y.size(); ++i) {

@@ -75,6 +75,7 @@ void SmallJobsTest::SetUp() {
       {{"cost", latch, "--duration", "0.05", "--rtol", "1e-3", "--rtol", "1e-4", "--report",
         "out.html"},
        "out.html"},
+      {{"effects", latch, "--duration", "0.05", "--sigma", "1mm", "-o", "out.toml"}, "out.toml"},
       {{"convert", "run.h5", "out.csv"}, "out.csv"},
       {{"convert", "tracks.csv", "out.c3d"}, "out.c3d"}};
   for (SmallJob& job : jobs_) {

@@ -1,0 +1,247 @@
+#include "study/trial_effects.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+
+#include "base/error.h"
+#include "correlate/residual/row_layout.h"
+
+namespace unfurl::study {
+
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double Since(Clock::time_point start) {
+  return std::chrono::duration<double>(Clock::now() - start).count();
+}
+
+// "key=value" or "key=": whether what it changes is `key` or holds it.
+bool Touches(const std::string& assignment, const std::string& key) {
+  const std::string changed = assignment.substr(0, assignment.find('='));
+  return key == changed || key.starts_with(changed + ".") || key.starts_with(changed + "[");
+}
+
+// The study with an effect switched, and the parameters that go with it.
+data::Study Switched(const data::Study& study, const std::vector<std::string>& set,
+                     std::vector<std::string>* released) {
+  data::Study out = study;
+  for (data::StudyTrial& trial : out.trials) {
+    trial.set.insert(trial.set.end(), set.begin(), set.end());
+  }
+  for (data::StudyParameter& p : out.parameters) {
+    std::erase_if(p.keys, [&](const std::string& key) {
+      return std::any_of(set.begin(), set.end(),
+                         [&](const std::string& s) { return Touches(s, key); });
+    });
+    if (p.keys.empty()) released->push_back(p.name);
+  }
+  std::erase_if(out.parameters, [](const data::StudyParameter& p) { return p.keys.empty(); });
+  for (std::vector<std::string>& stage : out.free) {
+    std::erase_if(stage, [&](const std::string& name) {
+      return std::find(released->begin(), released->end(), name) != released->end();
+    });
+  }
+  return out;
+}
+
+// Begins where the fit as it is came out: what is left to move is small, or told by the cost.
+void StartAt(const data::FitRecord& record, data::Study* study) {
+  for (data::StudyParameter& p : study->parameters) {
+    for (const auto& found : record.parameters) {
+      if (found.name == p.name) p.start = std::clamp(found.value, p.low, p.high);
+    }
+  }
+}
+
+// Rows of both fits in the samples' own sigmas, without those that either put aside, whitened by
+// the noise of the first.
+struct Rows {
+  Eigen::VectorXd a, b;
+  double count = 0.0;  // of data rows that are not zero
+};
+
+Rows RowsOf(const correlate::Observations& o, const correlate::TrialResult& a,
+            const correlate::TrialResult& b) {
+  Rows out{a.residual, b.residual};
+  const correlate::RowLayout layout(o);
+  const Eigen::Index n = std::min(out.a.size(), out.b.size());
+  out.a.conservativeResize(n);
+  out.b.conservativeResize(n);
+  for (const correlate::TrialResult* t : {&a, &b}) {
+    for (const correlate::GrossSample& g : t->gross.samples) {
+      const correlate::RowSeries& s = layout.series[g.mark];
+      out.a.segment(s.Row(g.index), s.axes).setZero();
+      out.b.segment(s.Row(g.index), s.axes).setZero();
+    }
+  }
+  for (Eigen::Index i = 0; i < n; ++i) {
+    if (out.a(i) == 0.0 || out.b(i) == 0.0) out.a(i) = out.b(i) = 0.0;
+    out.count += out.a(i) != 0.0 ? 1.0 : 0.0;
+  }
+  return out;
+}
+
+// What switching did to the fit.
+void Compare(const StudyFit& as_is, const StudyFit& other, TrialEffect* out) {
+  double change = 0.0, count = 0.0, dispersion = 0.0, deviance = 0.0;
+  for (std::size_t t = 0; t < as_is.result.trials.size(); ++t) {
+    const correlate::Observations& o = *as_is.problem().trials[t].observations;
+    const correlate::TrialResult &a = as_is.result.trials[t], &b = other.result.trials[t];
+    Rows rows = RowsOf(o, a, b);
+    change += (rows.a - rows.b).squaredNorm();
+    count += rows.count;
+    if (!a.noise.series.empty() && !a.noise.white()) {
+      const correlate::RowWhitening whitening(o, a.noise);
+      whitening.Apply(rows.a);
+      whitening.Apply(rows.b);
+    }
+    dispersion += rows.a.squaredNorm();
+    deviance += rows.b.squaredNorm() - rows.a.squaredNorm();
+  }
+  count = std::max(1.0, count);
+  out->change = std::sqrt(change / count);
+  // Residuals that are larger than their sigmas are not believed to tell as finely as these say.
+  out->deviance = deviance / std::max(1.0, dispersion / count);
+  // Bayes' factor by Schwarz: a parameter more costs log n.
+  const double released = static_cast<double>(out->released.size());
+  const double rise =
+      out->effect.there ? out->deviance - released * std::log(count) : -out->deviance;
+  out->probability = 1.0 / (1.0 + std::exp(std::clamp(-0.5 * rise, -700.0, 700.0)));
+  for (const auto& p : other.record.parameters) {
+    for (const auto& q : as_is.record.parameters) {
+      if (q.name == p.name && q.sigma > 0.0) {
+        out->shifts.push_back({p.name, (p.value - q.value) / q.sigma});
+      }
+    }
+  }
+}
+
+void Judge(double part, TrialEffect* e) {
+  constexpr double kSure = 0.99;  // 100 to 1
+  double shift = 0.0;
+  for (const TrialEffect::Shift& s : e->shifts) shift = std::max(shift, std::abs(s.sigmas));
+  if (e->probability > kSure) {
+    e->verdict = EffectVerdict::kNeeded;
+  } else if (e->change <= part && shift <= part) {
+    e->verdict = EffectVerdict::kNotNeeded;
+  } else {
+    e->verdict = e->probability < 1.0 - kSure && e->released.empty() ? EffectVerdict::kAgainst
+                                                                     : EffectVerdict::kCannotTell;
+  }
+}
+
+FitStudyOptions FitOptionsOf(const TrialEffectsOptions& options) {
+  FitStudyOptions out;
+  out.workers = options.workers;
+  out.allow_programs = options.allow_programs;
+  return out;
+}
+
+}  // namespace
+
+void TrialEffectsOptions::Check() const {
+  if (!(part > 0.0) || !std::isfinite(part)) {
+    throw Error("is out of its range", "TrialEffectsOptions.part",
+                "give a positive part of a sigma");
+  }
+}
+
+TrialEffects WeighTrialEffects(const data::Study& asked, const TrialEffectsOptions& options) {
+  options.Check();
+  if (asked.command) {
+    throw Error("the effects of a program are not known", asked.command->where,
+                "name a scene, or switch them in studies of your own");
+  }
+  data::Study study = asked;
+  study.profile_levels.clear();  // intervals are not what is asked here
+  const data::TomlTable document = data::LoadToml(study.scene, study.set);
+  const std::vector<EffectSwitch> switches =
+      EffectsOf(data::ReadScene(document, study.scene), document, options.each);
+  const double fits = static_cast<double>(switches.size()) + 2.0;
+  std::size_t done = 0;
+  auto tell = [&](const std::string& what) {
+    if (options.progress) options.progress(static_cast<double>(done++) / fits, what);
+  };
+
+  // 1. As it is.
+  TrialEffects out;
+  tell("as it is");
+  Clock::time_point start = Clock::now();
+  out.fit = Fit(study, FitOptionsOf(options));
+  out.seconds = Since(start);
+  if (!out.fit.Usable()) {
+    throw Error("the study's own fit is not usable: " + out.fit.result.message, study.path,
+                "see `unfurl fit`");
+  }
+
+  // 2. Each switched, all others fitted again from there.
+  auto fit_without = [&](const std::vector<std::string>& set, TrialEffect* e) {
+    data::Study other = Switched(study, set, &e->released);
+    StartAt(out.fit.record, &other);
+    other.screened = 0;  // a fit that does not come near is answer enough, and looks nowhere else
+    if (other.parameters.empty()) {
+      e->message = "it takes all parameters of the study with it";
+      return false;
+    }
+    start = Clock::now();
+    try {
+      const StudyFit fit = Fit(other, FitOptionsOf(options));
+      e->seconds = Since(start);
+      if (!fit.Usable()) {
+        e->message = fit.result.message;
+        return false;
+      }
+      Compare(out.fit, fit, e);
+    } catch (const Error& error) {
+      e->message = error.what();
+      return false;
+    }
+    return true;
+  };
+  for (const EffectSwitch& effect : switches) {
+    tell(effect.name);
+    TrialEffect e;
+    e.effect = effect;
+    if (fit_without(effect.set, &e)) {
+      Judge(options.part, &e);
+    } else {
+      // A model that cannot even be laid beside the trial without it.
+      const bool other = e.released.size() == study.parameters.size();
+      e.verdict = effect.there && !other ? EffectVerdict::kNeeded : EffectVerdict::kFailed;
+    }
+    out.effects.push_back(std::move(e));
+  }
+
+  // 3. All that is not needed left out together, and looked at once more.
+  tell("all that is not needed left out");
+  std::vector<const TrialEffect*> order;
+  for (const TrialEffect& e : out.effects) {
+    if (e.effect.there && e.verdict == EffectVerdict::kNotNeeded) order.push_back(&e);
+  }
+  std::stable_sort(order.begin(), order.end(), [](const TrialEffect* a, const TrialEffect* b) {
+    return a->change < b->change;
+  });
+  while (!order.empty()) {
+    TrialEffect together;
+    for (const TrialEffect* e : order) {
+      together.effect.set.insert(together.effect.set.end(), e->effect.set.begin(),
+                                 e->effect.set.end());
+    }
+    const bool one = order.size() == 1;  // that was looked at already
+    if (one) together.change = order[0]->change;
+    if (one || (fit_without(together.effect.set, &together) && together.change <= options.part)) {
+      out.set = together.effect.set;
+      out.reduced_change = together.change;
+      for (const TrialEffect* e : order) out.left_out.push_back(e->effect.name);
+      break;
+    }
+    order.pop_back();
+  }
+  return out;
+}
+
+}  // namespace unfurl::study
