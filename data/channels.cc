@@ -182,7 +182,7 @@ std::vector<Channel> FromH5(const std::string& path) {
     if (file.IsDataset(group) || !file.Has(group + "/t") || !file.Has(group + "/value")) continue;
     Channel c;
     c.name = group;
-    c.where = path + ":/" + group;
+    c.where = fmt::format("{}:/{}", path, group);
     c.t = file.ReadDoubles(group + "/t");
     c.y = file.ReadDoubles(group + "/value");
     c.unit = file.Units(group + "/value");

@@ -18,7 +18,7 @@
 namespace unfurl::calib::testing {
 
 // How many laboratories a test tries: the default label's number, or that of the slow one.
-constexpr std::size_t Labs(std::size_t quick, [[maybe_unused]] std::size_t slow) {
+constexpr std::size_t Labs([[maybe_unused]] std::size_t quick, [[maybe_unused]] std::size_t slow) {
 #ifdef UNFURL_SLOW_TESTS
   return slow;
 #else
