@@ -39,6 +39,7 @@ struct Told {
   ordered_json json;
   std::vector<std::string> set;  // of the reduced scene
   std::string scene;             // that it is made from
+  std::string left_out;          // in words
   std::vector<std::string> scene_sets;
 };
 
@@ -102,6 +103,7 @@ Told OfScene(const Common& common, const Arguments& a) {
     out.closing = "no verdicts without --sigma, the error of a mark in the trial that is meant\n";
   }
   out.json["left_out"] = e.left_out;
+  out.left_out = LeftOut(e.left_out);
   out.json["reduced_rms"] = e.reduced_rms;
   out.set = e.set;
   out.scene = a.input;
@@ -167,6 +169,7 @@ Told OfStudy(const Common& common, const Arguments& a) {
       "change of the fitted motion in sigmas of the data; parameters in standard errors)\n{}\n",
       LeftOut(e.left_out));
   out.json["left_out"] = e.left_out;
+  out.left_out = LeftOut(e.left_out);
   out.json["reduced_change"] = e.reduced_change;
   out.set = e.set;
   out.scene = study.scene;
@@ -195,9 +198,9 @@ int Run(const Common& common, const Arguments& a) {
   Told told = data::KindOf(a.input) == "study" ? OfStudy(common, a) : OfScene(common, a);
   std::string text = told.head + AlignedTable(told.rows) + told.closing;
   if (!a.out.empty()) {
-    data::WriteTextFile(a.out, "# " + told.closing.substr(0, told.closing.find('\n')) +
-                                   "\n# Made from " + told.scene + " by `unfurl effects`.\n" +
-                                   study::ReducedScene(told.scene, told.scene_sets, told.set));
+    data::WriteTextFile(
+        a.out, fmt::format("# Made from {} by `unfurl effects`; {}.\n{}", told.scene, told.left_out,
+                           study::ReducedScene(told.scene, told.scene_sets, told.set)));
     text += "reduced scene -> " + a.out + "\n";
     told.json["reduced_scene"] = a.out;
   }

@@ -21,7 +21,9 @@ struct Measure {
 };
 
 const std::map<std::string, Measure, std::less<>>& Known() {
-  constexpr double kPi = std::numbers::pi, kPound = 0.45359237, kGravity = 9.80665;
+  constexpr double kPi = std::numbers::pi;
+  constexpr double kPound = 0.45359237;  // [kg], by definition
+  constexpr double kGravity = 9.80665;   // standard acceleration of gravity, by definition [m/s^2]
   static const std::map<std::string, Measure, std::less<>> known = {
       {"1", {1.0, {}}},
       {"%", {1e-2, {}}},

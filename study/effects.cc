@@ -47,7 +47,7 @@ class Bench {
   // What does not run is a status with a message.
   Outcome Run(const std::vector<std::string>& more, double tighter = 1.0) const {
     constexpr double kRepeatBelow = 0.2;  // [s]: shorter ones are timed three times
-    constexpr int kTimes = 3;
+    constexpr int kTimes = 3;             // so that their median passes over one disturbance
     Outcome out;
     std::vector<double> seconds;
     try {

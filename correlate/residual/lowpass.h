@@ -14,6 +14,8 @@ struct LowPass {
     kBessel,       ///< flattest delay
     kAverage,      ///< mean over `width` before the stamp
   };
+  /// More than the filters of instruments have; the poles of a Bessel filter are exact to 1e-9
+  /// there.
   static constexpr int kHighestOrder = 10;
   Kind kind = Kind::kNone;
   int order = 0;        ///< 1 to kHighestOrder, of the first two kinds

@@ -1,8 +1,10 @@
 // Channels of instruments in every form that they come in.
 #include "data/channels.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cstdio>
 #include <numbers>
@@ -19,7 +21,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 std::vector<Channel> ReadText(const std::string& text, const std::string& ending = ".csv") {
-  const std::string path = ::testing::TempDir() + "channels" + ending;
+  const std::string path = fmt::format("{}channels-{}{}", ::testing::TempDir(), getpid(), ending);
   WriteTextFile(path, text);
   std::vector<Channel> out;
   try {
@@ -96,7 +98,7 @@ TEST(Channels, FunctionsOfAUniversalFile) {
 }
 
 TEST(Channels, GroupsOfAnHdf5FileOfAnyone) {
-  const std::string path = ::testing::TempDir() + "channels.h5";
+  const std::string path = fmt::format("{}channels-{}.h5", ::testing::TempDir(), getpid());
   {
     H5Writer writer(path, "somebody/else", 1, {});
     const std::vector<double> t = {0.0, 0.5, 1.0}, y = {3.0, 4.0, 5.0};

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <filesystem>
 #include <numbers>
@@ -23,7 +24,8 @@ using ::testing::HasSubstr;
 class EffectsTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = std::filesystem::path(::testing::TempDir()) / "unfurl_effects";
+    folder_ =
+        std::filesystem::path(::testing::TempDir()) / fmt::format("unfurl_effects-{}", getpid());
     std::filesystem::create_directories(folder_);
   }
   void TearDown() override { std::filesystem::remove_all(folder_); }
