@@ -102,7 +102,7 @@ RunInMemory::RunInMemory(const RunLayout& layout) {
   for (const BeamShape& shape : layout.shapes) {
     run_.shapes.push_back({shape.name, shape.at, {}, shape.kind});
   }
-  for (const auto& [name, text] : layout.text) SetText(name, text);
+  for (const auto& [name, text] : layout.text) RunInMemory::SetText(name, text);
 }
 
 void RunInMemory::Append(double t, std::span<const double> values) {
