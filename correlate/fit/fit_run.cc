@@ -268,7 +268,8 @@ bool FitRun::GoToBetterPoint() {
   }
   result_.returns = returns_;
   result_.profile_below = lowest != nullptr ? std::max(0.0, -lowest->deviance) : 0.0;
-  if (result_.profile_below <= kBetter || !FarFrom(lowest->theta)) return false;
+  if (lowest == nullptr || result_.profile_below <= kBetter || !FarFrom(lowest->theta))
+    return false;
   if (returns_ < kMostReturns) {
     ++returns_;
     best_->Restart(lowest->theta);
