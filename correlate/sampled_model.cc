@@ -152,27 +152,35 @@ void SampledModel::FindSteps() {
   for (const MarkSeries& series : samples_.marks) median_step_.push_back(MedianStep(series.t));
 }
 
-Eigen::VectorXd SampledModel::QuantityAt(const std::string& name,
-                                         const std::vector<double>& t) const {
-  const auto n = static_cast<Eigen::Index>(t.size());
+Eigen::VectorXd ValuesAt(std::span<const double> stamps, std::span<const double> values, bool held,
+                         std::span<const double> wanted) {
+  const auto n = static_cast<Eigen::Index>(wanted.size());
   Eigen::VectorXd out = Eigen::VectorXd::Constant(n, std::numeric_limits<double>::quiet_NaN());
-  const auto found = std::find_if(quantities_.begin(), quantities_.end(),
-                                  [&](const QuantitySeries& q) { return q.name == name; });
-  if (found == quantities_.end() || found->t.size() < 2) return out;
+  if (stamps.size() < 2) return out;
   for (Eigen::Index i = 0; i < n; ++i) {
-    const double at = t[static_cast<std::size_t>(i)];
-    if (at < found->t.front()) {
-      if (found->held) out(i) = found->values(0);
+    const double t = wanted[static_cast<std::size_t>(i)];
+    if (t < stamps.front()) {
+      if (held) out(i) = values.front();
       continue;
     }
-    if (at > found->t.back()) continue;
-    const LocalCubic c = CubicAt(found->t, at);
+    if (t > stamps.back()) continue;
+    const LocalCubic c = CubicAt(stamps, t);
     out(i) = 0.0;
     for (int j = 0; j < c.count; ++j) {
-      out(i) += c.value[j] * found->values(static_cast<Eigen::Index>(c.first) + j);
+      out(i) += c.value[j] * values[c.first + static_cast<std::size_t>(j)];
     }
   }
   return out;
+}
+
+Eigen::VectorXd SampledModel::QuantityAt(const std::string& name,
+                                         const std::vector<double>& t) const {
+  const auto found = std::find_if(quantities_.begin(), quantities_.end(),
+                                  [&](const QuantitySeries& q) { return q.name == name; });
+  if (found == quantities_.end()) return ValuesAt({}, {}, false, t);
+  const Eigen::VectorXd& values = found->values;
+  return ValuesAt(found->t, {values.data(), static_cast<std::size_t>(values.size())}, found->held,
+                  t);
 }
 
 Prediction SampledModel::Evaluate(std::span<const double>, const Stamps& stamps) const {

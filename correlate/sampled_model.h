@@ -70,6 +70,11 @@ struct LocalCubic {
 };
 LocalCubic CubicAt(std::span<const double> stamps, double t);
 
+// A quantity in time at other stamps, by CubicAt; NaN outside of its own, except that before them
+// the first value stands where it is `held`.
+Eigen::VectorXd ValuesAt(std::span<const double> stamps, std::span<const double> values, bool held,
+                         std::span<const double> wanted);
+
 // From `low` on, past `high` by less than a step, the same for all marks.
 Stamps EvenStamps(const std::vector<std::string>& marks, double low, double high, double step);
 

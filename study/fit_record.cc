@@ -12,6 +12,7 @@
 #include "correlate/align/nuisance.h"
 #include "correlate/compare/metrics.h"
 #include "correlate/residual/channel.h"
+#include "correlate/residual/row_layout.h"
 #include "study/ladder_words.h"
 #include "study/trial_words.h"
 
@@ -151,13 +152,11 @@ void AddNuisances(const correlate::TrialResult& t, std::int32_t index, data::Fit
 void AddChannels(const correlate::TrialResult& t, const correlate::Observations& o,
                  std::int32_t index, data::FitRecord* record) {
   const correlate::ResidualKind::Clocks clocks = correlate::ClocksOf(o, t.reference, t.at.clock());
-  Eigen::Index unknown = 0;
-  for (const auto& kind : o.others) {
-    const auto count = static_cast<Eigen::Index>(kind->unknowns().size());
-    const Eigen::VectorXd own = t.at.own.segment(unknown, count);
-    unknown += count;
-    const auto* channel = dynamic_cast<const correlate::Channel*>(kind.get());
+  const correlate::RowLayout layout(o);
+  for (std::size_t k = 0; k < o.others.size(); ++k) {
+    const auto* channel = dynamic_cast<const correlate::Channel*>(o.others[k].get());
     if (channel == nullptr) continue;
+    const Eigen::VectorXd own = layout.OwnOf(k, t.at.own);
     const correlate::ChannelRecord& c = channel->record();
     const Eigen::VectorXd shown = channel->Simulated(channel->NumbersOf(t.prediction), clocks, own);
     record->channels.push_back({c.name,

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <limits>
 #include <optional>
 
 #include "base/error.h"
@@ -46,31 +45,14 @@ class QuantityCollector {
     columns_.resize(row.size());
     for (std::size_t q = 0; q < row.size(); ++q) columns_[q].push_back(row[q]);
   }
-  // By the cubic through the four nearest samples. Before the start: what a held structure has,
-  // where `held`, else nothing; as past the end.
+  // Before the start: what a held structure has, where `held`, else nothing; as past the end.
   Eigen::VectorXd At(const correlate::QuantityStamps& asked, bool held) const {
-    const auto n = static_cast<Eigen::Index>(asked.t.size());
-    Eigen::VectorXd out = Eigen::VectorXd::Constant(n, std::numeric_limits<double>::quiet_NaN());
     const auto& all = observables_->quantities();
     const auto found = std::find_if(
         all.begin(), all.end(), [&](const data::Quantity& q) { return q.name == asked.quantity; });
-    if (found == all.end() || t_.size() < 2) return out;
-    const std::vector<double>& y = columns_[static_cast<std::size_t>(found - all.begin())];
-    held = held && correlate::KnownWhileHeld(found->units);
-    for (Eigen::Index i = 0; i < n; ++i) {
-      const double t = asked.t[static_cast<std::size_t>(i)];
-      if (t < t_.front()) {
-        if (held) out(i) = y.front();
-        continue;
-      }
-      if (t > t_.back()) continue;
-      const correlate::LocalCubic c = correlate::CubicAt(t_, t);
-      out(i) = 0.0;
-      for (int j = 0; j < c.count; ++j) {
-        out(i) += c.value[j] * y[c.first + static_cast<std::size_t>(j)];
-      }
-    }
-    return out;
+    if (found == all.end()) return correlate::ValuesAt({}, {}, false, asked.t);
+    return correlate::ValuesAt(t_, columns_[static_cast<std::size_t>(found - all.begin())],
+                               held && correlate::KnownWhileHeld(found->units), asked.t);
   }
 
  private:

@@ -9,6 +9,7 @@
 #include "base/length.h"
 #include "base/number.h"
 #include "base/text.h"
+#include "correlate/residual/row_layout.h"
 
 namespace unfurl::study {
 
@@ -152,14 +153,13 @@ void AddGrossWords(const correlate::Observations& o, const correlate::TrialResul
 void AddOtherWords(const correlate::Observations& o, const correlate::TrialResult& t,
                    const std::string& of, data::FitRecord* record) {
   const correlate::ResidualKind::Clocks clocks = correlate::ClocksOf(o, t.reference, t.at.clock());
-  Eigen::Index unknown = 0;
-  for (const auto& kind : o.others) {
-    const auto count = static_cast<Eigen::Index>(kind->unknowns().size());
+  const correlate::RowLayout layout(o);
+  for (std::size_t k = 0; k < o.others.size(); ++k) {
+    const correlate::ResidualKind& kind = *o.others[k];
     for (std::string& words :
-         kind->Words(kind->NumbersOf(t.prediction), clocks, t.at.own.segment(unknown, count), of)) {
+         kind.Words(kind.NumbersOf(t.prediction), clocks, layout.OwnOf(k, t.at.own), of)) {
       record->reasons.push_back(std::move(words));
     }
-    unknown += count;
   }
 }
 

@@ -17,7 +17,6 @@ namespace {
 
 // Of the channels, at one offset.
 struct Fit {
-  double offset = 0.0;     // [s]
   double explained = 0.0;  // of the readings' variance, see Explained() [-]
   RegistrationFit registration;
   Prediction prediction;
@@ -71,7 +70,7 @@ class ChannelAligner {
       start = out.registration.at;
       *settled = std::abs(start.offset - reference.offset) <= kSettled * sigma || !moves;
     }
-    out.offset = start.offset;
+
     out.explained = Explained(out.registration);
     return out;
   }
@@ -83,16 +82,15 @@ class ChannelAligner {
     // Readings looked at in all: a second or two; lags that find a peak however many readings.
     constexpr double kReadings = 1e7, kFewest = 200.0, kMost = 4000.0;
     double step = std::numeric_limits<double>::infinity();
-    for (const auto& kind : record_.others) {
-      const Eigen::VectorXd y = ReadingsOf(*kind);
-      for (const RowSeries& s : kind->series()) {
-        const double span = s.t->back() - s.t->front(), mean = y.mean();
-        double crossings = 1.0;
-        for (Eigen::Index i = 1; i < y.size(); ++i) {
-          crossings += (y(i - 1) < mean) != (y(i) < mean) ? 1.0 : 0.0;
-        }
-        step = std::min(step, 2.0 * span / crossings / kPerPeriod);
+    for (std::size_t k = 0; k < layout_.series.size(); ++k) {
+      const std::vector<double>& t = *layout_.series[k].t;
+      const Eigen::VectorXd& y = readings_of_[k];
+      const double span = t.back() - t.front(), mean = y.mean();
+      double crossings = 1.0;
+      for (Eigen::Index i = 1; i < y.size(); ++i) {
+        crossings += (y(i - 1) < mean) != (y(i) < mean) ? 1.0 : 0.0;
       }
+      step = std::min(step, 2.0 * span / crossings / kPerPeriod);
     }
     const double most = std::clamp(kReadings / readings_, kFewest, kMost);
     return std::max(step, (high - low) / most);

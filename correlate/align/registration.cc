@@ -283,21 +283,19 @@ class RegistrationSolver {
   // Those of the residual kinds.
   void OtherRows() {
     const ResidualKind::Clocks clocks = ClocksOf(observations_, reference_, fit_.at.clock());
-    Eigen::Index unknown = 0;
     for (std::size_t k = 0; k < rows_.size(); ++k) {
       const ResidualKind& kind = *observations_.others[k];
       ResidualKind::Rows& rows = rows_[k];
       const Eigen::Index first = layout_.others[k], n = kind.rows();
       const Eigen::Index count = rows.by_unknown.cols();
-      kind.Evaluate(numbers_[k], clocks, fit_.at.own.segment(unknown, count), &rows);
+      kind.Evaluate(numbers_[k], clocks, layout_.OwnOf(k, fit_.at.own), &rows);
       fit_.residual.segment(first, n) = rows.residual;
       if (options_.fit_offset) fit_.jacobian.block(first, time_, n, 1) = -rows.by_time;
       for (Eigen::Index i = 0; i < n && options_.fit_drift; ++i) {
         const double t = kind.TimeOf(i);
         fit_.jacobian(first + i, rate_) = std::isnan(t) ? 0.0 : -AheadByDrift(t) * rows.by_time(i);
       }
-      fit_.jacobian.block(first, own_ + unknown, n, count) = rows.by_unknown;
-      unknown += count;
+      fit_.jacobian.block(first, own_ + layout_.unknowns[k], n, count) = rows.by_unknown;
     }
   }
 

@@ -33,16 +33,13 @@ Eigen::MatrixXd WhitenedSensitivity(const Observations& observations, const Pred
     }
   }
   const ResidualKind::Clocks clocks = ClocksOf(observations, reference, at.clock());
-  Eigen::Index unknown = 0;
   for (std::size_t k = 0; k < observations.others.size(); ++k) {
     const ResidualKind& kind = *observations.others[k];
-    const auto count = static_cast<Eigen::Index>(kind.unknowns().size());
-    const Eigen::VectorXd own = at.own.segment(unknown, count);
+    const Eigen::VectorXd own = layout.OwnOf(k, at.own);
     for (Eigen::Index j = 0; j < columns; ++j) {
       out.col(j).segment(layout.others[k], kind.rows()) =
           kind.Response(change[static_cast<std::size_t>(j)].others[k], clocks, own);
     }
-    unknown += count;
   }
   return out;
 }

@@ -7,8 +7,10 @@ RowLayout::RowLayout(const Observations& observations) {
     series.push_back({mark.name, &mark.t, rows, 3, observations.has_sigma});
     rows += 3 * static_cast<Eigen::Index>(mark.size());
   }
+  unknowns = {0};
   for (const auto& kind : observations.others) {
     others.push_back(rows);
+    unknowns.push_back(unknowns.back() + static_cast<Eigen::Index>(kind->unknowns().size()));
     for (RowSeries& s : kind->series()) {
       s.first += rows;
       series.push_back(std::move(s));

@@ -28,12 +28,12 @@ struct Monomial {
 template <typename Lens, std::size_t count>
 [[gnu::always_inline]] inline LensImage EvaluatePolynomial(double x, double y, double f,
                                                            const double* t) {
-  constexpr auto& m = Lens::kMonomials;
   const double x2 = x * x, y2 = y * y;
   const double x3 = x2 * x, y3 = y2 * y;
   const double px[] = {1.0, x, x2, x3, x2 * x2, x2 * x3, x3 * x3, x3 * x3 * x};
   const double py[] = {1.0, y, y2, y3, y2 * y2, y2 * y3, y3 * y3, y3 * y3 * y};
   return [&]<std::size_t... k>(std::index_sequence<k...>) {
+    constexpr auto& m = Lens::kMonomials;
     LensImage out;
     out.du_df = x;
     ((out.du_dt[k] = px[m[k].x] * py[m[k].y]), ...);

@@ -42,15 +42,7 @@ std::vector<TimedEvent> EventsOf(const Observations& data) {
 }
 
 FitResult FitTo(const Observations& data, const Model& model) {
-  FitProblem problem;
-  problem.trials.resize(1);
-  problem.trials[0].model = &model;
-  problem.parameters = TwoLinkParameters();
-  problem.trials[0].observations = &data;
-  FitOptions options;
-  options.profile.wanted = false;
-  options.workers = 1;
-  return Fit(problem, options);
+  return FitTwoLink(model, data, false);
 }
 
 // Few, poor marks and a good switch: the intervals are right, and the switch is what narrows them.

@@ -48,25 +48,11 @@ struct Coverage {
   int unexplained = 0;         // and neither does noise
 };
 
-// Repeats fits of TwoLink to noisy trials of it.
-inline Coverage Repeat(const Trial& trial, int seeds, std::uint64_t first) {
+// How often the intervals of these fits of the two-link arm hold; one that is not usable is a miss.
+inline Coverage CountCovered(const std::vector<FitResult>& fits) {
   constexpr double k95 = 1.959964;
   Coverage out;
-  out.trials = seeds;
-  const TwoLink model;
-  std::vector<FitResult> fits(static_cast<std::size_t>(seeds));
-  ParallelFor(fits.size(), 0, [&](std::size_t i) {
-    Rng rng(first + i);
-    const Observations data = Record(model, TwoLink::Truth(), {"base", "elbow", "tip"}, trial, rng);
-    FitProblem problem;
-    problem.trials.resize(1);
-    problem.trials[0].model = &model;
-    problem.parameters = TwoLinkParameters();
-    problem.trials[0].observations = &data;
-    FitOptions options;
-    options.workers = 1;
-    fits[i] = Fit(problem, options);
-  });
+  out.trials = static_cast<int>(fits.size());
   for (const FitResult& fit : fits) {
     if (!fit.Usable()) continue;  // counts as a miss
     for (std::size_t j = 0; j < 2; ++j) {
@@ -81,6 +67,31 @@ inline Coverage Repeat(const Trial& trial, int seeds, std::uint64_t first) {
     out.unexplained += outcome == Explained::kNo ? 1 : 0;
   }
   return out;
+}
+
+// A fit of frequency and decay.
+inline FitResult FitTwoLink(const Model& model, const Observations& data, bool profile) {
+  FitProblem problem;
+  problem.trials.resize(1);
+  problem.trials[0].model = &model;
+  problem.parameters = TwoLinkParameters();
+  problem.trials[0].observations = &data;
+  FitOptions options;
+  options.profile.wanted = profile;
+  options.workers = 1;
+  return Fit(problem, options);
+}
+
+// Repeats fits of TwoLink to noisy trials of it.
+inline Coverage Repeat(const Trial& trial, int seeds, std::uint64_t first) {
+  const TwoLink model;
+  std::vector<FitResult> fits(static_cast<std::size_t>(seeds));
+  ParallelFor(fits.size(), 0, [&](std::size_t i) {
+    Rng rng(first + i);
+    const Observations data = Record(model, TwoLink::Truth(), {"base", "elbow", "tip"}, trial, rng);
+    fits[i] = FitTwoLink(model, data, true);
+  });
+  return CountCovered(fits);
 }
 
 inline void ExpectHonest(const Coverage& c, double low = 0.95, double high = 0.95) {

@@ -79,21 +79,11 @@ inline ChannelRecord Read(const Instrument& i, double offset, Rng& rng) {
 
 inline FitResult FitInstruments(const Observations& data, bool profile = false) {
   static const Instrumented model;
-  FitProblem problem;
-  problem.trials.resize(1);
-  problem.trials[0].model = &model;
-  problem.parameters = TwoLinkParameters();
-  problem.trials[0].observations = &data;
-  FitOptions options;
-  options.profile.wanted = profile;
-  options.workers = 1;
-  return Fit(problem, options);
+  return FitTwoLink(model, data, profile);
 }
 
 // An accelerometer alone, gain and bias unknown, its clock too: how often intervals hold.
 inline Coverage RepeatAccelerometer(int seeds, std::uint64_t first, bool states_sigma) {
-  Coverage out;
-  out.trials = seeds;
   std::vector<FitResult> fits(static_cast<std::size_t>(seeds));
   ParallelFor(fits.size(), 0, [&](std::size_t i) {
     Rng rng(first + i);
@@ -109,21 +99,7 @@ inline Coverage RepeatAccelerometer(int seeds, std::uint64_t first, bool states_
     data.others = {std::make_shared<Channel>(std::move(record))};
     fits[i] = FitInstruments(data);
   });
-  constexpr double k95 = 1.959964;
-  for (const FitResult& fit : fits) {
-    if (!fit.Usable()) continue;  // counts as a miss
-    for (std::size_t j = 0; j < 2; ++j) {
-      const ParameterEstimate& e = fit.parameters[j];
-      const double error = e.value - TwoLink::Truth()[j];
-      out.covered[j] += std::abs(error) <= k95 * e.sigma ? 1 : 0;
-      out.covered_white[j] += std::abs(error) <= k95 * e.sigma_white ? 1 : 0;
-      out.z[j].push_back(error / e.sigma);
-    }
-    const Explained outcome = fit.trials[0].goodness.outcome;
-    out.beyond_covariances += outcome != Explained::kYes ? 1 : 0;
-    out.unexplained += outcome == Explained::kNo ? 1 : 0;
-  }
-  return out;
+  return CountCovered(fits);
 }
 
 }  // namespace unfurl::correlate
