@@ -34,6 +34,8 @@ struct Arguments {
 
 // What both kinds of input come to.
 struct Told {
+  bool usable = true;   // the study's fit
+  std::string message;  // of one that is not
   std::string head, closing;
   std::vector<std::vector<std::string>> rows;  // the first is the header
   ordered_json json;
@@ -134,6 +136,8 @@ Told OfStudy(const Common& common, const Arguments& a) {
     e = study::WeighTrialEffects(study, options);
   }
   Told out;
+  out.usable = e.fit.Usable();
+  out.message = e.fit.result.message;
   out.head = fmt::format("{}: {}\n", a.input, e.fit.record.verdict);
   out.rows = {{"", "verdict", "probability", "deviance", "change", "parameters move by"}};
   out.json = {{"study", a.input},
@@ -196,6 +200,7 @@ void WritePage(const Common& common, const Arguments& a, const Told& told) {
 
 int Run(const Common& common, const Arguments& a) {
   Told told = data::KindOf(a.input) == "study" ? OfStudy(common, a) : OfScene(common, a);
+  if (!told.usable) return FitNotUsable(a.input, told.message);
   std::string text = told.head + AlignedTable(told.rows) + told.closing;
   if (!a.out.empty()) {
     data::WriteTextFile(

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstdlib>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -77,8 +76,7 @@ int FitVerb(const Common& common, const Settings& s) {
   options.workers = s.workers;
   options.resume = s.resume;
   options.output = s.output;
-  const char* allowed = std::getenv("UNFURL_ALLOW_PROGRAMS");
-  options.allow_programs = s.allow_programs || (allowed != nullptr && std::string(allowed) == "1");
+  options.allow_programs = ProgramsAllowed(s.allow_programs);
   options.compare = !s.report.empty();
   options.provenance = StartProvenance(common);
   options.provenance.command = CommandWithout(options.provenance.command);
@@ -134,9 +132,7 @@ Verb AddFit(CLI::App& program, Common& common) {
   files.Overrides(&settings->sets, "Overrides a key of the study (repeatable)");
   app->add_option("--workers", settings->workers,
                   "Simulations at a time (default: one per core); does not change the result");
-  app->add_flag("--allow-programs", settings->allow_programs,
-                "Run the program that the study names (model.command): only for a study that you "
-                "trust. UNFURL_ALLOW_PROGRAMS=1 in the environment says the same");
+  AddAllowPrograms(app, &settings->allow_programs);
   app->add_flag("--resume", settings->resume,
                 "Continue a fit that was stopped, from its OUTPUT.partial, to the same result");
   verb.run = [&common, settings] { return FitVerb(common, *settings); };

@@ -64,9 +64,9 @@ int Run(int argc, char** argv) {
       unfurl::cli::AddSimulate,    unfurl::cli::AddModes,     unfurl::cli::AddExpose,
       unfurl::cli::AddPlan,        unfurl::cli::AddCalibrate, unfurl::cli::AddCheck,
       unfurl::cli::AddReconstruct, unfurl::cli::AddCorrelate, unfurl::cli::AddFit,
-      unfurl::cli::AddCost,        unfurl::cli::AddEffects,   unfurl::cli::AddInfo,
-      unfurl::cli::AddConvert,     unfurl::cli::AddNew,       unfurl::cli::AddDoctor,
-      unfurl::cli::AddCompletion};
+      unfurl::cli::AddCost,        unfurl::cli::AddDesign,    unfurl::cli::AddEffects,
+      unfurl::cli::AddInfo,        unfurl::cli::AddConvert,   unfurl::cli::AddNew,
+      unfurl::cli::AddDoctor,      unfurl::cli::AddCompletion};
   for (const AddVerb add : all) {
     verbs.push_back(add(program, common));
     verbs.back().files->CheckDeclared();

@@ -4,6 +4,7 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -38,6 +39,10 @@ int NotUsable(const std::string& where, const std::string& why) {
   return kExitNotUsable;
 }
 
+int FitNotUsable(const std::string& study, const std::string& message) {
+  return NotUsable(study, "the study's fit is not usable, see `unfurl fit`: " + message);
+}
+
 std::string JsonText(const nlohmann::ordered_json& json) {
   return json.dump(2, ' ', false, nlohmann::ordered_json::error_handler_t::replace) + "\n";
 }
@@ -68,6 +73,17 @@ double NeedOption(const std::string& text) {
                 "give a number above 0 with its unit, as 0.5mm or 20um");
   }
   return need;
+}
+
+void AddAllowPrograms(CLI::App* app, bool* allowed) {
+  app->add_flag("--allow-programs", *allowed,
+                "Run the program that the study names (model.command): only for a study that you "
+                "trust. UNFURL_ALLOW_PROGRAMS=1 in the environment says the same");
+}
+
+bool ProgramsAllowed(bool option) {
+  const char* allowed = std::getenv("UNFURL_ALLOW_PROGRAMS");
+  return option || (allowed != nullptr && std::string(allowed) == "1");
 }
 
 }  // namespace unfurl::cli

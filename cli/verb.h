@@ -41,6 +41,7 @@ Verb AddReconstruct(CLI::App& program, Common& common);
 Verb AddCorrelate(CLI::App& program, Common& common);
 Verb AddFit(CLI::App& program, Common& common);
 Verb AddCost(CLI::App& program, Common& common);
+Verb AddDesign(CLI::App& program, Common& common);
 Verb AddEffects(CLI::App& program, Common& common);
 Verb AddInfo(CLI::App& program, Common& common);
 Verb AddConvert(CLI::App& program, Common& common);
@@ -62,6 +63,9 @@ data::Provenance StartProvenance(const Common& common);
 // One line on standard error for a result that is not usable, WHERE: WHY; returns that exit code.
 int NotUsable(const std::string& where, const std::string& why);
 
+// The same of a verb that begins with a study's fit.
+int FitNotUsable(const std::string& study, const std::string& message);
+
 // For a file or for stdout; bytes that are no UTF-8 (of a file's name) are replaced.
 std::string JsonText(const nlohmann::ordered_json& json);
 
@@ -72,5 +76,10 @@ void Finish(const Common& common, const nlohmann::ordered_json& summary, const s
 // metres, 0 where it was not given. Throws Error for what is no length.
 void AddNeedOption(CLI::App* app, std::string* text);
 double NeedOption(const std::string& text);
+
+// --allow-programs, on verbs that evaluate a study; and whether it, or the environment, allows
+// them.
+void AddAllowPrograms(CLI::App* app, bool* allowed);
+bool ProgramsAllowed(bool option);
 
 }  // namespace unfurl::cli

@@ -11,8 +11,9 @@ function(unfurl_compile_options target)
     target_compile_options(${target} PRIVATE -Werror)
   endif()
   if(UNFURL_SANITIZE)
+    # The pattern makes what is not initialised large numbers and bad pointers.
     target_compile_options(${target} PUBLIC -fsanitize=address,undefined -fno-sanitize-recover=all
-                           -fno-omit-frame-pointer)
+                           -fno-omit-frame-pointer -ftrivial-auto-var-init=pattern)
     target_link_options(${target} PUBLIC -fsanitize=address,undefined)
   endif()
   if(UNFURL_TSAN)

@@ -8,6 +8,7 @@
 #include <map>
 
 #include "data/scene.h"
+#include "data/study_instrument.h"
 
 namespace unfurl::data {
 
@@ -54,24 +55,6 @@ StudyParameter ReadParameter(const std::string& name, const TomlTable& t, bool c
 
 using Knowledge = StudyKnowledge::Kind;
 
-// "free", "known" (it is 0), a number (that it is known to be), { mean = .., sigma = .. }.
-StudyKnowledge ReadKnowledge(const TomlTable& t, const char* key, TomlRange range) {
-  StudyKnowledge out;
-  if (!t.Has(key)) return out;
-  if (t.IsNumber(key)) {
-    out.kind = Knowledge::kKnown;
-    out.mean = t.Number(key, range);
-  } else if (t.IsTable(key)) {
-    const TomlTable density = t.Table(key);
-    out.kind = Knowledge::kNormal;
-    out.mean = density.NumberOr("mean", 0.0, range);
-    out.sigma = density.Number("sigma", kPositive);
-  } else {
-    out.kind = t.Choice(key, {"free", "known"}) == "free" ? Knowledge::kFree : Knowledge::kKnown;
-  }
-  return out;
-}
-
 // "free", "known" (the tracks' is the scene's), or a table; without sigmas it is known.
 StudyFrame ReadFrame(const TomlTable& t) {
   StudyFrame out;
@@ -92,19 +75,6 @@ StudyFrame ReadFrame(const TomlTable& t) {
   return out;
 }
 
-StudyChannel::Filter ReadFilter(const TomlTable& t) {
-  StudyChannel::Filter out;
-  out.kind = t.Choice("kind", {"butterworth", "bessel", "average"});
-  if (out.kind == "average") {
-    out.width = t.Number("width", kPositive);
-    return out;
-  }
-  constexpr int kHighestOrder = 10;  // of the filters that instruments have
-  out.order = t.Integer("order", 1, kHighestOrder);
-  out.cutoff = t.Number("cutoff", kPositive);
-  return out;
-}
-
 StudyChannel ReadChannel(const std::string& study, const std::string& name, const TomlTable& t) {
   StudyChannel c;
   c.name = name;
@@ -118,28 +88,11 @@ StudyChannel ReadChannel(const std::string& study, const std::string& name, cons
     t.Fail("window", fmt::format("[{}, {}] encloses nothing", window[0], window[1]),
            "give [from, to] on the channel's clock, in seconds");
   }
-  constexpr TomlRange kRate{-0.5, 0.5};  // a clock that is further off is another one
-  c.delay = ReadKnowledge(t, "delay", kAny);
   if (t.Has("event")) {
-    c.event = t.Choice("event", {"latch", "contact_start", "contact_end", "watch"});
-    c.joint = t.String(c.event == "watch" ? "watch" : "joint");
-    c.rising = t.ChoiceOr("edge", "rising", {"rising", "falling"}) == "rising";
-    if (c.delay.kind != Knowledge::kUnsaid && c.delay.kind != Knowledge::kKnown) {
-      t.Fail("delay", "the delay of a switch is known or not there", "give a number of seconds");
-    }
-    return c;
+    ReadSwitch(t, &c);
+  } else {
+    ReadInstrument(t, &c);
   }
-  c.quantity = t.String("quantity");
-  c.unit = t.StringOr("unit", "");
-  if (t.Has("sigma")) c.sigma = t.Number("sigma", kPositive);
-  c.gain = ReadKnowledge(t, "gain", kAny);
-  if (c.gain.kind == Knowledge::kKnown && !t.IsNumber("gain")) c.gain.mean = 1.0;
-  if (c.gain.kind == Knowledge::kKnown && c.gain.mean == 0.0) {
-    t.Fail("gain", "a channel of gain 0 shows nothing", "leave it out");
-  }
-  c.bias = ReadKnowledge(t, "bias", kAny);
-  c.drift = ReadKnowledge(t, "drift", kRate);
-  if (const auto filter = t.TableOrNone("filter")) c.filter = ReadFilter(*filter);
   return c;
 }
 

@@ -3,12 +3,13 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <sstream>
+#include <map>
 
 #include "base/error.h"
 #include "base/text.h"
 #include "data/atomic_file.h"
 #include "data/toml_include.h"
+#include "data/toml_writer.h"
 
 namespace unfurl::data {
 
@@ -161,18 +162,14 @@ const toml::node* SetNumber(toml::table& root, const TomlDocument::Value& value)
 std::string TextWithOverrides(const std::string& path, const std::vector<std::string>& overrides) {
   toml::table root = ParseTomlDocument(ReadTextFile(path), path);
   std::string dotted;
+  std::map<std::string, int> order;
   if (root.get(kIncludeKey) != nullptr) {
     std::vector<std::string> files;
-    std::map<std::string, int> order;
     MergeIncludes(&root, path, &files, &order, nullptr);
     root.erase(kIncludeKey);
   }
   for (const std::string& assignment : overrides) ApplyOverride(root, assignment, &dotted);
-  std::ostringstream out;
-  out << toml::toml_formatter(
-             root, toml::toml_formatter::default_flags & ~toml::format_flags::indentation)
-      << "\n";
-  return out.str();
+  return TomlText(root, order);
 }
 
 }  // namespace unfurl::data

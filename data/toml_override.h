@@ -22,7 +22,8 @@ const toml::node* ApplyOverride(toml::table& root, const std::string& assignment
 // A number without a fraction becomes a whole number, which every reader of numbers takes.
 const toml::node* SetNumber(toml::table& root, const TomlDocument::Value& value);
 
-// The document at `path` with these overrides as TOML, without comments; what it includes is in it.
+// The document at `path` with these overrides as TOML, without comments, in the order of its keys;
+// what it includes is in it.
 std::string TextWithOverrides(const std::string& path, const std::vector<std::string>& overrides);
 
 }  // namespace unfurl::data

@@ -134,6 +134,14 @@ void Judge(double part, TrialEffect* e) {
   }
 }
 
+// Of a fit that gave no estimate. A model that cannot even be laid beside the trial is refuted; one
+// that does not run, or whose search did not end, says nothing.
+EffectVerdict VerdictOf(correlate::FitStatus status, bool there) {
+  if (status == correlate::FitStatus::kNotAligned && there) return EffectVerdict::kNeeded;
+  return status == correlate::FitStatus::kNotConverged ? EffectVerdict::kCannotTell
+                                                       : EffectVerdict::kFailed;
+}
+
 FitStudyOptions FitOptionsOf(const TrialEffectsOptions& options) {
   FitStudyOptions out;
   out.workers = options.workers;
@@ -180,12 +188,13 @@ TrialEffects WeighTrialEffects(const data::Study& asked, const TrialEffectsOptio
 
   // 2. Each switched, all others fitted again from there.
   auto fit_without = [&](const std::vector<std::string>& set, TrialEffect* e) {
+    constexpr auto kFailed = EffectVerdict::kFailed;
     data::Study other = Switched(study, set, &e->released);
     StartAt(out.fit.record, &other);
     other.screened = 0;  // a fit that does not come near is answer enough, and looks nowhere else
     if (other.parameters.empty()) {
       e->message = "it takes all parameters of the study with it";
-      return false;
+      return kFailed;
     }
     start = Clock::now();
     try {
@@ -193,26 +202,21 @@ TrialEffects WeighTrialEffects(const data::Study& asked, const TrialEffectsOptio
       e->seconds = Since(start);
       if (!fit.Usable()) {
         e->message = fit.result.message;
-        return false;
+        return VerdictOf(fit.result.status, e->effect.there);
       }
       Compare(out.fit, fit, e);
     } catch (const Error& error) {
       e->message = error.what();
-      return false;
+      return kFailed;
     }
-    return true;
+    return EffectVerdict::kUnjudged;
   };
   for (const EffectSwitch& effect : switches) {
     tell(effect.name);
     TrialEffect e;
     e.effect = effect;
-    if (fit_without(effect.set, &e)) {
-      Judge(options.part, &e);
-    } else {
-      // A model that cannot even be laid beside the trial without it.
-      const bool other = e.released.size() == study.parameters.size();
-      e.verdict = effect.there && !other ? EffectVerdict::kNeeded : EffectVerdict::kFailed;
-    }
+    e.verdict = fit_without(effect.set, &e);
+    if (e.verdict == EffectVerdict::kUnjudged) Judge(options.part, &e);
     out.effects.push_back(std::move(e));
   }
 
@@ -233,7 +237,8 @@ TrialEffects WeighTrialEffects(const data::Study& asked, const TrialEffectsOptio
     }
     const bool one = order.size() == 1;  // that was looked at already
     if (one) together.change = order[0]->change;
-    if (one || (fit_without(together.effect.set, &together) && together.change <= options.part)) {
+    if (one || (fit_without(together.effect.set, &together) == EffectVerdict::kUnjudged &&
+                together.change <= options.part)) {
       out.set = together.effect.set;
       out.reduced_change = together.change;
       for (const TrialEffect* e : order) out.left_out.push_back(e->effect.name);

@@ -55,7 +55,8 @@ struct TrialEffects {
 /// imitate is no evidence. Needed: the data prefer it by 100 to 1. Not needed: they do not prefer
 /// it, and neither the fitted motion nor a parameter moves by more than a part of its error.
 /// Contradicted: they prefer to be without it by 100 to 1. Else it cannot be told by this trial.
-/// Throws Error for bad input, a study of a program, a fit that is not usable.
+/// Of a fit that is not usable
+/// nothing is told (fit.Usable()). Throws Error for bad input, a study of a program.
 TrialEffects WeighTrialEffects(const data::Study& study, const TrialEffectsOptions& options);
 
 }  // namespace unfurl::study

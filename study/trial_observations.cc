@@ -132,12 +132,27 @@ correlate::LowPass FilterOf(const data::StudyChannel::Filter& from) {
   return out;
 }
 
-correlate::ChannelRecord RecordOf(const data::StudyChannel& want, const data::Channel& c,
-                                  const std::vector<data::Quantity>* quantities) {
+}  // namespace
+
+correlate::ChannelRecord InstrumentOf(const data::StudyChannel& want, const std::string& unit,
+                                      const std::vector<data::Quantity>* quantities) {
   correlate::ChannelRecord r;
   r.name = want.name;
   r.quantity = want.quantity;
-  r.unit = !want.unit.empty() ? want.unit : c.unit;
+  r.unit = unit;
+  r.scale = ScaleOf(want, unit, quantities);
+  r.gain = PriorOf(want.gain);
+  r.bias = PriorOf(want.bias);
+  r.delay = PriorOf(want.delay);
+  r.drift = PriorOf(want.drift);
+  r.filter = FilterOf(want.filter);
+  return r;
+}
+
+namespace {
+
+correlate::ChannelRecord RecordOf(const data::StudyChannel& want, const data::Channel& c,
+                                  const std::vector<data::Quantity>* quantities) {
   if (!want.unit.empty() && !c.unit.empty()) {
     const auto same = data::UnitsPer(want.unit, c.unit);
     if (!same || *same != 1.0) {
@@ -145,7 +160,8 @@ correlate::ChannelRecord RecordOf(const data::StudyChannel& want, const data::Ch
                   "leave `unit` out, or mend the file");
     }
   }
-  r.scale = ScaleOf(want, r.unit, quantities);
+  correlate::ChannelRecord r =
+      InstrumentOf(want, !want.unit.empty() ? want.unit : c.unit, quantities);
   r.t = c.t;
   const auto n = static_cast<Eigen::Index>(c.y.size());
   r.y = Eigen::Map<const Eigen::VectorXd>(c.y.data(), n);
@@ -154,11 +170,6 @@ correlate::ChannelRecord RecordOf(const data::StudyChannel& want, const data::Ch
   } else if (!c.sigma.empty()) {
     r.sigma = Eigen::Map<const Eigen::VectorXd>(c.sigma.data(), n);
   }
-  r.gain = PriorOf(want.gain);
-  r.bias = PriorOf(want.bias);
-  r.delay = PriorOf(want.delay);
-  r.drift = PriorOf(want.drift);
-  r.filter = FilterOf(want.filter);
   return r;
 }
 

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "correlate/observations.h"
+#include "correlate/residual/channel.h"
 #include "data/run.h"
 #include "data/study.h"
 
@@ -12,6 +13,11 @@ namespace unfurl::study {
 /// The marks of a trial, as its study wants them, from tracks at `path` (empty: none), and what is
 /// known of its clock and frame. Throws Error.
 correlate::Observations ReadTrial(const data::StudyTrial& trial, const std::string& path);
+
+/// An instrument without readings: its quantity, what is known of it, and by what its unit differs
+/// from the quantity's (null: not known). Throws Error as AddChannels.
+correlate::ChannelRecord InstrumentOf(const data::StudyChannel& want, const std::string& unit,
+                                      const std::vector<data::Quantity>* quantities);
 
 /// Adds what was recorded beside the marks: channels, in the units of the model's `quantities`
 /// (null: not known), switches, times of events. Throws Error for a quantity that is not there, a

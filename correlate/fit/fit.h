@@ -165,6 +165,7 @@ struct TrialResult {
   Eigen::VectorXd residual;      // in the samples' own sigmas [-]
   std::vector<Nuisance> nuisances;
   Eigen::VectorXd nuisance_sigma;  // standard errors, all parts [rad, m, s, -]
+  ResidualKinds kinds;             // with the noise that channels without a stated one show
   Prediction prediction;           // at observations.StampsAt(reference)
   Clock reference;
   std::vector<Change> change;  // of the prediction per unit of each parameter

@@ -4,71 +4,12 @@
 #include <cmath>
 #include <cstdint>
 
-#include "base/dense.h"
+#include "correlate/fit/normal_matrix.h"
 #include "correlate/residual/row_layout.h"
 
 namespace unfurl::correlate {
 
 namespace {
-
-// Inverse of a normal matrix in unit-diagonal form. Directions without information are left out of
-// it, and get a large but finite variance of their own in `open`, so that what depends on them is
-// seen to be unknown.
-Eigen::MatrixXd InverseOf(const Eigen::MatrixXd& normal, Eigen::MatrixXd* open) {
-  // Of an eigenvalue of the unit-diagonal form. Derivatives by differences are good to some 1e-6,
-  // so that a direction's information is known to the square of that.
-  constexpr double kFloor = 1e-12;
-  const Eigen::VectorXd scale = normal.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-  const Eigen::MatrixXd unit = scale.asDiagonal() * normal * scale.asDiagonal();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(unit);
-  const Eigen::MatrixXd V = scale.asDiagonal() * eigen.eigenvectors();
-  Eigen::VectorXd known = eigen.eigenvalues(), unknown = known;
-  for (Eigen::Index i = 0; i < known.size(); ++i) {
-    unknown(i) = known(i) < kFloor ? 1.0 / kFloor : 0.0;
-    known(i) = known(i) < kFloor ? 0.0 : 1.0 / known(i);
-  }
-  *open = V * unknown.asDiagonal() * V.transpose();
-  return V * known.asDiagonal() * V.transpose();
-}
-
-// Where a trial's rows and nuisance columns stand in the whole.
-struct Block {
-  Eigen::Index row = 0, rows = 0, column = 0, columns = 0;
-};
-
-struct Stacked {
-  Eigen::MatrixXd A;
-  std::vector<Block> blocks;
-  Eigen::Index first_prior = 0;
-};
-
-// [parameters, nuisances]; `sensitivity` and `jacobian` by trial.
-Stacked Stack(const FitResult& r, const Eigen::MatrixXd& sensitivity,
-              const std::vector<Eigen::MatrixXd>& jacobian) {
-  Stacked out;
-  const Eigen::Index p = sensitivity.cols();
-  Eigen::Index columns = p;
-  for (std::size_t t = 0; t < r.trials.size(); ++t) {
-    const Eigen::MatrixXd& N = jacobian[t];
-    out.blocks.push_back({out.first_prior, N.rows(), columns, N.cols()});
-    out.first_prior += N.rows();
-    columns += N.cols();
-  }
-  out.A = Eigen::MatrixXd::Zero(sensitivity.rows(), columns);
-  out.A.leftCols(p) = sensitivity;
-  for (std::size_t t = 0; t < r.trials.size(); ++t) {
-    const Block& b = out.blocks[t];
-    out.A.block(b.row, b.column, b.rows, b.columns) = jacobian[t];
-  }
-  return out;
-}
-
-Eigen::MatrixXd Gram(const Eigen::MatrixXd& A) {
-  Eigen::MatrixXd H = Eigen::MatrixXd::Zero(A.cols(), A.cols());
-  H.selfadjointView<Eigen::Lower>().rankUpdate(A.transpose());
-  H.triangularView<Eigen::StrictlyUpper>() = H.transpose();
-  return H;
-}
 
 // The model's error as independent directions: one for each mark and section of time.
 Eigen::MatrixXd SectionShifts(const Observations& o, const RowWhitening* whitening,
@@ -166,7 +107,7 @@ struct ModelPartInput {
   const FitProblem& problem;
   const std::vector<const Observations*>& data;
   const std::vector<const RowWhitening*>& whitening;
-  const Stacked& whole;
+  const StackedRows& whole;
   const Eigen::MatrixXd& inverse;
   int sections;
   const WaysOfError& ways;
@@ -195,7 +136,7 @@ ModelPart PartOfModel(const ModelPartInput& in, const Eigen::MatrixXd& from_data
   bool second = r->ladder.used;
   for (std::size_t t = 0; t < r->trials.size(); ++t) {
     TrialResult& trial = r->trials[t];
-    const Block& b = in.whole.blocks[t];
+    const StackedRows::Block& b = in.whole.blocks[t];
     second = second && !trial.model_doubt.empty();
     if (trial.model_error.empty()) continue;
     const Observations& o = *in.data[t];
@@ -252,18 +193,18 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     plain_jacobian.push_back(plain.jacobian);
     trial.residual = plain.residual;
   }
-  const Stacked whole = Stack(*r, r->sensitivity, jacobian);
+  const StackedRows whole = StackRows(r->sensitivity, jacobian);
   for (std::size_t t = 0; t < trials; ++t) {
     const TrialResult& trial = r->trials[t];
-    const Block& b = whole.blocks[t];
+    const StackedRows::Block& b = whole.blocks[t];
     plain_sensitivity.middleRows(b.row, b.rows) =
         WhitenedSensitivity(*data[t], trial.prediction, trial.reference, trial.at, trial.change);
   }
   const Eigen::MatrixXd H = Gram(whole.A);
   Eigen::MatrixXd open, open_white;
-  const Eigen::MatrixXd inverse = InverseOf(H, &open);
-  const Stacked plain = Stack(*r, plain_sensitivity, plain_jacobian);
-  const Eigen::MatrixXd inverse_white = InverseOf(Gram(plain.A), &open_white);
+  const Eigen::MatrixXd inverse = InverseOfNormal(H, &open);
+  const StackedRows plain = StackRows(plain_sensitivity, plain_jacobian);
+  const Eigen::MatrixXd inverse_white = InverseOfNormal(Gram(plain.A), &open_white);
   const Eigen::MatrixXd white = inverse_white + open_white;
 
   // The middle: rows of the samples with what correlation they still have, priors, draws.
@@ -272,7 +213,7 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
   std::vector<double> dof(trials, 1.0);
   for (std::size_t t = 0; t < trials; ++t) {
     TrialResult& trial = r->trials[t];
-    const Block& b = whole.blocks[t];
+    const StackedRows::Block& b = whole.blocks[t];
     const Observations& o = *data[t];
     trial.plain = EstimateResidualNoise(o, trial.residual);
     trial.whitened = EstimateResidualNoise(o, trial.registration.residual);
@@ -289,7 +230,7 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     middle += draw.transpose() * draw;
     middle += layout.IndependentGram(whole.A.middleRows(b.row, b.rows));
     for (std::size_t s = 0; s < t; ++s) {
-      const Block& other = whole.blocks[s];
+      const StackedRows::Block& other = whole.blocks[s];
       const bool common = !problem.trials[t].calibration.empty() &&
                           problem.trials[t].calibration == problem.trials[s].calibration &&
                           data[s]->shared_rank == o.shared_rank;
@@ -315,7 +256,7 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
   }
   for (std::size_t t = 0; t < trials; ++t) {
     TrialResult& trial = r->trials[t];
-    const Block& b = whole.blocks[t];
+    const StackedRows::Block& b = whole.blocks[t];
     GoodnessInput in;
     in.observations = data[t];
     in.plain = &trial.plain;
@@ -340,7 +281,7 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
   const Eigen::VectorXd unit = sigma.cwiseMax(1e-300).cwiseInverse();
   r->correlation = unit.head(p).asDiagonal() * r->covariance * unit.head(p).asDiagonal();
   for (std::size_t t = 0; t < trials; ++t) {
-    const Block& b = whole.blocks[t];
+    const StackedRows::Block& b = whole.blocks[t];
     TrialResult& trial = r->trials[t];
     RegistrationOptions all = WithPlacement(options.align.registration, *data[t]);
     all.with_others = true;
@@ -372,7 +313,7 @@ void FillProfiles(const FitProblem& problem, ReducedProblem& reduced, const std:
   }
   start.projected = reduced.Project(point, J);
   Eigen::MatrixXd open;
-  Eigen::MatrixXd inverse = InverseOf(start.projected.transpose() * start.projected, &open);
+  Eigen::MatrixXd inverse = InverseOfNormal(start.projected.transpose() * start.projected, &open);
   inverse += open;
   start.sigma.resize(p);
   start.dispersion.resize(p);

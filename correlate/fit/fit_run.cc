@@ -223,6 +223,7 @@ bool FitRun::Estimate() {
   if (!FillEstimate(problem_, *best_, RungsWanted(problem_, ladder_, *best_), &result_))
     return false;
   if (ladder_.wanted()) FillWhatIsLeft(problem_, ladder_, *best_, &result_);
+  for (std::size_t t = 0; t < trials_; ++t) result_.trials[t].kinds = weighed_[t].others;
   FillCovariance(problem_, data_, whiteners_, options_, &result_);
   if (ladder_.wanted() && result_.status == FitStatus::kConverged) {
     const WaysOfError ways = FollowError(problem_, ladder_, *best_, result_);

@@ -59,6 +59,11 @@ void SmallJobsTest::SetUp() {
   Put("study.toml",
       "[study]\nname = 'sine'\n[trial]\ntracks = 'tracks.csv'\n[model]\ncommand = ['python3', "
       "'{study}/model.py']\n[parameter.a]\nstart = 0.6\nbounds = [0.2, 2.0]\n");
+  // The same with a clock that is known: an alignment has nothing to look for.
+  Put("known.toml",
+      "[study]\nname = 'sine'\n[trial]\ntracks = 'tracks.csv'\noffset = 0.0\nframe = 'known'\n"
+      "[model]\ncommand = ['python3', '{study}/model.py']\n[parameter.a]\nstart = 0.6\n"
+      "bounds = [0.2, 2.0]\n");
   jobs_ = {
       {{"simulate", Shipped("scene_suspension_4.toml"), "--duration", "0.1", "-o", "out.h5"},
        "out.h5"},
@@ -76,6 +81,7 @@ void SmallJobsTest::SetUp() {
         "out.html"},
        "out.html"},
       {{"effects", latch, "--duration", "0.05", "--sigma", "1mm", "-o", "out.toml"}, "out.toml"},
+      {{"design", "known.toml", "--allow-programs", "--report", "out.html"}, "out.html"},
       {{"convert", "run.h5", "out.csv"}, "out.csv"},
       {{"convert", "tracks.csv", "out.c3d"}, "out.c3d"}};
   for (SmallJob& job : jobs_) {

@@ -1,0 +1,224 @@
+// What to measure next, of a study of a pendulum: against fits of what was then measured.
+#include "study/design.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "base/error.h"
+#include "base/random.h"
+#include "data/atomic_file.h"
+#include "study/scene_model.h"
+
+namespace unfurl::study {
+namespace {
+
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+class DesignTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ =
+        std::filesystem::path(::testing::TempDir()) / fmt::format("unfurl_design-{}", getpid());
+    std::filesystem::create_directories(folder_);
+    // Marks at the middle and at the end of an arm.
+    Put("arm.toml",
+        "[scene]\nname = \"arm\"\nduration = 6.0\n[gravity]\nacceleration = [0.0, -9.81]\n"
+        "[body.arm]\nmass = 1.0\ninertia = 0.08333333333333333\n"
+        "[joint.hinge]\ninner = \"ground\"\nouter = \"arm\"\nouter_point = [-0.5, 0.0]\n"
+        "zero_angle = -1.5707963267948966\ntheta = 0.6\n[joint.hinge.damper]\ndamping = 0.02\n"
+        "[mark.mid]\non = \"arm\"\npoint = [0.0, 0.0]\n[mark.tip]\non = \"arm\"\n"
+        "point = [0.5, 0.0]\n");
+    Record("tracks.csv", {"mid", "tip", ""}, {}, 1);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+
+  std::string Put(const std::string& name, const std::string& text) const {
+    data::WriteTextFile((folder_ / name).string(), text);
+    return (folder_ / name).string();
+  }
+
+  // 4 s of it, a line every 10 ms, lit as the cycle says; 1 mm of noise.
+  void Record(const std::string& file, const std::vector<std::string>& cycle,
+              const std::vector<std::string>& set, std::uint64_t seed) const {
+    SceneModelOptions options;
+    options.scene = (folder_ / "arm.toml").string();
+    options.set = set;
+    options.rtol = 1e-9;
+    const SceneModel model(options, {});
+    correlate::Stamps stamps;
+    stamps.marks = model.marks();
+    stamps.t.resize(stamps.marks.size());
+    std::vector<std::pair<std::size_t, std::size_t>> order;
+    for (std::size_t k = 0; k < 400; ++k) {
+      for (std::size_t m = 0; m < stamps.marks.size(); ++m) {
+        if (cycle[k % cycle.size()] != stamps.marks[m]) continue;
+        order.emplace_back(m, stamps.t[m].size());
+        stamps.t[m].push_back(0.01 * static_cast<double>(k));
+      }
+    }
+    const correlate::Prediction truth = model.Evaluate({}, stamps);
+    Rng rng(seed);
+    std::string text =
+        "t [s],mark,x [m],y [m],z [m],cxx [m^2],cxy [m^2],cxz [m^2],cyy [m^2],cyz [m^2],czz "
+        "[m^2]\n";
+    for (const auto& [m, i] : order) {
+      const Eigen::Vector3d p = truth.marks[m].p.col(static_cast<Eigen::Index>(i));
+      text += fmt::format("{:.3f},{},{:.7f},{:.7f},{:.7f},1e-6,0,0,1e-6,0,1e-6\n", stamps.t[m][i],
+                          stamps.marks[m], p.x() + 1e-3 * rng.Normal(), p.y() + 1e-3 * rng.Normal(),
+                          1e-3 * rng.Normal());
+    }
+    Put(file, text);
+  }
+
+  data::Study Study(const std::string& tracks, const std::string& set = {}) const {
+    return data::ReadStudy(Put(
+        "study.toml",
+        fmt::format("[study]\nscene = \"arm.toml\"\n[trial]\ntracks = \"{}\"\noffset = 0.0\n"
+                    "frame = \"known\"\nset = [{}]\n"
+                    "[parameter.damping]\nkeys = [\"joint.hinge.damper.damping\"]\nstart = 0.02\n"
+                    "bounds = [0.001, 0.2]\n"
+                    "[parameter.gravity]\nkeys = [\"gravity.acceleration[1]\"]\nstart = -9.8\n"
+                    "bounds = [-11.0, -9.0]\n",
+                    tracks, set)));
+  }
+
+  // The standard errors of the data that a fit of such a record has.
+  std::vector<double> Fitted(const std::string& tracks, const std::string& set = {}) const {
+    const StudyFit fit = Fit(Study(tracks, set));
+    EXPECT_TRUE(fit.Usable());
+    std::vector<double> out;
+    for (const auto& e : fit.result.parameters) out.push_back(e.sigma_data);
+    return out;
+  }
+
+  // Errors of both are of one record's noise: standard errors by differences about either estimate,
+  // and residuals that happen to be correlated by some per cent.
+  static void ExpectAlike(const std::vector<double>& planned, const std::vector<double>& found) {
+    ASSERT_EQ(planned.size(), found.size());
+    for (std::size_t j = 0; j < planned.size(); ++j) {
+      EXPECT_NEAR(planned[j] / found[j], 1.0, 0.1) << j;
+    }
+  }
+
+  static const DesignCase& Of(const std::vector<DesignCase>& cases, const std::string& name) {
+    for (const DesignCase& c : cases) {
+      if (c.name == name) return c;
+    }
+    throw Error("there is no " + name, "test", "");
+  }
+
+  std::filesystem::path folder_;
+};
+
+TEST_F(DesignTest, WhatItPromisesIsWhatAFitThenFinds) {
+  DesignOptions options;
+  options.candidates = data::ParseDesign(
+      "[mark.far]\non = \"arm\"\npoint = [1.5, 0.0]\n"
+      "[channel.encoder]\nquantity = \"hinge.theta\"\nunit = \"deg\"\nrate = 100\nsigma = 0.02\n"
+      "[trial.high]\nset = [\"joint.hinge.theta=1.5\"]\n",
+      "next.toml");
+  const StudyDesign d = DesignStudy(Study("tracks.csv"), options);
+
+  // What is there: the tip moves twice as far as the middle and tells more than three times as
+  // much; both together all that is not known beforehand.
+  ASSERT_EQ(d.tells.series.size(), 2U);
+  EXPECT_GT(d.tells.series[1].share[0], 3.0 * d.tells.series[0].share[0]);
+  EXPECT_NEAR(d.tells.series[0].share[0] + d.tells.series[1].share[0] + d.tells.priors[0], 1.0,
+              1e-9);
+  EXPECT_THAT(d.cycle, ElementsAre("mid", "tip", "dark"));
+  EXPECT_NEAR(d.line, 0.01, 1e-9);
+  ExpectAlike(d.again.alone, d.now);
+
+  // The best cycle: the tip alone.
+  EXPECT_THAT(d.schedule.cycle, ElementsAre("tip", "tip", "dark"));
+  Record("better.csv", {"tip", "tip", ""}, {}, 2);
+  ExpectAlike(d.schedule.alone, Fitted("better.csv"));
+
+  // Two metres from the hinge the arm's end tells four times as much again.
+  const DesignCase& far = Of(d.marks, "far");
+  EXPECT_THAT(far.cycle, ElementsAre("far", "far", "dark"));
+  Put("long.toml", "include = [\"arm.toml\"]\n[mark.far]\non = \"arm\"\npoint = [1.5, 0.0]\n");
+  EXPECT_LT(far.alone[0], 0.6 * d.schedule.alone[0]);
+
+  // An encoder as precise as the tip is (0.02 degrees of a metre: 0.35 mm) beside both.
+  EXPECT_LT(Of(d.channels, "encoder").alone[0], 0.7 * d.now[0]);
+
+  // Another start.
+  Record("high.csv", {"mid", "tip", ""}, {"joint.hinge.theta=1.5"}, 3);
+  ExpectAlike(Of(d.trials, "high").alone, Fitted("high.csv", "\"joint.hinge.theta=1.5\""));
+  EXPECT_TRUE(d.notes.empty()) << d.notes.front();
+}
+
+TEST_F(DesignTest, WhatMattersAndWhatIsKeptIsTheUsersToSay) {
+  DesignOptions options;
+  options.wanted = {"damping"};
+  options.kept = {"mid"};
+  const StudyDesign d = DesignStudy(Study("tracks.csv"), options);
+  EXPECT_THAT(d.wanted, ElementsAre("damping"));
+  EXPECT_THAT(d.schedule.cycle, Contains("mid"));
+  options.cycle = {"tip", "dark", "mid", "dark"};
+  options.line_rate = 200.0;
+  const StudyDesign other = DesignStudy(Study("tracks.csv"), options);
+  EXPECT_EQ(other.cycle, options.cycle);
+  EXPECT_NEAR(other.line, 5e-3, 1e-12);
+  // Each mark every 20 ms, not every 30: errors by the root of that.
+  EXPECT_NEAR(other.again.alone[0] / d.again.alone[0], std::sqrt(20.0 / 30.0), 0.05);
+}
+
+TEST_F(DesignTest, TheSameTrialUnderAnotherNameIsTheSame) {
+  DesignOptions options;
+  options.candidates =
+      data::ParseDesign("[trial.same]\nset = [\"joint.hinge.theta=0.6\"]\n", "next.toml");
+  const StudyDesign d = DesignStudy(Study("tracks.csv"), options);
+  for (std::size_t j = 0; j < 2; ++j) {
+    EXPECT_NEAR(Of(d.trials, "same").alone[j], d.again.alone[j], 1e-6 * d.again.alone[j]);
+    EXPECT_NEAR(Of(d.trials, "same").together[j], d.again.together[j], 1e-6 * d.now[j]);
+  }
+}
+
+TEST_F(DesignTest, BadInputIsNamed) {
+  auto message = [&](const DesignOptions& options) {
+    try {
+      DesignStudy(Study("tracks.csv"), options);
+    } catch (const Error& e) {
+      return std::string(e.what());
+    }
+    return std::string("none");
+  };
+  DesignOptions options;
+  options.wanted = {"dampng"};
+  EXPECT_THAT(message(options), HasSubstr("no parameter 'dampng'"));
+  options = {};
+  options.trial = "B";
+  EXPECT_THAT(message(options), HasSubstr("no trial 'B'"));
+  options = {};
+  options.kept = {"tipp"};
+  EXPECT_THAT(message(options), HasSubstr("no mark 'tipp'"));
+  options = {};
+  options.cycle = {"nose"};
+  EXPECT_THAT(message(options), HasSubstr("line_rate"));
+  options.line_rate = 100.0;
+  EXPECT_THAT(message(options), HasSubstr("no mark 'nose'"));
+  options = {};
+  options.candidates = data::ParseDesign("[mark.tip]\non = \"arm\"\n", "next.toml");
+  EXPECT_THAT(message(options), HasSubstr("next.toml:1:mark.tip"));
+  options.candidates = data::ParseDesign("[mark.new]\non = \"leg\"\n", "next.toml");
+  EXPECT_THAT(message(options), HasSubstr("next.toml:1:mark.new"));
+  options.candidates = data::ParseDesign(
+      "[channel.a]\nquantity = \"hing.theta\"\nrate = 10\nsigma = 1\n", "next.toml");
+  EXPECT_THAT(message(options), HasSubstr("did you mean 'hinge.theta'"));
+  options.candidates =
+      data::ParseDesign("[trial.a]\nset = [\"joint.hing.theta=1\"]\n", "next.toml");
+  EXPECT_THAT(message(options), HasSubstr("next.toml:1:trial.a"));
+  options.candidates = data::ParseDesign("[trial.a]\nset = [\"body.arm.mass=-1\"]\n", "next.toml");
+  EXPECT_THAT(message(options), HasSubstr("next.toml:1:trial.a: body.arm.mass: -1"));
+}
+
+}  // namespace
+}  // namespace unfurl::study
