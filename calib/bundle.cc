@@ -21,20 +21,6 @@
 namespace unfurl::calib {
 namespace {
 
-// Loss as Ceres wants it.
-class CoreLoss : public ceres::LossFunction {
- public:
-  explicit CoreLoss(double width) : width_(width) {}
-  void Evaluate(double s, double rho[3]) const override {
-    rho[0] = Loss(s, width_);
-    rho[1] = LossWeight(s, width_);
-    rho[2] = rho[1] < 1.0 ? -rho[1] / s : 0.0;
-  }
-
- private:
-  double width_;
-};
-
 double WhitenedSquare(const Observations& data, const BundleState& state, Eigen::Index i) {
   const Eigen::Vector3d d =
       state.points.col(i) + CommonShift(data, state.common, i) - data.p.col(i);
@@ -133,7 +119,8 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
   ceres::Problem::Options ownership;
   ownership.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ownership.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  CoreLoss reading_loss(options.loss_width), survey_loss(SurveyLossWidth(options.loss_width));
+  const auto reading_loss = MakeCoreLoss(options.loss_width);
+  const auto survey_loss = MakeCoreLoss(SurveyLossWidth(options.loss_width));
   std::vector<std::unique_ptr<ceres::Manifold>> manifolds;
   manifolds.reserve(priors.size());
   for (const CameraPrior& prior : priors) manifolds.push_back(MakeCameraManifold(prior));
@@ -174,7 +161,7 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
     if (!data.common.empty()) blocks_of_point.push_back(common);
     problem.AddResidualBlock(
         MakeSurveyCost(data, i, weighting.SurveyInformationScale(index), units).release(),
-        &survey_loss, blocks_of_point);
+        survey_loss.get(), blocks_of_point);
     ordering->AddElementToGroup(point, 0);
   }
   for (std::size_t k = 0; k < data.readings.size(); ++k) {
@@ -185,7 +172,7 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
     if (!measure::Project(state->cameras[j], state->points.col(r.point), &u)) continue;
     problem.AddResidualBlock(
         MakeReadingCost(r.u_px, std::sqrt(weighting.Variance(r)), priors[j], units).release(),
-        &reading_loss, blocks[j].data(), points.col(r.point).data());
+        reading_loss.get(), blocks[j].data(), points.col(r.point).data());
   }
 
   ceres::Solver::Options solver;

@@ -1,6 +1,7 @@
 #include "calib/bundle_costs.h"
 
 #include <ceres/cost_function.h>
+#include <ceres/loss_function.h>
 #include <ceres/manifold.h>
 #include <ceres/sized_cost_function.h>
 
@@ -77,6 +78,19 @@ bool CameraManifold::MinusJacobian(const double*, double* jacobian) const {
   for (std::size_t k = 0; k < free_.size(); ++k) J(Column(k), free_[k]) = 1.0;
   return true;
 }
+
+class CoreLoss : public ceres::LossFunction {
+ public:
+  explicit CoreLoss(double width) : width_(width) {}
+  void Evaluate(double s, double rho[3]) const override {
+    rho[0] = Loss(s, width_);
+    rho[1] = LossWeight(s, width_);
+    rho[2] = rho[1] < 1.0 ? -rho[1] / s : 0.0;
+  }
+
+ private:
+  double width_;
+};
 
 // A reading against its prediction, whitened.
 class ReadingCost : public ceres::SizedCostFunction<1, kAmbient, 3> {
@@ -200,6 +214,10 @@ class PriorCost : public ceres::SizedCostFunction<kPriorRows, kAmbient> {
 };
 
 }  // namespace
+
+std::unique_ptr<ceres::LossFunction> MakeCoreLoss(double width) {
+  return std::make_unique<CoreLoss>(width);
+}
 
 std::unique_ptr<ceres::Manifold> MakeCameraManifold(const CameraPrior& prior) {
   return std::make_unique<CameraManifold>(prior);

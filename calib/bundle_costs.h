@@ -9,11 +9,14 @@
 
 namespace ceres {
 class CostFunction;
+class LossFunction;
 class Manifold;
 }  // namespace ceres
 
 namespace unfurl::calib {
 
+/// calib's Loss as Ceres wants it.
+std::unique_ptr<ceres::LossFunction> MakeCoreLoss(double width);
 /// A camera's block moves by a rotation and by what its prior does not hold.
 std::unique_ptr<ceres::Manifold> MakeCameraManifold(const CameraPrior& prior);
 

@@ -16,6 +16,7 @@
 #include "calib/observations.h"
 #include "calib/verdict.h"
 #include "cli/calibrate_page.h"
+#include "cli/calibrate_wand.h"
 #include "cli/verb.h"
 #include "data/lab.h"
 #include "data/rig.h"
@@ -35,6 +36,8 @@ struct Arguments {
   std::vector<double> station, distance_error;
   double zenith_error = 0.0;
   calib::CalibrateOptions options;
+  WandArguments wand;
+  CLI::Option* folds_given = nullptr;
 };
 
 double Sigma(const Eigen::MatrixXd& covariance, std::size_t camera, int parameter) {
@@ -266,23 +269,73 @@ int RunCalibrate(const Common& common, const Arguments& arguments) {
                                          (reasons.empty() ? "" : ": " + reasons.front()));
 }
 
+// Without a survey: what else was given holds for the bar, too.
+int RunWand(const Common& common, const Arguments& arguments) {
+  WandArguments wand = arguments.wand;
+  wand.layout = arguments.layout;
+  wand.need = arguments.need;
+  wand.out = arguments.out;
+  wand.report = arguments.report;
+  wand.options.workers = arguments.options.workers;
+  if (arguments.folds_given->count() > 0) {
+    wand.options.folds = arguments.options.folds;
+  }
+  wand.options.fit.guess = arguments.options.guess;
+  wand.options.fit.guess.lens = LensOf(arguments.lens);
+  return RunCalibrateWand(common, wand);
+}
+
+void AddWandOptions(CLI::App* app, VerbFiles& files, CLI::Option* survey, WandArguments* wand) {
+  CLI::Option* readings =
+      files.Read("--wand", &wand->readings,
+                 "Instead of SURVEY: readings of a bar that was moved by hand [CSV, HDF5]");
+  readings->excludes(survey);
+  app->add_option("--bar", wand->bar,
+                  "Its length, as 0.7501m+-0.1mm; of more than two marks their distances from the "
+                  "first, as 0.25m,0.75m+-0.1mm")
+      ->type_name("LENGTH")
+      ->needs(readings);
+  files
+      .Read("--points", &wand->points,
+            "Surveyed points for the frame, three or more, with readings [CSV, HDF5]")
+      ->needs(readings);
+  files.Read("--from", &wand->from, "A rig of before to start from [HDF5]")->needs(readings);
+  app->add_option("--frame", wand->frame,
+                  "Three cameras that give the frame: origin, x towards, y towards")
+      ->delimiter(',')
+      ->expected(3)
+      ->type_name("CAMERAS")
+      ->needs(readings);
+  CLI::Option* plumb =
+      app->add_option("--plumb", wand->options.frame.plumb,
+                      "The pose in which the bar hung plumb, its first mark above: z is up")
+          ->type_name("POSE")
+          ->needs(readings);
+  app->add_option("--origin", wand->options.frame.origin,
+                  "With --plumb, the pose whose middle is the origin and whose bearing is x")
+      ->type_name("POSE")
+      ->needs(plumb);
+}
+
 }  // namespace
 
 Verb AddCalibrate(CLI::App& program, Common& common) {
   Verb verb = DeclareVerb(program, common, "calibrate",
                           "A rig of cameras from a survey, without an initial guess",
-                          "unfurl calibrate survey.h5 -o rig.h5");
+                          "unfurl calibrate survey.h5 -o rig.h5\n"
+                          "  unfurl calibrate --wand wand.csv --bar 0.7501m+-0.1mm");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
   auto arguments = std::make_shared<Arguments>();
-  files
-      .Read("SURVEY", &arguments->survey,
-            "Surveyed points with readings (.csv, .h5) or raw lines (.h5)")
-      ->required();
+  CLI::Option* survey = files.Read("SURVEY", &arguments->survey,
+                                   "Surveyed points with readings (.csv, .h5) or raw lines (.h5)");
   files.WriteOr(
       "-o,--output", &arguments->out,
-      [arguments] { return DefaultOutput(arguments->survey, ".rig.h5"); },
-      "The rig to write (default: SURVEY with .rig.h5)");
+      [arguments] {
+        const bool wand = !arguments->wand.readings.empty();
+        return DefaultOutput(wand ? arguments->wand.readings : arguments->survey, ".rig.h5");
+      },
+      "The rig to write (default: SURVEY or READINGS with .rig.h5)");
   files.Write("--report", &arguments->report,
               "A page: verdict, residuals, gross errors, map of uncertainty [HTML]");
   files.Read("--readings", &arguments->readings,
@@ -310,9 +363,10 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
   files.Read("--layout", &arguments->layout,
              "Planned camera positions [lab TOML]; detects a left-handed survey");
   AddNeedOption(app, &arguments->need);
-  app->add_option("--folds", arguments->options.folds, "Folds of the cross-validation")
-      ->capture_default_str()
-      ->check(CLI::Range(2, 1000));
+  arguments->folds_given =
+      app->add_option("--folds", arguments->options.folds, "Folds of the cross-validation")
+          ->capture_default_str()
+          ->check(CLI::Range(2, 1000));
   app->add_option("--lens", arguments->lens, "Lens model: rectilinear, or fisheye (wide angle)")
       ->type_name("MODEL")
       ->capture_default_str()
@@ -337,7 +391,12 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
       ->capture_default_str();
   app->add_option("--workers", arguments->options.workers, "Threads; 0: all cores")
       ->capture_default_str();
+  AddWandOptions(app, files, survey, &arguments->wand);
   verb.run = [&common, arguments] {
+    if (!arguments->wand.readings.empty()) return RunWand(common, *arguments);
+    if (arguments->survey.empty()) {
+      throw Error("is missing", "SURVEY", "give a survey, or readings of a bar by --wand");
+    }
     arguments->options.guess.lens = LensOf(arguments->lens);
     arguments->options.order = OrderOf(arguments->options.guess.lens, arguments->order);
     return RunCalibrate(common, *arguments);

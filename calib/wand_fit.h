@@ -1,0 +1,62 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "base/pose.h"
+#include "calib/bundle.h"
+#include "calib/initial_guess.h"
+#include "calib/wand_bundle.h"
+#include "calib/wand_data.h"
+#include "calib/wand_guess.h"
+
+namespace unfurl::calib {
+
+/// Of the fit of cameras and poses.
+struct WandFitOptions {
+  GuessOptions guess;      // of each camera, once marks are known
+  WandGuessOptions start;  // from nothing
+  BundleOptions bundle;    // of the robust stage
+  // A reading whose residual exceeds so many of its own sigmas is left out as gross; in a pose the
+  // largest first. Chance reaches 4 in one of 16,000 readings [-].
+  double gross_sigmas = 4.0;
+  int rounds = 12;         // of gross errors and variances, at most
+  int search_poses = 150;  // that the first cameras are found from; the rest follow [-]
+  // Where the cameras stand, about, by name: an earlier rig, or where they were meant to. Empty:
+  // they are found from nothing.
+  std::vector<data::RigCamera> from;
+
+  // Throws Error that names a value which makes no sense.
+  void Check() const;
+};
+
+/// Cameras and poses from the bar's readings, in a frame that nothing has fixed yet, or the
+/// survey's where it has points enough.
+struct WandFit {
+  WandData data;    // the poses that take part
+  int dropped = 0;  // poses that too few cameras see
+  std::vector<CameraPrior> priors;
+  WandWeighting weighting;
+  WandState state;
+  WandSummary summary;
+  WandSystem system;
+  bool settled = false;    // variances and what is left out changed no more
+  bool by_points = false;  // the frame is the survey's
+  // The survey tells the rig from its mirror image: points off a plane.
+  bool handed = false;
+};
+
+// First guess (calib/wand_guess), robust bundle, the survey's frame where three points or more fix
+// it, then least squares of what is believed in turn with floors, unrest of the bar and gross
+// errors. Throws Error for data that no cameras explain.
+WandFit FitWand(const WandData& data, const WandFitOptions& options, const std::string& where);
+
+// The same data with other poses, from a fit that is near, nothing left out anew.
+void RefitWand(const BundleOptions& options, WandFit* fit);
+
+// A camera that sees the mirror image of what it saw, about the origin, with the same readings.
+data::RigCamera Mirrored(const data::RigCamera& camera);
+// The fit in another frame, p' = X p; `mirror`: after p -> -p. Its system is not changed.
+void MoveWand(const Pose& X, bool mirror, WandFit* fit);
+
+}  // namespace unfurl::calib

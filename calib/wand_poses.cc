@@ -1,0 +1,189 @@
+#include "calib/wand_poses.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/dense.h"
+#include "base/pose.h"
+#include "base/statistics.h"
+#include "calib/initial_guess.h"
+#include "calib/wand_guess.h"
+#include "measure/camera_model.h"
+
+namespace unfurl::calib {
+namespace {
+
+constexpr int kFewestReadings = 5;  // a pose at rest has five unknowns
+constexpr int kDirections = 400;    // tried where one mark was found: some 8 degrees apart
+constexpr double kFlat = 0.05;      // GuessOptions::flatness: points that count as on a line
+
+// Readings of a pose in `data.readings`.
+struct Span {
+  std::size_t first = 0, end = 0;
+};
+std::vector<Span> SpansOf(const WandData& data) {
+  std::vector<Span> out(data.poses.size());
+  for (std::size_t k = 0; k < data.readings.size(); ++k) {
+    Span& span = out[static_cast<std::size_t>(data.readings[k].pose)];
+    if (span.end == 0) span.first = k;
+    span.end = k + 1;
+  }
+  return out;
+}
+
+// A pose from two marks that were found, the farthest apart; false where fewer were.
+bool PoseFromMarks(const Eigen::Matrix3Xd& marks, int pose, const Eigen::VectorXd& place,
+                   Eigen::Vector3d* middle, Eigen::Vector3d* direction) {
+  int a = -1, b = -1;
+  const auto m = static_cast<int>(place.size());
+  for (int k = 0; k < m; ++k) {
+    if (!marks.col(pose * m + k).allFinite()) continue;
+    if (a < 0 || place(k) < place(a)) a = k;
+    if (b < 0 || place(k) > place(b)) b = k;
+  }
+  if (a < 0 || a == b) return false;
+  const Eigen::Vector3d from = marks.col(pose * m + a), to = marks.col(pose * m + b);
+  if (!((to - from).norm() > 0.0)) return false;
+  *direction = (to - from).normalized();
+  *middle = 0.5 * (from + to) - 0.5 * (place(a) + place(b)) * *direction;
+  return true;
+}
+
+// The direction through one found mark that its readings and the other marks' fit best.
+bool PoseFromMark(const WandData& data, const Span& span,
+                  const std::vector<data::RigCamera>& cameras, const std::vector<double>& sigma_px,
+                  const Eigen::Matrix3Xd& marks, int pose, const Eigen::VectorXd& place,
+                  Eigen::Vector3d* middle, Eigen::Vector3d* direction) {
+  const int m = data.mark_count();
+  int found = 0;
+  while (found < m && !marks.col(pose * m + found).allFinite()) ++found;
+  if (found == m) return false;
+  const Eigen::Vector3d at = marks.col(pose * m + found);
+  double least = std::numeric_limits<double>::infinity();
+  for (int k = 0; k < kDirections; ++k) {
+    // A spiral of equal areas over the sphere.
+    const double z = 1.0 - 2.0 * (k + 0.5) / kDirections, turn = 2.399963 * k;
+    const double across = std::sqrt(1.0 - z * z);
+    const Eigen::Vector3d d(across * std::cos(turn), across * std::sin(turn), z);
+    double cost = 0.0;
+    for (std::size_t r = span.first; r < span.end; ++r) {
+      const WandReading& reading = data.readings[r];
+      const auto j = static_cast<std::size_t>(reading.camera);
+      const Eigen::Vector3d p = at + (place(reading.mark) - place(found)) * d;
+      double u = 0.0;
+      const bool seen = measure::Project(cameras[j], p, &u);
+      const double off = seen ? (reading.u_px - u) / std::hypot(sigma_px[j], reading.s_px) : 1e6;
+      cost += Loss(off * off, 3.0);
+    }
+    if (!(cost < least)) continue;
+    least = cost;
+    *direction = d;
+    *middle = at - place(found) * d;
+  }
+  return true;
+}
+
+Eigen::VectorXd CentredPlaces(const WandData& data) {
+  return data.place.array() - 0.5 * (data.place.maxCoeff() + data.place.minCoeff());
+}
+
+}  // namespace
+
+int StartPoses(const std::vector<data::RigCamera>& cameras, const std::vector<double>& sigma_px,
+               const Eigen::Matrix3Xd& marks, WandData* data, WandState* state) {
+  const std::vector<Span> spans = SpansOf(*data);
+  const Eigen::VectorXd place = CentredPlaces(*data);
+  std::vector<int> keep;
+  std::vector<Eigen::Vector3d> middles, directions;
+  for (int k = 0; k < data->pose_count(); ++k) {
+    const Span& span = spans[static_cast<std::size_t>(k)];
+    if (static_cast<int>(span.end - span.first) < kFewestReadings) continue;
+    Eigen::Vector3d middle, direction;
+    if (!PoseFromMarks(marks, k, place, &middle, &direction) &&
+        !PoseFromMark(*data, span, cameras, sigma_px, marks, k, place, &middle, &direction)) {
+      continue;
+    }
+    keep.push_back(k);
+    middles.push_back(middle);
+    directions.push_back(direction);
+  }
+  const int dropped = data->pose_count() - static_cast<int>(keep.size());
+  *data = SelectPoses(*data, keep);
+  const auto n = static_cast<Eigen::Index>(keep.size());
+  state->cameras = cameras;
+  state->place = place;
+  state->middle.resize(3, n);
+  state->direction.resize(3, n);
+  for (Eigen::Index k = 0; k < n; ++k) {
+    state->middle.col(k) = middles[static_cast<std::size_t>(k)];
+    state->direction.col(k) = directions[static_cast<std::size_t>(k)];
+  }
+  state->velocity.setZero(3, n);
+  state->turning.setZero(3, n);
+  state->points = data->points.p;
+  state->common.setZero(static_cast<Eigen::Index>(data->points.common.size()));
+  return dropped;
+}
+
+void StartMotion(WandFit* fit) {
+  WandState& state = fit->state;
+  const std::vector<double>& time = fit->data.time;
+  const Eigen::Index n = state.middle.cols();
+  if (!fit->data.Moves() || n < 3) return;
+  std::vector<double> unrest;
+  const double arm = 0.5 * fit->data.Length();
+  for (Eigen::Index k = 1; k + 1 < n; ++k) {
+    const auto i = static_cast<std::size_t>(k);
+    const double before = time[i] - time[i - 1], after = time[i + 1] - time[i];
+    const Eigen::Vector3d v0 = (state.middle.col(k) - state.middle.col(k - 1)) / before;
+    const Eigen::Vector3d v1 = (state.middle.col(k + 1) - state.middle.col(k)) / after;
+    const Eigen::Vector3d w0 = (state.direction.col(k) - state.direction.col(k - 1)) / before;
+    const Eigen::Vector3d w1 = (state.direction.col(k + 1) - state.direction.col(k)) / after;
+    const double share = before / (before + after);
+    state.velocity.col(k) = (1.0 - share) * v0 + share * v1;
+    state.turning.col(k) = (1.0 - share) * w0 + share * w1;
+    // Mean rates over neighbouring intervals differ by white acceleration's (T0 + T1) / 3.
+    const double squares = (v1 - v0).squaredNorm() + arm * arm * (w1 - w0).squaredNorm();
+    unrest.push_back(squares / 6.0 / ((before + after) / 3.0));
+  }
+  state.velocity.col(0) = state.velocity.col(1);
+  state.velocity.col(n - 1) = state.velocity.col(n - 2);
+  state.turning.col(0) = state.turning.col(1);
+  state.turning.col(n - 1) = state.turning.col(n - 2);
+  fit->weighting.unrest = std::max(Mean(unrest), 1e-12);  // 0: a bar that never moved
+}
+
+double SurveySquare(const Observations& points, const WandState& state, int point) {
+  Eigen::Vector3d d = state.points.col(point) - points.p.col(point);
+  for (std::size_t m = 0; m < points.common.size(); ++m) {
+    d += state.common(static_cast<Eigen::Index>(m)) * points.common[m].shift.col(point);
+  }
+  return d.dot(points.cov[static_cast<std::size_t>(point)].llt().solve(d));
+}
+
+void TakeFrame(WandFit* fit) {
+  const Observations& points = fit->data.points;
+  if (points.points() < 3) return;
+  std::vector<int> number(fit->data.cameras.size());
+  for (std::size_t j = 0; j < number.size(); ++j) number[j] = static_cast<int>(j);
+  const Eigen::Matrix3Xd at =
+      LocateMarks(points, fit->state.cameras, number, fit->weighting.floor_px, fit->state.middle);
+  std::vector<int> found;
+  for (Eigen::Index i = 0; i < at.cols(); ++i) {
+    if (at.col(i).allFinite()) found.push_back(static_cast<int>(i));
+  }
+  if (found.size() < 3) return;
+  const Eigen::Matrix3Xd p = points.p(Eigen::all, found), q = at(Eigen::all, found);
+  const PointSpread spread = SpreadOf(p);
+  if (spread.sigma(1) < kFlat * spread.sigma(0)) return;  // on one line
+  const RigidFit plain = FitRigid(p, q), mirror = FitRigid(p, -q);
+  const bool mirrored = mirror.rms < plain.rms;
+  MoveWand(mirrored ? mirror.X_AB : plain.X_AB, mirrored, fit);
+  fit->by_points = true;
+  // Off a plane, the mirror image misses the points by about that much.
+  fit->handed = std::min(plain.rms, mirror.rms) < 0.5 * std::max(plain.rms, mirror.rms);
+  for (Eigen::Index i = 0; i < points.p.cols(); ++i) fit->state.points.col(i) = points.p.col(i);
+}
+
+}  // namespace unfurl::calib

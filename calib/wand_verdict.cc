@@ -1,0 +1,224 @@
+#include "calib/wand_verdict.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "base/dense.h"
+#include "base/length.h"
+#include "base/statistics.h"
+#include "base/text.h"
+#include "calib/verdict.h"
+#include "calib/wand_shape.h"
+
+namespace unfurl::calib {
+namespace {
+
+// Of all trend tests together, as TrendOptions: one calibration in a hundred that has none.
+constexpr double kTrendLevel = 0.01;
+
+// Reasons by what they do to the verdict.
+struct Tally {
+  std::vector<std::string> no, care, fine;
+};
+
+void JudgeLengths(const WandReport& report, const VerdictOptions& options, data::Rig* rig,
+                  Tally* tally) {
+  const auto n = static_cast<double>(report.lengths.size());
+  if (report.lengths.empty()) {
+    tally->no.push_back("in no pose that took no part could the bar's ends be found");
+    return;
+  }
+  double squares = 0.0, predicted = 0.0, whitened = 0.0;
+  for (const WandLength& length : report.lengths) {
+    squares += length.error * length.error;
+    predicted += length.predicted * length.predicted;
+    whitened += std::pow(length.error / length.predicted, 2);
+  }
+  rig->checks["held_out_lengths [1]"] = n;
+  rig->checks["held_out_length_rms [m]"] = std::sqrt(squares / n);
+  rig->checks["held_out_length_rms_predicted [m]"] = std::sqrt(predicted / n);
+  rig->checks["held_out_length_nees [1]"] = whitened / n;
+  tally->fine.push_back(fmt::format(
+      "in {} poses that took no part in the fit the bar was found {} RMS from its length "
+      "(predicted {})",
+      report.lengths.size(), LengthText(std::sqrt(squares / n)),
+      LengthText(std::sqrt(predicted / n))));
+  if (whitened / n > options.honesty) {
+    tally->no.push_back(
+        fmt::format("held-out lengths of the bar are off by {:.1f} times what is predicted: the "
+                    "calibration's error bars are wrong",
+                    std::sqrt(whitened / n)));
+  } else if (ChiSquareTail(whitened, n) < options.chance) {
+    tally->care.push_back(fmt::format(
+        "held-out lengths of the bar are off by {:.2f} times what is predicted, more than chance "
+        "explains",
+        std::sqrt(whitened / n)));
+  }
+}
+
+// What the bar's poses leave open, by name, and what they lack.
+void JudgeShape(const WandFit& fit, const std::vector<double>& sigmas, const WandReport& report,
+                const VerdictOptions& options, data::Rig* rig, Tally* tally) {
+  const double need = NeedOf(options, *rig);
+  rig->checks["need [m]"] = need;
+  rig->checks["distance_sigma [m]"] = report.distance_sigma;
+  if (!report.shapes.empty()) rig->checks["widest_strain [1]"] = report.shapes.front().sigma;
+  // The bar's own directions: where the least of them lies.
+  const Eigen::Matrix3d directions = fit.state.direction * fit.state.direction.transpose() /
+                                     std::max<double>(1.0, fit.data.pose_count());
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(directions);
+  rig->checks["bar_direction_least [1]"] = std::sqrt(std::max(0.0, eigen.eigenvalues()(0)));
+  const Eigen::Vector3d least = eigen.eigenvectors().col(0);
+  const PointSpread spread = SpreadOf(fit.state.middle);
+  rig->checks["bar_flatness [1]"] = spread.sigma(2) / std::max(1e-300, spread.sigma(0));
+  bool any = false;
+  for (const WandShape& shape : report.shapes) {
+    if (!(shape.moved > need)) continue;
+    const std::string text = fmt::format(
+        "{} is known to {:.2g}% only, which moves points at the edge of the volume by {}",
+        shape.name, 100.0 * shape.sigma, LengthText(shape.moved));
+    const bool hopeless = shape.moved > options.need_factor_no * need;
+    (hopeless ? tally->no : tally->care)
+        .push_back(shape.by_bar ? text + ": state the bar's length better, or survey points"
+                                : text);
+    any = any || !shape.by_bar;
+  }
+  if (any) {
+    tally->care.push_back(fmt::format(
+        "the bar pointed least along ({:.2f}, {:.2f}, {:.2f}) ({:.0f} degrees from across it, RMS) "
+        "and moved least along ({:.2f}, {:.2f}, {:.2f}) ({} RMS, {} across): point it and take it "
+        "there, use a longer bar (it is {} long) or more poses",
+        least.x(), least.y(), least.z(),
+        180.0 / M_PI * std::asin(std::min(1.0, std::sqrt(std::max(0.0, eigen.eigenvalues()(0))))),
+        spread.normal.x(), spread.normal.y(), spread.normal.z(), LengthText(spread.sigma(2)),
+        LengthText(spread.sigma(0)), LengthText(fit.data.Length())));
+  }
+  if (sigmas.empty()) {
+    tally->no.push_back("no place of the volume is seen by three cameras that fix it");
+    return;
+  }
+  rig->checks["point_sigma_median [m]"] = Median(sigmas);
+  const auto poor = static_cast<double>(
+      std::count_if(sigmas.begin(), sigmas.end(), [&](double s) { return s > need; }));
+  const std::string aim =
+      fmt::format("{} ({})", LengthText(need),
+                  options.need > 0.0 ? "the accuracy asked for"
+                                     : "a 2000th of the bar's box; --need sets another");
+  if (Median(sigmas) > options.need_factor_no * need) {
+    tally->no.push_back(
+        fmt::format("the predicted error of half of the points exceeds {}, against an aim of {}",
+                    LengthText(Median(sigmas)), aim));
+  } else if (poor > options.poor_share * static_cast<double>(sigmas.size())) {
+    tally->care.push_back(fmt::format("at {:.0f}% of the places the predicted error exceeds {}",
+                                      100.0 * poor / static_cast<double>(sigmas.size()), aim));
+  }
+}
+
+void JudgeData(const WandFit& fit, const WandReport& report, const VerdictOptions& options,
+               data::Rig* rig, Tally* tally) {
+  const double freedom = report.degrees_of_freedom;
+  const auto readings = static_cast<double>(fit.data.readings.size());
+  rig->checks["chi_square_per_dof [1]"] = freedom > 0.0 ? report.chi_square / freedom : 0.0;
+  rig->checks["degrees_of_freedom [1]"] = freedom;
+  rig->checks["model_floor [px]"] = rig->model_floor_px;
+  rig->checks["poses [1]"] = report.poses;
+  rig->checks["gross_readings [1]"] = report.gross_readings;
+  if (!fit.settled) {
+    tally->no.push_back(
+        "floors and gross errors did not settle: the readings contradict each other, as those of a "
+        "bar that moves between its flashes without their times do");
+  }
+  if (!report.converged) tally->no.push_back("the bundle adjustment did not converge");
+  if (freedom < options.fewest_redundant) {
+    tally->care.push_back(fmt::format(
+        "the data have only {:.0f} degrees of freedom to check the fit with: wave the bar longer",
+        freedom));
+  }
+  const double share = report.gross_readings / std::max(1.0, readings);
+  if (report.gross_readings > 0) {
+    const std::string text = fmt::format(
+        "{} of {} readings contradict the rest, or are of poses where nothing tells "
+        "which ones do, and were left out",
+        report.gross_readings, fit.data.readings.size());
+    (share > options.gross_no     ? tally->no
+     : share > options.gross_care ? tally->care
+                                  : tally->fine)
+        .push_back(text);
+  }
+  if (!report.gross_points.empty()) {
+    tally->care.push_back(fmt::format("surveyed points that contradict the bar were left out: {}",
+                                      JoinWords(report.gross_points)));
+  }
+  if (report.dropped > 0) {
+    tally->fine.push_back(
+        fmt::format("{} poses were passed over: too few cameras saw them", report.dropped));
+  }
+  std::vector<double> shares;
+  for (std::size_t j = 0; j < report.cameras.size(); ++j) {
+    const WandCameraReport& camera = report.cameras[j];
+    const double row = std::max(1, rig->cameras[j].pixels);
+    shares.push_back(std::max(0.0, camera.high_px - camera.low_px) / row);
+    if (!(camera.floor_px > 0.0)) continue;
+    const std::string floor =
+        fmt::format("camera \"{}\": its readings deviate by a further {:.3g} px (model floor)",
+                    camera.name, camera.floor_px);
+    const bool large = camera.floor_px > options.floor_care * row;
+    (large ? tally->care : tally->fine).push_back(floor);
+  }
+  rig->checks["row_covered [1]"] = Median(shares);
+  if (Median(shares) < options.least_row) {
+    tally->care.push_back(fmt::format(
+        "the bar covered {:.0f}% of the rows (median of the cameras): what lies beyond was not "
+        "tested. Take it through all of the volume that is used",
+        100.0 * Median(shares)));
+  }
+  for (std::string& trend : WandTrends(fit, kTrendLevel)) tally->care.push_back(std::move(trend));
+}
+
+void JudgeMotion(const WandFit& fit, const WandReport& report, data::Rig* rig, Tally* tally) {
+  if (!fit.data.Moves()) return;
+  rig->checks["bar_speed [m/s]"] = report.speed;
+  rig->checks["motion_sigma [m]"] = report.motion_sigma;
+  const std::string text = fmt::format(
+      "between its marks' flashes the bar moved at {:.2g} m/s, known well enough for its length to "
+      "{} (readings: {})",
+      report.speed, LengthText(report.motion_sigma), LengthText(report.reading_sigma));
+  if (report.motion_sigma > report.reading_sigma) {
+    tally->care.push_back(text +
+                          ": it moved too fast for its flashes. Flash the marks sooner after each "
+                          "other, record without pauses, or move more slowly");
+  } else {
+    tally->fine.push_back(text);
+  }
+}
+
+}  // namespace
+
+void JudgeWand(const WandFit& fit, const std::vector<double>& sigmas, const WandReport& report,
+               const VerdictOptions& options, data::Rig* rig) {
+  Tally tally;
+  JudgeLengths(report, options, rig, &tally);
+  JudgeShape(fit, sigmas, report, options, rig, &tally);
+  JudgeData(fit, report, options, rig, &tally);
+  JudgeMotion(fit, report, rig, &tally);
+  rig->checks["handed [1]"] = report.handed ? 1.0 : 0.0;
+  if (!report.handed) {
+    tally.care.push_back(
+        "whether the rig is its own mirror image no readings tell; distances are right either way. "
+        "Give where the cameras were meant to stand (--layout), or four surveyed points that are "
+        "not in one plane");
+  }
+  if (report.cameras.size() == 3) {
+    tally.care.push_back("with three cameras no reading can be checked against the others");
+  }
+  tally.fine.push_back("frame " + report.frame + "; scale by the bar");
+  rig->verdict = !tally.no.empty() ? kDoNotUse : !tally.care.empty() ? kWithCare : kGood;
+  rig->reasons = tally.no;
+  rig->reasons.insert(rig->reasons.end(), tally.care.begin(), tally.care.end());
+  rig->reasons.insert(rig->reasons.end(), tally.fine.begin(), tally.fine.end());
+}
+
+}  // namespace unfurl::calib
