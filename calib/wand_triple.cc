@@ -17,7 +17,7 @@ namespace {
 using Parameters = Eigen::Matrix<double, 7, 3>;
 using Block = Eigen::Map<const Parameters>;
 
-constexpr int kParameters = 21;
+constexpr int kParameters = 21;      // of three pinholes, seven each
 constexpr int kSubsets = 300;        // 30% gross errors leave 99.9% chance of a clean subset of 10
 constexpr int kSubset = 10;          // 6 unknowns, and some for perspective to average out
 constexpr double kLensShare = 0.03;  // of lengths, what lens error and perspective leave [-]

@@ -18,6 +18,7 @@
 #include "calib/calibrate_survey.h"
 #include "calib/check.h"
 #include "calib/plan.h"
+#include "calib/wand.h"
 #include "correlate/compare/comparison.h"
 #include "correlate/fit/fit.h"
 #include "data/fit.h"
