@@ -285,11 +285,10 @@ int RunWand(const Common& common, const Arguments& arguments) {
   return RunCalibrateWand(common, wand);
 }
 
-void AddWandOptions(CLI::App* app, VerbFiles& files, CLI::Option* survey, WandArguments* wand) {
+void AddWandOptions(CLI::App* app, VerbFiles& files, WandArguments* wand) {
   CLI::Option* readings =
       files.Read("--wand", &wand->readings,
                  "Instead of SURVEY: readings of a bar that was moved by hand [CSV, HDF5]");
-  readings->excludes(survey);
   app->add_option("--bar", wand->bar,
                   "Its length, as 0.7501m+-0.1mm; of more than two marks their distances from the "
                   "first, as 0.25m,0.75m+-0.1mm")
@@ -391,9 +390,13 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
       ->capture_default_str();
   app->add_option("--workers", arguments->options.workers, "Threads; 0: all cores")
       ->capture_default_str();
-  AddWandOptions(app, files, survey, &arguments->wand);
+  AddWandOptions(app, files, &arguments->wand);
   verb.run = [&common, arguments] {
-    if (!arguments->wand.readings.empty()) return RunWand(common, *arguments);
+    if (!arguments->wand.readings.empty()) {
+      if (arguments->survey.empty()) return RunWand(common, *arguments);
+      throw Error("is given beside --wand", "SURVEY",
+                  "give surveyed points for the frame by --points, or leave one of the two out");
+    }
     if (arguments->survey.empty()) {
       throw Error("is missing", "SURVEY", "give a survey, or readings of a bar by --wand");
     }
