@@ -326,8 +326,8 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
   auto arguments = std::make_shared<Arguments>();
-  CLI::Option* survey = files.Read("SURVEY", &arguments->survey,
-                                   "Surveyed points with readings (.csv, .h5) or raw lines (.h5)");
+  files.Read("SURVEY", &arguments->survey,
+             "Surveyed points with readings (.csv, .h5) or raw lines (.h5)");
   files.WriteOr(
       "-o,--output", &arguments->out,
       [arguments] {
