@@ -85,6 +85,10 @@ void ReportCameras(const WandFit& fit, WandReport* report) {
                             fit.weighting.Variance(r.camera, r.s_px);
       report->degrees_of_freedom += fit.system.redundancy[k];
     }
+    if (j < fit.lost_readings.size()) {
+      camera.readings += fit.lost_readings[j];
+      camera.gross += fit.lost_readings[j];
+    }
     camera.residual_rms_px = std::sqrt(squares / std::max(1, camera.readings - camera.gross));
     report->gross_readings += camera.gross;
     report->cameras.push_back(camera);
@@ -101,6 +105,8 @@ void ReportBar(const WandFit& fit, WandReport* report) {
   }
   report->poses = fit.data.pose_count();
   report->dropped = fit.dropped;
+  report->lost_poses = fit.lost_poses;
+  report->rivals = fit.rivals;
   for (int i = 0; i < fit.data.points.points(); ++i) {
     if (fit.weighting.use_survey[static_cast<std::size_t>(i)] != 0) continue;
     report->gross_points.push_back(fit.data.points.ids[static_cast<std::size_t>(i)]);

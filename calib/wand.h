@@ -43,7 +43,7 @@ struct WandLength {
 /// A camera's part.
 struct WandCameraReport {
   std::string name;
-  int readings = 0, gross = 0;         // of the bar; left out
+  int readings = 0, gross = 0;         // of the bar; left out, with whole poses or alone
   double residual_rms_px = 0.0;        // of the others [px]
   double floor_px = 0.0;               // [px]
   double low_px = 0.0, high_px = 0.0;  // of the row that its readings cover [px]
@@ -53,9 +53,11 @@ struct WandCameraReport {
 struct WandReport {
   std::vector<WandCameraReport> cameras;
   std::vector<std::string> marks;
-  Eigen::VectorXd place, place_sigma;  // of the marks along the bar, from the first [m]
-  int poses = 0, dropped = 0;          // that took part; that too few cameras saw
-  int gross_readings = 0;
+  Eigen::VectorXd place, place_sigma;     // of the marks along the bar, from the first [m]
+  int poses = 0, dropped = 0;             // that took part; that too few cameras saw
+  std::vector<std::string> lost_poses;    // that contradict the rest and took no part
+  int gross_readings = 0;                 // of all poses, the lost ones' among them
+  std::vector<WandRival> rivals;          // other rigs that explain the readings as well
   std::vector<std::string> gross_points;  // surveyed points that contradict the rest
   double chi_square = 0.0, degrees_of_freedom = 0.0;
   bool converged = false;

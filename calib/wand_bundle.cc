@@ -294,6 +294,13 @@ Eigen::Vector3d WandState::Mark(int pose, int mark, double after) const {
   return middle.col(pose) + after * velocity.col(pose) + place(mark) * turned.normalized();
 }
 
+Eigen::Matrix3Xd WandState::Ends() const {
+  Eigen::Matrix3Xd out(3, 2 * middle.cols());
+  out.leftCols(middle.cols()) = middle + place.minCoeff() * direction;
+  out.rightCols(middle.cols()) = middle + place.maxCoeff() * direction;
+  return out;
+}
+
 WandSummary SolveWandBundle(const WandData& data, const std::vector<CameraPrior>& priors,
                             const WandWeighting& weighting, const BundleOptions& options,
                             WandState* state, WandSystem* system) {

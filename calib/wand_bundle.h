@@ -21,6 +21,8 @@ struct WandState {
 
   // Of a mark, `after` the pose's time [s].
   Eigen::Vector3d Mark(int pose, int mark, double after) const;
+  // Of the bar's outermost marks, at the poses' times, 3 x 2 n [m].
+  Eigen::Matrix3Xd Ends() const;
 };
 
 /// How much each datum of a bundle with a bar counts.

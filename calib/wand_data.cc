@@ -67,6 +67,85 @@ Numbered Number(const data::WandReadings& readings) {
   return out;
 }
 
+// Of each pose, in the order of the file: when its flashes are, and its number in the order of
+// time.
+struct PoseTimes {
+  std::vector<double> mean, first, last;  // [s]
+  std::vector<int> number;
+};
+PoseTimes TimesOf(const data::WandReadings& readings, const Numbered& flash) {
+  const std::size_t poses = flash.poses.size();
+  PoseTimes out{std::vector<double>(poses, 0.0),
+                std::vector<double>(poses, INFINITY),
+                std::vector<double>(poses, -INFINITY),
+                {}};
+  std::vector<double> count(poses, 0.0);
+  for (std::size_t f = 0; f < readings.time.size(); ++f) {
+    const auto k = static_cast<std::size_t>(flash.pose[f]);
+    out.mean[k] += readings.time[f];
+    count[k] += 1.0;
+    out.first[k] = std::min(out.first[k], readings.time[f]);
+    out.last[k] = std::max(out.last[k], readings.time[f]);
+  }
+  for (std::size_t k = 0; k < poses; ++k) out.mean[k] /= std::max(1.0, count[k]);
+  return out;
+}
+
+// Puts the poses in the order of time, where one is stated.
+PoseTimes OrderPoses(const data::WandReadings& readings, const Numbered& flash,
+                     const std::string& where, WandData* out) {
+  PoseTimes times = TimesOf(readings, flash);
+  const std::size_t poses = flash.poses.size();
+  std::vector<std::size_t> order(poses);
+  std::iota(order.begin(), order.end(), 0);
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return times.mean[a] < times.mean[b]; });
+  times.number.resize(poses);
+  for (std::size_t k = 0; k < poses; ++k) {
+    times.number[order[k]] = static_cast<int>(k);
+    out->poses.push_back(flash.poses[order[k]]);
+    out->time.push_back(times.mean[order[k]]);
+    const bool timed = !readings.time.empty() && k > 0;
+    if (!timed || times.first[order[k]] > times.last[order[k - 1]]) continue;
+    throw Error(fmt::format("poses \"{}\" and \"{}\" overlap in time", flash.poses[order[k - 1]],
+                            flash.poses[order[k]]),
+                where, "give the flashes of one round one pose, and the next round another");
+  }
+  return times;
+}
+
+void AddReadings(const data::WandReadings& readings, const Numbered& flash, const PoseTimes& times,
+                 WandData* out) {
+  for (std::size_t f = 0; f < readings.size(); ++f) {
+    const auto k = static_cast<std::size_t>(flash.pose[f]);
+    const bool still = readings.time.empty() || times.first[k] == times.last[k];
+    const double after = still ? 0.0 : readings.time[f] - times.mean[k];
+    const auto row = static_cast<Eigen::Index>(f);
+    for (Eigen::Index j = 0; j < readings.u_px.cols(); ++j) {
+      if (std::isnan(readings.u_px(row, j))) continue;
+      out->readings.push_back({times.number[k], flash.mark[f], static_cast<int>(j),
+                               readings.u_px(row, j), readings.s_px(row, j), after});
+    }
+  }
+  std::stable_sort(out->readings.begin(), out->readings.end(),
+                   [](const WandReading& a, const WandReading& b) {
+                     if (a.pose != b.pose) return a.pose < b.pose;
+                     return a.mark != b.mark ? a.mark < b.mark : a.camera < b.camera;
+                   });
+}
+
+void RefuseRepeated(const WandData& data, const std::string& where) {
+  for (std::size_t k = 1; k < data.readings.size(); ++k) {
+    const WandReading &a = data.readings[k - 1], &b = data.readings[k];
+    if (a.pose != b.pose || a.mark != b.mark || a.camera != b.camera) continue;
+    throw Error(fmt::format("camera \"{}\" has two readings of mark \"{}\" in pose \"{}\"",
+                            data.cameras[static_cast<std::size_t>(a.camera)],
+                            data.marks[static_cast<std::size_t>(a.mark)],
+                            data.poses[static_cast<std::size_t>(a.pose)]),
+                where, "make each round of flashes a pose of its own");
+  }
+}
+
 }  // namespace
 
 WandBar ParseBar(const std::string& text, const std::string& where) {
@@ -115,60 +194,8 @@ WandData MakeWandData(const data::WandReadings& readings, const WandBar& bar,
     out.place(static_cast<Eigen::Index>(m) + 1) = bar.places[m];
   }
   out.place_sigma = bar.sigma;
-  // Each pose's time is the mean of its flashes'.
-  const std::size_t poses = flash.poses.size();
-  std::vector<double> sum(poses, 0.0), count(poses, 0.0), first(poses, INFINITY),
-      last(poses, -INFINITY);
-  const bool timed = !readings.time.empty();
-  for (std::size_t f = 0; f < readings.size() && timed; ++f) {
-    const auto k = static_cast<std::size_t>(flash.pose[f]);
-    sum[k] += readings.time[f];
-    count[k] += 1.0;
-    first[k] = std::min(first[k], readings.time[f]);
-    last[k] = std::max(last[k], readings.time[f]);
-  }
-  std::vector<std::size_t> order(poses);
-  std::iota(order.begin(), order.end(), 0);
-  if (timed) {
-    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-      return sum[a] / count[a] < sum[b] / count[b];
-    });
-  }
-  std::vector<int> place_of(poses);
-  for (std::size_t k = 0; k < poses; ++k) {
-    place_of[order[k]] = static_cast<int>(k);
-    out.poses.push_back(flash.poses[order[k]]);
-    out.time.push_back(timed ? sum[order[k]] / count[order[k]] : 0.0);
-    if (!timed || k == 0 || first[order[k]] > last[order[k - 1]]) continue;
-    throw Error(fmt::format("poses \"{}\" and \"{}\" overlap in time", flash.poses[order[k - 1]],
-                            flash.poses[order[k]]),
-                where, "give the flashes of one round one pose, and the next round another");
-  }
-  for (std::size_t f = 0; f < readings.size(); ++f) {
-    const auto k = static_cast<std::size_t>(flash.pose[f]);
-    const double after = timed ? readings.time[f] - sum[k] / count[k] : 0.0;
-    const bool still = timed && first[k] == last[k];
-    for (Eigen::Index j = 0; j < readings.u_px.cols(); ++j) {
-      const double u = readings.u_px(static_cast<Eigen::Index>(f), j);
-      if (std::isnan(u)) continue;
-      out.readings.push_back({place_of[k], flash.mark[f], static_cast<int>(j), u,
-                              readings.s_px(static_cast<Eigen::Index>(f), j), still ? 0.0 : after});
-    }
-  }
-  std::stable_sort(out.readings.begin(), out.readings.end(),
-                   [](const WandReading& a, const WandReading& b) {
-                     if (a.pose != b.pose) return a.pose < b.pose;
-                     return a.mark != b.mark ? a.mark < b.mark : a.camera < b.camera;
-                   });
-  for (std::size_t k = 1; k < out.readings.size(); ++k) {
-    const WandReading &a = out.readings[k - 1], &b = out.readings[k];
-    if (a.pose != b.pose || a.mark != b.mark || a.camera != b.camera) continue;
-    throw Error(fmt::format("camera \"{}\" has two readings of mark \"{}\" in pose \"{}\"",
-                            out.cameras[static_cast<std::size_t>(a.camera)],
-                            out.marks[static_cast<std::size_t>(a.mark)],
-                            out.poses[static_cast<std::size_t>(a.pose)]),
-                where, "make each round of flashes a pose of its own");
-  }
+  AddReadings(readings, flash, OrderPoses(readings, flash, where, &out), &out);
+  RefuseRepeated(out, where);
   if (points != nullptr) out.points = PointsOf(*points, out.cameras, points_where);
   return out;
 }

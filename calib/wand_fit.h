@@ -20,6 +20,9 @@ struct WandFitOptions {
   // A reading whose residual exceeds so many of its own sigmas is left out as gross; in a pose the
   // largest first. Chance reaches 4 in one of 16,000 readings [-].
   double gross_sigmas = 4.0;
+  // Terms of the lens: an index into the orders of its model (measure::OrdersOf); below 0: the
+  // usual ones (measure::UsualOrderOf).
+  int order = -1;
   int rounds = 12;         // of gross errors and variances, at most
   int search_poses = 150;  // that the first cameras are found from; the rest follow [-]
   // Where the cameras stand, about, by name: an earlier rig, or where they were meant to. Empty:
@@ -30,20 +33,34 @@ struct WandFitOptions {
   void Check() const;
 };
 
+/// Other cameras and poses that explain the readings as well: what was found is not determined.
+struct WandRival {
+  double apart = 0.0;  // RMS distance of the bar's ends, after the best motion or mirror image [m]
+  double worse = 0.0;  // sum of squared whitened residuals, less that of the fit [-]
+};
+
 /// Cameras and poses from the bar's readings, in a frame that nothing has fixed yet, or the
 /// survey's where it has points enough.
 struct WandFit {
   WandData data;    // the poses that take part
   int dropped = 0;  // poses that too few cameras see
+  // Poses that contradict the rest and take no part, and of each camera (c, or none) their
+  // readings.
+  std::vector<std::string> lost_poses;
+  std::vector<int> lost_readings;
   std::vector<CameraPrior> priors;
   WandWeighting weighting;
   WandState state;
   WandSummary summary;
   WandSystem system;
+  std::vector<WandRival> rivals;
   bool settled = false;    // variances and what is left out changed no more
   bool by_points = false;  // the frame is the survey's
   // The survey tells the rig from its mirror image: points off a plane.
   bool handed = false;
+
+  // Of the cameras' parameters, 31 c x 31 c, in the frame that holds in the fit.
+  Eigen::MatrixXd CameraCovariance() const;
 };
 
 // First guess (calib/wand_guess), robust bundle, the survey's frame where three points or more fix

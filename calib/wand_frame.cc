@@ -60,19 +60,13 @@ Eigen::MatrixXd RigidMotions(const WandFit& fit) {
   return G;
 }
 
-// Rows and columns of the cameras among all unknowns of the system.
-Eigen::MatrixXd CameraPart(const WandFit& fit) {
-  const auto n = kParameters * static_cast<Eigen::Index>(fit.state.cameras.size());
-  return fit.system.covariance.topLeftCorner(n, n);
-}
-
 // Six conditions B x + n = 0 on the parameters' errors x define the frame; n of covariance `noise`.
 Eigen::MatrixXd Conditioned(const WandFit& fit, const Eigen::MatrixXd& B,
                             const Eigen::MatrixXd& noise) {
   const Eigen::MatrixXd G = RigidMotions(fit);
   const Eigen::MatrixXd back = G * Eigen::FullPivLU<Eigen::MatrixXd>(B * G).inverse();
   const Eigen::MatrixXd T = Eigen::MatrixXd::Identity(G.rows(), G.rows()) - back * B;
-  return T * CameraPart(fit) * T.transpose() + back * noise * back.transpose();
+  return T * fit.CameraCovariance() * T.transpose() + back * noise * back.transpose();
 }
 
 // The found points' mean shift and turn are none.
@@ -258,7 +252,8 @@ std::vector<WandGridPoint> WandGrid(const WandFit& fit, int per_side) {
   const Eigen::Vector3d size = fit.state.middle.rowwise().maxCoeff() - low;
   std::vector<WandGridPoint> out;
   for (int i = 0; i < per_side * per_side * per_side; ++i) {
-    const Eigen::Vector3d share(i % per_side, i / per_side % per_side, i / per_side / per_side);
+    const Eigen::Vector3i step(i % per_side, i / per_side % per_side, i / per_side / per_side);
+    const Eigen::Vector3d share = step.cast<double>();
     const Eigen::Vector3d p = low + size.cwiseProduct(share) / (per_side - 1.0);
     WandGridPoint point;
     if (PlaceOf(fit, p, {}, &point)) out.push_back(std::move(point));
@@ -280,7 +275,7 @@ FramedWand SetFrame(const WandFrame& frame, const std::string& where, WandFit* f
         RefitWand(BundleOptions{}, fit);
       }
     }
-    out.covariance = CameraPart(*fit);
+    out.covariance = fit->CameraCovariance();
     return out;
   }
   Pose to_plan = Pose::Identity();

@@ -23,6 +23,9 @@ namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr double kNominal = 0.03;  // of the row: a camera that stands about where it was meant to
+// Planes that meet at a small angle give poor marks, which is the bundle's affair: it has the bars.
+constexpr double kAnyCondition = 1e4;
+constexpr int kMoreStarts = 4;  // times as many in each round, so that all rounds cost as the last
 constexpr int kRounds = 2;  // of marks from cameras and cameras from marks, once all cameras are in
 
 // Readings less the row's middle, over the row: c x (n m); NaN: not seen.
@@ -161,7 +164,7 @@ Eigen::Matrix3Xd LocateMarks(const Observations& marks, const std::vector<data::
     rig.volume_low(k) = Quantile(values, kTail);
     rig.volume_high(k) = Quantile(values, 1.0 - kTail);
   }
-  const measure::Triangulator triangulator(rig);
+  const measure::Triangulator triangulator(rig, {.max_condition = kAnyCondition});
   Eigen::Matrix3Xd out = Eigen::Matrix3Xd::Constant(3, marks.points(), kNone);
   std::vector<int> of(marks.cameras.size(), -1);
   for (std::size_t j = 0; j < number.size(); ++j) {
@@ -186,6 +189,16 @@ Eigen::Matrix3Xd LocateMarks(const Observations& marks, const std::vector<data::
 
 namespace {
 
+// A plane of marks tells no camera from its mirror image in that plane, nor its distance from its
+// image scale.
+void RefusePlane(const Eigen::Matrix3Xd& p, double flatness, const std::string& where) {
+  const PointSpread spread = SpreadOf(p);
+  if (!(spread.sigma(2) < flatness * spread.sigma(0))) return;
+  throw Error(fmt::format("the bar's marks lie in one plane ({:.0f}% as thick as it is wide)",
+                          100.0 * spread.sigma(2) / spread.sigma(0)),
+              where, "move the bar off that plane, and turn it out of it");
+}
+
 // From marks at some places to all cameras: those that see enough of them, the marks that these
 // find, and again.
 WandGuess Grow(const Observations& marks, Eigen::Matrix3Xd p, const GuessOptions& options,
@@ -207,7 +220,12 @@ WandGuess Grow(const Observations& marks, Eigen::Matrix3Xd p, const GuessOptions
                   where, "move the bar through what each camera shares with two others");
     }
     known = number.size();
-    out.cameras = GuessCameras(own, options, where);
+    RefusePlane(own.p, options.flatness, where);
+    try {
+      out.cameras = GuessCameras(own, options, where);
+    } catch (const Error&) {  // its words are of surveyed points
+      throw Error("the marks that three of them find fit no cameras", where, "");
+    }
     std::vector<data::RigCamera> cameras;
     std::vector<double> sigma, shares;
     for (const CameraGuess& guess : out.cameras) {
@@ -232,15 +250,51 @@ void WandGuessOptions::Check() const {
   const RefuseOption refuse("WandGuessOptions");
   if (fewest_poses < 6) refuse("fewest_poses", "is below 6", "give 6 or more");
   if (starts < 0) refuse("starts", "is negative", "give 0 or more");
+  if (rounds < 1) refuse("rounds", "is below 1", "give some");
   if (ends < 1) refuse("ends", "is below 1", "give some");
   if (triples < 1) refuse("triples", "is below 1", "give some");
 }
 
+namespace {
+
+// Of the search from nothing: what all three cameras share.
+struct GuessTask {
+  const WandData& data;
+  const GuessOptions& cameras;
+  const WandGuessOptions& options;
+  const std::string& where;
+  const std::function<bool(const WandGuess&)>& enough;
+  Observations marks;
+  Eigen::MatrixXd u;
+  bool any = false;  // of the guesses led to cameras
+  std::string last = "no search of three cameras ended at a bar of one length";
+
+  // Marks from three pinholes, all cameras from the marks, and what the caller makes of them.
+  bool Follow(const Triple& few, const TriplePinholes& pinholes) {
+    Eigen::Matrix3Xd p = Eigen::Matrix3Xd::Constant(3, marks.points(), kNone);
+    for (int i = 0; i < marks.points(); ++i) {
+      Eigen::Vector3d at;
+      const Eigen::Vector3d reading = u.col(i)(few.camera);
+      if (reading.allFinite() && pinholes.Find(reading, &at)) p.col(i) = data.Length() * at;
+    }
+    try {
+      const WandGuess guess = Grow(marks, p, cameras, where);
+      any = true;
+      return enough(guess);
+    } catch (const Error& error) {
+      last = error.problem();
+      return false;
+    }
+  }
+};
+
+}  // namespace
+
 void GuessWand(const WandData& data, const GuessOptions& cameras, const WandGuessOptions& options,
                const std::string& where, const std::function<bool(const WandGuess&)>& enough) {
-  const Observations marks = AsPoints(data, data.Length());
-  const Eigen::MatrixXd u = Normalised(data, marks);
-  const std::vector<Triple> triples = RankTriples(data, u, options.fewest_poses);
+  GuessTask task{data, cameras, options, where, enough, AsPoints(data, data.Length()), {}};
+  task.u = Normalised(data, task.marks);
+  const std::vector<Triple> triples = RankTriples(data, task.u, options.fewest_poses);
   if (triples.empty()) {
     throw Error(fmt::format("no three cameras see both ends of the bar in {} poses or more",
                             options.fewest_poses),
@@ -248,33 +302,31 @@ void GuessWand(const WandData& data, const GuessOptions& cameras, const WandGues
   }
   const auto [low, high] = EndsOf(data);
   const Rng rng = Rng(cameras.seed).Stream("wand");
-  bool any = false;
-  std::string last = "no search of three cameras ended at a bar of one length";
-  for (std::size_t k = 0; k < triples.size() && static_cast<int>(k) < options.triples; ++k) {
-    const Triple& few = triples[k];
-    const std::vector<TriplePinholes> found =
-        FitTriple(EndReadings(data, u, few, low), EndReadings(data, u, few, high), options.starts,
-                  options.ends, rng.Stream("three cameras", k));
-    for (const TriplePinholes& pinholes : found) {
-      ThrowIfInterrupted();
-      Eigen::Matrix3Xd p = Eigen::Matrix3Xd::Constant(3, marks.points(), kNone);
-      for (int i = 0; i < marks.points(); ++i) {
-        Eigen::Vector3d at;
-        const Eigen::Vector3d reading = u.col(i)(few.camera);
-        if (reading.allFinite() && pinholes.Find(reading, &at)) p.col(i) = data.Length() * at;
+  std::vector<std::vector<TriplePinholes>> tried(
+      std::min(triples.size(), static_cast<std::size_t>(options.triples)));
+  // Few starts of every three cameras are tried before more of any.
+  int starts = options.starts;
+  for (int round = 0; round < options.rounds; ++round, starts *= kMoreStarts) {
+    for (std::size_t k = 0; k < tried.size(); ++k) {
+      const Triple& few = triples[k];
+      const BarReadings bars{EndReadings(data, task.u, few, low),
+                             EndReadings(data, task.u, few, high)};
+      const std::vector<TriplePinholes> fresh = FitTriple(
+          bars, starts, options.ends, tried[k],
+          rng.Stream("round", static_cast<std::uint64_t>(round)).Stream("three cameras", k));
+      bool done = false;  // all ends of three cameras are followed: another may be as good
+      for (const TriplePinholes& pinholes : fresh) {
+        ThrowIfInterrupted();
+        done = task.Follow(few, pinholes) || done;
+        tried[k].push_back(pinholes);
       }
-      try {
-        const WandGuess guess = Grow(marks, p, cameras, where);
-        any = true;
-        if (enough(guess)) return;
-      } catch (const Error& error) {
-        last = error.problem();
-      }
+      if (done) return;
     }
   }
-  if (any) return;
-  throw Error("no start leads to cameras that fit the bar: " + last, where,
-              "give where the cameras stand (--layout) or a rig of before (--from)");
+  if (task.any) return;
+  throw Error("no start leads to cameras that fit the bar: " + task.last, where,
+              "check that readings and --bar belong together, wave the bar through more places and "
+              "directions, or give an earlier rig (--from)");
 }
 
 WandGuess GuessWandFrom(const WandData& data, const std::vector<data::RigCamera>& start,

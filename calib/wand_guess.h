@@ -15,7 +15,8 @@ namespace unfurl::calib {
 struct WandGuessOptions {
   int fewest_poses = 20;  // that three cameras see whole; 15 numbers of three pinholes are unknown
   int starts = 60;        // of each three cameras, beside the one from parallel projection
-  int ends = 4;           // of their searches that are followed up, at most
+  int rounds = 2;         // each with four times as many starts, while none leads to a fit
+  int ends = 4;           // of their searches that are followed up in a round, at most
   int triples = 12;       // of cameras that are tried, at most
 
   // Throws Error that names a value which makes no sense.
@@ -35,8 +36,8 @@ struct WandGuess {
 // camera; perspective follows by minimising the misfit of the lengths of a bar between points found
 // from three readings, over the seven numbers of each pinhole, from there and from random views.
 // Then every camera by GuessCameras on the points so found. What searches end at is passed to
-// `enough`, three cameras after three others, until that returns true. Throws Error where no three
-// cameras see enough poses, or nothing leads to cameras that fit.
+// `enough`, three cameras after three others, until that returned true for any end of three. Throws
+// Error where no three cameras see enough poses, or nothing leads to cameras that fit.
 void GuessWand(const WandData& data, const GuessOptions& cameras, const WandGuessOptions& options,
                const std::string& where, const std::function<bool(const WandGuess&)>& enough);
 

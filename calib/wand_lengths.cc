@@ -7,6 +7,7 @@
 #include "base/dense.h"
 #include "base/statistics.h"
 #include "base/worker_pool.h"
+#include "calib/wand_poses.h"
 #include "calib/wand_shape.h"
 #include "measure/triangulate.h"
 
@@ -14,27 +15,6 @@ namespace unfurl::calib {
 namespace {
 
 constexpr int kWaves = 8;  // half waves, from one over the whole to eight
-
-// The fit's poses `keep` with what they were left at.
-WandFit Select(const WandFit& fit, const std::vector<int>& keep) {
-  WandFit out = fit;
-  out.data = SelectPoses(fit.data, keep);
-  const auto pick = [&](const Eigen::Matrix3Xd& all) {
-    return Eigen::Matrix3Xd(all(Eigen::all, keep));
-  };
-  out.state.middle = pick(fit.state.middle);
-  out.state.direction = pick(fit.state.direction);
-  out.state.velocity = pick(fit.state.velocity);
-  out.state.turning = pick(fit.state.turning);
-  std::vector<char> kept(fit.data.poses.size(), 0);
-  for (const int k : keep) kept[static_cast<std::size_t>(k)] = 1;
-  out.weighting.use_reading.clear();
-  for (std::size_t k = 0; k < fit.data.readings.size(); ++k) {
-    if (kept[static_cast<std::size_t>(fit.data.readings[k].pose)] == 0) continue;
-    out.weighting.use_reading.push_back(fit.weighting.use_reading[k]);
-  }
-  return out;
-}
 
 // A mark of one pose, from its readings alone.
 struct FoundMark {
@@ -73,7 +53,7 @@ void CheckFold(const WandFit& fit, const BundleOptions& options, int folds, int 
   for (int k = 0; k < fit.data.pose_count(); ++k) {
     if (k % folds != fold) keep.push_back(k);
   }
-  WandFit rest = Select(fit, keep);
+  WandFit rest = KeepPoses(fit, keep);
   BundleOptions near = options;
   near.function_tolerance = 1e-7;  // less than a hundredth of one sigma in all
   RefitWand(near, &rest);

@@ -32,6 +32,16 @@ std::vector<Span> SpansOf(const WandData& data) {
   return out;
 }
 
+// Whether a pose has readings for its five unknowns, and one mark three for a point.
+bool Seen(const WandData& data, const Span& span) {
+  std::vector<int> of_mark(data.marks.size(), 0);
+  for (std::size_t k = span.first; k < span.end; ++k) {
+    ++of_mark[static_cast<std::size_t>(data.readings[k].mark)];
+  }
+  return static_cast<int>(span.end - span.first) >= kFewestReadings &&
+         *std::max_element(of_mark.begin(), of_mark.end()) >= 3;
+}
+
 // A pose from two marks that were found, the farthest apart; false where fewer were.
 bool PoseFromMarks(const Eigen::Matrix3Xd& marks, int pose, const Eigen::VectorXd& place,
                    Eigen::Vector3d* middle, Eigen::Vector3d* direction) {
@@ -90,25 +100,30 @@ Eigen::VectorXd CentredPlaces(const WandData& data) {
 
 }  // namespace
 
-int StartPoses(const std::vector<data::RigCamera>& cameras, const std::vector<double>& sigma_px,
-               const Eigen::Matrix3Xd& marks, WandData* data, WandState* state) {
+PosesLeft StartPoses(const std::vector<data::RigCamera>& cameras,
+                     const std::vector<double>& sigma_px, const Eigen::Matrix3Xd& marks,
+                     WandData* data, WandState* state) {
   const std::vector<Span> spans = SpansOf(*data);
   const Eigen::VectorXd place = CentredPlaces(*data);
+  PosesLeft left;
   std::vector<int> keep;
   std::vector<Eigen::Vector3d> middles, directions;
   for (int k = 0; k < data->pose_count(); ++k) {
     const Span& span = spans[static_cast<std::size_t>(k)];
-    if (static_cast<int>(span.end - span.first) < kFewestReadings) continue;
+    if (!Seen(*data, span)) {
+      left.unseen.push_back(k);
+      continue;
+    }
     Eigen::Vector3d middle, direction;
     if (!PoseFromMarks(marks, k, place, &middle, &direction) &&
         !PoseFromMark(*data, span, cameras, sigma_px, marks, k, place, &middle, &direction)) {
+      left.contradicting.push_back(k);
       continue;
     }
     keep.push_back(k);
     middles.push_back(middle);
     directions.push_back(direction);
   }
-  const int dropped = data->pose_count() - static_cast<int>(keep.size());
   *data = SelectPoses(*data, keep);
   const auto n = static_cast<Eigen::Index>(keep.size());
   state->cameras = cameras;
@@ -123,7 +138,7 @@ int StartPoses(const std::vector<data::RigCamera>& cameras, const std::vector<do
   state->turning.setZero(3, n);
   state->points = data->points.p;
   state->common.setZero(static_cast<Eigen::Index>(data->points.common.size()));
-  return dropped;
+  return left;
 }
 
 void StartMotion(WandFit* fit) {
@@ -168,7 +183,7 @@ void TakeFrame(WandFit* fit) {
   std::vector<int> number(fit->data.cameras.size());
   for (std::size_t j = 0; j < number.size(); ++j) number[j] = static_cast<int>(j);
   const Eigen::Matrix3Xd at =
-      LocateMarks(points, fit->state.cameras, number, fit->weighting.floor_px, fit->state.middle);
+      LocateMarks(points, fit->state.cameras, number, fit->weighting.floor_px, fit->state.Ends());
   std::vector<int> found;
   for (Eigen::Index i = 0; i < at.cols(); ++i) {
     if (at.col(i).allFinite()) found.push_back(static_cast<int>(i));
@@ -184,6 +199,26 @@ void TakeFrame(WandFit* fit) {
   // Off a plane, the mirror image misses the points by about that much.
   fit->handed = std::min(plain.rms, mirror.rms) < 0.5 * std::max(plain.rms, mirror.rms);
   for (Eigen::Index i = 0; i < points.p.cols(); ++i) fit->state.points.col(i) = points.p.col(i);
+}
+
+WandFit KeepPoses(const WandFit& fit, const std::vector<int>& keep) {
+  WandFit out = fit;
+  out.data = SelectPoses(fit.data, keep);
+  const auto pick = [&](const Eigen::Matrix3Xd& all) {
+    return Eigen::Matrix3Xd(all(Eigen::all, keep));
+  };
+  out.state.middle = pick(fit.state.middle);
+  out.state.direction = pick(fit.state.direction);
+  out.state.velocity = pick(fit.state.velocity);
+  out.state.turning = pick(fit.state.turning);
+  std::vector<char> kept(fit.data.poses.size(), 0);
+  for (const int k : keep) kept[static_cast<std::size_t>(k)] = 1;
+  out.weighting.use_reading.clear();
+  for (std::size_t k = 0; k < fit.data.readings.size(); ++k) {
+    if (kept[static_cast<std::size_t>(fit.data.readings[k].pose)] == 0) continue;
+    out.weighting.use_reading.push_back(fit.weighting.use_reading[k]);
+  }
+  return out;
 }
 
 }  // namespace unfurl::calib

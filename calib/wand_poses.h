@@ -8,11 +8,18 @@
 
 namespace unfurl::calib {
 
+// Poses that a fit cannot begin with, by number.
+struct PosesLeft {
+  std::vector<int> unseen;         // fewer than 5 readings, or than 3 of each mark
+  std::vector<int> contradicting;  // read well enough, but no mark is found from the readings
+};
+
 // Where the bar was in each pose, from marks that were found (3 x (n m), NaN: not found) and, where
-// only one mark was, by trying directions; poses of fewer than 5 readings, or of no found mark, are
-// taken out of `data`. How many were.
-int StartPoses(const std::vector<data::RigCamera>& cameras, const std::vector<double>& sigma_px,
-               const Eigen::Matrix3Xd& marks, WandData* data, WandState* state);
+// only one mark was, by trying directions; the poses of which that cannot be said are taken out of
+// `data`.
+PosesLeft StartPoses(const std::vector<data::RigCamera>& cameras,
+                     const std::vector<double>& sigma_px, const Eigen::Matrix3Xd& marks,
+                     WandData* data, WandState* state);
 
 // Velocities from neighbouring poses and the unrest from how these change; none where the marks
 // flash at once.
@@ -24,5 +31,9 @@ void TakeFrame(WandFit* fit);
 
 // A surveyed place's squared distance from the fit's, in its covariance [-].
 double SurveySquare(const Observations& points, const WandState& state, int point);
+
+// The fit's poses `keep` (ascending), with what they were left at; summary and system are those of
+// all poses until the next bundle.
+WandFit KeepPoses(const WandFit& fit, const std::vector<int>& keep);
 
 }  // namespace unfurl::calib

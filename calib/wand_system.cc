@@ -60,22 +60,31 @@ class Splitter {
 // lengths. It weighs nothing against what is measured.
 constexpr double kAnywhere = 1e3;
 
-}  // namespace
+// The normal equations of all rows, block by block.
+struct NormalEquations {
+  std::vector<Eigen::MatrixXd> diagonal, next, mixed;
+  Eigen::MatrixXd together;  // of the shared unknowns
 
-WandSystem SystemOf(const WandRows& rows, const WandData& data, const WandState& state) {
-  const Splitter splitter(rows);
-  const auto shared = static_cast<Eigen::Index>(rows.shared.size());
-  const auto blocks = static_cast<std::size_t>(splitter.blocks());
-  std::vector<Eigen::MatrixXd> diagonal, next(blocks > 0 ? blocks - 1 : 0), mixed;
-  for (int b = 0; b < splitter.blocks(); ++b) {
-    const int n = splitter.SizeOf(b);
-    diagonal.emplace_back(Eigen::MatrixXd::Identity(n, n) / (kAnywhere * kAnywhere));
-    mixed.emplace_back(Eigen::MatrixXd::Zero(n, shared));
+  NormalEquations(const WandRows& rows, const Splitter& splitter) {
+    const auto shared = static_cast<Eigen::Index>(rows.shared.size());
+    const auto blocks = static_cast<std::size_t>(splitter.blocks());
+    next.resize(blocks > 0 ? blocks - 1 : 0);
+    for (int b = 0; b < splitter.blocks(); ++b) {
+      const int n = splitter.SizeOf(b);
+      diagonal.emplace_back(Eigen::MatrixXd::Identity(n, n) / (kAnywhere * kAnywhere));
+      mixed.emplace_back(Eigen::MatrixXd::Zero(n, shared));
+    }
+    together = Eigen::MatrixXd::Zero(shared, shared);
+    SplitRow row;
+    for (std::size_t r = 0; r < rows.row.size(); ++r) {
+      splitter.Split(r, &row);
+      Add(row);
+    }
+    together.triangularView<Eigen::StrictlyUpper>() = together.transpose();
   }
-  Eigen::MatrixXd together = Eigen::MatrixXd::Zero(shared, shared);
-  SplitRow row;
-  for (std::size_t r = 0; r < rows.row.size(); ++r) {
-    splitter.Split(r, &row);
+
+ private:
+  void Add(const SplitRow& row) {
     together.selfadjointView<Eigen::Lower>().rankUpdate(row.shared);
     for (int side = 0; side < 2; ++side) {
       if (row.block[side] < 0) continue;
@@ -83,78 +92,123 @@ WandSystem SystemOf(const WandRows& rows, const WandData& data, const WandState&
       diagonal[b] += row.own[side] * row.own[side].transpose();
       mixed[b] += row.own[side] * row.shared.transpose();
     }
-    if (row.block[1] < 0) continue;
+    if (row.block[1] < 0) return;
     Eigen::MatrixXd& link = next[static_cast<std::size_t>(row.block[0])];
     if (link.size() == 0) link.setZero(row.own[0].size(), row.own[1].size());
     link += row.own[0] * row.own[1].transpose();
   }
-  together.triangularView<Eigen::StrictlyUpper>() = together.transpose();
+};
 
-  const BlockChain chain(diagonal, next);
-  const std::vector<Eigen::MatrixXd> follow = chain.Solve(mixed);
-  const std::vector<Eigen::MatrixXd> inverse = chain.InverseDiagonal();
-  for (std::size_t b = 0; b < blocks; ++b) together -= mixed[b].transpose() * follow[b];
-  together = 0.5 * (together + together.transpose()).eval();
+// What elimination of the blocks leaves.
+struct Eliminated {
+  // Of each block: how it follows the shared unknowns, and its own part of the inverse.
+  std::vector<Eigen::MatrixXd> follow, inverse;
+  Eigen::MatrixXd information, covariance;  // of the shared unknowns, in the solver's units
 
-  WandSystem out;
-  const Eigen::MatrixXd covariance = CameraCovariance(together);
+  explicit Eliminated(const NormalEquations& equations) : information(equations.together) {
+    const BlockChain chain(equations.diagonal, equations.next);
+    follow = chain.Solve(equations.mixed);
+    inverse = chain.InverseDiagonal();
+    for (std::size_t b = 0; b < follow.size(); ++b) {
+      information -= equations.mixed[b].transpose() * follow[b];
+    }
+    information = 0.5 * (information + information.transpose()).eval();
+    covariance = CameraCovariance(information);
+  }
+
+  // What a row's own datum moves its prediction by [-].
+  double Leverage(const SplitRow& row) const {
+    Eigen::VectorXd z = row.shared;
+    double out = 0.0;
+    if (row.block[0] >= 0) {
+      const auto b = static_cast<std::size_t>(row.block[0]);
+      z -= follow[b].transpose() * row.own[0];
+      out += row.own[0].dot(inverse[b] * row.own[0]);
+    }
+    return out + z.dot(covariance * z);
+  }
+};
+
+// Information and covariance in the units of files.
+void Expand(const WandRows& rows, const Eliminated& eliminated, WandSystem* out) {
+  const auto shared = static_cast<Eigen::Index>(rows.shared.size());
   Eigen::MatrixXd expand = Eigen::MatrixXd::Zero(rows.size, shared);
   for (Eigen::Index k = 0; k < shared; ++k) {
     const auto& [unknown, unit] = rows.shared[static_cast<std::size_t>(k)];
     expand(unknown, k) = unit;
   }
-  out.covariance = expand * covariance * expand.transpose();
+  out->covariance = expand * eliminated.covariance * expand.transpose();
   const Eigen::MatrixXd shrink = expand.unaryExpr([](double u) { return u > 0.0 ? 1.0 / u : 0.0; });
-  out.information = shrink * together * shrink.transpose();
+  out->information = shrink * eliminated.information * shrink.transpose();
   for (const int unknown : rows.fixed) {
-    out.information(unknown, unknown) = out.covariance(unknown, unknown) = 1.0;
+    out->information(unknown, unknown) = out->covariance(unknown, unknown) = 1.0;
   }
+}
 
+// Of readings and surveyed points; the leverages of all rows but the motion's.
+double Redundancies(const WandRows& rows, const Splitter& splitter, const Eliminated& eliminated,
+                    WandSystem* out) {
+  double sum = 0.0;
+  SplitRow row;
+  for (std::size_t r = 0; r < rows.row.size(); ++r) {
+    const WandRow& what = rows.row[r];
+    if (what.kind == WandRow::kMotion) continue;
+    splitter.Split(r, &row);
+    const double leverage = eliminated.Leverage(row);
+    sum += leverage;
+    const auto k = static_cast<std::size_t>(what.index);
+    if (what.kind == WandRow::kReading) out->redundancy[k] = std::max(0.0, 1.0 - leverage);
+    if (what.kind == WandRow::kPointReading) {
+      out->point_redundancy[k] = std::max(0.0, 1.0 - leverage);
+    }
+    if (what.kind == WandRow::kSurvey) out->survey_redundancy[k] += 1.0 - leverage;
+  }
+  return sum;
+}
+
+// The motion's squares and redundancy, which is its rows less what the unknowns leave to them: the
+// leverages of all rows sum to the unknowns.
+void MotionPart(const WandRows& rows, const Splitter& splitter, double leverage_else,
+                WandSystem* out) {
+  double unknowns = static_cast<double>(rows.shared.size()), motion_rows = 0.0;
+  for (int b = 0; b < splitter.blocks(); ++b) unknowns += splitter.SizeOf(b);
+  for (std::size_t r = 0; r < rows.row.size(); ++r) {
+    if (rows.row[r].kind != WandRow::kMotion) continue;
+    motion_rows += 1.0;
+    out->motion_squares += rows.residual[r] * rows.residual[r];
+  }
+  if (motion_rows > 0.0) {
+    out->motion_redundancy = std::max(0.0, motion_rows - (unknowns - leverage_else));
+  }
+}
+
+std::vector<double> SpeedVariances(const WandRows& rows, const Eliminated& eliminated,
+                                   const WandState& state) {
+  constexpr int kVelocity = 5;  // where it begins in a pose's columns
+  std::vector<double> out(static_cast<std::size_t>(rows.poses), 0.0);
+  if (rows.pose_size <= kVelocity) return out;
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    const Eigen::Vector3d d = rows.length * state.direction.col(static_cast<Eigen::Index>(k));
+    const Eigen::VectorXd z = eliminated.follow[k].middleRows(kVelocity, 3).transpose() * d;
+    out[k] = d.dot(eliminated.inverse[k].block<3, 3>(kVelocity, kVelocity) * d) +
+             z.dot(eliminated.covariance * z);
+  }
+  return out;
+}
+
+}  // namespace
+
+WandSystem SystemOf(const WandRows& rows, const WandData& data, const WandState& state) {
+  const Splitter splitter(rows);
+  const Eliminated eliminated(NormalEquations(rows, splitter));
+  WandSystem out;
+  Expand(rows, eliminated, &out);
   out.redundancy.assign(data.readings.size(), 0.0);
   out.point_redundancy.assign(data.points.readings.size(), 0.0);
   out.survey_redundancy.assign(static_cast<std::size_t>(data.points.points()), 0.0);
-  double unknowns = static_cast<double>(shared), leverage_else = 0.0, motion_rows = 0.0;
-  for (int b = 0; b < splitter.blocks(); ++b) unknowns += splitter.SizeOf(b);
-  for (std::size_t r = 0; r < rows.row.size(); ++r) {
-    const WandRow& what = rows.row[r];
-    if (what.kind == WandRow::kMotion) {
-      motion_rows += 1.0;
-      out.motion_squares += rows.residual[r] * rows.residual[r];
-      continue;
-    }
-    splitter.Split(r, &row);
-    Eigen::VectorXd z = row.shared;
-    double leverage = 0.0;
-    if (row.block[0] >= 0) {
-      const auto b = static_cast<std::size_t>(row.block[0]);
-      z -= follow[b].transpose() * row.own[0];
-      leverage += row.own[0].dot(inverse[b] * row.own[0]);
-    }
-    leverage += z.dot(covariance * z);
-    leverage_else += leverage;
-    const auto k = static_cast<std::size_t>(what.index);
-    if (what.kind == WandRow::kReading) out.redundancy[k] = std::max(0.0, 1.0 - leverage);
-    if (what.kind == WandRow::kPointReading) {
-      out.point_redundancy[k] = std::max(0.0, 1.0 - leverage);
-    }
-    if (what.kind == WandRow::kSurvey) out.survey_redundancy[k] += 1.0 - leverage;
-  }
-  // The leverages of all rows sum to the unknowns.
-  if (motion_rows > 0.0) {
-    out.motion_redundancy = std::max(0.0, motion_rows - (unknowns - leverage_else));
-  }
-  constexpr int kVelocity = 5;  // where it begins in a pose's columns
-  for (int k = 0; k < rows.poses; ++k) {
-    if (rows.pose_size <= kVelocity) {
-      out.speed_variance.push_back(0.0);
-      continue;
-    }
-    const auto b = static_cast<std::size_t>(k);
-    const Eigen::Vector3d d = rows.length * state.direction.col(k);
-    const Eigen::VectorXd z = follow[b].middleRows(kVelocity, 3).transpose() * d;
-    out.speed_variance.push_back(d.dot(inverse[b].block<3, 3>(kVelocity, kVelocity) * d) +
-                                 z.dot(covariance * z));
-  }
+  const double leverage_else = Redundancies(rows, splitter, eliminated, &out);
+  MotionPart(rows, splitter, leverage_else, &out);
+  out.speed_variance = SpeedVariances(rows, eliminated, state);
   return out;
 }
 

@@ -9,6 +9,7 @@
 
 #include "base/dense.h"
 #include "base/log_silence.h"
+#include "base/pose.h"
 #include "base/statistics.h"
 
 namespace unfurl::calib {
@@ -26,8 +27,8 @@ constexpr double kWideAngle = 0.8, kAngles = 0.6;  // row over f: 45 degrees, +-
 constexpr double kWidest = 2.0;       // of random views about one axis: nearly any direction
 constexpr double kLeastDepth = 0.05;  // over that of the middle: nearer, no lens is in focus [-]
 constexpr double kLost = 0.5;         // of a bar: more, and most bars were not found at all
-constexpr double kSame = 0.01;   // of the cost: two ends of searches that differ by less are one
-constexpr int kIterations = 40;  // a search that needs more is on no good way
+constexpr double kSame = 0.15;        // bars: lens errors make as much of one rig, see kLensShare
+constexpr int kIterations = 40;       // a search that needs more is on no good way
 
 // The planes of three readings: rows (a - u b), right-hand sides u - alpha.
 bool Meet(const Block& x, const Eigen::Vector3d& u, Eigen::Matrix3d* inverse, Eigen::Vector3d* p) {
@@ -198,6 +199,70 @@ void Search(const Eigen::Matrix3Xd& from, const Eigen::Matrix3Xd& to, TriplePinh
   triple->cost = summary.final_cost + 0.5 * lost * static_cast<double>(from.cols() - used);
 }
 
+// How far two searches' ends put the bars from each other, RMS after the best motion or mirror
+// image [bars]; infinite where they have few in common.
+double Apart(const BarReadings& bars, const TriplePinholes& a, const TriplePinholes& b) {
+  std::vector<Eigen::Vector3d> by_a, by_b;
+  for (const Eigen::Matrix3Xd* end : {&bars.from, &bars.to}) {
+    for (Eigen::Index k = 0; k < end->cols(); ++k) {
+      Eigen::Vector3d p, q;
+      if (!a.Find(end->col(k), &p) || !b.Find(end->col(k), &q)) continue;
+      by_a.push_back(p);
+      by_b.push_back(q);
+    }
+  }
+  if (by_a.size() < static_cast<std::size_t>(bars.from.cols())) {
+    return std::numeric_limits<double>::infinity();
+  }
+  Eigen::Matrix3Xd p(3, static_cast<Eigen::Index>(by_a.size())), q = p;
+  for (std::size_t k = 0; k < by_a.size(); ++k) {
+    p.col(static_cast<Eigen::Index>(k)) = by_a[k];
+    q.col(static_cast<Eigen::Index>(k)) = by_b[k];
+  }
+  return std::min(FitRigid(p, q).rms, FitRigid(p, -q).rms);
+}
+
+// Where searches begin.
+class StartViews {
+ public:
+  StartViews(const BarReadings& bars, Rng* rng) {
+    const Eigen::Matrix3Xd d = bars.to - bars.from;
+    // Readings u = A p + alpha with A A' = Q^-1, the frame's turn left open.
+    Eigen::Matrix3d Q;
+    affine_ = AffineMetric(d, rng, &Q);
+    if (affine_) A_ = Eigen::LLT<Eigen::Matrix3d>(Q.inverse()).matrixL();
+    size_ = (3.0 * d.rowwise().squaredNorm() / static_cast<double>(d.cols())).cwiseSqrt();
+    alpha_ = 0.5 * (bars.from.rowwise().mean() + bars.to.rowwise().mean());
+  }
+
+  // The first is by parallel projection. Strong perspective hides the parallel part, or bends it:
+  // every other start has views about an axis, near to it or not, with rows of the size that a bar
+  // of any direction gives, a third of its square along each.
+  TriplePinholes Draw(int start, Rng* rng) const {
+    TriplePinholes triple;
+    const bool parallel = affine_ && (start % 2 == 1 || start == 0);
+    const double spread = kWidest * rng->Uniform();
+    for (int j = 0; j < 3; ++j) {
+      Eigen::Vector3d a = A_.row(j), view;
+      if (parallel) {
+        view = a.cross(RandomVector(rng)).normalized();
+      } else {
+        view = (Eigen::Vector3d::UnitZ() + spread * RandomVector(rng)).normalized();
+        a = size_(j) * view.cross(RandomVector(rng)).normalized();
+      }
+      const bool flat = parallel && start == 0;
+      const double wide = flat ? 0.0 : kWideAngle * rng->Uniform(0.3, 1.5);
+      triple.x.col(j) << a, alpha_(j), wide * a.norm() * view;
+    }
+    return triple;
+  }
+
+ private:
+  bool affine_ = false;
+  Eigen::Matrix3d A_ = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d size_, alpha_;
+};
+
 }  // namespace
 
 bool TriplePinholes::Find(const Eigen::Vector3d& u, Eigen::Vector3d* p) const {
@@ -205,46 +270,30 @@ bool TriplePinholes::Find(const Eigen::Vector3d& u, Eigen::Vector3d* p) const {
   return Meet(Block(x.data()), u, &inverse, p);
 }
 
-std::vector<TriplePinholes> FitTriple(const Eigen::Matrix3Xd& from, const Eigen::Matrix3Xd& to,
-                                      int starts, int most, Rng rng) {
+std::vector<TriplePinholes> FitTriple(const BarReadings& bars, int starts, int most,
+                                      const std::vector<TriplePinholes>& tried, Rng rng) {
   const LogSilence silence;
-  const Eigen::Matrix3Xd d = to - from;
-  // Readings u = A p + alpha with A A' = Q^-1, the frame's turn left open.
-  Eigen::Matrix3d Q, A = Eigen::Matrix3d::Zero();
-  const bool affine = AffineMetric(d, &rng, &Q);
-  if (affine) A = Eigen::LLT<Eigen::Matrix3d>(Q.inverse()).matrixL();
-  // Strong perspective hides the parallel part, or bends it: every other start has views about an
-  // axis, near to it or not, with rows of the size that a bar of any direction gives, a third of
-  // its square along each.
-  const Eigen::Vector3d size =
-      (3.0 * d.rowwise().squaredNorm() / static_cast<double>(d.cols())).cwiseSqrt();
-  const Eigen::Vector3d alpha = 0.5 * (from.rowwise().mean() + to.rowwise().mean());
+  const StartViews views(bars, &rng);
   std::vector<TriplePinholes> ends;
-  for (int start = affine ? 0 : 2; start <= starts; start += affine ? 1 : 2) {
-    TriplePinholes triple;
-    const double spread = kWidest * rng.Uniform();
-    for (int j = 0; j < 3; ++j) {
-      Eigen::Vector3d a = A.row(j), view = a.unitOrthogonal();
-      if (start % 2 == 0 && start > 0) {
-        view = (Eigen::Vector3d::UnitZ() + spread * RandomVector(&rng)).normalized();
-        a = size(j) * view.cross(RandomVector(&rng)).normalized();
-      } else {
-        view = a.cross(RandomVector(&rng)).normalized();
-      }
-      const double wide = start == 0 ? 0.0 : kWideAngle * rng.Uniform(0.3, 1.5);
-      const Eigen::Vector3d b = wide * a.norm() * view;
-      triple.x.col(j) << a, alpha(j), b;
-    }
-    Search(from, to, &triple);
+  for (int start = 0; start <= starts; ++start) {
+    TriplePinholes triple = views.Draw(start, &rng);
+    Search(bars.from, bars.to, &triple);
     if (triple.misfit < kLost) ends.push_back(triple);
   }
   std::stable_sort(ends.begin(), ends.end(), [](const TriplePinholes& a, const TriplePinholes& b) {
     return a.cost < b.cost;
   });
   std::vector<TriplePinholes> out;
+  const auto same = [&](const TriplePinholes& end) {
+    const auto as_end = [&](const TriplePinholes& other) {
+      return Apart(bars, end, other) < kSame;
+    };
+    return std::any_of(tried.begin(), tried.end(), as_end) ||
+           std::any_of(out.begin(), out.end(), as_end);
+  };
   for (const TriplePinholes& end : ends) {
     if (static_cast<int>(out.size()) == most) break;
-    if (out.empty() || end.cost > (1.0 + kSame) * out.back().cost) out.push_back(end);
+    if (!same(end)) out.push_back(end);
   }
   return out;
 }

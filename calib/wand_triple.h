@@ -18,10 +18,16 @@ struct TriplePinholes {
   bool Find(const Eigen::Vector3d& u, Eigen::Vector3d* p) const;
 };
 
-// The distinct ends of `starts` + 1 searches, most probable first, `most` at most; `from` and `to`
-// are readings of the bar's ends, 3 x n, n >= 6. Readings of three cameras say nothing of their
-// views but through the bar's length: n equations for 15 unknowns.
-std::vector<TriplePinholes> FitTriple(const Eigen::Matrix3Xd& from, const Eigen::Matrix3Xd& to,
-                                      int starts, int most, Rng rng);
+/// Readings of the bar's two ends by three cameras in n poses, 3 x n, less the rows' middle and
+/// over the row [-].
+struct BarReadings {
+  Eigen::Matrix3Xd from, to;
+};
+
+// The distinct ends of `starts` + 1 searches, most probable first, `most` at most, but for
+// those that put the bars where one that was `tried` does; n >= 6. Readings of three cameras say
+// nothing of their views but through the bar's length: n equations for 15 unknowns.
+std::vector<TriplePinholes> FitTriple(const BarReadings& bars, int starts, int most,
+                                      const std::vector<TriplePinholes>& tried, Rng rng);
 
 }  // namespace unfurl::calib

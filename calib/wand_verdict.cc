@@ -11,6 +11,7 @@
 #include "base/statistics.h"
 #include "base/text.h"
 #include "calib/verdict.h"
+#include "calib/wand_search.h"
 #include "calib/wand_shape.h"
 
 namespace unfurl::calib {
@@ -18,6 +19,12 @@ namespace {
 
 // Of all trend tests together, as TrendOptions: one calibration in a hundred that has none.
 constexpr double kTrendLevel = 0.01;
+
+// Of a camera's stated sigma, its floor: the search takes no cameras for found that miss by more.
+constexpr double kFarFromStated = 3.0;
+
+// The bar's ends: what of their largest spread counts as a plane, as GuessOptions::flatness [-].
+constexpr double kFlat = 0.05;
 
 // Reasons by what they do to the verdict.
 struct Tally {
@@ -28,7 +35,10 @@ void JudgeLengths(const WandReport& report, const VerdictOptions& options, data:
                   Tally* tally) {
   const auto n = static_cast<double>(report.lengths.size());
   if (report.lengths.empty()) {
-    tally->no.push_back("in no pose that took no part could the bar's ends be found");
+    tally->no.push_back(
+        "in no pose that took no part could the bar's ends be found: the planes that the cameras' "
+        "readings stand for meet at too small an angle, or too few see a mark. Turn rows against "
+        "each other, or move cameras apart");
     return;
   }
   double squares = 0.0, predicted = 0.0, whitened = 0.0;
@@ -73,7 +83,16 @@ void JudgeShape(const WandFit& fit, const std::vector<double>& sigmas, const Wan
   rig->checks["bar_direction_least [1]"] = std::sqrt(std::max(0.0, eigen.eigenvalues()(0)));
   const Eigen::Vector3d least = eigen.eigenvectors().col(0);
   const PointSpread spread = SpreadOf(fit.state.middle);
-  rig->checks["bar_flatness [1]"] = spread.sigma(2) / std::max(1e-300, spread.sigma(0));
+  const PointSpread ends = SpreadOf(fit.state.Ends());
+  const double flatness = ends.sigma(2) / ends.sigma(0);
+  rig->checks["bar_flatness [1]"] = flatness;
+  if (!(flatness >= kFlat)) {
+    tally->care.push_back(fmt::format(
+        "the bar stayed in one plane, normal ({:.2f}, {:.2f}, {:.2f}): {} RMS off it, {} along it. "
+        "Off that plane nothing was tested: move the bar, and turn it, out of it",
+        ends.normal.x(), ends.normal.y(), ends.normal.z(), LengthText(ends.sigma(2)),
+        LengthText(ends.sigma(0))));
+  }
   bool any = false;
   for (const WandShape& shape : report.shapes) {
     if (!(shape.moved > need)) continue;
@@ -117,15 +136,38 @@ void JudgeShape(const WandFit& fit, const std::vector<double>& sigmas, const Wan
   }
 }
 
-void JudgeData(const WandFit& fit, const WandReport& report, const VerdictOptions& options,
-               data::Rig* rig, Tally* tally) {
+// Whether other cameras would explain the readings, or none do.
+void JudgeRivals(const WandFit& fit, const WandReport& report, data::Rig* rig, Tally* tally) {
+  rig->checks["rivals [1]"] = static_cast<double>(report.rivals.size());
+  const auto widest =
+      std::max_element(report.rivals.begin(), report.rivals.end(),
+                       [](const WandRival& a, const WandRival& b) { return a.apart < b.apart; });
+  if (widest != report.rivals.end()) {
+    tally->no.push_back(fmt::format(
+        "not determined: other cameras ({} were found) explain the readings as well (chi-square "
+        "{:.1f} more) with the bar's ends {} RMS elsewhere. Wave the bar through more places and "
+        "directions, or give an earlier rig (--from)",
+        report.rivals.size(), widest->worse, LengthText(widest->apart)));
+  }
+  for (std::size_t j = 0; j < report.cameras.size(); ++j) {
+    const double floor = report.cameras[j].floor_px;
+    const double stated = MedianSigma(fit.data);
+    if (!(floor > kFarFromStated * stated)) continue;
+    tally->care.push_back(fmt::format(
+        "the residuals of camera \"{}\" are {:.1f} times as large as stated ({:.3g} px): its "
+        "readings are worse than that, its lens is not of the model's kind, or other cameras would "
+        "explain them better",
+        report.cameras[j].name, std::hypot(floor, stated) / stated, stated));
+  }
+}
+
+void JudgeFit(const WandFit& fit, const WandReport& report, const VerdictOptions& options,
+              data::Rig* rig, Tally* tally) {
   const double freedom = report.degrees_of_freedom;
-  const auto readings = static_cast<double>(fit.data.readings.size());
   rig->checks["chi_square_per_dof [1]"] = freedom > 0.0 ? report.chi_square / freedom : 0.0;
   rig->checks["degrees_of_freedom [1]"] = freedom;
   rig->checks["model_floor [px]"] = rig->model_floor_px;
   rig->checks["poses [1]"] = report.poses;
-  rig->checks["gross_readings [1]"] = report.gross_readings;
   if (!fit.settled) {
     tally->no.push_back(
         "floors and gross errors did not settle: the readings contradict each other, as those of a "
@@ -137,12 +179,20 @@ void JudgeData(const WandFit& fit, const WandReport& report, const VerdictOption
         "the data have only {:.0f} degrees of freedom to check the fit with: wave the bar longer",
         freedom));
   }
-  const double share = report.gross_readings / std::max(1.0, readings);
+  for (std::string& trend : WandTrends(fit, kTrendLevel)) tally->care.push_back(std::move(trend));
+}
+
+void JudgeGross(const WandReport& report, const VerdictOptions& options, data::Rig* rig,
+                Tally* tally) {
+  int readings = 0;
+  for (const WandCameraReport& camera : report.cameras) readings += camera.readings;
+  rig->checks["gross_readings [1]"] = report.gross_readings;
+  const double share = report.gross_readings / std::max(1.0, static_cast<double>(readings));
   if (report.gross_readings > 0) {
     const std::string text = fmt::format(
         "{} of {} readings contradict the rest, or are of poses where nothing tells "
         "which ones do, and were left out",
-        report.gross_readings, fit.data.readings.size());
+        report.gross_readings, readings);
     (share > options.gross_no     ? tally->no
      : share > options.gross_care ? tally->care
                                   : tally->fine)
@@ -156,6 +206,11 @@ void JudgeData(const WandFit& fit, const WandReport& report, const VerdictOption
     tally->fine.push_back(
         fmt::format("{} poses were passed over: too few cameras saw them", report.dropped));
   }
+}
+
+// Floors over the rows, and what of the rows was tested.
+void JudgeRows(const WandReport& report, const VerdictOptions& options, data::Rig* rig,
+               Tally* tally) {
   std::vector<double> shares;
   for (std::size_t j = 0; j < report.cameras.size(); ++j) {
     const WandCameraReport& camera = report.cameras[j];
@@ -175,7 +230,6 @@ void JudgeData(const WandFit& fit, const WandReport& report, const VerdictOption
         "tested. Take it through all of the volume that is used",
         100.0 * Median(shares)));
   }
-  for (std::string& trend : WandTrends(fit, kTrendLevel)) tally->care.push_back(std::move(trend));
 }
 
 void JudgeMotion(const WandFit& fit, const WandReport& report, data::Rig* rig, Tally* tally) {
@@ -200,9 +254,12 @@ void JudgeMotion(const WandFit& fit, const WandReport& report, data::Rig* rig, T
 void JudgeWand(const WandFit& fit, const std::vector<double>& sigmas, const WandReport& report,
                const VerdictOptions& options, data::Rig* rig) {
   Tally tally;
+  JudgeRivals(fit, report, rig, &tally);
   JudgeLengths(report, options, rig, &tally);
   JudgeShape(fit, sigmas, report, options, rig, &tally);
-  JudgeData(fit, report, options, rig, &tally);
+  JudgeFit(fit, report, options, rig, &tally);
+  JudgeGross(report, options, rig, &tally);
+  JudgeRows(report, options, rig, &tally);
   JudgeMotion(fit, report, rig, &tally);
   rig->checks["handed [1]"] = report.handed ? 1.0 : 0.0;
   if (!report.handed) {

@@ -282,38 +282,10 @@ int RunWand(const Common& common, const Arguments& arguments) {
   }
   wand.options.fit.guess = arguments.options.guess;
   wand.options.fit.guess.lens = LensOf(arguments.lens);
+  wand.options.fit.order = OrderOf(wand.options.fit.guess.lens, arguments.order);
+  wand.order = arguments.order;
+  wand.lens = arguments.lens;
   return RunCalibrateWand(common, wand);
-}
-
-void AddWandOptions(CLI::App* app, VerbFiles& files, WandArguments* wand) {
-  CLI::Option* readings =
-      files.Read("--wand", &wand->readings,
-                 "Instead of SURVEY: readings of a bar that was moved by hand [CSV, HDF5]");
-  app->add_option("--bar", wand->bar,
-                  "Its length, as 0.7501m+-0.1mm; of more than two marks their distances from the "
-                  "first, as 0.25m,0.75m+-0.1mm")
-      ->type_name("LENGTH")
-      ->needs(readings);
-  files
-      .Read("--points", &wand->points,
-            "Surveyed points for the frame, three or more, with readings [CSV, HDF5]")
-      ->needs(readings);
-  files.Read("--from", &wand->from, "A rig of before to start from [HDF5]")->needs(readings);
-  app->add_option("--frame", wand->frame,
-                  "Three cameras that give the frame: origin, x towards, y towards")
-      ->delimiter(',')
-      ->expected(3)
-      ->type_name("CAMERAS")
-      ->needs(readings);
-  CLI::Option* plumb =
-      app->add_option("--plumb", wand->options.frame.plumb,
-                      "The pose in which the bar hung plumb, its first mark above: z is up")
-          ->type_name("POSE")
-          ->needs(readings);
-  app->add_option("--origin", wand->options.frame.origin,
-                  "With --plumb, the pose whose middle is the origin and whose bearing is x")
-      ->type_name("POSE")
-      ->needs(plumb);
 }
 
 }  // namespace
@@ -371,7 +343,8 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
       ->capture_default_str()
       ->type_name("LENS");
   app->add_option("--order", arguments->order,
-                  "Terms of the lens model: auto (by cross-validation); rectilinear: pinhole, "
+                  "Terms of the lens model: auto (by cross-validation; with --wand the usual set); "
+                  "rectilinear: pinhole, "
                   "cubic, cubic-even, quintic, quintic-even, full, septic; fisheye: "
                   "equidistant, two-parameter, full, septic")
       ->capture_default_str()

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -124,6 +125,9 @@ int RunCalibrateWand(const Common& common, const WandArguments& arguments) {
   data::Provenance provenance = StartProvenance(common);
   provenance.AddInput(arguments.readings);
   provenance.options["bar"] = arguments.bar;
+  provenance.options["lens"] = arguments.lens;
+  provenance.options["order"] = arguments.order;
+  provenance.options["folds"] = std::to_string(arguments.options.folds);
   provenance.seed = arguments.options.fit.guess.seed;
   if (arguments.bar.empty()) {
     throw Error("is needed with --wand", "--bar",
@@ -163,6 +167,46 @@ int RunCalibrateWand(const Common& common, const WandArguments& arguments) {
   const auto& reasons = result.rig.reasons;
   return NotUsable(arguments.readings, "the calibration's verdict is \"" + result.rig.verdict +
                                            "\"" + (reasons.empty() ? "" : ": " + reasons.front()));
+}
+
+void AddWandOptions(CLI::App* app, VerbFiles& files, WandArguments* wand) {
+  CLI::Option* readings =
+      files.Read("--wand", &wand->readings,
+                 "Instead of SURVEY: readings of a bar that was moved by hand [CSV, HDF5]");
+  app->add_option("--bar", wand->bar,
+                  "Its length, as 0.7501m+-0.1mm; of more than two marks their distances from the "
+                  "first, as 0.25m,0.75m+-0.1mm")
+      ->type_name("LENGTH")
+      ->needs(readings);
+  files
+      .Read("--points", &wand->points,
+            "Surveyed points for the frame, three or more, with readings [CSV, HDF5]")
+      ->needs(readings);
+  files.Read("--from", &wand->from, "A rig of before to start from [HDF5]")->needs(readings);
+  CLI::Option* frame =
+      app->add_option("--frame", wand->frame,
+                      "Three cameras that give the frame: origin, x towards, y towards")
+          ->delimiter(',')
+          ->expected(3)
+          ->type_name("CAMERAS")
+          ->needs(readings);
+  CLI::Option* plumb =
+      app->add_option("--plumb", wand->options.frame.plumb,
+                      "The pose in which the bar hung plumb, its first mark above: z is up")
+          ->type_name("POSE")
+          ->needs(readings)
+          ->excludes(frame);
+  CLI::Option* origin =
+      app->add_option("--origin", wand->options.frame.origin,
+                      "With --plumb, the pose whose middle is the origin and whose bearing is x")
+          ->type_name("POSE")
+          ->needs(plumb);
+  plumb->needs(origin);
+  // What is said of a survey holds for none of this.
+  for (const char* name : {"--readings", "--sigma", "--angle-sigma", "--distance-sigma",
+                           "--station", "--distance-error", "--zenith-error"}) {
+    readings->excludes(app->get_option(name));
+  }
 }
 
 }  // namespace unfurl::cli

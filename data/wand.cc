@@ -6,7 +6,8 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <tuple>
+#include <set>
+#include <utility>
 
 #include "base/error.h"
 #include "data/atomic_file.h"
@@ -140,6 +141,50 @@ WandReadings ReadLong(const CsvTable& table, const FlashColumns& flashes) {
   return out;
 }
 
+void RefuseSizes(const H5Reader& file, const WandReadings& wand) {
+  const auto n = static_cast<Eigen::Index>(wand.size());
+  const auto c = static_cast<Eigen::Index>(wand.cameras.size());
+  const auto matrix = [&](const Eigen::MatrixXd& m) { return m.rows() == n && m.cols() == c; };
+  const auto refuse = [&](bool whole, const char* name) {
+    if (whole) return;
+    file.Fail("does not have the size that the flashes and cameras ask for", name,
+              "make the file again");
+  };
+  refuse(wand.mark.size() == wand.size(), "/mark");
+  refuse(wand.time.empty() || wand.time.size() == wand.size(), "/time");
+  refuse(wand.pixels.empty() || wand.pixels.size() == wand.cameras.size(), "/pixels");
+  refuse(matrix(wand.u_px), "/u");
+  refuse(matrix(wand.s_px), "/s");
+}
+
+void RefuseNumbers(const H5Reader& file, const WandReadings& wand) {
+  for (std::size_t i = 0; i < wand.time.size(); ++i) {
+    if (std::isfinite(wand.time[i])) continue;
+    file.Fail(fmt::format("flash {} is at {} s", i + 1, wand.time[i]), "/time",
+              "give each flash its time, or leave /time out where the bar stood still");
+  }
+  for (Eigen::Index i = 0; i < wand.u_px.rows(); ++i) {
+    for (Eigen::Index j = 0; j < wand.u_px.cols(); ++j) {
+      const double u = wand.u_px(i, j), s = wand.s_px(i, j);
+      if (std::isnan(u) && std::isnan(s)) continue;
+      if (std::isfinite(u) && std::isfinite(s) && s > 0.0) continue;
+      file.Fail(fmt::format("flash {}, camera '{}': reading {} px with sigma {} px", i + 1,
+                            wand.cameras[static_cast<std::size_t>(j)], u, s),
+                "/s", "give each reading a standard deviation above 0, or NaN for both");
+    }
+  }
+}
+
+void RefuseRepeated(const H5Reader& file, const WandReadings& wand) {
+  std::set<Flash> seen;
+  for (std::size_t i = 0; i < wand.size(); ++i) {
+    const double time = wand.time.empty() ? 0.0 : wand.time[i];
+    if (seen.insert({wand.pose[i], wand.mark[i], time}).second) continue;
+    file.Fail(fmt::format("mark '{}' of pose '{}' comes twice", wand.mark[i], wand.pose[i]),
+              "/pose", "make each round of flashes a pose of its own");
+  }
+}
+
 WandReadings ReadH5(const std::string& path) {
   const H5Reader file(path, kWandSchema, kWandVersion);
   WandReadings out;
@@ -152,26 +197,9 @@ WandReadings ReadH5(const std::string& path) {
   }
   out.u_px = file.ReadMatrix("/u", "px");
   out.s_px = file.ReadMatrix("/s", "px");
-  const auto n = static_cast<Eigen::Index>(out.size());
-  const auto c = static_cast<Eigen::Index>(out.cameras.size());
-  const bool sizes =
-      out.mark.size() == out.size() && (out.time.empty() || out.time.size() == out.size()) &&
-      (out.pixels.empty() || out.pixels.size() == out.cameras.size()) && out.u_px.rows() == n &&
-      out.u_px.cols() == c && out.s_px.rows() == n && out.s_px.cols() == c;
-  if (!sizes) {
-    file.Fail("does not have the size that the flashes and cameras ask for", "/u",
-              "make the file again");
-  }
-  for (Eigen::Index i = 0; i < n; ++i) {
-    for (Eigen::Index j = 0; j < c; ++j) {
-      const double u = out.u_px(i, j), s = out.s_px(i, j);
-      if (std::isnan(u) && std::isnan(s)) continue;
-      if (std::isfinite(u) && std::isfinite(s) && s > 0.0) continue;
-      file.Fail(fmt::format("flash {}, camera '{}': reading {} px with sigma {} px", i + 1,
-                            out.cameras[static_cast<std::size_t>(j)], u, s),
-                "/s", "give each reading a standard deviation above 0, or NaN for both");
-    }
-  }
+  RefuseSizes(file, out);
+  RefuseNumbers(file, out);
+  RefuseRepeated(file, out);
   return out;
 }
 

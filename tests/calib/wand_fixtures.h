@@ -5,8 +5,12 @@
 #include <string>
 #include <vector>
 
+#include "base/pose.h"
 #include "base/random.h"
+#include "base/statistics.h"
 #include "calib/wand_data.h"
+#include "calib/wand_fit.h"
+#include "tests/calib/fixtures.h"
 #include "tests/calib/synthetic.h"
 #include "tests/calib/traced.h"
 
@@ -131,6 +135,48 @@ inline Waved WaveBefore(const TracedLab& lab, const Wave& wave) {
     return lab.Read(j, p, u);
   };
   return MakeWave(names, pixels, read, wave, lab.rng.Stream("wave"));
+}
+
+// How far the bar's marks as found are from where they were, after the best rigid motion.
+inline double MarksRms(const WandFit& fit, const Waved& waved, bool mirror) {
+  Eigen::Matrix3Xd truth(3, 2 * fit.data.pose_count()), found = truth;
+  std::vector<double> after(waved.data.readings.size() * 2, 0.0);
+  for (const WandReading& r : fit.data.readings) {
+    after[static_cast<std::size_t>(2 * r.pose + r.mark)] = r.after;
+  }
+  for (int k = 0; k < fit.data.pose_count(); ++k) {
+    const int pose = std::stoi(fit.data.poses[static_cast<std::size_t>(k)]) - 1;
+    for (int mark = 0; mark < 2; ++mark) {
+      truth.col(2 * k + mark) = waved.marks.col(2 * pose + mark);
+      found.col(2 * k + mark) =
+          fit.state.Mark(k, mark, after[static_cast<std::size_t>(2 * k + mark)]);
+    }
+  }
+  return FitRigid(truth, mirror ? Eigen::Matrix3Xd(-found) : found).rms;
+}
+
+// The errors of found points with their whole covariance, in the survey's frame.
+struct Nees {
+  double sum = 0.0, n = 0.0;
+  int inside = 0, errors = 0;
+  void Add(const TrueErrors& found) {
+    for (std::size_t k = 0; k < found.error.size(); ++k) {
+      const double squared = found.error[k].dot(found.predicted[k].llt().solve(found.error[k]));
+      sum += squared / 3.0;
+      n += 1.0;
+      inside += squared < ChiSquareQuantile(0.95, 3.0) ? 1 : 0;
+      ++errors;
+    }
+  }
+};
+
+inline Waved WithPoints(const std::vector<data::RigCamera>& truth, Wave wave, int points,
+                        std::uint64_t seed) {
+  const Rng rng(seed);
+  Waved waved = WaveBefore(truth, wave, rng.Stream("wave"));
+  waved.data.points =
+      Observe(truth, PointsInCube(points, 1.0, rng.Stream("points")), 3e-4, 0.05, rng.Stream("n"));
+  return waved;
 }
 
 }  // namespace unfurl::calib::testing
