@@ -142,6 +142,7 @@ std::vector<char> Seeing(const Observations& marks, const Eigen::Matrix3Xd& p, i
     if (p.col(r.point).allFinite()) ++count[static_cast<std::size_t>(r.camera)];
   }
   std::vector<char> out;
+  out.reserve(count.size());
   for (const int n : count) out.push_back(n >= fewest ? 1 : 0);
   return out;
 }
