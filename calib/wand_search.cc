@@ -64,10 +64,10 @@ bool StartFit(const WandData& data, const WandGuess& guess, const WandFitOptions
 
 // Every so many-th pose, without surveyed points: what the cameras are first found from.
 WandData FewPoses(const WandData& data, int most) {
-  std::vector<int> keep;
   const int n = data.pose_count();
-  for (int k = 0; k < std::min(n, most); ++k) {
-    keep.push_back(static_cast<int>(static_cast<long>(k) * n / std::min(n, most)));
+  std::vector<int> keep(static_cast<std::size_t>(std::min(n, most)));
+  for (std::size_t k = 0; k < keep.size(); ++k) {
+    keep[k] = static_cast<int>(k * static_cast<std::size_t>(n) / keep.size());
   }
   WandData out = SelectPoses(data, keep);
   out.points = {};
@@ -121,6 +121,7 @@ WandSearch Compare(const BundleOptions& options, std::vector<WandFit> fits) {
   double floor = 0.0;
   for (const WandFit& fit : fits) floor = std::max(floor, fit.weighting.floor_px[0]);
   std::vector<double> cost;
+  cost.reserve(fits.size());
   for (WandFit& fit : fits) cost.push_back(CostAt(options, floor, &fit));
   const auto least =
       static_cast<std::size_t>(std::min_element(cost.begin(), cost.end()) - cost.begin());

@@ -80,12 +80,13 @@ struct NormalEquations {
       splitter.Split(r, &row);
       Add(row);
     }
-    together.triangularView<Eigen::StrictlyUpper>() = together.transpose();
   }
 
  private:
   void Add(const SplitRow& row) {
-    together.selfadjointView<Eigen::Lower>().rankUpdate(row.shared);
+    for (Eigen::Index k = 0; k < row.shared.size(); ++k) {  // most are of other cameras
+      if (row.shared(k) != 0.0) together.col(k) += row.shared(k) * row.shared;
+    }
     for (int side = 0; side < 2; ++side) {
       if (row.block[side] < 0) continue;
       const auto b = static_cast<std::size_t>(row.block[side]);
