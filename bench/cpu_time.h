@@ -2,19 +2,14 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <ctime>
 #include <functional>
 #include <vector>
 
+#include "base/cpu_time.h"
+
 namespace unfurl::bench {
 
-// Seconds that a clock of the cores has run, of this process or of this thread: other work on the
-// machine does not count.
-inline double CpuSeconds(clockid_t clock = CLOCK_PROCESS_CPUTIME_ID) {
-  timespec now;
-  clock_gettime(clock, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
+using unfurl::CpuSeconds;
 inline double ThreadSeconds() { return CpuSeconds(CLOCK_THREAD_CPUTIME_ID); }
 
 // Seconds per call: the median of five rounds of `count` calls.

@@ -8,8 +8,11 @@
 #include "base/error.h"
 #include "base/progress.h"
 #include "base/table.h"
+#include "base/text.h"
 #include "cli/cost_page.h"
+#include "cli/cost_study.h"
 #include "cli/verb.h"
+#include "data/formats.h"
 #include "data/scene.h"
 #include "study/scene_cost.h"
 
@@ -23,7 +26,18 @@ struct Arguments {
   std::string scene, report;
   std::vector<std::string> sets;
   study::SceneCostOptions cost;
+  // Of a study.
+  std::string within;
+  study::StudyCostOptions study;
 };
+
+// Which options of the other kind of input were given; empty: none.
+std::string Misplaced(const CLI::App& app, std::initializer_list<const char*> options) {
+  for (const char* option : options) {
+    if (app.get_option(option)->count() > 0) return option;
+  }
+  return {};
+}
 
 ordered_json PointJson(const correlate::CostPoint& p) {
   ordered_json point = {{"method", p.setting.method}, {"rtol", p.setting.tolerance}};
@@ -84,28 +98,65 @@ int Run(const Common& common, const Arguments& arguments) {
 
 Verb AddCost(CLI::App& program, Common& common) {
   Verb verb = DeclareVerb(program, common, "cost",
-                          "Run time against accuracy on a scene: tolerances, methods, meshes",
+                          "Run time against accuracy: of a scene, or of a study's intervals",
                           "unfurl cost scene.toml --segments 4,8,16 --report cost.html");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
   auto arguments = std::make_shared<Arguments>();
-  files.Read("SCENE", &arguments->scene, "The scene (TOML)")->required();
-  files.Overrides(&arguments->sets, "Overrides a key of the scene (repeatable)");
+  files
+      .Read("INPUT", &arguments->scene,
+            "A scene: tolerances, methods, meshes; a study: rungs, tolerance, horizon, starts, "
+            "marks, each fitted (TOML)")
+      ->required();
+  files.Overrides(&arguments->sets, "Overrides a key of the scene or study (repeatable)");
   app->add_option("--methods", arguments->cost.methods,
-                  "Methods to compare; the first makes the finest run, the second checks it")
+                  "Of a scene: methods to compare; the first makes the finest run, the second "
+                  "checks it")
       ->delimiter(',')
       ->capture_default_str()
       ->type_name("NAMES");
-  app->add_option("--rtol", arguments->cost.tolerances, "Tolerances")
+  app->add_option("--rtol", arguments->cost.tolerances, "Of a scene: tolerances")
       ->delimiter(',')
       ->capture_default_str();
   app->add_option("--segments", arguments->cost.segments,
-                  "Meshes: so many segments for every beam of segments (default: the scene's)")
+                  "Of a scene: meshes, so many segments for every beam of segments (default: the "
+                  "scene's)")
       ->delimiter(',');
   app->add_option("--duration", arguments->cost.duration,
-                  "Seconds to simulate (default: the scene's)");
+                  "Of a scene: seconds to simulate (default: its own)");
+  app->add_option(
+         "--vary", arguments->study.vary,
+         "Of a study: what to vary: " + JoinWords(study::StudyCostKinds()) + " (default: all)")
+      ->delimiter(',')
+      ->type_name("NAMES");
+  app->add_option("--within", arguments->within,
+                  "Of a study: begin no further fit after this time, such as 5min")
+      ->type_name("TIME");
+  app->add_option("--workers", arguments->study.workers,
+                  "Of a study: simulations at a time (default: one per core)");
+  AddAllowPrograms(app, &arguments->study.allow_programs);
   files.Write("--report", &arguments->report, "Also write a page with pictures (HTML)");
-  verb.run = [&common, arguments] { return Run(common, *arguments); };
+  verb.run = [&common, arguments, app] {
+    const bool study = data::KindOf(arguments->scene) == "study";
+    const std::string misplaced =
+        study ? Misplaced(*app, {"--methods", "--rtol", "--segments", "--duration"})
+              : Misplaced(*app, {"--vary", "--within", "--workers", "--allow-programs"});
+    if (!misplaced.empty()) {
+      throw Error(study ? "is for a scene, and this is a study"
+                        : "is for a study, and this is a "
+                          "scene",
+                  misplaced, "leave it out; `unfurl cost --help`");
+    }
+    if (!study) return Run(common, *arguments);
+    CostStudyArguments of;
+    of.study = arguments->scene;
+    of.report = arguments->report;
+    of.sets = arguments->sets;
+    of.within = arguments->within;
+    of.cost = arguments->study;
+    of.cost.allow_programs = ProgramsAllowed(of.cost.allow_programs);
+    return RunCostStudy(common, of);
+  };
   return verb;
 }
 

@@ -28,7 +28,7 @@ void AddRows(report::Page* page, const std::string& title, const std::string& no
   page->AddTable(table);
 }
 
-// Shares of information by time as steps, a curve for each parameter.
+// Shares of information by time, at the middle of each stretch, a curve for each parameter.
 void AddTimes(report::Page* page, const study::StudyDesign& d) {
   if (d.fit.result.trials.size() != 1 || d.tells.times.size() < 2) return;
   report::Chart chart;
@@ -40,8 +40,8 @@ void AddTimes(report::Page* page, const study::StudyDesign& d) {
     report::Series series;
     series.name = d.tells.parameters[j];
     for (const correlate::Contribution& c : d.tells.times) {
-      series.x.insert(series.x.end(), {c.from, c.to});
-      series.y.insert(series.y.end(), 2, 100.0 * c.share[j]);
+      series.x.push_back(0.5 * (c.from + c.to));
+      series.y.push_back(100.0 * c.share[j]);
     }
     chart.series.push_back(std::move(series));
   }

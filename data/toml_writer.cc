@@ -90,7 +90,7 @@ class Writer {
     for (const auto& [key, node] : table) {
       constexpr auto kLast = std::numeric_limits<std::uint32_t>::max();
       const std::string name(key.str());
-      const auto merged = order_.find(path.empty() ? name : path + "." + name);
+      const auto merged = order_.find(path.empty() ? name : fmt::format("{}.{}", path, name));
       const auto begin = node.source().begin;
       Entry e;
       e.place = {merged != order_.end() ? merged->second : std::numeric_limits<int>::max(),

@@ -79,9 +79,10 @@
     context.restore();
   }
 
-  function seriesOptions(s) {
+  function seriesOptions(s, count) {
     if (s.style === 'dots') {
-      return {color: s.color, strokeWidth: 0, drawPoints: true, pointSize: 1.6};
+      var few = count < 60;  // nobody finds single dots of three pixels
+      return {color: s.color, strokeWidth: 0, drawPoints: true, pointSize: few ? 4 : 1.6};
     }
     return {color: s.color, strokeWidth: 1.6, strokePattern: s.style === 'dashes' ? [7, 4] : null};
   }
@@ -97,7 +98,7 @@
       return null;
     }
     var options = {};
-    data.series.forEach(function (s, k) { options['s' + k] = seriesOptions(s); });
+    data.series.forEach(function (s, k) { options['s' + k] = seriesOptions(s, data.axes[s.axis].length); });
     function ticks(axis) {
       return function (value, granularity, opts, g) {
         var range = axis === 'x' ? g.xAxisRange() : g.yAxisRange();

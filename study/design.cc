@@ -197,7 +197,7 @@ void NoteLimits(const Planner& planner, StudyDesign* out) {
     if (e.sigma_model <= e.sigma_data) continue;
     const auto j = static_cast<std::size_t>(&e - out->fit.result.parameters.data());
     out->notes.push_back(fmt::format(
-        "the model's own error leaves {:.2g} times as much open of {} as the data do: a finer rung "
+        "the model's own error leaves {:.3g} times as much open of {} as the data do: a finer rung "
         "gives more than another trial",
         e.sigma_model / e.sigma_data, out->tells.parameters[j]));
   }

@@ -7,6 +7,7 @@
 #include <ctime>
 #include <limits>
 
+#include "base/cpu_time.h"
 #include "base/error.h"
 #include "base/statistics.h"
 #include "correlate/sampled_model.h"
@@ -16,13 +17,6 @@
 namespace unfurl::study {
 
 namespace {
-
-double CpuSeconds() {
-  timespec now = {};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  constexpr double kNano = 1e-9;  // [s]
-  return static_cast<double>(now.tv_sec) + kNano * static_cast<double>(now.tv_nsec);
-}
 
 std::vector<std::string> With(std::vector<std::string> a, const std::vector<std::string>& b) {
   a.insert(a.end(), b.begin(), b.end());
@@ -57,9 +51,9 @@ class Bench {
       options.rtol = tighter * rtol_;
       const SceneModel model(options, {});
       for (int k = 0; k < kTimes; ++k) {
-        const double start = CpuSeconds();
+        const double start = CpuSeconds(CLOCK_THREAD_CPUTIME_ID);
         out.motion = model.Evaluate({}, stamps_);
-        seconds.push_back(CpuSeconds() - start);
+        seconds.push_back(CpuSeconds(CLOCK_THREAD_CPUTIME_ID) - start);
         if (seconds.back() > kRepeatBelow) break;
       }
     } catch (const Error& e) {
