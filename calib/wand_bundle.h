@@ -36,6 +36,7 @@ struct WandWeighting {
   // The frame is held to where the cameras stood at the start: nothing else fixes it.
   bool hold_frame = true;
 
+  // Of a reading [px^2].
   double Variance(int camera, double s_px) const {
     const double floor = floor_px[static_cast<std::size_t>(camera)];
     return s_px * s_px + floor * floor;
