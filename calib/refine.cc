@@ -21,15 +21,30 @@ constexpr double kLittleFloor = 0.75;   // of sigma; a total of 1.25: three sigm
 constexpr double kRough = 1e-7;         // of the cost, until nothing else changes
 constexpr double kUseful = 0.1;         // redundancy above which a residual tells of its error
 
-// The same of some readings of a survey.
-double FloorSquareOf(const Observations& data, const std::vector<std::size_t>& which,
-                     const std::vector<double>& residual, double redundancy) {
-  std::vector<double> sigma, off;
-  for (const std::size_t k : which) {
-    sigma.push_back(data.readings[k].s_px);
-    off.push_back(residual[k]);
+// t^2 with  sum r^2 / (s^2 + t^2) = redundancy,  or 0.
+double FloorSquare(const Observations& data, const std::vector<std::size_t>& which,
+                   const std::vector<double>& residual, double redundancy) {
+  double largest = 0.0;
+  const auto sum = [&](double square) {
+    double total = 0.0;
+    for (const std::size_t k : which) {
+      const double s = data.readings[k].s_px;
+      total += residual[k] * residual[k] / (s * s + square);
+    }
+    return total;
+  };
+  for (const std::size_t k : which) largest = std::max(largest, residual[k] * residual[k]);
+  const double stated = sum(0.0);
+  if (!(redundancy > 0.0) || stated <= redundancy ||
+      ChiSquareTail(stated, redundancy) > kFloorChance) {
+    return 0.0;
   }
-  return FloorSquare(sigma, off, redundancy);
+  double low = 0.0, high = largest * static_cast<double>(which.size()) / redundancy;
+  for (int k = 0; k < 60; ++k) {
+    const double middle = 0.5 * (low + high);
+    (sum(middle) > redundancy ? low : high) = middle;
+  }
+  return 0.5 * (low + high);
 }
 
 // Floors from the median of residuals, each over the root of its redundancy: gross errors spoil it
@@ -79,11 +94,11 @@ double UpdateVariances(const Observations& data, const RefinedBundle& bundle,
   const std::vector<double> robust =
       RobustFloors(data, bundle.redundancy, bundle.summary, weighting->floor_px);
   double change = 0.0;
-  const double shared = FloorSquareOf(data, all, bundle.summary.residual_px, redundant_all);
+  const double shared = FloorSquare(data, all, bundle.summary.residual_px, redundant_all);
   for (std::size_t j = 0; j < cameras; ++j) {
     double square = redundant[j] < kFewRedundant
                         ? shared
-                        : FloorSquareOf(data, which[j], bundle.summary.residual_px, redundant[j]);
+                        : FloorSquare(data, which[j], bundle.summary.residual_px, redundant[j]);
     if (out[j] > kMuch * whole[j]) {
       const bool little = robust[j] < kLittleFloor * least[j];
       square = little ? 0.0 : std::min(square, robust[j] * robust[j]);
@@ -111,30 +126,6 @@ double UpdateVariances(const Observations& data, const RefinedBundle& bundle,
 }
 
 }  // namespace
-
-double FloorSquare(std::span<const double> sigma_px, std::span<const double> residual_px,
-                   double redundancy) {
-  double largest = 0.0;
-  const auto sum = [&](double square) {
-    double total = 0.0;
-    for (std::size_t k = 0; k < sigma_px.size(); ++k) {
-      total += residual_px[k] * residual_px[k] / (sigma_px[k] * sigma_px[k] + square);
-    }
-    return total;
-  };
-  for (const double r : residual_px) largest = std::max(largest, r * r);
-  const double stated = sum(0.0);
-  if (!(redundancy > 0.0) || stated <= redundancy ||
-      ChiSquareTail(stated, redundancy) > kFloorChance) {
-    return 0.0;
-  }
-  double low = 0.0, high = largest * static_cast<double>(sigma_px.size()) / redundancy;
-  for (int k = 0; k < 60; ++k) {
-    const double middle = 0.5 * (low + high);
-    (sum(middle) > redundancy ? low : high) = middle;
-  }
-  return 0.5 * (low + high);
-}
 
 Weighting StartWeighting(const Observations& data, const std::vector<CameraPrior>& priors,
                          double robust_floor_px, const GrossOptions& options,

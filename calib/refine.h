@@ -1,6 +1,5 @@
 #pragma once
 
-#include <span>
 #include <vector>
 
 #include "calib/bundle.h"
@@ -36,11 +35,6 @@ struct RefinedBundle {
 // every upward chance would make all error bars too wide. [variance components: Foerstner 1979]
 RefinedBundle Refine(const Observations& data, const std::vector<CameraPrior>& priors,
                      const Weighting& weighting, const RefineOptions& options, BundleState state);
-
-// The square t^2 of a floor with  sum r^2 / (sigma^2 + t^2) = redundancy  [px^2]; 0 where chance
-// alone makes the residuals as large in 5% of the cases.
-double FloorSquare(std::span<const double> sigma_px, std::span<const double> residual_px,
-                   double redundancy);
 
 // Where the refinement starts: each camera's readings at about their stated sigmas, if the gross
 // errors that this asks for are a plausible share of its readings and of the survey; else its floor

@@ -14,7 +14,6 @@
 #include "base/progress.h"
 #include "base/refuse_option.h"
 #include "base/statistics.h"
-#include "calib/refine.h"
 #include "calib/wand_gross.h"
 #include "calib/wand_poses.h"
 #include "calib/wand_search.h"
@@ -29,26 +28,65 @@ constexpr double kNear = 0.3;      // change of a variance at which residuals ca
 // Of a variance in a round. Redundancies are those at the variances before; from far off they would
 // free one camera of all others.
 constexpr double kMostGrowth = 3.0;
-constexpr double kFewRedundant = 8.0;  // readings' worth; less, and a camera shares its floor
-constexpr double kRough = 1e-7;        // of the cost, until nothing else changes
+constexpr double kFloorSigmas = 1.645;  // of the score: chance reaches as much in 5% of cases
+constexpr int kHalvings = 60;           // of a bracket: to the last digit
+constexpr double kFewRedundant = 8.0;   // readings' worth; less, and a camera shares its floor
+constexpr double kRough = 1e-7;         // of the cost, until nothing else changes
 
-// The floor of some cameras' readings, at most a doubling of the whole error.
+// Readings that share a floor.
+struct FloorReadings {
+  std::vector<double> own, residual, redundancy;  // stated variance, squared residual [px^2]; [-]
+
+  // Derivative of twice the log likelihood by the floor's square t, and at chance its standard
+  // deviation: sum over readings of (r^2 / v - redundancy) / v with v = s^2 + t.
+  double Score(double t, double* spread) const {
+    double sum = 0.0, squares = 0.0;
+    for (std::size_t k = 0; k < own.size(); ++k) {
+      const double v = own[k] + t;
+      sum += (residual[k] / v - redundancy[k]) / v;
+      squares += 2.0 * redundancy[k] * redundancy[k] / (v * v);
+    }
+    *spread = std::sqrt(squares);
+    return sum;
+  }
+
+  // The square of the floor that makes the score 0 [px^2]; 0 where chance alone explains it.
+  // Precise readings count most: of stated sigmas that differ tenfold, the sum of r^2 / v would
+  // tell of the coarse ones alone, which are nearly all redundant.
+  double Square() const {
+    double spread = 0.0, low = 0.0, high = 0.0;
+    if (Score(0.0, &spread) <= kFloorSigmas * spread) return 0.0;
+    const double least = std::accumulate(redundancy.begin(), redundancy.end(), 0.0);
+    for (const double r : residual) high = std::max(high, r);
+    high *= static_cast<double>(own.size()) / least;
+    for (int k = 0; k < kHalvings; ++k) {
+      const double middle = 0.5 * (low + high);
+      (Score(middle, &spread) > 0.0 ? low : high) = middle;
+    }
+    return 0.5 * (low + high);
+  }
+};
+
+// The floor of some cameras' readings [px^2], at most a doubling of the whole error.
 double FloorOfReadings(const WandFit& fit, const std::vector<char>& camera, double* redundant) {
-  std::vector<double> sigma, residual;
-  double largest = 0.0;
+  FloorReadings some;
+  std::vector<double> whole;
   *redundant = 0.0;
   for (std::size_t k = 0; k < fit.data.readings.size(); ++k) {
     const WandReading& r = fit.data.readings[k];
+    const double residual = fit.summary.residual_px[k];
     if (camera[static_cast<std::size_t>(r.camera)] == 0 || fit.weighting.use_reading[k] == 0 ||
-        !std::isfinite(fit.summary.residual_px[k])) {
+        !std::isfinite(residual)) {
       continue;
     }
-    sigma.push_back(r.s_px);
-    residual.push_back(fit.summary.residual_px[k]);
+    some.own.push_back(r.s_px * r.s_px);
+    some.residual.push_back(residual * residual);
+    some.redundancy.push_back(fit.system.redundancy[k]);
     *redundant += fit.system.redundancy[k];
-    largest = std::max(largest, fit.weighting.Variance(r.camera, r.s_px));
+    whole.push_back(fit.weighting.Variance(r.camera, r.s_px));
   }
-  return std::min(FloorSquare(sigma, residual, *redundant), kMostGrowth * largest);
+  if (!(*redundant > 0.0)) return 0.0;
+  return std::min(some.Square(), kMostGrowth * Median(whole));
 }
 
 // Floors by camera and the bar's unrest by variance components; the largest relative change.

@@ -53,6 +53,8 @@ const std::vector<Start>& Starts() {
        {{"lab.toml", kRigLab, "the rig as planned"},
         {"points.csv", kRigPoints, "places for the surveyor's LED"},
         {"survey_template.csv", kRigTemplate, "the form of a real survey"},
+        {"bar.csv", kRigBar, "places of a bar that is waved instead"},
+        {"wand_template.csv", kRigBarTemplate, "the form of a real bar's readings"},
         {"README.md", kRigReadme, "what to run"}},
        {"unfurl plan lab.toml --report plan.html",
         "unfurl expose --survey points.csv --lab lab.toml -o survey.h5",
