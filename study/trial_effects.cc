@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "correlate/residual/row_layout.h"
+#include "study/quick_fit.h"
 
 namespace unfurl::study {
 
@@ -85,43 +86,79 @@ Rows RowsOf(const correlate::Observations& o, const correlate::TrialResult& a,
   return out;
 }
 
-// What switching did to the fit.
-void Compare(const StudyFit& as_is, const StudyFit& other, TrialEffect* out) {
-  double change = 0.0, count = 0.0, dispersion = 0.0, deviance = 0.0;
+// Sums of squares over all trials, by the noise of the fit as it is.
+struct Evidence {
+  double as_is = 0.0, switched = 0.0;  // of the residuals
+  double stale = 0.0;                  // of what a quick fit may have wrong
+  double count = 0.0;                  // of data rows
+  double change = 0.0;                 // of the residuals from one to the other, not whitened
+};
+
+Evidence Gather(const StudyFit& as_is, const correlate::FitResult& switched,
+                const std::vector<Eigen::VectorXd>& stale) {
+  Evidence out;
   for (std::size_t t = 0; t < as_is.result.trials.size(); ++t) {
     const correlate::Observations& o = *as_is.problem().trials[t].observations;
-    const correlate::TrialResult &a = as_is.result.trials[t], &b = other.result.trials[t];
+    const correlate::TrialResult &a = as_is.result.trials[t], &b = switched.trials[t];
     Rows rows = RowsOf(o, a, b);
-    change += (rows.a - rows.b).squaredNorm();
-    count += rows.count;
+    Eigen::VectorXd lacks = stale.empty() ? Eigen::VectorXd() : stale[t];
+    out.change += (rows.a - rows.b).squaredNorm();
+    out.count += rows.count;
     if (!a.noise.series.empty() && !a.noise.white()) {
       const correlate::RowWhitening whitening(o, a.noise);
       whitening.Apply(rows.a);
       whitening.Apply(rows.b);
+      if (lacks.size() > 0) whitening.Apply(lacks);
     }
-    dispersion += rows.a.squaredNorm();
-    deviance += rows.b.squaredNorm() - rows.a.squaredNorm();
+    out.as_is += rows.a.squaredNorm();
+    out.switched += rows.b.squaredNorm();
+    out.stale += lacks.squaredNorm();
   }
-  count = std::max(1.0, count);
-  out->change = std::sqrt(change / count);
-  // Residuals that are larger than their sigmas are not believed to tell as finely as these say.
-  out->deviance = deviance / std::max(1.0, dispersion / count);
-  // Bayes' factor by Schwarz: a parameter more costs log n.
-  const double released = static_cast<double>(out->released.size());
-  const double rise =
-      out->effect.there ? out->deviance - released * std::log(count) : -out->deviance;
-  out->probability = 1.0 / (1.0 + std::exp(std::clamp(-0.5 * rise, -700.0, 700.0)));
-  for (const auto& p : other.record.parameters) {
-    for (const auto& q : as_is.record.parameters) {
-      if (q.name == p.name && q.sigma > 0.0) {
-        out->shifts.push_back({p.name, (p.value - q.value) / q.sigma});
-      }
+  out.count = std::max(1.0, out.count);
+  return out;
+}
+
+// Residuals that are larger than their sigmas are not believed to tell as finely as these say.
+double DevianceOf(const Evidence& e, double switched) {
+  return (switched - e.as_is) / std::max(1.0, e.as_is / e.count);
+}
+
+// That the effect is in the trial, by Schwarz's approximation of Bayes' factor: a parameter more
+// costs log n.
+double ProbabilityOf(double deviance, const Evidence& e, const TrialEffect& effect) {
+  const double released = static_cast<double>(effect.released.size());
+  const double rise = effect.effect.there ? deviance - released * std::log(e.count) : -deviance;
+  return 1.0 / (1.0 + std::exp(std::clamp(-0.5 * rise, -700.0, 700.0)));
+}
+
+// What switching did to the fit.
+void Compare(const StudyFit& as_is, const correlate::FitProblem& problem,
+             const correlate::FitResult& switched, const Evidence& e, TrialEffect* out) {
+  out->change = std::sqrt(e.change / e.count);
+  out->deviance = DevianceOf(e, e.switched);
+  out->probability = ProbabilityOf(out->deviance, e, *out);
+  out->shifts.clear();
+  const auto& before = as_is.problem().parameters;
+  for (std::size_t i = 0; i < problem.parameters.size(); ++i) {
+    for (std::size_t j = 0; j < before.size(); ++j) {
+      const correlate::ParameterEstimate& was = as_is.result.parameters[j];
+      if (before[j].name != problem.parameters[i].name || !(was.sigma > 0.0)) continue;
+      out->shifts.push_back(
+          {before[j].name, (switched.parameters[i].value - was.value) / was.sigma});
     }
   }
 }
 
+constexpr double kSure = 0.99;  // 100 to 1
+
+// Whether the effect is needed whatever a quick fit has wrong: no parameters of the finest rung
+// bring the residuals below what it left less that.
+bool NeededAnyhow(const Evidence& e, const TrialEffect& effect) {
+  const double least = std::max(0.0, std::sqrt(e.switched) - std::sqrt(e.stale));
+  return ProbabilityOf(DevianceOf(e, least * least), e, effect) > kSure;
+}
+
 void Judge(double part, TrialEffect* e) {
-  constexpr double kSure = 0.99;  // 100 to 1
   double shift = 0.0;
   for (const TrialEffect::Shift& s : e->shifts) shift = std::max(shift, std::abs(s.sigmas));
   if (e->probability > kSure) {
@@ -142,12 +179,73 @@ EffectVerdict VerdictOf(correlate::FitStatus status, bool there) {
                                                        : EffectVerdict::kFailed;
 }
 
+// Whether a quick fit settles that an effect is needed, with what it found.
+bool NeededByQuick(const StudyFit& as_is, const QuickFit& quick, TrialEffect* e) {
+  if (quick.result.status == correlate::FitStatus::kNotAligned) {
+    e->message = quick.result.message;
+    return true;
+  }
+  if (!quick.result.Usable()) return false;
+  const Evidence evidence = Gather(as_is, quick.result, quick.stale);
+  if (!NeededAnyhow(evidence, *e)) return false;
+  Compare(as_is, quick.binding.problem, quick.result, evidence, e);
+  return true;
+}
+
 FitStudyOptions FitOptionsOf(const TrialEffectsOptions& options) {
   FitStudyOptions out;
   out.workers = options.workers;
   out.allow_programs = options.allow_programs;
   return out;
 }
+
+// Fits of the study with effects switched, from where the fit as it is came out.
+class Bench {
+ public:
+  Bench(const data::Study& study, const TrialEffectsOptions& options, const StudyFit& as_is)
+      : study_(study), options_(options), as_is_(as_is), quick_(as_is) {}
+
+  // kUnjudged: there is a fit to be judged.
+  EffectVerdict FitWithout(const std::vector<std::string>& set, TrialEffect* e) const {
+    data::Study other = Switched(study_, set, &e->released);
+    StartAt(as_is_.record, &other);
+    other.screened = 0;  // a fit that does not come near is answer enough, and looks nowhere else
+    if (other.parameters.empty()) {
+      e->message = "it takes all parameters of the study with it";
+      return EffectVerdict::kFailed;
+    }
+    const Clock::time_point start = Clock::now();
+    EffectVerdict verdict = EffectVerdict::kFailed;
+    try {
+      verdict = Fitted(other, e);
+    } catch (const Error& error) {
+      e->message = error.what();
+    }
+    e->seconds = Since(start);
+    return verdict;
+  }
+
+ private:
+  EffectVerdict Fitted(const data::Study& other, TrialEffect* e) const {
+    // First at the price of the lowest rung: that an effect is needed often shows there already.
+    if (e->effect.there) {
+      const auto quick = quick_.Fit(other, options_.workers);
+      if (quick && NeededByQuick(as_is_, *quick, e)) return EffectVerdict::kNeeded;
+    }
+    const StudyFit fit = Fit(other, FitOptionsOf(options_));
+    if (!fit.Usable()) {
+      e->message = fit.result.message;
+      return VerdictOf(fit.result.status, e->effect.there);
+    }
+    Compare(as_is_, fit.problem(), fit.result, Gather(as_is_, fit.result, {}), e);
+    return EffectVerdict::kUnjudged;
+  }
+
+  const data::Study& study_;
+  const TrialEffectsOptions& options_;
+  const StudyFit& as_is_;
+  QuickFits quick_;
+};
 
 }  // namespace
 
@@ -178,44 +276,18 @@ TrialEffects WeighTrialEffects(const data::Study& asked, const TrialEffectsOptio
   // 1. As it is.
   TrialEffects out;
   tell("as it is");
-  Clock::time_point start = Clock::now();
+  const Clock::time_point start = Clock::now();
   out.fit = Fit(study, FitOptionsOf(options));
   out.seconds = Since(start);
-  if (!out.fit.Usable()) {
-    throw Error("the study's own fit is not usable: " + out.fit.result.message, study.path,
-                "see `unfurl fit`");
-  }
+  if (!out.fit.Usable()) return out;
 
   // 2. Each switched, all others fitted again from there.
-  auto fit_without = [&](const std::vector<std::string>& set, TrialEffect* e) {
-    constexpr auto kFailed = EffectVerdict::kFailed;
-    data::Study other = Switched(study, set, &e->released);
-    StartAt(out.fit.record, &other);
-    other.screened = 0;  // a fit that does not come near is answer enough, and looks nowhere else
-    if (other.parameters.empty()) {
-      e->message = "it takes all parameters of the study with it";
-      return kFailed;
-    }
-    start = Clock::now();
-    try {
-      const StudyFit fit = Fit(other, FitOptionsOf(options));
-      e->seconds = Since(start);
-      if (!fit.Usable()) {
-        e->message = fit.result.message;
-        return VerdictOf(fit.result.status, e->effect.there);
-      }
-      Compare(out.fit, fit, e);
-    } catch (const Error& error) {
-      e->message = error.what();
-      return kFailed;
-    }
-    return EffectVerdict::kUnjudged;
-  };
+  const Bench bench(study, options, out.fit);
   for (const EffectSwitch& effect : switches) {
     tell(effect.name);
     TrialEffect e;
     e.effect = effect;
-    e.verdict = fit_without(effect.set, &e);
+    e.verdict = bench.FitWithout(effect.set, &e);
     if (e.verdict == EffectVerdict::kUnjudged) Judge(options.part, &e);
     out.effects.push_back(std::move(e));
   }
@@ -237,7 +309,7 @@ TrialEffects WeighTrialEffects(const data::Study& asked, const TrialEffectsOptio
     }
     const bool one = order.size() == 1;  // that was looked at already
     if (one) together.change = order[0]->change;
-    if (one || (fit_without(together.effect.set, &together) == EffectVerdict::kUnjudged &&
+    if (one || (bench.FitWithout(together.effect.set, &together) == EffectVerdict::kUnjudged &&
                 together.change <= options.part)) {
       out.set = together.effect.set;
       out.reduced_change = together.change;
