@@ -366,8 +366,9 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
   AddWandOptions(app, files, &arguments->wand);
   verb.run = [&common, arguments] {
     if (!arguments->wand.readings.empty()) {
-      if (arguments->survey.empty()) return RunWand(common, *arguments);
-      throw Error("is given beside --wand", "SURVEY",
+      const bool survey = !arguments->survey.empty();
+      if (!survey && arguments->readings.empty()) return RunWand(common, *arguments);
+      throw Error("is given beside --wand", survey ? "SURVEY" : "--readings",
                   "give surveyed points for the frame by --points, or leave one of the two out");
     }
     if (arguments->survey.empty()) {

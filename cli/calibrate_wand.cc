@@ -202,9 +202,10 @@ void AddWandOptions(CLI::App* app, VerbFiles& files, WandArguments* wand) {
           ->type_name("POSE")
           ->needs(plumb);
   plumb->needs(origin);
-  // What is said of a survey holds for none of this.
-  for (const char* name : {"--readings", "--sigma", "--angle-sigma", "--distance-sigma",
-                           "--station", "--distance-error", "--zenith-error"}) {
+  // What is said of a survey holds for none of this. (Files of a survey: AddCalibrate refuses them,
+  // after outputs were held against inputs.)
+  for (const char* name : {"--sigma", "--angle-sigma", "--distance-sigma", "--station",
+                           "--distance-error", "--zenith-error"}) {
     readings->excludes(app->get_option(name));
   }
 }

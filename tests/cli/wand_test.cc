@@ -104,7 +104,7 @@ TEST_F(WandVerb, BadInputIsRefusedByName) {
   };
   refused({"--order", "cubi"}, {"--order", "cubi", "give one of"});
   refused({"--sigma", "1e-3"}, {"--sigma excludes --wand"});
-  refused({"--readings", "few.csv"}, {"--readings excludes --wand"});
+  refused({"--readings", "few.csv"}, {"--readings", "beside --wand", "--points"});
   refused({"--frame", "a,b,c"}, {"wand.csv", "no camera \"a\"", "name cameras"});
   refused({"--plumb", "3"}, {"--plumb", "--origin"});
   refused({"--plumb", "3", "--origin", "nowhere"}, {"no pose \"nowhere\"", "name a pose"});
