@@ -223,8 +223,12 @@ void Check(const Channel& c) {
 }  // namespace
 
 std::vector<Channel> ReadChannels(const std::string& path) {
+  return ReadChannels(path, FormatOf(path));
+}
+
+std::vector<Channel> ReadChannels(const std::string& path, FileFormat format) {
   std::vector<Channel> out;
-  switch (FormatOf(path)) {
+  switch (format) {
     case FileFormat::kCsv:
       out = FromCsv(path);
       break;

@@ -3,6 +3,8 @@
 #include <string>
 #include <vector>
 
+#include "data/formats.h"
+
 namespace unfurl::data {
 
 /// What an instrument other than a camera recorded: readings at stamps of their own.
@@ -24,6 +26,8 @@ struct Channel {
 /// Throws Error, placed at the file and line, for what is none of these, stamps that do not ascend,
 /// values that are not finite.
 std::vector<Channel> ReadChannels(const std::string& path);
+/// The same of a file whose name does not tell what it is.
+std::vector<Channel> ReadChannels(const std::string& path, FileFormat format);
 
 /// The one of that name. Throws Error naming the nearest.
 const Channel& FindChannel(const std::vector<Channel>& channels, const std::string& name,

@@ -9,7 +9,9 @@
 #include <cstdlib>
 
 #include "base/error.h"
+#include "data/channels.h"
 #include "data/csv.h"
+#include "data/design.h"
 #include "data/fit.h"
 #include "data/lab.h"
 #include "data/modes.h"
@@ -23,6 +25,7 @@
 #include "data/toml.h"
 #include "data/tracks.h"
 #include "data/tracks_exchange.h"
+#include "data/wand.h"
 #include "tests/fuzz/inner_readers.h"
 
 namespace unfurl::fuzz {
@@ -72,6 +75,14 @@ const std::vector<Reader>& Readers() {
       {"survey", [](const std::string& path) { data::ReadSurvey(path); }},
       {"points_csv", [](const std::string& path) { data::ReadPointsCsv(path); }},
       {"readings_csv", [](const std::string& path) { data::ReadReadingsCsv(path); }},
+      {"channels_csv",
+       [](const std::string& path) { data::ReadChannels(path, data::FileFormat::kCsv); }},
+      {"channels_uff",
+       [](const std::string& path) { data::ReadChannels(path, data::FileFormat::kUff); }},
+      {"channels_h5",
+       [](const std::string& path) { data::ReadChannels(path, data::FileFormat::kHdf5); }},
+      {"design", [](const std::string& path) { data::ReadDesign(path); }},
+      {"wand", [](const std::string& path) { data::ReadWand(path); }},
       {"tracks_csv", [](const std::string& path) { data::ReadTracksCsv(path); }},
       {"gsi",
        [](const std::string& path) {
