@@ -51,37 +51,7 @@ TEST_F(StudyCostTest, EachSettingIsAFitOfItsOwn) {
 }
 
 TEST_F(StudyCostTest, RungsOfABeamAndTheirTest) {
-  // A clamped beam that is let go; its stiffness.
-  Put("beam.toml",
-      "[scene]\nname = \"beam\"\nduration = 0.5\n[gravity]\nacceleration = [0.0, -9.81]\n"
-      "[beam.a]\nlength = 1.0\nmass = 0.5\nEI = 2.0\nsegments = 4\ndamping = 1e-3\n"
-      "[weld.clamp]\ninner = \"ground\"\nouter = \"a.start\"\n[mark.tip]\non = \"a.end\"\n");
-  SceneModelOptions options;
-  options.scene = (folder_ / "beam.toml").string();
-  options.set = {"beam.a.segments=16"};
-  options.rtol = 1e-8;
-  const SceneModel model(options, {});
-  correlate::Stamps stamps;
-  stamps.marks = {"tip"};
-  stamps.t.resize(1);
-  for (int i = 0; i < 100; ++i) stamps.t[0].push_back(0.005 * i);
-  const correlate::Prediction truth = model.Evaluate({}, stamps);
-  ASSERT_EQ(truth.status, correlate::ModelStatus::kGood) << truth.message;
-  Rng rng(1);
-  std::string text =
-      "t [s],mark,x [m],y [m],z [m],cxx [m^2],cxy [m^2],cxz [m^2],cyy [m^2],cyz [m^2],czz [m^2]\n";
-  for (int i = 0; i < 100; ++i) {
-    const Eigen::Vector3d p = truth.marks[0].p.col(i);
-    text += fmt::format("{:.3f},tip,{:.8f},{:.8f},{:.8f},1e-8,0,0,1e-8,0,1e-8\n",
-                        stamps.t[0][static_cast<std::size_t>(i)], p.x() + 1e-4 * rng.Normal(),
-                        p.y() + 1e-4 * rng.Normal(), 1e-4 * rng.Normal());
-  }
-  Put("tip.csv", text);
-  const std::string path =
-      Put("beam_study.toml",
-          "[study]\nscene = \"beam.toml\"\n[trial]\ntracks = \"tip.csv\"\noffset = 0.0\n"
-          "frame = \"known\"\n[parameter.EI]\nkeys = [\"beam.a.EI\"]\nstart = 2.1\n"
-          "bounds = [1.0, 4.0]\n");
+  const std::string path = BeamStudy().path;
   StudyCostOptions how;
   how.vary = {"rungs"};
   const StudyCost cost = CostOfStudy(path, {}, how);
