@@ -86,7 +86,6 @@ class WandProblem {
     solver.parameter_tolerance = 1e-12;
     solver.initial_trust_region_radius = kRadius;
     solver.num_threads = 1;
-    solver.num_threads = 1;
     solver.logging_type = ceres::SILENT;
     StopOnInterrupt stop;
     solver.callbacks.push_back(&stop);

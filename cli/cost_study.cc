@@ -145,10 +145,12 @@ int RunCostStudy(const Common& common, const CostStudyArguments& a) {
   study::StudyCostOptions options = a.cost;
   if (!a.within.empty()) options.within = Seconds(a.within);
   study::StudyCost cost;
-  {
+  try {
     Progress progress("cost", !common.quiet);
     options.progress = [&](double part, const std::string& what) { progress.Update(part, what); };
     cost = study::CostOfStudy(a.study, a.sets, options);
+  } catch (const Error& e) {
+    throw AtOption(e, {{"StudyCostOptions.vary", "--vary"}});
   }
   if (!cost.Usable()) return FitNotUsable(a.study, cost.points.front().message);
   ordered_json json = Json(a.study, cost);

@@ -224,10 +224,17 @@ int Run(const Common& common, const Arguments& a) {
   if (!a.rig.empty()) options.cameras = SightsOf(data::ReadRig(a.rig));
   CheckOutputs(a, options);
   study::StudyDesign d;
-  {
+  try {
     Progress progress("design", !common.quiet);
     options.progress = [&](double part, const std::string& what) { progress.Update(part, what); };
     d = study::DesignStudy(study, options);
+  } catch (const Error& e) {
+    throw AtOption(e, {{"DesignOptions.wanted", "--for"},
+                       {"DesignOptions.kept", "--keep"},
+                       {"DesignOptions.trial", "--trial"},
+                       {"DesignOptions.cycle", "--lab"},
+                       {"DesignOptions.cameras", "--rig"},
+                       {"DesignOptions.stretches", "--stretches"}});
   }
   if (!d.fit.Usable()) return FitNotUsable(a.study, d.fit.result.message);
   ordered_json json = Json(a, d);

@@ -75,6 +75,11 @@ double NeedOption(const std::string& text) {
   return need;
 }
 
+Error AtOption(const Error& error, const std::map<std::string, std::string>& flags) {
+  const auto flag = flags.find(error.where());
+  return flag == flags.end() ? error : Error(error.problem(), flag->second, error.remedy());
+}
+
 void AddAllowPrograms(CLI::App* app, bool* allowed) {
   app->add_flag("--allow-programs", *allowed,
                 "Run the program that the study names (model.command): only for a study that you "

@@ -1,11 +1,13 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
+#include "base/error.h"
 #include "cli/verb_files.h"
 #include "data/provenance.h"
 
@@ -71,6 +73,10 @@ std::string JsonText(const nlohmann::ordered_json& json);
 
 // Ends a verb: the summary as JSON on stdout with --json, `text` otherwise, nothing with --quiet.
 void Finish(const Common& common, const nlohmann::ordered_json& summary, const std::string& text);
+
+// An Error of a field of an options struct, placed at the option of the command line that fills it;
+// `flags`: "DesignOptions.wanted" to "--for".
+Error AtOption(const Error& error, const std::map<std::string, std::string>& flags);
 
 // --need, the accuracy of found points that is aimed at, on calibrate, plan and check; its value in
 // metres, 0 where it was not given. Throws Error for what is no length.

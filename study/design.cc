@@ -21,10 +21,10 @@ using correlate::Choice;
 constexpr double kAlike = 1.25;
 
 // Which parameters count, and which trial is the pattern.
-std::vector<std::size_t> WantedOf(const DesignOptions& options, const StudyFit& fit) {
+std::vector<std::size_t> WantedOf(const DesignOptions& options, const data::Study& study) {
   std::vector<std::size_t> out;
   std::vector<std::string> names;
-  for (const auto& p : fit.problem().parameters) names.push_back(p.name);
+  for (const auto& p : study.parameters) names.push_back(p.name);
   for (std::size_t j = 0; options.wanted.empty() && j < names.size(); ++j) out.push_back(j);
   for (const std::string& name : options.wanted) {
     const auto at = std::find(names.begin(), names.end(), name);
@@ -224,6 +224,7 @@ StudyDesign DesignStudy(const data::Study& asked, const DesignOptions& options) 
   study.profile_levels.clear();  // intervals are not what is asked here
   StudyDesign out;
   out.trial = TrialOf(study, options.trial);
+  const std::vector<std::size_t> wanted = WantedOf(options, study);
   auto tell = [&](double part, const char* what) {
     if (options.progress) options.progress(part, what);
   };
@@ -244,7 +245,6 @@ StudyDesign DesignStudy(const data::Study& asked, const DesignOptions& options) 
   }
   out.tells =
       correlate::ContributionsOf(out.fit.problem(), out.fit.result, options.stretches, cameras);
-  const std::vector<std::size_t> wanted = WantedOf(options, out.fit);
   for (const std::size_t j : wanted) out.wanted.push_back(out.tells.parameters[j]);
   for (const auto& e : out.fit.result.parameters) out.now.push_back(e.sigma_data);
 

@@ -100,7 +100,7 @@ const correlate::Model& Planner::Model(const std::vector<std::string>& set) {
   how.set.insert(how.set.end(), own.begin(), own.end());
   how.set.insert(how.set.end(), set.begin(), set.end());
   how.rtol = study_.rtol > 0.0 ? study_.rtol : fit_.binding->tolerance[trial_].rtol;
-  const std::vector<double> theta = basis_.theta();
+  const std::vector<double> theta = basis_.fit->Theta();
   auto model = std::make_unique<SceneModel>(how, theta);
   const std::vector<SceneRung> rungs = RungsOf(study_.fidelity, model->beams());
   if (!rungs.empty()) {
@@ -190,6 +190,10 @@ Stock StockOf(const DesignOptions& options, const Planner& planner,
   out.marks_at_hand = out.marks.size();
   for (const data::DesignMark& m : options.candidates.marks) {
     if (!candidates) break;
+    if (out.marks_at_hand == 0) {
+      throw Error("the trial at hand has no marks, so the errors of one are not known", m.where,
+                  "leave it out, or plan with a study whose trial has marks");
+    }
     if (std::find(out.marks.begin(), out.marks.end(), m.name) != out.marks.end()) {
       throw Error("there is a mark of that name", m.where, "give it another name");
     }

@@ -24,12 +24,6 @@ correlate::Stamps DenseStamps(const correlate::Observations& o, const correlate:
   return out;
 }
 
-std::vector<double> ThetaOf(const correlate::FitResult& fit) {
-  std::vector<double> out;
-  for (const correlate::ParameterEstimate& e : fit.parameters) out.push_back(e.value);
-  return out;
-}
-
 bool SameRungs(const correlate::FitTrial& a, const correlate::FitTrial& b) {
   return a.model_name == b.model_name &&
          std::equal(a.rungs.begin(), a.rungs.end(), b.rungs.begin(), b.rungs.end(),
@@ -39,7 +33,7 @@ bool SameRungs(const correlate::FitTrial& a, const correlate::FitTrial& b) {
 }  // namespace
 
 QuickFits::QuickFits(const StudyFit& as_is) : as_is_(as_is) {
-  const std::vector<double> theta = ThetaOf(as_is.result);
+  const std::vector<double> theta = as_is.result.Theta();
   for (std::size_t t = 0; t < as_is.problem().trials.size(); ++t) {
     const correlate::FitTrial& trial = as_is.problem().trials[t];
     if (trial.rungs.empty()) return;
@@ -89,7 +83,7 @@ std::optional<QuickFit> QuickFits::Fit(const data::Study& version, std::size_t w
   if (!out.result.Usable()) return out;
 
   // 2. What the finest rung says where it came out.
-  const std::vector<double> theta = ThetaOf(out.result);
+  const std::vector<double> theta = out.result.Theta();
   for (std::size_t t = 0; t < motions_.size(); ++t) {
     const correlate::TrialResult& found = out.result.trials[t];
     const correlate::Observations& o = *out.binding.problem.trials[t].observations;

@@ -7,6 +7,7 @@
 
 #include "base/dense.h"
 #include "base/error.h"
+#include "correlate/design/strobe.h"
 #include "correlate/fit/normal_matrix.h"
 #include "correlate/fit/reduced_problem.h"
 #include "correlate/residual/row_layout.h"
@@ -39,7 +40,7 @@ Eigen::MatrixXd RowsOf(const PlanBasis& basis, const Model& model, const Observa
   part.start.z = Eigen::VectorXd::Zero(record.shared_rank);
   ReducedProblem reduced({part}, basis.options->align.registration, evaluator);
 
-  const std::vector<double> theta = basis.theta();
+  const std::vector<double> theta = basis.fit->Theta();
   std::vector<double> u;
   for (std::size_t j = 0; j < theta.size(); ++j) {
     u.push_back(ToInternal(problem.parameters[j], theta[j]));
@@ -101,17 +102,23 @@ std::vector<MarkovNoise> NoiseOf(const RowLayout& layout, const SeriesNoise& fou
   return out;
 }
 
-}  // namespace
-
-std::vector<double> PlanBasis::theta() const {
-  std::vector<double> out;
-  for (const ParameterEstimate& e : fit->parameters) out.push_back(e.value);
-  return out;
+// Samples that a mark had, had it always been seen: those of its lines in the strobe's cycle, which
+// need not be evenly spread, else those of an even step.
+double FlashesOf(const MarkSeries& mark, const Strobe& strobe) {
+  const double span = mark.t.back() - mark.t.front();
+  double step = MedianStep(mark.t);
+  const auto lit = std::count(strobe.slots.begin(), strobe.slots.end(), mark.name);
+  if (lit > 0) {
+    step = strobe.line * static_cast<double>(strobe.slots.size()) / static_cast<double>(lit);
+  }
+  return step > 0.0 ? span / step + 1.0 : 1.0;
 }
+
+}  // namespace
 
 PlannedTrial::PlannedTrial(const PlanBasis& basis, const Model& model,
                            const PlannedContent& content, double weight)
-    : record_(PlanRecord(model, basis.theta(), content,
+    : record_(PlanRecord(model, basis.fit->Theta(), content,
                          *basis.problem->trials[basis.trial].observations,
                          basis.fit->trials[basis.trial], *basis.options)),
       channels_(content.channels.size()),
@@ -123,11 +130,11 @@ PlannedTrial::PlannedTrial(const PlanBasis& basis, const Model& model,
   const TrialResult& found = basis.fit->trials[basis.trial];
   const RowLayout layout(record_), like_layout(like);
   // Step, and part of the samples that are found, of each mark at hand, and of one more like them.
+  const Strobe strobe = FindStrobe(like);
   std::vector<double> steps, usable;
   for (const MarkSeries& m : like.marks) {
     steps.push_back(MedianStep(m.t));
-    const double lines = steps.back() > 0.0 ? (m.t.back() - m.t.front()) / steps.back() + 1.0 : 1.0;
-    usable.push_back(std::min(1.0, static_cast<double>(m.size()) / lines));
+    usable.push_back(std::min(1.0, static_cast<double>(m.size()) / FlashesOf(m, strobe)));
   }
   const double others = std::max(1.0, static_cast<double>(steps.size()));
   const double mean_step = std::accumulate(steps.begin(), steps.end(), 0.0) / others;

@@ -22,8 +22,6 @@ struct PlanBasis {
   const FitResult* fit = nullptr;
   const FitOptions* options = nullptr;
   std::size_t trial = 0;
-  /// Values of the parameters [units].
-  std::vector<double> theta() const;
 };
 
 /// A trial that has not been recorded: what each part of it would tell of the parameters, frame,

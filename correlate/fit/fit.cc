@@ -11,6 +11,12 @@
 
 namespace unfurl::correlate {
 
+std::vector<double> FitResult::Theta() const {
+  std::vector<double> out;
+  for (const ParameterEstimate& e : parameters) out.push_back(e.value);
+  return out;
+}
+
 namespace {
 
 void CheckProblem(const FitProblem& problem) {

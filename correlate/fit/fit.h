@@ -238,6 +238,8 @@ struct FitResult {
   bool Usable() const { return status == FitStatus::kConverged; }
 
   std::vector<ParameterEstimate> parameters;
+  /// Of all of them [units].
+  std::vector<double> Theta() const;
   Eigen::MatrixXd covariance;       // of the values, all parts [unit x unit]
   Eigen::MatrixXd correlation;      // likewise [-]
   std::vector<StartResult> starts;  // best end first; one that failed comes last

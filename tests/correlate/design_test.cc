@@ -260,8 +260,8 @@ TEST(PlannedTrial, ItsErrorsAreThoseOfAFitToSuchATrial) {
     ASSERT_TRUE(two.Usable()) << two.message;
     for (Eigen::Index j = 0; j < 2; ++j) {
       const auto i = static_cast<std::size_t>(j);
-      // They differ by the noise of the two estimates, about which differences are taken: some per
-      // cent of each other (8% at most of 60 such figures by hand).
+      // Both are by differences, about two estimates that differ by their noise; a tenth is what is
+      // asked of a prediction.
       EXPECT_NEAR(alone(j) / one.parameters[i].sigma_white, 1.0, 0.1) << j;
       EXPECT_NEAR(together(j) / two.parameters[i].sigma_white, 1.0, 0.1) << j;
     }

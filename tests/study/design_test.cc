@@ -72,6 +72,14 @@ TEST_F(DesignTest, WhatItPromisesIsWhatAFitThenFinds) {
   EXPECT_TRUE(d.notes.empty()) << d.notes.front();
 }
 
+// A mark in two lines of four, one upon the other, has missed none of its samples.
+TEST_F(DesignTest, AnUnevenCycleIsReckonedAsItIs) {
+  Record("uneven.csv", {"mid", "tip", "tip", ""}, {}, 4);
+  const StudyDesign d = DesignStudy(Study("uneven.csv"), {});
+  EXPECT_THAT(d.cycle, ElementsAre("mid", "tip", "tip", "dark"));
+  ExpectAlike(d.again.alone, d.now);
+}
+
 TEST_F(DesignTest, WhatMattersAndWhatIsKeptIsTheUsersToSay) {
   DesignOptions options;
   options.wanted = {"damping"};
