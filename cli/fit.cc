@@ -12,9 +12,12 @@
 #include "base/signals.h"
 #include "cli/fit_page.h"
 #include "cli/fit_text.h"
+#include "cli/repeat_page.h"
+#include "cli/repeat_text.h"
 #include "cli/verb.h"
 #include "data/study.h"
 #include "study/fit_study.h"
+#include "study/repeat.h"
 
 namespace unfurl::cli {
 
@@ -24,7 +27,7 @@ struct Settings {
   std::string study, output, report, tracks;
   std::vector<std::string> sets;
   std::size_t workers = 0;
-  bool resume = false, allow_programs = false;
+  bool resume = false, allow_programs = false, repeat = false;
 };
 
 // The command as typed, less what does not shape the result: so a fit that was resumed, or run with
@@ -68,9 +71,36 @@ std::string ProgressNote(const correlate::FitProgress& at,
   return note;
 }
 
+using Seconds = std::function<double()>;  // since the start
+
+// One value of each parameter for all trials.
+int FitOnce(const Common& common, const Settings& s, const data::Study& study,
+            const study::FitStudyOptions& options, const Seconds& seconds) {
+  const study::StudyFit fit = study::Fit(study, options);
+  if (!s.report.empty()) {
+    WriteFitPage(s.report, {fit.record, fit.problem(), fit.result, fit.comparison, fit.provenance});
+  }
+  const double took = seconds();
+  Finish(common, FitJson(fit.record, options.output, took), FitText(fit.record, took));
+  return fit.Usable() ? kExitGood
+                      : NotUsable(options.output, "the fit is not usable; the reasons are above");
+}
+
+// Trials that scatter.
+int FitTrials(const Common& common, const Settings& s, const data::Study& study,
+              const study::FitStudyOptions& options, const Seconds& seconds) {
+  const study::RepeatFit fit = study::FitRepeat(study, options);
+  if (!s.report.empty()) WriteRepeatPage(s.report, fit.record, fit.provenance);
+  const double took = seconds();
+  Finish(common, RepeatJson(fit.record, options.output, took), RepeatText(fit.record, took));
+  return fit.Usable() ? kExitGood
+                      : NotUsable(options.output, "too few trials; the reasons are above");
+}
+
 int FitVerb(const Common& common, const Settings& s) {
   const auto start = std::chrono::steady_clock::now();
-  const data::Study study = data::ReadStudy(s.study, s.sets);
+  data::Study study = data::ReadStudy(s.study, s.sets);
+  study.repeat.wanted = study.repeat.wanted || s.repeat;
   study::FitStudyOptions options;
   options.tracks = s.tracks;
   options.workers = s.workers;
@@ -94,22 +124,17 @@ int FitVerb(const Common& common, const Settings& s) {
                         static_cast<double>(std::max(at.expected, at.evaluations + 1));
     progress.Update(std::min(0.99, done), ProgressNote(at, study.parameters));
   };
-  study::StudyFit fit;
+  const auto seconds = [start] {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  };
   try {
-    fit = study::Fit(study, options);
+    return study.repeat.wanted ? FitTrials(common, s, study, options, seconds)
+                               : FitOnce(common, s, study, options, seconds);
   } catch (const study::FitInterrupted& stopped) {
     Complain(fmt::format("interrupted; {} evaluations are in {}, --resume continues",
                          stopped.evaluations, stopped.journal));
     return kExitInterrupted;
   }
-  if (!s.report.empty()) {
-    WriteFitPage(s.report, {fit.record, fit.problem(), fit.result, fit.comparison, fit.provenance});
-  }
-  const double seconds =
-      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  Finish(common, FitJson(fit.record, options.output, seconds), FitText(fit.record, seconds));
-  return fit.Usable() ? kExitGood
-                      : NotUsable(options.output, "the fit is not usable; the reasons are above");
 }
 
 }  // namespace
@@ -133,6 +158,9 @@ Verb AddFit(CLI::App& program, Common& common) {
   app->add_option("--workers", settings->workers,
                   "Simulations at a time (default: one per core); does not change the result");
   AddAllowPrograms(app, &settings->allow_programs);
+  app->add_flag("--repeat", settings->repeat,
+                "The trials are deployments that differ: mean and scatter of each parameter, and "
+                "the next deployment (as [repeat] in the study)");
   app->add_flag("--resume", settings->resume,
                 "Continue a fit that was stopped, from its OUTPUT.partial, to the same result");
   verb.run = [&common, settings] { return FitVerb(common, *settings); };

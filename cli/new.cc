@@ -77,6 +77,13 @@ const std::vector<Start>& Starts() {
         {"tracks.csv", kStudyTracks, "the record"},
         {"README.md", kStudyReadme, "what to run, and how to read it"}},
        {"unfurl fit study.toml --report fit.html"}},
+      {"campaign",
+       "the boom over its tolerances: how often it latches, and how hard",
+       "the variables, which are your tolerances, and the responses, your requirements",
+       {{"plan.toml", kCampaignPlan, "what scatters, and what is asked"},
+        {"scene.toml", kBoomScene, "the structure"},
+        {"README.md", kCampaignReadme, "what to run, and how to read it"}},
+       {"unfurl campaign plan.toml --report campaign.html"}},
   };
   return starts;
 }
@@ -150,7 +157,7 @@ Verb AddNew(CLI::App& program, Common& common) {
                           "unfurl new boom my_boom");
   auto kind = std::make_shared<std::string>(), folder = std::make_shared<std::string>();
   verb.app->add_option("KIND", *kind, "What to start, see below")
-      ->type_name("boom|wing|rig|trial|study")
+      ->type_name("boom|wing|rig|trial|study|campaign")
       ->required();
   std::vector<std::string> names;
   std::string footer = "Starts, each of which runs at once:\n";

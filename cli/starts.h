@@ -11,6 +11,7 @@ extern const std::string_view kRigReadme, kRigLab, kRigPoints, kRigTemplate, kRi
     kRigBarTemplate;
 extern const std::string_view kTrialReadme, kTrialLines, kTrialStamps, kTrialDoor, kTrialWindow,
     kTrialBench;
+extern const std::string_view kCampaignReadme, kCampaignPlan;
 extern const std::string_view kStudyReadme, kStudyScene, kStudyStudy, kStudyTracks;
 
 }  // namespace unfurl::cli

@@ -81,9 +81,10 @@ Error AtOption(const Error& error, const std::map<std::string, std::string>& fla
 }
 
 void AddAllowPrograms(CLI::App* app, bool* allowed) {
-  app->add_flag("--allow-programs", *allowed,
-                "Run the program that the study names (model.command): only for a study that you "
-                "trust. UNFURL_ALLOW_PROGRAMS=1 in the environment says the same");
+  app->add_flag(
+      "--allow-programs", *allowed,
+      "Run the programs that the study (model.command) or plan (job.step) names: only for "
+      "one that you trust. UNFURL_ALLOW_PROGRAMS=1 in the environment says the same");
 }
 
 bool ProgramsAllowed(bool option) {

@@ -45,6 +45,7 @@ Verb AddFit(CLI::App& program, Common& common);
 Verb AddCost(CLI::App& program, Common& common);
 Verb AddDesign(CLI::App& program, Common& common);
 Verb AddEffects(CLI::App& program, Common& common);
+Verb AddCampaign(CLI::App& program, Common& common);
 Verb AddInfo(CLI::App& program, Common& common);
 Verb AddConvert(CLI::App& program, Common& common);
 Verb AddNew(CLI::App& program, Common& common);

@@ -7,7 +7,8 @@ find_package(HDF5 1.10 REQUIRED COMPONENTS C)
 find_package(nlohmann_json 3.11 REQUIRED)
 find_package(CLI11 2.1 REQUIRED)
 find_package(tomlplusplus 3.3 REQUIRED)
-find_package(Boost 1.74 REQUIRED)  # Boost.Math, headers only
+find_package(Boost 1.74 REQUIRED)  # Boost.Math, Boost.Random, headers only
+find_package(muparser 2.3 REQUIRED)  # expressions of campaigns
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(FFTW REQUIRED IMPORTED_TARGET fftw3)
 pkg_check_modules(LIBMD REQUIRED IMPORTED_TARGET libmd)

@@ -5,6 +5,7 @@
 
 #include "data/fit_channels.h"
 #include "data/fit_ladder.h"
+#include "data/fit_repeat.h"
 #include "data/h5.h"
 
 namespace unfurl::data {
@@ -233,6 +234,7 @@ void WriteFit(const std::string& path, const FitRecord& fit, const Provenance& p
   WriteChannels(fit, w);
 
   WriteAxisNames(w);
+  WriteRepeat(fit, w);
   w.Write({"/samples/marks", "1", "marks' names"}, fit.marks);
   w.Write({"/samples/t", "s", "time of each sample on the tracks' clock"}, fit.t);
   w.Write({"/samples/mark", "1", "index into marks", {"/samples/t"}}, fit.mark);
@@ -365,6 +367,7 @@ FitRecord ReadFit(const std::string& path) {
   ReadSearch(r, &fit);
   ReadLadder(r, &fit);
   ReadChannels(r, &fit);
+  ReadRepeat(r, &fit);
 
   fit.trial = r.ReadInts("/samples/trial");
   fit.trials = r.ReadStrings("/trials");

@@ -147,6 +147,36 @@ struct FitRecord {
   Eigen::Matrix3Xd model_error;     // 3 x n, or 3 x 0 [m]
   Eigen::Matrix3Xd band;            // 3 x n: standard error of `simulated` by the parameters' [m]
 
+  /// What the trials of a structure whose deployments differ say together, by docs/study.md; empty:
+  /// the fit took one value for all. Of a parameter on a logarithmic scale the scatter is that of
+  /// the logarithm [-].
+  struct Repeat {
+    /// Of one parameter.
+    struct Parameter {
+      bool scatters = true, log = false;
+      double scatter = 0.0, scatter_low95 = 0.0, scatter_high95 = 0.0;  // standard deviation [unit]
+      double visible = 0.0;  // a scatter that the trials' own errors let be seen [unit]
+      double next_low95 = 0.0, next_high95 = 0.0;  // the next trial's value [unit]
+      double alike_p = 1.0;                        // of Cochran's Q [-]
+    };
+    std::vector<Parameter> parameters;  // p
+    std::vector<std::string> trials;    // k names, of those that count
+    // Each p x k. Of a parameter of one value: the trial's own, NaN in what follows it.
+    Eigen::MatrixXd estimate, low95, high95;              // of the trial by itself [unit]
+    Eigen::MatrixXd effect, effect_low95, effect_high95;  // and by what the others say [unit]
+    Eigen::MatrixXd left_out_p;                           // by the others alone [-]
+    Eigen::MatrixXd left_out_log_density;                 // of its estimate [-]
+    std::vector<double> unlike_p;  // k: the least of its p, times their number [-]
+    double alike_p = 1.0;          // of all parameters [-]
+    // The next trial's marks in the model's frame, with 95% intervals, n samples.
+    std::vector<std::string> marks;
+    std::vector<std::int32_t> mark;      // index into marks
+    std::vector<double> t;               // on the model's clock [s]
+    Eigen::Matrix3Xd middle, low, high;  // 3 x n [m]
+    bool empty() const { return trials.empty(); }
+  };
+  Repeat repeat;
+
   // Numbers by name with unit: "chi2_per_dof [1]".
   std::map<std::string, double> checks;
 };

@@ -33,6 +33,7 @@ std::string KindOfToml(const std::string& path) {
   const TomlTable table = LoadToml(path);
   if (table.Has("joint") || table.Has("beam") || table.Has("body")) return "scene";
   if (table.Has("parameter")) return "study";
+  if (table.Has("variable") && table.Has("job")) return "campaign";
   if (table.Has("recording")) return "raw lines";
   if (table.Has("camera")) return "lab";
   return "TOML";

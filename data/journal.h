@@ -23,7 +23,7 @@ class Journal {
   Journal(const Journal&) = delete;
   Journal& operator=(const Journal&) = delete;
 
-  const std::string& path() const { return path_; }
+  const std::string& path() const { return path_; }  ///< of its file
   std::size_t size() const;                     // records, old and new
   std::size_t found() const { return found_; }  // those of an earlier program
   std::string Read(std::size_t index) const;    // throws Error(kMachine) when it cannot

@@ -23,6 +23,12 @@ std::string FileSha256(const std::string& path) {
   return hex;
 }
 
+std::string TextSha256(const std::string& text) {
+  char hex[SHA256_DIGEST_STRING_LENGTH];
+  SHA256Data(reinterpret_cast<const std::uint8_t*>(text.data()), text.size(), hex);
+  return hex;
+}
+
 namespace {
 
 // A file's state, to tell whether it changed between two looks.
@@ -75,12 +81,6 @@ std::string IdentityOf(const std::string& path) {
   struct stat info = {};
   if (stat(path.c_str(), &info) != 0 || !S_ISREG(info.st_mode)) return {};
   return std::to_string(info.st_dev) + ":" + std::to_string(info.st_ino);
-}
-
-std::string TextSha256(const std::string& text) {
-  char hex[SHA256_DIGEST_STRING_LENGTH];
-  SHA256Data(reinterpret_cast<const std::uint8_t*>(text.data()), text.size(), hex);
-  return hex;
 }
 
 }  // namespace

@@ -30,6 +30,9 @@ struct Provenance {
 // SHA-256 of a file's bytes in hex; throws Error when it cannot be read.
 std::string FileSha256(const std::string& path);
 
+/// The same of a text.
+std::string TextSha256(const std::string& text);
+
 // "unfurl 0.1.0".
 std::string ProgramVersion();
 

@@ -7,18 +7,13 @@
 #include <filesystem>
 #include <map>
 
+#include "data/beside.h"
 #include "data/scene.h"
 #include "data/study_instrument.h"
 
 namespace unfurl::data {
 
 namespace {
-
-std::string Beside(const std::string& study, const std::string& file) {
-  const std::filesystem::path path(file);
-  if (path.is_absolute()) return file;
-  return (std::filesystem::path(study).parent_path() / path).lexically_normal().string();
-}
 
 StudyParameter ReadParameter(const std::string& name, const TomlTable& t, bool command) {
   StudyParameter p;
@@ -302,6 +297,22 @@ void ReadTolerance(const TomlTable& model, Study* study) {
   }
 }
 
+void ReadRepeat(const TomlTable& root, Study* study) {
+  const auto table = root.TableOrNone("repeat");
+  if (!table) return;
+  study->repeat.wanted = true;
+  study->repeat.where = table->Where();
+  study->repeat.parameters = table->StringsOr("parameters", {});
+  for (const std::string& name : study->repeat.parameters) {
+    const bool known = std::any_of(study->parameters.begin(), study->parameters.end(),
+                                   [&](const StudyParameter& p) { return p.name == name; });
+    if (!known) {
+      table->Fail("parameters", fmt::format("there is no parameter '{}'", name),
+                  "name parameters of this study; without the key all of them scatter");
+    }
+  }
+}
+
 Study ReadFrom(const TomlTable& root, const std::string& path) {
   Study study;
   study.path = path;
@@ -318,6 +329,7 @@ Study ReadFrom(const TomlTable& root, const std::string& path) {
         profile->IntegerOr("max_evaluations", study.profile_evaluations, 1, 1000000);
   }
   ReadFidelity(root, &study);
+  ReadRepeat(root, &study);
   root.RefuseUnknownKeys();
   return study;
 }

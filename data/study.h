@@ -121,6 +121,13 @@ struct StudyFidelity {
   std::vector<Rung> rungs;
 };
 
+/// Whether the trials are deployments that differ, and which parameters differ; docs/study.md.
+struct StudyRepeat {
+  bool wanted = false;
+  std::vector<std::string> parameters;  ///< that scatter; empty: all. The others have one value
+  std::string where;                    ///< file:line:key, for messages
+};
+
 // A study as read and checked.
 struct Study {
   std::string name;
@@ -142,6 +149,7 @@ struct Study {
   std::vector<double> profile_levels = {1.0, 2.0};  // in standard errors [-]; empty: no profiles
   int profile_evaluations = 400;                    // at most
   StudyFidelity fidelity;
+  StudyRepeat repeat;
 };
 
 // Throws Error (file:line:key).

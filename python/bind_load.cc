@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include "base/error.h"
+#include "campaign/record.h"
 #include "data/csv.h"
 #include "data/fit.h"
 #include "data/formats.h"
@@ -37,6 +38,7 @@ py::object LoadH5(const fs::path& path) {
     return Loaded<data::Run>(path, [](const std::string& p) { return data::ReadRun(p, true); });
   if (schema == data::kRigSchema) return Loaded<data::Rig>(path, &data::ReadRig);
   if (schema == data::kSurveySchema) return Loaded<data::Survey>(path, &data::ReadSurvey);
+  if (schema == campaign::kCampaignSchema) return LoadCampaign(path);
   if (schema == data::kFitSchema) return LoadFit(path);
   if (schema == data::kModesSchema) return LoadModes(path);
   if (schema == data::kTrialSchema) {
@@ -50,6 +52,9 @@ py::object LoadToml(const fs::path& path) {
   const std::string kind = data::KindOf(path.string());
   if (kind == "study") return LoadStudy(path);
   if (kind == "lab") return py::cast(std::make_shared<data::Lab>(data::ReadLab(path.string())));
+  if (kind == "campaign") {
+    throw Error("is a plan of many runs", path.string(), "unfurl.campaign(path) runs it");
+  }
   if (kind == "raw lines") {
     throw Error("describes raw lines, which are read into a trial or a survey first", path.string(),
                 "unfurl.read_lines(path, 'trial.h5')");
@@ -89,8 +94,9 @@ py::object Load(const py::object& path_like, double sigma) {
 
 void BindLoad(py::module_& m) {
   m.def("load", &Load, py::arg("path"), py::kw_only(), py::arg("sigma") = 0.0,
-        "Any file of Unfurl's: Tracks, Run, Rig, Survey, Trial, Fit, Modes, Scene, Study or Lab,\n"
-        "by what it holds. sigma: of one axis of a point, where a .c3d or .uff tells none [m].");
+        "Any file of Unfurl's: Tracks, Run, Rig, Survey, Trial, Fit, Modes, Scene, Study, Lab or\n"
+        "Campaign, by what it holds. sigma: of one axis of a point, where a .c3d or .uff tells\n"
+        "none [m].");
 }
 
 }  // namespace unfurl::python

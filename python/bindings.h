@@ -38,6 +38,7 @@ void BindCompare(py::module_& m);
 void BindFit(py::module_& m);
 void BindStudy(py::module_& m);
 void BindCost(py::module_& m);
+void BindCampaign(py::module_& m);
 void BindLines(py::module_& m);  // raw lines, and surveys in parts
 void BindLoad(py::module_& m);
 
@@ -46,6 +47,7 @@ py::object LoadScene(const fs::path& path);
 py::object LoadModes(const fs::path& path);
 py::object LoadStudy(const fs::path& path);
 py::object LoadFit(const fs::path& path);
+py::object LoadCampaign(const fs::path& path);
 
 /// A file that a record was read from, as it was then.
 struct Source {

@@ -66,6 +66,7 @@ PYBIND11_MODULE(_core, m) {
   BindFit(m);
   BindStudy(m);
   BindCost(m);
+  BindCampaign(m);
   BindLines(m);
   BindLoad(m);
   // Users know these by the package's name.

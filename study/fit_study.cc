@@ -4,7 +4,6 @@
 
 #include "base/error.h"
 #include "correlate/fit/evaluation_store.h"
-#include "data/journal.h"
 #include "study/fit_record.h"
 
 namespace unfurl::study {
@@ -36,23 +35,6 @@ void Run(const data::Study& study, const FitStudyOptions& options, correlate::Wo
   how.where = nullptr;
   fit->record = RecordOf(study, fit->binding->problem, fit->result);
   AddTolerances(fit->binding->tolerance, &fit->record);
-}
-
-void RunJournaled(const data::Study& study, const FitStudyOptions& options, StudyFit* fit) {
-  data::Journal journal(options.output, IdentityOf(fit->provenance), options.resume);
-  if (journal.found() > 0 && options.on_resume) {
-    options.on_resume(journal.found(), journal.path());
-  }
-  const auto local = correlate::LocalWorkers(options.workers);
-  correlate::JournaledWorkers workers(*local, journal);
-  try {
-    Run(study, options, &workers, fit);
-  } catch (const Interrupted&) {
-    if (journal.size() == 0) throw;
-    throw FitInterrupted(journal.size(), journal.path());
-  }
-  data::WriteFit(options.output, fit->record, fit->provenance);
-  journal.Remove();
 }
 
 }  // namespace
@@ -87,7 +69,7 @@ correlate::Comparison CompareAtEstimate(const correlate::FitTrial& trial,
   return c;
 }
 
-StudyFit Fit(const data::Study& study, const FitStudyOptions& options) {
+StudyFit Prepare(const data::Study& study, const FitStudyOptions& options) {
   if (study.command && !options.allow_programs) {
     throw Error("this study runs a program: " + study.command->words.front(), study.command->where,
                 "read it, and if you trust it give --allow-programs, or set "
@@ -98,10 +80,37 @@ StudyFit Fit(const data::Study& study, const FitStudyOptions& options) {
   fit.provenance = options.provenance;
   if (fit.provenance.program.empty()) fit.provenance.program = data::ProgramVersion();
   for (const std::string& input : fit.binding->inputs) fit.provenance.AddInput(input);
+  return fit;
+}
+
+void RunPrepared(const data::Study& study, const FitStudyOptions& options, data::Journal* journal,
+                 StudyFit* fit) {
+  if (journal == nullptr) {
+    Run(study, options, nullptr, fit);
+    return;
+  }
+  if (journal->found() > 0 && options.on_resume) {
+    options.on_resume(journal->found(), journal->path());
+  }
+  const auto local = correlate::LocalWorkers(options.workers);
+  correlate::JournaledWorkers workers(*local, *journal);
+  try {
+    Run(study, options, &workers, fit);
+  } catch (const Interrupted&) {
+    if (journal->size() == 0) throw;
+    throw FitInterrupted(journal->size(), journal->path());
+  }
+}
+
+StudyFit Fit(const data::Study& study, const FitStudyOptions& options) {
+  StudyFit fit = Prepare(study, options);
   if (options.output.empty()) {
-    Run(study, options, nullptr, &fit);
+    RunPrepared(study, options, nullptr, &fit);
   } else {
-    RunJournaled(study, options, &fit);
+    data::Journal journal(options.output, IdentityOf(fit.provenance), options.resume);
+    RunPrepared(study, options, &journal, &fit);
+    data::WriteFit(options.output, fit.record, fit.provenance);
+    journal.Remove();
   }
   if (options.compare && fit.Usable()) {
     fit.comparison = CompareAtEstimate(fit.problem().trials.front(), fit.record);

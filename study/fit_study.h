@@ -8,6 +8,7 @@
 #include "correlate/compare/comparison.h"
 #include "correlate/fit/fit.h"
 #include "data/fit.h"
+#include "data/journal.h"
 #include "data/provenance.h"
 #include "data/study.h"
 #include "study/study_binding.h"
@@ -66,7 +67,17 @@ class FitInterrupted : public Interrupted {
 /// that computes the marks, fits (correlate::Fit), and writes the record where `output` is set.
 /// A fit that does not converge is a result (status); throws Error for bad input, FitInterrupted
 /// where it was interrupted with evaluations kept, Interrupted otherwise.
+/// Of a study of trials that scatter (study.repeat) see study/repeat.h: here it has one value for
+/// all.
 StudyFit Fit(const data::Study& study, const FitStudyOptions& options = {});
+
+/// The same in two parts, for a caller who has several to fit: ready to be fitted, its inputs read
+/// and hashed;
+StudyFit Prepare(const data::Study& study, const FitStudyOptions& options);
+/// and fitted, on the evaluations that `journal` holds, to which it adds; null: none. Writes no
+/// fit.
+void RunPrepared(const data::Study& study, const FitStudyOptions& options, data::Journal* journal,
+                 StudyFit* fit);
 
 /// Trial and model at the estimate of a fit, side by side. Without errors where the model fails,
 /// and for a trial without marks.

@@ -1,24 +1,15 @@
 #include "correlate/fit/command_model.h"
 
-#include <fcntl.h>
 #include <fmt/format.h>
-#include <sys/file.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cctype>
-#include <cerrno>
 #include <chrono>
-#include <cstdlib>
-#include <ctime>
 #include <filesystem>
 #include <fstream>
-#include <mutex>
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
-#include "base/folder.h"
 #include "base/subprocess.h"
 #include "base/text.h"
 #include "correlate/sampled_model.h"
@@ -27,6 +18,7 @@
 #include "data/csv_cell.h"
 #include "data/formats.h"
 #include "data/run.h"
+#include "data/scratch_folder.h"
 
 namespace unfurl::correlate {
 
@@ -34,91 +26,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kScratchHead[] = "unfurl-evaluation-", kParametersFile[] = "parameters.json";
-constexpr std::size_t kScratchLetters = 6;  // that mkdtemp() chooses
-
-// Holds a folder as long as it is open, and the program lives.
-int LockFolder(const fs::path& path) {
-  const int folder = open(path.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-  if (folder >= 0 && flock(folder, LOCK_EX | LOCK_NB) != 0) {
-    close(folder);
-    return -1;
-  }
-  return folder;
-}
-
-// Programs that were killed leave their folders behind: our own, unlocked, and not just made.
-void RemoveStaleScratch(const fs::path& where) {
-  constexpr std::time_t kYoung = 10;  // [s], between making and locking
-  std::error_code failed;
-  for (const std::string& name : NamesIn(where.string())) {
-    if (!name.starts_with(kScratchHead) ||
-        name.size() != sizeof kScratchHead - 1 + kScratchLetters) {
-      continue;
-    }
-    const fs::path scratch = where / name;
-    const int folder = LockFolder(scratch);
-    if (folder < 0) continue;
-    struct stat info = {};
-    const bool made_here =
-        fs::exists(scratch / kParametersFile, failed) || fs::is_empty(scratch, failed);
-    if (made_here && fstat(folder, &info) == 0 && info.st_uid == geteuid() &&
-        std::time(nullptr) - info.st_mtime > kYoung) {
-      fs::remove_all(scratch, failed);
-    }
-    close(folder);
-  }
-}
-
-// A folder that goes when its user is done with it.
-class Scratch {
- public:
-  Scratch() {
-    const fs::path where = fs::temp_directory_path();
-    static std::once_flag cleaned;
-    std::call_once(cleaned, RemoveStaleScratch, where);
-    std::string name = (where / kScratchHead).string() + std::string(kScratchLetters, 'X');
-    if (mkdtemp(name.data()) == nullptr) data::ThrowWriteError(name, errno);
-    path_ = name;
-    lock_ = LockFolder(path_);
-  }
-  ~Scratch() {
-    std::error_code ignored;
-    fs::remove_all(path_, ignored);
-    if (lock_ >= 0) close(lock_);
-  }
-  Scratch(const Scratch&) = delete;
-  Scratch& operator=(const Scratch&) = delete;
-  std::string File(const std::string& name) const { return (path_ / name).string(); }
-  std::string folder() const { return path_.string(); }
-
- private:
-  fs::path path_;
-  int lock_ = -1;
-};
-
-void WritePlain(const std::string& path, const std::string& text) {
-  std::ofstream stream(path, std::ios::binary);
-  stream << text;
-  stream.close();
-  if (!stream) data::ThrowWriteError(path, errno);
-}
-
-std::string LastLine(const std::string& path) {
-  std::ifstream stream(path);
-  std::string line, last;
-  while (std::getline(stream, line)) {
-    if (!Trim(line).empty()) last = std::string(Trim(line));
-  }
-  constexpr std::size_t kLongest = 200;  // characters: the message stays a line or two
-  return last.substr(0, kLongest);
-}
-
-void ReplaceAll(std::string* text, const std::string& from, const std::string& to) {
-  for (std::size_t at = 0; (at = text->find(from, at)) != std::string::npos; at += to.size()) {
-    text->replace(at, from.size(), to);
-  }
-}
+constexpr char kParametersFile[] = "parameters.json";
 
 // One mark's columns, of any of the forms.
 struct MarkTable {
@@ -225,17 +133,17 @@ Prediction CommandModel::Evaluate(std::span<const double> theta, const Stamps& s
 Prediction CommandModel::Once(std::span<const double> theta, const Stamps& stamps) const {
   const auto start = std::chrono::steady_clock::now();
   Prediction out;
-  const Scratch scratch;
+  const data::ScratchFolder scratch("unfurl-evaluation-");
   auto fail = [&](std::string why) {
     // The folder's name differs each time, and a record is to be the same each time.
-    ReplaceAll(&why, scratch.folder() + "/", "");
+    data::ReplaceAll(&why, scratch.path() + "/", "");
     out.status = ModelStatus::kFailed;
     out.message = why;
     return out;
   };
   nlohmann::ordered_json values;
   std::vector<std::pair<std::string, std::string>> names = {
-      {"folder", scratch.folder()},
+      {"folder", scratch.path()},
       {"study", options_.study_folder},
       {"parameters", scratch.File(kParametersFile)},
       {"stamps", scratch.File("stamps.csv")}};
@@ -243,28 +151,28 @@ Prediction CommandModel::Once(std::span<const double> theta, const Stamps& stamp
     values[options_.parameters[j]] = theta[j];
     names.emplace_back(options_.parameters[j], fmt::format("{:.17g}", theta[j]));
   }
-  WritePlain(scratch.File(kParametersFile), values.dump(2) + "\n");
+  data::WritePlain(scratch.File(kParametersFile), values.dump(2) + "\n");
   std::string list = "mark,t [s]\n";
   for (std::size_t m = 0; m < stamps.marks.size(); ++m) {
     const std::string mark = data::CsvCell(stamps.marks[m]);
     for (double t : stamps.t[m]) list += fmt::format("{},{:.17g}\n", mark, t);
   }
-  WritePlain(scratch.File("stamps.csv"), list);
+  data::WritePlain(scratch.File("stamps.csv"), list);
   for (auto [name, text] : files_) {
-    for (const auto& [key, value] : names) ReplaceAll(&text, "{{" + key + "}}", value);
-    WritePlain(scratch.File(name), text);
+    for (const auto& [key, value] : names) data::ReplaceAll(&text, "{{" + key + "}}", value);
+    data::WritePlain(scratch.File(name), text);
   }
   std::vector<std::string> words = options_.words;
   for (std::string& word : words) {
-    for (const auto& [key, value] : names) ReplaceAll(&word, "{" + key + "}", value);
+    for (const auto& [key, value] : names) data::ReplaceAll(&word, "{" + key + "}", value);
   }
   const std::string err = scratch.File(".stderr");
   const ProgramOutcome outcome =
-      RunProgram(words, scratch.folder(), scratch.File(".stdout"), err, options_.timeout);
+      RunProgram(words, scratch.path(), scratch.File(".stdout"), err, options_.timeout);
   if (!outcome.started) return fail(fmt::format("{} does not start", words.front()));
   if (outcome.timed_out) return fail(fmt::format("not done in {} s", options_.timeout));
   if (outcome.code != 0) {
-    const std::string last = LastLine(err);
+    const std::string last = data::LastLineOf(err);
     return fail(fmt::format("exit code {}{}{}", outcome.code, last.empty() ? "" : ": ", last));
   }
   try {

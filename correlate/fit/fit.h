@@ -171,6 +171,9 @@ struct TrialResult {
   std::vector<Change> change;  // of the prediction per unit of each parameter
   // Standard error of the predicted marks by the parameters', all parts, per mark 3 x n [m].
   std::vector<Eigen::Matrix3Xd> band;
+  /// What one standard deviation of each direction of the calibration's error shifts the values by,
+  /// p x k [unit]: the same directions in all trials of one calibration.
+  Eigen::MatrixXd calibration_shift;
   GrossErrors gross;          // samples put aside
   DriftTest drift;            // whether the data call for a drift of the clock
   SeriesNoise noise;          // found in the residuals, with which they are whitened
@@ -240,10 +243,11 @@ struct FitResult {
   std::vector<ParameterEstimate> parameters;
   /// Of all of them [units].
   std::vector<double> Theta() const;
-  Eigen::MatrixXd covariance;       // of the values, all parts [unit x unit]
-  Eigen::MatrixXd correlation;      // likewise [-]
-  std::vector<StartResult> starts;  // best end first; one that failed comes last
-  std::vector<StageResult> stages;  // of the start that led to the estimate, sharpening included
+  Eigen::MatrixXd covariance;        // of the values, all parts [unit x unit]
+  Eigen::MatrixXd covariance_model;  ///< of that, the part of the model's own error [unit x unit]
+  Eigen::MatrixXd correlation;       // likewise [-]
+  std::vector<StartResult> starts;   // best end first; one that failed comes last
+  std::vector<StageResult> stages;   // of the start that led to the estimate, sharpening included
   std::vector<TrialResult> trials;
   std::vector<EvaluationRecord> evaluations;
   // Whitened rows of all trials x parameters: d residual / d value [1/unit].

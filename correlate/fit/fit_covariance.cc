@@ -228,6 +228,7 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     const Eigen::Index k = o.shared_rank;
     const auto draw = whole.A.middleRows(b.row + b.rows - k, k);
     middle += draw.transpose() * draw;
+    trial.calibration_shift = inverse.topRows(p) * draw.transpose();
     middle += layout.IndependentGram(whole.A.middleRows(b.row, b.rows));
     for (std::size_t s = 0; s < t; ++s) {
       const StackedRows::Block& other = whole.blocks[s];
@@ -277,6 +278,7 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
 
   const Eigen::MatrixXd total = from_data + model.covariance;
   r->covariance = total.topLeftCorner(p, p);
+  r->covariance_model = model.covariance.topLeftCorner(p, p);
   const Eigen::VectorXd sigma = total.diagonal().cwiseMax(0.0).cwiseSqrt();
   const Eigen::VectorXd unit = sigma.cwiseMax(1e-300).cwiseInverse();
   r->correlation = unit.head(p).asDiagonal() * r->covariance * unit.head(p).asDiagonal();

@@ -22,6 +22,7 @@ from . import _convert
 from ._core import (
     Calibration,
     CameraReport,
+    Campaign,
     CheckedCamera,
     CheckedCause,
     CheckResult,
@@ -57,6 +58,7 @@ from ._core import (
     Trial,
     __version__,
     calibrate,
+    campaign,
     check,
     compare,
     compile,
@@ -89,7 +91,7 @@ class SampleStatus(IntEnum):
 
 
 def to_pandas(record: Any) -> Any:
-    """A Run, Tracks, Survey or Fit as a pandas.DataFrame: a row for each sample or point."""
+    """A Run, Tracks, Survey, Fit or Campaign as a pandas.DataFrame: a row for each sample, point or run."""
     return _convert.to_pandas(record)
 
 
@@ -101,6 +103,7 @@ def to_xarray(record: Any) -> Any:
 __all__ = [
     "Calibration",
     "CameraReport",
+    "Campaign",
     "CheckedCamera",
     "CheckedCause",
     "CheckResult",
@@ -137,6 +140,7 @@ __all__ = [
     "Trial",
     "__version__",
     "calibrate",
+    "campaign",
     "check",
     "compare",
     "compile",

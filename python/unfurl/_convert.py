@@ -28,6 +28,10 @@ def to_pandas(record: Any) -> Any:
             columns |= {f"u {name}": record.u[:, k] for k, name in enumerate(record.cameras)}
             columns |= {f"s {name}": record.s[:, k] for k, name in enumerate(record.cameras)}
         return pandas.DataFrame(columns, index=pandas.Index(record.id, name="id"))
+    if isinstance(record, _core.Campaign):
+        frame = pandas.DataFrame(record.variables | record.responses)
+        frame.index.name = "run"
+        return frame
     if isinstance(record, _core.Fit):
         rows = [(p.name, p.value, p.sigma, *p.interval, p.unit, p.verdict) for p in record.parameters]
         header = ["name", "value", "sigma", "low95", "high95", "unit", "verdict"]

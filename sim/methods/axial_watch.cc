@@ -41,7 +41,10 @@ void AxialWatch::Look(double t, const double* lambda, const double* state) {
     if (e.stiffness > 0.0) {
       const double dx = state[i.x(e.body + 1)] - state[i.x(e.body)];
       const double dy = state[i.y(e.body + 1)] - state[i.y(e.body)];
-      force = e.stiffness * (std::hypot(dx, dy) - e.length);
+      // Along the element's axis, at the mean angle, as Bending has it: with a stiff axis the slack
+      // of the deflection, dy^2 / (2 l), would be a force of its own.
+      const double angle = 0.5 * (state[i.theta(e.body)] + state[i.theta(e.body + 1)]);
+      force = e.stiffness * (std::cos(angle) * dx + std::sin(angle) * dy - e.length);
     }
     // The implicit Euler step of a first-order lag.
     e.lasting += (force - e.lasting) * dt / (e.period + dt);

@@ -6,8 +6,8 @@
 namespace unfurl::sim {
 namespace {
 
-// The implicit method pays down to here: it is of third order (docs/decisions/012-implicit.md).
-constexpr double kImplicitTolerance = 1e-5;
+// The implicit method pays down to here: it is of fourth order (docs/decisions/012-implicit.md).
+constexpr double kImplicitTolerance = 1e-7;
 // Highest bending rate of a chain of segments over sqrt(12 EI / (l^3 m)), half elements included.
 constexpr double kBendingRate = 4.6;
 // From here on it is damping or stretching, not bending or contact, that limits an explicit step so

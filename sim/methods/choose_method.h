@@ -6,7 +6,7 @@
 namespace unfurl::sim {
 
 // What `auto` stands for: `implicit` where beams are stiff by damping or stretching and the
-// tolerance is one that a third order meets cheaply, else `projected`;
+// tolerance is one that a fourth order meets cheaply, else `projected`;
 // docs/decisions/012-implicit.md. Other methods stand for themselves.
 Method ChooseMethod(const SimulateOptions& options, const Model& model);
 

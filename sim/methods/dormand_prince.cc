@@ -101,6 +101,10 @@ double DormandPrince::StabilityUse() const {
          FastestRate(trial_.data(), k_[6].data(), stage_.data(), k_[5].data());
 }
 
+double DormandPrince::StableReach() const {
+  return kStabilityEdge / 6;  // right sides a step
+}
+
 double DormandPrince::Dense(int i, double sigma) const {
   const double difference = trial_[i] - y_[i];
   const double c3 = h_ * k_[0][i] - difference;

@@ -122,6 +122,10 @@ double DormandPrince8::StabilityUse() const {
          FastestRate(trial_.data(), k_[12].data(), stage_.data(), k_[11].data());
 }
 
+double DormandPrince8::StableReach() const {
+  return kStabilityEdge / 12;  // right sides a step
+}
+
 void DormandPrince8::MakeDense() {
   if (dense_) return;
   dense_ = true;

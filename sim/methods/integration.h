@@ -46,6 +46,7 @@ class Integration {
   void MakeOther();
   void NextStep(double error, double* h);
   bool RemoveDrift(double t, double* y);
+  void WatchDrift(double position, double velocity, const double* y);
   double ContactStep() const;
   void SampleStep(double h, double t_new);
   void Emit(double t);
@@ -85,6 +86,8 @@ class Integration {
   Edges edges_;
   double last_error_ = 0.0;     // of the last step, over what is allowed [-]
   double zone_part_ = 0.0;      // of a transition zone, per step [-]
+  double drift_ = 0.0;          // the largest, in tolerances [-]
+  double fastest_ = 0.0;        // velocity where drift was large [m/s]
   bool loops_ = false;          // constraints may come to depend on one another
   bool is_near_ = false;        // they nearly do
   double largest_pivot_ = 0.0;  // that the smallest has been [-]

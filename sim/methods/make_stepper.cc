@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "sim/implicit/rosenbrock.h"
+#include "sim/implicit/esdirk.h"
 #include "sim/methods/dormand_prince.h"
 #include "sim/methods/dormand_prince8.h"
 #include "sim/methods/partitioned.h"
@@ -48,7 +48,7 @@ std::unique_ptr<Stepper> MakeStepper(const SimulateOptions& options, Dynamics& d
                                      const ErrorScale& scale, Method method) {
   if (method == Method::kPartitioned) return MakePartitioned(options, dynamics, scale);
   if (method == Method::kImplicit) {
-    return std::make_unique<Rosenbrock>(dynamics, scale, Ros34Pw2());
+    return std::make_unique<Esdirk>(dynamics, scale, Ark436());
   }
   if (Fourth(options)) return std::make_unique<RungeKutta43>(dynamics, scale);
   const bool eighth = options.order == 0 ? options.rtol <= kTightTolerance : options.order == 8;

@@ -15,8 +15,15 @@ bool MethodSwitch::Note(double gained, double cost, bool unstable) {
   return steps_ >= kWindow && EndWindow();
 }
 
+// Time gained per right side, at equal errors.
+double MethodSwitch::Speed() const {
+  if (!(cost_ > 0.0)) return 0.0;
+  const bool at_edge = 2 * unstable_ > (trying_ ? steps_ - kSettling : steps_);
+  return gained_ / cost_ / (at_edge ? kFiner : 1.0);
+}
+
 bool MethodSwitch::EndTrial() {
-  const double speed = cost_ > 0.0 ? gained_ / cost_ : 0.0;
+  const double speed = Speed();
   const bool better = speed > kGain * speed_[implicit_ ? 0 : 1];
   speed_[implicit_ ? 1 : 0] = speed;
   trying_ = false;
@@ -27,8 +34,18 @@ bool MethodSwitch::EndTrial() {
   return false;
 }
 
+bool MethodSwitch::Spare(double reach) {
+  if (reach / kFiner > kGain * speed_[1]) return false;
+  implicit_ = true;
+  trying_ = false;
+  speed_[0] = reach / kFiner;
+  since_ = 0.0;
+  wait_ = std::min(2.0 * wait_, kLongestWait);
+  return true;
+}
+
 bool MethodSwitch::EndWindow() {
-  speed_[implicit_ ? 1 : 0] = gained_ / cost_;
+  speed_[implicit_ ? 1 : 0] = Speed();
   const double other = speed_[implicit_ ? 0 : 1];
   const bool doubted = implicit_ || 2 * unstable_ > steps_;
   Clear();

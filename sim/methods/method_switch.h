@@ -21,6 +21,11 @@ class MethodSwitch {
   bool Note(double gained, double cost, bool unstable);
 
   bool implicit() const { return implicit_; }
+  // Whether the explicit method is about to be tried.
+  bool AboutToTryExplicit() const { return trying_ && !implicit_ && steps_ == 0; }
+  // Whether a trial of the explicit method, which gains at most `reach` per right side [s] before
+  // stability stops it, would be lost. It then counts as lost, and the implicit one goes on.
+  bool Spare(double reach);
 
  private:
   // Steps over which a speed is measured: some tens, so that a few impacts or a rejected step do
@@ -32,9 +37,14 @@ class MethodSwitch {
   static constexpr double kTrialCost = 2.0 * 25.0 * kTrial;
   // Faster by so much is worth the change.
   static constexpr double kGain = 1.25;
+  // An explicit step at the edge of stability errs by as much as is allowed, since nothing else
+  // keeps vibrations from growing; an implicit one by a tenth of that. At equal errors the fourth
+  // order makes that a factor of 10^(1/4).
+  static constexpr double kFiner = 1.78;
   // Right sides before the first trial, and between trials at most. A trial costs some 500.
   static constexpr double kFirstWait = 1000.0, kLongestWait = 32000.0;
 
+  double Speed() const;
   bool EndTrial();
   bool EndWindow();
   bool Change();

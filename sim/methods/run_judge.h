@@ -48,8 +48,11 @@ class RunJudge {
   // energy; never more than the share that is allowed of what moved.
   static constexpr double kTolerances = 20.0, kMostKinetic = 0.01;
 
+  bool IsLessAccurate() const;
+
   Dynamics dynamics_;
   const bool tracked_, closed_;
+  const int stiffest_axis_;                      // beam; -1: none stretches
   const double rtol_;                            // [-]
   std::vector<double> state_;                    // [SI]
   std::array<double, kKinds> least_{}, most_{};  // by kind of energy [J]

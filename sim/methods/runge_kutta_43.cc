@@ -66,6 +66,10 @@ double RungeKutta43::StabilityUse() const {
          FastestRate(trial_.data(), k_[4].data(), stage_.data(), k_[3].data());
 }
 
+double RungeKutta43::StableReach() const {
+  return kStabilityEdge / 4;  // right sides a step
+}
+
 void RungeKutta43::Accept(double t) {
   t_ = t;
   std::swap(y_, trial_);

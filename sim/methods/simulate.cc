@@ -8,7 +8,6 @@
 #include "base/error.h"
 #include "base/text.h"
 #include "sim/dynamics/observables.h"
-#include "sim/implicit/rosenbrock.h"
 #include "sim/methods/choose_method.h"
 #include "sim/methods/integration.h"
 

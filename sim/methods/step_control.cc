@@ -68,15 +68,22 @@ void Integration::SwitchMethod(double gained, double* h) {
   counted_rejected_ = report_.rejected;
   if (stepper_ == other_.get()) other_time_ += gained;
   if (!switch_.Note(gained, cost, doubted_)) return;
-  std::copy_n(stepper_->state(), sample_.size(), start_.begin());
   if (other_ == nullptr) MakeOther();
-  stepper_ = stepper_ == far_.get() ? other_.get() : far_.get();
+  Stepper* next = stepper_ == far_.get() ? other_.get() : far_.get();
+  if (switch_.AboutToTryExplicit()) {
+    const double rate = stepper_->ProbeFastestRate();
+    if (rate > 0.0 && switch_.Spare(next->StableReach() / rate)) return;
+  }
+  std::copy_n(stepper_->state(), sample_.size(), start_.begin());
+  stepper_ = next;
   stepper_->Start(t_, start_);
   counted_evaluations_ = stepper_->evaluations();
-  // An implicit step grows from where the explicit one stood; an explicit one is as short as it
-  // was.
-  const double last = *h;
-  if (!switch_.implicit() && other_step_ > 0.0) *h = std::min(*h, other_step_);
+  // Each goes on as it left off. An explicit step leaves vibrations as large as the tolerance:
+  // short implicit steps would resolve them, long ones damp them out at once. So the first implicit
+  // step is the longest there is, which comes down fivefold a trial to what the motion allows.
+  const double last = *h, first = switch_.implicit() ? options_.max_step : *h;
+  const double wished = other_step_ > 0.0 ? other_step_ : first;
+  *h = switch_.implicit() ? wished : std::min(*h, wished);
   other_step_ = last;
   stable_ = true;
   doubted_ = false;

@@ -93,6 +93,12 @@ class Stepper {
   // After Try: h |lambda| of the fastest motion seen, over what the method is stable for (some 1
   // where stability and not accuracy limits the step); 0 where the method cannot tell.
   virtual double StabilityUse() const { return 0.0; }
+  // Of an explicit method: h |lambda| at the edge of stability (along the real axis, where it is
+  // farthest) per right side of a step; 0: stability sets no edge.
+  virtual double StableReach() const { return 0.0; }
+  // |lambda| of the fastest motion there is at the state [1/s], by power iteration on the right
+  // side; 0 where the method does not look.
+  virtual double ProbeFastestRate() { return 0.0; }
   // What a tried step costs beside its right sides, in right sides.
   virtual double StepOverhead() const { return 0.0; }
   // Times that dependent coordinates were chosen anew; method partitioned.
@@ -164,10 +170,10 @@ class Stepper {
   long evaluations_ = 0;
   double t_ = 0.0, h_ = 0.0;  // [s]
   Array y_, trial_, stage_;   // [SI]
+  Array mass_, inertia_;      // of FastestRate's norm, by body [kg], [kg m^2]
 
  private:
   double norm_factor_ = 0.0;                     // [-]
-  Array mass_, inertia_;                         // of FastestRate's norm, by body [kg], [kg m^2]
   Array position_weight_, angle_weight_, mask_;  // by body; zero where nothing moves by itself [-]
 };
 

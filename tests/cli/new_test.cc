@@ -37,7 +37,7 @@ TEST_P(Starts, RunAsTheyAre) {
     EXPECT_EQ(outcome.code, 0) << command << "\n" << outcome.err;
   }
 }
-INSTANTIATE_TEST_SUITE_P(Kinds, Starts, ::testing::Values("boom", "rig", "trial"));
+INSTANTIATE_TEST_SUITE_P(Kinds, Starts, ::testing::Values("boom", "rig", "trial", "campaign"));
 
 class New : public ProgramTest {};
 
@@ -112,7 +112,7 @@ const Mistake kMistakes[] = {
     {{"simulate", "scene.toml", "--set", "beam.inner.lenght=2"}, "did you mean 'length'?"},
     {{"simulate", "file.h5", "-o", "run.h5"}, "is an HDF5 file, where TOML is read"},
     {{"new", "bom"}, "did you mean 'boom'?"},
-    {{"new", "spaceship"}, "known: boom, wing, rig, trial and study"},
+    {{"new", "spaceship"}, "known: boom, wing, rig, trial, study and campaign"},
     {{"completion", "tcsh"}, "known: bash, zsh, fish"},
 };
 INSTANTIATE_TEST_SUITE_P(Typed, Mistakes, ::testing::ValuesIn(kMistakes));

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <cstdlib>
 #include <fstream>
 #include <sstream>
 
@@ -64,6 +65,13 @@ void SmallJobsTest::SetUp() {
       "[study]\nname = 'sine'\n[trial]\ntracks = 'tracks.csv'\noffset = 0.0\nframe = 'known'\n"
       "[model]\ncommand = ['python3', '{study}/model.py']\n[parameter.a]\nstart = 0.6\n"
       "bounds = [0.2, 2.0]\n");
+  Put("block.toml",
+      "[scene]\nname = 'block'\nduration = 1.0\n[body.block]\nmass = 2.0\ninertia = 0.1\n"
+      "velocity = [0.7, 0, 0]\n");
+  Put("plan.toml",
+      "[campaign]\nruns = 6\n[job]\nscene = 'block.toml'\n[variable.v]\n"
+      "keys = ['body.block.velocity[0]']\nuniform = [0.2, 1.0]\n[response.x]\n"
+      "quantity = 'block.x'\nof = 'final'\n");
   jobs_ = {
       {{"simulate", Shipped("scene_suspension_4.toml"), "--duration", "0.1", "-o", "out.h5"},
        "out.h5"},
@@ -82,8 +90,12 @@ void SmallJobsTest::SetUp() {
        "out.html"},
       {{"effects", latch, "--duration", "0.05", "--sigma", "1mm", "-o", "out.toml"}, "out.toml"},
       {{"design", "known.toml", "--allow-programs", "--report", "out.html"}, "out.html"},
+      {{"campaign", "plan.toml", "--workers", "2", "-o", "out.h5"}, "out.h5"},
       {{"convert", "run.h5", "out.csv"}, "out.csv"},
       {{"convert", "tracks.csv", "out.c3d"}, "out.c3d"}};
+  if (const char* verb = std::getenv("UNFURL_JOB")) {
+    std::erase_if(jobs_, [&](const SmallJob& job) { return job.command[0] != verb; });
+  }
   for (SmallJob& job : jobs_) {
     job.command.push_back("--quiet");
     job.tells_times = job.command[0] == "cost";

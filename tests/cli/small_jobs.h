@@ -18,7 +18,7 @@ struct SmallJob {
 
 class SmallJobsTest : public ProgramTest {
  protected:
-  // Makes the jobs' inputs.
+  // Makes the jobs' inputs. UNFURL_JOB=campaign in the environment keeps the jobs of that verb only.
   void SetUp() override;
   // Runs it; the exit code is 0, or 1 where the result is written and not usable.
   Outcome Good(const std::vector<std::string>& command) const;

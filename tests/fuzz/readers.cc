@@ -9,6 +9,9 @@
 #include <cstdlib>
 
 #include "base/error.h"
+#include "campaign/answers.h"
+#include "data/atomic_file.h"
+#include "data/campaign.h"
 #include "data/channels.h"
 #include "data/csv.h"
 #include "data/design.h"
@@ -81,6 +84,9 @@ const std::vector<Reader>& Readers() {
        [](const std::string& path) { data::ReadChannels(path, data::FileFormat::kUff); }},
       {"channels_h5",
        [](const std::string& path) { data::ReadChannels(path, data::FileFormat::kHdf5); }},
+      {"campaign", [](const std::string& path) { data::ReadCampaign(path); }},
+      {"campaign_json",
+       [](const std::string& path) { data::CampaignFromJson(data::ReadTextFile(path), path); }},
       {"design", [](const std::string& path) { data::ReadDesign(path); }},
       {"wand", [](const std::string& path) { data::ReadWand(path); }},
       {"tracks_csv", [](const std::string& path) { data::ReadTracksCsv(path); }},
@@ -110,6 +116,8 @@ const std::vector<Reader>& Readers() {
       {"rig_h5", [](const std::string& path) { data::ReadRig(path); }},
       {"tracks_h5", [](const std::string& path) { data::ReadTracks(path); }},
       {"fit_h5", [](const std::string& path) { data::ReadFit(path); }},
+      {"campaign_h5",
+       [](const std::string& path) { campaign::Answer(campaign::ReadRecord(path)); }},
       {"trial_h5", ReadTrialBlocks}};
   return kReaders;
 }

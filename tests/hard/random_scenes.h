@@ -63,4 +63,54 @@ inline RandomScene DrawScene(std::uint64_t seed) {
   return out;
 }
 
+// A mechanism of stretching beams with EA from 1e4 to 1e8 N, log-uniform: a boom on a free hub, a
+// pendulum, two links that latch, a free beam under a force, two links with a damper.
+inline RandomScene DrawStiffScene(std::uint64_t seed) {
+  Rng rng(seed);
+  const auto between = [&](double low, double high) { return low + (high - low) * rng.Uniform(); };
+  const auto power = [&](double low, double high) { return std::pow(10.0, between(low, high)); };
+  const double EA = power(4.0, 8.0);
+  const int kind = static_cast<int>(5.0 * rng.Uniform());
+  const double beta = rng.Uniform() < 0.5 ? power(-7.0, -5.0) : 0.0;
+  RandomScene out;
+  out.damped = beta > 0.0;
+  out.latches = kind == 2;
+  std::string& t = out.toml;
+  t = fmt::format("[scene]\nname = \"stiff {}\"\nduration = {:.3f}\n", seed, between(0.2, 0.4));
+  t += "[contact.lock]\nK = 5e8\nC = 4000.0\nQ = 3.0\nepsilon = 5e-6\n";
+  const auto beam = [&](const char* name) {
+    t += fmt::format(
+        "[beam.{}]\nlength = {:.3f}\nmass = {:.3f}\nEI = {:.3f}\nsegments = {}\n"
+        "axial = \"elastic\"\nEA = {:.4g}\ndamping = {:.3g}\n[mark.{}]\non = \"{}.end\"\n",
+        name, between(0.5, 1.2), between(0.2, 0.8), power(0.7, 2.5),
+        3 + static_cast<int>(4.0 * rng.Uniform()), EA, beta, std::string("m") + name, name);
+  };
+  const auto joint = [&](const char* name, const char* inner, const char* outer) {
+    t += fmt::format(
+        "[joint.{0}]\ninner = \"{1}\"\nouter = \"{2}.start\"\ntheta = {3:.3f}\n"
+        "theta_rate = {4:.3f}\n[joint.{0}.spring]\nstiffness = {5:.3f}\npreload = 0.7\n",
+        name, inner, outer, between(0.2, 1.4), -between(0.0, 2.0), power(-1.0, 1.0));
+  };
+  beam("a");
+  if (kind == 0) {
+    t += fmt::format("[body.hub]\nmass = {:.2f}\ninertia = {:.3f}\nvelocity = [0, 0, {:.2f}]\n",
+                     between(1.0, 5.0), power(-1.5, 0.0), between(-3.0, 3.0));
+    t += "[weld.w]\ninner = \"hub\"\nouter = \"a.start\"\n";
+  } else if (kind == 3) {
+    t += fmt::format("[force.f]\non = \"a.end\"\nforce = [{:.2f}, {:.2f}]\n", between(-2.0, 2.0),
+                     between(-2.0, 2.0));
+  } else {
+    joint("p", "ground", "a");
+    if (kind != 2) t += "[gravity]\nacceleration = [0.0, -9.81]\n";
+  }
+  if (kind == 2 || kind == 4) {
+    beam("b");
+    joint("q", "a.end", "b");
+    t += kind == 2 ? "[joint.q.latch]\ntheta_a = 0.003\ntheta_b = 0.003\nlever = 0.03\n"
+                     "contact = \"lock\"\n"
+                   : fmt::format("[joint.q.damper]\ndamping = {:.4f}\n", power(-3.0, 0.0));
+  }
+  return out;
+}
+
 }  // namespace unfurl::sim

@@ -48,9 +48,9 @@ def type_of(annotation):
 
 
 def assert_same_type(where, compiled, stub):
-    """The module may say less: list, tuple, object or an array of any kind."""
+    """The module may say less: list, tuple, dict, object or an array of any kind."""
     said, promised = type_of(compiled), type_of(stub)
-    if said in ("list", "tuple"):
+    if said in ("list", "tuple", "dict"):
         assert promised.startswith(said + "["), where
     elif said == "NDArray":
         assert promised in ("_Floats", "_Ints"), where

@@ -60,8 +60,8 @@ TEST(ChooseMethod, TurnsImplicitWhereStretchingIsStiff) {
 
 TEST(ChooseMethod, StaysExplicitAtFineTolerancesAndWithAnOrder) {
   const std::string stiff = "damping = 1.0\n";
-  EXPECT_EQ(Chosen("free", stiff, 1e-5), Method::kImplicit);
-  EXPECT_EQ(Chosen("free", stiff, 0.99e-5), Method::kProjected);
+  EXPECT_EQ(Chosen("free", stiff, 1e-7), Method::kImplicit);
+  EXPECT_EQ(Chosen("free", stiff, 0.99e-7), Method::kProjected);
   EXPECT_EQ(Chosen("clamped", stiff, 1e-3), Method::kImplicit);
   EXPECT_EQ(Chosen("free", stiff, 1e-3, 5), Method::kProjected);
   EXPECT_EQ(Chosen("free", "", 1e-3), Method::kProjected);

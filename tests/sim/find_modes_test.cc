@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "scenes.h"
+#include "tests/traps.h"
 
 namespace unfurl::sim {
 namespace {
@@ -81,6 +82,7 @@ TEST(FindModes, FilesHoldTheRecord) {
 }
 
 TEST(FindModes, BadOptionsAreNamed) {
+  const NoTraps fence;  // a NaN among them
   const data::Scene scene = data::ParseScene(BeamScene("clamped", 4), "beam.toml");
   const auto refused = [&](const auto& change) {
     ModesOptions options;

@@ -10,6 +10,7 @@
 #include "runs.h"
 #include "scenes.h"
 #include "sim/dynamics/observables.h"
+#include "tests/traps.h"
 
 namespace unfurl::sim {
 namespace {
@@ -165,6 +166,7 @@ TEST(Simulate, ThreadsDoNotDisturbEachOther) {
 }
 
 TEST(Simulate, RunningAwayIsAStatusWithWhatWasReached) {
+  const NoTraps fence;  // steps overflow and are given up
   // A spring so stiff and a body so light that no step is small enough for the tolerance.
   std::string text = LatchingBarScene();
   text.replace(text.find("stiffness = 0.218"), 17, "stiffness = 1e60");
@@ -185,6 +187,7 @@ TEST(Simulate, StopsAtTheMostSteps) {
 }
 
 TEST(SimulateOptions, RefusesWhatCannotBe) {
+  const NoTraps fence;  // a NaN among them
   const auto refused = [](auto change) {
     SimulateOptions options;
     change(options);
@@ -211,13 +214,13 @@ TEST(Simulate, AutoTakesTheMethodThatTheSceneCallsFor) {
     return Simulate(ModelFrom(BeamScene("clamped", 24, more)), options, nullptr).method;
   };
   using ::testing::HasSubstr;
-  EXPECT_THAT(method("", 1e-3), HasSubstr("4(3)"));
+  EXPECT_THAT(method("", 1e-3), HasSubstr("Runge-Kutta 4(3)"));
   EXPECT_THAT(method("", 1e-5), HasSubstr("5(4)"));
   EXPECT_THAT(method("", 1e-8), HasSubstr("8(5,3)"));
   const std::string damped = "damping = 1e-3\n", elastic = "axial = \"elastic\"\nEA = 1e8\n";
   for (const std::string& stiff : {damped, elastic}) {
-    EXPECT_THAT(method(stiff, 1e-4), HasSubstr("osenbrock")) << stiff;
-    EXPECT_THAT(method(stiff, 1e-6), HasSubstr("5(4)")) << stiff;
+    EXPECT_THAT(method(stiff, 1e-4), HasSubstr("diagonally implicit")) << stiff;
+    EXPECT_THAT(method(stiff, 1e-8), HasSubstr("8(5,3)")) << stiff;
   }
 }
 

@@ -15,11 +15,13 @@ using testing::IsEmpty;
 
 TEST(CheckIncludes, FindsEveryForbiddenArrow) {
   const std::vector<std::pair<std::string, std::string>> forbidden = {
-      {"base", "data"},         {"base", "cli"},   {"data", "sim"},        {"data", "report"},
-      {"sim", "measure"},       {"sim", "calib"},  {"measure", "sim"},     {"measure", "calib"},
-      {"correlate", "sim"},     {"report", "sim"}, {"report", "cli"},      {"correlate", "report"},
-      {"correlate", "measure"}, {"calib", "sim"},  {"calib", "correlate"}, {"calib", "report"},
-      {"calib", "cli"}};
+      {"base", "data"},         {"base", "cli"},      {"data", "sim"},
+      {"data", "report"},       {"sim", "measure"},   {"sim", "calib"},
+      {"measure", "sim"},       {"measure", "calib"}, {"correlate", "sim"},
+      {"report", "sim"},        {"report", "cli"},    {"correlate", "report"},
+      {"correlate", "measure"}, {"calib", "sim"},     {"calib", "correlate"},
+      {"calib", "report"},      {"calib", "cli"},     {"study", "campaign"},
+      {"campaign", "report"},   {"campaign", "cli"}};
   for (const auto& [from, to] : forbidden) {
     const Findings found =
         CheckIncludes(from + "/a.cc", "#include <cmath>\n#include \"" + to + "/b.h\"\n");
@@ -29,12 +31,22 @@ TEST(CheckIncludes, FindsEveryForbiddenArrow) {
 
 TEST(CheckIncludes, PassesTheArrowsOfTheHouse) {
   const std::vector<std::pair<std::string, std::string>> allowed = {
-      {"data", "base"},   {"sim", "data"},      {"measure", "base"}, {"correlate", "data"},
-      {"report", "data"}, {"calib", "measure"}, {"cli", "sim"},      {"cli", "report"},
-      {"cli", "calib"},   {"sim", "sim"}};
+      {"data", "base"},   {"sim", "data"},      {"measure", "base"},   {"correlate", "data"},
+      {"report", "data"}, {"calib", "measure"}, {"cli", "sim"},        {"cli", "report"},
+      {"cli", "calib"},   {"sim", "sim"},       {"campaign", "study"}, {"cli", "campaign"}};
   for (const auto& [from, to] : allowed) {
     EXPECT_THAT(CheckIncludes(from + "/a.h", "#include \"" + to + "/b.h\"\n"), IsEmpty());
   }
+}
+
+TEST(CheckIncludes, KeepsTheStatisticsOfCampaignsToThemselves) {
+  const std::string path = "campaign/statistics/a.cc";
+  EXPECT_THAT(CheckIncludes(path, "#include \"data/run.h\"\n"),
+              ElementsAre(HasSubstr("campaign/statistics/ must not know data/run.h")));
+  EXPECT_THAT(CheckIncludes(path, "#include \"campaign/plan.h\"\n"),
+              ElementsAre(HasSubstr("must not know campaign/plan.h")));
+  EXPECT_THAT(CheckIncludes(path, "#include \"campaign/statistics/b.h\"\n"), IsEmpty());
+  EXPECT_THAT(CheckIncludes(path, "#include \"base/error.h\"\n"), IsEmpty());
 }
 
 TEST(CheckIncludes, IsNotFooledBySpelling) {
@@ -65,6 +77,9 @@ TEST(CheckIncludes, KeepsThirdPartyHeadersWhereTheyAreWrapped) {
   EXPECT_FALSE(finds("cli/main.cc", "CLI/CLI.hpp"));
   EXPECT_TRUE(finds("report/page.cc", "opencv2/imgcodecs.hpp"));
   EXPECT_FALSE(finds("measure/streak.cc", "opencv2/imgproc.hpp"));
+  EXPECT_TRUE(finds("campaign/plan.cc", "boost/random/sobol.hpp"));
+  EXPECT_FALSE(finds("campaign/statistics/sobol_sequence.cc", "boost/random/sobol.hpp"));
+  EXPECT_FALSE(finds("base/probability.cc", "boost/math/special_functions/beta.hpp"));
   EXPECT_TRUE(finds("sim/a.cc", "gtest/gtest.h"));
 }
 
