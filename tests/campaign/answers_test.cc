@@ -32,7 +32,7 @@ class AnswersTest : public ::testing::Test {
     MergeParts(c.folder, c.inputs, c.files, folder_.File("record.h5"));
     return Answer(ReadRecord(folder_.File("record.h5")));
   }
-  const TestFolder folder_;
+  const OwnFolder folder_;
 };
 
 // v is uniform on 0.25 .. 1: the block ends at 2 v, and is beyond 1.6 m where v > 0.8.

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "data/campaign.h"
-#include "tests/campaign/folder.h"
+#include "tests/own_folder.h"
 
 namespace unfurl::campaign {
 
@@ -14,7 +14,7 @@ inline constexpr char kBlock[] =
     "[event.passes]\nwhen = \"block.x\"\nlevel = 1.0\n";
 
 // A plan over it, with the responses that are given.
-inline data::Campaign BlockPlan(const TestFolder& folder, const std::string& responses,
+inline data::Campaign BlockPlan(const OwnFolder& folder, const std::string& responses,
                                 const std::string& campaign = "runs = 40\n",
                                 const std::string& variable = "uniform = [0.25, 1.0]\n") {
   folder.Put("block.toml", kBlock);

@@ -40,7 +40,7 @@ TEST(NamedExpression, KnowsItsNamesAndNoOthers) {
 }
 
 TEST(SceneJob, QuantitiesAndEventsAreThoseOfTheMotion) {
-  const TestFolder folder;
+  const OwnFolder folder;
   const data::Campaign plan =
       BlockPlan(folder,
                 "[response.last]\nquantity = \"block.x\"\nof = \"final\"\n"
@@ -81,7 +81,7 @@ TEST(SceneJob, QuantitiesAndEventsAreThoseOfTheMotion) {
 }
 
 TEST(SceneJob, NumbersThatMakeNoSceneAreAFailedRun) {
-  const TestFolder folder;
+  const OwnFolder folder;
   data::Campaign plan = BlockPlan(folder, "[response.r]\nquantity = \"block.x\"\n");
   plan.variables[0].keys = {"body.block.mass"};
   const std::unique_ptr<Job> job = MakeJob(plan, std::vector{0.5}, {});
@@ -93,7 +93,7 @@ TEST(SceneJob, NumbersThatMakeNoSceneAreAFailedRun) {
 }
 
 TEST(SceneJob, NamesThatAreNotThereAreRefusedWithTheNearest) {
-  const TestFolder folder;
+  const OwnFolder folder;
   EXPECT_THAT(Refused(BlockPlan(folder, "[response.r]\nquantity = \"blok.x\"\n")),
               HasSubstr("'block.x'"));
   EXPECT_THAT(Refused(BlockPlan(folder, "[response.r]\nevent = \"latch\"\n")),
@@ -115,7 +115,7 @@ class StepsJobTest : public ::testing::Test {
                                  "[variable.v]\nuniform = [1, 2]\n" + responses);
     return data::ReadCampaign(folder_.File("plan.toml"));
   }
-  const TestFolder folder_;
+  const OwnFolder folder_;
   const JobOptions allowed_{"/bin/false", true};
 };
 

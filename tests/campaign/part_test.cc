@@ -70,7 +70,7 @@ class FolderTest : public ::testing::Test {
     MergeParts(c.folder, c.inputs, c.files, folder_.File("record.h5"));
     return folder_.Get("record.h5");
   }
-  const TestFolder folder_;
+  const OwnFolder folder_;
 };
 
 TEST_F(FolderTest, TheRecordDoesNotHangOnHowRunsWereCut) {

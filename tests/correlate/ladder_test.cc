@@ -3,10 +3,8 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <atomic>
-#include <filesystem>
 #include <functional>
 #include <numbers>
 
@@ -19,6 +17,7 @@
 #include "tests/correlate/fit_repeats.h"
 #include "tests/correlate/stopped_workers.h"
 #include "tests/correlate/two_link.h"
+#include "tests/own_folder.h"
 
 namespace unfurl::correlate {
 namespace {
@@ -239,9 +238,8 @@ TEST(Ladder, TrialsWithDifferentRungsAreRefused) {
 
 // Stopped after any number of evaluations, and resumed with the journal: the same bits.
 TEST(Ladder, IsResumedToTheSameBits) {
-  const std::string result = (std::filesystem::temp_directory_path() /
-                              ("unfurl_ladder_" + std::to_string(getpid()) + ".h5"))
-                                 .string();
+  const OwnFolder folder;
+  const std::string result = folder.File("fit.h5");
   const Changed coarse(Mesh(1.0)), middle(Mesh(kMiddle)), fine(Mesh(kFine));
   const Observations data = Data(TwoLink(), 10);
   const FitProblem problem = Problem(

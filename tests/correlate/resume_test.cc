@@ -1,13 +1,12 @@
 // A fit that was stopped anywhere and resumed, and what a journal of evaluations keeps.
 #include <gtest/gtest.h>
-#include <unistd.h>
 
-#include <filesystem>
 
 #include "correlate/fit/evaluation_store.h"
 #include "tests/correlate/fit_repeats.h"
 #include "tests/correlate/stopped_workers.h"
 #include "tests/correlate/two_link.h"
+#include "tests/own_folder.h"
 
 namespace unfurl::correlate {
 namespace {
@@ -44,9 +43,8 @@ void ExpectSame(const FitResult& a, const FitResult& b) {
 }
 
 TEST(Resume, AfterAnyEvaluationGivesTheSameBits) {
-  const std::string result = (std::filesystem::temp_directory_path() /
-                              ("unfurl_resume_" + std::to_string(getpid()) + ".h5"))
-                                 .string();
+  const OwnFolder folder;
+  const std::string result = folder.File("fit.h5");
   const Patchy model;
   Rng rng(4);
   const Observations data =

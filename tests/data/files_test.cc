@@ -11,6 +11,7 @@
 #include "data/csv.h"
 #include "data/h5.h"
 #include "data/toml.h"
+#include "tests/own_folder.h"
 #include "errors.h"
 
 namespace unfurl::data {
@@ -20,23 +21,16 @@ using ::testing::HasSubstr;
 
 class Files : public ::testing::Test {
  protected:
-  void SetUp() override {
-    const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = std::filesystem::temp_directory_path() /
-              (std::string("unfurl_") + info->name() + "_" + std::to_string(getpid()));
-    std::filesystem::create_directories(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-  std::string Path(const std::string& name) const { return (folder_ / name).string(); }
+  std::string Path(const std::string& name) const { return folder_.File(name); }
   std::string Put(const std::string& name, const std::string& text) const {
     std::ofstream(Path(name), std::ios::binary) << text;
     return Path(name);
   }
   std::size_t FileCount() const {
     return static_cast<std::size_t>(
-        std::distance(std::filesystem::directory_iterator(folder_), {}));
+        std::distance(std::filesystem::directory_iterator(folder_.path()), {}));
   }
-  std::filesystem::path folder_;
+  OwnFolder folder_;
 };
 
 void WriteSample(const std::string& path) {
@@ -327,7 +321,7 @@ TEST_F(Files, TemporariesOfDeadProgramsGo) {
   // One that is being written is locked, however old it looks.
   TextFileWriter writing(Path("long.txt"));
   std::string held;
-  for (const auto& entry : std::filesystem::directory_iterator(folder_)) {
+  for (const auto& entry : std::filesystem::directory_iterator(folder_.path())) {
     if (entry.path().filename().string().starts_with(".long.txt")) held = entry.path().string();
   }
   ASSERT_FALSE(held.empty());

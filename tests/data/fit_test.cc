@@ -3,25 +3,19 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <filesystem>
 #include <limits>
 
 #include "base/error.h"
 #include "data/h5.h"
+#include "tests/own_folder.h"
 
 namespace unfurl::data {
 namespace {
 
 class FitFile : public ::testing::Test {
  protected:
-  void SetUp() override {
-    path_ = (std::filesystem::temp_directory_path() /
-             ("unfurl_fit_" +
-              std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()) + ".h5"))
-                .string();
-  }
-  void TearDown() override { std::filesystem::remove(path_); }
-  std::string path_;
+  OwnFolder folder_;
+  std::string path_ = folder_.File("fit.h5");
 };
 
 FitRecord Example() {

@@ -4,10 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <filesystem>
 
 #include "base/error.h"
 #include "data/atomic_file.h"
+#include "tests/own_folder.h"
 #include "tests/source_dir.h"
 
 namespace unfurl::data {
@@ -15,13 +15,8 @@ namespace {
 
 class Formats : public ::testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() / "unfurl_formats_test";
-    std::filesystem::create_directories(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-  std::string File(const std::string& name) const { return (folder_ / name).string(); }
-  std::filesystem::path folder_;
+  std::string File(const std::string& name) const { return folder_.File(name); }
+  OwnFolder folder_;
 };
 
 Tracks TwoMarks() {

@@ -13,6 +13,7 @@
 #include "base/error.h"
 #include "data/h5.h"
 #include "data/h5_walk.h"
+#include "tests/own_folder.h"
 #include "errors.h"
 
 namespace unfurl::data {
@@ -24,14 +25,6 @@ constexpr char kSchema[] = "unfurl/sample";
 
 class H5Hostile : public ::testing::Test {
  protected:
-  void SetUp() override {
-    const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = std::filesystem::temp_directory_path() /
-              (std::string("unfurl_h5_") + info->name() + "_" + std::to_string(getpid()));
-    std::filesystem::create_directories(folder_);
-    path_ = (folder_ / "a.h5").string();
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
 
   // A whole file of ours.
   void WriteGood() const {
@@ -106,8 +99,8 @@ class H5Hostile : public ::testing::Test {
     return ErrorOf([&] { ReadAll(); });
   }
 
-  std::filesystem::path folder_;
-  std::string path_;
+  OwnFolder folder_;
+  std::string path_ = folder_.File("a.h5");
 };
 
 TEST_F(H5Hostile, WhatIsGoodIsRead) {
@@ -208,7 +201,7 @@ TEST_F(H5Hostile, DataInOtherFiles) {
 
 TEST_F(H5Hostile, LinksElsewhere) {
   WriteGood();
-  std::filesystem::copy_file(path_, folder_ / "other.h5");
+  std::filesystem::copy_file(path_, folder_.path() / "other.h5");
   Change([&](hid_t file) {
     H5Ldelete(file, "/deep", H5P_DEFAULT);
     H5Lcreate_external("other.h5", "/deep", file, "/deep", H5P_DEFAULT, H5P_DEFAULT);

@@ -1,13 +1,13 @@
 #include "data/journal.h"
 
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 
 #include "base/error.h"
+#include "tests/own_folder.h"
 
 namespace unfurl::data {
 namespace {
@@ -16,15 +16,6 @@ namespace fs = std::filesystem;
 
 class JournalFile : public ::testing::Test {
  protected:
-  void SetUp() override {
-    const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = fs::temp_directory_path() /
-              (std::string("unfurl_journal_") + info->name() + "_" + std::to_string(getpid()));
-    fs::create_directories(folder_);
-    result_ = (folder_ / "fit.h5").string();
-    partial_ = result_ + ".partial";
-  }
-  void TearDown() override { fs::remove_all(folder_); }
   std::string Bytes() const {
     std::ifstream stream(partial_, std::ios::binary);
     std::ostringstream text;
@@ -34,8 +25,8 @@ class JournalFile : public ::testing::Test {
   void Put(const std::string& bytes) const {
     std::ofstream(partial_, std::ios::binary | std::ios::trunc) << bytes;
   }
-  fs::path folder_;
-  std::string result_, partial_;
+  OwnFolder folder_;
+  std::string result_ = folder_.File("fit.h5"), partial_ = result_ + ".partial";
 };
 
 const std::vector<std::string> kRecords = {"one", std::string("t\0wo", 4), "", "three"};

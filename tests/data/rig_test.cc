@@ -2,16 +2,15 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 
 #include "base/error.h"
 #include "base/pose.h"
 #include "base/random.h"
 #include "data/h5.h"
+#include "tests/own_folder.h"
 
 namespace unfurl::data {
 namespace {
@@ -20,14 +19,7 @@ using ::testing::HasSubstr;
 
 class RigFile : public ::testing::Test {
  protected:
-  void SetUp() override {
-    const auto* info = ::testing::UnitTest::GetInstance()->current_test_info();
-    folder_ = std::filesystem::temp_directory_path() /
-              (std::string("unfurl_rig_") + info->name() + "_" + std::to_string(getpid()));
-    std::filesystem::create_directories(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-  std::string Path(const std::string& name) const { return (folder_ / name).string(); }
+  std::string Path(const std::string& name) const { return folder_.File(name); }
 
   static Rig MakeRig() {
     Rng rng(11);
@@ -70,7 +62,7 @@ class RigFile : public ::testing::Test {
     return "";
   }
 
-  std::filesystem::path folder_;
+  OwnFolder folder_;
 };
 
 void ExpectSameCameras(const Rig& back, const Rig& rig) {

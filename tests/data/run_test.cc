@@ -12,22 +12,13 @@
 #include <sstream>
 
 #include "base/error.h"
+#include "tests/own_folder.h"
 
 namespace unfurl::data {
 namespace {
 
 class RunFile : public ::testing::Test {
  protected:
-  void SetUp() override {
-    path_ = (std::filesystem::temp_directory_path() /
-             ("unfurl_run_test_" + std::to_string(::getpid()) + ".h5"))
-                .string();
-  }
-  void TearDown() override {
-    std::filesystem::remove(path_);
-    std::filesystem::remove(path_ + ".partial");
-  }
-
   // More rows than one buffer of the writer holds.
   static constexpr int kRows = 2500;
   static RunLayout Layout() {
@@ -66,7 +57,8 @@ class RunFile : public ::testing::Test {
     return text.str();
   }
 
-  std::string path_;
+  OwnFolder folder_;
+  std::string path_ = folder_.File("run.h5");
 };
 
 TEST_F(RunFile, ReadsBackWhatWasWritten) {

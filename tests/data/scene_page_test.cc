@@ -2,7 +2,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <regex>
 #include <set>
 #include <sstream>
@@ -14,6 +13,7 @@
 #include "data/toml.h"
 #include "errors.h"
 #include "scene_texts.h"
+#include "tests/own_folder.h"
 #include "tests/source_dir.h"
 
 namespace unfurl::data {
@@ -118,18 +118,17 @@ TEST(ScenePage, ListsEveryKeyAndNoOther) {
   Keys tables{"(top)"};
   for (const Row& row : PageRows()) tables.insert(row.table);
   Keys asked;
-  const auto path = std::filesystem::temp_directory_path() /
-                    ("unfurl_page_" + std::to_string(getpid()) + ".toml");
+  const OwnFolder folder;
+  const std::string path = folder.File("scene.toml");
   for (const char* text : kScenes) {
-    WriteTextFile(path.string(), text);
-    const TomlTable root = LoadToml(path.string());
+    WriteTextFile(path, text);
+    const TomlTable root = LoadToml(path);
     ReadScene(root, "s.toml");
     for (const std::string& key : root.Asked()) {
       const std::string term = InPageTerms(key, tables);
       if (!term.empty()) asked.insert(term);
     }
   }
-  std::filesystem::remove(path);
   for (const std::string& key : asked)
     EXPECT_TRUE(page.contains(key)) << "not on the page: " << key;
   for (const std::string& key : page) EXPECT_TRUE(asked.contains(key)) << "not read: " << key;

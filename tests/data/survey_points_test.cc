@@ -4,11 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <filesystem>
 #include <fstream>
 #include <numbers>
 
 #include "base/error.h"
+#include "tests/own_folder.h"
 
 namespace unfurl::data {
 namespace {
@@ -18,15 +18,8 @@ using ::testing::HasSubstr;
 
 class SurveyPoints : public ::testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() /
-              ("unfurl_points_" +
-               std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
-    std::filesystem::create_directories(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
   std::string Write(const std::string& name, const std::string& text) const {
-    const std::string path = (folder_ / name).string();
+    const std::string path = folder_.File(name);
     std::ofstream(path) << text;
     return path;
   }
@@ -35,7 +28,7 @@ class SurveyPoints : public ::testing::Test {
     EXPECT_EQ(ReadSurveyPoints(CsvTable::Load(Write("p.csv", text)), &survey), expect_sigmas);
     return survey;
   }
-  std::filesystem::path folder_;
+  OwnFolder folder_;
 };
 
 TEST_F(SurveyPoints, EastNorthHeightInEitherOrderIsRightHanded) {

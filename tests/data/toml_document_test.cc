@@ -2,12 +2,12 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <filesystem>
 #include <functional>
 
 #include "base/error.h"
 #include "data/atomic_file.h"
 #include "data/toml.h"
+#include "tests/own_folder.h"
 
 namespace unfurl::data {
 namespace {
@@ -17,15 +17,12 @@ using ::testing::HasSubstr;
 class Document : public ::testing::Test {
  protected:
   void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() / "unfurl_document_test";
-    std::filesystem::create_directories(folder_);
     Put("base.toml", "[body.zebra]\nmass = 1\n[body.ant]\nmass = 2.5\n");
     Put("top.toml",
         "include = [\"base.toml\"]\n[gravity]\nacceleration = [0.0, -9.81]\n"
         "[table]\nrows = [[1.0, 2.0], [3.0, 4.0]]\n[body.mole]\nmass = 3\nsegments = 8\n");
   }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-  std::string Path(const char* name) const { return (folder_ / name).string(); }
+  std::string Path(const char* name) const { return folder_.File(name); }
   void Put(const char* name, const std::string& text) const { WriteTextFile(Path(name), text); }
 
   static std::string ErrorOf(const std::function<void()>& call) {
@@ -36,7 +33,7 @@ class Document : public ::testing::Test {
     }
     return "no error";
   }
-  std::filesystem::path folder_;
+  OwnFolder folder_;
 };
 
 TEST_F(Document, CopiesHoldTheNumbersAndTheOriginalStaysAsItIs) {

@@ -3,12 +3,12 @@
 #include <gmock/gmock.h>
 
 #include <cmath>
-#include <filesystem>
 #include <fstream>
 #include <string>
 
 #include "data/h5.h"
 #include "tests/data/errors.h"
+#include "tests/own_folder.h"
 
 namespace unfurl::data {
 namespace {
@@ -19,14 +19,7 @@ using ::testing::IsEmpty;
 
 class WandFile : public ::testing::Test {
  protected:
-  void SetUp() override {
-    folder_ = std::filesystem::temp_directory_path() /
-              ("unfurl_wand_" +
-               std::string(::testing::UnitTest::GetInstance()->current_test_info()->name()));
-    std::filesystem::create_directories(folder_);
-  }
-  void TearDown() override { std::filesystem::remove_all(folder_); }
-  std::string Path(const std::string& name) const { return (folder_ / name).string(); }
+  std::string Path(const std::string& name) const { return folder_.File(name); }
   WandReadings Read(const std::string& text) const {
     std::ofstream(Path("wand.csv")) << text;
     return ReadWand(Path("wand.csv"));
@@ -34,7 +27,7 @@ class WandFile : public ::testing::Test {
   std::string Refusal(const std::string& text) const {
     return ErrorOf([&] { Read(text); });
   }
-  std::filesystem::path folder_;
+  OwnFolder folder_;
 };
 
 constexpr char kHead[] = "# cameras: door, window\npose,mark,u1 [px],s1 [px],u2 [px],s2 [px]\n";

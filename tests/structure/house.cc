@@ -274,6 +274,21 @@ Findings CheckMachinePaths(const std::string& path, std::string_view text) {
   return findings;
 }
 
+Findings CheckSharedFolders(const std::string& path, std::string_view text) {
+  Findings findings;
+  if (!path.starts_with("tests/") || path.starts_with("tests/structure/")) return findings;
+  constexpr std::string_view kName = "temp_directory_path";
+  for (std::size_t at = text.find(kName); at != std::string_view::npos;
+       at = text.find(kName, at + 1)) {
+    const std::string_view statement = text.substr(at, text.find(';', at) - at);
+    if (statement.find("getpid") != std::string_view::npos ||
+        statement.find("Name()") != std::string_view::npos)
+      continue;
+    findings.push_back(path + ": a folder that two tests could share; take OwnFolder");
+  }
+  return findings;
+}
+
 Findings CheckLength(const std::string& path, std::string_view text, bool* is_long) {
   int lines = 0;
   ForEachLine(text, [&](int number, std::string_view) { lines = number; });

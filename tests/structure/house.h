@@ -29,6 +29,10 @@ Findings CheckSources(const std::string& path, std::string_view text,
 // either.
 Findings CheckMachinePaths(const std::string& path, std::string_view text);
 
+// The machine's temporary folder named outside tests/own_folder.h, without the process's number
+// beside it: CTest runs the tests of one suite at the same time.
+Findings CheckSharedFolders(const std::string& path, std::string_view text);
+
 // More than 500 lines is a finding; `is_long` tells of more than 400.
 Findings CheckLength(const std::string& path, std::string_view text, bool* is_long);
 

@@ -116,6 +116,14 @@ TEST(CheckMachinePaths, FindsPathsOfOneMachine) {
   EXPECT_THAT(CheckMachinePaths("README.md", "home" + machine), IsEmpty());
 }
 
+TEST(CheckSharedFolders, FindsFoldersThatTwoTestsCouldShare) {
+  const std::string shared = "f = temp_directory_path() / \"x\"; g = getpid();";
+  const std::string own = "f = temp_directory_path() /\n  (\"x\" + to_string(getpid()));";
+  EXPECT_THAT(CheckSharedFolders("tests/data/a.cc", shared), ElementsAre(HasSubstr("OwnFolder")));
+  EXPECT_THAT(CheckSharedFolders("tests/data/a.cc", own), IsEmpty());
+  EXPECT_THAT(CheckSharedFolders("data/a.cc", shared), IsEmpty());
+}
+
 TEST(CheckLength, ReportsAndFails) {
   const auto lines = [](int n) {
     std::string text;

@@ -114,6 +114,10 @@ TEST(Tree, NamesNoMachine) {
   for (const auto& [path, text] : Tree()) Expect(CheckMachinePaths(path, text));
 }
 
+TEST(Tree, TestsHaveFoldersOfTheirOwn) {
+  for (const auto& [path, text] : Tree()) Expect(CheckSharedFolders(path, text));
+}
+
 TEST(Tree, FilesAreShort) {
   for (const auto& [path, text] : Tree()) {
     if (!IsCode(path)) continue;

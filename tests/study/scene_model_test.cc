@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "data/atomic_file.h"
+#include "tests/own_folder.h"
 
 namespace unfurl::study {
 namespace {
@@ -32,10 +33,8 @@ on = "stone"
 class SceneModelTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    path_ = (std::filesystem::temp_directory_path() / "unfurl_scene_model.toml").string();
     data::WriteTextFile(path_, kFalling);
   }
-  void TearDown() override { std::filesystem::remove(path_); }
 
   SceneModelOptions Options(const std::vector<std::vector<std::string>>& keys) const {
     SceneModelOptions options;
@@ -52,7 +51,8 @@ class SceneModelTest : public ::testing::Test {
     EXPECT_EQ(p.status, correlate::ModelStatus::kGood) << p.message;
     return p.marks[0].p.col(0);
   }
-  std::string path_;
+  OwnFolder folder_;
+  std::string path_ = folder_.File("scene.toml");
 };
 
 TEST_F(SceneModelTest, AnItemOfAnArrayIsAParameter) {
