@@ -26,10 +26,10 @@
 #include "data/rig.h"
 #include "data/run.h"
 #include "data/tracks.h"
-#include "data/trial.h"
 #include "measure/sigma_summary.h"
 #include "measure/smooth.h"
 #include "measure/streak_picture.h"
+#include "measure/trial_record.h"
 
 namespace unfurl::cli {
 
@@ -130,8 +130,8 @@ data::Tracks SmoothAll(const Settings& s, data::Tracks all, measure::SmoothRepor
 }
 
 // Counts by mark and camera, for --json.
-ordered_json Summarize(const Settings& s, const data::Rig& rig, const data::TrialHeader& header,
-                       const data::Tracks& layout, const measure::ReconstructSummary& done,
+ordered_json Summarize(const Settings& s, const data::Rig& rig, const data::Tracks& layout,
+                       const measure::ReconstructSummary& done,
                        const measure::SmoothReport& smoothing) {
   ordered_json summary = {{"output", s.output},
                           {"verdict_of_rig", rig.verdict},
@@ -146,7 +146,7 @@ ordered_json Summarize(const Settings& s, const data::Rig& rig, const data::Tria
   }
   for (const auto& [reason, count] : done.Unsolved()) summary["unsolved"][reason] = count;
   for (std::size_t c = 0; c < done.left_out.size(); ++c) {
-    summary["readings"][header.cameras[c]] = {{"used", done.readings[c]},
+    summary["readings"][layout.cameras[c]] = {{"used", done.readings[c]},
                                               {"not_taken", done.left_out[c]}};
   }
   summary["shared_rank"] = layout.shared_rank;
@@ -166,8 +166,7 @@ ordered_json Summarize(const Settings& s, const data::Rig& rig, const data::Tria
 }
 
 // The same for a person: samples by mark and status, and what was left out.
-std::string DescribeSamples(const measure::ReconstructSummary& done,
-                            const data::TrialHeader& header) {
+std::string DescribeSamples(const measure::ReconstructSummary& done, const data::Tracks& layout) {
   std::vector<std::vector<std::string>> rows = {
       {"mark", "good", "three cameras", "rejected reading", "unsolvable"}};
   for (std::size_t m = 0; m < done.marks.size(); ++m) {
@@ -180,7 +179,7 @@ std::string DescribeSamples(const measure::ReconstructSummary& done,
   }
   for (std::size_t c = 0; c < done.left_out.size(); ++c) {
     if (done.left_out[c] == 0) continue;
-    text += fmt::format("{}: {} spots left out\n", header.cameras[c], done.left_out[c]);
+    text += fmt::format("{}: {} spots left out\n", layout.cameras[c], done.left_out[c]);
   }
   if (!done.named_by_place.empty()) {
     text += fmt::format(
@@ -222,11 +221,10 @@ ReconstructPageInput PageOf(const Settings& s, const data::Rig& rig,
 
 // Says what came out of it; the exit code.
 int Conclude(const Common& common, const Settings& s, const data::Rig& rig,
-             const data::TrialHeader& header, const measure::Reconstructor& reconstructor,
-             const measure::SigmaSummary& sigmas, const measure::SmoothReport& smoothing,
-             double seconds) {
+             const measure::Reconstructor& reconstructor, const measure::SigmaSummary& sigmas,
+             const measure::SmoothReport& smoothing, double seconds) {
   const measure::ReconstructSummary& done = reconstructor.summary();
-  ordered_json summary = Summarize(s, rig, header, reconstructor.layout(), done, smoothing);
+  ordered_json summary = Summarize(s, rig, reconstructor.layout(), done, smoothing);
   const std::vector<std::string> lost = done.LostMarks();
   std::string text;
   for (const std::string& mark : lost) text += "not usable: " + mark + "\n";
@@ -234,7 +232,7 @@ int Conclude(const Common& common, const Settings& s, const data::Rig& rig,
   text +=
       fmt::format("{}: {} samples from {} lines in {:.1f} s ({:.0f} lines/s)\n", s.output,
                   done.samples(), done.lines, seconds, static_cast<double>(done.lines) / seconds);
-  text += DescribeSamples(done, header);
+  text += DescribeSamples(done, reconstructor.layout());
   if (s.smooth) {
     text += fmt::format("smoothed in {} sections, {} events; use unsmoothed tracks for a fit\n",
                         smoothing.sections.size(), smoothing.events.size());
@@ -253,17 +251,20 @@ int Conclude(const Common& common, const Settings& s, const data::Rig& rig,
 int ReconstructVerb(const Common& common, const Settings& s) {
   constexpr std::size_t kBlock = 512;  // lines held at once
   const auto start = std::chrono::steady_clock::now();
-  const data::TrialReader trial(s.trial);
+  const measure::TrialRecord trial(s.trial);
+  if (!s.picture.empty() && trial.lines() == nullptr) {
+    throw Error("holds readings, and a picture is made of lines", s.trial, "leave --picture out");
+  }
   const data::Rig rig = data::ReadRig(s.rig);
   data::Provenance provenance = StartProvenance(common);
   const measure::ReconstructOptions options = OptionsOf(s, &provenance);
-  measure::Reconstructor reconstructor(trial, rig, s.rig, options);
+  const std::unique_ptr<measure::Reconstructor> opened = trial.Open(rig, s.rig, options);
+  measure::Reconstructor& reconstructor = *opened;
   std::optional<measure::StreakPicture> picture;
-  if (!s.picture.empty()) picture.emplace(trial.header(), trial.size());
+  if (!s.picture.empty()) picture.emplace(trial.lines()->header(), trial.size());
   measure::SigmaSummary sigmas;
   measure::SmoothReport smoothing;
-  TracksDigest digest(reconstructor.layout(), 0.0,
-                      static_cast<double>(trial.size()) / trial.header().line_rate, trial.size());
+  TracksDigest digest(reconstructor.layout(), trial.start(), trial.duration(), trial.size());
   {
     std::optional<data::TracksWriter> writer;
     data::Tracks all = reconstructor.layout();  // only to be smoothed: otherwise nothing is kept
@@ -272,15 +273,14 @@ int ReconstructVerb(const Common& common, const Settings& s) {
     data::TrialBlock block;
     data::Tracks tracks;
     for (std::size_t first = 0; first < trial.size(); first += kBlock) {
-      trial.Read(first, std::min(kBlock, trial.size() - first), &block);
-      reconstructor.Process(block, &tracks);
+      const std::size_t count = std::min(kBlock, trial.size() - first);
+      trial.Process(first, count, &reconstructor, &block, &tracks);
       if (writer) writer->Append(tracks);
       if (s.smooth) measure::AppendTracks(tracks, &all);
       if (!s.smooth) sigmas.Add(tracks);
       if (!s.smooth && !s.report.empty()) digest.Add(tracks, reconstructor.residuals());
       if (picture) picture->Add(block);
-      progress.Update(static_cast<double>(first + block.size()) /
-                      static_cast<double>(trial.size()));
+      progress.Update(static_cast<double>(first + count) / static_cast<double>(trial.size()));
     }
     if (s.smooth) {
       all = SmoothAll(s, std::move(all), &smoothing);
@@ -299,7 +299,7 @@ int ReconstructVerb(const Common& common, const Settings& s) {
   }
   const double seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  return Conclude(common, s, rig, trial.header(), reconstructor, sigmas, smoothing, seconds);
+  return Conclude(common, s, rig, reconstructor, sigmas, smoothing, seconds);
 }
 
 }  // namespace
@@ -307,12 +307,13 @@ int ReconstructVerb(const Common& common, const Settings& s) {
 Verb AddReconstruct(CLI::App& program, Common& common) {
   Verb verb = DeclareVerb(
       program, common, "reconstruct",
-      "Positions of the marks over time, from a trial's raw sensor lines",
+      "Positions of the marks over time, from a trial's raw sensor lines or readings",
       "unfurl reconstruct trial.h5 --rig rig.h5 -o tracks.h5 --report reconstruct.html");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
   auto s = std::make_shared<Settings>();
-  files.Read("TRIAL", &s->trial, "The recorded lines [HDF5]")->required();
+  files.Read("TRIAL", &s->trial, "The recorded lines [HDF5], or readings of them [CSV, HDF5]")
+      ->required();
   files.Read("--rig", &s->rig, "The calibrated cameras [HDF5]")->required();
   files.WriteOr(
       "-o,--output", &s->output, [] { return "tracks.h5"; }, "Output [HDF5]; default tracks.h5");

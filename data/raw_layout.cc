@@ -155,6 +155,21 @@ void ReadBinary(const TomlTable& t, RawLayout* layout) {
   }
 }
 
+// Where lines lie in HDF5: a name for all cameras, or one for each. A camera's own counts.
+void ReadDatasets(const TomlTable& recording,
+                  const std::vector<std::pair<std::string, TomlTable>>& cameras,
+                  RawLayout* layout) {
+  const std::string common = recording.StringOr("dataset", "");
+  for (std::size_t f = 0; f < layout->files.size(); ++f) {
+    const bool own = f < cameras.size();
+    layout->files[f].dataset = own ? cameras[f].second.StringOr("dataset", common) : common;
+    if (!layout->files[f].dataset.empty()) continue;
+    (own ? cameras[f].second : recording)
+        .Fail("files", "does not say which dataset of the file holds the lines",
+              R"(name it, as in dataset = "/entry/lines")");
+  }
+}
+
 }  // namespace
 
 RawLayout ReadRawLayout(const std::string& path) {
@@ -164,10 +179,11 @@ RawLayout ReadRawLayout(const std::string& path) {
   layout.path = path;
   ReadSensor(root.Table("sensor"), false, &layout.header.format);
   const TomlTable recording = root.Table("recording");
-  const std::string format = recording.Choice("format", {"binary", "csv", "png"});
+  const std::string format = recording.Choice("format", {"binary", "csv", "png", "hdf5"});
   layout.format = format == "binary" ? RawLayout::Format::kBinary
                   : format == "csv"  ? RawLayout::Format::kCsv
-                                     : RawLayout::Format::kPng;
+                  : format == "png"  ? RawLayout::Format::kPng
+                                     : RawLayout::Format::kHdf5;
   const std::optional<TomlTable> survey = root.TableOrNone("survey");
   ReadSchedule(recording, survey.has_value(), &layout);
   if (survey) ReadSurveyTable(*survey, recording, folder, &layout);
@@ -195,6 +211,10 @@ RawLayout ReadRawLayout(const std::string& path) {
     ReadSensorsByCamera(cameras, &layout.header.format);
   }
   if (layout.format == RawLayout::Format::kBinary) ReadBinary(recording, &layout);
+  if (layout.format == RawLayout::Format::kPng || layout.format == RawLayout::Format::kHdf5) {
+    layout.shift = recording.IntegerOr("shift", 0, 0, 8);
+  }
+  if (layout.format == RawLayout::Format::kHdf5) ReadDatasets(recording, cameras, &layout);
   std::vector<std::string> names = layout.header.cameras;
   std::sort(names.begin(), names.end());
   if (names.empty() || std::adjacent_find(names.begin(), names.end()) != names.end()) {

@@ -11,7 +11,7 @@ namespace unfurl::data {
 // lists the keys): what becomes a trial by `unfurl convert LAYOUT.toml TRIAL.h5`, or, with a table
 // [survey], a survey.
 struct RawLayout {
-  enum class Format { kBinary, kCsv, kPng };
+  enum class Format { kBinary, kCsv, kPng, kHdf5 };
 
   std::string path;  // of the description
   Format format = Format::kBinary;
@@ -37,6 +37,7 @@ struct RawLayout {
     std::vector<std::string> lines;  // in order; names as the program can open them
     std::vector<std::string> flat;   // evenly lit lines, for the flat field; may be empty
     std::vector<std::string> flat_dark;
+    std::string dataset;  // of HDF5: the lines' name in each file, "/entry/lines"
   };
   std::vector<Files> files;
   bool together() const { return files.size() == 1 && header.cameras.size() > 1; }

@@ -1,6 +1,7 @@
 #include "measure/raw_source.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <charconv>
@@ -12,6 +13,7 @@
 
 #include "base/error.h"
 #include "base/text.h"
+#include "data/h5.h"
 
 namespace unfurl::measure {
 
@@ -229,6 +231,66 @@ class PngSource : public FileList {
   int row_ = 0;
 };
 
+// Rows of a dataset are lines; of cameras side by side, cameras and elements may be two dimensions.
+class Hdf5Source : public FileList {
+ public:
+  Hdf5Source(const data::RawLayout& layout, std::size_t which,
+             const std::vector<std::string>& files)
+      : FileList(layout, which, files), dataset_(layout.files[which].dataset) {}
+
+  std::size_t Read(std::size_t count, std::uint16_t* out) override {
+    std::size_t lines = 0;
+    while (lines < count) {
+      if (next_ == rows_ && !Open()) break;
+      const std::size_t here = std::min(count - lines, rows_ - next_);
+      // Wider than counts may be: what does not fit is refused, not cut.
+      buffer_.resize(here * width_);
+      reader_->ReadRows(dataset_, next_, here, std::span<std::int32_t>(buffer_));
+      for (std::size_t k = 0; k < buffer_.size(); ++k) {
+        if (buffer_[k] < 0) {
+          throw Error(fmt::format("the count {} of element {} is negative", buffer_[k], k % width_),
+                      Where(k), "give counts as they were read out");
+        }
+        const auto value =
+            static_cast<unsigned>(buffer_[k]) >> static_cast<unsigned>(layout_.shift);
+        Check(value, next_ + k / width_ + 1, k % width_);
+        out[lines * width_ + k] = static_cast<std::uint16_t>(value);
+      }
+      next_ += here;
+      lines += here;
+    }
+    return lines;
+  }
+
+ private:
+  std::string Where(std::size_t k) const {
+    return fmt::format("{}:{}", file(), next_ + k / width_ + 1);
+  }
+
+  bool Open() {
+    if (next_file_ == files_.size()) return false;
+    reader_ = std::make_unique<data::H5Reader>(files_[next_file_++], "", 0);
+    const std::vector<std::size_t> dims = reader_->Dims(dataset_);
+    std::size_t width = dims.empty() ? 0 : 1;
+    for (std::size_t d = 1; d < dims.size(); ++d) width *= dims[d];
+    if (dims.size() < 2 || width != width_) {
+      throw Error(
+          fmt::format("{} is {}, but a line has {} counts", dataset_,
+                      dims.empty() ? "one number" : fmt::format("{}", fmt::join(dims, " x ")),
+                      width_),
+          file(), "give lines x elements; correct `dataset` or the sensor's elements");
+    }
+    rows_ = dims[0];
+    next_ = 0;
+    return true;
+  }
+
+  std::string dataset_;
+  std::unique_ptr<data::H5Reader> reader_;
+  std::vector<std::int32_t> buffer_;
+  std::size_t next_ = 0, rows_ = 0;  // lines of the file
+};
+
 }  // namespace
 
 std::unique_ptr<RawSource> OpenRawSource(const data::RawLayout& layout, std::size_t which,
@@ -240,6 +302,8 @@ std::unique_ptr<RawSource> OpenRawSource(const data::RawLayout& layout, std::siz
       return std::make_unique<CsvSource>(layout, which, files);
     case data::RawLayout::Format::kPng:
       return std::make_unique<PngSource>(layout, which, files);
+    case data::RawLayout::Format::kHdf5:
+      return std::make_unique<Hdf5Source>(layout, which, files);
   }
   return nullptr;
 }

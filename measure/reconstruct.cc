@@ -51,6 +51,22 @@ Reconstructor::Reconstructor(const data::TrialReader& trial, const data::Rig& ri
   options.Check();
   CheckMatch(trial, rig, rig_path);
   ReadSlots(trial.path());
+  for (std::size_t c = 0; c < header_.cameras.size(); ++c) {
+    backgrounds_.emplace_back(header_.format.Of(c));
+    finders_.emplace_back(header_.format.Of(c), options.spot);
+  }
+  SetResponses(header_.response, finders_);
+  PrimeBackgrounds(trial);
+  data::TrialBlock block;
+  Begin(trial.path(), trial.size(),
+        [&](std::size_t first, std::size_t count, std::vector<Seen>* seen) {
+          trial.Read(first, count, &block);
+          FindSpots(block, slots_, false, seen);
+          return Lines{block.t, block.slot};
+        });
+}
+
+void Reconstructor::Begin(const std::string& path, std::size_t lines, const Look& look) {
   const std::size_t cameras = header_.cameras.size();
   summary_.marks = layout_.marks;
   summary_.status.resize(layout_.marks.size());
@@ -58,22 +74,16 @@ Reconstructor::Reconstructor(const data::TrialReader& trial, const data::Rig& ri
   summary_.flags.resize(cameras);
   summary_.readings.resize(cameras);
   summary_.left_out.resize(cameras);
-  for (std::size_t c = 0; c < cameras; ++c) {
-    backgrounds_.emplace_back(header_.format.Of(c));
-    finders_.emplace_back(header_.format.Of(c), options.spot);
-  }
-  SetResponses(header_.response, finders_);
-  last_line_ = trial.size();
-  PrimeBackgrounds(trial);
-  tracking_ = LookAhead(trial);
+  last_line_ = lines;
+  tracking_ = LookAhead(lines, look);
   layout_.shared_rank = triangulator_.shared_rank();
   tracker_.emplace(triangulator_, layout_.marks.size(), tracking_);
   const double start_sigma =
-      options.start_sigma > 0.0 ? options.start_sigma : kStartShare * triangulator_.size();
-  for (const auto& [name, p] : options.start) {
+      options_.start_sigma > 0.0 ? options_.start_sigma : kStartShare * triangulator_.size();
+  for (const auto& [name, p] : options_.start) {
     const int mark = layout_.FindMark(name);
     if (mark < 0) {
-      throw Error(fmt::format("no mark is named '{}'", name), trial.path(),
+      throw Error(fmt::format("no mark is named '{}'", name), path,
                   fmt::format("its marks are {}", JoinWords(layout_.marks)));
     }
     tracker_->Expect(static_cast<std::size_t>(mark), p, start_sigma);
@@ -143,11 +153,15 @@ void Reconstructor::Candidates(std::span<const Seen> seen,
 
 void Reconstructor::Process(const data::TrialBlock& block, data::Tracks* tracks) {
   FindSpots(block, slots_, true, &seen_);
+  Follow({block.t, block.slot}, tracks);
+}
+
+void Reconstructor::Follow(const Lines& lines, data::Tracks* tracks) {
   const std::size_t cameras = header_.cameras.size();
   std::vector<std::span<const Candidate>> candidates;
   lines_decided_ = 0;
-  for (std::size_t i = 0; i < block.size(); ++i) {
-    const Slot& slot = slots_[static_cast<std::size_t>(block.slot[i])];
+  for (std::size_t i = 0; i < lines.t.size(); ++i) {
+    const Slot& slot = slots_[static_cast<std::size_t>(lines.slot[i])];
     if (slot.marks.empty()) {
       ++summary_.dark_lines;
       continue;
@@ -159,11 +173,11 @@ void Reconstructor::Process(const data::TrialBlock& block, data::Tracks* tracks)
       }
     }
     Candidates(seen, &candidates);
-    tracker_->Add(block.t[i], slot.marks, candidates);
+    tracker_->Add(lines.t[i], slot.marks, candidates);
     Collect();
   }
-  summary_.lines += block.size();
-  next_line_ += block.size();
+  summary_.lines += lines.t.size();
+  next_line_ += lines.t.size();
   if (next_line_ >= last_line_) {
     tracker_->Finish();
     Collect();
@@ -246,59 +260,6 @@ void Reconstructor::HandOut(data::Tracks* tracks) {
   for (std::size_t m = 0; m < layout_.marks.size(); ++m) {
     if (tracker_->named_by_place(m)) summary_.named_by_place.push_back(layout_.marks[m]);
   }
-}
-
-void AppendTracks(const data::Tracks& block, data::Tracks* all) {
-  const auto n = static_cast<Eigen::Index>(all->size());
-  const auto more = static_cast<Eigen::Index>(block.size());
-  const Eigen::Index rank = block.shared_rank;
-  const auto add = [](const auto& from, auto* to) {
-    to->insert(to->end(), from.begin(), from.end());
-  };
-  add(block.t, &all->t);
-  add(block.mark, &all->mark);
-  add(block.status, &all->status);
-  add(block.used, &all->used);
-  add(block.left_out, &all->left_out);
-  add(block.reason, &all->reason);
-  // Doubling keeps what is copied in proportion.
-  if (all->p.cols() < n + more) {
-    const Eigen::Index room = std::max(n + more, 2 * n);
-    all->p.conservativeResize(3, room);
-    all->cov.conservativeResize(6, room);
-    all->shared.conservativeResize(3, room * rank);
-  }
-  all->p.middleCols(n, more) = block.p;
-  all->cov.middleCols(n, more) = block.cov;
-  all->shared.middleCols(n * rank, more * rank) = block.shared;
-}
-
-void TrimTracks(data::Tracks* all) {
-  const auto n = static_cast<Eigen::Index>(all->size());
-  all->p.conservativeResize(3, n);
-  all->cov.conservativeResize(6, n);
-  all->shared.conservativeResize(3, n * all->shared_rank);
-}
-
-data::Tracks Reconstruct(const data::TrialReader& trial, const data::Rig& rig,
-                         const ReconstructOptions& options, ReconstructSummary* summary) {
-  constexpr std::size_t kBlock = 512;  // lines held at once
-  Reconstructor reconstructor(trial, rig, "the rig", options);
-  data::Tracks all = reconstructor.layout(), tracks;
-  data::TrialBlock block;
-  for (std::size_t first = 0; first < trial.size(); first += kBlock) {
-    ThrowIfInterrupted();
-    trial.Read(first, std::min(kBlock, trial.size() - first), &block);
-    reconstructor.Process(block, &tracks);
-    AppendTracks(tracks, &all);
-    if (options.progress) {
-      options.progress(static_cast<double>(first + block.size()) /
-                       static_cast<double>(trial.size()));
-    }
-  }
-  TrimTracks(&all);
-  if (summary != nullptr) *summary = reconstructor.summary();
-  return all;
 }
 
 }  // namespace unfurl::measure

@@ -11,6 +11,7 @@
 #include "data/rig.h"
 #include "data/tracks.h"
 #include "data/trial.h"
+#include "data/trial_readings.h"
 #include "measure/background.h"
 #include "measure/mark_tracker.h"
 #include "measure/spot.h"
@@ -81,6 +82,10 @@ class Reconstructor {
   // trial.
   Reconstructor(const data::TrialReader& trial, const data::Rig& rig, const std::string& rig_path,
                 const ReconstructOptions& options = {});
+  /// The same from readings: of the rig's cameras by name, in any order; a camera without any is
+  /// one that saw nothing. Throws Error for readings of other cameras, or beyond a camera's row.
+  Reconstructor(const data::TrialReadings& readings, const data::Rig& rig,
+                const std::string& rig_path, const ReconstructOptions& options = {});
   Reconstructor(const Reconstructor&) = delete;
   Reconstructor& operator=(const Reconstructor&) = delete;
 
@@ -90,6 +95,9 @@ class Reconstructor {
   // The samples that are decided with this block, in order of time; with the trial's last line all
   // are. Blocks must follow each other from line 0.
   void Process(const data::TrialBlock& block, data::Tracks* tracks);
+  /// The same of flashes [first, first + count) of readings.
+  void Process(const data::TrialReadings& readings, std::size_t first, std::size_t count,
+               data::Tracks* tracks);
   // Readings less those of the points last handed out: samples x cameras, NaN where none [px].
   std::span<const float> residuals() const { return residuals_; }
 
@@ -107,11 +115,28 @@ class Reconstructor {
     std::array<Candidate, Associator::kMostCandidates> spots;
   };
 
+  // Times and slots of some lines, and their spots.
+  struct Lines {
+    std::span<const double> t;           // [s]
+    std::span<const std::int32_t> slot;  // index into slots_
+  };
+  // Lines [first, first + count) of the record and their spots, without learning of them.
+  using Look = std::function<Lines(std::size_t first, std::size_t count, std::vector<Seen>* seen)>;
+
   void ReadSlots(const std::string& path);
+  // Throws Error for what the rig's cameras cannot have read.
+  void MapCameras(const data::TrialReadings& readings, const std::string& rig_path);
+  void FillSpots(const data::TrialReadings& readings, std::size_t first, std::size_t count,
+                 std::vector<Seen>* seen) const;
   // Also finds how often a mark is lit.
   void PrimeBackgrounds(const data::TrialReader& trial);
+  void FindInterval(const Lines& lines, std::vector<double>* last, std::vector<double>* intervals);
+  void SetInterval(std::vector<double>* intervals);
+  // What both kinds of records begin and go on with.
+  void Begin(const std::string& path, std::size_t lines, const Look& look);
+  void Follow(const Lines& lines, data::Tracks* tracks);
   // The tracker's options from what a few lines of the whole record show.
-  TrackerOptions LookAhead(const data::TrialReader& trial);
+  TrackerOptions LookAhead(std::size_t size, const Look& look);
   void FindSpots(const data::TrialBlock& block, std::span<const Slot> slots, bool learn,
                  std::vector<Seen>* seen);
   void Candidates(std::span<const Seen> seen, std::vector<std::span<const Candidate>>* out) const;
@@ -120,12 +145,13 @@ class Reconstructor {
 
   ReconstructOptions options_;
   TrackerOptions tracking_;
-  double interval_ = 0.0;  // median, between two flashes of a mark [s]
-  data::TrialHeader header_;
+  double interval_ = 0.0;     // median, between two flashes of a mark [s]
+  data::TrialHeader header_;  // of readings: without lines
   Triangulator triangulator_;
   data::Tracks layout_;
   ReconstructSummary summary_;
   std::vector<Slot> slots_;
+  std::vector<int> column_;  // of readings: by the rig's cameras, which of theirs; -1: none
   std::vector<Background> backgrounds_;  // by camera
   std::vector<SpotFinder> finders_;
   std::optional<MarkTracker> tracker_;
@@ -141,8 +167,18 @@ class Reconstructor {
 void AppendTracks(const data::Tracks& block, data::Tracks* all);
 void TrimTracks(data::Tracks* all);
 
-// The whole of a trial in one call; Ctrl-C is heeded between blocks.
+// A record in blocks, each by `process(first, count, tracks)`, its samples collected; Ctrl-C is
+// heeded between blocks.
+data::Tracks ReconstructBlocks(
+    Reconstructor* reconstructor, std::size_t size, const ReconstructOptions& options,
+    const std::function<void(std::size_t, std::size_t, data::Tracks*)>& process,
+    ReconstructSummary* summary);
+// The whole of a trial in one call.
 data::Tracks Reconstruct(const data::TrialReader& trial, const data::Rig& rig,
+                         const ReconstructOptions& options = {},
+                         ReconstructSummary* summary = nullptr);
+
+data::Tracks Reconstruct(const data::TrialReadings& readings, const data::Rig& rig,
                          const ReconstructOptions& options = {},
                          ReconstructSummary* summary = nullptr);
 

@@ -25,14 +25,9 @@ void Reconstructor::PrimeBackgrounds(const data::TrialReader& trial) {
     const std::size_t count = std::min(kPrimeLines, trial.size() - primed_);
     trial.Read(primed_, count, &block);
     primed_ += count;
+    FindInterval({block.t, block.slot}, &last, &intervals);
     for (std::size_t i = 0; i < block.size(); ++i) {
-      const Slot& slot = slots_[static_cast<std::size_t>(block.slot[i])];
-      for (const int mark : slot.marks) {
-        double& before = last[static_cast<std::size_t>(mark)];
-        if (block.t[i] > before) intervals.push_back(block.t[i] - before);
-        before = block.t[i];
-      }
-      if (!slot.marks.empty()) continue;
+      if (!slots_[static_cast<std::size_t>(block.slot[i])].marks.empty()) continue;
       for (std::size_t c = 0; c < header_.cameras.size(); ++c) {
         backgrounds_[c].Add(block.Line(header_, i, c));
       }
@@ -42,9 +37,24 @@ void Reconstructor::PrimeBackgrounds(const data::TrialReader& trial) {
     throw Error("has no dark line", trial.path(),
                 "record with a slot named dark: the background is taken from it");
   }
-  // Of a record that ends before any mark is lit again, a round of slots at the rate of the lines.
-  interval_ = !intervals.empty() ? Median(intervals)
-                                 : static_cast<double>(slots_.size()) / header_.line_rate;
+  SetInterval(&intervals);
+}
+
+void Reconstructor::FindInterval(const Lines& lines, std::vector<double>* last,
+                                 std::vector<double>* intervals) {
+  for (std::size_t i = 0; i < lines.t.size(); ++i) {
+    for (const int mark : slots_[static_cast<std::size_t>(lines.slot[i])].marks) {
+      double& before = (*last)[static_cast<std::size_t>(mark)];
+      if (lines.t[i] > before) intervals->push_back(lines.t[i] - before);
+      before = lines.t[i];
+    }
+  }
+}
+
+// Of a record that ends before any mark is lit again, a round of slots at the rate of the lines.
+void Reconstructor::SetInterval(std::vector<double>* intervals) {
+  interval_ = !intervals->empty() ? Median(*intervals)
+                                  : static_cast<double>(slots_.size()) / header_.line_rate;
 }
 
 namespace {
@@ -73,7 +83,7 @@ void AddSpeeds(const TrackedLine& line, std::vector<LastPoint>* last,
 
 }  // namespace
 
-TrackerOptions Reconstructor::LookAhead(const data::TrialReader& trial) {
+TrackerOptions Reconstructor::LookAhead(std::size_t size, const Look& look) {
   constexpr std::size_t kLooks = 64, kRounds = 2;  // pieces of the trial, each so many rounds long
   constexpr std::size_t kMostLines = 64;           // of a piece
   constexpr std::size_t kEnough = 24;              // points; fewer say too little of the way
@@ -83,34 +93,32 @@ TrackerOptions Reconstructor::LookAhead(const data::TrialReader& trial) {
   const double crossing = triangulator_.size() / (kCrossing * interval_);
   TrackerOptions out{.motion = {.interval = interval_, .max_speed = crossing},
                      .associate = options_.associate};
-  if (trial.size() == 0) return out;
+  if (size == 0) return out;
   // A round of slots brings each mark once.
   const std::size_t lines =
-      std::min({kRounds * std::max<std::size_t>(1, slots_.size()), kMostLines, trial.size()});
+      std::min({kRounds * std::max<std::size_t>(1, slots_.size()), kMostLines, size});
   std::vector<PointSolution> points;
   std::vector<double> widths, speeds;
   std::vector<Seen> seen;
   std::vector<std::span<const Candidate>> candidates;
-  data::TrialBlock block;
-  for (std::size_t look = 0; look < kLooks; ++look) {
-    const std::size_t first = look * trial.size() / kLooks;
-    trial.Read(first, std::min(lines, trial.size() - first), &block);
-    FindSpots(block, slots_, false, &seen);
+  for (std::size_t piece = 0; piece < kLooks; ++piece) {
+    const std::size_t first = piece * size / kLooks;
+    const Lines here = look(first, std::min(lines, size - first), &seen);
     MarkTracker tracker(triangulator_, layout_.marks.size(), out);
     std::vector<LastPoint> last(layout_.marks.size());
     const auto take = [&] {
       while (const TrackedLine* line = tracker.Next()) AddSpeeds(*line, &last, &points, &speeds);
     };
-    for (std::size_t i = 0; i < block.size(); ++i) {
-      const Slot& slot = slots_[static_cast<std::size_t>(block.slot[i])];
+    for (std::size_t i = 0; i < here.t.size(); ++i) {
+      const Slot& slot = slots_[static_cast<std::size_t>(here.slot[i])];
       if (slot.marks.empty()) continue;
       const std::span<const Seen> of_line(&seen[i * layout_.cameras.size()],
                                           layout_.cameras.size());
       for (const Seen& one : of_line) {
-        if (one.count > 0) widths.push_back(one.width_px);
+        if (one.count > 0 && one.width_px > 0.0F) widths.push_back(one.width_px);
       }
       Candidates(of_line, &candidates);
-      tracker.Add(block.t[i], slot.marks, candidates);
+      tracker.Add(here.t[i], slot.marks, candidates);
       take();
     }
     tracker.Finish();

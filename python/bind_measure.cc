@@ -10,6 +10,7 @@
 #include "data/trial.h"
 #include "measure/expose.h"
 #include "measure/reconstruct.h"
+#include "measure/trial_record.h"
 #include "python/bindings.h"
 
 namespace unfurl::python {
@@ -23,13 +24,6 @@ using Survey = Recorded<data::Survey>;
 std::shared_ptr<data::Lab> LabFrom(const py::object& object) {
   if (py::isinstance<data::Lab>(object)) return object.cast<std::shared_ptr<data::Lab>>();
   return std::make_shared<data::Lab>(data::ReadLab(PathFrom(object, "a Lab or a path").string()));
-}
-
-std::shared_ptr<data::TrialReader> TrialFrom(const py::object& object) {
-  if (py::isinstance<data::TrialReader>(object)) {
-    return object.cast<std::shared_ptr<data::TrialReader>>();
-  }
-  return std::make_shared<data::TrialReader>(PathFrom(object, "a Trial or a path").string());
 }
 
 py::tuple Expose(const py::object& run_or_path, const py::object& lab_or_path,
@@ -88,13 +82,20 @@ Tracks Reconstruct(const py::object& trial_or_path, const py::object& rig_or_pat
   options.max_speed = max_speed;
   options.workers = workers;
   options.Check();
-  const auto trial = TrialFrom(trial_or_path);
   const auto rig = RecordFrom<Rig>(rig_or_path, "a Rig", &data::ReadRig);
   CallbackError errors;
   options.progress = ProgressOf(progress, &errors);
+  if (py::isinstance<data::TrialReader>(trial_or_path)) {
+    const auto trial = trial_or_path.cast<std::shared_ptr<data::TrialReader>>();
+    return LongWithCallbacks(errors, [&] {
+      return Tracks{measure::Reconstruct(*trial, rig->data, options),
+                    Joined({SourceOf(trial->path())}, rig->sources)};
+    });
+  }
+  const measure::TrialRecord record(PathFrom(trial_or_path, "a Trial or a path").string());
   return LongWithCallbacks(errors, [&] {
-    return Tracks{measure::Reconstruct(*trial, rig->data, options),
-                  Joined({SourceOf(trial->path())}, rig->sources)};
+    return Tracks{measure::Reconstruct(record, rig->data, options),
+                  Joined({SourceOf(record.path())}, rig->sources)};
   });
 }
 
@@ -117,7 +118,9 @@ void BindMeasure(py::module_& m) {
       "reconstruct", &Reconstruct, py::arg("trial"), py::arg("rig"), py::kw_only(),
       py::arg("start") = py::none(), py::arg("start_sigma") = 0.0, py::arg("max_speed") = 0.0,
       py::arg("workers") = 0, py::arg("progress") = py::none(),
-      "Marks in time from the raw lines of a trial; trial and rig are records or paths.\n\n"
+      "Marks in time from the raw lines of a trial; trial and rig are records or paths. A path "
+      "may\n"
+      "also be that of readings (CSV, HDF5), in place of lines.\n\n"
       "start: {mark: (x, y, z)} where marks that are lit together start [m], to within "
       "start_sigma\n"
       "[m], 0: a hundredth of the volume. max_speed: no mark is ever faster [m/s]; 0: derived "

@@ -52,12 +52,14 @@ TEST(Corpus, EveryReaderTakesOrRefusesEverySeed) {
     return -1;
   };
   for (const char* name :
-       {"toml",       "scene",       "lab",           "csv",          "points_csv",  "tracks_csv",
-        "gsi",        "c3d",         "uff",           "raw_binary",   "raw_csv",     "raw_png",
-        "expression", "overrides",   "length",        "journal",      "evaluation",  "info_h5",
-        "run_h5",     "run_rows_h5", "modes_h5",      "survey_h5",    "rig_h5",      "tracks_h5",
-        "fit_h5",     "trial_h5",    "channels_csv",  "channels_uff", "channels_h5", "design",
-        "wand",       "campaign",    "campaign_json", "campaign_h5"}) {
+       {"toml",        "scene",        "lab",           "csv",         "points_csv",
+        "tracks_csv",  "gsi",          "c3d",           "uff",         "raw_binary",
+        "raw_csv",     "raw_png",      "expression",    "overrides",   "length",
+        "journal",     "evaluation",   "info_h5",       "run_h5",      "run_rows_h5",
+        "modes_h5",    "survey_h5",    "rig_h5",        "tracks_h5",   "fit_h5",
+        "trial_h5",    "channels_csv", "channels_uff",  "channels_h5", "design",
+        "wand",        "campaign",     "campaign_json", "campaign_h5", "trial_readings",
+        "readings_h5", "raw_lines_h5"}) {
     EXPECT_GT(taken_by(name), 0) << "no seed reaches the inside of reader " << name;
   }
 }

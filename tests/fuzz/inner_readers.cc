@@ -68,6 +68,7 @@ void ReadRawLines(data::RawLayout::Format format, const std::string& path) {
   layout.file_header = 4, layout.line_header = 2, layout.line_trailer = 1;
   layout.files.resize(1);
   layout.files[0].lines = {path};
+  layout.files[0].dataset = "/lines";
   measure::RawLines lines(layout);
   data::TrialBlock block;
   while (lines.Read(64, &block)) {

@@ -28,6 +28,7 @@
 #include "data/toml.h"
 #include "data/tracks.h"
 #include "data/tracks_exchange.h"
+#include "data/trial_readings.h"
 #include "data/wand.h"
 #include "tests/fuzz/inner_readers.h"
 
@@ -88,6 +89,7 @@ const std::vector<Reader>& Readers() {
       {"campaign_json",
        [](const std::string& path) { data::CampaignFromJson(data::ReadTextFile(path), path); }},
       {"design", [](const std::string& path) { data::ReadDesign(path); }},
+      {"trial_readings", [](const std::string& path) { data::ReadTrialReadings(path); }},
       {"wand", [](const std::string& path) { data::ReadWand(path); }},
       {"tracks_csv", [](const std::string& path) { data::ReadTracksCsv(path); }},
       {"gsi",
@@ -102,6 +104,8 @@ const std::vector<Reader>& Readers() {
        [](const std::string& path) { ReadRawLines(data::RawLayout::Format::kCsv, path); }},
       {"raw_png",
        [](const std::string& path) { ReadRawLines(data::RawLayout::Format::kPng, path); }},
+      {"raw_lines_h5",
+       [](const std::string& path) { ReadRawLines(data::RawLayout::Format::kHdf5, path); }},
       {"expression", ReadExpression},
       {"overrides", ReadOverrides},
       {"length", ReadLength},
@@ -118,6 +122,7 @@ const std::vector<Reader>& Readers() {
       {"fit_h5", [](const std::string& path) { data::ReadFit(path); }},
       {"campaign_h5",
        [](const std::string& path) { campaign::Answer(campaign::ReadRecord(path)); }},
+      {"readings_h5", [](const std::string& path) { data::ReadTrialReadings(path); }},
       {"trial_h5", ReadTrialBlocks}};
   return kReaders;
 }

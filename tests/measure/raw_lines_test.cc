@@ -14,6 +14,7 @@
 
 #include "base/error.h"
 #include "base/random.h"
+#include "data/h5.h"
 
 namespace unfurl::measure {
 namespace {
@@ -145,6 +146,54 @@ TEST_F(RawLinesTest, Csv) {
   Put("door_1.raw", "# from the grabber\npixel0,pixel1\n" + Rows(0, 0, kLines, ','));
   Put("window.raw", Rows(1, 0, 5, ';') + "\n" + Rows(1, 5, kLines, ' '));
   ExpectAll(Layout("format = \"csv\"\n", kByCamera), 11);
+}
+
+// Lines of any HDF5 file: datasets by camera, or all cameras in one of two dimensions or three.
+TEST_F(RawLinesTest, Hdf5Datasets) {
+  const auto rows = [&](int camera, std::size_t first, std::size_t last) {
+    return std::vector<std::uint16_t>(
+        counts_[camera].begin() + static_cast<std::ptrdiff_t>(first * kElements),
+        counts_[camera].begin() + static_cast<std::ptrdiff_t>(last * kElements));
+  };
+  const auto write = [&](const std::string& name, const std::string& dataset,
+                         const std::vector<std::uint16_t>& values, std::vector<std::size_t> dims) {
+    data::H5Writer file((folder_ / name).string(), "someone/else", 1, {});
+    file.Write({dataset, "1", "lines"}, values, std::move(dims));
+    file.Commit();
+  };
+  write("door_1.raw", "/entry/detector/data", rows(0, 0, 20), {20, kElements});
+  write("door_2.raw", "/entry/detector/data", rows(0, 20, kLines), {kLines - 20, kElements});
+  write("window.raw", "/lines", rows(1, 0, kLines), {kLines, kElements});
+  ExpectAll(Layout("format = \"hdf5\"\ndataset = \"/entry/detector/data\"\n",
+                   std::string(kByCamera) + "dataset = \"/lines\"\n"),
+            11);
+  std::vector<std::uint16_t> both;
+  for (std::size_t i = 0; i < kLines; ++i) {
+    for (int c = 0; c < 2; ++c) {
+      const auto row = rows(c, i, i + 1);
+      both.insert(both.end(), row.begin(), row.end());
+    }
+  }
+  const std::string together =
+      "format = \"hdf5\"\ncameras = [\"door\", \"window\"]\nfiles = [\"all.h5\"]\n";
+  for (const auto& dims : {std::vector<std::size_t>{kLines, 2 * kElements},
+                           std::vector<std::size_t>{kLines, 2, kElements}}) {
+    write("all.h5", "/lines", both, dims);
+    ExpectAll(Layout(together + "dataset = \"/lines\"\n", ""), 10);
+  }
+  EXPECT_THAT(ErrorOf(Layout(together, "")), HasSubstr("does not say which dataset"));
+  EXPECT_THAT(ErrorOf(Layout(together + "dataset = \"/counts\"\n", "")),
+              HasSubstr("all.h5:/counts: has no such dataset"));
+  write("all.h5", "/lines", rows(0, 0, kLines), {kLines, kElements});
+  EXPECT_THAT(ErrorOf(Layout(together + "dataset = \"/lines\"\n", "")),
+              HasSubstr("/lines is 37 x 91, but a line has 182 counts"));
+  data::H5Writer file((folder_ / "all.h5").string(), "someone/else", 1, {});
+  std::vector<double> low(both.begin(), both.end());
+  low[3] = -5.0;
+  file.Write({"/lines", "1", "lines"}, low, {kLines, 2 * kElements});
+  file.Commit();
+  EXPECT_THAT(ErrorOf(Layout(together + "dataset = \"/lines\"\n", "")),
+              HasSubstr("all.h5:1: the count -5 of element 3 is negative"));
 }
 
 TEST_F(RawLinesTest, Png) {

@@ -1,0 +1,103 @@
+// Readings of a recorder in place of lines.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "base/error.h"
+#include "base/text.h"
+#include "measure/reconstruct.h"
+
+namespace unfurl::measure {
+
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+// Named and numbered as the rig's cameras; without lines.
+data::TrialHeader HeaderOf(const data::TrialReadings& readings, const data::Rig& rig) {
+  data::TrialHeader header;
+  for (const data::RigCamera& camera : rig.cameras) header.cameras.push_back(camera.name);
+  header.slots = readings.slots;
+  const double span = readings.size() > 1 ? readings.t.back() - readings.t.front() : 0.0;
+  header.line_rate = span > 0.0 ? static_cast<double>(readings.size() - 1) / span : 1.0;
+  return header;
+}
+
+}  // namespace
+
+static_assert(data::kMostReadings == Associator::kMostCandidates);
+
+Reconstructor::Reconstructor(const data::TrialReadings& readings, const data::Rig& rig,
+                             const std::string& rig_path, const ReconstructOptions& options)
+    : options_(options), header_(HeaderOf(readings, rig)), triangulator_(rig, options.point) {
+  options.Check();
+  MapCameras(readings, rig_path);
+  ReadSlots(readings.path);
+  std::vector<double> last(layout_.marks.size(), kNone), intervals;
+  FindInterval({readings.t, readings.slot}, &last, &intervals);
+  SetInterval(&intervals);
+  Begin(readings.path, readings.size(),
+        [&](std::size_t first, std::size_t count, std::vector<Seen>* seen) {
+          FillSpots(readings, first, count, seen);
+          return Lines{std::span(readings.t).subspan(first, count),
+                       std::span(readings.slot).subspan(first, count)};
+        });
+}
+
+void Reconstructor::MapCameras(const data::TrialReadings& readings, const std::string& rig_path) {
+  const data::Rig& rig = triangulator_.rig();
+  column_.assign(rig.cameras.size(), -1);
+  for (std::size_t c = 0; c < readings.cameras.size(); ++c) {
+    const auto at = std::find(header_.cameras.begin(), header_.cameras.end(), readings.cameras[c]);
+    if (at == header_.cameras.end()) {
+      throw Error(fmt::format("has readings of a camera '{}', but the rig {} has {}",
+                              readings.cameras[c], rig_path, JoinWords(header_.cameras)),
+                  readings.path, "name its cameras as the rig does (in a CSV: # cameras: ..)");
+    }
+    const auto of_rig = static_cast<std::size_t>(at - header_.cameras.begin());
+    column_[of_rig] = static_cast<int>(c);
+    const int pixels = rig.cameras[of_rig].pixels;
+    if (!readings.pixels.empty() && readings.pixels[c] > 0 && readings.pixels[c] != pixels) {
+      throw Error(fmt::format("camera '{}' has {} pixels, but {} in the rig {}",
+                              readings.cameras[c], readings.pixels[c], pixels, rig_path),
+                  readings.path, "give the rig that was calibrated for this camera");
+    }
+    for (std::size_t i = 0; i < readings.size(); ++i) {
+      for (const double u : readings.Readings(i, c)) {
+        if (std::isnan(u) || (u >= -0.5 && u <= pixels - 0.5)) continue;
+        throw Error(fmt::format("camera '{}' reads {} px at {} s, but its row has {} pixels",
+                                readings.cameras[c], u, readings.t[i], pixels),
+                    readings.path, "give readings in pixels: the first one's centre is at 0");
+      }
+    }
+  }
+}
+
+void Reconstructor::FillSpots(const data::TrialReadings& readings, std::size_t first,
+                              std::size_t count, std::vector<Seen>* seen) const {
+  const std::size_t cameras = column_.size();
+  seen->assign(count * cameras, {});
+  for (std::size_t i = 0; i < count; ++i) {
+    for (std::size_t c = 0; c < cameras; ++c) {
+      if (column_[c] < 0) continue;
+      const auto u = readings.Readings(first + i, static_cast<std::size_t>(column_[c]));
+      const auto s = readings.Sigmas(first + i, static_cast<std::size_t>(column_[c]));
+      Seen& here = (*seen)[i * cameras + c];
+      for (std::size_t k = 0; k < u.size() && !std::isnan(u[k]); ++k) {
+        here.spots[here.count++] = {u[k], s[k]};
+      }
+    }
+  }
+}
+
+void Reconstructor::Process(const data::TrialReadings& readings, std::size_t first,
+                            std::size_t count, data::Tracks* tracks) {
+  FillSpots(readings, first, count, &seen_);
+  Follow(
+      {std::span(readings.t).subspan(first, count), std::span(readings.slot).subspan(first, count)},
+      tracks);
+}
+
+}  // namespace unfurl::measure

@@ -1,0 +1,54 @@
+#include "measure/trial_record.h"
+
+#include "data/formats.h"
+#include "data/h5.h"
+
+namespace unfurl::measure {
+
+TrialRecord::TrialRecord(const std::string& path) : path_(path) {
+  const bool csv = data::FormatOf(path) == data::FileFormat::kCsv;
+  if (csv || data::H5Reader::SchemaOf(path) == data::kReadingsSchema) {
+    readings_ = data::ReadTrialReadings(path);
+  } else {
+    lines_.emplace(path);
+  }
+}
+
+std::size_t TrialRecord::size() const { return lines_ ? lines_->size() : readings_->size(); }
+
+double TrialRecord::start() const { return lines_ ? 0.0 : readings_->t.front(); }
+
+double TrialRecord::duration() const {
+  return lines_ ? static_cast<double>(lines_->size()) / lines_->header().line_rate
+                : readings_->t.back() - readings_->t.front();
+}
+
+std::unique_ptr<Reconstructor> TrialRecord::Open(const data::Rig& rig, const std::string& rig_path,
+                                                 const ReconstructOptions& options) const {
+  return lines_ ? std::make_unique<Reconstructor>(*lines_, rig, rig_path, options)
+                : std::make_unique<Reconstructor>(*readings_, rig, rig_path, options);
+}
+
+void TrialRecord::Process(std::size_t first, std::size_t count, Reconstructor* reconstructor,
+                          data::TrialBlock* block, data::Tracks* tracks) const {
+  if (!lines_) {
+    reconstructor->Process(*readings_, first, count, tracks);
+    return;
+  }
+  lines_->Read(first, count, block);
+  reconstructor->Process(*block, tracks);
+}
+
+data::Tracks Reconstruct(const TrialRecord& record, const data::Rig& rig,
+                         const ReconstructOptions& options, ReconstructSummary* summary) {
+  const std::unique_ptr<Reconstructor> reconstructor = record.Open(rig, "the rig", options);
+  data::TrialBlock block;
+  return ReconstructBlocks(
+      reconstructor.get(), record.size(), options,
+      [&](std::size_t first, std::size_t count, data::Tracks* tracks) {
+        record.Process(first, count, reconstructor.get(), &block, tracks);
+      },
+      summary);
+}
+
+}  // namespace unfurl::measure
