@@ -131,6 +131,7 @@ UncertaintyMap MapUncertainty(const data::Rig& rig, const Visibility& sees,
   const auto cells = static_cast<std::size_t>(map.columns * map.columns * map.layers);
   map.sigma.assign(cells, std::numeric_limits<double>::quiet_NaN());
   map.sigma_readings = map.sigma;
+  map.covariance.assign(cells, Eigen::Matrix3d::Zero());
   map.cameras.assign(cells, 0);
   const measure::Triangulator triangulator(rig, {.residual_level = 1e-12});
   Eigen::Matrix3Xd F(3, triangulator.shared_rank());
@@ -151,7 +152,8 @@ UncertaintyMap MapUncertainty(const data::Rig& rig, const Visibility& sees,
     if (found.outcome != measure::PointOutcome::kSolved) continue;
     triangulator.SharedFactor(found, s, F);
     map.sigma_readings[cell] = std::sqrt(found.cov.trace());
-    map.sigma[cell] = std::sqrt(found.cov.trace() + F.squaredNorm());
+    map.covariance[cell] = found.cov + F * F.transpose();
+    map.sigma[cell] = std::sqrt(map.covariance[cell].trace());
   }
   return map;
 }

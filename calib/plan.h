@@ -33,7 +33,9 @@ struct UncertaintyMap {
   int columns = 0, layers = 0;
   std::vector<double> sigma;           // 3-D, calibration and reading [m]; NaN: not found
   std::vector<double> sigma_readings;  // of the readings alone [m]
-  std::vector<int> cameras;            // that see the cell's middle
+  // Of the found point, calibration and reading; zero where it is not found [m^2].
+  std::vector<Eigen::Matrix3d> covariance;
+  std::vector<int> cameras;  // that see the cell's middle
 
   Eigen::Vector3d Middle(std::size_t cell) const;  // [m]
   double Found() const;                            // share of the cells [-]

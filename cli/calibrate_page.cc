@@ -9,6 +9,7 @@
 #include "base/length.h"
 #include "calib/plan.h"
 #include "calib/verdict.h"
+#include "cli/space_panel.h"
 #include "cli/uncertainty_panel.h"
 #include "report/page.h"
 
@@ -159,8 +160,37 @@ void AddDots(const calib::Observations& data, const Calibration& result,
   page->AddMap(map);
 }
 
+// All of it in space: cameras, surveyed points by residual or held-out error, uncertainty.
+void AddSpace(const calib::Observations& data, const Calibration& result,
+              const calib::UncertaintyMap& map, report::Page* page) {
+  report::Space space = SpaceOf(
+      result.rig, "The rig in space",
+      "Cameras with what they see, surveyed points by their residuals, and the uncertainty of a "
+      "found point. Choose a point for its rays; dashed is a reading that was left out as gross.");
+  ReadingsCloud readings(data.ids.size());
+  for (const calib::ReadingReport& r : result.report.readings) {
+    readings.Add(static_cast<std::size_t>(r.point), r.camera, r.residual_px,
+                 r.redundancy < 0.01 ? 0.0 : r.sigma_px * std::sqrt(r.redundancy),
+                 !(r.weight > 0.0));
+  }
+  space.clouds.push_back(readings.Cloud(data.ids, data.p, {"RMS residual over its sigma", "1"}));
+  report::SpaceCloud held_out{"held-out points", {"distance from the survey", "mm"}, {}, {}};
+  for (const calib::HeldOutPoint& point : result.report.held_out) {
+    held_out.points.push_back({PlaceOf(data.p.col(point.point)), 1e3 * point.error.norm(),
+                               data.ids[static_cast<std::size_t>(point.point)]});
+  }
+  KeepWorst(&held_out);
+  if (!held_out.points.empty()) space.clouds.push_back(std::move(held_out));
+  space.ellipsoids.push_back(EllipsoidsOf(map, "uncertainty", std::nan("")));
+  page->AddSpace(space);
+}
+
 void AddVolume(const calib::Observations& data, const Calibration& result, report::Page* page) {
   page->AddSection("Over the volume");
+  calib::MapOptions options;
+  const calib::UncertaintyMap map =
+      calib::MapUncertainty(result.rig, calib::SeenOnRow(result.rig), options);
+  AddSpace(data, result, map, page);
   const double none = std::nan("");
   std::vector<double> contradiction(data.ids.size(), 0.0), count(data.ids.size(), 0.0);
   for (const calib::ReadingReport& r : result.report.readings) {
@@ -183,9 +213,6 @@ void AddVolume(const calib::Observations& data, const Calibration& result, repor
       "Distance of each from the survey when it took no part in the fit; the survey's own error "
       "is in it.",
       {"distance", "mm"}, page);
-  calib::MapOptions options;
-  const calib::UncertaintyMap map =
-      calib::MapUncertainty(result.rig, calib::SeenOnRow(result.rig), options);
   page->AddMap(UncertaintyPanel(
       map, "Uncertainty",
       fmt::format("Of a point found with readings of {} px: calibration and readings. Grey: fewer "

@@ -6,7 +6,9 @@
 #include <cmath>
 
 #include "base/length.h"
+#include "calib/plan.h"
 #include "calib/verdict.h"
+#include "cli/space_panel.h"
 #include "report/page.h"
 
 namespace unfurl::cli {
@@ -86,6 +88,43 @@ void AddPaths(const calib::WandFit& fit, report::Page* page) {
   }
 }
 
+// Cameras, and the bar in every pose that took part, its marks by their residuals.
+void AddSpace(const calib::WandCalibration& result, report::Page* page) {
+  const calib::WandFit& fit = result.fit;
+  report::Space space = SpaceOf(
+      result.rig, "The rig in space",
+      "Cameras with what they see, and the bar in every pose that took part, its marks coloured by "
+      "their residuals. Choose a mark for its rays; dashed is a reading that was left out.");
+  const int marks = fit.data.mark_count();
+  ReadingsCloud readings(static_cast<std::size_t>(fit.data.pose_count() * marks));
+  for (std::size_t k = 0; k < fit.data.readings.size(); ++k) {
+    const calib::WandReading& r = fit.data.readings[k];
+    readings.Add(static_cast<std::size_t>(r.pose * marks + r.mark), r.camera,
+                 fit.summary.residual_px[k], 1.0, fit.weighting.use_reading[k] == 0);
+  }
+  Eigen::Matrix3Xd p(3, fit.data.pose_count() * marks);
+  std::vector<std::string> ids;
+  report::SpaceLine bars;
+  bars.name = "bar";
+  const double none = std::nan("");
+  for (int pose = 0; pose < fit.data.pose_count(); ++pose) {
+    for (int mark = 0; mark < marks; ++mark) {
+      p.col(pose * marks + mark) = fit.state.Mark(pose, mark, 0.0);
+      ids.push_back(fit.data.poses[static_cast<std::size_t>(pose)] + ", " +
+                    fit.data.marks[static_cast<std::size_t>(mark)]);
+      bars.points.push_back(PlaceOf(p.col(pose * marks + mark)));
+    }
+    bars.points.push_back({none, none, none});
+  }
+  space.clouds.push_back(readings.Cloud(ids, p, {"RMS residual", "px"}));
+  space.lines.push_back(std::move(bars));
+  calib::MapOptions options;
+  space.ellipsoids.push_back(
+      EllipsoidsOf(calib::MapUncertainty(result.rig, calib::SeenOnRow(result.rig), options),
+                   "uncertainty", std::nan("")));
+  page->AddSpace(space);
+}
+
 // Residuals of each camera against the pose's number, or the place on the row.
 void AddResiduals(const calib::WandFit& fit, bool by_row, report::Page* page) {
   report::Chart chart;
@@ -144,6 +183,7 @@ void WriteCalibrateWandPage(const std::string& path, const std::string& readings
   report::Page page("Calibration by a bar", readings);
   AddHead(result, &page);
   AddTables(result, &page);
+  AddSpace(result, &page);
   AddPaths(result.fit, &page);
   AddResiduals(result.fit, false, &page);
   AddResiduals(result.fit, true, &page);

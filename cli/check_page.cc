@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/length.h"
+#include "cli/space_panel.h"
 #include "report/page.h"
 
 namespace unfurl::cli {
@@ -135,6 +136,30 @@ void AddPlaces(const data::Rig& rig, const CheckResult& result, bool bar, report
   page->AddMap(map);
 }
 
+void AddSpace(const data::Rig& rig, const CheckResult& result, bool bar, report::Page* page) {
+  report::Space space = SpaceOf(
+      rig, "The check in space",
+      "Cameras with what they see when the calibration holds, and what was found, coloured by its "
+      "error over its standard deviation.");
+  report::SpaceCloud cloud;
+  cloud.name = bar ? "placements of the bar" : "what was found";
+  cloud.value = {"error over its sigma", "1"};
+  cloud.range.low = 0.0;
+  std::vector<std::uint32_t> seen(result.points.size(), 0U);
+  for (const calib::CheckedReading& r : result.readings) {
+    seen[static_cast<std::size_t>(r.point)] |= 1U << static_cast<unsigned>(r.camera);
+  }
+  for (std::size_t i = 0; i < result.points.size(); ++i) {
+    const calib::CheckedPoint& point = result.points[i];
+    if (!point.at.allFinite()) continue;
+    cloud.points.push_back(
+        {PlaceOf(point.at), std::abs(point.error) / point.predicted, point.id, seen[i]});
+  }
+  KeepWorst(&cloud);
+  if (!cloud.points.empty()) space.clouds.push_back(std::move(cloud));
+  page->AddSpace(space);
+}
+
 void AddPoints(const CheckResult& result, bool bar, report::Page* page) {
   report::Table table;
   table.title = bar ? "Lengths" : "Points";
@@ -163,6 +188,7 @@ void WriteCheckPage(const std::string& path, const std::string& input, const dat
   report::Page page("Check of a calibration", input);
   AddHead(result, bar, &page);
   AddCameras(result, &page);
+  AddSpace(rig, result, bar, &page);
   AddPlaces(rig, result, bar, &page);
   AddPoints(result, bar, &page);
   page.AddOrigin(provenance);

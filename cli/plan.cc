@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "base/table.h"
+#include "cli/space_panel.h"
 #include "cli/uncertainty_panel.h"
 #include "cli/verb.h"
 #include "data/lab.h"
@@ -68,8 +69,20 @@ void WritePage(const Arguments& arguments, const calib::PlanResult& out,
     const double q = 1e3 * row.map.Quantile(0.9);
     if (std::isfinite(q)) high = std::max(high, q);
   }
+  const double scale = high > 0.0 ? high : std::nan("");
+  report::Space space = SpaceOf(
+      out.planned.rig, "The rig in space",
+      "Cameras with what they see, and the uncertainty of a found point with all of them or "
+      "without one; colours as in the maps below.");
   for (const calib::PlanCase& row : out.cases) {
-    page.AddMap(UncertaintyPanel(row.map, row.name, "", high > 0.0 ? high : std::nan("")));
+    space.ellipsoids.push_back(EllipsoidsOf(row.map, row.name, scale));
+    space.ellipsoids.back().range.low = 0.0;
+  }
+  page.AddSpace(space);
+  for (const calib::PlanCase& row : out.cases) {
+    report::Map map = UncertaintyPanel(row.map, row.name, "", scale);
+    map.low = 0.0;
+    page.AddMap(map);
   }
   if (!out.planned.weak.empty()) {
     report::Table weak;

@@ -8,6 +8,7 @@
 #include "base/length.h"
 #include "base/text.h"
 #include "cli/motion_panel.h"
+#include "cli/space_panel.h"
 #include "report/page.h"
 
 namespace unfurl::cli {
@@ -171,9 +172,55 @@ void AddMotion(const ReconstructPageInput& in, report::Page* page) {
   if (SpanFrames(&motion)) page->AddMotion(motion);
 }
 
+// Of a mark with many samples as many as all marks together may show.
+void AddSpace(const ReconstructPageInput& in, report::Page* page) {
+  report::Space space =
+      SpaceOf(*in.rig, "The marks in space",
+              "Cameras with what they see, the marks' samples coloured by what is known of each, "
+              "and for some of them the ellipsoid of one sigma. Choose a sample for its rays; "
+              "dashed is a reading that was rejected.");
+  const TracksDigest& d = *in.digest;
+  report::SpaceCloud cloud{"samples", {"one sigma of the place", "mm"}, {}, {}};
+  report::SpaceEllipsoids ellipsoids{"uncertainty", cloud.value, {}, {}};
+  constexpr std::size_t kMostEllipsoids = 150;  // more hide one another
+  const std::size_t marks = std::max<std::size_t>(1, d.marks.size());
+  for (std::size_t m = 0; m < d.marks.size(); ++m) {
+    const TracksDigest::Dots& dots = d.dots[m];
+    std::vector<std::size_t> usable;
+    for (std::size_t i = 0; i < dots.t.size(); ++i) {
+      if (std::isfinite(dots.p[0][i])) usable.push_back(i);
+    }
+    const auto place = [&](std::size_t i) {
+      return Eigen::Vector3d(dots.p[0][i], dots.p[1][i], dots.p[2][i]);
+    };
+    for (const std::size_t k :
+         report::EvenlyChosen(usable.size(), report::kMostSpacePoints / marks)) {
+      const std::size_t i = usable[k];
+      cloud.points.push_back({PlaceOf(place(i)), kMilli * dots.sigma[i],
+                              fmt::format("{}, {:.4f} s", d.marks[m], dots.t[i]), dots.used[i],
+                              dots.left_out[i]});
+    }
+    for (const std::size_t k : report::EvenlyChosen(usable.size(), kMostEllipsoids / marks)) {
+      const std::size_t i = usable[k];
+      ellipsoids.ellipsoids.push_back(
+          EllipsoidOf(place(i), dots.covariance[i], kMilli * dots.sigma[i]));
+    }
+  }
+  if (cloud.points.empty()) return;
+  // One scale for both.
+  const auto [low, high] =
+      std::minmax_element(cloud.points.begin(), cloud.points.end(),
+                          [](const auto& a, const auto& b) { return a.value < b.value; });
+  cloud.range = ellipsoids.range = {low->value, high->value};
+  space.clouds.push_back(std::move(cloud));
+  space.ellipsoids.push_back(std::move(ellipsoids));
+  page->AddSpace(space);
+}
+
 void AddViews(const ReconstructPageInput& in, report::Page* page) {
   page->AddSection("Where that was", "Views along the axes of the rig's frame, with the cameras.");
   AddMotion(in, page);
+  AddSpace(in, page);
   const std::array<std::pair<std::size_t, std::size_t>, 2> planes = {{{0, 1}, {0, 2}}};
   const char* axes[] = {"x", "y", "z"};
   for (const auto& [a, b] : planes) {

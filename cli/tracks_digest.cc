@@ -80,24 +80,26 @@ void TracksDigest::AddResiduals(double t, bool shown, std::size_t i,
 }
 
 void TracksDigest::AddDot(const data::Tracks& block, std::size_t i) {
-  constexpr std::array<Eigen::Index, 3> kDiagonal = {0, 3, 5};
   const auto col = static_cast<Eigen::Index>(i);
   const bool usable = data::Usable(block.status[i]);
   const Eigen::Index rank = block.shared_rank;
   Dots& to = dots[static_cast<std::size_t>(block.mark[i])];
   to.t.push_back(block.t[i]);
-  double total = 0.0;
-  for (std::size_t k = 0; k < 3; ++k) {
-    const auto row = static_cast<Eigen::Index>(k);
-    double variance = usable ? block.cov(kDiagonal[k], col) : kNone;
-    if (usable && rank > 0) {
-      variance += block.shared.middleCols(col * rank, rank).row(row).squaredNorm();
-    }
-    to.p[k].push_back(usable ? block.p(row, col) : kNone);
-    to.axis[k].push_back(std::sqrt(variance));
-    total += variance;
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  if (usable) {
+    covariance = block.Covariance(i);
+    const Eigen::Matrix3Xd shared = block.shared.middleCols(col * rank, rank);
+    covariance += shared * shared.transpose();
   }
-  to.sigma.push_back(std::sqrt(total));
+  for (Eigen::Index k = 0; k < 3; ++k) {
+    const auto axis = static_cast<std::size_t>(k);
+    to.p[axis].push_back(usable ? block.p(k, col) : kNone);
+    to.axis[axis].push_back(usable ? std::sqrt(covariance(k, k)) : kNone);
+  }
+  to.covariance.push_back(covariance);
+  to.used.push_back(block.used.empty() ? 0U : block.used[i]);
+  to.left_out.push_back(block.left_out.empty() ? 0U : block.left_out[i]);
+  to.sigma.push_back(usable ? std::sqrt(covariance.trace()) : kNone);
 }
 
 }  // namespace unfurl::cli

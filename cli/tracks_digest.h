@@ -21,9 +21,11 @@ class TracksDigest {
   void Add(const data::Tracks& block, std::span<const float> residuals);
 
   struct Dots {
-    std::vector<double> t, sigma;             // [s], of the distance [m]
-    std::array<std::vector<double>, 3> p;     // NaN where unsolvable [m]
-    std::array<std::vector<double>, 3> axis;  // sigma of each axis, both parts [m]
+    std::vector<double> t, sigma;               // [s], of the distance [m]
+    std::array<std::vector<double>, 3> p;       // NaN where unsolvable [m]
+    std::array<std::vector<double>, 3> axis;    // sigma of each axis, both parts [m]
+    std::vector<Eigen::Matrix3d> covariance;    // both parts; zero where unsolvable [m^2]
+    std::vector<std::uint32_t> used, left_out;  // bit c: camera c
   };
   struct Slice {
     std::array<std::size_t, 4> status{};

@@ -16,6 +16,7 @@ find_package(Threads REQUIRED)
 
 find_path(UNFURL_DYGRAPHS_DIR dygraph.min.js
           PATHS /usr/share/javascript/dygraphs /usr/share/javascript/dygraphs/dist REQUIRED)
+find_path(UNFURL_THREE_DIR build/three.min.js PATHS /usr/share/javascript/three REQUIRED)
 
 if(UNFURL_TESTS)
   find_package(GTest REQUIRED)

@@ -11,6 +11,11 @@ extern const std::string_view kSynchronizerScript;  // dygraphs' own extra: zoom
 extern const std::string_view kDygraphsStyle;
 extern const std::string_view kPageScript;
 extern const std::string_view kPageStyle;
+extern const std::string_view kToolsScript;      // before those that follow
+extern const std::string_view kThreeScript;      // three.js, for views in space
+extern const std::string_view kOrbitScript;      // three.js' own extra: turning by mouse and touch
+extern const std::string_view kSpaceViewScript;  // before kSpaceScript
+extern const std::string_view kSpaceScript;
 extern const std::string_view kMotionViewScript;  // before kMotionScript
 extern const std::string_view kMotionScript;
 

@@ -1,5 +1,8 @@
 #include "report/escape.h"
 
+#include <cstring>
+#include <vector>
+
 namespace unfurl::report {
 
 std::string EscapeHtml(std::string_view text) {
@@ -62,6 +65,15 @@ std::string Base64(std::span<const std::uint8_t> bytes) {
     out += left > 2 ? kDigits[group & 63] : '=';
   }
   return out;
+}
+
+std::string Floats(std::span<const double> values) {
+  std::vector<std::uint8_t> bytes(values.size() * sizeof(float));
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const float value = static_cast<float>(values[i]);
+    std::memcpy(bytes.data() + i * sizeof(float), &value, sizeof(float));
+  }
+  return Base64(bytes);
 }
 
 }  // namespace unfurl::report

@@ -17,4 +17,7 @@ std::string EscapeJsonForScript(std::string_view json);
 // Bytes as base64, for data URIs.
 std::string Base64(std::span<const std::uint8_t> bytes);
 
+// Values as 32-bit floats in base64.
+std::string Floats(std::span<const double> values);
+
 }  // namespace unfurl::report

@@ -3,13 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <limits>
 
 #include "base/error.h"
 #include "base/number.h"
 #include "report/chart.h"
+#include "report/color_scale.h"
 #include "report/escape.h"
 #include "report/paths.h"
 
@@ -20,35 +19,13 @@ namespace {
 constexpr double kPane = 300.0, kLeft = 52.0, kTop = 24.0, kBottom = 44.0, kGap = 14.0;
 constexpr double kBar = 54.0;  // height of the scale with its numbers
 
-struct Scale {
-  double low = 0.0, high = 1.0;
-  bool log = false;
-  double Share(double value) const {
-    const double share =
-        log ? std::log(value / low) / std::log(high / low) : (value - low) / (high - low);
-    return std::clamp(share, 0.0, 1.0);
-  }
-  double Value(double share) const {
-    return log ? low * std::pow(high / low, share) : low + share * (high - low);
-  }
-};
-
-Scale ScaleOf(const Map& map) {
-  double low = std::numeric_limits<double>::infinity(), high = -low;
-  const auto take = [&](double value) {
-    if (!std::isfinite(value) || (map.value.log && value <= 0.0)) return;
-    low = std::min(low, value);
-    high = std::max(high, value);
-  };
+ColorScale ScaleFor(const Map& map) {
+  std::vector<double> values;
   for (const MapPane& pane : map.panes) {
-    for (const double value : pane.values) take(value);
-    for (const MapDot& dot : pane.dots) take(dot.value);
+    values.insert(values.end(), pane.values.begin(), pane.values.end());
+    for (const MapDot& dot : pane.dots) values.push_back(dot.value);
   }
-  if (!(low <= high)) low = high = 1.0;
-  if (std::isfinite(map.high)) high = map.high;
-  if (std::isfinite(map.low)) low = map.low;
-  if (!(high > low)) high = low + std::max(1e-12, std::abs(low));
-  return {low, high, map.value.log && low > 0.0};
+  return ScaleOf(values, map.value.log, map.low, map.high);
 }
 
 std::string Rect(double x, double y, double w, double h, const std::string& fill,
@@ -59,32 +36,8 @@ std::string Rect(double x, double y, double w, double h, const std::string& fill
       x, y, w, h, fill, EscapeHtml(title));
 }
 
-}  // namespace
-
-std::string ScaleColor(double share) {
-  static constexpr std::array<std::array<int, 3>, 9> kAnchors = {{{68, 1, 84},
-                                                                  {71, 44, 122},
-                                                                  {59, 81, 139},
-                                                                  {44, 113, 142},
-                                                                  {33, 144, 141},
-                                                                  {39, 173, 129},
-                                                                  {92, 200, 99},
-                                                                  {170, 220, 50},
-                                                                  {253, 231, 37}}};
-  const double at = std::clamp(share, 0.0, 1.0) * 8.0;
-  const auto k = std::min<std::size_t>(7, static_cast<std::size_t>(at));
-  const double f = at - static_cast<double>(k);
-  std::array<int, 3> rgb;
-  for (std::size_t c = 0; c < 3; ++c) {
-    rgb[c] = static_cast<int>(std::lround((1.0 - f) * kAnchors[k][c] + f * kAnchors[k + 1][c]));
-  }
-  return fmt::format("#{:02x}{:02x}{:02x}", rgb[0], rgb[1], rgb[2]);
-}
-
-namespace {
-
 // A pane's values as rectangles, row by row from below; those that are not finite stay grey.
-std::string Cells(const Map& map, const MapPane& pane, const Scale& scale, double left,
+std::string Cells(const Map& map, const MapPane& pane, const ColorScale& scale, double left,
                   double height) {
   if (pane.values.empty()) return {};
   if (map.columns < 1 || pane.values.size() % static_cast<std::size_t>(map.columns) != 0) {
@@ -110,7 +63,7 @@ std::string Cells(const Map& map, const MapPane& pane, const Scale& scale, doubl
 }  // namespace
 
 std::string MapSvg(const Map& map) {
-  const Scale scale = ScaleOf(map);
+  const ColorScale scale = ScaleFor(map);
   const double span_x = map.x_high - map.x_low, span_y = map.y_high - map.y_low;
   if (!(span_x > 0.0) || !(span_y > 0.0) || map.panes.empty()) {
     throw Error("has no extent or no pane", "report: map \"" + map.title + "\"",
@@ -160,18 +113,7 @@ std::string MapSvg(const Map& map) {
       "{0:.1f})\">{1}</text>\n",
       kTop + 0.5 * height, EscapeHtml(AxisTitle(map.y)));
   const double bar_y = kTop + height + kBottom;
-  constexpr int kSteps = 60;  // of colour: too fine to be seen
-  for (int k = 0; k < kSteps; ++k) {
-    svg += fmt::format(
-        "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.2f}\" height=\"12\" fill=\"{}\"/>",
-        kLeft + kPane * k / kSteps, bar_y, kPane / kSteps + 0.4, ScaleColor((k + 0.5) / kSteps));
-  }
-  for (const double share : {0.0, 0.25, 0.5, 0.75, 1.0}) {
-    svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"middle\">{}</text>",
-                       kLeft + kPane * share, bar_y + 27.0, Number(scale.Value(share), 2));
-  }
-  svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"middle\">{}</text>\n</svg>\n",
-                     kLeft + 0.5 * kPane, bar_y + 44.0, EscapeHtml(AxisTitle(map.value)));
+  svg += ScaleBar(scale, map.value, kLeft, bar_y, kPane) + "</svg>\n";
   return svg;
 }
 

@@ -10,8 +10,4 @@ namespace unfurl::report {
 // whose values do not fill their grid.
 std::string MapSvg(const Map& map);
 
-// "#rrggbb" of `share` in [0, 1] on a scale that is even to the eye and rises in lightness,
-// distinguishable apart by colour-blind readers and in grey (viridis).
-std::string ScaleColor(double share);
-
 }  // namespace unfurl::report

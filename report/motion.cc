@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
@@ -20,15 +19,6 @@ using Json = nlohmann::ordered_json;
 constexpr std::size_t kMostNumbers = 300'000;
 constexpr std::size_t kFewestPoints = 9;    // of a line: it still shows three half waves
 constexpr std::size_t kMostSamples = 1500;  // of a mark: as many as a screen has columns
-
-std::string Floats(const std::vector<double>& values) {
-  std::vector<std::uint8_t> bytes(values.size() * sizeof(float));
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    const float value = static_cast<float>(values[i]);
-    std::memcpy(bytes.data() + i * sizeof(float), &value, sizeof(float));
-  }
-  return Base64(bytes);
-}
 
 // `points` of each of `frames`.
 std::vector<double> Thinned(const std::vector<double>& xy, std::size_t points_before,

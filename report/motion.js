@@ -65,16 +65,6 @@ function Player(block) {
       requestAnimationFrame(step);
   }
 
-  function save(blob, name) {
-    var link = document.createElement('a');
-    link.href = URL.createObjectURL(blob);
-    link.download = name;
-    link.click();
-    setTimeout(function() {
-      URL.revokeObjectURL(link.href);
-    }, 10000);
-  }
-
   function film() {
     var pieces = [];
     recorder = new MediaRecorder(canvas.captureStream(30), {mimeType: 'video/webm'});
@@ -83,7 +73,7 @@ function Player(block) {
     };
     recorder.onstop = function() {
       recorder = null;
-      save(new Blob(pieces, {type: 'video/webm'}), id + '.webm');
+      window.unfurlSave(new Blob(pieces, {type: 'video/webm'}), id + '.webm');
     };
     recorder.start();
     now = first;
@@ -126,7 +116,7 @@ function Player(block) {
   part('trails').addEventListener('change', draw);
   part('still').addEventListener('click', function() {
     canvas.toBlob(function(blob) {
-      save(blob, id + '-' + now.toFixed(digits) + 's.png');
+      window.unfurlSave(blob, id + '-' + now.toFixed(digits) + 's.png');
     });
   });
   if (window.MediaRecorder && canvas.captureStream)

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <string_view>
 
 #include "base/error.h"
 #include "data/atomic_file.h"
@@ -12,31 +13,12 @@
 #include "report/escape.h"
 #include "report/map.h"
 #include "report/motion.h"
+#include "report/page_scripts.h"
 #include "report/paths.h"
+#include "report/space.h"
 
 namespace unfurl::report {
 namespace {
-
-// dygraphs travels inside every page; its licence asks that this notice goes with it.
-constexpr char kDygraphsNotice[] =
-    "/* dygraphs 2, (c) 2006-2023 Dan Vanderkam, Paul Felix, Robert Konigsberg, David Eberlein,\n"
-    "Google, Inc., Petr Shevtsov, mirabilos, Deutsche Telekom LLCTO and contributors. MIT "
-    "licence:\n"
-    "Permission is hereby granted, free of charge, to any person obtaining a copy of this "
-    "software\n"
-    "and associated documentation files (the \"Software\"), to deal in the Software without\n"
-    "restriction, including without limitation the rights to use, copy, modify, merge, publish,\n"
-    "distribute, sublicense, and/or sell copies of the Software, and to permit persons to whom "
-    "the\n"
-    "Software is furnished to do so, subject to the following conditions: The above copyright\n"
-    "notice and this permission notice shall be included in all copies or substantial portions of\n"
-    "the Software. THE SOFTWARE IS PROVIDED \"AS IS\", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR\n"
-    "IMPLIED, INCLUDING BUT NOT LIMITED TO THE WARRANTIES OF MERCHANTABILITY, FITNESS FOR A\n"
-    "PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS OR COPYRIGHT HOLDERS "
-    "BE\n"
-    "LIABLE FOR ANY CLAIM, DAMAGES OR OTHER LIABILITY, WHETHER IN AN ACTION OF CONTRACT, TORT OR\n"
-    "OTHERWISE, ARISING FROM, OUT OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER\n"
-    "DEALINGS IN THE SOFTWARE. */\n";
 
 // The page's policy forbids the browser to fetch anything, whatever the page holds.
 constexpr char kPolicy[] =
@@ -78,6 +60,22 @@ std::string Heading(const std::string& title, const std::string& note) {
   return html;
 }
 
+// Panels before the first section stand right below the page's title: so do their headings. All
+// text is escaped and data have no '<', so tags are tags.
+std::string WithHeadingsInOrder(std::string body) {
+  const std::size_t first = std::min(body.find("<h2>"), body.size());
+  std::string before = body.substr(0, first);
+  const auto replace = [&before](std::string_view what, std::string_view by) {
+    for (std::size_t at = before.find(what); at != std::string::npos;
+         at = before.find(what, at + by.size())) {
+      before.replace(at, what.size(), by);
+    }
+  };
+  replace("<h3>", "<h2 class=\"panel-title\">");
+  replace("</h3>", "</h2>");
+  return before + body.substr(first);
+}
+
 }  // namespace
 
 Page::Page(std::string title, std::string subtitle)
@@ -114,8 +112,9 @@ void Page::AddTable(const Table& table) {
   const auto cell = [&](const char* tag, std::size_t column, const std::string& text) {
     const bool is_text = std::find(table.text_columns.begin(), table.text_columns.end(),
                                    static_cast<int>(column)) != table.text_columns.end();
-    return fmt::format("<{0}{1}>{2}</{0}>", tag, is_text ? " class=\"text\"" : "",
-                       EscapeHtml(text));
+    // An empty head is a cell: readers announce heads.
+    return fmt::format("<{0}{1}>{2}</{0}>", text.empty() ? "td" : tag,
+                       is_text ? " class=\"text\"" : "", EscapeHtml(text));
   };
   body_ += "<section class=\"panel\">\n" + Heading(table.title, table.note);
   body_ += "<div class=\"table\"><table>\n<thead><tr>";
@@ -165,6 +164,11 @@ void Page::AddMotion(const Motion& motion) {
   ++motions_;
 }
 
+void Page::AddSpace(const Space& space) {
+  body_ += SpaceHtml(space, fmt::format("space{}", spaces_));
+  ++spaces_;
+}
+
 void Page::AddPicture(const std::string& title, const std::string& note,
                       std::span<const std::uint8_t> png, const std::string& alternative) {
   body_ += "<figure class=\"panel picture\">\n" + Heading(title, note) + "<img alt=\"" +
@@ -194,12 +198,12 @@ std::string Page::Html() const {
           EscapeHtml(title_) + "</h1>\n";
   if (!subtitle_.empty()) html += "<p>" + EscapeHtml(subtitle_) + "</p>\n";
   html += "</header>\n<main>\n";
-  if (charts_ + motions_ > 0) {
+  if (charts_ + motions_ + spaces_ > 0) {
     html +=
         "<noscript><section class=\"panel\">The charts need scripts, which this browser has "
         "switched off; words, tables and still pictures are all here.</section></noscript>\n";
   }
-  html += body_ + "</main>\n<footer>\n";
+  html += WithHeadingsInOrder(body_) + "</main>\n<footer>\n";
   if (charts_ > 0) {
     html +=
         "<p class=\"hint\">Drag across a chart to zoom, double-click to see all of it; charts "
@@ -213,21 +217,7 @@ std::string Page::Html() const {
     html += "</dl>\n";
   }
   html += "</footer>\n";
-  if (charts_ > 0) {
-    html += "<script>\n";
-    html += kDygraphsNotice;
-    html += kDygraphsScript;
-    html += "\n</script>\n<script>\n";
-    html += "/* From dygraphs too, under the same licence. */\n";
-    html += kSynchronizerScript;
-    html += "\n</script>\n<script>\n";
-    html += kPageScript;
-    html += "</script>\n";
-  }
-  if (motions_ > 0) {
-    html +=
-        "<script>\n" + std::string(kMotionViewScript) + std::string(kMotionScript) + "</script>\n";
-  }
+  html += ScriptsOf({charts_ > 0, motions_ > 0, spaces_ > 0});
   html += "</body>\n</html>\n";
   return html;
 }

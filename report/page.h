@@ -122,6 +122,7 @@ struct Map {
 };
 
 struct Motion;  // report/motion.h
+struct Space;   // report/space.h
 
 class Page {
  public:
@@ -140,6 +141,7 @@ class Page {
   void AddPaths(const Paths& paths);
   void AddMap(const Map& map);
   void AddMotion(const Motion& motion);  // its time is that of the charts of time
+  void AddSpace(const Space& space);
   // `png` are the bytes of a PNG file; `alternative` says in words what it shows.
   void AddPicture(const std::string& title, const std::string& note,
                   std::span<const std::uint8_t> png, const std::string& alternative);
@@ -160,6 +162,7 @@ class Page {
   std::vector<std::pair<std::string, std::string>> origin_;
   int charts_ = 0;
   int motions_ = 0;
+  int spaces_ = 0;
 };
 
 }  // namespace unfurl::report

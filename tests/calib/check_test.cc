@@ -123,8 +123,10 @@ TEST_F(Check, MapAgreesWithTheRigsOwnCovariance) {
       G.block(c, data::kCameraParameters * c, 1, data::kCameraParameters) = h.du_dc / s;
     }
     const Eigen::MatrixXd A = (J.transpose() * J).inverse(), L = A * J.transpose() * G;
-    const double expected = std::sqrt(A.trace() + (L * rig_->covariance * L.transpose()).trace());
+    const Eigen::Matrix3d whole = A + L * rig_->covariance * L.transpose();
+    const double expected = std::sqrt(whole.trace());
     EXPECT_NEAR(map.sigma[k], expected, 1e-4 * expected);
+    EXPECT_LT((map.covariance[k] - whole).norm(), 3e-4 * whole.norm());
   }
   // Less light, less to see by: a lost camera makes no place better.
   const UncertaintyMap lost = MapUncertainty(*rig_, SeenOnRow(*rig_), options, 1);

@@ -2,7 +2,9 @@
 
 import json
 import os
+import re
 import subprocess
+import time
 
 
 class Browser:
@@ -19,7 +21,7 @@ class Browser:
             os.dup2(write, 4)
 
         self._process = subprocess.Popen(
-            [chromium, "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage",
+            [chromium, "--headless=new", "--no-sandbox", "--enable-unsafe-swiftshader", "--disable-gpu", "--disable-dev-shm-usage",
              f"--user-data-dir={profile}", "--remote-debugging-pipe", "about:blank"],
             preexec_fn=as_3_and_4, close_fds=False, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         os.close(to_read)
@@ -51,7 +53,10 @@ class Browser:
         elif name == "Runtime.consoleAPICalled" and what["type"] in ("error", "warning"):
             self.wrong.append(" ".join(str(a.get("value", a)) for a in what["args"]))
         elif name == "Log.entryAdded" and what["entry"]["level"] in ("error", "warning"):
-            self.wrong.append(what["entry"]["text"])
+            text = what["entry"]["text"]
+            # How the software renderer hands its pictures on is no fault of the page.
+            if "GL Driver Message (OpenGL, Performance" not in text:
+                self.wrong.append(text)
         elif name == "Network.requestWillBeSent" and not what["request"]["url"].startswith(("data:", "blob:")):
             self.requests.append(what["request"]["url"])
 
@@ -69,6 +74,49 @@ class Browser:
                 return answer["result"]
             self._note(answer)
 
+    def axe(self) -> str:
+        """The source of axe-core, which Chromium carries inside its own tools (Lighthouse); empty: it does not."""
+        bundle = "devtools://devtools/bundled/third_party/lighthouse/lighthouse-dt-bundle.js"
+        target = self._send("Target.createTarget", url=bundle)["targetId"]
+        page, self._session = self._session, None
+        self._session = self._send("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        text = ""
+        for _ in range(100):
+            text = self.run("document.readyState === 'complete' ? document.body.textContent : ''")
+            if text:
+                break
+            time.sleep(0.05)
+        self._session = page
+        self._send("Target.closeTarget", targetId=target)
+        # There it is a template literal.
+        found = re.search(r"`(/\*! axe v(?:[^`\\]|\\.)*)`", text, re.DOTALL)
+        return self.run("`" + found.group(1) + "`") if found else ""
+
+    def before_pages(self, script: str) -> str:
+        """Has every page from now on run a script before its own; gives what forget() takes."""
+        return self._send("Page.addScriptToEvaluateOnNewDocument", source=script)["identifier"]
+
+    def forget(self, script: str):
+        self._send("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
+
+    def mouse(self, kind: str, x: float, y: float, **more):
+        """A movement or a button, as a hand would: "mousePressed", "mouseMoved", "mouseReleased", "mouseWheel"."""
+        self._send("Input.dispatchMouseEvent", type=kind, x=x, y=y, **more)
+
+    def drag(self, x: float, y: float, to_x: float, to_y: float):
+        held = {"button": "left", "buttons": 1, "clickCount": 1}
+        self.mouse("mousePressed", x, y, **held)
+        self.mouse("mouseMoved", to_x, to_y, button="left", buttons=1)
+        self.mouse("mouseReleased", to_x, to_y, **held)
+
+    def key(self, key: str):
+        for kind in ("keyDown", "keyUp"):
+            self._send("Input.dispatchKeyEvent", type=kind, key=key)
+
+    def paper(self, on: bool):
+        """As it is printed."""
+        self._send("Emulation.setEmulatedMedia", media="print" if on else "")
+
     def open(self, uri: str, width: int = 1100, height: int = 900, dark: bool = False):
         """Loads a page afresh, with nothing held against it yet."""
         self.wrong, self.requests = [], []
@@ -81,7 +129,8 @@ class Browser:
             self._note(event)
             if event.get("method") == "Page.loadEventFired":
                 break
-        self.run("new Promise(done => setTimeout(done, 300))")
+        # Whatever a script asked to be drawn has been.
+        self.run("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
     def run(self, script: str):
         """The value of an expression, awaited."""

@@ -7,6 +7,7 @@ import pytest
 
 from browser import Browser
 
+NAMES = ("simulate", "correlate", "plan", "modes", "calibrate", "check", "reconstruct")
 PROGRAM, CHROMIUM = os.environ["UNFURL_PROGRAM"], os.environ["UNFURL_CHROMIUM"]
 
 
@@ -30,20 +31,37 @@ def pages(tmp_path_factory):
     run("simulate", "study/scene.toml", "-o", "drawn.h5")
     run("correlate", "study/tracks.csv", "drawn.h5", "--report", "correlate.html")
     run("plan", "rig/lab.toml", "--report", "plan.html", "--columns", "9", "--layers", "2")
+    run("expose", "--survey", "rig/points.csv", "--lab", "rig/lab.toml", "-o", "survey.h5")
+    run("calibrate", "survey.h5", "-o", "rig.h5", "--report", "calibrate.html")
+    run("check", "rig.h5", "survey.h5", "--report", "check.html")
+    run("expose", "drawn.h5", "--lab", "rig/lab.toml", "-o", "trial.h5")
+    run("reconstruct", "trial.h5", "--rig", "rig.h5", "-o", "tracks.h5", "--report", "reconstruct.html")
     run("modes", "boom/scene.toml", "--count", "3", "--report", "modes.html")
-    return {name: folder / f"{name}.html" for name in ("simulate", "correlate", "plan", "modes")}
+    return {name: folder / f"{name}.html" for name in NAMES}
 
 
-@pytest.mark.parametrize("name", ["simulate", "correlate", "plan", "modes"])
+@pytest.fixture(scope="module")
+def axe(browser):
+    return browser.axe()
+
+
+@pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("width", [1100, 390])
-def test_opens_without_errors_requests_or_overflow(browser, pages, name, width):
+def test_opens_without_errors_requests_or_overflow(browser, pages, axe, name, width):
     browser.open(pages[name].as_uri(), width=width)
     assert browser.wrong == [] and browser.requests == [pages[name].as_uri()]
     # Wide tables and pictures scroll in their own frames.
     assert browser.run("document.documentElement.scrollWidth - window.innerWidth") <= 0
     levels = browser.run("Array.from(document.querySelectorAll('h1,h2,h3')).map(h => +h.tagName[1])")
     assert levels[0] == 1 and levels.count(1) == 1
+    assert all(below - above <= 1 for above, below in zip(levels, levels[1:]))
     assert pages[name].stat().st_size < 4e6
+    if width == 390 or not axe:  # a Chromium without its own tools carries none
+        return
+    browser.run(axe + ";0")
+    # Drawings have a name each; within them there is nothing to look at for axe but time.
+    assert browser.run("""axe.run({exclude: [['svg']]}).then(r => r.violations.map(v =>
+        `${v.id}: ${v.help}: ${v.nodes.slice(0, 3).map(n => n.html.slice(0, 150)).join(' | ')}`))""") == []
 
 
 def test_charts_of_time_say_so(browser, pages):
@@ -101,7 +119,7 @@ def test_a_click_on_a_chart_sets_the_time(browser, pages):
 def test_modes_swing_for_ever(browser, pages):
     browser.open(pages["modes"].as_uri())
     assert browser.run("unfurlPlayers.length") == 3
-    titles = browser.run("Array.from(document.querySelectorAll('.motion h3')).map(h => h.textContent)")
+    titles = browser.run("Array.from(document.querySelectorAll('.motion h2, .motion h3')).map(h => h.textContent)")
     assert titles[0].startswith("Mode 1: 2.19")  # Hz, as the terminal says
     found = browser.run("""(async function () {
       const player = unfurlPlayers[2], panel = document.querySelectorAll('.motion')[2];
@@ -130,3 +148,118 @@ def test_dark_and_light(browser, pages, dark, paper):
     corner = browser.run("""Array.from(document.querySelector('.motion canvas').getContext('2d')
                             .getImageData(2, 2, 1, 1).data).slice(0, 3)""")
     assert "rgb({}, {}, {})".format(*corner) == paper
+
+
+SPACES = ("plan", "calibrate", "check", "reconstruct")
+
+
+@pytest.mark.parametrize("name", SPACES)
+def test_a_rig_stands_in_space(browser, pages, name):
+    browser.open(pages[name].as_uri())
+    found = browser.run("""(function () {
+      const space = unfurlSpaces[0], data = JSON.parse(document.querySelector('script.space-data').textContent);
+      const visible = e => e && e.getClientRects().length > 0;
+      return {eyes: data.eyes.map(e => e.name), fields: data.eyes.map(e => e.field.length),
+              tags: Array.from(document.querySelectorAll('.tags span')).map(e => e.textContent),
+              still: visible(document.querySelector('.space .still')),
+              canvas: visible(document.querySelector('.space canvas')),
+              ellipsoids: data.ellipsoids.map(e => e.name), chosen: space.chosen(),
+              words: document.querySelector('.space .chosen').textContent};
+    })()""")
+    assert found["eyes"] == ["door", "window", "bench", "crane"] and found["fields"] == [4] * 4
+    assert set(found["eyes"]) < set(found["tags"]) and "z [m]" in found["tags"]
+    assert found["canvas"] and not found["still"]
+    if name == "plan":
+        assert found["ellipsoids"] == ["all cameras"] + ["without " + eye for eye in found["eyes"]]
+    else:
+        assert found["chosen"] >= 0 and "seen by door" in found["words"]
+
+
+# How far apart two pictures of one view are, as a share of the full range, mean over all pixels.
+DIFFERENCE = """async function (one, other) {
+  const pixels = async source => {
+    const image = new Image();
+    image.src = source;
+    await image.decode();
+    const canvas = document.createElement('canvas');
+    canvas.width = image.width; canvas.height = image.height;
+    const pen = canvas.getContext('2d');
+    pen.drawImage(image, 0, 0);
+    return pen.getImageData(0, 0, image.width, image.height).data;
+  };
+  const a = await pixels(one), b = await pixels(other);
+  let sum = 0;
+  for (let k = 0; k < a.length; k++) sum += Math.abs(a[k] - b[k]);
+  return a.length === b.length ? sum / a.length / 255 : 1;
+}"""
+
+
+def test_a_space_is_turned_by_keys_and_mouse_and_comes_back(browser, pages):
+    browser.open(pages["calibrate"].as_uri())
+    canvas = "document.querySelector('.space canvas')"
+    picture = "(unfurlSpaces[0].view.render(), " + canvas + ".toDataURL())"
+    box = browser.run(f"""({canvas}.scrollIntoView({{block: 'center'}}), {canvas}.focus(),
+                          {canvas}.getBoundingClientRect().toJSON())""")
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+
+    def difference(name):
+        browser.run(f"window.now = {picture}")
+        return browser.run(f"({DIFFERENCE})(window.first, window.now)")
+
+    browser.run(f"window.first = {picture}")
+    assert difference("same") == 0.0
+    for _ in range(3):
+        browser.key("ArrowRight")
+    turned = difference("turned")
+    # 72 steps of 5 degrees are a whole turn.
+    browser.run(f"""for (let k = 3; k < 72; k++) {{
+      {canvas}.dispatchEvent(new KeyboardEvent('keydown', {{key: 'ArrowRight'}}));
+    }}""")
+    # A turn of 2 pi ends some 1e-15 beside where it began: at most the edges of lines, a hundredth of the
+    # picture, fall to a neighbour's side, and the eight bits of a colour round once.
+    assert difference("a whole turn") < 1e-3 < turned
+    browser.drag(x, y, x + 150, y + 40)
+    assert difference("dragged") > 1e-3
+    browser.key("+")
+    browser.key("Home")
+    assert difference("home") < 1e-3
+    found = browser.run("""(function () {
+      const space = unfurlSpaces[0], slider = document.querySelector('.space .scrub');
+      const before = document.querySelector('.space .chosen').textContent;
+      slider.value = '3';
+      slider.dispatchEvent(new Event('input'));
+      const at = space.view.floats(JSON.parse(document.querySelector('script.space-data').textContent).clouds[0].at);
+      const p = space.view.onScreen(new THREE.Vector3(at[15], at[16], at[17]));
+      return {before, after: document.querySelector('.space .chosen').textContent, x: p.x, y: p.y};
+    })()""")
+    assert found["after"] != found["before"] and found["after"].startswith("P004")
+    at = {"button": "left", "clickCount": 1}
+    browser.mouse("mousePressed", box["x"] + found["x"], box["y"] + found["y"], **at)
+    browser.mouse("mouseReleased", box["x"] + found["x"], box["y"] + found["y"], **at)
+    assert browser.run("document.querySelector('.space .chosen').textContent").startswith("P006")
+    browser.key("p")
+    assert browser.run("document.querySelector('.space .chosen').textContent").startswith("P005")
+    assert browser.wrong == []
+
+
+def test_without_webgl_and_on_paper_a_still_stands_in_its_place(browser, pages):
+    visible = """['.view', '.still'].map(part => {
+        const e = document.querySelector('.space ' + part);
+        return getComputedStyle(e).display !== 'none' && e.getClientRects().length > 0; })"""
+    script = browser.before_pages("""(function (get) {
+      HTMLCanvasElement.prototype.getContext = function (kind, more) {
+        return kind.startsWith('webgl') ? null : get.call(this, kind, more);
+      };
+    })(HTMLCanvasElement.prototype.getContext)""")
+    try:
+        browser.open(pages["calibrate"].as_uri())
+        assert browser.run(visible) == [False, True] and browser.wrong == []
+    finally:
+        browser.forget(script)
+    browser.open(pages["calibrate"].as_uri())
+    assert browser.run(visible) == [True, False]
+    browser.paper(True)
+    try:
+        assert browser.run(visible) == [False, True]
+    finally:
+        browser.paper(False)

@@ -7,6 +7,7 @@
 #include <cstdlib>
 
 #include "base/error.h"
+#include "report/color_scale.h"
 
 namespace unfurl::report {
 namespace {
