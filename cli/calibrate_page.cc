@@ -9,6 +9,7 @@
 #include "base/length.h"
 #include "calib/plan.h"
 #include "calib/verdict.h"
+#include "cli/residual_views.h"
 #include "cli/space_panel.h"
 #include "cli/uncertainty_panel.h"
 #include "report/page.h"
@@ -107,11 +108,17 @@ void AddResiduals(const Calibration& result, report::Page* page) {
       "where all is well, and without a pattern along the sensor.";
   chart.x = {"reading", "px"};
   chart.y = {"residual over its sigma", "1"};
+  ResidualViews views;
+  views.of = "camera";
+  views.words = "along the sensor";
+  views.along = chart.x;
+  views.scatter = false;  // it is above
   for (std::size_t j = 0; j < result.report.cameras.size(); ++j) {
     std::vector<std::pair<double, double>> points;
     for (const calib::ReadingReport& r : result.report.readings) {
       if (r.camera != static_cast<int>(j) || !(r.weight > 0.0) || r.redundancy < 0.01) continue;
       points.push_back({r.u_px, r.residual_px / (r.sigma_px * std::sqrt(r.redundancy))});
+      views.independent += r.redundancy;
     }
     std::sort(points.begin(), points.end());
     report::Series series;
@@ -121,9 +128,11 @@ void AddResiduals(const Calibration& result, report::Page* page) {
       series.x.push_back(u);
       series.y.push_back(residual);
     }
+    views.groups.push_back({series.name, series.x, series.y});
     chart.series.push_back(std::move(series));
   }
   page->AddChart(chart);
+  AddResidualViews(views, page);
 }
 
 // Surveyed points by height, coloured by a value of their own.

@@ -310,7 +310,7 @@ void WriteFitPage(const std::string& path, const FitPageInput& in) {
     AddLadder(in.record, &page);
     AddModelError(in, &page);
     AddChannels(in.record, &page);
-    AddResiduals(in.result, in.record, &page);
+    AddResiduals(in.problem, in.result, in.record, &page);
     AddBands(in, &page);
     AddSearch(in, &page);
   }

@@ -8,6 +8,7 @@
 #include "base/length.h"
 #include "base/text.h"
 #include "cli/motion_panel.h"
+#include "cli/residual_views.h"
 #include "cli/space_panel.h"
 #include "report/page.h"
 
@@ -312,6 +313,26 @@ void AddResiduals(const ReconstructPageInput& in, report::Page* page) {
         {d.cameras[c], d.residual_t[c], d.residual[c], {}, Style::kDots, static_cast<int>(c)});
   }
   page->AddTimeSeries(std::move(chart));
+  // The four share what one number shows, so each camera is judged by its own scatter.
+  ResidualViews views;
+  views.of = "camera";
+  views.words = "over each camera's RMS";
+  views.along = {"time", "s", false};
+  views.scatter = false;
+  views.own_scale = true;
+  for (std::size_t c = 0; c < d.cameras.size() && d.cameras.size() > 3; ++c) {
+    ResidualGroup group{d.cameras[c], d.residual_t[c], d.residual[c]};
+    double squares = 0.0;
+    for (const double r : group.value) squares += r * r;
+    if (!(squares > 0.0)) continue;
+    const double rms = std::sqrt(squares / static_cast<double>(group.value.size()));
+    for (double& r : group.value) r /= rms;
+    // Three readings of each point go into its place.
+    const double cameras = static_cast<double>(d.cameras.size());
+    views.independent += static_cast<double>(group.value.size()) * (1.0 - 3.0 / cameras);
+    views.groups.push_back(std::move(group));
+  }
+  AddResidualViews(views, page);
   report::Table table;
   table.title = "Cameras";
   table.header = {"camera",      "readings used", "not taken", "residual, RMS [px]", "saturated",

@@ -5,6 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "cli/residual_views.h"
+#include "correlate/residual/row_layout.h"
+
 namespace unfurl::cli {
 
 namespace {
@@ -45,10 +48,35 @@ report::Series Autocorrelation(const correlate::ResidualNoise& noise,
   return out;
 }
 
+// Of the rows as the fit weights them: whitened in time too, where their noise is not white.
+ResidualViews ViewsOf(const correlate::Observations& observations,
+                      const correlate::TrialResult& trial, bool several) {
+  ResidualViews views;
+  views.of = "mark";
+  views.words = "whitened" + (several ? ", " + trial.name : std::string());
+  views.along = {"time", "s", false};
+  views.neighbours = false;  // above, before and after whitening
+  const Eigen::VectorXd& residual = trial.registration.residual;
+  for (const correlate::RowSeries& series : correlate::RowLayout(observations).series) {
+    for (Eigen::Index axis = 0; axis < series.axes; ++axis) {
+      ResidualGroup group;
+      group.name = series.name;
+      if (series.axes > 1) group.name += ", axis " + std::to_string(axis + 1);
+      for (std::size_t i = 0; i < series.size(); ++i) {
+        if (!series.Known(residual, i)) continue;
+        group.along.push_back((*series.t)[i]);
+        group.value.push_back(residual(series.Row(i, axis)));
+      }
+      if (!group.value.empty()) views.groups.push_back(std::move(group));
+    }
+  }
+  return views;
+}
+
 }  // namespace
 
-void AddResiduals(const correlate::FitResult& result, const data::FitRecord& record,
-                  report::Page* page) {
+void AddResiduals(const correlate::FitProblem& problem, const correlate::FitResult& result,
+                  const data::FitRecord& record, report::Page* page) {
   page->AddSection(
       "Residuals",
       "White residuals have no autocorrelation beyond lag 0. What there is says that "
@@ -67,6 +95,9 @@ void AddResiduals(const correlate::FitResult& result, const data::FitRecord& rec
           Autocorrelation(t.whitened, t.registration.residual, lags, "whitened"));
     }
     page->AddChart(chart);
+  }
+  for (std::size_t k = 0; k < result.trials.size() && k < problem.trials.size(); ++k) {
+    AddResidualViews(ViewsOf(*problem.trials[k].observations, result.trials[k], several), page);
   }
   report::Table table;
   table.title = "Noise found in the residuals";

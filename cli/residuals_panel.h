@@ -6,9 +6,10 @@
 
 namespace unfurl::cli {
 
-// What a fit's residuals show: autocorrelation by trial, the noise found in them, and the samples
+// What a fit's residuals show: autocorrelation by trial, over time
+// and against a normal distribution by mark, the noise found in them, and the samples
 // that were given less weight.
-void AddResiduals(const correlate::FitResult& result, const data::FitRecord& record,
-                  report::Page* page);
+void AddResiduals(const correlate::FitProblem& problem, const correlate::FitResult& result,
+                  const data::FitRecord& record, report::Page* page);
 
 }  // namespace unfurl::cli

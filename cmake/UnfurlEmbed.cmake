@@ -13,10 +13,10 @@ if(CMAKE_SCRIPT_MODE_FILE)
     string(REGEX REPLACE "/\\*[*!]?[ \t\r\n*]*@license[^*]*(\\*+[^*/][^*]*)*\\*+/\n?" "" content "${content}")
     string(REGEX REPLACE "//# sourceMappingURL=[^\n]*" "" content "${content}")
     string(REGEX REPLACE "/\\*# sourceMappingURL=[^\n]*" "" content "${content}")
-    # Of addresses only the name space stays by which scripts make elements.
-    string(REPLACE "http://www.w3.org/1999/xhtml" "UNFURL_XHTML" content "${content}")
+    # Of addresses only the names stay by which elements are of HTML or SVG: nobody follows them.
+    string(REPLACE "http://www.w3.org/" "UNFURL_NAMES_OF" content "${content}")
     string(REGEX REPLACE "https?://[A-Za-z0-9._~/#-]*" "" content "${content}")
-    string(REPLACE "UNFURL_XHTML" "http://www.w3.org/1999/xhtml" content "${content}")
+    string(REPLACE "UNFURL_NAMES_OF" "http://www.w3.org/" content "${content}")
     string(FIND "${content}" ")unfurl\"" clash)
     if(NOT clash EQUAL -1)
       message(FATAL_ERROR "${path} holds the delimiter of the string it is put into")

@@ -10,6 +10,7 @@
 
 #include "base/error.h"
 #include "report/escape.h"
+#include "report/thin.h"
 
 namespace unfurl::report {
 namespace {
@@ -65,12 +66,42 @@ int PlacesFor(const std::vector<Series>& series) {
   return std::clamp(5 - static_cast<int>(std::floor(std::log10(range))), 0, 300);
 }
 
-std::size_t AxisIndex(const std::vector<double>& x, std::vector<const std::vector<double>*>* all) {
+std::size_t AxisIndex(std::vector<double> x, std::vector<std::vector<double>>* all) {
   for (std::size_t k = 0; k < all->size(); ++k) {
-    if (*(*all)[k] == x) return k;
+    if ((*all)[k] == x) return k;
   }
-  all->push_back(&x);
+  all->push_back(std::move(x));
   return all->size() - 1;
+}
+
+// Values of all series of a chart together: half a megabyte of page, and of each of twenty series
+// more than a screen has columns.
+constexpr std::size_t kMostValues = 30'000;
+
+// What is kept of a series; all of it in most charts.
+std::vector<std::size_t> Kept(const Chart& chart, const Series& s) {
+  constexpr std::size_t kFewest = 400;  // of each, however many there are: peaks still show
+  return LeastAndMost(
+      s.y, std::max(kFewest, kMostValues / std::max<std::size_t>(1, chart.series.size())));
+}
+
+std::vector<double> At(const std::vector<double>& values, const std::vector<std::size_t>& kept) {
+  std::vector<double> out;
+  out.reserve(kept.size());
+  for (const std::size_t i : kept) out.push_back(values[i]);
+  return out;
+}
+
+// Said with the chart, where not all is drawn.
+std::string ThinnedNote(const Chart& chart) {
+  std::size_t all = 0, kept = 0;
+  for (const Series& s : chart.series) {
+    all += s.y.size();
+    kept += Kept(chart, s).size();
+  }
+  if (kept == all) return {};
+  return fmt::format("Of {} values {} are drawn: the least and the largest of every short stretch.",
+                     all, kept);
 }
 
 Json AxisJson(const Axis& axis) {
@@ -129,30 +160,31 @@ std::string LegendSwatch(Style style, const std::string& color, bool band) {
 std::string ChartJson(const Chart& chart) {
   Check(chart);
   const int places = PlacesFor(chart.series);
-  std::vector<const std::vector<double>*> axes;
+  std::vector<std::vector<double>> axes;
   Json series = Json::array();
   for (std::size_t k = 0; k < chart.series.size(); ++k) {
     const Series& s = chart.series[k];
+    const std::vector<std::size_t> kept = Kept(chart, s);
     Json y = Json::array();
-    for (const double value : s.y) {
+    for (const double value : At(s.y, kept)) {
       y.push_back(chart.y.log ? Significant(value, 6) : ToPlaces(value, places));
     }
     Json entry = {{"name", s.name},
-                  {"axis", AxisIndex(s.x, &axes)},
+                  {"axis", AxisIndex(At(s.x, kept), &axes)},
                   {"style", StyleName(s.style)},
                   {"color", ColorOf(s, k)},
                   {"y", std::move(y)}};
     if (!s.half_width.empty()) {
       Json w = Json::array();
-      for (const double value : s.half_width) w.push_back(Significant(value, 3));
+      for (const double value : At(s.half_width, kept)) w.push_back(Significant(value, 3));
       entry["w"] = std::move(w);
     }
     series.push_back(std::move(entry));
   }
   Json x = Json::array();
-  for (const std::vector<double>* axis : axes) {
+  for (const std::vector<double>& axis : axes) {
     Json values = Json::array();
-    for (const double value : *axis) values.push_back(Significant(value, 9));
+    for (const double value : axis) values.push_back(Significant(value, 9));
     x.push_back(std::move(values));
   }
   Json markers = Json::array();
@@ -175,6 +207,8 @@ std::string ChartHtml(const Chart& chart, const std::string& id) {
   std::string html = "<figure class=\"panel chart\">\n";
   if (!chart.title.empty()) html += "<h3>" + EscapeHtml(chart.title) + "</h3>\n";
   if (!chart.note.empty()) html += "<p class=\"note\">" + EscapeHtml(chart.note) + "</p>\n";
+  const std::string thinned = ThinnedNote(chart);
+  if (!thinned.empty()) html += "<p class=\"note\">" + thinned + "</p>\n";
   html += "<div class=\"legend\">";
   for (std::size_t k = 0; k < chart.series.size(); ++k) {
     const Series& s = chart.series[k];

@@ -11,6 +11,7 @@
 #include "report/assets.h"
 #include "report/chart.h"
 #include "report/escape.h"
+#include "report/figure_data.h"
 #include "report/map.h"
 #include "report/motion.h"
 #include "report/page_scripts.h"
@@ -151,12 +152,14 @@ void Page::AddChart(const Chart& chart) {
 
 void Page::AddPaths(const Paths& paths) {
   body_ += "<figure class=\"panel paths\">\n" + Heading(paths.title, paths.note) + PathsSvg(paths) +
-           "</figure>\n";
+           PathsData(paths) + "</figure>\n";
+  ++drawings_;
 }
 
 void Page::AddMap(const Map& map) {
   body_ += "<figure class=\"panel paths\">\n" + Heading(map.title, map.note) + MapSvg(map) +
-           "</figure>\n";
+           MapData(map) + "</figure>\n";
+  ++drawings_;
 }
 
 void Page::AddMotion(const Motion& motion) {
@@ -217,7 +220,7 @@ std::string Page::Html() const {
     html += "</dl>\n";
   }
   html += "</footer>\n";
-  html += ScriptsOf({charts_ > 0, motions_ > 0, spaces_ > 0});
+  html += ScriptsOf({charts_ > 0, drawings_ > 0, motions_ > 0, spaces_ > 0});
   html += "</body>\n</html>\n";
   return html;
 }

@@ -161,6 +161,7 @@ class Page {
   std::string body_;
   std::vector<std::pair<std::string, std::string>> origin_;
   int charts_ = 0;
+  int drawings_ = 0;
   int motions_ = 0;
   int spaces_ = 0;
 };

@@ -168,6 +168,7 @@
     }
   });
   window.unfurlCharts = groups;  // by name, for what moves with them
+  window.unfurlChartsById = charts;
   document.querySelectorAll('button.key').forEach(function (key) {
     key.addEventListener('click', function () {
       var chart = charts[key.dataset.plot];

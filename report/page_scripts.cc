@@ -36,13 +36,14 @@ std::string Script(std::string_view code) {
 
 std::string ScriptsOf(const Moving& what) {
   std::string html;
-  if (what.charts || what.motions || what.spaces) html += Script(kToolsScript);
+  if (what.charts || what.drawings || what.motions || what.spaces) html += Script(kToolsScript);
   if (what.charts) {
     html += Script(std::string(kDygraphsAuthors) + kMitLicence + std::string(kDygraphsScript));
     html += Script("/* From dygraphs too, under the same licence. */\n" +
                    std::string(kSynchronizerScript));
     html += Script(kPageScript);
   }
+  if (what.charts || what.drawings) html += Script(kFiguresScript);
   if (what.motions) html += Script(std::string(kMotionViewScript) + std::string(kMotionScript));
   if (what.spaces) {
     html += Script(std::string(kThreeAuthors) + kMitLicence + std::string(kThreeScript));

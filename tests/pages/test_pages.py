@@ -2,6 +2,7 @@
 
 import os
 import subprocess
+from xml.etree import ElementTree
 
 import pytest
 
@@ -148,6 +149,48 @@ def test_dark_and_light(browser, pages, dark, paper):
     corner = browser.run("""Array.from(document.querySelector('.motion canvas').getContext('2d')
                             .getImageData(2, 2, 1, 1).data).slice(0, 3)""")
     assert "rgb({}, {}, {})".format(*corner) == paper
+
+
+def saved(browser, figure, kind):
+    """What a click on a button beneath a figure would save: its name, and its text or the size of its picture."""
+    return browser.run("""(async function () {
+      const got = new Promise(done => { window.unfurlSave = (blob, name) => done([blob, name]); });
+      Array.from(document.querySelectorAll('%s .exports button')).find(b => b.textContent === '%s').click();
+      const [blob, name] = await got;
+      if (blob.type !== 'image/png') return {name, text: await blob.text()};
+      const image = await createImageBitmap(blob), canvas = document.createElement('canvas');
+      canvas.width = image.width; canvas.height = image.height;
+      const pen = canvas.getContext('2d');
+      pen.drawImage(image, 0, 0);
+      const shades = new Set(pen.getImageData(0, 0, image.width, image.height).data);
+      return {name, width: image.width, shades: shades.size};
+    })()""" % (figure, kind))
+
+
+def test_charts_are_saved_as_numbers_and_pictures(browser, pages):
+    browser.open(pages["simulate"].as_uri())
+    data = browser.run("JSON.parse(document.querySelector('script.chart-data').textContent)")
+    csv = saved(browser, "figure.chart", "CSV")
+    rows = [line.split(",") for line in csv["text"].splitlines()]
+    assert csv["name"].endswith(".csv") and rows[0][0] == '"time [s]"'
+    assert len(rows[0]) == 1 + len(data["series"]) and {len(row) for row in rows} == {len(rows[0])}
+    for k, series in enumerate(data["series"]):
+        here = {float(row[0]): float(row[k + 1]) for row in rows[1:] if row[k + 1]}
+        assert here == {x: y for x, y in zip(data["axes"][series["axis"]], series["y"]) if y is not None}
+    svg = saved(browser, "figure.chart", "SVG")
+    root = ElementTree.fromstring(svg["text"])
+    words = [e.text for e in root.iter("{http://www.w3.org/2000/svg}text")]
+    assert "time [s]" in words and data["y"]["title"] in words
+    assert {s["name"] for s in data["series"]} < set(words)
+    png = saved(browser, "figure.chart", "PNG")
+    assert png["width"] == 2 * int(root.get("width")) and png["shades"] > 10
+    drawing = saved(browser, "figure.paths", "SVG")
+    ElementTree.fromstring(drawing["text"])
+    assert saved(browser, "figure.paths", "PNG")["shades"] > 10
+    browser.open(pages["plan"].as_uri())
+    cells = saved(browser, "figure.paths", "CSV")["text"].splitlines()
+    assert cells[0].startswith('"pane","x [m]","y [m]"') and len(cells) == 1 + 9 * 9 * 2
+    assert browser.wrong == []
 
 
 SPACES = ("plan", "calibrate", "check", "reconstruct")

@@ -71,6 +71,12 @@ Page Everything(const std::string& text) {
   path.y = {0.0, 1.0};
   paths.paths = {path};
   page.AddPaths(paths);
+  Map map;
+  map.title = text;
+  map.x = map.y = map.value = {text, text};
+  map.columns = 2;
+  map.panes = {{text, {1.0, std::nan(""), 3.0, 4.0}, {{0.5, 0.5, 2.0, text}}}};
+  page.AddMap(map);
   Space space;
   space.title = text;
   space.note = text;
@@ -98,15 +104,15 @@ TEST(Page, TextNeverBecomesMarkup) {
 TEST(Page, ScriptsOpenAndClose) {
   const std::string html = Everything("x").Html();
   EXPECT_EQ(Count(html, "<script"), Count(html, "</script>"));
-  // Three blocks of data; the tools; dygraphs, its extra and the charts' own; three.js and the
-  // view's own.
-  EXPECT_EQ(Count(html, "<script"), 9u);
+  // Five blocks of data (two charts, paths, a map, a space); the tools; dygraphs, its extra and the
+  // charts' own; the buttons that save; three.js and the view's own.
+  EXPECT_EQ(Count(html, "<script"), 12u);
 }
 
 TEST(Page, NeedsNoNetwork) {
   std::string html = Everything("x").Html();
-  // The name of elements in a document: nothing is fetched by it.
-  html = std::regex_replace(html, std::regex("http://www.w3.org/1999/xhtml"), "");
+  // The names of HTML and SVG themselves: nothing is fetched by them.
+  html = std::regex_replace(html, std::regex("http://www.w3.org/(1999/xhtml|2000/svg)"), "");
   for (const char* scheme : {"http://", "https://", "file://", "src=\"//", "@import"}) {
     EXPECT_EQ(html.find(scheme), std::string::npos) << scheme;
   }
@@ -155,6 +161,26 @@ TEST(Page, DataBlocksAreJson) {
     ++blocks;
   }
   EXPECT_EQ(blocks, 2);
+}
+
+// By hand: cells of a unit square in two columns lie at 1/4 and 3/4, the lowest row first.
+TEST(Page, DrawingsCarryTheirNumbers) {
+  const std::string html = Everything(kHostile).Html();
+  const std::string open = "class=\"figure-data\"";
+  std::vector<nlohmann::json> blocks;
+  for (std::size_t at = html.find(open); at != std::string::npos; at = html.find(open, at + 1)) {
+    const std::size_t begin = html.find('>', at) + 1;
+    blocks.push_back(
+        nlohmann::json::parse(html.substr(begin, html.find("</script>", begin) - begin)));
+  }
+  ASSERT_EQ(blocks.size(), 2u);
+  const auto list = [](const char* text) { return nlohmann::json::parse(text); };
+  EXPECT_EQ(blocks[0]["columns"][1], list("[0.0, 1.0]"));
+  EXPECT_EQ(blocks[0]["columns"][0][0], kHostile);
+  EXPECT_EQ(blocks[1]["columns"][1], list("[0.25, 0.75, 0.25, 0.75, 0.5]"));
+  EXPECT_EQ(blocks[1]["columns"][2], list("[0.25, 0.25, 0.75, 0.75, 0.5]"));
+  EXPECT_EQ(blocks[1]["columns"][3], list("[1.0, null, 3.0, 4.0, 2.0]"));
+  EXPECT_EQ(blocks[1]["columns"][4][4], kHostile);
 }
 
 TEST(Page, ALongTrialStaysSmall) {

@@ -1,0 +1,212 @@
+// Buttons beneath charts and drawings: the numbers as CSV, the picture as SVG or PNG.
+(function() {
+'use strict';
+
+function escape(text) {
+  return String(text).replace(/&/g, '&amp;').replace(/</g, '&lt;').replace(/>/g, '&gt;');
+}
+
+function word(value) {
+  return String(+value.toPrecision(6)).replace('-', '\u2212');
+}
+
+// Round values within [low, high]: 1, 2 or 5 times a power of ten apart; on a logarithmic axis powers
+// of ten, and between them where there are few.
+function ticks(low, high, log, count) {
+  var out = [], k;
+  if (log) {
+    var few = Math.log10(high / low) < 2;
+    for (k = Math.floor(Math.log10(low)); k <= Math.log10(high); k++) {
+      (few ? [1, 2, 5] : [1]).forEach(function(f) {
+        var v = f * Math.pow(10, k);
+        if (v >= low * (1 - 1e-9) && v <= high * (1 + 1e-9)) out.push(v);
+      });
+    }
+    return out;
+  }
+  var raw = (high - low) / count, power = Math.pow(10, Math.floor(Math.log10(raw)));
+  var step = [1, 2, 5, 10].map(function(f) { return f * power; }).find(function(s) { return s >= raw; });
+  for (k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) out.push(k * step);
+  return out;
+}
+
+// A number of the axis as a place between two pixels.
+function place(range, log, from, to) {
+  return function(v) {
+    var s = log ? Math.log(v / range[0]) / Math.log(range[1] / range[0]) : (v - range[0]) / (range[1] - range[0]);
+    return from + s * (to - from);
+  };
+}
+
+function curve(s, xs, x, y, log) {
+  var out = '', dots = '', down = false;
+  s.y.forEach(function(v, i) {
+    if (v === null || (log.y && v <= 0) || (log.x && xs[i] <= 0)) {
+      down = false;
+      return;
+    }
+    var at = x(xs[i]).toFixed(1) + ' ' + y(v).toFixed(1);
+    dots += 'M' + at + 'h0';
+    out += (down ? 'L' : 'M') + at;
+    down = true;
+  });
+  if (s.style === 'dots') {
+    return '<path d="' + dots + '" stroke="' + s.color + '" stroke-width="3" stroke-linecap="round"/>';
+  }
+  return '<path d="' + out + '" fill="none" stroke="' + s.color + '" stroke-width="1.6"' +
+      (s.style === 'dashes' ? ' stroke-dasharray="7 4"' : '') + '/>';
+}
+
+function band(s, xs, x, y, log) {
+  if (!s.w) return '';
+  var there = '', back = '';
+  s.y.forEach(function(v, i) {
+    if (v === null || s.w[i] === null || (log.x && xs[i] <= 0)) return;
+    var low = v - s.w[i];
+    if (log.y && low <= 0) low = v * 1e-3;
+    there += (there ? 'L' : 'M') + x(xs[i]).toFixed(1) + ' ' + y(v + s.w[i]).toFixed(1);
+    back = 'L' + x(xs[i]).toFixed(1) + ' ' + y(low).toFixed(1) + back;
+  });
+  return there ? '<path d="' + there + back + 'Z" fill="' + s.color + '" fill-opacity="0.18"/>' : '';
+}
+
+// The chart as it is zoomed now, hidden series left out.
+function chartSvg(title, data, chart) {
+  var shown = data.series.filter(function(s, k) { return chart.visibility()[k]; });
+  var width = 960, left = 84, right = 20, bottom = 56, top = 40 + 20 * Math.ceil(shown.length / 3), height = top + 360 + bottom;
+  var ranges = {x: chart.xAxisRange(), y: chart.yAxisRange()}, log = {x: data.x.log, y: data.y.log};
+  var x = place(ranges.x, log.x, left, width - right), y = place(ranges.y, log.y, height - bottom, top);
+  var svg = '<svg xmlns="http://www.w3.org/2000/svg" width="' + width + '" height="' + height + '" viewBox="0 0 ' +
+      width + ' ' + height + '" font-family="Helvetica, Arial, DejaVu Sans, sans-serif" font-size="13">' +
+      '<rect width="' + width + '" height="' + height + '" fill="#fff"/>' +
+      '<text x="' + left + '" y="22" font-size="16" font-weight="bold">' + escape(title) + '</text>';
+  ticks(ranges.x[0], ranges.x[1], log.x, 9).forEach(function(v) {
+    svg += '<path d="M' + x(v).toFixed(1) + ' ' + top + 'V' + (height - bottom) + '" stroke="#e2e2e2"/><text x="' +
+        x(v).toFixed(1) + '" y="' + (height - bottom + 18) + '" text-anchor="middle">' + word(v) + '</text>';
+  });
+  ticks(ranges.y[0], ranges.y[1], log.y, 7).forEach(function(v) {
+    svg += '<path d="M' + left + ' ' + y(v).toFixed(1) + 'H' + (width - right) + '" stroke="#e2e2e2"/><text x="' +
+        (left - 7) + '" y="' + (y(v) + 4).toFixed(1) + '" text-anchor="end">' + word(v) + '</text>';
+  });
+  svg += '<clipPath id="area"><rect x="' + left + '" y="' + top + '" width="' + (width - left - right) + '" height="' +
+      (height - top - bottom) + '"/></clipPath><g clip-path="url(#area)">';
+  shown.forEach(function(s) { svg += band(s, data.axes[s.axis], x, y, log); });
+  shown.forEach(function(s) { svg += curve(s, data.axes[s.axis], x, y, log); });
+  data.markers.forEach(function(m, k) {
+    svg += '<path d="M' + x(m.x).toFixed(1) + ' ' + top + 'V' + (height - bottom) + '" stroke="' + m.color +
+        '" stroke-dasharray="3 3" stroke-opacity="0.6"/><text x="' + (x(m.x) + 4).toFixed(1) + '" y="' +
+        (top + 12 + 13 * (k % 3)) + '" font-size="11" fill="' + m.color + '">' + escape(m.label) + '</text>';
+  });
+  svg += '</g><rect x="' + left + '" y="' + top + '" width="' + (width - left - right) + '" height="' +
+      (height - top - bottom) + '" fill="none" stroke="#555"/>';
+  shown.forEach(function(s, k) {
+    var at = left + (k % 3) * (width - left - right) / 3, line = 44 + 20 * Math.floor(k / 3);
+    svg += '<path d="M' + at + ' ' + (line - 5) + 'h24" stroke="' + s.color + '" stroke-width="3"' +
+        (s.style === 'line' ? '' : ' stroke-dasharray="' + (s.style === 'dots' ? '3 4' : '7 4') + '"') + '/><text x="' +
+        (at + 30) + '" y="' + line + '">' + escape(s.name) + '</text>';
+  });
+  return svg + '<text x="' + (left + width - right) / 2 + '" y="' + (height - 12) + '" text-anchor="middle">' +
+      escape(data.x.title) + '</text><text transform="translate(20 ' + (top + height - bottom) / 2 +
+      ') rotate(-90)" text-anchor="middle">' + escape(data.y.title) + '</text></svg>';
+}
+
+function cell(value) {
+  if (value === null || value === undefined || value !== value) return '';
+  return typeof value === 'number' ? String(value) : '"' + String(value).replace(/"/g, '""') + '"';
+}
+
+function table(header, rows) {
+  return [header].concat(rows).map(function(row) { return row.map(cell).join(',') + '\n'; }).join('');
+}
+
+function withUnit(name, unit) {
+  return unit ? name + ' [' + unit + ']' : name;
+}
+
+// One row for each place on the x axis at which any series has a value.
+function chartCsv(data) {
+  var header = [data.x.title], rows = new Map(), width = 1;
+  data.series.forEach(function(s) {
+    header.push(withUnit(s.name, data.y.unit));
+    if (s.w) header.push(withUnit(s.name + ', half width of the band', data.y.unit));
+    data.axes[s.axis].forEach(function(x, i) {
+      if (!rows.has(x)) rows.set(x, [x]);
+      rows.get(x)[width] = s.y[i];
+      if (s.w) rows.get(x)[width + 1] = s.w[i];
+    });
+    width += s.w ? 2 : 1;
+  });
+  var sorted = Array.from(rows.values()).sort(function(a, b) { return a[0] - b[0]; });
+  return table(header, sorted.map(function(row) { return Array.from({length: width}, function(_, k) { return row[k]; }); }));
+}
+
+// A drawing of the page on its own: with the words' style, on white.
+function drawingSvg(svg) {
+  var copy = svg.cloneNode(true), box = svg.viewBox.baseVal;
+  copy.setAttribute('xmlns', 'http://www.w3.org/2000/svg');
+  copy.setAttribute('font-family', 'Helvetica, Arial, DejaVu Sans, sans-serif');
+  copy.setAttribute('font-size', '12');
+  copy.setAttribute('width', box.width);
+  copy.setAttribute('height', box.height);
+  copy.setAttribute('style', 'background: #fff');
+  return new XMLSerializer().serializeToString(copy);
+}
+
+function save(kind, name, parts) {
+  if (kind === 'CSV') return window.unfurlSave(new Blob([parts.csv()], {type: 'text/csv'}), name + '.csv');
+  var svg = parts.svg();
+  if (kind === 'SVG') return window.unfurlSave(new Blob([svg], {type: 'image/svg+xml'}), name + '.svg');
+  var image = new Image();
+  image.onload = function() {
+    var canvas = document.createElement('canvas'), pen = canvas.getContext('2d');
+    canvas.width = 2 * image.width;  // sharp on paper and on dense screens
+    canvas.height = 2 * image.height;
+    pen.fillStyle = '#fff';
+    pen.fillRect(0, 0, canvas.width, canvas.height);
+    pen.drawImage(image, 0, 0, canvas.width, canvas.height);
+    canvas.toBlob(function(blob) { window.unfurlSave(blob, name + '.png'); });
+  };
+  image.src = 'data:image/svg+xml;charset=utf-8,' + encodeURIComponent(svg);
+}
+
+function offer(figure, parts) {
+  var heading = figure.querySelector('h2, h3'), title = heading ? heading.textContent : document.title;
+  var row = document.createElement('div');
+  row.className = 'exports';
+  ['CSV', 'SVG', 'PNG'].forEach(function(kind) {
+    if (!parts[kind === 'PNG' ? 'svg' : kind.toLowerCase()]) return;
+    var button = document.createElement('button');
+    button.type = 'button';
+    button.textContent = kind;
+    button.setAttribute('aria-label', kind + ' of ' + title);
+    button.addEventListener('click', function() {
+      save(kind, title.toLowerCase().replace(/[^a-z0-9]+/g, '-').replace(/^-|-$/g, '') || 'figure', parts);
+    });
+    row.appendChild(button);
+  });
+  figure.appendChild(row);
+}
+
+document.querySelectorAll('figure.chart').forEach(function(figure) {
+  var block = figure.querySelector('script.chart-data'), chart = (window.unfurlChartsById || {})[block.dataset.plot];
+  if (!chart) return;
+  var data = JSON.parse(block.textContent);
+  offer(figure, {
+    csv: function() { return chartCsv(data); },
+    svg: function() { return chartSvg(figure.querySelector('h2, h3') ? figure.querySelector('h2, h3').textContent : '', data, chart); }
+  });
+});
+document.querySelectorAll('figure.paths').forEach(function(figure) {
+  var svg = figure.querySelector('svg[viewBox]'), block = figure.querySelector('script.figure-data');
+  if (!svg) return;
+  var parts = {svg: function() { return drawingSvg(svg); }};
+  if (block) {
+    parts.csv = function() {
+      var data = JSON.parse(block.textContent), count = data.columns.length ? data.columns[0].length : 0, rows = [];
+      for (var i = 0; i < count; i++) rows.push(data.columns.map(function(c) { return c[i]; }));
+      return table(data.header, rows);
+    };
+  }
+  offer(figure, parts);
+});
+})();
