@@ -103,7 +103,7 @@ Goal ParseGoal(const std::string& text, const data::Campaign& plan, const std::s
               near.empty() ? "the plan has " + JoinWords(names) : "did you mean '" + near + "'?");
 }
 
-EngineReport GrowUntil(OpenCampaign* campaign, const EngineOptions& options) {
+EngineReport GrowUntil(OpenCampaign* campaign, const RunMissing& run) {
   const data::Campaign& plan = campaign->inputs.plan();
   const Goal goal = ParseGoal(plan.design.until, plan, plan.path + ":campaign.until");
   std::size_t response = 0;
@@ -111,7 +111,7 @@ EngineReport GrowUntil(OpenCampaign* campaign, const EngineOptions& options) {
   EngineReport total;
   for (;;) {
     const std::uint64_t runs = campaign->inputs.runs();
-    const EngineReport one = RunLocally(campaign->folder, runs, options);
+    const EngineReport one = run(*campaign);
     total.parts += one.parts;
     total.runs += one.runs;
     total.run_seconds += one.run_seconds;

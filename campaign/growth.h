@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <string>
 
 #include "campaign/campaign.h"
@@ -20,9 +21,12 @@ struct Goal {
 /// for what is none, or names no response of the plan that has such an answer.
 Goal ParseGoal(const std::string& text, const data::Campaign& plan, const std::string& where);
 
+/// Computes what is missing of a campaign's runs, by whatever engine.
+using RunMissing = std::function<EngineReport(const OpenCampaign&)>;
+
 /// Adds runs until the goal of the plan (campaign.until) is met, or campaign.most are done. Each
 /// time as many as the answer so far calls for, half as many again at least, since an error that is
 /// found small by chance must not end it at once.
-EngineReport GrowUntil(OpenCampaign* campaign, const EngineOptions& options);
+EngineReport GrowUntil(OpenCampaign* campaign, const RunMissing& run);
 
 }  // namespace unfurl::campaign

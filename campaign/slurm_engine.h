@@ -25,9 +25,6 @@ struct SlurmJobs {
 SlurmJobs ReadSlurmJobs(const CampaignFolder& folder);
 void WriteSlurmJobs(const CampaignFolder& folder, const SlurmJobs& jobs);
 
-/// "1-5,8,10-11" for {1, 2, 3, 4, 5, 8, 10, 11}: as sbatch wants it.
-std::string ArrayText(const std::vector<std::uint64_t>& tasks);
-
 /// Shards that are not whole in the folder.
 std::vector<std::uint64_t> MissingShards(const CampaignFolder& folder, std::uint64_t runs,
                                          std::uint64_t shards);

@@ -185,7 +185,9 @@ int RunHere(const Common& common, const Arguments& a) {
     if (c.inputs.plan().design.until.empty()) {
       report = campaign::RunLocally(c.folder, c.inputs.runs(), options);
     } else {
-      report = campaign::GrowUntil(&c, options);
+      report = campaign::GrowUntil(&c, [&](const OpenCampaign& now) {
+        return campaign::RunLocally(now.folder, now.inputs.runs(), options);
+      });
     }
   }
   const ordered_json extra = {{"output", a.out},
@@ -233,30 +235,27 @@ int RunRare(const Common& common, const Arguments& a) {
 }
 
 int RunBySlurm(const Common& common, const Arguments& a) {
-  const OpenCampaign c = OpenFor(a);
+  OpenCampaign c = OpenFor(a);
   const CampaignFolder::Lock lock(c.folder);
-  if (!c.inputs.plan().design.until.empty()) {
-    throw Error("is not for Slurm: nobody waits there to add runs", "campaign.until",
-                "give runs, or take --engine local");
-  }
-  const std::uint64_t runs = c.inputs.runs();
-  EngineOptions options = EngineOf(a);
+  const bool grows = !c.inputs.plan().design.until.empty();
+  const EngineOptions options = EngineOf(a);
+  const double seconds = a.part.value_or(kSlurmPart);
   campaign::SlurmJobs jobs = campaign::ReadSlurmJobs(c.folder);
-  if (jobs.shards == 0) {
-    jobs.shards = ShardsByPilot(c, options, a.part.value_or(kSlurmPart));
-  }
-  const std::uint64_t handed =
-      campaign::SubmitToSlurm(c.folder, runs, c.inputs.plan().slurm, options, &jobs);
-  campaign::WriteSlurmJobs(c.folder, jobs);
   if (a.wait) {
     {
       Progress progress("campaign", !common.quiet && !common.json);
-      WaitForSlurm(c, options, &jobs, &progress);
+      if (grows) {
+        GrowBySlurm(&c, options, seconds, &jobs, &progress);
+      } else {
+        HandToSlurm(c, options, seconds, &jobs);
+        WaitForSlurm(c, options, &jobs, &progress);
+      }
     }
     return MergeAndAnswer(
         common, a, c, {{"output", a.out}, {"engine", {{"name", "slurm"}, {"shards", jobs.shards}}}},
         "");
   }
+  const std::uint64_t handed = HandToSlurm(c, options, seconds, &jobs);
   ordered_json status = CampaignStatus(c, jobs);
   status["handed_over"] = handed;
   Finish(common, status,
@@ -286,9 +285,19 @@ void Check(const Arguments& a) {
     throw Error("is for a run, and this is " + a.action, a.shard.empty() ? "--rows" : "--shard",
                 "leave it out");
   }
+  if (a.engine == "local" && a.action == "run" && (a.wait || a.part)) {
+    throw Error("is for --engine slurm", a.wait ? "--wait" : "--part", "leave it out");
+  }
   if (a.action == "resume" && !IsFolder(FolderOf(a))) {
     throw Error("is not there", FolderOf(a), "`unfurl campaign PLAN.toml` begins one");
   }
+}
+
+// Before a folder is made.
+void CheckUntil(const Arguments& a, const data::Campaign& plan) {
+  if (plan.design.until.empty() || a.wait) return;
+  throw Error("wants somebody who looks at the answer and adds runs", "campaign.until",
+              "give --wait, or a number of runs");
 }
 
 int Run(const Common& common, const Arguments& a) {
@@ -299,11 +308,12 @@ int Run(const Common& common, const Arguments& a) {
     const data::Campaign plan =
         IsFolder(a.input) ? CampaignFolder::Open(a.input).ReadPlan() : PlanOf(a);
     if (plan.design.kind == data::CampaignDesign::Kind::kRare) return RunRare(common, a);
-    if (a.engine == "slurm") return RunBySlurm(common, a);
     const bool slurm = IsFolder(FolderOf(a)) &&
                        fs::exists(fs::path(FolderOf(a)) / "campaign.json") &&
                        campaign::ReadSlurmJobs(CampaignFolder::Open(FolderOf(a))).shards > 0;
-    return a.action == "resume" && slurm ? RunBySlurm(common, a) : RunHere(common, a);
+    if (a.engine != "slurm" && (a.action != "resume" || !slurm)) return RunHere(common, a);
+    CheckUntil(a, plan);
+    return RunBySlurm(common, a);
   }
   if (!IsFolder(FolderOf(a))) {
     throw Error("is not there", FolderOf(a), "`unfurl campaign PLAN.toml` begins one");

@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "base/text.h"
+#include "campaign/growth.h"
 
 namespace unfurl::cli {
 
@@ -25,12 +26,7 @@ constexpr double kPilotSeconds = 5.0;  // of runs here, by which tasks are sized
 constexpr std::uint64_t kPilotRuns = 4, kPilotPart = 50;  // at least; of a large campaign a 50th
 constexpr std::chrono::seconds kPoll{2};                  // between looks at the queue
 
-}  // namespace
-
-std::string CampaignNote(std::uint64_t done, std::uint64_t runs) {
-  return fmt::format("{} of {} runs", done, runs);
-}
-
+// Into how many shards a campaign is cut so that each takes so many seconds.
 std::uint64_t ShardsByPilot(const OpenCampaign& c, const EngineOptions& options, double seconds) {
   const std::uint64_t runs = c.inputs.runs();
   EngineOptions pilot = options;
@@ -41,6 +37,12 @@ std::uint64_t ShardsByPilot(const OpenCampaign& c, const EngineOptions& options,
       report.runs == 0 ? 0.0 : report.run_seconds / static_cast<double>(report.runs);
   const double shards = std::ceil(static_cast<double>(runs) * mean / seconds);
   return static_cast<std::uint64_t>(std::clamp(shards, 1.0, static_cast<double>(runs)));
+}
+
+}  // namespace
+
+std::string CampaignNote(std::uint64_t done, std::uint64_t runs) {
+  return fmt::format("{} of {} runs", done, runs);
 }
 
 ordered_json CampaignStatus(const OpenCampaign& c, const campaign::SlurmJobs& jobs) {
@@ -68,6 +70,27 @@ std::string CampaignStatusText(const ordered_json& s) {
     states.push_back(fmt::format("{} {}", count.get<int>(), state));
   }
   return out + (states.empty() ? ": nothing\n" : ": " + JoinWords(states) + "\n");
+}
+
+std::uint64_t HandToSlurm(const OpenCampaign& c, const EngineOptions& options, double seconds,
+                          campaign::SlurmJobs* jobs) {
+  if (jobs->shards == 0) jobs->shards = ShardsByPilot(c, options, seconds);
+  const std::uint64_t handed = campaign::SubmitToSlurm(c.folder, c.inputs.runs(),
+                                                       c.inputs.plan().slurm, options, jobs);
+  campaign::WriteSlurmJobs(c.folder, *jobs);
+  return handed;
+}
+
+void GrowBySlurm(OpenCampaign* c, const EngineOptions& options, double seconds,
+                 campaign::SlurmJobs* jobs, Progress* progress) {
+  bool first = true;  // of an earlier program's arrays, some may still run
+  campaign::GrowUntil(c, [&](const OpenCampaign& now) {
+    if (!first) *jobs = {};  // the new runs are cut anew
+    first = false;
+    HandToSlurm(now, options, seconds, jobs);
+    WaitForSlurm(now, options, jobs, progress);
+    return campaign::EngineReport{};
+  });
 }
 
 // Until all shards are whole; hands missing ones over again when the queue has run dry.

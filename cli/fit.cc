@@ -4,12 +4,15 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
 #include "base/progress.h"
 #include "base/signals.h"
+#include "campaign/folder_workers.h"
+#include "cli/fit_engine.h"
 #include "cli/fit_page.h"
 #include "cli/fit_text.h"
 #include "cli/repeat_page.h"
@@ -26,7 +29,7 @@ namespace {
 struct Settings {
   std::string study, output, report, tracks;
   std::vector<std::string> sets;
-  std::size_t workers = 0;
+  FitEngineArguments engine;
   bool resume = false, allow_programs = false, repeat = false;
 };
 
@@ -44,8 +47,9 @@ std::string CommandWithout(const std::string& command) {
       continue;
     }
     if (word == "--resume" || word == "--json" || word == "--quiet") continue;
-    if (word.rfind("--workers", 0) == 0) {
-      skip = word == "--workers";
+    const std::string name = word.substr(0, word.find('='));
+    if (name == "--workers" || name == "--engine" || name == "--folder" || name == "--sbatch") {
+      skip = name == word;
       continue;
     }
     out += (out.empty() ? "" : " ") + word;
@@ -97,13 +101,41 @@ int FitTrials(const Common& common, const Settings& s, const data::Study& study,
                       : NotUsable(options.output, "too few trials; the reasons are above");
 }
 
+// The command by which another process answers what this fit asks, but for the folder.
+std::vector<std::string> ServingWords(const Settings& s) {
+  std::vector<std::string> words = {std::filesystem::read_symlink("/proc/self/exe").string(), "fit",
+                                    s.study};
+  for (const std::string& set : s.sets) words.insert(words.end(), {"--set", set});
+  if (!s.tracks.empty()) words.insert(words.end(), {"--tracks", s.tracks});
+  if (s.repeat) words.emplace_back("--repeat");
+  if (ProgramsAllowed(s.allow_programs)) words.emplace_back("--allow-programs");
+  return words;
+}
+
+// Works for a fit that another process runs.
+int ServeFit(const Common& common, const Settings& s, const data::Study& study,
+             const study::FitStudyOptions& options) {
+  const study::StudyProblems problems = study::ProblemsOf(study, options);
+  const auto folder = campaign::EvaluationFolder::Open(s.engine.serve, problems.identity);
+  const std::uint64_t answered =
+      campaign::ServeEvaluations(folder, problems.problems, s.engine.workers);
+  Finish(common, {{"folder", s.engine.serve}, {"answered", answered}},
+         fmt::format("{} simulations answered; the fit has ended\n", answered));
+  return kExitGood;
+}
+
 int FitVerb(const Common& common, const Settings& s) {
+  Check(s.engine);
+  if (!s.engine.serve.empty() && (!s.report.empty() || s.resume)) {
+    throw Error("is for a fit, and --serve works for one", s.resume ? "--resume" : "--report",
+                "leave it out");
+  }
   const auto start = std::chrono::steady_clock::now();
   data::Study study = data::ReadStudy(s.study, s.sets);
   study.repeat.wanted = study.repeat.wanted || s.repeat;
   study::FitStudyOptions options;
   options.tracks = s.tracks;
-  options.workers = s.workers;
+  options.workers = s.engine.workers;
   options.resume = s.resume;
   options.output = s.output;
   options.allow_programs = ProgramsAllowed(s.allow_programs);
@@ -114,7 +146,13 @@ int FitVerb(const Common& common, const Settings& s) {
     options.provenance.options["set " + set.substr(0, set.find('='))] =
         set.substr(set.find('=') + 1);
   }
+  if (!s.engine.serve.empty()) return ServeFit(common, s, study, options);
   const bool talk = !common.quiet && !common.json;
+  FitEngine engine(s.engine, ServingWords(s), s.output, talk);
+  options.where = [&engine](const std::vector<const correlate::FitProblem*>& problems,
+                            const std::string& identity) {
+    return engine.Begin(problems, identity);
+  };
   options.on_resume = [&](std::size_t found, const std::string& path) {
     if (talk) fmt::print(stderr, "unfurl: {} evaluations taken over from {}\n", found, path);
   };
@@ -128,8 +166,10 @@ int FitVerb(const Common& common, const Settings& s) {
     return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   };
   try {
-    return study.repeat.wanted ? FitTrials(common, s, study, options, seconds)
-                               : FitOnce(common, s, study, options, seconds);
+    const int code = study.repeat.wanted ? FitTrials(common, s, study, options, seconds)
+                                         : FitOnce(common, s, study, options, seconds);
+    engine.Finish();
+    return code;
   } catch (const study::FitInterrupted& stopped) {
     Complain(fmt::format("interrupted; {} evaluations are in {}, --resume continues",
                          stopped.evaluations, stopped.journal));
@@ -143,20 +183,23 @@ Verb AddFit(CLI::App& program, Common& common) {
   Verb verb =
       DeclareVerb(program, common, "fit",
                   "Parameters of a model from recorded trials, with standard errors and verdicts",
-                  "unfurl fit study.toml -o fit.h5 --report fit.html");
+                  "unfurl fit study.toml -o fit.h5 --report fit.html\n"
+                  "  unfurl fit study.toml --engine slurm --workers 32 --sbatch=--time=02:00:00");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
   auto settings = std::make_shared<Settings>();
   files.Read("STUDY", &settings->study, "The study (TOML)")->required();
   files.WriteOr(
       "-o,--output", &settings->output,
-      [settings] { return DefaultOutput(settings->study, ".h5"); },
+      [settings] {
+        return settings->engine.serve.empty() ? DefaultOutput(settings->study, ".h5")
+                                              : std::string();
+      },
       "The fit to write (default: the study's name, .h5)");
   files.Write("--report", &settings->report, "Also write a page with pictures (HTML)");
   files.Read("--tracks", &settings->tracks, "Tracks to fit to instead of the study's");
   files.Overrides(&settings->sets, "Overrides a key of the study (repeatable)");
-  app->add_option("--workers", settings->workers,
-                  "Simulations at a time (default: one per core); does not change the result");
+  AddFitEngine(app, &settings->engine);
   AddAllowPrograms(app, &settings->allow_programs);
   app->add_flag("--repeat", settings->repeat,
                 "The trials are deployments that differ: mean and scatter of each parameter, and "

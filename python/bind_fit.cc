@@ -257,6 +257,14 @@ void BindResult(py::module_& m) {
                              "(n, 3) the model at the estimate [m].")
       .def_readonly("comparison", &Fit::comparison,
                     "Comparison of trial and model at the estimate; None: not asked for.")
+      .def_property_readonly(
+          "repeat",
+          [](const py::object& self) -> py::object {
+            const Fit& fit = self.cast<Fit&>();
+            if (fit.data.repeat.empty()) return py::none();
+            return py::cast(&fit.data.repeat, py::return_value_policy::reference_internal, self);
+          },
+          "FitRepeat, where trials were fitted as deployments that differ; else None.")
       .def(
           "write",
           [](const Fit& f, const fs::path& path) {

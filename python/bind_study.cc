@@ -5,6 +5,7 @@
 #include "python/bindings.h"
 #include "python/fit_object.h"
 #include "study/fit_study.h"
+#include "study/repeat.h"
 
 namespace unfurl::python {
 namespace {
@@ -23,8 +24,13 @@ data::Study StudyFrom(const py::object& study_or_path, const py::object& set) {
 Fit FitStudy(const py::object& study_or_path, const py::object& set,
              const std::optional<fs::path>& tracks, const std::optional<fs::path>& output,
              bool resume, std::size_t workers, bool compare, bool allow_programs,
-             const py::object& progress) {
-  const data::Study study = StudyFrom(study_or_path, set);
+             const py::object& progress, std::optional<bool> repeat) {
+  data::Study study = StudyFrom(study_or_path, set);
+  study.repeat.wanted = repeat.value_or(study.repeat.wanted);
+  if (study.repeat.wanted && compare) {
+    throw Error("compares one trial with one model, and here every trial has its own", "compare",
+                "leave it out");
+  }
   CallbackError errors;
   study::FitStudyOptions options;
   options.tracks = tracks.value_or("").string();
@@ -36,11 +42,19 @@ Fit FitStudy(const py::object& study_or_path, const py::object& set,
   options.provenance = ProvenanceOf({});
   options.progress = FitProgressOf(progress, &errors);
   return LongWithCallbacks(errors, [&] {
-    study::StudyFit fitted = study::Fit(study, options);
-    Fit fit{{std::move(fitted.record), {}}, nullptr};
-    for (const data::InputFile& input : fitted.provenance.inputs) {
-      fit.sources.push_back(SourceOf(input.path));
+    Fit fit;
+    const auto sources = [&fit](const data::Provenance& from) {
+      for (const data::InputFile& input : from.inputs) fit.sources.push_back(SourceOf(input.path));
+    };
+    if (study.repeat.wanted) {
+      study::RepeatFit fitted = study::FitRepeat(study, options);
+      fit.data = std::move(fitted.record);
+      sources(fitted.provenance);
+      return fit;
     }
+    study::StudyFit fitted = study::Fit(study, options);
+    fit.data = std::move(fitted.record);
+    sources(fitted.provenance);
     if (compare && fitted.Usable()) {
       fit.comparison = std::make_shared<correlate::Comparison>(std::move(fitted.comparison));
     }
@@ -86,14 +100,17 @@ void BindStudy(py::module_& m) {
       "fit_study", &FitStudy, py::arg("study"), py::kw_only(), py::arg("set") = py::none(),
       py::arg("tracks") = py::none(), py::arg("output") = py::none(), py::arg("resume") = false,
       py::arg("workers") = 0, py::arg("compare") = false, py::arg("allow_programs") = false,
-      py::arg("progress") = py::none(),
+      py::arg("progress") = py::none(), py::arg("repeat") = py::none(),
       "The parameters of a study (a Study or a path), from its trials.\n\n"
       "tracks: a file of tracks in place of the study's. output: also write the fit (HDF5); an\n"
       "interrupted fit leaves OUTPUT.partial, which resume=True takes over. workers: simulations\n"
       "at a time, 0 for one per core; changes no result. compare: also compare trial and model at\n"
       "the estimate. allow_programs: run the program that a study names as its model (only of a "
       "study\n"
-      "that you trust). progress(FitProgress) is called now and then, from any thread.");
+      "that you trust). progress(FitProgress) is called now and then, from any thread. repeat: "
+      "whether\n"
+      "the trials are deployments that differ (mean, scatter and the next one: Fit.repeat); None: "
+      "as\nthe study says.");
 }
 
 }  // namespace unfurl::python

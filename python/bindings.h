@@ -35,6 +35,7 @@ void BindCalibration(py::module_& m);  // calibrate, check, plan
 void BindMeasure(py::module_& m);      // expose, reconstruct, smooth
 void BindSim(py::module_& m);
 void BindCompare(py::module_& m);
+void BindRepeat(py::module_& m);  // before fits, which have them
 void BindFit(py::module_& m);
 void BindStudy(py::module_& m);
 void BindCost(py::module_& m);

@@ -63,6 +63,7 @@ PYBIND11_MODULE(_core, m) {
   BindMeasure(m);
   BindSim(m);
   BindCompare(m);
+  BindRepeat(m);
   BindFit(m);
   BindStudy(m);
   BindCost(m);

@@ -84,16 +84,16 @@ StudyFit Prepare(const data::Study& study, const FitStudyOptions& options) {
 }
 
 void RunPrepared(const data::Study& study, const FitStudyOptions& options, data::Journal* journal,
-                 StudyFit* fit) {
+                 correlate::Workers* where, StudyFit* fit) {
   if (journal == nullptr) {
-    Run(study, options, nullptr, fit);
+    Run(study, options, where, fit);
     return;
   }
   if (journal->found() > 0 && options.on_resume) {
     options.on_resume(journal->found(), journal->path());
   }
-  const auto local = correlate::LocalWorkers(options.workers);
-  correlate::JournaledWorkers workers(*local, *journal);
+  const auto local = where == nullptr ? correlate::LocalWorkers(options.workers) : nullptr;
+  correlate::JournaledWorkers workers(where == nullptr ? *local : *where, *journal);
   try {
     Run(study, options, &workers, fit);
   } catch (const Interrupted&) {
@@ -104,11 +104,14 @@ void RunPrepared(const data::Study& study, const FitStudyOptions& options, data:
 
 StudyFit Fit(const data::Study& study, const FitStudyOptions& options) {
   StudyFit fit = Prepare(study, options);
+  const std::string identity = IdentityOf(fit.provenance);
+  correlate::Workers* where =
+      options.where ? options.where({&fit.problem()}, identity) : nullptr;
   if (options.output.empty()) {
-    RunPrepared(study, options, nullptr, &fit);
+    RunPrepared(study, options, nullptr, where, &fit);
   } else {
-    data::Journal journal(options.output, IdentityOf(fit.provenance), options.resume);
-    RunPrepared(study, options, &journal, &fit);
+    data::Journal journal(options.output, identity, options.resume);
+    RunPrepared(study, options, &journal, where, &fit);
     data::WriteFit(options.output, fit.record, fit.provenance);
     journal.Remove();
   }

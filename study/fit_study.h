@@ -38,6 +38,13 @@ struct FitStudyOptions {
   std::function<void(std::size_t, const std::string&)> on_resume;
   /// Called now and then, from any thread.
   std::function<void(const correlate::FitProgress&)> progress;
+  /// What carries the evaluations out: called once all is read, with the problems that will be
+  /// fitted (several where trials are fitted one by one) and the identity of all that answers
+  /// depend on but the question. What it gives must outlive the fit. Empty, or null given: threads
+  /// of this program, `workers` of them.
+  std::function<correlate::Workers*(const std::vector<const correlate::FitProblem*>&,
+                                    const std::string& identity)>
+      where;
 };
 
 /// A fitted study. Moves; does not copy, since `problem` points into `binding`.
@@ -74,10 +81,20 @@ StudyFit Fit(const data::Study& study, const FitStudyOptions& options = {});
 /// The same in two parts, for a caller who has several to fit: ready to be fitted, its inputs read
 /// and hashed;
 StudyFit Prepare(const data::Study& study, const FitStudyOptions& options);
-/// and fitted, on the evaluations that `journal` holds, to which it adds; null: none. Writes no
-/// fit.
+/// and fitted, on the evaluations that `journal` holds, to which it adds; null: none. `where`
+/// carries out what it does not hold; null: threads. Writes no fit.
 void RunPrepared(const data::Study& study, const FitStudyOptions& options, data::Journal* journal,
-                 StudyFit* fit);
+                 correlate::Workers* where, StudyFit* fit);
+
+/// The problems that Fit, or FitRepeat where study.repeat.wanted, would fit, ready for
+/// evaluations, and what `where` of the options gets with them.
+struct StudyProblems {
+  std::vector<StudyFit> fits;                         ///< own the problems
+  std::vector<const correlate::FitProblem*> problems; ///< in `fits`, in order
+  std::string identity;                               ///< of what answers depend on
+};
+/// Reads all that they need. Throws Error.
+StudyProblems ProblemsOf(const data::Study& study, const FitStudyOptions& options);
 
 /// Trial and model at the estimate of a fit, side by side. Without errors where the model fails,
 /// and for a trial without marks.

@@ -66,9 +66,15 @@ std::vector<bool> Scatters(const data::Study& study) {
   return out;
 }
 
+std::vector<const correlate::FitProblem*> PointersTo(const std::vector<StudyFit>& fits) {
+  std::vector<const correlate::FitProblem*> out;
+  for (const StudyFit& fit : fits) out.push_back(&fit.problem());
+  return out;
+}
+
 // Each trial fitted; the journals stay until the whole is written.
 void FitTrials(const std::vector<data::Study>& studies, const FitStudyOptions& options,
-               std::vector<std::unique_ptr<data::Journal>>* journals,
+               correlate::Workers* where, std::vector<std::unique_ptr<data::Journal>>* journals,
                std::vector<StudyFit>* trials) {
   std::size_t kept = 0;
   for (std::size_t i = 0; i < trials->size(); ++i) {
@@ -88,7 +94,7 @@ void FitTrials(const std::vector<data::Study>& studies, const FitStudyOptions& o
       journal = journals->back().get();
     }
     try {
-      RunPrepared(studies[i], one, journal, &fit);
+      RunPrepared(studies[i], one, journal, where, &fit);
     } catch (const Interrupted&) {
       for (const auto& j : *journals) kept += j->size();
       if (kept == 0) throw;
@@ -142,14 +148,30 @@ void AddUnexplained(const std::vector<StudyFit>& trials, data::FitRecord* record
 
 }  // namespace
 
+StudyProblems ProblemsOf(const data::Study& study, const FitStudyOptions& options) {
+  StudyProblems out;
+  if (study.repeat.wanted) {
+    Check(study, options);
+    for (const data::Study& one : OneByOne(study)) out.fits.push_back(Prepare(one, options));
+    out.identity = IdentityOf(JoinInputs(out.fits));
+  } else {
+    out.fits.push_back(Prepare(study, options));
+    out.identity = IdentityOf(out.fits.front().provenance);
+  }
+  out.problems = PointersTo(out.fits);
+  return out;
+}
+
 RepeatFit FitRepeat(const data::Study& study, const FitStudyOptions& options) {
   Check(study, options);
   const std::vector<data::Study> studies = OneByOne(study);
   RepeatFit out;
   for (const data::Study& one : studies) out.trials.push_back(Prepare(one, options));
   out.provenance = JoinInputs(out.trials);
+  correlate::Workers* where =
+      options.where ? options.where(PointersTo(out.trials), IdentityOf(out.provenance)) : nullptr;
   std::vector<std::unique_ptr<data::Journal>> journals;
-  FitTrials(studies, options, &journals, &out.trials);
+  FitTrials(studies, options, where, &journals, &out.trials);
   std::vector<correlate::FittedTrial> fits;
   for (const StudyFit& fit : out.trials) {
     fits.push_back({&fit.problem().trials.front(), &fit.result});

@@ -40,4 +40,5 @@
 #include "sim/methods/simulate.h"
 #include "sim/record/record.h"
 #include "study/fit_study.h"
+#include "study/repeat.h"
 #include "study/scene_cost.h"

@@ -19,6 +19,11 @@ void PutText(std::string* out, const std::string& text) {
   *out += text;
 }
 
+void PutNumbers(std::string* out, std::span<const double> values) {
+  Put(out, static_cast<std::uint64_t>(values.size()));
+  for (double value : values) Put(out, value);
+}
+
 // A row of a track, or a zero byte where it is nothing but zeros (a plane's z).
 void PutRow(std::string* out, const Eigen::Matrix3Xd& m, Eigen::Index row) {
   // A mark without samples has no rows that could be named.
@@ -61,6 +66,13 @@ class Source {
     good_ = good_ && static_cast<std::size_t>(m->cols()) <= bytes_.size() / sizeof(double);
     if (!good_) return;
     for (Eigen::Index i = 0; i < m->cols(); ++i) (*m)(row, i) = Get<double>();
+  }
+  std::vector<double> Numbers() {
+    const auto n = Get<std::uint64_t>();
+    good_ = Room(n);
+    std::vector<double> out(good_ ? n : 0);
+    for (double& value : out) value = Get<double>();
+    return out;
   }
   bool Room(std::uint64_t numbers) const {
     return good_ && numbers <= bytes_.size() / sizeof(double);
@@ -185,6 +197,49 @@ bool ParseAnswer(std::string_view bytes, Prediction* p) {
     for (std::uint8_t& known : motion.known) known = from.Get<std::uint8_t>();
   }
   return from.good();
+}
+
+std::string WholeQuestionBytes(const Job& job) {
+  std::string out;
+  Put(&out, static_cast<std::uint64_t>(job.trial));
+  Put(&out, static_cast<std::int32_t>(job.fidelity));
+  PutNumbers(&out, job.theta);
+  const Stamps& stamps = *job.stamps;
+  Put(&out, static_cast<std::uint64_t>(stamps.marks.size()));
+  for (std::size_t m = 0; m < stamps.marks.size(); ++m) {
+    PutText(&out, stamps.marks[m]);
+    PutNumbers(&out, stamps.t[m]);
+  }
+  Put(&out, static_cast<std::uint64_t>(stamps.quantities.size()));
+  for (const QuantityStamps& q : stamps.quantities) {
+    PutText(&out, q.key);
+    PutText(&out, q.quantity);
+    PutNumbers(&out, q.t);
+    Put(&out, q.needed);
+  }
+  return out;
+}
+
+bool ParseQuestion(std::string_view bytes, StoredQuestion* question) {
+  Source from(bytes);
+  question->trial = from.Get<std::uint64_t>();
+  question->fidelity = static_cast<Fidelity>(from.Get<std::int32_t>());
+  question->theta = from.Numbers();
+  const auto marks = from.Get<std::uint64_t>();
+  for (std::uint64_t m = 0; m < marks && from.good(); ++m) {
+    question->stamps.marks.push_back(from.Text());
+    question->stamps.t.push_back(from.Numbers());
+  }
+  const auto quantities = from.Get<std::uint64_t>();
+  for (std::uint64_t i = 0; i < quantities && from.good(); ++i) {
+    QuantityStamps q;
+    q.key = from.Text();
+    q.quantity = from.Text();
+    q.t = from.Numbers();
+    q.needed = from.Get<double>();
+    question->stamps.quantities.push_back(std::move(q));
+  }
+  return from.good() && from.empty();
 }
 
 JournaledWorkers::JournaledWorkers(Workers& inner, data::Journal& journal)

@@ -37,4 +37,15 @@ std::string QuestionBytes(const Job& job);
 std::string AnswerBytes(const Prediction& prediction);
 bool ParseAnswer(std::string_view bytes, Prediction* prediction);  // false: not an answer
 
+/// A question that stands for itself: with its stamps, for another process.
+struct StoredQuestion {
+  std::size_t trial = 0;                   ///< of its problem
+  Fidelity fidelity = Fidelity::kMain;     ///< which of the trial's models
+  std::vector<double> theta;               ///< [units of the parameters]
+  Stamps stamps;                           ///< at which it is asked
+};
+/// As bytes, and back; false: not a question.
+std::string WholeQuestionBytes(const Job& job);
+bool ParseQuestion(std::string_view bytes, StoredQuestion* question);
+
 }  // namespace unfurl::correlate

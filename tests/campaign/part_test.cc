@@ -10,6 +10,7 @@
 #include "base/error.h"
 #include "campaign/campaign.h"
 #include "campaign/record.h"
+#include "campaign/slurm.h"
 #include "campaign/slurm_engine.h"
 #include "tests/campaign/block.h"
 
@@ -116,6 +117,23 @@ TEST_F(FolderTest, WhatIsMissingIsKnownAndPartsMayOverlap) {
   MergeParts(c.folder, c.inputs, c.files, folder_.File("record.h5"));
   const std::string overlapping = folder_.Get("record.h5");
   EXPECT_TRUE(RecordBy(1) == overlapping);
+}
+
+// In an order that is neither rising nor falling: 617 and the numbers of shards have no common factor.
+TEST_F(FolderTest, AThousandShardsGiveTheBytesOfOne) {
+  constexpr std::uint64_t kRuns = 1000, kStride = 617;
+  std::string first;
+  for (const std::uint64_t shards : {1, 8, 64, 1000}) {
+    const std::string name = std::to_string(shards);
+    const OpenCampaign c = Open(name, "runs = 1000\n");
+    for (std::uint64_t i = 0; i < shards; ++i) {
+      ComputePart(c, ShardRange(kRuns, (i * kStride) % shards + 1, shards));
+    }
+    MergeParts(c.folder, c.inputs, c.files, folder_.File(name + ".h5"));
+    const std::string record = folder_.Get(name + ".h5");
+    if (first.empty()) first = record;
+    EXPECT_TRUE(record == first) << shards;
+  }
 }
 
 TEST_F(FolderTest, ADamagedPartIsMadeAgain) {

@@ -10,14 +10,15 @@
 namespace unfurl::cli {
 
 // A toy cluster of its own for each test (scripts/toy-slurm); skipped where Slurm is not there.
-class CampaignSlurm : public ProgramTest {
+template <typename Base>
+class OnToyCluster : public Base {
  protected:
   void SetUp() override {
-    ProgramTest::SetUp();
+    Base::SetUp();
     if (std::system("command -v slurmctld slurmd sbatch >/dev/null 2>&1") != 0) {
       GTEST_SKIP() << "there is no Slurm here";
     }
-    toy_ = folder_.string() + ".slurm";
+    toy_ = this->folder_.string() + ".slurm";
   }
   void TearDown() override {
     if (!toy_.empty()) {
@@ -25,7 +26,7 @@ class CampaignSlurm : public ProgramTest {
       unsetenv("SLURM_CONF");
       std::filesystem::remove_all(toy_);
     }
-    ProgramTest::TearDown();
+    Base::TearDown();
   }
   bool Toy(const std::string& action, const std::string& more = {}) const {
     const std::string command = std::string(UNFURL_SOURCE_DIR "/scripts/toy-slurm ") + action +
@@ -39,5 +40,7 @@ class CampaignSlurm : public ProgramTest {
   }
   std::string toy_;
 };
+
+class CampaignSlurm : public OnToyCluster<ProgramTest> {};
 
 }  // namespace unfurl::cli

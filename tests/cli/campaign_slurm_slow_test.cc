@@ -71,6 +71,35 @@ TEST_F(CampaignSlurmSlow, KillsOfWorkersANodeAndTheControllerChangeNothing) {
               json::parse(handed.out).at("shards").dump().c_str(), kRuns, killed);
 }
 
+// The folder lies on a disk of its own, which is full before the shards are.
+TEST_F(CampaignSlurmSlow, AFullDiskLosesNothing) {
+  if (IsSkipped()) return;
+  const std::string disk = (folder_ / "disk").string();
+  std::filesystem::create_directory(disk);
+  const auto mount = [&](const std::string& options) {
+    return std::system(("mount -t tmpfs -o " + options + " tmpfs '" + disk + "' 2>&1").c_str()) ==
+           0;
+  };
+  if (!mount("size=256k")) GTEST_SKIP() << "no disk can be mounted here";
+  Start(4, 2);
+  PutBlock(20000);  // of 16 bytes each, and some more
+  ASSERT_EQ(Run({"campaign", "plan.toml", "-o", "local.h5", "--quiet"}).code, 0);
+  const std::vector<std::string> words = {"campaign", "plan.toml", "--engine", "slurm",
+                                          "--folder", "disk/runs",  "--part",   "0.2",
+                                          "--wait",   "--keep",     "-o",       "slurm.h5",
+                                          "--quiet"};
+  const Outcome full = Run(words);
+  EXPECT_EQ(full.code, 4) << full.err;
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "slurm.h5"));
+  const bool larger = mount("remount,size=64m");
+  EXPECT_TRUE(larger);
+  const Outcome whole = larger ? Run(words) : full;
+  std::system(("umount -l '" + disk + "'").c_str());
+  ASSERT_EQ(whole.code, 0) << whole.err;
+  EXPECT_TRUE(Get("slurm.h5") == Get("local.h5"));
+  std::printf("found: full: %s", full.err.c_str());
+}
+
 TEST_F(CampaignSlurmSlow, AMillionRuns) {
   if (IsSkipped()) return;
   const char* given = std::getenv("UNFURL_CAMPAIGN_RUNS");

@@ -35,6 +35,27 @@ TEST_F(CampaignSlurm, GivesTheBitsOfThisMachine) {
   EXPECT_FALSE(std::filesystem::exists(folder_ / "plan.runs"));
 }
 
+TEST_F(CampaignSlurm, RunsAreAddedUntilAnAnswerIsSharp) {
+  if (IsSkipped()) return;
+  Start(2, 2);
+  Put("block.toml",
+      "[scene]\nname = 'block'\nduration = 2.0\n[body.block]\nmass = 2.0\ninertia = 0.1\n"
+      "velocity = [0.7, 0, 0]\n");
+  Put("plan.toml",
+      "[campaign]\ndesign = 'random'\nruns = 20\nuntil = 'mean(x) +- 0.1'\n[job]\n"
+      "scene = 'block.toml'\nrate = 50\n[variable.v]\nkeys = ['body.block.velocity[0]']\n"
+      "uniform = [0.25, 1.0]\n[response.x]\nquantity = 'block.x'\nof = 'final'\n");
+  ExpectRefused(Run({"campaign", "plan.toml", "--engine", "slurm"}),
+                {"campaign.until", "--wait"}, Files());
+  ASSERT_EQ(Run({"campaign", "plan.toml", "-o", "local.h5", "--quiet"}).code, 0);
+  const Outcome grown = Run({"campaign", "plan.toml", "--engine", "slurm", "--part", "0.02",
+                             "--wait", "-o", "slurm.h5", "--json"});
+  ASSERT_EQ(grown.code, 0) << grown.err;
+  // sigma 0.433 of the block's way: 72 runs for a half-width of 0.1, more than there were.
+  EXPECT_GT(json::parse(grown.out).at("runs"), 40);
+  EXPECT_TRUE(Get("slurm.h5") == Get("local.h5"));
+}
+
 TEST_F(CampaignSlurm, WhatIsCancelledCanBeResumed) {
   Start(1, 1);
   Put("plan.toml",

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <fstream>
 #include <sstream>
 
@@ -30,7 +31,10 @@ Outcome RunProgram(const std::vector<std::string>& arguments, const std::filesys
                    long file_size_limit, int kill_after_ms, int kill_signal,
                    const std::function<void()>& in_child) {
   // Output goes to files beside the folder, not into it: tests look at what is left there.
-  const std::string out_path = folder.string() + ".stdout", err_path = folder.string() + ".stderr";
+  // Several may run at once.
+  static std::atomic<int> calls = 0;
+  const std::string own = folder.string() + "." + std::to_string(calls++);
+  const std::string out_path = own + ".stdout", err_path = own + ".stderr";
   const pid_t child = fork();
   if (child == 0) {
     const int out = open(out_path.c_str(), O_CREAT | O_TRUNC | O_WRONLY, 0600);

@@ -1,0 +1,252 @@
+#include "campaign/evaluation_folder.h"
+
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <limits>
+#include <nlohmann/json.hpp>
+
+#include "base/error.h"
+#include "data/atomic_file.h"
+#include "data/inputs.h"
+#include "data/journal.h"
+
+namespace unfurl::campaign {
+
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::ordered_json;
+
+constexpr char kAbout[] = "fit.json", kBeat[] = "beat", kQuestions[] = "questions",
+               kTaken[] = "taken", kAnswers[] = "answers", kScript[] = "task.sh", kLog[] = "log-";
+constexpr char kSchema[] = "unfurl/evaluations";
+std::string Name(std::uint64_t question) { return fmt::format("{:08}", question); }
+
+bool Number(const std::string& name, std::uint64_t* question) {
+  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), *question);
+  return error == std::errc() && end == name.data() + name.size() && !name.empty();
+}
+
+// Names in order: the oldest question first.
+std::vector<std::string> NamesIn(const fs::path& folder) {
+  std::vector<std::string> out;
+  std::error_code error;
+  for (fs::directory_iterator it(folder, error), end; !error && it != end; it.increment(error)) {
+    out.push_back(it->path().filename().string());
+  }
+  std::sort(out.begin(), out.end());
+  return out;
+}
+
+// Sets a file's time to now by the clock of whoever keeps it; `made`: makes it where it is not.
+void Touch(const fs::path& path, bool made) {
+  const int flags = O_WRONLY | O_CLOEXEC | O_NOFOLLOW | (made ? O_CREAT : 0);
+  const int file = open(path.c_str(), flags, 0666);
+  if (file < 0) return;  // gone, or gone with its folder
+  futimens(file, nullptr);
+  close(file);
+}
+
+// A file of this thread's own on this machine.
+std::string ClockName() {
+  static const std::string kHead = [] {
+    char host[256] = "";
+    gethostname(host, sizeof host - 1);
+    return fmt::format("clock-{}-{}-", host, getpid());
+  }();
+  return kHead + fmt::format("{}", gettid());
+}
+
+// Null: there is no such file. Throws Error where another process holds it.
+std::shared_ptr<const int> Locked(const fs::path& path) {
+  const int file = open(path.c_str(), O_WRONLY | O_CLOEXEC | O_NOFOLLOW);
+  if (file < 0) return nullptr;
+  std::shared_ptr<const int> lock(new int(file), [](const int* descriptor) {
+    close(*descriptor);
+    delete descriptor;
+  });
+  if (flock(file, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+    throw Error("is in use by another fit", path.parent_path().string(),
+                "wait for it, or give another --folder");
+  }
+  return lock;
+}
+
+// With a checksum in front.
+void Put(const fs::path& path, const std::string& bytes) {
+  const std::uint64_t sum = data::Checksum(bytes);
+  std::string text(reinterpret_cast<const char*>(&sum), sizeof sum);
+  data::WriteTextFile(path.string(), text + bytes);
+}
+
+std::string Get(const fs::path& path) {
+  const std::string text = data::ReadTextFile(path.string());
+  data::ForgetInput(path.string());
+  std::uint64_t sum = 0;
+  if (text.size() >= sizeof sum) text.copy(reinterpret_cast<char*>(&sum), sizeof sum);
+  std::string bytes = text.size() < sizeof sum ? std::string() : text.substr(sizeof sum);
+  if (text.size() < sizeof sum || data::Checksum(bytes) != sum) {
+    throw Error("is damaged", path.string(), "look at the disk, and start again with --resume",
+                ErrorKind::kMachine);
+  }
+  return bytes;
+}
+
+// What such a folder holds; anything else is somebody's.
+void CheckOurs(const std::string& path) {
+  for (const std::string& name : NamesIn(path)) {
+    const bool ours = name == kAbout || name == kBeat || name == kQuestions || name == kTaken ||
+                      name == kAnswers || name.rfind("clock-", 0) == 0 ||
+                      name.rfind(kLog, 0) == 0 || name == kScript;
+    if (!ours) {
+      throw Error("holds '" + name + "', which is none of a fit's questions", path,
+                  "give a folder that is not there yet");
+    }
+  }
+}
+
+}  // namespace
+
+fs::path EvaluationFolder::In(const char* part, const std::string& name) const {
+  return fs::path(path_) / part / name;
+}
+
+EvaluationFolder EvaluationFolder::Make(const std::string& path, const std::string& identity) {
+  EvaluationFolder folder(path);
+  std::error_code error;
+  if (fs::exists(path, error)) {
+    CheckOurs(path);
+    // Of one that was killed the lock is gone.
+    const auto lock = Locked(fs::path(path) / kBeat);
+    fs::remove_all(path, error);
+  }
+  for (const char* part : {kQuestions, kTaken, kAnswers}) {
+    if (!fs::create_directories(fs::path(path) / part, error) || error) {
+      throw Error("cannot be made: " + error.message(), path, "give another --folder",
+                  ErrorKind::kMachine);
+    }
+  }
+  const ordered_json about = {{"schema", kSchema}, {"version", 1}, {"identity", identity}};
+  folder.Beat();
+  folder.lock_ = Locked(fs::path(path) / kBeat);
+  data::WriteTextFile((fs::path(path) / kAbout).string(), about.dump(1) + "\n");
+  return folder;
+}
+
+EvaluationFolder EvaluationFolder::Open(const std::string& path, const std::string& identity) {
+  const std::string about = (fs::path(path) / kAbout).string();
+  std::error_code ignored;
+  if (!fs::exists(about, ignored)) {
+    throw Error("holds no questions of a fit", path, "start the fit with --engine first");
+  }
+  std::string theirs;
+  try {
+    const ordered_json j = ordered_json::parse(data::ReadTextFile(about));
+    if (j.at("schema") != kSchema || j.at("version") != 1) {
+      throw Error("is of another version of this program", about, "use one version for both");
+    }
+    theirs = j.at("identity");
+  } catch (const nlohmann::json::exception&) {
+    throw Error("does not say what the questions are about", about, "start the fit again");
+  }
+  if (theirs != identity) {
+    throw Error("is of a fit of another study, scene, trial or version of this program", path,
+                "give the study, --set and --tracks as the fit has them");
+  }
+  return EvaluationFolder(path);
+}
+
+void EvaluationFolder::Ask(std::uint64_t question, const std::string& bytes) const {
+  Put(In(kQuestions, Name(question)), bytes);
+}
+
+bool EvaluationFolder::Fetch(std::uint64_t question, std::string* bytes) const {
+  const fs::path path = In(kAnswers, Name(question));
+  std::error_code ignored;
+  if (!fs::exists(path, ignored)) return false;
+  *bytes = Get(path);
+  fs::remove(path, ignored);
+  return true;
+}
+
+void EvaluationFolder::Beat() const { Touch(fs::path(path_) / kBeat, true); }
+
+std::vector<std::uint64_t> EvaluationFolder::AskAgain(double silence) const {
+  std::vector<std::uint64_t> out;
+  for (const std::string& name : NamesIn(fs::path(path_) / kTaken)) {
+    std::uint64_t question = 0;
+    const std::string number = name.substr(0, name.find('.'));
+    if (!Number(number, &question) || Age(In(kTaken, name)) < silence) continue;
+    std::error_code error;
+    // A worker that was merely slow may still answer: to the same bits.
+    fs::rename(In(kTaken, name), In(kQuestions, number), error);
+    if (!error) out.push_back(question);
+  }
+  return out;
+}
+
+void EvaluationFolder::Close(bool keep_logs) const {
+  std::error_code ignored;
+  for (const std::string& name : NamesIn(path_)) {
+    if (!keep_logs || name.rfind(kLog, 0) != 0) fs::remove_all(fs::path(path_) / name, ignored);
+  }
+  fs::remove(path_, ignored);  // unless something is left
+}
+
+std::string EvaluationFolder::LogPath(const std::string& name) const {
+  return (fs::path(path_) / (kLog + name)).string();
+}
+
+bool EvaluationFolder::Take(const std::string& worker, std::uint64_t* question,
+                            std::string* bytes) const {
+  for (const std::string& name : NamesIn(fs::path(path_) / kQuestions)) {
+    if (!Number(name, question)) continue;  // on its way
+    const fs::path mine = In(kTaken, name + "." + worker);
+    std::error_code error;
+    Touch(In(kQuestions, name), false);  // so that it looks fresh from the moment that it is ours
+    fs::rename(In(kQuestions, name), mine, error);
+    if (error) continue;  // somebody was quicker
+    *bytes = Get(mine);
+    return true;
+  }
+  return false;
+}
+
+void EvaluationFolder::Working(const std::string& worker, std::uint64_t question) const {
+  // Not made anew where the fit has taken it back.
+  Touch(In(kTaken, Name(question) + "." + worker), false);
+}
+
+void EvaluationFolder::Answer(const std::string& worker, std::uint64_t question,
+                              const std::string& bytes) const {
+  std::error_code ignored;
+  if (!fs::exists(In(kAnswers, ""), ignored)) return;  // the fit has ended
+  Put(In(kAnswers, Name(question)), bytes);
+  fs::remove(In(kTaken, Name(question) + "." + worker), ignored);
+}
+
+bool EvaluationFolder::IsLeft(double silence) const {
+  return Age(fs::path(path_) / kBeat) > silence;
+}
+
+double EvaluationFolder::Age(const fs::path& file) const {
+  struct stat then = {}, now = {};
+  if (stat(file.c_str(), &then) != 0) return std::numeric_limits<double>::infinity();
+  // Clocks of machines differ; that of the folder is one.
+  const fs::path clock = fs::path(path_) / ClockName();
+  Touch(clock, true);
+  const bool read = stat(clock.c_str(), &now) == 0;
+  unlink(clock.c_str());
+  if (!read) return std::numeric_limits<double>::infinity();
+  return static_cast<double>(now.st_mtim.tv_sec - then.st_mtim.tv_sec) +
+         1e-9 * static_cast<double>(now.st_mtim.tv_nsec - then.st_mtim.tv_nsec);
+}
+
+}  // namespace unfurl::campaign
