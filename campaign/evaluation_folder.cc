@@ -208,7 +208,7 @@ bool EvaluationFolder::Take(const std::string& worker, std::uint64_t* question,
                             std::string* bytes) const {
   for (const std::string& name : NamesIn(fs::path(path_) / kQuestions)) {
     if (!Number(name, question)) continue;  // on its way
-    const fs::path mine = In(kTaken, name + "." + worker);
+    const fs::path mine = In(kTaken, fmt::format("{}.{}", name, worker));
     std::error_code error;
     Touch(In(kQuestions, name), false);  // so that it looks fresh from the moment that it is ours
     fs::rename(In(kQuestions, name), mine, error);

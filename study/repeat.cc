@@ -68,6 +68,7 @@ std::vector<bool> Scatters(const data::Study& study) {
 
 std::vector<const correlate::FitProblem*> PointersTo(const std::vector<StudyFit>& fits) {
   std::vector<const correlate::FitProblem*> out;
+  out.reserve(fits.size());
   for (const StudyFit& fit : fits) out.push_back(&fit.problem());
   return out;
 }

@@ -14,6 +14,7 @@ struct RepeatFit {
   std::optional<correlate::Hierarchy> hierarchy;  ///< none: fewer than three trials count
   data::FitRecord record;                         ///< of all, verdicts in words
   data::Provenance provenance;
+  /// Whether mean and scatter are there.
   bool Usable() const { return hierarchy.has_value(); }
 };
 

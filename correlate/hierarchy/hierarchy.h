@@ -51,9 +51,11 @@ class Hierarchy {
   /// that are not finite, or sizes that do not go together.
   explicit Hierarchy(const HierarchyProblem& problem);
 
+  /// p, in the order of the problem.
   const std::vector<ParameterScatter>& parameters() const { return parameters_; }
   double q() const { return q_; }              ///< Cochran's Q of all parameters together [-]
   double freedom() const { return freedom_; }  ///< its degrees of freedom, p (N - 1)
+  /// Probability of so large a Q where trials are alike [-].
   double alike_p() const { return alike_p_; }
   /// Of the values, correlations by generalised least squares [unit x unit].
   const Eigen::MatrixXd& covariance() const { return covariance_; }

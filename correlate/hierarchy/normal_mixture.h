@@ -12,9 +12,9 @@ struct NormalMixture {
   Eigen::VectorXd mean;      ///< of each component
   Eigen::VectorXd variance;  ///< of each, > 0
 
-  double Cdf(double x) const;
-  double LogDensity(double x) const;
-  double Mean() const;
+  double Cdf(double x) const;         ///< [-]
+  double LogDensity(double x) const;  ///< natural logarithm [of 1/unit]
+  double Mean() const;                ///< [unit]
   /// P-quantile, 0 < p < 1.
   double Quantile(double p) const;
   Interval Middle95() const;  ///< between the 2.5% and 97.5% quantiles

@@ -36,7 +36,7 @@ class RandomEffect {
   RandomEffect(Eigen::VectorXd value, Eigen::VectorXd variance, double shared,
                const ScatterLevels& levels);
 
-  Eigen::Index trials() const { return value_.size(); }
+  Eigen::Index trials() const { return value_.size(); }          ///< N
   const Eigen::VectorXd& value() const { return value_; }        ///< N
   const Eigen::VectorXd& variance() const { return variance_; }  ///< N
 
