@@ -307,8 +307,8 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
         return DefaultOutput(wand ? arguments->wand.readings : arguments->survey, ".rig.h5");
       },
       "The rig to write (default: SURVEY or READINGS with .rig.h5)");
-  files.Write("--report", &arguments->report,
-              "A page: verdict, residuals, gross errors, map of uncertainty [HTML]");
+  files.Page(&arguments->report,
+             "A page: verdict, residuals, gross errors, map of uncertainty [HTML]");
   files.Read("--readings", &arguments->readings,
              "Readings by id, where SURVEY holds points only [CSV]; repeats are averaged");
   app->add_option("--sigma", arguments->sigmas.coordinate,

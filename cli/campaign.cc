@@ -354,7 +354,7 @@ Verb AddCampaign(CLI::App& program, Common& common) {
   files.WriteOr(
       "-o,--output", &a->out, [a] { return DefaultRecord(*a); },
       "The record of all runs to write (default: the plan's name, .h5)");
-  files.Write("--report", &a->report, "Also write a page with pictures (HTML)");
+  files.Page(&a->report, "Also write a page with pictures (HTML)");
   files.Overrides(&a->sets, "Overrides a key of the plan (repeatable)");
   app->add_option("--runs", a->runs, "So many runs (campaign.runs)");
   app->add_option("--until", a->until,

@@ -148,8 +148,8 @@ Verb AddCheck(CLI::App& program, Common& common) {
       ->capture_default_str();
   app->add_option("--invalid", arguments->options.invalid, "The same for no longer valid")
       ->capture_default_str();
-  files.Write("--report", &arguments->report,
-              "A page: verdict, cameras along the sensor, points or lengths [HTML]");
+  files.Page(&arguments->report,
+             "A page: verdict, cameras along the sensor, points or lengths [HTML]");
   verb.run = [&common, arguments] { return RunCheck(common, *arguments); };
   return verb;
 }

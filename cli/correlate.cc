@@ -147,7 +147,7 @@ Verb AddCorrelate(CLI::App& program, Common& common) {
   files.Read("A", &settings->record, "A run, or tracks (.h5, .csv)")->required();
   files.Read("B", &settings->reference, "The reference: a run, or tracks")->required();
   files.Write("-o,--output", &settings->output, "The results as a file (JSON)");
-  files.Write("--report", &settings->report, "Also write a page with pictures (HTML)");
+  files.Page(&settings->report, "Also write a page with pictures (HTML)");
   files.WriteFolder("--figures", &settings->figures, PaperFigureNames,
                     "A folder for the paper's figures 15, 16 and 17 of this trial (SVG)");
   app->add_option("--marks", settings->options.marks, "Marks to compare (default: all in common)")

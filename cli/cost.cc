@@ -135,7 +135,7 @@ Verb AddCost(CLI::App& program, Common& common) {
   app->add_option("--workers", arguments->study.workers,
                   "Of a study: simulations at a time (default: one per core)");
   AddAllowPrograms(app, &arguments->study.allow_programs);
-  files.Write("--report", &arguments->report, "Also write a page with pictures (HTML)");
+  files.Page(&arguments->report, "Also write a page with pictures (HTML)");
   verb.run = [&common, arguments, app] {
     const bool study = data::KindOf(arguments->scene) == "study";
     const std::string misplaced =

@@ -267,7 +267,7 @@ Verb AddDesign(CLI::App& program, Common& common) {
   files.Write("--write-lab", &a->write_lab, "Write the laboratory with the best cycle (TOML)");
   files.Write("--write-study", &a->write_study,
               "Write the study with the best of the candidate trials added (TOML)");
-  files.Write("--report", &a->report, "Also write a page (HTML)");
+  files.Page(&a->report, "Also write a page (HTML)");
   files.Overrides(&a->sets, "Overrides a key of the study (repeatable)");
   app->add_option("--for", a->wanted, "Parameters whose errors count (default: all)")
       ->delimiter(',')

@@ -233,7 +233,7 @@ Verb AddEffects(CLI::App& program, Common& common) {
             "without each (TOML)")
       ->required();
   files.Write("-o,--output", &a->out, "Where to write the scene without what is not needed (TOML)");
-  files.Write("--report", &a->report, "Also write a page (HTML)");
+  files.Page(&a->report, "Also write a page (HTML)");
   files.Overrides(&a->sets, "Overrides a key of the scene or study (repeatable)");
   app->add_option("--sigma", a->sigma, "Of a scene: error of a mark's coordinate, such as 0.2mm")
       ->type_name("LENGTH");

@@ -196,7 +196,7 @@ Verb AddFit(CLI::App& program, Common& common) {
                                               : std::string();
       },
       "The fit to write (default: the study's name, .h5)");
-  files.Write("--report", &settings->report, "Also write a page with pictures (HTML)");
+  files.Page(&settings->report, "Also write a page with pictures (HTML)");
   files.Read("--tracks", &settings->tracks, "Tracks to fit to instead of the study's");
   files.Overrides(&settings->sets, "Overrides a key of the study (repeatable)");
   AddFitEngine(app, &settings->engine);

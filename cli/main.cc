@@ -90,7 +90,10 @@ int Run(int argc, char** argv) {
   for (const Verb& verb : verbs) {
     if (!verb.app->parsed()) continue;
     verb.files->Prepare();
-    return verb.run();
+    const int code = verb.run();
+    const std::string printed = verb.files->Print();
+    if (!printed.empty() && !common.quiet && !common.json) fmt::print("-> {}\n", printed);
+    return code;
   }
   return unfurl::kExitBadInput;
 }

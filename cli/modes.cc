@@ -118,7 +118,7 @@ Verb AddModes(CLI::App& program, Common& common) {
   auto arguments = std::make_shared<Arguments>();
   files.Read("SCENE", &arguments->scene, "The scene (TOML)")->required();
   files.Write("-o,--output", &arguments->out, "Where to write the shapes (.h5 or .csv)");
-  files.Write("--report", &arguments->report, "Also write a page with the shapes in motion (HTML)");
+  files.Page(&arguments->report, "Also write a page with the shapes in motion (HTML)");
   files.Overrides(&arguments->sets, "Overrides a key of the scene (repeatable)");
   app->add_option(
          "--state", arguments->state,

@@ -146,7 +146,7 @@ Verb AddPlan(CLI::App& program, Common& common) {
   VerbFiles& files = *verb.files;
   auto arguments = std::make_shared<Arguments>();
   files.Read("INPUT", &arguments->input, "A laboratory [TOML], or a rig [HDF5]")->required();
-  files.Write("--report", &arguments->report, "A page with the maps [HTML]");
+  files.Page(&arguments->report, "A page with the maps [HTML]");
   AddNeedOption(app, &arguments->need);
   app->add_option("--points", arguments->plan.survey_points,
                   "Number of surveyed points assumed, at random in the volume")

@@ -318,7 +318,7 @@ Verb AddReconstruct(CLI::App& program, Common& common) {
   files.WriteOr(
       "-o,--output", &s->output, [] { return "tracks.h5"; }, "Output [HDF5]; default tracks.h5");
   files.Write("--picture", &s->picture, "Also draw the cameras' streak images [PNG]");
-  files.Write("--report", &s->report, "Also write a page with pictures (HTML)");
+  files.Page(&s->report, "Also write a page with pictures (HTML)");
   files.Read("--start", &s->start,
              "Initial positions of marks that are lit together: mark, x, y, z [CSV]");
   app->add_option(

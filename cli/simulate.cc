@@ -178,7 +178,7 @@ Verb AddSimulate(CLI::App& program, Common& common) {
       ->type_name("NAMES");
   app->add_option("--shape-rate", arguments->shape_rate, "Beam shapes per second; 0 for none")
       ->capture_default_str();
-  files.Write("--report", &arguments->report, "Also write a page with pictures (HTML)");
+  files.Page(&arguments->report, "Also write a page with pictures (HTML)");
   app->add_flag("--certify", arguments->certify,
                 "State the numerical error of marks, joints and --quantities, of time stepping and "
                 "of the mesh, by two further runs: at a tenth of --rtol, and on another mesh");

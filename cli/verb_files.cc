@@ -13,6 +13,7 @@
 #include <string_view>
 
 #include "base/error.h"
+#include "cli/pdf.h"
 #include "data/h5.h"
 #include "data/inputs.h"
 #include "data/toml_files.h"
@@ -37,6 +38,14 @@ std::string IdentityOf(const std::string& path) {
   const fs::path whole = fs::weakly_canonical(fs::absolute(path, ignored), ignored);
   if (stat(whole.parent_path().c_str(), &info) != 0) return whole.string();
   return fmt::format("{}:{}/{}", info.st_dev, info.st_ino, whole.filename().string());
+}
+
+// Tells a file from the one that takes its place; empty: there is none.
+std::string VersionOf(const std::string& path) {
+  struct stat info = {};
+  if (stat(path.c_str(), &info) != 0) return {};
+  return fmt::format("{}:{}:{}.{}", info.st_dev, info.st_ino, info.st_mtim.tv_sec,
+                     info.st_mtim.tv_nsec);
 }
 
 // What is written on the way to an output (AtomicFile, Journal), and itself.
@@ -104,6 +113,19 @@ CLI::Option* VerbFiles::FillFolder(const std::string& flags, std::string* path, 
   CLI::Option* option = app_->add_option(flags, *path, help)->type_name(kFolder);
   outputs_.push_back({NameOf(option), path, std::move(names)});
   return option;
+}
+
+void VerbFiles::Page(std::string* path, const std::string& help) {
+  page_ = path;
+  Write("--report", path, help);
+  Write("--pdf", &pdf_, "Also the page of --report as PDF, printed by Chromium");
+}
+
+std::string VerbFiles::Print() const {
+  // A verb that came to no page leaves an older one as it was.
+  if (pdf_.empty() || VersionOf(*page_) == page_before_) return {};
+  PrintPage(FindPrinter(), *page_, pdf_);
+  return pdf_;
 }
 
 void VerbFiles::AddForce() {
@@ -178,6 +200,14 @@ void VerbFiles::Prepare() const {
   for (const Path& output : outputs_) {
     if (output.replaces_others || output.path->empty()) continue;
     for (const std::string& file : output.Files()) CheckMadeHere(file, "name another folder");
+  }
+  if (!pdf_.empty()) {
+    if (page_->empty()) {
+      throw Error("it prints the page of --report, which was not asked for", "--pdf",
+                  "give --report PAGE.html, too");
+    }
+    page_before_ = VersionOf(*page_);
+    FindPrinter();  // before the work, not after
   }
   data::ProtectWhatIsRead();  // what nobody could name before it was read: from pipes, of programs
 }

@@ -32,6 +32,8 @@ class VerbFiles {
   // The strings and lists live at least as long as the program's options.
   CLI::Option* Read(const std::string& flags, std::string* path, const std::string& help);
   CLI::Option* Write(const std::string& flags, std::string* path, const std::string& help);
+  // --report, a page, and --pdf, the same page printed.
+  void Page(std::string* path, const std::string& help);
   // Where the option is not given, `name` gives the file. A file of that name which this verb did
   // not make stays, unless --force is given (the flag is declared here).
   CLI::Option* WriteOr(const std::string& flags, std::string* path,
@@ -53,6 +55,9 @@ class VerbFiles {
   // (by device and inode, through links, includes and files that a TOML input names), where two
   // outputs are one file, or where a name that was not given is taken.
   void Prepare() const;
+
+  // After the verb: prints its page where --pdf asks for it and gives the name; else empty.
+  std::string Print() const;
 
  private:
   struct Path {
@@ -77,6 +82,9 @@ class VerbFiles {
   std::vector<Default> defaults_;
   std::vector<const std::vector<std::string>*> overrides_;
   bool force_ = false;
+  const std::string* page_ = nullptr;  // of --report
+  mutable std::string page_before_;    // what stood there when work began
+  std::string pdf_;
 };
 
 }  // namespace unfurl::cli

@@ -151,6 +151,22 @@ def test_dark_and_light(browser, pages, dark, paper):
     assert "rgb({}, {}, {})".format(*corner) == paper
 
 
+def test_a_page_is_printed_where_chromium_is(pages):
+    folder = pages["plan"].parent
+    plan = [PROGRAM, "plan", "rig/lab.toml", "--columns", "3", "--report", "printed.html", "--pdf"]
+    done = subprocess.run([*plan, "a page.pdf"], cwd=folder, check=True, capture_output=True, text=True)
+    assert done.stdout.endswith("-> a page.pdf\n") and done.stderr == ""
+    printed = (folder / "a page.pdf").read_bytes()
+    # Text stays text: fonts are in it; and the still of the view in space, which is drawn by lines.
+    assert printed.startswith(b"%PDF-") and b"/FontFile" in printed and len(printed) < 4e6
+    (folder / "printed.html").unlink()
+    lacking = subprocess.run([*plan, "b.pdf"], cwd=folder, capture_output=True, text=True, env={"PATH": "/nowhere"})
+    assert lacking.returncode == 4 and lacking.stderr.count("\n") == 1 and "apt install chromium" in lacking.stderr
+    assert not (folder / "b.pdf").exists() and not (folder / "printed.html").exists()
+    alone = subprocess.run([PROGRAM, "plan", "rig/lab.toml", "--pdf", "c.pdf"], cwd=folder, capture_output=True, text=True)
+    assert alone.returncode == 2 and "--report" in alone.stderr
+
+
 def saved(browser, figure, kind):
     """What a click on a button beneath a figure would save: its name, and its text or the size of its picture."""
     return browser.run("""(async function () {
