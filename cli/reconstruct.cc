@@ -17,6 +17,7 @@
 #include "base/progress.h"
 #include "base/table.h"
 #include "base/text.h"
+#include "cli/reconstruct_health.h"
 #include "cli/reconstruct_page.h"
 #include "cli/verb.h"
 #include "correlate/align/align.h"
@@ -40,6 +41,7 @@ using nlohmann::ordered_json;
 struct Settings {
   std::string trial, rig, output, picture, report, start, events;
   bool smooth = false;
+  bool correct = false;
   std::optional<double> event_sigma;  // [s]; none: the interval between samples of a mark
   double max_speed = 0.0;             // [m/s]; 0: derived
   std::size_t workers = 0;
@@ -222,11 +224,12 @@ ReconstructPageInput PageOf(const Settings& s, const data::Rig& rig,
 // Says what came out of it; the exit code.
 int Conclude(const Common& common, const Settings& s, const data::Rig& rig,
              const measure::Reconstructor& reconstructor, const measure::SigmaSummary& sigmas,
-             const measure::SmoothReport& smoothing, double seconds) {
+             const measure::SmoothReport& smoothing, const data::TrialHealth& health,
+             double seconds) {
   const measure::ReconstructSummary& done = reconstructor.summary();
   ordered_json summary = Summarize(s, rig, reconstructor.layout(), done, smoothing);
   const std::vector<std::string> lost = done.LostMarks();
-  std::string text;
+  std::string text = HealthText(health, &summary);
   for (const std::string& mark : lost) text += "not usable: " + mark + "\n";
   if (!lost.empty()) summary["lost_marks"] = lost;
   text +=
@@ -248,8 +251,41 @@ int Conclude(const Common& common, const Settings& s, const data::Rig& rig,
   return lost.empty() ? kExitGood : NotUsable(s.trial, lost.front());
 }
 
-int ReconstructVerb(const Common& common, const Settings& s) {
+// One reading of the record, with what is known of its cameras by then.
+struct Pass {
+  std::unique_ptr<measure::Reconstructor> reconstructor;
+  std::optional<TracksDigest> digest;
+  measure::SigmaSummary sigmas;
+  data::Tracks all;  // only to be smoothed: otherwise nothing is kept
+  std::optional<data::TracksWriter> writer;
+};
+
+// `picture`, when not null, is drawn.
+void Run(const Common& common, const Settings& s, const measure::TrialRecord& trial,
+         const data::Provenance& provenance, measure::StreakPicture* picture, Pass* pass) {
   constexpr std::size_t kBlock = 512;  // lines held at once
+  measure::Reconstructor& reconstructor = *pass->reconstructor;
+  pass->all = reconstructor.layout();
+  pass->digest.emplace(reconstructor.layout(), trial.start(), trial.duration(), trial.size());
+  if (!s.smooth) pass->writer.emplace(s.output, reconstructor.layout(), provenance);
+  Progress progress("reconstruct", !common.quiet && !common.json);
+  data::TrialBlock block;
+  data::Tracks tracks;
+  for (std::size_t first = 0; first < trial.size(); first += kBlock) {
+    const std::size_t count = std::min(kBlock, trial.size() - first);
+    trial.Process(first, count, &reconstructor, &block, &tracks);
+    if (s.smooth) measure::AppendTracks(tracks, &pass->all);
+    if (!s.smooth) {
+      pass->writer->Append(tracks);
+      pass->sigmas.Add(tracks);
+      if (!s.report.empty()) pass->digest->Add(tracks, reconstructor.residuals());
+    }
+    if (picture != nullptr) picture->Add(block);
+    progress.Update(static_cast<double>(first + count) / static_cast<double>(trial.size()));
+  }
+}
+
+int ReconstructVerb(const Common& common, const Settings& s) {
   const auto start = std::chrono::steady_clock::now();
   const measure::TrialRecord trial(s.trial);
   if (!s.picture.empty() && trial.lines() == nullptr) {
@@ -257,49 +293,39 @@ int ReconstructVerb(const Common& common, const Settings& s) {
   }
   const data::Rig rig = data::ReadRig(s.rig);
   data::Provenance provenance = StartProvenance(common);
-  const measure::ReconstructOptions options = OptionsOf(s, &provenance);
-  const std::unique_ptr<measure::Reconstructor> opened = trial.Open(rig, s.rig, options);
-  measure::Reconstructor& reconstructor = *opened;
+  measure::ReconstructOptions options = OptionsOf(s, &provenance);
   std::optional<measure::StreakPicture> picture;
-  if (!s.picture.empty()) picture.emplace(trial.lines()->header(), trial.size());
-  measure::SigmaSummary sigmas;
+  measure::HealthLoop loop(s.correct);
+  Pass pass;
+  do {
+    pass.writer.reset();
+    pass.sigmas = {};
+    pass.reconstructor = trial.Open(rig, s.rig, options);
+    const bool draw = !s.picture.empty() && !picture;  // the lines as they were recorded
+    if (draw) picture.emplace(trial.lines()->header(), trial.size());
+    Run(common, s, trial, provenance, draw ? &*picture : nullptr, &pass);
+  } while (loop.Again(*pass.reconstructor, &options));
+  const data::TrialHealth health = measure::RecordOf(loop.report(), pass.all.cameras, s.correct);
   measure::SmoothReport smoothing;
-  TracksDigest digest(reconstructor.layout(), trial.start(), trial.duration(), trial.size());
-  {
-    std::optional<data::TracksWriter> writer;
-    data::Tracks all = reconstructor.layout();  // only to be smoothed: otherwise nothing is kept
-    if (!s.smooth) writer.emplace(s.output, reconstructor.layout(), provenance);
-    Progress progress("reconstruct", !common.quiet && !common.json);
-    data::TrialBlock block;
-    data::Tracks tracks;
-    for (std::size_t first = 0; first < trial.size(); first += kBlock) {
-      const std::size_t count = std::min(kBlock, trial.size() - first);
-      trial.Process(first, count, &reconstructor, &block, &tracks);
-      if (writer) writer->Append(tracks);
-      if (s.smooth) measure::AppendTracks(tracks, &all);
-      if (!s.smooth) sigmas.Add(tracks);
-      if (!s.smooth && !s.report.empty()) digest.Add(tracks, reconstructor.residuals());
-      if (picture) picture->Add(block);
-      progress.Update(static_cast<double>(first + count) / static_cast<double>(trial.size()));
-    }
-    if (s.smooth) {
-      all = SmoothAll(s, std::move(all), &smoothing);
-      sigmas.Add(all);
-      digest.Add(all, {});
-      writer.emplace(s.output, all, provenance);
-      writer->Append(all);
-    }
-    if (picture) picture->Write(s.picture);  // first: if it cannot be written, nothing is left
-    if (!s.report.empty()) {
-      ReconstructPageInput page = PageOf(s, rig, reconstructor, digest, sigmas);
-      if (s.smooth) page.smoothing = &smoothing;
-      WriteReconstructPage(s.report, page, provenance);
-    }
-    writer->Commit();
+  if (s.smooth) {
+    pass.all = SmoothAll(s, std::move(pass.all), &smoothing);
+    pass.sigmas.Add(pass.all);
+    pass.digest->Add(pass.all, {});
+    pass.writer.emplace(s.output, pass.all, provenance);
+    pass.writer->Append(pass.all);
   }
+  pass.writer->Add(health);
+  if (picture) picture->Write(s.picture);  // first: if it cannot be written, nothing is left
+  if (!s.report.empty()) {
+    ReconstructPageInput page = PageOf(s, rig, *pass.reconstructor, *pass.digest, pass.sigmas);
+    page.health = &health;
+    if (s.smooth) page.smoothing = &smoothing;
+    WriteReconstructPage(s.report, page, provenance);
+  }
+  pass.writer->Commit();
   const double seconds =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  return Conclude(common, s, rig, reconstructor, sigmas, smoothing, seconds);
+  return Conclude(common, s, rig, *pass.reconstructor, pass.sigmas, smoothing, health, seconds);
 }
 
 }  // namespace
@@ -336,6 +362,10 @@ Verb AddReconstruct(CLI::App& program, Common& common) {
   app->add_option(
       "--event-sigma", s->event_sigma,
       "Standard deviation of these times [s]; default: the interval between samples of a mark");
+  app->add_flag(
+      "--correct", s->correct,
+      "Put the readings of cameras right that moved, drifted or are late, as far as three "
+      "others vouch for it, instead of leaving those cameras out while they are wrong");
   app->add_option("--workers", s->workers, "Threads; 0: all cores");
   verb.run = [&common, s] { return ReconstructVerb(common, *s); };
   return verb;

@@ -8,6 +8,7 @@
 #include "base/length.h"
 #include "base/text.h"
 #include "cli/motion_panel.h"
+#include "cli/reconstruct_health.h"
 #include "cli/residual_views.h"
 #include "cli/space_panel.h"
 #include "report/page.h"
@@ -55,7 +56,11 @@ void AddVerdict(const ReconstructPageInput& in, report::Page* page) {
                         : usable >= 80.0           ? report::Level::kCare
                                                    : report::Level::kBad;
   std::vector<std::string> details = s.LostMarks();
-  if (!details.empty()) level = report::Level::kBad;
+  if (in.health != nullptr && !in.health->words.empty()) {
+    level = std::max(level, report::Level::kCare);
+    details.insert(details.end(), in.health->words.begin(), in.health->words.end());
+  }
+  if (!s.LostMarks().empty()) level = report::Level::kBad;
   if (!rig_good) {
     details.push_back(fmt::format("The rig's own verdict is \"{}\".", in.rig->verdict));
   }
@@ -378,6 +383,7 @@ void WriteReconstructPage(const std::string& path, const ReconstructPageInput& i
   AddTracks(input, &page);
   AddViews(input, &page);
   AddStatuses(input, &page);
+  if (input.health != nullptr) AddHealth(*input.health, &page);
   AddResiduals(input, &page);
   AddSmoothing(input, &page);
   page.AddOrigin(provenance);

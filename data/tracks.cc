@@ -11,6 +11,7 @@
 #include "data/atomic_file.h"
 #include "data/csv.h"
 #include "data/h5.h"
+#include "data/trial_health.h"
 
 namespace unfurl::data {
 
@@ -143,6 +144,8 @@ void TracksWriter::Append(const Tracks& block) {
   }
   impl_->shared.Append(std::span<const float>(rows));
 }
+
+void TracksWriter::Add(const TrialHealth& health) { WriteTrialHealth(health, &impl_->file); }
 
 void TracksWriter::Commit() { impl_->file.Commit(); }
 

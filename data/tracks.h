@@ -10,6 +10,8 @@
 
 namespace unfurl::data {
 
+struct TrialHealth;
+
 // Where each sample of a track stands; the reason is the word itself.
 enum class SampleStatus : std::int32_t {
   kGood = 0,             // four readings that agree
@@ -79,6 +81,8 @@ class TracksWriter {
   ~TracksWriter();
   // Samples go on where the last block ended, in order of time. Throws Error when the disk is full.
   void Append(const Tracks& block);
+  // What the trial said of its cameras. Once at most.
+  void Add(const TrialHealth& health);
   // Gives the file its name. Call once, last.
   void Commit();
 

@@ -13,6 +13,7 @@
 #include "base/text.h"
 #include "base/worker_pool.h"
 #include "data/lab.h"
+#include "measure/reconstruct_correct.h"
 
 namespace unfurl::measure {
 
@@ -60,7 +61,7 @@ Reconstructor::Reconstructor(const data::TrialReader& trial, const data::Rig& ri
   data::TrialBlock block;
   Begin(trial.path(), trial.size(),
         [&](std::size_t first, std::size_t count, std::vector<Seen>* seen) {
-          trial.Read(first, count, &block);
+          ReadLines(trial, options_.corrections, first, count, &block);
           FindSpots(block, slots_, false, seen);
           return Lines{block.t, block.slot};
         });
@@ -75,8 +76,10 @@ void Reconstructor::Begin(const std::string& path, std::size_t lines, const Look
   summary_.readings.resize(cameras);
   summary_.left_out.resize(cameras);
   last_line_ = lines;
+  evidence_ = HealthEvidence(cameras, lines);
+  readings_.resize(cameras);
   tracking_ = LookAhead(lines, look);
-  layout_.shared_rank = triangulator_.shared_rank();
+  layout_.shared_rank = triangulator_.shared_rank() + CorrectionDirections(options_.corrections);
   tracker_.emplace(triangulator_, layout_.marks.size(), tracking_);
   const double start_sigma =
       options_.start_sigma > 0.0 ? options_.start_sigma : kStartShare * triangulator_.size();
@@ -139,6 +142,7 @@ void Reconstructor::FindSpots(const data::TrialBlock& block, std::span<const Slo
       for (std::size_t k = 0; k < count; ++k) {
         if (!Resolved(spots[k])) continue;
         if (alone && spots[k].flux < options_.least_share * spots[0].flux) continue;
+        if (here.count == 0) here.flux = static_cast<float>(spots[k].flux);
         here.spots[here.count++] = {spots[k].u_px, spots[k].s_px};
       }
     }
@@ -162,11 +166,12 @@ void Reconstructor::Follow(const Lines& lines, data::Tracks* tracks) {
   lines_decided_ = 0;
   for (std::size_t i = 0; i < lines.t.size(); ++i) {
     const Slot& slot = slots_[static_cast<std::size_t>(lines.slot[i])];
+    const std::span<Seen> seen(&seen_[i * cameras], cameras);
+    Correct(lines.t[i], next_line_ + i, slot, seen);
     if (slot.marks.empty()) {
       ++summary_.dark_lines;
       continue;
     }
-    const std::span<const Seen> seen(&seen_[i * cameras], cameras);
     for (std::size_t c = 0; c < cameras; ++c) {
       for (std::size_t bit = 0; bit < kSpotFlags; ++bit) {
         summary_.flags[c][bit] += seen[c].flags >> bit & 1U;
@@ -215,9 +220,14 @@ void Reconstructor::HandOut(data::Tracks* tracks) {
   std::vector<double> residual(cameras);
   std::size_t sample = 0;
   for (std::size_t i = 0; i < lines_decided_; ++i) {
-    const TrackedLine& line = decided_[i];
+    TrackedLine& line = decided_[i];
+    const bool doubtful = Doubtful(line.t);
     for (std::size_t m = 0; m < line.lit.size(); ++m, ++sample) {
-      const TrackedPoint& mine = line.points[m];
+      TrackedPoint& mine = line.points[m];
+      if (doubtful && mine.point.outcome == PointOutcome::kSolved) {
+        mine.status = data::SampleStatus::kUnsolvable;
+        mine.point.outcome = PointOutcome::kDisagree;
+      }
       const auto mark = static_cast<std::size_t>(line.lit[m]);
       tracks->t[sample] = line.t;
       tracks->mark[sample] = line.lit[m];
@@ -241,7 +251,9 @@ void Reconstructor::HandOut(data::Tracks* tracks) {
       if (rank > 0) {
         Eigen::Matrix3d rest;
         auto F = tracks->shared.middleCols(col * rank, rank);
-        triangulator_.SharedFactor(mine.point, mine.s_px, F, &rest);
+        triangulator_.SharedFactor(mine.point, mine.s_px, F.leftCols(triangulator_.shared_rank()),
+                                   &rest);
+        AddCorrectionErrors(line, mine, F.rightCols(rank - triangulator_.shared_rank()));
         C += rest;
         const double lost = rest.trace();
         if (lost > 0.0) {

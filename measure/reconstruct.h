@@ -3,6 +3,7 @@
 #include <array>
 #include <functional>
 #include <map>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
@@ -13,6 +14,8 @@
 #include "data/trial.h"
 #include "data/trial_readings.h"
 #include "measure/background.h"
+#include "measure/correction.h"
+#include "measure/health.h"
 #include "measure/mark_tracker.h"
 #include "measure/spot.h"
 #include "measure/triangulate.h"
@@ -35,6 +38,9 @@ struct ReconstructOptions {
   // Where one mark is lit, spots fainter than this share of the line's brightest are not its own:
   // faint reflections, what the sensor kept of the line before [-].
   double least_share = 0.1;
+  // What is known of cameras that moved, drifted or are late, in the order in which it was found.
+  std::vector<Correction> corrections;
+  HealthOptions health{};
   std::size_t workers = 0;  // 0: all cores; the result does not depend on it
   // Called with what is done, 0 to 1, by Reconstruct.
   std::function<void(double)> progress;
@@ -102,6 +108,10 @@ class Reconstructor {
   std::span<const float> residuals() const { return residuals_; }
 
   const ReconstructSummary& summary() const { return summary_; }  // so far
+  // What the cameras read, whatever became of it, with `corrections` taken out.
+  const HealthEvidence& evidence() const { return evidence_; }
+  const Triangulator& triangulator() const { return triangulator_; }
+  const ReconstructOptions& options() const { return options_; }
 
  private:
   struct Slot {
@@ -112,6 +122,7 @@ class Reconstructor {
     std::uint8_t count = 0;
     std::uint8_t flags = 0;
     float width_px = 0.0F;  // of the brightest [px]
+    float flux = 0.0F;      // of the first of `spots` [count]
     std::array<Candidate, Associator::kMostCandidates> spots;
   };
 
@@ -140,6 +151,12 @@ class Reconstructor {
   void FindSpots(const data::TrialBlock& block, std::span<const Slot> slots, bool learn,
                  std::vector<Seen>* seen);
   void Candidates(std::span<const Seen> seen, std::vector<std::span<const Candidate>>* out) const;
+  // Takes the corrections out of a line's spots, and keeps them as evidence.
+  void Correct(double t, std::size_t line, const Slot& slot, std::span<Seen> seen);
+  bool Doubtful(double t) const;
+  // How the corrections' errors move a sample, behind the calibration's directions.
+  void AddCorrectionErrors(const TrackedLine& line, const TrackedPoint& mine,
+                           Eigen::Ref<Eigen::Matrix3Xd> F) const;
   void Collect();
   void HandOut(data::Tracks* tracks);
 
@@ -155,7 +172,9 @@ class Reconstructor {
   std::vector<Background> backgrounds_;  // by camera
   std::vector<SpotFinder> finders_;
   std::optional<MarkTracker> tracker_;
-  std::vector<Seen> seen_;            // line x camera, of the block
+  std::vector<Seen> seen_;  // line x camera, of the block
+  HealthEvidence evidence_;
+  std::vector<HealthEvidence::Reading> readings_;  // of one line, by camera
   std::vector<TrackedLine> decided_;  // the first `lines_decided_` are to be handed out
   std::size_t lines_decided_ = 0;
   std::vector<float> residuals_;  // samples x cameras, NaN where none [px]
@@ -167,19 +186,41 @@ class Reconstructor {
 void AppendTracks(const data::Tracks& block, data::Tracks* all);
 void TrimTracks(data::Tracks* all);
 
-// A record in blocks, each by `process(first, count, tracks)`, its samples collected; Ctrl-C is
-// heeded between blocks.
-data::Tracks ReconstructBlocks(
-    Reconstructor* reconstructor, std::size_t size, const ReconstructOptions& options,
-    const std::function<void(std::size_t, std::size_t, data::Tracks*)>& process,
-    ReconstructSummary* summary);
-// The whole of a trial in one call.
+// Lines [first, first + count) with the cameras that are late, by `corrections`, put in step.
+void ReadLines(const data::TrialReader& trial, std::span<const Correction> corrections,
+               std::size_t first, std::size_t count, data::TrialBlock* block);
+
+// Reads a record again as long as it shows faults that are not taken out yet.
+class HealthLoop {
+ public:
+  // `correct`: readings are put right; otherwise cameras are left out while they are wrong.
+  explicit HealthLoop(bool correct) : correct_(correct) {}
+  // After a whole pass: whether another one is needed, with what `options` then says.
+  bool Again(const Reconstructor& pass, ReconstructOptions* options);
+  const HealthReport& report() const { return report_; }
+
+ private:
+  bool correct_;
+  int passes_ = 0;
+  HealthReport report_;
+};
+
+// The whole of a trial in one call; Ctrl-C is heeded between blocks. `health`, when not null, gets
+// what the trial says of its cameras. A camera that is wrong is left out while it is, or put right
+// with `correct`.
 data::Tracks Reconstruct(const data::TrialReader& trial, const data::Rig& rig,
                          const ReconstructOptions& options = {},
-                         ReconstructSummary* summary = nullptr);
-
+                         ReconstructSummary* summary = nullptr, bool correct = false,
+                         HealthReport* health = nullptr);
 data::Tracks Reconstruct(const data::TrialReadings& readings, const data::Rig& rig,
                          const ReconstructOptions& options = {},
-                         ReconstructSummary* summary = nullptr);
+                         ReconstructSummary* summary = nullptr, bool correct = false,
+                         HealthReport* health = nullptr);
+// The same of any record: `open` begins a pass, `process(first, count, pass, tracks)` does a block.
+using OpenPass = std::function<std::unique_ptr<Reconstructor>(const ReconstructOptions&)>;
+using ProcessBlock = std::function<void(std::size_t, std::size_t, Reconstructor*, data::Tracks*)>;
+data::Tracks ReconstructPasses(const OpenPass& open, const ProcessBlock& process, std::size_t size,
+                               const ReconstructOptions& options, ReconstructSummary* summary,
+                               bool correct, HealthReport* health);
 
 }  // namespace unfurl::measure

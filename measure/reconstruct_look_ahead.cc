@@ -23,7 +23,7 @@ void Reconstructor::PrimeBackgrounds(const data::TrialReader& trial) {
   std::vector<double> last(layout_.marks.size(), kNone), intervals;
   while (primed_ < trial.size() && (primed_ == 0 || backgrounds_[0].empty())) {
     const std::size_t count = std::min(kPrimeLines, trial.size() - primed_);
-    trial.Read(primed_, count, &block);
+    ReadLines(trial, options_.corrections, primed_, count, &block);
     primed_ += count;
     FindInterval({block.t, block.slot}, &last, &intervals);
     for (std::size_t i = 0; i < block.size(); ++i) {

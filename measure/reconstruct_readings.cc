@@ -82,8 +82,17 @@ void Reconstructor::FillSpots(const data::TrialReadings& readings, std::size_t f
   for (std::size_t i = 0; i < count; ++i) {
     for (std::size_t c = 0; c < cameras; ++c) {
       if (column_[c] < 0) continue;
-      const auto u = readings.Readings(first + i, static_cast<std::size_t>(column_[c]));
-      const auto s = readings.Sigmas(first + i, static_cast<std::size_t>(column_[c]));
+      auto from = static_cast<std::ptrdiff_t>(first + i);
+      for (const Correction& correction : options_.corrections) {
+        if (correction.camera != static_cast<int>(c) || !correction.Holds(readings.t[first + i])) {
+          continue;
+        }
+        from += correction.lag;
+      }
+      if (from < 0 || from >= static_cast<std::ptrdiff_t>(readings.size())) continue;
+      const auto flash = static_cast<std::size_t>(from);
+      const auto u = readings.Readings(flash, static_cast<std::size_t>(column_[c]));
+      const auto s = readings.Sigmas(flash, static_cast<std::size_t>(column_[c]));
       Seen& here = (*seen)[i * cameras + c];
       for (std::size_t k = 0; k < u.size() && !std::isnan(u[k]); ++k) {
         here.spots[here.count++] = {u[k], s[k]};

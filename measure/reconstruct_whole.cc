@@ -38,44 +38,58 @@ void TrimTracks(data::Tracks* all) {
   all->shared.conservativeResize(3, n * all->shared_rank);
 }
 
-data::Tracks ReconstructBlocks(
-    Reconstructor* reconstructor, std::size_t size, const ReconstructOptions& options,
-    const std::function<void(std::size_t, std::size_t, data::Tracks*)>& process,
-    ReconstructSummary* summary) {
+data::Tracks ReconstructPasses(const OpenPass& open, const ProcessBlock& process, std::size_t size,
+                               const ReconstructOptions& options, ReconstructSummary* summary,
+                               bool correct, HealthReport* health) {
   constexpr std::size_t kBlock = 512;  // lines held at once
-  data::Tracks all = reconstructor->layout(), tracks;
-  for (std::size_t first = 0; first < size; first += kBlock) {
-    ThrowIfInterrupted();
-    const std::size_t count = std::min(kBlock, size - first);
-    process(first, count, &tracks);
-    AppendTracks(tracks, &all);
-    if (options.progress) {
-      options.progress(static_cast<double>(first + count) / static_cast<double>(size));
+  ReconstructOptions now = options;
+  HealthLoop loop(correct);
+  for (;;) {
+    const std::unique_ptr<Reconstructor> pass = open(now);
+    data::Tracks all = pass->layout(), tracks;
+    for (std::size_t first = 0; first < size; first += kBlock) {
+      ThrowIfInterrupted();
+      const std::size_t count = std::min(kBlock, size - first);
+      process(first, count, pass.get(), &tracks);
+      AppendTracks(tracks, &all);
+      if (options.progress) {
+        options.progress(static_cast<double>(first + count) / static_cast<double>(size));
+      }
     }
+    if (loop.Again(*pass, &now)) continue;
+    TrimTracks(&all);
+    if (summary != nullptr) *summary = pass->summary();
+    if (health != nullptr) *health = loop.report();
+    return all;
   }
-  TrimTracks(&all);
-  if (summary != nullptr) *summary = reconstructor->summary();
-  return all;
 }
 
 data::Tracks Reconstruct(const data::TrialReader& trial, const data::Rig& rig,
-                         const ReconstructOptions& options, ReconstructSummary* summary) {
-  Reconstructor reconstructor(trial, rig, "the rig", options);
+                         const ReconstructOptions& options, ReconstructSummary* summary,
+                         bool correct, HealthReport* health) {
   data::TrialBlock block;
-  const auto process = [&](std::size_t first, std::size_t count, data::Tracks* tracks) {
-    trial.Read(first, count, &block);
-    reconstructor.Process(block, tracks);
-  };
-  return ReconstructBlocks(&reconstructor, trial.size(), options, process, summary);
+  return ReconstructPasses(
+      [&](const ReconstructOptions& now) {
+        return std::make_unique<Reconstructor>(trial, rig, "the rig", now);
+      },
+      [&](std::size_t first, std::size_t count, Reconstructor* pass, data::Tracks* tracks) {
+        ReadLines(trial, pass->options().corrections, first, count, &block);
+        pass->Process(block, tracks);
+      },
+      trial.size(), options, summary, correct, health);
 }
 
 data::Tracks Reconstruct(const data::TrialReadings& readings, const data::Rig& rig,
-                         const ReconstructOptions& options, ReconstructSummary* summary) {
-  Reconstructor reconstructor(readings, rig, "the rig", options);
-  const auto process = [&](std::size_t first, std::size_t count, data::Tracks* tracks) {
-    reconstructor.Process(readings, first, count, tracks);
-  };
-  return ReconstructBlocks(&reconstructor, readings.size(), options, process, summary);
+                         const ReconstructOptions& options, ReconstructSummary* summary,
+                         bool correct, HealthReport* health) {
+  return ReconstructPasses(
+      [&](const ReconstructOptions& now) {
+        return std::make_unique<Reconstructor>(readings, rig, "the rig", now);
+      },
+      [&](std::size_t first, std::size_t count, Reconstructor* pass, data::Tracks* tracks) {
+        pass->Process(readings, first, count, tracks);
+      },
+      readings.size(), options, summary, correct, health);
 }
 
 }  // namespace unfurl::measure

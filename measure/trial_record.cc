@@ -35,20 +35,20 @@ void TrialRecord::Process(std::size_t first, std::size_t count, Reconstructor* r
     reconstructor->Process(*readings_, first, count, tracks);
     return;
   }
-  lines_->Read(first, count, block);
+  ReadLines(*lines_, reconstructor->options().corrections, first, count, block);
   reconstructor->Process(*block, tracks);
 }
 
 data::Tracks Reconstruct(const TrialRecord& record, const data::Rig& rig,
-                         const ReconstructOptions& options, ReconstructSummary* summary) {
-  const std::unique_ptr<Reconstructor> reconstructor = record.Open(rig, "the rig", options);
+                         const ReconstructOptions& options, ReconstructSummary* summary,
+                         bool correct, HealthReport* health) {
   data::TrialBlock block;
-  return ReconstructBlocks(
-      reconstructor.get(), record.size(), options,
-      [&](std::size_t first, std::size_t count, data::Tracks* tracks) {
-        record.Process(first, count, reconstructor.get(), &block, tracks);
+  return ReconstructPasses(
+      [&](const ReconstructOptions& now) { return record.Open(rig, "the rig", now); },
+      [&](std::size_t first, std::size_t count, Reconstructor* pass, data::Tracks* tracks) {
+        record.Process(first, count, pass, &block, tracks);
       },
-      summary);
+      record.size(), options, summary, correct, health);
 }
 
 }  // namespace unfurl::measure

@@ -38,9 +38,10 @@ class TrialRecord {
   std::optional<data::TrialReadings> readings_;
 };
 
-/// The whole record in one call; Ctrl-C is heeded between blocks.
+/// The whole record in one call, as that of lines or readings.
 data::Tracks Reconstruct(const TrialRecord& record, const data::Rig& rig,
                          const ReconstructOptions& options = {},
-                         ReconstructSummary* summary = nullptr);
+                         ReconstructSummary* summary = nullptr, bool correct = false,
+                         HealthReport* health = nullptr);
 
 }  // namespace unfurl::measure

@@ -97,6 +97,8 @@ class Triangulator {
   // as in Solve. `rest`, when not null, gets the covariance of what the reduction left out: with it
   // the point's own covariance is whole, and only its correlation with other points is cut [m^2].
   int shared_rank() const { return static_cast<int>(rank_); }
+  // Covariance of the rig's parameters = factor factor^T, 31 c x r; empty: it is known exactly.
+  const Eigen::MatrixXd& rig_factor() const { return whole_; }
   void SharedFactor(const PointSolution& point, std::span<const double> s_px,
                     Eigen::Ref<Eigen::Matrix3Xd> F, Eigen::Matrix3d* rest = nullptr) const;
   // The directions of the rig's uncertainty that move these points (solved ones), strongest first,

@@ -32,6 +32,7 @@ void BindTracks(py::module_& m);
 void BindRun(py::module_& m);
 void BindOptics(py::module_& m);       // survey, rig, lab, trial
 void BindCalibration(py::module_& m);  // calibrate, check, plan
+void BindHealth(py::module_& m);
 void BindMeasure(py::module_& m);      // expose, reconstruct, smooth
 void BindSim(py::module_& m);
 void BindCompare(py::module_& m);

@@ -60,6 +60,7 @@ PYBIND11_MODULE(_core, m) {
   BindRun(m);
   BindOptics(m);
   BindCalibration(m);
+  BindHealth(m);
   BindMeasure(m);
   BindSim(m);
   BindCompare(m);

@@ -36,6 +36,7 @@
 #include "data/trial.h"
 #include "measure/expose.h"
 #include "measure/reconstruct.h"
+#include "measure/trial_record.h"
 #include "sim/implicit/find_modes.h"
 #include "sim/methods/simulate.h"
 #include "sim/record/record.h"

@@ -5,9 +5,11 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "data/survey.h"
 #include "data/tracks.h"
+#include "data/trial_health.h"
 #include "tests/cli/program.h"
 
 namespace unfurl::cli {
@@ -17,13 +19,19 @@ using ::testing::HasSubstr;
 
 class ReadingsVerb : public ProgramTest {
  protected:
-  static constexpr int kPlaces = 60;
-  static double X(int i) { return -0.5 + 0.01 * i; }
+  static constexpr int kPlaces = 150;
+  static Eigen::Vector3d Place(int i) {
+    return {-0.7 + 0.01 * i, 0.6 * std::sin(0.08 * i), 0.5 * std::cos(0.05 * i)};
+  }
 
-  // readings.csv of a mark that goes along x through glass and sensors of the shipped laboratory.
+  // readings.csv of a mark that winds through the volume, seen through glass and sensors of the
+  // shipped laboratory.
   void Record() const {
     std::string places = "id,x [m],y [m],z [m]\n";
-    for (int i = 0; i < kPlaces; ++i) places += fmt::format("{},{},0.1,0.2\n", i, X(i));
+    for (int i = 0; i < kPlaces; ++i) {
+      const Eigen::Vector3d p = Place(i);
+      places += fmt::format("{},{},{},{}\n", i, p.x(), p.y(), p.z());
+    }
     Put("places.csv", places);
     ASSERT_EQ(Run({"expose", "--survey", "places.csv", "--lab", Shipped("lab.toml"), "-o",
                    "lines.h5", "--quiet"})
@@ -35,7 +43,7 @@ class ReadingsVerb : public ProgramTest {
     for (int i = 0; i < kPlaces; ++i) {
       for (std::size_t c = 0; c < survey.cameras.size(); ++c) {
         const auto at = static_cast<Eigen::Index>(c);
-        readings += fmt::format("{},tip,{},{},{}\n", 0.01 * i, survey.cameras[c],
+        readings += fmt::format("{},tip,{},{},{}\n", 0.02 * i, survey.cameras[c],
                                 survey.u_px(i, at), survey.s_px(i, at));
       }
     }
@@ -57,9 +65,50 @@ TEST_F(ReadingsVerb, BecomeTracksThatAreWhereTheMarkWas) {
   ASSERT_EQ(tracks.size(), std::size_t{kPlaces});
   for (int i = 0; i < kPlaces; ++i) {
     // Five of its sigmas of 0.06 mm an axis, readings and calibration.
-    EXPECT_LT((tracks.p.col(i) - Eigen::Vector3d(X(i), 0.1, 0.2)).norm(), 5 * 1.8 * 0.06e-3) << i;
+    EXPECT_LT((tracks.p.col(i) - Place(i)).norm(), 5 * 1.8 * 0.06e-3) << i;
   }
   EXPECT_THAT(Run({"info", "tracks.h5"}).out, HasSubstr("readings.csv"));
+}
+
+// A camera that moved by 1 px before the trial: named first, left out, or put right.
+TEST_F(ReadingsVerb, AMovedCameraIsSaidFirst) {
+  Record();
+  std::istringstream rows(Get("readings.csv"));
+  std::string moved, row;
+  while (std::getline(rows, row)) {
+    const std::string name = ",north_west,";
+    const std::size_t at = row.find(name);
+    if (at != std::string::npos) {
+      const std::size_t from = at + name.size(), to = row.find(',', from);
+      row = row.substr(0, from) + fmt::format("{}", std::stod(row.substr(from)) + 1.0) +
+            row.substr(to);
+    }
+    moved += row + "\n";
+  }
+  Put("moved.csv", moved);
+  for (const bool correct : {false, true}) {
+    std::vector<std::string> command = {"reconstruct", "moved.csv", "--rig",    Shipped("rig.h5"),
+                                        "-o",          "tracks.h5", "--report", "page.html"};
+    if (correct) command.push_back("--correct");
+    const Outcome text = Run(command);
+    ASSERT_EQ(text.code, 0) << text.out << text.err;
+    EXPECT_EQ(text.out.find("camera "), 0U) << text.out;
+    EXPECT_THAT(text.out, HasSubstr("moved by"));
+    const data::TrialHealth health = data::ReadTrialHealth((folder_ / "tracks.h5").string());
+    ASSERT_EQ(health.words.size(), 1U);
+    EXPECT_EQ(health.corrected, correct);
+    EXPECT_EQ(health.cameras[static_cast<std::size_t>(health.camera[0])], "north_west");
+    EXPECT_NEAR(health.size[0], 1.0, 0.1);
+    EXPECT_FALSE(std::isfinite(health.from[0]));
+    EXPECT_EQ(health.offset_px.rows(), static_cast<Eigen::Index>(health.t.size()));
+    EXPECT_THAT(Get("page.html"), HasSubstr(health.words[0]));
+    command.push_back("--json");
+    const auto json = nlohmann::json::parse(Run(command).out);
+    EXPECT_EQ(json["health"]["faults"][0]["camera"], "north_west");
+    EXPECT_EQ(json["health"]["faults"][0]["words"], health.words[0]);
+    EXPECT_EQ(json["health"]["faults"][0]["certain"], true);
+    EXPECT_EQ(json["usable"], kPlaces);
+  }
 }
 
 TEST_F(ReadingsVerb, WhatIsNoReadingIsRefused) {
@@ -75,14 +124,14 @@ TEST_F(ReadingsVerb, WhatIsNoReadingIsRefused) {
   ExpectRefused(Run(with("--picture", "streaks.png")), {"readings.csv", "holds readings", "leave"},
                 files);
   const std::string good = Get("readings.csv");
-  Put("readings.csv", good + "0.7,tip,attic,5,0.1\n");
+  Put("readings.csv", good + "7.0,tip,attic,5,0.1\n");
   ExpectRefused(Run(command), {"readings.csv", "'attic'", "name its cameras as the rig does"},
                 files);
-  Put("readings.csv", good + "0.7,tip,north_east,5,-0.1\n");
+  Put("readings.csv", good + "7.0,tip,north_east,5,-0.1\n");
   ExpectRefused(Run(command), {fmt::format("readings.csv:{}:s", 4 * kPlaces + 2), "impossible"},
                 files);
-  Put("readings.csv", good + "0.7,tip,north_east,5000,0.1\n");
-  ExpectRefused(Run(command), {"readings.csv", "reads 5000 px at 0.7 s", "2160 pixels"}, files);
+  Put("readings.csv", good + "7.0,tip,north_east,5000,0.1\n");
+  ExpectRefused(Run(command), {"readings.csv", "reads 5000 px at 7 s", "2160 pixels"}, files);
 }
 
 }  // namespace

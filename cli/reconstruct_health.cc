@@ -1,0 +1,113 @@
+#include "cli/reconstruct_health.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+namespace unfurl::cli {
+
+namespace {
+
+using nlohmann::ordered_json;
+
+// What became of a fault.
+std::string Remedy(const data::TrialHealth& health, std::size_t fault) {
+  if (health.certain[fault] == 0) return "samples of that time have no position; recalibrate";
+  return health.corrected ? "taken out; recalibrate before the next trial"
+                          : "its readings are left out; recalibrate, or --correct";
+}
+
+ordered_json Finite(double value) {
+  return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
+}
+
+}  // namespace
+
+std::string HealthText(const data::TrialHealth& health, ordered_json* summary) {
+  ordered_json& json = (*summary)["health"];
+  json = {{"looked_at", health.unknown.empty()}, {"corrected", health.corrected}};
+  if (!health.unknown.empty()) json["why_not"] = health.unknown;
+  json["faults"] = ordered_json::array();
+  std::string text;
+  constexpr const char* kKinds[] = {"moved", "drifting", "late"};
+  for (std::size_t k = 0; k < health.words.size(); ++k) {
+    json["faults"].push_back(
+        {{"words", health.words[k]},
+         {"kind", kKinds[health.kind[k]]},
+         {"camera", health.cameras[static_cast<std::size_t>(health.camera[k])]},
+         {"certain", health.certain[k] != 0},
+         {"from", Finite(health.from[k])},
+         {"to", Finite(health.to[k])},
+         {"size", health.size[k]},
+         {"sigma", health.sigma[k]},
+         {"slope", health.slope[k]},
+         {"slope_sigma", health.slope_sigma[k]},
+         {"at", health.at[k]}});
+    text += fmt::format("{}: {}\n", health.words[k], Remedy(health, k));
+  }
+  if (!health.unknown.empty()) {
+    text += fmt::format("the cameras' health cannot be told: {}\n", health.unknown);
+  }
+  return text;
+}
+
+void AddHealth(const data::TrialHealth& health, report::Page* page) {
+  if (!health.unknown.empty()) {
+    page->AddSection("The cameras' health", "It cannot be told: " + health.unknown + ".");
+    return;
+  }
+  page->AddSection("The cameras' health",
+                   "Each camera against what the others predict of its readings, with their own "
+                   "faults taken out, and what its spots look like.");
+  const auto chart = [&](const char* title, const char* note, const char* name, const char* unit,
+                         const Eigen::MatrixXd& value, const Eigen::MatrixXd* sigma) {
+    constexpr double kBand = 2.0;  // sigmas
+    report::Chart out;
+    out.title = title;
+    out.note = note;
+    out.y = {name, unit, false};
+    for (std::size_t c = 0; c < health.cameras.size(); ++c) {
+      const auto j = static_cast<Eigen::Index>(c);
+      report::Series series;
+      series.name = health.cameras[c];
+      series.style = report::Style::kDots;
+      series.color = static_cast<int>(c);
+      bool any = false;
+      for (std::size_t k = 0; k < health.t.size(); ++k) {
+        const auto i = static_cast<Eigen::Index>(k);
+        series.x.push_back(health.t[k]);
+        series.y.push_back(value(i, j));
+        any = any || std::isfinite(value(i, j));
+        if (sigma != nullptr) series.half_width.push_back(kBand * (*sigma)(i, j));
+      }
+      if (any) out.series.push_back(std::move(series));
+    }
+    for (std::size_t k = 0; k < health.words.size(); ++k) {
+      if (!std::isfinite(health.from[k])) continue;
+      out.markers.push_back({0.5 * (health.from[k] + health.to[k]),
+                             health.cameras[static_cast<std::size_t>(health.camera[k])],
+                             health.camera[k]});
+    }
+    if (!out.series.empty()) page->AddTimeSeries(std::move(out));
+  };
+  chart("Offset of each camera", "Median of a slice, with a band of two standard deviations.",
+        "offset", "px", health.offset_px, &health.sigma_px);
+  chart("Brightness of the spots",
+        "Over the trial's median, mark by mark: it changes with the "
+        "marks' places, too.",
+        "gain", "1", health.gain, nullptr);
+  chart("Width of the spots", "Median of a slice; it changes with the marks' places, too.", "width",
+        "px", health.width_px, nullptr);
+  if (health.words.empty()) return;
+  report::Table table;
+  table.title = "Faults";
+  table.header = {"what is wrong", "what was done"};
+  table.text_columns = {0, 1};
+  for (std::size_t k = 0; k < health.words.size(); ++k) {
+    table.rows.push_back({health.words[k], Remedy(health, k)});
+  }
+  page->AddTable(table);
+}
+
+}  // namespace unfurl::cli

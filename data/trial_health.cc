@@ -1,0 +1,84 @@
+#include "data/trial_health.h"
+
+#include "data/h5.h"
+#include "data/tracks.h"
+
+namespace unfurl::data {
+
+void WriteTrialHealth(const TrialHealth& health, H5Writer* file) {
+  const std::vector<std::string> by = {"/health/t", "/health/cameras"};
+  file->Attribute("/health", "unknown", health.unknown);
+  file->Attribute("/health", "corrected", static_cast<std::int64_t>(health.corrected));
+  file->Write({"/health/cameras", "1", "cameras' names"}, health.cameras);
+  file->Write({"/health/t", "s", "middles of the slices of time"}, health.t);
+  file->Write({"/health/offset", "px", "readings less what the other cameras predict", by},
+              health.offset_px);
+  file->Write({"/health/sigma", "px", "standard deviation of the offset by its scatter", by},
+              health.sigma_px);
+  file->Write({"/health/gain", "1", "brightness of spots over the trial's median", by},
+              health.gain);
+  file->Write({"/health/width", "px", "width (sigma) of spots", by}, health.width_px);
+  const std::string faults = "/health/faults/";
+  if (health.words.empty()) return;
+  file->Write({faults + "words", "1", "what is wrong"}, health.words);
+  file->Write({faults + "kind", "1", "0 moved, 1 drifting, 2 late"}, health.kind);
+  file->Write({faults + "camera", "1", "index into cameras"}, health.camera);
+  file->Write({faults + "certain", "1", "0: it may be another camera"}, health.certain);
+  file->Write({faults + "from", "s", "earliest begin; -inf: before the record"}, health.from);
+  file->Write({faults + "to", "s", "latest begin"}, health.to);
+  file->Write({faults + "size", "px, lines", "offset of a move or drift, lag"}, health.size);
+  file->Write({faults + "sigma", "px, lines", "standard deviation of size"}, health.sigma);
+  file->Write({faults + "slope", "px/s", "of a drift"}, health.slope);
+  file->Write({faults + "slope_sigma", "px/s", "its standard deviation"}, health.slope_sigma);
+  file->Write({faults + "at", "s", "when a drift has its size"}, health.at);
+}
+
+TrialHealth ReadTrialHealth(const std::string& path) {
+  const H5Reader file(path, kTracksSchema, kTracksVersion);
+  TrialHealth out;
+  if (!file.Has("/health/cameras")) return out;
+  out.unknown = file.StringAttribute("/health", "unknown");
+  out.corrected = file.IntAttribute("/health", "corrected") != 0;
+  out.cameras = file.ReadStrings("/health/cameras");
+  out.t = file.ReadDoubles("/health/t", "s");
+  out.offset_px = file.ReadMatrix("/health/offset", "px");
+  out.sigma_px = file.ReadMatrix("/health/sigma", "px");
+  out.gain = file.ReadMatrix("/health/gain", "1");
+  out.width_px = file.ReadMatrix("/health/width", "px");
+  for (const Eigen::MatrixXd* one : {&out.offset_px, &out.sigma_px, &out.gain, &out.width_px}) {
+    if (one->rows() == static_cast<Eigen::Index>(out.t.size()) &&
+        one->cols() == static_cast<Eigen::Index>(out.cameras.size())) {
+      continue;
+    }
+    file.Fail("holds series of different lengths", "/health", "make the file again");
+  }
+  if (!file.Has("/health/faults")) return out;
+  const std::string faults = "/health/faults/";
+  out.words = file.ReadStrings(faults + "words");
+  out.kind = file.ReadInts(faults + "kind");
+  out.camera = file.ReadInts(faults + "camera");
+  out.certain = file.ReadInts(faults + "certain");
+  out.from = file.ReadDoubles(faults + "from", "s");
+  out.to = file.ReadDoubles(faults + "to", "s");
+  out.size = file.ReadDoubles(faults + "size");
+  out.sigma = file.ReadDoubles(faults + "sigma");
+  out.slope = file.ReadDoubles(faults + "slope", "px/s");
+  out.slope_sigma = file.ReadDoubles(faults + "slope_sigma", "px/s");
+  out.at = file.ReadDoubles(faults + "at", "s");
+  const std::size_t n = out.words.size();
+  for (const auto* one :
+       {&out.from, &out.to, &out.size, &out.sigma, &out.slope, &out.slope_sigma, &out.at}) {
+    if (one->size() != n)
+      file.Fail("holds faults of different lengths", "/health", "make it again");
+  }
+  if (out.kind.size() != n || out.camera.size() != n || out.certain.size() != n) {
+    file.Fail("holds faults of different lengths", "/health", "make it again");
+  }
+  for (const std::int32_t camera : out.camera) {
+    if (camera >= 0 && static_cast<std::size_t>(camera) < out.cameras.size()) continue;
+    file.Fail("names a camera that is not there", "/health/faults/camera", "make the file again");
+  }
+  return out;
+}
+
+}  // namespace unfurl::data

@@ -1,0 +1,122 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "data/trial_health.h"
+#include "measure/correction.h"
+#include "measure/triangulate.h"
+
+namespace unfurl::measure {
+
+/// How a trial's health is judged.
+struct HealthOptions {
+  /// Chance that a sound trial is told to have any fault [-].
+  double false_alarm = 1e-3;
+  /// Chance, by the likelihoods, that another camera is the one, above which none is named [-].
+  double doubt = 1e-3;
+  /// Lags looked for, either way [lines]: two rounds of a usual strobe.
+  int most_lag = 10;
+  /// Chance that a reading is wrong by itself (a reflection), as AssociateOptions::miss [-].
+  double wild = 0.02;
+  /// Throws Error that names a value which makes no sense.
+  void Check() const;
+};
+
+/// What is wrong with a camera.
+enum class FaultKind : std::int32_t {
+  kMoved = 0,     // its readings are off by a constant, from a moment on
+  kDrifting = 1,  // its readings move on in proportion to time
+  kLate = 2,      // its lines are others' lines of earlier
+};
+const char* Name(FaultKind kind);  ///< one word
+
+/// A fault, as the other cameras show it.
+struct Fault {
+  FaultKind kind = FaultKind::kMoved;
+  int camera = 0;             ///< the likeliest
+  std::vector<int> suspects;  ///< others that explain it nearly as well; empty: it is that camera
+  /// From when on [s]: between `earliest` and `latest`; before the first flash: -infinity.
+  double from = -std::numeric_limits<double>::infinity();
+  double earliest = from, latest = from;
+  double offset_px = 0.0;    ///< reading less what the others predict; of a drift at `at` [px]
+  double sigma_px = 0.0;     ///< its standard deviation, calibration and model errors included [px]
+  double slope = 0.0;        ///< of a drift [px/s]
+  double slope_sigma = 0.0;  ///< [px/s]
+  double at = 0.0;           ///< of a drift: the moment of `offset_px` [s]
+  int lag = 0;               ///< lines that it is late by; negative: early
+  bool certain() const { return suspects.empty(); }
+};
+
+/// One camera in a slice of time, as the others see it; NaN where nothing tells.
+struct HealthSlice {
+  double t = 0.0;          ///< middle [s]
+  double offset_px = 0.0;  ///< of its readings, lag and faults of other cameras taken out [px]
+  double sigma_px = 0.0;   ///< by the scatter within the slice [px]
+  double gain = 0.0;       ///< brightness of its spots over the trial's median, mark by mark [-]
+  double width_px = 0.0;   ///< of its spots, median [px]
+};
+
+/// What a trial says of its cameras.
+struct HealthReport {
+  std::string unknown;        ///< why nothing can be told; empty: it was looked at
+  std::vector<Fault> faults;  ///< in order of their weight
+  std::vector<std::vector<HealthSlice>> cameras;  ///< by camera and slice
+  std::size_t flashes = 0;                        ///< that were looked at
+};
+
+/// Readings of flashes of one mark, as they were found, whatever became of them; of long records
+/// every so many stretches of lines, so that memory does not grow.
+class HealthEvidence {
+ public:
+  HealthEvidence() = default;
+  HealthEvidence(std::size_t cameras, std::size_t lines);
+
+  /// One reading; NaN: none. `flux` and `width_px` 0 where nobody measured them.
+  struct Reading {
+    double u_px = std::numeric_limits<double>::quiet_NaN();
+    float s_px = 1.0F, flux = 0.0F, width_px = 0.0F;
+  };
+  /// The next line, by camera; `mark` -1 where not one mark was lit.
+  void Add(double t, int mark, std::span<const Reading> readings);
+
+  std::size_t size() const { return t_.size(); }
+  double t(std::size_t i) const { return t_[i]; }
+  int mark(std::size_t i) const { return mark_[i]; }
+  const Reading& At(std::size_t i, std::size_t c) const { return readings_[i * cameras_ + c]; }
+  /// The kept line that was recorded `lag` lines after the i-th; -1: there is none.
+  std::ptrdiff_t After(std::size_t i, int lag) const;
+  /// Takes a fault out.
+  void Correct(const Correction& correction);
+
+ private:
+  std::size_t cameras_ = 0, next_ = 0, every_ = 1;
+  std::vector<double> t_;
+  std::vector<int> mark_;
+  std::vector<std::size_t> line_;
+  std::vector<Reading> readings_;
+};
+
+/// Which cameras moved, drifted or are late. `evidence` has what `known` says taken out already.
+/// Beside any one camera three others must see a mark: of three cameras nothing is told.
+HealthReport Diagnose(const HealthEvidence& evidence, const Triangulator& triangulator,
+                      const HealthOptions& options = {});
+
+/// The report as the file of tracks keeps it.
+data::TrialHealth RecordOf(const HealthReport& report, const std::vector<std::string>& cameras,
+                           bool corrected);
+
+/// "camera north_west moved by 1.02 +- 0.03 px at 3.21 s".
+std::string Describe(const Fault& fault, std::span<const std::string> cameras);
+
+/// What takes the faults out: with `correct` the readings are put right, otherwise those cameras
+/// are left out while they are wrong. Where it cannot be told which camera it is, samples of the
+/// time lose their positions.
+std::vector<Correction> CorrectionsOf(std::span<const Fault> faults, bool correct);
+
+}  // namespace unfurl::measure

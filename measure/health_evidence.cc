@@ -1,0 +1,54 @@
+#include <algorithm>
+#include <cmath>
+
+#include "measure/health.h"
+
+namespace unfurl::measure {
+
+namespace {
+
+// Lines that are kept of a record at most: 60 s of a usual one, at 90 bytes a line of four cameras.
+constexpr std::size_t kMostLines = 1U << 16;
+constexpr std::size_t kStretch = 256;  // lines that are kept or left out together
+
+}  // namespace
+
+HealthEvidence::HealthEvidence(std::size_t cameras, std::size_t lines)
+    : cameras_(cameras), every_((lines + kMostLines - 1) / kMostLines) {
+  every_ = std::max<std::size_t>(1, every_);
+}
+
+void HealthEvidence::Add(double t, int mark, std::span<const Reading> readings) {
+  const std::size_t line = next_++;
+  if (line / kStretch % every_ != 0) return;
+  t_.push_back(t);
+  mark_.push_back(mark);
+  line_.push_back(line);
+  readings_.insert(readings_.end(), readings.begin(), readings.end());
+}
+
+std::ptrdiff_t HealthEvidence::After(std::size_t i, int lag) const {
+  const auto at = static_cast<std::ptrdiff_t>(i) + lag;
+  if (at < 0 || at >= static_cast<std::ptrdiff_t>(size())) return -1;
+  const auto line = static_cast<std::ptrdiff_t>(line_[static_cast<std::size_t>(at)]);
+  return line == static_cast<std::ptrdiff_t>(line_[i]) + lag ? at : -1;
+}
+
+void HealthEvidence::Correct(const Correction& correction) {
+  if (correction.camera < 0) return;
+  const auto c = static_cast<std::size_t>(correction.camera);
+  if (correction.lag != 0) {
+    std::vector<Reading> taken(size());
+    for (std::size_t i = 0; i < size(); ++i) {
+      const std::ptrdiff_t from =
+          correction.Holds(t_[i]) ? After(i, correction.lag) : static_cast<std::ptrdiff_t>(i);
+      if (from >= 0) taken[i] = At(static_cast<std::size_t>(from), c);
+    }
+    for (std::size_t i = 0; i < size(); ++i) readings_[i * cameras_ + c] = taken[i];
+  }
+  for (std::size_t i = 0; i < size(); ++i) {
+    if (correction.Holds(t_[i])) readings_[i * cameras_ + c].u_px -= correction.Offset(t_[i]);
+  }
+}
+
+}  // namespace unfurl::measure

@@ -1,0 +1,45 @@
+#include "data/trial_health.h"
+#include "measure/health.h"
+
+namespace unfurl::measure {
+
+data::TrialHealth RecordOf(const HealthReport& report, const std::vector<std::string>& cameras,
+                           bool corrected) {
+  data::TrialHealth out;
+  out.unknown = report.unknown;
+  out.corrected = corrected;
+  out.cameras = cameras;
+  const std::size_t slices = report.cameras.empty() ? 0 : report.cameras[0].size();
+  const auto n = static_cast<Eigen::Index>(slices), c = static_cast<Eigen::Index>(cameras.size());
+  for (Eigen::MatrixXd* one : {&out.offset_px, &out.sigma_px, &out.gain, &out.width_px}) {
+    one->resize(n, c);
+  }
+  for (Eigen::Index k = 0; k < n; ++k) {
+    for (Eigen::Index j = 0; j < c; ++j) {
+      const HealthSlice& slice =
+          report.cameras[static_cast<std::size_t>(j)][static_cast<std::size_t>(k)];
+      if (j == 0) out.t.push_back(slice.t);
+      out.offset_px(k, j) = slice.offset_px;
+      out.sigma_px(k, j) = slice.sigma_px;
+      out.gain(k, j) = slice.gain;
+      out.width_px(k, j) = slice.width_px;
+    }
+  }
+  for (const Fault& fault : report.faults) {
+    const bool late = fault.kind == FaultKind::kLate;
+    out.words.push_back(Describe(fault, cameras));
+    out.kind.push_back(static_cast<std::int32_t>(fault.kind));
+    out.camera.push_back(fault.camera);
+    out.certain.push_back(fault.certain() ? 1 : 0);
+    out.from.push_back(fault.earliest);
+    out.to.push_back(fault.latest);
+    out.size.push_back(late ? fault.lag : fault.offset_px);
+    out.sigma.push_back(late ? 0.0 : fault.sigma_px);
+    out.slope.push_back(fault.slope);
+    out.slope_sigma.push_back(fault.slope_sigma);
+    out.at.push_back(fault.at);
+  }
+  return out;
+}
+
+}  // namespace unfurl::measure

@@ -1,0 +1,133 @@
+// What is done about cameras that moved, drifted or are late, while a record is read.
+#include "measure/reconstruct_correct.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "measure/camera_model.h"
+#include "measure/reconstruct.h"
+
+namespace unfurl::measure {
+
+namespace {
+
+// Whether a line lies where the lines that a late camera's should be taken from were not recorded.
+bool BeyondTheEnds(const Correction& correction, std::size_t line, std::size_t lines) {
+  const auto from = static_cast<std::ptrdiff_t>(line) + correction.lag;
+  return correction.lag != 0 && (from < 0 || from >= static_cast<std::ptrdiff_t>(lines));
+}
+
+}  // namespace
+
+int CorrectionDirections(std::span<const Correction> corrections) {
+  int directions = 0;
+  for (const Correction& correction : corrections) {
+    directions += (correction.sigma_px > 0.0) + (correction.slope_sigma > 0.0);
+  }
+  return directions;
+}
+
+void ReadLines(const data::TrialReader& trial, std::span<const Correction> corrections,
+               std::size_t first, std::size_t count, data::TrialBlock* block) {
+  trial.Read(first, count, block);
+  const data::TrialHeader& header = trial.header();
+  data::TrialBlock other;
+  for (std::size_t c = 0; c < header.cameras.size(); ++c) {
+    std::vector<std::ptrdiff_t> from(count);
+    std::ptrdiff_t low = static_cast<std::ptrdiff_t>(trial.size()), high = -1;
+    for (std::size_t i = 0; i < count; ++i) {
+      std::ptrdiff_t at = static_cast<std::ptrdiff_t>(first + i);
+      for (const Correction& correction : corrections) {
+        const bool its = correction.camera == static_cast<int>(c);
+        if (its && correction.Holds(block->t[i])) at += correction.lag;
+      }
+      const bool there = at >= 0 && at < static_cast<std::ptrdiff_t>(trial.size());
+      from[i] = there && at != static_cast<std::ptrdiff_t>(first + i) ? at : -1;
+      if (from[i] < 0) continue;
+      low = std::min(low, at);
+      high = std::max(high, at);
+    }
+    if (high < 0) continue;
+    trial.Read(static_cast<std::size_t>(low), static_cast<std::size_t>(high - low + 1), &other);
+    for (std::size_t i = 0; i < count; ++i) {
+      if (from[i] < 0) continue;
+      const auto line = other.Line(header, static_cast<std::size_t>(from[i] - low), c);
+      std::copy(
+          line.begin(), line.end(),
+          block->counts.begin() + static_cast<std::ptrdiff_t>(i * header.line_counts() +
+                                                              header.format.ElementsBefore(c)));
+    }
+  }
+}
+
+void Reconstructor::Correct(double t, std::size_t line, const Slot& slot, std::span<Seen> seen) {
+  for (const Correction& correction : options_.corrections) {
+    if (correction.camera < 0 || correction.leave_out || !correction.Holds(t)) continue;
+    Seen& here = seen[static_cast<std::size_t>(correction.camera)];
+    if (BeyondTheEnds(correction, line, last_line_)) here.count = 0;
+    for (std::size_t k = 0; k < here.count; ++k) here.spots[k].u_px -= correction.Offset(t);
+  }
+  for (std::size_t c = 0; c < seen.size(); ++c) {
+    readings_[c] = {};
+    if (seen[c].count == 0) continue;
+    readings_[c] = {seen[c].spots[0].u_px, static_cast<float>(seen[c].spots[0].s_px), seen[c].flux,
+                    seen[c].width_px};
+  }
+  evidence_.Add(t, slot.marks.size() == 1 ? slot.marks[0] : -1, readings_);
+  for (const Correction& correction : options_.corrections) {
+    if (correction.camera < 0 || !correction.leave_out || !correction.Holds(t)) continue;
+    seen[static_cast<std::size_t>(correction.camera)].count = 0;
+  }
+}
+
+bool Reconstructor::Doubtful(double t) const {
+  return std::any_of(options_.corrections.begin(), options_.corrections.end(),
+                     [t](const Correction& c) { return c.camera < 0 && c.Holds(t); });
+}
+
+void Reconstructor::AddCorrectionErrors(const TrackedLine& line, const TrackedPoint& mine,
+                                        Eigen::Ref<Eigen::Matrix3Xd> F) const {
+  Eigen::Index column = 0;
+  for (const Correction& correction : options_.corrections) {
+    if (!(correction.sigma_px > 0.0) && !(correction.slope_sigma > 0.0)) continue;
+    const auto c = static_cast<std::size_t>(correction.camera);
+    Eigen::Vector3d lever = Eigen::Vector3d::Zero();
+    Projection seen;
+    if ((mine.point.cameras >> c & 1U) != 0 && correction.Holds(line.t) &&
+        Project(triangulator_.rig().cameras[c], mine.point.p, &seen)) {
+      const double floor = data::FloorOf(triangulator_.rig(), c);
+      const double weight = 1.0 / (mine.s_px[c] * mine.s_px[c] + floor * floor);
+      lever = weight * (mine.point.cov * seen.du_dp.transpose());
+    }
+    if (correction.sigma_px > 0.0) F.col(column++) = correction.sigma_px * lever;
+    if (correction.slope_sigma > 0.0) {
+      F.col(column++) = correction.slope_sigma * (line.t - correction.at) * lever;
+    }
+  }
+}
+
+bool HealthLoop::Again(const Reconstructor& pass, ReconstructOptions* options) {
+  constexpr int kMost = 4;  // passes: a late camera, then what hid behind it, and one to see that
+  HealthReport now = Diagnose(pass.evidence(), pass.triangulator(), options->health);
+  // The charts show what was there, not what is left.
+  for (const Correction& correction : options->corrections) {
+    if (correction.camera < 0 || correction.leave_out) continue;
+    for (HealthSlice& slice : now.cameras[static_cast<std::size_t>(correction.camera)]) {
+      if (correction.Holds(slice.t)) slice.offset_px += correction.Offset(slice.t);
+    }
+  }
+  // What cannot be told from another camera's fault is still there, and still cannot be told.
+  const bool known = std::any_of(report_.faults.begin(), report_.faults.end(),
+                                 [](const Fault& fault) { return !fault.certain(); });
+  const std::vector<Fault> found = known ? std::vector<Fault>() : now.faults;
+  now.faults = report_.faults;
+  now.faults.insert(now.faults.end(), found.begin(), found.end());
+  report_ = std::move(now);
+  if (found.empty() || ++passes_ == kMost) return false;
+  for (const Correction& correction : CorrectionsOf(found, correct_)) {
+    options->corrections.push_back(correction);
+  }
+  return true;
+}
+
+}  // namespace unfurl::measure
