@@ -17,6 +17,7 @@
 #include "cli/fit_text.h"
 #include "cli/repeat_page.h"
 #include "cli/repeat_text.h"
+#include "cli/terminal_plots.h"
 #include "cli/verb.h"
 #include "data/study.h"
 #include "study/fit_study.h"
@@ -30,7 +31,7 @@ struct Settings {
   std::string study, output, report, tracks;
   std::vector<std::string> sets;
   FitEngineArguments engine;
-  bool resume = false, allow_programs = false, repeat = false;
+  bool resume = false, allow_programs = false, repeat = false, plot = false;
 };
 
 // The command as typed, less what does not shape the result: so a fit that was resumed, or run with
@@ -46,7 +47,7 @@ std::string CommandWithout(const std::string& command) {
       skip = false;
       continue;
     }
-    if (word == "--resume" || word == "--json" || word == "--quiet") continue;
+    if (word == "--resume" || word == "--json" || word == "--quiet" || word == "--plot") continue;
     const std::string name = word.substr(0, word.find('='));
     if (name == "--workers" || name == "--engine" || name == "--folder" || name == "--sbatch") {
       skip = name == word;
@@ -85,7 +86,9 @@ int FitOnce(const Common& common, const Settings& s, const data::Study& study,
     WriteFitPage(s.report, {fit.record, fit.problem(), fit.result, fit.comparison, fit.provenance});
   }
   const double took = seconds();
-  Finish(common, FitJson(fit.record, options.output, took), FitText(fit.record, took));
+  std::string text = FitText(fit.record, took);
+  if (s.plot || OnTerminal()) text += ResidualPlot(fit.record);
+  Finish(common, FitJson(fit.record, options.output, took), text);
   return fit.Usable() ? kExitGood
                       : NotUsable(options.output, "the fit is not usable; the reasons are above");
 }
@@ -204,6 +207,8 @@ Verb AddFit(CLI::App& program, Common& common) {
   app->add_flag("--repeat", settings->repeat,
                 "The trials are deployments that differ: mean and scatter of each parameter, and "
                 "the next deployment (as [repeat] in the study)");
+  app->add_flag("--plot", settings->plot,
+                "Also draw what the fit leaves, in characters (on a terminal it is drawn anyway)");
   app->add_flag("--resume", settings->resume,
                 "Continue a fit that was stopped, from its OUTPUT.partial, to the same result");
   verb.run = [&common, settings] { return FitVerb(common, *settings); };

@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "base/signals.h"
 #include "cli/simulate_page.h"
+#include "cli/terminal_plots.h"
 #include "cli/verb.h"
 #include "data/atomic_file.h"
 #include "data/scene.h"
@@ -32,7 +33,7 @@ struct Arguments {
   std::optional<std::string> method;
   std::optional<double> rtol, rate, duration;
   bool profile = false, certify = false;
-  std::vector<std::string> quantities;
+  std::vector<std::string> quantities, plots;
   double shape_rate = sim::RecordOptions().shape_rate;  // [1/s]
 };
 
@@ -53,6 +54,8 @@ class SimulateVerb {
     const data::Scene scene = data::ReadScene(arguments_.scene, arguments_.sets);
     sim::RecordOptions options = Options(scene);
     const auto model = sim::CompileModel(scene);
+    const std::vector<std::string> plots =
+        PlottedQuantities(*model, arguments_.plots, arguments_.quantities);
     const std::string& out = arguments_.out;
     const double duration =
         options.simulate->duration > 0.0 ? options.simulate->duration : model->duration;
@@ -89,7 +92,8 @@ class SimulateVerb {
                                     options.certificate.get()};
     const bool interrupted = run.status == "interrupted";
     ordered_json json;
-    const std::string text = sim::SummaryText(summary, &json);
+    std::string text = sim::SummaryText(summary, &json);
+    if (!common_.quiet && !common_.json) text += RunPlots(run.path, plots);
     if (!arguments_.report.empty() && !interrupted) {
       WriteSimulatePage(arguments_.report, summary, options.provenance);
       json["report"] = arguments_.report;
@@ -174,6 +178,11 @@ Verb AddSimulate(CLI::App& program, Common& common) {
   app->add_option("--quantities", arguments->quantities,
                   "What to sample, by name, * and ? standing for letters: 'mark*' 'energy.*' "
                   "(default: all)")
+      ->delimiter(',')
+      ->type_name("NAMES");
+  app->add_option("--plot", arguments->plots,
+                  "Also draw these quantities in characters, named as above (on a terminal: angles "
+                  "of joints; 'none': nothing)")
       ->delimiter(',')
       ->type_name("NAMES");
   app->add_option("--shape-rate", arguments->shape_rate, "Beam shapes per second; 0 for none")

@@ -149,6 +149,26 @@ TEST_F(Simulate, NumericalFailureKeepsWhatThereIs) {
   EXPECT_FALSE(run.text.at("message").empty());
 }
 
+// The angle of a pendulum, in characters: asked for in a pipe, and only then.
+TEST_F(Simulate, DrawsInCharacters) {
+  Put("scene.toml", Pendulum());
+  const Outcome drawn = Run({"simulate", "scene.toml", "--plot", "pivot.theta,tip.x"});
+  ASSERT_EQ(drawn.code, 0) << drawn.err;
+  EXPECT_THAT(drawn.out, HasSubstr("pivot.theta [deg]"));
+  EXPECT_THAT(drawn.out, HasSubstr("17.19\u2524"));  // 0.3 rad, where it begins
+  EXPECT_THAT(drawn.out, HasSubstr("tip.x [m]"));
+  const Outcome plain = Run({"simulate", "scene.toml"});
+  EXPECT_THAT(plain.out, Not(HasSubstr("\u2524")));
+  EXPECT_EQ(Run({"simulate", "scene.toml", "--plot", "tip.x", "--json"}).out.find("\u2524"),
+            std::string::npos);
+  const std::vector<std::string> before = Files();
+  ExpectRefused(Run({"simulate", "scene.toml", "-o", "other.h5", "--plot", "tip.q"}),
+                {"--plot", "tip.q"}, before);
+  ExpectRefused(Run({"simulate", "scene.toml", "-o", "other.h5", "--plot", "tip.x",
+                     "--quantities", "pivot.*"}),
+                {"--plot", "tip.x", "--quantities"}, before);
+}
+
 TEST_F(Simulate, TheDiskMustHoldIt) {
   Put("scene.toml", Pendulum());
   ExpectRefused(Run({"simulate", "scene.toml", "--duration", "1e7", "--rate", "1e6"}),
