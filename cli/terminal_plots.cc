@@ -22,7 +22,7 @@ namespace {
 // Unasked: no more than leave the words above them on a screen.
 constexpr std::size_t kUnasked = 3;
 constexpr int kWidest = 100, kUsual = 72;  // characters
-constexpr double kDegrees = 180.0 / std::numbers::pi;
+constexpr double kDegrees = 180.0 / std::numbers::pi;  // [deg/rad]
 
 int Columns() {
   winsize size = {};
