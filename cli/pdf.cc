@@ -41,7 +41,7 @@ std::string FindPrinter() {
   const char* path = std::getenv("PATH");
   for (const char* name : {"chromium", "chromium-browser", "google-chrome"}) {
     for (const std::string& folder : Split(path != nullptr ? path : "", ':')) {
-      const std::string program = (folder.empty() ? "." : folder) + "/" + name;
+      std::string program = (folder.empty() ? "." : folder) + "/" + name;
       if (access(program.c_str(), X_OK) == 0 && !fs::is_directory(program)) return program;
     }
   }

@@ -25,7 +25,7 @@ foreach(header ${public_headers})
 endforeach()
 
 install(TARGETS unfurl_library EXPORT unfurlTargets
-        LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} NAMELINK_COMPONENT dev)
+        LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT program NAMELINK_COMPONENT dev)
 install(EXPORT unfurlTargets NAMESPACE unfurl:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/unfurl
         COMPONENT dev)
 include(CMakePackageConfigHelpers)
@@ -36,5 +36,5 @@ write_basic_package_version_file(${CMAKE_CURRENT_BINARY_DIR}/unfurlConfigVersion
 install(FILES ${CMAKE_CURRENT_BINARY_DIR}/unfurlConfig.cmake
               ${CMAKE_CURRENT_BINARY_DIR}/unfurlConfigVersion.cmake
         DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/unfurl COMPONENT dev)
-install(DIRECTORY data/sets DESTINATION share/unfurl)
-install(FILES LICENSE README.md DESTINATION share/doc/unfurl)
+install(DIRECTORY data/sets DESTINATION share/unfurl COMPONENT program USE_SOURCE_PERMISSIONS)
+install(FILES LICENSE README.md DESTINATION share/doc/unfurl COMPONENT doc)

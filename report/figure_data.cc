@@ -54,9 +54,9 @@ std::string MapData(const Map& map) {
   for (const MapPane& pane : map.panes) {
     const std::size_t rows = columns > 0 ? pane.values.size() / columns : 0;
     for (std::size_t i = 0; i < pane.values.size(); ++i) {
-      // Of the cell's middle.
-      const double across = (static_cast<double>(i % columns) + 0.5) / static_cast<double>(columns);
-      const double up = (static_cast<double>(i / columns) + 0.5) / static_cast<double>(rows);
+      const std::size_t column = i % columns, row = i / columns;  // by the cell's middle
+      const double across = (static_cast<double>(column) + 0.5) / static_cast<double>(columns);
+      const double up = (static_cast<double>(row) + 0.5) / static_cast<double>(rows);
       panes.push_back(pane.title);
       x.push_back(Value(map.x_low + across * (map.x_high - map.x_low)));
       y.push_back(Value(map.y_low + up * (map.y_high - map.y_low)));

@@ -63,7 +63,7 @@ std::string Heading(const std::string& title, const std::string& note) {
 
 // Panels before the first section stand right below the page's title: so do their headings. All
 // text is escaped and data have no '<', so tags are tags.
-std::string WithHeadingsInOrder(std::string body) {
+std::string WithHeadingsInOrder(const std::string& body) {
   const std::size_t first = std::min(body.find("<h2>"), body.size());
   std::string before = body.substr(0, first);
   const auto replace = [&before](std::string_view what, std::string_view by) {
