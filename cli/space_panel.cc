@@ -68,6 +68,7 @@ std::vector<Place> FieldOf(const data::RigCamera& camera, const Place& low, cons
 std::vector<int> Middles(int count, int most) {
   const int kept = std::min(count, most);
   std::vector<int> out;
+  out.reserve(static_cast<std::size_t>(kept));
   for (int k = 0; k < kept; ++k) out.push_back((2 * k + 1) * count / (2 * kept));
   return out;
 }

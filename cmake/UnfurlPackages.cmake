@@ -94,6 +94,8 @@ unfurl::unfurl.")
 set(CPACK_DEBIAN_PYTHON_PACKAGE_NAME python3-unfurl)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_SECTION python)
 set(CPACK_DEBIAN_PYTHON_PACKAGE_DEPENDS "unfurl (= ${PROJECT_VERSION}), python3 (>= 3.11), python3 (<< 3.12), python3-numpy")
+set(CPACK_DEBIAN_PYTHON_PACKAGE_CONTROL_EXTRA  # compile, and take away what was compiled
+  ${CMAKE_CURRENT_LIST_DIR}/debian/python/postinst ${CMAKE_CURRENT_LIST_DIR}/debian/python/prerm)
 set(CPACK_COMPONENT_PYTHON_DESCRIPTION "The Python package: the steps of unfurl as functions, its records as NumPy
 arrays.")
 

@@ -50,7 +50,7 @@ TEST(ResidualViews, NeighboursThatResembleEachOtherShow) {
 std::string PageOf(std::size_t count, bool own_scale) {
   ResidualViews views;
   views.of = "camera";
-  views.words = "raw";
+  views.words = "as read";
   views.along = {"time", "s"};
   views.own_scale = own_scale;
   Rng rng(13);
@@ -69,12 +69,12 @@ std::string PageOf(std::size_t count, bool own_scale) {
 
 TEST(ResidualViews, EveryViewIsThereAndFewSayNothing) {
   const std::string html = PageOf(200, false);
-  for (const char* title : {"Residuals, raw", "Against a normal distribution, raw",
-                            "Likeness of neighbours, raw", "Residuals by camera, raw", "RMS"}) {
+  for (const char* title : {"Residuals, as read", "Against a normal distribution, as read",
+                            "Likeness of neighbours, as read", "Residuals by camera, as read", "RMS"}) {
     EXPECT_THAT(html, HasSubstr(title));
   }
   EXPECT_THAT(PageOf(200, true), Not(HasSubstr("RMS")));
-  EXPECT_THAT(PageOf(3, false), Not(HasSubstr("raw")));
+  EXPECT_THAT(PageOf(3, false), Not(HasSubstr("as read")));
   EXPECT_THAT(PageOf(5, false), Not(HasSubstr("Likeness")));  // no lags to speak of
 }
 
