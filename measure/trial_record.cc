@@ -25,8 +25,8 @@ double TrialRecord::duration() const {
 
 std::unique_ptr<Reconstructor> TrialRecord::Open(const data::Rig& rig, const std::string& rig_path,
                                                  const ReconstructOptions& options) const {
-  return lines_ ? std::make_unique<Reconstructor>(*lines_, rig, rig_path, options)
-                : std::make_unique<Reconstructor>(*readings_, rig, rig_path, options);
+  if (lines_) return std::make_unique<Reconstructor>(*lines_, rig, rig_path, options);
+  return std::make_unique<Reconstructor>(*readings_, rig, rig_path, options);
 }
 
 void TrialRecord::Process(std::size_t first, std::size_t count, Reconstructor* reconstructor,
