@@ -22,7 +22,7 @@ Chart StabilisationChart(const std::string& whose, const correlate::ModalFit& fi
   Chart chart;
   chart.title = "Stabilisation diagram: " + whose;
   chart.note = fmt::format(
-      "Each dot is a pole that the matrix pencil finds at that order, between {} and {} Hz. "
+      "Each dot is a pole that is found at that order, between {} and {} Hz. "
       "Physical "
       "modes form columns over the orders; poles of noise scatter. Lines: the modes of the fit.",
       Number(fit.low, 3), Number(fit.high, 3));
@@ -70,7 +70,16 @@ std::string Harmonics(const std::vector<correlate::Mode>& modes) {
   return words;
 }
 
+// Of the modes' amplitudes: millimetres of marks; a unit that all channels share; over each one's
+// own RMS.
+std::string AmplitudeUnit(const correlate::Comparison& c) {
+  if (!c.marks.empty() || c.mode_units.empty()) return "mm";
+  return c.mode_units.front() == "1" ? "of its RMS" : c.mode_units.front();
+}
+
 void AddModeTable(const correlate::Comparison& c, report::Page* page) {
+  const std::string unit = AmplitudeUnit(c);
+  const double shown = c.marks.empty() ? 1.0 : kMilli;
   report::Table table;
   table.title = "Modes";
   table.note =
@@ -88,7 +97,7 @@ void AddModeTable(const correlate::Comparison& c, report::Page* page) {
                   std::string("damping, ") + Other(c) + " [%]",
                   "off",
                   "MAC",
-                  "amplitude [mm]",
+                  "amplitude [" + unit + "]",
                   "share [%]"};
   table.text_columns = {};
   const auto& A = c.measured_modes.decay.modes;
@@ -103,7 +112,7 @@ void AddModeTable(const correlate::Comparison& c, report::Page* page) {
       const correlate::Mode& m = A[static_cast<std::size_t>(p.a)];
       row[0] = NumberWithError(m.frequency, m.frequency_sigma);
       row[4] = NumberWithError(100.0 * m.damping, 100.0 * m.damping_sigma);
-      row[8] = Number(kMilli * m.amplitude.cwiseAbs().maxCoeff(), 3);
+      row[8] = Number(shown * m.amplitude.cwiseAbs().maxCoeff(), 3);
       row[9] = Percent(m.share);
     }
     if (p.b >= 0) {
@@ -130,7 +139,7 @@ void AddShapeTable(const correlate::Comparison& c, report::Page* page) {
   report::Table table;
   table.title = "Measured shapes";
   table.note =
-      "Each mark's part in each mode, over that of the mark that moves most, with its standard "
+      "Each signal's part in each mode, over that of the one that moves most, with its standard "
       "error; in brackets, where it is clear, the phase in degrees: 0 moves with it, 180 against "
       "it.";
   table.header = {"signal"};
@@ -174,7 +183,7 @@ void AddScorePanels(const correlate::Comparison& c, report::Page* page) {
       "excellent, up to 0.28 acceptable.",
       c.record_is_test ? "the measured record" : "the reference");
   errors.header = {"",
-                   "RMSE [mm, mrad]",
+                   c.marks.empty() ? "RMSE" : "RMSE [mm, mrad]",
                    "NRMSE [%]",
                    "R squared",
                    "largest",
@@ -200,9 +209,12 @@ void AddScorePanels(const correlate::Comparison& c, report::Page* page) {
   rating.text_columns = {0, 6};
   for (const correlate::ComparedScore& s : c.scores) {
     const auto& v = s.score;
+    const bool channel = s.of == correlate::ComparedScore::Of::kChannel;
+    const double k = channel ? 1.0 : kMilli;
+    const std::string unit = channel && !s.unit.empty() ? " " + s.unit : "";
     errors.rows.push_back(
-        {s.name, Number(kMilli * v.rmse, 3), Percent(v.nrmse),
-         std::isfinite(v.r2) ? fmt::format("{:.5f}", v.r2) : "-", Number(kMilli * v.largest, 3),
+        {s.name, Number(k * v.rmse, 3) + unit, Percent(v.nrmse),
+         std::isfinite(v.r2) ? fmt::format("{:.5f}", v.r2) : "-", Number(k * v.largest, 3) + unit,
          s.sigmas > 0.0 ? Number(s.sigmas, 3) : "-", Number(v.sprague_geers_magnitude, 2),
          Number(v.sprague_geers_phase, 2), Number(v.sprague_geers, 2),
          Number(v.russell_magnitude, 2), Number(v.russell_phase, 2), Number(v.russell, 2)});
@@ -233,7 +245,8 @@ void AddDensityPanels(const correlate::Comparison& c, report::Page* page) {
     power.title = "Power spectral density of " + shown->name;
     power.note = d.convention + ".";
     power.x = coherence.x = {"frequency", "Hz", false};
-    power.y = {"density", "m\u00b2/Hz", true};
+    power.y = {"density",
+               shown->id.IsChannel() ? "(" + shown->id.unit + ")\u00b2/Hz" : "m\u00b2/Hz", true};
     coherence.title = "Coherence of " + shown->name;
     coherence.note = fmt::format(
         "1 where one is a linear function of the other at that frequency, 0 where they are "
@@ -244,14 +257,18 @@ void AddDensityPanels(const correlate::Comparison& c, report::Page* page) {
     coherence.y = {"coherence", "", false};
     coherence.height_px = 200;
     const std::vector<double> f(d.frequency.begin() + 1, d.frequency.end());
-    power.series.push_back({Other(c), f, {d.yy.begin() + 1, d.yy.end()}, {}, Style::kLine, 1});
+    const bool alone = d.yy.empty();
+    if (!alone) {
+      power.series.push_back({Other(c), f, {d.yy.begin() + 1, d.yy.end()}, {}, Style::kLine, 1});
+    }
     power.series.push_back({"measured", f, {d.xx.begin() + 1, d.xx.end()}, {}, Style::kLine, 0});
-    coherence.series.push_back(
-        {"coherence", f, {d.coherence.begin() + 1, d.coherence.end()}, {}, Style::kLine, 2});
+    if (!alone)
+      coherence.series.push_back(
+          {"coherence", f, {d.coherence.begin() + 1, d.coherence.end()}, {}, Style::kLine, 2});
     coherence.series.push_back(
         {"may be chance", f, std::vector<double>(f.size(), d.no_coherence), {}, Style::kDashes, 6});
     page->AddSpectrum(std::move(power));
-    page->AddSpectrum(std::move(coherence));
+    if (!alone) page->AddSpectrum(std::move(coherence));
   }
   report::Table table;
   table.title = "Whole spectra and operating shapes";
@@ -274,11 +291,16 @@ void AddDensityPanels(const correlate::Comparison& c, report::Page* page) {
 
 void AddModePanels(const correlate::Comparison& c, report::Page* page) {
   const correlate::DecayFit& d = c.measured_modes.decay;
-  std::string words = fmt::format(
-      "Damped sines common to all marks, from {:.2f} to {:.2f} s, beside a slow cubic trend of "
-      "each "
-      "coordinate. Measured: {}.",
-      c.spectrum_from, c.spectrum_to, d.message);
+  std::string words =
+      c.measured_ambient
+          ? fmt::format(
+                "{}. By covariance-driven stochastic subspace identification, {:.2f} to "
+                "{:.2f} s; amplitudes are RMS. Measured: {}.",
+                c.measured_vibration, c.spectrum_from, c.spectrum_to, d.message)
+          : fmt::format(
+                "Damped sines common to all signals, from {:.2f} to {:.2f} s, beside a slow "
+                "cubic trend of each. Measured: {}.",
+                c.spectrum_from, c.spectrum_to, d.message);
   if (d.Usable() && d.chi2_per_dof > 4.0) {
     // Beyond twice the sigma, as in the alignment.
     words += fmt::format(
@@ -290,8 +312,9 @@ void AddModePanels(const correlate::Comparison& c, report::Page* page) {
         "fits best. The standard errors are widened for it.",
         Number(std::sqrt(d.chi2_per_dof), 2));
   }
-  words += Harmonics(d.modes);
-  page->AddSection("Modes from the free decay", words);
+  if (!c.measured_ambient) words += Harmonics(d.modes);
+  page->AddSection(c.measured_ambient ? "Modes of the ambient record" : "Modes from the free decay",
+                   words);
   AddModeTable(c, page);
   AddShapeTable(c, page);
   if (!c.measured_modes.poles.empty()) {

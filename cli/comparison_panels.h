@@ -1,5 +1,7 @@
 #pragma once
 
+#include <string>
+
 #include "correlate/compare/comparison.h"
 #include "report/page.h"
 
@@ -8,6 +10,12 @@ namespace unfurl::cli {
 inline constexpr double kMilli = 1e3;  // metres and radians are shown in thousandths
 
 const char* Other(const correlate::Comparison& c);  // "simulated", or "reference"
+
+// Marks and angles in thousandths, channels in their own unit.
+inline double Shown(const correlate::SignalId& id) { return id.IsChannel() ? 1.0 : kMilli; }
+inline std::string ShownUnit(const correlate::SignalId& id) {
+  return id.IsChannel() ? id.unit : id.IsAngle() ? "mrad" : "mm";
+}
 
 // Parts of the page, each under a heading of its own.
 void AddScorePanels(const correlate::Comparison& c, report::Page* page);

@@ -12,8 +12,11 @@
 #include "cli/comparison_panels.h"
 #include "cli/paper_figures.h"
 #include "cli/verb.h"
+#include "correlate/compare/channel_comparison.h"
 #include "correlate/compare/comparison_json.h"
 #include "data/atomic_file.h"
+#include "data/formats.h"
+#include "study/trial_observations.h"
 
 namespace unfurl::cli {
 
@@ -24,11 +27,15 @@ using nlohmann::ordered_json;
 struct Settings {
   std::string record, reference, output, report, figures, window = "hann";
   std::string offset, drift, frame;  // what is known of A beforehand; empty: nothing is said
+  std::string modes = "auto";
+  std::vector<std::string> channels;  // NAME or NAME=NAME_IN_B; empty: marks, or all in common
   correlate::ComparisonOptions options;
 };
 
 std::string PeaksText(const correlate::Comparison& c) {
-  std::vector<std::vector<std::string>> rows = {{"signal", "peaks: measured / reference [Hz]"}};
+  const bool alone = c.reference.empty();
+  std::vector<std::vector<std::string>> rows = {
+      {"signal", alone ? "peaks [Hz]" : "peaks: measured / reference [Hz]"}};
   for (const correlate::ComparedSpectrum& s : c.spectra) {
     std::string list;
     for (const correlate::PeakPair& p : s.pairs) {
@@ -36,8 +43,8 @@ std::string PeaksText(const correlate::Comparison& c) {
         return index < 0 ? std::string("-")
                          : fmt::format("{:.3f}", peaks[static_cast<std::size_t>(index)].frequency);
       };
-      list += (list.empty() ? "" : ", ") + hertz(s.measured_peaks, p.a) + " / " +
-              hertz(s.reference_peaks, p.b);
+      list += (list.empty() ? "" : ", ") + hertz(s.measured_peaks, p.a);
+      if (!alone) list += " / " + hertz(s.reference_peaks, p.b);
     }
     rows.push_back({s.name, list.empty() ? "none" : list});
   }
@@ -61,13 +68,15 @@ std::string ModesText(const correlate::Comparison& c) {
     if (p.a >= 0 && p.b >= 0) row[5] = fmt::format("{:.3f}", p.mac);
     rows.push_back(std::move(row));
   }
-  return rows.size() > 1 ? AlignedTable(rows) : std::string();
+  if (rows.size() == 1) return {};
+  for (std::vector<std::string>& row : rows) {
+    if (c.reference.empty()) row.resize(3);
+  }
+  return AlignedTable(rows);
 }
 
-std::string Text(const correlate::Comparison& c) {
-  std::string text = c.verdict + "\n";
-  for (const std::string& reason : c.reasons) text += "  " + reason + "\n";
-  if (!c.alignment.Usable()) return text;
+std::string MarksText(const correlate::Comparison& c) {
+  if (c.errors.empty()) return {};
   std::vector<std::vector<std::string>> rows = {
       {"mark", "samples", "RMSE [mm]", "in plane", "across", "largest", "at [s]", "in sigmas"}};
   for (const correlate::MarkError& e : c.errors) {
@@ -77,8 +86,30 @@ std::string Text(const correlate::Comparison& c) {
                     fmt::format("{:.3f}", 1e3 * e.largest), fmt::format("{:.3f}", e.largest_at),
                     e.sigmas > 0.0 ? fmt::format("{:.2f}", e.sigmas) : "-"});
   }
-  text += AlignedTable(rows) + PeaksText(c);
-  rows = {{"", "NRMSE [%]", "R2", "Sprague-Geers", "Russell", "ISO/TS 18571", "grade"}};
+  return AlignedTable(rows);
+}
+
+std::string ChannelsText(const correlate::Comparison& c) {
+  std::vector<std::vector<std::string>> rows = {
+      {"channel", "unit", "of", "samples", "RMSE", "largest", "at [s]", "in sigmas"}};
+  for (const correlate::ComparedScore& v : c.scores) {
+    if (v.of != correlate::ComparedScore::Of::kChannel) continue;
+    std::string of;
+    for (const correlate::ComparedChannel& one : c.channels) {
+      if (one.name == v.name) of = one.of;
+    }
+    rows.push_back({v.name, v.unit.empty() ? "-" : v.unit, of, std::to_string(v.score.samples),
+                    fmt::format("{:.4g}", v.score.rmse), fmt::format("{:.4g}", v.score.largest),
+                    fmt::format("{:.3f}", v.score.largest_at),
+                    v.sigmas > 0.0 ? fmt::format("{:.2f}", v.sigmas) : "-"});
+  }
+  return rows.size() > 1 ? AlignedTable(rows) : std::string();
+}
+
+std::string ScoresText(const correlate::Comparison& c) {
+  if (c.scores.empty()) return {};
+  std::vector<std::vector<std::string>> rows = {
+      {"", "NRMSE [%]", "R2", "Sprague-Geers", "Russell", "ISO/TS 18571", "grade"}};
   for (const correlate::ComparedScore& v : c.scores) {
     auto number = [](double x, const char* format) {
       return std::isfinite(x) ? fmt::format(fmt::runtime(format), x) : std::string("-");
@@ -88,8 +119,14 @@ std::string Text(const correlate::Comparison& c) {
                     v.rated ? fmt::format("{:.3f}", v.rating.overall) : "-",
                     v.rated ? correlate::Name(v.rating.grade) : "-"});
   }
-  text += AlignedTable(rows);
-  return text + ModesText(c);
+  return AlignedTable(rows);
+}
+
+std::string Text(const correlate::Comparison& c) {
+  std::string text = c.verdict + "\n";
+  for (const std::string& reason : c.reasons) text += "  " + reason + "\n";
+  if (!c.alignment.Usable()) return text;
+  return text + MarksText(c) + ChannelsText(c) + PeaksText(c) + ScoresText(c) + ModesText(c);
 }
 
 correlate::SpectralWindow WindowNamed(const std::string& name) {
@@ -108,6 +145,46 @@ correlate::SpectralWindow WindowNamed(const std::string& name) {
   throw Error("there is no window '" + name + "'", "--window", "it is one of " + JoinWords(names));
 }
 
+// A study's instruments, as it says that they are, against a run.
+correlate::Comparison CompareStudy(const Settings& s) {
+  const data::Study study = data::ReadStudy(s.record);
+  if (study.trials.size() != 1 || study.trials.front().channels.empty()) {
+    throw Error("holds no trial with channels, or several", s.record,
+                "give a study of one trial with trial.channel tables");
+  }
+  const data::Run run = data::ReadRun(s.reference);
+  correlate::Comparison c;
+  c.record = s.record;
+  c.reference = s.reference;
+  c.observations = study::ReadTrial(study.trials.front(), "");
+  study::AddChannels(study.trials.front(), &run.quantities, &c.observations);
+  correlate::CompareInstruments(run, s.options, &c);
+  return c;
+}
+
+bool IsStudy(const std::string& path) { return data::FormatOf(path) == data::FileFormat::kToml; }
+
+// Marks, unless channels were asked for or one of the two holds nothing else.
+correlate::Comparison Compared(const Settings& s) {
+  std::vector<correlate::ChannelName> pairs;
+  for (const std::string& text : s.channels) {
+    pairs.push_back(correlate::ParseChannelName(text, "--channels"));
+  }
+  if (s.reference.empty()) {
+    std::vector<std::string> names;
+    for (const correlate::ChannelName& pair : pairs) names.push_back(pair.name);
+    return correlate::DescribeChannels(correlate::ChannelsOf(s.record), names, s.options, s.record);
+  }
+  if (IsStudy(s.record)) return CompareStudy(s);
+  const bool channels =
+      !pairs.empty() || correlate::HoldsChannels(s.record) || correlate::HoldsChannels(s.reference);
+  if (!channels) return correlate::Compare(s.record, s.reference, s.options);
+  if (!s.options.marks.empty()) {
+    throw Error("marks and channels are compared apart", "--marks", "leave it or the channels out");
+  }
+  return correlate::CompareChannels(s.record, s.reference, pairs, s.options);
+}
+
 int CorrelateVerb(const Common& common, Settings& s) {
   s.options.window = WindowNamed(s.window);
   if (s.options.from && s.options.to && !(*s.options.from < *s.options.to)) {
@@ -118,15 +195,16 @@ int CorrelateVerb(const Common& common, Settings& s) {
   if (!s.offset.empty()) known.offset = correlate::ParsePrior(s.offset, "--offset");
   if (!s.drift.empty()) known.drift = correlate::ParsePrior(s.drift, "--drift");
   if (!s.frame.empty()) known.frame = correlate::ParseFramePrior(s.frame, "--frame");
-  const correlate::Comparison comparison = correlate::Compare(s.record, s.reference, s.options);
+  s.options.modes = correlate::ParseExcitation(s.modes, "--modes");
+  const correlate::Comparison comparison = Compared(s);
   data::Provenance provenance = StartProvenance(common);
   provenance.AddInput(s.record);
-  provenance.AddInput(s.reference);
+  if (!s.reference.empty()) provenance.AddInput(s.reference);
   const ordered_json json = correlate::ComparisonJson(comparison);
   if (!s.output.empty()) data::WriteTextFile(s.output, JsonText(json));
   if (!s.report.empty()) WriteComparisonPage(s.report, comparison, provenance);
   std::string text = Text(comparison);
-  if (!s.figures.empty() && comparison.alignment.Usable()) {
+  if (!s.figures.empty() && comparison.alignment.Usable() && !comparison.marks.empty()) {
     text += WritePaperFigures(s.figures, comparison);
   }
   Finish(common, json, text);
@@ -137,15 +215,20 @@ int CorrelateVerb(const Common& common, Settings& s) {
 }  // namespace
 
 Verb AddCorrelate(CLI::App& program, Common& common) {
-  Verb verb =
-      DeclareVerb(program, common, "correlate",
-                  "Compare two motions, simulated or measured: alignment, errors, spectra, modes",
-                  "unfurl correlate tracks.h5 run.h5 --report correlate.html");
+  Verb verb = DeclareVerb(
+      program, common, "correlate",
+      "Compare two motions, simulated or measured: alignment, errors, spectra, modes; of\n"
+      "marks or of channels. Of a record alone: spectra and modes",
+      "unfurl correlate tracks.h5 run.h5 --report correlate.html");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
   auto settings = std::make_shared<Settings>();
-  files.Read("A", &settings->record, "A run, or tracks (.h5, .csv)")->required();
-  files.Read("B", &settings->reference, "The reference: a run, or tracks")->required();
+  files
+      .Read("A", &settings->record,
+            "A run, tracks (.h5, .csv), channels (.csv, .uff, .h5), or a study: its channels")
+      ->required();
+  files.Read("B", &settings->reference,
+             "The reference: a run, tracks or channels (default: none, A alone)");
   files.Write("-o,--output", &settings->output, "The results as a file (JSON)");
   files.Page(&settings->report, "Also write a page with pictures (HTML)");
   files.WriteFolder("--figures", &settings->figures, PaperFigureNames,
@@ -153,6 +236,15 @@ Verb AddCorrelate(CLI::App& program, Common& common) {
   app->add_option("--marks", settings->options.marks, "Marks to compare (default: all in common)")
       ->delimiter(',')
       ->type_name("NAMES");
+  app->add_option(
+         "--channels", settings->channels,
+         "Channels to compare, NAME or NAME=ITS_NAME_IN_B; of a run its quantities,\n"
+         "of tracks tip.x, .. (default: all in common, where A or B is a file of channels)")
+      ->delimiter(',')
+      ->type_name("NAMES");
+  app->add_option("--modes", settings->modes,
+                  "What A's vibration is: auto (by the data), decay, ambient (driven by noise)")
+      ->type_name("KIND");
   app->add_option(
       "--from", settings->options.from,
       "Spectra and modes from this time on A's clock [s]\n(default: after the last latch)");

@@ -28,9 +28,6 @@ std::vector<double> Scaled(const std::vector<double>& x, double factor, double z
   return out;
 }
 
-// Shown in thousandths.
-const char* ShownUnit(const correlate::SignalId& id) { return id.IsAngle() ? "mrad" : "mm"; }
-
 std::vector<report::Marker> LatchMarkers(const correlate::Comparison& c) {
   std::vector<report::Marker> out;
   for (const correlate::ModelEvent& e : c.latches) {
@@ -42,21 +39,57 @@ std::vector<report::Marker> LatchMarkers(const correlate::Comparison& c) {
 // Dots with a band for what was measured, a line for the reference.
 void AddBoth(const correlate::ComparedSignal& s, const std::string& of, const char* other,
              int color, Chart* chart, double zero = 0.0) {
-  const double k = kMilli;
+  const double k = Shown(s.id);
   Series measured{"measured" + of, s.t,  Scaled(s.measured, k, zero), Scaled(s.sigma, kBand * k),
                   Style::kDots,    color};
   Series reference{other + of, s.t, Scaled(s.reference, k, zero), {}, Style::kLine, color + 1};
-  chart->series.push_back(std::move(reference));
+  if (!s.reference.empty()) chart->series.push_back(std::move(reference));
   chart->series.push_back(std::move(measured));
 }
 
+Chart ChannelChart(const correlate::Comparison& c, const correlate::ComparedSignal& s) {
+  Chart chart;
+  chart.title = s.name;
+  for (const correlate::ComparedChannel& one : c.channels) {
+    if (one.name == s.name && !one.of.empty() && one.of != s.name)
+      chart.title += " (" + one.of + ")";
+  }
+  chart.y = {s.name, s.id.unit, false};
+  AddBoth(s, "", Other(c), 0, &chart);
+  chart.markers = LatchMarkers(c);
+  return chart;
+}
+
+// What the reference leaves of a channel.
+Chart ChannelResidual(const correlate::Comparison& c, const correlate::ComparedSignal& s) {
+  Chart chart;
+  chart.title = s.name + ": measured less " + Other(c);
+  chart.y = {"difference", s.id.unit, false};
+  chart.height_px = 220;
+  std::vector<double> left(s.t.size());
+  for (std::size_t i = 0; i < left.size(); ++i) left[i] = s.measured[i] - s.reference[i];
+  if (!s.sigma.empty()) {
+    chart.series.push_back({"measurement's standard deviation", s.t,
+                            std::vector<double>(s.t.size(), 0.0), Scaled(s.sigma, kBand),
+                            Style::kLine, 7});
+  }
+  chart.series.push_back({"difference", s.t, std::move(left), {}, Style::kDots, 0});
+  return chart;
+}
+
 void AddMotion(const correlate::Comparison& c, report::Page* page) {
+  if (c.reference.empty()) {
+    page->AddSection("The record", "As it was read. Drag to zoom; all charts of time follow.");
+    for (const correlate::ComparedSignal& s : c.signals) page->AddTimeSeries(ChannelChart(c, s));
+    return;
+  }
   page->AddSection(c.reference_is_run ? "Measured over simulated" : "Comparison in time",
                    fmt::format("Dots: measured, with a band of ±{:.0f} standard deviations. Lines: "
                                "{}. Drag to zoom; all charts of time follow.",
                                kBand, Other(c)));
   for (const correlate::ComparedSignal& s : c.signals) {
     if (s.id.IsAngle()) page->AddTimeSeries(AngleChart(c, s));
+    if (s.id.IsChannel()) page->AddTimeSeries(ChannelChart(c, s));
   }
   const std::vector<std::size_t> order = MarksByMotion(c);
   for (std::size_t i = 0; i < std::min<std::size_t>(order.size(), 2); ++i) {
@@ -65,6 +98,7 @@ void AddMotion(const correlate::Comparison& c, report::Page* page) {
 }
 
 void AddPlane(const correlate::Comparison& c, report::Page* page) {
+  if (c.marks.empty()) return;
   report::Paths paths;
   paths.title = "The plane of the motion";
   paths.note = "Paths of the marks, both axes to the same scale.";
@@ -86,11 +120,16 @@ void AddPlane(const correlate::Comparison& c, report::Page* page) {
 }
 
 void AddResiduals(const correlate::Comparison& c, report::Page* page) {
-  page->AddSection("Residuals",
-                   fmt::format("Measured less {}, with a band of ±{:.0f} standard deviations "
-                               "of the measurement about zero: where the two agree, the dots fill "
-                               "the band and nothing else. z is across the model's plane.",
-                               Other(c), kBand));
+  if (c.reference.empty()) return;
+  page->AddSection(
+      "Residuals",
+      fmt::format("Measured less {}, with a band of ±{:.0f} standard deviations "
+                  "of the measurement about zero: where the two agree, the dots fill "
+                  "the band and nothing else.{}",
+                  Other(c), kBand, c.marks.empty() ? "" : " z is across the model's plane."));
+  for (const correlate::ComparedSignal& s : c.signals) {
+    if (s.id.IsChannel()) page->AddTimeSeries(ChannelResidual(c, s));
+  }
   for (std::size_t m = 0; m < c.marks.size(); ++m) {
     Chart chart;
     chart.title = c.marks[m] + ": measured less " + Other(c);
@@ -138,8 +177,8 @@ void AddSpectra(const correlate::Comparison& c, report::Page* page) {
       Other(c), "unit"};
   table.text_columns = {0, 6};
   for (const correlate::ComparedSpectrum& s : c.spectra) {
-    const double k = kMilli;
-    const bool shown = s.id.IsAngle() || s.id.axis == 1;
+    const double k = Shown(s.id);
+    const bool shown = !s.id.IsCoordinate() || s.id.axis == 1;
     if (shown) page->AddSpectrum(SpectrumChart(c, s));
     for (const correlate::PeakPair& p : s.pairs) {
       std::string difference = "-";
@@ -158,6 +197,7 @@ void AddSpectra(const correlate::Comparison& c, report::Page* page) {
 }
 
 void AddErrors(const correlate::Comparison& c, report::Page* page) {
+  if (c.errors.empty()) return;
   report::Table table;
   table.title = "Errors, mark by mark";
   table.note =
@@ -234,11 +274,11 @@ report::Chart SpectrumChart(const correlate::Comparison& c, const correlate::Com
     Series series{name, {}, {}, {}, style, color};
     for (std::size_t i = 1; i < of.frequency.size(); ++i) {
       series.x.push_back(of.frequency[i]);
-      series.y.push_back(kMilli * of.amplitude[i]);
+      series.y.push_back(Shown(s.id) * of.amplitude[i]);
     }
     chart.series.push_back(std::move(series));
   };
-  curve(Other(c), s.reference, Style::kLine, 1);
+  if (!s.reference.frequency.empty()) curve(Other(c), s.reference, Style::kLine, 1);
   curve("measured", s.measured, Style::kLine, 0);
   for (const correlate::Peak& p : s.measured_peaks) {
     chart.markers.push_back({p.frequency, fmt::format("{:.2f} Hz", p.frequency), -1});
@@ -262,6 +302,7 @@ namespace {
 // The reference in motion, by the record's clock, and the measured marks over it.
 void AddMovingPicture(const correlate::Comparison& c, report::Page* page) {
   std::optional<report::Motion> motion;
+  if (c.marks.empty()) return;
   if (c.reference_is_run) {
     motion = MotionOfRun(data::RunReader(c.reference), c.marks, c.alignment.at.offset);
   }
@@ -277,30 +318,60 @@ void AddMovingPicture(const correlate::Comparison& c, report::Page* page) {
   if (motion) page->AddMotion(*motion);
 }
 
+void AddMarksHead(const correlate::Comparison& c, report::Page* page) {
+  const correlate::Alignment& a = c.alignment;
+  const correlate::MarkError& all = c.errors.back();
+  const bool within = all.sigmas > 0.0 && all.sigmas < 1.2;
+  page->AddWords(within ? report::Level::kGood : report::Level::kCare, c.verdict, c.reasons);
+  page->AddFigures(
+      {{"distance, RMS", LengthText(all.rmse),
+        all.sigmas > 0.0 ? fmt::format("{:.3g} times the measurement's sigma", all.sigmas) : "",
+        within ? report::Level::kGood : report::Level::kCare},
+       {"time offset", NumberWithError(a.at.offset, a.Sigma("time offset")) + " s", "",
+        report::Level::kNeutral},
+       {"across the plane, RMS", LengthText(all.rmse_across),
+        fmt::format("mean {:+.2f} {}", UnitFor(all.rmse_across).per_metre * all.bias_across,
+                    UnitFor(all.rmse_across).name),
+        report::Level::kNeutral},
+       {"motion explained", fmt::format("{:.3f} %", 100.0 * a.r2), "R squared of the positions",
+        report::Level::kNeutral}});
+}
+
+void AddChannelHead(const correlate::Comparison& c, report::Page* page) {
+  // Each within its sigma by as much as marks must be.
+  constexpr double kWithin = 1.2;
+  bool within = !c.scores.empty();
+  for (const correlate::ComparedScore& s : c.scores) {
+    within = within && s.sigmas > 0.0 && s.sigmas < kWithin;
+  }
+  const bool alone = c.reference.empty();
+  page->AddWords(alone    ? report::Level::kNeutral
+                 : within ? report::Level::kGood
+                          : report::Level::kCare,
+                 c.verdict, c.reasons);
+  if (alone) return;
+  const correlate::Alignment& a = c.alignment;
+  page->AddFigures(
+      {{"time offset", NumberWithError(a.at.offset, a.Sigma("time offset")) + " s",
+        a.Sigma("time offset") > 0.0 ? "" : "known", report::Level::kNeutral},
+       {"readings explained", fmt::format("{:.3f} %", 100.0 * a.r2),
+        "share of the variance of all channels, each over its sigma", report::Level::kNeutral}});
+}
+
 }  // namespace
 
 void WriteComparisonPage(const std::string& path, const correlate::Comparison& c,
                          const data::Provenance& provenance) {
-  report::Page page("Correlation", c.record + " against " + c.reference);
-  const correlate::Alignment& a = c.alignment;
-  if (!a.Usable()) {
+  report::Page page("Correlation",
+                    c.reference.empty() ? c.record : c.record + " against " + c.reference);
+  if (!c.alignment.Usable()) {
     page.AddWords(report::Level::kBad, c.verdict, c.reasons);
   } else {
-    const correlate::MarkError& all = c.errors.back();
-    const bool within = all.sigmas > 0.0 && all.sigmas < 1.2;
-    page.AddWords(within ? report::Level::kGood : report::Level::kCare, c.verdict, c.reasons);
-    page.AddFigures(
-        {{"distance, RMS", LengthText(all.rmse),
-          all.sigmas > 0.0 ? fmt::format("{:.3g} times the measurement's sigma", all.sigmas) : "",
-          within ? report::Level::kGood : report::Level::kCare},
-         {"time offset", NumberWithError(a.at.offset, a.Sigma("time offset")) + " s", "",
-          report::Level::kNeutral},
-         {"across the plane, RMS", LengthText(all.rmse_across),
-          fmt::format("mean {:+.2f} {}", UnitFor(all.rmse_across).per_metre * all.bias_across,
-                      UnitFor(all.rmse_across).name),
-          report::Level::kNeutral},
-         {"motion explained", fmt::format("{:.3f} %", 100.0 * a.r2), "R squared of the positions",
-          report::Level::kNeutral}});
+    if (c.marks.empty()) {
+      AddChannelHead(c, &page);
+    } else {
+      AddMarksHead(c, &page);
+    }
     AddMovingPicture(c, &page);
     AddComparisonPanels(c, &page);
   }

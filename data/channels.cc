@@ -199,7 +199,13 @@ std::vector<Channel> FromH5(const std::string& path) {
   return out;
 }
 
-void Check(const Channel& c) {
+}  // namespace
+
+void CheckChannel(const Channel& c) {
+  if (c.y.size() != c.t.size()) {
+    throw Error(fmt::format("'{}' has {} readings at {} stamps", c.name, c.y.size(), c.t.size()),
+                c.where, "give a stamp for each");
+  }
   if (!c.sigma.empty() && c.sigma.size() != c.t.size()) {
     throw Error(
         fmt::format("'{}' has a sigma for {} of {} readings", c.name, c.sigma.size(), c.t.size()),
@@ -220,8 +226,6 @@ void Check(const Channel& c) {
   }
 }
 
-}  // namespace
-
 std::vector<Channel> ReadChannels(const std::string& path) {
   return ReadChannels(path, FormatOf(path));
 }
@@ -241,7 +245,7 @@ std::vector<Channel> ReadChannels(const std::string& path, FileFormat format) {
     default:
       throw Error("no file of channels ends like this", path, "give .csv, .uff, .unv or .h5");
   }
-  for (const Channel& c : out) Check(c);
+  for (const Channel& c : out) CheckChannel(c);
   return out;
 }
 

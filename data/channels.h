@@ -29,6 +29,9 @@ std::vector<Channel> ReadChannels(const std::string& path);
 /// The same of a file whose name does not tell what it is.
 std::vector<Channel> ReadChannels(const std::string& path, FileFormat format);
 
+/// Throws Error for stamps that do not ascend, values that are not finite, a sigma for a part.
+void CheckChannel(const Channel& channel);
+
 /// The one of that name. Throws Error naming the nearest.
 const Channel& FindChannel(const std::vector<Channel>& channels, const std::string& name,
                            const std::string& where);

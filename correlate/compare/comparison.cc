@@ -118,7 +118,7 @@ void FillSignals(const SampledModel& reference, Comparison* c) {
 double LargestMotion(const Comparison& c) {
   double range = 0.0;
   for (const ComparedSignal& s : c.signals) {
-    if (s.id.IsAngle() || s.measured.empty()) continue;
+    if (!s.id.IsCoordinate() || s.measured.empty()) continue;
     const auto [low, high] = std::minmax_element(s.measured.begin(), s.measured.end());
     range = std::max(range, *high - *low);
   }
@@ -191,63 +191,6 @@ void AddClockReasons(Comparison* c) {
       fast, a.drift_pivot));
 }
 
-// Of a record that is longer than what the modes were fitted to: what the rest would add.
-void AddModesWindow(Comparison* c) {
-  constexpr double kAll = 0.99;  // information: the standard error is within half a per cent
-  if (!c->modes_until) return;
-  const Mode* least = nullptr;
-  for (const Mode& mode : c->measured_modes.decay.modes) {
-    if (least == nullptr || mode.information < least->information) least = &mode;
-  }
-  std::string rest;
-  if (least != nullptr && least->information >= kAll) {
-    rest = "their vibrations have decayed by then, and later samples would add nothing";
-  } else if (least != nullptr) {
-    rest = fmt::format(
-        "that of {:.4g} Hz has not decayed by then, and all samples would tell its frequency "
-        "{:.2g} "
-        "times as well",
-        least->frequency, 1.0 / std::sqrt(least->information));
-  }
-  c->reasons.push_back(
-      fmt::format("Modes are those of {:.6g} to {:.6g} s{}{}; --from and --to choose another part.",
-                  c->spectrum_from, *c->modes_until, rest.empty() ? "" : ": ", rest));
-}
-
-void AddModeReasons(Comparison* c) {
-  if (c->measured_modes.decay.Usable()) {
-    const auto shared = std::count_if(c->mode_pairs.begin(), c->mode_pairs.end(),
-                                      [](const ModePair& p) { return p.a >= 0 && p.b >= 0; });
-    c->reasons.push_back(fmt::format(
-        "Its free decay holds {} modes, {} of which the reference has too (within 10% and alike in "
-        "shape).",
-        c->measured_modes.decay.modes.size(), shared));
-  } else if (!c->measured_modes.decay.message.empty()) {
-    c->reasons.push_back("No modes: " + c->measured_modes.decay.message + ".");
-  }
-  AddModesWindow(c);
-}
-
-void AddPeakReasons(Comparison* c) {
-  std::size_t pairs = 0, peaks = 0;
-  double farthest = 0.0;  // of a pair, over the measured frequency [-]
-  for (const ComparedSpectrum& s : c->spectra) {
-    for (const PeakPair& p : s.pairs) {
-      peaks += p.a >= 0 ? 1 : 0;
-      if (p.a < 0 || p.b < 0) continue;
-      ++pairs;
-      const double f = s.measured_peaks[static_cast<std::size_t>(p.a)].frequency;
-      const double g = s.reference_peaks[static_cast<std::size_t>(p.b)].frequency;
-      farthest = std::max(farthest, std::abs(g - f) / f);
-    }
-  }
-  if (peaks == 0) return;
-  c->reasons.push_back(fmt::format(
-      "Of {} spectral peaks measured after {:.2f} s, {} have a partner in the reference within "
-      "two bins, at most {:.1f}% away in frequency.",
-      peaks, c->spectrum_from, pairs, 100.0 * farthest));
-}
-
 // What limits the comparison.
 void AddReservations(Comparison* c) {
   const Alignment& a = c->alignment;
@@ -284,7 +227,7 @@ void Judge(Comparison* c) {
 
 const ComparedSignal* FindCoordinate(const Comparison& c, std::size_t mark, int axis) {
   for (const ComparedSignal& s : c.signals) {
-    if (!s.id.IsAngle() && s.id.mark == mark && s.id.axis == axis) return &s;
+    if (s.id.IsCoordinate() && s.id.mark == mark && s.id.axis == axis) return &s;
   }
   return nullptr;
 }
@@ -341,7 +284,7 @@ void CompareWith(const SampledModel& reference, const ComparisonOptions& options
   FillSignals(reference, c);
   FillScores(c);
   FillSpectra(options, c);
-  FillModes(c);
+  FillModes(options, c);
   Judge(c);
 }
 

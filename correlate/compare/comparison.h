@@ -8,7 +8,7 @@
 #include "correlate/compare/metrics.h"
 #include "correlate/compare/objective_rating.h"
 #include "correlate/compare/signal_metrics.h"
-#include "correlate/modes/modal_id.h"
+#include "correlate/modes/identify.h"
 #include "correlate/spectra/spectral_density.h"
 #include "data/run.h"
 #include "data/tracks.h"
@@ -17,28 +17,33 @@ namespace unfurl::correlate {
 
 // What `correlate` finds: two records beside each other, as numbers for JSON, terminal and page.
 
-/// What a compared history is of: one coordinate of a mark, or the angle of a body that carries two
-/// marks. Names are for people; this is what the code asks.
+/// What a compared history is of: one coordinate of a mark, the angle of a body that carries two
+/// marks, or a channel. Names are for people; this is what the code asks.
 struct SignalId {
   /// What the history is of.
-  enum class Kind { kCoordinate, kAngle };
+  enum class Kind { kCoordinate, kAngle, kChannel };
   Kind kind = Kind::kCoordinate;
-  std::size_t mark = 0;    ///< index into Comparison::marks; of an angle, the first of the two
+  std::size_t mark = 0;    ///< index into Comparison::marks; of an angle, the first of the two; of
+                           ///< a channel, into Comparison::channels
   std::size_t second = 0;  ///< of an angle alone: the other
   int axis = 0;            ///< of a coordinate alone: 0, 1, 2 for x, y, z of the model's frame
+  std::string unit{};      ///< of a channel alone, the readings'; empty: not told
 
-  bool IsAngle() const { return kind == Kind::kAngle; }         ///< of a body
-  bool InPlane() const { return !IsAngle() && axis < 2; }       ///< x or y
-  bool AcrossPlane() const { return !IsAngle() && axis == 2; }  ///< z
-  const char* Unit() const { return IsAngle() ? "rad" : "m"; }  ///< of the values
+  bool IsAngle() const { return kind == Kind::kAngle; }             ///< of a body
+  bool IsCoordinate() const { return kind == Kind::kCoordinate; }   ///< of a mark
+  bool IsChannel() const { return kind == Kind::kChannel; }         ///< of an instrument
+  bool InPlane() const { return IsCoordinate() && axis < 2; }       ///< x or y
+  bool AcrossPlane() const { return IsCoordinate() && axis == 2; }  ///< z
+  /// Of the values.
+  const char* Unit() const { return IsChannel() ? unit.c_str() : IsAngle() ? "rad" : "m"; }
 };
 
 // One scalar in time, of both, in id.Unit().
 struct ComparedSignal {
   SignalId id;
-  std::string name;                                // "angle of mark1-mark1b", "mark3 y"
+  std::string name;                                // "angle of mark1-mark1b", "mark3 y", "gyro"
   std::vector<double> t;                           // on the record's clock [s]
-  std::vector<double> measured, sigma, reference;  // [rad] of an angle, else [m]
+  std::vector<double> measured, sigma, reference;  // of a record alone there is no reference
 };
 
 // Their spectra over one window, with peaks that belong together.
@@ -56,12 +61,16 @@ struct ComparedSpectrum {
 // How alike two histories are; "test" is what was measured, or the reference where both are alike.
 struct ComparedScore {
   /// What the score is of.
-  enum class Of { kMark, kAngle, kAll };
-  Of of = Of::kMark;  // a mark's x and y together, an angle, or all marks
+  enum class Of { kMark, kAngle, kAll, kChannel };
+  Of of = Of::kMark;  // a mark's x and y together, an angle, all marks, or a channel
   std::string name;
-  /// Of lengths in the score.
-  const char* Unit() const { return of == Of::kAngle ? "rad" : "m"; }
-  SignalScore score;    // of what moved since the reference's first sample
+  std::string unit{};  ///< of a channel alone
+  /// Of the values in the score.
+  const char* Unit() const {
+    return of == Of::kChannel ? unit.c_str() : of == Of::kAngle ? "rad" : "m";
+  }
+  // Of what moved since the reference's first sample; of a channel as it was read.
+  SignalScore score;
   double sigmas = 0.0;  // RMS error in the marks' own sigmas; 0: unknown [-]
   bool rated = false;   // whether there is a rating: enough even samples
   ObjectiveRating rating;
@@ -75,13 +84,20 @@ struct OperatingShape {
   double mac = 0.0;                                            // [-]
 };
 
-/// Two records beside each other.
+/// A channel of the record, and what it is held against.
+struct ComparedChannel {
+  std::string name, unit;
+  std::string of;  ///< the channel or quantity of the reference; empty: a record alone
+};
+
+/// Two records beside each other; or one alone, without a reference.
 struct Comparison {
-  std::string record, reference;  // file names
+  std::string record, reference;  // file names; no reference: the record alone
   bool record_is_run = false, reference_is_run = false;
   bool record_is_test = true;  // which of the two is the benchmark of the scores
   std::vector<std::string> marks;
-  std::vector<std::string> left_out;  // marks that only one of them has
+  std::vector<std::string> left_out;      // marks or channels that only one of them has
+  std::vector<ComparedChannel> channels;  ///< instead of marks
   Observations observations;
   Alignment alignment;
   std::vector<MarkError> errors;      // per mark, then "all"
@@ -91,7 +107,14 @@ struct Comparison {
   double spectrum_from = 0.0, spectrum_to = 0.0;  // on the record's clock [s]
   std::vector<OperatingShape> operating_shapes;
   std::vector<std::string> mode_signals;
+  /// Of the modes' amplitudes in them; all "1", over each signal's own RMS, where the signals'
+  /// units differ.
+  std::vector<std::string> mode_units;
   ModalFit measured_modes, reference_modes;
+  /// How it was decided what each record's vibration is, in words; whether it is ambient, and then
+  /// what the record is worth.
+  std::string measured_vibration, reference_vibration;
+  std::optional<AmbientFit> measured_ambient, reference_ambient;
   std::vector<ModePair> mode_pairs;
   // Where the modes' part of the spectra's window ends, if before it, on the record's clock [s].
   std::optional<double> modes_until;
@@ -110,6 +133,8 @@ struct ComparisonOptions {
   std::optional<double> from, to;
   SpectralWindow window = SpectralWindow::kHann;
   bool clock_drift = false;  // whether the record's clock may run at another rate
+  /// What the record's vibration is; the reference's is by the data, but for a decay asked for.
+  Excitation modes = Excitation::kByTheData;
   // What is known of the record's clock and frame beforehand; what is unsaid is found, the drift
   // where `clock_drift` says so.
   Placement placement;

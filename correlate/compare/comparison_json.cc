@@ -28,6 +28,10 @@ ordered_json AlignmentJson(const Comparison& c) {
                            {"unit", "1"},
                            {"pivot", a.drift_pivot}};
   }
+  json["overlap"] = {a.overlap_start, a.overlap_end};
+  json["r2"] = a.r2;
+  json["chi2_per_dof"] = a.chi2_per_dof;
+  if (c.marks.empty()) return json;  // channels have no frame
   ordered_json rotation, translation;
   for (Eigen::Index row = 0; row < 3; ++row) {
     rotation.push_back(
@@ -40,14 +44,11 @@ ordered_json AlignmentJson(const Comparison& c) {
       json["frame"]["sigma"][a.unknowns[i]] = a.Sigma(a.unknowns[i]);
     }
   }
-  json["overlap"] = {a.overlap_start, a.overlap_end};
-  json["r2"] = a.r2;
-  json["chi2_per_dof"] = a.chi2_per_dof;
   return json;
 }
 
 ordered_json ScoreJson(const ComparedScore& s) {
-  constexpr const char* kKinds[] = {"mark", "angle", "all"};  // by ComparedScore::Of
+  constexpr const char* kKinds[] = {"mark", "angle", "all", "channel"};  // by ComparedScore::Of
   ordered_json json = {{"name", s.name},
                        {"kind", kKinds[static_cast<std::size_t>(s.of)]},
                        {"unit", s.Unit()},
@@ -83,11 +84,16 @@ ordered_json SpectrumJson(const ComparedSpectrum& s) {
                      {"reference", PeakJson(s.reference_peaks, p.b)}});
   }
   ordered_json json = {{"signal", s.name},
+                       {"unit", s.id.Unit()},
                        {"convention", s.measured.convention},
                        {"resolution", s.measured.resolution},
                        {"frac", s.frac >= 0.0 ? ordered_json(s.frac) : ordered_json(nullptr)},
                        {"peaks", peaks}};
-  if (s.density.segments > 0) {
+  if (s.density.segments > 0 && s.density.yy.empty()) {
+    json["density"] = {{"convention", s.density.convention},
+                       {"frequency", s.density.frequency},
+                       {"measured", s.density.xx}};
+  } else if (s.density.segments > 0) {
     json["density"] = {
         {"convention", s.density.convention}, {"frequency", s.density.frequency},
         {"measured", s.density.xx},           {"reference", s.density.yy},
@@ -97,7 +103,31 @@ ordered_json SpectrumJson(const ComparedSpectrum& s) {
   return json;
 }
 
-ordered_json ModesJson(const ModalFit& fit) {
+// What an ambient record is worth, and each of its modes.
+ordered_json AmbientJson(const AmbientFit& fit) {
+  ordered_json lines = ordered_json::array(), modes = ordered_json::array();
+  for (const SteadyLine& line : fit.lines) {
+    lines.push_back({{"frequency", line.frequency}, {"chance", line.chance}});
+  }
+  for (const AmbientMode& m : fit.modes) {
+    modes.push_back({{"harmonic", m.harmonic},
+                     {"bandwidth_bins", m.bandwidth_bins},
+                     {"shift", m.shift},
+                     {"shift_sigma", m.shift_sigma},
+                     {"steadiness", m.steadiness},
+                     {"doubts", m.doubts}});
+  }
+  return {{"duration", fit.duration},
+          {"band", {fit.low, fit.high}},
+          {"stationary", fit.stationary},
+          {"strength_ratio", fit.strength_ratio},
+          {"doubts", fit.doubts},
+          {"lines", lines},
+          {"modes", modes}};
+}
+
+ordered_json ModesJson(const ModalFit& fit, const std::string& vibration,
+                       const std::optional<AmbientFit>& ambient) {
   const DecayFit& d = fit.decay;
   ordered_json modes = ordered_json::array();
   for (const Mode& m : d.modes) {
@@ -123,22 +153,36 @@ ordered_json ModesJson(const ModalFit& fit) {
                        {"real_sigma", real_sigma},
                        {"imaginary_sigma", imaginary_sigma}}}});
   }
-  return {{"status", Name(d.status)},       {"message", d.message},
-          {"explained", d.explained},       {"residual_rms", d.residual_rms},
-          {"chi2_per_dof", d.chi2_per_dof}, {"modes", modes}};
+  ordered_json json = {{"status", Name(d.status)},
+                       {"message", d.message},
+                       {"vibration", ambient ? "ambient" : "decay"},
+                       {"why", vibration},
+                       {"explained", d.explained},
+                       {"residual_rms", d.residual_rms},
+                       {"chi2_per_dof", d.chi2_per_dof},
+                       {"modes", modes}};
+  if (ambient) json["ambient"] = AmbientJson(*ambient);
+  return json;
 }
 
 }  // namespace
 
 ordered_json ComparisonJson(const Comparison& c) {
+  const bool alone = c.reference.empty();
   ordered_json json = {{"record", c.record},
-                       {"reference", c.reference},
+                       {"reference", alone ? ordered_json(nullptr) : ordered_json(c.reference)},
                        {"status", Name(c.alignment.status)},
                        {"verdict", c.verdict},
                        {"reasons", c.reasons}};
   if (!c.alignment.Usable()) return json;
   json["marks"] = c.marks;
-  json.update(AlignmentJson(c));
+  for (const ComparedChannel& one : c.channels) {
+    json["channels"].push_back(
+        {{"name", one.name},
+         {"unit", one.unit},
+         {"of", one.of.empty() ? ordered_json(nullptr) : ordered_json(one.of)}});
+  }
+  if (!alone) json.update(AlignmentJson(c));
   for (const MarkError& e : c.errors) {
     json["errors"].push_back({{"mark", e.mark},
                               {"samples", e.samples},
@@ -150,7 +194,7 @@ ordered_json ComparisonJson(const Comparison& c) {
                               {"largest_at", e.largest_at},
                               {"sigmas", e.sigmas}});
   }
-  json["test"] = c.record_is_test ? "record" : "reference";
+  if (!alone) json["test"] = c.record_is_test ? "record" : "reference";
   for (const ComparedScore& s : c.scores) json["scores"].push_back(ScoreJson(s));
   json["spectra_window"] = {c.spectrum_from, c.spectrum_to};
   if (c.modes_until) json["modes_window"] = {c.spectrum_from, *c.modes_until};
@@ -161,10 +205,14 @@ ordered_json ComparisonJson(const Comparison& c) {
                                         {"amplitude", s.amplitude},
                                         {"mac", s.mac}});
   }
-  json["modes"] = {{"signals", c.mode_signals},
-                   {"measured", ModesJson(c.measured_modes)},
-                   {"reference", ModesJson(c.reference_modes)},
-                   {"pairs", ordered_json::array()}};
+  json["modes"] = {
+      {"signals", c.mode_signals},
+      {"units", c.mode_units},
+      {"measured", ModesJson(c.measured_modes, c.measured_vibration, c.measured_ambient)},
+      {"reference", alone
+                        ? ordered_json(nullptr)
+                        : ModesJson(c.reference_modes, c.reference_vibration, c.reference_ambient)},
+      {"pairs", ordered_json::array()}};
   for (const ModePair& p : c.mode_pairs) {
     if (p.a < 0 || p.b < 0) continue;
     json["modes"]["pairs"].push_back({{"measured", p.a}, {"reference", p.b}, {"mac", p.mac}});

@@ -66,7 +66,8 @@ double Stillness(const Comparison& c, const std::vector<const ComparedSignal*>& 
   double least = 0.0;
   for (const ComparedSignal* s : parts) least = std::max(least, kNoise * Rms(s->sigma));
   for (const ComparedSignal& s : c.signals) {
-    if (s.id.kind != parts.front()->id.kind || s.reference.empty()) continue;
+    const SignalId& own = parts.front()->id;
+    if (s.id.kind != own.kind || s.id.unit != own.unit || s.reference.empty()) continue;
     const auto [low, high] = std::minmax_element(s.reference.begin(), s.reference.end());
     least = std::max(least, kPart * (*high - *low));
   }
@@ -78,13 +79,18 @@ ComparedScore Score(const Comparison& c, const std::string& name,
                     const std::vector<const ComparedSignal*>& parts) {
   ComparedScore out;
   out.name = name;
-  out.of = parts.front()->id.IsAngle() ? ComparedScore::Of::kAngle : ComparedScore::Of::kMark;
+  const SignalId& id = parts.front()->id;
+  out.of = id.IsChannel() ? ComparedScore::Of::kChannel
+           : id.IsAngle() ? ComparedScore::Of::kAngle
+                          : ComparedScore::Of::kMark;
+  out.unit = id.unit;
   std::vector<std::vector<double>> test, computed;
   std::vector<SignalPair> pairs;
   double largest = 0.0;
   std::vector<double> range;
   for (const ComparedSignal* s : parts) {
-    const double zero = s->reference.front();
+    // An instrument's zero means something as it is.
+    const double zero = id.IsChannel() ? 0.0 : s->reference.front();
     test.push_back(Less(c.record_is_test ? s->measured : s->reference, zero));
     computed.push_back(Less(c.record_is_test ? s->reference : s->measured, zero));
     const auto [low, high] = std::minmax_element(test.back().begin(), test.back().end());
@@ -93,8 +99,10 @@ ComparedScore Score(const Comparison& c, const std::string& name,
   }
   for (std::size_t k = 0; k < parts.size(); ++k) {
     pairs.push_back({parts[k]->t, test[k], computed[k], {}});
+    if (id.IsChannel()) pairs.back().sigma = parts[k]->sigma;
   }
   out.score = ScoreSignals(pairs);
+  if (id.IsChannel()) out.sigmas = out.score.sigmas;
   // Errors stand in the order of the marks.
   if (out.of == ComparedScore::Of::kMark) out.sigmas = c.errors[parts.front()->id.mark].sigmas;
   if (largest <= Stillness(c, parts)) {
@@ -120,14 +128,6 @@ ComparedScore Score(const Comparison& c, const std::string& name,
     out.rating.grade = GradeOf(out.rating.overall);
   }
   return out;
-}
-
-// Samples [first, last) of a signal that lie within the window of the spectra.
-std::pair<std::size_t, std::size_t> Within(const Comparison& c, const ComparedSignal& s) {
-  return {static_cast<std::size_t>(std::lower_bound(s.t.begin(), s.t.end(), c.spectrum_from) -
-                                   s.t.begin()),
-          static_cast<std::size_t>(std::upper_bound(s.t.begin(), s.t.end(), c.spectrum_to) -
-                                   s.t.begin())};
 }
 
 std::vector<Peak> AsPeaks(const std::vector<LombPeak>& from) {
@@ -157,7 +157,8 @@ ComparedSpectrum SpectraOf(const ComparedSignal& s, std::size_t first, std::size
   out.name = s.name;
   const auto t = std::span(s.t).subspan(first, last - first);
   const auto x = std::span(s.measured).subspan(first, last - first);
-  const auto y = std::span(s.reference).subspan(first, last - first);
+  const bool alone = s.reference.empty();
+  const auto y = alone ? x : std::span(s.reference).subspan(first, last - first);
   const auto stretch = LongestEvenStretch(t);
   const double share = static_cast<double>(stretch.count) / static_cast<double>(last - first);
   if (stretch.count >= kFewest && share >= kMostlyWhole) {
@@ -169,14 +170,16 @@ ComparedSpectrum SpectraOf(const ComparedSignal& s, std::size_t first, std::size
     out.reference_peaks = FindPeaks(out.reference);
     const std::span a(out.measured.value), b(out.reference.value);
     // The first two bins hold what detrending left.
-    if (a.size() > 2) out.frac = FrequencyResponseAssurance(a.subspan(2), b.subspan(2));
+    if (a.size() > 2 && !alone) out.frac = FrequencyResponseAssurance(a.subspan(2), b.subspan(2));
     if (!stretch.whole) {
       out.note = fmt::format("{} of {} samples: the longest stretch without a gap", stretch.count,
                              last - first);
     }
   } else {
-    const auto sigma = std::span(s.sigma).subspan(first, last - first);
-    const bool weighted = std::all_of(sigma.begin(), sigma.end(), [](double v) { return v > 0.0; });
+    const auto sigma = s.sigma.empty() ? std::span<const double>()
+                                       : std::span(s.sigma).subspan(first, last - first);
+    const bool weighted =
+        !sigma.empty() && std::all_of(sigma.begin(), sigma.end(), [](double v) { return v > 0.0; });
     const auto w = weighted ? sigma : std::span<const double>();
     out.measured = AsSpectrum(LombScargle(t, x, w, unit));
     out.reference = AsSpectrum(LombScargle(t, y, w, unit));
@@ -187,6 +190,13 @@ ComparedSpectrum SpectraOf(const ComparedSignal& s, std::size_t first, std::size
   if (stretch.count >= 2 * kFewest) {
     out.density = WelchCrossSpectrum(t, x, y, unit, {how.window, how.detrend});
   }
+  if (alone) {  // of the two the second was only there to have the first
+    out.reference = {};
+    out.reference_peaks.clear();
+    out.density.yy.clear();
+    out.density.xy.clear();
+    out.density.coherence.clear();
+  }
   out.pairs = PairPeaks(out.measured_peaks, out.reference_peaks, out.measured.resolution);
   return out;
 }
@@ -195,7 +205,7 @@ ComparedSpectrum SpectraOf(const ComparedSignal& s, std::size_t first, std::size
 void FillOperatingShapes(Comparison* c) {
   constexpr std::size_t kMost = 6;  // of the largest amplitudes: what a page can show
   for (const ComparedSpectrum& s : c->spectra) {
-    if (s.id.IsAngle()) continue;
+    if (!s.id.IsCoordinate()) continue;
     for (const PeakPair& p : s.pairs) {
       if (p.a < 0 || p.b < 0) continue;
       const Peak& a = s.measured_peaks[static_cast<std::size_t>(p.a)];
@@ -220,7 +230,7 @@ void FillOperatingShapes(Comparison* c) {
     std::vector<std::complex<double>> a, b;
     for (const ComparedSignal& s : c->signals) {
       if (!s.id.InPlane()) continue;
-      const auto [first, last] = Within(*c, s);
+      const auto [first, last] = WithinSpectra(*c, s);
       if (last < first + kFewest) continue;
       const auto t = std::span(s.t).subspan(first, last - first);
       a.push_back(FourierAmplitude(t, std::span(s.measured).subspan(first, last - first),
@@ -280,9 +290,17 @@ class TotalScore {
 
 }  // namespace
 
+std::pair<std::size_t, std::size_t> WithinSpectra(const Comparison& c, const ComparedSignal& s) {
+  return {static_cast<std::size_t>(std::lower_bound(s.t.begin(), s.t.end(), c.spectrum_from) -
+                                   s.t.begin()),
+          static_cast<std::size_t>(std::upper_bound(s.t.begin(), s.t.end(), c.spectrum_to) -
+                                   s.t.begin())};
+}
+
 void FillScores(Comparison* c) {
   for (const ComparedSignal& s : c->signals) {
-    if (s.id.IsAngle()) c->scores.push_back(Score(*c, s.name, {&s}));
+    if (s.id.IsChannel() && s.t.size() < 2) continue;
+    if (!s.id.IsCoordinate()) c->scores.push_back(Score(*c, s.name, {&s}));
   }
   TotalScore total;
   for (std::size_t m = 0; m < c->marks.size(); ++m) {
@@ -304,51 +322,11 @@ void FillSpectra(const ComparisonOptions& options, Comparison* c) {
   c->spectrum_to = options.to.value_or(c->alignment.overlap_end);
   for (const ComparedSignal& s : c->signals) {
     if (s.id.AcrossPlane()) continue;  // nothing moves there: its residuals tell all
-    const auto [first, last] = Within(*c, s);
+    const auto [first, last] = WithinSpectra(*c, s);
     if (last < first + kFewest) continue;
     c->spectra.push_back(SpectraOf(s, first, last, {options.window, Detrend::kLine}));
   }
   FillOperatingShapes(c);
-}
-
-void FillModes(Comparison* c) {
-  // After a deployment the whole still swings slowly, by less than a period: a cubic stands for it.
-  ModalOptions options;
-  options.decay.trend = 3;
-  std::vector<DecaySignal> measured, reference;
-  const Eigen::Matrix3d R_MW = c->alignment.at.X_WM.linear().transpose();
-  for (std::size_t m = 0; m < c->marks.size(); ++m) {
-    for (Eigen::Index axis = 0; axis < 2; ++axis) {
-      const ComparedSignal* s = FindCoordinate(*c, m, static_cast<int>(axis));
-      if (s == nullptr) continue;
-      const auto [first, last] = Within(*c, *s);
-      if (last < first + 2 * kFewest) continue;
-      DecaySignal a, b;
-      a.name = b.name = s->name;
-      for (std::size_t i = first; i < last; ++i) {
-        a.t.push_back(s->t[i]);
-        a.value.push_back(s->measured[i]);
-        b.value.push_back(s->reference[i]);
-      }
-      b.t = a.t;
-      if (c->observations.has_sigma) {
-        // Each sample's own error: what the calibration adds moves all of them alike.
-        const MarkSeries& series = c->observations.marks[m];
-        for (std::size_t i = first; i < last; ++i) {
-          const auto at = std::lower_bound(series.t.begin(), series.t.end(), s->t[i]);
-          const Eigen::Matrix3d cov = Symmetric(series.cov.col(at - series.t.begin()));
-          a.sigma.push_back(std::sqrt((R_MW * cov * R_MW.transpose())(axis, axis)));
-        }
-      }
-      measured.push_back(std::move(a));
-      reference.push_back(std::move(b));
-    }
-  }
-  for (const DecaySignal& s : measured) c->mode_signals.push_back(s.name);
-  c->measured_modes = IdentifyModes(measured, options);
-  if (c->measured_modes.cut) c->modes_until = c->measured_modes.until;
-  c->reference_modes = IdentifyModes(reference, options);
-  c->mode_pairs = PairModes(c->measured_modes.decay.modes, c->reference_modes.decay.modes);
 }
 
 }  // namespace unfurl::correlate

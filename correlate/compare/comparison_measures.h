@@ -1,5 +1,7 @@
 #pragma once
 
+#include <utility>
+
 #include "correlate/compare/comparison.h"
 
 namespace unfurl::correlate {
@@ -11,6 +13,11 @@ void FillScores(Comparison* c);
 // Amplitude spectra with peaks, densities with coherence, operating shapes at the shared peaks.
 void FillSpectra(const ComparisonOptions& options, Comparison* c);
 // Modes of both from the same stretch as the spectra.
-void FillModes(Comparison* c);
+void FillModes(const ComparisonOptions& options, Comparison* c);
+// Samples [first, last) of a signal that lie within the window of the spectra.
+std::pair<std::size_t, std::size_t> WithinSpectra(const Comparison& c, const ComparedSignal& s);
+// Reasons about modes, peaks, and what limits a comparison, in words.
+void AddModeReasons(Comparison* c);
+void AddPeakReasons(Comparison* c);
 
 }  // namespace unfurl::correlate

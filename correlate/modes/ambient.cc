@@ -1,0 +1,370 @@
+#include "correlate/modes/ambient.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include "base/refuse_option.h"
+#include "base/statistics.h"
+#include "correlate/modes/ambient_judges.h"
+#include "correlate/modes/subspace.h"
+
+namespace unfurl::correlate {
+
+namespace {
+
+using Complex = std::complex<double>;
+
+constexpr double kTau = 2.0 * std::numbers::pi;  // [rad]
+// A part of the band, at its own rate.
+struct Part {
+  JointSignals joint;
+  double low = 0.0, high = 0.0;  // [Hz]
+};
+
+// The record at its own rate, at a quarter of that, and so on, each for what has at most twenty
+// samples a period there: ten block rows then see half a period and more, and lags at which all
+// correlation is gone, which would only add noise, are few.
+std::vector<Part> PartsOf(JointSignals joint, double low, double high) {
+  constexpr Eigen::Index kFactor = 4, kFewest = 1000;  // instants left: a hundred blocks of ten
+  constexpr double kSamplesPerPeriod = 20.0;  // as said above [-]
+  std::vector<Part> out;
+  double top = 0.5 / joint.step;
+  while (true) {
+    const double lowest = 1.0 / (kSamplesPerPeriod * joint.step);
+    const bool last = lowest <= low || joint.samples() < kFactor * kFewest;
+    Part part;
+    part.low = last ? low : lowest;
+    part.high = std::min(high, top);
+    top = lowest;
+    JointSignals next;
+    if (!last) next = Decimated(joint, kFactor);
+    part.joint = std::move(joint);
+    if (part.low < part.high) out.push_back(std::move(part));
+    if (last || next.stretches.empty()) break;
+    joint = std::move(next);
+  }
+  return out;
+}
+
+struct Candidate {
+  SubspacePole pole;
+  StabilisationPole seen;
+};
+
+StabilisationPole Seen(const SubspacePole& p) {
+  StabilisationPole out;
+  out.order = p.order;
+  out.frequency = std::abs(p.pole) / kTau;
+  out.damping = -p.pole.real() / std::abs(p.pole);
+  return out;
+}
+
+// Whether the poles of the order before know this one.
+void Compare(const std::vector<Candidate>& before, const AmbientOptions& options, Candidate* c) {
+  constexpr double kSameDamping = 0.005;  // absolute: light dampings scatter by more than a part
+  const Candidate* nearest = nullptr;
+  for (const Candidate& b : before) {
+    const bool alike = ModalAssurance(b.pole.shape, c->pole.shape) >= 1.0 - options.shape_tolerance;
+    const double off = std::abs(b.seen.frequency - c->seen.frequency);
+    if (off > options.frequency_tolerance * c->seen.frequency || !alike) continue;
+    if (nearest != nullptr && off >= std::abs(nearest->seen.frequency - c->seen.frequency))
+      continue;
+    nearest = &b;
+  }
+  if (nearest == nullptr) return;
+  c->seen.stable_frequency = c->seen.stable_shape = true;
+  c->seen.stable_damping =
+      std::abs(nearest->seen.damping - c->seen.damping) <=
+      std::max(kSameDamping, options.damping_tolerance * std::abs(c->seen.damping));
+}
+
+using Diagram = std::vector<std::vector<Candidate>>;
+
+Diagram DiagramOf(const Subspace& subspace, const Part& part, const AmbientOptions& options) {
+  constexpr double kEdge = 0.1;  // of a part's ends: a mode there may scatter to either side
+  Diagram out;
+  const auto most = std::min<Eigen::Index>(2 * (options.max_order / 2), subspace.most());
+  for (Eigen::Index order = 2; order <= most; order += 2) {
+    std::vector<Candidate> row;
+    for (SubspacePole& p : subspace.Poles(order)) {
+      Candidate c;
+      c.seen = Seen(p);
+      c.pole = std::move(p);
+      const double f = c.seen.frequency;
+      if (f < (1.0 - kEdge) * part.low || f > (1.0 + kEdge) * part.high ||
+          std::abs(c.seen.damping) > options.max_damping) {
+        continue;
+      }
+      if (!out.empty()) Compare(out.back(), options, &c);
+      row.push_back(std::move(c));
+    }
+    out.push_back(std::move(row));
+  }
+  return out;
+}
+
+using Cluster = std::vector<const Candidate*>;  // one of an order at most, rising orders
+
+std::vector<Cluster> Clusters(const Diagram& diagram, const AmbientOptions& options) {
+  constexpr std::size_t kFewest = 4;  // stable poles
+  std::vector<Cluster> clusters;
+  for (const auto& row : diagram) {
+    for (const Candidate& c : row) {
+      if (!c.seen.stable()) continue;
+      Cluster* home = nullptr;
+      double nearest = options.frequency_tolerance * c.seen.frequency;
+      for (Cluster& cluster : clusters) {
+        const Candidate& last = *cluster.back();
+        const double off = std::abs(last.seen.frequency - c.seen.frequency);
+        if (last.seen.order == c.seen.order || off > nearest ||
+            ModalAssurance(last.pole.shape, c.pole.shape) < 1.0 - options.shape_tolerance) {
+          continue;
+        }
+        nearest = off;
+        home = &cluster;
+      }
+      if (home == nullptr) home = &clusters.emplace_back();
+      home->push_back(&c);
+    }
+  }
+  const int last_order = 2 * static_cast<int>(diagram.size());
+  std::erase_if(clusters, [&](const Cluster& c) {
+    const double orders = 0.5 * (last_order - c.front()->seen.order) + 1.0;
+    return c.size() < kFewest || static_cast<double>(c.size()) < options.persistence * orders;
+  });
+  return clusters;
+}
+
+// Standard errors, and how far its frequency moves between the halves.
+void FillErrors(const Eigen::VectorXcd& influence, double block, AmbientMode* m) {
+  const Complex s = m->mode.pole;
+  const double size = std::abs(s), a = -s.real(), w = s.imag();
+  const Eigen::VectorXd by_a = -influence.real(), by_w = influence.imag();
+  const Eigen::VectorXd frequency = (a * by_a + w * by_w) / (kTau * size);
+  const Eigen::VectorXd damping = (w * w * by_a - a * w * by_w) / (size * size * size);
+  m->mode.frequency_sigma = BlockSigma(frequency, block, MemoryOf(m->mode));
+  m->mode.damping_sigma = BlockSigma(damping, block, MemoryOf(m->mode));
+  const Eigen::Index half = frequency.size() / 2;
+  m->shift = frequency.tail(half).mean() - frequency.head(half).mean();
+  // Halves are independent, each with twice the variance of the whole.
+  m->shift_sigma = 2.0 * m->mode.frequency_sigma;
+}
+
+void FillShape(const Subspace& subspace, const SubspacePole& at, const std::vector<double>& scales,
+               double block, Mode* mode) {
+  const Eigen::Map<const Eigen::VectorXd> scale(scales.data(),
+                                                static_cast<Eigen::Index>(scales.size()));
+  const Eigen::MatrixXcd change = subspace.ShapeInfluence(at);
+  const Eigen::VectorXcd shape = scale.asDiagonal() * at.shape;
+  Eigen::Index largest = 0;
+  shape.cwiseAbs().maxCoeff(&largest);
+  const Complex top = shape(largest);
+  mode->shape = shape / top;
+  mode->shape_sigma.resize(2, shape.size());
+  const Eigen::RowVectorXcd of_top = scale(largest) * change.row(largest) / top;
+  for (Eigen::Index j = 0; j < shape.size(); ++j) {
+    const Eigen::RowVectorXcd own = scale(j) * change.row(j) / top - mode->shape(j) * of_top;
+    mode->shape_sigma(0, j) = BlockSigma(own.real().transpose(), block, MemoryOf(*mode));
+    mode->shape_sigma(1, j) = BlockSigma(own.imag().transpose(), block, MemoryOf(*mode));
+  }
+}
+
+// What the mode has of the references' variance, by its part of R_0.
+void FillShare(const SubspacePole& at, const LagCovariances& covariances,
+               const std::vector<double>& scales, Mode* mode) {
+  double own = 0.0, all = 0.0, shape = 0.0;
+  const Eigen::Index l = at.shape.size();
+  for (std::size_t j = 0; j < covariances.references.size(); ++j) {
+    const Eigen::Index row = covariances.references[j], column = static_cast<Eigen::Index>(j);
+    own += 2.0 * (at.shape(row) * at.control(column)).real();
+    all += covariances.At(0, l)(row, column);
+    shape += std::norm(at.shape(row));
+  }
+  mode->share = all > 0.0 ? std::max(0.0, own / all) : 0.0;
+  mode->amplitude.resize(l);
+  const double rms = shape > 0.0 ? std::sqrt(std::max(0.0, own) / shape) : 0.0;
+  for (Eigen::Index j = 0; j < l; ++j) {
+    mode->amplitude(j) = rms * at.shape(j) * scales[static_cast<std::size_t>(j)];
+  }
+}
+
+// Of a mode each stretch of the record has its part, of a pole of noise as often the opposite.
+// Signed roots, so that a strength that varies from stretch to stretch is no doubt of the mode.
+double Evidence(const Eigen::MatrixXcd& blocks, const SubspacePole& at, double block,
+                double memory) {
+  const Eigen::VectorXd energy =
+      Grouped((at.control.adjoint() * blocks).real().transpose(), block, memory);
+  const Eigen::VectorXd root = energy.array().sign() * energy.array().abs().sqrt();
+  const double mean = root.mean(), n = static_cast<double>(root.size());
+  const double squares = (root.array() - mean).square().sum();
+  return mean > 0.0 && squares > 0.0 ? mean * mean * n * (n - 1.0) / squares : 0.0;
+}
+
+AmbientMode ModeOf(const Cluster& cluster, const Subspace& subspace,
+                   const LagCovariances& covariances, const std::vector<double>& scales) {
+  AmbientMode out;
+  Mode& mode = out.mode;
+  // The mean over the orders, each by how well it tells the pole: what noise poles disturb at one
+  // order they do not at another.
+  double weights = 0.0, most = 0.0;
+  // Where no pole of noise stands beside it, of the upper orders: lower ones have the shapes of
+  // modes that they lack mixed in.
+  const SubspacePole* best = nullptr;
+  Eigen::VectorXcd influence = Eigen::VectorXcd::Zero(covariances.blocks.cols());
+  for (const Candidate* c : cluster) {
+    const Eigen::VectorXcd own = subspace.Influence(c->pole);
+    const double weight = 1.0 / std::max(own.squaredNorm(), std::numeric_limits<double>::min());
+    mode.pole += weight * c->pole.pole;
+    influence += weight * own;
+    weights += weight;
+    if (weight > most && 2 * c->pole.order > cluster.back()->pole.order) {
+      most = weight;
+      best = &c->pole;
+    }
+  }
+  mode.pole /= weights;
+  influence /= weights;
+  mode.frequency = std::abs(mode.pole) / kTau;
+  mode.damping = -mode.pole.real() / std::abs(mode.pole);
+  mode.members = static_cast<int>(cluster.size());
+  const double block = covariances.block_seconds;
+  FillErrors(influence, block, &out);
+  FillShape(subspace, *best, scales, block, &mode);
+  FillShare(*best, covariances, scales, &mode);
+  mode.evidence = Evidence(subspace.ControlOfBlocks(*best), *best, block, MemoryOf(mode));
+  return out;
+}
+
+// What a pole of noise alone would rarely show: of as many complex numbers as there are references
+// the one combination is looked at that shows most, and some tens of clusters are. And each follows
+// the noise that it is judged by, which makes half as much again of it.
+double EvidenceAsked(std::size_t references, double chance) {
+  constexpr double kClusters = 30.0, kFollowed = 2.0;  // as said above, the latter rounded up [-]
+  return kFollowed *
+         ChiSquareQuantile(1.0 - chance / kClusters, 2.0 * static_cast<double>(references));
+}
+
+// Modes and poles of a part of the band.
+void Search(const Part& part, const AmbientOptions& options, AmbientFit* fit) {
+  // Rows: half a period of what is slowest here, and lags up to twice that. References: more tell
+  // little that these do not. Blocks: enough that even the slowest mode's can be taken together.
+  constexpr Eigen::Index kLeastRows = 10, kReferences = 12, kBlocks = 200;
+  const Eigen::Index l = part.joint.stretches.front().value.rows();
+  // As many block rows as the highest order asks for.
+  const Eigen::Index rows = std::max(kLeastRows, options.max_order / l + 2);
+  const LagCovariances covariances = Covariances(part.joint, 2 * rows - 1, kReferences, kBlocks);
+  // Of whose scatter a standard error can be made: known to a sixth [-].
+  constexpr Eigen::Index kFewestBlocks = 20;
+  if (covariances.blocks.cols() < kFewestBlocks) return;
+  const Subspace subspace(covariances, l, rows, part.joint.step);
+  const Diagram diagram = DiagramOf(subspace, part, options);
+  const double asked = EvidenceAsked(covariances.references.size(), options.chance);
+  const double sure = NormalQuantile(1.0 - options.chance);
+  for (const Cluster& cluster : Clusters(diagram, options)) {
+    AmbientMode m = ModeOf(cluster, subspace, covariances, part.joint.scale);
+    // Nothing that is driven by noise grows.
+    if (m.mode.evidence < asked || m.mode.damping < -sure * m.mode.damping_sigma) continue;
+    fit->modes.push_back(std::move(m));
+  }
+  for (const auto& row : diagram) {
+    for (const Candidate& c : row) fit->poles.push_back(c.seen);
+  }
+}
+
+// One mode found in two parts, or twice, is one: that of most evidence.
+void DropTwins(const AmbientOptions& options, std::vector<AmbientMode>* modes) {
+  constexpr double kSame = 3.0;   // standard errors of the difference
+  constexpr double kAlike = 0.8;  // MAC: closely spaced modes differ in shape
+  std::stable_sort(modes->begin(), modes->end(), [](const AmbientMode& a, const AmbientMode& b) {
+    return a.mode.evidence > b.mode.evidence;
+  });
+  std::vector<AmbientMode> kept;
+  for (AmbientMode& m : *modes) {
+    const bool known = std::any_of(kept.begin(), kept.end(), [&](const AmbientMode& other) {
+      const double near =
+          std::max(options.frequency_tolerance * m.mode.frequency,
+                   kSame * std::hypot(m.mode.frequency_sigma, other.mode.frequency_sigma));
+      return std::abs(m.mode.frequency - other.mode.frequency) < near &&
+             ModalAssurance(m.mode.shape, other.mode.shape) > kAlike;
+    });
+    if (!known) kept.push_back(std::move(m));
+  }
+  std::sort(kept.begin(), kept.end(), [](const AmbientMode& a, const AmbientMode& b) {
+    return a.mode.frequency < b.mode.frequency;
+  });
+  *modes = std::move(kept);
+}
+
+// Each dot of the diagram with the mode that it stands for.
+void NamePoles(const AmbientOptions& options, AmbientFit* fit) {
+  for (StabilisationPole& pole : fit->poles) {
+    double nearest = 2.0 * options.frequency_tolerance;
+    for (std::size_t k = 0; k < fit->modes.size() && pole.stable(); ++k) {
+      const double f = fit->modes[k].mode.frequency;
+      const double off = std::abs(f - pole.frequency) / f;
+      if (off >= nearest) continue;
+      nearest = off;
+      pole.mode = static_cast<int>(k);
+    }
+  }
+}
+
+void Check(const AmbientOptions& o) {
+  const RefuseOption refuse("AmbientOptions");
+  if (!(o.low >= 0.0) || !(o.high > o.low)) refuse("low", "there is no band between low and high");
+  if (o.max_order < 4) refuse("max_order", "fewer than two modes", "give 4 or more");
+  if (!(o.max_damping > 0.0 && o.max_damping <= 1.0)) refuse("max_damping", "is no damping ratio");
+  if (!(o.persistence >= 0.0 && o.persistence <= 1.0)) refuse("persistence", "is no part of 1");
+  if (!(o.chance > 0.0 && o.chance < 1.0)) refuse("chance", "is no probability");
+  for (const double tolerance : {o.frequency_tolerance, o.damping_tolerance, o.shape_tolerance}) {
+    if (!(tolerance > 0.0)) refuse("frequency_tolerance", "a tolerance is not positive");
+  }
+}
+
+}  // namespace
+
+AmbientFit IdentifyAmbientModes(std::span<const DecaySignal> signals,
+                                const AmbientOptions& options) {
+  Check(options);
+  AmbientFit out;
+  // A second of silence teaches nothing: fewer samples than five times the lags of ten block rows.
+  constexpr Eigen::Index kFewest = 400;
+  constexpr double kPeriods = 10.0;  // in the record: slower swings are a trend's
+  const JointSignals joint = OnJointGrid(signals);
+  out.step = joint.step;
+  out.duration = joint.Duration();
+  if (joint.samples() < kFewest) {
+    out.message = fmt::format("{} instants at which every signal is known; {} are the fewest",
+                              joint.samples(), kFewest);
+    return out;
+  }
+  for (std::size_t j = 0; j < signals.size(); ++j) {
+    if (joint.scale[j] > 0.0) continue;
+    out.message = fmt::format("{} never changes", signals[j].name);
+    return out;
+  }
+  out.low = options.low > 0.0 ? options.low : kPeriods / out.duration;
+  out.high = std::min(options.high, 0.5 / joint.step);
+  for (const Part& part : PartsOf(joint, out.low, out.high)) Search(part, options, &out);
+  DropTwins(options, &out.modes);
+  NamePoles(options, &out);
+  JudgeRecord(joint, options, &out);
+  JudgeModes(joint, options, &out);
+  if (out.modes.empty()) {
+    out.status = DecayStatus::kNothingFound;
+    out.message = "no pole stays where it is from order to order and all through the record";
+    return out;
+  }
+  out.status = DecayStatus::kGood;
+  const auto doubtful = std::count_if(out.modes.begin(), out.modes.end(),
+                                      [](const AmbientMode& m) { return !m.doubts.empty(); });
+  out.message = fmt::format("{} modes of a structure driven by noise{}", out.modes.size(),
+                            doubtful > 0 ? fmt::format(", {} of them in doubt", doubtful) : "");
+  return out;
+}
+
+}  // namespace unfurl::correlate
