@@ -225,8 +225,23 @@ void BindCompare(py::module_& m) {
           "reference_modes", [](const Comparison& c) { return ModeTable(c.reference_modes); },
           "The same of the reference.")
       .def_property_readonly(
+          "channels",
+          [](const Comparison& c) {
+            py::list rows;
+            for (const correlate::ComparedChannel& one : c.channels) {
+              rows.append(py::dict(py::arg("name") = one.name, py::arg("unit") = one.unit,
+                                   py::arg("of") = one.of));
+            }
+            return rows;
+          },
+          "List of dicts: name, unit, of (what it is held against; '' of a record alone).")
+      .def_property_readonly(
+          "vibration",
+          [](const Comparison& c) { return std::string(c.measured_ambient ? "ambient" : "decay"); },
+          "What the record's vibration was taken for: 'decay' or 'ambient'.")
+      .def_property_readonly(
           "left_out", [](const Comparison& c) { return c.left_out; },
-          "Marks that only one of the two has.")
+          "Marks or channels that only one of the two has.")
       .def(
           "write",
           [](const Comparison& c, const fs::path& path) {

@@ -255,6 +255,10 @@ void BindResult(py::module_& m) {
                              "(n, 3) standard deviations of measured [m].")
       .def_property_readonly("simulated", points(&data::FitRecord::simulated),
                              "(n, 3) the model at the estimate [m].")
+      .def_property_readonly(
+          "channels",
+          [](const py::object& self) { return PartsOf(self, self.cast<Fit&>().data.channels); },
+          "List of FitChannel: readings, and the model at the estimate.")
       .def_readonly("comparison", &Fit::comparison,
                     "Comparison of trial and model at the estimate; None: not asked for.")
       .def_property_readonly(

@@ -36,6 +36,7 @@ void BindHealth(py::module_& m);
 void BindMeasure(py::module_& m);      // expose, reconstruct, smooth
 void BindSim(py::module_& m);
 void BindCompare(py::module_& m);
+void BindChannels(py::module_& m);  // of instruments other than cameras
 void BindRepeat(py::module_& m);  // before fits, which have them
 void BindFit(py::module_& m);
 void BindStudy(py::module_& m);

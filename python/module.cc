@@ -64,6 +64,7 @@ PYBIND11_MODULE(_core, m) {
   BindMeasure(m);
   BindSim(m);
   BindCompare(m);
+  BindChannels(m);
   BindRepeat(m);
   BindFit(m);
   BindStudy(m);
