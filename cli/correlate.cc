@@ -172,6 +172,7 @@ correlate::Comparison Compared(const Settings& s) {
   }
   if (s.reference.empty()) {
     std::vector<std::string> names;
+    names.reserve(pairs.size());
     for (const correlate::ChannelName& pair : pairs) names.push_back(pair.name);
     return correlate::DescribeChannels(correlate::ChannelsOf(s.record), names, s.options, s.record);
   }

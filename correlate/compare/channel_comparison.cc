@@ -49,6 +49,7 @@ std::vector<ChannelName> SharedNames(const std::vector<data::Channel>& record,
                                      const std::vector<data::Channel>& reference, Comparison* c) {
   auto names_of = [](const std::vector<data::Channel>& list) {
     std::vector<std::string> out;
+    out.reserve(list.size());
     for (const data::Channel& one : list) out.push_back(one.name);
     return out;
   };
@@ -345,6 +346,7 @@ Comparison DescribeChannels(const std::vector<data::Channel>& record,
   c.alignment.overlap_start = std::numeric_limits<double>::infinity();
   c.alignment.overlap_end = -c.alignment.overlap_start;
   std::vector<const data::Channel*> wanted;
+  wanted.reserve(std::max(names.size(), record.size()));
   for (const std::string& name : names) {
     wanted.push_back(&data::FindChannel(record, name, record_name));
   }

@@ -44,7 +44,7 @@ std::vector<SteadyLine> FindSteadyLines(const JointSignals& joint, double chance
   if (n < 8 * kFar) return out;
   const std::vector<double> window = WindowValues(SpectralWindow::kHann, n);
   const double gain = CoherentGain(SpectralWindow::kHann) * static_cast<double>(n) / 2.0;
-  const auto tests = static_cast<double>(n / 2) * static_cast<double>(s.value.rows());
+  const auto tests = 0.5 * static_cast<double>(n) * static_cast<double>(s.value.rows());
   for (Eigen::Index j = 0; j < s.value.rows(); ++j) {
     if (!(joint.scale[static_cast<std::size_t>(j)] > 0.0)) continue;
     const std::vector<double> power = Periodogram(s.value.row(j).transpose(), window);
