@@ -25,7 +25,7 @@ namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
 constexpr char kAbout[] = "fit.json", kBeat[] = "beat", kQuestions[] = "questions",
-               kTaken[] = "taken", kAnswers[] = "answers", kScript[] = "task.sh", kLog[] = "log-";
+               kTaken[] = "taken", kAnswers[] = "answers", kScript[] = "task.sh", kLog[] = "log-", kClock[] = "clock-";
 constexpr char kSchema[] = "unfurl/evaluations";
 std::string Name(std::uint64_t question) { return fmt::format("{:08}", question); }
 
@@ -59,7 +59,7 @@ std::string ClockName() {
   static const std::string kHead = [] {
     char host[256] = "";
     gethostname(host, sizeof host - 1);
-    return fmt::format("clock-{}-{}-", host, getpid());
+    return fmt::format("{}{}-{}-", kClock, host, getpid());
   }();
   return kHead + fmt::format("{}", gettid());
 }
@@ -99,17 +99,47 @@ std::string Get(const fs::path& path) {
   return bytes;
 }
 
-// What such a folder holds; anything else is somebody's.
-void CheckOurs(const std::string& path) {
-  for (const std::string& name : NamesIn(path)) {
-    const bool ours = name == kAbout || name == kBeat || name == kQuestions || name == kTaken ||
-                      name == kAnswers || name.rfind("clock-", 0) == 0 ||
-                      name.rfind(kLog, 0) == 0 || name == kScript;
-    if (!ours) {
-      throw Error("holds '" + name + "', which is none of a fit's questions", path,
-                  "give a folder that is not there yet");
-    }
+// The identity that fit.json of such a folder tells.
+std::string ReadAbout(const std::string& about) {
+  std::error_code ignored;
+  if (!fs::exists(about, ignored)) {
+    throw Error("holds no questions of a fit", fs::path(about).parent_path().string(),
+                "start the fit with --engine first, in a folder that is not there yet");
   }
+  const std::string text = data::ReadTextFile(about);
+  data::ForgetInput(about);  // ours to replace
+  try {
+    const ordered_json j = ordered_json::parse(text);
+    if (j.at("schema") != kSchema || j.at("version") != 1) {
+      throw Error("is of another version of this program", about, "use one version for both");
+    }
+    return j.at("identity");
+  } catch (const nlohmann::json::exception&) {
+    throw Error("does not say what the questions are about", about, "give another folder");
+  }
+}
+
+bool IsOurs(const std::string& name) {
+  return name == kAbout || name == kBeat || name == kQuestions || name == kTaken ||
+         name == kAnswers || name == kScript || name.rfind(kClock, 0) == 0 ||
+         name.rfind(kLog, 0) == 0;
+}
+
+// Throws Error for what is not a folder of questions, or an empty one. What says that it is one is
+// written first, so that a folder that was left at any moment is known.
+void CheckOurs(const std::string& path) {
+  std::error_code error;
+  if (!fs::is_directory(path, error)) {
+    throw Error("is there, and is no folder", path, "give one that is not there yet");
+  }
+  const std::vector<std::string> names = NamesIn(path);
+  if (names.empty()) return;
+  for (const std::string& name : names) {
+    if (IsOurs(name)) continue;
+    throw Error("holds '" + name + "', which is none of a fit's questions", path,
+                "give a folder that is not there yet");
+  }
+  ReadAbout((fs::path(path) / kAbout).string());
 }
 
 }  // namespace
@@ -121,42 +151,31 @@ fs::path EvaluationFolder::In(const char* part, const std::string& name) const {
 EvaluationFolder EvaluationFolder::Make(const std::string& path, const std::string& identity) {
   EvaluationFolder folder(path);
   std::error_code error;
-  if (fs::exists(path, error)) {
+  if (fs::exists(fs::symlink_status(path, error))) {
     CheckOurs(path);
     // Of one that was killed the lock is gone.
     const auto lock = Locked(fs::path(path) / kBeat);
-    fs::remove_all(path, error);
+    folder.Clear(false);
   }
-  for (const char* part : {kQuestions, kTaken, kAnswers}) {
-    if (!fs::create_directories(fs::path(path) / part, error) || error) {
-      throw Error("cannot be made: " + error.message(), path, "give another --folder",
-                  ErrorKind::kMachine);
+  fs::create_directories(path, error);
+  if (!error) {
+    const ordered_json about = {{"schema", kSchema}, {"version", 1}, {"identity", identity}};
+    data::WriteTextFile((fs::path(path) / kAbout).string(), about.dump(1) + "\n");
+    for (const char* part : {kQuestions, kTaken, kAnswers}) {
+      if (!error) fs::create_directory(fs::path(path) / part, error);
     }
   }
-  const ordered_json about = {{"schema", kSchema}, {"version", 1}, {"identity", identity}};
+  if (error) {
+    throw Error("cannot be made: " + error.message(), path, "give another --folder",
+                ErrorKind::kMachine);
+  }
   folder.Beat();
   folder.lock_ = Locked(fs::path(path) / kBeat);
-  data::WriteTextFile((fs::path(path) / kAbout).string(), about.dump(1) + "\n");
   return folder;
 }
 
 EvaluationFolder EvaluationFolder::Open(const std::string& path, const std::string& identity) {
-  const std::string about = (fs::path(path) / kAbout).string();
-  std::error_code ignored;
-  if (!fs::exists(about, ignored)) {
-    throw Error("holds no questions of a fit", path, "start the fit with --engine first");
-  }
-  std::string theirs;
-  try {
-    const ordered_json j = ordered_json::parse(data::ReadTextFile(about));
-    if (j.at("schema") != kSchema || j.at("version") != 1) {
-      throw Error("is of another version of this program", about, "use one version for both");
-    }
-    theirs = j.at("identity");
-  } catch (const nlohmann::json::exception&) {
-    throw Error("does not say what the questions are about", about, "start the fit again");
-  }
-  if (theirs != identity) {
+  if (ReadAbout((fs::path(path) / kAbout).string()) != identity) {
     throw Error("is of a fit of another study, scene, trial or version of this program", path,
                 "give the study, --set and --tracks as the fit has them");
   }
@@ -192,11 +211,21 @@ std::vector<std::uint64_t> EvaluationFolder::AskAgain(double silence) const {
   return out;
 }
 
-void EvaluationFolder::Close(bool keep_logs) const {
+void EvaluationFolder::Clear(bool keep_logs) const {
   std::error_code ignored;
+  // What says that the folder is ours goes last.
   for (const std::string& name : NamesIn(path_)) {
-    if (!keep_logs || name.rfind(kLog, 0) != 0) fs::remove_all(fs::path(path_) / name, ignored);
+    const bool kept = name == kAbout || (keep_logs && name.rfind(kLog, 0) == 0);
+    if (IsOurs(name) && !kept) fs::remove_all(fs::path(path_) / name, ignored);
   }
+  if (!keep_logs || NamesIn(path_).size() == 1) {
+    fs::remove(fs::path(path_) / kAbout, ignored);
+  }
+}
+
+void EvaluationFolder::Close(bool keep_logs) const {
+  Clear(keep_logs);
+  std::error_code ignored;
   fs::remove(path_, ignored);  // unless something is left
 }
 

@@ -57,6 +57,8 @@ class EvaluationFolder {
 
  private:
   explicit EvaluationFolder(std::string path) : path_(std::move(path)) {}
+  // Of all that is a fit's, with or without the logs.
+  void Clear(bool keep_logs) const;
   std::filesystem::path In(const char* part, const std::string& name) const;
 
   std::string path_;

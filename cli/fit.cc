@@ -151,7 +151,8 @@ int FitVerb(const Common& common, const Settings& s) {
   }
   if (!s.engine.serve.empty()) return ServeFit(common, s, study, options);
   const bool talk = !common.quiet && !common.json;
-  FitEngine engine(s.engine, ServingWords(s), s.output, talk);
+  FitEngine engine(s.engine, s.engine.Shares() ? ServingWords(s) : std::vector<std::string>(),
+                   s.output, talk);
   options.where = [&engine](const std::vector<const correlate::FitProblem*>& problems,
                             const std::string& identity) {
     return engine.Begin(problems, identity);

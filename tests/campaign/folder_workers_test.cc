@@ -214,6 +214,34 @@ TEST_F(FolderWorkersTest, FoldersOfOthersAreLeftAlone) {
   EXPECT_THAT(ErrorOf([&] { EvaluationFolder::Make(folder_.File("mine"), "one"); }),
               HasSubstr("thesis.tex"));
   EXPECT_EQ(folder_.Get("mine/thesis.tex"), "years of work");
+  // A file; a link to one; a folder whose files only look like ours; another program's fit.json.
+  EXPECT_THAT(ErrorOf([&] { EvaluationFolder::Make(folder_.File("mine/thesis.tex"), "one"); }),
+              HasSubstr("no folder"));
+  fs::create_symlink(folder_.File("mine/thesis.tex"), folder_.File("link"));
+  EXPECT_THAT(ErrorOf([&] { EvaluationFolder::Make(folder_.File("link"), "one"); }),
+              HasSubstr("no folder"));
+  fs::create_directories(folder_.path() / "logs");
+  folder_.Put("logs/log-book", "of a ship");
+  EXPECT_THAT(ErrorOf([&] { EvaluationFolder::Make(folder_.File("logs"), "one"); }),
+              HasSubstr("no questions of a fit"));
+  folder_.Put("logs/fit.json", "{\"theta\": 1}");
+  EXPECT_THAT(ErrorOf([&] { EvaluationFolder::Make(folder_.File("logs"), "one"); }),
+              HasSubstr("does not say"));
+  EXPECT_EQ(folder_.Get("mine/thesis.tex"), "years of work");
+  EXPECT_EQ(folder_.Get("logs/log-book"), "of a ship");
+  EXPECT_EQ(folder_.Get("logs/fit.json"), "{\"theta\": 1}");
+}
+
+// What its workers said is kept where a fit failed, and goes with the next one.
+TEST_F(FolderWorkersTest, LogsStayWhereAFitFailed) {
+  {
+    const EvaluationFolder failed = Made();
+    std::ofstream(failed.LogPath("1")) << "out of memory";
+    failed.Close(true);
+  }
+  EXPECT_EQ(folder_.Get("q/log-1"), "out of memory");
+  Made().Close(false);
+  EXPECT_FALSE(fs::exists(folder_.File("q")));
 }
 
 TEST_F(FolderWorkersTest, AFolderThatWasLeftIsTakenOver) {
