@@ -85,9 +85,10 @@ class HealthEvidence {
   /// The next line, by camera; `mark` -1 where not one mark was lit.
   void Add(double t, int mark, std::span<const Reading> readings);
 
-  std::size_t size() const { return t_.size(); }
-  double t(std::size_t i) const { return t_[i]; }
-  int mark(std::size_t i) const { return mark_[i]; }
+  std::size_t size() const { return t_.size(); }         ///< lines kept
+  double t(std::size_t i) const { return t_[i]; }        ///< of the i-th [s]
+  int mark(std::size_t i) const { return mark_[i]; }     ///< that was lit in it; -1: not one
+  /// Of camera c in it.
   const Reading& At(std::size_t i, std::size_t c) const { return readings_[i * cameras_ + c]; }
   /// The kept line that was recorded `lag` lines after the i-th; -1: there is none.
   std::ptrdiff_t After(std::size_t i, int lag) const;

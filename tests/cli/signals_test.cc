@@ -87,6 +87,7 @@ class Signals : public ProgramTest {
 TEST_F(Signals, EndVerbsThatHangInARead) {
   Pipe("in.toml");
   Pipe("in.csv");
+  Pipe("in.h5");
   Put("old.h5", "what was there");
   const auto before = Files();
   const std::vector<std::vector<std::string>> verbs = {
@@ -96,7 +97,8 @@ TEST_F(Signals, EndVerbsThatHangInARead) {
       {"plan", "in.toml", "--report", "old.h5"},
       {"calibrate", "in.csv", "-o", "old.h5"},
       {"check", Shipped("rig.h5"), "in.csv", "--report", "old.h5"},
-      {"reconstruct", "in.csv", "--rig", Shipped("rig.h5"), "--start", "in.csv", "-o", "old.h5"},
+      {"reconstruct", "in.h5", "--rig", Shipped("rig.h5"), "--start", "in.csv", "-o", "old.h5"},
+      {"reconstruct", "in.csv", "--rig", Shipped("rig.h5"), "-o", "old.h5"},
       {"correlate", "in.csv", "in.csv", "-o", "old.h5"},
       {"fit", "in.toml", "-o", "old.h5"},
       {"cost", "in.toml", "--report", "old.h5"},
@@ -108,7 +110,7 @@ TEST_F(Signals, EndVerbsThatHangInARead) {
     const auto [signal, code] = signals[turn++ % signals.size()];
     const Outcome outcome = Stop(verb, folder_, signal, std::chrono::milliseconds(20));
     ExpectOneLine(outcome);
-    if (verb[0] == "reconstruct") {
+    if (verb[1] == "in.h5") {
       EXPECT_EQ(outcome.code, 2) << "HDF5 cannot come from a pipe";
       continue;
     }
