@@ -43,10 +43,11 @@ struct Side {
   std::shared_ptr<Run> run;
   std::shared_ptr<Tracks> tracks;
   correlate::ComparedRecord record() const {
-    const auto& sources = run != nullptr ? run->sources : tracks->sources;
-    const std::string name = sources.empty() ? "record" : sources.front().path;
-    if (run != nullptr) return {run->data, name};
-    return {tracks->data, name};
+    if (run != nullptr) return {run->data, NameOf(run->sources)};
+    return {tracks->data, NameOf(tracks->sources)};
+  }
+  static std::string NameOf(const std::vector<Source>& sources) {
+    return sources.empty() ? "record" : sources.front().path;
   }
 };
 
