@@ -12,4 +12,7 @@ inline double CpuSeconds(clockid_t clock = CLOCK_PROCESS_CPUTIME_ID) {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
+/// Since some moment of this machine, never set back [s]: for differences.
+inline double WallSeconds() { return CpuSeconds(CLOCK_MONOTONIC); }
+
 }  // namespace unfurl

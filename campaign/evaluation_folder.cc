@@ -54,15 +54,8 @@ void Touch(const fs::path& path, bool made) {
   close(file);
 }
 
-// A file of this thread's own on this machine.
-std::string ClockName() {
-  static const std::string kHead = [] {
-    char host[256] = "";
-    gethostname(host, sizeof host - 1);
-    return fmt::format("{}{}-{}-", kClock, host, getpid());
-  }();
-  return kHead + fmt::format("{}", gettid());
-}
+// A file of this thread's own.
+std::string ClockName() { return fmt::format("{}{}-{}", kClock, ProcessName(), gettid()); }
 
 // Null: there is no such file. Throws Error where another process holds it.
 std::shared_ptr<const int> Locked(const fs::path& path) {
@@ -143,6 +136,14 @@ void CheckOurs(const std::string& path) {
 }
 
 }  // namespace
+
+std::string ProcessName() {
+  char host[256] = "";
+  gethostname(host, sizeof host - 1);
+  std::string name = fmt::format("{}-{}", host, getpid());
+  std::replace(name.begin(), name.end(), '.', '-');
+  return name;
+}
 
 fs::path EvaluationFolder::In(const char* part, const std::string& name) const {
   return fs::path(path_) / part / name;

@@ -8,6 +8,9 @@
 
 namespace unfurl::campaign {
 
+/// This process, as no other on any machine is called now: letters, digits, '-'.
+std::string ProcessName();
+
 /// A folder through which a fit has its evaluations carried out by other processes, on machines
 /// that share it. A question is a file; whoever renames it has it; its answer is a file, whole or
 /// not at all. Nothing listens to anything: who has died is known by a file that it no longer

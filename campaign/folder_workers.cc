@@ -1,12 +1,12 @@
 #include "campaign/folder_workers.h"
 
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <chrono>
 #include <cstring>
 
+#include "base/cpu_time.h"
 #include "base/error.h"
 #include "base/progress.h"
 #include "base/text.h"
@@ -30,10 +30,6 @@ constexpr std::chrono::milliseconds kSoon{10}, kSeldom{500};
 constexpr double kWatch = 1.0;  // between looks for dead workers [s]
 // A question whose workers have died so often is not asked again: it is what kills them.
 constexpr int kMostDeaths = 3;
-
-double Seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 // Waits longer from time to time, in small steps that see Ctrl-C.
 class Patience {
@@ -97,15 +93,6 @@ std::uint64_t FirstNumber() {
       std::chrono::duration_cast<std::chrono::milliseconds>(now).count());
 }
 
-// One of a server's threads: a name for what it has taken.
-std::string WorkerName(std::size_t thread) {
-  char host[256] = "";
-  gethostname(host, sizeof host - 1);
-  std::string name = fmt::format("{}-{}-{}", host, getpid(), thread);
-  std::replace(name.begin(), name.end(), '.', '-');
-  return name;
-}
-
 }  // namespace
 
 Heart::Heart(std::function<void()> beat) : beat_(std::move(beat)), thread_([this] {
@@ -156,8 +143,8 @@ std::string FolderWorkers::BytesOf(const Job& job) const {
 
 void FolderWorkers::Watch() {
   const std::unique_lock<std::mutex> lock(watching_, std::try_to_lock);
-  if (!lock || Seconds() - watched_ < kWatch) return;
-  watched_ = Seconds();
+  if (!lock || WallSeconds() - watched_ < kWatch) return;
+  watched_ = WallSeconds();
   for (const std::uint64_t question : folder_.AskAgain(kSilence)) {
     if (++asked_[question] < kMostDeaths) continue;
     failed_ = true;
@@ -223,7 +210,7 @@ std::uint64_t ServeEvaluations(const EvaluationFolder& folder,
   const std::size_t threads = WorkerCount(count);
   std::atomic<std::uint64_t> answered = 0;
   ParallelFor(threads, threads, [&](std::size_t thread) {
-    const std::string worker = WorkerName(thread);
+    const std::string worker = fmt::format("{}-{}", ProcessName(), thread);
     Patience patience;
     while (!folder.IsLeft(kSilence)) {
       std::uint64_t question = 0;
@@ -233,11 +220,11 @@ std::uint64_t ServeEvaluations(const EvaluationFolder& folder,
         continue;
       }
       const Heart heart([&] { folder.Working(worker, question); });
-      const double start = Seconds();
+      const double start = WallSeconds();
       const Prediction answer = AnswerTo(problems, bytes, question);
       std::string out;
       PutNumber(&out, data::Checksum(bytes));
-      PutNumber(&out, Seconds() - start);
+      PutNumber(&out, WallSeconds() - start);
       folder.Answer(worker, question, out + correlate::AnswerBytes(answer));
       ++answered;
       patience.Reset();

@@ -1,12 +1,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <csignal>
 #include <deque>
 #include <filesystem>
 #include <mutex>
 
+#include "base/cpu_time.h"
 #include "base/error.h"
 #include "base/subprocess.h"
 #include "base/worker_pool.h"
@@ -26,10 +26,6 @@ constexpr double kNoLimit = 1e9;  // of a process [s]: a run has a limit of its 
 constexpr int kFromSignal = 128;  // exit codes above it: by a signal
 constexpr int kTerminated = 143;  // 128 + SIGTERM
 
-double Seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
 // What there is to compute, handed out in parts whose length follows from those that are done.
 class Queue {
  public:
@@ -39,7 +35,7 @@ class Queue {
         budget_(options.budget),
         most_(options.most),
         mean_(options.mean),
-        start_(Seconds()) {
+        start_(WallSeconds()) {
     for (const RunRange& range : folder.Missing(runs)) {
       open_.push_back({range, 0});
       left_ += range.count;
@@ -56,7 +52,7 @@ class Queue {
   bool Next(Task* task) {
     const std::lock_guard<std::mutex> lock(mutex_);
     if (open_.empty()) return false;
-    if (budget_ > 0.0 && runs_ > 0 && Seconds() - start_ > budget_) return false;
+    if (budget_ > 0.0 && runs_ > 0 && WallSeconds() - start_ > budget_) return false;
     if (most_ > 0 && handed_ >= most_) return false;
     Task& front = open_.front();
     if (front.whole) {
@@ -133,7 +129,7 @@ class Engine {
 
  private:
   void Compute(const Queue::Task& task) {
-    const double start = Seconds();
+    const double start = WallSeconds();
     const std::string name = fmt::format("{}-{}", task.range.first, task.range.end()),
                       out = folder_.LogPath(name + ".out"), err = folder_.LogPath(name + ".err");
     std::vector<std::string> words = {options_.program,      "campaign", folder_.path(), "--rows",
@@ -160,7 +156,7 @@ class Engine {
                   "mend that; what is done so far is kept",
                   outcome.code == kExitMachine ? ErrorKind::kMachine : ErrorKind::kBadInput);
     }
-    Fault(task, outcome.code, Seconds() - start);
+    Fault(task, outcome.code, WallSeconds() - start);
   }
 
   // The process did not end by itself.

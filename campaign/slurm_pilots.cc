@@ -2,9 +2,9 @@
 
 #include <fmt/format.h>
 
-#include <chrono>
 #include <filesystem>
 
+#include "base/cpu_time.h"
 #include "base/error.h"
 #include "campaign/slurm.h"
 #include "data/atomic_file.h"
@@ -15,10 +15,6 @@ namespace {
 
 constexpr double kLook = 10.0;  // between looks at the queue: controllers dislike more [s]
 constexpr int kRounds = 3;      // arrays in a row that end without an answer
-
-double Seconds() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
 
 }  // namespace
 
@@ -51,8 +47,8 @@ void SlurmPilots::Submit() {
 }
 
 void SlurmPilots::Watch(std::uint64_t answers) {
-  if (Seconds() - looked_ < kLook) return;
-  looked_ = Seconds();
+  if (WallSeconds() - looked_ < kLook) return;
+  looked_ = WallSeconds();
   if (!SlurmQueue(jobs_).empty()) return;
   rounds_ = answers > answers_at_submit_ ? 0 : rounds_ + 1;
   if (rounds_ >= kRounds) {
