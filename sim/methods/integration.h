@@ -10,6 +10,7 @@
 #include "sim/methods/edges.h"
 #include "sim/methods/event_log.h"
 #include "sim/methods/events.h"
+#include "sim/methods/function_watch.h"
 #include "sim/methods/method_switch.h"
 #include "sim/methods/run_judge.h"
 #include "sim/methods/simulate.h"
@@ -26,6 +27,8 @@ class Integration {
  private:
   void StartMotion();
   void NoteAccepted(double h);
+  // Shortens the step about to be tried to what functions of time allow; true: it was.
+  bool FollowFunctions(double* h);
   void CountStep();
   void FillReport();
   void Shrink(double error, double* h);
@@ -84,6 +87,7 @@ class Integration {
   std::vector<double> start_;  // of a stepper that takes over [SI]
   double end_ = 0.0;           // [s]
   Edges edges_;
+  FunctionWatch functions_;
   double last_error_ = 0.0;     // of the last step, over what is allowed [-]
   double zone_part_ = 0.0;      // of a transition zone, per step [-]
   double drift_ = 0.0;          // the largest, in tolerances [-]

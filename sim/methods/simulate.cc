@@ -142,6 +142,8 @@ const char* LimitName(StepLimit limit) {
       return "event";
     case StepLimit::kEdge:
       return "function edge";
+    case StepLimit::kFunction:
+      return "function swing";
     default:
       return "end";
   }

@@ -78,9 +78,19 @@ const char* StatusName(SimulateStatus status);
 // What kept a step from being longer: the error allowed; the edge of stability (judged by the
 // difference of two stages at the step's end, on every eighth step); growth from a smaller one, at
 // most fivefold; options.max_step; the way out of a contact; an event in it; an edge or knot of a
-// function of time; the end of the run. Samples never do.
-enum class StepLimit { kError, kStability, kGrowth, kMaxStep, kContactExit, kEvent, kEdge, kEnd };
-inline constexpr int kStepLimits = 8;  // how many there are
+// function of time, or how fast one changes; the end of the run. Samples never do.
+enum class StepLimit {
+  kError,
+  kStability,
+  kGrowth,
+  kMaxStep,
+  kContactExit,
+  kEvent,
+  kEdge,
+  kFunction,
+  kEnd
+};
+inline constexpr int kStepLimits = 9;  // how many there are
 const char* LimitName(StepLimit limit);
 
 /// How a run went, and what it cost.

@@ -20,6 +20,8 @@ std::string RemedyFor(StepLimit limit, const SimulateOptions& options) {
       return "a longer max_step shortens it";
     case StepLimit::kEdge:
       return "functions of time with fewer edges or knots shorten it";
+    case StepLimit::kFunction:
+      return "functions of time that swing less fast, or their means, shorten it";
     case StepLimit::kEvent:
     case StepLimit::kContactExit:
       return "these are impacts: contacts with more damping, or a larger rtol, shorten it";

@@ -22,12 +22,15 @@ HardCase Refused(const char* name, double duration, const std::string& effect,
   c.refused = what;
   return c;
 }
-HardCase OrRefused(HardCase c, const std::string& what) {
-  c.refused = what;
-  return c;
-}
 std::string Motor(const std::string& moment) {
   return fmt::format("[joint.axle.motor]\nmoment = {}\n", moment);
+}
+// A moment that swings many times in the longest step: theta = t / (omega I) at whole periods.
+HardCase Swings(const char* name, double frequency, double rtol) {
+  HardCase c = Wheel(name, kHard, 0.1, Motor(fmt::format("\"sin(2 * pi * {} * t)\"", frequency)),
+                     Ends("axle.theta", 0.1 / (2.0 * M_PI * frequency) / kInertia, 10.0 * rtol));
+  c.rtol = rtol;
+  return c;
 }
 std::string Drive(const std::string& what) { return fmt::format("[joint.axle.drive]\n{}\n", what); }
 
@@ -56,9 +59,15 @@ std::vector<HardCase> TimeFunctions() {
       Wheel("AHundredTeeth", kMedium, 1.0,
             Motor("{t = [" + times + "], value = [" + values + "], interpolation = \"linear\"}"),
             Ends("axle.theta_rate", kTeeth * 0.0005 / kInertia, 1e-8)),
-      OrRefused(Wheel("MotorOfTenKilohertz", kHard, 0.1, Motor("\"sin(2 * pi * 10000 * t)\""),
-                      Ends("axle.theta", 0.1 / (2.0 * M_PI * 1e4) / kInertia, 1e-9)),
-                "energy"),
+      Swings("MotorOfTenKilohertz", 1e4, 1e-8),
+      Swings("MotorOfTenKilohertzLoosely", 1e4, 1e-3),
+      // Periods and steps are commensurate: the longest step is two periods, a period and a half.
+      Swings("MotorOfTwoPeriodsAStep", 1e4, 1e-5),
+      Swings("MotorOfAPeriodAndAHalfAStep", 7500.0, 1e-5),
+      Refused("MotorOfATerahertz", 1.0, Motor("\"sin(1e12 * t)\""), "swings so fast"),
+      // The impulse of a bell that no stage of a longest step need meet.
+      Wheel("BellOfAMillisecond", kMedium, 1.0, Motor("\"exp(-((t - 0.4321) / 0.0005)^2)\""),
+            Ends("axle.theta_rate", 0.0005 * std::sqrt(M_PI) / kInertia, 1e-8)),
       Wheel("MotorAndItsOppositeCancel", kEasy, 1.0, Motor("\"1e9 - 1e9 + 0 * t\""),
             Ends("axle.theta", 0.0, 1e-12)),
       Wheel("DriveStartsInAMicrosecond", kMedium, 1.0,
