@@ -24,10 +24,13 @@ endif()
 
 # Debian's Ceres is built for baseline x86-64; a TU compiled for wider vectors would align
 # Eigen's objects differently, so UNFURL_NATIVE applies only to files that name it.
+# With UNFURL_LEVELS these files are compiled once more for each level (unfurl/CMakeLists.txt).
 function(unfurl_native)
   if(UNFURL_NATIVE)
     set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "-march=native;-O3")
   else()
     set_source_files_properties(${ARGN} PROPERTIES COMPILE_OPTIONS "-O3")
   endif()
+  cmake_path(GET CMAKE_CURRENT_SOURCE_DIR FILENAME room)
+  set_property(GLOBAL APPEND PROPERTY UNFURL_HOT_${room} ${ARGN})
 endfunction()

@@ -26,6 +26,10 @@ endforeach()
 
 install(TARGETS unfurl_library EXPORT unfurlTargets
         LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT program NAMELINK_COMPONENT dev)
+foreach(level ${UNFURL_LEVELS})
+  install(TARGETS unfurl_library_${level} LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/glibc-hwcaps/${level}
+          COMPONENT program NAMELINK_SKIP)
+endforeach()
 install(EXPORT unfurlTargets NAMESPACE unfurl:: DESTINATION ${CMAKE_INSTALL_LIBDIR}/cmake/unfurl
         COMPONENT dev)
 include(CMakePackageConfigHelpers)

@@ -70,15 +70,16 @@ endif()
 set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
 set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS_PRIVATE_DIRS ${CMAKE_CURRENT_BINARY_DIR}/unfurl)
-set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS ON)
-set(CPACK_DEBIAN_PACKAGE_GENERATE_SHLIBS_POLICY "=")  # before 1.0 nothing holds from one to the next
 set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
 set(CPACK_DEBIAN_PACKAGE_PRIORITY optional)
 
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_NAME unfurl)
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SECTION science)
 file(WRITE ${packaging}/triggers "activate-noawait ldconfig\n")
-set(CPACK_DEBIAN_PROGRAM_PACKAGE_CONTROL_EXTRA ${packaging}/triggers)
+# CPack itself would name the library once for each level. Before 1.0 nothing holds from one version to the next.
+file(WRITE ${packaging}/shlibs
+     "libunfurl ${PROJECT_VERSION_MAJOR}.${PROJECT_VERSION_MINOR} unfurl (= ${PROJECT_VERSION})\n")
+set(CPACK_DEBIAN_PROGRAM_PACKAGE_CONTROL_EXTRA ${packaging}/triggers ${packaging}/shlibs)
 set(CPACK_DEBIAN_PROGRAM_PACKAGE_SUGGESTS "chromium, unfurl-doc")
 set(CPACK_COMPONENT_PROGRAM_DESCRIPTION "Calibrates a rig of line cameras, reconstructs the light marks of a recorded
 trial with their uncertainty, simulates the deployment as a flexible multibody

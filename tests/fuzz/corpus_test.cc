@@ -64,7 +64,11 @@ TEST(Corpus, EveryReaderTakesOrRefusesEverySeed) {
   }
 }
 
+bool IsHdf5(const std::string& bytes) { return bytes.starts_with("\x89HDF\r\n\x1a\n"); }
+
 // Bytes changed, cut out, doubled and exchanged, without guidance: the long way is UNFURL_FUZZ.
+// Readers of texts see texts, and readers of HDF5 files these: what is of the other kind they refuse
+// at its first bytes, which the test above looks at.
 TEST(Corpus, EveryReaderTakesOrRefusesWhatIsDamaged) {
   constexpr int kRounds = 12;
   std::mt19937 random(5);
@@ -97,6 +101,7 @@ TEST(Corpus, EveryReaderTakesOrRefusesWhatIsDamaged) {
         if (bytes.empty()) bytes = "x";
       }
       for (const Reader& reader : Readers()) {
+        if (reader.name.ends_with("_h5") != IsHdf5(whole)) continue;
         SCOPED_TRACE(seed.string() + " by " + reader.name);
         EXPECT_NO_THROW(Try(reader, bytes));
       }
