@@ -19,7 +19,7 @@ using report::Chart;
 using report::Level;
 
 constexpr std::size_t kMostCurves = 8;   // in one chart: the palette's colours
-constexpr std::size_t kMostRows = 40;    // of the table of joints
+constexpr std::size_t kMostRows = 16;    // of the table of joints: half a screen
 constexpr std::size_t kShapesShown = 9;  // instants, evenly spread: every eighth of the run
 constexpr double kGoodResidual = 1e-4;   // of the energy's scale; beyond it the page says so
 
@@ -225,6 +225,7 @@ class Composer {
     paths.note = "A ring at the start, a disc at the end.";
     paths.x = {"x", "m", false};
     paths.y = {"y", "m", false};
+    if (marks.size() > kMostCurves) paths.note += fmt::format(" {} of {}.", kMostCurves, marks.size());
     for (const std::string& mark : marks) {
       if (paths.paths.size() == kMostCurves) break;
       report::Path path;

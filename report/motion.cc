@@ -154,7 +154,14 @@ std::string MotionJson(const Motion& motion) {
 
 std::string Legend(const Motion& motion) {
   std::string html = "<div class=\"legend\">";
+  // Of more marks a colour tells no longer which it is; the pointer does.
+  constexpr std::size_t kMostKeys = 16;  // each of eight colours as a ring and a disc
+  if (motion.marks.size() > kMostKeys) {
+    html += fmt::format("<span class=\"key\">{} marks; the pointer names them</span>",
+                        motion.marks.size());
+  }
   for (const MovingMark& mark : motion.marks) {
+    if (motion.marks.size() > kMostKeys) break;
     html += fmt::format(
         "<span class=\"key\"><svg class=\"swatch\" width=\"14\" height=\"14\" "
         "aria-hidden=\"true\"><circle cx=\"7\" cy=\"7\" r=\"{}\" fill=\"{}\" stroke=\"{}\" "

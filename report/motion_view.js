@@ -64,6 +64,7 @@ function View(canvas, data, trails) {
   // Steps of a frame are seen in the clock.
   var digits = Math.max(0, Math.min(9, 3 - Math.floor(Math.log10(last - first))));
   var now = first, scale = 1, width = 0, height = 0;
+  var pointer = null, seen = [];  // what is drawn and has a name
 
   // Points of a line at `now`, between the frames beside it.
   function pointsAt(xy, count) {
@@ -118,9 +119,12 @@ function View(canvas, data, trails) {
     context.stroke();
   }
 
+  // Marks and joints take no more of the picture's area than thirty do, so that beams stay seen.
+  var grain = Math.max(0.35, Math.min(1, Math.sqrt(30 / (data.marks.length + data.pins.length))));
+
   function disc(x, y, radius, fill, line) {
     context.beginPath();
-    context.arc(x, y, radius, 0, 2 * Math.PI);
+    context.arc(x, y, radius * grain, 0, 2 * Math.PI);
     if (fill) {
       context.fillStyle = fill;
       context.fill();
@@ -194,7 +198,28 @@ function View(canvas, data, trails) {
       context.lineWidth = 2;
       if (m.measured) disc(at.x(x), at.y(y), 6, null, m.color);
       else disc(at.x(x), at.y(y), 4, m.color, null);
+      seen.push({x: at.x(x), y: at.y(y), name: m.name});
     });
+  }
+
+  // The name of what the pointer is at.
+  function drawName() {
+    if (!pointer) return;
+    var nearest = null, least = 14;  // pixels: a finger's or an unsteady hand's
+    seen.forEach(function(s) {
+      var d = Math.hypot(s.x - pointer.x, s.y - pointer.y);
+      if (d <= least) nearest = s, least = d;
+    });
+    if (!nearest) return;
+    context.font = '13px system-ui, "DejaVu Sans", sans-serif';
+    context.textBaseline = 'bottom';
+    var right = nearest.x < width / 2, x = nearest.x + (right ? 8 : -8);
+    var w = context.measureText(nearest.name).width;
+    context.fillStyle = tone('--paper');
+    context.fillRect(right ? x - 2 : x - w - 2, nearest.y - 22, w + 4, 17);
+    context.fillStyle = tone('--ink');
+    context.textAlign = right ? 'left' : 'right';
+    context.fillText(nearest.name, x, nearest.y - 6);
   }
 
   function drawPins(at) {
@@ -204,7 +229,8 @@ function View(canvas, data, trails) {
       var touching = p.contacts.some(function(c) {
         return now >= c[0] && now <= c[1];
       });
-      context.lineWidth = 1.6;
+      context.lineWidth = 1.6 * grain;
+      seen.push({x: x, y: y, name: p.name});
       disc(x, y, 4.5, latched ? tone('--ink') : tone('--paper'), tone('--ink'));
       if (!touching) return;
       context.lineWidth = 2.5;
@@ -232,14 +258,16 @@ function View(canvas, data, trails) {
     context.lineJoin = context.lineCap = 'round';
     data.lines.forEach(function(line) {
       var xy = pointsAt(line.xy, line.points);
-      context.lineWidth = line.beam ? 3.5 : 2;
+      context.lineWidth = Math.max(1, (line.beam ? 3.5 : 2) * grain);
       context.strokeStyle = line.beam ? tone('--beam') : tone('--body');
       stroke(line.beam ? bent(xy) : xy, at);
       if (!line.beam) disc(at.x(xy[0]), at.y(xy[1]), 3, tone('--body'), null);
     });
+    seen = [];
     drawPins(at);
     drawMarks(at);
     context.restore();
+    drawName();
     context.fillStyle = tone('--ink');
     context.font = '13px system-ui, "DejaVu Sans", sans-serif';
     context.textAlign = 'left';
@@ -248,6 +276,15 @@ function View(canvas, data, trails) {
         't = ' + now.toFixed(digits) + ' s' + (scale === 1 ? '' : ', bending times ' + scale),
         margin.left + 8, margin.top + 6);
   }
+
+  canvas.addEventListener('pointermove', function(event) {
+    pointer = {x: event.offsetX, y: event.offsetY};
+    draw();
+  });
+  canvas.addEventListener('pointerleave', function() {
+    pointer = null;
+    draw();
+  });
 
   this.times = t;
   this.digits = digits;

@@ -139,6 +139,12 @@ class Browser:
             raise RuntimeError(answer["exceptionDetails"].get("exception", {}).get("description", "an exception"))
         return answer["result"].get("value")
 
-    def picture(self) -> str:
-        """A screenshot, PNG as base64."""
-        return self._send("Page.captureScreenshot", format="png")["data"]
+    def picture(self, element: str = "") -> str:
+        """A screenshot, PNG as base64; of an element, named as in style sheets, whole whatever the window shows."""
+        if not element:
+            return self._send("Page.captureScreenshot", format="png")["data"]
+        box = self.run(f"document.querySelector('{element}').getBoundingClientRect().toJSON()")
+        scrolled = self.run("[window.scrollX, window.scrollY]")
+        clip = {"x": box["x"] + scrolled[0], "y": box["y"] + scrolled[1], "width": box["width"], "height": box["height"],
+                "scale": 1}
+        return self._send("Page.captureScreenshot", format="png", clip=clip, captureBeyondViewport=True)["data"]

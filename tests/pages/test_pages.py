@@ -1,44 +1,11 @@
 """Pages as a browser shows them: no error, no request, what should be there is, and it moves."""
 
-import os
 import subprocess
 from xml.etree import ElementTree
 
 import pytest
 
-from browser import Browser
-
-NAMES = ("simulate", "correlate", "plan", "modes", "calibrate", "check", "reconstruct")
-PROGRAM, CHROMIUM = os.environ["UNFURL_PROGRAM"], os.environ["UNFURL_CHROMIUM"]
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    one = Browser(CHROMIUM, str(tmp_path_factory.mktemp("profile")))
-    yield one
-    one.close()
-
-
-@pytest.fixture(scope="module")
-def pages(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("pages")
-
-    def run(*arguments):
-        subprocess.run([PROGRAM, *arguments, "--quiet"], cwd=folder, check=True)
-
-    for kind in ("boom", "study", "rig"):
-        run("new", kind)
-    run("simulate", "boom/scene.toml", "-o", "boom.h5", "--report", "simulate.html")
-    run("simulate", "study/scene.toml", "-o", "drawn.h5")
-    run("correlate", "study/tracks.csv", "drawn.h5", "--report", "correlate.html")
-    run("plan", "rig/lab.toml", "--report", "plan.html", "--columns", "9", "--layers", "2")
-    run("expose", "--survey", "rig/points.csv", "--lab", "rig/lab.toml", "-o", "survey.h5")
-    run("calibrate", "survey.h5", "-o", "rig.h5", "--report", "calibrate.html")
-    run("check", "rig.h5", "survey.h5", "--report", "check.html")
-    run("expose", "drawn.h5", "--lab", "rig/lab.toml", "-o", "trial.h5")
-    run("reconstruct", "trial.h5", "--rig", "rig.h5", "-o", "tracks.h5", "--report", "reconstruct.html")
-    run("modes", "boom/scene.toml", "--count", "3", "--report", "modes.html")
-    return {name: folder / f"{name}.html" for name in NAMES}
+from conftest import NAMES, PROGRAM
 
 
 @pytest.fixture(scope="module")
@@ -102,6 +69,31 @@ def test_the_motion_plays_and_takes_the_charts_along(browser, pages):
     assert found["event"] == pytest.approx(0.80175, abs=1e-4)  # the latch, as the run says
     assert found["charts"] >= 5 and found["left"] > 50
     assert "0.802" in found["words"]
+    assert browser.wrong == []
+
+
+def test_the_pointer_names_what_it_is_at(browser, pages):
+    browser.open(pages["simulate"].as_uri())
+    found = browser.run("""(function () {
+      const canvas = document.querySelector('.motion canvas'), box = canvas.getBoundingClientRect();
+      const context = canvas.getContext('2d'), written = [], write = context.fillText;
+      context.fillText = function (text) { written.push(text); return write.apply(context, arguments); };
+      unfurlPlayers[0].seek(0);
+      written.length = 0;
+      for (let x = 0; x < box.width; x += 6) {
+        for (let y = 0; y < box.height; y += 6) {
+          canvas.dispatchEvent(new PointerEvent('pointermove', {clientX: box.left + x, clientY: box.top + y}));
+        }
+      }
+      const over = Array.from(new Set(written));
+      written.length = 0;
+      canvas.dispatchEvent(new PointerEvent('pointerleave', {}));
+      const data = JSON.parse(document.querySelector('script.motion-data').textContent);
+      return {over, after: written, names: data.marks.concat(data.pins).map(m => m.name)};
+    })()""")
+    named = set(found["names"]) & set(found["over"])
+    assert len(named) >= 2  # at the start some stand on one another
+    assert not named & set(found["after"])
     assert browser.wrong == []
 
 
