@@ -12,11 +12,11 @@
 #include "base/progress.h"
 #include "base/table.h"
 #include "base/text.h"
+#include "cli/effects_study.h"
 #include "cli/verb.h"
 #include "data/atomic_file.h"
 #include "data/formats.h"
 #include "report/page.h"
-#include "study/trial_effects.h"
 
 namespace unfurl::cli {
 
@@ -24,35 +24,8 @@ namespace {
 
 using nlohmann::ordered_json;
 
-struct Arguments {
-  std::string input, out, report, sigma;
-  std::vector<std::string> sets;
-  double part = 0.3, duration = 0.0;
-  bool each = false;
-  std::size_t workers = 0;
-};
-
-// What both kinds of input come to.
-struct Told {
-  bool usable = true;   // the study's fit
-  std::string message;  // of one that is not
-  std::string head, closing;
-  std::vector<std::vector<std::string>> rows;  // the first is the header
-  ordered_json json;
-  std::vector<std::string> set;  // of the reduced scene
-  std::string scene;             // that it is made from
-  std::string left_out;          // in words
-  std::vector<std::string> scene_sets;
-};
-
-// "without" of an effect that is there, "with" of one that is not.
-std::string Label(const study::EffectSwitch& effect) {
-  return (effect.there ? "without " : "with ") + effect.name;
-}
-
-std::string LeftOut(const std::vector<std::string>& names) {
-  return names.empty() ? "nothing can be left out" : "can be left out: " + JoinWords(names);
-}
+using Arguments = EffectsArguments;
+using Told = EffectsTold;
 
 Told OfScene(const Common& common, const Arguments& a) {
   study::SceneEffectsOptions options;
@@ -78,7 +51,7 @@ Told OfScene(const Common& common, const Arguments& a) {
   for (const study::EffectChange& c : e.effects) {
     const bool ran = c.message.empty();
     const double saved = 100.0 * (1.0 - c.seconds / e.seconds);
-    out.rows.push_back({Label(c.effect), study::Name(c.verdict), c.mark,
+    out.rows.push_back({EffectLabel(c.effect), study::Name(c.verdict), c.mark,
                         ran ? LengthText(c.rms) : "-", ran ? LengthText(c.largest) : "-",
                         ran ? fmt::format("{:.0f}%", saved) : "-",
                         ran ? (c.latches.empty() ? "the same" : JoinWords(c.latches)) : c.message});
@@ -98,86 +71,21 @@ Told OfScene(const Common& common, const Arguments& a) {
     out.json["effects"].push_back(std::move(one));
   }
   if (options.sigma > 0.0) {
-    out.closing = fmt::format(
-        "{}; together that moves the marks by {} RMS, and saves {:.0f}% CPU\n", LeftOut(e.left_out),
-        LengthText(e.reduced_rms), 100.0 * (1.0 - e.reduced_seconds / e.seconds));
+    out.closing =
+        fmt::format("{}; together that moves the marks by {} RMS, and saves {:.0f}% CPU\n",
+                    LeftOutWords(e.left_out), LengthText(e.reduced_rms),
+                    100.0 * (1.0 - e.reduced_seconds / e.seconds));
   } else {
     out.closing = "no verdicts without --sigma, the error of a mark in the trial that is meant\n";
   }
   out.json["left_out"] = e.left_out;
-  out.left_out = LeftOut(e.left_out);
+  out.title = "What each effect counts for";
+  out.text_columns = {0, 1, 6};
+  out.left_out = LeftOutWords(e.left_out);
   out.json["reduced_rms"] = e.reduced_rms;
   out.set = e.set;
   out.scene = a.input;
   out.scene_sets = a.sets;
-  return out;
-}
-
-std::string ShiftText(const study::TrialEffect& e) {
-  std::vector<std::string> words;
-  for (const auto& s : e.shifts) words.push_back(fmt::format("{} {:+.2f}", s.name, s.sigmas));
-  for (const std::string& name : e.released) words.push_back(name + " gone");
-  return JoinWords(words);
-}
-
-Told OfStudy(const Common& common, const Arguments& a) {
-  if (!a.sigma.empty()) {
-    throw Error("is the trial's own", "--sigma", "leave it out for a study");
-  }
-  study::TrialEffectsOptions options;
-  options.part = a.part;
-  options.each = a.each;
-  options.workers = a.workers;
-  study::TrialEffects e;
-  const data::Study study = data::ReadStudy(a.input, a.sets);
-  {
-    Progress progress("effects", !common.quiet);
-    options.progress = [&](double part, const std::string& what) { progress.Update(part, what); };
-    e = study::WeighTrialEffects(study, options);
-  }
-  Told out;
-  out.usable = e.fit.Usable();
-  out.message = e.fit.result.message;
-  out.head = fmt::format("{}: {}\n", a.input, e.fit.record.verdict);
-  out.rows = {{"", "verdict", "probability", "deviance", "change", "parameters move by"}};
-  out.json = {{"study", a.input},
-              {"scene", study.scene},
-              {"verdict", e.fit.record.verdict},
-              {"seconds", e.seconds},
-              {"effects", ordered_json::array()}};
-  for (const study::TrialEffect& t : e.effects) {
-    const bool ran = t.message.empty();
-    out.rows.push_back(
-        {Label(t.effect), study::Name(t.verdict), ran ? fmt::format("{:.3g}", t.probability) : "-",
-         ran ? fmt::format("{:+.4g}", t.deviance) : "-",
-         ran ? fmt::format("{:.2g}", t.change) : "-", ran ? ShiftText(t) : t.message});
-    ordered_json one = {{"name", t.effect.name},
-                        {"there", t.effect.there},
-                        {"set", t.effect.set},
-                        {"verdict", study::Name(t.verdict)},
-                        {"released", t.released}};
-    if (ran) {
-      one["probability"] = t.probability;
-      one["deviance"] = t.deviance;
-      one["change"] = t.change;
-      one["seconds"] = t.seconds;
-      for (const auto& s : t.shifts) one["shifts"][s.name] = s.sigmas;
-    } else {
-      one["message"] = t.message;
-    }
-    out.json["effects"].push_back(std::move(one));
-  }
-  out.closing = fmt::format(
-      "(probability that the effect is in the trial; deviance: by how much -2 log likelihood "
-      "rises; "
-      "change of the fitted motion in sigmas of the data; parameters in standard errors)\n{}\n",
-      LeftOut(e.left_out));
-  out.json["left_out"] = e.left_out;
-  out.left_out = LeftOut(e.left_out);
-  out.json["reduced_change"] = e.reduced_change;
-  out.set = e.set;
-  out.scene = study.scene;
-  out.scene_sets = study.set;
   return out;
 }
 
@@ -186,20 +94,30 @@ void WritePage(const Common& common, const Arguments& a, const Told& told) {
   page.AddWords(report::Level::kGood, std::string(told.closing.begin(), told.closing.end() - 1),
                 {told.head});
   report::Table table;
-  table.title = "What each effect counts for";
+  table.title = told.title;
   table.header = told.rows.front();
   table.header.front() = "run";
   table.rows.assign(told.rows.begin() + 1, told.rows.end());
-  table.text_columns = {0, 1, static_cast<int>(table.header.size()) - 1};
+  table.text_columns = told.text_columns;
   page.AddTable(table);
   data::Provenance provenance = StartProvenance(common);
   provenance.AddInput(a.input);
+  if (!a.rival.empty()) provenance.AddInput(a.rival);
   page.AddOrigin(provenance);
   page.Write(a.report);
 }
 
 int Run(const Common& common, const Arguments& a) {
-  Told told = data::KindOf(a.input) == "study" ? OfStudy(common, a) : OfScene(common, a);
+  const bool of_study = data::KindOf(a.input) == "study";
+  if (!of_study && !a.rival.empty()) {
+    throw Error("a scene has no rivals", "--rival", "compare studies of the same trial");
+  }
+  if (!a.rival.empty() && !a.out.empty()) {
+    throw Error("rivals come to no reduced scene", "--output", "leave it out");
+  }
+  Told told = !of_study         ? OfScene(common, a)
+              : a.rival.empty() ? EffectsOfStudy(common, a)
+                                : EffectsOfRivals(common, a);
   if (!told.usable) return FitNotUsable(a.input, told.message);
   std::string text = told.head + AlignedTable(told.rows) + told.closing;
   if (!a.out.empty()) {
@@ -242,6 +160,12 @@ Verb AddEffects(CLI::App& program, Common& common) {
       ->capture_default_str();
   app->add_option("--duration", a->duration, "Of a scene: seconds to simulate (default: its own)");
   app->add_option("--workers", a->workers, "Of a study: simulations at a time; 0: all cores");
+  app->add_option("--budget", a->budget,
+                  "Of a study: runs for each effect, in parts of those that the fit takes; what is "
+                  "not settled by then is left open")
+      ->capture_default_str();
+  files.Read("--rival", &a->rival,
+             "Of a study: another study of the same trial, a competing law; how probable is each");
   app->add_flag("--each", a->each, "Each joint, beam and spring for itself");
   verb.run = [&common, a] { return Run(common, *a); };
   return verb;

@@ -67,15 +67,16 @@ Side SideFrom(const py::object& object) {
 std::shared_ptr<Comparison> Compare(const py::object& record, const py::object& reference,
                                     const std::vector<std::string>& marks,
                                     std::optional<double> start, std::optional<double> end,
-                                    const std::string& window, bool clock_drift,
-                                    const py::object& offset, const py::object& drift,
-                                    const py::object& frame) {
+                                    const std::string& window, const std::string& modes,
+                                    bool clock_drift, const py::object& offset,
+                                    const py::object& drift, const py::object& frame) {
   const Side a = SideFrom(record), b = SideFrom(reference);
   correlate::ComparisonOptions options;
   options.marks = marks;
   options.from = start;
   options.to = end;
   options.window = WindowNamed(window);
+  options.modes = correlate::ParseExcitation(modes, "modes");
   options.clock_drift = clock_drift;
   options.placement = PlacementFrom(offset, drift, frame);
   if (start && end && !(*start < *end)) {
@@ -258,12 +259,14 @@ void BindCompare(py::module_& m) {
   m.def(
       "compare", &Compare, py::arg("record"), py::arg("reference"), py::kw_only(),
       py::arg("marks") = std::vector<std::string>{}, py::arg("start") = py::none(),
-      py::arg("end") = py::none(), py::arg("window") = "hann", py::arg("clock_drift") = false,
-      py::arg("offset") = py::none(), py::arg("drift") = py::none(), py::arg("frame") = py::none(),
+      py::arg("end") = py::none(), py::arg("window") = "hann", py::arg("modes") = "auto",
+      py::arg("clock_drift") = false, py::arg("offset") = py::none(), py::arg("drift") = py::none(),
+      py::arg("frame") = py::none(),
       "Two of runs and tracks (or paths) side by side: aligned, then errors, scores, spectra and\n"
       "modes.\n\n"
       "marks: those to compare; none: all in common. start, end: of spectra and modes on the\n"
       "record's clock [s]; none: from the last latch, to the end. window: of the spectra.\n"
+      "modes: 'auto', 'decay' or 'ambient', what the vibration is. "
       "clock_drift: the record's clock may run at another rate. offset [s], drift [-], frame: "
       "what\n"
       "is known of the record's clock and frame: 'free', 'known', a number, (mean, sigma); of the\n"

@@ -12,6 +12,7 @@
 #include "base/statistics.h"
 #include "correlate/sampled_model.h"
 #include "data/toml_override.h"
+#include "study/latch_words.h"
 #include "study/scene_model.h"
 
 namespace unfurl::study {
@@ -85,36 +86,6 @@ class Bench {
   correlate::Stamps stamps_;
 };
 
-// Latches of `b` that come at another time than in `a`, or are gone, or new.
-std::vector<std::string> LatchWords(const correlate::Prediction& a, const correlate::Prediction& b,
-                                    double tell) {
-  std::vector<std::string> out;
-  auto latches = [](const correlate::Prediction& p) {
-    std::vector<correlate::ModelEvent> all;
-    for (const correlate::ModelEvent& e : p.events) {
-      if (e.kind == "latch") all.push_back(e);
-    }
-    return all;
-  };
-  std::vector<correlate::ModelEvent> left = latches(b);
-  for (const correlate::ModelEvent& e : latches(a)) {
-    const auto same = std::find_if(left.begin(), left.end(), [&](const correlate::ModelEvent& x) {
-      return x.where == e.where;
-    });
-    if (same == left.end()) {
-      out.push_back(e.where + " does not latch");
-      continue;
-    }
-    const double later = same->t - e.t;
-    if (std::abs(later) > tell) {
-      out.push_back(fmt::format("{} {:+.3g} ms", e.where, 1e3 * later));
-    }
-    left.erase(same);
-  }
-  for (const correlate::ModelEvent& e : left) out.push_back(e.where + " latches");
-  return out;
-}
-
 void Judge(const SceneEffectsOptions& options, double floor, EffectChange* change) {
   if (options.sigma <= 0.0) return;
   const double seen = options.part * options.sigma;
@@ -152,14 +123,13 @@ void Reduce(const Bench& bench, const correlate::Prediction& whole,
 }  // namespace
 
 void SceneEffectsOptions::Check() const {
-  auto require = [](bool good, const char* field, const char* remedy) {
-    if (!good)
-      throw Error("is out of its range", std::string("SceneEffectsOptions.") + field, remedy);
+  auto require = [](bool good, const char* option, const char* remedy) {
+    if (!good) throw Error("is out of its range", option, remedy);
   };
-  require(sigma >= 0.0 && std::isfinite(sigma), "sigma", "give a length, or 0 for no verdicts");
-  require(part > 0.0 && std::isfinite(part), "part", "give a positive part of the sigma");
+  require(sigma >= 0.0 && std::isfinite(sigma), "--sigma", "give a length, or 0 for no verdicts");
+  require(part > 0.0 && std::isfinite(part), "--part", "give a positive part of the sigma");
   require(rtol == 0.0 || (rtol >= 1e-12 && rtol <= 1e-2), "rtol", "stay within 1e-12 to 1e-2");
-  require(duration >= 0.0 && std::isfinite(duration), "duration", "give seconds, or 0");
+  require(duration >= 0.0 && std::isfinite(duration), "--duration", "give seconds, or 0");
 }
 
 std::string ReducedScene(const std::string& scene, const std::vector<std::string>& overrides,
@@ -219,7 +189,7 @@ SceneEffects WeighEffects(const std::string& path, const std::vector<std::string
       change.message = other.motion.message;
     } else {
       bench.Compare(whole.motion, other.motion, &change);
-      change.latches = LatchWords(whole.motion, other.motion, step / kSamples);
+      change.latches = LatchWords(whole.motion.events, other.motion.events, step / kSamples);
       Judge(options, out.floor, &change);
     }
     out.effects.push_back(std::move(change));

@@ -3,10 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
+#include <ctime>
 #include <optional>
 
+#include "base/cpu_time.h"
 #include "base/error.h"
 #include "base/progress.h"
 #include "correlate/sampled_model.h"
@@ -200,7 +201,7 @@ data::Scene SceneModel::SceneAt(std::span<const double> theta) const {
 
 correlate::Prediction SceneModel::Evaluate(std::span<const double> theta,
                                            const correlate::Stamps& stamps) const {
-  const auto start = std::chrono::steady_clock::now();
+  const double start = CpuSeconds(CLOCK_THREAD_CPUTIME_ID);
   correlate::Prediction out;
   const sim::Model model = sim::Compile(SceneAt(theta));
   const double last = stamps.Last();
@@ -236,7 +237,7 @@ correlate::Prediction SceneModel::Evaluate(std::span<const double> theta,
   for (const sim::Event& event : report.events) {
     out.events.push_back({event.t, sim::EventName(event.kind), sim::PlaceOf(model, event)});
   }
-  out.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  out.seconds = CpuSeconds(CLOCK_THREAD_CPUTIME_ID) - start;
   return out;
 }
 

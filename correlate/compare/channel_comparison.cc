@@ -10,6 +10,7 @@
 #include "base/error.h"
 #include "base/number.h"
 #include "base/text.h"
+#include "correlate/compare/clock_words.h"
 #include "correlate/compare/comparison_measures.h"
 #include "correlate/residual/channel.h"
 #include "correlate/residual/row_layout.h"
@@ -129,19 +130,8 @@ void AddSignal(const Channel& channel, const Eigen::VectorXd& shown,
 
 void AddChannelReasons(Comparison* c) {
   const Alignment& a = c->alignment;
-  const Placement& known = c->observations.placement;
-  c->reasons.push_back(
-      known.offset.kind == Foreknowledge::kKnown
-          ? fmt::format("The record's clock shows {} s when the reference's shows 0: that was "
-                        "known, and not sought.",
-                        a.at.offset)
-          : fmt::format("The record's clock shows {} s when the reference's shows 0: found from "
-                        "all channels together.",
-                        NumberWithError(a.at.offset, a.Sigma("time offset"), 6)));
-  if (a.drift != 0.0) {
-    c->reasons.push_back(fmt::format("It runs fast by {} parts in a million, about {:.3f} s.",
-                                     NumberWithError(1e6 * a.drift, 1e6 * a.Sigma("clock drift")),
-                                     a.drift_pivot));
+  for (std::string& words : ClockWords(*c, "all channels together", "")) {
+    c->reasons.push_back(std::move(words));
   }
   const RowLayout layout(c->observations);
   const auto clocks = ClocksOf(c->observations, a.at.clock(), a.at.clock());

@@ -10,9 +10,9 @@
 
 #include "base/error.h"
 #include "base/length.h"
-#include "base/number.h"
 #include "base/text.h"
 #include "correlate/align/body_angle.h"
+#include "correlate/compare/clock_words.h"
 #include "correlate/compare/comparison_measures.h"
 #include "data/formats.h"
 
@@ -162,33 +162,15 @@ void AddClockReasons(Comparison* c) {
         fmt::format("Frame and clock were found without {}; all errors and signals are with them.",
                     Words(c->observations, a.far)));
   }
-  const Placement& known = c->observations.placement;
-  c->reasons.push_back(
-      known.offset.kind == Foreknowledge::kKnown
-          ? fmt::format("The record's clock shows {} s when the reference's shows 0: that was "
-                        "known, and not sought.",
-                        a.at.offset)
-          : fmt::format("The record's clock shows {} s when the reference's shows 0: found from "
-                        "{}{}, then together with the frame.",
-                        NumberWithError(a.at.offset, a.Sigma("time offset"), 6), a.signal,
-                        known.offset.kind == Foreknowledge::kNormal
-                            ? fmt::format(" and what was known, {} s",
-                                          NumberWithError(known.offset.mean, known.offset.sigma, 6))
-                            : std::string()));
-  if (known.frame.Told()) {
-    c->reasons.push_back(known.frame.kind == Foreknowledge::kKnown
-                             ? std::string("Its frame was known, and not sought.")
-                             : fmt::format("Its frame was known to {:.3g} mm and {:.3g} mrad.",
-                                           1e3 * known.frame.sigma_shift,
-                                           1e3 * known.frame.sigma_rotation));
+  for (std::string& words : ClockWords(*c, a.signal, ", then together with the frame")) {
+    c->reasons.push_back(std::move(words));
   }
-  if (a.drift == 0.0) return;
-  const std::string fast = a.Sigma("clock drift") > 0.0
-                               ? NumberWithError(1e6 * a.drift, 1e6 * a.Sigma("clock drift"))
-                               : fmt::format("{:g} (known)", 1e6 * a.drift);
-  c->reasons.push_back(fmt::format(
-      "The record's clock runs fast by {} parts in a million; that is taken out, about {:.3f} s.",
-      fast, a.drift_pivot));
+  const FramePrior& known = c->observations.placement.frame;
+  if (!known.Told()) return;
+  c->reasons.push_back(known.kind == Foreknowledge::kKnown
+                           ? std::string("Its frame was known, and not sought.")
+                           : fmt::format("Its frame was known to {:.3g} mm and {:.3g} mrad.",
+                                         1e3 * known.sigma_shift, 1e3 * known.sigma_rotation));
 }
 
 // What limits the comparison.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "base/dense.h"
 #include "correlate/residual/row_layout.h"
@@ -22,6 +23,24 @@ double SizeOf(const Parameter& p) {
   if (p.start != 0.0) return std::abs(p.start);
   // A value that starts at zero has its size from its bounds, or its prior (Check asks for one).
   return std::isfinite(range) ? 0.1 * range : p.prior_sigma;
+}
+
+// By how much the offset may move before the prediction is asked at new stamps and the stage solved
+// again [s]: to this far its velocities carry it, that is until the curvature of a path, by the
+// changes of velocity from sample to sample, moves a mark by kPart of the samples' sigma.
+double CarriedFor(const Prediction& prediction, double sigma, const Stamps& stamps) {
+  constexpr double kPart = 1e-3;  // nothing that an estimate could show
+  double steepest = 0.0;          // [m/s^2]
+  for (std::size_t m = 0; m < prediction.marks.size(); ++m) {
+    const Eigen::Matrix3Xd& v = prediction.marks[m].v;
+    const std::vector<double>& t = stamps.t[m];
+    for (Eigen::Index i = 1; i < v.cols(); ++i) {
+      const double step = t[static_cast<std::size_t>(i)] - t[static_cast<std::size_t>(i - 1)];
+      steepest = std::max(steepest, (v.col(i) - v.col(i - 1)).norm() / step);
+    }
+  }
+  return steepest > 0.0 ? std::sqrt(2.0 * kPart * sigma / steepest)
+                        : std::numeric_limits<double>::infinity();
 }
 
 }  // namespace
@@ -117,6 +136,23 @@ bool ReducedProblem::CostOf(const std::vector<double>& u,
   if (!std::isfinite(point->cost)) {
     point->failure = "the residuals are not finite";
     return false;
+  }
+  return true;
+}
+
+bool ReducedProblem::ClocksHold(const Point& point, const std::vector<Registration>& at,
+                                double misfit) const {
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
+    const Part& part = parts_[i];
+    const Observations& o = *part.observations;
+    // Without sigmas the weights are 1 m^-1, and the residuals are what tells of errors.
+    const double sigma = TypicalSigma(o) * (o.has_sigma ? 1.0 : std::sqrt(misfit));
+    double carried = CarriedFor(*point.prediction[i], sigma, o.StampsAt(part.reference));
+    for (const auto& kind : o.others) carried = std::min(carried, kind->Carries());
+    for (double stamp : {o.Start(), o.End()}) {  // a drift moves the ends most
+      const double ahead = Ahead(stamp, o.Pivot(), part.reference, at[i].clock());
+      if (std::abs(ahead) > carried) return false;
+    }
   }
   return true;
 }
@@ -223,22 +259,29 @@ bool ReducedProblem::Sensitivity(const std::vector<double>& u, const Point& at, 
       change[i].push_back(Difference(*parts_[i].observations, *at.prediction[i], moved, 1.0 / h));
     }
   }
-  J->setZero(rows_, static_cast<Eigen::Index>(p));
-  for (std::size_t i = 0; i < parts; ++i) {
+  *J = RowsOf(u, at, change);
+  if (change_out != nullptr) *change_out = std::move(change);
+  return true;
+}
+
+Eigen::MatrixXd ReducedProblem::RowsOf(const std::vector<double>& u, const Point& at,
+                                       const Changes& change) const {
+  const std::size_t p = parameters().size();
+  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(rows_, static_cast<Eigen::Index>(p));
+  for (std::size_t i = 0; i < parts_.size(); ++i) {
     Eigen::MatrixXd data =
         WhitenedSensitivity(*parts_[i].observations, *at.prediction[i], parts_[i].reference,
                             at.registration[i].at, change[i]);
     if (parts_[i].whitening != nullptr) parts_[i].whitening->Apply(data);
-    J->middleRows(first_[i], data.rows()) = data;
+    J.middleRows(first_[i], data.rows()) = data;
   }
   Eigen::Index row = first_prior_row();
   for (std::size_t j = 0; j < p; ++j) {
     const Parameter& q = parameters()[j];
     if (!q.has_prior) continue;
-    (*J)(row++, static_cast<Eigen::Index>(j)) = Slope(q, FromInternal(q, u[j])) / q.prior_sigma;
+    J(row++, static_cast<Eigen::Index>(j)) = Slope(q, FromInternal(q, u[j])) / q.prior_sigma;
   }
-  if (change_out != nullptr) *change_out = std::move(change);
-  return true;
+  return J;
 }
 
 Eigen::MatrixXd ReducedProblem::Project(const Point& at, const Eigen::MatrixXd& J) const {

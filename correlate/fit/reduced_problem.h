@@ -54,6 +54,12 @@ class ReducedProblem {
   bool CostOf(const std::vector<double>& u, std::span<const Evaluator::Answer> answers,
               Point* point) const;
 
+  /// Whether the clocks `at`, by part, are so near to those of the stamps that the predictions'
+  /// velocities carry a point's answers there. `misfit`: mean square of the residuals of data
+  /// without sigmas.
+  bool ClocksHold(const Point& point, const std::vector<Registration>& at,
+                  double misfit = 1.0) const;
+
   // d residual / d u before projection, by one-sided differences, all evaluated at once. `sign` +1
   // or -1 says to which side; a bound or a failure turns a column to the other side. False: a
   // column failed on both. Steps: SetSteps. `change`, if wanted: of the predictions, per unit of u,
@@ -61,6 +67,11 @@ class ReducedProblem {
   using Changes = std::vector<std::vector<Change>>;
   bool Sensitivity(const std::vector<double>& u, const Point& at, int sign, Eigen::MatrixXd* J,
                    Changes* change = nullptr, const std::vector<Evaluator::Request>& beside = {});
+
+  /// The rows that known changes of the predictions make, d residual / d u before projection, those
+  /// of the priors with them.
+  Eigen::MatrixXd RowsOf(const std::vector<double>& u, const Point& at,
+                         const Changes& change) const;
 
   // Both sides in one batch. Where they agree, their mean. Where they do not (an impact comes or
   // goes within the step: a kink), the mean is the slope of neither: the side that leads downhill

@@ -19,24 +19,6 @@ namespace unfurl::correlate {
 
 namespace {
 
-// By how much the offset may move before the prediction is asked at new stamps and the stage solved
-// again [s]: to this far its velocities carry it, that is until the curvature of a path, by the
-// changes of velocity from sample to sample, moves a mark by kPart of the samples' sigma.
-double CarriedFor(const Prediction& prediction, double sigma, const Stamps& stamps) {
-  constexpr double kPart = 1e-3;  // nothing that an estimate could show
-  double steepest = 0.0;          // [m/s^2]
-  for (std::size_t m = 0; m < prediction.marks.size(); ++m) {
-    const Eigen::Matrix3Xd& v = prediction.marks[m].v;
-    const std::vector<double>& t = stamps.t[m];
-    for (Eigen::Index i = 1; i < v.cols(); ++i) {
-      const double step = t[static_cast<std::size_t>(i)] - t[static_cast<std::size_t>(i - 1)];
-      steepest = std::max(steepest, (v.col(i) - v.col(i - 1)).norm() / step);
-    }
-  }
-  return steepest > 0.0 ? std::sqrt(2.0 * kPart * sigma / steepest)
-                        : std::numeric_limits<double>::infinity();
-}
-
 // Of a standard error: how near to its minimum a stage that only leads the way has to come.
 constexpr double kLeadingTolerance = 0.5;
 
@@ -297,20 +279,7 @@ Eigen::VectorXd StageRunner::sigma() const {
   return (sigma_.cwiseAbs2() + floor_.cwiseAbs2()).cwiseSqrt();
 }
 
-bool StageRunner::Settled() const {
-  for (std::size_t t = 0; t < at_.size(); ++t) {
-    const Observations& o = *reduced_->parts()[t].observations;
-    // Without sigmas the weights are 1 m^-1, and the residuals are what tells of errors.
-    const double sigma = TypicalSigma(o) * (o.has_sigma ? 1.0 : std::sqrt(misfit_));
-    double carried = CarriedFor(*point_.prediction[t], sigma, o.StampsAt(reference_[t]));
-    for (const auto& kind : o.others) carried = std::min(carried, kind->Carries());
-    for (double stamp : {o.Start(), o.End()}) {  // a drift moves the ends most
-      const double ahead = Ahead(stamp, o.Pivot(), reference_[t], at_[t].clock());
-      if (std::abs(ahead) > carried) return false;
-    }
-  }
-  return true;
-}
+bool StageRunner::Settled() const { return reduced_->ClocksHold(point_, at_, misfit_); }
 
 bool StageRunner::Place(const std::vector<const Observations*>& observations,
                         const std::vector<const RowWhitening*>& whitening) {

@@ -907,6 +907,7 @@ def compare(
     start: Optional[float] = None,
     end: Optional[float] = None,
     window: str = "hann",
+    modes: str = "auto",
     clock_drift: bool = False,
     offset: _Prior = None,
     drift: _Prior = None,

@@ -103,6 +103,9 @@ def test_something_else_than_a_record_or_a_path(sets):
         unfurl.calibrate(rig)
     with pytest.raises(TypeError, match="a Run, Tracks or a path, got Rig"):
         unfurl.compare(rig, rig)
+    run = unfurl.simulate(sets / "double_pendulum" / "scene.toml", set={"scene.duration": 0.05})
+    with pytest.raises(unfurl.Error, match="modes"):
+        unfurl.compare(run, run, modes="windy")
     with pytest.raises(TypeError, match="constructor"):
         unfurl.Rig()
 

@@ -137,11 +137,16 @@ TEST_F(EffectsTest, BadInputIsNamed) {
   };
   SceneEffectsOptions options;
   options.sigma = -1.0;
-  EXPECT_THAT(message([&] { WeighEffects(Pendulum(1, 1, 1), {}, options); }), HasSubstr("sigma"));
+  EXPECT_THAT(message([&] { WeighEffects(Pendulum(1, 1, 1), {}, options); }), HasSubstr("--sigma"));
   const std::string blind = Put("blind.toml",
                                 "[scene]\nname = \"s\"\nduration = 1.0\n[body.a]\nmass = 1.0\n"
                                 "inertia = 1.0\n[joint.j]\ninner = \"ground\"\nouter = \"a\"\n");
   EXPECT_THAT(message([&] { WeighEffects(blind, {}, {}); }), HasSubstr("no marks"));
+  TrialEffectsOptions of_trial;
+  of_trial.budget = 0.0;
+  EXPECT_THAT(message([&] { of_trial.Check(); }), HasSubstr("--budget"));
+  of_trial.part = -1.0;
+  EXPECT_THAT(message([&] { of_trial.Check(); }), HasSubstr("--part"));
   EXPECT_THAT(message([&] { WeighEffects(Pendulum(1, 1, 1), {"joint.hinge.dampr="}, {}); }),
               HasSubstr("did you mean 'damper'"));
 }
@@ -201,7 +206,17 @@ TEST_F(TrialEffectsTest, WhatTheTrialShowsIsNeededWhateverTheOthersImitate) {
   EXPECT_EQ(linear.shifts[0].name, "quadratic");
   EXPECT_GT(linear.shifts[0].sigmas, 10.0);
   EXPECT_EQ(Of(e, "gravity").verdict, EffectVerdict::kNeeded);
-  EXPECT_EQ(Of(e, "springs of the joints").verdict, EffectVerdict::kNotNeeded);
+  const TrialEffect& springs = Of(e, "springs of the joints");
+  EXPECT_EQ(springs.verdict, EffectVerdict::kNotNeeded);
+  // Held-out stretches say the same: with what is there they are predicted better, by far.
+  EXPECT_GT(linear.held_out.gain, 3.0 * linear.held_out.sigma);
+  EXPECT_EQ(linear.held_out.stretches, 8);
+  EXPECT_LT(std::abs(springs.held_out.gain), 1.0);
+  EXPECT_TRUE(springs.settled);
+  // At less than a fit each.
+  for (const TrialEffect& one : e.effects) {
+    EXPECT_LE(one.runs, e.fit.result.evaluations.size()) << one.effect.name;
+  }
   EXPECT_THAT(e.left_out, ElementsAre("springs of the joints"));
 }
 

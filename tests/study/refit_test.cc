@@ -1,0 +1,124 @@
+// Versions of a fitted study, refitted from where it came out, against fits of their own.
+#include "correlate/fit/refit.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "base/error.h"
+#include "study/effect_versions.h"
+#include "tests/study/arm.h"
+
+namespace unfurl::study {
+namespace {
+
+class RefitTest : public ArmTest {
+ protected:
+  static double Squares(const correlate::FitResult& fit) {
+    return fit.trials[0].residual.squaredNorm();
+  }
+  static double Squares(const correlate::Refitted& r) { return r.residual[0].squaredNorm(); }
+  static correlate::Refitted Of(const StudyFit& fit, const EffectVersion& version,
+                                correlate::RefitOptions how = {}) {
+    const correlate::Refits refits(fit.problem(), fit.result, fit.binding->options);
+    how.look_first = version.look_first;
+    how.workers = 1;
+    return refits.Refit(version.binding.problem, how);
+  }
+};
+
+TEST_F(RefitTest, OfTheStudyItselfItStays) {
+  const data::Study study = BeamStudy();
+  const StudyFit fit = Fit(study);
+  ASSERT_TRUE(fit.Usable()) << fit.result.message;
+  const EffectVersions versions(study, fit);
+  const correlate::Refitted same = Of(fit, versions.AsItIs());
+  ASSERT_EQ(same.status, correlate::RefitStatus::kSettled) << same.message;
+  const correlate::ParameterEstimate& e = fit.result.parameters[0];
+  EXPECT_NEAR(same.theta[0], e.value, 0.2 * e.sigma);
+  EXPECT_LT(Squares(same), 1.001 * Squares(fit.result));
+  EXPECT_LT(same.runs + same.looks, fit.result.evaluations.size() / 2);
+}
+
+// What a version comes to is what a fit of the finest rung comes to, and that does not come below
+// what the refit says is left.
+TEST_F(RefitTest, AVersionComesWhereItsOwnFitComes) {
+  const data::Study study = BeamStudy();
+  const StudyFit fit = Fit(study);
+  ASSERT_TRUE(fit.Usable());
+  const EffectVersions versions(study, fit);
+  for (const char* set :
+       {"beam.a.damping=0", "beam.a.damping=5e-3", "gravity.acceleration=[0.0, -8.0]"}) {
+    const correlate::Refitted found = Of(fit, versions.Switched({set}, true));
+    ASSERT_TRUE(found.status == correlate::RefitStatus::kSettled ||
+                found.status == correlate::RefitStatus::kBudget)
+        << set << ": " << found.message;
+    data::Study finest = study;  // fitted itself
+    finest.set = {set, "beam.a.segments=8"};
+    finest.fidelity.wanted = false;
+    const StudyFit really = Fit(finest);
+    ASSERT_TRUE(really.Usable()) << set;
+    EXPECT_GE(1.001 * Squares(really.result), found.least * Squares(found)) << set;
+    if (found.status != correlate::RefitStatus::kSettled) continue;
+    const correlate::ParameterEstimate& e = really.result.parameters[0];
+    const double scale = std::sqrt(std::max(1.0, Squares(really.result) / found.rows));
+    EXPECT_NEAR(found.theta[0], e.value, 0.5 * scale * e.sigma_data) << set;
+    EXPECT_NEAR(Squares(found), Squares(really.result), 0.02 * Squares(really.result)) << set;
+  }
+}
+
+// A finer mesh than the finest rung is looked at itself, and led to by the lowest.
+TEST_F(RefitTest, AFinerMeshIsFinerThanTheFinestRung) {
+  const data::Study study = BeamStudy();
+  const StudyFit fit = Fit(study);
+  ASSERT_TRUE(fit.Usable());
+  const EffectVersions versions(study, fit);
+  bool seen = false;
+  for (const EffectSwitch& effect : versions.Effects(false)) {
+    if (effect.name != "a finer mesh") continue;
+    seen = true;
+    ASSERT_EQ(effect.set.size(), 1U);
+    EXPECT_EQ(effect.set[0], "beam.a.segments=16");
+    const EffectVersion version = versions.Switched(effect.set, effect.there);
+    EXPECT_TRUE(version.look_first);
+    const correlate::Refitted found = Of(fit, version);
+    ASSERT_EQ(found.status, correlate::RefitStatus::kSettled) << found.message;
+    // The record was made on sixteen segments.
+    EXPECT_NEAR(found.theta[0], 2.0, 4.0 * fit.result.parameters[0].sigma_data);
+  }
+  EXPECT_TRUE(seen);
+}
+
+TEST_F(RefitTest, ABudgetIsKept) {
+  const data::Study study = BeamStudy();
+  const StudyFit fit = Fit(study);
+  ASSERT_TRUE(fit.Usable());
+  const EffectVersions versions(study, fit);
+  correlate::RefitOptions how;
+  how.runs = 2;
+  const correlate::Refitted found =
+      Of(fit, versions.Switched({"gravity.acceleration=[0.0, -5.0]"}, true), how);
+  EXPECT_EQ(found.status, correlate::RefitStatus::kBudget);
+  EXPECT_LE(found.runs, 6U);  // clocks, and an alignment, come on top
+  EXPECT_LT(found.least, 1.0);
+  how.runs = 0;
+  EXPECT_THROW(Of(fit, versions.AsItIs(), how), Error);
+}
+
+TEST_F(RefitTest, BadInputIsNamed) {
+  const data::Study study = BeamStudy();
+  const StudyFit fit = Fit(study);
+  ASSERT_TRUE(fit.Usable());
+  const EffectVersions versions(study, fit);
+  EXPECT_THROW(versions.Switched({"beam.a.dampng=0"}, true), Error);
+  EXPECT_THROW(versions.Switched({"beam.a.EI=1"}, true), Error);  // no parameter is left
+  const correlate::Refits refits(fit.problem(), fit.result, fit.binding->options);
+  correlate::FitProblem other = fit.problem();
+  other.parameters[0].name = "another";
+  EXPECT_THROW(refits.Refit(other, {}), Error);
+  other.trials.clear();
+  EXPECT_THROW(refits.Refit(other, {}), Error);
+}
+
+}  // namespace
+}  // namespace unfurl::study
