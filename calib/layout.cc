@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "base/error.h"
 #include "base/length.h"
@@ -14,17 +15,25 @@ namespace unfurl::calib {
 namespace {
 
 constexpr double kPlainly = 0.5;  // of the other's RMS: which way round is beyond doubt
+// Over the best: explanations that are as good for all that mounting errors tell [-].
+constexpr double kAsGood = 2.0;
 
-}  // namespace
+// Places, and points along the optical axes as far away as the cameras are from their middle.
+struct Stand {
+  Eigen::Matrix3Xd found, meant;  // 3 x 2 c; of camera j: 2 j, 2 j + 1
+  double arm = 0.0, meant_arm = 0.0;
+};
 
-LayoutMatch CompareLayout(const data::Rig& rig, const data::Lab& lab) {
+double ArmOf(const Eigen::Matrix3Xd& places) {
+  return std::sqrt((places.colwise() - places.rowwise().mean()).squaredNorm() /
+                   static_cast<double>(places.cols()));
+}
+
+// `scale`: what the found places are multiplied by.
+Stand StandOf(const data::Rig& rig, const data::Lab& lab, double scale) {
   const auto n = static_cast<Eigen::Index>(rig.cameras.size());
-  Eigen::Matrix3Xd found(3, 2 * n), meant(3, 2 * n), places(3, n);
-  for (Eigen::Index j = 0; j < n; ++j) {
-    places.col(j) = rig.cameras[static_cast<std::size_t>(j)].p_WC;
-  }
-  const double arm = std::sqrt((places.colwise() - places.rowwise().mean()).squaredNorm() /
-                               static_cast<double>(n));
+  Stand out{Eigen::Matrix3Xd(3, 2 * n), Eigen::Matrix3Xd(3, 2 * n)};
+  Eigen::Matrix3Xd found(3, n), meant(3, n), view(3, n);
   for (Eigen::Index j = 0; j < n; ++j) {
     const data::RigCamera& camera = rig.cameras[static_cast<std::size_t>(j)];
     const auto nominal = std::find_if(lab.cameras.begin(), lab.cameras.end(),
@@ -33,31 +42,148 @@ LayoutMatch CompareLayout(const data::Rig& rig, const data::Lab& lab) {
       throw Error(fmt::format("holds no camera \"{}\"", camera.name), lab.path,
                   "name the cameras as the survey does");
     }
-    found.col(2 * j) = camera.p_WC;
-    found.col(2 * j + 1) = camera.p_WC + arm * camera.R_CW.row(2).transpose();
-    meant.col(2 * j) = nominal->position;
-    meant.col(2 * j + 1) =
-        nominal->position + arm * (nominal->look_at - nominal->position).normalized();
+    found.col(j) = scale * camera.p_WC;
+    meant.col(j) = nominal->position;
+    view.col(j) = (nominal->look_at - nominal->position).normalized();
   }
+  out.arm = ArmOf(found);
+  out.meant_arm = ArmOf(meant);
+  for (Eigen::Index j = 0; j < n; ++j) {
+    out.found.col(2 * j) = found.col(j);
+    out.found.col(2 * j + 1) =
+        found.col(j) + out.arm * rig.cameras[static_cast<std::size_t>(j)].R_CW.row(2).transpose();
+    out.meant.col(2 * j) = meant.col(j);
+    out.meant.col(2 * j + 1) = meant.col(j) + out.arm * view.col(j);
+  }
+  return out;
+}
+
+// Camera j of the rig stands where the layout has camera of[j].
+struct Names {
+  std::vector<Eigen::Index> of;
+  std::string what;
+};
+
+std::vector<Names> NamesOf(const data::Rig& rig) {
+  const auto n = static_cast<Eigen::Index>(rig.cameras.size());
+  std::vector<Eigen::Index> as_is(static_cast<std::size_t>(n));
+  std::iota(as_is.begin(), as_is.end(), Eigen::Index{0});
+  std::vector<Names> out = {{as_is, ""}};
+  for (std::size_t a = 0; a < as_is.size(); ++a) {
+    for (std::size_t b = a + 1; b < as_is.size(); ++b) {
+      out.push_back({as_is, fmt::format("the readings of cameras \"{}\" and \"{}\" are exchanged",
+                                        rig.cameras[a].name, rig.cameras[b].name)});
+      std::swap(out.back().of[a], out.back().of[b]);
+    }
+  }
+  for (std::size_t by = 1; by < as_is.size() && as_is.size() > 2; ++by) {
+    out.push_back({as_is, fmt::format("the cameras' readings are moved on by {}: what is called "
+                                      "\"{}\" is \"{}\", and so on",
+                                      by, rig.cameras[0].name, rig.cameras[by].name)});
+    std::rotate(out.back().of.begin(), out.back().of.begin() + static_cast<std::ptrdiff_t>(by),
+                out.back().of.end());
+  }
+  return out;
+}
+
+double RmsOf(const Stand& stand, const Names& names, bool mirrored) {
+  Eigen::Matrix3Xd meant(3, stand.meant.cols()), found = stand.found;
+  for (std::size_t j = 0; j < names.of.size(); ++j) {
+    meant.middleCols<2>(2 * static_cast<Eigen::Index>(j)) =
+        stand.meant.middleCols<2>(2 * names.of[j]);
+  }
+  if (mirrored) found.row(0).swap(found.row(1));
+  return FitRigid(meant, found).rms;
+}
+
+// 1000 or 1/1000 where the cameras stand that much too near to each other or too far; else 1.
+double UnitOf(const Stand& stand) {
+  for (const double unit : {1e3, 1e-3}) {
+    const double ratio = unit * stand.arm / stand.meant_arm;
+    if (ratio > kPlainly && ratio < 1.0 / kPlainly) return unit;
+  }
+  return 1.0;
+}
+
+LayoutSlip SlipOf(double unit, bool mirrored, const Names& names, double rms) {
+  LayoutSlip out;
+  out.rms = rms;
+  out.mirrored = mirrored;
+  const auto add = [&](const std::string& what, const std::string& remedy) {
+    ++out.parts;
+    out.what += (out.what.empty() ? "" : ", and ") + what;
+    out.remedy += (out.remedy.empty() ? "" : "; ") + remedy;
+  };
+  if (unit < 1.0) {
+    add("its coordinates are millimetres under the name of metres",
+        "state the unit in the header, as \"x [mm]\"");
+  } else if (unit > 1.0) {
+    add("its coordinates are metres under the name of millimetres",
+        "state the unit in the header, as \"x [m]\"");
+  }
+  if (mirrored) {
+    add("the survey is left-handed: its first two columns are N, E and not E, N",
+        "name them so, or exchange them");
+  }
+  if (!names.what.empty()) {
+    add(names.what, "exchange the columns, or the names in \"# cameras:\"");
+  }
+  return out;
+}
+
+}  // namespace
+
+LayoutMatch CompareLayout(const data::Rig& rig, const data::Lab& lab) {
+  const Stand stand = StandOf(rig, lab, 1.0);
+  const Names as_is = NamesOf(rig).front();
   LayoutMatch match;
-  match.rms = FitRigid(meant, found).rms;
-  found.row(0).swap(found.row(1));
-  match.rms_mirrored = FitRigid(meant, found).rms;
+  match.rms = RmsOf(stand, as_is, false);
+  match.rms_mirrored = RmsOf(stand, as_is, true);
   match.mirrored = match.rms_mirrored < kPlainly * match.rms;
   return match;
 }
 
+std::vector<LayoutSlip> FindLayoutSlips(const data::Rig& rig, const data::Lab& lab) {
+  const Stand as_written = StandOf(rig, lab, 1.0);
+  const double unit = UnitOf(as_written);
+  const Stand stand = StandOf(rig, lab, unit);
+  const std::vector<Names> all = NamesOf(rig);
+  const double rms = RmsOf(as_written, all.front(), false);
+  std::vector<LayoutSlip> slips;
+  for (const Names& names : all) {
+    for (const bool mirrored : {false, true}) {
+      const double now = RmsOf(stand, names, mirrored);
+      if (now < kPlainly * rms) slips.push_back(SlipOf(unit, mirrored, names, now));
+    }
+  }
+  std::stable_sort(slips.begin(), slips.end(),
+                   [](const auto& a, const auto& b) { return a.rms < b.rms; });
+  while (!slips.empty() && slips.back().rms > kAsGood * slips.front().rms) slips.pop_back();
+  // One thing wrong is likelier than two; columns in another order than cameras' names are.
+  const auto parts = [](const LayoutSlip& slip) { return slip.parts; };
+  const int least = slips.empty() ? 0 : std::ranges::min(slips, {}, parts).parts;
+  std::erase_if(slips, [&](const LayoutSlip& slip) { return slip.parts > least; });
+  std::stable_partition(slips.begin(), slips.end(),
+                        [](const LayoutSlip& slip) { return slip.mirrored; });
+  return slips;
+}
+
 void JudgeLayout(const data::Lab& lab, data::Rig* rig) {
-  const LayoutMatch match = CompareLayout(*rig, lab);
-  rig->checks["layout_rms [m]"] = match.rms;
-  if (!match.mirrored) return;
+  const double rms = CompareLayout(*rig, lab).rms;
+  rig->checks["layout_rms [m]"] = rms;
+  const std::vector<LayoutSlip> slips = FindLayoutSlips(*rig, lab);
+  if (slips.empty()) return;
+  std::string what, remedy;
+  for (const LayoutSlip& slip : slips) {
+    what += (what.empty() ? "" : "; or ") + slip.what;
+    if (remedy.find(slip.remedy) != remedy.npos) continue;
+    remedy += (remedy.empty() ? "" : "; or ") + slip.remedy;
+  }
   rig->verdict = kDoNotUse;
   rig->reasons.insert(
       rig->reasons.begin(),
-      fmt::format("the survey is left-handed: the cameras are {} RMS from where {} has them, and "
-                  "their mirror image {}; its first two columns are N, E and not E, N: name them "
-                  "so, or exchange them",
-                  LengthText(match.rms), lab.path, LengthText(match.rms_mirrored)));
+      fmt::format("{} (the cameras are {} RMS from where {} has them, and then {}): {}", what,
+                  LengthText(rms), lab.path, LengthText(slips.front().rms), remedy));
 }
 
 }  // namespace unfurl::calib

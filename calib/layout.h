@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "data/lab.h"
 #include "data/rig.h"
@@ -20,7 +21,20 @@ struct LayoutMatch {
 // Throws Error when a camera of the rig is not in the lab.
 LayoutMatch CompareLayout(const data::Rig& rig, const data::Lab& lab);
 
-// Stores the match among the rig's checks; "do not use" where the survey is the mirror image.
+// What would bring the rig to the layout, to half of the distance at most, that is not: another
+// unit; the mirror image; two cameras exchanged, or all moved on; these two at once. Cameras that
+// stand in a symmetry leave several, which are all told; the first fits best.
+struct LayoutSlip {
+  std::string what;    // "the survey is left-handed"
+  std::string remedy;  // what to write instead
+  double rms = 0.0;    // after it, as LayoutMatch::rms [m]
+  int parts = 0;       // things that are wrong at once
+  bool mirrored = false;
+};
+std::vector<LayoutSlip> FindLayoutSlips(const data::Rig& rig, const data::Lab& lab);
+
+// Stores the match among the rig's checks; "do not use" where a slip explains how the cameras
+// stand.
 void JudgeLayout(const data::Lab& lab, data::Rig* rig);
 
 }  // namespace unfurl::calib

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <limits>
 #include <memory>
@@ -158,16 +159,66 @@ UncertaintyMap MapUncertainty(const data::Rig& rig, const Visibility& sees,
   return map;
 }
 
+namespace {
+
+// What a camera reads of a place, or that it does not see it.
+using Look = std::function<bool(std::size_t camera, const Eigen::Vector3d& p, double* u_px)>;
+
+// Places at random in the laboratory's volume, as its station measures them.
+data::Survey RandomPlaces(const data::Lab& lab, const PlanOptions& options) {
+  Rng rng = Rng(options.seed).Stream("plan");
+  data::Survey out;
+  out.p.resize(3, options.survey_points);
+  out.cov.setZero(6, options.survey_points);
+  const double variance = lab.survey.sigma * lab.survey.sigma;
+  for (int i = 0; i < options.survey_points; ++i) {
+    for (int k = 0; k < 3; ++k) out.p(k, i) = rng.Uniform(lab.volume_low(k), lab.volume_high(k));
+    out.id.push_back(fmt::format("p{}", i + 1));
+    out.cov.col(i) << variance, 0.0, 0.0, variance, 0.0, variance;
+  }
+  return out;
+}
+
+// Calibrates on what the cameras would read of the places, without noise. `data` has the cameras.
+PlannedRig PlanSurvey(data::Survey survey, const Look& look, const std::string& where,
+                      const PlanOptions& options, Observations data) {
+  const auto cameras = static_cast<Eigen::Index>(data.cameras.size());
+  survey.u_px.setConstant(survey.p.cols(), cameras, std::numeric_limits<double>::quiet_NaN());
+  survey.s_px = survey.u_px;
+  for (Eigen::Index i = 0; i < survey.p.cols(); ++i) {
+    for (Eigen::Index c = 0; c < cameras; ++c) {
+      double u = 0.0;
+      if (!look(static_cast<std::size_t>(c), survey.p.col(i), &u)) continue;
+      survey.u_px(i, c) = u;
+      survey.s_px(i, c) = options.map.reading_sigma_px;
+    }
+  }
+  survey.cameras = data.cameras;
+  Observations read = FromSurvey(survey, where);
+  read.pixels = data.pixels;
+  read.pitch = data.pitch;
+  CalibrateOptions calibrate = options.calibrate;
+  calibrate.order = kFullOrder;
+  const RigFit fit = FitRig(read, calibrate, where);
+  PlannedRig plan;
+  plan.rig = fit.rig;
+  plan.weak = FindWeak(plan.rig, fit.priors, fit.bundle.summary.information);
+  plan.advice = SurveyAdvice(read, fit.bundle.weighting, plan.rig);
+  return plan;
+}
+
+}  // namespace
+
 PlannedRig PlanLab(const data::Lab& lab, const PlanOptions& options) {
   options.Check();
   data::Lab nominal = lab;
   nominal.mounting = {};
   const auto truth = std::make_shared<measure::VirtualRig>(measure::MakeVirtualRig(nominal));
-  PlannedRig plan;
-  plan.sees = [truth](std::size_t camera, const Eigen::Vector3d& p) {
+  const Look look = [truth](std::size_t camera, const Eigen::Vector3d& p, double* u_px) {
     measure::SpotLight spot;
-    return measure::TraceSpot(truth->cameras[camera], p, &spot) &&
-           OnRow(spot.centre_px, truth->cameras[camera].sensor.pixels);
+    if (!measure::TraceSpot(truth->cameras[camera], p, &spot)) return false;
+    *u_px = spot.centre_px;
+    return OnRow(spot.centre_px, truth->cameras[camera].sensor.pixels);
   };
   Observations data;
   for (const auto& camera : truth->cameras) {
@@ -175,30 +226,33 @@ PlannedRig PlanLab(const data::Lab& lab, const PlanOptions& options) {
     data.pixels.push_back(camera.sensor.pixels);
     data.pitch.push_back(camera.sensor.pitch);
   }
-  Rng rng = Rng(options.seed).Stream("plan");
-  data.p.resize(3, options.survey_points);
-  for (int i = 0; i < options.survey_points; ++i) {
-    for (int k = 0; k < 3; ++k) data.p(k, i) = rng.Uniform(lab.volume_low(k), lab.volume_high(k));
-    data.ids.push_back(fmt::format("p{}", i + 1));
-    data.cov.emplace_back(lab.survey.sigma * lab.survey.sigma * Eigen::Matrix3d::Identity());
-    for (std::size_t c = 0; c < truth->cameras.size(); ++c) {
-      measure::SpotLight spot;
-      if (!measure::TraceSpot(truth->cameras[c], data.p.col(i), &spot) ||
-          !OnRow(spot.centre_px, truth->cameras[c].sensor.pixels)) {
-        continue;
-      }
-      data.readings.push_back(
-          {i, static_cast<int>(c), spot.centre_px, options.map.reading_sigma_px});
-    }
-  }
-  CalibrateOptions calibrate = options.calibrate;
-  calibrate.order = kFullOrder;
-  const RigFit fit = FitRig(data, calibrate, lab.path);
-  plan.rig = fit.rig;
+  PlannedRig plan = PlanSurvey(options.survey ? *options.survey : RandomPlaces(lab, options), look,
+                               lab.path, options, std::move(data));
+  plan.sees = [look](std::size_t camera, const Eigen::Vector3d& p) {
+    double u = 0.0;
+    return look(camera, p, &u);
+  };
   plan.rig.volume_low = lab.volume_low;
   plan.rig.volume_high = lab.volume_high;
-  plan.weak = FindWeak(plan.rig, fit.priors, fit.bundle.summary.information);
-  plan.advice = SurveyAdvice(data, fit.bundle.weighting, plan.rig);
+  return plan;
+}
+
+PlannedRig PlanRig(const data::Rig& rig, const PlanOptions& options) {
+  options.Check();
+  assert(options.survey);
+  const Visibility sees = SeenOnRow(rig);
+  const Look look = [&](std::size_t camera, const Eigen::Vector3d& p, double* u_px) {
+    return sees(camera, p) && measure::Project(rig.cameras[camera], p, u_px);
+  };
+  Observations data;
+  for (const data::RigCamera& camera : rig.cameras) {
+    data.cameras.push_back(camera.name);
+    data.pixels.push_back(camera.pixels);
+  }
+  PlannedRig plan = PlanSurvey(*options.survey, look, "the points", options, std::move(data));
+  plan.sees = sees;
+  plan.rig.volume_low = rig.volume_low;
+  plan.rig.volume_high = rig.volume_high;
   return plan;
 }
 
@@ -218,6 +272,7 @@ PlanResult Plan(const data::Lab& lab, const PlanOptions& options) {
 
 PlanResult Plan(const data::Rig& rig, const PlanOptions& options) {
   options.Check();
+  if (options.survey) return Finished(PlanRig(rig, options), options);
   return Finished({rig, SeenOnRow(rig), {}, {}}, options);
 }
 

@@ -3,12 +3,14 @@
 #include <Eigen/Core>
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "calib/calibrate.h"
 #include "data/lab.h"
 #include "data/rig.h"
+#include "data/survey.h"
 
 namespace unfurl::calib {
 
@@ -50,6 +52,9 @@ UncertaintyMap MapUncertainty(const data::Rig& rig, const Visibility& sees,
 /// What a layout is planned for.
 struct PlanOptions {
   int survey_points = 200;
+  // The places to survey, with covariances and what their station does to all of them; none:
+  // `survey_points` at random, as the laboratory's station measures them.
+  std::optional<data::Survey> survey;
   std::uint64_t seed = 1;  // of where the points lie
   MapOptions map;          // its reading_sigma_px is also that of the survey
   CalibrateOptions calibrate;
@@ -72,6 +77,8 @@ struct PlannedRig {
   std::vector<std::string> advice;
 };
 PlannedRig PlanLab(const data::Lab& lab, const PlanOptions& options);
+// The same of cameras as a rig has them, by its own model; options.survey is needed.
+PlannedRig PlanRig(const data::Rig& rig, const PlanOptions& options);
 
 /// Good: as needed, and without any one camera too; care: usable, with reasons.
 enum class PlanVerdict { kGood, kCare, kNotUsable };
@@ -95,7 +102,7 @@ struct PlanResult {
 };
 
 // How well a proposed layout, or a calibrated rig, finds points, and what the loss of a camera
-// does.
+// does. A rig with options.survey: as calibrated anew by that.
 PlanResult Plan(const data::Lab& lab, const PlanOptions& options);
 PlanResult Plan(const data::Rig& rig, const PlanOptions& options);
 

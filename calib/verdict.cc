@@ -17,6 +17,9 @@ namespace {
 
 constexpr double kNeedShare = 1.0 / 2000.0;  // NeedOf
 constexpr std::size_t kNamed = 12;           // gross errors that the reasons name
+// Of a station's coordinates: laser trackers reach some 10 um, and a sight of 100 m with an angle
+// of 0.1 mrad misses by 10 mm [m].
+constexpr double kFinest = 1e-6, kCoarsest = 0.05;
 
 // Reasons by what they do to the verdict.
 struct Tally {
@@ -89,6 +92,11 @@ void JudgeHeldOut(const HeldOutSums& sums, const VerdictOptions& options, data::
         "the errors of held-out points are {:.2f} times as large as predicted, more than chance "
         "explains",
         std::sqrt(ratio)));
+  } else if (ratio < 1.0 / options.honesty) {
+    tally->fine.push_back(fmt::format(
+        "the errors of held-out points are {:.1f} times as small as predicted: the stated standard "
+        "deviations are too large, and so are the error bars",
+        1.0 / std::sqrt(ratio)));
   }
 }
 
@@ -177,8 +185,20 @@ void JudgeFit(const CalibrationReport& report, const VerdictOptions& options, da
 }
 
 // The survey's own scatter, and what its station does to all points alike.
-void JudgeSurvey(const CalibrationReport& report, const VerdictOptions& options, data::Rig* rig,
-                 Tally* tally) {
+void JudgeSurvey(const CalibrationReport& report, const Observations& data,
+                 const VerdictOptions& options, data::Rig* rig, Tally* tally) {
+  std::vector<double> sigmas;
+  for (const Eigen::Matrix3d& cov : data.cov) sigmas.push_back(std::sqrt(cov.trace() / 3.0));
+  const double typical = sigmas.empty() ? kFinest : Median(sigmas);
+  if (typical < kFinest || typical > kCoarsest) {
+    tally->care.push_back(fmt::format(
+        "the survey states standard deviations of {}, {}: are they {}? State the unit in the "
+        "header, as \"sx [mm]\"",
+        LengthText(typical),
+        typical < kFinest ? "which no station reaches" : "more than any station's",
+        typical < kFinest ? "metres under the name of millimetres"
+                          : "millimetres under the name of metres"));
+  }
   rig->checks["survey_factor [1]"] = report.survey_factor;
   if (report.survey_factor > 1.0) {
     const std::string factor = fmt::format(
@@ -291,7 +311,7 @@ void Judge(const CalibrationReport& report, const Observations& data, data::Rig*
   JudgeNeed(report, sums, options, rig, &tally);
   JudgeGross(report, options, rig, &tally);
   JudgeFit(report, options, rig, &tally);
-  JudgeSurvey(report, options, rig, &tally);
+  JudgeSurvey(report, data, options, rig, &tally);
   JudgeTrends(report, rig, &tally);
   JudgeCoverage(report, options, rig, &tally);
   ListWeak(report, rig, &tally);

@@ -227,6 +227,11 @@ int OrderOf(data::LensModel lens, const std::string& name) {
               "--order", "give one of " + JoinWords(known));
 }
 
+constexpr char kNotHanded[] =
+    "Whether x, y, z are right-handed no readings tell: name the columns E, N, H, or give where "
+    "the "
+    "cameras were meant to stand (--layout)\n";
+
 int RunCalibrate(const Common& common, const Arguments& arguments) {
   data::Provenance provenance = StartProvenance(common);
   provenance.AddInput(arguments.survey);
@@ -249,6 +254,7 @@ int RunCalibrate(const Common& common, const Arguments& arguments) {
     survey.station_errors.distance_scale = arguments.distance_error[1];
   }
   if (arguments.zenith_error > 0.0) survey.station_errors.zenith = arguments.zenith_error;
+  const bool handed = !arguments.layout.empty() || data::TellsHandedness(arguments.survey);
   calib::CalibrateOptions options = arguments.options;
   options.verdict.need = NeedOption(arguments.need);
   Progress progress("calibrate", !common.quiet && !common.json);
@@ -262,7 +268,9 @@ int RunCalibrate(const Common& common, const Arguments& arguments) {
   if (!arguments.report.empty()) {
     WriteCalibratePage(arguments.report, arguments.survey, data, result, provenance);
   }
-  Finish(common, Json(result, arguments), Text(result, arguments.out));
+  ordered_json summary = Json(result, arguments);
+  summary["right_handed"] = handed ? "told" : "not told";
+  Finish(common, summary, Text(result, arguments.out) + (handed ? "" : kNotHanded));
   if (result.rig.verdict != calib::kDoNotUse) return kExitGood;
   const auto& reasons = result.rig.reasons;
   return NotUsable(arguments.survey, "the calibration's verdict is \"" + result.rig.verdict + "\"" +

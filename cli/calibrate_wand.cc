@@ -11,6 +11,7 @@
 #include "base/length.h"
 #include "base/progress.h"
 #include "base/table.h"
+#include "calib/layout.h"
 #include "calib/verdict.h"
 #include "cli/calibrate_wand_page.h"
 #include "data/lab.h"
@@ -157,7 +158,10 @@ int RunCalibrateWand(const Common& common, const WandArguments& arguments) {
   }
   Progress progress("calibrate", !common.quiet && !common.json);
   options.progress = [&](double done) { progress.Update(done); };
-  const calib::WandCalibration result = calib::CalibrateWand(data, options, arguments.readings);
+  calib::WandCalibration result = calib::CalibrateWand(data, options, arguments.readings);
+  if (!arguments.layout.empty() && !arguments.points.empty()) {
+    calib::JudgeLayout(data::ReadLab(arguments.layout), &result.rig);
+  }
   data::WriteRig(arguments.out, result.rig, provenance);
   if (!arguments.report.empty()) {
     WriteCalibrateWandPage(arguments.report, arguments.readings, result, provenance);

@@ -11,11 +11,14 @@
 
 #include "base/error.h"
 #include "base/table.h"
+#include "base/text.h"
+#include "calib/plan_survey.h"
 #include "cli/space_panel.h"
 #include "cli/uncertainty_panel.h"
 #include "cli/verb.h"
 #include "data/lab.h"
 #include "data/rig.h"
+#include "data/survey.h"
 #include "report/page.h"
 
 namespace unfurl::cli {
@@ -26,6 +29,8 @@ using nlohmann::ordered_json;
 
 struct Arguments {
   std::string input, report, need;
+  std::string points = "200", station;  // a number or a file; an accuracy
+  std::vector<double> station_at;       // [m]
   std::vector<std::string> overrides;
   calib::PlanOptions plan;
 };
@@ -100,6 +105,46 @@ void WritePage(const Arguments& arguments, const calib::PlanResult& out,
   page.Write(arguments.report);
 }
 
+// Places to survey by --points and --station, where either asks for other than the laboratory's.
+void SetSurvey(Arguments* arguments, bool rig, data::Provenance* provenance) {
+  // Fewer readings determine no camera (GuessOptions); more points are a slip of the keyboard.
+  constexpr double kFewest = 12, kMost = 100000;
+  double count = 0.0;
+  if (ParseDouble(arguments->points, &count)) {
+    if (count < kFewest || count > kMost || count != std::floor(count)) {
+      throw Error(fmt::format("{} is no number of points", arguments->points), "--points",
+                  fmt::format("give a whole number from {} to {}, or a file", kFewest, kMost));
+    }
+    arguments->plan.survey_points = static_cast<int>(count);
+    if (!arguments->station.empty()) {
+      throw Error("needs places to measure", "--station", "give them, as --points points.csv");
+    }
+    return;
+  }
+  data::Survey survey = data::ReadPointsCsv(arguments->points);
+  provenance->AddInput(arguments->points);
+  if (arguments->station_at.size() == 3) {
+    survey.station = Eigen::Vector3d::Map(arguments->station_at.data());
+  }
+  if (!arguments->station.empty()) {
+    const auto accuracy = calib::ParseStationAccuracy(arguments->station, "--station");
+    survey.cov.setZero();
+    calib::SetAccuracy(accuracy, arguments->points, &survey);
+  }
+  const double sigma =
+      rig ? 0.0 : data::ReadLab(arguments->input, arguments->overrides).survey.sigma;
+  for (Eigen::Index i = 0; i < survey.cov.cols(); ++i) {
+    if (survey.cov.col(i).any()) continue;
+    if (!(sigma > 0.0)) {
+      throw Error("states no uncertainty of its points", arguments->points,
+                  "add columns 'sx [m]', 'sy [m]' and 'sz [m]', or give --station");
+    }
+    const double variance = sigma * sigma;
+    survey.cov.col(i) << variance, 0.0, 0.0, variance, 0.0, variance;
+  }
+  arguments->plan.survey = std::move(survey);
+}
+
 int RunPlan(const Common& common, Arguments arguments) {
   data::Provenance provenance = StartProvenance(common);
   provenance.AddInput(arguments.input);
@@ -109,6 +154,7 @@ int RunPlan(const Common& common, Arguments arguments) {
     throw Error("--set changes a laboratory, and this is a rig", arguments.input,
                 "leave it out, or give LAB.toml");
   }
+  SetSurvey(&arguments, rig, &provenance);
   const calib::PlanResult out =
       rig ? calib::Plan(data::ReadRig(arguments.input), arguments.plan)
           : calib::Plan(data::ReadLab(arguments.input, arguments.overrides), arguments.plan);
@@ -117,6 +163,7 @@ int RunPlan(const Common& common, Arguments arguments) {
   ordered_json summary = {{"input", arguments.input}, {"verdict", out.headline}};
   summary["reasons"] = out.reasons;
   summary["need_m"] = out.need;
+  if (arguments.plan.survey) summary["points"] = arguments.plan.survey->size();
   for (const calib::PlanCase& row : out.cases) {
     summary["cases"].push_back({{"cameras", row.name},
                                 {"found", row.map.Found()},
@@ -141,6 +188,8 @@ Verb AddPlan(CLI::App& program, Common& common) {
                           "Errors to expect of a proposed or calibrated rig over its volume, with "
                           "all cameras and with one lost",
                           "unfurl plan lab.toml --report plan.html\n"
+                          "  unfurl plan lab.toml --points points.csv --station \"1mm+2ppm, "
+                          "1arcsec\"\n"
                           "  unfurl plan rig.h5");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
@@ -148,10 +197,19 @@ Verb AddPlan(CLI::App& program, Common& common) {
   files.Read("INPUT", &arguments->input, "A laboratory [TOML], or a rig [HDF5]")->required();
   files.Page(&arguments->report, "A page with the maps [HTML]");
   AddNeedOption(app, &arguments->need);
-  app->add_option("--points", arguments->plan.survey_points,
-                  "Number of surveyed points assumed, at random in the volume")
-      ->capture_default_str()
-      ->check(CLI::Range(12, 100000));
+  files.Read("--points", &arguments->points,
+             "Points to survey: how many, at random in the volume (default 200), or a file of the "
+             "places themselves [CSV]: id, x, y, z, with standard deviations or --station. With a "
+             "rig: as calibrated anew by them");
+  app->add_option("--station", arguments->station,
+                  "The total station's accuracy, distances and angles, each point anew, as "
+                  "\"1mm+0.1mm/m, 0.1mrad\" or \"1.5mm+2ppm, 1arcsec\"; in place of what POINTS "
+                  "states")
+      ->type_name("ACCURACY");
+  app->add_option("--station-at", arguments->station_at,
+                  "Where it stands: x, y, z [m], unless a comment '# station:' of POINTS says it")
+      ->delimiter(',')
+      ->expected(3);
   app->add_option("--reading-sigma", arguments->plan.map.reading_sigma_px,
                   "Standard deviation of one reading [px]")
       ->capture_default_str()

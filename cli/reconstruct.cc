@@ -17,6 +17,7 @@
 #include "base/progress.h"
 #include "base/table.h"
 #include "base/text.h"
+#include "calib/verdict.h"
 #include "cli/reconstruct_health.h"
 #include "cli/reconstruct_page.h"
 #include "cli/verb.h"
@@ -229,9 +230,15 @@ int Conclude(const Common& common, const Settings& s, const data::Rig& rig,
   const measure::ReconstructSummary& done = reconstructor.summary();
   ordered_json summary = Summarize(s, rig, reconstructor.layout(), done, smoothing);
   const std::vector<std::string> lost = done.LostMarks();
-  std::string text = HealthText(health, &summary);
-  for (const std::string& mark : lost) text += "not usable: " + mark + "\n";
+  std::vector<std::string> not_usable = lost;
   if (!lost.empty()) summary["lost_marks"] = lost;
+  if (rig.verdict == calib::kDoNotUse) {
+    not_usable.push_back(fmt::format("the verdict of the rig {} is \"{}\"{}", s.rig, rig.verdict,
+                                     rig.reasons.empty() ? "" : ": " + rig.reasons.front()));
+  }
+  std::string text;
+  for (const std::string& reason : not_usable) text += "not usable: " + reason + "\n";
+  text += HealthText(health, &summary);
   text +=
       fmt::format("{}: {} samples from {} lines in {:.1f} s ({:.0f} lines/s)\n", s.output,
                   done.samples(), done.lines, seconds, static_cast<double>(done.lines) / seconds);
@@ -242,13 +249,13 @@ int Conclude(const Common& common, const Settings& s, const data::Rig& rig,
   }
   if (done.usable() > 0) text += DescribeSigmas(sigmas, &summary);
   summary["seconds"] = seconds;
-  if (!rig.verdict.empty() && rig.verdict != "good") {
+  if (rig.verdict == calib::kWithCare) {
     text += fmt::format("the rig's verdict: {}\n", rig.verdict);
   }
   if (done.usable() == 0) text += "no sample is usable\n";
   Finish(common, summary, text);
   if (done.usable() == 0) return NotUsable(s.trial, "no sample is usable");
-  return lost.empty() ? kExitGood : NotUsable(s.trial, lost.front());
+  return not_usable.empty() ? kExitGood : NotUsable(s.trial, not_usable.front());
 }
 
 // One reading of the record, with what is known of its cameras by then.

@@ -6,6 +6,7 @@
 #include <map>
 
 #include "base/error.h"
+#include "base/statistics.h"
 #include "base/text.h"
 #include "data/survey_points.h"
 
@@ -14,7 +15,9 @@ namespace unfurl::data {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-constexpr double kNotable = 1.2;  // a widening of sigmas that is worth a word
+constexpr double kNotable = 1.2;       // a widening of sigmas that is worth a word
+constexpr std::size_t kTelling = 8;    // readings; a few may stand at their row's beginning
+constexpr std::size_t kLooked = 1000;  // rows of a long table that are looked at
 
 void Add(const CsvTable& table, std::size_t row, int u_column, int s_column, std::size_t point,
          std::size_t camera, ReadingRepeats* out) {
@@ -50,6 +53,26 @@ ReadingRepeats Collect(const CsvTable& table) {
   return out;
 }
 
+// A mark is not seen to less than its place in the row: half of the readings are no smaller than
+// half of the sigmas, unless the columns stand for each other.
+void RefuseExchanged(const CsvTable& table, int u_column, int s_column) {
+  std::vector<double> u, s;
+  for (std::size_t row = 0; row < std::min(table.rows(), kLooked); ++row) {
+    double reading = 0.0, sigma = 0.0;
+    if (!ParseDouble(table.Text(row, u_column), &reading)) continue;
+    if (!ParseDouble(table.Text(row, s_column), &sigma)) continue;
+    u.push_back(std::abs(reading));
+    s.push_back(sigma);
+  }
+  if (u.size() < kTelling || !(Median(s) > Median(u))) return;
+  const auto name = [&](int column) {
+    return table.columns()[static_cast<std::size_t>(column)].name;
+  };
+  throw Error(fmt::format("holds smaller numbers than '{}', which are its standard deviations",
+                          name(s_column)),
+              fmt::format("{}:{}", table.path(), name(u_column)), "exchange the two columns");
+}
+
 }  // namespace
 
 ReadingColumns FindReadingColumns(const CsvTable& table) {
@@ -58,6 +81,7 @@ ReadingColumns FindReadingColumns(const CsvTable& table) {
     out.u.push_back(table.Require(fmt::format("u{}", c), "px"));
     out.s.push_back(table.Require(fmt::format("s{}", c), "px"));
     out.cameras.push_back(fmt::format("camera{}", c));
+    RefuseExchanged(table, out.u.back(), out.s.back());
   }
   return out;
 }

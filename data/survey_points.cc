@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <numbers>
 #include <set>
 
@@ -52,13 +53,47 @@ double AngleUnit(const CsvTable& table, int column) {
       "give rad, gon, mgon, deg or arcsec");
 }
 
+// [m] of one unit of a length; 0: it is none.
+double LengthUnit(std::string_view unit) {
+  if (unit == "m") return 1.0;
+  if (unit == "cm") return 1e-2;
+  if (unit == "mm") return 1e-3;
+  if (unit == "um") return 1e-6;
+  return 0.0;
+}
+
+// A column of lengths, or of their squares, and what makes metres of it.
+struct LengthColumn {
+  int at = -1;
+  double unit = 1.0;
+};
+LengthColumn RequireLength(const CsvTable& table, const std::string& name, bool squared = false) {
+  const int at = table.Find(name);
+  const std::string given = at < 0 ? "" : table.columns()[static_cast<std::size_t>(at)].unit;
+  const bool ends = given.ends_with("^2");
+  const double unit = LengthUnit(ends ? given.substr(0, given.size() - 2) : given);
+  if (ends != squared || unit == 0.0) return {table.Require(name, squared ? "m^2" : "m"), 1.0};
+  return {at, squared ? unit * unit : unit};
+}
+
 // "station: 1, 2, 3" of the comments; false when there is none.
-bool Note(const CsvTable& table, const std::string& name, std::size_t count,
+// `length`: it may state a unit, "[mm]".
+bool Note(const CsvTable& table, const std::string& name, std::size_t count, bool length,
           std::vector<double>* values) {
   for (const std::string& comment : table.comments()) {
     if (!comment.starts_with(name + ":")) continue;
     std::string text = comment.substr(name.size() + 1);
-    if (const std::size_t open = text.find('['); open != std::string::npos) text.resize(open);
+    double scale = 1.0;
+    if (const std::size_t open = text.find('['); open != std::string::npos) {
+      const std::size_t close = std::min(text.find(']', open), text.size());
+      if (length)
+        scale = LengthUnit(Trim(std::string_view(text).substr(open + 1, close - open - 1)));
+      if (scale == 0.0) {
+        throw Error("has a unit that is no length's", fmt::format("{}: # {}", table.path(), name),
+                    "write it in [m] or [mm]");
+      }
+      text.resize(open);
+    }
     values->clear();
     for (const std::string& part : Split(text, ',')) {
       double value = 0.0;
@@ -66,7 +101,7 @@ bool Note(const CsvTable& table, const std::string& name, std::size_t count,
         throw Error(fmt::format("'{}' is not a number", Trim(part)),
                     fmt::format("{}: # {}", table.path(), name), "write it as a number in metres");
       }
-      values->push_back(value);
+      values->push_back(scale * value);
     }
     if (values->size() != count) {
       throw Error(fmt::format("holds {} numbers", values->size()),
@@ -80,7 +115,7 @@ bool Note(const CsvTable& table, const std::string& name, std::size_t count,
 void ReadStationErrors(const CsvTable& table, Survey* survey) {
   std::vector<double> values;
   const auto read = [&](const char* name, std::size_t count) {
-    if (!Note(table, name, count, &values)) return false;
+    if (!Note(table, name, count, false, &values)) return false;
     for (const double value : values) {
       if (value < 0.0) {
         throw Error(fmt::format("a sigma of {} is impossible", value),
@@ -140,18 +175,18 @@ bool ReadSpread(const CsvTable& table, const std::array<const char*, 3>& names, 
     throw Error("states both sigmas and covariances", table.path(), "leave one of them out");
   }
   for (std::size_t k = 0; has_sigma && k < 3; ++k) {
-    const int column = table.Require(names[k], "m");
+    const LengthColumn column = RequireLength(table, names[k]);
     for (std::size_t i = 0; i < table.rows(); ++i) {
-      const double s = PositiveSigma(table, i, column);
+      const double s = column.unit * PositiveSigma(table, i, column.at);
       constexpr std::array<Eigen::Index, 3> kDiagonal = {0, 3, 5};
       survey->cov(kDiagonal[k], static_cast<Eigen::Index>(i)) = s * s;
     }
   }
   for (std::size_t k = 0; has_cov && k < 6; ++k) {
-    const int column = table.Require(kCovariance[k], "m^2");
+    const LengthColumn column = RequireLength(table, kCovariance[k], true);
     for (std::size_t i = 0; i < table.rows(); ++i) {
       survey->cov(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(i)) =
-          table.Number(i, column);
+          column.unit * table.Number(i, column.at);
     }
   }
   for (std::size_t i = 0; has_cov && i < table.rows(); ++i) {
@@ -168,17 +203,19 @@ bool HasAngles(const CsvTable& table) { return table.Find("hz") >= 0 && table.Fi
 // Coordinates from hz, v, d about the station, with the covariance that their sigmas give.
 bool ReadPolar(const CsvTable& table, const Eigen::Vector3d& station, double prism_offset,
                Eigen::Matrix3Xd* p, Survey* with_spread) {
-  const int hz = table.Find("hz"), v = table.Find("v"), d = table.Require("d", "m");
+  const int hz = table.Find("hz"), v = table.Find("v");
+  const LengthColumn d = RequireLength(table, "d");
   const double hz_unit = AngleUnit(table, hz), v_unit = AngleUnit(table, v);
   std::array<int, 3> sigma;
   for (std::size_t k = 0; k < 3; ++k) sigma[k] = table.Find(kSigmaPolar[k]);
   const bool has_sigma = AllThere(sigma);
+  const LengthColumn sd = has_sigma ? RequireLength(table, "sd") : LengthColumn{};
   p->resize(3, static_cast<Eigen::Index>(table.rows()));
   for (std::size_t i = 0; i < table.rows(); ++i) {
     const auto column = static_cast<Eigen::Index>(i);
-    const double distance = table.Number(i, d) + prism_offset;
+    const double distance = d.unit * table.Number(i, d.at) + prism_offset;
     if (!(distance > 0.0)) {
-      throw Error("the distance is not positive", table.Where(i, d),
+      throw Error("the distance is not positive", table.Where(i, d.at),
                   "give metres from the station");
     }
     Eigen::Matrix3d J;
@@ -187,7 +224,7 @@ bool ReadPolar(const CsvTable& table, const Eigen::Vector3d& station, double pri
     if (!has_sigma || !with_spread) continue;
     const Eigen::Vector3d s(PositiveSigma(table, i, sigma[0]) * AngleUnit(table, sigma[0]),
                             PositiveSigma(table, i, sigma[1]) * AngleUnit(table, sigma[1]),
-                            PositiveSigma(table, i, table.Require("sd", "m")));
+                            PositiveSigma(table, i, sd.at) * sd.unit);
     Store(J * s.cwiseAbs2().asDiagonal() * J.transpose(), column, with_spread);
   }
   return has_sigma;
@@ -207,18 +244,21 @@ int Handedness(const Eigen::Matrix3Xd& p, const Eigen::Matrix3Xd& polar) {
 }
 
 // The columns of x, y, z: by these names, or E, N, H in whatever order.
-std::array<int, 3> CoordinateColumns(const CsvTable& table, Survey* survey) {
+std::array<LengthColumn, 3> CoordinateColumns(const CsvTable& table, Survey* survey) {
   if (table.Find("x") >= 0) {
-    return {table.Require("x", "m"), table.Require("y", "m"), table.Require("z", "m")};
+    return {RequireLength(table, "x"), RequireLength(table, "y"), RequireLength(table, "z")};
   }
   const std::array<int, 3> enh = FindEnh(table);
-  for (const int c : enh) table.Require(table.columns()[static_cast<std::size_t>(c)].name, "m");
+  std::array<LengthColumn, 3> out;
+  for (std::size_t k = 0; k < 3; ++k) {
+    out[k] = RequireLength(table, table.columns()[static_cast<std::size_t>(enh[k])].name);
+  }
   if (enh[1] < enh[0]) {
     survey->notes.push_back(
         "the columns stand in the order N, E, H, which is left-handed: read as x = E, y = N, "
         "z = H");
   }
-  return enh;
+  return out;
 }
 
 // Where a table has both coordinates and angles, the angles show whether the coordinates are
@@ -258,11 +298,11 @@ void AddPrismOffset(const CsvTable& table, double prism_offset, Survey* survey) 
 
 // Returns whether the table states uncertainties, as ReadPolar does.
 bool ReadCoordinates(const CsvTable& table, double prism_offset, Survey* survey) {
-  const std::array<int, 3> columns = CoordinateColumns(table, survey);
+  const std::array<LengthColumn, 3> columns = CoordinateColumns(table, survey);
   for (Eigen::Index i = 0; i < survey->p.cols(); ++i) {
     for (std::size_t k = 0; k < 3; ++k) {
       survey->p(static_cast<Eigen::Index>(k), i) =
-          table.Number(static_cast<std::size_t>(i), columns[k]);
+          columns[k].unit * table.Number(static_cast<std::size_t>(i), columns[k].at);
     }
   }
   const bool spread = ReadSpread(table, table.Find("x") >= 0 ? kSigma : kSigmaEnh, survey);
@@ -283,6 +323,15 @@ Eigen::Vector3d FromPolar(double hz, double v, double d, Eigen::Matrix3d* deriva
   return d * Eigen::Vector3d(sv * sh, sv * ch, cv);
 }
 
+bool TellsHandedness(const std::string& path) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(path, ignored)) return false;  // a pipe is read once
+  if (IsSurveyH5(path)) return false;
+  if (LooksLikeGsi(path)) return true;
+  const CsvTable table = CsvTable::Load(path);
+  return HasAngles(table) || (table.Find("x") < 0 && AllThere(FindEnh(table)));
+}
+
 bool ReadSurveyPoints(const CsvTable& table, Survey* survey) {
   if (table.rows() == 0) {
     throw Error("holds no point", table.path(), "give one line per surveyed point");
@@ -292,12 +341,12 @@ bool ReadSurveyPoints(const CsvTable& table, Survey* survey) {
   survey->p.resize(3, n);
   survey->cov.setZero(6, n);
   std::vector<double> values;
-  if (Note(table, "station", 3, &values)) {
+  if (Note(table, "station", 3, true, &values)) {
     survey->station = Eigen::Vector3d(values[0], values[1], values[2]);
   }
   ReadStationErrors(table, survey);
   double prism_offset = 0.0;
-  if (Note(table, "prism offset", 1, &values)) prism_offset = values[0];
+  if (Note(table, "prism offset", 1, true, &values)) prism_offset = values[0];
 
   bool spread = false;
   if (table.Find("x") >= 0 || AllThere(FindEnh(table))) {
@@ -314,7 +363,7 @@ bool ReadSurveyPoints(const CsvTable& table, Survey* survey) {
     survey->notes.push_back(
         fmt::format("{:+.1f} mm were added to every distance", 1e3 * prism_offset));
   }
-  if (Note(table, "led offset", 3, &values)) {
+  if (Note(table, "led offset", 3, true, &values)) {
     survey->p.colwise() += Eigen::Vector3d(values[0], values[1], values[2]);
     survey->notes.push_back(
         fmt::format("the LED stands ({:+.1f}, {:+.1f}, {:+.1f}) mm from the prism's centre: added",

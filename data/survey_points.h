@@ -36,6 +36,9 @@ struct StationSigmas {
 Survey ReadGsi(const std::string& path, const StationSigmas& sigmas);
 bool LooksLikeGsi(const std::string& path);
 
+/// Whether a file of points says which way round they are: by columns E, N, H, or by angles.
+bool TellsHandedness(const std::string& path);
+
 // A direction and a distance as a place relative to the station: E, N, H, and the derivatives by
 // hz, v, d.
 Eigen::Vector3d FromPolar(double hz, double v, double d, Eigen::Matrix3d* derivative = nullptr);
@@ -46,6 +49,7 @@ struct ReadingColumns {
   std::vector<std::string> cameras;
   std::vector<int> pixels;  // of each camera's row; empty: not stated
 };
+// Throws Error where a camera's readings and standard deviations stand for each other.
 ReadingColumns FindReadingColumns(const CsvTable& table);
 // "# pixels: 2160, 4096", or one number for all; empty where there is none. Throws Error for
 // another number of numbers, and for what is no number of pixels.

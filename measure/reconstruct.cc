@@ -57,6 +57,7 @@ Reconstructor::Reconstructor(const data::TrialReader& trial, const data::Rig& ri
     finders_.emplace_back(header_.format.Of(c), options.spot);
   }
   SetResponses(header_.response, finders_);
+  RefuseSlotSlips(trial);
   PrimeBackgrounds(trial);
   data::TrialBlock block;
   Begin(trial.path(), trial.size(),
@@ -78,7 +79,9 @@ void Reconstructor::Begin(const std::string& path, std::size_t lines, const Look
   last_line_ = lines;
   evidence_ = HealthEvidence(cameras, lines);
   readings_.resize(cameras);
-  tracking_ = LookAhead(lines, look);
+  std::vector<FlashReadings> flashes;
+  tracking_ = LookAhead(lines, look, &flashes);
+  RefuseCameraSlips(path, flashes);
   layout_.shared_rank = triangulator_.shared_rank() + CorrectionDirections(options_.corrections);
   tracker_.emplace(triangulator_, layout_.marks.size(), tracking_);
   const double start_sigma =

@@ -17,6 +17,7 @@
 #include "measure/correction.h"
 #include "measure/health.h"
 #include "measure/mark_tracker.h"
+#include "measure/record_slips.h"
 #include "measure/spot.h"
 #include "measure/triangulate.h"
 
@@ -146,8 +147,12 @@ class Reconstructor {
   // What both kinds of records begin and go on with.
   void Begin(const std::string& path, std::size_t lines, const Look& look);
   void Follow(const Lines& lines, data::Tracks* tracks);
-  // The tracker's options from what a few lines of the whole record show.
-  TrackerOptions LookAhead(std::size_t size, const Look& look);
+  // The tracker's options from what a few lines of the whole record show; `flashes` gets those of
+  // one mark.
+  TrackerOptions LookAhead(std::size_t size, const Look& look, std::vector<FlashReadings>* flashes);
+  // Throw Error for a record whose cameras, or lines, are plainly named wrongly.
+  void RefuseCameraSlips(const std::string& path, std::span<const FlashReadings> flashes) const;
+  void RefuseSlotSlips(const data::TrialReader& trial);
   void FindSpots(const data::TrialBlock& block, std::span<const Slot> slots, bool learn,
                  std::vector<Seen>* seen);
   void Candidates(std::span<const Seen> seen, std::vector<std::span<const Candidate>>* out) const;

@@ -83,7 +83,8 @@ void AddSpeeds(const TrackedLine& line, std::vector<LastPoint>* last,
 
 }  // namespace
 
-TrackerOptions Reconstructor::LookAhead(std::size_t size, const Look& look) {
+TrackerOptions Reconstructor::LookAhead(std::size_t size, const Look& look,
+                                        std::vector<FlashReadings>* flashes) {
   constexpr std::size_t kLooks = 64, kRounds = 2;  // pieces of the trial, each so many rounds long
   constexpr std::size_t kMostLines = 64;           // of a piece
   constexpr std::size_t kEnough = 24;              // points; fewer say too little of the way
@@ -118,6 +119,12 @@ TrackerOptions Reconstructor::LookAhead(std::size_t size, const Look& look) {
         if (one.count > 0 && one.width_px > 0.0F) widths.push_back(one.width_px);
       }
       Candidates(of_line, &candidates);
+      if (slot.marks.size() == 1) {
+        flashes->emplace_back().fill(kNone);
+        for (std::size_t c = 0; c < of_line.size(); ++c) {
+          if (of_line[c].count > 0) flashes->back()[c] = of_line[c].spots[0].u_px;
+        }
+      }
       tracker.Add(here.t[i], slot.marks, candidates);
       take();
     }

@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "calib/calibrate.h"
 #include "calib/check.h"
+#include "calib/layout.h"
 #include "calib/verdict.h"
 #include "tests/calib/traced.h"
 
@@ -16,6 +17,7 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 using testing::TracedLab;
 
 // Calibrated once for all tests.
@@ -115,6 +117,61 @@ TEST(Slips, FaultsOfOtherKindsAreNone) {
   data.p = Eigen::AngleAxisd(0.4, Eigen::Vector3d(1.0, 2.0, 0.5).normalized()) * data.p;
   EXPECT_FALSE(FindSlip(TheHall().rig, data, match).found);
   EXPECT_FALSE(FindUnitSlip(TheHall().rig).found);
+}
+
+// The laboratory's own plan, without mounting errors.
+data::Lab PlanOf(const std::vector<std::string>& overrides = {}) {
+  return data::ReadLab(UNFURL_SOURCE_DIR "/data/sets/deployment/lab.toml", overrides);
+}
+
+std::string LayoutVerdict(const Observations& data, const data::Lab& lab) {
+  data::Rig rig = FitRig(data, {}, "test").rig;
+  rig.verdict = kGood;
+  JudgeLayout(lab, &rig);
+  return rig.verdict == kGood ? "" : rig.reasons.front();
+}
+
+TEST(LayoutSlips, AreNamed) {
+  const data::Lab lab = PlanOf();
+  const Observations sound = TheHall().lab.Survey(60);
+  EXPECT_EQ(LayoutVerdict(sound, lab), "");
+  Observations data = sound;
+  std::swap(data.cameras[0], data.cameras[1]);
+  EXPECT_THAT(LayoutVerdict(data, lab),
+              AllOf(HasSubstr("\"north_east\" are exchanged"), Not(HasSubstr("left-handed"))));
+  data = sound;
+  data.p *= 1e3;
+  EXPECT_THAT(LayoutVerdict(data, lab), HasSubstr("millimetres under the name of metres"));
+  data.p.row(0).swap(data.p.row(1));
+  EXPECT_THAT(LayoutVerdict(data, lab),
+              AllOf(HasSubstr("millimetres under the name of metres"), HasSubstr("left-handed")));
+}
+
+// Cameras that stand in no symmetry: a mirror image is no exchange of two.
+TEST(LayoutSlips, AMirrorImageIsNamedFirst) {
+  const data::Lab lab = PlanOf();
+  Observations data = TheHall().lab.Survey(60);
+  data.p.row(0).swap(data.p.row(1));
+  const std::string square = LayoutVerdict(data, lab);
+  EXPECT_THAT(square, ::testing::StartsWith("the survey is left-handed"));
+  EXPECT_THAT(square, HasSubstr("or the readings of cameras"));  // in a square it may be that
+  std::erase_if(data.readings, [](const Reading& r) { return r.camera == 3; });
+  data.cameras.pop_back();
+  EXPECT_THAT(LayoutVerdict(data, lab), HasSubstr("left-handed"));
+}
+
+// 0.3 mm as 0.3 m, and as 0.3 um.
+TEST(Slips, StandardDeviationsInAnotherUnit) {
+  Observations data = TheHall().lab.Survey(60);
+  for (Eigen::Matrix3d& cov : data.cov) cov *= 1e6;
+  Calibration result = Calibrate(data, {.order = kFullOrder}, "test");
+  EXPECT_EQ(result.rig.verdict, kDoNotUse);
+  EXPECT_THAT(result.rig.reasons,
+              ::testing::Contains(HasSubstr("millimetres under the name of metres")));
+  for (Eigen::Matrix3d& cov : data.cov) cov *= 1e-12;
+  result = Calibrate(data, {.order = kFullOrder}, "test");
+  EXPECT_NE(result.rig.verdict, kGood);
+  EXPECT_THAT(result.rig.reasons, ::testing::Contains(HasSubstr("which no station reaches")));
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "base/random.h"
 #include "data/survey.h"
 #include "tests/cli/program.h"
 #include "tests/source_dir.h"
@@ -32,6 +33,44 @@ TEST_F(RigVerbs, PlanOfTheShippedLaboratory) {
     EXPECT_GT(summary["cases"][k]["median_m"].get<double>(), median);
   }
   EXPECT_THAT(Get("plan.html"), AllOf(HasSubstr("without north_east"), HasSubstr("<svg")));
+}
+
+// Places of one's own in millimetres, and a station's data sheet; better ones give a better rig.
+TEST_F(RigVerbs, PlanOfPlannedPoints) {
+  std::string points = "# station: 4, 0, 1\nid,x [mm],y [mm],z [mm]\n";
+  Rng rng(3);
+  for (int k = 0; k < 60; ++k) {
+    points += fmt::format("P{},{},{},{}\n", k, rng.Uniform(-1e3, 1e3), rng.Uniform(-1e3, 1e3),
+                          rng.Uniform(-1e3, 1e3));
+  }
+  Put("points.csv", points);
+  const auto median = [&](const std::string& station, const std::string& of) {
+    const Outcome made = Run(
+        {"plan", of, "--points", "points.csv", "--station", station, "--columns", "4", "--json"});
+    EXPECT_EQ(made.err, "");
+    const auto summary = nlohmann::json::parse(made.out);
+    EXPECT_EQ(summary["points"], 60);
+    return summary["cases"][0]["median_m"].get<double>();
+  };
+  const double fine = median("0.3mm+2ppm, 0.05mrad", Shipped("lab.toml"));
+  EXPECT_GT(median("0.9mm+2ppm, 0.15mrad", Shipped("lab.toml")), 2.0 * fine);
+  // The shipped rig is that laboratory, but for mounting errors and what a fit takes in.
+  EXPECT_NEAR(median("0.3mm+2ppm, 0.05mrad", Shipped("rig.h5")), fine, 0.3 * fine);
+  const auto refused = [&](const std::vector<std::string>& more,
+                           const std::vector<std::string>& words) {
+    std::vector<std::string> arguments = {"plan", Shipped("lab.toml")};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    ExpectRefused(Run(arguments), words, {"points.csv"});
+  };
+  refused({"--points", "11"}, {"--points", "12"});
+  refused({"--points", "20.5"}, {"--points", "whole number"});
+  refused({"--points", "points.csv", "--station", "1mm"}, {"--station", "0.1mrad"});
+  refused({"--station", "1mm+2ppm, 1arcsec"}, {"--station", "--points points.csv"});
+  Put("points.csv", points.substr(points.find("id,")));
+  refused({"--points", "points.csv", "--station", "1mm+2ppm, 1arcsec"},
+          {"points.csv", "--station-at"});
+  ExpectRefused(Run({"plan", Shipped("rig.h5"), "--points", "points.csv"}),
+                {"points.csv", "uncertainty", "--station"}, {"points.csv"});
 }
 
 TEST_F(RigVerbs, PlanOfParallelLensAxesSparesNoCamera) {

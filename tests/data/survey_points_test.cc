@@ -41,6 +41,28 @@ TEST_F(SurveyPoints, EastNorthHeightInEitherOrderIsRightHanded) {
   EXPECT_THAT(ne.notes, Contains(HasSubstr("left-handed")));
 }
 
+// The same points in metres, and in the units that the header names, column by column.
+TEST_F(SurveyPoints, LengthsHaveTheUnitOfTheirColumn) {
+  const Survey metres = Points(
+      "# station: 4, 5, 6\nid,x [m],y [m],z [m],sx [m],sy [m],sz [m]\n"
+      "a,1.5,-0.25,3,0.5,0.25,0.125\n");
+  const Survey mixed = Points(
+      "# station: 4000, 5000, 6000 [mm]\n"
+      "id,x [mm],y [cm],z [m],sx [mm],sy [cm],sz [um]\na,1500,-25,3,500,25,125000\n");
+  EXPECT_LT((mixed.p - metres.p).norm(), 1e-12);
+  EXPECT_LT((mixed.cov - metres.cov).norm(), 1e-12);
+  EXPECT_LT((mixed.station - metres.station).norm(), 1e-12);
+  const Survey whole = Points(
+      "id,x [mm],y [mm],z [mm],cxx [mm^2],cxy [mm^2],cxz [mm^2],cyy [mm^2],cyz [mm^2],"
+      "czz [mm^2]\na,1500,-250,3000,250000,0,0,62500,0,15625\n");
+  EXPECT_LT((whole.cov - metres.cov).norm(), 1e-12);
+  const Survey polar = Points(
+      "id,hz [gon],v [gon],d [mm],shz [mgon],sv [mgon],sd [mm]\n"
+      "a,100,100,4500,1,1,2\n");
+  EXPECT_LT((polar.p.col(0) - Eigen::Vector3d(4.5, 0, 0)).norm(), 1e-12);
+  EXPECT_NEAR(polar.cov(0, 0), 4e-6, 1e-12);
+}
+
 TEST_F(SurveyPoints, WhatAllPointsShareIsStatedInComments) {
   const std::string points = "id,x [m],y [m],z [m],sx [m],sy [m],sz [m]\na,1,2,3,0.1,0.2,0.3\n";
   const Survey survey = Points(
@@ -124,6 +146,8 @@ TEST_F(SurveyPoints, RefusesWhatItCannotUse) {
   refuse("id,x [m],y [m]\na,1,2\n", "z");
   refuse("id,hz [furlong],v [gon],d [m]\na,1,2,3\n", "furlong");
   refuse("# prism offset: 0.03\nid,x [m],y [m],z [m]\na,1,2,3\n", "station");
+  refuse("# station: 1, 2, 3 [ft]\nid,x [m],y [m],z [m]\na,1,2,3\n", "no length");
+  refuse("id,x [m^2],y [m],z [m]\na,1,2,3\n", "[m^2]");
   refuse("# station: 1, 2\nid,x [m],y [m],z [m]\na,1,2,3\n", "2 numbers");
   refuse("id,hz [gon],v [gon],d [m]\na,1,2,0\n", "not positive");
 }

@@ -15,6 +15,7 @@
 namespace unfurl::data {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 // Apart from what other processes write.
@@ -135,9 +136,9 @@ TEST(Survey, CsvErrorsNameTheirPlace) {
   const std::string head = "id,x [m],y [m],z [m],sx [m],sy [m],sz [m],u1 [px],s1 [px]\n";
   EXPECT_EQ(ErrorOfCsv(head + "a,1,2,3,1e-4,1e-4,1e-4,1000,0.02\n"), "no error");
   EXPECT_THAT(ErrorOfCsv("id,x,y,z,sx,sy,sz,u1,s1\na,1,2,3,1,1,1,1,1\n"), HasSubstr("no unit"));
-  EXPECT_THAT(ErrorOfCsv("id,x [mm],y [m],z [m],sx [m],sy [m],sz [m],u1 [px],s1 [px]\n"
+  EXPECT_THAT(ErrorOfCsv("id,x [ft],y [m],z [m],sx [m],sy [m],sz [m],u1 [px],s1 [px]\n"
                          "a,1,2,3,1,1,1,1,1\n"),
-              HasSubstr("[mm]"));
+              HasSubstr("[ft]"));
   EXPECT_THAT(ErrorOfCsv(head + "a,1,2,3,1e-4,1e-4,1e-4,1000,0.02\na,1,2,4,1e-4,1e-4,1e-4,,\n"),
               HasSubstr("bad.csv:3:id"));
   EXPECT_THAT(ErrorOfCsv(head + "a,1,2,3,0,1e-4,1e-4,1000,0.02\n"), HasSubstr("bad.csv:2:sx"));
@@ -155,6 +156,20 @@ TEST(Survey, CsvErrorsNameTheirPlace) {
   EXPECT_THAT(ErrorOfCsv("id,x [m],y [m],z [m],cxx [m^2],cxy [m^2],cxz [m^2],cyy [m^2],cyz [m^2],"
                          "czz [m^2],u1 [px],s1 [px]\na,1,2,3,1,2,0,1,0,1,5,1\n"),
               HasSubstr("positive definite"));
+}
+
+TEST(Survey, ReadingsAndSigmasThatStandForEachOther) {
+  const auto table = [](const std::string& first, const std::string& second) {
+    std::string text = "id,x [m],y [m],z [m],sx [m],sy [m],sz [m],u1 [px],s1 [px]\n";
+    for (int k = 0; k < 10; ++k) {
+      text += "p" + std::to_string(k) + ",1,2,3,1e-4,1e-4,1e-4," + first + "," + second + "\n";
+    }
+    return ErrorOfCsv(text);
+  };
+  EXPECT_EQ(table("812.5", "0.02"), "no error");
+  EXPECT_EQ(table("0.5", "0.02"), "no error");
+  EXPECT_THAT(table("0.02", "812.5"),
+              AllOf(HasSubstr("bad.csv:u1"), HasSubstr("'s1'"), HasSubstr("exchange")));
 }
 
 TEST(Survey, PointsAloneMayHaveNoSigmas) {
