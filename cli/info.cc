@@ -13,6 +13,7 @@
 #include "data/formats.h"
 #include "data/h5.h"
 #include "data/h5_walk.h"
+#include "data/run.h"
 #include "data/toml.h"
 
 namespace unfurl::cli {
@@ -35,6 +36,18 @@ void ListDatasets(const data::H5Reader& reader, ordered_json* sets,
     rows->push_back({path, DimsText(reader.Dims(path)), "[" + reader.Units(path) + "]",
                      reader.Description(path)});
   }
+}
+
+// Those of a run, which lie side by side in its tables.
+std::string ListQuantities(const std::string& path, ordered_json* list) {
+  *list = ordered_json::array();
+  std::vector<std::vector<std::string>> rows = {{"quantity", "unit", "what it is"}};
+  const data::RunReader run(path);
+  for (const data::Quantity& q : run.quantities()) {
+    list->push_back({{"name", q.name}, {"units", q.units}, {"description", q.description}});
+    rows.push_back({q.name, "[" + q.units + "]", q.description});
+  }
+  return AlignedTable(rows);
 }
 
 int InfoHdf5(const Common& common, const std::string& path) {
@@ -75,7 +88,9 @@ int InfoHdf5(const Common& common, const std::string& path) {
   std::vector<std::vector<std::string>> rows = {{"dataset", "shape", "unit", "what it is"}};
   summary["datasets"] = ordered_json::array();
   ListDatasets(reader, &summary["datasets"], &rows);
-  Finish(common, summary, text + AlignedTable(rows));
+  text += AlignedTable(rows);
+  if (schema == data::kRunSchema) text += ListQuantities(path, &summary["quantities"]);
+  Finish(common, summary, text);
   return kExitGood;
 }
 

@@ -5,61 +5,68 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <span>
 
 namespace unfurl::cli {
 
 namespace {
 
 constexpr std::size_t kMostFrames = 2000;   // forty seconds of pictures at the usual rate
+constexpr std::size_t kBlockRows = 65536;   // of a column, read at once
 constexpr std::size_t kMostSamples = 1500;  // of a mark's path: as many as a screen has columns
 
-// Rows of `width` numbers at these rising places: at one go where they are most of all rows, else
-// one by one.
-std::vector<double> ReadChosen(const data::H5Reader& file, const std::string& at,
-                               const std::vector<std::size_t>& rows, std::size_t width) {
-  constexpr std::size_t kMost = 4;  // times as much as is kept: a call reads a whole chunk anyway
-  std::vector<double> out(width * rows.size());
-  const std::size_t all = rows.empty() ? 0 : rows.back() + 1;
-  if (all == rows.size()) {
-    file.ReadRows(at, 0, all, std::span<double>(out));
-    return out;
-  }
-  std::vector<double> whole(all <= kMost * rows.size() ? width * all : 0);
-  if (!whole.empty()) file.ReadRows(at, 0, all, std::span<double>(whole));
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    const std::span<double> row = std::span<double>(out).subspan(width * i, width);
-    if (whole.empty()) {
-      file.ReadRows(at, rows[i], 1, row);
+// A quantity, or the time (-1), at these rising places, read block by block.
+std::vector<double> ReadChosen(const data::RunReader& run, int quantity,
+                               const std::vector<std::size_t>& rows) {
+  std::vector<double> out, block(kBlockRows);
+  out.reserve(rows.size());
+  for (std::size_t k = 0; k < rows.size();) {
+    const std::size_t first = rows[k], count = std::min(kBlockRows, rows.back() + 1 - first);
+    const std::span<double> values(block.data(), count);
+    if (quantity < 0) {
+      run.file().ReadRows("/t", first, count, values);
     } else {
-      std::copy_n(whole.begin() + static_cast<std::ptrdiff_t>(width * rows[i]), width, row.begin());
+      run.ReadColumn(quantity, first, values);
     }
+    for (; k < rows.size() && rows[k] < first + count; ++k) out.push_back(values[rows[k] - first]);
   }
   return out;
 }
 
-void AddShapes(const data::H5Reader& file, const std::vector<std::size_t>& frames,
+void AddShapes(const data::RunReader& run, const std::vector<std::size_t>& frames,
                report::Motion* motion) {
   using Kind = report::MovingLine::Kind;
-  for (const data::ShapeKind kind : {data::ShapeKind::kBody, data::ShapeKind::kBeam}) {
-    const std::string group = data::ShapeGroup(kind);
-    if (!file.Has(group)) continue;
-    for (const std::string& name : file.Children(group)) {
-      report::MovingLine line;
-      line.name = name;
-      line.kind = kind == data::ShapeKind::kBeam ? Kind::kBeam : Kind::kBody;
-      const std::string path = fmt::format("{}/{}", group, name);
-      line.points = file.Dims(path).at(1);
-      line.xy = ReadChosen(file, path, frames, 2 * line.points);
-      motion->lines.push_back(std::move(line));
+  const std::vector<data::BeamShape>& shapes = run.shapes();
+  std::vector<std::vector<double>> moved(shapes.size());
+  std::vector<double> xy;
+  for (const std::size_t frame : frames) {
+    run.ReadShapes(frame, 1, &xy);
+    auto from = xy.begin();
+    for (std::size_t k = 0; k < shapes.size(); ++k) {
+      const auto to = from + static_cast<std::ptrdiff_t>(2 * shapes[k].at.size());
+      moved[k].insert(moved[k].end(), from, to);
+      from = to;
     }
   }
-  const std::string group = data::ShapeGroup(data::ShapeKind::kPin);
-  if (!file.Has(group)) return;
-  for (const std::string& name : file.Children(group)) {
-    report::MovingPin pin;
-    pin.name = name;
-    pin.xy = ReadChosen(file, fmt::format("{}/{}", group, name), frames, 2);
-    motion->pins.push_back(std::move(pin));
+  // Bodies lie under beams.
+  for (const data::ShapeKind kind :
+       {data::ShapeKind::kBody, data::ShapeKind::kBeam, data::ShapeKind::kPin}) {
+    for (std::size_t k = 0; k < shapes.size(); ++k) {
+      if (shapes[k].kind != kind) continue;
+      if (kind == data::ShapeKind::kPin) {
+        report::MovingPin pin;
+        pin.name = shapes[k].name;
+        pin.xy = std::move(moved[k]);
+        motion->pins.push_back(std::move(pin));
+        continue;
+      }
+      report::MovingLine line;
+      line.name = shapes[k].name;
+      line.kind = kind == data::ShapeKind::kBeam ? Kind::kBeam : Kind::kBody;
+      line.points = shapes[k].at.size();
+      line.xy = std::move(moved[k]);
+      motion->lines.push_back(std::move(line));
+    }
   }
 }
 
@@ -85,18 +92,17 @@ void AddEvents(const data::H5Reader& file, double end, double offset, report::Mo
 
 void AddMarks(const data::RunReader& run, const std::vector<std::string>& marks, double offset,
               report::Motion* motion) {
-  const data::H5Reader& file = run.file();
   const std::vector<std::size_t> samples = report::EvenlyChosen(run.samples(), kMostSamples);
-  std::vector<double> t = ReadChosen(file, "/t", samples, 1);
+  std::vector<double> t = ReadChosen(run, -1, samples);
   for (double& time : t) time += offset;
   for (std::size_t m = 0; m < marks.size(); ++m) {
-    const std::string x = "/series/" + marks[m] + ".x", y = "/series/" + marks[m] + ".y";
-    if (!file.Has(x) || !file.Has(y)) continue;
+    const int x = run.Find(marks[m] + ".x"), y = run.Find(marks[m] + ".y");
+    if (x < 0 || y < 0) continue;
     report::MovingMark mark;
     mark.name = marks[m];
     mark.t = t;
-    mark.x = ReadChosen(file, x, samples, 1);
-    mark.y = ReadChosen(file, y, samples, 1);
+    mark.x = ReadChosen(run, x, samples);
+    mark.y = ReadChosen(run, y, samples);
     mark.color = static_cast<int>(m);
     motion->marks.push_back(std::move(mark));
   }
@@ -106,9 +112,7 @@ void AddMarks(const data::RunReader& run, const std::vector<std::string>& marks,
 
 std::optional<report::Motion> MotionOfRun(const data::RunReader& run,
                                           const std::vector<std::string>& marks, double offset) {
-  const data::H5Reader& file = run.file();
-  if (!file.Has(data::kShapeTime)) return std::nullopt;
-  const std::vector<double> t = file.ReadDoubles(data::kShapeTime, "s");
+  const std::vector<double>& t = run.shape_times();
   if (t.size() < 2) return std::nullopt;
   report::Motion motion;
   motion.title = "The motion";
@@ -116,8 +120,8 @@ std::optional<report::Motion> MotionOfRun(const data::RunReader& run,
   motion.y = {"y", "m", false};
   const std::vector<std::size_t> frames = report::EvenlyChosen(t.size(), kMostFrames);
   for (const std::size_t f : frames) motion.t.push_back(t[f] + offset);
-  AddShapes(file, frames, &motion);
-  AddEvents(file, t.back(), offset, &motion);
+  AddShapes(run, frames, &motion);
+  AddEvents(run.file(), t.back(), offset, &motion);
   AddMarks(run, marks, offset, &motion);
   return motion;
 }

@@ -22,7 +22,7 @@ report::Series RunColumns::Read(const std::string& name, const std::string& show
   for (std::size_t first = 0; first < all; first += block) {
     const std::size_t count = std::min(block, all - first);
     reader_.file().ReadRows("/t", first, count, std::span<double>(t));
-    reader_.file().ReadRows("/series/" + name, first, count, std::span<double>(v));
+    ReadInto(name, first, std::span<double>(v).first(count));
     for (std::size_t i = 0; i < count; i += bucket) {
       const auto begin = v.begin() + static_cast<std::ptrdiff_t>(i);
       const auto end = v.begin() + static_cast<std::ptrdiff_t>(std::min(i + bucket, count));
@@ -38,13 +38,26 @@ report::Series RunColumns::Read(const std::string& name, const std::string& show
   return out;
 }
 
-std::vector<double> RunColumns::Thin(const std::string& path) const {
+void RunColumns::ReadInto(const std::string& name, std::size_t first, std::span<double> out) const {
+  const int quantity = reader_.Find(name);
+  if (quantity < 0) {
+    reader_.file().Fail("has no quantity '" + name + "'", "", "`unfurl info` lists what it has");
+  }
+  reader_.ReadColumn(quantity, first, out);
+}
+
+std::vector<double> RunColumns::Thin(const std::string& name) const {
   const std::size_t all = reader_.samples(), step = all / kShown + 1;
   const std::size_t block = step * std::max<std::size_t>(1, kBlockRows / step);
   std::vector<double> v(block), out;
   for (std::size_t first = 0; first < all; first += block) {
     const std::size_t count = std::min(block, all - first);
-    reader_.file().ReadRows(path, first, count, std::span<double>(v));
+    const std::span<double> block_of(v.data(), count);
+    if (name == "t") {
+      reader_.file().ReadRows("/t", first, count, block_of);
+    } else {
+      ReadInto(name, first, block_of);
+    }
     for (std::size_t i = 0; i < count; i += step) out.push_back(v[i]);
   }
   return out;

@@ -225,13 +225,14 @@ class Composer {
     paths.note = "A ring at the start, a disc at the end.";
     paths.x = {"x", "m", false};
     paths.y = {"y", "m", false};
-    if (marks.size() > kMostCurves) paths.note += fmt::format(" {} of {}.", kMostCurves, marks.size());
+    if (marks.size() > kMostCurves)
+      paths.note += fmt::format(" {} of {}.", kMostCurves, marks.size());
     for (const std::string& mark : marks) {
       if (paths.paths.size() == kMostCurves) break;
       report::Path path;
       path.name = mark;
-      path.x = run_.Thin("/series/" + mark + ".x");
-      path.y = run_.Thin("/series/" + mark + ".y");
+      path.x = run_.Thin(mark + ".x");
+      path.y = run_.Thin(mark + ".y");
       paths.paths.push_back(std::move(path));
     }
     if (!paths.paths.empty()) page_.AddPaths(paths);
@@ -243,9 +244,9 @@ class Composer {
   }
 
   void AddShapes() {
-    if (!run_.file().Has("/beam_shape_t")) return;
-    const std::vector<double> t = run_.file().ReadDoubles("/beam_shape_t", "s");
+    const std::vector<double>& t = run_.reader().shape_times();
     if (t.empty()) return;
+    std::vector<double> xy;
     report::Paths paths;
     paths.title = "The beams in time";
     paths.x = {"x", "m", false};
@@ -258,13 +259,13 @@ class Composer {
       path.ends = false;
       path.color = static_cast<int>(k % kMostCurves);
       path.style = k < kMostCurves ? report::Style::kLine : report::Style::kDashes;
-      for (const std::string& beam : run_.file().Children("/beam_shape")) {
-        const std::size_t points = run_.file().Dims("/beam_shape/" + beam).at(1);
-        std::vector<double> xy(2 * points);
-        run_.file().ReadRows("/beam_shape/" + beam, i, 1, std::span<double>(xy));
-        for (std::size_t p = 0; p < points; ++p) {
-          path.x.push_back(xy[2 * p]);
-          path.y.push_back(xy[2 * p + 1]);
+      run_.reader().ReadShapes(i, 1, &xy);
+      std::size_t place = 0;
+      for (const data::BeamShape& shape : run_.reader().shapes()) {
+        if (shape.kind != data::ShapeKind::kBeam) break;  // beams come first
+        for (std::size_t p = 0; p < shape.at.size(); ++p, place += 2) {
+          path.x.push_back(xy[place]);
+          path.y.push_back(xy[place + 1]);
         }
         path.x.push_back(std::nan(""));
         path.y.push_back(std::nan(""));
@@ -309,11 +310,11 @@ class Composer {
     chart.y = {name, lines[0].units, false};
     report::Series series;
     series.name = name;
-    series.x = run_.Thin(data::kSeriesTime);
-    series.y = run_.Thin("/series/" + name);
-    series.half_width = run_.Thin("/series/error_time." + name);
+    series.x = run_.Thin("t");
+    series.y = run_.Thin(name);
+    series.half_width = run_.Thin("error_time." + name);
     if (run_.Has("error_mesh." + name)) {
-      const std::vector<double> more = run_.Thin("/series/error_mesh." + name);
+      const std::vector<double> more = run_.Thin("error_mesh." + name);
       for (std::size_t i = 0; i < more.size(); ++i) series.half_width[i] += more[i];
     }
     chart.series.push_back(std::move(series));

@@ -84,9 +84,10 @@ class H5Writer {
   void Write(const H5Field& field, const Eigen::MatrixXd& matrix);  // rows x cols, C order on disk
   void Write(const H5Field& field, const std::vector<std::string>& values);
 
-  // A growing dataset: rows of `row_dims` (empty: scalars); chunk of `chunk_rows`; `deflate` 0..9.
+  // A growing dataset: rows of `row_dims` (empty: scalars); chunk of `chunk_rows`, and of at most
+  // `chunk_columns` of the rows' first dimension (0: all); `deflate` 0..9.
   H5Series Series(const H5Field& field, H5Type type, const std::vector<std::size_t>& row_dims = {},
-                  std::size_t chunk_rows = 1024, int deflate = 0);
+                  std::size_t chunk_rows = 1024, int deflate = 0, std::size_t chunk_columns = 0);
 
   // The same of text, each entry of fixed width.
   H5Series TextSeries(const H5Field& field, std::size_t width, std::size_t chunk_rows = 1024);
@@ -166,6 +167,10 @@ class H5Reader {
                 std::span<std::uint16_t> out) const;
   void ReadRows(const std::string& dataset, std::size_t first, std::size_t count,
                 std::span<std::int32_t> out) const;
+
+  // Entries of one column of a matrix, from row `first`, as many as `out` has.
+  void ReadColumn(const std::string& dataset, std::size_t column, std::size_t first,
+                  std::span<double> out) const;
 
   // All attributes of a group or dataset as text, by name.
   std::vector<std::pair<std::string, std::string>> Attributes(const std::string& object) const;

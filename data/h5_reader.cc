@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 
 #include "base/crash.h"
@@ -72,8 +73,10 @@ struct H5Reader::Impl {
     return values;
   }
 
+  // All columns, or one of a matrix.
   void ReadRows(const H5Reader& owner, const std::string& name, std::size_t first,
-                std::size_t count, hid_t memory_type, void* out, std::size_t out_size) const {
+                std::size_t count, hid_t memory_type, void* out, std::size_t out_size,
+                std::optional<std::size_t> column = {}) const {
     const ReadsForeign reads(path.c_str());
     const H5Handle set = Dataset(owner, name);
     const H5Handle type(H5Dget_type(set.get()), H5Tclose);
@@ -86,6 +89,13 @@ struct H5Reader::Impl {
     }
     start[0] = first;
     size[0] = count;
+    if (column) {
+      if (size.size() != 2 || *column >= size[1]) {
+        owner.Fail(fmt::format("has no column {}", *column), name, "make the file again");
+      }
+      start[1] = *column;
+      size[1] = 1;
+    }
     std::size_t needed = 1;
     for (hsize_t d : size) needed *= d;
     if (needed > out_size) throw std::logic_error("H5Reader::ReadRows: buffer too small");
@@ -297,6 +307,12 @@ void H5Reader::ReadRows(const std::string& dataset, std::size_t first, std::size
 void H5Reader::ReadRows(const std::string& dataset, std::size_t first, std::size_t count,
                         std::span<std::int32_t> out) const {
   impl_->ReadRows(*this, dataset, first, count, H5T_NATIVE_INT32, out.data(), out.size());
+}
+
+void H5Reader::ReadColumn(const std::string& dataset, std::size_t column, std::size_t first,
+                          std::span<double> out) const {
+  impl_->ReadRows(*this, dataset, first, out.size(), H5T_NATIVE_DOUBLE, out.data(), out.size(),
+                  column);
 }
 
 std::vector<std::pair<std::string, std::string>> H5Reader::Attributes(

@@ -42,8 +42,9 @@ hid_t MemoryType(H5Type type) {
 
 H5Series H5Writer::Series(const H5Field& field, H5Type type,
                           const std::vector<std::size_t>& row_dims, std::size_t chunk_rows,
-                          int deflate) {
-  H5Series series = impl_->Grow(field, DiskType(type), row_dims, chunk_rows, deflate);
+                          int deflate, std::size_t chunk_columns) {
+  H5Series series =
+      impl_->Grow(field, DiskType(type), row_dims, chunk_rows, deflate, chunk_columns);
   series.writer_ = this;
   series.type_ = type;
   return series;
@@ -51,7 +52,7 @@ H5Series H5Writer::Series(const H5Field& field, H5Type type,
 
 H5Series H5Writer::TextSeries(const H5Field& field, std::size_t width, std::size_t chunk_rows) {
   const H5Handle type = H5Text(1);
-  H5Series series = impl_->Grow(field, type.get(), {width}, chunk_rows, 0);
+  H5Series series = impl_->Grow(field, type.get(), {width}, chunk_rows, 0, 0);
   Attribute(field.path, kTextEncoding, std::string("utf-8"));
   impl_->texts[field.path] = width;
   series.writer_ = this;

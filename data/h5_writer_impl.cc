@@ -113,12 +113,13 @@ H5Handle H5Writer::Impl::Create(const H5Field& field, hid_t disk, hid_t space, h
 
 H5Series H5Writer::Impl::Grow(const H5Field& field, hid_t disk,
                               const std::vector<std::size_t>& row_dims, std::size_t chunk_rows,
-                              int deflate) {
+                              int deflate, std::size_t chunk_columns) {
   std::vector<hsize_t> size = {0}, limit = {H5S_UNLIMITED}, chunk = {chunk_rows};
   for (std::size_t d : row_dims) {
     size.push_back(d);
     limit.push_back(d);
-    chunk.push_back(d);
+    const bool cut = chunk.size() == 1 && chunk_columns > 0;
+    chunk.push_back(cut ? std::min(d, chunk_columns) : d);
   }
   H5Handle space(H5Screate_simple(static_cast<int>(size.size()), size.data(), limit.data()),
                  H5Sclose);

@@ -40,7 +40,7 @@ struct H5Writer::Impl {
   void PutText(hid_t object, const std::string& name, const std::string& value);
   H5Handle Create(const H5Field& field, hid_t disk, hid_t space, hid_t properties);
   H5Series Grow(const H5Field& field, hid_t disk, const std::vector<std::size_t>& row_dims,
-                std::size_t chunk_rows, int deflate);
+                std::size_t chunk_rows, int deflate, std::size_t chunk_columns);
   void WriteAll(const H5Field& field, hid_t disk, hid_t memory, const void* values,
                 std::size_t count, std::vector<std::size_t> dims);
 };

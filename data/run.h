@@ -56,10 +56,9 @@ struct RunLayout {
 };
 
 inline constexpr char kRunSchema[] = "unfurl/run";
-inline constexpr int kRunVersion = 1;
+inline constexpr int kRunVersion = 2;  // 1: a dataset for each quantity, shape and number
 
 // The times once more: xarray shows the series of a group with the coordinates of that group alone.
-// No quantity has this name: all have a dot.
 inline constexpr char kSeriesTime[] = "/series/t";
 
 // Text "status" of a run that has not ended: one that still grows, or whose program was killed.
@@ -152,9 +151,10 @@ class RunInMemory : public RunSink {
   Run run_;
 };
 
-/// Group of a run's file in which shapes of this kind stand: "/beam_shape", "/outline", "/pin".
-const char* ShapeGroup(ShapeKind kind);
-inline constexpr char kShapeTime[] = "/beam_shape_t";
+/// "beam", "body" or "pin".
+const char* ShapeKindName(ShapeKind kind);
+/// Times of the shapes, and their points.
+inline constexpr char kShapeTime[] = "/shapes/t", kShapePoints[] = "/shapes/xy";
 
 // Of a run that did not end: as much as all its series have. `with_shapes`: those too, which may be
 // most of the file.
@@ -162,7 +162,7 @@ Run ReadRun(const std::string& path, bool with_shapes = false);
 // The file that ReadRun reads, whole or not at all.
 void WriteRun(const std::string& path, const Run& run, const Provenance& provenance);
 
-// The samples of a run, block by block, for files larger than memory.
+/// The samples of a run, block by block, for files larger than memory.
 class RunReader {
  public:
   explicit RunReader(const std::string& path);
@@ -172,16 +172,42 @@ class RunReader {
   std::size_t samples() const { return samples_; }
   bool ended() const { return ended_; }
   const H5Reader& file() const { return file_; }
+  /// Index into quantities(); -1: the run has none of that name.
+  int Find(const std::string& name) const;
+  /// `out.size()` values of a quantity, from sample `first` [its unit]. They may not be finite.
+  void ReadColumn(int quantity, std::size_t first, std::span<double> out) const;
   // `count` samples from `first`: t, and one column per quantity. Throws Error for times that do
   // not rise and for values that are not finite.
   void Read(std::size_t first, std::size_t count, std::vector<double>* t,
             std::vector<std::vector<double>>* columns) const;
 
+  /// Names, kinds and points of the shapes, beams first; empty where none were kept.
+  const std::vector<BeamShape>& shapes() const { return shapes_; }
+  /// Times of the shapes, s [s].
+  const std::vector<double>& shape_times() const { return shape_t_; }
+  /// x, y of every point of every shape, shape after shape, at `count` of those times [m].
+  void ReadShapes(std::size_t first, std::size_t count, std::vector<double>* xy) const;
+
  private:
+  struct Place {
+    std::string path;  // of a dataset
+    int column;        // -1: it has but one, as in version 1
+  };
+  std::vector<std::string> FindSeries();
+  std::vector<std::string> FindTables();
+  void FindShapes();
+  void FindShapesOfVersion1();
+  void ReadTable(const std::string& path, std::size_t first, std::size_t count,
+                 std::vector<std::vector<double>>* columns) const;
+
   H5Reader file_;
   std::vector<Quantity> quantities_;
+  std::vector<Place> places_;                                 // by quantity
+  std::map<std::string, std::vector<std::size_t>> of_table_;  // quantities by column
   std::size_t samples_ = 0;
   bool ended_ = true;
+  std::vector<BeamShape> shapes_;
+  std::vector<double> shape_t_;
 };
 
 }  // namespace unfurl::data

@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "data/run.h"
+#include "data/run_tables.h"
 
 namespace unfurl::data {
 
@@ -18,8 +19,10 @@ constexpr std::size_t kBufferNumbers = std::size_t{1} << 20;
 constexpr std::size_t kMostRows = 1024, kLeastRows = 64;
 constexpr std::size_t kEventRows = 256;
 constexpr std::size_t kEventKindWidth = 32;
-constexpr std::size_t kWordsWidth = 1024;  // of "status", "message", "method" and "stopped_by"
-constexpr double kBytesPerObject = 700.0;  // header, attributes and index of a dataset
+constexpr std::size_t kWordsWidth = 1024;   // of "status", "message", "method" and "stopped_by"
+constexpr double kBytesPerObject = 1000.0;  // header, attributes and index of a dataset
+// Of a table, side by side in a chunk: one column of a wide table is read without all the others.
+constexpr std::size_t kChunkColumns = 64;
 
 std::size_t RowsPerChunk(std::size_t numbers_per_row) {
   return std::clamp(kBufferNumbers / std::max<std::size_t>(numbers_per_row, 1), kLeastRows,
@@ -33,35 +36,31 @@ std::string NameWithUnit(const Quantity& q) { return fmt::format("{} [{}]", q.na
 struct RunWriter::Impl {
   H5Writer file;
   RunLayout layout;
-  std::size_t rows_per_chunk, shapes_per_chunk;
+  std::vector<RunTable> tables;
+  std::size_t rows_per_chunk, shapes_per_chunk = 1, shape_numbers = 0;
 
-  H5Series t, series_t, shape_t, event_t, event_kind, event_where;
-  std::vector<H5Series> series, shapes, event_data;
+  H5Series t, series_t, shape_t, shape_xy, event_t, event_kind, event_where;
+  std::vector<H5Series> series, event_data;
 
-  std::vector<double> t_buffer, shape_t_buffer, event_t_buffer;
-  std::vector<std::vector<double>> buffer;        // by quantity
-  std::vector<std::vector<double>> shape_buffer;  // by beam
+  std::vector<double> t_buffer, shape_t_buffer, shape_buffer, event_t_buffer;
+  std::vector<std::vector<double>> buffer;        // by table, row after row
   std::vector<std::vector<double>> event_buffer;  // by event_data
   std::vector<std::string> kinds, places;
+  std::map<std::string, std::size_t> summary_place;
+  std::vector<double> summary;
+  bool summary_waits = false;
 
   Impl(const std::string& path, const Provenance& provenance, RunLayout l)
       : file(path, kRunSchema, kRunVersion, provenance, H5Writer::Mode::kStreamed),
         layout(std::move(l)),
+        tables(TablesOf(layout.quantities)),
         rows_per_chunk(RowsPerChunk(layout.quantities.size())) {
     file.Write({"/marks", "1", "marks' names"}, layout.marks);
     t = file.Series({"/t", "s", "time of the sample"}, H5Type::kDouble, {}, rows_per_chunk);
-    series_t =
-        file.Series({kSeriesTime, "s", "time of the sample"}, H5Type::kDouble, {}, rows_per_chunk);
-    for (const Quantity& q : layout.quantities) {
-      series.push_back(file.Series({"/series/" + q.name, q.units, q.description, {kSeriesTime}},
-                                   H5Type::kDouble, {}, rows_per_chunk));
-    }
-    buffer.resize(layout.quantities.size());
+    MakeTables();
     MakeShapes();
     MakeEvents();
-    for (const Quantity& q : layout.summary) {
-      file.Write({"/summary/" + q.name, q.units, q.description}, std::span<const double>(&kNaN, 1));
-    }
+    MakeSummary();
     for (const auto& [name, words] : layout.text) {
       file.Write({"/text/" + name, "1", "in words"}, std::vector<std::string>{words});
     }
@@ -73,25 +72,76 @@ struct RunWriter::Impl {
     file.StartStreaming();
   }
 
+  void MakeTables() {
+    std::vector<std::string> names;
+    names.reserve(layout.quantities.size());
+    for (const Quantity& q : layout.quantities) names.push_back(q.name);
+    file.Write({kQuantityNames, "1", "names of all quantities, in order"}, names);
+    series_t =
+        file.Series({kSeriesTime, "s", "time of the sample"}, H5Type::kDouble, {}, rows_per_chunk);
+    for (const RunTable& table : tables) {
+      file.Write({OwnersPath(table.path), "1", "whose, by column"}, table.owners);
+      series.push_back(file.Series(
+          {table.path, table.units, table.description, {kSeriesTime, OwnersPath(table.path)}},
+          H5Type::kDouble, {table.owners.size()}, rows_per_chunk, 0, kChunkColumns));
+      file.Attribute(table.path, kTableKind, table.kind);
+    }
+    buffer.resize(tables.size());
+  }
+
+  // All shapes in one table, point after point; beside it whose points they are.
   void MakeShapes() {
-    std::size_t numbers = 0;
-    for (const BeamShape& shape : layout.shapes) numbers += 2 * shape.at.size();
-    shapes_per_chunk = std::max<std::size_t>(1, RowsPerChunk(numbers) / 16);
     if (layout.shapes.empty()) return;
+    std::vector<std::string> names, kinds_of;
+    std::vector<std::int32_t> points;
+    std::vector<double> at;
+    for (const BeamShape& shape : layout.shapes) {
+      names.push_back(shape.name);
+      kinds_of.emplace_back(ShapeKindName(shape.kind));
+      points.push_back(static_cast<std::int32_t>(shape.at.size()));
+      at.insert(at.end(), shape.at.begin(), shape.at.end());
+    }
+    shape_numbers = 2 * at.size();
+    shapes_per_chunk = std::max<std::size_t>(1, RowsPerChunk(shape_numbers) / 16);
     shape_t =
         file.Series({kShapeTime, "s", "time of the shapes"}, H5Type::kDouble, {}, shapes_per_chunk);
-    for (const BeamShape& shape : layout.shapes) {
-      constexpr const char* kWhat[] = {
-          "x, y of the centre line", "x, y of lines from the centre of mass to what holds on to it",
-          "x, y of the joint"};
-      shapes.push_back(file.Series({fmt::format("{}/{}", ShapeGroup(shape.kind), shape.name), "m",
-                                    kWhat[static_cast<int>(shape.kind)]},
-                                   H5Type::kDouble, {shape.at.size(), 2}, shapes_per_chunk));
-      if (shape.kind != ShapeKind::kBeam) continue;
-      file.Write({"/beam_place/" + shape.name, "m", "places of its points along the beam"},
-                 std::span<const double>(shape.at));
+    file.Write({"/shapes/name", "1", "of each shape"}, names);
+    file.Write({"/shapes/kind",
+                "1",
+                "beam: a centre line; body: lines from its centre of mass to what holds on to it; "
+                "pin: a joint",
+                {"/shapes/name"}},
+               kinds_of);
+    file.Write({"/shapes/points", "1", "how many points are of each", {"/shapes/name"}},
+               std::span<const std::int32_t>(points));
+    file.BareScale("/shapes/point", at.size());
+    file.Write({"/shapes/axis", "1", "of a point"}, std::vector<std::string>{"x", "y"});
+    file.Write(
+        {"/shapes/at", "m", "of every point: its place along its beam; else 0", {"/shapes/point"}},
+        std::span<const double>(at));
+    shape_xy = file.Series({kShapePoints,
+                            "m",
+                            "x, y of every point, shape after shape",
+                            {kShapeTime, "/shapes/point", "/shapes/axis"}},
+                           H5Type::kDouble, {at.size(), 2}, shapes_per_chunk);
+  }
+
+  void MakeSummary() {
+    if (layout.summary.empty()) return;
+    std::vector<std::string> names, units, what;
+    for (const Quantity& q : layout.summary) {
+      summary_place[q.name] = names.size();
+      names.push_back(q.name);
+      units.push_back(q.units);
+      what.push_back(q.description);
     }
-    shape_buffer.resize(shapes.size());
+    summary.assign(names.size(), kNaN);
+    const std::vector<std::string> scales = {"/summary/name"};
+    file.Write({"/summary/name", "1", "of each number of the whole run"}, names);
+    file.Write({"/summary/units", "1", "its unit", scales}, units);
+    file.Write({"/summary/description", "1", "what it is", scales}, what);
+    file.Write({"/summary/value", "1", "each in its unit; NaN: not known", scales},
+               std::span<const double>(summary));
   }
 
   void MakeEvents() {
@@ -117,15 +167,20 @@ struct RunWriter::Impl {
 
   void FlushSamples() {
     if (t_buffer.empty()) return;
-    for (std::size_t q = 0; q < series.size(); ++q) Move(&series[q], &buffer[q]);
+    for (std::size_t k = 0; k < series.size(); ++k) Move(&series[k], &buffer[k]);
     series_t.Append(std::span<const double>(t_buffer));
     Move(&t, &t_buffer);
   }
 
   void FlushShapes() {
     if (shape_t_buffer.empty()) return;
-    for (std::size_t b = 0; b < shapes.size(); ++b) Move(&shapes[b], &shape_buffer[b]);
+    Move(&shape_xy, &shape_buffer);
     Move(&shape_t, &shape_t_buffer);
+  }
+
+  void FlushSummary() {
+    if (summary_waits) file.Overwrite("/summary/value", std::span<const double>(summary));
+    summary_waits = false;
   }
 
   void FlushEvents() {
@@ -146,18 +201,17 @@ RunWriter::~RunWriter() = default;
 
 void RunWriter::Append(double t, std::span<const double> values) {
   impl_->t_buffer.push_back(t);
-  for (std::size_t q = 0; q < impl_->buffer.size(); ++q) impl_->buffer[q].push_back(values[q]);
+  for (std::size_t k = 0; k < impl_->tables.size(); ++k) {
+    for (const std::size_t q : impl_->tables[k].places) impl_->buffer[k].push_back(values[q]);
+  }
   if (impl_->t_buffer.size() == impl_->rows_per_chunk) Flush();
 }
 
 void RunWriter::AppendShapes(double t, std::span<const double> points) {
+  if (impl_->shape_numbers == 0) return;
   impl_->shape_t_buffer.push_back(t);
-  for (std::size_t b = 0; b < impl_->shapes.size(); ++b) {
-    const std::size_t numbers = 2 * impl_->layout.shapes[b].at.size();
-    impl_->shape_buffer[b].insert(impl_->shape_buffer[b].end(), points.begin(),
-                                  points.begin() + static_cast<std::ptrdiff_t>(numbers));
-    points = points.subspan(numbers);
-  }
+  const std::span<const double> own = points.first(impl_->shape_numbers);
+  impl_->shape_buffer.insert(impl_->shape_buffer.end(), own.begin(), own.end());
   if (impl_->shape_t_buffer.size() == impl_->shapes_per_chunk) impl_->FlushShapes();
 }
 
@@ -178,7 +232,8 @@ void RunWriter::AddEvent(const RunEvent& event) {
 }
 
 void RunWriter::SetSummary(const std::string& name, double value) {
-  impl_->file.Overwrite("/summary/" + name, std::span<const double>(&value, 1));
+  impl_->summary.at(impl_->summary_place.at(name)) = value;
+  impl_->summary_waits = true;
 }
 
 void RunWriter::SetText(const std::string& name, const std::string& text) {
@@ -189,6 +244,7 @@ void RunWriter::Flush() {
   impl_->FlushSamples();
   impl_->FlushShapes();
   impl_->FlushEvents();
+  impl_->FlushSummary();
   impl_->file.Flush();
 }
 
@@ -210,12 +266,25 @@ void RunWriter::Abandon() { impl_->file.Abandon(); }
 double RunWriter::FileSize(const RunLayout& layout, double samples, double shapes) {
   double points = 0.0;
   for (const BeamShape& shape : layout.shapes) points += static_cast<double>(shape.at.size());
-  const double q = static_cast<double>(layout.quantities.size());
   const double rows = static_cast<double>(RowsPerChunk(layout.quantities.size()));
   const double whole_chunks = std::ceil(samples / rows) * rows;
-  return 8.0 * (2.0 + q) * whole_chunks + 8.0 * (1.0 + 2.0 * points) * shapes +
-         kBytesPerObject * (q + static_cast<double>(layout.summary.size())) +
-         16.0 * (2.0 + q) * samples / rows;
+  double columns = 2.0, chunks = 2.0, tables = 0.0, words = 0.0;
+  for (const RunTable& table : TablesOf(layout.quantities)) {
+    const std::size_t wide = (table.owners.size() + kChunkColumns - 1) / kChunkColumns;
+    // The last chunk is as wide as the others.
+    columns += static_cast<double>(wide * std::min(table.owners.size(), kChunkColumns));
+    chunks += static_cast<double>(wide);
+    tables += 2.0;
+    std::size_t longest = 1;
+    for (const std::string& owner : table.owners) longest = std::max(longest, owner.size() + 1);
+    // Its owners, and as much again among all names.
+    words += 2.0 * static_cast<double>(longest * table.owners.size());
+  }
+  constexpr double kBytesOfANumber = 100.0;  // of the summary: name, unit, description
+  return 8.0 * columns * whole_chunks + 8.0 * (1.0 + 2.0 * points) * shapes + words +
+         kBytesPerObject * (tables + 20.0) +
+         kBytesOfANumber * static_cast<double>(layout.summary.size()) +
+         16.0 * chunks * samples / rows;
 }
 
 namespace {

@@ -162,7 +162,7 @@ void Observables::DeclareBodies() {
         },
         k);
     Add(
-        name + ".theta", "rad", "angle of " + name,
+        name + ".theta", "rad", "angle of the body",
         [](const Frame& f, int i) {
           const Model::Body& body = f.self.model_.bodies[i];
           return f.motion.theta[body.centre.body] + body.angle;
@@ -181,7 +181,7 @@ void Observables::DeclareBodies() {
         },
         k);
     Add(
-        name + ".omega", "rad/s", "angular velocity of " + name,
+        name + ".omega", "rad/s", "angular velocity of the body",
         [](const Frame& f, int i) { return f.motion.omega[f.self.model_.bodies[i].centre.body]; },
         k);
   }

@@ -12,6 +12,7 @@
 #include <sstream>
 
 #include "base/error.h"
+#include "data/h5_walk.h"
 #include "tests/own_folder.h"
 
 namespace unfurl::data {
@@ -88,15 +89,137 @@ TEST_F(RunFile, ReadsBackWhatWasWritten) {
 
 TEST_F(RunFile, HoldsBeamShapesAtTheirOwnTimes) {
   Write();
-  const H5Reader file(path_, kRunSchema, kRunVersion);
-  EXPECT_EQ(file.Dims("/beam_shape_t"), std::vector<std::size_t>{kRows / 20});
-  EXPECT_EQ(file.Dims("/beam_shape/beam"), (std::vector<std::size_t>{kRows / 20, 3, 2}));
-  EXPECT_EQ(file.Dims("/beam_shape/rod"), (std::vector<std::size_t>{kRows / 20, 2, 2}));
-  EXPECT_EQ(file.ReadDoubles("/beam_place/beam", "m"), (std::vector<double>{0.0, 0.5, 1.0}));
-  const std::vector<double> beam = file.ReadDoubles("/beam_shape/beam", "m");
-  const std::vector<double> rod = file.ReadDoubles("/beam_shape/rod", "m");
-  EXPECT_EQ(beam[100 * 6 + 3], 0.1 * 100);
-  EXPECT_EQ(rod[100 * 4 + 3], 100.0);
+  const RunReader run(path_);
+  EXPECT_EQ(run.file().Dims(kShapePoints), (std::vector<std::size_t>{kRows / 20, 5, 2}));
+  ASSERT_EQ(run.shapes().size(), 2u);
+  EXPECT_EQ(run.shapes()[0].name, "beam");
+  EXPECT_EQ(run.shapes()[0].at, (std::vector<double>{0.0, 0.5, 1.0}));
+  EXPECT_EQ(run.shape_times().at(100), 0.02 * 100);
+  std::vector<double> xy;
+  run.ReadShapes(100, 2, &xy);
+  ASSERT_EQ(xy.size(), 20u);
+  EXPECT_EQ(xy[3], 0.1 * 100);
+  EXPECT_EQ(xy[6 + 3], 100.0);
+  EXPECT_EQ(xy[10 + 6 + 3], 101.0);
+  const data::Run whole = ReadRun(path_, true);
+  EXPECT_EQ(whole.shapes.at(1).xy.at(100 * 4 + 3), 100.0);
+  EXPECT_EQ(whole.shapes.at(1).name, "rod");
+}
+
+// Quantities of one kind lie side by side, unless their units or descriptions differ; what they are
+// called and their order come back.
+TEST_F(RunFile, QuantitiesOfAKindShareATable) {
+  const std::vector<Quantity> quantities = {
+      {"b.x", "m", "mark"},         {"b.t", "K", "temperature"}, {"a.x", "m", "mark"},
+      {"a.x_of", "1", "whose"},     {"error.a.x", "m", "error"}, {"x", "m", "mark"},
+      {"rail.x", "rad", "an angle"}};
+  RunLayout layout;
+  layout.quantities = quantities;
+  {
+    RunWriter writer(path_, {.program = "test", .command = "test"}, layout);
+    for (int i = 0; i < 3; ++i) {
+      std::vector<double> row;
+      for (std::size_t q = 0; q < quantities.size(); ++q) {
+        row.push_back(10.0 * i + static_cast<double>(q));
+      }
+      writer.Append(i, row);
+    }
+    writer.Commit();
+  }
+  const RunReader reader(path_);
+  EXPECT_EQ(reader.file().Dims("/series/x"), (std::vector<std::size_t>{3, 3}));
+  EXPECT_EQ(reader.file().ReadStrings("/series/x_of"), (std::vector<std::string>{"b", "a", ""}));
+  const data::Run run = ReadRun(path_);
+  ASSERT_EQ(run.quantities.size(), quantities.size());
+  for (std::size_t q = 0; q < quantities.size(); ++q) {
+    EXPECT_EQ(run.quantities[q].name, quantities[q].name);
+    EXPECT_EQ(run.quantities[q].units, quantities[q].units) << quantities[q].name;
+    EXPECT_EQ(run.quantities[q].description, quantities[q].description) << quantities[q].name;
+    const auto value = static_cast<double>(q);
+    EXPECT_EQ(run.columns[q], (std::vector<double>{value, 10.0 + value, 20.0 + value}));
+    std::vector<double> two(2);
+    reader.ReadColumn(reader.Find(quantities[q].name), 1, two);
+    EXPECT_EQ(two, (std::vector<double>{10.0 + value, 20.0 + value}));
+  }
+}
+
+// A chain of a thousand beams: the file has some dozens of datasets, whatever their number, and is
+// as large as its numbers are.
+TEST_F(RunFile, AThousandOwnersMakeNoMoreDatasets) {
+  constexpr int kOwners = 1000, kKinds = 12, kSamples = 20;
+  RunLayout layout;
+  for (int owner = 0; owner < kOwners; ++owner) {
+    for (int kind = 0; kind < kKinds; ++kind) {
+      layout.quantities.push_back(
+          {"beam" + std::to_string(owner) + ".q" + std::to_string(kind), "m", "a quantity"});
+    }
+    layout.shapes.push_back({"beam" + std::to_string(owner), {0.0, 0.5, 1.0}});
+    layout.summary.push_back({"beam" + std::to_string(owner) + ".peak", "N", "its largest"});
+  }
+  {
+    RunWriter writer(path_, {.program = "test", .command = "test"}, layout);
+    std::vector<double> row(layout.quantities.size()), points(6 * kOwners, 0.25);
+    for (int i = 0; i < kSamples; ++i) {
+      for (std::size_t q = 0; q < row.size(); ++q) row[q] = static_cast<double>(q) + 0.01 * i;
+      writer.Append(i, row);
+    }
+    writer.AppendShapes(0.0, points);
+    writer.SetSummary("beam999.peak", 7.0);
+    writer.Commit();
+  }
+  EXPECT_LT(H5ListDatasets(path_).size(), 60u);
+  const double size = static_cast<double>(std::filesystem::file_size(path_));
+  EXPECT_LT(size, 1.1 * RunWriter::FileSize(layout, kSamples, 1.0));
+  EXPECT_GT(size, 0.7 * RunWriter::FileSize(layout, kSamples, 1.0));
+  const RunReader run(path_);
+  std::vector<double> column(kSamples);
+  const int last = run.Find("beam999.q11");
+  run.ReadColumn(last, 0, column);
+  EXPECT_EQ(column[19], static_cast<double>(last) + 0.01 * 19);
+  EXPECT_EQ(ReadRun(path_).summary.at("beam999.peak"), 7.0);
+}
+
+// Files of the first version, with a dataset for each quantity, shape and number, stay readable.
+TEST_F(RunFile, ReadsTheFirstVersion) {
+  {
+    H5Writer file(path_, kRunSchema, 1, {.program = "test", .command = "test"});
+    const std::vector<double> t = {0.0, 0.1, 0.2}, x = {1.0, 2.0, 3.0}, y = {4.0, 5.0, 6.0};
+    file.Write({"/marks", "1", "marks"}, std::vector<std::string>{"m1"});
+    file.Write({"/t", "s", "time"}, std::span<const double>(t));
+    file.Write({"/series/t", "s", "time"}, std::span<const double>(t));
+    file.Write({"/series/m1.y", "m", "mark"}, std::span<const double>(y));
+    file.Write({"/series/m1.x", "m", "mark"}, std::span<const double>(x));
+    const std::vector<double> times = {0.0, 0.2}, pin = {7.0, 8.0, 9.0, 10.0}, at = {0.0, 2.0},
+                              beam = {0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0};
+    file.Write({"/beam_shape_t", "s", "time"}, std::span<const double>(times));
+    file.Write({"/beam_shape/rod", "m", "x, y"}, std::span<const double>(beam), {2, 2, 2});
+    file.Write({"/beam_place/rod", "m", "places"}, std::span<const double>(at));
+    file.Write({"/pin/hinge", "m", "x, y"}, std::span<const double>(pin), {2, 1, 2});
+    const std::vector<double> when = {0.15}, rate = {-3.5}, steps = {12.0};
+    file.Write({"/events/t", "s", "time"}, std::span<const double>(when));
+    file.Write({"/events/kind", "1", "what"}, std::vector<std::string>{"latch"});
+    file.Write({"/events/where", "1", "where"}, std::vector<std::string>{"hinge"});
+    file.Write({"/events/data/theta_rate", "rad/s", "rate"}, std::span<const double>(rate));
+    file.Write({"/summary/steps", "1", "steps taken"}, std::span<const double>(steps));
+    file.Write({"/text/status", "1", "in words"}, std::vector<std::string>{"good"});
+    file.Commit();
+  }
+  const data::Run run = ReadRun(path_, true);
+  ASSERT_EQ(run.quantities.size(), 2u);
+  EXPECT_EQ(run.quantities[0].name, "m1.y");  // in the order of writing
+  EXPECT_EQ(run.Column("m1.x"), (std::vector<double>{1.0, 2.0, 3.0}));
+  ASSERT_EQ(run.shapes.size(), 2u);
+  EXPECT_EQ(run.shapes[0].at, (std::vector<double>{0.0, 2.0}));
+  EXPECT_EQ(run.shapes[0].xy, (std::vector<double>{0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0}));
+  EXPECT_EQ(run.shapes[1].kind, ShapeKind::kPin);
+  EXPECT_EQ(run.shapes[1].xy, (std::vector<double>{7.0, 8.0, 9.0, 10.0}));
+  EXPECT_EQ(run.events.at(0).data.at("theta_rate [rad/s]"), -3.5);
+  EXPECT_EQ(run.summary.at("steps"), 12.0);
+  EXPECT_EQ(run.text.at("status"), "good");
+  const RunReader reader(path_);
+  std::vector<double> column(2);
+  reader.ReadColumn(reader.Find("m1.y"), 1, column);
+  EXPECT_EQ(column, (std::vector<double>{5.0, 6.0}));
 }
 
 TEST_F(RunFile, SameRunSameBytes) {

@@ -80,11 +80,16 @@ def test_series_of_a_run_have_their_times(files):
     run = unfurl.load(files / "run.h5")
     with xarray.open_dataset(files / "run.h5", group="series", engine="netcdf4") as series:
         np.testing.assert_array_equal(series["t"], run.t)
-        for name in run.keys():
-            assert series[name].dims == ("t",), name
-            np.testing.assert_array_equal(series[name], run[name])
-            assert series[name].attrs["units"] == run.units(name)
-        at = series["tip.x"].sel(t=1.0, method="nearest")
+        seen = set()
+        for table in series.data_vars:
+            assert series[table].dims == ("t", f"{table}_of"), table
+            for column, owner in enumerate(texts(series[f"{table}_of"].values)):
+                name = f"{owner}.{series[table].attrs['kind']}"
+                np.testing.assert_array_equal(series[table][:, column], run[name])
+                assert series[table].attrs["units"] == run.units(name)
+                seen.add(name)
+        assert seen == set(run.keys())
+        at = series["x"].sel(x_of="tip").sel(t=1.0, method="nearest")
         assert float(at) == run["tip.x"][np.argmin(np.abs(run.t - 1.0))]
     with xarray.open_dataset(files / "run.h5", group="events", engine="netcdf4") as events:
         assert events["kind"].dims == ("t",)
@@ -154,12 +159,14 @@ def test_scales_are_those_of_the_specification(files):
     """As HDF5's own library sees them."""
     h5py = pytest.importorskip("h5py")
     with h5py.File(files / "run.h5") as file:
-        column = file["series/tip.x"]
+        column = file["series/x"]
         time = file["series/t"]
         assert column.dims[0][0] == time and h5py.h5ds.is_scale(time.id)
         np.testing.assert_array_equal(time, file["t"])
         users = {file[reference].name for reference, _ in time.attrs["REFERENCE_LIST"]}
-        assert "/series/tip.x" in users and len(users) == len(file["series"]) - 1
+        series = file["series"]
+        tables = {f"/series/{name}" for name in series if "kind" in series[name].attrs}
+        assert "/series/x" in users and users == tables
 
 
 def test_a_trial_written_as_the_documentation_says(tmp_path, monkeypatch):
