@@ -100,23 +100,22 @@ RecordSlip FindCameraSlip(std::span<const FlashReadings> flashes,
   if (seen.size() < kFewest) return {};
   const std::size_t every = (seen.size() + kMost - 1) / kMost;
   const std::vector<Naming> namings = NamingsOf(triangulator.rig());
-  std::vector<double> misfit;
-  const Naming* best = nullptr;
-  double least = 0.0;
-  for (const Naming& naming : namings) {
-    misfit.clear();
+  const auto misfit_of = [&](const Naming& naming) {
+    std::vector<double> misfit;
     for (std::size_t i = 0; i < seen.size(); i += every) {
       misfit.push_back(MisfitOf(*seen[i], naming, triangulator));
     }
-    const double median = Median(misfit);
-    if (best == nullptr) {  // as it is named
-      if (median < kLeastMisfit) return {};
-      least = kPlainly * median;
-      best = &naming;
-    } else if (median < least) {
-      least = median;
-      best = &naming;
-    }
+    return Median(misfit);
+  };
+  const double as_named = misfit_of(namings.front());
+  if (as_named < kLeastMisfit) return {};
+  double least = kPlainly * as_named;
+  const Naming* best = &namings.front();
+  for (const Naming& naming : namings) {
+    const double misfit = misfit_of(naming);
+    if (!(misfit < least)) continue;
+    least = misfit;
+    best = &naming;
   }
   return {best->what, best->remedy};
 }
