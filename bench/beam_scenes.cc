@@ -14,8 +14,6 @@ using data::SceneBeam;
 using data::SceneEnd;
 using data::SceneJoint;
 
-constexpr double kCrank = 0.1524, kSpeed = 150.0;  // [m], [rad/s]
-
 SceneEnd Along(int beam, double at) {
   SceneEnd end;
   end.kind = at == 0.0   ? SceneEnd::Kind::kBeamStart
@@ -60,8 +58,7 @@ Scene SliderCrank(const BeamChoice& choice) {
   crank.mass = 0.1;
   crank.inertia = 2e-4;
   scene.bodies.push_back(crank);
-  scene.beams.push_back(
-      Beam("rod", kRod, 0.076, 2.0e11 * M_PI / 64.0 * std::pow(6.35e-3, 4), choice));
+  scene.beams.push_back(Beam("rod", kRod, kRodMass, kRodEI, choice));
   SceneJoint pivot;
   pivot.name = "pivot";
   pivot.outer = OnBody(0, -0.5 * kCrank);
@@ -73,12 +70,22 @@ Scene SliderCrank(const BeamChoice& choice) {
   pin.inner = OnBody(0, 0.5 * kCrank);
   pin.outer = Along(0, 0.0);
   pin.theta_rate = -kSpeed * (1.0 + kCrank / kRod);
-  SceneJoint slot;
-  slot.name = "slot";
-  slot.kind = SceneJoint::Kind::kPinInSlot;
-  slot.outer = Along(0, 1.0);
-  slot.travel = kCrank + kRod;
-  scene.joints = {pivot, pin, slot};
+  data::SceneBody block;
+  block.name = "block";
+  block.mass = kBlock;
+  block.inertia = 1.8e-6;
+  scene.bodies.push_back(block);
+  SceneJoint wrist;
+  wrist.name = "wrist";
+  wrist.inner = Along(0, 1.0);
+  wrist.outer = OnBody(1, 0.0);
+  wrist.theta_rate = kSpeed * kCrank / kRod;
+  SceneJoint guide;
+  guide.name = "guide";
+  guide.kind = SceneJoint::Kind::kSlider;
+  guide.outer = OnBody(1, 0.0);
+  guide.travel = kCrank + kRod;
+  scene.joints = {pivot, pin, wrist, guide};
   for (const auto& [name, at] : {std::pair{"start", 0.0}, {"middle", 0.5}, {"end", 1.0}}) {
     scene.marks.push_back({name, Along(0, at), ""});
   }
