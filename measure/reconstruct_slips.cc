@@ -26,6 +26,7 @@ void Reconstructor::RefuseSlotSlips(const data::TrialReader& trial) {
   const std::size_t count = std::min(kStretches, trial.size() / length);
   // What is dark is in question: no line is taken for a background.
   std::vector<Background> none;
+  none.reserve(cameras);
   for (std::size_t c = 0; c < cameras; ++c) none.emplace_back(header_.format.Of(c));
   std::vector<NamedLines> stretches;
   data::TrialBlock block;
@@ -45,6 +46,7 @@ void Reconstructor::RefuseSlotSlips(const data::TrialReader& trial) {
     });
     for (std::size_t i = 0; i < block.size(); ++i) {
       std::vector<double> of_line;
+      of_line.reserve(cameras);
       for (const std::vector<float>& of_camera : flux) of_line.push_back(of_camera[i]);
       lines.flux.push_back(static_cast<float>(Median(of_line)));
     }
