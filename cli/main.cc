@@ -66,7 +66,8 @@ int Run(int argc, char** argv) {
       unfurl::cli::AddReconstruct, unfurl::cli::AddCorrelate, unfurl::cli::AddFit,
       unfurl::cli::AddCost,        unfurl::cli::AddDesign,    unfurl::cli::AddEffects,
       unfurl::cli::AddCampaign,    unfurl::cli::AddInfo,      unfurl::cli::AddConvert,
-      unfurl::cli::AddNew,         unfurl::cli::AddDoctor,    unfurl::cli::AddCompletion};
+      unfurl::cli::AddNew,         unfurl::cli::AddStream,    unfurl::cli::AddDoctor,
+      unfurl::cli::AddCompletion};
   for (const AddVerb add : all) {
     verbs.push_back(add(program, common));
     verbs.back().files->CheckDeclared();

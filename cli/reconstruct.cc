@@ -11,6 +11,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <tuple>
 
 #include "base/error.h"
 #include "base/length.h"
@@ -18,11 +19,12 @@
 #include "base/table.h"
 #include "base/text.h"
 #include "calib/verdict.h"
+#include "cli/live.h"
 #include "cli/reconstruct_health.h"
 #include "cli/reconstruct_page.h"
+#include "cli/start_places.h"
 #include "cli/verb.h"
 #include "correlate/align/align.h"
-#include "data/csv.h"
 #include "data/formats.h"
 #include "data/h5.h"
 #include "data/rig.h"
@@ -46,20 +48,8 @@ struct Settings {
   std::optional<double> event_sigma;  // [s]; none: the interval between samples of a mark
   double max_speed = 0.0;             // [m/s]; 0: derived
   std::size_t workers = 0;
+  LiveSettings live;
 };
-
-// Columns mark, x, y, z.
-std::map<std::string, Eigen::Vector3d> ReadStart(const std::string& path) {
-  const data::CsvTable table = data::CsvTable::Load(path);
-  const int mark = table.Require("mark", "");
-  const int at[] = {table.Require("x", "m"), table.Require("y", "m"), table.Require("z", "m")};
-  std::map<std::string, Eigen::Vector3d> start;
-  for (std::size_t i = 0; i < table.rows(); ++i) {
-    start[table.Text(i, mark)] = {table.Number(i, at[0]), table.Number(i, at[1]),
-                                  table.Number(i, at[2])};
-  }
-  return start;
-}
 
 // Times on the record's clock: listed, or a run's latches, by way of the run's alignment with the
 // record.
@@ -292,7 +282,7 @@ void Run(const Common& common, const Settings& s, const measure::TrialRecord& tr
   }
 }
 
-int ReconstructVerb(const Common& common, const Settings& s) {
+int WholeRecord(const Common& common, const Settings& s) {
   const auto start = std::chrono::steady_clock::now();
   const measure::TrialRecord trial(s.trial);
   if (!s.picture.empty() && trial.lines() == nullptr) {
@@ -335,6 +325,31 @@ int ReconstructVerb(const Common& common, const Settings& s) {
   return Conclude(common, s, rig, *pass.reconstructor, pass.sigmas, smoothing, health, seconds);
 }
 
+// Follows a stream, with what of the verb's options makes sense there.
+int LiveVerb(const Common& common, Settings* s) {
+  RefuseWithLive({{"--output", !s->output.empty()},
+                  {"--picture", !s->picture.empty()},
+                  {"--smooth", s->smooth},
+                  {"--events", !s->events.empty()},
+                  {"--correct", s->correct},
+                  {"--event-sigma", s->event_sigma.has_value()}});
+  LiveSettings& live = s->live;
+  std::tie(live.trial, live.rig, live.report) = std::tie(s->trial, s->rig, s->report);
+  live.options.reconstruct.max_speed = s->max_speed;
+  live.options.reconstruct.workers = std::max<std::size_t>(1, s->workers);
+  if (!s->start.empty()) live.options.reconstruct.start = ReadStart(s->start);
+  return RunLive(common, live);
+}
+
+int ReconstructVerb(const Common& common, Settings* s) {
+  if (s->live.live) return LiveVerb(common, s);
+  CheckNotLive(s->live);
+  if (s->trial.empty()) {
+    throw Error("TRIAL is required", "command line", "see `unfurl reconstruct --help`");
+  }
+  return WholeRecord(common, *s);
+}
+
 }  // namespace
 
 Verb AddReconstruct(CLI::App& program, Common& common) {
@@ -345,11 +360,12 @@ Verb AddReconstruct(CLI::App& program, Common& common) {
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
   auto s = std::make_shared<Settings>();
-  files.Read("TRIAL", &s->trial, "The recorded lines [HDF5], or readings of them [CSV, HDF5]")
-      ->required();
+  files.Read("TRIAL", &s->trial,
+             "The recorded lines [HDF5], or readings [CSV, HDF5]; needed unless --live is given");
   files.Read("--rig", &s->rig, "The calibrated cameras [HDF5]")->required();
   files.WriteOr(
-      "-o,--output", &s->output, [] { return "tracks.h5"; }, "Output [HDF5]; default tracks.h5");
+      "-o,--output", &s->output, [s] { return s->live.live ? "" : "tracks.h5"; },
+      "Output [HDF5]; default tracks.h5");
   files.Write("--picture", &s->picture, "Also draw the cameras' streak images [PNG]");
   files.Page(&s->report, "Also write a page with pictures (HTML)");
   files.Read("--start", &s->start,
@@ -374,7 +390,8 @@ Verb AddReconstruct(CLI::App& program, Common& common) {
       "Put the readings of cameras right that moved, drifted or are late, as far as three "
       "others vouch for it, instead of leaving those cameras out while they are wrong");
   app->add_option("--workers", s->workers, "Threads; 0: all cores");
-  verb.run = [&common, s] { return ReconstructVerb(common, *s); };
+  AddLiveOptions(&verb, &s->live);
+  verb.run = [&common, s] { return ReconstructVerb(common, s.get()); };
   return verb;
 }
 

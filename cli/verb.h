@@ -40,6 +40,7 @@ Verb AddCalibrate(CLI::App& program, Common& common);
 Verb AddCheck(CLI::App& program, Common& common);
 Verb AddPlan(CLI::App& program, Common& common);
 Verb AddReconstruct(CLI::App& program, Common& common);
+Verb AddStream(CLI::App& program, Common& common);
 Verb AddCorrelate(CLI::App& program, Common& common);
 Verb AddFit(CLI::App& program, Common& common);
 Verb AddCost(CLI::App& program, Common& common);

@@ -173,7 +173,7 @@ void VerbFiles::Prepare() const {
   for (const Default& output : defaults_) {
     if (!output.path->empty()) continue;
     *output.path = output.name();
-    by_default.push_back(*output.path);
+    if (!output.path->empty()) by_default.push_back(*output.path);
   }
   const std::map<std::string, std::string> inputs = Inputs();
   std::map<std::string, std::string> outputs;

@@ -34,7 +34,7 @@ class VerbFiles {
   CLI::Option* Write(const std::string& flags, std::string* path, const std::string& help);
   // --report, a page, and --pdf, the same page printed.
   void Page(std::string* path, const std::string& help);
-  // Where the option is not given, `name` gives the file. A file of that name which this verb did
+  // Where the option is not given, `name` gives the file; empty: none is written. A file of that name which this verb did
   // not make stays, unless --force is given (the flag is declared here).
   CLI::Option* WriteOr(const std::string& flags, std::string* path,
                        std::function<std::string()> name, const std::string& help);

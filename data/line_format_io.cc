@@ -11,38 +11,15 @@ namespace unfurl::data {
 namespace {
 
 constexpr char kGroup[] = "/line_formats";  // of cameras that differ
-constexpr int kMostOthers = 1000;           // elements of a kind that is not active, of any sensor
-constexpr int kFewestActive = 16, kMostActive = 100000;  // as the lab's file is checked (lab.cc)
-constexpr double kLargest = 1e12;                        // beyond, a number is a mistake
+constexpr double kLargest = 1e12;           // beyond, a number is a mistake
 
-// What a format's whole numbers are called, with their bounds.
-struct Whole {
-  const char* name;
-  int LineFormat::*member;
-  int low, high;
-};
-constexpr std::array<Whole, 6> kWhole = {
-    {{"dummy", &LineFormat::dummy, 0, kMostOthers},
-     {"dark", &LineFormat::dark, 0, kMostOthers},
-     {"active", &LineFormat::active, kFewestActive, kMostActive},
-     {"dark_after", &LineFormat::dark_after, 0, kMostOthers},
-     {"parity", &LineFormat::parity, 0, kMostOthers},
-     {"bits", &LineFormat::bits, 1, 16}}};
-struct Real {
-  const char *name, *unit;
-  double LineFormat::*member;
-  bool zero;  // is allowed
-};
-constexpr std::array<Real, 3> kReal = {
-    {{"pitch", "m", &LineFormat::pitch, false},
-     {"electrons_per_count", "e-/count", &LineFormat::electrons_per_count, false},
-     {"read_noise_counts", "count", &LineFormat::read_noise_counts, true}}};
-
-std::string AttributeOf(const Real& real) { return fmt::format("{} [{}]", real.name, real.unit); }
+std::string AttributeOf(const LineFormatReal& real) {
+  return fmt::format("{} [{}]", real.name, real.unit);
+}
 
 // Takes a number into the format, or throws.
-void Take(const H5Reader& reader, const std::string& object, const Whole& whole, std::int64_t value,
-          LineFormat* format) {
+void Take(const H5Reader& reader, const std::string& object, const LineFormatWhole& whole,
+          std::int64_t value, LineFormat* format) {
   if (value < whole.low || value > whole.high) {
     reader.Fail(
         fmt::format("{} = {} is not from {} to {}", whole.name, value, whole.low, whole.high),
@@ -50,8 +27,8 @@ void Take(const H5Reader& reader, const std::string& object, const Whole& whole,
   }
   format->*whole.member = static_cast<int>(value);
 }
-void Take(const H5Reader& reader, const std::string& object, const Real& real, double value,
-          LineFormat* format) {
+void Take(const H5Reader& reader, const std::string& object, const LineFormatReal& real,
+          double value, LineFormat* format) {
   if (!(real.zero ? value >= 0.0 : value > 0.0) || value > kLargest) {
     reader.Fail(fmt::format("{} = {} is impossible", AttributeOf(real), value), object,
                 "make the file again");
@@ -62,10 +39,10 @@ void Take(const H5Reader& reader, const std::string& object, const Real& real, d
 LineFormat ReadOne(const H5Reader& reader, const std::string& object) {
   LineFormat format;
   format.sensor = reader.StringAttribute(object, "sensor");
-  for (const Whole& whole : kWhole) {
+  for (const LineFormatWhole& whole : kLineFormatWhole) {
     Take(reader, object, whole, reader.IntAttribute(object, whole.name), &format);
   }
-  for (const Real& real : kReal) {
+  for (const LineFormatReal& real : kLineFormatReal) {
     Take(reader, object, real, reader.DoubleAttribute(object, AttributeOf(real)), &format);
   }
   return format;
@@ -82,14 +59,14 @@ std::vector<LineFormat> ReadEach(const H5Reader& reader, std::size_t cameras) {
   const std::vector<std::string> sensors = reader.ReadStrings(path("sensor"));
   check(path("sensor"), sensors.size());
   for (std::size_t c = 0; c < cameras; ++c) formats[c].sensor = sensors[c];
-  for (const Whole& whole : kWhole) {
+  for (const LineFormatWhole& whole : kLineFormatWhole) {
     const std::vector<std::int32_t> values = reader.ReadInts(path(whole.name));
     check(path(whole.name), values.size());
     for (std::size_t c = 0; c < cameras; ++c) {
       Take(reader, path(whole.name), whole, values[c], &formats[c]);
     }
   }
-  for (const Real& real : kReal) {
+  for (const LineFormatReal& real : kLineFormatReal) {
     const std::vector<double> values = reader.ReadDoubles(path(real.name), real.unit);
     check(path(real.name), values.size());
     for (std::size_t c = 0; c < cameras; ++c) {
@@ -109,10 +86,10 @@ std::vector<std::size_t> LineDims(const LineFormats& formats, std::size_t camera
 void WriteLineFormats(H5Writer& writer, const std::string& object, const LineFormats& formats) {
   if (formats.by_camera.empty()) {
     writer.Attribute(object, "sensor", formats.sensor);
-    for (const Whole& whole : kWhole) {
+    for (const LineFormatWhole& whole : kLineFormatWhole) {
       writer.Attribute(object, whole.name, static_cast<std::int64_t>(formats.*whole.member));
     }
-    for (const Real& real : kReal) {
+    for (const LineFormatReal& real : kLineFormatReal) {
       writer.Attribute(object, AttributeOf(real), formats.*real.member);
     }
     return;
@@ -123,12 +100,12 @@ void WriteLineFormats(H5Writer& writer, const std::string& object, const LineFor
   std::vector<std::string> sensors;
   for (const LineFormat& format : formats.by_camera) sensors.push_back(format.sensor);
   writer.Write(field("sensor", "1"), sensors);
-  for (const Whole& whole : kWhole) {
+  for (const LineFormatWhole& whole : kLineFormatWhole) {
     std::vector<std::int32_t> values;
     for (const LineFormat& format : formats.by_camera) values.push_back(format.*whole.member);
     writer.Write(field(whole.name, "1"), values);
   }
-  for (const Real& real : kReal) {
+  for (const LineFormatReal& real : kLineFormatReal) {
     std::vector<double> values;
     for (const LineFormat& format : formats.by_camera) values.push_back(format.*real.member);
     writer.Write(field(real.name, real.unit), values);
@@ -171,7 +148,6 @@ void WriteResponse(H5Writer& writer, std::span<const float> response, std::size_
 
 std::vector<float> ReadResponse(const H5Reader& reader, std::size_t cameras,
                                 const LineFormats& formats) {
-  constexpr double kLowest = 0.05, kHighest = 20.0;  // beyond, a pixel is broken or the record is
   if (!reader.Has("/response")) return {};
   std::vector<std::size_t> expected = {formats.ActiveBefore(cameras)};
   if (formats.by_camera.empty()) expected = {cameras, static_cast<std::size_t>(formats.active)};
@@ -183,7 +159,7 @@ std::vector<float> ReadResponse(const H5Reader& reader, std::size_t cameras,
   for (std::size_t c = 0; c < cameras; ++c) {
     const std::size_t first = formats.ActiveBefore(c);
     for (std::size_t i = first; i < formats.ActiveBefore(c + 1); ++i) {
-      if (values[i] >= kLowest && values[i] <= kHighest) continue;
+      if (values[i] >= kLowestResponse && values[i] <= kHighestResponse) continue;
       reader.Fail(
           fmt::format("the response of pixel {} of camera {} is {}", i - first, c, values[i]),
           "/response", "record the flat field again, evenly lit and not saturated");

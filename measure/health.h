@@ -76,6 +76,8 @@ class HealthEvidence {
  public:
   HealthEvidence() = default;
   HealthEvidence(std::size_t cameras, std::size_t lines);
+  /// Of a record without end: all of the last `lines`, and of those before at most as many.
+  static HealthEvidence OfLast(std::size_t cameras, std::size_t lines);
 
   /// One reading; NaN: none. `flux` and `width_px` 0 where nobody measured them.
   struct Reading {
@@ -85,9 +87,9 @@ class HealthEvidence {
   /// The next line, by camera; `mark` -1 where not one mark was lit.
   void Add(double t, int mark, std::span<const Reading> readings);
 
-  std::size_t size() const { return t_.size(); }         ///< lines kept
-  double t(std::size_t i) const { return t_[i]; }        ///< of the i-th [s]
-  int mark(std::size_t i) const { return mark_[i]; }     ///< that was lit in it; -1: not one
+  std::size_t size() const { return t_.size(); }      ///< lines kept
+  double t(std::size_t i) const { return t_[i]; }     ///< of the i-th [s]
+  int mark(std::size_t i) const { return mark_[i]; }  ///< that was lit in it; -1: not one
   /// Of camera c in it.
   const Reading& At(std::size_t i, std::size_t c) const { return readings_[i * cameras_ + c]; }
   /// The kept line that was recorded `lag` lines after the i-th; -1: there is none.
@@ -97,6 +99,7 @@ class HealthEvidence {
 
  private:
   std::size_t cameras_ = 0, next_ = 0, every_ = 1;
+  std::size_t last_ = 0;  // lines that are kept of a record without end; 0: it has one
   std::vector<double> t_;
   std::vector<int> mark_;
   std::vector<std::size_t> line_;

@@ -18,7 +18,21 @@ HealthEvidence::HealthEvidence(std::size_t cameras, std::size_t lines)
   every_ = std::max<std::size_t>(1, every_);
 }
 
+HealthEvidence HealthEvidence::OfLast(std::size_t cameras, std::size_t lines) {
+  HealthEvidence out(cameras, 0);
+  out.last_ = lines;
+  return out;
+}
+
 void HealthEvidence::Add(double t, int mark, std::span<const Reading> readings) {
+  if (last_ > 0 && size() == 2 * last_) {  // seldom, so that a line costs the same
+    const auto old = static_cast<std::ptrdiff_t>(last_);
+    t_.erase(t_.begin(), t_.begin() + old);
+    mark_.erase(mark_.begin(), mark_.begin() + old);
+    line_.erase(line_.begin(), line_.begin() + old);
+    readings_.erase(readings_.begin(),
+                    readings_.begin() + old * static_cast<std::ptrdiff_t>(cameras_));
+  }
   const std::size_t line = next_++;
   if (line / kStretch % every_ != 0) return;
   t_.push_back(t);

@@ -22,14 +22,15 @@ namespace {
 constexpr double kStartShare = 0.013;  // of the volume's size: start_sigma
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-void CheckMatch(const data::TrialReader& trial, const data::Rig& rig, const std::string& rig_path) {
+void CheckMatch(const data::TrialHeader& trial, const std::string& path, const data::Rig& rig,
+                const std::string& rig_path) {
   std::vector<std::string> known;
   for (const data::RigCamera& camera : rig.cameras) known.push_back(camera.name);
-  const std::vector<std::string>& recorded = trial.header().cameras;
+  const std::vector<std::string>& recorded = trial.cameras;
   if (known == recorded) return;
   throw Error(fmt::format("was recorded by the cameras {}, but the rig {} has {}",
                           JoinWords(recorded), rig_path, JoinWords(known)),
-              trial.path(), "give the rig that was calibrated for these cameras, in this order");
+              path, "give the rig that was calibrated for these cameras, in this order");
 }
 
 }  // namespace
@@ -50,22 +51,34 @@ Reconstructor::Reconstructor(const data::TrialReader& trial, const data::Rig& ri
                              const std::string& rig_path, const ReconstructOptions& options)
     : options_(options), header_(trial.header()), triangulator_(rig, options.point) {
   options.Check();
-  CheckMatch(trial, rig, rig_path);
-  ReadSlots(trial.path());
+  PrepareLines(trial.path(), rig_path);
+  RefuseSlotSlips(trial);
+  const ReadBlock read = [&](std::size_t first, std::size_t count, data::TrialBlock* block) {
+    ReadLines(trial, options_.corrections, first, count, block);
+  };
+  PrimeBackgrounds(trial.path(), trial.size(), read);
+  data::TrialBlock block;
+  Begin(trial.path(), trial.size(), LookAt(read, &block));
+  last_line_ = trial.size();
+  evidence_ = HealthEvidence(header_.cameras.size(), last_line_);
+}
+
+void Reconstructor::PrepareLines(const std::string& path, const std::string& rig_path) {
+  CheckMatch(header_, path, triangulator_.rig(), rig_path);
+  ReadSlots(path);
   for (std::size_t c = 0; c < header_.cameras.size(); ++c) {
     backgrounds_.emplace_back(header_.format.Of(c));
-    finders_.emplace_back(header_.format.Of(c), options.spot);
+    finders_.emplace_back(header_.format.Of(c), options_.spot);
   }
   SetResponses(header_.response, finders_);
-  RefuseSlotSlips(trial);
-  PrimeBackgrounds(trial);
-  data::TrialBlock block;
-  Begin(trial.path(), trial.size(),
-        [&](std::size_t first, std::size_t count, std::vector<Seen>* seen) {
-          ReadLines(trial, options_.corrections, first, count, &block);
-          FindSpots(block, slots_, false, seen);
-          return Lines{block.t, block.slot};
-        });
+}
+
+Reconstructor::Look Reconstructor::LookAt(const ReadBlock& read, data::TrialBlock* block) {
+  return [this, read, block](std::size_t first, std::size_t count, std::vector<Seen>* seen) {
+    read(first, count, block);
+    FindSpots(*block, slots_, false, seen);
+    return Lines{block->t, block->slot};
+  };
 }
 
 void Reconstructor::Begin(const std::string& path, std::size_t lines, const Look& look) {
@@ -76,8 +89,6 @@ void Reconstructor::Begin(const std::string& path, std::size_t lines, const Look
   summary_.flags.resize(cameras);
   summary_.readings.resize(cameras);
   summary_.left_out.resize(cameras);
-  last_line_ = lines;
-  evidence_ = HealthEvidence(cameras, lines);
   readings_.resize(cameras);
   std::vector<FlashReadings> flashes;
   tracking_ = LookAhead(lines, look, &flashes);

@@ -79,6 +79,22 @@ struct ReconstructSummary {
 // A slot's name may name several marks that are lit together: "mark1+mark2".
 inline constexpr char kTogether = '+';
 
+class TrialRecord;
+
+/// What is known of a record that is still being made: how it begins.
+struct LiveBeginning {
+  std::string path;          ///< of the stream, for messages
+  data::TrialHeader header;  ///< of lines; of readings empty
+  data::TrialBlock lines;    ///< the first ones: kLines and as many more until one is dark, or all
+  data::TrialReadings readings;  ///< in place of lines: the first kLines flashes, or all
+  /// A record of the same cameras and marks that shows how fast marks are and where they go; null:
+  /// the beginning has to do.
+  const TrialRecord* like = nullptr;
+  std::size_t evidence_lines = std::size_t{1} << 15U;  ///< that health is judged by, the last ones
+
+  static constexpr std::size_t kLines = 160;  ///< after which a reconstruction begins
+};
+
 // From raw lines to marks in time, block after block; what is remembered from one to the next are
 // backgrounds, where each mark last was, and lines that wait for what follows (MarkTracker), so the
 // result does not depend on the blocks' size.
@@ -93,11 +109,18 @@ class Reconstructor {
   /// one that saw nothing. Throws Error for readings of other cameras, or beyond a camera's row.
   Reconstructor(const data::TrialReadings& readings, const data::Rig& rig,
                 const std::string& rig_path, const ReconstructOptions& options = {});
+  /// Of a record without a known end, whose blocks follow from its first line on; Finish ends it.
+  /// From the same look ahead (`like`: the record itself) the same bits. Throws Error as above, and
+  /// for a `like` of other cameras, slots or layout of lines.
+  Reconstructor(const LiveBeginning& beginning, const data::Rig& rig, const std::string& rig_path,
+                const ReconstructOptions& options = {});
   Reconstructor(const Reconstructor&) = delete;
   Reconstructor& operator=(const Reconstructor&) = delete;
 
   // Frame, marks, cameras and shared rank, no samples: for TracksWriter.
   const data::Tracks& layout() const { return layout_; }
+  /// Lines per second; of readings what the flashes show that it began with.
+  double line_rate() const { return header_.line_rate; }
   const TrackerOptions& tracking() const { return tracking_; }
   // The samples that are decided with this block, in order of time; with the trial's last line all
   // are. Blocks must follow each other from line 0.
@@ -105,6 +128,13 @@ class Reconstructor {
   /// The same of flashes [first, first + count) of readings.
   void Process(const data::TrialReadings& readings, std::size_t first, std::size_t count,
                data::Tracks* tracks);
+  /// Of a record without a known end, which has come now: the samples that waited.
+  void Finish(data::Tracks* tracks);
+  /// From the next sample on: cameras that are left out, stretches of time without a position.
+  /// Throws Error for a correction that puts readings right.
+  void LeaveOut(std::vector<Correction> corrections);
+  /// Throws Error for readings that the rig's cameras cannot have.
+  void CheckReadings(const data::TrialReadings& readings) const;
   // Readings less those of the points last handed out: samples x cameras, NaN where none [px].
   std::span<const float> residuals() const { return residuals_; }
 
@@ -135,17 +165,26 @@ class Reconstructor {
   // Lines [first, first + count) of the record and their spots, without learning of them.
   using Look = std::function<Lines(std::size_t first, std::size_t count, std::vector<Seen>* seen)>;
 
+  // Of readings, named and numbered as the rig's cameras; without lines.
+  static data::TrialHeader HeaderOf(const data::TrialReadings& readings, const data::Rig& rig);
+  using ReadBlock =
+      std::function<void(std::size_t first, std::size_t count, data::TrialBlock* block)>;
+  void PrepareLines(const std::string& path, const std::string& rig_path);
+  void BeginLines(const LiveBeginning& beginning, const std::string& rig_path);
+  void BeginReadings(const LiveBeginning& beginning, const std::string& rig_path);
   void ReadSlots(const std::string& path);
   // Throws Error for what the rig's cameras cannot have read.
   void MapCameras(const data::TrialReadings& readings, const std::string& rig_path);
   void FillSpots(const data::TrialReadings& readings, std::size_t first, std::size_t count,
                  std::vector<Seen>* seen) const;
   // Also finds how often a mark is lit.
-  void PrimeBackgrounds(const data::TrialReader& trial);
+  void PrimeBackgrounds(const std::string& path, std::size_t size, const ReadBlock& read);
   void FindInterval(const Lines& lines, std::vector<double>* last, std::vector<double>* intervals);
   void SetInterval(std::vector<double>* intervals);
-  // What both kinds of records begin and go on with.
+  // What both kinds of records begin and go on with; `look` over so many lines.
   void Begin(const std::string& path, std::size_t lines, const Look& look);
+  // The spots of a record of lines, by the backgrounds of its beginning.
+  Look LookAt(const ReadBlock& read, data::TrialBlock* block);
   void Follow(const Lines& lines, data::Tracks* tracks);
   // The tracker's options from what a few lines of the whole record show; `flashes` gets those of
   // one mark.

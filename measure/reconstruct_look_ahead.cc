@@ -11,19 +11,19 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr std::size_t kPrimeLines = 160;  // whose dark ones are known to the first lines
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
 
 // The background of the first lines comes from the dark ones among them; further ones are looked at
 // until there is one.
-void Reconstructor::PrimeBackgrounds(const data::TrialReader& trial) {
+void Reconstructor::PrimeBackgrounds(const std::string& path, std::size_t size,
+                                     const ReadBlock& read) {
   data::TrialBlock block;
   std::vector<double> last(layout_.marks.size(), kNone), intervals;
-  while (primed_ < trial.size() && (primed_ == 0 || backgrounds_[0].empty())) {
-    const std::size_t count = std::min(kPrimeLines, trial.size() - primed_);
-    ReadLines(trial, options_.corrections, primed_, count, &block);
+  while (primed_ < size && (primed_ == 0 || backgrounds_[0].empty())) {
+    const std::size_t count = std::min(LiveBeginning::kLines, size - primed_);
+    read(primed_, count, &block);
     primed_ += count;
     FindInterval({block.t, block.slot}, &last, &intervals);
     for (std::size_t i = 0; i < block.size(); ++i) {
@@ -33,8 +33,8 @@ void Reconstructor::PrimeBackgrounds(const data::TrialReader& trial) {
       }
     }
   }
-  if (trial.size() > 0 && backgrounds_[0].empty()) {
-    throw Error("has no dark line", trial.path(),
+  if (size > 0 && backgrounds_[0].empty()) {
+    throw Error("has no dark line", path,
                 "record with a slot named dark: the background is taken from it");
   }
   SetInterval(&intervals);

@@ -15,8 +15,10 @@ namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-// Named and numbered as the rig's cameras; without lines.
-data::TrialHeader HeaderOf(const data::TrialReadings& readings, const data::Rig& rig) {
+}  // namespace
+
+data::TrialHeader Reconstructor::HeaderOf(const data::TrialReadings& readings,
+                                          const data::Rig& rig) {
   data::TrialHeader header;
   for (const data::RigCamera& camera : rig.cameras) header.cameras.push_back(camera.name);
   header.slots = readings.slots;
@@ -24,8 +26,6 @@ data::TrialHeader HeaderOf(const data::TrialReadings& readings, const data::Rig&
   header.line_rate = span > 0.0 ? static_cast<double>(readings.size() - 1) / span : 1.0;
   return header;
 }
-
-}  // namespace
 
 static_assert(data::kMostReadings == Associator::kMostCandidates);
 
@@ -44,6 +44,8 @@ Reconstructor::Reconstructor(const data::TrialReadings& readings, const data::Ri
           return Lines{std::span(readings.t).subspan(first, count),
                        std::span(readings.slot).subspan(first, count)};
         });
+  last_line_ = readings.size();
+  evidence_ = HealthEvidence(header_.cameras.size(), last_line_);
 }
 
 void Reconstructor::MapCameras(const data::TrialReadings& readings, const std::string& rig_path) {
@@ -64,6 +66,15 @@ void Reconstructor::MapCameras(const data::TrialReadings& readings, const std::s
                               readings.cameras[c], readings.pixels[c], pixels, rig_path),
                   readings.path, "give the rig that was calibrated for this camera");
     }
+  }
+  CheckReadings(readings);
+}
+
+void Reconstructor::CheckReadings(const data::TrialReadings& readings) const {
+  for (std::size_t of_rig = 0; of_rig < column_.size(); ++of_rig) {
+    if (column_[of_rig] < 0) continue;
+    const auto c = static_cast<std::size_t>(column_[of_rig]);
+    const int pixels = triangulator_.rig().cameras[of_rig].pixels;
     for (std::size_t i = 0; i < readings.size(); ++i) {
       for (const double u : readings.Readings(i, c)) {
         if (std::isnan(u) || (u >= -0.5 && u <= pixels - 0.5)) continue;

@@ -23,6 +23,19 @@ double TrialRecord::duration() const {
                 : readings_->t.back() - readings_->t.front();
 }
 
+data::LiveHeader TrialRecord::Header() const {
+  data::LiveHeader header;
+  header.readings = readings_.has_value();
+  if (!readings_) {
+    header.trial = lines_->header();
+    return header;
+  }
+  header.trial.cameras = readings_->cameras;
+  header.trial.slots = readings_->slots;
+  header.pixels = readings_->pixels;
+  return header;
+}
+
 std::unique_ptr<Reconstructor> TrialRecord::Open(const data::Rig& rig, const std::string& rig_path,
                                                  const ReconstructOptions& options) const {
   if (lines_) return std::make_unique<Reconstructor>(*lines_, rig, rig_path, options);

@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 
+#include "data/live_stream.h"
 #include "data/rig.h"
 #include "data/tracks.h"
 #include "data/trial.h"
@@ -24,6 +25,11 @@ class TrialRecord {
   double duration() const;                           ///< [s]
   /// Null: it holds readings.
   const data::TrialReader* lines() const { return lines_ ? &*lines_ : nullptr; }
+  /// Null: it holds lines.
+  const data::TrialReadings* readings() const { return readings_ ? &*readings_ : nullptr; }
+
+  /// As a stream of it begins.
+  data::LiveHeader Header() const;
 
   /// Throws Error where the rig is not the one that recorded it.
   std::unique_ptr<Reconstructor> Open(const data::Rig& rig, const std::string& rig_path,

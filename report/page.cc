@@ -54,6 +54,19 @@ const char* SignOf(Level level) {
   return "";
 }
 
+// A page of a program that has gone looks like one of a program at work: it counts its own age.
+std::string StaleBanner(double every, double written) {
+  constexpr double kLate = 5.0;  // missed readings of the page: a busy machine misses one or two
+  return fmt::format(
+      "<section class=\"panel words bad\" id=\"stale\" role=\"alert\" hidden><p>Nothing new for "
+      "<span id=\"age\"></span> s: the program that writes this page has stopped.</p></section>\n"
+      "<script>(() => {{\n  const look = () => {{\n    const age = Date.now() / 1000 - {:.3f};\n"
+      "    document.getElementById(\"stale\").hidden = age < {};\n"
+      "    document.getElementById(\"age\").textContent = Math.round(age);\n  }};\n"
+      "  look();\n  setInterval(look, 500);\n}})();</script>\n",
+      written, kLate * every);
+}
+
 std::string Heading(const std::string& title, const std::string& note) {
   std::string html;
   if (!title.empty()) html += "<h3>" + EscapeHtml(title) + "</h3>\n";
@@ -191,9 +204,15 @@ void Page::AddOrigin(const data::Provenance& provenance) {
   }
 }
 
+void Page::FollowEvery(double every, double written) {
+  every_ = every;
+  written_ = written;
+}
+
 std::string Page::Html() const {
   std::string html = "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n";
   html += fmt::format("<meta http-equiv=\"Content-Security-Policy\" content=\"{}\">\n", kPolicy);
+  if (every_ > 0.0) html += fmt::format("<meta http-equiv=\"refresh\" content=\"{}\">\n", every_);
   html += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
   html += "<title>" + EscapeHtml(title_) + "</title>\n<style>\n";
   if (charts_ > 0) html += std::string(kDygraphsStyle) + "\n";
@@ -201,6 +220,7 @@ std::string Page::Html() const {
           EscapeHtml(title_) + "</h1>\n";
   if (!subtitle_.empty()) html += "<p>" + EscapeHtml(subtitle_) + "</p>\n";
   html += "</header>\n<main>\n";
+  if (every_ > 0.0) html += StaleBanner(every_, written_);
   if (charts_ + motions_ + spaces_ > 0) {
     html +=
         "<noscript><section class=\"panel\">The charts need scripts, which this browser has "

@@ -150,6 +150,10 @@ class Page {
   // The same of a whole record: program, command, inputs with their checksums.
   void AddOrigin(const data::Provenance& provenance);
 
+  // A page that is written again and again while something goes on: the browser reads it again every
+  // `every` [s], and says so when what it reads was `written` [s since 1970] too long ago.
+  void FollowEvery(double every, double written);
+
   // Misuse (arrays of different lengths, x that falls, a row of the wrong length) throws Error when
   // it is added.
   std::string Html() const;
@@ -160,6 +164,7 @@ class Page {
   std::string subtitle_;
   std::string body_;
   std::vector<std::pair<std::string, std::string>> origin_;
+  double every_ = 0.0, written_ = 0.0;  // see FollowEvery [s]; 0: it is read once
   int charts_ = 0;
   int drawings_ = 0;
   int motions_ = 0;

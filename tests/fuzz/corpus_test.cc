@@ -59,7 +59,7 @@ TEST(Corpus, EveryReaderTakesOrRefusesEverySeed) {
         "modes_h5",    "survey_h5",    "rig_h5",        "tracks_h5",   "fit_h5",
         "trial_h5",    "channels_csv", "channels_uff",  "channels_h5", "design",
         "wand",        "campaign",     "campaign_json", "campaign_h5", "trial_readings",
-        "readings_h5", "raw_lines_h5"}) {
+        "readings_h5", "raw_lines_h5",  "live_stream"}) {
     EXPECT_GT(taken_by(name), 0) << "no seed reaches the inside of reader " << name;
   }
 }

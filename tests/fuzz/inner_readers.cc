@@ -17,6 +17,7 @@
 #include "data/h5.h"
 #include "data/h5_walk.h"
 #include "data/journal.h"
+#include "data/live_stream.h"
 #include "data/run.h"
 #include "data/toml.h"
 #include "data/trial.h"
@@ -127,6 +128,21 @@ void ReadLength(const std::string& path) {
 
 void ReadAnswerOfProgram(const std::string& path) {
   correlate::ReadProgramTracks(path, {"tip", "mid"});
+}
+
+void ReadLiveStream(const std::string& path) {
+  constexpr std::size_t kPiece = 777;  // bytes: no line ends where a piece does
+  const std::string bytes = data::ReadTextFile(path);
+  data::LiveStreamReader reader(path);
+  data::TrialBlock lines;
+  data::TrialReadings flashes;
+  for (std::size_t at = 0; at < bytes.size(); at += kPiece) {
+    reader.Feed(std::string_view(bytes).substr(at, kPiece));
+    if (reader.header() == nullptr) continue;
+    while ((reader.header()->readings ? reader.Take(3, &flashes) : reader.Take(3, &lines)) > 0) {
+    }
+  }
+  reader.Close();
 }
 
 }  // namespace unfurl::fuzz

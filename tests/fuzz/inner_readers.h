@@ -22,6 +22,8 @@ void ReadEvaluation(const std::string& path);
 void ReadExpression(const std::string& path);
 void ReadOverrides(const std::string& path);
 void ReadLength(const std::string& path);
+// A stream of lines or readings, as it comes from a pipe in small pieces.
+void ReadLiveStream(const std::string& path);
 // What the program of a command model wrote.
 void ReadAnswerOfProgram(const std::string& path);
 

@@ -90,6 +90,7 @@ const std::vector<Reader>& Readers() {
        [](const std::string& path) { data::CampaignFromJson(data::ReadTextFile(path), path); }},
       {"design", [](const std::string& path) { data::ReadDesign(path); }},
       {"trial_readings", [](const std::string& path) { data::ReadTrialReadings(path); }},
+      {"live_stream", ReadLiveStream},
       {"wand", [](const std::string& path) { data::ReadWand(path); }},
       {"tracks_csv", [](const std::string& path) { data::ReadTracksCsv(path); }},
       {"gsi",

@@ -7,7 +7,7 @@ import pytest
 
 from browser import Browser
 
-NAMES = ("simulate", "correlate", "plan", "modes", "calibrate", "check", "reconstruct")
+NAMES = ("simulate", "correlate", "plan", "modes", "calibrate", "check", "reconstruct", "live")
 PROGRAM, CHROMIUM = os.environ["UNFURL_PROGRAM"], os.environ["UNFURL_CHROMIUM"]
 
 
@@ -36,5 +36,6 @@ def pages(tmp_path_factory):
     run("check", "rig.h5", "survey.h5", "--report", "check.html")
     run("expose", "drawn.h5", "--lab", "rig/lab.toml", "-o", "trial.h5")
     run("reconstruct", "trial.h5", "--rig", "rig.h5", "-o", "tracks.h5", "--report", "reconstruct.html")
+    run("reconstruct", "trial.h5", "--live", "--rig", "rig.h5", "--report", "live.html")
     run("modes", "boom/scene.toml", "--count", "3", "--report", "modes.html")
     return {name: folder / f"{name}.html" for name in NAMES}

@@ -1,6 +1,7 @@
 """Pages as a browser shows them: no error, no request, what should be there is, and it moves."""
 
 import subprocess
+import time
 from xml.etree import ElementTree
 
 import pytest
@@ -201,7 +202,7 @@ def test_charts_are_saved_as_numbers_and_pictures(browser, pages):
     assert browser.wrong == []
 
 
-SPACES = ("plan", "calibrate", "check", "reconstruct")
+SPACES = ("plan", "calibrate", "check", "reconstruct", "live")
 
 
 @pytest.mark.parametrize("name", SPACES)
@@ -314,3 +315,42 @@ def test_without_webgl_and_on_paper_a_still_stands_in_its_place(browser, pages):
         assert browser.run(visible) == [False, True]
     finally:
         browser.paper(False)
+
+
+def until(browser, script):
+    """Until the script gives something true; a page that reads itself again has moments without a script."""
+    for _ in range(200):
+        try:
+            found = browser.run(script)
+        except RuntimeError:
+            found = None
+        if found:
+            return found
+        time.sleep(0.1)
+    raise AssertionError(f"never true: {script}")
+
+
+def test_a_live_page_follows_and_says_when_its_program_has_gone(browser, pages):
+    folder = pages["live"].parent
+    stream = subprocess.run([PROGRAM, "stream", "trial.h5"], cwd=folder, check=True, capture_output=True).stdout
+    half = len(stream) // 2
+    with subprocess.Popen([PROGRAM, "reconstruct", "--live", "--rig", "rig.h5", "--report", "now.html", "--quiet"],
+                          cwd=folder, stdin=subprocess.PIPE) as live:
+        live.stdin.write(stream[:half])
+        live.stdin.flush()
+        page = folder / "now.html"
+        while not page.exists() or "Who sees what" not in page.read_text():
+            time.sleep(0.05)
+        browser.open(page.as_uri())
+        lines = "+((document.body.innerText.match(/([0-9]+) lines/) || [])[1] || 0)"
+        before = until(browser, lines)
+        live.stdin.write(stream[half:-100])  # without its end
+        live.stdin.flush()
+        until(browser, f"{lines} > {before}")
+        assert browser.run("document.getElementById('stale').hidden")
+        assert browser.wrong == [] and set(browser.requests) == {page.as_uri()}
+        live.kill()
+    until(browser, "!document.getElementById('stale').hidden")
+    assert "has stopped" in browser.run("document.getElementById('stale').innerText")
+    browser.open(pages["live"].as_uri())  # the last one stays, and is not read again
+    assert browser.run("document.querySelector('meta[http-equiv=refresh]')") is None
