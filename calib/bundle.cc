@@ -16,6 +16,7 @@
 #include "calib/bundle_costs.h"
 #include "calib/common_error.h"
 #include "calib/covariance.h"
+#include "calib/stop_on_interrupt.h"
 #include "measure/camera_model.h"
 
 namespace unfurl::calib {
@@ -102,16 +103,7 @@ int BundleSummary::gross_points() const {
       std::count_if(survey_weight.begin(), survey_weight.end(), [](double w) { return w < 1.0; }));
 }
 
-namespace {
-
-class StopOnInterrupt : public ceres::IterationCallback {
- public:
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
-    return InterruptRequested() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
-  }
-};
-
-}  // namespace
+namespace {}  // namespace
 
 BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrior>& priors,
                           const Weighting& weighting, const BundleOptions& options,

@@ -4,12 +4,12 @@
 
 #include "base/dense.h"
 #include "calib/check_design.h"
+#include "calib/parameters.h"
 #include "measure/camera_model.h"
 
 namespace unfurl::calib {
 namespace {
 
-constexpr Eigen::Index kParameters = data::kCameraParameters;
 // Of Levenberg and Marquardt: steps that are refused, some fifteen in a row, end it sooner.
 constexpr int kIterations = 60;
 constexpr double kConverged = 1e-9;  // of a step, over the bar's length

@@ -7,12 +7,11 @@
 #include "base/dense.h"
 #include "base/error.h"
 #include "base/pose.h"
+#include "calib/parameters.h"
 #include "measure/camera_model.h"
 
 namespace unfurl::calib {
 namespace {
-
-constexpr Eigen::Index kParameters = data::kCameraParameters;
 
 double SizeOf(const data::Rig& rig) { return (rig.volume_high - rig.volume_low).norm(); }
 

@@ -3,12 +3,12 @@
 #include <algorithm>
 
 #include "base/dense.h"
+#include "calib/parameters.h"
 #include "measure/camera_model.h"
 
 namespace unfurl::calib {
 namespace {
 
-constexpr Eigen::Index kParameters = data::kCameraParameters;
 constexpr int kTerms = static_cast<int>(data::kLensTerms);
 using CameraColumns = Eigen::Matrix<double, data::kCameraParameters, 3>;
 

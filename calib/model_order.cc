@@ -11,12 +11,11 @@
 #include "base/statistics.h"
 #include "base/worker_pool.h"
 #include "calib/common_error.h"
+#include "calib/parameters.h"
 #include "measure/camera_model.h"
 
 namespace unfurl::calib {
 namespace {
-
-constexpr Eigen::Index kParameters = data::kCameraParameters;
 
 double Now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();

@@ -6,11 +6,11 @@
 
 #include "calib/common_error.h"
 #include "calib/covariance.h"
+#include "calib/parameters.h"
 
 namespace unfurl::calib {
 namespace {
 
-constexpr Eigen::Index kParameters = data::kCameraParameters;
 constexpr double kRank = 1e-10;  // of a point's information: what its readings do not fix [-]
 
 }  // namespace

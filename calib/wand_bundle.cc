@@ -11,6 +11,7 @@
 #include "base/log_silence.h"
 #include "base/progress.h"
 #include "calib/bundle_costs.h"
+#include "calib/stop_on_interrupt.h"
 #include "calib/wand_costs.h"
 #include "calib/wand_system.h"
 #include "measure/camera_model.h"
@@ -21,13 +22,6 @@ namespace {
 // Where the search trusts its linear model first, in units of the columns: views and the volume's
 // shape depend on each other along long valleys, which smaller steps creep through.
 constexpr double kRadius = 1e6;
-
-class StopOnInterrupt : public ceres::IterationCallback {
- public:
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary&) override {
-    return InterruptRequested() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
-  }
-};
 
 ceres::Problem::Options Ownership() {
   ceres::Problem::Options out;

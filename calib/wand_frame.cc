@@ -8,14 +8,14 @@
 #include "base/dense.h"
 #include "base/error.h"
 #include "base/pose.h"
+#include "calib/parameters.h"
 #include "measure/camera_model.h"
 
 namespace unfurl::calib {
 namespace {
 
-constexpr Eigen::Index kParameters = data::kCameraParameters;
-constexpr double kPlainly = 0.5;  // of the other's RMS: which way round is beyond doubt
-constexpr double kLine = 0.02;    // sine of the angle below which three cameras are on one line
+constexpr double kBeyondDoubt = 0.5;  // of the other's RMS: which way round is beyond doubt
+constexpr double kLine = 0.02;        // sine of the angle below which three cameras are on one line
 
 double MedianReadingSigma(const WandFit& fit, std::size_t camera) {
   double sum = 0.0, n = 0.0;
@@ -209,7 +209,7 @@ Pose HandByPlan(const WandFrame& frame, const std::string& where, WandFit* fit, 
   const RigidFit plain = FitRigid(planned, found);
   // With p -> -p a camera at p that views p + v is one at -p that views -p - v.
   const RigidFit mirror = FitRigid(planned, -found);
-  *handed = std::min(plain.rms, mirror.rms) < kPlainly * std::max(plain.rms, mirror.rms);
+  *handed = std::min(plain.rms, mirror.rms) < kBeyondDoubt * std::max(plain.rms, mirror.rms);
   if (mirror.rms >= plain.rms) return plain.X_AB;
   MoveWand(Pose::Identity(), true, fit);
   return mirror.X_AB;

@@ -18,7 +18,7 @@ namespace {
 using Parameters = Eigen::Matrix<double, 7, 3>;
 using Block = Eigen::Map<const Parameters>;
 
-constexpr int kParameters = 21;      // of three pinholes, seven each
+constexpr int kOfTriple = 21;        // of three pinholes, seven each
 constexpr int kSubsets = 300;        // 30% gross errors leave 99.9% chance of a clean subset of 10
 constexpr int kSubset = 10;          // 6 unknowns, and some for perspective to average out
 constexpr double kLensShare = 0.03;  // of lengths, what lens error and perspective leave [-]
@@ -51,7 +51,7 @@ bool Meet(const Block& x, const Eigen::Vector3d& u, Eigen::Matrix3d* inverse, Ei
 }
 
 // The length of one bar less 1, by the 21 numbers.
-class LengthCost : public ceres::SizedCostFunction<1, kParameters> {
+class LengthCost : public ceres::SizedCostFunction<1, kOfTriple> {
  public:
   LengthCost(const Eigen::Vector3d& from, const Eigen::Vector3d& to) : u_{from, to} {}
 
@@ -87,11 +87,11 @@ class LengthCost : public ceres::SizedCostFunction<1, kParameters> {
 
 // What is believed of a pinhole: its axis meets the row near the middle, a . b about 0; and its
 // field is that of a usual lens, |b| / |a| = row / f.
-class PinholeCost : public ceres::SizedCostFunction<6, kParameters> {
+class PinholeCost : public ceres::SizedCostFunction<6, kOfTriple> {
  public:
   bool Evaluate(double const* const* block, double* residual, double** jacobians) const override {
     const Block x(block[0]);
-    Eigen::Map<Eigen::Matrix<double, 6, kParameters, Eigen::RowMajor>> J(
+    Eigen::Map<Eigen::Matrix<double, 6, kOfTriple, Eigen::RowMajor>> J(
         jacobians != nullptr && jacobians[0] != nullptr ? jacobians[0] : scratch_);
     J.setZero();
     for (int j = 0; j < 3; ++j) {
@@ -111,7 +111,7 @@ class PinholeCost : public ceres::SizedCostFunction<6, kParameters> {
   }
 
  private:
-  mutable double scratch_[6 * kParameters] = {};
+  mutable double scratch_[6 * kOfTriple] = {};
 };
 
 // Symmetric Q of d' Q d = 1 by least squares, or false where it is not positive definite.

@@ -54,6 +54,31 @@ function(unfurl_harden target)
   endif()
 endfunction()
 
+# With UNFURL_UNITY the sources of a room are compiled some together, so that headers are read and templates made once
+# for all of them. Which go together hangs on their names alone: a new file does not shift the others, and what its
+# names collide with (of unnamed namespaces) is in one place. Hot files have options of their own and stay alone.
+function(unfurl_unity target)
+  get_target_property(sources ${target} SOURCES)
+  get_target_property(folder ${target} SOURCE_DIR)
+  list(LENGTH sources count)
+  set(groups 1)  # five to ten files each, so that some cores still find work for all; seldom another number of them
+  math(EXPR most "${count} / 10")
+  while(groups LESS most OR groups EQUAL most)
+    math(EXPR groups "2 * ${groups}")
+  endwhile()
+  foreach(source ${sources})
+    if(IS_ABSOLUTE ${source})  # made by the build
+      continue()
+    endif()
+    string(MD5 hash ${source})
+    string(SUBSTRING ${hash} 0 6 hash)
+    math(EXPR group "0x${hash} % ${groups}")
+    set_property(SOURCE ${folder}/${source} TARGET_DIRECTORY ${target} PROPERTY UNITY_GROUP ${group})
+  endforeach()
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
+  target_compile_options(${target} PRIVATE -Wno-shadow)  # a local of one file and a constant of another
+endfunction()
+
 function(unfurl_module name)
   cmake_parse_arguments(ARG "" "" "SOURCES;LINKS;PRIVATE_LINKS" ${ARGN})
   add_library(unfurl_${name} STATIC ${ARG_SOURCES})

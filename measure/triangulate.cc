@@ -273,7 +273,8 @@ void Triangulator::SharedFactor(const PointSolution& point, std::span<const doub
                                                    static_cast<Eigen::Index>(count));
     const std::size_t kept = rank_ > first ? std::min(count, rank_ - first) : 0;
     const auto at = static_cast<Eigen::Index>(first), n = static_cast<Eigen::Index>(kept);
-    F.middleCols(at, n) = block.leftCols(n);
+    if (n > 0)
+      F.middleCols(at, n) = block.leftCols(n);  // beyond the rank `at` is none of its columns
     if (rest != nullptr) {
       const auto left = block.rightCols(static_cast<Eigen::Index>(count) - n);
       rest->noalias() += left * left.transpose();

@@ -59,7 +59,10 @@ configure_and_build() {
   heading "Building, preset $preset"
   say "  cmake --preset $preset && cmake --build --preset $preset${1:+ --target $*}"
   [[ -e $root/build/$preset/build.ninja ]] || say "  (the first time takes some minutes)"
-  quietly "$root/build/$preset/configure.log" cmake -S "$root" --preset "$preset" "${cache[@]}"
+  # A whole build takes less where sources are compiled together; a build that is there stays as it is.
+  local -a together=()
+  if [[ ! -e $root/build/$preset/CMakeCache.txt ]]; then together=(-DUNFURL_UNITY=ON); fi
+  quietly "$root/build/$preset/configure.log" cmake -S "$root" --preset "$preset" "${cache[@]}" "${together[@]}"
   local -a build=(cmake --build "$root/build/$preset" --parallel "${UNFURL_JOBS:-$(nproc)}")
   if (($# > 0)); then build+=(--target "$@"); fi
   if [[ -t 1 ]]; then

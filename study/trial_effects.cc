@@ -161,9 +161,9 @@ void Judge(double part, double count, TrialEffect* e) {
 }
 
 // Versions of the study refitted from where the fit as it is came out.
-class Bench {
+class TrialBench {
  public:
-  Bench(const data::Study& study, const TrialEffectsOptions& options, const StudyFit& fit)
+  TrialBench(const data::Study& study, const TrialEffectsOptions& options, const StudyFit& fit)
       : options_(options),
         fit_(fit),
         versions_(study, fit),
@@ -240,7 +240,7 @@ class Bench {
 };
 
 // All that is not needed left out together, and looked at once more; what changes most stays first.
-void Reduce(const Bench& bench, double part, TrialEffects* out) {
+void Reduce(const TrialBench& bench, double part, TrialEffects* out) {
   std::vector<const TrialEffect*> order;
   for (const TrialEffect& e : out->effects) {
     if (e.effect.there && e.verdict == EffectVerdict::kNotNeeded) order.push_back(&e);
@@ -302,7 +302,7 @@ TrialEffects WeighTrialEffects(const data::Study& asked, const TrialEffectsOptio
   if (!out.fit.Usable()) return out;
 
   // 2. Each switched, all others fitted again from there.
-  const Bench bench(study, options, out.fit);
+  const TrialBench bench(study, options, out.fit);
   const std::vector<EffectSwitch> switches = bench.Effects();
   const double steps = static_cast<double>(switches.size()) + 2.0;
   for (const EffectSwitch& effect : switches) {

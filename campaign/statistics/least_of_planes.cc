@@ -13,7 +13,7 @@ namespace unfurl::campaign {
 namespace {
 
 constexpr Eigen::Index kMostPlanes = 20;  // more ways to fail than some thousand runs tell apart
-constexpr int kIterations = 20;           // of assignment: it has settled, or it does not
+constexpr int kAssignments = 20;          // of assignment: it has settled, or it does not
 // Of its points that begin a new plane: enough for a direction, few enough to be of one plane.
 constexpr double kBegin = 0.15;
 
@@ -57,7 +57,7 @@ bool SolvePlane(const Data& data, const std::vector<Eigen::Index>& own,
 // Planes and assignment in turn: a plane that comes to have too few points stays as it was. False
 // where the newest, the last, has too few to begin with.
 bool Settle(const Data& data, Eigen::MatrixXd* planes, Assignment* of) {
-  for (int iteration = 0; iteration < kIterations; ++iteration) {
+  for (int iteration = 0; iteration < kAssignments; ++iteration) {
     for (Eigen::Index k = 0; k < planes->cols(); ++k) {
       const bool solved = SolvePlane(data, Members(*of, k), planes->col(k));
       if (!solved && iteration == 0 && k + 1 == planes->cols()) return false;

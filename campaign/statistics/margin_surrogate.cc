@@ -42,7 +42,7 @@ void Terms(int degree, const Eigen::VectorXd& z, Eigen::Ref<Eigen::VectorXd> ter
   }
 }
 
-struct LeastSquares {
+struct FitNear {
   int degree = 1;
   Eigen::VectorXd coefficients;
   double square = 0.0, count = 0.0;  // of the leave-one-out residuals of points that decide
@@ -51,10 +51,10 @@ struct LeastSquares {
   }
 };
 
-LeastSquares Solve(int degree, const Eigen::MatrixXd& points, const Eigen::VectorXd& margins,
-                   double near) {
+FitNear Solve(int degree, const Eigen::MatrixXd& points, const Eigen::VectorXd& margins,
+              double near) {
   const Eigen::Index n = points.cols(), m = CoefficientsOf(degree, points.rows());
-  LeastSquares fit{.degree = degree};
+  FitNear fit{.degree = degree};
   if (n < kPointsEach * m || m > kMostCoefficients) return fit;
   Eigen::MatrixXd terms(m, n);
   for (Eigen::Index i = 0; i < n; ++i) Terms(degree, points.col(i), terms.col(i));
@@ -74,16 +74,16 @@ LeastSquares Solve(int degree, const Eigen::MatrixXd& points, const Eigen::Vecto
 }
 
 // The best of all degrees, from all points, or from those near alone, which a bent margin asks for.
-LeastSquares BestOf(const Eigen::MatrixXd& points, const Eigen::VectorXd& margins, double near) {
+FitNear BestOf(const Eigen::MatrixXd& points, const Eigen::VectorXd& margins, double near) {
   std::vector<Eigen::Index> close;
   for (Eigen::Index i = 0; i < margins.size(); ++i) {
     if (margins[i] <= near) close.push_back(i);
   }
-  LeastSquares best;
+  FitNear best;
   for (int degree = 1; degree <= 3; ++degree) {
     for (const bool local : {false, true}) {
-      LeastSquares fit = local ? Solve(degree, points(Eigen::all, close), margins(close), near)
-                               : Solve(degree, points, margins, near);
+      FitNear fit = local ? Solve(degree, points(Eigen::all, close), margins(close), near)
+                          : Solve(degree, points, margins, near);
       if (fit.Error() < best.Error()) best = std::move(fit);
     }
   }
@@ -117,7 +117,7 @@ std::optional<MarginSurrogate> MarginSurrogate::Fit(const Eigen::MatrixXd& point
                                                     const Eigen::MatrixXd& centres) {
   const Eigen::Map<const Eigen::VectorXd> all(margins.data(),
                                               static_cast<Eigen::Index>(margins.size()));
-  LeastSquares one = BestOf(points, all, near);
+  FitNear one = BestOf(points, all, near);
   if (!std::isfinite(one.Error())) return {};
   MarginSurrogate surrogate;
   surrogate.error_ = one.Error();
@@ -145,7 +145,7 @@ void MarginSurrogate::TryRegions(const Eigen::MatrixXd& points, const Eigen::Vec
   std::vector<Piece> pieces;
   double square = 0.0, count = 0.0;
   for (const auto& own : of) {
-    const LeastSquares piece = BestOf(points(Eigen::all, own), margins(own), near);
+    const FitNear piece = BestOf(points(Eigen::all, own), margins(own), near);
     if (!std::isfinite(piece.Error())) return;  // a region with too few points
     square += piece.square;
     count += piece.count;

@@ -13,8 +13,8 @@ namespace unfurl::correlate {
 
 namespace {
 
-constexpr std::size_t kBeside = 3;            // samples to either side
-constexpr std::size_t kFewest = 4 * kBeside;  // of a mark; fewer show no scale
+constexpr std::size_t kBeside = 3;                  // samples to either side
+constexpr std::size_t kFewestOfMark = 4 * kBeside;  // of a mark; fewer show no scale
 
 // One mark's samples, each against those of its neighbours that are not far.
 class Path {
@@ -115,7 +115,7 @@ class Path {
 std::vector<FarSample> FindFarSamples(const Observations& observations) {
   std::vector<FarSample> out;
   for (std::size_t m = 0; m < observations.marks.size(); ++m) {
-    if (observations.marks[m].size() < kFewest) continue;
+    if (observations.marks[m].size() < kFewestOfMark) continue;
     Path path(observations.marks[m]);
     for (std::size_t i : path.Find()) out.push_back({m, i, path.distance(i)});
   }

@@ -75,7 +75,7 @@ double SpreadOf(const Gridded& g) {
 }
 
 // A typical sigma of one coordinate [m]; 0 for records without one.
-double TypicalSigma(const Observations& o) {
+double MiddleSigma(const Observations& o) {
   if (!o.has_sigma) return 0.0;
   std::vector<double> s;
   for (const MarkSeries& m : o.marks) {
@@ -240,7 +240,7 @@ OffsetSearch FindOffset(const SampledModel& a, const SampledModel& b,
   const Grid grid = GridOf(A, B);
   if (grid.step <= 0.0) return out;
   out.step = grid.step;
-  const double noise = std::max(TypicalSigma(A), TypicalSigma(B));
+  const double noise = std::max(MiddleSigma(A), MiddleSigma(B));
   SignalPairs signals =
       ChooseSignals(OnGrid(a, marks, grid.start_a, grid.count_a, grid.step),
                     OnGrid(b, marks, grid.start_b, grid.count_b, grid.step), noise, grid.step);

@@ -303,7 +303,7 @@ class RegistrationSolver {
   bool Step() {
     const Eigen::Index unknowns = fit_.jacobian.cols();
     Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(unknowns, unknowns);
-    normal.selfadjointView<Eigen::Lower>().rankUpdate(fit_.jacobian.transpose());
+    if (unknowns > 0) normal.selfadjointView<Eigen::Lower>().rankUpdate(fit_.jacobian.transpose());
     normal.triangularView<Eigen::StrictlyUpper>() = normal.transpose();
     fit_.weak.clear();
     const Eigen::MatrixXd inverse = InvertNormal(normal, names_, &fit_.weak);

@@ -12,7 +12,7 @@ namespace unfurl::correlate {
 
 namespace {
 
-constexpr std::size_t kFewest = 16;  // samples of a spectrum
+constexpr std::size_t kFewestOfSpectrum = 16;  // samples of a spectrum
 
 // What the scores of all marks are the mean of; a mark's rating too, over its coordinates.
 constexpr double SignalScore::*kMeans[] = {
@@ -161,7 +161,7 @@ ComparedSpectrum SpectraOf(const ComparedSignal& s, std::size_t first, std::size
   const auto y = alone ? x : std::span(s.reference).subspan(first, last - first);
   const auto stretch = LongestEvenStretch(t);
   const double share = static_cast<double>(stretch.count) / static_cast<double>(last - first);
-  if (stretch.count >= kFewest && share >= kMostlyWhole) {
+  if (stretch.count >= kFewestOfSpectrum && share >= kMostlyWhole) {
     out.measured =
         AmplitudeSpectrum(x.subspan(stretch.first, stretch.count), stretch.dt, unit, how);
     out.reference =
@@ -187,7 +187,7 @@ ComparedSpectrum SpectraOf(const ComparedSignal& s, std::size_t first, std::size
     out.reference_peaks = AsPeaks(FindLombPeaks(t, y, w));
     out.note = "with gaps, so by least squares at the stamps themselves (Lomb-Scargle)";
   }
-  if (stretch.count >= 2 * kFewest) {
+  if (stretch.count >= 2 * kFewestOfSpectrum) {
     out.density = WelchCrossSpectrum(t, x, y, unit, {how.window, how.detrend});
   }
   if (alone) {  // of the two the second was only there to have the first
@@ -231,7 +231,7 @@ void FillOperatingShapes(Comparison* c) {
     for (const ComparedSignal& s : c->signals) {
       if (!s.id.InPlane()) continue;
       const auto [first, last] = WithinSpectra(*c, s);
-      if (last < first + kFewest) continue;
+      if (last < first + kFewestOfSpectrum) continue;
       const auto t = std::span(s.t).subspan(first, last - first);
       a.push_back(FourierAmplitude(t, std::span(s.measured).subspan(first, last - first),
                                    shape.measured_frequency, c->spectrum_from));
@@ -323,7 +323,7 @@ void FillSpectra(const ComparisonOptions& options, Comparison* c) {
   for (const ComparedSignal& s : c->signals) {
     if (s.id.AcrossPlane()) continue;  // nothing moves there: its residuals tell all
     const auto [first, last] = WithinSpectra(*c, s);
-    if (last < first + kFewest) continue;
+    if (last < first + kFewestOfSpectrum) continue;
     c->spectra.push_back(SpectraOf(s, first, last, {options.window, Detrend::kLine}));
   }
   FillOperatingShapes(c);

@@ -11,13 +11,13 @@ namespace unfurl::correlate {
 
 namespace {
 
-constexpr std::size_t kFewest = 32;  // samples of a signal whose modes are sought
+constexpr std::size_t kFewestOfModes = 32;  // samples of a signal whose modes are sought
 
 // A signal's part within the window of the spectra, of both; nothing: too short.
 std::optional<std::pair<DecaySignal, DecaySignal>> PartOf(const Comparison& c,
                                                           const ComparedSignal& s) {
   const auto [first, last] = WithinSpectra(c, s);
-  if (last < first + kFewest) return std::nullopt;
+  if (last < first + kFewestOfModes) return std::nullopt;
   const auto part = [&, from = static_cast<std::ptrdiff_t>(first),
                      to = static_cast<std::ptrdiff_t>(last)](const std::vector<double>& x) {
     return x.empty() ? x : std::vector<double>(x.begin() + from, x.begin() + to);

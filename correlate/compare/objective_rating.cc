@@ -20,7 +20,7 @@ constexpr double kBand = 0.1;               // of the shifted length
 constexpr double kEpsM = 0.5, kEpsS = 2.0;  // errors at which a score reaches zero
 // Weights of corridor, phase, magnitude and slope in the overall rating; they sum to one.
 constexpr double kWZ = 0.4, kWP = 0.2, kWM = 0.2, kWS = 0.2;
-constexpr std::size_t kFewest = 10;  // the slope's average needs nine
+constexpr std::size_t kFewestOfSlope = 10;  // the slope's average needs nine
 
 // Correlation coefficient; NaN where one does not vary.
 double Correlation(std::span<const double> x, std::span<const double> y) {
@@ -190,7 +190,7 @@ std::vector<std::pair<int, int>> WarpingPath(std::span<const double> x, std::spa
 
 ObjectiveRating RateObjectively(std::span<const double> test, std::span<const double> computed) {
   const std::size_t n = test.size();
-  if (n != computed.size() || n < kFewest) {
+  if (n != computed.size() || n < kFewestOfSlope) {
     throw Error(fmt::format("signals of {} and {} samples cannot be rated", n, computed.size()),
                 "ISO/TS 18571", "give as many of both, at least 10, on one even grid");
   }

@@ -6,7 +6,7 @@ namespace unfurl::correlate {
 
 Eigen::MatrixXd Gram(const Eigen::MatrixXd& A) {
   Eigen::MatrixXd H = Eigen::MatrixXd::Zero(A.cols(), A.cols());
-  H.selfadjointView<Eigen::Lower>().rankUpdate(A.transpose());
+  if (A.size() > 0) H.selfadjointView<Eigen::Lower>().rankUpdate(A.transpose());
   H.triangularView<Eigen::StrictlyUpper>() = H.transpose();
   return H;
 }

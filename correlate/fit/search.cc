@@ -22,7 +22,7 @@ namespace {
 // Of a standard error: how near to its minimum a stage that only leads the way has to come.
 constexpr double kLeadingTolerance = 0.5;
 
-constexpr std::size_t kFewest = 50;  // samples; a shorter horizon leads nowhere
+constexpr std::size_t kFewestOfHorizon = 50;  // samples; a shorter horizon leads nowhere
 
 }  // namespace
 
@@ -157,7 +157,7 @@ void StageRunner::FindEnds() {
       }
       fewest = std::min(fewest, count);
     }
-    return !shorter || fewest < kFewest;
+    return !shorter || fewest < kFewestOfHorizon;
   });
   ends_.push_back(std::numeric_limits<double>::infinity());
 }

@@ -30,7 +30,7 @@ struct Part {
 // correlation is gone, which would only add noise, are few.
 std::vector<Part> PartsOf(JointSignals joint, double low, double high) {
   constexpr Eigen::Index kFactor = 4, kFewest = 1000;  // instants left: a hundred blocks of ten
-  constexpr double kSamplesPerPeriod = 20.0;  // as said above [-]
+  constexpr double kSamplesPerPeriod = 20.0;           // as said above [-]
   std::vector<Part> out;
   double top = 0.5 / joint.step;
   while (true) {
@@ -50,7 +50,7 @@ std::vector<Part> PartsOf(JointSignals joint, double low, double high) {
   return out;
 }
 
-struct Candidate {
+struct StableMode {
   SubspacePole pole;
   StabilisationPole seen;
 };
@@ -64,10 +64,10 @@ StabilisationPole Seen(const SubspacePole& p) {
 }
 
 // Whether the poles of the order before know this one.
-void Compare(const std::vector<Candidate>& before, const AmbientOptions& options, Candidate* c) {
+void Compare(const std::vector<StableMode>& before, const AmbientOptions& options, StableMode* c) {
   constexpr double kSameDamping = 0.005;  // absolute: light dampings scatter by more than a part
-  const Candidate* nearest = nullptr;
-  for (const Candidate& b : before) {
+  const StableMode* nearest = nullptr;
+  for (const StableMode& b : before) {
     const bool alike = ModalAssurance(b.pole.shape, c->pole.shape) >= 1.0 - options.shape_tolerance;
     const double off = std::abs(b.seen.frequency - c->seen.frequency);
     if (off > options.frequency_tolerance * c->seen.frequency || !alike) continue;
@@ -82,16 +82,16 @@ void Compare(const std::vector<Candidate>& before, const AmbientOptions& options
       std::max(kSameDamping, options.damping_tolerance * std::abs(c->seen.damping));
 }
 
-using Diagram = std::vector<std::vector<Candidate>>;
+using Diagram = std::vector<std::vector<StableMode>>;
 
 Diagram DiagramOf(const Subspace& subspace, const Part& part, const AmbientOptions& options) {
   constexpr double kEdge = 0.1;  // of a part's ends: a mode there may scatter to either side
   Diagram out;
   const auto most = std::min<Eigen::Index>(2 * (options.max_order / 2), subspace.most());
   for (Eigen::Index order = 2; order <= most; order += 2) {
-    std::vector<Candidate> row;
+    std::vector<StableMode> row;
     for (SubspacePole& p : subspace.Poles(order)) {
-      Candidate c;
+      StableMode c;
       c.seen = Seen(p);
       c.pole = std::move(p);
       const double f = c.seen.frequency;
@@ -107,18 +107,18 @@ Diagram DiagramOf(const Subspace& subspace, const Part& part, const AmbientOptio
   return out;
 }
 
-using Cluster = std::vector<const Candidate*>;  // one of an order at most, rising orders
+using Cluster = std::vector<const StableMode*>;  // one of an order at most, rising orders
 
 std::vector<Cluster> Clusters(const Diagram& diagram, const AmbientOptions& options) {
   constexpr std::size_t kFewest = 4;  // stable poles
   std::vector<Cluster> clusters;
   for (const auto& row : diagram) {
-    for (const Candidate& c : row) {
+    for (const StableMode& c : row) {
       if (!c.seen.stable()) continue;
       Cluster* home = nullptr;
       double nearest = options.frequency_tolerance * c.seen.frequency;
       for (Cluster& cluster : clusters) {
-        const Candidate& last = *cluster.back();
+        const StableMode& last = *cluster.back();
         const double off = std::abs(last.seen.frequency - c.seen.frequency);
         if (last.seen.order == c.seen.order || off > nearest ||
             ModalAssurance(last.pole.shape, c.pole.shape) < 1.0 - options.shape_tolerance) {
@@ -215,7 +215,7 @@ AmbientMode ModeOf(const Cluster& cluster, const Subspace& subspace,
   // modes that they lack mixed in.
   const SubspacePole* best = nullptr;
   Eigen::VectorXcd influence = Eigen::VectorXcd::Zero(covariances.blocks.cols());
-  for (const Candidate* c : cluster) {
+  for (const StableMode* c : cluster) {
     const Eigen::VectorXcd own = subspace.Influence(c->pole);
     const double weight = 1.0 / std::max(own.squaredNorm(), std::numeric_limits<double>::min());
     mode.pole += weight * c->pole.pole;
@@ -271,7 +271,7 @@ void Search(const Part& part, const AmbientOptions& options, AmbientFit* fit) {
     fit->modes.push_back(std::move(m));
   }
   for (const auto& row : diagram) {
-    for (const Candidate& c : row) fit->poles.push_back(c.seen);
+    for (const StableMode& c : row) fit->poles.push_back(c.seen);
   }
 }
 

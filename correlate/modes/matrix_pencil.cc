@@ -36,7 +36,7 @@ std::vector<double> WithoutTrend(const DecaySignal& s, int degree) {
 }
 
 // Windowed sinc, symmetric: an exponential comes out as the same exponential times a number.
-Eigen::VectorXd LowPass(std::size_t factor) {
+Eigen::VectorXd LowPassTaps(std::size_t factor) {
   constexpr int kLobes = 8;  // half-length in new steps: 60 dB and a narrow edge
   const auto half = static_cast<Eigen::Index>(kLobes * factor);
   Eigen::VectorXd h(2 * half + 1);
@@ -73,7 +73,7 @@ EvenSignals::Stretch Regrid(std::span<const double> t, std::span<const double> y
     out.value = std::move(even);
     return out;
   }
-  const Eigen::VectorXd h = LowPass(factor);
+  const Eigen::VectorXd h = LowPassTaps(factor);
   const Eigen::Index skip = static_cast<Eigen::Index>(factor);
   const Eigen::Index count = n < h.size() ? 0 : (n - h.size()) / skip + 1;
   const Eigen::Index half = h.size() / 2;  // of an odd number

@@ -19,27 +19,27 @@ using Complex = std::complex<double>;
 
 constexpr double kTau = 2.0 * std::numbers::pi;  // [rad]
 
-struct Candidate {
+struct ModeCandidate {
   StabilisationPole pole;
   Eigen::VectorXcd shape;
 };
 
-bool Near(const Candidate& a, const Candidate& b, const ModalOptions& options) {
+bool Near(const ModeCandidate& a, const ModeCandidate& b, const ModalOptions& options) {
   return std::abs(a.pole.frequency - b.pole.frequency) <=
              options.frequency_tolerance * a.pole.frequency &&
          ModalAssurance(a.shape, b.shape) >= 1.0 - options.shape_tolerance;
 }
 
 // All poles of the band, order by order, each marked by how the order before knows it.
-std::vector<std::vector<Candidate>> Diagram(const std::vector<PencilOrder>& orders, double low,
-                                            double high, const ModalOptions& options) {
+std::vector<std::vector<ModeCandidate>> Diagram(const std::vector<PencilOrder>& orders, double low,
+                                                double high, const ModalOptions& options) {
   constexpr double kSameDamping = 0.002;  // absolute: light dampings scatter by more than a tenth
-  std::vector<std::vector<Candidate>> out;
+  std::vector<std::vector<ModeCandidate>> out;
   for (const PencilOrder& order : orders) {
-    std::vector<Candidate> row;
+    std::vector<ModeCandidate> row;
     for (std::size_t k = 0; k < order.poles.size(); ++k) {
       const Complex s = order.poles[k];
-      Candidate c;
+      ModeCandidate c;
       c.pole.order = order.order;
       c.pole.frequency = std::abs(s) / kTau;
       c.pole.damping = -s.real() / std::abs(s);
@@ -48,9 +48,9 @@ std::vector<std::vector<Candidate>> Diagram(const std::vector<PencilOrder>& orde
           std::abs(c.pole.damping) > options.max_damping) {
         continue;
       }
-      const Candidate* before = nullptr;
+      const ModeCandidate* before = nullptr;
       if (!out.empty()) {
-        for (const Candidate& b : out.back()) {
+        for (const ModeCandidate& b : out.back()) {
           if (before == nullptr || std::abs(b.pole.frequency - c.pole.frequency) <
                                        std::abs(before->pole.frequency - c.pole.frequency)) {
             before = &b;
@@ -74,31 +74,31 @@ std::vector<std::vector<Candidate>> Diagram(const std::vector<PencilOrder>& orde
 }
 
 struct Cluster {
-  std::vector<const Candidate*> members;  // one of an order at most, rising orders
+  std::vector<const ModeCandidate*> members;  // one of an order at most, rising orders
   double frequency() const {
     std::vector<double> f;
-    for (const Candidate* c : members) f.push_back(c->pole.frequency);
+    for (const ModeCandidate* c : members) f.push_back(c->pole.frequency);
     return Median(f);
   }
   Complex pole() const {
     std::vector<double> d;
-    for (const Candidate* c : members) d.push_back(c->pole.damping);
+    for (const ModeCandidate* c : members) d.push_back(c->pole.damping);
     const double size = kTau * frequency();
     const double zeta = std::clamp(Median(d), -0.9, 0.9);
     return {-zeta * size, size * std::sqrt(1.0 - zeta * zeta)};
   }
 };
 
-std::vector<Cluster> Clusters(const std::vector<std::vector<Candidate>>& diagram,
+std::vector<Cluster> Clusters(const std::vector<std::vector<ModeCandidate>>& diagram,
                               const ModalOptions& options) {
   constexpr std::size_t kFewest = 4;  // stable poles
   std::vector<Cluster> clusters;
   for (const auto& row : diagram) {
-    for (const Candidate& c : row) {
+    for (const ModeCandidate& c : row) {
       if (!c.pole.stable()) continue;
       Cluster* home = nullptr;
       for (Cluster& cluster : clusters) {
-        const Candidate* last = cluster.members.back();
+        const ModeCandidate* last = cluster.members.back();
         if (last->pole.order == c.pole.order || !Near(*last, c, options)) continue;
         if (home == nullptr ||
             std::abs(last->pole.frequency - c.pole.frequency) <
@@ -225,10 +225,10 @@ DecayFit Eliminate(std::span<const DecaySignal> signals, std::vector<Complex> po
 }
 
 // The poles of the diagram, each stable one with the mode that it is nearest to.
-void AssignPoles(const std::vector<std::vector<Candidate>>& diagram, const ModalOptions& options,
-                 ModalFit* out) {
+void AssignPoles(const std::vector<std::vector<ModeCandidate>>& diagram,
+                 const ModalOptions& options, ModalFit* out) {
   for (const auto& row : diagram) {
-    for (const Candidate& c : row) {
+    for (const ModeCandidate& c : row) {
       StabilisationPole pole = c.pole;
       double nearest = 2.0 * options.frequency_tolerance;
       for (std::size_t k = 0; k < out->decay.modes.size() && pole.stable(); ++k) {

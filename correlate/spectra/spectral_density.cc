@@ -13,7 +13,7 @@ namespace unfurl::correlate {
 
 namespace {
 
-constexpr std::size_t kFewest = 8;  // samples of a segment
+constexpr std::size_t kFewestOfSegment = 8;  // samples of a segment
 
 // Squared correlation of two segments' spectra whose windows overlap with `lag` samples' shift.
 double OverlapCorrelation(std::span<const double> w, std::size_t lag) {
@@ -30,7 +30,7 @@ std::size_t SegmentLength(const DensityOptions& options, std::size_t longest) {
   const std::size_t n = options.segment != 0
                             ? options.segment
                             : static_cast<std::size_t>(static_cast<double>(longest) / 4.5);
-  return std::clamp(n, kFewest, longest);
+  return std::clamp(n, kFewestOfSegment, longest);
 }
 
 // Adds the windowed periodograms of one segment of both signals.
@@ -70,7 +70,7 @@ CrossSpectrum WelchCrossSpectrum(std::span<const double> t, std::span<const doub
   const std::vector<EvenStretch> stretches = EvenStretches(t);
   std::size_t longest = 0;
   for (const EvenStretch& s : stretches) longest = std::max(longest, s.count);
-  if (x.size() != t.size() || y.size() != t.size() || longest < kFewest) {
+  if (x.size() != t.size() || y.size() != t.size() || longest < kFewestOfSegment) {
     throw Error(fmt::format("densities of {} samples, {} without a gap", t.size(), longest),
                 "spectrum", "give at least 8 evenly spaced samples of both signals");
   }
