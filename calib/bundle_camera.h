@@ -5,14 +5,14 @@
 
 #include "calib/bundle.h"
 #include "calib/observations.h"
+#include "calib/parameters.h"
 
 namespace unfurl::calib {
 
 /// A camera as Ceres stores it: R_CW row by row, then p_WC, f, u0, e and the terms.
 inline constexpr int kTail = data::kCameraParameters - 3;  // what follows the rotation
 inline constexpr int kAmbient = 9 + kTail;                 // numbers of a camera so stored
-inline constexpr int kTerms = static_cast<int>(data::kLensTerms);
-inline constexpr int kFirst = kAmbient - kTerms;  // of the terms
+inline constexpr int kFirst = kAmbient - kTerms;           // of the terms
 using CameraBlock = std::array<double, kAmbient>;
 
 /// The optical axis meets the row near its middle: sensors are mounted so to within a few per cent.

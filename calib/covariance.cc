@@ -9,7 +9,6 @@
 namespace unfurl::calib {
 namespace {
 
-constexpr int kTerms = static_cast<int>(data::kLensTerms);
 using CameraColumns = Eigen::Matrix<double, data::kCameraParameters, 3>;
 
 void AddPrior(const CameraPrior& prior, Eigen::Ref<Eigen::MatrixXd> block) {

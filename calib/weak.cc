@@ -9,22 +9,21 @@
 #include "base/dense.h"
 #include "calib/covariance.h"
 #include "calib/initial_guess.h"
+#include "calib/parameters.h"
 #include "measure/camera_model.h"
 #include "measure/triangulate.h"
 
 namespace unfurl::calib {
 namespace {
 
-constexpr int kOfCamera = data::kCameraParameters;
-using Vector = Eigen::Matrix<double, kOfCamera, 1>;
-using Matrix = Eigen::Matrix<double, kOfCamera, kOfCamera>;
+using Vector = Eigen::Matrix<double, kParameters, 1>;
+using Matrix = Eigen::Matrix<double, kParameters, kParameters>;
 
 // What one would notice of a camera's parameters (weak.h): of rotation [rad], of place and of e
 // over the distance to the volume, of the image scale over itself, of offset and terms over the
 // row.
 constexpr double kRotation = 1e-3, kPlace = 3e-3, kCentres = 1.5e-3, kScale = 1e-3, kOffset = 1e-3,
                  kTerm = 5e-4;
-constexpr int kTerms = static_cast<int>(data::kLensTerms);
 constexpr double kPart = 0.15;       // share of a direction's square that is worth a word
 constexpr double kHarmless = 0.1;    // of the calibration's variance of points
 constexpr double kNearPlane = 0.25;  // least spread over the largest: below, more depth is advised
@@ -43,8 +42,8 @@ int DecimalsOf(double length) {
 // Of the camera that has most: those whose covariance is not that of what was held fixed.
 int MostFreeParameters(const data::Rig& rig) {
   Eigen::Index most = 0;
-  for (Eigen::Index first = 0; first < rig.covariance.rows(); first += kOfCamera) {
-    const auto variance = rig.covariance.diagonal().segment<kOfCamera>(first);
+  for (Eigen::Index first = 0; first < rig.covariance.rows(); first += kParameters) {
+    const auto variance = rig.covariance.diagonal().segment<kParameters>(first);
     most = std::max<Eigen::Index>(most, (variance.array() > 0.0).count());
   }
   return static_cast<int>(most);
@@ -130,7 +129,7 @@ std::vector<GridPoint> Grid(const data::Rig& rig) {
     GridPoint point;
     point.solution = triangulator.Solve(u, s, p, use);
     if (point.solution.outcome != measure::PointOutcome::kSolved) continue;
-    point.of_cameras.setZero(3, kOfCamera * static_cast<Eigen::Index>(cameras));
+    point.of_cameras.setZero(3, kParameters * static_cast<Eigen::Index>(cameras));
     for (std::size_t c = 0; c < cameras; ++c) {
       measure::Projection h;
       if ((point.solution.cameras >> c & 1U) == 0 || !measure::Project(rig.cameras[c], p, &h)) {
@@ -138,7 +137,7 @@ std::vector<GridPoint> Grid(const data::Rig& rig) {
       }
       const double floor = data::FloorOf(rig, c);
       const double w = 1.0 / (s[c] * s[c] + floor * floor);
-      point.of_cameras.middleCols(kOfCamera * static_cast<Eigen::Index>(c), kOfCamera) =
+      point.of_cameras.middleCols(kParameters * static_cast<Eigen::Index>(c), kParameters) =
           -w * point.solution.cov * h.du_dp.transpose() * h.du_dc;
     }
     out.push_back(std::move(point));
@@ -156,7 +155,7 @@ double ErrorRms(const std::vector<GridPoint>& grid, const Eigen::MatrixXd& covar
 
 std::string NameOf(const Vector& direction, int main_part, data::LensModel lens) {
   std::vector<std::pair<double, int>> parts;
-  for (int k = 0; k < kOfCamera; ++k) {
+  for (int k = 0; k < kParameters; ++k) {
     const double share = direction(k) * direction(k);
     if (share >= kPart || k == main_part) parts.push_back({-share, k});
   }
@@ -175,7 +174,7 @@ double CalibrationErrorRms(const data::Rig& rig) { return ErrorRms(Grid(rig), ri
 
 std::vector<WeakDirection> FindWeak(const data::Rig& rig, const std::vector<CameraPrior>& priors,
                                     const Eigen::MatrixXd& information) {
-  const Eigen::Index all_cameras = kOfCamera * static_cast<Eigen::Index>(priors.size());
+  const Eigen::Index all_cameras = kParameters * static_cast<Eigen::Index>(priors.size());
   const Eigen::MatrixXd covariance =
       CameraCovariance(information).topLeftCorner(all_cameras, all_cameras);
   const Eigen::MatrixXd prior_information = PriorInformation(priors);
@@ -183,7 +182,7 @@ std::vector<WeakDirection> FindWeak(const data::Rig& rig, const std::vector<Came
   const double all = ErrorRms(grid, rig.covariance);
   std::vector<WeakDirection> out;
   for (std::size_t j = 0; j < priors.size(); ++j) {
-    const auto first = kOfCamera * static_cast<Eigen::Index>(j);
+    const auto first = kParameters * static_cast<Eigen::Index>(j);
     const data::RigCamera& camera = rig.cameras[j];
     // Places in the camera's own directions, everything in units of what one would notice.
     Matrix turn = Matrix::Identity();
@@ -191,7 +190,7 @@ std::vector<WeakDirection> FindWeak(const data::Rig& rig, const std::vector<Came
     const double distance = (0.5 * (rig.volume_low + rig.volume_high) - camera.p_WC).norm();
     const Vector units = Units(camera, priors[j], distance);
     Matrix scaled = units.cwiseInverse().asDiagonal() * turn *
-                    covariance.block<kOfCamera, kOfCamera>(first, first) * turn.transpose() *
+                    covariance.block<kParameters, kParameters>(first, first) * turn.transpose() *
                     units.cwiseInverse().asDiagonal();
     for (int k = 0; k < kTerms; ++k) {
       if (!priors[j].Fixed(k)) continue;
@@ -199,7 +198,7 @@ std::vector<WeakDirection> FindWeak(const data::Rig& rig, const std::vector<Came
       scaled.col(data::kFirstTerm + k).setZero();
     }
     const Eigen::SelfAdjointEigenSolver<Matrix> eigen(scaled);
-    for (int k = kOfCamera - 1; k >= 0; --k) {
+    for (int k = kParameters - 1; k >= 0; --k) {
       const double width = std::sqrt(std::max(0.0, eigen.eigenvalues()(k)));
       if (width <= 1.0) break;
       const Vector v = eigen.eigenvectors().col(k);
@@ -214,10 +213,10 @@ std::vector<WeakDirection> FindWeak(const data::Rig& rig, const std::vector<Came
       // The rest of the rig follows as it is correlated with it.
       const Vector own = turn.transpose() * units.cwiseProduct(v);
       const Vector dual = turn.transpose() * v.cwiseQuotient(units);
-      const Eigen::VectorXd change = covariance.middleCols<kOfCamera>(first) * dual / width;
+      const Eigen::VectorXd change = covariance.middleCols<kParameters>(first) * dual / width;
       weak.by_prior = std::min(
           1.0, width * width *
-                   own.dot(prior_information.block<kOfCamera, kOfCamera>(first, first) * own));
+                   own.dot(prior_information.block<kParameters, kParameters>(first, first) * own));
       double squares = 0.0;
       for (const GridPoint& point : grid) squares += (point.of_cameras * change).squaredNorm();
       weak.point_rms = grid.empty() ? 0.0 : std::sqrt(squares / static_cast<double>(grid.size()));

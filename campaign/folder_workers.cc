@@ -18,7 +18,6 @@ namespace unfurl::campaign {
 
 namespace {
 
-using correlate::Job;
 using correlate::Prediction;
 
 constexpr std::chrono::seconds kBeat{5};
@@ -58,7 +57,6 @@ bool TakeNumber(std::string_view* from, T* value) {
   return true;
 }
 
-
 // Null: the trial has none.
 const correlate::Model* ModelOrNull(const correlate::FitTrial& trial,
                                     correlate::Fidelity fidelity) {
@@ -80,8 +78,7 @@ Prediction AnswerTo(const std::vector<const correlate::FitProblem*>& problems,
   }
   if (model == nullptr) {
     throw Error(fmt::format("question {} is of no model of this study", number), "--serve",
-                "use one version of this program for the fit and its workers",
-                ErrorKind::kMachine);
+                "use one version of this program for the fit and its workers", ErrorKind::kMachine);
   }
   return correlate::EvaluateChecked(*model, asked.theta, asked.stamps);
 }
@@ -95,13 +92,14 @@ std::uint64_t FirstNumber() {
 
 }  // namespace
 
-Heart::Heart(std::function<void()> beat) : beat_(std::move(beat)), thread_([this] {
-  std::unique_lock<std::mutex> lock(mutex_);
-  while (!ended_) {
-    beat_();
-    wake_.wait_for(lock, kBeat, [this] { return ended_; });
-  }
-}) {}
+Heart::Heart(std::function<void()> beat)
+    : beat_(std::move(beat)), thread_([this] {
+        std::unique_lock<std::mutex> lock(mutex_);
+        while (!ended_) {
+          beat_();
+          wake_.wait_for(lock, kBeat, [this] { return ended_; });
+        }
+      }) {}
 
 Heart::~Heart() {
   {
@@ -127,7 +125,7 @@ double FolderWorkers::MeanSeconds() const {
   return answers_ == 0 ? 0.0 : seconds_ / static_cast<double>(answers_.load());
 }
 
-std::string FolderWorkers::BytesOf(const Job& job) const {
+std::string FolderWorkers::BytesOf(const correlate::Job& job) const {
   for (std::size_t i = 0; i < problems_.size(); ++i) {
     const auto& trials = problems_[i]->trials;
     if (job.trial >= trials.size() || ModelOrNull(trials[job.trial], job.fidelity) != job.model) {
@@ -164,8 +162,7 @@ bool FolderWorkers::Read(std::uint64_t question, const Open& open, Prediction* a
   if (!TakeNumber(&from, &asked) || !TakeNumber(&from, &seconds) ||
       !correlate::ParseAnswer(from, answer)) {
     throw Error(fmt::format("answer {} is none", question), folder_.path(),
-                "use one version of this program for the fit and its workers",
-                ErrorKind::kMachine);
+                "use one version of this program for the fit and its workers", ErrorKind::kMachine);
   }
   if (asked != data::Checksum(open.bytes)) {  // of a fit that had this folder before
     *answer = {};
@@ -177,7 +174,7 @@ bool FolderWorkers::Read(std::uint64_t question, const Open& open, Prediction* a
   return true;
 }
 
-void FolderWorkers::Run(std::span<const Job> jobs,
+void FolderWorkers::Run(std::span<const correlate::Job> jobs,
                         const std::function<void(std::size_t, Prediction)>& done) {
   std::map<std::uint64_t, Open> open;
   for (std::size_t i = 0; i < jobs.size(); ++i) {

@@ -26,18 +26,20 @@ enum Stream : std::uint32_t {
   kOrder = 6,
 };
 
-[[noreturn]] void Refuse(const std::string& what, const std::string& remedy) {
+[[noreturn]] void RefuseDesign(const std::string& what, const std::string& remedy) {
   throw Error(what, "", remedy);
 }
 
 std::uint64_t GridSize(const DesignSpec& spec) {
   std::uint64_t size = 1;
   for (int level : spec.levels) {
-    if (level < 1) Refuse(fmt::format("a grid of {} levels", level), "give one level or more");
+    if (level < 1)
+      RefuseDesign(fmt::format("a grid of {} levels", level), "give one level or more");
     if (__builtin_mul_overflow(size, static_cast<std::uint64_t>(level), &size) ||
         size > kMostRuns) {
-      Refuse(fmt::format("a grid of {} dimensions with more than 2^63 points", spec.dimensions),
-             "give fewer levels, or take a Sobol design");
+      RefuseDesign(
+          fmt::format("a grid of {} dimensions with more than 2^63 points", spec.dimensions),
+          "give fewer levels, or take a Sobol design");
     }
   }
   return size;
@@ -45,26 +47,27 @@ std::uint64_t GridSize(const DesignSpec& spec) {
 
 void CheckSpec(const DesignSpec& spec) {
   if (spec.dimensions < 1) {
-    Refuse(fmt::format("a design of {} dimensions", spec.dimensions), "give one or more");
+    RefuseDesign(fmt::format("a design of {} dimensions", spec.dimensions), "give one or more");
   }
   if (spec.kind != DesignKind::kGrid && (spec.runs < 1 || spec.runs > kMostRuns)) {
-    Refuse(fmt::format("a design of {} runs", spec.runs), "give 1 to 2^63");
+    RefuseDesign(fmt::format("a design of {} runs", spec.runs), "give 1 to 2^63");
   }
   if (spec.blocks < 2 || spec.blocks > kMostBlocks) {
-    Refuse(fmt::format("a design of {} blocks", spec.blocks),
-           fmt::format("give 2 to {}", kMostBlocks));
+    RefuseDesign(fmt::format("a design of {} blocks", spec.blocks),
+                 fmt::format("give 2 to {}", kMostBlocks));
   }
   if (spec.morris_levels < 2 || spec.morris_levels % 2 != 0) {
-    Refuse(fmt::format("a Morris design of {} levels", spec.morris_levels),
-           "give an even number, 4 as a rule");
+    RefuseDesign(fmt::format("a Morris design of {} levels", spec.morris_levels),
+                 "give an even number, 4 as a rule");
   }
 }
 
 // Whole rows of `row` runs among the runs wanted.
 std::uint64_t WholeRows(const DesignSpec& spec, std::uint64_t row, const char* name) {
   if (spec.runs < row) {
-    Refuse(fmt::format("a {} design of {} runs for {} inputs", name, spec.runs, spec.dimensions),
-           fmt::format("give {} or more: a row is that long, and errors need many rows", row));
+    RefuseDesign(
+        fmt::format("a {} design of {} runs for {} inputs", name, spec.runs, spec.dimensions),
+        fmt::format("give {} or more: a row is that long, and errors need many rows", row));
   }
   return spec.runs / row * row;
 }
@@ -103,8 +106,9 @@ Design::Design(DesignSpec spec) : spec_(std::move(spec)), size_(spec_.runs) {
     case DesignKind::kGrid:
       if (spec_.levels.size() == 1) spec_.levels.assign(d, spec_.levels[0]);
       if (spec_.levels.size() != d) {
-        Refuse(fmt::format("a grid of {} inputs with {} numbers of levels", d, spec_.levels.size()),
-               "give one number for all, or one for each");
+        RefuseDesign(
+            fmt::format("a grid of {} inputs with {} numbers of levels", d, spec_.levels.size()),
+            "give one number for all, or one for each");
       }
       size_ = GridSize(spec_);
       break;
@@ -123,8 +127,8 @@ Design::Design(DesignSpec spec) : spec_(std::move(spec)), size_(spec_.runs) {
 
 void Design::Point(std::uint64_t index, std::span<double> u) const {
   if (index >= size_ || u.size() != static_cast<std::size_t>(spec_.dimensions)) {
-    Refuse(fmt::format("point {} in {} numbers", index, u.size()),
-           fmt::format("the design has {} points of {}", size_, spec_.dimensions));
+    RefuseDesign(fmt::format("point {} in {} numbers", index, u.size()),
+                 fmt::format("the design has {} points of {}", size_, spec_.dimensions));
   }
   switch (spec_.kind) {
     case DesignKind::kRandom: {
