@@ -176,8 +176,8 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
   solver.parameter_tolerance = 1e-12;
   solver.num_threads = 1;
   solver.logging_type = ceres::SILENT;
-  StopOnInterrupt stop;
-  solver.callbacks.push_back(&stop);
+  const std::unique_ptr<ceres::IterationCallback> stop = StopOnInterrupt();
+  solver.callbacks.push_back(stop.get());
   ceres::Solver::Summary report;
   const LogSilence silence;
   ceres::Solve(solver, &problem, &report);

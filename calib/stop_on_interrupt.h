@@ -1,18 +1,15 @@
 #pragma once
 
-#include <ceres/iteration_callback.h>
+#include <memory>
 
-#include "base/progress.h"
+namespace ceres {
+class IterationCallback;
+}
 
 namespace unfurl::calib {
 
 /// Ends a solver of Ceres when the user has interrupted; ThrowIfInterrupted() is to be called after
 /// it.
-class StopOnInterrupt : public ceres::IterationCallback {
- public:
-  ceres::CallbackReturnType operator()(const ceres::IterationSummary& /*summary*/) override {
-    return InterruptRequested() ? ceres::SOLVER_ABORT : ceres::SOLVER_CONTINUE;
-  }
-};
+std::unique_ptr<ceres::IterationCallback> StopOnInterrupt();
 
 }  // namespace unfurl::calib

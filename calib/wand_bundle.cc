@@ -81,8 +81,8 @@ class WandProblem {
     solver.initial_trust_region_radius = kRadius;
     solver.num_threads = 1;
     solver.logging_type = ceres::SILENT;
-    StopOnInterrupt stop;
-    solver.callbacks.push_back(&stop);
+    const std::unique_ptr<ceres::IterationCallback> stop = StopOnInterrupt();
+    solver.callbacks.push_back(stop.get());
     ceres::Solver::Summary report;
     const LogSilence silence;
     ceres::Solve(solver, &problem_, &report);

@@ -25,7 +25,8 @@ namespace fs = std::filesystem;
 using nlohmann::ordered_json;
 
 constexpr char kAbout[] = "fit.json", kBeat[] = "beat", kQuestions[] = "questions",
-               kTaken[] = "taken", kAnswers[] = "answers", kScript[] = "task.sh", kLog[] = "log-", kClock[] = "clock-";
+               kTaken[] = "taken", kAnswers[] = "answers", kScript[] = "task.sh", kLog[] = "log-",
+               kClock[] = "clock-";
 constexpr char kSchema[] = "unfurl/evaluations";
 std::string Name(std::uint64_t question) { return fmt::format("{:08}", question); }
 
@@ -225,9 +226,19 @@ void EvaluationFolder::Clear(bool keep_logs) const {
 }
 
 void EvaluationFolder::Close(bool keep_logs) const {
-  Clear(keep_logs);
-  std::error_code ignored;
-  fs::remove(path_, ignored);  // unless something is left
+  // A worker that looks at its clock meanwhile puts a file back; once it finds none of the rest it
+  // ends.
+  constexpr int kTries = 1000;
+  for (int k = 0; k < kTries; ++k) {
+    Clear(keep_logs);
+    std::error_code failed;
+    if (fs::remove(path_, failed)) return;
+    const std::vector<std::string> left = NamesIn(path_);
+    const auto comes_back = [](const std::string& name) {
+      return name == kBeat || name.rfind(kClock, 0) == 0;
+    };
+    if (std::none_of(left.begin(), left.end(), comes_back)) return;  // logs, or files of others
+  }
 }
 
 std::string EvaluationFolder::LogPath(const std::string& name) const {

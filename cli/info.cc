@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -33,6 +34,7 @@ void ListDatasets(const data::H5Reader& reader, ordered_json* sets,
                      {"shape", reader.Dims(path)},
                      {"units", reader.Units(path)},
                      {"description", reader.Description(path)}});
+    if (path.starts_with("/letters_")) continue;  // places of letters, of texts
     rows->push_back({path, DimsText(reader.Dims(path)), "[" + reader.Units(path) + "]",
                      reader.Description(path)});
   }
@@ -46,6 +48,28 @@ std::string ListQuantities(const std::string& path, ordered_json* list) {
   for (const data::Quantity& q : run.quantities()) {
     list->push_back({{"name", q.name}, {"units", q.units}, {"description", q.description}});
     rows.push_back({q.name, "[" + q.units + "]", q.description});
+  }
+  return AlignedTable(rows);
+}
+
+// The numbers of the whole run, where they stand in one table; those that are not known are left
+// out.
+std::string ListSummary(const data::H5Reader& file, ordered_json* list) {
+  if (!file.Has("/summary/name")) return "";
+  const std::vector<std::string> names = file.ReadStrings("/summary/name"),
+                                 units = file.ReadStrings("/summary/units"),
+                                 what = file.ReadStrings("/summary/description");
+  const std::vector<double> values = file.ReadDoubles("/summary/value");
+  if (units.size() != names.size() || what.size() != names.size() ||
+      values.size() != names.size()) {
+    file.Fail("is not as long as the others of its group", "/summary/value", "make the file again");
+  }
+  std::vector<std::vector<std::string>> rows = {{"number", "value", "unit", "what it is"}};
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    if (std::isnan(values[i])) continue;
+    list->push_back(
+        {{"name", names[i]}, {"value", values[i]}, {"units", units[i]}, {"description", what[i]}});
+    rows.push_back({names[i], fmt::format("{:.8g}", values[i]), "[" + units[i] + "]", what[i]});
   }
   return AlignedTable(rows);
 }
@@ -89,7 +113,10 @@ int InfoHdf5(const Common& common, const std::string& path) {
   summary["datasets"] = ordered_json::array();
   ListDatasets(reader, &summary["datasets"], &rows);
   text += AlignedTable(rows);
-  if (schema == data::kRunSchema) text += ListQuantities(path, &summary["quantities"]);
+  if (schema == data::kRunSchema) {
+    text += ListQuantities(path, &summary["quantities"]);
+    text += ListSummary(reader, &summary["numbers"]);
+  }
   Finish(common, summary, text);
   return kExitGood;
 }

@@ -14,6 +14,7 @@ namespace unfurl::measure {
 struct RecordSlip {
   std::string what;    ///< "the readings of cameras 'a' and 'b' are exchanged"; empty: none
   std::string remedy;  ///< what to write instead
+  /// Whether there is one.
   bool found() const { return !what.empty(); }
 };
 

@@ -118,7 +118,7 @@ class VerbFilesTest : public ProgramTest {
 
 TEST_F(VerbFilesTest, HelpListsTheVerbsAndTheirFiles) {
   EXPECT_GE(Verbs().size(), 12u);
-  EXPECT_EQ(OptionsOf("reconstruct").inputs.size(), 4u);
+  EXPECT_EQ(OptionsOf("reconstruct").inputs.size(), 5u);
   EXPECT_EQ(OptionsOf("reconstruct").outputs.size(), 4U);
   EXPECT_EQ(OptionsOf("convert").outputs.size(), 1u);
 }
