@@ -13,6 +13,7 @@
 #include <exception>
 #include <new>
 
+#include "base/conclusion.h"
 #include "base/crash.h"
 #include "base/error.h"
 #include "base/progress.h"
@@ -33,6 +34,7 @@ constexpr int kGrace = 700000;  // [us] for work to stop by itself
 constexpr std::size_t kPlaces = 64;
 
 volatile sig_atomic_t g_signal = 0;
+std::atomic<int> g_conclusions = 0;
 // Read by the handler. A path is never freed: the handler may be reading it.
 std::array<std::atomic<const char*>, kPlaces> g_temporaries{};
 
@@ -198,7 +200,10 @@ void RequestInterrupt() { g_signal = SIGINT; }
 
 void ClearInterrupt() { g_signal = 0; }
 
-bool InterruptRequested() { return g_signal != 0; }
+bool InterruptRequested() { return g_signal != 0 && g_conclusions == 0; }
+
+Conclusion::Conclusion() { ++g_conclusions; }
+Conclusion::~Conclusion() { --g_conclusions; }
 
 void ThrowIfInterrupted() {
   if (InterruptRequested()) throw Interrupted();

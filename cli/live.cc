@@ -9,6 +9,7 @@
 #include <memory>
 #include <optional>
 
+#include "base/conclusion.h"
 #include "base/error.h"
 #include "base/progress.h"
 #include "base/signals.h"
@@ -198,6 +199,7 @@ class Run {
 
   // What was held back comes out, and the last word.
   void Conclude(const std::string& why) {
+    const Conclusion conclusion;
     if (live_ && (live_->lines() > 0 || why.empty())) {
       live_->Finish(why.empty());
       json_.End(*live_, latency_, why);

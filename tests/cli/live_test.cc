@@ -243,7 +243,7 @@ TEST_F(LiveProgram, GivesUpOnASilentRecorder) {
 
 TEST_F(LiveProgram, EndsAtSignalsWithWholeLines) {
   for (const auto& [number, code] : {std::pair{SIGTERM, 143}, std::pair{SIGINT, 130}}) {
-    Beside program(Live(), folder_);
+    Beside program(Live({"--report", "live.html"}), folder_);
     program.Send(stream_.substr(0, stream_.size() / 2));
     program.Await("\"sample\"");
     const auto before = std::chrono::steady_clock::now();
@@ -252,9 +252,10 @@ TEST_F(LiveProgram, EndsAtSignalsWithWholeLines) {
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - before;
     EXPECT_EQ(outcome.code, code);
     RecordProperty("seconds", std::to_string(took.count()));
-    EXPECT_THAT(outcome.err, HasSubstr("interrupted"));
+    EXPECT_THAT(outcome.err, HasSubstr("interrupted after"));
     EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
-    EXPECT_FALSE(LinesOf(outcome.out).empty());
+    EXPECT_EQ(LinesOf(outcome.out).back()["why"], "interrupted");
+    EXPECT_THAT(Get("live.html"), HasSubstr("interrupted"));
   }
 }
 
