@@ -181,7 +181,7 @@ data::Survey RandomPlaces(const data::Lab& lab, const PlanOptions& options) {
 
 // Calibrates on what the cameras would read of the places, without noise. `data` has the cameras.
 PlannedRig PlanSurvey(data::Survey survey, const Look& look, const std::string& where,
-                      const PlanOptions& options, Observations data) {
+                      const PlanOptions& options, const Observations& data) {
   const auto cameras = static_cast<Eigen::Index>(data.cameras.size());
   survey.u_px.setConstant(survey.p.cols(), cameras, std::numeric_limits<double>::quiet_NaN());
   survey.s_px = survey.u_px;
@@ -227,7 +227,7 @@ PlannedRig PlanLab(const data::Lab& lab, const PlanOptions& options) {
     data.pitch.push_back(camera.sensor.pitch);
   }
   PlannedRig plan = PlanSurvey(options.survey ? *options.survey : RandomPlaces(lab, options), look,
-                               lab.path, options, std::move(data));
+                               lab.path, options, data);
   plan.sees = [look](std::size_t camera, const Eigen::Vector3d& p) {
     double u = 0.0;
     return look(camera, p, &u);
@@ -249,7 +249,7 @@ PlannedRig PlanRig(const data::Rig& rig, const PlanOptions& options) {
     data.cameras.push_back(camera.name);
     data.pixels.push_back(camera.pixels);
   }
-  PlannedRig plan = PlanSurvey(*options.survey, look, "the points", options, std::move(data));
+  PlannedRig plan = PlanSurvey(*options.survey, look, "the points", options, data);
   plan.sees = sees;
   plan.rig.volume_low = rig.volume_low;
   plan.rig.volume_high = rig.volume_high;
