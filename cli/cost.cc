@@ -2,12 +2,12 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
 #include "base/progress.h"
-#include "base/table.h"
 #include "base/text.h"
 #include "cli/cost_page.h"
 #include "cli/cost_study.h"
@@ -39,88 +39,142 @@ std::string Misplaced(const CLI::App& app, std::initializer_list<const char*> op
   return {};
 }
 
-ordered_json PointJson(const correlate::CostPoint& p) {
+// Null for what is not finite.
+ordered_json NumberJson(double value) {
+  return std::isfinite(value) ? ordered_json(value) : ordered_json();
+}
+
+ordered_json LineJson(const study::SceneCost& cost, int k) {
+  const study::CostLine& line = cost.lines[static_cast<std::size_t>(k)];
+  ordered_json out = {{"name", line.quantity.name},
+                      {"unit", line.quantity.unit},
+                      {"scale", line.scale},
+                      {"settled", line.settled},
+                      {"reference_error", NumberJson(line.reference_error)}};
+  for (const double target : study::kCostTargets) {
+    const study::CostPoint* best = study::Cheapest(cost, target, k);
+    out["cheapest"].push_back(
+        {{"error", target},
+         {"setting", best == nullptr ? ordered_json() : ordered_json(best - cost.points.data())}});
+  }
+  return out;
+}
+
+ordered_json PointJson(const study::SceneCost& cost, const study::CostPoint& p) {
   ordered_json point = {{"method", p.setting.method}, {"rtol", p.setting.tolerance}};
-  if (p.setting.mesh > 0) point["segments"] = p.setting.mesh;
+  if (!p.setting.beams.empty()) point["beams"] = p.setting.beams;
+  if (p.setting.segments > 0) point["segments"] = p.setting.segments;
+  if (p.setting.order > 0) point["order"] = p.setting.order;
+  point["set"] = p.setting.set;
   point["usable"] = p.usable;
-  if (p.usable) {
-    point["seconds"] = p.seconds;
-    point["rms"] = p.rms;
-    point["largest"] = p.largest;
-    point["on_front"] = p.on_front;
-  } else {
+  if (!p.usable) {
     point["message"] = p.message;
+    return point;
+  }
+  point["seconds"] = p.seconds;
+  point["scatter"] = p.scatter;
+  point["runs"] = p.runs;
+  if (p.worst >= 0) {
+    point["worst"] = cost.lines[static_cast<std::size_t>(p.worst)].quantity.name;
+    point["rms"] = NumberJson(p.rms);
+    point["largest"] = NumberJson(p.largest);
+    point["on_front"] = p.on_front;
+  }
+  for (std::size_t l = 0; l < p.errors.size(); ++l) {
+    if (!cost.lines[l].settled) continue;
+    point["errors"][cost.lines[l].quantity.name] = {{"rms", NumberJson(p.errors[l].rms)},
+                                                    {"largest", NumberJson(p.errors[l].largest)},
+                                                    {"bound", p.errors[l].bound}};
   }
   return point;
 }
 
+ordered_json CostJson(const std::string& scene, const study::SceneCost& cost) {
+  ordered_json json = {{"scene", scene},
+                       {"duration", cost.duration},
+                       {"seconds", cost.seconds},
+                       {"reference", cost.reference},
+                       {"advice", study::CostAdvice(cost)},
+                       {"left_out", cost.left_out},
+                       {"absent", cost.absent},
+                       {"refused", cost.refused},
+                       {"lines", ordered_json::array()},
+                       {"settings", ordered_json::array()}};
+  for (std::size_t l = 0; l < cost.lines.size(); ++l) {
+    json["lines"].push_back(LineJson(cost, static_cast<int>(l)));
+  }
+  for (const study::CostPoint& p : cost.points) json["settings"].push_back(PointJson(cost, p));
+  return json;
+}
+
 int Run(const Common& common, const Arguments& arguments) {
   const data::Scene scene = data::ReadScene(arguments.scene, arguments.sets);
+  study::SceneCostOptions options = arguments.cost;
+  options.workers = arguments.study.workers;
+  if (!arguments.within.empty()) options.within = TimeOption(arguments.within);
   study::SceneCost cost;
   {
     Progress progress("cost", !common.quiet);
-    cost = study::StudySceneCost(
-        scene, arguments.cost,
-        [&](double part, const std::string& setting) { progress.Update(part, setting); });
+    cost = study::StudySceneCost(scene, options, [&](double part, const std::string& setting) {
+      progress.Update(part, setting);
+    });
   }
-  const correlate::CostStudy& study = cost.study;
-  const std::vector<std::string> advice = correlate::CostAdvice(study);
-  ordered_json json = {{"scene", arguments.scene},
-                       {"duration", cost.duration},
-                       {"reference", study.reference.Name()},
-                       {"advice", advice}};
-  if (study.floor >= 0.0) json["floor"] = study.floor;
-  for (const correlate::CostPoint& p : study.points) json["settings"].push_back(PointJson(p));
-  std::string text = fmt::format("{}: {:g} s of \"{}\"; the cheapest setting for an error of\n",
-                                 arguments.scene, cost.duration, scene.name);
-  for (const std::string& line : advice) text += "  " + line + "\n";
-  text += AlignedTable(CostRows(study));
-  text += fmt::format(
-      "(errors: distance of the worst mark from the reference run, {}, relative to its "
-      "range of motion; best: no other setting is both faster and more accurate)\n",
-      study.reference.Name());
-  if (study.floor >= 0.0) {
-    text += fmt::format("the finest run of method {} differs from it by {:.1e}\n",
-                        study.second.method, study.floor);
+  if (!cost.problem.empty()) {
+    return NotUsable(arguments.scene, cost.problem + "; give --within more");
   }
+  ordered_json json = CostJson(arguments.scene, cost);
+  std::string text = CostText(arguments.scene, scene.name, cost);
   if (!arguments.report.empty()) {
     data::Provenance provenance = StartProvenance(common);
     for (const std::string& file : scene.files) provenance.AddInput(file);
-    WriteCostPage(arguments.report, scene.name, study, provenance);
+    WriteCostPage(arguments.report, scene.name, cost, provenance);
     json["report"] = arguments.report;
   }
   Finish(common, json, text);
   return cost.Usable() ? kExitGood
-                       : NotUsable(arguments.scene, "no run came to its end; the table says why");
+                       : NotUsable(arguments.scene,
+                                   "nothing can be said of any setting; the table "
+                                   "says why");
 }
 
 }  // namespace
 
 Verb AddCost(CLI::App& program, Common& common) {
-  Verb verb = DeclareVerb(program, common, "cost",
-                          "Run time against accuracy: of a scene, or of a study's intervals",
-                          "unfurl cost scene.toml --segments 4,8,16 --report cost.html");
+  Verb verb = DeclareVerb(
+      program, common, "cost", "Run time against accuracy: of a scene, or of a study's intervals",
+      "unfurl cost scene.toml --quantity joint1.theta --within 60s --report cost.html");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
   auto arguments = std::make_shared<Arguments>();
   files
       .Read("INPUT", &arguments->scene,
-            "A scene: tolerances, methods, meshes; a study: rungs, tolerance, horizon, starts, "
+            "A scene: tolerances, methods, meshes, models of beams; a study: rungs, tolerance, "
+            "horizon, starts, "
             "marks, each fitted (TOML)")
       ->required();
   files.Overrides(&arguments->sets, "Overrides a key of the scene or study (repeatable)");
-  app->add_option("--methods", arguments->cost.methods,
-                  "Of a scene: methods to compare; the first makes the finest run, the second "
-                  "checks it")
+  app->add_option(
+         "--quantity", arguments->cost.quantities,
+         "Of a scene: what is judged, by name, * and ? standing for letters (repeatable): a "
+         "mark, joint1.theta, joint1.latch_time, joint1.peak_moment, EVENT.time, frequency.1 "
+         "(default: marks, joints, latch and event times, peak loads)")
+      ->delimiter(',')
+      ->type_name("NAMES");
+  app->add_option("--methods", arguments->cost.methods, "Of a scene: methods to compare")
       ->delimiter(',')
       ->capture_default_str()
       ->type_name("NAMES");
-  app->add_option("--rtol", arguments->cost.tolerances, "Of a scene: tolerances")
-      ->delimiter(',')
-      ->capture_default_str();
+  app->add_option("--rtol", arguments->cost.tolerances,
+                  "Of a scene: tolerances (default: from 1e-2 to 1e-6, of beams until the mesh is "
+                  "what is left)")
+      ->delimiter(',');
   app->add_option("--segments", arguments->cost.segments,
-                  "Of a scene: meshes, so many segments for every beam of segments (default: the "
-                  "scene's)")
+                  "Of a scene: meshes, so many segments for every beam (default, without --order: "
+                  "half of the scene's, as many, twice as many)")
+      ->delimiter(',');
+  app->add_option(
+         "--order", arguments->cost.orders,
+         "Of a scene: smooth beams with so many shapes (default, without --segments: 1 to 4)")
       ->delimiter(',');
   app->add_option("--duration", arguments->cost.duration,
                   "Of a scene: seconds to simulate (default: its own)");
@@ -129,18 +183,20 @@ Verb AddCost(CLI::App& program, Common& common) {
          "Of a study: what to vary: " + JoinWords(study::StudyCostKinds()) + " (default: all)")
       ->delimiter(',')
       ->type_name("NAMES");
-  app->add_option("--within", arguments->within,
-                  "Of a study: begin no further fit after this time, such as 5min")
+  app->add_option(
+         "--within", arguments->within,
+         "Of a scene: CPU time that all runs together may take, such as 60s; of a study: begin no "
+         "further fit after this time")
       ->type_name("TIME");
   app->add_option("--workers", arguments->study.workers,
-                  "Of a study: simulations at a time (default: one per core)");
+                  "Simulations at a time (default: one per core)");
   AddAllowPrograms(app, &arguments->study.allow_programs);
   files.Page(&arguments->report, "Also write a page with pictures (HTML)");
   verb.run = [&common, arguments, app] {
     const bool study = data::KindOf(arguments->scene) == "study";
-    const std::string misplaced =
-        study ? Misplaced(*app, {"--methods", "--rtol", "--segments", "--duration"})
-              : Misplaced(*app, {"--vary", "--within", "--workers", "--allow-programs"});
+    const std::string misplaced = study ? Misplaced(*app, {"--quantity", "--methods", "--rtol",
+                                                           "--segments", "--order", "--duration"})
+                                        : Misplaced(*app, {"--vary", "--allow-programs"});
     if (!misplaced.empty()) {
       throw Error(study ? "is for a scene, and this is a study"
                         : "is for a study, and this is a "

@@ -3,57 +3,138 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 
+#include "base/table.h"
+#include "base/text.h"
 #include "report/page.h"
 
 namespace unfurl::cli {
+namespace {
 
-std::vector<std::vector<std::string>> CostRows(const correlate::CostStudy& study) {
-  std::vector<std::vector<std::string>> rows = {
-      {"method", "rtol", "segments", "seconds", "RMS error [%]", "largest [%]", "best"}};
-  for (const correlate::CostPoint& p : study.points) {
-    const std::string mesh = p.setting.mesh > 0 ? fmt::format("{}", p.setting.mesh) : "-";
+using study::CostError;
+using study::CostLine;
+using study::CostPercent;
+using study::CostPoint;
+using study::SceneCost;
+using TextTable = std::vector<std::vector<std::string>>;
+
+constexpr char kLinesNote[] =
+    "Scale: what errors are parts of: the range of motion, the magnitude of a number. Known to: "
+    "how "
+    "well the reference is known, of that. Then the cheapest setting, by its number, for a "
+    "root-mean-square error of so much, that of the reference added.";
+constexpr char kSettingsNote[] =
+    "CPU: the thread's own, the median of its runs, with its standard error. Errors are of the "
+    "worst line, '<' where the reference is not known well enough to say more. Best: no other is "
+    "both faster and more accurate.";
+
+std::string CpuText(const CostPoint& p) {
+  return p.scatter > 0.0 ? fmt::format("{:.3g} +- {:.1g}", p.seconds, p.scatter)
+                         : fmt::format("{:.3g}", p.seconds);
+}
+
+std::string ErrorText(const CostError& e) {
+  return (e.bound && std::isfinite(e.rms) ? "< " : "") + CostPercent(e.rms);
+}
+
+TextTable LineRows(const SceneCost& cost) {
+  TextTable rows = {{"line", "scale", "known to"}};
+  for (const double target : study::kCostTargets) rows[0].push_back(CostPercent(target));
+  for (std::size_t l = 0; l < cost.lines.size(); ++l) {
+    const CostLine& line = cost.lines[l];
     std::vector<std::string> row = {
-        p.setting.method, fmt::format("{:g}", p.setting.tolerance), mesh, "-", "-", "-", p.message};
-    if (p.usable) {
-      row[3] = fmt::format("{:.4g}", p.seconds);
-      row[4] = fmt::format("{:.3g}", 100.0 * p.rms);
-      row[5] = fmt::format("{:.3g}", 100.0 * p.largest);
-      row[6] = p.on_front ? "yes" : "";
+        line.quantity.name,
+        fmt::format("{:.4g}{}", line.scale,
+                    line.quantity.unit == "1" ? "" : " " + line.quantity.unit),
+        line.settled ? CostPercent(line.reference_error) : "not known"};
+    for (const double target : study::kCostTargets) {
+      const CostPoint* best =
+          line.settled ? study::Cheapest(cost, target, static_cast<int>(l)) : nullptr;
+      row.push_back(best == nullptr ? "-"
+                                    : fmt::format("#{}, {:.3g} s", best - cost.points.data() + 1,
+                                                  best->seconds));
     }
     rows.push_back(std::move(row));
   }
   return rows;
 }
 
-void WriteCostPage(const std::string& path, const std::string& scene,
-                   const correlate::CostStudy& study, const data::Provenance& provenance) {
-  report::Page page("What accuracy costs", scene);
-  const std::vector<std::string> advice = correlate::CostAdvice(study);
-  std::vector<std::string> details(advice.begin() + 1, advice.end());
-  details.push_back(
-      fmt::format("Errors are distances of the marks from the finest run ({}), over "
-                  "the range of each mark's motion; the worst mark counts.",
-                  study.reference.Name()));
-  if (study.floor >= 0.0) {
-    details.push_back(
-        fmt::format("A second finest run ({}) differs from it by {:.2e}: errors below "
-                    "a few of that are not resolved.",
-                    study.second.Name(), study.floor));
+// Those that the lines name.
+std::vector<bool> Named(const SceneCost& cost) {
+  std::vector<bool> named(cost.points.size(), false);
+  for (std::size_t l = 0; l < cost.lines.size(); ++l) {
+    for (const double target : study::kCostTargets) {
+      if (!cost.lines[l].settled) continue;
+      const CostPoint* best = study::Cheapest(cost, target, static_cast<int>(l));
+      if (best != nullptr) named[static_cast<std::size_t>(best - cost.points.data())] = true;
+    }
   }
-  page.AddWords(report::Level::kGood, "For an error of " + advice.front(), details);
+  return named;
+}
+
+// `all`: else what the lines name.
+TextTable SettingRows(const SceneCost& cost, bool all) {
+  const std::vector<bool> named = Named(cost);
+  TextTable rows = {{"beams", "method", "rtol", "#", "CPU [s]", "error", "largest", "in", "best"}};
+  for (const CostPoint& p : cost.points) {
+    const auto at = static_cast<std::size_t>(&p - cost.points.data());
+    if (!all && !named[at]) continue;
+    std::vector<std::string> row = {p.setting.beams.empty() ? "-" : p.setting.beams,
+                                    p.setting.method, fmt::format("{:g}", p.setting.tolerance),
+                                    fmt::format("{}", at + 1)};
+    if (!p.usable || p.worst < 0) {
+      row.insert(row.end(), {p.seconds > 0.0 ? CpuText(p) : "-", "-", "-",
+                             p.usable ? "" : p.message, "no result"});
+    } else {
+      const auto worst = static_cast<std::size_t>(p.worst);
+      row.insert(row.end(), {CpuText(p), ErrorText(p.errors[worst]), CostPercent(p.largest),
+                             cost.lines[worst].quantity.name, p.on_front ? "yes" : ""});
+    }
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+// "#3: --set ..", of those that the lines name.
+std::vector<std::string> SetLines(const SceneCost& cost) {
+  const std::vector<bool> named = Named(cost);
+  std::vector<std::string> out;
+  for (std::size_t k = 0; k < named.size(); ++k) {
+    if (!named[k]) continue;
+    out.push_back(fmt::format("#{}: {}", k + 1, cost.points[k].setting.SetText()));
+  }
+  return out;
+}
+
+report::Table PageTable(const std::string& title, const std::string& note, const TextTable& rows,
+                        std::vector<int> text_columns) {
+  report::Table table;
+  table.title = title;
+  table.note = note;
+  table.header = rows[0];
+  table.rows.assign(rows.begin() + 1, rows.end());
+  table.text_columns = std::move(text_columns);
+  return table;
+}
+
+// Error against CPU of one line: a curve for each mesh and method.
+void AddLineChart(report::Page* page, const SceneCost& cost, std::size_t l) {
   report::Chart chart;
-  chart.title = "Error against time";
-  chart.note = "Down and left is better. One curve per method and mesh, from loose to tight.";
-  chart.x = {"computing", "s", true};
-  chart.y = {"RMS error", "%", true};
+  chart.title = "Error of " + cost.lines[l].quantity.name + " against CPU time";
+  chart.note = "Down and left is better. The dashes: how well the reference is known.";
+  chart.x = {"CPU time", "s", true};
+  chart.y = {"RMS error, of its scale", "%", true};
   std::map<std::string, std::vector<std::pair<double, double>>> curves;
-  for (const correlate::CostPoint& p : study.points) {
-    if (!p.usable) continue;
-    std::string name = p.setting.method;
-    if (p.setting.mesh > 0) name += fmt::format(", {} segments", p.setting.mesh);
-    curves[name].push_back({p.seconds, 100.0 * p.rms});
+  double first = HUGE_VAL, last = 0.0;
+  for (const CostPoint& p : cost.points) {
+    if (!p.usable || !std::isfinite(p.errors[l].rms)) continue;
+    const std::string name =
+        p.setting.beams.empty() ? p.setting.method : p.setting.beams + "; " + p.setting.method;
+    curves[name].push_back({p.seconds, 100.0 * p.errors[l].rms});
+    first = std::min(first, p.seconds);
+    last = std::max(last, p.seconds);
   }
   for (auto& [name, points] : curves) {
     std::sort(points.begin(), points.end());
@@ -66,14 +147,51 @@ void WriteCostPage(const std::string& path, const std::string& scene,
     }
     chart.series.push_back(std::move(series));
   }
-  page.AddChart(chart);
-  report::Table table;
-  table.title = "Every setting";
-  const auto rows = CostRows(study);
-  table.header = rows[0];
-  table.rows.assign(rows.begin() + 1, rows.end());
-  table.text_columns = {0, 6};
-  page.AddTable(table);
+  if (last > first && cost.lines[l].reference_error > 0.0) {
+    const double known = 100.0 * cost.lines[l].reference_error;
+    chart.series.push_back(
+        {"reference", {first, last}, {known, known}, {}, report::Style::kDashes});
+  }
+  if (!chart.series.empty()) page->AddChart(chart);
+}
+
+}  // namespace
+
+std::string CostText(const std::string& path, const std::string& name, const SceneCost& cost) {
+  std::string text = fmt::format("{}: {:g} s of \"{}\", {} settings in {:.3g} s of CPU\n", path,
+                                 cost.duration, name, cost.points.size(), cost.seconds);
+  for (const std::string& line : study::CostAdvice(cost)) text += "  " + line + "\n";
+  text += AlignedTable(LineRows(cost));
+  text += fmt::format("({})\n", kLinesNote);
+  for (const std::string& line : SetLines(cost)) text += "  " + line + "\n";
+  constexpr std::size_t kMostRows = 24;  // of a table that a terminal shows whole
+  const bool all = cost.points.size() <= kMostRows;
+  text += AlignedTable(SettingRows(cost, all));
+  text += fmt::format("({}{})\n", kSettingsNote, all ? "" : " All settings: --report, --json.");
+  text += "reference: " + cost.reference + "\n";
+  for (const std::string& why : cost.refused) text += "not run: " + why + "\n";
+  if (!cost.absent.empty()) text += "not judged: " + JoinWords(cost.absent) + "\n";
+  if (cost.left_out > 0) {
+    text += fmt::format("{} settings were left out for lack of time (--within)\n", cost.left_out);
+  }
+  return text;
+}
+
+void WriteCostPage(const std::string& path, const std::string& scene, const SceneCost& cost,
+                   const data::Provenance& provenance) {
+  report::Page page("What accuracy costs", scene);
+  const std::vector<std::string> advice = study::CostAdvice(cost);
+  page.AddWords(cost.Usable() ? report::Level::kGood : report::Level::kBad, advice.front(),
+                {advice.begin() + 1, advice.end()});
+  page.AddTable(PageTable("Line by line", kLinesNote, LineRows(cost), {0, 1, 3, 4, 5}));
+  page.AddWords(report::Level::kNeutral, "As overrides", SetLines(cost));
+  for (std::size_t l = 0; l < cost.lines.size(); ++l) {
+    if (cost.lines[l].settled) AddLineChart(&page, cost, l);
+  }
+  page.AddTable(PageTable("Every setting", kSettingsNote, SettingRows(cost, true), {0, 1, 7, 8}));
+  std::vector<std::string> left_out = cost.refused;
+  left_out.insert(left_out.end(), cost.absent.begin(), cost.absent.end());
+  page.AddWords(report::Level::kNeutral, "Compared with " + cost.reference, left_out);
   page.AddOrigin(provenance);
   page.Write(path);
 }

@@ -1,17 +1,19 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
-#include "correlate/fit/cost.h"
 #include "data/provenance.h"
+#include "study/scene_cost.h"
 
 namespace unfurl::cli {
 
-// The page of `unfurl cost`: the advice, error against time, every setting.
-void WriteCostPage(const std::string& path, const std::string& scene,
-                   const correlate::CostStudy& study, const data::Provenance& provenance);
+/// Text of `unfurl cost SCENE`: the cheapest settings for every line, advice, every setting.
+std::string CostText(const std::string& path, const std::string& name,
+                     const study::SceneCost& cost);
 
-// Rows for a table of settings, header first.
-std::vector<std::vector<std::string>> CostRows(const correlate::CostStudy& study);
+/// Its page: the same with error against CPU time, a chart for each line.
+void WriteCostPage(const std::string& path, const std::string& scene, const study::SceneCost& cost,
+                   const data::Provenance& provenance);
 
 }  // namespace unfurl::cli

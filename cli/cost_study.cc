@@ -21,18 +21,6 @@ namespace {
 using nlohmann::ordered_json;
 using TextTable = std::vector<std::vector<std::string>>;
 
-// "60s", "5min", "2h" or a bare number of seconds [s].
-double Seconds(const std::string& text) {
-  const std::size_t end = text.find_first_not_of("0123456789.");
-  const std::string unit = end == std::string::npos ? "s" : text.substr(end);
-  double value = 0.0;
-  const double factor = unit == "s" ? 1.0 : unit == "min" ? 60.0 : unit == "h" ? 3600.0 : 0.0;
-  if (!ParseDouble(text.substr(0, end), &value) || factor == 0.0 || !(value > 0.0)) {
-    throw Error("'" + text + "' is no time", "--within", "write 60s, 5min or 1h, say");
-  }
-  return value * factor;
-}
-
 TextTable Rows(const study::StudyCost& cost) {
   TextTable rows = {{"what", "setting", "CPU [s]"}};
   for (std::size_t j = 0; j < cost.parameters.size(); ++j) {
@@ -141,9 +129,20 @@ void WritePage(const Common& common, const CostStudyArguments& a, const study::S
 
 }  // namespace
 
+double TimeOption(const std::string& text) {
+  const std::size_t end = text.find_first_not_of("0123456789.");
+  const std::string unit = end == std::string::npos ? "s" : text.substr(end);
+  double value = 0.0;
+  const double factor = unit == "s" ? 1.0 : unit == "min" ? 60.0 : unit == "h" ? 3600.0 : 0.0;
+  if (!ParseDouble(text.substr(0, end), &value) || factor == 0.0 || !(value > 0.0)) {
+    throw Error("'" + text + "' is no time", "--within", "write 60s, 5min or 1h, say");
+  }
+  return value * factor;
+}
+
 int RunCostStudy(const Common& common, const CostStudyArguments& a) {
   study::StudyCostOptions options = a.cost;
-  if (!a.within.empty()) options.within = Seconds(a.within);
+  if (!a.within.empty()) options.within = TimeOption(a.within);
   study::StudyCost cost;
   try {
     Progress progress("cost", !common.quiet);

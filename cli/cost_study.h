@@ -16,6 +16,9 @@ struct CostStudyArguments {
   study::StudyCostOptions cost;
 };
 
+/// --within: "60s", "5min", "2h" or a bare number of seconds [s]. Throws Error for no time.
+double TimeOption(const std::string& text);
+
 /// The exit code.
 int RunCostStudy(const Common& common, const CostStudyArguments& arguments);
 

@@ -3,153 +3,322 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <map>
+#include <utility>
 
+#include "base/cpu_time.h"
 #include "base/error.h"
-#include "base/statistics.h"
+#include "base/worker_pool.h"
 #include "sim/methods/simulate.h"
-#include "sim/model/model.h"
+#include "study/cost_bench.h"
+#include "study/cost_reference.h"
 
 namespace unfurl::study {
 namespace {
 
 // The reference's tolerance, of the tightest asked: its own error is then below 1% of any other's.
 constexpr double kFiner = 0.01;
-// Its mesh, times the finest asked: of second order, so that three quarters of the error show.
-constexpr int kFinerMesh = 2;
 constexpr double kTightest = 1e-12;  // that rounding lets a run of some 1e5 steps keep [-]
-constexpr int kRepeats = 3;          // of a short run: the median is not moved by what else ran
+constexpr double kPlainTolerances[] = {1e-2, 1e-3, 1e-4, 1e-5, 1e-6};
+// A tighter tolerance no longer counts where it changes less than this part of what is left.
+constexpr double kNoLongerCounts = 0.1;
+// Ranges below this part of the widest of a kind are measured by that one: what is to stand still
+// has no range to be right to a part of.
+constexpr double kStill = 1e-3;
+// The reference is to be known so much better than what it judges: d + u is then within 1 and 1.25
+// times the error, which is between d - u and d + u, as (9 + 1) / (9 - 1) = 1.25.
+constexpr double kKnownBetter = 9.0;
+constexpr int kMostExtensions = 3;    // of the reference: meshes eight times as fine
+constexpr double kOfReference = 0.5;  // of a budget, that the reference may take
+constexpr double kFirstLimit = 1.0;   // that every run may take, however quick the reference [s]
 
-class CostRuns {
+class CostStudy {
  public:
-  CostRuns(const data::Scene& scene, const SceneCostOptions& options, double duration,
-           const std::function<void(double, const std::string&)>& progress)
-      : scene_(scene), options_(options), duration_(duration), progress_(progress) {}
-
-  correlate::CostStudy Run() {
-    const std::vector<correlate::CostSetting> settings = Settings();
-    total_ = static_cast<double>(settings.size()) + 2.0;
-    const correlate::CostSetting finest = Finest(0);
-    const correlate::CostRun reference = Measure(finest, 1);
-    if (!reference.usable) {
-      throw Error(fmt::format("the finest run ({}) fails: {}", finest.Name(), reference.message),
-                  scene_.path, "shorten --duration, or try other --methods");
+  CostStudy(const data::Scene& scene, const SceneCostOptions& options, double duration,
+            const std::function<void(double, const std::string&)>& progress)
+      : options_(options),
+        progress_(progress),
+        start_(CpuSeconds()),
+        meshes_(MeshesOf(scene, options.segments, options.orders)),
+        bench_(scene, CostQuantities(scene, options.quantities), duration, options.samples,
+               start_ + options.within),
+        tolerances_(options.tolerances) {
+    if (tolerances_.empty()) {
+      tolerances_.assign(std::begin(kPlainTolerances), std::end(kPlainTolerances));
     }
-    correlate::CostRun second;
-    if (options_.methods.size() > 1) second = Measure(Finest(1), 1);
-    std::vector<correlate::CostRun> runs;
-    runs.reserve(settings.size());
-    for (const correlate::CostSetting& s : settings) runs.push_back(Measure(s, kRepeats));
-    return correlate::StudyCost(runs, reference, &second);
+    const double tightest = *std::min_element(tolerances_.begin(), tolerances_.end());
+    reference_ = std::make_unique<CostReference>(bench_, scene, meshes_,
+                                                 std::max(kTightest, kFiner * tightest));
+    for (std::size_t m = 0; m < meshes_.asked.size(); ++m) {
+      for (const std::string& method : options.methods) chains_.push_back({m, method});
+    }
+  }
+
+  SceneCost Run() {
+    SceneCost out;
+    out.duration = bench_.duration();
+    reference_->Make(options_.workers, kOfReference * options_.within, progress_);
+    out.problem = reference_->problem();
+    if (out.problem.empty()) {
+      FindLines(&out);
+      MakeTight();
+      for (std::size_t k = 0; k < tolerances_.size(); ++k) Wave(k);
+      for (int k = 0; k < kMostExtensions && !Resolved(); ++k) {
+        // As much again as all has taken; of a budget what is left.
+        const double left = start_ + options_.within - CpuSeconds();
+        if (!reference_->Extend(std::min(left, spent_ + reference_->seconds()), progress_)) break;
+        FindLines(&out);
+      }
+      Judge(&out);
+    }
+    out.reference = reference_->Words();
+    out.seconds = CpuSeconds() - start_;
+    return out;
   }
 
  private:
-  std::vector<correlate::CostSetting> Settings() const {
-    const std::vector<int> meshes =
-        options_.segments.empty() ? std::vector<int>{0} : options_.segments;
-    std::vector<correlate::CostSetting> settings;
-    for (const std::string& method : options_.methods) {
-      for (const int mesh : meshes) {
-        for (const double rtol : options_.tolerances) settings.push_back({method, rtol, mesh});
+  // A mesh and method, at one tolerance after the other.
+  struct Chain {
+    std::size_t mesh;
+    std::string method;
+    std::vector<CostOutcome> runs{};  // by tolerance, from the first on
+    bool ended = false;               // a tighter one does not count
+  };
+
+  // Each mesh without an error of time stepping, to see when a tighter tolerance no longer counts.
+  void MakeTight() {
+    tight_.resize(meshes_.asked.size());
+    if (!options_.tolerances.empty() || meshes_.asked[0].words.empty()) return;
+    ParallelFor(tight_.size(), options_.workers, [&](std::size_t m) {
+      const CostOutcome* made = reference_->RunOn(meshes_.asked[m]);
+      const double left = start_ + options_.within - CpuSeconds();
+      const double limit = std::min(Limit(), kOfReference * left);
+      tight_[m] = made != nullptr
+                      ? *made
+                      : bench_.Run(meshes_.asked[m], "auto", reference_->rtol(), {limit, 0.0});
+    });
+    for (const CostOutcome& run : tight_) spent_ += run.seconds;
+  }
+
+  // What is slower than the finer runs of the reference is no setting for anybody [s].
+  double Limit() const { return std::max(kFirstLimit, reference_->seconds()); }
+
+  CostDistance Apart(const CostOutcome& run, std::size_t q) const {
+    return DistanceOf(bench_.OnClock(run, q, reference_->clock()), reference_->limits()[q].values);
+  }
+
+  // The next tolerance of every chain, in any order.
+  void Wave(std::size_t tolerance) {
+    std::vector<Chain*> active;
+    for (Chain& chain : chains_) {
+      if (!chain.ended && chain.runs.size() == tolerance) active.push_back(&chain);
+    }
+    // The quickest first, so that a budget holds as many as it can.
+    std::stable_sort(active.begin(), active.end(), [](const Chain* a, const Chain* b) {
+      return (a->runs.empty() ? 0.0 : a->runs.back().seconds) <
+             (b->runs.empty() ? 0.0 : b->runs.back().seconds);
+    });
+    std::atomic<std::size_t> done = 0;
+    const double waves = static_cast<double>(tolerances_.size());
+    ParallelFor(active.size(), options_.workers, [&](std::size_t k) {
+      const double part = static_cast<double>(done++) / static_cast<double>(active.size());
+      if (progress_) progress_((static_cast<double>(tolerance) + part) / waves, Name(*active[k]));
+      Next(active[k], tolerance);
+    });
+    for (const Chain* chain : active) {
+      if (chain->runs.size() > tolerance) {
+        spent_ += chain->runs.back().seconds * chain->runs.back().runs;
       }
     }
-    return settings;
   }
 
-  correlate::CostSetting Finest(std::size_t method) const {
-    const double tightest =
-        *std::min_element(options_.tolerances.begin(), options_.tolerances.end());
-    int mesh = 0;
-    for (const int n : options_.segments) mesh = std::max(mesh, kFinerMesh * n);
-    return {options_.methods[method], std::max(kTightest, kFiner * tightest), mesh};
+  std::string Name(const Chain& chain) const {
+    return SettingOf(chain, tolerances_[chain.runs.size()]).Name();
   }
 
-  sim::Model Compiled(int segments) const {
-    data::Scene scene = scene_;
-    int changed = 0;
-    for (data::SceneBeam& beam : scene.beams) {
-      if (segments == 0 || beam.model != data::BeamModel::kSegments) continue;
-      beam.segments = segments;
-      ++changed;
+  void Next(Chain* chain, std::size_t tolerance) const {
+    const double left = start_ + options_.within - CpuSeconds();
+    if (left <= 0.0 || (!chain->runs.empty() && chain->runs.back().seconds > left)) return;
+    CostOutcome run = bench_.Run(meshes_.asked[chain->mesh], chain->method, tolerances_[tolerance],
+                                 {Limit(), options_.repeats});
+    if (!run.usable && bench_.Over()) return;  // the budget's end is not the setting's fault
+    chain->ended = run.refused || (options_.tolerances.empty() &&
+                                   (run.stopped || (run.usable && !Counts(run, chain->mesh))));
+    chain->runs.push_back(std::move(run));
+  }
+
+  // Whether time stepping makes a part of a run's error that counts, in any line.
+  bool Counts(const CostOutcome& run, std::size_t mesh) const {
+    const CostOutcome& tight = tight_[mesh];
+    return !tight.usable || std::any_of(lines_.begin(), lines_.end(), [&](std::size_t q) {
+      const CostLimit& limit = reference_->limits()[q];
+      if (!std::isfinite(limit.error.rms)) return false;
+      const double left = Apart(run, q).rms + limit.error.rms;
+      const double stepping = DistanceOf(bench_.OnClock(run, q, reference_->clock()),
+                                         bench_.OnClock(tight, q, reference_->clock()))
+                                  .rms;
+      return std::isfinite(left) && stepping > kNoLongerCounts * left;
+    });
+  }
+
+  void FindLines(SceneCost* out) {
+    out->lines.clear();
+    out->absent.clear();
+    lines_.clear();
+    const std::vector<CostQuantity>& all = bench_.quantities();
+    const std::vector<CostLimit>& limits = reference_->limits();
+    using Group = std::pair<std::string, bool>;  // unit, and whether in time
+    const auto group = [](const CostQuantity& q) {
+      return Group(q.unit,
+                   q.kind == CostQuantity::Kind::kMark || q.kind == CostQuantity::Kind::kSeries);
+    };
+    std::map<Group, double> widest;
+    for (std::size_t q = 0; q < all.size(); ++q) {
+      double& w = widest[group(all[q])];
+      w = std::max(w, ScaleOf(all[q], limits[q].values));
     }
-    if (segments > 0 && changed == 0) {
-      throw Error("the scene has no beam of segments", scene.path, "leave --segments out");
+    for (std::size_t q = 0; q < all.size(); ++q) {
+      const double own = ScaleOf(all[q], limits[q].values), most = widest[group(all[q])];
+      if (limits[q].values.a.empty() || !(most > 0.0)) {
+        out->absent.push_back(
+            all[q].name + (limits[q].values.a.empty() ? ": the reference has none" : ": is zero"));
+        continue;
+      }
+      CostLine line{all[q], own >= kStill * most ? own : most};
+      line.reference_error = limits[q].error.rms / line.scale;
+      line.settled = std::isfinite(line.reference_error);
+      out->lines.push_back(std::move(line));
+      lines_.push_back(q);
     }
-    return sim::Compile(scene);
+    scales_.clear();
+    for (const CostLine& line : out->lines) scales_.push_back(line.scale);
   }
 
-  // A run's tracks; its time is the median of `repeats` where runs are short.
-  correlate::CostRun Measure(const correlate::CostSetting& setting, int repeats) {
-    if (progress_) progress_(done_++ / total_, setting.Name());
-    correlate::CostRun run;
-    run.setting = setting;
-    const sim::Model model = Compiled(setting.mesh);
-    sim::SimulateOptions options;
-    options.method = sim::MethodOf(setting.method);
-    options.rtol = setting.tolerance;
-    options.duration = duration_;
-    options.rate = options_.samples / duration_;
-    std::vector<double> seconds;
-    do {
-      const sim::MarkTracks tracks = sim::SimulateMarks(model, options);
-      run.usable = tracks.report.Usable();
-      run.message = tracks.report.message;
-      seconds.push_back(tracks.report.seconds);
-      run.x = tracks.x;
-      run.y = tracks.y;
-    } while (run.usable && seconds.back() < options_.repeat_below &&
-             static_cast<int>(seconds.size()) < repeats);
-    run.seconds = Median(seconds);
-    return run;
+  // Whether every settled error is known as well as it is to be.
+  bool Resolved() const {
+    for (const Chain& chain : chains_) {
+      for (const CostOutcome& run : chain.runs) {
+        for (std::size_t l = 0; run.usable && l < lines_.size(); ++l) {
+          if (ErrorOf(run, l).bound) return false;
+        }
+      }
+    }
+    return true;
   }
 
-  const data::Scene& scene_;
+  CostError ErrorOf(const CostOutcome& run, std::size_t line) const {
+    const CostDistance apart = Apart(run, lines_[line]);
+    const CostDistance& known = reference_->limits()[lines_[line]].error;
+    CostError error;
+    error.rms = (apart.rms + known.rms) / scales_[line];
+    error.largest = (apart.largest + known.largest) / scales_[line];
+    error.bound = !(known.rms * kKnownBetter <= apart.rms);
+    return error;
+  }
+
+  CostSetting SettingOf(const Chain& chain, double rtol) const {
+    const CostMesh& mesh = meshes_.asked[chain.mesh];
+    CostSetting setting{chain.method, rtol, mesh.words, mesh.segments, mesh.order, mesh.set};
+    setting.set.push_back("solver.method=" + chain.method);
+    setting.set.push_back(fmt::format("solver.rtol={:g}", rtol));
+    return setting;
+  }
+
+  CostPoint PointOf(const SceneCost& cost, const Chain& chain, std::size_t k) const {
+    const CostOutcome& run = chain.runs[k];
+    CostPoint point;
+    point.setting = SettingOf(chain, tolerances_[k]);
+    point.usable = run.usable;
+    point.message = run.message;
+    point.seconds = run.seconds;
+    point.scatter = run.scatter;
+    point.runs = run.runs;
+    for (std::size_t l = 0; run.usable && l < cost.lines.size(); ++l) {
+      point.errors.push_back(ErrorOf(run, l));
+      if (!cost.lines[l].settled) continue;
+      const CostError& error = point.errors.back();
+      if (point.worst < 0 || error.rms > point.rms) {
+        point.worst = static_cast<int>(l);
+        point.rms = error.rms;
+      }
+      point.largest = std::max(point.largest, error.largest);
+    }
+    return point;
+  }
+
+  void Judge(SceneCost* out) const {
+    for (const Chain& chain : chains_) {
+      for (std::size_t k = 0; k < chain.runs.size(); ++k) {
+        if (!chain.runs[k].refused) {
+          out->points.push_back(PointOf(*out, chain, k));
+        } else if (std::find(out->refused.begin(), out->refused.end(), chain.runs[k].message) ==
+                   out->refused.end()) {
+          out->refused.push_back(chain.runs[k].message);
+        }
+      }
+      if (!chain.ended) out->left_out += tolerances_.size() - chain.runs.size();
+    }
+    for (CostPoint& p : out->points) {
+      if (!p.usable || p.worst < 0) continue;
+      p.on_front = std::none_of(out->points.begin(), out->points.end(), [&](const CostPoint& q) {
+        return q.usable && q.worst >= 0 && q.seconds <= p.seconds && q.rms <= p.rms &&
+               (q.seconds < p.seconds || q.rms < p.rms);
+      });
+    }
+  }
+
   const SceneCostOptions& options_;
-  const double duration_;  // [s]
   const std::function<void(double, const std::string&)>& progress_;
-  double done_ = 0.0, total_ = 1.0;  // runs
+  double start_;  // CPU of the process [s]
+  CostMeshes meshes_;
+  CostBench bench_;
+  std::vector<double> tolerances_;
+  std::unique_ptr<CostReference> reference_;
+  std::vector<Chain> chains_;
+  std::vector<CostOutcome> tight_;  // by mesh that is asked
+  std::vector<std::size_t> lines_;  // quantities of the bench, by line
+  std::vector<double> scales_;      // by line [its unit]
+  double spent_ = 0.0;              // of CPU, on settings [s]
 };
 
 }  // namespace
 
 void SceneCostOptions::Check() const {
   if (methods.empty()) throw Error("no method is given", "option methods", "name one");
-  if (tolerances.empty()) throw Error("no tolerance is given", "option rtol", "name one");
   for (const std::string& method : methods) {
+    sim::SimulateOptions run;
+    run.method = sim::MethodOf(method);
+    run.duration = duration;
     for (const double rtol : tolerances) {
-      sim::SimulateOptions run;
-      run.method = sim::MethodOf(method);
       run.rtol = rtol;
-      run.duration = duration;
       run.Check();
     }
-  }
-  for (const int n : segments) {
-    if (n < 1) throw Error(fmt::format("{} segments", n), "option segments", "use 1 or more");
+    run.Check();
   }
   if (samples < 2) {
     throw Error(fmt::format("{} samples", samples), "option samples", "use 2 or more");
   }
-  if (!(repeat_below >= 0.0)) {
-    throw Error(fmt::format("{} s is not a time", repeat_below), "option repeat_below",
-                "use 0 s or more");
+  if (!(repeats >= 0.0) || !std::isfinite(repeats)) {
+    throw Error(fmt::format("{} s is not a time", repeats), "option repeats", "use 0 s or more");
+  }
+  if (!(within > 0.0)) {
+    throw Error(fmt::format("{} s is no budget", within), "option within",
+                "give a number of seconds above 0");
   }
 }
 
 bool SceneCost::Usable() const {
-  return std::any_of(study.points.begin(), study.points.end(),
-                     [](const correlate::CostPoint& p) { return p.usable; });
+  return std::any_of(points.begin(), points.end(),
+                     [](const CostPoint& p) { return p.usable && p.worst >= 0; });
 }
 
 SceneCost StudySceneCost(const data::Scene& scene, const SceneCostOptions& options,
                          const std::function<void(double, const std::string&)>& progress) {
   options.Check();
-  if (scene.marks.empty()) {
-    throw Error("the scene has no marks to compare", scene.path, "give it a [mark.NAME]");
-  }
-  SceneCost cost;
-  cost.duration = options.duration > 0.0 ? options.duration : scene.duration;
-  cost.study = CostRuns(scene, options, cost.duration, progress).Run();
-  return cost;
+  const double duration = options.duration > 0.0 ? options.duration : scene.duration;
+  return CostStudy(scene, options, duration, progress).Run();
 }
 
 }  // namespace unfurl::study

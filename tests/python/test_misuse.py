@@ -326,6 +326,7 @@ def test_every_object_has_a_repr(tmp_path):
         comparison.signals[0],
         cost,
         cost.points[0],
+        cost.lines[0],
         unfurl.load(deployment / "lab.toml"),
         unfurl.load(deployment / "study.toml"),
         unfurl.read_scene(scene),

@@ -1,0 +1,193 @@
+#include "study/scene_cost.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <set>
+
+#include "base/cpu_time.h"
+#include "base/error.h"
+#include "data/scene.h"
+#include "study/cost_meshes.h"
+#include "tests/own_folder.h"
+#include "tests/study/cost_scenes.h"
+#include "tests/study/cost_truth.h"
+
+namespace unfurl::study {
+namespace {
+
+using ::testing::Contains;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+// A beam clamped to the ground under gravity and a rigid pendulum at its end.
+constexpr char kMixed[] =
+    "[scene]\nname = 'mixed'\nduration = 0.4\n"
+    "[beam.rod]\nlength = 1.0\nmass = 1.0\nEI = 20.0\nsegments = 4\n"
+    "[body.bob]\nmass = 0.3\ninertia = 0.01\n"
+    "[weld.root]\ninner = 'ground'\nouter = 'rod.start'\n"
+    "[joint.pin]\ninner = 'rod.end'\nouter = 'bob'\nouter_point = [0.0, 0.2]\ntheta = 0.5\n"
+    "[event.low]\nwhen = 'pin.theta'\nlevel = 0.0\ndirection = 'falling'\n"
+    "[gravity]\nacceleration = [0.0, -9.81]\n[mark.tip]\non = 'rod.end'\n";
+
+std::vector<std::string> Names(const std::vector<CostQuantity>& quantities) {
+  std::vector<std::string> names;
+  for (const CostQuantity& q : quantities) names.push_back(q.name);
+  return names;
+}
+
+TEST(CostQuantities, AreWhatAPersonLooksAt) {
+  const data::Scene scene = data::ParseScene(kMixed, "mixed");
+  EXPECT_THAT(Names(CostQuantities(scene, {})),
+              ElementsAre("tip", "pin.theta", "pin.peak_pin_force", "low.time"));
+  EXPECT_THAT(Names(CostQuantities(scene, {"bob.*x", "frequency.2", "tip", "tip"})),
+              ElementsAre("bob.x", "bob.vx", "frequency.2", "tip"));
+  EXPECT_TRUE(CostQuantities(scene, {"pin.theta_rate"})[0].jumps);
+  EXPECT_FALSE(CostQuantities(scene, {"pin.theta"})[0].jumps);
+  try {
+    CostQuantities(scene, {"pin.thet"});
+    FAIL();
+  } catch (const Error& e) {
+    EXPECT_THAT(e.what(), HasSubstr("did you mean 'pin.theta'?"));
+  }
+  EXPECT_THROW(CostQuantities(scene, {"frequency.0"}), Error);
+}
+
+// What is run is what the words set, of scenes with one mesh, several, and either model.
+TEST(CostMeshes, AreWhatTheirOverridesMake) {
+  const OwnFolder folder;
+  folder.Put("scene.toml",
+             "[scene]\nname = 'three'\nduration = 1.0\n"
+             "[beam.a]\nlength = 1.0\nmass = 1.0\nEI = 9.0\nsegments = 5\n"
+             "[beam.\"b c\"]\nlength = 1.0\nmass = 1.0\nEI = 9.0\n"
+             "[beam.d]\nlength = 1.0\nmass = 1.0\nEI = 9.0\nmodel = 'kirchhoff'\norder = 2\n"
+             "[weld.w1]\ninner = 'ground'\nouter = 'a.start'\n"
+             "[weld.w2]\ninner = 'a.end'\nouter = 'b c.start'\n"
+             "[weld.w3]\ninner = 'b c.end'\nouter = 'd.start'\n[mark.m]\non = 'd.end'\n");
+  const data::Scene scene = data::ReadScene(folder.File("scene.toml"));
+  CostMeshes meshes = MeshesOf(scene, {}, {});
+  EXPECT_EQ(meshes.asked.size(), 7u);
+  std::vector<CostMesh> all = meshes.asked;
+  all.insert(all.end(), meshes.segments.begin(), meshes.segments.end());
+  all.insert(all.end(), meshes.smooth.begin(), meshes.smooth.end());
+  std::set<std::string> words;
+  for (const CostMesh& mesh : all) {
+    const data::Scene made = mesh.Of(scene);
+    const data::Scene read = data::ReadScene(folder.File("scene.toml"), mesh.set);
+    for (std::size_t b = 0; b < scene.beams.size(); ++b) {
+      EXPECT_EQ(made.beams[b].model, read.beams[b].model) << mesh.words;
+      const bool smooth = made.beams[b].model == data::BeamModel::kKirchhoff;
+      EXPECT_EQ(smooth ? made.beams[b].order : made.beams[b].segments,
+                smooth ? read.beams[b].order : read.beams[b].segments)
+          << mesh.words;
+    }
+    words.insert(mesh.words);
+  }
+  EXPECT_THAT(words, Contains("3 to 4 segments"));
+  EXPECT_THAT(words, Contains("smooth, order 8"));
+  // The reference's meshes reach the finest that is asked, and double.
+  for (std::size_t b = 0; b < scene.beams.size(); ++b) {
+    EXPECT_GE(meshes.segments[2].beams[b].size, meshes.asked[2].beams[b].size);
+    EXPECT_EQ(meshes.segments[2].beams[b].size, 4 * meshes.segments[0].beams[b].size);
+  }
+  CostSetting setting;
+  setting.set = {"beam.b c.segments=8", "solver.rtol=0.001"};
+  EXPECT_EQ(setting.SetText(), "--set 'beam.b c.segments=8' --set solver.rtol=0.001");
+  EXPECT_THROW(MeshesOf(scene, {0}, {}), Error);
+  EXPECT_THROW(MeshesOf(scene, {}, {12}), Error);
+}
+
+TEST(CostMeshes, BeamsThatStretchAreNotSmooth) {
+  for (const CostScene& s : CostScenes()) {
+    if (std::string(s.name) != "rope that stretches") continue;
+    const data::Scene scene = data::ParseScene(s.text, s.name);
+    EXPECT_TRUE(MeshesOf(scene, {}, {}).smooth.empty());
+    EXPECT_THROW(MeshesOf(scene, {}, {2}), Error);
+  }
+}
+
+// A point of a study that was made up.
+CostPoint Made(double seconds, double scatter, double rms) {
+  CostPoint p;
+  p.usable = true;
+  p.seconds = seconds;
+  p.scatter = scatter;
+  p.worst = 0;
+  p.rms = rms;
+  p.errors = {{rms, rms, false}};
+  p.setting.method = "auto";
+  return p;
+}
+
+TEST(CostAdvice, TakesTheMoreAccurateOfWhatIsAsCheap) {
+  SceneCost cost;
+  cost.lines.resize(1);
+  cost.lines[0].settled = true;
+  cost.points = {Made(1.0, 0.05, 5e-3), Made(1.1, 0.05, 2e-3), Made(1.5, 0.05, 1e-3),
+                 Made(0.5, 0.01, 2e-2)};
+  EXPECT_EQ(Cheapest(cost, 1e-2), &cost.points[1]);
+  EXPECT_EQ(Cheapest(cost, 1e-3), &cost.points[2]);
+  EXPECT_EQ(Cheapest(cost, 1e-4), nullptr);
+  EXPECT_EQ(Cheapest(cost, 5e-2, 0), &cost.points[3]);
+}
+
+// The quick ones of twelve: beams of both models, and a rigid mechanism.
+TEST(SceneCost, StatedErrorsAreReal) {
+  for (const char* name : {"mast on a spring", "rigid gate with a drag and a table"}) {
+    for (const CostScene& s : CostScenes()) {
+      if (std::string(s.name) != name) continue;
+      const data::Scene scene = data::ParseScene(s.text, s.name);
+      SceneCostOptions options;
+      options.quantities = s.quantities;
+      options.methods = {"auto"};
+      options.duration = scene.beams.empty() ? 1.5 : 0.3;
+      options.repeats = 0.0;
+      const SceneCost cost = StudySceneCost(scene, options);
+      ASSERT_TRUE(cost.Usable());
+      const CostTally tally = HeldToTruth(scene, options, cost, 32, 9);
+      EXPECT_EQ(tally.wrong, 0) << name << ": " << tally.worst;
+      EXPECT_EQ(tally.low_bounds, 0) << name;
+      EXPECT_GE(tally.resolved, 4) << name;
+    }
+  }
+}
+
+TEST(SceneCost, ABudgetIsKept) {
+  const data::Scene scene = data::ParseScene(kMixed, "mixed");
+  SceneCostOptions options;
+  options.within = 0.3;
+  const double start = CpuSeconds();
+  const SceneCost cost = StudySceneCost(scene, options);
+  // Beyond it by what lies between two looks at the clock.
+  EXPECT_LT(CpuSeconds() - start, 2.0 * options.within);
+  EXPECT_TRUE(!cost.problem.empty() || cost.left_out > 0 || cost.seconds < options.within);
+  options.within = 1e-6;
+  EXPECT_FALSE(StudySceneCost(scene, options).problem.empty());
+}
+
+TEST(SceneCost, ResultsDoNotDependOnTheNumberOfWorkers) {
+  const data::Scene scene = data::ParseScene(kMixed, "mixed");
+  SceneCostOptions options;
+  options.segments = {3};
+  options.orders = {2};
+  options.tolerances = {1e-3};
+  options.methods = {"auto"};
+  options.duration = 0.1;
+  options.quantities = {"tip", "pin.theta_rate", "low.time", "frequency.1"};
+  std::vector<SceneCost> costs;
+  for (const std::size_t workers : {1, 2}) {
+    options.workers = workers;
+    costs.push_back(StudySceneCost(scene, options));
+  }
+  ASSERT_EQ(costs[0].points.size(), 2u);
+  ASSERT_EQ(costs[0].lines.size(), costs[1].lines.size());
+  for (std::size_t l = 0; l < costs[0].lines.size(); ++l) {
+    EXPECT_EQ(costs[0].lines[l].reference_error, costs[1].lines[l].reference_error);
+    for (std::size_t p = 0; p < 2; ++p) {
+      EXPECT_EQ(costs[0].points[p].errors[l].rms, costs[1].points[p].errors[l].rms);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace unfurl::study
