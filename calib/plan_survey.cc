@@ -89,4 +89,24 @@ void SetAccuracy(const StationAccuracy& accuracy, const std::string& where, data
   }
 }
 
+data::Survey PlannedSurvey(data::Survey points, const PlannedStation& station,
+                           const std::string& where) {
+  if (station.at.allFinite()) points.station = station.at;
+  if (!station.accuracy.empty()) {
+    const StationAccuracy accuracy = ParseStationAccuracy(station.accuracy, station.where);
+    points.cov.setZero();
+    SetAccuracy(accuracy, where, &points);
+  }
+  for (Eigen::Index i = 0; i < points.cov.cols(); ++i) {
+    if (points.cov.col(i).any()) continue;
+    if (!(station.sigma > 0.0)) {
+      throw Error("states no uncertainty of its points", where,
+                  "add columns 'sx [m]', 'sy [m]' and 'sz [m]', or give " + station.where);
+    }
+    const double variance = station.sigma * station.sigma;
+    points.cov.col(i) << variance, 0.0, 0.0, variance, 0.0, variance;
+  }
+  return points;
+}
+
 }  // namespace unfurl::calib

@@ -230,4 +230,42 @@ Slip FindUnitSlip(const data::Rig& rig) {
             : "state the unit in the survey's header, as \"x [m]\""};
 }
 
+Slip FindScaleSlip(const Eigen::Matrix3Xd& stated, const Eigen::Matrix3Xd& found) {
+  // Units that lengths are written in, in metres.
+  struct Unit {
+    const char* name;
+    double size;
+  };
+  constexpr std::array<Unit, 5> kUnits = {{{"millimetres", 1e-3},
+                                           {"centimetres", 1e-2},
+                                           {"inches", 0.0254},
+                                           {"feet", 0.3048},
+                                           {"micrometres", 1e-6}}};
+  // No bar and no survey is as wrong as this; units are further from each other [-].
+  constexpr double kAlike = 0.05;
+  std::vector<double> ratio;
+  for (Eigen::Index i = 0; i < stated.cols(); ++i) {
+    for (Eigen::Index j = 0; j < i; ++j) {
+      const double own = (found.col(i) - found.col(j)).norm();
+      if (own > 0.0 && std::isfinite(own)) {
+        ratio.push_back((stated.col(i) - stated.col(j)).norm() / own);
+      }
+    }
+  }
+  if (ratio.size() < 3) return {};
+  const double times = Median(ratio);
+  for (const Unit& unit : kUnits) {
+    for (const bool large : {true, false}) {
+      const double exact = large ? 1.0 / unit.size : unit.size;
+      if (!(std::abs(times / exact - 1.0) < kAlike)) continue;
+      return {true,
+              fmt::format("are {:.3g} times as far apart as the cameras find them: {} under the "
+                          "name of {}",
+                          times, large ? unit.name : "metres", large ? "metres" : unit.name),
+              "state the unit in their header, as \"x [mm]\""};
+    }
+  }
+  return {};
+}
+
 }  // namespace unfurl::calib

@@ -28,4 +28,8 @@ Slip FindSlip(const data::Rig& rig, const Observations& data,
 // another unit than was said: no camera of this kind works at a kilometre, or at a millimetre.
 Slip FindUnitSlip(const data::Rig& rig);
 
+// Whether places as stated are as far apart as found ones (by column, 3 x n [m]; a column that is
+// not finite: not found) but for a unit of length. Gross errors of single places do not matter.
+Slip FindScaleSlip(const Eigen::Matrix3Xd& stated, const Eigen::Matrix3Xd& found);
+
 }  // namespace unfurl::calib

@@ -198,7 +198,7 @@ WandFit FitWand(const WandData& data, const WandFitOptions& options, const std::
   CountLost(still, left.contradicting, &fit);
   RequirePoses(fit, options, where);
   fit.weighting = EqualWandWeighting(fit.data, sigma[0]);
-  TakeFrame(&fit);
+  TakeFrame(where, &fit);
   fit.weighting.hold_frame = !fit.by_points;
   RobustWand(options.bundle, &fit);
   // As it moved.

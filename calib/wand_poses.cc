@@ -5,9 +5,11 @@
 #include <limits>
 
 #include "base/dense.h"
+#include "base/error.h"
 #include "base/pose.h"
 #include "base/statistics.h"
 #include "calib/initial_guess.h"
+#include "calib/slips.h"
 #include "calib/wand_guess.h"
 #include "measure/camera_model.h"
 
@@ -177,13 +179,18 @@ double SurveySquare(const Observations& points, const WandState& state, int poin
   return d.dot(points.cov[static_cast<std::size_t>(point)].llt().solve(d));
 }
 
-void TakeFrame(WandFit* fit) {
+void TakeFrame(const std::string& where, WandFit* fit) {
   const Observations& points = fit->data.points;
   if (points.points() < 3) return;
   std::vector<int> number(fit->data.cameras.size());
   for (std::size_t j = 0; j < number.size(); ++j) number[j] = static_cast<int>(j);
   const Eigen::Matrix3Xd at =
       LocateMarks(points, fit->state.cameras, number, fit->weighting.floor_px, fit->state.Ends());
+  const Slip slip = FindScaleSlip(points.p, at);
+  if (slip.found) {
+    throw Error("the surveyed points (--points) " + slip.what, where,
+                slip.remedy + "; or put right the length of the bar (--bar)");
+  }
   std::vector<int> found;
   for (Eigen::Index i = 0; i < at.cols(); ++i) {
     if (at.col(i).allFinite()) found.push_back(static_cast<int>(i));

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <string>
 #include <vector>
 
 #include "calib/wand_data.h"
@@ -26,8 +27,9 @@ PosesLeft StartPoses(const std::vector<data::RigCamera>& cameras,
 void StartMotion(WandFit* fit);
 
 // The survey's frame, where three points or more that are not on one line are found: the rig, or
-// its mirror image where that fits better, is moved there.
-void TakeFrame(WandFit* fit);
+// its mirror image where that fits better, is moved there. Throws Error where they are in another
+// unit of length than the bar.
+void TakeFrame(const std::string& where, WandFit* fit);
 
 // A surveyed place's squared distance from the fit's, in its covariance [-].
 double SurveySquare(const Observations& points, const WandState& state, int point);

@@ -121,28 +121,14 @@ void SetSurvey(Arguments* arguments, bool rig, data::Provenance* provenance) {
     }
     return;
   }
-  data::Survey survey = data::ReadPointsCsv(arguments->points);
   provenance->AddInput(arguments->points);
+  calib::PlannedStation station{.accuracy = arguments->station};
   if (arguments->station_at.size() == 3) {
-    survey.station = Eigen::Vector3d::Map(arguments->station_at.data());
+    station.at = Eigen::Vector3d::Map(arguments->station_at.data());
   }
-  if (!arguments->station.empty()) {
-    const auto accuracy = calib::ParseStationAccuracy(arguments->station, "--station");
-    survey.cov.setZero();
-    calib::SetAccuracy(accuracy, arguments->points, &survey);
-  }
-  const double sigma =
-      rig ? 0.0 : data::ReadLab(arguments->input, arguments->overrides).survey.sigma;
-  for (Eigen::Index i = 0; i < survey.cov.cols(); ++i) {
-    if (survey.cov.col(i).any()) continue;
-    if (!(sigma > 0.0)) {
-      throw Error("states no uncertainty of its points", arguments->points,
-                  "add columns 'sx [m]', 'sy [m]' and 'sz [m]', or give --station");
-    }
-    const double variance = sigma * sigma;
-    survey.cov.col(i) << variance, 0.0, 0.0, variance, 0.0, variance;
-  }
-  arguments->plan.survey = std::move(survey);
+  if (!rig) station.sigma = data::ReadLab(arguments->input, arguments->overrides).survey.sigma;
+  arguments->plan.survey =
+      calib::PlannedSurvey(data::ReadPointsCsv(arguments->points), station, arguments->points);
 }
 
 int RunPlan(const Common& common, Arguments arguments) {

@@ -302,7 +302,8 @@ int WholeRecord(const Common& common, const Settings& s) {
     if (draw) picture.emplace(trial.lines()->header(), trial.size());
     Run(common, s, trial, provenance, draw ? &*picture : nullptr, &pass);
   } while (loop.Again(*pass.reconstructor, &options));
-  const data::TrialHealth health = measure::RecordOf(loop.report(), pass.all.cameras, s.correct);
+  const data::TrialHealth health =
+      measure::RecordOf(loop.report(), pass.all.cameras, pass.all.marks, s.correct);
   measure::SmoothReport smoothing;
   if (s.smooth) {
     pass.all = SmoothAll(s, std::move(pass.all), &smoothing);

@@ -18,6 +18,32 @@ std::string Remedy(const data::TrialHealth& health, std::size_t fault) {
                           : "its readings are left out; recalibrate, or --correct";
 }
 
+constexpr const char* kLightKinds[] = {"led", "gain", "focus", "all_light"};
+
+const char* Remedy(const data::TrialLight& change) {
+  constexpr const char* kRemedies[] = {
+      "look at its supply and what stands before it", "look at its window, filter and gain",
+      "look at its lens; recalibrate if it moved", "look at the LEDs' supply and the exposure"};
+  return kRemedies[change.kind];
+}
+
+void AddLight(const data::TrialHealth& health, ordered_json* json, std::string* text) {
+  (*json)["light"] = ordered_json::array();
+  for (const data::TrialLight& change : health.light) {
+    ordered_json one = {{"words", change.words}, {"kind", kLightKinds[change.kind]}};
+    if (change.camera >= 0) one["camera"] = health.cameras[static_cast<std::size_t>(change.camera)];
+    if (change.mark >= 0) one["mark"] = health.marks[static_cast<std::size_t>(change.mark)];
+    one["certain"] = change.certain != 0;
+    one["from"] = change.from;
+    one["to"] = change.to;
+    one["until"] = change.until;
+    one["size"] = change.size;
+    one["sigma"] = change.sigma;
+    (*json)["light"].push_back(one);
+    *text += fmt::format("{}: {}\n", change.words, Remedy(change));
+  }
+}
+
 ordered_json Finite(double value) {
   return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
 }
@@ -46,6 +72,7 @@ std::string HealthText(const data::TrialHealth& health, ordered_json* summary) {
          {"at", health.at[k]}});
     text += fmt::format("{}: {}\n", health.words[k], Remedy(health, k));
   }
+  AddLight(health, &json, &text);
   if (!health.unknown.empty()) {
     text += fmt::format("the cameras' health cannot be told: {}\n", health.unknown);
   }
@@ -53,13 +80,11 @@ std::string HealthText(const data::TrialHealth& health, ordered_json* summary) {
 }
 
 void AddHealth(const data::TrialHealth& health, report::Page* page) {
-  if (!health.unknown.empty()) {
-    page->AddSection("The cameras' health", "It cannot be told: " + health.unknown + ".");
-    return;
-  }
   page->AddSection("The cameras' health",
-                   "Each camera against what the others predict of its readings, with their own "
-                   "faults taken out, and what its spots look like.");
+                   health.unknown.empty()
+                       ? "Each camera against what the others predict of its readings, with their "
+                         "own faults taken out, and what its spots look like."
+                       : "Whether a camera moved cannot be told: " + health.unknown + ".");
   const auto chart = [&](const char* title, const char* note, const char* name, const char* unit,
                          const Eigen::MatrixXd& value, const Eigen::MatrixXd* sigma) {
     constexpr double kBand = 2.0;  // sigmas
@@ -89,6 +114,15 @@ void AddHealth(const data::TrialHealth& health, report::Page* page) {
                              health.cameras[static_cast<std::size_t>(health.camera[k])],
                              health.camera[k]});
     }
+    for (const data::TrialLight& change : health.light) {
+      if (&value == &health.offset_px || (&value == &health.width_px) != (change.kind == 2))
+        continue;
+      const std::string of =
+          change.camera >= 0 ? health.cameras[static_cast<std::size_t>(change.camera)]
+          : change.mark >= 0 ? health.marks[static_cast<std::size_t>(change.mark)]
+                             : "all light";
+      out.markers.push_back({0.5 * (change.from + change.to), of, std::max(change.camera, 0)});
+    }
     if (!out.series.empty()) page->AddTimeSeries(std::move(out));
   };
   chart("Offset of each camera", "Median of a slice, with a band of two standard deviations.",
@@ -99,13 +133,16 @@ void AddHealth(const data::TrialHealth& health, report::Page* page) {
         "gain", "1", health.gain, nullptr);
   chart("Width of the spots", "Median of a slice; it changes with the marks' places, too.", "width",
         "px", health.width_px, nullptr);
-  if (health.words.empty()) return;
+  if (health.words.empty() && health.light.empty()) return;
   report::Table table;
   table.title = "Faults";
-  table.header = {"what is wrong", "what was done"};
+  table.header = {"what is wrong", "what was done, or is to be done"};
   table.text_columns = {0, 1};
   for (std::size_t k = 0; k < health.words.size(); ++k) {
     table.rows.push_back({health.words[k], Remedy(health, k)});
+  }
+  for (const data::TrialLight& change : health.light) {
+    table.rows.push_back({change.words, Remedy(change)});
   }
   page->AddTable(table);
 }

@@ -60,6 +60,12 @@ void AddVerdict(const ReconstructPageInput& in, report::Page* page) {
     level = std::max(level, report::Level::kCare);
     details.insert(details.end(), in.health->words.begin(), in.health->words.end());
   }
+  if (in.health != nullptr) {
+    for (const data::TrialLight& change : in.health->light) {
+      level = std::max(level, report::Level::kCare);
+      details.push_back(change.words);
+    }
+  }
   if (!s.LostMarks().empty()) level = report::Level::kBad;
   if (!rig_good) {
     details.push_back(fmt::format("The rig's own verdict is \"{}\".", in.rig->verdict));

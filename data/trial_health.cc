@@ -5,6 +5,80 @@
 
 namespace unfurl::data {
 
+namespace {
+
+const std::string kLight = "/health/light/";
+
+// The members of a change that are numbers, by their names in the file.
+struct LightWhole {
+  const char *name, *words;
+  std::int32_t TrialLight::*member;
+};
+constexpr LightWhole kLightWhole[] = {
+    {"kind", "0 LED, 1 gain, 2 focus, 3 all light", &TrialLight::kind},
+    {"camera", "index into cameras; -1: all", &TrialLight::camera},
+    {"mark", "index into marks; -1: all", &TrialLight::mark},
+    {"certain", "0: something else explains it as well", &TrialLight::certain}};
+struct LightReal {
+  const char *name, *unit, *words;
+  double TrialLight::*member;
+};
+constexpr LightReal kLightReal[] = {
+    {"from", "s", "earliest begin", &TrialLight::from},
+    {"to", "s", "latest begin", &TrialLight::to},
+    {"until", "s", "when it has its size", &TrialLight::until},
+    {"size", "1", "relative change of brightness or width", &TrialLight::size},
+    {"sigma", "1", "standard deviation of size", &TrialLight::sigma}};
+
+void WriteLight(const TrialHealth& health, H5Writer* file) {
+  if (!health.marks.empty()) {
+    file->Write({"/health/marks", "1", "marks' names"}, health.marks);
+  }
+  if (health.light.empty()) return;
+  std::vector<std::string> words;
+  for (const TrialLight& one : health.light) words.push_back(one.words);
+  file->Write({kLight + "words", "1", "what changed"}, words);
+  for (const LightWhole& of : kLightWhole) {
+    std::vector<std::int32_t> values;
+    for (const TrialLight& one : health.light) values.push_back(one.*of.member);
+    file->Write({kLight + of.name, "1", of.words}, values);
+  }
+  for (const LightReal& of : kLightReal) {
+    std::vector<double> values;
+    for (const TrialLight& one : health.light) values.push_back(one.*of.member);
+    file->Write({kLight + of.name, of.unit, of.words}, values);
+  }
+}
+
+void ReadLight(const H5Reader& file, TrialHealth* out) {
+  if (file.Has("/health/marks")) out->marks = file.ReadStrings("/health/marks");
+  if (!file.Has("/health/light")) return;
+  const auto refuse_unless = [&](bool good) {
+    if (!good)
+      file.Fail("holds changes that contradict each other", "/health/light", "make it again");
+  };
+  for (const std::string& words : file.ReadStrings(kLight + "words")) {
+    out->light.push_back({.words = words});
+  }
+  for (const LightWhole& of : kLightWhole) {
+    const std::vector<std::int32_t> values = file.ReadInts(kLight + of.name);
+    refuse_unless(values.size() == out->light.size());
+    for (std::size_t k = 0; k < values.size(); ++k) out->light[k].*of.member = values[k];
+  }
+  for (const LightReal& of : kLightReal) {
+    const std::vector<double> values = file.ReadDoubles(kLight + of.name, of.unit);
+    refuse_unless(values.size() == out->light.size());
+    for (std::size_t k = 0; k < values.size(); ++k) out->light[k].*of.member = values[k];
+  }
+  for (const TrialLight& one : out->light) {
+    refuse_unless(one.kind >= 0 && one.kind <= 3 && one.camera >= -1 && one.mark >= -1 &&
+                  one.camera < static_cast<std::int32_t>(out->cameras.size()) &&
+                  one.mark < static_cast<std::int32_t>(out->marks.size()));
+  }
+}
+
+}  // namespace
+
 void WriteTrialHealth(const TrialHealth& health, H5Writer* file) {
   const std::vector<std::string> by = {"/health/t", "/health/cameras"};
   file->Attribute("/health", "unknown", health.unknown);
@@ -18,6 +92,7 @@ void WriteTrialHealth(const TrialHealth& health, H5Writer* file) {
   file->Write({"/health/gain", "1", "brightness of spots over the trial's median", by},
               health.gain);
   file->Write({"/health/width", "px", "width (sigma) of spots", by}, health.width_px);
+  WriteLight(health, file);
   const std::string faults = "/health/faults/";
   if (health.words.empty()) return;
   file->Write({faults + "words", "1", "what is wrong"}, health.words);
@@ -52,6 +127,7 @@ TrialHealth ReadTrialHealth(const std::string& path) {
     }
     file.Fail("holds series of different lengths", "/health", "make the file again");
   }
+  ReadLight(file, &out);
   if (!file.Has("/health/faults")) return out;
   const std::string faults = "/health/faults/";
   out.words = file.ReadStrings(faults + "words");

@@ -10,6 +10,17 @@ namespace unfurl::data {
 class H5Reader;
 class H5Writer;
 
+/// A change of light or focus, against the record's beginning.
+struct TrialLight {
+  std::string words;                    ///< what it is
+  std::int32_t kind = 0;                ///< 0 LED, 1 gain, 2 focus, 3 all light
+  std::int32_t camera = -1, mark = -1;  ///< indices; -1: of all
+  std::int32_t certain = 1;             ///< 0: something else explains it as well
+  double from = 0.0, to = 0.0;          ///< between which it began [s]
+  double until = 0.0;                   ///< when it has its size [s]
+  double size = 0.0, sigma = 0.0;       ///< of brightness or width, relative [-]
+};
+
 /// What a trial said of its cameras, as the file of its tracks keeps it: c cameras, n slices of
 /// time, f faults.
 struct TrialHealth {
@@ -30,6 +41,9 @@ struct TrialHealth {
   std::vector<double> size, sigma;  ///< f: [px] of a move and of a drift, [lines] of a lag
   std::vector<double> slope, slope_sigma;  ///< f, of a drift [px/s]
   std::vector<double> at;                  ///< f, when a drift has its `size` [s]
+
+  std::vector<std::string> marks;  ///< names
+  std::vector<TrialLight> light;   ///< changes of light and focus, in the order of their weight
 };
 
 /// Group /health of a tracks file. Reading throws Error for what contradicts itself.

@@ -9,6 +9,7 @@
 #include "base/refuse_option.h"
 #include "base/statistics.h"
 #include "base/text.h"
+#include "measure/health_light.h"
 #include "measure/health_view.h"
 
 namespace unfurl::measure {
@@ -136,6 +137,9 @@ void HealthOptions::Check() const {
   chance("false_alarm", false_alarm);
   chance("doubt", doubt);
   chance("wild", wild);
+  if (!(least_light > 0.0 && least_light < 1.0)) {
+    refuse("least_light", "is not between 0 and 1", "give a share");
+  }
   if (most_lag < 0 || most_lag > 1000) {
     refuse("most_lag", "is not from 0 to 1000", "give a number of lines");
   }
@@ -189,41 +193,54 @@ Hypothesis BestLag(const CameraView& view, std::span<const Residuals> by_lag,
   return best;
 }
 
-HealthReport Diagnose(const HealthEvidence& raw, const Triangulator& triangulator,
-                      const HealthOptions& options) {
-  options.Check();
-  HealthReport report;
-  const std::size_t cameras = triangulator.cameras(), marks = MarksOf(raw);
+namespace {
+
+// What moved, drifts or is late, one after another.
+void FindFaults(const HealthEvidence& raw, const Triangulator& triangulator,
+                const HealthOptions& options, std::size_t marks, HealthReport* report) {
+  const std::size_t cameras = triangulator.cameras();
   if (cameras < 4) {
-    report.unknown = "three cameras leave no reading over to check the others with";
-  } else if (marks == 0) {
-    report.unknown = "no line shows one mark alone";
+    report->unknown = "three cameras leave no reading over to check the others with";
+    return;
   }
-  if (!report.unknown.empty()) return report;
   HealthEvidence evidence = raw;
   // Beside those that are wrong three must vouch; each may be wrong in two ways, and twice.
   const std::size_t most = 4 * (cameras - 3);
   for (std::size_t round = 0; round < most; ++round) {
-    const Hypothesis likeliest = Explain(evidence, triangulator, options, marks, &report.flashes);
-    if (report.flashes == 0) {
-      report.unknown = "no mark is seen by four cameras at once";
-      return report;
+    const Hypothesis likeliest = Explain(evidence, triangulator, options, marks, &report->flashes);
+    if (report->flashes == 0) {
+      report->unknown = "no mark is seen by four cameras at once";
+      return;
     }
     Fault fault = likeliest.fault;
     if (fault.kind != FaultKind::kLate &&
         !JudgeOffsets(evidence, triangulator, likeliest, options, marks, &fault)) {
       break;
     }
-    report.faults.push_back(fault);
+    report->faults.push_back(fault);
     if (!fault.certain()) break;  // what is left cannot be told from it
     evidence.Correct(TakenOut(fault));
   }
-  for (std::size_t c = 0; c < cameras; ++c) {
+}
+
+}  // namespace
+
+HealthReport Diagnose(const HealthEvidence& raw, const Triangulator& triangulator,
+                      const HealthOptions& options) {
+  options.Check();
+  HealthReport report;
+  const std::size_t marks = MarksOf(raw);
+  if (marks == 0) {
+    report.unknown = "no line shows one mark alone";
+    return report;
+  }
+  FindFaults(raw, triangulator, options, marks, &report);
+  if (options.light) report.light = FindLightFaults(raw, triangulator, options);
+  for (std::size_t c = 0; c < triangulator.cameras(); ++c) {
     report.cameras.push_back(Follow(raw, triangulator, options, report.faults, marks, c));
   }
   return report;
 }
-
 namespace {
 
 // "1.02 +- 0.03": to the second digit of the sigma.

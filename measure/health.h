@@ -10,6 +10,7 @@
 
 #include "data/trial_health.h"
 #include "measure/correction.h"
+#include "measure/light_fault.h"
 #include "measure/triangulate.h"
 
 namespace unfurl::measure {
@@ -24,6 +25,10 @@ struct HealthOptions {
   int most_lag = 10;
   /// Chance that a reading is wrong by itself (a reflection), as AssociateOptions::miss [-].
   double wild = 0.02;
+  /// Changes of light or of the spots' width by less are not told [-]: the error of a reading goes
+  /// with its light and its width, and changes by no larger share.
+  double least_light = 0.1;
+  bool light = true;  ///< changes of light and focus are looked for
   /// Throws Error that names a value which makes no sense.
   void Check() const;
 };
@@ -64,8 +69,9 @@ struct HealthSlice {
 
 /// What a trial says of its cameras.
 struct HealthReport {
-  std::string unknown;        ///< why nothing can be told; empty: it was looked at
-  std::vector<Fault> faults;  ///< in order of their weight
+  std::string unknown;            ///< why nothing can be told; empty: it was looked at
+  std::vector<Fault> faults;      ///< in order of their weight
+  std::vector<LightFault> light;  ///< likewise; looked for wherever spots were measured
   std::vector<std::vector<HealthSlice>> cameras;  ///< by camera and slice
   std::size_t flashes = 0;                        ///< that were looked at
 };
@@ -113,7 +119,7 @@ HealthReport Diagnose(const HealthEvidence& evidence, const Triangulator& triang
 
 /// The report as the file of tracks keeps it.
 data::TrialHealth RecordOf(const HealthReport& report, const std::vector<std::string>& cameras,
-                           bool corrected);
+                           const std::vector<std::string>& marks, bool corrected);
 
 /// "camera north_west moved by 1.02 +- 0.03 px at 3.21 s".
 std::string Describe(const Fault& fault, std::span<const std::string> cameras);

@@ -4,7 +4,7 @@
 namespace unfurl::measure {
 
 data::TrialHealth RecordOf(const HealthReport& report, const std::vector<std::string>& cameras,
-                           bool corrected) {
+                           const std::vector<std::string>& marks, bool corrected) {
   data::TrialHealth out;
   out.unknown = report.unknown;
   out.corrected = corrected;
@@ -38,6 +38,19 @@ data::TrialHealth RecordOf(const HealthReport& report, const std::vector<std::st
     out.slope.push_back(fault.slope);
     out.slope_sigma.push_back(fault.slope_sigma);
     out.at.push_back(fault.at);
+  }
+  out.marks = marks;
+  for (const LightFault& change : report.light) {
+    out.light.push_back({.words = Describe(change, cameras, marks),
+                         .kind = static_cast<std::int32_t>(change.subject.kind),
+                         .camera = change.subject.camera,
+                         .mark = change.subject.mark,
+                         .certain = change.certain() ? 1 : 0,
+                         .from = change.earliest,
+                         .to = change.latest,
+                         .until = change.until,
+                         .size = change.size,
+                         .sigma = change.sigma});
   }
   return out;
 }

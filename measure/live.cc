@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "base/refuse_option.h"
 #include "data/lab.h"
+#include "measure/record_match.h"
 #include "measure/trial_record.h"
 
 namespace unfurl::measure {
@@ -96,11 +97,7 @@ Live::Live(data::LiveHeader header, std::string path, const data::Rig& rig, std:
   beginning_.like = like;
   beginning_.evidence_lines = options.look_lines;
   if (!header_.readings) beginning_.header = header_.trial;
-  const std::vector<std::string>& slots = header_.trial.slots;
-  if (!header_.readings && std::count(slots.begin(), slots.end(), data::kDarkSlot) == 0) {
-    throw Error("has no dark slot", path_,
-                "record with a slot named dark: the background is taken from it");
-  }
+  MatchStream(header_, path_, rig_, rig_path_, like);
 }
 
 Live::~Live() {
@@ -122,7 +119,6 @@ void Live::Begin() {
   const data::Tracks& layout = pass_->layout();
   for (const std::string& slot : header_.trial.slots) {
     marks_.emplace_back();
-    if (slot == data::kDarkSlot) continue;
     for (const std::string& mark : data::MarksOfSlot(slot)) {
       marks_.back().push_back(layout.FindMark(mark));
     }
@@ -131,6 +127,7 @@ void Live::Begin() {
   watch_.emplace(pass_->triangulator(), layout.marks, rate, options_.watch);
   every_ = std::max<std::size_t>(1, static_cast<std::size_t>(options_.look_every * rate));
   health_ = options_.reconstruct.health;
+  health_.light = false;  // half a minute of what moves tells little of what fades
   // Looks overlap; that each of an hour may be wrong by itself is the careful case.
   health_.false_alarm = options_.watch.false_alarm * std::min(1.0, options_.look_every / kHour);
   next_views_ = (header_.readings ? beginning_.readings.t : beginning_.lines.t).front() +

@@ -48,7 +48,8 @@ class LiveListener {
 /// out before stand. Results depend on the lines alone, not on how they come in pieces nor on time.
 class Live {
  public:
-  /// `like`: LiveBeginning's. Rig, record and listener must outlive it.
+  /// `like`: LiveBeginning's. Rig, record and listener must outlive it. Throws Error for a stream
+  /// of other cameras, or rows of other lengths, than the rig's, as far as its header tells.
   Live(data::LiveHeader header, std::string path, const data::Rig& rig, std::string rig_path,
        const LiveOptions& options, const TrialRecord* like, LiveListener* listener);
   ~Live();

@@ -12,8 +12,8 @@
 #include "base/refuse_option.h"
 #include "base/text.h"
 #include "base/worker_pool.h"
-#include "data/lab.h"
 #include "measure/reconstruct_correct.h"
+#include "measure/record_match.h"
 
 namespace unfurl::measure {
 
@@ -21,17 +21,6 @@ namespace {
 
 constexpr double kStartShare = 0.013;  // of the volume's size: start_sigma
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-
-void CheckMatch(const data::TrialHeader& trial, const std::string& path, const data::Rig& rig,
-                const std::string& rig_path) {
-  std::vector<std::string> known;
-  for (const data::RigCamera& camera : rig.cameras) known.push_back(camera.name);
-  const std::vector<std::string>& recorded = trial.cameras;
-  if (known == recorded) return;
-  throw Error(fmt::format("was recorded by the cameras {}, but the rig {} has {}",
-                          JoinWords(recorded), rig_path, JoinWords(known)),
-              path, "give the rig that was calibrated for these cameras, in this order");
-}
 
 }  // namespace
 
@@ -64,7 +53,7 @@ Reconstructor::Reconstructor(const data::TrialReader& trial, const data::Rig& ri
 }
 
 void Reconstructor::PrepareLines(const std::string& path, const std::string& rig_path) {
-  CheckMatch(header_, path, triangulator_.rig(), rig_path);
+  MatchLines(header_, path, triangulator_.rig(), rig_path);
   ReadSlots(path);
   for (std::size_t c = 0; c < header_.cameras.size(); ++c) {
     backgrounds_.emplace_back(header_.format.Of(c));
@@ -108,17 +97,13 @@ void Reconstructor::Begin(const std::string& path, std::size_t lines, const Look
 }
 
 void Reconstructor::ReadSlots(const std::string& path) {
+  CheckSlots(header_.slots, path);
   layout_.frame = "rig";
   layout_.cameras = header_.cameras;
   for (const std::string& name : header_.slots) {
     slots_.emplace_back();
-    if (name == data::kDarkSlot) continue;
-    for (const std::string& mark : Split(name, kTogether)) {
+    for (const std::string& mark : data::MarksOfSlot(name)) {
       int at = layout_.FindMark(mark);
-      if (mark.empty() || std::count(slots_.back().marks.begin(), slots_.back().marks.end(), at)) {
-        throw Error(fmt::format("slot '{}' names a mark twice, or none", name), path,
-                    "name the marks that are lit together, as in mark1+mark2");
-      }
       if (at < 0) {
         at = static_cast<int>(layout_.marks.size());
         layout_.marks.push_back(mark);

@@ -76,9 +76,6 @@ struct ReconstructSummary {
   std::size_t usable() const;
 };
 
-// A slot's name may name several marks that are lit together: "mark1+mark2".
-inline constexpr char kTogether = '+';
-
 class TrialRecord;
 
 /// What is known of a record that is still being made: how it begins.

@@ -7,6 +7,7 @@
 #include "base/error.h"
 #include "base/text.h"
 #include "measure/reconstruct.h"
+#include "measure/record_match.h"
 #include "measure/trial_record.h"
 
 namespace unfurl::measure {
@@ -14,33 +15,6 @@ namespace unfurl::measure {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-
-[[noreturn]] void FailUnlike(const std::string& what, const std::string& path) {
-  throw Error("is no record to go by: " + what, path,
-              "record one with the same cameras, slots and sensors, or leave it out");
-}
-
-void CheckLike(const data::TrialHeader& mine, const TrialRecord& like) {
-  if (like.lines() == nullptr) FailUnlike("it holds readings, the stream lines", like.path());
-  const data::TrialHeader& other = like.lines()->header();
-  if (other.cameras != mine.cameras) {
-    FailUnlike(fmt::format("its cameras are {}, not {}", JoinWords(other.cameras),
-                           JoinWords(mine.cameras)),
-               like.path());
-  }
-  if (other.slots != mine.slots) {
-    FailUnlike(
-        fmt::format("its slots are {}, not {}", JoinWords(other.slots), JoinWords(mine.slots)),
-        like.path());
-  }
-  for (std::size_t c = 0; c < mine.cameras.size(); ++c) {
-    if (other.format.Of(c).elements() == mine.format.Of(c).elements() &&
-        other.format.Of(c).first_active() == mine.format.Of(c).first_active()) {
-      continue;
-    }
-    FailUnlike(fmt::format("camera '{}' has other lines", mine.cameras[c]), like.path());
-  }
-}
 
 }  // namespace
 
@@ -62,13 +36,6 @@ Reconstructor::Reconstructor(const LiveBeginning& beginning, const data::Rig& ri
 
 void Reconstructor::BeginLines(const LiveBeginning& beginning, const std::string& rig_path) {
   PrepareLines(beginning.path, rig_path);
-  for (std::size_t c = 0; c < header_.cameras.size(); ++c) {
-    const data::RigCamera& camera = triangulator_.rig().cameras[c];
-    if (header_.format.Of(c).active == camera.pixels) continue;
-    throw Error(fmt::format("camera '{}' sends {} active pixels, but has {} in the rig {}",
-                            camera.name, header_.format.Of(c).active, camera.pixels, rig_path),
-                beginning.path, "give the rig that was calibrated for this camera");
-  }
   const ReadBlock read = [&](std::size_t first, std::size_t count, data::TrialBlock* block) {
     const auto from = static_cast<std::ptrdiff_t>(first);
     const auto to = static_cast<std::ptrdiff_t>(first + count);
@@ -84,7 +51,7 @@ void Reconstructor::BeginLines(const LiveBeginning& beginning, const std::string
     Begin(beginning.path, beginning.lines.size(), LookAt(read, &block));
     return;
   }
-  CheckLike(header_, *beginning.like);
+  MatchStream({.trial = header_}, beginning.path, triangulator_.rig(), rig_path, beginning.like);
   const data::TrialReader& like = *beginning.like->lines();
   const ReadBlock read_like = [&](std::size_t first, std::size_t count, data::TrialBlock* out) {
     like.Read(first, count, out);
@@ -106,13 +73,10 @@ void Reconstructor::BeginReadings(const LiveBeginning& beginning, const std::str
   const data::TrialReadings* look = &own;
   const std::vector<int> mine = column_;
   if (beginning.like != nullptr) {
+    data::LiveHeader header{.readings = true, .trial = header_, .pixels = own.pixels};
+    header.trial.cameras = own.cameras;
+    MatchStream(header, own.path, triangulator_.rig(), rig_path, beginning.like);
     look = beginning.like->readings();
-    if (look == nullptr) FailUnlike("it holds lines, the stream readings", beginning.like->path());
-    if (look->slots != own.slots) {
-      FailUnlike(
-          fmt::format("its slots are {}, not {}", JoinWords(look->slots), JoinWords(own.slots)),
-          look->path);
-    }
     MapCameras(*look, rig_path);
   }
   std::vector<double> last(layout_.marks.size(), kNone), intervals;

@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "base/text.h"
 #include "measure/reconstruct.h"
+#include "measure/record_match.h"
 
 namespace unfurl::measure {
 
@@ -49,24 +50,8 @@ Reconstructor::Reconstructor(const data::TrialReadings& readings, const data::Ri
 }
 
 void Reconstructor::MapCameras(const data::TrialReadings& readings, const std::string& rig_path) {
-  const data::Rig& rig = triangulator_.rig();
-  column_.assign(rig.cameras.size(), -1);
-  for (std::size_t c = 0; c < readings.cameras.size(); ++c) {
-    const auto at = std::find(header_.cameras.begin(), header_.cameras.end(), readings.cameras[c]);
-    if (at == header_.cameras.end()) {
-      throw Error(fmt::format("has readings of a camera '{}', but the rig {} has {}",
-                              readings.cameras[c], rig_path, JoinWords(header_.cameras)),
-                  readings.path, "name its cameras as the rig does (in a CSV: # cameras: ..)");
-    }
-    const auto of_rig = static_cast<std::size_t>(at - header_.cameras.begin());
-    column_[of_rig] = static_cast<int>(c);
-    const int pixels = rig.cameras[of_rig].pixels;
-    if (!readings.pixels.empty() && readings.pixels[c] > 0 && readings.pixels[c] != pixels) {
-      throw Error(fmt::format("camera '{}' has {} pixels, but {} in the rig {}",
-                              readings.cameras[c], readings.pixels[c], pixels, rig_path),
-                  readings.path, "give the rig that was calibrated for this camera");
-    }
-  }
+  column_ = MatchReadings(readings.cameras, readings.pixels, readings.path, triangulator_.rig(),
+                          rig_path);
   CheckReadings(readings);
 }
 

@@ -5,8 +5,6 @@
 #include "base/error.h"
 #include "calib/calibrate_survey.h"
 #include "calib/check.h"
-#include "calib/plan.h"
-#include "data/formats.h"
 #include "data/survey.h"
 #include "data/survey_points.h"
 #include "measure/lens/lens.h"
@@ -21,11 +19,6 @@ using Rig = Recorded<data::Rig>;
 struct Calibration {
   std::shared_ptr<Rig> rig;
   calib::CalibrationReport report;
-};
-
-struct Plan {
-  std::shared_ptr<Rig> rig;
-  calib::PlanResult result;
 };
 
 data::LensModel LensOf(const std::string& name) {
@@ -98,37 +91,6 @@ calib::CheckResult Check(const py::object& rig_or_path, const py::object& survey
   const auto survey = RecordFrom<Survey>(survey_or_path, "a Survey", &data::ReadSurvey);
   return Long([&] {
     return calib::CheckPoints(rig->data, survey->data, NameOf(survey->sources), options);
-  });
-}
-
-Plan MakePlan(const py::object& lab_or_rig, int points, double reading_sigma, double need,
-              int columns, int layers, std::uint64_t seed) {
-  calib::PlanOptions options;
-  options.survey_points = points;
-  options.seed = seed;
-  options.need = need;
-  options.map.reading_sigma_px = reading_sigma;
-  options.map.columns = columns;
-  options.map.layers = layers;
-  options.Check();
-  std::shared_ptr<data::Lab> lab;
-  std::shared_ptr<Rig> rig;
-  if (py::isinstance<data::Lab>(lab_or_rig)) {
-    lab = lab_or_rig.cast<std::shared_ptr<data::Lab>>();
-  } else if (!py::isinstance<Rig>(lab_or_rig) &&
-             data::FormatOf(PathFrom(lab_or_rig, "a Lab, a Rig or a path").string()) ==
-                 data::FileFormat::kToml) {
-    lab = std::make_shared<data::Lab>(data::ReadLab(lab_or_rig.cast<fs::path>().string()));
-  } else {
-    rig = RecordFrom<Rig>(lab_or_rig, "a Lab, a Rig", &data::ReadRig);
-  }
-  return Long([&] {
-    Plan out;
-    out.result = lab != nullptr ? calib::Plan(*lab, options) : calib::Plan(rig->data, options);
-    out.rig = rig != nullptr
-                  ? rig
-                  : std::make_shared<Rig>(Rig{out.result.planned.rig, {SourceOf(lab->path)}});
-    return out;
   });
 }
 
@@ -309,81 +271,11 @@ void BindCheck(py::module_& m) {
       "of a misfit below which it is called so.");
 }
 
-void BindPlan(py::module_& m) {
-  using calib::PlanCase;
-  py::class_<PlanCase>(m, "PlanCase", "The error to expect over the volume, in one case.")
-      .def_readonly("name", &PlanCase::name, "'all cameras', or 'without NAME'.")
-      .def_property_readonly(
-          "sigma",
-          [](const py::object& self) {
-            const calib::UncertaintyMap& map = self.cast<PlanCase&>().map;
-            const py::ssize_t columns = map.columns, layers = map.layers;
-            return View(map.sigma.data(), {layers, columns, columns}, self);
-          },
-          "(layers, columns, columns) by z, y, x: 3-D standard deviation of a found point; NaN: "
-          "not\n"
-          "found [m].")
-      .def_property_readonly(
-          "box", [](const PlanCase& self) { return CornersOf(self.map.low, self.map.high); },
-          "Corners of the box that the map divides into cells, (3,) each [m].")
-      .def_property_readonly(
-          "found", [](const PlanCase& self) { return self.map.Found(); },
-          "Share of the volume that is found.")
-      .def(
-          "within", [](const PlanCase& self, double need) { return self.map.Within(need); },
-          py::arg("need"), "Share of the volume whose error is at most so much [m].")
-      .def(
-          "quantile", [](const PlanCase& self, double p) { return self.map.Quantile(p); },
-          py::arg("p"), "Of sigma over what is found [m]; NaN where nothing is.")
-      .def("__repr__", [](const PlanCase& self) {
-        return fmt::format("<unfurl.PlanCase {}: {:.0f}% found, half within {:.2g} m>", self.name,
-                           100.0 * self.map.Found(), self.map.Quantile(0.5));
-      });
-  py::class_<Plan>(m, "Plan", "How well a rig will find points.")
-      .def_readonly("rig", &Plan::rig, "With the covariance that such a calibration would have.")
-      .def_property_readonly(
-          "cases",
-          [](const py::object& self) { return PartsOf(self, self.cast<Plan&>().result.cases); },
-          "List of PlanCase: with all cameras, then without each.")
-      .def_property_readonly(
-          "verdict", [](const Plan& self) { return self.result.headline; }, "In words.")
-      .def_property_readonly(
-          "reasons", [](const Plan& self) { return self.result.reasons; }, "Why.")
-      .def_property_readonly(
-          "usable",
-          [](const Plan& self) { return self.result.verdict != calib::PlanVerdict::kNotUsable; },
-          "Whether enough of the volume reaches the need.")
-      .def_property_readonly(
-          "need", [](const Plan& self) { return self.result.need; },
-          "Error of a found point by which it was judged [m].")
-      .def_property_readonly(
-          "advice", [](const Plan& self) { return self.result.planned.advice; },
-          "On the survey's layout.")
-      .def("__repr__", [](const Plan& self) {
-        return fmt::format("<unfurl.Plan: {}, {:.0f}% of the volume found>",
-                           Plural(self.rig->data.cameras.size(), "camera"),
-                           100.0 * self.result.cases.front().map.Found());
-      });
-  m.def(
-      "plan", &MakePlan, py::arg("lab_or_rig"), py::kw_only(),
-      py::arg("points") = calib::PlanOptions().survey_points,
-      py::arg("reading_sigma") = calib::MapOptions().reading_sigma_px, py::arg("need") = 0.0,
-      py::arg("columns") = calib::MapOptions().columns,
-      py::arg("layers") = calib::MapOptions().layers, py::arg("seed") = calib::PlanOptions().seed,
-      "How well a proposed laboratory or a calibrated rig will find points (or a path to one),\n"
-      "and what the loss of any camera does.\n\n"
-      "points: that would be surveyed. reading_sigma: of one reading [px]. need: error of a found\n"
-      "point that is aimed at [m]; 0: a 2000th of the box. columns, layers: cells of the map "
-      "along\n"
-      "x and y, and along z. seed: of where the points lie.");
-}
-
 }  // namespace
 
 void BindCalibration(py::module_& m) {
   BindCalibrate(m);
   BindCheck(m);
-  BindPlan(m);
 }
 
 }  // namespace unfurl::python

@@ -28,9 +28,53 @@ std::vector<Fault> FaultsOf(const TrialHealth& health) {
   return out;
 }
 
+// A change of light, with the names that its indices mean.
+struct LightChange {
+  data::TrialLight change;
+  std::string kind, camera, mark;
+};
+
+std::vector<LightChange> LightOf(const TrialHealth& health) {
+  constexpr const char* kKinds[] = {"led", "gain", "focus", "all_light"};
+  std::vector<LightChange> out;
+  for (const data::TrialLight& one : health.light) {
+    const auto name = [](const std::vector<std::string>& names, std::int32_t at) {
+      return at < 0 ? std::string() : names[static_cast<std::size_t>(at)];
+    };
+    out.push_back(
+        {one, kKinds[one.kind], name(health.cameras, one.camera), name(health.marks, one.mark)});
+  }
+  return out;
+}
+
+void BindLight(py::module_& m) {
+  const auto number = [](double data::TrialLight::*member) {
+    return [member](const LightChange& self) { return self.change.*member; };
+  };
+  py::class_<LightChange>(m, "LightChange", "Light or focus that changed within a trial.")
+      .def_property_readonly(
+          "words", [](const LightChange& self) { return self.change.words; }, "What it is.")
+      .def_readonly("kind", &LightChange::kind, "'led', 'gain', 'focus' or 'all_light'.")
+      .def_readonly("camera", &LightChange::camera, "Its name; '': all.")
+      .def_readonly("mark", &LightChange::mark, "Its name; '': all.")
+      .def_property_readonly(
+          "certain", [](const LightChange& self) { return self.change.certain != 0; },
+          "False: something else explains it as well.")
+      .def_property_readonly("earliest", number(&data::TrialLight::from),
+                             "It began between this [s] and latest.")
+      .def_property_readonly("latest", number(&data::TrialLight::to), "See earliest [s].")
+      .def_property_readonly("until", number(&data::TrialLight::until), "When it has its size [s].")
+      .def_property_readonly("size", number(&data::TrialLight::size),
+                             "Of brightness or width, relative [-]: -0.3 is 30% less.")
+      .def_property_readonly("sigma", number(&data::TrialLight::sigma), "Its standard deviation.")
+      .def("__repr__",
+           [](const LightChange& self) { return "<LightChange " + self.change.words + ">"; });
+}
+
 }  // namespace
 
 void BindHealth(py::module_& m) {
+  BindLight(m);
   py::class_<Fault>(m, "Fault", "A camera that moved, drifts or is late.")
       .def_readonly("words", &Fault::words, "What is wrong, in words.")
       .def_readonly("kind", &Fault::kind, "'moved', 'drifting' or 'late'.")
@@ -56,6 +100,7 @@ void BindHealth(py::module_& m) {
                     "Why nothing can be told; empty: it was looked at.")
       .def_readonly("cameras", &TrialHealth::cameras, "Names (c).")
       .def_property_readonly("faults", &FaultsOf, "In the order in which they were found.")
+      .def_property_readonly("light", &LightOf, "Changes of light and focus, list of LightChange.")
       .def_property_readonly(
           "t", [](const py::object& self) { return View(self.cast<const TrialHealth&>().t, self); },
           "Middles of the slices [s], shape (n,).")

@@ -106,8 +106,8 @@ Reconstruction ReconstructBoth(const py::object& trial_or_path, const py::object
         trial ? measure::Reconstruct(*trial, rig->data, options, nullptr, correct, &health)
               : measure::Reconstruct(*record, rig->data, options, nullptr, correct, &health),
         Joined({SourceOf(trial ? trial->path() : record->path())}, rig->sources)};
-    const std::vector<std::string> cameras = tracks.data.cameras;
-    return Reconstruction{std::move(tracks), measure::RecordOf(health, cameras, correct)};
+    const std::vector<std::string> cameras = tracks.data.cameras, marks = tracks.data.marks;
+    return Reconstruction{std::move(tracks), measure::RecordOf(health, cameras, marks, correct)};
   });
 }
 

@@ -65,8 +65,7 @@ void BindRepeat(py::module_& m) {
                              "(p, k) of each trial, by what the others say too; NaN where one "
                              "value serves all.")
       .def_property_readonly("effect_low95", matrix(&FitRepeat::effect_low95), "(p, k) of those.")
-      .def_property_readonly("effect_high95", matrix(&FitRepeat::effect_high95),
-                             "(p, k) of those.")
+      .def_property_readonly("effect_high95", matrix(&FitRepeat::effect_high95), "(p, k) of those.")
       .def_property_readonly("left_out_p", matrix(&FitRepeat::left_out_p),
                              "(p, k) how probable each trial is by the others alone.")
       .def_readonly("unlike_p", &FitRepeat::unlike_p,

@@ -31,8 +31,9 @@ void BindErrors(py::module_& m);
 void BindTracks(py::module_& m);
 void BindRun(py::module_& m);
 void BindOptics(py::module_& m);       // survey, rig, lab, trial
-void BindCalibration(py::module_& m);  // calibrate, check, plan
+void BindCalibration(py::module_& m);  // calibrate, check
 void BindHealth(py::module_& m);
+void BindPlan(py::module_& m);
 void BindMeasure(py::module_& m);      // expose, reconstruct, smooth
 void BindSim(py::module_& m);
 void BindCompare(py::module_& m);

@@ -61,6 +61,7 @@ PYBIND11_MODULE(_core, m) {
   BindOptics(m);
   BindCalibration(m);
   BindHealth(m);
+  BindPlan(m);
   BindMeasure(m);
   BindSim(m);
   BindCompare(m);

@@ -5,6 +5,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+#include <cmath>
+
 #include "base/error.h"
 #include "calib/calibrate.h"
 #include "calib/check.h"
@@ -51,6 +54,23 @@ TEST(Slips, MillimetresUnderTheNameOfMetres) {
   EXPECT_THAT(RefusalOf(data), AllOf(HasSubstr("points.csv"), HasSubstr("millimetres under")));
   data.p *= 1e-6;
   EXPECT_THAT(RefusalOf(data), HasSubstr("metres under the name of millimetres"));
+}
+
+// Of places that were found without them, some of which are grossly wrong or not found at all.
+TEST(Slips, AnotherUnitThanTheBars) {
+  Rng rng(5);
+  Eigen::Matrix3Xd found(3, 9);
+  for (Eigen::Index i = 0; i < found.size(); ++i) found(i) = rng.Uniform(-3.0, 3.0);
+  Eigen::Matrix3Xd stated = Eigen::AngleAxisd(1.0, Eigen::Vector3d::UnitY()) * found;
+  stated.colwise() += Eigen::Vector3d(100.0, 200.0, 5.0);
+  stated.col(4) *= 3.0;
+  found.col(7).setConstant(NAN);
+  EXPECT_FALSE(FindScaleSlip(stated, found).found);
+  EXPECT_THAT(FindScaleSlip(1e3 * stated, found).what, HasSubstr("millimetres under the name of"));
+  EXPECT_THAT(FindScaleSlip(1e-3 * stated, found).what,
+              HasSubstr("metres under the name of millimetres"));
+  EXPECT_THAT(FindScaleSlip(stated / 0.0254, found).what, HasSubstr("inches under the name of"));
+  EXPECT_FALSE(FindScaleSlip(1.2 * stated, found).found);  // that is another matter
 }
 
 TEST(Slips, LeftHandedAndExchangedColumns) {

@@ -21,6 +21,7 @@ using testing::MarksRms;
 using testing::Wave;
 using testing::WaveBefore;
 using testing::Waved;
+using testing::WithPoints;
 
 std::string RefusalOf(const WandData& data) {
   try {
@@ -75,6 +76,13 @@ TEST(WandRefusal, ReadingsOfNoBar) {
   const std::string refusal = RefusalOf(waved.data);
   EXPECT_THAT(refusal, HasSubstr("wand.csv: "));
   EXPECT_THAT(refusal, HasSubstr("; "));  // a remedy
+}
+
+TEST(WandRefusal, PointsInMillimetresUnderTheNameOfMetres) {
+  const auto truth = MakeRig({}, Rng(33));
+  Waved waved = WithPoints(truth, {.poses = 40, .half = 0.8}, 6, 33);
+  waved.data.points.p *= 1e3;
+  EXPECT_THAT(RefusalOf(waved.data), HasSubstr("millimetres under the name of metres; state"));
 }
 
 TEST(WandRefusal, ThreeCamerasAndFewPosesLeaveNothingToCheckWith) {

@@ -186,7 +186,8 @@ TEST_F(LiveProgram, RefusesStreamsThatAreNone) {
   refused(strange, "was recorded by the cameras");
   std::string huge = stream_;
   huge.replace(huge.find("\"active\":2160"), 13, "\"active\":9999");
-  refused(huge, "standard input: ");
+  refused(huge, "9999 active pixels");
+  refused(huge.substr(0, huge.find('\n') + 1), "9999 active pixels");  // no line is waited for
   std::string garbage = stream_;
   garbage.replace(stream_.size() / 2, 4000, std::string(4000, '\x5a'));
   refused(garbage, ": line ");

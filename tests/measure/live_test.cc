@@ -320,6 +320,37 @@ TEST_F(LiveReadings, WhatCannotBeReadIsRefused) {
   EXPECT_THROW(Live(dark, "stream", rig_, "rig", {}, nullptr, nullptr), Error);
 }
 
+// Before a line of the stream has come.
+TEST_F(LiveReadings, AHeaderOfOtherCamerasIsRefused) {
+  const auto refusal = [&](const data::LiveHeader& header) -> std::string {
+    try {
+      Live(header, "stream", rig_, "rig.h5", {}, nullptr, nullptr);
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  data::LiveHeader readings = HeaderOf(Clean());
+  EXPECT_EQ(refusal(readings), "");
+  readings.pixels = {2160, 2160, 2161, 2160};
+  EXPECT_THAT(refusal(readings), HasSubstr("has 2161 pixels, but 2160 in the rig rig.h5"));
+  readings.pixels[2] = 0;  // not stated
+  EXPECT_EQ(refusal(readings), "");
+  readings.trial.slots[1] = "m1+ m1";
+  EXPECT_THAT(refusal(readings), HasSubstr("names a mark twice"));
+  readings.trial.cameras[1] = "another";
+  EXPECT_THAT(refusal(readings), HasSubstr("camera 'another'"));
+  data::LiveHeader lines;
+  lines.trial.cameras = Clean().cameras;
+  lines.trial.slots = {"tip", data::kDarkSlot};
+  lines.trial.format.active = 2160;
+  EXPECT_EQ(refusal(lines), "");
+  lines.trial.format.active = 4000;
+  EXPECT_THAT(refusal(lines), HasSubstr("4000 active pixels, but 2160"));
+  std::swap(lines.trial.cameras[0], lines.trial.cameras[1]);
+  EXPECT_THAT(refusal(lines), HasSubstr("in this order"));
+}
+
 TEST(HealthEvidence, OfARecordWithoutEndKeepsTheLastLines) {
   HealthEvidence evidence = HealthEvidence::OfLast(1, 100);
   for (int i = 0; i < 1234; ++i) {

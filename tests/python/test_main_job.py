@@ -164,6 +164,31 @@ def test_plan_of_a_rig(job):
         assert case.found <= everything.found
 
 
+def test_planned_surveys_are_the_programs(job):
+    folder, deployment, *_ = job
+    accuracy, at = "1mm+2ppm, 5arcsec", (3.0, -2.0, 0.5)
+    points = deployment / "points.csv"
+    for what in ("lab.toml", "rig.h5"):
+        words = ("--points", points, "--station", accuracy, "--station-at", "3,-2,0.5", "--columns", 4)
+        told = run("plan", deployment / what, *words, "--layers", 2, cwd=folder)
+        plan = unfurl.plan(
+            deployment / what, points=points, station=accuracy, station_at=at, columns=4, layers=2
+        )
+        assert plan.reasons == told["reasons"]
+        for case, row in zip(plan.cases, told["cases"], strict=True):
+            assert (case.name, case.quantile(0.5)) == (row["cameras"], row["median_m"])
+    # A survey as a record is the same as its file; its own sigmas serve without a station.
+    survey = unfurl.load(deployment / "survey.h5")
+    by_record = unfurl.plan(deployment / "rig.h5", points=survey, columns=3, layers=1)
+    assert by_record.cases[0].quantile(0.5) < plan.cases[0].quantile(0.5)
+    with pytest.raises(unfurl.Error, match="station: needs places"):
+        unfurl.plan(deployment / "lab.toml", station=accuracy)
+    with pytest.raises(unfurl.Error, match="no accuracy of a station"):
+        unfurl.plan(deployment / "lab.toml", points=points, station="fine", station_at=at)
+    with pytest.raises(unfurl.Error, match="states no uncertainty"):
+        unfurl.plan(deployment / "rig.h5", points=points)
+
+
 def test_survey_of_the_virtual_laboratory(job, tmp_path):
     deployment = job[1]
     survey = unfurl.expose_survey(deployment / "points.csv", deployment / "lab.toml")
