@@ -95,12 +95,17 @@ CostValues CostBench::Frequency(const CostMesh& mesh, int mode) const {
       for (const data::ModesRecord::Mode& m : modes.record.modes) {
         if (modes.usable) at->second.push_back(m.frequency);
       }
-    } catch (const Error&) {  // such as smooth beams: no frequency then, which the table says
-      at->second.clear();
+    } catch (const Error& e) {  // such as of smooth beams
+      frequency_problem_ = e.problem();
     }
   }
   const auto k = static_cast<std::size_t>(mode - 1);
   return k < at->second.size() ? CostValues{{at->second[k]}, {}} : CostValues{};
+}
+
+std::string CostBench::FrequencyProblem() const {
+  const std::lock_guard<std::mutex> lock(mutex_);
+  return frequency_problem_;
 }
 
 void CostBench::Once(const CostMesh& mesh, const std::string& method, double rtol, double limit,

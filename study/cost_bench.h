@@ -45,6 +45,8 @@ class CostBench {
                      const CostEvents& clock) const;
   double duration() const { return duration_; }
   bool Over() const;  ///< the budget has ended
+  /// Why a mesh has no natural frequencies that were asked for; empty: all have.
+  std::string FrequencyProblem() const;
 
  private:
   void Once(const CostMesh& mesh, const std::string& method, double rtol, double limit,
@@ -60,6 +62,7 @@ class CostBench {
   int modes_ = 0;
   mutable std::mutex mutex_;
   mutable std::map<std::string, std::vector<double>> frequencies_;  // by mesh [Hz]
+  mutable std::string frequency_problem_;
 };
 
 }  // namespace unfurl::study

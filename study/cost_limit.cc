@@ -38,14 +38,31 @@ struct CostSizes {
 
 double Over(double a, double b) { return b > 0.0 ? a / b : a > 0.0 ? kNoLimit : 1.0; }
 
-// Error of the finest mesh from the differences of three.
-double RawError(const CostSizes& sizes, double power, double d12, double d23) {
+// Error of the finest mesh from the differences of three; `turns`: the second goes back on the
+// first.
+double RawError(const CostSizes& sizes, double power, double d12, double d23, bool turns) {
   if (!std::isfinite(d12) || !std::isfinite(d23)) return kNoLimit;
   if (d12 == 0.0 && d23 == 0.0) return 0.0;
   const double seen = sizes.Power(Over(d12, d23), power);
-  if (seen == 0.0) return kNoLimit;
+  // What goes to and fro has its limit between; what goes on without slowing down may have none.
+  if (seen == 0.0) return turns ? std::max(d12, d23) : kNoLimit;
   // A last difference that is small by chance is not believed: the first one says what to expect.
-  return std::max(sizes.Left(seen) * d23, sizes.Left(power) * d12 / sizes.Ratio(power));
+  const double error =
+      std::max(sizes.Left(seen) * d23, sizes.Left(power) * d12 / sizes.Ratio(power));
+  return turns ? std::clamp(error, d23, std::max(d12, d23)) : error;
+}
+
+// Whether the way from q2 to q3 goes back on that from q1 to q2.
+bool Turns(const CostValues& q1, const CostValues& q2, const CostValues& q3) {
+  double sum = 0.0;
+  const auto add = [&](const std::vector<double>& a, const std::vector<double>& b,
+                       const std::vector<double>& c) {
+    const std::size_t n = std::min({a.size(), b.size(), c.size()});
+    for (std::size_t i = 0; i < n; ++i) sum += (b[i] - a[i]) * (c[i] - b[i]);
+  };
+  add(q1.a, q2.a, q3.a);
+  add(q1.b, q2.b, q3.b);
+  return sum < 0.0;
 }
 
 // Error of the extrapolated values: what the power seen makes of it, and what the next power leaves
@@ -89,8 +106,10 @@ CostLimit LimitOf(const std::vector<CostValues>& values, const std::vector<doubl
   }
   const CostSizes s{sizes[n - 3], sizes[n - 2], sizes[n - 1]};
   const CostDistance d12 = DistanceOf(values[n - 3], values[n - 2]);
-  out.error = {RawError(s, power, d12.rms, d23.rms), RawError(s, power, d12.largest, d23.largest)};
-  if (!regular || values[n - 3].a.empty() || values[n - 2].a.empty()) return out;
+  const bool turns = Turns(values[n - 3], values[n - 2], values[n - 1]);
+  out.error = {RawError(s, power, d12.rms, d23.rms, turns),
+               RawError(s, power, d12.largest, d23.largest, turns)};
+  if (!regular || turns || values[n - 3].a.empty() || values[n - 2].a.empty()) return out;
   const double left = s.Left(power);
   const double before = 1.0 / (s.At(s.s1, power) / s.At(s.s2, power) - 1.0);
   const CostValues now = Beyond(values[n - 2], values[n - 1], left);

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 
 #include "base/error.h"
@@ -86,7 +87,7 @@ void AddPlainSegments(const data::Scene& scene, std::vector<CostMesh>* out) {
   std::set<std::string> known;
   for (const double factor : {0.5, 1.0, 2.0}) {
     CostMesh mesh = Mesh(scene, BeamModel::kSegments, [&](const data::SceneBeam& beam) {
-      return std::max(1, static_cast<int>(factor * beam.segments + 0.5));
+      return std::max(1, static_cast<int>(std::lround(factor * beam.segments)));
     });
     if (known.insert(mesh.words).second) out->push_back(std::move(mesh));
   }

@@ -109,6 +109,7 @@ std::vector<CostQuantity> CostQuantities(const data::Scene& scene,
     }
     if (found) continue;
     std::vector<std::string> names;
+    names.reserve(all.size());
     for (const CostQuantity& q : all) names.push_back(q.name);
     const std::string nearest = NearestName(name, names);
     throw Error(fmt::format("the scene has no quantity '{}'", name), "option quantity",

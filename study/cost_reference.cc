@@ -19,6 +19,7 @@ constexpr double kOfSegments = 2.0, kOfShapes = 3.0;
 constexpr double kLooser = 10.0;  // tolerance that shows what time stepping does to the reference
 // By how much a finer rung is dearer, before two tell: twice the work a step, twice the steps.
 constexpr double kDearer = 4.0;
+constexpr double kNoTime = 1e-9;  // of a run, that no clock sees [s]
 // The check by another method may take so many times the run that it checks, and so long anyway.
 constexpr double kCheckTimes = 10.0, kCheckSeconds = 1.0;
 
@@ -44,7 +45,8 @@ double CostReference::Ladder::NextCost() const {
   const std::size_t n = rungs.size();
   if (n == 0) return 0.0;
   const double growth =
-      n > 1 ? std::max(1.0, rungs[n - 1].seconds / std::max(1e-9, rungs[n - 2].seconds)) : kDearer;
+      n > 1 ? std::max(1.0, rungs[n - 1].seconds / std::max(kNoTime, rungs[n - 2].seconds))
+            : kDearer;
   return growth * rungs[n - 1].seconds;
 }
 
@@ -66,11 +68,14 @@ CostReference::CostReference(const CostBench& bench, const data::Scene& scene,
 }
 
 void CostReference::Climb(Ladder* ladder, double share) {
-  double spent = 0.0;
+  double& spent = ladder->seconds;
   std::size_t dropped = 0;  // too coarse to be run
   const std::size_t wanted = ladder->meshes.size();
   while (ladder->rungs.size() < wanted && !ladder->ended) {
-    if (spent + ladder->NextCost() > share || (bench_.Over() && !ladder->rungs.empty())) return;
+    // The check of the first takes as long as it and more.
+    if (spent + ladder->NextCost() + ladder->FirstCost() > share ||
+        (bench_.Over() && !ladder->rungs.empty()))
+      return;
     const CostMesh& mesh = ladder->meshes[ladder->rungs.size()];
     CostOutcome run = bench_.Run(mesh, "auto", rtol_, {share - spent, 0.0});
     spent += run.seconds;
@@ -88,12 +93,14 @@ void CostReference::Climb(Ladder* ladder, double share) {
   }
 }
 
-void CostReference::CheckTime(Ladder* ladder) const {
+void CostReference::CheckTime(Ladder* ladder, double left) const {
   const CostOutcome& own = ladder->rungs.front();
   const CostMesh& mesh = ladder->meshes.front();
   const double limit = std::max(kCheckSeconds, kCheckTimes * own.seconds);
   const CostOutcome looser = bench_.Run(mesh, "auto", kLooser * rtol_, {limit, 0.0});
-  const CostOutcome other = bench_.Run(mesh, "partitioned", rtol_, {limit, 0.0});
+  const CostOutcome other =
+      bench_.Run(mesh, "partitioned", rtol_, {std::min(limit, left - looser.seconds), 0.0});
+  ladder->seconds += looser.seconds + other.seconds;
   ladder->time.clear();
   for (std::size_t q = 0; q < bench_.quantities().size(); ++q) {
     const CostValues mine = bench_.OnClock(own, q, own.events);
@@ -148,13 +155,14 @@ void CostReference::Make(std::size_t workers, double share,
                          const std::function<void(double, const std::string&)>& progress) {
   if (progress) progress(0.0, "the reference");
   ParallelFor(ladders_.size(), workers, [&](std::size_t k) {
-    Climb(&ladders_[k], share / static_cast<double>(ladders_.size()));
-    if (!ladders_[k].rungs.empty()) CheckTime(&ladders_[k]);
+    const double own = share / static_cast<double>(ladders_.size());
+    Climb(&ladders_[k], own);
+    if (!ladders_[k].rungs.empty()) CheckTime(&ladders_[k], own - ladders_[k].seconds);
   });
   std::string message;
   bool any = false, stopped = false;
   for (const Ladder& ladder : ladders_) {
-    for (const CostOutcome& run : ladder.rungs) seconds_ += run.seconds;
+    seconds_ += ladder.seconds;
     any = any || !ladder.rungs.empty();
     stopped = stopped || ladder.stopped;
     if (!ladder.message.empty()) message = ladder.message;

@@ -46,11 +46,13 @@ class CostReference {
     bool ended = false;              // no finer mesh is to be had
     bool stopped = false;            // at the end of its share of time
     std::string message;
+    double seconds = 0.0;  // of CPU, of all its runs [s]
     double NextCost() const;
+    double FirstCost() const { return rungs.empty() ? 0.0 : rungs.front().seconds; }
     std::vector<double> Sizes() const;
   };
   void Climb(Ladder* ladder, double share);
-  void CheckTime(Ladder* ladder) const;
+  void CheckTime(Ladder* ladder, double left) const;
   void FindLimits();
   CostLimit LimitOn(const Ladder& ladder, std::size_t quantity) const;
 

@@ -32,6 +32,7 @@ constexpr double kStill = 1e-3;
 constexpr double kKnownBetter = 9.0;
 constexpr int kMostExtensions = 3;    // of the reference: meshes eight times as fine
 constexpr double kOfReference = 0.5;  // of a budget, that the reference may take
+constexpr double kOfRepeats = 0.005;  // of a budget, that one setting may be timed anew for
 constexpr double kFirstLimit = 1.0;   // that every run may take, however quick the reference [s]
 
 class CostStudy {
@@ -52,7 +53,9 @@ class CostStudy {
     reference_ = std::make_unique<CostReference>(bench_, scene, meshes_,
                                                  std::max(kTightest, kFiner * tightest));
     for (std::size_t m = 0; m < meshes_.asked.size(); ++m) {
-      for (const std::string& method : options.methods) chains_.push_back({m, method});
+      for (std::size_t k = 0; k < options.methods.size(); ++k) {
+        chains_.push_back({m, k, options.methods[k]});
+      }
     }
   }
 
@@ -81,7 +84,7 @@ class CostStudy {
  private:
   // A mesh and method, at one tolerance after the other.
   struct Chain {
-    std::size_t mesh;
+    std::size_t mesh, rank;  // of the method among those asked
     std::string method;
     std::vector<CostOutcome> runs{};  // by tolerance, from the first on
     bool ended = false;               // a tighter one does not count
@@ -91,13 +94,15 @@ class CostStudy {
   void MakeTight() {
     tight_.resize(meshes_.asked.size());
     if (!options_.tolerances.empty() || meshes_.asked[0].words.empty()) return;
+    const bool budget =
+        std::isfinite(options_.within);  // settings are worth more than knowing when
     ParallelFor(tight_.size(), options_.workers, [&](std::size_t m) {
       const CostOutcome* made = reference_->RunOn(meshes_.asked[m]);
-      const double left = start_ + options_.within - CpuSeconds();
-      const double limit = std::min(Limit(), kOfReference * left);
-      tight_[m] = made != nullptr
-                      ? *made
-                      : bench_.Run(meshes_.asked[m], "auto", reference_->rtol(), {limit, 0.0});
+      if (made != nullptr) {
+        tight_[m] = *made;
+      } else if (!budget) {
+        tight_[m] = bench_.Run(meshes_.asked[m], "auto", reference_->rtol(), {Limit(), 0.0});
+      }
     });
     for (const CostOutcome& run : tight_) spent_ += run.seconds;
   }
@@ -115,10 +120,11 @@ class CostStudy {
     for (Chain& chain : chains_) {
       if (!chain.ended && chain.runs.size() == tolerance) active.push_back(&chain);
     }
-    // The quickest first, so that a budget holds as many as it can.
-    std::stable_sort(active.begin(), active.end(), [](const Chain* a, const Chain* b) {
-      return (a->runs.empty() ? 0.0 : a->runs.back().seconds) <
-             (b->runs.empty() ? 0.0 : b->runs.back().seconds);
+    // The quickest first, so that a budget holds as many as it can; at first every mesh with the
+    // first method, then with the next.
+    const auto cost = [](const Chain* c) { return c->runs.empty() ? 0.0 : c->runs.back().seconds; };
+    std::stable_sort(active.begin(), active.end(), [&](const Chain* a, const Chain* b) {
+      return cost(a) != cost(b) ? cost(a) < cost(b) : a->rank < b->rank;
     });
     std::atomic<std::size_t> done = 0;
     const double waves = static_cast<double>(tolerances_.size());
@@ -141,8 +147,9 @@ class CostStudy {
   void Next(Chain* chain, std::size_t tolerance) const {
     const double left = start_ + options_.within - CpuSeconds();
     if (left <= 0.0 || (!chain->runs.empty() && chain->runs.back().seconds > left)) return;
-    CostOutcome run = bench_.Run(meshes_.asked[chain->mesh], chain->method, tolerances_[tolerance],
-                                 {Limit(), options_.repeats});
+    CostOutcome run =
+        bench_.Run(meshes_.asked[chain->mesh], chain->method, tolerances_[tolerance],
+                   {Limit(), std::min(options_.repeats, kOfRepeats * options_.within)});
     if (!run.usable && bench_.Over()) return;  // the budget's end is not the setting's fault
     chain->ended = run.refused || (options_.tolerances.empty() &&
                                    (run.stopped || (run.usable && !Counts(run, chain->mesh))));
@@ -260,6 +267,8 @@ class CostStudy {
       }
       if (!chain.ended) out->left_out += tolerances_.size() - chain.runs.size();
     }
+    const std::string why = bench_.FrequencyProblem();
+    if (!why.empty()) out->refused.push_back("natural frequencies of some beams: " + why);
     for (CostPoint& p : out->points) {
       if (!p.usable || p.worst < 0) continue;
       p.on_front = std::none_of(out->points.begin(), out->points.end(), [&](const CostPoint& q) {

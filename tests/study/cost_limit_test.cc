@@ -75,12 +75,24 @@ TEST(CostLimit, SmoothBeamsAreTakenAsTheyAreFromSizesThatDoNotDouble) {
 
 TEST(CostLimit, WhatDoesNotSettleIsNotKnown) {
   std::vector<CostValues> values;
-  for (const double q : {1.0, 2.0, 1.0}) values.push_back({{q}, {}});
+  for (const double q : {1.0, 2.0, 3.0}) values.push_back({{q}, {}});
   EXPECT_TRUE(std::isinf(LimitOf(values, {1, 2, 4}, 2.0, true).error.rms));
   EXPECT_TRUE(std::isinf(LimitOf({values[0]}, {1}, 2.0, true).error.rms));
   EXPECT_EQ(LimitOf({values[0], values[1]}, {1, 2}, 2.0, true).error.rms, 1.0);
   values[0] = {};  // a latch that does not close on the coarsest mesh
   EXPECT_TRUE(std::isinf(LimitOf(values, {1, 2, 4}, 2.0, true).error.rms));
+}
+
+TEST(CostLimit, WhatGoesToAndFroIsKnownToItsSwing) {
+  // +-1 around 7, and the same that dies away.
+  for (const double decay : {1.0, 0.9, 0.5}) {
+    std::vector<CostValues> values;
+    for (int k = 0; k < 3; ++k) values.push_back({{7.0 + std::pow(-decay, k)}, {}});
+    const CostLimit limit = LimitOf(values, {1, 2, 4}, 2.0, true);
+    EXPECT_GE(limit.error.rms, std::fabs(limit.values.a[0] - 7.0)) << decay;
+    EXPECT_LE(limit.error.rms, 2.0);
+    EXPECT_FALSE(limit.extrapolated);
+  }
 }
 
 TEST(CostLimit, ALastDifferenceThatIsSmallByChanceIsNotBelieved) {

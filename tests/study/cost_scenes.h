@@ -11,17 +11,18 @@ struct CostScene {
   const char* shipped;  // below data/sets; else
   const char* text;
   double duration;  // [s]
+  int finest;       // segments of a truth that takes some seconds
   std::vector<std::string> quantities;
 };
 
 inline std::vector<CostScene> CostScenes() {
   return {
-      {"cantilever", "cantilever/scene.toml", "", 0.3, {}},
-      {"flexible pendulum", "flexible_pendulum/scene.toml", "", 0.6, {}},
-      {"slider-crank", "slider_crank/scene.toml", "", 0.0, {}},
-      {"double pendulum", "double_pendulum/scene.toml", "", 1.0, {}},
-      {"deployment", "deployment/scene_suspension_4.toml", "", 1.2, {}},
-      {"Andrews", "andrews/scene.toml", "", 0.0, {}},
+      {"cantilever", "cantilever/scene.toml", "", 0.3, 96, {}},
+      {"flexible pendulum", "flexible_pendulum/scene.toml", "", 0.6, 64, {}},
+      {"slider-crank", "slider_crank/scene.toml", "", 0.0, 48, {}},
+      {"double pendulum", "double_pendulum/scene.toml", "", 1.0, 48, {}},
+      {"deployment", "deployment/scene_suspension_4.toml", "", 1.2, 16, {}},
+      {"Andrews", "andrews/scene.toml", "", 0.0, 48, {}},
       {"mast on a spring",
        "",
        "[scene]\nname = 'mast'\nduration = 1.0\n"
@@ -32,6 +33,7 @@ inline std::vector<CostScene> CostScenes() {
        "[joint.foot.spring]\nstiffness = 60.0\n"
        "[mark.head_mark]\non = 'head'\n",
        0.0,
+       48,
        {}},
       {"two panels, one latch",
        "",
@@ -47,6 +49,7 @@ inline std::vector<CostScene> CostScenes() {
        "[joint.hinge.latch]\ntheta_a = 0.01\ntheta_b = 0.01\nlever = 0.04\ncontact = 'stop'\n"
        "[mark.tip]\non = 'b.end'\n",
        0.0,
+       48,
        {"tip", "root.theta", "hinge.theta", "hinge.latch_time", "hinge.latch_rate"}},
       {"boom on a free hub",
        "",
@@ -58,6 +61,7 @@ inline std::vector<CostScene> CostScenes() {
        "[force.jet]\non = 'hub'\ntorque = {t = [0.0, 0.5, 1.0], value = [0.0, 2.0, 0.0]}\n"
        "[mark.tip_mark]\non = 'tip'\n[mark.middle]\non = 'boom'\nat = 0.5\n",
        0.0,
+       48,
        {"tip_mark", "middle", "hub.theta", "boom.tip_deflection"}},
       {"rope that stretches",
        "",
@@ -67,6 +71,7 @@ inline std::vector<CostScene> CostScenes() {
        "[joint.hook]\ninner = 'ground'\nouter = 'rope.start'\ntheta = -0.4\n"
        "[gravity]\nacceleration = [0.0, -3.7]\n[mark.end]\non = 'rope.end'\n",
        0.0,
+       48,
        {}},
       {"rigid gate with a drag and a table",
        "",
@@ -82,6 +87,7 @@ inline std::vector<CostScene> CostScenes() {
        "[joint.edge.table]\ntheta = [-1.0, -0.2, 0.2, 1.0]\nmoment = [3.0, 0.2, -0.2, -3.0]\n"
        "[mark.corner]\non = 'flap'\npoint = [0.5, 0.0]\n",
        0.0,
+       48,
        {"corner", "post.theta", "edge.theta", "post.latch_time"}},
       {"portal frame",
        "",
@@ -99,6 +105,7 @@ inline std::vector<CostScene> CostScenes() {
        "[force.push]\non = 'roof'\nforce = ['40 * sin(20 * t)', 0.0]\n"
        "[mark.corner]\non = 'roof'\npoint = [0.6, 0.0]\n",
        0.0,
+       48,
        {"corner", "pl.theta", "left.tip_deflection"}},
   };
 }

@@ -36,7 +36,11 @@ class CostTruth {
         if (mesh == nullptr && m.words == setting.beams) mesh = &m;
       }
     }
-    const CostOutcome run = bench_.Run(*mesh, setting.method, setting.tolerance, {HUGE_VAL, 0.0});
+    if (last_name_ != setting.Name()) {
+      last_ = bench_.Run(*mesh, setting.method, setting.tolerance, {HUGE_VAL, 0.0});
+      last_name_ = setting.Name();
+    }
+    const CostOutcome& run = last_;
     const std::size_t q = QuantityOf(line);
     const Truth& truth =
         TruthFor(!mesh->beams.empty() && mesh->beams[0].model == data::BeamModel::kKirchhoff);
@@ -77,6 +81,8 @@ class CostTruth {
     const bool by_segments = meshes.smooth.empty() || smooth_setting;
     std::optional<Truth>& kept = by_segments ? segments_ : smooth_;
     if (kept) return *kept;
+    // Another model is truth enough; else another method than what `auto` may come to.
+    const char* method = meshes.smooth.empty() ? "projected" : "auto";
     constexpr double kRigid = 1e-12, kBeams = 1e-9;  // below every reference's tolerance
     kept.emplace();
     if (scene_.beams.empty()) {
@@ -84,12 +90,12 @@ class CostTruth {
       kept->clock = run.events;
       kept->values = run.values;
     } else if (!by_segments) {
-      const CostOutcome run = Fine(MeshesOf(scene_, {}, {highest_}).asked[0], "projected", kBeams);
+      const CostOutcome run = Fine(MeshesOf(scene_, {}, {highest_}).asked[0], "auto", kBeams);
       kept->clock = run.events;
       for (std::size_t q = 0; q < run.values.size(); ++q) kept->values.push_back(run.values[q]);
     } else {
-      const CostOutcome coarse = Fine(Segments(finest_ / 2), "projected", kBeams);
-      const CostOutcome fine = Fine(Segments(finest_), "projected", kBeams);
+      const CostOutcome coarse = Fine(Segments(finest_ / 2), method, kBeams);
+      const CostOutcome fine = Fine(Segments(finest_), method, kBeams);
       kept->clock = fine.events;
       for (std::size_t q = 0; q < fine.values.size(); ++q) {
         const CostValues a = bench_.OnClock(coarse, q, fine.events);
@@ -111,6 +117,8 @@ class CostTruth {
   CostBench bench_;
   int finest_, highest_;
   std::optional<Truth> segments_, smooth_;
+  CostOutcome last_;  // of the setting asked for last
+  std::string last_name_;
 };
 
 // What is asked of `unfurl cost`: stated over real error.

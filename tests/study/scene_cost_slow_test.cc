@@ -25,7 +25,7 @@ TEST(SceneCostSlow, StatedErrorsAreReal) {
     options.quantities = s.quantities;
     options.duration = s.duration;
     const SceneCost cost = StudySceneCost(scene, options);
-    const CostTally t = HeldToTruth(scene, options, cost, 48, 11);
+    const CostTally t = HeldToTruth(scene, options, cost, s.finest, 11);
     fmt::print(
         "{}: {} settings in {:.3g} s; {} resolved, stated over real {:.2f} to {:.2f}, {} "
         "wrong; {} bounds, {} low; {} not settled, {} beyond the truth {}\n",
