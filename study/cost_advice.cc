@@ -105,8 +105,10 @@ std::vector<std::string> CostAdvice(const SceneCost& cost) {
   }
   for (const CostLine& line : cost.lines) {
     if (line.settled) continue;
-    advice.push_back(fmt::format(
-        "{}: finer meshes come to no end; nothing can be said of its error", line.quantity.name));
+    advice.push_back(fmt::format("{}: {}; nothing can be said of its error", line.quantity.name,
+                                 cost.reference_cut
+                                     ? "the budget left too few meshes, or they come to no end"
+                                     : "finer meshes come to no end"));
   }
   return advice;
 }

@@ -17,8 +17,8 @@ namespace {
 // (docs/decisions/010-second-beam.md).
 constexpr double kOfSegments = 2.0, kOfShapes = 3.0;
 constexpr double kLooser = 10.0;  // tolerance that shows what time stepping does to the reference
-// By how much a finer rung is dearer, before two tell: twice the work a step, twice the steps.
-constexpr double kDearer = 4.0;
+// A finer rung is dearer by this power of its size, before two tell: more work a step, more steps.
+constexpr double kDearer = 2.0;
 constexpr double kNoTime = 1e-9;  // of a run, that no clock sees [s]
 // The check by another method may take so many times the run that it checks, and so long anyway.
 constexpr double kCheckTimes = 10.0, kCheckSeconds = 1.0;
@@ -44,9 +44,11 @@ std::vector<double> CostReference::Ladder::Sizes() const {
 double CostReference::Ladder::NextCost() const {
   const std::size_t n = rungs.size();
   if (n == 0) return 0.0;
-  const double growth =
-      n > 1 ? std::max(1.0, rungs[n - 1].seconds / std::max(kNoTime, rungs[n - 2].seconds))
-            : kDearer;
+  double growth = regular ? std::exp2(kDearer)
+                          : std::pow((meshes[n - 1].order + 2.0) / meshes[n - 1].order, kDearer);
+  if (n > 1) {
+    growth = std::max(1.0, rungs[n - 1].seconds / std::max(kNoTime, rungs[n - 2].seconds));
+  }
   return growth * rungs[n - 1].seconds;
 }
 
@@ -73,9 +75,9 @@ void CostReference::Climb(Ladder* ladder, double share) {
   const std::size_t wanted = ladder->meshes.size();
   while (ladder->rungs.size() < wanted && !ladder->ended) {
     // The check of the first takes as long as it and more.
-    if (spent + ladder->NextCost() + ladder->FirstCost() > share ||
-        (bench_.Over() && !ladder->rungs.empty()))
-      return;
+    ladder->stopped = spent + ladder->NextCost() + ladder->FirstCost() > share ||
+                      (bench_.Over() && !ladder->rungs.empty());
+    if (ladder->stopped) return;
     const CostMesh& mesh = ladder->meshes[ladder->rungs.size()];
     CostOutcome run = bench_.Run(mesh, "auto", rtol_, {share - spent, 0.0});
     spent += run.seconds;
@@ -208,11 +210,16 @@ const CostOutcome* CostReference::RunOn(const CostMesh& mesh) const {
   return nullptr;
 }
 
+bool CostReference::ShortOfTime() const {
+  return std::any_of(ladders_.begin(), ladders_.end(),
+                     [](const Ladder& ladder) { return ladder.stopped; });
+}
+
 std::string CostReference::problem() const {
   const bool known = std::any_of(limits_.begin(), limits_.end(), [](const CostLimit& limit) {
     return std::isfinite(limit.error.rms);
   });
-  return limits_.empty() || (!known && bench_.Over())
+  return limits_.empty() || (!known && ShortOfTime())
              ? "the budget of time ended before there was a reference"
              : "";
 }

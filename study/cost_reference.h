@@ -33,6 +33,8 @@ class CostReference {
   double seconds() const { return seconds_; }  ///< of CPU, of all its runs [s]
   /// "segments 4 to 16 and smooth, order 4 to 8, at rtol 1e-08".
   std::string Words() const;
+  /// Whether some of its meshes were left out for lack of time.
+  bool ShortOfTime() const;
   /// Why there is none, for lack of time; empty: there is.
   std::string problem() const;
 

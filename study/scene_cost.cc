@@ -20,6 +20,8 @@ namespace {
 
 // The reference's tolerance, of the tightest asked: its own error is then below 1% of any other's.
 constexpr double kFiner = 0.01;
+// Of beams within a budget, whose mesh is what is left: finer meshes are worth more then.
+constexpr double kFinerInBudget = 0.1;
 constexpr double kTightest = 1e-12;  // that rounding lets a run of some 1e5 steps keep [-]
 constexpr double kPlainTolerances[] = {1e-2, 1e-3, 1e-4, 1e-5, 1e-6};
 // A tighter tolerance no longer counts where it changes less than this part of what is left.
@@ -50,8 +52,10 @@ class CostStudy {
       tolerances_.assign(std::begin(kPlainTolerances), std::end(kPlainTolerances));
     }
     const double tightest = *std::min_element(tolerances_.begin(), tolerances_.end());
+    const bool quick = std::isfinite(options.within) && !scene.beams.empty();
+    const double finer = quick ? kFinerInBudget : kFiner;
     reference_ = std::make_unique<CostReference>(bench_, scene, meshes_,
-                                                 std::max(kTightest, kFiner * tightest));
+                                                 std::max(kTightest, finer * tightest));
     for (std::size_t m = 0; m < meshes_.asked.size(); ++m) {
       for (std::size_t k = 0; k < options.methods.size(); ++k) {
         chains_.push_back({m, k, options.methods[k]});
@@ -64,6 +68,7 @@ class CostStudy {
     out.duration = bench_.duration();
     reference_->Make(options_.workers, kOfReference * options_.within, progress_);
     out.problem = reference_->problem();
+    out.reference_cut = reference_->ShortOfTime();
     if (out.problem.empty()) {
       FindLines(&out);
       MakeTight();

@@ -80,6 +80,7 @@ struct SceneCost {
   std::vector<std::string> absent;   ///< quantities without a line, and why, in words
   std::vector<std::string> refused;  ///< why some settings have no run, in words
   std::string reference;             ///< what runs are compared with, in words
+  bool reference_cut = false;        ///< the budget left out some of its meshes
   std::vector<CostPoint> points;     ///< mesh by mesh, method by method
   std::size_t left_out = 0;          ///< settings for which the budget left no time
   double seconds = 0.0;              ///< of CPU, all runs [s]

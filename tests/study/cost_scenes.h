@@ -21,7 +21,7 @@ inline std::vector<CostScene> CostScenes() {
       {"flexible pendulum", "flexible_pendulum/scene.toml", "", 0.6, 64, {}},
       {"slider-crank", "slider_crank/scene.toml", "", 0.0, 48, {}},
       {"double pendulum", "double_pendulum/scene.toml", "", 1.0, 48, {}},
-      {"deployment", "deployment/scene_suspension_4.toml", "", 1.2, 16, {}},
+      {"deployment", "deployment/scene_suspension_4.toml", "", 1.2, 40, {}},
       {"Andrews", "andrews/scene.toml", "", 0.0, 48, {}},
       {"mast on a spring",
        "",
