@@ -10,6 +10,7 @@
 #include "base/progress.h"
 #include "base/text.h"
 #include "cli/cost_page.h"
+#include "cli/cost_rig.h"
 #include "cli/cost_study.h"
 #include "cli/verb.h"
 #include "data/formats.h"
@@ -29,6 +30,7 @@ struct Arguments {
   // Of a study.
   std::string within;
   study::StudyCostOptions study;
+  CostRigArguments rig;
 };
 
 // Which options of the other kind of input were given; empty: none.
@@ -37,6 +39,24 @@ std::string Misplaced(const CLI::App& app, std::initializer_list<const char*> op
     if (app.get_option(option)->count() > 0) return option;
   }
   return {};
+}
+
+// Whether surveying is asked for. Throws Error for options of another kind, and for no input.
+bool IsOfRig(const CLI::App& app, const Arguments& arguments) {
+  const bool rig = arguments.rig.asked();
+  if (!rig && arguments.scene.empty()) {
+    throw Error("is needed", "INPUT", "give a scene or a study, or --rig or --survey");
+  }
+  if (rig && !arguments.scene.empty()) {
+    throw Error("is given beside --rig or --survey", "INPUT", "leave one of them out");
+  }
+  const std::string misplaced =
+      rig ? Misplaced(app, {"--quantity", "--methods", "--rtol", "--segments", "--order",
+                            "--duration", "--vary", "--within", "--allow-programs", "--set"})
+          : CostRigOptionGiven(app);
+  if (misplaced.empty()) return rig;
+  throw Error(rig ? "is for a scene or a study" : "is for --rig or --survey", misplaced,
+              "leave it out; `unfurl cost --help`");
 }
 
 // Null for what is not finite.
@@ -141,17 +161,19 @@ int Run(const Common& common, const Arguments& arguments) {
 
 Verb AddCost(CLI::App& program, Common& common) {
   Verb verb = DeclareVerb(
-      program, common, "cost", "Run time against accuracy: of a scene, or of a study's intervals",
-      "unfurl cost scene.toml --quantity joint1.theta --within 60s --report cost.html");
+      program, common, "cost",
+      "Run time against accuracy: of a scene, or of a study's intervals; hours of surveying "
+      "against accuracy, of a rig",
+      "unfurl cost scene.toml --quantity joint1.theta --within 60s --report cost.html\n"
+      "  unfurl cost --rig rig.h5 --need 0.5mm --lay-out points.csv");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
   auto arguments = std::make_shared<Arguments>();
-  files
-      .Read("INPUT", &arguments->scene,
-            "A scene: tolerances, methods, meshes, models of beams; a study: rungs, tolerance, "
-            "horizon, starts, "
-            "marks, each fitted (TOML)")
-      ->required();
+  files.Read("INPUT", &arguments->scene,
+             "A scene: tolerances, methods, meshes, models of beams; a study: rungs, tolerance, "
+             "horizon, starts, "
+             "marks, each fitted (TOML); or --rig or --survey");
+  AddCostRigOptions(&verb, &arguments->rig);
   files.Overrides(&arguments->sets, "Overrides a key of the scene or study (repeatable)");
   app->add_option(
          "--quantity", arguments->cost.quantities,
@@ -193,6 +215,7 @@ Verb AddCost(CLI::App& program, Common& common) {
   AddAllowPrograms(app, &arguments->study.allow_programs);
   files.Page(&arguments->report, "Also write a page with pictures (HTML)");
   verb.run = [&common, arguments, app] {
+    if (IsOfRig(*app, *arguments)) return RunCostRig(common, arguments->rig, arguments->report);
     const bool study = data::KindOf(arguments->scene) == "study";
     const std::string misplaced = study ? Misplaced(*app, {"--quantity", "--methods", "--rtol",
                                                            "--segments", "--order", "--duration"})
