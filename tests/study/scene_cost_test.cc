@@ -3,11 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <set>
 
 #include "base/cpu_time.h"
 #include "base/error.h"
 #include "data/scene.h"
+#include "sim/implicit/find_modes.h"
 #include "study/cost_meshes.h"
 #include "tests/own_folder.h"
 #include "tests/study/cost_scenes.h"
@@ -150,6 +152,38 @@ TEST(SceneCost, StatedErrorsAreReal) {
       EXPECT_GE(tally.resolved, 4) << name;
     }
   }
+}
+
+// Euler and Bernoulli: the clamped beam's frequencies are (k L)^2 sqrt(EI / (m L^3)) / (2 pi).
+TEST(SceneCost, StatedErrorsOfFrequenciesAreThoseToTheClosedForm) {
+  const data::Scene scene = data::ParseScene(
+      "[scene]\nname = 'bar'\nduration = 0.01\n"
+      "[beam.bar]\nlength = 0.7\nmass = 0.9\nEI = 45.0\nsegments = 10\n"
+      "[weld.root]\ninner = 'ground'\nouter = 'bar.start'\n",
+      "bar");
+  SceneCostOptions options;
+  options.quantities = {"frequency.1", "frequency.2"};
+  options.segments = {5, 10, 20};
+  options.methods = {"auto"};
+  options.tolerances = {1e-3};
+  options.repeats = 0.0;
+  const SceneCost cost = StudySceneCost(scene, options);
+  ASSERT_EQ(cost.lines.size(), 2u);
+  ASSERT_EQ(cost.points.size(), 3u);
+  const double unit = std::sqrt(45.0 / (0.9 * std::pow(0.7, 3))) / (2.0 * M_PI);
+  constexpr double kRoots[] = {1.875104068711961, 4.694091132974175};  // of cos cosh = -1
+  for (std::size_t l = 0; l < 2; ++l) {
+    const double truth = kRoots[l] * kRoots[l] * unit;
+    for (const CostPoint& p : cost.points) {
+      sim::ModesOptions modes;
+      const CostMesh mesh = MeshesOf(scene, {p.setting.segments}, {}).asked[0];
+      const double found = sim::FindModes(mesh.Of(scene), modes).record.modes[l].frequency;
+      EXPECT_NEAR(p.errors[l].rms * truth / std::fabs(found - truth), 1.0, 0.2)
+          << p.setting.Name() << ", " << cost.lines[l].quantity.name;
+      EXPECT_FALSE(p.errors[l].bound);
+    }
+  }
+  EXPECT_FALSE(cost.refused.empty());  // smooth beams have none, if only in the reference
 }
 
 TEST(SceneCost, ABudgetIsKept) {
