@@ -141,7 +141,7 @@ data::Rig RigOf(const std::string& path, calib::SurveyCostOptions* options, bool
   for (const calib::Reading& r : data.readings) readings.push_back(r.s_px);
   calib::CalibrateOptions calibrate;
   calibrate.workers = options->workers;
-  const data::Rig rig = calib::FitRig(data, calibrate, path).rig;
+  data::Rig rig = calib::FitRig(data, calibrate, path).rig;
   if (!own_sigma) options->point_sigma = Median(points);
   if (!own_reading) options->reading_sigma_px = Median(readings);
   return rig;

@@ -108,7 +108,11 @@ TEST(SurveyCost, IsWhatCalibrationsThenReach) {
     std::printf("%d points, %s, %d shots: %.3f of what was foretold, %.3f mm (%zu laboratories)\n",
                 names[s].points, Name(names[s].places), names[s].shots, ratio, 1e3 * names[s].error,
                 kLabs);
-    EXPECT_NEAR(ratio, 1.0, 0.1 + chance);
+    // What is foretold is of all terms of the lens. Where points at few heights tell them badly,
+    // calibrate takes fewer, and does better.
+    EXPECT_LT(ratio, 1.1 + chance);
+    const bool everywhere = names[s].places == SurveyPlaces::kVolume;
+    EXPECT_GT(ratio, everywhere ? 0.9 - chance : 0.0);
   }
 }
 
