@@ -1,6 +1,7 @@
 // The two beam models against each other: time to an accuracy, on two scenes with their parameters
 // in beam_scenes.cc (docs/decisions/010-second-beam.md).
 //   beam_bench [repeats]                                   (default 9)
+//   beam_bench folds      error of each order, both folds  (docs/decisions/185-even-and-odd.md)
 // Columns: model with its segments or modes, order of the method, tolerance, evaluations, median
 // milliseconds of the run (thread's CPU), and the root mean square of the error against the
 // reference: of the rod's middle against its chord, in % of its peak (slider-crank); of the tip, in
@@ -60,7 +61,7 @@ void Table(Scene (*make)(const BeamChoice&), double rate, int repeats) {
   const bool crank = make == SliderCrank;
   int order = 0;  // of the method; 0: the program's choice
   const auto run = [&](const BeamChoice& choice, double rtol, double* ms, long* evaluations) {
-    const unfurl::sim::Model model = unfurl::sim::Compile(make(choice));
+    const auto model = unfurl::sim::CompileModel(make(choice));
     unfurl::sim::SimulateOptions options;
     options.rate = rate;
     options.rtol = rtol;
@@ -69,7 +70,7 @@ void Table(Scene (*make)(const BeamChoice&), double rate, int repeats) {
     MarkTracks tracks;
     for (int k = 0; k < (ms != nullptr ? repeats : 1); ++k) {
       const double begin = Milliseconds();
-      tracks = unfurl::sim::SimulateMarks(model, options);
+      tracks = unfurl::sim::SimulateMarks(*model, options);
       took.push_back(Milliseconds() - begin);
     }
     std::nth_element(took.begin(), took.begin() + took.size() / 2, took.end());
@@ -119,11 +120,39 @@ void Table(Scene (*make)(const BeamChoice&), double rate, int repeats) {
   }
 }
 
+// Root mean square of the tip's error by order, in mm, against the highest order of the better
+// parity; the two beams unfold as a zigzag and as a roll, without damping and with some.
+void Folds() {
+  for (const double sign : {-1.0, 1.0}) {
+    for (const double damping : {0.0, 1e-5, 1e-4}) {
+      const auto run = [&](int order) {
+        Scene scene = TwoBeams({BeamModel::kKirchhoff, order});
+        scene.joints[1].sign = sign;
+        for (auto& beam : scene.beams) beam.damping = damping;
+        unfurl::sim::SimulateOptions options;
+        options.rate = 200.0;
+        options.rtol = 1e-8;
+        return Curve(unfurl::sim::SimulateMarks(scene, options));
+      };
+      const CurveOf reference = run(sign < 0.0 ? 11 : 10);
+      fmt::print("{}, damping {:.0e} s:", sign < 0.0 ? "zigzag" : "roll", damping);
+      for (int order = 1; order < 10; ++order) {
+        fmt::print(" {:.4f}", 1e3 * RootMeanSquare(run(order), reference));
+      }
+      fmt::print("\n");
+    }
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  const int repeats = argc > 1 ? std::stoi(argv[1]) : 9;
   try {
+    if (argc > 1 && std::string(argv[1]) == "folds") {
+      Folds();
+      return 0;
+    }
+    const int repeats = argc > 1 ? std::stoi(argv[1]) : 9;
     Table(SliderCrank, 2000.0, repeats);
     Table(TwoBeams, 200.0, repeats);
   } catch (const unfurl::Error& error) {

@@ -16,6 +16,7 @@
 #include "base/error.h"
 #include "data/scene.h"
 #include "sim/methods/simulate.h"
+#include "sim/model/model.h"
 
 namespace {
 
