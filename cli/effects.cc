@@ -91,8 +91,8 @@ Told OfScene(const Common& common, const Arguments& a) {
 
 void WritePage(const Common& common, const Arguments& a, const Told& told) {
   report::Page page("Effects", a.input);
-  page.AddWords(report::Level::kGood, std::string(told.closing.begin(), told.closing.end() - 1),
-                {told.head});
+  page.AddWords(told.explained ? report::Level::kGood : report::Level::kCare,
+                std::string(told.closing.begin(), told.closing.end() - 1), {told.head});
   report::Table table;
   table.title = told.title;
   table.header = told.rows.front();

@@ -124,6 +124,13 @@ EffectsTold EffectsOfStudy(const Common& common, const EffectsArguments& a) {
       "nats; change of the fitted motion in sigmas of the data; parameters in standard errors)\n"
       "{}\n",
       LeftOutWords(e.left_out));
+  out.explained = study::Explains(e.fit);
+  if (!out.explained) {
+    out.closing +=
+        "the model does not explain the data: what is missing may speak for or against any of "
+        "these effects\n";
+  }
+  out.json["explains"] = out.explained;
   out.json["left_out"] = e.left_out;
   out.left_out = LeftOutWords(e.left_out);
   out.json["reduced_change"] = e.reduced_change;
@@ -183,6 +190,7 @@ EffectsTold EffectsOfRivals(const Common& common, const EffectsArguments& a) {
           ? fmt::format("probably {}: {:.3g}, were one of them right and none preferred\n",
                         best.name, best.probability)
           : "none of them explains the data: probabilities among wrong laws tell which is nearer\n";
+  out.explained = best.explains;
   out.json["best"] = best.name;
   out.json["explains"] = best.explains;
   return out;

@@ -20,8 +20,9 @@ struct EffectsArguments {
 
 /// What each kind of input comes to.
 struct EffectsTold {
-  bool usable = true;   // the study's fit
-  std::string message;  // of one that is not
+  bool usable = true;     // the study's fit
+  std::string message;    // of one that is not
+  bool explained = true;  // a study's data, by its model or by the best of the rivals
   std::string head, closing;
   std::string title;                           // of the table
   std::vector<std::vector<std::string>> rows;  // the first is the header

@@ -52,24 +52,17 @@ std::string ListQuantities(const std::string& path, ordered_json* list) {
   return AlignedTable(rows);
 }
 
-// The numbers of the whole run, where they stand in one table; those that are not known are left
-// out.
+// The numbers of the whole run; those that are not known are left out.
 std::string ListSummary(const data::H5Reader& file, ordered_json* list) {
-  if (!file.Has("/summary/name")) return "";
-  const std::vector<std::string> names = file.ReadStrings("/summary/name"),
-                                 units = file.ReadStrings("/summary/units"),
-                                 what = file.ReadStrings("/summary/description");
-  const std::vector<double> values = file.ReadDoubles("/summary/value");
-  if (units.size() != names.size() || what.size() != names.size() ||
-      values.size() != names.size()) {
-    file.Fail("is not as long as the others of its group", "/summary/value", "make the file again");
-  }
+  *list = ordered_json::array();
   std::vector<std::vector<std::string>> rows = {{"number", "value", "unit", "what it is"}};
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    if (std::isnan(values[i])) continue;
-    list->push_back(
-        {{"name", names[i]}, {"value", values[i]}, {"units", units[i]}, {"description", what[i]}});
-    rows.push_back({names[i], fmt::format("{:.8g}", values[i]), "[" + units[i] + "]", what[i]});
+  for (const auto& [of, value] : data::ReadSummary(file)) {
+    if (std::isnan(value)) continue;
+    list->push_back({{"name", of.name},
+                     {"value", value},
+                     {"units", of.units},
+                     {"description", of.description}});
+    rows.push_back({of.name, fmt::format("{:.8g}", value), "[" + of.units + "]", of.description});
   }
   return AlignedTable(rows);
 }

@@ -100,36 +100,37 @@ void ReadShapes(const RunReader& reader, Run* run) {
   }
 }
 
-void AddSummary(const Quantity& of, double value, Run* run) {
-  run->summary_quantities.push_back(of);
-  if (!std::isnan(value)) run->summary[of.name] = value;
+// Version 1: a dataset for each number.
+std::vector<SummaryNumber> ReadSummaryOfVersion1(const H5Reader& file) {
+  std::vector<SummaryNumber> numbers;
+  for (const std::string& name : file.Children("/summary")) {
+    const std::string at = "/summary/" + name;
+    const std::vector<double> value = file.ReadDoubles(at);
+    numbers.push_back({{name, file.Units(at), file.Description(at)},
+                       value.size() == 1 ? value[0] : std::nan("")});
+  }
+  return numbers;
 }
 
-void ReadSummary(const H5Reader& file, Run* run) {
-  if (file.schema_version() == 1) {
-    for (const std::string& name : file.Children("/summary")) {
-      const std::string at = "/summary/" + name;
-      const std::vector<double> value = file.ReadDoubles(at);
-      AddSummary({name, file.Units(at), file.Description(at)},
-                 value.size() == 1 ? value[0] : std::nan(""), run);
-    }
-    return;
-  }
-  if (!file.Has("/summary/name")) return;
-  const std::vector<std::string> names = file.ReadStrings("/summary/name"),
-                                 units = file.ReadStrings("/summary/units"),
-                                 what = file.ReadStrings("/summary/description");
+}  // namespace
+
+std::vector<SummaryNumber> ReadSummary(const H5Reader& file) {
+  if (file.schema_version() == 1) return ReadSummaryOfVersion1(file);
+  if (!file.Has("/summary/name")) return {};
+  std::vector<std::string> names = file.ReadStrings("/summary/name"),
+                           units = file.ReadStrings("/summary/units"),
+                           what = file.ReadStrings("/summary/description");
   const std::vector<double> values = file.ReadDoubles("/summary/value");
   if (units.size() != names.size() || what.size() != names.size() ||
       values.size() != names.size()) {
     file.Fail("is not as long as the others of its group", "/summary/value", "make the file again");
   }
+  std::vector<SummaryNumber> numbers;
   for (std::size_t k = 0; k < names.size(); ++k) {
-    AddSummary({names[k], units[k], what[k]}, values[k], run);
+    numbers.push_back({{std::move(names[k]), std::move(units[k]), std::move(what[k])}, values[k]});
   }
+  return numbers;
 }
-
-}  // namespace
 
 Run ReadRun(const std::string& path, bool with_shapes) {
   const RunReader reader(path);
@@ -157,7 +158,10 @@ Run ReadRun(const std::string& path, bool with_shapes) {
   }
   ReadEvents(file, reader.ended(), &run);
   if (with_shapes) ReadShapes(reader, &run);
-  ReadSummary(file, &run);
+  for (SummaryNumber& number : ReadSummary(file)) {
+    if (!std::isnan(number.value)) run.summary[number.of.name] = number.value;
+    run.summary_quantities.push_back(std::move(number.of));
+  }
   for (const std::string& name : file.Children("/text")) {
     const std::vector<std::string> text = file.ReadStrings("/text/" + name);
     if (text.size() == 1 && !text[0].empty()) run.text[name] = text[0];

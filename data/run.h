@@ -156,6 +156,15 @@ const char* ShapeKindName(ShapeKind kind);
 /// Times of the shapes, and their points.
 inline constexpr char kShapeTime[] = "/shapes/t", kShapePoints[] = "/shapes/xy";
 
+/// A number of the whole run; NaN: not known.
+struct SummaryNumber {
+  Quantity of;
+  double value = 0.0;  ///< [Quantity::units]
+};
+/// All that a run's file has of them, in its order. Throws Error where its columns differ in
+/// length.
+std::vector<SummaryNumber> ReadSummary(const H5Reader& file);
+
 // Of a run that did not end: as much as all its series have. `with_shapes`: those too, which may be
 // most of the file.
 Run ReadRun(const std::string& path, bool with_shapes = false);

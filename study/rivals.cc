@@ -47,14 +47,6 @@ double PlainSquares(const StudyFit& fit) {
   return out;
 }
 
-bool Explains(const StudyFit& fit) {
-  return std::all_of(fit.result.trials.begin(), fit.result.trials.end(),
-                     [](const correlate::TrialResult& t) {
-                       return t.goodness.outcome == correlate::Explained::kYes ||
-                              t.goodness.outcome == correlate::Explained::kNoise;
-                     });
-}
-
 // By the judge's noise: from its own estimate down to its minimum under that.
 correlate::Refitted Again(const data::Study& study, const StudyFit& fit,
                           const correlate::FitResult& judge, std::size_t workers) {
@@ -135,6 +127,14 @@ void Compare(const std::vector<correlate::Refitted>& again, std::vector<Rival>* 
 }
 
 }  // namespace
+
+bool Explains(const StudyFit& fit) {
+  return std::all_of(fit.result.trials.begin(), fit.result.trials.end(),
+                     [](const correlate::TrialResult& t) {
+                       return t.goodness.outcome == correlate::Explained::kYes ||
+                              t.goodness.outcome == correlate::Explained::kNoise;
+                     });
+}
 
 std::vector<Rival> WeighRivals(const std::vector<data::Study>& studies,
                                const RivalsOptions& options) {

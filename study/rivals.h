@@ -31,6 +31,10 @@ struct Rival {
   correlate::PredictiveGain behind;  ///< by how much the best predicts held-out stretches better
 };
 
+/// Whether the model of a fit explains all its trials, by correlate::Explained: as their errors
+/// are, or as noise would be.
+bool Explains(const StudyFit& fit);
+
 /// Fits each study and compares them on the same data, by the noise that the one with the least
 /// residuals has found: competing laws of contact, friction or damping, each with parameters of its
 /// own. Probabilities are Schwarz's: a parameter costs log n. The most probable comes first; those
