@@ -30,9 +30,9 @@ void AddLadderWords(const correlate::LadderResult& ladder, data::FitRecord* reco
   }
   if (ladder.followed > 0) {
     record->reasons.push_back(
-        fmt::format("What the finest rung lacks moves the values so far that the way bends: it was "
-                    "followed in {} rounds.",
-                    ladder.followed));
+        fmt::format("What the finest rung lacks moves the values by more than data and doubt: the "
+                    "way there was followed, in {} round{}.",
+                    ladder.followed, ladder.followed == 1 ? "" : "s"));
   }
   if (ladder.rules) {
     record->reasons.push_back(

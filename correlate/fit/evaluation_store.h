@@ -39,10 +39,10 @@ bool ParseAnswer(std::string_view bytes, Prediction* prediction);  // false: not
 
 /// A question that stands for itself: with its stamps, for another process.
 struct StoredQuestion {
-  std::size_t trial = 0;                   ///< of its problem
-  Fidelity fidelity = Fidelity::kMain;     ///< which of the trial's models
-  std::vector<double> theta;               ///< [units of the parameters]
-  Stamps stamps;                           ///< at which it is asked
+  std::size_t trial = 0;                ///< of its problem
+  Fidelity fidelity = Fidelity::kMain;  ///< which of the trial's models
+  std::vector<double> theta;            ///< [units of the parameters]
+  Stamps stamps;                        ///< at which it is asked
 };
 /// As bytes, and back; false: not a question.
 std::string WholeQuestionBytes(const Job& job);

@@ -219,9 +219,8 @@ struct LadderResult {
   std::vector<std::size_t> runs;    ///< evaluations of each, over all trials
   std::vector<LadderRound> rounds;  ///< the looks, in their order
   std::vector<std::string> notes;   ///< in words: what went up, and why
-  /// Rounds in which what the finest rung leaves was followed, since it moves the values so far
-  /// that the way bends; 0: it does not, and its first order stands. Each but the first takes one
-  /// more run of the finest rung a trial.
+  /// Rounds in which what the finest rung leaves was followed from the end of its first order,
+  /// each a run of the finest rung a trial; 0: the shift is short, and its first order stands.
   int followed = 0;
   /// Whether two estimates of what the finest rung leaves agree, so that its direction is known.
   bool one_sided = false;

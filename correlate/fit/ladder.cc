@@ -115,9 +115,15 @@ bool Ladder::Ask(StageRunner& runner, Answers* coarse, Answers* fine) {
     base.push_back({t, theta, "trial", FidelityOfRung(result_.base), false});
   }
   ReducedProblem::Point point;
-  Eigen::MatrixXd J;
-  const bool sloped = runner.reduced().At(runner.u(), &point, "trial") &&
-                      runner.reduced().CentralSensitivity(runner.u(), point, &J, nullptr, finest);
+  bool sloped = runner.reduced().At(runner.u(), &point, "trial");
+  // A solution begins with slopes bought here; later looks go on with those that led there.
+  Slopes& slopes = runner.slopes();
+  if (sloped && (correction_ == nullptr || !slopes.known()) && !slopes.fresh()) {
+    sloped = slopes.Buy(runner.reduced(), runner.u(), point, nullptr, finest);
+  } else if (sloped) {
+    slopes.StartAt(runner.u(), point);
+    sloped = slopes.known();
+  }
   *fine = runner.evaluator().Evaluate(finest);
   *coarse = runner.evaluator().Evaluate(base);
   for (const Answers* answers : {fine, coarse}) {
@@ -128,8 +134,8 @@ bool Ladder::Ask(StageRunner& runner, Answers* coarse, Answers* fine) {
     }
   }
   if (sloped) {
-    runner.SetFloor(
-        FloorOf(problem_, result_.base, top_, runner.reduced(), point, J, *coarse, *fine));
+    runner.SetFloor(FloorOf(problem_, result_.base, top_, runner.reduced(), point,
+                            slopes.Rows(runner.reduced()), *coarse, *fine));
   }
   return true;
 }
@@ -194,6 +200,7 @@ Ladder::Way Ladder::Advance(StageRunner& runner, double step, double contraction
   }
   correction_ = next;
   runner.evaluator().SetCorrection(correction_);
+  if (round.slope) runner.slopes().Age();
   if (round.counted && !EventsAgree(coarse, fine)) return Way::kUp;
   if (*unsuccessful < kMostUnsuccessful) return Way::kOn;
   if (step < kRough) {
@@ -221,9 +228,15 @@ Ladder::Way Ladder::Rounds(StageRunner& runner, const std::vector<const Observat
       runner.evaluator().SetCorrection(nullptr);
       if (!FirstLook(runner, data)) return failure_.empty() ? Way::kUp : Way::kFineFailed;
     }
-    if (!runner.SolveHere(what)) return Way::kModelFailed;
-    const double step = InSigmas(Point(runner) - correction_->centre(), runner.sigma());
-    place = !runner.Settled();
+    // Rounds that lead on may do so on carried slopes; the last may not.
+    double step = 0.0;
+    for (const bool verify : {false, true}) {
+      if (verify && runner.slopes().fresh()) break;
+      if (!runner.SolveHere(what, verify)) return Way::kModelFailed;
+      step = InSigmas(Point(runner) - correction_->centre(), runner.sigma());
+      place = !runner.Settled();
+      if (step > options_.step_tolerance || place) break;
+    }
     if (step <= options_.step_tolerance && !place) return Way::kSettled;
     if (place) continue;
     const Way way = Advance(runner, step, step / last, &unsuccessful);

@@ -133,37 +133,6 @@ Eigen::VectorXd ToleranceOfWay(const FitProblem& problem, const FitResult& r) {
   return out;
 }
 
-}  // namespace
-
-namespace {
-
-// The second order of the shift, in u; empty: the shift is short, or a model failed there.
-Eigen::VectorXd BendOfWay(const FitProblem& problem, StageRunner& runner, const FitResult& r) {
-  const std::vector<double>& u = runner.u();
-  std::vector<double> moved = u;
-  Eigen::MatrixXd J = r.sensitivity;
-  Eigen::VectorXd way(J.cols());
-  bool far = false;
-  for (std::size_t j = 0; j < u.size(); ++j) {
-    const ParameterEstimate& e = r.parameters[j];
-    const auto c = static_cast<Eigen::Index>(j);
-    J.col(c) *= Slope(problem.parameters[j], e.value);
-    moved[j] = ToInternal(problem.parameters[j], e.value + e.model_shift);
-    way(c) = moved[j] - u[j];
-    // Shorter than that, its second order is less.
-    far = far || std::abs(e.model_shift) > std::hypot(e.sigma_data, e.sigma_doubt);
-  }
-  if (!far) return {};
-  ReducedProblem::Point there;
-  const bool good = runner.reduced().At(moved, &there, "ladder");
-  runner.reduced().TakeStarts(runner.point());
-  if (!good) return {};
-  const Eigen::MatrixXd projected = runner.reduced().Project(runner.point(), J);
-  const Eigen::MatrixXd bend =
-      runner.reduced().Project(runner.point(), there.residual - runner.point().residual - J * way);
-  return StepAndSigma(projected, bend.col(0)).step;
-}
-
 // `top` with `part` times what it has more than `below`: positions, velocities and numbers.
 Evaluator::Answer Extrapolated(const Observations& o, const std::vector<Parameter>& parameters,
                                double part, const std::vector<double>& theta,
@@ -200,36 +169,50 @@ Eigen::VectorXd StepOfExtrapolated(const FitProblem& problem, const Ladder& ladd
   return StepAndSigma(projected, there.residual).step;
 }
 
+// `u` moved by a step, within the bounds.
+std::vector<double> Moved(const std::vector<Parameter>& parameters, const std::vector<double>& u,
+                          const Eigen::VectorXd& step) {
+  std::vector<double> to = u;
+  for (std::size_t j = 0; j < u.size(); ++j) {
+    const Parameter& p = parameters[j];
+    to[j] = ToInternal(p, FromInternal(p, u[j] + step(static_cast<Eigen::Index>(j))));
+  }
+  return to;
+}
+
+// The way that the values go to first order, in u; whether it is so short that its error, a part of
+// it, would not show beside data and doubt.
+Eigen::VectorXd FirstOrder(const FitProblem& problem, const std::vector<double>& u,
+                           const FitResult& r, bool* is_short) {
+  Eigen::VectorXd way(static_cast<Eigen::Index>(u.size()));
+  *is_short = true;
+  for (std::size_t j = 0; j < u.size(); ++j) {
+    const ParameterEstimate& e = r.parameters[j];
+    way(static_cast<Eigen::Index>(j)) =
+        ToInternal(problem.parameters[j], e.value + e.model_shift) - u[j];
+    // What the first order leaves out of a shift is a fraction of it; a quarter of one that is as
+    // large as data and doubt adds 3% to them (sqrt(1 + 1/16)).
+    *is_short = *is_short && std::abs(e.model_shift) <= std::hypot(e.sigma_data, e.sigma_doubt);
+  }
+  return way;
+}
+
 }  // namespace
 
 WaysOfError FollowError(const FitProblem& problem, const Ladder& ladder, StageRunner& runner,
                         const FitResult& r) {
-  constexpr int kMostRounds = 6;  // each is shorter than the last by the error's relative size
-  // A step that ends a way may be five times what its end may be off by: what would follow is
-  // shorter by that relative size.
-  constexpr double kLastStep = 5.0;
+  constexpr int kMostRounds = 6;  // each is shorter than the last by the slopes' relative error
   WaysOfError out;
-  const Eigen::VectorXd bend = BendOfWay(problem, runner, r);
-  if (bend.size() == 0) return out;
+  bool is_short = false;
+  const Eigen::VectorXd way = FirstOrder(problem, runner.u(), r, &is_short);
+  if (is_short) return out;
   const Eigen::VectorXd tolerance = ToleranceOfWay(problem, r);
-  out.bend = bend;
   Eigen::MatrixXd J = r.sensitivity;
-  for (Eigen::Index j = 0; j < bend.size(); ++j) {
+  for (Eigen::Index j = 0; j < J.cols(); ++j) {
     const auto i = static_cast<std::size_t>(j);
-    const double slope = Slope(problem.parameters[i], r.parameters[i].value);
-    out.bend(j) *= slope;
-    J.col(j) *= slope;
+    J.col(j) *= Slope(problem.parameters[i], r.parameters[i].value);
   }
-  if ((bend.cwiseAbs().array() <= tolerance.array()).all()) return out;
   const Eigen::MatrixXd projected = runner.reduced().Project(runner.point(), J);
-  auto moved = [&](const std::vector<double>& u, const Eigen::VectorXd& step) {
-    std::vector<double> to = u;
-    for (std::size_t j = 0; j < u.size(); ++j) {
-      const Parameter& p = problem.parameters[j];  // within its bounds
-      to[j] = ToInternal(p, FromInternal(p, u[j] + step(static_cast<Eigen::Index>(j))));
-    }
-    return to;
-  };
   auto shift = [&](const std::vector<double>& u) {
     Eigen::VectorXd values(static_cast<Eigen::Index>(u.size()));
     for (std::size_t j = 0; j < u.size(); ++j) {
@@ -238,24 +221,37 @@ WaysOfError FollowError(const FitProblem& problem, const Ladder& ladder, StageRu
     }
     return values;
   };
-  std::vector<double> u = runner.u(), seen = u;
+  auto size = [&](const Eigen::VectorXd& step) {
+    return step.cwiseAbs().cwiseQuotient(tolerance.cwiseMax(1e-300)).maxCoeff();
+  };
+  // From the end of the first order: the rungs themselves say there what is left, and not the
+  // lowest one's slopes, which are off by as much as that rung is.
+  std::vector<double> u = Moved(problem.parameters, runner.u(), way), seen = u;
+  double last = size(way);
   bool settled = false;
+  Eigen::VectorXd beyond;
   while (out.rounds < kMostRounds && !settled) {
-    ++out.rounds;
     seen = u;
     const Eigen::VectorXd step =
         StepOfExtrapolated(problem, ladder, runner, projected, seen, ladder.top() - 1);
-    if (step.size() == 0) return out;
-    u = moved(seen, step);
-    settled = (step.cwiseAbs().array() <= kLastStep * tolerance.array()).all();
+    if (step.size() == 0) break;
+    ++out.rounds;
+    u = Moved(problem.parameters, seen, step);
+    const double now = size(step), ratio = now / last;
+    // What would follow, a geometric row.
+    settled = ratio < 1.0 && now * ratio / (1.0 - ratio) <= 1.0;
+    last = now;
+    beyond = shift(u) - shift(Moved(problem.parameters, runner.u(), way));
   }
-  if (!settled) return out;
+  if (!settled) {
+    out.bend = beyond;
+    return out;
+  }
   out.first = shift(u);
-  out.bend.resize(0);
   // The other estimate leads to near there.
   if (RungsCompared(problem.trials.front(), ladder.top()).size() > 2) {
     const Eigen::VectorXd step = StepOfExtrapolated(problem, ladder, runner, projected, seen, 0);
-    if (step.size() > 0) out.second = shift(moved(seen, step));
+    if (step.size() > 0) out.second = shift(Moved(problem.parameters, seen, step));
   }
   return out;
 }

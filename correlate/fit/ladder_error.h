@@ -32,15 +32,14 @@ void FillWhatIsLeft(const FitProblem& problem, const Ladder& ladder, StageRunner
 struct WaysOfError {
   Eigen::VectorXd first, second;  ///< by its two estimates, by parameter, in its unit; empty: as
                                   ///< the first order has it
-  Eigen::VectorXd bend;  ///< second order of the first, likewise, that is not in it; empty: none
+  Eigen::VectorXd bend;  ///< how far it was followed beyond the first order without an end,
+                         ///< likewise: a doubt; empty: none
   int rounds = 0;        ///< that it took to follow them
 };
-/// The motion at the end of the shift that `result` has to first order, one evaluation a trial,
-/// against the sensitivities: its second order. Up to a fifth of what data and doubt widen the
-/// interval by it stands as `bend`, a doubt. Where it is more, the extrapolated model, fine + r
-/// (fine
-/// - below), is followed to its minimum by Gauss-Newton steps with the sensitivities at hand, one
-/// run of each rung a trial and step: what the finest rung lacks depends on the place, too.
+/// From the end of the shift that `result` has to first order, the extrapolated model, fine + r
+/// (fine - below), is led to its minimum by Gauss-Newton steps with the sensitivities at hand, one
+/// run of each rung a trial and step: what the finest rung lacks depends on the place, and the
+/// sensitivities are the lowest rung's. A shift that is small beside data and doubt stays as it is.
 WaysOfError FollowError(const FitProblem& problem, const Ladder& ladder, StageRunner& runner,
                         const FitResult& result);
 

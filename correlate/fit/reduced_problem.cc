@@ -190,7 +190,8 @@ bool ReducedProblem::Shifted(const std::vector<double>& u, std::size_t j, int si
 
 bool ReducedProblem::CentralSensitivity(const std::vector<double>& u, const Point& at,
                                         Eigen::MatrixXd* J, std::vector<double>* kinks,
-                                        const std::vector<Evaluator::Request>& beside) {
+                                        const std::vector<Evaluator::Request>& beside,
+                                        Changes* change) {
   std::vector<Evaluator::Request> forward(beside);
   for (std::size_t j = 0; j < u.size(); ++j) {
     std::vector<double> moved;
@@ -198,17 +199,29 @@ bool ReducedProblem::CentralSensitivity(const std::vector<double>& u, const Poin
     for (Evaluator::Request& r : RequestsAt(moved, "difference")) forward.push_back(std::move(r));
   }
   Eigen::MatrixXd minus, plus;
-  if (!Sensitivity(u, at, -1, &minus, nullptr, forward) || !Sensitivity(u, at, +1, &plus)) {
+  Changes backward, ahead;
+  if (!Sensitivity(u, at, -1, &minus, &backward, forward) ||
+      !Sensitivity(u, at, +1, &plus, &ahead)) {
     return false;
   }
   *J = 0.5 * (minus + plus);
+  auto take = [&](std::size_t j, bool both, bool forward_side) {
+    for (std::size_t i = 0; change != nullptr && i < parts_.size(); ++i) {
+      (*change)[i].push_back(both ? Scaled(Sum(backward[i][j], 1.0, ahead[i][j]), 0.5)
+                                  : (forward_side ? ahead : backward)[i][j]);
+    }
+  };
+  if (change != nullptr) change->assign(parts_.size(), {});
   const Eigen::MatrixXd down = Project(at, minus), up = Project(at, plus);
   if (kinks != nullptr) kinks->assign(u.size(), 0.0);
   for (Eigen::Index j = 0; j < J->cols(); ++j) {
     const double sum = (up.col(j) + down.col(j)).norm();
     const double kink = sum > 0.0 ? (up.col(j) - down.col(j)).norm() / sum : 0.0;
     if (kinks != nullptr) (*kinks)[static_cast<std::size_t>(j)] = kink;
-    if (kink <= kKink) continue;
+    if (kink <= kKink) {
+      take(static_cast<std::size_t>(j), true, false);
+      continue;
+    }
     const double rise = up.col(j).dot(at.residual), fall = -down.col(j).dot(at.residual);
     bool forward_side;
     if (rise < 0.0 && fall < 0.0) {
@@ -219,6 +232,7 @@ bool ReducedProblem::CentralSensitivity(const std::vector<double>& u, const Poin
       forward_side = up.col(j).norm() > down.col(j).norm();
     }
     J->col(j) = forward_side ? plus.col(j) : minus.col(j);
+    take(static_cast<std::size_t>(j), false, forward_side);
   }
   return true;
 }

@@ -75,10 +75,12 @@ class ReducedProblem {
 
   // Both sides in one batch. Where they agree, their mean. Where they do not (an impact comes or
   // goes within the step: a kink), the mean is the slope of neither: the side that leads downhill
-  // is taken, and where neither does, the steeper. `kinks` tells |D+ - D-| / |D+ + D-|.
+  // is taken, and where neither does, the steeper. `kinks` tells |D+ - D-| / |D+ + D-|; `change` as
+  // for one side.
   bool CentralSensitivity(const std::vector<double>& u, const Point& at, Eigen::MatrixXd* J,
                           std::vector<double>* kinks = nullptr,
-                          const std::vector<Evaluator::Request>& beside = {});
+                          const std::vector<Evaluator::Request>& beside = {},
+                          Changes* change = nullptr);
 
   // Takes the part out of J that a change of the registrations imitates (Kaufman's form).
   Eigen::MatrixXd Project(const Point& at, const Eigen::MatrixXd& J) const;

@@ -7,6 +7,7 @@
 #include "base/dense.h"
 #include "correlate/fit/fit_run.h"
 #include "correlate/fit/screening.h"
+#include "correlate/fit/slopes.h"
 
 namespace unfurl::correlate {
 
@@ -156,28 +157,6 @@ double RefitPath::LeftToGain() const {
   return optimism_ * std::max(0.0, -slope.dot(step));
 }
 
-// B += (y - B s) s^T W / (s^T W s) with W = 1 / sigma^2: the least change in standard errors.
-void RefitPath::Learn(const ReducedProblem::Point& from, const ReducedProblem::Point& to,
-                      const Eigen::VectorXd& step) {
-  const Eigen::VectorXd sigma = Sigma(to);
-  Eigen::VectorXd weighted = step;
-  for (Eigen::Index j = 0; j < step.size(); ++j) {
-    weighted(j) = sigma(j) > 0.0 ? step(j) / (sigma(j) * sigma(j)) : 0.0;
-  }
-  const double square = step.dot(weighted);
-  if (!(square > 0.0)) return;
-  for (std::size_t t = 0; t < change_.size(); ++t) {
-    Change missing = Difference(*start_.observations[t], *from.prediction[t], *to.prediction[t]);
-    for (std::size_t j = 0; j < change_[t].size(); ++j) {
-      missing = Sum(missing, -step(static_cast<Eigen::Index>(j)), change_[t][j]);
-    }
-    for (std::size_t j = 0; j < change_[t].size(); ++j) {
-      change_[t][j] = Sum(change_[t][j], weighted(static_cast<Eigen::Index>(j)) / square, missing);
-    }
-  }
-  fresh_ = false;
-}
-
 bool RefitPath::Try(const Step& step) {
   std::vector<double> to = u_;
   for (std::size_t j = 0; j < to.size(); ++j) to[j] += step.by(static_cast<Eigen::Index>(j));
@@ -187,7 +166,8 @@ bool RefitPath::Try(const Step& step) {
   const double gained = 2.0 * (point_.cost - points[0].cost);
   if (!(gained > 0.0)) return false;
   if (step.gain > 0.0) optimism_ = std::max(optimism_, gained / step.gain);
-  Learn(point_, points[0], step.by);
+  LearnStep(*reduced_, point_, points[0], step.by, Sigma(points[0]), &change_);
+  fresh_ = false;
   u_ = to;
   point_ = std::move(points[0]);
   reduced_->TakeStarts(point_);

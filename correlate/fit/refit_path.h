@@ -74,8 +74,6 @@ class RefitPath {
   // rests on what they leave.
   bool SlopesDecide() const;
   bool TakeSlopesAnew();
-  void Learn(const ReducedProblem::Point& from, const ReducedProblem::Point& to,
-             const Eigen::VectorXd& step);
   // The finest rung where the search ended, which is then what the model says there; false: it
   // failed.
   bool Look();

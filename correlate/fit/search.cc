@@ -84,11 +84,11 @@ SolverOptions StageRunner::OptionsOfSolver(double tolerance, bool central,
   return solver;
 }
 
-bool StageRunner::SolveStage(const StageResult& named, double tolerance, bool central,
-                             const std::vector<std::string>& free) {
+bool StageRunner::SolveStage(const StageResult& named, const SolverOptions& how) {
   StageResult stage = named;
   if (!steps_.empty()) reduced_->TakeSteps(steps_);
-  SolverOptions solver = OptionsOfSolver(tolerance, central, free);
+  SolverOptions solver = how;
+  solver.slopes = &slopes_;
   if (reduced_->At(u_, &point_, "trial")) {
     for (std::size_t t = 0; t < point_.prediction.size(); ++t) {
       const double sigma = TypicalSigma(*problem_.trials[t].observations);
@@ -177,6 +177,7 @@ std::size_t StageRunner::BuildStage(std::size_t s) {
     samples += cut_.back()->readings();
   }
   last_stage_ = static_cast<int>(s);
+  slopes_.Forget();
   Build(data, white, false, last_stage_);
   return samples;
 }
@@ -187,10 +188,10 @@ bool StageRunner::Lead(std::size_t s) {
   stage.samples = BuildStage(s);
   const auto& free = options_.free;
   const std::size_t f = std::min(s, free.empty() ? 0 : free.size() - 1);
-  if (!SolveStage(stage, kLeadingTolerance, false,
-                  free.empty() ? std::vector<std::string>{} : free[f])) {
-    return false;
-  }
+  SolverOptions how = OptionsOfSolver(kLeadingTolerance, false,
+                                      free.empty() ? std::vector<std::string>{} : free[f]);
+  how.verify = false;
+  if (!SolveStage(stage, how)) return false;
   double rows = 0.0;
   for (const RegistrationFit& r : point_.registration) rows += static_cast<double>(r.data_rows);
   misfit_ = 2.0 * point_.cost / std::max(1.0, rows);
@@ -202,8 +203,8 @@ std::vector<std::vector<double>> StageRunner::ScatterOpen(
     const std::vector<std::vector<double>>& hypercube) {
   constexpr double kOpen = 0.1;  // standard error, of the range between the bounds
   const auto p = static_cast<Eigen::Index>(u_.size());
-  Eigen::MatrixXd J;
-  if (hypercube.empty() || !reduced_->CentralSensitivity(u_, point_, &J)) return {};
+  if (hypercube.empty() || !slopes_.Buy(*reduced_, u_, point_)) return {};
+  const Eigen::MatrixXd J = slopes_.Rows(*reduced_);
   Eigen::VectorXd range(p);
   for (Eigen::Index j = 0; j < p; ++j) {
     const Parameter& q = problem_.parameters[static_cast<std::size_t>(j)];
@@ -295,15 +296,17 @@ bool StageRunner::Place(const std::vector<const Observations*>& observations,
   return settled;
 }
 
-bool StageRunner::SolveHere(const std::string& what) {
+bool StageRunner::SolveHere(const std::string& what, bool verify) {
   StageResult stage;
   stage.end = std::numeric_limits<double>::infinity();
   for (const ReducedProblem::Part& part : reduced_->parts()) {
     stage.samples += part.observations->readings();
   }
-  const bool good =
-      SolveStage(stage, options_.step_tolerance, true,
-                 options_.free.empty() ? std::vector<std::string>{} : options_.free.back());
+  SolverOptions how =
+      OptionsOfSolver(options_.step_tolerance, true,
+                      options_.free.empty() ? std::vector<std::string>{} : options_.free.back());
+  how.verify = verify;
+  const bool good = SolveStage(stage, how);
   result_.stages.back().solver_message = what + ": " + result_.stages.back().solver_message;
   return good;
 }

@@ -36,7 +36,8 @@ class StageRunner {
   // offsets have moved; false: there are. SolveHere: false: a model failed at the start.
   bool Place(const std::vector<const Observations*>& observations,
              const std::vector<const RowWhitening*>& whitening);
-  bool SolveHere(const std::string& what);
+  // `verify`: the solution stands on slopes that were bought there.
+  bool SolveHere(const std::string& what, bool verify = true);
   bool Settled() const;  // the clocks are near those of the stamps
   // Standard errors of u by the last solution, the floor in them.
   Eigen::VectorXd sigma() const;
@@ -61,6 +62,7 @@ class StageRunner {
   FitStatus status() const { return status_; }
   const std::string& message() const { return message_; }
   ReducedProblem& reduced() { return *reduced_; }
+  Slopes& slopes() { return slopes_; }
   const ReducedProblem::Point& point() const { return point_; }
   Evaluator& evaluator() { return evaluator_; }
   const Candidate& candidate() const { return from_; }
@@ -76,8 +78,7 @@ class StageRunner {
   std::size_t BuildStage(std::size_t stage);
   SolverOptions OptionsOfSolver(double tolerance, bool central,
                                 const std::vector<std::string>& free) const;
-  bool SolveStage(const StageResult& named, double tolerance, bool central,
-                  const std::vector<std::string>& free);
+  bool SolveStage(const StageResult& named, const SolverOptions& how);
   double HorizonEnd(std::size_t trial, double end) const;
   void FindEnds();
 
@@ -91,6 +92,7 @@ class StageRunner {
   std::vector<double> model_noise_;  // by trial, in sigmas of the data [-]
   std::vector<std::unique_ptr<Observations>> cut_;
   std::unique_ptr<ReducedProblem> reduced_;
+  Slopes slopes_;
   ReducedProblem::Point point_;
   std::vector<double> u_, steps_;
   Eigen::VectorXd sigma_, floor_;

@@ -15,11 +15,10 @@ bool StageRunner::Polish() {
   constexpr double kSpread = 1.0;  // of the best quarter's costs: below, the floor is reached
   constexpr double kForget = 0.6;  // of the old spread, each round
   const auto p = static_cast<Eigen::Index>(u_.size());
-  Eigen::MatrixXd J;
   std::vector<double> kinks;
-  if (!reduced_->CentralSensitivity(u_, point_, &J, &kinks)) return true;
+  if (!slopes_.Buy(*reduced_, u_, point_, &kinks)) return true;
   if (*std::max_element(kinks.begin(), kinks.end()) <= kKink) return true;
-  const Eigen::MatrixXd projected = reduced_->Project(point_, J);
+  const Eigen::MatrixXd projected = reduced_->Project(point_, slopes_.Rows(*reduced_));
   const GaussNewton newton = StepAndSigma(projected, point_.residual);
   Eigen::VectorXd range(p);
   for (Eigen::Index j = 0; j < p; ++j) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <utility>
 
 #include "base/dense.h"
 #include "base/log_silence.h"
@@ -15,10 +16,15 @@ namespace {
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
+// Of what a step changed: slopes that had not foretold more than this are bought anew. Until then
+// each step costs one run and leaves as much of what is left.
+constexpr double kCarries = 0.3;
+
 class ReducedCost : public ceres::CostFunction {
  public:
-  ReducedCost(ReducedProblem& problem, const SolverOptions& options, std::size_t parameters)
-      : problem_(problem), options_(options), count_(parameters) {
+  ReducedCost(ReducedProblem& problem, const SolverOptions& options, Slopes& slopes,
+              std::size_t parameters)
+      : problem_(problem), options_(options), slopes_(slopes), count_(parameters) {
     set_num_residuals(static_cast<int>(problem.rows()));
     mutable_parameter_block_sizes()->push_back(static_cast<int>(parameters));
   }
@@ -31,27 +37,9 @@ class ReducedCost : public ceres::CostFunction {
       if (!problem_.At(u, &point, "trial")) return false;
       Eigen::Map<Eigen::VectorXd>(residuals, problem_.rows()) = point.residual;
       if (jacobians == nullptr || jacobians[0] == nullptr) return true;
-      // One-sided differences lead the way; at the end their bias would hold the solver off the
-      // minimum wherever the residuals are large.
       Eigen::MatrixXd J;
-      const bool one_sided = jacobian_count++ == 0 && !options_.central_from_start;
-      if (one_sided ? !problem_.Sensitivity(u, point, +1, &J)
-                    : !problem_.CentralSensitivity(u, point, &J)) {
-        return false;
-      }
-      if (one_sided) problem_.SetSteps(J, point, options_.difference_target);
-      last_u = u;
-      last_residual = point.residual;
-      last_projected = problem_.Project(point, J);
-      // Of what frame, offset or calibration imitate, differences leave noise alone: the solver
-      // would follow it from bound to bound.
-      constexpr double kImitated = 1e-4;
-      for (Eigen::Index j = 0; j < J.cols(); ++j) {
-        if (last_projected.col(j).norm() <= kImitated * J.col(j).norm()) {
-          last_projected.col(j).setZero();
-        }
-      }
-      HoldAtBounds(u);
+      if (!SlopesAt(u, point, &J)) return false;
+      Project(u, point, J);
       Eigen::Map<RowMajor>(jacobians[0], problem_.rows(), static_cast<Eigen::Index>(count_)) =
           last_projected;
       return true;
@@ -62,13 +50,63 @@ class ReducedCost : public ceres::CostFunction {
     }
   }
 
-  mutable int jacobian_count = 0;
+  // What the last solution stands on: slopes bought where it ended. False: a column failed.
+  bool Verify() {
+    ReducedProblem::Point point;
+    if (!problem_.At(last_u, &point, "trial") || !slopes_.Buy(problem_, last_u, point)) {
+      return false;
+    }
+    Project(last_u, point, slopes_.Rows(problem_));
+    return true;
+  }
+  // A new solution begins.
+  void Begin() { first_ = true; }
+  bool fresh() const { return bought_; }
+
   mutable std::vector<double> last_u;
   mutable Eigen::VectorXd last_residual;
   mutable Eigen::MatrixXd last_projected;
   mutable std::exception_ptr error;
 
  private:
+  bool SlopesAt(const std::vector<double>& u, const ReducedProblem::Point& point,
+                Eigen::MatrixXd* J) const {
+    if (std::exchange(first_, false)) {
+      slopes_.StartAt(u, point);
+      // One-sided differences lead the way; at the end their bias would hold the solver off the
+      // minimum wherever the residuals are large.
+      if (!slopes_.known() && !options_.central_from_start) {
+        bought_ = true;
+        if (!problem_.Sensitivity(u, point, +1, J)) return false;
+        problem_.SetSteps(*J, point, options_.difference_target);
+        return true;
+      }
+    } else if (slopes_.known()) {
+      slopes_.MoveTo(problem_, u, point, options_.difference_target);
+    }
+    const bool carried = slopes_.known() && slopes_.mismatch() <= kCarries;
+    if (!carried && !slopes_.Buy(problem_, u, point)) return false;
+    bought_ = slopes_.fresh();
+    *J = slopes_.Rows(problem_);
+    return true;
+  }
+
+  void Project(const std::vector<double>& u, const ReducedProblem::Point& point,
+               const Eigen::MatrixXd& J) const {
+    last_u = u;
+    last_residual = point.residual;
+    last_projected = problem_.Project(point, J);
+    // Of what frame, offset or calibration imitate, differences leave noise alone: the solver
+    // would follow it from bound to bound.
+    constexpr double kImitated = 1e-4;
+    for (Eigen::Index j = 0; j < J.cols(); ++j) {
+      if (last_projected.col(j).norm() <= kImitated * J.col(j).norm()) {
+        last_projected.col(j).setZero();
+      }
+    }
+    HoldAtBounds(u);
+  }
+
   // What presses against its bound stays there, and the others move as if it were given: steps that
   // are cut back at the bound lead along it by inches.
   void HoldAtBounds(const std::vector<double>& u) const {
@@ -90,7 +128,9 @@ class ReducedCost : public ceres::CostFunction {
 
   ReducedProblem& problem_;
   const SolverOptions& options_;
+  Slopes& slopes_;
   std::size_t count_;
+  mutable bool first_ = true, bought_ = false;
 };
 
 class StepWatch : public ceres::IterationCallback {
@@ -102,9 +142,12 @@ class StepWatch : public ceres::IterationCallback {
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
     if (cost_.error) return ceres::SOLVER_ABORT;
     if (options_.on_iteration) options_.on_iteration(summary.cost, cost_.last_u);
-    const GaussNewton next = StepAndSigma(cost_.last_projected, cost_.last_residual);
     double tolerance = options_.step_tolerance;
     if (!summary.step_is_successful && summary.iteration > 0) {
+      if (!cost_.fresh()) {
+        stale = true;
+        return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+      }
       // A step of less than a standard error that does not lead down: the model's own roughness.
       constexpr double kRough = 1.0;
       if (++unsuccessful < 2) return ceres::SOLVER_CONTINUE;
@@ -112,18 +155,23 @@ class StepWatch : public ceres::IterationCallback {
     } else {
       unsuccessful = 0;
     }
+    small = Small(tolerance);
+    return small ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
+  }
+
+  // Whether the next step is a small part of every standard error.
+  bool Small(double tolerance) const {
+    const GaussNewton next = StepAndSigma(cost_.last_projected, cost_.last_residual);
     for (std::size_t j = 0; j < parameters_.size(); ++j) {
       const auto i = static_cast<Eigen::Index>(j);
       if (!options_.held.empty() && options_.held[j]) continue;
       const double floor = options_.floor.size() > i ? options_.floor(i) : 0.0;
-      if (std::abs(next.step(i)) > tolerance * std::hypot(next.sigma(i), floor)) {
-        return ceres::SOLVER_CONTINUE;
-      }
+      if (std::abs(next.step(i)) > tolerance * std::hypot(next.sigma(i), floor)) return false;
     }
-    small = true;
-    return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
+    return true;
   }
 
+  bool stale = false;  // carried slopes did not lead down
   bool small = false;
   int unsuccessful = 0;
 
@@ -150,7 +198,9 @@ SolverResult Solve(ReducedProblem& problem, const std::vector<Parameter>& parame
                    const std::vector<double>& start, const SolverOptions& options) {
   SolverResult result;
   result.u = start;
-  ReducedCost cost(problem, options, parameters.size());
+  Slopes own;
+  ReducedCost cost(problem, options, options.slopes != nullptr ? *options.slopes : own,
+                   parameters.size());
   StepWatch watch(cost, parameters, options);
 
   ceres::Problem::Options problem_options;
@@ -192,11 +242,22 @@ SolverResult Solve(ReducedProblem& problem, const std::vector<Parameter>& parame
   solver.callbacks.push_back(&watch);
   ceres::Solver::Summary summary;
   const LogSilence silence;
-  ceres::Solve(solver, &ceres_problem, &summary);
-  if (cost.error) std::rethrow_exception(cost.error);
+  // What carried slopes led to, or could not lead down from, is looked at with bought ones.
+  for (;;) {
+    cost.Begin();
+    watch.small = watch.stale = false;
+    watch.unsuccessful = 0;
+    solver.max_num_iterations = options.max_iterations - result.iterations;
+    ceres::Solve(solver, &ceres_problem, &summary);
+    if (cost.error) std::rethrow_exception(cost.error);
+    result.iterations += std::max(0, static_cast<int>(summary.iterations.size()) - 1);
+    if (cost.last_u.empty() || cost.fresh() || !(watch.stale || options.verify)) break;
+    if (result.iterations >= options.max_iterations || !cost.Verify()) break;
+    watch.small = watch.Small(options.step_tolerance);
+    if (watch.small) break;
+  }
 
   result.cost = summary.final_cost;
-  result.iterations = static_cast<int>(summary.iterations.size()) - 1;
   if (cost.last_u.empty()) {
     result.message = "the model could not be evaluated at the start";
     return result;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "correlate/fit/reduced_problem.h"
+#include "correlate/fit/slopes.h"
 
 namespace unfurl::correlate {
 
@@ -15,6 +16,10 @@ struct SolverOptions {
   double difference_target = 0.0;   // RMS change of the rows by one difference step [-]
   Eigen::VectorXd floor;            // beside the standard error, in u; empty: nothing is
   std::vector<bool> held;           // by parameter: true stays where it is; empty: none
+  /// Carried from solution to solution, instead of bought at every point; null: begins without.
+  Slopes* slopes = nullptr;
+  /// Whether a solution that was found on carried slopes has to stand on bought ones.
+  bool verify = true;
   std::function<void(double cost, const std::vector<double>& u)> on_iteration;
 };
 

@@ -1,0 +1,84 @@
+#include "correlate/fit/slopes.h"
+
+#include <cmath>
+#include <utility>
+
+#include "correlate/fit/solver.h"
+
+namespace unfurl::correlate {
+
+// B += (y - B s) s^T W / (s^T W s) with W = 1 / sigma^2.
+void LearnStep(const ReducedProblem& problem, const ReducedProblem::Point& from,
+               const ReducedProblem::Point& to, const Eigen::VectorXd& by,
+               const Eigen::VectorXd& sigma, ReducedProblem::Changes* change) {
+  Eigen::VectorXd weighted = by;
+  for (Eigen::Index j = 0; j < by.size(); ++j) {
+    weighted(j) = sigma(j) > 0.0 ? by(j) / (sigma(j) * sigma(j)) : 0.0;
+  }
+  const double square = by.dot(weighted);
+  if (!(square > 0.0)) return;
+  for (std::size_t i = 0; i < change->size(); ++i) {
+    std::vector<Change>& of = (*change)[i];
+    Change missing =
+        Difference(*problem.parts()[i].observations, *from.prediction[i], *to.prediction[i]);
+    for (std::size_t j = 0; j < of.size(); ++j) {
+      missing = Sum(missing, -by(static_cast<Eigen::Index>(j)), of[j]);
+    }
+    for (std::size_t j = 0; j < of.size(); ++j) {
+      of[j] = Sum(of[j], weighted(static_cast<Eigen::Index>(j)) / square, missing);
+    }
+  }
+}
+
+bool Slopes::Buy(ReducedProblem& problem, const std::vector<double>& u,
+                 const ReducedProblem::Point& at, std::vector<double>* kinks,
+                 const std::vector<Evaluator::Request>& beside) {
+  Eigen::MatrixXd J;
+  ReducedProblem::Changes change;
+  if (!problem.CentralSensitivity(u, at, &J, kinks, beside, &change)) return false;
+  change_ = std::move(change);
+  u_ = u;
+  at_ = at;
+  fresh_ = true;
+  mismatch_ = 0.0;
+  return true;
+}
+
+void Slopes::StartAt(const std::vector<double>& u, const ReducedProblem::Point& at) {
+  bool same = known() && change_.size() == at.prediction.size();
+  for (std::size_t i = 0; same && i < change_.size(); ++i) {
+    const std::vector<MarkMotion>& marks = at.prediction[i]->marks;
+    for (const Change& of : change_[i]) {
+      same = same && of.marks.size() == marks.size();
+      for (std::size_t m = 0; same && m < marks.size(); ++m) {
+        same = of.marks[m].cols() == marks[m].p.cols();
+      }
+    }
+  }
+  if (!same) Forget();
+  fresh_ = fresh_ && u == u_;
+  u_ = u;
+  at_ = at;
+  mismatch_ = 0.0;
+}
+
+void Slopes::MoveTo(const ReducedProblem& problem, const std::vector<double>& u,
+                    const ReducedProblem::Point& at, double target) {
+  const auto p = static_cast<Eigen::Index>(u.size());
+  const Eigen::VectorXd by = Eigen::Map<const Eigen::VectorXd>(u.data(), p) -
+                             Eigen::Map<const Eigen::VectorXd>(u_.data(), p);
+  if (by.isZero(0.0)) return;
+  const Eigen::MatrixXd rows = problem.Project(at_, Rows(problem));
+  const Eigen::VectorXd actual = at.residual - at_.residual;
+  const double rms = actual.norm() / std::sqrt(std::max(1.0, static_cast<double>(actual.size())));
+  mismatch_ = 0.0;
+  if (rms >= target && rms > 0.0) {
+    mismatch_ = (actual - rows * by).norm() / actual.norm();
+    LearnStep(problem, at_, at, by, StepAndSigma(rows, at.residual).sigma, &change_);
+  }
+  u_ = u;
+  at_ = at;
+  fresh_ = false;
+}
+
+}  // namespace unfurl::correlate
