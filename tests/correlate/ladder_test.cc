@@ -88,10 +88,10 @@ TEST(Ladder, GivesTheFinestRungsAnswer) {
   ASSERT_TRUE(ladder.Usable()) << ladder.message;
   EXPECT_TRUE(ladder.ladder.settled);
   EXPECT_EQ(ladder.ladder.base, 0u);
-  EXPECT_LE(fine_runs, 4 + std::max(0, ladder.ladder.followed - 1));
+  EXPECT_LE(fine_runs, 4 + ladder.ladder.followed);
   EXPECT_THAT(ladder.ladder.runs,
               ::testing::ElementsAre(::testing::Gt(9u),
-                                     static_cast<std::size_t>(std::max(1, ladder.ladder.followed)),
+                                     static_cast<std::size_t>(1 + ladder.ladder.followed),
                                      static_cast<std::size_t>(fine_runs)));
   for (std::size_t j = 0; j < 2; ++j) {
     const ParameterEstimate &a = ladder.parameters[j], &b = direct.parameters[j];
@@ -129,6 +129,26 @@ TEST(Ladder, WhatIsLeftReachesToTheTruth) {
   const FitResult unknown = FitQuick(Problem(data, coarse, {{&fine, "fine", 0.0}}));
   EXPECT_NEAR(unknown.parameters[0].model_shift, 3.0 * two.parameters[0].model_shift,
               0.05 * std::abs(unknown.parameters[0].model_shift));
+}
+
+// The lowest rung answers a parameter 0.7 times as much as nature does: to first order, by its
+// slopes, what is left would be 1 / 0.7 times what it is.
+TEST(Ladder, WhatIsLeftDoesNotHangOnTheLowestRungsSlopes) {
+  const double centre = 0.9 * TwoLink::Truth()[0];
+  auto weak = [&](double spacing) { return Gain(1.0 - 0.3 * spacing * spacing, centre); };
+  const Changed coarse(weak(1.0)), middle(weak(kMiddle)), fine(weak(kFine)), exact(weak(0.0));
+  const FitResult fit =
+      FitQuick(Problem(Data(exact, 6), coarse,
+                       {{&middle, "middle", kMiddle * kMiddle}, {&fine, "fine", kFine * kFine}}));
+  ASSERT_TRUE(fit.Usable()) << fit.message;
+  const ParameterEstimate& frequency = fit.parameters[0];
+  const double gain = 1.0 - 0.3 * kFine * kFine;
+  const double left = (TwoLink::Truth()[0] - centre) * (1.0 / gain - 1.0);
+  EXPECT_NEAR(frequency.model_shift, -left,
+              4.0 * std::hypot(frequency.sigma_data, frequency.sigma_doubt));
+  EXPECT_LT(std::hypot(frequency.sigma_data, frequency.sigma_doubt), 0.05 * left);
+  EXPECT_GE(fit.ladder.followed, 1);
+  EXPECT_LE(frequency.all95.low, TwoLink::Truth()[0]);
 }
 
 // A coarse rung that answers too little: each step overshoots by 1 / gain - 1.
@@ -368,8 +388,8 @@ TEST(Ladder, FiveParametersTwoTrialsAPriorAndStages) {
     const FitResult direct = Fit(problem(fine, {}), options);
     const std::size_t rounds = ladder.ladder.rounds.size();
     // Some 200 standard errors off, the way to the truth bends.
-    EXPECT_GE(ladder.ladder.followed, 2);
-    const std::size_t extra = static_cast<std::size_t>(ladder.ladder.followed) - 1;
+    EXPECT_GE(ladder.ladder.followed, 1);
+    const auto extra = static_cast<std::size_t>(ladder.ladder.followed);
     EXPECT_LE(ladder.ladder.runs.back(), 2 * (rounds + extra));  // one a round and trial
     EXPECT_LE(rounds, 5u);
     for (std::size_t j = 0; j < 5; ++j) {
