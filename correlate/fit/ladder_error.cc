@@ -143,11 +143,11 @@ Evaluator::Answer Extrapolated(const Observations& o, const std::vector<Paramete
   return std::make_shared<const Prediction>(more.Apply(0, theta, top));
 }
 
-// The Gauss-Newton step of the extrapolated model at u, with the sensitivities of the estimate, and
-// `below` as the other rung; empty: a rung failed there.
-Eigen::VectorXd StepOfExtrapolated(const FitProblem& problem, const Ladder& ladder,
-                                   StageRunner& runner, const Eigen::MatrixXd& projected,
-                                   const std::vector<double>& u, std::size_t below) {
+// The residuals of the extrapolated model at u, with `below` as the other rung; empty: a rung
+// failed there.
+Eigen::VectorXd ResidualOfExtrapolated(const FitProblem& problem, const Ladder& ladder,
+                                       StageRunner& runner, const std::vector<double>& u,
+                                       std::size_t below) {
   const std::vector<double> theta = Values(problem.parameters, u.data());
   std::vector<Evaluator::Request> wanted;
   for (std::size_t t = 0; t < problem.trials.size(); ++t) {
@@ -166,8 +166,58 @@ Eigen::VectorXd StepOfExtrapolated(const FitProblem& problem, const Ladder& ladd
   }
   ReducedProblem::Point there;
   if (!runner.reduced().CostOf(u, model, &there)) return {};
-  return StepAndSigma(projected, there.residual).step;
+  return there.residual;
 }
+
+Eigen::VectorXd Vector(const std::vector<double>& u) {
+  return Eigen::Map<const Eigen::VectorXd>(u.data(), static_cast<Eigen::Index>(u.size()));
+}
+
+// The way to the minimum of the extrapolated model: Gauss-Newton steps whose slopes learn from each
+// of them [Broyden 1965], in steps measured by standard errors.
+class Way {
+ public:
+  Way(const FitProblem& problem, const Ladder& ladder, StageRunner& runner,
+      Eigen::MatrixXd projected)
+      : problem_(problem), ladder_(ladder), runner_(runner), slopes_(std::move(projected)) {}
+
+  // Looks at the model there, and learns from where it looked before. False: a rung failed.
+  bool LookAt(const std::vector<double>& u) {
+    Eigen::VectorXd residual =
+        ResidualOfExtrapolated(problem_, ladder_, runner_, u, ladder_.top() - 1);
+    if (residual.size() == 0) return false;
+    if (residual_.size() > 0) Learn(Vector(u) - Vector(u_), residual - residual_);
+    u_ = u;
+    residual_ = std::move(residual);
+    return true;
+  }
+  Eigen::VectorXd Step() const { return StepAndSigma(slopes_, residual_).step; }
+  // That of the other estimate, where LookAt was; empty: a rung failed.
+  Eigen::VectorXd StepOfOther(std::size_t below) const {
+    const Eigen::VectorXd residual = ResidualOfExtrapolated(problem_, ladder_, runner_, u_, below);
+    return residual.size() > 0 ? StepAndSigma(slopes_, residual).step : Eigen::VectorXd();
+  }
+  const std::vector<double>& u() const { return u_; }
+
+ private:
+  void Learn(const Eigen::VectorXd& by, const Eigen::VectorXd& change) {
+    const Eigen::VectorXd sigma = StepAndSigma(slopes_, residual_).sigma;
+    Eigen::VectorXd weighted = by;
+    for (Eigen::Index j = 0; j < by.size(); ++j) {
+      weighted(j) = sigma(j) > 0.0 ? by(j) / (sigma(j) * sigma(j)) : 0.0;
+    }
+    const double square = by.dot(weighted);
+    if (!(square > 0.0)) return;
+    slopes_ += (change - slopes_ * by) * weighted.transpose() / square;
+  }
+
+  const FitProblem& problem_;
+  const Ladder& ladder_;
+  StageRunner& runner_;
+  Eigen::MatrixXd slopes_;  // of the residuals, projected
+  std::vector<double> u_;
+  Eigen::VectorXd residual_;
+};
 
 // `u` moved by a step, within the bounds.
 std::vector<double> Moved(const std::vector<Parameter>& parameters, const std::vector<double>& u,
@@ -212,7 +262,6 @@ WaysOfError FollowError(const FitProblem& problem, const Ladder& ladder, StageRu
     const auto i = static_cast<std::size_t>(j);
     J.col(j) *= Slope(problem.parameters[i], r.parameters[i].value);
   }
-  const Eigen::MatrixXd projected = runner.reduced().Project(runner.point(), J);
   auto shift = [&](const std::vector<double>& u) {
     Eigen::VectorXd values(static_cast<Eigen::Index>(u.size()));
     for (std::size_t j = 0; j < u.size(); ++j) {
@@ -224,34 +273,37 @@ WaysOfError FollowError(const FitProblem& problem, const Ladder& ladder, StageRu
   auto size = [&](const Eigen::VectorXd& step) {
     return step.cwiseAbs().cwiseQuotient(tolerance.cwiseMax(1e-300)).maxCoeff();
   };
-  // From the end of the first order: the rungs themselves say there what is left, and not the
-  // lowest one's slopes, which are off by as much as that rung is.
-  std::vector<double> u = Moved(problem.parameters, runner.u(), way), seen = u;
+  // What the finest rung lacks at the estimate is known; then from the end of the first order on:
+  // the rungs themselves say there what is left, and not the lowest one's slopes, which are off by
+  // as much as that rung is.
+  const std::vector<double> end = Moved(problem.parameters, runner.u(), way);
+  Way follow(problem, ladder, runner, runner.reduced().Project(runner.point(), J));
+  if (ladder.correction() != nullptr) {
+    const Eigen::VectorXd& centre = ladder.correction()->centre();
+    follow.LookAt({centre.data(), centre.data() + centre.size()});
+  }
+  std::vector<double> u = end;
   double last = size(way);
   bool settled = false;
-  Eigen::VectorXd beyond;
   while (out.rounds < kMostRounds && !settled) {
-    seen = u;
-    const Eigen::VectorXd step =
-        StepOfExtrapolated(problem, ladder, runner, projected, seen, ladder.top() - 1);
-    if (step.size() == 0) break;
+    if (!follow.LookAt(u)) break;
     ++out.rounds;
-    u = Moved(problem.parameters, seen, step);
+    const Eigen::VectorXd step = follow.Step();
+    u = Moved(problem.parameters, u, step);
     const double now = size(step), ratio = now / last;
     // What would follow, a geometric row.
     settled = ratio < 1.0 && now * ratio / (1.0 - ratio) <= 1.0;
     last = now;
-    beyond = shift(u) - shift(Moved(problem.parameters, runner.u(), way));
   }
   if (!settled) {
-    out.bend = beyond;
+    if (out.rounds > 0) out.bend = shift(u) - shift(end);
     return out;
   }
   out.first = shift(u);
   // The other estimate leads to near there.
   if (RungsCompared(problem.trials.front(), ladder.top()).size() > 2) {
-    const Eigen::VectorXd step = StepOfExtrapolated(problem, ladder, runner, projected, seen, 0);
-    if (step.size() > 0) out.second = shift(Moved(problem.parameters, seen, step));
+    const Eigen::VectorXd step = follow.StepOfOther(0);
+    if (step.size() > 0) out.second = shift(Moved(problem.parameters, follow.u(), step));
   }
   return out;
 }
