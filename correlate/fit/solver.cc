@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <limits>
 #include <utility>
 
 #include "base/dense.h"
@@ -16,8 +17,9 @@ namespace {
 
 using RowMajor = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// Of what a step changed: slopes that had not foretold more than this are bought anew. Until then
-// each step costs one run and leaves as much of what is left.
+// Of what a step changed, or of the last step: slopes that had not foretold more than this, or that
+// leave more than this, are bought anew. Until then each step costs one run and leaves at most this
+// part of what is left.
 constexpr double kCarries = 0.3;
 
 class ReducedCost : public ceres::CostFunction {
@@ -73,6 +75,7 @@ class ReducedCost : public ceres::CostFunction {
                 Eigen::MatrixXd* J) const {
     if (std::exchange(first_, false)) {
       slopes_.StartAt(u, point);
+      last_step_ = std::numeric_limits<double>::infinity();
       // One-sided differences lead the way; at the end their bias would hold the solver off the
       // minimum wherever the residuals are large.
       if (!slopes_.known() && !options_.central_from_start) {
@@ -84,11 +87,28 @@ class ReducedCost : public ceres::CostFunction {
     } else if (slopes_.known()) {
       slopes_.MoveTo(problem_, u, point, options_.difference_target);
     }
-    const bool carried = slopes_.known() && slopes_.mismatch() <= kCarries;
+    bool carried = slopes_.known() && slopes_.mismatch() <= kCarries;
+    if (carried && !slopes_.fresh()) {
+      // Nor where the next step is hardly shorter than the last.
+      *J = slopes_.Rows(problem_);
+      const double next = LengthOfStep(problem_.Project(point, *J), point.residual);
+      carried = next <= kCarries * last_step_;
+    }
     if (!carried && !slopes_.Buy(problem_, u, point)) return false;
     bought_ = slopes_.fresh();
     *J = slopes_.Rows(problem_);
+    last_step_ = LengthOfStep(problem_.Project(point, *J), point.residual);
     return true;
+  }
+
+  // The largest part of the next step, in standard errors.
+  static double LengthOfStep(const Eigen::MatrixXd& projected, const Eigen::VectorXd& residual) {
+    const GaussNewton next = StepAndSigma(projected, residual);
+    double longest = 0.0;
+    for (Eigen::Index j = 0; j < next.step.size(); ++j) {
+      if (next.sigma(j) > 0.0) longest = std::max(longest, std::abs(next.step(j)) / next.sigma(j));
+    }
+    return longest;
   }
 
   void Project(const std::vector<double>& u, const ReducedProblem::Point& point,
@@ -131,6 +151,7 @@ class ReducedCost : public ceres::CostFunction {
   Slopes& slopes_;
   std::size_t count_;
   mutable bool first_ = true, bought_ = false;
+  mutable double last_step_ = std::numeric_limits<double>::infinity();  // [standard errors]
 };
 
 class StepWatch : public ceres::IterationCallback {
