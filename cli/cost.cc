@@ -50,6 +50,10 @@ bool IsOfRig(const CLI::App& app, const Arguments& arguments) {
   if (rig && !arguments.scene.empty()) {
     throw Error("is given beside --rig or --survey", "INPUT", "leave one of them out");
   }
+  // Here and not by the options themselves: outputs are held against all inputs first.
+  if (!arguments.rig.rig.empty() && !arguments.rig.survey.empty()) {
+    throw Error("is given beside --rig", "--survey", "leave one of them out");
+  }
   const std::string misplaced =
       rig ? Misplaced(app, {"--quantity", "--methods", "--rtol", "--segments", "--order",
                             "--duration", "--vary", "--within", "--allow-programs", "--set"})

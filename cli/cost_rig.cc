@@ -285,14 +285,11 @@ std::string CostRigOptionGiven(const CLI::App& app) {
 void AddCostRigOptions(Verb* verb, CostRigArguments* s) {
   CLI::App* app = verb->app;
   VerbFiles& files = *verb->files;
-  CLI::Option* rig =
-      files.Read("--rig", &s->rig,
-                 "In place of INPUT: a rig [HDF5]: what calibrating it anew costs and brings");
-  files
-      .Read("--survey", &s->survey,
-            "In place of INPUT: a survey [CSV, HDF5]: the same of the rig that it gives, by its "
-            "points' and readings' errors")
-      ->excludes(rig);
+  files.Read("--rig", &s->rig,
+             "In place of INPUT: a rig [HDF5]: what calibrating it anew costs and brings");
+  files.Read("--survey", &s->survey,
+             "In place of INPUT: a survey [CSV, HDF5]: the same of the rig that it gives, by its "
+             "points' and readings' errors");
   constexpr int kMost = 10000;  // of points, shots or poses: more are a slip of the keyboard
   const auto list = [&](const char* name, auto* values, int low, const char* help) {
     app->add_option(name, *values, help)
