@@ -1,5 +1,6 @@
 #include "correlate/fit/correction.h"
 
+#include "correlate/fit/broyden.h"
 #include "correlate/residual/change.h"
 
 namespace unfurl::correlate {
@@ -41,12 +42,8 @@ Eigen::VectorXd Correction::At(std::size_t trial, const Eigen::VectorXd& u) cons
 
 void Correction::Learn(const Eigen::VectorXd& u, const Difference& difference,
                        const Eigen::VectorXd& sigma) {
-  // B += (y - B s) s^T W^2 / (s^T W^2 s), with W = 1 / sigma: the least change, in standard errors,
-  // that makes the correction exact at u, too.
-  const Eigen::VectorXd weight = sigma.cwiseMax(1e-300).cwiseAbs2().cwiseInverse();
-  const Eigen::VectorXd step = u - u_, weighted = weight.cwiseProduct(step);
-  const double square = step.dot(weighted);
-  if (!(square > 0.0)) return;
+  const Eigen::VectorXd weights = BroydenWeights(u - u_, sigma);
+  if (weights.size() == 0) return;
   if (!has_slope()) {
     for (const Eigen::VectorXd& d : difference_) {
       slope_.push_back(Eigen::MatrixXd::Zero(d.size(), u_.size()));
@@ -54,7 +51,7 @@ void Correction::Learn(const Eigen::VectorXd& u, const Difference& difference,
   }
   for (std::size_t t = 0; t < difference_.size(); ++t) {
     const Eigen::VectorXd missing = difference[t] - At(t, u);
-    slope_[t].noalias() += missing * (weighted.transpose() / square);
+    slope_[t].noalias() += missing * weights.transpose();
   }
 }
 

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "correlate/fit/broyden.h"
 #include "correlate/fit/solver.h"
 
 namespace unfurl::correlate {
@@ -201,14 +202,8 @@ class Way {
 
  private:
   void Learn(const Eigen::VectorXd& by, const Eigen::VectorXd& change) {
-    const Eigen::VectorXd sigma = StepAndSigma(slopes_, residual_).sigma;
-    Eigen::VectorXd weighted = by;
-    for (Eigen::Index j = 0; j < by.size(); ++j) {
-      weighted(j) = sigma(j) > 0.0 ? by(j) / (sigma(j) * sigma(j)) : 0.0;
-    }
-    const double square = by.dot(weighted);
-    if (!(square > 0.0)) return;
-    slopes_ += (change - slopes_ * by) * weighted.transpose() / square;
+    const Eigen::VectorXd weights = BroydenWeights(by, StepAndSigma(slopes_, residual_).sigma);
+    if (weights.size() > 0) slopes_ += (change - slopes_ * by) * weights.transpose();
   }
 
   const FitProblem& problem_;

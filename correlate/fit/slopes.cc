@@ -3,20 +3,16 @@
 #include <cmath>
 #include <utility>
 
+#include "correlate/fit/broyden.h"
 #include "correlate/fit/solver.h"
 
 namespace unfurl::correlate {
 
-// B += (y - B s) s^T W / (s^T W s) with W = 1 / sigma^2.
 void LearnStep(const ReducedProblem& problem, const ReducedProblem::Point& from,
                const ReducedProblem::Point& to, const Eigen::VectorXd& by,
                const Eigen::VectorXd& sigma, ReducedProblem::Changes* change) {
-  Eigen::VectorXd weighted = by;
-  for (Eigen::Index j = 0; j < by.size(); ++j) {
-    weighted(j) = sigma(j) > 0.0 ? by(j) / (sigma(j) * sigma(j)) : 0.0;
-  }
-  const double square = by.dot(weighted);
-  if (!(square > 0.0)) return;
+  const Eigen::VectorXd weights = BroydenWeights(by, sigma);
+  if (weights.size() == 0) return;
   for (std::size_t i = 0; i < change->size(); ++i) {
     std::vector<Change>& of = (*change)[i];
     Change missing =
@@ -25,7 +21,7 @@ void LearnStep(const ReducedProblem& problem, const ReducedProblem::Point& from,
       missing = Sum(missing, -by(static_cast<Eigen::Index>(j)), of[j]);
     }
     for (std::size_t j = 0; j < of.size(); ++j) {
-      of[j] = Sum(of[j], weighted(static_cast<Eigen::Index>(j)) / square, missing);
+      of[j] = Sum(of[j], weights(static_cast<Eigen::Index>(j)), missing);
     }
   }
 }

@@ -48,8 +48,8 @@ class Slopes {
   double mismatch_ = 0.0;
 };
 
-/// The rank-one update: `change` (by part and parameter) then foretells the step `by` from one
-/// point to the other. `sigma` (of u) measures steps; a parameter of 0 takes no part.
+/// The rank-one update (BroydenWeights): `change`, by part and parameter, then foretells the step
+/// `by` from one point to the other. `sigma`: of u.
 void LearnStep(const ReducedProblem& problem, const ReducedProblem::Point& from,
                const ReducedProblem::Point& to, const Eigen::VectorXd& by,
                const Eigen::VectorXd& sigma, ReducedProblem::Changes* change);
