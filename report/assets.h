@@ -15,6 +15,7 @@ extern const std::string_view kToolsScript;      // before those that follow
 extern const std::string_view kFiguresScript;    // after kPageScript
 extern const std::string_view kThreeScript;      // three.js, for views in space
 extern const std::string_view kOrbitScript;      // three.js' own extra: turning by mouse and touch
+extern const std::string_view kSpacePaceScript;  // before kSpaceViewScript
 extern const std::string_view kSpaceViewScript;  // before kSpaceScript
 extern const std::string_view kSpaceScript;
 extern const std::string_view kMotionViewScript;  // before kMotionScript

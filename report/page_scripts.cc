@@ -47,8 +47,8 @@ std::string ScriptsOf(const Moving& what) {
   if (what.motions) html += Script(std::string(kMotionViewScript) + std::string(kMotionScript));
   if (what.spaces) {
     html += Script(std::string(kThreeAuthors) + kMitLicence + std::string(kThreeScript));
-    html += Script(std::string(kOrbitScript) + std::string(kSpaceViewScript) +
-                   std::string(kSpaceScript));
+    html += Script(std::string(kOrbitScript) + std::string(kSpacePaceScript) +
+                   std::string(kSpaceViewScript) + std::string(kSpaceScript));
   }
   return html;
 }

@@ -178,7 +178,9 @@ function View(canvas, tags, data) {
   function drawEllipsoids(k, times, through) {
     if (k < 0 || !data.ellipsoids[k]) return put('ellipsoids', null);
     var set = data.ellipsoids[k], at = floats(set.at), axes = floats(set.axes), values = floats(set.values);
-    var ball = new THREE.SphereBufferGeometry(1, 14, 10), unit = ball.attributes.position.array;
+    // Some ten thousand corners in all: more take a thirtieth of a second without a graphics card.
+    var many = values.length > 60;
+    var ball = new THREE.SphereBufferGeometry(1, many ? 8 : 14, many ? 6 : 10), unit = ball.attributes.position.array;
     var positions = [], normals = [], tones = [], indices = [], count = unit.length / 3;
     values.forEach(function(value, i) {
       var color = colorAt(set.scale, value), a = axes.subarray(9 * i, 9 * i + 9);
@@ -276,12 +278,12 @@ function View(canvas, tags, data) {
     return {x: (p.x + 1) / 2 * canvas.clientWidth, y: (1 - p.y) / 2 * canvas.clientHeight, front: p.z < 1};
   }
 
-  var pending = false;
-  function render() {
+  var pending = false, pace = new UnfurlPace(render);
+  function render(now) {
     pending = false;
     var width = canvas.clientWidth, height = canvas.clientHeight;
     if (!width || !height) return;
-    var ratio = window.devicePixelRatio || 1;
+    var ratio = (window.devicePixelRatio || 1) * pace.share(now);
     renderer.setPixelRatio(ratio);
     if (canvas.width !== Math.floor(width * ratio) || canvas.height !== Math.floor(height * ratio)) {
       renderer.setSize(width, height, false);
@@ -353,13 +355,13 @@ function View(canvas, tags, data) {
   }
 
   function still() {
+    render();
     var copy = document.createElement('canvas'), ratio = canvas.width / canvas.clientWidth;
     copy.width = canvas.width;
     copy.height = canvas.height;
     var pen = copy.getContext('2d');
     pen.fillStyle = tone('--paper');
     pen.fillRect(0, 0, copy.width, copy.height);
-    render();
     pen.drawImage(canvas, 0, 0);
     pen.scale(ratio, ratio);
     pen.fillStyle = tone('--ink');
