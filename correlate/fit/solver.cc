@@ -39,9 +39,9 @@ class ReducedCost : public ceres::CostFunction {
       if (!problem_.At(u, &point, "trial")) return false;
       Eigen::Map<Eigen::VectorXd>(residuals, problem_.rows()) = point.residual;
       if (jacobians == nullptr || jacobians[0] == nullptr) return true;
-      Eigen::MatrixXd J;
-      if (!SlopesAt(u, point, &J)) return false;
-      Project(u, point, J);
+      Eigen::MatrixXd J, projected;
+      if (!SlopesAt(u, point, &J, &projected)) return false;
+      Take(u, point, J, std::move(projected));
       Eigen::Map<RowMajor>(jacobians[0], problem_.rows(), static_cast<Eigen::Index>(count_)) =
           last_projected;
       return true;
@@ -58,7 +58,8 @@ class ReducedCost : public ceres::CostFunction {
     if (!problem_.At(last_u, &point, "trial") || !slopes_.Buy(problem_, last_u, point)) {
       return false;
     }
-    Project(last_u, point, slopes_.Rows(problem_));
+    const Eigen::MatrixXd J = slopes_.Rows(problem_);
+    Take(std::vector<double>(last_u), point, J, problem_.Project(point, J));
     return true;
   }
   // A new solution begins.
@@ -71,8 +72,9 @@ class ReducedCost : public ceres::CostFunction {
   mutable std::exception_ptr error;
 
  private:
+  // And without what registrations imitate.
   bool SlopesAt(const std::vector<double>& u, const ReducedProblem::Point& point,
-                Eigen::MatrixXd* J) const {
+                Eigen::MatrixXd* J, Eigen::MatrixXd* projected) const {
     if (std::exchange(first_, false)) {
       slopes_.StartAt(u, point);
       last_step_ = std::numeric_limits<double>::infinity();
@@ -82,22 +84,27 @@ class ReducedCost : public ceres::CostFunction {
         bought_ = true;
         if (!problem_.Sensitivity(u, point, +1, J)) return false;
         problem_.SetSteps(*J, point, options_.difference_target);
+        *projected = problem_.Project(point, *J);
         return true;
       }
     } else if (slopes_.known()) {
       slopes_.MoveTo(problem_, u, point, options_.difference_target);
     }
-    bool carried = slopes_.known() && slopes_.mismatch() <= kCarries;
-    if (carried && !slopes_.fresh()) {
-      // Nor where the next step is hardly shorter than the last.
+    auto rows = [&] {
       *J = slopes_.Rows(problem_);
-      const double next = LengthOfStep(problem_.Project(point, *J), point.residual);
-      carried = next <= kCarries * last_step_;
+      *projected = problem_.Project(point, *J);
+      return LengthOfStep(*projected, point.residual);
+    };
+    bool carried = slopes_.known() && slopes_.mismatch() <= kCarries;
+    double next = carried ? rows() : 0.0;
+    // Nor where the next step is hardly shorter than the last.
+    carried = carried && (slopes_.fresh() || next <= kCarries * last_step_);
+    if (!carried) {
+      if (!slopes_.Buy(problem_, u, point)) return false;
+      next = rows();
     }
-    if (!carried && !slopes_.Buy(problem_, u, point)) return false;
     bought_ = slopes_.fresh();
-    *J = slopes_.Rows(problem_);
-    last_step_ = LengthOfStep(problem_.Project(point, *J), point.residual);
+    last_step_ = next;
     return true;
   }
 
@@ -111,11 +118,11 @@ class ReducedCost : public ceres::CostFunction {
     return longest;
   }
 
-  void Project(const std::vector<double>& u, const ReducedProblem::Point& point,
-               const Eigen::MatrixXd& J) const {
+  void Take(const std::vector<double>& u, const ReducedProblem::Point& point,
+            const Eigen::MatrixXd& J, Eigen::MatrixXd projected) const {
     last_u = u;
     last_residual = point.residual;
-    last_projected = problem_.Project(point, J);
+    last_projected = std::move(projected);
     // Of what frame, offset or calibration imitate, differences leave noise alone: the solver
     // would follow it from bound to bound.
     constexpr double kImitated = 1e-4;

@@ -15,24 +15,6 @@ namespace {
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr int kMarks = 4;
 
-data::Lab Ring(std::size_t cameras, int pixels) {
-  data::Lab lab = ShippedLab();
-  const data::LabCamera like = lab.cameras[0];
-  lab.cameras.clear();
-  for (std::size_t c = 0; c < cameras; ++c) {
-    data::LabCamera camera = like;
-    const double turn = 2.0 * M_PI * (static_cast<double>(c) + 0.5) / static_cast<double>(cameras);
-    camera.name = "camera" + std::to_string(c);
-    camera.position = {std::sqrt(2.0) * std::cos(turn), std::sqrt(2.0) * std::sin(turn), 2.87};
-    // Lens axes of neighbours are across each other.
-    camera.roll = M_PI / 4.0 * (c % 2 == 0 ? 1.0 : -1.0) + 0.3 * static_cast<double>(c / 4);
-    lab.cameras.push_back(camera);
-  }
-  lab.sensor.format.pitch *= lab.sensor.format.active / static_cast<double>(pixels);
-  lab.sensor.format.active = pixels;
-  return lab;
-}
-
 Eigen::Vector3d PlaceOf(int mark, double t) {
   const double reach = 0.2 + 0.15 * mark, rate = 2.0 - 0.3 * mark, phase = mark;
   return {reach * std::sin(rate * t + phase), 0.8 * reach * std::cos(1.3 * rate * t + phase),
@@ -41,8 +23,25 @@ Eigen::Vector3d PlaceOf(int mark, double t) {
 
 }  // namespace
 
+data::Lab RingOfCameras(std::size_t cameras, std::size_t every) {
+  data::Lab lab = ShippedLab();
+  const data::LabCamera like = lab.cameras[0];
+  lab.cameras.clear();
+  for (std::size_t c = 0; c < cameras; ++c) {
+    data::LabCamera camera = like;
+    const double turn = 2.0 * M_PI * (static_cast<double>(c) + 0.5) / static_cast<double>(cameras);
+    camera.name = "camera" + std::to_string(c);
+    camera.position = {std::sqrt(2.0) * std::cos(turn), std::sqrt(2.0) * std::sin(turn), 2.87};
+    camera.roll = M_PI / 4.0 * (c % 2 == 0 ? 1.0 : -1.0) + 0.3 * static_cast<double>(c / every);
+    lab.cameras.push_back(camera);
+  }
+  return lab;
+}
+
 HealthTrial::HealthTrial(std::size_t cameras, int lines, int pixels, bool still) {
-  const data::Lab lab = Ring(cameras, pixels);
+  data::Lab lab = RingOfCameras(cameras, 4);
+  lab.sensor.format.pitch *= lab.sensor.format.active / static_cast<double>(pixels);
+  lab.sensor.format.active = pixels;
   cameras_ = MakeVirtualRig(lab).cameras;
   rig_.volume_low = lab.volume_low;
   rig_.volume_high = lab.volume_high;

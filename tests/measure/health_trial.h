@@ -20,6 +20,10 @@ struct Harm {
   int lag = 0;         // its lines are so many late, from `from` on
 };
 
+// The shipped laboratory with cameras on a ring. Lens axes of neighbours are across each other, and
+// every `every` cameras turned by 0.3 rad more.
+data::Lab RingOfCameras(std::size_t cameras, std::size_t every);
+
 // Cameras on a ring above the shipped volume, through glass; four marks that swing, one lit in each
 // line in turn and then none, as true readings without noise. Made once, drawn from many times.
 class HealthTrial {

@@ -5,6 +5,7 @@
 
 #include "measure/lens_camera.h"
 #include "tests/measure/fixtures.h"
+#include "tests/measure/health_trial.h"
 
 namespace unfurl::measure {
 
@@ -36,17 +37,7 @@ double Width(const SpotLight& spot) {
 }  // namespace
 
 LightTrial::LightTrial(std::size_t cameras, int marks, int lines, Course course) {
-  data::Lab lab = ShippedLab();
-  const data::LabCamera like = lab.cameras[0];
-  lab.cameras.clear();
-  for (std::size_t c = 0; c < cameras; ++c) {
-    data::LabCamera camera = like;
-    const double turn = 2.0 * M_PI * (static_cast<double>(c) + 0.5) / static_cast<double>(cameras);
-    camera.name = "camera" + std::to_string(c);
-    camera.position = {std::sqrt(2.0) * std::cos(turn), std::sqrt(2.0) * std::sin(turn), 2.87};
-    camera.roll = M_PI / 4.0 * (c % 2 == 0 ? 1.0 : -1.0) + 0.3 * static_cast<double>(c / 2);
-    lab.cameras.push_back(camera);
-  }
+  const data::Lab lab = RingOfCameras(cameras, 2);
   const VirtualRig truth = MakeVirtualRig(lab);
   cameras_ = truth.cameras;
   rig_.volume_low = lab.volume_low;
