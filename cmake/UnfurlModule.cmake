@@ -55,16 +55,17 @@ function(unfurl_harden target)
 endfunction()
 
 # With UNFURL_UNITY the sources of a room are compiled some together, so that headers are read and templates made once
-# for all of them. Which go together hangs on their names alone: a new file does not shift the others, and what its
-# names collide with (of unnamed namespaces) is in one place. Hot files have options of their own and stay alone.
-function(unfurl_unity target)
+# for all of them: `largest` at most to a group, more or less. Which go together hangs on their names alone: a new file
+# does not shift the others, and what its names collide with (of unnamed namespaces) is in one place. Hot files have
+# options of their own and stay alone.
+function(unfurl_unity target largest)
   get_target_property(sources ${target} SOURCES)
   get_target_property(folder ${target} SOURCE_DIR)
   list(LENGTH sources count)
-  set(groups 1)  # five to ten files each, so that some cores still find work for all; seldom another number of them
-  math(EXPR most "${count} / 10")
-  while(groups LESS most OR groups EQUAL most)
+  set(groups 1)  # seldom another number of them
+  while(count GREATER largest)
     math(EXPR groups "2 * ${groups}")
+    math(EXPR count "(${count} + 1) / 2")
   endwhile()
   foreach(source ${sources})
     if(IS_ABSOLUTE ${source})  # made by the build
@@ -111,6 +112,7 @@ function(unfurl_test name)
   unfurl_compile_options(${name})
   target_precompile_headers(${name} REUSE_FROM unfurl_test_headers)
   unfurl_test_options(${name})
+  set_property(GLOBAL APPEND PROPERTY UNFURL_TEST_PROGRAMS ${name})
   include(GoogleTest)
   gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
     PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")

@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <fstream>
 
-namespace unfurl {
+namespace unfurl::folder_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -35,4 +35,4 @@ TEST(Folder, NamesAndPatterns) {
 }
 
 }  // namespace
-}  // namespace unfurl
+}  // namespace unfurl::folder_test

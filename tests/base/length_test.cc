@@ -10,7 +10,7 @@
 #include "base/statistics.h"
 #include "base/stream_median.h"
 
-namespace unfurl {
+namespace unfurl::length_test {
 namespace {
 
 TEST(Length, IsWrittenInTheUnitThatSuitsIt) {
@@ -53,4 +53,4 @@ TEST(StreamMedian, IsTheMedianWhateverTheSize) {
 }
 
 }  // namespace
-}  // namespace unfurl
+}  // namespace unfurl::length_test

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-namespace unfurl {
+namespace unfurl::number_test {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -55,4 +55,4 @@ TEST(NumberWithError, WithoutAnErrorIsTheNumber) {
 }
 
 }  // namespace
-}  // namespace unfurl
+}  // namespace unfurl::number_test

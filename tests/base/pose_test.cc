@@ -6,7 +6,7 @@
 
 #include "base/random.h"
 
-namespace unfurl {
+namespace unfurl::pose_test {
 namespace {
 
 constexpr double kRoundOff = 1e-13;  // some tens of operations on numbers of order one
@@ -65,4 +65,4 @@ TEST(FitRigid, AWeightOfZeroLeavesAPointOut) {
 }
 
 }  // namespace
-}  // namespace unfurl
+}  // namespace unfurl::pose_test

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-namespace unfurl {
+namespace unfurl::probability_test {
 namespace {
 
 TEST(Probability, NormalEqualsPrintedTables) {
@@ -26,4 +26,4 @@ TEST(Probability, BinomialEqualsItsSum) {
 }
 
 }  // namespace
-}  // namespace unfurl
+}  // namespace unfurl::probability_test

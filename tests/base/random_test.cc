@@ -7,7 +7,7 @@
 
 #include "base/statistics.h"
 
-namespace unfurl {
+namespace unfurl::random_test {
 namespace {
 
 constexpr int kDraws = 200000;
@@ -66,4 +66,4 @@ TEST(Rng, IntegerReachesAllAndOnlyItsRange) {
 }
 
 }  // namespace
-}  // namespace unfurl
+}  // namespace unfurl::random_test

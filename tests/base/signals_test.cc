@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace unfurl {
+namespace unfurl::signals_test {
 namespace {
 
 TEST(Printable, WordsStay) {
@@ -31,4 +31,4 @@ TEST(Printable, BytesThatAreNoUtf8) {
 }
 
 }  // namespace
-}  // namespace unfurl
+}  // namespace unfurl::signals_test

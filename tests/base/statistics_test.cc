@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-namespace unfurl {
+namespace unfurl::statistics_test {
 namespace {
 
 TEST(Statistics, QuantilesEqualPrintedTables) {
@@ -35,4 +35,4 @@ TEST(Statistics, MomentsOfAShortList) {
 }
 
 }  // namespace
-}  // namespace unfurl
+}  // namespace unfurl::statistics_test

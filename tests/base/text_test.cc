@@ -4,7 +4,7 @@
 
 #include "base/error.h"
 
-namespace unfurl {
+namespace unfurl::text_test {
 namespace {
 
 TEST(Text, NearestNameIsWhatWasMeantOrNothing) {
@@ -33,4 +33,4 @@ TEST(Error, IsOneLineOfPlaceMatterAndRemedy) {
 }
 
 }  // namespace
-}  // namespace unfurl
+}  // namespace unfurl::text_test

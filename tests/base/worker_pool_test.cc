@@ -5,7 +5,7 @@
 #include <stdexcept>
 #include <vector>
 
-namespace unfurl {
+namespace unfurl::worker_pool_test {
 namespace {
 
 TEST(ParallelFor, DoesEachTaskOnceWhateverTheNumberOfWorkers) {
@@ -28,4 +28,4 @@ TEST(ParallelFor, HandsOnTheFirstException) {
 }
 
 }  // namespace
-}  // namespace unfurl
+}  // namespace unfurl::worker_pool_test

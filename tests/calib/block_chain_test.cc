@@ -7,7 +7,7 @@
 #include "base/dense.h"
 #include "base/random.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::block_chain_test {
 namespace {
 
 // Against a dense inverse, with links and without.
@@ -45,4 +45,4 @@ TEST(BlockChain, IsTheDenseInverse) {
 }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::block_chain_test

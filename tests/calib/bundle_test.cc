@@ -7,7 +7,7 @@
 #include "base/statistics.h"
 #include "tests/calib/fixtures.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::bundle_test {
 namespace {
 
 using testing::CheckPoints;
@@ -116,4 +116,4 @@ TEST(Bundle, AFailureIsDataAndNotALogLine) {
 }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::bundle_test

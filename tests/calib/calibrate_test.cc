@@ -8,7 +8,7 @@
 #include "calib/verdict.h"
 #include "tests/calib/fixtures.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::calibrate_test {
 namespace {
 
 using ::testing::AllOf;
@@ -330,4 +330,4 @@ TEST(Observations, RefusesReadingsWithoutSigma) {
 }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::calibrate_test

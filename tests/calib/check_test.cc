@@ -9,7 +9,7 @@
 #include "calib/plan.h"
 #include "tests/calib/fixtures.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::check_test {
 namespace {
 
 using ::testing::Contains;
@@ -150,4 +150,4 @@ TEST_F(Check, AMirroredWorldIsToldByTheLayout) {
 }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::check_test

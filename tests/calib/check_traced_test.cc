@@ -13,7 +13,7 @@
 #include "calib/check.h"
 #include "tests/calib/traced.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::check_traced_test {
 namespace {
 
 using testing::TracedLab;
@@ -188,4 +188,4 @@ TEST(CheckPointsTraced, RigsThatStandPreciseReadings) {
 }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::check_traced_test

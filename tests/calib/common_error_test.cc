@@ -13,7 +13,7 @@
 #include "calib/check.h"
 #include "tests/calib/fixtures.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::common_error_test {
 namespace {
 
 using testing::CheckPoints;
@@ -261,4 +261,4 @@ TEST(CommonErrorMonteCarlo, ErrorBarsAreTrue) { ExpectHonest(24, 80, false); }
 #endif
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::common_error_test

@@ -8,7 +8,7 @@
 #include "base/worker_pool.h"
 #include "tests/calib/fixtures.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::convergence_test {
 namespace {
 
 using testing::CheckPoints;
@@ -153,4 +153,4 @@ TEST(Convergence, MirroredSensorsGiveTheSamePoints) {
 #endif  // UNFURL_SLOW_TESTS
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::convergence_test

@@ -8,7 +8,7 @@
 #include "base/worker_pool.h"
 #include "tests/calib/fixtures.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::covariance_test {
 namespace {
 
 using testing::CheckPoints;
@@ -164,4 +164,4 @@ TEST(CovarianceMonteCarlo, CoversFoundPoints) { ExpectHonest(120, 80); }
 #endif
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::covariance_test

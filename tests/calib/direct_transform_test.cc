@@ -5,7 +5,7 @@
 #include "calib/initial_guess.h"
 #include "tests/calib/synthetic.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::direct_transform_test {
 namespace {
 
 using testing::MakeRig;
@@ -99,4 +99,4 @@ TEST(DirectTransform, RobustFitStandsAFifthOfGrossErrors) {
 }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::direct_transform_test

@@ -12,7 +12,7 @@
 #include "calib/explain.h"
 #include "tests/calib/traced.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::gross_names_test {
 namespace {
 
 constexpr std::size_t kLabs = testing::Labs(3, 60);
@@ -115,4 +115,4 @@ TEST(TracedNames, GoodReadings) { ExpectNamed(0.01); }
 TEST(TracedNames, UsualReadings) { ExpectNamed(0.05); }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::gross_names_test

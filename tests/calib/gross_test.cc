@@ -10,7 +10,7 @@
 #include "base/worker_pool.h"
 #include "tests/calib/fixtures.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::gross_test {
 namespace {
 
 using ::testing::AllOf;
@@ -280,4 +280,4 @@ TEST(Variances, EachCameraHasItsOwnFloorAndTheSurveyItsFactor) {
 #endif  // UNFURL_SLOW_TESTS
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::gross_test

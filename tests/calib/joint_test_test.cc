@@ -8,7 +8,7 @@
 #include "base/random.h"
 #include "base/statistics.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::joint_test_test {
 namespace {
 
 constexpr Eigen::Index kData = 24;
@@ -171,4 +171,4 @@ TEST(JointTest, CausesAreFoundOneAfterTheOther) {
 }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::joint_test_test

@@ -9,7 +9,7 @@
 
 // Wide-angle cameras whose true image is not the fitted model's: equisolid, 2 f sin(a / 2) of the
 // angle of incidence a, written out here from the angle itself.
-namespace unfurl::calib {
+namespace unfurl::calib::lens_model_test {
 namespace {
 
 using testing::kPixels;
@@ -118,4 +118,4 @@ TEST(FisheyeCalibration, APinholesTermsDoNotFollowTheLens) {
 }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::lens_model_test

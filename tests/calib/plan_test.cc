@@ -17,7 +17,7 @@
 #include "measure/triangulate.h"
 #include "tests/calib/traced.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::plan_test {
 namespace {
 
 using testing::TracedLab;
@@ -151,4 +151,4 @@ TEST(PlannedSurvey, IsReachedWithinTenPercent) {
 }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::plan_test

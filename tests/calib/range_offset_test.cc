@@ -9,7 +9,7 @@
 #include "base/random.h"
 #include "calib/explain.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::range_offset_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -121,4 +121,4 @@ TEST(PrismsThatDiffer, WithinItsErrorAndHalfAMillimetre) {
 }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::range_offset_test

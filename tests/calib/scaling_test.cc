@@ -11,7 +11,7 @@
 
 // Nothing has a preferred size: the same survey in other lengths, or with other pixels, is judged
 // alike, and its numbers come back when they are scaled back.
-namespace unfurl::calib {
+namespace unfurl::calib::scaling_test {
 namespace {
 
 // Lengths times `length`; pixels `pixels` times as many over the same row, so that the centre of
@@ -191,4 +191,4 @@ TEST_F(Scaling, TheNeedDecides) {
 }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::scaling_test

@@ -15,7 +15,7 @@
 #include "measure/triangulate.h"
 #include "tests/calib/fixtures.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::score_test_test {
 namespace {
 
 using testing::MakeStudy;
@@ -193,4 +193,4 @@ TEST(TrendsOfTheModelItself, LevelIsKept) {
 }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::score_test_test

@@ -14,7 +14,7 @@
 #include "measure/triangulate.h"
 #include "tests/calib/traced.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::survey_cost_test {
 namespace {
 
 using testing::TracedLab;
@@ -150,4 +150,4 @@ TEST(SurveyCost, AdvisesTheQuickestThatReachesTheNeed) {
 #endif
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::survey_cost_test

@@ -12,7 +12,7 @@
 #include "tests/calib/fixtures.h"
 #include "tests/calib/traced.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::traced_faults_test {
 namespace {
 
 using ::testing::AllOf;
@@ -259,4 +259,4 @@ TEST(TracedFaults, SlipsAreNamed) {
 #endif  // UNFURL_SLOW_TESTS
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::traced_faults_test

@@ -15,7 +15,7 @@
 #include "tests/calib/synthetic.h"
 #include "tests/source_dir.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::traced_test {
 namespace {
 
 struct Outcome {
@@ -105,4 +105,4 @@ TEST(Traced, ShippedLabReachesTheSurveysLimit) { ExpectTrue(6); }
 #endif
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::traced_test

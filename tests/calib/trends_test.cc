@@ -17,7 +17,7 @@
 #include "calib/verdict.h"
 #include "tests/calib/traced.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::trends_test {
 namespace {
 
 using ::testing::Contains;
@@ -308,4 +308,4 @@ TEST(Trends, ASurveyInACornerIsNotGood) {
 #endif  // UNFURL_SLOW_TESTS
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::trends_test

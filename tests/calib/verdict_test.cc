@@ -9,7 +9,7 @@
 #include <cmath>
 #include <functional>
 
-namespace unfurl::calib {
+namespace unfurl::calib::verdict_test {
 namespace {
 
 using ::testing::AllOf;
@@ -265,4 +265,4 @@ TEST(Judge, TheWorstReasonComesFirst) {
 }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::verdict_test

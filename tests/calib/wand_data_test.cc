@@ -7,7 +7,7 @@
 
 #include "base/error.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::wand_data_test {
 namespace {
 
 TEST(WandData, BarsAreReadStrictly) {
@@ -43,4 +43,4 @@ TEST(WandData, PosesComeInTheOrderOfTime) {
 }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::wand_data_test

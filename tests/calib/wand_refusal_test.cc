@@ -10,7 +10,7 @@
 #include "calib/wand_verdict.h"
 #include "tests/calib/wand_fixtures.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::wand_refusal_test {
 namespace {
 
 using ::testing::AnyOf;
@@ -161,4 +161,4 @@ TEST(WandRefusal, ATooShortBar) {
 }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::wand_refusal_test

@@ -15,7 +15,7 @@
 #include "calib/wand.h"
 #include "tests/calib/wand_fixtures.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::wand_study_test {
 namespace {
 
 using testing::MarksRms;
@@ -288,4 +288,4 @@ TEST(WandStudy, AgainstTheSurveyThroughGlass) {
 }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::wand_study_test

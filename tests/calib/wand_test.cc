@@ -12,7 +12,7 @@
 #include "calib/wand_shape.h"
 #include "tests/calib/wand_fixtures.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::wand_test {
 namespace {
 
 using testing::ErrorsOf;
@@ -202,4 +202,4 @@ TEST(Wand, TurnsInOnePlace) {
 }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::wand_test

@@ -9,7 +9,7 @@
 #include "measure/camera_model.h"
 #include "tests/calib/fixtures.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::wand_triple_test {
 namespace {
 
 using testing::MakeRig;
@@ -58,4 +58,4 @@ TEST(WandTriple, FindsThreePinholesFromBars) {
 }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::wand_triple_test

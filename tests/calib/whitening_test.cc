@@ -12,7 +12,7 @@
 #include "calib/joint_test.h"
 #include "tests/calib/fixtures.h"
 
-namespace unfurl::calib {
+namespace unfurl::calib::whitening_test {
 namespace {
 
 // Of probabilities and squares: rounding of both ways, times the condition of the covariances here,
@@ -168,4 +168,4 @@ TEST(Whitening, ACheckIsTheOneOfTheDenseCovariance) {
 }
 
 }  // namespace
-}  // namespace unfurl::calib
+}  // namespace unfurl::calib::whitening_test

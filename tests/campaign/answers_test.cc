@@ -11,7 +11,7 @@
 #include "campaign/growth.h"
 #include "tests/campaign/block.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::answers_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -119,4 +119,4 @@ TEST_F(AnswersTest, GoalsAreReadStrictly) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::answers_test

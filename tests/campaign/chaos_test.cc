@@ -10,7 +10,7 @@
 #include "campaign/statistics/chaos_basis.h"
 #include "tests/campaign/functions.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::chaos_test {
 namespace {
 
 using testing::HasSubstr;
@@ -180,4 +180,4 @@ TEST(PolynomialChaosTest, LeavesFailedRunsOutAndRefusesBadInput) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::chaos_test

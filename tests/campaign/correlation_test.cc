@@ -11,7 +11,7 @@
 #include "base/statistics.h"
 #include "campaign/statistics/counter_random.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::correlation_test {
 namespace {
 
 using testing::HasSubstr;
@@ -103,4 +103,4 @@ TEST(Correlation, NoneChangesNothing) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::correlation_test

@@ -8,7 +8,7 @@
 #include "base/probability.h"
 #include "base/statistics.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::counter_random_test {
 namespace {
 
 TEST(Philox, EqualsItsPublishedVectors) {  // kat_vectors of Random123, philox4x32, 10 rounds
@@ -133,4 +133,4 @@ TEST(KeyedPermutation, PairsAreUniform) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::counter_random_test

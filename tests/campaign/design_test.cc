@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "base/statistics.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::design_test {
 namespace {
 
 std::vector<double> PointOf(const Design& design, std::uint64_t index) {
@@ -164,4 +164,4 @@ TEST(Design, RefusesWhatMakesNone) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::design_test

@@ -11,7 +11,7 @@
 #include "base/error.h"
 #include "campaign/statistics/counter_random.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::distribution_test {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -163,4 +163,4 @@ TEST(Distribution, SaysWhatItIs) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::distribution_test

@@ -12,7 +12,7 @@
 #include "correlate/fit/evaluation_store.h"
 #include "tests/own_folder.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::folder_workers_test {
 namespace {
 
 using correlate::Fidelity;
@@ -273,4 +273,4 @@ TEST(StoredQuestion, NothingOfItIsLost) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::folder_workers_test

@@ -6,7 +6,7 @@
 #include "base/statistics.h"
 #include "tests/campaign/coverage.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::intervals_test {
 namespace {
 
 TEST(Wilks, EqualsPublishedNumbersOfRuns) {
@@ -120,4 +120,4 @@ TEST(Normality, HasItsLevelAndPower) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::intervals_test

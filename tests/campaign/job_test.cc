@@ -10,7 +10,7 @@
 #include "campaign/named_expression.h"
 #include "tests/campaign/block.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::job_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -178,4 +178,4 @@ TEST_F(StepsJobTest, RunsThatWouldAllBeOneAreRefused) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::job_test

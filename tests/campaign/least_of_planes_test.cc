@@ -7,7 +7,7 @@
 
 #include "base/random.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::least_of_planes_test {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -64,4 +64,4 @@ TEST(LeastOfPlanesTest, OfTooFewPointsIsNone) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::least_of_planes_test

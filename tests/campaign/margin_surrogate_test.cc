@@ -7,7 +7,7 @@
 #include "base/random.h"
 #include "tests/campaign/margins.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::margin_surrogate_test {
 namespace {
 
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
@@ -73,4 +73,4 @@ TEST(SurrogateProposalTest, WeightsGiveTheProbability) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::margin_surrogate_test

@@ -7,7 +7,7 @@
 #include "tests/campaign/coverage.h"
 #include "tests/campaign/functions.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::morris_test {
 namespace {
 
 // The function of Morris (1991), section 3.2: twenty inputs, of which 1 to 7 have non-linear or
@@ -90,4 +90,4 @@ TEST(ScreenMorrisTest, KeepsWhatFailedRunsLeave) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::morris_test

@@ -14,7 +14,7 @@
 #include "campaign/slurm_engine.h"
 #include "tests/campaign/block.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::part_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -195,4 +195,4 @@ TEST_F(FolderTest, FailedRunsAreKeptWithTheirReasons) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::part_test

@@ -7,7 +7,7 @@
 
 #include "base/random.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::rank_correlation_test {
 namespace {
 
 TEST(RankCorrelation, OfAnyRisingCurveIsOne) {
@@ -49,4 +49,4 @@ TEST(RankCorrelation, IntervalsCoverNormalPairs) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::rank_correlation_test

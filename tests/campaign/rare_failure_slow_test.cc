@@ -5,7 +5,7 @@
 #include "tests/campaign/coverage.h"
 #include "tests/campaign/margins.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::rare_failure_slow_test {
 namespace {
 
 struct Study {
@@ -57,4 +57,4 @@ TEST_P(RareStudy, ShareWithinAFactorOfOneAndAHalf) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::rare_failure_slow_test

@@ -6,7 +6,7 @@
 #include "base/error.h"
 #include "tests/campaign/margins.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::rare_failure_test {
 namespace {
 
 using testing::HasSubstr;
@@ -115,4 +115,4 @@ TEST(RareFailureTest, RefusesBadInput) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::rare_failure_test

@@ -8,7 +8,7 @@
 #include "campaign/statistics/summary.h"
 #include "tests/campaign/coverage.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::runs_needed_test {
 namespace {
 
 // What is forecast from 400 runs is what it then takes: with the runs told the interval is as
@@ -77,4 +77,4 @@ TEST(RunsNeededTest, SeesThatASobolDesignPays) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::runs_needed_test

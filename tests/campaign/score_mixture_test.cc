@@ -6,7 +6,7 @@
 
 #include "base/random.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::score_mixture_test {
 namespace {
 
 // n points about each of the centres (columns), normal with the standard deviation `sigma`.
@@ -66,4 +66,4 @@ TEST(ScoreMixtureTest, FindsRegionsAndWidensWhereThePointsAre) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::score_mixture_test

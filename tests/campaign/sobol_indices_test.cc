@@ -7,7 +7,7 @@
 #include "tests/campaign/coverage.h"
 #include "tests/campaign/functions.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::sobol_indices_test {
 namespace {
 
 using testing::HasSubstr;
@@ -98,4 +98,4 @@ TEST(IndicesOfSaltelliTest, SaysWhenItCannotBeUsed) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::sobol_indices_test

@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "base/statistics.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::sobol_sequence_test {
 namespace {
 
 // The first points of three dimensions as printed with the direction numbers of Joe and Kuo.
@@ -95,4 +95,4 @@ TEST(SobolSequence, RefusesWhatHasNoDirectionNumbers) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::sobol_sequence_test

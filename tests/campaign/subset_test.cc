@@ -8,7 +8,7 @@
 #include "tests/campaign/coverage.h"
 #include "tests/campaign/margins.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::subset_test {
 namespace {
 
 class SubsetOf : public testing::TestWithParam<MarginCase> {};
@@ -110,4 +110,4 @@ TEST(SubsetSimulationTest, RefusesBadInput) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::subset_test

@@ -11,7 +11,7 @@
 #include "campaign/statistics/design.h"
 #include "tests/campaign/coverage.h"
 
-namespace unfurl::campaign {
+namespace unfurl::campaign::summary_test {
 namespace {
 
 using testing::HasSubstr;
@@ -194,4 +194,4 @@ TEST(ProportionTest, CountsFailedRunsApart) {
 }
 
 }  // namespace
-}  // namespace unfurl::campaign
+}  // namespace unfurl::campaign::summary_test

@@ -10,7 +10,7 @@
 #include "tests/cli/program.h"
 #include "tests/source_dir.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::bad_input_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -196,4 +196,4 @@ TEST_F(BadInput, AFileThatBreaksTheLibraryWhichReadsIt) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::bad_input_test

@@ -11,7 +11,7 @@
 
 #include "tests/cli/campaign_slurm.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::campaign_slurm_slow_test {
 namespace {
 
 using nlohmann::json;
@@ -148,4 +148,4 @@ TEST_F(CampaignSlurmSlow, AMillionRuns) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::campaign_slurm_slow_test

@@ -5,7 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
-namespace unfurl::cli {
+namespace unfurl::cli::campaign_slurm_test {
 namespace {
 
 using nlohmann::json;
@@ -77,4 +77,4 @@ TEST_F(CampaignSlurm, WhatIsCancelledCanBeResumed) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::campaign_slurm_test

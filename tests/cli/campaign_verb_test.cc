@@ -8,7 +8,7 @@
 #include "tests/cli/program.h"
 #include "tests/source_dir.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::campaign_verb_test {
 namespace {
 
 using nlohmann::json;
@@ -162,4 +162,4 @@ TEST_F(CampaignVerb, WhatIsWrongIsSaidInOneLine) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::campaign_verb_test

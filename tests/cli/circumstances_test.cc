@@ -10,7 +10,7 @@
 
 #include "tests/cli/small_jobs.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::circumstances_test {
 namespace {
 
 class Circumstances : public SmallJobsTest {
@@ -80,4 +80,4 @@ TEST_F(Circumstances, DecimalCommas) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::circumstances_test

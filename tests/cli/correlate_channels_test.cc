@@ -10,7 +10,7 @@
 #include "data/run.h"
 #include "tests/cli/program.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::correlate_channels_test {
 namespace {
 
 using nlohmann::json;
@@ -182,4 +182,4 @@ TEST_F(CorrelateChannelsTest, AgainstARun) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::correlate_channels_test

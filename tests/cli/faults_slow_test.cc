@@ -10,7 +10,7 @@
 
 #include "tests/cli/small_jobs.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::faults_slow_test {
 namespace {
 
 constexpr char kOld[] = "the old result";
@@ -151,4 +151,4 @@ TEST_F(Faults, AStartIsWholeOrNotThere) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::faults_slow_test

@@ -7,7 +7,7 @@
 #include "tests/cli/campaign_slurm.h"
 #include "tests/cli/fit_cases.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::fit_engine_test {
 namespace {
 
 constexpr char kOneTrial[] = "[trial]\ntracks = \"tracks.h5\"\n";
@@ -76,4 +76,4 @@ TEST_F(FitEngine, OptionsThatDoNotGoTogetherAreRefused) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::fit_engine_test

@@ -5,7 +5,7 @@
 #include "data/run.h"
 #include "tests/cli/fit_cases.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::fit_events_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -57,4 +57,4 @@ TEST_F(FitEventsTest, BadOnesAreRefused) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::fit_events_test

@@ -4,7 +4,7 @@
 #include "tests/cli/fit_cases.h"
 #include "tests/source_dir.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::fit_ladder_test {
 namespace {
 
 constexpr char kTrial[] = "[trial]\ntracks = \"tracks.h5\"\nwindow = [0.0, 0.8]\n";
@@ -45,4 +45,4 @@ levels = []
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::fit_ladder_test

@@ -6,7 +6,7 @@
 
 #include "tests/cli/fit_cases.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::fit_repeat_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -76,4 +76,4 @@ TEST_F(FitRepeat, TwoTrialsAreTooFew) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::fit_repeat_test

@@ -1,7 +1,7 @@
 // kill -9 at many random moments.
 #include "tests/cli/fit_cases.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::fit_verb_slow_test {
 namespace {
 
 constexpr int kKills = 50;  // issue
@@ -9,4 +9,4 @@ constexpr int kKills = 50;  // issue
 TEST_F(FitVerbTest, FiftyKills) { ExpectResumes(kKills, 2); }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::fit_verb_slow_test

@@ -9,7 +9,7 @@
 #include "tests/cli/fit_cases.h"
 #include "tests/source_dir.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::fit_verb_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -168,4 +168,4 @@ TEST_F(FitVerbTest, StudiesThatCannotBeAreRefused) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::fit_verb_test

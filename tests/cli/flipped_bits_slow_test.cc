@@ -28,7 +28,7 @@
 #include "tests/cli/small_jobs.h"
 #include "tests/source_dir.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::flipped_bits_slow_test {
 namespace {
 
 // As the verbs read it.
@@ -205,4 +205,4 @@ TEST_F(FlippedBits, OfFilesOfOthers) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::flipped_bits_slow_test

@@ -10,7 +10,7 @@
 #include "data/tracks.h"
 #include "tests/cli/program.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::hard_rooms_test {
 namespace {
 
 using nlohmann::json;
@@ -193,4 +193,4 @@ TEST_F(HardRooms, WhatIsNotThereIsNamed) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::hard_rooms_test

@@ -14,7 +14,7 @@
 
 #include "tests/source_dir.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::hardening_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -150,4 +150,4 @@ TEST(HardeningCommands, EverySourceOfARoomIsMadeSo) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::hardening_test

@@ -15,7 +15,7 @@
 
 #include "tests/cli/small_jobs.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::kills_slow_test {
 namespace {
 
 constexpr char kOld[] = "the old result", kEnd[] = "</html>\n";
@@ -238,4 +238,4 @@ TEST_F(Kills, DiskFull) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::kills_slow_test

@@ -17,7 +17,7 @@
 #include "data/tracks.h"
 #include "tests/cli/program.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::live_test {
 namespace {
 
 using nlohmann::json;
@@ -274,4 +274,4 @@ TEST_F(LiveProgram, OptionsThatDoNotFitAreRefused) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::live_test

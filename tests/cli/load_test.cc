@@ -15,7 +15,7 @@
 #include "data/trial.h"
 #include "tests/cli/program.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::load_test {
 namespace {
 
 double CpuOfChildren() {
@@ -254,4 +254,4 @@ TEST_F(Load, DayOfFourMarks) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::load_test

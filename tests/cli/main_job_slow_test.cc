@@ -6,7 +6,7 @@
 #include "base/statistics.h"
 #include "tests/cli/main_job.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::main_job_slow_test {
 namespace {
 
 constexpr int kSeeds = 20, kAtLeast = 19;  // issue: within bounds in at least 19 of 20 seeds
@@ -44,4 +44,4 @@ TEST_F(MainJobTest, TwentySeeds) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::main_job_slow_test

@@ -3,7 +3,7 @@
 
 #include <gmock/gmock.h>
 
-namespace unfurl::cli {
+namespace unfurl::cli::main_job_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -86,4 +86,4 @@ TEST_F(MainJobTest, QuietSaysNothing) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::main_job_test

@@ -7,7 +7,7 @@
 
 #include "tests/cli/program.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::modes_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -55,4 +55,4 @@ TEST_F(Modes, BadInput) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::modes_test

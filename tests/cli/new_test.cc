@@ -9,7 +9,7 @@
 
 #include "tests/cli/program.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::new_test {
 namespace {
 
 using nlohmann::json;
@@ -196,4 +196,4 @@ TEST_F(New, DoctorLeavesTheTemporaryFolderAlone) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::new_test

@@ -9,7 +9,7 @@
 #include "data/trial.h"
 #include "tests/cli/program.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::raw_lines_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -209,4 +209,4 @@ TEST_F(RawSurvey, WhatDoesNotFitIsRefusedAndLeavesNothing) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::raw_lines_test

@@ -12,7 +12,7 @@
 #include "data/trial_health.h"
 #include "tests/cli/program.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::readings_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -135,4 +135,4 @@ TEST_F(ReadingsVerb, WhatIsNoReadingIsRefused) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::readings_test

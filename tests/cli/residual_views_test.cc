@@ -9,7 +9,7 @@
 
 #include "base/random.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::residual_views_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -79,4 +79,4 @@ TEST(ResidualViews, EveryViewIsThereAndFewSayNothing) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::residual_views_test

@@ -10,7 +10,7 @@
 #include "tests/cli/program.h"
 #include "tests/source_dir.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::rig_test {
 namespace {
 
 using ::testing::AllOf;
@@ -197,4 +197,4 @@ TEST_F(RigVerbs, BadInput) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::rig_test

@@ -14,7 +14,7 @@
 #include "data/h5_walk.h"
 #include "tests/cli/small_jobs.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::same_bits_slow_test {
 namespace {
 
 class SameBits : public SmallJobsTest {};
@@ -133,4 +133,4 @@ TEST_F(SameBits, ByOtherBuilds) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::same_bits_slow_test

@@ -16,7 +16,7 @@
 #include "data/run.h"
 #include "tests/cli/program.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::simulate_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -341,4 +341,4 @@ TEST_F(Simulate, SaysFirstWhatAnEngineerAsksFirst) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::simulate_test

@@ -8,7 +8,7 @@
 
 #include "base/error.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::space_panel_test {
 namespace {
 
 Eigen::Vector3d Vector(const report::Place& at) { return {at[0], at[1], at[2]}; }
@@ -124,4 +124,4 @@ TEST(SpacePanel, OfTooManyPointsTheWorstStayInTheirOrder) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::space_panel_test

@@ -12,7 +12,7 @@
 #include "data/trial.h"
 #include "tests/cli/program.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::streams_slow_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -120,4 +120,4 @@ TEST_F(Streams, CtrlCLeavesTheOldTracksAndNothingElse) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::streams_slow_test

@@ -12,7 +12,7 @@
 #include "data/provenance.h"
 #include "tests/cli/program.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::verb_files_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -350,4 +350,4 @@ TEST_F(VerbFilesTest, ForceDoesNotReachInputs) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::verb_files_test

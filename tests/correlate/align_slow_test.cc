@@ -9,7 +9,7 @@
 #include "correlate/align/align.h"
 #include "tests/correlate/two_link.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::align_slow_test {
 namespace {
 
 constexpr std::size_t kDraws = 1000;
@@ -86,4 +86,4 @@ TEST(AlignRepeats, OffsetAndDriftScatterByTheirBound) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::align_slow_test

@@ -7,7 +7,7 @@
 #include "correlate/compare/metrics.h"
 #include "tests/correlate/two_link.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::align_test {
 namespace {
 
 SampledModel Reference(double duration = 4.0) {
@@ -366,4 +366,4 @@ TEST(BodyAngle, FollowsTheLineBetweenTwoStrobedMarks) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::align_test

@@ -4,7 +4,7 @@
 
 #include "tests/correlate/ambient_cases.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::ambient_slow_test {
 namespace {
 
 using Output = DrivenStructure::Output;
@@ -88,4 +88,4 @@ TEST(AmbientSlow, Covers) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::ambient_slow_test

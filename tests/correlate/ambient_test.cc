@@ -12,7 +12,7 @@
 #include "correlate/modes/subspace.h"
 #include "tests/correlate/ambient_cases.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::ambient_test {
 namespace {
 
 using ::testing::AnyOf;
@@ -275,4 +275,4 @@ TEST(Ambient, OptionsThatMakeNoSenseAreRefused) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::ambient_test

@@ -7,7 +7,7 @@
 #include "base/random.h"
 #include "base/statistics.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::autocorrelation_test {
 namespace {
 
 std::vector<double> Ar1(std::size_t n, double rho, Rng& rng) {
@@ -102,4 +102,4 @@ TEST(Whiteness, CorrelatedNoiseIsRejected) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::autocorrelation_test

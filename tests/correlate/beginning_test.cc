@@ -5,7 +5,7 @@
 #include "correlate/align/align.h"
 #include "tests/correlate/fit_repeats.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::beginning_test {
 namespace {
 
 // The two-link arm from `start` on, when it swings already: nothing is known of what was before.
@@ -127,4 +127,4 @@ TEST(Beginning, OfAModelThatStartsInMotion) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::beginning_test

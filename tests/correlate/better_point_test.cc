@@ -7,7 +7,7 @@
 #include "correlate/fit/fit.h"
 #include "tests/correlate/fit_repeats.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::better_point_test {
 namespace {
 
 // The two-link arm whose tip is displaced by (a, B sin(k a)) in the plane from t = 0.5 s on: the
@@ -66,4 +66,4 @@ TEST(BetterPoint, IsWhereTheFitEnds) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::better_point_test

@@ -10,7 +10,7 @@
 #include "correlate/residual/row_layout.h"
 #include "tests/correlate/instruments.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::channel_test {
 namespace {
 
 constexpr double kOffset = 0.7312;
@@ -312,4 +312,4 @@ TEST(ChannelFit, AnotherMotionIsNotAligned) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::channel_test

@@ -7,7 +7,7 @@
 #include "correlate/fit/reduced_problem.h"
 #include "tests/correlate/pendulum.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::choose_tolerance_test {
 namespace {
 
 // The two-link arm with scatter of its own: `gain` times the tolerance, but no less than `floor`.
@@ -118,4 +118,4 @@ TEST(ChooseTolerance, HoldsForTheLatchingPendulumElsewhere) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::choose_tolerance_test

@@ -12,7 +12,7 @@
 #include "tests/correlate/fit_repeats.h"
 #include "tests/correlate/two_link.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::command_model_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -141,4 +141,4 @@ TEST_F(CommandModelTest, VerdictsStandWhenItFailsNowAndThen) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::command_model_test

@@ -12,7 +12,7 @@
 #include "base/random.h"
 #include "correlate/sampled_model.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::comparison_test {
 namespace {
 
 constexpr double kSigma = 5e-5, kRate = 200.0, kDuration = 6.0;
@@ -137,4 +137,4 @@ TEST(Comparison, ScoresOverAllMarksAreSumsOverTheSamples) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::comparison_test

@@ -12,7 +12,7 @@
 #include "tests/correlate/fit_repeats.h"
 #include "tests/correlate/two_link.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::correction_test {
 namespace {
 
 // The correction is exact where it was taken and where it has learnt, in marks and in event times.
@@ -48,4 +48,4 @@ TEST(Correction, IsExactAtItsPoints) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::correction_test

@@ -7,7 +7,7 @@
 #include "correlate/modes/modal_id.h"
 #include "tests/correlate/free_decay.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::decay_information_test {
 namespace {
 
 TEST(DecayInformation, OfASineThatDoesNotDecay) {
@@ -92,4 +92,4 @@ TEST(DecayInformation, OfModesOfALongRecord) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::decay_information_test

@@ -5,7 +5,7 @@
 
 #include "tests/correlate/deployment.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::deployment_slow_test {
 namespace {
 
 constexpr int kShards = 10, kEach = 5;
@@ -115,4 +115,4 @@ TEST_P(DeploymentTrials, AreFoundFromAnywhere) {
 INSTANTIATE_TEST_SUITE_P(Fifty, DeploymentTrials, ::testing::Range(0, kShards));
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::deployment_slow_test

@@ -6,7 +6,7 @@
 #include "base/worker_pool.h"
 #include "tests/correlate/planned.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::design_slow_test {
 namespace {
 
 // 200 virtual trials with another cycle and a mark that the trial at hand did not have. The scatter
@@ -46,4 +46,4 @@ TEST(DesignSlow, PlannedErrorsAreTheScatterOfVirtualTrials) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::design_slow_test

@@ -14,7 +14,7 @@
 #include "tests/correlate/instruments.h"
 #include "tests/correlate/planned.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::design_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -338,4 +338,4 @@ TEST(PlannedTrial, InstrumentsCountAsTheirFitSays) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::design_test

@@ -9,7 +9,7 @@
 #include "tests/correlate/fit_repeats.h"
 #include "tests/correlate/two_link.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::events_test {
 namespace {
 
 // The two-link arm with a switch that tells when its first link passes zero: cos(2 pi f t) = 0.
@@ -137,4 +137,4 @@ TEST(Events, AHorizonAndAClockTakeThemAlong) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::events_test

@@ -8,7 +8,7 @@
 
 #include "base/random.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::far_samples_test {
 namespace {
 
 constexpr double kSigma = 2e-4;  // [m]
@@ -86,4 +86,4 @@ TEST(FarSamples, AreAsWideAsTheyAreOff) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::far_samples_test

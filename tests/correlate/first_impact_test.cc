@@ -6,7 +6,7 @@
 #include "tests/correlate/deployment.h"
 #include "tests/correlate/pendulum.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::first_impact_test {
 namespace {
 
 constexpr double kHalfWindow = 3.0;  // [samples]
@@ -74,4 +74,4 @@ TEST(FirstImpact, NoneInARecordTooShortToTell) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::first_impact_test

@@ -5,7 +5,7 @@
 #include "tests/correlate/instruments.h"
 #include "tests/correlate/pendulum_repeats.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::fit_slow_test {
 namespace {
 
 constexpr int kTrials = 1000;
@@ -73,4 +73,4 @@ TEST(FitSlow, SeveralStartsFindTheGlobalMinimumOfThePendulum) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::fit_slow_test

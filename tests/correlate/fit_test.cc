@@ -10,7 +10,7 @@
 #include "tests/correlate/fit_repeats.h"
 #include "tests/correlate/two_link.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::fit_test {
 namespace {
 
 TEST(Fit, RecoversTheTruthFromAnExactRecord) {
@@ -329,4 +329,4 @@ TEST(Fit, AGrowingHorizonWidensTheBasin) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::fit_test

@@ -5,7 +5,7 @@
 #include "base/error.h"
 #include "tests/correlate/two_link_campaigns.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::from_fits_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -83,4 +83,4 @@ TEST(FromFits, CoversTheTwoLinkArm) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::from_fits_test

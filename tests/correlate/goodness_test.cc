@@ -6,7 +6,7 @@
 #include "base/random.h"
 #include "base/statistics.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::goodness_test {
 namespace {
 
 constexpr int kSamples = 240, kSections = 8;
@@ -196,4 +196,4 @@ TEST(Goodness, BartlettsStatisticOfTwoSections) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::goodness_test

@@ -11,7 +11,7 @@
 #include "correlate/residual/row_layout.h"
 #include "tests/correlate/fit_repeats.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::gross_samples_test {
 namespace {
 
 using Place = std::pair<std::size_t, std::size_t>;  // mark, sample
@@ -155,4 +155,4 @@ TEST(GrossSamples, ThatComeTogetherAreNotPutAside) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::gross_samples_test

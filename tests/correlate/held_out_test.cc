@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "base/random.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::held_out_test {
 namespace {
 
 struct Linear {
@@ -127,4 +127,4 @@ TEST(HeldOut, UnlikeRecordsAreRefused) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::held_out_test

@@ -7,7 +7,7 @@
 #include "tests/correlate/campaigns.h"
 #include "tests/correlate/two_link_campaigns.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::hierarchy_slow_test {
 namespace {
 
 class ManyCampaigns : public ::testing::TestWithParam<CampaignCase> {};
@@ -59,4 +59,4 @@ TEST(CampaignsOfTheArm, AreCovered) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::hierarchy_slow_test

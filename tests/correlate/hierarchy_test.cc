@@ -12,7 +12,7 @@
 #include "base/statistics.h"
 #include "tests/correlate/campaigns.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::hierarchy_test {
 namespace {
 
 // Three parameters, of which two scatter together, seen with correlated errors.
@@ -192,4 +192,4 @@ TEST(Hierarchy, RefusesWhatItCannotUse) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::hierarchy_test

@@ -5,7 +5,7 @@
 
 #include "tests/correlate/identify_cases.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::identify_test {
 namespace {
 
 TEST(Identify, HiddenSetsAreNamedAndNothingElse) {
@@ -134,4 +134,4 @@ TEST(Identify, AParameterWithoutEffectIsNotDetermined) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::identify_test

@@ -8,7 +8,7 @@
 
 #include "correlate/fit/fit.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::interval_test {
 namespace {
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
@@ -82,4 +82,4 @@ TEST(Interval, OfOneSideReachesAlongTheWay) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::interval_test

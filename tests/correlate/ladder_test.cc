@@ -19,7 +19,7 @@
 #include "tests/correlate/two_link.h"
 #include "tests/own_folder.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::ladder_test {
 namespace {
 
 // The two-link arm with its parameters changed first; latches as given.
@@ -406,4 +406,4 @@ TEST(Ladder, FiveParametersTwoTrialsAPriorAndStages) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::ladder_test

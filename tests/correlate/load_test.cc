@@ -13,7 +13,7 @@
 
 #include "correlate/fit/evaluation_store.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::load_test {
 namespace {
 
 // Answers at once: 4 marks of 10 samples in a plane.
@@ -103,4 +103,4 @@ TEST(Load, EvaluationsInAJournal) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::load_test

@@ -9,7 +9,7 @@
 
 #include "base/error.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::lowpass_test {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
@@ -114,4 +114,4 @@ TEST(LowPass, BadFiltersAreNamed) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::lowpass_test

@@ -7,7 +7,7 @@
 #include "correlate/modes/modal_id.h"
 #include "tests/correlate/free_decay.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::modal_id_slow_test {
 namespace {
 
 constexpr std::size_t kDraws = 1000;
@@ -61,4 +61,4 @@ TEST_P(ModalIdRepeats, ThousandDrawsAtTwentyDecibels) {
 INSTANTIATE_TEST_SUITE_P(OneToThreeModes, ModalIdRepeats, testing::Values(1, 2, 3));
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::modal_id_slow_test

@@ -9,7 +9,7 @@
 #include "correlate/modes/matrix_pencil.h"
 #include "tests/correlate/free_decay.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::modal_id_test {
 namespace {
 
 // Root mean square errors over the Cramer-Rao bound, and errors in units of their own sigmas.
@@ -234,4 +234,4 @@ TEST(MatrixPencil, PolesOfAnExactSumAtItsOwnOrder) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::modal_id_test

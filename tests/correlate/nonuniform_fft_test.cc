@@ -9,7 +9,7 @@
 
 #include "base/random.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::nonuniform_fft_test {
 namespace {
 
 // The largest error over sum |c_j|.
@@ -58,4 +58,4 @@ TEST(NonuniformFft, TermsAtTheEndsOfTheCircle) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::nonuniform_fft_test

@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "base/random.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::objective_rating_test {
 namespace {
 
 constexpr double kRoundOff = 1e-12;  // issue: closed forms to 1e-12
@@ -238,4 +238,4 @@ TEST(ObjectiveRating, TooShortIsRefused) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::objective_rating_test

@@ -10,7 +10,7 @@
 
 #include "correlate/sampled_model.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::observations_test {
 namespace {
 
 constexpr int kRank = 2;
@@ -101,4 +101,4 @@ TEST(MedianStep, IsTheMiddleOfTheSteps) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::observations_test

@@ -3,7 +3,7 @@
 
 #include "tests/correlate/optics_cases.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::optics_slow_test {
 namespace {
 
 constexpr int kSeeds = 20;
@@ -44,4 +44,4 @@ TEST_F(OpticsSlow, TwoTenthsThatTheTracksClaim) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::optics_slow_test

@@ -3,7 +3,7 @@
 
 #include "tests/correlate/optics_cases.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::optics_test {
 namespace {
 
 // One draw of each; optics_slow_test.cc repeats them.
@@ -15,4 +15,4 @@ TEST(Optics, ASmoothErrorThatTheTracksClaimDoesNotLeadTheFitAstray) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::optics_test

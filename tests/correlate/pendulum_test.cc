@@ -7,7 +7,7 @@
 #include "correlate/fit/search.h"
 #include "tests/correlate/pendulum_repeats.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::pendulum_test {
 namespace {
 
 TEST(Pendulum, TheHypercubeHasOnePointInEachRow) {
@@ -39,4 +39,4 @@ TEST(Pendulum, SeveralStartsFindThePlantedMinimum) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::pendulum_test

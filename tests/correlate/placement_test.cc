@@ -9,7 +9,7 @@
 #include "correlate/align/align.h"
 #include "tests/correlate/fit_repeats.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::placement_test {
 namespace {
 
 SampledModel Reference() {
@@ -287,4 +287,4 @@ TEST(ClockDrift, ThatNoClockHasIsTheModels) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::placement_test

@@ -6,7 +6,7 @@
 #include "correlate/fit/fit.h"
 #include "tests/correlate/fit_repeats.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::profile_test {
 namespace {
 
 FitResult WithLevels(const Observations& data, const Model& model,
@@ -44,4 +44,4 @@ TEST(Profile, OrderOfLevelsDoesNotMatter) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::profile_test

@@ -13,7 +13,7 @@
 #include "base/statistics.h"
 #include "tests/correlate/campaigns.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::random_effect_test {
 namespace {
 
 RandomEffect EffectOf(const Eigen::VectorXd& value, const Eigen::VectorXd& variance,
@@ -219,4 +219,4 @@ INSTANTIATE_TEST_SUITE_P(Campaigns, RandomEffectCoverage,
                                            CampaignCase{20, 1.0, true}));
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::random_effect_test

@@ -10,7 +10,7 @@
 #include "base/random.h"
 #include "correlate/residual/timed_events.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::registration_test {
 namespace {
 
 constexpr int kMarks = 3, kSamples = 7, kDraws = 2;
@@ -357,4 +357,4 @@ TEST(WhitenedSensitivity, IsTheDerivativeOfTheRows) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::registration_test

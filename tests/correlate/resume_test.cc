@@ -8,7 +8,7 @@
 #include "tests/correlate/two_link.h"
 #include "tests/own_folder.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::resume_test {
 namespace {
 
 // Fails in a part of its range.
@@ -110,4 +110,4 @@ TEST(Resume, AnAnswerComesBackToTheLastBit) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::resume_test

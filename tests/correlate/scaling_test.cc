@@ -11,7 +11,7 @@
 #include "tests/correlate/fit_repeats.h"
 #include "tests/correlate/two_link.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::scaling_test {
 namespace {
 
 struct Scale {
@@ -239,4 +239,4 @@ TEST(Scaling, OfLengthsAndTimesChangesNoFit) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::scaling_test

@@ -8,7 +8,7 @@
 #include "base/random.h"
 #include "base/statistics.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::series_noise_test {
 namespace {
 
 // Two marks with stamps of their own, one with a gap; positions do not matter here.
@@ -171,4 +171,4 @@ TEST(SeriesNoise, TheLongestCorrelationTimeIsThatOfTheClock) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::series_noise_test

@@ -7,7 +7,7 @@
 #include "base/random.h"
 #include "correlate/compare/comparison.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::signal_id_test {
 namespace {
 
 // Three marks, two of them on one body: a swing and vibrations, as tracks with noise or without.
@@ -94,4 +94,4 @@ TEST(SignalId, TheAngleIsOfTheTwoMarksOnOneBody) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::signal_id_test

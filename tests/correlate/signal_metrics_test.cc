@@ -7,7 +7,7 @@
 
 #include "base/error.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::signal_metrics_test {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
@@ -135,4 +135,4 @@ TEST(SignalScore, DifferentLengthsAreRefused) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::signal_metrics_test

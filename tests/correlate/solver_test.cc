@@ -6,7 +6,7 @@
 #include "correlate/fit/fit.h"
 #include "tests/correlate/fit_repeats.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::solver_test {
 namespace {
 
 FitResult FitFrom(const Observations& data, const Model& model, double low, double high,
@@ -46,4 +46,4 @@ TEST(Solver, ComesOffABoundAndStaysAtOne) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::solver_test

@@ -10,7 +10,7 @@
 #include "base/statistics.h"
 #include "correlate/spectra/lomb_scargle.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::spectral_density_test {
 namespace {
 
 constexpr double kTau = 2.0 * std::numbers::pi;
@@ -272,4 +272,4 @@ TEST(LombScargle, NoiseShowsPeaksAsOftenAsItSays) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::spectral_density_test

@@ -9,7 +9,7 @@
 #include "base/random.h"
 #include "correlate/spectra/fft.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::spectrum_test {
 namespace {
 
 constexpr double kTau = 2.0 * std::numbers::pi;
@@ -151,4 +151,4 @@ TEST(EvenStretch, StopsAtAGapAndSaysSo) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::spectrum_test

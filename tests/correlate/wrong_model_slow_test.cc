@@ -4,7 +4,7 @@
 
 #include "tests/correlate/wrong_model.h"
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::wrong_model_slow_test {
 namespace {
 
 constexpr int kSeeds = 100;
@@ -174,4 +174,4 @@ TEST_P(FaultsOnTheLadder, AreNamedOrHeld) {
 INSTANTIATE_TEST_SUITE_P(Study, FaultsOnTheLadder, ::testing::Range(0, 18));
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::wrong_model_slow_test

@@ -3,7 +3,7 @@
 
 #include <gtest/gtest.h>
 
-namespace unfurl::correlate {
+namespace unfurl::correlate::wrong_model_test {
 namespace {
 
 TEST(WrongModel, TheSecondWritingOfTheArmIsTheSimulatorsWithItsLaw) {
@@ -67,4 +67,4 @@ TEST(WrongModel, AFinerMeshIsRejectedOrInTheStandardErrors) {
 }
 
 }  // namespace
-}  // namespace unfurl::correlate
+}  // namespace unfurl::correlate::wrong_model_test

@@ -10,7 +10,7 @@
 
 #include "base/error.h"
 
-namespace unfurl::data {
+namespace unfurl::data::campaign_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -166,4 +166,4 @@ TEST(Campaign, RowsAndSamplesComeFromFilesBesideThePlan) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::campaign_test

@@ -14,7 +14,7 @@
 #include "data/units.h"
 #include "tests/data/errors.h"
 
-namespace unfurl::data {
+namespace unfurl::data::channels_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -146,4 +146,4 @@ TEST(Units, OthersAreNotGuessed) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::channels_test

@@ -13,7 +13,7 @@
 #include "data/toml_study.h"
 #include "data/toml_override.h"
 
-namespace unfurl::data {
+namespace unfurl::data::design_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -114,4 +114,4 @@ TEST_F(WrittenToml, AStudyWithOneMoreTrial) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::design_test

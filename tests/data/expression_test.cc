@@ -8,7 +8,7 @@
 
 #include "errors.h"
 
-namespace unfurl::data {
+namespace unfurl::data::expression_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -164,4 +164,4 @@ TEST(Expression, FindsNothingWrongWithWhatIsFinite) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::expression_test

@@ -14,7 +14,7 @@
 #include "tests/own_folder.h"
 #include "errors.h"
 
-namespace unfurl::data {
+namespace unfurl::data::files_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -341,4 +341,4 @@ TEST_F(Files, PartialsFollowNoLinks) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::files_test

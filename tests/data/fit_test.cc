@@ -9,7 +9,7 @@
 #include "data/h5.h"
 #include "tests/own_folder.h"
 
-namespace unfurl::data {
+namespace unfurl::data::fit_test {
 namespace {
 
 class FitFile : public ::testing::Test {
@@ -144,4 +144,4 @@ TEST_F(FitFile, AnotherRecordIsRefused) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::fit_test

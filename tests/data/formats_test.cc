@@ -10,7 +10,7 @@
 #include "tests/own_folder.h"
 #include "tests/source_dir.h"
 
-namespace unfurl::data {
+namespace unfurl::data::formats_test {
 namespace {
 
 class Formats : public ::testing::Test {
@@ -96,4 +96,4 @@ TEST_F(Formats, WhatIsNoRecordIsRefusedWithARemedy) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::formats_test

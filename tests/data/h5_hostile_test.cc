@@ -16,7 +16,7 @@
 #include "tests/own_folder.h"
 #include "errors.h"
 
-namespace unfurl::data {
+namespace unfurl::data::h5_hostile_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -310,4 +310,4 @@ TEST_F(H5Hostile, FlippedBitsAreNoticed) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::h5_hostile_test

@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "tests/own_folder.h"
 
-namespace unfurl::data {
+namespace unfurl::data::journal_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -109,4 +109,4 @@ TEST_F(JournalFile, ASecondWriterIsRefusedAndNothingIsLeftOfNothing) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::journal_test

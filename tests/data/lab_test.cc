@@ -6,7 +6,7 @@
 #include "base/error.h"
 #include "tests/source_dir.h"
 
-namespace unfurl::data {
+namespace unfurl::data::lab_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -92,4 +92,4 @@ TEST(Lab, RefusesWhatCannotBe) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::lab_test

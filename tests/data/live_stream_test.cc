@@ -11,7 +11,7 @@
 #include "base/error.h"
 #include "base/random.h"
 
-namespace unfurl::data {
+namespace unfurl::data::live_stream_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -224,4 +224,4 @@ TEST(LiveStream, HeadersThatCannotBeAreRefusedByTheKey) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::live_stream_test

@@ -12,7 +12,7 @@
 #include "data/h5.h"
 #include "tests/own_folder.h"
 
-namespace unfurl::data {
+namespace unfurl::data::rig_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -233,4 +233,4 @@ TEST_F(RigFile, OneOfVersion2IsRead) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::rig_test

@@ -15,7 +15,7 @@
 #include "data/h5_walk.h"
 #include "tests/own_folder.h"
 
-namespace unfurl::data {
+namespace unfurl::data::run_test {
 namespace {
 
 class RunFile : public ::testing::Test {
@@ -312,4 +312,4 @@ TEST_F(RunFile, WithoutEvents) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::run_test

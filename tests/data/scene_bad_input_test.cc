@@ -8,7 +8,7 @@
 #include "errors.h"
 #include "scene_texts.h"
 
-namespace unfurl::data {
+namespace unfurl::data::scene_bad_input_test {
 namespace {
 
 using ::testing::AllOf;
@@ -184,4 +184,4 @@ TEST(SceneBadInput, LargeScenesAreRead) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::scene_bad_input_test

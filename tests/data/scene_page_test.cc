@@ -16,7 +16,7 @@
 #include "tests/own_folder.h"
 #include "tests/source_dir.h"
 
-namespace unfurl::data {
+namespace unfurl::data::scene_page_test {
 namespace {
 
 using Keys = std::set<std::string>;
@@ -170,4 +170,4 @@ TEST(ScenePage, WouldMissAKey) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::scene_page_test

@@ -10,7 +10,7 @@
 #include "errors.h"
 #include "scene_texts.h"
 
-namespace unfurl::data {
+namespace unfurl::data::scene_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -163,4 +163,4 @@ TEST(Scene, OverridesReachEveryKey) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::scene_test

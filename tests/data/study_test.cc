@@ -6,7 +6,7 @@
 #include "base/error.h"
 #include "tests/source_dir.h"
 
-namespace unfurl::data {
+namespace unfurl::data::study_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -131,4 +131,4 @@ TEST(Study, TheShippedOneIsWhole) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::study_test

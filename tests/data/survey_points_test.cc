@@ -10,7 +10,7 @@
 #include "base/error.h"
 #include "tests/own_folder.h"
 
-namespace unfurl::data {
+namespace unfurl::data::survey_points_test {
 namespace {
 
 using ::testing::Contains;
@@ -214,4 +214,4 @@ TEST_F(SurveyPoints, LongReadingsJoinPointsById) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::survey_points_test

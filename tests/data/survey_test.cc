@@ -12,7 +12,7 @@
 #include "base/error.h"
 #include "data/atomic_file.h"
 
-namespace unfurl::data {
+namespace unfurl::data::survey_test {
 namespace {
 
 using ::testing::AllOf;
@@ -182,4 +182,4 @@ TEST(Survey, PointsAloneMayHaveNoSigmas) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::survey_test

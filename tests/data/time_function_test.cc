@@ -9,7 +9,7 @@
 
 #include "errors.h"
 
-namespace unfurl::data {
+namespace unfurl::data::time_function_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -161,4 +161,4 @@ TEST(TimeFunction, FaultsAreToldWithTimeAndText) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::time_function_test

@@ -9,7 +9,7 @@
 #include "data/toml.h"
 #include "tests/own_folder.h"
 
-namespace unfurl::data {
+namespace unfurl::data::toml_document_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -97,4 +97,4 @@ TEST_F(Document, ItemsOfArraysAreSetFromTheCommandLineToo) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::toml_document_test

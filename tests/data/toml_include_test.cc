@@ -10,7 +10,7 @@
 #include "errors.h"
 #include "scene_texts.h"
 
-namespace unfurl::data {
+namespace unfurl::data::toml_include_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -118,4 +118,4 @@ TEST_F(Include, TooManyFilesAreRefused) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::toml_include_test

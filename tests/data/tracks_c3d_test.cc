@@ -11,7 +11,7 @@
 #include "strobed_tracks.h"
 #include "tests/data/errors.h"
 
-namespace unfurl::data {
+namespace unfurl::data::tracks_c3d_test {
 namespace {
 
 TEST(C3d, ThereAndBack) {
@@ -120,4 +120,4 @@ TEST(C3d, CountsThatTheFileDoesNotHold) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::tracks_c3d_test

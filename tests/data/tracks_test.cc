@@ -13,7 +13,7 @@
 #include "base/random.h"
 #include "strobed_tracks.h"
 
-namespace unfurl::data {
+namespace unfurl::data::tracks_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -180,4 +180,4 @@ TEST(Tracks, HowSamplesCameAboutGoesThroughTheFile) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::tracks_test

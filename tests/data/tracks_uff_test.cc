@@ -11,7 +11,7 @@
 #include "strobed_tracks.h"
 #include "tests/data/errors.h"
 
-namespace unfurl::data {
+namespace unfurl::data::tracks_uff_test {
 namespace {
 
 TEST(Uff, ThereAndBack) {
@@ -249,4 +249,4 @@ TEST(Uff, CountsThatTheFileDoesNotHold) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::tracks_uff_test

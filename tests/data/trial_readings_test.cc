@@ -9,7 +9,7 @@
 
 #include "tests/data/errors.h"
 
-namespace unfurl::data {
+namespace unfurl::data::trial_readings_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -151,4 +151,4 @@ TEST_F(ReadingsFile, BadDatasetsAreRefusedByName) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::trial_readings_test

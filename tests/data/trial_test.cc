@@ -13,7 +13,7 @@
 #include "base/random.h"
 #include "data/h5.h"
 
-namespace unfurl::data {
+namespace unfurl::data::trial_test {
 namespace {
 
 TrialHeader SmallHeader() {
@@ -153,4 +153,4 @@ TEST(Trial, RefusesAnotherSchemaAndASlotThatIsNotThere) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::trial_test

@@ -10,7 +10,7 @@
 #include "tests/data/errors.h"
 #include "tests/own_folder.h"
 
-namespace unfurl::data {
+namespace unfurl::data::wand_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -136,4 +136,4 @@ TEST_F(WandFile, BadDatasetsAreRefusedByName) {
 }
 
 }  // namespace
-}  // namespace unfurl::data
+}  // namespace unfurl::data::wand_test

@@ -10,7 +10,7 @@
 #include "tests/fuzz/readers.h"
 #include "tests/source_dir.h"
 
-namespace unfurl::fuzz {
+namespace unfurl::fuzz::corpus_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -110,4 +110,4 @@ TEST(Corpus, EveryReaderTakesOrRefusesWhatIsDamaged) {
 }
 
 }  // namespace
-}  // namespace unfurl::fuzz
+}  // namespace unfurl::fuzz::corpus_test

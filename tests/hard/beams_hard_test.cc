@@ -2,7 +2,7 @@
 // creep and statics in closed form, conservation.
 #include "tests/hard/hard_case.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::beams_hard_test {
 namespace {
 
 using enum Grade;
@@ -180,4 +180,4 @@ INSTANTIATE_TEST_SUITE_P(Flights, HardCases, testing::ValuesIn(Flights()));
 INSTANTIATE_TEST_SUITE_P(Loads, HardCases, testing::ValuesIn(Loads()));
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::beams_hard_test

@@ -2,7 +2,7 @@
 // Truth: closed forms, conservation, integration of one equation by other means.
 #include "tests/hard/hard_case.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::bodies_hard_test {
 namespace {
 
 using enum Grade;
@@ -255,4 +255,4 @@ INSTANTIATE_TEST_SUITE_P(Stiff, HardCases, testing::ValuesIn(Stiff()));
 INSTANTIATE_TEST_SUITE_P(Degenerate, HardCases, testing::ValuesIn(Degenerate()));
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::bodies_hard_test

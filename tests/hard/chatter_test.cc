@@ -9,7 +9,7 @@
 #include "sim/methods/simulate.h"
 #include "sim/model/model.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::chatter_test {
 namespace {
 
 std::string Rattle(double duration, double damping, double clearance) {
@@ -68,4 +68,4 @@ TEST(Chatter, WithoutClearanceItComesToRest) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::chatter_test

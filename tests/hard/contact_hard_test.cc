@@ -10,7 +10,7 @@
 #include "sim/methods/simulate.h"
 #include "tests/source_dir.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::contact_hard_test {
 namespace {
 
 data::Scene BouncingLatch() {
@@ -88,4 +88,4 @@ TEST(ContactHard, TwoStopsThatMeetAndNoDamping) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::contact_hard_test

@@ -9,7 +9,7 @@
 #include "sim/methods/simulate.h"
 #include "sim/model/model.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::dead_centre_test {
 namespace {
 
 // A slider-crank that turns freely, without gravity: crank of length 0.15 and inertia `J` about its
@@ -91,4 +91,4 @@ TEST(DeadCentre, AFoldedChainFalls) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::dead_centre_test

@@ -2,7 +2,7 @@
 // restitution of the contact's law, conservation.
 #include "tests/hard/hard_case.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::events_hard_test {
 namespace {
 
 using enum Grade;
@@ -211,4 +211,4 @@ INSTANTIATE_TEST_SUITE_P(TimeFunctions, HardCases, testing::ValuesIn(TimeFunctio
 INSTANTIATE_TEST_SUITE_P(Contacts, HardCases, testing::ValuesIn(Contacts()));
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::events_hard_test

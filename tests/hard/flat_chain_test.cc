@@ -12,7 +12,7 @@
 #include "tests/source_dir.h"
 #include "verification/reference.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::flat_chain_test {
 namespace {
 
 constexpr double kDuration = 10.0;
@@ -68,4 +68,4 @@ INSTANTIATE_TEST_SUITE_P(
                       Case{40, Method::kProjected, 1e-7}, Case{40, Method::kPartitioned, 1e-7}));
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::flat_chain_test

@@ -10,7 +10,7 @@
 #include "sim/methods/simulate.h"
 #include "tests/source_dir.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::mesh_hard_test {
 namespace {
 
 // Grade 1: one segment a beam. Rule: the deployment ends with its four latches.
@@ -62,4 +62,4 @@ TEST(MeshHard, HundredThousandSegmentsFallFreely) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::mesh_hard_test

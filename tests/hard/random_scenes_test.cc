@@ -10,7 +10,7 @@
 #include "sim/methods/simulate.h"
 #include "tests/sim/scenes.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::random_scenes_test {
 namespace {
 
 MarkTracks MarksOf(const Model& model, double rtol) {
@@ -59,4 +59,4 @@ TEST(RandomScenes, WithinTenTolerances) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::random_scenes_test

@@ -12,7 +12,7 @@
 #include "sim/methods/simulate.h"
 #include "sim/model/model.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::redundant_test {
 namespace {
 
 // Rockers of length 1 on the ground at the places `at`, a coupler over all of them.
@@ -67,4 +67,4 @@ TEST(Redundant, AFlatStartIsSaidByTheNamesOfItsJoints) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::redundant_test

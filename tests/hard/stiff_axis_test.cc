@@ -13,7 +13,7 @@
 #include "tests/sim/runs.h"
 #include "tests/sim/scenes.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::stiff_axis_test {
 namespace {
 
 // Energies are tracked, unlike SimulateMarks: the judge belongs to what is tested.
@@ -139,4 +139,4 @@ TEST(StiffAxis, RandomScenesAreWithinTheirToleranceOrNotGood) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::stiff_axis_test

@@ -8,7 +8,7 @@
 #include "data/fit.h"
 #include "tests/cli/main_job.h"
 
-namespace unfurl::cli {
+namespace unfurl::cli::examples_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -65,4 +65,4 @@ TEST(Installed, HeadersArePublicOnesOnly) {
 }
 
 }  // namespace
-}  // namespace unfurl::cli
+}  // namespace unfurl::cli::examples_test

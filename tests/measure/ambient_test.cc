@@ -19,7 +19,7 @@
 #include "measure/virtual_rig.h"
 #include "tests/measure/fixtures.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::ambient_test {
 namespace {
 
 // Counts that the room adds at time `t` [s] at `x`, from 0 to 1 along the row, of one camera.
@@ -265,4 +265,4 @@ INSTANTIATE_TEST_SUITE_P(Rooms, Ambient, testing::ValuesIn(AllRooms()),
 #endif  // UNFURL_SLOW_TESTS
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::ambient_test

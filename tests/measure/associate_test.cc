@@ -13,7 +13,7 @@
 #include "measure/camera_model.h"
 #include "tests/measure/fixtures.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::associate_test {
 namespace {
 
 constexpr double kSigma = 0.05;  // of a reading [px]
@@ -141,4 +141,4 @@ TEST(Associate, CertaintyIsTheShareOfTheWeight) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::associate_test

@@ -7,7 +7,7 @@
 
 #include "tests/measure/fixtures.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::camera_bank_test {
 namespace {
 
 TEST(CameraBank, IsTheCameraModelForAllCamerasAtOnce) {
@@ -58,4 +58,4 @@ TEST(CameraBank, IsTheCameraModelForAllCamerasAtOnce) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::camera_bank_test

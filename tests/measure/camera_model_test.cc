@@ -7,7 +7,7 @@
 #include "base/pose.h"
 #include "base/random.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::camera_model_test {
 namespace {
 
 using CameraVector = Eigen::Matrix<double, data::kCameraParameters, 1>;
@@ -133,4 +133,4 @@ TEST(CameraModel, PinholeIsBlindAlongItsLensAxis) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::camera_model_test

@@ -10,7 +10,7 @@
 #include "base/statistics.h"
 #include "tests/measure/fixtures.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::expose_test {
 namespace {
 
 class TemporaryTrial {
@@ -138,4 +138,4 @@ TEST(ExposeSurvey, StationNoiseIsWhatItStates) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::expose_test

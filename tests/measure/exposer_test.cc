@@ -12,7 +12,7 @@
 #include "measure/spot.h"
 #include "tests/measure/fixtures.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::exposer_test {
 namespace {
 
 // Nothing but light and whole counts.
@@ -381,4 +381,4 @@ TEST(LensCamera, BiconvexSeesWhatThePlanoConvexSees) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::exposer_test

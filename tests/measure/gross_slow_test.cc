@@ -1,7 +1,7 @@
 // Gross readings, many times.
 #include "tests/measure/gross.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::gross_slow_test {
 namespace {
 
 TEST(GrossSlow, AHundredRecords) {
@@ -34,4 +34,4 @@ TEST(GrossSlow, MarksThatVibrate) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::gross_slow_test

@@ -12,7 +12,7 @@
 #include "measure/reconstruct.h"
 #include "tests/measure/health_trial.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::health_slow_test {
 namespace {
 
 const HealthTrial& Trial(std::size_t cameras, int pixels) {
@@ -151,4 +151,4 @@ TEST(HealthStudy, SoundTrialsAreCalledSound) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::health_slow_test

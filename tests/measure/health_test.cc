@@ -14,7 +14,7 @@
 #include "tests/measure/fixtures.h"
 #include "tests/measure/health_trial.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::health_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -238,4 +238,4 @@ TEST(Health, LinesOfALateCameraArePutInStep) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::health_test

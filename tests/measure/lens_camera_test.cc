@@ -7,7 +7,7 @@
 #include "base/random.h"
 #include "tests/measure/fixtures.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::lens_camera_test {
 namespace {
 
 constexpr double kIndex = 1.5149;
@@ -179,4 +179,4 @@ TEST(LensCamera, LensAndSlitCutOffLight) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::lens_camera_test

@@ -10,7 +10,7 @@
 #include "measure/camera_bank.h"
 #include "measure/camera_model.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::lens_test {
 namespace {
 
 using Terms = std::array<double, data::kLensTerms>;
@@ -164,4 +164,4 @@ TEST(Lens, TheBankHoldsUnlikeLenses) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::lens_test

@@ -13,7 +13,7 @@
 #include "measure/health_light.h"
 #include "tests/measure/light_trial.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::light_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -204,4 +204,4 @@ TEST(LightStudy, SoundRecordsAreLeftAlone) {
 #endif
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::light_test

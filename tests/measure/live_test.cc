@@ -16,7 +16,7 @@
 #include "tests/measure/health_trial.h"
 #include "tests/own_folder.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::live_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -367,4 +367,4 @@ TEST(HealthEvidence, OfARecordWithoutEndKeepsTheLastLines) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::live_test

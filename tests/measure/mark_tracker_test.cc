@@ -5,7 +5,7 @@
 #include "base/statistics.h"
 #include "tests/measure/gross.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::mark_tracker_test {
 namespace {
 
 // `edit` spoils the line that the cameras deliver.
@@ -186,4 +186,4 @@ TEST(MarkTracker, ACameraThatIsOftenWrongIsTheOneThatIsSuspected) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::mark_tracker_test

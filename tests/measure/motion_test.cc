@@ -10,7 +10,7 @@
 
 #include "base/random.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::motion_test {
 namespace {
 
 const Eigen::Vector3d kPlace(0.3, -1.2, 0.7), kVelocity(1.5, 0.4, -0.8),
@@ -153,4 +153,4 @@ TEST(LogDensity, IsThatOfTheMixture) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::motion_test

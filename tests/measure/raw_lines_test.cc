@@ -16,7 +16,7 @@
 #include "base/random.h"
 #include "data/h5.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::raw_lines_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -305,4 +305,4 @@ TEST_F(RawLinesTest, RefusesByFileLineAndKey) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::raw_lines_test

@@ -7,7 +7,7 @@
 
 #include "base/pose.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::ray_test {
 namespace {
 
 constexpr double kRoundOff = 1e-14;
@@ -97,4 +97,4 @@ TEST(Surface, RayBesideTheCylinderMisses) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::ray_test

@@ -15,7 +15,7 @@
 #include "measure/reconstruct.h"
 #include "tests/measure/fixtures.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::reconstruct_readings_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -239,4 +239,4 @@ TEST(ReconstructReadings, WhatTheRigCannotHaveReadIsRefused) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::reconstruct_readings_test

@@ -14,7 +14,7 @@
 #include "measure/survey_readings.h"
 #include "tests/measure/fixtures.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::reconstruct_test {
 namespace {
 
 // One second of the shipped lab, recorded once, and a rig laid through what its cameras truly see.
@@ -264,4 +264,4 @@ TEST(SurveyReadings, LinesBecomeReadingsWithHonestSigmas) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::reconstruct_test

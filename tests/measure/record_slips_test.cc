@@ -17,7 +17,7 @@
 #include "tests/measure/health_trial.h"
 #include "tests/own_folder.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::record_slips_test {
 namespace {
 
 using ::testing::AllOf;
@@ -154,4 +154,4 @@ TEST(SlotSlips, DeadAndHiddenMarksAreNone) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::record_slips_test

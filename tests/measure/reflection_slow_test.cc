@@ -4,7 +4,7 @@
 #include "base/random.h"
 #include "tests/measure/reflection.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::reflection_slow_test {
 namespace {
 
 TEST(ReflectionSlow, MirrorsAnywhere) {
@@ -32,4 +32,4 @@ TEST(ReflectionSlow, MirrorsAnywhere) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::reflection_slow_test

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace unfurl::measure {
+namespace unfurl::measure::reflection_test {
 namespace {
 
 TEST(Reflection, APaneThatMirrorsAsBrightAsTheMark) {
@@ -16,4 +16,4 @@ TEST(Reflection, APaneThatMirrorsAsBrightAsTheMark) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::reflection_test

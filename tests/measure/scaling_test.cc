@@ -12,7 +12,7 @@
 
 // Nothing has a preferred size: the same lines of a rig of other lengths, or taken at another rate,
 // give the same points and statuses.
-namespace unfurl::measure {
+namespace unfurl::measure::scaling_test {
 namespace {
 
 std::string TemporaryPath(const std::string& name) {
@@ -176,4 +176,4 @@ TEST(Scaling, OfPixelsFindsTheSameMarks) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::scaling_test

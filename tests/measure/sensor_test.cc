@@ -9,7 +9,7 @@
 #include "base/statistics.h"
 #include "tests/measure/fixtures.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::sensor_test {
 namespace {
 
 data::LabSensor Quiet() {
@@ -140,4 +140,4 @@ TEST(Sensor, PatternsAreWhatTheLabAsksFor) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::sensor_test

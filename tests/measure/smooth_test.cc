@@ -10,7 +10,7 @@
 #include "base/random.h"
 #include "base/statistics.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::smooth_test {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -233,4 +233,4 @@ TEST(Smooth, LongTracksInPiecesAreTheSame) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::smooth_test

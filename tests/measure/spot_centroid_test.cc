@@ -9,7 +9,7 @@
 #include "base/statistics.h"
 #include "tests/measure/spot_bench.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::spot_centroid_test {
 namespace {
 
 constexpr SpotEstimator kSimple[] = {SpotEstimator::kThresholdedCentroid,
@@ -90,4 +90,4 @@ TEST(SimpleSpots, FlagWhatSpoilsThem) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::spot_centroid_test

@@ -9,7 +9,7 @@
 #include "measure/spot_peaks.h"
 #include "tests/measure/spot_bench.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::spot_find_all_test {
 namespace {
 
 TEST(NormalPack, IsTheNormalDistribution) {
@@ -322,4 +322,4 @@ TEST(FindAll, LightThatComesOnEverywhereMovesNothing) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::spot_find_all_test

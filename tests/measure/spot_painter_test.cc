@@ -7,7 +7,7 @@
 
 #include "base/random.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::spot_painter_test {
 namespace {
 
 SpotLight OneBundle(double low, double high, double flux) {
@@ -78,4 +78,4 @@ TEST(SpotPainter, LightBesideTheSensorIsLost) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::spot_painter_test

@@ -9,7 +9,7 @@
 #include "measure/spot_bound.h"
 #include "tests/measure/spot_bench.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::spot_slow_test {
 namespace {
 
 struct Cell {
@@ -74,4 +74,4 @@ std::vector<Cell> Cells() {
 INSTANTIATE_TEST_SUITE_P(WidthAndBrightness, MaximumLikelihood, ::testing::ValuesIn(Cells()));
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::spot_slow_test

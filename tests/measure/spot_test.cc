@@ -15,7 +15,7 @@
 #include "tests/measure/fixtures.h"
 #include "tests/measure/spot_bench.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::spot_test {
 namespace {
 
 struct Case {
@@ -240,4 +240,4 @@ TEST(SpotFinder, BiasOnSpotsThroughGlass) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::spot_test

@@ -12,7 +12,7 @@
 
 #include "base/random.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::streak_picture_test {
 namespace {
 
 data::TrialHeader OneCamera() {
@@ -125,4 +125,4 @@ TEST(StreakPicture, TicksOfTimeAreRoundNumbers) {
 TEST(StreakPicture, NoiseAloneIsDark) { EXPECT_EQ(BrightestRow(PictureOf(-1)), -1); }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::streak_picture_test

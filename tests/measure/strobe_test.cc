@@ -8,7 +8,7 @@
 #include "measure/reconstruct.h"
 #include "tests/measure/fixtures.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::strobe_test {
 namespace {
 
 TEST(Strobe, SkewAtTwoMetresPerSecond) {
@@ -68,4 +68,4 @@ TEST(Strobe, SkewAtTwoMetresPerSecond) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::strobe_test

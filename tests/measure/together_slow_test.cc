@@ -1,7 +1,7 @@
 // Marks that are lit together, many times.
 #include "tests/measure/together.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::together_slow_test {
 namespace {
 
 TEST(TogetherSlow, WhatIsClaimedIsRight) {
@@ -19,4 +19,4 @@ TEST(TogetherSlow, WhatIsClaimedIsRight) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::together_slow_test

@@ -3,7 +3,7 @@
 
 #include <cstdio>
 
-namespace unfurl::measure {
+namespace unfurl::measure::together_test {
 namespace {
 
 TEST(Together, FourMarksAreToldApart) {
@@ -67,4 +67,4 @@ TEST(Together, TwoMarksThatMeetAreAmbiguousAndNeverSwapped) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::together_test

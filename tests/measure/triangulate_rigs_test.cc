@@ -10,7 +10,7 @@
 #include "measure/triangulate.h"
 #include "tests/measure/fixtures.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::triangulate_rigs_test {
 namespace {
 
 std::vector<double> Readings(const data::Rig& rig, const Eigen::Vector3d& p) {
@@ -151,4 +151,4 @@ TEST(Triangulate, PointsReachTheBoundOnFiveHundredRigs) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::triangulate_rigs_test

@@ -11,7 +11,7 @@
 #include "base/statistics.h"
 #include "tests/measure/fixtures.h"
 
-namespace unfurl::measure {
+namespace unfurl::measure::triangulate_test {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
@@ -241,4 +241,4 @@ TEST(Triangulate, TooFewReadingsAndPointsFarOutside) {
 }
 
 }  // namespace
-}  // namespace unfurl::measure
+}  // namespace unfurl::measure::triangulate_test

@@ -8,7 +8,7 @@
 
 #include "base/error.h"
 
-namespace unfurl::report {
+namespace unfurl::report::chart_test {
 namespace {
 
 using nlohmann::json;
@@ -129,4 +129,4 @@ TEST(ChartJson, LeavesOutMarkersThatAreNowhere) {
 }
 
 }  // namespace
-}  // namespace unfurl::report
+}  // namespace unfurl::report::chart_test

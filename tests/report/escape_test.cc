@@ -5,7 +5,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-namespace unfurl::report {
+namespace unfurl::report::escape_test {
 namespace {
 
 TEST(EscapeHtml, LeavesNothingThatStartsOrEndsMarkup) {
@@ -38,4 +38,4 @@ TEST(Base64, PublishedVectors) {
 }
 
 }  // namespace
-}  // namespace unfurl::report
+}  // namespace unfurl::report::escape_test

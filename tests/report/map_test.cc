@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "report/color_scale.h"
 
-namespace unfurl::report {
+namespace unfurl::report::map_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -76,4 +76,4 @@ TEST(Map, RefusesPartOfARow) {
 }
 
 }  // namespace
-}  // namespace unfurl::report
+}  // namespace unfurl::report::map_test

@@ -9,7 +9,7 @@
 
 #include "base/error.h"
 
-namespace unfurl::report {
+namespace unfurl::report::motion_test {
 namespace {
 
 using nlohmann::json;
@@ -104,4 +104,4 @@ TEST(Motion, TextIsEscaped) {
 }
 
 }  // namespace
-}  // namespace unfurl::report
+}  // namespace unfurl::report::motion_test

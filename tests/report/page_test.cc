@@ -14,7 +14,7 @@
 #include "data/atomic_file.h"
 #include "report/space.h"
 
-namespace unfurl::report {
+namespace unfurl::report::page_test {
 namespace {
 
 constexpr char kHostile[] = "</script><script>alert('&\"')</script><!-- <img src=x onerror=y>";
@@ -223,4 +223,4 @@ TEST(Page, IsWrittenWhole) {
 }
 
 }  // namespace
-}  // namespace unfurl::report
+}  // namespace unfurl::report::page_test

@@ -10,7 +10,7 @@
 
 #include "base/error.h"
 
-namespace unfurl::report {
+namespace unfurl::report::paths_test {
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -107,4 +107,4 @@ TEST(PathsSvg, OnePointAndNoPoint) {
 }
 
 }  // namespace
-}  // namespace unfurl::report
+}  // namespace unfurl::report::paths_test

@@ -10,7 +10,7 @@
 
 #include "base/error.h"
 
-namespace unfurl::report {
+namespace unfurl::report::space_test {
 namespace {
 
 using nlohmann::json;
@@ -150,4 +150,4 @@ TEST(Space, RefusesWhatCannotBeDrawn) {
 }
 
 }  // namespace
-}  // namespace unfurl::report
+}  // namespace unfurl::report::space_test

@@ -8,7 +8,7 @@
 
 #include "base/error.h"
 
-namespace unfurl::report {
+namespace unfurl::report::still_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -67,4 +67,4 @@ TEST(StillSvg, NothingToShowIsAnError) {
 }
 
 }  // namespace
-}  // namespace unfurl::report
+}  // namespace unfurl::report::still_test

@@ -12,7 +12,7 @@
 #include "base/error.h"
 #include "base/text.h"
 
-namespace unfurl::report {
+namespace unfurl::report::terminal_plot_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -91,4 +91,4 @@ TEST(TerminalText, NothingHugeAndFlat) {
 }
 
 }  // namespace
-}  // namespace unfurl::report
+}  // namespace unfurl::report::terminal_plot_test

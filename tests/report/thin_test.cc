@@ -9,7 +9,7 @@
 
 #include "report/chart.h"
 
-namespace unfurl::report {
+namespace unfurl::report::thin_test {
 namespace {
 
 TEST(LeastAndMost, KeepsAllOfFew) {
@@ -72,4 +72,4 @@ TEST(LeastAndMost, AChartOfAMillionStaysAPage) {
 }
 
 }  // namespace
-}  // namespace unfurl::report
+}  // namespace unfurl::report::thin_test

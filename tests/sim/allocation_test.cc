@@ -32,7 +32,7 @@ void* operator new(std::size_t size, std::align_val_t alignment) {
 }
 #endif
 
-namespace unfurl::sim {
+namespace unfurl::sim::allocation_test {
 namespace {
 
 TEST(Simulate, TheLoopAllocatesNothing) {
@@ -64,4 +64,4 @@ TEST(Simulate, TheLoopAllocatesNothing) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::allocation_test

@@ -8,7 +8,7 @@
 #include "base/random.h"
 #include "sim/dynamics/trigonometry.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::bending_test {
 namespace {
 
 // Eight bodies in a bent row, joined by elements.
@@ -144,4 +144,4 @@ TEST_F(BendingTest, EnergyOfAGivenBend) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::bending_test

@@ -11,7 +11,7 @@
 #include "sim/dynamics/observables.h"
 #include "sim/record/record.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::certificate_test {
 namespace {
 
 // What is stated over what is true, as issue and decision 102 have it.
@@ -145,4 +145,4 @@ TEST(Certificate, SaysWhyThereIsNone) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::certificate_test

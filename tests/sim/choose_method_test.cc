@@ -8,7 +8,7 @@
 
 #include "tests/sim/scenes.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::choose_method_test {
 namespace {
 
 constexpr int kSegments = 8;
@@ -72,4 +72,4 @@ TEST(ChooseMethod, StaysExplicitAtFineTolerancesAndWithAnOrder) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::choose_method_test

@@ -9,7 +9,7 @@
 #include "sim/dynamics/observables.h"
 #include "sim/methods/simulate.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::compile_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -214,4 +214,4 @@ TEST(Compile, StartingVelocitiesFollowTheJointRates) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::compile_test

@@ -8,7 +8,7 @@
 
 #include "tests/sim/scenes.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::composites_test {
 namespace {
 
 constexpr double kRounding = 1e-15;
@@ -79,4 +79,4 @@ TEST(MergeWeldedBodies, ReadsAWeldFromEitherSide) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::composites_test

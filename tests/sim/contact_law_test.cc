@@ -10,7 +10,7 @@
 #include "scenes.h"
 #include "sim/methods/simulate.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::contact_law_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -148,4 +148,4 @@ TEST(HuntCrossley, KeysOfTheOtherLawAreRefused) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::contact_law_test

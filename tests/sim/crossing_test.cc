@@ -7,7 +7,7 @@
 
 #include "base/random.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::crossing_test {
 namespace {
 
 // scale * product of (s - root).
@@ -70,4 +70,4 @@ TEST(Crossing, MayRiseRulesOutWhatIsFarOrFalling) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::crossing_test

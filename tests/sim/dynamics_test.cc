@@ -10,7 +10,7 @@
 #include "dense_formulation.h"
 #include "scenes.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::dynamics_test {
 namespace {
 
 // Five-point derivatives with steps of 1e-3 and rounding: a few 1e-11 of the largest acceleration
@@ -261,4 +261,4 @@ TEST(Dynamics, ProjectionRemovesDriftToSecondOrder) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::dynamics_test

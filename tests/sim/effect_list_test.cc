@@ -15,7 +15,7 @@
 #include "sim/dynamics/observables.h"
 #include "sim/effects/effects.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::effect_list_test {
 namespace {
 
 // Five-point differences: with steps of 1e-4 the fourth power leaves some 1e-12 of fifth
@@ -307,4 +307,4 @@ TEST(EffectList, AHeldContactHasNoEnergyToGive) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::effect_list_test

@@ -12,7 +12,7 @@
 #include "sim/dynamics/dynamics.h"
 #include "sim/model/load_point.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::effects_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -323,4 +323,4 @@ TEST(Effects, ARunThatMeetsAPoleNamesTheExpression) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::effects_test

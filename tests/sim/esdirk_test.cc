@@ -9,7 +9,7 @@
 #include "sim/methods/dormand_prince.h"
 #include "sim/methods/simulate.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::esdirk_test {
 namespace {
 
 // To which stages are solved where steps are given: far below the errors that show the order.
@@ -217,4 +217,4 @@ TEST(Esdirk, StiffBeamInFewSteps) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::esdirk_test

@@ -10,7 +10,7 @@
 #include "sim/methods/event_log.h"
 #include "sim/methods/simulate.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::events_test {
 namespace {
 
 constexpr double kTheta0 = 2.0;
@@ -188,4 +188,4 @@ TEST(EventLog, KeepsTheFirstAndTheLastAndCountsAll) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::events_test

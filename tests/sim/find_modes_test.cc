@@ -11,7 +11,7 @@
 #include "scenes.h"
 #include "tests/traps.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::find_modes_test {
 namespace {
 
 // Of a clamped beam: the roots of 1 + cos cosh = 0; 16 segments leave (l^2 / 24) int(v v'') /
@@ -97,4 +97,4 @@ TEST(FindModes, BadOptionsAreNamed) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::find_modes_test

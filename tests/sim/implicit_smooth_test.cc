@@ -14,7 +14,7 @@
 #include "sim/methods/dormand_prince8.h"
 #include "sim/methods/simulate.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::implicit_smooth_test {
 namespace {
 
 // A free body, two smooth beams with a sprung and damped knee, a body welded to the second one's
@@ -255,4 +255,4 @@ TEST(AutoSwitches, FrictionAtRest) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::implicit_smooth_test

@@ -8,7 +8,7 @@
 
 #include "base/random.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::joint_rows_test {
 namespace {
 
 constexpr int kBodies = 3;
@@ -134,4 +134,4 @@ TEST_F(JointRowsTest, LoadIsTheTransposedJacobian) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::joint_rows_test

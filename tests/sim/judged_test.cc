@@ -11,7 +11,7 @@
 #include "sim/methods/run_judge.h"
 #include "sim/methods/simulate.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::judged_test {
 namespace {
 
 // The state at the end, and the balance's residual there.
@@ -313,4 +313,4 @@ TEST(Judge, HeatOfTheDeploymentIsRightAtLooseTolerances) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::judged_test

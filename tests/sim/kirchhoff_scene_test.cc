@@ -12,7 +12,7 @@
 #include "sim/dynamics/observables.h"
 #include "sim/methods/simulate.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::kirchhoff_scene_test {
 namespace {
 
 // "segments = 12" or "model = ...".
@@ -180,4 +180,4 @@ TEST(SmoothBeams, EffectsAndBodiesAreNamed) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::kirchhoff_scene_test

@@ -9,7 +9,7 @@
 #include <random>
 #include <vector>
 
-namespace unfurl::sim {
+namespace unfurl::sim::kirchhoff_test {
 namespace {
 
 using Eigen::MatrixXd;
@@ -370,4 +370,4 @@ TEST(Kirchhoff, DampingTakesWhatItReports) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::kirchhoff_test

@@ -8,7 +8,7 @@
 #include "scenes.h"
 #include "sim/dynamics/dynamics.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::kkt_test {
 namespace {
 
 // A definite matrix of condition 1e5 or so; rounding times that, and to spare.
@@ -130,4 +130,4 @@ TEST(Saddle, FourBarWithABeam) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::kkt_test

@@ -8,7 +8,7 @@
 #include "scenes.h"
 #include "sim/methods/simulate.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::latches_test {
 namespace {
 
 constexpr double kInertia = 0.02 + 0.5 * 0.3 * 0.3;  // of the latching bar about its hinge
@@ -255,4 +255,4 @@ TEST(LatchingBar, PrintedLawPullsAndOursDoesNot) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::latches_test

@@ -13,7 +13,7 @@
 #include "sim/dynamics/observables.h"
 #include "sim/methods/simulate.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::mechanisms_test {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
@@ -196,4 +196,4 @@ TEST(Drive, DrivesThatFightAreRefusedByName) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::mechanisms_test

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-namespace unfurl::sim {
+namespace unfurl::sim::method_switch_test {
 namespace {
 
 // A scene as the two methods see it: what a right side of each gains at time t, and whether
@@ -93,4 +93,4 @@ TEST(MethodSwitch, FollowsWhatIsStiff) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::method_switch_test

@@ -7,7 +7,7 @@
 #include "scenes.h"
 #include "sim/implicit/equilibrium.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::modes_test {
 namespace {
 
 ModesReport ModesOf(const Model& model, int count, ModesSolver solver = ModesSolver::kAuto) {
@@ -162,4 +162,4 @@ TEST(Modes, BothSolversAgreeOnTheLatchedDeployment) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::modes_test

@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-namespace unfurl::sim {
+namespace unfurl::sim::moment_table_test {
 namespace {
 
 MomentTable TableOf(const std::vector<double>& points, const std::vector<double>& moments) {
@@ -137,4 +137,4 @@ TEST(MomentTable, TwoPointsAreALine) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::moment_table_test

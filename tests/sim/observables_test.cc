@@ -9,7 +9,7 @@
 #include "tests/sim/sampled_rows.h"
 #include "tests/sim/scenes.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::observables_test {
 namespace {
 
 // The multipliers are accelerations times masses: good to the drift that the tolerance allows.
@@ -228,4 +228,4 @@ TEST(Observables, OnlyWhatIsWanted) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::observables_test

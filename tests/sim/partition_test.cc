@@ -11,7 +11,7 @@
 #include "sim/dynamics/dynamics.h"
 #include "sim/methods/simulate.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::partition_test {
 namespace {
 
 // `bars` bars of length 1 in a chain from the origin; with `closed`, its end is pinned to the
@@ -184,4 +184,4 @@ TEST(Partitioned, ErrorFollowsTheTolerance) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::partition_test

@@ -9,7 +9,7 @@
 #include "base/progress.h"
 #include "scenes.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::record_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -112,4 +112,4 @@ TEST_F(RecordTest, BadOptionsAreNamedBeforeAnythingIsWritten) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::record_test

@@ -15,7 +15,7 @@
 #include "sim/implicit/modes.h"
 #include "sim/methods/simulate.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::scaling_test {
 namespace {
 
 struct Scale {
@@ -251,4 +251,4 @@ TEST(Scaling, EquilibriumAndModes) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::scaling_test

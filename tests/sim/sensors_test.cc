@@ -8,7 +8,7 @@
 #include "tests/sim/sampled_rows.h"
 #include "tests/sim/scenes.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::sensors_test {
 namespace {
 
 // A compound pendulum: tangential and radial specific force at the tip, and its rate.
@@ -130,4 +130,4 @@ TEST(Sensors, WhatCannotBeReadIsNamed) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::sensors_test

@@ -12,7 +12,7 @@
 #include "sim/dynamics/observables.h"
 #include "tests/traps.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::simulate_test {
 namespace {
 
 data::Scene Deployment(const std::string& variant, int segments) {
@@ -225,4 +225,4 @@ TEST(Simulate, AutoTakesTheMethodThatTheSceneCallsFor) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::simulate_test

@@ -7,7 +7,7 @@
 
 #include "base/random.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::sparse_ldlt_test {
 namespace {
 
 // Rounding of solves with condition numbers up to some 1e3.
@@ -108,4 +108,4 @@ TEST(SparseLdlt, RowsWithoutEquationAreLeftAlone) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::sparse_ldlt_test

@@ -11,7 +11,7 @@
 #include "sim/methods/dormand_prince8.h"
 #include "sim/methods/runge_kutta_43.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::stepper_test {
 namespace {
 
 constexpr double kTheta0 = 2.8;
@@ -216,4 +216,4 @@ TEST(Stepper, ForeseesTheEdgeOfStability) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::stepper_test

@@ -10,7 +10,7 @@
 #include "scenes.h"
 #include "sim/dynamics/dynamics.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::tangent_test {
 namespace {
 
 // Five-point differences with steps of 1e-4: the fourth power leaves 1e-11, rounding 1e-12, of the
@@ -262,4 +262,4 @@ TEST(Tangent, PinInASlotWithASpring) {
 TEST(Tangent, BeamFromTheGround) { ExpectTangent(ModelFrom(BeamScene("clamped", 4)), {}, {}); }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::tangent_test

@@ -7,7 +7,7 @@
 
 #include "base/random.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::trigonometry_test {
 namespace {
 
 // Two units in the last place of numbers near 1.
@@ -39,4 +39,4 @@ TEST(SinCos, QuadrantsAndSigns) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::trigonometry_test

@@ -6,7 +6,7 @@
 
 #include <string>
 
-namespace unfurl::structure {
+namespace unfurl::structure::complexity_test {
 namespace {
 
 using testing::ElementsAre;
@@ -58,4 +58,4 @@ TEST(ComplexityOf, SeesWhatIsAFunction) {
 }
 
 }  // namespace
-}  // namespace unfurl::structure
+}  // namespace unfurl::structure::complexity_test

@@ -6,7 +6,7 @@
 
 #include <string>
 
-namespace unfurl::structure {
+namespace unfurl::structure::house_test {
 namespace {
 
 using testing::ElementsAre;
@@ -198,4 +198,4 @@ TEST(CheckPackages, WantsARowForEach) {
 }
 
 }  // namespace
-}  // namespace unfurl::structure
+}  // namespace unfurl::structure::house_test

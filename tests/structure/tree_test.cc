@@ -16,7 +16,7 @@
 #include "house.h"
 #include "tests/source_dir.h"
 
-namespace unfurl::structure {
+namespace unfurl::structure::tree_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -194,4 +194,4 @@ TEST(Tree, EveryPackageIsJustified) {
 }
 
 }  // namespace
-}  // namespace unfurl::structure
+}  // namespace unfurl::structure::tree_test

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <vector>
 
-namespace unfurl::study {
+namespace unfurl::study::cost_limit_test {
 namespace {
 
 constexpr int kPoints = 200;
@@ -156,4 +156,4 @@ TEST(CostValues, DistancesAreThoseInThePlane) {
 }
 
 }  // namespace
-}  // namespace unfurl::study
+}  // namespace unfurl::study::cost_limit_test

@@ -7,7 +7,7 @@
 #include "base/error.h"
 #include "tests/study/arm.h"
 
-namespace unfurl::study {
+namespace unfurl::study::design_test {
 namespace {
 
 using ::testing::Contains;
@@ -146,4 +146,4 @@ TEST_F(DesignTest, BadInputIsNamed) {
 }
 
 }  // namespace
-}  // namespace unfurl::study
+}  // namespace unfurl::study::design_test

@@ -15,7 +15,7 @@
 #include "study/scene_model.h"
 #include "study/trial_effects.h"
 
-namespace unfurl::study {
+namespace unfurl::study::effects_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -235,4 +235,4 @@ TEST_F(TrialEffectsTest, WhatIsNotInTheTrialIsNotNeeded) {
 }
 
 }  // namespace
-}  // namespace unfurl::study
+}  // namespace unfurl::study::effects_test

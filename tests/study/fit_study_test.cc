@@ -7,7 +7,7 @@
 
 #include "correlate/observations.h"
 
-namespace unfurl::study {
+namespace unfurl::study::fit_study_test {
 namespace {
 
 // A mark on a circle, one turn in `period` [s]; keeps the shortest step that it was asked for [s].
@@ -67,4 +67,4 @@ TEST(CompareAtEstimate, SamplesTheModelByTheRecord) {
 }
 
 }  // namespace
-}  // namespace unfurl::study
+}  // namespace unfurl::study::fit_study_test

@@ -20,7 +20,7 @@
 #include "tests/own_folder.h"
 #include "tests/source_dir.h"
 
-namespace unfurl::study {
+namespace unfurl::study::ladder_coverage_slow_test {
 namespace {
 
 constexpr int kBeams = 4;
@@ -200,4 +200,4 @@ TEST_F(LadderCoverageTest, PrintedIntervalsHoldTheTruth) {
 }
 
 }  // namespace
-}  // namespace unfurl::study
+}  // namespace unfurl::study::ladder_coverage_slow_test

@@ -11,7 +11,7 @@
 #include "study/trial_effects.h"
 #include "tests/study/swing.h"
 
-namespace unfurl::study {
+namespace unfurl::study::planted_slow_test {
 namespace {
 
 int Trials() {
@@ -134,4 +134,4 @@ TEST_F(PlantedTest, ProbabilitiesOfRivalsComeTrue) {
 }
 
 }  // namespace
-}  // namespace unfurl::study
+}  // namespace unfurl::study::planted_slow_test

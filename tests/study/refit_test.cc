@@ -9,7 +9,7 @@
 #include "study/effect_versions.h"
 #include "tests/study/arm.h"
 
-namespace unfurl::study {
+namespace unfurl::study::refit_test {
 namespace {
 
 class RefitTest : public ArmTest {
@@ -121,4 +121,4 @@ TEST_F(RefitTest, BadInputIsNamed) {
 }
 
 }  // namespace
-}  // namespace unfurl::study
+}  // namespace unfurl::study::refit_test

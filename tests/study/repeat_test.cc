@@ -6,7 +6,7 @@
 
 #include "tests/study/arm.h"
 
-namespace unfurl::study {
+namespace unfurl::study::repeat_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -132,4 +132,4 @@ TEST_F(RepeatTest, RefusesTwoTrials) {
 }
 
 }  // namespace
-}  // namespace unfurl::study
+}  // namespace unfurl::study::repeat_test

@@ -7,7 +7,7 @@
 #include "base/error.h"
 #include "tests/study/swing.h"
 
-namespace unfurl::study {
+namespace unfurl::study::rivals_test {
 namespace {
 
 class RivalsTest : public SwingTest {};
@@ -55,4 +55,4 @@ TEST_F(RivalsTest, UnlikeTrialsAreRefused) {
 }
 
 }  // namespace
-}  // namespace unfurl::study
+}  // namespace unfurl::study::rivals_test

@@ -4,7 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace unfurl::study {
+namespace unfurl::study::rungs_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -80,4 +80,4 @@ TEST(Rungs, TheStudysOwnGoFirst) {
 }
 
 }  // namespace
-}  // namespace unfurl::study
+}  // namespace unfurl::study::rungs_test

@@ -10,7 +10,7 @@
 #include "tests/study/cost_scenes.h"
 #include "tests/study/cost_truth.h"
 
-namespace unfurl::study {
+namespace unfurl::study::scene_cost_slow_test {
 namespace {
 
 TEST(SceneCostSlow, StatedErrorsAreReal) {
@@ -39,4 +39,4 @@ TEST(SceneCostSlow, StatedErrorsAreReal) {
 }
 
 }  // namespace
-}  // namespace unfurl::study
+}  // namespace unfurl::study::scene_cost_slow_test

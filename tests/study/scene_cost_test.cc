@@ -15,7 +15,7 @@
 #include "tests/study/cost_scenes.h"
 #include "tests/study/cost_truth.h"
 
-namespace unfurl::study {
+namespace unfurl::study::scene_cost_test {
 namespace {
 
 using ::testing::Contains;
@@ -228,4 +228,4 @@ TEST(SceneCost, ResultsDoNotDependOnTheNumberOfWorkers) {
 }
 
 }  // namespace
-}  // namespace unfurl::study
+}  // namespace unfurl::study::scene_cost_test

@@ -11,7 +11,7 @@
 #include "data/atomic_file.h"
 #include "tests/own_folder.h"
 
-namespace unfurl::study {
+namespace unfurl::study::scene_model_test {
 namespace {
 
 // A free body under gravity: x = vx t, y = vy t + a t^2 / 2, in closed form.
@@ -95,4 +95,4 @@ TEST_F(SceneModelTest, WhatIsWrongIsPlacedAtTheLineOrTheKey) {
 }
 
 }  // namespace
-}  // namespace unfurl::study
+}  // namespace unfurl::study::scene_model_test

@@ -9,7 +9,7 @@
 #include "base/error.h"
 #include "tests/study/arm.h"
 
-namespace unfurl::study {
+namespace unfurl::study::study_cost_test {
 namespace {
 
 using ::testing::Contains;
@@ -94,4 +94,4 @@ TEST_F(StudyCostTest, TimeEndsItAndBadInputIsNamed) {
 }
 
 }  // namespace
-}  // namespace unfurl::study
+}  // namespace unfurl::study::study_cost_test

@@ -12,7 +12,7 @@
 #include "reference.h"
 #include "runs.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::andrews_test {
 namespace {
 
 constexpr double kTolerance = 1e-8;  // [rad]
@@ -45,4 +45,4 @@ TEST(Andrews, SevenAngles) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::andrews_test

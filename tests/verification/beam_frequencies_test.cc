@@ -13,7 +13,7 @@
 #include "linearized.h"
 #include "runs.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::beam_frequencies_test {
 namespace {
 
 // A 1 m, 1 kg beam along x with EI = 10 N m^2; the pinned one stretches (EA), else its two pins and
@@ -96,4 +96,4 @@ TEST(BeamFrequencies, RemainingErrorIsTheInteriorLumping) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::beam_frequencies_test

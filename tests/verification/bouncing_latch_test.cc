@@ -12,7 +12,7 @@
 #include "reference.h"
 #include "runs.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::bouncing_latch_test {
 namespace {
 
 constexpr double kInertia = 0.0226133333333333 + 0.424 * 0.4 * 0.4;
@@ -145,4 +145,4 @@ TEST_P(Restitution, OfOneImpact) {
 INSTANTIATE_TEST_SUITE_P(Speeds, Restitution, ::testing::Values(0.5, 4.0));
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::bouncing_latch_test

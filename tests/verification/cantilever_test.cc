@@ -10,7 +10,7 @@
 
 #include "runs.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::cantilever_test {
 namespace {
 
 constexpr double kGravity = 9.81e-3;
@@ -61,4 +61,4 @@ TEST(Cantilever, TipMovesAsTheSumOfItsModes) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::cantilever_test

@@ -8,7 +8,7 @@
 
 #include "runs.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::conservation_test {
 namespace {
 
 // Two flexible beams on a spring hinge and a rigid body welded to the second, thrown through space
@@ -87,4 +87,4 @@ TEST_P(Thrown, KeepsEnergyAndMomentum) {
 INSTANTIATE_TEST_SUITE_P(Axial, Thrown, ::testing::Values("rigid", "elastic"));
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::conservation_test

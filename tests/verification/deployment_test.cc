@@ -13,7 +13,7 @@
 #include "sim/methods/simulate.h"
 #include "tests/source_dir.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::deployment_test {
 namespace {
 
 data::Scene Deployment(const std::string& variant, int segments = 0, double damping = 0.0) {
@@ -204,4 +204,4 @@ TEST(DeploymentConvergence, SecondOrderInTheSegments) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::deployment_test

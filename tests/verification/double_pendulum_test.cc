@@ -11,7 +11,7 @@
 #include "reference.h"
 #include "runs.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::double_pendulum_test {
 namespace {
 
 constexpr double kGravity = 9.81;
@@ -78,4 +78,4 @@ TEST(DoublePendulum, SmallSwingsHaveTheFrequenciesOfTheClosedForm) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::double_pendulum_test

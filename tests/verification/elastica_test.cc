@@ -17,7 +17,7 @@
 
 #include "runs.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::elastica_test {
 namespace {
 
 struct Place {
@@ -173,4 +173,4 @@ TEST(Elastica, EndMomentBendsItToHalfACircle) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::elastica_test

@@ -12,7 +12,7 @@
 #include "linearized.h"
 #include "runs.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::end_springs_test {
 namespace {
 
 double Characteristic(double b, double K) {  // over cosh b
@@ -117,4 +117,4 @@ TEST(EndSprings, TwoBeamsInSeriesConverge) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::end_springs_test

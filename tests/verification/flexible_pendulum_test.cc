@@ -10,7 +10,7 @@
 #include "reference.h"
 #include "runs.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::flexible_pendulum_test {
 namespace {
 
 constexpr int kSamples = 200;
@@ -54,4 +54,4 @@ TEST(FlexiblePendulum, SegmentsConvergeToTheRodInSecondOrder) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::flexible_pendulum_test

@@ -13,7 +13,7 @@
 #include "reference.h"
 #include "runs.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::flying_spaghetti_test {
 namespace {
 
 using Complex = std::complex<double>;
@@ -178,4 +178,4 @@ TEST(FlyingSpaghetti, EndsAgreeWithAFreeRod) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::flying_spaghetti_test

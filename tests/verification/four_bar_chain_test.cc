@@ -11,7 +11,7 @@
 #include "reference.h"
 #include "runs.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::four_bar_chain_test {
 namespace {
 
 class Chain : public ::testing::TestWithParam<int> {};
@@ -50,4 +50,4 @@ TEST_P(Chain, PassesItsFlatStatesAsItsOneEquationDoes) {
 INSTANTIATE_TEST_SUITE_P(Lengths, Chain, ::testing::Values(2, 40));
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::four_bar_chain_test

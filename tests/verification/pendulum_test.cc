@@ -11,7 +11,7 @@
 
 #include "runs.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::pendulum_test {
 namespace {
 
 constexpr double kMass = 2.0, kInertia = 0.1, kArm = 0.5, kGravity = 9.81;
@@ -68,4 +68,4 @@ TEST_P(Swing, AngleOverTenPeriods) {
 INSTANTIATE_TEST_SUITE_P(Amplitudes, Swing, ::testing::Values(0.3, 1.5, 2.5));
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::pendulum_test

@@ -13,7 +13,7 @@
 #include "reference.h"
 #include "runs.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::rigid_deployment_test {
 namespace {
 
 // The scene with a rigid body in place of each beam.
@@ -184,4 +184,4 @@ TEST(RigidDeployment, TwoFormulationsAgree) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::rigid_deployment_test

@@ -11,7 +11,7 @@
 #include "reference.h"
 #include "runs.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::slider_crank_test {
 namespace {
 
 using Complex = std::complex<double>;
@@ -116,4 +116,4 @@ TEST(SliderCrank, LongitudinalConstraintChangesTheCurveLessAndLess) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::slider_crank_test

@@ -12,7 +12,7 @@
 #include "reference.h"
 #include "runs.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::spin_up_test {
 namespace {
 
 constexpr double kLength = 10.0, kRise = 15.0, kSpeed = 6.0, kEnd = 20.0;
@@ -118,4 +118,4 @@ TEST(SpinUp, DeflectionAgreesWithTheModalRod) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::spin_up_test

@@ -14,7 +14,7 @@
 #include "reference.h"
 #include "runs.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::tolerance_test {
 namespace {
 
 constexpr double kAllowed = 10.0;     // times rtol
@@ -209,4 +209,4 @@ TEST(Tolerances, DeploymentPastTheFirstLatches) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::tolerance_test
