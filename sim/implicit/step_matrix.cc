@@ -5,13 +5,11 @@
 namespace unfurl::sim {
 namespace {
 
-// In right sides: tangent and factorization, by blocks 1.9 + 3.5, by entries 1.9 + 7; one solve
-// (docs/decisions/012-implicit.md).
-constexpr double kFactorBlocks = 5.4, kFactorEntries = 8.9;
-constexpr double kSolveBlocks = 0.7, kSolveEntries = 2.9;
-// The same with smooth beams, whose right sides are dear: a wing of four takes 13 us a step of four
-// solves beside right sides of 3.3 us.
-constexpr double kFactorSmooth = 2.4, kSolveSmooth = 0.4;
+// In right sides: tangent and factorization, and one solve, by blocks, by entries and with smooth
+// beams, whose right sides are dear (docs/decisions/195-pairs-at-the-edge.md).
+constexpr double kFactorBlocks = 3.1, kFactorEntries = 8.9;
+constexpr double kSolveBlocks = 1.25, kSolveEntries = 2.9;
+constexpr double kFactorSmooth = 1.6, kSolveSmooth = 0.4;
 
 }  // namespace
 

@@ -101,6 +101,8 @@ double DormandPrince::StabilityUse() const {
          FastestRate(trial_.data(), k_[6].data(), stage_.data(), k_[5].data());
 }
 
+double DormandPrince::StabilityEdge() const { return kStabilityEdge; }
+
 double DormandPrince::StableReach() const {
   return kStabilityEdge / 6;  // right sides a step
 }

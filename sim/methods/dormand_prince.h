@@ -23,6 +23,7 @@ class DormandPrince : public Stepper {
   DensePolynomial Polynomial(int entry) override;
   void Dense(double sigma, double* out) override;
   double StabilityUse() const override;
+  double StabilityEdge() const override;
   double StableReach() const override;
 
  protected:

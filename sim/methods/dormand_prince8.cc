@@ -122,6 +122,8 @@ double DormandPrince8::StabilityUse() const {
          FastestRate(trial_.data(), k_[12].data(), stage_.data(), k_[11].data());
 }
 
+double DormandPrince8::StabilityEdge() const { return kStabilityEdge; }
+
 double DormandPrince8::StableReach() const {
   return kStabilityEdge / 12;  // right sides a step
 }

@@ -26,6 +26,7 @@ class DormandPrince8 : public Stepper {
   bool DenseIsFree() const override { return dense_; }
   DensePolynomial Cubic(int entry, double* margin) const override;
   double StabilityUse() const override;
+  double StabilityEdge() const override;
   double StableReach() const override;
 
  protected:

@@ -41,8 +41,6 @@ double SecondsSince(std::chrono::steady_clock::time_point begin) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
 }
 
-constexpr double kWorthAWord = 0.005;  // of the run: a percent, rounded
-
 // What is worth a word, and after how long the rest of the run can be judged by what is done [s].
 constexpr double kSlow = 10.0, kJudgeSlow = 1.0;
 
@@ -55,8 +53,10 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       dynamics_(model),
       method_(ChooseMethod(options, model)),
       scale_(ScaleOf(model, options, method_)),
-      far_(MakeStepper(options, dynamics_, scale_, method_)),
-      stepper_(far_.get()),
+      steppers_(options, dynamics_, scale_),
+      role_(StepperSet::RoleOf(method_)),
+      stepper_(steppers_.Get(role_)),
+      pair_(method_ == Method::kImplicit),
       switch_(method_ == Method::kImplicit),
       finder_(model),
       log_(model.latches.count()),
@@ -74,9 +74,6 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
   dynamics_.track_energy = options.track_energy;
   // Smooth beams are not known to the partitioned method.
   loops_ = model.constraints.HasLoops() && model.kirchhoff.count() == 0;
-  if (loops_ && options.method != Method::kPartitioned) {
-    near_ = MakePartitioned(options, dynamics_, scale_);
-  }
   switches_ = options.method == Method::kAuto && options.order == 0;
   start_.assign(sample_.size(), 0.0);
   report_.peak_moment.assign(model.latches.count(), 0.0);
@@ -88,13 +85,6 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
     report_.part_seconds.assign(Dynamics::kParts, 0.0);
     dynamics_.profile = report_.part_seconds.data();
   }
-}
-
-void Integration::MakeOther() {
-  const Method method = method_ == Method::kImplicit ? Method::kProjected : Method::kImplicit;
-  ErrorScale scale = scale_;
-  scale.rtol = ToleranceOf(options_, method);
-  other_ = MakeStepper(options_, dynamics_, scale, method);
 }
 
 SimulateReport Integration::Go() {
@@ -112,6 +102,7 @@ SimulateReport Integration::Go() {
     }
     if (!functions_.empty() && FollowFunctions(&h)) whole = false;
     const double error = stepper_->Try(h);
+    report_.work += stepper_->StepOverhead();
     if (!(error <= 1.0) && !(across_ && error <= kAcrossError)) {
       ++report_.rejected;
       Shrink(error, &h);
@@ -129,7 +120,10 @@ SimulateReport Integration::Go() {
       h = std::max(h, wished);  // what shortened this step does not limit the next one
     }
     if (loops_) SwitchNearDependence();
-    if (switches_ && !is_near_) SwitchMethod(t_ - before, &h);
+    if (!is_near_) {
+      steppers_.NoteTime(role_, t_ - before);
+      if (switches_) SwitchMethod(t_ - before, &h);
+    }
     CountStep();
   }
   Judge();
@@ -154,9 +148,9 @@ void Integration::NoteAccepted(double h) {
   crossings_ = 0;
   longest_ = std::max(h, kForget * longest_);
   if (report_.steps % kStabilitySteps == 0) {
-    const double use = stepper_->StabilityUse();
-    stable_ = use < kStabilityUse;
-    doubted_ = use >= kDoubt;
+    use_ = stepper_->StabilityUse();
+    stable_ = use_ < kStabilityUse;
+    doubted_ = use_ >= kDoubt;
   }
 }
 
@@ -183,17 +177,10 @@ void Integration::FillReport() {
   const std::string energy = judge_.Warning();
   if (!energy.empty()) report_.warnings.push_back(energy);
   report_.t_end = t_;
-  report_.method = far_->Description();
-  for (const std::unique_ptr<Stepper>* stepper : {&far_, &near_, &other_}) {
-    if (*stepper == nullptr) continue;
-    report_.evaluations += (*stepper)->evaluations();
-    report_.repartitions += (*stepper)->repartitions();
-  }
-  // Trials that were lost are not worth a word.
-  if (other_ != nullptr && other_time_ > kWorthAWord * t_) {
-    report_.method += fmt::format("; {} for {:.0f}% of the time, where it is faster",
-                                  other_->name(), 100.0 * other_time_ / std::max(t_, other_time_));
-  }
+  report_.method = steppers_.Description(StepperSet::RoleOf(method_));
+  report_.evaluations = steppers_.evaluations();
+  report_.work += static_cast<double>(report_.evaluations);
+  report_.repartitions = steppers_.repartitions();
   report_.events = log_.Kept(&report_.events_left_out);
   report_.event_counts = log_.counts();
   report_.latch_counts = log_.latches();

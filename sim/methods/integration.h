@@ -1,7 +1,7 @@
 #pragma once
 
+#include <array>
 #include <chrono>
-#include <memory>
 #include <string>
 #include <vector>
 
@@ -12,9 +12,11 @@
 #include "sim/methods/events.h"
 #include "sim/methods/function_watch.h"
 #include "sim/methods/method_switch.h"
+#include "sim/methods/pair_choice.h"
 #include "sim/methods/run_judge.h"
 #include "sim/methods/simulate.h"
 #include "sim/methods/stepper.h"
+#include "sim/methods/stepper_set.h"
 
 namespace unfurl::sim {
 
@@ -46,7 +48,8 @@ class Integration {
   void StepAcross(double* h);
   // After a step that gained so much time: changes between the explicit and the implicit method.
   void SwitchMethod(double gained, double* h);
-  void MakeOther();
+  // Another one takes the steps from here on; each goes on as it left off.
+  void TakeOver(StepperSet::Role role, double* h);
   void NextStep(double error, double* h);
   bool RemoveDrift(double t, double* y);
   void WatchDrift(double position, double velocity, const double* y);
@@ -64,16 +67,16 @@ class Integration {
   const SimulateOptions& options_;
   Observer* observer_;
   Dynamics dynamics_;
-  Method method_;  // of far_
+  Method method_;  // begun with
   ErrorScale scale_;
-  std::unique_ptr<Stepper> far_, near_;  // near_: where constraints nearly depend on one another
-  Stepper* stepper_;                     // the one in use
+  StepperSet steppers_;
+  StepperSet::Role role_;  // far from where constraints depend on one another
+  Stepper* stepper_;       // the one in use
+  PairChoice pair_;
   MethodSwitch switch_;
-  bool switches_ = false;           // whether it may change
-  std::unique_ptr<Stepper> other_;  // explicit where far_ is implicit, and the other way round
-  long counted_evaluations_ = 0, counted_rejected_ = 0;
-  double other_step_ = 0.0;  // last of the one not in use [s]
-  double other_time_ = 0.0;  // gone through with other_ [s]
+  bool switches_ = false;                               // whether the method may change
+  double counted_work_ = 0.0;                           // SimulateReport::work, up to the last step
+  std::array<double, StepperSet::kRoles> last_step_{};  // of those not in use; 0: none yet [s]
   EventFinder finder_;
   EventLog log_;
   RunJudge judge_;
@@ -104,6 +107,7 @@ class Integration {
   StepLimit limit_ = StepLimit::kGrowth;  // of the step about to be tried
   bool stable_ = true;                    // as last judged
   bool doubted_ = false;                  // an implicit method may do better; likewise
+  double use_ = 0.0;                      // Stepper::StabilityUse; likewise
   bool stopped_ = false;                  // by a watch
 };
 

@@ -22,10 +22,6 @@ constexpr double kLooseTolerance = 3e-4;
 // never was.
 constexpr double kLoosestExplicit = 1e-3;
 
-bool Fourth(const SimulateOptions& options) {
-  return options.order == 0 ? options.rtol >= kLooseTolerance : options.order == 4;
-}
-
 // Kinetic energy of all bodies at the floors of the velocities' scales [J].
 double FloorEnergy(const Model& model, const ErrorScale& scale) {
   double sum = 0.0;
@@ -38,21 +34,24 @@ double FloorEnergy(const Model& model, const ErrorScale& scale) {
 
 }  // namespace
 
-std::unique_ptr<Stepper> MakePartitioned(const SimulateOptions& options, Dynamics& dynamics,
-                                         const ErrorScale& scale) {
-  if (Fourth(options)) return std::make_unique<Partitioned<RungeKutta43>>(dynamics, scale);
-  return std::make_unique<Partitioned<DormandPrince>>(dynamics, scale);
+int PairOrder(const SimulateOptions& options) {
+  if (options.order != 0) return options.order;
+  if (options.rtol >= kLooseTolerance) return 4;
+  return options.rtol <= kTightTolerance ? 8 : 5;
 }
 
 std::unique_ptr<Stepper> MakeStepper(const SimulateOptions& options, Dynamics& dynamics,
                                      const ErrorScale& scale, Method method) {
-  if (method == Method::kPartitioned) return MakePartitioned(options, dynamics, scale);
+  const int order = PairOrder(options);
+  if (method == Method::kPartitioned) {
+    if (order == 4) return std::make_unique<Partitioned<RungeKutta43>>(dynamics, scale);
+    return std::make_unique<Partitioned<DormandPrince>>(dynamics, scale);
+  }
   if (method == Method::kImplicit) {
     return std::make_unique<Esdirk>(dynamics, scale, Ark436());
   }
-  if (Fourth(options)) return std::make_unique<RungeKutta43>(dynamics, scale);
-  const bool eighth = options.order == 0 ? options.rtol <= kTightTolerance : options.order == 8;
-  if (eighth) return std::make_unique<DormandPrince8>(dynamics, scale);
+  if (order == 4) return std::make_unique<RungeKutta43>(dynamics, scale);
+  if (order == 8) return std::make_unique<DormandPrince8>(dynamics, scale);
   return std::make_unique<DormandPrince>(dynamics, scale);
 }
 

@@ -13,8 +13,8 @@ namespace unfurl::sim {
 // tolerance. `method`: anything but kAuto.
 std::unique_ptr<Stepper> MakeStepper(const SimulateOptions& options, Dynamics& dynamics,
                                      const ErrorScale& scale, Method method);
-std::unique_ptr<Stepper> MakePartitioned(const SimulateOptions& options, Dynamics& dynamics,
-                                         const ErrorScale& scale);
+// The order of the explicit pair: 4, 5 or 8.
+int PairOrder(const SimulateOptions& options);
 
 // The relative tolerance of a method's steps [-]: the implicit one is strict enough by itself,
 // explicit ones are bounded from above.

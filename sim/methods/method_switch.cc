@@ -15,11 +15,18 @@ bool MethodSwitch::Note(double gained, double cost, bool unstable) {
   return steps_ >= kWindow && EndWindow();
 }
 
-// Time gained per right side, at equal errors.
+// Time gained per right side. That of an explicit pair at the edge of stability counts in full:
+// 4(3) and 8(5,3) are stable along the imaginary axis too, and err no more there than an implicit
+// step.
 double MethodSwitch::Speed() const {
   if (!(cost_ > 0.0)) return 0.0;
-  const bool at_edge = 2 * unstable_ > (trying_ ? steps_ - kSettling : steps_);
-  return gained_ / cost_ / (at_edge ? kFiner : 1.0);
+  return gained_ / cost_;
+}
+
+void MethodSwitch::Restart() {
+  Clear();
+  trying_ = false;
+  speed_[0] = 0.0;
 }
 
 bool MethodSwitch::EndTrial() {
@@ -35,10 +42,10 @@ bool MethodSwitch::EndTrial() {
 }
 
 bool MethodSwitch::Spare(double reach) {
-  if (reach / kFiner > kGain * speed_[1]) return false;
+  if (reach > kGain * speed_[1]) return false;
   implicit_ = true;
   trying_ = false;
-  speed_[0] = reach / kFiner;
+  speed_[0] = reach;
   since_ = 0.0;
   wait_ = std::min(2.0 * wait_, kLongestWait);
   return true;

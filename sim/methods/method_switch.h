@@ -21,6 +21,8 @@ class MethodSwitch {
   bool Note(double gained, double cost, bool unstable);
 
   bool implicit() const { return implicit_; }
+  // The explicit method became another one: what it has shown counts no more.
+  void Restart();
   // Whether the explicit method is about to be tried.
   bool AboutToTryExplicit() const { return trying_ && !implicit_ && steps_ == 0; }
   // Whether a trial of the explicit method, which gains at most `reach` per right side [s] before
@@ -37,10 +39,6 @@ class MethodSwitch {
   static constexpr double kTrialCost = 2.0 * 25.0 * kTrial;
   // Faster by so much is worth the change.
   static constexpr double kGain = 1.25;
-  // An explicit step at the edge of stability errs by as much as is allowed, since nothing else
-  // keeps vibrations from growing; an implicit one by a tenth of that. At equal errors the fourth
-  // order makes that a factor of 10^(1/4).
-  static constexpr double kFiner = 1.78;
   // Right sides before the first trial, and between trials at most. A trial costs some 500.
   static constexpr double kFirstWait = 1000.0, kLongestWait = 32000.0;
 

@@ -66,6 +66,8 @@ double RungeKutta43::StabilityUse() const {
          FastestRate(trial_.data(), k_[4].data(), stage_.data(), k_[3].data());
 }
 
+double RungeKutta43::StabilityEdge() const { return kStabilityEdge; }
+
 double RungeKutta43::StableReach() const {
   return kStabilityEdge / 4;  // right sides a step
 }

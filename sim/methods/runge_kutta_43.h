@@ -22,6 +22,7 @@ class RungeKutta43 : public Stepper {
   void Accept(double t) override;
   DensePolynomial Polynomial(int entry) override;
   double StabilityUse() const override;
+  double StabilityEdge() const override;
   double StableReach() const override;
 
  protected:

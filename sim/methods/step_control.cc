@@ -39,11 +39,9 @@ void Integration::SwitchNearDependence() {
   }
   is_near_ = !is_near_;
   if (is_near_) ++report_.near_dependence;
-  if (near_ == nullptr) return;  // partitioned anyway
+  if (role_ == StepperSet::kPartitioned) return;
   std::copy_n(stepper_->state(), sample_.size(), start_.begin());
-  Stepper* far =
-      other_ && switch_.implicit() != (method_ == Method::kImplicit) ? other_.get() : far_.get();
-  stepper_ = is_near_ ? near_.get() : far;
+  stepper_ = steppers_.Get(is_near_ ? StepperSet::kPartitioned : role_);
   stepper_->Start(t_, start_);
 }
 
@@ -58,35 +56,6 @@ void Integration::StepAcross(double* h) {
   across_ = true;
   ++crossings_;
   *h = std::min(longest_ * std::pow(kAcrossGrowth, crossings_ - 1), end_ - t_);
-}
-
-void Integration::SwitchMethod(double gained, double* h) {
-  const double cost =
-      static_cast<double>(stepper_->evaluations() - counted_evaluations_) +
-      stepper_->StepOverhead() * static_cast<double>(1 + report_.rejected - counted_rejected_);
-  counted_evaluations_ = stepper_->evaluations();
-  counted_rejected_ = report_.rejected;
-  if (stepper_ == other_.get()) other_time_ += gained;
-  if (!switch_.Note(gained, cost, doubted_)) return;
-  if (other_ == nullptr) MakeOther();
-  Stepper* next = stepper_ == far_.get() ? other_.get() : far_.get();
-  if (switch_.AboutToTryExplicit()) {
-    const double rate = stepper_->ProbeFastestRate();
-    if (rate > 0.0 && switch_.Spare(next->StableReach() / rate)) return;
-  }
-  std::copy_n(stepper_->state(), sample_.size(), start_.begin());
-  stepper_ = next;
-  stepper_->Start(t_, start_);
-  counted_evaluations_ = stepper_->evaluations();
-  // Each goes on as it left off. An explicit step leaves vibrations as large as the tolerance:
-  // short implicit steps would resolve them, long ones damp them out at once. So the first implicit
-  // step is the longest there is, which comes down fivefold a trial to what the motion allows.
-  const double last = *h, first = switch_.implicit() ? options_.max_step : *h;
-  const double wished = other_step_ > 0.0 ? other_step_ : first;
-  *h = switch_.implicit() ? wished : std::min(*h, wished);
-  other_step_ = last;
-  stable_ = true;
-  doubted_ = false;
 }
 
 void Integration::NextStep(double error, double* h) {

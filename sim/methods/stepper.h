@@ -93,6 +93,8 @@ class Stepper {
   // After Try: h |lambda| of the fastest motion seen, over what the method is stable for (some 1
   // where stability and not accuracy limits the step); 0 where the method cannot tell.
   virtual double StabilityUse() const { return 0.0; }
+  // h |lambda| where StabilityUse is 1.
+  virtual double StabilityEdge() const { return 1.0; }
   // Of an explicit method: h |lambda| at the edge of stability (along the real axis, where it is
   // farthest) per right side of a step; 0: stability sets no edge.
   virtual double StableReach() const { return 0.0; }
