@@ -48,7 +48,7 @@ class Integration {
   void StepAcross(double* h);
   // After a step that gained so much time: changes between the explicit and the implicit method.
   void SwitchMethod(double gained, double* h);
-  // Another one takes the steps from here on; each goes on as it left off.
+  // Another one takes the steps from here on.
   void TakeOver(StepperSet::Role role, double* h);
   void NextStep(double error, double* h);
   bool RemoveDrift(double t, double* y);

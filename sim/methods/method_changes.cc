@@ -32,16 +32,15 @@ void Integration::SwitchMethod(double gained, double* h) {
 }
 
 // An explicit step leaves vibrations as large as the tolerance: short implicit steps would resolve
-// them, long ones damp them out at once. So the first implicit step is the longest there is, which
+// them, long ones damp them out at once. So implicit steps begin with the longest there is, which
 // comes down fivefold a trial to what the motion allows.
 void Integration::TakeOver(StepperSet::Role role, double* h) {
   std::copy_n(stepper_->state(), sample_.size(), start_.begin());
   last_step_[role_] = *h;
-  const double before = last_step_[role];
   if (role == StepperSet::kImplicit) {
-    *h = before > 0.0 ? before : options_.max_step;
-  } else if (before > 0.0) {
-    *h = std::min(*h, before);
+    *h = options_.max_step;
+  } else if (last_step_[role] > 0.0) {
+    *h = std::min(*h, last_step_[role]);
   }
   role_ = role;
   stepper_ = steppers_.Get(role);
