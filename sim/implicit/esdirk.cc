@@ -267,8 +267,10 @@ double Esdirk::ProbeFastestRate() {
   // Material damping is fastest where stiffness is; other dampers need not be.
   double most = 0.0;
   for (int k = 0; k < 3 * n_; ++k) most = std::max(most, std::fabs(delta_[k]));
-  for (int k = 0; k < 3 * n_ && most > 0.0; ++k) {
-    delta_[k] = delta_[k] / most + (mass_[k % n_] > 0.0 ? pattern(k) : 0.0);
+  // Where nothing is stiff, as with a damper alone, the pattern is all there is.
+  const double inverse = most > 0.0 ? 1.0 / most : 0.0;
+  for (int k = 0; k < 3 * n_; ++k) {
+    delta_[k] = delta_[k] * inverse + (mass_[k % n_] > 0.0 ? pattern(k) : 0.0);
   }
   const double damping = Iterate(3, kProbeSteps);
   // What the dynamics hold is that of the state again.
