@@ -34,6 +34,7 @@ Whitening::Whitening(const GroupedCovariance& covariance) : shared_(covariance.s
     group_of_.insert(group_of_.end(), static_cast<std::size_t>(block.rows()), groups_.size());
     groups_.push_back({first, block.llt().matrixL()});
     const Group& group = groups_.back();
+    if (shared_.cols() == 0) continue;
     group.root.triangularView<Eigen::Lower>().solveInPlace(shared_.middleRows(first, block.rows()));
   }
   assert(shared_.rows() == size());

@@ -9,7 +9,9 @@
 #include "base/length.h"
 #include "base/number.h"
 #include "base/text.h"
+#include "correlate/fit/goodness.h"
 #include "correlate/residual/row_layout.h"
+#include "correlate/tolerance.h"
 
 namespace unfurl::study {
 
@@ -33,6 +35,13 @@ std::string ResidualWords(const correlate::Observations& o, const correlate::Tri
   const std::string of = several ? " of " + t.name : "";
   const std::string whose = Whose(o);
   const correlate::GoodnessOfFit& g = t.goodness;
+  if (g.below) {
+    return fmt::format(
+        "The residuals{} are {:.1g} of {} sigma and follow one another, as they do where a record "
+        "was computed or its sigma is far too large. Standard errors and intervals are those of "
+        "that sigma.",
+        of, std::sqrt(t.chi2_per_dof), whose);
+  }
   std::string words = fmt::format("The residuals{} are {:.2f} times {} sigma", of,
                                   std::sqrt(t.chi2_per_dof), whose);
   if (t.plain.white()) {
@@ -81,6 +90,11 @@ std::string ResidualWords(const correlate::Observations& o, const correlate::Tri
               ? fmt::format(" nor a finer model, with which {:.0f}% of the excess disappears",
                             100.0 * g.mesh_takes)
               : std::string());
+      if (correlate::LeastNoiseOverMotion(o) < correlate::kLoosestTolerance) {
+        words +=
+            " The stated noise is less than a simulation's tolerance of the motion: what is left "
+            "may be the simulation's own error, too.";
+      }
       break;
   }
   return words;

@@ -12,7 +12,7 @@ ToleranceChoice ChooseTolerance(const std::function<std::unique_ptr<Model>(doubl
                                 const Model* finer, const std::vector<double>& theta,
                                 const Observations& observations, double part) {
   constexpr double kPart = 0.01;  // of the residuals to come
-  constexpr double kLadder[] = {1e-5, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10};
+  constexpr double kLadder[] = {kLoosestTolerance, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10};
   constexpr std::size_t kRungs = std::size(kLadder);
   const Stamps stamps = observations.StampsAt(observations.Start());
   std::vector<Prediction> answers(kRungs);

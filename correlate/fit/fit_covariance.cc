@@ -224,7 +224,11 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
                                                   o.shared_rank + layout.IndependentRows()));
     trial.chi2_per_dof = trial.residual.squaredNorm() / dof[t];
     trial.data_sigma = TypicalSigma(o);
-    middle += trial.whitened.Middle(whole.A.middleRows(b.row, b.rows));
+    ResidualNoise noise = trial.whitened;
+    if (trial.noise.below) {  // what follows itself there is no noise
+      for (ResidualNoise::Series& series : noise.series) series.model.a.clear();
+    }
+    middle += noise.Middle(whole.A.middleRows(b.row, b.rows));
     const Eigen::Index k = o.shared_rank;
     const auto draw = whole.A.middleRows(b.row + b.rows - k, k);
     middle += draw.transpose() * draw;
@@ -272,6 +276,7 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
       in.finer = change.squaredNorm();
       in.left_by_finer = here.dot(change);
     }
+    in.below = trial.noise.below;
     in.sections = sections;
     trial.goodness = TestGoodness(in);
   }

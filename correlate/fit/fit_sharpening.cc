@@ -5,6 +5,7 @@
 #include "correlate/fit/fit_covariance.h"
 #include "correlate/fit/fit_estimate.h"
 #include "correlate/fit/fit_run.h"
+#include "correlate/fit/goodness.h"
 #include "correlate/fit/reduced_problem.h"
 #include "correlate/residual/row_layout.h"
 
@@ -141,7 +142,7 @@ bool FitRun::Whiten() {
     if (at.SumOfSquares() > kNotNoise * static_cast<double>(at.data_rows)) continue;
     Eigen::MatrixXd A(rows, J.cols() + at.jacobian.cols());
     A << J.middleRows(best_->reduced().first_row(t), rows), at.jacobian;
-    result_.trials[t].noise = FitSeriesNoise(weighed_[t], at.residual, A);
+    result_.trials[t].noise = Believed(FitSeriesNoise(weighed_[t], at.residual, A), weighed_[t]);
     whitening_[t] = RowWhitening(weighed_[t], result_.trials[t].noise);
     whiteners_[t] = &whitening_[t];
     coloured = coloured || !whitening_[t].identity();

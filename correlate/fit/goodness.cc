@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "base/statistics.h"
 #include "correlate/residual/row_layout.h"
+#include "correlate/tolerance.h"
 
 namespace unfurl::correlate {
 
@@ -50,7 +52,43 @@ std::vector<std::vector<Stretch>> StretchesOf(const Observations& observations,
   return out;
 }
 
+double LeastOfMarks(const Observations& o) {
+  double least = std::numeric_limits<double>::infinity();
+  for (const MarkSeries& mark : o.marks) {
+    const double n = static_cast<double>(mark.p.cols());
+    const double motion = (mark.p.colwise() - mark.p.rowwise().mean()).squaredNorm() / n;
+    const double noise = (mark.cov.row(0) + mark.cov.row(3) + mark.cov.row(5)).mean();
+    if (motion > 0.0) least = std::min(least, std::sqrt(noise / motion));
+  }
+  return least;
+}
+
 }  // namespace
+
+SeriesNoise Believed(SeriesNoise found, const Observations& observations) {
+  constexpr double kRoundOff = 1e-6;  // of noise that was set to that tolerance
+  if (!observations.has_sigma ||
+      LeastNoiseOverMotion(observations) < (1.0 - kRoundOff) * kLoosestTolerance) {
+    return found;
+  }
+  bool below = true, correlated = false;
+  for (MarkovNoise& noise : found.series) {
+    correlated = correlated || !noise.white();
+    if (noise.Peak() > 1.0) {
+      below = false;
+    } else {
+      noise = {};
+    }
+  }
+  found.below = below && correlated;
+  return found;
+}
+
+double LeastNoiseOverMotion(const Observations& observations) {
+  double least = LeastOfMarks(observations);
+  for (const auto& kind : observations.others) least = std::min(least, kind->NoiseOverMotion());
+  return least;
+}
 
 double GoodnessOfFit::p_covariances() const { return Either(p_size, p_white); }
 double GoodnessOfFit::p_noise() const { return Either(p_found, p_steady); }
@@ -104,7 +142,8 @@ GoodnessOfFit TestGoodness(const GoodnessInput& in) {
     out.mesh_takes = std::min(1.0, -factor * in.left_by_finer / beyond);
   }
   out.within_known = out.p_size >= kGoodnessLevel && in.finer > in.dof;
-  if (out.p_covariances() >= kGoodnessLevel || out.within_known) {
+  out.below = in.below && out.p_size >= kGoodnessLevel && stretch >= kGoodnessLevel;
+  if (out.p_covariances() >= kGoodnessLevel || out.within_known || out.below) {
     out.outcome = Explained::kYes;
   } else if (out.mesh_takes > kHalf) {
     out.outcome = Explained::kMesh;

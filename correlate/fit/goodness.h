@@ -3,13 +3,15 @@
 #include <Eigen/Core>
 
 #include "correlate/fit/autocorrelation.h"
+#include "correlate/fit/series_noise.h"
 #include "correlate/observations.h"
 
 namespace unfurl::correlate {
 
 // Does the model explain a trial? Three questions, each at `kGoodnessLevel`:
 // 1. Are the residuals white and no larger than the marks' covariances say (chi-square, Ljung-Box)?
-//    A pattern in residuals that are no larger, while the model's own known error is, is explained.
+//    A pattern in residuals that are no larger, while the model's own known error is, is explained;
+//    so is one of less power, at every frequency, than the covariances say.
 // 2. If not: is what is left the model's own known error, which a finer mesh takes away?
 // 3. If not: is it noise that stays the same along the record (whitened by what was found of it,
 //    nothing follows anything, and every stretch has the same variance, or none has more than the
@@ -38,6 +40,9 @@ struct GoodnessOfFit {
   // The residuals are no larger than the covariances allow, and the model's own known error is: a
   // pattern within them is less than what the standard errors hold for that error.
   bool within_known = false;
+  // Residuals that follow one another, and are no larger in any stretch and have no more power at
+  // any frequency than the covariances say: the record was computed, or its sigmas are too large.
+  bool below = false;
   // Of the excess's square, what a finer mesh takes away, some factor of it: extrapolation gives
   // the shape of the mesh's error better than its size. 0: no finer mesh, or the factor is far
   // from 1.
@@ -46,6 +51,15 @@ struct GoodnessOfFit {
   double p_covariances() const;  // question 1 as a whole
   double p_noise() const;        // question 3 as a whole
 };
+
+// Correlated noise that has less power at every frequency than the samples' covariances say gives
+// way to these, series by series; not where those are less than a simulation's tolerance of the
+// motion, as a pattern in the residuals may then be the simulation's error.
+SeriesNoise Believed(SeriesNoise found, const Observations& observations);
+
+// The smallest ratio of a series' stated noise to its motion, RMS over RMS [-]; infinity: nothing
+// moves.
+double LeastNoiseOverMotion(const Observations& observations);
 
 // P-value of equal variances: each series (mark and axis) cut into `sections` of time, sums of
 // squares against their mean [Bartlett's hypothesis, chi-square to second order]. Sections with
@@ -68,6 +82,7 @@ struct GoodnessInput {
   // With everything that was fitted taken out: sum of squares of what is left of them, of what a
   // finer mesh changes them by, and their product; all 0: no finer mesh.
   double left = 0.0, finer = 0.0, left_by_finer = 0.0;  // [-]
+  bool below = false;                                   // SeriesNoise::below
   int sections = 8;
 };
 GoodnessOfFit TestGoodness(const GoodnessInput& in);

@@ -17,6 +17,8 @@ struct MarkovNoise {
   double share = 0.0;     // of it that is correlated, [0, 1]; 0: white [-]
   double rho = 0.0;       // correlation from one sample to the next, [0, 1) [-]
   bool white() const { return share <= 0.0; }  // nothing of it is correlated
+  // The largest of its power over that of white noise of variance 1, at frequency 0 [-].
+  double Peak() const { return variance * (1.0 - share + share * (1.0 + rho) / (1.0 - rho)); }
 };
 
 // A noise per series and axis, in the order of RowLayout::series, and how it was found.
@@ -25,6 +27,7 @@ struct SeriesNoise {
   std::string pooled;  // "all series", "each mark", "each series": what shares one noise
   // Twice the gain in restricted log-likelihood over white noise of the samples' own sigma [-].
   double gain = 0.0;
+  bool below = false;  // Believed() took the covariances in all series instead
   bool white() const;  // of variance 1, all of them
 };
 
@@ -33,7 +36,7 @@ struct SeriesNoise {
 // smaller, or less correlated, for what the fit took out of it. Each series gives its own
 // contrasts. Whether it is white, and whether marks or series differ, is decided by the Bayesian
 // information criterion. A variance below 1 of white noise is taken as 1: the samples' covariances
-// are believed unless the residuals say that they are too small.
+// are believed unless the residuals say that they are too small (Believed() does it for others).
 //
 // `residual` and `A` are those of a registration; rows of no series are not looked at, nor are
 // those of a sample whose residuals are exactly 0. The last `observations.shared_rank` columns of A

@@ -139,7 +139,8 @@ void Hierarchy::HoldCommon(const HierarchyProblem& problem) {
                                                 static_cast<Eigen::Index>(held.size()));
   for (TrialEstimate& trial : trials_) {
     const Eigen::MatrixXd cc = trial.covariance(held, held), sc = trial.covariance(free, held);
-    const Eigen::MatrixXd S = Eigen::LLT<Eigen::MatrixXd>(cc).solve(sc.transpose()).transpose();
+    Eigen::MatrixXd S(sc.rows(), sc.cols());  // of no rows where nothing scatters
+    if (!free.empty()) S = Eigen::LLT<Eigen::MatrixXd>(cc).solve(sc.transpose()).transpose();
     const Eigen::VectorXd off = trial.value(held) - mean.mean;
     const Eigen::VectorXd moved = trial.value(free) - S * off;
     const Eigen::MatrixXd left = trial.covariance(free, free) - S * sc.transpose();

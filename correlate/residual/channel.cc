@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "base/statistics.h"
 #include "correlate/sampled_model.h"
+#include "correlate/tolerance.h"
 
 namespace unfurl::correlate {
 
@@ -326,13 +327,24 @@ std::shared_ptr<const ResidualKind> Channel::WithoutDrift(double drift, double p
   return out;
 }
 
+double Channel::NoiseInUse(double shown) const {
+  return std::max(shown, kLoosestTolerance / NoiseOverMotion());
+}
+
+double Channel::NoiseOverMotion() const {
+  const double n = static_cast<double>(record_.y.size());
+  const double motion = std::sqrt((record_.y.array() - record_.y.mean()).square().sum() / n);
+  return record_.sigma.mean() / motion;  // readings that never change have been refused
+}
+
 std::shared_ptr<const ResidualKind> Channel::Rescaled(const Eigen::VectorXd& residual) const {
   if (has_sigma_) return nullptr;
   const auto readings = residual.head(record_.y.size());
   const double known = static_cast<double>((readings.array() != 0.0).count());
   const double left = std::max(1.0, known - static_cast<double>(fitted_.size()));
-  const double factor = std::sqrt(readings.squaredNorm() / left);
-  if (!(factor > 0.0) || !std::isfinite(factor)) return nullptr;
+  const double factor = NoiseInUse(std::sqrt(readings.squaredNorm() / left));
+  constexpr double kSame = 1e-6;  // of what is in use already
+  if (!(factor > 0.0) || !std::isfinite(factor) || std::abs(factor - 1.0) < kSame) return nullptr;
   ChannelRecord scaled = record_;
   scaled.sigma *= factor;
   auto out = std::make_shared<Channel>(std::move(scaled));
@@ -358,35 +370,6 @@ Eigen::VectorXd Channel::Simulated(const Eigen::VectorXd& numbers, const Clocks&
     out(i) = at.residual(i) == 0.0 ? kNan : record_.y(i) - record_.sigma(i) * at.residual(i);
   }
   return out;
-}
-
-std::vector<std::string> Channel::Words(const Eigen::VectorXd& numbers, const Clocks& clocks,
-                                        const Eigen::VectorXd& unknowns,
-                                        const std::string& of) const {
-  const Rows rows = RowsAt(numbers, clocks, unknowns);
-  const Eigen::Index n = record_.y.size();
-  const std::string head = fmt::format("Channel {} ({}){}", record_.name, record_.quantity, of);
-  if (rows.known == 0) return {head + ": the model has nothing at the times of its readings."};
-  double squares = 0.0, sigmas = 0.0, mean = 0.0, motion = 0.0;
-  for (Eigen::Index i = 0; i < n; ++i) {
-    if (rows.residual(i) == 0.0) continue;
-    squares += std::pow(rows.residual(i) * record_.sigma(i), 2);
-    sigmas += rows.residual(i) * rows.residual(i);
-    mean += record_.y(i) / static_cast<double>(rows.known);
-  }
-  for (Eigen::Index i = 0; i < n; ++i) {
-    if (rows.residual(i) != 0.0) motion += std::pow(record_.y(i) - mean, 2);
-  }
-  const double known = static_cast<double>(rows.known);
-  std::string text = fmt::format("{}: {} readings, RMS residual {:.3g} {}", head, rows.known,
-                                 std::sqrt(squares / known), record_.unit);
-  text += has_sigma_ ? fmt::format(" ({:.2f} of its sigma)", std::sqrt(sigmas / known))
-                     : ", which is taken for its noise since none was stated";
-  if (motion > 0.0) {
-    text +=
-        fmt::format("; the model explains {:.5g}% of its motion", 100.0 * (1.0 - squares / motion));
-  }
-  return {text + "."};
 }
 
 }  // namespace unfurl::correlate

@@ -70,6 +70,7 @@ class Channel : public ResidualKind {
   std::shared_ptr<const ResidualKind> Within(const Window& window) const override;
   std::shared_ptr<const ResidualKind> WithoutDrift(double drift, double pivot) const override;
   std::shared_ptr<const ResidualKind> Rescaled(const Eigen::VectorXd& residual) const override;
+  double NoiseOverMotion() const override;
   /// The model as the instrument would show it, at each reading; NaN: the model has none there
   /// [unit].
   Eigen::VectorXd Simulated(const Eigen::VectorXd& numbers, const Clocks& clocks,
@@ -102,6 +103,10 @@ class Channel : public ResidualKind {
     double value[4], slope[4];  // [-], [1/s]
   };
   Place PlaceAt(double time, double start) const;
+  // The noise [in sigmas in use] of readings that state none: what their residuals show, and no
+  // less than a simulation's tolerance of the motion: smaller residuals are the simulation's as
+  // much as the instrument's.
+  double NoiseInUse(double shown) const;
   // What the filter shows, and over which points [first, end) the model has numbers.
   struct Shown {
     Eigen::VectorXd values;

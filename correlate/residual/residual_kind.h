@@ -115,6 +115,9 @@ class ResidualKind {
     return nullptr;
   }
 
+  /// Its noise over its motion, RMS over RMS [-]; infinity: it is nothing that moves.
+  virtual double NoiseOverMotion() const { return std::numeric_limits<double>::infinity(); }
+
   /// How each thing observed lies to the model, a sentence each; `of` names the trial (" of A"), or
   /// is empty.
   virtual std::vector<std::string> Words(const Eigen::VectorXd& numbers, const Clocks& clocks,

@@ -13,6 +13,7 @@ namespace unfurl::cli::fit_channels_test {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 constexpr double kDamping = 0.02, kGravity = 9.81;
 
@@ -90,6 +91,26 @@ TEST_F(FitChannelsTest, APendulumFromItsEncoderAlone) {
   const auto again = nlohmann::json::parse(
       Good({"fit", "study.toml", "-o", "again.h5", "--json", "--workers", "1"}).out);
   EXPECT_EQ(again["parameters"], json["parameters"]);
+}
+
+// A computed record has no noise, whatever sigma is stated, and the model that made it explains it.
+// Sigmas below the simulation's own error are told as such.
+TEST_F(FitChannelsTest, RecordsWithoutNoise) {
+  Record("encoder.csv", "angle [rad]", "hinge.theta", 0.01, 1.0, 0.0, 0.0);
+  for (const char* sigma : {"", "sigma = 1e-3\n", "sigma = 1e-12\n"}) {
+    Study("[trial.channel.encoder]\nfile = \"encoder.csv\"\nquantity = \"hinge.theta\"\n" +
+          std::string(sigma));
+    const Outcome fit = Good({"fit", "study.toml", "-o", "fit.h5", "--force", "--json"});
+    if (std::string(sigma).find("12") != std::string::npos) {
+      EXPECT_THAT(fit.out, HasSubstr("the simulation's own error"));
+      continue;
+    }
+    EXPECT_THAT(fit.out, Not(HasSubstr("does not explain"))) << sigma;
+    EXPECT_THAT(fit.out, HasSubstr("where a record was computed")) << sigma;
+    const auto& damping = nlohmann::json::parse(fit.out)["parameters"][0];
+    EXPECT_LE(damping["low95"].get<double>(), kDamping) << sigma;
+    EXPECT_GE(damping["high95"].get<double>(), kDamping) << sigma;
+  }
 }
 
 // An accelerometer in volts, gain and bias unknown: nothing of what it read before the release.

@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "base/random.h"
 #include "base/statistics.h"
 
@@ -193,6 +195,61 @@ TEST(Goodness, BartlettsStatisticOfTwoSections) {
       kN * std::log((a + b) * (a + b) / (4.0 * a * b)) / (1.0 + (2.0 / kN - 0.5 / kN) / 3.0);
   EXPECT_NEAR(SteadyPValue(o, r, 2), ChiSquareTail(statistic, 1.0), 1e-12);
   EXPECT_EQ(SteadyPValue(o, r, 8), 1.0);  // five values a section say nothing
+}
+
+// Noise a + b / (1 - rho z): its power at frequency 0 is a + b (1 + rho) / (1 - rho), the most it
+// has.
+TEST(Believed, WhatHasLessPowerThanIsStatedGivesWay) {
+  Observations o = TwoMarks();
+  constexpr double kSigma = 1e-3, kMotion = 0.7;  // [m]
+  for (MarkSeries& mark : o.marks) {
+    mark.p.setZero(3, kSamples);
+    for (int i = 0; i < kSamples; ++i) mark.p(0, i) = i % 2 == 0 ? kMotion : -kMotion;
+    mark.cov.setZero(6, kSamples);
+    for (const int row : {0, 3, 5}) mark.cov.row(row).setConstant(kSigma * kSigma);
+  }
+  EXPECT_NEAR(LeastNoiseOverMotion(o), std::sqrt(3.0) * kSigma / kMotion, 1e-12);
+  constexpr double kShare = 0.5, kRho = 0.9, kPeak = 0.5 + 0.5 * 19.0;
+  auto noise = [&](double peak) {
+    SeriesNoise found;
+    found.series.assign(6, {peak / kPeak, kShare, kRho});
+    return found;
+  };
+  EXPECT_NEAR(noise(1.0).series[0].Peak(), 1.0, 1e-12);
+  const SeriesNoise less = Believed(noise(0.99), o);
+  EXPECT_TRUE(less.below);
+  EXPECT_TRUE(less.white());
+  const SeriesNoise more = Believed(noise(1.01), o);
+  EXPECT_FALSE(more.below);
+  EXPECT_FALSE(more.white());
+  // One series of more power, and the residuals are not below as a whole.
+  SeriesNoise one = noise(0.5);
+  one.series[4].variance = 1.0;
+  EXPECT_FALSE(Believed(one, o).below);
+  EXPECT_TRUE(Believed(one, o).series[0].white());
+  // White ones are the covariances' affair, and those below a simulation's tolerance nobody's.
+  EXPECT_FALSE(Believed(SeriesNoise{.series = {6, MarkovNoise{}}}, o).below);
+  for (MarkSeries& mark : o.marks) mark.cov *= 1e-6;
+  EXPECT_FALSE(Believed(noise(0.5), o).below);
+  EXPECT_FALSE(Believed(noise(0.5), o).white());
+}
+
+// A slow wave of a hundredth of the sigma is explained; with a burst above the sigma it is not.
+TEST(Goodness, APatternBelowTheNoiseIsNoMisfit) {
+  const Observations o = TwoMarks();
+  Eigen::VectorXd r(2 * 3 * kSamples);
+  for (Eigen::Index i = 0; i < r.size(); ++i) r(i) = 0.01 * std::sin(0.01 * static_cast<double>(i));
+  auto outcome = [&](bool below) {
+    const ResidualNoise noise = EstimateResidualNoise(o, r);
+    GoodnessInput in = InputOf(o, r, noise);
+    in.residual = &r;
+    in.below = below;
+    return TestGoodness(in).outcome;
+  };
+  EXPECT_EQ(outcome(true), Explained::kYes);
+  EXPECT_EQ(outcome(false), Explained::kNo);
+  for (Eigen::Index i = 0; i < 60; ++i) r(i) += i % 6 < 3 ? 5.0 : -5.0;
+  EXPECT_EQ(outcome(true), Explained::kNo);
 }
 
 }  // namespace
