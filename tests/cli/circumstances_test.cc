@@ -7,6 +7,9 @@
 #include <algorithm>
 #include <clocale>
 #include <cstdlib>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "tests/cli/small_jobs.h"
 

@@ -10,7 +10,7 @@
 #include "tests/hard/random_scenes.h"
 #include "tests/sim/scenes.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::auto_work_test {
 namespace {
 
 constexpr double kNone = 1e9;         // error of a run that is not usable [m]
@@ -93,4 +93,4 @@ TEST(AutoWork, IsAtMostTwiceTheBestMethods) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::auto_work_test

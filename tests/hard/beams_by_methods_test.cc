@@ -9,7 +9,7 @@
 #include "sim/methods/simulate.h"
 #include "tests/sim/scenes.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::beams_by_methods_test {
 namespace {
 
 struct BeamModel {
@@ -111,4 +111,4 @@ TEST(BeamsByMethods, WorkOrAreRefusedByName) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::beams_by_methods_test

@@ -8,7 +8,7 @@
 
 #include "sim/methods/dormand_prince8_table.h"
 
-namespace unfurl::sim {
+namespace unfurl::sim::pair_choice_test {
 namespace {
 
 using Complex = std::complex<double>;
@@ -98,4 +98,4 @@ TEST(PairChoice, CostsLittleMoreThanTheBetterPair) {
 }
 
 }  // namespace
-}  // namespace unfurl::sim
+}  // namespace unfurl::sim::pair_choice_test
