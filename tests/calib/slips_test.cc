@@ -134,7 +134,8 @@ TEST(Slips, FaultsOfOtherKindsAreNone) {
   data.p.col(0) += Eigen::Vector3d(0.5, 0.2, -0.4);
   EXPECT_FALSE(FindSlip(TheHall().rig, data, match).found);
   data = sound;
-  data.p = Eigen::AngleAxisd(0.4, Eigen::Vector3d(1.0, 2.0, 0.5).normalized()) * data.p;
+  const Eigen::AngleAxisd turn(0.4, Eigen::Vector3d(1.0, 2.0, 0.5).normalized());
+  data.p = turn.toRotationMatrix() * data.p;  // an AngleAxis makes 3 x 3 of a product
   EXPECT_FALSE(FindSlip(TheHall().rig, data, match).found);
   EXPECT_FALSE(FindUnitSlip(TheHall().rig).found);
 }

@@ -98,8 +98,10 @@ TEST_F(FitChannelsTest, APendulumFromItsEncoderAlone) {
 TEST_F(FitChannelsTest, RecordsWithoutNoise) {
   Record("encoder.csv", "angle [rad]", "hinge.theta", 0.01, 1.0, 0.0, 0.0);
   for (const char* sigma : {"", "sigma = 1e-3\n", "sigma = 1e-12\n"}) {
-    Study("[trial.channel.encoder]\nfile = \"encoder.csv\"\nquantity = \"hinge.theta\"\n" +
-          std::string(sigma));
+    Study(
+        "[trial.channel.encoder]\nfile = \"encoder.csv\"\ncolumn = \"angle\"\n"
+        "quantity = \"hinge.theta\"\n" +
+        std::string(sigma));
     const Outcome fit = Good({"fit", "study.toml", "-o", "fit.h5", "--force", "--json"});
     if (std::string(sigma).find("12") != std::string::npos) {
       EXPECT_THAT(fit.out, HasSubstr("the simulation's own error"));
@@ -107,7 +109,8 @@ TEST_F(FitChannelsTest, RecordsWithoutNoise) {
     }
     EXPECT_THAT(fit.out, Not(HasSubstr("does not explain"))) << sigma;
     EXPECT_THAT(fit.out, HasSubstr("where a record was computed")) << sigma;
-    const auto& damping = nlohmann::json::parse(fit.out)["parameters"][0];
+    const auto json = nlohmann::json::parse(fit.out);
+    const auto& damping = json["parameters"][0];
     EXPECT_LE(damping["low95"].get<double>(), kDamping) << sigma;
     EXPECT_GE(damping["high95"].get<double>(), kDamping) << sigma;
   }

@@ -289,6 +289,15 @@ Findings CheckSharedFolders(const std::string& path, std::string_view text) {
   return findings;
 }
 
+Findings CheckOwnNamespace(const std::string& path, std::string_view text) {
+  const std::string name = std::filesystem::path(path).stem().string();
+  if (!path.starts_with("tests/") || !path.ends_with("_test.cc") ||
+      text.find("::" + name + " {\n") != std::string_view::npos) {
+    return {};
+  }
+  return {path + ": put its tests into a namespace that ends in ::" + name};
+}
+
 Findings CheckLength(const std::string& path, std::string_view text, bool* is_long) {
   int lines = 0;
   ForEachLine(text, [&](int number, std::string_view) { lines = number; });

@@ -33,6 +33,10 @@ Findings CheckMachinePaths(const std::string& path, std::string_view text);
 // beside it: CTest runs the tests of one suite at the same time.
 Findings CheckSharedFolders(const std::string& path, std::string_view text);
 
+// A file of tests that is in no namespace of its own name: files of tests are compiled together,
+// and their helpers may have the same names.
+Findings CheckOwnNamespace(const std::string& path, std::string_view text);
+
 // More than 500 lines is a finding; `is_long` tells of more than 400.
 Findings CheckLength(const std::string& path, std::string_view text, bool* is_long);
 

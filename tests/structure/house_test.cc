@@ -124,6 +124,14 @@ TEST(CheckSharedFolders, FindsFoldersThatTwoTestsCouldShare) {
   EXPECT_THAT(CheckSharedFolders("data/a.cc", shared), IsEmpty());
 }
 
+TEST(CheckOwnNamespace, FindsTestsThatShareOne) {
+  const std::string text = "namespace unfurl::data::a_test {\n";
+  EXPECT_THAT(CheckOwnNamespace("tests/data/a_test.cc", text), IsEmpty());
+  EXPECT_THAT(CheckOwnNamespace("tests/data/b_test.cc", text), ElementsAre(HasSubstr("::b_test")));
+  EXPECT_THAT(CheckOwnNamespace("tests/data/traced.cc", text), IsEmpty());
+  EXPECT_THAT(CheckOwnNamespace("data/b_test.cc", text), IsEmpty());
+}
+
 TEST(CheckLength, ReportsAndFails) {
   const auto lines = [](int n) {
     std::string text;

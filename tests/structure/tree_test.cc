@@ -118,6 +118,10 @@ TEST(Tree, TestsHaveFoldersOfTheirOwn) {
   for (const auto& [path, text] : Tree()) Expect(CheckSharedFolders(path, text));
 }
 
+TEST(Tree, TestsHaveNamespacesOfTheirOwn) {
+  for (const auto& [path, text] : Tree()) Expect(CheckOwnNamespace(path, text));
+}
+
 TEST(Tree, FilesAreShort) {
   for (const auto& [path, text] : Tree()) {
     if (!IsCode(path)) continue;
