@@ -125,10 +125,10 @@ Whitening::Rest Whitening::WithoutLocal(const Effect& effect, const Against& aga
 
 Whitening::Rest Whitening::WithoutMany(const std::vector<const Effect*>& effects,
                                        const Eigen::VectorXd& e) const {
-  Eigen::VectorXd y = e;
+  Eigen::MatrixXd y = e;  // one column; clang-tidy sees a leak in Eigen's solver of a vector
   for (const Group& group : groups_) {
     group.root.triangularView<Eigen::Lower>().solveInPlace(
-        y.segment(group.first, group.root.rows()));
+        y.middleRows(group.first, group.root.rows()));
   }
   Eigen::MatrixXd V = shared_;
   std::vector<std::vector<const Effect*>> of_group(groups_.size());
@@ -148,13 +148,13 @@ Whitening::Rest Whitening::WithoutMany(const std::vector<const Effect*>& effects
     }
     const Eigen::MatrixXd span = SpanOf(columns);
     out.freed += span.cols();
-    y.segment(first, m) -= span * (span.transpose() * y.segment(first, m)).eval();
+    y.middleRows(first, m) -= span * (span.transpose() * y.middleRows(first, m)).eval();
     V.middleRows(first, m) -= span * (span.transpose() * V.middleRows(first, m)).eval();
   }
   // y^T (1 + V V^T)^-1 y is the least of |y - V z|^2 + |z|^2, which an error of z hardly changes.
   Eigen::MatrixXd A = V.transpose() * V;
   A.diagonal().array() += 1.0;
-  const Eigen::VectorXd z = A.llt().solve(V.transpose() * y);
+  const Eigen::MatrixXd z = A.llt().solve(V.transpose() * y);
   out.square = (y - V * z).squaredNorm() + z.squaredNorm();
   return out;
 }
