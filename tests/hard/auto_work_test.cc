@@ -3,11 +3,11 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdlib>
 
 #include "sim/methods/simulate.h"
 #include "tests/hard/random_scenes.h"
+#include "tests/hard/run_of.h"
 #include "tests/sim/scenes.h"
 
 namespace unfurl::sim::auto_work_test {
@@ -19,25 +19,9 @@ constexpr double kReference = 1e-10;  // rtol
 constexpr double kShort = 8000.0;     // right sides: what 500 steps of the longest length cost
 constexpr int kFirst = 1007;          // none of the scenes that the rules were found with
 
-MarkTracks RunOf(const Model& model, Method method, int order, double rtol) {
-  SimulateOptions options;
-  options.method = method;
-  options.order = order;
-  options.rtol = rtol;
-  options.rate = 100.0;
-  return SimulateMarks(model, options);
-}
-
 double ErrorOf(const MarkTracks& run, const MarkTracks& truth) {
   if (!run.report.Usable() || run.t.size() != truth.t.size()) return kNone;
-  double largest = 0.0;
-  for (std::size_t m = 0; m < run.x.size(); ++m) {
-    for (std::size_t k = 0; k < run.t.size(); ++k) {
-      largest =
-          std::max(largest, std::hypot(run.x[m][k] - truth.x[m][k], run.y[m][k] - truth.y[m][k]));
-    }
-  }
-  return largest;
+  return Apart(run, truth);
 }
 
 // Whether a method on its own reaches the error with less than half of the work, at any tolerance.

@@ -2,11 +2,9 @@
 // one line that names the remedy.
 #include <gtest/gtest.h>
 
-#include <algorithm>
-#include <cmath>
-
 #include "base/error.h"
 #include "sim/methods/simulate.h"
+#include "tests/hard/run_of.h"
 #include "tests/sim/scenes.h"
 
 namespace unfurl::sim::beams_by_methods_test {
@@ -46,23 +44,6 @@ std::string Scene(const BeamModel& model, bool loop) {
         "outer_point = [0.25, 0.0]\n";
   }
   return text;
-}
-
-MarkTracks RunOf(const Model& model, Method method, int order, double rtol) {
-  SimulateOptions options;
-  options.method = method;
-  options.order = order;
-  options.rtol = rtol;
-  options.rate = 100.0;
-  return SimulateMarks(model, options);
-}
-
-double Apart(const MarkTracks& a, const MarkTracks& b) {
-  double largest = 0.0;
-  for (std::size_t k = 0; k < a.t.size(); ++k) {
-    largest = std::max(largest, std::hypot(a.x[0][k] - b.x[0][k], a.y[0][k] - b.y[0][k]));
-  }
-  return largest;
 }
 
 void ExpectOneLine(const Error& error) {
