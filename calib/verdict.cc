@@ -204,7 +204,14 @@ void JudgeSurvey(const CalibrationReport& report, const Observations& data,
     const std::string factor = fmt::format(
         "the survey scatters {:.2f} times as much as it states; all error bars are widened for it",
         report.survey_factor);
-    (report.survey_factor > options.survey_care ? tally->care : tally->fine).push_back(factor);
+    if (report.survey_factor > options.survey_care) {
+      tally->care.push_back(
+          factor +
+          ". Places of one set-up that are off together do so too, and no error bar holds that: "
+          "measure some points from each set-up again; if it is scatter, state larger sigmas");
+    } else {
+      tally->fine.push_back(factor);
+    }
   }
   for (const CommonEstimate& error : report.common) {
     const bool metres = error.unit == "m";

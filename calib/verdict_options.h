@@ -22,7 +22,10 @@ struct VerdictOptions {
   // A camera's model floor over its row: 0.3 px of 2000; above, its lens is not of the model's
   // kind, or its readings are worse than stated [-].
   double floor_care = 1.5e-4;
-  double survey_care = 1.3;    // the survey's scatter over its stated sigmas [-]
+  // The survey's scatter over its stated sigmas, which is 1 unless chance does not explain it:
+  // places that are off together, as those of a second set-up, do the same, and wider bars do not
+  // hold that.
+  double survey_care = 1.0;    // [-]
   double common_sigmas = 4.0;  // a common error of the survey over its estimate's scatter [-]
   // Fewer redundant numbers leave chi-square and held-out check little to say (their relative
   // standard deviation is then a quarter).

@@ -176,8 +176,8 @@ TEST(Judge, EachLimitIsWhereItsReasonPutsIt) {
   EXPECT_EQ(VerdictOf(floor(0.29)), kGood);
   EXPECT_EQ(VerdictOf(floor(0.31)), kWithCare);
   const auto factor = [](double f) { return [f](Case* c) { c->report.survey_factor = f; }; };
-  EXPECT_EQ(VerdictOf(factor(1.29)), kGood);
-  EXPECT_EQ(VerdictOf(factor(1.31)), kWithCare);
+  EXPECT_EQ(VerdictOf(factor(1.0)), kGood);
+  EXPECT_EQ(VerdictOf(factor(1.01)), kWithCare);
   const auto covered = [](double share) {
     return [share](Case* c) {
       for (CameraReport& camera : c->report.cameras) {
