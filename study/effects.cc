@@ -12,6 +12,7 @@
 #include "base/statistics.h"
 #include "correlate/sampled_model.h"
 #include "data/toml_override.h"
+#include "sim/methods/choose_method.h"
 #include "study/latch_words.h"
 #include "study/scene_model.h"
 
@@ -147,7 +148,6 @@ SceneEffects WeighEffects(const std::string& path, const std::vector<std::string
   }
   constexpr double kTolerance = 1e-6;  // where nothing is said, as of a simulation
   constexpr double kSamples = 2000.0;  // that runs are compared on: some twenty a vibration
-  constexpr double kTighter = 0.1;     // a run's own error is what this changes
   SceneEffects out;
   out.duration = options.duration > 0.0 ? options.duration : scene.duration;
   out.rtol = options.rtol > 0.0 ? options.rtol : scene.solver.rtol.value_or(kTolerance);
@@ -171,7 +171,7 @@ SceneEffects WeighEffects(const std::string& path, const std::vector<std::string
   out.seconds = whole.seconds;
   tell(1, "a tighter tolerance");
   EffectChange floor;
-  const Outcome tight = bench.Run({}, kTighter);
+  const Outcome tight = bench.Run({}, sim::TighterTolerance(out.rtol) / out.rtol);
   if (tight.motion.status == correlate::ModelStatus::kGood) {
     bench.Compare(whole.motion, tight.motion, &floor);
   }

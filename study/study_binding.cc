@@ -12,6 +12,7 @@
 #include "data/formats.h"
 #include "data/h5.h"
 #include "data/tracks.h"
+#include "sim/methods/choose_method.h"
 #include "study/rungs.h"
 #include "study/scene_model.h"
 #include "study/trial_observations.h"
@@ -115,7 +116,7 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from, const st
     std::unique_ptr<SceneModel> finer;
     double part = 0.0;
     if (rungs.size() > 1 && rungs[1].error > 0.0 && rungs[1].error < rungs[0].error) {
-      finer = at(0.1 * binding.rtol, 1);
+      finer = at(sim::TighterTolerance(binding.rtol), 1);
       part = rungs.back().error / (rungs[0].error - rungs[1].error);
     }
     bound->tolerance.push_back(correlate::ChooseTolerance(
@@ -127,7 +128,7 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from, const st
     return bound->models.back().get();
   };
   trial->model = keep(at(binding.rtol, 0));
-  trial->tighter = keep(at(0.1 * binding.rtol, 0));
+  trial->tighter = keep(at(sim::TighterTolerance(binding.rtol), 0));
   if (rungs.empty()) return;
   trial->model_name = rungs[0].name;
   trial->model_relative_error = rungs[0].error > 0.0 ? rungs[0].error : 1.0;

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "sim/methods/make_stepper.h"
+
 namespace unfurl::sim {
 namespace {
 
@@ -37,6 +39,13 @@ bool BeamsAreStiff(const Model& model, double rtol) {
 
 double LongestStep(const SimulateOptions& options, const Model& model) {
   return options.max_step > 0.0 ? options.max_step : kLongestStep * model.time_scale;
+}
+
+double TighterTolerance(double rtol, Method method) {
+  constexpr double kTightest = 1e-13;  // rounding
+  SimulateOptions options;
+  options.rtol = rtol;
+  return std::max(kTighter * ToleranceOf(options, method), kTightest);
 }
 
 Method ChooseMethod(const SimulateOptions& options, const Model& model) {

@@ -14,6 +14,7 @@ class Edges {
 
   // The next one; `duration` when there is none left [s].
   double next() const { return at_ < edges_.size() ? edges_[at_].first : duration_; }
+  std::size_t count() const { return edges_.size(); }
   bool none_left() const { return at_ >= edges_.size(); }
   void Pass() { ++at_; }
   // Between the edge passed last and the next one, both left out.

@@ -10,6 +10,7 @@
 #include "sim/dynamics/observables.h"
 #include "sim/kirchhoff/kirchhoff_shapes.h"
 #include "sim/methods/choose_method.h"
+#include "sim/methods/edges.h"
 #include "sim/record/record.h"
 
 namespace unfurl::sim {
@@ -18,10 +19,8 @@ namespace {
 // What is stated may be half of the true error or four times it; so it aims at the middle of that,
 // as ratios go: sqrt(0.5 x 4).
 constexpr double kCaution = 1.41;
-// Of the tolerance of the run, that of its companion; no smaller than what rounding allows.
-constexpr double kTighter = 0.1, kTightest = 1e-13;
-// And of its longest step, where that and not the tolerance limits the run: its error is then a
-// 16th and less.
+// Of the longest step that a run may take, its companion's, where that and not the tolerance limits
+// the run: its error is then a 16th and less.
 constexpr double kShorter = 0.5;
 // Errors fall with this power of the number of segments (tests/verification), and of a smooth
 // beam's shapes (docs/decisions/010-second-beam.md).
@@ -32,6 +31,13 @@ constexpr int kMoreShapes = 2;
 // error of `own` = factor |own - other| where errors go with size^-power.
 double RichardsonFactor(double own, double other, double power) {
   return 1.0 / std::fabs(1.0 - std::pow(own / other, power));
+}
+
+// The longest step, or the usual one between edges where these are closer [s].
+double UsualLongestStep(const SimulateOptions& options, const Model& model) {
+  const double duration = options.duration > 0.0 ? options.duration : model.duration;
+  const auto parts = static_cast<double>(Edges(model, duration).count() + 1);
+  return std::min(LongestStep(options, model), duration / parts);
 }
 
 bool IsDefault(const std::string& name, const data::Scene& scene) {
@@ -109,10 +115,10 @@ std::shared_ptr<Certificate> Certificate::Make(const data::Scene& scene,
     return out;
   }
   SimulateOptions tighter = options;
-  tighter.rtol = std::max(kTighter * options.rtol, kTightest);
+  tighter.rtol = TighterTolerance(options.rtol, options.method);
   // Of the difference, 1 - 0.1 is the run's own error; the method of `auto` may differ, which is as
   // well.
-  tighter.max_step = kShorter * LongestStep(options, *model);
+  tighter.max_step = kShorter * UsualLongestStep(options, *model);
   if (!out->Run(scene, tighter, 1.0 / (1.0 - kTighter), certify, "of a tighter tolerance") ||
       !certify.mesh) {
     return out;
