@@ -7,6 +7,7 @@
 #include "data/run.h"
 #include "data/scene.h"
 #include "data/toml.h"
+#include "study/scene_motion.h"
 
 namespace unfurl::study {
 
@@ -26,7 +27,8 @@ class SceneModel : public correlate::Model {
   // placed at its file, and not a failure of every evaluation. No file is read after that.
   SceneModel(SceneModelOptions options, std::span<const double> theta);
 
-  // Simulates to the last stamp. Events are those of the joints.
+  // Simulates past the last stamp. Events are those of the joints. Motions are kept for a while: a
+  // point that is asked at other stamps costs nothing more.
   correlate::Prediction Evaluate(std::span<const double> theta,
                                  const correlate::Stamps& stamps) const override;
 
@@ -48,6 +50,7 @@ class SceneModel : public correlate::Model {
   std::vector<data::SceneBeam> beams_;
   std::vector<data::Quantity> quantities_;
   double duration_ = 0.0;  // [s]
+  mutable MotionStore motions_;
 };
 
 }  // namespace unfurl::study

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
+#include <mutex>
 
 #include "base/error.h"
 #include "base/text.h"
@@ -103,17 +105,24 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from, const st
   for (const std::string& file : model->files()) bound->inputs.push_back(file);
   if (!observations.marks.empty()) RefuseOtherUnits(observations, *model, theta, path);
   const std::vector<SceneRung> rungs = RungsOf(study.fidelity, model->beams());
+  // Each once: the fit begins with the motions that the tolerance was chosen by.
+  std::map<std::pair<double, std::size_t>, std::shared_ptr<SceneModel>> made;
+  std::mutex making;
   auto at = [&](double rtol, std::size_t rung) {
+    constexpr double kDigits = 1e6;  // of the logarithm; a product may be rounded otherwise
+    const std::lock_guard lock(making);
+    auto& one = made[{std::round(kDigits * std::log10(rtol)), rung}];
+    if (one != nullptr) return one;
     SceneModelOptions options = binding;
     options.rtol = rtol;
     if (rung < rungs.size()) {
       options.set.insert(options.set.end(), rungs[rung].set.begin(), rungs[rung].set.end());
     }
-    return BindScene(study, options, theta);
+    return one = BindScene(study, options, theta);
   };
   if (study.rtol == 0.0) {
     // The residuals to come: noise, and what the finest rung leaves.
-    std::unique_ptr<SceneModel> finer;
+    std::shared_ptr<SceneModel> finer;
     double part = 0.0;
     if (rungs.size() > 1 && rungs[1].error > 0.0 && rungs[1].error < rungs[0].error) {
       finer = at(sim::TighterTolerance(binding.rtol), 1);
@@ -123,8 +132,8 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from, const st
         [&](double rtol) { return at(rtol, 0); }, finer.get(), theta, *trial->observations, part));
     binding.rtol = bound->tolerance.back().rtol;
   }
-  auto keep = [&](std::unique_ptr<SceneModel> made) {
-    bound->models.push_back(std::move(made));
+  auto keep = [&](std::shared_ptr<SceneModel> kept) {
+    bound->models.push_back(std::move(kept));
     return bound->models.back().get();
   };
   trial->model = keep(at(binding.rtol, 0));

@@ -13,7 +13,7 @@ namespace unfurl::study {
 
 // A study made ready to be fitted: its trials read, its models compiled or its program found.
 struct BoundStudy {
-  std::vector<std::unique_ptr<correlate::Model>> models;
+  std::vector<std::shared_ptr<correlate::Model>> models;
   std::vector<std::unique_ptr<correlate::Observations>> observations;
   correlate::FitProblem problem;  // points into the above
   correlate::FitOptions options;

@@ -8,7 +8,7 @@
 
 namespace unfurl::correlate {
 
-ToleranceChoice ChooseTolerance(const std::function<std::unique_ptr<Model>(double rtol)>& at,
+ToleranceChoice ChooseTolerance(const std::function<std::shared_ptr<Model>(double rtol)>& at,
                                 const Model* finer, const std::vector<double>& theta,
                                 const Observations& observations, double part) {
   constexpr double kPart = 0.01;  // of the residuals to come
@@ -16,16 +16,10 @@ ToleranceChoice ChooseTolerance(const std::function<std::unique_ptr<Model>(doubl
   constexpr std::size_t kRungs = std::size(kLadder);
   const Stamps stamps = observations.StampsAt(observations.Start());
   std::vector<Prediction> answers(kRungs);
-  Prediction fine;
-  // The finer mesh takes longest and goes first; the others in pairs, one for each core.
-  auto run = [&](std::size_t from, std::size_t to, bool with_fine) {
-    const std::size_t first = with_fine ? 1 : 0;
-    ParallelFor(to - from + first, 0, [&](std::size_t i) {
-      if (i < first) {
-        fine = finer->Evaluate(theta, stamps);
-      } else {
-        answers[from + i - first] = at(kLadder[from + i - first])->Evaluate(theta, stamps);
-      }
+  // In pairs, one for each core.
+  auto run = [&](std::size_t from, std::size_t to) {
+    ParallelFor(to - from, 0, [&](std::size_t i) {
+      answers[from + i] = at(kLadder[from + i])->Evaluate(theta, stamps);
     });
   };
   auto good = [](const Prediction& p) {
@@ -38,19 +32,24 @@ ToleranceChoice ChooseTolerance(const std::function<std::unique_ptr<Model>(doubl
 
   ToleranceChoice choice, least;
   least.noise = std::numeric_limits<double>::infinity();
-  run(0, 2, finer != nullptr);
-  double error = 0.0;
-  if (finer != nullptr && good(fine) && good(answers[1])) {
-    error = part * difference(fine, answers[1]);
-  }
-  choice.wanted = kPart * std::hypot(1.0, error);
+  choice.wanted = kPart;
   choice.sigma = TypicalSigma(observations);
   for (std::size_t i = 0; i + 1 < kRungs; ++i) {
-    if (i > 0 && i % 2 == 1) run(i + 1, std::min(i + 3, kRungs), false);
+    if (i == 0 || i % 2 == 1) {
+      const std::size_t from = i == 0 ? 0 : i + 1;
+      run(from, std::min(from + 2, kRungs));
+    }
     // What cannot be simulated here is the fit's to say.
     if (!good(answers[i]) || !good(answers[i + 1])) return least.noise < 1e300 ? least : choice;
     choice.rtol = kLadder[i];
     choice.noise = difference(answers[i], answers[i + 1]);
+    if (i == 0 && choice.noise > choice.wanted && finer != nullptr) {
+      // The mesh's error allows more; where that is not needed the run is saved.
+      const Prediction fine = finer->Evaluate(theta, stamps);
+      if (good(fine)) {
+        choice.wanted = kPart * std::hypot(1.0, part * difference(fine, answers[1]));
+      }
+    }
     if (choice.noise < least.noise) least = choice;
     if (choice.noise <= choice.wanted) return choice;
   }

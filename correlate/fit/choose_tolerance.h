@@ -23,7 +23,7 @@ struct ToleranceChoice {
 // hundredth of what the residuals will be: the sigma of the data, and with it `part` of what
 // `finer` (null: none) moves them by. Where none is, the one of least scatter. `at(rtol)` makes the
 // model.
-ToleranceChoice ChooseTolerance(const std::function<std::unique_ptr<Model>(double rtol)>& at,
+ToleranceChoice ChooseTolerance(const std::function<std::shared_ptr<Model>(double rtol)>& at,
                                 const Model* finer, const std::vector<double>& theta,
                                 const Observations& observations, double part = 1.0);
 

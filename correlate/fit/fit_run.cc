@@ -181,8 +181,10 @@ void FitRun::ScatterWhatIsOpen() {
 bool FitRun::LeadStarts() {
   workers_.Phase(runners_.size() > 1 ? fmt::format("{} starts", runners_.size()) : "stages",
                  budget_.leading + budget_.sharpening + budget_.profiles);
+  if (runners_.size() == 1 && runners_[0]->stages() == 1) runners_[0]->LeadAlone();
   LeadAll(0, 1);
   ScatterWhatIsOpen();
+  if (runners_.size() == 1) runners_[0]->LeadAlone();
   LeadAll(1, std::numeric_limits<std::size_t>::max());
   for (const auto& runner : runners_) {
     if (runner->result().cost < 0.0) continue;
@@ -208,8 +210,20 @@ bool FitRun::Unexplained() const {
   return squares > kNotNoise * count;
 }
 
-bool FitRun::LedLowerThan(const FitRun& other) const {
-  return best_ != nullptr && best_->result().cost < other.best_->result().cost - kBetter;
+// Of the whole record on the way, at its minimum: a lone start stops before that.
+double FitRun::CostOfWay() {
+  if (!best_->alone()) return best_->result().cost;
+  StageRunner there(way_, options_, best_->candidate(), workers_, 0);
+  there.SetModelNoise(noise_sigmas_);
+  there.MoveTo(Values(problem_.parameters, best_->u().data()), *best_);
+  const bool good = there.Lead(there.stages() - 1);
+  const auto& records = there.evaluator().records();
+  result_.evaluations.insert(result_.evaluations.end(), records.begin(), records.end());
+  return good ? there.result().cost : best_->result().cost;
+}
+
+bool FitRun::LedLowerThan(FitRun& other) const {
+  return best_ != nullptr && best_->result().cost < other.CostOfWay() - kBetter;
 }
 
 void FitRun::TakeOver(FitRun&& other, Elsewhere found) {

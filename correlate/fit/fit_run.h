@@ -38,7 +38,7 @@ class FitRun {
   // After step 3: the residuals are far above the data's sigmas.
   bool Unexplained() const;
   // After step 2: the ways led to a lower cost over the whole record than the other's.
-  bool LedLowerThan(const FitRun& other) const;
+  bool LedLowerThan(FitRun& other) const;
   // The other was a search of the same that led no lower; what it evaluated is recorded.
   void TakeOver(FitRun&& other, Elsewhere found);
 
@@ -65,6 +65,8 @@ class FitRun {
   void AddRunner(const Candidate& from);
   void LeadAll(std::size_t from_stage, std::size_t to_stage);
   void ScatterWhatIsOpen();
+  double CostOfWay();
+  std::vector<Evaluator::Request> NoiseRequests() const;  // where the best start has led
   void WeighByModelNoise();
   bool Sharpen(const std::string& what);  // by the ladder where there is one
   bool ScaleChannels(std::vector<Observations>* all);

@@ -11,18 +11,35 @@
 
 namespace unfurl::correlate {
 
+// What the solution begins with, the longest first; the tighter tolerance is that of the lowest
+// rung.
+std::vector<Evaluator::Request> FitRun::NoiseRequests() const {
+  std::vector<Evaluator::Request> out = ladder_.FirstRequests(*best_);
+  const std::vector<double> theta = Values(problem_.parameters, best_->u().data());
+  for (std::size_t t = 0; t < trials_ && ladder_.result().base == 0; ++t) {
+    if (problem_.trials[t].tighter == nullptr) continue;
+    out.push_back({t, theta, "noise", Fidelity::kTighter});
+  }
+  return out;
+}
+
 void FitRun::WeighByModelNoise() {
   const std::vector<double> theta = Values(problem_.parameters, best_->u().data());
   for (std::size_t t = 0; t < trials_; ++t) {
-    const FitTrial& trial = problem_.trials[t];
-    weighed_[t] = *trial.observations;
+    weighed_[t] = *problem_.trials[t].observations;
     data_[t] = &weighed_[t];
-    const Prediction& plain = *best_->point().prediction[t];
-    // The tighter tolerance is that of the lowest rung.
+  }
+  best_->evaluator().Evaluate(NoiseRequests());
+  for (std::size_t t = 0; t < trials_; ++t) {
+    const FitTrial& trial = problem_.trials[t];
+    const Evaluator::Answer here =
+        best_->evaluator().Evaluate({{t, theta, "trial", Fidelity::kMain}}).front();
+    const Prediction& plain =
+        here->status == ModelStatus::kGood ? *here : *best_->point().prediction[t];
     if (trial.tighter != nullptr && ladder_.result().base == 0) {
       const Evaluator::Answer tight =
           best_->evaluator().Evaluate({{t, theta, "noise", Fidelity::kTighter}}).front();
-      if (tight->status == ModelStatus::kGood) {
+      if (tight->status == ModelStatus::kGood && here->status == ModelStatus::kGood) {
         noise_[t] = std::max(noise_[t], RmsDifference(plain, *tight));
         noise_sigmas_[t] = std::max(
             noise_sigmas_[t],
@@ -164,7 +181,13 @@ void FitRun::TakeStatus() {
 
 bool FitRun::Solve() {
   workers_.Phase("polishing", budget_.sharpening + budget_.profiles);
-  best_->Polish();
+  if (ladder_.correction() == nullptr) {
+    // At the stamps of what follows, so that it begins with what is asked here.
+    std::vector<const Observations*> way;
+    for (const FitTrial& trial : way_.trials) way.push_back(trial.observations);
+    best_->Place(way, std::vector<const RowWhitening*>(trials_, nullptr));
+  }
+  best_->Polish(NoiseRequests());
   workers_.Phase("sharpening", budget_.sharpening + budget_.profiles);
   const bool whitened = std::any_of(whiteners_.begin(), whiteners_.end(),
                                     [](const auto* w) { return w != nullptr && !w->identity(); });

@@ -105,9 +105,19 @@ Correction::Difference Ladder::DifferenceOf(const Answers& coarse, const Answers
   return out;
 }
 
+std::vector<Evaluator::Request> Ladder::FirstRequests(const StageRunner& runner) const {
+  std::vector<Evaluator::Request> out;
+  if (!wanted() || correction_ != nullptr || !failure_.empty() || result_.base == top_) return out;
+  const std::vector<double> theta = Values(problem_.parameters, runner.u().data());
+  for (std::size_t t = 0; t < problem_.trials.size(); ++t) {
+    out.push_back({t, theta, "finest rung", FidelityOfRung(top_), false});
+  }
+  return out;
+}
+
 // Both rungs where the runner stands, and beside them the differences that the next solution starts
 // from. False: one failed, and failure_ says why.
-bool Ladder::Ask(StageRunner& runner, Answers* coarse, Answers* fine) {
+bool Ladder::Ask(StageRunner& runner, bool buy, Answers* coarse, Answers* fine) {
   const std::vector<double> theta = Values(problem_.parameters, runner.u().data());
   std::vector<Evaluator::Request> finest, base;
   for (std::size_t t = 0; t < problem_.trials.size(); ++t) {
@@ -116,10 +126,10 @@ bool Ladder::Ask(StageRunner& runner, Answers* coarse, Answers* fine) {
   }
   ReducedProblem::Point point;
   bool sloped = runner.reduced().At(runner.u(), &point, "trial");
-  // A solution begins with slopes bought here; later looks go on with those that led there.
+  // On with the slopes that led here. What is bought takes the other cores beside the finest rung.
   Slopes& slopes = runner.slopes();
-  if (sloped && (correction_ == nullptr || !slopes.known()) && !slopes.fresh()) {
-    sloped = slopes.Buy(runner.reduced(), runner.u(), point, nullptr, finest);
+  if (sloped && (buy || !slopes.known()) && !slopes.fresh()) {
+    sloped = slopes.Buy(runner.reduced(), runner.u(), point, finest);
   } else if (sloped) {
     slopes.StartAt(runner.u(), point);
     sloped = slopes.known();
@@ -153,10 +163,12 @@ bool Ladder::EventsAgree(const Answers& coarse, const Answers& fine) {
   return true;
 }
 
-bool Ladder::FirstLook(StageRunner& runner, const std::vector<const Observations*>& data) {
+bool Ladder::FirstLook(StageRunner& runner, const std::vector<const Observations*>& data,
+                       double step) {
   Answers coarse;
   LadderRound& round = AddRound(runner);
-  if (!Ask(runner, &coarse, &fine_)) return false;
+  if (std::isfinite(step)) round.step = step;
+  if (!Ask(runner, step < kRough, &coarse, &fine_)) return false;
   ReducedProblem::Point point;
   runner.reduced().CostOf(runner.u(), fine_, &point);
   round.fine_cost = point.cost;
@@ -173,7 +185,7 @@ Ladder::Way Ladder::Advance(StageRunner& runner, double step, double contraction
   round.step = step;
   round.contraction = contraction;
   Answers coarse, fine;
-  if (!Ask(runner, &coarse, &fine)) {
+  if (!Ask(runner, step < kRough, &coarse, &fine)) {
     round.counted = false;
     Note(fmt::format("{} failed on the way: {}", result_.names[top_], failure_));
     return Way::kFineFailed;
@@ -221,21 +233,28 @@ Ladder::Way Ladder::Rounds(StageRunner& runner, const std::vector<const Observat
   data_ = data;
   int unsuccessful = 0;
   double last = std::numeric_limits<double>::quiet_NaN();
+  double step = std::numeric_limits<double>::infinity();
   bool place = true;
   for (int round = 0; round < kMostRounds; ++round) {
     if (place && (!runner.Place(data, whitening) || correction_ == nullptr)) {
       // New stamps: the difference is wanted there.
       runner.evaluator().SetCorrection(nullptr);
-      if (!FirstLook(runner, data)) return failure_.empty() ? Way::kUp : Way::kFineFailed;
+      if (!FirstLook(runner, data, step)) return failure_.empty() ? Way::kUp : Way::kFineFailed;
     }
-    // Rounds that lead on may do so on carried slopes; the last may not.
-    double step = 0.0;
-    for (const bool verify : {false, true}) {
-      if (verify && runner.slopes().fresh()) break;
-      if (!runner.SolveHere(what, verify)) return Way::kModelFailed;
+    // Rounds that lead on may do so on carried slopes, and those that lead far end when they are
+    // near; the last may not.
+    struct Ending {
+      double tolerance, far;  // of a standard error
+      bool verify;
+    };
+    const double within = options_.step_tolerance;
+    for (const Ending& end : {Ending{std::max(within, kLeadingTolerance), kRough, false},
+                              Ending{within, within, false}, Ending{within, within, true}}) {
+      if (end.verify && runner.slopes().fresh()) break;
+      if (!runner.SolveHere(what, end.tolerance, end.verify)) return Way::kModelFailed;
       step = InSigmas(Point(runner) - correction_->centre(), runner.sigma());
       place = !runner.Settled();
-      if (step > options_.step_tolerance || place) break;
+      if (step > end.far || place) break;
     }
     if (step <= options_.step_tolerance && !place) return Way::kSettled;
     if (place) continue;

@@ -25,6 +25,10 @@ class Ladder {
   bool Climb(StageRunner& runner, const std::vector<const Observations*>& data,
              const std::vector<const RowWhitening*>& whitening, const std::string& what);
 
+  /// What a climb from where the runner stands begins with, to be asked for beside other things;
+  /// none once it has begun.
+  std::vector<Evaluator::Request> FirstRequests(const StageRunner& runner) const;
+
   const LadderResult& result() const { return result_; }
   std::size_t top() const { return top_; }
   /// Where rungs were compared last; null before a look, or where the finest was fitted itself.
@@ -39,8 +43,10 @@ class Ladder {
   Way Rounds(StageRunner& runner, const std::vector<const Observations*>& data,
              const std::vector<const RowWhitening*>& whitening, const std::string& what);
   Way Advance(StageRunner& runner, double step, double contraction, int* unsuccessful);
-  bool Ask(StageRunner& runner, Answers* coarse, Answers* fine);
-  bool FirstLook(StageRunner& runner, const std::vector<const Observations*>& data);
+  // `buy`: slopes, too, unless they are fresh: after a step of less than a standard error the end
+  // is near, which stands on slopes of its own.
+  bool Ask(StageRunner& runner, bool buy, Answers* coarse, Answers* fine);
+  bool FirstLook(StageRunner& runner, const std::vector<const Observations*>& data, double step);
   bool EventsAgree(const Answers& coarse, const Answers& fine);
   LadderRound& AddRound(const StageRunner& runner);
   void Note(const std::string& words);

@@ -148,7 +148,8 @@ Evaluator::Answer Extrapolated(const Observations& o, const std::vector<Paramete
 // failed there.
 Eigen::VectorXd ResidualOfExtrapolated(const FitProblem& problem, const Ladder& ladder,
                                        StageRunner& runner, const std::vector<double>& u,
-                                       std::size_t below) {
+                                       std::size_t below,
+                                       const std::vector<Evaluator::Request>& beside = {}) {
   const std::vector<double> theta = Values(problem.parameters, u.data());
   std::vector<Evaluator::Request> wanted;
   for (std::size_t t = 0; t < problem.trials.size(); ++t) {
@@ -156,7 +157,10 @@ Eigen::VectorXd ResidualOfExtrapolated(const FitProblem& problem, const Ladder& 
       wanted.push_back({t, theta, "ladder", FidelityOfRung(rung), false});
     }
   }
-  const std::vector<Evaluator::Answer> rungs = runner.evaluator().Evaluate(wanted);
+  const std::size_t asked = wanted.size();
+  wanted.insert(wanted.end(), beside.begin(), beside.end());
+  std::vector<Evaluator::Answer> rungs = runner.evaluator().Evaluate(wanted);
+  rungs.resize(asked);
   std::vector<Evaluator::Answer> model;
   for (std::size_t t = 0; t < problem.trials.size(); ++t) {
     const Prediction &top = *rungs[2 * t], &other = *rungs[2 * t + 1];
@@ -184,8 +188,15 @@ class Way {
 
   // Looks at the model there, and learns from where it looked before. False: a rung failed.
   bool LookAt(const std::vector<double>& u) {
+    // The lowest rung is asked beside the others: StepOfOther wants it where the way ends.
+    std::vector<Evaluator::Request> beside;
+    const std::vector<double> theta = Values(problem_.parameters, u.data());
+    for (std::size_t t = 0; t < problem_.trials.size(); ++t) {
+      if (RungsCompared(problem_.trials[t], ladder_.top()).size() <= 2) continue;
+      beside.push_back({t, theta, "ladder", FidelityOfRung(0), false});
+    }
     Eigen::VectorXd residual =
-        ResidualOfExtrapolated(problem_, ladder_, runner_, u, ladder_.top() - 1);
+        ResidualOfExtrapolated(problem_, ladder_, runner_, u, ladder_.top() - 1, beside);
     if (residual.size() == 0) return false;
     if (residual_.size() > 0) Learn(Vector(u) - Vector(u_), residual - residual_);
     u_ = u;

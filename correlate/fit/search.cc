@@ -19,9 +19,6 @@ namespace unfurl::correlate {
 
 namespace {
 
-// Of a standard error: how near to its minimum a stage that only leads the way has to come.
-constexpr double kLeadingTolerance = 0.5;
-
 constexpr std::size_t kFewestOfHorizon = 50;  // samples; a shorter horizon leads nowhere
 
 }  // namespace
@@ -191,6 +188,7 @@ bool StageRunner::Lead(std::size_t s) {
   SolverOptions how = OptionsOfSolver(kLeadingTolerance, false,
                                       free.empty() ? std::vector<std::string>{} : free[f]);
   how.verify = false;
+  how.leads = alone_ && s + 1 == ends_.size();
   if (!SolveStage(stage, how)) return false;
   double rows = 0.0;
   for (const RegistrationFit& r : point_.registration) rows += static_cast<double>(r.data_rows);
@@ -296,15 +294,14 @@ bool StageRunner::Place(const std::vector<const Observations*>& observations,
   return settled;
 }
 
-bool StageRunner::SolveHere(const std::string& what, bool verify) {
+bool StageRunner::SolveHere(const std::string& what, double tolerance, bool verify) {
   StageResult stage;
   stage.end = std::numeric_limits<double>::infinity();
   for (const ReducedProblem::Part& part : reduced_->parts()) {
     stage.samples += part.observations->readings();
   }
-  SolverOptions how =
-      OptionsOfSolver(options_.step_tolerance, true,
-                      options_.free.empty() ? std::vector<std::string>{} : options_.free.back());
+  SolverOptions how = OptionsOfSolver(
+      tolerance, true, options_.free.empty() ? std::vector<std::string>{} : options_.free.back());
   how.verify = verify;
   const bool good = SolveStage(stage, how);
   result_.stages.back().solver_message = what + ": " + result_.stages.back().solver_message;

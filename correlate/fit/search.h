@@ -12,6 +12,9 @@
 
 namespace unfurl::correlate {
 
+// Of a standard error: how near to its minimum a solution that only leads the way has to come.
+inline constexpr double kLeadingTolerance = 0.5;
+
 // The data of every trial up to a horizon, and the solver's place among them.
 class StageRunner {
  public:
@@ -22,11 +25,16 @@ class StageRunner {
   // False: a model failed there, see message().
   std::size_t stages() const { return ends_.size(); }
   bool Lead(std::size_t stage);
+  // The only start: its last stage ends as soon as its slopes foretell the steps, and the solution
+  // that follows does the rest.
+  void LeadAlone() { alone_ = true; }
+  bool alone() const { return alone_; }
   // Where differences to either side disagree, slopes lead into the next small hollow and no
   // further: points drawn about the best place, the best quarter of which says where to draw next
   // (cross-entropy [Rubinstein 1999]), find the floor of the valley. Does nothing to a model that
-  // is smooth. False: a model failed at the best place.
-  bool Polish();
+  // is smooth. False: a model failed at the best place. `beside`: to be asked for in one batch with
+  // the differences that tell.
+  bool Polish(const std::vector<Evaluator::Request>& beside = {});
   // To within the step tolerance, over the whole record, with this whitening and these
   // observations (by trial; null: as they are), until the time offsets have settled.
   bool Sharpen(const std::vector<const Observations*>& observations,
@@ -37,7 +45,10 @@ class StageRunner {
   bool Place(const std::vector<const Observations*>& observations,
              const std::vector<const RowWhitening*>& whitening);
   // `verify`: the solution stands on slopes that were bought there.
-  bool SolveHere(const std::string& what, bool verify = true);
+  bool SolveHere(const std::string& what, bool verify = true) {
+    return SolveHere(what, options_.step_tolerance, verify);
+  }
+  bool SolveHere(const std::string& what, double tolerance, bool verify);
   bool Settled() const;  // the clocks are near those of the stamps
   // Standard errors of u by the last solution, the floor in them.
   Eigen::VectorXd sigma() const;
@@ -81,6 +92,9 @@ class StageRunner {
   bool SolveStage(const StageResult& named, const SolverOptions& how);
   double HorizonEnd(std::size_t trial, double end) const;
   void FindEnds();
+  // The steps of Polish.
+  bool IsRough(const std::vector<Evaluator::Request>& beside);
+  void Draw();
 
   const FitProblem& problem_;
   const FitOptions& options_;
@@ -101,6 +115,7 @@ class StageRunner {
   FitStatus status_ = FitStatus::kModelFailed;
   std::string message_;
   int last_stage_ = 0;
+  bool alone_ = false;
 };
 
 }  // namespace unfurl::correlate

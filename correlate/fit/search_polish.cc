@@ -1,6 +1,7 @@
 // The last steps of a way where the cost is rough: by draws instead of differences.
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "base/dense.h"
 #include "base/random.h"
@@ -9,15 +10,40 @@
 
 namespace unfurl::correlate {
 
-bool StageRunner::Polish() {
+// Slopes that were bought on this record, and foretold each step since, tell as well as ones bought
+// here; what is rough is looked at here.
+bool StageRunner::IsRough(const std::vector<Evaluator::Request>& beside) {
+  auto rough = [&] {
+    const std::vector<double>& kinks = slopes_.kinks();
+    return *std::max_element(kinks.begin(), kinks.end()) > kKink;
+  };
+  if (!slopes_.kinks().empty() && !rough()) return false;
+  slopes_.StartAt(u_, point_);
+  if (!slopes_.fresh() && !slopes_.Buy(*reduced_, u_, point_, beside)) return false;
+  return rough();
+}
+
+bool StageRunner::Polish(const std::vector<Evaluator::Request>& beside) {
+  if (!reduced_->At(u_, &point_, "trial")) return false;
+  if (!IsRough(beside)) return true;
+  if (std::exchange(alone_, false)) {  // the last stage is not at its end
+    if (!Lead(ends_.size() - 1)) return false;
+    if (!IsRough({})) return true;
+  }
+  Draw();
+  if (!reduced_->At(u_, &point_, "trial")) return false;
+  for (std::size_t t = 0; t < problem_.trials.size(); ++t) at_[t] = point_.registration[t].at;
+  result_.cost = point_.cost;
+  result_.to = Values(problem_.parameters, u_.data());
+  return true;
+}
+
+void StageRunner::Draw() {
   constexpr int kRounds = 14;      // kForget^14 < 1e-3: the spread has left its start behind
   constexpr double kWide = 3.0;    // standard errors drawn at first
   constexpr double kSpread = 1.0;  // of the best quarter's costs: below, the floor is reached
   constexpr double kForget = 0.6;  // of the old spread, each round
   const auto p = static_cast<Eigen::Index>(u_.size());
-  std::vector<double> kinks;
-  if (!slopes_.Buy(*reduced_, u_, point_, &kinks)) return true;
-  if (*std::max_element(kinks.begin(), kinks.end()) <= kKink) return true;
   const Eigen::MatrixXd projected = reduced_->Project(point_, slopes_.Rows(*reduced_));
   const GaussNewton newton = StepAndSigma(projected, point_.residual);
   Eigen::VectorXd range(p);
@@ -72,11 +98,6 @@ bool StageRunner::Polish() {
     if (on_best) on_best(best, Values(problem_.parameters, u_.data()));
     if (spread < kSpread) break;
   }
-  if (!reduced_->At(u_, &point_, "trial")) return false;
-  for (std::size_t t = 0; t < problem_.trials.size(); ++t) at_[t] = point_.registration[t].at;
-  result_.cost = point_.cost;
-  result_.to = Values(problem_.parameters, u_.data());
-  return true;
 }
 
 }  // namespace unfurl::correlate

@@ -27,17 +27,28 @@ void LearnStep(const ReducedProblem& problem, const ReducedProblem::Point& from,
 }
 
 bool Slopes::Buy(ReducedProblem& problem, const std::vector<double>& u,
-                 const ReducedProblem::Point& at, std::vector<double>* kinks,
-                 const std::vector<Evaluator::Request>& beside) {
+                 const ReducedProblem::Point& at, const std::vector<Evaluator::Request>& beside) {
   Eigen::MatrixXd J;
   ReducedProblem::Changes change;
-  if (!problem.CentralSensitivity(u, at, &J, kinks, beside, &change)) return false;
+  std::vector<double> kinks;
+  if (!problem.CentralSensitivity(u, at, &J, &kinks, beside, &change)) return false;
+  kinks_ = std::move(kinks);
   change_ = std::move(change);
   u_ = u;
   at_ = at;
   fresh_ = true;
   mismatch_ = 0.0;
   return true;
+}
+
+void Slopes::Take(ReducedProblem::Changes change, const std::vector<double>& u,
+                  const ReducedProblem::Point& at) {
+  change_ = std::move(change);
+  kinks_.clear();
+  u_ = u;
+  at_ = at;
+  fresh_ = false;
+  mismatch_ = 0.0;
 }
 
 void Slopes::StartAt(const std::vector<double>& u, const ReducedProblem::Point& at) {

@@ -16,14 +16,19 @@ class Slopes {
   bool known() const { return !change_.empty(); }
   /// Bought at the point where they stand; not carried there.
   bool fresh() const { return known() && fresh_; }
-  void Forget() { change_.clear(); }
+  void Forget() {
+    change_.clear();
+    kinks_.clear();
+  }
   /// What they describe has changed a little.
   void Age() { fresh_ = false; }
 
   /// Central differences at `at`, and what else goes into the batch. False: a column failed.
   bool Buy(ReducedProblem& problem, const std::vector<double>& u, const ReducedProblem::Point& at,
-           std::vector<double>* kinks = nullptr,
            const std::vector<Evaluator::Request>& beside = {});
+  /// Differences to one side, taken at `at`: good enough to be carried, not to stand on.
+  void Take(ReducedProblem::Changes change, const std::vector<double>& u,
+            const ReducedProblem::Point& at);
   /// To the first point of a solution. Its stamps, weights or correction may be others: nothing is
   /// learnt. Slopes of other samples are forgotten.
   void StartAt(const std::vector<double>& u, const ReducedProblem::Point& at);
@@ -39,6 +44,9 @@ class Slopes {
   /// Of the change that the last step learnt from, the part that had not been foretold [-]; 0:
   /// none.
   double mismatch() const { return mismatch_; }
+  /// Where they were bought, by parameter: |forward - backward| over |forward + backward| [-];
+  /// empty: they were not.
+  const std::vector<double>& kinks() const { return kinks_; }
 
  private:
   ReducedProblem::Changes change_;  // by part and parameter
@@ -46,6 +54,7 @@ class Slopes {
   ReducedProblem::Point at_;
   bool fresh_ = false;
   double mismatch_ = 0.0;
+  std::vector<double> kinks_;
 };
 
 /// The rank-one update (BroydenWeights): `change`, by part and parameter, then foretells the step

@@ -63,8 +63,13 @@ class ReducedCost : public ceres::CostFunction {
     return true;
   }
   // A new solution begins.
-  void Begin() { first_ = true; }
+  void Begin() {
+    first_ = true;
+    foretold_ = false;
+  }
   bool fresh() const { return bought_; }
+  // The last step was, by the slopes that led to it.
+  bool foretold() const { return foretold_; }
 
   mutable std::vector<double> last_u;
   mutable Eigen::VectorXd last_residual;
@@ -82,9 +87,14 @@ class ReducedCost : public ceres::CostFunction {
       // minimum wherever the residuals are large.
       if (!slopes_.known() && !options_.central_from_start) {
         bought_ = true;
-        if (!problem_.Sensitivity(u, point, +1, J)) return false;
+        ReducedProblem::Changes change;
+        if (!problem_.Sensitivity(u, point, +1, J, &change)) return false;
         problem_.SetSteps(*J, point, options_.difference_target);
         *projected = problem_.Project(point, *J);
+        if (options_.leads) {
+          slopes_.Take(std::move(change), u, point);
+          last_step_ = LengthOfStep(*projected, point.residual);
+        }
         return true;
       }
     } else if (slopes_.known()) {
@@ -99,6 +109,7 @@ class ReducedCost : public ceres::CostFunction {
     double next = carried ? rows() : 0.0;
     // Nor where the next step is hardly shorter than the last.
     carried = carried && (slopes_.fresh() || next <= kCarries * last_step_);
+    foretold_ = carried && !slopes_.fresh();
     if (!carried) {
       if (!slopes_.Buy(problem_, u, point)) return false;
       next = rows();
@@ -157,7 +168,7 @@ class ReducedCost : public ceres::CostFunction {
   const SolverOptions& options_;
   Slopes& slopes_;
   std::size_t count_;
-  mutable bool first_ = true, bought_ = false;
+  mutable bool first_ = true, bought_ = false, foretold_ = false;
   mutable double last_step_ = std::numeric_limits<double>::infinity();  // [standard errors]
 };
 
@@ -183,7 +194,8 @@ class StepWatch : public ceres::IterationCallback {
     } else {
       unsuccessful = 0;
     }
-    small = Small(tolerance);
+    foretold = options_.leads && summary.step_is_successful && cost_.foretold();
+    small = Small(tolerance) || foretold;
     return small ? ceres::SOLVER_TERMINATE_SUCCESSFULLY : ceres::SOLVER_CONTINUE;
   }
 
@@ -199,8 +211,14 @@ class StepWatch : public ceres::IterationCallback {
     return true;
   }
 
+  std::string Words(const std::string& otherwise) const {
+    if (foretold) return "the last step was foretold: what follows goes on from here";
+    return small ? "the next step is a small part of every standard error" : otherwise;
+  }
+
   bool stale = false;  // carried slopes did not lead down
   bool small = false;
+  bool foretold = false;
   int unsuccessful = 0;
 
  private:
@@ -294,8 +312,7 @@ SolverResult Solve(ReducedProblem& problem, const std::vector<Parameter>& parame
   if (summary.IsSolutionUsable() &&
       (watch.small || summary.termination_type == ceres::CONVERGENCE)) {
     result.status = SolverStatus::kConverged;
-    result.message =
-        watch.small ? "the next step is a small part of every standard error" : summary.message;
+    result.message = watch.Words(summary.message);
   } else {
     result.status = SolverStatus::kGaveUp;
     result.message = summary.message;

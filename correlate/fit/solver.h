@@ -20,6 +20,9 @@ struct SolverOptions {
   Slopes* slopes = nullptr;
   /// Whether a solution that was found on carried slopes has to stand on bought ones.
   bool verify = true;
+  /// Another solution of the same data follows: ends where slopes foretold a step well enough to be
+  /// carried on.
+  bool leads = false;
   std::function<void(double cost, const std::vector<double>& u)> on_iteration;
 };
 

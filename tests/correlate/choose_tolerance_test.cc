@@ -81,6 +81,23 @@ TEST(ChooseTolerance, TheMeshsErrorAllowsMore) {
   EXPECT_EQ(Choose(10.0, 0.0, 2e-5, &finer).rtol, 1e-6);
 }
 
+// Where the data alone allow the loosest tolerance the finer model, which costs most, is not asked.
+TEST(ChooseTolerance, AFinerMeshIsAskedWhereItCanAllowMore) {
+  class Counted : public TwoLink {
+   public:
+    Prediction Evaluate(std::span<const double> theta, const Stamps& stamps) const override {
+      ++asked;
+      return TwoLink::Evaluate(theta, stamps);
+    }
+    mutable int asked = 0;
+  };
+  const Counted finer;
+  EXPECT_EQ(Choose(0.01, 0.0, 2e-4, &finer).rtol, 1e-5);
+  EXPECT_EQ(finer.asked, 0);
+  Choose(1.0, 0.0, 2e-4, &finer);
+  EXPECT_EQ(finer.asked, 1);
+}
+
 TEST(ChooseTolerance, AModelThatFailsIsTheFitsToReport) {
   const Observations data = Data(2e-4);
   const ToleranceChoice choice = ChooseTolerance([](double) { return std::make_unique<Broken>(); },

@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "data/atomic_file.h"
+#include "sim/model/model.h"
 #include "tests/own_folder.h"
 
 namespace unfurl::study::scene_model_test {
@@ -32,9 +33,7 @@ on = "stone"
 
 class SceneModelTest : public ::testing::Test {
  protected:
-  void SetUp() override {
-    data::WriteTextFile(path_, kFalling);
-  }
+  void SetUp() override { data::WriteTextFile(path_, kFalling); }
 
   SceneModelOptions Options(const std::vector<std::vector<std::string>>& keys) const {
     SceneModelOptions options;
@@ -74,6 +73,64 @@ TEST_F(SceneModelTest, EditingTheSceneChangesNothingOnceItIsRead) {
   std::filesystem::remove(path_);
   EXPECT_EQ(At(model, {-9.81}, 0.5), before);
   data::WriteTextFile(path_, kFalling);
+}
+
+// A motion that is kept, asked at stamps that a clock has moved, is the one that a model of its own
+// computes, to the last bit.
+TEST_F(SceneModelTest, MovedStampsAreAnsweredByTheSameMotion) {
+  const SceneModelOptions options = Options({{"gravity.acceleration[1]"}});
+  const std::vector<double> theta = {-9.81};
+  const SceneModel keeps(options, theta);
+  At(keeps, theta, 0.7);
+  for (const double t : {0.6993, 0.7004, 0.2}) {
+    EXPECT_EQ(At(keeps, theta, t), At(SceneModel(options, theta), theta, t)) << t;
+    EXPECT_NEAR(At(keeps, theta, t).y(), -0.5 * 9.81 * t * t, 1e-8);
+  }
+}
+
+correlate::Stamps Until(double last) {
+  correlate::Stamps stamps;
+  stamps.marks = {"m"};
+  stamps.t = {{0.0, last}};
+  return stamps;
+}
+
+TEST(MotionRequest, ReachesPastTheLastStampByAHundredthAtMost) {
+  const std::vector<double> theta = {1.0};
+  for (double last = 1e-3; last < 1e4; last *= 1.37) {
+    const MotionRequest wanted = MotionRequest::For(theta, Until(last));
+    EXPECT_GT(wanted.duration, last + 1.0 / wanted.rate);
+    EXPECT_LE(wanted.duration, std::exp2(1.0 / 64.0) * (last + 2.0 / wanted.rate) * (1.0 + 1e-12));
+  }
+  // Another point, other marks and a longer record are other motions.
+  const MotionRequest one = MotionRequest::For(theta, Until(3.0));
+  EXPECT_EQ(one, MotionRequest::For(theta, Until(3.0 - 1e-4)));
+  EXPECT_NE(one, MotionRequest::For(theta, Until(3.1)));
+  EXPECT_NE(one, MotionRequest::For(std::vector<double>{1.0 + 1e-15}, Until(3.0)));
+}
+
+TEST_F(SceneModelTest, AStoreMakesEachMotionOnceAndForgetsTheOldest) {
+  const sim::Model model = sim::Compile(data::ReadScene(path_));
+  MotionStore store;
+  int made = 0;
+  auto get = [&](double theta, double duration) {
+    MotionRequest wanted = MotionRequest::For(std::vector<double>{theta}, Until(duration));
+    return store.Get(wanted, [&] {
+      ++made;
+      return std::make_shared<const SceneMotion>(model, wanted, 1e-6);
+    });
+  };
+  const auto first = get(0.0, 1.0);
+  EXPECT_EQ(get(0.0, 1.0), first);
+  EXPECT_EQ(made, 1);
+  // A free stone takes few steps, so long motions are cheap: of 10 MB each three are kept.
+  const double ten_megabytes = 10e6 / 40.0 / 2000.0;  // a mark and the time, 40 B, 2000 a second
+  for (int k = 1; k <= 4; ++k) get(k, ten_megabytes);
+  EXPECT_EQ(made, 5);
+  get(4.0, ten_megabytes);
+  EXPECT_EQ(made, 5);
+  get(0.0, 1.0);
+  EXPECT_EQ(made, 6);
 }
 
 TEST_F(SceneModelTest, WhatIsWrongIsPlacedAtTheLineOrTheKey) {
