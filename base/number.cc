@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace unfurl {
@@ -38,6 +39,28 @@ std::string Number(double value, int significant) {
   }
   return Signed(value,
                 fmt::format("{:.{}f}", std::abs(value), std::max(0, significant - 1 - decade)));
+}
+
+int IntervalDigits(double low, double high, int least) {
+  constexpr int kOfDouble = 17;  // that bring every double back
+  constexpr int kOfWidth = 2;    // the last is good to a tenth of it
+  const double width = high - low, size = std::max(std::abs(low), std::abs(high));
+  if (!(width > 0.0) || !std::isfinite(width)) return least;
+  const int wanted = static_cast<int>(std::ceil(std::log10(size / width))) + kOfWidth;
+  return std::clamp(wanted, least, kOfDouble);
+}
+
+std::string IntervalEnd(double value, int digits) {
+  return std::isfinite(value) ? fmt::format("{:.{}g}", value, digits) : "open";
+}
+
+std::string IntervalText(double low, double high, int least) {
+  const int digits = IntervalDigits(low, high, least);
+  return IntervalEnd(low, digits) + " to " + IntervalEnd(high, digits);
+}
+
+std::string UnitAfter(const std::string& unit) {
+  return unit.empty() || unit == "1" ? std::string() : " " + unit;
 }
 
 std::string NumberWithError(double value, double sigma, int significant) {

@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/number.h"
 #include "base/progress.h"
 #include "base/table.h"
 #include "cli/design_page.h"
@@ -102,8 +103,8 @@ std::string Text(const Arguments& a, const study::StudyDesign& d) {
   std::string out = fmt::format("{}: {}\n", a.study, d.fit.record.verdict);
   for (std::size_t j = 0; j < d.now.size(); ++j) {
     const auto& p = d.fit.record.parameters[j];
-    out += fmt::format("  {} {:.5g} {}, standard error of the data {:.2g}\n", p.name, p.value,
-                       p.unit, d.now[j]);
+    out += fmt::format("  {} {:.5g}{}, standard error of the data {:.2g}\n", p.name, p.value,
+                       UnitAfter(p.unit), d.now[j]);
   }
   out += "\nwhat the trials at hand tell (share of the information; error without it)\n";
   out += AlignedTable(ContributionRows(d.tells.series, d.tells.parameters, "what"));

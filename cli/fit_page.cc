@@ -31,8 +31,6 @@ Level LevelOf(correlate::Verdict verdict) {
   }
 }
 
-std::string Limit(double x) { return std::isfinite(x) ? fmt::format("{:.5g}", x) : "open"; }
-
 void AddParameters(const FitPageInput& in, report::Page* page) {
   std::vector<report::Figure> figures;
   report::Table values, parts;
@@ -66,15 +64,16 @@ void AddParameters(const FitPageInput& in, report::Page* page) {
   for (std::size_t j = 0; j < in.record.parameters.size(); ++j) {
     const auto& p = in.record.parameters[j];
     const auto& e = in.result.parameters[j];
-    figures.push_back(
-        {p.name, NumberWithError(p.value, p.sigma) + " " + p.unit, p.verdict, LevelOf(e.verdict)});
+    figures.push_back({p.name, NumberWithError(p.value, p.sigma) + UnitAfter(p.unit), p.verdict,
+                       LevelOf(e.verdict)});
     const std::string keys =
         p.keys.front() + (p.keys.size() > 1 ? fmt::format(" and {} more", p.keys.size() - 1) : "");
     values.rows.push_back(
-        {p.name, fmt::format("{:.4g}", p.start), fmt::format("{:.6g}", p.value),
-         fmt::format("{:.2g}", p.sigma), fmt::format("{:.2f}", 100.0 * p.sigma / std::abs(p.value)),
-         Limit(p.low95) + " to " + Limit(p.high95),
-         Limit(p.low95_data) + " to " + Limit(p.high95_data), p.unit, p.verdict, keys});
+        {p.name, fmt::format("{:.4g}", p.start),
+         IntervalEnd(p.value, IntervalDigits(p.low95, p.high95, 6)), fmt::format("{:.2g}", p.sigma),
+         fmt::format("{:.2f}", 100.0 * p.sigma / std::abs(p.value)),
+         IntervalText(p.low95, p.high95), IntervalText(p.low95_data, p.high95_data),
+         p.unit == "1" ? "" : p.unit, p.verdict, keys});
     parts.rows.push_back({p.name, fmt::format("{:.2g}", p.sigma_white),
                           fmt::format("{:.2g}", p.sigma_data), fmt::format("{:.2g}", p.sigma_model),
                           fmt::format("{:.2g}", p.sigma), fmt::format("{:.2g}", p.sigma_alone),

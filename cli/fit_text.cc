@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -24,13 +25,15 @@ std::string FitText(const data::FitRecord& record, double seconds) {
   std::vector<std::vector<std::string>> rows = {{"parameter", "value", "error", "%", "of data",
                                                  "of model", "95% low", "95% high", "data's low",
                                                  "data's high", "unit", "verdict"}};
-  auto limit = [](double x) { return std::isfinite(x) ? fmt::format("{:.5g}", x) : "open"; };
   for (const auto& p : record.parameters) {
-    rows.push_back({p.name, fmt::format("{:.6g}", p.value), fmt::format("{:.2g}", p.sigma),
+    const int all = IntervalDigits(p.low95, p.high95);
+    const int data = IntervalDigits(p.low95_data, p.high95_data);
+    rows.push_back({p.name, IntervalEnd(p.value, std::max(all, 6)), fmt::format("{:.2g}", p.sigma),
                     fmt::format("{:.2f}", 100.0 * p.sigma / std::abs(p.value)),
                     fmt::format("{:.2g}", p.sigma_data), fmt::format("{:.2g}", p.sigma_model),
-                    limit(p.low95), limit(p.high95), limit(p.low95_data), limit(p.high95_data),
-                    p.unit, p.verdict});
+                    IntervalEnd(p.low95, all), IntervalEnd(p.high95, all),
+                    IntervalEnd(p.low95_data, data), IntervalEnd(p.high95_data, data),
+                    p.unit == "1" ? "" : p.unit, p.verdict});
   }
   text += AlignedTable(rows);
   for (const auto& n : record.nuisances) {
@@ -38,7 +41,7 @@ std::string FitText(const data::FitRecord& record, double seconds) {
     text += fmt::format(
         "{}{} {}{}\n", n.name,
         record.trials.size() > 1 ? " of " + record.trials[static_cast<std::size_t>(n.trial)] : "",
-        NumberWithError(n.value, n.sigma), n.unit == "1" ? "" : " " + n.unit);
+        NumberWithError(n.value, n.sigma), UnitAfter(n.unit));
   }
   for (std::size_t i = 0; i < record.rungs.size(); ++i) {
     text += fmt::format("{}{}: {} run{}{}", i == 0 ? "ladder: " : "; ", record.rungs[i].name,

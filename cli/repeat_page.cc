@@ -86,18 +86,17 @@ void AddValues(const data::FitRecord& record, report::Page* page) {
   for (std::size_t j = 0; j < record.parameters.size(); ++j) {
     const auto& p = record.parameters[j];
     const Repeat::Parameter& q = r.parameters[j];
-    figures.push_back(
-        {p.name, NumberWithError(p.value, p.sigma) + " " + p.unit, p.verdict, LevelOf(p.verdict)});
+    figures.push_back({p.name, NumberWithError(p.value, p.sigma) + UnitAfter(p.unit), p.verdict,
+                       LevelOf(p.verdict)});
     const auto scatter = [&](double s) {
       return q.log ? fmt::format("{:.2g}%", 100.0 * s) : fmt::format("{:.2g}", s);
     };
-    const auto range = [](double a, double b) { return fmt::format("{:.5g} to {:.5g}", a, b); };
     table.rows.push_back(
-        {p.name, fmt::format("{:.6g}", p.value), range(p.low95, p.high95),
-         q.scatters ? scatter(q.scatter) : "-",
+        {p.name, IntervalEnd(p.value, IntervalDigits(p.low95, p.high95, 6)),
+         IntervalText(p.low95, p.high95), q.scatters ? scatter(q.scatter) : "-",
          q.scatters ? scatter(q.scatter_low95) + " to " + scatter(q.scatter_high95) : "-",
-         q.scatters ? scatter(q.visible) : "-", range(q.next_low95, q.next_high95),
-         fmt::format("{:.2g}", q.alike_p), p.unit, p.verdict});
+         q.scatters ? scatter(q.visible) : "-", IntervalText(q.next_low95, q.next_high95),
+         fmt::format("{:.2g}", q.alike_p), p.unit == "1" ? "" : p.unit, p.verdict});
   }
   page->AddFigures(figures);
   page->AddTable(table);

@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "base/number.h"
 #include "base/table.h"
 #include "cli/fit_text.h"
 
@@ -18,7 +20,9 @@ using Repeat = data::FitRecord::Repeat;
 
 ordered_json Finite(double x) { return std::isfinite(x) ? ordered_json(x) : ordered_json(nullptr); }
 
-std::string Text(double x) { return std::isfinite(x) ? fmt::format("{:.5g}", x) : "-"; }
+std::string Text(double x, int digits = 5) {
+  return std::isfinite(x) ? IntervalEnd(x, digits) : "-";
+}
 
 std::string ValuesOverTrials(const data::FitRecord& record) {
   std::vector<std::vector<std::string>> rows = {{"parameter", "mean", "error", "95% low",
@@ -31,10 +35,12 @@ std::string ValuesOverTrials(const data::FitRecord& record) {
       if (!q.scatters) return std::string("-");
       return q.log ? fmt::format("{:.2g}%", 100.0 * s) : fmt::format("{:.2g}", s);
     };
-    rows.push_back({p.name, fmt::format("{:.6g}", p.value), fmt::format("{:.2g}", p.sigma),
-                    Text(p.low95), Text(p.high95), scatter(q.scatter), scatter(q.scatter_low95),
-                    scatter(q.scatter_high95), Text(q.next_low95), Text(q.next_high95), p.unit,
-                    p.verdict});
+    const int mean = IntervalDigits(p.low95, p.high95);
+    const int next = IntervalDigits(q.next_low95, q.next_high95);
+    rows.push_back({p.name, IntervalEnd(p.value, std::max(mean, 6)), fmt::format("{:.2g}", p.sigma),
+                    Text(p.low95, mean), Text(p.high95, mean), scatter(q.scatter),
+                    scatter(q.scatter_low95), scatter(q.scatter_high95), Text(q.next_low95, next),
+                    Text(q.next_high95, next), p.unit == "1" ? "" : p.unit, p.verdict});
   }
   return AlignedTable(rows);
 }

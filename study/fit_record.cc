@@ -108,9 +108,9 @@ void JudgeWhole(const correlate::FitProblem& problem, const correlate::FitResult
   record->verdict = WholeVerdict(parameters, r);
   for (std::size_t j = 0; j < parameters.size(); ++j) {
     record->reasons.push_back(
-        fmt::format("{} = {} {}: {}", parameters[j].name,
+        fmt::format("{} = {}{}: {}", parameters[j].name,
                     NumberWithError(r.parameters[j].value, r.parameters[j].sigma),
-                    parameters[j].unit, r.parameters[j].reason));
+                    UnitAfter(parameters[j].unit), r.parameters[j].reason));
   }
   AddTrialWords(problem.trials, r, record);
   AddLadderWords(r.ladder, record);

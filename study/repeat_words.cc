@@ -29,7 +29,7 @@ bool TooAlike(const Repeat::Parameter& q) { return q.scatters && !(q.scatter_hig
 std::string ScatterText(const Repeat::Parameter& q, const std::string& unit, double scatter) {
   constexpr int kDigits = 2;  // a scatter of few trials is not known better
   if (q.log) return Number(100.0 * scatter, kDigits) + "%";
-  return Number(scatter, kDigits) + (unit == "1" ? "" : " " + unit);
+  return Number(scatter, kDigits) + UnitAfter(unit);
 }
 
 std::string HowItScatters(const Repeat::Parameter& q, const std::string& unit) {
@@ -63,15 +63,16 @@ constexpr int kNextDigits = 6;  // a narrow interval of a large value keeps two 
 
 void JudgeParameter(const Repeat& r, const Repeat::Parameter& q, Parameter* p) {
   p->verdict = VerdictOf(r, q);
-  const std::string unit = p->unit == "1" ? "" : " " + p->unit;
-  p->reason = q.scatters
-                  ? fmt::format(
-                        "from trial to trial it {}; the next one's lies between {} and {}{} "
-                        "with 95%; alike with {}",
-                        HowItScatters(q, p->unit), Number(q.next_low95, kNextDigits),
-                        Number(q.next_high95, kNextDigits), unit, ProbabilityText(q.alike_p))
-                  : fmt::format("taken as one value for all trials; they agree on it with {}",
-                                ProbabilityText(q.alike_p));
+  const int digits = IntervalDigits(q.next_low95, q.next_high95, kNextDigits);
+  p->reason =
+      q.scatters
+          ? fmt::format(
+                "from trial to trial it {}; the next one's lies between {} and {}{} "
+                "with 95%; alike with {}",
+                HowItScatters(q, p->unit), Number(q.next_low95, digits),
+                Number(q.next_high95, digits), UnitAfter(p->unit), ProbabilityText(q.alike_p))
+          : fmt::format("taken as one value for all trials; they agree on it with {}",
+                        ProbabilityText(q.alike_p));
 }
 
 std::string AlikeWords(const data::FitRecord& record) {
@@ -157,8 +158,8 @@ void JudgeRepeat(const correlate::FittedTrials& fitted, const correlate::NextTri
   for (std::size_t j = 0; j < r.parameters.size(); ++j) {
     Parameter& p = record->parameters[j];
     JudgeParameter(r, r.parameters[j], &p);
-    record->reasons.push_back(
-        fmt::format("{} = {} {}: {}", p.name, NumberWithError(p.value, p.sigma), p.unit, p.reason));
+    record->reasons.push_back(fmt::format(
+        "{} = {}{}: {}", p.name, NumberWithError(p.value, p.sigma), UnitAfter(p.unit), p.reason));
   }
   AddLeftOutWords(r, record);
   AddNextWords(next, record);

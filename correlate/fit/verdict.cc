@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/dense.h"
+#include "base/number.h"
 #include "base/text.h"
 
 namespace unfurl::correlate {
@@ -62,26 +63,29 @@ std::vector<std::string> Imitators(const ReducedProblem& reduced,
 }
 
 std::string ProfileWords(const ParameterEstimate& e, const std::string& unit) {
+  constexpr int kReached = 4;  // digits of a place that a search came to
   const Profile& profile = e.profile;
   if (profile.points.empty()) return "";
   const bool low = std::isfinite(profile.low), high = std::isfinite(profile.high);
   if (low && high) {
-    return fmt::format(
-        "; 95% interval {:.5g} to {:.5g} {} (of the data alone, by profile, "
-        "{:.5g} to {:.5g})",
-        e.all95.low, e.all95.high, unit, e.data95.low, e.data95.high);
+    return fmt::format("; 95% interval {}{} (of the data alone, by profile, {})",
+                       IntervalText(e.all95.low, e.all95.high), UnitAfter(unit),
+                       IntervalText(e.data95.low, e.data95.high));
   }
   if ((!low && profile.lost_low) || (!high && profile.lost_high)) {
     return "; its profile could not be followed (the model is rough there)";
   }
   if (!low && !high) {
-    return fmt::format("; its profile stays below the 95% level from {:.4g} to {:.4g} {}",
-                       profile.reached_low, profile.reached_high, unit);
+    return fmt::format("; its profile stays below the 95% level from {}{}",
+                       IntervalText(profile.reached_low, profile.reached_high, kReached),
+                       UnitAfter(unit));
   }
-  return low ? fmt::format("; its profile stays below the 95% level up to {:.4g} {}",
-                           profile.reached_high, unit)
-             : fmt::format("; its profile stays below the 95% level down to {:.4g} {}",
-                           profile.reached_low, unit);
+  // As far as the value, so that the two can be told apart.
+  const double reached = low ? profile.reached_high : profile.reached_low;
+  const int digits =
+      IntervalDigits(std::min(e.value, reached), std::max(e.value, reached), kReached);
+  return fmt::format("; its profile stays below the 95% level {} to {}{}", low ? "up" : "down",
+                     IntervalEnd(reached, digits), UnitAfter(unit));
 }
 
 // The projection onto the space of parameters in which little is known, each scaled to what it

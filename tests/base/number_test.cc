@@ -48,6 +48,28 @@ TEST(NumberWithError, SharesOnePowerOfTen) {
   EXPECT_EQ(NumberWithError(3.2e9, 1.5e8), "(3.20 \u00b1 0.15)e9");
 }
 
+// However narrow, the ends read back are apart by the interval's width, to a tenth of it.
+TEST(IntervalText, TellsTheEndsApart) {
+  EXPECT_EQ(IntervalText(0.02, 0.03), "0.02 to 0.03");
+  EXPECT_EQ(IntervalText(0.019999998, 0.020000003), "0.019999998 to 0.020000003");
+  EXPECT_EQ(IntervalText(-1.5, kInfinity), "-1.5 to open");
+  EXPECT_EQ(IntervalText(2.0, 2.0), "2 to 2");
+  for (const double centre : {0.02, -3.7e8, 9.99999e-5, 1.0}) {
+    for (double part = 0.5; part > 1e-13; part /= 3.0) {
+      const double low = centre - part * std::abs(centre), high = centre + part * std::abs(centre);
+      const std::string text = IntervalText(low, high);
+      const double width = std::stod(text.substr(text.find(" to ") + 4)) - std::stod(text);
+      EXPECT_NEAR(width, high - low, 0.1 * (high - low)) << text;
+    }
+  }
+}
+
+TEST(UnitAfter, PlainNumbersHaveNone) {
+  EXPECT_EQ(UnitAfter("rad"), " rad");
+  EXPECT_EQ(UnitAfter("1"), "");
+  EXPECT_EQ(UnitAfter(""), "");
+}
+
 TEST(NumberWithError, WithoutAnErrorIsTheNumber) {
   EXPECT_EQ(NumberWithError(1.5, kNan, 2), "1.5");
   EXPECT_EQ(NumberWithError(1.5, 0.0, 2), "1.5");
