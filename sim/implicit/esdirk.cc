@@ -14,7 +14,7 @@ constexpr double kStrictness = 10.0;
 // by the rate of convergence, is this part of the error allowed; given up where it will not be
 // after so many iterations.
 constexpr double kStagePart = 1e-3;
-constexpr int kMostIterations = 8;
+constexpr int kEsdirkMostIterations = 8;
 // The part of that which a first iteration may leave without a second one to show the rate; and
 // roundings of 1e-16 of a position that one iteration changes by, of which a velocity sees the part
 // per h gamma.
@@ -110,7 +110,7 @@ Esdirk::Newton Esdirk::Judge(double norm, double wanted, double enough) {
   }
   quotient_ = quotient;
   if (rate < 1.0 && rate / (1.0 - rate) * norm <= wanted) return Newton::kSolved;
-  return iterations_ < kMostIterations ? Newton::kGoesOn : Newton::kFailed;
+  return iterations_ < kEsdirkMostIterations ? Newton::kGoesOn : Newton::kFailed;
 }
 
 // What stages leave is no noise but adds up, as many steps as there are; all of it together is to
@@ -219,7 +219,8 @@ double Esdirk::Try(double h) {
   // Rates of convergence fall with the step.
   const double use = std::max(slowest_ / kRateWanted, h / longest_solved_);
   norm = std::max(norm, std::min(1.0, std::pow(use, table_.error_order)));
-  longest_solved_ *= kRelief;
+  // After thousands of steps it would overflow.
+  if (longest_solved_ < std::numeric_limits<double>::max() / kRelief) longest_solved_ *= kRelief;
   if (norm <= 1.0) RefreshTrial();
   return norm;
 }

@@ -93,6 +93,23 @@ TEST(Esdirk, FourthOrderOnASwingingBeam) {
   }
 }
 
+// What is allowed after a step that failed grows with each that is solved, but not past all
+// numbers.
+TEST(Esdirk, ThousandsOfStepsAfterOneThatFailed) {
+  const Model model = ModelFrom(PendulumScene(0.7));
+  ErrorScale scale;
+  scale.rtol = kAnyError;
+  Dynamics dynamics(model);
+  Esdirk stepper(dynamics, scale, Ark436());
+  stepper.Start(0.0, model.initial_state);
+  ASSERT_GT(stepper.Try(1e3), 1.0);  // a thousand swings in a step
+  // log(1.8e308) / log(1.1) is below 7500.
+  for (int k = 1; k <= 7500; ++k) {
+    ASSERT_LE(stepper.Try(1e-3), 1.0) << k;
+    stepper.Accept(1e-3 * k);
+  }
+}
+
 // The dense output: a cubic for positions, its derivative for velocities.
 TEST(Esdirk, DenseOutput) {
   const Model model = ModelFrom(PendulumScene(0.7));
