@@ -29,7 +29,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-struct Arguments {
+struct CalibrateArguments {
   std::string survey, readings, layout, out, report, need;
   std::string lens = "rectilinear", order = "auto";
   data::StationSigmas sigmas;
@@ -131,7 +131,7 @@ std::string Text(const calib::Calibration& result, const std::string& out) {
          fmt::format("\n-> {}\n", out);
 }
 
-ordered_json Json(const calib::Calibration& result, const Arguments& arguments) {
+ordered_json Json(const calib::Calibration& result, const CalibrateArguments& arguments) {
   ordered_json summary = {{"survey", arguments.survey},
                           {"rig", arguments.out},
                           {"verdict", result.rig.verdict},
@@ -232,7 +232,7 @@ constexpr char kNotHanded[] =
     "the "
     "cameras were meant to stand (--layout)\n";
 
-int RunCalibrate(const Common& common, const Arguments& arguments) {
+int RunCalibrate(const Common& common, const CalibrateArguments& arguments) {
   data::Provenance provenance = StartProvenance(common);
   provenance.AddInput(arguments.survey);
   provenance.options["folds"] = std::to_string(arguments.options.folds);
@@ -278,7 +278,7 @@ int RunCalibrate(const Common& common, const Arguments& arguments) {
 }
 
 // Without a survey: what else was given holds for the bar, too.
-int RunWand(const Common& common, const Arguments& arguments) {
+int RunWand(const Common& common, const CalibrateArguments& arguments) {
   WandArguments wand = arguments.wand;
   wand.layout = arguments.layout;
   wand.need = arguments.need;
@@ -305,7 +305,7 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
                           "  unfurl calibrate --wand wand.csv --bar 0.7501m+-0.1mm");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<CalibrateArguments>();
   files.Read("SURVEY", &arguments->survey,
              "Surveyed points with readings (.csv, .h5) or raw lines (.h5)");
   files.WriteOr(

@@ -21,8 +21,8 @@ namespace {
 using calib::Calibration;
 using report::Level;
 
-constexpr std::size_t kWorst = 15;  // held-out points in the table, the worst first
-constexpr int kSlabs = 3;           // of the volume's height, for dots
+constexpr std::size_t kWorst = 15;      // held-out points in the table, the worst first
+constexpr int kCalibratePageSlabs = 3;  // of the volume's height, for dots
 
 std::string Cell(const Calibration& result, const char* check, double scale, int decimals) {
   const auto found = result.rig.checks.find(check);
@@ -35,13 +35,14 @@ std::string LengthCell(const Calibration& result, const char* check) {
   return found == result.rig.checks.end() ? "-" : LengthText(found->second);
 }
 
-Level LevelOf(const std::string& verdict) {
+Level LevelOfCalibratePage(const std::string& verdict) {
   if (verdict == calib::kGood) return Level::kGood;
   return verdict == calib::kWithCare ? Level::kCare : Level::kBad;
 }
 
 void AddHead(const Calibration& result, report::Page* page) {
-  page->AddWords(LevelOf(result.rig.verdict), "Verdict: " + result.rig.verdict, result.rig.reasons);
+  page->AddWords(LevelOfCalibratePage(result.rig.verdict), "Verdict: " + result.rig.verdict,
+                 result.rig.reasons);
   const auto& report = result.report;
   page->AddFigures(
       {{"error of a found point (predicted, median)",
@@ -151,8 +152,8 @@ void AddDots(const calib::Observations& data, const Calibration& result,
   map.x_high = high.x() + margin.x();
   map.y_low = low.y() - margin.y();
   map.y_high = high.y() + margin.y();
-  const double step = (high.z() - low.z()) / kSlabs;
-  for (int slab = 0; slab < kSlabs; ++slab) {
+  const double step = (high.z() - low.z()) / kCalibratePageSlabs;
+  for (int slab = 0; slab < kCalibratePageSlabs; ++slab) {
     map.panes.push_back({fmt::format("z from {:.2f} to {:.2f} m", low.z() + step * slab,
                                      low.z() + step * (slab + 1)),
                          {},
@@ -161,7 +162,8 @@ void AddDots(const calib::Observations& data, const Calibration& result,
   for (int i = 0; i < data.points(); ++i) {
     const auto point = static_cast<std::size_t>(i);
     if (!std::isfinite(value[point]) || result.report.survey_weight[point] < 1.0) continue;
-    const int slab = std::clamp(static_cast<int>((data.p(2, i) - low.z()) / step), 0, kSlabs - 1);
+    const int slab =
+        std::clamp(static_cast<int>((data.p(2, i) - low.z()) / step), 0, kCalibratePageSlabs - 1);
     map.panes[static_cast<std::size_t>(slab)].dots.push_back(
         {data.p(0, i), data.p(1, i), value[point],
          fmt::format("{}: {:.3f} {}", data.ids[point], value[point], axis.unit)});

@@ -16,21 +16,22 @@ namespace {
 
 using report::Level;
 
-Level LevelOf(const data::Rig& rig) {
+Level LevelOfCalibrateWandPage(const data::Rig& rig) {
   if (rig.verdict == calib::kDoNotUse) return Level::kBad;
   return rig.verdict == calib::kGood ? Level::kGood : Level::kCare;
 }
 
 void AddHead(const calib::WandCalibration& result, report::Page* page) {
   const calib::WandReport& report = result.report;
-  page->AddWords(LevelOf(result.rig), "The calibration: " + result.rig.verdict, result.rig.reasons);
+  page->AddWords(LevelOfCalibrateWandPage(result.rig), "The calibration: " + result.rig.verdict,
+                 result.rig.reasons);
   const auto check = [&](const char* name) {
     const auto found = result.rig.checks.find(name);
     return found == result.rig.checks.end() ? std::nan("") : found->second;
   };
   page->AddFigures(
       {{"distance of two found points", LengthText(report.distance_sigma),
-        "by the calibration, RMS over the volume", LevelOf(result.rig)},
+        "by the calibration, RMS over the volume", LevelOfCalibrateWandPage(result.rig)},
        {"the bar in held-out poses", LengthText(check("held_out_length_rms [m]")),
         "RMS; predicted " + LengthText(check("held_out_length_rms_predicted [m]"))},
        {"poses", fmt::format("{}", report.poses), fmt::format("{} passed over", report.dropped)}});

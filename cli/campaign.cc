@@ -40,7 +40,7 @@ using nlohmann::ordered_json;
 
 constexpr double kSlurmPart = 60.0;  // a task's length where none is given [s]
 
-struct Arguments {
+struct CampaignArguments {
   std::string action = "run", input, out, report, folder, engine = "local", shard, rows, until;
   std::vector<std::string> sets;
   std::optional<double> part;  // [s]
@@ -54,34 +54,34 @@ bool IsFolder(const std::string& path) {
   return fs::is_directory(path, ignored);
 }
 
-bool WritesRecord(const Arguments& a) {
+bool WritesRecord(const CampaignArguments& a) {
   return a.action != "status" && a.action != "cancel" && a.action != "answers" && a.shard.empty() &&
          a.rows.empty();
 }
 
-std::string FolderOf(const Arguments& a) {
+std::string FolderOf(const CampaignArguments& a) {
   if (IsFolder(a.input)) return a.input;
   return a.folder.empty() ? campaign::DefaultFolder(a.input) : a.folder;
 }
 
 // The record's name where none is given: "boom.h5" for plans/boom.toml and for boom.runs.
-std::string DefaultRecord(const Arguments& a) {
+std::string DefaultRecord(const CampaignArguments& a) {
   if (!WritesRecord(a)) return {};
   return DefaultOutput(fs::path(a.input).lexically_normal().string(), ".h5");
 }
 
-campaign::JobOptions JobOf(const Arguments& a) {
+campaign::JobOptions JobOf(const CampaignArguments& a) {
   return {fs::read_symlink("/proc/self/exe").string(), ProgramsAllowed(a.allow_programs)};
 }
 
-data::Campaign PlanOf(const Arguments& a) {
+data::Campaign PlanOf(const CampaignArguments& a) {
   std::vector<std::string> sets = a.sets;
   if (a.runs > 0) sets.push_back(fmt::format("campaign.runs={}", a.runs));
   if (!a.until.empty()) sets.push_back("campaign.until=" + a.until);
   return data::ReadCampaign(a.input, sets);
 }
 
-OpenCampaign OpenFor(const Arguments& a) {
+OpenCampaign OpenFor(const CampaignArguments& a) {
   if (!IsFolder(a.input)) return campaign::OpenPlan(PlanOf(a), FolderOf(a), JobOf(a));
   if (!a.sets.empty() || a.runs > 0 || !a.until.empty()) {
     throw Error("changes a plan, and this is a campaign's folder",
@@ -93,7 +93,7 @@ OpenCampaign OpenFor(const Arguments& a) {
   return campaign::OpenFolder(a.input, JobOf(a));
 }
 
-EngineOptions EngineOf(const Arguments& a) {
+EngineOptions EngineOf(const CampaignArguments& a) {
   EngineOptions options;
   options.program = JobOf(a).program;
   options.workers = a.workers;
@@ -115,7 +115,7 @@ campaign::RunRange ShardOf(const std::string& text, std::uint64_t runs) {
   return campaign::ShardRange(runs, static_cast<std::uint64_t>(i), static_cast<std::uint64_t>(n));
 }
 
-campaign::RunRange RangeOf(const Arguments& a, std::uint64_t runs) {
+campaign::RunRange RangeOf(const CampaignArguments& a, std::uint64_t runs) {
   if (!a.shard.empty()) return ShardOf(a.shard, runs);
   campaign::RunRange range;
   if (!campaign::ParseRange(a.rows, &range) || range.end() > runs) {
@@ -125,7 +125,7 @@ campaign::RunRange RangeOf(const Arguments& a, std::uint64_t runs) {
   return range;
 }
 
-int ComputeShard(const Common& common, const Arguments& a) {
+int ComputeShard(const Common& common, const CampaignArguments& a) {
   // Before a folder is made.
   if (!IsFolder(a.input)) RangeOf(a, campaign::Inputs(PlanOf(a)).runs());
   const OpenCampaign c = OpenFor(a);
@@ -140,7 +140,7 @@ int ComputeShard(const Common& common, const Arguments& a) {
   return kExitGood;
 }
 
-int ShowAnswers(const Common& common, const Arguments& a, const std::string& path,
+int ShowAnswers(const Common& common, const CampaignArguments& a, const std::string& path,
                 const ordered_json& extra, const std::string& head) {
   const campaign::CampaignRecord record = campaign::ReadRecord(path);
   const campaign::CampaignAnswers answers = campaign::Answer(record);
@@ -156,7 +156,7 @@ int ShowAnswers(const Common& common, const Arguments& a, const std::string& pat
   return answers.usable ? kExitGood : NotUsable(path, answers.message);
 }
 
-int MergeAndAnswer(const Common& common, const Arguments& a, const OpenCampaign& c,
+int MergeAndAnswer(const Common& common, const CampaignArguments& a, const OpenCampaign& c,
                    const ordered_json& extra, const std::string& head) {
   campaign::MergeParts(c.folder, c.inputs, c.files, a.out);
   const int code = ShowAnswers(common, a, a.out, extra, head + fmt::format("runs -> {}\n", a.out));
@@ -166,7 +166,7 @@ int MergeAndAnswer(const Common& common, const Arguments& a, const OpenCampaign&
 }
 
 // Here, by processes of this machine.
-int RunHere(const Common& common, const Arguments& a) {
+int RunHere(const Common& common, const CampaignArguments& a) {
   OpenCampaign c = OpenFor(a);
   const CampaignFolder::Lock lock(c.folder);
   EngineOptions options = EngineOf(a);
@@ -199,7 +199,7 @@ int RunHere(const Common& common, const Arguments& a) {
   return MergeAndAnswer(common, a, c, extra, head);
 }
 
-int ShowRare(const Common& common, const Arguments& a, const std::string& path,
+int ShowRare(const Common& common, const CampaignArguments& a, const std::string& path,
              const campaign::RareResult& rare, const std::string& head) {
   ordered_json json = campaign::RareJson(rare);
   json["output"] = path;
@@ -213,7 +213,7 @@ int ShowRare(const Common& common, const Arguments& a, const std::string& path,
   return rare.usable ? kExitGood : NotUsable(path, rare.message);
 }
 
-int RunRare(const Common& common, const Arguments& a) {
+int RunRare(const Common& common, const CampaignArguments& a) {
   if (IsFolder(a.input)) {
     throw Error("is a campaign's folder, and this design goes on from its plan", a.input,
                 "give the plan");
@@ -234,7 +234,7 @@ int RunRare(const Common& common, const Arguments& a) {
   return code;
 }
 
-int RunBySlurm(const Common& common, const Arguments& a) {
+int RunBySlurm(const Common& common, const CampaignArguments& a) {
   OpenCampaign c = OpenFor(a);
   const CampaignFolder::Lock lock(c.folder);
   const bool grows = !c.inputs.plan().design.until.empty();
@@ -267,14 +267,14 @@ int RunBySlurm(const Common& common, const Arguments& a) {
   return kExitGood;
 }
 
-int AnswersOf(const Common& common, const Arguments& a) {
+int AnswersOf(const Common& common, const CampaignArguments& a) {
   if (campaign::IsRare(a.input)) {
     return ShowRare(common, a, a.input, campaign::ReadRare(a.input), "");
   }
   return ShowAnswers(common, a, a.input, ordered_json::object(), "");
 }
 
-void Check(const Arguments& a) {
+void Check(const CampaignArguments& a) {
   if (a.part && !(*a.part > 0.0 && std::isfinite(*a.part))) {
     throw Error(fmt::format("{:g} s is no time", *a.part), "--part", "give seconds above 0");
   }
@@ -294,13 +294,13 @@ void Check(const Arguments& a) {
 }
 
 // Before a folder is made.
-void CheckUntil(const Arguments& a, const data::Campaign& plan) {
+void CheckUntil(const CampaignArguments& a, const data::Campaign& plan) {
   if (plan.design.until.empty() || a.wait) return;
   throw Error("wants somebody who looks at the answer and adds runs", "campaign.until",
               "give --wait, or a number of runs");
 }
 
-int Run(const Common& common, const Arguments& a) {
+int RunCampaign(const Common& common, const CampaignArguments& a) {
   Check(a);
   if (a.action == "answers") return AnswersOf(common, a);
   if (!a.shard.empty() || !a.rows.empty()) return ComputeShard(common, a);
@@ -318,7 +318,7 @@ int Run(const Common& common, const Arguments& a) {
   if (!IsFolder(FolderOf(a))) {
     throw Error("is not there", FolderOf(a), "`unfurl campaign PLAN.toml` begins one");
   }
-  Arguments of_folder = a;
+  CampaignArguments of_folder = a;
   of_folder.input = FolderOf(a);
   const OpenCampaign c = OpenFor(of_folder);
   const campaign::SlurmJobs jobs = campaign::ReadSlurmJobs(c.folder);
@@ -342,7 +342,7 @@ Verb AddCampaign(CLI::App& program, Common& common) {
                           "  unfurl campaign status plan.runs");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
-  auto a = std::make_shared<Arguments>();
+  auto a = std::make_shared<CampaignArguments>();
   app->validate_positionals();
   app->add_option("ACTION", a->action,
                   "run (default), resume, status, merge, cancel; answers: of a record, without "
@@ -380,7 +380,7 @@ Verb AddCampaign(CLI::App& program, Common& common) {
   app->add_option("--rows", a->rows, "Compute these runs only, FIRST:END from 0")
       ->type_name("FIRST:END");
   AddAllowPrograms(app, &a->allow_programs);
-  verb.run = [&common, a] { return Run(common, *a); };
+  verb.run = [&common, a] { return RunCampaign(common, *a); };
   return verb;
 }
 

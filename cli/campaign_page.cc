@@ -20,7 +20,8 @@ using campaign::CampaignRecord;
 using campaign::ResponseAnswer;
 using TextRows = std::vector<std::vector<std::string>>;
 
-constexpr std::size_t kMostDots = 1500;  // of a scatter picture: more are one blot, and megabytes
+constexpr std::size_t kCampaignPageMostDots =
+    1500;                                // of a scatter picture: more are one blot, and megabytes
 constexpr std::size_t kMostSteps = 400;  // of a distribution function: finer than pixels
 
 void AddTable(report::Page* page, const std::string& title, const std::string& note,
@@ -91,7 +92,7 @@ void AddScatter(report::Page* page, const CampaignRecord& record, const campaign
                 std::size_t variable, std::size_t response) {
   const data::CampaignVariable& v = record.plan.variables[variable];
   const data::CampaignResponse& r = record.plan.responses[response];
-  const std::uint64_t stride = std::max<std::uint64_t>(1, record.runs / kMostDots);
+  const std::uint64_t stride = std::max<std::uint64_t>(1, record.runs / kCampaignPageMostDots);
   std::vector<std::pair<double, double>> dots;
   std::vector<double> x(record.plan.variables.size());
   for (std::uint64_t run = 0; run < record.runs; run += stride) {

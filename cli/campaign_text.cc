@@ -15,13 +15,13 @@ namespace {
 using campaign::CampaignAnswers;
 using campaign::ResponseAnswer;
 using nlohmann::ordered_json;
-using Rows = std::vector<std::vector<std::string>>;
+using CampaignTextRows = std::vector<std::vector<std::string>>;
 
 std::string Named(const ResponseAnswer& r) {
   return r.unit.empty() ? r.name : r.name + " [" + r.unit + "]";
 }
 
-std::string Percent(double part) { return fmt::format("{:g}%", 100.0 * part); }
+std::string CampaignTextPercent(double part) { return fmt::format("{:g}%", 100.0 * part); }
 
 std::string IntervalText(const campaign::Interval& interval, int digits = 4) {
   return fmt::format("{} to {}", Number(interval.low, digits), Number(interval.high, digits));
@@ -45,8 +45,9 @@ const campaign::QuantileEstimate* QuantileAt(const campaign::Summary& s, double 
 
 }  // namespace
 
-Rows ProbabilityRows(const CampaignAnswers& a) {
-  Rows rows = {{"", "P", Percent(a.confidence) + " interval", "yes", "of", "runs for half of it"}};
+CampaignTextRows ProbabilityRows(const CampaignAnswers& a) {
+  CampaignTextRows rows = {{"", "P", CampaignTextPercent(a.confidence) + " interval", "yes", "of",
+                            "runs for half of it"}};
   for (const ResponseAnswer& r : a.responses) {
     if (!r.proportion) continue;
     rows.push_back({r.name, Number(r.proportion->value), IntervalText(r.proportion->interval),
@@ -56,9 +57,9 @@ Rows ProbabilityRows(const CampaignAnswers& a) {
   return rows;
 }
 
-Rows NumberRows(const CampaignAnswers& a) {
-  Rows rows = {{"", "mean", Percent(a.confidence) + " interval", "sigma", "least", "5%", "median",
-                "95%", "most", "runs for half of it"}};
+CampaignTextRows NumberRows(const CampaignAnswers& a) {
+  CampaignTextRows rows = {{"", "mean", CampaignTextPercent(a.confidence) + " interval", "sigma",
+                            "least", "5%", "median", "95%", "most", "runs for half of it"}};
   for (const ResponseAnswer& r : a.responses) {
     if (!r.summary) continue;
     const campaign::Summary& s = *r.summary;
@@ -73,8 +74,8 @@ Rows NumberRows(const CampaignAnswers& a) {
   return rows;
 }
 
-Rows ExtremeRows(const CampaignAnswers& a) {
-  Rows rows = {{"", "least", "in run", "most", "in run"}};
+CampaignTextRows ExtremeRows(const CampaignAnswers& a) {
+  CampaignTextRows rows = {{"", "least", "in run", "most", "in run"}};
   for (const ResponseAnswer& r : a.responses) {
     if (r.present == 0) continue;
     rows.push_back({Named(r), Number(r.minimum), fmt::format("{}", r.minimum_run),
@@ -83,13 +84,14 @@ Rows ExtremeRows(const CampaignAnswers& a) {
   return rows;
 }
 
-Rows ToleranceRows(const CampaignAnswers& a) {
-  Rows rows = {{"", "part", "lies between", "below", "above", "if normal, between"}};
+CampaignTextRows ToleranceRows(const CampaignAnswers& a) {
+  CampaignTextRows rows = {{"", "part", "lies between", "below", "above", "if normal, between"}};
   for (const ResponseAnswer& r : a.responses) {
     if (!r.summary) continue;
     for (const campaign::ToleranceEstimate& t : r.summary->tolerance) {
       if (!t.two_sided && !t.upper && !t.lower) continue;
-      rows.push_back({Named(r), Percent(t.content), t.two_sided ? IntervalText(*t.two_sided) : "-",
+      rows.push_back({Named(r), CampaignTextPercent(t.content),
+                      t.two_sided ? IntervalText(*t.two_sided) : "-",
                       t.upper ? Number(*t.upper) : "-", t.lower ? Number(*t.lower) : "-",
                       t.normal ? IntervalText(*t.normal) : "-"});
     }
@@ -97,8 +99,8 @@ Rows ToleranceRows(const CampaignAnswers& a) {
   return rows;
 }
 
-Rows CorrelationRows(const CampaignAnswers& a) {
-  Rows rows = {{"rank correlation"}};
+CampaignTextRows CorrelationRows(const CampaignAnswers& a) {
+  CampaignTextRows rows = {{"rank correlation"}};
   for (const std::string& variable : a.variables) rows[0].push_back(variable);
   for (const ResponseAnswer& r : a.responses) {
     if (r.correlations.empty()) continue;
@@ -112,8 +114,8 @@ Rows CorrelationRows(const CampaignAnswers& a) {
   return rows;
 }
 
-Rows SurrogateRows(const CampaignAnswers& a) {
-  Rows rows = {{"share by a surrogate"}};
+CampaignTextRows SurrogateRows(const CampaignAnswers& a) {
+  CampaignTextRows rows = {{"share by a surrogate"}};
   for (const std::string& variable : a.variables) rows[0].push_back(variable);
   rows[0].push_back("explained");
   for (const ResponseAnswer& r : a.responses) {
@@ -127,8 +129,8 @@ Rows SurrogateRows(const CampaignAnswers& a) {
   return rows;
 }
 
-Rows ShareRows(const CampaignAnswers& a) {
-  Rows rows = {{"", "variable", "alone", "+-", "with interactions", "+-", ""}};
+CampaignTextRows ShareRows(const CampaignAnswers& a) {
+  CampaignTextRows rows = {{"", "variable", "alone", "+-", "with interactions", "+-", ""}};
   for (const ResponseAnswer& r : a.responses) {
     if (!r.indices) continue;
     for (std::size_t j = 0; j < r.indices->inputs.size(); ++j) {
@@ -141,8 +143,8 @@ Rows ShareRows(const CampaignAnswers& a) {
   return rows;
 }
 
-Rows ScreeningRows(const CampaignAnswers& a) {
-  Rows rows = {{"", "variable", "rank", "mu*", "+-", "sigma", ""}};
+CampaignTextRows ScreeningRows(const CampaignAnswers& a) {
+  CampaignTextRows rows = {{"", "variable", "rank", "mu*", "+-", "sigma", ""}};
   for (const ResponseAnswer& r : a.responses) {
     if (!r.screening) continue;
     for (std::size_t j = 0; j < r.screening->inputs.size(); ++j) {
@@ -169,19 +171,19 @@ std::string CampaignText(const CampaignAnswers& a) {
   if (a.reasons.size() > kMostReasons) {
     out += fmt::format("  and for {} reasons more\n", a.reasons.size() - kMostReasons);
   }
-  for (const Rows& rows : {ProbabilityRows(a), NumberRows(a)}) {
+  for (const CampaignTextRows& rows : {ProbabilityRows(a), NumberRows(a)}) {
     if (rows.size() > 1) out += AlignedTable(rows);
   }
-  if (const Rows rows = CorrelationRows(a); rows.size() > 1) out += AlignedTable(rows);
-  if (const Rows rows = SurrogateRows(a); rows.size() > 1) out += AlignedTable(rows);
-  if (const Rows rows = ShareRows(a); rows.size() > 1) {
+  if (const CampaignTextRows rows = CorrelationRows(a); rows.size() > 1) out += AlignedTable(rows);
+  if (const CampaignTextRows rows = SurrogateRows(a); rows.size() > 1) out += AlignedTable(rows);
+  if (const CampaignTextRows rows = ShareRows(a); rows.size() > 1) {
     out += "shares of the variance (Sobol's indices)\n" + AlignedTable(rows);
   }
-  if (const Rows rows = ScreeningRows(a); rows.size() > 1) {
+  if (const CampaignTextRows rows = ScreeningRows(a); rows.size() > 1) {
     out += "change from one end of a variable to the other (Morris)\n" + AlignedTable(rows);
   }
   if (ProbabilityRows(a).size() == 1 && NumberRows(a).size() == 1) {
-    if (const Rows rows = ExtremeRows(a); rows.size() > 1) out += AlignedTable(rows);
+    if (const CampaignTextRows rows = ExtremeRows(a); rows.size() > 1) out += AlignedTable(rows);
   }
   for (const std::string& note : a.notes) out += "note: " + note + "\n";
   return out;

@@ -23,7 +23,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-struct Arguments {
+struct CheckArguments {
   std::string rig, input, report, need;
   calib::Bar bar;
   calib::CheckOptions options;
@@ -34,11 +34,11 @@ std::string Cell(double value, double scale, const char* format) {
 }
 
 // JSON has no infinity.
-ordered_json Number(double value) {
+ordered_json NumberOrNull(double value) {
   return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
 }
 
-int RunCheck(const Common& common, const Arguments& arguments) {
+int RunCheck(const Common& common, const CheckArguments& arguments) {
   data::Provenance provenance = StartProvenance(common);
   const data::Rig rig = data::ReadRig(arguments.rig);
   provenance.AddInput(arguments.rig);
@@ -79,8 +79,8 @@ int RunCheck(const Common& common, const Arguments& arguments) {
     summary["cameras"].push_back({{"name", camera.name},
                                   {"readings", camera.readings},
                                   {"shift_px", camera.shift_px},
-                                  {"shift_sigma_px", Number(camera.shift_sigma_px)},
-                                  {"shows_px", Number(camera.shows_px)},
+                                  {"shift_sigma_px", NumberOrNull(camera.shift_sigma_px)},
+                                  {"shows_px", NumberOrNull(camera.shows_px)},
                                   {"chance_without", camera.chance_without}});
     if (!bar) {
       summary["cameras"].back()["rms_px"] = camera.rms_px;
@@ -100,8 +100,8 @@ int RunCheck(const Common& common, const Arguments& arguments) {
     if (cause.point >= 0) one["point"] = result.points[static_cast<std::size_t>(cause.point)].id;
     const bool pixels =
         cause.kind == calib::CauseKind::kCamera || cause.kind == calib::CauseKind::kReading;
-    one["size"] = Number(cause.size);
-    one["sigma"] = Number(cause.sigma);
+    one["size"] = NumberOrNull(cause.size);
+    one["sigma"] = NumberOrNull(cause.sigma);
     one["unit"] = pixels ? "px" : "m";
     one["probability"] = cause.probability;
     summary["causes"].push_back(one);
@@ -130,7 +130,7 @@ Verb AddCheck(CLI::App& program, Common& common) {
                           "  unfurl check rig.h5 bar_readings.csv --bar 1.2000 --bar-sigma 5e-5");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<CheckArguments>();
   files.Read("RIG", &arguments->rig, "The rig to check [HDF5]")->required();
   files
       .Read("READINGS", &arguments->input,

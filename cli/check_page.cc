@@ -16,9 +16,9 @@ namespace {
 using calib::CheckResult;
 using report::Level;
 
-constexpr int kSlabs = 3;  // of the volume's height
+constexpr int kCheckPageSlabs = 3;  // of the volume's height
 
-Level LevelOf(const CheckResult& result) {
+Level LevelOfCheckPage(const CheckResult& result) {
   if (result.invalid) return Level::kBad;
   return result.chance >= result.options.doubtful ? Level::kGood : Level::kCare;
 }
@@ -31,7 +31,7 @@ std::string Cell(double value, double scale, int decimals) {
 }
 
 void AddHead(const CheckResult& result, bool bar, report::Page* page) {
-  const Level level = LevelOf(result);
+  const Level level = LevelOfCheckPage(result);
   page->AddWords(result.verdict == "doubtful" ? Level::kCare : level,
                  "The calibration is " + result.verdict, result.reasons);
   const auto found = std::count_if(result.points.begin(), result.points.end(),
@@ -118,8 +118,8 @@ void AddPlaces(const data::Rig& rig, const CheckResult& result, bool bar, report
   map.y_low = low.y();
   map.y_high = high.y();
   map.low = 0.0;
-  const double step = (high.z() - low.z()) / kSlabs;
-  for (int slab = 0; slab < kSlabs; ++slab) {
+  const double step = (high.z() - low.z()) / kCheckPageSlabs;
+  for (int slab = 0; slab < kCheckPageSlabs; ++slab) {
     map.panes.push_back({fmt::format("z from {:.2f} to {:.2f} m", low.z() + step * slab,
                                      low.z() + step * (slab + 1)),
                          {},
@@ -127,7 +127,8 @@ void AddPlaces(const data::Rig& rig, const CheckResult& result, bool bar, report
   }
   for (const calib::CheckedPoint& point : result.points) {
     if (!point.at.allFinite()) continue;
-    const int slab = std::clamp(static_cast<int>((point.at.z() - low.z()) / step), 0, kSlabs - 1);
+    const int slab =
+        std::clamp(static_cast<int>((point.at.z() - low.z()) / step), 0, kCheckPageSlabs - 1);
     const double sigmas = std::abs(point.error) / point.predicted;
     map.panes[static_cast<std::size_t>(slab)].dots.push_back(
         {point.at.x(), point.at.y(), sigmas,

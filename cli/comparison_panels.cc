@@ -15,7 +15,7 @@ using report::Chart;
 using report::Series;
 using report::Style;
 
-std::string Percent(double part) { return Number(100.0 * part, 3); }
+std::string ComparisonPanelsPercent(double part) { return Number(100.0 * part, 3); }
 
 // Stable poles in one colour, all others in grey behind them; dots at rising frequencies.
 Chart StabilisationChart(const std::string& whose, const correlate::ModalFit& fit) {
@@ -113,7 +113,7 @@ void AddModeTable(const correlate::Comparison& c, report::Page* page) {
       row[0] = NumberWithError(m.frequency, m.frequency_sigma);
       row[4] = NumberWithError(100.0 * m.damping, 100.0 * m.damping_sigma);
       row[8] = Number(shown * m.amplitude.cwiseAbs().maxCoeff(), 3);
-      row[9] = Percent(m.share);
+      row[9] = ComparisonPanelsPercent(m.share);
     }
     if (p.b >= 0) {
       const correlate::Mode& m = B[static_cast<std::size_t>(p.b)];
@@ -213,7 +213,7 @@ void AddScorePanels(const correlate::Comparison& c, report::Page* page) {
     const double k = channel ? 1.0 : kMilli;
     const std::string unit = channel && !s.unit.empty() ? " " + s.unit : "";
     errors.rows.push_back(
-        {s.name, Number(k * v.rmse, 3) + unit, Percent(v.nrmse),
+        {s.name, Number(k * v.rmse, 3) + unit, ComparisonPanelsPercent(v.nrmse),
          std::isfinite(v.r2) ? fmt::format("{:.5f}", v.r2) : "-", Number(k * v.largest, 3) + unit,
          s.sigmas > 0.0 ? Number(s.sigmas, 3) : "-", Number(v.sprague_geers_magnitude, 2),
          Number(v.sprague_geers_phase, 2), Number(v.sprague_geers, 2),

@@ -24,7 +24,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-struct Settings {
+struct CorrelateSettings {
   std::string record, reference, output, report, figures, window = "hann";
   std::string offset, drift, frame;  // what is known of A beforehand; empty: nothing is said
   std::string modes = "auto";
@@ -146,7 +146,7 @@ correlate::SpectralWindow WindowNamed(const std::string& name) {
 }
 
 // A study's instruments, as it says that they are, against a run.
-correlate::Comparison CompareStudy(const Settings& s) {
+correlate::Comparison CompareStudy(const CorrelateSettings& s) {
   const data::Study study = data::ReadStudy(s.record);
   if (study.trials.size() != 1 || study.trials.front().channels.empty()) {
     throw Error("holds no trial with channels, or several", s.record,
@@ -165,7 +165,7 @@ correlate::Comparison CompareStudy(const Settings& s) {
 bool IsStudy(const std::string& path) { return data::FormatOf(path) == data::FileFormat::kToml; }
 
 // Marks, unless channels were asked for or one of the two holds nothing else.
-correlate::Comparison Compared(const Settings& s) {
+correlate::Comparison Compared(const CorrelateSettings& s) {
   std::vector<correlate::ChannelName> pairs;
   for (const std::string& text : s.channels) {
     pairs.push_back(correlate::ParseChannelName(text, "--channels"));
@@ -186,7 +186,7 @@ correlate::Comparison Compared(const Settings& s) {
   return correlate::CompareChannels(s.record, s.reference, pairs, s.options);
 }
 
-int CorrelateVerb(const Common& common, Settings& s) {
+int CorrelateVerb(const Common& common, CorrelateSettings& s) {
   s.options.window = WindowNamed(s.window);
   if (s.options.from && s.options.to && !(*s.options.from < *s.options.to)) {
     throw Error(fmt::format("no time between {} and {} s", *s.options.from, *s.options.to),
@@ -223,7 +223,7 @@ Verb AddCorrelate(CLI::App& program, Common& common) {
       "unfurl correlate tracks.h5 run.h5 --report correlate.html");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
-  auto settings = std::make_shared<Settings>();
+  auto settings = std::make_shared<CorrelateSettings>();
   files
       .Read("A", &settings->record,
             "A run, tracks (.h5, .csv), channels (.csv, .uff, .h5), or a study: its channels")

@@ -20,9 +20,10 @@ using report::Chart;
 using report::Series;
 using report::Style;
 
-constexpr double kBand = 2.0;  // sigmas of the error band
+constexpr double kCorrelatePageBand = 2.0;  // sigmas of the error band
 
-std::vector<double> Scaled(const std::vector<double>& x, double factor, double zero = 0.0) {
+std::vector<double> CorrelatePageScaled(const std::vector<double>& x, double factor,
+                                        double zero = 0.0) {
   std::vector<double> out(x);
   for (double& v : out) v = factor * (v - zero);
   return out;
@@ -40,9 +41,14 @@ std::vector<report::Marker> LatchMarkers(const correlate::Comparison& c) {
 void AddBoth(const correlate::ComparedSignal& s, const std::string& of, const char* other,
              int color, Chart* chart, double zero = 0.0) {
   const double k = Shown(s.id);
-  Series measured{"measured" + of, s.t,  Scaled(s.measured, k, zero), Scaled(s.sigma, kBand * k),
-                  Style::kDots,    color};
-  Series reference{other + of, s.t, Scaled(s.reference, k, zero), {}, Style::kLine, color + 1};
+  Series measured{"measured" + of,
+                  s.t,
+                  CorrelatePageScaled(s.measured, k, zero),
+                  CorrelatePageScaled(s.sigma, kCorrelatePageBand * k),
+                  Style::kDots,
+                  color};
+  Series reference{other + of, s.t,          CorrelatePageScaled(s.reference, k, zero),
+                   {},         Style::kLine, color + 1};
   if (!s.reference.empty()) chart->series.push_back(std::move(reference));
   chart->series.push_back(std::move(measured));
 }
@@ -70,8 +76,8 @@ Chart ChannelResidual(const correlate::Comparison& c, const correlate::ComparedS
   for (std::size_t i = 0; i < left.size(); ++i) left[i] = s.measured[i] - s.reference[i];
   if (!s.sigma.empty()) {
     chart.series.push_back({"measurement's standard deviation", s.t,
-                            std::vector<double>(s.t.size(), 0.0), Scaled(s.sigma, kBand),
-                            Style::kLine, 7});
+                            std::vector<double>(s.t.size(), 0.0),
+                            CorrelatePageScaled(s.sigma, kCorrelatePageBand), Style::kLine, 7});
   }
   chart.series.push_back({"difference", s.t, std::move(left), {}, Style::kDots, 0});
   return chart;
@@ -86,7 +92,7 @@ void AddMotion(const correlate::Comparison& c, report::Page* page) {
   page->AddSection(c.reference_is_run ? "Measured over simulated" : "Comparison in time",
                    fmt::format("Dots: measured, with a band of ±{:.0f} standard deviations. Lines: "
                                "{}. Drag to zoom; all charts of time follow.",
-                               kBand, Other(c)));
+                               kCorrelatePageBand, Other(c)));
   for (const correlate::ComparedSignal& s : c.signals) {
     if (s.id.IsAngle()) page->AddTimeSeries(AngleChart(c, s));
     if (s.id.IsChannel()) page->AddTimeSeries(ChannelChart(c, s));
@@ -121,12 +127,12 @@ void AddPlane(const correlate::Comparison& c, report::Page* page) {
 
 void AddResiduals(const correlate::Comparison& c, report::Page* page) {
   if (c.reference.empty()) return;
-  page->AddSection(
-      "Residuals",
-      fmt::format("Measured less {}, with a band of ±{:.0f} standard deviations "
-                  "of the measurement about zero: where the two agree, the dots fill "
-                  "the band and nothing else.{}",
-                  Other(c), kBand, c.marks.empty() ? "" : " z is across the model's plane."));
+  page->AddSection("Residuals",
+                   fmt::format("Measured less {}, with a band of ±{:.0f} standard deviations "
+                               "of the measurement about zero: where the two agree, the dots fill "
+                               "the band and nothing else.{}",
+                               Other(c), kCorrelatePageBand,
+                               c.marks.empty() ? "" : " z is across the model's plane."));
   for (const correlate::ComparedSignal& s : c.signals) {
     if (s.id.IsChannel()) page->AddTimeSeries(ChannelResidual(c, s));
   }
@@ -144,9 +150,9 @@ void AddResiduals(const correlate::Comparison& c, report::Page* page) {
         left[i] = kMilli * (s->measured[i] - s->reference[i]);
       }
       if (c.observations.has_sigma && axis == 0) {
-        chart.series.push_back({"measurement's standard deviation", s->t,
-                                std::vector<double>(s->t.size(), 0.0),
-                                Scaled(s->sigma, kBand * kMilli), Style::kLine, 7});
+        chart.series.push_back(
+            {"measurement's standard deviation", s->t, std::vector<double>(s->t.size(), 0.0),
+             CorrelatePageScaled(s->sigma, kCorrelatePageBand * kMilli), Style::kLine, 7});
       }
       chart.series.push_back(
           {std::string(1, "xyz"[axis]), s->t, std::move(left), {}, Style::kDots, color++});

@@ -23,7 +23,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-struct Arguments {
+struct CostArguments {
   std::string scene, report;
   std::vector<std::string> sets;
   study::SceneCostOptions cost;
@@ -42,7 +42,7 @@ std::string Misplaced(const CLI::App& app, std::initializer_list<const char*> op
 }
 
 // Whether surveying is asked for. Throws Error for options of another kind, and for no input.
-bool IsOfRig(const CLI::App& app, const Arguments& arguments) {
+bool IsOfRig(const CLI::App& app, const CostArguments& arguments) {
   const bool rig = arguments.rig.asked();
   if (!rig && arguments.scene.empty()) {
     throw Error("is needed", "INPUT", "give a scene or a study, or --rig or --survey");
@@ -131,7 +131,7 @@ ordered_json CostJson(const std::string& scene, const study::SceneCost& cost) {
   return json;
 }
 
-int Run(const Common& common, const Arguments& arguments) {
+int RunCost(const Common& common, const CostArguments& arguments) {
   const data::Scene scene = data::ReadScene(arguments.scene, arguments.sets);
   study::SceneCostOptions options = arguments.cost;
   options.workers = arguments.study.workers;
@@ -172,7 +172,7 @@ Verb AddCost(CLI::App& program, Common& common) {
       "  unfurl cost --rig rig.h5 --need 0.5mm --lay-out points.csv");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<CostArguments>();
   files.Read("INPUT", &arguments->scene,
              "A scene: tolerances, methods, meshes, models of beams; a study: rungs, tolerance, "
              "horizon, starts, "
@@ -230,7 +230,7 @@ Verb AddCost(CLI::App& program, Common& common) {
                           "scene",
                   misplaced, "leave it out; `unfurl cost --help`");
     }
-    if (!study) return Run(common, *arguments);
+    if (!study) return RunCost(common, *arguments);
     CostStudyArguments of;
     of.study = arguments->scene;
     of.report = arguments->report;

@@ -18,7 +18,7 @@ using study::CostLine;
 using study::CostPercent;
 using study::CostPoint;
 using study::SceneCost;
-using TextTable = std::vector<std::vector<std::string>>;
+using CostPageTextTable = std::vector<std::vector<std::string>>;
 
 constexpr char kLinesNote[] =
     "Scale: what errors are parts of: the range of motion, the magnitude of a number. Known to: "
@@ -39,8 +39,8 @@ std::string ErrorText(const CostError& e) {
   return (e.bound && std::isfinite(e.rms) ? "< " : "") + CostPercent(e.rms);
 }
 
-TextTable LineRows(const SceneCost& cost) {
-  TextTable rows = {{"line", "scale", "known to"}};
+CostPageTextTable LineRows(const SceneCost& cost) {
+  CostPageTextTable rows = {{"line", "scale", "known to"}};
   for (const double target : study::kCostTargets) rows[0].push_back(CostPercent(target));
   for (std::size_t l = 0; l < cost.lines.size(); ++l) {
     const CostLine& line = cost.lines[l];
@@ -75,9 +75,10 @@ std::vector<bool> Named(const SceneCost& cost) {
 }
 
 // `all`: else what the lines name.
-TextTable SettingRows(const SceneCost& cost, bool all) {
+CostPageTextTable SettingRows(const SceneCost& cost, bool all) {
   const std::vector<bool> named = Named(cost);
-  TextTable rows = {{"beams", "method", "rtol", "#", "CPU [s]", "error", "largest", "in", "best"}};
+  CostPageTextTable rows = {
+      {"beams", "method", "rtol", "#", "CPU [s]", "error", "largest", "in", "best"}};
   for (const CostPoint& p : cost.points) {
     const auto at = static_cast<std::size_t>(&p - cost.points.data());
     if (!all && !named[at]) continue;
@@ -108,8 +109,8 @@ std::vector<std::string> SetLines(const SceneCost& cost) {
   return out;
 }
 
-report::Table PageTable(const std::string& title, const std::string& note, const TextTable& rows,
-                        std::vector<int> text_columns) {
+report::Table PageTable(const std::string& title, const std::string& note,
+                        const CostPageTextTable& rows, std::vector<int> text_columns) {
   report::Table table;
   table.title = title;
   table.note = note;

@@ -37,7 +37,7 @@ std::string What(const SurveySetting& of) {
   return text;
 }
 
-std::vector<std::vector<std::string>> Rows(const SurveyCost& cost) {
+std::vector<std::vector<std::string>> CostRigRows(const SurveyCost& cost) {
   std::vector<std::vector<std::string>> rows = {{"survey", "hours", "error", "of it calibration",
                                                  "and beside its covariance", "CPU [s]", "best"}};
   for (const SurveySetting& of : cost.settings) {
@@ -121,7 +121,7 @@ void WritePage(const std::string& path, const std::string& input, const SurveyCo
       "Best: nothing is both quicker to survey and better. Of wild readings the mean of some "
       "draws, "
       "by what found points are off.";
-  const auto rows = Rows(cost);
+  const auto rows = CostRigRows(cost);
   table.header = rows[0];
   table.text_columns = {0, 6};
   table.rows.assign(rows.begin() + 1, rows.end());
@@ -362,7 +362,7 @@ int RunCostRig(const Common& common, CostRigArguments of, const std::string& rep
   ordered_json json = Json(input, found);
   std::string text;
   for (const std::string& words : found.advice) text += words + "\n";
-  text += "\n" + AlignedTable(Rows(found));
+  text += "\n" + AlignedTable(CostRigRows(found));
   text += fmt::format(
       "\nerrors are 3-D, RMS over the volume; a point takes {} min, a pose {} s, setting up {} "
       "min; "

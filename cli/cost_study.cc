@@ -19,10 +19,10 @@ namespace unfurl::cli {
 namespace {
 
 using nlohmann::ordered_json;
-using TextTable = std::vector<std::vector<std::string>>;
+using CostStudyTextTable = std::vector<std::vector<std::string>>;
 
-TextTable Rows(const study::StudyCost& cost) {
-  TextTable rows = {{"what", "setting", "CPU [s]"}};
+CostStudyTextTable CostStudyRows(const study::StudyCost& cost) {
+  CostStudyTextTable rows = {{"what", "setting", "CPU [s]"}};
   for (std::size_t j = 0; j < cost.parameters.size(); ++j) {
     rows[0].push_back(fmt::format("{} +- [{}]", cost.parameters[j], cost.units[j]));
     rows[0].push_back("shift");
@@ -115,7 +115,7 @@ void WritePage(const Common& common, const CostStudyArguments& a, const study::S
   report::Table table;
   table.title = "Every setting";
   table.note = "Shift: of the value, in half intervals of the study as it is.";
-  const TextTable rows = Rows(cost);
+  const CostStudyTextTable rows = CostStudyRows(cost);
   table.header = rows[0];
   table.rows.assign(rows.begin() + 1, rows.end());
   const int last = static_cast<int>(rows[0].size()) - 1;
@@ -155,7 +155,7 @@ int RunCostStudy(const Common& common, const CostStudyArguments& a) {
   ordered_json json = Json(a.study, cost);
   std::string text = fmt::format("{}: the cheapest setting for intervals\n", a.study);
   for (const std::string& line : study::CostAdvice(cost)) text += "  " + line + "\n";
-  text += AlignedTable(Rows(cost));
+  text += AlignedTable(CostStudyRows(cost));
   text +=
       "(+-: half of the 95% interval of all parts; shift: of the value, in half intervals of the "
       "study as it is; best: none that is as well tested is both cheaper and narrower)\n";

@@ -30,7 +30,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-struct Arguments {
+struct DesignArguments {
   std::string study, candidates, rig, lab, write_lab, write_study, report, trial;
   std::vector<std::string> sets, wanted, kept;
   int stretches = 8;
@@ -77,7 +77,7 @@ ordered_json ToJson(const study::StudyDesign& d,
   return out;
 }
 
-ordered_json Json(const Arguments& a, const study::StudyDesign& d) {
+ordered_json Json(const DesignArguments& a, const study::StudyDesign& d) {
   ordered_json out = {{"study", a.study},
                       {"verdict", d.fit.record.verdict},
                       {"parameters", ordered_json::object()},
@@ -99,7 +99,7 @@ ordered_json Json(const Arguments& a, const study::StudyDesign& d) {
   return out;
 }
 
-std::string Text(const Arguments& a, const study::StudyDesign& d) {
+std::string Text(const DesignArguments& a, const study::StudyDesign& d) {
   std::string out = fmt::format("{}: {}\n", a.study, d.fit.record.verdict);
   for (std::size_t j = 0; j < d.now.size(); ++j) {
     const auto& p = d.fit.record.parameters[j];
@@ -160,7 +160,7 @@ correlate::CameraSights SightsOf(const data::Rig& rig) {
   return out;
 }
 
-void CheckOutputs(const Arguments& a, const study::DesignOptions& options) {
+void CheckOutputs(const DesignArguments& a, const study::DesignOptions& options) {
   if (!a.write_lab.empty() && a.lab.empty()) {
     throw Error("there is no laboratory to write", "--write-lab", "name it with --lab");
   }
@@ -170,7 +170,7 @@ void CheckOutputs(const Arguments& a, const study::DesignOptions& options) {
   }
 }
 
-std::string WriteOutputs(const Arguments& a, const study::DesignOptions& options,
+std::string WriteOutputs(const DesignArguments& a, const study::DesignOptions& options,
                          const study::StudyDesign& d, ordered_json* json) {
   std::string text;
   if (!a.write_lab.empty()) {
@@ -207,7 +207,7 @@ std::string WriteOutputs(const Arguments& a, const study::DesignOptions& options
   return text;
 }
 
-int Run(const Common& common, const Arguments& a) {
+int RunDesign(const Common& common, const DesignArguments& a) {
   const data::Study study = data::ReadStudy(a.study, a.sets);
   study::DesignOptions options;
   if (!a.candidates.empty()) options.candidates = data::ReadDesign(a.candidates);
@@ -259,7 +259,7 @@ Verb AddDesign(CLI::App& program, Common& common) {
                           "unfurl design study.toml --candidates next.toml --report design.html");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
-  auto a = std::make_shared<Arguments>();
+  auto a = std::make_shared<DesignArguments>();
   files.Read("STUDY", &a->study, "The study, whose trials are recorded (TOML)")->required();
   files.Read("--candidates", &a->candidates,
              "Marks, instruments and trials to choose from (TOML; docs/design.md)");
@@ -282,7 +282,7 @@ Verb AddDesign(CLI::App& program, Common& common) {
       ->capture_default_str();
   app->add_option("--workers", a->workers, "Simulations at a time (default: one per core)");
   AddAllowPrograms(app, &a->allow_programs);
-  verb.run = [&common, a] { return Run(common, *a); };
+  verb.run = [&common, a] { return RunDesign(common, *a); };
   return verb;
 }
 

@@ -10,7 +10,7 @@ namespace unfurl::cli {
 
 namespace {
 
-std::string Percent(double share) { return fmt::format("{:.3g}%", 100.0 * share); }
+std::string DesignPagePercent(double share) { return fmt::format("{:.3g}%", 100.0 * share); }
 
 std::string Times(double factor) {
   return std::isfinite(factor) ? fmt::format("x{:.3g}", factor) : "lost";
@@ -66,7 +66,7 @@ TextTable ContributionRows(const std::vector<correlate::Contribution>& parts,
   for (const correlate::Contribution& c : parts) {
     rows.push_back({c.name, std::to_string(c.readings)});
     for (std::size_t j = 0; j < parameters.size(); ++j) {
-      rows.back().push_back(Percent(c.share[j]));
+      rows.back().push_back(DesignPagePercent(c.share[j]));
       rows.back().push_back(Times(c.without[j]));
     }
   }

@@ -41,7 +41,7 @@ struct Finding {
   std::string found, remedy;
 };
 
-double Seconds(const std::function<void()>& work) {
+double DoctorSeconds(const std::function<void()>& work) {
   const auto start = std::chrono::steady_clock::now();
   work();
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -58,8 +58,8 @@ Finding Cores() {
   const std::size_t cores = WorkerCount(0);
   if (cores < 2) return {"cores", Health::kSlow, "1", "fits and reconstructions use all there are"};
   volatile double sink = 0.0;
-  const double one = Seconds([&] { sink = sink + Churn(0); });
-  const double two = Seconds([&] {
+  const double one = DoctorSeconds([&] { sink = sink + Churn(0); });
+  const double two = DoctorSeconds([&] {
     std::vector<double> out(2);
     ParallelFor(2, 2, [&](std::size_t i) { out[i] = Churn(i); });
     sink = sink + out[0] + out[1];
@@ -98,7 +98,7 @@ Finding Folder(const std::string& what, const fs::path& folder) {
                                                                  static_cast<double>(space.f_frsize)
                                                            : 0.0;
   bool written = false;
-  const double seconds = Seconds([&] {
+  const double seconds = DoctorSeconds([&] {
     std::FILE* stream = std::fopen(file.c_str(), "wbx");
     if (stream == nullptr) return;
     const std::vector<char> block(kBytes, 'x');
@@ -127,7 +127,7 @@ Finding Simulator() {
   options.simulate = sim::SolverOptions(scene);
   options.simulate->duration = 0.5;
   double evaluations = 0.0;
-  const double seconds = Seconds([&] {
+  const double seconds = DoctorSeconds([&] {
     const sim::Recording recording = sim::Record(scene, options);
     evaluations = static_cast<double>(recording.report.evaluations);
   });
@@ -164,7 +164,7 @@ Finding Program(const std::string& what, const std::vector<std::string>& words,
   return {what, Health::kGood, line, ""};
 }
 
-int Run(const Common& common) {
+int RunDoctor(const Common& common) {
   std::error_code failed;
   const fs::path temporary = fs::temp_directory_path(failed);
   const std::vector<Finding> findings = {
@@ -199,7 +199,7 @@ int Run(const Common& common) {
 Verb AddDoctor(CLI::App& program, Common& common) {
   Verb verb = DeclareVerb(program, common, "doctor",
                           "What this machine lacks, and what of it is slow", "unfurl doctor");
-  verb.run = [&common] { return Run(common); };
+  verb.run = [&common] { return RunDoctor(common); };
   return verb;
 }
 

@@ -24,10 +24,10 @@ namespace {
 
 using nlohmann::ordered_json;
 
-using Arguments = EffectsArguments;
+using EffectsArguments = EffectsArguments;
 using Told = EffectsTold;
 
-Told OfScene(const Common& common, const Arguments& a) {
+Told OfScene(const Common& common, const EffectsArguments& a) {
   study::SceneEffectsOptions options;
   options.part = a.part;
   options.duration = a.duration;
@@ -89,7 +89,7 @@ Told OfScene(const Common& common, const Arguments& a) {
   return out;
 }
 
-void WritePage(const Common& common, const Arguments& a, const Told& told) {
+void WritePage(const Common& common, const EffectsArguments& a, const Told& told) {
   report::Page page("Effects", a.input);
   page.AddWords(told.explained ? report::Level::kGood : report::Level::kCare,
                 std::string(told.closing.begin(), told.closing.end() - 1), {told.head});
@@ -107,7 +107,7 @@ void WritePage(const Common& common, const Arguments& a, const Told& told) {
   page.Write(a.report);
 }
 
-int Run(const Common& common, const Arguments& a) {
+int RunEffects(const Common& common, const EffectsArguments& a) {
   const bool of_study = data::KindOf(a.input) == "study";
   if (!of_study && !a.rival.empty()) {
     throw Error("a scene has no rivals", "--rival", "compare studies of the same trial");
@@ -144,7 +144,7 @@ Verb AddEffects(CLI::App& program, Common& common) {
                           "unfurl effects scene.toml --sigma 0.2mm -o reduced.toml");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
-  auto a = std::make_shared<Arguments>();
+  auto a = std::make_shared<EffectsArguments>();
   files
       .Read("INPUT", &a->input,
             "A scene: each effect off, at its parameters; a study: the parameters fitted again "
@@ -167,7 +167,7 @@ Verb AddEffects(CLI::App& program, Common& common) {
   files.Read("--rival", &a->rival,
              "Of a study: another study of the same trial, a competing law; how probable is each");
   app->add_flag("--each", a->each, "Each joint, beam and spring for itself");
-  verb.run = [&common, a] { return Run(common, *a); };
+  verb.run = [&common, a] { return RunEffects(common, *a); };
   return verb;
 }
 

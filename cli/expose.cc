@@ -23,17 +23,17 @@ namespace {
 
 using nlohmann::ordered_json;
 
-struct Settings {
+struct ExposeSettings {
   std::string run, points, lab, output, truth;
   std::vector<std::string> overrides;
   std::size_t workers = 0;
 };
 
-double Seconds(std::chrono::steady_clock::time_point start) {
+double ExposeSeconds(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-data::Provenance ProvenanceOf(const Common& common, const Settings& s, const data::Lab& lab) {
+data::Provenance ProvenanceOf(const Common& common, const ExposeSettings& s, const data::Lab& lab) {
   data::Provenance provenance = StartProvenance(common);
   provenance.AddInput(s.points.empty() ? s.run : s.points);
   provenance.AddInput(s.lab);
@@ -71,7 +71,7 @@ std::size_t Outside(const Eigen::Matrix3Xd& p, const data::Lab& lab) {
   return outside;
 }
 
-void CheckMarks(const data::Run& run, const Settings& s, const data::Lab& lab) {
+void CheckMarks(const data::Run& run, const ExposeSettings& s, const data::Lab& lab) {
   for (const std::string& slot : lab.strobe.slots) {
     for (const std::string& mark : data::MarksOfSlot(slot)) {
       if (run.Find(mark + ".x") >= 0) continue;
@@ -82,7 +82,7 @@ void CheckMarks(const data::Run& run, const Settings& s, const data::Lab& lab) {
   }
 }
 
-int ExposeSurveyVerb(const Common& common, const Settings& s) {
+int ExposeSurveyVerb(const Common& common, const ExposeSettings& s) {
   const auto start = std::chrono::steady_clock::now();
   const data::Lab lab = data::ReadLab(s.lab, s.overrides);
   const data::Survey points = data::ReadPointsCsv(s.points);
@@ -99,15 +99,16 @@ int ExposeSurveyVerb(const Common& common, const Settings& s) {
                                 {"points", survey.size()},
                                 {"cameras", survey.cameras},
                                 {"points_outside_volume", outside},
-                                {"seconds", Seconds(start)}};
-  std::string text = fmt::format("{}: {} points, lit and dark lines of {} cameras, {:.1f} s\n",
-                                 s.output, survey.size(), survey.cameras.size(), Seconds(start));
+                                {"seconds", ExposeSeconds(start)}};
+  std::string text =
+      fmt::format("{}: {} points, lit and dark lines of {} cameras, {:.1f} s\n", s.output,
+                  survey.size(), survey.cameras.size(), ExposeSeconds(start));
   if (outside > 0) text += fmt::format("{} of the points lie outside the lab's volume\n", outside);
   Finish(common, summary, text);
   return kExitGood;
 }
 
-int ExposeTrialVerb(const Common& common, const Settings& s) {
+int ExposeTrialVerb(const Common& common, const ExposeSettings& s) {
   const auto start = std::chrono::steady_clock::now();
   const data::Lab lab = data::ReadLab(s.lab, s.overrides);
   const data::Run run = data::ReadRun(s.run);
@@ -125,14 +126,17 @@ int ExposeTrialVerb(const Common& common, const Settings& s) {
 
   const std::size_t outside = Outside(truth.p, lab);
   const double duration = truth.t.empty() ? 0.0 : truth.t.back();
-  const ordered_json summary = {
-      {"output", s.output},       {"cameras", header.cameras},         {"marks", truth.marks},
-      {"flashes", truth.size()},  {"flashes_outside_volume", outside}, {"duration_s", duration},
-      {"seconds", Seconds(start)}};
+  const ordered_json summary = {{"output", s.output},
+                                {"cameras", header.cameras},
+                                {"marks", truth.marks},
+                                {"flashes", truth.size()},
+                                {"flashes_outside_volume", outside},
+                                {"duration_s", duration},
+                                {"seconds", ExposeSeconds(start)}};
   std::string text =
       fmt::format("{}: {:.2f} s of {} cameras at {:g} lines/s, {} flashes of {} marks, {:.1f} s\n",
                   s.output, duration, header.cameras.size(), header.line_rate, truth.size(),
-                  truth.marks.size(), Seconds(start));
+                  truth.marks.size(), ExposeSeconds(start));
   if (outside > 0) {
     text += fmt::format(
         "{} flashes lie outside the lab's volume: the rig is not calibrated there\n", outside);
@@ -151,7 +155,7 @@ Verb AddExpose(CLI::App& program, Common& common) {
                   "  unfurl expose --survey points.csv --lab lab.toml -o survey.h5");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
-  auto s = std::make_shared<Settings>();
+  auto s = std::make_shared<ExposeSettings>();
   auto* run = files.Read("RUN", &s->run, "The run whose marks are recorded [HDF5]");
   auto* survey = files.Read("--survey", &s->points, "Record a survey of these points [CSV]");
   run->excludes(survey);

@@ -27,7 +27,7 @@ namespace unfurl::cli {
 
 namespace {
 
-struct Settings {
+struct FitSettings {
   std::string study, output, report, tracks;
   std::vector<std::string> sets;
   FitEngineArguments engine;
@@ -76,11 +76,11 @@ std::string ProgressNote(const correlate::FitProgress& at,
   return note;
 }
 
-using Seconds = std::function<double()>;  // since the start
+using FitSeconds = std::function<double()>;  // since the start
 
 // One value of each parameter for all trials.
-int FitOnce(const Common& common, const Settings& s, const data::Study& study,
-            const study::FitStudyOptions& options, const Seconds& seconds) {
+int FitOnce(const Common& common, const FitSettings& s, const data::Study& study,
+            const study::FitStudyOptions& options, const FitSeconds& seconds) {
   const study::StudyFit fit = study::Fit(study, options);
   if (!s.report.empty()) {
     WriteFitPage(s.report, {fit.record, fit.problem(), fit.result, fit.comparison, fit.provenance});
@@ -94,8 +94,8 @@ int FitOnce(const Common& common, const Settings& s, const data::Study& study,
 }
 
 // Trials that scatter.
-int FitTrials(const Common& common, const Settings& s, const data::Study& study,
-              const study::FitStudyOptions& options, const Seconds& seconds) {
+int FitTrials(const Common& common, const FitSettings& s, const data::Study& study,
+              const study::FitStudyOptions& options, const FitSeconds& seconds) {
   const study::RepeatFit fit = study::FitRepeat(study, options);
   if (!s.report.empty()) WriteRepeatPage(s.report, fit.record, fit.provenance);
   const double took = seconds();
@@ -105,7 +105,7 @@ int FitTrials(const Common& common, const Settings& s, const data::Study& study,
 }
 
 // The command by which another process answers what this fit asks, but for the folder.
-std::vector<std::string> ServingWords(const Settings& s) {
+std::vector<std::string> ServingWords(const FitSettings& s) {
   std::vector<std::string> words = {std::filesystem::read_symlink("/proc/self/exe").string(), "fit",
                                     s.study};
   for (const std::string& set : s.sets) words.insert(words.end(), {"--set", set});
@@ -116,7 +116,7 @@ std::vector<std::string> ServingWords(const Settings& s) {
 }
 
 // Works for a fit that another process runs.
-int ServeFit(const Common& common, const Settings& s, const data::Study& study,
+int ServeFit(const Common& common, const FitSettings& s, const data::Study& study,
              const study::FitStudyOptions& options) {
   const study::StudyProblems problems = study::ProblemsOf(study, options);
   const auto folder = campaign::EvaluationFolder::Open(s.engine.serve, problems.identity);
@@ -127,7 +127,7 @@ int ServeFit(const Common& common, const Settings& s, const data::Study& study,
   return kExitGood;
 }
 
-int FitVerb(const Common& common, const Settings& s) {
+int FitVerb(const Common& common, const FitSettings& s) {
   Check(s.engine);
   if (!s.engine.serve.empty() && (!s.report.empty() || s.resume)) {
     throw Error("is for a fit, and --serve works for one", s.resume ? "--resume" : "--report",
@@ -191,7 +191,7 @@ Verb AddFit(CLI::App& program, Common& common) {
                   "  unfurl fit study.toml --engine slurm --workers 32 --sbatch=--time=02:00:00");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
-  auto settings = std::make_shared<Settings>();
+  auto settings = std::make_shared<FitSettings>();
   files.Read("STUDY", &settings->study, "The study (TOML)")->required();
   files.WriteOr(
       "-o,--output", &settings->output,

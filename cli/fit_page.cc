@@ -20,7 +20,7 @@ namespace {
 
 using report::Level;
 
-Level LevelOf(correlate::Verdict verdict) {
+Level LevelOfFitPage(correlate::Verdict verdict) {
   switch (verdict) {
     case correlate::Verdict::kDetermined:
       return Level::kGood;
@@ -65,7 +65,7 @@ void AddParameters(const FitPageInput& in, report::Page* page) {
     const auto& p = in.record.parameters[j];
     const auto& e = in.result.parameters[j];
     figures.push_back({p.name, NumberWithError(p.value, p.sigma) + UnitAfter(p.unit), p.verdict,
-                       LevelOf(e.verdict)});
+                       LevelOfFitPage(e.verdict)});
     const std::string keys =
         p.keys.front() + (p.keys.size() > 1 ? fmt::format(" and {} more", p.keys.size() - 1) : "");
     values.rows.push_back(
@@ -296,7 +296,7 @@ void WriteFitPage(const std::string& path, const FitPageInput& in) {
   report::Page page("Fit", in.record.study);
   Level level = in.result.Usable() ? Level::kGood : Level::kBad;
   for (const auto& p : in.result.parameters) {
-    if (in.result.Usable()) level = std::max(level, LevelOf(p.verdict));
+    if (in.result.Usable()) level = std::max(level, LevelOfFitPage(p.verdict));
   }
   page.AddWords(level, in.record.verdict, in.record.reasons);
   if (in.record.measured.cols() > 0 || !in.record.channels.empty()) {

@@ -85,9 +85,9 @@ class Tellers : public measure::LiveListener {
 };
 
 // One run: what comes in, what becomes of it, and where it goes.
-class Run {
+class LiveRun {
  public:
-  Run(const Common& common, const LiveSettings& s)
+  LiveRun(const Common& common, const LiveSettings& s)
       : settings_(s), rig_(data::ReadRig(s.rig)), out_(!common.quiet), json_(&out_, &told_) {
     if (!s.like.empty()) like_.emplace(s.like);
     if (!s.report.empty()) page_.emplace(s, ProvenanceOf(common, s));
@@ -281,7 +281,7 @@ int RunLive(const Common& common, const LiveSettings& s) {
   if (!std::isfinite(s.options.watch.patience) || s.options.watch.patience < 0.0) {
     throw Error("is no time to wait", "--patience", "give seconds");
   }
-  return Run(common, s).Follow();
+  return LiveRun(common, s).Follow();
 }
 
 }  // namespace unfurl::cli

@@ -25,7 +25,7 @@ std::string Text(const ordered_json& value) {
   return value.dump(-1, ' ', false, ordered_json::error_handler_t::replace);
 }
 
-ordered_json Finite(double value) {
+ordered_json LiveOutputFinite(double value) {
   return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
 }
 
@@ -162,9 +162,9 @@ void LiveJson::Looked(double t, const measure::HealthReport& report) {
     if (last == slices.rend()) continue;
     camera = {{"t", last->t},
               {"offset_px", last->offset_px},
-              {"sigma_px", Finite(last->sigma_px)},
-              {"gain", Finite(last->gain)},
-              {"width_px", Finite(last->width_px)}};
+              {"sigma_px", LiveOutputFinite(last->sigma_px)},
+              {"gain", LiveOutputFinite(last->gain)},
+              {"width_px", LiveOutputFinite(last->width_px)}};
   }
   for (const measure::Fault& fault : report.faults) {
     line["faults"].push_back(measure::Describe(fault, pass.layout().cameras));

@@ -14,13 +14,13 @@ namespace unfurl::cli {
 
 namespace {
 
-constexpr double kEvery = 1.0;     // [s] between two pages: what an eye follows
-constexpr double kShown = 60.0;    // [s] of the marks' ways
+constexpr double kEvery = 1.0;           // [s] between two pages: what an eye follows
+constexpr double kLivePageShown = 60.0;  // [s] of the marks' ways
 constexpr double kDotEvery = 0.1;  // [s]: 600 dots of a mark, so that memory and page do not grow
 constexpr std::size_t kLog = 40;   // notices that are kept: two screens of them
 
 // Where a reading is in its row, as a bar of characters; no browser's script needed.
-std::string Bar(double u, int pixels) {
+std::string LivePageBar(double u, int pixels) {
   constexpr int kCells = 30;  // characters: what a row of a table has room for
   std::string bar;
   const int at = static_cast<int>(std::floor((u + 0.5) / pixels * kCells));
@@ -28,7 +28,7 @@ std::string Bar(double u, int pixels) {
   return bar;
 }
 
-report::Level LevelOf(const measure::LiveNotice& notice) {
+report::Level LevelOfLivePage(const measure::LiveNotice& notice) {
   using measure::NoticeKind;
   const bool view = notice.kind == NoticeKind::kBlocked || notice.kind == NoticeKind::kAim;
   return view ? report::Level::kCare : report::Level::kBad;
@@ -56,7 +56,7 @@ void AddWords(const LivePageState& s, report::Page* page) {
   std::vector<std::string> others;
   report::Level level = report::Level::kCare;
   for (const measure::LiveNotice& notice : s.standing) {
-    if (LevelOf(notice) == report::Level::kBad) level = report::Level::kBad;
+    if (LevelOfLivePage(notice) == report::Level::kBad) level = report::Level::kBad;
     if (&notice != &s.standing.front()) others.push_back(Sentence(notice));
   }
   page->AddWords(level, Sentence(s.standing.front()), others);
@@ -93,7 +93,7 @@ void AddViews(const LivePageState& s, report::Page* page) {
       const bool read = std::isfinite(view.u_px);
       table.rows.push_back({s.cameras[c], s.marks[m], fmt::format("{} of {}", view.seen, view.lit),
                             read ? fmt::format("{:.2f}", view.u_px) : "",
-                            read ? Bar(view.u_px, s.pixels[c]) : "",
+                            read ? LivePageBar(view.u_px, s.pixels[c]) : "",
                             view.width_px > 0.0 ? fmt::format("{:.2f}", view.width_px) : "",
                             view.flux > 0.0 ? fmt::format("{:.0f}", view.flux) : ""});
     }
@@ -107,7 +107,7 @@ void AddWays(const LivePageState& s, report::Page* page) {
     report::Chart chart;
     chart.title = fmt::format("The marks, {}", kAxes[k]);
     chart.note = k == 0 ? fmt::format("The last {:.0f} s, a dot every {} s; a gap has no position.",
-                                      kShown, kDotEvery)
+                                      kLivePageShown, kDotEvery)
                         : "";
     chart.y = {kAxes[k], "m", false};
     for (std::size_t m = 0; m < s.marks.size(); ++m) {
@@ -197,7 +197,7 @@ void LivePage::Samples(const data::Tracks& tracks) {
     for (std::size_t k = 0; k < 3; ++k) {
       way.p[k].push_back(tracks.p(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(i)));
     }
-    while (way.t.back() - way.t.front() > kShown) {
+    while (way.t.back() - way.t.front() > kLivePageShown) {
       way.t.pop_front();
       for (std::size_t k = 0; k < 3; ++k) way.p[k].pop_front();
     }

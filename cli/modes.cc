@@ -20,7 +20,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-struct Arguments {
+struct ModesArguments {
   std::string scene, out, report, state = "auto";
   std::vector<std::string> sets;
   std::optional<double> at;  // [s]
@@ -59,7 +59,7 @@ std::string ModeText(const data::ModesRecord& record, ordered_json* json) {
   return AlignedTable(ModeRows(record));
 }
 
-int Run(const Common& common, const Arguments& arguments) {
+int RunModes(const Common& common, const ModesArguments& arguments) {
   sim::ModesOptions options;
   options.count = arguments.count;
   options.state = sim::ModesStateOf(arguments.state);
@@ -115,7 +115,7 @@ Verb AddModes(CLI::App& program, Common& common) {
                           "unfurl modes scene.toml --count 8 -o shapes.h5");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<ModesArguments>();
   files.Read("SCENE", &arguments->scene, "The scene (TOML)")->required();
   files.Write("-o,--output", &arguments->out, "Where to write the shapes (.h5 or .csv)");
   files.Page(&arguments->report, "Also write a page with the shapes in motion (HTML)");
@@ -129,7 +129,7 @@ Verb AddModes(CLI::App& program, Common& common) {
   app->add_flag("--as-is", arguments->as_is,
                 "Take the state as it is, and look for no equilibrium");
   app->add_option("--count", arguments->count, "How many modes")->capture_default_str();
-  verb.run = [&common, arguments] { return Run(common, *arguments); };
+  verb.run = [&common, arguments] { return RunModes(common, *arguments); };
   return verb;
 }
 

@@ -11,17 +11,18 @@ namespace unfurl::cli {
 
 namespace {
 
-constexpr std::size_t kMostFrames = 2000;   // forty seconds of pictures at the usual rate
-constexpr std::size_t kBlockRows = 65536;   // of a column, read at once
+constexpr std::size_t kMostFrames = 2000;             // forty seconds of pictures at the usual rate
+constexpr std::size_t kMotionPanelBlockRows = 65536;  // of a column, read at once
 constexpr std::size_t kMostSamples = 1500;  // of a mark's path: as many as a screen has columns
 
 // A quantity, or the time (-1), at these rising places, read block by block.
 std::vector<double> ReadChosen(const data::RunReader& run, int quantity,
                                const std::vector<std::size_t>& rows) {
-  std::vector<double> out, block(kBlockRows);
+  std::vector<double> out, block(kMotionPanelBlockRows);
   out.reserve(rows.size());
   for (std::size_t k = 0; k < rows.size();) {
-    const std::size_t first = rows[k], count = std::min(kBlockRows, rows.back() + 1 - first);
+    const std::size_t first = rows[k],
+                      count = std::min(kMotionPanelBlockRows, rows.back() + 1 - first);
     const std::span<double> values(block.data(), count);
     if (quantity < 0) {
       run.file().ReadRows("/t", first, count, values);

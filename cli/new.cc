@@ -128,7 +128,7 @@ void WriteAll(const Start& start, const fs::path& folder) {
   }
 }
 
-int Run(const Common& common, const std::string& kind, const std::string& given) {
+int RunNew(const Common& common, const std::string& kind, const std::string& given) {
   const Start& start = StartOf(kind);
   const std::string folder = given.empty() ? kind : given;
   WriteAll(start, folder);
@@ -172,7 +172,7 @@ Verb AddNew(CLI::App& program, Common& common) {
       "DIR", folder.get(), [names] { return names; },
       "The folder to make (default: the kind's name); files that are there stay");
   verb.app->footer(footer + "\nExample:\n  unfurl new boom my_boom");
-  verb.run = [&common, kind, folder] { return Run(common, *kind, *folder); };
+  verb.run = [&common, kind, folder] { return RunNew(common, *kind, *folder); };
   return verb;
 }
 

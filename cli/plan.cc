@@ -27,7 +27,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-struct Arguments {
+struct PlanArguments {
   std::string input, report, need;
   std::string points = "200", station;  // a number or a file; an accuracy
   std::vector<double> station_at;       // [m]
@@ -44,7 +44,7 @@ bool IsHdf5(const std::string& path) {
   return file.gcount() == 4 && std::string(signature, 4) == "\x89HDF";
 }
 
-report::Level LevelOf(calib::PlanVerdict verdict) {
+report::Level LevelOfPlan(calib::PlanVerdict verdict) {
   switch (verdict) {
     case calib::PlanVerdict::kGood:
       return report::Level::kGood;
@@ -56,10 +56,10 @@ report::Level LevelOf(calib::PlanVerdict verdict) {
   return report::Level::kBad;
 }
 
-void WritePage(const Arguments& arguments, const calib::PlanResult& out,
+void WritePage(const PlanArguments& arguments, const calib::PlanResult& out,
                const data::Provenance& provenance) {
   report::Page page("Plan of a rig", arguments.input);
-  page.AddWords(LevelOf(out.verdict), out.headline, out.reasons);
+  page.AddWords(LevelOfPlan(out.verdict), out.headline, out.reasons);
   report::Table table;
   const auto rows = LossTable(out.cases);
   table.title = "Error of a found point";
@@ -106,7 +106,7 @@ void WritePage(const Arguments& arguments, const calib::PlanResult& out,
 }
 
 // Places to survey by --points and --station, where either asks for other than the laboratory's.
-void SetSurvey(Arguments* arguments, bool rig, data::Provenance* provenance) {
+void SetSurvey(PlanArguments* arguments, bool rig, data::Provenance* provenance) {
   // Fewer readings determine no camera (GuessOptions); more points are a slip of the keyboard.
   constexpr double kFewest = 12, kMost = 100000;
   double count = 0.0;
@@ -131,7 +131,7 @@ void SetSurvey(Arguments* arguments, bool rig, data::Provenance* provenance) {
       calib::PlannedSurvey(data::ReadPointsCsv(arguments->points), station, arguments->points);
 }
 
-int RunPlan(const Common& common, Arguments arguments) {
+int RunPlan(const Common& common, PlanArguments arguments) {
   data::Provenance provenance = StartProvenance(common);
   provenance.AddInput(arguments.input);
   arguments.plan.need = NeedOption(arguments.need);
@@ -179,7 +179,7 @@ Verb AddPlan(CLI::App& program, Common& common) {
                           "  unfurl plan rig.h5");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<PlanArguments>();
   files.Read("INPUT", &arguments->input, "A laboratory [TOML], or a rig [HDF5]")->required();
   files.Page(&arguments->report, "A page with the maps [HTML]");
   AddNeedOption(app, &arguments->need);

@@ -41,7 +41,7 @@ namespace {
 
 using nlohmann::ordered_json;
 
-struct Settings {
+struct ReconstructSettings {
   std::string trial, rig, output, picture, report, start, events;
   bool smooth = false;
   bool correct = false;
@@ -53,7 +53,7 @@ struct Settings {
 
 // Times on the record's clock: listed, or a run's latches, by way of the run's alignment with the
 // record.
-std::vector<double> EventTimes(const Settings& s, const data::Tracks& tracks) {
+std::vector<double> EventTimes(const ReconstructSettings& s, const data::Tracks& tracks) {
   std::vector<double> times;
   if (s.events.empty()) return times;
   if (data::FormatOf(s.events) != data::FileFormat::kHdf5) {
@@ -90,7 +90,7 @@ std::vector<double> EventTimes(const Settings& s, const data::Tracks& tracks) {
 }
 
 // Checks what belongs together, and gives the options with every file that enters.
-measure::ReconstructOptions OptionsOf(const Settings& s, data::Provenance* provenance) {
+measure::ReconstructOptions OptionsOf(const ReconstructSettings& s, data::Provenance* provenance) {
   provenance->AddInput(s.trial);
   provenance->AddInput(s.rig);
   measure::ReconstructOptions options;
@@ -112,7 +112,8 @@ measure::ReconstructOptions OptionsOf(const Settings& s, data::Provenance* prove
 }
 
 // The tracks of the whole record, smoothed.
-data::Tracks SmoothAll(const Settings& s, data::Tracks all, measure::SmoothReport* report) {
+data::Tracks SmoothAll(const ReconstructSettings& s, data::Tracks all,
+                       measure::SmoothReport* report) {
   measure::TrimTracks(&all);
   measure::SmoothOptions smooth;
   smooth.events = EventTimes(s, all);
@@ -123,8 +124,8 @@ data::Tracks SmoothAll(const Settings& s, data::Tracks all, measure::SmoothRepor
 }
 
 // Counts by mark and camera, for --json.
-ordered_json Summarize(const Settings& s, const data::Rig& rig, const data::Tracks& layout,
-                       const measure::ReconstructSummary& done,
+ordered_json Summarize(const ReconstructSettings& s, const data::Rig& rig,
+                       const data::Tracks& layout, const measure::ReconstructSummary& done,
                        const measure::SmoothReport& smoothing) {
   ordered_json summary = {{"output", s.output},
                           {"verdict_of_rig", rig.verdict},
@@ -195,7 +196,7 @@ std::string DescribeSigmas(const measure::SigmaSummary& sigmas, ordered_json* su
   return text + "\n";
 }
 
-ReconstructPageInput PageOf(const Settings& s, const data::Rig& rig,
+ReconstructPageInput PageOf(const ReconstructSettings& s, const data::Rig& rig,
                             const measure::Reconstructor& reconstructor, const TracksDigest& digest,
                             const measure::SigmaSummary& sigmas) {
   ReconstructPageInput page;
@@ -213,7 +214,7 @@ ReconstructPageInput PageOf(const Settings& s, const data::Rig& rig,
 }
 
 // Says what came out of it; the exit code.
-int Conclude(const Common& common, const Settings& s, const data::Rig& rig,
+int Conclude(const Common& common, const ReconstructSettings& s, const data::Rig& rig,
              const measure::Reconstructor& reconstructor, const measure::SigmaSummary& sigmas,
              const measure::SmoothReport& smoothing, const data::TrialHealth& health,
              double seconds) {
@@ -258,8 +259,8 @@ struct Pass {
 };
 
 // `picture`, when not null, is drawn.
-void Run(const Common& common, const Settings& s, const measure::TrialRecord& trial,
-         const data::Provenance& provenance, measure::StreakPicture* picture, Pass* pass) {
+void RunPass(const Common& common, const ReconstructSettings& s, const measure::TrialRecord& trial,
+             const data::Provenance& provenance, measure::StreakPicture* picture, Pass* pass) {
   constexpr std::size_t kBlock = 512;  // lines held at once
   measure::Reconstructor& reconstructor = *pass->reconstructor;
   pass->all = reconstructor.layout();
@@ -282,7 +283,7 @@ void Run(const Common& common, const Settings& s, const measure::TrialRecord& tr
   }
 }
 
-int WholeRecord(const Common& common, const Settings& s) {
+int WholeRecord(const Common& common, const ReconstructSettings& s) {
   const auto start = std::chrono::steady_clock::now();
   const measure::TrialRecord trial(s.trial);
   if (!s.picture.empty() && trial.lines() == nullptr) {
@@ -300,7 +301,7 @@ int WholeRecord(const Common& common, const Settings& s) {
     pass.reconstructor = trial.Open(rig, s.rig, options);
     const bool draw = !s.picture.empty() && !picture;  // the lines as they were recorded
     if (draw) picture.emplace(trial.lines()->header(), trial.size());
-    Run(common, s, trial, provenance, draw ? &*picture : nullptr, &pass);
+    RunPass(common, s, trial, provenance, draw ? &*picture : nullptr, &pass);
   } while (loop.Again(*pass.reconstructor, &options));
   const data::TrialHealth health =
       measure::RecordOf(loop.report(), pass.all.cameras, pass.all.marks, s.correct);
@@ -327,7 +328,7 @@ int WholeRecord(const Common& common, const Settings& s) {
 }
 
 // Follows a stream, with what of the verb's options makes sense there.
-int LiveVerb(const Common& common, Settings* s) {
+int LiveVerb(const Common& common, ReconstructSettings* s) {
   RefuseWithLive({{"--output", !s->output.empty()},
                   {"--picture", !s->picture.empty()},
                   {"--smooth", s->smooth},
@@ -342,7 +343,7 @@ int LiveVerb(const Common& common, Settings* s) {
   return RunLive(common, live);
 }
 
-int ReconstructVerb(const Common& common, Settings* s) {
+int ReconstructVerb(const Common& common, ReconstructSettings* s) {
   if (s->live.live) return LiveVerb(common, s);
   CheckNotLive(s->live);
   if (s->trial.empty()) {
@@ -360,7 +361,7 @@ Verb AddReconstruct(CLI::App& program, Common& common) {
       "unfurl reconstruct trial.h5 --rig rig.h5 -o tracks.h5 --report reconstruct.html");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
-  auto s = std::make_shared<Settings>();
+  auto s = std::make_shared<ReconstructSettings>();
   files.Read("TRIAL", &s->trial,
              "The recorded lines [HDF5], or readings [CSV, HDF5]; needed unless --live is given");
   files.Read("--rig", &s->rig, "The calibrated cameras [HDF5]")->required();

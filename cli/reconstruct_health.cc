@@ -44,7 +44,7 @@ void AddLight(const data::TrialHealth& health, ordered_json* json, std::string* 
   }
 }
 
-ordered_json Finite(double value) {
+ordered_json ReconstructHealthFinite(double value) {
   return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
 }
 
@@ -63,8 +63,8 @@ std::string HealthText(const data::TrialHealth& health, ordered_json* summary) {
          {"kind", kKinds[health.kind[k]]},
          {"camera", health.cameras[static_cast<std::size_t>(health.camera[k])]},
          {"certain", health.certain[k] != 0},
-         {"from", Finite(health.from[k])},
-         {"to", Finite(health.to[k])},
+         {"from", ReconstructHealthFinite(health.from[k])},
+         {"to", ReconstructHealthFinite(health.to[k])},
          {"size", health.size[k]},
          {"sigma", health.sigma[k]},
          {"slope", health.slope[k]},

@@ -21,10 +21,10 @@ using report::Chart;
 using report::Series;
 using report::Style;
 
-constexpr double kMilli = 1e3;  // [mm/m]
-constexpr double kBand = 2.0;   // sigmas of the error band
+constexpr double kMilli = 1e3;                // [mm/m]
+constexpr double kReconstructPageBand = 2.0;  // sigmas of the error band
 
-std::vector<double> Scaled(const std::vector<double>& x, double factor) {
+std::vector<double> ReconstructPageScaled(const std::vector<double>& x, double factor) {
   std::vector<double> out(x);
   for (double& v : out) v *= factor;
   return out;
@@ -122,7 +122,7 @@ void AddTracks(const ReconstructPageInput& in, report::Page* page) {
       fmt::format("In the rig's frame, with a band of ±{:.0f} standard deviations, the "
                   "calibration's part included. Drag to zoom; all charts of time "
                   "follow.",
-                  kBand));
+                  kReconstructPageBand));
   const char* axes[] = {"x", "y", "z"};
   for (std::size_t m = 0; m < in.digest->marks.size(); ++m) {
     const TracksDigest::Dots& dots = in.digest->dots[m];
@@ -130,8 +130,9 @@ void AddTracks(const ReconstructPageInput& in, report::Page* page) {
     chart.title = in.digest->marks[m] + ": where it is";
     chart.y = {"position", "m", false};
     for (std::size_t k = 0; k < 3; ++k) {
-      chart.series.push_back({axes[k], dots.t, dots.p[k], Scaled(dots.axis[k], kBand), Style::kDots,
-                              static_cast<int>(k)});
+      chart.series.push_back({axes[k], dots.t, dots.p[k],
+                              ReconstructPageScaled(dots.axis[k], kReconstructPageBand),
+                              Style::kDots, static_cast<int>(k)});
     }
     if (in.smoothing != nullptr) {
       for (double event : in.smoothing->events) chart.markers.push_back({event, "event", -1});
@@ -145,7 +146,7 @@ void AddTracks(const ReconstructPageInput& in, report::Page* page) {
   for (std::size_t m = 0; m < in.digest->marks.size(); ++m) {
     sigma.series.push_back({in.digest->marks[m],
                             in.digest->dots[m].t,
-                            Scaled(in.digest->dots[m].sigma, kMilli),
+                            ReconstructPageScaled(in.digest->dots[m].sigma, kMilli),
                             {},
                             Style::kDots,
                             static_cast<int>(m)});

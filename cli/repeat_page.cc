@@ -12,15 +12,16 @@ namespace unfurl::cli {
 
 namespace {
 
-using Repeat = data::FitRecord::Repeat;
+using RepeatRecord = data::FitRecord::Repeat;
 using report::Level;
 
-Level LevelOf(const std::string& verdict) {
+Level LevelOfRepeatPage(const std::string& verdict) {
   return verdict == "alike" || verdict == "one value" || verdict == "scatters" ? Level::kGood
                                                                                : Level::kCare;
 }
 
-report::Series Bar(const std::string& name, double low, double high, double y, int color) {
+report::Series RepeatPageBar(const std::string& name, double low, double high, double y,
+                             int color) {
   report::Series bar;
   bar.name = name;
   bar.x = {low, high};
@@ -46,9 +47,9 @@ report::Series Dots(const std::string& name, const Eigen::VectorXd& value, int c
 
 // A forest plot: the trials from the top down, then the mean, then the next one.
 void AddForest(const data::FitRecord& record, std::size_t j, report::Page* page) {
-  const Repeat& r = record.repeat;
+  const RepeatRecord& r = record.repeat;
   const auto& p = record.parameters[j];
-  const Repeat::Parameter& q = r.parameters[j];
+  const RepeatRecord::Parameter& q = r.parameters[j];
   const auto row = static_cast<Eigen::Index>(j);
   const auto count = static_cast<Eigen::Index>(r.trials.size());
   report::Chart chart;
@@ -57,20 +58,20 @@ void AddForest(const data::FitRecord& record, std::size_t j, report::Page* page)
   chart.y = {"trials from above; 0: mean; -1: the next one", "1", false};
   constexpr int kOwn = 0, kAll = 1, kMean = 2, kNext = 3;  // colours of the palette
   for (Eigen::Index i = 0; i < count; ++i) {
-    chart.series.push_back(Bar(r.trials[static_cast<std::size_t>(i)], r.low95(row, i),
-                               r.high95(row, i), static_cast<double>(count - i), kOwn));
+    chart.series.push_back(RepeatPageBar(r.trials[static_cast<std::size_t>(i)], r.low95(row, i),
+                                         r.high95(row, i), static_cast<double>(count - i), kOwn));
   }
   chart.series.push_back(Dots("each by itself", r.estimate.row(row), kOwn));
   if (q.scatters) {
     chart.series.push_back(Dots("with what the others say", r.effect.row(row), kAll));
   }
-  chart.series.push_back(Bar("mean", p.low95, p.high95, 0.0, kMean));
-  chart.series.push_back(Bar("next", q.next_low95, q.next_high95, -1.0, kNext));
+  chart.series.push_back(RepeatPageBar("mean", p.low95, p.high95, 0.0, kMean));
+  chart.series.push_back(RepeatPageBar("next", q.next_low95, q.next_high95, -1.0, kNext));
   page->AddChart(chart);
 }
 
 void AddValues(const data::FitRecord& record, report::Page* page) {
-  const Repeat& r = record.repeat;
+  const RepeatRecord& r = record.repeat;
   std::vector<report::Figure> figures;
   report::Table table;
   table.title = "Over the trials";
@@ -85,9 +86,9 @@ void AddValues(const data::FitRecord& record, report::Page* page) {
       "intervals of mean and next trial and not in the scatter.";
   for (std::size_t j = 0; j < record.parameters.size(); ++j) {
     const auto& p = record.parameters[j];
-    const Repeat::Parameter& q = r.parameters[j];
+    const RepeatRecord::Parameter& q = r.parameters[j];
     figures.push_back({p.name, NumberWithError(p.value, p.sigma) + UnitAfter(p.unit), p.verdict,
-                       LevelOf(p.verdict)});
+                       LevelOfRepeatPage(p.verdict)});
     const auto scatter = [&](double s) {
       return q.log ? fmt::format("{:.2g}%", 100.0 * s) : fmt::format("{:.2g}", s);
     };
@@ -103,7 +104,7 @@ void AddValues(const data::FitRecord& record, report::Page* page) {
 }
 
 void AddByTrial(const data::FitRecord& record, report::Page* page) {
-  const Repeat& r = record.repeat;
+  const RepeatRecord& r = record.repeat;
   report::Table table;
   table.title = "Trial by trial";
   table.header = {"trial"};
@@ -130,7 +131,7 @@ void AddByTrial(const data::FitRecord& record, report::Page* page) {
   page->AddTable(table);
 }
 
-void AddNext(const Repeat& r, report::Page* page) {
+void AddNext(const RepeatRecord& r, report::Page* page) {
   if (r.t.empty()) return;
   page->AddSection(
       "The next deployment",
@@ -167,7 +168,7 @@ void WriteRepeatPage(const std::string& path, const data::FitRecord& record,
   report::Page page("Fit of many trials", record.study);
   Level level = record.repeat.empty() ? Level::kBad : Level::kGood;
   for (const auto& p : record.parameters) {
-    if (!record.repeat.empty()) level = std::max(level, LevelOf(p.verdict));
+    if (!record.repeat.empty()) level = std::max(level, LevelOfRepeatPage(p.verdict));
   }
   page.AddWords(level, record.verdict, record.reasons);
   if (!record.repeat.empty()) {

@@ -16,9 +16,11 @@ using nlohmann::ordered_json;
 
 namespace {
 
-using Repeat = data::FitRecord::Repeat;
+using RepeatTextRepeat = data::FitRecord::Repeat;
 
-ordered_json Finite(double x) { return std::isfinite(x) ? ordered_json(x) : ordered_json(nullptr); }
+ordered_json RepeatTextFinite(double x) {
+  return std::isfinite(x) ? ordered_json(x) : ordered_json(nullptr);
+}
 
 std::string Text(double x, int digits = 5) {
   return std::isfinite(x) ? IntervalEnd(x, digits) : "-";
@@ -30,7 +32,7 @@ std::string ValuesOverTrials(const data::FitRecord& record) {
                                                  "next low", "next high", "unit", "verdict"}};
   for (std::size_t j = 0; j < record.parameters.size(); ++j) {
     const auto& p = record.parameters[j];
-    const Repeat::Parameter& q = record.repeat.parameters[j];
+    const RepeatTextRepeat::Parameter& q = record.repeat.parameters[j];
     const auto scatter = [&](double s) {
       if (!q.scatters) return std::string("-");
       return q.log ? fmt::format("{:.2g}%", 100.0 * s) : fmt::format("{:.2g}", s);
@@ -46,7 +48,7 @@ std::string ValuesOverTrials(const data::FitRecord& record) {
 }
 
 std::string ValuesByTrial(const data::FitRecord& record) {
-  const Repeat& r = record.repeat;
+  const RepeatTextRepeat& r = record.repeat;
   std::vector<std::vector<std::string>> rows = {{"trial"}};
   for (const auto& p : record.parameters) {
     rows[0].insert(rows[0].end(), {p.name, "by all", "p"});
@@ -82,19 +84,19 @@ std::string RepeatText(const data::FitRecord& record, double seconds) {
 
 ordered_json RepeatJson(const data::FitRecord& record, const std::string& output, double seconds) {
   ordered_json json = FitJson(record, output, seconds);
-  const Repeat& r = record.repeat;
+  const RepeatTextRepeat& r = record.repeat;
   if (r.empty()) return json;
   ordered_json& out = json["repeat"];
   out["alike_p"] = r.alike_p;
   for (std::size_t j = 0; j < r.parameters.size(); ++j) {
-    const Repeat::Parameter& q = r.parameters[j];
+    const RepeatTextRepeat::Parameter& q = r.parameters[j];
     const auto row = static_cast<Eigen::Index>(j);
     ordered_json one = {{"name", record.parameters[j].name},
                         {"scatters", q.scatters},
                         {"logarithm", q.log},
-                        {"mean", Finite(record.parameters[j].value)},
-                        {"mean_low95", Finite(record.parameters[j].low95)},
-                        {"mean_high95", Finite(record.parameters[j].high95)},
+                        {"mean", RepeatTextFinite(record.parameters[j].value)},
+                        {"mean_low95", RepeatTextFinite(record.parameters[j].low95)},
+                        {"mean_high95", RepeatTextFinite(record.parameters[j].high95)},
                         {"scatter", q.scatter},
                         {"scatter_low95", q.scatter_low95},
                         {"scatter_high95", q.scatter_high95},
@@ -108,11 +110,11 @@ ordered_json RepeatJson(const data::FitRecord& record, const std::string& output
                                {"value", r.estimate(row, k)},
                                {"low95", r.low95(row, k)},
                                {"high95", r.high95(row, k)},
-                               {"effect", Finite(r.effect(row, k))},
-                               {"effect_low95", Finite(r.effect_low95(row, k))},
-                               {"effect_high95", Finite(r.effect_high95(row, k))},
-                               {"p", Finite(r.left_out_p(row, k))},
-                               {"log_density", Finite(r.left_out_log_density(row, k))}});
+                               {"effect", RepeatTextFinite(r.effect(row, k))},
+                               {"effect_low95", RepeatTextFinite(r.effect_low95(row, k))},
+                               {"effect_high95", RepeatTextFinite(r.effect_high95(row, k))},
+                               {"p", RepeatTextFinite(r.left_out_p(row, k))},
+                               {"log_density", RepeatTextFinite(r.left_out_log_density(row, k))}});
     }
     out["parameters"].push_back(std::move(one));
   }

@@ -7,8 +7,8 @@ namespace unfurl::cli {
 
 namespace {
 
-constexpr std::size_t kShown = 1000;       // buckets along a chart
-constexpr std::size_t kBlockRows = 65536;  // read at once
+constexpr std::size_t kRunColumnsShown = 1000;       // buckets along a chart
+constexpr std::size_t kRunColumnsBlockRows = 65536;  // read at once
 
 }  // namespace
 
@@ -16,8 +16,8 @@ report::Series RunColumns::Read(const std::string& name, const std::string& show
                                 double factor) const {
   report::Series out;
   out.name = shown;
-  const std::size_t all = reader_.samples(), bucket = all / kShown + 1;
-  const std::size_t block = bucket * std::max<std::size_t>(1, kBlockRows / bucket);
+  const std::size_t all = reader_.samples(), bucket = all / kRunColumnsShown + 1;
+  const std::size_t block = bucket * std::max<std::size_t>(1, kRunColumnsBlockRows / bucket);
   std::vector<double> t(block), v(block);
   for (std::size_t first = 0; first < all; first += block) {
     const std::size_t count = std::min(block, all - first);
@@ -47,8 +47,8 @@ void RunColumns::ReadInto(const std::string& name, std::size_t first, std::span<
 }
 
 std::vector<double> RunColumns::Thin(const std::string& name) const {
-  const std::size_t all = reader_.samples(), step = all / kShown + 1;
-  const std::size_t block = step * std::max<std::size_t>(1, kBlockRows / step);
+  const std::size_t all = reader_.samples(), step = all / kRunColumnsShown + 1;
+  const std::size_t block = step * std::max<std::size_t>(1, kRunColumnsBlockRows / step);
   std::vector<double> v(block), out;
   for (std::size_t first = 0; first < all; first += block) {
     const std::size_t count = std::min(block, all - first);

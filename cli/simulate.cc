@@ -27,7 +27,7 @@ using nlohmann::ordered_json;
 
 constexpr double kLargeFile = 1e9;  // [byte]; beyond it the size is printed before the run
 
-struct Arguments {
+struct SimulateArguments {
   std::string scene, out, report;
   std::vector<std::string> sets;
   std::optional<std::string> method;
@@ -47,7 +47,7 @@ class SlowRunWarning : public sim::Observer {
 
 class SimulateVerb {
  public:
-  SimulateVerb(const Common& common, const Arguments& arguments)
+  SimulateVerb(const Common& common, const SimulateArguments& arguments)
       : common_(common), arguments_(arguments) {}
 
   int Run() {
@@ -145,7 +145,7 @@ class SimulateVerb {
   }
 
   const Common& common_;
-  const Arguments& arguments_;
+  const SimulateArguments& arguments_;
 };
 
 }  // namespace
@@ -158,7 +158,7 @@ Verb AddSimulate(CLI::App& program, Common& common) {
                   "--report page.html");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
-  auto arguments = std::make_shared<Arguments>();
+  auto arguments = std::make_shared<SimulateArguments>();
   files.Read("SCENE", &arguments->scene, "The scene (TOML)")->required();
   files.WriteOr(
       "-o,--output", &arguments->out,

@@ -23,7 +23,7 @@ namespace unfurl::cli {
 
 namespace {
 
-struct Settings {
+struct StreamSettings {
   std::string trial, to;
   double pace = 0.0;     // [-] of real time; 0: as fast as it is taken
   double seconds = 0.0;  // [s] of lines; 0: the record's
@@ -118,7 +118,7 @@ class Lines {
   std::size_t from_ = 0;
 };
 
-int StreamVerb(const Common& common, const Settings& s) {
+int StreamVerb(const Common& common, const StreamSettings& s) {
   using Clock = std::chrono::steady_clock;
   if (!std::isfinite(s.pace) || s.pace < 0.0) {
     throw Error("is no pace", "--pace", "give 1 for real time, 2 for twice as fast, 0 for at once");
@@ -173,7 +173,7 @@ Verb AddStream(CLI::App& program, Common& common) {
                           "unfurl stream trial.h5 --pace 1 | unfurl reconstruct --live --rig "
                           "rig.h5 --report live.html");
   CLI::App* app = verb.app;
-  auto s = std::make_shared<Settings>();
+  auto s = std::make_shared<StreamSettings>();
   verb.files->Read("TRIAL", &s->trial, "The recorded lines [HDF5], or readings of them [CSV, HDF5]")
       ->required();
   app->add_option("--to", s->to, "Send it there, by TCP; default: standard output")

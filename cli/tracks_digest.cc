@@ -8,7 +8,7 @@ namespace unfurl::cli {
 
 namespace {
 
-constexpr std::size_t kMostDots = 1200;      // per mark
+constexpr std::size_t kTracksDigestMostDots = 1200;  // per mark
 constexpr std::size_t kMostIncidents = 200;  // rows of the table; the others are counted below it
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
@@ -27,8 +27,8 @@ TracksDigest::TracksDigest(const data::Tracks& layout, double from, double durat
       residual_squared(cameras.size(), 0.0),
       residual_count(cameras.size(), 0),
       reasons(marks.size()),
-      every_(
-          std::max<std::size_t>(1, samples / std::max<std::size_t>(1, marks.size()) / kMostDots)),
+      every_(std::max<std::size_t>(
+          1, samples / std::max<std::size_t>(1, marks.size()) / kTracksDigestMostDots)),
       seen_(marks.size(), 0),
       last_(marks.size()) {}
 

@@ -18,7 +18,7 @@ namespace unfurl::data {
 
 namespace {
 
-using Kind = CampaignDistribution::Kind;
+using CampaignKind = CampaignDistribution::Kind;
 
 constexpr int kMostLevels = 1'000'000;         // of a grid's variable: what an integer key may say
 constexpr int kMostBlocks = 1024;              // far beyond what an error needs
@@ -31,28 +31,29 @@ using Numbers = std::vector<double>;
 
 // A key that gives a distribution, how many numbers it holds (-1: any, 0: a file's), and what they
 // have to fulfil.
-struct Form {
+struct CampaignForm {
   const char* key;
-  Kind kind;
+  CampaignKind kind;
   int numbers;
   bool (*right)(const Numbers& n);
   const char* wrong;
 };
-const Form kForms[] = {
-    {"normal", Kind::kNormal, 2, [](const Numbers& n) { return n[1] > 0.0; },
+const CampaignForm kForms[] = {
+    {"normal", CampaignKind::kNormal, 2, [](const Numbers& n) { return n[1] > 0.0; },
      "the second number, sigma, is not positive"},
-    {"uniform", Kind::kUniform, 2, [](const Numbers& n) { return n[0] < n[1]; },
+    {"uniform", CampaignKind::kUniform, 2, [](const Numbers& n) { return n[0] < n[1]; },
      "low is not below high"},
-    {"log_normal", Kind::kLogNormal, 2, [](const Numbers& n) { return n[0] > 0.0 && n[1] > 1.0; },
+    {"log_normal", CampaignKind::kLogNormal, 2,
+     [](const Numbers& n) { return n[0] > 0.0 && n[1] > 1.0; },
      "the median is not positive, or the factor not above 1"},
-    {"log_uniform", Kind::kLogUniform, 2,
+    {"log_uniform", CampaignKind::kLogUniform, 2,
      [](const Numbers& n) { return n[0] > 0.0 && n[0] < n[1]; }, "not 0 < low < high"},
-    {"triangular", Kind::kTriangular, 3,
+    {"triangular", CampaignKind::kTriangular, 3,
      [](const Numbers& n) { return n[0] <= n[1] && n[1] <= n[2] && n[0] < n[2]; },
      "not low <= mode <= high"},
-    {"values", Kind::kTable, -1, [](const Numbers& n) { return !n.empty(); },
+    {"values", CampaignKind::kTable, -1, [](const Numbers& n) { return !n.empty(); },
      "there are no values"},
-    {"samples", Kind::kSamples, 0, [](const Numbers& n) { return !n.empty(); },
+    {"samples", CampaignKind::kSamples, 0, [](const Numbers& n) { return !n.empty(); },
      "there are no values"},
 };
 
@@ -74,9 +75,9 @@ std::vector<double> Samples(const TomlTable& t, const std::string& name, const s
   return out;
 }
 
-const Form& FormOf(const TomlTable& t) {
-  const Form* found = nullptr;
-  for (const Form& form : kForms) {
+const CampaignForm& FormOf(const TomlTable& t) {
+  const CampaignForm* found = nullptr;
+  for (const CampaignForm& form : kForms) {
     if (!t.Has(form.key)) continue;
     if (found != nullptr) {
       t.Fail(form.key, fmt::format("stands beside '{}'", found->key), kFormsInWords);
@@ -88,14 +89,14 @@ const Form& FormOf(const TomlTable& t) {
 }
 
 CampaignDistribution ReadDistribution(const TomlTable& t, const std::string& name, Campaign* plan) {
-  const Form& form = FormOf(t);
+  const CampaignForm& form = FormOf(t);
   CampaignDistribution out;
   out.kind = form.kind;
-  if (form.kind == Kind::kSamples) {
+  if (form.kind == CampaignKind::kSamples) {
     const std::string file = Beside(plan->path, t.String("samples"));
     out.values = Samples(t, name, file);
     plan->inputs.push_back(file);
-  } else if (form.kind == Kind::kTable) {
+  } else if (form.kind == CampaignKind::kTable) {
     out.values = t.Numbers("values", -1);
     out.weights = t.NumbersOr("weights", std::vector<double>(out.values.size(), 1.0),
                               static_cast<int>(out.values.size()), kPositive);
@@ -132,7 +133,7 @@ CampaignVariable ReadVariable(const TomlTable& t, const std::string& name, Campa
   }
   v.levels = t.IntegerOr("levels", 0, 1, kMostLevels);
   if (plan->design.kind == CampaignDesign::Kind::kFile) {
-    for (const Form& form : kForms) {
+    for (const CampaignForm& form : kForms) {
       if (t.Has(form.key)) {
         t.Fail(form.key, "stands beside a design from a file", "leave it out: the file has values");
       }
@@ -141,7 +142,7 @@ CampaignVariable ReadVariable(const TomlTable& t, const std::string& name, Campa
   }
   v.distribution = ReadDistribution(t, name, plan);
   if (plan->design.kind != CampaignDesign::Kind::kGrid) return v;
-  if (v.distribution.kind == Kind::kTable) {
+  if (v.distribution.kind == CampaignKind::kTable) {
     if (v.levels > 0) t.Fail("levels", "stands beside values", "leave it out: each value is one");
     v.levels = static_cast<int>(v.distribution.values.size());
   } else if (v.levels == 0) {
@@ -298,7 +299,7 @@ void CheckRare(const TomlTable& t, const Campaign& plan) {
          "name one of the plan's: a margin, negative where it failed");
 }
 
-Campaign ReadFrom(const TomlTable& root, const std::string& path) {
+Campaign ReadCampaignFrom(const TomlTable& root, const std::string& path) {
   Campaign plan;
   plan.path = path;
   const TomlTable t = root.Table("campaign");
@@ -333,11 +334,11 @@ Campaign ReadFrom(const TomlTable& root, const std::string& path) {
 }  // namespace
 
 Campaign ReadCampaign(const std::string& path, const std::vector<std::string>& overrides) {
-  return ReadFrom(LoadToml(path, overrides), path);
+  return ReadCampaignFrom(LoadToml(path, overrides), path);
 }
 
 Campaign ParseCampaign(const std::string& text, const std::string& name) {
-  return ReadFrom(ParseToml(text, name), name);
+  return ReadCampaignFrom(ParseToml(text, name), name);
 }
 
 }  // namespace unfurl::data

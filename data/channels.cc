@@ -19,7 +19,7 @@ namespace unfurl::data {
 
 namespace {
 
-constexpr char kSigma[] = ".sigma";
+constexpr char kChannelsSigma[] = ".sigma";
 
 // Long rows, of any file, gathered by the channel that they name.
 class Gathered {
@@ -85,8 +85,8 @@ std::vector<Channel> WideCsv(const CsvTable& table) {
   std::vector<Channel> out;
   for (int c = 0; c < static_cast<int>(table.columns().size()); ++c) {
     const CsvColumn& column = table.columns()[static_cast<std::size_t>(c)];
-    if (c == times.column() || column.name.ends_with(kSigma)) continue;
-    const int sigma = table.Find(column.name + kSigma);
+    if (c == times.column() || column.name.ends_with(kChannelsSigma)) continue;
+    const int sigma = table.Find(column.name + kChannelsSigma);
     Channel channel{column.name, column.unit, table.Where(0, c), {}, {}, {}};
     for (std::size_t row = 0; row < table.rows(); ++row) {
       if (table.Empty(row, c)) continue;

@@ -36,7 +36,7 @@ DesignChannel ReadChannel(const std::string& name, const TomlTable& t) {
   return out;
 }
 
-Design ReadFrom(const TomlTable& root, const std::string& path) {
+Design ReadDesignFrom(const TomlTable& root, const std::string& path) {
   Design out;
   out.path = path;
   for (const auto& [name, table] : root.NamedTables("mark")) {
@@ -55,11 +55,11 @@ Design ReadFrom(const TomlTable& root, const std::string& path) {
 }  // namespace
 
 Design ReadDesign(const std::string& path, const std::vector<std::string>& overrides) {
-  return ReadFrom(LoadToml(path, overrides), path);
+  return ReadDesignFrom(LoadToml(path, overrides), path);
 }
 
 Design ParseDesign(const std::string& text, const std::string& name) {
-  return ReadFrom(ParseToml(text, name), name);
+  return ReadDesignFrom(ParseToml(text, name), name);
 }
 
 }  // namespace unfurl::data

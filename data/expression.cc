@@ -12,19 +12,19 @@
 namespace unfurl::data {
 namespace {
 
-using Op = Expression::Op;
+using ExpressionOp = Expression::Op;
 
-double Unary(Op op, double x) { return ApplyUnary(op, x); }
+double Unary(ExpressionOp op, double x) { return ApplyUnary(op, x); }
 
 // Functions of several branches, f their value: derivatives on the branch that u is on.
-TimeValue Piecewise(Op op, const TimeValue& u, double f) {
+TimeValue Piecewise(ExpressionOp op, const TimeValue& u, double f) {
   const double x = u.value;
   switch (op) {
-    case Op::kAbs:
+    case ExpressionOp::kAbs:
       return Chain(u, f, x < 0.0 ? -1.0 : 1.0, 0.0);
-    case Op::kStep:
+    case ExpressionOp::kStep:
       return {f, 0.0, 0.0};
-    case Op::kRamp:
+    case ExpressionOp::kRamp:
       return x < 0.0 ? TimeValue{} : u;
     default: {  // the smooth step
       if (x <= 0.0 || x >= 1.0) return {f, 0.0, 0.0};
@@ -35,40 +35,40 @@ TimeValue Piecewise(Op op, const TimeValue& u, double f) {
 }
 
 // The chain rule with the first and second derivative of each function.
-TimeValue Unary(Op op, const TimeValue& u) {
+TimeValue Unary(ExpressionOp op, const TimeValue& u) {
   const double x = u.value, f = Unary(op, x);
   switch (op) {
-    case Op::kNegate:
+    case ExpressionOp::kNegate:
       return -u;
-    case Op::kSin:
+    case ExpressionOp::kSin:
       return Chain(u, f, std::cos(x), -f);
-    case Op::kCos:
+    case ExpressionOp::kCos:
       return Chain(u, f, -std::sin(x), -f);
-    case Op::kTan:
+    case ExpressionOp::kTan:
       return Chain(u, f, 1.0 + f * f, 2.0 * f * (1.0 + f * f));
-    case Op::kAsin: {
+    case ExpressionOp::kAsin: {
       const double d = 1.0 / std::sqrt(1.0 - x * x);
       return Chain(u, f, d, x * d * d * d);
     }
-    case Op::kAcos: {
+    case ExpressionOp::kAcos: {
       const double d = -1.0 / std::sqrt(1.0 - x * x);
       return Chain(u, f, d, x * d * d * d);
     }
-    case Op::kAtan: {
+    case ExpressionOp::kAtan: {
       const double d = 1.0 / (1.0 + x * x);
       return Chain(u, f, d, -2.0 * x * d * d);
     }
-    case Op::kSinh:
+    case ExpressionOp::kSinh:
       return Chain(u, f, std::cosh(x), f);
-    case Op::kCosh:
+    case ExpressionOp::kCosh:
       return Chain(u, f, std::sinh(x), f);
-    case Op::kTanh:
+    case ExpressionOp::kTanh:
       return Chain(u, f, 1.0 - f * f, -2.0 * f * (1.0 - f * f));
-    case Op::kExp:
+    case ExpressionOp::kExp:
       return Chain(u, f, f, f);
-    case Op::kLog:
+    case ExpressionOp::kLog:
       return Chain(u, f, 1.0 / x, -1.0 / (x * x));
-    case Op::kSqrt:
+    case ExpressionOp::kSqrt:
       return Chain(u, f, 0.5 / f, -0.25 / (f * x));
     default:
       return Piecewise(op, u, f);
@@ -82,7 +82,9 @@ bool Finite(const TimeValue& v, int derivatives) {
 
 // What must not pass through zero: a divisor, the cosine in a tangent, a base with a negative
 // exponent.
-bool Divides(Op op) { return op == Op::kDivide || op == Op::kTan || op == Op::kPower; }
+bool Divides(ExpressionOp op) {
+  return op == ExpressionOp::kDivide || op == ExpressionOp::kTan || op == ExpressionOp::kPower;
+}
 
 }  // namespace
 
@@ -94,7 +96,7 @@ TimeValue Power(const TimeValue& u, const TimeValue& v) {
     const double f2 = c == 0.0 || c == 1.0 ? 0.0 : c * (c - 1.0) * std::pow(u.value, c - 2.0);
     return Chain(u, f, f1, f2);
   }
-  const TimeValue exponent = v * Unary(Op::kLog, u);
+  const TimeValue exponent = v * Unary(ExpressionOp::kLog, u);
   return Chain(exponent, f, f, f);
 }
 
@@ -109,7 +111,7 @@ Expression::Expression(std::vector<Instruction> program) : program_(std::move(pr
 
 bool Expression::is_constant() const {
   return std::none_of(program_.begin(), program_.end(),
-                      [](const Instruction& i) { return i.op == Op::kTime; });
+                      [](const Instruction& i) { return i.op == ExpressionOp::kTime; });
 }
 
 template <typename T>
@@ -120,9 +122,9 @@ T Expression::Run(double t) const {
     switch (OperandsOf(i.op)) {
       case 0:
         if constexpr (std::is_same_v<T, double>) {
-          *++top = i.op == Op::kTime ? t : i.number;
+          *++top = i.op == ExpressionOp::kTime ? t : i.number;
         } else {
-          *++top = i.op == Op::kTime ? T{t, 1.0, 0.0} : T{i.number, 0.0, 0.0};
+          *++top = i.op == ExpressionOp::kTime ? T{t, 1.0, 0.0} : T{i.number, 0.0, 0.0};
         }
         break;
       case 1:
@@ -145,12 +147,12 @@ double Expression::Divisor(int k, double t) const {
   for (const Instruction& i : program_) {
     const int operands = OperandsOf(i.op);
     if (Divides(i.op) && k-- == 0) {
-      if (i.op == Op::kDivide) return *top;
-      if (i.op == Op::kTan) return std::cos(*top);
+      if (i.op == ExpressionOp::kDivide) return *top;
+      if (i.op == ExpressionOp::kTan) return std::cos(*top);
       return *top < 0.0 ? top[-1] : 1.0;
     }
     if (operands == 0) {
-      *++top = i.op == Op::kTime ? t : i.number;
+      *++top = i.op == ExpressionOp::kTime ? t : i.number;
     } else if (operands == 1) {
       *top = Unary(i.op, *top);
     } else {
@@ -164,18 +166,18 @@ double Expression::Divisor(int k, double t) const {
 namespace {
 
 // Why an operation on u, or on u and v, has no finite value.
-std::string WhyNotFinite(Op op, double u, double v) {
+std::string WhyNotFinite(ExpressionOp op, double u, double v) {
   switch (op) {
-    case Op::kDivide:
+    case ExpressionOp::kDivide:
       return v == 0.0 ? "divides by zero" : "grows beyond all numbers";
-    case Op::kLog:
+    case ExpressionOp::kLog:
       return "takes the logarithm of a number that is not positive";
-    case Op::kSqrt:
+    case ExpressionOp::kSqrt:
       return "takes the square root of a negative number";
-    case Op::kAsin:
-    case Op::kAcos:
+    case ExpressionOp::kAsin:
+    case ExpressionOp::kAcos:
       return "takes the inverse sine or cosine of a number beyond 1";
-    case Op::kPower:
+    case ExpressionOp::kPower:
       if (u == 0.0) return "divides by zero";
       return u < 0.0 ? "takes a broken power of a negative number" : "grows beyond all numbers";
     default:
@@ -191,7 +193,7 @@ std::string Expression::Reason(double t) const {
   for (const Instruction& i : program_) {
     const int operands = OperandsOf(i.op);
     if (operands == 0) {
-      *++top = i.op == Op::kTime ? t : i.number;
+      *++top = i.op == ExpressionOp::kTime ? t : i.number;
       continue;
     }
     if (operands == 2) --top;

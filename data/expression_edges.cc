@@ -11,7 +11,7 @@
 namespace unfurl::data {
 namespace {
 
-using Op = Expression::Op;
+using ExpressionEdgesOp = Expression::Op;
 
 // Parts of the duration on which an argument that is not linear is looked at: two crossings within
 // one part are not seen (docs/physics-simulator.md, "Edges"). A few ms of work for each.
@@ -43,7 +43,7 @@ double Expression::Decider(std::size_t place, double t) const {
     const int operands = OperandsOf(i.op);
     if (k == place) return operands == 2 ? top[-1] - top[0] : *top;
     if (operands == 0) {
-      *++top = i.op == Op::kTime ? t : i.number;
+      *++top = i.op == ExpressionEdgesOp::kTime ? t : i.number;
     } else if (operands == 1) {
       *top = ApplyUnary(i.op, *top);
     } else {
@@ -91,16 +91,16 @@ std::vector<double> Expression::Edges(double duration) const {
   edges.reserve(2 * kRiseParts);
   for (std::size_t place = 0; place < program_.size(); ++place) {
     switch (program_[place].op) {
-      case Op::kSmoothStep:
+      case ExpressionEdgesOp::kSmoothStep:
         for (int k = 0; k <= kRiseParts; ++k) {
           AddCrossings(place, static_cast<double>(k) / kRiseParts, duration, &edges);
         }
         break;
-      case Op::kStep:
-      case Op::kRamp:
-      case Op::kAbs:
-      case Op::kMin:
-      case Op::kMax:
+      case ExpressionEdgesOp::kStep:
+      case ExpressionEdgesOp::kRamp:
+      case ExpressionEdgesOp::kAbs:
+      case ExpressionEdgesOp::kMin:
+      case ExpressionEdgesOp::kMax:
         AddCrossings(place, 0.0, duration, &edges);
         break;
       default:

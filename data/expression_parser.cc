@@ -13,24 +13,25 @@
 namespace unfurl::data {
 namespace {
 
-using Op = Expression::Op;
+using ExpressionParserOp = Expression::Op;
 using Program = std::vector<Expression::Instruction>;
 
 struct Function {
   const char* name;
-  Op op;
+  ExpressionParserOp op;
   int arguments;
 };
 
-constexpr Function kFunctions[] = {{"sin", Op::kSin, 1},   {"cos", Op::kCos, 1},
-                                   {"tan", Op::kTan, 1},   {"asin", Op::kAsin, 1},
-                                   {"acos", Op::kAcos, 1}, {"atan", Op::kAtan, 1},
-                                   {"sinh", Op::kSinh, 1}, {"cosh", Op::kCosh, 1},
-                                   {"tanh", Op::kTanh, 1}, {"exp", Op::kExp, 1},
-                                   {"log", Op::kLog, 1},   {"sqrt", Op::kSqrt, 1},
-                                   {"abs", Op::kAbs, 1},   {"step", Op::kStep, 1},
-                                   {"ramp", Op::kRamp, 1}, {"smoothstep", Op::kSmoothStep, 1},
-                                   {"min", Op::kMin, 2},   {"max", Op::kMax, 2}};
+constexpr Function kExpressionParserFunctions[] = {
+    {"sin", ExpressionParserOp::kSin, 1},   {"cos", ExpressionParserOp::kCos, 1},
+    {"tan", ExpressionParserOp::kTan, 1},   {"asin", ExpressionParserOp::kAsin, 1},
+    {"acos", ExpressionParserOp::kAcos, 1}, {"atan", ExpressionParserOp::kAtan, 1},
+    {"sinh", ExpressionParserOp::kSinh, 1}, {"cosh", ExpressionParserOp::kCosh, 1},
+    {"tanh", ExpressionParserOp::kTanh, 1}, {"exp", ExpressionParserOp::kExp, 1},
+    {"log", ExpressionParserOp::kLog, 1},   {"sqrt", ExpressionParserOp::kSqrt, 1},
+    {"abs", ExpressionParserOp::kAbs, 1},   {"step", ExpressionParserOp::kStep, 1},
+    {"ramp", ExpressionParserOp::kRamp, 1}, {"smoothstep", ExpressionParserOp::kSmoothStep, 1},
+    {"min", ExpressionParserOp::kMin, 2},   {"max", ExpressionParserOp::kMax, 2}};
 
 bool IsLetter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; }
 bool IsDigit(char c) { return c >= '0' && c <= '9'; }
@@ -84,24 +85,25 @@ class Parser {
     return text_.substr(at_, std::max<std::size_t>(end - at_, 1));
   }
 
-  void Push(Op op, double number = 0.0) {
+  void Push(ExpressionParserOp op, double number = 0.0) {
     program_.push_back({op, number});
     if (++depth_ > kExpressionDepth) {
       Fail(at_, "too many parts wait for each other", "write fewer nested parentheses");
     }
   }
   // Operators on numbers alone are worked out here.
-  void Emit(Op op, int operands) {
+  void Emit(ExpressionParserOp op, int operands) {
     depth_ -= operands - 1;
     bool constant = true;
-    for (int k = 0; k < operands; ++k) constant &= program_.rbegin()[k].op == Op::kNumber;
+    for (int k = 0; k < operands; ++k)
+      constant &= program_.rbegin()[k].op == ExpressionParserOp::kNumber;
     program_.push_back({op});
     if (!constant) return;
     const double value =
         Expression(Program(program_.end() - operands - 1, program_.end())).Value(0);
     if (!std::isfinite(value)) return;  // left for FindFault, which gives the reason
     program_.resize(program_.size() - operands - 1);
-    program_.push_back({Op::kNumber, value});
+    program_.push_back({ExpressionParserOp::kNumber, value});
   }
 
   void Sum() {
@@ -110,10 +112,10 @@ class Parser {
     for (;;) {
       if (Take('+')) {
         Product();
-        Emit(Op::kAdd, 2);
+        Emit(ExpressionParserOp::kAdd, 2);
       } else if (Take('-')) {
         Product();
-        Emit(Op::kSubtract, 2);
+        Emit(ExpressionParserOp::kSubtract, 2);
       } else {
         break;
       }
@@ -127,10 +129,10 @@ class Parser {
       if (Take('*')) {
         if (at_ < text_.size() && text_[at_] == '*') Fail(at_, "there is no '**'", "write ^");
         Signed();
-        Emit(Op::kMultiply, 2);
+        Emit(ExpressionParserOp::kMultiply, 2);
       } else if (Take('/')) {
         Signed();
-        Emit(Op::kDivide, 2);
+        Emit(ExpressionParserOp::kDivide, 2);
       } else {
         return;
       }
@@ -147,7 +149,7 @@ class Parser {
       }
     }
     Power();
-    if (negative) Emit(Op::kNegate, 1);
+    if (negative) Emit(ExpressionParserOp::kNegate, 1);
   }
 
   void Power() {
@@ -156,7 +158,7 @@ class Parser {
     if (++nesting_ > kMostNesting) Fail(at_, "nested too deeply", "write parentheses");
     Signed();
     --nesting_;
-    Emit(Op::kPower, 2);
+    Emit(ExpressionParserOp::kPower, 2);
   }
 
   void Atom() {
@@ -176,14 +178,14 @@ class Parser {
     const std::string name = Word();
     at_ += name.size();
     Skip();
-    if (name == "t") return Push(Op::kTime);
-    if (name == "pi") return Push(Op::kNumber, std::numbers::pi);
-    if (name == "e") return Push(Op::kNumber, std::numbers::e);
-    for (const Function& f : kFunctions) {
+    if (name == "t") return Push(ExpressionParserOp::kTime);
+    if (name == "pi") return Push(ExpressionParserOp::kNumber, std::numbers::pi);
+    if (name == "e") return Push(ExpressionParserOp::kNumber, std::numbers::e);
+    for (const Function& f : kExpressionParserFunctions) {
       if (name == f.name) return Call(f, begin);
     }
     std::vector<std::string> known{"t", "pi", "e"};
-    for (const Function& f : kFunctions) known.push_back(f.name);
+    for (const Function& f : kExpressionParserFunctions) known.push_back(f.name);
     const std::string nearest = NearestName(name, known);
     Fail(begin, fmt::format("'{}' is not known", name),
          nearest.empty() ? "use " + JoinWords(known) : "did you mean '" + nearest + "'?");
@@ -216,7 +218,7 @@ class Parser {
     if (error != std::errc()) Fail(at_, "a number that cannot be read", "correct it");
     at_ = static_cast<std::size_t>(end - text_.data());
     Skip();
-    Push(Op::kNumber, value);
+    Push(ExpressionParserOp::kNumber, value);
   }
 
   static constexpr int kMostNesting = 200;  // far from what overflows the stack of the recursion

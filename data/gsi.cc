@@ -39,7 +39,7 @@ bool ParseWord(const std::string& text, std::size_t digits, Word* word) {
 }
 
 // Its value in metres or radians.
-double Value(const Word& word, const std::string& where) {
+double GsiValue(const Word& word, const std::string& where) {
   double value = 0.0;
   if (!ParseDouble(word.data[0] == '+' ? word.data.substr(1) : word.data, &value)) {
     throw Error(fmt::format("'{}' is not a number", word.data), where, "export the file again");
@@ -114,7 +114,7 @@ class GsiLine {
   bool Has(std::initializer_list<int> indices) const {
     return std::all_of(indices.begin(), indices.end(), [&](int i) { return words_.contains(i); });
   }
-  double Number(int index) const { return Value(words_.at(index), where_); }
+  double Number(int index) const { return GsiValue(words_.at(index), where_); }
   Eigen::Vector3d Numbers(int x, int y, int z) const { return {Number(x), Number(y), Number(z)}; }
   std::string Id() const { return PointId(words_.at(11).data); }
 

@@ -18,9 +18,9 @@ namespace unfurl::data {
 namespace {
 
 constexpr char kMagic[] = "unfurl journal 1\n";
-constexpr std::uint64_t kLongest = std::uint64_t{1} << 32;  // of one record; beyond: torn
+constexpr std::uint64_t kJournalLongest = std::uint64_t{1} << 32;  // of one record; beyond: torn
 
-struct Head {
+struct JournalHead {
   std::uint64_t length = 0;
   std::uint64_t checksum = 0;
 };
@@ -136,8 +136,8 @@ void Journal::SetAside() {
 // The records behind the header, up to the first that is torn; what follows is cut off.
 void Journal::FindRecords(std::uint64_t size) {
   std::string payload;
-  for (Head head; ReadAt(file_, end_, reinterpret_cast<char*>(&head), sizeof head);) {
-    if (head.length > kLongest || end_ + sizeof head + head.length > size) break;
+  for (JournalHead head; ReadAt(file_, end_, reinterpret_cast<char*>(&head), sizeof head);) {
+    if (head.length > kJournalLongest || end_ + sizeof head + head.length > size) break;
     payload.resize(head.length);
     if (!ReadAt(file_, end_ + sizeof head, payload.data(), payload.size())) break;
     if (Checksum(payload) != head.checksum) break;
@@ -172,7 +172,7 @@ std::string Journal::Read(std::size_t index) const {
 }
 
 std::size_t Journal::Append(std::string_view bytes) {
-  const Head head{bytes.size(), Checksum(bytes)};
+  const JournalHead head{bytes.size(), Checksum(bytes)};
   std::string record(reinterpret_cast<const char*>(&head), sizeof head);
   record += bytes;
   const std::lock_guard<std::mutex> lock(mutex_);

@@ -19,7 +19,7 @@ namespace {
 using nlohmann::json;
 using nlohmann::ordered_json;
 
-constexpr int kVersion = 1;
+constexpr int kLiveHeaderVersion = 1;
 constexpr char kHint[] = "see docs/live.md for the header";
 
 class HeaderReader {
@@ -35,11 +35,11 @@ class HeaderReader {
     }
     out.readings = kind == "readings";
     const json& version = Need("version");
-    if (version != kVersion) {
-      throw Error(
-          fmt::format("is version {} of the stream; this program reads version {}",
-                      version.dump(-1, ' ', false, json::error_handler_t::replace), kVersion),
-          where_ + ":version", "send version 1, or take the program that it is for");
+    if (version != kLiveHeaderVersion) {
+      throw Error(fmt::format("is version {} of the stream; this program reads version {}",
+                              version.dump(-1, ' ', false, json::error_handler_t::replace),
+                              kLiveHeaderVersion),
+                  where_ + ":version", "send version 1, or take the program that it is for");
     }
     out.trial.cameras = Names("cameras");
     out.trial.slots = Names("slots");
@@ -184,7 +184,7 @@ LiveHeader ParseLiveHeader(const json& header, const std::string& where) {
 std::string LiveHeaderText(const LiveHeader& header) {
   const TrialHeader& trial = header.trial;
   ordered_json out = {{"unfurl", header.readings ? "readings" : "lines"},
-                      {"version", kVersion},
+                      {"version", kLiveHeaderVersion},
                       {"cameras", trial.cameras},
                       {"slots", trial.slots}};
   if (header.readings) {

@@ -25,16 +25,16 @@ constexpr char kVersionKey[] = "unfurl";
 constexpr std::size_t kLongestHeader = 16U << 20U;  // [byte]
 // 8 readings of 32 cameras with their sigmas take 26 kB.
 constexpr std::size_t kLongestFlash = 1U << 20U;  // [byte]
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kLiveStreamNone = std::numeric_limits<double>::quiet_NaN();
 
 // Before the counts of a line, little endian.
-struct Head {
+struct LiveStreamHead {
   char word[4];  // LINE, or END.
   std::uint32_t slot;
   std::uint64_t number;
   double t;  // [s]
 };
-static_assert(sizeof(Head) == 24);
+static_assert(sizeof(LiveStreamHead) == 24);
 
 // Of a flash, by camera; what is wrong with them, or nothing.
 std::string AddReadings(const TrialHeader& trial, const json& u, const json& s,
@@ -43,8 +43,8 @@ std::string AddReadings(const TrialHeader& trial, const json& u, const json& s,
   if (!u.is_array() || !s.is_array() || u.size() != cameras || s.size() != cameras) {
     return fmt::format("u and s are not {} lists", cameras);
   }
-  block->u_px.resize(from + cameras * block->most, kNone);
-  block->s_px.resize(block->u_px.size(), kNone);
+  block->u_px.resize(from + cameras * block->most, kLiveStreamNone);
+  block->s_px.resize(block->u_px.size(), kLiveStreamNone);
   for (std::size_t c = 0; c < cameras; ++c) {
     if (!u[c].is_array() || !s[c].is_array() || u[c].size() != s[c].size() ||
         u[c].size() > block->most) {
@@ -127,8 +127,8 @@ void LiveStreamReader::CheckEnd(std::uint64_t lines) {
 
 bool LiveStreamReader::NextLine(std::size_t counts) {
   const std::string_view rest = Rest();
-  if (rest.size() < sizeof(Head)) return false;
-  Head head;
+  if (rest.size() < sizeof(LiveStreamHead)) return false;
+  LiveStreamHead head;
   std::memcpy(&head, rest.data(), sizeof head);
   const std::string_view word(head.word, sizeof head.word);
   if (word == "END.") {
@@ -146,14 +146,14 @@ bool LiveStreamReader::NextLine(std::size_t counts) {
 std::size_t LiveStreamReader::Take(std::size_t most, TrialBlock* block) {
   const TrialHeader& trial = header_->trial;
   const std::size_t counts = trial.line_counts();
-  const std::size_t size = sizeof(Head) + counts * sizeof(std::uint16_t);
+  const std::size_t size = sizeof(LiveStreamHead) + counts * sizeof(std::uint16_t);
   // No room is made for lines that are not there.
   const std::size_t whole = std::min(most, Rest().size() / size);
   block->Resize(whole, trial);
   std::size_t n = 0;
   while (n < whole && !ended_ && NextLine(counts)) {
     const std::string_view rest = Rest();
-    Head head;
+    LiveStreamHead head;
     std::memcpy(&head, rest.data(), sizeof head);
     CheckNumber(head.number);
     CheckTime(head.t);
@@ -256,7 +256,7 @@ void AppendLiveHeader(const LiveHeader& header, std::string* out) {
 
 void AppendLiveLine(const TrialHeader& header, const TrialBlock& block, std::size_t i, double t,
                     std::uint64_t number, std::string* out) {
-  Head head{{'L', 'I', 'N', 'E'}, static_cast<std::uint32_t>(block.slot[i]), number, t};
+  LiveStreamHead head{{'L', 'I', 'N', 'E'}, static_cast<std::uint32_t>(block.slot[i]), number, t};
   const std::size_t counts = header.line_counts();
   out->append(reinterpret_cast<const char*>(&head), sizeof head);
   out->append(reinterpret_cast<const char*>(&block.counts[i * counts]),
@@ -288,7 +288,7 @@ void AppendLiveEnd(bool readings, std::uint64_t lines, std::string* out) {
     *out += fmt::format("{{\"end\":{}}}\n", lines);
     return;
   }
-  const Head head{{'E', 'N', 'D', '.'}, 0, lines, 0.0};
+  const LiveStreamHead head{{'E', 'N', 'D', '.'}, 0, lines, 0.0};
   out->append(reinterpret_cast<const char*>(&head), sizeof head);
 }
 

@@ -13,7 +13,7 @@
 namespace unfurl::data {
 namespace {
 
-constexpr int kVersion = 1;
+constexpr int kModesVersion = 1;
 // Places that move alike but for rounding: the first of them is named.
 constexpr double kAlike = 1e-9;
 
@@ -79,7 +79,7 @@ void WriteModes(const std::string& path, const ModesRecord& record, const Proven
     growth.push_back(mode.growth);
     for (const ModesRecord::Pose& d : mode.shape) shapes.insert(shapes.end(), d.begin(), d.end());
   }
-  H5Writer w(path, kModesSchema, kVersion, provenance);
+  H5Writer w(path, kModesSchema, kModesVersion, provenance);
   w.Write({"/frequency", "Hz", "undamped; 0 for an unstable motion"}, frequency);
   w.Write({"/damping", "1", "ratio, to first order"}, damping);
   w.Write({"/growth", "1/s", "of unstable motions"}, growth);
@@ -91,7 +91,7 @@ void WriteModes(const std::string& path, const ModesRecord& record, const Proven
 }
 
 ModesRecord ReadModes(const std::string& path) {
-  const H5Reader file(path, kModesSchema, kVersion);
+  const H5Reader file(path, kModesSchema, kModesVersion);
   ModesRecord record;
   record.places = file.ReadStrings("/place");
   const std::size_t places = record.places.size();

@@ -14,7 +14,7 @@ namespace unfurl::data {
 
 namespace {
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kReadingTableNone = std::numeric_limits<double>::quiet_NaN();
 constexpr double kNotable = 1.2;       // a widening of sigmas that is worth a word
 constexpr std::size_t kTelling = 8;    // readings; a few may stand at their row's beginning
 constexpr std::size_t kLooked = 1000;  // rows of a long table that are looked at
@@ -164,8 +164,8 @@ ReadingTable ReadingRepeats::Average() const {
   out.cameras = cameras_;
   const auto n = static_cast<Eigen::Index>(id_.size());
   const auto c = static_cast<Eigen::Index>(cameras_.size());
-  out.u_px.setConstant(n, c, kNone);
-  out.s_px.setConstant(n, c, kNone);
+  out.u_px.setConstant(n, c, kReadingTableNone);
+  out.s_px.setConstant(n, c, kReadingTableNone);
   std::vector<double> squares(cameras_.size(), 0.0), spare(cameras_.size(), 0.0);
   for (const auto& [where, ones] : readings_) {
     double weight = 0.0, sum = 0.0;

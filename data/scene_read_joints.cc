@@ -10,10 +10,10 @@
 namespace unfurl::data {
 namespace {
 
-using Kind = SceneJoint::Kind;
+using SceneReadJointsKind = SceneJoint::Kind;
 
 // Names of the keys for the coordinate that effects act on.
-bool ActsOnTravel(const SceneJoint& joint) { return joint.kind != Kind::kRevolute; }
+bool ActsOnTravel(const SceneJoint& joint) { return joint.kind != SceneReadJointsKind::kRevolute; }
 
 // A joint effect's table, and what its keys are called for the joint's coordinate.
 struct EffectTable {
@@ -137,9 +137,9 @@ void SceneReader::ReadJoints() {
     joint.where = table.Where();
     const std::string type =
         table.ChoiceOr("type", "revolute", {"revolute", "slider", "pin_in_slot"});
-    joint.kind = type == "revolute" ? Kind::kRevolute
-                 : type == "slider" ? Kind::kSlider
-                                    : Kind::kPinInSlot;
+    joint.kind = type == "revolute" ? SceneReadJointsKind::kRevolute
+                 : type == "slider" ? SceneReadJointsKind::kSlider
+                                    : SceneReadJointsKind::kPinInSlot;
     joint.inner = ReadEnd(table, "inner", "inner_point");
     joint.outer = ReadEnd(table, "outer", "outer_point");
     joint.sign = table.IntegerOr("sign", 1, -1, 1);
@@ -152,14 +152,14 @@ void SceneReader::ReadJoints() {
 }
 
 void SceneReader::ReadStart(const TomlTable& table, SceneJoint* joint) {
-  if (joint->kind != Kind::kSlider) {
+  if (joint->kind != SceneReadJointsKind::kSlider) {
     joint->theta = table.NumberOr("theta", 0.0);
     joint->theta_rate = table.NumberOr("theta_rate", 0.0);
     joint->hang_theta = table.NumberOr("hang_theta", 0.0);
   } else {
     RefuseKeys(table, {"theta", "theta_rate", "hang_theta"}, "a slider does not turn");
   }
-  if (joint->kind != Kind::kRevolute) {
+  if (joint->kind != SceneReadJointsKind::kRevolute) {
     joint->axis = table.NumberOr("axis", 0.0);
     joint->travel = table.NumberOr("travel", 0.0);
     joint->travel_rate = table.NumberOr("travel_rate", 0.0);
@@ -187,7 +187,7 @@ void SceneReader::ReadJointEffects(const TomlTable& table, SceneJoint* joint) {
     table.Fail("motor", "the joint is driven, so a motor changes nothing", "keep one of the two");
   }
   if (const auto latch = table.TableOrNone("latch")) {
-    if (joint->kind != Kind::kRevolute) {
+    if (joint->kind != SceneReadJointsKind::kRevolute) {
       table.Fail("latch", "only a revolute joint can have a latch", "remove it");
     }
     ReadLatch(*latch, joint);

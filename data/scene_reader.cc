@@ -7,7 +7,7 @@
 namespace unfurl::data {
 namespace {
 
-constexpr double kLongest = 1e7;  // of a run [s]
+constexpr double kSceneReaderLongest = 1e7;  // of a run [s]
 // Looking closely at an expression takes milliseconds: not at each of a hundred thousand.
 constexpr int kLookedAtClosely = 1000;
 constexpr int kFineCells = 4096, kCoarseCells = 16;
@@ -19,7 +19,7 @@ Scene SceneReader::Read(const std::string& path) {
   scene_.files = root_.Files();
   const TomlTable head = root_.Table("scene");
   scene_.name = head.String("name");
-  scene_.duration = head.Number("duration", TomlRange{0.0, kLongest, true, false});
+  scene_.duration = head.Number("duration", TomlRange{0.0, kSceneReaderLongest, true, false});
   ReadBodies();
   ReadBeams();
   ReadWelds();

@@ -48,23 +48,23 @@ StudyParameter ReadParameter(const std::string& name, const TomlTable& t, bool c
   return p;
 }
 
-using Knowledge = StudyKnowledge::Kind;
+using StudyKnowledge = StudyKnowledge::Kind;
 
 // "free", "known" (the tracks' is the scene's), or a table; without sigmas it is known.
 StudyFrame ReadFrame(const TomlTable& t) {
   StudyFrame out;
   if (!t.Has("frame")) return out;
   if (!t.IsTable("frame")) {
-    out.kind =
-        t.Choice("frame", {"free", "known"}) == "free" ? Knowledge::kFree : Knowledge::kKnown;
+    out.kind = t.Choice("frame", {"free", "known"}) == "free" ? StudyKnowledge::kFree
+                                                              : StudyKnowledge::kKnown;
     return out;
   }
   const TomlTable frame = t.Table("frame");
   out.rotation = frame.NumbersOr("rotation", out.rotation, 3);
   out.shift = frame.NumbersOr("shift", out.shift, 3);
-  out.kind = Knowledge::kKnown;
+  out.kind = StudyKnowledge::kKnown;
   if (!frame.Has("sigma_rotation") && !frame.Has("sigma_shift")) return out;
-  out.kind = Knowledge::kNormal;
+  out.kind = StudyKnowledge::kNormal;
   out.sigma_rotation = frame.Number("sigma_rotation", kPositive);
   out.sigma_shift = frame.Number("sigma_shift", kPositive);
   return out;
@@ -313,7 +313,7 @@ void ReadRepeat(const TomlTable& root, Study* study) {
   }
 }
 
-Study ReadFrom(const TomlTable& root, const std::string& path) {
+Study ReadStudyFrom(const TomlTable& root, const std::string& path) {
   Study study;
   study.path = path;
   ReadModel(root, path, &study);
@@ -337,11 +337,11 @@ Study ReadFrom(const TomlTable& root, const std::string& path) {
 }  // namespace
 
 Study ReadStudy(const std::string& path, const std::vector<std::string>& overrides) {
-  return ReadFrom(LoadToml(path, overrides), path);
+  return ReadStudyFrom(LoadToml(path, overrides), path);
 }
 
 Study ParseStudy(const std::string& text, const std::string& name) {
-  return ReadFrom(ParseToml(text, name), name);
+  return ReadStudyFrom(ParseToml(text, name), name);
 }
 
 }  // namespace unfurl::data

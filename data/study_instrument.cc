@@ -4,7 +4,7 @@ namespace unfurl::data {
 
 namespace {
 
-using Knowledge = StudyKnowledge::Kind;
+using StudyInstrumentKnowledge = StudyKnowledge::Kind;
 
 StudyChannel::Filter ReadFilter(const TomlTable& t) {
   StudyChannel::Filter out;
@@ -25,15 +25,16 @@ StudyKnowledge ReadKnowledge(const TomlTable& t, const char* key, TomlRange rang
   StudyKnowledge out;
   if (!t.Has(key)) return out;
   if (t.IsNumber(key)) {
-    out.kind = Knowledge::kKnown;
+    out.kind = StudyInstrumentKnowledge::kKnown;
     out.mean = t.Number(key, range);
   } else if (t.IsTable(key)) {
     const TomlTable density = t.Table(key);
-    out.kind = Knowledge::kNormal;
+    out.kind = StudyInstrumentKnowledge::kNormal;
     out.mean = density.NumberOr("mean", 0.0, range);
     out.sigma = density.Number("sigma", kPositive);
   } else {
-    out.kind = t.Choice(key, {"free", "known"}) == "free" ? Knowledge::kFree : Knowledge::kKnown;
+    out.kind = t.Choice(key, {"free", "known"}) == "free" ? StudyInstrumentKnowledge::kFree
+                                                          : StudyInstrumentKnowledge::kKnown;
   }
   return out;
 }
@@ -44,8 +45,8 @@ void ReadInstrument(const TomlTable& t, StudyChannel* c) {
   c->unit = t.StringOr("unit", "");
   if (t.Has("sigma")) c->sigma = t.Number("sigma", kPositive);
   c->gain = ReadKnowledge(t, "gain", kAny);
-  if (c->gain.kind == Knowledge::kKnown && !t.IsNumber("gain")) c->gain.mean = 1.0;
-  if (c->gain.kind == Knowledge::kKnown && c->gain.mean == 0.0) {
+  if (c->gain.kind == StudyInstrumentKnowledge::kKnown && !t.IsNumber("gain")) c->gain.mean = 1.0;
+  if (c->gain.kind == StudyInstrumentKnowledge::kKnown && c->gain.mean == 0.0) {
     t.Fail("gain", "a channel of gain 0 shows nothing", "leave it out");
   }
   c->bias = ReadKnowledge(t, "bias", kAny);
@@ -59,7 +60,8 @@ void ReadSwitch(const TomlTable& t, StudyChannel* c) {
   c->joint = t.String(c->event == "watch" ? "watch" : "joint");
   c->rising = t.ChoiceOr("edge", "rising", {"rising", "falling"}) == "rising";
   c->delay = ReadKnowledge(t, "delay", kAny);
-  if (c->delay.kind != Knowledge::kUnsaid && c->delay.kind != Knowledge::kKnown) {
+  if (c->delay.kind != StudyInstrumentKnowledge::kUnsaid &&
+      c->delay.kind != StudyInstrumentKnowledge::kKnown) {
     t.Fail("delay", "the delay of a switch is known or not there", "give a number of seconds");
   }
 }

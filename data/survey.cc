@@ -21,7 +21,7 @@ namespace unfurl::data {
 
 namespace {
 
-constexpr std::array<const char*, 6> kCovariance = {"cxx", "cxy", "cxz", "cyy", "cyz", "czz"};
+constexpr std::array<const char*, 6> kSurveyCovariance = {"cxx", "cxy", "cxz", "cyy", "cyz", "czz"};
 constexpr std::array<const char*, 3> kPosition = {"x", "y", "z"};
 
 bool IsHdf5(const std::string& path) {
@@ -41,7 +41,7 @@ bool Possible(const Eigen::Matrix<double, 6, 1>& c) {
   return c(0) > 0.0 && minor > 0.0 && det > 0.0;
 }
 
-Survey ReadCsv(const std::string& path) {
+Survey ReadSurveyCsv(const std::string& path) {
   const CsvTable table = CsvTable::Load(path);
   Survey survey;
   if (!ReadSurveyPoints(table, &survey)) {
@@ -101,7 +101,7 @@ void ReadLines(const H5Reader& file, Survey* survey) {
   survey->response = ReadResponse(file, cameras, survey->format);
 }
 
-Survey ReadH5(const std::string& path) {
+Survey ReadSurveyH5(const std::string& path) {
   const H5Reader file(path, kSurveySchema, kSurveyVersion);
   Survey survey;
   survey.id = file.ReadStrings("/id");
@@ -153,7 +153,9 @@ Survey ReadH5(const std::string& path) {
 
 bool IsSurveyH5(const std::string& path) { return IsHdf5(path); }
 
-Survey ReadSurvey(const std::string& path) { return IsHdf5(path) ? ReadH5(path) : ReadCsv(path); }
+Survey ReadSurvey(const std::string& path) {
+  return IsHdf5(path) ? ReadSurveyH5(path) : ReadSurveyCsv(path);
+}
 
 Survey ReadPointsCsv(const std::string& path) {
   Survey survey;
@@ -241,7 +243,7 @@ void WriteSurveyCsv(const std::string& path, const Survey& survey) {
   }
   std::vector<CsvColumn> columns = {{"id", ""}};
   for (const char* name : kPosition) columns.push_back({name, "m"});
-  for (const char* name : kCovariance) columns.push_back({name, "m^2"});
+  for (const char* name : kSurveyCovariance) columns.push_back({name, "m^2"});
   for (std::size_t c = 1; c <= survey.cameras.size(); ++c) {
     columns.push_back({fmt::format("u{}", c), "px"});
     columns.push_back({fmt::format("s{}", c), "px"});

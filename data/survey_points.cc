@@ -17,8 +17,9 @@ namespace unfurl::data {
 
 namespace {
 
-constexpr std::array<const char*, 6> kCovariance = {"cxx", "cxy", "cxz", "cyy", "cyz", "czz"};
-constexpr std::array<const char*, 3> kSigma = {"sx", "sy", "sz"};
+constexpr std::array<const char*, 6> kSurveyPointsCovariance = {"cxx", "cxy", "cxz",
+                                                                "cyy", "cyz", "czz"};
+constexpr std::array<const char*, 3> kSurveyPointsSigma = {"sx", "sy", "sz"};
 constexpr std::array<const char*, 3> kSigmaEnh = {"sE", "sN", "sH"};
 constexpr std::array<const char*, 3> kSigmaPolar = {"shz", "sv", "sd"};
 
@@ -183,7 +184,7 @@ bool ReadSpread(const CsvTable& table, const std::array<const char*, 3>& names, 
     }
   }
   for (std::size_t k = 0; has_cov && k < 6; ++k) {
-    const LengthColumn column = RequireLength(table, kCovariance[k], true);
+    const LengthColumn column = RequireLength(table, kSurveyPointsCovariance[k], true);
     for (std::size_t i = 0; i < table.rows(); ++i) {
       survey->cov(static_cast<Eigen::Index>(k), static_cast<Eigen::Index>(i)) =
           column.unit * table.Number(i, column.at);
@@ -305,7 +306,8 @@ bool ReadCoordinates(const CsvTable& table, double prism_offset, Survey* survey)
           columns[k].unit * table.Number(static_cast<std::size_t>(i), columns[k].at);
     }
   }
-  const bool spread = ReadSpread(table, table.Find("x") >= 0 ? kSigma : kSigmaEnh, survey);
+  const bool spread =
+      ReadSpread(table, table.Find("x") >= 0 ? kSurveyPointsSigma : kSigmaEnh, survey);
   if (HasAngles(table)) CompareWithAngles(table, survey);
   if (prism_offset != 0.0) AddPrismOffset(table, prism_offset, survey);
   return spread;

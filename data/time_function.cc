@@ -13,41 +13,41 @@
 namespace unfurl::data {
 namespace {
 
-using Impl = TimeFunction::Impl;
+using TimeFunctionImpl = TimeFunction::Impl;
 
-struct Constant : Impl {
+struct Constant : TimeFunctionImpl {
   double value;
   explicit Constant(double v) : value(v) {}
   TimeValue At(double) const override { return {value, 0.0, 0.0}; }
   double Value(double) const override { return value; }
   bool is_constant() const override { return true; }
-  std::shared_ptr<const Impl> Integral(double start, double) const override;
+  std::shared_ptr<const TimeFunctionImpl> Integral(double start, double) const override;
   std::string text() const override { return fmt::format("{}", value); }
 };
 
-struct Line : Impl {
+struct TimeFunctionLine : TimeFunctionImpl {
   double start, slope;
-  Line(double s, double r) : start(s), slope(r) {}
+  TimeFunctionLine(double s, double r) : start(s), slope(r) {}
   TimeValue At(double t) const override { return {start + slope * t, slope, 0.0}; }
-  std::shared_ptr<const Impl> Integral(double, double) const override {
+  std::shared_ptr<const TimeFunctionImpl> Integral(double, double) const override {
     throw Error("an integral of an integral", where, "give the function itself");
   }
   std::string text() const override { return fmt::format("{} + {} * t", start, slope); }
 };
 
-std::shared_ptr<const Impl> Constant::Integral(double start, double) const {
-  auto line = std::make_shared<Line>(start, value);
+std::shared_ptr<const TimeFunctionImpl> Constant::Integral(double start, double) const {
+  auto line = std::make_shared<TimeFunctionLine>(start, value);
   line->where = where;
   return line;
 }
 
-struct Formula : Impl, std::enable_shared_from_this<Formula> {
+struct Formula : TimeFunctionImpl, std::enable_shared_from_this<Formula> {
   Expression expression;
   explicit Formula(Expression e) : expression(std::move(e)) {}
   TimeValue At(double t) const override { return expression.At(t); }
   double Value(double t) const override { return expression.Value(t); }
   bool is_constant() const override { return expression.is_constant(); }
-  std::shared_ptr<const Impl> Integral(double start, double duration) const override {
+  std::shared_ptr<const TimeFunctionImpl> Integral(double start, double duration) const override {
     return IntegrateSmooth(shared_from_this(), start, duration);
   }
   std::optional<Expression::Fault> FindFault(double duration, int derivatives,
@@ -99,7 +99,7 @@ struct Pieces {
   double last = 0.0;
 };
 
-struct PointsIntegral : Impl {
+struct PointsIntegral : TimeFunctionImpl {
   std::shared_ptr<const Pieces> pieces;
   double offset;
   PointsIntegral(std::shared_ptr<const Pieces> p, double start)
@@ -108,17 +108,17 @@ struct PointsIntegral : Impl {
     const TimeValue rate = pieces->At(t);
     return {offset + pieces->Sum(t), rate.value, rate.rate};
   }
-  std::shared_ptr<const Impl> Integral(double, double) const override {
+  std::shared_ptr<const TimeFunctionImpl> Integral(double, double) const override {
     throw Error("an integral of an integral", where, "give the function itself");
   }
   std::vector<double> Edges(double duration) const override { return pieces->Edges(duration); }
   std::string text() const override { return "the integral of a table"; }
 };
 
-struct Points : Impl {
+struct Points : TimeFunctionImpl {
   std::shared_ptr<const Pieces> pieces;
   TimeValue At(double t) const override { return pieces->At(t); }
-  std::shared_ptr<const Impl> Integral(double start, double) const override {
+  std::shared_ptr<const TimeFunctionImpl> Integral(double start, double) const override {
     auto integral = std::make_shared<PointsIntegral>(pieces, start);
     integral->where = where;
     return integral;

@@ -13,7 +13,7 @@
 namespace unfurl::data {
 namespace {
 
-using Impl = TimeFunction::Impl;
+using TimeIntegralImpl = TimeFunction::Impl;
 
 constexpr int kTerms = 17;                    // of a piece's series
 constexpr int kFirstPieces = 16;              // smooth rates need no more: their series end early
@@ -52,7 +52,7 @@ const std::array<Series, kTerms>& Cosines() {
 }
 
 // Through the function at the Chebyshev points of [a, b].
-Series Fit(const Impl& f, double a, double b) {
+Series Fit(const TimeIntegralImpl& f, double a, double b) {
   constexpr int n = kTerms - 1;
   const auto& cosine = Cosines();
   Series values, c;
@@ -83,8 +83,8 @@ double Evaluate(const std::array<double, kCount>& c, double x) {
   return x * b1 - b2 + c[0];
 }
 
-struct SmoothIntegral : Impl {
-  std::shared_ptr<const Impl> rate;
+struct SmoothIntegral : TimeIntegralImpl {
+  std::shared_ptr<const TimeIntegralImpl> rate;
   double start = 0.0;
   std::vector<Piece> pieces;
   struct {
@@ -118,7 +118,7 @@ struct SmoothIntegral : Impl {
     }
     return sum * h / 18.0;
   }
-  std::shared_ptr<const Impl> Integral(double, double) const override {
+  std::shared_ptr<const TimeIntegralImpl> Integral(double, double) const override {
     throw Error("an integral of an integral", where, "give the function itself");
   }
   std::string text() const override { return rate->text(); }
@@ -165,8 +165,8 @@ struct SmoothIntegral : Impl {
 
 }  // namespace
 
-std::shared_ptr<const Impl> IntegrateSmooth(const std::shared_ptr<const Impl>& rate, double start,
-                                            double duration) {
+std::shared_ptr<const TimeIntegralImpl> IntegrateSmooth(
+    const std::shared_ptr<const TimeIntegralImpl>& rate, double start, double duration) {
   auto integral = std::make_shared<SmoothIntegral>();
   integral->rate = rate;
   integral->start = start;

@@ -22,8 +22,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMostFiles = 100000;  // named in all; patterns are expanded
-constexpr std::size_t kLongestName = 4096;  // bytes, as PATH_MAX: longer text is no path
+constexpr std::size_t kTomlFilesMostFiles = 100000;  // named in all; patterns are expanded
+constexpr std::size_t kLongestName = 4096;           // bytes, as PATH_MAX: longer text is no path
 
 // By the name; or, whatever the name, as text of a size that people write. A pipe can be read once
 // only, and that is its reader's.
@@ -57,7 +57,7 @@ class Finder {
   }
 
   void Name(const std::string& name, const fs::path& folder, const std::string& where) {
-    if (name.empty() || name.size() > kLongestName || found.size() >= kMostFiles ||
+    if (name.empty() || name.size() > kLongestName || found.size() >= kTomlFilesMostFiles ||
         name.find('\0') != std::string::npos) {
       return;
     }

@@ -14,8 +14,9 @@
 namespace unfurl::data {
 namespace {
 
-constexpr std::size_t kMostFiles = 1000;  // included by one; stops those that double at each level
-constexpr int kMostParts = 64;            // of a dotted key
+constexpr std::size_t kTomlIncludeMostFiles =
+    1000;                                  // included by one; stops those that double at each level
+constexpr int kTomlIncludeMostParts = 64;  // of a dotted key
 
 // The place after the string that begins at `at`.
 std::size_t AfterString(const std::string& text, std::size_t at) {
@@ -49,8 +50,8 @@ void RefuseLongKeys(const std::string& text, const std::string& name) {
       at = std::min(text.find('\n', at), text.size());
       continue;
     }
-    if (c == '.' && ++parts > kMostParts) {
-      throw Error(fmt::format("a key of more than {} parts", kMostParts),
+    if (c == '.' && ++parts > kTomlIncludeMostParts) {
+      throw Error(fmt::format("a key of more than {} parts", kTomlIncludeMostParts),
                   fmt::format("{}:{}", name, line), "name tables less deep");
     }
     if (c == '\n') ++line;
@@ -120,9 +121,9 @@ class Merger {
       throw Error(fmt::format("there is no file \"{}\" to include", file.string()),
                   Where(list, from), "names are relative to the file that includes");
     }
-    if (files_->size() >= kMostFiles) {
-      throw Error(fmt::format("more than {} files are included", kMostFiles), Where(list, from),
-                  "include each file once");
+    if (files_->size() >= kTomlIncludeMostFiles) {
+      throw Error(fmt::format("more than {} files are included", kTomlIncludeMostFiles),
+                  Where(list, from), "include each file once");
     }
     files_->push_back(file.string());
     toml::table document = ParseTomlDocument(

@@ -15,7 +15,7 @@ namespace unfurl::data {
 
 namespace {
 
-constexpr std::size_t kMostParts = 64;  // of a dotted key: deeper than any file of ours
+constexpr std::size_t kTomlOverrideMostParts = 64;  // of a dotted key: deeper than any file of ours
 
 // The right-hand side of --set as a TOML value; a bare word is taken as a string.
 toml::table ParseOverride(const std::string& value, const std::string& dotted) {
@@ -78,7 +78,7 @@ toml::node* ItemOf(toml::node* node, const KeyPart& part, std::size_t depth,
 // not there are made; items of arrays are not.
 const toml::node* SetNode(toml::table& root, const std::string& dotted, const toml::node& value) {
   const std::vector<std::string> keys = Split(dotted, '.');
-  if (keys.size() > kMostParts) {
+  if (keys.size() > kTomlOverrideMostParts) {
     throw Error(fmt::format("a key of {} parts", keys.size()), "--set", "name tables less deep");
   }
   toml::table* table = &root;

@@ -17,7 +17,7 @@ namespace unfurl::data {
 
 namespace {
 
-constexpr std::array<const char*, 6> kCovariance = {"cxx", "cxy", "cxz", "cyy", "cyz", "czz"};
+constexpr std::array<const char*, 6> kTracksCovariance = {"cxx", "cxy", "cxz", "cyy", "cyz", "czz"};
 constexpr std::array<const char*, 4> kStatusNames = {"good", "three_cameras", "rejected_reading",
                                                      "unsolvable"};
 constexpr std::array<const char*, kSampleReasons> kReasonNames = {"",
@@ -245,7 +245,7 @@ Tracks ReadTracks(const std::string& path) {
 
 void WriteTracksCsv(const std::string& path, const Tracks& tracks) {
   std::vector<CsvColumn> columns = {{"t", "s"}, {"mark", ""}, {"x", "m"}, {"y", "m"}, {"z", "m"}};
-  for (const char* name : kCovariance) columns.push_back({name, "m^2"});
+  for (const char* name : kTracksCovariance) columns.push_back({name, "m^2"});
   columns.push_back({"status", ""});
   if (!tracks.reason.empty()) columns.push_back({"reason", ""});
   CsvWriter writer(columns);
@@ -292,7 +292,7 @@ Tracks ReadTracksCsv(const std::string& path) {
   const std::array<int, 3> p = {table.Require("x", "m"), table.Require("y", "m"),
                                 table.Require("z", "m")};
   std::array<int, 6> cov;
-  for (std::size_t k = 0; k < 6; ++k) cov[k] = table.Require(kCovariance[k], "m^2");
+  for (std::size_t k = 0; k < 6; ++k) cov[k] = table.Require(kTracksCovariance[k], "m^2");
   const int status = table.Find("status");
 
   Tracks tracks;

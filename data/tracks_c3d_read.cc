@@ -48,7 +48,7 @@ class Bytes {
   const std::string& text_;
 };
 
-struct Value {
+struct TracksC3dReadValue {
   int type = 0;
   std::vector<std::size_t> dims;
   std::string data;
@@ -76,14 +76,14 @@ struct Value {
   }
 };
 
-std::map<std::string, Value> ReadParameters(const std::string& path, const Bytes& bytes,
-                                            std::size_t first) {
+std::map<std::string, TracksC3dReadValue> ReadParameters(const std::string& path,
+                                                         const Bytes& bytes, std::size_t first) {
   const std::size_t end = first + kC3dBlock * bytes.At<std::uint8_t>(first + 2);
   if (bytes.At<std::uint8_t>(first + 3) != 84) {
     Bad(path, "is in the number format of another processor than Intel's");
   }
   std::map<int, std::string> groups;
-  std::vector<std::pair<int, std::pair<std::string, Value>>> found;
+  std::vector<std::pair<int, std::pair<std::string, TracksC3dReadValue>>> found;
   for (std::size_t at = first + 4; at + 2 < end;) {
     const int length = std::abs(bytes.At<std::int8_t>(at));
     const int id = bytes.At<std::int8_t>(at + 1);
@@ -94,7 +94,7 @@ std::map<std::string, Value> ReadParameters(const std::string& path, const Bytes
     if (id < 0) {
       groups[-id] = name;
     } else {
-      Value value;
+      TracksC3dReadValue value;
       value.type = bytes.At<std::int8_t>(body + 2);
       const std::size_t dims = bytes.At<std::uint8_t>(body + 3);
       std::size_t size = static_cast<std::size_t>(std::abs(value.type));
@@ -109,13 +109,14 @@ std::map<std::string, Value> ReadParameters(const std::string& path, const Bytes
     if (next == 0) break;
     at = body + next;
   }
-  std::map<std::string, Value> out;
+  std::map<std::string, TracksC3dReadValue> out;
   for (auto& [group, entry] : found) out[groups[group] + ":" + entry.first] = entry.second;
   return out;
 }
 
 // A parameter as a count from `low` to `high`.
-std::size_t CountOf(const std::string& path, const std::map<std::string, Value>& parameters,
+std::size_t CountOf(const std::string& path,
+                    const std::map<std::string, TracksC3dReadValue>& parameters,
                     const std::string& name, double low, double high) {
   const auto found = parameters.find(name);
   if (found == parameters.end()) Bad(path, fmt::format("has no {}", name));
@@ -145,7 +146,7 @@ struct Layout {
 };
 
 Layout LayoutOf(const std::string& path, const Bytes& bytes, std::size_t size,
-                const std::map<std::string, Value>& p) {
+                const std::map<std::string, TracksC3dReadValue>& p) {
   Layout l;
   l.marks = CountOf(path, p, "POINT:USED", 1.0, kMostPoints);
   l.start = kC3dBlock * (CountOf(path, p, "POINT:DATA_START", 2.0, kC3dMostFrames) - 1);
@@ -178,7 +179,7 @@ double MetresPerUnit(const std::string& path, const std::string& units) {
 }
 
 // One label a point; those without get their number.
-std::vector<std::string> LabelsOf(const Value& labels, std::size_t marks) {
+std::vector<std::string> LabelsOf(const TracksC3dReadValue& labels, std::size_t marks) {
   std::vector<std::string> names = labels.Strings();
   names.resize(marks);
   for (std::size_t m = 0; m < marks; ++m) {
@@ -190,7 +191,7 @@ std::vector<std::string> LabelsOf(const Value& labels, std::size_t marks) {
 // When each point of each frame was measured; of files of our own, to the digit.
 class Clock {
  public:
-  Clock(const std::string& path, std::map<std::string, Value>* p, const Layout& layout)
+  Clock(const std::string& path, std::map<std::string, TracksC3dReadValue>* p, const Layout& layout)
       : step_(RealOf(path, "UNFURL:STEP", (*p)["UNFURL:STEP"].data, 1.0 / layout.rate)),
         start_(RealOf(path, "UNFURL:START", (*p)["UNFURL:START"].data, 0.0)),
         delay_(layout.marks, 0.0) {
@@ -258,7 +259,8 @@ Tracks ReadTracksC3d(const std::string& path, double sigma) {
   if (text.size() < 2 * kC3dBlock || bytes.At<std::uint8_t>(1) != 0x50) Bad(path, "is no C3D file");
   const std::size_t block = bytes.At<std::uint8_t>(0);
   if (block < 2) Bad(path, "has no section of parameters");
-  std::map<std::string, Value> p = ReadParameters(path, bytes, kC3dBlock * (block - 1));
+  std::map<std::string, TracksC3dReadValue> p =
+      ReadParameters(path, bytes, kC3dBlock * (block - 1));
   const Layout layout = LayoutOf(path, bytes, text.size(), p);
   const double unit = MetresPerUnit(path, std::string(Trim(p["POINT:UNITS"].data)));
   Tracks tracks;

@@ -20,8 +20,8 @@ namespace {
 
 constexpr int kTimeResponse = 1, kGeneral = 0;             // function types
 constexpr int kTime = 17, kDisplacement = 8, kNoUnit = 0;  // data types
-constexpr std::array<const char*, 10> kFunctions = {"x",   "y",   "z",   "cxx", "cxy",
-                                                    "cxz", "cyy", "cyz", "czz", "status"};
+constexpr std::array<const char*, 10> kTracksUffFunctions = {"x",   "y",   "z",   "cxx", "cxy",
+                                                             "cxz", "cyy", "cyz", "czz", "status"};
 constexpr const char* kIdentity = "unfurl tracks";
 
 // Dataset 164: SI, all factors 1, temperatures in kelvin.
@@ -31,14 +31,14 @@ constexpr const char* kUnits =
     "  0.0000000000000000D+00\n    -1\n";
 
 // One line of the file's fixed columns, cut to 80.
-std::string Line(std::string text) {
+std::string TracksUffLine(std::string text) {
   text.resize(std::min<std::size_t>(text.size(), 80));
   return text + "\n";
 }
 
 std::string AxisLine(int type, const char* label, const char* units) {
-  return Line(fmt::format("{:10d}{:5d}{:5d}{:5d} {:<20} {:<20}", type,
-                          type == kDisplacement ? 1 : 0, 0, 0, label, units));
+  return TracksUffLine(fmt::format("{:10d}{:5d}{:5d}{:5d} {:<20} {:<20}", type,
+                                   type == kDisplacement ? 1 : 0, 0, 0, label, units));
 }
 
 double ValueOf(const Tracks& tracks, std::size_t function, Eigen::Index i) {
@@ -50,8 +50,8 @@ double ValueOf(const Tracks& tracks, std::size_t function, Eigen::Index i) {
 // What each mark is made of.
 struct Mark {
   std::string name;
-  std::array<UffFunction, kFunctions.size()> f;
-  std::array<bool, kFunctions.size()> has{};
+  std::array<UffFunction, kTracksUffFunctions.size()> f;
+  std::array<bool, kTracksUffFunctions.size()> has{};
 };
 
 // Metres in the unit of a displacement; refuses what is not stated, and what is stated twice and
@@ -95,7 +95,7 @@ double SecondsPerUnit(const UffFunction& f) {
 // of other programs.
 std::size_t OwnFunction(const UffFile& file, UffFunction* f, Mark* mark, Tracks* tracks) {
   const std::string head = std::string(kIdentity) + ": ";
-  if (!f->id[1].starts_with(head)) return kFunctions.size();
+  if (!f->id[1].starts_with(head)) return kTracksUffFunctions.size();
   if (file.length_factor != 0.0 && file.length_factor != 1.0) {
     throw Error("dataset 164 does not say SI, and these functions are", f->where,
                 "export it again");
@@ -112,20 +112,21 @@ std::size_t OwnFunction(const UffFile& file, UffFunction* f, Mark* mark, Tracks*
   const std::vector<std::string> about = Split(f->id[4], ' ');
   if (about.size() > 1 && about[0] == "frame") tracks->frame = about[1];
   const std::string name = f->id[1].substr(head.size());
-  return static_cast<std::size_t>(std::find(kFunctions.begin(), kFunctions.end(), name) -
-                                  kFunctions.begin());
+  return static_cast<std::size_t>(
+      std::find(kTracksUffFunctions.begin(), kTracksUffFunctions.end(), name) -
+      kTracksUffFunctions.begin());
 }
 
 // Which direction's displacement over time it is, in SI after this; or why it is none.
 std::size_t ForeignFunction(const UffFile& file, UffFunction* f, std::string* other) {
   const int direction = std::abs(f->direction);
-  if (direction < 1 || direction > 3) return kFunctions.size();
+  if (direction < 1 || direction > 3) return kTracksUffFunctions.size();
   const bool response = f->type == kTimeResponse || f->type == kGeneral;
   if (f->complex || !response || f->abscissa.type != kTime || f->ordinate.type != kDisplacement ||
       f->denominator.type != kNoUnit) {
     *other = fmt::format("node {} has a {} ({} over {})", f->node, UffFunctionType(f->type),
                          UffDataType(f->ordinate.type), UffDataType(f->abscissa.type));
-    return kFunctions.size();
+    return kTracksUffFunctions.size();
   }
   const double metres = MetresPerUnit(file, *f) * (f->direction < 0 ? -1.0 : 1.0);
   const double seconds = SecondsPerUnit(*f);
@@ -153,22 +154,24 @@ std::vector<Eigen::Index> UsableSamples(const Tracks& tracks, std::size_t mark, 
 std::string FunctionHead(const Tracks& tracks, const TracksGrid& grid, std::size_t m, std::size_t f,
                          std::size_t samples, bool even) {
   std::string text = "    -1\n    58\n";
-  text += Line(tracks.marks[m]);
-  text += Line(fmt::format("{}: {}", kIdentity, kFunctions[f]));
-  text += Line("NONE");
+  text += TracksUffLine(tracks.marks[m]);
+  text += TracksUffLine(fmt::format("{}: {}", kIdentity, kTracksUffFunctions[f]));
+  text += TracksUffLine("NONE");
   // Abscissae have few digits in this format; the grid restores the others.
-  text += Line(grid.regular ? fmt::format("grid {} {}", grid.start + grid.delay[m], grid.step)
-                            : "NONE");
-  text += Line(fmt::format("frame {} smoothed {}", tracks.frame, tracks.smoothed ? "yes" : "no"));
-  text += Line(fmt::format("{:5d}{:10d}{:5d}{:10d} {:<10}{:10d}{:4d} {:<10}{:10d}{:4d}",
-                           f < 3 ? kTimeResponse : kGeneral, 0, 0, 0, tracks.marks[m].substr(0, 10),
-                           m + 1, f < 3 ? f + 1 : 0, "NONE", 0, 0));
-  text += Line(fmt::format("{:10d}{:10d}{:10d}{:13.5E}{:13.5E}{:13.5E}", 4, samples, even ? 1 : 0,
-                           grid.regular ? grid.start + grid.delay[m] : 0.0, even ? grid.step : 0.0,
-                           0.0));
+  text += TracksUffLine(
+      grid.regular ? fmt::format("grid {} {}", grid.start + grid.delay[m], grid.step) : "NONE");
+  text += TracksUffLine(
+      fmt::format("frame {} smoothed {}", tracks.frame, tracks.smoothed ? "yes" : "no"));
+  text += TracksUffLine(fmt::format("{:5d}{:10d}{:5d}{:10d} {:<10}{:10d}{:4d} {:<10}{:10d}{:4d}",
+                                    f < 3 ? kTimeResponse : kGeneral, 0, 0, 0,
+                                    tracks.marks[m].substr(0, 10), m + 1, f < 3 ? f + 1 : 0, "NONE",
+                                    0, 0));
+  text += TracksUffLine(fmt::format("{:10d}{:10d}{:10d}{:13.5E}{:13.5E}{:13.5E}", 4, samples,
+                                    even ? 1 : 0, grid.regular ? grid.start + grid.delay[m] : 0.0,
+                                    even ? grid.step : 0.0, 0.0));
   text += AxisLine(kTime, "Time", "s");
   text += f < 3 ? AxisLine(kDisplacement, "Displacement", "m")
-                : AxisLine(kNoUnit, kFunctions[f], f < 9 ? "m^2" : "NONE");
+                : AxisLine(kNoUnit, kTracksUffFunctions[f], f < 9 ? "m^2" : "NONE");
   text += AxisLine(kNoUnit, "NONE", "NONE");
   text += AxisLine(kNoUnit, "NONE", "NONE");
   return text;
@@ -180,11 +183,12 @@ std::map<int, Mark> MarksOf(UffFile* file, Tracks* tracks, std::string* other) {
   for (UffFunction& f : file->functions) {
     Mark& mark = marks[f.node];
     std::size_t which = OwnFunction(*file, &f, &mark, tracks);
-    if (which >= kFunctions.size()) which = ForeignFunction(*file, &f, other);
-    if (which >= kFunctions.size()) continue;
+    if (which >= kTracksUffFunctions.size()) which = ForeignFunction(*file, &f, other);
+    if (which >= kTracksUffFunctions.size()) continue;
     if (mark.has[which]) {
-      throw Error(fmt::format("node {} has two functions of {}", f.node, kFunctions[which]),
-                  f.where, "export each once");
+      throw Error(
+          fmt::format("node {} has two functions of {}", f.node, kTracksUffFunctions[which]),
+          f.where, "export each once");
     }
     mark.f[which] = std::move(f);
     mark.has[which] = true;
@@ -242,7 +246,7 @@ void WriteTracksUff(const std::string& path, const Tracks& tracks) {
     const std::vector<Eigen::Index> samples = UsableSamples(tracks, m, &gaps);
     if (samples.empty()) continue;
     const bool even = grid.regular && !gaps && samples.size() == grid.frames;
-    for (std::size_t f = 0; f < kFunctions.size(); ++f) {
+    for (std::size_t f = 0; f < kTracksUffFunctions.size(); ++f) {
       std::string text = FunctionHead(tracks, grid, m, f, samples.size(), even);
       const std::size_t row = even ? 4 : 2;
       for (std::size_t k = 0; k < samples.size(); ++k) {

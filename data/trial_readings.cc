@@ -21,7 +21,7 @@
 namespace unfurl::data {
 namespace {
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kTrialReadingsNone = std::numeric_limits<double>::quiet_NaN();
 
 // Flashes by time, then by slot in order of appearance; of each and by camera its readings.
 class Flashes {
@@ -85,7 +85,7 @@ class Flashes {
     out->slots = slots_;
     out->most = most_;
     const std::size_t cameras = out->cameras.size();
-    out->u_px.assign(flashes_.size() * cameras * most_, kNone);
+    out->u_px.assign(flashes_.size() * cameras * most_, kTrialReadingsNone);
     out->s_px = out->u_px;
     for (const auto& [key, flash] : flashes_) {
       const std::size_t at = out->size();
@@ -129,7 +129,7 @@ class Flashes {
   std::size_t most_ = 1;
 };
 
-TrialReadings ReadCsv(const std::string& path) {
+TrialReadings ReadTrialReadingsCsv(const std::string& path) {
   const CsvTable table = CsvTable::Load(path);
   TrialReadings out;
   Flashes flashes(table);
@@ -216,7 +216,7 @@ void Pack(const H5Reader& file, TrialReadings* out) {
     std::size_t count = 0;
     for (std::size_t k = first; k < first + out->most; ++k) {
       const double u = out->u_px[k], s = out->s_px[k];
-      out->u_px[k] = out->s_px[k] = kNone;
+      out->u_px[k] = out->s_px[k] = kTrialReadingsNone;
       if (std::isnan(u)) continue;
       const auto begin = out->u_px.begin() + static_cast<std::ptrdiff_t>(first);
       const auto end = begin + static_cast<std::ptrdiff_t>(count);
@@ -231,7 +231,7 @@ void Pack(const H5Reader& file, TrialReadings* out) {
   }
 }
 
-TrialReadings ReadH5(const std::string& path) {
+TrialReadings ReadTrialReadingsH5(const std::string& path) {
   const H5Reader file(path, kReadingsSchema, kReadingsVersion);
   TrialReadings out;
   out.cameras = file.ReadStrings("/cameras");
@@ -273,7 +273,7 @@ void RefuseNames(const TrialReadings& out) {
 }  // namespace
 
 TrialReadings ReadTrialReadings(const std::string& path) {
-  TrialReadings out = IsSurveyH5(path) ? ReadH5(path) : ReadCsv(path);
+  TrialReadings out = IsSurveyH5(path) ? ReadTrialReadingsH5(path) : ReadTrialReadingsCsv(path);
   out.path = path;
   if (out.size() == 0) throw Error("holds no flashes", path, "give some");
   RefuseNames(out);

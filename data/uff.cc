@@ -87,7 +87,7 @@ UffAxis ReadAxis(Scanner& in) {
 }
 
 // How the values of a function follow each other.
-struct Form {
+struct UffForm {
   int type = 0;
   std::size_t count = 0;
   bool even = false;
@@ -95,9 +95,9 @@ struct Form {
   bool wide() const { return type == kDouble; }
 };
 
-Form ReadForm(Scanner& in) {
+UffForm ReadForm(Scanner& in) {
   const std::string line = in.Need();
-  Form form;
+  UffForm form;
   form.type = in.Integer(line, 0, 10);
   const int count = in.Integer(line, 10, 10);
   form.even = in.Integer(line, 20, 10) == 1;
@@ -115,7 +115,7 @@ Form ReadForm(Scanner& in) {
   return form;
 }
 
-void ReadAscii(Scanner& in, const Form& form, UffFunction* f) {
+void ReadAscii(Scanner& in, const UffForm& form, UffFunction* f) {
   const std::size_t need = form.even ? form.count : 2 * form.count;
   std::vector<double> values;
   values.reserve(need);
@@ -148,7 +148,7 @@ double Unpack(std::string_view bytes, bool big) {
   return static_cast<double>(value);
 }
 
-void ReadBinary(Scanner& in, const Form& form, bool big, std::size_t bytes, UffFunction* f) {
+void ReadBinary(Scanner& in, const UffForm& form, bool big, std::size_t bytes, UffFunction* f) {
   const std::size_t y_width = form.wide() ? 8 : 4;
   std::size_t t_width = 0;
   if (!form.even && form.count > 0) {
@@ -209,7 +209,7 @@ UffFunction ReadFunction(Scanner& in, const Binary& binary) {
   f.type = in.Integer(entity, 0, 5);
   f.node = in.Integer(entity, 41, 10);
   f.direction = in.Integer(entity, 51, 4);
-  const Form form = ReadForm(in);
+  const UffForm form = ReadForm(in);
   f.abscissa = ReadAxis(in);
   f.ordinate = ReadAxis(in);
   f.denominator = ReadAxis(in);

@@ -19,7 +19,7 @@
 namespace unfurl::data {
 namespace {
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kWandNone = std::numeric_limits<double>::quiet_NaN();
 
 // Columns that say which flash a row is of.
 struct FlashColumns {
@@ -131,8 +131,8 @@ WandReadings ReadLong(const CsvTable& table, const FlashColumns& flashes) {
   }
   const auto n = static_cast<Eigen::Index>(out.size());
   const auto c = static_cast<Eigen::Index>(out.cameras.size());
-  out.u_px.setConstant(n, c, kNone);
-  out.s_px.setConstant(n, c, kNone);
+  out.u_px.setConstant(n, c, kWandNone);
+  out.s_px.setConstant(n, c, kWandNone);
   for (const auto& [at, cell] : cells) {
     out.u_px(at.first, at.second) = cell.u_px;
     out.s_px(at.first, at.second) = cell.s_px;
@@ -185,7 +185,7 @@ void RefuseRepeated(const H5Reader& file, const WandReadings& wand) {
   }
 }
 
-WandReadings ReadH5(const std::string& path) {
+WandReadings ReadWandH5(const std::string& path) {
   const H5Reader file(path, kWandSchema, kWandVersion);
   WandReadings out;
   out.pose = file.ReadStrings("/pose");
@@ -208,7 +208,7 @@ WandReadings ReadH5(const std::string& path) {
 WandReadings ReadWand(const std::string& path) {
   WandReadings out;
   if (IsSurveyH5(path)) {
-    out = ReadH5(path);
+    out = ReadWandH5(path);
   } else {
     const CsvTable table = CsvTable::Load(path);
     const FlashColumns flashes = FindFlashColumns(table);

@@ -14,7 +14,7 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kAssociateNone = std::numeric_limits<double>::quiet_NaN();
 constexpr double kLost = 14.0;  // sets whose weight is e^-14 of the best are forgotten
 constexpr std::size_t kMostVisited =
     200000;  // sets looked at; beyond, the line counts as ambiguous
@@ -46,7 +46,7 @@ void AssociateOptions::Check() const {
 Associator::Associator(const Triangulator& triangulator, const AssociateOptions& options)
     : triangulator_(triangulator),
       options_(options),
-      u_(triangulator.cameras(), kNone),
+      u_(triangulator.cameras(), kAssociateNone),
       s_(triangulator.cameras(), 1.0),
       seen_(triangulator.cameras() * Motion::Prediction::kMost) {
   const data::Rig& rig = triangulator.rig();

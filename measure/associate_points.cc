@@ -11,7 +11,7 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kAssociatePointsNone = std::numeric_limits<double>::quiet_NaN();
 // For what a linear forecast of a reading leaves out, over the row: a pixel of 2000 [-].
 constexpr double kSlack = 5e-4;
 
@@ -132,7 +132,7 @@ bool Associator::Choose(std::span<const std::span<const Candidate>> cameras, std
 }
 
 void Associator::Unchoose(std::size_t camera) {
-  u_[camera] = kNone;
+  u_[camera] = kAssociatePointsNone;
   chosen_[camera] = -1;
 }
 
@@ -192,7 +192,7 @@ void Associator::FindNear(std::span<const std::span<const Candidate>> cameras, c
 void Associator::Enumerate(std::span<const std::span<const Candidate>> cameras, const Mark* mark,
                            std::span<const double> miss, std::vector<Hypothesis>* out) {
   out->clear();
-  std::fill(u_.begin(), u_.end(), kNone);
+  std::fill(u_.begin(), u_.end(), kAssociatePointsNone);
   chosen_.fill(-1);
   const std::size_t n = cameras.size();
   // Spots near where the mark is expected, or all of them.

@@ -9,7 +9,7 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kFollowerNone = std::numeric_limits<double>::quiet_NaN();
 constexpr double kMemory = 0.995;     // of a camera's record, per line [-]
 constexpr double kPriorLines = 50.0;  // what the option's chance counts for against the record
 // Sigmas of where a mark is that is not followed, over the volume's size: up to the first a spot
@@ -89,7 +89,7 @@ bool Follower::Alone(Cameras cameras, const Eigen::Vector3d& start, TrackedPoint
   int several = 0;
   for (std::size_t c = 0; c < n; ++c) {
     const bool any = !cameras[c].empty();
-    out->u_px[c] = any ? cameras[c][0].u_px : kNone;
+    out->u_px[c] = any ? cameras[c][0].u_px : kFollowerNone;
     out->s_px[c] = any ? cameras[c][0].s_px : 1.0;
     if (cameras[c].size() > 1) out->left_out |= 1U << c;
     several += cameras[c].size() > 1;
@@ -190,7 +190,7 @@ void Follower::FindHidden(Cameras cameras) {
       }
       if (count < 2.0) continue;
       const double middle = sum / count;
-      double spots = 0.0, nearest = kNone;
+      double spots = 0.0, nearest = kFollowerNone;
       for (std::size_t k = 0; k < std::min(cameras[c].size(), Associator::kMostCandidates); ++k) {
         const Candidate& candidate = cameras[c][k];
         const double away = std::abs(candidate.u_px - middle);
@@ -237,7 +237,7 @@ TrackedPoint Follower::PointOf(std::size_t m, bool several, Cameras cameras) con
   mine.point = found_[m].point;
   for (std::size_t c = 0; c < cameras.size(); ++c) {
     const std::int8_t k = found_[m].chosen[c];
-    const Candidate none{kNone, 1.0};
+    const Candidate none{kFollowerNone, 1.0};
     const Candidate& taken = k < 0                      ? none
                              : k == Associator::kMerged ? marks_[m].merged[c]
                                                         : cameras[c][static_cast<std::size_t>(k)];

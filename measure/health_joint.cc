@@ -16,10 +16,10 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr int kShapes = 3;            // functions of time: 1, a step, t from the middle
-constexpr std::size_t kMost = 1500;   // flashes: more gain nothing on the calibration's errors
-constexpr std::size_t kSlices = 40;   // of time, over which residuals are averaged
-constexpr std::size_t kMoments = 64;  // of a step, that are independent of each other
+constexpr int kShapes = 3;                // functions of time: 1, a step, t from the middle
+constexpr std::size_t kMost = 1500;       // flashes: more gain nothing on the calibration's errors
+constexpr std::size_t kJointSlices = 40;  // of time, over which residuals are averaged
+constexpr std::size_t kMoments = 64;      // of a step, that are independent of each other
 
 using Shape = Eigen::Matrix<double, kShapes, 1>;
 
@@ -123,7 +123,7 @@ class Joint {
             flash.s(shapes[k]) * answer.value(static_cast<Eigen::Index>(k));
       }
       const double at = 0.5 * ((evidence_.t(flash.line) - middle_) / half_ + 1.0);
-      const int slice = std::min<int>(kSlices - 1, static_cast<int>(at * kSlices));
+      const int slice = std::min<int>(kJointSlices - 1, static_cast<int>(at * kJointSlices));
       Cell& cell = cells[{evidence_.mark(flash.line), slice}];
       if (cell.P.size() == 0) cell = {Eigen::MatrixXd::Zero(C, C), Eigen::VectorXd::Zero(C)};
       cell.P += flash.P;

@@ -15,7 +15,7 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr double kHour = 3600.0;  // [s]
+constexpr double kLiveHour = 3600.0;  // [s]
 
 // One line of a block; of a block of one it is not copied.
 const data::TrialBlock& LineOf(const data::TrialBlock& block, std::size_t i,
@@ -129,7 +129,7 @@ void Live::Begin() {
   health_ = options_.reconstruct.health;
   health_.light = false;  // half a minute of what moves tells little of what fades
   // Looks overlap; that each of an hour may be wrong by itself is the careful case.
-  health_.false_alarm = options_.watch.false_alarm * std::min(1.0, options_.look_every / kHour);
+  health_.false_alarm = options_.watch.false_alarm * std::min(1.0, options_.look_every / kLiveHour);
   next_views_ = (header_.readings ? beginning_.readings.t : beginning_.lines.t).front() +
                 options_.views_every;
   listener_->Begun(*pass_);

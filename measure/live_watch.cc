@@ -12,8 +12,8 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-constexpr double kHour = 3600.0;  // [s]
+constexpr double kLiveWatchNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kLiveWatchHour = 3600.0;  // [s]
 // Of a spot's width: light of a Gaussian beyond is below a hundredth of a percent of its peak, and
 // a spot that reaches the end of the row gives no reading.
 constexpr double kReachWidths = 4.0;
@@ -42,18 +42,18 @@ LiveWatch::LiveWatch(const Triangulator& triangulator, std::vector<std::string> 
       options_(options),
       no_position_(marks_.size()),
       reason_(marks_.size(), data::SampleReason::kNone),
-      place_(marks_.size(), Eigen::Vector3d::Constant(kNone)),
+      place_(marks_.size(), Eigen::Vector3d::Constant(kLiveWatchNone)),
       place_t_(marks_.size(), -std::numeric_limits<double>::infinity()),
-      last_(marks_.size(), kNone),
+      last_(marks_.size(), kLiveWatchNone),
       gap_(marks_.size(), 0.0) {
   options.Check();
   const std::size_t cameras = triangulator.cameras();
   unseen_.resize(cameras * marks_.size());
   at_end_.resize(unseen_.size());
   views_.resize(unseen_.size());
-  for (LiveView& view : views_) view.u_px = kNone;
+  for (LiveView& view : views_) view.u_px = kLiveWatchNone;
   // A run of misses may begin at any line of any camera.
-  const double runs = kHour * line_rate * static_cast<double>(cameras);
+  const double runs = kLiveWatchHour * line_rate * static_cast<double>(cameras);
   enough_ = std::max(1, static_cast<int>(std::ceil(std::log(options.false_alarm / runs) /
                                                    std::log(options.miss))));
 }
@@ -236,7 +236,7 @@ std::string LiveWatch::WordsOfView(std::size_t camera, std::size_t mark, NoticeK
   const data::RigCamera& of = triangulator_.rig().cameras[camera];
   std::string words = fmt::format("camera {} does not see mark {}", of.name, marks_[mark]);
   if (std::isnan(place_[mark].x())) return words;
-  std::vector<double> expected(triangulator_.bank().lanes(), kNone);
+  std::vector<double> expected(triangulator_.bank().lanes(), kLiveWatchNone);
   triangulator_.bank().Readings(place_[mark].data(), expected.data());
   const double u = expected[camera];
   const bool fresh = place_t_[mark] >= unseen_[At(camera, mark)].since;

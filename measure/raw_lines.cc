@@ -12,12 +12,10 @@
 
 namespace unfurl::measure {
 
-namespace {
-
 // Stamps, one row a line: `t [s]`, and `slot` if the schedule is not a plain cycle.
-class Stamps {
+class RawStamps {
  public:
-  Stamps(const std::string& path, const data::TrialHeader& header)
+  RawStamps(const std::string& path, const data::TrialHeader& header)
       : path_(path), header_(header), stream_(path) {
     if (!Next()) throw Error("holds no stamps", path, "give a header line and a row for each line");
     const std::vector<std::string> names = Split(text_, ',');
@@ -84,6 +82,8 @@ class Stamps {
   double last_ = -1e300;
 };
 
+namespace {
+
 // Mean of all lines of each camera's active pixels, camera after camera.
 std::vector<double> MeanOf(const data::RawLayout& layout, bool lit) {
   constexpr std::size_t kBlock = 64;  // lines held at once
@@ -147,7 +147,7 @@ std::vector<float> FlatField(const data::RawLayout& layout) {
 struct RawLines::Impl {
   data::RawLayout layout;
   std::vector<std::unique_ptr<RawSource>> sources;
-  std::unique_ptr<Stamps> stamps;
+  std::unique_ptr<RawStamps> stamps;
   std::vector<std::uint16_t> buffer;
   std::size_t next = 0;  // line
 };
@@ -159,7 +159,7 @@ RawLines::RawLines(const data::RawLayout& layout) : impl_(std::make_unique<Impl>
   for (std::size_t f = 0; f < own.files.size(); ++f) {
     impl_->sources.push_back(OpenRawSource(own, f, own.files[f].lines));
   }
-  if (!own.stamps.empty()) impl_->stamps = std::make_unique<Stamps>(own.stamps, own.header);
+  if (!own.stamps.empty()) impl_->stamps = std::make_unique<RawStamps>(own.stamps, own.header);
 }
 
 RawLines::~RawLines() = default;

@@ -17,7 +17,7 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr std::size_t kBlock = 256;  // lines held at once
+constexpr std::size_t kRawSurveyBlock = 256;  // lines held at once
 
 // What each line shows: a point, or -1 for a dark one.
 class LineLabels {
@@ -101,7 +101,7 @@ data::ReadingTable ReadRawSurvey(const data::RawLayout& layout,
   const auto each_line = [&](RawLines& lines, int pass, auto&& use) {
     data::TrialBlock block;
     std::size_t line = 0;
-    while (lines.Read(kBlock, &block)) {
+    while (lines.Read(kRawSurveyBlock, &block)) {
       for (std::size_t i = 0; i < block.size(); ++i, ++line) {
         const int label = labels.Of(line);
         for (std::size_t c = 0; c < cameras; ++c) {

@@ -20,7 +20,7 @@ namespace unfurl::measure {
 namespace {
 
 constexpr double kStartShare = 0.013;  // of the volume's size: start_sigma
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kReconstructNone = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
 
@@ -212,8 +212,8 @@ void Reconstructor::HandOut(data::Tracks* tracks) {
   tracks->used.assign(n, 0);
   tracks->left_out.assign(n, 0);
   tracks->reason.assign(n, data::SampleReason::kNone);
-  tracks->p.setConstant(3, static_cast<Eigen::Index>(n), kNone);
-  tracks->cov.setConstant(6, static_cast<Eigen::Index>(n), kNone);
+  tracks->p.setConstant(3, static_cast<Eigen::Index>(n), kReconstructNone);
+  tracks->cov.setConstant(6, static_cast<Eigen::Index>(n), kReconstructNone);
   tracks->shared.setZero(3, static_cast<Eigen::Index>(n) * rank);
   residuals_.assign(n * cameras, std::numeric_limits<float>::quiet_NaN());
   std::vector<double> residual(cameras);

@@ -14,7 +14,7 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kReconstructLiveNone = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
 
@@ -79,7 +79,7 @@ void Reconstructor::BeginReadings(const LiveBeginning& beginning, const std::str
     look = beginning.like->readings();
     MapCameras(*look, rig_path);
   }
-  std::vector<double> last(layout_.marks.size(), kNone), intervals;
+  std::vector<double> last(layout_.marks.size(), kReconstructLiveNone), intervals;
   FindInterval({look->t, look->slot}, &last, &intervals);
   SetInterval(&intervals);
   Begin(own.path, look->size(), [&](std::size_t first, std::size_t count, std::vector<Seen>* seen) {

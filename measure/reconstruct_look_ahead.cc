@@ -11,7 +11,7 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kReconstructLookAheadNone = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
 
@@ -20,7 +20,7 @@ constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 void Reconstructor::PrimeBackgrounds(const std::string& path, std::size_t size,
                                      const ReadBlock& read) {
   data::TrialBlock block;
-  std::vector<double> last(layout_.marks.size(), kNone), intervals;
+  std::vector<double> last(layout_.marks.size(), kReconstructLookAheadNone), intervals;
   while (primed_ < size && (primed_ == 0 || backgrounds_[0].empty())) {
     const std::size_t count = std::min(LiveBeginning::kLines, size - primed_);
     read(primed_, count, &block);
@@ -120,7 +120,7 @@ TrackerOptions Reconstructor::LookAhead(std::size_t size, const Look& look,
       }
       Candidates(of_line, &candidates);
       if (slot.marks.size() == 1) {
-        flashes->emplace_back().fill(kNone);
+        flashes->emplace_back().fill(kReconstructLookAheadNone);
         for (std::size_t c = 0; c < of_line.size(); ++c) {
           if (of_line[c].count > 0) flashes->back()[c] = of_line[c].spots[0].u_px;
         }

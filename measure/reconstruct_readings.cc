@@ -14,7 +14,7 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+constexpr double kReconstructReadingsNone = std::numeric_limits<double>::quiet_NaN();
 
 }  // namespace
 
@@ -36,7 +36,7 @@ Reconstructor::Reconstructor(const data::TrialReadings& readings, const data::Ri
   options.Check();
   MapCameras(readings, rig_path);
   ReadSlots(readings.path);
-  std::vector<double> last(layout_.marks.size(), kNone), intervals;
+  std::vector<double> last(layout_.marks.size(), kReconstructReadingsNone), intervals;
   FindInterval({readings.t, readings.slot}, &last, &intervals);
   SetInterval(&intervals);
   Begin(readings.path, readings.size(),

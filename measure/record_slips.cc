@@ -19,7 +19,7 @@ constexpr double kPlainly = 0.05;
 // Of the row: below, a camera may have moved by as much [-].
 constexpr double kLeastMisfit = 0.01;
 constexpr std::size_t kFewest = 8;  // flashes: their median is then no matter of some reflections
-constexpr std::size_t kMost = 256;  // flashes that are tried; more tell nothing new
+constexpr std::size_t kRecordSlipsMost = 256;  // flashes that are tried; more tell nothing new
 
 // Camera c reads what is named camera `of[c]`, from the other end of its row where bit c is set.
 struct Naming {
@@ -98,7 +98,7 @@ RecordSlip FindCameraSlip(std::span<const FlashReadings> flashes,
     if (readings >= 4) seen.push_back(&flash);
   }
   if (seen.size() < kFewest) return {};
-  const std::size_t every = (seen.size() + kMost - 1) / kMost;
+  const std::size_t every = (seen.size() + kRecordSlipsMost - 1) / kRecordSlipsMost;
   const std::vector<Naming> namings = NamingsOf(triangulator.rig());
   const auto misfit_of = [&](const Naming& naming) {
     std::vector<double> misfit;

@@ -11,9 +11,9 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr int kMargin = 5;       // pixels of background on either side of a spot
-constexpr double kReach = 2.45;  // widths at which a Gaussian has fallen to a twentieth
-constexpr double kInside = 2.0;  // widths from the edge that a whole spot keeps
+constexpr int kSpotMargin = 5;       // pixels of background on either side of a spot
+constexpr double kSpotReach = 2.45;  // widths at which a Gaussian has fallen to a twentieth
+constexpr double kInside = 2.0;      // widths from the edge that a whole spot keeps
 
 // m[k] = a[k - step] + a[k] + a[k + step], where all three exist; the ends repeat the outermost.
 void SumOfThree(const float* a, int n, int step, int ready, float* m) {
@@ -28,7 +28,7 @@ void SumOfThree(const float* a, int n, int step, int ready, float* m) {
 int Margin(const SpotPeak& peak) {
   const double half = 0.5 * (peak.high - peak.low);
   const double fallen = std::sqrt(2.0 * std::log(1.0 / peak.foot));
-  return kMargin + static_cast<int>(std::max(0.0, (kReach / fallen - 1.0) * half));
+  return kSpotMargin + static_cast<int>(std::max(0.0, (kSpotReach / fallen - 1.0) * half));
 }
 
 // Centre and width of a peak by the moments of its light: where the fit begins.
@@ -197,8 +197,8 @@ void SpotFinder::Read(std::span<const std::uint16_t> line, std::size_t first, st
     FitGaussians({w + from, static_cast<std::size_t>(to - from + 1)}, from, noise, options_, spots);
   } else {
     for (std::size_t i = first; i < last; ++i) {
-      const int low = std::max(from, peaks_[i].low - kMargin);
-      const int high = std::min(to, peaks_[i].high + kMargin);
+      const int low = std::max(from, peaks_[i].low - kSpotMargin);
+      const int high = std::min(to, peaks_[i].high + kSpotMargin);
       ReadCentroid({w + low, static_cast<std::size_t>(high - low + 1)}, low, noise, options_,
                    &spots[i - first]);
     }

@@ -10,7 +10,7 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr int kBlock = 2 * kCounts;  // pixels of a block: two packs
+constexpr int kSpotFastBlock = 2 * kCounts;  // pixels of a block: two packs
 // The highest of 64 normal values lies this many sigmas above their mean, half of the time more.
 constexpr float kHighest = 2.3F;
 
@@ -33,16 +33,16 @@ std::uint16_t MiddleOf(const std::uint16_t* values, int n) {
 // The highest signal of each block of kBlock pixels.
 inline void HighestOfBlocks(const std::uint16_t* counts, const std::uint16_t* pattern, int n,
                             std::uint16_t* highest) {
-  const int whole = n / kBlock;
+  const int whole = n / kSpotFastBlock;
   for (int b = 0; b < whole; ++b) {
-    const std::uint16_t* c = counts + b * kBlock;
-    const std::uint16_t* p = pattern + b * kBlock;
+    const std::uint16_t* c = counts + b * kSpotFastBlock;
+    const std::uint16_t* p = pattern + b * kSpotFastBlock;
     highest[b] = Highest(
         Max(Above(LoadWide(c), LoadWide(p)), Above(LoadWide(c + kCounts), LoadWide(p + kCounts))));
   }
-  if (whole * kBlock == n) return;
+  if (whole * kSpotFastBlock == n) return;
   int highest_left = 0;
-  for (int k = whole * kBlock; k < n; ++k) {
+  for (int k = whole * kSpotFastBlock; k < n; ++k) {
     highest_left = std::max(highest_left, counts[k] - pattern[k]);
   }
   highest[whole] = static_cast<std::uint16_t>(highest_left);
@@ -78,7 +78,7 @@ Spot SpotFinder::FindFast(std::span<const std::uint16_t> line, const Background&
   const int n = format_.active;
   const std::uint16_t* counts = line.data() + format_.first_active();
   const std::uint16_t* pattern = background.pattern().data();
-  const int blocks = (n + kBlock - 1) / kBlock;
+  const int blocks = (n + kSpotFastBlock - 1) / kSpotFastBlock;
   constexpr int kMostBlocks = 2048;  // 131,072 pixels; a format has 100,000 at most
   std::uint16_t highest[kMostBlocks];
   HighestOfBlocks(counts, pattern, n, highest);
@@ -91,7 +91,7 @@ Spot SpotFinder::FindFast(std::span<const std::uint16_t> line, const Background&
   const std::uint16_t summit_value = highest[top];
   if (!(static_cast<float>(summit_value) > threshold)) return spot;
 
-  int summit = top * kBlock;
+  int summit = top * kSpotFastBlock;
   while (counts[summit] - pattern[summit] != summit_value) ++summit;
   const float* mean = background.mean().data();
   const float level = base - background.lowest();
@@ -122,8 +122,8 @@ Spot SpotFinder::FindFast(std::span<const std::uint16_t> line, const Background&
   }
   const int lit = static_cast<int>(threshold);
   bool second = false;
-  for (int b = 0; b < low / kBlock; ++b) second |= highest[b] > lit;
-  for (int b = high / kBlock + 1; b < blocks; ++b) second |= highest[b] > lit;
+  for (int b = 0; b < low / kSpotFastBlock; ++b) second |= highest[b] > lit;
+  for (int b = high / kSpotFastBlock + 1; b < blocks; ++b) second |= highest[b] > lit;
   if (second) spot.flags |= kSpotSecond;
   return spot;
 }

@@ -8,7 +8,7 @@ namespace unfurl::measure {
 
 namespace {
 
-double NormalCdf(double z) { return 0.5 * std::erfc(-z / std::numbers::sqrt2); }
+double LightBelow(double z) { return 0.5 * std::erfc(-z / std::numbers::sqrt2); }
 
 // Integral of the hat function of half width one from -infinity to t.
 double HatIntegral(double t) {
@@ -29,7 +29,7 @@ SpotPainter::SpotPainter(double blur_px) {
     double sum = 0.0;
     for (int k = -reach_; k <= reach_; ++k) {
       const double d = k - static_cast<double>(phase) / kFine;
-      row[k + reach_] = NormalCdf((d + 0.5) / blur_px) - NormalCdf((d - 0.5) / blur_px);
+      row[k + reach_] = LightBelow((d + 0.5) / blur_px) - LightBelow((d - 0.5) / blur_px);
       sum += row[k + reach_];
     }
     for (int k = 0; k < width; ++k) row[k] /= sum;

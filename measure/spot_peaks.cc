@@ -9,22 +9,22 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr float kRise = 6.0F;        // sigmas that part two hills
-constexpr float kFoot = 0.05F;       // of the summit: where a hill is taken to end
-constexpr int kBlock = 4 * kFloats;  // values that are looked at together
+constexpr float kRise = 6.0F;                 // sigmas that part two hills
+constexpr float kFoot = 0.05F;                // of the summit: where a hill is taken to end
+constexpr int kSpotPeaksBlock = 4 * kFloats;  // values that are looked at together
 
 // The first index from k on whose value exceeds `level`; n where there is none.
 int NextAbove(const float* m, int n, int k, float level) {
   while (k < n) {
-    if (k + kBlock <= n) {
+    if (k + kSpotPeaksBlock <= n) {
       const FloatPack low = Max(Load(m + k), Load(m + k + kFloats));
       const FloatPack high = Max(Load(m + k + 2 * kFloats), Load(m + k + 3 * kFloats));
       if (!(Highest(Max(low, high)) > level)) {
-        k += kBlock;
+        k += kSpotPeaksBlock;
         continue;
       }
     }
-    const int end = std::min(n, k + kBlock);
+    const int end = std::min(n, k + kSpotPeaksBlock);
     for (; k < end; ++k) {
       if (m[k] > level) return k;
     }

@@ -17,12 +17,12 @@ namespace unfurl::measure {
 
 namespace {
 
-constexpr int kWidth = 1400;          // of a panel, at most [picture px]
-constexpr int kHeight = 240;          // of a panel [picture px]
-constexpr int kMargin = 46;           // for the labels
-constexpr int kGap = 26;              // above each panel
-constexpr double kGamma = 0.45;       // a screen's own, about 1 / 2.2: faint streaks show
-constexpr double kFloorSigmas = 5.0;  // what counts as dark
+constexpr int kWidth = 1400;              // of a panel, at most [picture px]
+constexpr int kHeight = 240;              // of a panel [picture px]
+constexpr int kStreakPictureMargin = 46;  // for the labels
+constexpr int kGap = 26;                  // above each panel
+constexpr double kGamma = 0.45;           // a screen's own, about 1 / 2.2: faint streaks show
+constexpr double kFloorSigmas = 5.0;      // what counts as dark
 
 // Distinct on black, blue-green-red.
 const std::array<cv::Vec3f, 6> kColours = {
@@ -114,8 +114,8 @@ void StreakPicture::Add(const data::TrialBlock& block) {
 void StreakPicture::Write(const std::string& path) const {
   const Impl& im = *impl_;
   const int panels = static_cast<int>(im.panels.size());
-  const int total_height = panels * (kHeight + kGap) + 2 * kMargin;
-  cv::Mat page(total_height, im.width + 2 * kMargin, CV_8UC3, cv::Scalar(24, 20, 18));
+  const int total_height = panels * (kHeight + kGap) + 2 * kStreakPictureMargin;
+  cv::Mat page(total_height, im.width + 2 * kStreakPictureMargin, CV_8UC3, cv::Scalar(24, 20, 18));
   const auto text = [&](const std::string& words, int x, int y, const cv::Scalar& colour) {
     cv::putText(page, words, {x, y}, cv::FONT_HERSHEY_SIMPLEX, 0.45, colour, 1, cv::LINE_AA);
   };
@@ -123,7 +123,8 @@ void StreakPicture::Write(const std::string& path) const {
   const double range = std::max(1e-9, im.last_t - im.first_t);
   const double step = TickStep(range);
   for (int c = 0; c < panels; ++c) {
-    const cv::Rect place(kMargin, kMargin + c * (kHeight + kGap), im.width, kHeight);
+    const cv::Rect place(kStreakPictureMargin, kStreakPictureMargin + c * (kHeight + kGap),
+                         im.width, kHeight);
     cv::Mat soft, bytes;
     cv::GaussianBlur(im.panels[static_cast<std::size_t>(c)], soft, {3, 3}, 0.6);
     soft.convertTo(bytes, CV_8UC3, 255.0);
@@ -142,8 +143,9 @@ void StreakPicture::Write(const std::string& path) const {
       if (c == panels - 1) text(fmt::format("{:g}", t), x - 8, place.y + kHeight + 18, grey);
     }
   }
-  text("time on the recorder's clock [s]; pixel upward", kMargin, total_height - 10, grey);
-  int x = kMargin + 380;
+  text("time on the recorder's clock [s]; pixel upward", kStreakPictureMargin, total_height - 10,
+       grey);
+  int x = kStreakPictureMargin + 380;
   for (std::size_t s = 0; s < im.header.slots.size(); ++s) {
     if (im.header.slots[s] == data::kDarkSlot) continue;
     const cv::Vec3f c = 255.0F * kColours[s % kColours.size()];

@@ -15,11 +15,11 @@ namespace {
 
 // Newton's: with kLongestStep an angle turns once around in 13; near the solution it takes some
 // four.
-constexpr int kMostIterations = 60;
+constexpr int kAssemblyMostIterations = 60;
 // Gap of a closed loop, of the links' size and in rad: some thousand roundings, as the paths
 // through a loop of a hundred links add up to.
 constexpr double kClosed = 1e-11;
-constexpr double kLongestStep = 0.5;  // of an angle in one iteration [rad]
+constexpr double kAssemblyLongestStep = 0.5;  // of an angle in one iteration [rad]
 
 }  // namespace
 
@@ -186,11 +186,11 @@ void Assembly::CloseLoops(const std::vector<PlanePose>& root_pose, LoopSystem* l
     PlaceNodes(root_pose, *at, &node);
     Linearise(node, *at, loops);
     if (loops->gap.cwiseAbs().maxCoeff() <= kClosed) return;
-    if (iteration == kMostIterations || loops->unknowns.empty()) FailToClose(*loops);
+    if (iteration == kAssemblyMostIterations || loops->unknowns.empty()) FailToClose(*loops);
     const Eigen::VectorXd step = loops->J.completeOrthogonalDecomposition().solve(-loops->gap);
     const double longest = step.cwiseAbs().maxCoeff();
     if (!std::isfinite(longest)) FailToClose(*loops);
-    const double scale = longest > kLongestStep ? kLongestStep / longest : 1.0;
+    const double scale = longest > kAssemblyLongestStep ? kAssemblyLongestStep / longest : 1.0;
     for (std::size_t u = 0; u < loops->unknowns.size(); ++u) {
       const Unknown& unknown = loops->unknowns[u];
       (unknown.travel ? at->travel : at->theta)[unknown.link] +=

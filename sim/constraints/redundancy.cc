@@ -9,9 +9,9 @@
 namespace unfurl::sim {
 namespace {
 
-constexpr double kMove = 1e-2;       // of the length scale, or radians
-constexpr double kMet = 1e-9;        // of the length scale: a constraint is met
-constexpr int kMostIterations = 20;  // of Newton's method
+constexpr double kMove = 1e-2;                 // of the length scale, or radians
+constexpr double kMet = 1e-9;                  // of the length scale: a constraint is met
+constexpr int kRedundancyMostIterations = 20;  // of Newton's method
 
 // Some directions, all different, none special: multiples of the golden ratio modulo 2.
 double Direction(int k) { return std::fmod(0.6180339887498949 * (k + 1), 1.0) * 2.0 - 1.0; }
@@ -88,7 +88,7 @@ Redundancy FindRedundancy(const Model& model) {
   // Newton's method on the kept equations, for the dependent coordinates.
   Violation off = ViolationAt(found.rows, rows, &dynamics, &y);
   int iteration = 0;
-  while (off.kept > kMet * 1e-3 * length && ++iteration < kMostIterations) {
+  while (off.kept > kMet * 1e-3 * length && ++iteration < kRedundancyMostIterations) {
     bool turned = false;
     dynamics.Jacobian(0.0, y.data(), six.data());
     partition.Factor(six.data(), &turned);
@@ -98,7 +98,7 @@ Redundancy FindRedundancy(const Model& model) {
   Partition moved(model.constraints, model.rigid_bodies, length);
   dynamics.Jacobian(0.0, y.data(), six.data());
   moved.Choose(six.data());
-  found.singular = iteration == kMostIterations || off.redundant > kMet * length ||
+  found.singular = iteration == kRedundancyMostIterations || off.redundant > kMet * length ||
                    moved.redundant().size() < found.rows.size();
   return found;
 }

@@ -10,15 +10,15 @@ namespace unfurl::sim {
 namespace {
 
 // Each turns by kLongestTurn at most, so that all together are some 60 turns.
-constexpr int kMostIterations = 2000;
+constexpr int kEquilibriumMostIterations = 2000;
 // Of pseudo-time, in time scales of the model: the first, within which nothing moves far; the
 // longest, beside which masses do not count, so that it is Newton's.
-constexpr double kFirstStep = 0.02, kLongestStep = 1e4;
+constexpr double kEquilibriumFirstStep = 0.02, kLongestStep = 1e4;
 constexpr double kLongestTurn = 0.2;  // of an angle in one iteration [rad], lengths alike
 constexpr double kStill = 1e-13;      // of an iteration's step, of the length scale
 // Of the pseudo-time step from one iteration to the next: one small residual does not make it
 // Newton's at once.
-constexpr double kMostGrowth = 4.0, kMostShrink = 0.25;
+constexpr double kEquilibriumMostGrowth = 4.0, kMostShrink = 0.25;
 
 // Of what can move; angles as lengths [m/s^2].
 double LargestAcceleration(const Model& model, const std::vector<double>& rate) {
@@ -55,9 +55,9 @@ EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
   std::vector<double> lambda(rows + 1);
   Tangent tangent;
   EquilibriumReport report;
-  const double first_step = kFirstStep * model.time_scale;
+  const double first_step = kEquilibriumFirstStep * model.time_scale;
   double step = first_step, last = 0.0;
-  for (report.iterations = 0; report.iterations < kMostIterations; ++report.iterations) {
+  for (report.iterations = 0; report.iterations < kEquilibriumMostIterations; ++report.iterations) {
     ThrowIfInterrupted();
     dynamics->RightSide(0.0, y, rate.data());
     const Constraints::Work& work = dynamics->constraint_work();
@@ -67,7 +67,7 @@ EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
     report.acceleration = LargestAcceleration(model, rate);
     if (!std::isfinite(report.acceleration)) return report;
     if (last > 0.0 && report.acceleration > 0.0) {
-      step *= std::clamp(last / report.acceleration, kMostShrink, kMostGrowth);
+      step *= std::clamp(last / report.acceleration, kMostShrink, kEquilibriumMostGrowth);
       step = std::min(step, kLongestStep * model.time_scale);
     }
     last = report.acceleration;

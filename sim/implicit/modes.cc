@@ -17,7 +17,7 @@ constexpr int kDenseBodies = 150;  // up to here the dense solution takes a seco
 constexpr double kRigid = 1e-11;   // of the largest omega^2, below which rounding hides a stiffness
 constexpr int kGuard = 8;          // vectors of the subspace beyond those wanted
 // Of the subspace: an error falls by the ratio of omega^2 to that of the first mode beyond it.
-constexpr int kMostIterations = 200;
+constexpr int kModesMostIterations = 200;
 constexpr double kConverged = 1e-10;  // change of omega^2 in an iteration, relative
 
 class Linearised {
@@ -139,7 +139,7 @@ Pairs SolveSubspace(const Linearised& system, int wanted) {
   double b = system.model().time_scale * system.model().time_scale;
   saddle.Factor(system.tangent(), system.jacobian(), 0.0, b);
   VectorXd square = VectorXd::Zero(columns);
-  for (int iteration = 0; iteration < kMostIterations; ++iteration) {
+  for (int iteration = 0; iteration < kModesMostIterations; ++iteration) {
     for (int c = 0; c < columns; ++c) {
       std::vector<double> x = system.Spread(mass.cwiseProduct(X.col(c)));
       saddle.Solve(x.data(), nullptr);

@@ -9,7 +9,7 @@
 
 namespace unfurl::sim {
 
-using Kind = data::SceneEnd::Kind;
+using CompileKirchhoffKind = data::SceneEnd::Kind;
 
 bool Compiler::IsSmooth(int beam) const {
   return scene_.beams[beam].model == data::BeamModel::kKirchhoff;
@@ -23,8 +23,9 @@ Compiler::Attached& Compiler::AttachmentAt(const data::SceneEnd& end, bool loade
   const double at = PlaceOn(end);
   std::vector<Attached>& list = smooth_[end.index].attached;
   KirchhoffShapes::Ends& ends = smooth_[end.index].ends;
-  ends.force_at_start = ends.force_at_start || (loaded && end.kind == Kind::kBeamStart);
-  ends.force_at_end = ends.force_at_end || (loaded && end.kind == Kind::kBeamEnd);
+  ends.force_at_start =
+      ends.force_at_start || (loaded && end.kind == CompileKirchhoffKind::kBeamStart);
+  ends.force_at_end = ends.force_at_end || (loaded && end.kind == CompileKirchhoffKind::kBeamEnd);
   for (Attached& a : list) {
     if (a.at == at) return a;
   }
@@ -43,8 +44,8 @@ void Compiler::FindAttachments() {
 
 // An end at which a moment acts bends there too.
 void Compiler::BendAt(const data::SceneEnd& end) {
-  if (end.kind == Kind::kBeamStart) smooth_[end.index].ends.moment_at_start = true;
-  if (end.kind == Kind::kBeamEnd) smooth_[end.index].ends.moment_at_end = true;
+  if (end.kind == CompileKirchhoffKind::kBeamStart) smooth_[end.index].ends.moment_at_start = true;
+  if (end.kind == CompileKirchhoffKind::kBeamEnd) smooth_[end.index].ends.moment_at_end = true;
 }
 
 // A body that one weld alone joins to a beam becomes part of that beam, at its attachment: no

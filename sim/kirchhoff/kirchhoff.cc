@@ -9,7 +9,7 @@ namespace unfurl::sim {
 namespace {
 
 // Lanes of the sums over points.
-constexpr int kLanes = 4;
+constexpr int kKirchhoffLanes = 4;
 
 }  // namespace
 
@@ -86,9 +86,9 @@ void KirchhoffRod::Update(const double* q, const double* rate, Work* work) const
   SinCos(theta, stations, s, c);
   for (std::size_t b = 0; b < attachments_.size(); ++b) {
     const double* __restrict arm = &arm_[b * points];
-    double sums[6][kLanes] = {};
-    for (int p = 0; p < points; p += kLanes) {
-      for (int l = 0; l < kLanes; ++l) {
+    double sums[6][kKirchhoffLanes] = {};
+    for (int p = 0; p < points; p += kKirchhoffLanes) {
+      for (int l = 0; l < kKirchhoffLanes; ++l) {
         const double w = spin[p + l], ac = arm[p + l] * c[p + l], as = arm[p + l] * s[p + l];
         sums[0][l] += ac;
         sums[1][l] += as;

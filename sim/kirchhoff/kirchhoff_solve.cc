@@ -7,7 +7,7 @@ namespace unfurl::sim {
 namespace {
 
 // Rows of a product that are summed side by side.
-constexpr int kLanes = 4;
+constexpr int kKirchhoffSolveLanes = 4;
 
 // A block of a table's row. Written as one vector because compilers do not keep arrays of sums in
 // registers; every row starts on a cache line.
@@ -81,17 +81,17 @@ void KirchhoffRod::AssembleMass(Work* work) const {
   constexpr int kRow = kWidth / kBlock;
   // N^T (A N), four rows of A N at a time.
   Block total[kWidth][kRow] = {};
-  for (int p = 0; p < points; p += kLanes) {
-    Block sum[kLanes][kRow] = {};
+  for (int p = 0; p < points; p += kKirchhoffSolveLanes) {
+    Block sum[kKirchhoffSolveLanes][kRow] = {};
     const double* products = &work->products[p * points];
     for (int q = 0; q < points; ++q) {
-      for (int l = 0; l < kLanes; ++l) {
+      for (int l = 0; l < kKirchhoffSolveLanes; ++l) {
         for (int k = 0; k < kRow; ++k) {
           sum[l][k] += products[l * points + q] * Blocks(shape + q * kWidth)[k];
         }
       }
     }
-    for (int l = 0; l < kLanes; ++l) {
+    for (int l = 0; l < kKirchhoffSolveLanes; ++l) {
       for (int j = 0; j < kWidth; ++j) {
         for (int k = 0; k < kRow; ++k) total[j][k] += shape[(p + l) * kWidth + j] * sum[l][k];
       }

@@ -29,7 +29,7 @@ DensePolynomial Through(std::array<double, kNodes> values) {
   return p;
 }
 
-DensePolynomial Negative(DensePolynomial p) {
+DensePolynomial NegativeOf(DensePolynomial p) {
   for (double& c : p.c) c = -c;
   return p;
 }
@@ -199,14 +199,14 @@ void EventFinder::FindWatch(Stepper& stepper, int watch) {
   if (cubic) {
     const bool above = side_[watch] == Side::kAbove;
     // Far from the level, on the side where it was.
-    DensePolynomial towards = above ? Negative(p) : p;
+    DensePolynomial towards = above ? NegativeOf(p) : p;
     towards.c[0] += margin;
     if (FirstAbove(towards, 0.0) < 0.0 && towards.c[0] <= 0.0) return;
     p = Beyond(stepper, watch, false, &margin);
   }
   for (const bool up : {true, false}) {
     if (!(up ? w.rising : w.falling)) continue;
-    const DensePolynomial e = up ? p : Negative(p);
+    const DensePolynomial e = up ? p : NegativeOf(p);
     double at = FirstUpcrossing(e, (side_[watch] == Side::kAbove) == up);
     if (at < 0.0) continue;
     if (!w.Linear()) at = Polished(stepper, watch, p, at);

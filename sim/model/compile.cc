@@ -22,13 +22,15 @@ constexpr double kPace = 0.2;
 
 }  // namespace
 
-using Kind = data::SceneEnd::Kind;
+using CompileKind = data::SceneEnd::Kind;
 
 bool OnBeam(const data::SceneEnd& end) {
-  return end.kind != Kind::kGround && end.kind != Kind::kBody;
+  return end.kind != CompileKind::kGround && end.kind != CompileKind::kBody;
 }
 double PlaceOn(const data::SceneEnd& end) {
-  return end.kind == Kind::kBeamStart ? 0.0 : end.kind == Kind::kBeamEnd ? 1.0 : end.at;
+  return end.kind == CompileKind::kBeamStart ? 0.0
+         : end.kind == CompileKind::kBeamEnd ? 1.0
+                                             : end.at;
 }
 const data::SceneEnd& BodySide(const data::SceneWeld& weld) {
   return IsBeamEnd(weld.inner) ? weld.outer : weld.inner;
@@ -64,29 +66,29 @@ Model Compiler::Run() {
 }
 
 int Compiler::NodeOf(const data::SceneEnd& end) const {
-  if (end.kind == Kind::kGround) return 0;
-  if (end.kind == Kind::kBody) return merged_.of_body[end.index];
+  if (end.kind == CompileKind::kGround) return 0;
+  if (end.kind == CompileKind::kBody) return merged_.of_body[end.index];
   return NodeOfBeam(end.index);
 }
 
 PlanePose Compiler::InNode(const data::SceneEnd& end) const {
   switch (end.kind) {
-    case Kind::kGround:
+    case CompileKind::kGround:
       return {end.point[0], end.point[1], 0.0};
-    case Kind::kBody:
+    case CompileKind::kBody:
       return merged_.body_in[end.index] * PlanePose{end.point[0], end.point[1], 0.0};
-    case Kind::kBeamStart:
+    case CompileKind::kBeamStart:
       return {};
-    case Kind::kBeamEnd:
+    case CompileKind::kBeamEnd:
       return {scene_.beams[end.index].length, 0.0, 0.0};
-    case Kind::kAlongBeam:
+    case CompileKind::kAlongBeam:
       return {end.at * scene_.beams[end.index].length, 0.0, 0.0};
   }
   return {};
 }
 
 Compiler::BeamEnd& Compiler::EndOf(const data::SceneEnd& end) {
-  return beam_ends_[end.index][end.kind == Kind::kBeamStart ? 0 : 1];
+  return beam_ends_[end.index][end.kind == CompileKind::kBeamStart ? 0 : 1];
 }
 
 data::SceneEnd Compiler::Carrier(const data::SceneEnd& end) {

@@ -10,7 +10,7 @@ namespace unfurl::sim {
 namespace {
 
 using data::SceneEnd;
-using Kind = SceneEnd::Kind;
+using EndBodiesKind = SceneEnd::Kind;
 
 constexpr double kMassPart = 0.25;    // of a segment's mass
 constexpr double kInertiaPart = 0.5;  // of a segment's inertia
@@ -62,7 +62,7 @@ class EndBodies {
   }
 
   static std::pair<int, bool> KeyOf(const SceneEnd& end) {
-    return {end.index, end.kind == Kind::kBeamStart};
+    return {end.index, end.kind == EndBodiesKind::kBeamStart};
   }
   bool Segmented(const SceneEnd& end) const {
     return scene_.beams[end.index].model == data::BeamModel::kSegments;
@@ -70,7 +70,7 @@ class EndBodies {
 
   void GiveUpMass(const SceneEnd& end, data::SceneBody* body) {
     data::SceneBeam& beam = scene_.beams[end.index];
-    bool& carried = beam.carried_ends[end.kind == Kind::kBeamStart ? 0 : 1];
+    bool& carried = beam.carried_ends[end.kind == EndBodiesKind::kBeamStart ? 0 : 1];
     if (carried) return;
     carried = true;
     const double l = beam.length / beam.segments, m = beam.mass / beam.segments;
@@ -80,9 +80,9 @@ class EndBodies {
 
   // The body of a beam's end; made when first asked for.
   SceneEnd BodyAt(const SceneEnd& end) {
-    const bool start = end.kind == Kind::kBeamStart;
+    const bool start = end.kind == EndBodiesKind::kBeamStart;
     SceneEnd at;
-    at.kind = Kind::kBody;
+    at.kind = EndBodiesKind::kBody;
     if (const auto made = made_.find(KeyOf(end)); made != made_.end()) {
       at.index = made->second;
       return at;
