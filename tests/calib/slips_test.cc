@@ -61,7 +61,8 @@ TEST(Slips, AnotherUnitThanTheBars) {
   Rng rng(5);
   Eigen::Matrix3Xd found(3, 9);
   for (Eigen::Index i = 0; i < found.size(); ++i) found(i) = rng.Uniform(-3.0, 3.0);
-  Eigen::Matrix3Xd stated = Eigen::AngleAxisd(1.0, Eigen::Vector3d::UnitY()) * found;
+  Eigen::Matrix3Xd stated =
+      Eigen::AngleAxisd(1.0, Eigen::Vector3d::UnitY()).toRotationMatrix() * found;
   stated.colwise() += Eigen::Vector3d(100.0, 200.0, 5.0);
   stated.col(4) *= 3.0;
   found.col(7).setConstant(NAN);
