@@ -24,7 +24,7 @@ struct ModesArguments {
   std::string scene, out, report, state = "auto";
   std::vector<std::string> sets;
   std::optional<double> at;  // [s]
-  bool as_is = false;
+  bool as_is = false, no_mesh_error = false;
   int count = 12;
 };
 
@@ -54,6 +54,7 @@ std::string ModeText(const data::ModesRecord& record, ordered_json* json) {
     (*json)["modes"].push_back({{"frequency", mode.frequency},
                                 {"damping", mode.damping},
                                 {"growth", mode.growth},
+                                {"mesh_error", mode.error},
                                 {"moves_most", record.places[record.MovesMost(mode)]}});
   }
   return AlignedTable(ModeRows(record));
@@ -65,6 +66,7 @@ int RunModes(const Common& common, const ModesArguments& arguments) {
   options.state = sim::ModesStateOf(arguments.state);
   options.at = arguments.at;
   options.find_equilibrium = !arguments.as_is;
+  options.mesh_error = !arguments.no_mesh_error;
   options.Check();
   const data::Scene scene = data::ReadScene(arguments.scene, arguments.sets);
   const sim::SceneModes modes = sim::FindModes(scene, options);
@@ -128,6 +130,8 @@ Verb AddModes(CLI::App& program, Common& common) {
                   "Start from the state that a run reaches at this time [s]");
   app->add_flag("--as-is", arguments->as_is,
                 "Take the state as it is, and look for no equilibrium");
+  app->add_flag("--no-mesh-error", arguments->no_mesh_error,
+                "Leave out the finer mesh that says what this one leaves wrong");
   app->add_option("--count", arguments->count, "How many modes")->capture_default_str();
   verb.run = [&common, arguments] { return RunModes(common, *arguments); };
   return verb;

@@ -131,12 +131,13 @@ report::Motion MotionOf(const data::ModesRecord& record, const Mode& mode, std::
 
 std::vector<std::vector<std::string>> ModeRows(const data::ModesRecord& record) {
   std::vector<std::vector<std::string>> rows = {
-      {"mode", "frequency [Hz]", "damping ratio [%]", "moves most"}};
+      {"mode", "frequency [Hz]", "of the mesh", "damping ratio [%]", "moves most"}};
   for (std::size_t m = 0; m < record.modes.size(); ++m) {
     const Mode& mode = record.modes[m];
     rows.push_back({std::to_string(m + 1),
                     mode.growth > 0.0 ? fmt::format("unstable, {:.4g} 1/s", mode.growth)
                                       : fmt::format("{:.5f}", mode.frequency),
+                    std::isfinite(mode.error) ? fmt::format("+-{:.2g}", mode.error) : "?",
                     fmt::format("{:.4f}", 100.0 * mode.damping),
                     record.places[record.MovesMost(mode)]});
   }
@@ -153,7 +154,7 @@ void WriteModesPage(const std::string& path, const ModesPageInput& in,
   table.title = "Modes";
   table.header = std::move(rows.front());
   table.rows.assign(rows.begin() + 1, rows.end());
-  table.text_columns = {3};
+  table.text_columns = {4};
   page.AddTable(table);
   const std::size_t shown = std::min(kMostMoving, in.record.modes.size());
   page.AddSection("Shapes in motion",

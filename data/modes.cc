@@ -71,18 +71,20 @@ void WriteModes(const std::string& path, const ModesRecord& record, const Proven
   if (FormatOf(path) != FileFormat::kHdf5) {
     throw Error("shapes cannot be written under this ending", path, "use .h5 or .csv");
   }
-  std::vector<double> frequency, damping, growth, rest, shapes;
+  std::vector<double> frequency, damping, growth, error, rest, shapes;
   for (const ModesRecord::Pose& at : record.rest) rest.insert(rest.end(), at.begin(), at.end());
   for (const ModesRecord::Mode& mode : record.modes) {
     frequency.push_back(mode.frequency);
     damping.push_back(mode.damping);
     growth.push_back(mode.growth);
+    error.push_back(mode.error);
     for (const ModesRecord::Pose& d : mode.shape) shapes.insert(shapes.end(), d.begin(), d.end());
   }
   H5Writer w(path, kModesSchema, kModesVersion, provenance);
   w.Write({"/frequency", "Hz", "undamped; 0 for an unstable motion"}, frequency);
   w.Write({"/damping", "1", "ratio, to first order"}, damping);
   w.Write({"/growth", "1/s", "of unstable motions"}, growth);
+  w.Write({"/error", "Hz, 1/s", "of the mesh, in frequency or growth; NaN: not known"}, error);
   w.Write({"/place", "1", "bodies, segments of beams, marks"}, record.places);
   w.Write({"/rest", "m, m, rad", "x, y, angle of each place"}, rest, {record.places.size(), 3});
   w.Write({"/shape", "m, m, rad", "dx, dy, dtheta by mode and place; largest displacement 1 m"},
@@ -98,6 +100,11 @@ ModesRecord ReadModes(const std::string& path) {
   const std::vector<double> frequency = file.ReadDoubles("/frequency", "Hz");
   const std::vector<double> damping = file.ReadDoubles("/damping");
   const std::vector<double> growth = file.ReadDoubles("/growth", "1/s");
+  // Files of before have none.
+  const std::vector<double> error =
+      file.Has("/error")
+          ? file.ReadDoubles("/error")
+          : std::vector<double>(frequency.size(), std::numeric_limits<double>::quiet_NaN());
   const std::vector<double> rest = file.ReadDoubles("/rest"), shapes = file.ReadDoubles("/shape");
   const auto expect = [&](const std::vector<double>& values, std::size_t count, const char* at) {
     if (values.size() == count) return;
@@ -106,12 +113,13 @@ ModesRecord ReadModes(const std::string& path) {
   };
   expect(damping, frequency.size(), "/damping");
   expect(growth, frequency.size(), "/growth");
+  expect(error, frequency.size(), "/error");
   expect(rest, 3 * places, "/rest");
   expect(shapes, 3 * places * frequency.size(), "/shape");
   record.rest = Poses(rest, 0, places);
   for (std::size_t m = 0; m < frequency.size(); ++m) {
     record.modes.push_back(
-        {frequency[m], damping[m], growth[m], Poses(shapes, m * places, places)});
+        {frequency[m], damping[m], growth[m], Poses(shapes, m * places, places), error[m]});
   }
   return record;
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -20,6 +21,8 @@ struct ModesRecord {
     double damping = 0.0;     ///< ratio, to first order [-]
     double growth = 0.0;      ///< of an unstable motion [1/s]
     std::vector<Pose> shape;  ///< by place; the largest displacement of the model is 1 m
+    /// What the mesh leaves wrong of frequency [Hz] or growth [1/s]; NaN: not known.
+    double error = std::numeric_limits<double>::quiet_NaN();
   };
 
   std::vector<std::string> places;  ///< bodies, segments of beams as BEAM/1.., marks

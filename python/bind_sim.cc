@@ -165,13 +165,14 @@ Run Simulate(const py::object& scene, const py::object& set, std::optional<doubl
 }
 
 Modes FindModes(const py::object& scene_or_path, const py::object& set, int count,
-                const std::string& state, std::optional<double> at, bool as_is) {
+                const std::string& state, std::optional<double> at, bool as_is, bool mesh_error) {
   const auto scene = SceneFrom(scene_or_path, set);
   sim::ModesOptions options;
   options.count = count;
   options.state = sim::ModesStateOf(state);
   options.at = at;
   options.find_equilibrium = !as_is;
+  options.mesh_error = mesh_error;
   options.Check();
   return Long([&] {
     sim::SceneModes found = sim::FindModes(scene->scene, options);
@@ -300,6 +301,10 @@ void BindModes(py::module_& m) {
           "growth", [](const Modes& s) { return OfModes(s, &data::ModesRecord::Mode::growth); },
           "(n,) of unstable motions [1/s].")
       .def_property_readonly(
+          "error", [](const Modes& s) { return OfModes(s, &data::ModesRecord::Mode::error); },
+          "(n,) what the mesh leaves wrong of frequency [Hz] or growth [1/s], as a finer one has\n"
+          "it; NaN: not known.")
+      .def_property_readonly(
           "places", [](const Modes& s) { return s.record.places; },
           "Names of the k places: bodies, segments of beams, marks.")
       .def_property_readonly("shape", &Shapes,
@@ -337,11 +342,12 @@ void BindModes(py::module_& m) {
       });
   m.def("modes", &FindModes, py::arg("scene"), py::kw_only(), py::arg("set") = py::none(),
         py::arg("count") = 12, py::arg("state") = "auto", py::arg("at") = py::none(),
-        py::arg("as_is") = false,
+        py::arg("as_is") = false, py::arg("mesh_error") = true,
         "Equilibrium, natural frequencies and shapes of a scene (or a path).\n\n"
         "state: 'drawn', 'latched' (every latch closed) or 'auto'. at: start from what a run "
         "reaches\n"
-        "at this time [s]. as_is: look for no equilibrium.");
+        "at this time [s]. as_is: look for no equilibrium. mesh_error: find what the mesh\n"
+        "leaves wrong, from a finer one.");
 }
 
 }  // namespace

@@ -90,12 +90,13 @@ CostValues CostBench::Frequency(const CostMesh& mesh, int mode) const {
   if (is_new) {
     sim::ModesOptions options;
     options.count = modes_;
+    options.mesh_error = false;  // the meshes are compared here
     try {
       const sim::SceneModes modes = sim::FindModes(mesh.Of(scene_), options);
       for (const data::ModesRecord::Mode& m : modes.record.modes) {
         if (modes.usable) at->second.push_back(m.frequency);
       }
-    } catch (const Error& e) {  // such as of smooth beams
+    } catch (const Error& e) {
       frequency_problem_ = e.problem();
     }
   }

@@ -105,6 +105,8 @@ class Dynamics {
   // The tangent of the last RightSide, which must have been at `y`; `lambda` are its multipliers by
   // row. An empty `tangent` is made first.
   void FillTangent(double t, double* y, const double* lambda, Tangent* tangent) const;
+  // What acts on the bodies at the last RightSide, reactions of constraints included [N].
+  void ForcesOnBodies(double* fx, double* fy) const;
   const Constraints::Work& constraint_work() const { return work_; }
   // The motion at y where the last RightSide was, stations included.
   Motion MotionAt(double t, double* y) const;

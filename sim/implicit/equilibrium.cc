@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "base/progress.h"
-#include "sim/implicit/kkt.h"
+#include "sim/implicit/linearised.h"
 
 namespace unfurl::sim {
 namespace {
@@ -20,26 +20,13 @@ constexpr double kStill = 1e-13;      // of an iteration's step, of the length s
 // Newton's at once.
 constexpr double kEquilibriumMostGrowth = 4.0, kMostShrink = 0.25;
 
-// Of what can move; angles as lengths [m/s^2].
-double LargestAcceleration(const Model& model, const std::vector<double>& rate) {
+// Of vectors of three blocks, of what can move; angles as lengths, of the length scale.
+double LargestOf(const Model& model, const Linearised& system, const double* v) {
   const int n = model.rigid_bodies.count;
   double largest = 0.0;
-  for (int k = 0; k < n; ++k) {
-    if (!model.rigid_bodies.IsDynamic(k)) continue;
-    largest = std::max({largest, std::fabs(rate[3 * n + k]), std::fabs(rate[4 * n + k]),
-                        model.length_scale * std::fabs(rate[5 * n + k])});
-  }
-  return largest;
-}
-
-// Of a step; lengths as angles [rad].
-double LargestTurn(const Model& model, const std::vector<double>& x) {
-  const int n = model.rigid_bodies.count;
-  const double length = model.length_scale;
-  double largest = 0.0;
-  for (int k = 0; k < n; ++k) {
-    largest = std::max(
-        {largest, std::fabs(x[k]) / length, std::fabs(x[n + k]) / length, std::fabs(x[2 * n + k])});
+  for (const int k : system.entries()) {
+    const double size = std::fabs(v[k]) / (k < 2 * n ? model.length_scale : 1.0);
+    if (!(size <= largest)) largest = size;  // and what is not a number
   }
   return largest;
 }
@@ -48,23 +35,18 @@ double LargestTurn(const Model& model, const std::vector<double>& x) {
 
 EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
   const Model& model = dynamics->model();
-  const Constraints& constraints = model.constraints;
-  const int n = model.rigid_bodies.count, rows = constraints.rows();
+  const int n = model.rigid_bodies.count, rows = model.constraints.rows();
   std::fill_n(y + 3 * n, 3 * n, 0.0);
-  std::vector<double> rate(model.index.size()), J(6 * rows + 6), drift(rows + 1), x(3 * n + kBlock);
-  std::vector<double> lambda(rows + 1);
-  Tangent tangent;
+  Linearised system(dynamics);
+  std::vector<double> drift(rows + 1), x(system.length());
   EquilibriumReport report;
   const double first_step = kEquilibriumFirstStep * model.time_scale;
   double step = first_step, last = 0.0;
   for (report.iterations = 0; report.iterations < kEquilibriumMostIterations; ++report.iterations) {
     ThrowIfInterrupted();
-    dynamics->RightSide(0.0, y, rate.data());
-    const Constraints::Work& work = dynamics->constraint_work();
-    std::copy_n(work.lambda.begin(), rows, lambda.begin());
-    dynamics->FillTangent(0.0, y, lambda.data(), &tangent);
-    constraints.Jacobian(dynamics->MotionAt(0.0, y), work, J.data());
-    report.acceleration = LargestAcceleration(model, rate);
+    system.About(y);
+    const double* acceleration = system.rate().data() + 3 * n;
+    report.acceleration = model.length_scale * LargestOf(model, system, acceleration);
     if (!std::isfinite(report.acceleration)) return report;
     if (last > 0.0 && report.acceleration > 0.0) {
       step *= std::clamp(last / report.acceleration, kMostShrink, kEquilibriumMostGrowth);
@@ -72,28 +54,25 @@ EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
     }
     last = report.acceleration;
     const double b = step * step;
-    for (int k = 0; k < n; ++k) {
-      x[k] = b * model.rigid_bodies.mass[k] * rate[3 * n + k];
-      x[n + k] = b * model.rigid_bodies.mass[k] * rate[4 * n + k];
-      x[2 * n + k] = b * model.rigid_bodies.inertia[k] * rate[5 * n + k];
-    }
+    for (int k = 0; k < 3 * n; ++k) x[k] = b * acceleration[k];
+    system.MassTimes(x.data());
     if (rows > 0) {
       dynamics->PositionDrift(0.0, y);
       for (int r = 0; r < rows; ++r) drift[r] = -dynamics->constraint_work().lambda[r];
     }
-    Saddle saddle(model.rigid_bodies, constraints, tangent);
-    saddle.Factor(tangent, J.data(), 0.0, b);
-    saddle.Solve(x.data(), drift.data());
-    const double largest = LargestTurn(model, x);
+    system.Factor(b);
+    system.Solve(x.data(), drift.data());
+    const double largest = LargestOf(model, system, x.data());  // lengths as angles [rad]
     if (!std::isfinite(largest)) return report;
     const double part = largest > kLongestTurn ? kLongestTurn / largest : 1.0;
     if (part < 1.0) step = std::max(step * kMostShrink, first_step);
-    for (int k = 0; k < 3 * n; ++k) y[k] += part * x[k];
+    for (const int k : system.entries()) y[k] += part * x[k];
     if (largest < kStill) {
       report.found = true;
       break;
     }
   }
+  std::vector<double> rate(model.index.size());
   dynamics->RightSide(0.0, y, rate.data());
   return report;
 }

@@ -10,10 +10,12 @@
 #include "sim/implicit/equilibrium.h"
 #include "sim/implicit/modes.h"
 #include "sim/methods/simulate.h"
+#include "sim/record/certificate.h"
 
 namespace unfurl::sim {
 namespace {
 
+constexpr double kNotDisplaced = 1e-9;  // in metres to a turn of a radian: rounding
 constexpr int kMostCount = 1000;  // shapes of some thousand places each: what a page can still hold
 
 // The state at the end of a run.
@@ -31,56 +33,102 @@ class LastState : public Observer {
   std::vector<LatchMode> modes_;
 };
 
+// Of a smooth beam's line, as many equal parts as shapes are given for: its shapes are far longer.
+constexpr int kPartsOfSmooth = 16;
+
 struct NamedPoint {
   std::string name;
   MovingPoint point;
+  int beam = -1;       // of the smooth ones; -1: `point` says where
+  double place = 0.0;  // of its length [-]
 };
 
-// Where shapes are given: bodies, segments of beams, marks.
+// Where shapes are given: bodies, segments or parts of beams, marks.
 std::vector<NamedPoint> PointsOf(const Model& model) {
   std::vector<NamedPoint> points;
   for (const Model::Body& body : model.bodies) points.push_back({body.name, body.centre});
   for (const Model::Beam& beam : model.beams) {
-    for (int k = 0; k < beam.segments; ++k) {
-      points.push_back({fmt::format("{}/{}", beam.name, k + 1), {beam.first + k, 0.0, 0.0}});
+    const int parts = beam.smooth >= 0 ? kPartsOfSmooth : beam.segments;
+    for (int k = 0; k < parts; ++k) {
+      points.push_back({fmt::format("{}/{}", beam.name, k + 1),
+                        {beam.first + (beam.smooth >= 0 ? 0 : k), 0.0, 0.0},
+                        beam.smooth,
+                        (k + 0.5) / parts});
     }
   }
   for (const Model::Mark& mark : model.marks) points.push_back({mark.name, mark.point});
   return points;
 }
 
-// Displacement of a point to first order: dr = dr_body + dtheta (-o_y, o_x), o its offset.
-data::ModesRecord::Pose Displacement(const Model& model, const MovingPoint& p,
-                                     const std::vector<double>& y,
-                                     const std::vector<double>& shape) {
+struct PoseAndRate {
+  data::ModesRecord::Pose pose, rate;
+};
+
+// Of a point at a state that dynamics.Update has filled.
+PoseAndRate MotionAt(const Model& model, const NamedPoint& at, const std::vector<double>& y) {
+  const MovingPoint& p = at.point;
   const int n = model.rigid_bodies.count;
-  const auto of = [&](int body, double px, double py) -> data::ModesRecord::Pose {
-    const double theta = y[model.index.theta(body)], c = std::cos(theta), s = std::sin(theta);
-    const double turn = shape[2 * n + body];
-    return {shape[body] - turn * (s * px + c * py), shape[n + body] + turn * (c * px - s * py),
-            turn};
-  };
-  data::ModesRecord::Pose d = of(p.body, p.px, p.py);
-  if (p.other_body >= 0) {  // where two segments meet: their mean
-    const data::ModesRecord::Pose other = of(p.other_body, p.other_px, 0.0);
-    for (std::size_t k = 0; k < 3; ++k) d[k] = 0.5 * (d[k] + other[k]);
+  if (at.beam >= 0 || p.watched >= 0) {
+    const KirchhoffRod::Frame f = [&] {
+      if (p.watched >= 0) return model.kirchhoff.MotionAt(p.watched, y.data(), n);
+      const Motion motion{0.0,
+                          y.data(),
+                          y.data() + n,
+                          y.data() + 2 * n,
+                          y.data() + 3 * n,
+                          y.data() + 4 * n,
+                          y.data() + 5 * n,
+                          nullptr,
+                          nullptr};
+      const KirchhoffRod& rod = model.kirchhoff.beam(at.beam).rod;
+      return model.kirchhoff.FrameAt(at.beam, rod.PlaceAt(at.place), motion);
+    }();
+    return {{f.x, f.y, f.theta}, {f.vx, f.vy, f.omega}};
   }
-  return d;
+  const PointMotion m = MotionOf(model, p, y.data());
+  double turn = y[5 * n + p.body];
+  if (p.other_body >= 0) turn = 0.5 * (turn + y[5 * n + p.other_body]);  // where two segments meet
+  return {{m.x, m.y, y[model.index.theta(p.body)]}, {m.vx, m.vy, turn}};
 }
 
-data::ModesRecord RecordOf(const Model& model, std::vector<double> y, const ModesReport& report) {
+// Scales shapes so that of all places the largest displacement is 1 m, or the largest turn 1 rad
+// where nothing is displaced.
+void Scale(std::vector<data::ModesRecord::Pose>* shape) {
+  double largest = 0.0, turned = 0.0, by = 0.0, by_turn = 0.0;
+  for (const data::ModesRecord::Pose& d : *shape) {
+    for (int k = 0; k < 2; ++k) {
+      if (std::fabs(d[k]) <= largest) continue;
+      largest = std::fabs(d[k]);
+      by = d[k];
+    }
+    if (std::fabs(d[2]) <= turned) continue;
+    turned = std::fabs(d[2]);
+    by_turn = d[2];
+  }
+  const double scale = largest > kNotDisplaced * turned ? by : by_turn;
+  if (scale == 0.0) return;
+  for (data::ModesRecord::Pose& d : *shape) {
+    for (double& value : d) value /= scale;
+  }
+}
+
+// Displacements to first order are rates of a motion whose rates are the mode's shape.
+data::ModesRecord RecordOf(Dynamics* dynamics, std::vector<double> y, const ModesReport& report) {
+  const Model& model = dynamics->model();
   data::ModesRecord record;
   const std::vector<NamedPoint> points = PointsOf(model);
+  dynamics->Update(0.0, y.data());
   for (const NamedPoint& at : points) {
-    const PointMotion p = MotionOf(model, at.point, y.data());
     record.places.push_back(at.name);
-    record.rest.push_back({p.x, p.y, y[model.index.theta(at.point.body)]});
+    record.rest.push_back(MotionAt(model, at, y).pose);
   }
   for (const NaturalMode& mode : report.modes) {
     record.modes.push_back({mode.frequency, mode.damping, mode.growth, {}});
-    for (const NamedPoint& at : points) {
-      record.modes.back().shape.push_back(Displacement(model, at.point, y, mode.shape));
-    }
+    std::copy(mode.shape.begin(), mode.shape.end(), y.begin() + model.index.vx(0));
+    dynamics->Update(0.0, y.data());
+    std::vector<data::ModesRecord::Pose>& shape = record.modes.back().shape;
+    for (const NamedPoint& at : points) shape.push_back(MotionAt(model, at, y).rate);
+    if (model.kirchhoff.count() > 0) Scale(&shape);
   }
   return record;
 }
@@ -134,6 +182,53 @@ void ModesOptions::Check() const {
   }
 }
 
+namespace {
+
+SceneModes ModesOn(const data::Scene& scene, bool latched, const ModesOptions& options) {
+  SceneModes result;
+  result.name = scene.name;
+  result.latched = latched;
+  const Model model = Compile(scene);
+  Dynamics dynamics(model);
+  std::vector<double> y = model.initial_state;
+  if (options.at && *options.at > 0.0) RunTo(*options.at, model, scene.path, &dynamics, &y);
+  if (options.find_equilibrium) {
+    result.equilibrium = latched ? FindLatchedEquilibrium(&dynamics, y.data())
+                                 : FindEquilibrium(&dynamics, y.data());
+  }
+  result.usable = !options.find_equilibrium || result.equilibrium.found;
+  const ModesReport report = FindModes(&dynamics, y.data(), options.count);
+  result.rigid = report.rigid;
+  result.latches = LatchesOf(dynamics, &y);
+  result.record = RecordOf(&dynamics, y, report);
+  return result;
+}
+
+// Of each mode, from the one of its number on a finer mesh: Richardson's, and as much more as a
+// certificate takes. Unknown where the finer mesh is at no state like it.
+void FindMeshErrors(const data::Scene& scene, const ModesOptions& options, SceneModes* modes) {
+  double factor = 0.0;
+  std::string words;
+  const data::Scene finer = CompanionMesh(scene, true, &factor, &words);
+  if (words.empty()) {  // nothing bends
+    for (data::ModesRecord::Mode& mode : modes->record.modes) mode.error = 0.0;
+    return;
+  }
+  const SceneModes other = ModesOn(finer, modes->latched, options);
+  if (!other.usable || other.rigid != modes->rigid) return;
+  const std::size_t both = std::min(modes->record.modes.size(), other.record.modes.size());
+  for (std::size_t k = 0; k < both; ++k) {
+    data::ModesRecord::Mode& mode = modes->record.modes[k];
+    const data::ModesRecord::Mode& than = other.record.modes[k];
+    if ((mode.growth > 0.0) != (than.growth > 0.0)) return;
+    const double off =
+        mode.growth > 0.0 ? mode.growth - than.growth : mode.frequency - than.frequency;
+    mode.error = kCaution * factor * std::fabs(off);
+  }
+}
+
+}  // namespace
+
 SceneModes FindModes(const data::Scene& given, const ModesOptions& options) {
   options.Check();
   data::Scene scene = given;
@@ -142,31 +237,14 @@ SceneModes FindModes(const data::Scene& given, const ModesOptions& options) {
   if (options.state == ModesOptions::State::kLatched && !latches) {
     throw Error("the scene has no latch", "option state", "use drawn");
   }
-  SceneModes result;
-  result.name = scene.name;
-  result.latched = !options.at && options.state != ModesOptions::State::kDrawn && latches;
-  if (result.latched) {
+  const bool latched = !options.at && options.state != ModesOptions::State::kDrawn && latches;
+  if (latched) {
     for (data::SceneJoint& joint : scene.joints) {
       if (joint.latch) joint.theta = -joint.latch->theta_b;
     }
   }
-  const Model model = Compile(scene);
-  if (model.kirchhoff.count() > 0) {
-    throw Error("the modes of smooth beams are not known", scene.path,
-                "use model = \"segments\" for the beams");
-  }
-  Dynamics dynamics(model);
-  std::vector<double> y = model.initial_state;
-  if (options.at && *options.at > 0.0) RunTo(*options.at, model, scene.path, &dynamics, &y);
-  if (options.find_equilibrium) {
-    result.equilibrium = result.latched ? FindLatchedEquilibrium(&dynamics, y.data())
-                                        : FindEquilibrium(&dynamics, y.data());
-  }
-  result.usable = !options.find_equilibrium || result.equilibrium.found;
-  const ModesReport report = FindModes(&dynamics, y.data(), options.count);
-  result.rigid = report.rigid;
-  result.latches = LatchesOf(dynamics, &y);
-  result.record = RecordOf(model, y, report);
+  SceneModes result = ModesOn(scene, latched, options);
+  if (options.mesh_error && result.usable) FindMeshErrors(scene, options, &result);
   return result;
 }
 

@@ -22,6 +22,7 @@ struct ModesOptions {
   std::optional<double> at;  ///< instead: what a run has reached then, brought to rest [s], >= 0
   bool find_equilibrium = true;  ///< false: about the state as it is, in equilibrium or not
   int count = 12;                ///< of modes, 1 to 1000
+  bool mesh_error = true;        ///< a finer mesh says what this one leaves wrong
 
   /// Throws Error naming the field.
   void Check() const;
@@ -51,8 +52,8 @@ struct SceneModes {
 };
 
 /// Linearises a scene about a state at rest, M q'' + D q' + K q = J^T mu, J q = 0
-/// (docs/physics-simulator.md). Throws Error for bad options, a scene with smooth beams, one
-/// without a latch that is to be latched, and a run that does not reach options.at.
+/// (docs/physics-simulator.md). Throws Error for bad options, a scene without a latch that is to be
+/// latched, and a run that does not reach options.at.
 SceneModes FindModes(const data::Scene& scene, const ModesOptions& options = {});
 
 }  // namespace unfurl::sim

@@ -51,6 +51,7 @@ SmoothSaddle::SmoothSaddle(const RigidBodies& bodies, const KirchhoffBeams& beam
       for (int j = 0; j < i; ++j) beam.place.push_back(place(beam.unknown[i], beam.unknown[j]));
     }
     for (const int s : beam.attached) own_.push_back(fold(s, s, s));
+    own_.push_back(fold(beam.root, beam.root, beam.root));
   }
   for (const int s : rigid_) own_.push_back(fold(s, s, s));
   for (std::size_t p = 0; p < tangent.pairs().size(); ++p) {
@@ -78,6 +79,9 @@ void SmoothSaddle::AddBeam(const KirchhoffBeams::Beam& beam, std::vector<char>* 
   const KirchhoffRod& rod = beam.rod;
   Beam out;
   out.size = rod.coordinates();
+  out.root = beam.root;
+  // The centre's coordinates, for what acts on it (strings).
+  sides_[beam.root].unknown = {3 * beam.root, 3 * beam.root + 1, 3 * beam.root + 2};
   out.damping = rod.properties().damping;
   out.attached = beam.attached;
   out.scale = out.stiffness = Array(out.size, 0.0);
@@ -97,6 +101,7 @@ void SmoothSaddle::AddBeam(const KirchhoffBeams::Beam& beam, std::vector<char>* 
     side.attachment = static_cast<int>(k);
     (*of_beam)[beam.attached[k]] = 1;
   }
+  out.geometric = Array(out.size * out.size, 0.0);
   product_.assign(std::max(product_.size(), static_cast<std::size_t>(out.size)), 0.0);
   list_.push_back(std::move(out));
 }
@@ -112,6 +117,25 @@ void SmoothSaddle::Linearise(const KirchhoffBeams& beams, const KirchhoffBeams::
     }
     for (std::size_t k = 0; k < beam.linear.motion.size(); ++k) {
       beam.linear.motion[k] /= beam.scale[k % beam.size];
+    }
+  }
+}
+
+void SmoothSaddle::LineariseFully(const KirchhoffBeams& beams, const KirchhoffBeams::Work& work,
+                                  const double* fx, const double* fy) {
+  Linearise(beams, work);
+  std::vector<double> on;
+  for (std::size_t b = 0; b < list_.size(); ++b) {
+    Beam& beam = list_[b];
+    on.clear();
+    for (const int s : beam.attached) on.insert(on.end(), {fx[s], fy[s], 0.0});
+    std::fill(beam.geometric.begin(), beam.geometric.end(), 0.0);
+    beams.beam(static_cast<int>(b))
+        .rod.AddGeometric(work.rods[b], on.data(), beam.geometric.data());
+    for (int i = 0; i < beam.size; ++i) {
+      for (int j = 0; j < beam.size; ++j) {
+        beam.geometric[i * beam.size + j] /= beam.scale[i] * beam.scale[j];
+      }
     }
   }
 }
@@ -163,8 +187,9 @@ void SmoothSaddle::Factor(const Tangent& tangent, const double* jacobian, double
     const int* place = beam.place.data();
     for (int i = 0; i < beam.size; ++i) {
       const double* mass = beam.linear.mass.data() + i * beam.size;
-      for (int j = 0; j < i; ++j) off_[*place++] += mass[j];
-      diagonal_[beam.unknown[i]] += mass[i] + bend * beam.stiffness[i];
+      const double* turning = beam.geometric.data() + i * beam.size;
+      for (int j = 0; j < i; ++j) off_[*place++] += mass[j] + b * turning[j];
+      diagonal_[beam.unknown[i]] += mass[i] + bend * beam.stiffness[i] + b * turning[i];
     }
   }
   Tangent::Block block;
@@ -247,9 +272,7 @@ void SmoothSaddle::MassTimes(double* w) const {
   }
 }
 
-void SmoothSaddle::AddDamping(const Tangent& tangent, double factor, const double* v,
-                              double* w) const {
-  tangent.AddDamping(factor, v, w);
+void SmoothSaddle::FoldAttached(double* w) const {
   for (const Beam& beam : list_) {
     const double* T = beam.linear.motion.data();
     for (const int s : beam.attached) {
@@ -259,9 +282,60 @@ void SmoothSaddle::AddDamping(const Tangent& tangent, double factor, const doubl
         for (int i = 0; i < beam.size; ++i) w[beam.at[i]] += T[i] * load;
       }
     }
+  }
+}
+
+void SmoothSaddle::AddDamping(const Tangent& tangent, double factor, const double* v,
+                              double* w) const {
+  tangent.AddDamping(factor, v, w);
+  FoldAttached(w);
+  for (const Beam& beam : list_) {
     const double own = factor * beam.damping;
     for (int i = 0; i < beam.size; ++i) w[beam.at[i]] += own * beam.stiffness[i] * v[beam.at[i]];
   }
+}
+
+void SmoothSaddle::AddStiffness(const Tangent& tangent, double factor, const double* v,
+                                double* w) const {
+  tangent.AddStiffness(factor, v, w);
+  FoldAttached(w);
+  for (const Beam& beam : list_) {
+    for (int i = 0; i < beam.size; ++i) {
+      const double* turning = beam.geometric.data() + i * beam.size;
+      double sum = beam.stiffness[i] * v[beam.at[i]];
+      for (int j = 0; j < beam.size; ++j) sum += turning[j] * v[beam.at[j]];
+      w[beam.at[i]] += factor * sum;
+    }
+  }
+}
+
+std::vector<int> SmoothSaddle::Entries() const {
+  std::vector<int> entries;
+  for (const int u : unknowns_) entries.push_back(IndexOf(u));
+  return entries;
+}
+
+double SmoothSaddle::Stiffest(const Tangent& tangent) const {
+  double largest = 0.0;
+  for (const int s : rigid_) {
+    for (int d = 0; d < 3; ++d) {
+      largest = std::max(largest, tangent.K(s)[4 * d] / (d < 2 ? mass_[s] : inertia_[s]));
+    }
+  }
+  for (const Beam& beam : list_) {
+    for (int i = 0; i < beam.size; ++i) {
+      double stiffness = beam.stiffness[i];
+      for (std::size_t k = 0; k < beam.attached.size(); ++k) {
+        const double* T = beam.linear.motion.data() + 3 * beam.size * k + i;
+        for (int d = 0; d < 3; ++d) {
+          const double t = T[d * beam.size];
+          stiffness += t * t * tangent.K(beam.attached[k])[4 * d];
+        }
+      }
+      largest = std::max(largest, stiffness / beam.linear.mass[i * beam.size + i]);
+    }
+  }
+  return largest;
 }
 
 }  // namespace unfurl::sim

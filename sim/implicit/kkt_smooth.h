@@ -13,7 +13,8 @@ namespace unfurl::sim {
 // beam's coordinates are one dense block of W, with its full mass matrix and, of its tangent, the
 // bending stiffness and its damping, which are what is stiff in it. Bodies attached to a beam have
 // no coordinates of their own: with T = d(attached)/d(coordinates), held over the step, what the
-// tangent and the constraints say of them is folded onto the beam, T^T K T and J T.
+// tangent and the constraints say of them is folded onto the beam, T^T K T and J T. Linearised
+// fully, K has what turns with the beam, too: it is then the derivative of the forces at rest.
 //
 // Vectors are three blocks of the bodies, as everywhere.
 class SmoothSaddle {
@@ -24,6 +25,10 @@ class SmoothSaddle {
 
   // Takes mass matrices and T at the beams' last Solve.
   void Linearise(const KirchhoffBeams& beams, const KirchhoffBeams::Work& work);
+  // The same, and the stiffness of what turns with a beam at rest; `fx`, `fy`: all that acts on its
+  // attached bodies, reactions of constraints included, by body [N].
+  void LineariseFully(const KirchhoffBeams& beams, const KirchhoffBeams::Work& work,
+                      const double* fx, const double* fy);
   void Factor(const Tangent& tangent, const double* jacobian, double a, double b);
   // As Saddle::Solve; entries of attached bodies are zero on return.
   void Solve(double* x, const double* g);
@@ -36,6 +41,12 @@ class SmoothSaddle {
   // w += factor D v, v with its attached bodies filled in; entries of attached bodies in w are zero
   // before and after.
   void AddDamping(const Tangent& tangent, double factor, const double* v, double* w) const;
+  // w += factor K v, likewise.
+  void AddStiffness(const Tangent& tangent, double factor, const double* v, double* w) const;
+  // The unknowns as indices into such vectors.
+  std::vector<int> Entries() const;
+  // An estimate of the largest eigenvalue of M^-1 K [1/s^2].
+  double Stiffest(const Tangent& tangent) const;
 
  private:
   // What moves a body: three unknowns of its own (`beam` -1), or those of its beam; none for one
@@ -50,7 +61,7 @@ class SmoothSaddle {
     std::vector<int> place;  // by unknown of a, then of b; -1 where both are one
   };
   struct Beam {
-    int size = 0;
+    int size = 0, root = -1;      // coordinates; body
     double damping = 0.0;         // [s]
     std::vector<int> at;          // index into a vector, by coordinate
     std::vector<int> unknown;     // by coordinate
@@ -59,10 +70,13 @@ class SmoothSaddle {
     std::vector<int> place;       // of the block's lower triangle, by rows, diagonal left out
     std::vector<int> attached;    // bodies
     KirchhoffRod::Linear linear;  // scaled
+    Array geometric;              // of what turns with the beam, scaled; zero unless asked for
   };
 
   void AddBeam(const KirchhoffBeams::Beam& beam, std::vector<char>* of_beam);
   void AddFold(const Fold& fold, const Tangent::Block& block);
+  // What is on attached bodies in w, as forces on their beams.
+  void FoldAttached(double* w) const;
   int IndexOf(int unknown) const { return unknown % 3 * n_ + unknown / 3; }
   // Motion of a side with its unknown i: three numbers.
   void Column(const Side& side, int i, double out[3]) const;

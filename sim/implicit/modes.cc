@@ -5,7 +5,7 @@
 #include <cmath>
 #include <random>
 
-#include "sim/implicit/kkt.h"
+#include "sim/implicit/linearised.h"
 
 namespace unfurl::sim {
 namespace {
@@ -20,81 +20,54 @@ constexpr int kGuard = 8;          // vectors of the subspace beyond those wante
 constexpr int kModesMostIterations = 200;
 constexpr double kConverged = 1e-10;  // change of omega^2 in an iteration, relative
 
-class Linearised {
+// Vectors of the unknowns alone.
+class Unknowns {
  public:
-  Linearised(Dynamics* dynamics, double* y)
-      : model_(dynamics->model()), n_(model_.rigid_bodies.count) {
-    const Constraints& constraints = model_.constraints;
-    std::vector<double> rate(model_.index.size());
-    dynamics->RightSide(0.0, y, rate.data());
-    const Constraints::Work& work = dynamics->constraint_work();
-    const std::vector<double> lambda(work.lambda.begin(), work.lambda.end());
-    dynamics->FillTangent(0.0, y, lambda.data(), &tangent_);
-    J_.assign(6 * constraints.rows() + 6, 0.0);
-    if (constraints.count() > 0) {
-      constraints.Jacobian(dynamics->MotionAt(0.0, y), work, J_.data());
-    }
-    for (int s = 0; s < n_; ++s) {
-      if (!model_.rigid_bodies.IsDynamic(s)) continue;
-      for (int d = 0; d < 3; ++d) {
-        entry_.push_back(d * n_ + s);
-        mass_.push_back(d < 2 ? model_.rigid_bodies.mass[s] : model_.rigid_bodies.inertia[s]);
-        stiffest_ = std::max(stiffest_, tangent_.K(s)[4 * d] / mass_.back());
-      }
-    }
-  }
+  explicit Unknowns(Linearised* system) : system_(*system) {}
 
-  int size() const { return static_cast<int>(entry_.size()); }
-  double mass(int k) const { return mass_[k]; }
-  double stiffest() const { return stiffest_; }  // an estimate of the largest omega^2
-  const Tangent& tangent() const { return tangent_; }
-  const double* jacobian() const { return J_.data(); }
-  const Model& model() const { return model_; }
-
+  int size() const { return static_cast<int>(system_.entries().size()); }
   std::vector<double> Spread(const VectorXd& v) const {
-    std::vector<double> out(3 * n_ + kBlock, 0.0);
-    for (int k = 0; k < size(); ++k) out[entry_[k]] = v[k];
+    std::vector<double> out(system_.length(), 0.0);
+    for (int k = 0; k < size(); ++k) out[system_.entries()[k]] = v[k];
+    system_.Fill(out.data());
     return out;
   }
   VectorXd Gather(const std::vector<double>& v) const {
     VectorXd out(size());
-    for (int k = 0; k < size(); ++k) out[k] = v[entry_[k]];
+    for (int k = 0; k < size(); ++k) out[k] = v[system_.entries()[k]];
     return out;
   }
-  VectorXd Times(bool damping, const VectorXd& v) const {
-    const std::vector<double> in = Spread(v);
-    std::vector<double> out(in.size(), 0.0);
-    damping ? tangent_.AddDamping(1.0, in.data(), out.data())
-            : tangent_.AddStiffness(1.0, in.data(), out.data());
-    return Gather(out);
+  VectorXd Mass(const VectorXd& v) const {
+    std::vector<double> w = Spread(v);
+    system_.MassTimes(w.data());
+    return Gather(w);
   }
-  // Rows of J on the moving entries.
-  MatrixXd DenseJacobian() const {
-    const Constraints& constraints = model_.constraints;
-    std::vector<int> column(3 * n_, -1);
-    for (int k = 0; k < size(); ++k) column[entry_[k]] = k;
-    MatrixXd out = MatrixXd::Zero(constraints.count(), size());
-    int row = 0;
-    for (int r = 0; r < constraints.rows(); ++r) {
-      if (!constraints.IsActive(r)) continue;
-      for (int k = 0; k < 6; ++k) {
-        const int body = k < 3 ? constraints.InnerBody(r) : constraints.OuterBody(r);
-        const int c = column[k % 3 * n_ + body];
-        if (c >= 0) out(row, c) += J_[6 * r + k];
-      }
-      ++row;
-    }
-    return out;
+  VectorXd Stiffness(const VectorXd& v) const {
+    std::vector<double> w(system_.length(), 0.0);
+    system_.AddStiffness(Spread(v).data(), w.data());
+    return Gather(w);
   }
+  VectorXd Damping(const VectorXd& v) const {
+    std::vector<double> w(system_.length(), 0.0);
+    system_.AddDamping(Spread(v).data(), w.data());
+    return Gather(w);
+  }
+  VectorXd Jacobian(const VectorXd& v) const {
+    VectorXd g(system_.rows());
+    system_.JacobianTimes(Spread(v).data(), g.data());
+    return g;
+  }
+  // (M + b K)^-1 on the constraints, b of the last Factor.
+  VectorXd Solve(const VectorXd& r) const {
+    std::vector<double> x(system_.length(), 0.0);
+    for (int k = 0; k < size(); ++k) x[system_.entries()[k]] = r[k];
+    system_.Solve(x.data(), nullptr);
+    return Gather(x);
+  }
+  Linearised& system() const { return system_; }
 
  private:
-  const Model& model_;
-  int n_;
-  Tangent tangent_;
-  std::vector<double> J_;
-  std::vector<int> entry_;  // of the state's position blocks
-  std::vector<double> mass_;
-  double stiffest_ = 0.0;
+  Linearised& system_;
 };
 
 struct Pairs {
@@ -102,58 +75,59 @@ struct Pairs {
   MatrixXd vector;  // columns, v^T M v = 1
 };
 
-// On the null space of J, in coordinates scaled with the roots of the masses.
-Pairs SolveDense(const Linearised& system) {
-  const int size = system.size();
-  VectorXd root(size);
-  for (int k = 0; k < size; ++k) root[k] = std::sqrt(system.mass(k));
-  MatrixXd K(size, size);
+// On the null space of J, in coordinates of which M is the unit matrix.
+Pairs SolveDense(const Unknowns& of) {
+  const int size = of.size();
+  MatrixXd M(size, size), K(size, size), J(of.system().rows(), size);
   for (int k = 0; k < size; ++k) {
-    K.col(k) = system.Times(false, VectorXd::Unit(size, k) / root[k]).cwiseQuotient(root);
+    const VectorXd unit = VectorXd::Unit(size, k);
+    M.col(k) = of.Mass(unit);
+    K.col(k) = of.Stiffness(unit);
+    if (J.rows() > 0) J.col(k) = of.Jacobian(unit);
   }
+  const Eigen::LLT<MatrixXd> root(M);
+  const auto L = root.matrixL();
+  const MatrixXd half = L.solve(K).transpose();
+  const MatrixXd scaled = L.solve(half);
   MatrixXd N = MatrixXd::Identity(size, size);
-  const MatrixXd J = system.DenseJacobian() * root.cwiseInverse().asDiagonal();
   if (J.rows() > 0) {
-    const Eigen::ColPivHouseholderQR<MatrixXd> qr(J.transpose());
+    const MatrixXd across = L.solve(J.transpose());
+    const Eigen::ColPivHouseholderQR<MatrixXd> qr(across);
     N = (qr.householderQ() * MatrixXd::Identity(size, size)).rightCols(size - qr.rank());
   }
-  const MatrixXd reduced = N.transpose() * K * N;
+  const MatrixXd reduced = N.transpose() * scaled * N;
   const Eigen::SelfAdjointEigenSolver<MatrixXd> solver(0.5 * (reduced + reduced.transpose()));
-  return {solver.eigenvalues(), root.cwiseInverse().asDiagonal() * (N * solver.eigenvectors())};
+  const MatrixXd vectors = N * solver.eigenvectors();
+  return {solver.eigenvalues(), root.matrixU().solve(vectors)};
 }
 
 // Subspace iteration (Bathe) with (M + b K)^-1 M on the constraints: its eigenvalues are
 // 1 / (1 + b omega^2), so the lowest frequencies come out, rigid motions included.
-Pairs SolveSubspace(const Linearised& system, int wanted) {
-  const int size = system.size(), columns = std::min(wanted + kGuard, size);
+Pairs SolveSubspace(const Unknowns& of, int wanted, double time_scale, double rigid) {
+  const int size = of.size(), columns = std::min(wanted + kGuard, size);
   std::mt19937_64 random(1);
   std::normal_distribution<double> normal;
   MatrixXd X(size, columns);
   for (int c = 0; c < columns; ++c) {
     for (int k = 0; k < size; ++k) X(k, c) = normal(random);
   }
-  VectorXd mass(size);
-  for (int k = 0; k < size; ++k) mass[k] = system.mass(k);
-  Saddle saddle(system.model().rigid_bodies, system.model().constraints, system.tangent());
   // [s^2]; later 1 / omega^2 of the lowest one that bends.
-  double b = system.model().time_scale * system.model().time_scale;
-  saddle.Factor(system.tangent(), system.jacobian(), 0.0, b);
+  double b = time_scale * time_scale;
+  of.system().Factor(b);
   VectorXd square = VectorXd::Zero(columns);
   for (int iteration = 0; iteration < kModesMostIterations; ++iteration) {
+    MatrixXd KX(size, columns), MX(size, columns);
     for (int c = 0; c < columns; ++c) {
-      std::vector<double> x = system.Spread(mass.cwiseProduct(X.col(c)));
-      saddle.Solve(x.data(), nullptr);
-      X.col(c) = system.Gather(x);
-      X.col(c) /= std::sqrt(X.col(c).dot(mass.cwiseProduct(X.col(c))));
+      X.col(c) = of.Solve(of.Mass(X.col(c)));
+      X.col(c) /= std::sqrt(X.col(c).dot(of.Mass(X.col(c))));
+      MX.col(c) = of.Mass(X.col(c));
+      KX.col(c) = of.Stiffness(X.col(c));
     }
-    MatrixXd KX(size, columns);
-    for (int c = 0; c < columns; ++c) KX.col(c) = system.Times(false, X.col(c));
-    const MatrixXd A = X.transpose() * KX, B = X.transpose() * mass.asDiagonal() * X;
+    const MatrixXd A = X.transpose() * KX, B = X.transpose() * MX;
     const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> ritz(0.5 * (A + A.transpose()), B);
     X = X * ritz.eigenvectors();
     const VectorXd& found = ritz.eigenvalues();
     double change = 0.0;
-    const double rigid = kRigid * system.stiffest();
     for (int k = 0; k < std::min(wanted, columns); ++k) {
       change =
           std::max(change, std::fabs(found[k] - square[k]) / std::max(std::fabs(found[k]), rigid));
@@ -164,7 +138,7 @@ Pairs SolveSubspace(const Linearised& system, int wanted) {
       for (int k = 0; k < columns; ++k) {
         if (square[k] < 1e3 * rigid) continue;
         b = 1.0 / square[k];
-        saddle.Factor(system.tangent(), system.jacobian(), 0.0, b);
+        of.system().Factor(b);
         break;
       }
     }
@@ -175,15 +149,20 @@ Pairs SolveSubspace(const Linearised& system, int wanted) {
 }  // namespace
 
 ModesReport FindModes(Dynamics* dynamics, double* y, int count, ModesSolver solver) {
-  const Linearised system(dynamics, y);
+  Linearised system(dynamics);
+  system.About(y);
+  const Unknowns of(&system);
   ModesReport report;
-  if (system.size() == 0) return report;
+  if (of.size() == 0) return report;
   const bool dense = solver == ModesSolver::kDense ||
-                     (solver == ModesSolver::kAuto && system.size() <= 3 * kDenseBodies);
+                     (solver == ModesSolver::kAuto && of.size() <= 3 * kDenseBodies);
   constexpr int kMostRigid = 3;  // x, y, theta of one structure; those of others take the guard's
-  const Pairs pairs = dense ? SolveDense(system) : SolveSubspace(system, count + kMostRigid);
-  const double rigid = kRigid * system.stiffest();
-  const int n = system.model().rigid_bodies.count;
+  const double rigid = kRigid * system.Stiffest();
+  const Pairs pairs =
+      dense ? SolveDense(of)
+            : SolveSubspace(of, count + kMostRigid, dynamics->model().time_scale, rigid);
+  const RigidBodies& bodies = dynamics->model().rigid_bodies;
+  const int n = bodies.count;
   for (int k = 0; k < pairs.square.size(); ++k) {
     if (static_cast<int>(report.modes.size()) == count) break;
     const double square = pairs.square[k];
@@ -198,13 +177,14 @@ ModesReport FindModes(Dynamics* dynamics, double* y, int count, ModesSolver solv
     } else {
       const double omega = std::sqrt(square);
       mode.frequency = omega / (2.0 * M_PI);
-      mode.damping = v.dot(system.Times(true, v)) / (2.0 * omega);  // v^T M v = 1
+      mode.damping = v.dot(of.Damping(v)) / (2.0 * omega);  // v^T M v = 1
     }
-    mode.shape = system.Spread(v);
+    mode.shape = of.Spread(v);
     mode.shape.resize(3 * n);
     int at = 0;
     double largest = 0.0, turned = 0.0;
     for (int i = 0; i < 3 * n; ++i) {
+      if (std::binary_search(bodies.amplitudes.begin(), bodies.amplitudes.end(), i % n)) continue;
       const double size = std::fabs(mode.shape[i]);
       if (i < 2 * n && size > largest) {
         largest = size;

@@ -18,4 +18,11 @@ void Dynamics::FillTangent(double t, double* y, const double* lambda, Tangent* t
                         work_.station.data());
 }
 
+void Dynamics::ForcesOnBodies(double* fx, double* fy) const {
+  for (int k = 0; k < model_.rigid_bodies.count; ++k) {
+    fx[k] = fx_[k] + work_.fx[k];
+    fy[k] = fy_[k] + work_.fy[k];
+  }
+}
+
 }  // namespace unfurl::sim

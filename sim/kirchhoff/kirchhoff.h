@@ -93,6 +93,9 @@ class KirchhoffRod {
     Array mass, motion;  // [kg m^2], [m]
   };
   void Linearise(const Work& work, Linear* out) const;
+  // Adds to `k`, coordinates() squared, -dQ/dq of what turns with the beam: the strings' forces,
+  // and those of attached frames, `attached` as for Solve; of a beam at rest, after Update [SI].
+  void AddGeometric(const Work& work, const double* attached, double* k) const;
   // d^2V/da_k^2, k from 1 [N m].
   double stiffness(int k) const { return stiffness_[k]; }
 

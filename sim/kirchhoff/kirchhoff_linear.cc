@@ -1,5 +1,5 @@
-// What a linearly implicit step needs of a smooth beam: its mass matrix, and how its attachments
-// move with its coordinates.
+// Of a smooth beam its mass matrix, how its attachments move with its coordinates, and the
+// stiffness of what turns with it.
 #include <algorithm>
 
 #include "sim/kirchhoff/kirchhoff.h"
@@ -35,6 +35,39 @@ void KirchhoffRod::Linearise(const Work& work, Linear* out) const {
     std::copy_n(work.jx.data() + b * width, used, x + 2);
     std::copy_n(work.jy.data() + b * width, used, y + 2);
     std::copy_n(attached_shape_.data() + b * width, used, theta + 2);
+  }
+}
+
+// A place of the line is a sum of arms along (cos, sin) of the directions theta = N (theta_0, a),
+// so its second derivative is minus the arms' own; the strings' energy is a double sum over
+// directions.
+void KirchhoffRod::AddGeometric(const Work& work, const double* attached, double* k) const {
+  const int points = shapes_.points, used = shapes_.count + 1, size = coordinates();
+  const double* c = work.cosine.data();
+  const double* s = work.sine.data();
+  const double sigma = strings_.gravity_per_length;
+  const auto add = [&](double factor, const double* left, const double* right) {
+    for (int i = 0; i < used; ++i) {
+      for (int j = 0; j < used; ++j) k[(2 + i) * size + 2 + j] += factor * left[i] * right[j];
+    }
+  };
+  for (int p = 0; p < points; ++p) {
+    const double* shape = &shapes_.shape[p * shapes_.width];
+    double own = 0.0;
+    for (std::size_t b = 0; b < attachments_.size(); ++b) {
+      own += arm_[b * points + p] * (attached[3 * b] * c[p] + attached[3 * b + 1] * s[p]);
+    }
+    for (int q = 0; sigma > 0.0 && q < points; ++q) {
+      const double pair = sigma * kernel_[p * points + q];
+      own -= pair * (c[p] * (c[q] - hang_cosine_) + s[p] * (s[q] - hang_sine_));
+      add(pair * (c[p] * c[q] + s[p] * s[q]), shape, &shapes_.shape[q * shapes_.width]);
+    }
+    add(own, shape, shape);
+  }
+  for (std::size_t b = 0; b < attachments_.size(); ++b) {
+    const double* shape = &attached_shape_[b * shapes_.width];
+    add(attached[3 * b] * work.offset[2 * b] + attached[3 * b + 1] * work.offset[2 * b + 1], shape,
+        shape);
   }
 }
 

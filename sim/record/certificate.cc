@@ -16,9 +16,6 @@
 namespace unfurl::sim {
 namespace {
 
-// What is stated may be half of the true error or four times it; so it aims at the middle of that,
-// as ratios go: sqrt(0.5 x 4).
-constexpr double kCaution = 1.41;
 // Of the longest step that a run may take, its companion's, where that and not the tolerance limits
 // the run: its error is then a 16th and less.
 constexpr double kShorter = 0.5;

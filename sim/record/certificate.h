@@ -11,6 +11,10 @@
 
 namespace unfurl::sim {
 
+/// What is stated may be half of the true error or four times it; so it aims at the middle of that,
+/// as ratios go: sqrt(0.5 x 4).
+inline constexpr double kCaution = 1.41;
+
 /// What companions of a run are made to find its numerical error.
 struct CertifyOptions {
   bool mesh = true;  ///< a run on another mesh, beside that of a tighter tolerance

@@ -113,4 +113,58 @@ inline RandomScene DrawStiffScene(std::uint64_t seed) {
   return out;
 }
 
+// A loop of three beams between two points of the ground, driven by its crank's spring; gravity,
+// dampers, a latch of the crank.
+inline RandomScene DrawLoopScene(std::uint64_t seed) {
+  Rng rng(seed);
+  const auto between = [&](double low, double high) { return low + (high - low) * rng.Uniform(); };
+  const auto power = [&](double low, double high) { return std::pow(10.0, between(low, high)); };
+  const auto chance = [&](double p) { return rng.Uniform() < p; };
+  const double ground = between(1.0, 1.4), crank = between(0.3, 0.5), rocker = between(0.4, 0.7);
+  const double at_crank = between(0.6, 2.0), at_rocker = between(0.7, 1.6);
+  const double x = ground + rocker * std::cos(at_rocker) - crank * std::cos(at_crank);
+  const double y = rocker * std::sin(at_rocker) - crank * std::sin(at_crank);
+  const double coupler = std::hypot(x, y), at_coupler = std::atan2(y, x);
+  RandomScene out;
+  out.smooth = chance(0.4);
+  out.damped = chance(0.6);
+  out.latches = chance(0.3);
+  const double beta = out.damped ? power(-5.0, -3.0) : 0.0;
+  const bool gravity = chance(0.4), damper = chance(0.4);
+  std::string& t = out.toml;
+  t = fmt::format("[scene]\nname = \"loop {}\"\nduration = {:.3f}\n", seed, between(0.2, 0.4));
+  t += "[contact.lock]\nK = 5e8\nC = 4000.0\nQ = 3.0\nepsilon = 5e-6\n";
+  const auto beam = [&](const char* name, double length) {
+    const int fineness = static_cast<int>(3.0 * rng.Uniform());
+    t += fmt::format(
+        "[beam.{0}]\nlength = {1:.17g}\nmass = {2:.3f}\nEI = {3:.3f}\ndamping = {4:.3g}\n{5} = "
+        "{6}\n[mark.m{0}]\non = \"{0}.end\"\n",
+        name, length, between(0.2, 0.8), power(0.5, 2.0), beta,
+        out.smooth ? "model = \"kirchhoff\"\norder" : "segments", (out.smooth ? 1 : 4) + fineness);
+  };
+  beam("crank", crank);
+  beam("coupler", coupler);
+  beam("rocker", rocker);
+  const double swing = between(0.2, 0.5);  // of the crank, to where its spring is at rest [rad]
+  t += fmt::format(
+      "[joint.p]\ninner = \"ground\"\nouter = \"crank.start\"\nzero_angle = {:.17g}\n"
+      "theta = {:.17g}\n[joint.p.spring]\nstiffness = {:.3f}\npreload = {:.3f}\n",
+      at_crank - swing, swing, power(0.0, 1.3), between(0.2, 1.0));
+  if (damper) t += fmt::format("[joint.p.damper]\ndamping = {:.4g}\n", power(-3.0, 0.0));
+  if (out.latches) {
+    t += fmt::format(
+        "[joint.p.latch]\ntheta_a = {0:.4f}\ntheta_b = {0:.4f}\nlever = 0.03\n"
+        "contact = \"lock\"\n",
+        between(0.001, 0.006));
+  }
+  t += fmt::format(
+      "[joint.q]\ninner = \"crank.end\"\nouter = \"coupler.start\"\ntheta = {:.17g}\n"
+      "[joint.r]\ninner = \"coupler.end\"\nouter = \"rocker.start\"\ntheta = {:.17g}\n"
+      "[joint.s]\ninner = \"ground\"\ninner_point = [{:.17g}, 0.0]\nouter = \"rocker.end\"\n"
+      "theta = {:.17g}\n",
+      at_coupler - at_crank, at_rocker - M_PI - at_coupler, ground, at_rocker - M_PI);
+  if (gravity) t += "[gravity]\nacceleration = [0.0, -9.81]\n";
+  return out;
+}
+
 }  // namespace unfurl::sim
