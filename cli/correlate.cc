@@ -16,7 +16,7 @@
 #include "correlate/compare/comparison_json.h"
 #include "data/atomic_file.h"
 #include "data/formats.h"
-#include "study/trial_observations.h"
+#include "study/compare_study.h"
 
 namespace unfurl::cli {
 
@@ -27,7 +27,7 @@ using nlohmann::ordered_json;
 struct CorrelateSettings {
   std::string record, reference, output, report, figures, window = "hann";
   std::string offset, drift, frame;  // what is known of A beforehand; empty: nothing is said
-  std::string modes = "auto";
+  std::string modes = "auto", trial;
   std::vector<std::string> channels;  // NAME or NAME=NAME_IN_B; empty: marks, or all in common
   correlate::ComparisonOptions options;
 };
@@ -145,23 +145,6 @@ correlate::SpectralWindow WindowNamed(const std::string& name) {
   throw Error("there is no window '" + name + "'", "--window", "it is one of " + JoinWords(names));
 }
 
-// A study's instruments, as it says that they are, against a run.
-correlate::Comparison CompareStudy(const CorrelateSettings& s) {
-  const data::Study study = data::ReadStudy(s.record);
-  if (study.trials.size() != 1 || study.trials.front().channels.empty()) {
-    throw Error("holds no trial with channels, or several", s.record,
-                "give a study of one trial with trial.channel tables");
-  }
-  const data::Run run = data::ReadRun(s.reference);
-  correlate::Comparison c;
-  c.record = s.record;
-  c.reference = s.reference;
-  c.observations = study::ReadTrial(study.trials.front(), "");
-  study::AddChannels(study.trials.front(), &run.quantities, &c.observations);
-  correlate::CompareInstruments(run, s.options, &c);
-  return c;
-}
-
 bool IsStudy(const std::string& path) { return data::FormatOf(path) == data::FileFormat::kToml; }
 
 // Marks, unless channels were asked for or one of the two holds nothing else.
@@ -176,7 +159,25 @@ correlate::Comparison Compared(const CorrelateSettings& s) {
     for (const correlate::ChannelName& pair : pairs) names.push_back(pair.name);
     return correlate::DescribeChannels(correlate::ChannelsOf(s.record), names, s.options, s.record);
   }
-  if (IsStudy(s.record)) return CompareStudy(s);
+  if (IsStudy(s.record)) {
+    if (!s.options.marks.empty()) {
+      throw Error("of a study channels are compared", "--marks",
+                  "give its tracks in its place, or leave it out");
+    }
+    std::vector<std::string> names;
+    for (const correlate::ChannelName& pair : pairs) {
+      if (!pair.of.empty() && pair.of != pair.name) {
+        throw Error("the study says which quantity '" + pair.name + "' measures", "--channels",
+                    "give its name alone");
+      }
+      names.push_back(pair.name);
+    }
+    return study::CompareStudy(data::ReadStudy(s.record), data::ReadRun(s.reference), s.reference,
+                               s.trial, names, s.options);
+  }
+  if (!s.trial.empty()) {
+    throw Error("A is no study", "--trial", "leave it out, or give a study for A");
+  }
   const bool channels =
       !pairs.empty() || correlate::HoldsChannels(s.record) || correlate::HoldsChannels(s.reference);
   if (!channels) return correlate::Compare(s.record, s.reference, s.options);
@@ -243,6 +244,9 @@ Verb AddCorrelate(CLI::App& program, Common& common) {
          "of tracks tip.x, .. (default: all in common, where A or B is a file of channels)")
       ->delimiter(',')
       ->type_name("NAMES");
+  app->add_option("--trial", settings->trial,
+                  "Of a study: the trial whose channels are compared (default: the only one)")
+      ->type_name("NAME");
   app->add_option("--modes", settings->modes,
                   "What A's vibration is: auto (by the data), decay, ambient (driven by noise)")
       ->type_name("KIND");

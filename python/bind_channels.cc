@@ -4,14 +4,18 @@
 #include "correlate/compare/channel_comparison.h"
 #include "data/channels.h"
 #include "data/fit.h"
+#include "data/formats.h"
+#include "data/run.h"
 #include "python/bindings.h"
 #include "python/placement.h"
+#include "study/compare_study.h"
 
 namespace unfurl::python {
 namespace {
 
 using data::Channel;
 using FitChannel = data::FitRecord::Channel;
+using Run = Recorded<data::Run>;
 
 template <class Owner>
 auto ViewOf(std::vector<double> Owner::*member) {
@@ -49,13 +53,46 @@ std::vector<Channel> ChannelsFrom(const py::object& object) {
   return Long([&] { return correlate::ChannelsOf(path); });
 }
 
+bool IsStudy(const py::object& record) {
+  if (py::isinstance<data::Study>(record)) return true;
+  if (!py::isinstance<py::str>(record) && !py::hasattr(record, "__fspath__")) return false;
+  return data::FormatOf(PathFrom(record, "a path").string()) == data::FileFormat::kToml;
+}
+
+std::shared_ptr<correlate::Comparison> CompareStudy(
+    const py::object& record, const py::object& reference, const std::string& trial,
+    const std::vector<correlate::ChannelName>& pairs, const correlate::ComparisonOptions& options) {
+  std::vector<std::string> names;
+  for (const correlate::ChannelName& pair : pairs) {
+    if (!pair.of.empty() && pair.of != pair.name) {
+      throw Error("the study says which quantity '" + pair.name + "' measures", "channels",
+                  "map it to its own name");
+    }
+    names.push_back(pair.name);
+  }
+  const bool is_run = py::isinstance<Run>(reference);
+  const std::string path =
+      is_run ? std::string() : PathFrom(reference, "a Run or its path").string();
+  const auto study =
+      py::isinstance<data::Study>(record)
+          ? record.cast<std::shared_ptr<data::Study>>()
+          : std::make_shared<data::Study>(data::ReadStudy(PathFrom(record, "a path").string()));
+  const Run* run = is_run ? &reference.cast<const Run&>() : nullptr;
+  return Long([&] {
+    return std::make_shared<correlate::Comparison>(
+        run != nullptr
+            ? study::CompareStudy(*study, run->data, "run", trial, names, options)
+            : study::CompareStudy(*study, data::ReadRun(path), path, trial, names, options));
+  });
+}
+
 std::shared_ptr<correlate::Comparison> Compare(const py::object& record,
                                                const py::object& reference,
                                                const std::map<std::string, std::string>& channels,
                                                std::optional<double> start,
                                                std::optional<double> end, const std::string& modes,
                                                bool clock_drift, const py::object& offset,
-                                               const py::object& drift) {
+                                               const py::object& drift, const std::string& trial) {
   correlate::ComparisonOptions options;
   options.from = start;
   options.to = end;
@@ -71,6 +108,10 @@ std::shared_ptr<correlate::Comparison> Compare(const py::object& record,
   for (const auto& [name, of] : channels) {
     pairs.push_back({name, of});
     names.push_back(name);
+  }
+  if (IsStudy(record)) return CompareStudy(record, reference, trial, pairs, options);
+  if (!trial.empty()) {
+    throw Error("record is no study", "trial", "leave it out, or give a Study");
   }
   const bool alone = reference.is_none();
   const auto many = [](const py::object& o) {
@@ -147,13 +188,15 @@ void BindChannels(py::module_& m) {
         py::kw_only(), py::arg("channels") = std::map<std::string, std::string>{},
         py::arg("start") = py::none(), py::arg("end") = py::none(), py::arg("modes") = "auto",
         py::arg("clock_drift") = false, py::arg("offset") = py::none(),
-        py::arg("drift") = py::none(),
+        py::arg("drift") = py::none(), py::arg("trial") = "",
         "Channels of a record beside those of a reference (lists of Channel, or paths): the clock\n"
         "found or taken as known, then scores, spectra and modes, each in its unit. Without a\n"
         "reference: spectra and modes of the record alone.\n\n"
         "channels: {name: name in the reference}; none: those of the same name. modes: 'auto',\n"
         "'decay' or 'ambient', what the record's vibration is. start, end: of spectra and modes\n"
-        "[s]. offset [s], drift [-]: as in compare.");
+        "[s]. offset [s], drift [-]: as in compare. A Study (or its path) for the record: the\n"
+        "instruments of a trial of its (trial: its name; '': the only one) as it says that they\n"
+        "are, against a Run or its path.");
 }
 
 }  // namespace unfurl::python

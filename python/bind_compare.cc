@@ -124,6 +124,12 @@ void BindParts(py::module_& m) {
       .def_readonly("name", &correlate::ComparedScore::name)
       .def_property_readonly("unit", [](const correlate::ComparedScore& s) { return s.Unit(); })
       .def_property_readonly(
+          "rmse", [](const correlate::ComparedScore& s) { return s.score.rmse; },
+          "RMS error [unit].")
+      .def_readonly("sigmas", &correlate::ComparedScore::sigmas,
+                    "RMS in the readings' own sigmas: 1 where model and sigmas are right; 0\n"
+                    "where none are told [-].")
+      .def_property_readonly(
           "nrmse", [](const correlate::ComparedScore& s) { return s.score.nrmse; },
           "RMS error over the range of the test [-].")
       .def_property_readonly(

@@ -438,6 +438,8 @@ class Modes:
     @property
     def growth(self) -> _Floats: ...
     @property
+    def error(self) -> _Floats: ...
+    @property
     def places(self) -> list[str]: ...
     @property
     def shape(self) -> _Floats: ...
@@ -472,6 +474,10 @@ class Score:
     def name(self) -> str: ...
     @property
     def unit(self) -> str: ...
+    @property
+    def rmse(self) -> float: ...
+    @property
+    def sigmas(self) -> float: ...
     @property
     def nrmse(self) -> float: ...
     @property
@@ -958,6 +964,7 @@ def modes(
     state: str = "auto",
     at: Optional[float] = None,
     as_is: bool = False,
+    mesh_error: bool = True,
 ) -> Modes: ...
 def compare(
     record: Union[Run, Tracks, _Path],
@@ -975,8 +982,8 @@ def compare(
 ) -> Comparison: ...
 def read_channels(path: _Path) -> list[Channel]: ...
 def compare_channels(
-    record: Union[Channel, Sequence[Channel], _Path],
-    reference: Union[Channel, Sequence[Channel], _Path, None] = None,
+    record: Union[Channel, Sequence[Channel], Study, _Path],
+    reference: Union[Channel, Sequence[Channel], Run, _Path, None] = None,
     *,
     channels: Mapping[str, str] = ...,
     start: Optional[float] = None,
@@ -985,6 +992,7 @@ def compare_channels(
     clock_drift: bool = False,
     offset: _Prior = None,
     drift: _Prior = None,
+    trial: str = "",
 ) -> Comparison: ...
 def fit_study(
     study: Union[Study, _Path],

@@ -177,6 +177,18 @@ TEST_F(CorrelateChannelsTest, AgainstARun) {
   EXPECT_NEAR(known.at("scores").at(0).at("sigmas").get<double>(), 1.0, 0.1);
   EXPECT_LT(std::abs(known.at("time_offset").at("value").get<double>() - 0.25),
             4.5 * known.at("time_offset").at("sigma").get<double>());
+  const json named = Good(
+      {"correlate", "study.toml", "run.h5", "--channels", "encoder", "--trial", "trial", "--json"});
+  EXPECT_EQ(named.at("scores"), known.at("scores"));
+  const std::vector<std::string> before = {"a.csv", "pendulum.toml", "run.h5", "study.toml"};
+  ExpectRefused(Run({"correlate", "study.toml", "run.h5", "--channels", "gyro"}),
+                {"no channel 'gyro'", "encoder"}, before);
+  ExpectRefused(Run({"correlate", "study.toml", "run.h5", "--channels", "encoder=hinge.theta"}),
+                {"--channels", "its name alone"}, before);
+  ExpectRefused(Run({"correlate", "study.toml", "run.h5", "--trial", "other"}),
+                {"no trial 'other'", "trial"}, before);
+  ExpectRefused(Run({"correlate", "study.toml", "run.h5", "--marks", "tip"}), {"--marks"}, before);
+  ExpectRefused(Run({"correlate", "a.csv", "run.h5", "--trial", "trial"}), {"--trial"}, before);
   // And the run's own, alone.
   EXPECT_EQ(Run({"correlate", "run.h5", "--channels", "hinge.theta"}).code, 0);
 }

@@ -138,9 +138,10 @@ inline RandomScene DrawLoopScene(std::uint64_t seed) {
     const int fineness = static_cast<int>(3.0 * rng.Uniform());
     t += fmt::format(
         "[beam.{0}]\nlength = {1:.17g}\nmass = {2:.3f}\nEI = {3:.3f}\ndamping = {4:.3g}\n{5} = "
-        "{6}\n[mark.m{0}]\non = \"{0}.end\"\n",
+        "{6}\n[mark.m{0}]\non = \"{0}.{7}\"\n",
         name, length, between(0.2, 0.8), power(0.5, 2.0), beta,
-        out.smooth ? "model = \"kirchhoff\"\norder" : "segments", (out.smooth ? 1 : 4) + fineness);
+        out.smooth ? "model = \"kirchhoff\"\norder" : "segments", (out.smooth ? 1 : 4) + fineness,
+        length == rocker ? "start" : "end");  // its end is a pin on the ground
   };
   beam("crank", crank);
   beam("coupler", coupler);
