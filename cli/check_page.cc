@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/length.h"
+#include "cli/residual_views.h"
 #include "cli/space_panel.h"
 #include "report/page.h"
 
@@ -84,6 +85,11 @@ void AddCameras(const CheckResult& result, report::Page* page) {
       "as many sigmas all along its row; readings of one point share its survey's error.";
   chart.x = {"reading", "px"};
   chart.y = {"misfit over its sigma", "1"};
+  ResidualViews views;
+  views.of = "camera";
+  views.words = "along the sensor";
+  views.along = chart.x;
+  views.scatter = false;  // it is above
   for (std::size_t c = 0; c < result.cameras.size(); ++c) {
     std::vector<std::pair<double, double>> dots;
     for (const calib::CheckedReading& r : result.readings) {
@@ -97,9 +103,16 @@ void AddCameras(const CheckResult& result, report::Page* page) {
       series.x.push_back(u);
       series.y.push_back(misfit);
     }
+    if (!series.x.empty()) views.groups.push_back({series.name, series.x, series.y});
     chart.series.push_back(std::move(series));
   }
   page->AddChart(chart);
+  // All readings of a point share its survey's error, so as many are independent as there are
+  // points at least.
+  for (const calib::CheckedPoint& point : result.points) {
+    if (point.at.allFinite()) views.independent += 1.0;
+  }
+  AddResidualViews(views, page);
 }
 
 // Where the points were found, by height, coloured by how many of its sigmas each is off.

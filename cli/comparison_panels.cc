@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/number.h"
+#include "cli/residual_views.h"
 
 namespace unfurl::cli {
 
@@ -160,6 +161,23 @@ void AddShapeTable(const correlate::Comparison& c, report::Page* page) {
     table.rows.push_back(std::move(row));
   }
   page->AddTable(table);
+}
+
+// Measured less reference, over the readings' own sigmas, or, where none are told, over the RMS.
+ResidualGroup GroupOf(const correlate::ComparedSignal& s, bool has_sigma) {
+  ResidualGroup group{s.name, {}, {}};
+  double squares = 0.0;
+  for (std::size_t i = 0; i < s.t.size(); ++i) {
+    const double off = s.measured[i] - s.reference[i];
+    if (!std::isfinite(off) || (has_sigma && !(s.sigma[i] > 0.0))) continue;
+    group.along.push_back(s.t[i]);
+    group.value.push_back(has_sigma ? off / s.sigma[i] : off);
+    squares += off * off;
+  }
+  if (has_sigma || !(squares > 0.0)) return group;
+  const double rms = std::sqrt(squares / static_cast<double>(group.value.size()));
+  for (double& value : group.value) value /= rms;
+  return group;
 }
 
 }  // namespace
@@ -323,6 +341,30 @@ void AddModePanels(const correlate::Comparison& c, report::Page* page) {
   if (!c.reference_modes.poles.empty()) {
     page->AddSpectrum(StabilisationChart(Other(c), c.reference_modes));
   }
+}
+
+void AddResidualPanels(const correlate::Comparison& c, report::Page* page) {
+  if (c.reference.empty()) return;
+  const bool channels = c.marks.empty();
+  ResidualViews own, stated;
+  for (ResidualViews* views : {&own, &stated}) {
+    views->of = channels ? "channel" : "coordinate";
+    views->along = {"time", "s", false};
+    views->scatter = false;  // over time they are above
+  }
+  own.words = channels ? "over each channel's RMS" : "over each coordinate's RMS";
+  own.own_scale = true;
+  stated.words = "over the measurement's sigma";
+  for (const correlate::ComparedSignal& s : c.signals) {
+    if (s.id.IsAngle()) continue;  // of two marks that are here already
+    const bool has_sigma =
+        s.sigma.size() == s.t.size() &&
+        std::any_of(s.sigma.begin(), s.sigma.end(), [](double sigma) { return sigma > 0.0; });
+    ResidualGroup group = GroupOf(s, has_sigma);
+    if (!group.value.empty()) (has_sigma ? stated : own).groups.push_back(std::move(group));
+  }
+  AddResidualViews(stated, page);
+  AddResidualViews(own, page);
 }
 
 }  // namespace unfurl::cli

@@ -296,6 +296,7 @@ void AddComparisonPanels(const correlate::Comparison& c, report::Page* page) {
   AddMotion(c, page);
   AddPlane(c, page);
   AddResiduals(c, page);
+  AddResidualPanels(c, page);
   AddErrors(c, page);
   AddScorePanels(c, page);
   AddSpectra(c, page);

@@ -33,6 +33,15 @@ def test_opens_without_errors_requests_or_overflow(browser, pages, axe, name, wi
         `${v.id}: ${v.help}: ${v.nodes.slice(0, 3).map(n => n.html.slice(0, 150)).join(' | ')}`))""") == []
 
 
+@pytest.mark.parametrize("name", ["calibrate", "check", "correlate", "reconstruct"])
+def test_residuals_are_drawn_as_people_judge_them(browser, pages, name):
+    browser.open(pages[name].as_uri())
+    titles = browser.run("Array.from(document.querySelectorAll('h2,h3,figcaption,caption')).map(e => e.textContent)")
+    for wanted in ["Against a normal distribution", "Residuals by"]:
+        assert any(title.startswith(wanted) for title in titles), titles
+    assert any("neighbours" in title or "utocorrelation" in title for title in titles), titles
+
+
 def test_charts_of_time_say_so(browser, pages):
     browser.open(pages["simulate"].as_uri())
     labels = browser.run("Array.from(document.querySelectorAll('.dygraph-xlabel')).map(e => e.textContent)")

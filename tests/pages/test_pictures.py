@@ -50,6 +50,12 @@ def drawn(browser, pages, name):
     page, before, element = PICTURES[name]
     browser.open(pages[page].as_uri())
     browser.run(before)
+    # What stands above may end within a pixel, and letters would be hinted otherwise.
+    browser.run(f"""(function () {{
+      const of = document.querySelector({element!r}), top = of.getBoundingClientRect().top + scrollY;
+      of.style.position = 'relative';
+      of.style.top = `${{Math.round(top) - top}}px`;
+    }})()""")
     browser.run("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
     return Image.open(io.BytesIO(base64.b64decode(browser.picture(element)))).convert("L")
 
