@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
+#include <cstdint>
 
 #include "sim/dynamics/trigonometry.h"
 
@@ -27,6 +29,16 @@ class PartTimer {
 struct NoTimer {
   void Mark(int) {}
 };
+
+// Of rates [m/s], [rad/s]: a trial step that is unstable by far gets beyond it, and beyond it
+// angles have no direction (2^51 quarter turns) and products of what comes next overflow.
+constexpr double kBeyondAll = 1e15;
+
+bool AnyBeyond(const double* __restrict rate, int size) {
+  std::uint64_t any = 0;
+  for (int k = 0; k < size; ++k) any |= std::fabs(rate[k]) > kBeyondAll ? 1U : 0U;
+  return any != 0;
+}
 
 }  // namespace
 
@@ -99,6 +111,11 @@ void Dynamics::Evaluate(double t, double* y, double* dydt) {
     }
   }();
   const int n = model_.rigid_bodies.count;
+  if (AnyBeyond(y + 3 * n, 3 * n)) {  // so that the step is rejected
+    std::fill_n(dydt, 6 * n, kBeyondAll * kBeyondAll);
+    std::fill_n(dydt + 6 * n, kExtras, 0.0);
+    return;
+  }
   const Motion motion = Update(t, y);
   const Load load{fx_.data(), fy_.data(), m_.data()};
   std::fill_n(load.fx, n, 0.0);
