@@ -36,6 +36,15 @@ std::string EquilibriumText(const sim::SceneModes& modes, bool as_is) {
                      e.acceleration, e.iterations);
 }
 
+// A motion may be soft and yet not be told from one without stiffness.
+std::string RigidText(const sim::SceneModes& modes) {
+  std::string text = fmt::format("{} rigid motion{}", modes.rigid, modes.rigid == 1 ? "" : "s");
+  if (modes.rigid > 0) {
+    text += fmt::format(", or slower than {:.2g} Hz, which rounding hides", modes.rigid_below);
+  }
+  return text;
+}
+
 std::string LatchText(const sim::SceneModes& modes, ordered_json* json) {
   if (modes.latches.empty()) return "";
   std::vector<std::vector<std::string>> rows = {{"joint", "theta [rad]", "contact"}};
@@ -83,12 +92,13 @@ int RunModes(const Common& common, const ModesArguments& arguments) {
                                  : options.at  ? "at"
                                                : "drawn"},
                        {"equilibrium", modes.equilibrium.found},
-                       {"rigid_motions", modes.rigid}};
+                       {"rigid_motions", modes.rigid},
+                       {"rigid_below", modes.rigid_below}};
   if (options.at) json["at"] = *options.at;
   std::string text = fmt::format("{}: \"{}\", {}\n", arguments.scene, scene.name, state);
   text += EquilibriumText(modes, arguments.as_is);
   text += LatchText(modes, &json);
-  text += fmt::format("{} rigid motion{}\n", modes.rigid, modes.rigid == 1 ? "" : "s");
+  text += RigidText(modes) + "\n";
   text += ModeText(modes.record, &json);
   if (!arguments.out.empty()) text += fmt::format("shapes -> {}\n", arguments.out);
   if (!arguments.report.empty()) {
@@ -96,8 +106,7 @@ int RunModes(const Common& common, const ModesArguments& arguments) {
                    {modes.record,
                     scene.name,
                     {fmt::format("{} modes, {}", modes.record.modes.size(), state),
-                     EquilibriumText(modes, arguments.as_is),
-                     fmt::format("{} rigid motion{}", modes.rigid, modes.rigid == 1 ? "" : "s")},
+                     EquilibriumText(modes, arguments.as_is), RigidText(modes)},
                     modes.usable},
                    provenance);
     text += fmt::format("page -> {}\n", arguments.report);

@@ -312,7 +312,15 @@ void BindModes(py::module_& m) {
       .def_property_readonly(
           "rigid",
           [](const Modes& s) { return s.found ? std::optional(s.found->rigid) : std::nullopt; },
-          "Motions without stiffness, left out. None: read from a file, which does not say.")
+          "Motions without stiffness or slower than rigid_below, left out. None: read from a "
+          "file,\n"
+          "which does not say.")
+      .def_property_readonly(
+          "rigid_below",
+          [](const Modes& s) {
+            return s.found ? std::optional(s.found->rigid_below) : std::nullopt;
+          },
+          "Below it rounding hides a stiffness [Hz]. None: read from a file.")
       .def_property_readonly(
           "latched",
           [](const Modes& s) { return s.found ? std::optional(s.found->latched) : std::nullopt; },

@@ -199,6 +199,7 @@ SceneModes ModesOn(const data::Scene& scene, bool latched, const ModesOptions& o
   result.usable = !options.find_equilibrium || result.equilibrium.found;
   const ModesReport report = FindModes(&dynamics, y.data(), options.count);
   result.rigid = report.rigid;
+  result.rigid_below = report.rigid_below;
   result.latches = LatchesOf(dynamics, &y);
   result.record = RecordOf(&dynamics, y, report);
   return result;

@@ -44,7 +44,8 @@ struct SceneModes {
   std::string name;               ///< of the scene
   bool latched = false;           ///< every clearance was closed first
   EquilibriumReport equilibrium;  ///< as it was found; empty where none was looked for
-  int rigid = 0;                  ///< motions without stiffness
+  int rigid = 0;                  ///< motions without stiffness, or slower than rigid_below
+  double rigid_below = 0.0;       ///< what rounding hides [Hz]
   std::vector<Latch> latches;
 
   /// Whether the state is one of rest, or was to be taken as it is.

@@ -161,6 +161,7 @@ ModesReport FindModes(Dynamics* dynamics, double* y, int count, ModesSolver solv
   const Pairs pairs =
       dense ? SolveDense(of)
             : SolveSubspace(of, count + kMostRigid, dynamics->model().time_scale, rigid);
+  report.rigid_below = std::sqrt(rigid) / (2.0 * M_PI);
   const RigidBodies& bodies = dynamics->model().rigid_bodies;
   const int n = bodies.count;
   for (int k = 0; k < pairs.square.size(); ++k) {

@@ -71,6 +71,23 @@ TEST_F(Modes, StatesWhatTheMeshLeavesWrong) {
   EXPECT_TRUE(nlohmann::json::parse(without.out)["modes"][0]["mesh_error"].is_null());
 }
 
+// A stiff beam that hangs on next to nothing is not called rigid
+// without saying what may hide there.
+TEST_F(Modes, SaysBelowWhichFrequencyRoundingHides) {
+  Put("scene.toml",
+      "[scene]\nname = 'soft'\nduration = 1.0\n"
+      "[beam.rod]\nlength = 0.1\nmass = 0.001\nEI = 1e4\nsegments = 8\n"
+      "[joint.j]\ninner = 'ground'\nouter = 'rod.start'\n"
+      "[joint.j.spring]\nstiffness = 1e-9\npreload = 0.0\n");
+  const Outcome outcome = Run({"modes", "scene.toml", "--count", "2", "--json"});
+  ASSERT_EQ(outcome.code, 0) << outcome.err;
+  const auto json = nlohmann::json::parse(outcome.out);
+  const double soft = std::sqrt(1e-9 / (0.001 * 0.1 * 0.1 / 3.0)) / (2.0 * std::numbers::pi);
+  EXPECT_EQ(json["rigid_motions"].get<int>(), 1);
+  EXPECT_GT(json["rigid_below"].get<double>(), soft);
+  EXPECT_THAT(Run({"modes", "scene.toml"}).out, HasSubstr("or slower than"));
+}
+
 TEST_F(Modes, BadInput) {
   Put("scene.toml", Cantilever());
   const std::vector<std::string> before = {"scene.toml"};
