@@ -22,6 +22,8 @@ constexpr double kShorter = 0.5;
 // Errors fall with this power of the number of segments (tests/verification), and of a smooth
 // beam's shapes (docs/decisions/010-second-beam.md).
 constexpr double kSegmentsPower = 2.0, kShapesPower = 3.0;
+// With fewer segments to a beam the error does not fall with that power yet.
+constexpr int kFewestSegments = 4;
 // Shapes that a smooth beam's companion has more: as many again would cost fourfold.
 constexpr int kMoreShapes = 2;
 
@@ -35,6 +37,14 @@ double UsualLongestStep(const SimulateOptions& options, const Model& model) {
   const double duration = options.duration > 0.0 ? options.duration : model.duration;
   const auto parts = static_cast<double>(Edges(model, duration).count() + 1);
   return std::min(LongestStep(options, model), duration / parts);
+}
+
+// Half the segments are told from a finer mesh where they still are enough, and where no beam's
+// companion is finer: differences of two signs would cancel.
+bool HalvesSegments(const data::Scene& scene) {
+  return std::none_of(scene.beams.begin(), scene.beams.end(), [](const data::SceneBeam& beam) {
+    return beam.model == data::BeamModel::kKirchhoff || (beam.segments + 1) / 2 < kFewestSegments;
+  });
 }
 
 bool IsDefault(const std::string& name, const data::Scene& scene) {
@@ -54,6 +64,7 @@ data::Scene CompanionMesh(const data::Scene& scene, bool finer, double* factor,
   data::Scene out = scene;
   std::vector<std::string> changes;
   *factor = 0.0;
+  const bool twice = finer || !HalvesSegments(scene);
   const auto change = [&](const char* what, int from, int to, double power) {
     *factor = std::max(*factor, RichardsonFactor(from, to, power));
     const std::string text = fmt::format("{} {} in place of {}", what, to, from);
@@ -66,7 +77,6 @@ data::Scene CompanionMesh(const data::Scene& scene, bool finer, double* factor,
       change("order", beam.order, to, kShapesPower);
       beam.order = to;
     } else {
-      const bool twice = finer || beam.segments == 1;
       const int to = twice ? 2 * beam.segments : (beam.segments + 1) / 2;
       change("segments", beam.segments, to, kSegmentsPower);
       beam.segments = to;
@@ -122,6 +132,7 @@ std::shared_ptr<Certificate> Certificate::Make(const data::Scene& scene,
   }
   // A coarser mesh is cheap, but may be too coarse for the scene.
   for (const bool finer : {false, true}) {
+    if (finer && !HalvesSegments(scene)) break;  // it was
     double factor = 0.0;
     const data::Scene other = CompanionMesh(scene, finer, &factor, &out->mesh_);
     if (out->mesh_.empty() || out->Run(other, options, factor, certify, "of another mesh")) {

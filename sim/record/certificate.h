@@ -73,9 +73,10 @@ class Certificate {
   std::size_t samples_ = 0;
 };
 
-/// The scene on another mesh: half the segments, or twice as many where `finer` or where there is
-/// one only; two more shapes of smooth beams. `factor`: from the difference of the two to the error
-/// of `scene`. `words`: what was changed; empty where no beam is there.
+/// The scene on another mesh: half the segments of every beam, or twice as many where `finer`,
+/// where a beam would have fewer than four, and beside smooth beams; two more shapes of these.
+/// `factor`: from the difference of the two to the error of `scene`. `words`: what was changed;
+/// empty where no beam is there.
 data::Scene CompanionMesh(const data::Scene& scene, bool finer, double* factor, std::string* words);
 
 }  // namespace unfurl::sim

@@ -123,11 +123,18 @@ TEST(Certificate, CompanionMeshes) {
   EXPECT_EQ(beams("segments = 8")[1].segments, 4);
   EXPECT_NEAR(factor, 1.0 / 3.0, 1e-15);
   EXPECT_EQ(words, "segments 4 in place of 8");
-  // One is compared with two, which have a quarter of its error.
+  // Fewer than four would not be on their way yet: those are compared with twice as many, which
+  // have a quarter of the error.
+  EXPECT_EQ(beams("segments = 6")[0].segments, 12);
+  EXPECT_EQ(beams("segments = 7")[0].segments, 4);
   EXPECT_EQ(beams("segments = 1")[0].segments, 2);
   EXPECT_NEAR(factor, 4.0 / 3.0, 1e-15);
   EXPECT_EQ(beams("segments = 8", true)[0].segments, 16);
   EXPECT_NEAR(factor, 4.0 / 3.0, 1e-15);
+  // Beside a smooth beam, whose companion is finer, segments are too.
+  data::Scene mixed = data::ParseScene(TwoBeams("segments = 20"), "test.toml");
+  mixed.beams[0].model = data::BeamModel::kKirchhoff;
+  EXPECT_EQ(CompanionMesh(mixed, false, &factor, &words).beams[1].segments, 40);
   // order^-3, two more; at the highest order two fewer.
   EXPECT_EQ(beams("model = \"kirchhoff\"\norder = 2")[0].order, 4);
   EXPECT_NEAR(factor, 8.0 / 7.0, 1e-15);
