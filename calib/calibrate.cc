@@ -169,7 +169,8 @@ Observations TakeOutDrift(const Observations& data, const CalibrateOptions& opti
 }
 
 // The fit's numbers, reading by reading and camera by camera.
-void ReportFit(const Observations& data, const RigFit& fit, CalibrationReport* report) {
+void ReportFit(const Observations& data, const RigFit& fit, double set_up_level,
+               CalibrationReport* report) {
   const RefinedBundle& full = fit.bundle;
   report->ids = data.ids;
   report->converged = full.summary.converged;
@@ -184,7 +185,9 @@ void ReportFit(const Observations& data, const RigFit& fit, CalibrationReport* r
                                 full.summary.reading_weight[k], full.redundancy.reading[k]});
   }
   report->cameras = ReportCameras(fit.guesses, report->readings, full.weighting);
-  report->common = EstimatesOf(data, full.state.common, CameraCovariance(full.summary.information));
+  const Eigen::MatrixXd covariance = CameraCovariance(full.summary.information);
+  report->common = EstimatesOf(data, full.state.common, covariance);
+  report->set_ups = SetUpsOf(data, full.state.common, covariance, set_up_level);
 }
 
 // Says where a row's length is a guess from the readings.
@@ -328,7 +331,7 @@ Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
   const Observations steady = TakeOutDrift(data, options, &fit, &out.report);
   done(0.8);
   out.rig = fit.rig;
-  ReportFit(steady, fit, &out.report);
+  ReportFit(steady, fit, options.verdict.set_up_level, &out.report);
   // What the data leave open, what was left out, and points that took no part.
   CalibrationReport& report = out.report;
   report.weak = FindWeak(out.rig, fit.priors, fit.bundle.summary.information);
