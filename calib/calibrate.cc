@@ -15,6 +15,7 @@
 #include "calib/held_out.h"
 #include "calib/model_floor.h"
 #include "calib/refine.h"
+#include "calib/set_up_scan.h"
 #include "calib/verdict.h"
 #include "measure/camera_model.h"
 #include "measure/triangulate.h"
@@ -166,6 +167,15 @@ Observations TakeOutDrift(const Observations& data, const CalibrateOptions& opti
     fit->rig.covariance += added;
   }
   return steady;
+}
+
+// Whether a part of the survey is off as one, where nothing else was found: a cause shows in all
+// tests of what it does.
+void FindSetUps(const Observations& steady, const RigFit& fit, const TrendOptions& options,
+                CalibrationReport* report) {
+  const auto found = [](const Trend& trend) { return trend.found; };
+  if (std::any_of(report->trends.begin(), report->trends.end(), found)) return;
+  report->trends.push_back(ScanSetUps(steady, fit.priors, fit.bundle, options));
 }
 
 // The fit's numbers, reading by reading and camera by camera.
@@ -329,6 +339,7 @@ Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
   ChooseTerms(data, options, &fit, &out.report);
   done(0.7);
   const Observations steady = TakeOutDrift(data, options, &fit, &out.report);
+  FindSetUps(steady, fit, options.trends, &out.report);
   done(0.8);
   out.rig = fit.rig;
   ReportFit(steady, fit, options.verdict.set_up_level, &out.report);
