@@ -16,30 +16,30 @@
 namespace unfurl::calib {
 namespace {
 
-constexpr Eigen::Index kMotion = 6;  // unknowns of one
+constexpr Eigen::Index kRigidSix = 6;  // unknowns of one
 // Where parts begin, as shares of the points: smaller ones have too few to be told [-].
-constexpr double kFrom[] = {0.2, 0.35, 0.5, 0.65, 0.8};
+constexpr double kPartFrom[] = {0.2, 0.35, 0.5, 0.65, 0.8};
 // Directions of planes are those of a lattice of so many points a side about its middle, 49 pairs
 // of opposite ones: none is further than some 18 degrees from one of them.
 constexpr int kLattice = 5;
-constexpr int kFewest = 30;  // points; with less a part has too few [-]
+constexpr int kFewestScanned = 30;  // points; with less a part has too few [-]
 // Share of an unknown's information that must be left after the fit (as in trends.cc) [-].
-constexpr double kLeft = 1e-3;
+constexpr double kScanLeft = 1e-3;
 
 // Points in the order of one key; a part is those above a quantile of it.
-struct Cut {
+struct SurveyCut {
   std::string name;         // of the part, with the bound to come
   std::vector<double> key;  // of each point
 };
 
-std::vector<Cut> CutsOf(const Observations& data, const Eigen::Vector3d& middle) {
-  std::vector<Cut> out;
+std::vector<SurveyCut> CutsOf(const Observations& data, const Eigen::Vector3d& middle) {
+  std::vector<SurveyCut> out;
   for (int k = kLattice * kLattice * kLattice / 2 + 1; k < kLattice * kLattice * kLattice; ++k) {
     const Eigen::Vector3i way =
         Eigen::Vector3i(k / (kLattice * kLattice), k / kLattice % kLattice, k % kLattice).array() -
         kLattice / 2;
     if (std::gcd(std::gcd(way.x(), way.y()), way.z()) > 1) continue;  // the half of another
-    Cut cut;
+    SurveyCut cut;
     for (int a = 0; a < 3; ++a) {
       if (way(a) == 0) continue;
       cut.name +=
@@ -51,26 +51,26 @@ std::vector<Cut> CutsOf(const Observations& data, const Eigen::Vector3d& middle)
     }
     out.push_back(std::move(cut));
   }
-  Cut order;
+  SurveyCut order;
   for (int i = 0; i < data.points(); ++i) order.key.push_back(i);
   out.push_back(std::move(order));
   return out;
 }
 
 // Six columns for each part of a cut: shifts [m], and turns by what moves points at `arm` as far.
-Columns ColumnsOf(const Observations& data, const Cut& cut, const Eigen::Vector3d& middle,
+Columns ColumnsOf(const Observations& data, const SurveyCut& cut, const Eigen::Vector3d& middle,
                   double arm) {
   Columns out;
-  const auto parts = static_cast<Eigen::Index>(std::size(kFrom));
-  out.on_survey.setZero(3 * kMotion * parts, data.points());
+  const auto parts = static_cast<Eigen::Index>(std::size(kPartFrom));
+  out.on_survey.setZero(3 * kRigidSix * parts, data.points());
   for (Eigen::Index part = 0; part < parts; ++part) {
-    const double from = Quantile(cut.key, kFrom[part]);
+    const double from = Quantile(cut.key, kPartFrom[part]);
     for (Eigen::Index i = 0; i < data.p.cols(); ++i) {
       if (!(cut.key[static_cast<std::size_t>(i)] > from)) continue;
       const Eigen::Vector3d r = (data.p.col(i) - middle) / arm;
-      for (Eigen::Index k = 0; k < kMotion; ++k) {
+      for (Eigen::Index k = 0; k < kRigidSix; ++k) {
         const Eigen::Vector3d axis = Eigen::Vector3d::Unit(k % 3);
-        out.on_survey.block<3, 1>(3 * (kMotion * part + k), i) =
+        out.on_survey.block<3, 1>(3 * (kRigidSix * part + k), i) =
             k < 3 ? axis : Eigen::Vector3d(axis.cross(r));
       }
     }
@@ -79,7 +79,7 @@ Columns ColumnsOf(const Observations& data, const Cut& cut, const Eigen::Vector3
 }
 
 // The least probable part so far.
-struct Part {
+struct SurveyPart {
   double chance = 1.0;  // of its own [-]
   std::string name;
   int points = 0;
@@ -90,32 +90,32 @@ struct Part {
 };
 
 // Score, estimate and chance of one part's six.
-Part TestPart(const ScoreTest::Score& score, Eigen::Index part) {
-  const Eigen::Index at = kMotion * part;
-  const Eigen::MatrixXd M = score.covariance.block(at, at, kMotion, kMotion);
+SurveyPart TestPart(const ScoreTest::Score& score, Eigen::Index part) {
+  const Eigen::Index at = kRigidSix * part;
+  const Eigen::MatrixXd M = score.covariance.block(at, at, kRigidSix, kRigidSix);
   // In units of what each column told were nothing else unknown.
   const Eigen::VectorXd unit =
-      score.whole.diagonal().segment(at, kMotion).cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+      score.whole.diagonal().segment(at, kRigidSix).cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(unit.asDiagonal() * M *
                                                              unit.asDiagonal());
-  Eigen::VectorXd inverse = Eigen::VectorXd::Zero(kMotion);
+  Eigen::VectorXd inverse = Eigen::VectorXd::Zero(kRigidSix);
   double freedom = 0.0;
-  for (Eigen::Index k = 0; k < kMotion; ++k) {
-    if (!(eigen.eigenvalues()(k) > kLeft)) continue;
+  for (Eigen::Index k = 0; k < kRigidSix; ++k) {
+    if (!(eigen.eigenvalues()(k) > kScanLeft)) continue;
     inverse(k) = 1.0 / eigen.eigenvalues()(k);
     freedom += 1.0;
   }
-  Part out;
+  SurveyPart out;
   const Eigen::MatrixXd half = unit.asDiagonal() * eigen.eigenvectors();
   out.covariance = half * inverse.asDiagonal() * half.transpose();
-  const Eigen::VectorXd value = score.value.segment(at, kMotion);
+  const Eigen::VectorXd value = score.value.segment(at, kRigidSix);
   out.motion = out.covariance * value;
   if (freedom > 0.0) out.chance = ChiSquareTail(value.dot(out.motion), freedom);
-  out.on_cameras = score.on_cameras.middleCols(at, kMotion);
+  out.on_cameras = score.on_cameras.middleCols(at, kRigidSix);
   return out;
 }
 
-std::string NameOf(const Observations& data, const Cut& cut, double from) {
+std::string NameOf(const Observations& data, const SurveyCut& cut, double from) {
   if (!cut.name.empty()) return "towards " + cut.name;
   const auto first = static_cast<std::size_t>(std::floor(from)) + 1;
   return fmt::format("from \"{}\" on, in the order of the file",
@@ -123,10 +123,10 @@ std::string NameOf(const Observations& data, const Cut& cut, double from) {
 }
 
 // RMS displacement of the part's points.
-double RmsOf(const Part& part) {
+double RmsOf(const SurveyPart& part) {
   double sum = 0.0;
   for (Eigen::Index i = 0; i < part.columns.cols(); ++i) {
-    sum += (part.columns.col(i).reshaped(3, kMotion) * part.motion).squaredNorm();
+    sum += (part.columns.col(i).reshaped(3, kRigidSix) * part.motion).squaredNorm();
   }
   return std::sqrt(sum / std::max(1, part.points));
 }
@@ -137,26 +137,26 @@ Trend ScanSetUps(const Observations& data, const std::vector<CameraPrior>& prior
                  const RefinedBundle& bundle, const TrendOptions& options) {
   Trend out;
   out.kind = TrendKind::kSurveyShape;
-  if (!data.set_ups.empty() || data.points() < kFewest) return out;
+  if (!data.set_ups.empty() || data.points() < kFewestScanned) return out;
   const ScoreTest test(data, priors, bundle);
   const Eigen::Vector3d middle = data.p.rowwise().mean();
   const double arm =
       std::sqrt((data.p.colwise() - middle).squaredNorm() / static_cast<double>(data.points()));
-  Part least;
+  SurveyPart least;
   double looked = 0.0;
-  for (const Cut& cut : CutsOf(data, middle)) {
+  for (const SurveyCut& cut : CutsOf(data, middle)) {
     const Columns columns = ColumnsOf(data, cut, middle, arm);
     const ScoreTest::Score score = test.Of(columns);
-    for (std::size_t k = 0; k < std::size(kFrom); ++k) {
+    for (std::size_t k = 0; k < std::size(kPartFrom); ++k) {
       looked += 1.0;
       const auto index = static_cast<Eigen::Index>(k);
-      Part part = TestPart(score, index);
+      SurveyPart part = TestPart(score, index);
       if (!(part.chance < least.chance)) continue;
-      const double from = Quantile(cut.key, kFrom[k]);
+      const double from = Quantile(cut.key, kPartFrom[k]);
       part.name = NameOf(data, cut, from);
       part.points = static_cast<int>(
           std::count_if(cut.key.begin(), cut.key.end(), [&](double key) { return key > from; }));
-      part.columns = columns.on_survey.middleRows(3 * kMotion * index, 3 * kMotion);
+      part.columns = columns.on_survey.middleRows(3 * kRigidSix * index, 3 * kRigidSix);
       least = std::move(part);
     }
   }
