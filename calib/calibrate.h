@@ -13,6 +13,7 @@
 #include "calib/model_order.h"
 #include "calib/observations.h"
 #include "calib/refine.h"
+#include "calib/set_up.h"
 #include "calib/trends.h"
 #include "calib/verdict_options.h"
 #include "calib/weak.h"
@@ -83,15 +84,16 @@ struct CalibrationReport {
   std::vector<Trend> trends;  // of readings and survey; those that were found make it not good
   std::vector<WeakDirection> weak;
   std::vector<GrossFinding> gross;
-  std::vector<std::string> advice;  // on the survey's layout
-  int order = 0;                    // index into the lens model's orders, or kOrderByCamera
-  std::string lens_model;           // its name, or one for each camera
-  bool order_chosen = false;        // by cross-validation
-  std::vector<OrderTrial> orders;   // empty where none were compared
-  double survey_factor = 1.0;       // on the survey's stated sigmas [-]
-  std::vector<CommonEstimate> common;
-  double chi_square = 0.0;          // [-]
-  double degrees_of_freedom = 0.0;  // [-]
+  std::vector<std::string> advice;     // on the survey's layout
+  int order = 0;                       // index into the lens model's orders, or kOrderByCamera
+  std::string lens_model;              // its name, or one for each camera
+  bool order_chosen = false;           // by cross-validation
+  std::vector<OrderTrial> orders;      // empty where none were compared
+  double survey_factor = 1.0;          // on the survey's stated sigmas [-]
+  std::vector<CommonEstimate> common;  // those of set-ups too, six each
+  std::vector<SetUpEstimate> set_ups;  // of a survey from several, but for the first
+  double chi_square = 0.0;             // [-]
+  double degrees_of_freedom = 0.0;     // [-]
   bool converged = false;
 };
 

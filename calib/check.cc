@@ -271,6 +271,11 @@ void CheckOptions::Check() const {
 
 CheckResult CheckPoints(const data::Rig& rig, data::Survey survey, const std::string& where,
                         const CheckOptions& options) {
+  if (const std::size_t n = data::SetUpNames(survey).size(); n > 1) {
+    throw Error(fmt::format("names {} set-ups, and a check takes all points as one frame's", n),
+                where + ":set_up",
+                "check the points of each set-up by themselves, or leave the column out");
+  }
   measure::FindSurveyReadings(&survey);
   return CheckPoints(rig, FromSurvey(survey, where), where, options);
 }

@@ -87,8 +87,10 @@ std::vector<CommonEstimate> EstimatesOf(const Observations& data, const Eigen::V
   const Eigen::Index first = covariance.rows() - q.size();
   for (Eigen::Index m = 0; m < q.size(); ++m) {
     const CommonError& error = data.common[static_cast<std::size_t>(m)];
-    out.push_back({error.name, error.unit, error.sigma, q(m) * error.sigma,
-                   error.sigma * std::sqrt(covariance(first + m, first + m))});
+    out.push_back(
+        {error.name, error.unit, error.sigma, q(m) * error.sigma,
+         error.sigma * std::sqrt(covariance(first + m, first + m)),
+         error.set_up < 0 ? "" : data.set_ups[static_cast<std::size_t>(error.set_up)].name});
   }
   return out;
 }

@@ -31,6 +31,7 @@ struct CommonEstimate {
   std::string name, unit;
   double stated_sigma = 0.0;        // [unit]
   double value = 0.0, sigma = 0.0;  // [unit]
+  std::string set_up;               // whose it is alone; empty: of all points
 };
 // `covariance` is of cameras and common errors together, as CameraCovariance gives it.
 std::vector<CommonEstimate> EstimatesOf(const Observations& data, const Eigen::VectorXd& q,

@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "base/statistics.h"
 #include "calib/common_error.h"
+#include "calib/set_up.h"
 
 namespace unfurl::calib {
 namespace {
@@ -75,6 +76,7 @@ Observations FromSurvey(const data::Survey& survey, const std::string& where) {
     }
   }
   out.common = StationErrorsOf(survey, where);
+  AddSetUps(survey, where, &out);
   return out;
 }
 
@@ -84,8 +86,10 @@ Observations SelectPoints(const Observations& all, const std::vector<int>& keep)
   out.pixels = all.pixels;
   out.pitch = all.pitch;
   for (const CommonError& error : all.common) {
-    out.common.push_back({error.name, error.unit, error.sigma, error.shift(Eigen::all, keep)});
+    out.common.push_back(
+        {error.name, error.unit, error.sigma, error.shift(Eigen::all, keep), error.set_up});
   }
+  out.set_ups = all.set_ups;
   out.p.resize(3, static_cast<Eigen::Index>(keep.size()));
   std::vector<int> renumbered(static_cast<std::size_t>(all.points()), -1);
   for (std::size_t k = 0; k < keep.size(); ++k) {
@@ -109,6 +113,7 @@ Observations SelectCamera(const Observations& all, int camera) {
   if (own < all.pixels.size()) out.pixels = {all.pixels[own]};
   if (own < all.pitch.size()) out.pitch = {all.pitch[own]};
   out.common.clear();  // of the points, which one camera cannot adjust
+  out.set_ups.clear();
   out.readings.clear();
   for (Reading r : all.readings) {
     if (r.camera != camera) continue;

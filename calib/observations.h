@@ -23,6 +23,16 @@ struct CommonError {
   std::string unit;        // of sigma: m, 1 or rad
   double sigma = 0.0;      // as stated [unit]
   Eigen::Matrix3Xd shift;  // 3 x n, of the surveyed places, for one sigma [m]
+  int set_up = -1;         // whose alone it is (Observations::set_ups); -1: of all points
+};
+
+// Points measured from one place of the station, in one orientation.
+struct SetUp {
+  std::string name;
+  int points = 0;
+  Eigen::Vector3d middle = Eigen::Vector3d::Zero();  // of them; what it turns about [m]
+  double arm = 0.0;                                  // their RMS distance from it [m]
+  bool told = true;  // three that are not on one line: how it stood is to be told of them
 };
 
 // A survey as the bundle sees it: n points with their covariance, c cameras, and the readings that
@@ -36,6 +46,8 @@ struct Observations {
   std::vector<Eigen::Matrix3d> cov;  // n [m^2]
   std::vector<Reading> readings;
   std::vector<CommonError> common;
+  // Of a survey from several: the first holds the frame, the errors of the others are in `common`.
+  std::vector<SetUp> set_ups;
 
   int points() const { return static_cast<int>(p.cols()); }              // n
   int camera_count() const { return static_cast<int>(cameras.size()); }  // c
@@ -46,7 +58,7 @@ struct Observations {
 
 // Takes the numbers of a survey that has readings (FindReadings makes them of lines). Throws Error,
 // naming the point and `where` (the survey's file), for a covariance that is not positive definite
-// and for a reading without a positive sigma.
+// and for a reading without a positive sigma, and as SetUpErrorsOf (calib/set_up.h) does.
 Observations FromSurvey(const data::Survey& survey, const std::string& where);
 
 // Points `keep` (ascending), renumbered, with their readings.

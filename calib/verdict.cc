@@ -21,6 +21,9 @@ constexpr std::size_t kNamed = 12;           // gross errors that the reasons na
 // of 0.1 mrad misses by 10 mm [m].
 constexpr double kFinest = 1e-6, kCoarsest = 0.05;
 
+// Of SetUpEstimate::strain: one sigma of what it strains most.
+constexpr double kStrain = 1.0;  // [-]
+
 // Reasons by what they do to the verdict.
 struct Tally {
   std::vector<std::string> no, care, fine;
@@ -214,6 +217,7 @@ void JudgeSurvey(const CalibrationReport& report, const Observations& data,
     }
   }
   for (const CommonEstimate& error : report.common) {
+    if (!error.set_up.empty()) continue;  // JudgeSetUps
     const bool metres = error.unit == "m";
     const double scale = metres ? 1e3 : 1e6;
     const char* unit = metres ? "mm" : error.unit == "rad" ? "urad" : "ppm";
@@ -232,6 +236,23 @@ void JudgeSurvey(const CalibrationReport& report, const Observations& data,
       tally->fine.push_back(text);
     }
   }
+}
+
+// Several set-ups of the station, against the first.
+void JudgeSetUps(const CalibrationReport& report, data::Rig* rig, Tally* tally) {
+  if (report.set_ups.empty()) return;
+  double off = 0.0;
+  for (const SetUpEstimate& set_up : report.set_ups) {
+    off += set_up.off ? 1.0 : 0.0;
+    if (set_up.strain > kStrain) {
+      tally->care.push_back(TextOf(set_up) +
+                            ". That is far more than an orientation's error, and it is taken out "
+                            "to first order only: bring its points into the other's frame first");
+    } else {
+      tally->fine.push_back(TextOf(set_up));
+    }
+  }
+  rig->checks["set_ups_off [1]"] = off;
 }
 
 // What the residuals follow that nothing in the model makes, and parts of the field that nothing
@@ -299,6 +320,7 @@ void VerdictOptions::Check() const {
   positive("floor_care", floor_care);
   positive("survey_care", survey_care);
   positive("common_sigmas", common_sigmas);
+  share("set_up_level", set_up_level);
   positive("fewest_redundant", fewest_redundant);
   if (!(least_row >= 0.0 && least_row <= 1.0)) refuse("least_row", "is not a share");
 }
@@ -319,6 +341,7 @@ void Judge(const CalibrationReport& report, const Observations& data, data::Rig*
   JudgeGross(report, options, rig, &tally);
   JudgeFit(report, options, rig, &tally);
   JudgeSurvey(report, data, options, rig, &tally);
+  JudgeSetUps(report, rig, &tally);
   JudgeTrends(report, rig, &tally);
   JudgeCoverage(report, options, rig, &tally);
   ListWeak(report, rig, &tally);

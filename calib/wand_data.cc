@@ -19,6 +19,11 @@ namespace {
 Observations PointsOf(const data::Survey& survey, const std::vector<std::string>& cameras,
                       const std::string& where) {
   Observations out = FromSurvey(survey, where);
+  if (!out.set_ups.empty()) {
+    throw Error(
+        fmt::format("names {} set-ups, and the frame of a bar is one's", out.set_ups.size()),
+        where + ":set_up", "give the points of one set-up, or leave the column out");
+  }
   std::vector<int> number;
   for (const std::string& name : out.cameras) {
     const auto found = std::find(cameras.begin(), cameras.end(), name);

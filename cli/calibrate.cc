@@ -17,6 +17,7 @@
 #include "calib/verdict.h"
 #include "cli/calibrate_page.h"
 #include "cli/calibrate_wand.h"
+#include "cli/set_ups_json.h"
 #include "cli/verb.h"
 #include "data/lab.h"
 #include "data/rig.h"
@@ -165,7 +166,9 @@ ordered_json Json(const calib::Calibration& result, const CalibrateArguments& ar
                                  {"stated_sigma", error.stated_sigma},
                                  {"value", error.value},
                                  {"sigma", error.sigma}});
+    if (!error.set_up.empty()) summary["common"].back()["set_up"] = error.set_up;
   }
+  summary["set_ups"] = SetUpsJson(result.report.set_ups);
   summary["orders"] = ordered_json::array();
   for (const calib::OrderTrial& trial : result.report.orders) {
     summary["orders"].push_back({{"name", calib::OrderName(trial)},
@@ -307,7 +310,8 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
   VerbFiles& files = *verb.files;
   auto arguments = std::make_shared<CalibrateArguments>();
   files.Read("SURVEY", &arguments->survey,
-             "Surveyed points with readings (.csv, .h5) or raw lines (.h5)");
+             "Surveyed points with readings (.csv, .h5) or raw lines (.h5); a column set_up names "
+             "the station's set-up of each point");
   files.WriteOr(
       "-o,--output", &arguments->out,
       [arguments] {

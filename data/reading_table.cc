@@ -204,13 +204,14 @@ void JoinReadings(const ReadingTable& readings, const std::string& where, Survey
     row[readings.id[k]] = static_cast<Eigen::Index>(k);
   }
   std::vector<Eigen::Index> points, rows;
-  std::vector<std::string> ids;
+  std::vector<std::string> ids, set_ups;
   for (std::size_t i = 0; i < survey->id.size(); ++i) {
     const auto found = row.find(survey->id[i]);
     if (found == row.end()) continue;
     points.push_back(static_cast<Eigen::Index>(i));
     rows.push_back(found->second);
     ids.push_back(survey->id[i]);
+    if (!survey->set_up.empty()) set_ups.push_back(survey->set_up[i]);
   }
   if (ids.empty()) {
     throw Error("no reading has the id of a surveyed point", where,
@@ -229,6 +230,7 @@ void JoinReadings(const ReadingTable& readings, const std::string& where, Survey
   survey->p = p;
   survey->cov = cov;
   survey->id = ids;
+  survey->set_up = set_ups;
   survey->cameras = readings.cameras;
   survey->pixels = readings.pixels;
   survey->u_px = readings.u_px(rows, Eigen::all);

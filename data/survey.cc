@@ -101,6 +101,15 @@ void ReadLines(const H5Reader& file, Survey* survey) {
   survey->response = ReadResponse(file, cameras, survey->format);
 }
 
+void ReadSetUpNames(const H5Reader& file, Survey* survey) {
+  survey->set_up = file.ReadStrings("/set_up");
+  if (survey->set_up.size() == survey->size() &&
+      std::find(survey->set_up.begin(), survey->set_up.end(), "") == survey->set_up.end()) {
+    return;
+  }
+  file.Fail("is not a set-up's name for each point", "/set_up", "make the file again");
+}
+
 Survey ReadSurveyH5(const std::string& path) {
   const H5Reader file(path, kSurveySchema, kSurveyVersion);
   Survey survey;
@@ -112,6 +121,7 @@ Survey ReadSurveyH5(const std::string& path) {
   CheckSize(file, "/cov", {n, 6});
   survey.p = file.ReadMatrix("/p", "m").transpose();
   survey.cov = file.ReadMatrix("/cov", "m^2").transpose();
+  if (file.Has("/set_up")) ReadSetUpNames(file, &survey);
   if (!survey.p.allFinite()) file.Fail("holds a number that is not finite", "/p", "mend the point");
   for (Eigen::Index i = 0; i < survey.cov.cols(); ++i) {
     if (!survey.cov.col(i).allFinite() || !Possible(survey.cov.col(i))) {
@@ -164,8 +174,13 @@ Survey ReadPointsCsv(const std::string& path) {
 }
 
 void WriteSurvey(const std::string& path, const Survey& survey, const Provenance& provenance) {
-  H5Writer file(path, kSurveySchema, kSurveyVersion, provenance);
+  // A reader that knows nothing of set-ups refuses a file with some, and reads any other.
+  const int version = survey.set_up.empty() ? kSurveyVersion - 1 : kSurveyVersion;
+  H5Writer file(path, kSurveySchema, version, provenance);
   file.Write({"/id", "1", "points' ids"}, survey.id);
+  if (!survey.set_up.empty()) {
+    file.Write({"/set_up", "1", "set-up of the station that measured it", {"/id"}}, survey.set_up);
+  }
   file.Write({"/cameras", "1", "cameras' names"}, survey.cameras);
   if (!survey.pixels.empty()) {
     file.Write({"/pixels", "1", "of each camera's row; 0: not stated", {"/cameras"}},
@@ -242,6 +257,7 @@ void WriteSurveyCsv(const std::string& path, const Survey& survey) {
                 "write HDF5, or find the readings first");
   }
   std::vector<CsvColumn> columns = {{"id", ""}};
+  if (!survey.set_up.empty()) columns.push_back({"set_up", ""});
   for (const char* name : kPosition) columns.push_back({name, "m"});
   for (const char* name : kSurveyCovariance) columns.push_back({name, "m^2"});
   for (std::size_t c = 1; c <= survey.cameras.size(); ++c) {
@@ -253,6 +269,7 @@ void WriteSurveyCsv(const std::string& path, const Survey& survey) {
   const auto cell = [](double v) { return std::isnan(v) ? std::string() : fmt::format("{}", v); };
   for (Eigen::Index i = 0; i < survey.p.cols(); ++i) {
     std::vector<std::string> cells = {survey.id[static_cast<std::size_t>(i)]};
+    if (!survey.set_up.empty()) cells.push_back(survey.set_up[static_cast<std::size_t>(i)]);
     for (Eigen::Index k = 0; k < 3; ++k) cells.push_back(cell(survey.p(k, i)));
     for (Eigen::Index k = 0; k < 6; ++k) cells.push_back(cell(survey.cov(k, i)));
     for (Eigen::Index c = 0; c < survey.u_px.cols(); ++c) {

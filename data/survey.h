@@ -25,8 +25,10 @@ struct Survey {
   std::vector<std::string> id;                   // n, unique
   Eigen::Matrix3Xd p;                            // 3 x n, in the station's frame W [m]
   Eigen::Matrix<double, 6, Eigen::Dynamic> cov;  // xx, xy, xz, yy, yz, zz by n [m^2]
-  std::vector<std::string> cameras;              // c names
-  std::vector<int> pixels;                       // c, of each camera's row; 0, or empty: not stated
+  // n labels: from which of several set-ups of the station a point was measured. Empty: from one.
+  std::vector<std::string> set_up;
+  std::vector<std::string> cameras;  // c names
+  std::vector<int> pixels;           // c, of each camera's row; 0, or empty: not stated
   // Where the total station stood, in W [m]; NaN: not said.
   Eigen::Vector3d station = Eigen::Vector3d::Constant(NAN);
   StationErrors station_errors;
@@ -55,7 +57,7 @@ struct Survey {
 };
 
 inline constexpr char kSurveySchema[] = "unfurl/survey";
-inline constexpr int kSurveyVersion = 2;  // 2: pixels of each camera
+inline constexpr int kSurveyVersion = 3;  // 2: pixels of each camera; 3: set-ups, where there are
 
 // By content: HDF5, or CSV with points (data/survey_points.h), then u1.. and s1.. (empty cells: not
 // seen), each with its unit in the header, and the cameras' numbers of pixels as a comment
@@ -67,5 +69,8 @@ void WriteSurveyCsv(const std::string& path, const Survey& survey);  // readings
 
 // The points alone: id, coordinates and, if given, their sigmas.
 Survey ReadPointsCsv(const std::string& path);
+
+// The set-ups that points were measured from, in order of appearance; empty where none is said.
+std::vector<std::string> SetUpNames(const Survey& survey);
 
 }  // namespace unfurl::data

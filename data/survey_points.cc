@@ -12,6 +12,7 @@
 #include "base/dense.h"
 #include "base/error.h"
 #include "base/text.h"
+#include "data/set_ups.h"
 
 namespace unfurl::data {
 
@@ -340,6 +341,7 @@ bool ReadSurveyPoints(const CsvTable& table, Survey* survey) {
   }
   const auto n = static_cast<Eigen::Index>(table.rows());
   ReadIds(table, survey);
+  ReadSetUps(table, survey);
   survey->p.resize(3, n);
   survey->cov.setZero(6, n);
   std::vector<double> values;

@@ -20,7 +20,8 @@ namespace unfurl::data {
 // Comments give `station: E, N, H [m]`, `prism offset: d [m]` (added to each distance),
 // `led offset: dE, dN, dH [m]` (from prism centre to LED); `distance error: OFFSET [m], SCALE` and
 // `zenith error: SIGMA [rad]`, the sigmas of what all points share (StationErrors).
-// Fills id, p, cov, station and notes. False when no uncertainty is stated.
+// A column `set_up` names the set-up that each point was measured from (data/set_ups.h).
+// Fills id, set_up, p, cov, station and notes. False when no uncertainty is stated.
 bool ReadSurveyPoints(const CsvTable& table, Survey* survey);
 
 // What a station that states no uncertainty is taken to have.

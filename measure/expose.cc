@@ -294,6 +294,7 @@ data::Survey ExposeSurvey(const data::Lab& lab, const data::Survey& points,
 
   data::Survey survey;
   survey.id = points.id;
+  survey.set_up = points.set_up;
   survey.cameras = header.cameras;
   survey.format = header.format;
   survey.p = points.p;

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <set>
 
@@ -24,9 +25,21 @@ bool IsNumber(const py::object& object) {
          py::module_::import("numpy").attr("ndim")(object).cast<int>() == 0;
 }
 
+std::vector<std::string> SetUpsFrom(const py::object& set_up, std::size_t points) {
+  std::vector<std::string> out = NamesFrom(set_up, "set_up");
+  if (out.size() != points) {
+    throw py::value_error(
+        fmt::format("id and set_up: expected the same length, got {} and {}", points, out.size()));
+  }
+  if (std::count(out.begin(), out.end(), "") > 0) {
+    throw py::value_error("set_up: expected a name for each point");
+  }
+  return out;
+}
+
 Survey MakeSurvey(const py::object& ids, const py::object& p, const py::object& u,
                   const py::object& s, const py::object& camera_names, const py::object& sigma,
-                  const py::object& cov) {
+                  const py::object& cov, const py::object& set_up) {
   const std::vector<std::string> id = NamesFrom(ids, "id");
   const std::vector<std::string> cameras = NamesFrom(camera_names, "cameras");
   Survey out;
@@ -68,6 +81,7 @@ Survey MakeSurvey(const py::object& ids, const py::object& p, const py::object& 
   if (d.cov.cols() != n || d.u_px.rows() != n || d.s_px.rows() != n) {
     throw py::value_error("p, cov, u and s: expected the same number of rows");
   }
+  if (!set_up.is_none()) d.set_up = SetUpsFrom(set_up, id.size());
   if (!d.cov.allFinite()) throw py::value_error("cov: expected finite numbers");
   if (d.u_px.array().isInf().any()) throw py::value_error("u: expected pixels, or NaN: not seen");
   if (!(d.u_px.array().isNaN() || (d.s_px.array() > 0.0 && d.s_px.array().isFinite())).all()) {
@@ -92,16 +106,20 @@ void BindSurvey(py::module_& m) {
       "n points that a total station measured, and what each of c cameras saw of them.")
       .def(py::init(&MakeSurvey), py::arg("id"), py::arg("p"), py::arg("u"), py::arg("s"),
            py::kw_only(), py::arg("cameras"), py::arg("sigma") = py::none(),
-           py::arg("cov") = py::none(),
+           py::arg("cov") = py::none(), py::arg("set_up") = py::none(),
            "A survey of your own.\n\n"
            "id: n names. p: (n, 3) in the station's frame [m]. u: (n, c) readings [px], NaN: not\n"
            "seen. s: (n, c) or one number, their standard deviations [px]. cameras: c names. "
            "sigma:\n"
-           "of the station per axis [m], or cov: (n, 6) xx, xy, xz, yy, yz, zz [m^2].")
+           "of the station per axis [m], or cov: (n, 6) xx, xy, xz, yy, yz, zz [m^2]. set_up: n\n"
+           "names of the station's set-ups, where it was moved; None: all from one.")
       .def(PickledAsFile<data::Survey>(&data::WriteSurvey, &data::ReadSurvey))
       .def("__len__", [](const Survey& self) { return self.data.size(); })
       .def_property_readonly(
           "id", [](const Survey& self) { return self.data.id; }, "n names.")
+      .def_property_readonly(
+          "set_up", [](const Survey& self) { return self.data.set_up; },
+          "n names of the station's set-ups; empty: all points are from one.")
       .def_property_readonly(
           "cameras", [](const Survey& self) { return self.data.cameras; }, "c names.")
       .def_property_readonly(

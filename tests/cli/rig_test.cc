@@ -185,6 +185,45 @@ TEST_F(RigVerbs, CommonErrorOfTheStation) {
                 before);
 }
 
+// The half of the shipped survey as from another set-up that stands 2 mm off: found and named.
+TEST_F(RigVerbs, ASecondSetUpOfTheStation) {
+  ASSERT_EQ(Run({"convert", Shipped("survey.h5"), "survey.csv", "--quiet"}).code, 0);
+  data::Survey survey = data::ReadSurvey((folder_ / "survey.csv").string());
+  for (Eigen::Index i = 0; i < survey.p.cols(); ++i) {
+    const bool wall = survey.p(1, i) > 0.1;
+    survey.set_up.emplace_back(wall ? "wall" : "door");
+    if (wall) survey.p(0, i) += 2e-3;
+  }
+  data::WriteSurveyCsv((folder_ / "two.csv").string(), survey);
+  const Outcome made =
+      Run({"calibrate", "two.csv", "-o", "rig.h5", "--order", "quintic-even", "--json"});
+  ASSERT_EQ(made.code, 0) << made.err;
+  const auto summary = nlohmann::json::parse(made.out);
+  ASSERT_EQ(summary["set_ups"].size(), 1u);
+  const auto& wall = summary["set_ups"][0];
+  EXPECT_EQ(wall["name"], "wall");
+  EXPECT_EQ(wall["first"], "door");
+  EXPECT_EQ(wall["off"], true);
+  const double sigma = wall["shift_sigma_m"][0].get<double>();
+  EXPECT_NEAR(wall["shift_m"][0].get<double>(), 2e-3, 4.0 * sigma);
+  EXPECT_LT(sigma, 0.3e-3);
+  ASSERT_EQ(summary["common"].size(), 6u);
+  EXPECT_EQ(summary["common"][0]["set_up"], "wall");
+  const Outcome text = Run({"calibrate", "two.csv", "-o", "rig.h5", "--order", "quintic-even"});
+  EXPECT_THAT(text.out, HasSubstr("set-up \"wall\""));
+  EXPECT_THAT(text.out, HasSubstr("is off from \"door\""));
+  const std::vector<std::string> before = Files();
+  ExpectRefused(Run({"check", "rig.h5", "two.csv"}), {"two.csv:set_up", "2 set-ups"}, before);
+  ExpectRefused(Run({"calibrate", "two.csv", "-o", "x.h5", "--station", "4", "0", "1"}),
+                {"two.csv", "2 set-ups"}, before);
+  std::string unnamed = Get("two.csv");
+  unnamed.replace(unnamed.rfind(",door,"), 6, ",,");
+  Put("unnamed.csv", unnamed);
+  ExpectRefused(Run({"calibrate", "unnamed.csv", "-o", "x.h5"}), {"unnamed.csv:", ":set_up"},
+                Files());
+  EXPECT_THAT(Run({"calibrate", "--help"}).out, HasSubstr("set_up"));
+}
+
 TEST_F(RigVerbs, BadInput) {
   ExpectRefused(Run({"plan", "nowhere.toml"}), {"nowhere.toml"}, {});
   ExpectRefused(Run({"check", Shipped("rig.h5"), Shipped("points.csv")}), {"points.csv"}, {});

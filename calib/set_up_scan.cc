@@ -1,0 +1,185 @@
+#include "calib/set_up_scan.h"
+
+#include <fmt/format.h>
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <string>
+
+#include "base/dense.h"
+#include "base/length.h"
+#include "base/statistics.h"
+#include "calib/score_test.h"
+
+namespace unfurl::calib {
+namespace {
+
+constexpr Eigen::Index kRigidSix = 6;  // unknowns of one
+// Where parts begin, as shares of the points: smaller ones have too few to be told [-].
+constexpr double kPartFrom[] = {0.2, 0.35, 0.5, 0.65, 0.8};
+// Directions of planes are those of a lattice of so many points a side about its middle, 49 pairs
+// of opposite ones: none is further than some 18 degrees from one of them.
+constexpr int kLattice = 5;
+constexpr int kFewestScanned = 30;  // points; with less a part has too few [-]
+// Share of an unknown's information that must be left after the fit (as in trends.cc) [-].
+constexpr double kScanLeft = 1e-3;
+
+// Points in the order of one key; a part is those above a quantile of it.
+struct SurveyCut {
+  std::string name;         // of the part, with the bound to come
+  std::vector<double> key;  // of each point
+};
+
+std::vector<SurveyCut> CutsOf(const Observations& data, const Eigen::Vector3d& middle) {
+  std::vector<SurveyCut> out;
+  for (int k = kLattice * kLattice * kLattice / 2 + 1; k < kLattice * kLattice * kLattice; ++k) {
+    const Eigen::Vector3i way =
+        Eigen::Vector3i(k / (kLattice * kLattice), k / kLattice % kLattice, k % kLattice).array() -
+        kLattice / 2;
+    if (std::gcd(std::gcd(way.x(), way.y()), way.z()) > 1) continue;  // the half of another
+    SurveyCut cut;
+    for (int a = 0; a < 3; ++a) {
+      if (way(a) == 0) continue;
+      cut.name +=
+          fmt::format("{}{}{}", way(a) > 0 ? '+' : '-',
+                      std::abs(way(a)) > 1 ? std::to_string(std::abs(way(a))) : "", "xyz"[a]);
+    }
+    for (Eigen::Index i = 0; i < data.p.cols(); ++i) {
+      cut.key.push_back((data.p.col(i) - middle).dot(way.cast<double>()));
+    }
+    out.push_back(std::move(cut));
+  }
+  SurveyCut order;
+  for (int i = 0; i < data.points(); ++i) order.key.push_back(i);
+  out.push_back(std::move(order));
+  return out;
+}
+
+// Six columns for each part of a cut: shifts [m], and turns by what moves points at `arm` as far.
+Columns ColumnsOf(const Observations& data, const SurveyCut& cut, const Eigen::Vector3d& middle,
+                  double arm) {
+  Columns out;
+  const auto parts = static_cast<Eigen::Index>(std::size(kPartFrom));
+  out.on_survey.setZero(3 * kRigidSix * parts, data.points());
+  for (Eigen::Index part = 0; part < parts; ++part) {
+    const double from = Quantile(cut.key, kPartFrom[part]);
+    for (Eigen::Index i = 0; i < data.p.cols(); ++i) {
+      if (!(cut.key[static_cast<std::size_t>(i)] > from)) continue;
+      const Eigen::Vector3d r = (data.p.col(i) - middle) / arm;
+      for (Eigen::Index k = 0; k < kRigidSix; ++k) {
+        const Eigen::Vector3d axis = Eigen::Vector3d::Unit(k % 3);
+        out.on_survey.block<3, 1>(3 * (kRigidSix * part + k), i) =
+            k < 3 ? axis : Eigen::Vector3d(axis.cross(r));
+      }
+    }
+  }
+  return out;
+}
+
+// The least probable part so far.
+struct SurveyPart {
+  double chance = 1.0;  // of its own [-]
+  std::string name;
+  int points = 0;
+  Eigen::MatrixXd columns;     // 18 x points [-]
+  Eigen::VectorXd motion;      // estimate, [m] at the arm
+  Eigen::MatrixXd covariance;  // of it [m^2]
+  Eigen::MatrixXd on_cameras;  // of a unit of each
+};
+
+// Score, estimate and chance of one part's six.
+SurveyPart TestPart(const ScoreTest::Score& score, Eigen::Index part) {
+  const Eigen::Index at = kRigidSix * part;
+  const Eigen::MatrixXd M = score.covariance.block(at, at, kRigidSix, kRigidSix);
+  // In units of what each column told were nothing else unknown.
+  const Eigen::VectorXd unit =
+      score.whole.diagonal().segment(at, kRigidSix).cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(unit.asDiagonal() * M *
+                                                             unit.asDiagonal());
+  Eigen::VectorXd inverse = Eigen::VectorXd::Zero(kRigidSix);
+  double freedom = 0.0;
+  for (Eigen::Index k = 0; k < kRigidSix; ++k) {
+    if (!(eigen.eigenvalues()(k) > kScanLeft)) continue;
+    inverse(k) = 1.0 / eigen.eigenvalues()(k);
+    freedom += 1.0;
+  }
+  SurveyPart out;
+  const Eigen::MatrixXd half = unit.asDiagonal() * eigen.eigenvectors();
+  out.covariance = half * inverse.asDiagonal() * half.transpose();
+  const Eigen::VectorXd value = score.value.segment(at, kRigidSix);
+  out.motion = out.covariance * value;
+  if (freedom > 0.0) out.chance = ChiSquareTail(value.dot(out.motion), freedom);
+  out.on_cameras = score.on_cameras.middleCols(at, kRigidSix);
+  return out;
+}
+
+std::string NameOf(const Observations& data, const SurveyCut& cut, double from) {
+  if (!cut.name.empty()) return "towards " + cut.name;
+  const auto first = static_cast<std::size_t>(std::floor(from)) + 1;
+  return fmt::format("from \"{}\" on, in the order of the file",
+                     data.ids[std::min(first, data.ids.size() - 1)]);
+}
+
+// RMS displacement of the part's points.
+double RmsOf(const SurveyPart& part) {
+  double sum = 0.0;
+  for (Eigen::Index i = 0; i < part.columns.cols(); ++i) {
+    sum += (part.columns.col(i).reshaped(3, kRigidSix) * part.motion).squaredNorm();
+  }
+  return std::sqrt(sum / std::max(1, part.points));
+}
+
+}  // namespace
+
+Trend ScanSetUps(const Observations& data, const std::vector<CameraPrior>& priors,
+                 const RefinedBundle& bundle, const TrendOptions& options) {
+  Trend out;
+  out.kind = TrendKind::kSurveyShape;
+  if (!data.set_ups.empty() || data.points() < kFewestScanned) return out;
+  const ScoreTest test(data, priors, bundle);
+  const Eigen::Vector3d middle = data.p.rowwise().mean();
+  const double arm =
+      std::sqrt((data.p.colwise() - middle).squaredNorm() / static_cast<double>(data.points()));
+  SurveyPart least;
+  double looked = 0.0;
+  for (const SurveyCut& cut : CutsOf(data, middle)) {
+    const Columns columns = ColumnsOf(data, cut, middle, arm);
+    const ScoreTest::Score score = test.Of(columns);
+    for (std::size_t k = 0; k < std::size(kPartFrom); ++k) {
+      looked += 1.0;
+      const auto index = static_cast<Eigen::Index>(k);
+      SurveyPart part = TestPart(score, index);
+      if (!(part.chance < least.chance)) continue;
+      const double from = Quantile(cut.key, kPartFrom[k]);
+      part.name = NameOf(data, cut, from);
+      part.points = static_cast<int>(
+          std::count_if(cut.key.begin(), cut.key.end(), [&](double key) { return key > from; }));
+      part.columns = columns.on_survey.middleRows(3 * kRigidSix * index, 3 * kRigidSix);
+      least = std::move(part);
+    }
+  }
+  // 1 - (1 - p)^n, where p may be far below round-off.
+  out.chance = -std::expm1(looked * std::log1p(-std::min(least.chance, 1.0 - 1e-15)));
+  if (!(out.chance < options.level)) return out;
+  out.rms = RmsOf(least);
+  out.sigma = std::sqrt(std::max(0.0, least.covariance.trace()));
+  out.rise = test.RiseOfError({}, least.on_cameras,
+                              least.motion * least.motion.transpose() + least.covariance);
+  const std::string seen =
+      fmt::format("{} of the surveyed places, {}, are off from the others as one, by {} RMS",
+                  least.points, least.name, LengthText(out.rms));
+  out.found = out.rise > options.harmless;
+  out.text = out.found
+                 ? seen +
+                       ": was the station moved? Name the set-up of each point in a column "
+                       "set_up, and how they are off is estimated; or measure some of them again"
+                 : fmt::format(
+                       "{}; it raises squared errors of found points by {:.1g}% of what is "
+                       "stated",
+                       seen, 100.0 * out.rise);
+  return out;
+}
+
+}  // namespace unfurl::calib
