@@ -5,6 +5,7 @@
 
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "base/random.h"
 #include "tests/cli/program.h"
@@ -126,6 +127,16 @@ TEST_F(WandVerb, BadInputIsRefusedByName) {
   // Nine poses; two of them that nobody can tell apart in time is the reader's test.
   Put("wand.csv", good.substr(0, good.find("\n10a,") + 1));
   refused({}, {"wand.csv", "9 poses", "at least 20"});
+  Put("wand.csv", good);  // points beside a bar are in one frame
+  std::istringstream few(Get("few.csv"));
+  std::string two, line;
+  for (int row = -1; std::getline(few, line);) {
+    if (!line.starts_with('#')) line += row++ < 0 ? ",set_up" : row % 2 == 0 ? ",door" : ",wall";
+    two += line + "\n";
+  }
+  Put("two.csv", two);
+  ExpectRefused(Calibrate({"--points", "two.csv"}), {"two.csv:set_up", "2 set-ups"},
+                {"few.csv", "two.csv", "wand.csv"});
 }
 
 }  // namespace

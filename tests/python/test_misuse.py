@@ -85,6 +85,8 @@ def test_tracks_say_what_does_not_fit(arguments, kind, words):
         ({"s": 0.0}, "s: expected a positive"),
         ({"s": np.full((3, 2), np.nan)}, "s: expected a positive"),
         ({"sigma": -1.0}, "sigma: expected a positive"),
+        ({"set_up": ["a", "b"]}, "id and set_up: expected the same length"),
+        ({"set_up": ["a", "", "b"]}, "set_up: expected a name"),
     ],
 )
 def test_surveys_say_what_does_not_fit(change, words):

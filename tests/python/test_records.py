@@ -109,6 +109,17 @@ def test_survey_of_arrays_comes_back(tmp_path):
         np.testing.assert_allclose(again.cov[:, [0, 3, 5]], 4e-8, rtol=1e-12)
 
 
+def test_set_ups_come_back(tmp_path):
+    names = ["door"] * 6 + ["wall"] * 4
+    survey = unfurl.Survey(
+        [f"P{i}" for i in range(10)], np.arange(30.0).reshape(10, 3), np.ones((10, 2)), 0.05,
+        cameras=["left", "right"], sigma=2e-4, set_up=names)
+    assert survey.set_up == names
+    for name in ("survey.h5", "survey.csv"):
+        survey.write(tmp_path / name)
+        assert unfurl.load(tmp_path / name).set_up == names
+
+
 def test_rig_comes_back(sets, tmp_path):
     rig = unfurl.load(sets / "deployment" / "rig.h5")
     rig.write(tmp_path / "rig.h5")
