@@ -166,17 +166,13 @@ void AddShapeTable(const correlate::Comparison& c, report::Page* page) {
 // Measured less reference, over the readings' own sigmas, or, where none are told, over the RMS.
 ResidualGroup GroupOf(const correlate::ComparedSignal& s, bool has_sigma) {
   ResidualGroup group{s.name, {}, {}};
-  double squares = 0.0;
   for (std::size_t i = 0; i < s.t.size(); ++i) {
     const double off = s.measured[i] - s.reference[i];
     if (!std::isfinite(off) || (has_sigma && !(s.sigma[i] > 0.0))) continue;
     group.along.push_back(s.t[i]);
     group.value.push_back(has_sigma ? off / s.sigma[i] : off);
-    squares += off * off;
   }
-  if (has_sigma || !(squares > 0.0)) return group;
-  const double rms = std::sqrt(squares / static_cast<double>(group.value.size()));
-  for (double& value : group.value) value /= rms;
+  if (!has_sigma) DivideByRms(&group);
   return group;
 }
 

@@ -164,16 +164,8 @@ correlate::Comparison Compared(const CorrelateSettings& s) {
       throw Error("of a study channels are compared", "--marks",
                   "give its tracks in its place, or leave it out");
     }
-    std::vector<std::string> names;
-    for (const correlate::ChannelName& pair : pairs) {
-      if (!pair.of.empty() && pair.of != pair.name) {
-        throw Error("the study says which quantity '" + pair.name + "' measures", "--channels",
-                    "give its name alone");
-      }
-      names.push_back(pair.name);
-    }
     return study::CompareStudy(data::ReadStudy(s.record), data::ReadRun(s.reference), s.reference,
-                               s.trial, names, s.options);
+                               s.trial, study::StudyChannelNames(pairs, "--channels"), s.options);
   }
   if (!s.trial.empty()) {
     throw Error("A is no study", "--trial", "leave it out, or give a study for A");

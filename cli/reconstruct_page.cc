@@ -334,11 +334,7 @@ void AddResiduals(const ReconstructPageInput& in, report::Page* page) {
   views.own_scale = true;
   for (std::size_t c = 0; c < d.cameras.size() && d.cameras.size() > 3; ++c) {
     ResidualGroup group{d.cameras[c], d.residual_t[c], d.residual[c]};
-    double squares = 0.0;
-    for (const double r : group.value) squares += r * r;
-    if (!(squares > 0.0)) continue;
-    const double rms = std::sqrt(squares / static_cast<double>(group.value.size()));
-    for (double& r : group.value) r /= rms;
+    if (!DivideByRms(&group)) continue;
     // Three readings of each point go into its place.
     const double cameras = static_cast<double>(d.cameras.size());
     views.independent += static_cast<double>(group.value.size()) * (1.0 - 3.0 / cameras);

@@ -170,6 +170,15 @@ void AddTable(const ResidualViews& views, report::Page* page) {
 
 }  // namespace
 
+bool DivideByRms(ResidualGroup* group) {
+  double squares = 0.0;
+  for (const double v : group->value) squares += v * v;
+  if (!(squares > 0.0)) return false;
+  const double rms = std::sqrt(squares / static_cast<double>(group->value.size()));
+  for (double& v : group->value) v /= rms;
+  return true;
+}
+
 std::pair<double, double> NormalOrderBand(std::size_t k, std::size_t n, double share) {
   const double out = 0.5 * (1.0 - share);
   return {NormalQuantile(UniformOrderQuantile(k, n, out)),

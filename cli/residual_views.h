@@ -17,6 +17,9 @@ struct ResidualGroup {
   std::vector<double> value;  // as many [-]
 };
 
+// Divides the values by their RMS; false, and nothing done, where all are zero or none is there.
+bool DivideByRms(ResidualGroup* group);
+
 // Residuals as people judge them.
 struct ResidualViews {
   std::string of;     // "mark", "camera": what a group is

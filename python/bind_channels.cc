@@ -62,14 +62,7 @@ bool IsStudy(const py::object& record) {
 std::shared_ptr<correlate::Comparison> CompareStudy(
     const py::object& record, const py::object& reference, const std::string& trial,
     const std::vector<correlate::ChannelName>& pairs, const correlate::ComparisonOptions& options) {
-  std::vector<std::string> names;
-  for (const correlate::ChannelName& pair : pairs) {
-    if (!pair.of.empty() && pair.of != pair.name) {
-      throw Error("the study says which quantity '" + pair.name + "' measures", "channels",
-                  "map it to its own name");
-    }
-    names.push_back(pair.name);
-  }
+  const std::vector<std::string> names = study::StudyChannelNames(pairs, "channels");
   const bool is_run = py::isinstance<Run>(reference);
   const std::string path =
       is_run ? std::string() : PathFrom(reference, "a Run or its path").string();

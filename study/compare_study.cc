@@ -4,7 +4,6 @@
 
 #include "base/error.h"
 #include "base/text.h"
-#include "correlate/compare/channel_comparison.h"
 #include "study/trial_observations.h"
 
 namespace unfurl::study {
@@ -52,6 +51,19 @@ data::StudyTrial WithChannels(const data::StudyTrial& trial,
 }
 
 }  // namespace
+
+std::vector<std::string> StudyChannelNames(const std::vector<correlate::ChannelName>& channels,
+                                           const std::string& where) {
+  std::vector<std::string> names;
+  for (const correlate::ChannelName& channel : channels) {
+    if (!channel.of.empty() && channel.of != channel.name) {
+      throw Error("the study says which quantity '" + channel.name + "' measures", where,
+                  "give its name alone");
+    }
+    names.push_back(channel.name);
+  }
+  return names;
+}
 
 correlate::Comparison CompareStudy(const data::Study& study, const data::Run& run,
                                    const std::string& run_name, const std::string& trial,

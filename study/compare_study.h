@@ -3,11 +3,16 @@
 #include <string>
 #include <vector>
 
-#include "correlate/compare/comparison.h"
+#include "correlate/compare/channel_comparison.h"
 #include "data/run.h"
 #include "data/study.h"
 
 namespace unfurl::study {
+
+/// Names alone, of channels whose quantities a study states. Throws Error at `where` for one that
+/// is given another.
+std::vector<std::string> StudyChannelNames(const std::vector<correlate::ChannelName>& channels,
+                                           const std::string& where);
 
 /// The instruments of a study's trial against a run of its scene, as the study says that they are:
 /// units, gains, biases, clocks and filters known or free. `trial`: its name; empty: the only one

@@ -39,8 +39,8 @@ constexpr int kPartsOfSmooth = 16;
 struct NamedPoint {
   std::string name;
   MovingPoint point;
-  int beam = -1;       // of the smooth ones; -1: `point` says where
-  double place = 0.0;  // of its length [-]
+  int beam = -1;              // of the smooth ones; -1: `point` says where
+  KirchhoffRod::Place place;  // along it
 };
 
 // Where shapes are given: bodies, segments or parts of beams, marks.
@@ -53,7 +53,9 @@ std::vector<NamedPoint> PointsOf(const Model& model) {
       points.push_back({fmt::format("{}/{}", beam.name, k + 1),
                         {beam.first + (beam.smooth >= 0 ? 0 : k), 0.0, 0.0},
                         beam.smooth,
-                        (k + 0.5) / parts});
+                        {}});
+      if (beam.smooth < 0) continue;
+      points.back().place = model.kirchhoff.beam(beam.smooth).rod.PlaceAt((k + 0.5) / parts);
     }
   }
   for (const Model::Mark& mark : model.marks) points.push_back({mark.name, mark.point});
@@ -80,8 +82,7 @@ PoseAndRate MotionAt(const Model& model, const NamedPoint& at, const std::vector
                           y.data() + 5 * n,
                           nullptr,
                           nullptr};
-      const KirchhoffRod& rod = model.kirchhoff.beam(at.beam).rod;
-      return model.kirchhoff.FrameAt(at.beam, rod.PlaceAt(at.place), motion);
+      return model.kirchhoff.FrameAt(at.beam, at.place, motion);
     }();
     return {{f.x, f.y, f.theta}, {f.vx, f.vy, f.omega}};
   }
