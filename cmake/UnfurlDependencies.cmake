@@ -12,6 +12,7 @@ find_package(muparser 2.3 REQUIRED)  # expressions of campaigns
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(FFTW REQUIRED IMPORTED_TARGET fftw3)
 pkg_check_modules(LIBMD REQUIRED IMPORTED_TARGET libmd)
+pkg_check_modules(LIBPNG REQUIRED IMPORTED_TARGET libpng)
 find_package(Threads REQUIRED)
 
 find_path(UNFURL_DYGRAPHS_DIR dygraph.min.js

@@ -7,13 +7,12 @@
 #include <charconv>
 #include <filesystem>
 #include <fstream>
-#include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <string_view>
 
 #include "base/error.h"
 #include "base/text.h"
 #include "data/h5.h"
+#include "measure/png.h"
 
 namespace unfurl::measure {
 
@@ -187,17 +186,14 @@ class PngSource : public FileList {
   using FileList::FileList;
 
   std::size_t Read(std::size_t count, std::uint16_t* out) override {
-    const std::size_t width = width_;
     std::size_t lines = 0;
     while (lines < count) {
       if (row_ == picture_.rows && !Open()) break;
-      for (std::size_t k = 0; k < width; ++k) {
-        const int column = static_cast<int>(k);
-        const unsigned value = picture_.depth() == CV_8U ? picture_.at<std::uint8_t>(row_, column)
-                                                         : picture_.at<std::uint16_t>(row_, column);
-        const unsigned shifted = value >> static_cast<unsigned>(layout_.shift);
-        Check(shifted, static_cast<std::size_t>(row_) + 1, k);
-        out[lines * width + k] = static_cast<std::uint16_t>(shifted);
+      const std::uint16_t* from = &picture_.counts[row_ * width_];
+      for (std::size_t k = 0; k < width_; ++k) {
+        const unsigned shifted = static_cast<unsigned>(from[k]) >> layout_.shift;
+        Check(shifted, row_ + 1, k);
+        out[lines * width_ + k] = static_cast<std::uint16_t>(shifted);
       }
       ++row_;
       ++lines;
@@ -208,27 +204,13 @@ class PngSource : public FileList {
  private:
   bool Open() {
     if (next_file_ == files_.size()) return false;
-    const std::string& path = files_[next_file_++];
-    try {
-      picture_ = cv::imread(path, cv::IMREAD_UNCHANGED);
-    } catch (const cv::Exception&) {
-      picture_ = cv::Mat();
-    }
-    if (picture_.empty()) throw Error("is no picture that can be read", path, "give a PNG file");
-    if (picture_.channels() != 1 || (picture_.depth() != CV_8U && picture_.depth() != CV_16U)) {
-      throw Error(fmt::format("has {} colours, not grey of 8 or 16 bits", picture_.channels()),
-                  path, "save it as grey");
-    }
-    if (static_cast<std::size_t>(picture_.cols) != width_) {
-      throw Error(fmt::format("is {} pixels wide, but a line has {}", picture_.cols, width_), path,
-                  "correct the sensor's elements");
-    }
+    picture_ = ReadGreyPng(files_[next_file_++], width_);
     row_ = 0;
     return true;
   }
 
-  cv::Mat picture_;
-  int row_ = 0;
+  GreyPicture picture_;
+  std::size_t row_ = 0;
 };
 
 // Rows of a dataset are lines; of cameras side by side, cameras and elements may be two dimensions.

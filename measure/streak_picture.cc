@@ -6,12 +6,12 @@
 #include <array>
 #include <cmath>
 #include <opencv2/core.hpp>
-#include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 #include <vector>
 
 #include "data/atomic_file.h"
 #include "data/lab.h"
+#include "measure/png.h"
 
 namespace unfurl::measure {
 
@@ -152,9 +152,8 @@ void StreakPicture::Write(const std::string& path) const {
     text(im.header.slots[s], x, total_height - 10, {c[0], c[1], c[2]});
     x += 24 + 9 * static_cast<int>(im.header.slots[s].size());
   }
-  std::vector<unsigned char> png;
-  cv::imencode(".png", page, png);
-  data::WriteTextFile(path, std::string(png.begin(), png.end()));
+  data::WriteTextFile(path, PngOf(page.data, static_cast<std::size_t>(page.rows),
+                                  static_cast<std::size_t>(page.cols)));
 }
 
 }  // namespace unfurl::measure

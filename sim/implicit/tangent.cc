@@ -167,6 +167,28 @@ void Tangent::FoldStations(const double* load_x, const double* load_y, const dou
     const double fy = load_y[s.index] + reaction_y[s.index];
     k_[s.body][8] += fx * ox + fy * oy;
   }
+  FillChains();
+}
+
+void Tangent::FillChains() {
+  const auto beside = [&](int p) { return pairs_[p].a == p && pairs_[p].b == p + 1; };
+  if (note_) {
+    for (Array& entry : own_d_) entry.assign(n_ + kBlock, 0.0);
+    for (Array& entry : next_d_) entry.assign(n_ + kBlock, 0.0);
+    other_pairs_.clear();
+    for (const int p : damped_pairs_) {
+      if (pairs_[p].a >= 0 && !beside(p)) other_pairs_.push_back(p);
+    }
+  }
+  for (const int s : damped_bodies_) {
+    // A station's have gone to its body.
+    if (body_of_[s] != s) continue;
+    for (int i = 0; i < 9; ++i) own_d_[i][s] = d_[s][i];
+  }
+  for (const int p : damped_pairs_) {
+    if (!beside(p)) continue;
+    for (int i = 0; i < 9; ++i) next_d_[i][p] = d_[n_ + p][i];
+  }
 }
 
 namespace {
@@ -190,12 +212,36 @@ inline void MultiplyTransposed(const Tangent::Block& b, double f, const double* 
 }  // namespace
 
 void Tangent::AddDamping(double factor, const double* v, double* out) const {
-  for (const int s : damped_bodies_) Multiply(d_[s], factor, v, s, out, s, n_);
-  for (const int p : damped_pairs_) {
+  const int n = n_;
+  const double* __restrict vx = v;
+  const double* __restrict vy = v + n;
+  const double* __restrict vt = v + 2 * n;
+  for (int row = 0; row < 3; ++row) {
+    double* __restrict to = out + row * n;
+    const double* __restrict ox = own_d_[3 * row].data();
+    const double* __restrict oy = own_d_[3 * row + 1].data();
+    const double* __restrict ot = own_d_[3 * row + 2].data();
+    const double* __restrict nx = next_d_[3 * row].data();
+    const double* __restrict ny = next_d_[3 * row + 1].data();
+    const double* __restrict nt = next_d_[3 * row + 2].data();
+#pragma GCC ivdep
+    for (int e = 0; e < n; ++e) to[e] += factor * (ox[e] * vx[e] + oy[e] * vy[e] + ot[e] * vt[e]);
+    const double* __restrict tx = next_d_[row].data();
+    const double* __restrict ty = next_d_[3 + row].data();
+    const double* __restrict tt = next_d_[6 + row].data();
+#pragma GCC ivdep
+    for (int e = 0; e + 1 < n; ++e) {
+      to[e] += factor * (nx[e] * vx[e + 1] + ny[e] * vy[e + 1] + nt[e] * vt[e + 1]);
+    }
+#pragma GCC ivdep
+    for (int e = 0; e + 1 < n; ++e) {
+      to[e + 1] += factor * (tx[e] * vx[e] + ty[e] * vy[e] + tt[e] * vt[e]);
+    }
+  }
+  for (const int p : other_pairs_) {
     const Pair& pair = pairs_[p];
-    if (pair.a < 0) continue;
-    Multiply(d_[n_ + p], factor, v, pair.b, out, pair.a, n_);
-    MultiplyTransposed(d_[n_ + p], factor, v, pair.a, out, pair.b, n_);
+    Multiply(d_[n + p], factor, v, pair.b, out, pair.a, n);
+    MultiplyTransposed(d_[n + p], factor, v, pair.a, out, pair.b, n);
   }
 }
 

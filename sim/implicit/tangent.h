@@ -77,6 +77,7 @@ class Tangent {
 
  private:
   int PlaceOf(int a, int b);
+  void FillChains();
   void NoteDamped(int body);
   void NoteDampedPair(int p);
 
@@ -92,6 +93,10 @@ class Tangent {
   std::size_t next_ = 0;
   std::vector<char> damped_;  // by block
   std::vector<int> damped_bodies_, damped_pairs_;
+  // D once more, for AddDamping: of every body with itself and of neighbours on a beam, entry by
+  // entry; and the pairs that are none of these.
+  std::array<Array, 9> own_d_, next_d_;
+  std::vector<int> other_pairs_;
 };
 
 }  // namespace unfurl::sim

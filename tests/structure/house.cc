@@ -79,6 +79,7 @@ const std::vector<Wrapped>& WrappedHeaders() {
        "campaign/statistics/sobol_sequence.cc"},
       {"boost/math/", boost_math, "base/statistics.cc and base/probability.cc"},
       {"boost/", in_file_of_boost, "files that wrap a library of Boost"},
+      {"png.h", in_file("measure/png.cc"), "measure/png.cc"},
       {"glog/", in_file("base/log_silence.cc"), "base/log_silence.cc"},
       {"sha256.h", in_file("data/provenance.cc"), "data/provenance.cc"},
       {"gtest/", rooms({}), "tests/"},
