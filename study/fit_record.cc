@@ -64,6 +64,26 @@ std::string WholeVerdict(const std::vector<correlate::Parameter>& parameters,
   return words + ".";
 }
 
+// Swings that a record may begin with as well.
+void AddOtherClocks(const correlate::FitResult& r, data::FitRecord* record) {
+  for (const correlate::OtherClock& other : r.other_clocks) {
+    std::vector<std::string> offsets, values;
+    for (std::size_t t = 0; t < other.offset.size(); ++t) {
+      offsets.push_back(fmt::format("{:.6g} s in place of {:.6g} s{}", other.offset[t],
+                                    r.trials[t].at.offset,
+                                    r.trials.size() > 1 ? " (" + r.trials[t].name + ")" : ""));
+    }
+    for (std::size_t j = 0; j < other.theta.size(); ++j) {
+      values.push_back(fmt::format("{:.5g}", other.theta[j]));
+    }
+    record->reasons.push_back(fmt::format(
+        "A time offset of {} explains the data as well, with the values {}: the motion repeats "
+        "itself, and the data do not tell which of its swings the record begins with. Say what is "
+        "known of the clock (trial.offset).",
+        JoinWords(offsets), JoinWords(values)));
+  }
+}
+
 // What the search says of the minimum.
 void AddSearchWords(const correlate::FitResult& r, data::FitRecord* record) {
   if (r.returns > 0) {
@@ -81,11 +101,13 @@ void AddSearchWords(const correlate::FitResult& r, data::FitRecord* record) {
   if (r.elsewhere != correlate::Elsewhere::kNotLooked) {
     record->reasons.push_back(
         r.elsewhere == correlate::Elsewhere::kFound
-            ? "The way from the start ended where the model does not explain the data; points over "
+            ? "The way from the start ended where the model did not explain the data; points over "
               "the bounds were looked at, and a lower minimum was found from there."
-            : "The model does not explain the data; points over the bounds were looked at, and no "
-              "lower minimum was found from there.");
+            : "The way from the start ended with residuals far above the data's sigmas; points "
+              "over "
+              "the bounds were looked at, and no lower minimum was found from there.");
   }
+  AddOtherClocks(r, record);
   if (r.starts.size() < 2) return;
   // Ends whose sums of squares differ by less than the noise of a fit are the same minimum.
   const double best = r.starts.front().cost;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <utility>
 
 #include "base/error.h"
 #include "base/text.h"
@@ -51,8 +52,27 @@ correlate::Placement PlacementOf(const data::StudyTrial& trial) {
 
 }  // namespace
 
+namespace {
+
+// What is said of marks where there are none would do nothing, and its author thinks it does.
+void RefuseWordsOnMarks(const data::StudyTrial& trial) {
+  const std::pair<const char*, bool> said[] = {{"window", trial.window_low < trial.window_high},
+                                               {"sigma", trial.sigma > 0.0},
+                                               {"marks", !trial.marks.empty()},
+                                               {"sigma_factor", !trial.sigma_factors.empty()}};
+  for (const auto& [key, is] : said) {
+    if (!is) continue;
+    throw Error(fmt::format("'{}' is of the tracks, and this trial has none", key), trial.where,
+                "leave it out; a channel has a window and a sigma of its own "
+                "(trial.channel.NAME.window, sigma)");
+  }
+}
+
+}  // namespace
+
 correlate::Observations ReadTrial(const data::StudyTrial& trial, const std::string& path) {
   if (path.empty()) {
+    if (trial.tracks.empty()) RefuseWordsOnMarks(trial);
     correlate::Observations out;
     out.placement = PlacementOf(trial);
     return out;

@@ -143,6 +143,7 @@ bool FindBest(const Observations& record, const SampledModel& b, const OffsetSea
     if (candidate.correlation < min_correlation) continue;
     Refined refined = Refine(record, b, candidate.offset, StartingDrift(record), options);
     if (refined.fit.known < kFewestAligned) continue;
+    if (options.search.IsKnown(refined.fit.at.offset)) continue;
     if (found && !(per_sample(refined) < per_sample(*best))) continue;
     *best = std::move(refined);
     *correlation = candidate.correlation;

@@ -235,6 +235,7 @@ Alignment AlignChannels(const Observations& record, const SampledModel& model,
     bool here = false;
     Fit fit = aligner.Refine(offset, &here);
     if (fit.registration.data_rows < static_cast<Eigen::Index>(kFewestAligned)) continue;
+    if (options.search.IsKnown(fit.registration.at.offset)) continue;
     if (found && !(fit.explained > best.explained)) continue;
     best = std::move(fit);
     settled = here;

@@ -228,6 +228,11 @@ std::vector<OffsetCandidate> Peaks(const std::vector<double>& rho,
 
 }  // namespace
 
+bool OffsetOptions::IsKnown(double offset) const {
+  return std::any_of(known.begin(), known.end(),
+                     [&](double at) { return std::abs(offset - at) <= near; });
+}
+
 OffsetSearch FindOffset(const SampledModel& a, const SampledModel& b,
                         const std::vector<std::string>& marks, const OffsetOptions& options) {
   OffsetSearch out;

@@ -16,6 +16,10 @@ struct OffsetOptions {
   // Where to look [s]; the whole range of overlap by default.
   double low = -std::numeric_limits<double>::infinity();
   double high = std::numeric_limits<double>::infinity();
+  // Offsets that are known already: what leads to within `near` of one of them is passed over [s].
+  std::vector<double> known;
+  double near = 0.0;
+  bool IsKnown(double offset) const;
 };
 
 /// A peak of the correlation.

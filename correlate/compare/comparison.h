@@ -114,6 +114,7 @@ struct Comparison {
   /// How it was decided what each record's vibration is, in words; whether it is ambient, and then
   /// what the record is worth.
   std::string measured_vibration, reference_vibration;
+  bool measured_doubtful = false, reference_doubtful = false;  // Identification::doubtful
   std::optional<AmbientFit> measured_ambient, reference_ambient;
   std::vector<ModePair> mode_pairs;
   // Where the modes' part of the spectra's window ends, if before it, on the record's clock [s].

@@ -111,10 +111,11 @@ void AddModesWindow(Comparison* c) {
                   c->spectrum_from, *c->modes_until, rest.empty() ? "" : ": ", rest));
 }
 
-void AddVibration(const char* whose, const std::string& vibration,
+void AddVibration(const char* whose, const std::string& vibration, bool doubtful,
                   const std::optional<AmbientFit>& ambient, Comparison* c) {
-  if (!ambient) return;
+  if (!ambient && !doubtful) return;
   c->reasons.push_back(fmt::format("{} vibration: {}.", whose, vibration));
+  if (!ambient) return;
   for (const std::string& doubt : ambient->doubts) c->reasons.push_back(doubt + ".");
   for (const AmbientMode& m : ambient->modes) {
     for (const std::string& doubt : m.doubts) {
@@ -136,6 +137,7 @@ void FillModes(const ComparisonOptions& options, Comparison* c) {
   Identification measured = Identify(sought.measured, options.modes, decay);
   c->measured_modes = std::move(measured.fit);
   c->measured_vibration = std::move(measured.why);
+  c->measured_doubtful = measured.doubtful;
   c->measured_ambient = std::move(measured.ambient);
   if (c->measured_modes.cut) c->modes_until = c->measured_modes.until;
   if (!sought.reference.empty()) {
@@ -145,6 +147,7 @@ void FillModes(const ComparisonOptions& options, Comparison* c) {
         Identify(sought.reference, decays ? Excitation::kDecay : Excitation::kByTheData, decay);
     c->reference_modes = std::move(reference.fit);
     c->reference_vibration = std::move(reference.why);
+    c->reference_doubtful = reference.doubtful;
     c->reference_ambient = std::move(reference.ambient);
   }
   c->mode_pairs = PairModes(c->measured_modes.decay.modes, c->reference_modes.decay.modes);
@@ -165,8 +168,9 @@ void AddModeReasons(Comparison* c) {
   } else if (!c->measured_modes.decay.message.empty()) {
     c->reasons.push_back("No modes: " + c->measured_modes.decay.message + ".");
   }
-  AddVibration("The record's", c->measured_vibration, c->measured_ambient, c);
-  AddVibration("The reference's", c->reference_vibration, c->reference_ambient, c);
+  AddVibration("The record's", c->measured_vibration, c->measured_doubtful, c->measured_ambient, c);
+  AddVibration("The reference's", c->reference_vibration, c->reference_doubtful,
+               c->reference_ambient, c);
   AddModesWindow(c);
 }
 

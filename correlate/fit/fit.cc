@@ -55,6 +55,18 @@ std::optional<FitOptions> Wider(const FitProblem& problem, const FitOptions& opt
   return wider;
 }
 
+// Looks over the bounds, and goes over to what leads lower. False: nothing does.
+bool GoElsewhere(const FitProblem& problem, const FitOptions& wider, std::unique_ptr<FitRun>* run) {
+  auto other = std::make_unique<FitRun>(problem, wider);
+  if (other->Screen() && other->LeadStarts() && other->LedLowerThan(**run)) {
+    other->TakeOver(std::move(**run), Elsewhere::kFound);
+    *run = std::move(other);
+    return true;
+  }
+  (*run)->TakeOver(std::move(*other), Elsewhere::kNothing);
+  return false;
+}
+
 void Require(bool good, const char* option, const char* remedy) {
   if (!good) throw Error("is out of its range", std::string("FitOptions.") + option, remedy);
 }
@@ -85,21 +97,21 @@ FitResult Fit(const FitProblem& problem, const FitOptions& options) {
   if (!run->Screen() || !run->LeadStarts() || !run->Solve()) return run->Finish();
   // Residuals far above the data's sigmas: the model lacks something, or this is a wrong minimum.
   const std::optional<FitOptions> wider = Wider(problem, options);
-  if (wider && run->Unexplained()) {
-    auto other = std::make_unique<FitRun>(problem, *wider);
-    if (other->Screen() && other->LeadStarts() && other->LedLowerThan(*run)) {
-      other->TakeOver(std::move(*run), Elsewhere::kFound);
-      run = std::move(other);
-      if (!run->Solve()) return run->Finish();
-    } else {
-      run->TakeOver(std::move(*other), Elsewhere::kNothing);
-    }
-  }
+  bool looked = wider && run->Unexplained();
+  if (looked && GoElsewhere(problem, *wider, &run) && !run->Solve()) return run->Finish();
   for (;;) {
     if (!run->Estimate()) return run->Finish();
-    if (!run->GoToBetterPoint()) break;
+    bool moved = run->GoToBetterPoint();
+    // Where no sigma is stated residuals are as large as the sigma whatever minimum this is: that
+    // it is a wrong one shows only in that they are no noise.
+    if (!moved && wider && !looked && run->UnexplainedByNoiseFound()) {
+      looked = true;
+      moved = GoElsewhere(problem, *wider, &run);
+    }
+    if (!moved) break;
     if (!run->Solve()) return run->Finish();
   }
+  run->WeighOtherClocks();
   run->JudgeParameters();
   return run->Finish();
 }

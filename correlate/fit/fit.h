@@ -229,6 +229,13 @@ struct LadderResult {
   bool rules = false;
 };
 
+/// Another place in time at which the data are explained, with values of their own.
+struct OtherClock {
+  std::vector<double> offset;  ///< by trial [s]
+  std::vector<double> theta;   ///< the best values there [units]
+  double deviance = 0.0;       ///< above that of the estimate [-]
+};
+
 /// Whether a fit that did not explain its data looked for another minimum, and found one.
 enum class Elsewhere { kNotLooked, kNothing, kFound };
 
@@ -256,6 +263,8 @@ struct FitResult {
   double profile_below = 0.0;
   LadderResult ladder;
   Elsewhere elsewhere = Elsewhere::kNotLooked;
+  // Those that the data do not tell from the estimate's; a motion that repeats itself has some.
+  std::vector<OtherClock> other_clocks;
   int returns = 0;  // how often the fit was taken up again from a lower point of a profile
 };
 

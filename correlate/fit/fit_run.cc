@@ -10,9 +10,11 @@
 #include "correlate/fit/fit_covariance.h"
 #include "correlate/fit/fit_estimate.h"
 #include "correlate/fit/ladder_error.h"
+#include "correlate/fit/other_clocks.h"
 #include "correlate/fit/reduced_problem.h"
 #include "correlate/fit/start_choice.h"
 #include "correlate/fit/verdict.h"
+#include "correlate/residual/row_layout.h"
 
 namespace unfurl::correlate {
 
@@ -195,6 +197,7 @@ bool FitRun::LeadStarts() {
     result_.message = (runners_.empty() ? retired_ : runners_).front()->message();
     return false;
   }
+  LookAtOtherClocks();
   for (std::size_t t = 0; t < trials_; ++t) {
     result_.trials[t].alignment = best_->candidate().alignment[t];
   }
@@ -210,16 +213,28 @@ bool FitRun::Unexplained() const {
   return squares > kNotNoise * count;
 }
 
+bool FitRun::UnexplainedByNoiseFound() const {
+  for (std::size_t t = 0; t < trials_; ++t) {
+    if (result_.trials[t].goodness.outcome != Explained::kNo) continue;
+    for (const RowSeries& s : RowLayout(*problem_.trials[t].observations).series) {
+      if (!s.has_sigma) return true;
+    }
+  }
+  return false;
+}
+
 // Of the whole record on the way, at its minimum: a lone start stops before that.
 double FitRun::CostOfWay() {
   if (!best_->alone()) return best_->result().cost;
+  if (way_cost_) return *way_cost_;
   StageRunner there(way_, options_, best_->candidate(), workers_, 0);
   there.SetModelNoise(noise_sigmas_);
   there.MoveTo(Values(problem_.parameters, best_->u().data()), *best_);
   const bool good = there.Lead(there.stages() - 1);
   const auto& records = there.evaluator().records();
   result_.evaluations.insert(result_.evaluations.end(), records.begin(), records.end());
-  return good ? there.result().cost : best_->result().cost;
+  way_cost_ = good ? there.result().cost : best_->result().cost;
+  return *way_cost_;
 }
 
 bool FitRun::LedLowerThan(FitRun& other) const {
@@ -301,7 +316,10 @@ bool FitRun::GoToBetterPoint() {
   return false;
 }
 
-void FitRun::JudgeParameters() { Judge(problem_, best_->reduced(), best_->point(), &result_); }
+void FitRun::JudgeParameters() {
+  Judge(problem_, best_->reduced(), best_->point(), &result_);
+  OpenByOtherClocks(problem_, &result_);
+}
 
 void FitRun::CountRuns() {
   result_.ladder.runs.assign(ladder_.wanted() ? ladder_.top() + 1 : 0, 0);
@@ -313,7 +331,7 @@ void FitRun::CountRuns() {
 }
 
 FitResult FitRun::Finish() {
-  for (const auto* group : {&retired_, &runners_}) {
+  for (const auto* group : {&retired_, &runners_, &other_clocks_}) {
     for (const auto& runner : *group) {
       const auto& records = runner->evaluator().records();
       result_.evaluations.insert(result_.evaluations.end(), records.begin(), records.end());

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <memory>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "correlate/align/far_samples.h"
@@ -37,6 +39,8 @@ class FitRun {
 
   // After step 3: the residuals are far above the data's sigmas.
   bool Unexplained() const;
+  // After step 4: what is left of a channel without a stated sigma is no noise.
+  bool UnexplainedByNoiseFound() const;
   // After step 2: the ways led to a lower cost over the whole record than the other's.
   bool LedLowerThan(FitRun& other) const;
   // The other was a search of the same that led no lower; what it evaluated is recorded.
@@ -49,6 +53,9 @@ class FitRun {
   // 5. A profile that came upon a lower point has shown that the estimate is not the minimum: goes
   //    there. True: step 3 has to be taken again.
   bool GoToBetterPoint();
+
+  // Which other offsets explain the data as well, by the noise found.
+  void WeighOtherClocks();
 
   // 6. Verdicts.
   void JudgeParameters();
@@ -65,6 +72,9 @@ class FitRun {
   void AddRunner(const Candidate& from);
   void LeadAll(std::size_t from_stage, std::size_t to_stage);
   void ScatterWhatIsOpen();
+  // After the starts were led: looks at other time offsets, and goes over to one that is lower.
+  void LookAtOtherClocks();
+  StageRunner* LeadAlong(Candidate place);  // null: it leads to nothing like the best
   double CostOfWay();
   std::vector<Evaluator::Request> NoiseRequests() const;  // where the best start has led
   void WeighByModelNoise();
@@ -73,6 +83,7 @@ class FitRun {
   bool PutGrossAside(const std::vector<Observations>& all);
   bool TakeClockDrift();
   bool Whiten();
+  bool NoiseIsOfAnotherPlace() const;
   void TakeStatus();
   void CountRuns();
   bool FarFrom(const std::vector<double>& theta) const;
@@ -96,8 +107,12 @@ class FitRun {
   std::vector<double> noise_;         // of the model's marks, by trial [m]
   std::vector<double> noise_sigmas_;  // of all, in sigmas of the data [-]
   std::vector<std::unique_ptr<StageRunner>> runners_, retired_;
-  std::vector<std::uint8_t> failed_;  // by runner
-  StageRunner* best_ = nullptr;       // among the runners
+  std::vector<std::uint8_t> failed_;                        // by runner
+  std::vector<std::unique_ptr<Candidate>> other_places_;    // of the next
+  std::vector<std::unique_ptr<StageRunner>> other_clocks_;  // from other time offsets
+  std::vector<std::pair<StageRunner*, double>> as_good_;    // of those; deviance by the way
+  StageRunner* best_ = nullptr;                             // among the runners
+  std::optional<double> way_cost_;  // CostOfWay of the best, once it was asked
   Ladder ladder_;
 
   std::vector<Observations> weighed_;  // by trial, weighed for the model's noise

@@ -167,6 +167,17 @@ bool FitRun::Whiten() {
   return !coloured || Sharpen("whitened");
 }
 
+// Whitened residuals have unit variance where their noise was found. Where the fit has left a wrong
+// minimum they are smaller: what was taken for noise there was that minimum's misfit.
+bool FitRun::NoiseIsOfAnotherPlace() const {
+  constexpr double kByChance = 5.0;  // standard deviations of a mean square: one in three million
+  for (const RegistrationFit& at : best_->point().registration) {
+    const double n = static_cast<double>(at.data_rows);
+    if (at.SumOfSquares() < n - kByChance * std::sqrt(2.0 * n)) return true;
+  }
+  return false;
+}
+
 void FitRun::TakeStatus() {
   result_.status = best_->status();
   result_.message = best_->message();
@@ -193,8 +204,10 @@ bool FitRun::Solve() {
                                     [](const auto* w) { return w != nullptr && !w->identity(); });
   if (whitened) {  // a return: the cost by which the point is lower must stay what it is
     const bool good = Sharpen("from a lower point of a profile");
-    TakeStatus();
-    return good;
+    if (!good || !NoiseIsOfAnotherPlace()) {
+      TakeStatus();
+      return good;
+    }
   }
   WeighByModelNoise();
   std::fill(whiteners_.begin(), whiteners_.end(), nullptr);

@@ -47,9 +47,6 @@ std::vector<std::vector<double>> LatinHypercube(const std::vector<Parameter>& pa
   return points;
 }
 
-namespace {
-
-// Where a model is asked so that a trial can be laid beside it.
 Stamps AlignmentGrid(const Observations& o, const FitOptions& options) {
   // Late motion at wrong parameters aligns anything with anything: where there are stages, the
   // first one's horizon is what is aligned.
@@ -77,8 +74,6 @@ Stamps AlignmentGrid(const Observations& o, const FitOptions& options) {
   for (const auto& kind : o.others) kind->AskOver(-step, horizon, &grid);
   return grid;
 }
-
-}  // namespace
 
 std::vector<Candidate> Screen(const FitProblem& problem, const FitOptions& options,
                               const std::vector<std::vector<double>>& points, Evaluator& evaluator,

@@ -26,6 +26,9 @@ struct Candidate {
   bool failed = false;  // the model could not be evaluated
 };
 
+// Where a model is asked so that a trial can be laid beside it.
+Stamps AlignmentGrid(const Observations& o, const FitOptions& options);
+
 // Simulates and aligns each; all simulations in one batch. `beside` are run in the same batch and
 // their answers given back.
 std::vector<Candidate> Screen(const FitProblem& problem, const FitOptions& options,

@@ -179,7 +179,7 @@ std::size_t StageRunner::BuildStage(std::size_t s) {
   return samples;
 }
 
-bool StageRunner::Lead(std::size_t s) {
+bool StageRunner::Lead(std::size_t s, int most_iterations) {
   StageResult stage;
   stage.end = ends_[s];
   stage.samples = BuildStage(s);
@@ -189,6 +189,7 @@ bool StageRunner::Lead(std::size_t s) {
                                       free.empty() ? std::vector<std::string>{} : free[f]);
   how.verify = false;
   how.leads = alone_ && s + 1 == ends_.size();
+  if (most_iterations > 0) how.max_iterations = most_iterations;
   if (!SolveStage(stage, how)) return false;
   double rows = 0.0;
   for (const RegistrationFit& r : point_.registration) rows += static_cast<double>(r.data_rows);

@@ -23,8 +23,9 @@ class StageRunner {
 
   // Stages that lead the way, each to within half a standard error; the last is the whole record.
   // False: a model failed there, see message().
+  // `most_iterations`: of this solution; 0: as the options say.
   std::size_t stages() const { return ends_.size(); }
-  bool Lead(std::size_t stage);
+  bool Lead(std::size_t stage, int most_iterations = 0);
   // The only start: its last stage ends as soon as its slopes foretell the steps, and the solution
   // that follows does the rest.
   void LeadAlone() { alone_ = true; }

@@ -98,6 +98,13 @@ Identification Identify(std::span<const DecaySignal> signals, Excitation excitat
     out.why = fmt::format("Damped sines from its beginning explain {:.3g}% of it{}: a free decay",
                           100.0 * fit.explained,
                           fit.whiteness > kNoise ? " and leave nothing but noise" : "");
+    out.doubtful = fit.whiteness <= kNoise && fading < kSurelyFades;
+    if (out.doubtful) {
+      out.why +=
+          ". But what they leave is no noise: forces that go on can look so in a record of few "
+          "memories of the structure, and then the standard errors do not hold (--modes ambient "
+          "takes it for that)";
+    }
     return out;
   }
   if (fading >= kSurelyFades) {

@@ -24,8 +24,11 @@ const char* Name(Excitation excitation);
 struct Identification {
   Excitation excitation = Excitation::kDecay;  ///< one of the two that it was taken for
   std::string why;                             ///< how that was decided, in words
-  ModalFit fit;                                ///< modes and poles, of either method
-  std::optional<AmbientFit> ambient;           ///< of an ambient record: its doubts
+  /// Taken for a free decay by damped sines that leave more than noise, of a record that does not
+  /// fade enough to tell: forces that go on can look so, and the errors are not for them.
+  bool doubtful = false;
+  ModalFit fit;                       ///< modes and poles, of either method
+  std::optional<AmbientFit> ambient;  ///< of an ambient record: its doubts
 };
 
 /// A record is a free decay where damped sines from its beginning explain most of it, or leave

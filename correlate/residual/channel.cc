@@ -111,6 +111,13 @@ Channel::Channel(ChannelRecord record, const std::string& where) : record_(std::
   const double length = span + 2.0 * margin_;
   step_ = std::max(median / record_.points_per_step, length / kMostPoints);
   if (step_ > median) {
+    // Even readings are not in bursts: there are too many.
+    constexpr double kEven = 0.5;  // of the span, that readings a median step apart cover
+    if (static_cast<double>(n) * median > kEven * span) {
+      throw Error(fmt::format("'{}' has {} readings; {:.0f} are the most", record_.name, n,
+                              kMostPoints * span / length),
+                  where, "thin the record, or give a window of it");
+    }
     throw Error(fmt::format("the readings of '{}' lie in bursts, {:.3g} s apart in {:.3g} s",
                             record_.name, median, span),
                 where, "give a window for each part of the record that is to count");

@@ -157,6 +157,12 @@ TEST_F(FitChannelsTest, BadOnesAreRefused) {
     Study("[trial.channel.angel]\n" + file + c.channel);
     ExpectRefused(Run({"fit", "study.toml", "-o", "fit.h5"}), {c.what}, Files());
   }
+  // What is said of marks that are not there would do nothing.
+  for (const char* said : {"window = [0.0, 5.0]", "sigma = 1e-3", "marks = [\"tip\"]",
+                           "sigma_factor = { tip = 2.0 }"}) {
+    Study(std::string(said) + "\n[trial.channel.angle]\n" + file + "quantity = \"hinge.theta\"\n");
+    ExpectRefused(Run({"fit", "study.toml", "-o", "fit.h5"}), {"is of the tracks"}, Files());
+  }
   Study("[trial.channel.angle]\nfile = \"nowhere.csv\"\nquantity = \"hinge.theta\"\n");
   ExpectRefused(Run({"fit", "study.toml", "-o", "fit.h5"}), {"nowhere.csv"}, Files());
 }

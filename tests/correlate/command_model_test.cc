@@ -125,7 +125,8 @@ TEST_F(CommandModelTest, VerdictsStandWhenItFailsNowAndThen) {
     ASSERT_TRUE(fits.back().Usable()) << fits.back().message;
     failed.push_back(0);
     for (const EvaluationRecord& e : fits.back().evaluations) {
-      failed.back() += e.status == ModelStatus::kFailed ? 1 : 0;
+      // A way from an earlier offset, start 1 and on, asks for more than the program writes.
+      failed.back() += e.status == ModelStatus::kFailed && e.start < 1 ? 1 : 0;
     }
   }
   EXPECT_EQ(failed[0], 0);

@@ -321,11 +321,12 @@ TEST(Fit, AGrowingHorizonWidensTheBasin) {
   const FitResult fit = Fit(problem, options);
   ASSERT_TRUE(fit.Usable()) << fit.message;
   EXPECT_EQ(fit.stages.size(), 4u);  // the whole record twice: to lead, and sharpened
-  // Without stages the same start leads elsewhere, or nowhere.
-  const FitResult whole = Fit(problem);
-  EXPECT_FALSE(whole.Usable() &&
-               whole.trials[0].residual.squaredNorm() < 2.0 * fit.trials[0].residual.squaredNorm());
   EXPECT_NEAR(fit.parameters[0].value, truth[0], 4.0 * fit.parameters[0].sigma);
+  // Without stages the same start leads to another swing, from where the look at other offsets
+  // leads back.
+  const FitResult whole = Fit(problem);
+  ASSERT_TRUE(whole.Usable()) << whole.message;
+  EXPECT_NEAR(whole.parameters[0].value, truth[0], 4.0 * whole.parameters[0].sigma);
 }
 
 }  // namespace

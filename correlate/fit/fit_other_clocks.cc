@@ -1,0 +1,101 @@
+// Other time offsets than the one that a fit was led along.
+#include <algorithm>
+#include <utility>
+
+#include "correlate/fit/fit_run.h"
+#include "correlate/fit/other_clocks.h"
+
+namespace unfurl::correlate {
+
+namespace {
+
+double RowsOf(const StageRunner& runner) {
+  double rows = 0.0;
+  for (const RegistrationFit& r : runner.point().registration) {
+    rows += static_cast<double>(r.data_rows);
+  }
+  return std::max(1.0, rows);
+}
+
+// Twice the difference of two costs of which each row contributes `square`; what only one of them
+// has a model for would have contributed as much.
+double DevianceOf(double cost, double rows, double best_cost, double best_rows, double square) {
+  return 2.0 * (cost - best_cost) / square + best_rows - rows;
+}
+
+}  // namespace
+
+StageRunner* FitRun::LeadAlong(Candidate place) {
+  // Steps after which a way that leads to the data is near them: the second and third correct what
+  // the first, linear one leaves.
+  constexpr int kFirstSteps = 3;
+  other_places_.push_back(std::make_unique<Candidate>(std::move(place)));
+  const std::size_t start = runners_.size() + retired_.size() + other_clocks_.size();
+  other_clocks_.push_back(std::make_unique<StageRunner>(way_, options_, *other_places_.back(),
+                                                        workers_, static_cast<int>(start)));
+  StageRunner& runner = *other_clocks_.back();
+  runner.SetModelNoise(noise_sigmas_);
+  const std::size_t last = runner.stages() - 1;
+  const double most = kNotNoise * std::max(1.0, 2.0 * best_->result().cost / RowsOf(*best_));
+  const bool near = runner.Lead(last, kFirstSteps) && runner.misfit() <= most;
+  return near && runner.Lead(last) ? &runner : nullptr;
+}
+
+void FitRun::LookAtOtherClocks() {
+  constexpr int kMostRounds = 3;  // swings by which an alignment at the start's values was wrong
+  for (int round = 0; round < kMostRounds; ++round) {
+    Evaluator evaluator(way_, workers_);
+    std::vector<Candidate> places = OtherPlaces(way_, options_, best_->candidate(),
+                                                best_->result().to, best_->point(), evaluator);
+    const auto& records = evaluator.records();
+    result_.evaluations.insert(result_.evaluations.end(), records.begin(), records.end());
+    as_good_.clear();
+    StageRunner* lowest = nullptr;
+    double least = -kDeviance95;
+    for (Candidate& place : places) {
+      StageRunner* other = LeadAlong(std::move(place));
+      if (other == nullptr) continue;
+      const double cost = CostOfWay(), rows = RowsOf(*best_);
+      const double square = std::max(1.0, 2.0 * cost / rows);
+      const double deviance = DevianceOf(other->result().cost, RowsOf(*other), cost, rows, square);
+      as_good_.emplace_back(other, deviance);
+      if (deviance < least) lowest = other, least = deviance;
+    }
+    if (lowest == nullptr) return;
+    for (auto& runner : runners_) {
+      if (runner.get() != best_) continue;
+      for (auto& other : other_clocks_) {
+        if (other.get() == lowest) std::swap(runner, other);
+      }
+      break;
+    }
+    best_ = lowest;
+    way_cost_.reset();
+  }
+}
+
+void FitRun::WeighOtherClocks() {
+  double dispersion = 1.0;
+  for (const ParameterEstimate& e : result_.parameters) {
+    dispersion = std::max(dispersion, e.profile.dispersion);
+  }
+  for (auto& [other, by_way] : as_good_) {
+    double deviance = by_way;
+    // The corrections of a ladder belong to the estimate's stamps.
+    if (!ladder_.wanted()) {
+      if (!other->Sharpen(data_, whiteners_, "at another time offset")) continue;
+      deviance =
+          DevianceOf(other->point().cost, RowsOf(*other), best_->point().cost, RowsOf(*best_), 1.0);
+    }
+    if (deviance > kDeviance95 * dispersion) continue;
+    OtherClock found;
+    for (const RegistrationFit& r : other->point().registration) {
+      found.offset.push_back(r.at.offset);
+    }
+    found.theta = other->result().to;
+    found.deviance = deviance;
+    result_.other_clocks.push_back(std::move(found));
+  }
+}
+
+}  // namespace unfurl::correlate
