@@ -73,8 +73,7 @@ class Dynamics {
     return {0.0,     nullptr, nullptr,        nullptr,     nullptr,
             nullptr, nullptr, cosine_.data(), sine_.data()};
   }
-  // Multipliers of the joints' rows (JointRows), [N] and [N m]; of the last RightSide, before the
-  // drift is computed.
+  // Multipliers of the joints' rows (JointRows), [N] and [N m]; of the last RightSide.
   const double* JointMultipliers() const {
     return work_.lambda.data() + model_.constraints.first_joint_row();
   }
@@ -99,7 +98,7 @@ class Dynamics {
   // constraint_rows(); return the largest [m], [m/s].
   double EvaluateConstraints(double t, double* y);
   double EvaluateConstraintRates(double t, double* y);
-  double* constraint_rows() { return work_.lambda.data(); }
+  double* constraint_rows() { return work_.drift.data(); }
   // At the y of the last RightSide or EvaluateConstraints; as Constraints::Jacobian.
   void Jacobian(double t, double* y, double* six_per_row) const;
   // The tangent of the last RightSide, which must have been at `y`; `lambda` are its multipliers by

@@ -62,10 +62,10 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       log_(model.latches.count()),
       judge_(model, scale_, options.track_energy),
       axial_(model),
-      forces_(model),
-      pin_force_(model.joints.size(), 0.0),
+      loads_(model, &dynamics_, options.track_forces),
       poll_steps_(std::clamp(kPollBodies / model.rigid_bodies.count, 1, kPollSteps)),
       sample_(model.index.size(), 0.0),
+      scratch_(model.index.size(), 0.0),
       end_(options.duration > 0.0 ? options.duration : model.duration),
       edges_(model, end_),
       functions_(model, end_, options.rtol),
@@ -76,10 +76,6 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
   loops_ = model.constraints.HasLoops() && model.kirchhoff.count() == 0;
   switches_ = options.method == Method::kAuto && options.order == 0;
   start_.assign(sample_.size(), 0.0);
-  report_.peak_moment.assign(model.latches.count(), 0.0);
-  report_.peak_time.assign(model.latches.count(), 0.0);
-  report_.peak_pin_force.assign(model.joints.size(), 0.0);
-  report_.peak_pin_time.assign(model.joints.size(), 0.0);
   report_.worst_bodies.assign(model.rigid_bodies.count, 0);
   if (options.profile) {
     report_.part_seconds.assign(Dynamics::kParts, 0.0);
@@ -135,8 +131,7 @@ SimulateReport Integration::Go() {
 void Integration::StartMotion() {
   dynamics_.SetInterval(edges_.after(), edges_.before());
   stepper_->Start(0.0, model_.initial_state);
-  if (options_.track_forces) ReadPinForces();
-  WatchPeaks();
+  loads_.Begin(t_, stepper_->state());
   if (RemoveDrift(t_, stepper_->state())) stepper_->Refresh();
   std::copy_n(stepper_->state(), sample_.size(), sample_.begin());
   Emit(0.0);
@@ -178,9 +173,17 @@ void Integration::FillReport() {
   if (!energy.empty()) report_.warnings.push_back(energy);
   report_.t_end = t_;
   report_.method = steppers_.Description(StepperSet::RoleOf(method_));
-  report_.evaluations = steppers_.evaluations();
+  report_.evaluations = steppers_.evaluations() + loads_.evaluations();
   report_.work += static_cast<double>(report_.evaluations);
   report_.repartitions = steppers_.repartitions();
+  for (std::size_t j = 0; j < model_.joints.size(); ++j) {
+    report_.peak_pin_force.push_back(loads_.pin(j).value);
+    report_.peak_pin_time.push_back(loads_.pin(j).t);
+  }
+  for (int k = 0; k < model_.latches.count(); ++k) {
+    report_.peak_moment.push_back(loads_.contact(k).value);
+    report_.peak_time.push_back(loads_.contact(k).t);
+  }
   report_.events = log_.Kept(&report_.events_left_out);
   report_.event_counts = log_.counts();
   report_.latch_counts = log_.latches();
@@ -191,6 +194,7 @@ void Integration::PassEdge() {
   dynamics_.SetInterval(edges_.after(), edges_.before());
   if (model_.constraints.driven()) FollowRates();
   stepper_->Refresh();
+  loads_.Begin(t_, stepper_->state());
 }
 
 void Integration::FollowRates() {
@@ -244,7 +248,7 @@ bool Integration::FailIfDependent() {
 }
 
 void Integration::Advance(double h, bool whole) {
-  if (options_.track_forces) ReadPinForces();
+  loads_.ReadEnd(stepper_->trial());
   if (!axial_.empty()) {
     axial_.Look(t_ + h, dynamics_.Multipliers(), stepper_->trial());
     if (axial_.MustStop()) Fail(SimulateStatus::kMeshCoarse, axial_.Complaint());
@@ -255,12 +259,12 @@ void Integration::Advance(double h, bool whole) {
   const bool event = !finder_.empty() && finder_.FindFirst(*stepper_, dynamics_.modes(), &sigma);
   const double t_new = event ? t_ + sigma * h : whole ? edges_.next() : t_ + h;
   SampleStep(h, t_new);
+  WatchLoads(h, event ? sigma : 1.0, event);
   t_ = t_new;
   if (!event) {
     stepper_->Accept(t_);
     if (!at_trial && RemoveDrift(t_, stepper_->state())) stepper_->Refresh();
     finder_.Follow(stepper_->state());
-    WatchPeaks();
     return;
   }
   limit_ = StepLimit::kEvent;
@@ -268,6 +272,7 @@ void Integration::Advance(double h, bool whole) {
   HandleEvents();
   stepper_->Refresh();
   if (RemoveDrift(t_, stepper_->state())) stepper_->Refresh();
+  loads_.Begin(t_, stepper_->state());
 }
 
 void Integration::HandleEvents() {
@@ -328,31 +333,17 @@ void Integration::Emit(double t) {
   ++report_.samples;
 }
 
-// From the last right side, at the step's end or near it. Computing the drift overwrites it.
-void Integration::ReadPinForces() {
-  const Motion motion = dynamics_.LastMotion();
-  for (std::size_t j = 0; j < pin_force_.size(); ++j) {
-    const JointForces::Force force =
-        forces_.Of(static_cast<int>(j), motion, dynamics_.JointMultipliers());
-    pin_force_[j] = std::hypot(force.fx, force.fy);
-  }
-}
-
-void Integration::WatchPeaks() {
-  for (std::size_t j = 0; j < pin_force_.size(); ++j) {
-    if (!(pin_force_[j] > report_.peak_pin_force[j])) continue;
-    report_.peak_pin_force[j] = pin_force_[j];
-    report_.peak_pin_time[j] = t_;
-  }
-  for (int k = 0; k < model_.latches.count(); ++k) {
-    const LatchMode& mode = dynamics_.modes()[k];
-    if (!(mode.upper_contact | mode.lower_contact)) continue;
-    const double moment = std::fabs(LatchMoment(model_, k, stepper_->state(), mode));
-    if (moment > report_.peak_moment[k]) {
-      report_.peak_moment[k] = moment;
-      report_.peak_time[k] = t_;
-    }
-  }
+// What stiff axes have between the ends of implicit steps is an interpolation's error, not theirs:
+// there loads are looked for inside steps in contacts alone, which steps follow.
+void Integration::WatchLoads(double h, double sigma, bool event) {
+  const auto& modes = dynamics_.modes();
+  const bool inside =
+      role_ != StepperSet::kImplicit || std::any_of(modes.begin(), modes.end(), [](LatchMode m) {
+        return (m.upper_contact | m.lower_contact) != 0;
+      });
+  const bool moved = loads_.Step(stepper_, t_, h, sigma, inside);
+  // What follows wants the right side at the trial to be the last.
+  if (moved && !event) dynamics_.RightSide(t_ + h, stepper_->trial(), scratch_.data());
 }
 
 void Integration::Poll() {
