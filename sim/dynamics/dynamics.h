@@ -87,6 +87,12 @@ class Dynamics {
     before_ = before;
   }
 
+  // From here on it is always this time: loads are what they are then, and drives hold their place.
+  void HoldAt(double t) {
+    after_ = before_ = t;
+    held_ = true;
+  }
+
   // Drift of the constraints at the state of the last RightSide; needs no new factor.
   double PositionDrift(double t, double* y);
   double VelocityDrift(double t, double* y);
@@ -125,6 +131,7 @@ class Dynamics {
   Array cosine_, sine_, fx_, fy_, m_, scratch_;  // [-], [N], [N m]
   Constraints::Work work_;
   double after_ = -HUGE_VAL, before_ = HUGE_VAL;  // [s]
+  bool held_ = false;
 };
 
 }  // namespace unfurl::sim

@@ -32,6 +32,7 @@ constexpr int kPollSteps = 512, kPollBodies = 100'000;
 constexpr int kJudgeSteps = 32, kJudgeAll = 64;
 constexpr double kMostDrift = 100.0;   // tolerances that constraints may be off by
 constexpr int kStabilitySteps = 8;     // between checks of stability
+constexpr int kPartsOfWay = 4;         // of a step, at which open latches are looked at
 constexpr double kStabilityUse = 0.7;  // from here on stability is what limits the step
 // And from here on an implicit method is worth a trial: along the imaginary axis, where undamped
 // vibrations are, 5(4) is stable up to 0.3 of the edge along the real one.
@@ -66,6 +67,7 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       poll_steps_(std::clamp(kPollBodies / model.rigid_bodies.count, 1, kPollSteps)),
       sample_(model.index.size(), 0.0),
       scratch_(model.index.size(), 0.0),
+      way_(model.index.size(), 0.0),
       end_(options.duration > 0.0 ? options.duration : model.duration),
       edges_(model, end_),
       functions_(model, end_, options.rtol),
@@ -259,6 +261,7 @@ void Integration::Advance(double h, bool whole) {
   const bool event = !finder_.empty() && finder_.FindFirst(*stepper_, dynamics_.modes(), &sigma);
   const double t_new = event ? t_ + sigma * h : whole ? edges_.next() : t_ + h;
   SampleStep(h, t_new);
+  ShowWay(h, event ? sigma : 1.0);
   WatchLoads(h, event ? sigma : 1.0, event);
   t_ = t_new;
   if (!event) {
@@ -325,6 +328,29 @@ void Integration::SampleStep(double h, double t_new) {
     if (t > std::min(t_new, end_ * (1.0 + 1e-12))) return;
     stepper_->Dense(std::clamp((t - t_) / h, 0.0, 1.0), sample_.data());
     Emit(t);
+  }
+}
+
+void Integration::ShowWay(double h, double sigma) {
+  if (observer_ == nullptr || !options_.track_forces) return;
+  const StateIndex& i = model_.index;
+  const auto& modes = dynamics_.modes();
+  for (int part = 1; part <= kPartsOfWay; ++part) {
+    const double at = sigma * part / kPartsOfWay;
+    bool open = false;
+    for (int k = 0; k < model_.latches.count(); ++k) {
+      if (modes[static_cast<std::size_t>(k)].latched) continue;
+      open = true;
+      const Hinge& hinge = model_.latches.hinge(k);
+      for (const int body : {hinge.outer, hinge.inner}) {
+        double margin = 0.0;
+        for (const int entry : {i.theta(body), i.omega(body)}) {
+          way_[entry] = stepper_->Cubic(entry, &margin)(at);
+        }
+      }
+    }
+    if (!open) return;
+    observer_->OnWay(dynamics_.MotionAt(t_ + at * h, way_.data()), modes);
   }
 }
 

@@ -55,6 +55,8 @@ class Integration {
   void WatchDrift(double position, double velocity, const double* y);
   double ContactStep() const;
   void SampleStep(double h, double t_new);
+  // On the step just tried, as far as it is taken, what open latches go through.
+  void ShowWay(double h, double sigma);
   void Emit(double t);
   // Of the step just tried, of length h, as far as it is taken; `event`: it ends at one.
   void WatchLoads(double h, double sigma, bool event);
@@ -85,7 +87,8 @@ class Integration {
   SimulateReport report_;
   LoadPeaks loads_;
   int poll_steps_ = 1;
-  Array sample_, scratch_;     // a state, rates that nobody wants [SI]
+  Array sample_, scratch_;  // a state, rates that nobody wants [SI]
+  Array way_;               // a state in which nothing but what open latches join is filled in [SI]
   std::vector<double> start_;  // of a stepper that takes over [SI]
   double end_ = 0.0;           // [s]
   Edges edges_;
