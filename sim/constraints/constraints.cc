@@ -228,9 +228,9 @@ Constraints::Work Constraints::MakeWork() const {
   Work w;
   const int beams = beam_count_ + kBlock;
   w.tilt = w.tilt_i = w.tilt_j = w.axis_x = w.axis_y = Array(beams, 0.0);
-  w.diagonal = w.inverse = w.lambda = Array(PaddedSize(rows_) + kBlock, 1.0);
+  w.diagonal = w.inverse = Array(PaddedSize(rows_) + kBlock, 1.0);
   w.off = Array(ldlt_.places() + kBlock, 0.0);
-  w.lambda.assign(w.lambda.size(), 0.0);
+  w.lambda = w.drift = Array(PaddedSize(rows_) + kBlock, 0.0);
   w.fx = w.fy = w.m = w.ax = w.ay = w.alpha = Array(n_ + kBlock, 0.0);
   w.joints.assign(joints_.GeometrySize(), 0.0);
   w.blocks.assign(6 * joints_.rows() + 3 * blocks_.size(), 0.0);

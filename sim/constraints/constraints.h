@@ -32,7 +32,8 @@ class Constraints {
     Array tilt;                    // d(row)/d(theta_i), in the station's coordinates, by row [m]
     Array tilt_i, tilt_j;          // the same for the bodies that carry the stations [m]
     Array diagonal, off, inverse;  // the Schur complement, then its factor [1/kg], inverse [kg]
-    Array lambda;                  // by row [N], [N m]
+    Array lambda;                  // multipliers by row, of the last Accelerate [N], [N m]
+    Array drift;                   // the constraints or their rates by row [m], [m/s]
     Array fx, fy, m;               // J^T lambda by body [N], [N m]
     Array ax, ay, alpha;           // accelerations by body [m/s^2], [rad/s^2]
     std::vector<double> joints;    // geometry of the joints' rows [m], [-]
@@ -74,13 +75,13 @@ class Constraints {
   // offsets. Accelerations of stations and of the ground come out as zero.
   void Accelerate(const Motion& motion, Load load, Work* work) const;
 
-  // The constraints and their rates at the positions of the last Accelerate, left in work->lambda;
+  // The constraints and their rates at the positions of the last Accelerate, left in work->drift;
   // returns the largest [m], [m/s].
-  double PositionDrift(const Motion& motion, Work* work) const;  // fills work->lambda
+  double PositionDrift(const Motion& motion, Work* work) const;  // fills work->drift
   // The same at a motion that Accelerate has not seen.
   double PositionDriftAt(const Motion& motion, Work* work) const;
-  double VelocityDrift(const Motion& motion, Work* work) const;  // fills work->lambda
-  // Adds -M^-1 J^T S^-1 (what is in work->lambda) to three blocks of a state vector, with the
+  double VelocityDrift(const Motion& motion, Work* work) const;  // fills work->drift
+  // Adds -M^-1 J^T S^-1 (what is in work->drift) to three blocks of a state vector, with the
   // factor of the last Accelerate: the correction that is least in the norm of the masses.
   void RemoveDrift(Work* work, double* x, double* y, double* theta) const;
 
@@ -148,7 +149,8 @@ class Constraints {
     for (const int row : dropped_) rows[row] = 0.0;
   }
   void AssembleSchur(Work* work) const;
-  void ConstraintLoad(Work* work) const;
+  // J^T of values by row, into work->fx, fy, m.
+  void ConstraintLoad(const Array& by_row, Work* work) const;
 
   int n_ = 0, beam_count_ = 0, rows_ = 0;
   Array inverse_mass_, inverse_inertia_;  // by body [1/kg], [1/(kg m^2)]

@@ -121,11 +121,11 @@ void Constraints::AddBeamCouplings(Work* work) const {
   }
 }
 
-void Constraints::ConstraintLoad(Work* work) const {
+void Constraints::ConstraintLoad(const Array& by_row, Work* work) const {
   double* __restrict fx = work->fx.data();
   double* __restrict fy = work->fy.data();
   double* __restrict mm = work->m.data();
-  const double* __restrict lambda = work->lambda.data();
+  const double* __restrict lambda = by_row.data();
   const double* __restrict tilt = work->tilt.data();
   const double* __restrict c = work->axis_x.data();
   const double* __restrict sine = work->axis_y.data();
@@ -216,7 +216,7 @@ void Constraints::Accelerate(const Motion& m, Load load, Work* work) const {
   AssembleSchur(work);
   ldlt_.FactorAndForward(work->diagonal.data(), work->off.data(), work->inverse.data(), b);
   ldlt_.Backward(work->off.data(), b);
-  ConstraintLoad(work);
+  ConstraintLoad(work->lambda, work);
   const double* __restrict fx = work->fx.data();
   const double* __restrict fy = work->fy.data();
   const double* __restrict mm = work->m.data();
@@ -232,7 +232,7 @@ void Constraints::Accelerate(const Motion& m, Load load, Work* work) const {
 }
 
 double Constraints::PositionDrift(const Motion& m, Work* work) const {
-  double* __restrict phi = work->lambda.data();
+  double* __restrict phi = work->drift.data();
   const double* __restrict x = m.x;
   const double* __restrict y = m.y;
   const double* __restrict c = work->axis_x.data();
@@ -246,7 +246,7 @@ double Constraints::PositionDrift(const Motion& m, Work* work) const {
   }
   joints_.Positions(m, work->joints.data(), phi + beam_count_);
   ClearDropped(phi);
-  return LargestMagnitude(work->lambda);
+  return LargestMagnitude(work->drift);
 }
 
 double Constraints::PositionDriftAt(const Motion& m, Work* work) const {
@@ -255,7 +255,7 @@ double Constraints::PositionDriftAt(const Motion& m, Work* work) const {
 }
 
 double Constraints::VelocityDrift(const Motion& m, Work* work) const {
-  double* __restrict rate = work->lambda.data();
+  double* __restrict rate = work->drift.data();
   const double* __restrict vx = m.vx;
   const double* __restrict vy = m.vy;
   const double* __restrict omega = m.omega;
@@ -271,13 +271,13 @@ double Constraints::VelocityDrift(const Motion& m, Work* work) const {
   }
   joints_.Velocities(m, work->joints.data(), work->blocks.data(), rate + beam_count_);
   ClearDropped(rate);
-  return LargestMagnitude(work->lambda);
+  return LargestMagnitude(work->drift);
 }
 
 void Constraints::RemoveDrift(Work* work, double* x, double* y, double* theta) const {
-  ldlt_.Forward(work->off.data(), work->inverse.data(), work->lambda.data());
-  ldlt_.Backward(work->off.data(), work->lambda.data());
-  ConstraintLoad(work);
+  ldlt_.Forward(work->off.data(), work->inverse.data(), work->drift.data());
+  ldlt_.Backward(work->off.data(), work->drift.data());
+  ConstraintLoad(work->drift, work);
   for (int k = 0; k < n_; ++k) {
     x[k] -= inverse_mass_[k] * work->fx[k];
     y[k] -= inverse_mass_[k] * work->fy[k];

@@ -1,6 +1,14 @@
 #include "sim/constraints/joint_rows.h"
 
 namespace unfurl::sim {
+namespace {
+
+// Of what a drive or a slot asks for [m/s^2], [rad/s^2].
+double Acceleration(const data::TimeFunction& target, const Motion& m) {
+  return m.held ? 0.0 : target.At(m.t).acceleration;
+}
+
+}  // namespace
 
 int JointRows::Inner(int row) const {
   if (row < first_along()) return pins[row / 2].inner;
@@ -104,13 +112,13 @@ void JointRows::Residual(const Motion& m, const double* g, const double* jacobia
     const double centripetal =
         wi * wi * (ex * (px - g[6]) + ey * (py - g[7])) - wo * wo * (ex * qx + ey * qy);
     const double coriolis = 2.0 * wi * (ex * ry - ey * rx);
-    *b++ = a.target.At(m.t).acceleration - a.sign * (centripetal + coriolis) +
-           minus_Ja(a.inner, a.outer);
+    *b++ =
+        Acceleration(a.target, m) - a.sign * (centripetal + coriolis) + minus_Ja(a.inner, a.outer);
     g += 8;
     jacobian += 6;
   }
   for (const Angle& a : angles) {
-    *b++ = a.target.At(m.t).acceleration - a.sign * (alpha[a.outer] - alpha[a.inner]);
+    *b++ = Acceleration(a.target, m) - a.sign * (alpha[a.outer] - alpha[a.inner]);
   }
 }
 

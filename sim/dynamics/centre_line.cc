@@ -79,20 +79,25 @@ double CentreLine::TipDeflection(const Motion& m) const {
 double CentreLine::Curvature(const Motion& m, double place) const {
   if (smooth_ >= 0) {
     const double step = 1e-3 * length_;  // shapes bend over a tenth of the length and more
-    const double low = std::max(0.0, place - step), high = std::min(length_, place + step);
-    return (SmoothAt(m, high).theta - SmoothAt(m, low).theta) / (high - low);
+    const double middle = std::clamp(place, step, length_ - step);
+    const double low = SmoothAt(m, middle - step).theta, high = SmoothAt(m, middle + step).theta;
+    const double curvature = (high - low) / (2.0 * step);
+    if (middle == place) return curvature;
+    // Near an end it goes on as a straight line.
+    const double slope = (high - 2.0 * SmoothAt(m, middle).theta + low) / (step * step);
+    return curvature + slope * (place - middle);
   }
+  // At the station that holds an end: that of the half element's cubic there, whose moment is what
+  // the end bears. In the middle of it, where its angles' difference stands, it may be far less.
+  const auto at_end = [&](int i, int j, double side) {
+    const double length = 0.5 * segment_length_, angle = 0.5 * (m.theta[i] + m.theta[j]);
+    const double across = std::cos(angle) * (m.y[j] - m.y[i]) - std::sin(angle) * (m.x[j] - m.x[i]);
+    return (m.theta[j] - m.theta[i] + side * 6.0 * across / length) / length;
+  };
   const auto node = [&](int k) {  // between segments k - 1 and k
-    if (k == 0) {
-      return start_station_ < 0
-                 ? 0.0
-                 : 2.0 * (m.theta[first_] - m.theta[start_station_]) / segment_length_;
-    }
+    if (k == 0) return start_station_ < 0 ? 0.0 : at_end(start_station_, first_, 1.0);
     const int last = first_ + segments_ - 1;
-    if (k == segments_) {
-      return end_station_ < 0 ? 0.0
-                              : 2.0 * (m.theta[end_station_] - m.theta[last]) / segment_length_;
-    }
+    if (k == segments_) return end_station_ < 0 ? 0.0 : at_end(last, end_station_, -1.0);
     return (m.theta[first_ + k] - m.theta[first_ + k - 1]) / segment_length_;
   };
   const double count = place / segment_length_;

@@ -73,8 +73,7 @@ class Dynamics {
     return {0.0,     nullptr, nullptr,        nullptr,     nullptr,
             nullptr, nullptr, cosine_.data(), sine_.data()};
   }
-  // Multipliers of the joints' rows (JointRows), [N] and [N m]; of the last RightSide, before the
-  // drift is computed.
+  // Multipliers of the joints' rows (JointRows), [N] and [N m]; of the last RightSide.
   const double* JointMultipliers() const {
     return work_.lambda.data() + model_.constraints.first_joint_row();
   }
@@ -88,6 +87,12 @@ class Dynamics {
     before_ = before;
   }
 
+  // From here on it is always this time: loads are what they are then, and drives hold their place.
+  void HoldAt(double t) {
+    after_ = before_ = t;
+    held_ = true;
+  }
+
   // Drift of the constraints at the state of the last RightSide; needs no new factor.
   double PositionDrift(double t, double* y);
   double VelocityDrift(double t, double* y);
@@ -99,7 +104,7 @@ class Dynamics {
   // constraint_rows(); return the largest [m], [m/s].
   double EvaluateConstraints(double t, double* y);
   double EvaluateConstraintRates(double t, double* y);
-  double* constraint_rows() { return work_.lambda.data(); }
+  double* constraint_rows() { return work_.drift.data(); }
   // At the y of the last RightSide or EvaluateConstraints; as Constraints::Jacobian.
   void Jacobian(double t, double* y, double* six_per_row) const;
   // The tangent of the last RightSide, which must have been at `y`; `lambda` are its multipliers by
@@ -126,6 +131,7 @@ class Dynamics {
   Array cosine_, sine_, fx_, fy_, m_, scratch_;  // [-], [N], [N m]
   Constraints::Work work_;
   double after_ = -HUGE_VAL, before_ = HUGE_VAL;  // [s]
+  bool held_ = false;
 };
 
 }  // namespace unfurl::sim

@@ -42,7 +42,11 @@ class Observables {
   double energy_at_start() const { return start_; }
   double residual() const { return balance_.Conserved() - start_; }
 
-  const TorqueMargins& margins() const { return margins_; }  // over all rows so far
+  const TorqueMargins& margins() const { return margins_; }  // over all that was seen so far
+  // Between rows; see Observer::OnWay.
+  void WatchMargins(const Motion& motion, const std::vector<LatchMode>& modes) {
+    margins_.Watch(motion, modes);
+  }
 
   std::vector<data::BeamShape> shapes() const;
   // x, y of every point of shapes(), one after another [m].

@@ -1,5 +1,6 @@
 #include "sim/dynamics/sensors.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "sim/dynamics/observables.h"
@@ -8,14 +9,14 @@ namespace unfurl::sim {
 
 namespace {
 
-// Of the time scale. Velocities are linear in the rates and trigonometric in the places, so that a
-// central difference over it is off by (omega step)^2 / 6, and rounded by 1e-16 / step: both below
-// 1e-9 of what they are.
-constexpr double kStep = 1e-6;
+// Velocities are linear in the rates and trigonometric in the angles, so that a central difference
+// over the time in which angles turn by this much is off by its square / 6, and rounded by 1e-16
+// over it: both below 1e-10 of omega v [rad].
+constexpr double kTurn = 1e-5;
 
 }  // namespace
 
-Sensors::Sensors(const Model& model) : model_(model), step_(kStep * model.time_scale) {
+Sensors::Sensors(const Model& model) : model_(model) {
   if (model.sensors.empty()) return;
   for (const Model::Beam& beam : model.beams) lines_.emplace_back(model, beam);
   for (const Model::Sensor& s : model.sensors) {
@@ -40,23 +41,36 @@ Sensors::Turn Sensors::TurnOf(const Model::Sensor& sensor, const double* state) 
   return out;
 }
 
+double Sensors::StepAt(const double* state) const {
+  const StateIndex& i = model_.index;
+  double fastest = 0.0;
+  for (int k = 0; k < i.n; ++k) fastest = std::max(fastest, std::fabs(state[i.omega(k)]));
+  // Three to a body, and angles all of them.
+  for (const int k : model_.rigid_bodies.amplitudes) {
+    fastest = std::max({fastest, std::fabs(state[i.vx(k)]), std::fabs(state[i.vy(k)])});
+  }
+  // Where nothing turns the velocities are linear, and any step will do.
+  return kTurn / std::max(fastest, kTurn / model_.time_scale);
+}
+
 void Sensors::Read(double t, double* state, const double* rates, Dynamics* dynamics) {
   using Kind = data::SceneSensor::Kind;
   const auto n = static_cast<std::size_t>(6 * model_.index.n);
   // dv/dt of every accelerometer's place, by what its velocity is a moment later and earlier.
   std::vector<double>& out = readings_;
+  const double step = needs_rates_ ? StepAt(state) : 0.0;
   for (const double side : {+1.0, -1.0}) {
     if (!needs_rates_) break;
     std::copy(state, state + model_.index.size(), moved_.begin());
-    for (std::size_t k = 0; k < n; ++k) moved_[k] += side * step_ * rates[k];
-    dynamics->Update(t + side * step_, moved_.data());
+    for (std::size_t k = 0; k < n; ++k) moved_[k] += side * step * rates[k];
+    dynamics->Update(t + side * step, moved_.data());
     for (std::size_t s = 0; s < out.size(); ++s) {
       const Model::Sensor& sensor = model_.sensors[s];
       if (sensor.kind != Kind::kAccelerometer) continue;
       const PointMotion m = MotionOf(model_, sensor.point, moved_.data());
       const double angle = TurnOf(sensor, state).angle + sensor.angle;
       const double along = std::cos(angle) * m.vx + std::sin(angle) * m.vy;
-      out[s] = side > 0.0 ? along : (out[s] - along) / (2.0 * step_);
+      out[s] = side > 0.0 ? along : (out[s] - along) / (2.0 * step);
     }
   }
   const Motion motion = dynamics->Update(t, state);

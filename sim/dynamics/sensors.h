@@ -28,12 +28,12 @@ class Sensors {
     double angle, rate;  // of the place [rad], [rad/s]
   };
   Turn TurnOf(const Model::Sensor& sensor, const double* state) const;
+  double StepAt(const double* state) const;  // of differences along the motion there [s]
 
   const Model& model_;
   bool needs_rates_ = false;
   std::vector<CentreLine> lines_;  // by beam
   std::vector<double> readings_, moved_;
-  double step_ = 0.0;  // of the differences along the motion [s]
 };
 
 }  // namespace unfurl::sim

@@ -1,5 +1,6 @@
 #include "sim/effects/forces.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "sim/implicit/tangent.h"
@@ -53,6 +54,16 @@ void Forces::AddLoad(const Motion& m, Load load, double* work) const {
     }
   }
   if (work != nullptr) *work += power;
+}
+
+bool Forces::AnyFollows(double t) const {
+  const auto acts = [t](const auto& force, const Pair& value) {
+    return force.follows && (value[0].Value(t) != 0.0 || value[1].Value(t) != 0.0);
+  };
+  return std::any_of(forces_.begin(), forces_.end(),
+                     [&](const Force& f) { return acts(f, f.force); }) ||
+         std::any_of(lines_.begin(), lines_.end(),
+                     [&](const Line& line) { return acts(line, line.per_length); });
 }
 
 void Forces::AddTangent(const Motion& motion, Tangent* tangent) const {

@@ -31,6 +31,8 @@ class Forces {
   // Of forces at points that keep their direction; a follower has no symmetric stiffness to speak
   // of.
   void AddTangent(const Motion& motion, Tangent* tangent) const;
+  // Whether any that follows its body acts at that time [s].
+  bool AnyFollows(double t) const;
   bool HasPower() const { return count() > 0; }
   double Energy(const Motion&) const { return 0.0; }
   double EnergyScale(const Motion&) const { return 0.0; }

@@ -58,7 +58,7 @@ EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
     system.MassTimes(x.data());
     if (rows > 0) {
       dynamics->PositionDrift(0.0, y);
-      for (int r = 0; r < rows; ++r) drift[r] = -dynamics->constraint_work().lambda[r];
+      for (int r = 0; r < rows; ++r) drift[r] = -dynamics->constraint_work().drift[r];
     }
     system.Factor(b);
     system.Solve(x.data(), drift.data());

@@ -193,6 +193,12 @@ SceneModes ModesOn(const data::Scene& scene, bool latched, const ModesOptions& o
   Dynamics dynamics(model);
   std::vector<double> y = model.initial_state;
   if (options.at && *options.at > 0.0) RunTo(*options.at, model, scene.path, &dynamics, &y);
+  const double t = options.at.value_or(0.0);
+  dynamics.HoldAt(t);
+  if (model.forces.AnyFollows(t)) {
+    throw Error("a force in the axes of its body has no potential: the modes would be others",
+                scene.path, "use frame = \"world\", or leave it out");
+  }
   if (options.find_equilibrium) {
     result.equilibrium = latched ? FindLatchedEquilibrium(&dynamics, y.data())
                                  : FindEquilibrium(&dynamics, y.data());

@@ -1,6 +1,7 @@
 #include "sim/implicit/kkt_smooth.h"
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 
 namespace unfurl::sim {
@@ -319,7 +320,8 @@ double SmoothSaddle::Stiffest(const Tangent& tangent) const {
   double largest = 0.0;
   for (const int s : rigid_) {
     for (int d = 0; d < 3; ++d) {
-      largest = std::max(largest, tangent.K(s)[4 * d] / (d < 2 ? mass_[s] : inertia_[s]));
+      const double mass = d < 2 ? mass_[s] : inertia_[s];
+      largest = std::max(largest, std::fabs(tangent.K(s)[4 * d]) / mass);
     }
   }
   for (const Beam& beam : list_) {

@@ -1,6 +1,7 @@
 #include "sim/implicit/linearised.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace unfurl::sim {
 
@@ -87,7 +88,7 @@ double Linearised::Stiffest() const {
     if (!bodies.IsDynamic(s)) continue;
     for (int d = 0; d < 3; ++d) {
       const double mass = d < 2 ? bodies.mass[s] : bodies.inertia[s];
-      largest = std::max(largest, tangent_.K(s)[4 * d] / mass);
+      largest = std::max(largest, std::fabs(tangent_.K(s)[4 * d]) / mass);
     }
   }
   return largest;

@@ -22,6 +22,7 @@ class Linearised {
   // Of vectors, what moves by itself, and where forces are: the unknowns.
   const std::vector<int>& entries() const { return entries_; }
   int rows() const { return rows_; }
+  int constraints() const { return dynamics_.model().constraints.count(); }  // without empty rows
   std::size_t length() const { return 3 * static_cast<std::size_t>(n_) + kBlock; }
 
   // Fills in what is attached to smooth beams.
@@ -36,7 +37,7 @@ class Linearised {
   // (M + b K) x = r + J^T mu, J x = g: as Saddle.
   void Factor(double b);
   void Solve(double* x, const double* g);
-  // An estimate of the largest omega^2 [1/s^2].
+  // An estimate of the largest magnitude of omega^2 [1/s^2].
   double Stiffest() const;
 
  private:

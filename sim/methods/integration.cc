@@ -32,6 +32,7 @@ constexpr int kPollSteps = 512, kPollBodies = 100'000;
 constexpr int kJudgeSteps = 32, kJudgeAll = 64;
 constexpr double kMostDrift = 100.0;   // tolerances that constraints may be off by
 constexpr int kStabilitySteps = 8;     // between checks of stability
+constexpr int kPartsOfWay = 4;         // of a step, at which open latches are looked at
 constexpr double kStabilityUse = 0.7;  // from here on stability is what limits the step
 // And from here on an implicit method is worth a trial: along the imaginary axis, where undamped
 // vibrations are, 5(4) is stable up to 0.3 of the edge along the real one.
@@ -62,10 +63,11 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       log_(model.latches.count()),
       judge_(model, scale_, options.track_energy),
       axial_(model),
-      forces_(model),
-      pin_force_(model.joints.size(), 0.0),
+      loads_(model, &dynamics_, options.track_forces),
       poll_steps_(std::clamp(kPollBodies / model.rigid_bodies.count, 1, kPollSteps)),
       sample_(model.index.size(), 0.0),
+      scratch_(model.index.size(), 0.0),
+      way_(model.index.size(), 0.0),
       end_(options.duration > 0.0 ? options.duration : model.duration),
       edges_(model, end_),
       functions_(model, end_, options.rtol),
@@ -76,10 +78,6 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
   loops_ = model.constraints.HasLoops() && model.kirchhoff.count() == 0;
   switches_ = options.method == Method::kAuto && options.order == 0;
   start_.assign(sample_.size(), 0.0);
-  report_.peak_moment.assign(model.latches.count(), 0.0);
-  report_.peak_time.assign(model.latches.count(), 0.0);
-  report_.peak_pin_force.assign(model.joints.size(), 0.0);
-  report_.peak_pin_time.assign(model.joints.size(), 0.0);
   report_.worst_bodies.assign(model.rigid_bodies.count, 0);
   if (options.profile) {
     report_.part_seconds.assign(Dynamics::kParts, 0.0);
@@ -135,8 +133,7 @@ SimulateReport Integration::Go() {
 void Integration::StartMotion() {
   dynamics_.SetInterval(edges_.after(), edges_.before());
   stepper_->Start(0.0, model_.initial_state);
-  if (options_.track_forces) ReadPinForces();
-  WatchPeaks();
+  loads_.Begin(t_, stepper_->state());
   if (RemoveDrift(t_, stepper_->state())) stepper_->Refresh();
   std::copy_n(stepper_->state(), sample_.size(), sample_.begin());
   Emit(0.0);
@@ -178,9 +175,17 @@ void Integration::FillReport() {
   if (!energy.empty()) report_.warnings.push_back(energy);
   report_.t_end = t_;
   report_.method = steppers_.Description(StepperSet::RoleOf(method_));
-  report_.evaluations = steppers_.evaluations();
+  report_.evaluations = steppers_.evaluations() + loads_.evaluations();
   report_.work += static_cast<double>(report_.evaluations);
   report_.repartitions = steppers_.repartitions();
+  for (std::size_t j = 0; j < model_.joints.size(); ++j) {
+    report_.peak_pin_force.push_back(loads_.pin(j).value);
+    report_.peak_pin_time.push_back(loads_.pin(j).t);
+  }
+  for (int k = 0; k < model_.latches.count(); ++k) {
+    report_.peak_moment.push_back(loads_.contact(k).value);
+    report_.peak_time.push_back(loads_.contact(k).t);
+  }
   report_.events = log_.Kept(&report_.events_left_out);
   report_.event_counts = log_.counts();
   report_.latch_counts = log_.latches();
@@ -191,6 +196,7 @@ void Integration::PassEdge() {
   dynamics_.SetInterval(edges_.after(), edges_.before());
   if (model_.constraints.driven()) FollowRates();
   stepper_->Refresh();
+  loads_.Begin(t_, stepper_->state());
 }
 
 void Integration::FollowRates() {
@@ -244,7 +250,7 @@ bool Integration::FailIfDependent() {
 }
 
 void Integration::Advance(double h, bool whole) {
-  if (options_.track_forces) ReadPinForces();
+  loads_.ReadEnd(stepper_->trial());
   if (!axial_.empty()) {
     axial_.Look(t_ + h, dynamics_.Multipliers(), stepper_->trial());
     if (axial_.MustStop()) Fail(SimulateStatus::kMeshCoarse, axial_.Complaint());
@@ -255,12 +261,13 @@ void Integration::Advance(double h, bool whole) {
   const bool event = !finder_.empty() && finder_.FindFirst(*stepper_, dynamics_.modes(), &sigma);
   const double t_new = event ? t_ + sigma * h : whole ? edges_.next() : t_ + h;
   SampleStep(h, t_new);
+  ShowWay(h, event ? sigma : 1.0);
+  WatchLoads(h, event ? sigma : 1.0, event);
   t_ = t_new;
   if (!event) {
     stepper_->Accept(t_);
     if (!at_trial && RemoveDrift(t_, stepper_->state())) stepper_->Refresh();
     finder_.Follow(stepper_->state());
-    WatchPeaks();
     return;
   }
   limit_ = StepLimit::kEvent;
@@ -268,6 +275,7 @@ void Integration::Advance(double h, bool whole) {
   HandleEvents();
   stepper_->Refresh();
   if (RemoveDrift(t_, stepper_->state())) stepper_->Refresh();
+  loads_.Begin(t_, stepper_->state());
 }
 
 void Integration::HandleEvents() {
@@ -323,36 +331,45 @@ void Integration::SampleStep(double h, double t_new) {
   }
 }
 
+void Integration::ShowWay(double h, double sigma) {
+  if (observer_ == nullptr || !options_.track_forces) return;
+  const StateIndex& i = model_.index;
+  const auto& modes = dynamics_.modes();
+  for (int part = 1; part <= kPartsOfWay; ++part) {
+    const double at = sigma * part / kPartsOfWay;
+    bool open = false;
+    for (int k = 0; k < model_.latches.count(); ++k) {
+      if (modes[static_cast<std::size_t>(k)].latched) continue;
+      open = true;
+      const Hinge& hinge = model_.latches.hinge(k);
+      for (const int body : {hinge.outer, hinge.inner}) {
+        double margin = 0.0;
+        for (const int entry : {i.theta(body), i.omega(body)}) {
+          way_[entry] = stepper_->Cubic(entry, &margin)(at);
+        }
+      }
+    }
+    if (!open) return;
+    observer_->OnWay(dynamics_.MotionAt(t_ + at * h, way_.data()), modes);
+  }
+}
+
 void Integration::Emit(double t) {
   if (observer_ != nullptr) observer_->OnSample(t, sample_.data(), dynamics_.modes());
   ++report_.samples;
 }
 
-// From the last right side, at the step's end or near it. Computing the drift overwrites it.
-void Integration::ReadPinForces() {
-  const Motion motion = dynamics_.LastMotion();
-  for (std::size_t j = 0; j < pin_force_.size(); ++j) {
-    const JointForces::Force force =
-        forces_.Of(static_cast<int>(j), motion, dynamics_.JointMultipliers());
-    pin_force_[j] = std::hypot(force.fx, force.fy);
-  }
-}
-
-void Integration::WatchPeaks() {
-  for (std::size_t j = 0; j < pin_force_.size(); ++j) {
-    if (!(pin_force_[j] > report_.peak_pin_force[j])) continue;
-    report_.peak_pin_force[j] = pin_force_[j];
-    report_.peak_pin_time[j] = t_;
-  }
-  for (int k = 0; k < model_.latches.count(); ++k) {
-    const LatchMode& mode = dynamics_.modes()[k];
-    if (!(mode.upper_contact | mode.lower_contact)) continue;
-    const double moment = std::fabs(LatchMoment(model_, k, stepper_->state(), mode));
-    if (moment > report_.peak_moment[k]) {
-      report_.peak_moment[k] = moment;
-      report_.peak_time[k] = t_;
-    }
-  }
+// What stiff axes have between the ends of implicit steps is an interpolation's error, not theirs:
+// there loads are looked for inside steps in contacts alone, which steps follow.
+void Integration::WatchLoads(double h, double sigma, bool event) {
+  const auto& modes = dynamics_.modes();
+  const bool inside =
+      role_ != StepperSet::kImplicit || std::any_of(modes.begin(), modes.end(), [](LatchMode m) {
+        return (m.upper_contact | m.lower_contact) != 0;
+      });
+  const bool moved = loads_.Step(stepper_, t_, h, sigma, inside);
+  // What follows wants the right side at the trial to be the last.
+  if (moved && !event) dynamics_.RightSide(t_ + h, stepper_->trial(), scratch_.data());
 }
 
 void Integration::Poll() {

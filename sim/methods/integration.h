@@ -5,12 +5,12 @@
 #include <string>
 #include <vector>
 
-#include "sim/effects/joint_forces.h"
 #include "sim/methods/axial_watch.h"
 #include "sim/methods/edges.h"
 #include "sim/methods/event_log.h"
 #include "sim/methods/events.h"
 #include "sim/methods/function_watch.h"
+#include "sim/methods/load_peaks.h"
 #include "sim/methods/method_switch.h"
 #include "sim/methods/pair_choice.h"
 #include "sim/methods/run_judge.h"
@@ -55,9 +55,11 @@ class Integration {
   void WatchDrift(double position, double velocity, const double* y);
   double ContactStep() const;
   void SampleStep(double h, double t_new);
+  // On the step just tried, as far as it is taken, what open latches go through.
+  void ShowWay(double h, double sigma);
   void Emit(double t);
-  void ReadPinForces();
-  void WatchPeaks();
+  // Of the step just tried, of length h, as far as it is taken; `event`: it ends at one.
+  void WatchLoads(double h, double sigma, bool event);
   void Poll();
   void SayIfSlow();
   // Judges the run that has come to its end.
@@ -83,10 +85,10 @@ class Integration {
   AxialWatch axial_;
   std::vector<Event> found_;  // of one instant
   SimulateReport report_;
-  JointForces forces_;
-  std::vector<double> pin_force_;  // at the end of the step just tried, by joint [N]
+  LoadPeaks loads_;
   int poll_steps_ = 1;
-  Array sample_;               // a state [SI]
+  Array sample_, scratch_;  // a state, rates that nobody wants [SI]
+  Array way_;               // a state in which nothing but what open latches join is filled in [SI]
   std::vector<double> start_;  // of a stepper that takes over [SI]
   double end_ = 0.0;           // [s]
   Edges edges_;

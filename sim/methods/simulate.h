@@ -13,6 +13,7 @@
 namespace unfurl::sim {
 
 struct Model;
+struct Motion;
 struct LatchMode;
 
 // How the constraints are kept and the steps are taken; docs/physics-simulator.md, "Methods".
@@ -55,6 +56,9 @@ class Observer {
   virtual ~Observer() = default;
   // At every sampling time.
   virtual void OnSample(double /*t*/, double* /*state*/, const std::vector<LatchMode>& /*modes*/) {}
+  // While a latch is open, some times within each step: what is there of angles and rates of the
+  // bodies that open latches join, all else of the motion zero.
+  virtual void OnWay(const Motion& /*motion*/, const std::vector<LatchMode>& /*modes*/) {}
   // In order of time.
   virtual void OnEvent(const Event& /*event*/) {}
   // Now and then; may throw Interrupted.

@@ -80,6 +80,7 @@ struct Motion {
   const double* c;
   const double* s;
   const LatchMode* modes = nullptr;  // by latch; null: no contact is evaluated
+  bool held = false;                 // time stands still: drives keep their place
 };
 
 // Forces [N] and moments about the body's own point [N m].

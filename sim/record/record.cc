@@ -24,6 +24,10 @@ class Both : public Observer {
     if (first_ != nullptr) first_->OnSample(t, state, modes);
     second_->OnSample(t, state, modes);
   }
+  void OnWay(const Motion& motion, const std::vector<LatchMode>& modes) override {
+    if (first_ != nullptr) first_->OnWay(motion, modes);
+    second_->OnWay(motion, modes);
+  }
   void OnEvent(const Event& event) override {
     if (first_ != nullptr) first_->OnEvent(event);
     second_->OnEvent(event);

@@ -187,6 +187,10 @@ void RunRecorder::OnSample(double t, double* state, const std::vector<LatchMode>
   ++samples_;
 }
 
+void RunRecorder::OnWay(const Motion& motion, const std::vector<LatchMode>& modes) {
+  observables_.WatchMargins(motion, modes);
+}
+
 void RunRecorder::OnEvent(const Event& event) {
   data::RunEvent record;
   record.t = event.t;

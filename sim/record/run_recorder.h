@@ -47,6 +47,7 @@ class RunRecorder : public Observer {
               bool profile);
 
   void OnSample(double t, double* state, const std::vector<LatchMode>& modes) override;
+  void OnWay(const Motion& motion, const std::vector<LatchMode>& modes) override;
   void OnEvent(const Event& event) override;
   void OnProgress(double fraction) override;
 

@@ -1,5 +1,6 @@
 #include "sim/implicit/find_modes.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -79,6 +80,52 @@ TEST(FindModes, FilesHoldTheRecord) {
     EXPECT_EQ(read.modes[m].shape, modes.record.modes[m].shape);
   }
   EXPECT_THROW(data::WriteModes("shapes.png", modes.record, {}), Error);
+}
+
+// An arm that a drive lifts upright, on it an upside-down pendulum on a spring: sqrt((k - m g r) /
+// (I + m r^2)) when it is up, and not sqrt(k ..) of when it lay. While the drive still accelerates,
+// the modes are those of an arm that is held.
+TEST(FindModes, AtATimeLoadsAndDrivesAreThoseOfThen) {
+  const std::string text =
+      "[scene]\nname = \"lift\"\nduration = 2.0\n"
+      "[body.arm]\nmass = 1.0\ninertia = 0.1\n[body.bob]\nmass = 1.0\ninertia = 0.1\n"
+      "[joint.lift]\ninner = \"ground\"\nouter = \"arm\"\n[joint.lift.drive]\nposition = {}\n"
+      "[joint.k]\ninner = \"arm\"\ninner_point = [1.0, 0.0]\nouter = \"bob\"\n"
+      "outer_point = [-0.5, 0.0]\n[joint.k.spring]\nstiffness = 20.0\n"
+      "[gravity]\nacceleration = [0.0, -9.81]\n";
+  const double upright = std::sqrt((20.0 - 9.81 * 0.5) / 0.35) / (2.0 * std::numbers::pi);
+  for (const char* drive :
+       {"\"1.5707963267948966 * smoothstep(t)\"", "\"1.5707963267948966 * t^2 / 2.25\""}) {
+    ModesOptions options;
+    options.at = 1.5;
+    const SceneModes modes =
+        FindModes(data::ParseScene(fmt::format(fmt::runtime(text), drive), "lift.toml"), options);
+    ASSERT_TRUE(modes.usable);
+    ASSERT_EQ(modes.record.modes.size(), 1u);
+    EXPECT_NEAR(modes.record.modes[0].frequency, upright, 1e-6) << drive;
+  }
+}
+
+// A force that turns with its body has no potential, and does nothing about the pin here; as a
+// stiffness it would have half of what a force that keeps its direction has.
+TEST(FindModes, FollowersAreRefused) {
+  const std::string text =
+      "[scene]\nname = \"thrust\"\nduration = 1.0\n[body.b]\nmass = 1.0\ninertia = 0.1\n"
+      "[joint.j]\ninner = \"ground\"\nouter = \"b\"\nouter_point = [-0.5, 0.0]\n"
+      "[joint.j.spring]\nstiffness = 3.0\n[force.f]\non = \"b\"\npoint = [0.5, 0.0]\n"
+      "force = [{}, 0.0]\nframe = \"{}\"\n";
+  const auto modes = [&](const char* force, const char* frame) {
+    return FindModes(
+        data::ParseScene(fmt::format(fmt::runtime(text), force, frame), "thrust.toml"));
+  };
+  EXPECT_THROW(modes("10.0", "body"), Error);
+  const double dead = std::sqrt((3.0 + 10.0) / 0.35), none = std::sqrt(3.0 / 0.35);
+  EXPECT_NEAR(2.0 * std::numbers::pi * modes("10.0", "world").record.modes.at(0).frequency, dead,
+              1e-8);
+  // One that does not act yet is none.
+  EXPECT_NEAR(2.0 * std::numbers::pi *
+                  modes("\"10.0 * step(t - 0.5)\"", "body").record.modes.at(0).frequency,
+              none, 1e-8);
 }
 
 TEST(FindModes, BadOptionsAreNamed) {

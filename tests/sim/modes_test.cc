@@ -1,5 +1,6 @@
 #include "sim/implicit/modes.h"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -130,6 +131,61 @@ TEST(Modes, MaterialDampingGivesRatiosByFrequency) {
   for (const NaturalMode& mode : report.modes) {
     const double expected = 0.5 * kBeta * 2.0 * M_PI * mode.frequency;
     EXPECT_NEAR(mode.damping, expected, 1e-6 * expected);
+  }
+}
+
+// So many wheels on springs of their own, k = 50 + number in the list, inertia 1 / 2.
+std::string WheelsScene(int count, const std::string& springs_of_the_first) {
+  std::string text = "[scene]\nname = 'wheels'\nduration = 1.0\n";
+  for (int k = 0; k < count; ++k) {
+    text += fmt::format(
+        "[body.w{0}]\nmass = 1.0\ninertia = 0.5\n[joint.j{0}]\ninner = 'ground'\n"
+        "inner_point = [{0}.0, 0.0]\nouter = 'w{0}'\n",
+        k);
+    if (k > 1) text += fmt::format("[joint.j{0}.spring]\nstiffness = {1}.0\n", k, 50 + k);
+  }
+  return text + springs_of_the_first;
+}
+
+// Wheels that tables push away grow by sqrt(k / I), however much faster than the softest of the
+// others swings.
+TEST(Modes, WhatGrowsFastIsFoundBySubspacesToo) {
+  const std::string pushed =
+      "[joint.j0.table]\ntheta = [-1.0, 1.0]\nmoment = [-5000.0, 5000.0]\n"
+      "[joint.j1.table]\ntheta = [-1.0, 1.0]\nmoment = [-8.0, 8.0]\n";
+  const Model model = ModelFrom(WheelsScene(40, pushed));
+  for (const ModesSolver solver : {ModesSolver::kDense, ModesSolver::kSubspace}) {
+    Dynamics dynamics(model);
+    std::vector<double> y = model.initial_state;
+    const ModesReport report = FindModes(&dynamics, y.data(), 6, solver);
+    EXPECT_EQ(report.rigid, 0);
+    ASSERT_EQ(report.modes.size(), 6u);
+    EXPECT_NEAR(report.modes[0].growth, 100.0, 1e-6);
+    EXPECT_NEAR(report.modes[1].growth, 4.0, 1e-6);
+    for (int k = 2; k < 6; ++k) {
+      EXPECT_NEAR(report.modes[k].frequency, std::sqrt(2.0 * (50 + k)) / (2.0 * M_PI), 1e-8);
+    }
+  }
+}
+
+// Two wheels on springs among many bodies that nothing holds: three rigid motions each, more than
+// the modes asked for.
+TEST(Modes, OfManyFreeBodies) {
+  constexpr int kFree = 60;
+  std::string text = WheelsScene(4, "");
+  for (int k = 0; k < kFree; ++k) {
+    text += fmt::format("[body.f{0}]\nmass = 1.0\ninertia = 0.5\npose = [{0}.0, 5.0, 0.0]\n", k);
+  }
+  const Model model = ModelFrom(text);
+  for (const ModesSolver solver : {ModesSolver::kDense, ModesSolver::kSubspace}) {
+    Dynamics dynamics(model);
+    std::vector<double> y = model.initial_state;
+    const ModesReport report = FindModes(&dynamics, y.data(), 3, solver);
+    EXPECT_EQ(report.rigid, 3 * kFree + 2);
+    ASSERT_EQ(report.modes.size(), 2u);
+    for (int k = 0; k < 2; ++k) {
+      EXPECT_NEAR(report.modes[k].frequency, std::sqrt(2.0 * (52 + k)) / (2.0 * M_PI), 1e-8);
+    }
   }
 }
 

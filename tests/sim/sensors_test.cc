@@ -1,6 +1,7 @@
 // What a scene's instruments read, against closed forms.
 #include "sim/dynamics/sensors.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -51,6 +52,50 @@ TEST(Sensors, AFallingBodyFeelsNothing) {
   for (std::size_t i = 0; i < run.t.size(); ++i) {
     EXPECT_NEAR(run.At(i, "centre.reading"), 0.0, 1e-8);
     EXPECT_NEAR(run.At(i, "edge.reading"), -0.2 * 25.0, 1e-7);
+  }
+}
+
+// A wheel that turns for a million turns, and one of a tenth of a millisecond: r omega^2, however
+// long the scene. The angle itself is known to 1e-16 of what it has become.
+TEST(Sensors, CentripetalHoweverLongTheScene) {
+  struct Case {
+    double duration, rate;  // [s], [rad/s]
+  };
+  for (const auto& [duration, rate] : {Case{1e6, 6.0}, Case{1e-4, 6.0}, Case{1.0, 5000.0}}) {
+    const Model model = ModelFrom(fmt::format(
+        "[scene]\nname = \"wheel\"\nduration = {}\n"
+        "[body.wheel]\nmass = 1.0\ninertia = 0.1\npose = [0, 0, 0]\nvelocity = [0, 0, {}]\n"
+        "[sensor.rim]\nkind = \"accelerometer\"\non = \"wheel\"\npoint = [0.5, 0.0]\n",
+        duration, rate));
+    SampledRows run(model);
+    ASSERT_TRUE(Simulate(model, Sampled(duration, 10.0 / duration), &run).Usable());
+    for (std::size_t i = 0; i < run.t.size(); ++i) {
+      EXPECT_NEAR(run.At(i, "rim.reading") / (-0.5 * rate * rate), 1.0, 1e-4) << duration;
+    }
+  }
+}
+
+// A force across the end of a cantilever at rest bends it most where it is held, F L / EI, and that
+// is where gauges are. The end's balance of moments is exact on any mesh.
+TEST(Sensors, CurvatureWhereACantileverIsHeld) {
+  for (const char* kind :
+       {"segments = 2\n", "segments = 5\n", "model = \"kirchhoff\"\norder = 3\n"}) {
+    for (const bool mirrored : {false, true}) {
+      const std::string held = mirrored ? "end" : "start", loaded = mirrored ? "start" : "end";
+      const Model model = ModelFrom(
+          std::string("[scene]\nname = \"beam\"\nduration = 4.0\n[beam.rod]\nlength = 2.0\n"
+                      "mass = 0.1\nEI = 10.0\ndamping = 0.05\n") +
+          kind + "[weld.root]\ninner = \"ground\"\nouter = \"rod." + held + "\"\n" +
+          "[force.f]\non = \"rod." + loaded + "\"\nforce = [0, \"0.01 * smoothstep(t)\"]\n" +
+          "[sensor.k]\nkind = \"curvature\"\non = \"rod\"\nat = " + (mirrored ? "1.0" : "0.0") +
+          "\n");
+      SampledRows run(model);
+      ASSERT_TRUE(Simulate(model, Sampled(4.0, 10.0), &run).Usable()) << kind;
+      // The beam shortens what the force's arm is by the square of its slope, 2e-3.
+      constexpr double kCurvature = 0.01 * 2.0 / 10.0;
+      EXPECT_NEAR(run.At(run.t.size() - 1, "k.reading"), kCurvature, 1e-4 * kCurvature)
+          << kind << held;
+    }
   }
 }
 

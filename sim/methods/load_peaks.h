@@ -1,0 +1,66 @@
+#pragma once
+
+#include <vector>
+
+#include "sim/effects/joint_forces.h"
+#include "sim/methods/stepper.h"
+
+namespace unfurl::sim {
+
+// The largest loads of a run, of pins and of latches' contacts. Loads are known where right sides
+// are, at the ends of steps; a step that resolves a motion well may still have the peak of a load
+// in its middle, the more so the higher the method's order. So where a parabola through the last
+// three ends says that a load may be larger inside than it was so far, right sides are made there:
+// in the middle, and then where the parabola through the three nearest has its top.
+class LoadPeaks {
+ public:
+  struct Peak {
+    double value = 0.0, t = 0.0;  // [N] or [N m], [s]
+  };
+
+  // `pins`: of these too, and inside steps; else contacts alone, at the ends of steps.
+  LoadPeaks(const Model& model, Dynamics* dynamics, bool pins);
+
+  // Where a motion begins, and where loads may have jumped. The last right side was at `state`.
+  void Begin(double t, const double* state);
+  // After a good try of a step, with the right side that it ended with still the last one.
+  void ReadEnd(const double* trial);
+  // The step of length h from t on is taken as far as sigma (1: all of it). `inside`: its dense
+  // output is good enough to read loads from. True: right sides were made, and the last one is not
+  // at the trial any more.
+  bool Step(Stepper* stepper, double t, double h, double sigma, bool inside);
+
+  const Peak& pin(std::size_t joint) const { return peaks_[joint]; }
+  const Peak& contact(std::size_t latch) const { return peaks_[joints_ + latch]; }
+  long evaluations() const { return evaluations_; }  // right sides made
+
+ private:
+  void Read(const double* state, std::vector<double>* loads) const;
+  void ReadAt(Stepper* stepper, double t, double h, double sigma, std::vector<double>* loads);
+  void Note(const std::vector<double>& loads, double t);
+  bool MayBeInside(double h) const;
+  void LookInside(Stepper* stepper, double t, double h, double sigma);
+  // Loads at a place of a step, of [0, 1].
+  struct Place {
+    double at = 0.0;            // [-]
+    std::vector<double> loads;  // [N], [N m]
+  };
+  // Between three places, where the load that gains most by it has its top.
+  double Top(const Place& low, const Place& middle, const Place& high, std::size_t* load,
+             double* gain) const;
+
+  const Model& model_;
+  Dynamics& dynamics_;
+  const bool pins_;
+  const std::size_t joints_;
+  JointForces forces_;
+  // By joint, then by latch: at the start of the step before and at both ends of this one.
+  std::vector<double> before_, start_, end_;  // [N], [N m]
+  Place low_, middle_, high_, new_;           // inside a step
+  std::vector<Peak> peaks_;
+  Array state_, rates_;    // inside a step [SI]
+  double h_before_ = 0.0;  // length of the step before; 0: loads jumped since [s]
+  long evaluations_ = 0;
+};
+
+}  // namespace unfurl::sim

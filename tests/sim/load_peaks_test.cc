@@ -1,0 +1,101 @@
+// The largest loads of a run, against closed forms: inside steps, after jumps, in contacts, by
+// every method.
+#include "sim/methods/load_peaks.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "sim/methods/simulate.h"
+#include "tests/sim/scenes.h"
+
+namespace unfurl::sim::load_peaks_test {
+namespace {
+
+// LoadPeaks looks for nothing that is higher by less than a thousandth.
+constexpr double kPeakError = 1.5e-3;  // of a load [-]
+
+SimulateReport Judged(const std::string& scene, Method method, double rtol) {
+  SimulateOptions options;
+  options.method = method;
+  options.rtol = rtol;
+  options.rate = 10.0;
+  SimulateReport report = Simulate(ModelFrom(scene), options, nullptr);
+  EXPECT_TRUE(report.Usable()) << report.message;
+  return report;
+}
+
+// A pendulum falls through its lowest place once: m (g + r omega^2) there. Orders 4, 5 and 8, of
+// which the last takes the longest steps.
+TEST(LoadPeaks, APendulumsAtItsLowestPlace) {
+  constexpr double kStart = 3.1, kMass = 2.0, kRadius = 0.5, kInertia = 0.1, kGravity = 9.81;
+  const double square = 2.0 * kMass * kGravity * kRadius * (1.0 - std::cos(kStart)) /
+                        (kInertia + kMass * kRadius * kRadius);
+  const double largest = kMass * (kGravity + kRadius * square);
+  for (const Method method : {Method::kProjected, Method::kPartitioned}) {
+    for (const double rtol : {1e-3, 1e-5, 1e-8, 1e-10}) {
+      const SimulateReport report = Judged(PendulumScene(kStart, kRadius, kInertia), method, rtol);
+      EXPECT_NEAR(report.peak_pin_force[0], largest, kPeakError * largest)
+          << MethodName(method) << " " << rtol;
+    }
+  }
+}
+
+// A bar at rest is struck by a force across it at its centre, which dies away at once: of F the pin
+// bears the part that the centre's acceleration, F r^2 / (I + m r^2), leaves.
+TEST(LoadPeaks, RightAfterAJump) {
+  constexpr double kMass = 2.0, kRadius = 0.5, kInertia = 0.1, kGravity = 9.81, kForce = 400.0;
+  const std::string scene =
+      PendulumScene(0.0, kRadius, kInertia) +
+      "[force.blow]\non = \"bar\"\nforce = [\"400 * step(t - 0.7) * exp(-(t - 0.7) / 1e-3)\", 0]\n";
+  const double carried = kMass * kRadius * kRadius / (kInertia + kMass * kRadius * kRadius);
+  const double largest = std::hypot(kForce * (1.0 - carried), kMass * kGravity);
+  for (const Method method : {Method::kProjected, Method::kPartitioned, Method::kImplicit}) {
+    const SimulateReport report = Judged(scene, method, 1e-5);
+    EXPECT_NEAR(report.peak_pin_force[0], largest, 1e-6 * largest) << MethodName(method);
+    EXPECT_NEAR(report.peak_pin_time[0], 0.7, 1e-9) << MethodName(method);
+  }
+}
+
+// An arm runs into its stop once: K delta^2.5 / 2.5 is its energy, K delta^1.5 the force.
+TEST(LoadPeaks, OfAnImpact) {
+  constexpr double kMass = 0.5, kInertia = 0.02, kRadius = 0.3, kLever = 0.02, kK = 5e9,
+                   kRate = 1.5;
+  const std::string scene =
+      "[scene]\nname = \"impact\"\nduration = 0.05\n"
+      "[contact.lock]\nlaw = \"hunt_crossley\"\nK = 5e9\nalpha = 1e-9\n"
+      "[body.bar]\nmass = 0.5\ninertia = 0.02\n"
+      "[joint.hinge]\ninner = \"ground\"\nouter = \"bar\"\nouter_point = [-0.3, 0.0]\n"
+      "theta = 0.0\ntheta_rate = -1.5\n"
+      "[joint.hinge.latch]\ntheta_a = 0.02\ntheta_b = 0.02\nlever = 0.02\ncontact = \"lock\"\n";
+  const double inertia = kInertia + kMass * kRadius * kRadius;
+  const double depth = std::pow(2.5 * 0.5 * inertia * kRate * kRate / kK, 0.4);
+  const double moment = kLever * kK * std::pow(depth, 1.5);
+  for (const Method method : {Method::kProjected, Method::kPartitioned, Method::kImplicit}) {
+    for (const double rtol : {1e-5, 1e-8}) {
+      const SimulateReport report = Judged(scene, method, rtol);
+      EXPECT_NEAR(report.peak_moment[0], moment, kPeakError * moment)
+          << MethodName(method) << " " << rtol;
+      const double force = kMass * kRadius * moment / inertia;  // at rest, most pressed
+      EXPECT_NEAR(report.peak_pin_force[0], force, kPeakError * force)
+          << MethodName(method) << " " << rtol;
+    }
+  }
+}
+
+// What the partitioned method knows of multipliers is what the projected one knows: a beam that is
+// stretched beyond what its mesh resolves ends both runs.
+TEST(LoadPeaks, AxialForcesByEveryMethod) {
+  for (const Method method : {Method::kProjected, Method::kPartitioned, Method::kImplicit}) {
+    SimulateOptions options;
+    options.method = method;
+    const SimulateReport report = Simulate(
+        ModelFrom(BeamScene("clamped", 4, "[force.p]\non = \"rod.end\"\nforce = [160.0, 0.0]\n")),
+        options, nullptr);
+    EXPECT_EQ(report.status, SimulateStatus::kMeshCoarse) << MethodName(method);
+    EXPECT_NEAR(report.axial[0].ratio, 160.0 / (16.0 * 10.0), 1e-6) << MethodName(method);
+  }
+}
+
+}  // namespace
+}  // namespace unfurl::sim::load_peaks_test
