@@ -52,7 +52,7 @@ Spot GuessOf(const SpotPeak& p, const float* d) {
 // A pixel that is full before it is read, as it is where the converter's range ends with the well,
 // is read with the read noise: four sigmas below full scale in 3 of 100,000.
 int FullFrom(const data::LineFormat& format) {
-  constexpr double kSigmas = 4.0;
+  constexpr double kSigmas = 4.0;  // of the read noise, as above [-]
   const double full = format.full_scale();
   return static_cast<int>(
       std::ceil(std::max(0.5 * full, full - kSigmas * format.read_noise_counts)));
