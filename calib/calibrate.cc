@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "base/dense.h"
 #include "base/error.h"
@@ -14,6 +15,7 @@
 #include "calib/covariance.h"
 #include "calib/held_out.h"
 #include "calib/model_floor.h"
+#include "calib/moved_late.h"
 #include "calib/refine.h"
 #include "calib/set_up_scan.h"
 #include "calib/verdict.h"
@@ -339,6 +341,9 @@ Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
   ChooseTerms(data, options, &fit, &out.report);
   done(0.7);
   const Observations steady = TakeOutDrift(data, options, &fit, &out.report);
+  for (Trend& moved : FindMovedLate(steady, fit.bundle, options.trends.level)) {
+    out.report.trends.push_back(std::move(moved));
+  }
   FindSetUps(steady, fit, options.trends, &out.report);
   done(0.8);
   out.rig = fit.rig;

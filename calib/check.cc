@@ -316,8 +316,12 @@ CheckResult CheckBar(const data::Rig& rig, const Observations& data, const Bar& 
   const std::vector<Found> found = FindPoints(rig, data, match);
   Eigen::Matrix3Xd start = Eigen::Matrix3Xd::Constant(3, data.points(), kNone);
   for (Eigen::Index i = 0; i < start.cols(); ++i) {
+    // Where planes meet at a small angle, too: the bar's other end and its length hold it.
     const measure::PointSolution& solution = found[static_cast<std::size_t>(i)].solution;
-    if (solution.outcome == measure::PointOutcome::kSolved) start.col(i) = solution.p;
+    if (solution.outcome == measure::PointOutcome::kSolved ||
+        solution.outcome == measure::PointOutcome::kParallel) {
+      start.col(i) = solution.p;
+    }
   }
   const CheckDesign design = DesignOfBar(rig, data, match, bar, start);
   if (design.misfit.size() == 0) {

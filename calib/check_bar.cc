@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "base/dense.h"
+#include "base/statistics.h"
 #include "calib/check_design.h"
 #include "calib/parameters.h"
 #include "measure/camera_model.h"
@@ -16,6 +17,12 @@ constexpr double kConverged = 1e-9;  // of a step, over the bar's length
 // By how much a bar's length differs from one placement to the next, over itself: how it is held
 // and seated. It only keeps the length's weight finite [-].
 constexpr double kSeating = 2e-6;
+// The same while its ends are sought: a step along a sphere leaves it by the step's square over the
+// radius, so that a stiff length allows short ones only. A hundredth lets the ends go by a tenth
+// of the bar at a time, and each of the next starts where it needs no longer ones [-].
+constexpr double kSeatings[] = {1e-2, 1e-4, kSeating};
+// Chance that a placement which is found from a good start is looked for from others, too [-].
+constexpr double kElsewhere = 1e-3;
 constexpr double kRank = 1e-9;  // of singular values: what the data do not fix at all [-]
 
 // The data of one placement at two places: whitened misfits, readings first, the length last.
@@ -34,7 +41,7 @@ class Placer {
 
   // False where a place lies behind a camera, or both are one.
   bool At(const std::vector<std::size_t>& readings, int first,
-          const Eigen::Matrix<double, 6, 1>& places, Placement* out) const {
+          const Eigen::Matrix<double, 6, 1>& places, double seating, Placement* out) const {
     const auto m = static_cast<Eigen::Index>(readings.size());
     out->misfit.resize(m + 1);
     out->weight.resize(m + 1);
@@ -56,19 +63,30 @@ class Placer {
     const Eigen::Vector3d along = places.tail<3>() - places.head<3>();
     const double length = along.norm();
     if (!(length > 0.0)) return false;
-    out->weight(m) = 1.0 / (kSeating * bar_.length);
+    out->weight(m) = 1.0 / (seating * bar_.length);
     out->misfit(m) = out->weight(m) * (bar_.length - length);
     out->by_places.block<1, 3>(m, 0) = -out->weight(m) * along.transpose() / length;
     out->by_places.block<1, 3>(m, 3) = out->weight(m) * along.transpose() / length;
     return true;
   }
 
-  // Least squares over the two places [Levenberg-Marquardt]; the sum of squares, infinite where it
-  // leads nowhere.
+  // Least squares over the two places, the length held softly at first; the sum of squares,
+  // infinite where it leads nowhere.
   double Solve(const std::vector<std::size_t>& readings, int first,
                Eigen::Matrix<double, 6, 1>* places) const {
+    double square = 0.0;
+    for (const double seating : kSeatings) square = Descend(readings, first, seating, places);
+    return square;
+  }
+
+ private:
+  // [Levenberg-Marquardt]
+  double Descend(const std::vector<std::size_t>& readings, int first, double seating,
+                 Eigen::Matrix<double, 6, 1>* places) const {
     Placement here, there;
-    if (!At(readings, first, *places, &here)) return std::numeric_limits<double>::infinity();
+    if (!At(readings, first, *places, seating, &here)) {
+      return std::numeric_limits<double>::infinity();
+    }
     double square = here.misfit.squaredNorm(), damping = 1e-3;
     for (int k = 0; k < kIterations; ++k) {
       Eigen::Matrix<double, 6, 6> A = here.by_places.transpose() * here.by_places;
@@ -76,8 +94,8 @@ class Placer {
       A.diagonal() *= 1.0 + damping;
       A.diagonal().array() += 1e-12 * A.trace();
       const Eigen::Matrix<double, 6, 1> step = A.ldlt().solve(b);
-      const bool better =
-          At(readings, first, *places + step, &there) && there.misfit.squaredNorm() <= square;
+      const bool better = At(readings, first, *places + step, seating, &there) &&
+                          there.misfit.squaredNorm() <= square;
       if (!better) {
         damping *= 10.0;
         if (damping > 1e12) break;
@@ -92,40 +110,39 @@ class Placer {
     return square;
   }
 
- private:
   const data::Rig& rig_;
   const Observations& data_;
   const std::vector<std::size_t>& match_;
   const Bar& bar_;
 };
 
-// Where the two ends are, from where each was found, or along an axis from the other.
+// Where the two ends are: from where both were found; unless that fits, from each and along the
+// axes to the other, too. Three planes that bend may meet twice, and where they meet at small
+// angles an end was found far from where the other and the length have it.
 Eigen::Matrix<double, 6, 1> FindEnds(const Placer& placer, const std::vector<std::size_t>& readings,
                                      int first, double length, const Eigen::Vector3d& middle,
                                      const Eigen::Matrix3Xd& start) {
   const bool a = start.col(first).allFinite(), b = start.col(first + 1).allFinite();
-  Eigen::Matrix<double, 6, 1> best;
-  if (a && b) {
-    best << start.col(first), start.col(first + 1);
-    placer.Solve(readings, first, &best);
-    return best;
-  }
+  Eigen::Matrix<double, 6, 1> best = Eigen::Matrix<double, 6, 1>::Zero();
   double least = std::numeric_limits<double>::infinity();
+  const auto from = [&](const Eigen::Vector3d& one, const Eigen::Vector3d& other) {
+    Eigen::Matrix<double, 6, 1> places;
+    places << one, other;
+    const double square = placer.Solve(readings, first, &places);
+    if (!(square < least)) return;
+    least = square;
+    best = places;
+  };
+  const double freedom = static_cast<double>(readings.size()) - 5.0;
+  if (a && b) {
+    from(start.col(first), start.col(first + 1));
+    if (ChiSquareTail(least, freedom) > kElsewhere) return best;
+  }
   for (int way = 0; way < 6; ++way) {
     const Eigen::Vector3d bar = (way % 2 == 0 ? length : -length) * Eigen::Vector3d::Unit(way / 2);
-    Eigen::Matrix<double, 6, 1> places;
-    if (b) {
-      places << start.col(first + 1) - bar, start.col(first + 1);
-    } else if (a) {
-      places << start.col(first), start.col(first) + bar;
-    } else {
-      places << middle - 0.5 * bar, middle + 0.5 * bar;
-    }
-    const double square = placer.Solve(readings, first, &places);
-    if (square < least) {
-      least = square;
-      best = places;
-    }
+    if (b) from(start.col(first + 1) - bar, start.col(first + 1));
+    if (a) from(start.col(first), start.col(first) + bar);
+    if (!a && !b) from(middle - 0.5 * bar, middle + 0.5 * bar);
   }
   return best;
 }
@@ -160,7 +177,7 @@ CheckDesign DesignOfBar(const data::Rig& rig, const Observations& data,
     const Eigen::Matrix<double, 6, 1> places =
         FindEnds(placer, mine, 2 * i, bar.length, middle, start);
     Placement at;
-    if (!placer.At(mine, 2 * i, places, &at)) continue;
+    if (!placer.At(mine, 2 * i, places, kSeating, &at)) continue;
     // What the data say beyond the two places: the left null space of their derivative.
     const Eigen::JacobiSVD<Eigen::MatrixXd> svd(at.by_places, Eigen::ComputeFullU);
     const Eigen::VectorXd& s = svd.singularValues();

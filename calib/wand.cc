@@ -12,6 +12,7 @@
 #include "base/refuse_option.h"
 #include "base/statistics.h"
 #include "calib/covariance.h"
+#include "calib/moved_late.h"
 #include "calib/wand_shape.h"
 #include "calib/wand_verdict.h"
 
@@ -113,6 +114,32 @@ void ReportBar(const WandFit& fit, WandReport* report) {
   }
 }
 
+// Of all wand calibrations without a late move so many are suspected of one, as TrendOptions [-].
+constexpr double kLateLevel = 0.01;
+
+// A camera that moved before the bar was put away: most poses are from before, and those since are
+// left out, as a whole where four readings of a mark do not tell which one is wrong.
+void ReportLate(const WandData& data, const WandFit& fit, WandReport* report) {
+  std::vector<std::string> marked = fit.lost_poses;
+  for (std::size_t k = 0; k < fit.data.readings.size(); ++k) {
+    if (fit.weighting.use_reading[k] != 0) continue;
+    marked.push_back(fit.data.poses[static_cast<std::size_t>(fit.data.readings[k].pose)]);
+  }
+  std::sort(marked.begin(), marked.end());
+  std::vector<char> left_out;
+  left_out.reserve(data.poses.size());
+  for (const std::string& pose : data.poses) {
+    left_out.push_back(std::binary_search(marked.begin(), marked.end(), pose) ? 1 : 0);
+  }
+  const auto tests =
+      static_cast<std::size_t>(std::count(left_out.begin(), left_out.end(), char{1}));
+  const LastOnes late = LeastLikelyLast(left_out);
+  if (!(late.chance < ChanceOfEach(kLateLevel, tests))) return;
+  report->late = static_cast<int>(late.last);
+  report->late_left_out = static_cast<int>(late.left_out);
+  report->late_from = data.poses[data.poses.size() - late.last];
+}
+
 }  // namespace
 
 void WandOptions::Check() const {
@@ -147,6 +174,7 @@ WandCalibration CalibrateWand(const WandData& data, const WandOptions& options,
   report.handed = framed.handed;
   ReportCameras(out.fit, &report);
   ReportBar(out.fit, &report);
+  ReportLate(data, out.fit, &report);
   const std::vector<WandGridPoint> grid = WandGrid(out.fit);
   report.shapes = ShapesOf(out.fit, framed.covariance, grid);
   report.distance_sigma = DistanceSigma(framed.covariance, grid);

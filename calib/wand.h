@@ -53,10 +53,14 @@ struct WandCameraReport {
 struct WandReport {
   std::vector<WandCameraReport> cameras;
   std::vector<std::string> marks;
-  Eigen::VectorXd place, place_sigma;     // of the marks along the bar, from the first [m]
-  int poses = 0, dropped = 0;             // that took part; that too few cameras saw
-  std::vector<std::string> lost_poses;    // that contradict the rest and took no part
-  int gross_readings = 0;                 // of all poses, the lost ones' among them
+  Eigen::VectorXd place, place_sigma;   // of the marks along the bar, from the first [m]
+  int poses = 0, dropped = 0;           // that took part; that too few cameras saw
+  std::vector<std::string> lost_poses;  // that contradict the rest and took no part
+  int gross_readings = 0;               // of all poses, the lost ones' among them
+  // Of the last poses, when most of them are lost or lost some reading, and chance does not do it:
+  // how many they are, of how many that holds, and the first; 0: nothing of the kind.
+  int late = 0, late_left_out = 0;
+  std::string late_from;
   std::vector<WandRival> rivals;          // other rigs that explain the readings as well
   std::vector<std::string> gross_points;  // surveyed points that contradict the rest
   double chi_square = 0.0, degrees_of_freedom = 0.0;

@@ -198,6 +198,13 @@ void JudgeGross(const WandReport& report, const VerdictOptions& options, data::R
                                   : tally->fine)
         .push_back(text);
   }
+  if (report.late > 0) {
+    tally->care.push_back(fmt::format(
+        "of the last {} poses, from \"{}\" on, {} were left out as a whole or in part: a camera "
+        "moved before the bar was put away, and the rig has it as it stood before. Wave the bar "
+        "again, or calibrate with the poses since it moved",
+        report.late, report.late_from, report.late_left_out));
+  }
   if (!report.gross_points.empty()) {
     tally->care.push_back(fmt::format("surveyed points that contradict the bar were left out: {}",
                                       JoinWords(report.gross_points)));

@@ -49,6 +49,15 @@ Spot GuessOf(const SpotPeak& p, const float* d) {
   return spot;
 }
 
+// A pixel that is full before it is read, as it is where the converter's range ends with the well,
+// is read with the read noise: four sigmas below full scale in 3 of 100,000.
+int FullFrom(const data::LineFormat& format) {
+  constexpr double kSigmas = 4.0;  // of the read noise, as above [-]
+  const double full = format.full_scale();
+  return static_cast<int>(
+      std::ceil(std::max(0.5 * full, full - kSigmas * format.read_noise_counts)));
+}
+
 }  // namespace
 
 SpotFinder::SpotFinder(const data::LineFormat& format, const SpotOptions& options)
@@ -57,7 +66,8 @@ SpotFinder::SpotFinder(const data::LineFormat& format, const SpotOptions& option
       signal_(static_cast<std::size_t>(format.active)),
       sums_(signal_.size()),
       scratch_(signal_.size()),
-      window_(signal_.size()) {
+      window_(signal_.size()),
+      full_(FullFrom(format)) {
   peaks_.reserve(64);
 }
 
@@ -76,14 +86,17 @@ void SetResponses(std::span<const float> response, std::span<SpotFinder> finders
 }
 
 // What the room's light, or the sensor's level, has changed by since the dark lines, with its shape
-// along the row: medians of block means, section by section, joined by straight pieces. A spot is
-// in three blocks at most, so that it moves no median. The line itself tells, so nothing is
+// along the row: medians of block means, section by section, joined by straight pieces. A spot
+// whose sigma is half a block has fallen to 3e-4 two blocks away, so that it moves no median; wider
+// ones are no readings where something was subtracted. The line itself tells, so nothing is
 // believed of how fast light changes; what is left is the medians' own error, a thirteenth of a
 // pixel's noise.
 void SpotFinder::SubtractBaseline(float sigma) {
   constexpr int kPerSection = 9;     // blocks whose median counts
   constexpr int kMostSections = 64;  // fixed, so that nothing is allocated; 17,280 px side by side
   constexpr float kTells = 3.0F;     // sigmas of a section's median: below, it would only add noise
+  constexpr double kWidest = 0.5;    // sigma of a spot, over a block
+  widest_ = 0.0;
   const int n = format_.active;
   // Six sums of five; fewer on rows too short for one such section.
   const int fives = std::clamp(n / (5 * kPerSection), 0, 6);
@@ -110,6 +123,7 @@ void SpotFinder::SubtractBaseline(float sigma) {
     tells |= std::abs(level[s]) > kTells * error;
   }
   if (!tells) return;
+  widest_ = kWidest * block;
   const float half = 0.5F * static_cast<float>(width);
   float* d = signal_.data();
   for (int k = 0; k < n; ++k) {
@@ -207,6 +221,7 @@ void SpotFinder::Read(std::span<const std::uint16_t> line, std::size_t first, st
     if (spot.u_px < kInside * spot.width_px || spot.u_px > n - 1 - kInside * spot.width_px) {
       spot.flags |= kSpotEdge;
     }
+    if (widest_ > 0.0 && spot.width_px > widest_) spot.flags |= kSpotPoorFit;
   }
 }
 
@@ -220,14 +235,13 @@ void SpotFinder::FillWindow(std::span<const std::uint16_t> line, int from, int t
   const std::uint16_t* counts = line.data() + format_.first_active();
   const float* d = signal_.data();
   float* w = window_.data();
-  const int full = static_cast<int>(format_.full_scale());
   const bool fits = Fits();
   std::copy(d + from, d + to + 1, w + from);
   for (int k = from; k <= to && !inverse_response_.empty(); ++k) {
     w[k] *= inverse_response_[static_cast<std::size_t>(k)];
   }
   for (int k = from; k <= to; ++k) {
-    if (counts[k] < full) continue;
+    if (counts[k] < full_) continue;
     for (std::size_t i = 0; i < spots.size(); ++i) {
       const SpotPeak& peak = peaks_[first + i];
       if (k >= peak.low && k <= peak.high) spots[i].flags |= kSpotSaturated;

@@ -17,7 +17,8 @@ enum SpotFlag : std::uint8_t {
   kSpotOverlap = 4,    // a second spot touches it
   kSpotDim = 8,        // nothing above the noise
   kSpotSecond = 16,    // another spot elsewhere on the line
-  kSpotPoorFit = 32,   // the fit did not converge, or to something that is no spot
+  kSpotPoorFit = 32,   // the fit did not converge, or to something that is no spot, or to one so
+                       // wide that what was taken for the room's light is part of it
   kSpotShape = 64,     // by chi-square not one Gaussian: two lights in one, part of one hidden, or
                        // bright and out of focus
 };
@@ -111,6 +112,8 @@ class SpotFinder {
   std::vector<float> window_;            // signal_ by response; NaN: left out [count]
   std::vector<SpotPeak> peaks_;
   double dark_variance_ = 0.0;  // of one pixel of this line [count^2]
+  int full_;                    // a pixel that is full may read as little as this [count]
+  double widest_ = 0.0;         // spots that the baseline leaves whole; 0: there was none [px]
 };
 
 // The flat field of a record, camera by camera (empty: none), to a finder for each camera.

@@ -98,7 +98,6 @@ Spot SpotFinder::FindFast(std::span<const std::uint16_t> line, const Background&
   const float peak = static_cast<float>(summit_value) - base;
   const float foot = std::max(0.05F * peak, 2.0F * sigma);
   float* d = signal_.data();
-  const int full = static_cast<int>(format_.full_scale());
   const auto signal = [&](int k) { return static_cast<float>(counts[k]) - mean[k] - level; };
   spot.flags = 0;
   const float rise = static_cast<float>(
@@ -109,7 +108,7 @@ Spot SpotFinder::FindFast(std::span<const std::uint16_t> line, const Background&
   for (int k = low; k <= high; ++k) {
     d[k] = signal(k);
     if (!inverse_response_.empty()) d[k] *= inverse_response_[static_cast<std::size_t>(k)];
-    if (counts[k] >= full) spot.flags |= kSpotSaturated;
+    if (counts[k] >= full_) spot.flags |= kSpotSaturated;
   }
   ReadCentroid({d + low, static_cast<std::size_t>(high - low + 1)}, low,
                {.electrons_per_count = format_.electrons_per_count,

@@ -99,7 +99,9 @@ Triangulator::Triangulator(const data::Rig& rig, const TriangulateOptions& optio
           std::max(parameters_, static_cast<std::size_t>(k % data::kCameraParameters) + 1);
     }
   }
-  ReduceShared(GridOfVolume());
+  const std::vector<PointSolution> grid = GridOfVolume();
+  ReduceShared(grid);
+  FindReadingVariances(grid);
 }
 
 void Triangulator::Weights(std::span<const double> u_px, std::span<const double> s_px,
@@ -175,9 +177,12 @@ PointSolution Triangulator::Solve(std::span<const double> u_px, std::span<const 
   }
   point.cov = inverse;
   const int dof = point.readings - 3;
-  point.outcome = dof > 0 && point.chi_square > limit_[static_cast<std::size_t>(dof)]
-                      ? PointOutcome::kDisagree
-                      : PointOutcome::kSolved;
+  const double limit = limit_[static_cast<std::size_t>(dof)];
+  if (dof > 0 && point.chi_square > limit) {
+    point.chi_square = ChiSquareWithCalibration(u.data(), w.data(), point, limit);
+  }
+  point.outcome =
+      dof > 0 && point.chi_square > limit ? PointOutcome::kDisagree : PointOutcome::kSolved;
   return point;
 }
 

@@ -16,7 +16,7 @@ struct TriangulateOptions {
   // Throws Error that names a value which makes no sense.
   void Check() const;
 
-  // Chance that four good readings fail the residual test [-].
+  // Chance that four good readings fail the residual test, the calibration's errors included [-].
   double residual_level = 1e-3;
   // Planes count as parallel where a displacement in the direction that they fix least changes the
   // readings this much less than one in the direction that they fix best [-]: planes that meet at
@@ -53,7 +53,9 @@ struct PointSolution {
   PointOutcome outcome = PointOutcome::kTooFew;
   Eigen::Vector3d p = Eigen::Vector3d::Zero();    // in W [m]
   Eigen::Matrix3d cov = Eigen::Matrix3d::Zero();  // of the readings' errors [m^2]
-  double chi_square = 0.0;                        // with `readings` - 3 degrees of freedom [-]
+  // With `readings` - 3 degrees of freedom: of the readings' errors, or, where those alone would
+  // fail the residual test, of these and the calibration's [-].
+  double chi_square = 0.0;
   double dilution = 0.0;      // what one pixel in the worst combination moves the point by [m/px]
   double condition = 0.0;     // as TriangulateOptions::max_condition [-]
   int readings = 0;           // that entered
@@ -61,7 +63,10 @@ struct PointSolution {
 };
 
 // A point from the surfaces that its readings stand for: weighted least squares by Gauss-Newton,
-// each reading weighted by 1 / (s^2 + model_floor^2). Nothing is allocated in Solve.
+// each reading weighted by 1 / (s^2 + model_floor^2). Readings that leave more than their own
+// errors make are held against what the calibration's errors do to readings, too: such as are
+// better than the survey's would else contradict each other wherever a mark goes. Nothing is
+// allocated in Solve.
 class Triangulator {
  public:
   explicit Triangulator(const data::Rig& rig, const TriangulateOptions& options = {});
@@ -110,6 +115,9 @@ class Triangulator {
   std::vector<PointSolution> GridOfVolume() const;
   void Weights(std::span<const double> u_px, std::span<const double> s_px, std::uint32_t use,
                double* u, double* w, PointSolution* point) const;
+  double ChiSquareWithCalibration(const double* u, const double* w, const PointSolution& point,
+                                  double limit) const;
+  void FindReadingVariances(std::span<const PointSolution> points);
 
   data::Rig rig_;
   TriangulateOptions options_;
@@ -118,7 +126,9 @@ class Triangulator {
   Eigen::Vector3d low_, high_;            // where a point is believed [m]
   Eigen::Vector3d near_low_, near_high_;  // where a second solution is as likely as the first [m]
   CameraBank bank_;
-  std::vector<double> limit_;   // of chi-square, by degrees of freedom [-]
+  std::vector<double> limit_;  // of chi-square, by degrees of freedom [-]
+  // By camera: the variance that the calibration's errors give a reading, nowhere more [px^2].
+  std::vector<double> reading_variance_;
   std::size_t parameters_ = 0;  // of a camera, up to the last that is not known
   Eigen::MatrixXd whole_;       // 31 c x r: covariance of the rig = whole whole^T [unit]
   // whole_ turned so that the first `rank_` columns are what is kept; row after row [unit].
