@@ -68,6 +68,7 @@ Esdirk::Esdirk(Dynamics& dynamics, const ErrorScale& scale, const EsdirkTable& t
     : Stepper(dynamics, scale), table_(table), matrix_(dynamics) {
   for (Array& k : k_) k = Array(size_, 0.0);
   z_ = rate_ = delta_ = Array(size_, 0.0);
+  sample_rate_ = sample_delta_ = sample_twice_ = z_;
   lambda_ = end_lambda_ = Array(dynamics.model().constraints.rows() + kBlock, 0.0);
 }
 
@@ -314,6 +315,28 @@ DensePolynomial Esdirk::Polynomial(int k) {
   const double r1 = h_ * (position ? trial_[n3 + k] : k_[kStages - 1][k]);
   const double d = trial_[k] - y_[k];
   return {{y_[k], r0, 3.0 * d - 2.0 * r0 - r1, r0 + r1 - 2.0 * d}, 4};
+}
+
+// Between its ends the cubic is off by h^4, which is nothing in a place and may be everything in a
+// stiff force. With A of the step's start and y' the cubic's rate, d = (f(y) - y') is taken out by
+// Newton's step as far as it is stiff: -h gamma A (I - h gamma A)^-2 h gamma d, which leaves alone
+// what a step resolves.
+bool Esdirk::Sample(double sigma, double* out) {
+  const int n6 = 6 * n_;
+  for (int k = 0; k < size_; ++k) {
+    const DensePolynomial p = Polynomial(k);
+    out[k] = p(sigma);
+    sample_twice_[k] = p.Slope(sigma) / h_;
+  }
+  dynamics_.RightSide(t_ + sigma * h_, out, sample_rate_.data());
+  for (int k = 0; k < n6; ++k) sample_rate_[k] -= sample_twice_[k];
+  for (int k = n6; k < size_; ++k) sample_rate_[k] = 0.0;
+  matrix_.Solve(sample_rate_.data(), sample_delta_.data());
+  std::copy(sample_delta_.begin(), sample_delta_.end(), sample_rate_.begin());
+  matrix_.Solve(sample_rate_.data(), sample_twice_.data());
+  const double inverse = 1.0 / (h_ * table_.gamma);
+  for (int k = 0; k < n6; ++k) out[k] += sample_delta_[k] - inverse * sample_twice_[k];
+  return true;
 }
 
 }  // namespace unfurl::sim

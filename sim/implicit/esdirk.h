@@ -42,6 +42,7 @@ class Esdirk : public Stepper {
   void Accept(double t) override;
   void AcceptUntil(double sigma, double t) override;
   DensePolynomial Polynomial(int entry) override;
+  bool Sample(double sigma, double* out) override;
 
  protected:
   double ErrorOf(int entry) const override;
@@ -63,9 +64,10 @@ class Esdirk : public Stepper {
 
   EsdirkTable table_;
   StepMatrix matrix_;
-  std::array<Array, kStages> k_;  // rates of the stages [SI]
-  Array z_, rate_, delta_;        // h gamma k; of Newton's method [SI]
-  Array lambda_, end_lambda_;     // at the step's ends
+  std::array<Array, kStages> k_;                     // rates of the stages [SI]
+  Array z_, rate_, delta_;                           // h gamma k; of Newton's method [SI]
+  Array sample_rate_, sample_delta_, sample_twice_;  // [SI]
+  Array lambda_, end_lambda_;                        // at the step's ends
   bool linearised_ = false;
   double factored_h_ = 0.0;  // [s]
   // Of Newton's method at a stage: the last change, in units of the error allowed; its quotient

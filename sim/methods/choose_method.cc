@@ -41,11 +41,11 @@ double LongestStep(const SimulateOptions& options, const Model& model) {
   return options.max_step > 0.0 ? options.max_step : kLongestStep * model.time_scale;
 }
 
-double TighterTolerance(double rtol, Method method) {
+double TighterTolerance(double rtol) {
   constexpr double kTightest = 1e-13;  // rounding
   SimulateOptions options;
   options.rtol = rtol;
-  return std::max(kTighter * ToleranceOf(options, method), kTightest);
+  return std::max(kTighter * ToleranceOf(options), kTightest);
 }
 
 Method ChooseMethod(const SimulateOptions& options, const Model& model) {

@@ -14,10 +14,10 @@ Method ChooseMethod(const SimulateOptions& options, const Model& model);
 double LongestStep(const SimulateOptions& options, const Model& model);
 
 // The tolerance of a companion whose difference to a run at `rtol` tells the run's error of time
-// stepping: kTighter of what the run's steps are held to, which explicit methods bound from above
+// stepping: kTighter of what the run's steps are held to, which is bounded from above
 // (ToleranceOf); of what is asked alone it could be that of the run again. No smaller than rounding
 // allows [-].
 inline constexpr double kTighter = 0.1;
-double TighterTolerance(double rtol, Method method = Method::kAuto);
+double TighterTolerance(double rtol);
 
 }  // namespace unfurl::sim

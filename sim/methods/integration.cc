@@ -32,7 +32,6 @@ constexpr int kPollSteps = 512, kPollBodies = 100'000;
 constexpr int kJudgeSteps = 32, kJudgeAll = 64;
 constexpr double kMostDrift = 100.0;   // tolerances that constraints may be off by
 constexpr int kStabilitySteps = 8;     // between checks of stability
-constexpr int kPartsOfWay = 4;         // of a step, at which open latches are looked at
 constexpr double kStabilityUse = 0.7;  // from here on stability is what limits the step
 // And from here on an implicit method is worth a trial: along the imaginary axis, where undamped
 // vibrations are, 5(4) is stable up to 0.3 of the edge along the real one.
@@ -53,7 +52,7 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       observer_(observer),
       dynamics_(model),
       method_(ChooseMethod(options, model)),
-      scale_(ScaleOf(model, options, method_)),
+      scale_(ScaleOf(model, options)),
       steppers_(options, dynamics_, scale_),
       role_(StepperSet::RoleOf(method_)),
       stepper_(steppers_.Get(role_)),
@@ -175,7 +174,7 @@ void Integration::FillReport() {
   if (!energy.empty()) report_.warnings.push_back(energy);
   report_.t_end = t_;
   report_.method = steppers_.Description(StepperSet::RoleOf(method_));
-  report_.evaluations = steppers_.evaluations() + loads_.evaluations();
+  report_.evaluations = steppers_.evaluations() + loads_.evaluations() + looked_;
   report_.work += static_cast<double>(report_.evaluations);
   report_.repartitions = steppers_.repartitions();
   for (std::size_t j = 0; j < model_.joints.size(); ++j) {
@@ -275,7 +274,7 @@ void Integration::Advance(double h, bool whole) {
   HandleEvents();
   stepper_->Refresh();
   if (RemoveDrift(t_, stepper_->state())) stepper_->Refresh();
-  loads_.Begin(t_, stepper_->state());
+  loads_.Begin(t_, stepper_->state(), role_ != StepperSet::kImplicit);
 }
 
 void Integration::HandleEvents() {
@@ -320,56 +319,6 @@ bool Integration::RemoveDrift(double t, double* y) {
   dynamics_.Project(t, y);
   ++report_.projections;
   return true;
-}
-
-void Integration::SampleStep(double h, double t_new) {
-  for (;;) {
-    const double t = static_cast<double>(report_.samples) / options_.rate;
-    if (t > std::min(t_new, end_ * (1.0 + 1e-12))) return;
-    stepper_->Dense(std::clamp((t - t_) / h, 0.0, 1.0), sample_.data());
-    Emit(t);
-  }
-}
-
-void Integration::ShowWay(double h, double sigma) {
-  if (observer_ == nullptr || !options_.track_forces) return;
-  const StateIndex& i = model_.index;
-  const auto& modes = dynamics_.modes();
-  for (int part = 1; part <= kPartsOfWay; ++part) {
-    const double at = sigma * part / kPartsOfWay;
-    bool open = false;
-    for (int k = 0; k < model_.latches.count(); ++k) {
-      if (modes[static_cast<std::size_t>(k)].latched) continue;
-      open = true;
-      const Hinge& hinge = model_.latches.hinge(k);
-      for (const int body : {hinge.outer, hinge.inner}) {
-        double margin = 0.0;
-        for (const int entry : {i.theta(body), i.omega(body)}) {
-          way_[entry] = stepper_->Cubic(entry, &margin)(at);
-        }
-      }
-    }
-    if (!open) return;
-    observer_->OnWay(dynamics_.MotionAt(t_ + at * h, way_.data()), modes);
-  }
-}
-
-void Integration::Emit(double t) {
-  if (observer_ != nullptr) observer_->OnSample(t, sample_.data(), dynamics_.modes());
-  ++report_.samples;
-}
-
-// What stiff axes have between the ends of implicit steps is an interpolation's error, not theirs:
-// there loads are looked for inside steps in contacts alone, which steps follow.
-void Integration::WatchLoads(double h, double sigma, bool event) {
-  const auto& modes = dynamics_.modes();
-  const bool inside =
-      role_ != StepperSet::kImplicit || std::any_of(modes.begin(), modes.end(), [](LatchMode m) {
-        return (m.upper_contact | m.lower_contact) != 0;
-      });
-  const bool moved = loads_.Step(stepper_, t_, h, sigma, inside);
-  // What follows wants the right side at the trial to be the last.
-  if (moved && !event) dynamics_.RightSide(t_ + h, stepper_->trial(), scratch_.data());
 }
 
 void Integration::Poll() {

@@ -88,6 +88,8 @@ class Integration {
   LoadPeaks loads_;
   int poll_steps_ = 1;
   Array sample_, scratch_;  // a state, rates that nobody wants [SI]
+  int sampled_ = 0;         // right sides made for samples of this step
+  long looked_ = 0;         // in all
   Array way_;               // a state in which nothing but what open latches join is filled in [SI]
   std::vector<double> start_;  // of a stepper that takes over [SI]
   double end_ = 0.0;           // [s]

@@ -62,9 +62,9 @@ void LoadPeaks::Note(const std::vector<double>& loads, double t) {
   }
 }
 
-void LoadPeaks::Begin(double t, const double* state) {
+void LoadPeaks::Begin(double t, const double* state, bool counts) {
   Read(state, &start_);
-  Note(start_, t);
+  if (counts) Note(start_, t);
   h_before_ = 0.0;
 }
 
@@ -72,7 +72,7 @@ void LoadPeaks::ReadEnd(const double* trial) { Read(trial, &end_); }
 
 void LoadPeaks::ReadAt(Stepper* stepper, double t, double h, double sigma,
                        std::vector<double>* loads) {
-  stepper->Dense(sigma, state_.data());
+  if (stepper->Sample(sigma, state_.data())) ++evaluations_;
   dynamics_.RightSide(t + sigma * h, state_.data(), rates_.data());
   ++evaluations_;
   Read(state_.data(), loads);

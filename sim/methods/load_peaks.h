@@ -21,8 +21,9 @@ class LoadPeaks {
   // `pins`: of these too, and inside steps; else contacts alone, at the ends of steps.
   LoadPeaks(const Model& model, Dynamics* dynamics, bool pins);
 
-  // Where a motion begins, and where loads may have jumped. The last right side was at `state`.
-  void Begin(double t, const double* state);
+  // Where a motion begins, and where loads may have jumped. The last right side was at `state`;
+  // `counts`: loads there are the motion's, and not an interpolation's.
+  void Begin(double t, const double* state, bool counts = true);
   // After a good try of a step, with the right side that it ended with still the last one.
   void ReadEnd(const double* trial);
   // The step of length h from t on is taken as far as sigma (1: all of it). `inside`: its dense

@@ -16,11 +16,10 @@ std::unique_ptr<Stepper> MakeStepper(const SimulateOptions& options, Dynamics& d
 // The order of the explicit pair: 4, 5 or 8.
 int PairOrder(const SimulateOptions& options);
 
-// The relative tolerance of a method's steps [-]: the implicit one is strict enough by itself,
-// explicit ones are bounded from above.
-double ToleranceOf(const SimulateOptions& options, Method method);
+// The relative tolerance that steps are held to [-]: what is asked, bounded from above.
+double ToleranceOf(const SimulateOptions& options);
 
 // What errors of a step are measured against, from the scene's scales and its energy at the start.
-ErrorScale ScaleOf(const Model& model, const SimulateOptions& options, Method method);
+ErrorScale ScaleOf(const Model& model, const SimulateOptions& options);
 
 }  // namespace unfurl::sim

@@ -86,6 +86,12 @@ class Stepper {
   // right side some more times.
   virtual DensePolynomial Polynomial(int entry) = 0;
   virtual void Dense(double sigma, double* out);
+  // As Dense, but for loads: with what is stiff where the right side wants it. May evaluate the
+  // right side once, beside evaluations(), which is then not the trial's any more; true: it did.
+  virtual bool Sample(double sigma, double* out) {
+    Dense(sigma, out);
+    return false;
+  }
   // Whether Polynomial costs no further evaluation.
   virtual bool DenseIsFree() const { return true; }
   // A cheaper stand-in for Polynomial, off by at most about `margin` anywhere in the step.

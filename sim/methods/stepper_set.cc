@@ -27,11 +27,9 @@ Stepper* StepperSet::Get(Role role) {
   const Method method = role == kImplicit      ? Method::kImplicit
                         : role == kPartitioned ? Method::kPartitioned
                                                : Method::kProjected;
-  ErrorScale scale = scale_;
-  scale.rtol = ToleranceOf(options_, method);
   SimulateOptions options = options_;
   if (role == kAtEdge) options.order = 8;
-  stepper = MakeStepper(options, dynamics_, scale, method);
+  stepper = MakeStepper(options, dynamics_, scale_, method);
   return stepper.get();
 }
 

@@ -122,7 +122,7 @@ std::shared_ptr<Certificate> Certificate::Make(const data::Scene& scene,
     return out;
   }
   SimulateOptions tighter = options;
-  tighter.rtol = TighterTolerance(options.rtol, options.method);
+  tighter.rtol = TighterTolerance(options.rtol);
   // Of the difference, 1 - 0.1 is the run's own error; the method of `auto` may differ, which is as
   // well.
   tighter.max_step = kShorter * UsualLongestStep(options, *model);

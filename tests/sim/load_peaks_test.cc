@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "sim/methods/simulate.h"
+#include "tests/sim/sampled_rows.h"
 #include "tests/sim/scenes.h"
 
 namespace unfurl::sim::load_peaks_test {
@@ -80,6 +81,41 @@ TEST(LoadPeaks, OfAnImpact) {
       EXPECT_NEAR(report.peak_pin_force[0], force, kPeakError * force)
           << MethodName(method) << " " << rtol;
     }
+  }
+}
+
+// Samples lie between implicit steps, where a cubic through their ends is off by nothing that a
+// mark shows, and by twice the largest load in the highest shapes of a smooth beam. No sample is
+// beyond the peak that the explicit method finds.
+TEST(LoadPeaks, SamplesOfImplicitStepsAreNotBeyondThem) {
+  const Model model = ModelFrom(
+      "[scene]\nname = \"latched\"\nduration = 1.0\n"
+      "[contact.lock]\nK = 5e9\nC = 4000.0\nQ = 3.0\nepsilon = 5e-6\n"
+      "[beam.b]\nlength = 1.0\nmass = 0.4\nEI = 50.0\nmodel = \"kirchhoff\"\norder = 8\n"
+      "damping = 5e-5\n"
+      "[joint.j]\ninner = \"ground\"\nouter = \"b.start\"\ntheta = 0.4\n"
+      "[joint.j.spring]\nstiffness = 0.35\npreload = 1.5\n"
+      "[joint.j.latch]\ntheta_a = 0.004\ntheta_b = 0.004\nlever = 0.02\ncontact = \"lock\"\n");
+  SimulateOptions options;
+  options.method = Method::kProjected;
+  options.rtol = 1e-5;
+  const SimulateReport explicit_report = Simulate(model, options, nullptr);
+  ASSERT_TRUE(explicit_report.Usable());
+  const double largest = explicit_report.peak_pin_force[0];
+  for (const double rtol : {1e-2, 1e-3, 1e-5}) {
+    options.method = Method::kImplicit;
+    options.rtol = rtol;
+    options.rate = 2000.0;
+    SampledRows run(model);
+    const SimulateReport report = Simulate(model, options, &run);
+    ASSERT_TRUE(report.Usable()) << rtol;
+    constexpr double kKnown = 0.05;  // to which loads are at 1e-3
+    EXPECT_NEAR(report.peak_pin_force[0], largest, kKnown * largest) << rtol;
+    double sampled = 0.0;
+    for (std::size_t i = 0; i < run.t.size(); ++i) {
+      sampled = std::max(sampled, run.At(i, "j.pin_force"));
+    }
+    EXPECT_LT(sampled, (1.0 + kKnown) * largest) << rtol;
   }
 }
 

@@ -1,0 +1,71 @@
+// What is read off a step that is taken: samples, what open latches go through, loads. None of it
+// changes the steps.
+#include <algorithm>
+
+#include "sim/methods/integration.h"
+
+namespace unfurl::sim {
+namespace {
+
+constexpr int kPartsOfWay = 4;  // of a step, at which open latches are looked at
+
+}  // namespace
+
+void Integration::SampleStep(double h, double t_new) {
+  for (;;) {
+    const double t = static_cast<double>(report_.samples) / options_.rate;
+    if (t > std::min(t_new, end_ * (1.0 + 1e-12))) return;
+    const double sigma = std::clamp((t - t_) / h, 0.0, 1.0);
+    if (options_.track_forces) {
+      sampled_ += stepper_->Sample(sigma, sample_.data()) ? 1 : 0;
+    } else {
+      stepper_->Dense(sigma, sample_.data());
+    }
+    Emit(t);
+  }
+}
+
+void Integration::ShowWay(double h, double sigma) {
+  if (observer_ == nullptr || !options_.track_forces) return;
+  const StateIndex& i = model_.index;
+  const auto& modes = dynamics_.modes();
+  for (int part = 1; part <= kPartsOfWay; ++part) {
+    const double at = sigma * part / kPartsOfWay;
+    bool open = false;
+    for (int k = 0; k < model_.latches.count(); ++k) {
+      if (modes[static_cast<std::size_t>(k)].latched) continue;
+      open = true;
+      const Hinge& hinge = model_.latches.hinge(k);
+      for (const int body : {hinge.outer, hinge.inner}) {
+        double margin = 0.0;
+        for (const int entry : {i.theta(body), i.omega(body)}) {
+          way_[entry] = stepper_->Cubic(entry, &margin)(at);
+        }
+      }
+    }
+    if (!open) return;
+    observer_->OnWay(dynamics_.MotionAt(t_ + at * h, way_.data()), modes);
+  }
+}
+
+void Integration::Emit(double t) {
+  if (observer_ != nullptr) observer_->OnSample(t, sample_.data(), dynamics_.modes());
+  ++report_.samples;
+}
+
+// What stiff axes have between the ends of implicit steps is an interpolation's error, not theirs:
+// there loads are looked for inside steps in contacts alone, which steps follow.
+void Integration::WatchLoads(double h, double sigma, bool event) {
+  const auto& modes = dynamics_.modes();
+  const bool inside =
+      role_ != StepperSet::kImplicit || std::any_of(modes.begin(), modes.end(), [](LatchMode m) {
+        return (m.upper_contact | m.lower_contact) != 0;
+      });
+  const bool moved = loads_.Step(stepper_, t_, h, sigma, inside) || sampled_ > 0;
+  looked_ += sampled_;
+  sampled_ = 0;
+  // What follows wants the right side at the trial to be the last.
+  if (moved && !event) dynamics_.RightSide(t_ + h, stepper_->trial(), scratch_.data());
+}
+
+}  // namespace unfurl::sim
