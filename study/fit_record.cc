@@ -323,11 +323,13 @@ void AddTolerances(const std::vector<correlate::ToleranceChoice>& choices,
                            : fmt::format("{:.2g} standard deviations of the data", sigmas);
     };
     record->checks[fmt::format("rtol{} [1]", t == 0 ? "" : fmt::format("_{}", t + 1))] = c.rtol;
+    const char* small = c.noise <= c.of_data ? "moves no value by more than a fifth of its error"
+                                             : "is below a hundredth of what the mesh leaves";
     record->reasons.push_back(
         c.noise <= c.wanted
             ? fmt::format("Simulated{} with a tolerance of {:.0e}: its own scatter, {} RMS "
-                          "at the start, is below a hundredth of what the residuals show.",
-                          of, c.rtol, text(c.noise))
+                          "at the start, {}.",
+                          of, c.rtol, text(c.noise), small)
             : fmt::format("No tolerance down to 1e-9 brings the simulator's own scatter{} below "
                           "{} at the start: {:.0e} leaves {}.",
                           of, text(c.wanted), c.rtol, text(c.noise)));

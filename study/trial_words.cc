@@ -100,6 +100,19 @@ std::string ResidualWords(const correlate::Observations& o, const correlate::Tri
   return words;
 }
 
+// Standard errors from zero below which the model's own error may be all that there is.
+constexpr double kTold = 2.0;
+
+// Of the clock's drift, all parts [-]; 0: it was not fitted.
+double SigmaOfDrift(const correlate::TrialResult& t) {
+  for (std::size_t i = 0; i < t.nuisances.size(); ++i) {
+    if (t.nuisances[i].kind == correlate::Nuisance::Kind::kDrift) {
+      return t.nuisance_sigma(static_cast<Eigen::Index>(i));
+    }
+  }
+  return 0.0;
+}
+
 // What was known of clock and frame, what of a drift the data show, and what was put aside.
 void AddPlacementWords(const correlate::Observations& o, const correlate::TrialResult& t,
                        const std::string& of, data::FitRecord* record) {
@@ -120,11 +133,16 @@ void AddPlacementWords(const correlate::Observations& o, const correlate::TrialR
   }
   const correlate::DriftTest& drift = t.drift;
   if (drift.called) {
+    const double all = SigmaOfDrift(t);
     add(fmt::format(
         "The data call for a clock{} that runs fast by {} parts in a million ({:.0f} "
-        "times its standard error): it is fitted. If the clock is right, say so "
+        "times its standard error): it is fitted. {}If the clock is right, say so "
         "(trial.drift = \"known\").",
-        of, NumberWithError(1e6 * t.at.drift, 1e6 * drift.sigma), std::sqrt(drift.deviance)));
+        of, NumberWithError(1e6 * t.at.drift, 1e6 * drift.sigma), std::sqrt(drift.deviance),
+        std::abs(t.at.drift) > kTold * all
+            ? ""
+            : fmt::format("The model's own error may look the same (with it: ± {:.2g}). ",
+                          1e6 * all)));
   } else if (drift.too_large) {
     add(
         fmt::format("A clock{} that runs fast by {:.2g}% would lower the residuals most, and no "

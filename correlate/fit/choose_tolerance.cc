@@ -1,17 +1,22 @@
 #include "correlate/fit/choose_tolerance.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "base/worker_pool.h"
 #include "correlate/fit/reduced_problem.h"
+#include "correlate/residual/row_layout.h"
 
 namespace unfurl::correlate {
 
 ToleranceChoice ChooseTolerance(const std::function<std::shared_ptr<Model>(double rtol)>& at,
                                 const Model* finer, const std::vector<double>& theta,
                                 const Observations& observations, double part) {
-  constexpr double kPart = 0.01;  // of the residuals to come
+  // Standard errors of the data that scatter of such a size may move an estimate by where all of it
+  // looks like a change of one parameter: in quadrature 2% of the error.
+  constexpr double kMoved = 0.2;
+  constexpr double kPart = 0.01;  // of sigma where rows are few, and of what the mesh leaves
   constexpr double kLadder[] = {kLoosestTolerance, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10};
   constexpr std::size_t kRungs = std::size(kLadder);
   const Stamps stamps = observations.StampsAt(observations.Start());
@@ -32,7 +37,9 @@ ToleranceChoice ChooseTolerance(const std::function<std::shared_ptr<Model>(doubl
 
   ToleranceChoice choice, least;
   least.noise = std::numeric_limits<double>::infinity();
-  choice.wanted = kPart;
+  const RowLayout layout(observations);
+  const double rows = static_cast<double>(layout.rows);
+  choice.wanted = choice.of_data = std::min(kPart, kMoved / std::sqrt(std::max(1.0, rows)));
   choice.sigma = TypicalSigma(observations);
   for (std::size_t i = 0; i + 1 < kRungs; ++i) {
     if (i == 0 || i % 2 == 1) {
@@ -47,7 +54,7 @@ ToleranceChoice ChooseTolerance(const std::function<std::shared_ptr<Model>(doubl
       // The mesh's error allows more; where that is not needed the run is saved.
       const Prediction fine = finer->Evaluate(theta, stamps);
       if (good(fine)) {
-        choice.wanted = kPart * std::hypot(1.0, part * difference(fine, answers[1]));
+        choice.wanted = std::hypot(choice.of_data, kPart * part * difference(fine, answers[1]));
       }
     }
     if (choice.noise < least.noise) least = choice;

@@ -308,9 +308,14 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
 }
 
 void FillProfiles(const FitProblem& problem, ReducedProblem& reduced, const std::vector<double>& u,
-                  const ReducedProblem::Point& point, const FitOptions& options, FitResult* r) {
+                  const ReducedProblem::Point& point, const FitOptions& options,
+                  const std::vector<double>& noise, FitResult* r) {
   const auto p = static_cast<Eigen::Index>(u.size());
   ProfileStart start;
+  for (std::size_t i = 0; i < point.registration.size(); ++i) {
+    const double rows = static_cast<double>(point.registration[i].data_rows);
+    start.scatter += rows * noise[reduced.parts()[i].trial] * noise[reduced.parts()[i].trial];
+  }
   start.u = u;
   start.point = point;
   Eigen::MatrixXd J = r->sensitivity;

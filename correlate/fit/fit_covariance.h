@@ -28,8 +28,10 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
                     const std::vector<const RowWhitening*>& whitening, const FitOptions& options,
                     FitResult* result, const WaysOfError& ways = {});
 
-// Profiles of all parameters, and sigma_alone.
+// Profiles of all parameters, and sigma_alone, of a model that scatters by `noise`, by trial, RMS in
+// sigmas of the data.
 void FillProfiles(const FitProblem& problem, ReducedProblem& reduced, const std::vector<double>& u,
-                  const ReducedProblem::Point& point, const FitOptions& options, FitResult* result);
+                  const ReducedProblem::Point& point, const FitOptions& options,
+                  const std::vector<double>& noise, FitResult* result);
 
 }  // namespace unfurl::correlate

@@ -270,7 +270,8 @@ bool FitRun::Estimate() {
                   [](const ParameterEstimate& e) { return e.sigma_model > kRules * e.sigma_data; });
   if (options_.profile.wanted && !result_.ladder.rules) {
     workers_.Phase("profiles", budget_.profiles);
-    FillProfiles(problem_, best_->reduced(), best_->u(), best_->point(), options_, &result_);
+    FillProfiles(problem_, best_->reduced(), best_->u(), best_->point(), options_, noise_sigmas_,
+                 &result_);
   }
   return true;
 }

@@ -10,6 +10,7 @@ namespace unfurl::correlate {
 namespace {
 
 constexpr double kSettled = 0.01;  // of deviance: what the next step would still gain
+constexpr double kRough = 0.1;     // the same of a rough model: 1.3% of an interval's half width
 constexpr int kMostSteps = 12;     // of one point
 constexpr int kChordSteps = 3;     // with sensitivities of the estimate, before new ones are taken
 
@@ -186,7 +187,9 @@ class Follower {
       lane.trial[l] = Clamp(l, lane.u[l] + s);
       moved -= gradient(static_cast<Eigen::Index>(l)) * (lane.trial[l] - lane.u[l]);
     }
-    lane.settled = moved <= kSettled * start_.dispersion(static_cast<Eigen::Index>(lane.held));
+    // Of the model's scatter the share that looks like changes of the parameters is no gain.
+    const double settled = std::clamp(start_.scatter, kSettled, kRough);
+    lane.settled = moved <= settled * start_.dispersion(static_cast<Eigen::Index>(lane.held));
     lane.done = lane.settled || lane.steps >= kMostSteps || spent_ >= options_.max_evaluations;
   }
 

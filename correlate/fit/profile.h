@@ -23,7 +23,7 @@ struct ProfilePoint {
   double value = 0.0;         // of the parameter [unit]
   double deviance = 0.0;      // twice the rise of the cost with all others at their best [-]
   std::vector<double> theta;  // all parameters there [units]
-  bool settled = false;       // the others' best was found to a hundredth of the deviance's unit
+  bool settled = false;       // the others' best was found, to 0.01 to 0.1 of deviance
 };
 
 // Profile likelihood of one parameter: it is held at values to either side and all others (and
@@ -48,6 +48,7 @@ struct ProfileStart {
   Eigen::MatrixXd projected;   // rows x p, d residual / d u, nuisances projected out [-]
   Eigen::VectorXd sigma;       // of each u, of the data [-]
   Eigen::VectorXd dispersion;  // variance of the data over that of the rows alone, >= 1 [-]
+  double scatter = 0.0;        // sum of squares of the model's own in all rows [-]
 };
 
 // All parameters' profiles, simulations of all of them in common batches. A profile that has not

@@ -26,7 +26,7 @@ std::string RemedyFor(StepLimit limit, const SimulateOptions& options) {
     case StepLimit::kContactExit:
       return "these are impacts: contacts with more damping, or a larger rtol, shorten it";
     default:
-      return "a larger rtol, or fewer segments, shorten it";
+      return "a larger rtol, fewer segments or a lower order of the beams shorten it";
   }
 }
 

@@ -4,6 +4,8 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "correlate/fit/reduced_problem.h"
 #include "tests/correlate/pendulum.h"
 
@@ -65,6 +67,47 @@ TEST(ChooseTolerance, WhereNoneIsTheQuietestAndSaysSo) {
   const ToleranceChoice loud = Choose(1e5, 0.0, 2e-4);
   EXPECT_EQ(loud.rtol, 1e-9);
   EXPECT_GT(loud.noise, loud.wanted);
+}
+
+// The worst that scatter can do is to look like a change of one parameter. Then it moves that by so
+// many standard errors as the information of all samples says, however many there are.
+TEST(ChooseTolerance, MovesNoParameterByMoreThanAFifthOfItsError) {
+  class Moved : public TwoLink {
+   public:
+    explicit Moved(double by) : by_(by) {}
+    Prediction Evaluate(std::span<const double> theta, const Stamps& stamps) const override {
+      std::vector<double> moved(theta.begin(), theta.end());
+      moved[0] *= 1.0 + by_;
+      return TwoLink::Evaluate(moved, stamps);
+    }
+
+   private:
+    double by_;  // of the first parameter [-]
+  };
+  constexpr double kGain = 3.0, kFifth = 0.2;
+  for (const double step : {0.05, 0.0005}) {
+    Trial trial = TiltedTrial();
+    trial.step = step;
+    Rng rng(1);
+    const Observations data =
+        Record(TwoLink(), TwoLink::Truth(), TwoLink::Marks(), trial, rng);
+    const ToleranceChoice choice =
+        ChooseTolerance([](double rtol) { return std::make_unique<Moved>(kGain * rtol); }, nullptr,
+                        TwoLink::Truth(), data);
+    constexpr double kStep = 1e-5;  // of the parameter, for its slope
+    const Stamps stamps = data.StampsAt(trial.offset);
+    const Prediction plus = Moved(kStep).Evaluate(TwoLink::Truth(), stamps);
+    const Prediction minus = Moved(-kStep).Evaluate(TwoLink::Truth(), stamps);
+    double information = 0.0;  // of the relative change
+    for (std::size_t m = 0; m < plus.marks.size(); ++m) {
+      information += (plus.marks[m].p - minus.marks[m].p).squaredNorm() /
+                     std::pow(2.0 * kStep * trial.sigma, 2);
+    }
+    const double moved = kGain * choice.rtol * std::sqrt(information);
+    EXPECT_LE(choice.noise, choice.of_data) << step;
+    EXPECT_LT(0.9 * moved, kFifth) << step;  // what is seen is the way to a tenth of the tolerance
+    EXPECT_GT(10.0 * 0.9 * moved, kFifth) << step;
+  }
 }
 
 TEST(ChooseTolerance, TheMeshsErrorAllowsMore) {

@@ -76,6 +76,7 @@ TEST_F(Formats, AnyFileIsLoadedByWhatItIs) {
   const std::string sets = UNFURL_SOURCE_DIR "/data/sets/";
   EXPECT_TRUE(std::holds_alternative<Scene>(Load(sets + "bouncing_latch/scene.toml")));
   EXPECT_TRUE(std::holds_alternative<Study>(Load(sets + "deployment/study.toml")));
+  EXPECT_TRUE(std::holds_alternative<Study>(Load(sets + "deployment/study_smooth.toml")));
 }
 
 TEST_F(Formats, WhatIsNoRecordIsRefusedWithARemedy) {
