@@ -77,7 +77,7 @@ constexpr Mistaken kTimes[] = {
     {1.0 / 60.0, kSixty, "are they in minutes?"},
     {1.0 / 3600.0, kThousand, "are they in hours?"},
 };
-constexpr double kDegree = 180.0 / std::numbers::pi;
+constexpr double kDegree = 180.0 / std::numbers::pi;  // of a radian
 constexpr Mistaken kAngles[] = {
     {kDegree, kSixty, "are they in degrees?"},
     {1.0 / kDegree, kSixty, "are they in radians?"},
