@@ -63,10 +63,12 @@ struct StudyChannel {
   };
   Filter filter;
   // A switch instead: the event that its edges are times of.
-  std::string event;   // "latch", ...; empty: none
-  std::string joint;   // or watch
-  bool rising = true;  // which edges
-  std::string at;      // file:line:key, for messages
+  std::string event;    // "latch", ...; empty: none
+  std::string joint;    // or watch
+  bool rising = true;   // which edges
+  double bounce = 0.0;  // changes that follow one another within it are one switching [s]
+  int count = 0;        // the one edge that counts, as the event of that number; 0: all
+  std::string at;       // file:line:key, for messages
 };
 
 // The same of its frame: where the scene's frame lies in the tracks'.

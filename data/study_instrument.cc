@@ -56,9 +56,12 @@ void ReadInstrument(const TomlTable& t, StudyChannel* c) {
 }
 
 void ReadSwitch(const TomlTable& t, StudyChannel* c) {
+  constexpr int kMostEdges = 1'000'000;  // as many as the readings of a channel
   c->event = t.Choice("event", {"latch", "contact_start", "contact_end", "watch"});
   c->joint = t.String(c->event == "watch" ? "watch" : "joint");
   c->rising = t.ChoiceOr("edge", "rising", {"rising", "falling"}) == "rising";
+  if (t.Has("bounce")) c->bounce = t.Number("bounce", kPositive);
+  if (t.Has("count")) c->count = t.Integer("count", 1, kMostEdges);
   c->delay = ReadKnowledge(t, "delay", kAny);
   if (c->delay.kind != StudyInstrumentKnowledge::kUnsaid &&
       c->delay.kind != StudyInstrumentKnowledge::kKnown) {

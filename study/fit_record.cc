@@ -134,7 +134,9 @@ void JudgeWhole(const correlate::FitProblem& problem, const correlate::FitResult
                     NumberWithError(r.parameters[j].value, r.parameters[j].sigma),
                     UnitAfter(parameters[j].unit), r.parameters[j].reason));
   }
-  AddTrialWords(problem.trials, r, record);
+  std::vector<std::string> names;
+  for (const correlate::Parameter& p : problem.parameters) names.push_back(p.name);
+  AddTrialWords(names, problem.trials, r, record);
   AddLadderWords(r.ladder, record);
   AddSearchWords(r, record);
 }
@@ -303,6 +305,7 @@ data::FitRecord RecordOf(const data::Study& study, const correlate::FitProblem& 
     check("residual_p_whitened", "1", trial.whitened.smallest_p);
     check("p_covariances", "1", trial.goodness.p_covariances());
     check("p_noise", "1", trial.goodness.p_noise());
+    check("p_constant", "1", trial.goodness.constancy.p_value);
     check("mesh_takes", "1", trial.goodness.mesh_takes);
     check("effective_share", "1", trial.plain.effective_share);
     check("model_noise", "m", trial.model_noise);

@@ -15,6 +15,7 @@
 #include "data/h5.h"
 #include "data/tracks.h"
 #include "sim/methods/choose_method.h"
+#include "study/channel_unit_check.h"
 #include "study/rungs.h"
 #include "study/scene_model.h"
 #include "study/trial_observations.h"
@@ -104,6 +105,7 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from, const st
   AddChannels(from, &model->quantities(), &observations);
   for (const std::string& file : model->files()) bound->inputs.push_back(file);
   if (!observations.marks.empty()) RefuseOtherUnits(observations, *model, theta, path);
+  RefuseOtherChannelUnits(from, study.parameters, observations, *model, theta);
   const std::vector<SceneRung> rungs = RungsOf(study.fidelity, model->beams());
   // Each once: the fit begins with the motions that the tolerance was chosen by.
   std::map<std::pair<double, std::size_t>, std::shared_ptr<SceneModel>> made;

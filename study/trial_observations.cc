@@ -193,6 +193,28 @@ correlate::ChannelRecord RecordOf(const data::StudyChannel& want, const data::Ch
   return r;
 }
 
+// Reading before which a switch changes, and after which change it comes to rest: contacts bounce.
+struct Switching {
+  std::size_t first = 0, last = 0;
+};
+
+// Changes about half the range. Those that follow one another within `bounce` are one, and none
+// where the level is afterwards what it was before.
+std::vector<Switching> SwitchingsOf(const data::Channel& c, double half, double bounce) {
+  std::vector<Switching> out;
+  for (std::size_t i = 1; i < c.y.size(); ++i) {
+    if ((c.y[i - 1] > half) == (c.y[i] > half)) continue;
+    if (!out.empty() && c.t[i] - c.t[out.back().last] <= bounce) {
+      out.back().last = i;
+    } else {
+      out.push_back({i, i});
+    }
+  }
+  std::erase_if(
+      out, [&](const Switching& s) { return (c.y[s.first - 1] > half) == (c.y[s.last] > half); });
+  return out;
+}
+
 // Times at which a switch changes: between the two readings about half its range, uniform there.
 std::vector<correlate::TimedEvent> EdgesOf(const data::StudyChannel& want, const data::Channel& c) {
   const auto [low, high] = std::minmax_element(c.y.begin(), c.y.end());
@@ -202,18 +224,23 @@ std::vector<correlate::TimedEvent> EdgesOf(const data::StudyChannel& want, const
                 "leave it out, or widen its window");
   }
   const double half = 0.5 * (*low + *high);
-  for (std::size_t i = 1; i < c.y.size(); ++i) {
-    const bool before = c.y[i - 1] > half, after = c.y[i] > half;
-    if (before == after || after != want.rising) continue;
-    const double step = c.t[i] - c.t[i - 1];
+  for (const Switching& s : SwitchingsOf(c, half, want.bounce)) {
+    if ((c.y[s.last] > half) != want.rising) continue;
+    const double before = c.t[s.first - 1], after = c.t[s.first];
     out.push_back({want.event, want.joint, static_cast<int>(out.size()) + 1,
-                   0.5 * (c.t[i - 1] + c.t[i]) - want.delay.mean, step / std::sqrt(12.0)});
+                   0.5 * (before + after) - want.delay.mean, (after - before) / std::sqrt(12.0)});
   }
   if (out.empty()) {
     throw Error(fmt::format("the switch '{}' has no {} edge", want.column,
                             want.rising ? "rising" : "falling"),
                 want.at, "say edge = \"rising\" or \"falling\"");
   }
+  if (want.count > static_cast<int>(out.size())) {
+    throw Error(fmt::format("the switch '{}' has {} {} edges", want.column, out.size(),
+                            want.rising ? "rising" : "falling"),
+                want.at, "give the number of one of them (count)");
+  }
+  if (want.count > 0) out = {out[static_cast<std::size_t>(want.count - 1)]};
   return out;
 }
 

@@ -28,10 +28,54 @@ std::string Whose(const correlate::Observations& o) {
   return o.marks.empty() ? "the channels'" : o.others.empty() ? "the marks'" : "the data's";
 }
 
+// What of a model that does not explain its data changes along the record; empty: nothing is seen
+// to.
+std::string ConstancyWords(const std::vector<std::string>& parameters,
+                           const correlate::Constancy& c) {
+  if (!(c.p_value < correlate::kGoodnessLevel / 3.0) || c.most < 0) return "";
+  std::string what =
+      "the motion's size by {:+.2g} of it at the record's begin and {:+.2g} at its "
+      "end";
+  double factor = 1.0;
+  if (c.most < c.parameters) {
+    what = parameters[static_cast<std::size_t>(c.most)] +
+           " by {:+.2g} at the record's begin and {:+.2g} at its end";
+  } else if (c.clock()) {
+    what = "the clock by {:+.2g} ms at the record's begin and {:+.2g} ms at its end";
+    factor = 1e3;
+  }
+  return " Along the record they want other values, by more than noise does whatever its memory "
+         "(probability " +
+         fmt::format("{:.2g}", c.p_value) + "): most surely " +
+         fmt::format(fmt::runtime(what), factor * c.at_begin, factor * c.at_end) +
+         ". So does what changes with the motion's size or rate: friction, another law of damping, "
+         "a stiffness that is not constant.";
+}
+
+std::string NoExplanation(const std::string& whose, const correlate::TrialResult& t) {
+  const correlate::GoodnessOfFit& g = t.goodness;
+  if (g.p_covariances() >= correlate::kGoodnessLevel) {
+    return fmt::format(
+        " The model does not explain them, though they are no more than {} noise: the values may "
+        "be off by more than their standard errors.",
+        whose);
+  }
+  return fmt::format(
+      " The model does not explain them: neither {} covariances (probability {}) "
+      "nor stationary noise ({:.2g}){}. It lacks an effect, or the data are off by more than "
+      "their covariances say; the values may be off by more than their standard errors.",
+      whose, Probability(g.p_covariances()), g.p_noise(),
+      t.error_check == correlate::ErrorCheck::kFiner ||
+              t.error_check == correlate::ErrorCheck::kLadder
+          ? fmt::format(" nor a finer model, with which {:.0f}% of the excess disappears",
+                        100.0 * g.mesh_takes)
+          : std::string());
+}
+
 // The residuals of one trial: how large, whether they are correlated, what was done about it,
 // and whether the model explains them.
 std::string ResidualWords(const correlate::Observations& o, const correlate::TrialResult& t,
-                          bool several) {
+                          const std::vector<std::string>& parameters, bool several) {
   const std::string of = several ? " of " + t.name : "";
   const std::string whose = Whose(o);
   const correlate::GoodnessOfFit& g = t.goodness;
@@ -80,16 +124,7 @@ std::string ResidualWords(const correlate::Observations& o, const correlate::Tri
           whose, Probability(g.p_covariances()), 100.0 * g.mesh_takes);
       break;
     case correlate::Explained::kNo:
-      words += fmt::format(
-          " The model does not explain them: neither {} covariances (probability {}) "
-          "nor stationary noise ({:.2g}){}. It lacks an effect, or the data are off by more than "
-          "their covariances say; the values may be off by more than their standard errors.",
-          whose, Probability(g.p_covariances()), g.p_noise(),
-          t.error_check == correlate::ErrorCheck::kFiner ||
-                  t.error_check == correlate::ErrorCheck::kLadder
-              ? fmt::format(" nor a finer model, with which {:.0f}% of the excess disappears",
-                            100.0 * g.mesh_takes)
-              : std::string());
+      words += NoExplanation(whose, t) + ConstancyWords(parameters, g.constancy);
       if (correlate::LeastNoiseOverMotion(o) < correlate::kLoosestTolerance) {
         words +=
             " The stated noise is less than a simulation's tolerance of the motion: what is left "
@@ -224,12 +259,13 @@ std::string ErrorWords(const correlate::Observations& o, const correlate::TrialR
 
 }  // namespace
 
-void AddTrialWords(const std::vector<correlate::FitTrial>& trials, const correlate::FitResult& r,
+void AddTrialWords(const std::vector<std::string>& parameters,
+                   const std::vector<correlate::FitTrial>& trials, const correlate::FitResult& r,
                    data::FitRecord* record) {
   const bool several = r.trials.size() > 1;
   for (std::size_t k = 0; k < r.trials.size(); ++k) {
     const correlate::TrialResult& t = r.trials[k];
-    record->reasons.push_back(ResidualWords(*trials[k].observations, t, several));
+    record->reasons.push_back(ResidualWords(*trials[k].observations, t, parameters, several));
     if (!t.less_weight.empty()) {
       double from = std::numeric_limits<double>::infinity(), least = 1.0;
       for (const correlate::LessWeight& l : t.less_weight) {

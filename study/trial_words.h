@@ -1,5 +1,6 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "correlate/fit/fit.h"
@@ -9,7 +10,8 @@ namespace unfurl::study {
 
 // What a fit says of each trial, as reasons of its record: residuals, noise, weights, events, clock
 // and frame, gross errors, the model's own error.
-void AddTrialWords(const std::vector<correlate::FitTrial>& trials,
+void AddTrialWords(const std::vector<std::string>& parameters,
+                   const std::vector<correlate::FitTrial>& trials,
                    const correlate::FitResult& result, data::FitRecord* record);
 
 }  // namespace unfurl::study

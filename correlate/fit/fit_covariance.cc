@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstdint>
 
+#include "correlate/fit/constancy.h"
 #include "correlate/fit/normal_matrix.h"
 #include "correlate/residual/row_layout.h"
 
@@ -278,6 +279,17 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     }
     in.below = trial.noise.below;
     in.sections = sections;
+    ConstancyInput same;
+    same.observations = data[t];
+    same.prediction = &trial.prediction;
+    same.reference = trial.reference;
+    same.at = trial.at;
+    same.registration = options.align.registration;
+    same.residual = &trial.residual;
+    same.jacobian = &plain_jacobian[t];
+    same.sensitivity = plain_sensitivity.middleRows(b.row, b.rows);
+    same.known = trial.model_error;
+    in.constancy = &same;
     trial.goodness = TestGoodness(in);
   }
 

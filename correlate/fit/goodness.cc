@@ -91,7 +91,10 @@ double LeastNoiseOverMotion(const Observations& observations) {
 }
 
 double GoodnessOfFit::p_covariances() const { return Either(p_size, p_white); }
-double GoodnessOfFit::p_noise() const { return Either(p_found, p_steady); }
+double GoodnessOfFit::p_constant() const { return std::min(1.0, 3.0 * constancy.p_value); }
+double GoodnessOfFit::p_noise() const {
+  return std::min({1.0, 3.0 * std::min(p_found, p_steady), p_constant()});
+}
 
 double SteadyPValue(const Observations& observations, const Eigen::VectorXd& residual,
                     int sections) {
@@ -143,9 +146,18 @@ GoodnessOfFit TestGoodness(const GoodnessInput& in) {
   }
   out.within_known = out.p_size >= kGoodnessLevel && in.finer > in.dof;
   out.below = in.below && out.p_size >= kGoodnessLevel && stretch >= kGoodnessLevel;
-  if (out.p_covariances() >= kGoodnessLevel || out.within_known || out.below) {
+  const bool small = out.within_known || out.below;
+  const bool yes = small || out.p_covariances() >= kGoodnessLevel;
+  const bool mesh = !yes && out.mesh_takes > kHalf;
+  if (in.constancy != nullptr && !small && !mesh) {
+    ConstancyInput asked = *in.constancy;
+    // Where it would change nothing it need not be exact.
+    if (!yes && out.p_noise() < kGoodnessLevel) asked.calibrated_below = 0.0;
+    out.constancy = TestConstancy(asked);
+  }
+  if (yes && out.p_constant() >= kGoodnessLevel) {
     out.outcome = Explained::kYes;
-  } else if (out.mesh_takes > kHalf) {
+  } else if (mesh) {
     out.outcome = Explained::kMesh;
   } else {
     out.outcome = out.p_noise() >= kGoodnessLevel ? Explained::kNoise : Explained::kNo;

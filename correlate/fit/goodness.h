@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 
 #include "correlate/fit/autocorrelation.h"
+#include "correlate/fit/constancy.h"
 #include "correlate/fit/series_noise.h"
 #include "correlate/observations.h"
 
@@ -17,6 +18,8 @@ namespace unfurl::correlate {
 //    nothing follows anything, and every stretch has the same variance, or none has more than the
 //    marks' covariances allow)? Then the standard errors
 //    hold it. A model that is wrong shows where it is wrong: in bursts, at some time, at some mark.
+// 4. Whatever the noise: does all of the record want the same values? Where a smooth effect is
+//    missing it does not, and 1 and 3 may pass it: as less than noise, or as noise.
 enum class Explained {
   kYes,
   kNoise,  // larger or longer-lived than the marks' covariances, but as noise would be
@@ -36,6 +39,7 @@ struct GoodnessOfFit {
   // Of 3, equal variance along the record, or no stretch beyond what is claimed: covariances that
   // promise too little are no fault of the model [-].
   double p_steady = 1.0;
+  Constancy constancy;  // 4
   double excess = 0.0;  // RMS of a coordinate beyond the marks' sigma, in sigmas [-]
   // The residuals are no larger than the covariances allow, and the model's own known error is: a
   // pattern within them is less than what the standard errors hold for that error.
@@ -49,7 +53,8 @@ struct GoodnessOfFit {
   double mesh_takes = 0.0;  // [-]
 
   double p_covariances() const;  // question 1 as a whole
-  double p_noise() const;        // question 3 as a whole
+  double p_constant() const;     // question 4, as one of three
+  double p_noise() const;        // questions 3 and 4 as a whole
 };
 
 // Correlated noise that has less power at every frequency than the samples' covariances say gives
@@ -84,6 +89,7 @@ struct GoodnessInput {
   double left = 0.0, finer = 0.0, left_by_finer = 0.0;  // [-]
   bool below = false;                                   // SeriesNoise::below
   int sections = 8;
+  const ConstancyInput* constancy = nullptr;  // null: question 4 is not asked
 };
 GoodnessOfFit TestGoodness(const GoodnessInput& in);
 

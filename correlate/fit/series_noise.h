@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <string>
 #include <vector>
 
@@ -53,6 +54,17 @@ class RowWhitening {
   bool identity() const { return inverse_sd_.empty(); }  // changes nothing
   // In place, column by column; rows of no series stay as they are.
   void Apply(Eigen::Ref<Eigen::MatrixXd> rows) const;
+  /// Of the noise's covariance, the logarithm of its determinant; rows of exactly 0 take no part.
+  double LogVariances(const Eigen::VectorXd& residual) const {
+    double sum = 0.0;
+    for (const Part& part : parts_) {
+      for (Eigen::Index i = 0; i < part.rows; ++i) {
+        if (residual(part.first + i) == 0.0) continue;
+        sum -= 2.0 * std::log(inverse_sd_[part.at + static_cast<std::size_t>(i)]);
+      }
+    }
+    return sum;
+  }
 
  private:
   // Rows of one series, and where its numbers begin below.

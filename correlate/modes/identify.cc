@@ -59,6 +59,26 @@ Excitation ParseExcitation(const std::string& text, const std::string& where) {
   throw Error("a record is not '" + text + "'", where, "say auto, decay or ambient");
 }
 
+namespace {
+
+constexpr double kAllOfIt = 0.9;   // explained [-]
+constexpr double kByNoise = 0.01;  // chance below which what is left is no noise
+
+// A free decay whose sines leave much that is no noise: in so few cycles, say, modes are missed.
+void DoubtWhatIsLeft(Identification* out) {
+  const DecayFit& fit = out->fit.decay;
+  if (!fit.Usable() || out->doubtful || fit.whiteness > kByNoise || fit.explained >= kAllOfIt)
+    return;
+  out->doubtful = true;
+  out->why += fmt::format(
+      ". But its modes explain {:.2g}% of it, and what they leave is no noise: others are missing "
+      "(of few cycles, or close to these), or it is no free decay, and the standard errors do not "
+      "hold",
+      100.0 * fit.explained);
+}
+
+}  // namespace
+
 const char* Name(Excitation excitation) {
   switch (excitation) {
     case Excitation::kByTheData:
@@ -82,34 +102,36 @@ Identification Identify(std::span<const DecaySignal> signals, Excitation excitat
   out.fit = IdentifyModes(signals, decay);
   if (excitation == Excitation::kDecay) {
     out.why = "It was to be taken for a free decay";
+    DoubtWhatIsLeft(&out);
     return out;
   }
   // Of forces that go on, damped sines can imitate as much as a record of few memories holds: some,
   // close to each other, stand for one mode. They leave more than a tenth, and do not fade.
-  constexpr double kAll = 0.9, kMost = 0.5;  // explained [-]
-  constexpr double kNoise = 0.01;            // chance below which what is left is no noise
+  constexpr double kMost = 0.5;  // explained [-]
   // Mean square of the first half over the second's: a third of a memory within half of the record;
   // and what chance makes of twenty memories once in some thousand times.
   constexpr double kFades = 2.0, kSurelyFades = 4.0;
   const DecayFit& fit = out.fit.decay;
   const double fading = Fading(signals);
-  const bool sines = fit.Usable() && (fit.whiteness > kNoise || fit.explained >= kAll);
+  const bool sines = fit.Usable() && (fit.whiteness > kByNoise || fit.explained >= kAllOfIt);
   if (sines || (fit.Usable() && fit.explained >= kMost && fading >= kFades)) {
     out.why = fmt::format("Damped sines from its beginning explain {:.3g}% of it{}: a free decay",
                           100.0 * fit.explained,
-                          fit.whiteness > kNoise ? " and leave nothing but noise" : "");
-    out.doubtful = fit.whiteness <= kNoise && fading < kSurelyFades;
+                          fit.whiteness > kByNoise ? " and leave nothing but noise" : "");
+    out.doubtful = fit.whiteness <= kByNoise && fading < kSurelyFades;
     if (out.doubtful) {
       out.why +=
           ". But what they leave is no noise: forces that go on can look so in a record of few "
           "memories of the structure, and then the standard errors do not hold (--modes ambient "
           "takes it for that)";
     }
+    DoubtWhatIsLeft(&out);
     return out;
   }
   if (fading >= kSurelyFades) {
     out.why = fmt::format(
         "It fades, the first half has {:.2g} times the second's mean square: a free decay", fading);
+    DoubtWhatIsLeft(&out);
     return out;
   }
   ModalFit as_decay = std::move(out.fit);
@@ -118,6 +140,7 @@ Identification Identify(std::span<const DecaySignal> signals, Excitation excitat
     out = {};
     out.fit = std::move(as_decay);
     out.why = "It is too short to be told from a free decay";
+    DoubtWhatIsLeft(&out);
     return out;
   }
   out.why = fmt::format(

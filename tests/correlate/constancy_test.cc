@@ -1,0 +1,144 @@
+// Whether all of a record wants the same values, on oscillators in closed form: one of viscous
+// damping fitted to records of others, and of its own with noise of several kinds.
+#include "correlate/fit/constancy.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <memory>
+#include <numbers>
+#include <vector>
+
+#include "base/random.h"
+#include "base/statistics.h"
+#include "correlate/fit/fit.h"
+#include "correlate/residual/channel.h"
+
+namespace unfurl::correlate::constancy_test {
+namespace {
+
+constexpr double kRate = 2.0 * std::numbers::pi * 0.7;  // undamped [rad/s]
+constexpr double kStart = 0.6;                          // [rad]
+constexpr double kDecay = 0.03;                         // [1/s]
+
+// Let go at `start`: a decay a, and dry friction that holds within `stuck` of the middle. Between
+// two turns the friction is a constant force, so the motion is a damped swing about +-stuck.
+double Swing(double t, double start, double a, double stuck) {
+  const double w = std::sqrt(kRate * kRate - a * a), half = std::numbers::pi / w;
+  double from = start;
+  for (;; t -= half) {
+    const double about = from > 0.0 ? stuck : -stuck;
+    if (std::abs(from) <= stuck) return from;
+    const auto at = [&](double x) {
+      return about +
+             (from - about) * std::exp(-a * x) * (std::cos(w * x) + a / w * std::sin(w * x));
+    };
+    if (t <= half) return at(t);
+    from = at(half);
+  }
+}
+
+// Viscous damping alone: decay and start are the parameters.
+class Viscous : public Model {
+ public:
+  Prediction Evaluate(std::span<const double> theta, const Stamps& stamps) const override {
+    Prediction out;
+    for (const QuantityStamps& q : stamps.quantities) {
+      Eigen::VectorXd values(static_cast<Eigen::Index>(q.t.size()));
+      for (Eigen::Index i = 0; i < values.size(); ++i) {
+        const double t = q.t[static_cast<std::size_t>(i)];
+        values(i) = t < 0.0 ? theta[1] : Swing(t, theta[1], theta[0], 0.0);
+      }
+      out.quantities.push_back({q.key, std::move(values)});
+    }
+    return out;
+  }
+};
+
+struct Nature {
+  double decay = kDecay, stuck = 0.0;  // [1/s], [rad]
+  double sigma = 1e-3, rho = 0.0;      // of the noise; from reading to reading
+  bool states_sigma = false;
+  int readings = 600;  // 10 ms apart
+};
+
+FitResult FitViscous(const Nature& nature, std::uint64_t seed) {
+  static const Viscous model;
+  Rng rng(seed);
+  ChannelRecord r;
+  r.name = r.quantity = "angle";
+  r.unit = "rad";
+  r.y.resize(nature.readings);
+  double noise = rng.Normal();
+  for (int i = 0; i < nature.readings; ++i) {
+    r.t.push_back(0.01 * (i + 1));
+    if (i > 0) noise = nature.rho * noise + std::sqrt(1.0 - nature.rho * nature.rho) * rng.Normal();
+    r.y(i) = Swing(r.t.back(), kStart, nature.decay, nature.stuck) + nature.sigma * noise;
+  }
+  if (nature.states_sigma) r.sigma = Eigen::VectorXd::Constant(nature.readings, nature.sigma);
+  Observations data;
+  data.others = {std::make_shared<Channel>(std::move(r))};
+  data.placement.offset = Prior::Known(0.0);
+  FitProblem problem;
+  problem.parameters.resize(2);
+  problem.parameters[0].name = "decay";
+  problem.parameters[0].start = 0.02, problem.parameters[0].low = 1e-4;
+  problem.parameters[0].high = 1.0;
+  problem.parameters[1].name = "start";
+  problem.parameters[1].start = 0.55, problem.parameters[1].low = 0.1;
+  problem.parameters[1].high = 1.2;
+  problem.trials.resize(1);
+  problem.trials[0].observations = &data;
+  problem.trials[0].model = &model;
+  FitOptions options;
+  options.workers = 1;
+  options.profile.wanted = false;
+  return Fit(problem, options);
+}
+
+// Friction of a share of the damping was taken for noise with a memory: a decay of 5% more than the
+// viscous part's, 20 and more of its standard errors off, was called determined.
+TEST(Constancy, DryFrictionIsNoViscousDamping) {
+  for (const bool stated : {false, true}) {
+    for (const Nature& nature : {Nature{0.0, 4e-3}, Nature{kDecay, 2e-3}}) {
+      Nature own = nature;
+      own.states_sigma = stated;
+      const FitResult fit = FitViscous(own, 1);
+      ASSERT_TRUE(fit.Usable());
+      const GoodnessOfFit& g = fit.trials[0].goodness;
+      EXPECT_EQ(g.outcome, Explained::kNo) << g.constancy.p_value;
+      EXPECT_EQ(fit.parameters[0].verdict, Verdict::kIfModelHolds);
+      EXPECT_LT(g.constancy.p_value, kGoodnessLevel / 3.0);
+      EXPECT_NE(g.constancy.most, -1);
+    }
+  }
+}
+
+// How often a model that is right is doubted: at most one in fifty, whatever the noise.
+TEST(Constancy, NoiseIsNoChangeOfValues) {
+  constexpr int kSeeds = 60;
+  constexpr double kMost = 0.02, kSure = 0.998;
+  const Nature kinds[] = {{},
+                          {.rho = 0.5},
+                          {.rho = 0.9, .states_sigma = true},
+                          {.sigma = 5e-3, .rho = 0.98},
+                          {.rho = 0.9, .readings = 200}};
+  std::size_t all = 0, doubted = 0;
+  for (const Nature& nature : kinds) {
+    std::size_t own = 0;
+    for (int seed = 1; seed <= kSeeds; ++seed) {
+      const FitResult fit = FitViscous(nature, static_cast<std::uint64_t>(seed));
+      own += fit.trials[0].goodness.outcome == Explained::kNo ? 1 : 0;
+    }
+    RecordProperty("doubted", static_cast<int>(own));
+    std::printf("sigma %g, rho %g, %d readings: doubted %zu of %d\n", nature.sigma, nature.rho,
+                nature.readings, own, kSeeds);
+    doubted += own;
+    all += kSeeds;
+    EXPECT_LE(BinomialInterval(own, kSeeds, kSure).first, kMost);
+  }
+  EXPECT_LE(BinomialInterval(doubted, all, kSure).first, kMost);
+}
+
+}  // namespace
+}  // namespace unfurl::correlate::constancy_test
