@@ -26,6 +26,13 @@ double ChiSquareTail(double x, double degrees_of_freedom) {
   return bm::cdf(bm::complement(bm::chi_squared(degrees_of_freedom), x));
 }
 
+// Both by way of ln(1 - p), which small chances need.
+double ChanceOfAny(double p, double tests) { return -std::expm1(tests * std::log1p(-p)); }
+
+double ChanceOfEach(double level, double tests) {
+  return -std::expm1(std::log1p(-level) / std::max(1.0, tests));
+}
+
 std::pair<double, double> BinomialInterval(std::size_t successes, std::size_t trials,
                                            double confidence) {
   using Binomial = bm::binomial_distribution<double>;

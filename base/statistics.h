@@ -13,6 +13,12 @@ double StudentQuantile(double p, double degrees_of_freedom);
 // P(X > x) of a chi-square variable: the p-value of a sum of squared whitened residuals.
 double ChiSquareTail(double x, double degrees_of_freedom);
 
+// Of several tests that are independent of each other [Sidak], 0 <= p, level < 1: the chance that
+// at least one of them gives a p-value as small as p; and what each of them may be tested at, so
+// that the chance of any false alarm is `level` (of fewer than one: of one).
+double ChanceOfAny(double p, double tests);
+double ChanceOfEach(double level, double tests);
+
 // Clopper-Pearson interval of a proportion from `successes` out of `trials`.
 std::pair<double, double> BinomialInterval(std::size_t successes, std::size_t trials,
                                            double confidence = 0.95);

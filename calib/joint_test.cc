@@ -16,9 +16,6 @@ constexpr double kPower = 0.9;  // of ShownAmount, to be seen and to be told apa
 // Squared share of a shape, or of an effect, that is left beside others: less is rounding [-].
 constexpr double kNothing = 1e-9;
 
-// Of one of `tests` giving a p-value as small as p.
-double SidakChance(double p, double tests) { return -std::expm1(tests * std::log1p(-p)); }
-
 // log of the evidence for an effect over that for none, sizes integrated out.
 double LogGain(const Whitening::Products& of, double high) {
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(of.gram);
@@ -99,8 +96,8 @@ double JointTest::ScanChance(const Eigen::MatrixXd& shapes) const {
     least = std::min(least, ChiSquareTail(along * along, 1.0));
     tried += 1.0;
   }
-  if (tried > 0.0) least = SidakChance(least, tried);
-  return SidakChance(std::min(least, Chance()), tried > 0.0 ? 2.0 : 1.0);
+  if (tried > 0.0) least = ChanceOfAny(least, tried);
+  return ChanceOfAny(std::min(least, Chance()), tried > 0.0 ? 2.0 : 1.0);
 }
 
 JointTest::Amount JointTest::AmountOf(const Effect& shape) const {
@@ -121,7 +118,7 @@ double JointTest::ShownAmount(const Eigen::MatrixXd& shapes, Eigen::Index j, dou
     beside = std::min(beside, whole - mixed * mixed / norm);
   }
   if (!(beside > kNothing * whole)) return std::numeric_limits<double>::infinity();
-  const double each = 1.0 - std::pow(1.0 - level, 0.5 / static_cast<double>(W.cols()));
+  const double each = ChanceOfEach(level, 2.0 * static_cast<double>(W.cols()));
   const double seen = NormalQuantile(1.0 - 0.5 * each) + NormalQuantile(kPower);
   // The two squared amounts differ by a^2 `beside` on average, with a scatter of 2 a sqrt(beside).
   const double named = rivals > 0.0 ? 2.0 * NormalQuantile(1.0 - (1.0 - kPower) / rivals) : 0.0;

@@ -29,10 +29,6 @@ double ChanceOfLast(std::size_t all, std::size_t marked, std::size_t last, std::
   return std::min(1.0, chance);
 }
 
-double ChanceOfEach(double level, std::size_t tests) {
-  return 1.0 - std::pow(1.0 - level, 1.0 / static_cast<double>(std::max<std::size_t>(1, tests)));
-}
-
 LastOnes LeastLikelyLast(const std::vector<char>& left_out) {
   const auto marked = static_cast<std::size_t>(
       std::count_if(left_out.begin(), left_out.end(), [](char out) { return out != 0; }));
@@ -53,12 +49,12 @@ std::vector<Trend> FindMovedLate(const Observations& data, const RefinedBundle& 
   const std::size_t cameras = data.cameras.size();
   std::vector<std::vector<std::size_t>> readings(cameras);
   std::vector<std::vector<char>> left_out(cameras);
-  std::size_t tests = 0;  // each that was left out may be the first since the move
+  double tests = 0.0;  // each that was left out may be the first since the move
   for (std::size_t k = 0; k < data.readings.size(); ++k) {
     const auto j = static_cast<std::size_t>(data.readings[k].camera);
     readings[j].push_back(k);
     left_out[j].push_back(bundle.weighting.Uses(k) ? 0 : 1);
-    tests += bundle.weighting.Uses(k) ? 0 : 1;
+    tests += bundle.weighting.Uses(k) ? 0.0 : 1.0;
   }
   std::vector<Trend> out;
   for (std::size_t j = 0; j < cameras; ++j) {

@@ -22,8 +22,6 @@ struct LastOnes {
   std::size_t left_out = 0;  // and of them left out
 };
 LastOnes LeastLikelyLast(const std::vector<char>& left_out);
-// The chance below which one of `tests` is at `level` for all together [Sidak].
-double ChanceOfEach(double level, std::size_t tests);
 
 // Cameras of whose last readings, in the order of measuring, most were left out as gross: such a
 // camera moved before the survey ended, and the rig has it as it stood before, as most of its

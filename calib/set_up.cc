@@ -158,7 +158,7 @@ std::vector<SetUpEstimate> SetUpsOf(const Observations& data, const Eigen::Vecto
   std::vector<SetUpEstimate> out;
   const auto others = static_cast<double>(data.set_ups.size()) - 1.0;
   // So that all together are at the level [Sidak].
-  const double each = 1.0 - std::pow(1.0 - level, 1.0 / std::max(1.0, others));
+  const double each = ChanceOfEach(level, others);
   const Eigen::Index before = covariance.rows() - q.size();
   for (std::size_t s = 1; s < data.set_ups.size(); ++s) {
     Eigen::Index at = 0;

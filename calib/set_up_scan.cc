@@ -160,8 +160,7 @@ Trend ScanSetUps(const Observations& data, const std::vector<CameraPrior>& prior
       least = std::move(part);
     }
   }
-  // 1 - (1 - p)^n, where p may be far below round-off.
-  out.chance = -std::expm1(looked * std::log1p(-std::min(least.chance, 1.0 - 1e-15)));
+  out.chance = ChanceOfAny(std::min(least.chance, 1.0 - 1e-15), looked);
   if (!(out.chance < options.level)) return out;
   out.rms = RmsOf(least);
   out.sigma = std::sqrt(std::max(0.0, least.covariance.trace()));

@@ -171,7 +171,7 @@ TrendResult TestTrends(const Observations& data, const std::vector<CameraPrior>&
   std::vector<Tested> all = TestAll(data, bundle, test, waves);
   // Sidak's price for having looked so often. One camera's drift shows in the others' residuals at
   // the same points: only the least probable is named.
-  const double each = 1.0 - std::pow(1.0 - options.level, 1.0 / static_cast<double>(all.size()));
+  const double each = ChanceOfEach(options.level, static_cast<double>(all.size()));
   const Tested* least = nullptr;
   for (Tested& one : all) {
     if (!(one.trend.chance < each)) continue;

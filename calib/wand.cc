@@ -131,8 +131,7 @@ void ReportLate(const WandData& data, const WandFit& fit, WandReport* report) {
   for (const std::string& pose : data.poses) {
     left_out.push_back(std::binary_search(marked.begin(), marked.end(), pose) ? 1 : 0);
   }
-  const auto tests =
-      static_cast<std::size_t>(std::count(left_out.begin(), left_out.end(), char{1}));
+  const auto tests = static_cast<double>(std::count(left_out.begin(), left_out.end(), char{1}));
   const LastOnes late = LeastLikelyLast(left_out);
   if (!(late.chance < ChanceOfEach(kLateLevel, tests))) return;
   report->late = static_cast<int>(late.last);

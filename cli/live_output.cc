@@ -166,6 +166,7 @@ void LiveJson::Looked(double t, const measure::HealthReport& report) {
               {"gain", LiveOutputFinite(last->gain)},
               {"width_px", LiveOutputFinite(last->width_px)}};
   }
+  line["scatter"] = measure::Describe(report.scatter, pass.layout().cameras);
   for (const measure::Fault& fault : report.faults) {
     line["faults"].push_back(measure::Describe(fault, pass.layout().cameras));
   }
@@ -227,6 +228,8 @@ std::string RemedyOf(const measure::LiveNotice& notice) {
       return "see which cameras see it, and whether one has moved";
     case NoticeKind::kMoved:
       return "it is left out from now on; fix it and calibrate again";
+    case NoticeKind::kScatter:
+      return "error bars are widened from now on; look for what shakes or blurs";
   }
   return {};
 }

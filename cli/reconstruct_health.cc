@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <cctype>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
@@ -48,6 +49,29 @@ ordered_json ReconstructHealthFinite(double value) {
   return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
 }
 
+std::string ScatterRemedy(const data::TrialHealth& health) {
+  if (!health.scatter_unknown.empty()) return "error bars are as right as the stated sigmas are";
+  if (!health.scatter_wide) return "";
+  return "error bars are widened by that; state larger sigmas, and look for what shakes or blurs";
+}
+
+void AddScatter(const data::TrialHealth& health, ordered_json* json, std::string* text) {
+  ordered_json& out = (*json)["scatter"];
+  out = {{"words", health.scatter_words}, {"wide", health.scatter_wide}};
+  if (health.scatter_unknown.empty()) {
+    out["factor"] = health.scatter;
+    out["sigma"] = health.scatter_sigma;
+  } else {
+    out["why_not"] = health.scatter_unknown;
+  }
+  for (std::size_t c = 0; c < health.camera_scatter.size(); ++c) {
+    out["cameras"][health.cameras[c]] = {{"factor", health.camera_scatter[c]},
+                                         {"sigma", health.camera_scatter_sigma[c]}};
+  }
+  const std::string remedy = ScatterRemedy(health);
+  *text += health.scatter_words + (remedy.empty() ? "" : ": " + remedy) + "\n";
+}
+
 }  // namespace
 
 std::string HealthText(const data::TrialHealth& health, ordered_json* summary) {
@@ -73,18 +97,45 @@ std::string HealthText(const data::TrialHealth& health, ordered_json* summary) {
     text += fmt::format("{}: {}\n", health.words[k], Remedy(health, k));
   }
   AddLight(health, &json, &text);
+  AddScatter(health, &json, &text);
   if (!health.unknown.empty()) {
     text += fmt::format("the cameras' health cannot be told: {}\n", health.unknown);
   }
   return text;
 }
 
+namespace {
+
+// What stands over the charts.
+std::string Introduction(const data::TrialHealth& health) {
+  std::string text =
+      health.unknown.empty()
+          ? "Each camera against what the others predict of its readings, with their own faults "
+            "taken out, and what its spots look like. "
+          : "Whether a camera moved cannot be told: " + health.unknown + ". ";
+  std::string scatter = health.scatter_words;
+  if (!scatter.empty()) scatter[0] = static_cast<char>(std::toupper(scatter[0]));
+  const std::string remedy = ScatterRemedy(health);
+  return text + scatter + (remedy.empty() ? "" : ": " + remedy) + ".";
+}
+
+void AddScatterTable(const data::TrialHealth& health, report::Page* page) {
+  if (health.camera_scatter.empty()) return;
+  report::Table table;
+  table.title = "Scatter of readings over what is stated";
+  table.header = {"camera", "factor", "its standard deviation"};
+  table.text_columns = {0};
+  for (std::size_t c = 0; c < health.camera_scatter.size(); ++c) {
+    table.rows.push_back({health.cameras[c], fmt::format("{:.2f}", health.camera_scatter[c]),
+                          fmt::format("{:.2f}", health.camera_scatter_sigma[c])});
+  }
+  page->AddTable(table);
+}
+
+}  // namespace
+
 void AddHealth(const data::TrialHealth& health, report::Page* page) {
-  page->AddSection("The cameras' health",
-                   health.unknown.empty()
-                       ? "Each camera against what the others predict of its readings, with their "
-                         "own faults taken out, and what its spots look like."
-                       : "Whether a camera moved cannot be told: " + health.unknown + ".");
+  page->AddSection("The cameras' health", Introduction(health));
   const auto chart = [&](const char* title, const char* note, const char* name, const char* unit,
                          const Eigen::MatrixXd& value, const Eigen::MatrixXd* sigma) {
     constexpr double kBand = 2.0;  // sigmas
@@ -133,6 +184,7 @@ void AddHealth(const data::TrialHealth& health, report::Page* page) {
         "gain", "1", health.gain, nullptr);
   chart("Width of the spots", "Median of a slice; it changes with the marks' places, too.", "width",
         "px", health.width_px, nullptr);
+  AddScatterTable(health, page);
   if (health.words.empty() && health.light.empty()) return;
   report::Table table;
   table.title = "Faults";

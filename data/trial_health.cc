@@ -77,6 +77,40 @@ void ReadLight(const H5Reader& file, TrialHealth* out) {
   }
 }
 
+void WriteScatter(const TrialHealth& health, H5Writer* file) {
+  const std::string group = "/health/scatter";
+  file->Attribute(group, "words", health.scatter_words);
+  file->Attribute(group, "unknown", health.scatter_unknown);
+  file->Attribute(group, "wide", static_cast<std::int64_t>(health.scatter_wide));
+  file->Attribute(group, "factor", health.scatter);
+  file->Attribute(group, "sigma", health.scatter_sigma);
+  if (health.camera_scatter.empty()) return;
+  file->Write({group + "/camera_factor", "1", "by which readings' stated sigmas were multiplied"},
+              health.camera_scatter);
+  file->Write({group + "/camera_sigma", "1", "standard deviation of camera_factor"},
+              health.camera_scatter_sigma);
+}
+
+void ReadScatter(const H5Reader& file, TrialHealth* out) {
+  const std::string group = "/health/scatter";
+  if (!file.Has(group)) {  // written before anybody looked
+    out->scatter_unknown = "nobody looked";
+    return;
+  }
+  out->scatter_words = file.StringAttribute(group, "words");
+  out->scatter_unknown = file.StringAttribute(group, "unknown");
+  out->scatter_wide = file.IntAttribute(group, "wide") != 0;
+  out->scatter = file.DoubleAttribute(group, "factor");
+  out->scatter_sigma = file.DoubleAttribute(group, "sigma");
+  if (!file.Has(group + "/camera_factor")) return;
+  out->camera_scatter = file.ReadDoubles(group + "/camera_factor", "1");
+  out->camera_scatter_sigma = file.ReadDoubles(group + "/camera_sigma", "1");
+  if (out->camera_scatter.size() != out->cameras.size() ||
+      out->camera_scatter_sigma.size() != out->cameras.size()) {
+    file.Fail("holds factors of other cameras", group, "make the file again");
+  }
+}
+
 }  // namespace
 
 void WriteTrialHealth(const TrialHealth& health, H5Writer* file) {
@@ -93,6 +127,7 @@ void WriteTrialHealth(const TrialHealth& health, H5Writer* file) {
               health.gain);
   file->Write({"/health/width", "px", "width (sigma) of spots", by}, health.width_px);
   WriteLight(health, file);
+  WriteScatter(health, file);
   const std::string faults = "/health/faults/";
   if (health.words.empty()) return;
   file->Write({faults + "words", "1", "what is wrong"}, health.words);
@@ -128,6 +163,7 @@ TrialHealth ReadTrialHealth(const std::string& path) {
     file.Fail("holds series of different lengths", "/health", "make the file again");
   }
   ReadLight(file, &out);
+  ReadScatter(file, &out);
   if (!file.Has("/health/faults")) return out;
   const std::string faults = "/health/faults/";
   out.words = file.ReadStrings(faults + "words");

@@ -42,6 +42,14 @@ struct TrialHealth {
   std::vector<double> slope, slope_sigma;  ///< f, of a drift [px/s]
   std::vector<double> at;                  ///< f, when a drift has its `size` [s]
 
+  /// How the readings scatter over what is stated: in words; why nothing tells; whether the
+  /// tracks' covariances were widened by it; the factor of all readings; by camera where they were
+  /// widened, else empty.
+  std::string scatter_words, scatter_unknown;
+  bool scatter_wide = false;
+  double scatter = 0.0, scatter_sigma = 0.0;  ///< 0 where nothing tells [-]
+  std::vector<double> camera_scatter, camera_scatter_sigma;
+
   std::vector<std::string> marks;  ///< names
   std::vector<TrialLight> light;   ///< changes of light and focus, in the order of their weight
 };

@@ -137,6 +137,10 @@ void HealthOptions::Check() const {
   chance("false_alarm", false_alarm);
   chance("doubt", doubt);
   chance("wild", wild);
+  chance("scatter_alarm", scatter_alarm);
+  if (!(scatter_harmless >= 0.0) || !std::isfinite(scatter_harmless)) {
+    refuse("scatter_harmless", "is not a share of the squared error", "give 0 or more");
+  }
   if (!(least_light > 0.0 && least_light < 1.0)) {
     refuse("least_light", "is not between 0 and 1", "give a share");
   }
@@ -225,15 +229,18 @@ void FindFaults(const HealthEvidence& raw, const Triangulator& triangulator,
 
 }  // namespace
 
-HealthReport Diagnose(const HealthEvidence& raw, const Triangulator& triangulator,
+HealthReport Diagnose(const HealthEvidence& stated, const Triangulator& triangulator,
                       const HealthOptions& options) {
   options.Check();
   HealthReport report;
-  const std::size_t marks = MarksOf(raw);
+  const std::size_t marks = MarksOf(stated);
   if (marks == 0) {
-    report.unknown = "no line shows one mark alone";
+    report.unknown = report.scatter.unknown = "no line shows one mark alone";
     return report;
   }
+  report.scatter = FindScatter(stated, triangulator, options);
+  HealthEvidence raw = stated;
+  raw.Widen(WideningsOf(report.scatter, triangulator.cameras()));
   FindFaults(raw, triangulator, options, marks, &report);
   if (options.light) report.light = FindLightFaults(raw, triangulator, options);
   for (std::size_t c = 0; c < triangulator.cameras(); ++c) {

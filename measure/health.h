@@ -29,6 +29,11 @@ struct HealthOptions {
   /// with its light and its width, and changes by no larger share.
   double least_light = 0.1;
   bool light = true;  ///< changes of light and focus are looked for
+  /// Chance that readings which scatter as stated are told to scatter more [-].
+  double scatter_alarm = 0.01;
+  /// By which share squared errors may be larger than stated with no harm [-]: of ellipsoids of 95%
+  /// 93% then hold. No finder of spots states its errors better.
+  double scatter_harmless = 0.1;
   /// Throws Error that names a value which makes no sense.
   void Check() const;
 };
@@ -67,11 +72,30 @@ struct HealthSlice {
   double width_px = 0.0;   ///< of its spots, median [px]
 };
 
+/// By how much the readings of a camera scatter over what is stated of them: what follows no smooth
+/// way, so neither the calibration's errors nor a fault of the camera is in it.
+struct Scatter {
+  double factor = std::numeric_limits<double>::quiet_NaN();  ///< NaN: nothing tells [-]
+  double sigma = std::numeric_limits<double>::quiet_NaN();   ///< its standard deviation [-]
+};
+
+/// The same of a trial.
+struct ScatterReport {
+  std::string unknown;  ///< why nothing can be told; empty: it was looked at
+  Scatter all;          ///< of all cameras' readings alike
+  bool wide = false;    ///< readings scatter more than stated, beyond chance and harm
+  /// By camera where `wide`, none below 1; where the marks' ways do not tell cameras apart, shared
+  /// among those that may be meant, with a large sigma. NaN where all is as stated.
+  std::vector<Scatter> cameras;
+  std::size_t redundant = 0;  ///< numbers that tell: readings less places, of flashes in threes
+};
+
 /// What a trial says of its cameras.
 struct HealthReport {
   std::string unknown;            ///< why nothing can be told; empty: it was looked at
   std::vector<Fault> faults;      ///< in order of their weight
   std::vector<LightFault> light;  ///< likewise; looked for wherever spots were measured
+  ScatterReport scatter;          ///< of the readings, over what is stated
   std::vector<std::vector<HealthSlice>> cameras;  ///< by camera and slice
   std::size_t flashes = 0;                        ///< that were looked at
 };
@@ -102,6 +126,8 @@ class HealthEvidence {
   std::ptrdiff_t After(std::size_t i, int lag) const;
   /// Takes a fault out.
   void Correct(const Correction& correction);
+  /// Multiplies the readings' sigmas, by camera.
+  void Widen(std::span<const double> factors);
 
  private:
   std::size_t cameras_ = 0, next_ = 0, every_ = 1;
@@ -117,6 +143,17 @@ class HealthEvidence {
 HealthReport Diagnose(const HealthEvidence& evidence, const Triangulator& triangulator,
                       const HealthOptions& options = {});
 
+/// How readings scatter over what is stated; four cameras or more must see a mark in three of its
+/// flashes in a row.
+ScatterReport FindScatter(const HealthEvidence& evidence, const Triangulator& triangulator,
+                          const HealthOptions& options = {});
+
+/// By which factor each camera's stated sigmas are too small: 1 where they are not known to be.
+std::vector<double> WideningsOf(const ScatterReport& scatter, std::size_t cameras);
+
+/// "readings of camera west scatter 2.03 +- 0.05 times what is stated"; also where they do not.
+std::string Describe(const ScatterReport& scatter, std::span<const std::string> cameras);
+
 /// The report as the file of tracks keeps it.
 data::TrialHealth RecordOf(const HealthReport& report, const std::vector<std::string>& cameras,
                            const std::vector<std::string>& marks, bool corrected);
@@ -128,5 +165,8 @@ std::string Describe(const Fault& fault, std::span<const std::string> cameras);
 /// are left out while they are wrong. Where it cannot be told which camera it is, samples of the
 /// time lose their positions.
 std::vector<Correction> CorrectionsOf(std::span<const Fault> faults, bool correct);
+/// What widens the sigmas of readings that scatter more than stated.
+void AddWidenings(const ScatterReport& scatter, std::size_t cameras,
+                  std::vector<Correction>* corrections);
 
 }  // namespace unfurl::measure

@@ -48,6 +48,12 @@ std::ptrdiff_t HealthEvidence::After(std::size_t i, int lag) const {
   return line == static_cast<std::ptrdiff_t>(line_[i]) + lag ? at : -1;
 }
 
+void HealthEvidence::Widen(std::span<const double> factors) {
+  for (std::size_t k = 0; k < readings_.size(); ++k) {
+    readings_[k].s_px *= static_cast<float>(factors[k % cameras_]);
+  }
+}
+
 void HealthEvidence::Correct(const Correction& correction) {
   if (correction.camera < 0) return;
   const auto c = static_cast<std::size_t>(correction.camera);

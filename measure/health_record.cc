@@ -39,6 +39,18 @@ data::TrialHealth RecordOf(const HealthReport& report, const std::vector<std::st
     out.slope_sigma.push_back(fault.slope_sigma);
     out.at.push_back(fault.at);
   }
+  const ScatterReport& scatter = report.scatter;
+  out.scatter_words = Describe(scatter, cameras);
+  out.scatter_unknown = scatter.unknown;
+  out.scatter_wide = scatter.wide;
+  if (scatter.unknown.empty()) {
+    out.scatter = scatter.all.factor;
+    out.scatter_sigma = scatter.all.sigma;
+  }
+  for (std::size_t c = 0; scatter.wide && c < cameras.size(); ++c) {
+    out.camera_scatter.push_back(scatter.cameras[c].factor);
+    out.camera_scatter_sigma.push_back(scatter.cameras[c].sigma);
+  }
   out.marks = marks;
   for (const LightFault& change : report.light) {
     out.light.push_back({.words = Describe(change, cameras, marks),

@@ -71,7 +71,9 @@ void CheckBlock(const Reconstructor& pass, const data::TrialReadings& block) {
 }
 
 // The same camera is meant, whatever kind of fault it is called while more of it is seen.
-bool SameFault(const LiveNotice& a, const LiveNotice& b) { return a.camera == b.camera; }
+bool SameFault(const LiveNotice& a, const LiveNotice& b) {
+  return a.kind == b.kind && a.camera == b.camera;
+}
 
 }  // namespace
 
@@ -130,6 +132,7 @@ void Live::Begin() {
   health_.light = false;  // half a minute of what moves tells little of what fades
   // Looks overlap; that each of an hour may be wrong by itself is the careful case.
   health_.false_alarm = options_.watch.false_alarm * std::min(1.0, options_.look_every / kLiveHour);
+  health_.scatter_alarm = health_.false_alarm;
   next_views_ = (header_.readings ? beginning_.readings.t : beginning_.lines.t).front() +
                 options_.views_every;
   listener_->Begun(*pass_);
@@ -209,11 +212,16 @@ void Live::TakeLook() {
   for (const Correction& correction : CorrectionsOf(report.faults, false)) {
     if (correction.leave_out || correction.camera < 0) away.push_back(correction);
   }
+  AddWidenings(report.scatter, cameras.size(), &away);
   pass_->LeaveOut(std::move(away));
   std::vector<LiveNotice> now;
   for (const Fault& fault : report.faults) {
     now.push_back({NoticeKind::kMoved, true, fault.certain() ? fault.camera : -1, -1, t_,
                    std::max(fault.earliest, 0.0), Describe(fault, cameras)});
+  }
+  if (report.scatter.wide) {
+    now.push_back({NoticeKind::kScatter, true, -1, -1, t_, std::max(t_ - options_.look_every, 0.0),
+                   Describe(report.scatter, cameras)});
   }
   const auto tell_new = [&](const std::vector<LiveNotice>& those,
                             const std::vector<LiveNotice>& others, bool begins) {

@@ -22,7 +22,7 @@ constexpr double kReachWidths = 4.0;
 
 const char* Name(NoticeKind kind) {
   constexpr const char* kNames[] = {"no_light", "led",         "camera", "blocked",
-                                    "aim",      "no_position", "moved"};
+                                    "aim",      "no_position", "moved",  "scatter"};
   return kNames[static_cast<std::size_t>(kind)];
 }
 

@@ -22,6 +22,7 @@ enum class NoticeKind : std::uint8_t {
   kAim,         // a mark is at the end of a camera's row, or beyond it
   kNoPosition,  // a mark is seen and has no position
   kMoved,       // a camera moved, drifts or is late, by Diagnose
+  kScatter,     // readings scatter more than stated, likewise
 };
 const char* Name(NoticeKind kind);  ///< one word
 

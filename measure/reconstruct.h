@@ -127,7 +127,8 @@ class Reconstructor {
                data::Tracks* tracks);
   /// Of a record without a known end, which has come now: the samples that waited.
   void Finish(data::Tracks* tracks);
-  /// From the next sample on: cameras that are left out, stretches of time without a position.
+  /// From the next sample on: cameras that are left out, stretches of time without a position,
+  /// sigmas that are widened.
   /// Throws Error for a correction that puts readings right.
   void LeaveOut(std::vector<Correction> corrections);
   /// Throws Error for readings that the rig's cameras cannot have.

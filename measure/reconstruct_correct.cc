@@ -67,7 +67,7 @@ void Reconstructor::Correct(double t, std::size_t line, const Slot& slot, std::s
     if (BeyondTheEnds(correction, line, last_line_)) here.count = 0;
     for (std::size_t k = 0; k < here.count; ++k) here.spots[k].u_px -= correction.Offset(t);
   }
-  for (std::size_t c = 0; c < seen.size(); ++c) {
+  for (std::size_t c = 0; c < seen.size(); ++c) {  // with the stated sigmas: scatter is over them
     readings_[c] = {};
     if (seen[c].count == 0) continue;
     readings_[c] = {seen[c].spots[0].u_px, static_cast<float>(seen[c].spots[0].s_px), seen[c].flux,
@@ -75,8 +75,10 @@ void Reconstructor::Correct(double t, std::size_t line, const Slot& slot, std::s
   }
   evidence_.Add(t, slot.marks.size() == 1 ? slot.marks[0] : -1, readings_);
   for (const Correction& correction : options_.corrections) {
-    if (correction.camera < 0 || !correction.leave_out || !correction.Holds(t)) continue;
-    seen[static_cast<std::size_t>(correction.camera)].count = 0;
+    if (correction.camera < 0 || !correction.Holds(t)) continue;
+    Seen& here = seen[static_cast<std::size_t>(correction.camera)];
+    if (correction.leave_out) here.count = 0;
+    for (std::size_t k = 0; k < here.count; ++k) here.spots[k].s_px *= correction.widen;
   }
 }
 
@@ -107,7 +109,8 @@ void Reconstructor::AddCorrectionErrors(const TrackedLine& line, const TrackedPo
 }
 
 bool HealthLoop::Again(const Reconstructor& pass, ReconstructOptions* options) {
-  constexpr int kMost = 4;  // passes: a late camera, then what hid behind it, and one to see that
+  // Passes: a late camera, what hid behind it, wider sigmas, and one to see that.
+  constexpr int kMost = 5;
   HealthReport now = Diagnose(pass.evidence(), pass.triangulator(), options->health);
   // The charts show what was there, not what is left.
   for (const Correction& correction : options->corrections) {
@@ -123,7 +126,13 @@ bool HealthLoop::Again(const Reconstructor& pass, ReconstructOptions* options) {
   now.faults = report_.faults;
   now.faults.insert(now.faults.end(), found.begin(), found.end());
   report_ = std::move(now);
-  if (found.empty() || ++passes_ == kMost) return false;
+  // Sigmas are widened by what scatters once nothing else is wrong; once, for the evidence keeps
+  // those that were stated.
+  const bool wide = found.empty() && report_.scatter.wide &&
+                    std::none_of(options->corrections.begin(), options->corrections.end(),
+                                 [](const Correction& c) { return c.widen != 1.0; });
+  if ((found.empty() && !wide) || ++passes_ == kMost) return false;
+  if (wide) AddWidenings(report_.scatter, pass.triangulator().cameras(), &options->corrections);
   for (const Correction& correction : CorrectionsOf(found, correct_)) {
     options->corrections.push_back(correction);
   }

@@ -99,7 +99,9 @@ void Reconstructor::Finish(data::Tracks* tracks) {
 
 void Reconstructor::LeaveOut(std::vector<Correction> corrections) {
   for (const Correction& correction : corrections) {
-    if (correction.leave_out || correction.camera < 0) continue;
+    const bool widens =
+        correction.offset_px == 0.0 && correction.slope == 0.0 && correction.lag == 0;
+    if (correction.leave_out || correction.camera < 0 || widens) continue;
     throw Error("a correction of readings comes too late", "LeaveOut",
                 "leave the camera out, and correct when the record is whole");
   }

@@ -1,5 +1,9 @@
 #include <fmt/format.h>
 
+#include <limits>
+#include <map>
+#include <utility>
+
 #include "data/trial_health.h"
 #include "python/bindings.h"
 
@@ -71,10 +75,47 @@ void BindLight(py::module_& m) {
            [](const LightChange& self) { return "<LightChange " + self.change.words + ">"; });
 }
 
+// How readings scatter over what is stated.
+struct ReadingScatter {
+  std::string words, unknown;
+  bool wide = false;
+  double factor = 0.0, sigma = 0.0;
+  std::map<std::string, std::pair<double, double>> cameras;
+};
+
+ReadingScatter ScatterOf(const TrialHealth& health) {
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  const bool known = health.scatter_unknown.empty();
+  ReadingScatter out{health.scatter_words, health.scatter_unknown, health.scatter_wide,
+                     known ? health.scatter : kNone, known ? health.scatter_sigma : kNone};
+  for (std::size_t c = 0; c < health.camera_scatter.size(); ++c) {
+    out.cameras[health.cameras[c]] = {health.camera_scatter[c], health.camera_scatter_sigma[c]};
+  }
+  return out;
+}
+
+void BindScatter(py::module_& m) {
+  py::class_<ReadingScatter>(m, "ReadingScatter",
+                             "By how much readings scatter over what is stated of them.")
+      .def_readonly("words", &ReadingScatter::words, "In words.")
+      .def_readonly("unknown", &ReadingScatter::unknown,
+                    "Why nothing can be told; empty: it was looked at.")
+      .def_readonly("wide", &ReadingScatter::wide,
+                    "They scatter more than stated, and covariances are widened by that.")
+      .def_readonly("factor", &ReadingScatter::factor, "Of all readings [-]; NaN: unknown.")
+      .def_readonly("sigma", &ReadingScatter::sigma, "Standard deviation of factor [-].")
+      .def_readonly("cameras", &ReadingScatter::cameras,
+                    "Where wide: by camera, by which its stated sigmas were multiplied and the "
+                    "standard deviation of that [-].")
+      .def("__repr__",
+           [](const ReadingScatter& self) { return "<ReadingScatter: " + self.words + ">"; });
+}
+
 }  // namespace
 
 void BindHealth(py::module_& m) {
   BindLight(m);
+  BindScatter(m);
   py::class_<Fault>(m, "Fault", "A camera that moved, drifts or is late.")
       .def_readonly("words", &Fault::words, "What is wrong, in words.")
       .def_readonly("kind", &Fault::kind, "'moved', 'drifting' or 'late'.")
@@ -100,6 +141,8 @@ void BindHealth(py::module_& m) {
                     "Why nothing can be told; empty: it was looked at.")
       .def_readonly("cameras", &TrialHealth::cameras, "Names (c).")
       .def_property_readonly("faults", &FaultsOf, "In the order in which they were found.")
+      .def_property_readonly("scatter", &ScatterOf,
+                             "How the readings scatter over what is stated, ReadingScatter.")
       .def_property_readonly("light", &LightOf, "Changes of light and focus, list of LightChange.")
       .def_property_readonly(
           "t", [](const py::object& self) { return View(self.cast<const TrialHealth&>().t, self); },

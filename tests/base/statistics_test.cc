@@ -16,6 +16,16 @@ TEST(Statistics, QuantilesEqualPrintedTables) {
   EXPECT_NEAR(ChiSquareTail(18.307, 10), 0.05, 5e-6);
 }
 
+TEST(Statistics, SeveralTestsShareALevel) {
+  // By hand: 1 - 0.9^2 = 0.19, and back.
+  EXPECT_NEAR(ChanceOfAny(0.1, 2.0), 0.19, 1e-15);
+  EXPECT_NEAR(ChanceOfEach(0.19, 2.0), 0.1, 1e-15);
+  // Chances far below round-off add up.
+  EXPECT_NEAR(ChanceOfAny(1e-30, 250.0) / 250e-30, 1.0, 1e-12);
+  EXPECT_EQ(ChanceOfAny(0.0, 3.0), 0.0);
+  EXPECT_NEAR(ChanceOfEach(0.01, 0.0), 0.01, 1e-15);  // none was made
+}
+
 TEST(Statistics, ClopperPearsonEqualsItsClosedFormAtTheEnds) {
   // With no success in n trials the upper end solves (1 - p)^n = 0.025.
   EXPECT_NEAR(BinomialInterval(0, 20).second, 1.0 - std::pow(0.025, 1.0 / 20), 1e-12);

@@ -1,0 +1,132 @@
+// Readings that scatter otherwise than stated, through glass.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "measure/health.h"
+#include "measure/reconstruct.h"
+#include "tests/measure/health_trial.h"
+
+namespace unfurl::measure::health_scatter_test {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr double kSigma = 0.02;  // stated [px]
+
+// Readings that scatter by `factor` times what is stated, of one camera or of all (-1).
+data::TrialReadings Readings(const HealthTrial& trial, int camera, double factor, Rng* rng) {
+  data::TrialReadings readings = trial.Draw({}, 0.0, rng);
+  const std::size_t cameras = readings.cameras.size();
+  for (std::size_t k = 0; k < readings.u_px.size(); ++k) {
+    const bool harmed = camera < 0 || static_cast<int>(k % cameras) == camera;
+    readings.u_px[k] += (harmed ? factor : 1.0) * kSigma * rng->Normal();
+    if (!std::isnan(readings.u_px[k])) readings.s_px[k] = kSigma;
+  }
+  return readings;
+}
+
+struct Outcome {
+  HealthReport report;
+  data::Tracks tracks;
+  double nees = 0.0;  // of errors over what is claimed, mean over 3 [-]
+};
+
+Outcome Go(const HealthTrial& trial, const data::TrialReadings& readings, const data::Rig& rig) {
+  Outcome out;
+  out.tracks = Reconstruct(readings, rig, {.workers = 1}, nullptr, false, &out.report);
+  double usable = 0.0;
+  for (std::size_t i = 0; i < out.tracks.size(); ++i) {
+    if (!data::Usable(out.tracks.status[i])) continue;
+    const auto col = static_cast<Eigen::Index>(i);
+    const int rank = out.tracks.shared_rank;
+    const Eigen::Vector3d e = out.tracks.p.col(col) - trial.truth()[i];
+    const auto F = out.tracks.shared.middleCols(col * rank, rank);
+    const Eigen::Matrix3d C = out.tracks.Covariance(i) + F * F.transpose();
+    out.nees += e.dot(C.inverse() * e) / 3.0;
+    usable += 1.0;
+  }
+  out.nees /= std::max(1.0, usable);
+  return out;
+}
+
+const HealthTrial& Four() {
+  static const HealthTrial trial(4, 700);
+  return trial;
+}
+
+// With sigmas taken as stated squared errors were three times those of the sound trial, over what
+// is claimed; the calibration's error, which both have, is the rest.
+TEST(Scatter, OfAllCamerasIsFoundAndErrorsAreAsClaimed) {
+  Rng rng(21);
+  const data::Rig rig = Four().DrawRig(&rng);
+  Rng same = rng;
+  const Outcome sound = Go(Four(), Readings(Four(), -1, 1.0, &same), rig);
+  const Outcome rough = Go(Four(), Readings(Four(), -1, 3.0, &rng), rig);
+  EXPECT_FALSE(sound.report.scatter.wide);
+  EXPECT_NEAR(sound.report.scatter.all.factor, 1.0, 3.0 * sound.report.scatter.all.sigma);
+  ASSERT_TRUE(rough.report.scatter.wide);
+  EXPECT_NEAR(rough.report.scatter.all.factor, 3.0, 3.0 * rough.report.scatter.all.sigma);
+  EXPECT_LT(rough.report.scatter.all.sigma, 0.25);  // of some 180 threes of flashes
+  EXPECT_THAT(rough.report.faults, ::testing::IsEmpty());
+  EXPECT_LT(rough.nees, 1.5 * std::max(1.0, sound.nees));
+  EXPECT_GT(rough.nees, 0.6);
+}
+
+TEST(Scatter, OfOneCameraIsItsOwn) {
+  const HealthTrial eight(8, 500);
+  Rng rng(5);
+  const data::Rig rig = eight.DrawRig(&rng);
+  const data::TrialReadings readings = Readings(eight, 6, 3.0, &rng);
+  const Outcome outcome = Go(eight, readings, rig);
+  ASSERT_TRUE(outcome.report.scatter.wide);
+  for (std::size_t c = 0; c < 8; ++c) {
+    const Scatter& one = outcome.report.scatter.cameras[c];
+    EXPECT_NEAR(one.factor, c == 6 ? 3.0 : 1.0, 4.0 * one.sigma + 0.05) << c;
+  }
+  const std::string words = Describe(outcome.report.scatter, readings.cameras);
+  EXPECT_THAT(words, HasSubstr("readings of camera camera6 scatter"));
+  EXPECT_THAT(words, ::testing::Not(HasSubstr("camera5")));
+}
+
+TEST(Scatter, BetterReadingsAndWildOnesAreNoScatter) {
+  Rng rng(9);
+  const data::Rig rig = Four().DrawRig(&rng);
+  const Outcome better = Go(Four(), Readings(Four(), -1, 0.5, &rng), rig);
+  EXPECT_FALSE(better.report.scatter.wide);
+  EXPECT_NEAR(better.report.scatter.all.factor, 0.5, 3.0 * better.report.scatter.all.sigma);
+  data::TrialReadings wild = Readings(Four(), -1, 1.0, &rng);
+  for (double& u : wild.u_px) {
+    if (rng.Uniform(0.0, 1.0) < 0.02) u += rng.Uniform(-40.0, 40.0);
+  }
+  const Outcome some = Go(Four(), wild, rig);
+  EXPECT_FALSE(some.report.scatter.wide);
+  EXPECT_NEAR(some.report.scatter.all.factor, 1.0, 4.0 * some.report.scatter.all.sigma);
+}
+
+// A camera that is bumped, or a line late, does not scatter.
+TEST(Scatter, FaultsOfCamerasAreNoScatter) {
+  Rng rng(14);
+  const data::Rig rig = Four().DrawRig(&rng);
+  for (const Harm& harm :
+       {Harm{.camera = 2, .px = 5.0, .from = 0.3}, Harm{.camera = 1, .lag = 1}}) {
+    const Outcome outcome = Go(Four(), Four().Draw(harm, kSigma, &rng), rig);
+    EXPECT_FALSE(outcome.report.scatter.wide);
+    EXPECT_NEAR(outcome.report.scatter.all.factor, 1.0, 4.0 * outcome.report.scatter.all.sigma);
+  }
+}
+
+TEST(Scatter, OfThreeCamerasNothingIsToldAndThatIsSaid) {
+  const HealthTrial three(3, 300);
+  Rng rng(3);
+  const data::Rig rig = three.DrawRig(&rng);
+  const Outcome outcome = Go(three, Readings(three, -1, 2.0, &rng), rig);
+  EXPECT_FALSE(outcome.report.scatter.wide);
+  EXPECT_TRUE(std::isnan(outcome.report.scatter.all.factor));
+  EXPECT_THAT(Describe(outcome.report.scatter, outcome.tracks.cameras),
+              HasSubstr("cannot be told: three cameras leave no reading over"));
+}
+
+}  // namespace
+}  // namespace unfurl::measure::health_scatter_test
