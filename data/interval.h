@@ -7,8 +7,8 @@
 namespace unfurl::data {
 
 // Bounds of a number. Not rounded outwards: they are for features far larger than rounding. Nothing
-// overflows: what lies beyond kUnbounded is as good as unbounded.
-inline constexpr double kUnbounded = 1e100;  // [of the number], its square is still a double
+// overflows: what lies beyond kUnbounded is taken for that.
+inline constexpr double kUnbounded = 1e150;  // its square is still a double [-]
 
 struct Interval {
   double low = 0.0, high = 0.0;
@@ -50,7 +50,7 @@ inline Interval operator/(const Interval& u, const Interval& v) {
 }
 
 inline Interval Exp(const Interval& u) {
-  constexpr double kLeast = -700.0, kMost = 230.0;  // of exponents: 1e-304 and kUnbounded
+  constexpr double kLeast = -700.0, kMost = 345.0;  // of exponents: 1e-304 and kUnbounded
   const auto at = [](double x) { return x < kLeast ? 0.0 : x > kMost ? kUnbounded : std::exp(x); };
   return {at(u.low), at(u.high)};
 }

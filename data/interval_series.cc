@@ -178,7 +178,7 @@ Bounds Inverse(SeriesOp op, const Bounds& u, int order) {
 }
 
 double BoundedPower(double x, double n) {
-  constexpr double kMost = 230.0;  // the logarithm of kUnbounded
+  constexpr double kMost = 345.0;  // the logarithm of kUnbounded
   if (x == 0.0) return n == 0.0 ? 1.0 : 0.0;
   return n * std::log(x) > kMost ? kUnbounded : std::pow(x, n);
 }

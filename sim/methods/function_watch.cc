@@ -25,7 +25,7 @@ constexpr double kTolerances = 10.0, kMostPart = 1e-3;
 constexpr int kLooks = 1021;
 // Of a function's area, that may hide in a cell: impulses are right to about that.
 constexpr double kHidden = 1e-6;
-// Cells of a run, some 50 ms of work; and what may hide in one where they are not enough, that is
+// Cells of a run, some 0.1 s of work; and what may hide in one where they are not enough, that is
 // worth a word.
 constexpr std::size_t kMostCells = 1 << 15;
 constexpr double kWorthAWord = 1e-3;
