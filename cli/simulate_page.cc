@@ -275,7 +275,29 @@ class Composer {
     page_.AddPaths(paths);
   }
 
-  // What a certificate states: a table of all, and the worst of them with its band.
+  // Errors by their part of the `whole`, the largest first, as which they are returned.
+  std::vector<sim::Certificate::Line> AddErrorTable(std::vector<sim::Certificate::Line> lines,
+                                                    const char* title, const char* whole) {
+    const auto part = [](const sim::Certificate::Line& line) {
+      return line.range > 0.0 ? (line.time + line.mesh) / line.range : 0.0;
+    };
+    std::stable_sort(lines.begin(), lines.end(),
+                     [&](const auto& a, const auto& b) { return part(a) > part(b); });
+    report::Table table;
+    table.title = title;
+    table.header = {"quantity",      "unit", whole,
+                    "time stepping", "mesh", fmt::format("of its {} [%]", whole)};
+    table.text_columns = {0, 1};
+    for (const sim::Certificate::Line& line : lines) {
+      table.rows.push_back({line.name, line.units, fmt::format("{:.4g}", line.range),
+                            fmt::format("{:.2g}", line.time), fmt::format("{:.2g}", line.mesh),
+                            fmt::format("{:.2g}", 100.0 * part(line))});
+    }
+    if (!lines.empty()) page_.AddTable(table);
+    return lines;
+  }
+
+  // What a certificate states: tables of all, and the worst of them with its band.
   void AddErrors() {
     if (in_.certificate == nullptr) return;
     if (!in_.certificate->problem().empty()) {
@@ -286,22 +308,9 @@ class Composer {
     page_.AddSection("Numerical error",
                      "Estimated by a run of a tenth of the tolerance" +
                          (mesh.empty() ? std::string(".") : " and one with " + mesh + "."));
-    std::vector<sim::Certificate::Line> lines = in_.certificate->Lines();
-    const auto part = [](const sim::Certificate::Line& line) {
-      return line.range > 0.0 ? (line.time + line.mesh) / line.range : 0.0;
-    };
-    std::stable_sort(lines.begin(), lines.end(),
-                     [&](const auto& a, const auto& b) { return part(a) > part(b); });
-    report::Table table;
-    table.title = "Largest error of each quantity";
-    table.header = {"quantity", "unit", "range", "time stepping", "mesh", "of its range [%]"};
-    table.text_columns = {0, 1};
-    for (const sim::Certificate::Line& line : lines) {
-      table.rows.push_back({line.name, line.units, fmt::format("{:.4g}", line.range),
-                            fmt::format("{:.2g}", line.time), fmt::format("{:.2g}", line.mesh),
-                            fmt::format("{:.2g}", 100.0 * part(line))});
-    }
-    page_.AddTable(table);
+    const std::vector<sim::Certificate::Line> lines =
+        AddErrorTable(in_.certificate->Lines(), "Largest error of each quantity", "range");
+    AddErrorTable(in_.certificate->LoadLines(in_.report), "Error of each largest load", "value");
     if (lines.empty() || !run_.Has("error_time." + lines[0].name)) return;
     const std::string& name = lines[0].name;
     Chart chart;

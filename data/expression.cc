@@ -271,7 +271,9 @@ std::optional<Expression::Fault> Expression::FindFault(double duration, int deri
         if (least < kZero * largest) return Fault{high, "divides by zero"};
       } else if (dips) {
         const double t = LeastMagnitude(time(k - 2), time(k), divisor);
-        if (std::fabs(divisor(t)) < kZero * largest) return Fault{t, "divides by zero"};
+        if (std::fabs(divisor(t)) < kZero * largest && !NeverZero(d, time(k - 2), time(k))) {
+          return Fault{t, "divides by zero"};
+        }
       }
     }
     before.swap(here);

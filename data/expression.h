@@ -8,6 +8,8 @@
 
 namespace unfurl::data {
 
+struct IntervalSeries;
+
 // An expression of the time t [s], such as "0.3 * sin(2 * pi * t)", compiled to a flat program for
 // a stack. Numbers, t, pi, e, + - * / ^, signs, parentheses, and the functions of docs/scene.md.
 // Evaluating allocates nothing. Why not a library: docs/decisions/009-own-expressions.md.
@@ -70,8 +72,12 @@ class Expression {
   // change their branch, each to the nearest double; and places within the rise of a smoothstep,
   // close enough for a method of fifth order to integrate it to 1e-9. Arguments linear in t are
   // solved, however near their edges lie to each other; of others the changes of sign between
-  // 4096 equal parts (and the edges already found) are followed to the spot.
+  // 4096 equal parts, the edges already found and the stretches that bounds single out are
+  // followed to the spot.
   std::vector<double> Edges(double duration) const;
+
+  // Bounds of the value and derivatives up to `order` (IntervalSeries) at all times of [a, b].
+  IntervalSeries Bound(double a, double b, int order) const;
 
  private:
   template <typename T>
@@ -79,10 +85,17 @@ class Expression {
   std::string Reason(double t) const;
   // What the k-th division divides by, at t.
   double Divisor(int k, double t) const;
+  // Whether bounds tell that it is nowhere zero in [a, b].
+  bool NeverZero(int k, double a, double b) const;
   // What decides the branch of the instruction at `place`: it changes where this crosses zero.
   double Decider(std::size_t place, double t) const;
+  // Of the decider at `place`, or the whole expression where there is no such place; of a division
+  // the divisor.
+  IntervalSeries BoundOf(std::size_t place, double a, double b, int order) const;
   void AddCrossings(std::size_t place, double level, double duration,
                     std::vector<double>* edges) const;
+  // Ends of the stretches of [0, duration] within which the decider crosses `level` at most once.
+  std::vector<double> Isolate(std::size_t place, double level, double duration) const;
 
   std::string text_;
   std::vector<Instruction> program_;

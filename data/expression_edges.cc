@@ -3,19 +3,25 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "data/expression.h"
 #include "data/expression_ops.h"
 #include "data/expression_parser.h"
+#include "data/interval_series.h"
 
 namespace unfurl::data {
 namespace {
 
 using ExpressionEdgesOp = Expression::Op;
 
-// Parts of the duration on which an argument that is not linear is looked at: two crossings within
-// one part are not seen (docs/physics-simulator.md, "Edges"). A few ms of work for each.
+// Parts of the duration on which an argument that is not linear is looked at, beside those that
+// its bounds ask for. A few ms of work for each.
 constexpr int kCells = 4096;
+// Stretches that bounds are asked of; some 10 ms of work. Where that is not enough, two crossings
+// within a stretch or part are not seen (docs/physics-simulator.md, "Edges").
+constexpr std::size_t kMostStretches = 8192;
+constexpr double kShortest = 1e-13;  // of the duration: stretches that are not halved any more
 // Parts of the rise of a smoothstep. A method of fifth order integrates the quintic to 2.2e-3 of it
 // in one step and to 7e-10 in twenty.
 constexpr int kRiseParts = 20;
@@ -53,12 +59,32 @@ double Expression::Decider(std::size_t place, double t) const {
   }
 }
 
+std::vector<double> Expression::Isolate(std::size_t place, double level, double duration) const {
+  std::vector<double> ends;
+  std::vector<std::pair<double, double>> stretches = {{0.0, duration}};
+  // Breadth first, so that what the bounds are not enough for is spread evenly.
+  for (std::size_t k = 0; k < stretches.size() && k < kMostStretches; ++k) {
+    const auto [a, b] = stretches[k];
+    const IntervalSeries f = BoundOf(place, a, b, 1);
+    if (!f.c[0].Holds(level)) continue;
+    ends.push_back(a);
+    ends.push_back(b);
+    const bool monotone = f.c[1].low > 0.0 || f.c[1].high < 0.0;
+    if (monotone || b - a < kShortest * duration) continue;
+    stretches.emplace_back(a, 0.5 * (a + b));
+    stretches.emplace_back(0.5 * (a + b), b);
+  }
+  return ends;
+}
+
 void Expression::AddCrossings(std::size_t place, double level, double duration,
                               std::vector<double>* edges) const {
   const auto f = [&](double t) { return Decider(place, t) - level; };
-  // Linear in t: one crossing, where the straight line says, to the double.
+  // Linear in t: one crossing, where the straight line says, to the double. What looks so may have
+  // a pulse between the looks: its second derivative says.
   const double f0 = f(0.0), f1 = f(duration);
-  bool linear = std::isfinite(f0) && std::isfinite(f1);
+  bool linear = std::isfinite(f0) && std::isfinite(f1) &&
+                BoundOf(place, 0.0, duration, 2).c[2].Magnitude() == 0.0;
   for (const double part : {0.12, 0.31, 0.5, 0.77, 0.93}) {
     const double straight = f0 + part * (f1 - f0);
     const double rounding = 1e-13 * (std::fabs(f0) + std::fabs(f1));
@@ -70,6 +96,8 @@ void Expression::AddCrossings(std::size_t place, double level, double duration,
   }
   std::vector<double> looks;
   for (int k = 0; k <= kCells; ++k) looks.push_back(duration * k / kCells);
+  const std::vector<double> ends = Isolate(place, level, duration);
+  looks.insert(looks.end(), ends.begin(), ends.end());
   for (const double at : *edges) {
     for (const double t : {std::nextafter(at, 0.0), at, std::nextafter(at, duration)}) {
       looks.push_back(t);

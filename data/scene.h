@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "data/beam_section.h"
 #include "data/time_function.h"
 
 namespace unfurl::data {
@@ -51,8 +52,9 @@ struct SceneBeam {
   std::string name;
   double length = 0.0;  // [m]
   double mass = 0.0;    // [kg]
-  double EI = 0.0;      // [N m^2]
-  double EA = 0.0;      // [N]; needed only where axial_elastic
+  double EI = 0.0;      // of the section at the start [N m^2]
+  double EA = 0.0;      // likewise [N]; needed only where axial_elastic
+  BeamSection section;  // along the beam
   BeamModel model = BeamModel::kSegments;
   int segments = 8;  // kSegments
   int order = 3;     // kKirchhoff: modes of the free beam among its shapes, 1 to 11

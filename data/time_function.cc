@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "base/error.h"
+#include "data/interval_series.h"
 #include "data/time_function_impl.h"
 
 namespace unfurl::data {
@@ -55,6 +56,15 @@ struct Formula : TimeFunctionImpl, std::enable_shared_from_this<Formula> {
     return expression.FindFault(duration, derivatives, cells);
   }
   std::vector<double> Edges(double duration) const override { return expression.Edges(duration); }
+  std::optional<TimeFunction::Bounds> Bound(double a, double b, int derivative) const override {
+    // From Taylor's coefficients: k! of them.
+    constexpr double kFactorial[] = {1.0, 1.0, 2.0, 6.0, 24.0, 120.0, 720.0};
+    const IntervalSeries series = expression.Bound(a, b, derivative + 4);
+    const Interval& value = series.c[derivative];
+    const double factor = kFactorial[derivative];
+    return TimeFunction::Bounds{factor * value.low, factor * value.high,
+                                kFactorial[derivative + 4] * series.c[derivative + 4].Magnitude()};
+  }
   std::string text() const override { return expression.text(); }
 };
 
@@ -213,6 +223,10 @@ bool TimeFunction::IsFinite(double t, int derivatives) const {
 }
 
 std::vector<double> TimeFunction::Edges(double duration) const { return impl_->Edges(duration); }
+
+std::optional<TimeFunction::Bounds> TimeFunction::Bound(double a, double b, int derivative) const {
+  return impl_->Bound(a, b, derivative);
+}
 
 std::optional<double> TimeFunction::FindJump(double duration) const {
   // Rounding of the function's own terms, and of the time where it is steep.

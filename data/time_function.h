@@ -9,6 +9,8 @@
 
 namespace unfurl::data {
 
+struct FunctionScan;
+
 // A scalar function of time as a scene gives it: a number, an expression of t, or a table.
 // Immutable and cheap to copy; evaluating allocates nothing.
 class TimeFunction {
@@ -44,6 +46,16 @@ class TimeFunction {
   std::vector<double> Edges(double duration) const;
   // The first of them where the value itself jumps.
   std::optional<double> FindJump(double duration) const;
+  // The function, or one of its first two derivatives, bounded at all times of [a, b].
+  struct Bounds {
+    double low, high;  // of the values [unit]
+    double fourth;     // largest magnitude of the fourth derivative of that [unit/s^4]
+  };
+  // None of tables: between their knots they hold nothing that is not seen.
+  std::optional<Bounds> Bound(double a, double b, int derivative) const;
+  // Looked through for features that samples would miss (data/function_scan.h): cells of
+  // [0, duration] are halved until none may hide more than `part` of the area, or there are `most`.
+  FunctionScan Scan(int derivative, double duration, double part, std::size_t most) const;
   // `"1 / (t - 0.3)" (scene.toml:12:joint.a.motor.moment)`, for messages.
   std::string Describe() const;
 

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "data/expression.h"
+#include "data/function_scan.h"
 #include "data/time_function.h"
 
 namespace unfurl::data {
@@ -19,6 +20,10 @@ struct TimeFunction::Impl {
     return std::nullopt;
   }
   virtual std::vector<double> Edges(double) const { return {}; }
+  virtual std::optional<TimeFunction::Bounds> Bound(double, double, int) const {
+    return std::nullopt;
+  }
+  FunctionScan Scan(int derivative, double duration, double part, std::size_t most) const;
   virtual std::string text() const = 0;  // as written, or what it is
   std::string where;
 };

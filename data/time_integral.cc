@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "base/error.h"
@@ -19,15 +20,23 @@ constexpr int kTerms = 17;                    // of a piece's series
 constexpr int kFirstPieces = 16;              // smooth rates need no more: their series end early
 constexpr int kMostHalvings = 46;             // of a first piece, towards a jump
 constexpr std::size_t kMostPieces = 1 << 17;  // some 20 MB
-// Parts of the duration at whose ends a series is held against the rate as well: a pulse between
-// the points of the series is seen. As many as Edges() looks at (expression_edges.cc).
+// A series is held against the rate at the ends of these parts of the duration as well, as many as
+// Edges() looks at (expression_edges.cc), and of the cells that bounds of the rate ask for: a pulse
+// between the points of the series is seen.
 constexpr int kLooks = 4096;
+// Of the rate's area, that such a cell may hide; and how many there are at most, some 10 ms of
+// work.
+constexpr double kHidden = 1e-9;
+constexpr std::size_t kMostCells = 1 << 13;
 // Difference there, against the largest value of the rate, that the series may have: far more than
 // kEnd and what rounding adds, far less than a pulse that matters.
 constexpr double kSeen = 1e-9;
 // The last two terms of a series, against the largest value of the rate. What is left out is as
 // small as they are, and it is integrated over one piece.
 constexpr double kEnd = 3e-14;
+
+// Of a series at such a place, in roundings of the rate's own values: sums of some of them.
+constexpr double kRoundings = 16.0;
 
 struct Piece {
   double begin, end;
@@ -87,12 +96,16 @@ struct SmoothIntegral : TimeIntegralImpl {
   std::shared_ptr<const TimeIntegralImpl> rate;
   double start = 0.0;
   std::vector<Piece> pieces;
-  struct {
-    double duration = 0.0;       // [s]
-    std::vector<double> values;  // of the rate at the ends of kLooks parts of it
-  } looks;                       // until the pieces are there
+  struct Look {
+    double t, value;  // [s], of the rate
+  };
+  std::vector<Look> looks;  // in order; until the pieces are there
 
   std::vector<double> Edges(double duration) const override { return rate->Edges(duration); }
+  std::optional<TimeFunction::Bounds> Bound(double a, double b, int derivative) const override {
+    if (derivative == 0) return std::nullopt;  // nobody asks
+    return rate->Bound(a, b, derivative - 1);
+  }
   TimeValue At(double t) const override {
     const TimeValue r = rate->At(t);
     return {Value(t), r.value, r.rate};
@@ -123,15 +136,13 @@ struct SmoothIntegral : TimeIntegralImpl {
   }
   std::string text() const override { return rate->text(); }
 
-  // Whether the series of [a, b] goes through what was seen of the rate.
-  bool GoesThrough(const Series& c, double a, double b, double scale) const {
-    const double part = looks.duration / kLooks;
-    for (auto k = static_cast<std::size_t>(std::ceil(a / part)); k < looks.values.size(); ++k) {
-      const double t = looks.duration * static_cast<double>(k) / kLooks;
-      if (t > b) break;
-      if (t < a) continue;
-      const double x = std::clamp((2.0 * t - a - b) / (b - a), -1.0, 1.0);
-      if (std::fabs(Evaluate(c, x) - looks.values[k]) > kSeen * scale) return false;
+  // Whether the series of [a, b] goes through what was seen of the rate, within what is allowed.
+  bool GoesThrough(const Series& c, double a, double b, double allowed) const {
+    const auto first = std::lower_bound(looks.begin(), looks.end(), a,
+                                        [](const Look& look, double t) { return look.t < t; });
+    for (auto look = first; look != looks.end() && look->t <= b; ++look) {
+      const double x = std::clamp((2.0 * look->t - a - b) / (b - a), -1.0, 1.0);
+      if (std::fabs(Evaluate(c, x) - look->value) > allowed) return false;
     }
     return true;
   }
@@ -140,7 +151,13 @@ struct SmoothIntegral : TimeIntegralImpl {
   void Add(double a, double b, double scale, int halvings) {
     const Series c = Fit(*rate, a, b);
     const double rest = std::fabs(c[kTerms - 1]) + std::fabs(c[kTerms - 2]);
-    if ((rest > kEnd * scale || !GoesThrough(c, a, b, scale)) && halvings < kMostHalvings) {
+    // A time t is a double: where the rate changes within a short piece, its values hold so much.
+    double swing = 0.0;
+    for (int k = 1; k < kTerms; ++k) swing += std::fabs(c[k]);
+    const double rounding = std::numeric_limits<double>::epsilon() * swing * b / (b - a);
+    if ((rest > kEnd * scale + rounding ||
+         !GoesThrough(c, a, b, kSeen * scale + kRoundings * rounding)) &&
+        halvings < kMostHalvings) {
       Add(a, 0.5 * (a + b), scale, halvings + 1);
       Add(0.5 * (a + b), b, scale, halvings + 1);
       return;
@@ -171,11 +188,16 @@ std::shared_ptr<const TimeIntegralImpl> IntegrateSmooth(
   integral->rate = rate;
   integral->start = start;
   integral->where = rate->where;
+  for (int k = 0; k <= kLooks; ++k) integral->looks.push_back({duration * k / kLooks, 0.0});
+  for (const FunctionScan::Cell& cell : rate->Scan(0, duration, kHidden, kMostCells).cells) {
+    integral->looks.push_back({cell.begin, 0.0});
+  }
+  std::sort(integral->looks.begin(), integral->looks.end(),
+            [](const auto& a, const auto& b) { return a.t < b.t; });
   double scale = 1e-300;
-  integral->looks.duration = duration;
-  for (int k = 0; k <= kLooks; ++k) {
-    integral->looks.values.push_back(rate->Value(duration * k / kLooks));
-    scale = std::max(scale, std::fabs(integral->looks.values.back()));
+  for (auto& look : integral->looks) {
+    look.value = rate->Value(look.t);
+    scale = std::max(scale, std::fabs(look.value));
   }
   for (int k = 0; k < kFirstPieces; ++k) {
     integral->Add(duration * k / kFirstPieces, duration * (k + 1) / kFirstPieces, scale, 0);

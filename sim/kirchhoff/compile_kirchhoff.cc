@@ -15,6 +15,12 @@ bool Compiler::IsSmooth(int beam) const {
   return scene_.beams[beam].model == data::BeamModel::kKirchhoff;
 }
 
+double Compiler::CentreOfBody(int b, int k) const {
+  const data::SceneBeam& beam = scene_.beams[b];
+  if (IsSmooth(b)) return beam.section.Centre() * beam.length;
+  return (k + 0.5) * (beam.length / beam.segments);
+}
+
 bool Compiler::OnSmooth(const data::SceneEnd& end) const {
   return OnBeam(end) && IsSmooth(end.index);
 }
@@ -172,9 +178,9 @@ void Compiler::FillSmooth() {
       strings.gravity_per_length = scene_.suspension->gravity / scene_.suspension->length;
       strings.angle = hang_.node[NodeOfBeam(static_cast<int>(b))].angle;
     }
-    out.rod =
-        KirchhoffRod({beam.length, beam.mass, beam.EI, beam.damping, beam.order, smooth_[b].ends},
-                     std::move(attachments), strings);
+    out.rod = KirchhoffRod(
+        {beam.length, beam.mass, beam.EI, beam.damping, beam.order, smooth_[b].ends, beam.section},
+        std::move(attachments), strings);
     out.root = first_segment_[b];
     out.name = beam.name;
     smooth_[b].index = model_.kirchhoff.count();

@@ -16,7 +16,7 @@ constexpr int kKirchhoffLanes = 4;
 KirchhoffRod::KirchhoffRod(const Properties& properties, std::vector<Attachment> attachments,
                            const Strings& strings)
     : properties_(properties),
-      shapes_(properties.modes, properties.ends),
+      shapes_(properties.modes, properties.ends, properties.section),
       attachments_(std::move(attachments)),
       strings_(strings),
       hang_cosine_(std::cos(strings.angle)),

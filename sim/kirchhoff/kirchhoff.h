@@ -24,10 +24,11 @@ class KirchhoffRod {
   struct Properties {
     double length = 0.0;   // [m]
     double mass = 0.0;     // [kg]
-    double EI = 0.0;       // [N m^2]
+    double EI = 0.0;       // at the start [N m^2]
     double damping = 0.0;  // Kelvin-Voigt beta [s]
     int modes = 3;         // of the free beam, in the shapes
     KirchhoffShapes::Ends ends;
+    data::BeamSection section;  // along the beam
   };
   struct Attachment {
     double at = 0.0;            // place, of the length [-]

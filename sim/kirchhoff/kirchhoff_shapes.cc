@@ -4,6 +4,8 @@
 #include <cmath>
 #include <vector>
 
+#include "sim/kirchhoff/tapered_shapes.h"
+
 namespace unfurl::sim {
 namespace {
 
@@ -13,23 +15,6 @@ std::vector<double> Legendre(int n, double z) {
   if (n >= 1) p[1] = z;
   for (int k = 2; k <= n; ++k) p[k] = ((2 * k - 1) * z * p[k - 1] - (k - 1) * p[k - 2]) / k;
   return p;
-}
-
-// Gauss's points and weights on [0, 1].
-void Gauss(int n, Array* x, Array* weight) {
-  x->resize(n);
-  weight->resize(n);
-  for (int i = 0; i < n; ++i) {
-    double z = -std::cos(M_PI * (i + 0.75) / (n + 0.5)), slope = 1.0;
-    constexpr int kIterations = 8;  // Newton's doubles the digits of a guess good to three
-    for (int k = 0; k < kIterations; ++k) {
-      const std::vector<double> p = Legendre(n, z);
-      slope = n * (z * p[n] - p[n - 1]) / (z * z - 1.0);
-      z -= p[n] / slope;
-    }
-    (*x)[i] = 0.5 * (1.0 + z);
-    (*weight)[i] = 1.0 / ((1.0 - z * z) * slope * slope);
-  }
 }
 
 // int_0^x P_k(2 x' - 1) dx' less its mean over [0, 1], k < n.
@@ -87,7 +72,23 @@ double StaticAngle(bool moment, double x) {
 
 }  // namespace
 
-KirchhoffShapes::KirchhoffShapes(int mode_count, Ends which_ends)
+void GaussPoints(int n, Array* x, Array* weight) {
+  x->resize(n);
+  weight->resize(n);
+  for (int i = 0; i < n; ++i) {
+    double z = -std::cos(M_PI * (i + 0.75) / (n + 0.5)), slope = 1.0;
+    constexpr int kIterations = 8;  // Newton's doubles the digits of a guess good to three
+    for (int k = 0; k < kIterations; ++k) {
+      const std::vector<double> p = Legendre(n, z);
+      slope = n * (z * p[n] - p[n - 1]) / (z * z - 1.0);
+      z -= p[n] / slope;
+    }
+    (*x)[i] = 0.5 * (1.0 + z);
+    (*weight)[i] = 1.0 / ((1.0 - z * z) * slope * slope);
+  }
+}
+
+KirchhoffShapes::KirchhoffShapes(int mode_count, Ends which_ends, const data::BeamSection& section)
     : modes(mode_count),
       ends(which_ends),
       count(modes + ends.count()),
@@ -95,13 +96,24 @@ KirchhoffShapes::KirchhoffShapes(int mode_count, Ends which_ends)
       width(PaddedSize(count + 1)),
       shape(points * width, 0.0),
       kernel(points * points, 0.0),
-      stiffness(width, 0.0) {
-  Gauss(points, &x, &weight);
+      stiffness(width, 0.0),
+      section_(section) {
+  GaussPoints(points, &x, &weight);
   // Arms are polynomials of degree `points`: integrated to rounding.
   Array fine, fine_weight;
-  Gauss(points + 2, &fine, &fine_weight);
+  GaussPoints(points + 2, &fine, &fine_weight);
+  if (!section.uniform()) {
+    tapered_ = std::make_shared<const TaperedShapes>(section, modes);
+    centre_.assign(points, 0.0);
+    for (std::size_t r = 0; r < fine.size(); ++r) {
+      const std::vector<double> integral = CentredIntegrals(points, fine[r]);
+      const double part = fine_weight[r] * section.Area(fine[r]) / section.Volume(1.0);
+      for (int k = 0; k < points; ++k) centre_[k] += part * integral[k];
+    }
+  }
   for (std::size_t r = 0; r < fine.size(); ++r) {
     const Array arm = Arm(fine[r]);
+    if (tapered_ != nullptr) fine_weight[r] *= section.Area(fine[r]) / section.Volume(1.0);
     for (int a = 0; a < points; ++a) {
       for (int b = 0; b < points; ++b) kernel[a * points + b] += fine_weight[r] * arm[a] * arm[b];
     }
@@ -116,7 +128,7 @@ KirchhoffShapes::KirchhoffShapes(int mode_count, Ends which_ends)
 void KirchhoffShapes::Diagonalize() {
   constexpr int kFine = 64;  // points; the highest mode has six waves
   Array at, at_weight;
-  Gauss(kFine, &at, &at_weight);
+  GaussPoints(kFine, &at, &at_weight);
   Eigen::MatrixXd angles(count, kFine), slopes(count, kFine), coarse(count, points);
   for (int k = 0; k < count; ++k) {
     for (int r = 0; r < kFine; ++r) {
@@ -127,7 +139,9 @@ void KirchhoffShapes::Diagonalize() {
   }
   const Eigen::Map<const Eigen::VectorXd> w(at_weight.data(), kFine);
   const Eigen::Map<const Eigen::MatrixXd> K(kernel.data(), points, points);
-  const Eigen::MatrixXd S = slopes * w.asDiagonal() * slopes.transpose();
+  Eigen::VectorXd stiff = w;
+  for (int r = 0; r < kFine && tapered_ != nullptr; ++r) stiff[r] *= section_.Bending(at[r]);
+  const Eigen::MatrixXd S = slopes * stiff.asDiagonal() * slopes.transpose();
   const Eigen::MatrixXd M = coarse * K * coarse.transpose();
   const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> solver(S, M);
   mix_.assign(count * count, 0.0);
@@ -139,20 +153,32 @@ void KirchhoffShapes::Diagonalize() {
   }
 }
 
+// Of raw shape k what TaperedShapes calls it.
+int KirchhoffShapes::KindOf(int k) const {
+  if (ends.moment_at_start && k-- == 0) return TaperedShapes::kMomentAtStart;
+  if (ends.force_at_start && k-- == 0) return TaperedShapes::kForceAtStart;
+  if (ends.moment_at_end && k-- == 0) return TaperedShapes::kMomentAtEnd;
+  if (ends.force_at_end && k-- == 0) return TaperedShapes::kForceAtEnd;
+  return TaperedShapes::kFirstMode + k;
+}
+
 double KirchhoffShapes::RawShape(int k, double at) const {
-  if (ends.moment_at_start && k-- == 0) return StaticAngle(true, at);
-  if (ends.force_at_start && k-- == 0) return StaticAngle(false, at);
-  if (ends.moment_at_end && k-- == 0) return -StaticAngle(true, 1.0 - at);
-  if (ends.force_at_end && k-- == 0) return -StaticAngle(false, 1.0 - at);
-  return ModeAngle(k, at - 0.5);
+  const int kind = KindOf(k);
+  if (tapered_ != nullptr) return tapered_->Angle(kind, at);
+  if (kind >= TaperedShapes::kFirstMode)
+    return ModeAngle(kind - TaperedShapes::kFirstMode, at - 0.5);
+  const bool moment = kind == TaperedShapes::kMomentAtStart || kind == TaperedShapes::kMomentAtEnd;
+  if (kind < TaperedShapes::kMomentAtEnd) return StaticAngle(moment, at);
+  return -StaticAngle(moment, 1.0 - at);
 }
 
 double KirchhoffShapes::RawSlope(int k, double at) const {
-  if (ends.moment_at_start && k-- == 0) return StaticSlope(true, at);
-  if (ends.force_at_start && k-- == 0) return StaticSlope(false, at);
-  if (ends.moment_at_end && k-- == 0) return StaticSlope(true, 1.0 - at);
-  if (ends.force_at_end && k-- == 0) return StaticSlope(false, 1.0 - at);
-  return ModeSlope(k, at - 0.5);
+  const int kind = KindOf(k);
+  if (tapered_ != nullptr) return tapered_->Slope(kind, at);
+  if (kind >= TaperedShapes::kFirstMode)
+    return ModeSlope(kind - TaperedShapes::kFirstMode, at - 0.5);
+  const bool moment = kind == TaperedShapes::kMomentAtStart || kind == TaperedShapes::kMomentAtEnd;
+  return StaticSlope(moment, kind < TaperedShapes::kMomentAtEnd ? at : 1.0 - at);
 }
 
 double KirchhoffShapes::Shape(int k, double at) const {
@@ -169,7 +195,8 @@ double KirchhoffShapes::Slope(int k, double at) const {
 }
 
 Array KirchhoffShapes::Arm(double at) const {
-  const std::vector<double> integral = CentredIntegrals(points, at);
+  std::vector<double> integral = CentredIntegrals(points, at);
+  for (int k = 0; k < points && tapered_ != nullptr; ++k) integral[k] -= centre_[k];
   Array arm(points, 0.0);
   for (int q = 0; q < points; ++q) {
     const std::vector<double> p = Legendre(points, 2.0 * x[q] - 1.0);

@@ -20,7 +20,7 @@ AxialWatch::AxialWatch(const Model& model) : model_(model), peaks_(model.beams.s
     const int first = beam.stations[0] >= 0 ? beam.stations[0] : beam.first;
     const int last = beam.stations[1] >= 0 ? beam.stations[1] : beam.first + beam.segments - 1;
     const double length = beam.segments * beam.segment_length;
-    double mass = 0.0;
+    double mass = 0.0, softness = 0.0;
     for (int k = 0; k < beam.segments; ++k) mass += model.rigid_bodies.mass[beam.first + k];
     for (int e = first; e < last; ++e) {
       const double l = model.bending.length(e);
@@ -28,8 +28,10 @@ AxialWatch::AxialWatch(const Model& model) : model_(model), peaks_(model.beams.s
       const double rate = kFirstBending * std::sqrt(EI / (mass * length * length * length));
       elements_.push_back({e, static_cast<int>(b), l * l / EI, l, model.bending.axial_stiffness(e),
                            2.0 * M_PI / rate});
-      peaks_[b].euler = M_PI * M_PI * EI / (length * length);
+      softness += 1.0 / EI;
     }
+    // Of a section that changes, with the mean of 1 / EI: less than it bears.
+    if (last > first) peaks_[b].euler = M_PI * M_PI * (last - first) / (softness * length * length);
   }
 }
 

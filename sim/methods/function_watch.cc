@@ -23,6 +23,15 @@ constexpr double kTolerances = 10.0, kMostPart = 1e-3;
 // Samples over the run from which a function's range is known before it is seen. Not a power of
 // two: periods often are.
 constexpr int kLooks = 1021;
+// Of a function's area, that may hide in a cell: impulses are right to about that.
+constexpr double kHidden = 1e-6;
+// Cells of a run, some 0.1 s of work; and what may hide in one where they are not enough, that is
+// worth a word.
+constexpr std::size_t kMostCells = 1 << 15;
+constexpr double kWorthAWord = 1e-3;
+// Of a cell, that a step may be long: ten places are looked at in a step (kThrough, kBetween), and
+// a cubic, as cells are judged by, has four.
+constexpr double kCells = 2.5;
 // Of the run's duration: with steps that short a run would not end. A kink has some of them.
 constexpr double kHopelessStep = 1e-9;
 constexpr long kHopelessSteps = 1000;
@@ -84,11 +93,28 @@ bool FunctionWatch::Watched::Follows(double t, double h, double part) {
   return off <= part * (high - low) + rounding;
 }
 
-FunctionWatch::FunctionWatch(const Model& model, double duration, double rtol)
+double FunctionWatch::Watched::Allowed(double t, double h) {
+  while (at < cells.size() && cells[at].end <= t) ++at;
+  for (std::size_t k = at; k < cells.size() && cells[k].begin < t + h; ++k) {
+    h = std::min(h, std::max(kCells * (cells[k].end - cells[k].begin), cells[k].begin - t));
+  }
+  return h;
+}
+
+FunctionWatch::FunctionWatch(const Model& model, double duration, double rtol, double longest)
     : hopeless_(kHopelessStep * duration), part_(std::min(kMostPart, kTolerances * rtol)) {
   for (const Model::Function& f : model.functions) {
     if (f.function.is_constant()) continue;
-    Watched w{&f, HUGE_VAL, -HUGE_VAL};
+    Watched w{&f, HUGE_VAL, -HUGE_VAL, 0.0, {}};
+    data::FunctionScan scan = f.function.Scan(f.derivatives, duration, kHidden, kMostCells);
+    if (!scan.cells.empty()) {
+      w.See(scan.low);
+      w.See(scan.high);
+      w.hidden_part = scan.area > 0.0 ? scan.hidden / scan.area : 0.0;
+      std::erase_if(scan.cells,
+                    [&](const auto& cell) { return kCells * (cell.end - cell.begin) >= longest; });
+      w.cells = std::move(scan.cells);
+    }
     for (int k = 0; k < kLooks; ++k) {
       const double value = w.At(duration * (k + 0.5) / kLooks);
       if (std::isfinite(value)) w.See(value);
@@ -102,6 +128,7 @@ double FunctionWatch::Resolved(double t, double h) {
   // Below this, times within the step are equal but for rounding.
   const double least = 64.0 * std::numeric_limits<double>::epsilon() * t;
   for (Watched& w : watched_) {
+    h = w.Allowed(t, h);
     while (h > least && !w.Follows(t, h, part_)) {
       h *= 0.5;
       last_ = &w;
@@ -109,6 +136,18 @@ double FunctionWatch::Resolved(double t, double h) {
   }
   hopeless_steps_ = h < wished && h < hopeless_ ? hopeless_steps_ + 1 : 0;
   return h;
+}
+
+std::vector<std::string> FunctionWatch::Warnings() const {
+  std::vector<std::string> out;
+  for (const Watched& w : watched_) {
+    if (w.hidden_part <= kWorthAWord) continue;
+    out.push_back(fmt::format(
+        "{} could not be looked through: a short pulse in it may be missed, of {:.1g} of its whole "
+        "integral at most; give it as a table, or simulate a shorter time",
+        w.of->function.Describe(), std::min(w.hidden_part, 1.0)));
+  }
+  return out;
 }
 
 std::string FunctionWatch::Complaint() const {

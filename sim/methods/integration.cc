@@ -69,7 +69,7 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       way_(model.index.size(), 0.0),
       end_(options.duration > 0.0 ? options.duration : model.duration),
       edges_(model, end_),
-      functions_(model, end_, options.rtol),
+      functions_(model, end_, options.rtol, options.max_step),
       last_error_(1e-4),
       zone_part_(kZonePart * std::min(2.0, std::pow(options.rtol / 1e-6, 0.2))) {
   dynamics_.track_energy = options.track_energy;
@@ -170,6 +170,7 @@ void Integration::CountStep() {
 void Integration::FillReport() {
   report_.axial = axial_.peaks();
   report_.warnings = axial_.Warnings();
+  for (const std::string& w : functions_.Warnings()) report_.warnings.push_back(w);
   const std::string energy = judge_.Warning();
   if (!energy.empty()) report_.warnings.push_back(energy);
   report_.t_end = t_;

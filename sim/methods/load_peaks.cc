@@ -8,9 +8,6 @@
 namespace unfurl::sim {
 namespace {
 
-// Of a peak: what lies above it by less is not looked for. Loads that come from a motion with an
-// error of 1e-6 are rarely known better.
-constexpr double kWorthwhile = 1e-3;
 constexpr int kMostTops = 3;  // looked at in a step
 // What the curvature of a load may be more than the three ends tell.
 constexpr double kMoreCurved = 2.0;
@@ -92,7 +89,7 @@ bool LoadPeaks::MayBeInside(double h) const {
     } else if (k >= joints_ && InContact(dynamics_.modes()[k - joints_])) {
       return true;
     }
-    if (rise > 0.0 && high + rise > (1.0 + kWorthwhile) * std::max(peaks_[k].value, high)) {
+    if (rise > 0.0 && high + rise > (1.0 + kPeakFound) * std::max(peaks_[k].value, high)) {
       return true;
     }
   }
@@ -132,7 +129,7 @@ void LoadPeaks::LookInside(Stepper* stepper, double t, double h, double sigma) {
     double gain = 0.0;
     std::size_t load = 0;
     new_.at = Top(low_, middle_, high_, &load, &gain);
-    if (!(gain > kWorthwhile)) return;
+    if (!(gain > kPeakFound)) return;
     ReadAt(stepper, t, h, new_.at, &new_.loads);
     const bool left = new_.at < middle_.at;
     if (new_.loads[load] > middle_.loads[load]) {

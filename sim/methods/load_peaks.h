@@ -7,6 +7,10 @@
 
 namespace unfurl::sim {
 
+// Of a peak: what lies above it by less is not looked for. Loads that come from a motion with an
+// error of 1e-6 are rarely known better.
+inline constexpr double kPeakFound = 1e-3;
+
 // The largest loads of a run, of pins and of latches' contacts. Loads are known where right sides
 // are, at the ends of steps; a step that resolves a motion well may still have the peak of a load
 // in its middle, the more so the higher the method's order. So where a parabola through the last

@@ -164,8 +164,9 @@ void Compiler::NumberRigidBodies() {
       bodies.mass[first_segment_[b]] = beam.mass;  // its turning is the beam's own
       continue;
     }
-    const double l = beam.length / beam.segments, m = beam.mass / beam.segments;
+    const double l = beam.length / beam.segments;
     for (int k = 0; k < beam.segments; ++k) {
+      const double m = ShareOf(beam, k);
       bodies.mass[first_segment_[b] + k] = SegmentMass(beam, k);
       bodies.inertia[first_segment_[b] + k] = m * l * l / 12.0;
     }
@@ -278,9 +279,9 @@ void Compiler::FillState() {
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
     const int node = NodeOfBeam(static_cast<int>(b));
     const int segments = IsSmooth(static_cast<int>(b)) ? 1 : scene_.beams[b].segments;
-    const double l = scene_.beams[b].length / segments;
     for (int k = 0; k < segments; ++k) {
-      set(first_segment_[b] + k, start_.node[node], start_.velocity[node], (k + 0.5) * l);
+      set(first_segment_[b] + k, start_.node[node], start_.velocity[node],
+          CentreOfBody(static_cast<int>(b), k));
     }
   }
 }

@@ -14,9 +14,11 @@ void Compiler::FillBending() {
     const data::SceneBeam& beam = scene_.beams[b];
     if (IsSmooth(static_cast<int>(b))) continue;
     const double l = beam.length / beam.segments;
-    const auto add = [&](int e, double length) {
-      model_.bending.Set(e, {length, beam.EI, beam.axial_elastic ? beam.EA : 0.0, beam.damping,
-                             beam.gradient_form});
+    // `at`: its middle. Of a section that changes, the stiffness there stands for the element's.
+    const auto add = [&](int e, double length, double at) {
+      const double EA = beam.axial_elastic ? beam.EA * beam.section.Area(at) : 0.0;
+      model_.bending.Set(
+          e, {length, beam.EI * beam.section.Bending(at), EA, beam.damping, beam.gradient_form});
       if (!beam.axial_elastic) longitudinal_[e] = {length, beam.along_chord};
       element_names_[e] = beam.name;
     };
@@ -24,10 +26,13 @@ void Compiler::FillBending() {
     for (int k = 0; k < 2; ++k) {
       const BeamEnd& end = beam_ends_[b][k];
       if (end.weld == nullptr) continue;
-      add(k == 0 ? end.station : last, 0.5 * l);
+      const double quarter = 0.25 / beam.segments;
+      add(k == 0 ? end.station : last, 0.5 * l, k == 0 ? quarter : 1.0 - quarter);
       AddStation(end, static_cast<int>(b));
     }
-    for (int e = first; e < last; ++e) add(e, l);
+    for (int e = first; e < last; ++e) {
+      add(e, l, static_cast<double>(e - first + 1) / beam.segments);
+    }
   }
 }
 
@@ -59,10 +64,9 @@ void Compiler::FillFields() {
     const data::SceneBeam& beam = scene_.beams[b];
     // Of a smooth beam the centre here; how the strings turn and bend it is the beam's own.
     const int segments = IsSmooth(static_cast<int>(b)) ? 1 : beam.segments;
-    const double l = beam.length / segments;
     const PlanePose& at = hang_.node[NodeOfBeam(static_cast<int>(b))];
     for (int k = 0; k < segments; ++k) {
-      const PlanePose centre = at * PlanePose{(k + 0.5) * l, 0.0, 0.0};
+      const PlanePose centre = at * PlanePose{CentreOfBody(static_cast<int>(b), k), 0.0, 0.0};
       const int body = first_segment_[b] + k;
       model_.suspension.Set(body, per_mass * model_.rigid_bodies.mass[body], centre.x, centre.y,
                             0.0, 0.0);

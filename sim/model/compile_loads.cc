@@ -53,6 +53,11 @@ void Compiler::FillForces() {
           throw Error(fmt::format("'{}' turns with the smooth beam '{}'", force.name, beam.name),
                       force.where, "use frame = \"world\", or model = \"segments\"");
         }
+        if (smooth && !beam.section.uniform()) {
+          throw Error(fmt::format("'{}' acts all along the tapered smooth beam '{}'", force.name,
+                                  beam.name),
+                      force.where, "use model = \"segments\" for it, or forces at places");
+        }
         // On a smooth beam it acts as one force on the centre of mass does.
         const int parts = smooth ? 1 : beam.segments;
         model_.forces.AddPerLength(first_segment_[force.on.index], parts, beam.length / parts,

@@ -52,6 +52,8 @@ class Compiler {
   void RefuseDrivesThatFight(std::size_t redundant, const std::string& which) const;
   // compile_kirchhoff.cc
   bool IsSmooth(int beam) const;
+  // Of a body of a beam (a segment, or all of a smooth one), from the start [m].
+  double CentreOfBody(int beam, int k) const;
   bool OnSmooth(const data::SceneEnd& end) const;
   void FindAttachments();
   void BendAt(const data::SceneEnd& end);

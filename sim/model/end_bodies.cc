@@ -73,7 +73,8 @@ class EndBodies {
     bool& carried = beam.carried_ends[end.kind == EndBodiesKind::kBeamStart ? 0 : 1];
     if (carried) return;
     carried = true;
-    const double l = beam.length / beam.segments, m = beam.mass / beam.segments;
+    const double l = beam.length / beam.segments;
+    const double m = ShareOf(beam, end.kind == EndBodiesKind::kBeamStart ? 0 : beam.segments - 1);
     body->mass += kMassPart * m;
     body->inertia += kInertiaPart * m * l * l / 12.0;
   }
@@ -122,18 +123,25 @@ bool CarriesMoment(const data::SceneJoint& joint) {
 
 data::Scene WithEndBodies(const data::Scene& scene) { return EndBodies(scene).Run(); }
 
+double ShareOf(const data::SceneBeam& beam, int k) {
+  if (beam.section.uniform()) return beam.mass / beam.segments;
+  const auto n = static_cast<double>(beam.segments);
+  return beam.mass * beam.section.MassPart(k / n, (k + 1) / n);
+}
+
 double SegmentMass(const data::SceneBeam& beam, int k) {
-  const double m = beam.mass / beam.segments;
+  const double m = ShareOf(beam, k);
   double part = 1.0;
   for (const bool start : {true, false}) {
     if (!beam.carried_ends[start ? 0 : 1]) continue;
+    const double given = kMassPart * ShareOf(beam, start ? 0 : beam.segments - 1) / m;
     const int from_end = start ? k : beam.segments - 1 - k;
     if (beam.segments == 1) {
-      part -= kMassPart;
+      part -= given;
     } else if (from_end == 0) {
-      part -= 1.5 * kMassPart;
+      part -= 1.5 * given;
     } else if (from_end == 1) {
-      part += 0.5 * kMassPart;  // keeps the first moment
+      part += 0.5 * given;  // keeps the first moment
     }
   }
   return part * m;

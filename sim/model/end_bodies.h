@@ -15,7 +15,8 @@ data::Scene WithEndBodies(const data::Scene& scene);
 // Whether a joint transmits a moment to what it joins.
 bool CarriesMoment(const data::SceneJoint& joint);
 
-// Mass of segment k of a beam [kg].
+// Mass of segment k of a beam, and before its ends gave some up [kg].
+double ShareOf(const data::SceneBeam& beam, int k);
 double SegmentMass(const data::SceneBeam& beam, int k);
 
 }  // namespace unfurl::sim

@@ -11,6 +11,7 @@
 #include "sim/kirchhoff/kirchhoff_shapes.h"
 #include "sim/methods/choose_method.h"
 #include "sim/methods/edges.h"
+#include "sim/methods/load_peaks.h"
 #include "sim/record/record.h"
 
 namespace unfurl::sim {
@@ -104,6 +105,7 @@ bool Certificate::Run(const data::Scene& scene, const SimulateOptions& options, 
   for (const data::Quantity& q : certified_) {
     companion.columns.push_back(run.run.Column(q.name));
   }
+  for (const Load& load : loads_) companion.loads.push_back(load.Of(run.report));
   companions_.push_back(std::move(companion));
   return true;
 }
@@ -120,6 +122,13 @@ std::shared_ptr<Certificate> Certificate::Make(const data::Scene& scene,
   if (out->certified_.empty()) {
     out->problem_ = "there is neither a mark nor a joint whose error could be stated";
     return out;
+  }
+  for (std::size_t j = 0; j < model->joints.size(); ++j) {
+    const Model::Joint& joint = model->joints[j];
+    out->loads_.push_back({joint.name + ".peak_pin_force", "N", false, j});
+    if (joint.latch < 0) continue;
+    const auto latch = static_cast<std::size_t>(joint.latch);
+    out->loads_.push_back({joint.name + ".peak_moment", "N m", true, latch});
   }
   SimulateOptions tighter = options;
   tighter.rtol = TighterTolerance(options.rtol);
@@ -195,6 +204,22 @@ std::vector<Certificate::Line> Certificate::Lines() const {
     Line line{certified_[i].name, certified_[i].units, errors_[lines.size()], 0.0,
               most_[i] - least_[i]};
     if (companions_.size() > 1) line.mesh = errors_[kept + lines.size()];
+    lines.push_back(line);
+  }
+  return lines;
+}
+
+std::vector<Certificate::Line> Certificate::LoadLines(const SimulateReport& run) const {
+  std::vector<Line> lines;
+  for (std::size_t k = 0; k < loads_.size() && !companions_.empty(); ++k) {
+    const double value = loads_[k].Of(run);
+    const auto error = [&](const Companion& companion) {
+      return kCaution * companion.factor * std::fabs(value - companion.loads[k]);
+    };
+    // Both may have missed their peak's very top.
+    const double time = std::max(error(companions_[0]), kPeakFound * value);
+    Line line{loads_[k].name, loads_[k].units, time, 0.0, value};
+    if (companions_.size() > 1) line.mesh = error(companions_[1]);
     lines.push_back(line);
   }
   return lines;

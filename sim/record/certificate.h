@@ -55,10 +55,24 @@ class Certificate {
 
   /// After the run.
   std::vector<Line> Lines() const;
+  /// Of its largest loads, JOINT.peak_pin_force and JOINT.peak_moment, wherever in time companions
+  /// have theirs, and no less than a thousandth, as peaks are looked for; `range` is the load
+  /// itself. Loads of an impact change by more than motions do.
+  std::vector<Line> LoadLines(const SimulateReport& run) const;
 
  private:
+  struct Load {
+    std::string name, units;
+    bool contact;        // of a latch, else of a pin
+    std::size_t number;  // of the latch or joint
+    double Of(const SimulateReport& report) const {
+      const std::vector<double>& peaks = contact ? report.peak_moment : report.peak_pin_force;
+      return number < peaks.size() ? peaks[number] : 0.0;
+    }
+  };
   struct Companion {
     std::vector<std::vector<double>> columns;  // by certified quantity, one value a sample [units]
+    std::vector<double> loads;                 // by load [N] or [N m]
     double factor = 0.0;                       // from a difference to the run's error [-]
   };
   // False, with problem() set, where the companion is not usable.
@@ -67,6 +81,7 @@ class Certificate {
 
   std::string problem_, mesh_;
   std::vector<data::Quantity> certified_;
+  std::vector<Load> loads_;
   std::vector<Companion> companions_;          // tolerance, then mesh
   std::vector<int> column_;                    // in the run's row, by certified quantity
   std::vector<double> errors_, least_, most_;  // [units]

@@ -101,6 +101,15 @@ data::RunLayout RunRecorder::Layout(const std::string& scene, bool profile) cons
     add("least_driving_moment", "N m", "before the latch closed");
     add("least_driving_theta", "rad", "where");
   }
+  if (certificate_ != nullptr) {
+    for (const Certificate::Line& line : certificate_->LoadLines({})) {
+      layout.summary.push_back({line.name + ".error_time", line.units,
+                                "of time stepping, in the largest load, estimated"});
+      if (certificate_->mesh().empty()) continue;
+      layout.summary.push_back(
+          {line.name + ".error_mesh", line.units, "of the mesh, in the largest load, estimated"});
+    }
+  }
   if (profile) {
     for (int part = 0; part < Dynamics::kParts; ++part) {
       layout.summary.push_back(
@@ -161,6 +170,12 @@ void RunRecorder::Finish(const SimulateReport& report, const std::string& status
     if (joint.latch < 0) continue;
     set(joint.name + ".peak_moment", report.peak_moment[static_cast<std::size_t>(joint.latch)]);
     set(joint.name + ".peak_time", report.peak_time[static_cast<std::size_t>(joint.latch)]);
+  }
+  if (certificate_ != nullptr) {
+    for (const Certificate::Line& line : certificate_->LoadLines(report)) {
+      set(line.name + ".error_time", line.time);
+      if (!certificate_->mesh().empty()) set(line.name + ".error_mesh", line.mesh);
+    }
   }
   if (!profile) return;
   for (int part = 0; part < Dynamics::kParts; ++part) {

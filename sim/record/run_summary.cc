@@ -8,7 +8,7 @@
 #include <numeric>
 
 #include "base/table.h"
-#include "sim/record/certificate.h"
+#include "sim/record/certificate_text.h"
 
 namespace unfurl::sim {
 
@@ -244,6 +244,11 @@ std::string JointsText(const SummaryInput& in, ordered_json* json) {
     text +=
         "(torque margin: least driving over resisting moment before latching; restitution: "
         "median of -rate at the end / rate at the start)\n";
+    if (in.certificate == nullptr) {
+      text +=
+          "(peak loads of impacts may be off by far more than motions are: --certify states by how "
+          "much)\n";
+    }
   }
   for (std::size_t k = 0; k < in.model.joints.size(); ++k) {
     (*json)[in.model.joints[k].latch >= 0 ? "latches" : "joints"].push_back(JointJson(in, k));
@@ -282,46 +287,6 @@ std::string AxialText(const SummaryInput& in, ordered_json* json) {
       "axial forces beside bending, P l^2 / EI on segments of length l: {:.2g} at an instant, "
       "{:.2g} that lasts\n",
       peak->ratio, std::max(peak->tension, peak->compression));
-}
-
-constexpr std::size_t kMostErrors = 12;  // on the terminal; all are in the JSON and the file
-
-// The stated errors; the largest of their ranges first.
-std::string CertificateText(const Certificate& certificate, ordered_json* json) {
-  if (!certificate.problem().empty()) {
-    (*json)["certificate"] = {{"problem", certificate.problem()}};
-    return fmt::format("numerical error not known: {}\n", certificate.problem());
-  }
-  std::vector<Certificate::Line> lines = certificate.Lines();
-  ordered_json list = ordered_json::array();
-  for (const Certificate::Line& line : lines) {
-    list.push_back({{"quantity", line.name},
-                    {"units", line.units},
-                    {"error_time", line.time},
-                    {"error_mesh", line.mesh},
-                    {"range", line.range}});
-  }
-  (*json)["certificate"] = {{"mesh", certificate.mesh()}, {"errors", list}};
-  const auto part = [](const Certificate::Line& line) {
-    return line.range > 0.0 ? (line.time + line.mesh) / line.range : 0.0;
-  };
-  std::stable_sort(lines.begin(), lines.end(),
-                   [&](const auto& a, const auto& b) { return part(a) > part(b); });
-  std::string text = "numerical error, estimated";
-  if (!certificate.mesh().empty()) text += ", the mesh's by " + certificate.mesh();
-  std::vector<std::vector<std::string>> rows = {
-      {"  quantity", "time stepping", "mesh", "of its range"}};
-  for (std::size_t k = 0; k < std::min(lines.size(), kMostErrors); ++k) {
-    const Certificate::Line& line = lines[k];
-    rows.push_back({"  " + line.name, fmt::format("{:.2g} {}", line.time, line.units),
-                    fmt::format("{:.2g} {}", line.mesh, line.units),
-                    fmt::format("{:.2g}%", 100.0 * part(line))});
-  }
-  text += ":\n" + AlignedTable(rows);
-  if (lines.size() > kMostErrors) {
-    text += fmt::format("  {} quantities more are in the run\n", lines.size() - kMostErrors);
-  }
-  return text;
 }
 
 }  // namespace
@@ -363,7 +328,7 @@ std::string SummaryText(const SummaryInput& in, ordered_json* json) {
         report.near_dependence);
   }
   text += WarningsText(in, json);
-  if (in.certificate != nullptr) text += CertificateText(*in.certificate, json);
+  if (in.certificate != nullptr) text += CertificateText(*in.certificate, report, json);
   text += AxialText(in, json);
   for (const Model::EffectCount& effect : in.model.Effects()) {
     j["effects"][effect.name] = effect.count;

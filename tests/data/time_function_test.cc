@@ -129,16 +129,22 @@ TEST(TimeFunction, IntegralsOfExpressions) {
   }
 }
 
-// A pulse of a five-thousandth of the run, wherever it lies: its whole area, sqrt(pi) w.
+// A pulse of a five-thousandth of the run, or far shorter, wherever it lies: its whole area,
+// sqrt(pi) w.
 TEST(TimeFunction, ShortPulsesAreIntegrated) {
   for (const double duration : {1.0, 10.0, 1000.0}) {
     for (const double part : {0.031, 0.28, 0.4999, 0.5312, 0.87}) {
-      const double width = 2e-4 * duration, at = part * duration;
-      const TimeFunction f = TimeFunction::Expression(
-          fmt::format("exp(-((t - {:.17g}) / {:.17g}) ^ 2)", at, width), "s.toml:1:x");
-      const double area = std::sqrt(std::numbers::pi) * width;
-      EXPECT_NEAR(f.Integral(0.0, duration).Value(duration), area, 1e-12 * duration)
-          << part << " of " << duration;
+      for (const double narrow : {2e-4, 1e-6, 1e-8}) {
+        const double width = narrow * duration, at = part * duration;
+        const TimeFunction f = TimeFunction::Expression(
+            fmt::format("exp(-((t - {:.17g}) / {:.17g}) ^ 2) / {:.17g}", at, width, width),
+            "s.toml:1:x");
+        // A double of the time holds 1e-16 of the duration.
+        const double accuracy = 1e-12 / (narrow < 1e-4 ? 1e4 * narrow : 1.0);
+        EXPECT_NEAR(f.Integral(0.0, duration).Value(duration), std::sqrt(std::numbers::pi),
+                    5e3 * accuracy)
+            << part << " of " << duration << ", " << narrow;
+      }
     }
   }
 }

@@ -123,6 +123,37 @@ TEST(Drives, PositionThatJumpsIsRefused) {
   }
 }
 
+// Pulses that lie between the places that any step would look at: int exp(-(t/w)^2) / w dt =
+// sqrt(pi), and others in closed form.
+TEST(Pulses, SmoothOnesAreSeenHoweverShort) {
+  const double area = std::sqrt(M_PI);
+  for (const double width : {2e-6, 3e-8, 1e-9}) {
+    for (const double at : {0.0041, 0.01234567}) {
+      const std::string bell = fmt::format("exp(-((t - {:.17g}) / {:.17g})^2)", at, width);
+      const struct {
+        std::string shape;
+        double impulse;
+      } kCases[] = {
+          {fmt::format("\"{} / {:.17g}\"", bell, width), area},
+          {fmt::format("\"{} / {:.17g} + 7\"", bell, width), area + 7.0 * 0.02},
+          {fmt::format("\"1 / (1 + ((t - {:.17g}) / {:.17g})^2) / {:.17g}\"", at, width, width),
+           std::atan(at / width) + std::atan((0.02 - at) / width)},
+          {fmt::format("\"(1 - tanh((t - {:.17g}) / {:.17g})^2) / {:.17g}\"", at, width, width),
+           2.0},
+          {fmt::format("\"step({} - 0.5) / {:.17g}\"", bell, width),
+           2.0 * std::sqrt(std::log(2.0))}};
+      for (const auto& k : kCases) {
+        for (const Method method : {Method::kAuto, Method::kPartitioned, Method::kImplicit}) {
+          // Steps may be 1e-6 of 250 m/s off here; those of high order are better.
+          const double accuracy = method == Method::kImplicit ? 1e-4 : 1e-6;
+          EXPECT_NEAR(SpeedAfter(k.shape, method, 0), k.impulse, accuracy * k.impulse)
+              << width << " " << k.shape << " " << MethodName(method);
+        }
+      }
+    }
+  }
+}
+
 // Where the rate jumps, the impulse and its work go with it: 1/2 I w^2 in closed form.
 TEST(Drives, RateThatJumpsCarriesItsWork) {
   for (const char* kink : {"rate = \"3 * step(t - 0.1)\"", "position = \"3 * ramp(t - 0.1)\""}) {
