@@ -7,11 +7,13 @@ namespace unfurl::data {
 /// How the section of a beam changes along it: one size of it (or two) linearly from 1 at the start
 /// to `taper` at the end. What is stated of a section is stated of that at the start.
 struct BeamSection {
+  /// Which size it is: across the plane, in it, or both.
   enum class Of { kWidth, kHeight, kBoth };
 
   double taper = 1.0;  ///< size at the end over that at the start [-]
-  Of of = Of::kBoth;   ///< width across the plane, height in it, or both
+  Of of = Of::kBoth;   ///< what changes so
 
+  /// Whether nothing changes along it.
   bool uniform() const { return taper == 1.0; }
   /// At `at`, 0 at the start and 1 at the end; over that at the start [-].
   double Size(double at) const { return 1.0 + (taper - 1.0) * at; }
