@@ -291,6 +291,7 @@ double Calibrated(const ConstancyInput& in, const Rows& rows, const Eigen::Matri
     Rng rng = Rng(static_cast<std::uint64_t>(i) + 1).Stream("constancy");
     Rows drawn = rows, whitened;
     drawn.residual = Draw(o, noise, rows.residual, &rng);
+    if (in.quantised != nullptr && in.quantised->any()) in.quantised->Draw(&rng, &drawn.residual);
     statistics.push_back(Take(o, all, drawn, &whitened).statistic);
   }
   const double mean = 2.0 * (std::log(taken.looks) + std::numbers::egamma);
