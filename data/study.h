@@ -46,11 +46,12 @@ struct StudyKnowledge {
 // What an instrument recorded beside the marks, and what is known of the instrument.
 struct StudyChannel {
   std::string name;
-  std::string file;      // path
-  std::string column;    // its name there
-  std::string quantity;  // of the model's run; empty: a switch
-  std::string unit;      // of the readings; empty: the file tells
-  double sigma = 0.0;    // of a reading where the file tells none [unit]; 0: found by the fit
+  std::string file;         // path
+  std::string column;       // its name there
+  std::string quantity;     // of the model's run; empty: a switch
+  std::string unit;         // of the readings; empty: the file tells
+  double sigma = 0.0;       // of a reading where the file tells none [unit]; 0: found by the fit
+  double resolution = 0.0;  // of the instrument [unit]; 0: as the readings show it
   double window_low = 0.0, window_high = 0.0;  // on its own clock [s]; equal: all
   StudyKnowledge gain;                         // [unit of the readings over that of the quantity]
   StudyKnowledge bias;                         // [unit]

@@ -44,6 +44,7 @@ void ReadInstrument(const TomlTable& t, StudyChannel* c) {
   c->quantity = t.String("quantity");
   c->unit = t.StringOr("unit", "");
   if (t.Has("sigma")) c->sigma = t.Number("sigma", kPositive);
+  if (t.Has("resolution")) c->resolution = t.Number("resolution", kPositive);
   c->gain = ReadKnowledge(t, "gain", kAny);
   if (c->gain.kind == StudyInstrumentKnowledge::kKnown && !t.IsNumber("gain")) c->gain.mean = 1.0;
   if (c->gain.kind == StudyInstrumentKnowledge::kKnown && c->gain.mean == 0.0) {

@@ -9,6 +9,7 @@
 #include "base/text.h"
 #include "correlate/design/schedule.h"
 #include "study/design_planner.h"
+#include "study/driven_keys.h"
 
 namespace unfurl::study {
 
@@ -225,6 +226,9 @@ StudyDesign DesignStudy(const data::Study& asked, const DesignOptions& options) 
   StudyDesign out;
   out.trial = TrialOf(study, options.trial);
   const std::vector<std::size_t> wanted = WantedOf(options, study);
+  for (const data::DesignTrial& trial : options.candidates.trials) {
+    RefuseDrivenKeys(trial.set, study.parameters, trial.where);
+  }
   auto tell = [&](double part, const char* what) {
     if (options.progress) options.progress(part, what);
   };

@@ -16,6 +16,7 @@
 #include "data/tracks.h"
 #include "sim/methods/choose_method.h"
 #include "study/channel_unit_check.h"
+#include "study/driven_keys.h"
 #include "study/rungs.h"
 #include "study/scene_model.h"
 #include "study/trial_observations.h"
@@ -100,6 +101,7 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from, const st
   binding.rtol = study.rtol > 0.0 ? study.rtol : kAtFirst;
   binding.set.insert(binding.set.end(), from.set.begin(), from.set.end());
   for (const data::StudyParameter& p : study.parameters) binding.keys.push_back(p.keys);
+  RefuseDrivenKeys(from.set, study.parameters, from.where);
   auto model = BindScene(study, binding, theta);
   CheckNames(from, observations, *model);
   AddChannels(from, &model->quantities(), &observations);

@@ -190,6 +190,12 @@ correlate::ChannelRecord RecordOf(const data::StudyChannel& want, const data::Ch
   } else if (!c.sigma.empty()) {
     r.sigma = Eigen::Map<const Eigen::VectorXd>(c.sigma.data(), n);
   }
+  r.resolution = want.resolution > 0.0 ? want.resolution : correlate::ResolutionOf(r.y);
+  // What is less than the scatter of a step (uniform over it) does not have that in it.
+  const double step = r.resolution / std::sqrt(12.0);
+  for (double& sigma : r.sigma) {
+    if (sigma < step) sigma = std::hypot(sigma, step);
+  }
   return r;
 }
 

@@ -297,6 +297,9 @@ double Calibrated(const ConstancyInput& in, const Rows& rows, const Eigen::Matri
       Rng rng = Rng(from + i + 1).Stream("constancy");
       Rows drawn = rows, whitened;
       drawn.residual = Draw(o, noise, rows.residual, &rng);
+      if (in.quantised != nullptr && in.quantised->any()) {
+        in.quantised->Draw(&rng, &drawn.residual);
+      }
       statistics[from + i] = Take(o, all, drawn, &whitened).statistic;
     });
     const double mean = 2.0 * (std::log(taken.looks) + std::numbers::egamma);

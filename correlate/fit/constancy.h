@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "correlate/align/registration.h"
+#include "correlate/fit/quantised.h"
 #include "correlate/observations.h"
 #include "correlate/residual/change.h"
 
@@ -40,6 +41,7 @@ struct ConstancyInput {
   Eigen::MatrixXd sensitivity;                ///< d residual / d parameter [1/unit]
   /// A p-value below this is looked at again, by drawn noise; costs 24 times as much [-].
   double calibrated_below = 0.01;
+  const QuantisedRows* quantised = nullptr;  ///< rows that are no noise; null: none
   Change known;  ///< the model's own error, of which nothing is held against it; empty: none
 };
 

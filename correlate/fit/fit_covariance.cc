@@ -6,6 +6,7 @@
 
 #include "correlate/fit/constancy.h"
 #include "correlate/fit/normal_matrix.h"
+#include "correlate/fit/quantised.h"
 #include "correlate/residual/row_layout.h"
 
 namespace unfurl::correlate {
@@ -78,6 +79,15 @@ RegistrationFit PlainRows(const Observations& o, const TrialResult& trial,
   stay.max_iterations = 0;
   stay.with_others = true;
   return FitRegistration(o, trial.prediction, trial.reference, trial.at, stay);
+}
+
+// Readings of coarse instruments, by all unknowns of the trial.
+QuantisedRows CoarseRows(const Observations& o, const TrialResult& trial, const StackedRows& plain,
+                         const StackedRows::Block& b) {
+  const Eigen::Index p = static_cast<Eigen::Index>(trial.change.size());
+  Eigen::MatrixXd columns(b.rows, p + b.columns);
+  columns << plain.A.block(b.row, 0, b.rows, p), plain.A.block(b.row, b.column, b.rows, b.columns);
+  return {o, trial.residual, columns};
 }
 
 void FillBand(const Eigen::MatrixXd& covariance, TrialResult* trial) {
@@ -212,6 +222,7 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
   const Eigen::MatrixXd priors = whole.A.bottomRows(whole.A.rows() - whole.first_prior);
   Eigen::MatrixXd middle = priors.transpose() * priors;
   std::vector<double> dof(trials, 1.0);
+  std::vector<QuantisedRows> coarse;
   for (std::size_t t = 0; t < trials; ++t) {
     TrialResult& trial = r->trials[t];
     const StackedRows::Block& b = whole.blocks[t];
@@ -228,6 +239,12 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     ResidualNoise noise = trial.whitened;
     if (trial.noise.below) {  // what follows itself there is no noise
       for (ResidualNoise::Series& series : noise.series) series.model.a.clear();
+    }
+    coarse.push_back(CoarseRows(o, trial, plain, b));
+    if (coarse[t].any()) {
+      std::erase_if(noise.series,
+                    [&](const ResidualNoise::Series& s) { return coarse[t].Holds(s.row.front()); });
+      middle += coarse[t].Middle(whole.A.middleRows(b.row, b.rows), whitening[t]);
     }
     middle += noise.Middle(whole.A.middleRows(b.row, b.rows));
     const Eigen::Index k = o.shared_rank;
@@ -289,6 +306,8 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     same.jacobian = &plain_jacobian[t];
     same.sensitivity = plain_sensitivity.middleRows(b.row, b.rows);
     same.known = trial.model_error;
+    same.quantised = in.quantised = &coarse[t];
+    in.whitening = whitening[t];
     in.constancy = &same;
     trial.goodness = TestGoodness(in);
   }

@@ -135,6 +135,10 @@ GoodnessOfFit TestGoodness(const GoodnessInput& in) {
   out.excess = std::sqrt(std::max(0.0, in.squares / in.dof - 1.0));
   out.p_found = in.whitened->p_together;
   out.p_steady = SteadyPValue(*in.observations, *in.whitened_residual, in.sections);
+  if (in.quantised != nullptr && in.quantised->all()) {
+    const QuantisedRows::PValues p = in.quantised->Ask(*in.observations, in.whitening, in.sections);
+    out.p_white = p.white, out.p_found = p.found, out.p_steady = p.steady;
+  }
   const double stretch = in.residual != nullptr
                              ? LargestStretchPValue(*in.observations, *in.residual, in.sections)
                              : 0.0;

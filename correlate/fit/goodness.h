@@ -90,6 +90,9 @@ struct GoodnessInput {
   bool below = false;                                   // SeriesNoise::below
   int sections = 8;
   const ConstancyInput* constancy = nullptr;  // null: question 4 is not asked
+  // What is coarse of the rows, and how they are whitened; null: nothing, and not.
+  const QuantisedRows* quantised = nullptr;
+  const RowWhitening* whitening = nullptr;
 };
 GoodnessOfFit TestGoodness(const GoodnessInput& in);
 

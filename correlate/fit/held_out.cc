@@ -43,6 +43,7 @@ HeldOut PredictHeldOut(const Eigen::VectorXd& r, const Eigen::MatrixXd& A,
   if (A.cols() == 0 || count == 0) return out;
   const Eigen::MatrixXd Q = Orthonormal(A);
   const Eigen::Index q = Q.cols();
+  if (q == 0) return out;  // nothing moves with any of the unknowns
   const Eigen::VectorXd slope = Q.transpose() * r;
   for (int k = 0; k < count; ++k) {
     std::vector<Eigen::Index> rows;

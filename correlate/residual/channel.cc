@@ -71,26 +71,9 @@ void CheckReadings(const ChannelRecord& r, const std::string& where) {
 
 }  // namespace
 
-double NoiseOf(const Eigen::VectorXd& y) {
-  const Eigen::Index n = y.size();
-  constexpr double kSquares = 20.0;  // 1 + 9 + 9 + 1: weights of a third difference
-  std::vector<double> third;
-  for (Eigen::Index i = 3; i < n; ++i) {
-    third.push_back(y(i) - 3.0 * y(i - 1) + 3.0 * y(i - 2) - y(i - 3));
-  }
-  double noise = third.empty() ? 0.0 : RobustSigma(third) / std::sqrt(kSquares);
-  // A quantum's readings are its own: uniform over its width.
-  double quantum = std::numeric_limits<double>::infinity();
-  for (Eigen::Index i = 1; i < n; ++i) {
-    const double step = std::abs(y(i) - y(i - 1));
-    if (step > 0.0) quantum = std::min(quantum, step);
-  }
-  if (noise == 0.0 && std::isfinite(quantum)) noise = quantum / std::sqrt(12.0);
-  return noise;
-}
-
 Channel::Channel(ChannelRecord record, const std::string& where) : record_(std::move(record)) {
   CheckReadings(record_, where);
+  if (record_.resolution == 0.0) record_.resolution = ResolutionOf(record_.y);
   record_.filter.Check();
   const auto n = static_cast<Eigen::Index>(record_.t.size());
   has_sigma_ = record_.sigma.size() > 0;
@@ -141,7 +124,7 @@ double Channel::TimeOf(Eigen::Index row) const {
 }
 
 std::vector<RowSeries> Channel::series() const {
-  return {{record_.name, &record_.t, 0, 1, has_sigma_}};
+  return {{record_.name, &record_.t, 0, 1, has_sigma_, record_.resolution / record_.sigma.mean()}};
 }
 
 std::vector<ResidualKind::Unknown> Channel::unknowns() const {

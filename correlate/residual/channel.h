@@ -26,6 +26,8 @@ struct ChannelRecord {
   Prior delay;            ///< by which the channel's clock is behind the record's [s]
   Prior drift;            ///< by which it runs fast [-]
   LowPass filter;         ///< of the instrument
+  /// Its resolution [unit]; 0: ResolutionOf(y).
+  double resolution = 0.0;
   /// Stamp at which its drift has no effect [s]; NaN: the middle of its readings.
   double pivot = std::numeric_limits<double>::quiet_NaN();
   /// Of the model's grid, to a median step of the readings; 0: as many as keep the cubic between
@@ -37,6 +39,10 @@ struct ChannelRecord {
 /// differences, whose median ignores impacts. Of quantised readings that hardly change, that of the
 /// quantisation. 0: there is none to be seen [unit of y].
 double NoiseOf(const Eigen::VectorXd& y);
+
+/// Resolution of the instrument, where the readings show it: their values lie on a lattice, and
+/// each is taken several times. 0: they do not [unit of y].
+double ResolutionOf(const Eigen::VectorXd& y);
 
 /// A channel as residuals: one row a reading, then one for each normal prior of its unknowns.
 ///

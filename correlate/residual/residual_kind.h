@@ -27,6 +27,7 @@ struct RowSeries {
   Eigen::Index first = 0;                  ///< its first row
   Eigen::Index axes = 3;                   ///< rows of a sample
   bool has_sigma = true;                   ///< false: rows are in units of a guess of it
+  double step = 0.0;  ///< the instrument's resolution, in a row's units; 0: none
 
   /// Samples.
   std::size_t size() const { return t->size(); }

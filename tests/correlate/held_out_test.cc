@@ -115,6 +115,14 @@ TEST(HeldOut, TheGainsErrorHoldsItsScatter) {
   EXPECT_NEAR(std::sqrt(predicted / kRecords) / scatter, 1.0, 0.15);
 }
 
+// Without gravity a pendulum hangs still, and its damping does nothing: `effects` crashed there.
+TEST(HeldOut, UnknownsThatDoNothingLeaveTheScoresOpen) {
+  const Eigen::VectorXd r = Eigen::VectorXd::Ones(6);
+  const HeldOut scored = PredictHeldOut(r, Eigen::MatrixXd::Zero(6, 2), {0, 0, 0, 1, 1, 1}, 1.0);
+  ASSERT_EQ(scored.score.size(), 2U);
+  for (const double score : scored.score) EXPECT_TRUE(std::isnan(score));
+}
+
 TEST(HeldOut, UnlikeRecordsAreRefused) {
   HeldOut a, b;
   a.score = {1.0};
