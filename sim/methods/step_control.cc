@@ -78,6 +78,14 @@ void Integration::NextStep(double error, double* h) {
     *h = options_.max_step;
     limit_ = StepLimit::kMaxStep;
   }
+  if (model_.linear_springs.count() > 0) {
+    const double spring = model_.linear_springs.LongestStep(
+        dynamics_.MotionAt(t_, stepper_->state()), scale_.rtol * scale_.length);
+    if (spring < *h) {
+      *h = spring;
+      limit_ = StepLimit::kError;
+    }
+  }
 }
 
 void Integration::Shrink(double error, double* h) {
