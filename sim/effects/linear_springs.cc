@@ -24,6 +24,21 @@ LinearSprings::State LinearSprings::At(int k, const Motion& motion) const {
   return state;
 }
 
+double LinearSprings::LongestStep(const Motion& motion, double least) const {
+  constexpr double kTurn = 0.5;       // [rad]; far more than a step that error limits takes
+  constexpr double kAtRest = 1e-100;  // [m/s]; so that nothing overflows
+  double longest = HUGE_VAL;
+  for (const Spring& s : springs_) {
+    // Without a length of its own the force is linear in the points' distance, and does not jump.
+    if (!(s.free_length > 0.0 && s.stiffness > 0.0)) continue;
+    const LoadPoint::At a = s.a.Place(motion), b = s.b.Place(motion);
+    const double speed = std::max(std::hypot(b.vx - a.vx, b.vy - a.vy), kAtRest);
+    const double reach = std::max(kTurn * std::hypot(b.x - a.x, b.y - a.y), least);
+    longest = std::min(longest, reach / speed);
+  }
+  return longest;
+}
+
 void LinearSprings::AddLoad(const Motion& motion, Load load, double* lost) const {
   for (int k = 0; k < count(); ++k) {
     const State s = At(k, motion);

@@ -33,6 +33,9 @@ class LinearSprings {
     double ex, ey;   // from a to b, of length 1; zeros where the points meet [-]
   };
   State At(int k, const Motion& motion) const;
+  // The longest step [s] in which no spring whose points nearly meet turns by more than half a
+  // radian; its force jumps where they pass through one another, which takes steps of `least` [m].
+  double LongestStep(const Motion& motion, double least) const;
   void AddTangent(const Motion& motion, Tangent* tangent) const;
 
  private:

@@ -5,8 +5,10 @@
 #include "sim/effects/monotone_slopes.h"
 
 namespace unfurl::sim {
-MomentTable::MomentTable(const Record& record) {
+MomentTable::MomentTable(const Record& record) : knots_(record.coordinate) {
   const std::vector<double>&points = record.coordinate, &moments = record.moment;
+  const auto [least, most] = std::minmax_element(moments.begin(), moments.end());
+  range_ = *most - *least;
   const std::vector<double> slope = MonotoneSlopes(points, moments);
   double potential = 0.0;
   for (std::size_t k = 0; k + 1 < points.size(); ++k) {

@@ -29,6 +29,10 @@ class MomentTable {
   };
   Value At(double coordinate) const;
 
+  // The coordinates of the points, and the largest less the smallest of their moments.
+  const std::vector<double>& knots() const { return knots_; }  // [rad]
+  double range() const { return range_; }                      // [N m]
+
   double Moment(const JointInstant& at) const { return At(at.value).moment; }
   MomentSlopes Slopes(const JointInstant& at) const { return {At(at.value).slope, 0.0}; }
   double Energy(const JointInstant& at) const { return At(at.value).potential; }
@@ -41,6 +45,8 @@ class MomentTable {
     double c0, c1, c2, c3;  // moment by powers of the coordinate less `begin` [N m/rad^k]
     double potential;       // at `begin` [J]
   };
+  std::vector<double> knots_;
+  double range_ = 0.0;
   std::vector<Piece> pieces_;  // the last is the straight line beyond the end
 };
 

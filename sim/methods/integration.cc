@@ -70,6 +70,7 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       end_(options.duration > 0.0 ? options.duration : model.duration),
       edges_(model, end_),
       functions_(model, end_, options.rtol, options.max_step),
+      tables_(model, options.rtol),
       last_error_(1e-4),
       zone_part_(kZonePart * std::min(2.0, std::pow(options.rtol / 1e-6, 0.2))) {
   dynamics_.track_energy = options.track_energy;

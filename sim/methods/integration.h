@@ -17,6 +17,7 @@
 #include "sim/methods/simulate.h"
 #include "sim/methods/stepper.h"
 #include "sim/methods/stepper_set.h"
+#include "sim/methods/table_watch.h"
 
 namespace unfurl::sim {
 
@@ -51,6 +52,8 @@ class Integration {
   // Another one takes the steps from here on.
   void TakeOver(StepperSet::Role role, double* h);
   void NextStep(double error, double* h);
+  // Shortens the next step to what it would not see of springs and tables.
+  void SeeEffects(double* h);
   bool RemoveDrift(double t, double* y);
   void WatchDrift(double position, double velocity, const double* y);
   double ContactStep() const;
@@ -95,6 +98,7 @@ class Integration {
   double end_ = 0.0;           // [s]
   Edges edges_;
   FunctionWatch functions_;
+  TableWatch tables_;
   double last_error_ = 0.0;     // of the last step, over what is allowed [-]
   double zone_part_ = 0.0;      // of a transition zone, per step [-]
   double drift_ = 0.0;          // the largest, in tolerances [-]

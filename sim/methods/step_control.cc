@@ -78,6 +78,17 @@ void Integration::NextStep(double error, double* h) {
     *h = options_.max_step;
     limit_ = StepLimit::kMaxStep;
   }
+  SeeEffects(h);
+}
+
+void Integration::SeeEffects(double* h) {
+  if (model_.linear_springs.count() == 0 && tables_.empty()) return;
+  const Motion motion = dynamics_.MotionAt(t_, stepper_->state());
+  const double least = scale_.rtol * scale_.length;
+  double seen = std::min(*h, model_.linear_springs.LongestStep(motion, least));
+  if (!tables_.empty()) seen = tables_.Resolved(motion, seen);
+  if (seen < *h) limit_ = StepLimit::kError;
+  *h = seen;
 }
 
 void Integration::Shrink(double error, double* h) {

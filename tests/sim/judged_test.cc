@@ -154,6 +154,38 @@ TEST(Pulses, SmoothOnesAreSeenHoweverShort) {
   }
 }
 
+// A mass on a spring that is drawn to three times its length and let go: it passes through the
+// spring's other end, where the force turns about. Between, harmonic: u = 1 + 2 cos(10 t - phase).
+TEST(Springs, EndsThatPassThroughOneAnother) {
+  const double first = 2.0 * M_PI / 30.0, again = 2.0 * first;  // times of passing [s]
+  for (const double rtol : {1e-3, 1e-4, 1e-6, 1e-8}) {
+    for (const Method method : {Method::kAuto, Method::kPartitioned, Method::kImplicit}) {
+      SimulateOptions options;
+      options.method = method;
+      options.rtol = rtol;
+      options.rate = 100.0;
+      const MarkTracks tracks = SimulateMarks(
+          data::ParseScene("[scene]\nname = \"pass\"\nduration = 1.0\n"
+                           "[body.b]\nmass = 1.0\ninertia = 1.0\npose = [3.0, 0.1, 0.0]\n"
+                           "[spring.s]\na = \"ground\"\na_point = [0.0, 0.1]\nb = \"b\"\n"
+                           "stiffness = 100.0\nfree_length = 1.0\n[mark.m]\non = \"b\"\n",
+                           "test.toml"),
+          options);
+      ASSERT_TRUE(tracks.report.Usable()) << tracks.report.message;
+      for (std::size_t k = 0; k < tracks.t.size(); ++k) {
+        const double t = tracks.t[k],
+                     passes = t < first ? 0.0 : std::floor((t - first) / again) + 1;
+        const double since = t - (passes > 0.0 ? first + (passes - 1.0) * again : 0.0);
+        const double phase = passes > 0.0 ? 2.0 * M_PI / 3.0 : 0.0;
+        const double u = 1.0 + 2.0 * std::cos(10.0 * since - phase);
+        // Ten tolerances of 3 m, as all motions keep (docs/accuracy.md).
+        EXPECT_NEAR(tracks.x[0][k], std::fmod(passes, 2.0) == 0.0 ? u : -u, 30.0 * rtol)
+            << MethodName(method) << " " << rtol << " at " << t;
+      }
+    }
+  }
+}
+
 // Where the rate jumps, the impulse and its work go with it: 1/2 I w^2 in closed form.
 TEST(Drives, RateThatJumpsCarriesItsWork) {
   for (const char* kink : {"rate = \"3 * step(t - 0.1)\"", "position = \"3 * ramp(t - 0.1)\""}) {

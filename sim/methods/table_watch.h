@@ -1,0 +1,25 @@
+#pragma once
+
+#include "sim/model/model.h"
+
+namespace unfurl::sim {
+
+// Whether steps see what moment tables do. A method's stages see a table at some places of the
+// travel alone, and what lies between them (the snap of a tape spring) neither moves anything nor
+// shows in the estimate of the error. A table holds nothing that its knots do not show: so where a
+// quartic through five values within the travel is off at a knot or midway between two, the step is
+// too long. After that it is the estimate's matter.
+class TableWatch {
+ public:
+  TableWatch(const Model& model, double rtol);
+
+  bool empty() const { return tables_.count() == 0; }
+  // The longest step of h, h / 2, h / 4, ... [s] from `motion` on, at its rates.
+  double Resolved(const Motion& motion, double h) const;
+
+ private:
+  const JointEffect<MomentTable>& tables_;
+  const double part_;  // of a table's range, that it may be off
+};
+
+}  // namespace unfurl::sim
