@@ -100,7 +100,8 @@ class Follower {
         lane.u[l] = Clamp(l, start_.u[l] + slope * distance);
       }
     } else {
-      const Eigen::VectorXd others = SolveOthers(normal_, j, -normal_.col(column) * distance);
+      const Eigen::VectorXd others =
+          SolveOthers(normal_, j, -normal_.col(column) * distance, start_.u);
       for (std::size_t l = 0; l < p_; ++l) {
         lane.u[l] = Clamp(l, start_.u[l] + others(static_cast<Eigen::Index>(l)));
       }
@@ -110,24 +111,38 @@ class Follower {
     return lane;
   }
 
-  // Least squares over all but parameter j; its entry is 0. Directions without information stay.
+  // Least squares over all but parameter j, from u; its entry is 0. What would leave its bounds
+  // stays at them, and the others are at their best for that. Directions without information stay.
   Eigen::VectorXd SolveOthers(const Eigen::MatrixXd& normal, std::size_t j,
-                              const Eigen::VectorXd& right) const {
-    const auto p = static_cast<Eigen::Index>(p_);
-    Eigen::VectorXd out = Eigen::VectorXd::Zero(p);
-    if (p == 1) return out;
-    std::vector<Eigen::Index> keep;
-    for (Eigen::Index l = 0; l < p; ++l) {
+                              const Eigen::VectorXd& right, const std::vector<double>& u) const {
+    Eigen::VectorXd out = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(p_));
+    std::vector<Eigen::Index> keep, held;
+    for (Eigen::Index l = 0; l < out.size(); ++l) {
       if (l != static_cast<Eigen::Index>(j)) keep.push_back(l);
     }
-    const Eigen::MatrixXd H = normal(keep, keep);
-    const Eigen::VectorXd scale = H.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
-    Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition;
-    decomposition.setThreshold(1e-9);
-    decomposition.compute(scale.asDiagonal() * H * scale.asDiagonal());
-    const Eigen::VectorXd x =
-        scale.asDiagonal() * decomposition.solve(scale.asDiagonal() * right(keep));
-    for (std::size_t i = 0; i < keep.size(); ++i) out(keep[i]) = x(static_cast<Eigen::Index>(i));
+    while (!keep.empty()) {
+      const Eigen::MatrixXd H = normal(keep, keep);
+      const Eigen::VectorXd wanted = right(keep) - normal(keep, held) * out(held);
+      const Eigen::VectorXd scale = H.diagonal().cwiseMax(1e-300).cwiseSqrt().cwiseInverse();
+      Eigen::CompleteOrthogonalDecomposition<Eigen::MatrixXd> decomposition;
+      decomposition.setThreshold(1e-9);
+      decomposition.compute(scale.asDiagonal() * H * scale.asDiagonal());
+      out(keep) = scale.asDiagonal() * decomposition.solve(scale.asDiagonal() * wanted);
+      const std::size_t before = held.size();
+      std::vector<Eigen::Index> free;
+      for (const Eigen::Index l : keep) {
+        const auto at = static_cast<std::size_t>(l);
+        const double bounded = Clamp(at, u[at] + out(l));
+        if (bounded == u[at] + out(l)) {
+          free.push_back(l);
+        } else {
+          out(l) = bounded - u[at];
+          held.push_back(l);
+        }
+      }
+      if (held.size() == before) break;
+      keep = std::move(free);
+    }
     return out;
   }
 
@@ -178,7 +193,7 @@ class Follower {
     const Eigen::MatrixXd& J = lane.J.size() > 0 ? lane.J : start_.projected;
     const Eigen::MatrixXd normal = lane.J.size() > 0 ? Eigen::MatrixXd(J.transpose() * J) : normal_;
     const Eigen::VectorXd gradient = J.transpose() * lane.residual;
-    const Eigen::VectorXd step = SolveOthers(normal, lane.held, -gradient);
+    const Eigen::VectorXd step = SolveOthers(normal, lane.held, -gradient, lane.u);
     lane.trial = lane.u;
     double moved = 0.0;
     for (std::size_t l = 0; l < p_; ++l) {
@@ -240,10 +255,12 @@ class Follower {
       const Parameter& parameter = problem_.parameters()[j];
       const double value = FromInternal(parameter, start_.u[j]);
       const double away = std::abs(FromInternal(parameter, far.u[j]) - value);
-      if (far.at_bound || away >= 2.0 * KnownWithin(parameter, value) ||
-          Deviance(far) >= kDeviance95 * start_.dispersion(static_cast<Eigen::Index>(j))) {
+      const double level95 = kDeviance95 * start_.dispersion(static_cast<Eigen::Index>(j));
+      if (Deviance(far) >= level95) {
+        Narrow(j, side, done, level95, next);
         return;
       }
+      if (far.at_bound || away >= 2.0 * KnownWithin(parameter, value)) return;
     }
     constexpr double kShortest = 0.05;  // of the first level: beyond that, it cannot be followed
     const double first = options_.levels.empty() ? 1.0 : options_.levels.front();
@@ -253,6 +270,29 @@ class Follower {
     std::vector<const Lane*> nearest(
         settled.rbegin(), settled.rbegin() + std::min<std::ptrdiff_t>(2, std::ssize(settled)));
     next->push_back(Open(j, side * level, nearest));
+  }
+
+  // A point that lies far above the 95% level tells nothing of where the profile passes it, unless
+  // that is a parabola: where another parameter has come to its bound it rises all at once.
+  // Half-way to the point below, until it does not lie so far above.
+  void Narrow(std::size_t j, double side, const std::vector<Lane>& done, double level95,
+              std::vector<Lane>* next) const {
+    constexpr double kFar = 2.0;        // of the level, squared: 1.4 standard errors of a parabola
+    constexpr double kShortest = 1e-3;  // of the standard error: no interval shows it
+    const std::vector<const Lane*> settled = SettledOn(j, side, done);
+    const auto above = std::find_if(settled.begin(), settled.end(),
+                                    [&](const Lane* lane) { return Deviance(*lane) >= level95; });
+    const double low = above == settled.begin() ? 0.0 : std::abs((*(above - 1))->level);
+    const double high = std::abs((*above)->level);
+    if (Deviance(**above) < kFar * level95 || high - low < kShortest * high) return;
+    const bool lost = std::any_of(done.begin(), done.end(), [&](const Lane& lane) {
+      const double level = lane.level * side;
+      return lane.held == j && !lane.settled && level > low && level < high;
+    });
+    if (lost) return;
+    std::vector<const Lane*> nearest;
+    if (above != settled.begin()) nearest.push_back(*(above - 1));
+    next->push_back(Open(j, side * 0.5 * (low + high), nearest));
   }
 
   void Summarise(std::size_t j, const std::vector<Lane>& done) {
