@@ -94,10 +94,11 @@ T ApplyBinary(Expression::Op op, const T& u, const T& v) {
       return u / v;
     case Op::kPower:
       return Power(u, v);
+    // What is no number is neither: it is told, whichever side it stands on.
     case Op::kMin:
-      return ValueOf(v) < ValueOf(u) ? v : u;
+      return ValueOf(v) < ValueOf(u) || std::isnan(ValueOf(v)) ? v : u;
     default:
-      return ValueOf(v) > ValueOf(u) ? v : u;
+      return ValueOf(v) > ValueOf(u) || std::isnan(ValueOf(v)) ? v : u;
   }
 }
 

@@ -142,6 +142,9 @@ TEST(Expression, FindsWhereItIsNotFinite) {
       {"log(0.7 - t)", 0.7, "logarithm"},
       {"asin(t)", 1.0, "inverse sine"},
       {"(0.5 - t) ^ 0.5", 0.5, "broken power"},
+      {"max(sqrt(1.234 - t), 0)", 1.234, "square root of a negative"},  // on either side
+      {"max(0, sqrt(1.234 - t))", 1.234, "square root of a negative"},
+      {"min(0, sqrt(1.234 - t))", 1.234, "square root of a negative"},
       {"exp(1000 * t)", 0.7097827, "beyond all numbers"},
   };
   constexpr double kFound = 1e-6;  // s; a double zero is found to the square root of rounding
