@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 
+#include "sim/kirchhoff/legendre.h"
+
 namespace unfurl::sim {
 namespace {
 
@@ -12,14 +14,6 @@ namespace {
 constexpr int kMoreTerms = 8;
 // Points of an integral: at the smallest taper the stiffness falls within a twentieth of the beam.
 constexpr int kTaperedPoints = 64;
-
-// P_0 to P_(n - 1) at z.
-std::vector<double> LegendreUpTo(int n, double z) {
-  std::vector<double> p(static_cast<std::size_t>(n), 1.0);
-  if (n > 1) p[1] = z;
-  for (int k = 2; k < n; ++k) p[k] = ((2 * k - 1) * z * p[k - 1] - (k - 1) * p[k - 2]) / k;
-  return p;
-}
 
 // The density over its mean, as a polynomial in the distance from the start.
 std::array<double, 3> DensityOf(const data::BeamSection& section) {
@@ -73,7 +67,7 @@ double TaperedShapes::Moment(int shape, double x) const {
     return PolynomialAt(statics_[shape], shape < kMomentAtEnd ? x : 1.0 - x);
   }
   const std::vector<double>& c = modes_[shape - kFirstMode];
-  const std::vector<double> p = LegendreUpTo(static_cast<int>(c.size()), 2.0 * x - 1.0);
+  const std::vector<double> p = Legendre(static_cast<int>(c.size()) - 1, 2.0 * x - 1.0);
   double sum = 0.0;
   for (std::size_t k = 0; k < c.size(); ++k) sum += c[k] * p[k];
   return x * x * (1.0 - x) * (1.0 - x) * sum;

@@ -7,9 +7,6 @@
 
 namespace unfurl::sim {
 
-// Gauss's points and weights on [0, 1].
-void GaussPoints(int n, Array* x, Array* weight);
-
 // What KirchhoffShapes has in closed form for a uniform beam, of one whose section changes: slopes
 // (curvatures) and angles of the lowest modes of the free beam, and of the shapes in which a moment
 // or force at an end, held by the beam's own inertia, bends it. All are a moment over the bending

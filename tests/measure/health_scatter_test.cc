@@ -15,18 +15,6 @@ using ::testing::HasSubstr;
 
 constexpr double kSigma = 0.02;  // stated [px]
 
-// Readings that scatter by `factor` times what is stated, of one camera or of all (-1).
-data::TrialReadings Readings(const HealthTrial& trial, int camera, double factor, Rng* rng) {
-  data::TrialReadings readings = trial.Draw({}, 0.0, rng);
-  const std::size_t cameras = readings.cameras.size();
-  for (std::size_t k = 0; k < readings.u_px.size(); ++k) {
-    const bool harmed = camera < 0 || static_cast<int>(k % cameras) == camera;
-    readings.u_px[k] += (harmed ? factor : 1.0) * kSigma * rng->Normal();
-    if (!std::isnan(readings.u_px[k])) readings.s_px[k] = kSigma;
-  }
-  return readings;
-}
-
 struct Outcome {
   HealthReport report;
   data::Tracks tracks;
@@ -39,12 +27,8 @@ Outcome Go(const HealthTrial& trial, const data::TrialReadings& readings, const 
   double usable = 0.0;
   for (std::size_t i = 0; i < out.tracks.size(); ++i) {
     if (!data::Usable(out.tracks.status[i])) continue;
-    const auto col = static_cast<Eigen::Index>(i);
-    const int rank = out.tracks.shared_rank;
-    const Eigen::Vector3d e = out.tracks.p.col(col) - trial.truth()[i];
-    const auto F = out.tracks.shared.middleCols(col * rank, rank);
-    const Eigen::Matrix3d C = out.tracks.Covariance(i) + F * F.transpose();
-    out.nees += e.dot(C.inverse() * e) / 3.0;
+    const SampleError error = ErrorOf(out.tracks, i, trial.truth()[i]);
+    out.nees += error.Squared();
     usable += 1.0;
   }
   out.nees /= std::max(1.0, usable);
@@ -62,8 +46,8 @@ TEST(Scatter, OfAllCamerasIsFoundAndErrorsAreAsClaimed) {
   Rng rng(21);
   const data::Rig rig = Four().DrawRig(&rng);
   Rng same = rng;
-  const Outcome sound = Go(Four(), Readings(Four(), -1, 1.0, &same), rig);
-  const Outcome rough = Go(Four(), Readings(Four(), -1, 3.0, &rng), rig);
+  const Outcome sound = Go(Four(), Four().Scattered(-1, 1.0, kSigma, &same), rig);
+  const Outcome rough = Go(Four(), Four().Scattered(-1, 3.0, kSigma, &rng), rig);
   EXPECT_FALSE(sound.report.scatter.wide);
   EXPECT_NEAR(sound.report.scatter.all.factor, 1.0, 3.0 * sound.report.scatter.all.sigma);
   ASSERT_TRUE(rough.report.scatter.wide);
@@ -78,7 +62,7 @@ TEST(Scatter, OfOneCameraIsItsOwn) {
   const HealthTrial eight(8, 500);
   Rng rng(5);
   const data::Rig rig = eight.DrawRig(&rng);
-  const data::TrialReadings readings = Readings(eight, 6, 3.0, &rng);
+  const data::TrialReadings readings = eight.Scattered(6, 3.0, kSigma, &rng);
   const Outcome outcome = Go(eight, readings, rig);
   ASSERT_TRUE(outcome.report.scatter.wide);
   for (std::size_t c = 0; c < 8; ++c) {
@@ -93,10 +77,10 @@ TEST(Scatter, OfOneCameraIsItsOwn) {
 TEST(Scatter, BetterReadingsAndWildOnesAreNoScatter) {
   Rng rng(9);
   const data::Rig rig = Four().DrawRig(&rng);
-  const Outcome better = Go(Four(), Readings(Four(), -1, 0.5, &rng), rig);
+  const Outcome better = Go(Four(), Four().Scattered(-1, 0.5, kSigma, &rng), rig);
   EXPECT_FALSE(better.report.scatter.wide);
   EXPECT_NEAR(better.report.scatter.all.factor, 0.5, 3.0 * better.report.scatter.all.sigma);
-  data::TrialReadings wild = Readings(Four(), -1, 1.0, &rng);
+  data::TrialReadings wild = Four().Scattered(-1, 1.0, kSigma, &rng);
   for (double& u : wild.u_px) {
     if (rng.Uniform(0.0, 1.0) < 0.02) u += rng.Uniform(-40.0, 40.0);
   }
@@ -121,7 +105,7 @@ TEST(Scatter, OfThreeCamerasNothingIsToldAndThatIsSaid) {
   const HealthTrial three(3, 300);
   Rng rng(3);
   const data::Rig rig = three.DrawRig(&rng);
-  const Outcome outcome = Go(three, Readings(three, -1, 2.0, &rng), rig);
+  const Outcome outcome = Go(three, three.Scattered(-1, 2.0, kSigma, &rng), rig);
   EXPECT_FALSE(outcome.report.scatter.wide);
   EXPECT_TRUE(std::isnan(outcome.report.scatter.all.factor));
   EXPECT_THAT(Describe(outcome.report.scatter, outcome.tracks.cameras),

@@ -38,12 +38,9 @@ Outcome Go(const HealthTrial& trial, const data::TrialReadings& readings, const 
   for (std::size_t i = 0; i < tracks.size(); ++i) {
     if (!data::Usable(tracks.status[i])) continue;
     ++out.usable;
-    const auto col = static_cast<Eigen::Index>(i);
-    const Eigen::Vector3d e = tracks.p.col(col) - trial.truth()[i];
-    const auto F = tracks.shared.middleCols(col * tracks.shared_rank, tracks.shared_rank);
-    const Eigen::Matrix3d C = tracks.Covariance(i) + F * F.transpose();
-    out.wrong += e.squaredNorm() > 36.0 * C.trace();
-    sum += e.squaredNorm();
+    const SampleError error = ErrorOf(tracks, i, trial.truth()[i]);
+    out.wrong += error.e.squaredNorm() > 36.0 * error.C.trace();
+    sum += error.e.squaredNorm();
   }
   out.rms = std::sqrt(sum / static_cast<double>(std::max<std::size_t>(1, out.usable)));
   return out;

@@ -41,13 +41,10 @@ Outcome Go(const HealthTrial& trial, const data::TrialReadings& readings, const 
   for (std::size_t i = 0; i < tracks.size(); ++i) {
     if (!data::Usable(tracks.status[i])) continue;
     ++out.usable;
-    const auto col = static_cast<Eigen::Index>(i);
-    const Eigen::Vector3d e = tracks.p.col(col) - trial.truth()[i];
-    const auto F = tracks.shared.middleCols(col * tracks.shared_rank, tracks.shared_rank);
-    const Eigen::Matrix3d C = tracks.Covariance(i) + F * F.transpose();
-    out.wrong += e.squaredNorm() > 36.0 * C.trace();
-    out.rms += e.squaredNorm();
-    out.nees += e.dot(C.inverse() * e) / 3.0;
+    const SampleError error = ErrorOf(tracks, i, trial.truth()[i]);
+    out.wrong += error.e.squaredNorm() > 36.0 * error.C.trace();
+    out.rms += error.e.squaredNorm();
+    out.nees += error.Squared();
   }
   const double n = static_cast<double>(std::max<std::size_t>(1, out.usable));
   out.rms = std::sqrt(out.rms / n);

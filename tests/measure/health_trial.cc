@@ -145,4 +145,22 @@ data::TrialReadings HealthTrial::Draw(const Harm& harm, double sigma_px, Rng* rn
   return out;
 }
 
+data::TrialReadings HealthTrial::Scattered(int camera, double factor, double sigma_px,
+                                           Rng* rng) const {
+  data::TrialReadings readings = Draw({}, 0.0, rng);
+  const std::size_t cameras = readings.cameras.size();
+  for (std::size_t k = 0; k < readings.u_px.size(); ++k) {
+    const bool harmed = camera < 0 || static_cast<int>(k % cameras) == camera;
+    readings.u_px[k] += (harmed ? factor : 1.0) * sigma_px * rng->Normal();
+    if (!std::isnan(readings.u_px[k])) readings.s_px[k] = sigma_px;
+  }
+  return readings;
+}
+
+SampleError ErrorOf(const data::Tracks& tracks, std::size_t i, const Eigen::Vector3d& truth) {
+  const auto col = static_cast<Eigen::Index>(i);
+  const auto F = tracks.shared.middleCols(col * tracks.shared_rank, tracks.shared_rank);
+  return {tracks.p.col(col) - truth, tracks.Covariance(i) + F * F.transpose()};
+}
+
 }  // namespace unfurl::measure

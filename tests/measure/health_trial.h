@@ -6,6 +6,7 @@
 
 #include "base/random.h"
 #include "data/rig.h"
+#include "data/tracks.h"
 #include "data/trial_readings.h"
 #include "measure/virtual_rig.h"
 
@@ -37,6 +38,9 @@ class HealthTrial {
   data::Rig DrawRig(Rng* rng) const;
   // Readings with noise of `sigma_px` [px], through glass that is where `harm` has put it.
   data::TrialReadings Draw(const Harm& harm, double sigma_px, Rng* rng) const;
+  // Readings that state `sigma_px` [px] and scatter by `factor` times that, of one camera or of
+  // all (-1); the others by what they state.
+  data::TrialReadings Scattered(int camera, double factor, double sigma_px, Rng* rng) const;
   // Where the mark of each lit line was [m].
   const std::vector<Eigen::Vector3d>& truth() const { return truth_; }
 
@@ -52,5 +56,13 @@ class HealthTrial {
   std::vector<Eigen::Vector3d> truth_, place_;
   std::vector<double> true_u_;  // line x camera, NaN where dark [px]
 };
+
+// Of one sample, with all that is claimed of it.
+struct SampleError {
+  Eigen::Vector3d e;  // [m]
+  Eigen::Matrix3d C;  // what the calibration shares included [m^2]
+  double Squared() const { return e.dot(C.inverse() * e) / 3.0; }  // over what is claimed [-]
+};
+SampleError ErrorOf(const data::Tracks& tracks, std::size_t i, const Eigen::Vector3d& truth);
 
 }  // namespace unfurl::measure
