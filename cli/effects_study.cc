@@ -61,7 +61,9 @@ void AddEffect(const study::TrialEffect& t, EffectsTold* out) {
   one["deviance_error"] = t.deviance_error;
   one["deviance_left"] = t.deviance_left;
   one["held_out"] = GainJson(t.held_out);
+  one["share"] = t.share;
   one["change"] = t.change;
+  one["change_sigma"] = t.change_sigma;
   one["change_rms"] = t.change_rms;
   one["saved"] = t.saved;
   one["latches"] = t.latches;
@@ -128,7 +130,7 @@ EffectsTold EffectsOfStudy(const Common& common, const EffectsArguments& a) {
   if (!out.explained) {
     out.closing +=
         "the model does not explain the data: what is missing may speak for or against any of "
-        "these effects\n";
+        "these effects, and only what is beyond that is told\n";
   }
   out.json["explains"] = out.explained;
   out.json["left_out"] = e.left_out;

@@ -11,12 +11,12 @@
 #include "correlate/residual/row_layout.h"
 #include "study/effect_versions.h"
 #include "study/latch_words.h"
+#include "study/rivals.h"
+#include "study/trial_verdict.h"
 
 namespace unfurl::study {
 
 namespace {
-
-constexpr double kSure = 0.99;  // 100 to 1
 
 // Both fits' rows of a trial, without those of samples that either has no answer for.
 struct Rows {
@@ -73,14 +73,6 @@ double MarksMove(const correlate::Refitted& a, const correlate::Refitted& b) {
   return count > 0.0 ? std::sqrt(squares / count) : 0.0;
 }
 
-// That the effect is in the trial, by Schwarz's approximation of Bayes' factor: a parameter more
-// costs log n.
-double ProbabilityOf(double deviance, double count, const TrialEffect& effect) {
-  const double released = static_cast<double>(effect.released.size());
-  const double rise = effect.effect.there ? deviance - released * std::log(count) : deviance;
-  return 1.0 / (1.0 + std::exp(std::clamp(-0.5 * rise, -700.0, 700.0)));
-}
-
 double Seconds(const correlate::Refitted& r) {
   double out = 0.0;
   for (const auto& p : r.prediction) out += p->seconds;
@@ -97,17 +89,26 @@ void Compare(const StudyFit& fit, const correlate::Refitted& as_is,
   const double scale = std::max(1.0, e.as_is / e.count);
   const double sign = out->effect.there ? 1.0 : -1.0;
   out->deviance = sign * (e.switched - e.as_is) / scale;
-  out->deviance_left = (1.0 - as_is.least) * e.as_is / scale;
+  out->deviance_left = (1.0 - as_is.least_within) * e.as_is / scale;
   out->deviance_least = out->effect.there ? (switched.least * e.switched - e.as_is) / scale
-                                          : out->deviance - out->deviance_left;
+                                          : out->deviance - (1.0 - as_is.least) * e.as_is / scale;
+  const double more = std::max(e.switched, e.as_is);
+  out->share = more > 0.0 ? std::max(0.0, sign * (e.switched - e.as_is)) / more : 0.0;
   out->deviance_error = (switched.scatter + as_is.scatter) / scale;
-  out->probability = ProbabilityOf(out->deviance, e.count, *out);
+  out->probability = ProbabilityOfEffect(out->deviance, e.count, *out);
   out->change = std::sqrt(e.change / e.count);
   out->change_rms = MarksMove(as_is, switched);
   const correlate::HeldOut& with = out->effect.there ? as_is.held_out : switched.held_out;
   const correlate::HeldOut& without = out->effect.there ? switched.held_out : as_is.held_out;
   out->held_out = correlate::CompareHeldOut(with, without);
   const auto& before = fit.problem().parameters;
+  double known = 0.0;  // square
+  for (std::size_t j = 0; j < before.size(); ++j) {
+    const auto& gone = out->released;
+    if (std::find(gone.begin(), gone.end(), before[j].name) == gone.end()) continue;
+    known += as_is.moves[j] * as_is.moves[j];
+  }
+  out->change_sigma = std::sqrt(known);
   for (std::size_t i = 0; i < version.parameters.size(); ++i) {
     for (std::size_t j = 0; j < before.size(); ++j) {
       const double sigma = fit.result.parameters[j].sigma;
@@ -125,39 +126,6 @@ void Compare(const StudyFit& fit, const correlate::Refitted& as_is,
   }
   const double was = Seconds(as_is), is = Seconds(switched);
   if (was > 0.0 && is > 0.0) out->saved = 1.0 - is / was;
-}
-
-// Why nothing can be told.
-std::string Doubt(const TrialEffect& e, double count) {
-  if (e.probability > kSure) {
-    if (ProbabilityOf(e.deviance_least, count, e) <= kSure) {
-      return "values of the parameters might still take it away";
-    }
-    return "the simulator's own scatter is as large as what it rests on";
-  }
-  if (!e.settled) {
-    return fmt::format("not settled within {} runs; a larger --budget may tell", e.runs);
-  }
-  return {};
-}
-
-void Judge(double part, double count, TrialEffect* e) {
-  double shift = 0.0;
-  for (const TrialEffect::Shift& s : e->shifts) shift = std::max(shift, std::abs(s.sigmas));
-  const bool there = e->effect.there;
-  const double low = std::min(e->deviance, e->deviance_least) - e->deviance_error;
-  const double high = e->deviance + e->deviance_error + (there ? e->deviance_left : 0.0);
-  if (ProbabilityOf(low, count, *e) > kSure) {
-    e->verdict = EffectVerdict::kNeeded;
-  } else if (e->settled && e->probability <= kSure && e->change <= part && shift <= part) {
-    e->verdict = EffectVerdict::kNotNeeded;
-  } else if ((there || e->settled) && ProbabilityOf(high, count, *e) < 1.0 - kSure &&
-             e->released.empty()) {
-    e->verdict = EffectVerdict::kAgainst;
-  } else {
-    e->verdict = EffectVerdict::kCannotTell;
-    e->message = Doubt(*e, count);
-  }
 }
 
 // Versions of the study refitted from where the fit as it is came out.
@@ -228,7 +196,7 @@ class TrialBench {
     }
     const Evidence evidence = Gather(as_is_, found);
     Compare(fit_, as_is_, version.binding.problem, found, evidence, e);
-    Judge(options_.part, evidence.count, e);
+    JudgeEffect({.part = options_.part, .rows = evidence.count, .explained = Explains(fit_)}, e);
   }
 
   const TrialEffectsOptions& options_;
@@ -270,6 +238,13 @@ void Reduce(const TrialBench& bench, double part, TrialEffects* out) {
   }
 }
 
+bool GoodBySigmas(const StudyFit& fit) {
+  const auto& trials = fit.result.trials;
+  return std::all_of(trials.begin(), trials.end(), [](const correlate::TrialResult& t) {
+    return t.goodness.outcome == correlate::Explained::kYes;
+  });
+}
+
 }  // namespace
 
 void TrialEffectsOptions::Check() const {
@@ -298,6 +273,9 @@ TrialEffects WeighTrialEffects(const data::Study& asked, const TrialEffectsOptio
   fit.workers = options.workers;
   fit.allow_programs = options.allow_programs;
   out.fit = Fit(study, fit);
+  // Profiles come upon better points at times. A fit that is good by its data's own sigmas has no
+  // need of them.
+  if (!out.fit.Usable() || !GoodBySigmas(out.fit)) out.fit = Fit(asked, fit);
   out.seconds = CpuSeconds() - start;
   if (!out.fit.Usable()) return out;
 
@@ -319,6 +297,8 @@ TrialEffects WeighTrialEffects(const data::Study& asked, const TrialEffectsOptio
     }
     out.effects.push_back(std::move(e));
   }
+
+  DoubtBesideOthers(&out.effects);
 
   // 3. All that is not needed left out together.
   if (options.progress) options.progress(1.0 - 1.0 / steps, "all that is not needed left out");

@@ -46,9 +46,13 @@ struct TrialEffect {
   /// tells, and what the simulator's own scatter may have wrong [-].
   double deviance_least = 0.0, deviance_error = 0.0;
   double deviance_left = 0.0;  ///< by how much the fit as it is may still fall, likewise [-]
-  double probability = 0.5;    ///< that the effect is in the trial, one against the other [0, 1]
-  double change = 0.0;         ///< of the fitted marks and channels, RMS in their sigmas [-]
-  double change_rms = 0.0;     ///< of the fitted marks, RMS [m]
+  /// Of the residuals' squares without the effect, what it takes away, parameters fitted [0, 1].
+  double share = 0.0;
+  double probability = 0.5;  ///< that the effect is in the trial, one against the other [0, 1]
+  double change = 0.0;       ///< of the fitted marks and channels, RMS in their sigmas [-]
+  /// By how much `change` is uncertain with the parameters that go with the effect [-].
+  double change_sigma = 0.0;
+  double change_rms = 0.0;  ///< of the fitted marks, RMS [m]
   /// By how much stretches of the record are predicted better, from all others, with the effect
   /// than without it.
   correlate::PredictiveGain held_out;
@@ -71,10 +75,12 @@ struct TrialEffects {
 
 /// Fits the study as it is, and from there again with each effect of its scene switched: what
 /// parameters can imitate is no evidence (correlate::Refits). Needed: the data prefer it by 100 to
-/// 1. Not needed: they do not prefer it, and neither the fitted motion nor a parameter moves by
-/// more than a part of its error. Contradicted: they prefer to be without it by 100 to 1. Else it
-/// cannot be told by this trial, or not within the budget. Of a fit that is not usable nothing is
-/// told (fit.Usable()). Throws Error for bad input, a study of a program.
+/// 1. Not needed: they do not prefer it, and neither the fitted motion, at 95%, nor a parameter
+/// moves by more than a part of its error. Contradicted: they prefer to be without it by 100 to 1.
+/// Else it cannot be told by this trial, or not within the budget. Of a fit that does not explain
+/// the data, only what takes 99% of the residuals' squares is needed, and nothing else is told;
+/// beside an effect that is contradicted or missed, nothing is called not needed. Of a fit that is
+/// not usable nothing is told (fit.Usable()). Throws Error for bad input, a study of a program.
 TrialEffects WeighTrialEffects(const data::Study& study, const TrialEffectsOptions& options);
 
 }  // namespace unfurl::study

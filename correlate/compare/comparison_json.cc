@@ -117,13 +117,15 @@ ordered_json AmbientJson(const AmbientFit& fit) {
                      {"steadiness", m.steadiness},
                      {"doubts", m.doubts}});
   }
-  return {{"duration", fit.duration},
-          {"band", {fit.low, fit.high}},
-          {"stationary", fit.stationary},
-          {"strength_ratio", fit.strength_ratio},
-          {"doubts", fit.doubts},
-          {"lines", lines},
-          {"modes", modes}};
+  ordered_json left_out = ordered_json::array();
+  for (const AmbientSwing& swing : fit.left_out) {
+    left_out.push_back(
+        {{"frequency", swing.frequency}, {"damping_ratio", swing.damping}, {"share", swing.share}});
+  }
+  return {{"duration", fit.duration},     {"band", {fit.low, fit.high}},
+          {"stationary", fit.stationary}, {"strength_ratio", fit.strength_ratio},
+          {"doubts", fit.doubts},         {"lines", lines},
+          {"left_out", left_out},         {"modes", modes}};
 }
 
 ordered_json ModesJson(const ModalFit& fit, const std::string& vibration,

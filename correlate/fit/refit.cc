@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "base/dense.h"
 #include "base/error.h"
@@ -57,6 +58,28 @@ std::vector<int> StretchesOf(const Observations& o, int first, int stretches) {
             first + std::clamp(k, 0, stretches - 1);
       }
     }
+  }
+  return out;
+}
+
+// By how much each of the first `parameters` unknowns moves the plain rows with one standard error
+// that the whitened ones give it, all others following; RMS over the data. `scale`: of the squares
+// of standard errors.
+std::vector<double> MovesOf(const Eigen::MatrixXd& whitened, const Eigen::MatrixXd& plain,
+                            Eigen::Index parameters, double scale, double rows) {
+  // Unit columns first: unknowns of any units share one normal matrix. Those that move nothing
+  // stay.
+  const Eigen::VectorXd size =
+      whitened.colwise().norm().cwiseMax(std::numeric_limits<double>::min()).cwiseInverse();
+  const Eigen::MatrixXd unit = whitened * size.asDiagonal();
+  const Eigen::MatrixXd covariance =
+      (unit.transpose() * unit).completeOrthogonalDecomposition().pseudoInverse();
+  std::vector<double> out;
+  for (Eigen::Index j = 0; j < parameters; ++j) {
+    const double variance = covariance(j, j);
+    const Eigen::VectorXd by = size.cwiseProduct(covariance.col(j));
+    out.push_back(variance > 0.0 ? std::sqrt(scale / (variance * rows)) * (plain * by).norm()
+                                 : 0.0);
   }
   return out;
 }
@@ -155,6 +178,7 @@ Refitted Refits::Refit(const FitProblem& version, const RefitOptions& how) const
   for (const RegistrationFit& r : point.registration) unknowns += r.jacobian.cols();
   Eigen::MatrixXd A = Eigen::MatrixXd::Zero(J.rows(), unknowns);
   A.leftCols(J.cols()) = J;
+  Eigen::MatrixXd plain = Eigen::MatrixXd::Zero(J.rows(), unknowns);
   std::vector<int> stretch(static_cast<std::size_t>(J.rows()), -1);
   Eigen::Index column = J.cols();
   for (std::size_t t = 0; t < version.trials.size(); ++t) {
@@ -163,24 +187,32 @@ Refitted Refits::Refit(const FitProblem& version, const RefitOptions& how) const
     out.whitened.push_back(r.residual);
     out.metres.push_back(ResidualsInModelFrame(weighed_[t], *point.prediction[t],
                                                path.reduced().parts()[t].reference, r.at));
-    out.residual.push_back(FitRegistration(weighed_[t], *point.prediction[t],
-                                           path.reduced().parts()[t].reference, r.at, stay)
-                               .residual);
+    const Clock& clock = path.reduced().parts()[t].reference;
+    RegistrationFit own = FitRegistration(weighed_[t], *point.prediction[t], clock, r.at, stay);
+    const Eigen::MatrixXd moved =
+        WhitenedSensitivity(weighed_[t], *point.prediction[t], clock, r.at, path.change()[t]);
     out.rows += static_cast<double>(r.data_rows);
     A.block(first, column, r.jacobian.rows(), r.jacobian.cols()) = r.jacobian;
+    plain.block(first, 0, moved.rows(), moved.cols()) = moved;
+    plain.block(first, column, own.jacobian.rows(), own.jacobian.cols()) = own.jacobian;
+    out.residual.push_back(std::move(own.residual));
     column += r.jacobian.cols();
-    const std::vector<int> own = StretchesOf(
+    const std::vector<int> stretches = StretchesOf(
         weighed_[t], static_cast<int>(t) * options_.error_sections, options_.error_sections);
-    std::copy(own.begin(), own.end(), stretch.begin() + first);
+    std::copy(stretches.begin(), stretches.end(), stretch.begin() + first);
   }
   const Eigen::Index priors = path.reduced().first_prior_row();
   out.prior_squares = point.residual.tail(point.residual.size() - priors).squaredNorm();
   out.scatter = path.Scatter();
   out.runs = path.runs();
   const double squares = 2.0 * point.cost;
-  out.least = squares > 0.0 ? std::max(0.0, 1.0 - path.LeftToGain() / squares) : 1.0;
-  out.held_out =
-      PredictHeldOut(point.residual, A, stretch, std::max(1.0, squares / std::max(1.0, out.rows)));
+  if (squares > 0.0) {
+    out.least = std::max(0.0, 1.0 - path.LeftToGain() / squares);
+    out.least_within = std::max(0.0, 1.0 - path.LeftToGainWithin() / squares);
+  }
+  const double rows = std::max(1.0, out.rows), scale = std::max(1.0, squares / rows);
+  out.moves = MovesOf(A, plain, J.cols(), scale, rows);
+  out.held_out = PredictHeldOut(point.residual, A, stretch, scale);
   return out;
 }
 

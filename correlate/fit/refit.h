@@ -49,10 +49,14 @@ struct Refitted {
   /// Of the sum of squares, what no values of the parameters take away, as far as the linear model
   /// about the end tells, that held to the most that a step has gained over its promise [0, 1].
   double least = 1.0;
+  double least_within = 1.0;  ///< likewise, no values within the parameters' bounds [0, 1]
   /// By how much a tighter tolerance changes the sum of squares, where it differs from the fit's
   /// own by so much that something rests on it [-].
   double scatter = 0.0;
-  double rows = 0.0;                ///< of data [-]
+  double rows = 0.0;  ///< of data [-]
+  /// By parameter: by how much the fitted rows change with one standard error of it, all others
+  /// following, RMS in the samples' own sigmas [-].
+  std::vector<double> moves;
   HeldOut held_out;                 ///< how well each stretch of time is predicted by the others
   std::size_t runs = 0, looks = 0;  ///< that were made, over all trials
 };

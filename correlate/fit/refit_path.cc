@@ -157,6 +157,10 @@ double RefitPath::LeftToGain() const {
   return optimism_ * std::max(0.0, -slope.dot(step));
 }
 
+double RefitPath::LeftToGainWithin() const {
+  return optimism_ * std::max(0.0, StepFrom(point_, 0.0).gain);
+}
+
 bool RefitPath::Try(const Step& step) {
   std::vector<double> to = u_;
   for (std::size_t j = 0; j < to.size(); ++j) to[j] += step.by(static_cast<Eigen::Index>(j));

@@ -40,8 +40,9 @@ class RefitPath {
   /// d residual / d u at the end, as far as it is known.
   Eigen::MatrixXd Rows() const { return reduced_->RowsOf(u_, point_, change_); }
   /// By what the linear model says that the sum of squares may still fall, times the most that a
-  /// step has gained over its promise [-].
+  /// step has gained over its promise [-]; whatever the parameters' bounds, and within them.
   double LeftToGain() const;
+  double LeftToGainWithin() const;
   /// By how much a tighter tolerance changes the sum of squares at the end, where that differs from
   /// the fit's by so much that something rests on it; else 0, and nothing is run [-].
   double Scatter();

@@ -10,6 +10,7 @@
 #include "base/refuse_option.h"
 #include "base/statistics.h"
 #include "correlate/modes/ambient_judges.h"
+#include "correlate/modes/ambient_poles.h"
 #include "correlate/modes/subspace.h"
 
 namespace unfurl::correlate {
@@ -48,95 +49,6 @@ std::vector<Part> PartsOf(JointSignals joint, double low, double high) {
     joint = std::move(next);
   }
   return out;
-}
-
-struct StableMode {
-  SubspacePole pole;
-  StabilisationPole seen;
-};
-
-StabilisationPole Seen(const SubspacePole& p) {
-  StabilisationPole out;
-  out.order = p.order;
-  out.frequency = std::abs(p.pole) / kTau;
-  out.damping = -p.pole.real() / std::abs(p.pole);
-  return out;
-}
-
-// Whether the poles of the order before know this one.
-void Compare(const std::vector<StableMode>& before, const AmbientOptions& options, StableMode* c) {
-  constexpr double kSameDamping = 0.005;  // absolute: light dampings scatter by more than a part
-  const StableMode* nearest = nullptr;
-  for (const StableMode& b : before) {
-    const bool alike = ModalAssurance(b.pole.shape, c->pole.shape) >= 1.0 - options.shape_tolerance;
-    const double off = std::abs(b.seen.frequency - c->seen.frequency);
-    if (off > options.frequency_tolerance * c->seen.frequency || !alike) continue;
-    if (nearest != nullptr && off >= std::abs(nearest->seen.frequency - c->seen.frequency))
-      continue;
-    nearest = &b;
-  }
-  if (nearest == nullptr) return;
-  c->seen.stable_frequency = c->seen.stable_shape = true;
-  c->seen.stable_damping =
-      std::abs(nearest->seen.damping - c->seen.damping) <=
-      std::max(kSameDamping, options.damping_tolerance * std::abs(c->seen.damping));
-}
-
-using Diagram = std::vector<std::vector<StableMode>>;
-
-Diagram DiagramOf(const Subspace& subspace, const Part& part, const AmbientOptions& options) {
-  constexpr double kEdge = 0.1;  // of a part's ends: a mode there may scatter to either side
-  Diagram out;
-  const auto most = std::min<Eigen::Index>(2 * (options.max_order / 2), subspace.most());
-  for (Eigen::Index order = 2; order <= most; order += 2) {
-    std::vector<StableMode> row;
-    for (SubspacePole& p : subspace.Poles(order)) {
-      StableMode c;
-      c.seen = Seen(p);
-      c.pole = std::move(p);
-      const double f = c.seen.frequency;
-      if (f < (1.0 - kEdge) * part.low || f > (1.0 + kEdge) * part.high ||
-          std::abs(c.seen.damping) > options.max_damping) {
-        continue;
-      }
-      if (!out.empty()) Compare(out.back(), options, &c);
-      row.push_back(std::move(c));
-    }
-    out.push_back(std::move(row));
-  }
-  return out;
-}
-
-using Cluster = std::vector<const StableMode*>;  // one of an order at most, rising orders
-
-std::vector<Cluster> Clusters(const Diagram& diagram, const AmbientOptions& options) {
-  constexpr std::size_t kFewest = 4;  // stable poles
-  std::vector<Cluster> clusters;
-  for (const auto& row : diagram) {
-    for (const StableMode& c : row) {
-      if (!c.seen.stable()) continue;
-      Cluster* home = nullptr;
-      double nearest = options.frequency_tolerance * c.seen.frequency;
-      for (Cluster& cluster : clusters) {
-        const StableMode& last = *cluster.back();
-        const double off = std::abs(last.seen.frequency - c.seen.frequency);
-        if (last.seen.order == c.seen.order || off > nearest ||
-            ModalAssurance(last.pole.shape, c.pole.shape) < 1.0 - options.shape_tolerance) {
-          continue;
-        }
-        nearest = off;
-        home = &cluster;
-      }
-      if (home == nullptr) home = &clusters.emplace_back();
-      home->push_back(&c);
-    }
-  }
-  const int last_order = 2 * static_cast<int>(diagram.size());
-  std::erase_if(clusters, [&](const Cluster& c) {
-    const double orders = 0.5 * (last_order - c.front()->seen.order) + 1.0;
-    return c.size() < kFewest || static_cast<double>(c.size()) < options.persistence * orders;
-  });
-  return clusters;
 }
 
 // Standard errors, and how far its frequency moves between the halves.
@@ -248,6 +160,27 @@ double EvidenceAsked(std::size_t references, double chance) {
          ChiSquareQuantile(1.0 - chance / kClusters, 2.0 * static_cast<double>(references));
 }
 
+// Poles of the highest order that swing all through the record, whether they became modes or not.
+void LeftOut(const Subspace& subspace, Eigen::Index order, const Part& part,
+             const LagCovariances& covariances, double asked, AmbientFit* fit) {
+  for (const SubspacePole& pole : subspace.Poles(order)) {
+    AmbientSwing swing;
+    swing.frequency = std::abs(pole.pole) / kTau;
+    swing.damping = -pole.pole.real() / std::abs(pole.pole);
+    if (!(swing.frequency >= part.low && swing.frequency < part.high && swing.damping > 0.0)) {
+      continue;
+    }
+    Mode mode;
+    mode.pole = pole.pole;
+    mode.damping = swing.damping;
+    const double evidence =
+        Evidence(subspace.ControlOfBlocks(pole), pole, covariances.block_seconds, MemoryOf(mode));
+    FillShare(pole, covariances, part.joint.scale, &mode);
+    swing.share = mode.share;
+    if (evidence > asked && swing.share > 0.0) fit->left_out.push_back(swing);
+  }
+}
+
 // Modes and poles of a part of the band.
 void Search(const Part& part, const AmbientOptions& options, AmbientFit* fit) {
   // Rows: half a period of what is slowest here, and lags up to twice that. References: more tell
@@ -261,7 +194,7 @@ void Search(const Part& part, const AmbientOptions& options, AmbientFit* fit) {
   constexpr Eigen::Index kFewestBlocks = 20;
   if (covariances.blocks.cols() < kFewestBlocks) return;
   const Subspace subspace(covariances, l, rows, part.joint.step);
-  const Diagram diagram = DiagramOf(subspace, part, options);
+  const Diagram diagram = DiagramOf(subspace, part.low, part.high, options);
   const double asked = EvidenceAsked(covariances.references.size(), options.chance);
   const double sure = NormalQuantile(1.0 - options.chance);
   for (const Cluster& cluster : Clusters(diagram, options)) {
@@ -270,6 +203,7 @@ void Search(const Part& part, const AmbientOptions& options, AmbientFit* fit) {
     if (m.mode.evidence < asked || m.mode.damping < -sure * m.mode.damping_sigma) continue;
     fit->modes.push_back(std::move(m));
   }
+  LeftOut(subspace, 2 * static_cast<Eigen::Index>(diagram.size()), part, covariances, asked, fit);
   for (const auto& row : diagram) {
     for (const StableMode& c : row) fit->poles.push_back(c.seen);
   }
@@ -352,6 +286,7 @@ AmbientFit IdentifyAmbientModes(std::span<const DecaySignal> signals,
   for (const Part& part : PartsOf(joint, out.low, out.high)) Search(part, options, &out);
   DropTwins(options, &out.modes);
   NamePoles(options, &out);
+  JudgeLeftOut(&out);
   JudgeRecord(joint, options, &out);
   JudgeModes(joint, options, &out);
   if (out.modes.empty()) {

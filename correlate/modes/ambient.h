@@ -14,8 +14,8 @@ namespace unfurl::correlate {
 struct AmbientOptions {
   double low = 0.0;  ///< band to look in [Hz]; 0: ten periods in the record
   double high = std::numeric_limits<double>::infinity();  ///< [Hz]; and half of the slowest rate
-  int max_order = 40;         ///< of the subspace method, in each part of the band; two per mode
-  double max_damping = 0.15;  ///< ratio above which a pole is no mode of a structure [-]
+  int max_order = 40;        ///< of the subspace method, in each part of the band; two per mode
+  double max_damping = 0.5;  ///< ratio above which a pole is no mode of a structure [-]
   /// A pole is stable when the next lower order has one within these.
   double frequency_tolerance = 0.01;  ///< relative [-]
   double damping_tolerance = 0.2;     ///< relative, or 0.005 absolute [-]
@@ -39,6 +39,13 @@ struct AmbientMode {
   std::vector<std::string> doubts;  ///< why it may be no mode, or not this one, in words
 };
 
+/// A motion that goes on all through the record, and became none of the modes.
+struct AmbientSwing {
+  double frequency = 0.0;  ///< about [Hz]
+  double damping = 0.0;    ///< about: ratio [-]
+  double share = 0.0;      ///< of the signals' variance, about [-]
+};
+
 /// Modes of an ambient record, and what the record is worth.
 struct AmbientFit {
   DecayStatus status = DecayStatus::kTooLittle;
@@ -47,6 +54,7 @@ struct AmbientFit {
   bool Usable() const { return status == DecayStatus::kGood; }
 
   std::vector<AmbientMode> modes;        ///< by rising frequency
+  std::vector<AmbientSwing> left_out;    ///< by falling share
   std::vector<SteadyLine> lines;         ///< at which something drives the structure
   std::vector<StabilisationPole> poles;  ///< by part of the band, order, frequency
   std::vector<std::string> doubts;       ///< of the record as a whole, in words

@@ -137,6 +137,34 @@ double MemoryOf(const Mode& mode) {
   return 1.0 / (2.0 * std::max(kLeast, mode.damping) * std::abs(mode.pole));
 }
 
+void JudgeLeftOut(AmbientFit* fit) {
+  std::vector<AmbientSwing> kept;
+  std::stable_sort(fit->left_out.begin(), fit->left_out.end(),
+                   [](const AmbientSwing& a, const AmbientSwing& b) { return a.share > b.share; });
+  // Within the wider half-width of two they are one motion, of which a high order makes several.
+  auto one = [](double f, double width, double g, double other) {
+    return std::abs(f - g) < std::max(width * f, other * g);
+  };
+  for (const AmbientSwing& s : fit->left_out) {
+    const bool mode = std::any_of(fit->modes.begin(), fit->modes.end(), [&](const AmbientMode& m) {
+      return one(s.frequency, s.damping, m.mode.frequency, m.mode.damping);
+    });
+    const bool twin = std::any_of(kept.begin(), kept.end(), [&](const AmbientSwing& k) {
+      return one(s.frequency, s.damping, k.frequency, k.damping);
+    });
+    if (!mode && !twin) kept.push_back(s);
+  }
+  fit->left_out = std::move(kept);
+  for (const AmbientSwing& s : fit->left_out) {
+    fit->doubts.push_back(fmt::format(
+        "A motion about {} Hz, damped by some {:.2g}%, goes on all through the record with {:.0f}% "
+        "of the variance and is none of the modes: its pole does not stay where it is from order "
+        "to order. A longer record may make a mode of it; or it is the colour of what drives the "
+        "structure",
+        Number(s.frequency, 3), 100.0 * s.damping, std::clamp(100.0 * s.share, 1.0, 100.0)));
+  }
+}
+
 void JudgeRecord(const JointSignals& joint, const AmbientOptions& options, AmbientFit* fit) {
   for (const SteadyLine& line : FindSteadyLines(joint, options.chance)) {
     if (line.frequency >= fit->low && line.frequency <= fit->high) fit->lines.push_back(line);

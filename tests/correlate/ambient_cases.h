@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <vector>
@@ -23,7 +24,10 @@ struct AmbientCase {
 
 struct AmbientTally {
   std::vector<int> found, frequency, damping;  // by mode; of those found, held by the interval
-  int spurious = 0, doubts = 0, harmonic = 0, of_record = 0, shapes = 0, shape_parts = 0;
+  // `hidden`: neither found nor told to be left out; `needless`: records said to leave out
+  // something though all was found
+  int hidden = 0, needless = 0, spurious = 0, doubts = 0, harmonic = 0, of_record = 0, shapes = 0,
+      shape_parts = 0;
 };
 
 // The planted mode that a found one is: nearest in frequency, and alike in shape; -1: none.
@@ -85,6 +89,18 @@ inline AmbientTally Tally(const AmbientCase& c, int runs, std::uint64_t seed) {
         out.shapes += std::abs(m.mode.shape(at).imag()) < kSigmas * sigma(1, at) ? 1 : 0;
         out.shape_parts += 2;
       }
+    }
+    const bool all = std::all_of(taken.begin(), taken.end(), [](bool t) { return t; });
+    out.needless += all && !fit.left_out.empty() ? 1 : 0;
+    for (std::size_t k = 0; k < n; ++k) {
+      if (taken[k]) continue;
+      const double f = c.structure.frequency()[k];
+      // What no order holds is known as roughly as its width.
+      const double width = std::max(0.05, c.structure.damping()[k]) * f;
+      const bool told =
+          std::any_of(fit.left_out.begin(), fit.left_out.end(),
+                      [&](const AmbientSwing& s) { return std::abs(s.frequency - f) < width; });
+      out.hidden += told ? 0 : 1;
     }
   }
   return out;

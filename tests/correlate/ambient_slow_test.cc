@@ -63,6 +63,20 @@ TEST(AmbientSlow, Covers) {
                                            20000,
                                            {0, 1},
                                            Output::kAcceleration,
+                                           0.05},
+                                          {"20 and 1% damping, 2, 5%",
+                                           {pair, {1.0, 2.5}, {0.2, 0.01}},
+                                           0.05,
+                                           20000,
+                                           {0, 1},
+                                           Output::kRate,
+                                           0.05},
+                                          {"10 and 12% damping, 2, 5%",
+                                           {pair, {1.0, 2.5}, {0.1, 0.12}},
+                                           0.05,
+                                           20000,
+                                           {0, 1},
+                                           Output::kRate,
                                            0.05}};
   for (const AmbientCase& c : cases) {
     const AmbientTally t = Tally(c, kRuns, 20000);
@@ -75,14 +89,19 @@ TEST(AmbientSlow, Covers) {
     const int planted = kRuns * static_cast<int>(t.found.size());
     fmt::print(
         "{}: found {} of {}, not planted {}; intervals hold frequency {:.1f}%, damping {:.1f}%, "
-        "shape {:.1f}%; doubts of {} modes, {} harmonic, of {} records\n",
+        "shape {:.1f}%; doubts of {} modes, {} harmonic, of {} records; {} neither found nor "
+        "told, {} told needlessly\n",
         c.name, found, planted, t.spurious, 100.0 * frequency / found, 100.0 * damping / found,
-        100.0 * t.shapes / t.shape_parts, t.doubts, t.harmonic, t.of_record);
+        100.0 * t.shapes / t.shape_parts, t.doubts, t.harmonic, t.of_record, t.hidden, t.needless);
+    EXPECT_LE(t.hidden, planted / 100) << c.name;
+    EXPECT_LE(t.needless, kRuns / 50) << c.name;
+    // Of broad peaks the first-order errors, a mean over the orders, are a little too large.
+    const int most = c.structure.damping()[0] > 0.05 ? 99 : 98;
     EXPECT_GT(found, planted * 97 / 100) << c.name;
     EXPECT_LT(t.spurious, kRuns / 50) << c.name;
     for (const int held : {frequency, damping}) {
       EXPECT_GT(held, found * 93 / 100) << c.name;
-      EXPECT_LT(held, found * 98 / 100) << c.name;
+      EXPECT_LT(held, found * most / 100) << c.name;
     }
   }
 }

@@ -93,6 +93,22 @@ TEST(Ambient, CloseModesAreTwo) {
   EXPECT_GE(t.shapes, t.shape_parts * 85 / 100);
 }
 
+// Poles of a heavily damped mode scatter from order to order; where they become no mode, that is a
+// doubt of the record.
+TEST(Ambient, AHeavilyDampedModeIsFoundOrTold) {
+  Eigen::Matrix2d pair;
+  pair << 1.0, 1.0, 1.0, -1.0;
+  pair /= std::sqrt(2.0);
+  const AmbientCase c = {"",     {pair, {1.0, 2.5}, {0.2, 0.01}}, 0.05, 12000,
+                         {0, 1}, DrivenStructure::Output::kRate,  0.05};
+  const AmbientTally t = Tally(c, 10, 40);
+  EXPECT_EQ(t.spurious, 0);
+  EXPECT_EQ(t.hidden, 0);
+  EXPECT_GE(t.found[0], 5);
+  EXPECT_EQ(t.found[1], 10);
+  EXPECT_GE(t.frequency[0] + t.damping[0], 2 * t.found[0] * 8 / 10);
+}
+
 TEST(Ambient, NoiseHasNoModes) {
   int modes = 0;
   for (int seed = 0; seed < 20; ++seed) {

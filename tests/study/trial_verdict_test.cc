@@ -1,0 +1,130 @@
+// What is said of effects where the model beside them is wrong, by rules and by trials.
+#include "study/trial_verdict.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "study/effect_versions.h"
+#include "tests/study/swing.h"
+
+namespace unfurl::study::trial_verdict_test {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr double kRows = 600.0;
+
+TrialEffect Seen(const std::string& name, bool there, double deviance, double share) {
+  TrialEffect e;
+  e.effect = {name, there, {}};
+  e.fitted = e.settled = true;
+  e.deviance = e.deviance_least = deviance;
+  e.share = share;
+  e.probability = ProbabilityOfEffect(deviance, kRows, e);
+  return e;
+}
+
+EffectVerdict Judged(TrialEffect e, bool explained) {
+  JudgeEffect({.part = 0.3, .rows = kRows, .explained = explained}, &e);
+  return e.verdict;
+}
+
+TEST(TrialVerdict, OfAFitThatDoesNotExplainOnlyWhatTakesNearlyAll) {
+  const TrialEffect half = Seen("friction", true, 400.0, 0.5);
+  EXPECT_EQ(Judged(half, true), EffectVerdict::kNeeded);
+  EXPECT_EQ(Judged(half, false), EffectVerdict::kCannotTell);
+  EXPECT_EQ(Judged(Seen("gravity", true, 1e6, 0.9994), false), EffectVerdict::kNeeded);
+  EXPECT_EQ(Judged(Seen("drag", true, -1e-3, 0.0), true), EffectVerdict::kNotNeeded);
+  EXPECT_EQ(Judged(Seen("drag", true, -1e-3, 0.0), false), EffectVerdict::kCannotTell);
+  TrialEffect wrong = Seen("drag", true, -40.0, 0.0);
+  wrong.change = 0.5;
+  EXPECT_EQ(Judged(wrong, true), EffectVerdict::kAgainst);
+  EXPECT_EQ(Judged(wrong, false), EffectVerdict::kCannotTell);
+}
+
+TEST(TrialVerdict, AChangeThatIsHardlyKnownIsNotSmall) {
+  TrialEffect e = Seen("friction", true, 0.1, 0.0);
+  e.released = {"friction"};
+  e.change = 0.1;
+  e.change_sigma = 0.11;  // 0.1 + 1.645 * 0.11 = 0.28
+  EXPECT_EQ(Judged(e, true), EffectVerdict::kNotNeeded);
+  e.change_sigma = 0.13;  // 0.31
+  JudgeEffect({.part = 0.3, .rows = kRows, .explained = true}, &e);
+  EXPECT_EQ(e.verdict, EffectVerdict::kCannotTell);
+  EXPECT_THAT(e.message, HasSubstr("known to 0.13 only"));
+}
+
+TEST(TrialVerdict, BesideAWrongOneNothingIsNotNeeded) {
+  auto verdict = [](TrialEffect beside) {
+    TrialEffect small = Seen("drag", true, 0.0, 0.0);
+    small.verdict = EffectVerdict::kNotNeeded;
+    std::vector<TrialEffect> both = {small, std::move(beside)};
+    DoubtBesideOthers(&both);
+    return both[0].verdict == EffectVerdict::kNotNeeded ? "" : both[0].message;
+  };
+  TrialEffect e = Seen("friction", true, -40.0, 0.0);
+  e.verdict = EffectVerdict::kAgainst;
+  EXPECT_THAT(verdict(e), HasSubstr("contradicts friction"));
+  e.verdict = EffectVerdict::kCannotTell;
+  EXPECT_EQ(verdict(e), "");
+  e.released = {"mu"};  // which might have been 0
+  EXPECT_THAT(verdict(e), HasSubstr("better without friction"));
+  e = Seen("a finer mesh", false, 40.0, 0.5);
+  e.verdict = EffectVerdict::kNeeded;
+  EXPECT_THAT(verdict(e), HasSubstr("misses a finer mesh"));
+  e.effect.there = true;
+  EXPECT_EQ(verdict(e), "");
+}
+
+class WrongBesideTest : public SwingTest {
+ protected:
+  // A record with linear damping; the scene has a fixed quadratic one too, that does its work.
+  TrialEffects Weigh(double quadratic) const {
+    Record({.linear = 0.004}, 1e-3, 5);
+    Put("scene.toml", Scene(Laws{.linear = 0.01, .quadratic = quadratic}));
+    return WeighTrialEffects(
+        StudyOf("wrong", "scene.toml", 1e-3,
+                "[parameter.linear]\nkeys = [\"joint.hinge.damper.damping\"]\nstart = 0.01\n"
+                "bounds = [1e-9, 0.2]\n[parameter.inertia]\nkeys = [\"body.arm.inertia\"]\n"
+                "start = 0.09\nbounds = [0.01, 0.2]\n"),
+        {});
+  }
+  static EffectVerdict Of(const TrialEffects& all, const std::string& name) {
+    for (const TrialEffect& e : all.effects) {
+      if (e.effect.name == name) return e.verdict;
+    }
+    return EffectVerdict::kUnjudged;
+  }
+};
+
+TEST_F(WrongBesideTest, TheRightOneIsNotLeftOut) {
+  const TrialEffects with = Weigh(0.008);
+  ASSERT_TRUE(with.fit.Usable()) << with.fit.result.message;
+  EXPECT_NE(Of(with, "dampers of the joints"), EffectVerdict::kNotNeeded);
+  EXPECT_TRUE(with.left_out.empty());
+  const TrialEffects without = Weigh(0.0);
+  EXPECT_EQ(Of(without, "dampers of the joints"), EffectVerdict::kNeeded);
+}
+
+// One standard error of a parameter, all others following, moves white rows by one over the root of
+// their number, whatever the model.
+TEST_F(WrongBesideTest, AStandardErrorMovesWhiteRowsByOneInAll) {
+  Record({.linear = 0.02, .quadratic = 0.01}, 1e-3, 7);
+  const data::Study study = LawStudy("both", {"damper", "quadratic_damper"});
+  const StudyFit fit = Fit(study, {});
+  ASSERT_TRUE(fit.Usable());
+  const EffectVersions versions(study, fit);
+  const EffectVersion same = versions.AsItIs();
+  const correlate::Refits refits(fit.problem(), fit.result, fit.binding->options);
+  const correlate::Refitted r = refits.Refit(same.binding.problem, {.workers = 1});
+  ASSERT_EQ(r.moves.size(), 2U);
+  const double scale = std::max(1.0, r.whitened[0].squaredNorm() / r.rows);
+  for (const double move : r.moves) {
+    EXPECT_NEAR(move, std::sqrt(scale / r.rows), 1e-6 * move);
+  }
+}
+
+}  // namespace
+}  // namespace unfurl::study::trial_verdict_test
