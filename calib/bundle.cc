@@ -64,6 +64,7 @@ void Summarise(const Observations& data, const std::vector<CameraPrior>& priors,
   }
   Eigen::MatrixXd prior = PriorInformation(priors, options.fix_points ? 0 : data.common.size());
   for (std::size_t j = 0; j < state.cameras.size(); ++j) {
+    if (priors[j].KnowsLens()) continue;
     const auto u0 = data::kCameraParameters * static_cast<Eigen::Index>(j) + 7;
     prior(u0, u0) += std::pow(kOffsetShare * std::max(1, state.cameras[j].pixels), -2);
   }
@@ -102,8 +103,6 @@ int BundleSummary::gross_points() const {
   return static_cast<int>(
       std::count_if(survey_weight.begin(), survey_weight.end(), [](double w) { return w < 1.0; }));
 }
-
-namespace {}  // namespace
 
 BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrior>& priors,
                           const Weighting& weighting, const BundleOptions& options,

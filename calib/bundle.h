@@ -24,6 +24,11 @@ struct CameraPrior {
   std::array<double, data::kLensTerms> term_sigma_px{};
   // Of each coefficient, what makes 1 px at the edge of the field [px].
   std::array<double, data::kLensTerms> term_unit_px{};
+  // Of a lens known from a calibration before (calib/known_lens.h), in the place of what is said
+  // above of e and the terms: |root (lens - mean)|^2. Empty: none is.
+  Eigen::VectorXd lens_mean = Eigen::VectorXd();
+  Eigen::MatrixXd lens_root = Eigen::MatrixXd();
+  bool KnowsLens() const { return lens_mean.size() > 0; }
 
   // Whether a term is held at zero.
   bool Fixed(int term) const { return term_sigma_px[static_cast<std::size_t>(term)] == 0.0; }

@@ -11,6 +11,7 @@
 
 #include "base/dense.h"
 #include "base/pose.h"
+#include "calib/known_lens.h"
 #include "measure/camera_model.h"
 
 namespace unfurl::calib {
@@ -213,6 +214,37 @@ class PriorCost : public ceres::SizedCostFunction<kPriorRows, kAmbient> {
   BundleUnits units_;
 };
 
+// The same of a camera whose lens is known from a calibration before.
+class KnownLensCost : public ceres::SizedCostFunction<kLensParameters + 1, kAmbient> {
+ public:
+  KnownLensCost(const CameraPrior& prior, const BundleUnits& units) : prior_(prior) {
+    for (int k = 0; k < kLensParameters; ++k) unit_(k) = units.Of(kFirstOfBlock + k);
+    axis_ = units.length / prior.along_sigma * prior.axis;
+  }
+
+  bool Evaluate(double const* const* x, double* residual, double** jacobians) const override {
+    const Eigen::Map<const Lens> lens(x[0] + kFirstOfBlock);
+    Eigen::Map<Lens> rows(residual);
+    rows = prior_.lens_root * (unit_.cwiseProduct(lens) - prior_.lens_mean);
+    const Eigen::Map<const Eigen::Vector3d> place(x[0] + 9);
+    residual[kLensParameters] = axis_.dot(place) - prior_.along / prior_.along_sigma;
+    if (!jacobians || !jacobians[0]) return true;
+    Eigen::Map<Eigen::Matrix<double, kLensParameters + 1, kAmbient, Eigen::RowMajor>> J(
+        jacobians[0]);
+    J.setZero();
+    J.topRightCorner<kLensParameters, kLensParameters>() = prior_.lens_root * unit_.asDiagonal();
+    J.block<1, 3>(kLensParameters, 9) = axis_.transpose();
+    return true;
+  }
+
+ private:
+  static constexpr int kFirstOfBlock = kAmbient - kLensParameters;
+  using Lens = Eigen::Matrix<double, kLensParameters, 1>;
+  CameraPrior prior_;
+  Lens unit_;
+  Eigen::Vector3d axis_;
+};
+
 }  // namespace
 
 std::unique_ptr<ceres::LossFunction> MakeCoreLoss(double width) {
@@ -237,6 +269,7 @@ std::unique_ptr<ceres::CostFunction> MakeSurveyCost(const Observations& data, Ei
 
 std::unique_ptr<ceres::CostFunction> MakePriorCost(const CameraPrior& prior, int pixels,
                                                    const BundleUnits& units) {
+  if (prior.KnowsLens()) return std::make_unique<KnownLensCost>(prior, units);
   return std::make_unique<PriorCost>(prior, pixels, units);
 }
 

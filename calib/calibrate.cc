@@ -128,6 +128,11 @@ void MakeRig(const Observations& data, RigFit* fit) {
 // The fit with the set of lens terms that is asked for, or that cross-validation takes.
 void ChooseTerms(const Observations& data, const CalibrateOptions& options, RigFit* fit,
                  CalibrationReport* report) {
+  if (!options.guess.known.empty()) {
+    report->order = fit->order;
+    report->lens_model = "as it was known";
+    return;
+  }
   if (options.order != kAutomaticOrder) {
     report->order = fit->order;
     report->lens_model =
@@ -299,6 +304,10 @@ RigFit FitRig(const Observations& data, const CalibrateOptions& options, const s
     if (floored.price < fit.bundle.price) fit.bundle = std::move(floored);
   }
   fit.order = measure::UsualOrderOf(options.guess.lens);
+  if (!options.guess.known.empty()) {
+    MakeRig(data, &fit);
+    return fit;
+  }
   TryRichest(data, options, robust.floor_px, std::move(robust.state), &fit);
   if (options.order >= 0 && options.order < fit.order) {
     fit.order = options.order;
@@ -353,11 +362,12 @@ Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
   report.weak = FindWeak(out.rig, fit.priors, fit.bundle.summary.information);
   report.gross =
       ExplainGross(Corrected(steady, fit.bundle.state.common), fit.bundle, options.explain);
-  report.advice = SurveyAdvice(data, fit.bundle.weighting, out.rig);
+  report.advice = SurveyAdvice(data, fit.bundle.weighting, out.rig, !options.guess.known.empty());
   HeldOutResult held_out =
       CheckHeldOut(steady, fit.priors, fit.bundle, options.folds, options.workers);
   report.held_out = std::move(held_out.points);
   report.held_out_unsolved = held_out.unsolved;
+  report.lenses = CompareLenses(options.guess.known, out.rig);
   Judge(report, data, &out.rig, options.verdict);
   NoteRows(data, &out.rig);
   done(1.0);

@@ -10,6 +10,7 @@
 #include "calib/common_error.h"
 #include "calib/explain.h"
 #include "calib/initial_guess.h"
+#include "calib/known_lens.h"
 #include "calib/model_order.h"
 #include "calib/observations.h"
 #include "calib/refine.h"
@@ -84,16 +85,17 @@ struct CalibrationReport {
   std::vector<Trend> trends;  // of readings and survey; those that were found make it not good
   std::vector<WeakDirection> weak;
   std::vector<GrossFinding> gross;
-  std::vector<std::string> advice;     // on the survey's layout
-  int order = 0;                       // index into the lens model's orders, or kOrderByCamera
-  std::string lens_model;              // its name, or one for each camera
-  bool order_chosen = false;           // by cross-validation
-  std::vector<OrderTrial> orders;      // empty where none were compared
-  double survey_factor = 1.0;          // on the survey's stated sigmas [-]
-  std::vector<CommonEstimate> common;  // those of set-ups too, six each
-  std::vector<SetUpEstimate> set_ups;  // of a survey from several, but for the first
-  double chi_square = 0.0;             // [-]
-  double degrees_of_freedom = 0.0;     // [-]
+  std::vector<std::string> advice;        // on the survey's layout
+  int order = 0;                          // index into the lens model's orders, or kOrderByCamera
+  std::string lens_model;                 // its name, or one for each camera
+  bool order_chosen = false;              // by cross-validation
+  std::vector<OrderTrial> orders;         // empty where none were compared
+  double survey_factor = 1.0;             // on the survey's stated sigmas [-]
+  std::vector<CommonEstimate> common;     // those of set-ups too, six each
+  std::vector<SetUpEstimate> set_ups;     // of a survey from several, but for the first
+  std::vector<KnownLensEstimate> lenses;  // of cameras whose lenses were known before
+  double chi_square = 0.0;                // [-]
+  double degrees_of_freedom = 0.0;        // [-]
   bool converged = false;
 };
 

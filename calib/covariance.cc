@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "base/dense.h"
+#include "calib/known_lens.h"
 #include "calib/parameters.h"
 #include "measure/camera_model.h"
 
@@ -12,9 +13,14 @@ namespace {
 using CameraColumns = Eigen::Matrix<double, data::kCameraParameters, 3>;
 
 void AddPrior(const CameraPrior& prior, Eigen::Ref<Eigen::MatrixXd> block) {
-  block(8, 8) += 1.0 / (prior.e_sigma * prior.e_sigma);
   block.block<3, 3>(3, 3) +=
       prior.axis * prior.axis.transpose() / (prior.along_sigma * prior.along_sigma);
+  if (prior.KnowsLens()) {
+    block.bottomRightCorner(kLensParameters, kLensParameters) +=
+        prior.lens_root.transpose() * prior.lens_root;
+    return;
+  }
+  block(8, 8) += 1.0 / (prior.e_sigma * prior.e_sigma);
   for (Eigen::Index k = 0; k < kTerms; ++k) {
     const double sigma =
         prior.Fixed(static_cast<int>(k)) ? 1.0 : prior.term_sigma_px[static_cast<std::size_t>(k)];

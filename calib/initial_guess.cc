@@ -22,14 +22,19 @@ constexpr double kLeastCondition = 1e-4;  // of the direct transform: below, ano
 constexpr double kLeastInFront = 0.6;     // share of a camera's points that must lie before it
 constexpr double kLargestScale = 0.05;    // robust residual over the readings' own spread
 
-void RefuseFlat(const Eigen::Matrix3Xd& p, double flatness, const std::string& what,
+void RefuseLine(const Eigen::Matrix3Xd& p, double flatness, const std::string& what,
                 const std::string& where) {
   const PointSpread spread = SpreadOf(p);
-  if (spread.sigma(0) <= 0.0 || spread.sigma(1) < flatness * spread.sigma(0)) {
-    throw Error(fmt::format("{} are collinear: {:.3g} mm across their line, {:.3g} mm along it",
-                            what, 1e3 * spread.sigma(1), 1e3 * spread.sigma(0)),
-                where, "survey points that fill the volume");
-  }
+  if (spread.sigma(0) > 0.0 && spread.sigma(1) >= flatness * spread.sigma(0)) return;
+  throw Error(fmt::format("{} are collinear: {:.3g} mm across their line, {:.3g} mm along it", what,
+                          1e3 * spread.sigma(1), 1e3 * spread.sigma(0)),
+              where, "survey points that fill the volume");
+}
+
+void RefuseFlat(const Eigen::Matrix3Xd& p, double flatness, const std::string& what,
+                const std::string& where) {
+  RefuseLine(p, flatness, what, where);
+  const PointSpread spread = SpreadOf(p);
   if (spread.sigma(2) < flatness * spread.sigma(0)) {
     throw Error(
         fmt::format("{} are coplanar: {:.3g} mm out of the plane with normal ({:.2f}, {:.2f}, "
@@ -148,21 +153,35 @@ std::string ShiftThatFits(const Observations& data, const Observations& own, int
   return "";
 }
 
-CameraGuess GuessCamera(const Observations& data, int index, const GuessOptions& options,
-                        const std::string& where) {
+// What one camera sees: surveyed places and readings.
+struct CameraPoints {
+  Eigen::Matrix3Xd p;
+  Eigen::VectorXd u;
+};
+
+// The camera alone, the survey taken as exact, from guess->camera; lens error is in the first scale
+// and, once the terms are fitted, not in the second.
+void Resect(const Observations& own, CameraGuess* guess) {
+  const int row = guess->camera.pixels;
+  guess->sigma_px = std::max(guess->sigma_px, 1e-9 * row);  // not 0 without noise
+  BundleOptions resection;
+  resection.fix_points = true;
+  for (int pass = 0; pass < 3; ++pass) {
+    BundleState state{{guess->camera}, own.p};
+    const BundleSummary summary =
+        SolveBundle(own, {guess->prior}, EqualWeighting(own, guess->sigma_px), resection, &state);
+    guess->camera = state.cameras[0];
+    guess->sigma_px = std::max(RobustSigma(summary.residual_px), 1e-12 * row);
+  }
+}
+
+CameraGuess GuessFromNothing(const Observations& data, const Observations& own,
+                             const CameraPoints& seen, int index, const GuessOptions& options,
+                             const std::string& where) {
   const std::string& name = data.cameras[static_cast<std::size_t>(index)];
-  const Observations own = SelectCamera(data, index);
-  const auto n = static_cast<int>(own.readings.size());
-  if (n < options.fewest_points) {
-    throw Error(fmt::format("camera \"{}\" sees {} of the points", name, n), where,
-                fmt::format("survey at least {} that it sees", options.fewest_points));
-  }
-  Eigen::Matrix3Xd p(3, n);
-  Eigen::VectorXd u(n);
-  for (int k = 0; k < n; ++k) {
-    p.col(k) = own.p.col(own.readings[static_cast<std::size_t>(k)].point);
-    u(k) = own.readings[static_cast<std::size_t>(k)].u_px;
-  }
+  const Eigen::Matrix3Xd& p = seen.p;
+  const Eigen::VectorXd& u = seen.u;
+  const auto n = static_cast<int>(u.size());
   RefuseFlat(p, options.flatness, fmt::format("the points that camera \"{}\" sees", name), where);
 
   const int row = data.RowOf(index);
@@ -195,18 +214,100 @@ CameraGuess GuessCamera(const Observations& data, int index, const GuessOptions&
   guess.prior = WithOrder({guess.richest}, kFullOrder)[0];
   guess.camera.e = guess.prior.e_mean;
 
-  // Lens error is in the first scale and, once the terms are fitted, not in the second.
-  guess.sigma_px = std::max(direct.sigma_px, 1e-9 * row);  // not 0 without noise
-  BundleOptions resection;
-  resection.fix_points = true;
-  for (int pass = 0; pass < 3; ++pass) {
-    BundleState state{{guess.camera}, own.p};
-    const BundleSummary summary =
-        SolveBundle(own, {guess.prior}, EqualWeighting(own, guess.sigma_px), resection, &state);
-    guess.camera = state.cameras[0];
-    guess.sigma_px = std::max(RobustSigma(summary.residual_px), 1e-12 * row);
-  }
+  guess.sigma_px = direct.sigma_px;
+  Resect(own, &guess);
   return guess;
+}
+
+// From where the camera was, and from nothing where there are points enough: whichever misses less.
+CameraGuess GuessFromBefore(const Observations& data, const Observations& own,
+                            const CameraPoints& seen, int index, const GuessOptions& options,
+                            const std::string& where) {
+  const std::string& name = data.cameras[static_cast<std::size_t>(index)];
+  const auto before =
+      std::find_if(options.known.begin(), options.known.end(),
+                   [&](const KnownLens& known) { return known.camera.name == name; });
+  if (before == options.known.end()) {
+    throw Error(fmt::format("camera \"{}\" is not among those whose lenses are known", name), where,
+                "give a rig of all the survey's cameras, or none");
+  }
+  const int row = data.RowOf(index);
+  const auto stated = static_cast<std::size_t>(index);
+  if (stated < data.pixels.size() && data.pixels[stated] > 0 && row != before->camera.pixels) {
+    throw Error(fmt::format("camera \"{}\" has {} pixels, and had {} in the rig that its lens is "
+                            "known from",
+                            name, row, before->camera.pixels),
+                where, "give the rig of the same cameras");
+  }
+  if (!(before->covariance(kFirstOfLens, kFirstOfLens) > 0.0)) {
+    throw Error(fmt::format("the rig that the lens of camera \"{}\" is known from states no "
+                            "uncertainty of it",
+                            name),
+                where, "give a rig that `unfurl calibrate` has made");
+  }
+  auto with_lens = [&](data::RigCamera camera) {
+    CameraGuess guess;
+    guess.readings = static_cast<int>(seen.u.size());
+    guess.camera = std::move(camera);
+    guess.camera.f_px = before->camera.f_px;
+    guess.camera.u0_px = before->camera.u0_px;
+    guess.camera.e = before->camera.e;
+    guess.camera.terms_px = before->camera.terms_px;
+    guess.richest = MakePrior(guess.camera, seen.p, 0.0, options);
+    for (int k = 0; k < kTerms; ++k) {
+      const Eigen::Index at = data::kFirstTerm + k;
+      guess.richest.term_sigma_px[static_cast<std::size_t>(k)] =
+          std::sqrt(std::max(0.0, before->covariance(at, at)));
+    }
+    guess.richest.lens_mean = LensOf(before->camera);
+    guess.richest.lens_root = before->Root();
+    guess.prior = guess.richest;
+    guess.sigma_px = row;  // it may have been turned by any angle
+    Resect(own, &guess);
+    return guess;
+  };
+  CameraGuess best = with_lens(before->camera);
+  GuessOptions alone = options;
+  alone.lens = before->camera.lens;
+  if (static_cast<int>(seen.u.size()) >= options.fewest_points) {
+    try {
+      CameraGuess anew = with_lens(GuessFromNothing(data, own, seen, index, alone, where).camera);
+      if (anew.sigma_px < best.sigma_px) best = std::move(anew);
+    } catch (const Error&) {  // flat, or no camera fits: where it was is all there is to start from
+    }
+  }
+  const std::vector<double> readings(seen.u.data(), seen.u.data() + seen.u.size());
+  if (!(best.sigma_px < kLargestScale * (Quantile(readings, 0.95) - Quantile(readings, 0.05)))) {
+    throw Error(
+        fmt::format("the readings of camera \"{}\" do not fit its lens at the surveyed points "
+                    "(they miss by {:.3g} px)",
+                    name, best.sigma_px),
+        where,
+        "check that rig and survey are of the same cameras and in one frame, or calibrate "
+        "from nothing, by 12 points or more that fill the volume");
+  }
+  return best;
+}
+
+CameraGuess GuessCamera(const Observations& data, int index, const GuessOptions& options,
+                        const std::string& where) {
+  const std::string& name = data.cameras[static_cast<std::size_t>(index)];
+  const Observations own = SelectCamera(data, index);
+  const auto n = static_cast<int>(own.readings.size());
+  const int fewest = options.known.empty() ? options.fewest_points : options.fewest_with_lens;
+  if (n < fewest) {
+    throw Error(fmt::format("camera \"{}\" sees {} of the points", name, n), where,
+                fmt::format("survey at least {} that it sees", fewest));
+  }
+  CameraPoints seen;
+  seen.p.resize(3, n);
+  seen.u.resize(n);
+  for (int k = 0; k < n; ++k) {
+    seen.p.col(k) = own.p.col(own.readings[static_cast<std::size_t>(k)].point);
+    seen.u(k) = own.readings[static_cast<std::size_t>(k)].u_px;
+  }
+  if (!options.known.empty()) return GuessFromBefore(data, own, seen, index, options, where);
+  return GuessFromNothing(data, own, seen, index, options, where);
 }
 
 // Two columns with the very same numbers are one camera, pasted twice: their noise cannot agree.
@@ -261,11 +362,17 @@ PointSpread SpreadOf(const Eigen::Matrix3Xd& p) {
 
 std::vector<CameraGuess> GuessCameras(const Observations& data, const GuessOptions& options,
                                       const std::string& where) {
-  if (data.points() < options.fewest_points) {
+  const bool known = !options.known.empty();
+  const int fewest = known ? options.fewest_with_lens : options.fewest_points;
+  if (data.points() < fewest) {
     throw Error(fmt::format("the survey has {} points", data.points()), where,
-                fmt::format("survey at least {}", options.fewest_points));
+                fmt::format("survey at least {}", fewest));
   }
-  RefuseFlat(data.p, options.flatness, "the survey's points", where);
+  if (known) {
+    RefuseLine(data.p, options.flatness, "the survey's points", where);
+  } else {
+    RefuseFlat(data.p, options.flatness, "the survey's points", where);
+  }
   RefuseCopies(data, options.fewest_points, where);
   std::vector<CameraGuess> out;
   out.reserve(static_cast<std::size_t>(data.camera_count()));

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "calib/bundle.h"
+#include "calib/known_lens.h"
 #include "calib/observations.h"
 #include "data/rig.h"
 
@@ -29,6 +30,12 @@ struct GuessOptions {
   // Priors of the terms, in those of the lens model (measure::PriorOf) [-].
   double term_sigmas = 1.0;
   std::uint64_t seed = 1;  // of the random subsets
+  // Of the same cameras from a calibration before, by name, all or none: each is first thought
+  // where it was, its lens known as well as that calibration knows it, and few points tell where it
+  // is now. Takes the place of `lens` and of the priors of e and the terms.
+  std::vector<KnownLens> known;
+  // Fewest readings of a camera whose lens is known: six unknowns, and two to find an error with.
+  int fewest_with_lens = 8;
 
   // Throws Error that names a value which makes no sense.
   void Check() const;
@@ -45,6 +52,7 @@ struct CameraGuess {
 
 // For each camera: the robust direct linear transformation, then its own parameters by robust
 // least squares with the loss's scale taken from the residuals (twice). Needs no starting values.
+// Where lenses are known, from where each camera was, too, whichever misses its readings less.
 // Throws Error, naming camera and reason, for too few readings, points that are coplanar or
 // collinear, readings that no camera explains, and two cameras with the very same readings.
 std::vector<CameraGuess> GuessCameras(const Observations& data, const GuessOptions& options,

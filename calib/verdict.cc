@@ -180,7 +180,11 @@ void JudgeFit(const CalibrationReport& report, const VerdictOptions& options, da
         fmt::format("camera \"{}\": its readings deviate by a further {:.3g} px (model floor)",
                     camera.name, camera.floor_px);
     if (camera.floor_px > options.floor_care * rig->cameras[j].pixels) {
-      tally->care.push_back(floor + ": the lens model or the stated standard deviations are wrong");
+      tally->care.push_back(
+          floor + (report.lenses.empty()
+                       ? ": the lens model or the stated standard deviations are wrong"
+                       : ": its lens is not the one that was calibrated before (refocused, "
+                         "exchanged?), or the stated standard deviations are wrong"));
     } else {
       tally->fine.push_back(floor);
     }
@@ -255,6 +259,28 @@ void JudgeSetUps(const CalibrationReport& report, data::Rig* rig, Tally* tally) 
   rig->checks["set_ups_off [1]"] = off;
 }
 
+// Lenses that were known before: whether each is still that, and where its camera went.
+void JudgeLenses(const CalibrationReport& report, const VerdictOptions& options, Tally* tally) {
+  const double each = ChanceOfEach(options.lens_level, static_cast<double>(report.lenses.size()));
+  for (const KnownLensEstimate& lens : report.lenses) {
+    if (lens.chance < each) {
+      tally->care.push_back(
+          fmt::format("camera \"{}\": its lens is not the one that it was: they differ by a "
+                      "chi-square of {:.0f} "
+                      "with {:.0f} degrees, which chance makes with a probability of {:.1g}. Was "
+                      "it refocused or "
+                      "exchanged? Calibrate it from nothing (leave --lenses out)",
+                      lens.camera, lens.chi_square, lens.freedom, lens.chance));
+    }
+    const LengthUnit unit = UnitFor(std::max(lens.moved.norm(), lens.moved_sigma));
+    tally->fine.push_back(fmt::format(
+        "camera \"{}\" stands {:.3g} +- {:.2g} {} and {:.3g} +- {:.2g} mrad from where it was when "
+        "its lens was calibrated",
+        lens.camera, unit.per_metre * lens.moved.norm(), unit.per_metre * lens.moved_sigma,
+        unit.name, 1e3 * lens.turned, 1e3 * lens.turned_sigma));
+  }
+}
+
 // What the residuals follow that nothing in the model makes, and parts of the field that nothing
 // tested.
 void JudgeTrends(const CalibrationReport& report, data::Rig* rig, Tally* tally) {
@@ -278,7 +304,8 @@ void JudgeCoverage(const CalibrationReport& report, const VerdictOptions& option
   if (shares.empty()) return;
   const double share = Median(shares);
   rig->checks["row_covered [1]"] = share;
-  if (share >= options.least_row) return;
+  // Of a lens that was known before, another survey tested the rest.
+  if (share >= options.least_row || !report.lenses.empty()) return;
   tally->care.push_back(fmt::format(
       "the survey covers {:.0f}% of the rows (median of the cameras): what lies beyond the "
       "surveyed "
@@ -342,6 +369,7 @@ void Judge(const CalibrationReport& report, const Observations& data, data::Rig*
   JudgeFit(report, options, rig, &tally);
   JudgeSurvey(report, data, options, rig, &tally);
   JudgeSetUps(report, rig, &tally);
+  JudgeLenses(report, options, &tally);
   JudgeTrends(report, rig, &tally);
   JudgeCoverage(report, options, rig, &tally);
   ListWeak(report, rig, &tally);

@@ -29,6 +29,8 @@ struct VerdictOptions {
   double common_sigmas = 4.0;  // a common error of the survey over its estimate's scatter [-]
   // With which probability one of faultless set-ups is called off, all of them together [-].
   double set_up_level = 0.01;
+  // With which probability one of lenses that stayed what they were is called another.
+  double lens_level = 0.01;
   // Fewer redundant numbers leave chi-square and held-out check little to say (their relative
   // standard deviation is then a quarter).
   double fewest_redundant = 30.0;  // [-]

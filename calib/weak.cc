@@ -229,7 +229,7 @@ std::vector<WeakDirection> FindWeak(const data::Rig& rig, const std::vector<Came
 }
 
 std::vector<std::string> SurveyAdvice(const Observations& data, const Weighting& weighting,
-                                      const data::Rig& rig) {
+                                      const data::Rig& rig, bool lenses_known) {
   std::vector<std::string> out;
   std::vector<int> used;
   for (int i = 0; i < data.points(); ++i) {
@@ -256,6 +256,7 @@ std::vector<std::string> SurveyAdvice(const Observations& data, const Weighting&
                     "part of the error",
                     used.size()));
   }
+  if (lenses_known) return out;  // what the survey does not show of a row another one did
   for (std::size_t j = 0; j < rig.cameras.size(); ++j) {
     const double row = rig.cameras[j].pixels;
     std::vector<double> u = {0.0, row};

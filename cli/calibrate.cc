@@ -31,7 +31,7 @@ namespace {
 using nlohmann::ordered_json;
 
 struct CalibrateArguments {
-  std::string survey, readings, layout, out, report, need;
+  std::string survey, readings, layout, lenses, out, report, need;
   std::string lens = "rectilinear", order = "auto";
   data::StationSigmas sigmas;
   std::vector<double> station, distance_error;
@@ -169,6 +169,17 @@ ordered_json Json(const calib::Calibration& result, const CalibrateArguments& ar
     if (!error.set_up.empty()) summary["common"].back()["set_up"] = error.set_up;
   }
   summary["set_ups"] = SetUpsJson(result.report.set_ups);
+  summary["lenses"] = ordered_json::array();
+  for (const calib::KnownLensEstimate& lens : result.report.lenses) {
+    summary["lenses"].push_back({{"camera", lens.camera},
+                                 {"moved", {lens.moved.x(), lens.moved.y(), lens.moved.z()}},
+                                 {"moved_sigma", lens.moved_sigma},
+                                 {"turned", lens.turned},
+                                 {"turned_sigma", lens.turned_sigma},
+                                 {"chi_square", lens.chi_square},
+                                 {"degrees_of_freedom", lens.freedom},
+                                 {"chance", lens.chance}});
+  }
   summary["orders"] = ordered_json::array();
   for (const calib::OrderTrial& trial : result.report.orders) {
     summary["orders"].push_back({{"name", calib::OrderName(trial)},
@@ -260,6 +271,10 @@ int RunCalibrate(const Common& common, const CalibrateArguments& arguments) {
   const bool handed = !arguments.layout.empty() || data::TellsHandedness(arguments.survey);
   calib::CalibrateOptions options = arguments.options;
   options.verdict.need = NeedOption(arguments.need);
+  if (!arguments.lenses.empty()) {
+    provenance.AddInput(arguments.lenses);
+    options.guess.known = calib::KnownLensesOf(data::ReadRig(arguments.lenses));
+  }
   Progress progress("calibrate", !common.quiet && !common.json);
   options.progress = [&](double done) { progress.Update(done); };
   calib::Observations data;
@@ -345,12 +360,17 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
       ->check(CLI::PositiveNumber);
   files.Read("--layout", &arguments->layout,
              "Planned camera positions [lab TOML]; detects a left-handed survey");
+  CLI::Option* lenses = files.Read("--lenses", &arguments->lenses,
+                                   "A rig of the same cameras, calibrated before they were moved: "
+                                   "their lenses are known from it, "
+                                   "and 8 points do [HDF5]");
   AddNeedOption(app, &arguments->need);
   arguments->folds_given =
       app->add_option("--folds", arguments->options.folds, "Folds of the cross-validation")
           ->capture_default_str()
           ->check(CLI::Range(2, 1000));
   app->add_option("--lens", arguments->lens, "Lens model: rectilinear, or fisheye (wide angle)")
+      ->excludes(lenses)
       ->type_name("MODEL")
       ->capture_default_str()
       ->type_name("LENS");
@@ -359,6 +379,7 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
                   "rectilinear: pinhole, "
                   "cubic, cubic-even, quintic, quintic-even, full, septic; fisheye: "
                   "equidistant, two-parameter, full, septic")
+      ->excludes(lenses)
       ->capture_default_str()
       ->type_name("ORDER");
   auto* e =
@@ -370,6 +391,7 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
       ->check(CLI::PositiveNumber)
       ->needs(e);
   e->needs("--e-sigma");
+  e->excludes(lenses);
   app->add_option("--seed", arguments->options.guess.seed,
                   "Random seed of the search for gross errors")
       ->capture_default_str();
@@ -378,6 +400,10 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
   AddWandOptions(app, files, &arguments->wand);
   verb.run = [&common, arguments] {
     if (!arguments->wand.readings.empty()) {
+      if (!arguments->lenses.empty()) {
+        throw Error("is given beside --wand", "--lenses",
+                    "a bar's cameras take no lenses from before: leave one of the two out");
+      }
       const bool survey = !arguments->survey.empty();
       if (!survey && arguments->readings.empty()) return RunWand(common, *arguments);
       throw Error("is given beside --wand", survey ? "SURVEY" : "--readings",

@@ -174,6 +174,11 @@ bool SpanFrames(report::Motion* motion) {
     high = std::max(high, mark.t.back());
   }
   if (!(high > low)) return false;
+  // Strobed marks flash one after another: all that do within a frame are in the first.
+  const double within = low + (high - low) / (kFrames - 1);
+  for (const report::MovingMark& mark : motion->marks) {
+    if (!mark.t.empty() && mark.t.front() < within) low = std::max(low, mark.t.front());
+  }
   for (int f = 0; f < kFrames; ++f) motion->t.push_back(low + (high - low) * f / (kFrames - 1));
   return true;
 }

@@ -48,7 +48,7 @@ std::string NameOf(const std::vector<Source>& sources) {
 
 Calibration Calibrate(const py::object& survey_or_path, const std::string& lens,
                       const std::string& order, double need, int folds, std::uint64_t seed,
-                      std::size_t workers, const py::object& progress) {
+                      std::size_t workers, const py::object& lenses, const py::object& progress) {
   calib::CalibrateOptions options;
   options.guess.lens = LensOf(lens);
   options.order = OrderOf(options.guess.lens, order);
@@ -57,6 +57,10 @@ Calibration Calibrate(const py::object& survey_or_path, const std::string& lens,
   options.folds = folds;
   options.workers = workers;
   options.Check();
+  if (!lenses.is_none()) {
+    options.guess.known =
+        calib::KnownLensesOf(RecordFrom<Rig>(lenses, "a Rig", &data::ReadRig)->data);
+  }
   const auto survey = RecordFrom<Survey>(survey_or_path, "a Survey", &data::ReadSurvey);
   CallbackError errors;
   options.progress = ProgressOf(progress, &errors);
@@ -206,12 +210,15 @@ void BindCalibrate(py::module_& m) {
   m.def("calibrate", &Calibrate, py::arg("survey"), py::kw_only(), py::arg("lens") = "rectilinear",
         py::arg("order") = "auto", py::arg("need") = 0.0, py::arg("folds") = 10,
         py::arg("seed") = calib::GuessOptions().seed, py::arg("workers") = 0,
-        py::arg("progress") = py::none(),
+        py::arg("lenses") = py::none(), py::arg("progress") = py::none(),
         "A rig from a survey (a Survey or a path), without an initial guess.\n\n"
         "lens: 'rectilinear', or 'fisheye' (wide angle). order: its terms; 'auto' chooses by\n"
         "cross-validation. need: error of a found point that is aimed at [m]; 0: a 2000th of the\n"
         "surveyed box. folds: of the held-out check, 2 or more. seed: of the search for gross\n"
-        "errors. workers: threads, 0 for all cores; changes no result. progress(done): is called\n"
+        "errors. workers: threads, 0 for all cores; changes no result. lenses: a rig (or a path to "
+        "one)\n"
+        "of the same cameras, calibrated before they were moved; their lenses are known from it,\n"
+        "8 points do, and lens and order do not count. progress(done): is called\n"
         "between the steps with the share that is done.\n"
         "A calibration that is not good is a result: see verdict and reasons.");
 }

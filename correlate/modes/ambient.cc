@@ -116,7 +116,7 @@ double Evidence(const Eigen::MatrixXcd& blocks, const SubspacePole& at, double b
   return mean > 0.0 && squares > 0.0 ? mean * mean * n * (n - 1.0) / squares : 0.0;
 }
 
-AmbientMode ModeOf(const Cluster& cluster, const Subspace& subspace,
+AmbientMode ModeOf(const PoleCluster& cluster, const Subspace& subspace,
                    const LagCovariances& covariances, const std::vector<double>& scales) {
   AmbientMode out;
   Mode& mode = out.mode;
@@ -194,10 +194,10 @@ void Search(const Part& part, const AmbientOptions& options, AmbientFit* fit) {
   constexpr Eigen::Index kFewestBlocks = 20;
   if (covariances.blocks.cols() < kFewestBlocks) return;
   const Subspace subspace(covariances, l, rows, part.joint.step);
-  const Diagram diagram = DiagramOf(subspace, part.low, part.high, options);
+  const PoleDiagram diagram = DiagramOf(subspace, part.low, part.high, options);
   const double asked = EvidenceAsked(covariances.references.size(), options.chance);
   const double sure = NormalQuantile(1.0 - options.chance);
-  for (const Cluster& cluster : Clusters(diagram, options)) {
+  for (const PoleCluster& cluster : Clusters(diagram, options)) {
     AmbientMode m = ModeOf(cluster, subspace, covariances, part.joint.scale);
     // Nothing that is driven by noise grows.
     if (m.mode.evidence < asked || m.mode.damping < -sure * m.mode.damping_sigma) continue;

@@ -10,12 +10,12 @@ namespace unfurl::correlate {
 
 namespace {
 
-constexpr double kTau = 2.0 * std::numbers::pi;  // [rad]
+constexpr double kTurn = 2.0 * std::numbers::pi;  // [rad]
 
 StabilisationPole Seen(const SubspacePole& p) {
   StabilisationPole out;
   out.order = p.order;
-  out.frequency = std::abs(p.pole) / kTau;
+  out.frequency = std::abs(p.pole) / kTurn;
   out.damping = -p.pole.real() / std::abs(p.pole);
   return out;
 }
@@ -50,10 +50,10 @@ void Compare(const std::vector<StableMode>& before, const AmbientOptions& option
 
 }  // namespace
 
-Diagram DiagramOf(const Subspace& subspace, double low, double high,
-                  const AmbientOptions& options) {
+PoleDiagram DiagramOf(const Subspace& subspace, double low, double high,
+                      const AmbientOptions& options) {
   constexpr double kEdge = 0.1;  // of a part's ends: a mode there may scatter to either side
-  Diagram out;
+  PoleDiagram out;
   const auto most = std::min<Eigen::Index>(2 * (options.max_order / 2), subspace.most());
   for (Eigen::Index order = 2; order <= most; order += 2) {
     std::vector<StableMode> row;
@@ -74,15 +74,15 @@ Diagram DiagramOf(const Subspace& subspace, double low, double high,
   return out;
 }
 
-std::vector<Cluster> Clusters(const Diagram& diagram, const AmbientOptions& options) {
+std::vector<PoleCluster> Clusters(const PoleDiagram& diagram, const AmbientOptions& options) {
   constexpr std::size_t kFewest = 4;  // stable poles
-  std::vector<Cluster> clusters;
+  std::vector<PoleCluster> clusters;
   for (const auto& row : diagram) {
     for (const StableMode& c : row) {
       if (!c.seen.stable()) continue;
-      Cluster* home = nullptr;
+      PoleCluster* home = nullptr;
       double nearest = Same(c.seen, options);
-      for (Cluster& cluster : clusters) {
+      for (PoleCluster& cluster : clusters) {
         const StableMode& last = *cluster.back();
         const double off = std::abs(last.seen.frequency - c.seen.frequency);
         if (last.seen.order == c.seen.order || off > nearest ||
@@ -97,7 +97,7 @@ std::vector<Cluster> Clusters(const Diagram& diagram, const AmbientOptions& opti
     }
   }
   const int last_order = 2 * static_cast<int>(diagram.size());
-  std::erase_if(clusters, [&](const Cluster& c) {
+  std::erase_if(clusters, [&](const PoleCluster& c) {
     const double orders = 0.5 * (last_order - c.front()->seen.order) + 1.0;
     return c.size() < kFewest || static_cast<double>(c.size()) < options.persistence * orders;
   });

@@ -13,13 +13,14 @@ struct StableMode {
 };
 
 /// Poles by order, each with what the order before knows of it.
-using Diagram = std::vector<std::vector<StableMode>>;
+using PoleDiagram = std::vector<std::vector<StableMode>>;
 /// Orders from 2 on; poles within the band [Hz] and a little beyond, of no more damping than
 /// options.max_damping.
-Diagram DiagramOf(const Subspace& subspace, double low, double high, const AmbientOptions& options);
+PoleDiagram DiagramOf(const Subspace& subspace, double low, double high,
+                      const AmbientOptions& options);
 
 /// Poles that stand for one mode, by rising order, one of an order at most.
-using Cluster = std::vector<const StableMode*>;
-std::vector<Cluster> Clusters(const Diagram& diagram, const AmbientOptions& options);
+using PoleCluster = std::vector<const StableMode*>;
+std::vector<PoleCluster> Clusters(const PoleDiagram& diagram, const AmbientOptions& options);
 
 }  // namespace unfurl::correlate

@@ -904,6 +904,7 @@ def calibrate(
     folds: int = 10,
     seed: int = 1,
     workers: int = 0,
+    lenses: Union[Rig, _Path, None] = None,
     progress: _Progress = None,
 ) -> Calibration: ...
 def check(

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <string>
+#include <vector>
+
+#include "calib/parameters.h"
+#include "data/rig.h"
+
+namespace unfurl::calib {
+
+/// First of a lens's parameters in a camera's, and how many: f, u0, e and the terms (data/rig.h).
+inline constexpr int kFirstOfLens = 6;
+inline constexpr int kLensParameters = data::kCameraParameters - kFirstOfLens;
+
+/// A lens as a calibration before knows it: the camera was moved since, not the lens in it.
+struct KnownLens {
+  data::RigCamera camera;      ///< as it was, and where
+  Eigen::MatrixXd covariance;  ///< of all its parameters, 31 x 31; zero rows: held (data/rig.h)
+
+  /// A root of the lens's information: the squared length of root * (lens - camera's) is the
+  /// squared distance from it in its sigmas. 1 px^-2 for a term that is held.
+  Eigen::MatrixXd Root() const;
+};
+
+/// f, u0, e and the terms of a camera.
+Eigen::VectorXd LensOf(const data::RigCamera& camera);
+
+/// Of every camera of a rig.
+std::vector<KnownLens> KnownLensesOf(const data::Rig& rig);
+
+/// What became of a camera since the calibration that its lens is known from.
+struct KnownLensEstimate {
+  std::string camera;
+  Eigen::Vector3d moved = Eigen::Vector3d::Zero();  ///< of its place [m]
+  double moved_sigma = 0.0;                         ///< along that, both calibrations' [m]
+  double turned = 0.0, turned_sigma = 0.0;          ///< [rad]
+  /// Of the lens from what was known of it, where it is the same one a chi-square variable.
+  double chi_square = 0.0, freedom = 0.0;
+  double chance = 1.0;  ///< of that or more
+};
+
+/// Of the cameras of `now` that are among the known. Where a camera was is corrected by what is
+/// known of its lens now, so that what both calibrations leave open alike drops out.
+std::vector<KnownLensEstimate> CompareLenses(const std::vector<KnownLens>& known,
+                                             const data::Rig& now);
+
+}  // namespace unfurl::calib

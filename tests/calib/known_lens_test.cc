@@ -1,0 +1,199 @@
+// Cameras that were moved since a calibration that knows their lenses: rays through glass.
+#include "calib/known_lens.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <vector>
+
+#include "base/dense.h"
+#include "base/error.h"
+#include "base/pose.h"
+#include "base/worker_pool.h"
+#include "calib/calibrate.h"
+#include "calib/verdict.h"
+#include "tests/calib/fixtures.h"
+#include "tests/calib/traced.h"
+
+namespace unfurl::calib::known_lens_test {
+namespace {
+
+using ::testing::HasSubstr;
+using testing::TracedLab;
+
+constexpr std::size_t kRepeats = testing::Labs(8, 100);
+constexpr int kMany = 150, kFew = 16;  // points
+
+Eigen::Vector3d Draw(Rng* rng, double size) {
+  return size * Eigen::Vector3d(rng->Normal(), rng->Normal(), rng->Normal());
+}
+
+// Each camera bumped, by some millimetres and milliradians.
+void Bump(TracedLab* lab, double metres, double radians) {
+  Rng rng = lab->rng.Stream("bump");
+  for (auto& camera : lab->truth.cameras) {
+    camera.X_WC.translation() += Draw(&rng, metres);
+    camera.X_WC.linear() = camera.X_WC.linear() * RotationFromVector(Draw(&rng, radians));
+  }
+}
+
+CalibrateOptions One() {
+  CalibrateOptions options;
+  options.workers = 1;
+  return options;
+}
+
+double Nees(const TracedLab& lab, const data::Rig& rig, double* squares) {
+  const measure::Triangulator triangulator(rig, {.residual_level = 1e-12});
+  Eigen::Matrix3Xd F(3, triangulator.shared_rank());
+  Rng noise = lab.rng.Stream("check noise");
+  const Eigen::Matrix3Xd points = testing::PointsInCube(60, lab.half, lab.rng.Stream("check"));
+  std::vector<double> u(rig.cameras.size()), s(rig.cameras.size(), lab.reading_sigma);
+  double sum = 0.0, n = 0.0;
+  *squares = 0.0;
+  for (Eigen::Index i = 0; i < points.cols(); ++i) {
+    bool all = true;
+    for (std::size_t c = 0; c < u.size(); ++c) {
+      all = lab.Read(c, points.col(i), &u[c]) && all;
+      u[c] += lab.reading_sigma * noise.Normal();
+    }
+    if (!all) continue;
+    const auto found = triangulator.Solve(u, s, points.col(i));
+    if (found.outcome != measure::PointOutcome::kSolved) continue;
+    triangulator.SharedFactor(found, s, F);
+    const Eigen::Matrix3d cov = found.cov + F * F.transpose();
+    const Eigen::Vector3d e = found.p - points.col(i);
+    sum += e.dot(cov.llt().solve(e)) / 3.0;
+    *squares += e.squaredNorm();
+    n += 1.0;
+  }
+  *squares /= n;
+  return sum / n;
+}
+
+struct Trial {
+  double nees = 0.0, squares = 0.0, whole = 0.0, alone = 0.0;  // of found points; [m^2]
+  bool alone_failed = false;
+  std::vector<double> moved, chance;  // errors over sigmas, of every camera
+};
+Trial TryOne(std::uint64_t seed) {
+  TracedLab lab(seed);
+  const data::Rig before = FitRig(lab.Survey(kMany), One(), "before").rig;
+  const TracedLab was = lab;
+  Bump(&lab, 5e-3, 5e-3);
+  lab.rng = Rng(seed + 7000);
+  const Observations few = lab.Survey(kFew);
+  CalibrateOptions known = One();
+  known.guess.known = KnownLensesOf(before);
+  const data::Rig now = FitRig(few, known, "now").rig;
+  Trial out;
+  out.nees = Nees(lab, now, &out.squares);
+  Nees(lab, FitRig(lab.Survey(kMany), One(), "whole").rig, &out.whole);
+  try {
+    Nees(lab, FitRig(few, One(), "alone").rig, &out.alone);
+  } catch (const Error&) {
+    out.alone_failed = true;
+  }
+  const std::vector<KnownLensEstimate> lenses = CompareLenses(known.guess.known, now);
+  for (std::size_t c = 0; c < lenses.size(); ++c) {
+    const Eigen::Vector3d truth =
+        lab.truth.cameras[c].X_WC.translation() - was.truth.cameras[c].X_WC.translation();
+    const Eigen::Vector3d along = lenses[c].moved.normalized();
+    out.moved.push_back((lenses[c].moved - truth).dot(along) / lenses[c].moved_sigma);
+    out.chance.push_back(lenses[c].chance);
+  }
+  return out;
+}
+
+// A sixth of the points, and the error of all of them but for a factor; error bars that hold.
+TEST(KnownLens, FewPointsDoAfterABump) {
+  std::vector<Trial> all(kRepeats);
+  ParallelFor(kRepeats, 0, [&](std::size_t k) { all[k] = TryOne(500 + k); });
+  double nees = 0.0, squares = 0.0, whole = 0.0, alone = 0.0, moved = 0.0, low = 0.0;
+  double cameras = 0.0, fits = 0.0;
+  for (const Trial& one : all) {
+    nees += one.nees / static_cast<double>(kRepeats);
+    squares += one.squares;
+    whole += one.whole;
+    if (!one.alone_failed) alone += one.alone, fits += 1.0;
+    for (const double m : one.moved) moved += m * m;
+    for (const double c : one.chance) low += c < 0.01 ? 1.0 : 0.0;
+    cameras += static_cast<double>(one.moved.size());
+  }
+  const auto n = static_cast<double>(kRepeats);
+  std::printf(
+      "%zu laboratories: %d points and lenses known by %d: NEES/3 %.3f, RMS %.3f mm; from nothing "
+      "by "
+      "as many %.3f (%.0f failed), by %d %.3f; moves' squared errors %.2f of %.0f cameras; lenses "
+      "called others %.0f\n",
+      kRepeats, kFew, kMany, nees, 1e3 * std::sqrt(squares / n), 1e3 * std::sqrt(alone / fits),
+      n - fits, kMany, 1e3 * std::sqrt(whole / n), moved / cameras, cameras, low);
+  // A survey's NEES/3 of points in one rig scatters by some 0.35.
+  EXPECT_NEAR(nees, 1.0, 3.0 * 0.35 / std::sqrt(n));
+  EXPECT_LT(squares, 0.2 * alone * n / fits);
+  EXPECT_LT(low, 0.01 * cameras + 3.0 * std::sqrt(0.01 * cameras) + 0.5);
+}
+
+// A lens that was refocused, by a change that its calibration would see: its camera is named,
+// or found points are as good as they are said to be.
+TEST(KnownLens, AnotherLensIsToldOrHarmless) {
+  int told = 0, named = 0, trials = 0;
+  for (const double factor : {1.01, 1.003, 1.001}) {
+    for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+      TracedLab lab(seed);
+      CalibrateOptions options = One();
+      data::Rig before = FitRig(lab.Survey(kMany), One(), "before").rig;
+      before.cameras[1].f_px *= factor;
+      options.guess.known = KnownLensesOf(before);
+      lab.rng = Rng(seed + 7000);
+      const Calibration now = Calibrate(lab.Survey(40), options, "now");
+      double squares = 0.0;
+      const double nees = Nees(lab, now.rig, &squares);
+      const bool good = now.rig.verdict == kGood;
+      EXPECT_TRUE(!good || nees < 1.6) << factor << ", " << seed << ": " << nees;
+      if (factor < 1.01) continue;
+      ++trials;
+      told += good ? 0 : 1;
+      const auto names = [&](const std::string& reason) {
+        return reason.find("\"" + before.cameras[1].name + "\": its") != std::string::npos &&
+               reason.find("lens is not the one") != std::string::npos;
+      };
+      const auto& reasons = now.rig.reasons;
+      named += std::any_of(reasons.begin(), reasons.end(), names) ? 1 : 0;
+    }
+  }
+  EXPECT_EQ(told, trials);
+  EXPECT_EQ(named, trials);
+}
+
+TEST(KnownLens, BadInputIsNamed) {
+  const TracedLab lab(3);
+  data::Rig before = FitRig(lab.Survey(60), One(), "before").rig;
+  auto message = [&](const data::Rig& rig, const Observations& data) {
+    CalibrateOptions options = One();
+    options.guess.known = KnownLensesOf(rig);
+    try {
+      FitRig(data, options, "test");
+    } catch (const Error& e) {
+      return std::string(e.what());
+    }
+    return std::string();
+  };
+  const Observations few = lab.Survey(kFew);
+  data::Rig other = before;
+  other.cameras[2].name = "spare";
+  EXPECT_THAT(message(other, few), HasSubstr("is not among those whose lenses are known"));
+  other = before;
+  other.cameras[0].pixels = 1000;
+  EXPECT_THAT(message(other, few), HasSubstr("had 1000 in the rig"));
+  other = before;
+  other.covariance.setZero();
+  EXPECT_THAT(message(other, few), HasSubstr("states no uncertainty"));
+  EXPECT_THAT(message(before, lab.Survey(6)), HasSubstr("survey at least 8"));
+}
+
+}  // namespace
+}  // namespace unfurl::calib::known_lens_test
