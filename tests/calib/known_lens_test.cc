@@ -22,10 +22,11 @@ namespace unfurl::calib::known_lens_test {
 namespace {
 
 using ::testing::HasSubstr;
+using testing::NeesOf;
 using testing::TracedLab;
 
 constexpr std::size_t kRepeats = testing::Labs(8, 100);
-constexpr int kMany = 150, kFew = 16;  // points
+constexpr int kMany = 150, kFew = 16, kChecks = 60;  // points
 
 Eigen::Vector3d Draw(Rng* rng, double size) {
   return size * Eigen::Vector3d(rng->Normal(), rng->Normal(), rng->Normal());
@@ -46,34 +47,6 @@ CalibrateOptions One() {
   return options;
 }
 
-double Nees(const TracedLab& lab, const data::Rig& rig, double* squares) {
-  const measure::Triangulator triangulator(rig, {.residual_level = 1e-12});
-  Eigen::Matrix3Xd F(3, triangulator.shared_rank());
-  Rng noise = lab.rng.Stream("check noise");
-  const Eigen::Matrix3Xd points = testing::PointsInCube(60, lab.half, lab.rng.Stream("check"));
-  std::vector<double> u(rig.cameras.size()), s(rig.cameras.size(), lab.reading_sigma);
-  double sum = 0.0, n = 0.0;
-  *squares = 0.0;
-  for (Eigen::Index i = 0; i < points.cols(); ++i) {
-    bool all = true;
-    for (std::size_t c = 0; c < u.size(); ++c) {
-      all = lab.Read(c, points.col(i), &u[c]) && all;
-      u[c] += lab.reading_sigma * noise.Normal();
-    }
-    if (!all) continue;
-    const auto found = triangulator.Solve(u, s, points.col(i));
-    if (found.outcome != measure::PointOutcome::kSolved) continue;
-    triangulator.SharedFactor(found, s, F);
-    const Eigen::Matrix3d cov = found.cov + F * F.transpose();
-    const Eigen::Vector3d e = found.p - points.col(i);
-    sum += e.dot(cov.llt().solve(e)) / 3.0;
-    *squares += e.squaredNorm();
-    n += 1.0;
-  }
-  *squares /= n;
-  return sum / n;
-}
-
 struct Trial {
   double nees = 0.0, squares = 0.0, whole = 0.0, alone = 0.0;  // of found points; [m^2]
   bool alone_failed = false;
@@ -90,10 +63,10 @@ Trial TryOne(std::uint64_t seed) {
   known.guess.known = KnownLensesOf(before);
   const data::Rig now = FitRig(few, known, "now").rig;
   Trial out;
-  out.nees = Nees(lab, now, &out.squares);
-  Nees(lab, FitRig(lab.Survey(kMany), One(), "whole").rig, &out.whole);
+  out.nees = NeesOf(lab, now, kChecks, &out.squares);
+  NeesOf(lab, FitRig(lab.Survey(kMany), One(), "whole").rig, kChecks, &out.whole);
   try {
-    Nees(lab, FitRig(few, One(), "alone").rig, &out.alone);
+    NeesOf(lab, FitRig(few, One(), "alone").rig, kChecks, &out.alone);
   } catch (const Error&) {
     out.alone_failed = true;
   }
@@ -150,8 +123,7 @@ TEST(KnownLens, AnotherLensIsToldOrHarmless) {
       options.guess.known = KnownLensesOf(before);
       lab.rng = Rng(seed + 7000);
       const Calibration now = Calibrate(lab.Survey(40), options, "now");
-      double squares = 0.0;
-      const double nees = Nees(lab, now.rig, &squares);
+      const double nees = NeesOf(lab, now.rig, kChecks);
       const bool good = now.rig.verdict == kGood;
       EXPECT_TRUE(!good || nees < 1.6) << factor << ", " << seed << ": " << nees;
       if (factor < 1.01) continue;

@@ -18,6 +18,7 @@ namespace {
 
 using testing::MotionOf;
 using testing::Named;
+using testing::NeesOf;
 using testing::Towards;
 using testing::TracedLab;
 using testing::TwoSetUps;
@@ -27,33 +28,6 @@ constexpr double kLevel = 0.01;  // of naming a set-up that is not off: VerdictO
 constexpr double kLow = 0.1;     // a chance that a tenth of faultless surveys is below [-]
 // By what chance makes variances too large, of some 390 degrees of freedom: 0.8 sqrt(2 / 390) [-].
 constexpr double kCautious = 0.06;
-
-// Squared errors of found points over their covariance, readings' included, over 3; in the frame of
-// the truth, no motion taken off.
-double NeesOf(const TracedLab& lab, const data::Rig& rig, int count) {
-  const measure::Triangulator triangulator(rig, {.residual_level = 1e-12});
-  Eigen::Matrix3Xd F(3, triangulator.shared_rank());
-  Rng noise = lab.rng.Stream("check noise");
-  const Eigen::Matrix3Xd points = testing::PointsInCube(count, lab.half, lab.rng.Stream("check"));
-  std::vector<double> u(rig.cameras.size()), s(rig.cameras.size(), lab.reading_sigma);
-  double sum = 0.0, n = 0.0;
-  for (Eigen::Index i = 0; i < points.cols(); ++i) {
-    bool all = true;
-    for (std::size_t c = 0; c < u.size(); ++c) {
-      all = lab.Read(c, points.col(i), &u[c]) && all;
-      u[c] += lab.reading_sigma * noise.Normal();
-    }
-    if (!all) continue;
-    const auto found = triangulator.Solve(u, s, points.col(i));
-    if (found.outcome != measure::PointOutcome::kSolved) continue;
-    triangulator.SharedFactor(found, s, F);
-    const Eigen::Matrix3d cov = found.cov + F * F.transpose();
-    const Eigen::Vector3d e = found.p - points.col(i);
-    sum += e.dot(cov.llt().solve(e)) / 3.0;
-    n += 1.0;
-  }
-  return sum / n;
-}
 
 // One laboratory, its survey from two set-ups, calibrated with the column and without.
 struct Trial {

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "base/dense.h"
 #include "base/random.h"
 #include "calib/observations.h"
 #include "data/lab.h"
@@ -159,6 +160,36 @@ inline TracedErrors FindCheckPoints(const TracedLab& lab, const data::Rig& rig, 
     out.bound.push_back(found.cov.trace() + F.squaredNorm());
   }
   return out;
+}
+
+// Squared errors of found points over their covariance, readings' included, over 3; in the frame of
+// the truth, no motion taken off. `squares`: of the distances, on the average [m^2].
+inline double NeesOf(const TracedLab& lab, const data::Rig& rig, int count,
+                     double* squares = nullptr) {
+  const measure::Triangulator triangulator(rig, {.residual_level = 1e-12});
+  Eigen::Matrix3Xd F(3, triangulator.shared_rank());
+  Rng noise = lab.rng.Stream("check noise");
+  const Eigen::Matrix3Xd points = PointsInCube(count, lab.half, lab.rng.Stream("check"));
+  std::vector<double> u(rig.cameras.size()), s(rig.cameras.size(), lab.reading_sigma);
+  double sum = 0.0, of_distance = 0.0, n = 0.0;
+  for (Eigen::Index i = 0; i < points.cols(); ++i) {
+    bool all = true;
+    for (std::size_t c = 0; c < u.size(); ++c) {
+      all = lab.Read(c, points.col(i), &u[c]) && all;
+      u[c] += lab.reading_sigma * noise.Normal();
+    }
+    if (!all) continue;
+    const auto found = triangulator.Solve(u, s, points.col(i));
+    if (found.outcome != measure::PointOutcome::kSolved) continue;
+    triangulator.SharedFactor(found, s, F);
+    const Eigen::Matrix3d cov = found.cov + F * F.transpose();
+    const Eigen::Vector3d e = found.p - points.col(i);
+    sum += e.dot(cov.llt().solve(e)) / 3.0;
+    of_distance += e.squaredNorm();
+    n += 1.0;
+  }
+  if (squares != nullptr) *squares = of_distance / n;
+  return sum / n;
 }
 
 }  // namespace unfurl::calib::testing
