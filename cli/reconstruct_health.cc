@@ -68,6 +68,12 @@ void AddScatter(const data::TrialHealth& health, ordered_json* json, std::string
     out["cameras"][health.cameras[c]] = {{"factor", health.camera_scatter[c]},
                                          {"sigma", health.camera_scatter_sigma[c]}};
   }
+  for (Eigen::Index m = 0; m < health.mark_scatter.rows(); ++m) {
+    ordered_json& of = out["marks"][health.marks[static_cast<std::size_t>(m)]];
+    for (Eigen::Index c = 0; c < health.mark_scatter.cols(); ++c) {
+      of[health.cameras[static_cast<std::size_t>(c)]] = health.mark_scatter(m, c);
+    }
+  }
   const std::string remedy = ScatterRemedy(health);
   *text += health.scatter_words + (remedy.empty() ? "" : ": " + remedy) + "\n";
 }
@@ -124,10 +130,17 @@ void AddScatterTable(const data::TrialHealth& health, report::Page* page) {
   report::Table table;
   table.title = "Scatter of readings over what is stated";
   table.header = {"camera", "factor", "its standard deviation"};
+  for (Eigen::Index m = 0; m < health.mark_scatter.rows(); ++m) {
+    table.header.push_back("of " + health.marks[static_cast<std::size_t>(m)]);
+  }
   table.text_columns = {0};
   for (std::size_t c = 0; c < health.camera_scatter.size(); ++c) {
     table.rows.push_back({health.cameras[c], fmt::format("{:.2f}", health.camera_scatter[c]),
                           fmt::format("{:.2f}", health.camera_scatter_sigma[c])});
+    for (Eigen::Index m = 0; m < health.mark_scatter.rows(); ++m) {
+      table.rows.back().push_back(
+          fmt::format("{:.2f}", health.mark_scatter(m, static_cast<Eigen::Index>(c))));
+    }
   }
   page->AddTable(table);
 }

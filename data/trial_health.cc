@@ -89,6 +89,9 @@ void WriteScatter(const TrialHealth& health, H5Writer* file) {
               health.camera_scatter);
   file->Write({group + "/camera_sigma", "1", "standard deviation of camera_factor"},
               health.camera_scatter_sigma);
+  file->Write({group + "/mark_factor", "1",
+               "by which the stated sigmas of each mark's readings were multiplied, by camera"},
+              health.mark_scatter);
 }
 
 void ReadScatter(const H5Reader& file, TrialHealth* out) {
@@ -107,6 +110,11 @@ void ReadScatter(const H5Reader& file, TrialHealth* out) {
   out->camera_scatter_sigma = file.ReadDoubles(group + "/camera_sigma", "1");
   if (out->camera_scatter.size() != out->cameras.size() ||
       out->camera_scatter_sigma.size() != out->cameras.size()) {
+    file.Fail("holds factors of other cameras", group, "make the file again");
+  }
+  if (!file.Has(group + "/mark_factor")) return;  // written before marks were looked at
+  out->mark_scatter = file.ReadMatrix(group + "/mark_factor", "1");
+  if (out->mark_scatter.cols() != static_cast<Eigen::Index>(out->cameras.size())) {
     file.Fail("holds factors of other cameras", group, "make the file again");
   }
 }

@@ -49,6 +49,9 @@ struct TrialHealth {
   bool scatter_wide = false;
   double scatter = 0.0, scatter_sigma = 0.0;  ///< 0 where nothing tells [-]
   std::vector<double> camera_scatter, camera_scatter_sigma;
+  /// By which the stated sigmas of each mark's readings were multiplied, by camera: marks that are
+  /// ever lit alone x c, or empty [-].
+  Eigen::MatrixXd mark_scatter;
 
   std::vector<std::string> marks;  ///< names
   std::vector<TrialLight> light;   ///< changes of light and focus, in the order of their weight

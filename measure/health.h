@@ -6,6 +6,7 @@
 #include <limits>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "data/trial_health.h"
@@ -72,22 +73,30 @@ struct HealthSlice {
   double width_px = 0.0;   ///< of its spots, median [px]
 };
 
-/// By how much the readings of a camera scatter over what is stated of them: what follows no smooth
-/// way, so neither the calibration's errors nor a fault of the camera is in it.
+/// By how much readings scatter over what is stated of them: what follows no smooth way, so neither
+/// the calibration's errors nor a fault of the camera is in it.
 struct Scatter {
   double factor = std::numeric_limits<double>::quiet_NaN();  ///< NaN: nothing tells [-]
   double sigma = std::numeric_limits<double>::quiet_NaN();   ///< its standard deviation [-]
 };
 
+/// Whose readings scatter: those of all alike, of some cameras, some marks, or of some cameras of
+/// some marks.
+enum class ScatterOwner { kAll, kCameras, kMarks, kCells };
+
 /// The same of a trial.
 struct ScatterReport {
   std::string unknown;  ///< why nothing can be told; empty: it was looked at
-  Scatter all;          ///< of all cameras' readings alike
+  Scatter all;          ///< of all readings alike
   bool wide = false;    ///< readings scatter more than stated, beyond chance and harm
-  /// By camera where `wide`, none below 1; where the marks' ways do not tell cameras apart, shared
-  /// among those that may be meant, with a large sigma. NaN where all is as stated.
-  std::vector<Scatter> cameras;
-  std::size_t redundant = 0;  ///< numbers that tell: readings less places, of flashes in threes
+  ScatterOwner owner = ScatterOwner::kAll;  ///< whose they likely are, where `wide`
+  /// Where `wide`, none below 1: by camera (over the marks), by mark (over the cameras), and of
+  /// each camera's readings of each mark (mark x cameras + camera). What the record does not tell
+  /// apart is shared among those that may be meant, with a large sigma. Empty where all is as
+  /// stated.
+  std::vector<Scatter> cameras, marks, cells;
+  /// Marks of which nothing can be told, and why; others may tell of their cameras.
+  std::vector<std::pair<int, std::string>> untold;
 };
 
 /// What a trial says of its cameras.
@@ -126,7 +135,7 @@ class HealthEvidence {
   std::ptrdiff_t After(std::size_t i, int lag) const;
   /// Takes a fault out.
   void Correct(const Correction& correction);
-  /// Multiplies the readings' sigmas, by camera.
+  /// Multiplies the readings' sigmas, by mark and camera (mark x cameras + camera).
   void Widen(std::span<const double> factors);
 
  private:
@@ -143,16 +152,18 @@ class HealthEvidence {
 HealthReport Diagnose(const HealthEvidence& evidence, const Triangulator& triangulator,
                       const HealthOptions& options = {});
 
-/// How readings scatter over what is stated; four cameras or more must see a mark in three of its
-/// flashes in a row.
+/// How readings scatter over what is stated, by how they follow one another in time and, where four
+/// cameras or more see a mark in three of its flashes in a row, by what no place of it explains.
 ScatterReport FindScatter(const HealthEvidence& evidence, const Triangulator& triangulator,
                           const HealthOptions& options = {});
 
-/// By which factor each camera's stated sigmas are too small: 1 where they are not known to be.
-std::vector<double> WideningsOf(const ScatterReport& scatter, std::size_t cameras);
+/// By which factor stated sigmas are too small, by mark and camera (mark x cameras + camera); 1
+/// where they are not known to be.
+std::vector<double> WideningsOf(const ScatterReport& scatter, std::size_t cells);
 
 /// "readings of camera west scatter 2.03 +- 0.05 times what is stated"; also where they do not.
-std::string Describe(const ScatterReport& scatter, std::span<const std::string> cameras);
+std::string Describe(const ScatterReport& scatter, std::span<const std::string> cameras,
+                     std::span<const std::string> marks);
 
 /// The report as the file of tracks keeps it.
 data::TrialHealth RecordOf(const HealthReport& report, const std::vector<std::string>& cameras,

@@ -17,6 +17,22 @@ bool BeyondTheEnds(const Correction& correction, std::size_t line, std::size_t l
   return correction.lag != 0 && (from < 0 || from >= static_cast<std::ptrdiff_t>(lines));
 }
 
+// Nobody knows yet whose spot it is where several marks are lit: the widest of theirs.
+double WideningOf(std::span<const Correction> corrections, int camera, std::span<const int> lit) {
+  double widest = 1.0;
+  for (const int mark : lit) {
+    double own = 1.0, any = 1.0;
+    bool its = false;
+    for (const Correction& correction : corrections) {
+      if (correction.camera != camera || correction.widen == 1.0) continue;
+      its = its || correction.mark == mark;
+      (correction.mark == mark ? own : any) = correction.widen;
+    }
+    widest = std::max(widest, its ? own : any);
+  }
+  return widest;
+}
+
 }  // namespace
 
 int CorrectionDirections(std::span<const Correction> corrections) {
@@ -78,7 +94,10 @@ void Reconstructor::Correct(double t, std::size_t line, const Slot& slot, std::s
     if (correction.camera < 0 || !correction.Holds(t)) continue;
     Seen& here = seen[static_cast<std::size_t>(correction.camera)];
     if (correction.leave_out) here.count = 0;
-    for (std::size_t k = 0; k < here.count; ++k) here.spots[k].s_px *= correction.widen;
+  }
+  for (std::size_t c = 0; c < seen.size(); ++c) {
+    const double widen = WideningOf(options_.corrections, static_cast<int>(c), slot.marks);
+    for (std::size_t k = 0; k < seen[c].count; ++k) seen[c].spots[k].s_px *= widen;
   }
 }
 
