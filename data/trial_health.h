@@ -53,6 +53,11 @@ struct TrialHealth {
   /// ever lit alone x c, or empty [-].
   Eigen::MatrixXd mark_scatter;
 
+  /// Readings that were left out because they depart from the course of their mark where no other
+  /// camera vouches for them: in words, empty where there are none; how many, by camera.
+  std::string wrong_words;
+  std::vector<std::int32_t> wrong;
+
   std::vector<std::string> marks;  ///< names
   std::vector<TrialLight> light;   ///< changes of light and focus, in the order of their weight
 };

@@ -11,9 +11,6 @@ namespace unfurl::measure {
 
 namespace {
 
-// Sigmas beyond which a reading among its neighbours is wrong by itself: of a million sound ones
-// one is [-].
-constexpr double kWrongSigmas = 5.0;
 constexpr double kLeastSize = 1e-12;  // of differences that are all the same [-]
 
 Eigen::VectorXd WeightsOf(const CourseKind& kind) {

@@ -43,6 +43,10 @@ struct Difference {
 std::vector<Difference> DifferencesOf(std::span<const CourseReading> readings,
                                       const CourseKind& kind);
 
+// Sigmas beyond which a reading among its neighbours is wrong by itself: of a million sound ones
+// one is [-].
+constexpr double kWrongSigmas = 5.0;
+
 // Takes out what is wrong by itself: readings that are the largest of their neighbourhood, beyond
 // five sigmas of what is usual, by kinds that show little else.
 void LeaveOutWrong(std::vector<CourseReading>* readings);

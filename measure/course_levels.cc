@@ -58,24 +58,6 @@ double R(std::size_t a, std::size_t b) {
   return AllCourseKinds().R(static_cast<Eigen::Index>(a), static_cast<Eigen::Index>(b));
 }
 
-std::vector<CourseReading> Readings(const ReadingCourse& course, Eigen::Index c, double longest,
-                                    std::size_t every) {
-  std::vector<CourseReading> out;
-  std::size_t row = 0;
-  double last = -std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < course.t.size(); ++i) {
-    if (every > 1 && i / kPieceFlashes % every != 0) continue;
-    const auto at = static_cast<Eigen::Index>(i);
-    const double t = course.t[i];
-    if (!(t > last)) continue;
-    if (t - last > longest) ++row;
-    last = t;
-    if (std::isnan(course.u_px(at, c)) || !(course.s_px(at, c) > 0.0)) continue;
-    out.push_back({t, course.u_px(at, c), course.s_px(at, c), i, row});
-  }
-  return out;
-}
-
 // Of differences of the same flashes, or of one camera's so many flashes later, with how many
 // independent ones these are. None is left out, as what strikes a mark is wild in every camera;
 // a reading that is wrong by itself goes with no other camera's.
@@ -103,16 +85,34 @@ std::pair<double, double> Correlation(std::span<const Difference> a, std::span<c
 
 }  // namespace
 
-CourseLevels::CourseLevels(const ReadingCourse& course) : cameras_(course.u_px.cols()) {
+std::vector<CourseReading> CourseReadings(const ReadingCourse& course, Eigen::Index c,
+                                          std::size_t every) {
   std::vector<double> gaps;
   for (std::size_t i = 1; i < course.t.size(); ++i) {
     if (course.t[i] > course.t[i - 1]) gaps.push_back(course.t[i] - course.t[i - 1]);
   }
   const double longest = gaps.empty() ? 0.0 : kCourseGap * Median(gaps);
+  std::vector<CourseReading> out;
+  std::size_t row = 0;
+  double last = -std::numeric_limits<double>::infinity();
+  for (std::size_t i = 0; i < course.t.size(); ++i) {
+    if (every > 1 && i / kPieceFlashes % every != 0) continue;
+    const auto at = static_cast<Eigen::Index>(i);
+    const double t = course.t[i];
+    if (!(t > last)) continue;
+    if (t - last > longest) ++row;
+    last = t;
+    if (std::isnan(course.u_px(at, c)) || !(course.s_px(at, c) > 0.0)) continue;
+    out.push_back({t, course.u_px(at, c), course.s_px(at, c), i, row});
+  }
+  return out;
+}
+
+CourseLevels::CourseLevels(const ReadingCourse& course) : cameras_(course.u_px.cols()) {
   const std::size_t every = (course.t.size() + kMostFlashes - 1) / kMostFlashes;
   square_ = median_ = numbers_ = wild_ = Eigen::MatrixXd::Zero(kCourseKinds, cameras_);
   for (Eigen::Index c = 0; c < cameras_; ++c) {
-    std::vector<CourseReading> readings = Readings(course, c, longest, every);
+    std::vector<CourseReading> readings = CourseReadings(course, c, every);
     readings_.push_back(readings);
     LeaveOutWrong(&readings);
     for (std::size_t k = 0; k < kCourseKinds; ++k) {

@@ -18,6 +18,11 @@ constexpr double kCourseApart = 3.0;
 constexpr int kCourseLag = 8;
 constexpr double kCourseLags = 2.0 * kCourseLag + 1.0;
 
+// Of camera c, in the order of time; of `every` so many pieces of the course one. After a gap of
+// more than one flash another row begins.
+std::vector<CourseReading> CourseReadings(const ReadingCourse& course, Eigen::Index c,
+                                          std::size_t every = 1);
+
 // How large the differences of every camera are, of every kind, over what is stated.
 class CourseLevels {
  public:

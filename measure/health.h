@@ -84,6 +84,13 @@ struct Scatter {
 /// some marks.
 enum class ScatterOwner { kAll, kCameras, kMarks, kCells };
 
+/// A reading that departs from the course of its mark in time, of a flash of three readings: none
+/// is left over to vouch for it.
+struct WrongReading {
+  std::size_t line = 0;  ///< of the record
+  int mark = -1, camera = -1;
+};
+
 /// The same of a trial.
 struct ScatterReport {
   std::string unknown;  ///< why nothing can be told; empty: it was looked at
@@ -95,6 +102,7 @@ struct ScatterReport {
   /// apart is shared among those that may be meant, with a large sigma. Empty where all is as
   /// stated.
   std::vector<Scatter> cameras, marks, cells;
+  std::vector<WrongReading> wrong;  ///< in the order of lines
   /// Marks of which nothing can be told, and why; others may tell of their cameras.
   std::vector<std::pair<int, std::string>> untold;
 };
@@ -126,9 +134,10 @@ class HealthEvidence {
   /// The next line, by camera; `mark` -1 where not one mark was lit.
   void Add(double t, int mark, std::span<const Reading> readings);
 
-  std::size_t size() const { return t_.size(); }      ///< lines kept
-  double t(std::size_t i) const { return t_[i]; }     ///< of the i-th [s]
-  int mark(std::size_t i) const { return mark_[i]; }  ///< that was lit in it; -1: not one
+  std::size_t size() const { return t_.size(); }              ///< lines kept
+  double t(std::size_t i) const { return t_[i]; }             ///< of the i-th [s]
+  std::size_t line(std::size_t i) const { return line_[i]; }  ///< of the record
+  int mark(std::size_t i) const { return mark_[i]; }          ///< that was lit in it; -1: not one
   /// Of camera c in it.
   const Reading& At(std::size_t i, std::size_t c) const { return readings_[i * cameras_ + c]; }
   /// The kept line that was recorded `lag` lines after the i-th; -1: there is none.
@@ -164,6 +173,10 @@ std::vector<double> WideningsOf(const ScatterReport& scatter, std::size_t cells)
 /// "readings of camera west scatter 2.03 +- 0.05 times what is stated"; also where they do not.
 std::string Describe(const ScatterReport& scatter, std::span<const std::string> cameras,
                      std::span<const std::string> marks);
+
+/// "readings depart from the course of their mark ...: 12 of camera west"; empty: there are none.
+std::string DescribeWrong(std::span<const WrongReading> wrong,
+                          std::span<const std::string> cameras);
 
 /// The report as the file of tracks keeps it.
 data::TrialHealth RecordOf(const HealthReport& report, const std::vector<std::string>& cameras,

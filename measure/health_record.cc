@@ -42,6 +42,9 @@ data::TrialHealth RecordOf(const HealthReport& report, const std::vector<std::st
   const ScatterReport& scatter = report.scatter;
   out.scatter_words = Describe(scatter, cameras, marks);
   out.scatter_unknown = scatter.unknown;
+  out.wrong_words = DescribeWrong(scatter.wrong, cameras);
+  out.wrong.assign(cameras.size(), 0);
+  for (const WrongReading& one : scatter.wrong) ++out.wrong[static_cast<std::size_t>(one.camera)];
   out.scatter_wide = scatter.wide;
   if (scatter.unknown.empty()) {
     out.scatter = scatter.all.factor;

@@ -17,6 +17,7 @@
 #include "measure/health.h"
 #include "measure/reading_course.h"
 #include "measure/scatter_components.h"
+#include "measure/wrong_readings.h"
 
 namespace unfurl::measure {
 
@@ -185,32 +186,6 @@ Scatter RootOf(double square, double sigma) {
   return {factor, 0.5 * sigma / factor};
 }
 
-std::vector<ReadingCourse> CoursesOf(const HealthEvidence& evidence, std::size_t cameras) {
-  std::vector<std::vector<std::size_t>> lines;
-  for (std::size_t i = 0; i < evidence.size(); ++i) {
-    if (evidence.mark(i) < 0) continue;
-    const auto m = static_cast<std::size_t>(evidence.mark(i));
-    if (m >= lines.size()) lines.resize(m + 1);
-    lines[m].push_back(i);
-  }
-  std::vector<ReadingCourse> out(lines.size());
-  for (std::size_t m = 0; m < lines.size(); ++m) {
-    const auto n = static_cast<Eigen::Index>(lines[m].size());
-    out[m].u_px.resize(n, static_cast<Eigen::Index>(cameras));
-    out[m].s_px.resize(n, static_cast<Eigen::Index>(cameras));
-    for (Eigen::Index k = 0; k < n; ++k) {
-      const std::size_t i = lines[m][static_cast<std::size_t>(k)];
-      out[m].t.push_back(evidence.t(i));
-      for (std::size_t c = 0; c < cameras; ++c) {
-        const auto column = static_cast<Eigen::Index>(c);
-        out[m].u_px(k, column) = evidence.At(i, c).u_px;
-        out[m].s_px(k, column) = evidence.At(i, c).s_px;
-      }
-    }
-  }
-  return out;
-}
-
 // What marks tell by their courses, and by what no place explains where those do not tell.
 struct ScatterData {
   std::vector<CellSquare> cells;
@@ -284,10 +259,10 @@ bool NoHiddenMotion(const std::vector<CourseScatter>& courses, std::size_t camer
   return false;
 }
 
-std::vector<CourseScatter> ScatterOfCourses(const HealthEvidence& evidence, std::size_t cameras,
+std::vector<CourseScatter> ScatterOfCourses(const std::vector<ReadingCourse>& courses,
                                             const std::vector<Triple>& triples) {
   std::vector<CourseScatter> out;
-  for (const ReadingCourse& course : CoursesOf(evidence, cameras)) {
+  for (const ReadingCourse& course : courses) {
     std::vector<Triple> mine;
     for (const Triple& triple : triples) {
       if (triple.mark != out.size()) continue;
@@ -368,9 +343,11 @@ ScatterReport FindScatter(const HealthEvidence& evidence, const Triangulator& tr
   const auto C = static_cast<Eigen::Index>(cameras);
   std::vector<Triple> triples;
   if (cameras >= 4) triples = Triples(evidence, triangulator).All();
-  std::vector<CourseScatter> courses = ScatterOfCourses(evidence, cameras, triples);
+  const std::vector<ReadingCourse> readings = CoursesOf(evidence, cameras);
+  std::vector<CourseScatter> courses = ScatterOfCourses(readings, triples);
   for (;;) {
     ScatterReport out;
+    out.wrong = WrongIn(readings, courses);
     TellUntold(courses, triples, &out);
     const ScatterData data = Gather(courses, triples, cameras);
     if (data.redundant + data.in_time < kFewestNumbers) {

@@ -89,6 +89,7 @@ CourseScatter ScatterOfCourse(const ReadingCourse& course) {
     out.square[k] = levels.Square(lowest, c);
     out.numbers[k] = levels.Numbers(lowest, c);
   }
+  out.kind = lowest;
   out.hidden = Hidden(levels, lowest, out.pairs, told);
   return out;
 }

@@ -10,8 +10,9 @@ namespace unfurl::measure {
 
 // Readings of one mark in the order of time, flash by flash: n flashes, c cameras.
 struct ReadingCourse {
-  std::vector<double> t;       // n, never falling [s]
-  Eigen::MatrixXd u_px, s_px;  // n x c, reading and what is stated of it; NaN: none [px]
+  std::vector<double> t;          // n, never falling [s]
+  std::vector<std::size_t> line;  // n, of the record
+  Eigen::MatrixXd u_px, s_px;     // n x c, reading and what is stated of it; NaN: none [px]
 };
 
 // By how much the readings of one mark scatter over what is stated, by how they follow one another.
@@ -19,6 +20,7 @@ struct CourseScatter {
   std::string unknown;  // why it cannot be told; empty: it is
   // By camera: variance over the stated one, and the independent numbers that tell it (0: none).
   std::vector<double> square, numbers;
+  std::size_t kind = 0;  // of differences that tells it (AllCourseKinds)
   // Which share of all of it may be a motion between the flashes that nothing here would show [-].
   double hidden = 1.0;
   // How much cameras' readings go together: a chi-square of `pairs` numbers where they do not.

@@ -74,6 +74,20 @@ std::string UntoldMarks(const ScatterReport& scatter, std::span<const std::strin
 
 }  // namespace
 
+std::string DescribeWrong(std::span<const WrongReading> wrong,
+                          std::span<const std::string> cameras) {
+  if (wrong.empty()) return "";
+  std::vector<std::string> counts;
+  for (std::size_t c = 0; c < cameras.size(); ++c) {
+    const auto count = std::count_if(wrong.begin(), wrong.end(), [c](const WrongReading& one) {
+      return one.camera == static_cast<int>(c);
+    });
+    if (count > 0) counts.push_back(fmt::format("{} of camera {}", count, cameras[c]));
+  }
+  return "readings depart from the course of their mark where no other camera vouches for them: " +
+         JoinWords(counts);
+}
+
 std::string Describe(const ScatterReport& scatter, std::span<const std::string> cameras,
                      std::span<const std::string> marks) {
   if (!scatter.unknown.empty()) {

@@ -166,5 +166,48 @@ TEST(Scatter, OfMarksThatAreStruckIsNotTold) {
                         "itself it moves too much between its flashes"));
 }
 
+// One reading in twenty of a camera of three, off by up to 3 px: positions were up to 5 mm wrong,
+// and claimed to 0.06 mm.
+TEST(Scatter, OfThreeCamerasWrongReadingsAreLeftOut) {
+  const HealthTrial three(3, 700);
+  Rng rng(17);
+  const data::Rig rig = three.DrawRig(&rng);
+  data::TrialReadings readings = three.Scattered(-1, 1.0, kSigma, &rng);
+  const Outcome sound = Go(three, readings, rig);
+  EXPECT_THAT(sound.report.scatter.wrong, ::testing::IsEmpty());
+  int harmed = 0;
+  for (std::size_t i = 0; i < readings.size(); ++i) {
+    if (readings.slot[i] > 3 || rng.Uniform(0.0, 1.0) > 0.05) continue;
+    const double off = rng.Uniform(0.3, 3.0);
+    readings.u_px[3 * i + 1] += rng.Uniform(0.0, 1.0) < 0.5 ? off : -off;
+    ++harmed;
+  }
+  const Outcome outcome = Go(three, readings, rig);
+  EXPECT_GE(static_cast<int>(outcome.report.scatter.wrong.size()), harmed - 3);
+  EXPECT_LE(static_cast<int>(outcome.report.scatter.wrong.size()), harmed);
+  for (const WrongReading& one : outcome.report.scatter.wrong) EXPECT_EQ(one.camera, 1);
+  EXPECT_THAT(DescribeWrong(outcome.report.scatter.wrong, outcome.tracks.cameras),
+              HasSubstr("of camera camera1"));
+  int far = 0;
+  for (std::size_t i = 0; i < outcome.tracks.size(); ++i) {
+    if (!data::Usable(outcome.tracks.status[i])) continue;
+    far += ErrorOf(outcome.tracks, i, three.truth()[i]).Squared() > 25.0;
+  }
+  EXPECT_LE(far, 3);
+  EXPECT_LT(outcome.nees, 2.0 * std::max(1.0, sound.nees));
+}
+
+// One blow moves a mark as no smooth way goes: its readings are not wrong.
+TEST(Scatter, OfThreeCamerasABlowIsNoWrongReading) {
+  const HealthTrial::Way struck = [](int mark, double t) -> Eigen::Vector3d {
+    return HealthTrial::Swing(mark, t) + std::max(0.0, t - 0.31) * Eigen::Vector3d(3.0, 0.5, 1.0);
+  };
+  const HealthTrial three(3, 700, 2160, struck);
+  Rng rng(18);
+  const data::Rig rig = three.DrawRig(&rng);
+  const Outcome outcome = Go(three, three.Scattered(-1, 1.0, kSigma, &rng), rig);
+  EXPECT_THAT(outcome.report.scatter.wrong, ::testing::IsEmpty());
+}
+
 }  // namespace
 }  // namespace unfurl::measure::health_scatter_test
