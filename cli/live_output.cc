@@ -166,7 +166,7 @@ void LiveJson::Looked(double t, const measure::HealthReport& report) {
               {"gain", LiveOutputFinite(last->gain)},
               {"width_px", LiveOutputFinite(last->width_px)}};
   }
-  line["scatter"] = measure::Describe(report.scatter, pass.layout().cameras);
+  line["scatter"] = measure::Describe(report.scatter, pass.layout().cameras, pass.layout().marks);
   for (const measure::Fault& fault : report.faults) {
     line["faults"].push_back(measure::Describe(fault, pass.layout().cameras));
   }

@@ -49,6 +49,9 @@ ordered_json ReconstructHealthFinite(double value) {
   return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
 }
 
+constexpr const char* kWrongRemedy =
+    "left out, and their samples have no position; look for reflections and slips";
+
 std::string ScatterRemedy(const data::TrialHealth& health) {
   if (!health.scatter_unknown.empty()) return "error bars are as right as the stated sigmas are";
   if (!health.scatter_wide) return "";
@@ -67,6 +70,20 @@ void AddScatter(const data::TrialHealth& health, ordered_json* json, std::string
   for (std::size_t c = 0; c < health.camera_scatter.size(); ++c) {
     out["cameras"][health.cameras[c]] = {{"factor", health.camera_scatter[c]},
                                          {"sigma", health.camera_scatter_sigma[c]}};
+  }
+  for (Eigen::Index m = 0; m < health.mark_scatter.rows(); ++m) {
+    ordered_json& of = out["marks"][health.marks[static_cast<std::size_t>(m)]];
+    for (Eigen::Index c = 0; c < health.mark_scatter.cols(); ++c) {
+      of[health.cameras[static_cast<std::size_t>(c)]] = health.mark_scatter(m, c);
+    }
+  }
+  if (!health.wrong_words.empty()) {
+    ordered_json& wrong = (*json)["wrong_readings"];
+    wrong["words"] = health.wrong_words;
+    for (std::size_t c = 0; c < health.wrong.size(); ++c) {
+      wrong["cameras"][health.cameras[c]] = health.wrong[c];
+    }
+    *text += fmt::format("{}: {}\n", health.wrong_words, kWrongRemedy);
   }
   const std::string remedy = ScatterRemedy(health);
   *text += health.scatter_words + (remedy.empty() ? "" : ": " + remedy) + "\n";
@@ -115,6 +132,9 @@ std::string Introduction(const data::TrialHealth& health) {
           : "Whether a camera moved cannot be told: " + health.unknown + ". ";
   std::string scatter = health.scatter_words;
   if (!scatter.empty()) scatter[0] = static_cast<char>(std::toupper(scatter[0]));
+  if (!health.wrong_words.empty()) {
+    text += fmt::format("Some {}: {}. ", health.wrong_words, kWrongRemedy);
+  }
   const std::string remedy = ScatterRemedy(health);
   return text + scatter + (remedy.empty() ? "" : ": " + remedy) + ".";
 }
@@ -124,10 +144,17 @@ void AddScatterTable(const data::TrialHealth& health, report::Page* page) {
   report::Table table;
   table.title = "Scatter of readings over what is stated";
   table.header = {"camera", "factor", "its standard deviation"};
+  for (Eigen::Index m = 0; m < health.mark_scatter.rows(); ++m) {
+    table.header.push_back("of " + health.marks[static_cast<std::size_t>(m)]);
+  }
   table.text_columns = {0};
   for (std::size_t c = 0; c < health.camera_scatter.size(); ++c) {
     table.rows.push_back({health.cameras[c], fmt::format("{:.2f}", health.camera_scatter[c]),
                           fmt::format("{:.2f}", health.camera_scatter_sigma[c])});
+    for (Eigen::Index m = 0; m < health.mark_scatter.rows(); ++m) {
+      table.rows.back().push_back(
+          fmt::format("{:.2f}", health.mark_scatter(m, static_cast<Eigen::Index>(c))));
+    }
   }
   page->AddTable(table);
 }

@@ -84,11 +84,18 @@ void WriteScatter(const TrialHealth& health, H5Writer* file) {
   file->Attribute(group, "wide", static_cast<std::int64_t>(health.scatter_wide));
   file->Attribute(group, "factor", health.scatter);
   file->Attribute(group, "sigma", health.scatter_sigma);
+  file->Attribute(group, "wrong", health.wrong_words);
+  file->Write({group + "/wrong_readings", "1",
+               "readings left out that depart from the course of their mark, by camera"},
+              health.wrong);
   if (health.camera_scatter.empty()) return;
   file->Write({group + "/camera_factor", "1", "by which readings' stated sigmas were multiplied"},
               health.camera_scatter);
   file->Write({group + "/camera_sigma", "1", "standard deviation of camera_factor"},
               health.camera_scatter_sigma);
+  file->Write({group + "/mark_factor", "1",
+               "by which the stated sigmas of each mark's readings were multiplied, by camera"},
+              health.mark_scatter);
 }
 
 void ReadScatter(const H5Reader& file, TrialHealth* out) {
@@ -102,11 +109,23 @@ void ReadScatter(const H5Reader& file, TrialHealth* out) {
   out->scatter_wide = file.IntAttribute(group, "wide") != 0;
   out->scatter = file.DoubleAttribute(group, "factor");
   out->scatter_sigma = file.DoubleAttribute(group, "sigma");
+  if (file.Has(group + "/wrong_readings")) {  // else written before anybody looked for them
+    out->wrong_words = file.StringAttribute(group, "wrong");
+    out->wrong = file.ReadInts(group + "/wrong_readings");
+    if (out->wrong.size() != out->cameras.size()) {
+      file.Fail("counts readings of other cameras", group, "make the file again");
+    }
+  }
   if (!file.Has(group + "/camera_factor")) return;
   out->camera_scatter = file.ReadDoubles(group + "/camera_factor", "1");
   out->camera_scatter_sigma = file.ReadDoubles(group + "/camera_sigma", "1");
   if (out->camera_scatter.size() != out->cameras.size() ||
       out->camera_scatter_sigma.size() != out->cameras.size()) {
+    file.Fail("holds factors of other cameras", group, "make the file again");
+  }
+  if (!file.Has(group + "/mark_factor")) return;  // written before marks were looked at
+  out->mark_scatter = file.ReadMatrix(group + "/mark_factor", "1");
+  if (out->mark_scatter.cols() != static_cast<Eigen::Index>(out->cameras.size())) {
     file.Fail("holds factors of other cameras", group, "make the file again");
   }
 }

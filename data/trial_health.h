@@ -49,6 +49,14 @@ struct TrialHealth {
   bool scatter_wide = false;
   double scatter = 0.0, scatter_sigma = 0.0;  ///< 0 where nothing tells [-]
   std::vector<double> camera_scatter, camera_scatter_sigma;
+  /// By which the stated sigmas of each mark's readings were multiplied, by camera: marks that are
+  /// ever lit alone x c, or empty [-].
+  Eigen::MatrixXd mark_scatter;
+
+  /// Readings that were left out because they depart from the course of their mark where no other
+  /// camera vouches for them: in words, empty where there are none; how many, by camera.
+  std::string wrong_words;
+  std::vector<std::int32_t> wrong;
 
   std::vector<std::string> marks;  ///< names
   std::vector<TrialLight> light;   ///< changes of light and focus, in the order of their weight

@@ -16,7 +16,8 @@ struct Correction {
   double slope_sigma = 0.0;  ///< of the slope, likewise and independent of it [px/s]
   int lag = 0;               ///< its lines are taken so many later
   bool leave_out = false;    ///< its readings are not used
-  double widen = 1.0;        ///< of its readings' stated sigmas [-]
+  double widen = 1.0;        ///< of the stated sigmas of its readings of `mark` [-]
+  int mark = -1;             ///< -1: `widen` is of marks that have none of their own
 
   bool Holds(double t) const { return t >= from && t < to; }              ///< at [s]
   double Offset(double t) const { return offset_px + slope * (t - at); }  ///< at t [s], [px]

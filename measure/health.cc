@@ -240,7 +240,7 @@ HealthReport Diagnose(const HealthEvidence& stated, const Triangulator& triangul
   }
   report.scatter = FindScatter(stated, triangulator, options);
   HealthEvidence raw = stated;
-  raw.Widen(WideningsOf(report.scatter, triangulator.cameras()));
+  raw.Widen(WideningsOf(report.scatter, marks * triangulator.cameras()));
   FindFaults(raw, triangulator, options, marks, &report);
   if (options.light) report.light = FindLightFaults(raw, triangulator, options);
   for (std::size_t c = 0; c < triangulator.cameras(); ++c) {

@@ -6,6 +6,7 @@
 #include <limits>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "data/trial_health.h"
@@ -72,22 +73,38 @@ struct HealthSlice {
   double width_px = 0.0;   ///< of its spots, median [px]
 };
 
-/// By how much the readings of a camera scatter over what is stated of them: what follows no smooth
-/// way, so neither the calibration's errors nor a fault of the camera is in it.
+/// By how much readings scatter over what is stated of them: what follows no smooth way, so neither
+/// the calibration's errors nor a fault of the camera is in it.
 struct Scatter {
   double factor = std::numeric_limits<double>::quiet_NaN();  ///< NaN: nothing tells [-]
   double sigma = std::numeric_limits<double>::quiet_NaN();   ///< its standard deviation [-]
 };
 
+/// Whose readings scatter: those of all alike, of some cameras, some marks, or of some cameras of
+/// some marks.
+enum class ScatterOwner { kAll, kCameras, kMarks, kCells };
+
+/// A reading that departs from the course of its mark in time, of a flash of three readings: none
+/// is left over to vouch for it.
+struct WrongReading {
+  std::size_t line = 0;  ///< of the record
+  int mark = -1, camera = -1;
+};
+
 /// The same of a trial.
 struct ScatterReport {
   std::string unknown;  ///< why nothing can be told; empty: it was looked at
-  Scatter all;          ///< of all cameras' readings alike
+  Scatter all;          ///< of all readings alike
   bool wide = false;    ///< readings scatter more than stated, beyond chance and harm
-  /// By camera where `wide`, none below 1; where the marks' ways do not tell cameras apart, shared
-  /// among those that may be meant, with a large sigma. NaN where all is as stated.
-  std::vector<Scatter> cameras;
-  std::size_t redundant = 0;  ///< numbers that tell: readings less places, of flashes in threes
+  ScatterOwner owner = ScatterOwner::kAll;  ///< whose they likely are, where `wide`
+  /// Where `wide`, none below 1: by camera (over the marks), by mark (over the cameras), and of
+  /// each camera's readings of each mark (mark x cameras + camera). What the record does not tell
+  /// apart is shared among those that may be meant, with a large sigma. Empty where all is as
+  /// stated.
+  std::vector<Scatter> cameras, marks, cells;
+  std::vector<WrongReading> wrong;  ///< in the order of lines
+  /// Marks of which nothing can be told, and why; others may tell of their cameras.
+  std::vector<std::pair<int, std::string>> untold;
 };
 
 /// What a trial says of its cameras.
@@ -117,16 +134,17 @@ class HealthEvidence {
   /// The next line, by camera; `mark` -1 where not one mark was lit.
   void Add(double t, int mark, std::span<const Reading> readings);
 
-  std::size_t size() const { return t_.size(); }      ///< lines kept
-  double t(std::size_t i) const { return t_[i]; }     ///< of the i-th [s]
-  int mark(std::size_t i) const { return mark_[i]; }  ///< that was lit in it; -1: not one
+  std::size_t size() const { return t_.size(); }              ///< lines kept
+  double t(std::size_t i) const { return t_[i]; }             ///< of the i-th [s]
+  std::size_t line(std::size_t i) const { return line_[i]; }  ///< of the record
+  int mark(std::size_t i) const { return mark_[i]; }          ///< that was lit in it; -1: not one
   /// Of camera c in it.
   const Reading& At(std::size_t i, std::size_t c) const { return readings_[i * cameras_ + c]; }
   /// The kept line that was recorded `lag` lines after the i-th; -1: there is none.
   std::ptrdiff_t After(std::size_t i, int lag) const;
   /// Takes a fault out.
   void Correct(const Correction& correction);
-  /// Multiplies the readings' sigmas, by camera.
+  /// Multiplies the readings' sigmas, by mark and camera (mark x cameras + camera).
   void Widen(std::span<const double> factors);
 
  private:
@@ -143,16 +161,22 @@ class HealthEvidence {
 HealthReport Diagnose(const HealthEvidence& evidence, const Triangulator& triangulator,
                       const HealthOptions& options = {});
 
-/// How readings scatter over what is stated; four cameras or more must see a mark in three of its
-/// flashes in a row.
+/// How readings scatter over what is stated, by how they follow one another in time and, where four
+/// cameras or more see a mark in three of its flashes in a row, by what no place of it explains.
 ScatterReport FindScatter(const HealthEvidence& evidence, const Triangulator& triangulator,
                           const HealthOptions& options = {});
 
-/// By which factor each camera's stated sigmas are too small: 1 where they are not known to be.
-std::vector<double> WideningsOf(const ScatterReport& scatter, std::size_t cameras);
+/// By which factor stated sigmas are too small, by mark and camera (mark x cameras + camera); 1
+/// where they are not known to be.
+std::vector<double> WideningsOf(const ScatterReport& scatter, std::size_t cells);
 
 /// "readings of camera west scatter 2.03 +- 0.05 times what is stated"; also where they do not.
-std::string Describe(const ScatterReport& scatter, std::span<const std::string> cameras);
+std::string Describe(const ScatterReport& scatter, std::span<const std::string> cameras,
+                     std::span<const std::string> marks);
+
+/// "readings depart from the course of their mark ...: 12 of camera west"; empty: there are none.
+std::string DescribeWrong(std::span<const WrongReading> wrong,
+                          std::span<const std::string> cameras);
 
 /// The report as the file of tracks keeps it.
 data::TrialHealth RecordOf(const HealthReport& report, const std::vector<std::string>& cameras,

@@ -50,7 +50,10 @@ std::ptrdiff_t HealthEvidence::After(std::size_t i, int lag) const {
 
 void HealthEvidence::Widen(std::span<const double> factors) {
   for (std::size_t k = 0; k < readings_.size(); ++k) {
-    readings_[k].s_px *= static_cast<float>(factors[k % cameras_]);
+    const int mark = mark_[k / cameras_];
+    if (mark < 0) continue;
+    const std::size_t cell = static_cast<std::size_t>(mark) * cameras_ + k % cameras_;
+    readings_[k].s_px *= static_cast<float>(factors[cell]);
   }
 }
 

@@ -40,16 +40,25 @@ data::TrialHealth RecordOf(const HealthReport& report, const std::vector<std::st
     out.at.push_back(fault.at);
   }
   const ScatterReport& scatter = report.scatter;
-  out.scatter_words = Describe(scatter, cameras);
+  out.scatter_words = Describe(scatter, cameras, marks);
   out.scatter_unknown = scatter.unknown;
+  out.wrong_words = DescribeWrong(scatter.wrong, cameras);
+  out.wrong.assign(cameras.size(), 0);
+  for (const WrongReading& one : scatter.wrong) ++out.wrong[static_cast<std::size_t>(one.camera)];
   out.scatter_wide = scatter.wide;
   if (scatter.unknown.empty()) {
     out.scatter = scatter.all.factor;
     out.scatter_sigma = scatter.all.sigma;
   }
-  for (std::size_t c = 0; scatter.wide && c < cameras.size(); ++c) {
-    out.camera_scatter.push_back(scatter.cameras[c].factor);
-    out.camera_scatter_sigma.push_back(scatter.cameras[c].sigma);
+  for (const Scatter& one : scatter.cameras) {
+    out.camera_scatter.push_back(one.factor);
+    out.camera_scatter_sigma.push_back(one.sigma);
+  }
+  out.mark_scatter.resize(static_cast<Eigen::Index>(scatter.marks.size()), c);
+  for (Eigen::Index m = 0; m < out.mark_scatter.rows(); ++m) {
+    for (Eigen::Index k = 0; k < c; ++k) {
+      out.mark_scatter(m, k) = scatter.cells[static_cast<std::size_t>(m * c + k)].factor;
+    }
   }
   out.marks = marks;
   for (const LightFault& change : report.light) {

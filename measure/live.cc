@@ -221,7 +221,7 @@ void Live::TakeLook() {
   }
   if (report.scatter.wide) {
     now.push_back({NoticeKind::kScatter, true, -1, -1, t_, std::max(t_ - options_.look_every, 0.0),
-                   Describe(report.scatter, cameras)});
+                   Describe(report.scatter, cameras, pass_->layout().marks)});
   }
   const auto tell_new = [&](const std::vector<LiveNotice>& those,
                             const std::vector<LiveNotice>& others, bool begins) {

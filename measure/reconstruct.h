@@ -41,6 +41,8 @@ struct ReconstructOptions {
   double least_share = 0.1;
   // What is known of cameras that moved, drifted or are late, in the order in which it was found.
   std::vector<Correction> corrections;
+  // Readings that are not used, in the order of lines.
+  std::vector<WrongReading> wrong;
   HealthOptions health{};
   std::size_t workers = 0;  // 0: all cores; the result does not depend on it
   // Called with what is done, 0 to 1, by Reconstruct.

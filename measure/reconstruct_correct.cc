@@ -17,6 +17,36 @@ bool BeyondTheEnds(const Correction& correction, std::size_t line, std::size_t l
   return correction.lag != 0 && (from < 0 || from >= static_cast<std::ptrdiff_t>(lines));
 }
 
+std::span<const WrongReading> WrongOf(std::span<const WrongReading> wrong, std::size_t line) {
+  const auto before = [](const WrongReading& one, const WrongReading& other) {
+    return one.line < other.line;
+  };
+  const auto [from, to] =
+      std::equal_range(wrong.begin(), wrong.end(), WrongReading{.line = line}, before);
+  return {from, to};
+}
+
+bool AnyWidened(std::span<const Correction> corrections) {
+  return std::any_of(corrections.begin(), corrections.end(),
+                     [](const Correction& one) { return one.widen != 1.0; });
+}
+
+// Nobody knows yet whose spot it is where several marks are lit: the widest of theirs.
+double WideningOf(std::span<const Correction> corrections, int camera, std::span<const int> lit) {
+  double widest = 1.0;
+  for (const int mark : lit) {
+    double own = 1.0, any = 1.0;
+    bool its = false;
+    for (const Correction& correction : corrections) {
+      if (correction.camera != camera || correction.widen == 1.0) continue;
+      its = its || correction.mark == mark;
+      (correction.mark == mark ? own : any) = correction.widen;
+    }
+    widest = std::max(widest, its ? own : any);
+  }
+  return widest;
+}
+
 }  // namespace
 
 int CorrectionDirections(std::span<const Correction> corrections) {
@@ -78,7 +108,13 @@ void Reconstructor::Correct(double t, std::size_t line, const Slot& slot, std::s
     if (correction.camera < 0 || !correction.Holds(t)) continue;
     Seen& here = seen[static_cast<std::size_t>(correction.camera)];
     if (correction.leave_out) here.count = 0;
-    for (std::size_t k = 0; k < here.count; ++k) here.spots[k].s_px *= correction.widen;
+  }
+  for (const WrongReading& one : WrongOf(options_.wrong, line)) {
+    seen[static_cast<std::size_t>(one.camera)].count = 0;
+  }
+  for (std::size_t c = 0; c < seen.size(); ++c) {
+    const double widen = WideningOf(options_.corrections, static_cast<int>(c), slot.marks);
+    for (std::size_t k = 0; k < seen[c].count; ++k) seen[c].spots[k].s_px *= widen;
   }
 }
 
@@ -128,10 +164,11 @@ bool HealthLoop::Again(const Reconstructor& pass, ReconstructOptions* options) {
   report_ = std::move(now);
   // Sigmas are widened by what scatters once nothing else is wrong; once, for the evidence keeps
   // those that were stated.
-  const bool wide = found.empty() && report_.scatter.wide &&
-                    std::none_of(options->corrections.begin(), options->corrections.end(),
-                                 [](const Correction& c) { return c.widen != 1.0; });
-  if ((found.empty() && !wide) || ++passes_ == kMost) return false;
+  const bool wide = found.empty() && report_.scatter.wide && !AnyWidened(options->corrections);
+  // Likewise readings that are wrong by themselves.
+  const bool wrong = found.empty() && options->wrong.empty() && !report_.scatter.wrong.empty();
+  if ((found.empty() && !wide && !wrong) || ++passes_ == kMost) return false;
+  if (wrong) options->wrong = report_.scatter.wrong;
   if (wide) AddWidenings(report_.scatter, pass.triangulator().cameras(), &options->corrections);
   for (const Correction& correction : CorrectionsOf(found, correct_)) {
     options->corrections.push_back(correction);

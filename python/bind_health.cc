@@ -81,6 +81,7 @@ struct ReadingScatter {
   bool wide = false;
   double factor = 0.0, sigma = 0.0;
   std::map<std::string, std::pair<double, double>> cameras;
+  std::map<std::string, std::map<std::string, double>> marks;
 };
 
 ReadingScatter ScatterOf(const TrialHealth& health) {
@@ -90,6 +91,11 @@ ReadingScatter ScatterOf(const TrialHealth& health) {
                      known ? health.scatter : kNone, known ? health.scatter_sigma : kNone};
   for (std::size_t c = 0; c < health.camera_scatter.size(); ++c) {
     out.cameras[health.cameras[c]] = {health.camera_scatter[c], health.camera_scatter_sigma[c]};
+  }
+  for (Eigen::Index k = 0; k < health.mark_scatter.size(); ++k) {
+    const Eigen::Index c = k % health.mark_scatter.cols(), m = k / health.mark_scatter.cols();
+    out.marks[health.marks[static_cast<std::size_t>(m)]]
+             [health.cameras[static_cast<std::size_t>(c)]] = health.mark_scatter(m, c);
   }
   return out;
 }
@@ -107,6 +113,9 @@ void BindScatter(py::module_& m) {
       .def_readonly("cameras", &ReadingScatter::cameras,
                     "Where wide: by camera, by which its stated sigmas were multiplied and the "
                     "standard deviation of that [-].")
+      .def_readonly("marks", &ReadingScatter::marks,
+                    "Where wide: by mark and camera, by which the stated sigmas of its readings "
+                    "were multiplied [-].")
       .def("__repr__",
            [](const ReadingScatter& self) { return "<ReadingScatter: " + self.words + ">"; });
 }

@@ -1,5 +1,6 @@
 #include "tests/measure/health_trial.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -14,12 +15,6 @@ namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr int kMarks = 4;
-
-Eigen::Vector3d PlaceOf(int mark, double t) {
-  const double reach = 0.2 + 0.15 * mark, rate = 2.0 - 0.3 * mark, phase = mark;
-  return {reach * std::sin(rate * t + phase), 0.8 * reach * std::cos(1.3 * rate * t + phase),
-          0.5 * std::sin(1.7 * rate * t + 2.0 * phase)};
-}
 
 }  // namespace
 
@@ -38,7 +33,19 @@ data::Lab RingOfCameras(std::size_t cameras, std::size_t every) {
   return lab;
 }
 
-HealthTrial::HealthTrial(std::size_t cameras, int lines, int pixels, bool still) {
+Eigen::Vector3d HealthTrial::Swing(int mark, double t) {
+  const double reach = 0.2 + 0.15 * mark, rate = 2.0 - 0.3 * mark, phase = mark;
+  return {reach * std::sin(rate * t + phase), 0.8 * reach * std::cos(1.3 * rate * t + phase),
+          0.5 * std::sin(1.7 * rate * t + 2.0 * phase)};
+}
+
+HealthTrial::HealthTrial(std::size_t cameras, int lines, int pixels, bool still)
+    : HealthTrial(cameras, lines, pixels,
+                  still ? [](int, double) { return Eigen::Vector3d(0.1, 0.2, 0.0); } : Way(Swing)) {
+}
+
+HealthTrial::HealthTrial(std::size_t cameras, int lines, int pixels, const Way& way,
+                         double interval) {
   data::Lab lab = RingOfCameras(cameras, 4);
   lab.sensor.format.pitch *= lab.sensor.format.active / static_cast<double>(pixels);
   lab.sensor.format.active = pixels;
@@ -51,11 +58,11 @@ HealthTrial::HealthTrial(std::size_t cameras, int lines, int pixels, bool still)
   rig_.model_floor_px = 0.003 * scale;  // what FitCamera leaves, several times over
   Calibrate(points.leftCols(120), scale);
   for (int i = 0; i < lines; ++i) {
-    const double t = 1e-3 * (i + 0.5);
+    const double t = interval * (i + 0.5);
     const int mark = i % (kMarks + 1) == kMarks ? -1 : i % (kMarks + 1);
     t_.push_back(t);
     mark_.push_back(mark);
-    place_.push_back(mark < 0 || still ? Eigen::Vector3d(0.1, 0.2, 0.0) : PlaceOf(mark, t));
+    place_.push_back(way(std::max(mark, 0), t));
     if (mark >= 0) truth_.push_back(place_.back());
     for (std::size_t c = 0; c < cameras; ++c) {
       true_u_.push_back(mark < 0 ? kNone : Read(c, place_.back(), 0.0));
@@ -151,6 +158,18 @@ data::TrialReadings HealthTrial::Scattered(int camera, double factor, double sig
   const std::size_t cameras = readings.cameras.size();
   for (std::size_t k = 0; k < readings.u_px.size(); ++k) {
     const bool harmed = camera < 0 || static_cast<int>(k % cameras) == camera;
+    readings.u_px[k] += (harmed ? factor : 1.0) * sigma_px * rng->Normal();
+    if (!std::isnan(readings.u_px[k])) readings.s_px[k] = sigma_px;
+  }
+  return readings;
+}
+
+data::TrialReadings HealthTrial::MarkScattered(int mark, double factor, double sigma_px,
+                                               Rng* rng) const {
+  data::TrialReadings readings = Draw({}, 0.0, rng);
+  const std::size_t cameras = readings.cameras.size();
+  for (std::size_t k = 0; k < readings.u_px.size(); ++k) {
+    const bool harmed = readings.slot[k / cameras] == mark;
     readings.u_px[k] += (harmed ? factor : 1.0) * sigma_px * rng->Normal();
     if (!std::isnan(readings.u_px[k])) readings.s_px[k] = sigma_px;
   }

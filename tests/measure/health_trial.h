@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cstdint>
+#include <functional>
 #include <vector>
 
 #include "base/random.h"
@@ -32,6 +33,11 @@ class HealthTrial {
   // `cameras` from 3 on; `lines` at 1 kHz. Rows are of `pixels` pixels on the same sensor.
   // `still`: the marks stay in one place.
   HealthTrial(std::size_t cameras, int lines, int pixels = 2160, bool still = false);
+  // Marks that go other ways: where a mark is at a time, and how long after each other lines are.
+  using Way = std::function<Eigen::Vector3d(int mark, double t)>;
+  HealthTrial(std::size_t cameras, int lines, int pixels, const Way& way, double interval = 1e-3);
+  // The way of the swinging marks.
+  static Eigen::Vector3d Swing(int mark, double t);
 
   // A calibration of the undisturbed cameras: its errors are a draw from its covariance, what 120
   // points of 0.3 mm and readings of 0.02 px (of a row of 2160) leave unknown.
@@ -41,6 +47,8 @@ class HealthTrial {
   // Readings that state `sigma_px` [px] and scatter by `factor` times that, of one camera or of
   // all (-1); the others by what they state.
   data::TrialReadings Scattered(int camera, double factor, double sigma_px, Rng* rng) const;
+  // The same of one mark in all cameras.
+  data::TrialReadings MarkScattered(int mark, double factor, double sigma_px, Rng* rng) const;
   // Where the mark of each lit line was [m].
   const std::vector<Eigen::Vector3d>& truth() const { return truth_; }
 
