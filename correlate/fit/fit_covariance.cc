@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "correlate/fit/constancy.h"
+#include "correlate/fit/noise_doubt.h"
 #include "correlate/fit/normal_matrix.h"
 #include "correlate/fit/quantised.h"
 #include "correlate/residual/row_layout.h"
@@ -264,7 +265,13 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
       middle += cross + cross.transpose();
     }
   }
-  const Eigen::MatrixXd from_data = inverse * middle * inverse + open;
+  Eigen::MatrixXd from_data = inverse * middle * inverse + open;
+  for (std::size_t t = 0; t < trials; ++t) {
+    if (whitening[t] == nullptr || whitening[t]->identity()) continue;
+    NoiseDoubtInput in{data[t], &r->trials[t].noise, &r->trials[t].residual, {}, {}, &H, &inverse};
+    in.TakeRows(plain, t, p);
+    from_data += DoubtOfNoise(in);
+  }
 
   Eigen::VectorXd left = Eigen::VectorXd::Zero(plain.A.rows());
   for (std::size_t t = 0; t < trials; ++t) {
