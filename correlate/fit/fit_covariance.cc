@@ -313,6 +313,7 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     same.jacobian = &plain_jacobian[t];
     same.sensitivity = plain_sensitivity.middleRows(b.row, b.rows);
     same.known = trial.model_error;
+    same.rivals = &trial.rivals;
     same.quantised = in.quantised = &coarse[t];
     in.whitening = whitening[t];
     in.constancy = &same;
