@@ -85,10 +85,9 @@ RegistrationFit PlainRows(const Observations& o, const TrialResult& trial,
 // Readings of coarse instruments, by all unknowns of the trial.
 QuantisedRows CoarseRows(const Observations& o, const TrialResult& trial, const StackedRows& plain,
                          const StackedRows::Block& b) {
-  const Eigen::Index p = static_cast<Eigen::Index>(trial.change.size());
-  Eigen::MatrixXd columns(b.rows, p + b.columns);
-  columns << plain.A.block(b.row, 0, b.rows, p), plain.A.block(b.row, b.column, b.rows, b.columns);
-  return {o, trial.residual, columns};
+  const auto p = static_cast<Eigen::Index>(trial.change.size());
+  return {o, trial.residual, plain.A.block(b.row, 0, b.rows, p),
+          plain.A.block(b.row, b.column, b.rows, b.columns)};
 }
 
 void FillBand(const Eigen::MatrixXd& covariance, TrialResult* trial) {
