@@ -95,16 +95,28 @@ class Settings {
     }
   }
 
-  // Of a record with a window the window is cut.
+  // Of all that a trial holds: the tracks' window is cut, and each channel's, on its own clock.
   void Horizons() {
+    constexpr double kBefore = 1e-9;  // [s]: so that the first sample is in it, as it is written
     for (const double part : {0.25, 0.5}) {
       std::vector<std::string> set;
       for (std::size_t t = 0; t < study_.trials.size(); ++t) {
         const correlate::Observations& o = *fit_.problem().trials[t].observations;
-        if (o.marks.empty()) return;  // a window is one of tracks
-        const double start = o.Start();
-        set.push_back(fmt::format("{}.window=[{:.9g}, {:.9g}]", KeyOf(study_, t), start - 1e-9,
-                                  start + part * (o.End() - start)));
+        const data::StudyTrial& trial = study_.trials[t];
+        const double from = o.Start() - kBefore, to = o.Start() + part * (o.End() - o.Start());
+        for (const data::StudyEvent& event : trial.events) {
+          if (event.time > to) return;  // no window leaves it out
+        }
+        if (!o.marks.empty()) {
+          set.push_back(fmt::format("{}.window=[{:.9g}, {:.9g}]", KeyOf(study_, t), from, to));
+        }
+        for (const data::StudyChannel& channel : trial.channels) {
+          const bool cut = channel.window_low < channel.window_high;
+          const double low = from + channel.delay.mean, high = to + channel.delay.mean;
+          set.push_back(fmt::format("{}.channel.{}.window=[{:.9g}, {:.9g}]", KeyOf(study_, t),
+                                    channel.name, cut ? std::max(low, channel.window_low) : low,
+                                    cut ? std::min(high, channel.window_high) : high));
+        }
       }
       Add("horizon", fmt::format("the first {:.0f}%", 100.0 * part), std::move(set));
     }
