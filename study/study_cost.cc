@@ -5,10 +5,13 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 #include "base/cpu_time.h"
 #include "base/error.h"
 #include "base/text.h"
+#include "correlate/residual/channel.h"
 #include "data/scene.h"
 #include "study/fit_study.h"
 
@@ -38,6 +41,21 @@ struct Beams {
 // "trial" of a study with one, "trial[2]" of one with several.
 std::string KeyOf(const data::Study& study, std::size_t trial) {
   return study.trials.size() == 1 ? std::string("trial") : fmt::format("trial[{}]", trial);
+}
+
+// What a trial's record covers, on the tracks' clock [s]; a channel's own span is on its own.
+std::pair<double, double> Covered(const correlate::Observations& o) {
+  double from = std::numeric_limits<double>::infinity(), to = -from;
+  for (const correlate::MarkSeries& m : o.marks) {
+    if (m.size() == 0) continue;
+    from = std::min(from, m.t.front()), to = std::max(to, m.t.back());
+  }
+  for (const auto& kind : o.others) {
+    const auto* channel = dynamic_cast<const correlate::Channel*>(kind.get());
+    const double delay = channel != nullptr ? channel->record().delay.mean : 0.0;
+    from = std::min(from, kind->Span().low - delay), to = std::max(to, kind->Span().high - delay);
+  }
+  return {from, to};
 }
 
 class Settings {
@@ -103,7 +121,8 @@ class Settings {
       for (std::size_t t = 0; t < study_.trials.size(); ++t) {
         const correlate::Observations& o = *fit_.problem().trials[t].observations;
         const data::StudyTrial& trial = study_.trials[t];
-        const double from = o.Start() - kBefore, to = o.Start() + part * (o.End() - o.Start());
+        const auto [first, last] = Covered(o);
+        const double from = first - kBefore, to = first + part * (last - first);
         for (const data::StudyEvent& event : trial.events) {
           if (event.time > to) return;  // no window leaves it out
         }
