@@ -76,7 +76,7 @@ StudyFit Prepare(const data::Study& study, const FitStudyOptions& options) {
                 "UNFURL_ALLOW_PROGRAMS=1");
   }
   StudyFit fit;
-  fit.binding = std::make_unique<BoundStudy>(Bind(study, options.tracks));
+  fit.binding = std::make_unique<BoundStudy>(Bind(study, options.tracks, true));
   fit.provenance = options.provenance;
   if (fit.provenance.program.empty()) fit.provenance.program = data::ProgramVersion();
   for (const std::string& input : fit.binding->inputs) fit.provenance.AddInput(input);
@@ -105,8 +105,7 @@ void RunPrepared(const data::Study& study, const FitStudyOptions& options, data:
 StudyFit Fit(const data::Study& study, const FitStudyOptions& options) {
   StudyFit fit = Prepare(study, options);
   const std::string identity = IdentityOf(fit.provenance);
-  correlate::Workers* where =
-      options.where ? options.where({&fit.problem()}, identity) : nullptr;
+  correlate::Workers* where = options.where ? options.where({&fit.problem()}, identity) : nullptr;
   if (options.output.empty()) {
     RunPrepared(study, options, nullptr, where, &fit);
   } else {

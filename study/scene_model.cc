@@ -18,6 +18,7 @@ SceneModel::SceneModel(SceneModelOptions options, std::span<const double> theta)
   duration_ = scene.duration;
   files_ = scene.files;
   beams_ = scene.beams;
+  joint_records_ = scene.joints;
   for (const data::SceneMark& mark : scene.marks) marks_.push_back(mark.name);
   for (const data::SceneJoint& joint : scene.joints) joints_.push_back(joint.name);
   for (const data::SceneWatch& watch : scene.watches) watches_.push_back(watch.name);

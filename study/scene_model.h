@@ -37,6 +37,7 @@ class SceneModel : public correlate::Model {
   const std::vector<std::string>& watches() const { return watches_; }
   const std::vector<std::string>& files() const { return files_; }  // that the scene came from
   const std::vector<data::SceneBeam>& beams() const { return beams_; }
+  const std::vector<data::SceneJoint>& joint_records() const { return joint_records_; }
   const std::vector<data::Quantity>& quantities() const { return quantities_; }  // of its run
   double duration() const { return duration_; }                                  // the scene's [s]
 
@@ -48,6 +49,7 @@ class SceneModel : public correlate::Model {
   data::TomlDocument document_;
   std::vector<std::string> marks_, joints_, watches_, files_;
   std::vector<data::SceneBeam> beams_;
+  std::vector<data::SceneJoint> joint_records_;
   std::vector<data::Quantity> quantities_;
   double duration_ = 0.0;  // [s]
   mutable MotionStore motions_;

@@ -17,6 +17,7 @@
 #include "sim/methods/choose_method.h"
 #include "study/channel_unit_check.h"
 #include "study/driven_keys.h"
+#include "study/other_laws.h"
 #include "study/rungs.h"
 #include "study/scene_model.h"
 #include "study/trial_observations.h"
@@ -90,7 +91,7 @@ void CheckNames(const data::StudyTrial& from, const correlate::Observations& obs
 }
 
 void BindScenes(const data::Study& study, const data::StudyTrial& from, const std::string& path,
-                const std::vector<double>& theta, data::TextFiles* texts,
+                const std::vector<double>& theta, bool with_rivals, data::TextFiles* texts,
                 correlate::FitTrial* trial, BoundStudy* bound) {
   correlate::Observations& observations = *bound->observations.back();
   constexpr double kAtFirst = 1e-5;  // where the tolerance is still to be chosen
@@ -142,6 +143,19 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from, const st
   };
   trial->model = keep(at(binding.rtol, 0));
   trial->tighter = keep(at(sim::TighterTolerance(binding.rtol), 0));
+  if (with_rivals) {
+    const SceneModel& plain = *at(binding.rtol, 0);
+    const double length = std::min(observations.End() - observations.Start(), plain.duration());
+    for (OtherLaw& law : OtherLawsOf(plain.joint_records(), plain, theta, length)) {
+      SceneModelOptions options = binding;
+      if (!rungs.empty()) {
+        options.set.insert(options.set.end(), rungs[0].set.begin(), rungs[0].set.end());
+      }
+      options.set.insert(options.set.end(), law.set.begin(), law.set.end());
+      trial->rivals.push_back({keep(BindScene(study, options, theta)), std::move(law.name),
+                               std::move(law.unit), law.amount});
+    }
+  }
   if (rungs.empty()) return;
   trial->model_name = rungs[0].name;
   trial->model_relative_error = rungs[0].error > 0.0 ? rungs[0].error : 1.0;
@@ -181,7 +195,7 @@ void BindCommand(const data::Study& study, const data::StudyTrial& from, correla
 
 }  // namespace
 
-BoundStudy Bind(const data::Study& study, const std::string& tracks) {
+BoundStudy Bind(const data::Study& study, const std::string& tracks, bool rivals) {
   data::TextFiles texts;  // every model of the study sees the same scene
   BoundStudy bound;
   bound.inputs.push_back(study.path);
@@ -205,7 +219,7 @@ BoundStudy Bind(const data::Study& study, const std::string& tracks) {
     if (study.command) {
       BindCommand(study, from, &trial, &bound);
     } else {
-      BindScenes(study, from, path, theta, &texts, &trial, &bound);
+      BindScenes(study, from, path, theta, rivals, &texts, &trial, &bound);
     }
     bound.problem.trials.push_back(trial);
     if (!path.empty()) bound.inputs.push_back(path);

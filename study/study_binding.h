@@ -22,9 +22,10 @@ struct BoundStudy {
       tolerance;  // by trial; empty: a program, or given in the study
 };
 
-// `tracks` takes the place of the study's (of one trial). Throws Error for what does not fit
-// together.
-BoundStudy Bind(const data::Study& study, const std::string& tracks);
+// `tracks` takes the place of the study's (of one trial). `rivals`: with the laws of loss that the
+// scene's joints lack, which costs a run for each trial where there are any. Throws Error for what
+// does not fit together.
+BoundStudy Bind(const data::Study& study, const std::string& tracks, bool rivals = false);
 
 // All that the answers to evaluations depend on, as text: program, inputs' hashes, settings.
 std::string IdentityOf(const data::Provenance& provenance);

@@ -5,10 +5,13 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
+#include <utility>
 
 #include "base/cpu_time.h"
 #include "base/error.h"
 #include "base/text.h"
+#include "correlate/residual/channel.h"
 #include "data/scene.h"
 #include "study/fit_study.h"
 
@@ -38,6 +41,21 @@ struct Beams {
 // "trial" of a study with one, "trial[2]" of one with several.
 std::string KeyOf(const data::Study& study, std::size_t trial) {
   return study.trials.size() == 1 ? std::string("trial") : fmt::format("trial[{}]", trial);
+}
+
+// What a trial's record covers, on the tracks' clock [s]; a channel's own span is on its own.
+std::pair<double, double> Covered(const correlate::Observations& o) {
+  double from = std::numeric_limits<double>::infinity(), to = -from;
+  for (const correlate::MarkSeries& m : o.marks) {
+    if (m.size() == 0) continue;
+    from = std::min(from, m.t.front()), to = std::max(to, m.t.back());
+  }
+  for (const auto& kind : o.others) {
+    const auto* channel = dynamic_cast<const correlate::Channel*>(kind.get());
+    const double delay = channel != nullptr ? channel->record().delay.mean : 0.0;
+    from = std::min(from, kind->Span().low - delay), to = std::max(to, kind->Span().high - delay);
+  }
+  return {from, to};
 }
 
 class Settings {
@@ -95,16 +113,29 @@ class Settings {
     }
   }
 
-  // Of a record with a window the window is cut.
+  // Of all that a trial holds: the tracks' window is cut, and each channel's, on its own clock.
   void Horizons() {
+    constexpr double kBefore = 1e-9;  // [s]: so that the first sample is in it, as it is written
     for (const double part : {0.25, 0.5}) {
       std::vector<std::string> set;
       for (std::size_t t = 0; t < study_.trials.size(); ++t) {
         const correlate::Observations& o = *fit_.problem().trials[t].observations;
-        if (o.marks.empty()) return;  // a window is one of tracks
-        const double start = o.Start();
-        set.push_back(fmt::format("{}.window=[{:.9g}, {:.9g}]", KeyOf(study_, t), start - 1e-9,
-                                  start + part * (o.End() - start)));
+        const data::StudyTrial& trial = study_.trials[t];
+        const auto [first, last] = Covered(o);
+        const double from = first - kBefore, to = first + part * (last - first);
+        for (const data::StudyEvent& event : trial.events) {
+          if (event.time > to) return;  // no window leaves it out
+        }
+        if (!o.marks.empty()) {
+          set.push_back(fmt::format("{}.window=[{:.9g}, {:.9g}]", KeyOf(study_, t), from, to));
+        }
+        for (const data::StudyChannel& channel : trial.channels) {
+          const bool cut = channel.window_low < channel.window_high;
+          const double low = from + channel.delay.mean, high = to + channel.delay.mean;
+          set.push_back(fmt::format("{}.channel.{}.window=[{:.9g}, {:.9g}]", KeyOf(study_, t),
+                                    channel.name, cut ? std::max(low, channel.window_low) : low,
+                                    cut ? std::min(high, channel.window_high) : high));
+        }
       }
       Add("horizon", fmt::format("the first {:.0f}%", 100.0 * part), std::move(set));
     }

@@ -28,11 +28,32 @@ std::string Whose(const correlate::Observations& o) {
   return o.marks.empty() ? "the channels'" : o.others.empty() ? "the marks'" : "the data's";
 }
 
+// Which law the data want beside the model's.
+std::string RivalWords(const std::vector<std::string>& parameters, const correlate::Constancy& c,
+                       const correlate::RivalLaw& law, const std::vector<double>& values) {
+  std::vector<std::string> others;
+  for (std::size_t j = 0; j < parameters.size() && j < c.with_rival.size(); ++j) {
+    others.push_back(fmt::format("{} {:.4g}", parameters[j], values[j] + c.with_rival[j]));
+  }
+  return fmt::format(
+      " With {} they would be explained better than by noise whatever its memory (probability that "
+      "noise does so {:.2g}): {} {}, and then about {}. Add it to the scene and fit both; a law "
+      "like it looks the same.",
+      law.name, c.p_value,
+      NumberWithError(law.amount * c.rival_part, std::abs(law.amount) * c.rival_sigma), law.unit,
+      JoinWords(others));
+}
+
 // What of a model that does not explain its data changes along the record; empty: nothing is seen
 // to.
 std::string ConstancyWords(const std::vector<std::string>& parameters,
-                           const correlate::Constancy& c) {
-  if (!(c.p_value < correlate::kGoodnessLevel / 3.0) || c.most < 0) return "";
+                           const correlate::Constancy& c, const correlate::FitTrial& trial,
+                           const std::vector<double>& values) {
+  if (!(c.p_value < correlate::kGoodnessLevel / 3.0)) return "";
+  if (c.rival >= 0) {
+    return RivalWords(parameters, c, trial.rivals[static_cast<std::size_t>(c.rival)], values);
+  }
+  if (c.most < 0) return "";
   std::string what =
       "the motion's size by {:+.2g} of it at the record's begin and {:+.2g} at its "
       "end";
@@ -44,8 +65,8 @@ std::string ConstancyWords(const std::vector<std::string>& parameters,
     what = "the clock by {:+.2g} ms at the record's begin and {:+.2g} ms at its end";
     factor = 1e3;
   }
-  return " Along the record they want other values, by more than noise does whatever its memory "
-         "(probability " +
+  return " Along the record the data want other values, by more than noise does whatever its "
+         "memory (probability " +
          fmt::format("{:.2g}", c.p_value) + "): most surely " +
          fmt::format(fmt::runtime(what), factor * c.at_begin, factor * c.at_end) +
          ". So does what changes with the motion's size or rate: friction, another law of damping, "
@@ -74,8 +95,10 @@ std::string NoExplanation(const std::string& whose, const correlate::TrialResult
 
 // The residuals of one trial: how large, whether they are correlated, what was done about it,
 // and whether the model explains them.
-std::string ResidualWords(const correlate::Observations& o, const correlate::TrialResult& t,
-                          const std::vector<std::string>& parameters, bool several) {
+std::string ResidualWords(const correlate::FitTrial& trial, const correlate::TrialResult& t,
+                          const std::vector<std::string>& parameters,
+                          const std::vector<double>& values, bool several) {
+  const correlate::Observations& o = *trial.observations;
   const std::string of = several ? " of " + t.name : "";
   const std::string whose = Whose(o);
   const correlate::GoodnessOfFit& g = t.goodness;
@@ -124,7 +147,7 @@ std::string ResidualWords(const correlate::Observations& o, const correlate::Tri
           whose, Probability(g.p_covariances()), 100.0 * g.mesh_takes);
       break;
     case correlate::Explained::kNo:
-      words += NoExplanation(whose, t) + ConstancyWords(parameters, g.constancy);
+      words += NoExplanation(whose, t) + ConstancyWords(parameters, g.constancy, trial, values);
       if (correlate::LeastNoiseOverMotion(o) < correlate::kLoosestTolerance) {
         words +=
             " The stated noise is less than a simulation's tolerance of the motion: what is left "
@@ -265,7 +288,7 @@ void AddTrialWords(const std::vector<std::string>& parameters,
   const bool several = r.trials.size() > 1;
   for (std::size_t k = 0; k < r.trials.size(); ++k) {
     const correlate::TrialResult& t = r.trials[k];
-    record->reasons.push_back(ResidualWords(*trials[k].observations, t, parameters, several));
+    record->reasons.push_back(ResidualWords(trials[k], t, parameters, r.Theta(), several));
     if (!t.less_weight.empty()) {
       double from = std::numeric_limits<double>::infinity(), least = 1.0;
       for (const correlate::LessWeight& l : t.less_weight) {

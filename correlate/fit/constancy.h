@@ -25,6 +25,12 @@ struct Constancy {
   /// estimate's [unit; s; part of the motion].
   double at_begin = 0.0, at_end = 0.0;
   int parameters = 0;  ///< how many there are: `most` beyond the last is clock, then size
+  /// Of the rival laws, the one that the data want most surely, where they want it more surely than
+  /// other values: its index; -1: none. How much of it they want, over what its model has, with the
+  /// standard error by the noise found with it, and by how much the parameters would change [unit].
+  int rival = -1;
+  double rival_part = 0.0, rival_sigma = 0.0;
+  std::vector<double> with_rival;
   bool clock() const { return most == parameters; }
   bool size() const { return most == parameters + 1; }
 };
@@ -43,12 +49,16 @@ struct ConstancyInput {
   double calibrated_below = 0.01;
   const QuantisedRows* quantised = nullptr;  ///< rows that are no noise; null: none
   Change known;  ///< the model's own error, of which nothing is held against it; empty: none
+  /// What laws that the model lacks would change (FitTrial::rivals), empty ones not asked; null:
+  /// none.
+  const std::vector<Change>* rivals = nullptr;
 };
 
 /// An F-test by generalised least squares, to first order, without a run of the model: columns of
 /// the sensitivities, of the clock and of the motion's size times Legendre polynomials of time are
 /// added to the fit; the noise is that which is left with them in it (FitSeriesNoise), so that a
-/// misfit of their shape is not taken for noise.
+/// misfit of their shape is not taken for noise. Rival laws are asked for in the same way, each by
+/// one column, with half of the probability of a false alarm: of one column noise imitates less.
 Constancy TestConstancy(const ConstancyInput& in);
 
 }  // namespace unfurl::correlate

@@ -8,11 +8,16 @@ Fidelity FidelityOfRung(std::size_t rung) {
                                static_cast<std::int32_t>(rung) - 1);
 }
 
+Fidelity FidelityOfRival(const FitTrial& trial, std::size_t i) {
+  return FidelityOfRung(trial.rungs.size() + 1 + i);
+}
+
 const Model* ModelOf(const FitTrial& trial, Fidelity fidelity) {
   if (fidelity >= Fidelity::kRung) {
     const auto rung =
         static_cast<std::size_t>(fidelity) - static_cast<std::size_t>(Fidelity::kRung);
-    return trial.rungs.at(rung).model;
+    const std::size_t rungs = trial.rungs.size();
+    return rung < rungs ? trial.rungs[rung].model : trial.rivals.at(rung - rungs).model;
   }
   switch (fidelity) {
     case Fidelity::kTighter:

@@ -185,6 +185,7 @@ struct TrialResult {
   std::vector<LessWeight> less_weight;
   ErrorCheck error_check = ErrorCheck::kNone;
   std::string error_check_failure;  // why the better model that was asked gave nothing
+  std::vector<Change> rivals;       // by FitTrial::rivals: what each changes; empty: it failed
   // The model's own error at the estimate (better model less model, times the factor); empty where
   // no better one was run. RMS of the marks, below.
   Change model_error;

@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "correlate/fit/constancy.h"
+#include "correlate/fit/noise_doubt.h"
 #include "correlate/fit/normal_matrix.h"
 #include "correlate/fit/quantised.h"
 #include "correlate/residual/row_layout.h"
@@ -84,10 +85,9 @@ RegistrationFit PlainRows(const Observations& o, const TrialResult& trial,
 // Readings of coarse instruments, by all unknowns of the trial.
 QuantisedRows CoarseRows(const Observations& o, const TrialResult& trial, const StackedRows& plain,
                          const StackedRows::Block& b) {
-  const Eigen::Index p = static_cast<Eigen::Index>(trial.change.size());
-  Eigen::MatrixXd columns(b.rows, p + b.columns);
-  columns << plain.A.block(b.row, 0, b.rows, p), plain.A.block(b.row, b.column, b.rows, b.columns);
-  return {o, trial.residual, columns};
+  const auto p = static_cast<Eigen::Index>(trial.change.size());
+  return {o, trial.residual, plain.A.block(b.row, 0, b.rows, p),
+          plain.A.block(b.row, b.column, b.rows, b.columns)};
 }
 
 void FillBand(const Eigen::MatrixXd& covariance, TrialResult* trial) {
@@ -264,7 +264,13 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
       middle += cross + cross.transpose();
     }
   }
-  const Eigen::MatrixXd from_data = inverse * middle * inverse + open;
+  Eigen::MatrixXd from_data = inverse * middle * inverse + open;
+  for (std::size_t t = 0; t < trials; ++t) {
+    if (whitening[t] == nullptr || whitening[t]->identity()) continue;
+    NoiseDoubtInput in{data[t], &r->trials[t].noise, &r->trials[t].residual, {}, {}, &H, &inverse};
+    in.TakeRows(plain, t, p);
+    from_data += DoubtOfNoise(in);
+  }
 
   Eigen::VectorXd left = Eigen::VectorXd::Zero(plain.A.rows());
   for (std::size_t t = 0; t < trials; ++t) {
@@ -306,6 +312,7 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     same.jacobian = &plain_jacobian[t];
     same.sensitivity = plain_sensitivity.middleRows(b.row, b.rows);
     same.known = trial.model_error;
+    same.rivals = &trial.rivals;
     same.quantised = in.quantised = &coarse[t];
     in.whitening = whitening[t];
     in.constancy = &same;

@@ -39,6 +39,38 @@ std::vector<LessWeight> WeighSections(const Observations& all, const Prediction&
   return less;
 }
 
+std::vector<Evaluator::Request> RivalRequests(const FitProblem& problem,
+                                              const std::vector<double>& theta) {
+  std::vector<Evaluator::Request> out;
+  for (std::size_t t = 0; t < problem.trials.size(); ++t) {
+    const FitTrial& trial = problem.trials[t];
+    for (std::size_t i = 0; i < trial.rivals.size(); ++i) {
+      out.push_back({t, theta, "rival law", FidelityOfRival(trial, i), false});
+    }
+    if (!trial.rivals.empty()) out.push_back({t, theta, "trial", Fidelity::kMain, false});
+  }
+  return out;
+}
+
+void FillRivals(const FitProblem& problem, StageRunner& runner, FitResult* r) {
+  const std::vector<Evaluator::Request> asked =
+      RivalRequests(problem, Values(problem.parameters, runner.u().data()));
+  const std::vector<Evaluator::Answer> answers = runner.evaluator().Evaluate(asked);
+  std::size_t at = 0;
+  for (std::size_t t = 0; t < problem.trials.size(); ++t) {
+    const FitTrial& trial = problem.trials[t];
+    r->trials[t].rivals.assign(trial.rivals.size(), {});
+    if (trial.rivals.empty()) continue;
+    const Evaluator::Answer& plain = answers[at + trial.rivals.size()];
+    for (Change& change : r->trials[t].rivals) {
+      const Evaluator::Answer& answer = answers[at++];
+      if (answer->status != ModelStatus::kGood || plain->status != ModelStatus::kGood) continue;
+      change = Difference(*trial.observations, *plain, *answer);
+    }
+    ++at;
+  }
+}
+
 bool FillEstimate(const FitProblem& problem, StageRunner& runner,
                   std::vector<Evaluator::Request> beside, FitResult* r) {
   ReducedProblem& reduced = runner.reduced();

@@ -18,4 +18,10 @@ std::vector<LessWeight> WeighSections(const Observations& all, const Prediction&
 bool FillEstimate(const FitProblem& problem, StageRunner& runner,
                   std::vector<Evaluator::Request> beside, FitResult* r);
 
+// Questions to the rival laws at the estimate, and to the model that they differ from.
+std::vector<Evaluator::Request> RivalRequests(const FitProblem& problem,
+                                              const std::vector<double>& theta);
+// What they answer.
+void FillRivals(const FitProblem& problem, StageRunner& runner, FitResult* r);
+
 }  // namespace unfurl::correlate

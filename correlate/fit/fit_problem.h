@@ -18,6 +18,16 @@ struct Rung {
   double error = 0.0;
 };
 
+/// The model with a little of a law that it lacks (friction where it has viscous damping), asked
+/// once, at the estimate: where what is left of the data is better explained with some of it, the
+/// model lacks it, or something like it.
+struct RivalLaw {
+  const Model* model = nullptr;
+  std::string name;     ///< "dry friction in hinge"
+  std::string unit;     ///< of `amount`
+  double amount = 0.0;  ///< how much of it the model has [unit]
+};
+
 // One trial and the model of it. Models and observations must outlive the fit.
 struct FitTrial {
   std::string name;
@@ -35,6 +45,7 @@ struct FitTrial {
   // Instead of `finer`: rungs above `model`, each with less error than the one before; the fit then
   // means the last of them (docs/physics-correlation.md, "The ladder"). As many in every trial.
   std::vector<Rung> rungs;
+  std::vector<RivalLaw> rivals;
   std::string model_name = "the model";  // of the lowest rung
   double model_relative_error = 1.0;     // of the lowest rung, as Rung::error [-]
 
@@ -48,10 +59,12 @@ struct FitProblem {
   std::vector<FitTrial> trials;
 };
 
-// Which of a trial's models is asked; kRung + i: rungs[i].
+// Which of a trial's models is asked; kRung + i: rungs[i], and beyond the last of them rivals.
 enum class Fidelity : std::int32_t { kMain = 0, kTighter = 1, kFiner = 2, kRung = 3 };
 // Of rung 0 (the trial's `model`), 1 (rungs[0]), ...
 Fidelity FidelityOfRung(std::size_t rung);
+// Of a trial's rivals[i].
+Fidelity FidelityOfRival(const FitTrial& trial, std::size_t i);
 const Model* ModelOf(const FitTrial& trial, Fidelity fidelity);
 
 }  // namespace unfurl::correlate

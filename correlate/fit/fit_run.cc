@@ -249,8 +249,13 @@ void FitRun::TakeOver(FitRun&& other, Elsewhere found) {
 }
 
 bool FitRun::Estimate() {
-  if (!FillEstimate(problem_, *best_, RungsWanted(problem_, ladder_, *best_), &result_))
-    return false;
+  std::vector<Evaluator::Request> beside = RungsWanted(problem_, ladder_, *best_);
+  for (Evaluator::Request& rival :
+       RivalRequests(problem_, Values(problem_.parameters, best_->u().data()))) {
+    beside.push_back(std::move(rival));
+  }
+  if (!FillEstimate(problem_, *best_, std::move(beside), &result_)) return false;
+  FillRivals(problem_, *best_, &result_);
   if (ladder_.wanted()) FillWhatIsLeft(problem_, ladder_, *best_, &result_);
   for (std::size_t t = 0; t < trials_; ++t) result_.trials[t].kinds = weighed_[t].others;
   FillCovariance(problem_, data_, whiteners_, options_, &result_);

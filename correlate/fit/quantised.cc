@@ -19,8 +19,8 @@ constexpr double kDither = 0.5;
 }  // namespace
 
 QuantisedRows::QuantisedRows(const Observations& observations, const Eigen::VectorXd& residual,
-                             const Eigen::MatrixXd& columns)
-    : residual_(residual) {
+                             const Eigen::Ref<const Eigen::MatrixXd>& parameters,
+                             const Eigen::Ref<const Eigen::MatrixXd>& nuisances) {
   const RowLayout layout(observations);
   std::vector<double> steps;
   for (const RowSeries& s : layout.series) {
@@ -37,8 +37,10 @@ QuantisedRows::QuantisedRows(const Observations& observations, const Eigen::Vect
     }
   }
   if (rows_.empty()) return;
+  residual_ = residual;
   step_ = Eigen::Map<const Eigen::VectorXd>(steps.data(), static_cast<Eigen::Index>(steps.size()));
-  moves_ = columns(rows_, Eigen::all);
+  moves_.resize(step_.size(), parameters.cols() + nuisances.cols());
+  moves_ << parameters(rows_, Eigen::all), nuisances(rows_, Eigen::all);
   for (Eigen::Index c = 0; c < moves_.cols(); ++c) {
     const double most = moves_.col(c).cwiseQuotient(step_).cwiseAbs().maxCoeff();
     if (most > 0.0) moves_.col(c) *= 0.5 / most;

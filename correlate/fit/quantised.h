@@ -16,9 +16,11 @@ namespace unfurl::correlate {
 /// be drawn: the model's own motion, moved by up to a step, read again.
 class QuantisedRows {
  public:
-  /// `residual` of a trial in the samples' sigmas; `columns`: d residual / d unknown.
+  /// `residual` of a trial in the samples' sigmas, its derivatives by parameters and nuisances. Of
+  /// rows that are not coarse nothing is kept.
   QuantisedRows(const Observations& observations, const Eigen::VectorXd& residual,
-                const Eigen::MatrixXd& columns);
+                const Eigen::Ref<const Eigen::MatrixXd>& parameters,
+                const Eigen::Ref<const Eigen::MatrixXd>& nuisances);
   /// Whether any readings are so: what noise there is beside the steps is less than half of one.
   /// More of it makes what the steps do white.
   bool any() const { return !rows_.empty(); }

@@ -50,6 +50,52 @@ TEST_F(StudyCostTest, EachSettingIsAFitOfItsOwn) {
   EXPECT_TRUE(Of(cost, "no profiles").agrees);
 }
 
+// A quarter of the record was a quarter of the marks, beside all of a channel's readings.
+TEST_F(StudyCostTest, AHorizonCutsChannelsToo) {
+  const std::string whole = Study("tracks.csv").path;
+  SceneModelOptions options;
+  options.scene = (folder_ / "arm.toml").string();
+  options.rtol = 1e-9;
+  correlate::Stamps stamps;
+  std::vector<double> t;
+  for (int i = 1; i <= 400; ++i) t.push_back(0.01 * i);
+  stamps.quantities.push_back({"angle", "hinge.theta", t});
+  const Eigen::VectorXd angle = SceneModel(options, {}).Evaluate({}, stamps).quantities[0].values;
+  Rng rng(3);
+  std::string text = "t [s],angle [rad]\n";
+  constexpr double kBehind = 0.5;  // the encoder's clock [s]
+  for (std::size_t i = 0; i < t.size(); ++i) {
+    text += fmt::format("{:.3f},{:.7f}\n", t[i] + kBehind,
+                        angle(static_cast<Eigen::Index>(i)) + 1e-3 * rng.Normal());
+  }
+  Put("angle.csv", text);
+  const std::string channel =
+      "[trial.channel.angle]\nfile = \"angle.csv\"\nquantity = \"hinge.theta\"\n"
+      "sigma = 1e-3\ndelay = 0.5\n";
+  const std::string both = data::ReadTextFile(whole) + channel;
+  std::string alone = both;
+  for (const std::string line : {"tracks = \"tracks.csv\"\n", "frame = \"known\"\n"}) {
+    alone.erase(alone.find(line), line.size());
+  }
+  StudyCostOptions how;
+  how.vary = {"horizon"};
+  for (const std::string& study : {both, alone}) {
+    const StudyCost cost = CostOfStudy(Put("both.toml", study), {}, how);
+    ASSERT_TRUE(cost.Usable());
+    const StudyCostPoint& half = Of(cost, "the first 50%");
+    ASSERT_TRUE(half.usable) << half.message;
+    // Of a frequency an eighth of the information, were amplitudes alike.
+    EXPECT_GT(half.values[1].Half(), 2.0 * cost.points[0].values[1].Half());
+    if (study == both) continue;
+    // As of a file that ends there.
+    Put("angle.csv", text.substr(0, text.find("2.510,")));
+    const StudyFit cut = Fit(data::ReadStudy(Put("cut.toml", study)));
+    const correlate::Interval& i = cut.result.parameters[1].all95;
+    constexpr double kSame = 1e-6;  // of it
+    EXPECT_NEAR(half.values[1].Half(), 0.5 * (i.high - i.low), kSame * half.values[1].Half());
+  }
+}
+
 TEST_F(StudyCostTest, RungsOfABeamAndTheirTest) {
   const std::string path = BeamStudy().path;
   StudyCostOptions how;
