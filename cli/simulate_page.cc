@@ -10,6 +10,7 @@
 #include "cli/run_columns.h"
 #include "report/page.h"
 #include "sim/record/certificate.h"
+#include "sim/record/record.h"
 
 namespace unfurl::cli {
 
@@ -61,7 +62,9 @@ class Composer {
     headline[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(headline[0])));
     Level level = all_closed ? Level::kGood : Level::kCare;
     if (!Good()) {
-      headline = fmt::format("Not usable beyond {:.6g} s", in_.report.t_end);
+      headline = in_.status == sim::kNotCertified
+                     ? std::string("Not certified")
+                     : fmt::format("Not usable beyond {:.6g} s", in_.report.t_end);
       details.push_back(in_.message + ".");
       level = Level::kBad;
     }

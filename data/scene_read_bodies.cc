@@ -45,7 +45,9 @@ void SceneReader::ReadBeams() {
     const std::string form = table.ChoiceOr("form", "chord", {"chord", "gradient", "printed"});
     beam.gradient_form = form != "printed";
     beam.along_chord = form == "chord";
-    ReadSection(table, &beam);
+    ReadTaper(table, &beam);
+    ReadBendingStiffness(table, &beam);
+    ReadAxialStiffness(table, &beam);
     beam.pose = TripleOrNone(table, "pose");
     beam.velocity = TripleOrNone(table, "velocity");
     beam.where = table.Where();
@@ -57,10 +59,13 @@ void SceneReader::ReadBeams() {
   }
 }
 
-void SceneReader::ReadSection(const TomlTable& table, SceneBeam* beam) {
+void SceneReader::ReadTaper(const TomlTable& table, SceneBeam* beam) {
   // At a twentieth of the size the section bends 160,000 times as easily: that is a hinge, not a
   // beam.
   constexpr double kLeastTaper = 0.05, kMostTaper = 1.0 / kLeastTaper;  // [-]
+  if (!table.Has("taper")) {
+    RefuseKeys(table, {"taper_of"}, "without `taper` nothing tapers");
+  }
   beam->section.taper = table.NumberOr("taper", 1.0, kPositive);
   if (beam->section.taper < kLeastTaper || beam->section.taper > kMostTaper) {
     table.Fail("taper", "the section's size at the end is not of the order of that at the start",
@@ -70,26 +75,39 @@ void SceneReader::ReadSection(const TomlTable& table, SceneBeam* beam) {
   beam->section.of = of == "width"    ? BeamSection::Of::kWidth
                      : of == "height" ? BeamSection::Of::kHeight
                                       : BeamSection::Of::kBoth;
-  const bool by_modulus = table.Has("E");
-  const double E = by_modulus ? table.Number("E", kPositive) : 0.0;
+}
+
+void SceneReader::ReadBendingStiffness(const TomlTable& table, SceneBeam* beam) {
   if (table.Has("EI")) {
     if (table.Has("I")) table.Fail("I", "EI and I are both given", "remove one of them");
+    if (table.Has("EA") || !(table.Has("area") || table.Has("density"))) {
+      RefuseKeys(table, {"E"}, "EI is given, and nothing else is to be made of E");
+    }
     beam->EI = table.Number("EI", kPositive);
-  } else if (by_modulus) {
-    beam->EI = E * table.Number("I", kPositive);
+  } else if (table.Has("E")) {
+    beam->EI = table.Number("E", kPositive) * table.Number("I", kPositive);
   } else {
     table.Fail("EI", "the beam has no bending stiffness", "give EI, or E and I");
   }
+}
+
+// With axial = "rigid" it does nothing in this run; `unfurl effects` tries what it would do.
+void SceneReader::ReadAxialStiffness(const TomlTable& table, SceneBeam* beam) {
+  const double E = table.Has("E") ? table.Number("E", kPositive) : 0.0;
   if (table.Has("EA")) {
+    RefuseKeys(table, {"area", "density"}, "EA is given, which this would make");
     beam->EA = table.Number("EA", kPositive);
-  } else if (by_modulus && table.Has("area")) {
+  } else if (E > 0.0 && table.Has("area")) {
+    RefuseKeys(table, {"density"}, "area is given, which this would make");
     beam->EA = E * table.Number("area", kPositive);
-  } else if (by_modulus && table.Has("density")) {
+  } else if (E > 0.0 && table.Has("density")) {
     const double volume = beam->length * beam->section.Volume(1.0);  // of unit area at the start
     beam->EA = E * beam->mass / (table.Number("density", kPositive) * volume);
   } else if (beam->axial_elastic) {
     table.Fail("EA", "axial = \"elastic\" needs an axial stiffness",
                "give EA, or E with area or density");
+  } else {
+    RefuseKeys(table, {"area", "density"}, "without E nothing is made of it");
   }
 }
 

@@ -74,15 +74,12 @@ void ReadRecord(const EffectTable& in, SceneMotor* motor) {
   motor->moment = in.function(in.table, in.moment);
 }
 
-void RefuseKeys(const TomlTable& table, std::initializer_list<const char*> keys,
-                const std::string& why) {
-  for (const char* key : keys) {
-    if (table.Has(key)) table.Fail(key, why, "remove the key");
-  }
-}
-
 double ReadHertzStiffness(const TomlTable& table) {
-  if (table.Has("K")) return table.Number("K", kPositive);
+  if (table.Has("K")) {
+    RefuseKeys(table, {"radius_i", "radius_j", "modulus_i", "modulus_j", "poisson_i", "poisson_j"},
+               "K is given, which this would make");
+    return table.Number("K", kPositive);
+  }
   constexpr TomlRange kPoisson{-1.0, 0.5, true, false};
   const double infinity = std::numeric_limits<double>::infinity();
   const double radius_i = table.Number("radius_i", kPositive);
@@ -94,6 +91,8 @@ double ReadHertzStiffness(const TomlTable& table) {
 
 void ReadRampedDamping(const TomlTable& table, SceneContact* c) {
   if (table.Has("C")) {
+    RefuseKeys(table, {"mass", "linear_stiffness", "restitution"},
+               "C is given, which this would make");
     c->C = table.Number("C", kNonNegative);
   } else {
     c->C =

@@ -9,6 +9,16 @@ namespace {
 
 std::array<double, 2> Pair(const std::vector<double>& v) { return {v[0], v[1]}; }
 
+void RefuseIdleKeysOfForce(const TomlTable& table) {
+  if (table.Has("torque")) {
+    RefuseKeys(table, {"point"}, "a torque is the same at every point of a body");
+    RefuseKeys(table, {"frame"}, "a torque is the same in every frame of the plane");
+  }
+  if (table.Has("per_length")) {
+    RefuseKeys(table, {"point", "at"}, "per_length acts along the whole beam");
+  }
+}
+
 }  // namespace
 
 void SceneReader::ReadLinearSprings() {
@@ -22,6 +32,9 @@ void SceneReader::ReadLinearSprings() {
     spring.damping = table.NumberOr("damping", 0.0, kNonNegative);
     if (spring.stiffness == 0.0 && spring.damping == 0.0) {
       table.Fail("", "the spring has neither stiffness nor damping", "give one of them, or both");
+    }
+    if (spring.stiffness == 0.0) {
+      RefuseKeys(table, {"free_length"}, "without a stiffness nothing asks for the length");
     }
     if (table.Has("free_length")) spring.free_length = table.Number("free_length", kNonNegative);
     spring.where = table.Where();
@@ -45,6 +58,7 @@ void SceneReader::ReadForces() {
       table.Fail("", "a force says exactly one of force, torque and per_length",
                  by_force + by_torque + by_length == 0 ? "add one" : "keep one");
     }
+    RefuseIdleKeysOfForce(table);
     if (by_length) {
       force.kind = SceneForce::Kind::kPerLength;
       const std::string on = table.String("on");
@@ -104,6 +118,15 @@ void SceneReader::ReadSensors() {
     const bool bends = sensor.kind == Kind::kCurvature || sensor.kind == Kind::kStrainGauge;
     if (bends && sensor.on.kind == SceneEnd::Kind::kBody) {
       table.Fail("on", "a rigid body does not bend", "name a beam, and its place as `at`");
+    }
+    if (sensor.kind != Kind::kAccelerometer) {
+      RefuseKeys(table, {"axis", "gravity"}, "only an accelerometer asks for it");
+    }
+    if (sensor.kind != Kind::kStrainGauge) {
+      RefuseKeys(table, {"height"}, "only a strain gauge asks for it");
+    }
+    if (sensor.kind == Kind::kGyroscope) {
+      RefuseKeys(table, {"point"}, "a body turns alike at every point");
     }
     if (sensor.kind == Kind::kAccelerometer) {
       sensor.axis = table.NumberOr("axis", 0.0);

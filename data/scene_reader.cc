@@ -14,6 +14,13 @@ constexpr int kFineCells = 4096, kCoarseCells = 16;
 
 }  // namespace
 
+void RefuseKeys(const TomlTable& table, std::initializer_list<const char*> keys,
+                const std::string& why) {
+  for (const char* key : keys) {
+    if (table.Has(key)) table.Fail(key, why, "remove the key");
+  }
+}
+
 Scene SceneReader::Read(const std::string& path) {
   scene_.path = path;
   scene_.files = root_.Files();

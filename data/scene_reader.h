@@ -1,5 +1,6 @@
 #pragma once
 
+#include <initializer_list>
 #include <map>
 #include <string>
 #include <vector>
@@ -8,6 +9,11 @@
 #include "data/toml.h"
 
 namespace unfurl::data {
+
+// Throws Error at the first of `keys` that is given though it does nothing beside what else is, and
+// says why.
+void RefuseKeys(const TomlTable& table, std::initializer_list<const char*> keys,
+                const std::string& why);
 
 // Reads a scene's tables into its record. One file for what moves (scene_read_bodies.cc), one for
 // what joins it (scene_read_joints.cc), one for what acts on it or watches it
@@ -28,7 +34,9 @@ class SceneReader {
 
   void ReadBodies();
   void ReadBeams();
-  static void ReadSection(const TomlTable& table, SceneBeam* beam);
+  static void ReadTaper(const TomlTable& table, SceneBeam* beam);
+  static void ReadBendingStiffness(const TomlTable& table, SceneBeam* beam);
+  static void ReadAxialStiffness(const TomlTable& table, SceneBeam* beam);
   void ReadWelds();
 
   void ReadContacts();

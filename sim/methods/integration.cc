@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 
 #include "base/progress.h"
 #include "sim/dynamics/flush_denormals.h"
@@ -71,6 +72,7 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       edges_(model, end_),
       functions_(model, end_, options.rtol, options.max_step),
       tables_(model, options.rtol),
+      paths_(model, scale_),
       last_error_(1e-4),
       zone_part_(kZonePart * std::min(2.0, std::pow(options.rtol / 1e-6, 0.2))) {
   dynamics_.track_energy = options.track_energy;
@@ -107,6 +109,7 @@ SimulateReport Integration::Go() {
       StepAcross(&h);
       continue;
     }
+    if (!paths_.empty() && !across_ && FollowLaws(&h)) continue;
     if (error > 1.0 && stepper_->EndsAtTrial()) stepper_->RefreshTrial();
     NoteAccepted(h);
     const double before = t_;
@@ -158,6 +161,18 @@ bool Integration::FollowFunctions(double* h) {
   limit_ = StepLimit::kFunction;
   const std::string complaint = functions_.Complaint();
   if (!complaint.empty()) Fail(SimulateStatus::kTooManySteps, complaint);
+  return true;
+}
+
+bool Integration::FollowLaws(double* h) {
+  const double part = paths_.Part(t_, *h, stepper_->state(), stepper_->trial());
+  // Below this, times within the step are equal but for rounding.
+  const double least = 64.0 * std::numeric_limits<double>::epsilon() * t_;
+  if (part >= 1.0 || part * *h <= least) return false;
+  *h *= part;
+  stepper_->Drop();
+  ++report_.rejected;
+  limit_ = StepLimit::kError;
   return true;
 }
 

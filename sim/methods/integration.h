@@ -13,6 +13,7 @@
 #include "sim/methods/load_peaks.h"
 #include "sim/methods/method_switch.h"
 #include "sim/methods/pair_choice.h"
+#include "sim/methods/path_watch.h"
 #include "sim/methods/run_judge.h"
 #include "sim/methods/simulate.h"
 #include "sim/methods/stepper.h"
@@ -32,6 +33,8 @@ class Integration {
   void NoteAccepted(double h);
   // Shortens the step about to be tried to what functions of time allow; true: it was.
   bool FollowFunctions(double* h);
+  // Shortens a step that was tried and found good to what it saw of the joints' laws; true: it was.
+  bool FollowLaws(double* h);
   void CountStep();
   void FillReport();
   void Shrink(double error, double* h);
@@ -99,6 +102,7 @@ class Integration {
   Edges edges_;
   FunctionWatch functions_;
   TableWatch tables_;
+  PathWatch paths_;
   double last_error_ = 0.0;     // of the last step, over what is allowed [-]
   double zone_part_ = 0.0;      // of a transition zone, per step [-]
   double drift_ = 0.0;          // the largest, in tolerances [-]

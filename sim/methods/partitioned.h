@@ -26,6 +26,7 @@ class Partitioned : public Pair {
   void Refresh() override;
   void RefreshTrial() override;
   double Try(double h) override;
+  void Drop() override { factored_ = false; }
   long repartitions() const override { return repartitions_; }
 
  protected:

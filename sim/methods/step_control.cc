@@ -125,6 +125,13 @@ double Integration::ContactStep() const {
     for (const bool upper : {true, false}) {
       if (!(upper ? mode.upper_contact : mode.lower_contact)) continue;
       const Latches::Contact c = model_.latches.At(k, upper, theta, rate);
+      if (role_ != StepperSet::kImplicit && c.depth_rate > 0.0 && c.depth < zone) {
+        // On the way in the damping ends in an edge: a step that goes over it sees neither side.
+        // Implicit steps are solved for what the contact is at their end.
+        constexpr double kLeast = 1e-3;  // of the zone: the edge itself is passed
+        longest = std::min(longest,
+                           std::max(zone - std::max(0.0, c.depth), kLeast * zone) / c.depth_rate);
+      }
       if (c.depth_rate >= 0.0 || c.depth <= 0.0) continue;
       longest = std::min(longest, std::max(c.depth - zone, zone_part_ * zone) / -c.depth_rate);
     }

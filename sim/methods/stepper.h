@@ -77,6 +77,8 @@ class Stepper {
   // dense output is made: who writes to trial() then calls RefreshTrial.
   virtual bool EndsAtTrial() const { return false; }
   virtual void RefreshTrial() {}
+  // The last step tried, good by its error, is not taken all the same.
+  virtual void Drop() {}
   // The trial becomes the state, at time t.
   virtual void Accept(double t) = 0;
   // The state becomes the dense point at sigma in (0, 1], at time t; call Refresh after the modes

@@ -4,33 +4,16 @@
 #include <array>
 #include <cmath>
 
+#include "sim/methods/quartic.h"
+
 namespace unfurl::sim {
 namespace {
 
-// Of the travel, Chebyshev's places: what goes through there is near everywhere.
-constexpr std::array<double, 5> kTravelPlaces = {0.02447174185242318, 0.20610737385376343, 0.5,
-                                                 0.7938926261462366, 0.9755282581475768};
 // Of a table's range, that it may be off, as functions of time (function_watch.cc): with a
 // hundredth snaps are seen, but their work is up to 40 tolerances off. The second derivative jumps
 // at a knot: what a travel s over it is off by goes with s^2, what its work is off by with s^3. So
 // from 1e-6 on, where a thousandth is enough, the part falls as rtol^(2/3).
 constexpr double kMostUnseen = 1e-3, kUnseen = 10.0;
-
-// Knots in one travel: more than a quartic through five values goes through, unless it is smooth.
-constexpr std::size_t kMostKnots = 64;
-constexpr double kShortestTravel = 1e-6;  // of a table: no knots that matter are so near
-
-double QuarticAt(const std::array<double, 5>& values, double at) {
-  double sum = 0.0;
-  for (std::size_t k = 0; k < values.size(); ++k) {
-    double w = values[k];
-    for (std::size_t j = 0; j < values.size(); ++j) {
-      if (j != k) w *= (at - kTravelPlaces[j]) / (kTravelPlaces[k] - kTravelPlaces[j]);
-    }
-    sum += w;
-  }
-  return sum;
-}
 
 // Whether the table from `from` over `travel` is a quartic but for what may be unseen.
 bool IsSeen(const MomentTable& table, double from, double travel, double part) {
@@ -39,10 +22,10 @@ bool IsSeen(const MomentTable& table, double from, double travel, double part) {
   const auto first = std::upper_bound(knots.begin(), knots.end(), low);
   const auto last = std::lower_bound(first, knots.end(), high);
   if (first == last) return true;  // one cubic
-  if (last - first > static_cast<std::ptrdiff_t>(kMostKnots)) return false;
+  if (last - first > TableWatch::kMostKnots) return false;
   std::array<double, 5> values{};
   for (std::size_t k = 0; k < values.size(); ++k) {
-    values[k] = table.At(from + kTravelPlaces[k] * travel).moment;
+    values[k] = table.At(from + kQuarticPlaces[k] * travel).moment;
   }
   const auto off = [&](double place) {
     return std::fabs(table.At(place).moment - QuarticAt(values, (place - from) / travel));
@@ -58,8 +41,11 @@ bool IsSeen(const MomentTable& table, double from, double travel, double part) {
 }  // namespace
 
 TableWatch::TableWatch(const Model& model, double rtol)
-    : tables_(std::get<JointEffect<MomentTable>>(model.joint_effects)),
-      part_(std::min(kMostUnseen, kUnseen * std::pow(rtol, 2.0 / 3.0))) {}
+    : tables_(std::get<JointEffect<MomentTable>>(model.joint_effects)), part_(PartUnseen(rtol)) {}
+
+double TableWatch::PartUnseen(double rtol) {
+  return std::min(kMostUnseen, kUnseen * std::pow(rtol, 2.0 / 3.0));
+}
 
 double TableWatch::Resolved(const Motion& motion, double h) const {
   for (int k = 0; k < tables_.count(); ++k) {

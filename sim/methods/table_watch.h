@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+
 #include "sim/model/model.h"
 
 namespace unfurl::sim {
@@ -12,6 +14,11 @@ namespace unfurl::sim {
 class TableWatch {
  public:
   TableWatch(const Model& model, double rtol);
+  // Of a table's range, that it may be off the quartic [-].
+  static double PartUnseen(double rtol);
+  // Knots in one travel: more than a quartic through five values goes through, unless it is smooth.
+  static constexpr std::ptrdiff_t kMostKnots = 64;
+  static constexpr double kShortestTravel = 1e-6;  // of a table: no knots that matter are so near
 
   bool empty() const { return tables_.count() == 0; }
   // The longest step of h, h / 2, h / 4, ... [s] from `motion` on, at its rates.

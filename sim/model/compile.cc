@@ -62,6 +62,7 @@ Model Compiler::Run() {
   CheckConstraints();
   WarnOfLooseParts();
   CheckStops();
+  WarnOfIdleKeys();
   return std::move(model_);
 }
 

@@ -58,6 +58,19 @@ void Compiler::WarnOfLooseParts() {
   }
 }
 
+// Said and not refused, as `--set suspension=` may have taken the strings away.
+void Compiler::WarnOfIdleKeys() {
+  if (scene_.suspension) return;
+  for (const data::SceneJoint& joint : scene_.joints) {
+    for (const auto& [key, value] :
+         {std::pair("hang_theta", joint.hang_theta), std::pair("hang_travel", joint.hang_travel)}) {
+      if (value == 0.0) continue;
+      model_.warnings.push_back(
+          fmt::format("{}.{} does nothing: there is no [suspension]", joint.where, key));
+    }
+  }
+}
+
 // A latch that starts beyond its stop holds energy that nobody gave it: of a scene's own making it
 // is what springs and weight have pressed in, and no more than they store.
 void Compiler::CheckStops() {

@@ -49,6 +49,8 @@ class Compiler {
   // compile_checks.cc
   void WarnOfLooseParts();
   void CheckStops();
+  // Keys that do nothing without a table that is not there.
+  void WarnOfIdleKeys();
   void RefuseDrivesThatFight(std::size_t redundant, const std::string& which) const;
   // compile_kirchhoff.cc
   bool IsSmooth(int beam) const;

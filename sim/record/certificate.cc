@@ -12,6 +12,7 @@
 #include "sim/methods/choose_method.h"
 #include "sim/methods/edges.h"
 #include "sim/methods/load_peaks.h"
+#include "sim/methods/make_stepper.h"
 #include "sim/record/record.h"
 
 namespace unfurl::sim {
@@ -27,6 +28,9 @@ constexpr double kSegmentsPower = 2.0, kShapesPower = 3.0;
 constexpr int kFewestSegments = 4;
 // Shapes that a smooth beam's companion has more: as many again would cost fourfold.
 constexpr int kMoreShapes = 2;
+
+// Tolerances that a motion may be off (docs/accuracy.md).
+constexpr double kPromised = 10.0;
 
 // error of `own` = factor |own - other| where errors go with size^-power.
 double RichardsonFactor(double own, double other, double power) {
@@ -46,6 +50,15 @@ bool HalvesSegments(const data::Scene& scene) {
   return std::none_of(scene.beams.begin(), scene.beams.end(), [](const data::SceneBeam& beam) {
     return beam.model == data::BeamModel::kKirchhoff || (beam.segments + 1) / 2 < kFewestSegments;
   });
+}
+
+// Whether one is NAME.x and the other NAME.y.
+bool IsOtherCoordinate(const std::string& name, const std::string& other) {
+  const std::size_t dot = name.rfind('.');
+  if (dot == std::string::npos || other.compare(0, dot + 1, name, 0, dot + 1) != 0) return false;
+  const std::string_view a = std::string_view(name).substr(dot + 1),
+                         b = std::string_view(other).substr(dot + 1);
+  return (a == "x" && b == "y") || (a == "y" && b == "x");
 }
 
 bool IsDefault(const std::string& name, const data::Scene& scene) {
@@ -130,6 +143,9 @@ std::shared_ptr<Certificate> Certificate::Make(const data::Scene& scene,
     const auto latch = static_cast<std::size_t>(joint.latch);
     out->loads_.push_back({joint.name + ".peak_moment", "N m", true, latch});
   }
+  out->floor_angle_ = kPromised * ToleranceOf(options);
+  out->floor_length_ =
+      out->floor_angle_ * (options.length > 0.0 ? options.length : model->length_scale);
   SimulateOptions tighter = options;
   tighter.rtol = TighterTolerance(options.rtol);
   // Of the difference, 1 - 0.1 is the run's own error; the method of `auto` may differ, which is as
@@ -207,6 +223,33 @@ std::vector<Certificate::Line> Certificate::Lines() const {
     lines.push_back(line);
   }
   return lines;
+}
+
+std::string Certificate::Doubt() const {
+  const std::vector<Line> lines = Lines();
+  const auto size_of = [&](const Line& line) {
+    if (line.units == "rad") return std::max(line.range, floor_angle_);
+    if (line.units != "m") return HUGE_VAL;
+    double size = std::max(line.range, floor_length_);
+    for (const Line& other : lines) {
+      if (IsOtherCoordinate(line.name, other.name)) size = std::max(size, other.range);
+    }
+    return size;
+  };
+  const Line* worst = nullptr;
+  double most = 1.0;
+  for (const Line& line : lines) {
+    const double size = size_of(line);
+    if (!(line.time + line.mesh > most * size)) continue;
+    most = (line.time + line.mesh) / size;
+    worst = &line;
+  }
+  if (worst == nullptr) return {};
+  const bool mesh = worst->mesh > worst->time;
+  return fmt::format("the {} leaves {} uncertain by {:.2g} {}, {:.0f}% of all that it does; {}",
+                     mesh ? "mesh" : "tolerance", worst->name, worst->time + worst->mesh,
+                     worst->units, 100.0 * most,
+                     mesh ? "use more segments or a higher order" : "use a smaller rtol");
 }
 
 std::vector<Certificate::Line> Certificate::LoadLines(const SimulateReport& run) const {

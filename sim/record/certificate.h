@@ -55,6 +55,12 @@ class Certificate {
 
   /// After the run.
   std::vector<Line> Lines() const;
+  /// Why the run cannot be used, of the quantity that is worst off; empty: it can. Where the error
+  /// that is stated is larger than all that a position or an angle does, nothing is known of it:
+  /// larger than its range, or of a mark the longer one of its two coordinates. What moves by less
+  /// than ten tolerances is known to do that. Nothing else is judged: velocities and loads jump at
+  /// impacts, and an impact that is late by an instant is wrong by all of its jump.
+  std::string Doubt() const;
   /// Of its largest loads, JOINT.peak_pin_force and JOINT.peak_moment, wherever in time companions
   /// have theirs, and no less than a thousandth, as peaks are looked for; `range` is the load
   /// itself. Loads of an impact change by more than motions do.
@@ -81,6 +87,7 @@ class Certificate {
 
   std::string problem_, mesh_;
   std::vector<data::Quantity> certified_;
+  double floor_length_ = 0.0, floor_angle_ = 0.0;  // ten tolerances [m], [rad]
   std::vector<Load> loads_;
   std::vector<Companion> companions_;          // tolerance, then mesh
   std::vector<int> column_;                    // in the run's row, by certified quantity

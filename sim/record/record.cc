@@ -75,8 +75,8 @@ void RefuseTooLarge(const std::string& path, double bytes, double rate) {
 
 // Runs the model; what stops it becomes the recording's status. Bad input that shows only on the
 // way is such a stop, too.
-void Run(RunRecorder* recorder, Observer* observer, Recording* out) {
-  Both both(observer, recorder);
+void Run(RunRecorder* recorder, const RecordOptions& options, Recording* out) {
+  Both both(options.observer, recorder);
   try {
     out->report = Simulate(*out->model, out->options, &both);
   } catch (const Interrupted&) {
@@ -90,16 +90,18 @@ void Run(RunRecorder* recorder, Observer* observer, Recording* out) {
   }
   out->status = StatusName(out->report.status);
   out->message = out->report.message;
+  if (!out->Usable() || !options.certificate) return;
+  out->message = options.certificate->Doubt();
+  if (!out->message.empty()) out->status = kNotCertified;
 }
 
-void RunIntoFile(const std::string& path, const data::Provenance& provenance,
-                 const data::RunLayout& layout, Observer* observer, RunRecorder* recorder,
-                 Recording* out) {
+void RunIntoFile(const std::string& path, const RecordOptions& options,
+                 const data::RunLayout& layout, RunRecorder* recorder, Recording* out) {
   RefuseTooLarge(path, SizeOf(*recorder, layout, out->options, *out->model), out->options.rate);
-  data::RunWriter writer(path, provenance, layout);
+  data::RunWriter writer(path, options.provenance, layout);
   recorder->SetSink(&writer);
   try {
-    Run(recorder, observer, out);
+    Run(recorder, options, out);
     recorder->Finish(out->report, out->status, out->message, out->options.profile);
     out->Usable() ? writer.Commit() : writer.Keep();
     out->path = out->Usable() ? path : writer.partial();
@@ -145,12 +147,12 @@ Recording Record(std::shared_ptr<const Model> model, const RecordOptions& option
   }
   const data::RunLayout layout = recorder->Layout(scene_text, out.options.profile);
   if (!path.empty()) {
-    RunIntoFile(path, options.provenance, layout, options.observer, recorder.get(), &out);
+    RunIntoFile(path, options, layout, recorder.get(), &out);
     return out;
   }
   data::RunInMemory memory(layout);
   recorder->SetSink(&memory);
-  Run(recorder.get(), options.observer, &out);
+  Run(recorder.get(), options, &out);
   recorder->Finish(out.report, out.status, out.message, out.options.profile);
   recorder->SetSink(nullptr);
   out.run = memory.Take();

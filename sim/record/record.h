@@ -40,7 +40,8 @@ struct Recording {
   std::shared_ptr<const RunRecorder> recorder;  ///< peaks, margins, energies of the run
   SimulateReport report;                        ///< without steps where it was interrupted
   SimulateOptions options;                      ///< as they were used
-  /// "good"; a numerical failure by name; "interrupted"; or "stopped" by an Error on the way.
+  /// "good"; a numerical failure by name; "not certified" where the certificate leaves nothing
+  /// known of a quantity; "interrupted"; or "stopped" by an Error on the way.
   std::string status = "good";
   std::string message;  ///< why, if not good
   std::string path;     ///< the file: NAME, or NAME.partial where the run did not end
@@ -59,6 +60,9 @@ Recording Record(const data::Scene& scene, const RecordOptions& options = {},
 /// The same of a model that is compiled already; `scene_text` is kept with the run.
 Recording Record(std::shared_ptr<const Model> model, const RecordOptions& options,
                  const std::string& path = {}, const std::string& scene_text = {});
+
+/// Status of a run whose certificate leaves nothing known of a quantity.
+inline constexpr const char* kNotCertified = "not certified";
 
 /// Bytes that the file of such a run will take, events apart.
 double RecordingSize(const Model& model, const RecordOptions& options);

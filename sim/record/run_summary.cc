@@ -9,6 +9,7 @@
 
 #include "base/table.h"
 #include "sim/record/certificate_text.h"
+#include "sim/record/record.h"
 
 namespace unfurl::sim {
 
@@ -302,8 +303,9 @@ std::string SummaryText(const SummaryInput& in, ordered_json* json) {
   text += fmt::format(" -> {}\n", in.out);
   if (in.status != "good") {
     j["message"] = in.message;
-    const bool judged =
-        report.status == SimulateStatus::kEnergy || report.status == SimulateStatus::kDrift;
+    // It came to its end; what it says there is another matter.
+    const bool judged = report.status == SimulateStatus::kEnergy ||
+                        report.status == SimulateStatus::kDrift || in.status == kNotCertified;
     text += judged ? fmt::format("NOT USABLE: {}; the run stays in {}\n", in.message, in.out)
                    : fmt::format("NOT USABLE beyond {:.9g} s: {}; what there is stays in {}\n",
                                  t_end, in.message, in.out);
