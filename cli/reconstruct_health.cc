@@ -159,6 +159,21 @@ void AddScatterTable(const data::TrialHealth& health, report::Page* page) {
   page->AddTable(table);
 }
 
+void AddFaults(const data::TrialHealth& health, report::Page* page) {
+  if (health.words.empty() && health.light.empty()) return;
+  report::Table table;
+  table.title = "Faults";
+  table.header = {"what is wrong", "what was done, or is to be done"};
+  table.text_columns = {0, 1};
+  for (std::size_t k = 0; k < health.words.size(); ++k) {
+    table.rows.push_back({health.words[k], Remedy(health, k)});
+  }
+  for (const data::TrialLight& change : health.light) {
+    table.rows.push_back({change.words, Remedy(change)});
+  }
+  page->AddTable(table);
+}
+
 }  // namespace
 
 void AddHealth(const data::TrialHealth& health, report::Page* page) {
@@ -212,18 +227,7 @@ void AddHealth(const data::TrialHealth& health, report::Page* page) {
   chart("Width of the spots", "Median of a slice; it changes with the marks' places, too.", "width",
         "px", health.width_px, nullptr);
   AddScatterTable(health, page);
-  if (health.words.empty() && health.light.empty()) return;
-  report::Table table;
-  table.title = "Faults";
-  table.header = {"what is wrong", "what was done, or is to be done"};
-  table.text_columns = {0, 1};
-  for (std::size_t k = 0; k < health.words.size(); ++k) {
-    table.rows.push_back({health.words[k], Remedy(health, k)});
-  }
-  for (const data::TrialLight& change : health.light) {
-    table.rows.push_back({change.words, Remedy(change)});
-  }
-  page->AddTable(table);
+  AddFaults(health, page);
 }
 
 }  // namespace unfurl::cli

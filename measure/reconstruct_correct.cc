@@ -144,17 +144,25 @@ void Reconstructor::AddCorrectionErrors(const TrackedLine& line, const TrackedPo
   }
 }
 
+namespace {
+
+// The charts show what was there, not what is left.
+void PutBackOffsets(const std::vector<Correction>& corrections, HealthReport* report) {
+  for (const Correction& correction : corrections) {
+    if (correction.camera < 0 || correction.leave_out) continue;
+    for (HealthSlice& slice : report->cameras[static_cast<std::size_t>(correction.camera)]) {
+      if (correction.Holds(slice.t)) slice.offset_px += correction.Offset(slice.t);
+    }
+  }
+}
+
+}  // namespace
+
 bool HealthLoop::Again(const Reconstructor& pass, ReconstructOptions* options) {
   // Passes: a late camera, what hid behind it, wider sigmas, and one to see that.
   constexpr int kMost = 5;
   HealthReport now = Diagnose(pass.evidence(), pass.triangulator(), options->health);
-  // The charts show what was there, not what is left.
-  for (const Correction& correction : options->corrections) {
-    if (correction.camera < 0 || correction.leave_out) continue;
-    for (HealthSlice& slice : now.cameras[static_cast<std::size_t>(correction.camera)]) {
-      if (correction.Holds(slice.t)) slice.offset_px += correction.Offset(slice.t);
-    }
-  }
+  PutBackOffsets(options->corrections, &now);
   // What cannot be told from another camera's fault is still there, and still cannot be told.
   const bool known = std::any_of(report_.faults.begin(), report_.faults.end(),
                                  [](const Fault& fault) { return !fault.certain(); });

@@ -79,6 +79,18 @@ double Seconds(const correlate::Refitted& r) {
   return out;
 }
 
+// By how much the change without an effect is uncertain with the parameters that go with it.
+double ChangeSigma(const std::vector<correlate::Parameter>& parameters,
+                   const correlate::Refitted& as_is, const std::vector<std::string>& released) {
+  double squares = 0.0;
+  for (std::size_t j = 0; j < parameters.size(); ++j) {
+    const bool gone =
+        std::find(released.begin(), released.end(), parameters[j].name) != released.end();
+    if (gone) squares += as_is.moves[j] * as_is.moves[j];
+  }
+  return std::sqrt(squares);
+}
+
 // What switching did to the fit.
 void Compare(const StudyFit& fit, const correlate::Refitted& as_is,
              const correlate::FitProblem& version, const correlate::Refitted& switched,
@@ -102,13 +114,7 @@ void Compare(const StudyFit& fit, const correlate::Refitted& as_is,
   const correlate::HeldOut& without = out->effect.there ? switched.held_out : as_is.held_out;
   out->held_out = correlate::CompareHeldOut(with, without);
   const auto& before = fit.problem().parameters;
-  double known = 0.0;  // square
-  for (std::size_t j = 0; j < before.size(); ++j) {
-    const auto& gone = out->released;
-    if (std::find(gone.begin(), gone.end(), before[j].name) == gone.end()) continue;
-    known += as_is.moves[j] * as_is.moves[j];
-  }
-  out->change_sigma = std::sqrt(known);
+  out->change_sigma = ChangeSigma(before, as_is, out->released);
   for (std::size_t i = 0; i < version.parameters.size(); ++i) {
     for (std::size_t j = 0; j < before.size(); ++j) {
       const double sigma = fit.result.parameters[j].sigma;
