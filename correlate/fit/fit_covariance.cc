@@ -188,11 +188,26 @@ ModelPart PartOfModel(const ModelPartInput& in, const Eigen::MatrixXd& from_data
   return out;
 }
 
+// Over all trials whose noise has a memory.
+Eigen::MatrixXd DoubtOfNoises(const std::vector<const Observations*>& data,
+                              const std::vector<const RowWhitening*>& whitening,
+                              const StackedRows& plain, const Eigen::MatrixXd& H,
+                              const Eigen::MatrixXd& inverse, const FitResult& r) {
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(H.rows(), H.cols());
+  for (std::size_t t = 0; t < data.size(); ++t) {
+    if (whitening[t] == nullptr || whitening[t]->identity()) continue;
+    NoiseDoubtInput in{data[t], &r.trials[t].noise, &r.trials[t].residual, {}, {}, &H, &inverse};
+    in.TakeRows(plain, t, static_cast<Eigen::Index>(r.parameters.size()));
+    out += DoubtOfNoise(in);
+  }
+  return out;
+}
+
 }  // namespace
 
 void FillCovariance(const FitProblem& problem, const std::vector<const Observations*>& data,
                     const std::vector<const RowWhitening*>& whitening, const FitOptions& options,
-                    FitResult* r, const WaysOfError& ways) {
+                    FitResult* r, Eigen::MatrixXd* doubt, const WaysOfError& ways) {
   const auto p = static_cast<Eigen::Index>(problem.parameters.size());
   const std::size_t trials = problem.trials.size();
   std::vector<Eigen::MatrixXd> jacobian, plain_jacobian;
@@ -265,12 +280,8 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     }
   }
   Eigen::MatrixXd from_data = inverse * middle * inverse + open;
-  for (std::size_t t = 0; t < trials; ++t) {
-    if (whitening[t] == nullptr || whitening[t]->identity()) continue;
-    NoiseDoubtInput in{data[t], &r->trials[t].noise, &r->trials[t].residual, {}, {}, &H, &inverse};
-    in.TakeRows(plain, t, p);
-    from_data += DoubtOfNoise(in);
-  }
+  if (doubt->size() == 0) *doubt = DoubtOfNoises(data, whitening, plain, H, inverse, *r);
+  from_data += *doubt;
 
   Eigen::VectorXd left = Eigen::VectorXd::Zero(plain.A.rows());
   for (std::size_t t = 0; t < trials; ++t) {

@@ -23,13 +23,17 @@ namespace unfurl::correlate {
 //   trial, mark and section of time, sum_s delta_s delta_s^T, so that no lucky cancellation between
 //   early and late, or between marks, is counted on.
 //
+// - doubt: what not knowing the noise adds to the data's (correlate/fit/noise_doubt.h), which takes
+//   longest and hangs on nothing that the model's own error changes: found where `doubt` is empty,
+//   and kept there.
+//
 // The common direction is to first order, or along the ways that are given.
 void FillCovariance(const FitProblem& problem, const std::vector<const Observations*>& data,
                     const std::vector<const RowWhitening*>& whitening, const FitOptions& options,
-                    FitResult* result, const WaysOfError& ways = {});
+                    FitResult* result, Eigen::MatrixXd* doubt, const WaysOfError& ways = {});
 
-// Profiles of all parameters, and sigma_alone, of a model that scatters by `noise`, by trial, RMS in
-// sigmas of the data.
+// Profiles of all parameters, and sigma_alone, of a model that scatters by `noise`, by trial, RMS
+// in sigmas of the data.
 void FillProfiles(const FitProblem& problem, ReducedProblem& reduced, const std::vector<double>& u,
                   const ReducedProblem::Point& point, const FitOptions& options,
                   const std::vector<double>& noise, FitResult* result);

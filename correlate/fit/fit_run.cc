@@ -258,12 +258,13 @@ bool FitRun::Estimate() {
   FillRivals(problem_, *best_, &result_);
   if (ladder_.wanted()) FillWhatIsLeft(problem_, ladder_, *best_, &result_);
   for (std::size_t t = 0; t < trials_; ++t) result_.trials[t].kinds = weighed_[t].others;
-  FillCovariance(problem_, data_, whiteners_, options_, &result_);
+  Eigen::MatrixXd doubt;
+  FillCovariance(problem_, data_, whiteners_, options_, &result_, &doubt);
   if (ladder_.wanted() && result_.status == FitStatus::kConverged) {
     const WaysOfError ways = FollowError(problem_, ladder_, *best_, result_);
     result_.ladder.followed = ways.rounds;
     if (ways.first.size() + ways.bend.size() > 0) {
-      FillCovariance(problem_, data_, whiteners_, options_, &result_, ways);
+      FillCovariance(problem_, data_, whiteners_, options_, &result_, &doubt, ways);
     }
   }
   // The data's part then adds at most 0.5% to a standard error (sqrt(1 + 1/100) = 1.005), so that
