@@ -38,8 +38,8 @@ struct Observations {
 
   std::size_t size() const;                     // samples of all marks
   std::size_t readings() const;                 // those, and what else follows in time
-  double Start() const;                         // of the earliest and the latest of these [s]
-  double End() const;                           // likewise
+  double Start() const;                         // of the earliest of these, record's clock [s]
+  double End() const;                           // of the latest, likewise
   double ShortestStep() const;                  // least median step of all series [s]; 0: none
   int FindMark(const std::string& name) const;  // -1 when absent
   double Pivot() const;                         // of the clock's drift [s]

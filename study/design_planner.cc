@@ -160,8 +160,9 @@ void AddInstruments(const DesignOptions& options, const Planner& planner,
       throw Error(fmt::format("{} readings of one channel", n), c.channel.at,
                   fmt::format("plan with {} at most: lower the rate", kMostSamples));
     }
+    // Over the record, by its own clock.
     for (std::size_t i = 0; i < n; ++i) {
-      r.t.push_back(like.Start() + static_cast<double>(i) / c.rate);
+      r.t.push_back(like.Start() + r.delay.mean + static_cast<double>(i) / c.rate);
     }
     r.sigma = Eigen::VectorXd::Constant(static_cast<Eigen::Index>(n), c.channel.sigma);
     stock->content.channels.push_back(std::move(r));

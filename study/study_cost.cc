@@ -43,19 +43,13 @@ std::string KeyOf(const data::Study& study, std::size_t trial) {
   return study.trials.size() == 1 ? std::string("trial") : fmt::format("trial[{}]", trial);
 }
 
-// What a trial's record covers, on the tracks' clock [s]; a channel's own span is on its own.
-std::pair<double, double> Covered(const correlate::Observations& o) {
-  double from = std::numeric_limits<double>::infinity(), to = -from;
-  for (const correlate::MarkSeries& m : o.marks) {
-    if (m.size() == 0) continue;
-    from = std::min(from, m.t.front()), to = std::max(to, m.t.back());
-  }
+// What the clock of a trial's channel shows when the record's shows t [s].
+double OwnTime(const correlate::Observations& o, const data::StudyChannel& channel, double t) {
   for (const auto& kind : o.others) {
-    const auto* channel = dynamic_cast<const correlate::Channel*>(kind.get());
-    const double delay = channel != nullptr ? channel->record().delay.mean : 0.0;
-    from = std::min(from, kind->Span().low - delay), to = std::max(to, kind->Span().high - delay);
+    const auto* found = dynamic_cast<const correlate::Channel*>(kind.get());
+    if (found != nullptr && found->record().name == channel.name) return found->OwnTime(t);
   }
-  return {from, to};
+  return t + channel.delay.mean;  // a switch
 }
 
 class Settings {
@@ -121,7 +115,7 @@ class Settings {
       for (std::size_t t = 0; t < study_.trials.size(); ++t) {
         const correlate::Observations& o = *fit_.problem().trials[t].observations;
         const data::StudyTrial& trial = study_.trials[t];
-        const auto [first, last] = Covered(o);
+        const double first = o.Start(), last = o.End();
         const double from = first - kBefore, to = first + part * (last - first);
         for (const data::StudyEvent& event : trial.events) {
           if (event.time > to) return;  // no window leaves it out
@@ -131,7 +125,7 @@ class Settings {
         }
         for (const data::StudyChannel& channel : trial.channels) {
           const bool cut = channel.window_low < channel.window_high;
-          const double low = from + channel.delay.mean, high = to + channel.delay.mean;
+          const double low = OwnTime(o, channel, from), high = OwnTime(o, channel, to);
           set.push_back(fmt::format("{}.channel.{}.window=[{:.9g}, {:.9g}]", KeyOf(study_, t),
                                     channel.name, cut ? std::max(low, channel.window_low) : low,
                                     cut ? std::min(high, channel.window_high) : high));

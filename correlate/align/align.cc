@@ -138,11 +138,12 @@ bool FindBest(const Observations& record, const SampledModel& b, const OffsetSea
     const double all = static_cast<double>(record.size());
     return (r.fit.SumOfSquares() + hidden * (all - known)) / all;
   };
+  const std::size_t fewest = FewestAligned(record, options.registration);
   bool found = false;
   for (const OffsetCandidate& candidate : search.candidates) {
     if (candidate.correlation < min_correlation) continue;
     Refined refined = Refine(record, b, candidate.offset, StartingDrift(record), options);
-    if (refined.fit.known < kFewestAligned) continue;
+    if (refined.fit.known < fewest) continue;
     if (options.search.IsKnown(refined.fit.at.offset)) continue;
     if (found && !(per_sample(refined) < per_sample(*best))) continue;
     *best = std::move(refined);
@@ -197,9 +198,11 @@ namespace {
 Alignment AlignAsIs(const Observations& record, const SampledModel& b, const AlignOptions& asked) {
   Alignment out;
   const AlignOptions& options = asked;
-  if (record.size() < kFewestAligned) {
+  const std::size_t fewest = FewestAligned(record, options.registration);
+  if (record.size() < fewest) {
     out.message =
-        fmt::format("the record has {} samples; {} are the fewest", record.size(), kFewestAligned);
+        fmt::format("the record has {} samples; {} are the fewest{}", record.size(), fewest,
+                    fewest > 1 ? " where frame, offset or drift is to be found" : "");
     return out;
   }
   std::vector<std::string> marks;
@@ -236,8 +239,8 @@ Alignment AlignAsIs(const Observations& record, const SampledModel& b, const Ali
   Refined best;
   const bool found = FindBest(record, b, search, min_correlation, options, &best, &out.correlation);
   if (!found) {
-    out.message =
-        fmt::format("fewer than {} samples have a counterpart in the reference", kFewestAligned);
+    out.message = fmt::format("fewer than {} of {} samples have a counterpart in the reference",
+                              fewest, record.size());
     return out;
   }
   const double variance = RefineWithMisfit(record, b, options, &best);

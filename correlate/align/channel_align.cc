@@ -223,9 +223,11 @@ Alignment AlignChannels(const Observations& record, const SampledModel& model,
   Alignment out;
   out.signal = "channels";
   const ChannelAligner aligner(record, model, options);
-  if (aligner.readings() < static_cast<double>(kFewestAligned)) {
-    out.message = fmt::format("the channels have {} readings; {} are the fewest",
-                              aligner.readings(), kFewestAligned);
+  const std::size_t fewest = FewestAligned(record, options.registration);
+  if (aligner.readings() < static_cast<double>(fewest)) {
+    out.message =
+        fmt::format("the channels have {} readings; {} are the fewest{}", aligner.readings(),
+                    fewest, fewest > 1 ? " where the clock is to be found" : "");
     return out;
   }
   const std::vector<double> candidates = Candidates(aligner, record, model, options);
@@ -234,7 +236,7 @@ Alignment AlignChannels(const Observations& record, const SampledModel& model,
   for (double offset : candidates) {
     bool here = false;
     Fit fit = aligner.Refine(offset, &here);
-    if (fit.registration.data_rows < static_cast<Eigen::Index>(kFewestAligned)) continue;
+    if (fit.registration.data_rows < static_cast<Eigen::Index>(fewest)) continue;
     if (options.search.IsKnown(fit.registration.at.offset)) continue;
     if (found && !(fit.explained > best.explained)) continue;
     best = std::move(fit);

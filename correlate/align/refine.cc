@@ -16,6 +16,17 @@ double LargestStep(const Observations& a) {
 
 }  // namespace
 
+std::size_t FewestAligned(const Observations& record, const RegistrationOptions& options) {
+  constexpr std::size_t kSought = 20, kKnown = 1;
+  const RegistrationOptions fitted = WithPlacement(options, record);
+  const Placement& known = record.placement;
+  // An offset that nothing is said of is sought before it is fitted, or not fitted. A drift follows
+  // from its prior where the samples say nothing.
+  const bool clock = known.offset.kind == Foreknowledge::kKnown &&
+                     (!fitted.fit_drift || known.drift.kind == Foreknowledge::kNormal);
+  return clock && !fitted.fit_frame ? kKnown : kSought;
+}
+
 Refined Refine(const Observations& record, const SampledModel& b, double offset, double drift,
                const AlignOptions& options) {
   // Rounds end at a thousandth of a standard error. Where samples cross a jump of the reference as
@@ -26,6 +37,7 @@ Refined Refine(const Observations& record, const SampledModel& b, double offset,
   const RegistrationOptions fitted = WithPlacement(options.registration, record);
   const double pivot = record.Pivot();
   const Eigen::Index time = fitted.fit_frame ? 6 : 0, rate = time + (fitted.fit_offset ? 1 : 0);
+  const std::size_t fewest = FewestAligned(record, options.registration);
   Refined out;
   out.drift = drift;
   Observations restamped;
@@ -40,7 +52,7 @@ Refined Refine(const Observations& record, const SampledModel& b, double offset,
     one.max_iterations = 1;
     out.fit = FitRegistration(a, out.reference, offset, start, one);
     start = out.fit.at;
-    if (out.fit.known < kFewestAligned) return out;
+    if (out.fit.known < fewest) return out;
     double turned = 0.0;  // standard errors by which the drift still moved
     if (fitted.fit_drift) {
       const double sigma = out.fit.sigma(rate);

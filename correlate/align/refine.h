@@ -31,7 +31,9 @@ Observations Loosened(Observations a, double variance);
 double RefineWithMisfit(const Observations& a, const SampledModel& b, const AlignOptions& options,
                         Refined* best);
 
-// Samples with a counterpart, fewer than which show no six frame numbers, an offset and a check.
-inline constexpr std::size_t kFewestAligned = 20;
+// Samples (of channels: readings) with a counterpart that an alignment asks for. Fewer than 20 show
+// no six frame numbers, an offset and a check; where frame and clock are known beforehand nothing
+// is sought, and one shows that the reference has anything to compare with.
+std::size_t FewestAligned(const Observations& record, const RegistrationOptions& options);
 
 }  // namespace unfurl::correlate

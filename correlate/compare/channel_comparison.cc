@@ -118,8 +118,9 @@ void AddSignal(const Channel& channel, const Eigen::VectorXd& shown,
     const double value = shown(at), y = r.y(at);
     const bool known = !std::isnan(value);
     if (at < first || at > last) continue;
-    if (!Says(stamps, widest, clocks.at.ModelTime(r.t[i], clocks.pivot), known)) continue;
-    s.t.push_back(r.t[i]);
+    const double t = channel.TimeOf(at);  // by the record's clock
+    if (!Says(stamps, widest, clocks.at.ModelTime(t, clocks.pivot), known)) continue;
+    s.t.push_back(t);
     s.measured.push_back(y);
     s.reference.push_back(known ? value : y);
     if (channel.has_sigma()) s.sigma.push_back(r.sigma(at));

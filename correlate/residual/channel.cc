@@ -106,6 +106,8 @@ Channel::Channel(ChannelRecord record, const std::string& where) : record_(std::
                 where, "give a window for each part of the record that is to count");
   }
   count_ = static_cast<Eigen::Index>(std::ceil(length / step_)) + 1;
+  placed_ = record_.t;
+  for (double& t : placed_) t = RecordTime(t, ValuesOf({}));
   auto fit = [&](const char* name, std::string unit, const Prior& prior, double Values::*value) {
     if (!IsFitted(prior)) return;
     fitted_.push_back({name, std::move(unit), prior, value});
@@ -120,11 +122,11 @@ Channel::Channel(ChannelRecord record, const std::string& where) : record_(std::
 Eigen::Index Channel::rows() const { return record_.y.size() + prior_rows_; }
 
 double Channel::TimeOf(Eigen::Index row) const {
-  return row < record_.y.size() ? record_.t[static_cast<std::size_t>(row)] : kNan;
+  return row < record_.y.size() ? placed_[static_cast<std::size_t>(row)] : kNan;
 }
 
 std::vector<RowSeries> Channel::series() const {
-  return {{record_.name, &record_.t, 0, 1, has_sigma_, record_.resolution / record_.sigma.mean()}};
+  return {{record_.name, &placed_, 0, 1, has_sigma_, record_.resolution / record_.sigma.mean()}};
 }
 
 std::vector<ResidualKind::Unknown> Channel::unknowns() const {
@@ -149,7 +151,14 @@ Channel::Values Channel::ValuesOf(const Eigen::VectorXd& unknowns) const {
 }
 
 double Channel::RecordTime(double t, const Values& at) const {
+  if (at.drift == 0.0) return t - at.delay;  // without round-off where nothing is said of it
   return record_.pivot + (t - record_.pivot) / (1.0 + at.drift) - at.delay;
+}
+
+double Channel::OwnTime(double t) const {
+  const Values at = ValuesOf({});
+  if (at.drift == 0.0) return t + at.delay;
+  return record_.pivot + (t + at.delay - record_.pivot) * (1.0 + at.drift);
 }
 
 double Channel::GridStart(const Clock& clock, double pivot) const {
@@ -292,7 +301,7 @@ std::shared_ptr<const ResidualKind> Channel::Within(const Window& window) const 
   part.t.clear();
   std::vector<Eigen::Index> keep;
   for (std::size_t i = 0; i < record_.t.size(); ++i) {
-    if (!window.Contains(record_.t[i])) continue;
+    if (!window.Contains(placed_[i])) continue;
     keep.push_back(static_cast<Eigen::Index>(i));
     part.t.push_back(record_.t[i]);
   }

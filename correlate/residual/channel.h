@@ -63,7 +63,7 @@ class Channel : public ResidualKind {
   double TimeOf(Eigen::Index row) const override;
   std::vector<RowSeries> series() const override;
   std::vector<Unknown> unknowns() const override;
-  Window Span() const override { return {record_.t.front(), record_.t.back()}; }
+  Window Span() const override { return {placed_.front(), placed_.back()}; }
   double Carries() const override { return 0.5 * margin_; }
   void Ask(const Clock& clock, double pivot, Stamps* stamps) const override;
   void AskOver(double low, double high, Stamps* stamps) const override;
@@ -77,6 +77,8 @@ class Channel : public ResidualKind {
   std::shared_ptr<const ResidualKind> WithoutDrift(double drift, double pivot) const override;
   std::shared_ptr<const ResidualKind> Rescaled(const Eigen::VectorXd& residual) const override;
   double NoiseOverMotion() const override;
+  /// What its own clock shows when the record's shows t, by what is known of it beforehand [s].
+  double OwnTime(double t) const;
   /// The model as the instrument would show it, at each reading; NaN: the model has none there
   /// [unit].
   Eigen::VectorXd Simulated(const Eigen::VectorXd& numbers, const Clocks& clocks,
@@ -121,6 +123,8 @@ class Channel : public ResidualKind {
   Shown Show(const Eigen::VectorXd& numbers) const;
 
   ChannelRecord record_;
+  // Its stamps on the record's clock, by what is known of its own beforehand [s].
+  std::vector<double> placed_;
   bool has_sigma_ = true;
   double step_ = 0.0;    // of the grid [s]
   double margin_ = 0.0;  // of it, to either side of the record [s]

@@ -82,7 +82,7 @@ class ResidualKind {
   /// What is solved for together with frame and clock.
   virtual std::vector<Unknown> unknowns() const { return {}; }
 
-  /// The part of the record that it covers; empty (low above high): moments alone.
+  /// What it covers, by what is known of its clock beforehand; empty (low above high): moments.
   virtual Window Span() const {
     return {std::numeric_limits<double>::infinity(), -std::numeric_limits<double>::infinity()};
   }

@@ -105,6 +105,43 @@ TEST(Channel, AtTheTruthNothingButNoiseIsLeft) {
   }
 }
 
+// Where a record begins and ends, what a window holds and when a reading was: all by the record's
+// clock, whatever the instrument's shows.
+TEST(Channel, LiesOnTheRecordsClock) {
+  constexpr double kRounding = 1e-9;  // of stamps of hundreds of seconds [s]
+  for (const auto& [delay, drift] : {std::pair{0.5, 0.0}, {-300.0, 0.0}, {100.0, 5e-3}}) {
+    Rng rng(5);
+    Instrument encoder;
+    encoder.quantity = "first.angle", encoder.sigma = 1e-4;
+    const ChannelRecord plain = Read(encoder, kOffset, rng);
+    encoder.delay = delay, encoder.drift = drift;
+    ChannelRecord record = Read(encoder, kOffset, rng);
+    for (const bool fitted : {false, true}) {
+      record.delay = fitted ? Prior::Normal(delay, 0.01) : Prior::Known(delay);
+      record.drift = fitted ? Prior::Normal(drift, 1e-4) : Prior::Known(drift);
+      const Observations data = Of(record);
+      EXPECT_NEAR(data.Start(), plain.t.front(), kRounding);
+      EXPECT_NEAR(data.End(), plain.t.back(), kRounding);
+      EXPECT_NEAR(data.Pivot(), 0.5 * (plain.t.front() + plain.t.back()), kRounding);
+      const auto& channel = dynamic_cast<const Channel&>(*data.others[0]);
+      const std::vector<double>& stamps = *RowLayout(data).series[0].t;
+      ASSERT_EQ(stamps.size(), plain.t.size());
+      for (std::size_t i = 0; i < stamps.size(); ++i) {
+        EXPECT_NEAR(stamps[i], plain.t[i], kRounding);
+        EXPECT_EQ(channel.TimeOf(static_cast<Eigen::Index>(i)), stamps[i]);
+        EXPECT_NEAR(channel.OwnTime(stamps[i]), record.t[i], kRounding);
+      }
+      constexpr std::size_t kKept = 101;  // readings
+      const Observations part = Cut(data, {0.0, plain.t[kKept - 1] + 0.5 * encoder.step});
+      EXPECT_EQ(part.readings(), kKept);
+      EXPECT_EQ(part.Pivot(), data.Pivot());
+    }
+    record.delay = Prior::Known(0.0), record.drift = Prior::Known(0.0);
+    EXPECT_EQ(Of(record).Start(), record.t.front());
+    EXPECT_EQ(Of(record).End(), record.t.back());
+  }
+}
+
 // Unknown before the release, and for as long as the filter remembers it.
 TEST(Channel, WhatTheModelDoesNotKnowDoesNotCount) {
   Rng rng(5);

@@ -66,6 +66,33 @@ TEST(Placement, AKnownClockIsComparedWhateverTheRecordShows) {
   }
 }
 
+// Where frame and clock are known nothing is to be found, so nothing asks for many samples.
+TEST(Placement, FewSamplesOfKnownPlaceAreCompared) {
+  Trial trial = TiltedTrial();
+  trial.before = 0.0, trial.duration = 3.9, trial.step = 0.8;
+  Rng rng(4);
+  Observations o = Record(TwoLink(), TwoLink::Truth(), {"tip"}, trial, rng);
+  ASSERT_EQ(o.size(), 5U);
+  EXPECT_FALSE(Align(o, Reference()).Usable());
+  o.placement.offset = Prior::Known(trial.offset);
+  EXPECT_FALSE(Align(o, Reference()).Usable()) << "six numbers of a frame";
+  o.placement.frame.kind = Foreknowledge::kKnown;
+  o.placement.frame.X_WM = trial.X_WM;
+  for (const Prior& drift : {Prior{}, Prior::Known(0.0), Prior::Normal(0.0, 1e-6)}) {
+    o.placement.drift = drift;
+    const Alignment a = Align(o, Reference());
+    ASSERT_TRUE(a.Usable()) << a.message;
+    EXPECT_EQ(a.fit.known, 5U);
+    EXPECT_EQ(a.at.offset, trial.offset);
+    EXPECT_LT(a.fit.SumOfSquares(), 37.7);  // of 15 rows: beyond it lies one noise in a thousand
+  }
+  o.placement.drift = Prior::Free();
+  EXPECT_FALSE(Align(o, Reference()).Usable()) << "a drift is sought";
+  o.placement.drift = {};
+  o.placement.offset = Prior::Normal(trial.offset, 1e-3);
+  EXPECT_FALSE(Align(o, Reference()).Usable()) << "an offset is sought";
+}
+
 // Information adds: 1 / sigma^2 with a prior is that without one and that of the prior, and the
 // values are their weighted mean, all other unknowns being integrated out [Kay 1993].
 TEST(Placement, APriorAddsItsInformation) {
