@@ -17,7 +17,9 @@ double LargestStep(const Observations& a) {
 }  // namespace
 
 std::size_t FewestAligned(const Observations& record, const RegistrationOptions& options) {
-  constexpr std::size_t kSought = 20, kKnown = 1;
+  // 20: of three coordinates each, some sixty for eight unknowns and a check; 1: there is
+  // something.
+  constexpr std::size_t kSought = 20, kKnown = 1;  // samples
   const RegistrationOptions fitted = WithPlacement(options, record);
   const Placement& known = record.placement;
   // An offset that nothing is said of is sought before it is fitted, or not fitted. A drift follows

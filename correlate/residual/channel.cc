@@ -107,7 +107,9 @@ Channel::Channel(ChannelRecord record, const std::string& where) : record_(std::
   }
   count_ = static_cast<Eigen::Index>(std::ceil(length / step_)) + 1;
   placed_ = record_.t;
-  for (double& t : placed_) t = RecordTime(t, ValuesOf({}));
+  const Values known = ValuesOf({});
+  // Without round-off where nothing is said of the rate: what a window begins with is in it.
+  for (double& t : placed_) t = known.drift == 0.0 ? t - known.delay : RecordTime(t, known);
   auto fit = [&](const char* name, std::string unit, const Prior& prior, double Values::*value) {
     if (!IsFitted(prior)) return;
     fitted_.push_back({name, std::move(unit), prior, value});
@@ -151,7 +153,6 @@ Channel::Values Channel::ValuesOf(const Eigen::VectorXd& unknowns) const {
 }
 
 double Channel::RecordTime(double t, const Values& at) const {
-  if (at.drift == 0.0) return t - at.delay;  // without round-off where nothing is said of it
   return record_.pivot + (t - record_.pivot) / (1.0 + at.drift) - at.delay;
 }
 
