@@ -369,7 +369,7 @@ Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
   report.held_out_unsolved = held_out.unsolved;
   report.lenses = CompareLenses(options.guess.known, out.rig);
   Judge(report, data, &out.rig, options.verdict);
-  NoteRows(data, &out.rig);
+  if (options.guess.known.empty()) NoteRows(data, &out.rig);  // else the rig before states them
   done(1.0);
   return out;
 }

@@ -1,6 +1,7 @@
 #include "calib/covariance.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "base/dense.h"
 #include "calib/known_lens.h"
@@ -137,6 +138,12 @@ Eigen::MatrixXd CameraCovariance(const Eigen::MatrixXd& all) {
       scale.asDiagonal() * eigen.eigenvectors() * inverse.cwiseSqrt().asDiagonal();
   out(together, together) = half * half.transpose();
   return out;
+}
+
+double SigmaAlong(const Eigen::Matrix3d& covariance, const Eigen::Vector3d& v) {
+  const double length = v.norm();
+  if (!(length > 0.0)) return std::sqrt(covariance.diagonal().maxCoeff());
+  return std::sqrt((v / length).dot(covariance * (v / length)));
 }
 
 void ClearFixed(const std::vector<CameraPrior>& priors, Eigen::MatrixXd* covariance) {

@@ -26,6 +26,9 @@ Eigen::MatrixXd PriorInformation(const std::vector<CameraPrior>& priors, std::si
 // unit information first, so that pixels and radians invert alike.
 Eigen::MatrixXd CameraCovariance(const Eigen::MatrixXd& information);
 
+// Standard deviation of a vector along itself; of one that is zero the largest along an axis.
+double SigmaAlong(const Eigen::Matrix3d& covariance, const Eigen::Vector3d& v);
+
 // Zero rows and columns for the terms that are held at zero.
 void ClearFixed(const std::vector<CameraPrior>& priors, Eigen::MatrixXd* covariance);
 

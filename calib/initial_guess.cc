@@ -224,10 +224,8 @@ CameraGuess GuessFromBefore(const Observations& data, const Observations& own,
                             const CameraPoints& seen, int index, const GuessOptions& options,
                             const std::string& where) {
   const std::string& name = data.cameras[static_cast<std::size_t>(index)];
-  const auto before =
-      std::find_if(options.known.begin(), options.known.end(),
-                   [&](const KnownLens& known) { return known.camera.name == name; });
-  if (before == options.known.end()) {
+  const KnownLens* before = FindLens(options.known, name);
+  if (before == nullptr) {
     throw Error(fmt::format("camera \"{}\" is not among those whose lenses are known", name), where,
                 "give a rig of all the survey's cameras, or none");
   }

@@ -6,6 +6,7 @@
 #include "base/dense.h"
 #include "base/pose.h"
 #include "base/statistics.h"
+#include "calib/covariance.h"
 
 namespace unfurl::calib {
 namespace {
@@ -17,12 +18,6 @@ std::vector<Eigen::Index> FreeOf(const Eigen::MatrixXd& covariance) {
     if (covariance(k, k) > 0.0) out.push_back(k);
   }
   return out;
-}
-
-double Along(const Eigen::Matrix3d& covariance, const Eigen::Vector3d& v) {
-  const double length = v.norm();
-  if (!(length > 0.0)) return std::sqrt(covariance.diagonal().maxCoeff());
-  return std::sqrt((v / length).dot(covariance * (v / length)));
 }
 
 // Where the lens is the one that was known, root * (now - known) has the covariance that the data
@@ -76,15 +71,19 @@ std::vector<KnownLens> KnownLensesOf(const data::Rig& rig) {
   return out;
 }
 
+const KnownLens* FindLens(const std::vector<KnownLens>& known, const std::string& camera) {
+  const auto found = std::find_if(known.begin(), known.end(),
+                                  [&](const KnownLens& k) { return k.camera.name == camera; });
+  return found != known.end() ? &*found : nullptr;
+}
+
 std::vector<KnownLensEstimate> CompareLenses(const std::vector<KnownLens>& known,
                                              const data::Rig& now) {
   std::vector<KnownLensEstimate> out;
   for (std::size_t j = 0; j < now.cameras.size(); ++j) {
     const data::RigCamera& camera = now.cameras[j];
-    const auto before = std::find_if(known.begin(), known.end(), [&](const KnownLens& k) {
-      return k.camera.name == camera.name;
-    });
-    if (before == known.end()) continue;
+    const KnownLens* before = FindLens(known, camera.name);
+    if (before == nullptr) continue;
     const Eigen::Index first = kParameters * static_cast<Eigen::Index>(j);
     const Eigen::MatrixXd covariance = now.covariance.block(first, first, kParameters, kParameters);
     const Eigen::VectorXd change = LensOf(camera) - LensOf(before->camera);
@@ -104,11 +103,11 @@ std::vector<KnownLensEstimate> CompareLenses(const std::vector<KnownLens>& known
     KnownLensEstimate one;
     one.camera = camera.name;
     one.moved = camera.p_WC - (before->camera.p_WC + corrected.tail<3>());
-    one.moved_sigma = Along(open.block<3, 3>(3, 3), one.moved);
+    one.moved_sigma = SigmaAlong(open.block<3, 3>(3, 3), one.moved);
     const Eigen::Vector3d turn = VectorFromRotation(
         camera.R_CW * (RotationFromVector(corrected.head<3>()) * before->camera.R_CW).transpose());
     one.turned = turn.norm();
-    one.turned_sigma = Along(open.block<3, 3>(0, 0), turn);
+    one.turned_sigma = SigmaAlong(open.block<3, 3>(0, 0), turn);
     std::vector<Eigen::Index> free = FreeOf(before->covariance);
     for (Eigen::Index& k : free) k -= kFirstOfLens;
     const Eigen::MatrixXd left =

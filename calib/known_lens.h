@@ -29,6 +29,9 @@ Eigen::VectorXd LensOf(const data::RigCamera& camera);
 /// Of every camera of a rig.
 std::vector<KnownLens> KnownLensesOf(const data::Rig& rig);
 
+/// That of a camera by its name; null: it is not among them.
+const KnownLens* FindLens(const std::vector<KnownLens>& known, const std::string& camera);
+
 /// What became of a camera since the calibration that its lens is known from.
 struct KnownLensEstimate {
   std::string camera;

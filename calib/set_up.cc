@@ -10,6 +10,7 @@
 #include "base/length.h"
 #include "base/pose.h"
 #include "base/statistics.h"
+#include "calib/covariance.h"
 
 namespace unfurl::calib {
 namespace {
@@ -71,12 +72,6 @@ void RefuseOneStation(const data::Survey& survey, std::size_t set_ups, const std
       where,
       "leave out the station's place, its distance error and its zenith error, and add them to the "
       "points' standard deviations");
-}
-
-double Along(const Eigen::Matrix3d& covariance, const Eigen::Vector3d& v) {
-  const double length = v.norm();
-  if (!(length > 0.0)) return std::sqrt(covariance.diagonal().maxCoeff());
-  return std::sqrt((v / length).dot(covariance * (v / length)));
 }
 
 // The estimate at P^-1 q is the data's score, of covariance P^-1 - 1 where the set-up is not off:
@@ -148,9 +143,11 @@ void AddSetUps(const data::Survey& survey, const std::string& where, Observation
   }
 }
 
-double SetUpEstimate::ShiftSigma() const { return Along(covariance.topLeftCorner<3, 3>(), shift); }
+double SetUpEstimate::ShiftSigma() const {
+  return SigmaAlong(covariance.topLeftCorner<3, 3>(), shift);
+}
 double SetUpEstimate::TurnSigma() const {
-  return Along(covariance.bottomRightCorner<3, 3>(), turn);
+  return SigmaAlong(covariance.bottomRightCorner<3, 3>(), turn);
 }
 
 std::vector<SetUpEstimate> SetUpsOf(const Observations& data, const Eigen::VectorXd& q,

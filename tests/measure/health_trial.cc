@@ -182,4 +182,19 @@ SampleError ErrorOf(const data::Tracks& tracks, std::size_t i, const Eigen::Vect
   return {tracks.p.col(col) - truth, tracks.Covariance(i) + F * F.transpose()};
 }
 
+ScatterReport ScatterOf(const data::Rig& rig, const data::TrialReadings& readings,
+                        double sigma_px) {
+  constexpr int kMarks = 4;  // slots beyond are dark
+  const std::size_t cameras = readings.cameras.size();
+  HealthEvidence evidence(cameras, readings.size());
+  std::vector<HealthEvidence::Reading> line(cameras);
+  for (std::size_t i = 0; i < readings.size(); ++i) {
+    for (std::size_t c = 0; c < cameras; ++c) {
+      line[c] = {readings.u_px[i * cameras + c], static_cast<float>(sigma_px)};
+    }
+    evidence.Add(readings.t[i], readings.slot[i] < kMarks ? readings.slot[i] : -1, line);
+  }
+  return FindScatter(evidence, Triangulator(rig));
+}
+
 }  // namespace unfurl::measure

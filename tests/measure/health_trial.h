@@ -9,6 +9,7 @@
 #include "data/rig.h"
 #include "data/tracks.h"
 #include "data/trial_readings.h"
+#include "measure/health.h"
 #include "measure/virtual_rig.h"
 
 namespace unfurl::measure {
@@ -71,6 +72,8 @@ struct SampleError {
   Eigen::Matrix3d C;  // what the calibration shares included [m^2]
   double Squared() const { return e.dot(C.inverse() * e) / 3.0; }  // over what is claimed [-]
 };
+// How the readings of four marks scatter over a stated sigma [px].
+ScatterReport ScatterOf(const data::Rig& rig, const data::TrialReadings& readings, double sigma_px);
 SampleError ErrorOf(const data::Tracks& tracks, std::size_t i, const Eigen::Vector3d& truth);
 
 }  // namespace unfurl::measure

@@ -37,20 +37,6 @@ struct Outcome {
   std::size_t usable = 0, samples = 0;
 };
 
-ScatterReport ScatterOf(const data::Rig& rig, const data::TrialReadings& readings) {
-  const std::size_t cameras = readings.cameras.size();
-  HealthEvidence evidence(cameras, readings.size());
-  std::vector<HealthEvidence::Reading> line(cameras);
-  for (std::size_t i = 0; i < readings.size(); ++i) {
-    for (std::size_t c = 0; c < cameras; ++c) {
-      line[c] = {readings.u_px[i * cameras + c], static_cast<float>(kSigma)};
-    }
-    const int mark = readings.slot[i] < 4 ? readings.slot[i] : -1;
-    evidence.Add(readings.t[i], mark, line);
-  }
-  return FindScatter(evidence, Triangulator(rig));
-}
-
 Outcome Go(const HealthTrial& trial, int camera, double factor, Rng* rng) {
   const data::Rig rig = trial.DrawRig(rng);
   const data::TrialReadings readings = trial.Scattered(camera, factor, kSigma, rng);
@@ -79,7 +65,8 @@ TEST(ScatterStudy, SoundTrialsAreCalledSoundAndTheRightCameraIsNamed) {
       for (int draw = 0; draw < draws; ++draw) {
         Rng rng(90000 + 1000 * cameras + static_cast<std::uint64_t>(draw));
         const data::Rig rig = trial.DrawRig(&rng);
-        const ScatterReport report = ScatterOf(rig, trial.Scattered(1, factor, kSigma, &rng));
+        const ScatterReport report =
+            ScatterOf(rig, trial.Scattered(1, factor, kSigma, &rng), kSigma);
         told += report.wide;
         if (factor == 1.0) z.push_back((report.all.factor - 1.0) / report.all.sigma);
         for (std::size_t c = 0; report.wide && c < cameras; ++c) {

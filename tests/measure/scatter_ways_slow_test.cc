@@ -114,19 +114,6 @@ void Round(data::TrialReadings* readings) {
   for (double& u : readings->u_px) u = std::round(64.0 * u) / 64.0;
 }
 
-ScatterReport ScatterOf(const data::Rig& rig, const data::TrialReadings& readings) {
-  const std::size_t cameras = readings.cameras.size();
-  HealthEvidence evidence(cameras, readings.size());
-  std::vector<HealthEvidence::Reading> line(cameras);
-  for (std::size_t i = 0; i < readings.size(); ++i) {
-    for (std::size_t c = 0; c < cameras; ++c) {
-      line[c] = {readings.u_px[i * cameras + c], static_cast<float>(kSigma)};
-    }
-    evidence.Add(readings.t[i], readings.slot[i] < 4 ? readings.slot[i] : -1, line);
-  }
-  return FindScatter(evidence, Triangulator(rig));
-}
-
 TEST(ScatterWays, SoundReadingsAreCalledSoundWhateverMarksDo) {
   const int draws = 10 * Draws();
   int all = 0, alarms = 0, wrong = 0;
@@ -142,12 +129,12 @@ TEST(ScatterWays, SoundReadingsAreCalledSoundWhateverMarksDo) {
         const data::Rig rig = trial.DrawRig(&rng);
         data::TrialReadings readings = trial.Scattered(-1, 1.0, kSigma, &rng);
         if (draw % 2 == 1) Round(&readings);
-        const ScatterReport report = ScatterOf(rig, readings);
+        const ScatterReport report = ScatterOf(rig, readings, kSigma);
         told += report.wide;
         wrong += static_cast<int>(report.wrong.size());
         unknown += !report.unknown.empty();
         if (draw % 5 != 0) continue;
-        const ScatterReport rough = ScatterOf(rig, trial.Scattered(-1, 3.0, kSigma, &rng));
+        const ScatterReport rough = ScatterOf(rig, trial.Scattered(-1, 3.0, kSigma, &rng), kSigma);
         lost += !rough.wide;
         if (rough.wide) found.push_back(rough.all.factor);
       }
