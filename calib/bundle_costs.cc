@@ -137,10 +137,10 @@ class ReadingCost : public ceres::SizedCostFunction<1, kAmbient, 3> {
 
 // Whitened difference between a point and the survey's: L^-1 (P + B q - p) with L L^T the
 // covariance and B the shifts by the common errors, where there are any.
-class SurveyCost : public ceres::CostFunction {
+class SurveyedPoint : public ceres::CostFunction {
  public:
-  SurveyCost(const Observations& data, Eigen::Index i, double information_scale,
-             const BundleUnits& units)
+  SurveyedPoint(const Observations& data, Eigen::Index i, double information_scale,
+                const BundleUnits& units)
       : p_(data.p.col(i) / units.length), shift_(3, static_cast<Eigen::Index>(data.common.size())) {
     whiten_ = Eigen::LLT<Eigen::Matrix3d>(data.cov[static_cast<std::size_t>(i)])
                   .matrixL()
@@ -264,7 +264,7 @@ std::unique_ptr<ceres::CostFunction> MakeReadingCost(double u_px, double sigma_p
 std::unique_ptr<ceres::CostFunction> MakeSurveyCost(const Observations& data, Eigen::Index i,
                                                     double information_scale,
                                                     const BundleUnits& units) {
-  return std::make_unique<SurveyCost>(data, i, information_scale, units);
+  return std::make_unique<SurveyedPoint>(data, i, information_scale, units);
 }
 
 std::unique_ptr<ceres::CostFunction> MakePriorCost(const CameraPrior& prior, int pixels,

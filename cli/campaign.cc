@@ -347,8 +347,9 @@ Verb AddCampaign(CLI::App& program, Common& common) {
   app->add_option("ACTION", a->action,
                   "run (default), resume, status, merge, cancel; answers: of a record, without "
                   "new runs")
-      ->check(CLI::IsMember({"run", "resume", "status", "merge", "cancel", "answers"}))
-      ->type_name("");
+      ->check(
+          CLI::IsMember({"run", "resume", "status", "merge", "cancel", "answers"}).description(""))
+      ->type_name("run|resume|status|merge|cancel|answers");
   files.Read("INPUT", &a->input, "The plan (TOML), its folder of parts, or a record (answers)")
       ->required();
   files.WriteOr(

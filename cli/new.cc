@@ -152,9 +152,10 @@ int RunNew(const Common& common, const std::string& kind, const std::string& giv
 }  // namespace
 
 Verb AddNew(CLI::App& program, Common& common) {
-  Verb verb = DeclareVerb(program, common, "new",
-                          "A commented start of your own: a structure, a rig, a trial, a study",
-                          "unfurl new boom my_boom");
+  Verb verb =
+      DeclareVerb(program, common, "new",
+                  "A commented start of your own: a structure, a rig, a trial, a study, a campaign",
+                  "unfurl new boom my_boom");
   auto kind = std::make_shared<std::string>(), folder = std::make_shared<std::string>();
   verb.app->add_option("KIND", *kind, "What to start, see below")
       ->type_name("boom|wing|rig|trial|study|campaign")
@@ -162,7 +163,7 @@ Verb AddNew(CLI::App& program, Common& common) {
   std::vector<std::string> names;
   std::string footer = "Starts, each of which runs at once:\n";
   for (const Start& start : Starts()) {
-    footer += fmt::format("  {:<6} {}\n         change first: {}\n", start.kind, start.what,
+    footer += fmt::format("  {:<8} {}\n           change first: {}\n", start.kind, start.what,
                           start.change);
     for (const StartFile& file : start.files) names.emplace_back(file.name);
   }

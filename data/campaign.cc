@@ -93,7 +93,7 @@ CampaignDistribution ReadDistribution(const TomlTable& t, const std::string& nam
   CampaignDistribution out;
   out.kind = form.kind;
   if (form.kind == CampaignKind::kSamples) {
-    const std::string file = Beside(plan->path, t.String("samples"));
+    const std::string file = FileBeside(t, "samples", plan->path);
     out.values = Samples(t, name, file);
     plan->inputs.push_back(file);
   } else if (form.kind == CampaignKind::kTable) {
@@ -153,7 +153,7 @@ CampaignVariable ReadVariable(const TomlTable& t, const std::string& name, Campa
 
 // A fit's estimate as variables: normal, with the fit's covariance, cut off at its bounds.
 void ReadPosterior(const TomlTable& t, Campaign* plan) {
-  const std::string file = Beside(plan->path, t.String("fit"));
+  const std::string file = FileBeside(t, "fit", plan->path);
   const FitRecord fit = ReadFit(file);
   plan->inputs.push_back(file);
   std::vector<std::string> names;
@@ -238,7 +238,7 @@ CampaignDesign::Kind DesignOf(const TomlTable& t) {
 
 // A table of values, a column a variable.
 void ReadRows(const TomlTable& t, Campaign* plan) {
-  const std::string file = Beside(plan->path, t.String("file"));
+  const std::string file = FileBeside(t, "file", plan->path);
   const CsvTable table = CsvTable::Load(file);
   plan->inputs.push_back(file);
   std::vector<int> columns;

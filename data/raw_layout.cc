@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "base/folder.h"
 #include "base/text.h"
+#include "data/beside.h"
 #include "data/lab.h"
 #include "data/toml.h"
 
@@ -40,16 +41,6 @@ std::vector<std::string> FilesOf(const TomlTable& table, const char* key, const 
   }
   if (names.empty()) table.Fail(key, "names no file", "list the files in order");
   return names;
-}
-
-// A file named by a key, relative to the description.
-std::string FileOf(const TomlTable& table, const char* key, const fs::path& folder) {
-  const std::string name = table.String(key);
-  const fs::path path = fs::path(name).is_absolute() ? fs::path(name) : folder / name;
-  if (std::error_code failed; !fs::is_regular_file(path, failed)) {
-    table.Fail(key, fmt::format("there is no file '{}'", path.string()), "check the name");
-  }
-  return path.string();
 }
 
 RawLayout::Files ReadFiles(const TomlTable& table, const fs::path& folder) {
@@ -118,16 +109,15 @@ void ReadSchedule(const TomlTable& t, bool survey, RawLayout* layout) {
   layout->start = t.NumberOr("start", 0.5 / layout->header.line_rate);
 }
 
-void ReadSurveyTable(const TomlTable& t, const TomlTable& recording, const fs::path& folder,
-                     RawLayout* layout) {
-  layout->survey.points = FileOf(t, "points", folder);
+void ReadSurveyTable(const TomlTable& t, const TomlTable& recording, RawLayout* layout) {
+  layout->survey.points = FileBeside(t, "points", layout->path);
   if (t.Has("ids") == t.Has("lines_each")) {
     t.Fail(t.Has("ids") ? "ids" : "points",
            "which line shows which point must be given in one way only",
            "give `lines_each`, or `ids`, a CSV with a row a line");
   }
   if (t.Has("ids")) {
-    layout->survey.ids = FileOf(t, "ids", folder);
+    layout->survey.ids = FileBeside(t, "ids", layout->path);
   } else {
     layout->survey.lines_each = t.Integer("lines_each", 2, 1 << 20);
   }
@@ -186,13 +176,13 @@ RawLayout ReadRawLayout(const std::string& path) {
                                      : RawLayout::Format::kHdf5;
   const std::optional<TomlTable> survey = root.TableOrNone("survey");
   ReadSchedule(recording, survey.has_value(), &layout);
-  if (survey) ReadSurveyTable(*survey, recording, folder, &layout);
+  if (survey) ReadSurveyTable(*survey, recording, &layout);
   if (recording.Has("stamps")) {
     if (survey) {
       recording.Fail("stamps", "the lines of a survey need no stamps",
                      "leave it out; survey.ids already assigns lines to points");
     }
-    layout.stamps = FileOf(recording, "stamps", folder);
+    layout.stamps = FileBeside(recording, "stamps", layout.path);
   }
 
   const auto cameras = root.NamedTables("camera");

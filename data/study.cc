@@ -102,6 +102,7 @@ StudyTrial ReadTrial(const std::string& study, const std::string& name, const To
       t.Has("tracks") || std::all_of(trial.channels.begin(), trial.channels.end(),
                                      [](const auto& c) { return c.quantity.empty(); });
   if (marks) trial.tracks = Beside(study, t.String("tracks"));
+  trial.tracks_at = t.Where("tracks");
   if (t.Has("sigma")) trial.sigma = t.Number("sigma", kPositive);
   trial.marks = t.StringsOr("marks", {});
   trial.set = t.StringsOr("set", {});
@@ -253,6 +254,7 @@ void ReadModel(const TomlTable& root, const std::string& path, Study* study) {
     }
   } else {
     study->scene = Beside(path, head.String("scene"));
+    study->scene_at = head.Where("scene");
     study->set = head.StringsOr("set", {});
   }
 }

@@ -82,9 +82,10 @@ struct StudyFrame {
 
 // One recorded trial and what of it counts.
 struct StudyTrial {
-  std::string name;    // "trial", or "trial 2" of several
-  std::string tracks;  // path; empty: channels alone
-  double sigma = 0.0;  // of one axis where the tracks tell none (.c3d, .uff) [m]; 0: they must
+  std::string name;       // "trial", or "trial 2" of several
+  std::string tracks;     // path; empty: channels alone
+  std::string tracks_at;  // file:line:key, for messages
+  double sigma = 0.0;     // of one axis where the tracks tell none (.c3d, .uff) [m]; 0: they must
   std::vector<std::string> marks;              // empty: all of the tracks
   double window_low = 0.0, window_high = 0.0;  // on the tracks' clock [s]; equal: all
   std::vector<std::string> set;                // overrides of the scene for this trial
@@ -136,6 +137,7 @@ struct Study {
   std::string name;
   std::string path;              // of the study itself
   std::string scene;             // path; empty with a command
+  std::string scene_at;          // file:line:key, for messages
   std::vector<std::string> set;  // overrides of the scene, "dotted.key=value"
   std::optional<StudyCommand> command;
   std::vector<StudyTrial> trials;

@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "base/text.h"
 #include "correlate/fit/command_model.h"
+#include "data/beside.h"
 #include "data/formats.h"
 #include "data/h5.h"
 #include "data/tracks.h"
@@ -207,10 +208,16 @@ BoundStudy Bind(const data::Study& study, const std::string& tracks, bool rivals
   std::vector<double> theta;
   for (const correlate::Parameter& p : bound.problem.parameters) theta.push_back(p.start);
   if (study.command) {
-    for (const std::string& file : study.command->files) bound.inputs.push_back(file);
+    for (const std::string& file : study.command->files) {
+      data::RequireFile(file, study.command->where);
+      bound.inputs.push_back(file);
+    }
+  } else {
+    data::RequireFile(study.scene, study.scene_at);
   }
   for (const data::StudyTrial& from : study.trials) {
     const std::string path = tracks.empty() ? from.tracks : tracks;
+    if (tracks.empty() && !path.empty()) data::RequireFile(path, from.tracks_at);
     bound.observations.push_back(std::make_unique<correlate::Observations>(ReadTrial(from, path)));
     correlate::FitTrial trial;
     trial.name = from.name;

@@ -11,6 +11,7 @@
 #include "base/text.h"
 #include "correlate/residual/channel.h"
 #include "correlate/residual/timed_events.h"
+#include "data/beside.h"
 #include "data/channels.h"
 #include "data/formats.h"
 #include "data/tracks.h"
@@ -258,7 +259,10 @@ void AddChannels(const data::StudyTrial& trial, const std::vector<data::Quantity
   std::vector<correlate::TimedEvent> events;
   for (const data::StudyChannel& want : trial.channels) {
     const auto [file, fresh] = files.try_emplace(want.file);
-    if (fresh) file->second = data::ReadChannels(want.file);
+    if (fresh) {
+      data::RequireFile(want.file, want.at);
+      file->second = data::ReadChannels(want.file);
+    }
     data::Channel c = data::FindChannel(file->second, want.column, want.at);
     Cut(want, &c);
     if (want.event.empty()) {

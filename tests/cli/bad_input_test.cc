@@ -4,6 +4,7 @@
 #include <sys/mount.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 
@@ -32,6 +33,39 @@ TEST_F(BadInput, MissingFile) {
   ExpectRefused(Run({"info", "nowhere.h5"}), {"nowhere.h5", "no such file", "check the name"}, {});
   ExpectRefused(Run({"calibrate", "nowhere.csv"}), {"nowhere.csv", "check the name"}, {});
   ExpectRefused(Run({"fit", "nowhere.toml"}), {"nowhere.toml", "check the name"}, {});
+}
+
+// What a document names is refused at the place that names it.
+TEST_F(BadInput, MissingFileThatADocumentNames) {
+  std::filesystem::copy_file(Shipped("scene_suspension.toml"), folder_ / "scene.toml");
+  const std::string parameter =
+      "[parameter.k]\nkeys = [\"beam.beam1.damping\"]\nstart = 1.0\nbounds = [0.1, 9.0]\n";
+  const std::string job =
+      "[variable.k]\nkeys = [\"beam.beam1.damping\"]\nuniform = [1.0, 2.0]\n[job]\n";
+  const std::string rest = "[response.r]\nquantity = \"j.theta\"\nof = \"final\"\n";
+  struct Case {
+    const char* verb;
+    std::string text, where, file;
+  };
+  for (const Case& c : std::vector<Case>{
+           {"fit", "[study]\nscene = \"s.toml\"\n[trial]\ntracks = \"t.h5\"\n" + parameter,
+            "study.toml:2:study.scene", "s.toml"},
+           {"effects", "[study]\nscene = \"s.toml\"\n[trial]\ntracks = \"t.h5\"\n" + parameter,
+            "study.toml:2:study.scene", "s.toml"},
+           {"fit", "[study]\nscene = \"scene.toml\"\n[trial]\ntracks = \"t.h5\"\n" + parameter,
+            "study.toml:4:trial.tracks", "t.h5"},
+           {"fit",
+            "[study]\nscene = \"scene.toml\"\n[trial.channel.c]\nfile = \"c.csv\"\n"
+            "quantity = \"joint.joint1.theta\"\n" +
+                parameter,
+            "study.toml:3:trial.channel.c", "c.csv"},
+           {"campaign", "[campaign]\nruns = 4\n" + job + "scene = \"s.toml\"\n" + rest,
+            "study.toml:6:job.scene", "s.toml"}}) {
+    Put("study.toml", c.text);
+    ExpectRefused(Run({c.verb, "study.toml"}),
+                  {c.where, "there is no file '" + c.file + "'", "check the name"},
+                  {"scene.toml", "study.toml"});
+  }
 }
 
 TEST_F(BadInput, NotHdf5) {
