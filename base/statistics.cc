@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <boost/math/distributions/binomial.hpp>
 #include <boost/math/distributions/chi_squared.hpp>
+#include <boost/math/distributions/fisher_f.hpp>
 #include <boost/math/distributions/normal.hpp>
 #include <boost/math/distributions/students_t.hpp>
 #include <cmath>
@@ -20,6 +21,10 @@ double NormalQuantile(double p) { return bm::quantile(bm::normal(), p); }
 
 double StudentQuantile(double p, double degrees_of_freedom) {
   return bm::quantile(bm::students_t(degrees_of_freedom), p);
+}
+
+double FisherQuantile(double p, double over, double under) {
+  return bm::quantile(bm::fisher_f(over, under), p);
 }
 
 double ChiSquareTail(double x, double degrees_of_freedom) {

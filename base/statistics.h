@@ -10,6 +10,8 @@ namespace unfurl {
 double ChiSquareQuantile(double p, double degrees_of_freedom);
 double NormalQuantile(double p);
 double StudentQuantile(double p, double degrees_of_freedom);
+// Of the ratio of two mean squares (Fisher), over and under the line.
+double FisherQuantile(double p, double over, double under);
 // P(X > x) of a chi-square variable: the p-value of a sum of squared whitened residuals.
 double ChiSquareTail(double x, double degrees_of_freedom);
 

@@ -53,7 +53,9 @@ void AddHead(const Calibration& result, report::Page* page) {
        {"95% of them within", LengthCell(result, "held_out_p95 [m]"),
         "largest " + LengthCell(result, "held_out_max [m]")},
        {"lens model", report.order == calib::kOrderByCamera ? "by camera" : report.lens_model,
-        report.order_chosen ? "by cross-validation" : "as given by --order"},
+        !report.lenses.empty() ? "from --lenses"
+        : report.order_chosen  ? "by cross-validation"
+                               : "as given by --order"},
        {"left out as gross",
         fmt::format("{} readings, {} points", Cell(result, "gross_readings [1]", 1.0, 0),
                     Cell(result, "gross_points [1]", 1.0, 0)),

@@ -171,22 +171,40 @@ std::string Hertz(const std::vector<correlate::Peak>& peaks, int index, bool amp
 void AddSpectra(const correlate::Comparison& c, report::Page* page) {
   if (c.spectra.empty()) return;
   page->AddSection(
-      "Both spectra",
+      c.reference.empty() ? "Spectra" : "Both spectra",
       fmt::format("From {:.2f} to {:.2f} s on the record's clock{}. Each spectrum: {}.",
                   c.spectrum_from, c.spectrum_to, c.latches.empty() ? "" : ", after the last latch",
                   c.spectra.front().measured.convention));
   report::Table table;
   table.title = "Peaks";
-  table.note = "Frequencies between the bins, strongest first; partners lie within two bins.";
-  table.header = {
-      "signal", "measured [Hz]", std::string(Other(c)) + " [Hz]", "difference [%]", "measured",
-      Other(c), "unit"};
+  const bool alone = c.reference.empty();
+  const bool by_density = c.spectra.front().by_density;
+  table.note = by_density ? "Noise drives this record: what stands out of its averaged density by "
+                            "more than chance, and the root mean square around it, strongest first"
+                          : "Frequencies between the bins, strongest first";
+  table.note += alone ? "." : "; partners lie within two bins.";
+  table.header = {"signal",
+                  "measured [Hz]",
+                  std::string(Other(c)) + " [Hz]",
+                  "difference [%]",
+                  by_density ? "measured RMS" : "measured amplitude",
+                  Other(c),
+                  "unit"};
   table.text_columns = {0, 6};
+  if (alone) {
+    table.header = {"signal", "frequency [Hz]", table.header[4], "unit"};
+    table.text_columns = {0, 3};
+  }
   for (const correlate::ComparedSpectrum& s : c.spectra) {
     const double k = Shown(s.id);
     const bool shown = !s.id.IsCoordinate() || s.id.axis == 1;
     if (shown) page->AddSpectrum(SpectrumChart(c, s));
     for (const correlate::PeakPair& p : s.pairs) {
+      if (alone) {
+        table.rows.push_back({s.name, Hertz(s.measured_peaks, p.a, false, k),
+                              Hertz(s.measured_peaks, p.a, true, k), ShownUnit(s.id)});
+        continue;
+      }
       std::string difference = "-";
       if (p.a >= 0 && p.b >= 0) {
         const double a = s.measured_peaks[static_cast<std::size_t>(p.a)].frequency;

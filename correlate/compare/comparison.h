@@ -36,6 +36,7 @@ struct SignalId {
   bool AcrossPlane() const { return IsCoordinate() && axis == 2; }  ///< z
   /// Of the values.
   const char* Unit() const { return IsChannel() ? unit.c_str() : IsAngle() ? "rad" : "m"; }
+  bool operator==(const SignalId&) const = default;
 };
 
 // One scalar in time, of both, in id.Unit().
@@ -53,6 +54,8 @@ struct ComparedSpectrum {
   Spectrum measured, reference;
   std::vector<Peak> measured_peaks, reference_peaks;
   std::vector<PeakPair> pairs;
+  /// Of what noise drives: peaks are those of `density`, and their amplitudes root mean squares.
+  bool by_density = false;
   double frac = -1.0;     // frequency response assurance; below 0: not computed [-]
   CrossSpectrum density;  // no segments: too short
   std::string note;       // of gaps

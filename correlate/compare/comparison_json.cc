@@ -88,6 +88,7 @@ ordered_json SpectrumJson(const ComparedSpectrum& s) {
                        {"convention", s.measured.convention},
                        {"resolution", s.measured.resolution},
                        {"frac", s.frac >= 0.0 ? ordered_json(s.frac) : ordered_json(nullptr)},
+                       {"peaks_of", s.by_density ? "density" : "amplitude"},
                        {"peaks", peaks}};
   if (s.density.segments > 0 && s.density.yy.empty()) {
     json["density"] = {{"convention", s.density.convention},

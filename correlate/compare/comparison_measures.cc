@@ -312,6 +312,41 @@ void FillScores(Comparison* c) {
   if (total.samples() > 0) c->scores.push_back(total.Get(c->errors.back().sigmas));
 }
 
+void UseDensityPeaks(const ComparisonOptions& options, bool record, bool reference, Comparison* c) {
+  constexpr double kSegments = 32.0;  // overlapping by half: heights that are known to a quarter
+  for (ComparedSpectrum& spectrum : c->spectra) {
+    const auto signal = std::find_if(c->signals.begin(), c->signals.end(),
+                                     [&](const auto& s) { return s.id == spectrum.id; });
+    if (signal == c->signals.end() || spectrum.density.segments == 0) continue;
+    const auto [first, last] = WithinSpectra(*c, *signal);
+    const auto part = [&, from = first, count = last - first](const std::vector<double>& x) {
+      return std::span(x).subspan(from, count);
+    };
+    const bool alone = signal->reference.empty();
+    const auto t = part(signal->t), x = part(signal->measured);
+    const auto y = alone ? x : part(signal->reference);
+    DensityOptions how{options.window, Detrend::kLine};
+    how.segment = std::max<std::size_t>(
+        kFewestOfSpectrum,
+        static_cast<std::size_t>(static_cast<double>(LongestEvenStretch(t).count) /
+                                 (0.5 * (kSegments + 1.0))));
+    CrossSpectrum density = WelchCrossSpectrum(t, x, y, spectrum.id.Unit(), how);
+    if (record) spectrum.measured_peaks = FindDensityPeaks(density.xx, density);
+    if (reference && !alone) spectrum.reference_peaks = FindDensityPeaks(density.yy, density);
+    spectrum.by_density = true;
+    spectrum.pairs =
+        PairPeaks(spectrum.measured_peaks, spectrum.reference_peaks, density.resolution);
+    if (alone) {
+      density.yy.clear();
+      density.xy.clear();
+      density.coherence.clear();
+    }
+    spectrum.density = std::move(density);
+  }
+  c->operating_shapes.clear();
+  FillOperatingShapes(c);
+}
+
 void FillSpectra(const ComparisonOptions& options, Comparison* c) {
   // What vibrates freely: after the last latch; without latches, all.
   c->spectrum_from = c->alignment.overlap_start;

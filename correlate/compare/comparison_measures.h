@@ -12,6 +12,9 @@ namespace unfurl::correlate {
 void FillScores(Comparison* c);
 // Amplitude spectra with peaks, densities with coherence, operating shapes at the shared peaks.
 void FillSpectra(const ComparisonOptions& options, Comparison* c);
+// In place of the peaks of one long transform, which of what noise drives is all speckle, those of
+// averaged densities: of the record, of the reference, or of both; after FillSpectra.
+void UseDensityPeaks(const ComparisonOptions& options, bool record, bool reference, Comparison* c);
 // Modes of both from the same stretch as the spectra.
 void FillModes(const ComparisonOptions& options, Comparison* c);
 // Samples [first, last) of a signal that lie within the window of the spectra.

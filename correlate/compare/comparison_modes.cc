@@ -150,6 +150,9 @@ void FillModes(const ComparisonOptions& options, Comparison* c) {
     c->reference_doubtful = reference.doubtful;
     c->reference_ambient = std::move(reference.ambient);
   }
+  if (c->measured_ambient || c->reference_ambient) {
+    UseDensityPeaks(options, c->measured_ambient.has_value(), c->reference_ambient.has_value(), c);
+  }
   c->mode_pairs = PairModes(c->measured_modes.decay.modes, c->reference_modes.decay.modes);
 }
 

@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "base/error.h"
+#include "base/statistics.h"
 #include "correlate/spectra/fft.h"
 
 namespace unfurl::correlate {
@@ -123,6 +125,72 @@ CrossSpectrum WelchCrossSpectrum(std::span<const double> t, std::span<const doub
                                      out.no_coherence)
                        : std::string("a coherence from one segment is 1 and says nothing"));
   return out;
+}
+
+namespace {
+
+// Left of each bin, the lowest on the way to the next that is higher, and where it is; each bin is
+// put on the stack and taken from it once.
+struct Valley {
+  double low = std::numeric_limits<double>::infinity();
+  std::size_t at = 0;
+};
+std::vector<Valley> ValleysBefore(std::span<const double> s) {
+  std::vector<Valley> out(s.size());
+  std::vector<std::size_t> higher;
+  for (std::size_t k = 0; k < s.size(); ++k) {
+    Valley& v = out[k];
+    v.at = k;
+    while (!higher.empty() && s[higher.back()] <= s[k]) {
+      const std::size_t j = higher.back();
+      if (s[j] < v.low) v = {s[j], j};
+      if (out[j].low < v.low) v = out[j];
+      higher.pop_back();
+    }
+    higher.push_back(k);
+  }
+  return out;
+}
+
+// The top of a parabola through three logarithms, in bins from the middle one.
+double TopOfParabola(double before, double at, double after) {
+  if (!(std::min(before, after) > 0.0)) return 0.0;
+  const double a = std::log(before), b = std::log(at), c = std::log(after);
+  const double bend = a - 2.0 * b + c;
+  return bend < 0.0 ? std::clamp(0.5 * (a - c) / bend, -0.5, 0.5) : 0.0;
+}
+
+}  // namespace
+
+std::vector<Peak> FindDensityPeaks(std::span<const double> density, const CrossSpectrum& of,
+                                   int most) {
+  constexpr double kChance = 0.05;   // of a false peak in a spectrum
+  constexpr std::size_t kFirst = 2;  // bins before it hold what detrending left
+  std::vector<Peak> peaks;
+  if (density.size() < kFirst + 3 || of.effective_segments <= 1.0) return peaks;
+  const auto s = density.subspan(kFirst);
+  const std::vector<double> mirrored(s.rbegin(), s.rend());
+  const std::vector<Valley> left = ValleysBefore(s), right = ValleysBefore(mirrored);
+  const auto n = static_cast<double>(s.size());
+  const double freedom = 2.0 * of.effective_segments;
+  const double stands_out = FisherQuantile(1.0 - kChance / (0.5 * n * (n - 1.0)), freedom, freedom);
+  for (std::size_t k = 1; k + 1 < s.size(); ++k) {
+    if (s[k] <= s[k - 1] || s[k] < s[k + 1]) continue;
+    const Valley &a = left[k], &b = right[s.size() - 1 - k];
+    if (!(s[k] > stands_out * std::max(a.low, b.low))) continue;
+    double square = 0.0;
+    for (std::size_t i = a.at; i <= s.size() - 1 - b.at; ++i) square += s[i] * of.resolution;
+    Peak peak;
+    peak.bin = k + kFirst;
+    peak.frequency =
+        (static_cast<double>(peak.bin) + TopOfParabola(s[k - 1], s[k], s[k + 1])) * of.resolution;
+    peak.amplitude = std::sqrt(square);
+    peaks.push_back(peak);
+  }
+  std::stable_sort(peaks.begin(), peaks.end(),
+                   [](const Peak& x, const Peak& y) { return x.amplitude > y.amplitude; });
+  if (peaks.size() > static_cast<std::size_t>(most)) peaks.resize(static_cast<std::size_t>(most));
+  return peaks;
 }
 
 double FrequencyResponseAssurance(std::span<const std::complex<double>> a,

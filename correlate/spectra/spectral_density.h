@@ -40,6 +40,14 @@ CrossSpectrum WelchCrossSpectrum(std::span<const double> t, std::span<const doub
                                  std::span<const double> y, const std::string& unit,
                                  const DensityOptions& options = {});
 
+// Where the density of what noise drives stands out, strongest first: maxima that rise above the
+// higher of the two valleys beside them (each as far as the next point that is higher) by more than
+// chance does, between any two bins, in one spectrum of twenty. Speckle of one resonance is no
+// second one. `density`: xx or yy of `of`; a peak's amplitude is the root mean square of what lies
+// between its valleys [unit of the signal].
+std::vector<Peak> FindDensityPeaks(std::span<const double> density, const CrossSpectrum& of,
+                                   int most = 6);
+
 // Frequency response assurance criterion |sum a conj(b)|^2 / (sum |a|^2 sum |b|^2) of two complex
 // spectra over a band: 1 when they differ by a factor only [Heylen and Lammens 1996].
 double FrequencyResponseAssurance(std::span<const std::complex<double>> a,

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -271,5 +272,80 @@ TEST(LombScargle, NoiseShowsPeaksAsOftenAsItSays) {
   EXPECT_LE(found, 18u);
 }
 
+// Oscillators (frequency [Hz], damping ratio) that white noise drives, sampled: each by the poles
+// of its exact discretisation, to unit variance; and a tenth of white noise.
+std::vector<double> Driven(const std::vector<std::pair<double, double>>& modes, std::size_t n,
+                           double dt, Rng& rng) {
+  std::vector<double> sum(n, 0.0);
+  for (const auto& [frequency, ratio] : modes) {
+    const double w = kTau * frequency, decay = std::exp(-ratio * w * dt);
+    const double a1 = 2.0 * decay * std::cos(w * std::sqrt(1.0 - ratio * ratio) * dt);
+    const double a2 = -decay * decay;
+    std::vector<double> x(n, 0.0);
+    double before = 0.0, at = 0.0;
+    for (double& v : x) {
+      v = a1 * at + a2 * before + rng.Normal();
+      before = at;
+      at = v;
+    }
+    const double scale = 1.0 / std::sqrt(Variance(x));
+    for (std::size_t i = 0; i < n; ++i) sum[i] += scale * x[i];
+  }
+  for (double& v : sum) v += (modes.empty() ? 1.0 : 0.1) * rng.Normal();
+  return sum;
+}
+
+// Frequencies of the peaks of a record in 32 segments.
+std::vector<Peak> PeaksOf(const std::vector<double>& x, double dt) {
+  const CrossSpectrum density =
+      WelchCrossSpectrum(Stamps(x.size(), dt), x, x, "m",
+                         {SpectralWindow::kHann, Detrend::kLine, x.size() * 2 / 33, 0.5});
+  return FindDensityPeaks(density.xx, density);
+}
+
+TEST(DensityPeaks, NoiseHasNoneButByTheChanceThatIsSaid) {
+  Rng rng(3);
+  constexpr int kRecords = 200;
+  int with = 0;
+  for (int r = 0; r < kRecords; ++r) with += PeaksOf(Noise(3000, rng), 0.02).empty() ? 0 : 1;
+  // One in twenty at most, and what 200 draws leave of that.
+  EXPECT_LE(BinomialInterval(static_cast<std::size_t>(with), kRecords).first, 0.05);
+}
+
+// One long transform makes several peaks of one resonance: its speckle.
+TEST(DensityPeaks, AResonanceIsOneWhateverItsDamping) {
+  Rng rng(4);
+  constexpr double kStep = 0.02;
+  const std::vector<std::vector<std::pair<double, double>>> cases = {
+      {{2.0, 0.01}}, {{1.9, 0.28}}, {{1.0, 0.005}, {4.0, 0.02}, {9.0, 0.05}}};
+  for (const auto& modes : cases) {
+    constexpr int kRecords = 60;
+    int right = 0;
+    for (int r = 0; r < kRecords; ++r) {
+      const std::vector<double> x = Driven(modes, 8000, kStep, rng);
+      std::vector<Peak> peaks = PeaksOf(x, kStep);
+      std::sort(peaks.begin(), peaks.end(),
+                [](const Peak& a, const Peak& b) { return a.frequency < b.frequency; });
+      bool good = peaks.size() == modes.size();
+      for (std::size_t k = 0; good && k < modes.size(); ++k) {
+        const double bin = 33.0 / (2.0 * 8000 * kStep);
+        // Within half the width at half power, or a bin.
+        const double wide = std::max(bin, modes[k].first * modes[k].second);
+        good = std::abs(peaks[k].frequency - modes[k].first) < wide;
+      }
+      right += good ? 1 : 0;
+    }
+    EXPECT_GE(BinomialInterval(static_cast<std::size_t>(right), kRecords).second, 0.95)
+        << modes.size() << " from " << modes[0].first << " Hz: " << right;
+  }
+}
+
+TEST(DensityPeaks, AmplitudesAreTheRootMeanSquareAround) {
+  Rng rng(5);
+  const auto x = Driven({{2.0, 0.01}}, 20000, 0.02, rng);
+  const std::vector<Peak> peaks = PeaksOf(x, 0.02);
+  ASSERT_EQ(peaks.size(), 1u);
+  EXPECT_NEAR(peaks[0].amplitude, 1.0, 0.05);
+}
 }  // namespace
 }  // namespace unfurl::correlate::spectral_density_test
