@@ -8,6 +8,7 @@
 #include <limits>
 
 #include "base/error.h"
+#include "base/statistics.h"
 
 namespace unfurl::correlate {
 
@@ -54,28 +55,57 @@ double Corridor(std::span<const double> test, std::span<const double> computed) 
   return sum / static_cast<double>(test.size());
 }
 
-// Samples by which `computed` has to be moved ahead for the best correlation.
+// 1 - correlation^2 at shifts of -reach to reach, which a straight line of the other leaves; above
+// 1 where they are against each other, 1 where one does not vary.
+std::vector<double> LeftAtShifts(std::span<const double> test, std::span<const double> computed,
+                                 std::size_t reach) {
+  const std::size_t n = test.size();
+  std::vector<double> left(2 * reach + 1);
+  const auto leaves = [](double c) { return std::isfinite(c) ? 1.0 - c * std::abs(c) : 1.0; };
+  for (std::size_t k = 0; k <= reach; ++k) {
+    left[reach + k] = leaves(Correlation(test.first(n - k), computed.subspan(k)));
+    left[reach - k] = leaves(Correlation(test.subspan(k), computed.first(n - k)));
+  }
+  return left;
+}
+
+// Samples by which `computed` has to be moved ahead for the best correlation. Periodic signals
+// correlate alike a period on; the standard takes the smallest such shift, and neither round-off
+// nor noise is to choose instead: a peak of the correlation nearer to none is as good as the
+// highest where what they leave differs by no more than the highest of as many draws would.
 int BestShift(std::span<const double> test, std::span<const double> computed) {
-  // Periodic signals correlate alike at several shifts; the standard takes the smallest, and
-  // round-off is not to choose instead.
-  constexpr double kTie = 1e-12;
+  constexpr double kTie = 1e-12, kChance = 0.05;
   const auto n = test.size();
   const auto reach = static_cast<std::size_t>(std::floor(kMaxShift * static_cast<double>(n)));
-  double best = Correlation(test, computed);
-  int shift = 0;
-  for (std::size_t k = 1; k <= reach; ++k) {
-    const double left = Correlation(test.first(n - k), computed.subspan(k));
-    if (left > best + kTie) {
-      best = left;
-      shift = static_cast<int>(k);
-    }
-    const double right = Correlation(test.subspan(k), computed.first(n - k));
-    if (right > best + kTie) {
-      best = right;
-      shift = -static_cast<int>(k);
+  const std::vector<double> left = LeftAtShifts(test, computed, reach);
+  const auto far = static_cast<int>(reach);
+  const auto at = [&](int k) { return left[static_cast<std::size_t>(far + k)]; };
+  const auto nearer = [&](int k, int than) {  // better, or as good and a smaller shift
+    return at(k) < at(than) - kTie || (at(k) <= at(than) + kTie && std::abs(k) < std::abs(than));
+  };
+  int best = 0;
+  for (int k = -far; k <= far; ++k) best = nearer(k, best) ? k : best;
+  const double freedom = static_cast<double>(n - reach) - 2.0;
+  if (best == 0 || freedom < 1.0) return best;
+  const double ratio =
+      FisherQuantile(1.0 - kChance / static_cast<double>(left.size()), freedom, freedom);
+  const double alike = ratio * at(best) + kTie;
+  // From the best one towards none and as far beyond: of each further peak its own best.
+  const int step = best > 0 ? -1 : 1;
+  std::vector<int> peaks = {best};
+  bool apart = false;  // a dip lies between this one and the last
+  for (int k = best + step; std::abs(k) <= std::abs(best); k += step) {
+    if (at(k) > alike) {
+      apart = true;
+    } else if (apart) {
+      peaks.push_back(k);
+      apart = false;
+    } else if (peaks.size() > 1 && nearer(k, peaks.back())) {
+      peaks.back() = k;
     }
   }
-  return shift;
+  return *std::min_element(peaks.begin(), peaks.end(),
+                           [](int a, int b) { return std::abs(a) < std::abs(b); });
 }
 
 double Magnitude(std::span<const double> test, std::span<const double> computed) {

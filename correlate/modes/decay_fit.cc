@@ -239,7 +239,7 @@ DecayFit FitDecay(std::span<const DecaySignal> signals, std::span<const Complex>
 
   std::vector<DecayChannel> channels;
   for (std::size_t j = 0; j < signals.size(); ++j) {
-    channels.push_back(problem.Solve(j, pole, true));
+    channels.push_back(problem.Solve(j, pole));
   }
   const DecaySquares squares = Squares(problem, channels, poles.size());
   const auto n = static_cast<double>(fit.samples);

@@ -33,24 +33,52 @@ DecayProblem::DecayProblem(std::span<const DecaySignal> signals, int trend)
     }
     polynomial_.push_back(std::move(p));
   }
+  for (std::size_t j = 0; j < signals.size(); ++j) {
+    const auto group = std::find_if(alike_.begin(), alike_.end(),
+                                    [&](const auto& g) { return Alike(g.front(), j); });
+    if (group == alike_.end()) {
+      alike_.push_back({j});
+    } else {
+      group->push_back(j);
+    }
+  }
 }
 
-DecayChannel DecayProblem::Solve(std::size_t j, const Eigen::VectorXd& pole,
-                                 bool derivatives) const {
+bool DecayProblem::Alike(std::size_t i, std::size_t j) const {
+  constexpr double kRoundOff = 1e-12;
+  if (signals_[i].t != signals_[j].t || signals_[i].t.empty()) return false;
+  const double factor = weight_[j](0) / weight_[i](0);
+  return (weight_[j] - factor * weight_[i]).cwiseAbs().maxCoeff() <=
+         kRoundOff * weight_[j].cwiseAbs().maxCoeff();
+}
+
+Eigen::MatrixXd DecayProblem::Basis(std::size_t j, const Eigen::VectorXd& pole) const {
   const DecaySignal& s = signals_[j];
   const auto n = static_cast<Eigen::Index>(s.t.size());
   const Eigen::Index modes = pole.size() / 2;
-  DecayChannel out;
-  out.basis.resize(n, 2 * modes + trend_ + 1);
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const double t = s.t[static_cast<std::size_t>(i)] - start_;
-    for (Eigen::Index k = 0; k < modes; ++k) {
+  Eigen::MatrixXd basis(n, 2 * modes + trend_ + 1);
+  for (Eigen::Index k = 0; k < modes; ++k) {
+    for (Eigen::Index i = 0; i < n; ++i) {
+      const double t = s.t[static_cast<std::size_t>(i)] - start_;
       const double e = weight_[j](i) * std::exp(-pole(2 * k) * t);
-      out.basis(i, 2 * k) = e * std::cos(pole(2 * k + 1) * t);
-      out.basis(i, 2 * k + 1) = e * std::sin(pole(2 * k + 1) * t);
+      basis(i, 2 * k) = e * std::cos(pole(2 * k + 1) * t);
+      basis(i, 2 * k + 1) = e * std::sin(pole(2 * k + 1) * t);
     }
   }
-  out.basis.rightCols(trend_ + 1) = polynomial_[j];
+  basis.rightCols(trend_ + 1) = polynomial_[j];
+  return basis;
+}
+
+Eigen::MatrixXd DecayProblem::Slopes(std::size_t j, const Eigen::MatrixXd& basis) const {
+  const DecaySignal& s = signals_[j];
+  const Eigen::Index modal = basis.cols() - trend_ - 1;
+  Eigen::ArrayXd t = Eigen::Map<const Eigen::ArrayXd>(s.t.data(), basis.rows()) - start_;
+  return basis.leftCols(modal).array().colwise() * t;
+}
+
+DecayChannel DecayProblem::Solve(std::size_t j, const Eigen::VectorXd& pole) const {
+  DecayChannel out;
+  out.basis = Basis(j, pole);
   const Eigen::HouseholderQR<Eigen::MatrixXd> qr(out.basis);
   const Eigen::Index q = out.basis.cols();
   const auto R = qr.matrixQR().topRows(q).triangularView<Eigen::Upper>();
@@ -58,16 +86,12 @@ DecayChannel DecayProblem::Solve(std::size_t j, const Eigen::VectorXd& pole,
   out.coefficient = R.solve(y.head(q));
   y.head(q).setZero();
   out.residual = qr.householderQ() * y;
-  if (!derivatives) return out;
-  Eigen::MatrixXd D(n, pole.size());
-  for (Eigen::Index i = 0; i < n; ++i) {
-    const double t = s.t[static_cast<std::size_t>(i)] - start_;
-    for (Eigen::Index k = 0; k < modes; ++k) {
-      const double c = out.basis(i, 2 * k), d = out.basis(i, 2 * k + 1);
-      const double A = out.coefficient(2 * k), B = out.coefficient(2 * k + 1);
-      D(i, 2 * k) = t * (A * c + B * d);  // of the residual: minus the model's
-      D(i, 2 * k + 1) = t * (A * d - B * c);
-    }
+  const Eigen::MatrixXd slopes = Slopes(j, out.basis);
+  Eigen::MatrixXd D(slopes.rows(), pole.size());
+  for (Eigen::Index k = 0; k < pole.size(); k += 2) {
+    const double A = out.coefficient(k), B = out.coefficient(k + 1);
+    D.col(k) = A * slopes.col(k) + B * slopes.col(k + 1);  // of the residual: minus the model's
+    D.col(k + 1) = A * slopes.col(k + 1) - B * slopes.col(k);
   }
   Eigen::MatrixXd P = qr.householderQ().adjoint() * D;
   out.imitation = R.solve(P.topRows(q));
@@ -78,17 +102,41 @@ DecayChannel DecayProblem::Solve(std::size_t j, const Eigen::VectorXd& pole,
   return out;
 }
 
-namespace {
-
-double SumOfSquares(const DecayProblem& problem, const Eigen::VectorXd& pole) {
-  double sum = 0.0;
-  for (std::size_t j = 0; j < problem.channels(); ++j) {
-    sum += problem.Solve(j, pole, false).residual.squaredNorm();
+DecayProblem::Sums DecayProblem::SumsAt(const Eigen::VectorXd& pole, bool derivatives) const {
+  const Eigen::Index unknowns = pole.size();
+  Sums out;
+  out.gradient.setZero(unknowns);
+  out.hessian.setZero(unknowns, unknowns);
+  for (const std::vector<std::size_t>& group : alike_) {
+    const Eigen::MatrixXd basis = Basis(group.front(), pole);
+    const Eigen::Index q = basis.cols();
+    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(basis);
+    const Eigen::MatrixXd Q = qr.householderQ() * Eigen::MatrixXd::Identity(basis.rows(), q);
+    const auto R = qr.matrixQR().topRows(q).triangularView<Eigen::Upper>();
+    Eigen::MatrixXd slopes, products;
+    if (derivatives) {
+      slopes = Slopes(group.front(), basis);
+      slopes.noalias() -= Q * (Q.transpose() * slopes).eval();
+      products = slopes.transpose() * slopes;
+    }
+    for (const std::size_t j : group) {
+      const Eigen::VectorXd along = Q.transpose() * value_[j];
+      const Eigen::VectorXd residual = value_[j] - Q * along;
+      out.squares += residual.squaredNorm();
+      if (!derivatives) continue;
+      // A factor on the signal's weights is in its amplitudes.
+      const Eigen::VectorXd amplitude = R.solve(along);
+      Eigen::MatrixXd mix = Eigen::MatrixXd::Zero(unknowns, unknowns);
+      for (Eigen::Index k = 0; k < unknowns; k += 2) {
+        const double A = amplitude(k), B = amplitude(k + 1);
+        mix.block<2, 2>(k, k) << A, -B, B, A;
+      }
+      out.gradient.noalias() += mix.transpose() * (slopes.transpose() * residual);
+      out.hessian.noalias() += mix.transpose() * products * mix;
+    }
   }
-  return sum;
+  return out;
 }
-
-}  // namespace
 
 bool Minimise(const DecayProblem& problem, int max_iterations, Eigen::VectorXd* pole) {
   constexpr double kSmall = 1e-3;      // of a standard error: nothing a user could see
@@ -98,15 +146,10 @@ bool Minimise(const DecayProblem& problem, int max_iterations, Eigen::VectorXd* 
   double lambda = 1e-3;
   double current = -1.0;
   for (int iteration = 0; iteration < max_iterations; ++iteration) {
-    Eigen::MatrixXd H = Eigen::MatrixXd::Zero(unknowns, unknowns);
-    Eigen::VectorXd g = Eigen::VectorXd::Zero(unknowns);
-    double sum = 0.0;
-    for (std::size_t j = 0; j < problem.channels(); ++j) {
-      const DecayChannel c = problem.Solve(j, *pole, true);
-      H.noalias() += c.jacobian.transpose() * c.jacobian;
-      g.noalias() += c.jacobian.transpose() * c.residual;
-      sum += c.residual.squaredNorm();
-    }
+    const DecayProblem::Sums sums = problem.SumsAt(*pole, true);
+    const Eigen::MatrixXd& H = sums.hessian;
+    const Eigen::VectorXd& g = sums.gradient;
+    const double sum = sums.squares;
     current = sum;
     const Eigen::MatrixXd inverse = H.ldlt().solve(Eigen::MatrixXd::Identity(unknowns, unknowns));
     const double unit =
@@ -123,7 +166,7 @@ bool Minimise(const DecayProblem& problem, int max_iterations, Eigen::VectorXd* 
       for (Eigen::Index i = 0; i < unknowns; i += 2) {
         bounded = bounded && trial(i) * problem.duration() > -kGrowth;
       }
-      const double next = bounded ? SumOfSquares(problem, trial) : 2.0 * current + 1.0;
+      const double next = bounded ? problem.SumsAt(trial, false).squares : 2.0 * current + 1.0;
       bool small = true;
       for (Eigen::Index i = 0; i < unknowns; ++i) {
         const double sigma = std::sqrt(std::max(0.0, unit * inverse(i, i)));

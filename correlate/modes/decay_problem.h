@@ -35,9 +35,25 @@ class DecayProblem {
   const Eigen::VectorXd& value(std::size_t j) const { return value_[j]; }
   const Eigen::MatrixXd& polynomial(std::size_t j) const { return polynomial_[j]; }
 
-  DecayChannel Solve(std::size_t j, const Eigen::VectorXd& pole, bool derivatives) const;
+  DecayChannel Solve(std::size_t j, const Eigen::VectorXd& pole) const;
+
+  /// Squares left by all signals, and by the poles their gradient and Gauss and Newton's Hessian,
+  /// each over two.
+  struct Sums {
+    double squares = 0.0;
+    Eigen::VectorXd gradient;
+    Eigen::MatrixXd hessian;
+  };
+  Sums SumsAt(const Eigen::VectorXd& pole, bool derivatives) const;
 
  private:
+  // n x q: cos and sin part of each mode, then the trend; of signal j.
+  Eigen::MatrixXd Basis(std::size_t j, const Eigen::VectorXd& pole) const;
+  // Its derivatives by (a, w) of each mode: times (A, B) of a signal they are those of the model.
+  Eigen::MatrixXd Slopes(std::size_t j, const Eigen::MatrixXd& basis) const;
+  // Whether two signals have the same stamps, and sigmas that a factor makes the same.
+  bool Alike(std::size_t i, std::size_t j) const;
+
   std::span<const DecaySignal> signals_;
   int trend_;
   double start_ = 0.0, end_ = 0.0;
@@ -45,6 +61,8 @@ class DecayProblem {
   bool weighted_ = true;
   std::vector<Eigen::VectorXd> weight_, value_;
   std::vector<Eigen::MatrixXd> polynomial_;
+  // Signals by what their bases span: all marks of a video, both coordinates of a strobed one.
+  std::vector<std::vector<std::size_t>> alike_;
 };
 
 // Levenberg and Marquardt on (a, w) of each mode. True when the last step was below a thousandth of

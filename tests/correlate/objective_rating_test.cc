@@ -82,6 +82,34 @@ TEST(ObjectiveRating, OfManyEqualShiftsTheSmallestIsTaken) {
   EXPECT_EQ(RateObjectively(t, c).shift, 3);  // not 43, which fits as well
 }
 
+// Damped oscillations correlate a few periods on as they do at no shift, but for the noise.
+TEST(ObjectiveRating, NoiseChoosesNoPeriod) {
+  Rng rng(2);
+  for (int draw = 0; draw < 20; ++draw) {
+    std::vector<double> t(1000), c(1000), late(1000);
+    for (std::size_t i = 0; i < t.size(); ++i) {
+      const auto at = [&](double x) {
+        return std::exp(-x / 800.0) * std::sin(2.0 * std::numbers::pi * x / 40.0);
+      };
+      c[i] = at(static_cast<double>(i));
+      t[i] = c[i] + 0.002 * rng.Normal();
+      late[i] = at(static_cast<double>(i) - 3.0);
+    }
+    const ObjectiveRating r = RateObjectively(t, c);
+    EXPECT_EQ(r.shift, 0);
+    EXPECT_EQ(r.grade, RatingGrade::kExcellent);
+    EXPECT_EQ(RateObjectively(t, late).shift, 3);
+  }
+}
+
+// What comes once is where it is, noise or not.
+TEST(ObjectiveRating, NoiseHidesNoShift) {
+  Rng rng(3);
+  auto t = Pulse(400, 200.0), c = Pulse(400, 243.0);
+  for (double& v : t) v += 0.01 * rng.Normal();
+  EXPECT_NEAR(RateObjectively(t, c).shift, 43, 1);
+}
+
 // Least cost over every path there is, by trying them all.
 double CheapestByTrial(const std::vector<double>& x, const std::vector<double>& y, int band) {
   const int n = static_cast<int>(x.size());
@@ -210,7 +238,10 @@ TEST(ObjectiveRating, AgreesWithTheDefinitionsWrittenOutPlainly) {
     std::vector<double> T, C;
     const double late = rng.Uniform(-12.0, 12.0), factor = rng.Uniform(0.7, 1.4);
     for (int i = 0; i < 157; ++i) {
-      auto curve = [](double u) { return std::exp(-u / 60.0) * std::sin(u / 6.0) + 0.2; };
+      // Of no period, so that noise has no choice.
+      auto curve = [](double u) {
+        return std::exp(-u / 60.0) * std::sin(u / 6.0 + u * u / 1500.0) + 0.2;
+      };
       T.push_back(curve(i) + 0.02 * rng.Normal());
       C.push_back(factor * curve(i - late) + 0.02 * rng.Normal());
     }
