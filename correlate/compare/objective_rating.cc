@@ -74,7 +74,8 @@ std::vector<double> LeftAtShifts(std::span<const double> test, std::span<const d
 // nor noise is to choose instead: a peak of the correlation nearer to none is as good as the
 // highest where what they leave differs by no more than the highest of as many draws would.
 int BestShift(std::span<const double> test, std::span<const double> computed) {
-  constexpr double kTie = 1e-12, kChance = 0.05;
+  constexpr double kTie = 1e-12;    // round-off of correlations
+  constexpr double kChance = 0.05;  // of taking noise for a better shift
   const auto n = test.size();
   const auto reach = static_cast<std::size_t>(std::floor(kMaxShift * static_cast<double>(n)));
   const std::vector<double> left = LeftAtShifts(test, computed, reach);

@@ -45,7 +45,7 @@ DecayProblem::DecayProblem(std::span<const DecaySignal> signals, int trend)
 }
 
 bool DecayProblem::Alike(std::size_t i, std::size_t j) const {
-  constexpr double kRoundOff = 1e-12;
+  constexpr double kRoundOff = 1e-12;  // of quotients and products
   if (signals_[i].t != signals_[j].t || signals_[i].t.empty()) return false;
   const double factor = weight_[j](0) / weight_[i](0);
   return (weight_[j] - factor * weight_[i]).cwiseAbs().maxCoeff() <=
@@ -116,7 +116,8 @@ DecayProblem::Sums DecayProblem::SumsAt(const Eigen::VectorXd& pole, bool deriva
     Eigen::MatrixXd slopes, products;
     if (derivatives) {
       slopes = Slopes(group.front(), basis);
-      slopes.noalias() -= Q * (Q.transpose() * slopes).eval();
+      const Eigen::MatrixXd imitated = Q.transpose() * slopes;
+      slopes.noalias() -= Q * imitated;
       products = slopes.transpose() * slopes;
     }
     for (const std::size_t j : group) {
@@ -131,8 +132,10 @@ DecayProblem::Sums DecayProblem::SumsAt(const Eigen::VectorXd& pole, bool deriva
         const double A = amplitude(k), B = amplitude(k + 1);
         mix.block<2, 2>(k, k) << A, -B, B, A;
       }
-      out.gradient.noalias() += mix.transpose() * (slopes.transpose() * residual);
-      out.hessian.noalias() += mix.transpose() * products * mix;
+      const Eigen::VectorXd pull = slopes.transpose() * residual;
+      const Eigen::MatrixXd bent = products * mix;
+      out.gradient += mix.transpose() * pull;
+      out.hessian += mix.transpose() * bent;
     }
   }
   return out;
