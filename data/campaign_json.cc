@@ -1,8 +1,10 @@
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
+#include <utility>
 
 #include "base/error.h"
 #include "data/campaign.h"
@@ -33,10 +35,20 @@ ordered_json ToJson(const CampaignVariable& v) {
           {"where", v.where}};
 }
 
+// A whole number that T holds: what a cast makes of another is not defined.
+template <typename T>
+T Whole(const ordered_json& value) {
+  const bool fits = value.is_number_unsigned()  ? std::in_range<T>(value.get<std::uint64_t>())
+                    : value.is_number_integer() ? std::in_range<T>(value.get<std::int64_t>())
+                                                : false;
+  if (!fits) throw std::out_of_range("whole number");
+  return value.get<T>();
+}
+
 // A number that stands for one of `count` kinds.
 template <typename Kind>
 Kind KindOf(const ordered_json& value, int count) {
-  const int number = value.get<int>();
+  const int number = Whole<int>(value);
   if (number < 0 || number >= count) throw std::out_of_range("kind");
   return static_cast<Kind>(number);
 }
@@ -85,7 +97,7 @@ CampaignVariable Variable(const ordered_json& j) {
   v.distribution.weights = j.at("weights").get<std::vector<double>>();
   v.distribution.low = Bound(j.at("low"), -kInfinity);
   v.distribution.high = Bound(j.at("high"), kInfinity);
-  v.levels = j.at("levels");
+  v.levels = Whole<int>(j.at("levels"));
   v.where = j.at("where");
   return v;
 }
@@ -119,13 +131,13 @@ CampaignResponse Response(const ordered_json& j) {
   r.quantity = j.at("quantity");
   r.event = j.at("event");
   r.joint = j.at("joint");
-  r.count = j.at("count");
+  r.count = Whole<int>(j.at("count"));
   r.of = j.at("of");
   r.at = j.at("at");
   r.from = j.at("from");
   r.to = Bound(j.at("to"), kInfinity);
   r.expression = j.at("expression");
-  r.step = j.at("step");
+  r.step = Whole<int>(j.at("step"));
   r.pointer = j.at("pointer");
   if (!j.at("above").is_null()) r.above = j.at("above").get<double>();
   if (!j.at("below").is_null()) r.below = j.at("below").get<double>();
@@ -169,12 +181,12 @@ ordered_json ToJson(const CampaignDesign& d) {
 CampaignDesign Design(const ordered_json& j) {
   CampaignDesign d;
   d.kind = KindOf<CampaignDesign::Kind>(j.at("kind"), kDesigns);
-  d.runs = j.at("runs");
-  d.seed = j.at("seed");
-  d.blocks = j.at("blocks");
-  d.levels = j.at("levels");
+  d.runs = Whole<std::uint64_t>(j.at("runs"));
+  d.seed = Whole<std::uint64_t>(j.at("seed"));
+  d.blocks = Whole<int>(j.at("blocks"));
+  d.levels = Whole<int>(j.at("levels"));
   d.until = j.at("until");
-  d.most = j.at("most");
+  d.most = Whole<std::uint64_t>(j.at("most"));
   d.failure = j.at("failure");
   d.rows = j.at("rows").get<std::vector<std::vector<double>>>();
   return d;

@@ -79,6 +79,14 @@ TEST(Campaign, ARecordGivesBackThePlan) {
   EXPECT_EQ(*again.responses[0].below, 2.0);
   EXPECT_THROW(CampaignFromJson("{\"name\": 1}", "here"), Error);
   EXPECT_THROW(CampaignFromJson("no json", "here"), Error);
+  // A number that no cast to an integer holds, or that it would change.
+  const std::string key = "\"blocks\":16";
+  ASSERT_NE(json.find(key), std::string::npos);
+  for (const char* number : {"1e40", "16.5", "-9999999999", "99999999999999999999"}) {
+    std::string damaged = json;
+    damaged.replace(damaged.find(key), key.size(), std::string("\"blocks\":") + number);
+    EXPECT_THROW(CampaignFromJson(damaged, "here"), Error) << number;
+  }
 }
 
 struct Wrong {
