@@ -8,6 +8,7 @@
 
 #include "base/dense.h"
 #include "correlate/fit/noise_contrasts.h"
+#include "correlate/residual/row_layout.h"
 
 namespace unfurl::correlate {
 
@@ -104,6 +105,18 @@ Pooling PoolingOf(const std::string& name) {
   return Pooling::kNone;
 }
 
+// Rows of each series and axis, in the order of SeriesNoise::series.
+std::vector<std::vector<Eigen::Index>> RowsByAxis(const Observations& observations) {
+  std::vector<std::vector<Eigen::Index>> out;
+  for (const RowSeries& series : RowLayout(observations).series) {
+    for (Eigen::Index axis = 0; axis < series.axes; ++axis) {
+      out.emplace_back();
+      for (std::size_t i = 0; i < series.size(); ++i) out.back().push_back(series.Row(i, axis));
+    }
+  }
+  return out;
+}
+
 // The part of a symmetric matrix that adds.
 Eigen::MatrixXd Positive(const Eigen::MatrixXd& sum, const Eigen::MatrixXd& unit) {
   const Eigen::VectorXd scale = unit.diagonal().cwiseMax(1e-300).cwiseSqrt();
@@ -152,18 +165,26 @@ Eigen::MatrixXd DoubtOfNoise(const NoiseDoubtInput& in) {
   // Rows and residuals side by side, whitened by a noise, are all that an estimate needs.
   Eigen::MatrixXd plain(in.rows.rows(), own + 1);
   plain << in.rows, *in.residual;
-  const auto gram = [&](const SeriesNoise& noise) {
+  const auto gram = [&](const SeriesNoise& noise, const std::vector<Eigen::Index>& of) {
     Eigen::MatrixXd rows = plain;
     const RowWhitening whitening(*in.observations, noise);
     if (!whitening.identity()) whitening.Apply(rows);
-    return Gram(rows);
+    return Gram(rows(of, Eigen::all));
   };
-  const Eigen::MatrixXd found = gram(*in.noise);
+  const std::vector<std::vector<Eigen::Index>> places = RowsByAxis(*in.observations);
   for (const NoiseGroup& group : LikelyNoises(*in.observations, *in.residual, in.rows, *in.noise)) {
+    // Nothing changes in the rows of the others, which are left as they are.
+    SeriesNoise other = *in.noise;
+    other.series.assign(other.series.size(), {});
+    std::vector<Eigen::Index> of;
+    for (std::size_t s : group.series) {
+      other.series[s] = in.noise->series[s];
+      of.insert(of.end(), places[s].begin(), places[s].end());
+    }
+    const Eigen::MatrixXd found = gram(other, of);
     for (const LikelyNoise& one : group.likely) {
-      SeriesNoise other = *in.noise;
       for (std::size_t s : group.series) other.series[s] = one.noise;
-      const Eigen::MatrixXd change = gram(other) - found;
+      const Eigen::MatrixXd change = gram(other, of) - found;
       Eigen::MatrixXd normal = *in.normal, open;
       normal(in.place, in.place) += change.topLeftCorner(own, own);
       Eigen::VectorXd gradient = Eigen::VectorXd::Zero(n);  // 0 by the noise found
