@@ -91,7 +91,7 @@ void AddBeams(const data::Scene& scene, Switches* out) {
       out->Add("damping of the beams", beam.name, true, {table + "damping=0"});
     if (beam.axial_elastic) {
       out->Add("stretching of the beams", beam.name, true, {table + "axial=rigid"});
-    } else if (!smooth && beam.EA > 0.0) {
+    } else if (beam.EA > 0.0) {
       out->Add("stretching of the beams", beam.name, false, {table + "axial=elastic"});
     }
     std::vector<std::string> rigid = {table + "model=segments",
@@ -107,7 +107,7 @@ void AddBeams(const data::Scene& scene, Switches* out) {
     } else {
       out->Add("a finer mesh", beam.name, false,
                {fmt::format("{}segments={}", table, 2 * beam.segments)});
-      if (!beam.axial_elastic && beam.gradient_form && beam.along_chord) {
+      if (beam.gradient_form && (beam.axial_elastic || beam.along_chord)) {
         out->Add("smooth beams", beam.name, false,
                  {table + "model=kirchhoff", fmt::format("{}order={}", table, kOrder)});
       }

@@ -22,6 +22,7 @@ CentreLine::CentreLine(const Model& model, const Model::Beam& beam)
       segment_length_(beam.segment_length),
       length_(beam.segments * beam.segment_length),
       smooth_beams_(&model.kirchhoff),
+      bending_(&model.bending),
       smooth_(beam.smooth) {}
 
 KirchhoffRod::Frame CentreLine::SmoothAt(const Motion& m, double place) const {
@@ -104,6 +105,27 @@ double CentreLine::Curvature(const Motion& m, double place) const {
   const int k = std::clamp(static_cast<int>(count), 0, segments_ - 1);
   const double part = count - k;
   return (1.0 - part) * node(k) + part * node(k + 1);
+}
+
+double CentreLine::Strain(const Motion& m, double place) const {
+  if (smooth_ >= 0) return smooth_beams_->StrainAt(smooth_, place / length_, m);
+  // Half elements at welded ends have their middles a quarter of a segment in.
+  const int first = start_station_ >= 0 ? start_station_ : first_;
+  const int last = first_ + segments_ - (end_station_ >= 0 ? 1 : 2);  // elements
+  if (last < first) return 0.0;
+  const auto middle = [&](int e) {
+    if (e == start_station_) return 0.25 * segment_length_;
+    const int k = e - first_ + 1;
+    return (k == segments_ ? k - 0.25 : k) * segment_length_;
+  };
+  const auto next = [&](int e) { return e == start_station_ ? first_ : e + 1; };
+  int a = first;
+  while (next(a) < last && middle(next(a)) < place) a = next(a);
+  const double at = bending_->Strain(m, a);
+  if (a == last) return at;
+  const int b = next(a);
+  const double part = (place - middle(a)) / (middle(b) - middle(a));
+  return at + part * (bending_->Strain(m, b) - at);
 }
 
 std::vector<double> ShapePlaces(const Model::Beam& beam) {

@@ -27,6 +27,9 @@ class CentreLine {
   // Of the line, positive to its left [1/m]. Of segments: from the angles between them, linear in
   // between; 0 at an end that is not welded. Of a smooth beam by a difference of its angle.
   double Curvature(const Motion& motion, double place) const;
+  // Of the line: of segments that of the elements between them, linear in between and beyond the
+  // outermost; 0 where it does not stretch.
+  double Strain(const Motion& motion, double place) const;
   // Distance of the end from the tangent at the start, positive to its left [m].
   double TipDeflection(const Motion& motion) const;
 
@@ -38,6 +41,7 @@ class CentreLine {
   double segment_length_ = 0.0, length_ = 0.0;  // [m]
   // Of a smooth beam: tables of the places that are asked for.
   const KirchhoffBeams* smooth_beams_ = nullptr;
+  const Bending* bending_ = nullptr;
   int smooth_ = -1;
   mutable std::map<double, KirchhoffRod::Place> tables_;
 };

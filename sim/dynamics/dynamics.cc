@@ -254,6 +254,7 @@ Balance Dynamics::BalanceAt(double t, double* y) {
     b.kinetic += work_.smooth->KineticAboutCentres(&work_.smooth_work);
     b.angular_momentum += work_.smooth->AngularMomentum(&work_.smooth_work);
     b.bending += work_.smooth->Bending(work_.smooth_work);
+    b.axial += work_.smooth->Stretching(work_.smooth_work);
     const double strings = work_.smooth->OfStrings(work_.smooth_work);
     b.effects[EffectIndex<Suspension>()] += strings;
     b.effects_scale += strings;

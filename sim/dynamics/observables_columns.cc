@@ -213,6 +213,15 @@ void Observables::DeclareBodies() {
         name + ".tip_deflection", "m",
         "of the end from the tangent at the start, positive to its left",
         [](const Frame& f, int i) { return f.self.lines_[i].TipDeflection(f.motion); }, k);
+    if (model_.beams[k].EA == 0.0) continue;
+    Add(
+        name + ".axial_force", "N", "EA times the strain in the middle, tension positive",
+        [](const Frame& f, int i) {
+          const Model::Beam& beam = f.self.model_.beams[i];
+          const double middle = 0.5 * beam.segments * beam.segment_length;
+          return beam.EA * f.self.lines_[i].Strain(f.motion, middle);
+        },
+        k);
   }
 }
 
@@ -237,7 +246,7 @@ void Observables::DeclareTotals() {
     Add("energy.bending", "J", "energy of bending",
         [](const Frame& f, int) { return f.self.balance_.bending; });
   }
-  if (model_.bending.axial()) {
+  if (model_.bending.axial() || model_.kirchhoff.stretches()) {
     Add("energy.axial", "J", "energy of stretching",
         [](const Frame& f, int) { return f.self.balance_.axial; });
   }

@@ -88,9 +88,12 @@ void Sensors::Read(double t, double* state, const double* rates, Dynamics* dynam
         break;
       case Kind::kCurvature:
       case Kind::kStrainGauge: {
-        const double curvature =
-            lines_[static_cast<std::size_t>(sensor.beam)].Curvature(motion, sensor.place);
+        const auto beam = static_cast<std::size_t>(sensor.beam);
+        const double curvature = lines_[beam].Curvature(motion, sensor.place);
         out[s] = sensor.kind == Kind::kCurvature ? curvature : -sensor.height * curvature;
+        if (sensor.kind == Kind::kStrainGauge && model_.beams[beam].EA > 0.0) {
+          out[s] += lines_[beam].Strain(motion, sensor.place);
+        }
         break;
       }
     }

@@ -171,6 +171,11 @@ double Bending::Energy(const Motion& motion) const {
   return sum;
 }
 
+double Bending::Strain(const Motion& motion, int e) const {
+  if (axial_stiffness_[e] == 0.0) return 0.0;
+  return (RelateAt(motion, e).dx - length_[e]) / length_[e];
+}
+
 double Bending::AxialEnergy(const Motion& motion) const {
   double sum = 0.0;
   for (int e = 0; e < beam_count_ && axial_; ++e) {

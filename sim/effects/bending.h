@@ -35,6 +35,8 @@ class Bending {
   double damping(int e) const { return beta_[e]; }                     // [s]
   bool damped() const { return damped_; }
   bool axial() const { return axial_; }
+  // Of element e; 0: it does not stretch.
+  double Strain(const Motion& motion, int e) const;
 
   // Adds the elements' forces to the bodies'. `scratch` holds ScratchSize() entries. Where
   // `dissipated` is given, it receives the power turned into heat [W].

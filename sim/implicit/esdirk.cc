@@ -228,6 +228,19 @@ double Esdirk::Try(double h) {
 
 double Esdirk::ErrorOf(int k) const { return delta_[k]; }
 
+// The least change of the masses strains a stiff beam by what it moves its end: a vibration of that
+// size, which then wants steps of its own. With the stiffness beside the masses it is moved as a
+// whole.
+void Esdirk::Project(double t, double* y) {
+  if (factored_h_ == 0.0 || !dynamics_.model().kirchhoff.stretches()) {
+    return Stepper::Project(t, y);
+  }
+  dynamics_.VelocityDrift(t, y);
+  matrix_.RemoveDrift(y + 3 * n_);
+  dynamics_.PositionDrift(t, y);
+  matrix_.RemoveDrift(y);
+}
+
 double Esdirk::NormOfMasses(const double* x) const {
   double sum = 0.0;
   for (int block = 0; block < 3; ++block) {

@@ -43,6 +43,7 @@ class Esdirk : public Stepper {
   void AcceptUntil(double sigma, double t) override;
   DensePolynomial Polynomial(int entry) override;
   bool Sample(double sigma, double* out) override;
+  void Project(double t, double* y) override;
 
  protected:
   double ErrorOf(int entry) const override;

@@ -86,6 +86,19 @@ void StepMatrix::FormRight(double* v, double* w) {
   tangent_.AddDamping(hg_, v, w);
 }
 
+void StepMatrix::RemoveDrift(double* blocks) {
+  std::fill(solution_.begin(), solution_.end(), 0.0);
+  const Array& drift = dynamics_.constraint_work().drift;
+  const int rows = dynamics_.model().constraints.rows();
+  for (int r = 0; r < rows; ++r) row_[r] = -drift[r];
+  if (smooth_) {
+    smooth_->Solve(solution_.data(), row_.data());
+  } else {
+    saddle_->Solve(solution_.data(), row_.data());
+  }
+  for (int k = 0; k < 3 * n_; ++k) blocks[k] += solution_[k];
+}
+
 // With z = h gamma F_v + F_q the solution is u_q = h gamma w, u_v = w - F_q, where
 //   W w - J^T mu = M z + h gamma D F_q,   J w = J z.
 void StepMatrix::Solve(double* F, double* out) {

@@ -23,6 +23,10 @@ class StepMatrix {
   /// out = h gamma (I - h gamma A)^-1 F; entries of attached bodies in `F` are filled in.
   void Solve(double* F, double* out);
 
+  /// Takes the drift that the dynamics have looked at last out of three blocks of a state: the
+  /// least change in the sense of M + h gamma D + (h gamma)^2 K.
+  void RemoveDrift(double* blocks);
+
   /// Right sides that Linearise with Factor and one Solve cost.
   double FactorCost() const;
   double SolveCost() const;

@@ -123,11 +123,6 @@ void Compiler::CheckSmoothBeams() const {
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
     const data::SceneBeam& beam = scene_.beams[b];
     if (!IsSmooth(static_cast<int>(b))) continue;
-    if (beam.axial_elastic) {
-      throw Error(
-          fmt::format("beam '{}' is to stretch, which the smooth model does not", beam.name),
-          beam.where, "use axial = \"rigid\", or model = \"segments\"");
-    }
     if (beam.order < 1 || beam.order > KirchhoffShapes::kMostModes) {
       throw Error(fmt::format("beam '{}' has order {}", beam.name, beam.order), beam.where,
                   fmt::format("use 1 to {}", KirchhoffShapes::kMostModes));
@@ -140,7 +135,9 @@ int Compiler::NumberSmoothBodies(int next) {
   for (std::size_t b = 0; b < scene_.beams.size(); ++b) {
     if (!IsSmooth(static_cast<int>(b))) continue;
     first_segment_[b] = next++;
-    const int shapes = scene_.beams[b].order + smooth_[b].ends.count();
+    const int order = scene_.beams[b].order;
+    const int strains = scene_.beams[b].axial_elastic ? KirchhoffShapes::StretchesFor(order) : 0;
+    const int shapes = order + smooth_[b].ends.count() + strains;
     for (int k = 0; k < shapes; k += 3) bodies.amplitudes.push_back(next++);
     bodies.attached.emplace_back();
     for (Attached& a : smooth_[b].attached) {
@@ -178,9 +175,9 @@ void Compiler::FillSmooth() {
       strings.gravity_per_length = scene_.suspension->gravity / scene_.suspension->length;
       strings.angle = hang_.node[NodeOfBeam(static_cast<int>(b))].angle;
     }
-    out.rod = KirchhoffRod(
-        {beam.length, beam.mass, beam.EI, beam.damping, beam.order, smooth_[b].ends, beam.section},
-        std::move(attachments), strings);
+    out.rod = KirchhoffRod({beam.length, beam.mass, beam.EI, beam.damping, beam.order,
+                            smooth_[b].ends, beam.section, beam.axial_elastic ? beam.EA : 0.0},
+                           std::move(attachments), strings);
     out.root = first_segment_[b];
     out.name = beam.name;
     smooth_[b].index = model_.kirchhoff.count();

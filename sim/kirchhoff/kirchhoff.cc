@@ -16,7 +16,8 @@ constexpr int kKirchhoffLanes = 4;
 KirchhoffRod::KirchhoffRod(const Properties& properties, std::vector<Attachment> attachments,
                            const Strings& strings)
     : properties_(properties),
-      shapes_(properties.modes, properties.ends, properties.section),
+      shapes_(properties.modes, properties.ends, properties.section,
+              properties.EA > 0.0 ? KirchhoffShapes::StretchesFor(properties.modes) : 0),
       attachments_(std::move(attachments)),
       strings_(strings),
       hang_cosine_(std::cos(strings.angle)),
@@ -28,7 +29,9 @@ KirchhoffRod::KirchhoffRod(const Properties& properties, std::vector<Attachment>
       column_(shapes_.width * stations_, 0.0) {
   const double L = properties.length;
   for (double& k : kernel_) k *= properties.mass * L * L;
-  for (double& s : stiffness_) s *= properties.EI / L;
+  for (int k = 0; k < shapes_.width; ++k) {
+    stiffness_[k] *= k <= shapes_.bends ? properties.EI / L : properties.EA * L;
+  }
   for (int q = 0; q < shapes_.points; ++q) {
     for (int k = 0; k < shapes_.width; ++k) {
       column_[k * stations_ + q] = shapes_.shape[q * shapes_.width + k];
@@ -60,6 +63,10 @@ KirchhoffRod::Work KirchhoffRod::MakeWork() const {
   w.frame.resize(attached);
   w.bias.assign(2 * attached, 0.0);
   w.offset.assign(2 * attached, 0.0);
+  if (stretches()) {
+    w.stretch = w.stretch_rate = Array(points, 0.0);
+    w.turn_x = w.turn_y = Array(shapes_.points * width, 0.0);
+  }
   return w;
 }
 
@@ -84,6 +91,7 @@ void KirchhoffRod::Update(const double* q, const double* rate, Work* work) const
   double* __restrict c = work->cosine.data();
   double* __restrict s = work->sine.data();
   SinCos(theta, stations, s, c);
+  if (stretches()) return UpdateStretched(q, rate, work);
   for (std::size_t b = 0; b < attachments_.size(); ++b) {
     const double* __restrict arm = &arm_[b * points];
     double sums[6][kKirchhoffLanes] = {};
@@ -129,6 +137,7 @@ void KirchhoffRod::FillProducts(Work* work) const {
 }
 
 double KirchhoffRod::KineticAboutCentre(Work* work) const {
+  if (stretches()) return StretchedKinetic(*work);
   FillProducts(work);
   const int points = shapes_.points;
   double sum = 0.0;
@@ -141,6 +150,7 @@ double KirchhoffRod::KineticAboutCentre(Work* work) const {
 }
 
 double KirchhoffRod::AngularMomentum(Work* work) const {
+  if (stretches()) return StretchedMomentum(*work);
   FillProducts(work);
   const int points = shapes_.points;
   double sum = 0.0;
@@ -152,17 +162,20 @@ double KirchhoffRod::AngularMomentum(Work* work) const {
 
 double KirchhoffRod::Bending(const Work& work) const {
   double sum = 0.0;
-  for (int k = 1; k <= shapes_.count; ++k) sum += stiffness_[k] * work.a[k] * work.a[k];
+  for (int k = 1; k <= shapes_.bends; ++k) sum += stiffness_[k] * work.a[k] * work.a[k];
   return 0.5 * sum;
 }
 
 double KirchhoffRod::OfStrings(const Work& work) const {
   const int points = shapes_.points;
+  const auto lambda = [&](int p) { return stretches() ? work.stretch[p] : 1.0; };
   double sum = 0.0;
   for (int a = 0; a < points; ++a) {
-    const double xa = work.cosine[a] - hang_cosine_, ya = work.sine[a] - hang_sine_;
+    const double xa = lambda(a) * work.cosine[a] - hang_cosine_;
+    const double ya = lambda(a) * work.sine[a] - hang_sine_;
     for (int b = 0; b < points; ++b) {
-      const double xb = work.cosine[b] - hang_cosine_, yb = work.sine[b] - hang_sine_;
+      const double xb = lambda(b) * work.cosine[b] - hang_cosine_;
+      const double yb = lambda(b) * work.sine[b] - hang_sine_;
       sum += kernel_[a * points + b] * (xa * xb + ya * yb);
     }
   }
@@ -171,6 +184,11 @@ double KirchhoffRod::OfStrings(const Work& work) const {
 
 KirchhoffRod::Frame KirchhoffRod::At(const Place& place, const double* q,
                                      const double* rate) const {
+  return stretches() ? StretchedAt(place, q, rate) : BentAt(place, q, rate);
+}
+
+KirchhoffRod::Frame KirchhoffRod::BentAt(const Place& place, const double* q,
+                                         const double* rate) const {
   Frame frame{q[0], q[1], 0.0, rate[0], rate[1], 0.0};
   for (int p = 0; p < shapes_.points; ++p) {
     double theta = 0.0, spin = 0.0;

@@ -7,14 +7,17 @@
 
 namespace unfurl::sim {
 
-// One beam as a smooth line that bends and does not stretch, exactly for any rotation (Kirchhoff's
-// rod in the plane); docs/physics-simulator.md, "The smooth beam". Coordinates are
+// One beam as a smooth line that bends, and stretches where asked, exactly for any rotation
+// (Kirchhoff's rod in the plane); docs/physics-simulator.md, "The smooth beam". Coordinates are
 //   q = (x_c, y_c, theta_0, a_1 ... a_p),
 // centre of mass, mean angle and amplitudes of KirchhoffShapes. Relative to the centre the kinetic
 // energy is a double integral over directions,
 //   T = m |v_c|^2 / 2 + (1/2) sum_qq' K_qq' theta_q' theta_q'' cos(theta_q - theta_q'),
 //   V = (EI / 2 L) sum_k S_k a_k^2,
-// and Lagrange's equations of them, with Kelvin-Voigt damping, are what is solved.
+// and Lagrange's equations of them, with Kelvin-Voigt damping, are what is solved. Where it
+// stretches the amplitudes of the strains follow the a_k: directions t = (cos, sin) become d =
+// lambda t,
+//   T = m |v_c|^2 / 2 + (1/2) sum_qq' K_qq' d_q' . d_q'',   V += (EA L / 2) sum_j S_j b_j^2.
 //
 // Joints and welds act on attachments: points along the beam, each with a frame (x, y, theta) of
 // its own, and perhaps a rigid body that is fixed there. They move with q: their rates are T_b q',
@@ -29,6 +32,7 @@ class KirchhoffRod {
     int modes = 3;         // of the free beam, in the shapes
     KirchhoffShapes::Ends ends;
     data::BeamSection section;  // along the beam
+    double EA = 0.0;            // at the start; 0: it does not stretch [N]
   };
   struct Attachment {
     double at = 0.0;            // place, of the length [-]
@@ -62,6 +66,8 @@ class KirchhoffRod {
     std::vector<double> offset;  // x, y: of its origin from the beam's line [m]
     std::vector<double> bias;    // x, y: acceleration of the place at q'' = 0 [m/s^2]
     double drift[2] = {0.0, 0.0};  // acceleration of the common centre [m/s^2]
+    // Where it stretches, by point: lambda and its rate, and d(d)/d(theta_0, a, b) by rows.
+    Array stretch, stretch_rate, turn_x, turn_y;  // [-], [1/s], [-], [-]
   };
 
   KirchhoffRod() = default;
@@ -95,15 +101,16 @@ class KirchhoffRod {
   };
   void Linearise(const Work& work, Linear* out) const;
   // Adds to `k`, coordinates() squared, -dQ/dq of what turns with the beam: the strings' forces,
-  // and those of attached frames, `attached` as for Solve; of a beam at rest, after Update [SI].
+  // and those of attached frames, `attached` as for Solve; of a beam at rest, after Solve [SI].
   void AddGeometric(const Work& work, const double* attached, double* k) const;
-  // d^2V/da_k^2, k from 1 [N m].
+  // d^2V/da_k^2, k from 1, strains included [N m].
   double stiffness(int k) const { return stiffness_[k]; }
 
   // Energies relative to the centre's motion and without attached bodies; after Update.
   double KineticAboutCentre(Work* work) const;  // [J]
   double AngularMomentum(Work* work) const;     // about the centre of mass [kg m^2/s]
   double Bending(const Work& work) const;       // [J]
+  double Stretching(const Work& work) const;    // [J]
   double OfStrings(const Work& work) const;     // less the centre's [J]
 
   // A place along the beam, with its tables.
@@ -113,23 +120,30 @@ class KirchhoffRod {
   Place PlaceAt(double at) const { return {shapes_.Arm(at), shapes_.ShapesAt(at)}; }
   // Its frame at q and q'; for samples.
   Frame At(const Place& place, const double* q, const double* rate) const;
-  // Curvature d(theta)/ds there [1/m].
+  // Curvature d(theta)/ds there [1/m], s being the length at rest.
   double Curvature(double at, const double* q) const;
+  // Strain there, by amplitudes or their rates.
+  double Strain(double at, const double* q) const;
+  bool stretches() const { return shapes_.stretches > 0; }
+  // The smallest lambda of its points; 1 where it does not stretch.
+  double LeastStretch(const Work& work) const;
 
  private:
   int row() const {
     return shapes_.width + PaddedSize(3 * static_cast<int>(attachments_.size()) + 1);
   }
-  template <int kWidth>
+  template <int kWidth, bool kStretches>
   void AssembleAttachments(Work* work) const;
   template <int kWidth>
+  void AssembleLine(Work* work) const;
+  template <int kWidth, bool kStretches>
   void AssembleMass(Work* work) const;
-  template <int kWidth>
+  template <int kWidth, bool kStretches>
   void AssembleForce(const double load[2], const double* attached, Work* work,
                      double* dissipated) const;
   template <int kWidth>
   void Eliminate(Work* work) const;
-  template <int kWidth>
+  template <int kWidth, bool kStretches>
   void SolveAs(const double load[2], const double* attached, Work* work, double* acceleration,
                double* compliance, double* dissipated) const;
   // q'' with loads on the attachments; without `free`, only what these add to it.
@@ -137,6 +151,18 @@ class KirchhoffRod {
   // alpha = D^-1 L^-T of work->alpha.
   void BackSubstitute(Work* work) const;
   void FillProducts(Work* work) const;
+  Frame BentAt(const Place& place, const double* q, const double* rate) const;
+
+  // Of a beam that stretches (kirchhoff_stretch.cc).
+  void UpdateStretched(const double* q, const double* rate, Work* work) const;
+  void FillTurns(Work* work) const;
+  template <int kWidth>
+  void AssembleStretchedLine(Work* work) const;
+  void PushStretched(Work* work) const;
+  double StretchedKinetic(const Work& work) const;
+  double StretchedMomentum(const Work& work) const;
+  void AddStretchedGeometric(const Work& work, const double* attached, double* k) const;
+  Frame StretchedAt(const Place& place, const double* q, const double* rate) const;
 
   Properties properties_;
   KirchhoffShapes shapes_;
@@ -146,7 +172,7 @@ class KirchhoffRod {
   double total_mass_ = 0.0;                     // with attached bodies [kg]
   bool bodies_ = false;                         // some attachment has mass
   Array kernel_;                                // m L^2 times the shapes' [kg m^2]
-  Array stiffness_;                             // EI / L times the shapes' [N m]
+  Array stiffness_;                             // EI / L and EA L times the shapes' [N m]
   int stations_ = 0;                            // points and attachments, padded
   Array column_;                                // N_k at points and attachments, by column [-]
   Array arm_;                                   // by attachment, L times the shapes' [m]

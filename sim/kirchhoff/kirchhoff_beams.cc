@@ -22,6 +22,10 @@ bool KirchhoffBeams::damped() const {
                      [](const Beam& b) { return b.rod.properties().damping > 0.0; });
 }
 
+bool KirchhoffBeams::stretches() const {
+  return std::any_of(beams_.begin(), beams_.end(), [](const Beam& b) { return b.rod.stretches(); });
+}
+
 void KirchhoffBeams::Add(Beam beam) {
   const int rows = 3 * static_cast<int>(beam.attached.size());
   compliance_at_.push_back(compliance_size_);
@@ -184,6 +188,12 @@ double KirchhoffBeams::Bending(const Work& work) const {
   return sum;
 }
 
+double KirchhoffBeams::Stretching(const Work& work) const {
+  double sum = 0.0;
+  for (std::size_t b = 0; b < beams_.size(); ++b) sum += beams_[b].rod.Stretching(work.rods[b]);
+  return sum;
+}
+
 double KirchhoffBeams::OfStrings(const Work& work) const {
   double sum = 0.0;
   for (std::size_t b = 0; b < beams_.size(); ++b) sum += beams_[b].rod.OfStrings(work.rods[b]);
@@ -196,6 +206,12 @@ KirchhoffRod::Frame KirchhoffBeams::FrameAt(int b, const KirchhoffRod::Place& pl
   Gather(beams_[b], m.x, m.y, m.theta, q);
   Gather(beams_[b], m.vx, m.vy, m.omega, rate);
   return beams_[b].rod.At(place, q, rate);
+}
+
+double KirchhoffBeams::StrainAt(int b, double at, const Motion& m) const {
+  double q[KirchhoffShapes::kMostShapes + 3];
+  Gather(beams_[b], m.x, m.y, m.theta, q);
+  return beams_[b].rod.Strain(at, q);
 }
 
 KirchhoffRod::Frame KirchhoffBeams::MotionAt(int watched, const double* state, int n) const {

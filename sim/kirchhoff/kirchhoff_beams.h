@@ -40,6 +40,7 @@ class KirchhoffBeams {
 
   int count() const { return static_cast<int>(beams_.size()); }
   bool damped() const;
+  bool stretches() const;  // any of them
   const Beam& beam(int b) const { return beams_[b]; }
   void Add(Beam beam);
   // Returns an index for MotionAt.
@@ -63,12 +64,15 @@ class KirchhoffBeams {
   double KineticAboutCentres(Work* work) const;  // [J]
   double AngularMomentum(Work* work) const;      // each about its centre [kg m^2/s]
   double Bending(const Work& work) const;        // [J]
+  double Stretching(const Work& work) const;     // [J]
   double OfStrings(const Work& work) const;      // [J]
 
   // At a state of `n` bodies.
   KirchhoffRod::Frame MotionAt(int watched, const double* state, int n) const;
   // Of any place of beam b.
   KirchhoffRod::Frame FrameAt(int b, const KirchhoffRod::Place& place, const Motion& motion) const;
+  // Its strain there, `at` of the length.
+  double StrainAt(int b, double at, const Motion& motion) const;
 
  private:
   // Coordinates of a beam from three blocks of a state.

@@ -42,6 +42,7 @@ void KirchhoffRod::Linearise(const Work& work, Linear* out) const {
 // so its second derivative is minus the arms' own; the strings' energy is a double sum over
 // directions.
 void KirchhoffRod::AddGeometric(const Work& work, const double* attached, double* k) const {
+  if (stretches()) return AddStretchedGeometric(work, attached, k);
   const int points = shapes_.points, used = shapes_.count + 1, size = coordinates();
   const double* c = work.cosine.data();
   const double* s = work.sine.data();

@@ -65,10 +65,13 @@ double StaticAngle(bool moment, double x) {
 
 }  // namespace
 
-KirchhoffShapes::KirchhoffShapes(int mode_count, Ends which_ends, const data::BeamSection& section)
+KirchhoffShapes::KirchhoffShapes(int mode_count, Ends which_ends, const data::BeamSection& section,
+                                 int strains)
     : modes(mode_count),
       ends(which_ends),
-      count(modes + ends.count()),
+      bends(modes + ends.count()),
+      stretches(strains),
+      count(bends + stretches),
       points(PointsFor(modes)),
       width(PaddedSize(count + 1)),
       shape(points * width, 0.0),
@@ -96,6 +99,7 @@ KirchhoffShapes::KirchhoffShapes(int mode_count, Ends which_ends, const data::Be
     }
   }
   Diagonalize();
+  if (stretches > 0) DiagonalizeStrains();
   for (int q = 0; q < points; ++q) {
     for (int k = 0; k <= count; ++k) shape[q * width + k] = Shape(k, x[q]);
   }
@@ -106,8 +110,8 @@ void KirchhoffShapes::Diagonalize() {
   constexpr int kFine = 64;  // points; the highest mode has six waves
   Array at, at_weight;
   GaussPoints(kFine, &at, &at_weight);
-  Eigen::MatrixXd angles(count, kFine), slopes(count, kFine), coarse(count, points);
-  for (int k = 0; k < count; ++k) {
+  Eigen::MatrixXd angles(bends, kFine), slopes(bends, kFine), coarse(bends, points);
+  for (int k = 0; k < bends; ++k) {
     for (int r = 0; r < kFine; ++r) {
       angles(k, r) = RawShape(k, at[r]);
       slopes(k, r) = RawSlope(k, at[r]);
@@ -121,12 +125,44 @@ void KirchhoffShapes::Diagonalize() {
   const Eigen::MatrixXd S = slopes * stiff.asDiagonal() * slopes.transpose();
   const Eigen::MatrixXd M = coarse * K * coarse.transpose();
   const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> solver(S, M);
-  mix_.assign(count * count, 0.0);
-  for (int k = 0; k < count; ++k) {
+  mix_.assign(bends * bends, 0.0);
+  for (int k = 0; k < bends; ++k) {
     const Eigen::VectorXd v = solver.eigenvectors().col(k);
     const double square = (angles.transpose() * v).cwiseAbs2().dot(w);
-    for (int j = 0; j < count; ++j) mix_[k * count + j] = v[j] / std::sqrt(square);
+    for (int j = 0; j < bends; ++j) mix_[k * bends + j] = v[j] / std::sqrt(square);
     stiffness[k + 1] = v.dot(S * v) / square;
+  }
+}
+
+// The same of the strains; a table of them besides.
+void KirchhoffShapes::DiagonalizeStrains() {
+  constexpr int kFine = 64;  // points; the highest strain is of degree twelve
+  Array at, at_weight;
+  GaussPoints(kFine, &at, &at_weight);
+  const auto raw = [&](const Array& places) {
+    Eigen::MatrixXd out(stretches, places.size());
+    for (std::size_t r = 0; r < places.size(); ++r) {
+      const std::vector<double> p = Legendre(stretches, 2.0 * places[r] - 1.0);
+      for (int j = 0; j < stretches; ++j) out(j, r) = p[j] / section_.Area(places[r]);
+    }
+    return out;
+  };
+  const Eigen::MatrixXd fine = raw(at), coarse = raw(x);
+  const Eigen::Map<const Eigen::VectorXd> w(at_weight.data(), kFine);
+  const Eigen::Map<const Eigen::MatrixXd> K(kernel.data(), points, points);
+  Eigen::VectorXd stiff = w;
+  for (int r = 0; r < kFine; ++r) stiff[r] *= section_.Area(at[r]);
+  const Eigen::MatrixXd S = fine * stiff.asDiagonal() * fine.transpose();
+  const Eigen::MatrixXd M = coarse * K * coarse.transpose();
+  const Eigen::GeneralizedSelfAdjointEigenSolver<Eigen::MatrixXd> solver(S, M);
+  strain_mix_.assign(stretches * stretches, 0.0);
+  strain.assign(points * width, 0.0);
+  for (int j = 0; j < stretches; ++j) {
+    const Eigen::VectorXd v = solver.eigenvectors().col(j);
+    const double square = (fine.transpose() * v).cwiseAbs2().dot(w);
+    for (int i = 0; i < stretches; ++i) strain_mix_[j * stretches + i] = v[i] / std::sqrt(square);
+    stiffness[bends + 1 + j] = v.dot(S * v) / square;
+    for (int q = 0; q < points; ++q) strain[q * width + bends + 1 + j] = Strain(j, x[q]);
   }
 }
 
@@ -161,14 +197,25 @@ double KirchhoffShapes::RawSlope(int k, double at) const {
 double KirchhoffShapes::Shape(int k, double at) const {
   if (k == 0) return 1.0;
   double sum = 0.0;
-  for (int j = 0; j < count; ++j) sum += mix_[(k - 1) * count + j] * RawShape(j, at);
+  for (int j = 0; j < bends && k <= bends; ++j) {
+    sum += mix_[(k - 1) * bends + j] * RawShape(j, at);
+  }
   return sum;
 }
 
 double KirchhoffShapes::Slope(int k, double at) const {
   double sum = 0.0;
-  for (int j = 0; j < count && k > 0; ++j) sum += mix_[(k - 1) * count + j] * RawSlope(j, at);
+  for (int j = 0; j < bends && k > 0 && k <= bends; ++j) {
+    sum += mix_[(k - 1) * bends + j] * RawSlope(j, at);
+  }
   return sum;
+}
+
+double KirchhoffShapes::Strain(int j, double at) const {
+  const std::vector<double> p = Legendre(stretches, 2.0 * at - 1.0);
+  double sum = 0.0;
+  for (int i = 0; i < stretches; ++i) sum += strain_mix_[j * stretches + i] * p[i];
+  return sum / section_.Area(at);
 }
 
 Array KirchhoffShapes::Arm(double at) const {

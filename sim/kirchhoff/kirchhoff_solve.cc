@@ -1,7 +1,9 @@
 // Mass matrix, forces, and what comes of them.
 #include <algorithm>
+#include <type_traits>
 
 #include "sim/kirchhoff/kirchhoff.h"
+#include "sim/kirchhoff/kirchhoff_blocks.h"
 
 namespace unfurl::sim {
 namespace {
@@ -9,17 +11,11 @@ namespace {
 // Rows of a product that are summed side by side.
 constexpr int kKirchhoffSolveLanes = 4;
 
-// A block of a table's row. Written as one vector because compilers do not keep arrays of sums in
-// registers; every row starts on a cache line.
-typedef double Block __attribute__((vector_size(kBlock * sizeof(double)), may_alias));
-const Block* Blocks(const double* row) { return reinterpret_cast<const Block*>(row); }
-Block* Blocks(double* row) { return reinterpret_cast<Block*>(row); }
-
 }  // namespace
 
 // How places move with theta_0 and the amplitudes: the attachments' about the common centre, beside
 // the mass matrix.
-template <int kWidth>
+template <int kWidth, bool kStretches>
 void KirchhoffRod::AssembleAttachments(Work* work) const {
   constexpr int kRow = kWidth / kBlock;
   const int points = shapes_.points, used = shapes_.count + 1, stride = row();
@@ -43,10 +39,17 @@ void KirchhoffRod::AssembleAttachments(Work* work) const {
       y[k] = ox * Blocks(at)[k];
     }
     for (int q = 0; q < points; ++q) {
-      const double wx = -arm[q] * s[q], wy = arm[q] * c[q];
-      for (int k = 0; k < kRow; ++k) {
-        x[k] += wx * Blocks(shape + q * kWidth)[k];
-        y[k] += wy * Blocks(shape + q * kWidth)[k];
+      if constexpr (kStretches) {
+        for (int k = 0; k < kRow; ++k) {
+          x[k] += arm[q] * Blocks(&work->turn_x[q * kWidth])[k];
+          y[k] += arm[q] * Blocks(&work->turn_y[q * kWidth])[k];
+        }
+      } else {
+        const double wx = -arm[q] * s[q], wy = arm[q] * c[q];
+        for (int k = 0; k < kRow; ++k) {
+          x[k] += wx * Blocks(shape + q * kWidth)[k];
+          y[k] += wy * Blocks(shape + q * kWidth)[k];
+        }
       }
     }
     for (int k = 0; k < kRow; ++k) {
@@ -71,9 +74,9 @@ void KirchhoffRod::AssembleAttachments(Work* work) const {
   }
 }
 
-// The mass matrix of theta_0 and the amplitudes about the common centre.
+// The mass matrix of theta_0 and the amplitudes about the line's own centre.
 template <int kWidth>
-void KirchhoffRod::AssembleMass(Work* work) const {
+void KirchhoffRod::AssembleLine(Work* work) const {
   const int points = shapes_.points, used = shapes_.count + 1, stride = row();
   const double* __restrict shape = shapes_.shape.data();
   FillProducts(work);
@@ -100,7 +103,20 @@ void KirchhoffRod::AssembleMass(Work* work) const {
   for (int j = 0; j < used; ++j) {
     for (int k = 0; k < kRow; ++k) Blocks(system + j * stride)[k] = total[j][k];
   }
+}
+
+// The same about the common centre, with the attached bodies.
+template <int kWidth, bool kStretches>
+void KirchhoffRod::AssembleMass(Work* work) const {
+  if constexpr (kStretches) {
+    AssembleStretchedLine<kWidth>(work);
+  } else {
+    AssembleLine<kWidth>(work);
+  }
   if (!bodies_) return;
+  constexpr int kRow = kWidth / kBlock;
+  const int used = shapes_.count + 1, stride = row();
+  double* system = work->system.data();
   const auto add = [&](double factor, const double* row) {
     for (int j = 0; j < used; ++j) {
       for (int k = 0; k < kRow; ++k) {
@@ -119,7 +135,7 @@ void KirchhoffRod::AssembleMass(Work* work) const {
 
 // The generalized force in the last used column of the system, and the common centre's
 // acceleration.
-template <int kWidth>
+template <int kWidth, bool kStretches>
 void KirchhoffRod::AssembleForce(const double load[2], const double* attached, Work* work,
                                  double* dissipated) const {
   const int points = shapes_.points, used = shapes_.count + 1, stride = row();
@@ -139,6 +155,7 @@ void KirchhoffRod::AssembleForce(const double load[2], const double* attached, W
     py[q] = w * s[q] + hy;
     ux[q] = uy[q] = 0.0;
   }
+  if constexpr (kStretches) PushStretched(work);
   for (int q = 0; q < points; ++q) {
     const double* __restrict kernel = &kernel_[q * points];
     const double wx = px[q], wy = py[q];
@@ -153,8 +170,15 @@ void KirchhoffRod::AssembleForce(const double load[2], const double* attached, W
   const double* a = work->a.data();
   const double* a_rate = work->a_rate.data();
   for (int q = 0; q < points; ++q) {
-    const double f = c[q] * uy[q] - s[q] * ux[q];
-    for (int k = 0; k < kRow; ++k) force[k] += f * Blocks(&shapes_.shape[q * kWidth])[k];
+    if constexpr (kStretches) {
+      for (int k = 0; k < kRow; ++k) {
+        force[k] += ux[q] * Blocks(&work->turn_x[q * kWidth])[k] +
+                    uy[q] * Blocks(&work->turn_y[q * kWidth])[k];
+      }
+    } else {
+      const double f = c[q] * uy[q] - s[q] * ux[q];
+      for (int k = 0; k < kRow; ++k) force[k] += f * Blocks(&shapes_.shape[q * kWidth])[k];
+    }
   }
   for (int k = 0; k < kRow; ++k) {
     force[k] -= Blocks(stiffness_.data())[k] * (Blocks(a)[k] + beta * Blocks(a_rate)[k]);
@@ -204,14 +228,15 @@ void KirchhoffRod::Eliminate(Work* work) const {
   }
 }
 
-template <int kWidth>
+template <int kWidth, bool kStretches>
 void KirchhoffRod::SolveAs(const double load[2], const double* attached, Work* work,
                            double* acceleration, double* compliance, double* dissipated) const {
   // The mass matrix last: what is written entry by entry has then long reached the cache when
   // elimination reads it in blocks.
-  AssembleAttachments<kWidth>(work);
-  AssembleForce<kWidth>(load, attached, work, dissipated);
-  AssembleMass<kWidth>(work);
+  if constexpr (kStretches) FillTurns(work);
+  AssembleAttachments<kWidth, kStretches>(work);
+  AssembleForce<kWidth, kStretches>(load, attached, work, dissipated);
+  AssembleMass<kWidth, kStretches>(work);
   Eliminate<kWidth>(work);
   const int used = shapes_.count + 1, stride = row();
   const int rows = 3 * static_cast<int>(attachments_.size());
@@ -238,11 +263,23 @@ void KirchhoffRod::SolveAs(const double load[2], const double* attached, Work* w
 
 void KirchhoffRod::Solve(const double load[2], const double* attached, Work* work,
                          double* acceleration, double* compliance, double* dissipated) const {
-  if (shapes_.width == kBlock) {
-    SolveAs<kBlock>(load, attached, work, acceleration, compliance, dissipated);
-  } else {
-    SolveAs<2 * kBlock>(load, attached, work, acceleration, compliance, dissipated);
+  const auto as = [&](auto blocks_wide, auto stretching) {
+    SolveAs<decltype(blocks_wide)::value * kBlock, decltype(stretching)::value>(
+        load, attached, work, acceleration, compliance, dissipated);
+  };
+  const int blocks = shapes_.width / kBlock;
+  constexpr std::integral_constant<int, 1> kOne;
+  constexpr std::integral_constant<int, 2> kTwo;
+  constexpr std::integral_constant<int, 3> kThree;
+  constexpr std::integral_constant<int, 4> kFour;
+  if (stretches()) {
+    constexpr std::true_type kStretches;
+    if (blocks == 1) return as(kOne, kStretches);
+    if (blocks == 2) return as(kTwo, kStretches);
+    return blocks == 3 ? as(kThree, kStretches) : as(kFour, kStretches);
   }
+  constexpr std::false_type kNone;
+  return blocks == 1 ? as(kOne, kNone) : as(kTwo, kNone);
 }
 
 void KirchhoffRod::BackSubstitute(Work* work) const {

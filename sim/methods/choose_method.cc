@@ -48,12 +48,28 @@ double TighterTolerance(double rtol) {
   return std::max(kTighter * ToleranceOf(options), kTightest);
 }
 
+// A smooth beam that stretches is stiff whatever it is made of, as lines are slender. An explicit
+// start would put an error of the tolerance into the strain, which EA makes a force and work of; if
+// the tolerance is so tight that explicit steps are faster, that is found while the run goes on.
 Method ChooseMethod(const SimulateOptions& options, const Model& model) {
   if (options.method != Method::kAuto) return options.method;
-  const bool implicit = options.order == 0 && options.rtol >= kImplicitTolerance &&
-                        model.kirchhoff.count() == 0 && !model.constraints.HasLoops() &&
-                        BeamsAreStiff(model, options.rtol);
+  if (options.order != 0) return Method::kProjected;
+  const bool smooth = model.kirchhoff.count() > 0;
+  const bool implicit = smooth
+                            ? model.kirchhoff.stretches()
+                            : options.rtol >= kImplicitTolerance && !model.constraints.HasLoops() &&
+                                  BeamsAreStiff(model, options.rtol);
   return implicit ? Method::kImplicit : Method::kProjected;
+}
+
+bool StrainsForbidExplicit(const Model& model, const ErrorScale& scale) {
+  const double off = scale.rtol * scale.length;  // [m]
+  double held = 0.0;
+  for (const Model::Beam& beam : model.beams) {
+    if (beam.smooth < 0) continue;
+    held = std::max(held, 0.5 * beam.EA * off * off / (beam.segments * beam.segment_length));
+  }
+  return held > 0.0 && held > scale.rtol * EnergyScale(model, scale);
 }
 
 }  // namespace unfurl::sim

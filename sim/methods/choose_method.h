@@ -5,10 +5,16 @@
 
 namespace unfurl::sim {
 
+struct ErrorScale;
+
 // What `auto` stands for: `implicit` where beams are stiff by damping or stretching and the
-// tolerance is one that a fourth order meets cheaply, else `projected`;
-// docs/decisions/012-implicit.md. Other methods stand for themselves.
+// tolerance is one that a fourth order meets cheaply, or smooth beams stretch, else `projected`;
+// docs/decisions/012-implicit.md, 243-smooth-beams-stretch.md. Other methods stand for themselves.
 Method ChooseMethod(const SimulateOptions& options, const Model& model);
+// Whether strains of smooth beams as large as the tolerance, which explicit steps leave at the edge
+// of their stability, hold more energy than the tolerance allows. Such vibrations do not die out,
+// and whatever comes next has to resolve them: explicit steps are then not even tried.
+bool StrainsForbidExplicit(const Model& model, const ErrorScale& scale);
 
 // The longest step that the options allow, or their default allows with this model [s].
 double LongestStep(const SimulateOptions& options, const Model& model);

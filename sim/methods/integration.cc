@@ -79,6 +79,8 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
   // Smooth beams are not known to the partitioned method.
   loops_ = model.constraints.HasLoops() && model.kirchhoff.count() == 0;
   switches_ = options.method == Method::kAuto && options.order == 0;
+  stretches_ = model.kirchhoff.stretches();
+  spares_explicit_ = stretches_ && StrainsForbidExplicit(model, scale_);
   start_.assign(sample_.size(), 0.0);
   report_.worst_bodies.assign(model.rigid_bodies.count, 0);
   if (options.profile) {
@@ -265,12 +267,26 @@ bool Integration::FailIfDependent() {
   return true;
 }
 
+// Beyond it the line would go back along itself.
+void Integration::FailIfCrushed() {
+  const KirchhoffBeams::Work& work = dynamics_.constraint_work().smooth_work;
+  for (int b = 0; b < model_.kirchhoff.count(); ++b) {
+    if (model_.kirchhoff.beam(b).rod.LeastStretch(work.rods[b]) > 0.0) continue;
+    Fail(SimulateStatus::kCrushed,
+         fmt::format("beam '{}' is pressed to no length at all, where EA means nothing; use a "
+                     "larger EA, or a smaller load",
+                     model_.kirchhoff.beam(b).name));
+    return;
+  }
+}
+
 void Integration::Advance(double h, bool whole) {
   loads_.ReadEnd(stepper_->trial());
   if (!axial_.empty()) {
     axial_.Look(t_ + h, dynamics_.Multipliers(), stepper_->trial());
     if (axial_.MustStop()) Fail(SimulateStatus::kMeshCoarse, axial_.Complaint());
   }
+  if (stretches_) FailIfCrushed();
   const bool at_trial = stepper_->EndsAtTrial();
   if (at_trial && RemoveDrift(t_ + h, stepper_->trial())) stepper_->RefreshTrial();
   double sigma = 1.0;
@@ -333,7 +349,7 @@ bool Integration::RemoveDrift(double t, double* y) {
   WatchDrift(position, velocity, y);
   const double part = options_.drift_fraction / stepper_->Strictness();
   if (position <= part * length && velocity <= part * speed) return false;
-  dynamics_.Project(t, y);
+  stepper_->Project(t, y);
   ++report_.projections;
   return true;
 }

@@ -59,6 +59,7 @@ class Integration {
   void SeeEffects(double* h);
   bool RemoveDrift(double t, double* y);
   void WatchDrift(double position, double velocity, const double* y);
+  void FailIfCrushed();
   double ContactStep() const;
   void SampleStep(double h, double t_new);
   // On the step just tried, as far as it is taken, what open latches go through.
@@ -103,15 +104,17 @@ class Integration {
   FunctionWatch functions_;
   TableWatch tables_;
   PathWatch paths_;
-  double last_error_ = 0.0;     // of the last step, over what is allowed [-]
-  double zone_part_ = 0.0;      // of a transition zone, per step [-]
-  double drift_ = 0.0;          // the largest, in tolerances [-]
-  double fastest_ = 0.0;        // velocity where drift was large [m/s]
-  bool loops_ = false;          // constraints may come to depend on one another
-  bool is_near_ = false;        // they nearly do
-  double largest_pivot_ = 0.0;  // that the smallest has been [-]
-  double longest_ = 0.0;        // of the last good steps [s]
-  bool across_ = false;         // the step about to be tried is to cross
+  double last_error_ = 0.0;       // of the last step, over what is allowed [-]
+  double zone_part_ = 0.0;        // of a transition zone, per step [-]
+  double drift_ = 0.0;            // the largest, in tolerances [-]
+  double fastest_ = 0.0;          // velocity where drift was large [m/s]
+  bool stretches_ = false;        // a smooth beam does
+  bool spares_explicit_ = false;  // StrainsForbidExplicit
+  bool loops_ = false;            // constraints may come to depend on one another
+  bool is_near_ = false;          // they nearly do
+  double largest_pivot_ = 0.0;    // that the smallest has been [-]
+  double longest_ = 0.0;          // of the last good steps [s]
+  bool across_ = false;           // the step about to be tried is to cross
   int crossings_ = 0;
   double t_ = 0.0;  // [s]
   std::chrono::steady_clock::time_point begin_;

@@ -65,14 +65,16 @@ ErrorScale ScaleOf(const Model& model, const SimulateOptions& o) {
   scale.angle = 1.0;
   scale.speed = scale.length / o.time;
   scale.spin = 1.0 / o.time;
-  if (o.track_energy) {
-    std::vector<double> start = model.initial_state;
-    const Balance b = Dynamics(model).BalanceAt(0.0, start.data());
-    // No less than what goes with the speeds below which velocities are not distinguished either: a
-    // scene may start without energy.
-    scale.energy = b.Scale() + FloorEnergy(model, scale);
-  }
+  if (o.track_energy) scale.energy = EnergyScale(model, scale);
   return scale;
+}
+
+double EnergyScale(const Model& model, const ErrorScale& scale) {
+  std::vector<double> start = model.initial_state;
+  const Balance b = Dynamics(model).BalanceAt(0.0, start.data());
+  // No less than what goes with the speeds below which velocities are not distinguished either: a
+  // scene may start without energy.
+  return b.Scale() + FloorEnergy(model, scale);
 }
 
 }  // namespace unfurl::sim

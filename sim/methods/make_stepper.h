@@ -21,5 +21,7 @@ double ToleranceOf(const SimulateOptions& options);
 
 // What errors of a step are measured against, from the scene's scales and its energy at the start.
 ErrorScale ScaleOf(const Model& model, const SimulateOptions& options);
+// Of energies, whether or not they are integrated [J].
+double EnergyScale(const Model& model, const ErrorScale& scale);
 
 }  // namespace unfurl::sim

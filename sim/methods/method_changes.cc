@@ -24,6 +24,7 @@ void Integration::SwitchMethod(double gained, double* h) {
   }
   const StepperSet::Role role = steppers_.HasEdgePair() ? StepperSet::kAtEdge : StepperSet::kPair;
   if (switch_.AboutToTryExplicit()) {
+    if (spares_explicit_ && switch_.Spare(0.0)) return;
     const double rate = stepper_->ProbeFastestRate();
     if (rate > 0.0 && switch_.Spare(steppers_.Get(role)->StableReach() / rate)) return;
   }

@@ -15,12 +15,13 @@ constexpr double kMostResidual = 0.01;
 // where velocities are off by ten, which is what methods keep (docs/accuracy.md).
 constexpr double kWarnTolerances = 200.0;
 
-// The beam whose elements stretch fastest; -1: none stretches.
+// The beam whose elements stretch fastest, or a smooth one that stretches; -1: none does.
 int StiffestAxis(const Model& model) {
   int stiffest = -1;
   double most = 0.0;
   for (std::size_t b = 0; b < model.beams.size(); ++b) {
     const Model::Beam& beam = model.beams[b];
+    if (beam.smooth >= 0 && beam.EA > 0.0 && stiffest < 0) stiffest = static_cast<int>(b);
     if (beam.smooth >= 0) continue;
     for (int e = beam.first; e + 1 < beam.first + beam.segments; ++e) {
       const double square = model.bending.axial_stiffness(e) / model.rigid_bodies.mass[e];

@@ -121,6 +121,8 @@ const char* StatusName(SimulateStatus status) {
       return "constraints drifted";
     case SimulateStatus::kMeshCoarse:
       return "mesh too coarse";
+    case SimulateStatus::kCrushed:
+      return "beam crushed";
     default:
       return "too many steps";
   }

@@ -73,9 +73,10 @@ enum class SimulateStatus {
   kNotFinite,
   kSingular,
   kTooManySteps,
-  kEnergy,     // the balance of energy is off: RunJudge
-  kDrift,      // constraints drifted far beyond the tolerance
-  kMeshCoarse  // a beam's axial force asks for more segments
+  kEnergy,      // the balance of energy is off: RunJudge
+  kDrift,       // constraints drifted far beyond the tolerance
+  kMeshCoarse,  // a beam's axial force asks for more segments
+  kCrushed      // a smooth beam that stretches is pressed to nothing
 };
 const char* StatusName(SimulateStatus status);
 

@@ -66,6 +66,8 @@ class Stepper {
   virtual std::string Description() const {
     return std::string(name()) + ", coordinate projection";
   }
+  // Takes the constraints' drift out of `y`, where the last right side was.
+  virtual void Project(double t, double* y) { dynamics_.Project(t, y); }
   // How much smaller than the tolerance a step keeps its error, and drift is kept with it.
   virtual double Strictness() const { return 1.0; }
   // Evaluates the right side at state() anew.

@@ -208,6 +208,8 @@ void Compiler::FillOutputs() {
         if (end.weld != nullptr) model_.beams.back().stations[k] = end.station;
       }
     }
+    constexpr double kMiddle = 0.5;  // of the length [-]: where BEAM.axial_force is told
+    if (beam.axial_elastic) model_.beams.back().EA = beam.EA * beam.section.Area(kMiddle);
     model_.length_scale = std::max(model_.length_scale, beam.length);
   }
   for (const data::SceneMark& mark : scene_.marks) {

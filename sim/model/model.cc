@@ -19,7 +19,7 @@ std::vector<Model::EffectCount> Model::Effects() const {
   };
   add("bodies", DynamicBodies());
   add("bending elements", bending.count());
-  if (bending.axial()) add("axial elasticity", 1);
+  if (bending.axial() || kirchhoff.stretches()) add("axial elasticity", 1);
   add("smooth beams", kirchhoff.count());
   if (bending.damped() || kirchhoff.damped()) add("material damping", 1);
   ForEachEffect(*this, [&](const auto& effect) { add(effect.kText.name, effect.count()); });

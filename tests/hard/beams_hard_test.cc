@@ -60,6 +60,9 @@ std::vector<HardCase> Flights() {
       Flight("StretchingBeamOfTera", kHard, 1.0, 1.0, 10.0, 4, 2.0, 1.0, 1.0, 1e-5, 1e12),
       Flight("StretchingBeamOfTeraImplicit", kHard, 1.0, 1.0, 10.0, 4, 2.0, 1.0, 1.0, 1e-7, 1e12,
              Method::kImplicit),
+      Flight("StretchingSmoothBeamOfTera", kHard, 1.0, 1.0, 10.0, -3, 2.0, 1.0, 1.0, 1e-5, 1e12),
+      Flight("StretchingSmoothBeamOfTeraImplicit", kHard, 1.0, 1.0, 10.0, -3, 2.0, 1.0, 1.0, 1e-7,
+             1e12, Method::kImplicit),
       Flight("StretchingBeamOfGigaFast", kHard, 1.0, 1.0, 1e3, 4, 30.0, 1.0, 1.0, 1e-6, 1e9,
              Method::kImplicit),
   };

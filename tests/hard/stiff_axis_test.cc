@@ -47,9 +47,12 @@ MarkTracks RunOf(const Model& model, Method method, double rtol) {
 struct SpinCase {
   double EA, rtol;
   Method method;
+  const char* beam = "segments = 6\n";
 };
+constexpr char kSmooth[] = "model = \"kirchhoff\"\norder = 3\n";
+
 void PrintTo(const SpinCase& c, std::ostream* out) {
-  *out << "EA " << c.EA << " rtol " << c.rtol << " " << MethodName(c.method);
+  *out << "EA " << c.EA << " rtol " << c.rtol << " " << MethodName(c.method) << " " << c.beam;
 }
 
 class SpinningBoom : public testing::TestWithParam<SpinCase> {};
@@ -63,11 +66,11 @@ TEST_P(SpinningBoom, TurnsAsOneBody) {
   const Model model =
       ModelFrom(fmt::format("[scene]\nname = \"spin\"\nduration = {}\n"
                             "[body.hub]\nmass = {}\ninertia = 0.05\nvelocity = [0.0, 0.0, {}]\n"
-                            "[beam.rod]\nlength = {}\nmass = {}\nEI = 10.0\nsegments = 6\n"
+                            "[beam.rod]\nlength = {}\nmass = {}\nEI = 10.0\n{}"
                             "axial = \"elastic\"\nEA = {:e}\n"
                             "[weld.w]\ninner = \"hub\"\nouter = \"rod.start\"\n"
                             "[mark.tip]\non = \"rod.end\"\n",
-                            kDuration, kHub, kOmega, kLength, kMass, c.EA));
+                            kDuration, kHub, kOmega, kLength, kMass, c.beam, c.EA));
   const MarkTracks run = RunOf(model, c.method, c.rtol);
   ASSERT_TRUE(run.report.Usable()) << run.report.message;
   const double centre = kMass * 0.5 * kLength / (kHub + kMass);
@@ -90,7 +93,12 @@ INSTANTIATE_TEST_SUITE_P(
                     SpinCase{1e9, 1e-5, Method::kAuto}, SpinCase{1e9, 1e-3, Method::kImplicit},
                     SpinCase{1e11, 1e-5, Method::kImplicit}, SpinCase{1e12, 1e-3, Method::kAuto},
                     SpinCase{1e12, 1e-5, Method::kImplicit},
-                    SpinCase{1e12, 1e-7, Method::kImplicit}));
+                    SpinCase{1e12, 1e-7, Method::kImplicit},
+                    SpinCase{1e4, 1e-5, Method::kAuto, kSmooth},
+                    SpinCase{1e8, 1e-3, Method::kAuto, kSmooth},
+                    SpinCase{1e10, 1e-5, Method::kImplicit, kSmooth},
+                    SpinCase{1e12, 1e-3, Method::kAuto, kSmooth},
+                    SpinCase{1e12, 1e-7, Method::kImplicit, kSmooth}));
 
 // The force that the mesh is judged by is that of the element, however stiff: a pendulum of mass m
 // that falls from the horizontal pulls at its pin with no more than 2.5 m g.

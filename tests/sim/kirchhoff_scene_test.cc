@@ -163,10 +163,6 @@ TEST(SmoothBeams, WatchedMarkIsFoundWhereItsTrackCrosses) {
 }
 
 TEST(SmoothBeams, WhatTheyCannotDoIsSaid) {
-  EXPECT_THROW(ModelFrom("[scene]\nname = \"b\"\nduration = 1.0\n[beam.b]\nlength = 1.0\n"
-                         "mass = 1.0\nEI = 1.0\nEA = 1e6\naxial = \"elastic\"\n"
-                         "model = \"kirchhoff\"\n"),
-               Error);
   EXPECT_THROW(ModelFrom(TwoBeams(Smooth(12))), Error);
   EXPECT_THROW(ModelFrom(TwoBeams(Smooth(0))), Error);
 }

@@ -190,6 +190,8 @@ class SecondFormulation {
     for (std::size_t i = 0; i < places_.size(); ++i) {
       const double x = fine_.x[i], curvature = rod_.Curvature(x, q.data());
       sum += 0.5 * p.EI * curvature * curvature * p.length * fine_.weight[i];
+      const double strain = rod_.Strain(x, q.data());
+      sum += 0.5 * p.EA * strain * strain * p.length * fine_.weight[i];
       // Strings hold every point, less what they do to the centre; straight along x at angle 0.
       const KirchhoffRod::Frame f = rod_.At(places_[i], q.data(), v.data());
       const double dx = f.x - q[0] - (x - 0.5) * p.length, dy = f.y - q[1];
@@ -212,9 +214,11 @@ TEST(Kirchhoff, EquationsMatchASecondFormulation) {
   constexpr double kTolerance = 1e-5;
   std::mt19937 random(5);
   std::uniform_real_distribution<double> any(-1.0, 1.0);
-  for (const Ends ends : {kFree, kPins, kClampAndFree, kAll}) {
+  for (const auto& [ends, EA] :
+       {std::pair{kFree, 0.0}, std::pair{kPins, 0.0}, std::pair{kClampAndFree, 0.0},
+        std::pair{kAll, 0.0}, std::pair{kFree, 70.0}, std::pair{kAll, 700.0}}) {
     const KirchhoffRod rod(
-        {1.3, 0.7, 4.0, 0.0, 2, ends},
+        {1.3, 0.7, 4.0, 0.0, 2, ends, {}, EA},
         {{0.0, 0.1, 0.02, 0.3, 0.4, 0.01}, {0.4}, {1.0, -0.05, 0.0, 0.0, 0.2, 0.003}},
         {kString, 0.0});
     VectorXd q(rod.coordinates()), v(rod.coordinates()), load(9);

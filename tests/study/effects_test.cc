@@ -108,7 +108,8 @@ TEST_F(EffectsTest, PartsForThemselvesAndWhatIsAbsent) {
       Put("beams.toml",
           "[scene]\nname = \"beams\"\nduration = 0.2\n"
           "[beam.a]\nlength = 1.0\nmass = 0.5\nEI = 50.0\nEA = 1e5\nsegments = 4\ndamping = 1e-4\n"
-          "[beam.b]\nlength = 0.5\nmass = 0.2\nEI = 50.0\nmodel = \"kirchhoff\"\norder = 2\n"
+          "[beam.b]\nlength = 0.5\nmass = 0.2\nEI = 50.0\nEA = 1e5\nmodel = \"kirchhoff\"\n"
+          "order = 2\n"
           "[joint.one]\ninner = \"ground\"\nouter = \"a.start\"\n"
           "[joint.two]\ninner = \"a.end\"\nouter = \"b.start\"\ntheta = 0.3\n"
           "[gravity]\nacceleration = [0.0, -9.81]\n[mark.tip]\non = \"b.end\"\n");
@@ -122,8 +123,9 @@ TEST_F(EffectsTest, PartsForThemselvesAndWhatIsAbsent) {
   }
   EXPECT_THAT(there, ElementsAre("gravity", "damping of the beams (a)", "bending of the beams (a)",
                                  "bending of the beams (b)"));
-  EXPECT_THAT(absent, ElementsAre("stretching of the beams (a)", "a finer mesh (a)",
-                                  "smooth beams (a)", "a finer mesh (b)"));
+  EXPECT_THAT(absent,
+              ElementsAre("stretching of the beams (a)", "a finer mesh (a)", "smooth beams (a)",
+                          "stretching of the beams (b)", "a finer mesh (b)"));
 }
 
 TEST_F(EffectsTest, BadInputIsNamed) {
