@@ -103,7 +103,8 @@ std::vector<KnownLensEstimate> CompareLenses(const std::vector<KnownLens>& known
     KnownLensEstimate one;
     one.camera = camera.name;
     one.moved = camera.p_WC - (before->camera.p_WC + corrected.tail<3>());
-    one.moved_sigma = SigmaAlong(open.block<3, 3>(3, 3), one.moved);
+    one.moved_covariance = open.block<3, 3>(3, 3);
+    one.moved_sigma = SigmaAlong(one.moved_covariance, one.moved);
     const Eigen::Vector3d turn = VectorFromRotation(
         camera.R_CW * (RotationFromVector(corrected.head<3>()) * before->camera.R_CW).transpose());
     one.turned = turn.norm();

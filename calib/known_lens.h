@@ -37,7 +37,10 @@ struct KnownLensEstimate {
   std::string camera;
   Eigen::Vector3d moved = Eigen::Vector3d::Zero();  ///< of its place [m]
   double moved_sigma = 0.0;                         ///< along that, both calibrations' [m]
-  double turned = 0.0, turned_sigma = 0.0;          ///< [rad]
+  /// Of `moved`, both calibrations'. Its length is that of a vector with noise, and longer than the
+  /// way that the camera went: the numbers of the vector are not [m^2].
+  Eigen::Matrix3d moved_covariance = Eigen::Matrix3d::Zero();
+  double turned = 0.0, turned_sigma = 0.0;  ///< [rad]
   /// Of the lens from what was known of it, where it is the same one a chi-square variable.
   double chi_square = 0.0, freedom = 0.0;
   double chance = 1.0;  ///< of that or more

@@ -17,6 +17,11 @@ double Sigma(const Eigen::MatrixXd& covariance, std::size_t camera, int paramete
   return std::sqrt(covariance(at, at));
 }
 
+// xx, xy, xz, yy, yz, zz.
+ordered_json SixOf(const Eigen::Matrix3d& c) {
+  return {c(0, 0), c(0, 1), c(0, 2), c(1, 1), c(1, 2), c(2, 2)};
+}
+
 }  // namespace
 
 ordered_json CalibrationJson(const calib::Calibration& result, const std::string& survey,
@@ -62,6 +67,7 @@ ordered_json CalibrationJson(const calib::Calibration& result, const std::string
     summary["lenses"].push_back({{"camera", lens.camera},
                                  {"moved", {lens.moved.x(), lens.moved.y(), lens.moved.z()}},
                                  {"moved_sigma", lens.moved_sigma},
+                                 {"moved_covariance", SixOf(lens.moved_covariance)},
                                  {"turned", lens.turned},
                                  {"turned_sigma", lens.turned_sigma},
                                  {"chi_square", lens.chi_square},

@@ -57,6 +57,18 @@ bool ReadRows(const Reader& r, png_bytepp rows, bool swap) {
   return true;
 }
 
+// What a picture that is not grey alone holds.
+const char* ColoursOf(const Reader& r) {
+  switch (png_get_color_type(r.png, r.info)) {
+    case PNG_COLOR_TYPE_PALETTE:
+      return "takes its colours from a palette";
+    case PNG_COLOR_TYPE_GRAY_ALPHA:
+      return "is grey and transparent";
+    default:
+      return "is in colour";
+  }
+}
+
 [[noreturn]] void ThrowUnreadable(const std::string& path) {
   throw Error("is no picture that can be read", path, "give a PNG file");
 }
@@ -67,11 +79,11 @@ GreyPicture ReadGreyPng(const std::string& path, std::size_t columns) {
   const std::unique_ptr<std::FILE, Closer> file(std::fopen(path.c_str(), "rb"));
   const Reader r;
   if (!file || r.info == nullptr || !ReadHeader(r, file.get())) ThrowUnreadable(path);
-  const int channels = png_get_channels(r.png, r.info), bits = png_get_bit_depth(r.png, r.info);
+  const int bits = png_get_bit_depth(r.png, r.info);
   const bool grey = png_get_color_type(r.png, r.info) == PNG_COLOR_TYPE_GRAY;
   if (!grey || (bits != 8 && bits != 16)) {
     throw Error(grey ? fmt::format("is grey of {} bits, not of 8 or 16", bits)
-                     : fmt::format("has {} colours, not grey of 8 or 16 bits", channels),
+                     : fmt::format("{}, not grey of 8 or 16 bits", ColoursOf(r)),
                 path, "save it as grey of 8 or 16 bits");
   }
   GreyPicture picture;

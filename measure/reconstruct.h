@@ -192,6 +192,7 @@ class Reconstructor {
   // Throw Error for a record whose cameras, or lines, are plainly named wrongly.
   void RefuseCameraSlips(const std::string& path, std::span<const FlashReadings> flashes) const;
   void RefuseSlotSlips(const data::TrialReader& trial);
+  void RefuseSlotSlips(const data::TrialReadings& readings) const;
   void FindSpots(const data::TrialBlock& block, std::span<const Slot> slots, bool learn,
                  std::vector<Seen>* seen);
   void Candidates(std::span<const Seen> seen, std::vector<std::span<const Candidate>>* out) const;

@@ -36,6 +36,7 @@ Reconstructor::Reconstructor(const data::TrialReadings& readings, const data::Ri
   options.Check();
   MapCameras(readings, rig_path);
   ReadSlots(readings.path);
+  RefuseSlotSlips(readings);
   std::vector<double> last(layout_.marks.size(), kReconstructReadingsNone), intervals;
   FindInterval({readings.t, readings.slot}, &last, &intervals);
   SetInterval(&intervals);

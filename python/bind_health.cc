@@ -82,6 +82,8 @@ struct ReadingScatter {
   double factor = 0.0, sigma = 0.0;
   std::map<std::string, std::pair<double, double>> cameras;
   std::map<std::string, std::map<std::string, double>> marks;
+  std::string wrong;
+  std::map<std::string, int> wrong_readings;
 };
 
 ReadingScatter ScatterOf(const TrialHealth& health) {
@@ -89,6 +91,10 @@ ReadingScatter ScatterOf(const TrialHealth& health) {
   const bool known = health.scatter_unknown.empty();
   ReadingScatter out{health.scatter_words, health.scatter_unknown, health.scatter_wide,
                      known ? health.scatter : kNone, known ? health.scatter_sigma : kNone};
+  out.wrong = health.wrong_words;
+  for (std::size_t c = 0; c < health.wrong.size(); ++c) {
+    out.wrong_readings[health.cameras[c]] = health.wrong[c];
+  }
   for (std::size_t c = 0; c < health.camera_scatter.size(); ++c) {
     out.cameras[health.cameras[c]] = {health.camera_scatter[c], health.camera_scatter_sigma[c]};
   }
@@ -116,6 +122,12 @@ void BindScatter(py::module_& m) {
       .def_readonly("marks", &ReadingScatter::marks,
                     "Where wide: by mark and camera, by which the stated sigmas of its readings "
                     "were multiplied [-].")
+      .def_readonly("wrong", &ReadingScatter::wrong,
+                    "Readings of three that were left out, in words; empty: none.")
+      .def_readonly("wrong_readings", &ReadingScatter::wrong_readings,
+                    "By camera, how many readings were left out because they depart from the "
+                    "course of their mark where no other camera vouches for them; empty: nobody "
+                    "looked.")
       .def("__repr__",
            [](const ReadingScatter& self) { return "<ReadingScatter: " + self.words + ">"; });
 }

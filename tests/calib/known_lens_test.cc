@@ -14,6 +14,7 @@
 #include "base/pose.h"
 #include "base/worker_pool.h"
 #include "calib/calibrate.h"
+#include "calib/covariance.h"
 #include "calib/verdict.h"
 #include "tests/calib/fixtures.h"
 #include "tests/calib/traced.h"
@@ -50,7 +51,9 @@ CalibrateOptions One() {
 struct Trial {
   double nees = 0.0, squares = 0.0, whole = 0.0, alone = 0.0;  // of found points; [m^2]
   bool alone_failed = false;
-  std::vector<double> moved, chance;  // errors over sigmas, of every camera
+  // Of every camera: the error along its way over its sigma, the squared error over its covariance,
+  // over 3, and the squared error along the way that was found.
+  std::vector<double> along, moved, along_found, chance;
 };
 Trial TryOne(std::uint64_t seed) {
   TracedLab lab(seed);
@@ -74,8 +77,10 @@ Trial TryOne(std::uint64_t seed) {
   for (std::size_t c = 0; c < lenses.size(); ++c) {
     const Eigen::Vector3d truth =
         lab.truth.cameras[c].X_WC.translation() - was.truth.cameras[c].X_WC.translation();
-    const Eigen::Vector3d along = lenses[c].moved.normalized();
-    out.moved.push_back((lenses[c].moved - truth).dot(along) / lenses[c].moved_sigma);
+    const Eigen::Vector3d e = lenses[c].moved - truth;
+    out.along.push_back(e.dot(truth.normalized()) / SigmaAlong(lenses[c].moved_covariance, truth));
+    out.along_found.push_back(e.dot(lenses[c].moved.normalized()) / lenses[c].moved_sigma);
+    out.moved.push_back(e.dot(lenses[c].moved_covariance.llt().solve(e)) / 3.0);
     out.chance.push_back(lenses[c].chance);
   }
   return out;
@@ -85,14 +90,17 @@ Trial TryOne(std::uint64_t seed) {
 TEST(KnownLens, FewPointsDoAfterABump) {
   std::vector<Trial> all(kRepeats);
   ParallelFor(kRepeats, 0, [&](std::size_t k) { all[k] = TryOne(500 + k); });
-  double nees = 0.0, squares = 0.0, whole = 0.0, alone = 0.0, moved = 0.0, low = 0.0;
+  double nees = 0.0, squares = 0.0, whole = 0.0, alone = 0.0, low = 0.0;
+  double moved = 0.0, along = 0.0, along_found = 0.0;
   double cameras = 0.0, fits = 0.0;
   for (const Trial& one : all) {
     nees += one.nees / static_cast<double>(kRepeats);
     squares += one.squares;
     whole += one.whole;
     if (!one.alone_failed) alone += one.alone, fits += 1.0;
-    for (const double m : one.moved) moved += m * m;
+    for (const double m : one.moved) moved += m;
+    for (const double a : one.along) along += a * a;
+    for (const double a : one.along_found) along_found += a * a;
     for (const double c : one.chance) low += c < 0.01 ? 1.0 : 0.0;
     cameras += static_cast<double>(one.moved.size());
   }
@@ -100,12 +108,17 @@ TEST(KnownLens, FewPointsDoAfterABump) {
   std::printf(
       "%zu laboratories: %d points and lenses known by %d: NEES/3 %.3f, RMS %.3f mm; from nothing "
       "by "
-      "as many %.3f (%.0f failed), by %d %.3f; moves' squared errors %.2f of %.0f cameras; lenses "
-      "called others %.0f\n",
+      "as many %.3f (%.0f failed), by %d %.3f; moves' NEES/3 %.2f of %.0f cameras, along the way "
+      "that "
+      "they went %.2f, that was found %.2f; lenses called others %.0f\n",
       kRepeats, kFew, kMany, nees, 1e3 * std::sqrt(squares / n), 1e3 * std::sqrt(alone / fits),
-      n - fits, kMany, 1e3 * std::sqrt(whole / n), moved / cameras, cameras, low);
+      n - fits, kMany, 1e3 * std::sqrt(whole / n), moved / cameras, cameras, along / cameras,
+      along_found / cameras, low);
   // A survey's NEES/3 of points in one rig scatters by some 0.35.
   EXPECT_NEAR(nees, 1.0, 3.0 * 0.35 / std::sqrt(n));
+  // Cameras of one laboratory share their points: as if three of four told something of their own.
+  EXPECT_NEAR(moved / cameras, 1.0, 3.0 * std::sqrt(2.0 / 3.0 / (0.75 * cameras)));
+  EXPECT_NEAR(along / cameras, 1.0, 3.0 * std::sqrt(2.0 / (0.75 * cameras)));
   EXPECT_LT(squares, 0.2 * alone * n / fits);
   EXPECT_LT(low, 0.01 * cameras + 3.0 * std::sqrt(0.01 * cameras) + 0.5);
 }

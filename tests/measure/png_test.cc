@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <png.h>
 
 #include <cstdio>
 #include <filesystem>
@@ -64,7 +65,19 @@ TEST_F(PngTest, CountsAreThoseOfTheFile) {
 // rows than its file can hold.
 TEST_F(PngTest, OthersAreRefusedByName) {
   ASSERT_TRUE(cv::imwrite(Path("colour.png"), cv::Mat(4, kColumns, CV_8UC3, cv::Scalar(1, 2, 3))));
-  EXPECT_THAT(Complaint(Path("colour.png")), HasSubstr("has 3 colours"));
+  EXPECT_THAT(Complaint(Path("colour.png")), HasSubstr("is in colour"));
+  // One index a pixel, into colours: no grey, though as many bytes.
+  png_image palette = {};
+  palette.version = PNG_IMAGE_VERSION;
+  palette.width = kColumns;
+  palette.height = 1;
+  palette.format = PNG_FORMAT_RGB_COLORMAP;
+  palette.colormap_entries = 2;
+  const std::vector<unsigned char> index(kColumns, 1), colours = {0, 0, 0, 9, 8, 7};
+  ASSERT_NE(png_image_write_to_file(&palette, Path("palette.png").c_str(), 0, index.data(), 0,
+                                    colours.data()),
+            0);
+  EXPECT_THAT(Complaint(Path("palette.png")), HasSubstr("takes its colours from a palette"));
   ASSERT_TRUE(
       cv::imwrite(Path("bits.png"), Ramp<std::uint8_t>(CV_8U, 1.0), {cv::IMWRITE_PNG_BILEVEL, 1}));
   EXPECT_THAT(Complaint(Path("bits.png")), HasSubstr("grey of 1 bits"));

@@ -122,6 +122,46 @@ TEST_F(Slots, OffByOne) {
               AllOf(HasSubstr("from about"), HasSubstr("early by 1 line")));
 }
 
+// Readings of four marks in turn with a dark line after each round, flash i named as `name(i)` is.
+data::TrialReadings Named(const std::function<std::size_t(std::size_t)>& name) {
+  const data::TrialReadings& lit = Shared().readings;
+  const std::size_t row = lit.cameras.size() * lit.most, marks = lit.slots.size();
+  data::TrialReadings out = lit;
+  out.slots.emplace_back(data::kDarkSlot);
+  out.t.clear();
+  out.slot.clear();
+  out.u_px.clear();
+  out.s_px.clear();
+  for (std::size_t i = 0; i < lit.size(); ++i) {
+    out.t.push_back(lit.t[i]);
+    out.slot.push_back(lit.slot[i]);
+    const auto from = static_cast<std::ptrdiff_t>(i * row);
+    out.u_px.insert(out.u_px.end(), &lit.u_px[0] + from, &lit.u_px[0] + from + row);
+    out.s_px.insert(out.s_px.end(), &lit.s_px[0] + from, &lit.s_px[0] + from + row);
+    if (i % marks != marks - 1) continue;
+    out.t.push_back(lit.t[i] + 1e-5);
+    out.slot.push_back(static_cast<std::int32_t>(marks));
+    out.u_px.insert(out.u_px.end(), row, std::nan(""));
+    out.s_px.insert(out.s_px.end(), row, std::nan(""));
+  }
+  const std::vector<std::int32_t> slots = out.slot;
+  for (std::size_t i = 0; i < slots.size(); ++i) {
+    out.slot[i] = slots[std::min(name(i), slots.size() - 1)];
+  }
+  return out;
+}
+
+TEST(SlotSlips, OfReadings) {
+  const auto refusal = [](const std::function<std::size_t(std::size_t)>& name) {
+    return RefusalOf(Named(name), Shared().rig);
+  };
+  EXPECT_EQ(refusal([](std::size_t i) { return i; }), "");
+  EXPECT_THAT(refusal([](std::size_t i) { return i + 1; }),
+              AllOf(HasSubstr("lines named dark show a light"), HasSubstr("early by 1 line")));
+  EXPECT_THAT(refusal([](std::size_t i) { return i < 2 ? i + 3 : i - 2; }),
+              HasSubstr("late by 2 lines"));
+}
+
 // Stretches of three slots and a dark one, in no order that comes again; `light(slot, stretch)`.
 std::vector<NamedLines> Stretches(const std::function<bool(int, int)>& light) {
   std::vector<NamedLines> out;

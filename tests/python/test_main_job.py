@@ -196,3 +196,31 @@ def test_survey_of_the_virtual_laboratory(job, tmp_path):
     shipped = unfurl.load(deployment / "survey.h5")
     assert survey.id == shipped.id
     np.testing.assert_array_equal(survey.p, shipped.p)
+
+
+def test_wrong_readings_of_three_are_the_programs(job, tmp_path):
+    deployment = job[1]
+    at = np.arange(300)
+    places = np.stack([0.005 * at - 0.7, 0.5 * np.sin(0.04 * at), 0.4 * np.cos(0.03 * at)], axis=1)
+    lines = [f"{k},{x:.9f},{y:.9f},{z:.9f}" for k, (x, y, z) in enumerate(places)]
+    (tmp_path / "places.csv").write_text("id,x [m],y [m],z [m]\n" + "\n".join(lines) + "\n")
+    run("expose", "--survey", "places.csv", "--lab", deployment / "lab.toml", "-o", "lines.h5", cwd=tmp_path)
+    run("convert", "lines.h5", "survey.csv", cwd=tmp_path)
+    survey = unfurl.load(tmp_path / "survey.csv")
+    three, wrong = [0, 1, 3], {25: 30.0, 110: -3.0, 205: 100.0}
+    rows = ["time [s],mark,camera,u [px],s [px]"]
+    for k in at:
+        for c in three:
+            u = survey.u[k, c] + (wrong.get(k, 0.0) if c == 3 else 0.0)
+            if np.isfinite(u):
+                rows.append(f"{0.02 * k:.3f},tip,{survey.cameras[c]},{u:.6f},{survey.s[k, c]:.6f}")
+    (tmp_path / "readings.csv").write_text("\n".join(rows) + "\n")
+    rig = deployment / "rig.h5"
+    told = run("reconstruct", "readings.csv", "--rig", rig, "-o", "tracks.h5", cwd=tmp_path)
+    scatter = unfurl.health(tmp_path / "readings.csv", rig).scatter
+    theirs = told["health"]["wrong_readings"]
+    assert scatter.wrong == theirs["words"]
+    assert scatter.wrong_readings == theirs["cameras"]
+    assert scatter.wrong_readings == {
+        name: 3 if c == 3 else 0 for c, name in enumerate(survey.cameras)
+    }
