@@ -18,6 +18,7 @@
 #include "calib/moved_late.h"
 #include "calib/refine.h"
 #include "calib/set_up_scan.h"
+#include "calib/unseen_drift.h"
 #include "calib/verdict.h"
 #include "measure/camera_model.h"
 #include "measure/triangulate.h"
@@ -354,6 +355,9 @@ Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
     out.report.trends.push_back(std::move(moved));
   }
   FindSetUps(steady, fit, options.trends, &out.report);
+  for (Trend& unseen : FindUnseenDrift(steady, fit.priors, fit.bundle, options.trends)) {
+    out.report.trends.push_back(std::move(unseen));
+  }
   done(0.8);
   out.rig = fit.rig;
   ReportFit(steady, fit, options.verdict.set_up_level, &out.report);

@@ -104,11 +104,19 @@ ScoreTest::Score ScoreTest::Of(const Columns& columns) const {
 
 double ScoreTest::RiseOfError(const Eigen::MatrixXd& at_use, const Eigen::MatrixXd& on_cameras,
                               const Eigen::MatrixXd& moment) const {
-  const Eigen::Index m = moment.rows();
+  const Eigen::MatrixXd harm = HarmOf(at_use, on_cameras);
+  if (harm.size() == 0) return std::numeric_limits<double>::infinity();
+  return harm.cwiseProduct(moment).sum();
+}
+
+Eigen::MatrixXd ScoreTest::HarmOf(const Eigen::MatrixXd& at_use,
+                                  const Eigen::MatrixXd& on_cameras) const {
+  const Eigen::Index m = on_cameras.cols();
   const Eigen::Index cameras = kParameters * data_.camera_count();
   const Eigen::MatrixXd of_rig = covariance_.topLeftCorner(cameras, cameras);
   Eigen::MatrixXd by_cameras(3, cameras), effect(3, m);
-  double sum = 0.0, found = 0.0;
+  Eigen::MatrixXd sum = Eigen::MatrixXd::Zero(m, m);
+  double found = 0.0;
   std::size_t k = 0;
   for (int i = 0; i < data_.points(); ++i) {
     Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
@@ -128,10 +136,11 @@ double ScoreTest::RiseOfError(const Eigen::MatrixXd& at_use, const Eigen::Matrix
     // The point's own covariance is A^-1, and errors of readings move it by A^-1 H^T W.
     effect -= by_cameras * on_cameras.topRows(cameras);
     const Eigen::Matrix3d C = A + by_cameras * of_rig * by_cameras.transpose();  // A C' A
-    sum += C.llt().solve(effect * moment * effect.transpose()).trace() / 3.0;
+    sum += effect.transpose() * C.llt().solve(effect) / 3.0;
     found += 1.0;
   }
-  return found > 0.0 ? sum / found : std::numeric_limits<double>::infinity();
+  if (!(found > 0.0)) return {};
+  return sum / found;
 }
 
 }  // namespace unfurl::calib

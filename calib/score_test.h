@@ -45,6 +45,9 @@ class ScoreTest {
   /// it) and through the fitted cameras (`on_cameras`) [-]. Infinite where no place can be found.
   double RiseOfError(const Eigen::MatrixXd& at_use, const Eigen::MatrixXd& on_cameras,
                      const Eigen::MatrixXd& moment) const;
+  /// The same for coefficients z of any size: z^T H z is the rise, H m x m. Empty where no place
+  /// can be found.
+  Eigen::MatrixXd HarmOf(const Eigen::MatrixXd& at_use, const Eigen::MatrixXd& on_cameras) const;
 
  private:
   struct Row {

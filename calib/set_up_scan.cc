@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numeric>
 #include <string>
+#include <utility>
 
 #include "base/dense.h"
 #include "base/length.h"
@@ -17,12 +18,17 @@ namespace unfurl::calib {
 namespace {
 
 constexpr Eigen::Index kRigidSix = 6;  // unknowns of one
-// Where parts begin, as shares of the points: smaller ones have too few to be told [-].
+// Where parts begin, about, as shares of the points: smaller ones have too few to be told [-].
 constexpr double kPartFrom[] = {0.2, 0.35, 0.5, 0.65, 0.8};
 // Directions of planes are those of a lattice of so many points a side about its middle, 49 pairs
 // of opposite ones: none is further than some 18 degrees from one of them.
 constexpr int kLattice = 5;
 constexpr int kFewestScanned = 30;  // points; with less a part has too few [-]
+// Of points so near the bound of a part, in their sigmas, noise decides on which side they are: on
+// a wall that a cut is along it would part those that came out too high from those too low, which
+// are off from each other. A hundredth of all of them moves a part's mean by less than its own
+// sigma.
+constexpr double kNearBound = 3.0, kFewNear = 0.01;  // [-]
 // Share of an unknown's information that must be left after the fit (as in trends.cc) [-].
 constexpr double kScanLeft = 1e-3;
 
@@ -30,9 +36,42 @@ constexpr double kScanLeft = 1e-3;
 struct SurveyCut {
   std::string name;         // of the part, with the bound to come
   std::vector<double> key;  // of each point
+  double sigma = 0.0;       // of a key
 };
 
+// The bounds of a cut's parts: near each share of the points, where few of them are near.
+std::vector<double> BoundsOf(const SurveyCut& cut) {
+  std::vector<double> key = cut.key;
+  std::sort(key.begin(), key.end());
+  const auto n = static_cast<std::ptrdiff_t>(key.size());
+  const auto few = static_cast<std::ptrdiff_t>(kFewNear * static_cast<double>(n));
+  std::vector<std::ptrdiff_t> near;  // points about the middle between one and the next
+  for (std::ptrdiff_t k = 0; k + 1 < n; ++k) {
+    const auto at = static_cast<std::size_t>(k);
+    const double bound = 0.5 * (key[at] + key[at + 1]), reach = kNearBound * cut.sigma;
+    near.push_back(std::upper_bound(key.begin(), key.end(), bound + reach) -
+                   std::lower_bound(key.begin(), key.end(), bound - reach));
+  }
+  std::vector<double> out;
+  for (const double share : kPartFrom) {
+    const double wish = share * static_cast<double>(n - 1);
+    std::size_t best = 0;
+    const auto price = [&](std::size_t k) {
+      return std::pair(std::max(near[k], few), std::abs(static_cast<double>(k) + 0.5 - wish));
+    };
+    for (std::size_t k = 1; k < near.size(); ++k) {
+      if (price(k) < price(best)) best = k;
+    }
+    const double bound = 0.5 * (key[best] + key[best + 1]);
+    if (std::find(out.begin(), out.end(), bound) == out.end()) out.push_back(bound);
+  }
+  return out;
+}
+
 std::vector<SurveyCut> CutsOf(const Observations& data, const Eigen::Vector3d& middle) {
+  std::vector<double> sigmas;
+  for (const Eigen::Matrix3d& cov : data.cov) sigmas.push_back(std::sqrt(cov.trace() / 3.0));
+  const double sigma = Median(sigmas);
   std::vector<SurveyCut> out;
   for (int k = kLattice * kLattice * kLattice / 2 + 1; k < kLattice * kLattice * kLattice; ++k) {
     const Eigen::Vector3i way =
@@ -40,6 +79,7 @@ std::vector<SurveyCut> CutsOf(const Observations& data, const Eigen::Vector3d& m
         kLattice / 2;
     if (std::gcd(std::gcd(way.x(), way.y()), way.z()) > 1) continue;  // the half of another
     SurveyCut cut;
+    cut.sigma = sigma * way.cast<double>().norm();
     for (int a = 0; a < 3; ++a) {
       if (way(a) == 0) continue;
       cut.name +=
@@ -58,13 +98,13 @@ std::vector<SurveyCut> CutsOf(const Observations& data, const Eigen::Vector3d& m
 }
 
 // Six columns for each part of a cut: shifts [m], and turns by what moves points at `arm` as far.
-Columns ColumnsOf(const Observations& data, const SurveyCut& cut, const Eigen::Vector3d& middle,
-                  double arm) {
+Columns ColumnsOf(const Observations& data, const SurveyCut& cut, const std::vector<double>& bounds,
+                  const Eigen::Vector3d& middle, double arm) {
   Columns out;
-  const auto parts = static_cast<Eigen::Index>(std::size(kPartFrom));
+  const auto parts = static_cast<Eigen::Index>(bounds.size());
   out.on_survey.setZero(3 * kRigidSix * parts, data.points());
   for (Eigen::Index part = 0; part < parts; ++part) {
-    const double from = Quantile(cut.key, kPartFrom[part]);
+    const double from = bounds[static_cast<std::size_t>(part)];
     for (Eigen::Index i = 0; i < data.p.cols(); ++i) {
       if (!(cut.key[static_cast<std::size_t>(i)] > from)) continue;
       const Eigen::Vector3d r = (data.p.col(i) - middle) / arm;
@@ -145,14 +185,15 @@ Trend ScanSetUps(const Observations& data, const std::vector<CameraPrior>& prior
   SurveyPart least;
   double looked = 0.0;
   for (const SurveyCut& cut : CutsOf(data, middle)) {
-    const Columns columns = ColumnsOf(data, cut, middle, arm);
+    const std::vector<double> bounds = BoundsOf(cut);
+    const Columns columns = ColumnsOf(data, cut, bounds, middle, arm);
     const ScoreTest::Score score = test.Of(columns);
-    for (std::size_t k = 0; k < std::size(kPartFrom); ++k) {
+    for (std::size_t k = 0; k < bounds.size(); ++k) {
       looked += 1.0;
       const auto index = static_cast<Eigen::Index>(k);
       SurveyPart part = TestPart(score, index);
       if (!(part.chance < least.chance)) continue;
-      const double from = Quantile(cut.key, kPartFrom[k]);
+      const double from = bounds[k];
       part.name = NameOf(data, cut, from);
       part.points = static_cast<int>(
           std::count_if(cut.key.begin(), cut.key.end(), [&](double key) { return key > from; }));

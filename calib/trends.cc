@@ -162,6 +162,8 @@ void TrendOptions::Check() const {
     refuse("level", "is not between 0 and 1", "give a probability");
   if (!(harmless >= 0.0) || !std::isfinite(harmless))
     refuse("harmless", "is not a share of the squared error", "give 0 or more");
+  if (!(unseen >= 0.0) || !std::isfinite(unseen))
+    refuse("unseen", "is not a share of the squared error", "give 0 or more");
 }
 
 TrendResult TestTrends(const Observations& data, const std::vector<CameraPrior>& priors,

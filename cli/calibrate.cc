@@ -271,6 +271,9 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
                                    "A rig of the same cameras, calibrated before they were moved: "
                                    "their lenses are known from it, "
                                    "and 8 points do [HDF5]");
+  app->add_flag("--steady", arguments->options.trends.steady,
+                "Station and cameras did not move during the survey, as a back sight and a mark "
+                "that stays show: points may then be measured in the order of their places");
   AddNeedOption(app, &arguments->need);
   arguments->folds_given =
       app->add_option("--folds", arguments->options.folds, "Folds of the cross-validation")
@@ -310,6 +313,10 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
       if (!arguments->lenses.empty()) {
         throw Error("is given beside --wand", "--lenses",
                     "a bar's cameras take no lenses from before: leave one of the two out");
+      }
+      if (arguments->options.trends.steady) {
+        throw Error("is given beside --wand", "--steady",
+                    "nothing asks a bar's poses for their order: leave it out");
       }
       const bool survey = !arguments->survey.empty();
       if (!survey && arguments->readings.empty()) return RunWand(common, *arguments);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <set>
 #include <utility>
 
@@ -190,6 +191,23 @@ double CsvTable::NumberOrNan(std::size_t row, int column) const {
 std::string CsvTable::Where(std::size_t row, int column) const {
   return fmt::format("{}:{}:{}", path_, lines_[row],
                      columns_[static_cast<std::size_t>(column)].name);
+}
+
+void CsvTable::SortBy(int column) {
+  std::vector<double> key;
+  for (std::size_t row = 0; row < rows(); ++row) key.push_back(Number(row, column));
+  std::vector<std::size_t> order(rows());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::stable_sort(order.begin(), order.end(),
+                   [&](std::size_t a, std::size_t b) { return key[a] < key[b]; });
+  std::vector<std::vector<std::string>> cells;
+  std::vector<int> lines;
+  for (const std::size_t row : order) {
+    cells.push_back(std::move(cells_[row]));
+    lines.push_back(lines_[row]);
+  }
+  cells_ = std::move(cells);
+  lines_ = std::move(lines);
 }
 
 CsvWriter::CsvWriter(const std::vector<CsvColumn>& columns) {

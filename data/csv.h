@@ -34,6 +34,10 @@ class CsvTable {
   double NumberOrNan(std::size_t row, int column) const;  // NaN for an empty cell
   std::string Where(std::size_t row, int column) const;   // "points.csv:12:sx"
 
+  // Puts the rows in the order of a column's numbers, equal ones as they stand. Each keeps the line
+  // that it was read from.
+  void SortBy(int column);
+
  private:
   std::string path_;
   std::vector<CsvColumn> columns_;

@@ -248,7 +248,7 @@ Survey ReadSurveyInParts(const std::string& path, const std::string& readings,
   Survey survey;
   if (gsi) {
     survey = ReadGsi(path, sigmas);
-  } else if (!ReadSurveyPoints(CsvTable::Load(path), &survey)) {
+  } else if (!ReadSurveyPoints(LoadSurveyTable(path), &survey)) {
     if (!(sigmas.coordinate > 0.0)) {
       throw Error("states no uncertainty of its points", path,
                   "add columns 'sx [m]', 'sy [m]' and 'sz [m]', or give --sigma");

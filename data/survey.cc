@@ -42,7 +42,7 @@ bool Possible(const Eigen::Matrix<double, 6, 1>& c) {
 }
 
 Survey ReadSurveyCsv(const std::string& path) {
-  const CsvTable table = CsvTable::Load(path);
+  const CsvTable table = LoadSurveyTable(path);
   Survey survey;
   if (!ReadSurveyPoints(table, &survey)) {
     throw Error("states no uncertainty of its points", path,
@@ -169,7 +169,7 @@ Survey ReadSurvey(const std::string& path) {
 
 Survey ReadPointsCsv(const std::string& path) {
   Survey survey;
-  ReadSurveyPoints(CsvTable::Load(path), &survey);
+  ReadSurveyPoints(LoadSurveyTable(path), &survey);
   return survey;
 }
 

@@ -335,6 +335,12 @@ bool TellsHandedness(const std::string& path) {
   return HasAngles(table) || (table.Find("x") < 0 && AllThere(FindEnh(table)));
 }
 
+CsvTable LoadSurveyTable(const std::string& path) {
+  CsvTable table = CsvTable::Load(path);
+  if (table.Find("time") >= 0) table.SortBy(table.Require("time", "s"));
+  return table;
+}
+
 bool ReadSurveyPoints(const CsvTable& table, Survey* survey) {
   if (table.rows() == 0) {
     throw Error("holds no point", table.path(), "give one line per surveyed point");

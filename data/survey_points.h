@@ -24,6 +24,10 @@ namespace unfurl::data {
 // Fills id, set_up, p, cov, station and notes. False when no uncertainty is stated.
 bool ReadSurveyPoints(const CsvTable& table, Survey* survey);
 
+/// A table of points, in the order of its column `time` [s] where it has one: the order of
+/// measuring, which is that of the file elsewhere.
+CsvTable LoadSurveyTable(const std::string& path);
+
 // What a station that states no uncertainty is taken to have.
 struct StationSigmas {
   double coordinate = 0.0;  // per axis [m]; 0: not known

@@ -24,6 +24,7 @@ std::pair<std::size_t, std::size_t> StretchesOf(std::size_t lines, std::size_t s
 
 std::vector<bool> DarkOf(const std::vector<std::string>& slots) {
   std::vector<bool> out;
+  out.reserve(slots.size());
   for (const std::string& slot : slots) out.push_back(data::MarksOfSlot(slot).empty());
   return out;
 }
@@ -84,6 +85,8 @@ void Reconstructor::RefuseSlotSlips(const data::TrialReadings& readings) const {
     const std::size_t first = k * readings.size() / count;
     NamedLines& lines = stretches.emplace_back();
     lines.t = readings.t[first];
+    lines.slot.reserve(length);
+    lines.flux.reserve(length);
     std::vector<double> of_camera(cameras, 0.0);
     for (std::size_t i = first; i < first + length; ++i) {
       lines.slot.push_back(readings.slot[i]);

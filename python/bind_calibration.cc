@@ -48,8 +48,10 @@ std::string NameOf(const std::vector<Source>& sources) {
 
 Calibration Calibrate(const py::object& survey_or_path, const std::string& lens,
                       const std::string& order, double need, int folds, std::uint64_t seed,
-                      std::size_t workers, const py::object& lenses, const py::object& progress) {
+                      std::size_t workers, const py::object& lenses, bool steady,
+                      const py::object& progress) {
   calib::CalibrateOptions options;
+  options.trends.steady = steady;
   options.guess.lens = LensOf(lens);
   options.order = OrderOf(options.guess.lens, order);
   options.guess.seed = seed;
@@ -210,7 +212,7 @@ void BindCalibrate(py::module_& m) {
   m.def("calibrate", &Calibrate, py::arg("survey"), py::kw_only(), py::arg("lens") = "rectilinear",
         py::arg("order") = "auto", py::arg("need") = 0.0, py::arg("folds") = 10,
         py::arg("seed") = calib::GuessOptions().seed, py::arg("workers") = 0,
-        py::arg("lenses") = py::none(), py::arg("progress") = py::none(),
+        py::arg("lenses") = py::none(), py::arg("steady") = false, py::arg("progress") = py::none(),
         "A rig from a survey (a Survey or a path), without an initial guess.\n\n"
         "lens: 'rectilinear', or 'fisheye' (wide angle). order: its terms; 'auto' chooses by\n"
         "cross-validation. need: error of a found point that is aimed at [m]; 0: a 2000th of the\n"
@@ -218,7 +220,8 @@ void BindCalibrate(py::module_& m) {
         "errors. workers: threads, 0 for all cores; changes no result. lenses: a rig (or a path to "
         "one)\n"
         "of the same cameras, calibrated before they were moved; their lenses are known from it,\n"
-        "8 points do, and lens and order do not count. progress(done): is called\n"
+        "8 points do, and lens and order do not count. steady: station and cameras did not move\n"
+        "during the survey, as something else shows. progress(done): is called\n"
         "between the steps with the share that is done.\n"
         "A calibration that is not good is a result: see verdict and reasons.");
 }

@@ -911,6 +911,7 @@ def calibrate(
     seed: int = 1,
     workers: int = 0,
     lenses: Union[Rig, _Path, None] = None,
+    steady: bool = False,
     progress: _Progress = None,
 ) -> Calibration: ...
 def check(

@@ -172,6 +172,33 @@ TEST(Survey, ReadingsAndSigmasThatStandForEachOther) {
               AllOf(HasSubstr("bad.csv:u1"), HasSubstr("'s1'"), HasSubstr("exchange")));
 }
 
+// Points that a spreadsheet has sorted by their names come in the order in which they were
+// measured, each with its own readings, and errors name the line of the file.
+TEST(Survey, AColumnTimeSaysTheOrderOfMeasuring) {
+  const std::string head = "id,time [s],x [m],y [m],z [m],sx [m],sy [m],sz [m],u1 [px],s1 [px]\n";
+  std::ofstream(Path("timed.csv")) << head << "a,30,1,0,0,1e-4,1e-4,1e-4,101,0.02\n"
+                                   << "b,10.5,2,0,0,2e-4,1e-4,1e-4,102,0.02\n"
+                                   << "c,20,3,0,0,1e-4,1e-4,1e-4,,\n"
+                                   << "d,10.5,4,0,0,1e-4,1e-4,1e-4,104,0.02\n";
+  const Survey survey = ReadSurvey(Path("timed.csv"));
+  EXPECT_THAT(survey.id, ::testing::ElementsAre("b", "d", "c", "a"));
+  EXPECT_EQ(survey.p.row(0), Eigen::RowVector4d(2.0, 4.0, 3.0, 1.0));
+  EXPECT_EQ(survey.cov(0, 0), 4e-8);
+  EXPECT_EQ(survey.u_px(1, 0), 104.0);
+  EXPECT_TRUE(std::isnan(survey.u_px(2, 0)));
+  EXPECT_EQ(survey.u_px(3, 0), 101.0);
+  EXPECT_EQ(ReadPointsCsv(Path("timed.csv")).id, survey.id);
+  std::remove(Path("timed.csv").c_str());
+  EXPECT_THAT(ErrorOfCsv(head + "a,2,1,2,3,1e-4,1e-4,1e-4,1000,0.02\n" +
+                         "b,1,1,2,3,0,1e-4,1e-4,1000,0.02\n"),
+              HasSubstr("bad.csv:3:sx"));
+  EXPECT_THAT(ErrorOfCsv(head + "a,,1,2,3,1e-4,1e-4,1e-4,1000,0.02\n"),
+              HasSubstr("bad.csv:2:time"));
+  EXPECT_THAT(ErrorOfCsv("id,time,x [m],y [m],z [m],sx [m],sy [m],sz [m],u1 [px],s1 [px]\n"
+                         "a,1,1,2,3,1e-4,1e-4,1e-4,1000,0.02\n"),
+              HasSubstr("no unit"));
+}
+
 TEST(Survey, PointsAloneMayHaveNoSigmas) {
   std::ofstream(Path("points.csv")) << "# places\nid,x [m],y [m],z [m]\np1,0.1,0.2,0.3\n";
   const Survey points = ReadPointsCsv(Path("points.csv"));
