@@ -76,6 +76,13 @@ void AddOtherClocks(const correlate::FitResult& r, data::FitRecord* record) {
     for (std::size_t j = 0; j < other.theta.size(); ++j) {
       values.push_back(fmt::format("{:.5g}", other.theta[j]));
     }
+    if (!other.elsewhere) {
+      record->reasons.push_back(fmt::format(
+          "The values {} explain the data as well: between the samples the model moves by what "
+          "they do not show. Sample faster, or narrow the bounds to what is known.",
+          JoinWords(values)));
+      continue;
+    }
     record->reasons.push_back(fmt::format(
         "A time offset of {} explains the data as well, with the values {}: the motion repeats "
         "itself, and the data do not tell which of its swings the record begins with. Say what is "

@@ -158,6 +158,19 @@ std::string ResidualWords(const correlate::FitTrial& trial, const correlate::Tri
   return words;
 }
 
+// What the model does between the samples; empty: what they show.
+std::string BetweenWords(const correlate::TrialResult& t, const std::string& of) {
+  if (t.between.samples == 0) return "";
+  return fmt::format(
+      "Between {} of the samples{} the model moves by what they do not show, {:.2g} times the "
+      "residuals: what is left of another minimum would look like noise there. {}",
+      t.between.samples, of, t.between.times,
+      t.goodness.hidden
+          ? "So noise cannot be told from a misfit, and residuals beyond the stated sigma are not "
+            "taken for it."
+          : "Sample faster, or state the sigma.");
+}
+
 // Standard errors from zero below which the model's own error may be all that there is.
 constexpr double kTold = 2.0;
 
@@ -302,6 +315,7 @@ void AddTrialWords(const std::vector<std::string>& parameters,
                       from, t.less_weight.size(), least));
     }
     const std::string of = several ? " of " + t.name : "";
+    if (std::string words = BetweenWords(t, of); !words.empty()) record->reasons.push_back(words);
     AddOtherWords(*trials[k].observations, t, several ? " in " + t.name : "", record);
     AddPlacementWords(*trials[k].observations, t, of, record);
     AddGrossWords(*trials[k].observations, t, of, record);

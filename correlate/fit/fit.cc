@@ -7,7 +7,9 @@
 #include <string>
 
 #include "base/error.h"
+#include "correlate/align/first_impact.h"
 #include "correlate/fit/fit_run.h"
+#include "correlate/fit/search.h"
 
 namespace unfurl::correlate {
 
@@ -55,16 +57,47 @@ std::optional<FitOptions> Wider(const FitProblem& problem, const FitOptions& opt
   return wider;
 }
 
-// Looks over the bounds, and goes over to what leads lower. False: nothing does.
-bool GoElsewhere(const FitProblem& problem, const FitOptions& wider, std::unique_ptr<FitRun>* run) {
+// The same where the model moves between the samples by what they do not show: each minimum is
+// narrow over the whole record, and wide over its first part, so that the horizon grows by itself
+// where no impact says from where on.
+FitOptions Closer(const FitProblem& problem, FitOptions wider) {
+  constexpr int kStarts = 24;                    // there is a minimum at each alias
+  constexpr double kFirst = 0.1, kGrowth = 1.6;  // of the record; as by impacts
+  wider.search.starts = kStarts;
+  wider.search.distinct = true;
+  if (!wider.stages.empty() || std::isfinite(FirstImpact(*problem.trials.front().observations))) {
+    return wider;
+  }
+  wider.stages_by_impacts = false;
+  const Observations& o = *problem.trials.front().observations;
+  // On the model's clock, as far as it is known: the record's begin is taken for its start if not.
+  const double begin = o.placement.offset.Told() ? o.Start() - o.placement.offset.mean : 0.0;
+  const double least = static_cast<double>(FewestOfHorizon(problem, wider)) /
+                       static_cast<double>(std::max<std::size_t>(1, o.readings()));
+  for (double part = std::max(kFirst, least); part * kGrowth < 1.0; part *= kGrowth) {
+    wider.stages.push_back(begin + part * (o.End() - o.Start()));
+  }
+  std::erase_if(wider.stages, [](double end) { return !(end > 0.0); });
+  return wider;
+}
+
+// Looks over the bounds, and goes over to what leads lower. False: nothing does. `hidden`: what
+// leads nearly as low is weighed, too.
+bool GoElsewhere(const FitProblem& problem, const FitOptions& wider, bool hidden,
+                 std::unique_ptr<FitRun>* run) {
   auto other = std::make_unique<FitRun>(problem, wider);
-  if (other->Screen() && other->LeadStarts() && other->LedLowerThan(**run)) {
+  const bool led = other->Screen() && other->LeadStarts();
+  const std::vector<std::vector<double>> ends =
+      led && hidden ? other->Ends() : std::vector<std::vector<double>>{};
+  const bool lower = led && other->LedLowerThan(**run);
+  if (lower) {
     other->TakeOver(std::move(**run), Elsewhere::kFound);
     *run = std::move(other);
-    return true;
+  } else {
+    (*run)->TakeOver(std::move(*other), Elsewhere::kNothing);
   }
-  (*run)->TakeOver(std::move(*other), Elsewhere::kNothing);
-  return false;
+  (*run)->LookAtEnds(ends);
+  return lower;
 }
 
 void Require(bool good, const char* option, const char* remedy) {
@@ -97,16 +130,21 @@ FitResult Fit(const FitProblem& problem, const FitOptions& options) {
   if (!run->Screen() || !run->LeadStarts() || !run->Solve()) return run->Finish();
   // Residuals far above the data's sigmas: the model lacks something, or this is a wrong minimum.
   const std::optional<FitOptions> wider = Wider(problem, options);
+  std::optional<FitOptions> closer;
   bool looked = wider && run->Unexplained();
-  if (looked && GoElsewhere(problem, *wider, &run) && !run->Solve()) return run->Finish();
+  if (looked && GoElsewhere(problem, *wider, false, &run) && !run->Solve()) return run->Finish();
   for (;;) {
     if (!run->Estimate()) return run->Finish();
     bool moved = run->GoToBetterPoint();
     // Where no sigma is stated residuals are as large as the sigma whatever minimum this is: that
     // it is a wrong one shows only in that they are no noise.
-    if (!moved && wider && !looked && run->UnexplainedByNoiseFound()) {
+    if (!moved && wider && !closer && run->HidesMotion()) {
       looked = true;
-      moved = GoElsewhere(problem, *wider, &run);
+      closer = Closer(problem, *wider);
+      moved = GoElsewhere(problem, *closer, true, &run);
+    } else if (!moved && wider && !looked && run->UnexplainedByNoiseFound()) {
+      looked = true;
+      moved = GoElsewhere(problem, *wider, false, &run);
     }
     if (!moved) break;
     if (!run->Solve()) return run->Finish();

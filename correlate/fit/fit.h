@@ -9,6 +9,7 @@
 
 #include "correlate/align/align.h"
 #include "correlate/align/nuisance.h"
+#include "correlate/fit/between_samples.h"
 #include "correlate/fit/clock_drift.h"
 #include "correlate/fit/evaluator.h"
 #include "correlate/fit/fit_problem.h"
@@ -32,6 +33,9 @@ struct SearchOptions {
   static constexpr int kAsNeeded = -1;
   int screened = kAsNeeded;
   int starts = 1;          // that are carried on
+  // Starts that the first stage leads to the same minimum are carried on as one, and its minima are
+  // not scattered anew over what they leave open: for motions with a minimum at each alias.
+  bool distinct = false;
   std::uint64_t seed = 1;  // of the hypercube
 };
 
@@ -181,6 +185,7 @@ struct TrialResult {
   ResidualNoise whitened;     // and after
   double chi2_per_dof = 0.0;  // of residuals in the samples' own sigmas [-]
   GoodnessOfFit goodness;     // does the model explain them?
+  BetweenSamples between;     // looked at where residuals have no stated size, or another one
   double model_noise = 0.0;   // RMS scatter of the model's marks, one tolerance to another [m]
   std::vector<LessWeight> less_weight;
   ErrorCheck error_check = ErrorCheck::kNone;
@@ -230,11 +235,13 @@ struct LadderResult {
   bool rules = false;
 };
 
-/// Another place in time at which the data are explained, with values of their own.
+/// Another place in time at which the data are explained, with values of their own; or other values
+/// at the same place, between which the samples do not tell.
 struct OtherClock {
   std::vector<double> offset;  ///< by trial [s]
   std::vector<double> theta;   ///< the best values there [units]
   double deviance = 0.0;       ///< above that of the estimate [-]
+  bool elsewhere = true;       ///< false: at the same offsets
 };
 
 /// Whether a fit that did not explain its data looked for another minimum, and found one.

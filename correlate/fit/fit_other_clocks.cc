@@ -41,6 +41,12 @@ StageRunner* FitRun::LeadAlong(Candidate place) {
   return near && runner.Lead(last) ? &runner : nullptr;
 }
 
+double FitRun::DevianceByWay(StageRunner& other) {
+  const double cost = CostOfWay(), rows = RowsOf(*best_);
+  const double square = std::max(1.0, 2.0 * cost / rows);
+  return DevianceOf(other.result().cost, RowsOf(other), cost, rows, square);
+}
+
 void FitRun::LookAtOtherClocks() {
   constexpr int kMostRounds = 3;  // swings by which an alignment at the start's values was wrong
   for (int round = 0; round < kMostRounds; ++round) {
@@ -55,10 +61,8 @@ void FitRun::LookAtOtherClocks() {
     for (Candidate& place : places) {
       StageRunner* other = LeadAlong(std::move(place));
       if (other == nullptr) continue;
-      const double cost = CostOfWay(), rows = RowsOf(*best_);
-      const double square = std::max(1.0, 2.0 * cost / rows);
-      const double deviance = DevianceOf(other->result().cost, RowsOf(*other), cost, rows, square);
-      as_good_.emplace_back(other, deviance);
+      const double deviance = DevianceByWay(*other);
+      as_good_.push_back({other, deviance, true});
       if (deviance < least) lowest = other, least = deviance;
     }
     if (lowest == nullptr) return;
@@ -79,8 +83,9 @@ void FitRun::WeighOtherClocks() {
   for (const ParameterEstimate& e : result_.parameters) {
     dispersion = std::max(dispersion, e.profile.dispersion);
   }
-  for (auto& [other, by_way] : as_good_) {
-    double deviance = by_way;
+  for (const AsGood& good : as_good_) {
+    StageRunner* other = good.runner;
+    double deviance = good.deviance;
     // The corrections of a ladder belong to the estimate's stamps.
     if (!ladder_.wanted()) {
       if (!other->Sharpen(data_, whiteners_, "at another time offset")) continue;
@@ -94,6 +99,7 @@ void FitRun::WeighOtherClocks() {
     }
     found.theta = other->result().to;
     found.deviance = deviance;
+    found.elsewhere = good.elsewhere;
     result_.other_clocks.push_back(std::move(found));
   }
 }

@@ -171,7 +171,7 @@ void FitRun::ScatterWhatIsOpen() {
   points.push_back(Values(problem_.parameters, first->u().data()));
   const std::vector<double> costs = first->CostsAt(points, 1);
   const auto wanted = static_cast<std::size_t>(std::max(1, options_.search.starts));
-  retired_ = std::move(runners_);
+  for (auto& runner : runners_) retired_.push_back(std::move(runner));
   runners_.clear();
   failed_.clear();
   for (std::size_t i : SeparatePoints(problem_.parameters, points, costs, wanted)) {
@@ -185,7 +185,8 @@ bool FitRun::LeadStarts() {
                  budget_.leading + budget_.sharpening + budget_.profiles);
   if (runners_.size() == 1 && runners_[0]->stages() == 1) runners_[0]->LeadAlone();
   LeadAll(0, 1);
-  ScatterWhatIsOpen();
+  if (options_.search.distinct) DropTwins();
+  if (!options_.search.distinct || runners_.size() == 1) ScatterWhatIsOpen();
   if (runners_.size() == 1) runners_[0]->LeadAlone();
   LeadAll(1, std::numeric_limits<std::size_t>::max());
   for (const auto& runner : runners_) {
@@ -215,7 +216,9 @@ bool FitRun::Unexplained() const {
 
 bool FitRun::UnexplainedByNoiseFound() const {
   for (std::size_t t = 0; t < trials_; ++t) {
-    if (result_.trials[t].goodness.outcome != Explained::kNo) continue;
+    const GoodnessOfFit& goodness = result_.trials[t].goodness;
+    if (goodness.outcome != Explained::kNo) continue;
+    if (goodness.p_covariances() < kGoodnessLevel) return true;
     for (const RowSeries& s : RowLayout(*problem_.trials[t].observations).series) {
       if (!s.has_sigma) return true;
     }
@@ -267,6 +270,7 @@ bool FitRun::Estimate() {
       FillCovariance(problem_, data_, whiteners_, options_, &result_, &doubt, ways);
     }
   }
+  LookBetweenSamples();
   // The data's part then adds at most 0.5% to a standard error (sqrt(1 + 1/100) = 1.005), so that
   // its profile would change nothing.
   constexpr double kRules = 10.0;
@@ -326,6 +330,7 @@ bool FitRun::GoToBetterPoint() {
 void FitRun::JudgeParameters() {
   Judge(problem_, best_->reduced(), best_->point(), &result_);
   OpenByOtherClocks(problem_, &result_);
+  OpenWhatIsHidden();
 }
 
 void FitRun::CountRuns() {

@@ -39,8 +39,16 @@ class FitRun {
 
   // After step 3: the residuals are far above the data's sigmas.
   bool Unexplained() const;
-  // After step 4: what is left of a channel without a stated sigma is no noise.
+  // After step 4: what is left is no noise, and larger or longer-lived than a stated sigma says, or
+  // there is none.
   bool UnexplainedByNoiseFound() const;
+  // After step 4: of some parameter most is told by samples between which the model moves by what
+  // they do not show, and residuals have no stated size to be judged by.
+  bool HidesMotion() const;
+  // Values to which the starts have led, the lowest first.
+  std::vector<std::vector<double>> Ends() const;
+  // Leads on from such values; what is as good as the estimate is weighed with the other offsets.
+  void LookAtEnds(const std::vector<std::vector<double>>& ends);
   // After step 2: the ways led to a lower cost over the whole record than the other's.
   bool LedLowerThan(FitRun& other) const;
   // The other was a search of the same that led no lower; what it evaluated is recorded.
@@ -54,7 +62,7 @@ class FitRun {
   //    there. True: step 3 has to be taken again.
   bool GoToBetterPoint();
 
-  // Which other offsets explain the data as well, by the noise found.
+  // Which other offsets, and values, explain the data as well, by the noise found.
   void WeighOtherClocks();
 
   // 6. Verdicts.
@@ -72,9 +80,17 @@ class FitRun {
   void AddRunner(const Candidate& from);
   void LeadAll(std::size_t from_stage, std::size_t to_stage);
   void ScatterWhatIsOpen();
+  void DropTwins();  // after the first stage: those that stand where a better one does
   // After the starts were led: looks at other time offsets, and goes over to one that is lower.
   void LookAtOtherClocks();
-  StageRunner* LeadAlong(Candidate place);  // null: it leads to nothing like the best
+  StageRunner* LeadAlong(Candidate place);   // null: it leads to nothing like the best
+  double DevianceByWay(StageRunner& other);  // above the best's
+  // What the model does between the samples, where residuals have no stated size to be judged by.
+  void LookBetweenSamples();
+  // Of each parameter, how much of what is known of it samples tell that do not show the motion.
+  Eigen::VectorXd HiddenShare() const;
+  // After the verdicts: where the residuals may be what is left of a motion that samples hide.
+  void OpenWhatIsHidden();
   double CostOfWay();
   std::vector<Evaluator::Request> NoiseRequests() const;  // where the best start has led
   void WeighByModelNoise();
@@ -110,8 +126,13 @@ class FitRun {
   std::vector<std::uint8_t> failed_;                        // by runner
   std::vector<std::unique_ptr<Candidate>> other_places_;    // of the next
   std::vector<std::unique_ptr<StageRunner>> other_clocks_;  // from other time offsets
-  std::vector<std::pair<StageRunner*, double>> as_good_;    // of those; deviance by the way
-  StageRunner* best_ = nullptr;                             // among the runners
+  struct AsGood {
+    StageRunner* runner;
+    double deviance;  // by the way
+    bool elsewhere;   // at another offset
+  };
+  std::vector<AsGood> as_good_;     // of those
+  StageRunner* best_ = nullptr;     // among the runners
   std::optional<double> way_cost_;  // CostOfWay of the best, once it was asked
   Ladder ladder_;
 

@@ -25,27 +25,43 @@ struct Stretch {
   double squares = 0.0, n = 0.0;
 };
 
-// By series; sections with fewer than ten values take no part.
+// The variance of fewer values is known to worse than half of itself: sqrt(2 / 10) = 0.45.
+constexpr double kFewestOfStretch = 10.0;
+
+// One axis of a series over the record, in so many sections of time.
+std::vector<Stretch> StretchesOf(const RowSeries& series, const Eigen::VectorXd& residual,
+                                 Eigen::Index axis, double start, double span, int sections) {
+  std::vector<Stretch> out(static_cast<std::size_t>(sections));
+  for (std::size_t i = 0; i < series.size(); ++i) {
+    if (!series.Known(residual, i)) continue;
+    const double x = residual(series.Row(i, axis));
+    const int s =
+        std::clamp(static_cast<int>(((*series.t)[i] - start) / span * sections), 0, sections - 1);
+    out[static_cast<std::size_t>(s)].squares += x * x;
+    out[static_cast<std::size_t>(s)].n += 1.0;
+  }
+  return out;
+}
+
+// By series and axis; sections with fewer than ten values take no part. A series with too few
+// values for so many sections has fewer of them: the most that leave more than half of the values
+// in sections of ten.
 std::vector<std::vector<Stretch>> StretchesOf(const Observations& observations,
                                               const Eigen::VectorXd& residual, int sections) {
-  // The variance of fewer is known to worse than half of itself: sqrt(2 / 10) = 0.45.
-  constexpr double kFewest = 10.0;
   const double start = observations.Start();
   const double span = std::max(1e-12, observations.End() - start);
   std::vector<std::vector<Stretch>> out;
   const RowLayout layout(observations);
   for (const RowSeries& mark : layout.series) {
     for (Eigen::Index axis = 0; axis < mark.axes; ++axis) {
-      std::vector<Stretch> series(static_cast<std::size_t>(sections));
-      for (std::size_t i = 0; i < mark.size(); ++i) {
-        if (!mark.Known(residual, i)) continue;
-        const double x = residual(mark.Row(i, axis));
-        const int s =
-            std::clamp(static_cast<int>(((*mark.t)[i] - start) / span * sections), 0, sections - 1);
-        series[static_cast<std::size_t>(s)].squares += x * x;
-        series[static_cast<std::size_t>(s)].n += 1.0;
+      std::vector<Stretch> series;
+      for (int count = sections; count >= std::min(2, sections); --count) {
+        series = StretchesOf(mark, residual, axis, start, span, count);
+        double all = 0.0, used = 0.0;
+        for (const Stretch& s : series) all += s.n, used += s.n < kFewestOfStretch ? 0.0 : s.n;
+        if (2.0 * used > all) break;
       }
-      std::erase_if(series, [](const Stretch& s) { return s.n < kFewest; });
+      std::erase_if(series, [](const Stretch& s) { return s.n < kFewestOfStretch; });
       out.push_back(std::move(series));
     }
   }

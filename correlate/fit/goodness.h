@@ -47,6 +47,9 @@ struct GoodnessOfFit {
   // Residuals that follow one another, and are no larger in any stretch and have no more power at
   // any frequency than the covariances say: the record was computed, or its sigmas are too large.
   bool below = false;
+  // The residuals are larger than the covariances say, and the model moves between the samples by
+  // what they do not show (BetweenSamples): a misfit of that is as white and steady as noise.
+  bool hidden = false;
   // Of the excess's square, what a finer mesh takes away, some factor of it: extrapolation gives
   // the shape of the mesh's error better than its size. 0: no finer mesh, or the factor is far
   // from 1.
@@ -67,8 +70,8 @@ SeriesNoise Believed(SeriesNoise found, const Observations& observations);
 double LeastNoiseOverMotion(const Observations& observations);
 
 // P-value of equal variances: each series (mark and axis) cut into `sections` of time, sums of
-// squares against their mean [Bartlett's hypothesis, chi-square to second order]. Sections with
-// fewer than ten values take no part.
+// squares against their mean [Bartlett's hypothesis, chi-square to second order]. A series that is
+// too short for ten values in each has fewer sections; those with less take no part.
 double SteadyPValue(const Observations& observations, const Eigen::VectorXd& residual,
                     int sections);
 

@@ -7,6 +7,9 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <span>
+#include <utility>
+#include <vector>
 
 #include "base/number.h"
 #include "correlate/align/nuisance.h"
@@ -55,6 +58,28 @@ Neighbours NeighboursOf(const Observations& o, const SampledModel& model, AlignO
     }
   }
   return out;
+}
+
+// Of the values at the same offsets those within the intervals, and those that another already has.
+void DropSameValues(FitResult* r) {
+  std::vector<OtherClock> kept;
+  for (OtherClock& other : r->other_clocks) {
+    const auto same = [&](std::span<const double> theta) {
+      for (std::size_t j = 0; j < r->parameters.size(); ++j) {
+        const ParameterEstimate& e = r->parameters[j];
+        const bool below = other.theta[j] - theta[j] < e.all95.low - e.value;
+        const bool above = other.theta[j] - theta[j] > e.all95.high - e.value;
+        if (below || above) return false;  // an open side is NaN
+      }
+      return true;
+    };
+    const bool known =
+        same(r->Theta()) || std::any_of(kept.begin(), kept.end(), [&](const OtherClock& k) {
+          return k.elsewhere == other.elsewhere && same(k.theta);
+        });
+    if (other.elsewhere || !known) kept.push_back(std::move(other));
+  }
+  r->other_clocks = std::move(kept);
 }
 
 }  // namespace
@@ -108,6 +133,7 @@ std::vector<Candidate> OtherPlaces(const FitProblem& problem, const FitOptions& 
 
 void OpenByOtherClocks(const FitProblem& problem, FitResult* r) {
   constexpr double kOpen = std::numeric_limits<double>::quiet_NaN();
+  DropSameValues(r);
   for (std::size_t j = 0; j < r->parameters.size(); ++j) {
     ParameterEstimate& e = r->parameters[j];
     const std::string unit = UnitAfter(problem.parameters[j].unit);
@@ -118,6 +144,15 @@ void OpenByOtherClocks(const FitProblem& problem, FitResult* r) {
       if (!below && !above) continue;
       if (below) e.all95.low = e.data95.low = kOpen;
       if (above) e.all95.high = e.data95.high = kOpen;
+      if (!other.elsewhere) {
+        if (e.verdict == Verdict::kNotDetermined || e.verdict == Verdict::kCombination) continue;
+        e.verdict = Verdict::kNotDetermined;
+        e.reason = fmt::format(
+            "{}{} explains the data as well: between the samples the model moves by what they do "
+            "not show",
+            NumberWithError(there, e.sigma), unit);
+        continue;
+      }
       if (std::find(e.with.begin(), e.with.end(), "time offset") != e.with.end()) continue;
       e.with.emplace_back("time offset");
       e.verdict = Verdict::kCombination;

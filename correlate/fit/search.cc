@@ -17,11 +17,17 @@
 
 namespace unfurl::correlate {
 
-namespace {
-
-constexpr std::size_t kFewestOfHorizon = 50;  // samples; a shorter horizon leads nowhere
-
-}  // namespace
+std::size_t FewestOfHorizon(const FitProblem& problem, const FitOptions& options) {
+  constexpr std::size_t kEnough = 50;        // whatever is sought
+  constexpr std::size_t kOfEachUnknown = 5;  // then four in five are left to contradict it
+  std::size_t unknowns = 0;
+  for (const FitTrial& trial : problem.trials) {
+    RegistrationOptions all = WithPlacement(options.align.registration, *trial.observations);
+    all.with_others = true;
+    unknowns = std::max(unknowns, Nuisances(all, *trial.observations).size());
+  }
+  return std::min(kEnough, kOfEachUnknown * (problem.parameters.size() + unknowns));
+}
 
 StageRunner::StageRunner(const FitProblem& problem, const FitOptions& options,
                          const Candidate& from, Workers& workers, int start)
@@ -140,6 +146,7 @@ void StageRunner::FindEnds() {
     }
   }
   std::sort(ends_.begin(), ends_.end());
+  const std::size_t least = FewestOfHorizon(problem_, options_);
   // Those that hold next to nothing, or all, are none.
   std::erase_if(ends_, [&](double end) {
     std::size_t fewest = std::numeric_limits<std::size_t>::max();
@@ -154,7 +161,7 @@ void StageRunner::FindEnds() {
       }
       fewest = std::min(fewest, count);
     }
-    return !shorter || fewest < kFewestOfHorizon;
+    return !shorter || fewest < least;
   });
   ends_.push_back(std::numeric_limits<double>::infinity());
 }

@@ -15,6 +15,9 @@ namespace unfurl::correlate {
 // Of a standard error: how near to its minimum a solution that only leads the way has to come.
 inline constexpr double kLeadingTolerance = 0.5;
 
+// Samples of each trial in a horizon: a shorter one leads nowhere.
+std::size_t FewestOfHorizon(const FitProblem& problem, const FitOptions& options);
+
 // The data of every trial up to a horizon, and the solver's place among them.
 class StageRunner {
  public:
@@ -70,6 +73,7 @@ class StageRunner {
   void Restart(const std::vector<double>& theta);
 
   StartResult& result() { return result_; }
+  const StartResult& result() const { return result_; }
   const std::vector<double>& u() const { return u_; }
   FitStatus status() const { return status_; }
   const std::string& message() const { return message_; }

@@ -69,6 +69,32 @@ TEST(Goodness, ABurstIsNoNoise) {
   EXPECT_EQ(TestGoodness(InputOf(o, r, noise)).outcome, Explained::kNo);
 }
 
+// A record of 60 readings has not ten in each of eight sections: it is cut into fewer.
+TEST(Goodness, FewReadingsAreCutIntoFewerSections) {
+  constexpr int kFew = 60, kSeeds = 400;
+  Observations o;
+  MarkSeries m;
+  m.name = "a";
+  for (int i = 0; i < kFew; ++i) m.t.push_back(0.005 * i);
+  o.marks.push_back(std::move(m));
+  int low = 0;
+  for (std::uint64_t seed = 0; seed < kSeeds; ++seed) {
+    Rng rng(seed + 1);
+    Eigen::VectorXd r(3 * kFew);
+    for (double& x : r) x = rng.Normal();
+    low += SteadyPValue(o, r, kSections) < 0.05 ? 1 : 0;
+    r.tail(3 * kFew / 2) *= 4.0;
+    EXPECT_LT(SteadyPValue(o, r, kSections), 1e-4);
+    EXPECT_LT(LargestStretchPValue(o, r, kSections), 1e-4);
+    r *= 0.1;
+    EXPECT_GT(LargestStretchPValue(o, r, kSections), 0.05);
+  }
+  // At 99.9% of a right test.
+  const auto [least, most] = BinomialInterval(static_cast<std::size_t>(low), kSeeds, 0.998);
+  EXPECT_LE(least, 0.05);
+  EXPECT_GE(most, 0.05);
+}
+
 // Covariances that claim too much noise, here and there, are no fault of the model.
 TEST(Goodness, StretchesBelowWhatIsClaimedAreNoMisfit) {
   const Observations o = TwoMarks();
@@ -194,7 +220,12 @@ TEST(Goodness, BartlettsStatisticOfTwoSections) {
   const double statistic =
       kN * std::log((a + b) * (a + b) / (4.0 * a * b)) / (1.0 + (2.0 / kN - 0.5 / kN) / 3.0);
   EXPECT_NEAR(SteadyPValue(o, r, 2), ChiSquareTail(statistic, 1.0), 1e-12);
-  EXPECT_EQ(SteadyPValue(o, r, 8), 1.0);  // five values a section say nothing
+  // Five values a section say nothing: there are as many sections as have ten.
+  EXPECT_EQ(SteadyPValue(o, r, 8), SteadyPValue(o, r, 4));
+  Observations few;
+  m.t.resize(19);
+  few.marks.push_back(m);
+  EXPECT_EQ(SteadyPValue(few, r.head(3 * 19), 8), 1.0);
 }
 
 // Noise a + b / (1 - rho z): its power at frequency 0 is a + b (1 + rho) / (1 - rho), the most it
