@@ -34,8 +34,9 @@ std::size_t FromEnvironment(const char* name, std::size_t otherwise) {
   const char* text = std::getenv(name);
   return text == nullptr ? otherwise : static_cast<std::size_t>(std::atoi(text));
 }
-const std::size_t kLabs = FromEnvironment("UNFURL_LABS", testing::Labs(6, 300));
-const std::size_t kFrom = FromEnvironment("UNFURL_LABS_FROM", 0);
+const std::size_t kLabs = FromEnvironment("UNFURL_LABS", testing::Labs(3, 300));
+// The few that are always run hold some that are good.
+const std::size_t kFrom = FromEnvironment("UNFURL_LABS_FROM", testing::Labs(17, 0));
 // Of the kinds below this one alone; 0: in turn.
 const std::size_t kOnly = FromEnvironment("UNFURL_LABS_FAULT", 0);
 // Cores: 0, all; and whether faultless surveys are measured along their places.
@@ -62,7 +63,10 @@ std::vector<Outcome> RunLabs(std::uint64_t first, bool faulty) {
     if (!faulty && kAlong > 0) lab.MeasureAlong();
     const Calibration result = Calibrate(lab.Survey(), {.workers = 1}, "test");
     out[k] = {fault, result.rig.verdict, lab.NeesOf(result.rig)};
-    for (const Trend& trend : result.report.trends) out[k].trend |= trend.found;
+    // Of one that would not show nothing was seen, and it has no chance.
+    for (const Trend& trend : result.report.trends) {
+      out[k].trend |= trend.found && trend.chance < 1.0;
+    }
     std::printf("%4zu %-11s %-17s NEES/3 %7.2f  %s: %s\n", number, NameOf(fault),
                 result.rig.verdict.c_str(), out[k].nees, lab.Words().c_str(),
                 result.rig.reasons.front().c_str());
@@ -105,7 +109,9 @@ Row TableOf(const std::vector<Outcome>& outcomes) {
 }
 
 TEST(TrendsTraced, GoodMeansThatErrorBarsHold) {
-  EXPECT_LE(TableOf(RunLabs(500, true)).Mean(), 1.3);
+  const Row all = TableOf(RunLabs(500, true));
+  EXPECT_LE(all.Mean(), 1.3);
+  EXPECT_GE(all.good, 1) << "nothing was tested";
 }
 
 // With three cameras none is good, fault or not; what is asked is that no trend is seen.
