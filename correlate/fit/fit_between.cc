@@ -136,6 +136,7 @@ std::vector<std::vector<double>> FitRun::Ends() const {
     return a->result().cost < b->result().cost;
   });
   std::vector<std::vector<double>> out;
+  out.reserve(led.size());
   for (const StageRunner* runner : led) {
     out.push_back(Values(problem_.parameters, runner->u().data()));
   }

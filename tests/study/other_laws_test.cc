@@ -141,7 +141,7 @@ TEST_F(OtherLawsTest, TheReasonsSayWhatIsMissing) {
 
 // How often a model that is right is doubted, whatever the noise: at most one in fifty.
 TEST_F(OtherLawsTest, NoiseIsNoOtherLaw) {
-  constexpr int kSeeds = 50;
+  constexpr int kSeeds = 25;
   constexpr double kMost = 0.02, kSure = 0.998;
   std::size_t all = 0, doubted = 0;
   for (const Nature& nature :
