@@ -19,6 +19,11 @@ constexpr double kStill = 1e-13;      // of an iteration's step, of the length s
 // Of the pseudo-time step from one iteration to the next: one small residual does not make it
 // Newton's at once.
 constexpr double kEquilibriumMostGrowth = 4.0, kMostShrink = 0.25;
+// What falls far moves ahead with a residual that hardly changes. The step then doubles as long as
+// the residual grows by less than a tenth, and stiffness, where it is negative, makes the move no
+// more than half as much again: a step later it is three times as much, and never turned about,
+// which would lead to where a pendulum stands on its head.
+constexpr double kStays = 0.9, kTame = 1.5, kDoubling = 2.0, kWild = 3.0;
 
 // Of vectors of three blocks, of what can move; angles as lengths, of the length scale.
 double LargestOf(const Model& model, const Linearised& system, const double* v) {
@@ -31,9 +36,8 @@ double LargestOf(const Model& model, const Linearised& system, const double* v) 
   return largest;
 }
 
-}  // namespace
-
-EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
+// `hurried`: what falls far gets there; but stiff beams that nearly stand may be thrown about.
+EquilibriumReport Search(Dynamics* dynamics, bool hurried, double* y) {
   const Model& model = dynamics->model();
   const int n = model.rigid_bodies.count, rows = model.constraints.rows();
   std::fill_n(y + 3 * n, 3 * n, 0.0);
@@ -42,6 +46,7 @@ EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
   EquilibriumReport report;
   const double first_step = kEquilibriumFirstStep * model.time_scale;
   double step = first_step, last = 0.0;
+  double pulled = 0.0;  // the last move over that without stiffness; 0: it was cut [-]
   for (report.iterations = 0; report.iterations < kEquilibriumMostIterations; ++report.iterations) {
     ThrowIfInterrupted();
     system.About(y);
@@ -49,12 +54,18 @@ EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
     report.acceleration = model.length_scale * LargestOf(model, system, acceleration);
     if (!std::isfinite(report.acceleration)) return report;
     if (last > 0.0 && report.acceleration > 0.0) {
-      step *= std::clamp(last / report.acceleration, kMostShrink, kEquilibriumMostGrowth);
+      double change = std::clamp(last / report.acceleration, kMostShrink, kEquilibriumMostGrowth);
+      if (hurried && pulled > 0.0 && pulled < kTame && change > kStays) {
+        change = std::max(change, kDoubling);
+      }
+      if (hurried && pulled > kWild) change = std::min(change, 1.0 / kDoubling);
+      step *= change;
       step = std::min(step, kLongestStep * model.time_scale);
     }
     last = report.acceleration;
     const double b = step * step;
     for (int k = 0; k < 3 * n; ++k) x[k] = b * acceleration[k];
+    const double freely = LargestOf(model, system, x.data());
     system.MassTimes(x.data());
     if (rows > 0) {
       dynamics->PositionDrift(0.0, y);
@@ -65,6 +76,7 @@ EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
     const double largest = LargestOf(model, system, x.data());  // lengths as angles [rad]
     if (!std::isfinite(largest)) return report;
     const double part = largest > kLongestTurn ? kLongestTurn / largest : 1.0;
+    pulled = part == 1.0 && freely > 0.0 ? largest / freely : 0.0;
     if (part < 1.0) step = std::max(step * kMostShrink, first_step);
     for (const int k : system.entries()) y[k] += part * x[k];
     if (largest < kStill) {
@@ -72,7 +84,24 @@ EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
       break;
     }
   }
-  std::vector<double> rate(model.index.size());
+  return report;
+}
+
+}  // namespace
+
+EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
+  const std::size_t size = dynamics->model().index.size();
+  const std::vector<double> start(y, y + size);
+  EquilibriumReport report = Search(dynamics, false, y);
+  if (!report.found) {
+    std::vector<double> other = start;
+    const EquilibriumReport hurried = Search(dynamics, true, other.data());
+    if (hurried.found) {
+      std::copy(other.begin(), other.end(), y);
+      report = hurried;
+    }
+  }
+  std::vector<double> rate(size);
   dynamics->RightSide(0.0, y, rate.data());
   return report;
 }

@@ -41,6 +41,23 @@ double Omega(const ModesReport& report, std::size_t k) {
 constexpr double kFree[] = {4.73004074486270, 7.85320462409584, 10.9956078380017};
 constexpr double kClamped[] = {1.87510406871196, 4.69409113297418, 7.85475743823761};
 
+// Its own weight hangs it, from wherever it starts; the mode is a rod's, omega^2 = 3 g / (2 L), but
+// for its bending, a part of some omega^2 / (pi^4 EI / (m L^3)).
+TEST(SmoothModes, ARodHangsFromAnyAngle) {
+  for (const char* stretch : {"", "axial = \"elastic\"\nEA = 1e6\n"}) {
+    for (const double theta : {-1.5, -0.4, 0.0, 0.4, 1.5}) {
+      const ModesReport report =
+          ModesOf(SmoothBeam(3, std::string(stretch) +
+                                    fmt::format("[joint.hook]\ninner = \"ground\"\nouter = "
+                                                "\"rod.start\"\ntheta = {}\n"
+                                                "[gravity]\nacceleration = [0.0, -1.0]\n",
+                                                theta)),
+                  2);
+      EXPECT_NEAR(Omega(report, 0), std::sqrt(1.5), 2e-3 * std::sqrt(1.5)) << theta << stretch;
+    }
+  }
+}
+
 // The shapes hold the free beam's own modes: exact but for rounding.
 TEST(SmoothModes, FreeBeamIsExact) {
   const ModesReport report = ModesOf(SmoothBeam(4), 3);
