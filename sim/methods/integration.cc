@@ -367,8 +367,15 @@ void Integration::Poll() {
 void Integration::SayIfSlow() {
   if (said_slow_ || observer_ == nullptr || !(t_ > 0.0)) return;
   const double so_far = SecondsSince(begin_);
-  const double in_all = so_far * end_ / t_;
-  if (so_far < kJudgeSlow || in_all < kSlow) return;
+  if (so_far < std::max(kJudgeSlow, 2.0 * pace_from_) || !(t_ > pace_t_)) return;
+  // By the pace since the last look, at half of the time: a start in tiny steps says nothing of
+  // what follows. Said where two looks agree within a factor of two.
+  const double in_all = so_far + (end_ - t_) * (so_far - pace_from_) / (t_ - pace_t_);
+  const bool agrees = foretold_ > 0.0 && in_all > 0.5 * foretold_;
+  pace_from_ = so_far;
+  pace_t_ = t_;
+  foretold_ = in_all;
+  if (in_all < kSlow || !agrees) return;
   said_slow_ = true;
   observer_->OnSlow(AboutSlowRun(model_, options_, report_, in_all));
 }

@@ -118,6 +118,8 @@ class Integration {
   int crossings_ = 0;
   double t_ = 0.0;  // [s]
   std::chrono::steady_clock::time_point begin_;
+  // When the pace was looked at last, and which time for the whole run it then foretold [s].
+  double pace_from_ = 0.0, pace_t_ = 0.0, foretold_ = 0.0;
   bool said_slow_ = false;
   StepLimit limit_ = StepLimit::kGrowth;  // of the step about to be tried
   bool stable_ = true;                    // as last judged
