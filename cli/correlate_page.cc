@@ -168,37 +168,26 @@ std::string Hertz(const std::vector<correlate::Peak>& peaks, int index, bool amp
   return amplitude ? fmt::format("{:.3g}", k * p.amplitude) : fmt::format("{:.3f}", p.frequency);
 }
 
-void AddSpectra(const correlate::Comparison& c, report::Page* page) {
-  if (c.spectra.empty()) return;
-  page->AddSection(
-      c.reference.empty() ? "Spectra" : "Both spectra",
-      fmt::format("From {:.2f} to {:.2f} s on the record's clock{}. Each spectrum: {}.",
-                  c.spectrum_from, c.spectrum_to, c.latches.empty() ? "" : ", after the last latch",
-                  c.spectra.front().measured.convention));
+// By signal: the peaks, and of two records each beside its partner.
+report::Table PeaksTable(const correlate::Comparison& c) {
+  const bool alone = c.reference.empty(), by_density = c.spectra.front().by_density;
   report::Table table;
   table.title = "Peaks";
-  const bool alone = c.reference.empty();
-  const bool by_density = c.spectra.front().by_density;
   table.note = by_density ? "Noise drives this record: what stands out of its averaged density by "
                             "more than chance, and the root mean square around it, strongest first"
                           : "Frequencies between the bins, strongest first";
   table.note += alone ? "." : "; partners lie within two bins.";
-  table.header = {"signal",
-                  "measured [Hz]",
-                  std::string(Other(c)) + " [Hz]",
-                  "difference [%]",
-                  by_density ? "measured RMS" : "measured amplitude",
-                  Other(c),
-                  "unit"};
+  const char* amplitude = by_density ? "measured RMS" : "measured amplitude";
+  table.header = {
+      "signal", "measured [Hz]", std::string(Other(c)) + " [Hz]", "difference [%]", amplitude,
+      Other(c), "unit"};
   table.text_columns = {0, 6};
   if (alone) {
-    table.header = {"signal", "frequency [Hz]", table.header[4], "unit"};
+    table.header = {"signal", "frequency [Hz]", amplitude, "unit"};
     table.text_columns = {0, 3};
   }
   for (const correlate::ComparedSpectrum& s : c.spectra) {
     const double k = Shown(s.id);
-    const bool shown = !s.id.IsCoordinate() || s.id.axis == 1;
-    if (shown) page->AddSpectrum(SpectrumChart(c, s));
     for (const correlate::PeakPair& p : s.pairs) {
       if (alone) {
         table.rows.push_back({s.name, Hertz(s.measured_peaks, p.a, false, k),
@@ -217,6 +206,21 @@ void AddSpectra(const correlate::Comparison& c, report::Page* page) {
                             Hertz(s.reference_peaks, p.b, true, k), ShownUnit(s.id)});
     }
   }
+  return table;
+}
+
+void AddSpectra(const correlate::Comparison& c, report::Page* page) {
+  if (c.spectra.empty()) return;
+  page->AddSection(
+      c.reference.empty() ? "Spectra" : "Both spectra",
+      fmt::format("From {:.2f} to {:.2f} s on the record's clock{}. Each spectrum: {}.",
+                  c.spectrum_from, c.spectrum_to, c.latches.empty() ? "" : ", after the last latch",
+                  c.spectra.front().measured.convention));
+  for (const correlate::ComparedSpectrum& s : c.spectra) {
+    const bool shown = !s.id.IsCoordinate() || s.id.axis == 1;
+    if (shown) page->AddSpectrum(SpectrumChart(c, s));
+  }
+  const report::Table table = PeaksTable(c);
   if (!table.rows.empty()) page->AddTable(table);
 }
 

@@ -36,6 +36,15 @@ double LargestOf(const Model& model, const Linearised& system, const double* v) 
   return largest;
 }
 
+// Of the pseudo-time step. `fall`: of the acceleration in the last iteration; `pulled`: its move
+// over that without stiffness, 0 where that is not to count.
+double ChangeOfStep(double fall, double pulled) {
+  const double change = std::clamp(fall, kMostShrink, kEquilibriumMostGrowth);
+  if (pulled > kWild) return std::min(change, 1.0 / kDoubling);
+  const bool tame = pulled > 0.0 && pulled < kTame && change > kStays;
+  return tame ? std::max(change, kDoubling) : change;
+}
+
 // `hurried`: what falls far gets there; but stiff beams that nearly stand may be thrown about.
 EquilibriumReport Search(Dynamics* dynamics, bool hurried, double* y) {
   const Model& model = dynamics->model();
@@ -54,12 +63,7 @@ EquilibriumReport Search(Dynamics* dynamics, bool hurried, double* y) {
     report.acceleration = model.length_scale * LargestOf(model, system, acceleration);
     if (!std::isfinite(report.acceleration)) return report;
     if (last > 0.0 && report.acceleration > 0.0) {
-      double change = std::clamp(last / report.acceleration, kMostShrink, kEquilibriumMostGrowth);
-      if (hurried && pulled > 0.0 && pulled < kTame && change > kStays) {
-        change = std::max(change, kDoubling);
-      }
-      if (hurried && pulled > kWild) change = std::min(change, 1.0 / kDoubling);
-      step *= change;
+      step *= ChangeOfStep(last / report.acceleration, hurried ? pulled : 0.0);
       step = std::min(step, kLongestStep * model.time_scale);
     }
     last = report.acceleration;
