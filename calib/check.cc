@@ -60,6 +60,11 @@ std::vector<Found> FindPoints(const data::Rig& rig, const Observations& data,
   return out;
 }
 
+std::ptrdiff_t FoundOf(const CheckResult& result) {
+  return std::count_if(result.points.begin(), result.points.end(),
+                       [](const CheckedPoint& point) { return std::isfinite(point.error); });
+}
+
 // Whether a check can show an error that matters.
 void NoteCoarse(const data::Rig& rig, const CheckOptions& options, CheckResult* result) {
   const double need = NeedOf({.need = options.need}, rig);
@@ -199,16 +204,46 @@ void TryWithout(const CheckDesign& design, const JointTest& test, bool bad, Chec
   for (std::size_t i = 0; i < without.size(); ++i) result->points[i].chance_without = without[i];
 }
 
+// How often the design is made again about cameras that were found moved: what is left of a move
+// of a hundredth of the row's field falls by as much each time.
+constexpr int kRounds = 4;
+
+// What explains the misfit; of cameras that moved far about where they were moved to. There design
+// and test are made again, but where that leads nowhere.
+template <typename Make>
+FoundCauses FindAbout(const data::Rig& rig, const Observations& data,
+                      const std::vector<std::size_t>& match, const Make& make,
+                      const CheckOptions& options, CheckDesign* design, JointTest* test) {
+  const FoundCauses first = FindCauses(rig, *design, *test, options);
+  FoundCauses found = first;
+  for (int k = 0; k < kRounds; ++k) {
+    const MovedCameras moved = MovedBy(rig, found.causes);
+    if (!moved.Any()) break;
+    const CheckDesign there = DesignAbout(moved, rig, data, match, make);
+    const JointTest about(there.misfit, there.covariance);
+    found = FindCauses(rig, there, about, options);
+    if (!found.explained) continue;
+    *design = there;
+    *test = about;
+  }
+  return found.explained ? found : first;
+}
+
 // The test of a design, in words.
-void Test(const data::Rig& rig, const CheckDesign& design, const Observations& data, bool bar,
-          const std::string& what, CheckResult* result) {
-  const JointTest test(design.misfit, design.covariance);
+template <typename Make>
+void Test(const data::Rig& rig, const Observations& data, const std::vector<std::size_t>& match,
+          bool bar, const std::string& what, const Make& make, CheckDesign design,
+          CheckResult* result) {
+  JointTest test(design.misfit, design.covariance);
   result->chance = test.ScanChance(design.Shifts(rig.cameras.size()));
   const bool bad = result->chance < result->options.doubtful;
   CheckEachCamera(rig, design, test, result->options, result);
   TryWithout(design, test, bad, result);
   Conclude(what, result->options, result);
-  if (bad) NameCauses(rig, design, test, data, bar, result);
+  if (bad) {
+    const FoundCauses found = FindAbout(rig, data, match, make, result->options, &design, &test);
+    NameCauses(rig, design, test, found, data, bar, result);
+  }
   NoteShown(result);
   NoteCoarse(rig, result->options, result);
 }
@@ -292,13 +327,18 @@ CheckResult CheckPoints(const data::Rig& rig, const Observations& data, const st
   if (slip.found) {
     throw Error("fits the rig, but " + slip.what, where, slip.remedy);
   }
-  const CheckDesign design = DesignOfPoints(rig, data, match, where);
+  const auto make = [&](const data::Rig& there, const Observations& readings) {
+    return DesignOfPoints(there, readings, match, where);
+  };
+  const CheckDesign design = make(rig, data);
   CheckResult result;
   result.options = options;
   CheckEachPoint(data, FindPoints(rig, data, match), &result);
-  Test(rig, design, data, false,
-       fmt::format("{} points ({} RMS from the survey, {} predicted)", data.points(),
-                   LengthText(result.rms), LengthText(result.rms_predicted)),
+  const std::string errors =
+      FoundOf(result) > 0 ? fmt::format("{} RMS from the survey, {} predicted",
+                                        LengthText(result.rms), LengthText(result.rms_predicted))
+                          : "of none do three cameras or more agree on a place";
+  Test(rig, data, match, false, fmt::format("{} points ({})", data.points(), errors), make, design,
        &result);
   AddMisfits(design, data, &result);
   return result;
@@ -323,7 +363,10 @@ CheckResult CheckBar(const data::Rig& rig, const Observations& data, const Bar& 
       start.col(i) = solution.p;
     }
   }
-  const CheckDesign design = DesignOfBar(rig, data, match, bar, start);
+  const auto make = [&](const data::Rig& there, const Observations& readings) {
+    return DesignOfBar(there, readings, match, bar, start);
+  };
+  const CheckDesign design = make(rig, data);
   if (design.misfit.size() == 0) {
     throw Error("no placement of the bar has more readings than its two ends need", where,
                 "place the bar where three cameras or more see both ends");
@@ -331,15 +374,15 @@ CheckResult CheckBar(const data::Rig& rig, const Observations& data, const Bar& 
   CheckResult result;
   result.options = options;
   CheckEachLength(data, found, bar, &result);
-  const auto whole =
-      std::count_if(result.points.begin(), result.points.end(),
-                    [](const CheckedPoint& point) { return std::isfinite(point.error); });
-  Test(rig, design, data, true,
-       fmt::format("{} readings of {} placements of the bar, {} of them found whole ({} RMS from "
-                   "{:.6g} m, {} predicted),",
-                   data.readings.size(), result.points.size(), whole, LengthText(result.rms),
-                   bar.length, LengthText(result.rms_predicted)),
-       &result);
+  const auto whole = FoundOf(result);
+  const std::string lengths =
+      whole > 0 ? fmt::format(" ({} RMS from {:.6g} m, {} predicted)", LengthText(result.rms),
+                              bar.length, LengthText(result.rms_predicted))
+                : "";
+  Test(rig, data, match, true,
+       fmt::format("{} readings of {} placements of the bar, {} of them found whole{},",
+                   data.readings.size(), result.points.size(), whole, lengths),
+       make, design, &result);
   return result;
 }
 

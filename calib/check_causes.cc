@@ -72,9 +72,9 @@ std::string WordsOf(const CheckedCause& cause, bool bar) {
          "again";
 }
 
-// How large a cause is.
+// How large a cause is, beside what the others do.
 CheckedCause Measure(const FoundCause& one, const CheckDesign& design, const JointTest& test,
-                     bool bar, const CheckResult& result) {
+                     const Eigen::MatrixXd& freed, bool bar, const CheckResult& result) {
   const auto at = static_cast<std::size_t>(one.index);
   CheckedCause cause{one.kind};
   cause.probability = one.probability;
@@ -91,15 +91,15 @@ CheckedCause Measure(const FoundCause& one, const CheckDesign& design, const Joi
       cause.point = one.index;
       set({result.points[at].error, result.points[at].predicted}, 1.0);
       // Of a bar the one as found, over its stated length.
-      if (bar) set(test.AmountOf(design.by_point[at]), -1.0);
+      if (bar) set(test.AmountOf(design.by_point[at], freed), -1.0);
       break;
     case CauseKind::kReading:
       cause.camera = design.camera[at];
       cause.point = bar ? design.point[at] / 2 : design.point[at];
-      set(test.AmountOf(design.by_reading[at]), 1.0);
+      set(test.AmountOf(design.by_reading[at], freed), 1.0);
       break;
     case CauseKind::kFrame:
-      if (bar) set(test.AmountOf({0, design.by_frame}), -1.0);
+      if (bar) set(test.AmountOf({0, design.by_frame}, freed), -1.0);
       break;
   }
   return cause;
@@ -107,15 +107,41 @@ CheckedCause Measure(const FoundCause& one, const CheckDesign& design, const Joi
 
 }  // namespace
 
+FoundCauses FindCauses(const data::Rig& rig, const CheckDesign& design, const JointTest& test,
+                       const CheckOptions& options) {
+  FoundCauses out;
+  out.causes = test.FindCauses(HypothesesOf(rig, design, options), options.doubtful, kMostCauses,
+                               &out.explained);
+  return out;
+}
+
 void NameCauses(const data::Rig& rig, const CheckDesign& design, const JointTest& test,
-                const Observations& data, bool bar, CheckResult* result) {
-  const CheckOptions& options = result->options;
-  const std::vector<FoundCause> found = test.FindCauses(
-      HypothesesOf(rig, design, options), options.doubtful, kMostCauses, &result->explained);
+                const FoundCauses& found, const Observations& data, bool bar, CheckResult* result) {
+  const std::vector<Hypothesis> hypotheses = HypothesesOf(rig, design, result->options);
+  const auto freed_beside = [&](CauseKind kind, int index) {
+    std::vector<FoundCause> others;
+    for (const FoundCause& one : found.causes) {
+      if (one.kind != kind || one.index != index) others.push_back(one);
+    }
+    return test.Free(hypotheses, others);
+  };
+  result->explained = found.explained;
+  if (found.explained) {
+    // Each camera beside what is wrong otherwise.
+    const Eigen::MatrixXd shifts = design.Shifts(rig.cameras.size());
+    for (std::size_t c = 0; c < result->cameras.size(); ++c) {
+      const auto j = static_cast<Eigen::Index>(c);
+      const JointTest::Amount shift =
+          test.AmountOf({0, shifts.col(j)}, freed_beside(CauseKind::kCamera, static_cast<int>(c)));
+      result->cameras[c].shift_px = shift.value;
+      result->cameras[c].shift_sigma_px = shift.sigma;
+    }
+  }
   bool rig_stands = true;
-  for (std::size_t k = 0; k < found.size() && result->explained; ++k) {
-    const FoundCause& one = found[k];
-    CheckedCause cause = Measure(one, design, test, bar, *result);
+  for (std::size_t k = 0; k < found.causes.size() && result->explained; ++k) {
+    const FoundCause& one = found.causes[k];
+    CheckedCause cause =
+        Measure(one, design, test, freed_beside(one.kind, one.index), bar, *result);
     cause.text = fmt::format(
         "the rest agrees without {} (probability {:.0f}%{}): {}",
         NameOf(one.kind, one.index, design, data, *result, bar), 100.0 * one.probability,

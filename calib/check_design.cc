@@ -15,12 +15,12 @@ namespace {
 
 double SizeOf(const data::Rig& rig) { return (rig.volume_high - rig.volume_low).norm(); }
 
-// A camera that was moved, in pixels: turned and displaced by what moves readings by about one.
-Eigen::MatrixXd Moved(const data::RigCamera& camera, double distance,
-                      const Eigen::Ref<const Eigen::MatrixXd>& by_camera) {
-  Eigen::MatrixXd out = by_camera.leftCols(6);
-  out.leftCols(3) /= camera.f_px;
-  out.rightCols(3) *= distance / camera.f_px;
+// A camera is turned and displaced by what moves readings by about a pixel.
+using CameraMove = Eigen::Matrix<double, 6, 1>;
+CameraMove PixelOfPose(const data::Rig& rig, const data::RigCamera& camera) {
+  const Eigen::Vector3d middle = 0.5 * (rig.volume_low + rig.volume_high);
+  CameraMove out = CameraMove::Constant(1.0 / camera.f_px);
+  out.tail<3>() *= (middle - camera.p_WC).norm();
   return out;
 }
 
@@ -126,7 +126,6 @@ std::vector<Hypothesis> HypothesesOf(const data::Rig& rig, const CheckDesign& de
                                      const CheckOptions& options) {
   std::vector<Hypothesis> out;
   const Eigen::MatrixXd shifts = design.Shifts(rig.cameras.size());
-  const Eigen::Vector3d middle = 0.5 * (rig.volume_low + rig.volume_high);
   for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
     const data::RigCamera& camera = rig.cameras[c];
     const auto j = static_cast<int>(c);
@@ -134,8 +133,8 @@ std::vector<Hypothesis> HypothesesOf(const data::Rig& rig, const CheckDesign& de
     out.push_back({CauseKind::kCamera, j, {0, shifts.col(j)}, 1.0 * camera.pixels, half});
     out.push_back({CauseKind::kCamera,
                    j,
-                   {0, Moved(camera, (middle - camera.p_WC).norm(),
-                             design.by_camera.middleCols(kParameters * j, kParameters))},
+                   {0, design.by_camera.middleCols(kParameters * j, CameraMove::RowsAtCompileTime) *
+                           PixelOfPose(rig, camera).asDiagonal()},
                    1.0 * camera.pixels,
                    half});
   }
@@ -150,6 +149,22 @@ std::vector<Hypothesis> HypothesesOf(const data::Rig& rig, const CheckDesign& de
                    options.reading_odds});
   }
   out.push_back({CauseKind::kFrame, 0, {0, design.by_frame}, size, options.frame_odds});
+  return out;
+}
+
+MovedCameras MovedBy(const data::Rig& rig, const std::vector<FoundCause>& causes) {
+  const auto cameras = static_cast<Eigen::Index>(rig.cameras.size());
+  MovedCameras out{Eigen::VectorXd::Zero(kParameters * cameras), Eigen::VectorXd::Zero(cameras)};
+  for (const FoundCause& one : causes) {
+    if (one.kind != CauseKind::kCamera) continue;
+    if (one.amount.size() == 1) {
+      out.shift_px(one.index) = one.amount(0);
+    } else {
+      const data::RigCamera& camera = rig.cameras[static_cast<std::size_t>(one.index)];
+      out.parameters.segment<CameraMove::RowsAtCompileTime>(kParameters * one.index) =
+          PixelOfPose(rig, camera).cwiseProduct(one.amount);
+    }
+  }
   return out;
 }
 

@@ -7,7 +7,9 @@
 #include "calib/check.h"
 #include "calib/joint_test.h"
 #include "calib/observations.h"
+#include "calib/parameters.h"
 #include "data/rig.h"
+#include "measure/camera_model.h"
 
 namespace unfurl::calib {
 
@@ -55,5 +57,34 @@ CheckDesign DesignOfBar(const data::Rig& rig, const Observations& data,
 // What may be wrong, with its odds.
 std::vector<Hypothesis> HypothesesOf(const data::Rig& rig, const CheckDesign& design,
                                      const CheckOptions& options);
+
+// Cameras that were moved, as far as is known.
+struct MovedCameras {
+  Eigen::VectorXd parameters;  // 31 c, changes in the order of data/rig.h
+  Eigen::VectorXd shift_px;    // c, of all readings of each [px]
+
+  bool Any() const { return shift_px.any() || parameters.any(); }
+};
+MovedCameras MovedBy(const data::Rig& rig, const std::vector<FoundCause>& causes);
+
+// A design by `make`, of a rig and of readings, about cameras that were moved so far that what it
+// does is no longer linear: the derivatives are those there. What the move does is in the misfits.
+template <typename Make>
+CheckDesign DesignAbout(const MovedCameras& moved, const data::Rig& rig, const Observations& data,
+                        const std::vector<std::size_t>& match, const Make& make) {
+  data::Rig there = rig;
+  Observations back = data;
+  for (std::size_t c = 0; c < there.cameras.size(); ++c) {
+    there.cameras[c] = measure::Perturbed(
+        rig.cameras[c],
+        moved.parameters.segment<kParameters>(kParameters * static_cast<Eigen::Index>(c)));
+  }
+  for (Reading& r : back.readings) {
+    r.u_px -= moved.shift_px(static_cast<Eigen::Index>(match[static_cast<std::size_t>(r.camera)]));
+  }
+  CheckDesign out = make(there, back);
+  out.misfit += out.by_camera * moved.parameters + out.Shifts(rig.cameras.size()) * moved.shift_px;
+  return out;
+}
 
 }  // namespace unfurl::calib

@@ -16,29 +16,52 @@ constexpr double kPower = 0.9;  // of ShownAmount, to be seen and to be told apa
 // Squared share of a shape, or of an effect, that is left beside others: less is rounding [-].
 constexpr double kNothing = 1e-9;
 
-// log of the evidence for an effect over that for none, sizes integrated out.
-double LogGain(const Whitening::Products& of, double high) {
+// Of an effect over none.
+struct Gain {
+  double log = 0.0;   // of the evidence, sizes integrated out [-]
+  double size = 0.0;  // the most telling one; 0: none [unit of the unknowns]
+};
+Gain GainOf(const Whitening::Products& of, double high) {
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(of.gram);
   const Eigen::VectorXd b = eigen.eigenvectors().transpose() * of.along;
   const double most = b.size() > 0 ? eigen.eigenvalues()(b.size() - 1) : 0.0;
-  if (!(most > kNothing * of.whole)) return 0.0;
+  if (!(most > kNothing * of.whole)) return {};
   std::vector<double> gains;
+  Gain out;
+  double best = 0.0;
   for (double t = 1.0 / std::sqrt(most); t < 2.0 * high || gains.empty(); t *= 2.0) {
     double gain = 0.0;
     for (Eigen::Index k = 0; k < b.size(); ++k) {
       const double ratio = t * t * std::max(0.0, eigen.eigenvalues()(k));
       gain += 0.5 * (t * t * b(k) * b(k) / (1.0 + ratio) - std::log1p(ratio));
     }
+    if (gains.empty() || gain > best) {
+      best = gain;
+      out.size = t;
+    }
     gains.push_back(gain);
   }
-  const double best = *std::max_element(gains.begin(), gains.end());
   double sum = 0.0;
   for (const double gain : gains) sum += std::exp(gain - best);
-  return best + std::log(sum / static_cast<double>(gains.size()));
+  out.log = best + std::log(sum / static_cast<double>(gains.size()));
+  return out;
+}
+
+// The unknowns of an effect of that size, by least squares.
+Eigen::VectorXd AmountsOf(const Whitening::Products& of, double size) {
+  if (!(size > 0.0)) return Eigen::VectorXd::Zero(of.along.size());
+  Eigen::MatrixXd A = of.gram;
+  A.diagonal().array() += 1.0 / (size * size);
+  return A.llt().solve(of.along);
 }
 
 bool IsOf(const Hypothesis& hypothesis, const FoundCause& cause) {
   return hypothesis.kind == cause.kind && hypothesis.index == cause.index;
+}
+
+bool IsAnyOf(const Hypothesis& hypothesis, const std::vector<FoundCause>& causes) {
+  return std::any_of(causes.begin(), causes.end(),
+                     [&](const FoundCause& cause) { return IsOf(hypothesis, cause); });
 }
 
 }  // namespace
@@ -101,9 +124,15 @@ double JointTest::ScanChance(const Eigen::MatrixXd& shapes) const {
 }
 
 JointTest::Amount JointTest::AmountOf(const Effect& shape) const {
-  const Eigen::VectorXd w = whitening_.Whiten(shape);
+  return AmountOf(shape, Eigen::MatrixXd(white_.size(), 0));
+}
+
+JointTest::Amount JointTest::AmountOf(const Effect& shape, const Eigen::MatrixXd& freed) const {
+  const Eigen::VectorXd whole = whitening_.Whiten(shape);
+  const Eigen::VectorXd w = whole - freed * (freed.transpose() * whole);
   const double information = w.squaredNorm();
-  if (!(information > 0.0)) return {0.0, std::numeric_limits<double>::infinity()};
+  if (!(information > kNothing * whole.squaredNorm()))
+    return {0.0, std::numeric_limits<double>::infinity()};
   return {w.dot(white_) / information, 1.0 / std::sqrt(information)};
 }
 
@@ -125,99 +154,167 @@ double JointTest::ShownAmount(const Eigen::MatrixXd& shapes, Eigen::Index j, dou
   return std::max(seen / std::sqrt(whole), named / std::sqrt(beside));
 }
 
-// Weighs all hypotheses by the misfits that are left: the most probable cause and the next one.
+Eigen::MatrixXd JointTest::Free(const std::vector<Hypothesis>& all,
+                                const std::vector<FoundCause>& causes) const {
+  Eigen::MatrixXd columns(white_.size(), 0);
+  for (const Hypothesis& one : all) {
+    if (!IsAnyOf(one, causes)) continue;
+    columns.conservativeResize(Eigen::NoChange, columns.cols() + one.effect.rows.cols());
+    columns.rightCols(one.effect.rows.cols()) = whitening_.Whiten(one.effect);
+  }
+  return SpanOf(columns);
+}
+
+double JointTest::ChanceBeside(const Eigen::MatrixXd& freed) const {
+  const auto freedom = static_cast<double>(white_.size() - freed.cols());
+  const double square = white_.squaredNorm() - (freed.transpose() * white_).squaredNorm();
+  return freedom > 0.0 ? ChiSquareTail(std::max(0.0, square), freedom) : 0.0;
+}
+
 // Several hypotheses may be of one cause: a camera that is shifted, or moved at will.
-FoundCause JointTest::MostProbable(const std::vector<Hypothesis>& all,
-                                   const std::vector<WideEffect>& wide, const Eigen::VectorXd& rest,
-                                   const Eigen::MatrixXd& freed,
-                                   const std::vector<FoundCause>& known) const {
+std::vector<JointTest::Weighed> JointTest::Weigh(const std::vector<Hypothesis>& all,
+                                                 const std::vector<WideEffect>& wide,
+                                                 const std::vector<FoundCause>& known) const {
+  const Eigen::MatrixXd freed = Free(all, known);
+  const Eigen::VectorXd rest = white_ - freed * (freed.transpose() * white_);
   const Whitening::Against against = whitening_.MakeAgainst(rest, freed);
-  std::vector<double> log_weight;
-  std::vector<FoundCause> causes;
-  std::vector<std::size_t> cause_of;
+  std::vector<Weighed> out;
+  std::vector<double> most;  // of the cause's hypotheses
   std::map<std::pair<CauseKind, int>, std::size_t> seen;
   auto next = wide.begin();
   for (std::size_t k = 0; k < all.size(); ++k) {
-    const auto [cause, is_new] = seen.try_emplace({all[k].kind, all[k].index}, causes.size());
-    if (is_new) causes.push_back({all[k].kind, all[k].index});
-    cause_of.push_back(cause->second);
-    const bool is_wide = next != wide.end() && next->hypothesis == k;
-    const Whitening::Products of =
-        is_wide ? (next++)->ProductsWith(rest) : whitening_.ProductsOf(all[k].effect, against);
-    const bool used = std::any_of(known.begin(), known.end(),
-                                  [&](const FoundCause& c) { return IsOf(all[k], c); });
-    log_weight.push_back(used ? -std::numeric_limits<double>::infinity()
-                              : std::log(all[k].odds) + LogGain(of, all[k].high));
-  }
-  const double best = *std::max_element(log_weight.begin(), log_weight.end());
-  double sum = 0.0;
-  for (std::size_t k = 0; k < all.size(); ++k) {
-    const double weight = std::exp(log_weight[k] - best);
-    causes[cause_of[k]].probability += weight;
-    sum += weight;
-  }
-  FoundCause out;
-  for (FoundCause& cause : causes) {
-    cause.probability /= sum;
-    if (cause.probability > out.probability) {
-      const FoundCause before = out;
-      out = cause;
-      cause = before;
+    const Eigen::MatrixXd* white =
+        next != wide.end() && next->hypothesis == k ? &(next++)->white : nullptr;
+    if (IsAnyOf(all[k], known)) continue;
+    Whitening::Products of;
+    if (white != nullptr) {
+      const Eigen::MatrixXd beside = *white - freed * (freed.transpose() * *white);
+      of = {beside.transpose() * beside, beside.transpose() * rest, white->squaredNorm()};
+    } else {
+      of = whitening_.ProductsOf(all[k].effect, against);
     }
-    if (cause.probability > out.other_probability) {
-      out.other_kind = cause.kind;
-      out.other_index = cause.index;
-      out.other_probability = cause.probability;
+    const Gain gain = GainOf(of, all[k].high);
+    const double log_weight = std::log(all[k].odds) + gain.log;
+    const auto [at, is_new] = seen.try_emplace({all[k].kind, all[k].index}, out.size());
+    if (is_new) {
+      out.push_back({{all[k].kind, all[k].index}, log_weight});
+      most.push_back(-std::numeric_limits<double>::infinity());
+    } else {
+      double& whole = out[at->second].log_weight;
+      whole = std::max(whole, log_weight) + std::log1p(std::exp(-std::abs(whole - log_weight)));
+    }
+    if (log_weight > most[at->second]) {
+      most[at->second] = log_weight;
+      out[at->second].cause.hypothesis = k;
+      out[at->second].cause.amount = AmountsOf(of, gain.size);
     }
   }
   return out;
 }
 
+namespace {
+
+// The most probable of them, with the next.
+template <typename Weighed>
+Weighed MostProbable(const std::vector<Weighed>& all) {
+  const auto less = [](const Weighed& a, const Weighed& b) { return a.log_weight < b.log_weight; };
+  const auto best = std::max_element(all.begin(), all.end(), less);
+  double sum = 0.0;
+  Weighed out = *best;
+  for (auto one = all.begin(); one != all.end(); ++one) {
+    const double weight = std::exp(one->log_weight - best->log_weight);
+    sum += weight;
+    if (one == best || !(weight > out.cause.other_probability)) continue;
+    out.cause.other_kind = one->cause.kind;
+    out.cause.other_index = one->cause.index;
+    out.cause.other_probability = weight;
+  }
+  out.cause.probability = 1.0 / sum;
+  out.cause.other_probability /= sum;
+  return out;
+}
+
+}  // namespace
+
+JointTest::Chain JointTest::Follow(const std::vector<Hypothesis>& all,
+                                   const std::vector<WideEffect>& wide, const Weighed* first,
+                                   double enough, std::size_t most) const {
+  Chain out;
+  while (out.causes.size() < most && !out.explained) {
+    const Weighed next = first != nullptr && out.causes.empty()
+                             ? *first
+                             : MostProbable(Weigh(all, wide, out.causes));
+    out.causes.push_back(next.cause);
+    out.log_weight += next.log_weight;
+    out.explained = ChanceBeside(Free(all, out.causes)) >= enough;
+  }
+  // One that was taken first for several together may have become needless.
+  for (std::size_t k = 0; out.explained && out.causes.size() > 1 && k < out.causes.size();) {
+    std::vector<FoundCause> fewer = out.causes;
+    fewer.erase(fewer.begin() + static_cast<std::ptrdiff_t>(k));
+    if (ChanceBeside(Free(all, fewer)) < enough) {
+      ++k;
+      continue;
+    }
+    out = {{}, true, 0.0};
+    for (const FoundCause& cause : fewer) {
+      for (const Weighed& one : Weigh(all, wide, out.causes)) {
+        if (IsOf(all[one.cause.hypothesis], cause)) out.log_weight += one.log_weight;
+      }
+      out.causes.push_back(cause);
+    }
+  }
+  return out;
+}
+
+void JointTest::Settle(const std::vector<Hypothesis>& all, const std::vector<WideEffect>& wide,
+                       double enough, Chain* chain) const {
+  const std::size_t rounds = chain->causes.size();
+  bool changed = true;
+  for (std::size_t round = 0; changed && round < rounds; ++round) {
+    changed = false;
+    for (FoundCause& cause : chain->causes) {
+      std::vector<FoundCause> others;
+      for (const FoundCause& one : chain->causes) {
+        if (&one != &cause) others.push_back(one);
+      }
+      const FoundCause best = MostProbable(Weigh(all, wide, others)).cause;
+      if (!IsOf(all[best.hypothesis], cause)) {
+        others.push_back(best);
+        if (ChanceBeside(Free(all, others)) < enough) continue;  // probable, and not enough
+        changed = true;
+      }
+      cause = best;
+    }
+  }
+}
+
 std::vector<FoundCause> JointTest::FindCauses(const std::vector<Hypothesis>& all, double enough,
                                               std::size_t most, bool* explained) const {
-  std::vector<FoundCause> out;
   std::vector<WideEffect> wide;
   for (std::size_t k = 0; k < all.size(); ++k) {
     if (whitening_.IsLocal(all[k].effect)) continue;
     wide.push_back({k, whitening_.Whiten(all[k].effect)});
-    wide.back().whole = wide.back().white.squaredNorm();
   }
-  // Orthonormal columns of whatever the causes do, but for one of them.
-  const auto free = [&](const FoundCause* but) {
-    Eigen::MatrixXd columns(white_.size(), 0);
-    for (const Hypothesis& one : all) {
-      const bool in = std::any_of(out.begin(), out.end(),
-                                  [&](const FoundCause& c) { return &c != but && IsOf(one, c); });
-      if (!in) continue;
-      columns.conservativeResize(Eigen::NoChange, columns.cols() + one.effect.rows.cols());
-      columns.rightCols(one.effect.rows.cols()) = whitening_.Whiten(one.effect);
+  Chain best = Follow(all, wide, nullptr, enough, most);
+  if (most > 1 && (!best.explained || best.causes.size() > 1)) {
+    const auto better = [&](const Chain& other) {
+      if (other.explained != best.explained) return other.explained;
+      if (!other.explained) return false;
+      if (other.causes.size() != best.causes.size()) {
+        return other.causes.size() < best.causes.size();
+      }
+      return other.log_weight > best.log_weight;
+    };
+    for (const Weighed& first : Weigh(all, wide, {})) {
+      if (whitening_.IsLocal(all[first.cause.hypothesis].effect)) continue;
+      Chain other = Follow(all, wide, &first, enough, most);
+      if (better(other)) best = std::move(other);
     }
-    return SpanOf(columns);
-  };
-  const auto chance = [&](const Eigen::MatrixXd& Q) {
-    const auto freedom = static_cast<double>(white_.size() - Q.cols());
-    const double square = white_.squaredNorm() - (Q.transpose() * white_).squaredNorm();
-    return freedom > 0.0 ? ChiSquareTail(std::max(0.0, square), freedom) : 0.0;
-  };
-  Eigen::VectorXd rest = white_;
-  Eigen::MatrixXd freed(white_.size(), 0);
-  *explained = false;
-  while (out.size() < most && !*explained) {
-    out.push_back(MostProbable(all, wide, rest, freed, out));
-    freed = free(nullptr);
-    rest = white_ - freed * (freed.transpose() * white_);
-    for (WideEffect& one : wide) one.white -= freed * (freed.transpose() * one.white).eval();
-    *explained = chance(freed) >= enough;
+    if (best.explained) Settle(all, wide, enough, &best);
   }
-  // One that was taken first for several together may have become needless.
-  for (std::size_t k = 0; *explained && out.size() > 1 && k < out.size();) {
-    if (chance(free(&out[k])) >= enough) {
-      out.erase(out.begin() + static_cast<std::ptrdiff_t>(k));
-    } else {
-      ++k;
-    }
-  }
-  return out;
+  *explained = best.explained;
+  return best.causes;
 }
 
 }  // namespace unfurl::calib

@@ -37,6 +37,10 @@ struct FoundCause {
   CauseKind other_kind = CauseKind::kCamera;
   int other_index = -1;
   double other_probability = 0.0;  // [-]
+  // Which hypothesis of this cause is the most telling, as an index into all, and its unknowns with
+  // the other causes free.
+  std::size_t hypothesis = 0;
+  Eigen::VectorXd amount;
 };
 
 // Misfits e ~ N(0, C) if nothing is wrong, against a list of what may be. [Kass & Raftery 1995:
@@ -60,33 +64,52 @@ class JointTest {
   struct Amount {
     double value = 0.0, sigma = 0.0;  // [of the shape]; sigma is infinite for a zero shape
   };
-  /// How much of one shape the residuals hold, with every column of the design free beside it.
   Amount AmountOf(const Effect& shape) const;
+  // The same with all of what causes do free, `freed` from Free.
+  Amount AmountOf(const Effect& shape, const Eigen::MatrixXd& freed) const;
   // The amount of shape j that a test at `level` shows, and tells from every other column, nine
   // times in ten; infinity: none does.
   double ShownAmount(const Eigen::MatrixXd& shapes, Eigen::Index j, double level) const;
 
-  // The causes, most telling first, at most `most`: the most probable one is let free and the rest
-  // tested again, until a chance of `enough` is reached. `explained`: it was.
+  // Orthonormal columns of whatever causes do.
+  Eigen::MatrixXd Free(const std::vector<Hypothesis>& all,
+                       const std::vector<FoundCause>& causes) const;
+
+  // The fewest causes without which the rest is as probable as `enough`, at most `most`, those that
+  // concern most of the data first; of as many the most probable. The most probable one is let free
+  // and the rest weighed again; where that takes several, or leads nowhere, so it goes from each
+  // cause of more than one group: what two of them do together may look like a third. Each one's
+  // probability is beside the others. `explained`: they suffice.
   std::vector<FoundCause> FindCauses(const std::vector<Hypothesis>& all, double enough,
                                      std::size_t most, bool* explained) const;
 
  private:
   double ChanceOf(const Whitening::Rest& rest) const;
-  // The whitened effect of a hypothesis that is not local, beside what is free.
+  // The whitened effect of a hypothesis that is not local.
   struct WideEffect {
     std::size_t hypothesis = 0;
     Eigen::MatrixXd white;  // n x k [-]
-    double whole = 0.0;     // its sum of squares before anything was free [-]
-    Whitening::Products ProductsWith(const Eigen::VectorXd& rest) const {
-      return {white.transpose() * white, white.transpose() * rest, whole};
-    }
   };
-  // `rest` are the whitened misfits beside the orthonormal columns `freed`; `wide` is in the order
-  // of the hypotheses.
-  FoundCause MostProbable(const std::vector<Hypothesis>& all, const std::vector<WideEffect>& wide,
-                          const Eigen::VectorXd& rest, const Eigen::MatrixXd& freed,
-                          const std::vector<FoundCause>& known) const;
+  // A cause beside others, and the log of its evidence times its odds.
+  struct Weighed {
+    FoundCause cause;
+    double log_weight = 0.0;
+  };
+  struct Chain {
+    std::vector<FoundCause> causes;
+    bool explained = false;
+    double log_weight = 0.0;  // of all together
+  };
+  double ChanceBeside(const Eigen::MatrixXd& freed) const;
+  // Each cause that is not `known`, by what is left beside those. `wide` is in the order of all.
+  std::vector<Weighed> Weigh(const std::vector<Hypothesis>& all,
+                             const std::vector<WideEffect>& wide,
+                             const std::vector<FoundCause>& known) const;
+  Chain Follow(const std::vector<Hypothesis>& all, const std::vector<WideEffect>& wide,
+               const Weighed* first, double enough, std::size_t most) const;
+  // Each one's probability beside the others; one that another one replaces gives way.
+  void Settle(const std::vector<Hypothesis>& all, const std::vector<WideEffect>& wide,
+              double enough, Chain* chain) const;
 
   Eigen::VectorXd misfit_;  // e [px]
   Whitening whitening_;

@@ -3,10 +3,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "calib/layout.h"
 #include "calib/plan.h"
+#include "measure/camera_model.h"
 #include "tests/calib/fixtures.h"
 
 namespace unfurl::calib::check_test {
@@ -18,6 +24,20 @@ using testing::MakeStudy;
 using testing::Observe;
 using testing::PointsInCube;
 using testing::Study;
+
+Observations BarAt(const std::vector<data::RigCamera>& truth, double length, std::uint64_t seed) {
+  Rng rng(seed);
+  Eigen::Matrix3Xd ends(3, 12);
+  for (Eigen::Index k = 0; k < 6; ++k) {
+    Eigen::Vector3d way(rng.Normal(), rng.Normal(), rng.Normal());
+    way *= 0.5 * length / way.norm();
+    const Eigen::Vector3d middle(rng.Uniform(-0.2, 0.2), rng.Uniform(-0.2, 0.2),
+                                 rng.Uniform(-0.2, 0.2));
+    ends.col(2 * k) = middle - way;
+    ends.col(2 * k + 1) = middle + way;
+  }
+  return Observe(truth, ends, 0.0, 0.05, rng);
+}
 
 // One calibration, and checks of it with fresh points and noise.
 class Check : public ::testing::Test {
@@ -64,6 +84,54 @@ TEST_F(Check, ACameraThatMovedIsNamed) {
   EXPECT_THAT(result.reasons, Contains(HasSubstr("without camera \"c3\"")));
 }
 
+std::vector<std::pair<int, double>> Named(const CheckResult& result) {
+  std::vector<std::pair<int, double>> out;
+  for (const CheckedCause& cause : result.causes) out.emplace_back(cause.camera, cause.size);
+  std::sort(out.begin(), out.end());
+  return out;
+}
+
+// Two cameras at once, of which the points' frame, or a third camera, explains a good part.
+TEST_F(Check, TwoCamerasThatMovedAreNamed) {
+  Rng rng(52);
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    Observations data = Ten(200 + seed);
+    const int one = static_cast<int>(rng.Integer(4)), way = 1 + static_cast<int>(rng.Integer(3));
+    const int other = (one + way) % 4;
+    std::map<int, double> by;
+    for (const int camera : {one, other}) {
+      by[camera] = (rng.Uniform() < 0.5 ? -1.0 : 1.0) * std::pow(10.0, rng.Uniform(0.3, 1.5));
+    }
+    for (Reading& r : data.readings) r.u_px += by.count(r.camera) > 0 ? by[r.camera] : 0.0;
+    const CheckResult result = CheckPoints(*rig_, data, "test");
+    const auto named = Named(result);
+    ASSERT_EQ(named.size(), 2U) << seed << " " << result.reasons[1];
+    for (const auto& [camera, size] : named) EXPECT_NEAR(size, by[camera], 0.5) << seed;
+    EXPECT_FALSE(std::any_of(result.reasons.begin(), result.reasons.end(), [](const auto& text) {
+      return text.find("(0 mm RMS") != std::string::npos;  // of points that were not found
+    }));
+  }
+}
+
+// A camera that was turned so far that readings are not linear in it, and a bar that it sees.
+TEST_F(Check, FarMovesAreFollowed) {
+  for (const double turn : {0.01, 0.04}) {
+    std::vector<data::RigCamera> moved = study_->truth;
+    Eigen::Matrix<double, data::kCameraParameters, 1> change;
+    change.setZero();
+    change.head<3>() << 0.2 * turn, turn, 0.3 * turn;
+    moved[1] = measure::Perturbed(moved[1], change);
+    const Observations points =
+        Observe(moved, PointsInCube(10, 0.7, Rng(53).Stream("ten")), 3e-4, 0.01, Rng(53));
+    for (const CheckResult& result :
+         {CheckPoints(*rig_, points, "test"),
+          CheckBar(*rig_, BarAt(moved, 1.2, 60), {1.2, 2e-5}, "test")}) {
+      ASSERT_EQ(result.causes.size(), 1U) << turn << result.reasons[1];
+      EXPECT_EQ(result.causes[0].camera, 1);
+    }
+  }
+}
+
 TEST_F(Check, AWrongPointIsNamedAndTheRigStands) {
   Observations data = Ten(51);
   data.p.col(4) += Eigen::Vector3d(0.02, 0.0, 0.0);
@@ -89,20 +157,6 @@ std::vector<data::RigCamera> MakeFlatThree() {
     cameras.back().e = 0.03;
   }
   return cameras;
-}
-
-Observations BarAt(const std::vector<data::RigCamera>& truth, double length, std::uint64_t seed) {
-  Rng rng(seed);
-  Eigen::Matrix3Xd ends(3, 12);
-  for (Eigen::Index k = 0; k < 6; ++k) {
-    Eigen::Vector3d way(rng.Normal(), rng.Normal(), rng.Normal());
-    way *= 0.5 * length / way.norm();
-    const Eigen::Vector3d middle(rng.Uniform(-0.2, 0.2), rng.Uniform(-0.2, 0.2),
-                                 rng.Uniform(-0.2, 0.2));
-    ends.col(2 * k) = middle - way;
-    ends.col(2 * k + 1) = middle + way;
-  }
-  return Observe(truth, ends, 0.0, 0.05, rng);
 }
 
 TEST_F(Check, ABarOfKnownLength) {

@@ -170,5 +170,36 @@ TEST(JointTest, CausesAreFoundOneAfterTheOther) {
   EXPECT_EQ(reading.index, 7);
 }
 
+// Two cameras whose sum is nearly what a third does, which explains most and not enough: with it
+// first, three would be named, or none.
+TEST(JointTest, TwoThatLookLikeAThirdAreNamed) {
+  Rng rng(10);
+  const Eigen::MatrixXd half = Eigen::MatrixXd::Identity(kData / 2, kData / 2);
+  for (int draw = 0; draw < 20; ++draw) {
+    World world(&rng);
+    world.shapes.col(2) = world.shapes.col(0) - world.shapes.col(1) + 0.2 * Draw(kData, 1, &rng);
+    std::vector<Hypothesis> all;
+    for (int j = 0; j < 4; ++j) {
+      all.push_back({CauseKind::kCamera, j, {0, world.shapes.col(j)}, 1e4, 0.05});
+    }
+    const Eigen::VectorXd e =
+        Draw(kData, 1, &rng) + 300.0 * (world.shapes.col(0) - world.shapes.col(1));
+    const JointTest test(e, {{half, half}, Eigen::MatrixXd(kData, 0)});
+    bool explained = false;
+    const auto found = test.FindCauses(all, 0.001, 3, &explained);
+    EXPECT_TRUE(explained);
+    ASSERT_EQ(found.size(), 2U) << draw;
+    EXPECT_EQ(found[0].index + found[1].index, 1) << draw;
+    for (const FoundCause& one : found) {
+      EXPECT_GT(one.probability, 0.99);
+      const double sign = one.index == 0 ? 1.0 : -1.0;
+      const std::vector<FoundCause> other = {found[one.index == found[0].index ? 1 : 0]};
+      const auto amount = test.AmountOf(all[one.hypothesis].effect, test.Free(all, other));
+      EXPECT_NEAR(amount.value, sign * 300.0, 5.0 * amount.sigma);
+      EXPECT_NEAR(one.amount(0), sign * 300.0, 5.0 * amount.sigma);
+    }
+  }
+}
+
 }  // namespace
 }  // namespace unfurl::calib::joint_test_test
