@@ -224,6 +224,8 @@ std::string RemedyOf(const measure::LiveNotice& notice) {
       return "clear what stands between them";
     case NoticeKind::kAim:
       return "turn the camera there and calibrate again, or move the mark";
+    case NoticeKind::kLeftOut:
+      return "look for a reflection or another light in its view, and whether it was bumped";
     case NoticeKind::kNoPosition:
       return "see which cameras see it, and whether one has moved";
     case NoticeKind::kMoved:

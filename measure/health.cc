@@ -50,7 +50,8 @@ Hypothesis Explain(const HealthEvidence& evidence, const Triangulator& triangula
     for (int lag = -options.most_lag; lag <= options.most_lag; ++lag) {
       by_lag.push_back(ResidualsOf(evidence, triangulator, view, lag, options.wild));
     }
-    const Hypothesis off = BestOffset(view, by_lag[static_cast<std::size_t>(options.most_lag)]);
+    const Hypothesis off =
+        BestOffset(view, by_lag[static_cast<std::size_t>(options.most_lag)], options.wild);
     const Hypothesis late = BestLag(view, by_lag, options, triangulator.cameras());
     for (const Hypothesis& one : {off, late}) {
       if (one.gain > best.gain) best = one;
@@ -179,8 +180,13 @@ Hypothesis BestLag(const CameraView& view, std::span<const Residuals> by_lag,
     }
     const auto at = std::max_element(gained.begin(), gained.end());
     if (*at <= price || *at - price <= best.gain) continue;
-    best.gain = *at - price;
     const auto from = static_cast<std::size_t>(at - gained.begin());
+    double over_no_law = 0.0;
+    for (std::size_t j = from; j < n; ++j) {
+      over_no_law += OverNoLaw(then, j, LossOf(view, then, j, 0.0), options.wild);
+    }
+    if (over_no_law <= 0.0) continue;
+    best.gain = *at - price;
     best.fault.lag = k - middle;
     constexpr double kSure = 9.0;  // of -2 ln of the likelihood: three sigmas
     std::size_t first = from, last = from;
@@ -216,6 +222,7 @@ void FindFaults(const HealthEvidence& raw, const Triangulator& triangulator,
       report->unknown = "no mark is seen by four cameras at once";
       return;
     }
+    if (!std::isfinite(likeliest.gain)) break;
     Fault fault = likeliest.fault;
     if (fault.kind != FaultKind::kLate &&
         !JudgeOffsets(evidence, triangulator, likeliest, options, marks, &fault)) {

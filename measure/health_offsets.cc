@@ -145,23 +145,35 @@ class Offsets {
 
 }  // namespace
 
-Hypothesis BestOffset(const CameraView& view, const Residuals& in) {
+Hypothesis BestOffset(const CameraView& view, const Residuals& in, double wild) {
   Hypothesis best;
   best.fault.camera = view.camera;
+  best.gain = -HUGE_VAL;
   const std::size_t n = view.size();
   constexpr std::size_t kFewest = 8;  // flashes
   if (n < kFewest) return best;
   Offsets offsets(view, in);
   const double none = offsets.Loss(0, n, 0.0), price = std::log(static_cast<double>(n));
+  // Whether it beats readings without a law, from flash `first` on.
+  const auto is_law = [&](std::size_t first, double offset, double slope, double middle) {
+    double sum = 0.0;
+    for (std::size_t i = first; i < n; ++i) {
+      const double loss = LossOf(view, in, i, offset + slope * (view.t[i] - middle));
+      sum += OverNoLaw(in, i, loss, wild);
+    }
+    return sum > 0.0;
+  };
   const double level = offsets.Level(0, n);
-  best.gain = none - offsets.Loss(0, n, level) - price;
-  best.fault.offset_px = level;
+  if (is_law(0, level, 0.0, 0.0)) {
+    best.gain = none - offsets.Loss(0, n, level) - price;
+    best.fault.offset_px = level;
+  }
   std::size_t at = 0;
   double before = 0.0, after = 0.0;
   if (offsets.Step(&at, &before, &after)) {
     // Two levels and a moment.
     const double gain = none - offsets.Loss(0, at, before) - offsets.Loss(at, n, after) - 3 * price;
-    if (gain > best.gain) {
+    if (gain > best.gain && is_law(at, after, 0.0, 0.0)) {
       constexpr double kSure = 9.0;  // of -2 ln of the likelihood: three sigmas
       const auto [first, last] = offsets.Likeliest(before, after, kSure);
       best.gain = gain;
@@ -179,7 +191,7 @@ Hypothesis BestOffset(const CameraView& view, const Residuals& in) {
     loss += LossOf(view, in, i, offset + slope * (view.t[i] - middle));
   }
   const double gain = none - loss - 2 * price;
-  if (gain <= best.gain) return best;
+  if (gain <= best.gain || !is_law(0, offset, slope, middle)) return best;
   best = {};
   best.gain = gain;
   best.fault.kind = FaultKind::kDrifting;

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -41,6 +42,14 @@ inline double LossOf(const CameraView& view, const Residuals& in, std::size_t i,
   return std::min(view.rest[i] + r * r * in.weight[i], in.cap[i]);
 }
 
+// What flash i would cost less if all of this camera's readings were wrong and followed no law,
+// over its loss `by` some law. A law that gains less than that, from when it begins on, fits some
+// flashes by chance: it explains nothing.
+inline double OverNoLaw(const Residuals& in, std::size_t i, double by, double wild) {
+  if (!(in.weight[i] > 0.0)) return 0.0;
+  return in.cap[i] - 2.0 * std::log((1.0 - wild) / wild) - by;
+}
+
 // A fault that may explain a view's residuals, and what the loss is less by: of errors that are
 // white, as if the rig were known exactly.
 struct Hypothesis {
@@ -49,8 +58,9 @@ struct Hypothesis {
   double gain = 0.0;       // [-]
 };
 
-// The likeliest of: off from the beginning, a step, a drift.
-Hypothesis BestOffset(const CameraView& view, const Residuals& residuals);
+// The likeliest of: off from the beginning, a step, a drift, that beats readings without a law;
+// else its gain is -infinity.
+Hypothesis BestOffset(const CameraView& view, const Residuals& residuals, double wild);
 // The likeliest lag, of those of `by_lag` (-most .. most; by_lag[most] is none), where it is beyond
 // chance for all `cameras`; else its gain is -infinity.
 Hypothesis BestLag(const CameraView& view, std::span<const Residuals> by_lag,

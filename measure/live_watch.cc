@@ -21,8 +21,8 @@ constexpr double kReachWidths = 4.0;
 }  // namespace
 
 const char* Name(NoticeKind kind) {
-  constexpr const char* kNames[] = {"no_light", "led",         "camera", "blocked",
-                                    "aim",      "no_position", "moved",  "scatter"};
+  constexpr const char* kNames[] = {"no_light", "led",         "camera", "blocked", "aim",
+                                    "left_out", "no_position", "moved",  "scatter"};
   return kNames[static_cast<std::size_t>(kind)];
 }
 
@@ -50,6 +50,7 @@ LiveWatch::LiveWatch(const Triangulator& triangulator, std::vector<std::string> 
   const std::size_t cameras = triangulator.cameras();
   unseen_.resize(cameras * marks_.size());
   at_end_.resize(unseen_.size());
+  left_out_.resize(unseen_.size());
   views_.resize(unseen_.size());
   for (LiveView& view : views_) view.u_px = kLiveWatchNone;
   // A run of misses may begin at any line of any camera.
@@ -132,6 +133,12 @@ void LiveWatch::Samples(const data::Tracks& tracks) {
       reason_[m] = tracks.reason[i];
       continue;
     }
+    for (std::size_t c = 0; c < triangulator_.cameras(); ++c) {
+      const bool used = (tracks.used[i] >> c & 1U) != 0;
+      const bool left_out = !used && (tracks.left_out[i] >> c & 1U) != 0;
+      // Without a reading nothing is known.
+      if (used || left_out) Follow(tracks.t[i], left_out, options_.patience, &left_out_[At(c, m)]);
+    }
     place_[m] = tracks.p.col(static_cast<Eigen::Index>(i));
     place_t_[m] = tracks.t[i];
   }
@@ -190,6 +197,7 @@ std::map<LiveWatch::Key, LiveNotice> LiveWatch::Judge(double t) const {
       continue;
     }
     for (const std::size_t m : shown) JudgeView(t, c, m, &found);
+    JudgeLeftOut(t, c, shown, &found);
   }
   for (const std::size_t m : shown) {
     if (!no_position_[m].told) continue;
@@ -197,6 +205,26 @@ std::map<LiveWatch::Key, LiveNotice> LiveWatch::Judge(double t) const {
         fmt::format("mark {} has no position: {}", marks_[m], data::Name(reason_[m])));
   }
   return found;
+}
+
+void LiveWatch::JudgeLeftOut(double t, std::size_t c, const std::vector<std::size_t>& shown,
+                             std::map<Key, LiveNotice>* found) const {
+  std::vector<std::size_t> now;
+  double since = t;
+  bool told = false;
+  for (const std::size_t m : shown) {
+    const Run& run = left_out_[At(c, m)];
+    if (run.now) now.push_back(m);
+    if (run.told) since = std::min(since, run.since);
+    told = told || run.told;
+  }
+  if (!told) return;
+  std::string words = fmt::format("camera {} contradicts the others{}: its readings are left out",
+                                  triangulator_.rig().cameras[c].name,
+                                  now.size() == 1 ? " on mark " + marks_[now[0]] : "");
+  const int camera = static_cast<int>(c);
+  (*found)[{NoticeKind::kLeftOut, camera, -1}] = {NoticeKind::kLeftOut, true, camera, -1, t, since,
+                                                  std::move(words)};
 }
 
 void LiveWatch::JudgeView(double t, std::size_t c, std::size_t m,

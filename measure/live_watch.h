@@ -20,6 +20,7 @@ enum class NoticeKind : std::uint8_t {
   kCamera,      // a camera sees no mark, others do
   kBlocked,     // a camera does not see a mark that is in its field
   kAim,         // a mark is at the end of a camera's row, or beyond it
+  kLeftOut,     // a camera's readings contradict the others'
   kNoPosition,  // a mark is seen and has no position
   kMoved,       // a camera moved, drifts or is late, by Diagnose
   kScatter,     // readings scatter more than stated, likewise
@@ -95,6 +96,8 @@ class LiveWatch {
   std::vector<double> DarkSince(double t) const;
   void JudgeView(double t, std::size_t camera, std::size_t mark,
                  std::map<Key, LiveNotice>* found) const;
+  void JudgeLeftOut(double t, std::size_t camera, const std::vector<std::size_t>& shown,
+                    std::map<Key, LiveNotice>* found) const;
   std::string WordsOfView(std::size_t camera, std::size_t mark, NoticeKind* kind) const;
 
   const Triangulator& triangulator_;
@@ -102,6 +105,7 @@ class LiveWatch {
   WatchOptions options_;
   int enough_ = 1;
   std::vector<Run> unseen_, at_end_;  // camera x mark
+  std::vector<Run> left_out_;         // camera x mark, of samples with a position
   std::vector<LiveView> views_;       // camera x mark
   std::vector<Run> no_position_;      // by mark
   std::vector<data::SampleReason> reason_;

@@ -156,7 +156,8 @@ class LiveReadings : public ::testing::Test {
   static std::vector<LiveNotice> Views(const Told& told) {
     std::vector<LiveNotice> out;
     for (const LiveNotice& notice : told.notices) {
-      const bool view = notice.kind != NoticeKind::kNoPosition && notice.kind != NoticeKind::kMoved;
+      const bool view = notice.kind != NoticeKind::kNoPosition &&
+                        notice.kind != NoticeKind::kMoved && notice.kind != NoticeKind::kLeftOut;
       if (view) out.push_back(notice);
     }
     return out;
@@ -279,6 +280,28 @@ TEST_F(LiveReadings, ABumpedCameraIsNamedAndLeftOutFromThenOn) {
     const bool used = (all.used[i] >> harm.camera & 1U) != 0;
     EXPECT_FALSE(used && all.t[i] > moved[0].t) << all.t[i];
   }
+}
+
+// A camera that takes a lamp for the marks, from two seconds on, and for a second and a half. No
+// move and no lag explains it; it is told before anybody looks at the cameras' health, and no other
+// is blamed.
+TEST_F(LiveReadings, ACameraThatSeesSomethingElseIsToldInTime) {
+  data::TrialReadings readings = Clean();
+  constexpr int kCamera = 2;
+  for (std::size_t i = 0; i < readings.size(); ++i) {
+    double& u = readings.u_px[(i * 4 + kCamera) * readings.most];
+    if (!std::isnan(u) && readings.t[i] >= 2.0 && readings.t[i] < 3.5) u = 700.25;
+  }
+  const Told told = Follow(readings);
+  EXPECT_TRUE(told.Of(NoticeKind::kMoved).empty()) << Words(told.notices);
+  const std::vector<LiveNotice> out = told.Of(NoticeKind::kLeftOut);
+  ASSERT_EQ(out.size(), 2U) << Words(told.notices);
+  EXPECT_EQ(out[0].camera, kCamera);
+  EXPECT_EQ(out[0].mark, -1);
+  EXPECT_NEAR(out[0].since, 2.0, 0.1);  // a mark that passes by the lamp fits it
+  EXPECT_LT(out[0].t, 2.0 + 2.0 * kPatience);
+  EXPECT_FALSE(out[1].begins);
+  EXPECT_NEAR(out[1].t, 3.5, 0.2);
 }
 
 TEST_F(LiveReadings, TheSameHoweverTheyCome) {
