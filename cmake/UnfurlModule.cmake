@@ -77,7 +77,9 @@ function(unfurl_unity target largest)
     set_property(SOURCE ${folder}/${source} TARGET_DIRECTORY ${target} PROPERTY UNITY_GROUP ${group})
   endforeach()
   set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_MODE GROUP)
-  target_compile_options(${target} PRIVATE -Wno-shadow)  # a local of one file and a constant of another
+  target_compile_options(${target} PRIVATE -Wno-shadow  # a local of one file and a constant of another
+    # GCC looks for garbage from 2 GB on, which most never reach, and not from 128 MB on: a tenth of the time.
+    $<$<CXX_COMPILER_ID:GNU>:--param=ggc-min-heapsize=2000000>)
 endfunction()
 
 function(unfurl_module name)
