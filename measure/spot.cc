@@ -56,6 +56,7 @@ Spot GuessOf(const SpotPeak& p, const float* d) {
 void FitOnLight(std::span<const SpotPeak> peaks, const float* signal, const float* window, int from,
                 int to, double widest, const PixelNoise& noise, const SpotOptions& options,
                 std::span<Spot> spots) {
+  if (!(widest > 0.0)) return;
   const auto wide = [&](std::size_t i) { return GuessOf(peaks[i], signal).width_px > widest; };
   for (std::size_t i = 0; i < spots.size(); ++i) {
     if ((spots[i].flags & kSpotPoorFit) == 0 || wide(i)) continue;
@@ -231,10 +232,8 @@ void SpotFinder::Read(std::span<const std::uint16_t> line, std::size_t first, st
                          .dark_variance = dark_variance_};
   if (Fits()) {
     FitGaussians({w + from, static_cast<std::size_t>(to - from + 1)}, from, noise, options_, spots);
-    if (widest_ > 0.0 && spots.size() > 1) {
-      FitOnLight({&peaks_[first], spots.size()}, signal_.data(), w, from, to, widest_, noise,
-                 options_, spots);
-    }
+    FitOnLight({&peaks_[first], spots.size()}, signal_.data(), w, from, to, widest_, noise,
+               options_, spots);
   } else {
     for (std::size_t i = first; i < last; ++i) {
       const int low = std::max(from, peaks_[i].low - kSpotMargin);
