@@ -49,6 +49,29 @@ Spot GuessOf(const SpotPeak& p, const float* d) {
   return spot;
 }
 
+// Of spots that were fitted together and failed, those beside light that is too wide to be one: the
+// edge of a blind's shadow, say, which the baseline's sections are too long to follow, and which no
+// Gaussian fits. Over a spot's width that light is level, so it is fitted by itself. `window` and
+// `signal` are of the row's pixels, `from` and `to` the ends of the window.
+void FitOnLight(std::span<const SpotPeak> peaks, const float* signal, const float* window, int from,
+                int to, double widest, const PixelNoise& noise, const SpotOptions& options,
+                std::span<Spot> spots) {
+  if (!(widest > 0.0)) return;
+  const auto wide = [&](std::size_t i) { return GuessOf(peaks[i], signal).width_px > widest; };
+  for (std::size_t i = 0; i < spots.size(); ++i) {
+    if ((spots[i].flags & kSpotPoorFit) == 0 || wide(i)) continue;
+    const bool beside_spot = (i > 0 && !wide(i - 1)) || (i + 1 < spots.size() && !wide(i + 1));
+    if (beside_spot) continue;
+    const int low = std::max(from, peaks[i].low - kSpotMargin);
+    const int high = std::min(to, peaks[i].high + kSpotMargin);
+    Spot alone = GuessOf(peaks[i], signal);
+    alone.flags = static_cast<std::uint8_t>(spots[i].flags & ~kSpotPoorFit);
+    FitGaussian({window + low, static_cast<std::size_t>(high - low + 1)}, low, noise, options,
+                &alone);
+    spots[i] = alone;
+  }
+}
+
 // A pixel that is full before it is read, as it is where the converter's range ends with the well,
 // is read with the read noise: four sigmas below full scale in 3 of 100,000.
 int FullFrom(const data::LineFormat& format) {
@@ -209,6 +232,8 @@ void SpotFinder::Read(std::span<const std::uint16_t> line, std::size_t first, st
                          .dark_variance = dark_variance_};
   if (Fits()) {
     FitGaussians({w + from, static_cast<std::size_t>(to - from + 1)}, from, noise, options_, spots);
+    FitOnLight({&peaks_[first], spots.size()}, signal_.data(), w, from, to, widest_, noise,
+               options_, spots);
   } else {
     for (std::size_t i = first; i < last; ++i) {
       const int low = std::max(from, peaks_[i].low - kSpotMargin);
