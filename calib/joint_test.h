@@ -64,7 +64,7 @@ class JointTest {
   struct Amount {
     double value = 0.0, sigma = 0.0;  // [of the shape]; sigma is infinite for a zero shape
   };
-  Amount AmountOf(const Effect& shape) const;
+  Amount AmountOf(const Effect& shape) const;  ///< beside nothing else
   // The same with all of what causes do free, `freed` from Free.
   Amount AmountOf(const Effect& shape, const Eigen::MatrixXd& freed) const;
   // The amount of shape j that a test at `level` shows, and tells from every other column, nine
