@@ -7,10 +7,12 @@
 #include <cstdlib>
 #include <limits>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/dense.h"
 #include "base/error.h"
+#include "base/statistics.h"
 #include "calib/verdict.h"
 #include "calib/wand.h"
 #include "tests/calib/wand_fixtures.h"
@@ -206,6 +208,7 @@ struct Against {
   Tally shape, surveyed_shape;          // the same after the best rigid motion
   Tally distances, surveyed_distances;  // without any point
   int refused = 0;
+  std::string verdicts;  // of the last, with points and without
   void Add(const Waved& waved, const Observations& few, const Observations& survey,
            std::size_t cameras, const Reader& read, const Eigen::Matrix3Xd& check) {
     WandOptions options;
@@ -215,6 +218,7 @@ struct Against {
     const WandCalibration by_points = CalibrateWand(with.data, options, "wand");
     const WandCalibration bare = CalibrateWand(waved.data, options, "wand");
     refused += by_points.rig.verdict == kDoNotUse || bare.rig.verdict == kDoNotUse ? 1 : 0;
+    verdicts = by_points.rig.verdict + ", " + bare.rig.verdict;
     FoundPoints found = Find(by_points.rig, cameras, read, check);
     placed.AddPlaces(found);
     shape.AddShape(found);
@@ -285,6 +289,55 @@ TEST(WandStudy, AgainstTheSurveyThroughGlass) {
                 PointsInCube(100, 0.9, lab.rng.Stream("check")));
   }
   against.Judge("rays through glass", BarSigma());
+}
+
+// Laboratories of any kind, 4 to 8 cameras: ratios rig by rig, as one poor layout would drown all
+// others.
+TEST(WandStudy, AgainstTheSurveyInAnyLaboratory) {
+  Tally placed, distances;
+  std::vector<double> shapes, lengths;
+  const int first = Repeats("UNFURL_WAND_FIRST", 1), rigs = Repeats("UNFURL_WAND_REPEATS", 20);
+  for (int seed = first; seed < first + rigs; ++seed) {
+    const RandomWave random(static_cast<std::uint64_t>(seed));
+    TracedLab lab = random.traced;
+    lab.reading_sigma = 0.03;
+    if (lab.truth.cameras.size() < 4) continue;  // no reading is left over to check them
+    Wave wave{.poses = 500,
+              .length = 0.7 * random.half,
+              .length_sigma = BarSigma() * random.half,
+              .half = 0.8 * random.half};
+    wave.reading_sigma = lab.reading_sigma;
+    const Reader read = [&](std::size_t j, const Eigen::Vector3d& p, double* u) {
+      return lab.Read(j, p, u);
+    };
+    Against one;
+    one.Add(WaveBefore(lab, wave),
+            lab.Survey(PointsInCube(8, 0.9 * random.half, lab.rng.Stream("few"))), lab.Survey(200),
+            lab.truth.cameras.size(), read,
+            PointsInCube(200, 0.8 * random.half, lab.rng.Stream("check")));
+    if (!(one.distances.n > 0.0)) continue;  // no place that all cameras see
+    shapes.push_back(one.shape.Rms() / one.surveyed_shape.Rms());
+    lengths.push_back(one.distances.Rms() / one.surveyed_distances.Rms());
+    for (const auto& [from, to] : {std::pair{&one.placed, &placed}, {&one.distances, &distances}}) {
+      to->n += 1.0;  // each rig once, whatever number of places all its cameras see
+      to->nees += from->nees / from->n;
+      to->inside += from->inside / from->n;
+    }
+    std::printf(
+        "%3d: %zu cameras, shape %.3f, distances %.3f of the surveyed one's; coverage %.3f, %.3f, "
+        "NEES %.2f, %.2f; %s\n",
+        seed, lab.truth.cameras.size(), shapes.back(), lengths.back(),
+        one.placed.inside / one.placed.n, one.distances.inside / one.distances.n,
+        one.placed.nees / one.placed.n, one.distances.nees / one.distances.n, one.verdicts.c_str());
+    std::fflush(stdout);
+  }
+  ASSERT_FALSE(shapes.empty());
+  std::printf("shape: median %.3f, largest %.3f; distances: %.3f, %.3f; coverage %.3f, %.3f\n",
+              Median(shapes), Quantile(shapes, 1.0), Median(lengths), Quantile(lengths, 1.0),
+              placed.inside / placed.n, distances.inside / distances.n);
+  EXPECT_LT(Median(shapes), 1.5);
+  EXPECT_GT(placed.inside / placed.n, 0.9);
+  EXPECT_GT(distances.inside / distances.n, 0.9);
 }
 
 }  // namespace
