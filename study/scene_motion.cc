@@ -24,8 +24,8 @@ double RateFor(const correlate::Stamps& stamps) {
   return rate;
 }
 
-// Up to the next of steps that grow with it, so that a horizon that moves by a sample seldom crosses
-// one.
+// Up to the next of steps that grow with it, so that a horizon that moves by a sample seldom
+// crosses one.
 double RoundedUp(double duration) {
   constexpr double kStepsPerOctave = 64.0;  // a run is longer by 1.1% at most, 2^(1/64)
   return std::exp2(std::ceil(kStepsPerOctave * std::log2(duration)) / kStepsPerOctave);
@@ -74,6 +74,12 @@ class SceneMotion::Collector : public sim::Observer {
     }
   }
   void OnProgress(double) override { ThrowIfInterrupted(); }
+  // Energies lost and work done are sums over the way: they are columns of noughts in a run that
+  // was not asked to add them up.
+  bool WantsEnergy() const {
+    return std::any_of(out_.quantities_.begin(), out_.quantities_.end(),
+                       [](const data::Quantity& q) { return q.name.starts_with("energy."); });
+  }
 
  private:
   // Rates of turning, of all bodies, as long as there are no marks to look at.
@@ -97,9 +103,10 @@ SceneMotion::SceneMotion(const sim::Model& model, const MotionRequest& wanted, d
   sim::SimulateOptions simulate;
   simulate.rate = wanted.rate;
   simulate.rtol = rtol;
-  simulate.track_energy = simulate.track_forces = false;
   simulate.duration = wanted.duration;
   Collector collector(model, wanted, this);
+  simulate.track_energy = collector.WantsEnergy();
+  simulate.track_forces = false;
   const sim::SimulateReport report = sim::Simulate(model, simulate, &collector);
   if (!report.Usable()) {
     failure_ = report.message;

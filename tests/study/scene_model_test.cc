@@ -75,6 +75,36 @@ TEST_F(SceneModelTest, EditingTheSceneChangesNothingOnceItIsRead) {
   data::WriteTextFile(path_, kFalling);
 }
 
+// A rotor that a damper brakes: w = w0 e^(-c t / J), and what the damper took is
+// J w0^2 (1 - e^(-2 c t / J)) / 2. It was a column of noughts.
+TEST_F(SceneModelTest, EnergiesLostAreAddedUpWhereTheyAreAskedFor) {
+  constexpr double kInertia = 0.5, kRate = 3.0, kDamping = 0.2;
+  data::WriteTextFile(path_,
+                      "[scene]\nname = \"rotor\"\nduration = 1.0\n"
+                      "[body.rotor]\nmass = 1.0\ninertia = 0.5\n"
+                      "[joint.hinge]\ninner = \"ground\"\nouter = \"rotor\"\ntheta_rate = 3.0\n"
+                      "[joint.hinge.damper]\ndamping = 0.1\n");
+  const std::vector<double> theta = {kDamping};
+  const SceneModel model(Options({{"joint.hinge.damper.damping"}}), theta);
+  correlate::Stamps stamps;
+  const std::vector<double> t = {0.1, 0.4, 0.9};
+  for (const char* name : {"energy.dissipated_dampers", "energy.residual", "hinge.theta_rate"}) {
+    correlate::QuantityStamps& asked = stamps.quantities.emplace_back();
+    asked.key = asked.quantity = name;
+    asked.t = t;
+  }
+  const correlate::Prediction p = model.Evaluate(theta, stamps);
+  ASSERT_EQ(p.status, correlate::ModelStatus::kGood) << p.message;
+  constexpr double kEnergy = 0.5 * kInertia * kRate * kRate;
+  for (std::size_t i = 0; i < t.size(); ++i) {
+    const auto k = static_cast<Eigen::Index>(i);
+    const double left = std::exp(-kDamping * t[i] / kInertia);
+    EXPECT_NEAR(p.quantities[0].values(k), kEnergy * (1.0 - left * left), 1e-6) << t[i];
+    EXPECT_NEAR(p.quantities[1].values(k), 0.0, 1e-6) << t[i];
+    EXPECT_NEAR(p.quantities[2].values(k), kRate * left, 1e-6) << t[i];
+  }
+}
+
 // A motion that is kept, asked at stamps that a clock has moved, is the one that a model of its own
 // computes, to the last bit.
 TEST_F(SceneModelTest, MovedStampsAreAnsweredByTheSameMotion) {
