@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/dense.h"
+#include "base/worker_pool.h"
 #include "correlate/fit/noise_contrasts.h"
 #include "correlate/residual/row_layout.h"
 
@@ -182,17 +183,23 @@ Eigen::MatrixXd DoubtOfNoise(const NoiseDoubtInput& in) {
       of.insert(of.end(), places[s].begin(), places[s].end());
     }
     const Eigen::MatrixXd found = gram(other, of);
-    for (const LikelyNoise& one : group.likely) {
-      for (std::size_t s : group.series) other.series[s] = one.noise;
-      const Eigen::MatrixXd change = gram(other, of) - found;
+    // Each by itself, on all cores; added in their order, so that the sum is the same on any
+    // number.
+    std::vector<Eigen::MatrixXd> adds(group.likely.size());
+    ParallelFor(group.likely.size(), 0, [&](std::size_t i) {
+      const LikelyNoise& one = group.likely[i];
+      SeriesNoise its = other;
+      for (std::size_t s : group.series) its.series[s] = one.noise;
+      const Eigen::MatrixXd change = gram(its, of) - found;
       Eigen::MatrixXd normal = *in.normal, open;
       normal(in.place, in.place) += change.topLeftCorner(own, own);
       Eigen::VectorXd gradient = Eigen::VectorXd::Zero(n);  // 0 by the noise found
       gradient(in.place) = change.col(own).head(own);
       const Eigen::MatrixXd covariance = InverseOfNormal(normal, &open);
       const Eigen::VectorXd shift = covariance * gradient;
-      sum += one.weight * (covariance - *in.covariance + shift * shift.transpose());
-    }
+      adds[i] = one.weight * (covariance - *in.covariance + shift * shift.transpose());
+    });
+    for (const Eigen::MatrixXd& one : adds) sum += one;
   }
   return Positive(sum, *in.covariance);
 }
