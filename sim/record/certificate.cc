@@ -37,9 +37,13 @@ double RichardsonFactor(double own, double other, double power) {
   return 1.0 / std::fabs(1.0 - std::pow(own / other, power));
 }
 
+double DurationOf(const SimulateOptions& options, const Model& model) {
+  return options.duration > 0.0 ? options.duration : model.duration;
+}
+
 // The longest step, or the usual one between edges where these are closer [s].
 double UsualLongestStep(const SimulateOptions& options, const Model& model) {
-  const double duration = options.duration > 0.0 ? options.duration : model.duration;
+  const double duration = DurationOf(options, model);
   const auto parts = static_cast<double>(Edges(model, duration).count() + 1);
   return std::min(LongestStep(options, model), duration / parts);
 }
@@ -52,13 +56,10 @@ bool HalvesSegments(const data::Scene& scene) {
   });
 }
 
-// Whether one is NAME.x and the other NAME.y.
-bool IsOtherCoordinate(const std::string& name, const std::string& other) {
-  const std::size_t dot = name.rfind('.');
-  if (dot == std::string::npos || other.compare(0, dot + 1, name, 0, dot + 1) != 0) return false;
-  const std::string_view a = std::string_view(name).substr(dot + 1),
-                         b = std::string_view(other).substr(dot + 1);
-  return (a == "x" && b == "y") || (a == "y" && b == "x");
+double RootMeanSquare(const std::vector<double>& values) {
+  double sum = 0.0;
+  for (const double value : values) sum += value * value;
+  return values.empty() ? 0.0 : std::sqrt(sum / static_cast<double>(values.size()));
 }
 
 bool IsDefault(const std::string& name, const data::Scene& scene) {
@@ -138,14 +139,17 @@ std::shared_ptr<Certificate> Certificate::Make(const data::Scene& scene,
   }
   for (std::size_t j = 0; j < model->joints.size(); ++j) {
     const Model::Joint& joint = model->joints[j];
-    out->loads_.push_back({joint.name + ".peak_pin_force", "N", false, j});
+    out->loads_.push_back(
+        {joint.name + ".peak_pin_force", "N", false, j, joint.name + ".pin_force"});
     if (joint.latch < 0) continue;
     const auto latch = static_cast<std::size_t>(joint.latch);
-    out->loads_.push_back({joint.name + ".peak_moment", "N m", true, latch});
+    out->loads_.push_back(
+        {joint.name + ".peak_moment", "N m", true, latch, joint.name + ".contact_moment"});
   }
-  out->floor_angle_ = kPromised * ToleranceOf(options);
-  out->floor_length_ =
-      out->floor_angle_ * (options.length > 0.0 ? options.length : model->length_scale);
+  out->names_ = certify.quantities;
+  out->promised_ = kPromised * ToleranceOf(options);
+  out->length_ = options.length > 0.0 ? options.length : model->length_scale;
+  out->duration_ = DurationOf(options, *model);
   SimulateOptions tighter = options;
   tighter.rtol = TighterTolerance(options.rtol);
   // Of the difference, 1 - 0.1 is the run's own error; the method of `auto` may differ, which is as
@@ -189,26 +193,39 @@ void Certificate::Bind(std::vector<data::Quantity>* quantities) {
   errors_.assign(quantities->size() - before, 0.0);
   least_.assign(certified_.size(), HUGE_VAL);
   most_.assign(certified_.size(), -HUGE_VAL);
+  moments_.assign(certified_.size(), {});
+  for (Moments& moments : moments_) moments.errors.assign(companions_.size(), 0.0);
   samples_ = 0;
 }
 
 const std::vector<double>& Certificate::Add(std::span<const double> row) {
   std::size_t at = 0;
-  for (const Companion& companion : companions_) {
+  for (std::size_t k = 0; k < companions_.size(); ++k) {
+    const Companion& companion = companions_[k];
     for (std::size_t i = 0; i < certified_.size(); ++i) {
       if (column_[i] < 0) continue;
       const std::vector<double>& other = companion.columns[i];
       const double value = row[static_cast<std::size_t>(column_[i])];
       if (samples_ < other.size()) {
-        errors_[at] =
-            std::max(errors_[at], kCaution * companion.factor * std::fabs(value - other[samples_]));
+        const double error = kCaution * companion.factor * std::fabs(value - other[samples_]);
+        errors_[at] = std::max(errors_[at], error);
+        moments_[i].errors[k] += error * error;
       }
-      least_[i] = std::min(least_[i], value);
-      most_[i] = std::max(most_[i], value);
       ++at;
     }
   }
   ++samples_;
+  for (std::size_t i = 0; i < certified_.size(); ++i) {
+    if (column_[i] < 0) continue;
+    const double value = row[static_cast<std::size_t>(column_[i])];
+    least_[i] = std::min(least_[i], value);
+    most_[i] = std::max(most_[i], value);
+    Moments& moments = moments_[i];
+    const double from = value - moments.mean;
+    moments.mean += from / static_cast<double>(samples_);
+    moments.squares += from * (value - moments.mean);
+    moments.largest = std::max(moments.largest, std::fabs(value));
+  }
   return errors_;
 }
 
@@ -225,44 +242,35 @@ std::vector<Certificate::Line> Certificate::Lines() const {
   return lines;
 }
 
-std::string Certificate::Doubt() const {
-  const std::vector<Line> lines = Lines();
-  const auto size_of = [&](const Line& line) {
-    if (line.units == "rad") return std::max(line.range, floor_angle_);
-    if (line.units != "m") return HUGE_VAL;
-    double size = std::max(line.range, floor_length_);
-    for (const Line& other : lines) {
-      if (IsOtherCoordinate(line.name, other.name)) size = std::max(size, other.range);
-    }
-    return size;
-  };
-  const Line* worst = nullptr;
-  double most = 1.0;
-  for (const Line& line : lines) {
-    const double size = size_of(line);
-    if (!(line.time + line.mesh > most * size)) continue;
-    most = (line.time + line.mesh) / size;
-    worst = &line;
-  }
-  if (worst == nullptr) return {};
-  const bool mesh = worst->mesh > worst->time;
-  return fmt::format("the {} leaves {} uncertain by {:.2g} {}, {:.0f}% of all that it does; {}",
-                     mesh ? "mesh" : "tolerance", worst->name, worst->time + worst->mesh,
-                     worst->units, 100.0 * most,
-                     mesh ? "use more segments or a higher order" : "use a smaller rtol");
-}
-
 std::vector<Certificate::Line> Certificate::LoadLines(const SimulateReport& run) const {
   std::vector<Line> lines;
-  for (std::size_t k = 0; k < loads_.size() && !companions_.empty(); ++k) {
-    const double value = loads_[k].Of(run);
-    const auto error = [&](const Companion& companion) {
-      return kCaution * companion.factor * std::fabs(value - companion.loads[k]);
-    };
+  if (companions_.empty()) return lines;
+  const auto apart = [&](const Load& load, std::size_t companion) {
+    return std::fabs(load.Of(run) - companions_[companion].loads[&load - loads_.data()]);
+  };
+  const bool struck = std::any_of(loads_.begin(), loads_.end(), [&](const Load& load) {
+    return load.contact && load.Of(run) > 0.0;
+  });
+  // Two meshes may agree on one load by chance.
+  double usual[] = {0.0, 0.0};
+  for (int contact = 0; struck && companions_.size() > 1 && contact < 2; ++contact) {
+    std::vector<double> parts;
+    for (const Load& load : loads_) {
+      if (load.contact != (contact == 1) || !(load.Of(run) > 0.0)) continue;
+      parts.push_back(std::min(apart(load, 1) / load.Of(run), 1.0));
+    }
+    usual[contact] = RootMeanSquare(parts);
+  }
+  for (const Load& load : loads_) {
+    const double value = load.Of(run);
     // Both may have missed their peak's very top.
-    const double time = std::max(error(companions_[0]), kPeakFound * value);
-    Line line{loads_[k].name, loads_[k].units, time, 0.0, value};
-    if (companions_.size() > 1) line.mesh = error(companions_[1]);
+    const double time =
+        std::max(kCaution * companions_[0].factor * apart(load, 0), kPeakFound * value);
+    Line line{load.name, load.units, time, 0.0, value};
+    if (companions_.size() > 1) {
+      const double factor = struck ? std::max(companions_[1].factor, 1.0) : companions_[1].factor;
+      line.mesh = kCaution * std::max(factor * apart(load, 1), usual[load.contact ? 1 : 0] * value);
+    }
     lines.push_back(line);
   }
   return lines;

@@ -55,18 +55,40 @@ class Certificate {
 
   /// After the run.
   std::vector<Line> Lines() const;
-  /// Why the run cannot be used, of the quantity that is worst off; empty: it can. Where the error
-  /// that is stated is larger than all that a position or an angle does, nothing is known of it:
-  /// larger than its range, or of a mark the longer one of its two coordinates. What moves by less
-  /// than ten tolerances is known to do that. Nothing else is judged: velocities and loads jump at
-  /// impacts, and an impact that is late by an instant is wrong by all of its jump.
-  std::string Doubt() const;
   /// Of its largest loads, JOINT.peak_pin_force and JOINT.peak_moment, wherever in time companions
   /// have theirs, and no less than a thousandth, as peaks are looked for; `range` is the load
-  /// itself. Loads of an impact change by more than motions do.
+  /// itself. Loads of an impact change by more than motions do, and by no power of the mesh: where
+  /// latches were struck the mesh's part is the whole difference, and no less a part of the load
+  /// than it is of the loads of its kind (root mean square).
   std::vector<Line> LoadLines(const SimulateReport& run) const;
 
+  /// What a certificate leaves unknown: where the error that is stated is larger than all that a
+  /// quantity does. Of a position or an angle that is its range, or of a mark the longer one of its
+  /// two coordinates; of a peak load the load. Velocities, loads and energies in time jump at
+  /// impacts, and an impact that is late by an instant is wrong by all of its jump: of these the
+  /// error's root mean square against that of the quantity about its mean. What does less than ten
+  /// tolerances is known to do that.
+  struct Unknown {
+    std::string name;
+    std::string text;      ///< "tip.x uncertain by 0.3 m, 120% of all that it does"
+    std::string remedy;    ///< "use a smaller rtol"
+    bool mesh = false;     ///< the larger part is the mesh's, else the tolerance's
+    bool decides = false;  ///< the run is of no use: a position, an angle, what was named in full
+    double part = 0.0;     ///< error over what it does [-]
+  };
+  /// The worst first.
+  std::vector<Unknown> Unknowns(const SimulateReport& run) const;
+  /// One line of why the run cannot be used, of the worst that decides; empty: it can.
+  std::string Doubt(const SimulateReport& run) const;
+  /// One line of what else is not known, the worst by its name; empty: nothing.
+  std::string Warning(const SimulateReport& run) const;
+
  private:
+  // Of one quantity in time: Welford's moments, and the error's square.
+  struct Moments {
+    double mean = 0.0, squares = 0.0, largest = 0.0;  // [units], [units^2], [units]
+    std::vector<double> errors;                       // by companion, sums of squares [units^2]
+  };
   struct Load {
     std::string name, units;
     bool contact;        // of a latch, else of a pin
@@ -75,6 +97,7 @@ class Certificate {
       const std::vector<double>& peaks = contact ? report.peak_moment : report.peak_pin_force;
       return number < peaks.size() ? peaks[number] : 0.0;
     }
+    std::string in_time;  // the quantity that has it in time
   };
   struct Companion {
     std::vector<std::vector<double>> columns;  // by certified quantity, one value a sample [units]
@@ -84,14 +107,23 @@ class Certificate {
   // False, with problem() set, where the companion is not usable.
   bool Run(const data::Scene& scene, const SimulateOptions& options, double factor,
            const CertifyOptions& certify, const char* label);
+  double LeastOf(const data::Quantity& quantity, const SimulateReport& run) const;
+  double LoadScale(const char* units, const SimulateReport& run) const;
+  void JudgePlaces(std::vector<Unknown>* out) const;
+  void JudgeInTime(const SimulateReport& run, std::vector<Unknown>* out) const;
+  void JudgeLoads(const SimulateReport& run, std::vector<Unknown>* out) const;
+  bool Named(const std::string& name) const;
 
   std::string problem_, mesh_;
   std::vector<data::Quantity> certified_;
-  double floor_length_ = 0.0, floor_angle_ = 0.0;  // ten tolerances [m], [rad]
+  std::vector<std::string> names_;  // CertifyOptions::quantities
+  // Ten tolerances, below which nothing is promised [-]; and what they are tolerances of.
+  double promised_ = 0.0, length_ = 0.0, duration_ = 0.0;  // [m], [s]
   std::vector<Load> loads_;
   std::vector<Companion> companions_;          // tolerance, then mesh
   std::vector<int> column_;                    // in the run's row, by certified quantity
   std::vector<double> errors_, least_, most_;  // [units]
+  std::vector<Moments> moments_;               // by certified quantity
   std::size_t samples_ = 0;
 };
 

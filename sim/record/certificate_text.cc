@@ -62,6 +62,8 @@ std::string CertificateText(const Certificate& certificate, const SimulateReport
   (*json)["certificate"] = {{"mesh", certificate.mesh()},
                             {"errors", ErrorsJson(lines, "range")},
                             {"loads", ErrorsJson(loads, "value")}};
+  ordered_json& unknown = (*json)["certificate"]["not_known"] = ordered_json::array();
+  for (const Certificate::Unknown& one : certificate.Unknowns(report)) unknown.push_back(one.name);
   std::string text = "numerical error, estimated";
   if (!certificate.mesh().empty()) text += ", the mesh's by " + certificate.mesh();
   text += ":\n" + ErrorsTable(lines, "  quantity", "of its range");

@@ -91,8 +91,10 @@ void Run(RunRecorder* recorder, const RecordOptions& options, Recording* out) {
   out->status = StatusName(out->report.status);
   out->message = out->report.message;
   if (!out->Usable() || !options.certificate) return;
-  out->message = options.certificate->Doubt();
+  out->message = options.certificate->Doubt(out->report);
   if (!out->message.empty()) out->status = kNotCertified;
+  const std::string warning = options.certificate->Warning(out->report);
+  if (!warning.empty()) out->report.warnings.push_back(warning);
 }
 
 void RunIntoFile(const std::string& path, const RecordOptions& options,
