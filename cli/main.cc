@@ -7,6 +7,7 @@
 #include <new>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <system_error>
 #include <vector>
 
@@ -21,7 +22,8 @@ namespace {
 using unfurl::cli::Verb;
 
 constexpr char kFooter[] =
-    "To begin: unfurl new boom (or wing, rig, trial, study) makes a commented start that runs.\n\n"
+    "To begin: unfurl new boom (or wing, rig, trial, study, campaign) makes a commented start that "
+    "runs.\n\n"
     "The main job, in order:\n"
     "  unfurl simulate scene.toml -o run.h5               the deployment\n"
     "  unfurl expose --survey points.csv --lab lab.toml   a virtual survey, where there is no real "
@@ -36,6 +38,14 @@ constexpr char kFooter[] =
     "`unfurl help VERB` lists the options of a verb and gives an example; `unfurl doctor` tells "
     "what\n"
     "this machine lacks.";
+
+// The library says "option rate" of what is typed as --rate.
+unfurl::Error AsTyped(const unfurl::Error& error) {
+  constexpr std::string_view kOption = "option ";
+  if (!error.where().starts_with(kOption)) return error;
+  return {error.problem(), "--" + error.where().substr(kOption.size()), error.remedy(),
+          error.kind()};
+}
 
 std::string CommandLine(int argc, char** argv) {
   std::string line = "unfurl";
@@ -74,8 +84,8 @@ int Run(int argc, char** argv) {
   }
 
   if (argc < 2) {
-    std::fputs(program.help().c_str(), stdout);
-    return unfurl::kExitBadInput;
+    std::fputs(program.help("unfurl").c_str(), stdout);
+    throw unfurl::Error("names no verb", "command line", "see above; `unfurl new boom` begins");
   }
   if (argv[1] == std::string("help")) {
     unfurl::cli::PrintHelp(program, verbs, argc, argv);
@@ -90,6 +100,7 @@ int Run(int argc, char** argv) {
   }
   for (const Verb& verb : verbs) {
     if (!verb.app->parsed()) continue;
+    unfurl::cli::RefuseNegative(verb);
     verb.files->Prepare();
     const int code = verb.run();
     const std::string printed = verb.files->Print();
@@ -118,7 +129,7 @@ int main(int argc, char** argv) {
   try {
     code = Run(argc, argv);
   } catch (const unfurl::Error& error) {
-    Complain(error.what());
+    Complain(AsTyped(error).what());
     code =
         error.kind() == unfurl::ErrorKind::kMachine ? unfurl::kExitMachine : unfurl::kExitBadInput;
   } catch (const unfurl::Interrupted&) {
@@ -138,7 +149,9 @@ int main(int argc, char** argv) {
       Complain("internal error: " + what + "; please report it with the command that you typed");
     }
   }
-  if (std::fflush(stdout) != 0 && code == unfurl::kExitGood) {
+  // What was lost before the last piece is only remembered: an output of more than one buffer.
+  const bool lost = std::fflush(stdout) != 0 || std::ferror(stdout) != 0;
+  if (lost && code == unfurl::kExitGood) {
     Complain("standard output: cannot write; free some space or redirect it elsewhere");
     code = unfurl::kExitMachine;
   }

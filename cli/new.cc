@@ -110,6 +110,10 @@ void WriteAll(const Start& start, const fs::path& folder) {
                 "name another folder: unfurl new " + std::string(start.kind) + " FOLDER");
   }
   std::error_code failed;
+  if (fs::exists(folder, failed) && !fs::is_directory(folder, failed)) {
+    throw Error("is a file, where a folder is to be made", folder.string(),
+                "name another folder: unfurl new " + std::string(start.kind) + " FOLDER");
+  }
   const bool made = fs::create_directories(folder, failed);
   if (failed) {
     throw Error("cannot be made: " + failed.message(), folder.string(), "name another folder",

@@ -14,7 +14,8 @@ namespace {
 constexpr char kWhere[] = "command line";
 
 Error UnknownVerb(const std::vector<Verb>& verbs, const std::string& name) {
-  std::vector<std::string> known = {"help"};
+  std::vector<std::string> known;
+  if (name != "help") known.emplace_back("help");
   for (const Verb& verb : verbs) known.push_back(verb.app->get_name());
   const std::string nearest = NearestName(name, known);
   return {fmt::format("there is no verb '{}'", name), kWhere,
@@ -31,14 +32,14 @@ const Verb* FindVerb(const std::vector<Verb>& verbs, const std::string& name) {
 
 std::string HelpOf(const Verb& verb) { return "see `unfurl " + verb.app->get_name() + " --help`"; }
 
-// Long and short names as they are typed.
-std::vector<std::string> NamesOf(const CLI::App& app) {
+// The long option that was most likely meant, as it is typed; its dashes make no likeness.
+std::string NearestOption(const CLI::App& app, const std::string& unknown) {
   std::vector<std::string> names;
   for (const CLI::Option* option : app.get_options()) {
-    for (const std::string& name : option->get_lnames()) names.push_back("--" + name);
-    for (const std::string& name : option->get_snames()) names.push_back("-" + name);
+    for (const std::string& name : option->get_lnames()) names.push_back(name);
   }
-  return names;
+  const std::string nearest = NearestName(unknown.substr(2), names);
+  return nearest.empty() ? nearest : "--" + nearest;
 }
 
 // The first option that the verb does not have; empty: it has all. Such an option leaves its value
@@ -91,7 +92,58 @@ Error WrongValue(const Verb& verb, const CLI::Error& error) {
           RemedyFor(value, *option)};
 }
 
+// A value outside of an option's range. CLI11 says "NAME: Value VALUE not in range LOW to HIGH",
+// with 309 digits where there is no bound, and the same of a value that is no number.
+Error OutOfRange(const Verb& verb, const CLI::Error& error) {
+  const std::string text = error.what();
+  const std::string value_mark = ": Value ", range_mark = " not in range ";
+  const std::size_t at = text.find(value_mark), range = text.find(range_mark);
+  if (at == std::string::npos || range == std::string::npos) return {text, kWhere, HelpOf(verb)};
+  const std::string name = text.substr(0, at);
+  const std::string value = text.substr(at + value_mark.size(), range - at - value_mark.size());
+  const CLI::Option* option = verb.app->get_option_no_throw(name);
+  if (option == nullptr) return {text, kWhere, HelpOf(verb)};
+  double number = 0.0;
+  if (!ParseDouble(value, &number)) {
+    return {fmt::format("{} takes a number, not '{}'", name, value), kWhere,
+            RemedyFor(value, *option)};
+  }
+  const std::string type = option->get_type_name();
+  const std::string bounds = text.substr(range + range_mark.size());
+  const char* wanted = type.find("POSITIVE") != std::string::npos      ? "a number above 0"
+                       : type.find("NONNEGATIVE") != std::string::npos ? "0 or more"
+                                                                       : nullptr;
+  return {
+      fmt::format("{} cannot be {}", name, value), kWhere,
+      fmt::format("give {}: {}", wanted != nullptr ? wanted : bounds, option->get_description())};
+}
+
+// "-duration": an option of one dash, which CLI11 takes for letters of options.
+std::string OneDash(const Verb& verb, int argc, char** argv) {
+  for (int i = 2; i < argc; ++i) {
+    const std::string name = std::string(argv[i]).substr(0, std::string(argv[i]).find('='));
+    if (name == "--") break;
+    if (name.size() > 2 && name[0] == '-' && name[1] != '-' &&
+        verb.app->get_option_no_throw("-" + name) != nullptr) {
+      return name;
+    }
+  }
+  return {};
+}
+
 }  // namespace
+
+void RefuseNegative(const Verb& verb) {
+  for (const CLI::Option* option : verb.app->get_options()) {
+    if (option->get_type_name().find("UINT") == std::string::npos) continue;
+    for (const std::string& value : option->results()) {
+      if (!value.starts_with('-')) continue;
+      throw Error(
+          fmt::format("{} takes a whole number from 0, not '{}'", option->get_name(), value),
+          kWhere, HelpOf(verb));
+    }
+  }
+}
 
 void PrintHelp(const CLI::App& program, const std::vector<Verb>& verbs, int argc, char** argv) {
   if (argc < 3) {
@@ -112,12 +164,20 @@ Error UsageError(const std::vector<Verb>& verbs, int argc, char** argv, const CL
   }
   const std::string unknown = UnknownOption(*verb, argc, argv);
   if (!unknown.empty()) {
-    const std::string nearest = NearestName(unknown, NamesOf(*verb->app));
+    const std::string nearest = NearestOption(*verb->app, unknown);
     return {fmt::format("`unfurl {}` has no option {}", first, unknown), kWhere,
             (nearest.empty() ? "" : "did you mean " + nearest + "? ") + HelpOf(*verb)};
   }
   if (dynamic_cast<const CLI::ConversionError*>(&error) != nullptr) {
     return WrongValue(*verb, error);
+  }
+  if (dynamic_cast<const CLI::ValidationError*>(&error) != nullptr) {
+    return OutOfRange(*verb, error);
+  }
+  const std::string one_dash = OneDash(*verb, argc, argv);
+  if (!one_dash.empty()) {
+    return {fmt::format("`unfurl {}` has no option {}", first, one_dash), kWhere,
+            "did you mean -" + one_dash + "? " + HelpOf(*verb)};
   }
   return {error.what(), kWhere, HelpOf(*verb)};
 }

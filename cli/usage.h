@@ -15,6 +15,9 @@ namespace unfurl::cli {
 // none.
 void PrintHelp(const CLI::App& program, const std::vector<Verb>& verbs, int argc, char** argv);
 
+// Throws Error for a number below 0 where none can be: CLI11 takes -1 for the largest number.
+void RefuseNegative(const Verb& verb);
+
 // What is wrong with a command line that could not be parsed, and what was most likely meant.
 Error UsageError(const std::vector<Verb>& verbs, int argc, char** argv, const CLI::Error& error);
 

@@ -4,9 +4,12 @@
 #include <sys/stat.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <array>
+#include <cctype>
 #include <filesystem>
 #include <fstream>
+#include <initializer_list>
 #include <limits>
 #include <map>
 #include <stdexcept>
@@ -71,6 +74,42 @@ bool MadeBy(const std::string& path, const std::string& verb) {
   }
   data::ForgetInput(path);  // was looked at, and may be replaced
   return made;
+}
+
+// Forms that people know by their endings; a file of another form under such a name is opened by
+// the wrong program, or by none.
+constexpr std::array<std::string_view, 16> kKnownEndings = {
+    ".h5",   ".hdf5", ".csv", ".tsv", ".txt", ".xlsx", ".mat", ".toml",
+    ".html", ".htm",  ".pdf", ".png", ".jpg", ".svg",  ".c3d", ".uff"};
+
+std::string EndingOf(const std::string& path) {
+  std::string ending = fs::path(path).extension().string();
+  for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return ending;
+}
+
+// Throws Error where the name says another form than the one that is written, `own`.
+void CheckEnding(const std::string& option, const std::string& path,
+                 std::initializer_list<std::string_view> own, const std::string& remedy) {
+  const std::string ending = EndingOf(path);
+  if (std::find(own.begin(), own.end(), ending) != own.end() ||
+      std::find(kKnownEndings.begin(), kKnownEndings.end(), ending) == kKnownEndings.end()) {
+    return;
+  }
+  throw Error(fmt::format("{} writes {}, and the name says {}", option, *own.begin(), ending), path,
+              remedy);
+}
+
+// Throws Error where a file cannot be written, as far as that can be told before the work.
+void CheckPlace(const std::string& option, const std::string& path) {
+  std::error_code ignored;
+  const std::string parent = fs::path(path).parent_path().string();
+  if (fs::is_directory(path, ignored)) {
+    throw Error("is a folder, not a file", path, "name a file with " + option);
+  }
+  if (!parent.empty() && !fs::is_directory(parent, ignored)) {
+    throw Error("no such folder: " + parent, path, "make it, or name another file with " + option);
+  }
 }
 
 std::string NameOf(const CLI::Option* option) {
@@ -169,6 +208,13 @@ std::vector<std::string> VerbFiles::Path::Files() const {
 }
 
 void VerbFiles::Prepare() const {
+  // A variable of a shell that is not set gives an empty name, which would count as not given.
+  for (const CLI::Option* option : app_->get_options()) {
+    for (const std::string& value : option->results()) {
+      if (!value.empty() || option->get_expected_max() == 0) continue;
+      throw Error("is given, and empty", NameOf(option), "give a value, or leave it out");
+    }
+  }
   std::vector<std::string> by_default;
   for (const Default& output : defaults_) {
     if (!output.path->empty()) continue;
@@ -200,6 +246,18 @@ void VerbFiles::Prepare() const {
   for (const Path& output : outputs_) {
     if (output.replaces_others || output.path->empty()) continue;
     for (const std::string& file : output.Files()) CheckMadeHere(file, "name another folder");
+  }
+  for (const Path& output : outputs_) {
+    if (!output.names && !output.path->empty()) CheckPlace(output.option, *output.path);
+  }
+  for (const Default& output : defaults_) {
+    if (EndingOf(output.name()) != ".h5") continue;
+    CheckEnding(output.option, *output.path, {".h5", ".hdf5"},
+                "end it in .h5; `unfurl convert` makes other forms of it");
+  }
+  if (page_ != nullptr && EndingOf(*page_) == ".pdf") {
+    throw Error("--report writes HTML, and the name says .pdf", *page_,
+                "give --report PAGE.html --pdf PAGE.pdf");
   }
   if (!pdf_.empty()) {
     if (page_->empty()) {

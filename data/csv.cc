@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <numeric>
 #include <set>
@@ -77,6 +78,35 @@ void RefuseOtherSeparators(const std::vector<std::string>& cells, const std::str
   }
 }
 
+// A table whose first line is data would lose a row and be told of columns named "0.31". Whole
+// numbers may be names, as of marks 1 to 4 beside a column of time.
+void RefuseNumbersAsHeader(const std::vector<std::string>& cells, const std::string& where) {
+  std::size_t numbers = 0, fractions = 0;
+  for (const std::string& cell : cells) {
+    double value = 0.0;
+    if (!ParseDouble(cell, &value)) continue;
+    ++numbers;
+    fractions += value != std::floor(value) ? 1 : 0;
+  }
+  const bool data = numbers == cells.size() || (fractions > 0 && 2 * numbers > cells.size());
+  if (!data) return;
+  throw Error("holds numbers, where the header is looked for", where,
+              "begin with a line of the columns' names and units, as docs/formats.md shows");
+}
+
+// The column that differs from a name by capitals only: names are told apart by them.
+std::string OtherCase(const std::vector<CsvColumn>& columns, std::string_view name) {
+  const auto lower = [](std::string_view text) {
+    std::string out(text);
+    for (char& c : out) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    return out;
+  };
+  for (const CsvColumn& column : columns) {
+    if (lower(column.name) == lower(name)) return column.name;
+  }
+  return {};
+}
+
 }  // namespace
 
 std::string CsvCell(const std::string& text) {
@@ -96,6 +126,9 @@ CsvTable CsvTable::Load(const std::string& path) {
   CsvTable table;
   table.path_ = path;
   const std::string text = ReadTextFile(path);
+  if (text.starts_with("\xff\xfe") || text.starts_with("\xfe\xff")) {
+    throw Error("is UTF-16 text", path, "save it as UTF-8, in a spreadsheet \"CSV UTF-8\"");
+  }
   if (text.find('\0') != std::string::npos) {
     throw Error("is not a text file", path, "give a CSV file with a header line");
   }
@@ -113,13 +146,17 @@ CsvTable CsvTable::Load(const std::string& path) {
     std::vector<std::string> cells = CellsOf(content, where);
     if (table.columns_.empty()) {
       RefuseOtherSeparators(cells, where);
+      RefuseNumbersAsHeader(cells, where);
       std::set<std::string> names;
       for (const std::string& cell : cells) {
         const CsvColumn column = ParseHeaderCell(cell);
         if (column.name.empty() || !names.insert(column.name).second) {
           throw Error(fmt::format("column '{}' is {}", column.name,
                                   column.name.empty() ? "nameless" : "there twice"),
-                      where, "give each column a name of its own");
+                      where,
+                      cell.empty() && &cell == &cells.back()
+                          ? "take the comma at the end of each line away, or name the column"
+                          : "give each column a name of its own");
         }
         table.columns_.push_back(column);
       }
@@ -149,8 +186,11 @@ int CsvTable::Find(std::string_view name) const {
 int CsvTable::Require(std::string_view name, std::string_view unit) const {
   const int column = Find(name);
   if (column < 0) {
+    const std::string other = OtherCase(columns_, name);
     throw Error(fmt::format("has no column '{}'", name), path_,
-                fmt::format("add it to the header{}",
+                fmt::format("{}{}",
+                            other.empty() ? "add it to the header"
+                                          : fmt::format("rename the column '{}'", other),
                             unit.empty() ? "" : fmt::format(" as '{} [{}]'", name, unit)));
   }
   const std::string& given = columns_[static_cast<std::size_t>(column)].unit;

@@ -72,6 +72,25 @@ Extent ExtentOf(hid_t dataset, hid_t properties) {
 
 }  // namespace
 
+std::string H5SchemaWords(const std::string& schema) {
+  struct Words {
+    const char *schema, *words;
+  };
+  constexpr Words kWords[] = {
+      {"unfurl/run", "a run (of `unfurl simulate`)"},
+      {"unfurl/modes", "a file of modes (of `unfurl modes`)"},
+      {"unfurl/survey", "a survey (of `unfurl expose --survey` or `unfurl convert`)"},
+      {"unfurl/trial", "a trial (of `unfurl convert` or `unfurl expose`)"},
+      {"unfurl/rig", "a rig (of `unfurl calibrate`)"},
+      {"unfurl/tracks", "tracks (of `unfurl reconstruct`)"},
+      {"unfurl/fit", "a fit (of `unfurl fit`)"},
+      {"unfurl/campaign", "a campaign's record (of `unfurl campaign`)"}};
+  for (const Words& known : kWords) {
+    if (schema == known.schema) return known.words;
+  }
+  return "'" + schema + "'";
+}
+
 H5Handle H5OpenChecked(const std::string& path) {
   H5Quiet();
   struct stat info = {};

@@ -13,6 +13,9 @@ namespace unfurl::data {
 // beyond those of the library that every reader has (deflate, shuffle, fletcher32); shapes and
 // chunks larger than what the file holds of them can unpack to.
 
+// A schema as people call it, and the verb that writes it: "a run (of `unfurl simulate`)".
+std::string H5SchemaWords(const std::string& schema);
+
 // Read-only; also a streamed file that is growing or whose writer was killed. Throws Error.
 H5Handle H5OpenChecked(const std::string& path);
 

@@ -150,12 +150,11 @@ H5Reader::H5Reader(const std::string& path, const std::string& schema, int newes
   const H5Handle root(H5Oopen(impl_->file.get(), "/", H5P_DEFAULT), H5Oclose);
   const std::string found = H5ReadText(root.get(), "schema", path + ":/");
   if (!schema.empty() && found != schema) {
-    Fail(found.empty() ? "is not a file of ours: it names no schema"
-                       : fmt::format("holds '{}', where '{}' is needed", found, schema),
-         "",
-         found.empty() ? kGiveOurs
-                       : "give the file that the right verb wrote (`unfurl info` shows what a file "
-                         "is)");
+    Fail(
+        found.empty()
+            ? "is not a file of ours: it names no schema"
+            : fmt::format("is {}, where {} is needed", H5SchemaWords(found), H5SchemaWords(schema)),
+        "", found.empty() ? kGiveOurs : "give the other file (`unfurl info` shows what a file is)");
   }
   if (schema.empty()) return;
   impl_->version = static_cast<int>(IntAttribute("/", "schema_version"));

@@ -83,8 +83,63 @@ TEST_F(BadInput, NotHdf5) {
 TEST_F(BadInput, WrongSchema) {
   MakeRun("run.h5");
   ExpectRefused(Run({"reconstruct", "run.h5", "--rig", "run.h5"}),
-                {"run.h5", "unfurl/run", "is needed", "unfurl info"}, {"run.h5"});
-  ExpectRefused(Run({"calibrate", "run.h5"}), {"run.h5", "unfurl/survey", "is needed"}, {"run.h5"});
+                {"run.h5", "is a run", "where a trial", "is needed", "unfurl info"}, {"run.h5"});
+  ExpectRefused(Run({"calibrate", "run.h5"}), {"run.h5", "where a survey", "is needed"},
+                {"run.h5"});
+}
+
+// Each was found after the run, or not at all: a page into no folder, a name that a shell left
+// empty, HDF5 under the name of another form.
+TEST_F(BadInput, OutputsAreLookedAtBeforeTheWork) {
+  const std::string scene = Shipped("scene_suspension_4.toml");
+  struct Case {
+    std::vector<std::string> outputs, words;
+  };
+  for (const Case& c : std::vector<Case>{
+           {{"--report", "none/x.html"}, {"none/x.html", "no such folder", "--report"}},
+           {{"--report", "."}, {"is a folder", "--report"}},
+           {{"--report", "x.pdf"}, {"x.pdf", "writes HTML", "--pdf"}},
+           {{"--report", ""}, {"--report", "empty"}},
+           {{"-o", ""}, {"--output", "empty"}},
+           {{"-o", "x.csv"}, {"x.csv", "writes .h5", "unfurl convert"}}}) {
+    std::vector<std::string> command = {"simulate", scene, "--duration", "0.01"};
+    command.insert(command.end(), c.outputs.begin(), c.outputs.end());
+    ExpectRefused(Run(command), c.words, {});
+  }
+}
+
+// CLI11 takes -1 for the largest whole number, and prints the largest number that there is.
+TEST_F(BadInput, NumbersThatAnOptionCannotTake) {
+  struct Case {
+    std::vector<std::string> command, words;
+  };
+  for (const Case& c : std::vector<Case>{
+           {{"calibrate", "s.csv", "--workers", "-1"}, {"--workers", "from 0", "-1"}},
+           {{"calibrate", "s.csv", "--sigma", "1mm"}, {"--sigma takes a number", "'mm' out"}},
+           {{"calibrate", "s.csv", "--sigma", "-1"}, {"--sigma cannot be -1", "above 0"}},
+           {{"calibrate", "s.csv", "--folds", "1"}, {"--folds cannot be 1", "2 to 1000"}},
+           {{"plan", Shipped("lab.toml"), "--need", "0.5"}, {"--need", "with its unit"}},
+           {{"simulate", "s.toml", "-rate", "3"}, {"no option -rate", "did you mean --rate?"}}}) {
+    const Outcome outcome = Run(c.command);
+    ExpectRefused(outcome, c.words, {});
+    EXPECT_LT(outcome.err.size(), 400u);
+  }
+}
+
+// As spreadsheets save them.
+TEST_F(BadInput, TablesOfSpreadsheets) {
+  Put("utf16.csv", std::string("\xff\xfei\0d\0", 6));
+  Put("bare.csv", "0.1,0.2,0.3\n0.4,0.5,0.6\n");
+  Put("comma.csv", "id,x [m],\nA,1,\n");
+  Put("capitals.csv", "ID,x [m]\nA,1\n");
+  const std::vector<std::string> all = {"bare.csv", "capitals.csv", "comma.csv", "utf16.csv"};
+  const std::vector<std::vector<std::string>> words = {{"bare.csv:1", "holds numbers", "names"},
+                                                       {"no column 'id'", "rename the column 'ID'"},
+                                                       {"comma.csv:1", "comma at the end"},
+                                                       {"UTF-16", "UTF-8"}};
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    ExpectRefused(Run({"calibrate", all[k]}), words[k], all);
+  }
 }
 
 TEST_F(BadInput, TruncatedFile) {

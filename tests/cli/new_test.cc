@@ -75,6 +75,9 @@ TEST_F(New, ReplacesNothing) {
   EXPECT_THAT(outcome.err, HasSubstr("boom/README.md: is there already, and stays"));
   EXPECT_EQ(Get("boom/README.md"), "mine");
   EXPECT_FALSE(std::filesystem::exists(folder_ / "boom/scene.toml"));
+  const Outcome file = Run({"new", "boom", "boom/README.md"});
+  EXPECT_EQ(file.code, 2);
+  EXPECT_THAT(file.err, HasSubstr("boom/README.md: is a file, where a folder is to be made"));
   EXPECT_EQ(Run({"new", "boom", "other/place"}).code, 0);
   EXPECT_TRUE(std::filesystem::exists(folder_ / "other/place/scene.toml"));
 }

@@ -164,8 +164,8 @@ TEST_F(Simulate, DrawsInCharacters) {
   const std::vector<std::string> before = Files();
   ExpectRefused(Run({"simulate", "scene.toml", "-o", "other.h5", "--plot", "tip.q"}),
                 {"--plot", "tip.q"}, before);
-  ExpectRefused(Run({"simulate", "scene.toml", "-o", "other.h5", "--plot", "tip.x",
-                     "--quantities", "pivot.*"}),
+  ExpectRefused(Run({"simulate", "scene.toml", "-o", "other.h5", "--plot", "tip.x", "--quantities",
+                     "pivot.*"}),
                 {"--plot", "tip.x", "--quantities"}, before);
 }
 
@@ -234,7 +234,7 @@ TEST_F(Simulate, ColumnsCanBeChosen) {
   EXPECT_EQ(run.quantities[2].name, "energy.total");
   EXPECT_EQ(run.marks, std::vector<std::string>{"tip"});
   ExpectRefused(Run({"simulate", "scene.toml", "--quantities", "tip.z", "-o", "other.h5"}),
-                {"tip.z", "option quantities", "did you mean"}, {"run.h5", "scene.toml"});
+                {"tip.z", "--quantities: ", "did you mean"}, {"run.h5", "scene.toml"});
 }
 
 TEST_F(Simulate, TheScenesDefaultsAndTheCommandLine) {
@@ -300,7 +300,7 @@ TEST_F(Simulate, CostFindsTheCheapestSetting) {
                 {"no quantity 'tip.z'", "did you mean"}, {"page.html", "scene.toml"});
   ExpectRefused(Run({"cost", "scene.toml", "--within", "soon"}), {"--within", "no time"},
                 {"page.html", "scene.toml"});
-  ExpectRefused(Run({"cost", "scene.toml", "--segments", "0"}), {"option segments"},
+  ExpectRefused(Run({"cost", "scene.toml", "--segments", "0"}), {"--segments"},
                 {"page.html", "scene.toml"});
   ExpectRefused(Run({"cost", "scene.toml", "--rtol", "0.5"}), {"rtol"},
                 {"page.html", "scene.toml"});

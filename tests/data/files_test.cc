@@ -11,8 +11,8 @@
 #include "data/csv.h"
 #include "data/h5.h"
 #include "data/toml.h"
-#include "tests/own_folder.h"
 #include "errors.h"
+#include "tests/own_folder.h"
 
 namespace unfurl::data::files_test {
 namespace {
@@ -89,7 +89,8 @@ TEST_F(Files, Hdf5RefusesByName) {
   };
   EXPECT_THAT(open(Path("none.h5")), HasSubstr("no such file"));
   EXPECT_THAT(open(Put("text.h5", "hello")), HasSubstr("not an HDF5 file"));
-  EXPECT_THAT(open(Path("s.h5")), HasSubstr("holds 'unfurl/sample', where 'unfurl/run' is needed"));
+  EXPECT_THAT(open(Path("s.h5")),
+              HasSubstr("is 'unfurl/sample', where a run (of `unfurl simulate`) is needed"));
   EXPECT_THAT(open(Put("half.h5", whole.substr(0, whole.size() / 2))), HasSubstr("truncated"));
   EXPECT_THAT(ErrorOf([&] { H5Reader(Path("s.h5"), "unfurl/sample", 1); }), HasSubstr("newer"));
   const H5Reader reader(Path("s.h5"), "unfurl/sample", 2);
