@@ -1,5 +1,6 @@
 // Where a program may find itself: a folder it may not write to, no home, no environment, a locale
 // with decimal commas.
+#include <fcntl.h>
 #include <gmock/gmock.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -38,6 +39,21 @@ TEST_F(Circumstances, AFolderThatMayNotBeWrittenTo) {
     ExpectRefused(outcome, {"Permission denied", "-o"}, before, 4);
   }
   chmod(folder_.c_str(), 0755);
+}
+
+// What is longer than the buffer is lost before the end: only the stream remembers it.
+TEST_F(Circumstances, AFullDeviceBehindStandardOutput) {
+  const std::vector<std::string> before = Files();
+  const auto full = [] {
+    if (dup2(open("/dev/full", O_WRONLY), STDOUT_FILENO) < 0) _exit(119);
+  };
+  const std::vector<std::vector<std::string>> commands = {{"--version"}, {"calibrate", "--help"}};
+  const auto length = [&](std::size_t k) { return Run(commands[k]).out.size(); };
+  ASSERT_LT(length(0), 100u);
+  ASSERT_GT(length(1), 4096u);  // bytes, the buffer of a device
+  for (const std::vector<std::string>& command : commands) {
+    ExpectRefused(RunAfter(command, full), {"standard output", "cannot write"}, before, 4);
+  }
 }
 
 TEST_F(Circumstances, NoHomeAndNoEnvironment) {
