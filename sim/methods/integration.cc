@@ -22,6 +22,7 @@ constexpr double kFirstStep = 1e-6;
 // Over the diagonal entry before elimination: below, constraints depend on one another but for
 // rounding.
 constexpr double kSingularPivot = 1e-12;
+constexpr double kNearEnd = 0.01;     // of an implicit step: velocities there are nearly its ends'
 constexpr double kAcrossError = 1e5;  // over the error allowed: taken all the same
 constexpr double kForget = 0.97;      // by which the longest step on record fades at each step
 constexpr double kZonePart = 0.25;    // of a contact's transition zone, per step on the way out
@@ -112,6 +113,7 @@ SimulateReport Integration::Go() {
       continue;
     }
     if (!paths_.empty() && !across_ && FollowLaws(&h)) continue;
+    if (!finder_.empty() && !across_ && EndAtEvent(&h)) continue;
     if (error > 1.0 && stepper_->EndsAtTrial()) stepper_->RefreshTrial();
     NoteAccepted(h);
     const double before = t_;
@@ -146,7 +148,7 @@ void Integration::StartMotion() {
 }
 
 void Integration::NoteAccepted(double h) {
-  across_ = false;
+  across_ = ends_at_event_ = false;
   crossings_ = 0;
   longest_ = std::max(h, kForget * longest_);
   if (report_.steps % kStabilitySteps == 0) {
@@ -175,6 +177,21 @@ bool Integration::FollowLaws(double* h) {
   stepper_->Drop();
   ++report_.rejected;
   limit_ = StepLimit::kError;
+  return true;
+}
+
+// Within the step its velocities are a cubic's, off by h^3 where both ends have the tolerance's
+// error: in proportion to the distance from the nearer end, as that goes to zero.
+bool Integration::EndAtEvent(double* h) {
+  if (role_ != StepperSet::kImplicit || is_near_ || ends_at_event_) return false;
+  double sigma = 1.0;
+  if (!finder_.FindFirst(*stepper_, dynamics_.modes(), &sigma)) return false;
+  if (sigma < kNearEnd || 1.0 - sigma < 2.0 * kNearEnd) return false;
+  ends_at_event_ = true;
+  *h *= sigma + kNearEnd * (1.0 - sigma);
+  stepper_->Drop();
+  ++report_.rejected;
+  limit_ = StepLimit::kEvent;
   return true;
 }
 
