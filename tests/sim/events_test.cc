@@ -205,7 +205,7 @@ TEST(Events, ImplicitStepsEndAtTheirEvents) {
                            "joint.hinge.latch.theta_b=0.004036016840273789",
                            std::string("solver.method=\"") + method + "\""});
       const SimulateOptions options = SolverOptions(scene);
-      const SimulateReport report = Simulate(CompileModel(scene), options, nullptr);
+      const SimulateReport report = Simulate(*CompileModel(scene), options, nullptr);
       EXPECT_EQ(report.status, SimulateStatus::kGood) << report.message;
       constexpr double kFastest = 5.0;  // m/s, of the tip at the strike
       EXPECT_LT(report.largest_velocity_drift, options.rtol * kFastest) << method << " " << preload;
