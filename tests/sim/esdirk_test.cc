@@ -188,22 +188,28 @@ outer = "b.start"
 }
 
 // At a loose tolerance high modes are damped, never fed: what is gained stays within the tolerance
-// of the energy at the start (the springs'), what is lost may be more.
+// of the energy at the start (the springs'), what is lost may be more. A bar that bounces has no
+// such modes: its energy is as exact as every method's, ten tolerances.
 TEST(Esdirk, InventsNoEnergy) {
-  constexpr double kRtol = 1e-3;
   data::Scene scene = data::ReadScene(DeploymentPath("clearance"));
   for (auto& beam : scene.beams) beam.axial_elastic = true;
-  for (const Model& model : {Compile(scene), ModelFrom(LatchingBarScene())}) {
-    SimulateOptions options;
-    options.method = Method::kImplicit;
-    options.rtol = kRtol;
-    options.duration = std::min(model.duration, 1.8);  // beyond the first latches
-    EnergyWatch watch(model);
-    const SimulateReport report = Simulate(model, options, &watch);
-    ASSERT_TRUE(report.Usable()) << report.message;
-    EXPECT_GT(report.Count(EventKind::kContactStart), 0);
-    EXPECT_LT(watch.most, kRtol * watch.start);
-    EXPECT_LT(watch.least, 0.0);
+  const struct {
+    Model model;
+    double tolerances;
+  } cases[] = {{Compile(scene), 1.0}, {ModelFrom(LatchingBarScene()), 10.0}};
+  for (const double rtol : {1e-3, 5e-4, 1e-4}) {
+    for (const auto& [model, tolerances] : cases) {
+      SimulateOptions options;
+      options.method = Method::kImplicit;
+      options.rtol = rtol;
+      options.duration = std::min(model.duration, 1.8);  // beyond the first latches
+      EnergyWatch watch(model);
+      const SimulateReport report = Simulate(model, options, &watch);
+      ASSERT_TRUE(report.Usable()) << report.message;
+      EXPECT_GT(report.Count(EventKind::kContactStart), 0);
+      EXPECT_LT(watch.most, tolerances * rtol * watch.start) << rtol;
+      EXPECT_LT(watch.least, 0.0);
+    }
   }
 }
 
