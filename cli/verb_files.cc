@@ -207,46 +207,40 @@ std::vector<std::string> VerbFiles::Path::Files() const {
   return files;
 }
 
-void VerbFiles::Prepare() const {
-  // A variable of a shell that is not set gives an empty name, which would count as not given.
+// A variable of a shell that is not set gives an empty name, which would count as not given.
+void VerbFiles::CheckGiven() const {
   for (const CLI::Option* option : app_->get_options()) {
     for (const std::string& value : option->results()) {
       if (!value.empty() || option->get_expected_max() == 0) continue;
       throw Error("is given, and empty", NameOf(option), "give a value, or leave it out");
     }
   }
-  std::vector<std::string> by_default;
-  for (const Default& output : defaults_) {
-    if (!output.path->empty()) continue;
-    *output.path = output.name();
-    if (!output.path->empty()) by_default.push_back(*output.path);
-  }
-  const std::map<std::string, std::string> inputs = Inputs();
+}
+
+void VerbFiles::CheckApart(const std::map<std::string, std::string>& inputs) const {
   std::map<std::string, std::string> outputs;
+  const auto check = [&](const std::string& written, const std::string& option) {
+    const std::string identity = IdentityOf(written);
+    const auto input = inputs.find(identity);
+    if (input != inputs.end()) {
+      throw Error(fmt::format("{} would replace it, and it is {}", option, input->second), written,
+                  "name another output");
+    }
+    const auto [other, fresh] = outputs.try_emplace(identity, option);
+    if (!fresh) {
+      throw Error(fmt::format("{} and {} would both write it", other->second, option), written,
+                  "name two different files");
+    }
+  };
   for (const Path& output : outputs_) {
     if (output.path->empty()) continue;
     for (const std::string& file : output.Files()) {
-      for (const std::string& written : WrittenFor(file)) {
-        const std::string identity = IdentityOf(written);
-        const auto input = inputs.find(identity);
-        if (input != inputs.end()) {
-          throw Error(
-              fmt::format("{} would replace it, and it is {}", output.option, input->second),
-              written, "name another output");
-        }
-        const auto [other, fresh] = outputs.try_emplace(identity, output.option);
-        if (!fresh) {
-          throw Error(fmt::format("{} and {} would both write it", other->second, output.option),
-                      written, "name two different files");
-        }
-      }
+      for (const std::string& written : WrittenFor(file)) check(written, output.option);
     }
   }
-  for (const std::string& path : by_default) CheckMadeHere(path, "name another output with -o");
-  for (const Path& output : outputs_) {
-    if (output.replaces_others || output.path->empty()) continue;
-    for (const std::string& file : output.Files()) CheckMadeHere(file, "name another folder");
-  }
+}
+
+void VerbFiles::CheckForms() const {
   for (const Path& output : outputs_) {
     if (!output.names && !output.path->empty()) CheckPlace(output.option, *output.path);
   }
@@ -259,14 +253,34 @@ void VerbFiles::Prepare() const {
     throw Error("--report writes HTML, and the name says .pdf", *page_,
                 "give --report PAGE.html --pdf PAGE.pdf");
   }
-  if (!pdf_.empty()) {
-    if (page_->empty()) {
-      throw Error("it prints the page of --report, which was not asked for", "--pdf",
-                  "give --report PAGE.html, too");
-    }
-    page_before_ = VersionOf(*page_);
-    FindPrinter();  // before the work, not after
+}
+
+void VerbFiles::PreparePrinting() const {
+  if (pdf_.empty()) return;
+  if (page_->empty()) {
+    throw Error("it prints the page of --report, which was not asked for", "--pdf",
+                "give --report PAGE.html, too");
   }
+  page_before_ = VersionOf(*page_);
+  FindPrinter();  // before the work, not after
+}
+
+void VerbFiles::Prepare() const {
+  CheckGiven();
+  std::vector<std::string> by_default;
+  for (const Default& output : defaults_) {
+    if (!output.path->empty()) continue;
+    *output.path = output.name();
+    if (!output.path->empty()) by_default.push_back(*output.path);
+  }
+  CheckApart(Inputs());
+  for (const std::string& path : by_default) CheckMadeHere(path, "name another output with -o");
+  for (const Path& output : outputs_) {
+    if (output.replaces_others || output.path->empty()) continue;
+    for (const std::string& file : output.Files()) CheckMadeHere(file, "name another folder");
+  }
+  CheckForms();
+  PreparePrinting();
   data::ProtectWhatIsRead();  // what nobody could name before it was read: from pipes, of programs
 }
 

@@ -34,8 +34,8 @@ class VerbFiles {
   CLI::Option* Write(const std::string& flags, std::string* path, const std::string& help);
   // --report, a page, and --pdf, the same page printed.
   void Page(std::string* path, const std::string& help);
-  // Where the option is not given, `name` gives the file; empty: none is written. A file of that name which this verb did
-  // not make stays, unless --force is given (the flag is declared here).
+  // Where the option is not given, `name` gives the file; empty: none is written. A file of that
+  // name which this verb did not make stays, unless --force is given (the flag is declared here).
   CLI::Option* WriteOr(const std::string& flags, std::string* path,
                        std::function<std::string()> name, const std::string& help);
   // A folder in which files of these `names` are written. As they are not named on the command
@@ -74,6 +74,12 @@ class VerbFiles {
   };
   void AddForce();
   void CheckMadeHere(const std::string& path, const std::string& remedy) const;
+  // Of what Prepare throws Error for: options without a value; outputs that are an input or one
+  // another; places and endings that do not go with what is written; a page to print that is none.
+  void CheckGiven() const;
+  void CheckApart(const std::map<std::string, std::string>& inputs) const;
+  void CheckForms() const;
+  void PreparePrinting() const;
   // Inputs by identity, with how they came to be inputs.
   std::map<std::string, std::string> Inputs() const;
 

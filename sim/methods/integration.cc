@@ -112,8 +112,7 @@ SimulateReport Integration::Go() {
       StepAcross(&h);
       continue;
     }
-    if (!paths_.empty() && !across_ && FollowLaws(&h)) continue;
-    if (!finder_.empty() && !across_ && EndAtEvent(&h)) continue;
+    if (!across_ && (FollowLaws(&h) || EndAtEvent(&h))) continue;
     if (error > 1.0 && stepper_->EndsAtTrial()) stepper_->RefreshTrial();
     NoteAccepted(h);
     const double before = t_;
@@ -169,6 +168,7 @@ bool Integration::FollowFunctions(double* h) {
 }
 
 bool Integration::FollowLaws(double* h) {
+  if (paths_.empty()) return false;
   const double part = paths_.Part(t_, *h, stepper_->state(), stepper_->trial());
   // Below this, times within the step are equal but for rounding.
   const double least = 64.0 * std::numeric_limits<double>::epsilon() * t_;
@@ -183,7 +183,9 @@ bool Integration::FollowLaws(double* h) {
 // Within the step its velocities are a cubic's, off by h^3 where both ends have the tolerance's
 // error: in proportion to the distance from the nearer end, as that goes to zero.
 bool Integration::EndAtEvent(double* h) {
-  if (role_ != StepperSet::kImplicit || is_near_ || ends_at_event_) return false;
+  if (finder_.empty() || role_ != StepperSet::kImplicit || is_near_ || ends_at_event_) {
+    return false;
+  }
   double sigma = 1.0;
   if (!finder_.FindFirst(*stepper_, dynamics_.modes(), &sigma)) return false;
   if (sigma < kNearEnd || 1.0 - sigma < 2.0 * kNearEnd) return false;
