@@ -7,7 +7,6 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
-#include "base/length.h"
 #include "base/progress.h"
 #include "base/statistics.h"
 #include "base/table.h"
@@ -258,11 +257,7 @@ void ReadOptions(CostRigArguments* arguments) {
     cost.bar = bar.places.front();
     cost.bar_sigma = bar.sigma;
   }
-  if (!of.point_sigma.empty() &&
-      (!ParseLength(of.point_sigma, &cost.point_sigma) || !(cost.point_sigma > 0.0))) {
-    throw Error(fmt::format("'{}' is no length", of.point_sigma), "--point-sigma",
-                "give a number above 0 with its unit, as 0.3mm");
-  }
+  if (!of.point_sigma.empty()) cost.point_sigma = LengthOption(of.point_sigma, "--point-sigma");
   if (of.station.empty() != of.station_at.empty()) {
     throw Error("comes without the other", of.station.empty() ? "--station-at" : "--station",
                 "give the station's accuracy and where it stands");

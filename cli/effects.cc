@@ -8,7 +8,6 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
-#include "base/length.h"
 #include "base/progress.h"
 #include "base/table.h"
 #include "base/text.h"
@@ -32,9 +31,7 @@ Told OfScene(const Common& common, const EffectsArguments& a) {
   options.part = a.part;
   options.duration = a.duration;
   options.each = a.each;
-  if (!a.sigma.empty() && (!ParseLength(a.sigma, &options.sigma) || !(options.sigma > 0.0))) {
-    throw Error("'" + a.sigma + "' is no length", "--sigma", "write 0.2mm, say");
-  }
+  if (!a.sigma.empty()) options.sigma = LengthOption(a.sigma, "--sigma");
   study::SceneEffects e;
   {
     Progress progress("effects", !common.quiet);

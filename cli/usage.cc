@@ -121,7 +121,7 @@ Error OutOfRange(const Verb& verb, const CLI::Error& error) {
 // "-duration": an option of one dash, which CLI11 takes for letters of options.
 std::string OneDash(const Verb& verb, int argc, char** argv) {
   for (int i = 2; i < argc; ++i) {
-    const std::string name = std::string(argv[i]).substr(0, std::string(argv[i]).find('='));
+    std::string name = std::string(argv[i]).substr(0, std::string(argv[i]).find('='));
     if (name == "--") break;
     if (name.size() > 2 && name[0] == '-' && name[1] != '-' &&
         verb.app->get_option_no_throw("-" + name) != nullptr) {

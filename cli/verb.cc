@@ -66,15 +66,18 @@ void AddNeedOption(CLI::App* app, std::string* text) {
 }
 
 double NeedOption(const std::string& text) {
-  double need = 0.0;
-  if (text.empty()) return need;
+  return text.empty() ? 0.0 : LengthOption(text, "--need");
+}
+
+double LengthOption(const std::string& text, const std::string& option) {
+  double length = 0.0;
   // 0.5, meant as millimetres and taken for metres, would call every rig good.
   const bool has_unit = text.find_last_not_of("+-.0123456789eE ") != std::string::npos;
-  if (!has_unit || !ParseLength(text, &need) || !(need > 0.0)) {
-    throw Error(fmt::format("'{}' is no length", text), "--need",
+  if (!has_unit || !ParseLength(text, &length) || !(length > 0.0)) {
+    throw Error(fmt::format("'{}' is no length", text), option,
                 "give a number above 0 with its unit, as 0.5mm or 20um");
   }
-  return need;
+  return length;
 }
 
 Error AtOption(const Error& error, const std::map<std::string, std::string>& flags) {

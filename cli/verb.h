@@ -85,6 +85,9 @@ Error AtOption(const Error& error, const std::map<std::string, std::string>& fla
 void AddNeedOption(CLI::App* app, std::string* text);
 double NeedOption(const std::string& text);
 
+// A length above 0 with its unit, as 0.5mm, of an option; [m]. Throws Error for any other text.
+double LengthOption(const std::string& text, const std::string& option);
+
 // --allow-programs, on verbs that evaluate a study; and whether it, or the environment, allows
 // them.
 void AddAllowPrograms(CLI::App* app, bool* allowed);

@@ -119,6 +119,8 @@ TEST_F(BadInput, NumbersThatAnOptionCannotTake) {
            {{"calibrate", "s.csv", "--sigma", "-1"}, {"--sigma cannot be -1", "above 0"}},
            {{"calibrate", "s.csv", "--folds", "1"}, {"--folds cannot be 1", "2 to 1000"}},
            {{"plan", Shipped("lab.toml"), "--need", "0.5"}, {"--need", "with its unit"}},
+           {{"effects", Shipped("scene_suspension.toml"), "--sigma", "0.2"},
+            {"--sigma", "with its unit"}},
            {{"simulate", "s.toml", "-rate", "3"}, {"no option -rate", "did you mean --rate?"}}}) {
     const Outcome outcome = Run(c.command);
     ExpectRefused(outcome, c.words, {});
