@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/length.h"
 #include "base/progress.h"
 #include "base/statistics.h"
 #include "base/table.h"

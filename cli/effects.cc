@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/length.h"
 #include "base/progress.h"
 #include "base/table.h"
 #include "base/text.h"

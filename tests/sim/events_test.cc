@@ -12,6 +12,7 @@
 #include "sim/methods/choose_method.h"
 #include "sim/methods/event_log.h"
 #include "sim/methods/simulate.h"
+#include "sim/record/record.h"
 
 namespace unfurl::sim::events_test {
 namespace {
