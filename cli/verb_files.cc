@@ -6,7 +6,6 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <filesystem>
 #include <fstream>
 #include <initializer_list>
@@ -17,6 +16,7 @@
 
 #include "base/error.h"
 #include "cli/pdf.h"
+#include "data/formats.h"
 #include "data/h5.h"
 #include "data/inputs.h"
 #include "data/toml_files.h"
@@ -82,16 +82,10 @@ constexpr std::array<std::string_view, 16> kKnownEndings = {
     ".h5",   ".hdf5", ".csv", ".tsv", ".txt", ".xlsx", ".mat", ".toml",
     ".html", ".htm",  ".pdf", ".png", ".jpg", ".svg",  ".c3d", ".uff"};
 
-std::string EndingOf(const std::string& path) {
-  std::string ending = fs::path(path).extension().string();
-  for (char& c : ending) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
-  return ending;
-}
-
 // Throws Error where the name says another form than the one that is written, `own`.
 void CheckEnding(const std::string& option, const std::string& path,
                  std::initializer_list<std::string_view> own, const std::string& remedy) {
-  const std::string ending = EndingOf(path);
+  const std::string ending = data::EndingOf(path);
   if (std::find(own.begin(), own.end(), ending) != own.end() ||
       std::find(kKnownEndings.begin(), kKnownEndings.end(), ending) == kKnownEndings.end()) {
     return;
@@ -245,11 +239,11 @@ void VerbFiles::CheckForms() const {
     if (!output.names && !output.path->empty()) CheckPlace(output.option, *output.path);
   }
   for (const Default& output : defaults_) {
-    if (EndingOf(output.name()) != ".h5") continue;
+    if (data::EndingOf(output.name()) != ".h5") continue;
     CheckEnding(output.option, *output.path, {".h5", ".hdf5"},
                 "end it in .h5; `unfurl convert` makes other forms of it");
   }
-  if (page_ != nullptr && EndingOf(*page_) == ".pdf") {
+  if (page_ != nullptr && data::EndingOf(*page_) == ".pdf") {
     throw Error("--report writes HTML, and the name says .pdf", *page_,
                 "give --report PAGE.html --pdf PAGE.pdf");
   }

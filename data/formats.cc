@@ -64,10 +64,15 @@ AnyRecord LoadTomlRecord(const std::string& path) {
 
 }  // namespace
 
-FileFormat FormatOf(const std::string& path) {
+std::string EndingOf(const std::string& path) {
   std::string ending = std::filesystem::path(path).extension().string();
   std::transform(ending.begin(), ending.end(), ending.begin(),
                  [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return ending;
+}
+
+FileFormat FormatOf(const std::string& path) {
+  const std::string ending = EndingOf(path);
   for (const Ending& known : kEndings) {
     if (ending == known.text) return known.format;
   }

@@ -26,6 +26,9 @@ enum class FileFormat {
   kUnknown,  ///< any other ending
 };
 
+/// Of a name, with its dot and in small letters; empty: it has none.
+std::string EndingOf(const std::string& path);
+
 /// By the ending, in any case ("TRACKS.CSV").
 FileFormat FormatOf(const std::string& path);
 

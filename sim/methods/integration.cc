@@ -183,9 +183,7 @@ bool Integration::FollowLaws(double* h) {
 // Within the step its velocities are a cubic's, off by h^3 where both ends have the tolerance's
 // error: in proportion to the distance from the nearer end, as that goes to zero.
 bool Integration::EndAtEvent(double* h) {
-  if (finder_.empty() || role_ != StepperSet::kImplicit || is_near_ || ends_at_event_) {
-    return false;
-  }
+  if (role_ != StepperSet::kImplicit || is_near_ || ends_at_event_) return false;
   double sigma = 1.0;
   if (!finder_.FindFirst(*stepper_, dynamics_.modes(), &sigma)) return false;
   if (sigma < kNearEnd || 1.0 - sigma < 2.0 * kNearEnd) return false;
