@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
+#include "sim/dynamics/dynamics.h"
 #include "sim/methods/make_stepper.h"
 
 namespace unfurl::sim {
@@ -20,19 +22,46 @@ constexpr double kAtTolerance = 1e-3, kPower = -0.25;
 
 constexpr double kLongestStep = 0.01;  // of the time scale; see SimulateOptions::max_step
 
+// [1/s]; the lighter neighbour counts: stations have no mass of their own.
+struct ElementRates {
+  double bend = 0.0, stretch = 0.0;
+};
+ElementRates RatesOf(const Model& model, int e) {
+  const double a = model.rigid_bodies.mass[e], b = model.rigid_bodies.mass[e + 1];
+  const double mass = a == 0.0 || b == 0.0 ? std::max(a, b) : std::min(a, b);
+  return {kBendingRate * std::sqrt(model.bending.shear_stiffness(e) / mass),
+          2.0 * std::sqrt(model.bending.axial_stiffness(e) / mass)};
+}
+
 bool BeamsAreStiff(const Model& model, double rtol) {
   const double overdamped = kOverdamped * std::pow(rtol / kAtTolerance, kPower);
   const Bending& bending = model.bending;
   for (int e = 0; e < bending.bodies(); ++e) {
     if (bending.shear_stiffness(e) == 0.0) continue;
-    // The lighter neighbour; stations have no mass of their own.
-    const double a = model.rigid_bodies.mass[e], b = model.rigid_bodies.mass[e + 1];
-    const double mass = a == 0.0 || b == 0.0 ? std::max(a, b) : std::min(a, b);
-    const double bend = kBendingRate * std::sqrt(bending.shear_stiffness(e) / mass);
-    const double stretch = 2.0 * std::sqrt(bending.axial_stiffness(e) / mass);
+    const auto [bend, stretch] = RatesOf(model, e);
     if (bending.damping(e) * bend > overdamped || stretch > kAxialOverBending * bend) return true;
   }
   return false;
+}
+
+// Whether the longest step reaches the edge of stability along the imaginary axis, which is nearest
+// for 5(4), at 1.
+bool StretchingReachesTheEdge(const Model& model, double longest) {
+  for (int e = 0; e < model.bending.bodies(); ++e) {
+    if (model.bending.axial_stiffness(e) == 0.0) continue;
+    if (RatesOf(model, e).stretch * longest > 1.0) return true;
+  }
+  return false;
+}
+
+// What will move is not known yet; what moves already is. Whether explicit steps pay is found while
+// the run goes on.
+bool StartIsHeldByStrains(const SimulateOptions& options, const Model& model,
+                          const ErrorScale& scale) {
+  const double held = StrainEnergyAtTolerance(model, scale);
+  if (held == 0.0 || !StretchingReachesTheEdge(model, LongestStep(options, model))) return false;
+  std::vector<double> start = model.initial_state;
+  return held > scale.rtol * Dynamics(model).BalanceAt(0.0, start.data()).kinetic;
 }
 
 }  // namespace
@@ -51,25 +80,30 @@ double TighterTolerance(double rtol) {
 // A smooth beam that stretches is stiff whatever it is made of, as lines are slender. An explicit
 // start would put an error of the tolerance into the strain, which EA makes a force and work of; if
 // the tolerance is so tight that explicit steps are faster, that is found while the run goes on.
-Method ChooseMethod(const SimulateOptions& options, const Model& model) {
+Method ChooseMethod(const SimulateOptions& options, const Model& model, const ErrorScale& scale) {
   if (options.method != Method::kAuto) return options.method;
   if (options.order != 0) return Method::kProjected;
   const bool smooth = model.kirchhoff.count() > 0;
-  const bool implicit = smooth
-                            ? model.kirchhoff.stretches()
-                            : options.rtol >= kImplicitTolerance && !model.constraints.HasLoops() &&
-                                  BeamsAreStiff(model, options.rtol);
+  const bool implicit =
+      smooth ? model.kirchhoff.stretches()
+             : !model.constraints.HasLoops() &&
+                   ((options.rtol >= kImplicitTolerance && BeamsAreStiff(model, options.rtol)) ||
+                    StartIsHeldByStrains(options, model, scale));
   return implicit ? Method::kImplicit : Method::kProjected;
 }
 
-bool StrainsForbidExplicit(const Model& model, const ErrorScale& scale) {
+double StrainEnergyAtTolerance(const Model& model, const ErrorScale& scale) {
   const double off = scale.rtol * scale.length;  // [m]
   double held = 0.0;
   for (const Model::Beam& beam : model.beams) {
-    if (beam.smooth < 0) continue;
-    held = std::max(held, 0.5 * beam.EA * off * off / (beam.segments * beam.segment_length));
+    double stiffness = 0.0;  // of what stretches by `off` each [N/m]
+    if (beam.smooth >= 0) stiffness = beam.EA / (beam.segments * beam.segment_length);
+    for (int e = beam.first; beam.smooth < 0 && e + 1 < beam.first + beam.segments; ++e) {
+      stiffness += model.bending.axial_stiffness(e);
+    }
+    held = std::max(held, 0.5 * stiffness * off * off);
   }
-  return held > 0.0 && held > scale.rtol * EnergyScale(model, scale);
+  return held;
 }
 
 }  // namespace unfurl::sim

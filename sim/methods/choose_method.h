@@ -8,13 +8,16 @@ namespace unfurl::sim {
 struct ErrorScale;
 
 // What `auto` stands for: `implicit` where beams are stiff by damping or stretching and the
-// tolerance is one that a fourth order meets cheaply, or smooth beams stretch, else `projected`;
+// tolerance is one that a fourth order meets cheaply, where smooth beams stretch, or where strains
+// of the tolerance hold more than its part of the energy of the start (StrainEnergyAtTolerance,
+// without closed loops), else `projected`;
 // docs/decisions/012-implicit.md, 243-smooth-beams-stretch.md. Other methods stand for themselves.
-Method ChooseMethod(const SimulateOptions& options, const Model& model);
-// Whether strains of smooth beams as large as the tolerance, which explicit steps leave at the edge
-// of their stability, hold more energy than the tolerance allows. Such vibrations do not die out,
-// and whatever comes next has to resolve them: explicit steps are then not even tried.
-bool StrainsForbidExplicit(const Model& model, const ErrorScale& scale);
+Method ChooseMethod(const SimulateOptions& options, const Model& model, const ErrorScale& scale);
+// What strains of elastic beams as large as the tolerance hold, of the beam where it is most [J].
+// Explicit steps leave such strains at the edge of their stability. Where they hold more than the
+// tolerance allows of what moves they do not die out, and whatever comes next has to resolve them:
+// explicit steps are then not even tried.
+double StrainEnergyAtTolerance(const Model& model, const ErrorScale& scale);
 
 // The longest step that the options allow, or their default allows with this model [s].
 double LongestStep(const SimulateOptions& options, const Model& model);

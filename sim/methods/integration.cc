@@ -53,8 +53,8 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       options_(options),
       observer_(observer),
       dynamics_(model),
-      method_(ChooseMethod(options, model)),
       scale_(ScaleOf(model, options)),
+      method_(ChooseMethod(options, model, scale_)),
       steppers_(options, dynamics_, scale_),
       role_(StepperSet::RoleOf(method_)),
       stepper_(steppers_.Get(role_)),
@@ -81,7 +81,7 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
   loops_ = model.constraints.HasLoops() && model.kirchhoff.count() == 0;
   switches_ = options.method == Method::kAuto && options.order == 0;
   stretches_ = model.kirchhoff.stretches();
-  spares_explicit_ = stretches_ && StrainsForbidExplicit(model, scale_);
+  held_ = StrainEnergyAtTolerance(model, scale_);
   start_.assign(sample_.size(), 0.0);
   report_.worst_bodies.assign(model.rigid_bodies.count, 0);
   if (options.profile) {

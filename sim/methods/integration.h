@@ -55,6 +55,8 @@ class Integration {
   // After a step that gained so much time: changes between the explicit and the implicit method.
   void SwitchMethod(double gained, double* h);
   // Another one takes the steps from here on.
+  bool ForbidsExplicit() const;
+  bool SparesTrial(StepperSet::Role role, double* h);
   void TakeOver(StepperSet::Role role, double* h);
   void NextStep(double error, double* h);
   // Shortens the next step to what it would not see of springs and tables.
@@ -78,8 +80,8 @@ class Integration {
   const SimulateOptions& options_;
   Observer* observer_;
   Dynamics dynamics_;
-  Method method_;  // begun with
   ErrorScale scale_;
+  Method method_;  // begun with
   StepperSet steppers_;
   StepperSet::Role role_;  // far from where constraints depend on one another
   Stepper* stepper_;       // the one in use
@@ -111,7 +113,8 @@ class Integration {
   double drift_ = 0.0;            // the largest, in tolerances [-]
   double fastest_ = 0.0;          // velocity where drift was large [m/s]
   bool stretches_ = false;        // a smooth beam does
-  bool spares_explicit_ = false;  // StrainsForbidExplicit
+  bool spares_explicit_ = false;  // it was seen that they lose the balance along an axis
+  double held_ = 0.0;             // StrainEnergyAtTolerance [J]
   bool loops_ = false;            // constraints may come to depend on one another
   bool is_near_ = false;          // they nearly do
   double largest_pivot_ = 0.0;    // that the smallest has been [-]

@@ -11,9 +11,6 @@ namespace {
 // Of what moved: beyond it the motion is not that of the scene. Runs within ten tolerances of
 // their references at rtol = 1e-3 stay below (tests/hard/sets_test.cc).
 constexpr double kMostResidual = 0.01;
-// Tolerances of what moved that are worth a warning: ten times the twenty that an energy is off
-// where velocities are off by ten, which is what methods keep (docs/accuracy.md).
-constexpr double kWarnTolerances = 200.0;
 
 // The beam whose elements stretch fastest, or a smooth one that stretches; -1: none does.
 int StiffestAxis(const Model& model) {
@@ -59,7 +56,7 @@ RunJudge::RunJudge(const Model& model, const ErrorScale& scale, bool tracked)
 }
 
 void RunJudge::Look(double t, const double* state, const std::vector<LatchMode>& modes) {
-  if (!tracked_ && !closed_) return;
+  if (!watches()) return;
   dynamics_.modes() = modes;
   std::copy_n(state, state_.size(), state_.begin());
   const Balance b = dynamics_.BalanceAt(t, state_.data());
@@ -93,10 +90,6 @@ double RunJudge::moved() const {
   double sum = 0.0;
   for (int k = 0; k < kKinds; ++k) sum += most_[k] - least_[k];
   return 0.5 * sum;
-}
-
-bool RunJudge::IsLessAccurate() const {
-  return residual_ > kWarnTolerances * rtol_ * moved() + floor();
 }
 
 std::string RunJudge::Warning() const {

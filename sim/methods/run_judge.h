@@ -27,6 +27,7 @@ class RunJudge {
   double residual() const { return residual_; }  // the largest magnitude [J]
   double residual_time() const { return at_; }   // [s]
   double moved() const;                          // [J]
+  bool watches() const { return tracked_ || closed_; }
   // What neither rounding nor the tolerance, ten rtol of velocities and a speed, lets one tell
   // from nothing [J]. Where nothing but kinetic energy exists, it is what moves: its range is the
   // residual itself.
@@ -36,6 +37,9 @@ class RunJudge {
   }
   // Empty where the balance holds.
   std::string Complaint() const;
+  // Whether a stiff axis has taken so much of the balance that another method should go on: a
+  // quarter of what Complaint() allows it.
+  bool AxisLosesBalance() const { return stiffest_axis_ >= 0 && IsOff(kQuarter * kWarnTolerances); }
   // Of a run that is usable, but farther off than its tolerance promises; empty otherwise.
   std::string Warning() const;
 
@@ -47,8 +51,15 @@ class RunJudge {
   // Ten tolerances of a velocity, as every method keeps (docs/accuracy.md), are twenty of its
   // energy; never more than the share that is allowed of what moved.
   static constexpr double kTolerances = 20.0, kMostKinetic = 0.01;
+  // Tolerances of what moved that are worth a warning: ten times the twenty that an energy is off
+  // where velocities are off by ten, which is what methods keep (docs/accuracy.md).
+  static constexpr double kWarnTolerances = 200.0;
+  // What is lost before the change stays lost: it has to leave room for the rest of the run.
+  static constexpr double kQuarter = 0.25;
 
-  bool IsLessAccurate() const;
+  // Farther than `tolerances` of what moved, beyond the floor.
+  bool IsOff(double tolerances) const { return residual_ > tolerances * rtol_ * moved() + floor(); }
+  bool IsLessAccurate() const { return IsOff(kWarnTolerances); }
 
   Dynamics dynamics_;
   const bool tracked_, closed_;

@@ -311,6 +311,14 @@ void Compiler::RefuseDrivesThatFight(std::size_t redundant, const std::string& w
       scene_.path, "remove a drive, or a joint that leaves it no freedom");
 }
 
+// A straight beam of fixed length between two fixed ends cannot move at all, and its tension is not
+// determined.
+std::string Compiler::WhereLengthsAreKept() const {
+  const bool kept = std::any_of(model_.beams.begin(), model_.beams.end(),
+                                [](const Model::Beam& beam) { return !(beam.EA > 0.0); });
+  return kept ? ", or let beams that are held at both ends stretch: axial = \"elastic\"" : "";
+}
+
 // Independent constraints have a definite Schur complement; starting velocities are made to fit.
 void Compiler::CheckConstraints() {
   if (model_.constraints.count() == 0) return;
@@ -326,7 +334,7 @@ void Compiler::CheckConstraints() {
     if (redundancy.singular) {
       throw Error(
           fmt::format("the constraints depend on one another at the start (found at {})", which),
-          scene_.path, "start a little away from this singular state");
+          scene_.path, "start a little away from this singular state" + WhereLengthsAreKept());
     }
     model_.warnings.push_back(fmt::format(
         "{} of the constraints of {} {} from the others and {} left out; how the joints of the "
@@ -344,9 +352,10 @@ void Compiler::CheckConstraints() {
   if (!(pivot > kRedundant)) {
     throw Error(
         fmt::format("the constraints are not independent (found at '{}')", name), scene_.path,
-        model_.constraints.driven() ? "remove a joint, weld or drive that duplicates other "
-                                      "constraints or conflicts with them"
-                                    : "remove a joint or weld that duplicates other constraints");
+        (model_.constraints.driven() ? "remove a joint, weld or drive that duplicates other "
+                                       "constraints or conflicts with them"
+                                     : "remove a joint or weld that duplicates other constraints") +
+            WhereLengthsAreKept());
   }
   dynamics.Project(0.0, model_.initial_state.data());
   dynamics.Update(0.0, model_.initial_state.data());

@@ -51,6 +51,7 @@ class Compiler {
   void CheckStops();
   // Keys that do nothing without a table that is not there.
   void WarnOfIdleKeys();
+  std::string WhereLengthsAreKept() const;
   void RefuseDrivesThatFight(std::size_t redundant, const std::string& which) const;
   // compile_kirchhoff.cc
   bool IsSmooth(int beam) const;

@@ -6,6 +6,7 @@
 
 #include <cmath>
 
+#include "sim/methods/make_stepper.h"
 #include "tests/sim/scenes.h"
 
 namespace unfurl::sim::choose_method_test {
@@ -22,12 +23,22 @@ double BendingRate() {
   return 4.6 * std::sqrt(12.0 * 10.0 / (l * l * l * kMass));
 }
 
-Method Chosen(const std::string& start, const std::string& beam, double rtol, int order = 0) {
+// Scaled by the model, as Simulate does it.
+Method Of(SimulateOptions options, const std::string& scene) {
+  const Model model = ModelFrom(scene);
+  options.length = model.length_scale;
+  options.time = model.time_scale;
+  return ChooseMethod(options, model, ScaleOf(model, options));
+}
+
+Method Chosen(const std::string& start, const std::string& beam, double rtol, int order = 0,
+              double longest = 0.0) {
   SimulateOptions options;
+  options.max_step = longest;
   options.method = Method::kAuto;
   options.rtol = rtol;
   options.order = order;
-  return ChooseMethod(options, ModelFrom(BeamScene(start, kSegments, beam)));
+  return Of(options, BeamScene(start, kSegments, beam));
 }
 
 // beta omega beyond 2.5 at 1e-3, 4.4 at 1e-4, 7.9 at 1e-5: 2.5 (rtol / 1e-3)^(-1/4).
@@ -50,12 +61,38 @@ TEST(ChooseMethod, TurnsImplicitWhereStretchingIsStiff) {
   const double l = 1.0 / kSegments;
   const auto with = [&](double ratio) {
     const double rate = ratio * BendingRate();
+    // So fast that strains of the tolerance hold next to nothing of what moves.
     return Chosen("free",
-                  fmt::format("axial = \"elastic\"\nEA = {:.17g}\n", rate * rate / 4.0 * l * kMass),
+                  fmt::format("axial = \"elastic\"\nEA = {:.17g}\nvelocity = [1e4, 0.0, 0.0]\n",
+                              rate * rate / 4.0 * l * kMass),
                   1e-3);
   };
   EXPECT_EQ(with(3.96), Method::kProjected);
   EXPECT_EQ(with(4.04), Method::kImplicit);
+}
+
+// Each of the elements EA / l, an eighth of them at the ends not counted, strained by rtol of the
+// model's length holds (7 EA / l) (rtol length)^2 / 2; a rod of 1 kg at v has v^2 / 2.
+TEST(ChooseMethod, TurnsImplicitWhereStrainsOfTheToleranceHoldMoreThanMoves) {
+  constexpr double kEA = 8.0;  // soft: neither damping nor stretching is stiff
+  // The stretching rate is 2 sqrt(EA / (l m)) = 45 1/s: such a step reaches the edge of stability.
+  constexpr double kLongest = 0.1;  // [s]
+  const double length = ModelFrom(BeamScene("free", kSegments)).length_scale;
+  for (const double rtol : {1e-3, 1e-6, 1e-9}) {
+    const double least = length * std::sqrt((kSegments - 1) * kEA * kSegments * rtol);
+    const auto with = [&](double speed) {
+      return Chosen(
+          "free",
+          fmt::format("axial = \"elastic\"\nEA = {}\nvelocity = [{:.17g}, 0.0, 0.0]\n", kEA, speed),
+          rtol, 0, kLongest);
+    };
+    EXPECT_EQ(with(1.01 * least), Method::kProjected) << rtol;
+    EXPECT_EQ(with(0.99 * least), Method::kImplicit) << rtol;
+  }
+  // Where no step comes near that edge explicit ones leave nothing.
+  const std::string at_rest = fmt::format("axial = \"elastic\"\nEA = {}\n", kEA);
+  EXPECT_EQ(Chosen("free", at_rest, 1e-3, 0, kLongest), Method::kImplicit);
+  EXPECT_EQ(Chosen("free", at_rest, 1e-3, 0, 0.02), Method::kProjected);
 }
 
 TEST(ChooseMethod, StaysExplicitAtFineTolerancesAndWithAnOrder) {
@@ -67,8 +104,7 @@ TEST(ChooseMethod, StaysExplicitAtFineTolerancesAndWithAnOrder) {
   EXPECT_EQ(Chosen("free", "", 1e-3), Method::kProjected);
   SimulateOptions options;
   options.method = Method::kPartitioned;
-  EXPECT_EQ(ChooseMethod(options, ModelFrom(BeamScene("free", kSegments, stiff))),
-            Method::kPartitioned);
+  EXPECT_EQ(Of(options, BeamScene("free", kSegments, stiff)), Method::kPartitioned);
 }
 
 }  // namespace

@@ -220,8 +220,10 @@ TEST(Simulate, AutoTakesTheMethodThatTheSceneCallsFor) {
   const std::string damped = "damping = 1e-3\n", elastic = "axial = \"elastic\"\nEA = 1e8\n";
   for (const std::string& stiff : {damped, elastic}) {
     EXPECT_THAT(method(stiff, 1e-4), HasSubstr("diagonally implicit")) << stiff;
-    EXPECT_THAT(method(stiff, 1e-8), HasSubstr("8(5,3)")) << stiff;
   }
+  EXPECT_THAT(method(damped, 1e-8), HasSubstr("8(5,3)"));
+  // At rest strains of 1e-8 m hold more than moves; it is tried later whether explicit steps pay.
+  EXPECT_THAT(method(elastic, 1e-8), HasSubstr("diagonally implicit"));
 }
 
 }  // namespace
