@@ -55,6 +55,11 @@ Constraints::Constraints(const RigidBodies& bodies, const std::vector<Longitudin
   for (std::size_t k = 0; k < stations_.size(); ++k) {
     station_of_[stations_[k].index] = static_cast<int>(k);
   }
+  // The ground is one, whatever stands for it, and so is each smooth beam with what sits on it.
+  for (int k = 0; k < n_; ++k) stands_for_.push_back(inverse_mass_[k] == 0.0 ? n_ - 1 : k);
+  for (const std::vector<int>& attached : bodies.attached) {
+    for (const int body : attached) stands_for_[body] = attached.front();
+  }
   is_dropped_.assign(joints_.rows(), 0);
   std::vector<std::uint8_t> left_out(rows_, 0);
   for (const int row : dropped) {
@@ -195,7 +200,7 @@ void Constraints::CoupleOnSmoothBeam(const std::vector<int>& attached, int first
   }
 }
 
-bool Constraints::HasLoops() const {
+bool Constraints::HasLoops(bool rigid) const {
   // Joins bodies row by row; the rows between the same two bodies are one edge.
   std::vector<int> root(n_);
   for (int k = 0; k < n_; ++k) root[k] = k;
@@ -203,12 +208,14 @@ bool Constraints::HasLoops() const {
     while (root[k] != k) k = root[k] = root[root[k]];
     return k;
   };
+  const auto standing_for = [&](int body) {
+    const bool ground = stands_for_[body] == n_ - 1;
+    return rigid && !ground ? body : stands_for_[body];
+  };
   std::map<std::pair<int, int>, int> edges;
   for (int row = 0; row < rows_; ++row) {
     if (!IsActive(row)) continue;
-    int a = InnerBody(row), b = OuterBody(row);
-    if (inverse_mass_[a] == 0.0) a = n_ - 1;  // the ground is one, whatever stands for it
-    if (inverse_mass_[b] == 0.0) b = n_ - 1;
+    const int a = standing_for(InnerBody(row)), b = standing_for(OuterBody(row));
     if (++edges[{std::min(a, b), std::max(a, b)}] > 1) continue;
     if (find(a) == find(b)) return true;
     root[find(a)] = find(b);

@@ -65,8 +65,9 @@ class Constraints {
   // J at the motion of the last Accelerate: six entries a row, x, y, theta of the inner body, then
   // of the outer; zeros for rows without an equation.
   void Jacobian(const Motion& motion, const Work& work, double* six_per_row) const;
-  // Whether joints close loops: only then can constraints come to depend on one another.
-  bool HasLoops() const;
+  // Whether joints close loops: only then can constraints come to depend on one another. A loop
+  // through a smooth beam bends where rigid ones come to depend; `rigid`: such do not count.
+  bool HasLoops(bool rigid = false) const;
   // Of the joint or beam that the row belongs to.
   std::string NameOf(int row) const;
   Work MakeWork() const;
@@ -153,6 +154,7 @@ class Constraints {
   void ConstraintLoad(const Array& by_row, Work* work) const;
 
   int n_ = 0, beam_count_ = 0, rows_ = 0;
+  std::vector<int> stands_for_;           // by body, what it is fixed to: itself, ground or beam
   Array inverse_mass_, inverse_inertia_;  // by body [1/kg], [1/(kg m^2)]
   std::vector<Station> stations_;
   std::vector<int> station_of_;  // by body; -1: none

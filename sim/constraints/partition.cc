@@ -13,22 +13,17 @@ constexpr int kMostCost = 63;          // Markowitz costs beyond count alike
 
 }  // namespace
 
-Partition::Partition(const Constraints& constraints, const RigidBodies& bodies, double length)
-    : rows_(constraints.rows()),
-      places_(6 * constraints.rows()),
-      column_count_(3 * bodies.count),
+Partition::Partition(const JacobianEntries& entries, double length)
+    : rows_(entries.rows()),
+      places_(entries.count()),
+      column_count_(entries.columns()),
       length_(length),
-      column_of_(6 * constraints.rows(), -1),
-      scale_(3 * bodies.count, 1.0) {
-  for (int body = 0; body < bodies.count; ++body) scale_[2 * bodies.count + body] = 1.0 / length;
-  for (int row = 0; row < rows_; ++row) {
-    if (!constraints.IsActive(row)) continue;
-    const int body[2] = {constraints.InnerBody(row), constraints.OuterBody(row)};
-    for (int side = 0; side < 2; ++side) {
-      if (!bodies.IsDynamic(body[side])) continue;
-      for (int k = 0; k < 3; ++k)
-        column_of_[6 * row + 3 * side + k] = k * bodies.count + body[side];
-    }
+      scale_(entries.columns(), 1.0) {
+  // Angles are the last third.
+  std::fill(scale_.begin() + column_count_ / 3 * 2, scale_.end(), 1.0 / length);
+  for (int row = 0; row <= rows_; ++row) first_.push_back(entries.first(row));
+  for (int entry = 0; entry < entries.count(); ++entry) {
+    column_of_.push_back(entries.column(entry));
   }
   value_.assign(places_, 0.0);
 }
@@ -166,7 +161,7 @@ void Partition::NoteLater(const Rows& rows) {
   }
 }
 
-Partition::Rows Partition::Start(const double* six) {
+Partition::Rows Partition::Start(const double* jacobian) {
   steps_.clear();
   targets_.clear();
   rest_places_.clear();
@@ -175,24 +170,22 @@ Partition::Rows Partition::Start(const double* six) {
   later_.clear();
   columns_.clear();
   redundant_.clear();
-  places_ = 6 * rows_;
+  places_ = static_cast<int>(column_of_.size());
   smallest_pivot_ = 1.0;
-  value_.assign(six, six + places_);
+  value_.assign(jacobian, jacobian + places_);
   Rows rows(rows_, column_count_);
   for (int r = 0; r < rows_; ++r) {
-    for (int k = 0; k < 6; ++k) {
-      const int place = 6 * r + k, column = column_of_[place];
-      if (column < 0) continue;
-      rows.row[r].push_back({column, place});
-      rows.in_column[column].push_back(r);
+    for (int place = first_[r]; place < first_[r + 1]; ++place) {
+      rows.row[r].push_back({column_of_[place], place});
+      rows.in_column[column_of_[place]].push_back(r);
     }
     rows.before[r] = LargestOf(rows.row[r]);
   }
   return rows;
 }
 
-void Partition::Choose(const double* six) {
-  Rows rows = Start(six);
+void Partition::Choose(const double* jacobian) {
+  Rows rows = Start(jacobian);
   for (int r = 0; r < rows_; ++r) {
     rows.done[r] = rows.row[r].empty() ? 1 : 0;
     if (!rows.done[r]) ++rows.remaining, Queue(r, &rows);
@@ -218,9 +211,10 @@ void Partition::Choose(const double* six) {
   NoteLater(rows);
 }
 
-double Partition::Factor(const double* six, bool* turned) {
-  std::copy(six, six + 6 * rows_, value_.begin());
-  std::fill(value_.begin() + 6 * rows_, value_.end(), 0.0);
+double Partition::Factor(const double* jacobian, bool* turned) {
+  const auto given = static_cast<std::ptrdiff_t>(column_of_.size());
+  std::copy(jacobian, jacobian + given, value_.begin());
+  std::fill(value_.begin() + given, value_.end(), 0.0);
   double* v = value_.data();
   const int* rest = rest_places_.data();
   const double* rest_scale = rest_scale_.data();

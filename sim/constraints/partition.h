@@ -3,13 +3,12 @@
 #include <cstdint>
 #include <vector>
 
-#include "sim/constraints/constraints.h"
-#include "sim/model/rigid_bodies.h"
+#include "sim/constraints/jacobian_entries.h"
 
 namespace unfurl::sim {
 
 // Generalized coordinate partitioning (Wehage and Haug 1982, the paper's [19]): which of the
-// coordinates x, y, theta follow from the others through the constraints.
+// coordinates follow from the others through the constraints.
 //
 // The Jacobian is eliminated row by row, with Markowitz's choice of the pivot that makes the least
 // fill among those not much smaller than the largest of their row (angles count times a length);
@@ -17,18 +16,18 @@ namespace unfurl::sim {
 // work is O(n). A row with nothing left is redundant. The eliminations are kept as flat lists, to
 // be run again at other states without searching or allocating.
 //
-// Jacobians are given as Constraints::Jacobian has them, six entries a row. Columns have the
-// numbers of the state's entries (StateIndex).
+// Jacobians are given as JacobianEntries::At has them.
 class Partition {
  public:
-  Partition(const Constraints& constraints, const RigidBodies& bodies, double length);
+  // `length`: of the scene [m].
+  Partition(const JacobianEntries& entries, double length);
 
   // Chooses pivots at this Jacobian, and factors it.
-  void Choose(const double* six);
+  void Choose(const double* jacobian);
   // Factors with the pivots chosen. The smallest pivot over the largest entry of its row then:
   // where that is small, others would be better.
   // `turned`: whether one has changed its sign since the factor before.
-  double Factor(const double* six, bool* turned);
+  double Factor(const double* jacobian, bool* turned);
   // Solves J_u x = b for the dependent coordinates (J_u their columns of J): `b` by row, destroyed;
   // out[column] -= x[column].
   void Correct(double* b, double* out) const;
@@ -38,7 +37,7 @@ class Partition {
   // Smallest pivot (angles scaled) of the last factor: near zero where constraints depend on one
   // another.
   double smallest_pivot() const { return smallest_pivot_; }
-  int fill() const { return places_ - 6 * rows_; }
+  int fill() const { return places_ - static_cast<int>(column_of_.size()); }
 
  private:
   struct Entry {
@@ -46,7 +45,7 @@ class Partition {
   };
   struct Rows;
   // Choose, step by step (partition.cc).
-  Rows Start(const double* six);
+  Rows Start(const double* jacobian);
   double SizeOf(const Entry& e) const;
   double LargestOf(const std::vector<Entry>& row) const;
   int BestOf(const Rows& rows, int r, int* cost) const;
@@ -68,10 +67,10 @@ class Partition {
   };
 
   int rows_ = 0, places_ = 0, column_count_ = 0;
-  double length_ = 1.0;         // of the scene [m]
-  std::vector<int> column_of_;  // by place of the six; -1: the ground, or no equation
-  std::vector<double> scale_;   // by column [-], [1/m]
-  std::vector<int> row_of_;     // row that a dependent column is the pivot of, by column
+  double length_ = 1.0;                 // of the scene [m]
+  std::vector<int> first_, column_of_;  // of a row's entries, by row; column by entry
+  std::vector<double> scale_;           // by column [-], [1/m]
+  std::vector<int> row_of_;             // row that a dependent column is the pivot of, by column
   std::vector<int> columns_, redundant_;
   double smallest_pivot_ = 1.0;  // [-]
 

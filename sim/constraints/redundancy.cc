@@ -17,9 +17,9 @@ constexpr int kRedundancyMostIterations = 20;  // of Newton's method
 double Direction(int k) { return std::fmod(0.6180339887498949 * (k + 1), 1.0) * 2.0 - 1.0; }
 
 // A motion from the initial state: independent coordinates move freely, the others follow to first
-// order, J move = 0 in the equations that are kept. `jacobian`: six entries a row.
-std::vector<double> FirstOrderMove(const Model& model, const std::vector<double>& jacobian,
-                                   const Partition& partition) {
+// order, J move = 0 in the equations that are kept.
+std::vector<double> FirstOrderMove(const Model& model, const JacobianEntries& entries,
+                                   const double* jacobian, const Partition& partition) {
   const int n = model.rigid_bodies.count, rows = model.constraints.rows();
   std::vector<double> move(3 * n, 0.0), b(rows, 0.0);
   for (int body = 0; body < n; ++body) {
@@ -29,9 +29,9 @@ std::vector<double> FirstOrderMove(const Model& model, const std::vector<double>
   }
   for (const int column : partition.dependents()) move[column] = 0.0;
   for (int row = 0; row < rows; ++row) {
-    if (!model.constraints.IsActive(row)) continue;
-    const int body[2] = {model.constraints.InnerBody(row), model.constraints.OuterBody(row)};
-    for (int k = 0; k < 6; ++k) b[row] += jacobian[6 * row + k] * move[(k % 3) * n + body[k / 3]];
+    for (int e = entries.first(row); e < entries.first(row + 1); ++e) {
+      b[row] += jacobian[e] * move[entries.column(e)];
+    }
   }
   partition.Correct(b.data(), move.data());
   return move;
@@ -71,33 +71,31 @@ Violation ViolationAt(const std::vector<int>& redundant, int rows, Dynamics* dyn
 // lead; else the start is singular, and dropping them would free a motion.
 Redundancy FindRedundancy(const Model& model) {
   Redundancy found;
-  // Smooth beams bring coordinates that the partition does not cover.
-  if (!model.constraints.HasLoops() || model.kirchhoff.count() > 0) return found;
+  if (!model.constraints.HasLoops()) return found;
   const double length = model.length_scale;
   const int rows = model.constraints.rows();
   Dynamics dynamics(model);
-  std::vector<double> y = model.initial_state, six(6 * rows);
-  Partition partition(model.constraints, model.rigid_bodies, length);
+  std::vector<double> y = model.initial_state;
+  JacobianEntries entries(model);
+  Partition partition(entries, length);
   dynamics.EvaluateConstraints(0.0, y.data());
-  dynamics.Jacobian(0.0, y.data(), six.data());
-  partition.Choose(six.data());
+  const double* jacobian = entries.At(dynamics, 0.0, y.data());
+  partition.Choose(jacobian);
   found.rows = partition.redundant();
   if (found.rows.empty()) return found;
 
-  AddScaled(FirstOrderMove(model, six, partition), length, &y);
+  AddScaled(FirstOrderMove(model, entries, jacobian, partition), length, &y);
   // Newton's method on the kept equations, for the dependent coordinates.
   Violation off = ViolationAt(found.rows, rows, &dynamics, &y);
   int iteration = 0;
   while (off.kept > kMet * 1e-3 * length && ++iteration < kRedundancyMostIterations) {
     bool turned = false;
-    dynamics.Jacobian(0.0, y.data(), six.data());
-    partition.Factor(six.data(), &turned);
+    partition.Factor(entries.At(dynamics, 0.0, y.data()), &turned);
     partition.Correct(dynamics.constraint_rows(), y.data());
     off = ViolationAt(found.rows, rows, &dynamics, &y);
   }
-  Partition moved(model.constraints, model.rigid_bodies, length);
-  dynamics.Jacobian(0.0, y.data(), six.data());
-  moved.Choose(six.data());
+  Partition moved(entries, length);
+  moved.Choose(entries.At(dynamics, 0.0, y.data()));
   found.singular = iteration == kRedundancyMostIterations || off.redundant > kMet * length ||
                    moved.redundant().size() < found.rows.size();
   return found;

@@ -100,6 +100,8 @@ class KirchhoffRod {
     Array mass, motion;  // [kg m^2], [m]
   };
   void Linearise(const Work& work, Linear* out) const;
+  // Linear::motion alone, after Update.
+  void FillMotions(const Work& work, double* motion) const;
   // Adds to `k`, coordinates() squared, -dQ/dq of what turns with the beam: the strings' forces,
   // and those of attached frames, `attached` as for Solve; of a beam at rest, after Solve [SI].
   void AddGeometric(const Work& work, const double* attached, double* k) const;

@@ -28,13 +28,29 @@ void KirchhoffRod::Linearise(const Work& work, Linear* out) const {
     }
   }
   out->motion.assign(3 * size * attachments_.size(), 0.0);
-  for (std::size_t b = 0; b < attachments_.size(); ++b) {
-    double* x = out->motion.data() + 3 * size * b;
-    double *y = x + size, *theta = y + size;
+  FillMotions(work, out->motion.data());
+}
+
+void KirchhoffRod::FillMotions(const Work& work, double* motion) const {
+  const int points = shapes_.points, width = shapes_.width, size = coordinates();
+  for (std::size_t b = 0; b < attachments_.size(); ++b, motion += 3 * size) {
+    double *x = motion, *y = x + size, *theta = y + size;
+    std::fill_n(x, 3 * size, 0.0);
     x[0] = y[1] = 1.0;
-    std::copy_n(work.jx.data() + b * width, used, x + 2);
-    std::copy_n(work.jy.data() + b * width, used, y + 2);
-    std::copy_n(attached_shape_.data() + b * width, used, theta + 2);
+    const double ox = work.offset[2 * b], oy = work.offset[2 * b + 1];
+    for (int k = 0; k <= shapes_.count; ++k) {
+      const double shape = attached_shape_[b * width + k];
+      x[2 + k] = -oy * shape;
+      y[2 + k] = ox * shape;
+      theta[2 + k] = shape;
+      for (int q = 0; q < points; ++q) {
+        const double arm = arm_[b * points + q], c = work.cosine[q], s = work.sine[q];
+        const double turn = shapes_.shape[q * width + k] * (stretches() ? work.stretch[q] : 1.0);
+        const double pull = stretches() ? shapes_.strain[q * width + k] : 0.0;
+        x[2 + k] += arm * (pull * c - turn * s);
+        y[2 + k] += arm * (pull * s + turn * c);
+      }
+    }
   }
 }
 

@@ -77,8 +77,7 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       last_error_(1e-4),
       zone_part_(kZonePart * std::min(2.0, std::pow(options.rtol / 1e-6, 0.2))) {
   dynamics_.track_energy = options.track_energy;
-  // Smooth beams are not known to the partitioned method.
-  loops_ = model.constraints.HasLoops() && model.kirchhoff.count() == 0;
+  loops_ = model.constraints.HasLoops(true);
   switches_ = options.method == Method::kAuto && options.order == 0;
   stretches_ = model.kirchhoff.stretches();
   held_ = StrainEnergyAtTolerance(model, scale_);

@@ -19,15 +19,14 @@ constexpr int kMostIterations = 5;   // with one factor
 template <typename Pair>
 Partitioned<Pair>::Partitioned(Dynamics& dynamics, const ErrorScale& scale)
     : Pair(dynamics, scale),
-      partition_(dynamics.model().constraints, dynamics.model().rigid_bodies, scale.length),
-      jacobian_(6 * dynamics.model().constraints.rows(), 0.0),
+      entries_(dynamics.model()),
+      partition_(entries_, scale.length),
       constrained_(dynamics.model().constraints.count() > 0) {}
 
 template <typename Pair>
 void Partitioned<Pair>::Repartition(double t, double* y) {
   dynamics_.EvaluateConstraints(t, y);
-  dynamics_.Jacobian(t, y, jacobian_.data());
-  partition_.Choose(jacobian_.data());
+  partition_.Choose(entries_.At(dynamics_, t, y));
   worst_ = 1.0;
   factored_ = true;
 }
@@ -35,9 +34,8 @@ void Partitioned<Pair>::Repartition(double t, double* y) {
 template <typename Pair>
 bool Partitioned<Pair>::FactorAt(double t, double* y) {
   dynamics_.EvaluateConstraints(t, y);
-  dynamics_.Jacobian(t, y, jacobian_.data());
   bool turned = false;
-  worst_ = partition_.Factor(jacobian_.data(), &turned);
+  worst_ = partition_.Factor(entries_.At(dynamics_, t, y), &turned);
   factored_ = true;
   return !turned && worst_ > kLostPivot;
 }

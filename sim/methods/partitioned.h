@@ -52,9 +52,9 @@ class Partitioned : public Pair {
   // How far out and how fast the bodies are, for what rounding leaves of the constraints.
   void Measure();
 
+  JacobianEntries entries_;
   Partition partition_;
   double farthest_ = 0.0, fastest_ = 0.0;  // [m], [m/s]
-  std::vector<double> jacobian_;           // six a row [m], [-]
   const bool constrained_;
   bool factored_ = false;  // at state(), or at the trial
   double worst_ = 1.0;     // pivot of that factor [-]

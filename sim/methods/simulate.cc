@@ -153,12 +153,6 @@ const char* LimitName(StepLimit limit) {
 
 SimulateReport Simulate(const Model& model, const SimulateOptions& options, Observer* observer) {
   options.Check();
-  if (model.kirchhoff.count() > 0 && options.method == Method::kPartitioned) {
-    throw Error(
-        fmt::format("the method {} does not support smooth beams", MethodName(options.method)),
-        "option method",
-        "use \"auto\", \"projected\" or \"implicit\", or model = \"segments\" for every beam");
-  }
   SimulateOptions scaled = options;
   if (scaled.length == 0.0) scaled.length = model.length_scale;
   if (scaled.time == 0.0) scaled.time = model.time_scale;

@@ -16,17 +16,18 @@ namespace unfurl::sim::redundant_test {
 namespace {
 
 // Rockers of length 1 on the ground at the places `at`, a coupler over all of them.
-std::string Rockers(const std::vector<double>& at, double inertia, double theta) {
+std::string Rockers(const std::vector<double>& at, double inertia, double theta,
+                    double mass = 1e-6) {
   std::string text =
       "[scene]\nname = \"rockers\"\nduration = 2.0\n[body.coupler]\nmass = 2.0\ninertia = 0.5\n";
   for (std::size_t k = 0; k < at.size(); ++k) {
     text += fmt::format(
-        "[body.r{0}]\nmass = 1e-6\ninertia = {1}\n"
+        "[body.r{0}]\nmass = {5}\ninertia = {1}\n"
         "[joint.g{0}]\ninner = \"ground\"\ninner_point = [{2}, 0.0]\nouter = \"r{0}\"\n"
         "theta = {3}\n"
         "[joint.c{0}]\ninner = \"r{0}\"\ninner_point = [1.0, 0.0]\nouter = \"coupler\"\n"
         "outer_point = [{2}, 0.0]\ntheta = {4}\n",
-        k, inertia, at[k], theta, -theta);
+        k, inertia, at[k], theta, -theta, mass);
   }
   return text + "[gravity]\nacceleration = [0.0, -9.81]\n[mark.m]\non = \"coupler\"\n";
 }
@@ -52,6 +53,72 @@ TEST(Redundant, AThirdParallelRockerIsSurvived) {
     }
     EXPECT_LT(worst, 100 * options.rtol) << MethodName(method);
     EXPECT_GT(std::hypot(a.x[0].back() - a.x[0][0], a.y[0].back() - a.y[0][0]), 0.3);
+  }
+}
+
+// The same with a smooth boom on the coupler.
+TEST(Redundant, SmoothBeamsMayBeAmongThem) {
+  const std::string boom =
+      "[beam.boom]\nlength = 0.8\nmass = 0.3\nEI = 20.0\nmodel = \"kirchhoff\"\norder = 2\n"
+      "[weld.w]\ninner = \"coupler\"\ninner_point = [0.5, 0.0]\nouter = \"boom.start\"\n";
+  const Model three =
+      Compile(data::ParseScene(Rockers({0.0, 1.0, 2.5}, 0.02, 1.0, 2e-6) + boom, "three.toml"));
+  const Model two =
+      Compile(data::ParseScene(Rockers({0.0, 1.0}, 0.03, 1.0, 3e-6) + boom, "two.toml"));
+  ASSERT_EQ(three.warnings.size(), 1u);
+  EXPECT_EQ(three.constraints.count(), two.constraints.count() + 3);
+  for (const Method method : {Method::kProjected, Method::kPartitioned}) {
+    SimulateOptions options;
+    options.method = method;
+    options.rtol = 1e-8;
+    options.duration = 0.5;  // before the rockers lie flat
+    const MarkTracks a = SimulateMarks(three, options), b = SimulateMarks(two, options);
+    ASSERT_TRUE(a.report.Usable() && b.report.Usable()) << a.report.message;
+    double worst = 0.0;
+    for (std::size_t k = 0; k < a.t.size(); ++k) {
+      worst = std::max(worst, std::hypot(a.x[0][k] - b.x[0][k], a.y[0][k] - b.y[0][k]));
+    }
+    EXPECT_LT(worst, 100 * options.rtol) << MethodName(method);
+  }
+}
+
+// The rockers fall through the flat state, in which the constraints depend on one another, with a
+// smooth boom aboard; its energy says whether the way on was taken.
+TEST(Redundant, AFlatStateIsPassedWithASmoothBoomAboard) {
+  const Model model = Compile(data::ParseScene(
+      Rockers({0.0, 1.0}, 0.03, 1.0) +
+          "[beam.boom]\nlength = 0.8\nmass = 0.3\nEI = 20.0\nmodel = \"kirchhoff\"\norder = 2\n"
+          "[weld.w]\ninner = \"coupler\"\ninner_point = [0.5, 0.0]\nouter = \"boom.start\"\n",
+      "boom.toml"));
+  for (const Method method : {Method::kAuto, Method::kProjected, Method::kPartitioned}) {
+    SimulateOptions options;
+    options.method = method;
+    options.duration = 1.2;
+    const SimulateReport report = Simulate(model, options, nullptr);
+    EXPECT_TRUE(report.Usable()) << MethodName(method) << ": " << report.message;
+    EXPECT_LT(report.energy_residual, 1e-3 * report.energy_moved) << MethodName(method);
+  }
+}
+
+// Straight, of fixed length, and pinned at both ends: its tension is not determined.
+TEST(Redundant, AStraightBeamBetweenPinsIsToldToStretch) {
+  for (const char* model : {"model = \"kirchhoff\"\n", "segments = 4\n"}) {
+    for (const bool elastic : {false, true}) {
+      const std::string text = fmt::format(
+          "[scene]\nname = \"held\"\nduration = 1.0\n"
+          "[beam.b]\nlength = 1.0\nmass = 0.5\nEI = 10.0\n{}{}"
+          "[joint.a]\ninner = \"ground\"\nouter = \"b.start\"\ntheta = 0.0\n"
+          "[joint.c]\ninner = \"ground\"\ninner_point = [1.0, 0.0]\n"
+          "outer = \"b.end\"\ntheta = 0.0\n",
+          model, elastic ? "axial = \"elastic\"\nEA = 1e5\n" : "");
+      try {
+        Compile(data::ParseScene(text, "held.toml"));
+        EXPECT_TRUE(elastic) << "not refused";
+      } catch (const Error& error) {
+        EXPECT_FALSE(elastic) << error.what();
+        EXPECT_NE(error.remedy().find("axial = \"elastic\""), std::string::npos) << error.what();
+      }
+    }
   }
 }
 

@@ -35,27 +35,31 @@ std::string ChainScene(int bars, bool closed = false, double theta = 0.3, double
   return text;
 }
 
-std::vector<double> JacobianOf(const Model& model) {
-  Dynamics dynamics(model);
-  std::vector<double> y = model.initial_state, six(6 * model.constraints.rows());
-  dynamics.EvaluateConstraints(0.0, y.data());
-  dynamics.Jacobian(0.0, y.data(), six.data());
-  return six;
+void MakeSmooth(int order, data::Scene* scene) {
+  for (auto& beam : scene->beams) {
+    beam.model = data::BeamModel::kKirchhoff;
+    beam.order = order;
+  }
 }
 
-// The columns of the dependent coordinates, dense; rows are those that have pivots.
-Eigen::MatrixXd Dependent(const Model& model, const Partition& partition,
-                          const std::vector<double>& six) {
-  const int n = model.rigid_bodies.count, rows = model.constraints.rows();
-  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(rows, 3 * n);
-  for (int row = 0; row < rows; ++row) {
-    if (!model.constraints.IsActive(row)) continue;
-    for (int k = 0; k < 3; ++k) {
-      J(row, k * n + model.constraints.InnerBody(row)) += six[6 * row + k];
-      J(row, k * n + model.constraints.OuterBody(row)) += six[6 * row + 3 + k];
+std::vector<double> JacobianOf(const Model& model, JacobianEntries* entries) {
+  Dynamics dynamics(model);
+  std::vector<double> y = model.initial_state;
+  dynamics.EvaluateConstraints(0.0, y.data());
+  const double* values = entries->At(dynamics, 0.0, y.data());
+  return {values, values + entries->count()};
+}
+
+// The columns of the dependent coordinates, dense.
+Eigen::MatrixXd Dependent(const JacobianEntries& entries, const Partition& partition,
+                          const std::vector<double>& values) {
+  Eigen::MatrixXd J = Eigen::MatrixXd::Zero(entries.rows(), entries.columns());
+  for (int row = 0; row < entries.rows(); ++row) {
+    for (int e = entries.first(row); e < entries.first(row + 1); ++e) {
+      J(row, entries.column(e)) += values[static_cast<std::size_t>(e)];
     }
   }
-  Eigen::MatrixXd Ju(rows, partition.dependents().size());
+  Eigen::MatrixXd Ju(entries.rows(), partition.dependents().size());
   for (std::size_t c = 0; c < partition.dependents().size(); ++c) {
     Ju.col(static_cast<Eigen::Index>(c)) = J.col(partition.dependents()[c]);
   }
@@ -66,10 +70,14 @@ TEST(Partition, CorrectSolvesForTheDependentCoordinates) {
   Rng rng(5);
   data::Scene deployment = data::ReadScene(DeploymentPath("clearance"));
   for (auto& beam : deployment.beams) beam.segments = 3;
-  for (const Model& model : {ModelFrom(ChainScene(5)),
-                             ModelFrom(ChainScene(4, true, 0.5, 2.6, 2.4)), Compile(deployment)}) {
-    const std::vector<double> six = JacobianOf(model);
-    Partition partition(model.constraints, model.rigid_bodies, 1.0);
+  data::Scene smooth = data::ReadScene(DeploymentPath("clearance"));
+  MakeSmooth(2, &smooth);
+  for (const Model& model :
+       {ModelFrom(ChainScene(5)), ModelFrom(ChainScene(4, true, 0.5, 2.6, 2.4)),
+        Compile(deployment), Compile(smooth)}) {
+    JacobianEntries entries(model);
+    const std::vector<double> six = JacobianOf(model, &entries);
+    Partition partition(entries, 1.0);
     partition.Choose(six.data());
     EXPECT_TRUE(partition.redundant().empty());
     ASSERT_EQ(static_cast<int>(partition.dependents().size()), model.constraints.count());
@@ -86,7 +94,7 @@ TEST(Partition, CorrectSolvesForTheDependentCoordinates) {
         right[row] = b[row];
       }
       partition.Correct(b.data(), x.data());
-      const Eigen::MatrixXd Ju = Dependent(model, partition, six);
+      const Eigen::MatrixXd Ju = Dependent(entries, partition, six);
       Eigen::VectorXd u(Ju.cols());
       for (Eigen::Index c = 0; c < u.size(); ++c) u[c] = -x[partition.dependents()[c]];
       EXPECT_LT((Ju * u - right).norm(), 1e-11 * (1.0 + u.norm()));
@@ -96,8 +104,9 @@ TEST(Partition, CorrectSolvesForTheDependentCoordinates) {
 
 TEST(Partition, AChainHasNoFill) {
   const Model model = ModelFrom(ChainScene(60));
-  Partition partition(model.constraints, model.rigid_bodies, 1.0);
-  partition.Choose(JacobianOf(model).data());
+  JacobianEntries entries(model);
+  Partition partition(entries, 1.0);
+  partition.Choose(JacobianOf(model, &entries).data());
   EXPECT_EQ(partition.fill(), 0);
 }
 
@@ -106,8 +115,9 @@ TEST(Partition, ARingHasBoundedFill) {
   const double turn = 2.0 * M_PI / bars;
   // A regular polygon comes back to where it began.
   const Model model = ModelFrom(ChainScene(bars, true, turn));
-  Partition partition(model.constraints, model.rigid_bodies, 1.0);
-  partition.Choose(JacobianOf(model).data());
+  JacobianEntries entries(model);
+  Partition partition(entries, 1.0);
+  partition.Choose(JacobianOf(model, &entries).data());
   EXPECT_TRUE(partition.redundant().empty());
   EXPECT_LT(partition.fill(), 12 * bars);
 }
@@ -142,10 +152,20 @@ TEST(Partitioned, AgreesWithProjection) {
   deployment.duration = 0.5;
   data::Scene chain = data::ParseScene(
       ChainScene(4) + "[gravity]\nacceleration = [0.0, -9.81]\n[mark.tip]\non = \"b3\"\n", "t");
-  for (const data::Scene& scene : {deployment, chain, CrankRocker(), TripleRocker()}) {
+  data::Scene smooth = deployment, stretching = deployment;
+  MakeSmooth(2, &smooth);
+  MakeSmooth(1, &stretching);
+  for (auto& beam : stretching.beams) {
+    beam.axial_elastic = true;
+    beam.EA = 1e4;
+  }
+  stretching.name = "stretching";
+  for (const data::Scene& scene :
+       {deployment, smooth, stretching, chain, CrankRocker(), TripleRocker()}) {
     const Model model = Compile(scene);
     SimulateOptions options;
     options.rtol = 1e-9;
+    options.method = Method::kProjected;
     const MarkTracks projected = SimulateMarks(model, options);
     options.method = Method::kPartitioned;
     const MarkTracks partitioned = SimulateMarks(model, options);
