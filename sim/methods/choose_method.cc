@@ -83,12 +83,11 @@ double TighterTolerance(double rtol) {
 Method ChooseMethod(const SimulateOptions& options, const Model& model, const ErrorScale& scale) {
   if (options.method != Method::kAuto) return options.method;
   if (options.order != 0) return Method::kProjected;
-  const bool smooth = model.kirchhoff.count() > 0;
+  const bool smooth = model.kirchhoff.count() > 0, tree = !model.constraints.HasLoops();
+  const bool stiff =
+      !smooth && tree && options.rtol >= kImplicitTolerance && BeamsAreStiff(model, options.rtol);
   const bool implicit =
-      smooth ? model.kirchhoff.stretches()
-             : !model.constraints.HasLoops() &&
-                   ((options.rtol >= kImplicitTolerance && BeamsAreStiff(model, options.rtol)) ||
-                    StartIsHeldByStrains(options, model, scale));
+      stiff || model.kirchhoff.stretches() || (tree && StartIsHeldByStrains(options, model, scale));
   return implicit ? Method::kImplicit : Method::kProjected;
 }
 

@@ -53,6 +53,12 @@ RunJudge::RunJudge(const Model& model, const ErrorScale& scale, bool tracked)
     tolerance_floor_ += 0.5 * (model.rigid_bodies.mass[k] * speed * speed +
                                model.rigid_bodies.inertia[k] * spin * spin);
   }
+  // And of places: beams whose ends are off by the tolerance are bent by it, 3 EI / L^3 to a metre.
+  const double off = scale.rtol * scale.length;
+  for (const Model::Beam& beam : model.beams) {
+    const double length = beam.segments * beam.segment_length;
+    tolerance_floor_ += 0.5 * 3.0 * beam.EI / (length * length * length) * off * off;
+  }
 }
 
 void RunJudge::Look(double t, const double* state, const std::vector<LatchMode>& modes) {

@@ -209,6 +209,7 @@ void Compiler::FillOutputs() {
       }
     }
     constexpr double kMiddle = 0.5;  // of the length [-]: where BEAM.axial_force is told
+    model_.beams.back().EI = beam.EI * beam.section.Bending(kMiddle);
     if (beam.axial_elastic) model_.beams.back().EA = beam.EA * beam.section.Area(kMiddle);
     model_.length_scale = std::max(model_.length_scale, beam.length);
   }

@@ -43,7 +43,8 @@ struct Model : ModelEffects {
     int smooth = -1;
     // Bodies of the stations where its start and end are welded; -1: not welded.
     std::array<int, 2> stations{-1, -1};
-    double EA = 0.0;  // of the section in the middle; 0: it does not stretch [N]
+    double EI = 0.0;  // of the section in the middle [N m^2]
+    double EA = 0.0;  // likewise; 0: it does not stretch [N]
   };
   struct EndBody {  // that a beam's own end was given (sim/model/end_bodies.h)
     int body = -1;

@@ -82,5 +82,34 @@ TEST(HeldBeams, AutoIsUsableWhereImplicitIs) {
   EXPECT_GE(usable, 2 * count);  // else this says little
 }
 
+// Nothing acts on a smooth boom that hangs on its pin without gravity: what explicit steps leave at
+// the edge of their stability is then all that moves, and less than the tolerance of its end bends.
+TEST(HeldBeams, ABoomThatNothingActsOnIsGood) {
+  const Model model = ModelFrom(
+      "[scene]\nname = \"rest\"\nduration = 7.8\n"
+      "[beam.b]\nlength = 5.7\nmass = 20.5\nEI = 5.5e4\nmodel = \"kirchhoff\"\norder = 3\n"
+      "damping = 1.2e-4\n[body.tip]\nmass = 77.0\ninertia = 6.4\n"
+      "[joint.p]\ninner = \"ground\"\nouter = \"b.start\"\ntheta = 2.3\n"
+      "[weld.w]\ninner = \"b.end\"\nouter = \"tip\"\nouter_point = [-0.4, 0.0]\n");
+  for (const double rtol : {1e-4, 1e-6}) {
+    const SimulateReport report = RunOf(model, Method::kAuto, rtol);
+    EXPECT_TRUE(report.Usable()) << rtol << ": " << report.message;
+  }
+}
+
+// Segments that stretch are stiff beside a smooth beam, too.
+TEST(HeldBeams, AStretchingBeamBesideASmoothOne) {
+  const Model model = ModelFrom(
+      "[scene]\nname = \"both\"\nduration = 0.5\n[gravity]\nacceleration = [0.0, -9.81]\n"
+      "[beam.a]\nlength = 1.0\nmass = 0.5\nEI = 7.0\nmodel = \"kirchhoff\"\norder = 2\n"
+      "[beam.b]\nlength = 1.0\nmass = 0.5\nEI = 7.0\nsegments = 8\naxial = \"elastic\"\nEA = 1e6\n"
+      "[weld.w]\ninner = \"ground\"\nouter = \"a.start\"\n"
+      "[weld.v]\ninner = \"a.end\"\nouter = \"b.start\"\n");
+  for (const double rtol : {1e-4, 1e-6}) {
+    const SimulateReport report = RunOf(model, Method::kAuto, rtol);
+    EXPECT_TRUE(report.Usable()) << rtol << ": " << report.message;
+  }
+}
+
 }  // namespace
 }  // namespace unfurl::sim::held_beams_test
