@@ -1,6 +1,8 @@
 // Other time offsets than the one that a fit was led along.
 #include <algorithm>
+#include <cmath>
 #include <utility>
+#include <vector>
 
 #include "correlate/fit/fit_run.h"
 #include "correlate/fit/other_clocks.h"
@@ -21,6 +23,23 @@ double RowsOf(const StageRunner& runner) {
 // has a model for would have contributed as much.
 double DevianceOf(double cost, double rows, double best_cost, double best_rows, double square) {
   return 2.0 * (cost - best_cost) / square + best_rows - rows;
+}
+
+std::vector<double> OffsetsOf(const StageRunner& runner) {
+  std::vector<double> out;
+  for (const RegistrationFit& r : runner.point().registration) out.push_back(r.at.offset);
+  return out;
+}
+
+// Whether a place is the one that was left for this: nearer to it than half the way from there.
+bool LiesBack(const Candidate& place, const std::vector<double>& here,
+              const std::vector<double>& from) {
+  if (from.empty()) return false;
+  for (std::size_t t = 0; t < from.size(); ++t) {
+    const double way = std::abs(here[t] - from[t]);
+    if (std::abs(place.alignment[t].at.offset - from[t]) > 0.5 * way) return false;
+  }
+  return true;
 }
 
 }  // namespace
@@ -48,17 +67,21 @@ double FitRun::DevianceByWay(StageRunner& other) {
 }
 
 void FitRun::LookAtOtherClocks() {
-  constexpr int kMostRounds = 3;  // swings by which an alignment at the start's values was wrong
-  for (int round = 0; round < kMostRounds; ++round) {
+  // Each round goes over to a place that explains the data better beyond the 95% level, or ends: an
+  // alignment at the start's values may be wrong by any number of swings. The mean square falls
+  // with each (once it is below 1, the squares do), so that no place is come to twice.
+  std::vector<double> from;  // offsets of the last place
+  for (;;) {
     Evaluator evaluator(way_, workers_);
     std::vector<Candidate> places = OtherPlaces(way_, options_, best_->candidate(),
                                                 best_->result().to, best_->point(), evaluator);
     const auto& records = evaluator.records();
     result_.evaluations.insert(result_.evaluations.end(), records.begin(), records.end());
-    as_good_.clear();
+    const std::vector<double> here = OffsetsOf(*best_);
     StageRunner* lowest = nullptr;
     double least = -kDeviance95;
     for (Candidate& place : places) {
+      if (LiesBack(place, here, from)) continue;
       StageRunner* other = LeadAlong(std::move(place));
       if (other == nullptr) continue;
       const double deviance = DevianceByWay(*other);
@@ -66,6 +89,8 @@ void FitRun::LookAtOtherClocks() {
       if (deviance < least) lowest = other, least = deviance;
     }
     if (lowest == nullptr) return;
+    StageRunner* left = best_;
+    const double cost = CostOfWay();
     for (auto& runner : runners_) {
       if (runner.get() != best_) continue;
       for (auto& other : other_clocks_) {
@@ -75,6 +100,10 @@ void FitRun::LookAtOtherClocks() {
     }
     best_ = lowest;
     way_cost_.reset();
+    const double rows = RowsOf(*best_), square = std::max(1.0, 2.0 * CostOfWay() / rows);
+    as_good_.clear();
+    as_good_.push_back({left, DevianceOf(cost, RowsOf(*left), CostOfWay(), rows, square), true});
+    from = here;
   }
 }
 

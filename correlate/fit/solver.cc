@@ -227,6 +227,72 @@ class StepWatch : public ceres::IterationCallback {
   const SolverOptions& options_;
 };
 
+// Where a step of a logarithm leads. Within one it is what it is. Beyond, its slope tells no more
+// than what is added to the value: of a damping that is far too small, 20 means 21 times as much
+// and not e^20.
+double RiseOfLogarithm(double step) {
+  const double size = std::abs(step);
+  return size <= 1.0 ? step : std::copysign(std::max(1.0, std::log1p(size)), step);
+}
+
+double StepOfRise(double rise) {
+  const double size = std::abs(rise);
+  return size <= 1.0 ? rise : std::copysign(std::expm1(size), rise);
+}
+
+class Steps : public ceres::Manifold {
+ public:
+  Steps(const std::vector<Parameter>& parameters, const std::vector<bool>& held)
+      : parameters_(parameters) {
+    for (std::size_t j = 0; j < parameters.size(); ++j) {
+      if (held.empty() || !held[j]) free_.push_back(j);
+    }
+  }
+
+  int AmbientSize() const override { return static_cast<int>(parameters_.size()); }
+  int TangentSize() const override { return static_cast<int>(free_.size()); }
+
+  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
+    std::copy_n(x, parameters_.size(), x_plus_delta);
+    for (std::size_t k = 0; k < free_.size(); ++k) {
+      const double by = delta[k];
+      x_plus_delta[free_[k]] += parameters_[free_[k]].log ? RiseOfLogarithm(by) : by;
+    }
+    return true;
+  }
+
+  bool Minus(const double* y, const double* x, double* y_minus_x) const override {
+    for (std::size_t k = 0; k < free_.size(); ++k) {
+      const double by = y[free_[k]] - x[free_[k]];
+      y_minus_x[k] = parameters_[free_[k]].log ? StepOfRise(by) : by;
+    }
+    return true;
+  }
+
+  bool PlusJacobian(const double* /*x*/, double* jacobian) const override {
+    Chosen(TangentSize(), true, jacobian);
+    return true;
+  }
+
+  bool MinusJacobian(const double* /*x*/, double* jacobian) const override {
+    Chosen(AmbientSize(), false, jacobian);
+    return true;
+  }
+
+ private:
+  // Row by row; `tall`: as many rows as parameters.
+  void Chosen(int columns, bool tall, double* jacobian) const {
+    std::fill_n(jacobian, parameters_.size() * free_.size(), 0.0);
+    for (std::size_t k = 0; k < free_.size(); ++k) {
+      const std::size_t row = tall ? free_[k] : k, column = tall ? k : free_[k];
+      jacobian[row * static_cast<std::size_t>(columns) + column] = 1.0;
+    }
+  }
+
+  const std::vector<Parameter>& parameters_;
+  std::vector<std::size_t> free_;
+};
+
 }  // namespace
 
 GaussNewton StepAndSigma(const Eigen::MatrixXd& projected, const Eigen::VectorXd& residual) {
@@ -265,12 +331,9 @@ SolverResult Solve(ReducedProblem& problem, const std::vector<Parameter>& parame
                                            ToInternal(parameters[j], parameters[j].high));
     }
   }
-  std::vector<int> held;
-  for (std::size_t j = 0; j < options.held.size(); ++j) {
-    if (options.held[j]) held.push_back(static_cast<int>(j));
-  }
-  ceres::SubsetManifold subset(static_cast<int>(parameters.size()), held);
-  if (!held.empty()) ceres_problem.SetManifold(result.u.data(), &subset);
+  Steps steps(parameters, options.held);
+  if (steps.TangentSize() == 0) ceres_problem.SetParameterBlockConstant(result.u.data());
+  if (steps.TangentSize() > 0) ceres_problem.SetManifold(result.u.data(), &steps);
   ceres::Solver::Options solver;
   solver.minimizer_type = ceres::TRUST_REGION;
   solver.trust_region_strategy_type = ceres::LEVENBERG_MARQUARDT;

@@ -42,6 +42,14 @@ std::vector<std::string> Channel::Words(const Eigen::VectorXd& numbers, const Cl
     text +=
         fmt::format("; the model explains {:.5g}% of its motion", 100.0 * (1.0 - squares / motion));
   }
+  const double gain = ValuesOf(unknowns).gain;
+  if (record_.gain.kind == Foreknowledge::kFree && gain * record_.scale < 0.0) {
+    text += fmt::format(
+        "; its gain came out negative ({:.3g}): its axis points the other way, or the record "
+        "begins with a swing to the other side. Say which by trial.channel.{}.gain, or by "
+        "trial.offset",
+        gain, record_.name);
+  }
   return {text + "."};
 }
 

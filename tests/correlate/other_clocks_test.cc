@@ -210,5 +210,75 @@ TEST(OtherClocks, ErrorsAreNotThoseOfAWrongMinimum) {
   }
 }
 
+// A pendulum, whose period grows with its swing, to first order [Lindstedt], seen by an instrument
+// of unknown gain: its swings differ by little more than their size, and each hides in the gain,
+// its sign included. Parameters: frequency [Hz] and decay [1/s].
+class WideSwings : public Model {
+ public:
+  static double Angle(std::span<const double> theta, double t) {
+    const double d = theta[1], e = std::exp(-d * std::max(t, 0.0));
+    const double slower = kWide * kWide / (32.0 * d) * (1.0 - e * e);
+    return kWide * e * std::cos(2.0 * kPi * theta[0] * (std::max(t, 0.0) - slower));
+  }
+
+  Prediction Evaluate(std::span<const double> theta, const Stamps& stamps) const override {
+    Prediction out;
+    for (const QuantityStamps& q : stamps.quantities) {
+      Eigen::VectorXd values(static_cast<Eigen::Index>(q.t.size()));
+      for (Eigen::Index i = 0; i < values.size(); ++i) {
+        values(i) = Angle(theta, q.t[static_cast<std::size_t>(i)]);
+      }
+      out.quantities.push_back({q.key, std::move(values)});
+    }
+    return out;
+  }
+
+ private:
+  static constexpr double kWide = 1.2;  // [rad]
+};
+
+// The frequency starts some percent off, so that over seven swings an alignment at the start's
+// values is wrong by several: the way back goes on for as long as each swing explains the data
+// better. Half-way it is as white, and a frequency there was called determined, fifty of its errors
+// off.
+TEST(OtherClocks, AreFollowedForAsLongAsTheyExplainTheDataBetter) {
+  const WideSwings model;
+  const std::vector<double> truth = {kFrequency, kDecay};
+  for (const double start : {0.56, 0.575, 0.585, 0.61}) {
+    Rng rng(7);
+    ChannelRecord c;
+    c.name = c.quantity = "angle";
+    c.unit = "V";
+    std::vector<double> y;
+    for (double t = 0.0; t < 12.0; t += 0.01) {
+      c.t.push_back(t);
+      y.push_back(0.97 * WideSwings::Angle(truth, t) + 0.004 * rng.Normal());
+    }
+    c.y = Eigen::Map<const Eigen::VectorXd>(y.data(), std::ssize(y));
+    c.gain = Prior::Free();
+    Observations data;
+    data.others = {std::make_shared<Channel>(std::move(c))};
+    FitProblem problem;
+    problem.parameters = {Named("frequency", start, 0.4, 0.9), Named("decay", 0.05, 0.001, 0.2)};
+    FitTrial trial;
+    trial.observations = &data;
+    trial.model = &model;
+    problem.trials = {trial};
+    FitOptions options;
+    options.profile.wanted = false;
+    const FitResult fit = Fit(problem, options);
+    ASSERT_TRUE(fit.Usable()) << start << ": " << fit.message;
+    for (std::size_t j = 0; j < 2; ++j) {
+      const ParameterEstimate& e = fit.parameters[j];
+      EXPECT_NEAR(e.value, truth[j], 4.0 * e.sigma) << start << " " << e.sigma;
+    }
+    EXPECT_NEAR(fit.trials[0].registration.at.offset, 0.0, 0.1 * kPeriod) << start;
+    for (const OtherClock& other : fit.other_clocks) {
+      EXPECT_GT(std::abs(other.offset[0] - fit.trials[0].registration.at.offset), 0.1 * kPeriod)
+          << "the same place beside itself";
+    }
+  }
+}
+
 }  // namespace
 }  // namespace unfurl::correlate::other_clocks_test
