@@ -111,7 +111,7 @@ void CheckPlace(const std::string& option, const std::string& path) {
 void CheckFolder(const std::string& option, const std::string& path) {
   std::error_code ignored;
   if (!fs::exists(path, ignored) || fs::is_directory(path, ignored)) return;
-  throw Error("is a file, not a folder", path, "name a folder with " + option);
+  throw Error("is a file, where a folder is to be made", path, "name a folder with " + option);
 }
 
 std::string NameOf(const CLI::Option* option) {

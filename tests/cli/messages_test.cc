@@ -90,7 +90,7 @@ TEST_F(Messages, NamesOfFiles) {
   ASSERT_EQ(Run({"simulate", "boom/scene.toml", "--duration", "0.1", "-o", "run.h5"}).code, 0);
   const std::vector<std::string> before = Files();
   ExpectRefused(Run({"correlate", "run.h5", "run.h5", "--figures", "a_file"}),
-                {"a_file", "is a file, not a folder", "--figures"}, before);
+                {"a_file", "is a file, where a folder is to be made", "--figures"}, before);
   ExpectRefused(Run({"reconstruct", "run.h5", "--rig", "run.h5", "--picture", "x.jpg"}),
                 {"x.jpg", "--picture writes .png"}, before);
   ExpectRefused(Run({"convert", "nowhere.toml", "x.csv"}), {"nowhere.toml", "no such file"},

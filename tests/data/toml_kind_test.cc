@@ -48,7 +48,7 @@ TEST(TomlKind, AGuessIsAddedAndNeverPutInTheFaultsPlace) {
   // Nothing of a near name: as it was.
   EXPECT_EQ(told("[elsewhere]\nvalue = 1\n").remedy(), "add it");
   // A table that was read is not a guess.
-  EXPECT_THAT(told("[study]\nvalue = \"x\"\n").problem(), HasSubstr("value"));
+  EXPECT_THAT(told("[study]\nvalue = \"x\"\n").problem(), HasSubstr("a string, not a number"));
   EXPECT_THAT(told("[study]\nvalue = \"x\"\n").remedy(), ::testing::Not(HasSubstr("did you mean")));
 }
 
