@@ -357,7 +357,7 @@ Verb AddCampaign(CLI::App& program, Common& common) {
       "The record of all runs to write (default: the plan's name, .h5)");
   files.Page(&a->report, "Also write a page with pictures (HTML)");
   files.Overrides(&a->sets, "Overrides a key of the plan (repeatable)");
-  app->add_option("--runs", a->runs, "So many runs (campaign.runs)");
+  app->add_option("--runs", a->runs, "So many runs (campaign.runs)")->check(CLI::PositiveNumber);
   app->add_option("--until", a->until,
                   "Add runs until an answer is as sharp: \"P(latched) +- 0.002\" (campaign.until)")
       ->type_name("ANSWER");

@@ -25,13 +25,14 @@ constexpr std::size_t kCampaignPageMostDots =
 constexpr std::size_t kMostSteps = 400;  // of a distribution function: finer than pixels
 
 void AddTable(report::Page* page, const std::string& title, const std::string& note,
-              const TextRows& rows) {
+              const TextRows& rows, std::vector<int> text_columns = {0}) {
   if (rows.size() < 2) return;
   report::Table table;
   table.title = title;
   table.note = note;
   table.header = rows[0];
   table.rows.assign(rows.begin() + 1, rows.end());
+  table.text_columns = std::move(text_columns);
   page->AddTable(table);
 }
 
@@ -73,7 +74,7 @@ void AddDistribution(report::Page* page, const ResponseAnswer& r,
   chart.title = "Distribution of " + r.name;
   chart.note = "Part of the runs below each value; the band holds the whole of the true curve.";
   chart.x = {r.name, r.unit};
-  chart.y = {"P", "1"};
+  chart.y = {"part of the runs", "1", false, 0.0, 1.0};
   report::Series line;
   line.name = r.name;
   const std::size_t n = sorted.size(), steps = std::min(n, kMostSteps);
@@ -143,7 +144,7 @@ void AddConvergence(report::Page* page, const CampaignAnswers& a) {
 void AddFailures(report::Page* page, const CampaignAnswers& a) {
   TextRows rows = {{"why", "runs"}};
   for (const auto& [reason, count] : a.reasons) rows.push_back({reason, fmt::format("{}", count)});
-  AddTable(page, "Runs that failed", "", rows);
+  AddTable(page, "Runs that failed", "", rows, {0});
 }
 
 }  // namespace
@@ -158,7 +159,11 @@ void WriteCampaignPage(const std::string& path, const CampaignRecord& record,
   page.AddWords(level, a.usable ? CampaignHead(a) : a.message, a.notes);
   AddFigures(&page, a);
   AddTable(&page, "Probabilities", "Intervals are exact for independent runs.", ProbabilityRows(a));
-  AddTable(&page, "Numbers", "", NumberRows(a));
+  AddTable(
+      &page, "Numbers",
+      "Of all runs. The interval is the mean's; 5% and 95% are percentiles, left open (-) where "
+      "the runs are too few.",
+      NumberRows(a));
   AddTable(&page, "Rank correlation",
            "Spearman's, of each response with each variable; in parentheses what may be chance.",
            CorrelationRows(a));
@@ -192,7 +197,7 @@ void WriteCampaignPage(const std::string& path, const CampaignRecord& record,
   for (std::size_t j = 0; j < a.variables.size(); ++j) {
     variables.push_back({a.variables[j], a.distributions[j]});
   }
-  AddTable(&page, "Variables", "", variables);
+  AddTable(&page, "Variables", "", variables, {0, 1});
   provenance.AddInput(record_path);
   page.AddOrigin(provenance);
   page.Write(path);

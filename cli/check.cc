@@ -5,8 +5,11 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cmath>
+#include <functional>
+#include <limits>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <vector>
 
 #include "base/error.h"
 #include "base/length.h"
@@ -21,6 +24,47 @@ namespace unfurl::cli {
 
 namespace {
 
+std::string Cell(double value, double scale, const char* format) {
+  return std::isfinite(value) ? fmt::format(fmt::runtime(format), scale * value) : "-";
+}
+
+// Of a point that was not found neither is known: it is shown first.
+double OverPrediction(const calib::CheckedPoint& point) {
+  const double ratio = point.error / point.predicted;
+  return std::isfinite(ratio) ? ratio : std::numeric_limits<double>::infinity();
+}
+
+// The error over its prediction from which on a point is listed on a terminal, which shows a screen
+// of them.
+double LeastShown(const std::vector<calib::CheckedPoint>& points) {
+  constexpr std::size_t kScreen = 20;  // rows: a screen of 24, less the verdict above them
+  std::vector<double> ratios;
+  for (const calib::CheckedPoint& point : points) ratios.push_back(OverPrediction(point));
+  if (ratios.size() <= kScreen) return -1.0;
+  std::nth_element(ratios.begin(), ratios.begin() + kScreen - 1, ratios.end(), std::greater<>());
+  return ratios[kScreen - 1];
+}
+
+// The table of points, or of a bar's placements: of more than a screen the worst.
+std::string PointsText(const calib::CheckResult& result, bool bar) {
+  const LengthUnit unit = UnitFor(std::max(result.rms, result.rms_predicted));
+  std::vector<std::vector<std::string>> rows = {{bar ? "bar" : "point",
+                                                 fmt::format("error [{}]", unit.name),
+                                                 fmt::format("predicted [{}]", unit.name)}};
+  const double least_shown = LeastShown(result.points);
+  for (const calib::CheckedPoint& point : result.points) {
+    if (!(OverPrediction(point) >= least_shown)) continue;
+    rows.push_back({point.id, Cell(point.error, unit.per_metre, "{:.3f}"),
+                    Cell(point.predicted, unit.per_metre, "{:.3f}")});
+  }
+  std::string text = AlignedTable(rows);
+  if (rows.size() <= result.points.size()) {
+    text += fmt::format("  (the {} worst of {}; all: --report, --json)\n", rows.size() - 1,
+                        result.points.size());
+  }
+  return text;
+}
+
 using nlohmann::ordered_json;
 
 struct CheckArguments {
@@ -28,10 +72,6 @@ struct CheckArguments {
   calib::Bar bar;
   calib::CheckOptions options;
 };
-
-std::string Cell(double value, double scale, const char* format) {
-  return std::isfinite(value) ? fmt::format(fmt::runtime(format), scale * value) : "-";
-}
 
 // JSON has no infinity.
 ordered_json NumberOrNull(double value) {
@@ -61,17 +101,11 @@ int RunCheck(const Common& common, const CheckArguments& arguments) {
                           {"chance", result.chance},
                           {"rms", result.rms},
                           {"rms_predicted", result.rms_predicted}};
-  const LengthUnit unit = UnitFor(std::max(result.rms, result.rms_predicted));
-  std::vector<std::vector<std::string>> points = {{bar ? "bar" : "point",
-                                                   fmt::format("error [{}]", unit.name),
-                                                   fmt::format("predicted [{}]", unit.name)}};
   for (const calib::CheckedPoint& point : result.points) {
     summary["points"].push_back({{"id", point.id},
                                  {"error", point.error},
                                  {"predicted", point.predicted},
                                  {"chance_without", point.chance_without}});
-    points.push_back({point.id, Cell(point.error, unit.per_metre, "{:.3f}"),
-                      Cell(point.predicted, unit.per_metre, "{:.3f}")});
   }
   std::vector<std::vector<std::string>> cameras = {
       {"camera", "readings", "shift [px]", "+- [px]", "shows from [px]", "p-value without it"}};
@@ -108,7 +142,7 @@ int RunCheck(const Common& common, const CheckArguments& arguments) {
   }
   std::string text = fmt::format("The calibration is {}.\n", result.verdict);
   for (const std::string& reason : result.reasons) text += "  - " + reason + "\n";
-  text += "\n" + AlignedTable(points);
+  text += "\n" + PointsText(result, bar);
   if (!result.cameras.empty()) text += "\n" + AlignedTable(cameras);
   if (!arguments.report.empty()) {
     WriteCheckPage(arguments.report, arguments.input, rig, result, bar, provenance);

@@ -56,7 +56,7 @@ void AddCameras(const CheckResult& result, report::Page* page) {
   table.note =
       "By how much all readings of a camera are off, and the least shift that this check shows and "
       "tells from another camera's nine times in ten.";
-  table.header = {"camera", "readings", "shift [px]", "+- [px]", "shows from [px]"};
+  table.header = {"camera", "readings", "shift [px]", "\u00b1 [px]", "shows from [px]"};
   const bool misfits = !result.readings.empty();
   if (misfits) {
     table.header.push_back("error, RMS [px]");

@@ -78,7 +78,28 @@ std::string AmplitudeUnit(const correlate::Comparison& c) {
   return c.mode_units.front() == "1" ? "of its RMS" : c.mode_units.front();
 }
 
+// Of a record without a reference.
+void AddModesAlone(const correlate::Comparison& c, report::Page* page) {
+  const double shown = c.marks.empty() ? 1.0 : kMilli;
+  report::Table table;
+  table.title = "Modes";
+  table.note =
+      "Natural frequency and damping ratio with standard errors. The share is that of the measured "
+      "motion about its slow trend.";
+  table.header = {"frequency [Hz]", "damping [%]", "amplitude [" + AmplitudeUnit(c) + "]",
+                  "share [%]"};
+  table.text_columns = {};
+  for (const correlate::Mode& m : c.measured_modes.decay.modes) {
+    table.rows.push_back({NumberWithError(m.frequency, m.frequency_sigma),
+                          NumberWithError(100.0 * m.damping, 100.0 * m.damping_sigma),
+                          Number(shown * m.amplitude.cwiseAbs().maxCoeff(), 3),
+                          ComparisonPanelsPercent(m.share)});
+  }
+  if (!table.rows.empty()) page->AddTable(table);
+}
+
 void AddModeTable(const correlate::Comparison& c, report::Page* page) {
+  if (c.reference.empty()) return AddModesAlone(c, page);
   const std::string unit = AmplitudeUnit(c);
   const double shown = c.marks.empty() ? 1.0 : kMilli;
   report::Table table;
@@ -258,6 +279,7 @@ void AddDensityPanels(const correlate::Comparison& c, report::Page* page) {
     Chart power, coherence;
     power.title = "Power spectral density of " + shown->name;
     power.note = d.convention + ".";
+    power.note[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(power.note[0])));
     power.x = coherence.x = {"frequency", "Hz", false};
     power.y = {"density",
                shown->id.IsChannel() ? "(" + shown->id.unit + ")\u00b2/Hz" : "m\u00b2/Hz", true};

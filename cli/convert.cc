@@ -115,9 +115,11 @@ std::vector<std::string> RawToSurvey(const Common& common, const data::RawLayout
 std::string ConvertFile(const Common& common, const std::string& in, const std::string& out,
                         double sigma, std::vector<std::string>* notes) {
   const data::FileFormat from = data::FormatOf(in), to = data::FormatOf(out);
+  std::error_code ignored;
+  if (!std::filesystem::exists(in, ignored)) throw Error("no such file", in, "check the name");
   if (from == data::FileFormat::kToml) {
-    if (to != data::FileFormat::kHdf5) Refuse("a description of raw lines", out);
     const data::RawLayout layout = data::ReadRawLayout(in);
+    if (to != data::FileFormat::kHdf5) Refuse("a description of raw lines", out);
     if (!layout.survey.points.empty()) {
       *notes = RawToSurvey(common, layout, out);
       return data::kSurveySchema;

@@ -86,7 +86,12 @@ Chart ChannelResidual(const correlate::Comparison& c, const correlate::ComparedS
 void AddMotion(const correlate::Comparison& c, report::Page* page) {
   if (c.reference.empty()) {
     page->AddSection("The record", "As it was read. Drag to zoom; all charts of time follow.");
-    for (const correlate::ComparedSignal& s : c.signals) page->AddTimeSeries(ChannelChart(c, s));
+    for (const correlate::ComparedSignal& s : c.signals) {
+      Chart chart = ChannelChart(c, s);
+      // Nothing to be told from: a line shows a vibration, where as many dots are a blot.
+      for (Series& one : chart.series) one.style = Style::kLine;
+      page->AddTimeSeries(std::move(chart));
+    }
     return;
   }
   page->AddSection(c.reference_is_run ? "Measured over simulated" : "Comparison in time",
@@ -359,9 +364,7 @@ void AddMarksHead(const correlate::Comparison& c, report::Page* page) {
        {"time offset", NumberWithError(a.at.offset, a.Sigma("time offset")) + " s", "",
         report::Level::kNeutral},
        {"across the plane, RMS", LengthText(all.rmse_across),
-        fmt::format("mean {:+.2f} {}", UnitFor(all.rmse_across).per_metre * all.bias_across,
-                    UnitFor(all.rmse_across).name),
-        report::Level::kNeutral},
+        "mean " + correlate::MeanText(all.bias_across, all.rmse_across), report::Level::kNeutral},
        {"motion explained", fmt::format("{:.3f} %", 100.0 * a.r2), "R squared of the positions",
         report::Level::kNeutral}});
 }

@@ -120,40 +120,60 @@ report::Table PageTable(const std::string& title, const std::string& note,
   return table;
 }
 
-// Error against CPU of one line: a curve for each mesh and method.
+// Values by rising seconds as a series; of settings that took as long the first.
+report::Series CostSeries(const std::string& name, std::vector<std::pair<double, double>> points,
+                          report::Style style) {
+  std::sort(points.begin(), points.end());
+  report::Series series;
+  series.name = name;
+  series.style = style;
+  for (const auto& [seconds, error] : points) {
+    if (!series.x.empty() && seconds <= series.x.back()) continue;
+    series.x.push_back(seconds);
+    series.y.push_back(error);
+  }
+  return series;
+}
+
+// Those that none beats in both, by rising seconds.
+std::vector<std::pair<double, double>> Front(std::vector<std::pair<double, double>> points) {
+  std::sort(points.begin(), points.end());
+  std::vector<std::pair<double, double>> out;
+  for (const auto& point : points) {
+    if (out.empty() || point.second < out.back().second) out.push_back(point);
+  }
+  return out;
+}
+
+// Error against CPU of one line: a dot for each setting, by method, and what is best of all.
 void AddLineChart(report::Page* page, const SceneCost& cost, std::size_t l) {
   report::Chart chart;
   chart.title = "Error of " + cost.lines[l].quantity.name + " against CPU time";
-  chart.note = "Down and left is better. The dashes: how well the reference is known.";
+  chart.note =
+      "Each setting is a dot; left and below is better. The line joins those that no other beats "
+      "in both; the dashes: how well the reference is known.";
   chart.x = {"CPU time", "s", true};
   chart.y = {"RMS error, of its scale", "%", true};
-  std::map<std::string, std::vector<std::pair<double, double>>> curves;
-  double first = HUGE_VAL, last = 0.0;
+  std::map<std::string, std::vector<std::pair<double, double>>> dots;
+  std::vector<std::pair<double, double>> all;
   for (const CostPoint& p : cost.points) {
-    if (!p.usable || !std::isfinite(p.errors[l].rms)) continue;
-    const std::string name =
-        p.setting.beams.empty() ? p.setting.method : p.setting.beams + "; " + p.setting.method;
-    curves[name].push_back({p.seconds, 100.0 * p.errors[l].rms});
-    first = std::min(first, p.seconds);
-    last = std::max(last, p.seconds);
+    if (!p.usable || !std::isfinite(p.errors[l].rms) || p.errors[l].rms <= 0.0) continue;
+    dots[p.setting.method].push_back({p.seconds, 100.0 * p.errors[l].rms});
+    all.push_back(dots[p.setting.method].back());
   }
-  for (auto& [name, points] : curves) {
-    std::sort(points.begin(), points.end());
-    report::Series series;
-    series.name = name;
-    for (const auto& [seconds, error] : points) {
-      if (!series.x.empty() && seconds <= series.x.back()) continue;
-      series.x.push_back(seconds);
-      series.y.push_back(error);
-    }
-    chart.series.push_back(std::move(series));
+  if (all.empty()) return;
+  for (auto& [name, points] : dots) {
+    chart.series.push_back(CostSeries(name, std::move(points), report::Style::kDots));
   }
-  if (last > first && cost.lines[l].reference_error > 0.0) {
+  chart.series.push_back(CostSeries("the best", Front(all), report::Style::kLine));
+  chart.series.back().color = 6;
+  const auto [first, last] = std::minmax_element(all.begin(), all.end());
+  if (last->first > first->first && cost.lines[l].reference_error > 0.0) {
     const double known = 100.0 * cost.lines[l].reference_error;
     chart.series.push_back(
-        {"reference", {first, last}, {known, known}, {}, report::Style::kDashes});
+        {"reference", {first->first, last->first}, {known, known}, {}, report::Style::kDashes, 7});
   }
-  if (!chart.series.empty()) page->AddChart(chart);
+  page->AddChart(chart);
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "base/count.h"
 #include "base/error.h"
 #include "base/progress.h"
 #include "base/text.h"
@@ -100,9 +101,9 @@ int ExposeSurveyVerb(const Common& common, const ExposeSettings& s) {
                                 {"cameras", survey.cameras},
                                 {"points_outside_volume", outside},
                                 {"seconds", ExposeSeconds(start)}};
-  std::string text =
-      fmt::format("{}: {} points, lit and dark lines of {} cameras, {:.1f} s\n", s.output,
-                  survey.size(), survey.cameras.size(), ExposeSeconds(start));
+  std::string text = fmt::format("{}: {}, lit and dark lines of {}, {:.1f} s\n", s.output,
+                                 Counted(survey.size(), "point"),
+                                 Counted(survey.cameras.size(), "camera"), ExposeSeconds(start));
   if (outside > 0) text += fmt::format("{} of the points lie outside the lab's volume\n", outside);
   Finish(common, summary, text);
   return kExitGood;

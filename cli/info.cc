@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "base/count.h"
 #include "base/error.h"
 #include "base/table.h"
 #include "base/text.h"
@@ -117,7 +118,7 @@ int InfoHdf5(const Common& common, const std::string& path) {
 int InfoCsv(const Common& common, const std::string& path) {
   const data::CsvTable table = data::CsvTable::Load(path);
   ordered_json summary = {{"file", path}, {"rows", table.rows()}};
-  std::string text = fmt::format("{}: CSV, {} rows\n", path, table.rows());
+  std::string text = fmt::format("{}: CSV, {}\n", path, Counted(table.rows(), "row"));
   for (const std::string& comment : table.comments()) text += "# " + comment + "\n";
   std::vector<std::vector<std::string>> rows = {{"column", "unit", "first", "last"}};
   for (std::size_t c = 0; c < table.columns().size(); ++c) {
@@ -141,8 +142,8 @@ int InfoForeignTracks(const Common& common, const std::string& path) {
                           {"sha256", data::FileSha256(path)},
                           {"samples", tracks.size()},
                           {"marks", tracks.marks}};
-  std::string text =
-      fmt::format("{}: tracks, {} samples of {}", path, tracks.size(), JoinWords(tracks.marks));
+  std::string text = fmt::format("{}: tracks, {} of {}", path, Counted(tracks.size(), "sample"),
+                                 JoinWords(tracks.marks));
   if (tracks.size() > 0) {
     const auto [first, last] = std::minmax_element(tracks.t.begin(), tracks.t.end());
     summary["from"] = *first;

@@ -78,6 +78,11 @@ double HalfSegment(const data::ModesRecord& record, const std::vector<std::size_
   return 0.5 * std::hypot(b[0] - a[0], b[1] - a[1]);
 }
 
+std::string DampingWords(double damping) {
+  constexpr double kNone = 1e-6;  // of critical: rounding of the eigenvalues has such
+  return damping < kNone ? "undamped" : fmt::format("damping {:.3g}%", 100.0 * damping);
+}
+
 report::Motion MotionOf(const data::ModesRecord& record, const Mode& mode, std::size_t number) {
   const Skeleton skeleton = SkeletonOf(record);
   const double size = SizeOf(record), amplitude = kAmplitude * size;
@@ -85,10 +90,13 @@ report::Motion MotionOf(const data::ModesRecord& record, const Mode& mode, std::
   report::Motion motion;
   motion.title = mode.growth > 0.0
                      ? fmt::format("Mode {}: unstable, {:.4g} 1/s", number, mode.growth)
-                     : fmt::format("Mode {}: {:.5g} Hz, damping {:.4g}%", number, mode.frequency,
-                                   100.0 * mode.damping);
-  motion.note = fmt::format("Moves {} most. Drawn without its damping.",
-                            record.places[record.MovesMost(mode)]);
+                     : fmt::format("Mode {}: {:.5g} Hz, {}", number, mode.frequency,
+                                   DampingWords(mode.damping));
+  motion.note = fmt::format(
+      "Moves {} most. Drawn without its damping, and larger than it is; at the start it is bent as "
+      "far as it goes. The pointer names a place.",
+      record.places[record.MovesMost(mode)]);
+  motion.legend = false;
   motion.x = {"x", "m", false};
   motion.y = {"y", "m", false};
   motion.loops = true;
@@ -96,12 +104,11 @@ report::Motion MotionOf(const data::ModesRecord& record, const Mode& mode, std::
   for (const std::size_t place : skeleton.others) {
     report::MovingMark mark;
     mark.name = record.places[place];
-    mark.color = static_cast<int>(motion.marks.size());
     motion.marks.push_back(std::move(mark));
   }
   for (int f = 0; f <= kFrames; ++f) {
     const double at = period * f / kFrames;
-    const double swing = amplitude * std::sin(2.0 * M_PI * f / kFrames);
+    const double swing = amplitude * std::cos(2.0 * M_PI * f / kFrames);
     motion.t.push_back(at);
     const auto pose = [&](std::size_t place) {
       Pose out = record.rest[place];

@@ -13,6 +13,7 @@
 #include <optional>
 #include <tuple>
 
+#include "base/count.h"
 #include "base/error.h"
 #include "base/length.h"
 #include "base/progress.h"
@@ -173,7 +174,7 @@ std::string DescribeSamples(const measure::ReconstructSummary& done, const data:
   }
   for (std::size_t c = 0; c < done.left_out.size(); ++c) {
     if (done.left_out[c] == 0) continue;
-    text += fmt::format("{}: {} spots left out\n", layout.cameras[c], done.left_out[c]);
+    text += fmt::format("{}: {} left out\n", layout.cameras[c], Counted(done.left_out[c], "spot"));
   }
   if (!done.named_by_place.empty()) {
     text += fmt::format(
@@ -368,7 +369,7 @@ Verb AddReconstruct(CLI::App& program, Common& common) {
   files.WriteOr(
       "-o,--output", &s->output, [s] { return s->live.live ? "" : "tracks.h5"; },
       "Output [HDF5]; default tracks.h5");
-  files.Write("--picture", &s->picture, "Also draw the cameras' streak images [PNG]");
+  files.WriteForm("--picture", &s->picture, ".png", "Also draw the cameras' streak images [PNG]");
   files.Page(&s->report, "Also write a page with pictures (HTML)");
   files.Read("--start", &s->start,
              "Initial positions of marks that are lit together: mark, x, y, z [CSV]");

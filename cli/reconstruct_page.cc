@@ -250,22 +250,29 @@ void AddViews(const ReconstructPageInput& in, report::Page* page) {
       const auto at = [&camera](std::size_t k) {
         return camera.p_WC(static_cast<Eigen::Index>(k));
       };
-      paths.paths.push_back({camera.name, {at(a)}, {at(b)}, Style::kDots, 7, true});
+      paths.paths.push_back({camera.name, {at(a)}, {at(b)}, Style::kDots, color++, true});
     }
     page->AddPaths(paths);
   }
 }
 
+// Of a slice's samples [%]; NaN where there is none.
+double ShareOf(const TracksDigest::Slice& slice, std::size_t status) {
+  double all = 0.0;
+  for (const auto count : slice.status) all += static_cast<double>(count);
+  return 100.0 * static_cast<double>(slice.status[status]) / all;
+}
+
 void AddStatuses(const ReconstructPageInput& in, report::Page* page) {
   page->AddSection(
       "How each sample came about",
-      "Counts in slices of time, of all samples: four readings that agree; three, with "
-      "nothing left over to check them; one of four rejected; no position.");
+      "Shares of the samples in slices of time: four readings that agree; three, with nothing left "
+      "over to check them; one of four rejected; no position.");
   const TracksDigest& d = *in.digest;
   for (std::size_t m = 0; m < d.marks.size(); ++m) {
     Chart chart;
     chart.title = d.marks[m] + ": samples by status";
-    chart.y = {"samples in a slice", "1", false};
+    chart.y = {"share", "%", false};
     chart.height_px = 180;
     for (std::size_t k = 0; k < 4; ++k) {
       Series series;
@@ -274,7 +281,7 @@ void AddStatuses(const ReconstructPageInput& in, report::Page* page) {
       series.color = static_cast<int>(k);
       for (std::size_t i = 0; i < TracksDigest::kSlices; ++i) {
         series.x.push_back(d.start + (static_cast<double>(i) + 0.5) * d.slice);
-        series.y.push_back(static_cast<double>(d.slices[m][i].status[k]));
+        series.y.push_back(ShareOf(d.slices[m][i], k));
       }
       chart.series.push_back(std::move(series));
     }

@@ -6,10 +6,10 @@
 #include <cmath>
 #include <optional>
 
+#include "cli/certificate_panel.h"
 #include "cli/motion_panel.h"
 #include "cli/run_columns.h"
 #include "report/page.h"
-#include "sim/record/certificate.h"
 #include "sim/record/record.h"
 
 namespace unfurl::cli {
@@ -35,7 +35,7 @@ class Composer {
     AddJointTable();
     AddMotion();
     AddJoints();
-    AddErrors();
+    if (in_.certificate != nullptr) AddCertificate(in_, run_, &page_);
     AddEnergies();
     AddCost();
     page_.AddOrigin(provenance_);
@@ -77,6 +77,10 @@ class Composer {
         level = std::max(level, Level::kCare);
       }
       details.push_back(words);
+    }
+    if (in_.certificate != nullptr) {
+      const std::string words = CertificateSentence(in_);
+      if (!words.empty()) details.push_back(words);
     }
     for (const auto* warnings : {&in_.model.warnings, &in_.report.warnings}) {
       for (const std::string& warning : *warnings) {
@@ -248,7 +252,7 @@ class Composer {
 
   void AddShapes() {
     const std::vector<double>& t = run_.reader().shape_times();
-    if (t.empty()) return;
+    if (t.empty() || in_.model.beams.empty()) return;
     std::vector<double> xy;
     report::Paths paths;
     paths.title = "The beams in time";
@@ -278,61 +282,6 @@ class Composer {
     page_.AddPaths(paths);
   }
 
-  // Errors by their part of the `whole`, the largest first, as which they are returned.
-  std::vector<sim::Certificate::Line> AddErrorTable(std::vector<sim::Certificate::Line> lines,
-                                                    const char* title, const char* whole) {
-    const auto part = [](const sim::Certificate::Line& line) {
-      return line.range > 0.0 ? (line.time + line.mesh) / line.range : 0.0;
-    };
-    std::stable_sort(lines.begin(), lines.end(),
-                     [&](const auto& a, const auto& b) { return part(a) > part(b); });
-    report::Table table;
-    table.title = title;
-    table.header = {"quantity",      "unit", whole,
-                    "time stepping", "mesh", fmt::format("of its {} [%]", whole)};
-    table.text_columns = {0, 1};
-    for (const sim::Certificate::Line& line : lines) {
-      table.rows.push_back({line.name, line.units, fmt::format("{:.4g}", line.range),
-                            fmt::format("{:.2g}", line.time), fmt::format("{:.2g}", line.mesh),
-                            fmt::format("{:.2g}", 100.0 * part(line))});
-    }
-    if (!lines.empty()) page_.AddTable(table);
-    return lines;
-  }
-
-  // What a certificate states: tables of all, and the worst of them with its band.
-  void AddErrors() {
-    if (in_.certificate == nullptr) return;
-    if (!in_.certificate->problem().empty()) {
-      page_.AddSection("Numerical error", "Not known: " + in_.certificate->problem() + ".");
-      return;
-    }
-    const std::string& mesh = in_.certificate->mesh();
-    page_.AddSection("Numerical error",
-                     "Estimated by a run of a tenth of the tolerance" +
-                         (mesh.empty() ? std::string(".") : " and one with " + mesh + "."));
-    const std::vector<sim::Certificate::Line> lines =
-        AddErrorTable(in_.certificate->Lines(), "Largest error of each quantity", "range");
-    AddErrorTable(in_.certificate->LoadLines(in_.report), "Error of each largest load", "value");
-    if (lines.empty() || !run_.Has("error_time." + lines[0].name)) return;
-    const std::string& name = lines[0].name;
-    Chart chart;
-    chart.title = name + " with its band";
-    chart.note = "The quantity whose error is the largest part of its range.";
-    chart.y = {name, lines[0].units, false};
-    report::Series series;
-    series.name = name;
-    series.x = run_.Thin("t");
-    series.y = run_.Thin(name);
-    series.half_width = run_.Thin("error_time." + name);
-    if (run_.Has("error_mesh." + name)) {
-      const std::vector<double> more = run_.Thin("error_mesh." + name);
-      for (std::size_t i = 0; i < more.size(); ++i) series.half_width[i] += more[i];
-    }
-    chart.series.push_back(std::move(series));
-    page_.AddTimeSeries(std::move(chart));
-  }
-
   void AddEnergies() {
     page_.AddSection("Energy and what can be trusted");
     Chart chart;
@@ -351,7 +300,7 @@ class Composer {
     if (!chart.series.empty()) page_.AddTimeSeries(std::move(chart));
     AddChart("What the integration lost or invented",
              "Stored and dissipated energy, less the work done and the energy at the start.",
-             {"energy", "uJ", false}, {"energy"}, ".residual", 1e6);
+             {"energy", "\u00b5J", false}, {"energy"}, ".residual", 1e6);
     AddChart("Drift of the constraints", "Largest violation.", {"distance", "nm", false},
              {"constraint"}, ".position", 1e9);
   }

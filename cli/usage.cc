@@ -118,6 +118,21 @@ Error OutOfRange(const Verb& verb, const CLI::Error& error) {
       fmt::format("give {}: {}", wanted != nullptr ? wanted : bounds, option->get_description())};
 }
 
+// Of words that are expected before a file, as in `campaign rum plan.toml`: the one that was likely
+// meant.
+std::string NearestAction(const Verb& verb, int argc, char** argv) {
+  for (const CLI::Option* option : verb.app->get_options()) {
+    const std::string type = option->get_type_name();
+    if (!option->get_positional() || type.find('|') == std::string::npos) continue;
+    const std::vector<std::string> known = Split(type, '|');
+    for (int i = 2; i < argc; ++i) {
+      const std::string nearest = NearestName(argv[i], known);
+      if (!nearest.empty() && nearest != argv[i]) return nearest;
+    }
+  }
+  return {};
+}
+
 // "-duration": an option of one dash, which CLI11 takes for letters of options.
 std::string OneDash(const Verb& verb, int argc, char** argv) {
   for (int i = 2; i < argc; ++i) {
@@ -178,6 +193,13 @@ Error UsageError(const std::vector<Verb>& verbs, int argc, char** argv, const CL
   if (!one_dash.empty()) {
     return {fmt::format("`unfurl {}` has no option {}", first, one_dash), kWhere,
             "did you mean -" + one_dash + "? " + HelpOf(*verb)};
+  }
+  if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr) {
+    const std::string action = NearestAction(*verb, argc, argv);
+    if (!action.empty()) {
+      return {error.what(), kWhere,
+              fmt::format("did you mean `unfurl {} {}`? {}", first, action, HelpOf(*verb))};
+    }
   }
   return {error.what(), kWhere, HelpOf(*verb)};
 }

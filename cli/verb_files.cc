@@ -8,17 +8,18 @@
 #include <array>
 #include <filesystem>
 #include <fstream>
-#include <initializer_list>
 #include <limits>
 #include <map>
 #include <stdexcept>
 #include <string_view>
+#include <vector>
 
 #include "base/error.h"
 #include "cli/pdf.h"
 #include "data/formats.h"
 #include "data/h5.h"
 #include "data/inputs.h"
+#include "data/toml.h"
 #include "data/toml_files.h"
 
 namespace unfurl::cli {
@@ -78,19 +79,19 @@ bool MadeBy(const std::string& path, const std::string& verb) {
 
 // Forms that people know by their endings; a file of another form under such a name is opened by
 // the wrong program, or by none.
-constexpr std::array<std::string_view, 16> kKnownEndings = {
-    ".h5",   ".hdf5", ".csv", ".tsv", ".txt", ".xlsx", ".mat", ".toml",
-    ".html", ".htm",  ".pdf", ".png", ".jpg", ".svg",  ".c3d", ".uff"};
+constexpr std::array<std::string_view, 18> kKnownEndings = {
+    ".h5",  ".hdf5", ".csv", ".tsv", ".txt",  ".xlsx", ".mat", ".toml", ".html",
+    ".htm", ".pdf",  ".png", ".jpg", ".jpeg", ".json", ".svg", ".c3d",  ".uff"};
 
 // Throws Error where the name says another form than the one that is written, `own`.
 void CheckEnding(const std::string& option, const std::string& path,
-                 std::initializer_list<std::string_view> own, const std::string& remedy) {
+                 const std::vector<std::string_view>& own, const std::string& remedy) {
   const std::string ending = data::EndingOf(path);
   if (std::find(own.begin(), own.end(), ending) != own.end() ||
       std::find(kKnownEndings.begin(), kKnownEndings.end(), ending) == kKnownEndings.end()) {
     return;
   }
-  throw Error(fmt::format("{} writes {}, and the name says {}", option, *own.begin(), ending), path,
+  throw Error(fmt::format("{} writes {}, and the name says {}", option, own.front(), ending), path,
               remedy);
 }
 
@@ -104,6 +105,13 @@ void CheckPlace(const std::string& option, const std::string& path) {
   if (!parent.empty() && !fs::is_directory(parent, ignored)) {
     throw Error("no such folder: " + parent, path, "make it, or name another file with " + option);
   }
+}
+
+// The same of a folder to be filled.
+void CheckFolder(const std::string& option, const std::string& path) {
+  std::error_code ignored;
+  if (!fs::exists(path, ignored) || fs::is_directory(path, ignored)) return;
+  throw Error("is a file, where a folder is to be made", path, "name a folder with " + option);
 }
 
 std::string NameOf(const CLI::Option* option) {
@@ -122,6 +130,13 @@ CLI::Option* VerbFiles::Write(const std::string& flags, std::string* path,
                               const std::string& help) {
   CLI::Option* option = app_->add_option(flags, *path, help)->type_name(kOutput);
   outputs_.push_back({NameOf(option), path});
+  return option;
+}
+
+CLI::Option* VerbFiles::WriteForm(const std::string& flags, std::string* path,
+                                  const std::string& ending, const std::string& help) {
+  CLI::Option* option = Write(flags, path, help);
+  forms_.push_back({NameOf(option), path, ending});
   return option;
 }
 
@@ -236,7 +251,16 @@ void VerbFiles::CheckApart(const std::map<std::string, std::string>& inputs) con
 
 void VerbFiles::CheckForms() const {
   for (const Path& output : outputs_) {
-    if (!output.names && !output.path->empty()) CheckPlace(output.option, *output.path);
+    if (output.path->empty()) continue;
+    if (output.names) {
+      CheckFolder(output.option, *output.path);
+    } else {
+      CheckPlace(output.option, *output.path);
+    }
+  }
+  for (const Form& form : forms_) {
+    if (form.path->empty()) continue;
+    CheckEnding(form.option, *form.path, {form.ending}, "end it in " + form.ending);
   }
   for (const Default& output : defaults_) {
     if (data::EndingOf(output.name()) != ".h5") continue;
@@ -259,12 +283,26 @@ void VerbFiles::PreparePrinting() const {
   FindPrinter();  // before the work, not after
 }
 
+// `simulate run.h5`: what would be written by default is what was given to be read.
+void VerbFiles::RefuseOutputAsInput(const std::string& output) const {
+  if (data::EndingOf(output) != ".h5") return;
+  std::error_code ignored;
+  for (const Path& input : inputs_) {
+    if (*input.path != output || !fs::is_regular_file(output, ignored)) continue;
+    std::array<char, 4> head{};
+    std::ifstream(output, std::ios::binary).read(head.data(), head.size());
+    if (std::string_view(head.data(), head.size()) != "\x89HDF") continue;
+    data::LoadToml(output);  // says what it is, where a text is read
+  }
+}
+
 void VerbFiles::Prepare() const {
   CheckGiven();
   std::vector<std::string> by_default;
   for (const Default& output : defaults_) {
     if (!output.path->empty()) continue;
     *output.path = output.name();
+    RefuseOutputAsInput(*output.path);
     if (!output.path->empty()) by_default.push_back(*output.path);
   }
   CheckApart(Inputs());

@@ -32,6 +32,9 @@ class VerbFiles {
   // The strings and lists live at least as long as the program's options.
   CLI::Option* Read(const std::string& flags, std::string* path, const std::string& help);
   CLI::Option* Write(const std::string& flags, std::string* path, const std::string& help);
+  // The same of a file of one form: a name that ends as another form does is refused.
+  CLI::Option* WriteForm(const std::string& flags, std::string* path, const std::string& ending,
+                         const std::string& help);
   // --report, a page, and --pdf, the same page printed.
   void Page(std::string* path, const std::string& help);
   // Where the option is not given, `name` gives the file; empty: none is written. A file of that
@@ -77,6 +80,7 @@ class VerbFiles {
   // Of what Prepare throws Error for: options without a value; outputs that are an input or one
   // another; places and endings that do not go with what is written; a page to print that is none.
   void CheckGiven() const;
+  void RefuseOutputAsInput(const std::string& output) const;
   void CheckApart(const std::map<std::string, std::string>& inputs) const;
   void CheckForms() const;
   void PreparePrinting() const;
@@ -85,6 +89,12 @@ class VerbFiles {
 
   CLI::App* app_;
   std::vector<Path> inputs_, outputs_;
+  struct Form {
+    std::string option;
+    const std::string* path;
+    std::string ending;  // ".png"
+  };
+  std::vector<Form> forms_;
   std::vector<Default> defaults_;
   std::vector<const std::vector<std::string>*> overrides_;
   bool force_ = false;

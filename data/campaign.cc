@@ -13,6 +13,7 @@
 #include "data/campaign_reader.h"
 #include "data/csv.h"
 #include "data/fit.h"
+#include "data/toml_kind.h"
 
 namespace unfurl::data {
 
@@ -334,7 +335,8 @@ Campaign ReadCampaignFrom(const TomlTable& root, const std::string& path) {
 }  // namespace
 
 Campaign ReadCampaign(const std::string& path, const std::vector<std::string>& overrides) {
-  return ReadCampaignFrom(LoadToml(path, overrides), path);
+  const TomlTable root = LoadToml(path, overrides);
+  return ReadAsKind(root, "campaign", [&] { return ReadCampaignFrom(root, path); });
 }
 
 Campaign ParseCampaign(const std::string& text, const std::string& name) {

@@ -208,7 +208,12 @@ std::string CampaignJson(const Campaign& plan) {
     j["correlations"].push_back({{"first", c.first}, {"second", c.second}, {"value", c.value}});
   }
   for (const CampaignResponse& r : plan.responses) j["responses"].push_back(ToJson(r));
-  return j.dump();
+  try {
+    return j.dump();
+  } catch (const ordered_json::type_error&) {  // JSON is UTF-8; a file's name may be any bytes
+    throw Error("a name that is not UTF-8, which the record of a campaign cannot keep", plan.path,
+                "rename the file or the folder that it names");
+  }
 }
 
 Campaign CampaignFromJson(const std::string& text, const std::string& where) {

@@ -9,6 +9,7 @@
 #include <set>
 #include <utility>
 
+#include "base/count.h"
 #include "base/error.h"
 #include "base/text.h"
 #include "data/atomic_file.h"
@@ -94,6 +95,22 @@ void RefuseNumbersAsHeader(const std::vector<std::string>& cells, const std::str
               "begin with a line of the columns' names and units, as docs/formats.md shows");
 }
 
+std::vector<CsvColumn> ColumnsOf(const std::vector<std::string>& cells, const std::string& where) {
+  std::vector<CsvColumn> columns;
+  std::set<std::string> names;
+  for (const std::string& cell : cells) {
+    columns.push_back(ParseHeaderCell(cell));
+    const std::string& name = columns.back().name;
+    if (!name.empty() && names.insert(name).second) continue;
+    throw Error(fmt::format("column '{}' is {}", name, name.empty() ? "nameless" : "there twice"),
+                where,
+                cell.empty() && &cell == &cells.back()
+                    ? "take the comma at the end of each line away, or name the column"
+                    : "give each column a name of its own");
+  }
+  return columns;
+}
+
 // The column that differs from a name by capitals only: names are told apart by them.
 std::string OtherCase(const std::vector<CsvColumn>& columns, std::string_view name) {
   const auto lower = [](std::string_view text) {
@@ -133,7 +150,9 @@ CsvTable CsvTable::Load(const std::string& path) {
     throw Error("is not a text file", path, "give a CSV file with a header line");
   }
   int number = 0;
-  for (const std::string& line : Split(text, '\n')) {
+  // Spreadsheets of old Macintoshes end lines by a carriage return alone.
+  const char end = text.find('\n') == std::string::npos ? '\r' : '\n';
+  for (const std::string& line : Split(text, end)) {
     ++number;
     std::string_view content = Trim(line);
     if (number == 1 && content.starts_with("\xef\xbb\xbf")) content.remove_prefix(3);
@@ -147,25 +166,17 @@ CsvTable CsvTable::Load(const std::string& path) {
     if (table.columns_.empty()) {
       RefuseOtherSeparators(cells, where);
       RefuseNumbersAsHeader(cells, where);
-      std::set<std::string> names;
-      for (const std::string& cell : cells) {
-        const CsvColumn column = ParseHeaderCell(cell);
-        if (column.name.empty() || !names.insert(column.name).second) {
-          throw Error(fmt::format("column '{}' is {}", column.name,
-                                  column.name.empty() ? "nameless" : "there twice"),
-                      where,
-                      cell.empty() && &cell == &cells.back()
-                          ? "take the comma at the end of each line away, or name the column"
-                          : "give each column a name of its own");
-        }
-        table.columns_.push_back(column);
-      }
+      table.columns_ = ColumnsOf(cells, where);
+      continue;
+    }
+    // So spreadsheets save rows that were emptied, and some below the last.
+    if (std::all_of(cells.begin(), cells.end(), [](const auto& cell) { return cell.empty(); })) {
       continue;
     }
     if (cells.size() != table.columns_.size()) {
-      throw Error(
-          fmt::format("{} cells, but the header names {}", cells.size(), table.columns_.size()),
-          where, "complete the line; a cell that holds a comma wants quotes");
+      throw Error(fmt::format("{}, but the header names {}", Counted(cells.size(), "cell"),
+                              table.columns_.size()),
+                  where, "complete the line; a cell that holds a comma wants quotes");
     }
     table.cells_.push_back(std::move(cells));
     table.lines_.push_back(number);

@@ -1,13 +1,17 @@
 #include "data/formats.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cctype>
 #include <filesystem>
+#include <limits>
 
 #include "base/error.h"
 #include "data/h5.h"
 #include "data/raw_layout.h"
 #include "data/toml.h"
+#include "data/toml_kind.h"
 #include "data/tracks_exchange.h"
 #include "data/trial.h"
 
@@ -29,15 +33,7 @@ constexpr Ending kEndings[] = {
 // A CSV of tracks has a column of marks; the other CSV that is read here is a survey.
 bool IsTracksCsv(const std::string& path) { return CsvTable::Load(path).Find("mark") >= 0; }
 
-std::string KindOfToml(const std::string& path) {
-  const TomlTable table = LoadToml(path);
-  if (table.Has("joint") || table.Has("beam") || table.Has("body")) return "scene";
-  if (table.Has("parameter")) return "study";
-  if (table.Has("variable") && table.Has("job")) return "campaign";
-  if (table.Has("recording")) return "raw lines";
-  if (table.Has("camera")) return "lab";
-  return "TOML";
-}
+std::string KindOfToml(const std::string& path) { return KindOfDocument(LoadToml(path)); }
 
 [[noreturn]] void Refuse(const std::string& path, const std::string& kind) {
   throw Error("holds " + kind + ", which is not one record", path,
@@ -91,7 +87,9 @@ std::string TracksEndings() {
   return all;
 }
 
-Tracks ReadTracksAny(const std::string& path, double sigma) {
+namespace {
+
+Tracks ReadTracksByEnding(const std::string& path, double sigma) {
   switch (FormatOf(path)) {
     case FileFormat::kHdf5:
       return ReadTracks(path);
@@ -106,6 +104,29 @@ Tracks ReadTracksAny(const std::string& path, double sigma) {
       break;
   }
   throw Error("is no file of tracks by its ending", path, "tracks end in " + TracksEndings());
+}
+
+// Samples of a mark are taken in their order for those of its time.
+void CheckOrder(const Tracks& tracks, const std::string& path) {
+  for (std::size_t m = 0; m < tracks.marks.size(); ++m) {
+    double last = -std::numeric_limits<double>::infinity();
+    for (const std::size_t i : tracks.SamplesOf(static_cast<std::int32_t>(m))) {
+      if (tracks.t[i] <= last) {
+        throw Error(
+            fmt::format("the stamps of {} do not ascend at t = {} s", tracks.marks[m], tracks.t[i]),
+            path, "write the samples in order of time, one per stamp and mark");
+      }
+      last = tracks.t[i];
+    }
+  }
+}
+
+}  // namespace
+
+Tracks ReadTracksAny(const std::string& path, double sigma) {
+  Tracks tracks = ReadTracksByEnding(path, sigma);
+  CheckOrder(tracks, path);
+  return tracks;
 }
 
 void WriteTracksAny(const std::string& path, const Tracks& tracks, const Provenance& provenance) {
@@ -135,8 +156,17 @@ std::string KindOf(const std::string& path) {
     case FileFormat::kC3d:
     case FileFormat::kUff:
       return kTracksSchema;
+    case FileFormat::kUnknown: {
+      std::error_code ignored;
+      const auto type = std::filesystem::status(path, ignored).type();
+      // HDF5 is never read from a pipe.
+      if (type == std::filesystem::file_type::fifo ||
+          type == std::filesystem::file_type::character) {
+        return KindOfToml(path);
+      }
+      break;
+    }
     case FileFormat::kHdf5:
-    case FileFormat::kUnknown:
       break;
   }
   return H5Reader::SchemaOf(path);

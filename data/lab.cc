@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "data/toml.h"
+#include "data/toml_kind.h"
 
 namespace unfurl::data {
 
@@ -225,8 +226,9 @@ LabCamera ReadCamera(const std::string& name, const TomlTable& t) {
 
 }  // namespace
 
-Lab ReadLab(const std::string& path, const std::vector<std::string>& overrides) {
-  const TomlTable root = LoadToml(path, overrides);
+namespace {
+
+Lab ReadLabFrom(const TomlTable& root, const std::string& path) {
   Lab lab;
   lab.path = path;
   lab.seed = static_cast<std::uint64_t>(root.Integer("seed", 0, 2147483647));
@@ -268,6 +270,13 @@ Lab ReadLab(const std::string& path, const std::vector<std::string>& overrides) 
   if (lab.cameras.empty()) root.Fail("camera", "no camera", "add a table [camera.NAME]");
   root.RefuseUnknownKeys();
   return lab;
+}
+
+}  // namespace
+
+Lab ReadLab(const std::string& path, const std::vector<std::string>& overrides) {
+  const TomlTable root = LoadToml(path, overrides);
+  return ReadAsKind(root, "lab", [&] { return ReadLabFrom(root, path); });
 }
 
 }  // namespace unfurl::data

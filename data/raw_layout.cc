@@ -12,6 +12,7 @@
 #include "data/beside.h"
 #include "data/lab.h"
 #include "data/toml.h"
+#include "data/toml_kind.h"
 
 namespace unfurl::data {
 
@@ -164,6 +165,7 @@ void ReadDatasets(const TomlTable& recording,
 
 RawLayout ReadRawLayout(const std::string& path) {
   const TomlTable root = LoadToml(path);
+  RequireKind(root, "raw lines");
   const fs::path folder = fs::path(path).parent_path();
   RawLayout layout;
   layout.path = path;

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <limits>
 #include <map>
@@ -77,12 +78,19 @@ void RefuseExchanged(const CsvTable& table, int u_column, int s_column) {
 
 ReadingColumns FindReadingColumns(const CsvTable& table) {
   ReadingColumns out;
+  const auto other_case = [&](const std::string& name) {
+    return std::any_of(table.columns().begin(), table.columns().end(), [&](const CsvColumn& one) {
+      return one.name == std::string(1, static_cast<char>(std::toupper(name[0]))) + name.substr(1);
+    });
+  };
   for (int c = 1; table.Find(fmt::format("u{}", c)) >= 0; ++c) {
     out.u.push_back(table.Require(fmt::format("u{}", c), "px"));
     out.s.push_back(table.Require(fmt::format("s{}", c), "px"));
     out.cameras.push_back(fmt::format("camera{}", c));
     RefuseExchanged(table, out.u.back(), out.s.back());
   }
+  const std::string next = fmt::format("u{}", out.u.size() + 1);
+  if (other_case(next)) table.Require(next, "px");  // says what to rename
   return out;
 }
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "base/text.h"
+#include "data/toml_kind.h"
 
 namespace unfurl::data {
 namespace {
@@ -143,7 +144,8 @@ Scene ReadScene(const TomlTable& root, const std::string& name) {
 }
 
 Scene ReadScene(const std::string& path, const std::vector<std::string>& overrides) {
-  return ReadScene(LoadToml(path, overrides), path);
+  const TomlTable root = LoadToml(path, overrides);
+  return ReadAsKind(root, "scene", [&] { return ReadScene(root, path); });
 }
 
 Scene ParseScene(const std::string& text, const std::string& name) {

@@ -10,6 +10,7 @@
 #include "data/beside.h"
 #include "data/scene.h"
 #include "data/study_instrument.h"
+#include "data/toml_kind.h"
 
 namespace unfurl::data {
 
@@ -339,7 +340,8 @@ Study ReadStudyFrom(const TomlTable& root, const std::string& path) {
 }  // namespace
 
 Study ReadStudy(const std::string& path, const std::vector<std::string>& overrides) {
-  return ReadStudyFrom(LoadToml(path, overrides), path);
+  const TomlTable root = LoadToml(path, overrides);
+  return ReadAsKind(root, "study", [&] { return ReadStudyFrom(root, path); });
 }
 
 Study ParseStudy(const std::string& text, const std::string& name) {

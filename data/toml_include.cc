@@ -9,6 +9,8 @@
 
 #include "base/error.h"
 #include "data/atomic_file.h"
+#include "data/h5.h"
+#include "data/h5_checks.h"
 #include "data/toml.h"
 
 namespace unfurl::data {
@@ -180,9 +182,15 @@ namespace {
 // Pictures, HDF5, archives: what the parser would say of their first byte helps nobody.
 void RefuseBinary(const std::string& text, const std::string& name) {
   if (text.find('\0') == std::string::npos) return;
-  const bool hdf5 = text.starts_with("\x89HDF");
-  throw Error(hdf5 ? "is an HDF5 file, where TOML is read" : "is a binary file, where TOML is read",
-              name, hdf5 ? "`unfurl info` says what it holds" : "give a text file");
+  if (!text.starts_with("\x89HDF")) {
+    throw Error("is a binary file, where TOML is read", name, "give a text file");
+  }
+  std::string what = "an HDF5 file";
+  try {
+    what = H5SchemaWords(H5Reader::SchemaOf(name));
+  } catch (const Error&) {  // of somebody else, or no file but a text
+  }
+  throw Error("is " + what + ", where TOML is read", name, "`unfurl info` says what it holds");
 }
 
 }  // namespace

@@ -31,25 +31,6 @@ double ToPlaces(double value, int places) {
   return std::isfinite(value) ? std::stod(fmt::format("{:.{}f}", value, places)) : value;
 }
 
-void Check(const Chart& chart) {
-  const auto fail = [&](const Series& s, const std::string& what) {
-    throw Error(what, "report: chart \"" + chart.title + "\", series \"" + s.name + "\"",
-                "give x, y and half_width of one length, with finite x that does not fall");
-  };
-  for (const Series& s : chart.series) {
-    if (s.x.size() != s.y.size()) {
-      fail(s, fmt::format("{} x for {} y", s.x.size(), s.y.size()));
-    }
-    if (!s.half_width.empty() && s.half_width.size() != s.y.size()) {
-      fail(s, fmt::format("{} half widths for {} y", s.half_width.size(), s.y.size()));
-    }
-    for (std::size_t i = 0; i < s.x.size(); ++i) {
-      if (!std::isfinite(s.x[i])) fail(s, fmt::format("x[{}] is not finite", i));
-      if (i > 0 && s.x[i] < s.x[i - 1]) fail(s, fmt::format("x falls at index {}", i));
-    }
-  }
-}
-
 // Decimal places that resolve a hundred-thousandth of the largest range of any series' y.
 int PlacesFor(const std::vector<Series>& series) {
   double low = std::numeric_limits<double>::infinity();
@@ -74,15 +55,10 @@ std::size_t AxisIndex(std::vector<double> x, std::vector<std::vector<double>>* a
   return all->size() - 1;
 }
 
-// Values of all series of a chart together: half a megabyte of page, and of each of twenty series
-// more than a screen has columns.
-constexpr std::size_t kMostValues = 30'000;
-
 // What is kept of a series; all of it in most charts.
-std::vector<std::size_t> Kept(const Chart& chart, const Series& s) {
+std::vector<std::size_t> Kept(const Chart& chart, const Series& s, std::size_t most) {
   constexpr std::size_t kFewest = 400;  // of each, however many there are: peaks still show
-  return LeastAndMost(
-      s.y, std::max(kFewest, kMostValues / std::max<std::size_t>(1, chart.series.size())));
+  return LeastAndMost(s.y, std::max(kFewest, most / std::max<std::size_t>(1, chart.series.size())));
 }
 
 std::vector<double> At(const std::vector<double>& values, const std::vector<std::size_t>& kept) {
@@ -93,11 +69,11 @@ std::vector<double> At(const std::vector<double>& values, const std::vector<std:
 }
 
 // Said with the chart, where not all is drawn.
-std::string ThinnedNote(const Chart& chart) {
+std::string ThinnedNote(const Chart& chart, std::size_t most) {
   std::size_t all = 0, kept = 0;
   for (const Series& s : chart.series) {
     all += s.y.size();
-    kept += Kept(chart, s).size();
+    kept += Kept(chart, s, most).size();
   }
   if (kept == all) return {};
   return fmt::format("Of {} values {} are drawn: the least and the largest of every short stretch.",
@@ -105,8 +81,11 @@ std::string ThinnedNote(const Chart& chart) {
 }
 
 Json AxisJson(const Axis& axis) {
-  return Json{
+  Json json = {
       {"title", AxisTitle(axis)}, {"unit", axis.unit == "1" ? "" : axis.unit}, {"log", axis.log}};
+  if (std::isfinite(axis.least)) json["least"] = axis.least;
+  if (std::isfinite(axis.most)) json["most"] = axis.most;
+  return json;
 }
 
 const char* StyleName(Style style) {
@@ -126,6 +105,25 @@ std::string ColorOf(const Series& s, std::size_t index) {
 }
 
 }  // namespace
+
+void CheckChart(const Chart& chart) {
+  const auto fail = [&](const Series& s, const std::string& what) {
+    throw Error(what, "report: chart \"" + chart.title + "\", series \"" + s.name + "\"",
+                "give x, y and half_width of one length, with finite x that does not fall");
+  };
+  for (const Series& s : chart.series) {
+    if (s.x.size() != s.y.size()) {
+      fail(s, fmt::format("{} x for {} y", s.x.size(), s.y.size()));
+    }
+    if (!s.half_width.empty() && s.half_width.size() != s.y.size()) {
+      fail(s, fmt::format("{} half widths for {} y", s.half_width.size(), s.y.size()));
+    }
+    for (std::size_t i = 0; i < s.x.size(); ++i) {
+      if (!std::isfinite(s.x[i])) fail(s, fmt::format("x[{}] is not finite", i));
+      if (i > 0 && s.x[i] < s.x[i - 1]) fail(s, fmt::format("x falls at index {}", i));
+    }
+  }
+}
 
 const char* PaletteColor(int index) {
   static constexpr std::array<const char*, 8> kPalette = {
@@ -157,14 +155,14 @@ std::string LegendSwatch(Style style, const std::string& color, bool band) {
   return svg + "</svg>";
 }
 
-std::string ChartJson(const Chart& chart) {
-  Check(chart);
+std::string ChartJson(const Chart& chart, std::size_t most) {
+  CheckChart(chart);
   const int places = PlacesFor(chart.series);
   std::vector<std::vector<double>> axes;
   Json series = Json::array();
   for (std::size_t k = 0; k < chart.series.size(); ++k) {
     const Series& s = chart.series[k];
-    const std::vector<std::size_t> kept = Kept(chart, s);
+    const std::vector<std::size_t> kept = Kept(chart, s, most);
     Json y = Json::array();
     for (const double value : At(s.y, kept)) {
       y.push_back(chart.y.log ? Significant(value, 6) : ToPlaces(value, places));
@@ -202,12 +200,12 @@ std::string ChartJson(const Chart& chart) {
                    {"markers", std::move(markers)}});
 }
 
-std::string ChartHtml(const Chart& chart, const std::string& id) {
-  const std::string json = EscapeJsonForScript(ChartJson(chart));
+std::string ChartHtml(const Chart& chart, const std::string& id, std::size_t most) {
+  const std::string json = EscapeJsonForScript(ChartJson(chart, most));
   std::string html = "<figure class=\"panel chart\">\n";
   if (!chart.title.empty()) html += "<h3>" + EscapeHtml(chart.title) + "</h3>\n";
   if (!chart.note.empty()) html += "<p class=\"note\">" + EscapeHtml(chart.note) + "</p>\n";
-  const std::string thinned = ThinnedNote(chart);
+  const std::string thinned = ThinnedNote(chart, most);
   if (!thinned.empty()) html += "<p class=\"note\">" + thinned + "</p>\n";
   html += "<div class=\"legend\">";
   for (std::size_t k = 0; k < chart.series.size(); ++k) {

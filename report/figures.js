@@ -10,26 +10,6 @@ function word(value) {
   return String(+value.toPrecision(6)).replace('-', '\u2212');
 }
 
-// Round values within [low, high]: 1, 2 or 5 times a power of ten apart; on a logarithmic axis powers
-// of ten, and between them where there are few.
-function ticks(low, high, log, count) {
-  var out = [], k;
-  if (log) {
-    var few = Math.log10(high / low) < 2;
-    for (k = Math.floor(Math.log10(low)); k <= Math.log10(high); k++) {
-      (few ? [1, 2, 5] : [1]).forEach(function(f) {
-        var v = f * Math.pow(10, k);
-        if (v >= low * (1 - 1e-9) && v <= high * (1 + 1e-9)) out.push(v);
-      });
-    }
-    return out;
-  }
-  var raw = (high - low) / count, power = Math.pow(10, Math.floor(Math.log10(raw)));
-  var step = [1, 2, 5, 10].map(function(f) { return f * power; }).find(function(s) { return s >= raw; });
-  for (k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) out.push(k * step);
-  return out;
-}
-
 // A number of the axis as a place between two pixels.
 function place(range, log, from, to) {
   return function(v) {
@@ -62,9 +42,9 @@ function band(s, xs, x, y, log) {
   var there = '', back = '';
   s.y.forEach(function(v, i) {
     if (v === null || s.w[i] === null || (log.x && xs[i] <= 0)) return;
-    var low = v - s.w[i];
+    var low = Math.max(v - s.w[i], log.least), high = Math.min(v + s.w[i], log.most);
     if (log.y && low <= 0) low = v * 1e-3;
-    there += (there ? 'L' : 'M') + x(xs[i]).toFixed(1) + ' ' + y(v + s.w[i]).toFixed(1);
+    there += (there ? 'L' : 'M') + x(xs[i]).toFixed(1) + ' ' + y(high).toFixed(1);
     back = 'L' + x(xs[i]).toFixed(1) + ' ' + y(low).toFixed(1) + back;
   });
   return there ? '<path d="' + there + back + 'Z" fill="' + s.color + '" fill-opacity="0.18"/>' : '';
@@ -75,16 +55,18 @@ function chartSvg(title, data, chart) {
   var shown = data.series.filter(function(s, k) { return chart.visibility()[k]; });
   var width = 960, left = 84, right = 20, bottom = 56, top = 40 + 20 * Math.ceil(shown.length / 3), height = top + 360 + bottom;
   var ranges = {x: chart.xAxisRange(), y: chart.yAxisRange()}, log = {x: data.x.log, y: data.y.log};
+  log.least = data.y.least === undefined ? -Infinity : data.y.least;
+  log.most = data.y.most === undefined ? Infinity : data.y.most;
   var x = place(ranges.x, log.x, left, width - right), y = place(ranges.y, log.y, height - bottom, top);
   var svg = '<svg xmlns="http://www.w3.org/2000/svg" width="' + width + '" height="' + height + '" viewBox="0 0 ' +
       width + ' ' + height + '" font-family="Helvetica, Arial, DejaVu Sans, sans-serif" font-size="13">' +
       '<rect width="' + width + '" height="' + height + '" fill="#fff"/>' +
       '<text x="' + left + '" y="22" font-size="16" font-weight="bold">' + escape(title) + '</text>';
-  ticks(ranges.x[0], ranges.x[1], log.x, 9).forEach(function(v) {
+  window.unfurlTicks(ranges.x[0], ranges.x[1], log.x, 9).forEach(function(v) {
     svg += '<path d="M' + x(v).toFixed(1) + ' ' + top + 'V' + (height - bottom) + '" stroke="#e2e2e2"/><text x="' +
         x(v).toFixed(1) + '" y="' + (height - bottom + 18) + '" text-anchor="middle">' + word(v) + '</text>';
   });
-  ticks(ranges.y[0], ranges.y[1], log.y, 7).forEach(function(v) {
+  window.unfurlTicks(ranges.y[0], ranges.y[1], log.y, 7).forEach(function(v) {
     svg += '<path d="M' + left + ' ' + y(v).toFixed(1) + 'H' + (width - right) + '" stroke="#e2e2e2"/><text x="' +
         (left - 7) + '" y="' + (y(v) + 4).toFixed(1) + '" text-anchor="end">' + word(v) + '</text>';
   });

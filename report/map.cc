@@ -74,7 +74,8 @@ std::string MapSvg(const Map& map) {
   const double width = kLeft + step * static_cast<double>(map.panes.size());
   const double whole = kTop + height + kBottom + kBar;
   std::string svg = fmt::format(
-      "<svg viewBox=\"0 0 {0:.0f} {1:.0f}\" width=\"{0:.0f}\" height=\"{1:.0f}\" role=\"img\" "
+      "<div class=\"drawing\"><svg viewBox=\"0 0 {0:.0f} {1:.0f}\" width=\"{0:.0f}\" "
+      "height=\"{1:.0f}\" role=\"img\" "
       "aria-label=\"{2}\">\n",
       width, whole, EscapeHtml(map.title));
   const auto X = [&](double left, double x) { return left + kPane * (x - map.x_low) / span_x; };
@@ -113,7 +114,7 @@ std::string MapSvg(const Map& map) {
       "{0:.1f})\">{1}</text>\n",
       kTop + 0.5 * height, EscapeHtml(AxisTitle(map.y)));
   const double bar_y = kTop + height + kBottom;
-  svg += ScaleBar(scale, map.value, kLeft, bar_y, kPane) + "</svg>\n";
+  svg += ScaleBar(scale, map.value, kLeft, bar_y, kPane) + "</svg></div>\n";
   return svg;
 }
 

@@ -153,6 +153,7 @@ std::string MotionJson(const Motion& motion) {
 }
 
 std::string Legend(const Motion& motion) {
+  if (!motion.legend) return {};
   std::string html = "<div class=\"legend\">";
   // Of more marks a colour tells no longer which it is; the pointer does.
   constexpr std::size_t kMostKeys = 16;  // each of eight colours as a ring and a disc

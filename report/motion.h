@@ -45,6 +45,7 @@ struct Motion {
   std::vector<MovingMark> marks;
   std::vector<Marker> events;  // on the frames' clock
   bool loops = false;          // begins again at its end: a period
+  bool legend = true;          // false: colours tell nothing, and only the pointer names marks
 };
 
 // Indices of at most `most` (2 or more) of `count`, both ends included.

@@ -171,17 +171,19 @@ function Player(block) {
       seek(chart.toDataXCoord(mouse.clientX - holder.getBoundingClientRect().left));
     });
     chart.ready(showTime);
-    chart.updateOptions({drawCallback: showTime}, true);
+    // Charts that zoom together do so by this call back, too.
+    var before = chart.getOption('drawCallback');
+    chart.updateOptions({drawCallback: function(drawn, initial) {
+      if (before) before(drawn, initial);
+      showTime();
+    }}, true);
   });
 
   window.addEventListener('resize', function() {
     draw();
     showTime();
   });
-  window.addEventListener('beforeprint', draw);
-  if (window.matchMedia) {
-    window.matchMedia('(prefers-color-scheme: dark)').addEventListener('change', draw);
-  }
+  window.unfurlWhenColoursChange(draw);
   panel.classList.add('runs');
   seek(first);
   this.seek = seek;

@@ -22,25 +22,7 @@ function before(xs, x) {
   return low;
 }
 
-function tone(name) {
-  return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-}
-
-// Round numbers, 1, 2 or 5 times a power of ten apart.
-function ticks(low, high, count) {
-  var raw = (high - low) / count;
-  var power = Math.pow(10, Math.floor(Math.log10(raw)));
-  var step = [1, 2, 5, 10]
-                 .map(function(k) {
-                   return k * power;
-                 })
-                 .find(function(s) {
-                   return s >= raw;
-                 });
-  var out = [];
-  for (var k = Math.ceil(low / step); k * step <= high + 1e-9 * step; k++) out.push(k * step);
-  return out;
-}
+var tone = window.unfurlTone, ink = window.unfurlInk;
 
 function short(value) {
   return String(+value.toPrecision(6)).replace('-', '\u2212');
@@ -142,7 +124,7 @@ function View(canvas, data, trails) {
     context.fillStyle = tone('--soft');
     context.textAlign = 'center';
     context.textBaseline = 'top';
-    ticks(at.low[0], at.high[0], Math.max(2, width / 110)).forEach(function(v) {
+    window.unfurlTicks(at.low[0], at.high[0], false, Math.max(2, width / 110)).forEach(function(v) {
       var x = Math.round(at.x(v)) + 0.5;
       context.beginPath();
       context.moveTo(x, margin.top);
@@ -153,7 +135,7 @@ function View(canvas, data, trails) {
     context.fillText(data.x, margin.left + (width - margin.left - margin.right) / 2, height - 17);
     context.textAlign = 'right';
     context.textBaseline = 'middle';
-    ticks(at.low[1], at.high[1], Math.max(2, height / 70)).forEach(function(v) {
+    window.unfurlTicks(at.low[1], at.high[1], false, Math.max(2, height / 70)).forEach(function(v) {
       var y = Math.round(at.y(v)) + 0.5;
       context.beginPath();
       context.moveTo(margin.left, y);
@@ -175,10 +157,10 @@ function View(canvas, data, trails) {
       if (trails() && end > 0) {
         context.globalAlpha = 0.55;
         context.lineWidth = 1.2;
-        context.strokeStyle = m.color;
+        context.strokeStyle = ink(m.color);
         if (m.measured) {
           for (var k = 0; k <= end; k++) {
-            disc(at.x(m.xy[2 * k]), at.y(m.xy[2 * k + 1]), 1.2, m.color, null);
+            disc(at.x(m.xy[2 * k]), at.y(m.xy[2 * k + 1]), 1.2, ink(m.color), null);
           }
         } else {
           stroke(m.xy.subarray(0, 2 * end + 2), at);
@@ -196,8 +178,8 @@ function View(canvas, data, trails) {
         y += f * (m.xy[2 * end + 3] - y);
       }
       context.lineWidth = 2;
-      if (m.measured) disc(at.x(x), at.y(y), 6, null, m.color);
-      else disc(at.x(x), at.y(y), 4, m.color, null);
+      if (m.measured) disc(at.x(x), at.y(y), 6, null, ink(m.color));
+      else disc(at.x(x), at.y(y), 4, ink(m.color), null);
       seen.push({x: at.x(x), y: at.y(y), name: m.name});
     });
   }
@@ -234,7 +216,7 @@ function View(canvas, data, trails) {
       disc(x, y, 4.5, latched ? tone('--ink') : tone('--paper'), tone('--ink'));
       if (!touching) return;
       context.lineWidth = 2.5;
-      disc(x, y, 9, null, '#d55e00');
+      disc(x, y, 9, null, ink('#d55e00'));
     });
   }
 

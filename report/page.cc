@@ -74,6 +74,38 @@ std::string Heading(const std::string& title, const std::string& note) {
   return html;
 }
 
+// A number of a terminal as it is printed: "-0.000" is a zero that was rounded, "0.1 +- 0.2 um" has
+// signs of its own.
+std::string Typeset(std::string text) {
+  if (text.size() > 1 && text[0] == '-' && text[1] == '0') {
+    const std::size_t end = text.find_first_not_of("0.", 1);
+    if (end == std::string::npos || text[end] == ' ' || text[end] == '%') text.erase(0, 1);
+  }
+  const std::size_t about = text.find("+-");
+  if (about != std::string::npos) text.replace(about, 2, "\u00b1");
+  if (text.ends_with(" um")) text.replace(text.size() - 2, 1, "\u00b5");
+  return text;
+}
+
+// A line does not break within "[N m]".
+std::string WithWholeUnits(const std::string& text) {
+  const std::size_t from = text.find('['), to = text.find(']');
+  if (from == std::string::npos || to == std::string::npos || to < from) return text;
+  return text.substr(0, from) + "<span class=\"unit\">" + text.substr(from, to + 1 - from) +
+         "</span>" + text.substr(to + 1);
+}
+
+// Numbers and short words stand on one line.
+std::string Cell(const std::string& text, bool is_text) {
+  constexpr std::size_t kWhole = 28;  // letters: the longest that a column of names asks for
+  if (!is_text) {
+    const char* prose = text.size() > 2 * kWhole ? " class=\"prose\"" : "";
+    return fmt::format("<td{}>{}</td>", prose, EscapeHtml(Typeset(text)));
+  }
+  return fmt::format("<td class=\"text{}\">{}</td>", text.size() > kWhole ? " prose" : "",
+                     EscapeHtml(text));
+}
+
 // Panels before the first section stand right below the page's title: so do their headings. All
 // text is escaped and data have no '<', so tags are tags.
 std::string WithHeadingsInOrder(const std::string& body) {
@@ -88,6 +120,25 @@ std::string WithHeadingsInOrder(const std::string& body) {
   replace("<h3>", "<h2 class=\"panel-title\">");
   replace("</h3>", "</h2>");
   return before + body.substr(first);
+}
+
+// Where a chart stands in the body; text has no '<' of its own.
+std::string ChartPlace(std::size_t k) { return fmt::format("<chart {}>", k); }
+
+std::string WithCharts(std::string body, const std::vector<Chart>& charts) {
+  // Of all charts: some 2 MB, so that a page with a motion stays below 4.
+  constexpr std::size_t kPageValues = 200'000;
+  const std::size_t most =
+      std::min(kMostValues, kPageValues / std::max<std::size_t>(1, charts.size()));
+  std::size_t from = 0;
+  for (std::size_t k = 0; k < charts.size(); ++k) {
+    const std::string place = ChartPlace(k);
+    const std::string html = ChartHtml(charts[k], fmt::format("plot{}", k), most);
+    from = body.find(place, from);
+    body.replace(from, place.size(), html);
+    from += html.size();
+  }
+  return body;
 }
 
 }  // namespace
@@ -117,23 +168,36 @@ void Page::AddFigures(const std::vector<Figure>& figures) {
     body_ += fmt::format(
         "<div class=\"figure{}\"><div class=\"name\">{}</div><div class=\"value\">{}</div>"
         "<div class=\"about\">{}</div></div>\n",
-        ClassOf(f.level), EscapeHtml(f.name), EscapeHtml(f.value), EscapeHtml(f.note));
+        ClassOf(f.level), EscapeHtml(f.name), EscapeHtml(Typeset(f.value)), EscapeHtml(f.note));
   }
   body_ += "</div>\n";
 }
 
 void Page::AddTable(const Table& table) {
-  const auto cell = [&](const char* tag, std::size_t column, const std::string& text) {
-    const bool is_text = std::find(table.text_columns.begin(), table.text_columns.end(),
-                                   static_cast<int>(column)) != table.text_columns.end();
-    // An empty head is a cell: readers announce heads.
-    return fmt::format("<{0}{1}>{2}</{0}>", text.empty() ? "td" : tag,
-                       is_text ? " class=\"text\"" : "", EscapeHtml(text));
+  constexpr std::size_t kScreen = 24;  // rows that a screen shows; more scroll beneath their head
+  const auto is_text = [&](std::size_t column) {
+    return std::find(table.text_columns.begin(), table.text_columns.end(),
+                     static_cast<int>(column)) != table.text_columns.end();
   };
+  const auto head = [&](std::size_t column) {
+    const std::string& text = table.header[column];
+    // An empty head is a cell: readers announce heads.
+    return fmt::format("<{0}{1}>{2}</{0}>", text.empty() ? "td" : "th",
+                       is_text(column) ? " class=\"text\"" : "", WithWholeUnits(EscapeHtml(text)));
+  };
+  const bool headed = std::any_of(table.header.begin(), table.header.end(),
+                                  [](const std::string& text) { return !text.empty(); });
+  const bool is_long = table.rows.size() > kScreen;
   body_ += "<section class=\"panel\">\n" + Heading(table.title, table.note);
-  body_ += "<div class=\"table\"><table>\n<thead><tr>";
-  for (std::size_t k = 0; k < table.header.size(); ++k) body_ += cell("th", k, table.header[k]);
-  body_ += "</tr></thead>\n<tbody>\n";
+  body_ += fmt::format(
+      "<div class=\"table{}\" role=\"group\" aria-label=\"{}\"{}><table>\n", is_long ? " long" : "",
+      EscapeHtml(table.title.empty() ? "table" : table.title), is_long ? " tabindex=\"0\"" : "");
+  if (headed) {
+    body_ += "<thead><tr>";
+    for (std::size_t k = 0; k < table.header.size(); ++k) body_ += head(k);
+    body_ += "</tr></thead>\n";
+  }
+  body_ += "<tbody>\n";
   for (const auto& row : table.rows) {
     if (row.size() != table.header.size()) {
       throw Error(
@@ -141,10 +205,11 @@ void Page::AddTable(const Table& table) {
           "report: table \"" + table.title + "\"", "give every row one cell per column");
     }
     body_ += "<tr>";
-    for (std::size_t k = 0; k < row.size(); ++k) body_ += cell("td", k, row[k]);
+    for (std::size_t k = 0; k < row.size(); ++k) body_ += Cell(row[k], is_text(k));
     body_ += "</tr>\n";
   }
   body_ += "</tbody></table></div>\n</section>\n";
+  ++tables_;
 }
 
 void Page::AddTimeSeries(Chart chart) {
@@ -159,8 +224,9 @@ void Page::AddSpectrum(Chart chart) {
 }
 
 void Page::AddChart(const Chart& chart) {
-  body_ += ChartHtml(chart, fmt::format("plot{}", charts_));
-  ++charts_;
+  CheckChart(chart);
+  body_ += ChartPlace(charts_.size());
+  charts_.push_back(chart);
 }
 
 void Page::AddPaths(const Paths& paths) {
@@ -215,19 +281,19 @@ std::string Page::Html() const {
   if (every_ > 0.0) html += fmt::format("<meta http-equiv=\"refresh\" content=\"{}\">\n", every_);
   html += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
   html += "<title>" + EscapeHtml(title_) + "</title>\n<style>\n";
-  if (charts_ > 0) html += std::string(kDygraphsStyle) + "\n";
+  if (!charts_.empty()) html += std::string(kDygraphsStyle) + "\n";
   html += std::string(kPageStyle) + "</style>\n</head>\n<body>\n<header class=\"page\">\n<h1>" +
           EscapeHtml(title_) + "</h1>\n";
   if (!subtitle_.empty()) html += "<p>" + EscapeHtml(subtitle_) + "</p>\n";
   html += "</header>\n<main>\n";
   if (every_ > 0.0) html += StaleBanner(every_, written_);
-  if (charts_ + motions_ + spaces_ > 0) {
+  if (!charts_.empty() || motions_ + spaces_ > 0) {
     html +=
         "<noscript><section class=\"panel\">The charts need scripts, which this browser has "
         "switched off; words, tables and still pictures are all here.</section></noscript>\n";
   }
-  html += WithHeadingsInOrder(body_) + "</main>\n<footer>\n";
-  if (charts_ > 0) {
+  html += WithHeadingsInOrder(WithCharts(body_, charts_)) + "</main>\n<footer>\n";
+  if (!charts_.empty()) {
     html +=
         "<p class=\"hint\">Drag across a chart to zoom, double-click to see all of it; charts "
         "over the same axis move together. Click a name in a legend to hide it.</p>\n";
@@ -240,7 +306,7 @@ std::string Page::Html() const {
     html += "</dl>\n";
   }
   html += "</footer>\n";
-  html += ScriptsOf({charts_ > 0, drawings_ > 0, motions_ > 0, spaces_ > 0});
+  html += ScriptsOf({!charts_.empty(), drawings_ > 0, motions_ > 0, spaces_ > 0, tables_ > 0});
   html += "</body>\n</html>\n";
   return html;
 }

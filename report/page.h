@@ -26,6 +26,9 @@ struct Axis {
   std::string label;  // "time"
   std::string unit;   // "s"; empty or "1" for none
   bool log = false;   // values <= 0 are left out
+  // What the quantity cannot be below and above, where error bands end [unit].
+  double least = -std::numeric_limits<double>::infinity();
+  double most = std::numeric_limits<double>::infinity();
 };
 
 struct Series {
@@ -150,8 +153,8 @@ class Page {
   // The same of a whole record: program, command, inputs with their checksums.
   void AddOrigin(const data::Provenance& provenance);
 
-  // A page that is written again and again while something goes on: the browser reads it again every
-  // `every` [s], and says so when what it reads was `written` [s since 1970] too long ago.
+  // A page that is written again and again while something goes on: the browser reads it again
+  // every `every` [s], and says so when what it reads was `written` [s since 1970] too long ago.
   void FollowEvery(double every, double written);
 
   // Misuse (arrays of different lengths, x that falls, a row of the wrong length) throws Error when
@@ -162,13 +165,14 @@ class Page {
  private:
   std::string title_;
   std::string subtitle_;
-  std::string body_;
+  std::string body_;  // with the place of each chart, whose size hangs on how many there are
+  std::vector<Chart> charts_;  // in their order
   std::vector<std::pair<std::string, std::string>> origin_;
   double every_ = 0.0, written_ = 0.0;  // see FollowEvery [s]; 0: it is read once
-  int charts_ = 0;
   int drawings_ = 0;
   int motions_ = 0;
   int spaces_ = 0;
+  int tables_ = 0;
 };
 
 }  // namespace unfurl::report

@@ -10,6 +10,17 @@
     return text.replace('-', '\u2212').replace('e\u2212', 'e-');
   }
 
+  function roomAround(xs, log) {
+    if (xs.length === 0) return null;
+    var low = xs[0], high = xs[xs.length - 1];
+    if (log) {
+      var air = high > low ? Math.pow(high / low, 0.015) : 1.1;
+      return [low / air, high * air];
+    }
+    var half = Math.abs(low) * 0.1 || 0.5;
+    return high > low ? null : [low - half, high + half];
+  }
+
   // Places x series of their own stamps on one rising axis. A missing value (null) is bridged by
   // its series' line, a NaN breaks it.
   function merge(data) {
@@ -31,12 +42,21 @@
         if (data.x.log && x <= 0) return;
         var y = s.y[i] === null || (data.y.log && s.y[i] <= 0) ? NaN : s.y[i];
         var w = s.w && s.w[i] !== null ? s.w[i] : 0;
-        var low = y - w;
+        var low = y - w, high = y + w;
+        if (data.y.least !== undefined) low = Math.max(low, data.y.least);
+        if (data.y.most !== undefined) high = Math.min(high, data.y.most);
         // On a logarithmic axis a band that reaches zero ends far below, not nowhere.
         if (data.y.log && low <= 0) low = y * 1e-3;
-        table[row.get(x)][k + 1] = bands ? [low, y, y + w] : y;
+        table[row.get(x)][k + 1] = bands ? [low, y, high] : y;
       });
     });
+    // Rows without a value: room that a pad does not give, at both ends of a logarithmic axis and about a single place.
+    var room = roomAround(xs, data.x.log);
+    if (room) {
+      var none = data.series.map(function () { return bands ? [null, null, null] : null; });
+      table.unshift([room[0]].concat(none));
+      table.push([room[1]].concat(none));
+    }
     return {table: table, bands: bands};
   }
 
@@ -49,42 +69,95 @@
     return x - xs[low] <= xs[high] - x ? low : high;
   }
 
-  // Vertical lines with words at their top, in as many rows as keep them apart.
+  var markerFont = '11px system-ui, sans-serif', markerRow = 13, mostRows = 6;
+
+  // Where each marker's words stand between `left` and `right` [px]: beside its line, in as many rows as keep them
+  // apart; past the last row there is a line without words.
+  function placeMarkers(markers, context, left, right, toX) {
+    context.font = markerFont;
+    var ends = [], out = [];
+    markers.slice().sort(function (a, b) { return a.x - b.x; }).forEach(function (m) {
+      var x = Math.round(toX(m.x)) + 0.5;
+      if (!(x >= left && x <= right)) return;
+      var width = context.measureText(m.label).width + 8;
+      var flipped = x + width > right;
+      var from = flipped ? x - width : x, row = 0;
+      while (row < ends.length && ends[row] > from) row++;
+      if (row < mostRows) ends[row] = from + width;
+      out.push({x: x, label: m.label, color: window.unfurlInk(m.color), flipped: flipped, row: row});
+    });
+    return {places: out, rows: ends.length};
+  }
+
+  // Vertical lines with words at their top.
   function drawMarkers(markers, context, area, g) {
     context.save();
-    context.font = '11px system-ui, sans-serif';
     context.textBaseline = 'top';
-    var ends = [];
-    markers.slice().sort(function (a, b) { return a.x - b.x; }).forEach(function (m) {
-      var x = Math.round(area.x + g.toPercentXCoord(m.x) * area.w) + 0.5;
-      if (!(x >= area.x && x <= area.x + area.w)) return;
-      var width = context.measureText(m.label).width + 8;
-      var flipped = x + width > area.x + area.w;
-      var left = flipped ? x - width : x;
-      var line = 0;
-      while (line < ends.length && ends[line] > left) line++;
-      ends[line] = left + width;
+    var placed = placeMarkers(markers, context, area.x, area.x + area.w, function (x) {
+      return area.x + g.toPercentXCoord(x) * area.w;
+    }).places;
+    placed.forEach(function (m) {
       context.globalAlpha = 0.55;
       context.strokeStyle = m.color;
       context.setLineDash([3, 3]);
       context.beginPath();
-      context.moveTo(x, area.y);
-      context.lineTo(x, area.y + area.h);
+      context.moveTo(m.x, area.y);
+      context.lineTo(m.x, area.y + area.h);
       context.stroke();
-      context.globalAlpha = 1;
+    });
+    context.globalAlpha = 1;
+    context.setLineDash([]);
+    context.lineWidth = 3;
+    context.lineJoin = 'round';
+    context.strokeStyle = window.unfurlTone('--paper');
+    placed.forEach(function (m) {
+      if (m.row >= mostRows) return;
+      var x = m.flipped ? m.x - 4 : m.x + 4, y = area.y + 3 + markerRow * m.row;
+      context.textAlign = m.flipped ? 'right' : 'left';
+      context.strokeText(m.label, x, y);  // the lines of others stop at the words
       context.fillStyle = m.color;
-      context.textAlign = flipped ? 'right' : 'left';
-      context.fillText(m.label, flipped ? x - 4 : x + 4, area.y + 3 + 13 * line);
+      context.fillText(m.label, x, y);
     });
     context.restore();
   }
 
+  // Room above the curves for the words of all markers, before anything is drawn [px].
+  function roomForMarkers(data, xs, width) {
+    if (data.markers.length === 0) return 0;
+    var low = xs[0], high = xs[xs.length - 1], log = data.x.log;
+    var share = function (x) { return log ? Math.log(x / low) / Math.log(high / low) : (x - low) / (high - low); };
+    var context = document.createElement('canvas').getContext('2d');
+    var rows = placeMarkers(data.markers, context, 0, width, function (x) { return share(x) * width; }).rows;
+    return rows ? 7 + markerRow * rows : 0;
+  }
+
+  var few = 60;      // nobody finds so few dots where each has three pixels
+  var single = 12;   // nor what a line makes of one value, or of some far apart
   function seriesOptions(s, count) {
+    var color = window.unfurlInk(s.color);
     if (s.style === 'dots') {
-      var few = count < 60;  // nobody finds single dots of three pixels
-      return {color: s.color, strokeWidth: 0, drawPoints: true, pointSize: few ? 4 : 1.6};
+      return {color: color, strokeWidth: 0, drawPoints: true, pointSize: count < few ? 4 : count < 8 * few ? 2.4 : 1.6};
     }
-    return {color: s.color, strokeWidth: 1.6, strokePattern: s.style === 'dashes' ? [7, 4] : null};
+    var dashed = s.style === 'dashes';
+    return {color: color, strokeWidth: 1.6, strokePattern: dashed ? [7, 4] : null,
+            drawPoints: !dashed && count <= single, pointSize: 3};
+  }
+
+  // Ticks of a logarithmic axis; dygraphs' own are 3, 40, 500.
+  function logTicker(low, high, pixels, options) {
+    return window.unfurlTicks(low, high, true, pixels / options('pixelsPerLabel')).map(function (v) {
+      return {v: v, label: tidy(v, 0)};
+    });
+  }
+
+  // As much room as the numbers beside the y axis take, and no less than all charts have.
+  function widenLabels(chart, least) {
+    var context = document.createElement('canvas').getContext('2d'), most = least;
+    chart.graphDiv.querySelectorAll('.dygraph-axis-label-y').forEach(function (label) {
+      context.font = getComputedStyle(label).font;
+      most = Math.max(most, Math.ceil(context.measureText(label.textContent).width) + 24);  // a tick, and a letter's height of title
+    });
+    if (most !== chart.getOptionForAxis('axisLabelWidth', 'y')) chart.updateOptions({axes: {y: {axisLabelWidth: most}}});
   }
 
   function draw(block) {
@@ -105,8 +178,15 @@
         return tidy(value, Math.abs(range[1] - range[0]));
       };
     }
+    var narrow = holder.clientWidth < 480, labelWidth = narrow ? 46 : 64;
+    var xs = merged.table.map(function (row) { return row[0]; });
+    var above = roomForMarkers(data, xs, holder.clientWidth - labelWidth - 24);
+    var xAxis = {logscale: data.x.log, axisLabelFormatter: ticks('x'), pixelsPerLabel: narrow ? 45 : 70};
+    var yAxis = {logscale: data.y.log, axisLabelFormatter: ticks('y'), axisLabelWidth: labelWidth, pixelsPerLabel: 26};
+    if (data.x.log) xAxis.ticker = logTicker;
+    if (data.y.log) yAxis.ticker = logTicker;
     function unit(text) { return text ? '\u2009' + text : ''; }
-    return new Dygraph(holder, merged.table, {
+    var chart = new Dygraph(holder, merged.table, {
       labels: ['x'].concat(data.series.map(function (s, k) { return 's' + k; })),
       series: options,
       customBars: merged.bands,
@@ -118,17 +198,14 @@
       xLabelHeight: 20,
       yLabelWidth: 20,
       axisLabelFontSize: 12,
-      axisLineColor: tone('--soft'),
-      gridLineColor: tone('--line'),
+      axisLineColor: window.unfurlTone('--soft'),
+      gridLineColor: window.unfurlTone('--line'),
       highlightCircleSize: 3,
       animatedZooms: false,
-      yRangePad: 8 + (data.markers.length ? 20 : 0),
+      yRangePad: 8 + above,
       xRangePad: data.x.log ? 0 : 4,  // a pad would take a logarithmic axis below zero
       logscale: false,
-      axes: {
-        x: {logscale: data.x.log, axisLabelFormatter: ticks('x'), pixelsPerLabel: 70},
-        y: {logscale: data.y.log, axisLabelFormatter: ticks('y'), axisLabelWidth: 64, pixelsPerLabel: 26}
-      },
+      axes: {x: xAxis, y: yAxis},
       underlayCallback: function (context, area, g) {
         drawMarkers(data.markers, context, area, g);
       },
@@ -147,10 +224,13 @@
       },
       unhighlightCallback: function () { readout.textContent = ''; }
     });
-  }
-
-  function tone(name) {
-    return getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+    widenLabels(chart, labelWidth);
+    window.unfurlWhenColoursChange(function () {
+      var series = {};
+      data.series.forEach(function (s, k) { series['s' + k] = seriesOptions(s, data.axes[s.axis].length); });
+      chart.updateOptions({series: series, axisLineColor: window.unfurlTone('--soft'), gridLineColor: window.unfurlTone('--line')});
+    });
+    return chart;
   }
 
   var charts = {};

@@ -36,7 +36,9 @@ std::string Script(std::string_view code) {
 
 std::string ScriptsOf(const Moving& what) {
   std::string html;
-  if (what.charts || what.drawings || what.motions || what.spaces) html += Script(kToolsScript);
+  if (what.charts || what.drawings || what.motions || what.spaces || what.tables) {
+    html += Script(kToolsScript);
+  }
   if (what.charts) {
     html += Script(std::string(kDygraphsAuthors) + kMitLicence + std::string(kDygraphsScript));
     html += Script("/* From dygraphs too, under the same licence. */\n" +

@@ -200,10 +200,11 @@ std::string PathsSvg(const Paths& paths) {
   legend += "</div>\n";
   return legend +
          fmt::format(
-             "<svg width=\"{0:.0f}\" height=\"{1:.0f}\" viewBox=\"0 0 {0:.0f} {1:.0f}\" "
+             "<div class=\"drawing\"><svg width=\"{0:.0f}\" height=\"{1:.0f}\" viewBox=\"0 0 "
+             "{0:.0f} {1:.0f}\" "
              "role=\"img\" aria-label=\"{2}\">\n",
              drawing.total_width(), drawing.total_height(), EscapeHtml(paths.title)) +
-         drawing.Axes(paths) + curves + "</svg>\n";
+         drawing.Axes(paths) + curves + "</svg></div>\n";
 }
 
 }  // namespace unfurl::report

@@ -17,6 +17,8 @@ namespace unfurl::study {
 
 namespace {
 
+const char* FastOrSlow(double drift) { return drift > 0.0 ? "fast" : "slow"; }
+
 // "of 0.02"; what is too small to be computed is no zero.
 std::string Probability(double p) {
   constexpr double kLeast = 1e-12;  // what rounding leaves of 1 - p [-]
@@ -206,20 +208,21 @@ void AddPlacementWords(const correlate::Observations& o, const correlate::TrialR
   if (drift.called) {
     const double all = SigmaOfDrift(t);
     add(fmt::format(
-        "The data call for a clock{} that runs fast by {} parts in a million ({:.0f} "
+        "The data call for a clock{} that runs {} by {} parts in a million ({:.0f} "
         "times its standard error): it is fitted. {}If the clock is right, say so "
         "(trial.drift = \"known\").",
-        of, NumberWithError(1e6 * t.at.drift, 1e6 * drift.sigma), std::sqrt(drift.deviance),
+        of, FastOrSlow(t.at.drift), NumberWithError(1e6 * std::abs(t.at.drift), 1e6 * drift.sigma),
+        std::sqrt(drift.deviance),
         std::abs(t.at.drift) > kTold * all
             ? ""
             : fmt::format("The model's own error may look the same (with it: ± {:.2g}). ",
                           1e6 * all)));
   } else if (drift.too_large) {
     add(
-        fmt::format("A clock{} that runs fast by {:.2g}% would lower the residuals most, and no "
+        fmt::format("A clock{} that runs {} by {:.2g}% would lower the residuals most, and no "
                     "clock does: look at what sets the pace of the model (gravity, masses, "
                     "springs), or say what is known of the clock (trial.drift).",
-                    of, 100.0 * drift.drift));
+                    of, FastOrSlow(drift.drift), 100.0 * std::abs(drift.drift)));
   }
 }
 

@@ -7,6 +7,7 @@
 #include <limits>
 #include <memory>
 
+#include "base/count.h"
 #include "base/error.h"
 #include "base/number.h"
 #include "base/text.h"
@@ -361,8 +362,9 @@ Comparison DescribeChannels(const std::vector<data::Channel>& record,
   }
   if (c.signals.empty()) throw Error("holds no readings", record_name, "give a file with some");
   Measure(options, &c);
-  c.verdict = fmt::format("A record alone: {} channels, {:.6g} to {:.6g} s.", c.channels.size(),
-                          c.alignment.overlap_start, c.alignment.overlap_end);
+  c.verdict =
+      fmt::format("A record alone: {}, {:.6g} to {:.6g} s.", Counted(c.channels.size(), "channel"),
+                  c.alignment.overlap_start, c.alignment.overlap_end);
   AddModeReasons(&c);
   return c;
 }

@@ -26,12 +26,13 @@ std::vector<std::string> ClockWords(const Comparison& c, const std::string& foun
         then));
   }
   if (a.drift == 0.0) return out;
-  const std::string fast = a.Sigma("clock drift") > 0.0
-                               ? NumberWithError(1e6 * a.drift, 1e6 * a.Sigma("clock drift"))
-                               : fmt::format("{:g} (known)", 1e6 * a.drift);
+  const std::string by =
+      a.Sigma("clock drift") > 0.0
+          ? NumberWithError(1e6 * std::abs(a.drift), 1e6 * a.Sigma("clock drift"))
+          : fmt::format("{:g} (known)", 1e6 * std::abs(a.drift));
   out.push_back(fmt::format(
-      "The record's clock runs fast by {} parts in a million; that is taken out, about {:.3f} s.",
-      fast, a.drift_pivot));
+      "The record's clock runs {} by {} parts in a million; that is taken out, about {:.3f} s.",
+      a.drift > 0.0 ? "fast" : "slow", by, a.drift_pivot));
   return out;
 }
 

@@ -148,11 +148,10 @@ void AddErrorReasons(Comparison* c) {
   c->reasons.push_back(fmt::format("Farthest apart is {}: {} RMS, {} at most, at {:.3f} s.",
                                    worst->mark, LengthText(worst->rmse), LengthText(worst->largest),
                                    worst->largest_at));
-  const LengthUnit unit = UnitFor(all.rmse_across);
-  c->reasons.push_back(fmt::format(
-      "Out of the plane the marks stray by {} RMS (mean {:+.2f} {}); the reference is {}.",
-      LengthText(all.rmse_across), unit.per_metre * all.bias_across, unit.name,
-      c->reference_is_run ? "planar" : "measured"));
+  c->reasons.push_back(
+      fmt::format("Out of the plane the marks stray by {} RMS (mean {}); the reference is {}.",
+                  LengthText(all.rmse_across), MeanText(all.bias_across, all.rmse_across),
+                  c->reference_is_run ? "planar" : "measured"));
 }
 
 void AddClockReasons(Comparison* c) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/error.h"
 #include "base/statistics.h"
 #include "correlate/spectra/lomb_scargle.h"
 
@@ -347,12 +348,33 @@ void UseDensityPeaks(const ComparisonOptions& options, bool record, bool referen
   FillOperatingShapes(c);
 }
 
+namespace {
+
+// A span that was asked for and in which nothing was recorded.
+void RefuseEmptySpan(const ComparisonOptions& options, const Comparison& c) {
+  const double start = c.alignment.overlap_start, end = c.alignment.overlap_end;
+  if (!(start <= end)) return;
+  const std::string remedy =
+      fmt::format("give a time within {:.6g} to {:.6g} s, which {} on its clock", start, end,
+                  c.reference.empty() ? "the record spans" : "the record and the reference share");
+  if (options.from && *options.from >= end) {
+    throw Error(fmt::format("nothing is recorded from {:.6g} s on", *options.from), "--from",
+                remedy);
+  }
+  if (options.to && *options.to <= start) {
+    throw Error(fmt::format("nothing is recorded until {:.6g} s", *options.to), "--to", remedy);
+  }
+}
+
+}  // namespace
+
 void FillSpectra(const ComparisonOptions& options, Comparison* c) {
   // What vibrates freely: after the last latch; without latches, all.
   c->spectrum_from = c->alignment.overlap_start;
   for (const ModelEvent& e : c->latches) {
     c->spectrum_from = std::max(c->spectrum_from, e.t + c->alignment.at.offset);
   }
+  RefuseEmptySpan(options, *c);
   c->spectrum_from = options.from.value_or(c->spectrum_from);
   c->spectrum_to = options.to.value_or(c->alignment.overlap_end);
   for (const ComparedSignal& s : c->signals) {

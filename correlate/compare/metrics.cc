@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "base/length.h"
+
 namespace unfurl::correlate {
 
 namespace {
@@ -101,6 +103,11 @@ std::vector<Eigen::Matrix3Xd> SigmasInModelFrame(const Observations& observation
     out.push_back(std::move(s));
   }
   return out;
+}
+
+std::string MeanText(double mean, double rms) {
+  constexpr double kNothing = 1e-3;  // of the root mean square: three digits of it show no less
+  return std::abs(mean) < kNothing * rms ? "0" : LengthText(mean);
 }
 
 }  // namespace unfurl::correlate

@@ -36,4 +36,8 @@ std::vector<Eigen::Matrix3Xd> InModelFrame(const Observations& observations,
 std::vector<Eigen::Matrix3Xd> SigmasInModelFrame(const Observations& observations,
                                                  const Registration& at);
 
+// A mean beside the root mean square of the same numbers [m], as "0.2 mm"; "0" where it is their
+// rounding.
+std::string MeanText(double mean, double rms);
+
 }  // namespace unfurl::correlate

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <numeric>
 
+#include "base/count.h"
 #include "base/table.h"
 #include "sim/record/certificate_text.h"
 #include "sim/record/record.h"
@@ -337,9 +338,10 @@ std::string SummaryText(const SummaryInput& in, ordered_json* json) {
   }
   text += "the scene calls for " + EffectsText(in.model) + "\n";
   text += fmt::format(
-      "{}: {} steps ({} rejected), {} evaluations, {} projections, {} samples, {} events\n",
-      report.method, report.steps, report.rejected, report.evaluations, report.projections,
-      in.recorder.samples(), in.recorder.events());
+      "{}: {} ({} rejected), {}, {}, {}, {}\n", report.method, Counted(report.steps, "step"),
+      report.rejected, Counted(report.evaluations, "evaluation"),
+      Counted(report.projections, "projection"), Counted(in.recorder.samples(), "sample"),
+      Counted(in.recorder.events(), "event"));
   text += fmt::format("steps limited by: {}\n", LimitSentence(in));
   j["method"] = report.method;
   j["steps"] = report.steps;

@@ -144,7 +144,7 @@ TEST_F(CorrelateChannelsTest, ARecordAlone) {
   EXPECT_EQ(found.at("modes").at("units"), json::array({"1", "1"}));
   EXPECT_EQ(found.at("channels").size(), 2u);
   EXPECT_THAT(Get("page.html"), HasSubstr("Modes of the ambient record"));
-  EXPECT_THAT(Run({"correlate", "a.csv", "--channels", "left"}).out, HasSubstr("1 channels"));
+  EXPECT_THAT(Run({"correlate", "a.csv", "--channels", "left"}).out, HasSubstr("1 channel,"));
 }
 
 // A run's own quantity, and the same through a study that knows the instrument.

@@ -97,6 +97,16 @@ TEST(ChartJson, ConstantAndEmptySeriesAreNoTrouble) {
   EXPECT_EQ(json::parse(ChartJson(chart))["series"].size(), 0u);
 }
 
+TEST(ChartJson, SaysWhereAQuantityEnds) {
+  Chart chart = TwoSeries();
+  EXPECT_FALSE(json::parse(ChartJson(chart))["y"].contains("least"));
+  chart.y.least = 0.0;
+  chart.y.most = 1.0;
+  const json y = json::parse(ChartJson(chart))["y"];
+  EXPECT_EQ(y["least"], 0.0);
+  EXPECT_EQ(y["most"], 1.0);
+}
+
 TEST(ChartJson, SurvivesHostileNames) {
   Chart chart = TwoSeries();
   chart.series[0].name = "\"</script><script>alert(1)</script>\\\n";

@@ -142,6 +142,55 @@ TEST(Page, CarriesTheLibraryOfSpaceOnlyWithSpaces) {
   EXPECT_EQ(chart.Html().find("three.js"), std::string::npos);
 }
 
+// A record of many channels: a page grows with what is seen, not with what was recorded.
+TEST(Page, StaysOfOneSizeHoweverManyChartsItHas) {
+  const auto size = [](int charts) {
+    Page page("title");
+    for (int c = 0; c < charts; ++c) {
+      Chart chart;
+      chart.series = {Wave("a", 40000, 0.1 * c)};
+      chart.series[0].half_width.clear();
+      page.AddTimeSeries(std::move(chart));
+    }
+    return page.Html().size();
+  };
+  EXPECT_LT(size(40), 4'000'000u);   // bytes, what a page may be
+  EXPECT_GT(size(2), 2u * 300'000);  // and one of two charts is not thinned for that
+}
+
+TEST(Page, NumbersOfTablesArePrintedAndUnitsStayWhole) {
+  Page page("title");
+  Table table;
+  table.title = "t";
+  table.header = {"name", "moment [N m]", "error"};
+  table.rows = {
+      {"a", "-0.000", "0.1 +- 0.2"}, {"b", "-0.001", "3 um"}, {"-0.0 c", "-0", "-0.5 mm"}};
+  page.AddTable(table);
+  const std::string html = page.Html();
+  EXPECT_NE(html.find("moment <span class=\"unit\">[N m]</span>"), std::string::npos);
+  EXPECT_NE(html.find("<td>0.000</td>"), std::string::npos);
+  EXPECT_NE(html.find("<td>-0.001</td>"), std::string::npos);
+  EXPECT_NE(html.find("<td>0.1 \u00b1 0.2</td>"), std::string::npos);
+  EXPECT_NE(html.find("<td>3 \u00b5m</td>"), std::string::npos);
+  EXPECT_NE(html.find("<td>0</td><td>-0.5 mm</td>"), std::string::npos);
+  EXPECT_NE(html.find("-0.0 c"), std::string::npos);  // a name is no number
+}
+
+TEST(Page, OnlyLongTablesScrollAndOnlyNamedColumnsHaveAHead) {
+  const auto with_rows = [](std::size_t rows, const std::string& head) {
+    Page page("title");
+    Table table;
+    table.header = {head, head};
+    table.rows.assign(rows, {"a", "1"});
+    page.AddTable(table);
+    return page.Html();
+  };
+  EXPECT_EQ(with_rows(24, "x").find("class=\"table long\""), std::string::npos);
+  EXPECT_NE(with_rows(25, "x").find("class=\"table long\""), std::string::npos);
+  EXPECT_NE(with_rows(2, "x").find("<thead>"), std::string::npos);
+  EXPECT_EQ(with_rows(2, "").find("<thead>"), std::string::npos);
+}
+
 TEST(Page, SameCallsSameBytes) {
   EXPECT_EQ(Everything("x").Html(), Everything("x").Html());
   const Page page = Everything("x");
