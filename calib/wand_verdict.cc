@@ -239,6 +239,32 @@ void JudgeRows(const WandReport& report, const VerdictOptions& options, data::Ri
   }
 }
 
+// What surveyed points say of the bar, against what is stated of it: the fit has a mean of both,
+// whose distance from what was stated has as its variance what that lost.
+void JudgeStated(const WandFit& fit, const WandReport& report, const VerdictOptions& options,
+                 Tally* tally) {
+  const double stated = fit.data.place_sigma;
+  const Eigen::Index marks = fit.data.place.size();
+  const double level = ChanceOfEach(options.chance, static_cast<double>(marks - 1));
+  const double limit = NormalQuantile(1.0 - 0.5 * level);
+  for (Eigen::Index m = 1; m < marks; ++m) {
+    const double variance = report.place_sigma(m) * report.place_sigma(m);
+    const double lost = stated * stated - variance;
+    // Points that know the bar ten times worse than is stated of it cannot contradict that.
+    if (!(lost > 0.01 * stated * stated)) continue;
+    const double off = report.place(m) - (fit.data.place(m) - fit.data.place(0));
+    if (std::abs(off) < limit * std::sqrt(lost)) continue;
+    const double found = off * stated * stated / lost;  // without what was stated
+    const double sigma = std::sqrt(variance * stated * stated / lost);
+    tally->care.push_back(fmt::format(
+        "by the surveyed points mark \"{}\" of the bar is {} +- {} further from the first than the "
+        "{} +- {} that are stated: one of the two lengths is wrong, and with it the scale of "
+        "everything. Measure the bar again, and look at the station's unit and distance error",
+        report.marks[static_cast<std::size_t>(m)], LengthText(found), LengthText(sigma),
+        LengthText(fit.data.place(m)), LengthText(stated)));
+  }
+}
+
 void JudgeMotion(const WandFit& fit, const WandReport& report, data::Rig* rig, Tally* tally) {
   if (!fit.data.Moves()) return;
   rig->checks["bar_speed [m/s]"] = report.speed;
@@ -268,6 +294,7 @@ void JudgeWand(const WandFit& fit, const std::vector<double>& sigmas, const Wand
   JudgeGross(report, options, rig, &tally);
   JudgeRows(report, options, rig, &tally);
   JudgeMotion(fit, report, rig, &tally);
+  JudgeStated(fit, report, options, &tally);
   rig->checks["handed [1]"] = report.handed ? 1.0 : 0.0;
   if (!report.handed) {
     tally.care.push_back(

@@ -89,6 +89,7 @@ class LiveRun {
  public:
   LiveRun(const Common& common, const LiveSettings& s)
       : settings_(s), rig_(data::ReadRig(s.rig)), out_(!common.quiet), json_(&out_, &told_) {
+    if (s.camera_shift > 0.0) measure::AllowForShifts(s.camera_shift, &rig_);
     if (!s.like.empty()) like_.emplace(s.like);
     if (!s.report.empty()) page_.emplace(s, ProvenanceOf(common, s));
   }

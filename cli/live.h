@@ -12,11 +12,12 @@ namespace unfurl::cli {
 // `unfurl reconstruct --live`: options of its own beside the verb's.
 struct LiveSettings {
   bool live = false;
-  std::string trial;        // empty: a stream
-  std::string listen;       // HOST:PORT; empty: standard input
-  std::string like;         // a record that shows how fast marks are and where they go
-  std::string rig, report;  // the verb's
-  double timeout = 10.0;    // [s] without a line: longer than any round of a strobe; 0: for ever
+  std::string trial;          // empty: a stream
+  std::string listen;         // HOST:PORT; empty: standard input
+  std::string like;           // a record that shows how fast marks are and where they go
+  std::string rig, report;    // the verb's
+  double camera_shift = 0.0;  // [px], likewise
+  double timeout = 10.0;      // [s] without a line: longer than any round of a strobe; 0: for ever
   measure::LiveOptions options;
 };
 

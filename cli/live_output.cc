@@ -150,9 +150,12 @@ void LiveJson::Notice(const measure::LiveNotice& notice) {
 }
 
 void LiveJson::Looked(double t, const measure::HealthReport& report) {
-  ordered_json line = {{"type", "health"}, {"t", t}};
-  if (!report.unknown.empty()) line["unknown"] = report.unknown;
   const measure::Reconstructor& pass = *(*live_)->reconstructor();
+  ordered_json line = {{"type", "health"}, {"t", t}, {"vouched", !report.unvouched.any}};
+  if (report.unvouched.any) {
+    line["unvouched"] = measure::Describe(report.unvouched, pass.layout().cameras);
+  }
+  if (!report.unknown.empty()) line["unknown"] = report.unknown;
   for (std::size_t c = 0; c < report.cameras.size(); ++c) {
     const auto& slices = report.cameras[c];
     const auto last = std::find_if(slices.rbegin(), slices.rend(), [](const auto& slice) {

@@ -216,6 +216,7 @@ void LivePage::Notice(const measure::LiveNotice& notice) {
 
 void LivePage::Looked(double, const measure::HealthReport& report) {
   state_.health_unknown = report.unknown;
+  if (report.unvouched.any) state_.health_unknown = Describe(report.unvouched, state_.cameras);
   state_.health.clear();
   for (const auto& slices : report.cameras) {
     const auto last = std::find_if(slices.rbegin(), slices.rend(), [](const auto& slice) {

@@ -21,15 +21,14 @@
 #include "base/text.h"
 #include "calib/verdict.h"
 #include "cli/live.h"
+#include "cli/reconstruct_events.h"
 #include "cli/reconstruct_health.h"
 #include "cli/reconstruct_page.h"
 #include "cli/start_places.h"
 #include "cli/verb.h"
-#include "correlate/align/align.h"
 #include "data/formats.h"
 #include "data/h5.h"
 #include "data/rig.h"
-#include "data/run.h"
 #include "data/tracks.h"
 #include "measure/sigma_summary.h"
 #include "measure/smooth.h"
@@ -46,49 +45,13 @@ struct ReconstructSettings {
   std::string trial, rig, output, picture, report, start, events;
   bool smooth = false;
   bool correct = false;
+  std::vector<std::string> rigid;     // as typed
+  double camera_shift = 0.0;          // [px]
   std::optional<double> event_sigma;  // [s]; none: the interval between samples of a mark
   double max_speed = 0.0;             // [m/s]; 0: derived
   std::size_t workers = 0;
   LiveSettings live;
 };
-
-// Times on the record's clock: listed, or a run's latches, by way of the run's alignment with the
-// record.
-std::vector<double> EventTimes(const ReconstructSettings& s, const data::Tracks& tracks) {
-  std::vector<double> times;
-  if (s.events.empty()) return times;
-  if (data::FormatOf(s.events) != data::FileFormat::kHdf5) {
-    for (const std::string& word : Split(s.events, ',')) {
-      double t = 0.0;
-      if (!ParseDouble(Trim(word), &t) || !std::isfinite(t)) {
-        throw Error(fmt::format("'{}' is no time", word), "--events",
-                    "list seconds on the record's clock, as in 0.92,1.13, or name a run (.h5)");
-      }
-      times.push_back(t);
-    }
-  } else {
-    const data::Run run = data::ReadRun(s.events);
-    std::vector<std::string> common;
-    for (const std::string& mark : run.marks) {
-      if (tracks.FindMark(mark) >= 0) common.push_back(mark);
-    }
-    if (common.empty()) {
-      throw Error("has no mark of the trial's", s.events,
-                  fmt::format("the trial's marks are {}", JoinWords(tracks.marks)));
-    }
-    const correlate::Alignment alignment = correlate::Align(correlate::FromTracks(tracks, common),
-                                                            correlate::SampledModel(run, common));
-    if (!alignment.Usable()) {
-      throw Error("cannot be aligned with the trial: " + alignment.message, s.events,
-                  "give the times of the events themselves, as in --events 0.92,1.13");
-    }
-    for (const data::RunEvent& event : run.events) {
-      if (event.kind == "latch") times.push_back(event.t + alignment.at.offset);
-    }
-  }
-  std::sort(times.begin(), times.end());
-  return times;
-}
 
 // Checks what belongs together, and gives the options with every file that enters.
 measure::ReconstructOptions OptionsOf(const ReconstructSettings& s, data::Provenance* provenance) {
@@ -106,10 +69,25 @@ measure::ReconstructOptions OptionsOf(const ReconstructSettings& s, data::Proven
   if (!s.smooth && !s.events.empty()) {
     throw Error("events matter to smoothing only", "--events", "add --smooth");
   }
+  for (const std::string& pair : s.rigid) {
+    options.health.distances.push_back(measure::ParseKeptDistance(pair, "--rigid"));
+  }
   if (s.event_sigma && !(*s.event_sigma >= 0.0)) {
     throw Error("must not be negative", "--event-sigma", "give seconds, as in 0.005");
   }
   return options;
+}
+
+// Throws Error for marks that the trial does not have.
+void CheckRigid(const ReconstructSettings& s, const measure::ReconstructOptions& options,
+                const std::vector<std::string>& marks) {
+  for (const measure::KeptDistance& one : options.health.distances) {
+    for (const std::string& mark : {one.a, one.b}) {
+      if (std::find(marks.begin(), marks.end(), mark) != marks.end()) continue;
+      throw Error(fmt::format("names '{}', which is no mark of {}", mark, s.trial), "--rigid",
+                  fmt::format("the trial's marks are {}", JoinWords(marks)));
+    }
+  }
 }
 
 // The tracks of the whole record, smoothed.
@@ -117,7 +95,7 @@ data::Tracks SmoothAll(const ReconstructSettings& s, data::Tracks all,
                        measure::SmoothReport* report) {
   measure::TrimTracks(&all);
   measure::SmoothOptions smooth;
-  smooth.events = EventTimes(s, all);
+  smooth.events = EventTimes(s.events, all);
   smooth.event_sigma = s.event_sigma.value_or(measure::IntervalOf(all));
   all = measure::Smooth(all, smooth, report);
   ThrowIfInterrupted();
@@ -224,6 +202,7 @@ int Conclude(const Common& common, const ReconstructSettings& s, const data::Rig
   const std::vector<std::string> lost = done.LostMarks();
   std::vector<std::string> not_usable = lost;
   if (!lost.empty()) summary["lost_marks"] = lost;
+  if (!health.distances_kept) not_usable.push_back(health.distances);
   if (rig.verdict == calib::kDoNotUse) {
     not_usable.push_back(fmt::format("the verdict of the rig {} is \"{}\"{}", s.rig, rig.verdict,
                                      rig.reasons.empty() ? "" : ": " + rig.reasons.front()));
@@ -290,7 +269,8 @@ int WholeRecord(const Common& common, const ReconstructSettings& s) {
   if (!s.picture.empty() && trial.lines() == nullptr) {
     throw Error("holds readings, and a picture is made of lines", s.trial, "leave --picture out");
   }
-  const data::Rig rig = data::ReadRig(s.rig);
+  data::Rig rig = data::ReadRig(s.rig);
+  if (s.camera_shift > 0.0) measure::AllowForShifts(s.camera_shift, &rig);
   data::Provenance provenance = StartProvenance(common);
   measure::ReconstructOptions options = OptionsOf(s, &provenance);
   std::optional<measure::StreakPicture> picture;
@@ -300,12 +280,13 @@ int WholeRecord(const Common& common, const ReconstructSettings& s) {
     pass.writer.reset();
     pass.sigmas = {};
     pass.reconstructor = trial.Open(rig, s.rig, options);
+    CheckRigid(s, options, pass.reconstructor->layout().marks);
     const bool draw = !s.picture.empty() && !picture;  // the lines as they were recorded
     if (draw) picture.emplace(trial.lines()->header(), trial.size());
     RunPass(common, s, trial, provenance, draw ? &*picture : nullptr, &pass);
   } while (loop.Again(*pass.reconstructor, &options));
-  const data::TrialHealth health =
-      measure::RecordOf(loop.report(), pass.all.cameras, pass.all.marks, s.correct);
+  const data::TrialHealth health = measure::RecordOf(
+      loop.report(), pass.all.cameras, pass.all.marks, s.correct, options.health.distances);
   measure::SmoothReport smoothing;
   if (s.smooth) {
     pass.all = SmoothAll(s, std::move(pass.all), &smoothing);
@@ -335,9 +316,11 @@ int LiveVerb(const Common& common, ReconstructSettings* s) {
                   {"--smooth", s->smooth},
                   {"--events", !s->events.empty()},
                   {"--correct", s->correct},
+                  {"--rigid", !s->rigid.empty()},
                   {"--event-sigma", s->event_sigma.has_value()}});
   LiveSettings& live = s->live;
   std::tie(live.trial, live.rig, live.report) = std::tie(s->trial, s->rig, s->report);
+  live.camera_shift = s->camera_shift;
   live.options.reconstruct.max_speed = s->max_speed;
   live.options.reconstruct.workers = std::max<std::size_t>(1, s->workers);
   if (!s->start.empty()) live.options.reconstruct.start = ReadStart(s->start);
@@ -392,6 +375,16 @@ Verb AddReconstruct(CLI::App& program, Common& common) {
       "--correct", s->correct,
       "Put the readings of cameras right that moved, drifted or are late, as far as three "
       "others vouch for it, instead of leaving those cameras out while they are wrong");
+  app->add_option("--rigid", s->rigid,
+                  "Two marks on one rigid body, and if it is known their distance, as tip,tip_b or "
+                  "tip,tip_b=0.32m+-0.1mm: whether they keep it shows cameras that moved, are late "
+                  "or exchanged, with three cameras alone (repeatable)")
+      ->type_name("A,B[=LENGTH]")
+      ->expected(1);
+  app->add_option("--camera-shift", s->camera_shift,
+                  "Standard deviation by which each camera may have shifted along its row since "
+                  "the calibration: error bars then hold it [px]")
+      ->check(CLI::NonNegativeNumber);
   app->add_option("--workers", s->workers, "Threads; 0: all cores");
   AddLiveOptions(&verb, &s->live);
   verb.run = [&common, s] { return ReconstructVerb(common, s.get()); };

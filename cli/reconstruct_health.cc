@@ -49,6 +49,11 @@ ordered_json ReconstructHealthFinite(double value) {
   return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
 }
 
+constexpr const char* kVouch =
+    "a fourth camera would show it, `unfurl check` with points before and after the trial, or two "
+    "marks on one rigid body (--rigid); --camera-shift makes error bars allow for it";
+constexpr const char* kNotKept = "check the cameras, and whether those marks are on one rigid body";
+
 constexpr const char* kWrongRemedy =
     "left out, and their samples have no position; look for reflections and slips";
 
@@ -93,10 +98,21 @@ void AddScatter(const data::TrialHealth& health, ordered_json* json, std::string
 
 std::string HealthText(const data::TrialHealth& health, ordered_json* summary) {
   ordered_json& json = (*summary)["health"];
-  json = {{"looked_at", health.unknown.empty()}, {"corrected", health.corrected}};
+  json = {{"vouched", health.unvouched.empty()},
+          {"looked_at", health.unknown.empty()},
+          {"corrected", health.corrected}};
+  std::string text;
+  if (!health.unvouched.empty()) {
+    json["unvouched"] = {{"words", health.unvouched}, {"remedy", kVouch}};
+    text += fmt::format("{}: {}\n", health.unvouched, kVouch);
+  }
+  if (!health.distances.empty()) {
+    json["distances"] = {{"words", health.distances}, {"kept", health.distances_kept}};
+    text += fmt::format("{}{}{}\n", health.distances, health.distances_kept ? "" : ": ",
+                        health.distances_kept ? "" : kNotKept);
+  }
   if (!health.unknown.empty()) json["why_not"] = health.unknown;
   json["faults"] = ordered_json::array();
-  std::string text;
   constexpr const char* kKinds[] = {"moved", "drifting", "late"};
   for (std::size_t k = 0; k < health.words.size(); ++k) {
     json["faults"].push_back(
@@ -115,17 +131,35 @@ std::string HealthText(const data::TrialHealth& health, ordered_json* summary) {
   }
   AddLight(health, &json, &text);
   AddScatter(health, &json, &text);
-  if (!health.unknown.empty()) {
+  if (!health.unknown.empty() && health.unvouched.empty()) {
     text += fmt::format("the cameras' health cannot be told: {}\n", health.unknown);
   }
   return text;
 }
 
+report::Level AddVouching(const data::TrialHealth& health, std::vector<std::string>* details) {
+  if (!health.distances.empty()) details->push_back(health.distances);
+  if (!health.distances_kept) return report::Level::kBad;
+  if (health.unvouched.empty()) return report::Level::kGood;
+  details->push_back(health.unvouched + ": " + kVouch);
+  return report::Level::kCare;
+}
+
 namespace {
+
+// "Words: remedy. "
+std::string Sentence(std::string words, const std::string& remedy) {
+  words[0] = static_cast<char>(std::toupper(words[0]));
+  return words + (remedy.empty() ? "" : ": " + remedy) + ". ";
+}
 
 // What stands over the charts.
 std::string Introduction(const data::TrialHealth& health) {
-  std::string text =
+  std::string text = health.unvouched.empty() ? "" : Sentence(health.unvouched, kVouch);
+  if (!health.distances.empty()) {
+    text += Sentence(health.distances, health.distances_kept ? "" : kNotKept);
+  }
+  text +=
       health.unknown.empty()
           ? "Each camera against what the others predict of its readings, with their own faults "
             "taken out, and what its spots look like. "

@@ -56,6 +56,7 @@ void AddVerdict(const ReconstructPageInput& in, report::Page* page) {
                         : usable >= 80.0           ? report::Level::kCare
                                                    : report::Level::kBad;
   std::vector<std::string> details = s.LostMarks();
+  if (in.health != nullptr) level = std::max(level, AddVouching(*in.health, &details));
   if (in.health != nullptr && !in.health->words.empty()) {
     level = std::max(level, report::Level::kCare);
     details.insert(details.end(), in.health->words.begin(), in.health->words.end());

@@ -21,8 +21,8 @@ constexpr std::size_t kTelling = 8;    // readings; a few may stand at their row
 constexpr std::size_t kLooked = 1000;  // rows of a long table that are looked at
 
 void Add(const CsvTable& table, std::size_t row, int u_column, int s_column, std::size_t point,
-         std::size_t camera, ReadingRepeats* out) {
-  const CellReading cell = ReadReading(table, row, u_column, s_column);
+         std::size_t camera, ReadingRepeats* out, int pixels = 0) {
+  const CellReading cell = ReadReading(table, row, u_column, s_column, pixels);
   if (!std::isnan(cell.u_px)) out->Add(point, camera, cell.u_px, cell.s_px);
 }
 
@@ -48,7 +48,7 @@ ReadingRepeats Collect(const CsvTable& table) {
   for (std::size_t row = 0; row < table.rows(); ++row) {
     const std::size_t point = out.Point(table.Text(row, id));
     for (std::size_t c = 0; c < columns.u.size(); ++c) {
-      Add(table, row, columns.u[c], columns.s[c], point, c, &out);
+      Add(table, row, columns.u[c], columns.s[c], point, c, &out, PixelsOf(columns, c));
     }
   }
   return out;
@@ -135,7 +135,17 @@ void NameCameras(const CsvTable& table, ReadingColumns* columns) {
   }
 }
 
-CellReading ReadReading(const CsvTable& table, std::size_t row, int u_column, int s_column) {
+int PixelsOf(const ReadingColumns& columns, std::size_t camera) {
+  return columns.pixels.empty() ? 0 : columns.pixels[camera];
+}
+
+bool OnRow(double u_px, int pixels) {
+  constexpr double kLongest = 65536.0;  // twice the longest line sensors that are made [px]
+  return u_px >= -0.5 && u_px <= (pixels > 0 ? pixels : kLongest) - 0.5;
+}
+
+CellReading ReadReading(const CsvTable& table, std::size_t row, int u_column, int s_column,
+                        int pixels) {
   const CellReading cell = {table.NumberOrNan(row, u_column), table.NumberOrNan(row, s_column)};
   if (std::isnan(cell.u_px) != std::isnan(cell.s_px)) {
     throw Error("a reading without its sigma, or a sigma without a reading",
@@ -144,6 +154,13 @@ CellReading ReadReading(const CsvTable& table, std::size_t row, int u_column, in
   if (cell.s_px <= 0.0) {
     throw Error(fmt::format("a sigma of {} is impossible", cell.s_px), table.Where(row, s_column),
                 "give a standard deviation above 0");
+  }
+  if (!std::isnan(cell.u_px) && !OnRow(cell.u_px, pixels)) {
+    throw Error(
+        pixels > 0 ? fmt::format("a reading of {} px, but the row has {} pixels", cell.u_px, pixels)
+                   : fmt::format("a reading of {} px, which is on no sensor's row", cell.u_px),
+        table.Where(row, u_column),
+        "correct the cell, or leave it and its sigma empty: pixels are counted from 0");
   }
   return cell;
 }

@@ -62,8 +62,8 @@ Survey ReadSurveyCsv(const std::string& path) {
   for (Eigen::Index i = 0; i < n; ++i) {
     for (Eigen::Index c = 0; c < cameras; ++c) {
       const auto k = static_cast<std::size_t>(c);
-      const CellReading cell =
-          ReadReading(table, static_cast<std::size_t>(i), columns.u[k], columns.s[k]);
+      const CellReading cell = ReadReading(table, static_cast<std::size_t>(i), columns.u[k],
+                                           columns.s[k], PixelsOf(columns, k));
       survey.u_px(i, c) = cell.u_px;
       survey.s_px(i, c) = cell.s_px;
     }
@@ -110,6 +110,22 @@ void ReadSetUpNames(const H5Reader& file, Survey* survey) {
   file.Fail("is not a set-up's name for each point", "/set_up", "make the file again");
 }
 
+void RefuseReadings(const H5Reader& file, const Survey& survey) {
+  for (Eigen::Index i = 0; i < survey.u_px.rows(); ++i) {
+    for (Eigen::Index c = 0; c < survey.u_px.cols(); ++c) {
+      const double u = survey.u_px(i, c), s = survey.s_px(i, c);
+      if (std::isnan(u)) continue;
+      const auto k = static_cast<std::size_t>(c);
+      const int pixels = survey.pixels.empty() ? 0 : survey.pixels[k];
+      if (OnRow(u, pixels) && s > 0.0 && std::isfinite(s)) continue;
+      file.Fail(fmt::format("camera '{}' reads {} +- {} px of point '{}', which is on no pixel of "
+                            "its row",
+                            survey.cameras[k], u, s, survey.id[static_cast<std::size_t>(i)]),
+                "/u", "mend the reading, or make it NaN");
+    }
+  }
+}
+
 Survey ReadSurveyH5(const std::string& path) {
   const H5Reader file(path, kSurveySchema, kSurveyVersion);
   Survey survey;
@@ -153,6 +169,7 @@ Survey ReadSurveyH5(const std::string& path) {
       file.Fail("is not a number of pixels for each camera", "/pixels", "make the file again");
     }
   }
+  RefuseReadings(file, survey);
   if (survey.u_px.size() == 0 && survey.lit.empty()) {
     file.Fail("holds neither readings nor lines", "/u", "make the file again");
   }

@@ -61,12 +61,17 @@ ReadingColumns FindReadingColumns(const CsvTable& table);
 std::vector<int> ReadPixels(const CsvTable& table, std::size_t cameras);
 // "# cameras: a, b" names them; their pixels. Throws Error where that names more or fewer.
 void NameCameras(const CsvTable& table, ReadingColumns* columns);
-// The reading in a row, NaN for two empty cells. Throws Error for half a reading and for a sigma
-// that is not above 0.
+int PixelsOf(const ReadingColumns& columns, std::size_t camera);  // 0: not stated
+// The reading in a row, NaN for two empty cells. Throws Error for half a reading, for a sigma that
+// is not above 0, and for a place that is on no pixel of the row: `pixels` of them, 0 where that
+// is not stated.
 struct CellReading {
   double u_px, s_px;  // reading and its standard deviation [px]
 };
-CellReading ReadReading(const CsvTable& table, std::size_t row, int u_column, int s_column);
+CellReading ReadReading(const CsvTable& table, std::size_t row, int u_column, int s_column,
+                        int pixels = 0);
+// Whether a reading is on a row's pixels: 0 is the first one's middle.
+bool OnRow(double u_px, int pixels);
 
 // Points with the readings of another table, joined by id; what has no partner is left out and
 // said.

@@ -145,6 +145,10 @@ void WriteTrialHealth(const TrialHealth& health, H5Writer* file) {
   file->Write({"/health/gain", "1", "brightness of spots over the trial's median", by},
               health.gain);
   file->Write({"/health/width", "px", "width (sigma) of spots", by}, health.width_px);
+  const std::string vouching = "/health/vouching";
+  file->Attribute(vouching, "unvouched", health.unvouched);
+  file->Attribute(vouching, "distances", health.distances);
+  file->Attribute(vouching, "distances_kept", static_cast<std::int64_t>(health.distances_kept));
   WriteLight(health, file);
   WriteScatter(health, file);
   const std::string faults = "/health/faults/";
@@ -180,6 +184,12 @@ TrialHealth ReadTrialHealth(const std::string& path) {
       continue;
     }
     file.Fail("holds series of different lengths", "/health", "make the file again");
+  }
+  const std::string vouching = "/health/vouching";
+  if (file.Has(vouching)) {  // else written before anybody asked
+    out.unvouched = file.StringAttribute(vouching, "unvouched");
+    out.distances = file.StringAttribute(vouching, "distances");
+    out.distances_kept = file.IntAttribute(vouching, "distances_kept") != 0;
   }
   ReadLight(file, &out);
   ReadScatter(file, &out);

@@ -33,6 +33,11 @@ struct TrialHealth {
   Eigen::MatrixXd gain;              ///< n x c, brightness over the trial's median [-]
   Eigen::MatrixXd width_px;          ///< n x c, of spots [px]; all with NaN where nothing tells
 
+  /// Where nothing vouches for the cameras: in words, else empty. And what distances that marks
+  /// keep say, empty where nobody named any; whether they are kept.
+  std::string unvouched, distances;
+  bool distances_kept = true;
+
   std::vector<std::string> words;     ///< f, what is wrong, in words
   std::vector<std::int32_t> kind;     ///< f: 0 moved, 1 drifting, 2 late
   std::vector<std::int32_t> camera;   ///< f, index into `cameras`

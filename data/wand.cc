@@ -98,7 +98,8 @@ WandReadings ReadWide(const CsvTable& table, const FlashColumns& flashes) {
     AddFlash(flash, flashes.time >= 0, &out);
     for (Eigen::Index j = 0; j < c; ++j) {
       const auto k = static_cast<std::size_t>(j);
-      const CellReading cell = ReadReading(table, row, columns.u[k], columns.s[k]);
+      const CellReading cell =
+          ReadReading(table, row, columns.u[k], columns.s[k], PixelsOf(columns, k));
       out.u_px(static_cast<Eigen::Index>(row), j) = cell.u_px;
       out.s_px(static_cast<Eigen::Index>(row), j) = cell.s_px;
     }

@@ -237,7 +237,7 @@ void FindFaults(const HealthEvidence& raw, const Triangulator& triangulator,
 }  // namespace
 
 HealthReport Diagnose(const HealthEvidence& stated, const Triangulator& triangulator,
-                      const HealthOptions& options) {
+                      const HealthOptions& options, std::span<const std::string> names) {
   options.Check();
   HealthReport report;
   const std::size_t marks = MarksOf(stated);
@@ -249,6 +249,11 @@ HealthReport Diagnose(const HealthEvidence& stated, const Triangulator& triangul
   HealthEvidence raw = stated;
   raw.Widen(WideningsOf(report.scatter, marks * triangulator.cameras()));
   FindFaults(raw, triangulator, options, marks, &report);
+  report.distances = JudgeDistances(raw, triangulator, options.distances, names, options);
+  if (!report.unknown.empty()) {
+    report.unvouched = FindUnvouched(raw, triangulator);
+    if (!report.distances.shows_px.empty()) report.unvouched.Narrow(report.distances.shows_px);
+  }
   if (options.light) report.light = FindLightFaults(raw, triangulator, options);
   for (std::size_t c = 0; c < triangulator.cameras(); ++c) {
     report.cameras.push_back(Follow(raw, triangulator, options, report.faults, marks, c));

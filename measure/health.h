@@ -11,8 +11,10 @@
 
 #include "data/trial_health.h"
 #include "measure/correction.h"
+#include "measure/kept_distances.h"
 #include "measure/light_fault.h"
 #include "measure/triangulate.h"
+#include "measure/vouching.h"
 
 namespace unfurl::measure {
 
@@ -35,6 +37,7 @@ struct HealthOptions {
   /// By which share squared errors may be larger than stated with no harm [-]: of ellipsoids of 95%
   /// 93% then hold. No finder of spots states its errors better.
   double scatter_harmless = 0.1;
+  std::vector<KeptDistance> distances;  ///< that marks on rigid bodies keep
   /// Throws Error that names a value which makes no sense.
   void Check() const;
 };
@@ -110,6 +113,8 @@ struct ScatterReport {
 /// What a trial says of its cameras.
 struct HealthReport {
   std::string unknown;            ///< why nothing can be told; empty: it was looked at
+  Unvouched unvouched;            ///< where it could not: what an unseen fault would do
+  DistanceReport distances;       ///< of HealthOptions::distances
   std::vector<Fault> faults;      ///< in order of their weight
   std::vector<LightFault> light;  ///< likewise; looked for wherever spots were measured
   ScatterReport scatter;          ///< of the readings, over what is stated
@@ -144,6 +149,8 @@ class HealthEvidence {
   std::ptrdiff_t After(std::size_t i, int lag) const;
   /// Takes a fault out.
   void Correct(const Correction& correction);
+  /// Takes the readings of two cameras for each other's.
+  void Exchange(std::size_t a, std::size_t b);
   /// Multiplies the readings' sigmas, by mark and camera (mark x cameras + camera).
   void Widen(std::span<const double> factors);
 
@@ -157,9 +164,10 @@ class HealthEvidence {
 };
 
 /// Which cameras moved, drifted or are late. `evidence` has what `known` says taken out already.
-/// Beside any one camera three others must see a mark: of three cameras nothing is told.
+/// Beside any one camera three others must see a mark: of three cameras nothing is told but what
+/// the distances that marks keep say. `marks`: names, where there are such distances.
 HealthReport Diagnose(const HealthEvidence& evidence, const Triangulator& triangulator,
-                      const HealthOptions& options = {});
+                      const HealthOptions& options = {}, std::span<const std::string> marks = {});
 
 /// How readings scatter over what is stated, by how they follow one another in time and, where four
 /// cameras or more see a mark in three of its flashes in a row, by what no place of it explains.
@@ -180,7 +188,8 @@ std::string DescribeWrong(std::span<const WrongReading> wrong,
 
 /// The report as the file of tracks keeps it.
 data::TrialHealth RecordOf(const HealthReport& report, const std::vector<std::string>& cameras,
-                           const std::vector<std::string>& marks, bool corrected);
+                           const std::vector<std::string>& marks, bool corrected,
+                           std::span<const KeptDistance> distances = {});
 
 /// "camera north_west moved by 1.02 +- 0.03 px at 3.21 s".
 std::string Describe(const Fault& fault, std::span<const std::string> cameras);

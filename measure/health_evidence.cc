@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "measure/health.h"
 
@@ -54,6 +55,12 @@ void HealthEvidence::Widen(std::span<const double> factors) {
     if (mark < 0) continue;
     const std::size_t cell = static_cast<std::size_t>(mark) * cameras_ + k % cameras_;
     readings_[k].s_px *= static_cast<float>(factors[cell]);
+  }
+}
+
+void HealthEvidence::Exchange(std::size_t a, std::size_t b) {
+  for (std::size_t i = 0; i < size(); ++i) {
+    std::swap(readings_[i * cameras_ + a], readings_[i * cameras_ + b]);
   }
 }
 

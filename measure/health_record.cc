@@ -4,8 +4,12 @@
 namespace unfurl::measure {
 
 data::TrialHealth RecordOf(const HealthReport& report, const std::vector<std::string>& cameras,
-                           const std::vector<std::string>& marks, bool corrected) {
+                           const std::vector<std::string>& marks, bool corrected,
+                           std::span<const KeptDistance> distances) {
   data::TrialHealth out;
+  out.unvouched = Describe(report.unvouched, cameras);
+  out.distances = Describe(report.distances, distances, cameras);
+  out.distances_kept = report.distances.kept;
   out.unknown = report.unknown;
   out.corrected = corrected;
   out.cameras = cameras;

@@ -161,7 +161,8 @@ void PutBackOffsets(const std::vector<Correction>& corrections, HealthReport* re
 bool HealthLoop::Again(const Reconstructor& pass, ReconstructOptions* options) {
   // Passes: a late camera, what hid behind it, wider sigmas, and one to see that.
   constexpr int kMost = 5;
-  HealthReport now = Diagnose(pass.evidence(), pass.triangulator(), options->health);
+  HealthReport now =
+      Diagnose(pass.evidence(), pass.triangulator(), options->health, pass.layout().marks);
   PutBackOffsets(options->corrections, &now);
   // What cannot be told from another camera's fault is still there, and still cannot be told.
   const bool known = std::any_of(report_.faults.begin(), report_.faults.end(),

@@ -39,7 +39,7 @@ class RunJudge {
   std::string Complaint() const;
   // Whether a stiff axis has taken so much of the balance that another method should go on: a
   // quarter of what Complaint() allows it.
-  bool AxisLosesBalance() const { return stiffest_axis_ >= 0 && IsOff(kQuarter * kWarnTolerances); }
+  bool AxisLosesBalance() const { return stiffest_axis_ >= 0 && IsOff(kHalf * kWarnTolerances); }
   // Of a run that is usable, but farther off than its tolerance promises; empty otherwise.
   std::string Warning() const;
 
@@ -55,7 +55,7 @@ class RunJudge {
   // where velocities are off by ten, which is what methods keep (docs/accuracy.md).
   static constexpr double kWarnTolerances = 200.0;
   // What is lost before the change stays lost: it has to leave room for the rest of the run.
-  static constexpr double kQuarter = 0.25;
+  static constexpr double kHalf = 0.5;
 
   // Farther than `tolerances` of what moved, beyond the floor.
   bool IsOff(double tolerances) const { return residual_ > tolerances * rtol_ * moved() + floor(); }

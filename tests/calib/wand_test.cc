@@ -45,6 +45,29 @@ TEST(Wand, WithEightPointsErrorBarsHold) {
   EXPECT_GT(nees.sum / nees.n, 0.3);
 }
 
+// Surveyed points and the stated length both give the scale: where they contradict each other it is
+// said, and not where they do not.
+TEST(Wand, AWrongLengthIsToldBySurveyedPoints) {
+  for (std::uint64_t seed = 11; seed <= 13; ++seed) {
+    const auto truth = MakeRig({}, Rng(seed).Stream("rig"));
+    for (const double wrong : {0.0, 1e-3}) {
+      Waved waved = WithPoints(truth, {.poses = 150, .half = 0.8}, 12, seed);
+      waved.data.place(1) *= 1.0 + wrong;
+      WandOptions options;
+      options.folds = 2;
+      const WandCalibration result = CalibrateWand(waved.data, options, "wand");
+      std::string reasons = result.rig.verdict;
+      for (const std::string& reason : result.rig.reasons) reasons += "\n" + reason;
+      if (wrong > 0.0) {
+        EXPECT_NE(result.rig.verdict, kGood) << seed;
+        EXPECT_THAT(reasons, ::testing::HasSubstr("Measure the bar again")) << seed;
+      } else {
+        EXPECT_THAT(reasons, ::testing::Not(::testing::HasSubstr("Measure the bar again"))) << seed;
+      }
+    }
+  }
+}
+
 // Rays through glass, cameras of any number, no guess, no point: distances.
 TEST(Wand, FromNothingThroughGlass) {
   for (const std::uint64_t seed : {2U, 24U, 25U}) {  // 4, 5 and 3 cameras

@@ -55,6 +55,39 @@ void ExpectSame(const Survey& a, const Survey& b) {
   EXPECT_EQ(a.dark, b.dark);
 }
 
+TEST(Survey, AReadingOnNoPixelIsRefusedByItsLine) {
+  const auto refusal = [](const std::string& pixels, const std::string& reading) -> std::string {
+    const std::string path = Path("beyond.csv");
+    std::ofstream(path) << pixels << "id,x [m],y [m],z [m],sx [m],sy [m],sz [m],u1 [px],s1 [px]\n"
+                        << "a,0,0,0,1e-3,1e-3,1e-3,100,0.1\n"
+                        << "b,1,0,0,1e-3,1e-3,1e-3," << reading << ",0.1\n";
+    std::string what;
+    try {
+      ReadSurvey(path);
+    } catch (const Error& error) {
+      what = error.what();
+    }
+    std::remove(path.c_str());
+    return what;
+  };
+  EXPECT_THAT(refusal("# pixels: 2160\n", "99999"),
+              AllOf(HasSubstr(":4:u1"), HasSubstr("the row has 2160 pixels")));
+  EXPECT_THAT(refusal("# pixels: 2160\n", "2160"), HasSubstr(":4:u1"));
+  EXPECT_THAT(refusal("", "99999"), AllOf(HasSubstr(":3:u1"), HasSubstr("on no sensor's row")));
+  EXPECT_THAT(refusal("", "-20"), HasSubstr(":3:u1"));
+  EXPECT_EQ(refusal("# pixels: 2160\n", "2159.4"), "");
+  EXPECT_EQ(refusal("# pixels: 2160\n", "-0.4"), "");
+  EXPECT_EQ(refusal("", "16384"), "");
+  // The same of HDF5.
+  for (const double wrong : {99999.0, -20.0, std::numeric_limits<double>::infinity()}) {
+    Survey survey = WithReadings();
+    survey.u_px(1, 1) = wrong;
+    WriteSurvey(Path("beyond.h5"), survey, {});
+    EXPECT_THROW(ReadSurvey(Path("beyond.h5")), Error) << wrong;
+    std::remove(Path("beyond.h5").c_str());
+  }
+}
+
 TEST(Survey, ReadingsGoToHdf5AndCsvAndBackExactly) {
   const Survey survey = WithReadings();
   WriteSurvey(Path("survey.h5"), survey, {});
