@@ -37,8 +37,8 @@ class RunJudge {
   }
   // Empty where the balance holds.
   std::string Complaint() const;
-  // Whether a stiff axis has taken so much of the balance that another method should go on: a
-  // quarter of what Complaint() allows it.
+  // Whether a stiff axis has taken so much of the balance that another method should go on: half
+  // of what Complaint() allows it.
   bool AxisLosesBalance() const { return stiffest_axis_ >= 0 && IsOff(kHalf * kWarnTolerances); }
   // Of a run that is usable, but farther off than its tolerance promises; empty otherwise.
   std::string Warning() const;
