@@ -39,6 +39,7 @@ double OverPrediction(const calib::CheckedPoint& point) {
 double LeastShown(const std::vector<calib::CheckedPoint>& points) {
   constexpr std::size_t kScreen = 20;  // rows: a screen of 24, less the verdict above them
   std::vector<double> ratios;
+  ratios.reserve(points.size());
   for (const calib::CheckedPoint& point : points) ratios.push_back(OverPrediction(point));
   if (ratios.size() <= kScreen) return -1.0;
   std::nth_element(ratios.begin(), ratios.begin() + kScreen - 1, ratios.end(), std::greater<>());

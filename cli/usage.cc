@@ -126,7 +126,7 @@ std::string NearestAction(const Verb& verb, int argc, char** argv) {
     if (!option->get_positional() || type.find('|') == std::string::npos) continue;
     const std::vector<std::string> known = Split(type, '|');
     for (int i = 2; i < argc; ++i) {
-      const std::string nearest = NearestName(argv[i], known);
+      std::string nearest = NearestName(argv[i], known);
       if (!nearest.empty() && nearest != argv[i]) return nearest;
     }
   }

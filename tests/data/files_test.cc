@@ -190,7 +190,7 @@ TEST_F(Files, CsvNumbersReadBackExactly) {
 
 TEST_F(Files, CsvCellsInQuotes) {
   const CsvTable table =
-      CsvTable::Load(Put("q.csv", "\"a, b\",c\n\"one, two\", \"say \"\"no\"\"\" \n,\"\"\n"));
+      CsvTable::Load(Put("q.csv", "\"a, b\",c\n\"one, two\", \"say \"\"no\"\"\" \nx,\"\"\n"));
   EXPECT_EQ(table.columns().at(0).name, "a, b");
   EXPECT_EQ(table.Text(0, 0), "one, two");
   EXPECT_EQ(table.Text(0, 1), "say \"no\"");
