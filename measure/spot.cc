@@ -44,6 +44,7 @@ Spot GuessOf(const SpotPeak& p, const float* d) {
     by_square += light * at * at;
   }
   const double mean = by_k / sum;
+  spot.flux = sum;  // where the fit fails, too: what is beside it is then known to be fainter
   spot.u_px = p.summit + mean;
   spot.width_px = std::sqrt(std::max(0.3, by_square / sum - mean * mean));
   return spot;
