@@ -262,13 +262,6 @@ HealthReport Diagnose(const HealthEvidence& stated, const Triangulator& triangul
 }
 namespace {
 
-// "1.02 +- 0.03": to the second digit of the sigma.
-std::string WithSigma(double value, double sigma) {
-  const int digits =
-      sigma > 0.0 ? std::clamp(1 - static_cast<int>(std::floor(std::log10(sigma))), 0, 6) : 3;
-  return fmt::format("{:.{}f} +- {:.{}f}", value, digits, sigma, digits);
-}
-
 std::string When(const Fault& fault) {
   if (!std::isfinite(fault.earliest)) return "from the first line on";
   return fmt::format("at {} s", WithSigma(0.5 * (fault.latest + fault.earliest),
@@ -276,6 +269,12 @@ std::string When(const Fault& fault) {
 }
 
 }  // namespace
+
+std::string WithSigma(double value, double sigma) {
+  const int digits =
+      sigma > 0.0 ? std::clamp(1 - static_cast<int>(std::floor(std::log10(sigma))), 0, 6) : 3;
+  return fmt::format("{:.{}f} +- {:.{}f}", value, digits, sigma, digits);
+}
 
 std::string Describe(const Fault& fault, std::span<const std::string> cameras) {
   std::string text = fmt::format("camera {} ", cameras[static_cast<std::size_t>(fault.camera)]);

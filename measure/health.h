@@ -191,6 +191,9 @@ data::TrialHealth RecordOf(const HealthReport& report, const std::vector<std::st
                            const std::vector<std::string>& marks, bool corrected,
                            std::span<const KeptDistance> distances = {});
 
+// "1.03 +- 0.02": to the second digit of the sigma.
+std::string WithSigma(double value, double sigma);
+
 /// "camera north_west moved by 1.02 +- 0.03 px at 3.21 s".
 std::string Describe(const Fault& fault, std::span<const std::string> cameras);
 

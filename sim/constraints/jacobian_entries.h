@@ -30,7 +30,8 @@ class JacobianEntries {
     int six, entry;
   };
   struct Smooth {
-    int six, entry;  // the first of three, of the beam's coordinates
+    int six;    // the first of three
+    int entry;  // of the beam's first coordinate
     int beam, attachment;
   };
   void AddBeam(int beam, int n);  // its columns, of n bodies

@@ -100,7 +100,7 @@ class KirchhoffRod {
     Array mass, motion;  // [kg m^2], [m]
   };
   void Linearise(const Work& work, Linear* out) const;
-  // Linear::motion alone, after Update.
+  // Linear::motion alone, where Solve has not been: after Update.
   void FillMotions(const Work& work, double* motion) const;
   // Adds to `k`, coordinates() squared, -dQ/dq of what turns with the beam: the strings' forces,
   // and those of attached frames, `attached` as for Solve; of a beam at rest, after Solve [SI].

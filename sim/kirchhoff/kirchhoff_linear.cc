@@ -28,7 +28,14 @@ void KirchhoffRod::Linearise(const Work& work, Linear* out) const {
     }
   }
   out->motion.assign(3 * size * attachments_.size(), 0.0);
-  FillMotions(work, out->motion.data());
+  for (std::size_t b = 0; b < attachments_.size(); ++b) {
+    double* x = out->motion.data() + 3 * size * b;
+    double *y = x + size, *theta = y + size;
+    x[0] = y[1] = 1.0;
+    std::copy_n(work.jx.data() + b * width, used, x + 2);
+    std::copy_n(work.jy.data() + b * width, used, y + 2);
+    std::copy_n(attached_shape_.data() + b * width, used, theta + 2);
+  }
 }
 
 void KirchhoffRod::FillMotions(const Work& work, double* motion) const {

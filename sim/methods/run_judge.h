@@ -39,7 +39,9 @@ class RunJudge {
   std::string Complaint() const;
   // Whether a stiff axis has taken so much of the balance that another method should go on: half
   // of what Complaint() allows it.
-  bool AxisLosesBalance() const { return stiffest_axis_ >= 0 && IsOff(kHalf * kWarnTolerances); }
+  bool AxisLosesBalance() const {
+    return stiffest_axis_ >= 0 && IsOff(kShareOfAxis * kWarnTolerances);
+  }
   // Of a run that is usable, but farther off than its tolerance promises; empty otherwise.
   std::string Warning() const;
 
@@ -55,7 +57,7 @@ class RunJudge {
   // where velocities are off by ten, which is what methods keep (docs/accuracy.md).
   static constexpr double kWarnTolerances = 200.0;
   // What is lost before the change stays lost: it has to leave room for the rest of the run.
-  static constexpr double kHalf = 0.5;
+  static constexpr double kShareOfAxis = 0.5;
 
   // Farther than `tolerances` of what moved, beyond the floor.
   bool IsOff(double tolerances) const { return residual_ > tolerances * rtol_ * moved() + floor(); }

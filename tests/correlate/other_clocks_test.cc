@@ -19,6 +19,18 @@ constexpr double kPi = std::numbers::pi;
 constexpr double kFrequency = 0.6, kDecay = 0.03, kAmplitude = 0.6;  // [Hz], [1/s], [rad]
 constexpr double kPeriod = 1.0 / kFrequency;
 
+// What a channel of the angle reads.
+void AddAngles(const std::function<double(double t)>& angle, const Stamps& stamps,
+               Prediction* out) {
+  for (const QuantityStamps& q : stamps.quantities) {
+    Eigen::VectorXd values(static_cast<Eigen::Index>(q.t.size()));
+    for (Eigen::Index i = 0; i < values.size(); ++i) {
+      values(i) = angle(q.t[static_cast<std::size_t>(i)]);
+    }
+    out->quantities.push_back({q.key, std::move(values)});
+  }
+}
+
 // A damped linear oscillator released from rest, in closed form, and a bob on an arm of 1 m.
 // Parameters: frequency [Hz], decay [1/s] and what it is released from [rad].
 class Oscillator : public Model {
@@ -48,13 +60,7 @@ class Oscillator : public Model {
       }
       out.marks.push_back(std::move(motion));
     }
-    for (const QuantityStamps& q : stamps.quantities) {
-      Eigen::VectorXd values(static_cast<Eigen::Index>(q.t.size()));
-      for (Eigen::Index i = 0; i < values.size(); ++i) {
-        values(i) = Angle(theta, q.t[static_cast<std::size_t>(i)]);
-      }
-      out.quantities.push_back({q.key, std::move(values)});
-    }
+    AddAngles([&](double t) { return Angle(theta, t); }, stamps, &out);
     return out;
   }
 };
@@ -223,13 +229,7 @@ class WideSwings : public Model {
 
   Prediction Evaluate(std::span<const double> theta, const Stamps& stamps) const override {
     Prediction out;
-    for (const QuantityStamps& q : stamps.quantities) {
-      Eigen::VectorXd values(static_cast<Eigen::Index>(q.t.size()));
-      for (Eigen::Index i = 0; i < values.size(); ++i) {
-        values(i) = Angle(theta, q.t[static_cast<std::size_t>(i)]);
-      }
-      out.quantities.push_back({q.key, std::move(values)});
-    }
+    AddAngles([&](double t) { return Angle(theta, t); }, stamps, &out);
     return out;
   }
 

@@ -62,6 +62,13 @@ SimulateReport RunOf(const Model& model, Method method, double rtol) {
   return Simulate(model, options, nullptr);
 }
 
+void ExpectUsableByAuto(const Model& model) {
+  for (const double rtol : {1e-4, 1e-6}) {
+    const SimulateReport report = RunOf(model, Method::kAuto, rtol);
+    EXPECT_TRUE(report.Usable()) << rtol << ": " << report.message;
+  }
+}
+
 // Before, one run of six was "not usable" by `auto` alone. UNFURL_HELD_BEAMS sets how many scenes.
 TEST(HeldBeams, AutoIsUsableWhereImplicitIs) {
   const char* wanted = std::getenv("UNFURL_HELD_BEAMS");
@@ -91,10 +98,7 @@ TEST(HeldBeams, ABoomThatNothingActsOnIsGood) {
       "damping = 1.2e-4\n[body.tip]\nmass = 77.0\ninertia = 6.4\n"
       "[joint.p]\ninner = \"ground\"\nouter = \"b.start\"\ntheta = 2.3\n"
       "[weld.w]\ninner = \"b.end\"\nouter = \"tip\"\nouter_point = [-0.4, 0.0]\n");
-  for (const double rtol : {1e-4, 1e-6}) {
-    const SimulateReport report = RunOf(model, Method::kAuto, rtol);
-    EXPECT_TRUE(report.Usable()) << rtol << ": " << report.message;
-  }
+  ExpectUsableByAuto(model);
 }
 
 // Segments that stretch are stiff beside a smooth beam, too.
@@ -105,10 +109,7 @@ TEST(HeldBeams, AStretchingBeamBesideASmoothOne) {
       "[beam.b]\nlength = 1.0\nmass = 0.5\nEI = 7.0\nsegments = 8\naxial = \"elastic\"\nEA = 1e6\n"
       "[weld.w]\ninner = \"ground\"\nouter = \"a.start\"\n"
       "[weld.v]\ninner = \"a.end\"\nouter = \"b.start\"\n");
-  for (const double rtol : {1e-4, 1e-6}) {
-    const SimulateReport report = RunOf(model, Method::kAuto, rtol);
-    EXPECT_TRUE(report.Usable()) << rtol << ": " << report.message;
-  }
+  ExpectUsableByAuto(model);
 }
 
 }  // namespace

@@ -11,6 +11,7 @@
 #include "data/scene.h"
 #include "sim/methods/simulate.h"
 #include "sim/model/model.h"
+#include "tests/hard/run_of.h"
 
 namespace unfurl::sim::redundant_test {
 namespace {
@@ -32,6 +33,11 @@ std::string Rockers(const std::vector<double>& at, double inertia, double theta,
   return text + "[gravity]\nacceleration = [0.0, -9.81]\n[mark.m]\non = \"coupler\"\n";
 }
 
+// A smooth boom on the coupler.
+constexpr char kBoom[] =
+    "[beam.boom]\nlength = 0.8\nmass = 0.3\nEI = 20.0\nmodel = \"kirchhoff\"\norder = 2\n"
+    "[weld.w]\ninner = \"coupler\"\ninner_point = [0.5, 0.0]\nouter = \"boom.start\"\n";
+
 TEST(Redundant, AThirdParallelRockerIsSurvived) {
   const double theta = 1.0;
   const Model three =
@@ -47,24 +53,17 @@ TEST(Redundant, AThirdParallelRockerIsSurvived) {
     options.duration = 0.6;  // before the rockers lie flat
     const MarkTracks a = SimulateMarks(three, options), b = SimulateMarks(two, options);
     ASSERT_TRUE(a.report.Usable()) << a.report.message;
-    double worst = 0.0;
-    for (std::size_t k = 0; k < a.t.size(); ++k) {
-      worst = std::max(worst, std::hypot(a.x[0][k] - b.x[0][k], a.y[0][k] - b.y[0][k]));
-    }
-    EXPECT_LT(worst, 100 * options.rtol) << MethodName(method);
+    EXPECT_LT(Apart(a, b), 100 * options.rtol) << MethodName(method);
     EXPECT_GT(std::hypot(a.x[0].back() - a.x[0][0], a.y[0].back() - a.y[0][0]), 0.3);
   }
 }
 
 // The same with a smooth boom on the coupler.
 TEST(Redundant, SmoothBeamsMayBeAmongThem) {
-  const std::string boom =
-      "[beam.boom]\nlength = 0.8\nmass = 0.3\nEI = 20.0\nmodel = \"kirchhoff\"\norder = 2\n"
-      "[weld.w]\ninner = \"coupler\"\ninner_point = [0.5, 0.0]\nouter = \"boom.start\"\n";
   const Model three =
-      Compile(data::ParseScene(Rockers({0.0, 1.0, 2.5}, 0.02, 1.0, 2e-6) + boom, "three.toml"));
+      Compile(data::ParseScene(Rockers({0.0, 1.0, 2.5}, 0.02, 1.0, 2e-6) + kBoom, "three.toml"));
   const Model two =
-      Compile(data::ParseScene(Rockers({0.0, 1.0}, 0.03, 1.0, 3e-6) + boom, "two.toml"));
+      Compile(data::ParseScene(Rockers({0.0, 1.0}, 0.03, 1.0, 3e-6) + kBoom, "two.toml"));
   ASSERT_EQ(three.warnings.size(), 1u);
   EXPECT_EQ(three.constraints.count(), two.constraints.count() + 3);
   for (const Method method : {Method::kProjected, Method::kPartitioned}) {
@@ -74,22 +73,15 @@ TEST(Redundant, SmoothBeamsMayBeAmongThem) {
     options.duration = 0.5;  // before the rockers lie flat
     const MarkTracks a = SimulateMarks(three, options), b = SimulateMarks(two, options);
     ASSERT_TRUE(a.report.Usable() && b.report.Usable()) << a.report.message;
-    double worst = 0.0;
-    for (std::size_t k = 0; k < a.t.size(); ++k) {
-      worst = std::max(worst, std::hypot(a.x[0][k] - b.x[0][k], a.y[0][k] - b.y[0][k]));
-    }
-    EXPECT_LT(worst, 100 * options.rtol) << MethodName(method);
+    EXPECT_LT(Apart(a, b), 100 * options.rtol) << MethodName(method);
   }
 }
 
 // The rockers fall through the flat state, in which the constraints depend on one another, with a
 // smooth boom aboard; its energy says whether the way on was taken.
 TEST(Redundant, AFlatStateIsPassedWithASmoothBoomAboard) {
-  const Model model = Compile(data::ParseScene(
-      Rockers({0.0, 1.0}, 0.03, 1.0) +
-          "[beam.boom]\nlength = 0.8\nmass = 0.3\nEI = 20.0\nmodel = \"kirchhoff\"\norder = 2\n"
-          "[weld.w]\ninner = \"coupler\"\ninner_point = [0.5, 0.0]\nouter = \"boom.start\"\n",
-      "boom.toml"));
+  const Model model =
+      Compile(data::ParseScene(Rockers({0.0, 1.0}, 0.03, 1.0) + kBoom, "boom.toml"));
   for (const Method method : {Method::kAuto, Method::kProjected, Method::kPartitioned}) {
     SimulateOptions options;
     options.method = method;
