@@ -132,7 +132,7 @@ class Composer {
     };
     for (std::size_t j = 0; j < joints.size(); ++j) {
       if (contact(j) > contact(moment)) moment = j;
-      if (in_.report.peak_pin_force[j] > in_.report.peak_pin_force[force]) force = j;
+      if (PinForceLess(in_.report, force, j)) force = j;
     }
     AddMargins(&figures);
     if (!joints.empty() && contact(moment) > 0.0) {
@@ -144,7 +144,7 @@ class Composer {
     }
     if (!joints.empty()) {
       figures.push_back(
-          {"peak pin force", fmt::format("{:.4g} N", in_.report.peak_pin_force[force]),
+          {"peak pin force", PinForceText(in_.report, force, " N"),
            fmt::format("{}, at {:.4g} s", joints[force].name, in_.report.peak_pin_time[force]),
            Level::kNeutral});
     }

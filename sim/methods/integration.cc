@@ -212,14 +212,7 @@ void Integration::FillReport() {
   report_.evaluations = steppers_.evaluations() + loads_.evaluations() + looked_;
   report_.work += static_cast<double>(report_.evaluations);
   report_.repartitions = steppers_.repartitions();
-  for (std::size_t j = 0; j < model_.joints.size(); ++j) {
-    report_.peak_pin_force.push_back(loads_.pin(j).value);
-    report_.peak_pin_time.push_back(loads_.pin(j).t);
-  }
-  for (int k = 0; k < model_.latches.count(); ++k) {
-    report_.peak_moment.push_back(loads_.contact(k).value);
-    report_.peak_time.push_back(loads_.contact(k).t);
-  }
+  loads_.Fill(&report_);
   report_.events = log_.Kept(&report_.events_left_out);
   report_.event_counts = log_.counts();
   report_.latch_counts = log_.latches();

@@ -1,14 +1,31 @@
 #include "sim/methods/load_peaks.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
+#include "base/count.h"
 #include "sim/dynamics/observables.h"
 
 namespace unfurl::sim {
 namespace {
 
 constexpr int kMostTops = 3;  // looked at in a step
+// What is left of a step when the place of the smallest pivot in it is known, by golden sections.
+constexpr double kPlaced = 1e-5, kGolden = 0.61803398874989485;
+// Loads beside that place, at these parts of the room that the step leaves there: of what goes as
+// one over the distance two such values are in the proportion kNearer, of what does not they are
+// nearly alike; kGrows lies between. Those of a motion with an error grow too: to the run they are
+// as little known.
+constexpr double kNearer = 3.1622776601683795, kGrows = 1.7782794100383854;
+constexpr double kFarthest = 0.1, kNearest = 0.9e-3;
+// Of the step, below which there is no room on a side.
+constexpr double kLeastRoom = 1e-3;
+// A pivot goes with the square of the distance. Where the smallest goes to no less than this part
+// of what it is at the step's far end, loads that go as one over the distance grow by less than ten
+// times in the step, and are read in it like others.
+constexpr double kNoZero = 0.01;
 // What the curvature of a load may be more than the three ends tell.
 constexpr double kMoreCurved = 2.0;
 
@@ -55,7 +72,9 @@ void LoadPeaks::Read(const double* state, std::vector<double>* loads) const {
 
 void LoadPeaks::Note(const std::vector<double>& loads, double t) {
   for (std::size_t k = 0; k < loads.size(); ++k) {
-    if (loads[k] > peaks_[k].value) peaks_[k] = {loads[k], t};
+    if (!(loads[k] > peaks_[k].value)) continue;
+    peaks_[k].value = loads[k];
+    if (!peaks_[k].unknown) peaks_[k].t = t;
   }
 }
 
@@ -158,6 +177,95 @@ bool LoadPeaks::Step(Stepper* stepper, double t, double h, double sigma, bool in
   std::swap(before_, start_);
   std::swap(start_, end_);
   return made;
+}
+
+double LoadPeaks::PivotAt(Stepper* stepper, double t, double h, double sigma) {
+  if (stepper->Sample(sigma, state_.data())) ++evaluations_;
+  dynamics_.RightSide(t + sigma * h, state_.data(), rates_.data());
+  ++evaluations_;
+  return dynamics_.SmallestPivot(nullptr);
+}
+
+double LoadPeaks::NearestDependence(Stepper* stepper, double t, double h, double sigma) {
+  double low = 0.0, high = sigma;
+  double left = high - kGolden * (high - low), right = low + kGolden * (high - low);
+  double at_left = PivotAt(stepper, t, h, left), at_right = PivotAt(stepper, t, h, right);
+  while (high - low > kPlaced * sigma) {
+    if (at_left < at_right) {
+      high = right;
+      right = left;
+      at_right = at_left;
+      left = high - kGolden * (high - low);
+      at_left = PivotAt(stepper, t, h, left);
+    } else {
+      low = left;
+      left = right;
+      at_left = at_right;
+      right = low + kGolden * (high - low);
+      at_right = PivotAt(stepper, t, h, right);
+    }
+  }
+  return 0.5 * (low + high);
+}
+
+// Places nearer and nearer, on a side that has this room [-].
+void LoadPeaks::LookBeside(Stepper* stepper, double t, double h, double place, double room) {
+  ReadAt(stepper, t, h, place + kFarthest * room, &low_.loads);
+  high_.loads = low_.loads;
+  for (double part = kFarthest / kNearer; part > kNearest; part /= kNearer) {
+    std::swap(middle_.loads, high_.loads);
+    if (stepper->Sample(place + part * room, state_.data())) ++evaluations_;
+    dynamics_.RightSide(t + (place + part * room) * h, state_.data(), rates_.data());
+    ++evaluations_;
+    Read(state_.data(), &high_.loads);
+    for (std::size_t j = 0; j < joints_; ++j) {
+      const double load = high_.loads[j];
+      if (!(load > kGrows * middle_.loads[j] && load > low_.loads[j])) continue;
+      peaks_[j].t = t + place * h;
+      peaks_[j].unknown = true;
+    }
+  }
+}
+
+bool LoadPeaks::LookAcross(Stepper* stepper, double t, double h, double sigma) {
+  if (!pins_) return false;
+  const double place = NearestDependence(stepper, t, h, sigma);
+  const double least = PivotAt(stepper, t, h, place);
+  const double beside = PivotAt(stepper, t, h, place < 0.5 * sigma ? sigma : 0.0);
+  if (least > kNoZero * beside) return true;
+  for (const double room : {-place, sigma - place}) {
+    // It still falls towards an end of the step: another one has it.
+    if (std::fabs(room) > kLeastRoom * sigma) LookBeside(stepper, t, h, place, room);
+  }
+  return true;
+}
+
+std::string LoadPeaks::Warning() const {
+  std::size_t count = 0, worst = joints_;
+  for (std::size_t j = 0; j < joints_; ++j) {
+    if (!peaks_[j].unknown) continue;
+    ++count;
+    if (worst == joints_ || peaks_[j].value > peaks_[worst].value) worst = j;
+  }
+  if (count == 0) return {};
+  return fmt::format(
+      "the largest pin force of '{}'{} is not known: at {:.6g} s constraints come to depend on one "
+      "another, and beside that it grows with no bound that rigid parts or the tolerance would "
+      "give; flexible parts do",
+      model_.joints[worst].name,
+      count == 1 ? "" : fmt::format(" and of {} more", Counted(count - 1, "joint")),
+      peaks_[worst].t);
+}
+
+void LoadPeaks::Fill(SimulateReport* report) const {
+  for (std::size_t k = 0; k < peaks_.size(); ++k) {
+    const Peak& peak = peaks_[k];
+    (k < joints_ ? report->peak_pin_force : report->peak_moment).push_back(peak.value);
+    (k < joints_ ? report->peak_pin_time : report->peak_time).push_back(peak.t);
+    if (k < joints_) report->pin_force_unknown.push_back(peak.unknown ? 1 : 0);
+  }
+  const std::string warning = Warning();
+  if (!warning.empty()) report->warnings.push_back(warning);
 }
 
 }  // namespace unfurl::sim

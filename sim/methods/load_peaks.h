@@ -1,8 +1,10 @@
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "sim/effects/joint_forces.h"
+#include "sim/methods/simulate.h"
 #include "sim/methods/stepper.h"
 
 namespace unfurl::sim {
@@ -20,6 +22,7 @@ class LoadPeaks {
  public:
   struct Peak {
     double value = 0.0, t = 0.0;  // [N] or [N m], [s]
+    bool unknown = false;         // it grows near t; `value` is the largest read at steps
   };
 
   // `pins`: of these too, and inside steps; else contacts alone, at the ends of steps.
@@ -35,16 +38,28 @@ class LoadPeaks {
   // at the trial any more.
   bool Step(Stepper* stepper, double t, double h, double sigma, bool inside);
 
-  const Peak& pin(std::size_t joint) const { return peaks_[joint]; }
-  const Peak& contact(std::size_t latch) const { return peaks_[joints_ + latch]; }
+  // Of a step taken, where constraints nearly depend on one another: finds where in it they come
+  // nearest to that, and whether the loads of pins grow as one over the distance from there. Of
+  // those that do no peak is known: they have none, or the motion's error makes them grow. True:
+  // right sides were made.
+  bool LookAcross(Stepper* stepper, double t, double h, double sigma);
+
+  // What the report says of loads, with a warning of those that nobody knows.
+  void Fill(SimulateReport* report) const;
   long evaluations() const { return evaluations_; }  // right sides made
 
  private:
   void Read(const double* state, std::vector<double>* loads) const;
   void ReadAt(Stepper* stepper, double t, double h, double sigma, std::vector<double>* loads);
+  void LookBeside(Stepper* stepper, double t, double h, double place, double room);
   void Note(const std::vector<double>& loads, double t);
+  std::string Warning() const;
   bool MayBeInside(double h) const;
   void LookInside(Stepper* stepper, double t, double h, double sigma);
+  // Where in a step they come nearest to depending on one another [-].
+  double NearestDependence(Stepper* stepper, double t, double h, double sigma);
+  // Smallest pivot of the constraints at a place of a step [-].
+  double PivotAt(Stepper* stepper, double t, double h, double sigma);
   // Loads at a place of a step, of [0, 1].
   struct Place {
     double at = 0.0;            // [-]

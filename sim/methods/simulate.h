@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -123,6 +124,9 @@ struct SimulateReport {
   std::vector<double> peak_time;        // [s]
   // Force between a joint's sides, the largest at the ends of steps, by joint [N], and when [s].
   std::vector<double> peak_pin_force, peak_pin_time;
+  // By joint, of bytes: it is not known, since near that time constraints come to depend on one
+  // another and it grows; the force is then the largest read at steps.
+  std::vector<std::uint8_t> pin_force_unknown;
   // Of the balance of energy, the largest seen and when [s]; what it is judged against [J].
   double energy_residual = 0.0, energy_residual_time = 0.0, energy_moved = 0.0;
   std::vector<AxialPeak> axial;       // by beam
@@ -133,6 +137,9 @@ struct SimulateReport {
 
   // The end was reached, and the judge found nothing against it.
   bool Usable() const { return status == SimulateStatus::kGood; }
+  bool PinForceUnknown(std::size_t joint) const {
+    return joint < pin_force_unknown.size() && pin_force_unknown[joint] != 0;
+  }
   // Of a part of the work; 0 without options.profile, and of a run that was interrupted.
   double PartSeconds(int part) const {
     const auto index = static_cast<std::size_t>(part);

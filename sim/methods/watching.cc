@@ -61,7 +61,8 @@ void Integration::WatchLoads(double h, double sigma, bool event) {
       role_ != StepperSet::kImplicit || std::any_of(modes.begin(), modes.end(), [](LatchMode m) {
         return (m.upper_contact | m.lower_contact) != 0;
       });
-  const bool moved = loads_.Step(stepper_, t_, h, sigma, inside) || sampled_ > 0;
+  bool moved = loads_.Step(stepper_, t_, h, sigma, inside) || sampled_ > 0;
+  if (is_near_ && loads_.LookAcross(stepper_, t_, h, sigma)) moved = true;
   looked_ += sampled_;
   sampled_ = 0;
   // What follows wants the right side at the trial to be the last.

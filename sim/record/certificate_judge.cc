@@ -105,11 +105,16 @@ void Certificate::JudgeLoads(const SimulateReport& run, std::vector<Unknown>* ou
     const Line& line = lines[k];
     const double size = std::max(line.range, promised_ * LoadScale(line.units.c_str(), run));
     const double error = line.time + line.mesh;
-    if (!(error > size)) continue;
+    const bool unbounded = !loads_[k].contact && run.PinForceUnknown(loads_[k].number);
+    if (!(error > size) && !unbounded) continue;
     Unknown unknown{line.name,   {}, {}, line.mesh > line.time, Named(loads_[k].in_time),
                     error / size};
     unknown.text = fmt::format("{} uncertain by {:.2g} {}, {:.0f}% of it", line.name, error,
                                line.units, 100.0 * unknown.part);
+    if (unbounded && !(error > size)) {
+      unknown.part = 1.0;
+      unknown.text = line.name + " without a bound";
+    }
     out->push_back(unknown);
   }
 }

@@ -89,7 +89,7 @@ data::RunLayout RunRecorder::Layout(const std::string& scene, bool profile) cons
     const auto add = [&](const char* name, const char* units, const char* what) {
       layout.summary.push_back({joint.name + "." + name, units, what});
     };
-    add("peak_pin_force", "N", "largest force at the pin");
+    add("peak_pin_force", "N", "largest force at the pin; none where that is not known");
     add("peak_pin_time", "s", "when");
     if (joint.latch < 0) continue;
     add("peak_moment", "N m", "largest moment of contact");
@@ -165,7 +165,7 @@ void RunRecorder::Finish(const SimulateReport& report, const std::string& status
   }
   for (std::size_t j = 0; j < model_.joints.size(); ++j) {
     const Model::Joint& joint = model_.joints[j];
-    set(joint.name + ".peak_pin_force", report.peak_pin_force[j]);
+    if (!report.PinForceUnknown(j)) set(joint.name + ".peak_pin_force", report.peak_pin_force[j]);
     set(joint.name + ".peak_pin_time", report.peak_pin_time[j]);
     if (joint.latch < 0) continue;
     set(joint.name + ".peak_moment", report.peak_moment[static_cast<std::size_t>(joint.latch)]);

@@ -34,6 +34,10 @@ ordered_json JointJson(const SummaryInput& in, std::size_t j) {
   ordered_json entry = {{"joint", joint.name},
                         {"peak_pin_force", Peak(in.report.peak_pin_force, j)},
                         {"peak_pin_time", Peak(in.report.peak_pin_time, j)}};
+  if (in.report.PinForceUnknown(j)) {
+    entry["peak_pin_force"] = nullptr;
+    entry["pin_force_unknown"] = true;
+  }
   if (joint.latch < 0) return entry;
   const LatchCount& count = in.recorder.latch(joint.latch);
   const auto k = static_cast<std::size_t>(joint.latch);
@@ -105,6 +109,16 @@ std::string ProfileText(const SimulateReport& report, ordered_json* json) {
 
 }  // namespace
 
+std::string PinForceText(const SimulateReport& report, std::size_t joint, const char* unit) {
+  if (report.PinForceUnknown(joint)) return "not known";
+  return fmt::format("{:.4g}{}", Peak(report.peak_pin_force, joint), unit);
+}
+
+bool PinForceLess(const SimulateReport& report, std::size_t a, std::size_t b) {
+  if (report.PinForceUnknown(a) != report.PinForceUnknown(b)) return report.PinForceUnknown(b);
+  return Peak(report.peak_pin_force, a) < Peak(report.peak_pin_force, b);
+}
+
 std::string EffectsText(const Model& model) {
   std::string text;
   for (const Model::EffectCount& effect : model.Effects()) {
@@ -170,15 +184,14 @@ std::vector<std::vector<std::string>> JointTable(const SummaryInput& in, std::si
   std::iota(order.begin(), order.end(), 0);
   *left_out = order.size() > most ? order.size() - most : 0;
   if (*left_out > 0) {
-    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-      return Peak(in.report.peak_pin_force, a) > Peak(in.report.peak_pin_force, b);
-    });
+    std::stable_sort(order.begin(), order.end(),
+                     [&](std::size_t a, std::size_t b) { return PinForceLess(in.report, b, a); });
     order.resize(most);
     std::sort(order.begin(), order.end());
   }
   for (const std::size_t j : order) {
     const Model::Joint& joint = in.model.joints[j];
-    const std::string force = fmt::format("{:.4g}", Peak(in.report.peak_pin_force, j));
+    const std::string force = PinForceText(in.report, j, "");
     const std::string at = fmt::format("{:.4f}", Peak(in.report.peak_pin_time, j));
     if (!latches) {
       rows.push_back({joint.name, force, at});

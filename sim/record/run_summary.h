@@ -26,6 +26,9 @@ struct SummaryInput {
 std::string EffectsText(const Model& model);
 // "all 4 latches closed, the last at 1.93 s (joint4)".
 std::string LatchSentence(const SummaryInput& input);
+// "87.4 N", or that it is not known; whether that of `a` is the smaller one.
+std::string PinForceText(const SimulateReport& report, std::size_t joint, const char* unit);
+bool PinForceLess(const SimulateReport& report, std::size_t a, std::size_t b);
 // Rows for a table of joints, header first; `most` rows at most, those with the largest loads.
 std::vector<std::vector<std::string>> JointTable(const SummaryInput& input, std::size_t most,
                                                  std::size_t* left_out);
