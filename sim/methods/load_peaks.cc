@@ -12,6 +12,10 @@ namespace unfurl::sim {
 namespace {
 
 constexpr int kMostTops = 3;  // looked at in a step
+// h |lambda| of the fastest that a step has to do with, from where its dense output is not of the
+// motion: a step at the edge of stability keeps what is stiff as small as the tolerance at its ends
+// alone, and loads are that times the stiffness.
+constexpr double kResolved = 2.0;
 // What is left of a step when the place of the smallest pivot in it is known, by golden sections.
 constexpr double kPlaced = 1e-5, kGolden = 0.61803398874989485;
 // Loads beside that place, at these parts of the room that the step leaves there: of what goes as
@@ -160,6 +164,10 @@ void LoadPeaks::LookInside(Stepper* stepper, double t, double h, double sigma) {
   }
 }
 
+bool LoadPeaks::Resolves(const Stepper& stepper) {
+  return stepper.StabilityUse() * stepper.StabilityEdge() < kResolved;
+}
+
 bool LoadPeaks::Step(Stepper* stepper, double t, double h, double sigma, bool inside) {
   bool made = false;
   const double taken = sigma * h;
@@ -169,7 +177,7 @@ bool LoadPeaks::Step(Stepper* stepper, double t, double h, double sigma, bool in
   } else {
     Note(end_, t + taken);
   }
-  if (pins_ && inside && MayBeInside(taken)) {
+  if (pins_ && inside && MayBeInside(taken) && Resolves(*stepper)) {
     made = true;
     LookInside(stepper, t, h, sigma);
   }

@@ -55,6 +55,7 @@ class LoadPeaks {
   void Note(const std::vector<double>& loads, double t);
   std::string Warning() const;
   bool MayBeInside(double h) const;
+  static bool Resolves(const Stepper& stepper);
   void LookInside(Stepper* stepper, double t, double h, double sigma);
   // Where in a step they come nearest to depending on one another [-].
   double NearestDependence(Stepper* stepper, double t, double h, double sigma);

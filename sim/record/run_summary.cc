@@ -259,11 +259,13 @@ std::string JointsText(const SummaryInput& in, ordered_json* json) {
     text +=
         "(torque margin: least driving over resisting moment before latching; restitution: "
         "median of -rate at the end / rate at the start)\n";
-    if (in.certificate == nullptr) {
-      text +=
-          "(peak loads of impacts may be off by far more than motions are: --certify states by how "
-          "much)\n";
-    }
+  }
+  const bool struck = in.model.latches.count() > 0, bends = !in.model.beams.empty();
+  if (in.certificate == nullptr && (struck || bends)) {
+    text += fmt::format(
+        "(peak loads of {}{}{} may be off by far more than motions are: --certify states by how "
+        "much)\n",
+        struck ? "impacts" : "", struck && bends ? " and of " : "", bends ? "stiff parts" : "");
   }
   for (std::size_t k = 0; k < in.model.joints.size(); ++k) {
     (*json)[in.model.joints[k].latch >= 0 ? "latches" : "joints"].push_back(JointJson(in, k));
