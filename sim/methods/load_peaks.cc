@@ -23,7 +23,8 @@ constexpr double kPlaced = 1e-5, kGolden = 0.61803398874989485;
 // nearly alike; kGrows lies between. Those of a motion with an error grow too: to the run they are
 // as little known.
 constexpr double kNearer = 3.1622776601683795, kGrows = 1.7782794100383854;
-constexpr double kFarthest = 0.1, kNearest = 0.9e-3;
+constexpr double kFarthest = 0.1;
+constexpr int kNearerPlaces = 4;  // to a thousandth
 // Of the step, below which there is no room on a side.
 constexpr double kLeastRoom = 1e-3;
 // A pivot goes with the square of the distance. Where the smallest goes to no less than this part
@@ -220,7 +221,9 @@ double LoadPeaks::NearestDependence(Stepper* stepper, double t, double h, double
 void LoadPeaks::LookBeside(Stepper* stepper, double t, double h, double place, double room) {
   ReadAt(stepper, t, h, place + kFarthest * room, &low_.loads);
   high_.loads = low_.loads;
-  for (double part = kFarthest / kNearer; part > kNearest; part /= kNearer) {
+  double part = kFarthest;
+  for (int k = 0; k < kNearerPlaces; ++k) {
+    part /= kNearer;
     std::swap(middle_.loads, high_.loads);
     if (stepper->Sample(place + part * room, state_.data())) ++evaluations_;
     dynamics_.RightSide(t + (place + part * room) * h, state_.data(), rates_.data());
