@@ -191,6 +191,7 @@ void AddReservations(Comparison* c) {
 void Judge(Comparison* c) {
   c->verdict = VerdictOf(*c);
   AddErrorReasons(c);
+  for (const Explanation& one : c->explanations) c->reasons.push_back(one.words);
   AddClockReasons(c);
   if (!c->scores.empty() && c->scores.back().rated) {
     const ComparedScore& s = c->scores.back();
@@ -253,9 +254,16 @@ void CompareWith(const SampledModel& reference, const ComparisonOptions& options
   if (said.drift.kind != Foreknowledge::kUnsaid) known.drift = said.drift;
   if (said.frame.kind != Foreknowledge::kUnsaid) known.frame = said.frame;
   c->alignment = Align(c->observations, reference, how);
+  ExplanationOptions ask;
+  ask.align = how;
+  ask.clock = !how.registration.fit_drift && !c->record_is_run &&
+              known.drift.kind == Foreknowledge::kUnsaid;
+  ask.lengths = !(c->record_is_run && c->reference_is_run);
+  c->explanations = ExplainDifference(c->observations, reference, c->alignment, ask);
   if (!c->alignment.Usable()) {
     c->verdict = std::string("Not correlated: ") + Name(c->alignment.status) + ".";
     c->reasons.push_back(c->alignment.message + ".");
+    for (const Explanation& one : c->explanations) c->reasons.push_back(one.words);
     return;
   }
   c->observations =

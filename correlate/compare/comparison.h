@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "correlate/align/align.h"
+#include "correlate/compare/explanations.h"
 #include "correlate/compare/metrics.h"
 #include "correlate/compare/objective_rating.h"
 #include "correlate/compare/signal_metrics.h"
@@ -122,7 +123,8 @@ struct Comparison {
   std::vector<ModePair> mode_pairs;
   // Where the modes' part of the spectra's window ends, if before it, on the record's clock [s].
   std::optional<double> modes_until;
-  std::vector<ModelEvent> latches;  // of a run, on its own clock
+  std::vector<ModelEvent> latches;        // of a run, on its own clock
+  std::vector<Explanation> explanations;  // of marks' distances, in the reasons too
   std::string verdict;
   std::vector<std::string> reasons;
 };

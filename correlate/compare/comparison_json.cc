@@ -177,6 +177,15 @@ ordered_json ComparisonJson(const Comparison& c) {
                        {"status", Name(c.alignment.status)},
                        {"verdict", c.verdict},
                        {"reasons", c.reasons}};
+  for (const Explanation& one : c.explanations) {
+    ordered_json entry = {{"kind", Name(one.kind)}, {"left", one.left}};
+    if (one.marks.empty()) {
+      entry["value"] = one.value;
+    } else {
+      entry["marks"] = one.marks;
+    }
+    json["explanations"].push_back(std::move(entry));
+  }
   if (!c.alignment.Usable()) return json;
   json["marks"] = c.marks;
   for (const ComparedChannel& one : c.channels) {
