@@ -17,7 +17,8 @@ namespace unfurl::data {
 namespace {
 
 constexpr double kMilli = 1e3;          // the file's lengths are in mm
-constexpr float kResidualUnit = 0.01F;  // of a residual [mm]
+constexpr double kResidualUnit = 0.01;  // of a residual, the least [mm]
+constexpr int kMostResidual = 255;      // units of it
 constexpr int kMaskCameras = 7;         // that the format's mask has bits for
 
 template <typename T>
@@ -100,13 +101,46 @@ void PutMissing(std::string* text) {
   Put(-1.0F, text);
 }
 
+// Standard deviation of what 32 bits leave of the farthest coordinate of a sample [mm].
+double Rounding(const Tracks& tracks, std::size_t sample) {
+  const Eigen::Vector3d p = tracks.p.col(static_cast<Eigen::Index>(sample));
+  const auto far = static_cast<float>(kMilli * p.cwiseAbs().maxCoeff());
+  return static_cast<double>(std::nextafter(far, HUGE_VALF) - far) / std::sqrt(12.0);
+}
+
+// Of one axis, with the rounding [mm].
+double SigmaOf(const Tracks& tracks, std::size_t sample) {
+  return std::hypot(kMilli * std::sqrt(tracks.Covariance(sample).trace() / 3.0),
+                    Rounding(tracks, sample));
+}
+
+// Coordinates that 32 bits would round by more than they are known are refused. Returns the unit
+// of residuals in which the largest one has a number [mm].
+double ResidualUnit(const std::string& path, const Tracks& tracks) {
+  double largest = 0.0;
+  for (std::size_t i = 0; i < tracks.size(); ++i) {
+    if (!Usable(tracks.status[i])) continue;
+    const double rounding = Rounding(tracks, i), sigma = SigmaOf(tracks, i);
+    if (2.0 * rounding * rounding > sigma * sigma) {
+      throw Error(
+          fmt::format("C3D keeps 32 bits of a coordinate: at {:.6g} m they round to {:.2g} mm, and "
+                      "the sample at {:.6g} s is known better",
+                      tracks.p.col(static_cast<Eigen::Index>(i)).cwiseAbs().maxCoeff(),
+                      rounding * std::sqrt(12.0), tracks.t[i]),
+          path, "write .uff or .csv, or take a frame with its origin at the structure");
+    }
+    largest = std::max(largest, sigma);
+  }
+  constexpr double kRoundedUp = 1.0 + 1e-6;  // of a 32-bit number
+  return std::max(kResidualUnit, kRoundedUp * largest / kMostResidual);
+}
+
 // x, y, z, and a word of the residual with the mask of the first seven cameras.
-void PutPoint(const Tracks& tracks, std::ptrdiff_t i, std::string* text) {
+void PutPoint(const Tracks& tracks, std::ptrdiff_t i, double unit, std::string* text) {
   const auto sample = static_cast<std::size_t>(i);
   for (Eigen::Index k = 0; k < 3; ++k) Put(static_cast<float>(kMilli * tracks.p(k, i)), text);
-  const double sigma = kMilli * std::sqrt(tracks.Covariance(sample).trace() / 3.0);
   const int residual =
-      std::clamp(static_cast<int>(std::ceil(sigma / static_cast<double>(kResidualUnit))), 0, 255);
+      std::clamp(static_cast<int>(std::ceil(SigmaOf(tracks, sample) / unit)), 0, kMostResidual);
   const int mask =
       tracks.used.empty() ? 0 : static_cast<int>(tracks.used[sample] & ((1U << kMaskCameras) - 1U));
   Put(static_cast<float>(256 * mask + residual), text);
@@ -126,6 +160,7 @@ void WriteTracksC3d(const std::string& path, const Tracks& tracks) {
         fmt::format("{} frames of {} marks are more than C3D can count", grid.frames, marks), path,
         "write .uff or .csv");
   }
+  const double unit = ResidualUnit(path, tracks);
   std::vector<std::string> delays, names;
   for (std::size_t m = 0; m < marks; ++m) delays.push_back(fmt::format("{}", grid.delay[m]));
   for (const std::string& name : tracks.cameras) names.push_back(name);
@@ -134,7 +169,7 @@ void WriteTracksC3d(const std::string& path, const Tracks& tracks) {
     p.Group("POINT");
     p.Integer("USED", static_cast<std::uint16_t>(marks));
     p.Integer("FRAMES", static_cast<std::uint16_t>(grid.frames));
-    p.Real("SCALE", -kResidualUnit);
+    p.Real("SCALE", -static_cast<float>(unit));
     p.Real("RATE", static_cast<float>(1.0 / grid.step));
     p.Integer("DATA_START", static_cast<std::uint16_t>(data_start));
     p.Word("UNITS", "mm");
@@ -162,7 +197,7 @@ void WriteTracksC3d(const std::string& path, const Tracks& tracks) {
   Put(std::uint16_t{1}, &text);
   Put(static_cast<std::uint16_t>(grid.frames), &text);
   Put(std::uint16_t{0}, &text);  // no gap was filled
-  Put(-kResidualUnit, &text);
+  Put(-static_cast<float>(unit), &text);
   Put(static_cast<std::uint16_t>(start), &text);
   Put(std::uint16_t{0}, &text);
   Put(static_cast<float>(1.0 / grid.step), &text);
@@ -173,7 +208,7 @@ void WriteTracksC3d(const std::string& path, const Tracks& tracks) {
       const std::ptrdiff_t i = grid.sample[m][f];
       const bool usable = i >= 0 && Usable(tracks.status[static_cast<std::size_t>(i)]);
       if (usable) {
-        PutPoint(tracks, i, &text);
+        PutPoint(tracks, i, unit, &text);
       } else {
         PutMissing(&text);
       }

@@ -70,6 +70,49 @@ TEST(C3d, StandsByteByByteWhereTheFormatPutsIt) {
   EXPECT_NE(text.find("LABELS"), std::string::npos);
 }
 
+// 32 bits of millimetres: 5 km off, coordinates are rounded to half a millimetre, which the stated
+// error has to hold; 500 km off, in a surveyor's grid, to 32 mm, and nothing is left of them.
+TEST(C3d, RoundsNoFartherThanItSays) {
+  const std::string path = ExchangePath("far.c3d");
+  Tracks tracks = Strobed();
+  tracks.p.row(0).array() += 5000.0;
+  for (Eigen::Index i = 0; i < tracks.cov.cols(); ++i) {
+    tracks.cov.col(i) << 4e-8, 0, 0, 4e-8, 0, 4e-8;
+  }
+  WriteTracksC3d(path, tracks);
+  const Tracks back = ReadTracksC3d(path);
+  for (std::size_t i = 0; i < back.size(); ++i) {
+    if (!Usable(back.status[i])) continue;
+    const double sigma = std::sqrt(back.Covariance(i)(0, 0));
+    EXPECT_GE(sigma, std::hypot(2e-4, 0.5e-3 / std::sqrt(12.0)) - 1e-9);
+    EXPECT_LT(sigma, 2.6e-4);
+  }
+  tracks.p.row(0).array() += 495e3;
+  EXPECT_NE(ErrorOf([&] { WriteTracksC3d(path, tracks); }).find("32 mm"), std::string::npos);
+}
+
+// Errors of centimetres need another unit of residuals than hundredths of a millimetre.
+TEST(C3d, KeepsLargeErrors) {
+  const std::string path = ExchangePath("large.c3d");
+  Tracks tracks = Strobed();
+  for (Eigen::Index i = 0; i < tracks.cov.cols(); ++i) {
+    const double v = i % 2 == 0 ? 9e-4 : 1e-8;  // 30 mm, 0.1 mm
+    tracks.cov.col(i) << v, 0, 0, v, 0, v;
+  }
+  WriteTracksC3d(path, tracks);
+  const Tracks back = ReadTracksC3d(path);
+  double least = 1.0, most = 0.0;
+  for (std::size_t i = 0; i < back.size(); ++i) {
+    if (!Usable(back.status[i])) continue;
+    const double sigma = std::sqrt(back.Covariance(i)(0, 0));
+    least = std::min(least, sigma);
+    most = std::max(most, sigma);
+  }
+  EXPECT_NEAR(most, 0.03, 1e-6);
+  EXPECT_GE(least, 1e-4);
+  EXPECT_LT(least, 2.5e-4);
+}
+
 TEST(C3d, RefusesWhatItCannotHold) {
   Tracks tracks = Strobed();
   tracks.t[6] += 0.002;
