@@ -16,6 +16,7 @@
 #include "calib/held_out.h"
 #include "calib/model_floor.h"
 #include "calib/moved_late.h"
+#include "calib/near_frame.h"
 #include "calib/refine.h"
 #include "calib/set_up_scan.h"
 #include "calib/unseen_drift.h"
@@ -277,7 +278,8 @@ void TryRichest(const Observations& data, const CalibrateOptions& options, doubl
 
 }  // namespace
 
-RigFit FitRig(const Observations& data, const CalibrateOptions& options, const std::string& where) {
+RigFit FitHere(const Observations& data, const CalibrateOptions& options,
+               const std::string& where) {
   if (data.camera_count() < 3) {
     throw Error(fmt::format("the survey has readings of {} cameras", data.camera_count()), where,
                 "three cameras or more are needed to find a point");
@@ -336,15 +338,15 @@ void CalibrateOptions::Check() const {
   }
 }
 
-Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
-                      const std::string& where) {
+Calibration CalibrateHere(const Observations& data, const CalibrateOptions& options,
+                          const std::string& where) {
   options.Check();
   const auto done = [&](double share) {
     ThrowIfInterrupted();
     if (options.progress) options.progress(share);
   };
   // Fit with every term of the lens model, gross errors left out.
-  RigFit fit = FitRig(data, options, where);
+  RigFit fit = FitHere(data, options, where);
   done(0.3);
   Calibration out;
   // Its terms: those asked for, or those that cross-validation justifies.

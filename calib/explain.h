@@ -44,6 +44,8 @@ struct ExplainOptions {
   // Where the total station stood, in the survey's frame; NaN: found from the errors themselves,
   // which takes four points or more.
   Eigen::Vector3d station = Eigen::Vector3d::Constant(NAN);  // [m]
+  // What places are told from: that much is added to those in words.
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // [m]
 };
 
 // Explains every reading and surveyed point that the bundle left out, the most telling kinds first;

@@ -165,6 +165,7 @@ class PointExplainer {
       }
       const RangeOffset found = FindRangeOffset(p, shift, cov, options_.station);
       if (!found.found) return;
+      const Eigen::Vector3d station = found.station + options_.origin;
       std::vector<int> points;
       for (const int m : found.members) {
         Displaced& d = displaced_[open[static_cast<std::size_t>(m)]];
@@ -176,8 +177,8 @@ class PointExplainer {
           fmt::format("prism constant: {} points ({}) were measured {:.1f} +- {:.1f} mm too {}, as "
                       "seen from a station at ({:.2f}, {:.2f}, {:.2f}){}",
                       points.size(), findings_.Ids(points), 1e3 * std::abs(found.offset),
-                      1e3 * found.sigma, found.offset > 0.0 ? "short" : "long", found.station.x(),
-                      found.station.y(), found.station.z(), PrismsThatDiffer(found)));
+                      1e3 * found.sigma, found.offset > 0.0 ? "short" : "long", station.x(),
+                      station.y(), station.z(), PrismsThatDiffer(found)));
     }
   }
 

@@ -10,6 +10,7 @@
 #include "report/chart.h"
 #include "report/color_scale.h"
 #include "report/escape.h"
+#include "report/far_origin.h"
 #include "report/paths.h"
 
 namespace unfurl::report {
@@ -60,9 +61,34 @@ std::string Cells(const Map& map, const MapPane& pane, const ColorScale& scale, 
   return svg + "\n";
 }
 
+// With axes that count from a place of their own where they are far from zero.
+Map AboutItself(Map map) {
+  const double x = FarOrigin(map.x_low, map.x_high), y = FarOrigin(map.y_low, map.y_high);
+  if (x == 0.0 && y == 0.0) return map;
+  map.x_low -= x;
+  map.x_high -= x;
+  map.y_low -= y;
+  map.y_high -= y;
+  for (MapPane& pane : map.panes) {
+    for (MapDot& dot : pane.dots) {
+      dot.x -= x;
+      dot.y -= y;
+    }
+  }
+  const auto told = [](double origin) {
+    return origin == 0.0
+               ? std::string()
+               : fmt::format(" {} {:.0f}", origin > 0.0 ? "less" : "and", std::fabs(origin));
+  };
+  map.x.label += told(x);
+  map.y.label += told(y);
+  return map;
+}
+
 }  // namespace
 
-std::string MapSvg(const Map& map) {
+std::string MapSvg(const Map& of) {
+  const Map map = AboutItself(of);
   const ColorScale scale = ScaleFor(map);
   const double span_x = map.x_high - map.x_low, span_y = map.y_high - map.y_low;
   if (!(span_x > 0.0) || !(span_y > 0.0) || map.panes.empty()) {

@@ -11,6 +11,7 @@
 #include "report/chart.h"
 #include "report/color_scale.h"
 #include "report/escape.h"
+#include "report/far_origin.h"
 #include "report/space_parts.h"
 
 namespace unfurl::report {
@@ -193,10 +194,40 @@ std::string Layers(const Space& space) {
   return html + "</div>\n";
 }
 
+// Seen from a place of its own, which the note tells, where it is far from the frame's.
+Space AboutItself(Space space) {
+  Place origin{};
+  for (std::size_t k = 0; k < 3; ++k) origin[k] = FarOrigin(space.low[k], space.high[k]);
+  if (Length(origin) == 0.0) return space;
+  const auto move = [&](Place* at) {
+    for (std::size_t k = 0; k < 3; ++k) (*at)[k] -= origin[k];
+  };
+  move(&space.low);
+  move(&space.high);
+  for (SpaceEye& eye : space.eyes) {
+    move(&eye.at);
+    for (Place& corner : eye.field) move(&corner);
+  }
+  for (SpaceCloud& cloud : space.clouds) {
+    for (SpacePoint& point : cloud.points) move(&point.at);
+  }
+  for (SpaceEllipsoids& set : space.ellipsoids) {
+    for (SpaceEllipsoid& one : set.ellipsoids) move(&one.at);
+  }
+  for (SpaceLine& line : space.lines) {
+    for (Place& point : line.points) move(&point);
+  }
+  space.note +=
+      fmt::format("{}Axes count from ({:.0f}, {:.0f}, {:.0f}) {}.", space.note.empty() ? "" : " ",
+                  origin[0], origin[1], origin[2], space.unit);
+  return space;
+}
+
 }  // namespace
 
-std::string SpaceHtml(const Space& space, const std::string& id) {
-  CheckSpace(space);
+std::string SpaceHtml(const Space& of, const std::string& id) {
+  CheckSpace(of);
+  const Space space = AboutItself(of);
   std::string html = fmt::format("<figure class=\"panel space\" id=\"{}\">\n", id);
   html += "<h3>" + EscapeHtml(space.title) + "</h3>\n";
   if (!space.note.empty()) html += "<p class=\"note\">" + EscapeHtml(space.note) + "</p>\n";

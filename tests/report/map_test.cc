@@ -38,6 +38,23 @@ TEST(Map, CellsCarryTheirColourAndValueAndNanStaysGrey) {
   EXPECT_THAT(svg, HasSubstr("a &amp; b"));
 }
 
+// Far from zero the axes count from a place of their own: the drawing is that of the near one.
+TEST(Map, FarAxesCountFromTheirOwn) {
+  Map map = Example();
+  map.y_low = 0.0;
+  map.y_high = 2.0;
+  const std::string near = MapSvg(map);
+  map.y_low += 5400000.0;
+  map.y_high += 5400000.0;
+  map.panes[0].dots[0].y += 5400000.0;
+  std::string svg = MapSvg(map);
+  const std::string told = "y less 5400000 [m]";
+  const std::size_t at = svg.find(told);
+  ASSERT_NE(at, std::string::npos);
+  svg.replace(at, told.size(), "y [m]");
+  EXPECT_EQ(svg, near);
+}
+
 // Row 0 is the lowest: the first value's cell lies in the pane's lower left.
 TEST(Map, RowsRise) {
   const std::string svg = MapSvg(Example());

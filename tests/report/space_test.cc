@@ -15,6 +15,7 @@ namespace {
 
 using nlohmann::json;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 json DataOf(const std::string& html) {
   const std::size_t tag = html.find("class=\"space-data\"");
@@ -118,6 +119,21 @@ TEST(Space, EllipsoidsAreMagnifiedToBeSeen) {
   EXPECT_DOUBLE_EQ(with(0.4), 1.0);  // never made smaller
   space.ellipsoids.clear();
   EXPECT_DOUBLE_EQ(Magnification(space), 1.0);
+}
+
+// In a surveyor's grid, where 32 bits tell half a metre apart: the same view, and its origin told.
+TEST(Space, FarPlacesAreSeenFromTheirOwn) {
+  constexpr double kNorth = 5400000.0;
+  Space far = Example();
+  for (Place* at : {&far.low, &far.high, &far.eyes[0].at, &far.ellipsoids[0].ellipsoids[0].at,
+                    &far.clouds[0].points[0].at, &far.clouds[0].points[1].at}) {
+    (*at)[1] += kNorth;
+  }
+  json near = DataOf(SpaceHtml(Example(), "s")), seen = DataOf(SpaceHtml(far, "s"));
+  EXPECT_EQ(seen["low"], near["low"]);
+  EXPECT_EQ(seen["eyes"][0]["at"], near["eyes"][0]["at"]);
+  EXPECT_THAT(SpaceHtml(far, "s"), HasSubstr("Axes count from (0, 5400000, 0) m."));
+  EXPECT_THAT(SpaceHtml(Example(), "s"), Not(HasSubstr("count from")));
 }
 
 TEST(Space, KeepsNamesAndWhoSawWhat) {

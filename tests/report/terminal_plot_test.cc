@@ -19,7 +19,8 @@ using ::testing::HasSubstr;
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-// The points of a picture, row by row: '#' and '.'. By reading the patterns back, as a reader would.
+// The points of a picture, row by row: '#' and '.'. By reading the patterns back, as a reader
+// would.
 std::vector<std::string> Points(const std::string& text, int columns, int rows) {
   const std::vector<std::string> lines = Split(text, '\n');
   std::vector<std::string> out;
@@ -50,9 +51,9 @@ TerminalPlot Small(int columns, int rows, bool joined) {
 TEST(TerminalText, PointsAreWhereTheyBelong) {
   // A V of five points over 4 by 8 points of two characters by two.
   const std::vector<double> x = {0.0, 1.0, 1.5, 2.0, 3.0}, y = {7.0, 4.0, kNan, 0.0, 7.0};
-  EXPECT_EQ(Points(TerminalText(Small(2, 2, false), x, y), 2, 2),
-            (std::vector<std::string>{"#..#", "....", "....", ".#..", "....", "....", "....",
-                                      "..#."}));
+  EXPECT_EQ(
+      Points(TerminalText(Small(2, 2, false), x, y), 2, 2),
+      (std::vector<std::string>{"#..#", "....", "....", ".#..", "....", "....", "....", "..#."}));
 }
 
 TEST(TerminalText, LinesJoinButNotOverGaps) {

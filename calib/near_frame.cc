@@ -1,0 +1,79 @@
+#include "calib/near_frame.h"
+
+#include <cmath>
+
+#include "base/statistics.h"
+
+namespace unfurl::calib {
+namespace {
+
+Observations About(const Eigen::Vector3d& origin, Observations data) {
+  data.p.colwise() -= origin;
+  for (SetUp& set_up : data.set_ups) set_up.middle -= origin;
+  return data;
+}
+
+CalibrateOptions About(const Eigen::Vector3d& origin, CalibrateOptions options) {
+  for (KnownLens& lens : options.guess.known) lens.camera.p_WC -= origin;
+  options.explain.station -= origin;  // NaN where it is not known
+  options.explain.origin += origin;
+  return options;
+}
+
+void MoveBack(const Eigen::Vector3d& origin, data::Rig* rig) {
+  for (data::RigCamera& camera : rig->cameras) camera.p_WC += origin;
+  rig->volume_low += origin;
+  rig->volume_high += origin;
+}
+
+void MoveBack(const Eigen::Vector3d& origin, std::vector<CameraPrior>* priors) {
+  for (CameraPrior& prior : *priors) prior.along += prior.axis.dot(origin);
+}
+
+}  // namespace
+
+Eigen::Vector3d NearOrigin(const Eigen::Matrix3Xd& p) {
+  if (p.cols() == 0 || !p.allFinite()) return Eigen::Vector3d::Zero();
+  Eigen::Vector3d middle;  // medians: a blunder of the survey may lie anywhere
+  for (Eigen::Index k = 0; k < 3; ++k) {
+    middle(k) = Median(std::vector<double>(p.row(k).begin(), p.row(k).end()));
+  }
+  const Eigen::RowVectorXd away = (p.colwise() - middle).colwise().norm();
+  const double spread = Median(std::vector<double>(away.begin(), away.end()));
+  if (!(spread > 0.0) || middle.norm() <= kFarFromOrigin * spread) return Eigen::Vector3d::Zero();
+  const double grain = std::exp2(std::floor(std::log2(spread)));
+  return ((middle / grain).array().round() * grain).matrix();
+}
+
+RigFit FitRig(const Observations& data, const CalibrateOptions& options, const std::string& where) {
+  const Eigen::Vector3d origin = NearOrigin(data.p);
+  if (origin.isZero(0.0)) return FitHere(data, options, where);
+  RigFit fit = FitHere(About(origin, data), About(origin, options), where);
+  for (CameraGuess& guess : fit.guesses) {
+    guess.camera.p_WC += origin;
+    guess.prior.along += guess.prior.axis.dot(origin);
+    guess.richest.along += guess.richest.axis.dot(origin);
+  }
+  MoveBack(origin, &fit.priors);
+  for (data::RigCamera& camera : fit.bundle.state.cameras) camera.p_WC += origin;
+  fit.bundle.state.points.colwise() += origin;
+  MoveBack(origin, &fit.rig);
+  return fit;
+}
+
+Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
+                      const std::string& where) {
+  const Eigen::Vector3d origin = NearOrigin(data.p);
+  if (origin.isZero(0.0)) return CalibrateHere(data, options, where);
+  Calibration out = CalibrateHere(About(origin, data), About(origin, options), where);
+  MoveBack(origin, &out.rig);
+  for (SetUpEstimate& set_up : out.report.set_ups) set_up.middle += origin;
+  for (OrderTrial& trial : out.report.orders) {
+    MoveBack(origin, &trial.priors);
+    for (data::RigCamera& camera : trial.bundle.state.cameras) camera.p_WC += origin;
+    if (trial.bundle.state.points.cols() > 0) trial.bundle.state.points.colwise() += origin;
+  }
+  return out;
+}
+
+}  // namespace unfurl::calib
