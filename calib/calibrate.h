@@ -9,6 +9,7 @@
 #include "calib/bundle.h"
 #include "calib/common_error.h"
 #include "calib/explain.h"
+#include "calib/far_points.h"
 #include "calib/initial_guess.h"
 #include "calib/known_lens.h"
 #include "calib/model_order.h"
@@ -85,6 +86,7 @@ struct CalibrationReport {
   std::vector<Trend> trends;  // of readings and survey; those that were found make it not good
   std::vector<WeakDirection> weak;
   std::vector<GrossFinding> gross;
+  std::vector<FarPoint> far;              // left out beforehand, and not where they were surveyed
   std::vector<std::string> advice;        // on the survey's layout
   int order = 0;                          // index into the lens model's orders, or kOrderByCamera
   std::string lens_model;                 // its name, or one for each camera

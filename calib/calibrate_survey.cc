@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "calib/near_frame.h"
 #include "measure/survey_readings.h"
 
 namespace unfurl::calib {
@@ -13,7 +14,13 @@ Calibration Calibrate(data::Survey survey, CalibrateOptions options, const std::
   if (!options.explain.station.allFinite()) options.explain.station = survey.station;
   Calibration result = Calibrate(data, options, where);
   for (const std::string& note : survey.notes) result.rig.reasons.push_back(note);
-  if (used != nullptr) *used = data;
+  if (used != nullptr) {
+    *used = data;
+    // Drawn where they are, or where the others are.
+    for (const FarPoint& far : result.report.far) {
+      used->p.col(far.point) = far.found ? far.at : MiddleOf(data.p);
+    }
+  }
   return result;
 }
 

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "base/statistics.h"
+#include "calib/far_points.h"
 
 namespace unfurl::calib {
 namespace {
@@ -30,14 +31,41 @@ void MoveBack(const Eigen::Vector3d& origin, std::vector<CameraPrior>* priors) {
   for (CameraPrior& prior : *priors) prior.along += prior.axis.dot(origin);
 }
 
+// Without points that lie far outside of the others, unless that is where their readings are.
+Calibration CalibrateMost(const Observations& data, const CalibrateOptions& options,
+                          const std::string& where) {
+  std::vector<int> far = FarPoints(data.p);
+  if (far.empty()) return CalibrateHere(data, options, where);
+  Calibration out = CalibrateHere(Unseen(data, far), options, where);
+  std::vector<FarPoint> wrong = FindFarPoints(data, far, out.rig);
+  std::erase_if(wrong, [](const FarPoint& one) { return one.right; });
+  if (wrong.size() < far.size()) {
+    far.clear();
+    for (const FarPoint& one : wrong) far.push_back(one.point);
+    out = CalibrateHere(far.empty() ? data : Unseen(data, far), options, where);
+  }
+  for (const FarPoint& one : wrong) {
+    out.report.survey_weight[static_cast<std::size_t>(one.point)] = Weighting::kLeftOut;
+    out.report.gross.insert(out.report.gross.begin(), Finding(data, one));
+    out.rig.reasons.push_back(out.report.gross.front().text + "; it was left out");
+  }
+  out.report.far = std::move(wrong);
+  return out;
+}
+
 }  // namespace
 
-Eigen::Vector3d NearOrigin(const Eigen::Matrix3Xd& p) {
-  if (p.cols() == 0 || !p.allFinite()) return Eigen::Vector3d::Zero();
-  Eigen::Vector3d middle;  // medians: a blunder of the survey may lie anywhere
+Eigen::Vector3d MiddleOf(const Eigen::Matrix3Xd& p) {
+  Eigen::Vector3d middle;
   for (Eigen::Index k = 0; k < 3; ++k) {
     middle(k) = Median(std::vector<double>(p.row(k).begin(), p.row(k).end()));
   }
+  return middle;
+}
+
+Eigen::Vector3d NearOrigin(const Eigen::Matrix3Xd& p) {
+  if (p.cols() == 0 || !p.allFinite()) return Eigen::Vector3d::Zero();
+  const Eigen::Vector3d middle = MiddleOf(p);
   const Eigen::RowVectorXd away = (p.colwise() - middle).colwise().norm();
   const double spread = Median(std::vector<double>(away.begin(), away.end()));
   if (!(spread > 0.0) || middle.norm() <= kFarFromOrigin * spread) return Eigen::Vector3d::Zero();
@@ -64,10 +92,11 @@ RigFit FitRig(const Observations& data, const CalibrateOptions& options, const s
 Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
                       const std::string& where) {
   const Eigen::Vector3d origin = NearOrigin(data.p);
-  if (origin.isZero(0.0)) return CalibrateHere(data, options, where);
-  Calibration out = CalibrateHere(About(origin, data), About(origin, options), where);
+  if (origin.isZero(0.0)) return CalibrateMost(data, options, where);
+  Calibration out = CalibrateMost(About(origin, data), About(origin, options), where);
   MoveBack(origin, &out.rig);
   for (SetUpEstimate& set_up : out.report.set_ups) set_up.middle += origin;
+  for (FarPoint& far : out.report.far) far.at += origin;
   for (OrderTrial& trial : out.report.orders) {
     MoveBack(origin, &trial.priors);
     for (data::RigCamera& camera : trial.bundle.state.cameras) camera.p_WC += origin;

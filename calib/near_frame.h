@@ -17,6 +17,9 @@ inline constexpr double kFarFromOrigin = 30.0;  // [-]
 /// two, so that nothing is rounded on the way there and back [m].
 Eigen::Vector3d NearOrigin(const Eigen::Matrix3Xd& p);
 
+/// Medians of the coordinates: where most points are, whatever the blunders among them.
+Eigen::Vector3d MiddleOf(const Eigen::Matrix3Xd& p);
+
 /// FitRig and Calibrate (calib/calibrate.h) about the origin as it is; private to the room.
 RigFit FitHere(const Observations& data, const CalibrateOptions& options, const std::string& where);
 Calibration CalibrateHere(const Observations& data, const CalibrateOptions& options,
