@@ -126,7 +126,9 @@ void AddIntervals(const data::FitRecord::Parameter& p, report::Page* page) {
   report::Chart chart;
   chart.title = p.name + ", 95% intervals";
   chart.x = {p.name, p.unit, false};
-  chart.y = {"above: all parts; below: the data alone", "1", false};
+  chart.y.label = "interval";
+  chart.y.names = {{1.0, "the data alone"}, {2.0, "all parts"}};
+  chart.height_px = 150;
   report::Series all, data, value;
   all.name = "all parts";
   all.x = {p.low95, p.high95};

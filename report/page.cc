@@ -282,7 +282,8 @@ std::string Page::Html() const {
   html += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
   html += "<title>" + EscapeHtml(title_) + "</title>\n<style>\n";
   if (!charts_.empty()) html += std::string(kDygraphsStyle) + "\n";
-  html += std::string(kPageStyle) + "</style>\n</head>\n<body>\n<header class=\"page\">\n<h1>" +
+  html += std::string(kPageStyle) + "</style>\n<style id=\"paper\" media=\"print\">\n" +
+          std::string(kPaperStyle) + "</style>\n</head>\n<body>\n<header class=\"page\">\n<h1>" +
           EscapeHtml(title_) + "</h1>\n";
   if (!subtitle_.empty()) html += "<p>" + EscapeHtml(subtitle_) + "</p>\n";
   html += "</header>\n<main>\n";
