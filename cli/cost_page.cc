@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 
+#include "base/count.h"
 #include "base/table.h"
 #include "base/text.h"
 #include "report/page.h"
@@ -179,8 +180,9 @@ void AddLineChart(report::Page* page, const SceneCost& cost, std::size_t l) {
 }  // namespace
 
 std::string CostText(const std::string& path, const std::string& name, const SceneCost& cost) {
-  std::string text = fmt::format("{}: {:g} s of \"{}\", {} settings in {:.3g} s of CPU\n", path,
-                                 cost.duration, name, cost.points.size(), cost.seconds);
+  std::string text =
+      fmt::format("{}: {:g} s of \"{}\", {} in {:.3g} s of CPU\n", path, cost.duration, name,
+                  Counted(cost.points.size(), "setting"), cost.seconds);
   for (const std::string& line : study::CostAdvice(cost)) text += "  " + line + "\n";
   text += AlignedTable(LineRows(cost));
   text += fmt::format("({})\n", kLinesNote);

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/count.h"
 #include "base/length.h"
 #include "base/number.h"
 #include "cli/channels_panel.h"
@@ -274,8 +275,8 @@ void AddBands(const FitPageInput& in, report::Page* page) {
 
 void AddSearch(const FitPageInput& in, report::Page* page) {
   page->AddSection("Course of the search",
-                   fmt::format("{} evaluations of the model; every one is in the file.",
-                               in.record.evaluations.size()));
+                   fmt::format("{} of the model; every one is in the file.",
+                               Counted(in.record.evaluations.size(), "evaluation")));
   report::Table stages;
   stages.title = "Stages";
   stages.header = {"until", "samples", "iterations", "half the sum of squares"};

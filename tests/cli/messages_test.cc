@@ -177,6 +177,8 @@ TEST_F(Messages, SingularsAreSingular) {
   EXPECT_THAT(Run({"correlate", "one.csv"}).out, HasSubstr("1 channel,"));
   Put("cells.csv", "t [s],a [m/s^2]\n0.1\n");
   EXPECT_THAT(Run({"correlate", "cells.csv"}).err, HasSubstr("1 cell,"));
+  ASSERT_EQ(Run({"modes", "boom/scene.toml", "--count", "1", "--report", "m.html"}).code, 0);
+  EXPECT_THAT(Get("m.html"), HasSubstr("1 mode, "));
 }
 
 TEST_F(Messages, AnEmptyFileIsCalledEmpty) {
