@@ -7,6 +7,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "base/count.h"
 #include "base/error.h"
 #include "base/length.h"
 #include "base/progress.h"
@@ -84,10 +85,11 @@ std::string Text(const calib::WandCalibration& result, const std::string& out) {
   }
   text += "\n" + AlignedTable(rows);
   text += fmt::format(
-      "  chi-square per degree of freedom {:.3f} ({:.0f} degrees); {} poses of the bar; distances "
+      "  chi-square per degree of freedom {:.3f} ({:.0f} degrees); {} of the bar; distances "
       "between found points to {} by the calibration (RMS)\n\n",
       report.degrees_of_freedom > 0.0 ? report.chi_square / report.degrees_of_freedom : 0.0,
-      report.degrees_of_freedom, report.poses, LengthText(report.distance_sigma));
+      report.degrees_of_freedom, Counted(static_cast<std::size_t>(report.poses), "pose"),
+      LengthText(report.distance_sigma));
   rows = {{"shape of the volume", "known to [ppm]", "moves its edge by"}};
   for (const calib::WandShape& shape : report.shapes) {
     rows.push_back({shape.name, fmt::format("{:.0f}", 1e6 * shape.sigma), LengthText(shape.moved)});

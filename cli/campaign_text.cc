@@ -5,6 +5,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "base/count.h"
 #include "base/number.h"
 #include "base/table.h"
 
@@ -158,7 +159,8 @@ CampaignTextRows ScreeningRows(const CampaignAnswers& a) {
 }
 
 std::string CampaignHead(const CampaignAnswers& a) {
-  return fmt::format("{}: {} runs, design {}{}", a.name, a.runs, a.design,
+  return fmt::format("{}: {}, design {}{}", a.name,
+                     Counted(static_cast<std::size_t>(a.runs), "run"), a.design,
                      a.failed == 0 ? "" : fmt::format(", {} of them failed", a.failed));
 }
 

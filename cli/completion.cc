@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "base/text.h"
+#include "cli/usage.h"
 #include "cli/verb.h"
 #include "data/atomic_file.h"
 
@@ -38,7 +39,7 @@ VerbText TextOf(const CLI::App& app) {
     for (const std::string& name : option->get_snames()) text.names.push_back("-" + name);
     text.takes_value = option->get_expected_max() > 0;
     text.required = option->get_required();
-    text.type = option->get_type_name();
+    text.type = ReadableType(option->get_type_name());
     text.what = option->get_description();
     if (text.type.find('|') != std::string::npos) text.words = Split(text.type, '|');
     verb.options.push_back(std::move(text));

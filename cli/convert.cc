@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "base/count.h"
 #include "base/error.h"
 #include "base/progress.h"
 #include "cli/verb.h"
@@ -99,7 +100,10 @@ std::vector<std::string> RawToSurvey(const Common& common, const data::RawLayout
   for (Eigen::Index i = 0; i < survey.u_px.rows(); ++i) {
     unseen += survey.u_px.row(i).array().isNaN().all() ? 1 : 0;
   }
-  if (unseen > 0) survey.notes.push_back(fmt::format("{} points are seen by no camera", unseen));
+  if (unseen > 0)
+    survey.notes.push_back(fmt::format("{} {} seen by no camera",
+                                       Counted(static_cast<std::size_t>(unseen), "point"),
+                                       unseen == 1 ? "is" : "are"));
   data::WriteSurvey(out, survey, provenance);
   return survey.notes;
 }

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 
+#include "base/count.h"
 #include "base/table.h"
 #include "base/text.h"
 #include "report/page.h"
@@ -179,8 +180,9 @@ void AddLineChart(report::Page* page, const SceneCost& cost, std::size_t l) {
 }  // namespace
 
 std::string CostText(const std::string& path, const std::string& name, const SceneCost& cost) {
-  std::string text = fmt::format("{}: {:g} s of \"{}\", {} settings in {:.3g} s of CPU\n", path,
-                                 cost.duration, name, cost.points.size(), cost.seconds);
+  std::string text =
+      fmt::format("{}: {:g} s of \"{}\", {} in {:.3g} s of CPU\n", path, cost.duration, name,
+                  Counted(cost.points.size(), "setting"), cost.seconds);
   for (const std::string& line : study::CostAdvice(cost)) text += "  " + line + "\n";
   text += AlignedTable(LineRows(cost));
   text += fmt::format("({})\n", kLinesNote);
@@ -201,9 +203,16 @@ std::string CostText(const std::string& path, const std::string& name, const Sce
 void WriteCostPage(const std::string& path, const std::string& scene, const SceneCost& cost,
                    const data::Provenance& provenance) {
   report::Page page("What accuracy costs", scene);
-  const std::vector<std::string> advice = study::CostAdvice(cost);
-  page.AddWords(cost.Usable() ? report::Level::kGood : report::Level::kBad, advice.front(),
-                {advice.begin() + 1, advice.end()});
+  const std::vector<study::CostCounsel> advice = study::CostCounsels(cost);
+  std::vector<std::string> more;
+  // What sets the first follows it, unless the next says the same.
+  for (std::size_t k = 0; k < advice.size(); ++k) {
+    if (k > 0) more.push_back(advice[k].words);
+    const bool last = k + 1 == advice.size() || advice[k + 1].set != advice[k].set;
+    if (last && !advice[k].set.empty()) more.push_back(advice[k].set);
+  }
+  page.AddWords(cost.Usable() ? report::Level::kGood : report::Level::kBad, advice.front().words,
+                more);
   page.AddTable(PageTable("Line by line", kLinesNote, LineRows(cost), {0, 1, 3, 4, 5}));
   page.AddWords(report::Level::kNeutral, "As overrides", SetLines(cost));
   for (std::size_t l = 0; l < cost.lines.size(); ++l) {
@@ -212,7 +221,8 @@ void WriteCostPage(const std::string& path, const std::string& scene, const Scen
   page.AddTable(PageTable("Every setting", kSettingsNote, SettingRows(cost, true), {0, 1, 7, 8}));
   std::vector<std::string> left_out = cost.refused;
   left_out.insert(left_out.end(), cost.absent.begin(), cost.absent.end());
-  page.AddWords(report::Level::kNeutral, "Compared with " + cost.reference, left_out);
+  left_out.insert(left_out.begin(), "Compared with " + cost.reference);
+  page.AddWords(report::Level::kNeutral, "The reference", left_out);
   page.AddOrigin(provenance);
   page.Write(path);
 }

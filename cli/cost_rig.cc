@@ -6,6 +6,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "base/count.h"
 #include "base/error.h"
 #include "base/length.h"
 #include "base/progress.h"
@@ -29,8 +30,11 @@ using calib::SurveySetting;
 using nlohmann::ordered_json;
 
 std::string What(const SurveySetting& of) {
-  if (of.poses > 0) return fmt::format("bar in {} poses, {} points", of.poses, of.points);
-  std::string text = fmt::format("{} points, {}", of.points, Name(of.places));
+  if (of.poses > 0)
+    return fmt::format("bar in {}, {}", Counted(static_cast<std::size_t>(of.poses), "pose"),
+                       Counted(static_cast<std::size_t>(of.points), "point"));
+  std::string text =
+      fmt::format("{}, {}", Counted(static_cast<std::size_t>(of.points), "point"), Name(of.places));
   if (of.shots > 1) text += fmt::format(", {} shots", of.shots);
   if (!of.lens.empty()) text += fmt::format(", lens {}", of.lens);
   if (!of.estimator.empty()) text += ", some wild, " + of.estimator;

@@ -135,9 +135,10 @@ int ExposeTrialVerb(const Common& common, const ExposeSettings& s) {
                                 {"duration_s", duration},
                                 {"seconds", ExposeSeconds(start)}};
   std::string text =
-      fmt::format("{}: {:.2f} s of {} cameras at {:g} lines/s, {} flashes of {} marks, {:.1f} s\n",
-                  s.output, duration, header.cameras.size(), header.line_rate, truth.size(),
-                  truth.marks.size(), ExposeSeconds(start));
+      fmt::format("{}: {:.2f} s of {} at {:g} lines/s, {} of {}, {:.1f} s\n", s.output, duration,
+                  Counted(header.cameras.size(), "camera"), header.line_rate,
+                  truth.size() == 1 ? "1 flash" : fmt::format("{} flashes", truth.size()),
+                  Counted(truth.marks.size(), "mark"), ExposeSeconds(start));
   if (outside > 0) {
     text += fmt::format(
         "{} flashes lie outside the lab's volume: the rig is not calibrated there\n", outside);

@@ -8,6 +8,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "base/count.h"
 #include "base/error.h"
 #include "base/progress.h"
 #include "base/signals.h"
@@ -61,7 +62,8 @@ std::string CommandWithout(const std::string& command) {
 // "3 starts: 41 evaluations, best so far 1.2e+04 (clearance 0.0058), about 60 to go".
 std::string ProgressNote(const correlate::FitProgress& at,
                          const std::vector<data::StudyParameter>& parameters) {
-  std::string note = fmt::format("{}: {} evaluations", at.phase, at.evaluations);
+  std::string note = fmt::format("{}: {}", at.phase,
+                                 Counted(static_cast<std::size_t>(at.evaluations), "evaluation"));
   if (at.best_cost > 0.0) {
     note += fmt::format(", best so far {:.5g}", at.best_cost);
     for (std::size_t j = 0; j < at.best_theta.size() && j < 3; ++j) {
@@ -158,7 +160,8 @@ int FitVerb(const Common& common, const FitSettings& s) {
     return engine.Begin(problems, identity);
   };
   options.on_resume = [&](std::size_t found, const std::string& path) {
-    if (talk) fmt::print(stderr, "unfurl: {} evaluations taken over from {}\n", found, path);
+    if (talk)
+      fmt::print(stderr, "unfurl: {} taken over from {}\n", Counted(found, "evaluation"), path);
   };
   Progress progress("fit", talk);
   options.progress = [&](const correlate::FitProgress& at) {

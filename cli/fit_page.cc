@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/count.h"
 #include "base/length.h"
 #include "base/number.h"
 #include "cli/channels_panel.h"
@@ -126,7 +127,9 @@ void AddIntervals(const data::FitRecord::Parameter& p, report::Page* page) {
   report::Chart chart;
   chart.title = p.name + ", 95% intervals";
   chart.x = {p.name, p.unit, false};
-  chart.y = {"above: all parts; below: the data alone", "1", false};
+  chart.y.label = "interval";
+  chart.y.names = {{1.0, "the data alone"}, {2.0, "all parts"}};
+  chart.height_px = 150;
   report::Series all, data, value;
   all.name = "all parts";
   all.x = {p.low95, p.high95};
@@ -272,8 +275,8 @@ void AddBands(const FitPageInput& in, report::Page* page) {
 
 void AddSearch(const FitPageInput& in, report::Page* page) {
   page->AddSection("Course of the search",
-                   fmt::format("{} evaluations of the model; every one is in the file.",
-                               in.record.evaluations.size()));
+                   fmt::format("{} of the model; every one is in the file.",
+                               Counted(in.record.evaluations.size(), "evaluation")));
   report::Table stages;
   stages.title = "Stages";
   stages.header = {"until", "samples", "iterations", "half the sum of squares"};

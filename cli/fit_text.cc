@@ -6,6 +6,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "base/count.h"
 #include "base/number.h"
 #include "base/table.h"
 #include "cli/verb.h"
@@ -19,8 +20,9 @@ std::string FitText(const data::FitRecord& record, double seconds) {
   for (const std::string& reason : record.reasons) text += "  " + reason + "\n";
   std::size_t failed = 0;
   for (const auto& e : record.evaluations) failed += e.failed ? 1 : 0;
-  const std::string cost = fmt::format("{} evaluations of the model, {} failed, in {:.1f} s\n",
-                                       record.evaluations.size(), failed, seconds);
+  const std::string cost =
+      fmt::format("{} of the model, {} failed, in {:.1f} s\n",
+                  Counted(record.evaluations.size(), "evaluation"), failed, seconds);
   if (record.nuisances.empty() && record.status != "converged") return text + cost;
   std::vector<std::vector<std::string>> rows = {{"parameter", "value", "error", "%", "of data",
                                                  "of model", "95% low", "95% high", "data's low",

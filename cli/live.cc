@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "base/conclusion.h"
+#include "base/count.h"
 #include "base/error.h"
 #include "base/progress.h"
 #include "base/signals.h"
@@ -114,8 +115,8 @@ class LiveRun {
     Conclude(why);
     if (error) throw *error;
     if (interrupted) {
-      Complain(fmt::format("interrupted after {} lines; all samples that they give were written",
-                           live_ ? live_->lines() : 0));
+      Complain(fmt::format("interrupted after {}; all samples that they give were written",
+                           Counted(live_ ? live_->lines() : 0, "line")));
       return kExitInterrupted;
     }
     return Judge();

@@ -7,6 +7,7 @@
 #include <limits>
 #include <utility>
 
+#include "base/count.h"
 #include "cli/live.h"
 #include "report/page.h"
 
@@ -47,10 +48,10 @@ void AddWords(const LivePageState& s, report::Page* page) {
     return;
   }
   if (s.standing.empty()) {
-    page->AddWords(
-        report::Level::kGood,
-        fmt::format("Nothing is wrong at {:.2f} s: {} cameras see {} marks{}", s.t,
-                    s.cameras.size(), s.marks.size(), s.ended ? "; the stream has ended" : ""));
+    page->AddWords(report::Level::kGood,
+                   fmt::format("Nothing is wrong at {:.2f} s: {} of {} seen{}", s.t,
+                               Counted(s.marks.size(), "mark"), Counted(s.cameras.size(), "camera"),
+                               s.ended ? "; the stream has ended" : ""));
     return;
   }
   std::vector<std::string> others;
@@ -66,14 +67,13 @@ void AddFigures(const LivePageState& s, report::Page* page) {
   constexpr double kMs = 1e3;  // of a second
   const double share =
       s.samples > 0 ? 100.0 * static_cast<double>(s.usable) / static_cast<double>(s.samples) : 0.0;
-  page->AddFigures(
-      {{"time of the record", fmt::format("{:.2f} s", s.t), fmt::format("{} lines", s.lines)},
-       {"samples with a position", fmt::format("{:.2f} %", share),
-        fmt::format("{} of {}", s.usable, s.samples)},
-       {"line to point, 99%", fmt::format("{:.2f} ms", kMs * s.latency_p99),
-        "from a line's arrival until what it decides is written"},
-       {"waited for later lines, 99%", fmt::format("{:.3f} s", s.waited_p99),
-        "of the record's time: samples in doubt"}});
+  page->AddFigures({{"time of the record", fmt::format("{:.2f} s", s.t), Counted(s.lines, "line")},
+                    {"samples with a position", fmt::format("{:.2f} %", share),
+                     fmt::format("{} of {}", s.usable, s.samples)},
+                    {"line to point, 99%", fmt::format("{:.2f} ms", kMs * s.latency_p99),
+                     "from a line's arrival until what it decides is written"},
+                    {"waited for later lines, 99%", fmt::format("{:.3f} s", s.waited_p99),
+                     "of the record's time: samples in doubt"}});
 }
 
 void AddViews(const LivePageState& s, report::Page* page) {

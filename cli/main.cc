@@ -4,6 +4,7 @@
 #include <clocale>
 #include <cstdio>
 #include <locale>
+#include <memory>
 #include <new>
 #include <stdexcept>
 #include <string>
@@ -66,6 +67,7 @@ int Run(int argc, char** argv) {
       "Unfurl: calibrate a rig of line cameras, reconstruct a deployment trial, simulate "
       "it, and fit the one to the other.");
   program.set_version_flag("-v,--version", unfurl::data::ProgramVersion());
+  program.formatter(std::make_shared<unfurl::cli::ReadableFormatter>());  // which verbs inherit
   program.require_subcommand(1);
   program.footer(kFooter);
   std::vector<Verb> verbs;

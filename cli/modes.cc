@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 #include <optional>
 
+#include "base/count.h"
 #include "base/error.h"
 #include "base/table.h"
 #include "cli/modes_page.h"
@@ -105,7 +106,7 @@ int RunModes(const Common& common, const ModesArguments& arguments) {
     WriteModesPage(arguments.report,
                    {modes.record,
                     scene.name,
-                    {fmt::format("{} modes, {}", modes.record.modes.size(), state),
+                    {fmt::format("{}, {}", Counted(modes.record.modes.size(), "mode"), state),
                      EquilibriumText(modes, arguments.as_is), RigidText(modes)},
                     modes.usable},
                    provenance);

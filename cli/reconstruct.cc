@@ -210,9 +210,9 @@ int Conclude(const Common& common, const ReconstructSettings& s, const data::Rig
   std::string text;
   for (const std::string& reason : not_usable) text += "not usable: " + reason + "\n";
   text += HealthText(health, &summary);
-  text +=
-      fmt::format("{}: {} samples from {} lines in {:.1f} s ({:.0f} lines/s)\n", s.output,
-                  done.samples(), done.lines, seconds, static_cast<double>(done.lines) / seconds);
+  text += fmt::format("{}: {} from {} in {:.1f} s ({:.0f} lines/s)\n", s.output,
+                      Counted(done.samples(), "sample"), Counted(done.lines, "line"), seconds,
+                      static_cast<double>(done.lines) / seconds);
   text += DescribeSamples(done, reconstructor.layout());
   if (s.smooth) {
     text += fmt::format("smoothed in {} sections, {} events; use unsmoothed tracks for a fit\n",

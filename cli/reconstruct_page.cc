@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/count.h"
 #include "base/length.h"
 #include "base/text.h"
 #include "cli/motion_panel.h"
@@ -72,14 +73,17 @@ void AddVerdict(const ReconstructPageInput& in, report::Page* page) {
     details.push_back(fmt::format("The rig's own verdict is \"{}\".", in.rig->verdict));
   }
   for (const auto& [reason, count] : s.Unsolved()) {
-    details.push_back(fmt::format("{} samples without a position: {}.", count, reason));
+    details.push_back(fmt::format("{} without a position: {}.",
+                                  Counted(static_cast<std::size_t>(count), "sample"), reason));
   }
   for (std::size_t c = 0; c < s.left_out.size(); ++c) {
     if (s.left_out[c] == 0) continue;
     details.push_back(fmt::format(
-        "{}: {} readings were rejected, because they disagreed with the other cameras or with the "
-        "marks' motion, or because the camera had often been wrong before.",
-        in.digest->cameras[c], s.left_out[c]));
+        "{}: {} rejected, disagreeing with the other cameras or with the marks' motion, or because "
+        "the camera had often been wrong before.",
+        in.digest->cameras[c],
+        Counted(static_cast<std::size_t>(s.left_out[c]), "reading") +
+            (s.left_out[c] == 1 ? " was" : " were")));
   }
   if (!s.named_by_place.empty()) {
     details.push_back(
@@ -92,8 +96,9 @@ void AddVerdict(const ReconstructPageInput& in, report::Page* page) {
         "These tracks are smoothed: errors of neighbouring samples are correlated, and a fit "
         "refuses them.");
   }
-  page->AddWords(level, fmt::format("{:.2f}% of {} samples have a position", usable, s.samples()),
-                 details);
+  page->AddWords(
+      level, fmt::format("{:.2f}% of {} have a position", usable, Counted(s.samples(), "sample")),
+      details);
   std::size_t four = 0, three = 0, rejected = 0;
   for (const auto& counts : s.status) {
     four += counts[0];

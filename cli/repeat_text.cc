@@ -6,6 +6,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "base/count.h"
 #include "base/number.h"
 #include "base/table.h"
 #include "cli/fit_text.h"
@@ -78,8 +79,8 @@ std::string RepeatText(const data::FitRecord& record, double seconds) {
   }
   std::size_t failed = 0;
   for (const auto& e : record.evaluations) failed += e.failed ? 1 : 0;
-  return text + fmt::format("{} evaluations of the model, {} failed, in {:.1f} s\n",
-                            record.evaluations.size(), failed, seconds);
+  return text + fmt::format("{} of the model, {} failed, in {:.1f} s\n",
+                            Counted(record.evaluations.size(), "evaluation"), failed, seconds);
 }
 
 ordered_json RepeatJson(const data::FitRecord& record, const std::string& output, double seconds) {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <optional>
 
+#include "base/count.h"
 #include "cli/certificate_panel.h"
 #include "cli/motion_panel.h"
 #include "cli/run_columns.h"
@@ -82,11 +83,9 @@ class Composer {
       const std::string words = CertificateSentence(in_);
       if (!words.empty()) details.push_back(words);
     }
-    for (const auto* warnings : {&in_.model.warnings, &in_.report.warnings}) {
-      for (const std::string& warning : *warnings) {
-        details.push_back("Warning: " + warning + ".");
-        level = std::max(level, Level::kCare);
-      }
+    for (const std::string& warning : sim::ShownWarnings(in_)) {
+      details.push_back("Warning: " + warning + ".");
+      level = std::max(level, Level::kCare);
     }
     details.push_back("The scene calls for " + sim::EffectsText(in_.model) + ".");
     page_.AddWords(level, headline, details);
@@ -167,7 +166,9 @@ class Composer {
           "friction counts in full. Restitution: the median of -rate at the end over rate at the "
           "start, of the impacts that ended.";
     }
-    if (left_out > 0) table.note += fmt::format(" {} joints more are in the file.", left_out);
+    if (left_out > 0)
+      table.note += fmt::format(" {} more {} in the file.", Counted(left_out, "joint"),
+                                left_out == 1 ? "is" : "are");
     table.header = rows[0];
     table.rows.assign(rows.begin() + 1, rows.end());
     page_.AddTable(table);

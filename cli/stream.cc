@@ -12,6 +12,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
+#include "base/count.h"
 #include "base/error.h"
 #include "base/progress.h"
 #include "cli/live_source.h"
@@ -161,7 +162,9 @@ int StreamVerb(const Common& common, const StreamSettings& s) {
   if (s.to.empty()) return kExitGood;
   const double seconds = std::chrono::duration<double>(Clock::now() - start).count();
   const nlohmann::ordered_json summary = {{"lines", n}, {"to", s.to}, {"seconds", seconds}};
-  Finish(common, summary, fmt::format("{} lines to {} in {:.1f} s", n, s.to, seconds));
+  Finish(common, summary,
+         fmt::format("{} to {} in {:.1f} s", Counted(static_cast<std::size_t>(n), "line"), s.to,
+                     seconds));
   return kExitGood;
 }
 

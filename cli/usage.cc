@@ -4,6 +4,9 @@
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <map>
+#include <numbers>
+#include <regex>
 
 #include "base/text.h"
 
@@ -54,18 +57,59 @@ std::string UnknownOption(const Verb& verb, int argc, char** argv) {
   return {};
 }
 
-// "5s", "4-8": a number with something behind it.
+// "How many modes" after a semicolon: "how many modes"; "HDF5 .." stays.
+std::string Continued(std::string text) {
+  if (text.size() > 1 && text[0] >= 'A' && text[0] <= 'Z' && text[1] >= 'a' && text[1] <= 'z') {
+    text[0] = static_cast<char>(text[0] - 'A' + 'a');
+  }
+  return text;
+}
+
+// Of units that people write behind numbers, what one is in the unit that options take.
+double ScaleOf(const std::string& unit) {
+  static const std::map<std::string, double> kScales = {
+      {"km", 1e3},
+      {"cm", 1e-2},
+      {"mm", 1e-3},
+      {"um", 1e-6},
+      {"nm", 1e-9},
+      {"min", 60.0},
+      {"h", 3600.0},
+      {"ms", 1e-3},
+      {"us", 1e-6},
+      {"ns", 1e-9},
+      {"kHz", 1e3},
+      {"MHz", 1e6},
+      {"mrad", 1e-3},
+      {"urad", 1e-6},
+      {"deg", std::numbers::pi / 180.0},
+      {"arcsec", std::numbers::pi / 648000.0},
+      {"%", 1e-2},
+      {"ppm", 1e-6},
+  };
+  const auto at = kScales.find(unit);
+  return at == kScales.end() ? 1.0 : at->second;
+}
+
+// "5s", "500ms", "4-8": a number with something behind it.
 std::string RemedyFor(const std::string& value, const CLI::Option& option) {
   const std::size_t digits = value.find_first_not_of("+-.0123456789eE");
   if (digits != std::string::npos && digits > 0) {
-    return fmt::format("leave '{}' out: {}", value.substr(digits), option.get_description());
+    const std::string unit(Trim(value.substr(digits)));
+    const double scale = ScaleOf(unit);
+    double number = 0.0;
+    // Without its unit 500ms would be 500 s.
+    if (scale != 1.0 && ParseDouble(value.substr(0, digits), &number)) {
+      return fmt::format("write {:.9g}: {}", scale * number, Continued(option.get_description()));
+    }
+    return fmt::format("leave '{}' out: {}", unit, Continued(option.get_description()));
   }
   const std::size_t dash = value.find('-', 1);
   if (dash != std::string::npos && option.get_expected_max() > 1) {
     return fmt::format("write each, with commas: {},{}", value.substr(0, dash),
                        value.substr(dash + 1));
   }
-  return option.get_description();
+  return "it is: " + Continued(option.get_description());
 }
 
 // Values that an option cannot take. CLI11 says "Could not convert: NAME = VALUE".
@@ -113,9 +157,9 @@ Error OutOfRange(const Verb& verb, const CLI::Error& error) {
   const char* wanted = type.find("POSITIVE") != std::string::npos      ? "a number above 0"
                        : type.find("NONNEGATIVE") != std::string::npos ? "0 or more"
                                                                        : nullptr;
-  return {
-      fmt::format("{} cannot be {}", name, value), kWhere,
-      fmt::format("give {}: {}", wanted != nullptr ? wanted : bounds, option->get_description())};
+  return {fmt::format("{} cannot be {}", name, value), kWhere,
+          fmt::format("give {}: {}", wanted != nullptr ? wanted : bounds,
+                      Continued(option->get_description()))};
 }
 
 // Of words that are expected before a file, as in `campaign rum plan.toml`: the one that was likely
@@ -158,6 +202,22 @@ void RefuseNegative(const Verb& verb) {
           kWhere, HelpOf(verb));
     }
   }
+}
+
+std::string ReadableType(std::string type) {
+  static const std::regex kRange(":(INT|UINT|FLOAT) in \\[(\\S+) - (\\S+)\\]");
+  static const std::regex kAbove(":POSITIVE"), kFrom(":NONNEGATIVE"), kOneOf(":\\{([^}]*)\\}");
+  type = std::regex_replace(type, kRange, " from $2 to $3");
+  type = std::regex_replace(type, kAbove, " above 0");
+  type = std::regex_replace(type, kFrom, " from 0");
+  type = std::regex_replace(type, kOneOf, " of $1");
+  static const std::regex kWhole("\\bU?INT\\b"), kNumber("\\bFLOAT\\b");
+  type = std::regex_replace(type, kWhole, "INTEGER");
+  return std::regex_replace(type, kNumber, "NUMBER");
+}
+
+std::string ReadableFormatter::make_option_opts(const CLI::Option* option) const {
+  return ReadableType(CLI::Formatter::make_option_opts(option));
 }
 
 void PrintHelp(const CLI::App& program, const std::vector<Verb>& verbs, int argc, char** argv) {

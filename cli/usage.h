@@ -1,15 +1,23 @@
 #pragma once
 
+#include <CLI/CLI.hpp>
+#include <string>
 #include <vector>
 
 #include "base/error.h"
 #include "cli/verb.h"
 
-namespace CLI {
-class Error;
-}
-
 namespace unfurl::cli {
+
+// The kind of value that an option takes, as people read it: "NUMBER above 0" of what CLI11 calls
+// "FLOAT:POSITIVE".
+std::string ReadableType(std::string type);
+
+// Help with such kinds.
+class ReadableFormatter : public CLI::Formatter {
+ public:
+  std::string make_option_opts(const CLI::Option* option) const override;
+};
 
 // `unfurl help [VERB]`: the program's help, or that of a verb. Throws Error for a verb that is
 // none.

@@ -182,7 +182,8 @@ CsvTable CsvTable::Load(const std::string& path) {
     table.lines_.push_back(number);
   }
   if (table.columns_.empty()) {
-    throw Error("holds no header line", path, "give a CSV file such as docs/formats.md shows");
+    throw Error(Trim(text).empty() ? "is empty" : "holds no header line", path,
+                "give a CSV file such as docs/formats.md shows");
   }
   return table;
 }

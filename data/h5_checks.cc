@@ -110,7 +110,8 @@ H5Handle H5OpenChecked(const std::string& path) {
                 "ask for permission to read it", ErrorKind::kMachine);
   }
   if (H5Fis_hdf5(path.c_str()) <= 0) {
-    throw Error("is not an HDF5 file", path, "give a file that an unfurl verb wrote");
+    throw Error(info.st_size == 0 ? "is empty" : "is not an HDF5 file", path,
+                "give a file that an unfurl verb wrote");
   }
   std::string message;
   H5Handle file = Open(path, H5F_ACC_RDONLY, &message);

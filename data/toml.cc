@@ -39,6 +39,9 @@ TomlTable LoadToml(const std::string& path, const std::vector<std::string>& over
     const toml::node* node = ApplyOverride(*root.table, assignment, &dotted);
     if (node != nullptr) document.overridden[node] = dotted;
   };
+  if (root.table->empty() && overrides.empty()) {
+    throw Error("is empty", path, "fill it, or begin with one that `unfurl new` makes");
+  }
   // An include from the command line must be known before the rest can be applied.
   const auto is_include = [](const std::string& assignment) {
     return Trim(assignment.substr(0, assignment.find('='))) == kIncludeKey;

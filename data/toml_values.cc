@@ -59,9 +59,20 @@ struct Reader {
   [[noreturn]] void Wrong(const toml::node& n, const std::string& wanted) const {
     owner.Fail(key, fmt::format("holds {}, not {}", TypeName(n), wanted), "correct the value");
   }
+  // "5deg" where a number is wanted: most likely it was written with a unit.
+  void WrongUnit(const std::string& text) const {
+    const std::size_t end = text.find_first_not_of("+-.0123456789eE");
+    double number = 0.0;
+    if (end == 0 || end == std::string::npos || !ParseDouble(text.substr(0, end), &number)) return;
+    owner.Fail(key, fmt::format("holds '{}', not a number", text),
+               "write it without a unit, in m, kg, s, N and rad");
+  }
   double Number(const toml::node& n, TomlRange range) const {
     const std::optional<double> value = n.is_number() ? n.value<double>() : std::nullopt;
-    if (!value) Wrong(n, "a number");
+    if (!value) {
+      if (n.is_string()) WrongUnit(*n.value<std::string>());
+      Wrong(n, "a number");
+    }
     if (!std::isfinite(*value)) owner.Fail(key, "is not a finite number", "give a finite number");
     if (!InRange(*value, range)) {
       owner.Fail(key, fmt::format("{} is out of range", *value), "it must be " + RangeWords(range));

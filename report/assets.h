@@ -11,6 +11,7 @@ extern const std::string_view kSynchronizerScript;  // dygraphs' own extra: zoom
 extern const std::string_view kDygraphsStyle;
 extern const std::string_view kPageScript;
 extern const std::string_view kPageStyle;
+extern const std::string_view kPaperStyle;       // after kPageStyle
 extern const std::string_view kToolsScript;      // before those that follow
 extern const std::string_view kFiguresScript;    // after kPageScript
 extern const std::string_view kThreeScript;      // three.js, for views in space

@@ -85,6 +85,7 @@ Json AxisJson(const Axis& axis) {
       {"title", AxisTitle(axis)}, {"unit", axis.unit == "1" ? "" : axis.unit}, {"log", axis.log}};
   if (std::isfinite(axis.least)) json["least"] = axis.least;
   if (std::isfinite(axis.most)) json["most"] = axis.most;
+  if (!axis.names.empty()) json["names"] = axis.names;
   return json;
 }
 

@@ -30,10 +30,11 @@ function curve(s, xs, x, y, log) {
     out += (down ? 'L' : 'M') + at;
     down = true;
   });
-  if (s.style === 'dots') {
-    return '<path d="' + dots + '" stroke="' + s.color + '" stroke-width="3" stroke-linecap="round"/>';
-  }
-  return '<path d="' + out + '" fill="none" stroke="' + s.color + '" stroke-width="1.6"' +
+  // As on the page: few dots are large, and a line through few places shows them.
+  var count = s.y.length, size = count < 60 ? 6 : count < 480 ? 4 : 2.5;
+  var spots = '<path d="' + dots + '" stroke="' + s.color + '" stroke-width="' + size + '" stroke-linecap="round"/>';
+  if (s.style === 'dots') return spots;
+  return (s.style === 'line' && count <= 12 ? spots : '') + '<path d="' + out + '" fill="none" stroke="' + s.color + '" stroke-width="1.6"' +
       (s.style === 'dashes' ? ' stroke-dasharray="7 4"' : '') + '/>';
 }
 
@@ -50,47 +51,103 @@ function band(s, xs, x, y, log) {
   return there ? '<path d="' + there + back + 'Z" fill="' + s.color + '" fill-opacity="0.18"/>' : '';
 }
 
-// The chart as it is zoomed now, hidden series left out.
-function chartSvg(title, data, chart) {
-  var shown = data.series.filter(function(s, k) { return chart.visibility()[k]; });
-  var width = 960, left = 84, right = 20, bottom = 56, top = 40 + 20 * Math.ceil(shown.length / 3), height = top + 360 + bottom;
+function axisTicks(axis, range, count) {
+  if (axis.names) return axis.names.map(function(n) { return {v: n[0], label: escape(n[1])}; });
+  return window.unfurlTicks(range[0], range[1], axis.log, count).map(function(v) { return {v: v, label: word(v)}; });
+}
+
+function markersSvg(data, frame, x) {
+  return window.unfurlPlaceMarkers(data.markers, frame.left, frame.width - frame.right, x).map(function(m) {
+    var line = '<path d="M' + m.x.toFixed(1) + ' ' + frame.top + 'V' + (frame.height - frame.bottom) +
+        '" stroke="#666666" stroke-dasharray="3 3" stroke-opacity="0.6"/>';
+    return line + '<text x="' + (m.x + (m.flipped ? -4 : 4)).toFixed(1) + '" y="' + (frame.top + 9 + m.below) +
+        '" text-anchor="' + (m.flipped ? 'end' : 'start') + '" font-size="11" fill="#444">' + escape(m.label) + '</text>';
+  }).join('');
+}
+
+function shownOf(data, chart) {
+  return data.series.filter(function(s, k) { return chart.visibility()[k]; });
+}
+
+// The chart as it is zoomed now, hidden series left out, within `frame` [px].
+function plotSvg(data, chart, frame) {
+  var shown = shownOf(data, chart), width = frame.width, height = frame.height;
+  var left = frame.left, right = frame.right, top = frame.top, bottom = frame.bottom;
   var ranges = {x: chart.xAxisRange(), y: chart.yAxisRange()}, log = {x: data.x.log, y: data.y.log};
   log.least = data.y.least === undefined ? -Infinity : data.y.least;
   log.most = data.y.most === undefined ? Infinity : data.y.most;
-  var x = place(ranges.x, log.x, left, width - right), y = place(ranges.y, log.y, height - bottom, top);
-  var svg = '<svg xmlns="http://www.w3.org/2000/svg" width="' + width + '" height="' + height + '" viewBox="0 0 ' +
-      width + ' ' + height + '" font-family="Helvetica, Arial, DejaVu Sans, sans-serif" font-size="13">' +
-      '<rect width="' + width + '" height="' + height + '" fill="#fff"/>' +
-      '<text x="' + left + '" y="22" font-size="16" font-weight="bold">' + escape(title) + '</text>';
-  window.unfurlTicks(ranges.x[0], ranges.x[1], log.x, 9).forEach(function(v) {
-    svg += '<path d="M' + x(v).toFixed(1) + ' ' + top + 'V' + (height - bottom) + '" stroke="#e2e2e2"/><text x="' +
-        x(v).toFixed(1) + '" y="' + (height - bottom + 18) + '" text-anchor="middle">' + word(v) + '</text>';
+  var x = place(ranges.x, log.x, left, width - right), y = place(ranges.y, log.y, height - bottom, top), svg = '';
+  axisTicks(data.x, ranges.x, (width - left - right) / 95).forEach(function(tick) {
+    var at = x(tick.v).toFixed(1);
+    svg += '<path d="M' + at + ' ' + top + 'V' + (height - bottom) + '" stroke="#e2e2e2"/><text x="' + at + '" y="' +
+        (height - bottom + 18) + '" text-anchor="middle">' + tick.label + '</text>';
   });
-  window.unfurlTicks(ranges.y[0], ranges.y[1], log.y, 7).forEach(function(v) {
-    svg += '<path d="M' + left + ' ' + y(v).toFixed(1) + 'H' + (width - right) + '" stroke="#e2e2e2"/><text x="' +
-        (left - 7) + '" y="' + (y(v) + 4).toFixed(1) + '" text-anchor="end">' + word(v) + '</text>';
+  axisTicks(data.y, ranges.y, (height - top - bottom) / 30).forEach(function(tick) {
+    svg += '<path d="M' + left + ' ' + y(tick.v).toFixed(1) + 'H' + (width - right) + '" stroke="#e2e2e2"/><text x="' +
+        (left - 7) + '" y="' + (y(tick.v) + 4).toFixed(1) + '" text-anchor="end">' + tick.label + '</text>';
   });
-  svg += '<clipPath id="area"><rect x="' + left + '" y="' + top + '" width="' + (width - left - right) + '" height="' +
-      (height - top - bottom) + '"/></clipPath><g clip-path="url(#area)">';
+  svg += '<clipPath id="' + frame.name + '"><rect x="' + left + '" y="' + top + '" width="' + (width - left - right) +
+      '" height="' + (height - top - bottom) + '"/></clipPath><g clip-path="url(#' + frame.name + ')">';
   shown.forEach(function(s) { svg += band(s, data.axes[s.axis], x, y, log); });
   shown.forEach(function(s) { svg += curve(s, data.axes[s.axis], x, y, log); });
-  data.markers.forEach(function(m, k) {
-    svg += '<path d="M' + x(m.x).toFixed(1) + ' ' + top + 'V' + (height - bottom) + '" stroke="' + m.color +
-        '" stroke-dasharray="3 3" stroke-opacity="0.6"/><text x="' + (x(m.x) + 4).toFixed(1) + '" y="' +
-        (top + 12 + 13 * (k % 3)) + '" font-size="11" fill="' + m.color + '">' + escape(m.label) + '</text>';
-  });
-  svg += '</g><rect x="' + left + '" y="' + top + '" width="' + (width - left - right) + '" height="' +
-      (height - top - bottom) + '" fill="none" stroke="#555"/>';
+  svg += markersSvg(data, frame, x) + '</g><rect x="' + left + '" y="' + top + '" width="' + (width - left - right) +
+      '" height="' + (height - top - bottom) + '" fill="none" stroke="#555"/>';
+  return svg + '<text x="' + (left + width - right) / 2 + '" y="' + (height - 12) + '" text-anchor="middle">' +
+      escape(data.x.title) + '</text><text transform="translate(20 ' + (top + height - bottom) / 2 +
+      ') rotate(-90)" text-anchor="middle">' + escape(data.y.title) + '</text>';
+}
+
+function wrapSvg(frame, inner) {
+  return '<svg xmlns="http://www.w3.org/2000/svg" width="' + frame.width + '" height="' + frame.height + '" viewBox="0 0 ' +
+      frame.width + ' ' + frame.height + '" font-family="Helvetica, Arial, DejaVu Sans, sans-serif" font-size="' +
+      frame.font + '"><rect width="' + frame.width + '" height="' + frame.height + '" fill="#fff"/>' + inner + '</svg>';
+}
+
+// Room left of the axis: its title and its longest number or name [px].
+function leftOf(data, chart, least) {
+  var most = Math.max.apply(null, [0].concat(axisTicks(data.y, chart.yAxisRange(), 9).map(function(t) {
+    return t.label.length;
+  })));
+  return Math.max(least, 40 + 7.5 * most);
+}
+
+// With title and keys, to be saved.
+function chartSvg(title, data, chart) {
+  var shown = shownOf(data, chart), top = 40 + 20 * Math.ceil(shown.length / 3);
+  var frame = {name: 'area', width: 960, height: top + 416, left: leftOf(data, chart, 84), right: 20, top: top, bottom: 56, font: 13};
+  var svg = '<text x="' + frame.left + '" y="22" font-size="16" font-weight="bold">' + escape(title) + '</text>';
   shown.forEach(function(s, k) {
-    var at = left + (k % 3) * (width - left - right) / 3, line = 44 + 20 * Math.floor(k / 3);
+    var at = frame.left + (k % 3) * (frame.width - frame.left - frame.right) / 3, line = 44 + 20 * Math.floor(k / 3);
     svg += '<path d="M' + at + ' ' + (line - 5) + 'h24" stroke="' + s.color + '" stroke-width="3"' +
         (s.style === 'line' ? '' : ' stroke-dasharray="' + (s.style === 'dots' ? '3 4' : '7 4') + '"') + '/><text x="' +
         (at + 30) + '" y="' + line + '">' + escape(s.name) + '</text>';
   });
-  return svg + '<text x="' + (left + width - right) / 2 + '" y="' + (height - 12) + '" text-anchor="middle">' +
-      escape(data.x.title) + '</text><text transform="translate(20 ' + (top + height - bottom) / 2 +
-      ') rotate(-90)" text-anchor="middle">' + escape(data.y.title) + '</text></svg>';
+  return wrapSvg(frame, svg + plotSvg(data, chart, frame));
 }
+
+// On paper charts are drawn by lines, as wide as the paper: what a canvas holds is as wide as the window was.
+function drawForPaper(id, data, chart) {
+  var holder = document.getElementById(id), paper = document.createElement('div');
+  paper.className = 'printed';
+  holder.after(paper);
+  window.addEventListener('beforeprint', function() {
+    var frame = {name: id + '-area', width: 674, height: Math.min(300, parseFloat(holder.style.height)),
+                 left: leftOf(data, chart, 64), right: 12, top: 6, bottom: 44, font: 11};
+    paper.innerHTML = wrapSvg(frame, plotSvg(data, chart, frame));
+  });
+  window.addEventListener('afterprint', function() { paper.textContent = ''; });
+}
+
+// A table that is wider than its panel would make a browser shrink the whole page.
+window.addEventListener('beforeprint', function() {
+  document.querySelectorAll('.table > table').forEach(function(table) {
+    var room = table.parentNode.clientWidth, wide = table.offsetWidth;
+    if (wide > room) table.style.zoom = String(room / wide);
+  });
+});
+window.addEventListener('afterprint', function() {
+  document.querySelectorAll('.table > table').forEach(function(table) { table.style.zoom = ''; });
+});
 
 function cell(value) {
   if (value === null || value === undefined || value !== value) return '';
@@ -173,6 +230,7 @@ document.querySelectorAll('figure.chart').forEach(function(figure) {
   var block = figure.querySelector('script.chart-data'), chart = (window.unfurlChartsById || {})[block.dataset.plot];
   if (!chart) return;
   var data = JSON.parse(block.textContent);
+  drawForPaper(block.dataset.plot, data, chart);
   offer(figure, {
     csv: function() { return chartCsv(data); },
     svg: function() { return chartSvg(figure.querySelector('h2, h3') ? figure.querySelector('h2, h3').textContent : '', data, chart); }

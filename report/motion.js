@@ -183,7 +183,7 @@ function Player(block) {
     draw();
     showTime();
   });
-  window.unfurlWhenColoursChange(draw);
+  window.unfurlWhenColoursChange(draw, true);
   panel.classList.add('runs');
   seek(first);
   this.seek = seek;

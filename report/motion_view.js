@@ -221,7 +221,7 @@ function View(canvas, data, trails) {
   }
 
   function draw() {
-    var ratio = window.devicePixelRatio || 1;
+    var ratio = window.unfurlFineness();
     width = canvas.clientWidth;
     height = canvas.clientHeight;
     if (canvas.width !== Math.round(width * ratio)) canvas.width = Math.round(width * ratio);

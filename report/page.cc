@@ -83,7 +83,19 @@ std::string Typeset(std::string text) {
   }
   const std::size_t about = text.find("+-");
   if (about != std::string::npos) text.replace(about, 2, "\u00b1");
+  if (text.size() > 1 && text[0] == 'x' && text[1] >= '0' && text[1] <= '9') {
+    text.replace(0, 1, "\u00d7");  // a factor
+  }
   if (text.ends_with(" um")) text.replace(text.size() - 2, 1, "\u00b5");
+  return text;
+}
+
+// A sentence; what is typed, as "--bar 0.6m+-0.1mm", stays.
+std::string TypesetWords(std::string text) {
+  const std::string plain = " +- ";
+  for (std::size_t at = 0; (at = text.find(plain, at)) != std::string::npos;) {
+    text.replace(at, plain.size(), " \u00b1 ");
+  }
   return text;
 }
 
@@ -153,13 +165,14 @@ void Page::AddWords(Level level, const std::string& headline,
     body_ += fmt::format("<div class=\"sign\">{}</div>\n", SignOf(level));
   }
   body_ += "<p class=\"headline\">" + EscapeHtml(headline) + "</p>\n";
-  for (const std::string& text : details) body_ += "<p>" + EscapeHtml(text) + "</p>\n";
+  for (const std::string& text : details)
+    body_ += "<p>" + EscapeHtml(TypesetWords(text)) + "</p>\n";
   body_ += "</section>\n";
 }
 
 void Page::AddSection(const std::string& title, const std::string& words) {
   body_ += "<h2>" + EscapeHtml(title) + "</h2>\n";
-  if (!words.empty()) body_ += "<p class=\"note\">" + EscapeHtml(words) + "</p>\n";
+  if (!words.empty()) body_ += "<p class=\"note\">" + EscapeHtml(TypesetWords(words)) + "</p>\n";
 }
 
 void Page::AddFigures(const std::vector<Figure>& figures) {
@@ -282,7 +295,8 @@ std::string Page::Html() const {
   html += "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n";
   html += "<title>" + EscapeHtml(title_) + "</title>\n<style>\n";
   if (!charts_.empty()) html += std::string(kDygraphsStyle) + "\n";
-  html += std::string(kPageStyle) + "</style>\n</head>\n<body>\n<header class=\"page\">\n<h1>" +
+  html += std::string(kPageStyle) + "</style>\n<style id=\"paper\" media=\"print\">\n" +
+          std::string(kPaperStyle) + "</style>\n</head>\n<body>\n<header class=\"page\">\n<h1>" +
           EscapeHtml(title_) + "</h1>\n";
   if (!subtitle_.empty()) html += "<p>" + EscapeHtml(subtitle_) + "</p>\n";
   html += "</header>\n<main>\n";

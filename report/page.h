@@ -4,6 +4,7 @@
 #include <limits>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace unfurl::data {
@@ -29,6 +30,9 @@ struct Axis {
   // What the quantity cannot be below and above, where error bands end [unit].
   double least = -std::numeric_limits<double>::infinity();
   double most = std::numeric_limits<double>::infinity();
+  // Of an axis that is no quantity: what stands where, instead of numbers; none on x [the axis'
+  // unit].
+  std::vector<std::pair<double, std::string>> names = {};
 };
 
 struct Series {

@@ -88,6 +88,11 @@
     });
     return {places: out, rows: ends.length};
   }
+  window.unfurlPlaceMarkers = function (markers, left, right, toX) {
+    return placeMarkers(markers, document.createElement('canvas').getContext('2d'), left, right, toX).places.map(function (m) {
+      return {x: m.x, label: m.row < mostRows ? m.label : '', flipped: m.flipped, below: 3 + markerRow * m.row};
+    });
+  };
 
   // Vertical lines with words at their top.
   function drawMarkers(markers, context, area, g) {
@@ -185,6 +190,9 @@
     var yAxis = {logscale: data.y.log, axisLabelFormatter: ticks('y'), axisLabelWidth: labelWidth, pixelsPerLabel: 26};
     if (data.x.log) xAxis.ticker = logTicker;
     if (data.y.log) yAxis.ticker = logTicker;
+    if (data.y.names) {
+      yAxis.ticker = function () { return data.y.names.map(function (n) { return {v: n[0], label: n[1].replace(/[<>&]/g, '')}; }); };
+    }
     function unit(text) { return text ? '\u2009' + text : ''; }
     var chart = new Dygraph(holder, merged.table, {
       labels: ['x'].concat(data.series.map(function (s, k) { return 's' + k; })),
@@ -202,7 +210,7 @@
       gridLineColor: window.unfurlTone('--line'),
       highlightCircleSize: 3,
       animatedZooms: false,
-      yRangePad: 8 + above,
+      yRangePad: 8 + above + (data.y.names ? 16 : 0),  // rows stand clear of the frame
       xRangePad: data.x.log ? 0 : 4,  // a pad would take a logarithmic axis below zero
       logscale: false,
       axes: {x: xAxis, y: yAxis},
@@ -256,9 +264,5 @@
       var hidden = key.classList.toggle('hidden');
       chart.setVisibility(+key.dataset.series, !hidden);
     });
-  });
-  // A printed page is narrower than the window.
-  window.addEventListener('beforeprint', function () {
-    Object.keys(charts).forEach(function (id) { charts[id].resize(); });
   });
 })();

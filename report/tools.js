@@ -19,17 +19,31 @@ window.unfurlTone = function(name) {
 };
 
 // A curve's colour as it is seen on the page's ground; on paper it is the colour itself.
-var printing = false;
-window.addEventListener('beforeprint', function() { printing = true; });
-window.addEventListener('afterprint', function() { printing = false; });
 window.unfurlInk = function(color) {
-  return (!printing && window.unfurlTone('--s-' + color.slice(1))) || color;
+  return window.unfurlTone('--s-' + color.slice(1)) || color;
 };
 
-// Calls `draw` whenever colours change: another scheme, or paper.
-window.unfurlWhenColoursChange = function(draw) {
-  window.addEventListener('beforeprint', draw);
-  window.addEventListener('afterprint', draw);
+// Before anything is printed the page takes paper's width and colours; a browser gives them only after scripts have
+// drawn.
+function toPaper(on) {
+  document.documentElement.classList.toggle('printing', on);
+  document.getElementById('paper').media = on ? 'all' : 'print';
+}
+window.addEventListener('beforeprint', function() { toPaper(true); });
+window.addEventListener('afterprint', function() { toPaper(false); });
+
+// Pixels of a canvas to one of the page's; a printer shows more than a screen.
+window.unfurlFineness = function() {
+  var screen = window.devicePixelRatio || 1;
+  return document.documentElement.classList.contains('printing') ? Math.max(2, screen) : screen;
+};
+
+// Calls `draw` whenever the scheme of colours changes; `onPaper`: before and after printing, too.
+window.unfurlWhenColoursChange = function(draw, onPaper) {
+  if (onPaper) {
+    window.addEventListener('beforeprint', draw);
+    window.addEventListener('afterprint', draw);
+  }
   if (window.matchMedia) window.matchMedia('(prefers-color-scheme: dark)').addEventListener('change', draw);
 };
 

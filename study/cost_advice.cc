@@ -47,7 +47,9 @@ const CostPoint* CheapestOf(const SceneCost& cost, double error, const CostLines
 
 std::string CostPercent(double error) {
   if (!std::isfinite(error)) return "-";
-  return error < 1e-4 ? fmt::format("{:.1e}", error) : fmt::format("{:.3g} %", 100.0 * error);
+  const double percent = 100.0 * error;
+  // A part in a million is the least that reads as a share of a hundred.
+  return percent < 1e-4 ? fmt::format("{:.1e} %", percent) : fmt::format("{:.3g} %", percent);
 }
 
 std::string CostSetting::Name() const {
@@ -77,8 +79,8 @@ const CostPoint* Cheapest(const SceneCost& cost, double error, int line) {
   return CheapestOf(cost, error, settled);
 }
 
-std::vector<std::string> CostAdvice(const SceneCost& cost) {
-  std::vector<std::string> advice;
+std::vector<CostCounsel> CostCounsels(const SceneCost& cost) {
+  std::vector<CostCounsel> advice;
   for (const double target : kCostTargets) {
     std::vector<std::size_t> reached;
     std::vector<std::string> missing;
@@ -90,27 +92,40 @@ std::vector<std::string> CostAdvice(const SceneCost& cost) {
         missing.push_back(cost.lines[l].quantity.name);
       }
     }
+    const std::string aim = fmt::format("An error of {:g} %", 100.0 * target);
     const CostPoint* best = CheapestOf(cost, target, reached);
     if (best == nullptr) {
-      advice.push_back(fmt::format("{}: none of these settings{}", CostPercent(target),
-                                   reached.empty() ? "" : " for all lines together"));
+      advice.push_back({fmt::format("{}: none of these settings has so little{}", aim,
+                                    reached.empty() ? "" : " in all lines together"),
+                        ""});
       continue;
     }
     const CostLine& worst = cost.lines[WorstOf(*best, reached)];
-    advice.push_back(fmt::format(
-        "{} everywhere{}: {}, {:.3g} s (worst {}, {}): {}", CostPercent(target),
-        missing.empty() ? "" : " but in " + JoinWords(missing) + ", where none of these reaches it",
-        best->setting.Name(), best->seconds, worst.quantity.name,
-        CostPercent(ErrorIn(*best, reached)), best->setting.SetText()));
+    advice.push_back(
+        {fmt::format(
+             "{} or less in all lines{} takes {:.3g} s with {} (the largest, of {}: {})", aim,
+             missing.empty() ? "" : " but " + JoinWords(missing) + ", where nothing reaches it,",
+             best->seconds, best->setting.Name(), worst.quantity.name,
+             CostPercent(ErrorIn(*best, reached))),
+         best->setting.SetText()});
   }
   for (const CostLine& line : cost.lines) {
     if (line.settled) continue;
-    advice.push_back(fmt::format("{}: {}; nothing can be said of its error", line.quantity.name,
-                                 cost.reference_cut
-                                     ? "the budget left too few meshes, or they come to no end"
-                                     : "finer meshes come to no end"));
+    advice.push_back(
+        {fmt::format("{}: {}; nothing can be said of its error", line.quantity.name,
+                     cost.reference_cut ? "the budget left too few meshes, or they come to no end"
+                                        : "finer meshes come to no end"),
+         ""});
   }
   return advice;
+}
+
+std::vector<std::string> CostAdvice(const SceneCost& cost) {
+  std::vector<std::string> lines;
+  for (const CostCounsel& c : CostCounsels(cost)) {
+    lines.push_back(c.set.empty() ? c.words : c.words + ": " + c.set);
+  }
+  return lines;
 }
 
 }  // namespace unfurl::study

@@ -104,11 +104,16 @@ const CostPoint* Cheapest(const SceneCost& cost, double error, int line = -1);
 /// Errors that advice is given for [-].
 inline constexpr double kCostTargets[] = {1e-2, 1e-3, 1e-4};
 
-/// In sentences: the cheapest for each of these in every line, with the text that sets it; what
-/// cannot be said.
+/// In sentences: the cheapest for each of these in every line, what cannot be said; and of each the
+/// text that sets it ("--set .."), or none.
+struct CostCounsel {
+  std::string words, set;
+};
+std::vector<CostCounsel> CostCounsels(const SceneCost& cost);
+/// Each as one line, the words and what sets it.
 std::vector<std::string> CostAdvice(const SceneCost& cost);
 
-/// "0.34 %", "2.1e-05".
+/// "0.34 %", "2.1e-05 %".
 std::string CostPercent(double error);
 
 }  // namespace unfurl::study

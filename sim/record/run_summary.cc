@@ -123,6 +123,9 @@ std::string EffectsText(const Model& model) {
   std::string text;
   for (const Model::EffectCount& effect : model.Effects()) {
     std::string name = effect.name;
+    // What has no plural, gravity or a suspension, cannot be counted: 39 of it are bodies it acts
+    // on.
+    const bool counted = name.ends_with("s");
     if (effect.count == 1) {
       const std::string endings[][2] = {{"ies", "y"}, {"ches", "ch"}, {"s", ""}};
       for (const auto& [many, one] : endings) {
@@ -131,11 +134,20 @@ std::string EffectsText(const Model& model) {
         break;
       }
     }
-    // What cannot be counted has no plural.
-    const bool counted = name != effect.name || effect.count != 1;
     text += (text.empty() ? "" : ", ") + (counted ? fmt::format("{} ", effect.count) : "") + name;
   }
   return text;
+}
+
+std::vector<std::string> ShownWarnings(const SummaryInput& in) {
+  std::vector<std::string> all = in.model.warnings;
+  all.insert(all.end(), in.report.warnings.begin(), in.report.warnings.end());
+  constexpr std::size_t kMost = 6;  // warnings: of a hundred beams alike nobody reads each
+  if (all.size() <= kMost) return all;
+  const std::size_t more = all.size() - (kMost - 1);
+  all.resize(kMost - 1);
+  all.push_back(fmt::format("there are {} more warnings, which --json lists", more));
+  return all;
 }
 
 std::string LatchSentence(const SummaryInput& in) {
@@ -275,11 +287,9 @@ std::string JointsText(const SummaryInput& in, ordered_json* json) {
 
 std::string WarningsText(const SummaryInput& in, ordered_json* json) {
   std::string text;
+  for (const std::string& warning : ShownWarnings(in)) text += "warning: " + warning + "\n";
   for (const auto* warnings : {&in.model.warnings, &in.report.warnings}) {
-    for (const std::string& warning : *warnings) {
-      text += "warning: " + warning + "\n";
-      (*json)["warnings"].push_back(warning);
-    }
+    for (const std::string& warning : *warnings) (*json)["warnings"].push_back(warning);
   }
   return text;
 }

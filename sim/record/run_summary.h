@@ -24,6 +24,9 @@ struct SummaryInput {
 
 // "4 bodies, 1 latch": what the scene called for, in the model's order.
 std::string EffectsText(const Model& model);
+
+// Of the model and of the run: all, or of many the first and how many more there are.
+std::vector<std::string> ShownWarnings(const SummaryInput& in);
 // "all 4 latches closed, the last at 1.93 s (joint4)".
 std::string LatchSentence(const SummaryInput& input);
 // "87.4 N", or that it is not known; whether that of `a` is the smaller one.

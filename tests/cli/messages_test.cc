@@ -177,6 +177,48 @@ TEST_F(Messages, SingularsAreSingular) {
   EXPECT_THAT(Run({"correlate", "one.csv"}).out, HasSubstr("1 channel,"));
   Put("cells.csv", "t [s],a [m/s^2]\n0.1\n");
   EXPECT_THAT(Run({"correlate", "cells.csv"}).err, HasSubstr("1 cell,"));
+  ASSERT_EQ(Run({"modes", "boom/scene.toml", "--count", "1", "--report", "m.html"}).code, 0);
+  EXPECT_THAT(Get("m.html"), HasSubstr("1 mode, "));
+}
+
+TEST_F(Messages, AnEmptyFileIsCalledEmpty) {
+  for (const char* name : {"empty.toml", "empty.csv", "empty.h5"}) Put(name, "");
+  const std::vector<std::string> before = Files();
+  for (const std::vector<std::string>& command :
+       std::vector<std::vector<std::string>>{{"simulate", "empty.toml", "-o", "run.h5"},
+                                             {"plan", "empty.toml"},
+                                             {"fit", "empty.toml", "-o", "fit.h5"},
+                                             {"calibrate", "empty.csv"},
+                                             {"correlate", "empty.csv"},
+                                             {"calibrate", "empty.h5"},
+                                             {"reconstruct", "empty.h5", "--rig", "empty.h5"}}) {
+    SCOPED_TRACE(command[0] + " " + command[1]);
+    ExpectRefused(Run(command), {command[1] + ": is empty; "}, before);
+  }
+}
+
+// Leaving "ms" out of "500ms" would make 500 s of it.
+TEST_F(Messages, AUnitBehindANumberIsConverted) {
+  ASSERT_EQ(Run({"new", "boom"}).code, 0);
+  const std::string scene = "boom/scene.toml";
+  const std::vector<std::string> before = Files();
+  ExpectRefused(Run({"simulate", scene, "--duration", "500ms"}), {"'500ms'", "write 0.5: seconds"},
+                before);
+  ExpectRefused(Run({"check", scene, scene, "--bar", "750mm"}), {"write 0.75: length"}, before);
+  ExpectRefused(Run({"simulate", scene, "--duration", "5s"}), {"leave 's' out"}, before);
+  ExpectRefused(Run({"modes", scene, "--count", "three"}), {"it is: how many modes"}, before);
+  ExpectRefused(Run({"simulate", scene, "--set", "joint.hinge.latch.theta_a=5deg"}),
+                {"holds '5deg', not a number; write it without a unit"}, before);
+}
+
+TEST_F(Messages, HelpSaysKindsOfValuesInWords) {
+  for (const char* verb : {"plan", "calibrate", "cost", "campaign", "reconstruct"}) {
+    const std::string help = Run({verb, "--help"}).out;
+    for (const char* of_the_parser : {":POSITIVE", ":NONNEGATIVE", " in [", "UINT", ":{"}) {
+      EXPECT_THAT(help, Not(HasSubstr(of_the_parser))) << verb;
+    }
+  }
+  EXPECT_THAT(Run({"calibrate", "--help"}).out, HasSubstr("--folds INTEGER from 2 to 1000=10"));
 }
 
 }  // namespace

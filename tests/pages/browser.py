@@ -114,15 +114,16 @@ class Browser:
             self._send("Input.dispatchKeyEvent", type=kind, key=key)
 
     def paper(self, on: bool):
-        """As it is printed."""
-        self._send("Emulation.setEmulatedMedia", media="print" if on else "")
+        """As it is printed; a call leaves nothing of what it does not name, so the scheme is named again."""
+        self._send("Emulation.setEmulatedMedia", media="print" if on else "", features=self._features)
 
     def open(self, uri: str, width: int = 1100, height: int = 900, dark: bool = False):
         """Loads a page afresh, with nothing held against it yet."""
         self.wrong, self.requests = [], []
         self._send("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
         scheme = "dark" if dark else "light"
-        self._send("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+        self._features = [{"name": "prefers-color-scheme", "value": scheme}]
+        self._send("Emulation.setEmulatedMedia", features=self._features)
         self._send("Page.navigate", url=uri)
         while True:
             event = self._receive()

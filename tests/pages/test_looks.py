@@ -2,6 +2,8 @@
 
 import pytest
 
+from conftest import NAMES
+
 TEXT = """function (of) {
   return Array.from(document.querySelectorAll(of)).map(e => e.textContent);
 }"""
@@ -88,15 +90,63 @@ def test_curves_and_words_are_seen_on_the_ground(browser, pages, name, dark):
     assert set(grounds) <= {"rgba(0, 0, 0, 0)"}
 
 
-def test_paper_has_the_colours_of_paper(browser, pages):
+@pytest.fixture
+def paper(browser):
+    """Prints as a browser does, but for the paper: the style of print comes after the first event, and goes before
+    the last."""
+    def print_it(on=True):
+        if not on:
+            browser.paper(False)
+        browser.run(f"window.dispatchEvent(new Event('{'beforeprint' if on else 'afterprint'}')), 0")
+        if on:
+            browser.paper(True)
+    yield print_it
+    browser.paper(False)
+
+
+def test_paper_has_the_colours_of_paper(browser, pages, paper):
     browser.open(pages["correlate"].as_uri(), dark=True)
-    colour = "unfurlCharts.time[0].getOption('color', 's0')"
-    before = browser.run(colour)
-    browser.run("window.dispatchEvent(new Event('beforeprint')), 0")
-    printed = browser.run(colour)
-    browser.run("window.dispatchEvent(new Event('afterprint')), 0")
     first = browser.run("JSON.parse(document.querySelector('script.chart-data').textContent).series[0].color")
-    assert printed == first and before != first and browser.run(colour) == before
+    corner = """Array.from(document.querySelector('.motion canvas').getContext('2d').getImageData(2, 2, 1, 1).data)
+                .slice(0, 3)"""
+    colours = f"[unfurlTone('--paper'), unfurlTone('--line'), unfurlInk('{first}'), {corner}]"
+    before = browser.run(colours)
+    # In the event, when scripts draw.
+    browser.run(f"window.addEventListener('beforeprint', () => {{ window.then = {colours}; }})")
+    paper()
+    assert browser.run("window.then") == ["#ffffff", "#bbb", first, [255, 255, 255]]
+    assert browser.run("document.querySelector('.printed').innerHTML").count(f'"{first}"') >= 1
+    paper(False)
+    after = browser.run(colours)
+    assert after == before and before[3] != [255, 255, 255] and before[2] != first
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_page_is_as_wide_as_paper(browser, pages, paper, name):
+    browser.open(pages[name].as_uri(), dark=True)
+    paper()
+    # Of 210 and 216 mm some 700 px are left between margins; what is wider makes a browser shrink every word.
+    wide = browser.run("""Array.from(document.querySelectorAll('body *')).filter(e =>
+        e.getClientRects().length && e.getBoundingClientRect().right > 705).map(e => e.outerHTML.slice(0, 80))""")
+    assert wide == []
+    charts, drawn, canvases, instants = browser.run("""(function () {
+      const shown = e => e.getClientRects().length > 0, all = of => Array.from(document.querySelectorAll(of));
+      return [Object.keys(window.unfurlChartsById || {}).length, all('.printed > svg').filter(shown).length,
+              all('.plot canvas').filter(shown).length, all('.instant').filter(shown).length]; })()""")
+    assert drawn == charts and canvases == 0 and instants == 0
+    heads = browser.run("Array.from(document.querySelectorAll('h2')).map(h => getComputedStyle(h).breakAfter)")
+    assert set(heads) <= {"avoid"}
+    paper(False)
+    assert browser.run("document.querySelectorAll('.printed > svg').length") == 0
+    assert browser.wrong == []
+
+
+def test_a_verdict_keeps_its_colour_on_paper(browser, pages, paper):
+    browser.open(pages["simulate"].as_uri())
+    colour = "getComputedStyle(document.querySelector('.words.good')).borderLeftColor"
+    before = browser.run(colour)
+    paper()
+    assert browser.run(colour) == before
 
 
 def test_words_of_events_stand_above_the_curves(browser, pages):

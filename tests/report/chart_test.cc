@@ -38,6 +38,15 @@ TEST(ChartJson, IsValidAndHoldsTheData) {
   EXPECT_NE(data["series"][0]["color"], data["series"][1]["color"]);
 }
 
+// An axis of things says their names, one of a quantity its numbers.
+TEST(ChartJson, RowsHaveNames) {
+  Chart chart = TwoSeries();
+  EXPECT_FALSE(json::parse(ChartJson(chart))["y"].contains("names"));
+  chart.y.names = {{1.0, "the data alone"}, {2.0, "all parts"}};
+  EXPECT_EQ(json::parse(ChartJson(chart))["y"]["names"],
+            json::parse(R"([[1.0, "the data alone"], [2.0, "all parts"]])"));
+}
+
 TEST(ChartJson, GapsAreNull) {
   Chart chart = TwoSeries();
   chart.series[1].y[0] = kInfinity;

@@ -101,6 +101,19 @@ TEST(Page, TextNeverBecomesMarkup) {
   }
 }
 
+TEST(Page, SignsAreTypesetInWordsAndCells) {
+  Page page("Signs");
+  page.AddWords(Level::kGood, "good", {"scatter 0.80 +- 0.02; give --bar 0.6m+-0.1mm"});
+  Table table;
+  table.header = {"what", "without"};
+  table.rows = {{"x1", "x1.32"}};  // a name, and a factor
+  page.AddTable(table);
+  const std::string html = page.Html();
+  EXPECT_NE(html.find("0.80 \u00b1 0.02; give --bar 0.6m+-0.1mm"), std::string::npos);
+  EXPECT_NE(html.find("\u00d71.32"), std::string::npos);
+  EXPECT_NE(html.find(">x1<"), std::string::npos);
+}
+
 TEST(Page, ScriptsOpenAndClose) {
   const std::string html = Everything("x").Html();
   EXPECT_EQ(Count(html, "<script"), Count(html, "</script>"));

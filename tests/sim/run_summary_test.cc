@@ -2,6 +2,7 @@
 
 #include "sim/record/run_summary.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -13,8 +14,10 @@
 namespace unfurl::sim::run_summary_test {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 // Three bars in a row on free pins.
 const char* const kChain =
@@ -75,6 +78,27 @@ TEST(RunSummary, EveryLimitIsRecorded) {
     EXPECT_EQ(json["limits"][LimitName(static_cast<StepLimit>(k))], 10 + k);
   EXPECT_EQ(json["steps"], 1000);
   EXPECT_EQ(json["joints"].size(), 3U);
+}
+
+// Gravity and a suspension have no number, however many bodies they act on.
+TEST(RunSummary, WhatHasNoPluralIsNotCounted) {
+  EXPECT_THAT(
+      EffectsText(Summary(std::string(kChain) + "[gravity]\nacceleration = [0.0, -9.8]\n").model),
+      AllOf(HasSubstr("3 bodies, gravity"), Not(HasSubstr("3 gravity"))));
+  EXPECT_THAT(EffectsText(Summary(std::string(kChain) + "[suspension]\nlength = 7.0\n").model),
+              AllOf(HasSubstr(", suspension"), Not(HasSubstr("3 suspension"))));
+}
+
+// Of a hundred beams alike nobody reads each warning; the JSON has them.
+TEST(RunSummary, ManyWarningsAreCounted) {
+  Summary s(kChain);
+  for (int k = 0; k < 6; ++k) s.report.warnings.push_back(fmt::format("beam {}", k));
+  EXPECT_EQ(ShownWarnings(s.Input()), s.report.warnings);
+  for (int k = 6; k < 100; ++k) s.report.warnings.push_back(fmt::format("beam {}", k));
+  const std::vector<std::string> shown = ShownWarnings(s.Input());
+  ASSERT_EQ(shown.size(), 6U);
+  EXPECT_EQ(shown[4], "beam 4");
+  EXPECT_THAT(shown[5], HasSubstr("95 more warnings"));
 }
 
 // A table keeps the joints with the largest loads, in the order of the scene.

@@ -137,6 +137,31 @@ TEST(CostAdvice, TakesTheMoreAccurateOfWhatIsAsCheap) {
   EXPECT_EQ(Cheapest(cost, 5e-2, 0), &cost.points[3]);
 }
 
+// What a person reads stands apart from what is typed.
+TEST(CostAdvice, SaysInWordsWhatASetTextDoes) {
+  SceneCost cost;
+  cost.lines.resize(1);
+  cost.lines[0].settled = true;
+  cost.lines[0].quantity.name = "tip";
+  cost.points = {Made(1.5, 0.05, 5e-4)};
+  cost.points[0].setting.method = "auto";
+  cost.points[0].setting.set = {"solver.rtol=0.001"};
+  const std::vector<CostCounsel> counsels = CostCounsels(cost);
+  ASSERT_EQ(counsels.size(), 3u);
+  EXPECT_EQ(counsels[0].set, "--set solver.rtol=0.001");
+  EXPECT_EQ(counsels[0].words.find("--"), std::string::npos);
+  EXPECT_NE(counsels[0].words.find("1.5 s"), std::string::npos);
+  EXPECT_NE(counsels[0].words.find("tip: 0.05 %"), std::string::npos);
+  EXPECT_EQ(counsels[2].set, "");
+  EXPECT_EQ(CostAdvice(cost)[0], counsels[0].words + ": --set solver.rtol=0.001");
+}
+
+TEST(CostPercent, IsAlwaysAShareOfAHundred) {
+  EXPECT_EQ(CostPercent(0.0034), "0.34 %");
+  EXPECT_EQ(CostPercent(2.1e-7), "2.1e-05 %");
+  EXPECT_EQ(CostPercent(3.1e-5), "0.0031 %");
+}
+
 // The quick ones of twelve: beams of both models, and a rigid mechanism.
 TEST(SceneCost, StatedErrorsAreReal) {
   for (const char* name : {"mast on a spring", "rigid gate with a drag and a table"}) {
