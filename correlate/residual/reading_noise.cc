@@ -40,14 +40,15 @@ bool IsMet(const std::vector<double>& values, double noise, double step) {
   constexpr double kUnlikely = 1e-6;
   if (!(noise > step)) return false;
   const double end = *std::max_element(values.begin(), values.end());
-  double at_end = 0.0, near = 1.0;
+  int at_end = 0;
+  double near = 1.0;
   for (const double v : values) {
-    at_end += v == end ? 1.0 : 0.0;
+    at_end += v == end ? 1 : 0;
     near += v < end && v > end - noise ? 1.0 : 0.0;
   }
   const double expected = near * step / noise;
   double term = std::exp(-expected), below = 0.0;  // Poisson
-  for (double k = 0.0; k < at_end; ++k) below += term, term *= expected / (k + 1.0);
+  for (int k = 0; k < at_end; ++k) below += term, term *= expected / (1.0 + k);
   return 1.0 - below < kUnlikely;
 }
 
