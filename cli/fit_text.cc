@@ -117,6 +117,14 @@ ordered_json FitJson(const data::FitRecord& record, const std::string& output, d
                              {"t", g.t},
                              {"sigmas", g.sigmas}});
   }
+  for (const auto& c : record.channels) {
+    for (std::size_t i = 0; i < c.gross_t.size(); ++i) {
+      json["gross"].push_back({{"trial", record.trials[static_cast<std::size_t>(c.trial)]},
+                               {"channel", c.name},
+                               {"t", c.gross_t[i]},
+                               {"sigmas", c.gross_sigmas[i]}});
+    }
+  }
   for (const auto& s : record.starts) {
     json["starts"].push_back({{"from", s.from}, {"to", s.to}, {"cost", s.cost}});
   }

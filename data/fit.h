@@ -57,6 +57,9 @@ struct FitRecord {
     std::int32_t trial = 0;
     std::vector<double> t;                           // k, on the channel's clock [s]
     std::vector<double> measured, sigma, simulated;  // k [unit]; NaN: the model has none
+    // Readings that were found to be gross errors and put aside: stamps as in t [s], and how far
+    // each lies from its neighbours' residuals, in sigmas [-].
+    std::vector<double> gross_t = {}, gross_sigmas = {};
   };
   std::vector<Channel> channels;
 

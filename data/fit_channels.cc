@@ -32,6 +32,19 @@ void WriteChannels(const FitRecord& fit, H5Writer& w) {
            "the model at the estimate behind the instrument, NaN: it has none" + each,
            {"/channels/t"}},
           simulated);
+  std::vector<Eigen::Vector3d> gross;
+  for (std::size_t k = 0; k < fit.channels.size(); ++k) {
+    const FitRecord::Channel& c = fit.channels[k];
+    for (std::size_t i = 0; i < c.gross_t.size(); ++i) {
+      gross.emplace_back(static_cast<double>(k), c.gross_t[i], c.gross_sigmas[i]);
+    }
+  }
+  if (gross.empty()) return;
+  Eigen::MatrixXd table(static_cast<Eigen::Index>(gross.size()), 3);
+  for (std::size_t i = 0; i < gross.size(); ++i) table.row(static_cast<Eigen::Index>(i)) = gross[i];
+  w.Write({"/channels/gross", "1",
+           "readings put aside: channel, t [s], distance from its neighbours' residuals in sigmas"},
+          table);
 }
 
 void ReadChannels(const H5Reader& r, FitRecord* fit) {
@@ -51,6 +64,13 @@ void ReadChannels(const H5Reader& r, FitRecord* fit) {
     c.measured.push_back(measured.at(i));
     c.sigma.push_back(sigma.at(i));
     c.simulated.push_back(simulated.at(i));
+  }
+  if (!r.Has("/channels/gross")) return;
+  const Eigen::MatrixXd gross = r.ReadMatrix("/channels/gross");
+  for (Eigen::Index i = 0; i < gross.rows(); ++i) {
+    FitRecord::Channel& c = fit->channels.at(static_cast<std::size_t>(gross(i, 0)));
+    c.gross_t.push_back(gross(i, 1));
+    c.gross_sigmas.push_back(gross(i, 2));
   }
 }
 

@@ -198,6 +198,13 @@ void AddChannels(const correlate::TrialResult& t, const correlate::Observations&
                                 {c.y.begin(), c.y.end()},
                                 {c.sigma.begin(), c.sigma.end()},
                                 {shown.begin(), shown.end()}});
+    for (const correlate::ChannelGross& gross : t.channel_gross) {
+      if (gross.kind != k) continue;
+      for (const correlate::GrossSample& g : gross.errors.samples) {
+        record->channels.back().gross_t.push_back(c.t[g.index]);
+        record->channels.back().gross_sigmas.push_back(g.sigmas);
+      }
+    }
   }
 }
 

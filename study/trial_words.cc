@@ -255,13 +255,43 @@ void AddGrossWords(const correlate::Observations& o, const correlate::TrialResul
                   far.size() > kNamed ? "the farthest are " : "", JoinWords(names)));
 }
 
+// Likewise of each channel.
+void AddChannelGrossWords(const correlate::Observations& o, const correlate::TrialResult& t,
+                          const std::string& of, data::FitRecord* record) {
+  constexpr std::size_t kNamed = 5;  // as above
+  for (const correlate::ChannelGross& gross : t.channel_gross) {
+    if (gross.errors.in_bursts > 0) {
+      record->reasons.push_back(fmt::format(
+          "{} readings of {}{} stick out of their neighbours', but in bursts or too often: a "
+          "motion that the model lacks, or a disturbance. They count like all others.",
+          gross.errors.in_bursts, gross.name, of));
+    }
+    if (gross.errors.samples.empty()) continue;
+    const auto* channel = dynamic_cast<const correlate::Channel*>(o.others[gross.kind].get());
+    std::vector<correlate::GrossSample> far = gross.errors.samples;
+    std::stable_sort(far.begin(), far.end(),
+                     [](const auto& a, const auto& b) { return a.sigmas > b.sigmas; });
+    std::vector<std::string> names;
+    for (std::size_t i = 0; i < std::min(kNamed, far.size()); ++i) {
+      const double stamp = channel != nullptr ? channel->record().t[far[i].index] : far[i].t;
+      names.push_back(fmt::format("at {:.4f} s ({:.3g} sigma)", stamp, far[i].sigmas));
+    }
+    record->reasons.push_back(
+        fmt::format("{} of {} readings of {}{} are gross errors and are put aside: {}{}.",
+                    far.size(), gross.readings, gross.name, of,
+                    far.size() > kNamed ? "the farthest are those " : "", JoinWords(names)));
+  }
+}
+
 // How what was recorded beside the marks lies to the model.
 void AddOtherWords(const correlate::Observations& o, const correlate::TrialResult& t,
                    const std::string& of, data::FitRecord* record) {
   const correlate::ResidualKind::Clocks clocks = correlate::ClocksOf(o, t.reference, t.at.clock());
   const correlate::RowLayout layout(o);
   for (std::size_t k = 0; k < o.others.size(); ++k) {
-    const correlate::ResidualKind& kind = *o.others[k];
+    // As the fit left it: without the readings that it put aside.
+    const bool left = t.kinds.size() == o.others.size();
+    const correlate::ResidualKind& kind = left ? *t.kinds[k] : *o.others[k];
     for (std::string& words :
          kind.Words(kind.NumbersOf(t.prediction), clocks, layout.OwnOf(k, t.at.own), of)) {
       record->reasons.push_back(std::move(words));
@@ -322,6 +352,7 @@ void AddTrialWords(const std::vector<std::string>& parameters,
     AddOtherWords(*trials[k].observations, t, several ? " in " + t.name : "", record);
     AddPlacementWords(*trials[k].observations, t, of, record);
     AddGrossWords(*trials[k].observations, t, of, record);
+    AddChannelGrossWords(*trials[k].observations, t, of, record);
     record->reasons.push_back(ErrorWords(*trials[k].observations, t, of));
   }
 }

@@ -37,7 +37,14 @@ class ChannelAligner {
     for (const auto& kind : record.others) {
       if (kind->series().empty()) continue;
       readings_of_.push_back(ReadingsOf(*kind));
-      const Eigen::VectorXd& y = readings_of_.back();
+      Eigen::VectorXd& y = readings_of_.back();
+      // Those put aside show the mean: they count for nothing.
+      const double known = std::max(1.0, static_cast<double>((y.array() != 0.0).count()));
+      const double mean = y.sum() / known;
+      const RowSeries series = kind->series().front();
+      for (std::size_t i = 0; series.aside != nullptr && i < series.size(); ++i) {
+        if ((*series.aside)[i]) y(static_cast<Eigen::Index>(i)) = mean;
+      }
       squares_ += (y.array() - y.mean()).square().sum();
     }
   }
@@ -135,10 +142,7 @@ class ChannelAligner {
   // at which they overlap little would fit best; but while a structure is held nothing changes, and
   // there it is the mean that stands for the model.
   double Explained(const RegistrationFit& fit) const {
-    if (static_cast<double>(fit.data_rows) < min_overlap_ * readings_) {
-      return -std::numeric_limits<double>::infinity();
-    }
-    double squares = 0.0;
+    double squares = 0.0, overlap = 0.0;
     for (std::size_t k = 0; k < layout_.series.size(); ++k) {
       const RowSeries& s = layout_.series[k];
       const auto n = static_cast<Eigen::Index>(s.size());
@@ -148,11 +152,13 @@ class ChannelAligner {
       Eigen::Index first = 0, end = n;
       while (first < end && left(first) == 0.0) ++first;
       while (end > first && left(end - 1) == 0.0) --end;
+      overlap += static_cast<double>(end - first);
       const bool held = model_.samples().held_before;
       const double mean = held && first > 0 ? y.head(first).mean() : y.mean();
       squares += (y.head(first).array() - mean).square().sum();
       squares += (y.tail(n - end).array() - y.mean()).square().sum();
     }
+    if (overlap < min_overlap_ * readings_) return -std::numeric_limits<double>::infinity();
     return 1.0 - squares / squares_;
   }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "base/length.h"
 #include "base/statistics.h"
@@ -16,18 +17,24 @@ namespace {
 constexpr std::size_t kBeside = 3;                  // samples to either side
 constexpr std::size_t kFewestOfMark = 4 * kBeside;  // of a mark; fewer show no scale
 
-// One mark's samples, each against those of its neighbours that are not far.
+// One series' samples, each against those of its neighbours that are not far.
 class Path {
  public:
-  explicit Path(const MarkSeries& mark)
-      : mark_(mark), far_(mark.size(), 0), distance_(mark.size()), step_(mark.size()) {}
+  // `p`: axes x n; `least`: nothing nearer is far.
+  Path(const std::vector<double>& t, Eigen::MatrixXd p, double least = 0.0)
+      : t_(t),
+        p_(std::move(p)),
+        least_(least),
+        far_(t.size(), 0),
+        distance_(t.size()),
+        step_(t.size()) {}
 
   // Marks what is far, anew: a sample beside a far one is off by that one's error at first.
   std::vector<std::size_t> Find() {
     constexpr int kMostRounds = 5;  // two nearly always do
     std::vector<std::size_t> found;
     for (int round = 0; round < kMostRounds; ++round) {
-      for (std::size_t i = 0; i < mark_.size(); ++i) Measure(i);
+      for (std::size_t i = 0; i < t_.size(); ++i) Measure(i);
       std::vector<std::size_t> now = BeyondChance();
       const bool same = now == found;
       found = std::move(now);
@@ -55,8 +62,8 @@ class Path {
     const std::size_t b = Gather(i, -1, &before), a = Gather(i, +1, &after);
     distance_[i] = step_[i] = 0.0;
     if (b == 0 || a == 0) return;  // the ends: extrapolated motion judges nothing
-    Eigen::Vector3d place;
-    for (Eigen::Index axis = 0; axis < 3; ++axis) {
+    Eigen::VectorXd place(p_.rows());
+    for (Eigen::Index axis = 0; axis < p_.rows(); ++axis) {
       std::vector<double> lines;
       for (std::size_t m = 0; m < b; ++m) {
         for (std::size_t n = 0; n < a; ++n) lines.push_back(Between(before[m], after[n], i, axis));
@@ -68,8 +75,9 @@ class Path {
     for (const auto& [side, count] : {std::pair(&before, b), std::pair(&after, a)}) {
       if (count < 2) continue;
       const std::size_t near = (*side)[0], next = (*side)[1];
-      Eigen::Vector3d ahead;
-      for (Eigen::Index axis = 0; axis < 3; ++axis) ahead(axis) = Between(next, near, i, axis);
+      Eigen::VectorXd ahead(p_.rows());
+      for (Eigen::Index axis = 0; axis < p_.rows(); ++axis)
+        ahead(axis) = Between(next, near, i, axis);
       distance_[i] = std::min(distance_[i], (P(i) - ahead).norm());
     }
     // The neighbours' own steps, and half of the one across the sample.
@@ -81,31 +89,38 @@ class Path {
   }
 
   double Between(std::size_t j, std::size_t k, std::size_t i, Eigen::Index axis) const {
-    const double span = mark_.t[k] - mark_.t[j];
-    const double part = span > 0.0 ? (mark_.t[i] - mark_.t[j]) / span : 0.5;
+    const double span = t_[k] - t_[j];
+    const double part = span > 0.0 ? (t_[i] - t_[j]) / span : 0.5;
     return P(j)(axis) + part * (P(k)(axis) - P(j)(axis));
   }
-  Eigen::Vector3d P(std::size_t i) const { return mark_.p.col(static_cast<Eigen::Index>(i)); }
+  Eigen::MatrixXd::ConstColXpr P(std::size_t i) const {
+    return p_.col(static_cast<Eigen::Index>(i));
+  }
 
   std::vector<std::size_t> BeyondChance() const {
-    constexpr double kMedian3 = 1.538172;  // of the length of three standard normal numbers
+    // Of the length of one and of three standard normal numbers.
+    const double median = p_.rows() > 1 ? 1.538172 : 0.674490;
     // Two impacts within six samples leave no side that leads to the sample; it then lies off by up
     // to 3/4 of the change of the step, that is by 1.5 steps where it is thrown back at full speed.
     constexpr double kSteps = 2.0;
-    const double scale = Median(distance_) / kMedian3;
-    // Three normal numbers are longer than k with about sqrt(2 / pi) k exp(-k^2 / 2): one sample of
-    // n in a hundred records.
-    const double n = static_cast<double>(mark_.size());
+    const double scale = Median(distance_) / median;
+    // Three normal numbers are longer than k with about sqrt(2 / pi) k exp(-k^2 / 2), one less
+    // often: one sample of n in a hundred records.
+    const double n = static_cast<double>(t_.size());
     double k = 3.0;
     for (int i = 0; i < 6; ++i) k = std::sqrt(2.0 * std::log(100.0 * n * 0.8 * k));
     std::vector<std::size_t> out;
-    for (std::size_t i = 0; i < mark_.size(); ++i) {
-      if (distance_[i] > k * scale && distance_[i] > kSteps * step_[i]) out.push_back(i);
+    for (std::size_t i = 0; i < t_.size(); ++i) {
+      if (distance_[i] > k * scale && distance_[i] > kSteps * step_[i] && distance_[i] > least_) {
+        out.push_back(i);
+      }
     }
     return out;
   }
 
-  const MarkSeries& mark_;
+  const std::vector<double>& t_;
+  Eigen::MatrixXd p_;
+  double least_;
   std::vector<char> far_;
   std::vector<double> distance_, step_;  // [m]
 };
@@ -116,10 +131,33 @@ std::vector<FarSample> FindFarSamples(const Observations& observations) {
   std::vector<FarSample> out;
   for (std::size_t m = 0; m < observations.marks.size(); ++m) {
     if (observations.marks[m].size() < kFewestOfMark) continue;
-    Path path(observations.marks[m]);
+    Path path(observations.marks[m].t, observations.marks[m].p);
     for (std::size_t i : path.Find()) out.push_back({m, i, path.distance(i)});
   }
   return out;
+}
+
+std::vector<std::vector<std::size_t>> FindFarReadings(const Observations& observations) {
+  std::vector<std::vector<std::size_t>> out;
+  for (const auto& kind : observations.others) {
+    out.emplace_back();
+    const Eigen::VectorXd y = kind->Readings();
+    if (static_cast<std::size_t>(y.size()) < kFewestOfMark) continue;
+    // A slow motion goes on by a step of the instrument's resolution at a time.
+    double step = std::numeric_limits<double>::infinity();
+    for (Eigen::Index i = 1; i < y.size(); ++i) {
+      if (y(i) != y(i - 1)) step = std::min(step, std::abs(y(i) - y(i - 1)));
+    }
+    out.back() = Path(*kind->series().front().t, y.transpose(), 2.0 * step).Find();
+  }
+  return out;
+}
+
+Observations Aside(Observations observations, const std::vector<std::vector<std::size_t>>& far) {
+  for (std::size_t k = 0; k < far.size(); ++k) {
+    if (!far[k].empty()) observations.others[k] = observations.others[k]->Without(far[k]);
+  }
+  return observations;
 }
 
 std::string Words(const Observations& observations, const std::vector<FarSample>& far) {

@@ -22,11 +22,17 @@ struct FarSample {
 /// the motion are for a fit to find (FindGrossErrors).
 std::vector<FarSample> FindFarSamples(const Observations& observations);
 
+/// Likewise among the readings of each of its other kinds, by index: kind, then reading.
+std::vector<std::vector<std::size_t>> FindFarReadings(const Observations& observations);
+
 /// What they are, the first by name; `far` must not be empty.
 std::string Words(const Observations& observations, const std::vector<FarSample>& far);
 
 /// The same samples, the far ones with covariances as wide as they are off.
 Observations Widened(Observations observations, const std::vector<FarSample>& far);
+
+/// The same readings, the far ones put aside.
+Observations Aside(Observations observations, const std::vector<std::vector<std::size_t>>& far);
 
 /// All samples but the far ones.
 Observations Without(const Observations& observations, const std::vector<FarSample>& far);

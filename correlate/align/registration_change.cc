@@ -13,6 +13,27 @@ ResidualKind::Clocks ClocksOf(const Observations& observations, const Clock& ref
   return {at, reference, pivot, reference.ModelTime(observations.End(), pivot)};
 }
 
+namespace {
+
+std::vector<Eigen::Index> SilentRows(const ResidualKind& kind, const Prediction& prediction,
+                                     const ResidualKind::Clocks& clocks,
+                                     const Eigen::VectorXd& own) {
+  ResidualKind::Rows rows;
+  rows.residual.resize(kind.rows());
+  rows.by_time.resize(kind.rows());
+  rows.by_unknown.resize(kind.rows(), own.size());
+  kind.Evaluate(kind.NumbersOf(prediction), clocks, own, &rows);
+  std::vector<Eigen::Index> out;
+  for (const RowSeries& s : kind.series()) {
+    for (std::size_t i = 0; i < s.size(); ++i) {
+      if (!s.Known(rows.residual, i)) out.push_back(s.Row(i));
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
 Eigen::MatrixXd WhitenedSensitivity(const Observations& observations, const Prediction& prediction,
                                     const Clock& reference, const Registration& at,
                                     const std::vector<Change>& change) {
@@ -36,9 +57,12 @@ Eigen::MatrixXd WhitenedSensitivity(const Observations& observations, const Pred
   for (std::size_t k = 0; k < observations.others.size(); ++k) {
     const ResidualKind& kind = *observations.others[k];
     const Eigen::VectorXd own = layout.OwnOf(k, at.own);
+    std::vector<Eigen::Index> silent;
+    if (kind.MayBeSilent()) silent = SilentRows(kind, prediction, clocks, own);
     for (Eigen::Index j = 0; j < columns; ++j) {
       out.col(j).segment(layout.others[k], kind.rows()) =
           kind.Response(change[static_cast<std::size_t>(j)].others[k], clocks, own);
+      for (const Eigen::Index row : silent) out(layout.others[k] + row, j) = 0.0;
     }
   }
   return out;

@@ -32,7 +32,7 @@ struct SearchOptions {
   // the start ends where the residuals are far above the data's sigmas.
   static constexpr int kAsNeeded = -1;
   int screened = kAsNeeded;
-  int starts = 1;          // that are carried on
+  int starts = 1;  // that are carried on
   // Starts that the first stage leads to the same minimum are carried on as one, and its minima are
   // not scattered anew over what they leave open: for motions with a minimum at each alias.
   bool distinct = false;
@@ -178,15 +178,16 @@ struct TrialResult {
   /// What one standard deviation of each direction of the calibration's error shifts the values by,
   /// p x k [unit]: the same directions in all trials of one calibration.
   Eigen::MatrixXd calibration_shift;
-  GrossErrors gross;          // samples put aside
-  DriftTest drift;            // whether the data call for a drift of the clock
-  SeriesNoise noise;          // found in the residuals, with which they are whitened
-  ResidualNoise plain;        // the residuals before that: autocorrelation, whiteness
-  ResidualNoise whitened;     // and after
-  double chi2_per_dof = 0.0;  // of residuals in the samples' own sigmas [-]
-  GoodnessOfFit goodness;     // does the model explain them?
-  BetweenSamples between;     // looked at where residuals have no stated size, or another one
-  double model_noise = 0.0;   // RMS scatter of the model's marks, one tolerance to another [m]
+  GrossErrors gross;                        // samples put aside
+  std::vector<ChannelGross> channel_gross;  // readings put aside
+  DriftTest drift;                          // whether the data call for a drift of the clock
+  SeriesNoise noise;                        // found in the residuals, with which they are whitened
+  ResidualNoise plain;                      // the residuals before that: autocorrelation, whiteness
+  ResidualNoise whitened;                   // and after
+  double chi2_per_dof = 0.0;                // of residuals in the samples' own sigmas [-]
+  GoodnessOfFit goodness;                   // does the model explain them?
+  BetweenSamples between;    // looked at where residuals have no stated size, or another one
+  double model_noise = 0.0;  // RMS scatter of the model's marks, one tolerance to another [m]
   std::vector<LessWeight> less_weight;
   ErrorCheck error_check = ErrorCheck::kNone;
   std::string error_check_failure;  // why the better model that was asked gave nothing

@@ -106,11 +106,24 @@ FitProblem FitRun::Way() {
   FitProblem way = problem_;
   widened_.resize(trials_);
   for (std::size_t t = 0; t < trials_; ++t) {
-    if (far_[t].empty()) continue;
-    widened_[t] = Widened(*problem_.trials[t].observations, far_[t]);
+    const Observations& all = *problem_.trials[t].observations;
+    far_readings_.push_back(options_.robust ? FindFarReadings(all)
+                                            : std::vector<std::vector<std::size_t>>());
+    if (!AnyFar(t)) continue;
+    widened_[t] = WithoutFar(all, t);
     way.trials[t].observations = &widened_[t];
   }
   return way;
+}
+
+bool FitRun::AnyFar(std::size_t trial) const {
+  const auto& readings = far_readings_[trial];
+  return !far_[trial].empty() || std::any_of(readings.begin(), readings.end(),
+                                             [](const auto& far) { return !far.empty(); });
+}
+
+Observations FitRun::WithoutFar(const Observations& all, std::size_t trial) const {
+  return Aside(Widened(all, far_[trial]), far_readings_[trial]);
 }
 
 bool FitRun::Screen() {

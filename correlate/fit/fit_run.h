@@ -96,7 +96,7 @@ class FitRun {
   void WeighByModelNoise();
   bool Sharpen(const std::string& what);  // by the ladder where there is one
   bool ScaleChannels(std::vector<Observations>* all);
-  bool PutGrossAside(const std::vector<Observations>& all);
+  bool PutGrossAside(const std::vector<Observations>& all, bool first);
   bool TakeClockDrift();
   bool Whiten();
   bool NoiseIsOfAnotherPlace() const;
@@ -107,13 +107,16 @@ class FitRun {
   // What is far from its neighbours counts for what it is off by until a fit can judge it.
   static std::vector<std::vector<FarSample>> FarOf(const FitProblem& problem, bool robust);
   FitProblem Way();
+  bool AnyFar(std::size_t trial) const;
+  Observations WithoutFar(const Observations& all, std::size_t trial) const;
 
   const FitProblem& problem_;
   const FitOptions& options_;
   const std::size_t trials_;
-  const std::vector<std::vector<FarSample>> far_;  // by trial
-  std::vector<Observations> widened_;              // by trial, where there are far samples
-  const FitProblem way_;                           // the problem with those, to the first minimum
+  const std::vector<std::vector<FarSample>> far_;                    // by trial
+  std::vector<std::vector<std::vector<std::size_t>>> far_readings_;  // by trial and kind
+  std::vector<Observations> widened_;  // by trial, where there are far samples
+  const FitProblem way_;               // the problem with those, to the first minimum
   std::unique_ptr<Workers> local_;
   ProgressWorkers workers_;
   Budget budget_;

@@ -75,7 +75,8 @@ bool FitRun::ScaleChannels(std::vector<Observations>* all) {
         const auto scaled = kind->Rescaled(own);
         const double mean = own.squaredNorm() / std::max(1.0, static_cast<double>(own.size()));
         if (scaled == nullptr || std::abs(std::sqrt(mean) - 1.0) < kSettled) continue;
-        weighed_[t].others[k] = (*all)[t].others[k] = scaled;
+        weighed_[t].others[k] = scaled;
+        (*all)[t].others[k] = scaled->Without({});
         changed = true;
       }
     }
@@ -85,14 +86,25 @@ bool FitRun::ScaleChannels(std::vector<Observations>* all) {
   return true;
 }
 
+namespace {
+bool AlikePutAside(const GrossErrors& a, const GrossErrors& b) {
+  return a.suspects.size() == b.suspects.size() &&
+         std::equal(a.samples.begin(), a.samples.end(), b.samples.begin(), b.samples.end(),
+                    [](const GrossSample& x, const GrossSample& y) {
+                      return x.mark == y.mark && x.index == y.index;
+                    });
+}
+}  // namespace
+
 // Gross errors stick out of their neighbours' residuals however the fit is bent by them; what the
 // bent fit hides shows in the next round. A fit that is bent by much has clean samples stick out,
 // too, and all of them look like bursts of a wrong model: they are put aside once, and judged by
 // the fit to the others.
-bool FitRun::PutGrossAside(const std::vector<Observations>& all) {
+bool FitRun::PutGrossAside(const std::vector<Observations>& all, bool first) {
   constexpr int kMostRounds = 4;  // two nearly always do
   if (!options_.robust) return true;
   RegistrationOptions stay = options_.align.registration;
+  stay.with_others = true;
   stay.max_iterations = 0;
   for (int round = 0; round < kMostRounds; ++round) {
     bool changed = false;
@@ -102,18 +114,23 @@ bool FitRun::PutGrossAside(const std::vector<Observations>& all) {
                                                        best_->point().registration[t].at, stay)
                                            .residual;
       GrossErrors found = FindGrossErrors(all[t], residual);
-      if (round > 0) found.suspects.clear();
-      GrossErrors& known = result_.trials[t].gross;
-      auto same = [](const GrossSample& a, const GrossSample& b) {
-        return a.mark == b.mark && a.index == b.index;
-      };
-      changed = changed || (round == 0 && !far_[t].empty()) ||
-                found.suspects.size() != known.suspects.size() ||
-                !std::equal(found.samples.begin(), found.samples.end(), known.samples.begin(),
-                            known.samples.end(), same);
-      known = std::move(found);
+      std::vector<ChannelGross> readings = FindChannelGross(all[t], residual);
+      const bool once = first && round == 0;
+      if (!once) {
+        found.suspects.clear();
+        for (ChannelGross& one : readings) one.errors.suspects.clear();
+      }
+      TrialResult& known = result_.trials[t];
+      changed = changed || (once && AnyFar(t)) || !AlikePutAside(found, known.gross) ||
+                !std::equal(readings.begin(), readings.end(), known.channel_gross.begin(),
+                            known.channel_gross.end(), [](const auto& a, const auto& b) {
+                              return a.kind == b.kind && AlikePutAside(a.errors, b.errors);
+                            });
+      known.gross = std::move(found);
+      known.channel_gross = std::move(readings);
       weighed_[t] = all[t];
-      PutAside(known, &weighed_[t]);
+      PutAside(known.gross, &weighed_[t]);
+      PutAside(known.channel_gross, &weighed_[t]);
     }
     if (!changed) break;
     if (!Sharpen("gross errors put aside")) return false;
@@ -211,11 +228,13 @@ bool FitRun::Solve() {
   }
   WeighByModelNoise();
   std::fill(whiteners_.begin(), whiteners_.end(), nullptr);
-  for (TrialResult& trial : result_.trials) trial.gross = {};
+  for (TrialResult& trial : result_.trials) trial.gross = {}, trial.channel_gross = {};
   std::vector<Observations> all = weighed_;
-  for (std::size_t t = 0; t < trials_; ++t) weighed_[t] = Widened(all[t], far_[t]);
-  const bool good = Sharpen("sharpened") && ScaleChannels(&all) && PutGrossAside(all) &&
-                    TakeClockDrift() && (!options_.whiten || Whiten());
+  for (std::size_t t = 0; t < trials_; ++t) weighed_[t] = WithoutFar(all[t], t);
+  // Gross errors before noise, of which they would be taken for a part; and after it, since that
+  // is how the channels of a trial are weighed.
+  const bool good = Sharpen("sharpened") && PutGrossAside(all, true) && ScaleChannels(&all) &&
+                    PutGrossAside(all, false) && TakeClockDrift() && (!options_.whiten || Whiten());
   TakeStatus();
   return good;
 }

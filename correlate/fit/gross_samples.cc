@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "base/statistics.h"
+#include "correlate/residual/row_layout.h"
 
 namespace unfurl::correlate {
 
@@ -14,23 +16,21 @@ constexpr double kLikelier = 0.5;  // probability of being gross beyond which a 
 // A sample against its neighbours.
 struct Deviation {
   GrossSample sample;
-  double square = 0.0;       // of three coordinates [-]
-  std::size_t place = 0;     // among the mark's known samples
+  double square = 0.0;       // of its coordinates [-]
+  std::size_t place = 0;     // among the series' known samples
   double probability = 0.0;  // of being gross
 };
 
-// The samples of one mark that are known, and how each lies to its neighbours.
+// The samples of one series that are known, and how each lies to its neighbours.
 class Neighbours {
  public:
-  // The mark's rows begin at `first`.
-  Neighbours(const Observations& o, const Eigen::VectorXd& residual, std::size_t m,
-             Eigen::Index first)
-      : residual_(residual), first_(first) {
-    const MarkSeries& mark = o.marks[m];
-    for (std::size_t i = 0; i < mark.size(); ++i) {
-      if (residual.segment<3>(Row(i)).squaredNorm() == 0.0) continue;
+  // `mark`: what the samples are named by.
+  Neighbours(const RowSeries& series, const Eigen::VectorXd& residual, std::size_t mark)
+      : series_(series), residual_(residual) {
+    for (std::size_t i = 0; i < series.size(); ++i) {
+      if (!series.Known(residual, i)) continue;
       Deviation d;
-      d.sample.mark = m, d.sample.index = i, d.sample.t = mark.t[i];
+      d.sample.mark = mark, d.sample.index = i, d.sample.t = (*series.t)[i];
       d.place = samples.size();
       samples.push_back(d);
     }
@@ -41,22 +41,23 @@ class Neighbours {
     std::vector<double> beside;
     for (Deviation& d : samples) {
       d.square = 0.0;
-      for (Eigen::Index axis = 0; axis < 3; ++axis) {
+      for (Eigen::Index axis = 0; axis < series_.axes; ++axis) {
         beside.clear();
         Gather(d.place, -1, axis, &beside);
         Gather(d.place, 1, axis, &beside);
         if (beside.empty()) continue;
-        const double off = residual_(Row(d.sample.index) + axis) - Median(beside);
+        const double off = residual_(series_.Row(d.sample.index, axis)) - Median(beside);
         d.square += off * off;
       }
-      d.sample.sigmas = std::sqrt(d.square / 3.0);
+      d.sample.sigmas = std::sqrt(d.square / static_cast<double>(series_.axes));
     }
   }
+
+  double axes() const { return static_cast<double>(series_.axes); }
 
   std::vector<Deviation> samples;
 
  private:
-  Eigen::Index Row(std::size_t i) const { return first_ + 3 * static_cast<Eigen::Index>(i); }
   void Gather(std::size_t place, int side, Eigen::Index axis, std::vector<double>* out) const {
     constexpr int kBeside = 3;  // two gross ones in six do not reach the median
     int found = 0;
@@ -64,17 +65,14 @@ class Neighbours {
          k >= 0 && k < std::ssize(samples) && found < kBeside; k += side) {
       const Deviation& d = samples[static_cast<std::size_t>(k)];
       if (d.probability > kLikelier) continue;
-      out->push_back(residual_(Row(d.sample.index) + axis));
+      out->push_back(residual_(series_.Row(d.sample.index, axis)));
       ++found;
     }
   }
 
+  RowSeries series_;
   const Eigen::VectorXd& residual_;
-  Eigen::Index first_;
 };
-
-// Densities of three coordinates of variance v each, without the factor (2 pi)^(-3/2).
-double LogDensity(double square, double v) { return -1.5 * std::log(v) - 0.5 * square / v; }
 
 // Two normal densities of mean zero, by expectation and maximisation [Dempster, Laird and Rubin
 // 1977]; fills in the probabilities.
@@ -83,23 +81,29 @@ struct Mixture {
   double narrow = 1.0, wide = 100.0;  // variances of a coordinate [-]
   double gain = 0.0;                  // twice the rise of the log-likelihood over one density
 
-  explicit Mixture(const std::vector<Deviation*>& all) {
-    constexpr int kRounds = 200;           // ends before, where shares stand still
-    constexpr double kMedian3 = 2.365974;  // of chi-square with three degrees of freedom
+  // `axes`: coordinates of a sample. `least`: no variance is less than this.
+  Mixture(const std::vector<Deviation*>& all, double axes, double least) {
+    constexpr int kRounds = 200;  // ends before, where shares stand still
+    // Of chi-square with one and with three degrees of freedom.
+    const double median = axes > 1.0 ? 2.365974 : 0.454936;
+    // Without the factor (2 pi)^(-axes / 2).
+    auto log_density = [&](double square, double v) {
+      return -0.5 * axes * std::log(v) - 0.5 * square / v;
+    };
     std::vector<double> squares;
     double sum = 0.0;
     for (const Deviation* d : all) squares.push_back(d->square), sum += d->square;
     const double n = static_cast<double>(squares.size());
-    const double one = sum / (3.0 * n);
-    narrow = std::max(Median(squares) / kMedian3, 1e-12);
+    const double one = sum / (axes * n);
+    narrow = std::max(Median(squares) / median, least);
     wide = std::max(wide * narrow, one);
     double likelihood = 0.0;
     for (int round = 0; round < kRounds; ++round) {
       likelihood = 0.0;
       double weight = 0.0, wide_sum = 0.0;
       for (Deviation* d : all) {
-        const double a = std::log(share) + LogDensity(d->square, wide);
-        const double b = std::log1p(-share) + LogDensity(d->square, narrow);
+        const double a = std::log(share) + log_density(d->square, wide);
+        const double b = std::log1p(-share) + log_density(d->square, narrow);
         const double top = std::max(a, b);
         const double both = top + std::log(std::exp(a - top) + std::exp(b - top));
         d->probability = std::exp(a - both);
@@ -109,12 +113,12 @@ struct Mixture {
       }
       const double before = share;
       share = std::clamp(weight / n, 1e-12, 0.5);
-      if (weight > 0.0) wide = wide_sum / (3.0 * weight);
-      narrow = std::max((sum - wide_sum) / (3.0 * std::max(n - weight, 1.0)), 1e-12);
+      if (weight > 0.0) wide = std::max(wide_sum / (axes * weight), least);
+      narrow = std::max((sum - wide_sum) / (axes * std::max(n - weight, 1.0)), least);
       if (std::abs(share - before) < 1e-9) break;
     }
     double single = 0.0;
-    for (const Deviation* d : all) single += LogDensity(d->square, std::max(one, 1e-12));
+    for (const Deviation* d : all) single += log_density(d->square, std::max(one, least));
     gain = 2.0 * (likelihood - single);
   }
 };
@@ -149,36 +153,32 @@ bool InBursts(const std::vector<Deviation>& gross, const std::vector<double>& kn
   return 1.0 - below < kUnlikely;
 }
 
-}  // namespace
+// Samples that may be gross, and what is too small for one.
+struct Candidates {
+  std::vector<Deviation*> all;
+  double least_size = 0.0;        // from the neighbours, in sigmas [-]
+  double least_variance = 1e-12;  // of what is no gross error [-]
+};
 
-GrossErrors FindGrossErrors(const Observations& observations, const Eigen::VectorXd& residual) {
+// Of series that share one noise.
+GrossErrors FindIn(std::vector<Neighbours>* series, const Candidates& among) {
   constexpr double kApart = 9.0;       // ratio of variances
   constexpr std::size_t kFewest = 20;  // samples; fewer show no two densities
   constexpr int kMostRounds = 5;  // gross neighbours bend a median; two rounds nearly always do
   GrossErrors out;
-  std::vector<Neighbours> marks;
-  std::vector<double> known_of_mark;
-  Eigen::Index first = 0;
-  for (std::size_t m = 0; m < observations.marks.size(); ++m) {
-    marks.emplace_back(observations, residual, m, first);
-    known_of_mark.push_back(static_cast<double>(marks.back().samples.size()));
-    first += 3 * static_cast<Eigen::Index>(observations.marks[m].size());
-  }
-  std::vector<Deviation*> all;
-  for (Neighbours& mark : marks) {
-    for (Deviation& d : mark.samples) all.push_back(&d);
-  }
-  if (all.size() < kFewest) return out;
-  const double penalty = 2.0 * std::log(static_cast<double>(all.size()));  // share and width
+  if (among.all.size() < kFewest) return out;
+  const double n = static_cast<double>(among.all.size());
+  const double penalty = 2.0 * std::log(n);  // share and width
   std::vector<Deviation> gross;
   double wide = 1.0, narrow = 1.0;
   for (int round = 0; round < kMostRounds; ++round) {
-    for (Neighbours& mark : marks) mark.Measure();
-    const Mixture mixture(all);
+    for (Neighbours& one : *series) one.Measure();
+    const Mixture mixture(among.all, series->front().axes(), among.least_variance);
     if (mixture.gain <= penalty || mixture.wide < kApart * mixture.narrow) return out;
     wide = mixture.wide, narrow = mixture.narrow;
     std::vector<Deviation> now;
-    for (const Deviation* d : all) {
+    for (Deviation* d : among.all) {
+      if (d->sample.sigmas < among.least_size) d->probability = 0.0;
       if (d->probability > kLikelier) now.push_back(*d);
     }
     const bool same = std::equal(now.begin(), now.end(), gross.begin(), gross.end(),
@@ -191,9 +191,9 @@ GrossErrors FindGrossErrors(const Observations& observations, const Eigen::Vecto
   // Were more than a fifth gross, three of six neighbours would be in a tenth of all cases, and
   // their median would vouch for nothing: what sticks out so often is the model.
   constexpr double kMostGross = 0.2;
-  const bool too_many =
-      static_cast<double>(gross.size()) > kMostGross * static_cast<double>(all.size());
-  if (too_many || InBursts(gross, known_of_mark)) {
+  std::vector<double> known;
+  for (const Neighbours& one : *series) known.push_back(static_cast<double>(one.samples.size()));
+  if (static_cast<double>(gross.size()) > kMostGross * n || InBursts(gross, known)) {
     out.in_bursts = gross.size();
     out.widening = std::sqrt(wide);
     for (const Deviation& d : gross) out.suspects.push_back(d.sample);
@@ -205,6 +205,105 @@ GrossErrors FindGrossErrors(const Observations& observations, const Eigen::Vecto
   return out;
 }
 
+// By sample of a channel, how far a single residual may lie off for a model that does what it does
+// there a sample early or late; 0 where it does nothing at once. `model`: its readings.
+std::vector<double> AtOnce(const std::vector<Deviation>& samples, const Eigen::VectorXd& model) {
+  constexpr std::ptrdiff_t kBeside = 3;  // as of the median
+  // A peak a sample off leaves its height at either place; twice that, as peaks lie between
+  // samples.
+  constexpr double kHeights = 2.0;
+  // Of what a shift does to a motion at rate alone half lies beyond the median; beyond five of it
+  // lies what the model does at once.
+  constexpr double kSharp = 5.0;
+  // As far as clocks move from one solution to the next (Channel's margin) [samples].
+  constexpr std::ptrdiff_t kWithin = 16;
+  const std::ptrdiff_t n = std::ssize(samples);
+  auto at = [&](std::ptrdiff_t k) {
+    return model(static_cast<Eigen::Index>(samples[static_cast<std::size_t>(k)].sample.index));
+  };
+  std::vector<double> off(samples.size(), 0.0), beside;
+  for (std::ptrdiff_t i = 1; i + 1 < n; ++i) {
+    for (const std::ptrdiff_t by : {-1, 1}) {
+      beside.clear();
+      for (std::ptrdiff_t k = i - kBeside; k <= i + kBeside; ++k) {
+        if (k != i && k >= 0 && k < n && k + by >= 0 && k + by < n)
+          beside.push_back(at(k + by) - at(k));
+      }
+      double& here = off[static_cast<std::size_t>(i)];
+      here = std::max(here, std::abs(at(i + by) - at(i) - Median(beside)));
+    }
+  }
+  const double sharp = std::max(1.0, kSharp * Median(off));  // below a sigma nothing shows
+  std::vector<double> out(samples.size(), 0.0);
+  for (std::ptrdiff_t i = 0; i < n; ++i) {
+    const double here = off[static_cast<std::size_t>(i)];
+    if (!(here > sharp)) continue;
+    for (std::ptrdiff_t k = std::max<std::ptrdiff_t>(0, i - kWithin);
+         k < std::min(n, i + kWithin + 1); ++k) {
+      double& most = out[static_cast<std::size_t>(k)];
+      most = std::max(most, kHeights * here);
+    }
+  }
+  return out;
+}
+
+// The instrument's resolution, whether it is known or no two readings lie nearer [in sigmas].
+double StepOf(const RowSeries& series, const Eigen::VectorXd& readings) {
+  double least = std::numeric_limits<double>::infinity();
+  for (Eigen::Index i = 1; i < readings.size(); ++i) {
+    const double by = std::abs(readings(i) - readings(i - 1));
+    if (by > 0.0) least = std::min(least, by);
+  }
+  return std::max(series.step, std::isfinite(least) ? least : 0.0);
+}
+
+}  // namespace
+
+GrossErrors FindGrossErrors(const Observations& observations, const Eigen::VectorXd& residual) {
+  const RowLayout layout(observations);
+  std::vector<Neighbours> marks;
+  for (std::size_t m = 0; m < observations.marks.size(); ++m) {
+    marks.emplace_back(layout.series[m], residual, m);
+  }
+  Candidates among;
+  for (Neighbours& mark : marks) {
+    for (Deviation& d : mark.samples) among.all.push_back(&d);
+  }
+  return FindIn(&marks, among);
+}
+
+std::vector<ChannelGross> FindChannelGross(const Observations& observations,
+                                           const Eigen::VectorXd& residual) {
+  const RowLayout layout(observations);
+  std::vector<ChannelGross> out;
+  for (std::size_t k = 0; k < observations.others.size(); ++k) {
+    const ResidualKind& kind = *observations.others[k];
+    const Eigen::VectorXd readings = kind.Readings();
+    if (readings.size() == 0) continue;
+    const Eigen::VectorXd own = residual.segment(layout.others[k], readings.size());
+    const RowSeries series = kind.series().front();
+    std::vector<Neighbours> one;
+    one.emplace_back(series, own, 0);
+    std::vector<Deviation>& samples = one.front().samples;
+    if (samples.empty()) continue;
+    one.front().Measure();
+    const std::vector<double> at_once = AtOnce(samples, readings - own);
+    const double step = StepOf(series, readings);
+    Candidates among;
+    // Of readings and of their neighbours' median, each within half a step of the motion.
+    among.least_size = 2.0 * step;
+    among.least_variance = std::max(1e-12, 2.0 * step * step / 12.0);
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+      if (at_once[i] == 0.0 || samples[i].sample.sigmas > at_once[i])
+        among.all.push_back(&samples[i]);
+    }
+    GrossErrors errors = FindIn(&one, among);
+    if (errors.samples.empty() && errors.suspects.empty()) continue;
+    out.push_back({k, series.name, samples.size(), std::move(errors)});
+  }
+  return out;
+}
+
 void PutAside(const GrossErrors& gross, Observations* observations) {
   for (const auto* group : {&gross.samples, &gross.suspects}) {
     for (const GrossSample& s : *group) {
@@ -212,6 +311,20 @@ void PutAside(const GrossErrors& gross, Observations* observations) {
       const double width = std::max(gross.widening, s.sigmas);
       observations->marks[s.mark].cov.col(static_cast<Eigen::Index>(s.index)) *= width * width;
     }
+  }
+}
+
+void PutAside(const std::vector<ChannelGross>& gross, Observations* observations) {
+  for (auto& kind : observations->others) {
+    if (const auto all = kind->Without({})) kind = all;
+  }
+  for (const ChannelGross& one : gross) {
+    std::vector<std::size_t> samples;
+    for (const auto* group : {&one.errors.samples, &one.errors.suspects}) {
+      for (const GrossSample& s : *group) samples.push_back(s.index);
+    }
+    auto& kind = observations->others[one.kind];
+    if (auto rest = kind->Without(samples)) kind = std::move(rest);
   }
 }
 

@@ -9,12 +9,12 @@ namespace unfurl::correlate {
 
 /// One sample that sticks out.
 struct GrossSample {
-  std::size_t mark = 0, index = 0;  ///< into Observations::marks and its samples
+  std::size_t mark = 0, index = 0;  ///< into Observations::marks, 0 of a channel; its samples
   double t = 0.0;                   ///< on the record's clock [s]
   double sigmas = 0.0;              ///< how far it lies from its neighbours' residuals [-]
 };
 
-/// Gross errors among the samples of one trial.
+/// Gross errors among the samples of one trial's marks, or the readings of a channel.
 struct GrossErrors {
   std::vector<GrossSample> samples;  ///< by mark, then time; empty: there are none
   double widening = 1.0;             ///< RMS of a coordinate of theirs, in the samples' sigmas [-]
@@ -36,5 +36,24 @@ GrossErrors FindGrossErrors(const Observations& observations, const Eigen::Vecto
 
 /// Widens the covariances of the gross samples, and of suspects, to what they are.
 void PutAside(const GrossErrors& gross, Observations* observations);
+
+/// Gross errors among the readings of one channel.
+struct ChannelGross {
+  std::size_t kind = 0;      ///< into Observations::others
+  std::string name;          ///< of the channel
+  std::size_t readings = 0;  ///< that the model has something for
+  GrossErrors errors;
+};
+
+/// Likewise in the residuals of channels, each on its own, no whitening in time. What the model
+/// does at once (a rate that jumps, a peak as an impact leaves it) and does a sample early or late
+/// leaves single residuals, too, up to twice as large as what it does there: these are the impact's
+/// time and no gross errors. Nor is what lies within two steps of the instrument's resolution.
+/// Channels without any are left out.
+std::vector<ChannelGross> FindChannelGross(const Observations& observations,
+                                           const Eigen::VectorXd& residual);
+
+/// Puts the readings aside, and suspects, and no others.
+void PutAside(const std::vector<ChannelGross>& gross, Observations* observations);
 
 }  // namespace unfurl::correlate

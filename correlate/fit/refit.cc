@@ -33,6 +33,7 @@ Observations AsLeft(const Observations& plain, const TrialResult& found, double 
     }
   }
   PutAside(found.gross, &out);
+  PutAside(found.channel_gross, &out);
   if (found.drift.called) out.placement.drift = Prior::Normal(0.0, clock_sigma);
   return out;
 }

@@ -197,8 +197,15 @@ RowWhitening::RowWhitening(const Observations& observations, const SeriesNoise& 
     std::array<double, 3> left = {};
     parts_.push_back({mark.first, mark.axes * static_cast<Eigen::Index>(mark.size()), mark.axes,
                       inverse_sd_.size()});
-    for (std::size_t i = 0; i < mark.size(); ++i) {
-      const double gap = i > 0 && step > 0.0 ? (t[i] - t[i - 1]) / step : 0.0;
+    for (std::size_t i = 0, last = mark.size(); i < mark.size(); ++i) {
+      if (mark.aside != nullptr && (*mark.aside)[i]) {  // it tells nothing of the noise beside it
+        for (Eigen::Index axis = 0; axis < mark.axes; ++axis) {
+          decay_.push_back(1.0), gain_.push_back(0.0), inverse_sd_.push_back(0.0);
+        }
+        continue;
+      }
+      const double gap = last < i && step > 0.0 ? (t[i] - t[last]) / step : 0.0;
+      last = i;
       for (std::size_t axis = 0; axis < static_cast<std::size_t>(mark.axes); ++axis) {
         const MarkovNoise& own = noise.series[layout.first_axis[m] + axis];
         FilterStep s;

@@ -9,7 +9,6 @@
 #include "base/error.h"
 #include "base/statistics.h"
 #include "correlate/sampled_model.h"
-#include "correlate/tolerance.h"
 
 namespace unfurl::correlate {
 
@@ -44,6 +43,26 @@ int PointsFor(const ChannelRecord& r) {
   return static_cast<int>(std::clamp(std::ceil(wanted), 1.0 * kFewest, 1.0 * kMost));
 }
 
+// Where a reading says no more than that the motion was at a value or beyond it, that value, times
+// the side (1: the upper end of the range, -1: the lower); infinite: it says what it reads. Whether
+// a reading near the end was cut off is chance, and what was not would be too low on average: near
+// the end is told by its neighbours, whose noise is their own, and all readings there say the same.
+double BoundOf(const ChannelRecord& r, Eigen::Index i, double side) {
+  constexpr double kNone = std::numeric_limits<double>::infinity();
+  constexpr double kFar = 10.0;   // sigmas: no sound reading beside the end lies so far from it
+  constexpr double kNear = 4.0;   // sigmas: one reading in 30 000 from below here is cut off
+  constexpr double kSlack = 1.0;  // sigmas, twice what the median of six is off by
+  constexpr Eigen::Index kBeside = 3;  // to either side
+  const double end = side > 0.0 ? r.highest : -r.lowest, sigma = r.sigma(i), y = side * r.y(i);
+  if (!std::isfinite(end) || y < end - kFar * sigma) return kNone;
+  std::vector<double> beside;
+  for (Eigen::Index k = i - kBeside; k <= i + kBeside; ++k) {
+    if (k != i && k >= 0 && k < r.y.size()) beside.push_back(side * r.y(k));
+  }
+  if (Median(beside) >= end - kNear * sigma) return end - (kNear + kSlack) * sigma;
+  return y >= end ? end : kNone;
+}
+
 double ValueOf(const Prior& prior, double unsaid) { return prior.Told() ? prior.mean : unsaid; }
 
 void CheckReadings(const ChannelRecord& r, const std::string& where) {
@@ -74,6 +93,13 @@ void CheckReadings(const ChannelRecord& r, const std::string& where) {
 Channel::Channel(ChannelRecord record, const std::string& where) : record_(std::move(record)) {
   CheckReadings(record_, where);
   if (record_.resolution == 0.0) record_.resolution = ResolutionOf(record_.y);
+  if (std::isnan(record_.lowest) || std::isnan(record_.highest)) {
+    const Range found = RangeOf(record_.y);
+    if (std::isnan(record_.lowest)) record_.lowest = found.low;
+    if (std::isnan(record_.highest)) record_.highest = found.high;
+  }
+  clipped_ =
+      ((record_.y.array() <= record_.lowest) || (record_.y.array() >= record_.highest)).count();
   record_.filter.Check();
   const auto n = static_cast<Eigen::Index>(record_.t.size());
   has_sigma_ = record_.sigma.size() > 0;
@@ -128,7 +154,8 @@ double Channel::TimeOf(Eigen::Index row) const {
 }
 
 std::vector<RowSeries> Channel::series() const {
-  return {{record_.name, &placed_, 0, 1, has_sigma_, record_.resolution / record_.sigma.mean()}};
+  return {{record_.name, &placed_, 0, 1, has_sigma_, record_.resolution / record_.sigma.mean(),
+           aside_.empty() ? nullptr : &aside_}};
 }
 
 std::vector<ResidualKind::Unknown> Channel::unknowns() const {
@@ -238,6 +265,27 @@ Channel::Shown Channel::Show(const Eigen::VectorXd& numbers) const {
   return out;
 }
 
+bool Channel::ReadingAt(Eigen::Index i, const At& at, double* value, double* slope) const {
+  const double t = record_.t[static_cast<std::size_t>(i)];
+  const Place p =
+      PlaceAt(at.clocks.at.ModelTime(RecordTime(t, at.values), at.clocks.pivot), at.start);
+  if (p.first < at.shown.first || p.first < 0 || p.first + 4 > at.shown.end) return false;
+  *value = *slope = 0.0;
+  for (int k = 0; k < 4; ++k) {
+    *value += p.value[k] * at.shown.values(p.first + k);
+    *slope += p.slope[k] * at.shown.values(p.first + k);
+  }
+  return true;
+}
+
+bool Channel::IsBeyond(Eigen::Index i, double model) const {
+  for (const double side : {1.0, -1.0}) {
+    const double bound = BoundOf(record_, i, side);
+    if (std::isfinite(bound) && side * model >= bound) return true;
+  }
+  return false;
+}
+
 void Channel::Evaluate(const Eigen::VectorXd& numbers, const Clocks& clocks,
                        const Eigen::VectorXd& unknowns, Rows* rows) const {
   const Values at = ValuesOf(unknowns);
@@ -249,16 +297,20 @@ void Channel::Evaluate(const Eigen::VectorXd& numbers, const Clocks& clocks,
   rows->by_unknown.setZero();
   rows->known = 0;
   for (Eigen::Index i = 0; i < record_.y.size(); ++i) {
-    const double t = record_.t[static_cast<std::size_t>(i)];
-    const Place p = PlaceAt(clocks.at.ModelTime(RecordTime(t, at), clocks.pivot), start);
-    if (p.first < shown.first || p.first < 0 || p.first + 4 > shown.end) continue;
+    if (!aside_.empty() && aside_[static_cast<std::size_t>(i)]) continue;
     double value = 0.0, slope = 0.0;
-    for (int k = 0; k < 4; ++k) {
-      value += p.value[k] * shown.values(p.first + k);
-      slope += p.slope[k] * shown.values(p.first + k);
+    if (!ReadingAt(i, {at, clocks, shown, start}, &value, &slope)) continue;
+    const double model = record_.scale * at.gain * value + at.bias;
+    double reading = record_.y(i);
+    if (clipped_ > 0) {
+      if (IsBeyond(i, model)) continue;
+      for (const double side : {1.0, -1.0}) {
+        const double bound = BoundOf(record_, i, side);
+        if (std::isfinite(bound)) reading = side * bound;
+      }
     }
     const double weight = 1.0 / record_.sigma(i);
-    rows->residual(i) = weight * (record_.y(i) - record_.scale * at.gain * value - at.bias);
+    rows->residual(i) = weight * (reading - model);
     rows->by_time(i) = -weight * record_.scale * at.gain * slope;
     ++rows->known;
     for (std::size_t j = 0; j < fitted_.size(); ++j) {
@@ -267,6 +319,7 @@ void Channel::Evaluate(const Eigen::VectorXd& numbers, const Clocks& clocks,
       if (fitted_[j].value == &Values::bias) cell = -weight;
       if (fitted_[j].value == &Values::delay) cell = -rows->by_time(i) * record_rate;
       if (fitted_[j].value == &Values::drift) {
+        const double t = record_.t[static_cast<std::size_t>(i)];
         cell = -rows->by_time(i) * record_rate * own_rate * own_rate * (t - record_.pivot);
       }
     }
@@ -287,6 +340,7 @@ Eigen::VectorXd Channel::Response(const Eigen::VectorXd& change, const Clocks& c
   const double start = GridStart(clocks.reference, clocks.pivot);
   Eigen::VectorXd out = Eigen::VectorXd::Zero(rows());
   for (Eigen::Index i = 0; i < record_.y.size(); ++i) {
+    if (!aside_.empty() && aside_[static_cast<std::size_t>(i)]) continue;
     const double t = record_.t[static_cast<std::size_t>(i)];
     const Place p = PlaceAt(clocks.at.ModelTime(RecordTime(t, at), clocks.pivot), start);
     if (p.first < 0) continue;
@@ -294,61 +348,6 @@ Eigen::VectorXd Channel::Response(const Eigen::VectorXd& change, const Clocks& c
     for (int k = 0; k < 4; ++k) value += p.value[k] * shown(p.first + k);
     out(i) = -record_.scale * at.gain * value / record_.sigma(i);
   }
-  return out;
-}
-
-std::shared_ptr<const ResidualKind> Channel::Within(const Window& window) const {
-  ChannelRecord part = record_;
-  part.t.clear();
-  std::vector<Eigen::Index> keep;
-  for (std::size_t i = 0; i < record_.t.size(); ++i) {
-    if (!window.Contains(placed_[i])) continue;
-    keep.push_back(static_cast<Eigen::Index>(i));
-    part.t.push_back(record_.t[i]);
-  }
-  constexpr std::size_t kFewest = 4;  // of a cubic, as the constructor asks
-  if (keep.size() < kFewest) return nullptr;
-  part.y = record_.y(keep);
-  part.sigma = record_.sigma(keep);
-  auto out = std::make_shared<Channel>(std::move(part));
-  out->has_sigma_ = has_sigma_;
-  return out;
-}
-
-std::shared_ptr<const ResidualKind> Channel::WithoutDrift(double drift, double pivot) const {
-  const double rate = 1.0 / (1.0 + drift);
-  ChannelRecord moved = record_;
-  for (double& t : moved.t) t = pivot + (t - pivot) * rate;
-  moved.pivot = pivot + (moved.pivot - pivot) * rate;
-  moved.delay.mean *= rate;
-  moved.delay.sigma *= rate;
-  auto out = std::make_shared<Channel>(std::move(moved));
-  out->has_sigma_ = has_sigma_;
-  return out;
-}
-
-double Channel::NoiseInUse(double shown) const {
-  return std::max(shown, kLoosestTolerance / NoiseOverMotion());
-}
-
-double Channel::NoiseOverMotion() const {
-  const double n = static_cast<double>(record_.y.size());
-  const double motion = std::sqrt((record_.y.array() - record_.y.mean()).square().sum() / n);
-  return record_.sigma.mean() / motion;  // readings that never change have been refused
-}
-
-std::shared_ptr<const ResidualKind> Channel::Rescaled(const Eigen::VectorXd& residual) const {
-  if (has_sigma_) return nullptr;
-  const auto readings = residual.head(record_.y.size());
-  const double known = static_cast<double>((readings.array() != 0.0).count());
-  const double left = std::max(1.0, known - static_cast<double>(fitted_.size()));
-  const double factor = NoiseInUse(std::sqrt(readings.squaredNorm() / left));
-  constexpr double kSame = 1e-6;  // of what is in use already
-  if (!(factor > 0.0) || !std::isfinite(factor) || std::abs(factor - 1.0) < kSame) return nullptr;
-  ChannelRecord scaled = record_;
-  scaled.sigma *= factor;
-  auto out = std::make_shared<Channel>(std::move(scaled));
-  out->has_sigma_ = false;
   return out;
 }
 
@@ -364,10 +363,14 @@ ResidualKind::Rows Channel::RowsAt(const Eigen::VectorXd& numbers, const Clocks&
 
 Eigen::VectorXd Channel::Simulated(const Eigen::VectorXd& numbers, const Clocks& clocks,
                                    const Eigen::VectorXd& unknowns) const {
-  const Rows at = RowsAt(numbers, clocks, unknowns);
-  Eigen::VectorXd out(record_.y.size());
+  const Values at = ValuesOf(unknowns);
+  const Shown shown = Show(numbers);
+  const double start = GridStart(clocks.reference, clocks.pivot);
+  Eigen::VectorXd out = Eigen::VectorXd::Constant(record_.y.size(), kNan);
   for (Eigen::Index i = 0; i < out.size(); ++i) {
-    out(i) = at.residual(i) == 0.0 ? kNan : record_.y(i) - record_.sigma(i) * at.residual(i);
+    double value = 0.0, slope = 0.0;
+    if (!ReadingAt(i, {at, clocks, shown, start}, &value, &slope)) continue;
+    out(i) = record_.scale * at.gain * value + at.bias;
   }
   return out;
 }

@@ -28,6 +28,9 @@ struct ChannelRecord {
   LowPass filter;         ///< of the instrument
   /// Its resolution [unit]; 0: ResolutionOf(y).
   double resolution = 0.0;
+  /// Ends of the instrument's range [unit]: a reading there says "this or beyond". NaN: RangeOf.
+  double lowest = std::numeric_limits<double>::quiet_NaN();
+  double highest = std::numeric_limits<double>::quiet_NaN();
   /// Stamp at which its drift has no effect [s]; NaN: the middle of its readings.
   double pivot = std::numeric_limits<double>::quiet_NaN();
   /// Of the model's grid, to a median step of the readings; 0: as many as keep the cubic between
@@ -43,6 +46,17 @@ double NoiseOf(const Eigen::VectorXd& y);
 /// Resolution of the instrument, where the readings show it: their values lie on a lattice, and
 /// each is taken several times. 0: they do not [unit of y].
 double ResolutionOf(const Eigen::VectorXd& y);
+
+/// Ends of a range within which readings lie.
+struct Range {
+  double low = -std::numeric_limits<double>::infinity();  ///< [unit]
+  double high = std::numeric_limits<double>::infinity();  ///< [unit]
+};
+
+/// Ends of the instrument's range, where readings show that they have met them: with noise of more
+/// than a step of their resolution no value is taken again and again, except where they are cut
+/// off. Infinite: an end that they do not show.
+Range RangeOf(const Eigen::VectorXd& y);
 
 /// A channel as residuals: one row a reading, then one for each normal prior of its unknowns.
 ///
@@ -76,6 +90,10 @@ class Channel : public ResidualKind {
   std::shared_ptr<const ResidualKind> Within(const Window& window) const override;
   std::shared_ptr<const ResidualKind> WithoutDrift(double drift, double pivot) const override;
   std::shared_ptr<const ResidualKind> Rescaled(const Eigen::VectorXd& residual) const override;
+  Eigen::VectorXd Readings() const override { return record_.y.cwiseQuotient(record_.sigma); }
+  std::shared_ptr<const ResidualKind> Without(
+      const std::vector<std::size_t>& samples) const override;
+  bool MayBeSilent() const override { return clipped_ > 0; }
   double NoiseOverMotion() const override;
   /// What its own clock shows when the record's shows t, by what is known of it beforehand [s].
   double OwnTime(double t) const;
@@ -100,6 +118,22 @@ class Channel : public ResidualKind {
     double Values::*value;
   };
   Values ValuesOf(const Eigen::VectorXd& unknowns) const;
+  // What the filter shows, and over which points [first, end) the model has numbers.
+  struct Shown {
+    Eigen::VectorXd values;
+    Eigen::Index first = 0, end = 0;
+  };
+  // Where readings are looked at.
+  struct At {
+    const Values& values;
+    const Clocks& clocks;
+    const Shown& shown;
+    double start;  // of the grid
+  };
+  // The model's reading, short of gain and bias, and its slope by time; false: it has none there.
+  bool ReadingAt(Eigen::Index i, const At& at, double* value, double* slope) const;
+  // Whether a reading is at an end of the range, and the model at it or beyond.
+  bool IsBeyond(Eigen::Index i, double model) const;
   Rows RowsAt(const Eigen::VectorXd& numbers, const Clocks& clocks,
               const Eigen::VectorXd& unknowns) const;
   double RecordTime(double t, const Values& at) const;       // on the record's clock [s]
@@ -115,11 +149,6 @@ class Channel : public ResidualKind {
   // less than a simulation's tolerance of the motion: smaller residuals are the simulation's as
   // much as the instrument's.
   double NoiseInUse(double shown) const;
-  // What the filter shows, and over which points [first, end) the model has numbers.
-  struct Shown {
-    Eigen::VectorXd values;
-    Eigen::Index first = 0, end = 0;
-  };
   Shown Show(const Eigen::VectorXd& numbers) const;
 
   ChannelRecord record_;
@@ -131,6 +160,8 @@ class Channel : public ResidualKind {
   Eigen::Index count_ = 0;
   std::vector<Fitted> fitted_;
   Eigen::Index prior_rows_ = 0;
+  std::vector<std::uint8_t> aside_;  // by reading; empty: none
+  Eigen::Index clipped_ = 0;         // readings at an end of the range
 };
 
 }  // namespace unfurl::correlate

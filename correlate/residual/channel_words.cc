@@ -50,6 +50,15 @@ std::vector<std::string> Channel::Words(const Eigen::VectorXd& numbers, const Cl
         "trial.offset",
         gain, record_.name);
   }
+  if (clipped_ > 0) {
+    auto end = [&](double limit) {
+      return std::isfinite(limit) ? fmt::format("{:.6g}", limit) : std::string("none");
+    };
+    text += fmt::format(
+        "; {} of {} readings lie at the ends of its range ({} to {} {}): each counts as \"this or "
+        "beyond\"",
+        clipped_, n, end(record_.lowest), end(record_.highest), record_.unit);
+  }
   return {text + "."};
 }
 

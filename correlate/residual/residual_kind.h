@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <limits>
 #include <memory>
 #include <string>
@@ -28,6 +29,8 @@ struct RowSeries {
   Eigen::Index axes = 3;                   ///< rows of a sample
   bool has_sigma = true;                   ///< false: rows are in units of a guess of it
   double step = 0.0;  ///< the instrument's resolution, in a row's units; 0: none
+  /// By sample, whether it is put aside, so that its rows are 0; null: none is.
+  const std::vector<std::uint8_t>* aside = nullptr;
 
   /// Samples.
   std::size_t size() const { return t->size(); }
@@ -115,6 +118,18 @@ class ResidualKind {
   virtual std::shared_ptr<const ResidualKind> Rescaled(const Eigen::VectorXd& /*residual*/) const {
     return nullptr;
   }
+
+  /// What it holds beside the model: rows of its series, in their sigmas; empty: they are no
+  /// readings. A residual is one of these less the model's.
+  virtual Eigen::VectorXd Readings() const { return {}; }
+  /// The same with these samples of its series put aside, and no others; null: it has no readings.
+  virtual std::shared_ptr<const ResidualKind> Without(
+      const std::vector<std::size_t>& /*samples*/) const {
+    return nullptr;
+  }
+  /// Whether the model decides which of its rows tell something: one whose residual is 0 then
+  /// responds to nothing.
+  virtual bool MayBeSilent() const { return false; }
 
   /// Its noise over its motion, RMS over RMS [-]; infinity: it is nothing that moves.
   virtual double NoiseOverMotion() const { return std::numeric_limits<double>::infinity(); }

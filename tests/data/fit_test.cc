@@ -49,6 +49,8 @@ FitRecord Example() {
   f.noise = {{0, 1, 2, 3.5, 0.25, 0.98}};
   f.less_weight = {{0, 1, 2.0, 3.0, 1e-4, 0.5}};
   f.gross = {{0, 1, 2.5, 40.0}};
+  f.channels = {{"encoder", "pin.theta", "rad", 0, {0.0, 0.1}, {1.0, 9.0}, {0.1, 0.1}, {1.0, 1.1}}};
+  f.channels[0].gross_t = {0.1}, f.channels[0].gross_sigmas = {79.0};
   f.marks = {"a", "b"};
   f.t = {0.0, 0.1, 0.05};
   f.mark = {0, 0, 1};
@@ -97,6 +99,10 @@ TEST_F(FitFile, ComesBackAsItWasWritten) {
   EXPECT_EQ(g.parameters[0].sigma_doubt, 0.5);
   EXPECT_EQ(g.noise.at(0).rho, 0.98);
   EXPECT_EQ(g.less_weight.at(0).weight, 0.5);
+  ASSERT_EQ(g.channels.size(), 1u);
+  EXPECT_EQ(g.channels[0].measured, f.channels[0].measured);
+  EXPECT_EQ(g.channels[0].gross_t, f.channels[0].gross_t);
+  EXPECT_EQ(g.channels[0].gross_sigmas, f.channels[0].gross_sigmas);
   ASSERT_EQ(g.gross.size(), 1u);
   EXPECT_EQ(g.gross[0].mark, 1);
   EXPECT_EQ(g.gross[0].t, 2.5);
