@@ -209,6 +209,9 @@ int Conclude(const Common& common, const ReconstructSettings& s, const data::Rig
   }
   std::string text;
   for (const std::string& reason : not_usable) text += "not usable: " + reason + "\n";
+  const std::vector<std::string> dark = done.DarkMarks();
+  if (!dark.empty()) summary["dark_marks"] = dark;
+  for (const std::string& mark : dark) text += mark + "\n";
   text += HealthText(health, &summary);
   text +=
       fmt::format("{}: {} samples from {} lines in {:.1f} s ({:.0f} lines/s)\n", s.output,
