@@ -71,7 +71,9 @@ void AddVerdict(const ReconstructPageInput& in, report::Page* page) {
       details.push_back(change.words);
     }
   }
-  if (!s.LostMarks().empty()) level = report::Level::kBad;
+  const std::string exchanged = Describe(s.exchanged, s.marks);
+  if (!exchanged.empty()) details.insert(details.begin(), exchanged);
+  if (!s.LostMarks().empty() || !exchanged.empty()) level = report::Level::kBad;
   if (!rig_good) {
     details.push_back(fmt::format("The rig's own verdict is \"{}\".", in.rig->verdict));
   }

@@ -82,6 +82,7 @@ void Reconstructor::Begin(const std::string& path, std::size_t lines, const Look
   summary_.unseen.resize(layout_.marks.size());
   summary_.too_bright.resize(layout_.marks.size());
   unseen_.resize(layout_.marks.size());
+  exchanges_.emplace(layout_.marks.size());
   readings_.resize(cameras);
   std::vector<FlashReadings> flashes;
   tracking_ = LookAhead(lines, look, &flashes);
@@ -276,6 +277,8 @@ void Reconstructor::HandOut(data::Tracks* tracks) {
         }
       }
       tracks->p.col(col) = mine.point.p;
+      // The calibration's errors go along with the place.
+      exchanges_->Add(line.t, line.lit[m], mine.point.p, std::sqrt(mine.point.cov.trace()));
       tracks->cov.col(col) << C(0, 0), C(0, 1), C(0, 2), C(1, 1), C(1, 2), C(2, 2);
       triangulator_.Residuals(mine.u_px, mine.point, residual);
       for (std::size_t c = 0; c < cameras; ++c) {
@@ -283,6 +286,7 @@ void Reconstructor::HandOut(data::Tracks* tracks) {
       }
     }
   }
+  summary_.exchanged = exchanges_->found();
   summary_.named_by_place.clear();
   for (std::size_t m = 0; m < layout_.marks.size(); ++m) {
     if (tracker_->named_by_place(m)) summary_.named_by_place.push_back(layout_.marks[m]);

@@ -15,6 +15,7 @@
 #include "data/trial_readings.h"
 #include "measure/background.h"
 #include "measure/correction.h"
+#include "measure/exchanged_marks.h"
 #include "measure/health.h"
 #include "measure/lines_before.h"
 #include "measure/mark_tracker.h"
@@ -78,6 +79,7 @@ struct ReconstructSummary {
   std::vector<std::size_t> too_bright;
   // By mark: the longest time that no camera saw it while it alone should have been lit.
   std::vector<UnseenMark> unseen;
+  std::vector<ExchangedMark> exchanged;
   // Share of the calibration's variance that is not in the shared part but in the samples' own
   // covariance, the largest of any sample [-].
   double unshared = 0.0;
@@ -236,7 +238,8 @@ class Reconstructor {
   std::optional<MarkTracker> tracker_;
   std::vector<Seen> seen_;           // line x camera, of the block
   std::vector<LinesBefore> before_;  // by camera
-  std::vector<UnseenMark> unseen_;   // by mark, that last until now
+  std::optional<ExchangeWatch> exchanges_;
+  std::vector<UnseenMark> unseen_;  // by mark, that last until now
   HealthEvidence evidence_;
   std::vector<HealthEvidence::Reading> readings_;  // of one line, by camera
   std::vector<TrackedLine> decided_;  // the first `lines_decided_` are to be handed out
