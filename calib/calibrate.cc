@@ -18,6 +18,7 @@
 #include "calib/moved_late.h"
 #include "calib/refine.h"
 #include "calib/set_up_scan.h"
+#include "calib/stray_points.h"
 #include "calib/unseen_drift.h"
 #include "calib/verdict.h"
 #include "measure/camera_model.h"
@@ -339,6 +340,7 @@ void CalibrateOptions::Check() const {
 Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
                       const std::string& where) {
   options.Check();
+  RefuseStray(data, where);
   const auto done = [&](double share) {
     ThrowIfInterrupted();
     if (options.progress) options.progress(share);
