@@ -182,7 +182,7 @@ void JudgeFit(const WandFit& fit, const WandReport& report, const VerdictOptions
   for (std::string& trend : WandTrends(fit, kTrendLevel)) tally->care.push_back(std::move(trend));
 }
 
-void JudgeGross(const WandReport& report, const VerdictOptions& options, data::Rig* rig,
+void JudgeGross(const WandReport& report, int points, const VerdictOptions& options, data::Rig* rig,
                 Tally* tally) {
   int readings = 0;
   for (const WandCameraReport& camera : report.cameras) readings += camera.readings;
@@ -206,8 +206,19 @@ void JudgeGross(const WandReport& report, const VerdictOptions& options, data::R
         report.late, report.late_from, report.late_left_out));
   }
   if (!report.gross_points.empty()) {
-    tally->care.push_back(fmt::format("surveyed points that contradict the bar were left out: {}",
-                                      JoinWords(report.gross_points)));
+    const std::string text =
+        fmt::format("surveyed points that contradict the bar were left out: {}",
+                    JoinWords(report.gross_points));
+    // Most of them: then it is not they that are wrong one by one, and nothing else counts before.
+    if (2 * report.gross_points.size() > static_cast<std::size_t>(points)) {
+      tally->no.insert(tally->no.begin(),
+                       "the stated length of the bar, or the station's unit or distance error, is "
+                       "wrong, or the points are of another set-up of the cameras: measure the bar "
+                       "again; " +
+                           text);
+    } else {
+      tally->care.push_back(text);
+    }
   }
   if (report.dropped > 0) {
     tally->fine.push_back(
@@ -291,7 +302,7 @@ void JudgeWand(const WandFit& fit, const std::vector<double>& sigmas, const Wand
   JudgeLengths(report, options, rig, &tally);
   JudgeShape(fit, sigmas, report, options, rig, &tally);
   JudgeFit(fit, report, options, rig, &tally);
-  JudgeGross(report, options, rig, &tally);
+  JudgeGross(report, fit.data.points.points(), options, rig, &tally);
   JudgeRows(report, options, rig, &tally);
   JudgeMotion(fit, report, rig, &tally);
   JudgeStated(fit, report, options, &tally);

@@ -75,14 +75,18 @@ class Tellers : public measure::LiveListener {
     for (LiveListener* one : all_) one->Notice(notice);
   }
   void Looked(double t, const measure::HealthReport& report) override {
+    kept_ = report.distances.kept;
     for (LiveListener* one : all_) one->Looked(t, report);
   }
   void Views(double t, std::span<const measure::LiveView> views) override {
     for (LiveListener* one : all_) one->Views(t, views);
   }
 
+  bool kept() const { return kept_; }  // distances of marks on one body, at the last look
+
  private:
   std::vector<measure::LiveListener*> all_;
+  bool kept_ = true;
 };
 
 // One run: what comes in, what becomes of it, and where it goes.
@@ -214,6 +218,11 @@ class LiveRun {
     const measure::ReconstructSummary& done = live_->reconstructor()->summary();
     const std::string where = settings_.trial.empty() ? "the stream" : settings_.trial;
     if (done.usable() == 0) return NotUsable(where, "no sample is usable");
+    const std::string exchanged = Describe(done.exchanged, done.marks);
+    if (!exchanged.empty()) return NotUsable(where, exchanged);
+    if (!tellers_.kept()) {
+      return NotUsable(where, "the marks of --rigid did not keep their distance at the last look");
+    }
     const std::vector<std::string> lost = done.LostMarks();
     return lost.empty() ? kExitGood : NotUsable(where, lost.front());
   }

@@ -156,6 +156,12 @@ void LiveJson::Looked(double t, const measure::HealthReport& report) {
     line["unvouched"] = measure::Describe(report.unvouched, pass.layout().cameras);
   }
   if (!report.unknown.empty()) line["unknown"] = report.unknown;
+  const auto& distances = pass.options().health.distances;
+  if (!distances.empty()) {
+    line["distances"] = {
+        {"words", measure::Describe(report.distances, distances, pass.layout().cameras)},
+        {"kept", report.distances.kept}};
+  }
   for (std::size_t c = 0; c < report.cameras.size(); ++c) {
     const auto& slices = report.cameras[c];
     const auto last = std::find_if(slices.rbegin(), slices.rend(), [](const auto& slice) {
@@ -207,6 +213,8 @@ void LiveJson::End(const measure::Live& live, const Durations& latency, const st
   if (const measure::Reconstructor* pass = live.reconstructor()) {
     line["samples"] = pass->summary().samples();
     line["usable"] = pass->summary().usable();
+    const std::string exchanged = Describe(pass->summary().exchanged, pass->summary().marks);
+    if (!exchanged.empty()) line["exchanged_marks"] = exchanged;
     for (const std::string& mark : pass->summary().LostMarks()) line["lost_marks"].push_back(mark);
   }
   line["latency_ms"] = of(latency, kMs);

@@ -78,18 +78,6 @@ measure::ReconstructOptions OptionsOf(const ReconstructSettings& s, data::Proven
   return options;
 }
 
-// Throws Error for marks that the trial does not have.
-void CheckRigid(const ReconstructSettings& s, const measure::ReconstructOptions& options,
-                const std::vector<std::string>& marks) {
-  for (const measure::KeptDistance& one : options.health.distances) {
-    for (const std::string& mark : {one.a, one.b}) {
-      if (std::find(marks.begin(), marks.end(), mark) != marks.end()) continue;
-      throw Error(fmt::format("names '{}', which is no mark of {}", mark, s.trial), "--rigid",
-                  fmt::format("the trial's marks are {}", JoinWords(marks)));
-    }
-  }
-}
-
 // The tracks of the whole record, smoothed.
 data::Tracks SmoothAll(const ReconstructSettings& s, data::Tracks all,
                        measure::SmoothReport* report) {
@@ -202,6 +190,8 @@ int Conclude(const Common& common, const ReconstructSettings& s, const data::Rig
   const std::vector<std::string> lost = done.LostMarks();
   std::vector<std::string> not_usable = lost;
   if (!lost.empty()) summary["lost_marks"] = lost;
+  const std::string exchanged = Describe(done.exchanged, done.marks);
+  if (!exchanged.empty()) summary["exchanged_marks"] = not_usable.emplace_back(exchanged);
   if (!health.distances_kept) not_usable.push_back(health.distances);
   if (rig.verdict == calib::kDoNotUse) {
     not_usable.push_back(fmt::format("the verdict of the rig {} is \"{}\"{}", s.rig, rig.verdict,
@@ -209,6 +199,9 @@ int Conclude(const Common& common, const ReconstructSettings& s, const data::Rig
   }
   std::string text;
   for (const std::string& reason : not_usable) text += "not usable: " + reason + "\n";
+  const std::vector<std::string> dark = done.DarkMarks();
+  if (!dark.empty()) summary["dark_marks"] = dark;
+  for (const std::string& mark : dark) text += mark + "\n";
   text += HealthText(health, &summary);
   text += fmt::format("{}: {} from {} in {:.1f} s ({:.0f} lines/s)\n", s.output,
                       Counted(done.samples(), "sample"), Counted(done.lines, "line"), seconds,
@@ -280,7 +273,7 @@ int WholeRecord(const Common& common, const ReconstructSettings& s) {
     pass.writer.reset();
     pass.sigmas = {};
     pass.reconstructor = trial.Open(rig, s.rig, options);
-    CheckRigid(s, options, pass.reconstructor->layout().marks);
+    measure::RequireMarks(options.health.distances, pass.reconstructor->layout().marks, s.trial);
     const bool draw = !s.picture.empty() && !picture;  // the lines as they were recorded
     if (draw) picture.emplace(trial.lines()->header(), trial.size());
     RunPass(common, s, trial, provenance, draw ? &*picture : nullptr, &pass);
@@ -316,11 +309,14 @@ int LiveVerb(const Common& common, ReconstructSettings* s) {
                   {"--smooth", s->smooth},
                   {"--events", !s->events.empty()},
                   {"--correct", s->correct},
-                  {"--rigid", !s->rigid.empty()},
                   {"--event-sigma", s->event_sigma.has_value()}});
   LiveSettings& live = s->live;
   std::tie(live.trial, live.rig, live.report) = std::tie(s->trial, s->rig, s->report);
   live.camera_shift = s->camera_shift;
+  for (const std::string& pair : s->rigid) {
+    live.options.reconstruct.health.distances.push_back(
+        measure::ParseKeptDistance(pair, "--rigid"));
+  }
   live.options.reconstruct.max_speed = s->max_speed;
   live.options.reconstruct.workers = std::max<std::size_t>(1, s->workers);
   if (!s->start.empty()) live.options.reconstruct.start = ReadStart(s->start);

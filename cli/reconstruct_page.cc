@@ -57,6 +57,10 @@ void AddVerdict(const ReconstructPageInput& in, report::Page* page) {
                         : usable >= 80.0           ? report::Level::kCare
                                                    : report::Level::kBad;
   std::vector<std::string> details = s.LostMarks();
+  for (std::string& mark : s.DarkMarks()) {
+    level = std::max(level, report::Level::kCare);
+    details.push_back(std::move(mark));
+  }
   if (in.health != nullptr) level = std::max(level, AddVouching(*in.health, &details));
   if (in.health != nullptr && !in.health->words.empty()) {
     level = std::max(level, report::Level::kCare);
@@ -68,7 +72,9 @@ void AddVerdict(const ReconstructPageInput& in, report::Page* page) {
       details.push_back(change.words);
     }
   }
-  if (!s.LostMarks().empty()) level = report::Level::kBad;
+  const std::string exchanged = Describe(s.exchanged, s.marks);
+  if (!exchanged.empty()) details.insert(details.begin(), exchanged);
+  if (!s.LostMarks().empty() || !exchanged.empty()) level = report::Level::kBad;
   if (!rig_good) {
     details.push_back(fmt::format("The rig's own verdict is \"{}\".", in.rig->verdict));
   }

@@ -97,6 +97,12 @@ class Distances {
                        [](const auto& one) { return one.size() >= kFewest; });
   }
 
+  // What is true loses none: a delay by rounds of slots would keep those where the marks rest.
+  bool LosesPlacesOf(const Distances& as_named) const {
+    return !std::equal(samples_.begin(), samples_.end(), as_named.samples_.begin(),
+                       [](const auto& a, const auto& b) { return 10 * a.size() >= 9 * b.size(); });
+  }
+
   // The residuals of all, and what explains them without anybody's fault.
   void Solve() {
     const auto cameras = static_cast<Eigen::Index>(triangulator_.cameras());
@@ -112,10 +118,11 @@ class Distances {
     Eigen::Index row = 0;
     for (Eigen::Index k = 0; k < pairs; ++k) {
       const KeptDistance& one = distances_[static_cast<std::size_t>(k)];
-      const double from = one.length > 0.0 ? one.length : MedianOf(k);
+      const std::vector<Sample>& own = samples_[static_cast<std::size_t>(k)];
       // Of a length that nobody states anything may be true.
+      const double from = one.length > 0.0 ? one.length : own.front().d;
       const double sigma = one.length > 0.0 ? one.sigma : triangulator_.size();
-      for (const Sample& sample : samples_[static_cast<std::size_t>(k)]) {
+      for (const Sample& sample : own) {
         r_(row) = sample.d - from;
         v_(row) = sample.v;
         U_.row(row).head(rank) = sample.F;
@@ -160,7 +167,7 @@ class Distances {
     DistanceReport::One out;
     const auto& own = samples_[k];
     out.samples = own.size();
-    double weights = 0.0, sum = 0.0, calibration = 0.0;
+    double weights = 0.0, sum = 0.0;
     Eigen::VectorXd F = Eigen::VectorXd::Zero(triangulator_.shared_rank());
     for (const Sample& sample : own) {
       weights += 1.0 / sample.v;
@@ -169,8 +176,7 @@ class Distances {
     }
     out.length = sum / weights;
     F /= weights;
-    calibration = F.squaredNorm();
-    out.sigma = std::sqrt(1.0 / weights + calibration);
+    out.sigma = std::sqrt(1.0 / weights + F.squaredNorm());
     for (const Sample& sample : own) {
       out.scatter += (sample.d - out.length) * (sample.d - out.length);
       out.expected += sample.v + (sample.F - F).squaredNorm();
@@ -182,12 +188,6 @@ class Distances {
   }
 
  private:
-  double MedianOf(Eigen::Index k) const {
-    std::vector<double> d;
-    for (const Sample& sample : samples_[static_cast<std::size_t>(k)]) d.push_back(sample.d);
-    return Median(d);
-  }
-
   Amount AmountOf(const Eigen::VectorXd& g) const {
     const Eigen::VectorXd Vg = g.cwiseQuotient(v_), Ug = U_.transpose() * Vg;
     const double information = g.dot(Vg) - Ug.dot(solver_.solve(Ug));
@@ -308,9 +308,10 @@ class Causes {
         options_(options),
         level_(LevelOf(triangulator, distances.size(), options)) {}
 
-  std::vector<DistanceReport::Cause> Find(const Distances& as_named) const {
+  std::vector<DistanceReport::Cause> Find(const Distances& as_named) {
     std::vector<DistanceReport::Cause> out;
     const auto cameras = static_cast<int>(triangulator_.cameras());
+    as_named_ = &as_named;
     for (int c = 0; c < cameras && as_named.Enough(); ++c) Shifted(as_named, c, &out);
     for (int c = 0; c < cameras; ++c) {
       for (int lag = -options_.most_lag; lag <= options_.most_lag; ++lag) {
@@ -347,7 +348,7 @@ class Causes {
 
   bool Keeps(const HealthEvidence& evidence) const {
     Distances all(evidence, triangulator_, distances_, marks_);
-    if (!all.Enough()) return false;
+    if (!all.Enough() || all.LosesPlacesOf(*as_named_)) return false;
     all.Solve();
     return Kept(all, triangulator_, distances_.size(), level_);
   }
@@ -358,6 +359,7 @@ class Causes {
   std::span<const std::string> marks_;
   const HealthOptions& options_;
   double level_;
+  const Distances* as_named_ = nullptr;
 };
 
 }  // namespace

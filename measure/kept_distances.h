@@ -52,6 +52,10 @@ DistanceReport JudgeDistances(const HealthEvidence& evidence, const Triangulator
 std::string Describe(const DistanceReport& report, std::span<const KeptDistance> distances,
                      std::span<const std::string> cameras);
 
+/// Throws Error, for `record`, where a distance names what is none of its marks.
+void RequireMarks(std::span<const KeptDistance> distances, std::span<const std::string> marks,
+                  const std::string& record);
+
 /// "a,b", or "a,b=0.32m+-0.1mm". Throws Error, with `where`, for anything else.
 KeptDistance ParseKeptDistance(const std::string& text, const std::string& where);
 

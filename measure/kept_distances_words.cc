@@ -1,6 +1,7 @@
 // Distances that marks keep, in words.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cstdlib>
 
 #include "base/count.h"
@@ -78,6 +79,17 @@ std::string Describe(const DistanceReport& report, std::span<const KeptDistance>
   out += "; what would explain it: " + more[0];
   for (std::size_t k = 1; k < more.size(); ++k) out += ", or " + more[k];
   return out;
+}
+
+void RequireMarks(std::span<const KeptDistance> distances, std::span<const std::string> marks,
+                  const std::string& record) {
+  for (const KeptDistance& one : distances) {
+    for (const std::string& mark : {one.a, one.b}) {
+      if (std::find(marks.begin(), marks.end(), mark) != marks.end()) continue;
+      throw Error(fmt::format("names '{}', which is no mark of {}", mark, record), "--rigid",
+                  fmt::format("its marks are {}", JoinWords(marks)));
+    }
+  }
 }
 
 KeptDistance ParseKeptDistance(const std::string& text, const std::string& where) {

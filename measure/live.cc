@@ -119,6 +119,7 @@ bool Live::CanBegin() const {
 void Live::Begin() {
   pass_ = std::make_unique<Reconstructor>(beginning_, rig_, rig_path_, options_.reconstruct);
   const data::Tracks& layout = pass_->layout();
+  RequireMarks(options_.reconstruct.health.distances, layout.marks, path_);
   for (const std::string& slot : header_.trial.slots) {
     marks_.emplace_back();
     for (const std::string& mark : data::MarksOfSlot(slot)) {
@@ -198,10 +199,10 @@ void Live::Observe(std::int32_t slot) {
 
 void Live::Look() {
   look_t_ = t_;
-  look_ = std::async(std::launch::async,
-                     [evidence = pass_->evidence(), pass = pass_.get(), health = health_] {
-                       return Diagnose(evidence, pass->triangulator(), health);
-                     });
+  look_ = std::async(
+      std::launch::async, [evidence = pass_->evidence(), pass = pass_.get(), health = health_] {
+        return Diagnose(evidence, pass->triangulator(), health, pass->layout().marks);
+      });
 }
 
 void Live::TakeLook() {

@@ -58,6 +58,7 @@ void Reconstructor::PrepareLines(const std::string& path, const std::string& rig
   for (std::size_t c = 0; c < header_.cameras.size(); ++c) {
     backgrounds_.emplace_back(header_.format.Of(c));
     finders_.emplace_back(header_.format.Of(c), options_.spot);
+    before_.emplace_back(options_.least_share);
   }
   SetResponses(header_.response, finders_);
 }
@@ -78,9 +79,14 @@ void Reconstructor::Begin(const std::string& path, std::size_t lines, const Look
   summary_.flags.resize(cameras);
   summary_.readings.resize(cameras);
   summary_.left_out.resize(cameras);
+  summary_.unseen.resize(layout_.marks.size());
+  summary_.too_bright.resize(layout_.marks.size());
+  unseen_.resize(layout_.marks.size());
+  exchanges_.emplace(layout_.marks.size());
   readings_.resize(cameras);
   std::vector<FlashReadings> flashes;
   tracking_ = LookAhead(lines, look, &flashes);
+  for (LinesBefore& before : before_) before.Conclude();
   RefuseCameraSlips(path, flashes);
   layout_.shared_rank = triangulator_.shared_rank() + CorrectionDirections(options_.corrections);
   tracker_.emplace(triangulator_, layout_.marks.size(), tracking_);
@@ -117,6 +123,9 @@ void Reconstructor::FindSpots(const data::TrialBlock& block, std::span<const Slo
                               bool learn, std::vector<Seen>* seen) {
   const std::size_t cameras = header_.cameras.size();
   seen->resize(block.size() * cameras);
+  if (!learn || next_line_ == 0) {
+    for (LinesBefore& before : before_) before.Forget();
+  }
   // Each camera walks through the lines in order, so that its background is what it was then.
   ParallelFor(cameras, options_.workers, [&](std::size_t c) {
     for (std::size_t i = 0; i < block.size(); ++i) {
@@ -126,6 +135,7 @@ void Reconstructor::FindSpots(const data::TrialBlock& block, std::span<const Slo
       here.flags = 0;
       if (slots[static_cast<std::size_t>(block.slot[i])].marks.empty()) {
         if (learn && next_line_ + i >= primed_) backgrounds_[c].Add(line);
+        before_[c].Add({});
         continue;
       }
       std::array<Spot, Associator::kMostCandidates> spots;
@@ -135,15 +145,21 @@ void Reconstructor::FindSpots(const data::TrialBlock& block, std::span<const Slo
           std::swap(spots[j], spots[j - 1]);
         }
       }
-      here.width_px = static_cast<float>(spots[0].width_px);
-      here.flags = count > 0 ? spots[0].flags : static_cast<std::uint8_t>(kSpotDim);
+      const std::span<const Spot> found(spots.data(), count);
+      if (!learn) before_[c].Learn(found, finders_[c]);
+      // What another line's light explains is none of this one's, however bright beside the rest.
+      const auto own = std::find_if(found.begin(), found.end(),
+                                    [&](const Spot& spot) { return !before_[c].Explain(spot); });
+      here.width_px = own != found.end() ? static_cast<float>(own->width_px) : 0.0F;
+      here.flags = own != found.end() ? own->flags : static_cast<std::uint8_t>(kSpotDim);
       const bool alone = slots[static_cast<std::size_t>(block.slot[i])].marks.size() == 1;
-      for (std::size_t k = 0; k < count; ++k) {
-        if (!Resolved(spots[k])) continue;
-        if (alone && spots[k].flux < options_.least_share * spots[0].flux) continue;
-        if (here.count == 0) here.flux = static_cast<float>(spots[k].flux);
-        here.spots[here.count++] = {spots[k].u_px, spots[k].s_px};
+      for (auto spot = own; spot != found.end(); ++spot) {
+        if (!Resolved(*spot) || before_[c].Explain(*spot)) continue;
+        if (alone && spot->flux < options_.least_share * own->flux) continue;
+        if (here.count == 0) here.flux = static_cast<float>(spot->flux);
+        here.spots[here.count++] = {spot->u_px, spot->s_px};
       }
+      before_[c].Add(found);
     }
   });
 }
@@ -166,6 +182,7 @@ void Reconstructor::Follow(const Lines& lines, data::Tracks* tracks) {
   for (std::size_t i = 0; i < lines.t.size(); ++i) {
     const Slot& slot = slots_[static_cast<std::size_t>(lines.slot[i])];
     const std::span<Seen> seen(&seen_[i * cameras], cameras);
+    CountLight(lines.t[i], slot, seen);
     Correct(lines.t[i], next_line_ + i, slot, seen);
     if (slot.marks.empty()) {
       ++summary_.dark_lines;
@@ -260,6 +277,8 @@ void Reconstructor::HandOut(data::Tracks* tracks) {
         }
       }
       tracks->p.col(col) = mine.point.p;
+      // The calibration's errors go along with the place.
+      exchanges_->Add(line.t, line.lit[m], mine.point.p, std::sqrt(mine.point.cov.trace()));
       tracks->cov.col(col) << C(0, 0), C(0, 1), C(0, 2), C(1, 1), C(1, 2), C(2, 2);
       triangulator_.Residuals(mine.u_px, mine.point, residual);
       for (std::size_t c = 0; c < cameras; ++c) {
@@ -267,6 +286,7 @@ void Reconstructor::HandOut(data::Tracks* tracks) {
       }
     }
   }
+  summary_.exchanged = exchanges_->found();
   summary_.named_by_place.clear();
   for (std::size_t m = 0; m < layout_.marks.size(); ++m) {
     if (tracker_->named_by_place(m)) summary_.named_by_place.push_back(layout_.marks[m]);

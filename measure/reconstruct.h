@@ -15,7 +15,9 @@
 #include "data/trial_readings.h"
 #include "measure/background.h"
 #include "measure/correction.h"
+#include "measure/exchanged_marks.h"
 #include "measure/health.h"
+#include "measure/lines_before.h"
 #include "measure/mark_tracker.h"
 #include "measure/record_slips.h"
 #include "measure/spot.h"
@@ -37,7 +39,8 @@ struct ReconstructOptions {
   std::map<std::string, Eigen::Vector3d> start;
   double start_sigma = 0.0;  // [m]
   // Where one mark is lit, spots fainter than this share of the line's brightest are not its own:
-  // faint reflections, what the sensor kept of the line before [-].
+  // faint reflections. Also what a sensor is taken to keep of the line before at most, unless the
+  // record shows what it keeps [-].
   double least_share = 0.1;
   // What is known of cameras that moved, drifted or are late, in the order in which it was found.
   std::vector<Correction> corrections;
@@ -53,6 +56,13 @@ struct ReconstructOptions {
 
 inline constexpr std::size_t kSpotFlags = 7;  // bits of SpotFlag
 
+/// Flashes of one mark in a row that no camera sees.
+struct UnseenMark {
+  double from = 0.0, until = 0.0;  ///< the first and the last of them [s]
+  std::size_t flashes = 0;
+  bool to_end = false;  ///< none was seen after them
+};
+
 /// What a reconstruction came to.
 struct ReconstructSummary {
   std::size_t lines = 0, dark_lines = 0;
@@ -65,6 +75,11 @@ struct ReconstructSummary {
   std::vector<std::size_t> readings;        // by camera, that entered
   std::vector<std::size_t> left_out;        // by camera, where others were preferred
   std::vector<std::string> named_by_place;  // marks
+  // By mark: flashes that fewer than three cameras could read, since its light fills their pixels.
+  std::vector<std::size_t> too_bright;
+  // By mark: the longest time that no camera saw it while it alone should have been lit.
+  std::vector<UnseenMark> unseen;
+  std::vector<ExchangedMark> exchanged;
   // Share of the calibration's variance that is not in the shared part but in the samples' own
   // covariance, the largest of any sample [-].
   double unshared = 0.0;
@@ -73,6 +88,9 @@ struct ReconstructSummary {
   // A mark of which fewer than half of its samples have a position; a sentence with the counts, the
   // commonest reason, and what to look at. Empty: there is none.
   std::vector<std::string> LostMarks() const;
+  /// Marks that have most of their samples, and that no camera sees for so many flashes in a row
+  /// that they count as lost: a sentence with when, how often, and what to look at.
+  std::vector<std::string> DarkMarks() const;
   /// Of all marks; the usable ones of them.
   std::size_t samples() const;
   std::size_t usable() const;
@@ -162,7 +180,7 @@ class Reconstructor {
     std::span<const double> t;           // [s]
     std::span<const std::int32_t> slot;  // index into slots_
   };
-  // Lines [first, first + count) of the record and their spots, without learning of them.
+  // Lines [first, first + count) of the record and their spots, without learning backgrounds.
   using Look = std::function<Lines(std::size_t first, std::size_t count, std::vector<Seen>* seen)>;
 
   // Of readings, named and numbered as the rig's cameras; without lines.
@@ -198,6 +216,7 @@ class Reconstructor {
   void Candidates(std::span<const Seen> seen, std::vector<std::span<const Candidate>>* out) const;
   // Takes the corrections out of a line's spots, and keeps them as evidence.
   void Correct(double t, std::size_t line, const Slot& slot, std::span<Seen> seen);
+  void CountLight(double t, const Slot& slot, std::span<const Seen> seen);
   bool Doubtful(double t) const;
   // How the corrections' errors move a sample, behind the calibration's directions.
   void AddCorrectionErrors(const TrackedLine& line, const TrackedPoint& mine,
@@ -217,7 +236,10 @@ class Reconstructor {
   std::vector<Background> backgrounds_;  // by camera
   std::vector<SpotFinder> finders_;
   std::optional<MarkTracker> tracker_;
-  std::vector<Seen> seen_;  // line x camera, of the block
+  std::vector<Seen> seen_;           // line x camera, of the block
+  std::vector<LinesBefore> before_;  // by camera
+  std::optional<ExchangeWatch> exchanges_;
+  std::vector<UnseenMark> unseen_;  // by mark, that last until now
   HealthEvidence evidence_;
   std::vector<HealthEvidence::Reading> readings_;  // of one line, by camera
   std::vector<TrackedLine> decided_;  // the first `lines_decided_` are to be handed out

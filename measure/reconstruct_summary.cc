@@ -35,6 +35,9 @@ std::map<std::string, std::size_t> ReconstructSummary::Unsolved() const {
 
 namespace {
 
+constexpr char kTooBright[] =
+    "its light fills the pixels of too many cameras: dim its LED or shorten the flash";
+
 // What makes most of a mark's samples fail for a reason, most likely first.
 const char* CauseOf(data::SampleReason reason) {
   switch (reason) {
@@ -67,9 +70,54 @@ std::vector<std::string> ReconstructSummary::LostMarks() const {
     const auto reason = static_cast<data::SampleReason>(most - reasons[m].begin());
     lost.push_back(
         fmt::format("{}: {} of {} samples have a position, {} times because of \"{}\"; {}",
-                    marks[m], all - without, all, *most, data::Name(reason), CauseOf(reason)));
+                    marks[m], all - without, all, *most, data::Name(reason),
+                    2 * too_bright[m] > without ? kTooBright : CauseOf(reason)));
   }
   return lost;
+}
+
+// Of several that are lit together nobody can say which is missing.
+void Reconstructor::CountLight(double t, const Slot& slot, std::span<const Seen> seen) {
+  if (slot.marks.size() != 1) return;
+  const auto mark = static_cast<std::size_t>(slot.marks[0]);
+  UnseenMark &now = unseen_[mark], &longest = summary_.unseen[mark];
+  std::size_t read = 0, light = 0, full = 0;
+  for (const Seen& one : seen) {
+    read += one.count > 0;
+    light += one.count > 0 || (one.flags & ~kSpotDim) != 0;
+    full += one.count == 0 && (one.flags & kSpotSaturated) != 0;
+  }
+  summary_.too_bright[mark] += read < 3 && read + full >= 3;
+  if (light > 0) {
+    if (now.flashes > 0 && longest.to_end) longest.to_end = false;
+    now = {};
+    return;
+  }
+  if (now.flashes++ == 0) now.from = t;
+  now.until = t;
+  now.to_end = true;
+  if (now.flashes > longest.flashes) longest = now;
+}
+
+std::vector<std::string> ReconstructSummary::DarkMarks() const {
+  // As many as a mark is followed without (MotionOptions::longest_gap). By chance all cameras miss
+  // one flash in a thousand at worst, never twenty in a row.
+  constexpr std::size_t kFlashes = 20;
+  const std::vector<std::string> lost = LostMarks();
+  std::vector<std::string> dark;
+  for (std::size_t m = 0; m < marks.size(); ++m) {
+    const UnseenMark& run = unseen[m];
+    const bool told = std::any_of(lost.begin(), lost.end(), [&](const std::string& one) {
+      return one.starts_with(marks[m] + ":");
+    });
+    if (told || run.flashes < kFlashes) continue;
+    dark.push_back(fmt::format(
+        "no camera sees {} from {:.4g} s to {} ({} flashes in a row): its LED is dark, hidden or "
+        "out of view",
+        marks[m], run.from, run.to_end ? "the end" : fmt::format("{:.4g} s", run.until),
+        run.flashes));
+  }
+  return dark;
 }
 
 }  // namespace unfurl::measure

@@ -202,6 +202,12 @@ bool SpotFinder::Detect(std::span<const std::uint16_t> line, const Background& b
   return !peaks_.empty();
 }
 
+double SpotFinder::LeastFlux(double width_px) const {
+  // The share of its light in the five pixels of its middle.
+  const double share = std::erf(2.5 / (M_SQRT2 * std::max(width_px, 1e-3)));
+  return options_.threshold * std::sqrt(5.0 * dark_variance_) / share;
+}
+
 std::size_t SpotFinder::GroupEnd(std::size_t first) const {
   std::size_t last = first + 1;
   while (last < peaks_.size() && last - first < kMostJoint &&

@@ -74,6 +74,9 @@ class SpotFinder {
 
   const data::LineFormat& format() const { return format_; }  // of the lines
 
+  // What a spot of that width must shine to stand out of a line as the last one was [count].
+  double LeastFlux(double width_px) const;
+
   // Flat field: each active pixel's response relative to the sensor's mean [-]; empty: all alike.
   void SetResponse(std::span<const float> response);
 
