@@ -28,6 +28,7 @@ struct FarPoint {
   bool right = false;                            ///< and that is where it was surveyed
   Eigen::Vector3d at = Eigen::Vector3d::Zero();  ///< the place [m]
 };
+/// Of each of `points`, by its readings; `rig` is that of the others.
 std::vector<FarPoint> FindFarPoints(const Observations& data, const std::vector<int>& points,
                                     const data::Rig& rig);
 

@@ -9,6 +9,7 @@ namespace unfurl::correlate {
 
 /// One simple cause that would take most of what two records differ by.
 struct Explanation {
+  /// What is told.
   enum class Kind { kClock, kLengths, kNames, kMark };
   Kind kind = Kind::kClock;
   double value = 0.0;              ///< by how much the clock runs fast, ratio of lengths [-]

@@ -115,7 +115,7 @@ TEST_F(BadInput, NumbersThatAnOptionCannotTake) {
   };
   for (const Case& c : std::vector<Case>{
            {{"calibrate", "s.csv", "--workers", "-1"}, {"--workers", "from 0", "-1"}},
-           {{"calibrate", "s.csv", "--sigma", "1mm"}, {"--sigma takes a number", "'mm' out"}},
+           {{"calibrate", "s.csv", "--sigma", "1mm"}, {"--sigma takes a number", "write 0.001"}},
            {{"calibrate", "s.csv", "--sigma", "-1"}, {"--sigma cannot be -1", "above 0"}},
            {{"calibrate", "s.csv", "--folds", "1"}, {"--folds cannot be 1", "2 to 1000"}},
            {{"plan", Shipped("lab.toml"), "--need", "0.5"}, {"--need", "with its unit"}},

@@ -177,7 +177,7 @@ TEST_F(Files, CsvReadsUnitsAndPlacesErrors) {
   EXPECT_THAT(ErrorOf([&] { table.Require("y", "m"); }),
               HasSubstr("add it to the header as 'y [m]'"));
   EXPECT_THAT(ErrorOf([&] { CsvTable::Load(Put("q.csv", "a,b\n1\n")); }), HasSubstr("q.csv:2"));
-  EXPECT_THAT(ErrorOf([&] { CsvTable::Load(Put("e.csv", "")); }), HasSubstr("no header"));
+  EXPECT_THAT(ErrorOf([&] { CsvTable::Load(Put("e.csv", "")); }), HasSubstr("is empty"));
 }
 
 TEST_F(Files, CsvNumbersReadBackExactly) {
