@@ -10,6 +10,7 @@
 #include "base/number.h"
 #include "base/text.h"
 #include "correlate/fit/goodness.h"
+#include "correlate/residual/channel.h"
 #include "correlate/residual/row_layout.h"
 #include "correlate/tolerance.h"
 
