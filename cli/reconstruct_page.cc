@@ -128,6 +128,19 @@ void AddVerdict(const ReconstructPageInput& in, report::Page* page) {
         report::Level::kNeutral}});
 }
 
+// "y", or "y less 5400000" where so much is taken off.
+std::string AxisName(std::size_t axis, double origin) {
+  const std::string name(1, "xyz"[axis]);
+  return origin == 0.0
+             ? name
+             : fmt::format("{} {} {:.0f}", name, origin > 0.0 ? "less" : "and", std::fabs(origin));
+}
+
+std::vector<double> Less(std::vector<double> values, double origin) {
+  for (double& value : values) value -= origin;
+  return values;
+}
+
 void AddTracks(const ReconstructPageInput& in, report::Page* page) {
   page->AddSection(
       "The marks in time",
@@ -135,14 +148,14 @@ void AddTracks(const ReconstructPageInput& in, report::Page* page) {
                   "calibration's part included. Drag to zoom; all charts of time "
                   "follow.",
                   kReconstructPageBand));
-  const char* axes[] = {"x", "y", "z"};
+  const std::array<double, 3> origin = in.digest->FarOrigins();
   for (std::size_t m = 0; m < in.digest->marks.size(); ++m) {
     const TracksDigest::Dots& dots = in.digest->dots[m];
     Chart chart;
     chart.title = in.digest->marks[m] + ": where it is";
     chart.y = {"position", "m", false};
     for (std::size_t k = 0; k < 3; ++k) {
-      chart.series.push_back({axes[k], dots.t, dots.p[k],
+      chart.series.push_back({AxisName(k, origin[k]), dots.t, Less(dots.p[k], origin[k]),
                               ReconstructPageScaled(dots.axis[k], kReconstructPageBand),
                               Style::kDots, static_cast<int>(k)});
     }
@@ -168,7 +181,7 @@ void AddTracks(const ReconstructPageInput& in, report::Page* page) {
 
 // Over the two axes along which the marks move farthest.
 void AddMotion(const ReconstructPageInput& in, report::Page* page) {
-  const char* axes[] = {"x", "y", "z"};
+  const std::array<double, 3> origin = in.digest->FarOrigins();
   std::array<double, 3> range{};
   for (std::size_t k = 0; k < 3; ++k) {
     double low = HUGE_VAL, high = -HUGE_VAL;
@@ -187,12 +200,12 @@ void AddMotion(const ReconstructPageInput& in, report::Page* page) {
   report::Motion motion;
   motion.title = "The marks in motion";
   motion.note = "Between two samples a ring goes straight.";
-  motion.x = {axes[a], "m", false};
-  motion.y = {axes[b], "m", false};
+  motion.x = {AxisName(a, origin[a]), "m", false};
+  motion.y = {AxisName(b, origin[b]), "m", false};
   for (std::size_t m = 0; m < in.digest->marks.size(); ++m) {
     const TracksDigest::Dots& dots = in.digest->dots[m];
-    motion.marks.push_back(
-        {in.digest->marks[m], true, dots.t, dots.p[a], dots.p[b], static_cast<int>(m)});
+    motion.marks.push_back({in.digest->marks[m], true, dots.t, Less(dots.p[a], origin[a]),
+                            Less(dots.p[b], origin[b]), static_cast<int>(m)});
   }
   if (SpanFrames(&motion)) page->AddMotion(motion);
 }

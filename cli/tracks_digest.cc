@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "report/far_origin.h"
+
 namespace unfurl::cli {
 
 namespace {
@@ -100,6 +102,23 @@ void TracksDigest::AddDot(const data::Tracks& block, std::size_t i) {
   to.used.push_back(block.used.empty() ? 0U : block.used[i]);
   to.left_out.push_back(block.left_out.empty() ? 0U : block.left_out[i]);
   to.sigma.push_back(usable ? std::sqrt(covariance.trace()) : kNone);
+}
+
+std::array<double, 3> TracksDigest::FarOrigins() const {
+  std::array<double, 3> origin{};
+  for (std::size_t k = 0; k < 3; ++k) {
+    double low = HUGE_VAL, high = -HUGE_VAL;
+    for (const Dots& of : dots) {
+      for (const double p : of.p[k]) {
+        if (!std::isfinite(p)) continue;
+        low = std::min(low, p);
+        high = std::max(high, p);
+      }
+    }
+    // Of marks that do not move, a metre.
+    if (low <= high) origin[k] = report::FarOrigin(low, std::max(high, low + 1.0));
+  }
+  return origin;
 }
 
 }  // namespace unfurl::cli

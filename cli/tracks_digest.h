@@ -39,6 +39,9 @@ class TracksDigest {
   };
   static constexpr std::size_t kSlices = 150;  // of the record's duration, in the chart of statuses
 
+  // Of each axis, what charts take off: marks in a surveyor's grid lie far from zero [m].
+  std::array<double, 3> FarOrigins() const;
+
   std::vector<std::string> marks, cameras;
   double start = 0.0, slice = 0.0;                 // [s]
   std::vector<Dots> dots;                          // by mark
