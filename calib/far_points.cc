@@ -8,7 +8,6 @@
 
 #include "base/dense.h"
 #include "base/length.h"
-#include "base/statistics.h"
 #include "calib/near_frame.h"
 #include "measure/camera_model.h"
 #include "measure/triangulate.h"
@@ -28,10 +27,10 @@ constexpr double kAlone = 0.01;         // what the others may be off by, of the
 std::vector<int> FarPoints(const Eigen::Matrix3Xd& p) {
   std::vector<int> out;
   if (p.cols() == 0) return out;
-  const Eigen::RowVectorXd away = (p.colwise() - MiddleOf(p)).colwise().norm();
-  const double usual = Median(std::vector<double>(away.begin(), away.end()));
+  const Eigen::Vector3d middle = MiddleOf(p);
+  const double usual = UsualDistance(p, middle);
   for (Eigen::Index i = 0; i < p.cols(); ++i) {
-    if (!(away(i) <= kFar * usual)) out.push_back(static_cast<int>(i));
+    if (!((p.col(i) - middle).norm() <= kFar * usual)) out.push_back(static_cast<int>(i));
   }
   if (static_cast<double>(out.size()) > kMostFar * static_cast<double>(p.cols())) out.clear();
   return out;
@@ -72,6 +71,7 @@ std::vector<FarPoint> FindFarPoints(const Observations& data, const std::vector<
   rig.volume_low -= more;
   rig.volume_high += more;
   const measure::Triangulator triangulator(rig);
+  const Eigen::Vector3d middle = MiddleOf(data.p);
   std::vector<FarPoint> out;
   for (const int i : points) {
     std::vector<double> u(rig.cameras.size(), std::numeric_limits<double>::quiet_NaN()), s = u;
@@ -83,14 +83,14 @@ std::vector<FarPoint> FindFarPoints(const Observations& data, const std::vector<
     FarPoint one;
     one.point = i;
     const Eigen::Vector3d surveyed = data.p.col(i);
-    for (const Eigen::Vector3d& start : {surveyed, Eigen::Vector3d(MiddleOf(data.p))}) {
+    for (const Eigen::Vector3d& start : {surveyed, middle}) {
       const measure::PointSolution found = triangulator.Solve(u, s, start);
       if (found.outcome != measure::PointOutcome::kSolved) continue;
       one.found = true;
       one.at = found.p;
       // Outside of what was surveyed a calibration is worth less than it states: what it makes of
       // a thousandth of the way there is not held against the point.
-      const double beyond = 1e-3 * (surveyed - MiddleOf(data.p)).norm();
+      const double beyond = 1e-3 * (surveyed - middle).norm();
       const Eigen::Matrix3d both = found.cov + data.cov[static_cast<std::size_t>(i)] +
                                    beyond * beyond * Eigen::Matrix3d::Identity();
       const Eigen::Vector3d off = found.p - surveyed;

@@ -27,8 +27,13 @@ void MoveBack(const Eigen::Vector3d& origin, data::Rig* rig) {
   rig->volume_high += origin;
 }
 
-void MoveBack(const Eigen::Vector3d& origin, std::vector<CameraPrior>* priors) {
-  for (CameraPrior& prior : *priors) prior.along += prior.axis.dot(origin);
+void MoveBack(const Eigen::Vector3d& origin, CameraPrior* prior) {
+  prior->along += prior->axis.dot(origin);
+}
+
+void MoveBack(const Eigen::Vector3d& origin, BundleState* state) {
+  for (data::RigCamera& camera : state->cameras) camera.p_WC += origin;
+  if (state->points.cols() > 0) state->points.colwise() += origin;
 }
 
 // Without points that lie far outside of the others, unless that is where their readings are.
@@ -63,11 +68,15 @@ Eigen::Vector3d MiddleOf(const Eigen::Matrix3Xd& p) {
   return middle;
 }
 
+double UsualDistance(const Eigen::Matrix3Xd& p, const Eigen::Vector3d& middle) {
+  const Eigen::RowVectorXd away = (p.colwise() - middle).colwise().norm();
+  return Median(std::vector<double>(away.begin(), away.end()));
+}
+
 Eigen::Vector3d NearOrigin(const Eigen::Matrix3Xd& p) {
   if (p.cols() == 0 || !p.allFinite()) return Eigen::Vector3d::Zero();
   const Eigen::Vector3d middle = MiddleOf(p);
-  const Eigen::RowVectorXd away = (p.colwise() - middle).colwise().norm();
-  const double spread = Median(std::vector<double>(away.begin(), away.end()));
+  const double spread = UsualDistance(p, middle);
   if (!(spread > 0.0) || middle.norm() <= kFarFromOrigin * spread) return Eigen::Vector3d::Zero();
   const double grain = std::exp2(std::floor(std::log2(spread)));
   return ((middle / grain).array().round() * grain).matrix();
@@ -79,12 +88,11 @@ RigFit FitRig(const Observations& data, const CalibrateOptions& options, const s
   RigFit fit = FitHere(About(origin, data), About(origin, options), where);
   for (CameraGuess& guess : fit.guesses) {
     guess.camera.p_WC += origin;
-    guess.prior.along += guess.prior.axis.dot(origin);
-    guess.richest.along += guess.richest.axis.dot(origin);
+    MoveBack(origin, &guess.prior);
+    MoveBack(origin, &guess.richest);
   }
-  MoveBack(origin, &fit.priors);
-  for (data::RigCamera& camera : fit.bundle.state.cameras) camera.p_WC += origin;
-  fit.bundle.state.points.colwise() += origin;
+  for (CameraPrior& prior : fit.priors) MoveBack(origin, &prior);
+  MoveBack(origin, &fit.bundle.state);
   MoveBack(origin, &fit.rig);
   return fit;
 }
@@ -98,9 +106,8 @@ Calibration Calibrate(const Observations& data, const CalibrateOptions& options,
   for (SetUpEstimate& set_up : out.report.set_ups) set_up.middle += origin;
   for (FarPoint& far : out.report.far) far.at += origin;
   for (OrderTrial& trial : out.report.orders) {
-    MoveBack(origin, &trial.priors);
-    for (data::RigCamera& camera : trial.bundle.state.cameras) camera.p_WC += origin;
-    if (trial.bundle.state.points.cols() > 0) trial.bundle.state.points.colwise() += origin;
+    for (CameraPrior& prior : trial.priors) MoveBack(origin, &prior);
+    MoveBack(origin, &trial.bundle.state);
   }
   return out;
 }

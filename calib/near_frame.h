@@ -20,6 +20,9 @@ Eigen::Vector3d NearOrigin(const Eigen::Matrix3Xd& p);
 /// Medians of the coordinates: where most points are, whatever the blunders among them.
 Eigen::Vector3d MiddleOf(const Eigen::Matrix3Xd& p);
 
+/// Median distance of points from there [m].
+double UsualDistance(const Eigen::Matrix3Xd& p, const Eigen::Vector3d& middle);
+
 /// FitRig and Calibrate (calib/calibrate.h) about the origin as it is; private to the room.
 RigFit FitHere(const Observations& data, const CalibrateOptions& options, const std::string& where);
 Calibration CalibrateHere(const Observations& data, const CalibrateOptions& options,

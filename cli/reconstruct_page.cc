@@ -12,6 +12,7 @@
 #include "cli/reconstruct_health.h"
 #include "cli/residual_views.h"
 #include "cli/space_panel.h"
+#include "report/far_origin.h"
 #include "report/page.h"
 
 namespace unfurl::cli {
@@ -128,12 +129,8 @@ void AddVerdict(const ReconstructPageInput& in, report::Page* page) {
         report::Level::kNeutral}});
 }
 
-// "y", or "y less 5400000" where so much is taken off.
 std::string AxisName(std::size_t axis, double origin) {
-  const std::string name(1, "xyz"[axis]);
-  return origin == 0.0
-             ? name
-             : fmt::format("{} {} {:.0f}", name, origin > 0.0 ? "less" : "and", std::fabs(origin));
+  return report::NameLess(std::string(1, "xyz"[axis]), origin);
 }
 
 std::vector<double> Less(std::vector<double> values, double origin) {
@@ -184,14 +181,7 @@ void AddMotion(const ReconstructPageInput& in, report::Page* page) {
   const std::array<double, 3> origin = in.digest->FarOrigins();
   std::array<double, 3> range{};
   for (std::size_t k = 0; k < 3; ++k) {
-    double low = HUGE_VAL, high = -HUGE_VAL;
-    for (const TracksDigest::Dots& dots : in.digest->dots) {
-      for (const double p : dots.p[k]) {
-        if (!std::isfinite(p)) continue;
-        low = std::min(low, p);
-        high = std::max(high, p);
-      }
-    }
+    const auto [low, high] = in.digest->Extent(k);
     range[k] = high - low;
   }
   const std::size_t least =

@@ -104,17 +104,22 @@ void TracksDigest::AddDot(const data::Tracks& block, std::size_t i) {
   to.sigma.push_back(usable ? std::sqrt(covariance.trace()) : kNone);
 }
 
+std::pair<double, double> TracksDigest::Extent(std::size_t axis) const {
+  double low = HUGE_VAL, high = -HUGE_VAL;
+  for (const Dots& of : dots) {
+    for (const double p : of.p[axis]) {
+      if (!std::isfinite(p)) continue;
+      low = std::min(low, p);
+      high = std::max(high, p);
+    }
+  }
+  return {low, high};
+}
+
 std::array<double, 3> TracksDigest::FarOrigins() const {
   std::array<double, 3> origin{};
   for (std::size_t k = 0; k < 3; ++k) {
-    double low = HUGE_VAL, high = -HUGE_VAL;
-    for (const Dots& of : dots) {
-      for (const double p : of.p[k]) {
-        if (!std::isfinite(p)) continue;
-        low = std::min(low, p);
-        high = std::max(high, p);
-      }
-    }
+    const auto [low, high] = Extent(k);
     // Of marks that do not move, a metre.
     if (low <= high) origin[k] = report::FarOrigin(low, std::max(high, low + 1.0));
   }

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "data/tracks.h"
@@ -41,6 +42,8 @@ class TracksDigest {
 
   // Of each axis, what charts take off: marks in a surveyor's grid lie far from zero [m].
   std::array<double, 3> FarOrigins() const;
+  // Least and largest coordinate of an axis; infinite and reversed where there is none [m].
+  std::pair<double, double> Extent(std::size_t axis) const;
 
   std::vector<std::string> marks, cameras;
   double start = 0.0, slice = 0.0;                 // [s]

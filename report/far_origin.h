@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cmath>
+#include <string>
 
 namespace unfurl::report {
 
@@ -12,5 +13,9 @@ inline double FarOrigin(double low, double high) {
   const double middle = 0.5 * (low + high);
   return std::fabs(middle) > kFar * (high - low) ? std::floor(low) : 0.0;
 }
+
+/// "y less 5400000": the name of a coordinate that so much is taken off; the name alone where
+/// nothing is.
+std::string NameLess(const std::string& name, double origin);
 
 }  // namespace unfurl::report

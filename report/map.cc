@@ -75,17 +75,17 @@ Map AboutItself(Map map) {
       dot.y -= y;
     }
   }
-  const auto told = [](double origin) {
-    return origin == 0.0
-               ? std::string()
-               : fmt::format(" {} {:.0f}", origin > 0.0 ? "less" : "and", std::fabs(origin));
-  };
-  map.x.label += told(x);
-  map.y.label += told(y);
+  map.x.label = NameLess(map.x.label, x);
+  map.y.label = NameLess(map.y.label, y);
   return map;
 }
 
 }  // namespace
+
+std::string NameLess(const std::string& name, double origin) {
+  if (origin == 0.0) return name;
+  return fmt::format("{} {} {:.0f}", name, origin > 0.0 ? "less" : "and", std::fabs(origin));
+}
 
 std::string MapSvg(const Map& of) {
   const Map map = AboutItself(of);

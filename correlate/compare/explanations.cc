@@ -210,10 +210,8 @@ class Explaining {
     std::vector<double> distance(count * count, 0.0);
     for (std::size_t j = 0; j < count; ++j) {
       Stamps there;
-      there.marks.assign(count, own.marks[j]);
-      there.t = own.t;
+      there.marks = {own.marks[j]};
       for (std::size_t i = 0; i < count; ++i) {
-        there.marks = {own.marks[j]};
         there.t = {own.t[i]};
         const Prediction at = reference_.Evaluate({}, there);
         if (at.status != ModelStatus::kGood) return {};

@@ -91,11 +91,15 @@ void LoadPeaks::Begin(double t, const double* state, bool counts) {
 
 void LoadPeaks::ReadEnd(const double* trial) { Read(trial, &end_); }
 
-void LoadPeaks::ReadAt(Stepper* stepper, double t, double h, double sigma,
-                       std::vector<double>* loads) {
+void LoadPeaks::EvaluateAt(Stepper* stepper, double t, double h, double sigma) {
   if (stepper->Sample(sigma, state_.data())) ++evaluations_;
   dynamics_.RightSide(t + sigma * h, state_.data(), rates_.data());
   ++evaluations_;
+}
+
+void LoadPeaks::ReadAt(Stepper* stepper, double t, double h, double sigma,
+                       std::vector<double>* loads) {
+  EvaluateAt(stepper, t, h, sigma);
   Read(state_.data(), loads);
   Note(*loads, t + sigma * h);
 }
@@ -189,9 +193,7 @@ bool LoadPeaks::Step(Stepper* stepper, double t, double h, double sigma, bool in
 }
 
 double LoadPeaks::PivotAt(Stepper* stepper, double t, double h, double sigma) {
-  if (stepper->Sample(sigma, state_.data())) ++evaluations_;
-  dynamics_.RightSide(t + sigma * h, state_.data(), rates_.data());
-  ++evaluations_;
+  EvaluateAt(stepper, t, h, sigma);
   return dynamics_.SmallestPivot(nullptr);
 }
 
@@ -225,9 +227,7 @@ void LoadPeaks::LookBeside(Stepper* stepper, double t, double h, double place, d
   for (int k = 0; k < kNearerPlaces; ++k) {
     part /= kNearer;
     std::swap(middle_.loads, high_.loads);
-    if (stepper->Sample(place + part * room, state_.data())) ++evaluations_;
-    dynamics_.RightSide(t + (place + part * room) * h, state_.data(), rates_.data());
-    ++evaluations_;
+    EvaluateAt(stepper, t, h, place + part * room);
     Read(state_.data(), &high_.loads);
     for (std::size_t j = 0; j < joints_; ++j) {
       const double load = high_.loads[j];

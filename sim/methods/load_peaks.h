@@ -50,6 +50,8 @@ class LoadPeaks {
 
  private:
   void Read(const double* state, std::vector<double>* loads) const;
+  // The right side at a place of a step.
+  void EvaluateAt(Stepper* stepper, double t, double h, double sigma);
   void ReadAt(Stepper* stepper, double t, double h, double sigma, std::vector<double>* loads);
   void LookBeside(Stepper* stepper, double t, double h, double place, double room);
   void Note(const std::vector<double>& loads, double t);
