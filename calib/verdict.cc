@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/count.h"
 #include "base/dense.h"
 #include "base/error.h"
 #include "base/length.h"
@@ -150,9 +151,10 @@ void JudgeGross(const CalibrationReport& report, const VerdictOptions& options, 
     tally->care.push_back(text);
   }
   if (gross == 0 && gross_points == 0) return;
-  tally->fine.push_back(fmt::format(
-      "{} readings and {} surveyed points contradict the rest and were left out as gross errors",
-      gross, gross_points));
+  tally->fine.push_back(
+      fmt::format("left out as gross errors, which contradict the rest: {} and {}",
+                  Counted(static_cast<std::size_t>(gross), "reading"),
+                  Counted(static_cast<std::size_t>(gross_points), "surveyed point")));
   for (std::size_t k = 0; k < report.gross.size() && k < kNamed; ++k) {
     tally->fine.push_back(report.gross[k].text);
   }

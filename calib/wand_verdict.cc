@@ -6,6 +6,7 @@
 #include <cmath>
 #include <string>
 
+#include "base/count.h"
 #include "base/dense.h"
 #include "base/length.h"
 #include "base/statistics.h"
@@ -190,9 +191,9 @@ void JudgeGross(const WandReport& report, int points, const VerdictOptions& opti
   const double share = report.gross_readings / std::max(1.0, static_cast<double>(readings));
   if (report.gross_readings > 0) {
     const std::string text = fmt::format(
-        "{} of {} readings contradict the rest, or are of poses where nothing tells "
-        "which ones do, and were left out",
-        report.gross_readings, readings);
+        "left out: {} of {}, which contradict the rest or are of poses where nothing tells which "
+        "ones do",
+        report.gross_readings, Counted(static_cast<std::size_t>(readings), "reading"));
     (share > options.gross_no     ? tally->no
      : share > options.gross_care ? tally->care
                                   : tally->fine)
@@ -221,8 +222,8 @@ void JudgeGross(const WandReport& report, int points, const VerdictOptions& opti
     }
   }
   if (report.dropped > 0) {
-    tally->fine.push_back(
-        fmt::format("{} poses were passed over: too few cameras saw them", report.dropped));
+    tally->fine.push_back("passed over, seen by too few cameras: " +
+                          Counted(static_cast<std::size_t>(report.dropped), "pose"));
   }
 }
 

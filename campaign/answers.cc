@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 
+#include "base/count.h"
 #include "base/text.h"
 #include "campaign/statistics/rank_correlation.h"
 
@@ -146,9 +147,8 @@ void AddNotesOfParts(CampaignAnswers* out) {
 void AddNotes(const Inputs& inputs, CampaignAnswers* out) {
   if (out->failed > 0 && out->failed < out->runs) {
     out->notes.push_back(fmt::format(
-        "{} of {} runs failed: numbers are those of the others, which are not all of what was "
-        "asked for",
-        out->failed, out->runs));
+        "{} of {} failed: numbers are those of the others, which are not all of what was asked for",
+        out->failed, Counted(out->runs, "run")));
   }
   if (!inputs.Drawn()) {
     out->notes.push_back(fmt::format(

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/count.h"
 #include "base/error.h"
 #include "base/progress.h"
 #include "data/h5.h"
@@ -125,8 +126,9 @@ void MergeParts(const CampaignFolder& folder, const Inputs& inputs,
                 const std::vector<std::string>& files, const std::string& out) {
   const std::uint64_t runs = inputs.runs();
   if (const std::uint64_t missing = folder.MissingRuns(runs); missing > 0) {
-    throw Error(fmt::format("{} of {} runs are missing", missing, runs), folder.path(),
-                "`unfurl campaign resume` computes them");
+    throw Error(fmt::format("{} of {} {} missing", missing, Counted(runs, "run"),
+                            missing == 1 ? "is" : "are"),
+                folder.path(), "`unfurl campaign resume` computes them");
   }
   const std::size_t d = inputs.plan().variables.size(), k = inputs.plan().responses.size();
   RecordWriter writer(inputs.plan(), files, out);

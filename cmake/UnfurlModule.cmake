@@ -99,7 +99,8 @@ function(unfurl_test_options name)
   target_compile_options(${name} PRIVATE -O1
     # False alarms on std::string, GCC bug 105651, which come up where its header is precompiled.
     $<$<CXX_COMPILER_ID:GNU>:-Wno-array-bounds> $<$<CXX_COMPILER_ID:GNU>:-Wno-stringop-overflow>
-    $<$<CXX_COMPILER_ID:GNU>:-Wno-stringop-overread>)
+    $<$<CXX_COMPILER_ID:GNU>:-Wno-stringop-overread>
+    $<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess>)  # or ccache keeps nothing of them
 endfunction()
 
 # Each TEST becomes one CTest entry; LABELS slow keeps it out of the default set.

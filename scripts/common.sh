@@ -73,10 +73,12 @@ configure_and_build() {
   say "  built in $(elapsed "$start")"
 }
 
-# The compiler's cache, where there is one: it makes a second build of the same sources fast.
+# The compiler's cache, where there is one: it makes a second build of the same sources fast, in another folder too.
+# Of sources with a precompiled header it keeps nothing unless told that these headers' macros and times do not matter.
 cache=()
 if command -v ccache >/dev/null; then
-  cache=(-DCMAKE_C_COMPILER_LAUNCHER=ccache -DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
+  launcher="env;CCACHE_SLOPPINESS=pch_defines,time_macros;CCACHE_BASEDIR=$root;CCACHE_NOHASHDIR=1;ccache"
+  cache=("-DCMAKE_C_COMPILER_LAUNCHER=$launcher" "-DCMAKE_CXX_COMPILER_LAUNCHER=$launcher")
 fi
 
 # settings_of FILE: the quoted keys of a TOML file of overrides, as arguments `--set key=value`, in

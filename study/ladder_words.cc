@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include "base/count.h"
+
 namespace unfurl::study {
 
 void AddLadderWords(const correlate::LadderResult& ladder, data::FitRecord* record) {
@@ -11,11 +13,12 @@ void AddLadderWords(const correlate::LadderResult& ladder, data::FitRecord* reco
   const std::size_t top = ladder.names.size() - 1;
   std::string words;
   if (ladder.base == top) {
-    words =
-        fmt::format("Fitted with {} itself, {} runs of it.", ladder.names[top], ladder.runs.back());
+    words = fmt::format("Fitted with {} itself, {} of it.", ladder.names[top],
+                        Counted(ladder.runs.back(), "run"));
   } else {
-    words = fmt::format("Solved with {} and led to {} by its difference: {} rounds",
-                        ladder.names[ladder.base], ladder.names[top], ladder.rounds.size());
+    words =
+        fmt::format("Solved with {} and led to {} by its difference: {}", ladder.names[ladder.base],
+                    ladder.names[top], Counted(ladder.rounds.size(), "round"));
     if (!ladder.rounds.empty() && std::isfinite(ladder.rounds.back().step)) {
       words += fmt::format(", the last look {:.2g} standard errors from the one before",
                            ladder.rounds.back().step);

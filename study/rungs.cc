@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "base/count.h"
+
 namespace unfurl::study {
 
 namespace {
@@ -36,7 +38,7 @@ SceneRung Given(const data::StudyFidelity::Rung& from, const data::StudyFidelity
     out.error = std::pow(static_cast<double>(first.segments) / from.segments, kSegmentOrder);
   }
   out.name = !from.name.empty()  ? from.name
-             : from.segments > 0 ? fmt::format("{} segments", from.segments)
+             : from.segments > 0 ? Counted(static_cast<std::size_t>(from.segments), "segment")
              : from.order > 0    ? fmt::format("smooth beams of order {}", from.order)
              : !from.set.empty() ? from.set.front()
                                  : std::string("the scene as it is");

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/count.h"
 #include "base/length.h"
 #include "base/number.h"
 #include "base/text.h"
@@ -232,11 +233,10 @@ void AddGrossWords(const correlate::Observations& o, const correlate::TrialResul
                    const std::string& of, data::FitRecord* record) {
   const correlate::GrossErrors& gross = t.gross;
   if (gross.in_bursts > 0) {
-    record->reasons.push_back(
-        fmt::format("{} samples{} stick out of their neighbours', but in bursts or too often: a "
-                    "motion that the "
-                    "model lacks, or a disturbance. They count like all others.",
-                    gross.in_bursts, of));
+    record->reasons.push_back(fmt::format(
+        "Out of the line of their neighbours, but in bursts or too often: {}{}. A motion that "
+        "the model lacks, or a disturbance; all count.",
+        Counted(gross.in_bursts, "sample"), of));
   }
   if (gross.samples.empty()) return;
   constexpr std::size_t kNamed = 5;  // as many as a sentence bears; the file has all
@@ -251,8 +251,8 @@ void AddGrossWords(const correlate::Observations& o, const correlate::TrialResul
                                 far[i].t, far[i].sigmas));
   }
   record->reasons.push_back(
-      fmt::format("{} of {} samples{} are gross errors and count for next to nothing: {}{}.",
-                  gross.samples.size(), o.size(), of,
+      fmt::format("Gross errors, which count for next to nothing: {} of {}{}: {}{}.",
+                  gross.samples.size(), Counted(o.size(), "sample"), of,
                   far.size() > kNamed ? "the farthest are " : "", JoinWords(names)));
 }
 
@@ -263,9 +263,9 @@ void AddChannelGrossWords(const correlate::Observations& o, const correlate::Tri
   for (const correlate::ChannelGross& gross : t.channel_gross) {
     if (gross.errors.in_bursts > 0) {
       record->reasons.push_back(fmt::format(
-          "{} readings of {}{} stick out of their neighbours', but in bursts or too often: a "
-          "motion that the model lacks, or a disturbance. They count like all others.",
-          gross.errors.in_bursts, gross.name, of));
+          "Out of the line of their neighbours, but in bursts or too often: {} of {}{}. A motion "
+          "that the model lacks, or a disturbance; all count.",
+          Counted(gross.errors.in_bursts, "reading"), gross.name, of));
     }
     if (gross.errors.samples.empty()) continue;
     const auto* channel = dynamic_cast<const correlate::Channel*>(o.others[gross.kind].get());
@@ -278,8 +278,8 @@ void AddChannelGrossWords(const correlate::Observations& o, const correlate::Tri
       names.push_back(fmt::format("at {:.4f} s ({:.3g} sigma)", stamp, far[i].sigmas));
     }
     record->reasons.push_back(
-        fmt::format("{} of {} readings of {}{} are gross errors and are put aside: {}{}.",
-                    far.size(), gross.readings, gross.name, of,
+        fmt::format("Gross errors, which are put aside: {} of {} of {}{}: {}{}.", far.size(),
+                    Counted(gross.readings, "reading"), gross.name, of,
                     far.size() > kNamed ? "the farthest are those " : "", JoinWords(names)));
   }
 }

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/count.h"
 #include "base/dense.h"
 #include "base/error.h"
 #include "base/statistics.h"
@@ -129,9 +130,10 @@ PolynomialChaos PolynomialChaos::Fit(const Eigen::MatrixXd& points, std::span<co
   chaos.indices_.resize(static_cast<std::size_t>(points.rows()));
   const Eigen::Index least = 2 * (points.rows() + 1);  // two runs a term of the simplest
   if (static_cast<Eigen::Index>(finite.size()) < std::max<Eigen::Index>(least, 4 * kFolds)) {
-    chaos.notes_.push_back(fmt::format("{} runs with a value; {} are the least for {} inputs",
-                                       finite.size(), std::max<Eigen::Index>(least, 4 * kFolds),
-                                       points.rows()));
+    chaos.notes_.push_back(fmt::format("{} with a value; {} are the least for {}",
+                                       Counted(finite.size(), "run"),
+                                       std::max<Eigen::Index>(least, 4 * kFolds),
+                                       Counted(static_cast<std::size_t>(points.rows()), "input")));
     return chaos;
   }
   const Eigen::MatrixXd used = points(Eigen::all, finite);
@@ -273,10 +275,8 @@ void PolynomialChaos::JudgeLevels(const Eigen::MatrixXd& points, const ChaosOpti
 void PolynomialChaos::Judge(const ChaosOptions& options) {
   usable_ = q2_lower_ >= options.least_q2;
   if (failed_ > 0) {
-    notes_.push_back(
-        fmt::format("{} runs failed and are left out: the surrogate does not know "
-                    "where runs fail",
-                    failed_));
+    notes_.push_back(fmt::format("{} failed: the surrogate does not know where runs fail",
+                                 Counted(failed_, "run")));
   }
   if (usable_) return;
   notes_.push_back(

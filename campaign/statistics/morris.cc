@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "base/count.h"
 #include "base/error.h"
 #include "base/statistics.h"
 
@@ -89,18 +90,21 @@ MorrisScreening ScreenMorris(const Design& design, std::span<const double> value
   const auto effects = EffectsOf(design, values, &screening);
   screening.usable = screening.trajectories >= kFewest;
   if (!screening.usable) {
-    screening.notes.push_back(
-        fmt::format("{} trajectories; {} are the least", screening.trajectories, kFewest));
+    screening.notes.push_back(fmt::format(
+        "{}; {} are the least",
+        screening.trajectories == 1 ? "1 trajectory"
+                                    : fmt::format("{} trajectories", screening.trajectories),
+        kFewest));
   }
   for (std::size_t k = 0; k < effects.size(); ++k) {
     screening.inputs.push_back(EffectOf(effects[k]));
     if (effects[k].size() >= kFewest || screening.trajectories < kFewest) continue;
     screening.usable = false;
-    screening.notes.push_back(
-        fmt::format("input {} has {} effects: its runs failed", k + 1, effects[k].size()));
+    screening.notes.push_back(fmt::format("input {} has {}: its runs failed", k + 1,
+                                          Counted(effects[k].size(), "effect")));
   }
   if (screening.dropped > 0) {
-    screening.notes.push_back(fmt::format("{} effects are lost to failed runs", screening.dropped));
+    screening.notes.push_back("lost to failed runs: " + Counted(screening.dropped, "effect"));
   }
   Rank(&screening.inputs);
   return screening;

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "base/count.h"
 #include "campaign/statistics/rare_failure.h"
 
 namespace unfurl::campaign {
@@ -30,9 +31,10 @@ void RareFailure::Judge() {
   }
   if (r.failed > 0) {
     const std::string counts = fmt::format(
-        "{} of {} runs failed and count as no failure; if all were, the probability would be up to "
-        "{:.2g}",
-        r.failed, r.runs, r.with_failed);
+        "{} of {} gave no value and count as no failure; were all of them failures, the "
+        "probability "
+        "would be up to {:.2g}",
+        r.failed, Counted(r.runs, "run"), r.with_failed);
     if (r.with_failed > r.interval.high) {
       fault(counts);
     } else {

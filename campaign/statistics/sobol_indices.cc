@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/count.h"
 #include "base/error.h"
 #include "base/statistics.h"
 #include "campaign/statistics/counter_random.h"
@@ -168,11 +169,12 @@ SobolIndices IndicesOfSaltelli(std::span<const double> values, int dimensions, d
   const Rows rows = RowsOf(values, static_cast<std::size_t>(dimensions), &result.dropped);
   result.rows = rows.n;
   if (result.dropped > 0) {
-    result.notes.push_back(fmt::format("{} of {} rows have a failed run and are left out",
-                                       result.dropped, result.dropped + rows.n));
+    result.notes.push_back(fmt::format("left out for a failed run: {} of {}", result.dropped,
+                                       Counted(result.dropped + rows.n, "row")));
   }
   if (rows.n < kFewestRows) {
-    result.notes.push_back(fmt::format("{} whole rows; {} are the least", rows.n, kFewestRows));
+    result.notes.push_back(
+        fmt::format("{}; {} are the least", Counted(rows.n, "whole row"), kFewestRows));
     return result;
   }
   Estimate e;

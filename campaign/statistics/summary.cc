@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/count.h"
 #include "base/error.h"
 #include "base/statistics.h"
 
@@ -179,9 +180,9 @@ Summary Summarise(std::span<const double> values, std::span<const int> block, do
   summary.failed = sample.failed;
   summary.confidence = confidence;
   if (sample.failed > 0) {
-    summary.notes.push_back(fmt::format(
-        "{} of {} runs failed and are left out: what is said holds for runs that do not fail",
-        sample.failed, values.size()));
+    summary.notes.push_back(
+        fmt::format("{} of {} failed: what is said holds for runs that do not fail", sample.failed,
+                    Counted(values.size(), "run")));
   }
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   if (summary.n == 0) {

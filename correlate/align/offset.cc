@@ -6,6 +6,7 @@
 #include <cmath>
 #include <functional>
 
+#include "base/count.h"
 #include "base/statistics.h"
 #include "correlate/spectra/fft.h"
 
@@ -147,11 +148,11 @@ SignalPairs ChooseSignals(const Prediction& a, const Prediction& b, double noise
     out.b.push_back(std::move(db[j]));
   }
   out.independent = std::max<std::size_t>(1, out.a.size());
-  out.name = fmt::format("{} distances between marks", out.a.size());
+  out.name = Counted(out.a.size(), "distance") + " between marks";
   if (out.a.empty()) {
     out.a = Speeds(a, step);
     out.b = Speeds(b, step);
-    out.name = fmt::format("speeds of {} marks", out.a.size());
+    out.name = "speeds of " + Counted(out.a.size(), "mark");
   }
   return out;
 }

@@ -7,6 +7,7 @@
 #include <limits>
 #include <numbers>
 
+#include "base/count.h"
 #include "base/refuse_option.h"
 #include "base/statistics.h"
 #include "correlate/modes/ambient_judges.h"
@@ -297,8 +298,9 @@ AmbientFit IdentifyAmbientModes(std::span<const DecaySignal> signals,
   out.status = DecayStatus::kGood;
   const auto doubtful = std::count_if(out.modes.begin(), out.modes.end(),
                                       [](const AmbientMode& m) { return !m.doubts.empty(); });
-  out.message = fmt::format("{} modes of a structure driven by noise{}", out.modes.size(),
-                            doubtful > 0 ? fmt::format(", {} of them in doubt", doubtful) : "");
+  out.message =
+      fmt::format("{} of a structure driven by noise{}", Counted(out.modes.size(), "mode"),
+                  doubtful > 0 ? fmt::format(", {} of them in doubt", doubtful) : "");
   return out;
 }
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/count.h"
 #include "base/dense.h"
 #include "correlate/fit/autocorrelation.h"
 #include "correlate/modes/decay_problem.h"
@@ -287,8 +288,9 @@ DecayFit FitDecay(std::span<const DecaySignal> signals, std::span<const Complex>
     mode.damping_sigma = std::sqrt(std::max(0.0, fit.covariance(2 * k + 1, 2 * k + 1)));
   }
   fit.status = converged ? DecayStatus::kGood : DecayStatus::kNotConverged;
-  fit.message = converged ? fmt::format("{} modes explain {:.3f}% of the motion about its trend",
-                                        modes, 100.0 * fit.explained)
+  fit.message = converged ? fmt::format("{:.3f}% of the motion about its trend is explained by {}",
+                                        100.0 * fit.explained,
+                                        Counted(static_cast<std::size_t>(modes), "mode"))
                           : "the poles did not settle";
   return fit;
 }

@@ -351,9 +351,9 @@ std::string SummaryText(const SummaryInput& in, ordered_json* json) {
   if (report.near_dependence > 0) {
     j["near_dependence"] = report.near_dependence;
     text += fmt::format(
-        "{} times the constraints were nearly dependent (a dead centre, a flat chain); "
+        "the constraints were nearly dependent (a dead centre, a flat chain) {}; "
         "the motion after such an instant may depend on rounding\n",
-        report.near_dependence);
+        report.near_dependence == 1 ? "once" : fmt::format("{} times", report.near_dependence));
   }
   text += WarningsText(in, json);
   if (in.certificate != nullptr) text += CertificateText(*in.certificate, report, json);

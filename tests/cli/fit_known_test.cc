@@ -126,7 +126,7 @@ TEST_F(FitKnownTest, GrossErrorsAreNamed) {
   data::WriteTracks((folder_ / "tracks.h5").string(), tracks, data::Provenance{});
   const nlohmann::json fit = Fitted("");
   EXPECT_EQ(fit.at("gross").size(), planted);
-  EXPECT_THAT(Reasons(fit), HasSubstr("are gross errors"));
+  EXPECT_THAT(Reasons(fit), HasSubstr("Gross errors, which count for next to nothing"));
   EXPECT_EQ(data::ReadFit((folder_ / "fit.h5").string()).gross.size(), planted);
   for (std::size_t j = 0; j < 2; ++j) {
     EXPECT_NEAR(double(fit.at("parameters")[j].at("value")),

@@ -182,7 +182,7 @@ TEST(Align, OneMarkIsAlignedByItsSpeed) {
   const Observations o = Record(TwoLink(), TwoLink::Truth(), {"tip"}, trial, rng);
   const Alignment a = Align(o, Reference());
   ASSERT_TRUE(a.Usable()) << a.message;
-  EXPECT_EQ(a.signal, "speeds of 1 marks");
+  EXPECT_EQ(a.signal, "speeds of 1 mark");
   EXPECT_NEAR(a.at.offset, trial.offset, 5.0 * a.Sigma("time offset"));
 }
 
