@@ -15,9 +15,9 @@ def axe(browser):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("width", [1100, 390])
-def test_opens_without_errors_requests_or_overflow(browser, pages, axe, name, width):
-    browser.open(pages[name].as_uri(), width=width)
+@pytest.mark.parametrize("width, dark", [(1100, False), (390, True)])
+def test_opens_without_errors_requests_or_overflow(browser, pages, axe, name, width, dark):
+    browser.open(pages[name].as_uri(), width=width, dark=dark)
     assert browser.wrong == [] and browser.requests == [pages[name].as_uri()]
     # Wide tables and pictures scroll in their own frames.
     assert browser.run("document.documentElement.scrollWidth - window.innerWidth") <= 0
@@ -25,7 +25,7 @@ def test_opens_without_errors_requests_or_overflow(browser, pages, axe, name, wi
     assert levels[0] == 1 and levels.count(1) == 1
     assert all(below - above <= 1 for above, below in zip(levels, levels[1:]))
     assert pages[name].stat().st_size < 4e6
-    if width == 390 or not axe:  # a Chromium without its own tools carries none
+    if not axe:  # a Chromium without its own tools carries none
         return
     browser.run(axe + ";0")
     # Drawings have a name each; within them there is nothing to look at for axe but time.
