@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <cctype>
 #include <cstdio>
 #include <map>
 #include <numbers>
@@ -37,6 +38,7 @@ std::string HelpOf(const Verb& verb) { return "see `unfurl " + verb.app->get_nam
 
 // The long option that was most likely meant, as it is typed; its dashes make no likeness.
 std::string NearestOption(const CLI::App& app, const std::string& unknown) {
+  if (!unknown.starts_with("--")) return {};  // a letter is like any other
   std::vector<std::string> names;
   for (const CLI::Option* option : app.get_options()) {
     for (const std::string& name : option->get_lnames()) names.push_back(name);
@@ -52,14 +54,17 @@ std::string UnknownOption(const Verb& verb, int argc, char** argv) {
     std::string name = argv[i];
     name = name.substr(0, name.find('='));
     if (name == "--") break;
-    if (name.starts_with("--") && verb.app->get_option_no_throw(name) == nullptr) return name;
+    const bool letter = name.size() == 2 && name[0] == '-' && std::isalpha(name[1]) != 0;
+    const bool option = letter || name.starts_with("--");
+    if (option && verb.app->get_option_no_throw(name) == nullptr) return name;
   }
   return {};
 }
 
 // "How many modes" after a semicolon: "how many modes"; "HDF5 .." stays.
 std::string Continued(std::string text) {
-  if (text.size() > 1 && text[0] >= 'A' && text[0] <= 'Z' && text[1] >= 'a' && text[1] <= 'z') {
+  const bool word = text.size() > 1 && ((text[1] >= 'a' && text[1] <= 'z') || text[1] == ' ');
+  if (word && text[0] >= 'A' && text[0] <= 'Z') {
     text[0] = static_cast<char>(text[0] - 'A' + 'a');
   }
   return text;
@@ -162,6 +167,31 @@ Error OutOfRange(const Verb& verb, const CLI::Error& error) {
                       Continued(option->get_description()))};
 }
 
+// More words than the verb takes. CLI11 says them backwards.
+Error TooMany(const Verb& verb, const std::string& action) {
+  std::vector<std::string> words;
+  for (const std::string& word : verb.app->remaining()) words.push_back("'" + word + "'");
+  return {fmt::format("{} {} not expected", JoinWords(words), words.size() == 1 ? "is" : "are"),
+          kWhere,
+          (action.empty()
+               ? ""
+               : fmt::format("did you mean `unfurl {} {}`? ", verb.app->get_name(), action)) +
+              HelpOf(verb)};
+}
+
+// What is missing, with what it is. CLI11 says "NAME is required", and "NAME: 1 required TYPE
+// missing" of an option without its value.
+Error Missing(const Verb& verb, const CLI::Error& error) {
+  const std::string text = error.what();
+  const bool value = dynamic_cast<const CLI::ArgumentMismatch*>(&error) != nullptr;
+  const std::string name = text.substr(0, text.find(value ? ":" : " "));
+  const CLI::Option* option = verb.app->get_option_no_throw(name);
+  if (option == nullptr) return {text, kWhere, HelpOf(verb)};
+  return {fmt::format("{} {}: {}", name, value ? "needs a value" : "is required",
+                      Continued(option->get_description())),
+          kWhere, HelpOf(verb)};
+}
+
 // Of words that are expected before a file, as in `campaign rum plan.toml`: the one that was likely
 // meant.
 std::string NearestAction(const Verb& verb, int argc, char** argv) {
@@ -255,11 +285,11 @@ Error UsageError(const std::vector<Verb>& verbs, int argc, char** argv, const CL
             "did you mean -" + one_dash + "? " + HelpOf(*verb)};
   }
   if (dynamic_cast<const CLI::ExtrasError*>(&error) != nullptr) {
-    const std::string action = NearestAction(*verb, argc, argv);
-    if (!action.empty()) {
-      return {error.what(), kWhere,
-              fmt::format("did you mean `unfurl {} {}`? {}", first, action, HelpOf(*verb))};
-    }
+    return TooMany(*verb, NearestAction(*verb, argc, argv));
+  }
+  if (dynamic_cast<const CLI::RequiredError*>(&error) != nullptr ||
+      dynamic_cast<const CLI::ArgumentMismatch*>(&error) != nullptr) {
+    return Missing(*verb, error);
   }
   return {error.what(), kWhere, HelpOf(*verb)};
 }

@@ -44,7 +44,7 @@ void ThrowWriteError(const std::string& path, int error_number) {
   if (error_number == ENOSPC || error_number == EDQUOT || error_number == EFBIG) {
     remedy = "free some space, or name another place with -o";
   } else if (error_number == EACCES || error_number == EPERM || error_number == EROFS) {
-    remedy = "name a place you may write to with -o";
+    remedy = "name a place you may write to";
   }
   throw Error(fmt::format("cannot write: {}", std::strerror(error_number)), path, remedy,
               ErrorKind::kMachine);

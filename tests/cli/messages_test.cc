@@ -84,6 +84,18 @@ TEST_F(Messages, WordsAndNumbersOfACampaign) {
                 before);
 }
 
+TEST_F(Messages, TooFewAndTooManyWords) {
+  const std::vector<std::string> before = Files();
+  ExpectRefused(Run({"doctor", "x", "y"}), {"'x' and 'y' are not expected", "unfurl doctor --help"},
+                before);
+  ExpectRefused(Run({"simulate", "a.toml", "b.toml"}), {"'b.toml' is not expected"}, before);
+  ExpectRefused(Run({"completion", "bash", "-o", "x"}), {"has no option -o"}, before);
+  ExpectRefused(Run({"check", "rig.h5"}), {"READINGS is required: a survey of some points"},
+                before);
+  ExpectRefused(Run({"simulate", "a.toml", "--rate"}), {"--rate needs a value: samples per second"},
+                before);
+}
+
 TEST_F(Messages, NamesOfFiles) {
   Put("a_file", "");
   ASSERT_EQ(Run({"new", "boom"}).code, 0);
