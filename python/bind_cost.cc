@@ -133,10 +133,12 @@ void BindCost(py::module_& m) {
           [](const py::object& self, double error, const std::optional<std::string>& line) {
             const auto& cost = self.cast<SceneCost&>();
             int at = -1;
+            std::vector<std::string> known;
             for (std::size_t l = 0; line && l < cost.lines.size(); ++l) {
-              if (cost.lines[l].quantity.name == *line) at = static_cast<int>(l);
+              known.push_back(cost.lines[l].quantity.name);
+              if (known.back() == *line) at = static_cast<int>(l);
             }
-            if (line && at < 0) throw py::key_error(*line);
+            if (line && at < 0) RefuseName("line", *line, known);
             const CostPoint* best = study::Cheapest(cost, error, at);
             return best == nullptr
                        ? py::object(py::none())

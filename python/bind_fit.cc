@@ -108,10 +108,12 @@ Fit FitFunction(const py::object& model, const py::object& tracks,
 }
 
 const FitParameter& ParameterOf(const Fit& fit, const std::string& name) {
+  std::vector<std::string> known;
   for (const FitParameter& parameter : fit.data.parameters) {
     if (parameter.name == name) return parameter;
+    known.push_back(parameter.name);
   }
-  throw py::key_error(name);
+  RefuseName("parameter", name, known);
 }
 
 std::optional<double> Known(double x) { return std::isfinite(x) ? std::optional(x) : std::nullopt; }

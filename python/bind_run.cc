@@ -20,18 +20,18 @@ std::string TextOf(const data::Run& run, const std::string& name) {
   return found == run.text.end() ? std::string() : found->second;
 }
 
-const data::Quantity& QuantityOf(const data::Run& run, const std::string& name) {
+std::size_t IndexOf(const data::Run& run, const std::string& name) {
   const int index = run.Find(name);
-  if (index < 0) throw py::key_error(name);
-  return run.quantities[static_cast<std::size_t>(index)];
+  if (index >= 0) return static_cast<std::size_t>(index);
+  std::vector<std::string> known;
+  for (const data::Quantity& quantity : run.quantities) known.push_back(quantity.name);
+  RefuseName("quantity", name, known);
 }
 
 py::array Column(const py::object& self, const std::string& name) {
   const data::Run& run = self.cast<Run&>().data;
   if (name == "t") return View(run.t, self);
-  const int index = run.Find(name);
-  if (index < 0) throw py::key_error(name);
-  return View(run.columns[static_cast<std::size_t>(index)], self);
+  return View(run.columns[IndexOf(run, name)], self);
 }
 
 std::vector<std::string> Names(const data::Run& run) {
@@ -173,13 +173,14 @@ void BindRun(py::module_& m) {
       .def(
           "units",
           [](const Run& self, const std::string& name) {
-            return name == "t" ? std::string("s") : QuantityOf(self.data, name).units;
+            return name == "t" ? std::string("s")
+                               : self.data.quantities[IndexOf(self.data, name)].units;
           },
           py::arg("name"), "Unit of a quantity; '1' for none.")
       .def(
           "description",
           [](const Run& self, const std::string& name) {
-            return QuantityOf(self.data, name).description;
+            return self.data.quantities[IndexOf(self.data, name)].description;
           },
           py::arg("name"), "What a quantity is, in one line.")
       .def_property_readonly(

@@ -264,7 +264,7 @@ void BindSimulate(py::module_& m) {
       .def("__getitem__",
            [](const Sample& s, const std::string& name) {
              const auto found = std::find(s.names->begin(), s.names->end(), name);
-             if (found == s.names->end()) throw py::key_error(name);
+             if (found == s.names->end()) RefuseName("quantity", name, *s.names);
              return s.values[static_cast<std::size_t>(found - s.names->begin())];
            })
       .def("__repr__", [](const Sample& s) {

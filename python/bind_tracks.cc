@@ -162,7 +162,7 @@ py::array_t<bool> UsableOf(const data::Tracks& tracks) {
 
 py::array_t<std::int64_t> SamplesOf(const data::Tracks& tracks, const std::string& mark) {
   const int index = tracks.FindMark(mark);
-  if (index < 0) throw py::key_error(mark);
+  if (index < 0) RefuseName("mark", mark, tracks.marks);
   std::vector<std::int64_t> samples;
   for (const std::size_t i : tracks.SamplesOf(index))
     samples.push_back(static_cast<std::int64_t>(i));

@@ -34,11 +34,11 @@ void BindOptics(py::module_& m);       // survey, rig, lab, trial
 void BindCalibration(py::module_& m);  // calibrate, check
 void BindHealth(py::module_& m);
 void BindPlan(py::module_& m);
-void BindMeasure(py::module_& m);      // expose, reconstruct, smooth
+void BindMeasure(py::module_& m);  // expose, reconstruct, smooth
 void BindSim(py::module_& m);
 void BindCompare(py::module_& m);
 void BindChannels(py::module_& m);  // of instruments other than cameras
-void BindRepeat(py::module_& m);  // before fits, which have them
+void BindRepeat(py::module_& m);    // before fits, which have them
 void BindFit(py::module_& m);
 void BindStudy(py::module_& m);
 void BindCost(py::module_& m);
@@ -52,6 +52,11 @@ py::object LoadModes(const fs::path& path);
 py::object LoadStudy(const fs::path& path);
 py::object LoadFit(const fs::path& path);
 py::object LoadCampaign(const fs::path& path);
+
+/// Raises KeyError: there is no `what` of this name ("quantity"), with the nearest of those that
+/// there are.
+[[noreturn]] void RefuseName(const std::string& what, const std::string& name,
+                             const std::vector<std::string>& known);
 
 /// A file that a record was read from, as it was then.
 struct Source {

@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "base/progress.h"
+#include "base/text.h"
 #include "python/bindings.h"
 
 namespace unfurl::python {
@@ -55,6 +56,13 @@ std::string TomlValue(const py::handle& value) {
 }
 
 }  // namespace
+
+void RefuseName(const std::string& what, const std::string& name,
+                const std::vector<std::string>& known) {
+  const std::string nearest = NearestName(name, known);
+  throw py::key_error(fmt::format("no {} '{}'{}", what, name,
+                                  nearest.empty() ? "" : "; did you mean '" + nearest + "'?"));
+}
 
 InterruptGuard::InterruptGuard() {
   if (!InMainThread()) return;

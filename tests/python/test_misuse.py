@@ -127,6 +127,15 @@ def test_values_of_keys(sets):
         unfurl.simulate(scene, set={"scene.duration": float("nan")})
 
 
+def test_names_that_are_nearly_right(pendulum):
+    run = unfurl.simulate(pendulum)
+    with pytest.raises(KeyError, match="no quantity 'tip.xx'; did you mean 'tip.x'"):
+        run["tip.xx"]
+    with pytest.raises(KeyError, match="no quantity 'nothing like it'"):
+        run.units("nothing like it")
+    assert "tip.xx" not in run
+
+
 def test_paths_that_are_no_utf8(tmp_path):
     folder = os.fsencode(tmp_path) + b"/caf\xe9"
     os.mkdir(folder)

@@ -72,7 +72,7 @@ def test_unsolvable_samples_are_marked():
     assert list(tracks.status) == [unfurl.SampleStatus.GOOD, unfurl.SampleStatus.UNSOLVABLE]
     assert list(tracks.usable) == [True, False]
     assert list(tracks.samples("a")) == [0]
-    with pytest.raises(KeyError):
+    with pytest.raises(KeyError, match="no mark 'b'"):
         tracks.samples("b")
 
 
