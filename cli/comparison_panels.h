@@ -20,6 +20,7 @@ inline std::string ShownUnit(const correlate::SignalId& id) {
 // Parts of the page, each under a heading of its own.
 void AddResidualPanels(const correlate::Comparison& c, report::Page* page);
 void AddScorePanels(const correlate::Comparison& c, report::Page* page);
+void AddSpectrumPanels(const correlate::Comparison& c, report::Page* page);
 void AddDensityPanels(const correlate::Comparison& c, report::Page* page);
 void AddModePanels(const correlate::Comparison& c, report::Page* page);
 
