@@ -92,15 +92,15 @@ Motion Dynamics::Update(double t, double* y) {
     vx[s.index] = vx[s.body] - w * oy;
     vy[s.index] = vy[s.body] + w * ox;
   }
-  return {Within(t),     x,    yy, theta, vx, vy, omega, cosine_.data(), sine_.data(),
-          modes_.data(), held_};
+  return {Within(t),     x,     yy,      theta, vx, vy, omega, cosine_.data(), sine_.data(),
+          modes_.data(), held_, holding_};
 }
 
 Motion Dynamics::MotionAt(double t, double* y) const {
   const int n = model_.rigid_bodies.count;
   return {Within(t), y,         y + n,          y + 2 * n,    y + 3 * n,
           y + 4 * n, y + 5 * n, cosine_.data(), sine_.data(), modes_.data(),
-          held_};
+          held_,     holding_};
 }
 
 template <bool kProfile>

@@ -55,6 +55,8 @@ class Dynamics {
 
   const Model& model() const { return model_; }
   std::vector<LatchMode>& modes() { return modes_; }
+  // Motion::holding from now on; it must outlive that.
+  void HoldLatches(const double* stiffness) { holding_ = stiffness; }
   const std::vector<LatchMode>& modes() const { return modes_; }
   // Integrates what contacts and beams dissipate beside the motion (costs a few percent).
   bool track_energy = true;
@@ -132,6 +134,7 @@ class Dynamics {
   Constraints::Work work_;
   double after_ = -HUGE_VAL, before_ = HUGE_VAL;  // [s]
   bool held_ = false;
+  const double* holding_ = nullptr;
 };
 
 }  // namespace unfurl::sim

@@ -15,8 +15,11 @@ void Latches::ForEachPressed(int k, const Motion& motion, Visit&& visit) const {
   const LatchMode mode = motion.modes[k];
   if (!(mode.upper_contact | mode.lower_contact)) return;
   const double theta = hinge(k).Theta(motion), rate = hinge(k).Rate(motion);
-  if (mode.upper_contact) visit(StopOf(k, true), At(k, true, theta, rate));
-  if (mode.lower_contact) visit(StopOf(k, false), At(k, false, theta, rate));
+  for (const bool upper : {true, false}) {
+    if (!(upper ? mode.upper_contact : mode.lower_contact)) continue;
+    visit(StopOf(k, upper), motion.holding == nullptr ? At(k, upper, theta, rate)
+                                                      : Held(k, upper, theta, motion.holding[k]));
+  }
 }
 
 void Latches::AddLoad(const Motion& motion, Load load, double* dissipated) const {
@@ -39,6 +42,16 @@ void Latches::AddTangent(const Motion& motion, Tangent* tangent) const {
     // Pressed or not: the tangent's pattern does not depend on the modes.
     tangent->AddHinge(hinge(k), stiffness, damping);
   }
+}
+
+Latches::Contact Latches::Held(int k, bool upper, double theta, double stiffness) const {
+  const Stop stop = StopOf(k, upper);
+  Contact c;
+  c.depth = at(k).lever * (stop.side * (theta - stop.level));
+  c.force = c.elastic = stiffness * c.depth;
+  c.stored = 0.5 * c.force * c.depth;
+  c.by_depth = stiffness;
+  return c;
 }
 
 double Latches::Sum(const Motion& motion, bool held) const {

@@ -41,6 +41,10 @@ class Latches {
   const ContactLaw& law(int k) const { return at(k).law; }
   Stop StopOf(int k, bool upper) const { return at(k).stops[upper ? 0 : 1]; }
 
+  double Depth(int k, double angle) const {
+    return at(k).lever * angle;
+  }  // of it behind a stop [m]
+
   // Contact on the upper or lower stop at angle theta and its rate, were the stop active.
   Contact At(int k, bool upper, double theta, double theta_rate) const {
     const Latch& latch = at(k);
@@ -48,6 +52,9 @@ class Latches {
     return latch.law.At(latch.lever * (stop.side * (theta - stop.level)),
                         latch.lever * (stop.side * theta_rate));
   }
+
+  // The same of a spring that holds the stop's level, from both sides [N/m].
+  Contact Held(int k, bool upper, double theta, double stiffness) const;
 
   bool HasPower() const { return count() > 0; }
   void AddLoad(const Motion& motion, Load load, double* dissipated) const;

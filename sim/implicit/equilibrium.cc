@@ -1,7 +1,10 @@
 #include "sim/implicit/equilibrium.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
+#include <vector>
 
 #include "base/progress.h"
 #include "sim/implicit/linearised.h"
@@ -110,30 +113,129 @@ EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
   return report;
 }
 
-EquilibriumReport FindLatchedEquilibrium(Dynamics* dynamics, double* y) {
-  const Model& model = dynamics->model();
-  for (LatchMode& mode : dynamics->modes()) mode = {1, 0, 1};
-  const std::vector<double> start(y, y + model.index.size());
-  EquilibriumReport report;
-  for (int attempt = 0; attempt < 2; ++attempt) {
-    report = FindEquilibrium(dynamics, y);
-    if (!report.found) return report;
-    // Where the load pulls a joint off the lower stop, it belongs to the upper one.
-    bool moved = false;
-    const Motion motion = dynamics->MotionAt(0.0, y);
-    for (int k = 0; k < model.latches.count(); ++k) {
-      LatchMode& mode = dynamics->modes()[k];
-      const bool upper = mode.upper_contact != 0;
-      const double theta = model.latches.hinge(k).Theta(motion);
-      if (model.latches.At(k, upper, theta, 0.0).depth > 0.0) continue;
-      mode = {1, static_cast<std::uint8_t>(!upper), static_cast<std::uint8_t>(upper)};
-      moved = true;
-    }
-    if (!moved) break;
-    report.found = false;
-    std::copy(start.begin(), start.end(), y);
+namespace {
+
+// Which stops the load presses. Where it pulls a joint off one it belongs to the other, and where
+// it pulls it off both, to neither.
+class Stops {
+ public:
+  explicit Stops(Dynamics* dynamics)
+      : dynamics_(dynamics), pulled_off_(dynamics->modes().size(), {false, false}) {
+    for (LatchMode& mode : dynamics->modes()) mode = {1, 0, 1};
   }
+
+  // By where the joints are. False: each is where it is pressed to.
+  bool Change(double* y) {
+    const Latches& latches = dynamics_->model().latches;
+    const Motion motion = dynamics_->MotionAt(0.0, y);
+    bool changed = false;
+    for (int k = 0; k < latches.count(); ++k) {
+      LatchMode& mode = dynamics_->modes()[static_cast<std::size_t>(k)];
+      const double theta = latches.hinge(k).Theta(motion);
+      const bool above = latches.At(k, true, theta, 0.0).depth > 0.0;
+      const bool below = latches.At(k, false, theta, 0.0).depth > 0.0;
+      auto& off = pulled_off_[static_cast<std::size_t>(k)];
+      const LatchMode old = mode;
+      if (mode.upper_contact != 0 && !above) off[0] = true;
+      if (mode.lower_contact != 0 && !below) off[1] = true;
+      const bool pressed = (mode.upper_contact != 0 && above) || (mode.lower_contact != 0 && below);
+      if (!pressed) {
+        const bool upper = above || (!below && !off[0]), lower = !upper && (below || !off[1]);
+        mode = {1, static_cast<std::uint8_t>(upper), static_cast<std::uint8_t>(lower)};
+      }
+      changed = changed || mode.upper_contact != old.upper_contact ||
+                mode.lower_contact != old.lower_contact;
+    }
+    return changed;
+  }
+
+ private:
+  Dynamics* dynamics_;
+  std::vector<std::array<bool, 2>> pulled_off_;  // upper, lower
+};
+
+constexpr int kMostChanges = 4;  // lower, upper, neither, and one that others bring about
+
+EquilibriumReport SettleOnStops(Dynamics* dynamics, Stops stops, double* y) {
+  const std::vector<double> start(y, y + dynamics->model().index.size());
+  EquilibriumReport report;
+  int iterations = 0;
+  for (int change = 0; change < kMostChanges; ++change) {
+    if (change > 0) std::copy(start.begin(), start.end(), y);
+    report = FindEquilibrium(dynamics, y);
+    report.iterations = iterations += report.iterations;
+    if (!report.found || !stops.Change(y)) return report;
+  }
+  report.found = false;
   return report;
+}
+
+// The depth at which a contact at rest bears `force` [m]; its law rises. NaN: at none.
+double DepthOf(const ContactLaw& law, double force, double about) {
+  const auto bears = [&](double depth) { return law.At(depth, 0.0).elastic >= force; };
+  double low = about, high = about;
+  while (bears(low) && low > 0.0) low *= 0.5;
+  while (!bears(high)) {
+    high *= 2.0;
+    if (!std::isfinite(high)) return std::numeric_limits<double>::quiet_NaN();
+  }
+  for (int i = 0; i < 60 && low < high; ++i) {
+    (bears(0.5 * (low + high)) ? high : low) = 0.5 * (low + high);
+  }
+  return high;
+}
+
+// A contact's law has no stiffness where it begins, nor beyond: what bounces off it in the search
+// flies away. So each stop is held by a spring first, of the contact's stiffness at the depth of
+// the clearance, which tells the load and the side that it presses; then by one that bears this
+// load at the depth at which the contact does.
+EquilibriumReport HoldOnStops(Dynamics* dynamics, Stops* stops, double* y) {
+  const Latches& latches = dynamics->model().latches;
+  const int count = latches.count();
+  std::vector<double> stiffness(static_cast<std::size_t>(count)), reach(stiffness);
+  for (int k = 0; k < count; ++k) {
+    constexpr double kNoClearance = 1e-3;  // [rad]: any angle that is small
+    const double clearance = latches.StopOf(k, true).level - latches.StopOf(k, false).level;
+    reach[k] = latches.Depth(k, clearance > 0.0 ? clearance : kNoClearance);
+    stiffness[k] = latches.law(k).At(reach[k], 0.0).by_depth;
+  }
+  dynamics->HoldLatches(stiffness.data());
+  EquilibriumReport report;
+  int iterations = 0;
+  bool borne = false;  // the stiffnesses are those of the loads
+  for (int change = 0; change <= kMostChanges; ++change) {
+    report = FindEquilibrium(dynamics, y);
+    report.iterations = iterations += report.iterations;
+    if (!report.found) break;
+    const bool changed = stops->Change(y);
+    if (!changed && borne) break;
+    const Motion motion = dynamics->MotionAt(0.0, y);
+    for (int k = 0; k < count && !changed; ++k) {
+      const bool upper = dynamics->modes()[static_cast<std::size_t>(k)].upper_contact != 0;
+      const double theta = latches.hinge(k).Theta(motion);
+      const double force = latches.Held(k, upper, theta, stiffness[k]).force;
+      const double depth = force > 0.0 ? DepthOf(latches.law(k), force, reach[k]) : 0.0;
+      if (depth > 0.0) stiffness[k] = force / depth;
+    }
+    borne = !changed;
+  }
+  dynamics->HoldLatches(nullptr);
+  return report;
+}
+
+}  // namespace
+
+EquilibriumReport FindLatchedEquilibrium(Dynamics* dynamics, double* y) {
+  const std::vector<double> start(y, y + dynamics->model().index.size());
+  Stops stops(dynamics);
+  const EquilibriumReport held = HoldOnStops(dynamics, &stops, y);
+  if (held.found) {
+    EquilibriumReport report = SettleOnStops(dynamics, stops, y);
+    report.iterations += held.iterations;
+    if (report.found) return report;
+  }
+  std::copy(start.begin(), start.end(), y);
+  return SettleOnStops(dynamics, Stops(dynamics), y);
 }
 
 }  // namespace unfurl::sim

@@ -12,7 +12,7 @@ namespace unfurl::sim {
 // `y` is changed also when nothing is found.
 EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y);
 
-// Presses every latch on the stop that its joint's load pushes it against and finds the
+// Presses every latch on the stop that its load pushes it against, if on any, and finds the
 // equilibrium; the modes of the latches are set. The state starts near that.
 EquilibriumReport FindLatchedEquilibrium(Dynamics* dynamics, double* y);
 

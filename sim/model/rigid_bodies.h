@@ -81,6 +81,9 @@ struct Motion {
   const double* s;
   const LatchMode* modes = nullptr;  // by latch; null: no contact is evaluated
   bool held = false;                 // time stands still: drives keep their place
+  // By latch: springs that hold a pressed stop's level from both sides, in place of its contact's
+  // law, while an equilibrium is looked for [N/m]; null: the laws.
+  const double* holding = nullptr;
 };
 
 // Forces [N] and moments about the body's own point [N m].

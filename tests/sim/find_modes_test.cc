@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <numbers>
@@ -60,6 +61,56 @@ TEST(FindModes, OfALatchedBarIsThatOfItsContact) {
   ModesOptions drawn;
   drawn.state = ModesOptions::State::kDrawn;
   EXPECT_FALSE(FindModes(scene, drawn).latched);
+}
+
+// A body and smooth panels that float, folded as drawn: each hinge's contact carries its own
+// spring, on the side that this presses, as if it were alone; with a spring that is slack within
+// the clearance it rests there.
+TEST(FindModes, OfPanelsThatFloatIsThatOfEachContact) {
+  constexpr double kPreload[] = {1.2, -0.7, 0.001, 1.2};
+  constexpr double kStiffness = 0.35, kClearance = 0.003, kLever = 0.03;
+  std::string toml = R"([scene]
+name = "panels"
+duration = 1.0
+[body.bus]
+mass = 180.0
+inertia = 30.0
+pose = [0.0, 0.0, 0.0]
+[contact.stop]
+radius_i = 0.005
+modulus_i = 2.1e11
+poisson_i = 0.3
+modulus_j = 7.0e10
+poisson_j = 0.33
+law = "hunt_crossley"
+alpha = 0.3
+)";
+  for (int k = 0; k < 4; ++k) {
+    toml += fmt::format(
+        "[beam.b{0}]\nlength = 1.5\nmass = 4.5\nEI = 900.0\nmodel = \"kirchhoff\"\norder = 3\n"
+        "[joint.j{0}]\ninner = \"{1}\"\nouter = \"b{0}.start\"\nsign = {2}\ntheta = 3.0\n"
+        "[joint.j{0}.spring]\nstiffness = {3}\npreload = {4}\n[joint.j{0}.latch]\n"
+        "theta_a = {5}\ntheta_b = {5}\nlever = {6}\ncontact = \"stop\"\n",
+        k, k == 0 ? std::string("bus") : fmt::format("b{}.end", k - 1), k % 2 == 0 ? 1 : -1,
+        kStiffness, kPreload[k], kClearance, kLever);
+  }
+  const data::Scene scene = data::ParseScene(toml, "panels.toml");
+  ModesOptions options;
+  options.mesh_error = false;
+  const SceneModes modes = FindModes(scene, options);
+  ASSERT_TRUE(modes.usable);
+  ASSERT_EQ(modes.latches.size(), 4u);
+  EXPECT_EQ(modes.rigid, 3);
+  for (int k = 0; k < 4; ++k) {
+    const SceneModes::Latch& latch = modes.latches[k];
+    const double moment = -kStiffness * (latch.theta + kPreload[k]);  // of the spring
+    const bool slack = std::fabs(kPreload[k]) < kClearance;
+    EXPECT_EQ(latch.upper, !slack && moment > 0.0);
+    EXPECT_EQ(latch.lower, !slack && moment < 0.0);
+    const double depth = kLever * std::max(0.0, std::fabs(latch.theta) - kClearance);
+    const double carried = scene.contacts[0].K * std::pow(depth, 1.5) * kLever;
+    EXPECT_NEAR(carried, std::fabs(moment), 1e-9);
+  }
 }
 
 TEST(FindModes, FilesHoldTheRecord) {
