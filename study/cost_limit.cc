@@ -109,6 +109,7 @@ CostLimit LimitOf(const std::vector<CostValues>& values, const std::vector<doubl
   const bool turns = Turns(values[n - 3], values[n - 2], values[n - 1]);
   out.error = {RawError(s, power, d12.rms, d23.rms, turns),
                RawError(s, power, d12.largest, d23.largest, turns)};
+  out.settles = std::isfinite(out.error.rms);
   if (!regular || turns || values[n - 3].a.empty() || values[n - 2].a.empty()) return out;
   const double left = s.Left(power);
   const double before = 1.0 / (s.At(s.s1, power) / s.At(s.s2, power) - 1.0);
@@ -129,8 +130,13 @@ CostLimit Joined(const CostLimit& a, const CostLimit& b) {
   const bool first = a.error.rms <= b.error.rms;
   CostLimit out = first ? a : b;
   const CostLimit& other = first ? b : a;
-  if (!std::isfinite(other.error.rms)) return out;
   const CostDistance apart = DistanceOf(a.values, b.values);
+  if (!std::isfinite(other.error.rms)) {
+    if (out.settles || other.values.a.empty()) return out;
+    out.error.rms = std::max(out.error.rms, apart.rms);
+    out.error.largest = std::max(out.error.largest, apart.largest);
+    return out;
+  }
   out.error.rms = std::max(out.error.rms, apart.rms - other.error.rms);
   out.error.largest = std::max(out.error.largest, apart.largest - other.error.largest);
   return out;

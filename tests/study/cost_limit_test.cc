@@ -113,6 +113,20 @@ TEST(CostLimit, TwoThatDisagreeAreKnownToWhatIsLeft) {
   EXPECT_NEAR(Joined(a, b).error.rms, 0.01, 1e-12);
 }
 
+// The pin force of an unbent beam on which a moment is let go at once: 69 and 98 N of two meshes
+// that double, 319 N of one of another kind; it has no limit at all.
+TEST(CostLimit, TwoMeshesAreNotBelievedAgainstAThirdOfAnotherKind) {
+  const std::vector<CostValues> doubled = {{{69.0}, {}}, {{98.0}, {}}, {{98.1}, {}}};
+  const CostLimit two = LimitOf({doubled[0], doubled[1]}, {4, 8}, 2.0, true);
+  const CostLimit one = LimitOf({{{319.0}, {}}}, {4}, 3.0, false);
+  EXPECT_NEAR(two.error.rms, 29.0, 1e-12);
+  EXPECT_NEAR(Joined(two, one).error.rms, 221.0, 1e-12);
+  EXPECT_EQ(Joined(one, two).values.a[0], 98.0);
+  const CostLimit three = LimitOf(doubled, {4, 8, 16}, 2.0, true);
+  EXPECT_TRUE(three.settles);
+  EXPECT_EQ(Joined(three, one).error.rms, three.error.rms);
+}
+
 TEST(CostValues, AStepThatComesLaterIsNoErrorFromEventToEvent) {
   constexpr double kStep = 0.01;
   const auto step = [&](double at) {
