@@ -279,6 +279,12 @@ std::string JointsText(const SummaryInput& in, ordered_json* json) {
         "much)\n",
         struck ? "impacts" : "", struck && bends ? " and of " : "", bends ? "stiff parts" : "");
   }
+  const auto& at = in.report.peak_pin_time;
+  if (bends && in.report.steps > 0 && std::count(at.begin(), at.end(), 0.0) > 0) {
+    text +=
+        "(a pin force that is largest at 0 s is the mesh's: loads act at once on beams that they "
+        "have not bent yet)\n";
+  }
   for (std::size_t k = 0; k < in.model.joints.size(); ++k) {
     (*json)[in.model.joints[k].latch >= 0 ? "latches" : "joints"].push_back(JointJson(in, k));
   }

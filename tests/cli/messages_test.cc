@@ -84,6 +84,17 @@ TEST_F(Messages, WordsAndNumbersOfACampaign) {
                 before);
 }
 
+// Springs that act at once on straight panels: the finer the mesh, the larger the first pin force.
+TEST_F(Messages, APinForceOfTheStartIsTheMeshs) {
+  ASSERT_EQ(Run({"new", "wing"}).code, 0);
+  const std::vector<std::string> run = {"simulate", "wing/scene.toml", "--duration", "0.01"};
+  constexpr char kWords[] = "a pin force that is largest at 0 s is the mesh's";
+  EXPECT_THAT(Run(run).out, HasSubstr(kWords));
+  ASSERT_EQ(Run({"new", "boom"}).code, 0);
+  EXPECT_THAT(Run({"simulate", "boom/scene.toml", "--duration", "1.2"}).out,
+              Not(HasSubstr(kWords)));
+}
+
 TEST_F(Messages, TooFewAndTooManyWords) {
   const std::vector<std::string> before = Files();
   ExpectRefused(Run({"doctor", "x", "y"}), {"'x' and 'y' are not expected", "unfurl doctor --help"},
