@@ -14,6 +14,8 @@
 #include "base/error.h"
 #include "base/length.h"
 #include "base/table.h"
+#include "base/text.h"
+#include "calib/wand_data.h"
 #include "cli/check_page.h"
 #include "cli/verb.h"
 #include "data/rig.h"
@@ -69,10 +71,30 @@ std::string PointsText(const calib::CheckResult& result, bool bar) {
 using nlohmann::ordered_json;
 
 struct CheckArguments {
-  std::string rig, input, report, need;
-  calib::Bar bar;
+  std::string rig, input, report, need, bar;
+  double bar_sigma = 0.0;  // [m]
   calib::CheckOptions options;
 };
+
+// "1.2" in metres, "1200mm", or as of a wand "1.2m+-0.1mm".
+calib::Bar BarOf(const CheckArguments& arguments) {
+  calib::Bar bar{0.0, arguments.bar_sigma};
+  const auto has = [&](const char* sign) { return arguments.bar.find(sign) != std::string::npos; };
+  if (has("+-") || has("+/-") || has("\u00b1")) {
+    const calib::WandBar stated = calib::ParseBar(arguments.bar, "--bar");
+    if (bar.sigma > 0.0) {
+      throw Error("is stated by --bar, too", "--bar-sigma", "leave one of them out");
+    }
+    bar = {stated.places[0], stated.sigma};
+    if (stated.places.size() == 1 && bar.length > 0.0) return bar;
+  } else if ((ParseDouble(Trim(arguments.bar), &bar.length) ||
+              ParseLength(Trim(arguments.bar), &bar.length)) &&
+             bar.length > 0.0 && std::isfinite(bar.length)) {
+    return bar;
+  }
+  throw Error(fmt::format("'{}' is no length of a bar with two ends", arguments.bar), "--bar",
+              "write 1.2 for metres, or 1.2m+-0.1mm");
+}
 
 // JSON has no infinity.
 ordered_json NumberOrNull(double value) {
@@ -81,16 +103,17 @@ ordered_json NumberOrNull(double value) {
 
 int RunCheck(const Common& common, const CheckArguments& arguments) {
   data::Provenance provenance = StartProvenance(common);
+  const bool bar = !arguments.bar.empty();
+  const calib::Bar length = bar ? BarOf(arguments) : calib::Bar{};
   const data::Rig rig = data::ReadRig(arguments.rig);
   provenance.AddInput(arguments.rig);
   provenance.AddInput(arguments.input);
   calib::CheckResult result;
-  const bool bar = arguments.bar.length > 0.0;
   calib::CheckOptions options = arguments.options;
   options.need = NeedOption(arguments.need);
   if (bar) {
-    result = calib::CheckBar(rig, data::ReadReadingsCsv(arguments.input), arguments.bar,
-                             arguments.input, options);
+    result = calib::CheckBar(rig, data::ReadReadingsCsv(arguments.input), length, arguments.input,
+                             options);
   } else {
     result = calib::CheckPoints(rig, data::ReadSurvey(arguments.input), arguments.input, options);
   }
@@ -162,7 +185,7 @@ Verb AddCheck(CLI::App& program, Common& common) {
                           "Is a calibration still valid? From some points, or a bar of known "
                           "length",
                           "unfurl check rig.h5 ten_points.csv\n"
-                          "  unfurl check rig.h5 bar_readings.csv --bar 1.2000 --bar-sigma 5e-5");
+                          "  unfurl check rig.h5 bar_readings.csv --bar 1.2m+-0.05mm");
   CLI::App* app = verb.app;
   VerbFiles& files = *verb.files;
   auto arguments = std::make_shared<CheckArguments>();
@@ -172,9 +195,11 @@ Verb AddCheck(CLI::App& program, Common& common) {
             "A survey of some points [CSV, HDF5]; with --bar, readings of the bar's ends, ids "
             "1a, 1b, 2a, 2b, ... [CSV]")
       ->required();
-  auto* length = app->add_option("--bar", arguments->bar.length, "Length of the bar [m]")
-                     ->check(CLI::PositiveNumber);
-  app->add_option("--bar-sigma", arguments->bar.sigma, "Standard deviation of that length [m]")
+  auto* length = app->add_option("--bar", arguments->bar,
+                                 "Length of the bar in metres, or with its unit and how well it is "
+                                 "known, as 1.2m+-0.1mm")
+                     ->type_name("LENGTH");
+  app->add_option("--bar-sigma", arguments->bar_sigma, "Standard deviation of that length [m]")
       ->check(CLI::NonNegativeNumber)
       ->needs(length);
   AddNeedOption(app, &arguments->need);

@@ -227,7 +227,8 @@ TEST_F(Messages, AUnitBehindANumberIsConverted) {
   const std::vector<std::string> before = Files();
   ExpectRefused(Run({"simulate", scene, "--duration", "500ms"}), {"'500ms'", "write 0.5: seconds"},
                 before);
-  ExpectRefused(Run({"check", scene, scene, "--bar", "750mm"}), {"write 0.75: length"}, before);
+  ExpectRefused(Run({"check", scene, scene, "--bar", "750 feet"}),
+                {"--bar", "'750 feet' is no length"}, before);
   ExpectRefused(Run({"simulate", scene, "--duration", "5s"}), {"leave 's' out"}, before);
   ExpectRefused(Run({"modes", scene, "--count", "three"}), {"it is: how many modes"}, before);
   ExpectRefused(Run({"simulate", scene, "--set", "joint.hinge.latch.theta_a=5deg"}),

@@ -132,6 +132,17 @@ TEST_F(RigVerbs, CalibrateThenCheckTenPoints) {
                 .code,
             0);
   EXPECT_THAT(Get("bar.html"), AllOf(HasSubstr("Placements of the bar"), HasSubstr("1a to 1b")));
+  const auto with = [&](std::vector<std::string> words) {
+    std::vector<std::string> all = {"check", "rig.h5", "bar.csv", "--json", "--bar"};
+    all.insert(all.end(), words.begin(), words.end());
+    return Run(all).out;
+  };
+  const std::string told = with({fmt::format("{}", length), "--bar-sigma", "6e-4"});
+  EXPECT_THAT(told, HasSubstr("\"verdict\""));
+  EXPECT_EQ(with({fmt::format("{}m+-0.6mm", length)}), told);
+  EXPECT_EQ(with({fmt::format("{}mm", 1e3 * length), "--bar-sigma", "6e-4"}), told);
+  ExpectRefused(Run({"check", "rig.h5", "bar.csv", "--bar", "1m+-1mm", "--bar-sigma", "1e-3"}),
+                {"--bar-sigma", "stated by --bar, too"}, Files());
 }
 
 // The shipped set's rig as a program of version 2 of its format wrote it, with ten terms a camera.
