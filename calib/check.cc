@@ -14,6 +14,7 @@
 #include "base/refuse_option.h"
 #include "calib/check_causes.h"
 #include "calib/check_design.h"
+#include "calib/check_points.h"
 #include "calib/slips.h"
 #include "calib/verdict.h"
 #include "measure/survey_readings.h"
@@ -28,36 +29,6 @@ double CommonVariance(const Observations& data, Eigen::Index point) {
   double sum = 0.0;
   for (const CommonError& error : data.common) sum += error.shift.col(point).squaredNorm();
   return sum;
-}
-
-// Points found from their readings, with the calibration's factor.
-struct Found {
-  measure::PointSolution solution;
-  Eigen::Matrix3Xd F;
-};
-
-std::vector<Found> FindPoints(const data::Rig& rig, const Observations& data,
-                              const std::vector<std::size_t>& match) {
-  const measure::Triangulator triangulator(rig, {.residual_level = 1e-12});
-  std::vector<Found> out(static_cast<std::size_t>(data.points()));
-  std::vector<double> u(rig.cameras.size()), s(rig.cameras.size());
-  std::size_t k = 0;
-  for (int i = 0; i < data.points(); ++i) {
-    std::fill(u.begin(), u.end(), kNone);
-    std::fill(s.begin(), s.end(), kNone);
-    for (; k < data.readings.size() && data.readings[k].point == i; ++k) {
-      const std::size_t c = match[static_cast<std::size_t>(data.readings[k].camera)];
-      u[c] = data.readings[k].u_px;
-      s[c] = data.readings[k].s_px;
-    }
-    Found& found = out[static_cast<std::size_t>(i)];
-    found.F.setZero(3, triangulator.shared_rank());
-    found.solution = triangulator.Solve(u, s, data.p.col(i));
-    if (found.solution.outcome == measure::PointOutcome::kSolved) {
-      triangulator.SharedFactor(found.solution, s, found.F);
-    }
-  }
-  return out;
 }
 
 std::ptrdiff_t FoundOf(const CheckResult& result) {
@@ -115,7 +86,7 @@ void CheckEachPoint(const Observations& data, const std::vector<Found>& found,
     CheckedPoint checked{data.ids[point], kNone, kNone};
     if (found[point].solution.outcome == measure::PointOutcome::kSolved) {
       checked.at = found[point].solution.p;
-      checked.error = (found[point].solution.p - data.p.col(i)).norm();
+      checked.error = (found[point].solution.p - data.p.col(i)).stableNorm();
       const double variance = found[point].solution.cov.trace() + found[point].F.squaredNorm() +
                               data.cov[point].trace() + CommonVariance(data, i);
       checked.predicted = std::sqrt(variance);
@@ -330,17 +301,19 @@ CheckResult CheckPoints(const data::Rig& rig, const Observations& data, const st
   const auto make = [&](const data::Rig& there, const Observations& readings) {
     return DesignOfPoints(there, readings, match, where);
   };
-  const CheckDesign design = make(rig, data);
+  const std::vector<Found> found = FindPoints(rig, data, match);
   CheckResult result;
   result.options = options;
-  CheckEachPoint(data, FindPoints(rig, data, match), &result);
+  CheckEachPoint(data, found, &result);
+  const Observations near = Nearer(rig, data, found, result.points);
+  const CheckDesign design = make(rig, near);
   const std::string errors =
       FoundOf(result) > 0 ? fmt::format("{} RMS from the survey, {} predicted",
                                         LengthText(result.rms), LengthText(result.rms_predicted))
                           : "of none do three cameras or more agree on a place";
-  Test(rig, data, match, false, fmt::format("{} points ({})", data.points(), errors), make, design,
+  Test(rig, near, match, false, fmt::format("{} points ({})", near.points(), errors), make, design,
        &result);
-  AddMisfits(design, data, &result);
+  AddMisfits(design, near, &result);
   return result;
 }
 

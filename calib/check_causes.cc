@@ -51,9 +51,8 @@ std::string WordsOf(const CheckedCause& cause, bool bar) {
                            LengthText(std::abs(cause.size)), cause.size > 0.0 ? "long" : "short");
       }
       return fmt::format(
-          "it is {} from where it was surveyed; measure it again, the rig may be "
-          "unchanged",
-          LengthText(cause.size));
+          "it is {} where it was surveyed; measure it again, the rig may be unchanged",
+          std::isfinite(cause.size) ? LengthText(cause.size) + " from" : "not");
     case CauseKind::kReading:
       return fmt::format("it is off by {}; measure it again, the rig may be unchanged", pixels);
     case CauseKind::kFrame:

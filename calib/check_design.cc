@@ -83,7 +83,8 @@ CheckDesign DesignOfPoints(const data::Rig& rig, const Observations& data,
     if (!measure::Project(rig.cameras[c], data.p.col(r.point), &h)) {
       throw Error(fmt::format("point \"{}\" lies behind camera \"{}\"",
                               data.ids[static_cast<std::size_t>(r.point)], rig.cameras[c].name),
-                  where, "measure in the frame in which the rig was surveyed");
+                  where,
+                  "correct where it is, or measure in the frame in which the rig was surveyed");
     }
     design.misfit(k) = r.u_px - h.u_px;
     design.camera.push_back(static_cast<int>(c));

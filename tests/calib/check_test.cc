@@ -140,6 +140,34 @@ TEST_F(Check, AWrongPointIsNamedAndTheRigStands) {
   EXPECT_THAT(result.reasons, Contains(HasSubstr("without point \"p5\"")));
 }
 
+// A digit too many, however far it throws a point: beyond the cameras, too, and beside a camera
+// that has moved.
+TEST_F(Check, APointThatSlippedByMetresIsNamed) {
+  for (const double metres : {1.0, 5.0, 100.0, 1e9}) {
+    for (int axis = 0; axis < 3; ++axis) {
+      SCOPED_TRACE(::testing::Message() << metres << " m along axis " << axis);
+      Observations data = Ten(51);
+      data.p(axis, 4) += metres;
+      const CheckResult result = CheckPoints(*rig_, data, "test");
+      EXPECT_EQ(result.verdict, "doubtful");
+      ASSERT_EQ(result.causes.size(), 1u);
+      EXPECT_EQ(result.causes[0].kind, CauseKind::kPoint);
+      EXPECT_EQ(result.causes[0].point, 4);
+      EXPECT_NEAR(result.causes[0].size, metres, 0.01);
+    }
+  }
+  Observations data = Ten(52);
+  data.p(0, 4) += 7.0;
+  for (Reading& r : data.readings) r.u_px += r.camera == 1 ? 3.0 : 0.0;
+  const CheckResult both = CheckPoints(*rig_, data, "test");
+  EXPECT_EQ(both.verdict, "no longer valid");
+  ASSERT_EQ(both.causes.size(), 2u);
+  for (const CheckedCause& cause : both.causes) {
+    const bool camera = cause.kind == CauseKind::kCamera;
+    EXPECT_EQ(camera ? cause.camera : cause.point, camera ? 1 : 4);
+  }
+}
+
 // Three cameras around a volume, whose rows lie as in a laboratory for four.
 std::vector<data::RigCamera> MakeFlatThree() {
   std::vector<data::RigCamera> cameras;
