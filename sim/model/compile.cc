@@ -345,6 +345,7 @@ void Compiler::CheckConstraints() {
     model_.constraints = Constraints(model_.rigid_bodies, longitudinal_,
                                      model_.constraints.joints(), element_names_, redundancy.rows);
   }
+  model_.constraints.SetArm(model_.length_scale);
   Dynamics dynamics(model_);
   std::vector<double> rate(model_.initial_state.size());
   dynamics.RightSide(0.0, model_.initial_state.data(), rate.data());

@@ -200,6 +200,21 @@ const char kCrank[] =
     "[gravity]\nacceleration = [0.0, <-9.81 m/s^2>]\n"
     "[mark.end]\non = 'rod'\npoint = [<0.25 m>, 0.0]\n";
 
+// An arm that is driven about, fast for its mass, with a slider that is kept from turning: rows of
+// angles beside rows of places.
+const char kDriven[] =
+    "[scene]\nname = 'driven'\nduration = <1.1 s>\n"
+    "[body.crank]\nmass = <2.4 kg>\ninertia = <0.5 kg m^2>\n"
+    "[body.rod]\nmass = <2.9 kg>\ninertia = <0.06 kg m^2>\n"
+    "[body.piston]\nmass = <2.8 kg>\ninertia = <0.7 kg m^2>\n"
+    "[joint.axle]\ninner = 'ground'\nouter = 'crank'\nouter_point = [<-0.09 m>, 0.0]\n"
+    "drive.position = '-0.467 * tanh(<4000.0 1/s> * (t - <0.3 s>))'\n"
+    "[joint.pin]\ninner = 'crank'\ninner_point = [<0.09 m>, 0.0]\nouter = 'rod'\n"
+    "outer_point = [<-0.37 m>, 0.0]\ntheta = -1.3\n"
+    "[joint.wrist]\ninner = 'rod'\ninner_point = [<0.37 m>, 0.0]\nouter = 'piston'\ntheta = 0.3\n"
+    "[joint.bore]\ntype = 'slider'\ninner = 'ground'\nouter = 'piston'\ntravel = <0.83 m>\n"
+    "[mark.end]\non = 'rod'\npoint = [<0.37 m>, 0.0]\n";
+
 SimulateOptions With(Method method, double rtol, double duration) {
   SimulateOptions options;
   options.method = method;
@@ -221,6 +236,9 @@ TEST(Scaling, ACrank) {
     ExpectSame(kCrank, With(method, 1e-11, 1.5), false);
   }
 }
+
+// An angle that is off by 1e-8 was taken for 1e-8 m: a mechanism of millimetres was "not usable".
+TEST(Scaling, ADrivenMechanism) { ExpectSame(kDriven, With(Method::kProjected, 1e-6, 0.35), true); }
 
 TEST(Scaling, EquilibriumAndModes) {
   const auto modes = [](const Scale& scale, EquilibriumReport* equilibrium) {
