@@ -130,5 +130,22 @@ TEST(ChooseMethod, TurnsImplicitWhereNothingMoves) {
   }
 }
 
+// Explicit steps at the edge of stability made motion of the rounding, and the balance of energy
+// was off by all of it.
+TEST(ChooseMethod, WhatHangsStillStaysThere) {
+  const Model model = ModelFrom(
+      "[scene]\nname = \"hung\"\nduration = 2.0\n[gravity]\nacceleration = [9.05, 3.79]\n"
+      "[beam.rod]\nlength = 1.27\nmass = 1.47\nEI = 19.6\n[joint.pin]\ninner = \"ground\"\n"
+      "outer = \"rod.start\"\n" +
+      fmt::format("theta = {:.17g}\n", std::atan2(3.79, 9.05)));
+  for (const double rtol : {1e-4, 1e-5, 1e-6, 1e-7}) {
+    SimulateOptions options;
+    options.rtol = rtol;
+    const SimulateReport report = Simulate(model, options, nullptr);
+    EXPECT_TRUE(report.Usable()) << rtol << ": " << report.message;
+    EXPECT_LT(report.energy_moved, 1e-12) << rtol;  // [J] of 9 J
+  }
+}
+
 }  // namespace
 }  // namespace unfurl::sim::choose_method_test
