@@ -351,6 +351,12 @@ void Compiler::CheckConstraints() {
   dynamics.RightSide(0.0, model_.initial_state.data(), rate.data());
   std::string name;
   const double pivot = dynamics.SmallestPivot(&name);
+  if (!(pivot > kRedundant) && redundancy.rows.empty()) {
+    throw Error(fmt::format("a body at '{}' has too little mass or inertia beside the others: its "
+                            "motion is lost in rounding",
+                            name),
+                scene_.path, "give each body the inertia that its size gives it");
+  }
   if (!(pivot > kRedundant)) {
     throw Error(
         fmt::format("the constraints are not independent (found at '{}')", name), scene_.path,
