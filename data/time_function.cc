@@ -90,7 +90,7 @@ struct Pieces {
   double First() const { return c.front()[0]; }
   double Last() const { return last; }
   TimeValue At(double at) const {
-    if (at <= t.front()) return {First(), 0.0, 0.0};
+    if (at < t.front()) return {First(), 0.0, 0.0};
     if (at >= t.back()) return {Last(), 0.0, 0.0};
     const std::size_t k = Find(at);
     const auto& a = c[k];

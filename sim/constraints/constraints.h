@@ -33,7 +33,7 @@ class Constraints {
     Array tilt_i, tilt_j;          // the same for the bodies that carry the stations [m]
     Array diagonal, off, inverse;  // the Schur complement, then its factor [1/kg], inverse [kg]
     Array lambda;                  // multipliers by row, of the last Accelerate [N], [N m]
-    Array drift;                   // the constraints or their rates by row [m], [m/s]
+    Array drift;                   // the constraints or their rates by row [m], [rad] and 1/s
     Array fx, fy, m;               // J^T lambda by body [N], [N m]
     Array ax, ay, alpha;           // accelerations by body [m/s^2], [rad/s^2]
     std::vector<double> joints;    // geometry of the joints' rows [m], [-]
@@ -77,7 +77,7 @@ class Constraints {
   void Accelerate(const Motion& motion, Load load, Work* work) const;
 
   // The constraints and their rates at the positions of the last Accelerate, left in work->drift;
-  // returns the largest [m], [m/s].
+  // returns the largest [m], [m/s]. An angle counts as what it moves at the end of the arm.
   double PositionDrift(const Motion& motion, Work* work) const;  // fills work->drift
   // The same at a motion that Accelerate has not seen.
   double PositionDriftAt(const Motion& motion, Work* work) const;
@@ -93,6 +93,7 @@ class Constraints {
     return joints_.DrivePower(t, work.lambda.data() + beam_count_);
   }
   bool driven() const { return driven_; }
+  void SetArm(double length) { arm_ = length; }  // the scene's length scale [m]
 
   // The stiffness that the multipliers give, -d(J^T lambda)/dq; `lambda` by row. To be called at
   // the geometry of the last Accelerate.
@@ -149,6 +150,7 @@ class Constraints {
   void ClearDropped(double* rows) const {
     for (const int row : dropped_) rows[row] = 0.0;
   }
+  double LargestDrift(const Array& by_row) const;  // [m], [m/s]
   void AssembleSchur(Work* work) const;
   // J^T of values by row, into work->fx, fy, m.
   void ConstraintLoad(const Array& by_row, Work* work) const;
@@ -171,6 +173,7 @@ class Constraints {
   std::vector<std::uint8_t> is_dropped_;  // by row of the joints
   std::vector<int> dropped_;              // such rows
   bool driven_ = false;
+  double arm_ = 1.0;  // by which an angle is as bad as a distance [m]
   SparseLdlt ldlt_;
 };
 

@@ -1,4 +1,5 @@
 // The part of the constraints that runs in the loop.
+#include <algorithm>
 #include <cmath>
 
 #include "sim/constraints/constraints.h"
@@ -6,10 +7,11 @@
 namespace unfurl::sim {
 namespace {
 
-// `values` come in whole blocks, zero beyond the rows.
-double LargestMagnitude(const Array& values) {
+// Of the first `count` values.
+double LargestMagnitude(const Array& values, int count) {
   double largest[kBlock] = {};
-  for (std::size_t i = 0; i < values.size(); i += kBlock) {
+  const int whole = count - count % kBlock;
+  for (int i = 0; i < whole; i += kBlock) {
     for (int k = 0; k < kBlock; ++k) {
       const double v = std::fabs(values[i + k]);
       largest[k] = v > largest[k] ? v : largest[k];
@@ -17,6 +19,7 @@ double LargestMagnitude(const Array& values) {
   }
   double all = 0.0;
   for (const double v : largest) all = v > all ? v : all;
+  for (int i = whole; i < count; ++i) all = std::max(all, std::fabs(values[i]));
   return all;
 }
 
@@ -231,6 +234,15 @@ void Constraints::Accelerate(const Motion& m, Load load, Work* work) const {
   }
 }
 
+double Constraints::LargestDrift(const Array& by_row) const {
+  const int angles = beam_count_ + joints_.first_angle();
+  double largest = LargestMagnitude(by_row, angles);
+  for (int row = angles; row < rows_; ++row) {
+    largest = std::max(largest, arm_ * std::fabs(by_row[row]));
+  }
+  return largest;
+}
+
 double Constraints::PositionDrift(const Motion& m, Work* work) const {
   double* __restrict phi = work->drift.data();
   const double* __restrict x = m.x;
@@ -246,7 +258,7 @@ double Constraints::PositionDrift(const Motion& m, Work* work) const {
   }
   joints_.Positions(m, work->joints.data(), phi + beam_count_);
   ClearDropped(phi);
-  return LargestMagnitude(work->drift);
+  return LargestDrift(work->drift);
 }
 
 double Constraints::PositionDriftAt(const Motion& m, Work* work) const {
@@ -271,7 +283,7 @@ double Constraints::VelocityDrift(const Motion& m, Work* work) const {
   }
   joints_.Velocities(m, work->joints.data(), work->blocks.data(), rate + beam_count_);
   ClearDropped(rate);
-  return LargestMagnitude(work->drift);
+  return LargestDrift(work->drift);
 }
 
 void Constraints::RemoveDrift(Work* work, double* x, double* y, double* theta) const {

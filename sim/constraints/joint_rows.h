@@ -47,6 +47,7 @@ class JointRows {
   std::vector<Angle> angles;
 
   int rows() const { return static_cast<int>(2 * pins.size() + alongs.size() + angles.size()); }
+  int first_angle() const { return first_along() + static_cast<int>(alongs.size()); }
   int Inner(int row) const;
   int Outer(int row) const;
   const std::string& NameOf(int row) const;
@@ -76,7 +77,6 @@ class JointRows {
 
  private:
   int first_along() const { return static_cast<int>(2 * pins.size()); }
-  int first_angle() const { return first_along() + static_cast<int>(alongs.size()); }
 };
 
 }  // namespace unfurl::sim

@@ -215,8 +215,10 @@ void Observables::MakeOutlines() {
   }
 }
 
-const std::vector<double>& Observables::Row(double t, double* state,
+const std::vector<double>& Observables::Row(double time, double* state,
                                             const std::vector<LatchMode>& modes) {
+  // What jumps at the end of the run jumps after it.
+  const double t = time == model_.duration ? std::nextafter(time, 0.0) : time;
   dynamics_.modes() = modes;
   balance_ = dynamics_.BalanceAt(t, state);
   if (!started_) {

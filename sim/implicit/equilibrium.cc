@@ -134,24 +134,28 @@ class Stops {
       const double theta = latches.hinge(k).Theta(motion);
       const bool above = latches.At(k, true, theta, 0.0).depth > 0.0;
       const bool below = latches.At(k, false, theta, 0.0).depth > 0.0;
-      auto& off = pulled_off_[static_cast<std::size_t>(k)];
-      const LatchMode old = mode;
-      if (mode.upper_contact != 0 && !above) off[0] = true;
-      if (mode.lower_contact != 0 && !below) off[1] = true;
-      const bool pressed = (mode.upper_contact != 0 && above) || (mode.lower_contact != 0 && below);
-      if (!pressed) {
-        const bool upper = above || (!below && !off[0]), lower = !upper && (below || !off[1]);
-        mode = {1, static_cast<std::uint8_t>(upper), static_cast<std::uint8_t>(lower)};
-      }
-      changed = changed || mode.upper_contact != old.upper_contact ||
-                mode.lower_contact != old.lower_contact;
+      const LatchMode next = Next(mode, above, below, &pulled_off_[static_cast<std::size_t>(k)]);
+      changed = changed || next.upper_contact != mode.upper_contact ||
+                next.lower_contact != mode.lower_contact;
+      mode = next;
     }
     return changed;
   }
 
  private:
+  using Both = std::array<bool, 2>;  // upper, lower
+
+  static LatchMode Next(const LatchMode& mode, bool above, bool below, Both* off) {
+    if (mode.upper_contact != 0 && above) return mode;
+    if (mode.lower_contact != 0 && below) return mode;
+    if (mode.upper_contact != 0) (*off)[0] = true;
+    if (mode.lower_contact != 0) (*off)[1] = true;
+    const bool upper = above || (!below && !(*off)[0]), lower = !upper && (below || !(*off)[1]);
+    return {1, static_cast<std::uint8_t>(upper), static_cast<std::uint8_t>(lower)};
+  }
+
   Dynamics* dynamics_;
-  std::vector<std::array<bool, 2>> pulled_off_;  // upper, lower
+  std::vector<Both> pulled_off_;
 };
 
 constexpr int kMostChanges = 4;  // lower, upper, neither, and one that others bring about

@@ -6,6 +6,7 @@
 
 #include "sim/dynamics/dynamics.h"
 #include "sim/methods/make_stepper.h"
+#include "sim/methods/run_judge.h"
 
 namespace unfurl::sim {
 namespace {
@@ -64,6 +65,22 @@ bool StartIsHeldByStrains(const SimulateOptions& options, const Model& model,
   return held > scale.rtol * Dynamics(model).BalanceAt(0.0, start.data()).kinetic;
 }
 
+// Whether nothing moves, and within a time scale nothing will by more than the tolerance. What
+// explicit steps then leave of the tolerance at the edge of stability is all that moves.
+bool StartsAtRest(const Model& model, const ErrorScale& scale) {
+  if (!IsClosed(model)) return false;
+  std::vector<double> start = model.initial_state, rate(start.size());
+  Dynamics(model).RightSide(0.0, start.data(), rate.data());
+  const int n = model.rigid_bodies.count;
+  for (int k = 3 * n; k < 6 * n; ++k) {
+    const double allowed = scale.rtol * (k < 5 * n ? scale.speed : scale.spin);
+    if (std::fabs(start[k]) > allowed || std::fabs(rate[k]) * model.time_scale > allowed) {
+      return false;
+    }
+  }
+  return true;
+}
+
 }  // namespace
 
 double LongestStep(const SimulateOptions& options, const Model& model) {
@@ -86,8 +103,9 @@ Method ChooseMethod(const SimulateOptions& options, const Model& model, const Er
   const bool smooth = model.kirchhoff.count() > 0, tree = !model.constraints.HasLoops();
   const bool stiff =
       !smooth && tree && options.rtol >= kImplicitTolerance && BeamsAreStiff(model, options.rtol);
-  const bool implicit =
-      stiff || model.kirchhoff.stretches() || (tree && StartIsHeldByStrains(options, model, scale));
+  const bool implicit = stiff || model.kirchhoff.stretches() ||
+                        (tree && StartIsHeldByStrains(options, model, scale)) ||
+                        StartsAtRest(model, scale);
   return implicit ? Method::kImplicit : Method::kProjected;
 }
 

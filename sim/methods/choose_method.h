@@ -8,9 +8,9 @@ namespace unfurl::sim {
 struct ErrorScale;
 
 // What `auto` stands for: `implicit` where beams are stiff by damping or stretching and the
-// tolerance is one that a fourth order meets cheaply, where smooth beams stretch, or where strains
+// tolerance is one that a fourth order meets cheaply, where smooth beams stretch, where strains
 // of the tolerance hold more than its part of the energy of the start (StrainEnergyAtTolerance,
-// without closed loops), else `projected`;
+// without closed loops), or where nothing moves and nothing will, else `projected`;
 // docs/decisions/012-implicit.md, 243-smooth-beams-stretch.md. Other methods stand for themselves.
 Method ChooseMethod(const SimulateOptions& options, const Model& model, const ErrorScale& scale);
 // What strains of elastic beams as large as the tolerance hold, of the beam where it is most [J].

@@ -35,8 +35,6 @@ double Edges::after() const {
   return at_ == 0 ? -HUGE_VAL : std::nextafter(edges_[at_ - 1].last, HUGE_VAL);
 }
 
-double Edges::before() const {
-  return none_left() ? HUGE_VAL : std::nextafter(edges_[at_].first, -HUGE_VAL);
-}
+double Edges::before() const { return std::nextafter(next(), -HUGE_VAL); }
 
 }  // namespace unfurl::sim

@@ -17,7 +17,8 @@ class Edges {
   std::size_t count() const { return edges_.size(); }
   bool none_left() const { return at_ >= edges_.size(); }
   void Pass() { ++at_; }
-  // Between the edge passed last and the next one, both left out.
+  // Between the edge passed last and the next one, both left out. The end of the run is such: what
+  // jumps there jumps after it.
   double after() const;
   double before() const;
 

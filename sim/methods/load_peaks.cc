@@ -173,7 +173,7 @@ bool LoadPeaks::Resolves(const Stepper& stepper) {
   return stepper.StabilityUse() * stepper.StabilityEdge() < kResolved;
 }
 
-bool LoadPeaks::Step(Stepper* stepper, double t, double h, double sigma, bool inside) {
+bool LoadPeaks::Step(Stepper* stepper, double t, double h, double sigma) {
   bool made = false;
   const double taken = sigma * h;
   if (pins_ && sigma < 1.0) {
@@ -182,7 +182,7 @@ bool LoadPeaks::Step(Stepper* stepper, double t, double h, double sigma, bool in
   } else {
     Note(end_, t + taken);
   }
-  if (pins_ && inside && MayBeInside(taken) && Resolves(*stepper)) {
+  if (pins_ && MayBeInside(taken) && Resolves(*stepper)) {
     made = true;
     LookInside(stepper, t, h, sigma);
   }

@@ -33,10 +33,9 @@ class LoadPeaks {
   void Begin(double t, const double* state, bool counts = true);
   // After a good try of a step, with the right side that it ended with still the last one.
   void ReadEnd(const double* trial);
-  // The step of length h from t on is taken as far as sigma (1: all of it). `inside`: its dense
-  // output is good enough to read loads from. True: right sides were made, and the last one is not
-  // at the trial any more.
-  bool Step(Stepper* stepper, double t, double h, double sigma, bool inside);
+  // The step of length h from t on is taken as far as sigma (1: all of it). True: right sides were
+  // made, and the last one is not at the trial any more.
+  bool Step(Stepper* stepper, double t, double h, double sigma);
 
   // Of a step taken, where constraints nearly depend on one another: finds where in it they come
   // nearest to that, and whether the loads of pins grow as one over the distance from there. Of

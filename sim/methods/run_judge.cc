@@ -30,7 +30,8 @@ int StiffestAxis(const Model& model) {
   return stiffest;
 }
 
-// Whether nothing does work on the model.
+}  // namespace
+
 bool IsClosed(const Model& model) {
   bool closed = !model.constraints.driven();
   ForEachEffect(model, [&](const auto& effect) {
@@ -38,8 +39,6 @@ bool IsClosed(const Model& model) {
   });
   return closed;
 }
-
-}  // namespace
 
 RunJudge::RunJudge(const Model& model, const ErrorScale& scale, bool tracked)
     : dynamics_(model),

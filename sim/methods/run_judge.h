@@ -10,6 +10,9 @@
 
 namespace unfurl::sim {
 
+// Whether nothing does work on the model.
+bool IsClosed(const Model& model);
+
 // Whether a run is credible, by a law that every motion of the model obeys: the balance of
 // energy. The residual, stored + dissipated - work less its value at the start, is compared with
 // the energy that moved: half the sum, over the kinds of energy, of the range of each, as what

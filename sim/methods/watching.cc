@@ -53,15 +53,8 @@ void Integration::Emit(double t) {
   ++report_.samples;
 }
 
-// What stiff axes have between the ends of implicit steps is an interpolation's error, not theirs:
-// there loads are looked for inside steps in contacts alone, which steps follow.
 void Integration::WatchLoads(double h, double sigma, bool event) {
-  const auto& modes = dynamics_.modes();
-  const bool inside =
-      role_ != StepperSet::kImplicit || std::any_of(modes.begin(), modes.end(), [](LatchMode m) {
-        return (m.upper_contact | m.lower_contact) != 0;
-      });
-  bool moved = loads_.Step(stepper_, t_, h, sigma, inside) || sampled_ > 0;
+  bool moved = loads_.Step(stepper_, t_, h, sigma) || sampled_ > 0;
   if (is_near_ && loads_.LookAcross(stepper_, t_, h, sigma)) moved = true;
   looked_ += sampled_;
   sampled_ = 0;

@@ -249,7 +249,7 @@ void Compiler::FillSensors() {
   }
 }
 
-// How far bodies without joints or beams stand apart or go.
+// How far bodies without joints or beams stand apart or go, and what springs span.
 double Compiler::ReachOfBodies() const {
   double reach = 0.0;
   for (const PlanePose& at : start_.node) {
@@ -261,6 +261,21 @@ double Compiler::ReachOfBodies() const {
   for (const data::SceneJoint& joint : scene_.joints) {
     reach =
         std::max({reach, std::fabs(joint.travel), scene_.duration * std::fabs(joint.travel_rate)});
+    if (joint.kind == data::SceneJoint::Kind::kRevolute) continue;
+    if (joint.spring) reach = std::max(reach, std::fabs(joint.spring->preload));
+    if (!joint.drive) continue;
+    constexpr int kLooks = 64;  // at a driven travel
+    const data::TimeFunction& given = joint.drive->function;
+    const data::TimeFunction f =
+        joint.drive->by_rate ? given.Integral(0.0, scene_.duration) : given;
+    for (int k = 1; k <= kLooks; ++k) {
+      reach = std::max(reach, std::fabs(f.Value(k * scene_.duration / kLooks) - f.Value(0.0)));
+    }
+  }
+  for (const data::SceneLinearSpring& spring : scene_.linear_springs) {
+    reach = std::max({reach, spring.free_length.value_or(0.0),
+                      std::hypot(spring.a.point[0], spring.a.point[1]),
+                      std::hypot(spring.b.point[0], spring.b.point[1])});
   }
   return reach > 0.0 ? reach : 1.0;  // nothing in the scene has a length
 }
@@ -345,11 +360,18 @@ void Compiler::CheckConstraints() {
     model_.constraints = Constraints(model_.rigid_bodies, longitudinal_,
                                      model_.constraints.joints(), element_names_, redundancy.rows);
   }
+  model_.constraints.SetArm(model_.length_scale);
   Dynamics dynamics(model_);
   std::vector<double> rate(model_.initial_state.size());
   dynamics.RightSide(0.0, model_.initial_state.data(), rate.data());
   std::string name;
   const double pivot = dynamics.SmallestPivot(&name);
+  if (!(pivot > kRedundant) && redundancy.rows.empty()) {
+    throw Error(fmt::format("a body at '{}' has too little mass or inertia beside the others: its "
+                            "motion is lost in rounding",
+                            name),
+                scene_.path, "give each body the inertia that its size gives it");
+  }
   if (!(pivot > kRedundant)) {
     throw Error(
         fmt::format("the constraints are not independent (found at '{}')", name), scene_.path,

@@ -32,6 +32,10 @@ TEST(TimeFunction, StraightTablesGoThroughTheirPoints) {
   EXPECT_EQ(f.At(1.5).rate, 3.0);
   EXPECT_EQ(f.Value(3.0), 1.0);
   EXPECT_EQ(f.At(3.0).rate, -2.0);
+  // From the right at every point, as of step().
+  EXPECT_EQ(f.At(1.0).rate, 3.0);
+  EXPECT_EQ(f.At(2.0).rate, -2.0);
+  EXPECT_EQ(f.At(4.0).rate, 0.0);
   EXPECT_EQ(f.Value(5.0), -1.0);
   EXPECT_EQ(f.At(5.0).rate, 0.0);
   // Areas of the trapezoids.

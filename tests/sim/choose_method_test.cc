@@ -14,6 +14,9 @@ namespace {
 
 constexpr int kSegments = 8;
 
+// At rest another rule holds, the last of these tests.
+constexpr char kMoves[] = "velocity = [0.1, 0.0, 0.0]\n";
+
 constexpr double kMass = 1.0 / kSegments;  // of a segment [kg]
 
 // The highest bending rate of BeamScene's rod (1 m, 1 kg, EI = 10 N m^2): 4.6 sqrt(12 EI / (l^3
@@ -49,7 +52,7 @@ TEST(ChooseMethod, TurnsImplicitWhereDampingIsStiff) {
   } cases[] = {{1e-3, 2.5}, {1e-4, 2.5 * std::pow(10.0, 0.25)}, {1e-5, 2.5 * std::sqrt(10.0)}};
   for (const auto& [rtol, limit] : cases) {
     const auto with = [&, at = rtol](double overdamped) {
-      return Chosen("free", fmt::format("damping = {:.17g}\n", overdamped / omega), at);
+      return Chosen("free", fmt::format("{}damping = {:.17g}\n", kMoves, overdamped / omega), at);
     };
     EXPECT_EQ(with(0.99 * limit), Method::kProjected) << rtol;
     EXPECT_EQ(with(1.01 * limit), Method::kImplicit) << rtol;
@@ -90,21 +93,58 @@ TEST(ChooseMethod, TurnsImplicitWhereStrainsOfTheToleranceHoldMoreThanMoves) {
     EXPECT_EQ(with(0.99 * least), Method::kImplicit) << rtol;
   }
   // Where no step comes near that edge explicit ones leave nothing.
-  const std::string at_rest = fmt::format("axial = \"elastic\"\nEA = {}\n", kEA);
-  EXPECT_EQ(Chosen("free", at_rest, 1e-3, 0, kLongest), Method::kImplicit);
-  EXPECT_EQ(Chosen("free", at_rest, 1e-3, 0, 0.02), Method::kProjected);
+  const std::string slow = fmt::format("{}axial = \"elastic\"\nEA = {}\n", kMoves, kEA);
+  EXPECT_EQ(Chosen("free", slow, 1e-3, 0, kLongest), Method::kImplicit);
+  EXPECT_EQ(Chosen("free", slow, 1e-3, 0, 0.02), Method::kProjected);
 }
 
 TEST(ChooseMethod, StaysExplicitAtFineTolerancesAndWithAnOrder) {
-  const std::string stiff = "damping = 1.0\n";
+  const std::string damped = "damping = 1.0\n", stiff = kMoves + damped;
   EXPECT_EQ(Chosen("free", stiff, 1e-7), Method::kImplicit);
   EXPECT_EQ(Chosen("free", stiff, 0.99e-7), Method::kProjected);
-  EXPECT_EQ(Chosen("clamped", stiff, 1e-3), Method::kImplicit);
+  EXPECT_EQ(Chosen("clamped", damped, 1e-3), Method::kImplicit);
   EXPECT_EQ(Chosen("free", stiff, 1e-3, 5), Method::kProjected);
-  EXPECT_EQ(Chosen("free", "", 1e-3), Method::kProjected);
+  EXPECT_EQ(Chosen("free", kMoves, 1e-3), Method::kProjected);
   SimulateOptions options;
   options.method = Method::kPartitioned;
   EXPECT_EQ(Of(options, BeamScene("free", kSegments, stiff)), Method::kPartitioned);
+}
+
+// A pendulum that hangs still, but for rounding, and the same a little out of the vertical: g sin
+// of the angle, over a time scale and its part of the length, against rtol.
+TEST(ChooseMethod, TurnsImplicitWhereNothingMoves) {
+  const auto hung = [](double off, double rtol) {
+    SimulateOptions options;
+    options.rtol = rtol;
+    return Of(options,
+              fmt::format("[scene]\nname = \"hung\"\nduration = 5.0\n[gravity]\n"
+                          "acceleration = [3.0, 4.0]\n[beam.rod]\nlength = 1.0\nmass = 1.0\n"
+                          "EI = 10.0\n[joint.pin]\ninner = \"ground\"\nouter = \"rod.start\"\n"
+                          "theta = {:.17g}\n",
+                          std::atan2(4.0, 3.0) + off));
+  };
+  for (const double rtol : {1e-3, 1e-6}) {
+    EXPECT_EQ(hung(0.0, rtol), Method::kImplicit) << rtol;
+    EXPECT_EQ(hung(rtol, rtol), Method::kProjected) << rtol;
+    EXPECT_EQ(hung(0.01 * rtol, rtol), Method::kImplicit) << rtol;
+  }
+}
+
+// Explicit steps at the edge of stability made motion of the rounding, and the balance of energy
+// was off by all of it.
+TEST(ChooseMethod, WhatHangsStillStaysThere) {
+  const Model model = ModelFrom(
+      "[scene]\nname = \"hung\"\nduration = 2.0\n[gravity]\nacceleration = [9.05, 3.79]\n"
+      "[beam.rod]\nlength = 1.27\nmass = 1.47\nEI = 19.6\n[joint.pin]\ninner = \"ground\"\n"
+      "outer = \"rod.start\"\n" +
+      fmt::format("theta = {:.17g}\n", std::atan2(3.79, 9.05)));
+  for (const double rtol : {1e-4, 1e-5, 1e-6, 1e-7}) {
+    SimulateOptions options;
+    options.rtol = rtol;
+    const SimulateReport report = Simulate(model, options, nullptr);
+    EXPECT_TRUE(report.Usable()) << rtol << ": " << report.message;
+    EXPECT_LT(report.energy_moved, 1e-12) << rtol;  // [J] of 9 J
+  }
 }
 
 }  // namespace

@@ -188,6 +188,15 @@ TEST(Compile, RefusesWhatDoesNotFit) {
   ExpectRefused(latching + "[body.tip]\nmass = 1.0\ninertia = 1.0\n", {"already taken"});
 }
 
+// A driven bar whose inertia is 1e-12 of m r^2: nothing duplicates anything.
+TEST(Compile, RefusesBodiesWithNextToNoInertia) {
+  ExpectRefused(
+      "[scene]\nname = \"light\"\nduration = 1.0\n"
+      "[body.bar]\nmass = 1e-6\ninertia = 1e-16\n[joint.pin]\ninner = \"ground\"\n"
+      "outer = \"bar\"\nouter_point = [-10.0, 0.0]\n[joint.pin.drive]\nrate = 1.0\n",
+      {"'pin'", "too little mass or inertia", "give each body"});
+}
+
 TEST(Compile, OneSegmentIsLegal) {
   const Model model = ModelFrom(BeamScene("clamped", 1, "damping = 1e-4\n"));
   SimulateOptions options;
