@@ -10,6 +10,7 @@
 #include "base/statistics.h"
 #include "calib/common_error.h"
 #include "calib/set_up.h"
+#include "data/survey_points.h"
 
 namespace unfurl::calib {
 namespace {
@@ -64,12 +65,11 @@ Observations FromSurvey(const data::Survey& survey, const std::string& where) {
     out.cov.push_back(cov);
     for (Eigen::Index j = 0; j < survey.u_px.cols(); ++j) {
       if (std::isnan(survey.u_px(i, j))) continue;
-      if (!std::isfinite(survey.u_px(i, j)) || !std::isfinite(survey.s_px(i, j)) ||
-          !(survey.s_px(i, j) > 0.0)) {
+      if (!std::isfinite(survey.u_px(i, j)) || !data::IsReadingSigma(survey.s_px(i, j))) {
         throw Error(fmt::format("point \"{}\", camera \"{}\": reading {} px with sigma {} px", id,
                                 survey.cameras[static_cast<std::size_t>(j)], survey.u_px(i, j),
                                 survey.s_px(i, j)),
-                    where, "give each reading a positive standard deviation, or leave it empty");
+                    where, "give each reading its standard deviation in pixels, or leave it empty");
       }
       out.readings.push_back(
           {static_cast<int>(i), static_cast<int>(j), survey.u_px(i, j), survey.s_px(i, j)});

@@ -144,6 +144,12 @@ bool OnRow(double u_px, int pixels) {
   return u_px >= -0.5 && u_px <= (pixels > 0 ? pixels : kLongest) - 0.5;
 }
 
+bool IsReadingSigma(double s_px) {
+  // A millionth of a pixel would take 1e12 electrons; a million pixels are no reading.
+  constexpr double kLeast = 1e-6, kMost = 1e6;
+  return s_px >= kLeast && s_px <= kMost;
+}
+
 CellReading ReadReading(const CsvTable& table, std::size_t row, int u_column, int s_column,
                         int pixels) {
   const CellReading cell = {table.NumberOrNan(row, u_column), table.NumberOrNan(row, s_column)};
@@ -154,6 +160,10 @@ CellReading ReadReading(const CsvTable& table, std::size_t row, int u_column, in
   if (cell.s_px <= 0.0) {
     throw Error(fmt::format("a sigma of {} is impossible", cell.s_px), table.Where(row, s_column),
                 "give a standard deviation above 0");
+  }
+  if (!std::isnan(cell.s_px) && !IsReadingSigma(cell.s_px)) {
+    throw Error(fmt::format("a sigma of {} px, which no reading has", cell.s_px),
+                table.Where(row, s_column), "give the reading's standard deviation in pixels");
   }
   if (!std::isnan(cell.u_px) && !OnRow(cell.u_px, pixels)) {
     throw Error(

@@ -117,11 +117,12 @@ void RefuseReadings(const H5Reader& file, const Survey& survey) {
       if (std::isnan(u)) continue;
       const auto k = static_cast<std::size_t>(c);
       const int pixels = survey.pixels.empty() ? 0 : survey.pixels[k];
-      if (OnRow(u, pixels) && s > 0.0 && std::isfinite(s)) continue;
-      file.Fail(fmt::format("camera '{}' reads {} +- {} px of point '{}', which is on no pixel of "
-                            "its row",
-                            survey.cameras[k], u, s, survey.id[static_cast<std::size_t>(i)]),
-                "/u", "mend the reading, or make it NaN");
+      if (OnRow(u, pixels) && IsReadingSigma(s)) continue;
+      file.Fail(
+          fmt::format("camera '{}' reads {} +- {} px of point '{}', which {}", survey.cameras[k], u,
+                      s, survey.id[static_cast<std::size_t>(i)],
+                      OnRow(u, pixels) ? "no reading is known to" : "is on no pixel of its row"),
+          "/u", "mend the reading, or make it NaN");
     }
   }
 }

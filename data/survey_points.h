@@ -72,6 +72,8 @@ CellReading ReadReading(const CsvTable& table, std::size_t row, int u_column, in
                         int pixels = 0);
 // Whether a reading is on a row's pixels: 0 is the first one's middle.
 bool OnRow(double u_px, int pixels);
+// Whether a reading may have this standard deviation [px].
+bool IsReadingSigma(double s_px);
 
 // Points with the readings of another table, joined by id; what has no partner is left out and
 // said.

@@ -201,12 +201,12 @@ void RefuseFlashes(const H5Reader& file, const TrialReadings& out) {
   for (std::size_t k = 0; k < out.u_px.size(); ++k) {
     const double u = out.u_px[k], s = out.s_px[k];
     if (std::isnan(u) && std::isnan(s)) continue;
-    if (std::isfinite(u) && std::isfinite(s) && s > 0.0) continue;
+    if (std::isfinite(u) && IsReadingSigma(s)) continue;
     const std::size_t cell = k / out.most;
     file.Fail(
         fmt::format("flash {}, camera '{}': reading {} px with sigma {} px",
                     cell / out.cameras.size() + 1, out.cameras[cell % out.cameras.size()], u, s),
-        "/s", "give each reading a standard deviation above 0, or NaN for both");
+        "/s", "give each reading its standard deviation in pixels, or NaN for both");
   }
 }
 

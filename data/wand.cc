@@ -168,10 +168,10 @@ void RefuseNumbers(const H5Reader& file, const WandReadings& wand) {
     for (Eigen::Index j = 0; j < wand.u_px.cols(); ++j) {
       const double u = wand.u_px(i, j), s = wand.s_px(i, j);
       if (std::isnan(u) && std::isnan(s)) continue;
-      if (std::isfinite(u) && std::isfinite(s) && s > 0.0) continue;
+      if (std::isfinite(u) && IsReadingSigma(s)) continue;
       file.Fail(fmt::format("flash {}, camera '{}': reading {} px with sigma {} px", i + 1,
                             wand.cameras[static_cast<std::size_t>(j)], u, s),
-                "/s", "give each reading a standard deviation above 0, or NaN for both");
+                "/s", "give each reading its standard deviation in pixels, or NaN for both");
     }
   }
 }

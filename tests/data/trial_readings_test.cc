@@ -102,6 +102,11 @@ TEST_F(ReadingsFile, BadCellsAreRefusedByLineAndColumn) {
               HasSubstr("r.csv:2:mark: a flash without its mark; name it, or state"));
   EXPECT_THAT(Refusal(head + "soon,a,door,5,0.1\n"), HasSubstr("r.csv:2:time"));
   EXPECT_THAT(Refusal(head + "0.1,a,door,5,0\n"), HasSubstr("r.csv:2:s: a sigma of 0"));
+  for (const char* sigma : {"1e-09", "1e+300"}) {
+    EXPECT_THAT(
+        Refusal(head + "0.1,a,door,5," + sigma + "\n"),
+        HasSubstr(std::string("r.csv:2:s: a sigma of ") + sigma + " px, which no reading has"));
+  }
   EXPECT_THAT(Refusal(head + "0.1,a,door,5,\n"), HasSubstr("r.csv:2:s: a reading without"));
   EXPECT_THAT(Refusal(head + "0.1,a,,5,0.1\n"), HasSubstr("names a camera twice, or not at all"));
   EXPECT_THAT(Refusal(head + "0.1,a+a,door,5,0.1\n"),
