@@ -17,11 +17,6 @@ using data::Channel;
 using FitChannel = data::FitRecord::Channel;
 using Run = Recorded<data::Run>;
 
-template <class Owner>
-auto ViewOf(std::vector<double> Owner::*member) {
-  return [member](const py::object& self) { return View(self.cast<Owner&>().*member, self); };
-}
-
 std::shared_ptr<Channel> Make(const std::string& name, const py::object& t, const py::object& y,
                               const std::string& unit, const py::object& sigma) {
   auto out = std::make_shared<Channel>();
@@ -79,13 +74,11 @@ std::shared_ptr<correlate::Comparison> CompareStudy(
   });
 }
 
-std::shared_ptr<correlate::Comparison> Compare(const py::object& record,
-                                               const py::object& reference,
-                                               const std::map<std::string, std::string>& channels,
-                                               std::optional<double> start,
-                                               std::optional<double> end, const std::string& modes,
-                                               bool clock_drift, const py::object& offset,
-                                               const py::object& drift, const std::string& trial) {
+std::shared_ptr<correlate::Comparison> CompareOfChannels(
+    const py::object& record, const py::object& reference,
+    const std::map<std::string, std::string>& channels, std::optional<double> start,
+    std::optional<double> end, const std::string& modes, bool clock_drift, const py::object& offset,
+    const py::object& drift, const std::string& trial) {
   correlate::ComparisonOptions options;
   options.from = start;
   options.to = end;
@@ -177,11 +170,11 @@ void BindChannels(py::module_& m) {
       },
       py::arg("path"),
       "All channels of a file (.csv, .uff, .h5), quantities of a run, coordinates of tracks.");
-  m.def("compare_channels", &Compare, py::arg("record"), py::arg("reference") = py::none(),
-        py::kw_only(), py::arg("channels") = std::map<std::string, std::string>{},
-        py::arg("start") = py::none(), py::arg("end") = py::none(), py::arg("modes") = "auto",
-        py::arg("clock_drift") = false, py::arg("offset") = py::none(),
-        py::arg("drift") = py::none(), py::arg("trial") = "",
+  m.def("compare_channels", &CompareOfChannels, py::arg("record"),
+        py::arg("reference") = py::none(), py::kw_only(),
+        py::arg("channels") = std::map<std::string, std::string>{}, py::arg("start") = py::none(),
+        py::arg("end") = py::none(), py::arg("modes") = "auto", py::arg("clock_drift") = false,
+        py::arg("offset") = py::none(), py::arg("drift") = py::none(), py::arg("trial") = "",
         "Channels of a record beside those of a reference (lists of Channel, or paths): the clock\n"
         "found or taken as known, then scores, spectra and modes, each in its unit. Without a\n"
         "reference: spectra and modes of the record alone.\n\n"

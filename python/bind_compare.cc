@@ -98,11 +98,6 @@ py::list ModeTable(const correlate::ModalFit& fit) {
   return rows;
 }
 
-template <class Owner>
-auto ViewOf(std::vector<double> Owner::*member) {
-  return [member](const py::object& self) { return View(self.cast<Owner&>().*member, self); };
-}
-
 void BindParts(py::module_& m) {
   using correlate::MarkError;
   py::class_<MarkError>(m, "MarkError", "Errors of one mark, or of all.")

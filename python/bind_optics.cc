@@ -19,12 +19,6 @@ namespace {
 using Survey = Recorded<data::Survey>;
 using Rig = Recorded<data::Rig>;
 
-// A Python number, or NumPy's, or an array without dimensions.
-bool IsNumber(const py::object& object) {
-  return PyNumber_Check(object.ptr()) != 0 &&
-         py::module_::import("numpy").attr("ndim")(object).cast<int>() == 0;
-}
-
 std::vector<std::string> SetUpsFrom(const py::object& set_up, std::size_t points) {
   std::vector<std::string> out = NamesFrom(set_up, "set_up");
   if (out.size() != points) {

@@ -59,7 +59,7 @@ void WriteCsv(const data::Run& run, const fs::path& path) {
   file.Commit();
 }
 
-void Write(const Run& run, const fs::path& path) {
+void WriteRun(const Run& run, const fs::path& path) {
   if (data::FormatOf(path.string()) == data::FileFormat::kCsv) return WriteCsv(run.data, path);
   data::WriteRun(path.string(), run.data, ProvenanceOf(run.sources));
 }
@@ -113,7 +113,7 @@ std::shared_ptr<Run> Unpickle(const py::tuple& state) {
 }
 
 // A beam's centre line as an array that the run keeps alive.
-std::map<std::string, py::array_t<double>> Shapes(const py::object& self) {
+std::map<std::string, py::array_t<double>> ShapesOf(const py::object& self) {
   const data::Run& run = self.cast<Run&>().data;
   std::map<std::string, py::array_t<double>> out;
   for (const data::BeamMotion& beam : run.shapes) {
@@ -196,7 +196,7 @@ void BindRun(py::module_& m) {
           [](const py::object& self) { return View(self.cast<Run&>().data.shape_t, self); },
           "(s,) times at which the beams' shapes were kept [s]; empty: none were.")
       .def_property_readonly(
-          "shapes", &Shapes,
+          "shapes", &ShapesOf,
           "Centre lines of the beams by name: (s, k, 2), x and y of k points [m].")
       .def_property_readonly(
           "summary", [](const Run& self) { return self.data.summary; },
@@ -213,7 +213,7 @@ void BindRun(py::module_& m) {
       .def_property_readonly(
           "usable", [](const Run& self) { return TextOf(self.data, "status") == "good"; },
           "Whether it ran to its end.")
-      .def("write", &Write, py::arg("path"), "Writes the samples as .csv, or all of it as HDF5.")
+      .def("write", &WriteRun, py::arg("path"), "Writes the samples as .csv, or all of it as HDF5.")
       .def("__repr__", [](const Run& self) { return Repr(self.data); });
 }
 

@@ -13,14 +13,8 @@ namespace {
 
 using Tracks = Recorded<data::Tracks>;
 
-void Write(const Tracks& tracks, const fs::path& path) {
+void WriteTracks(const Tracks& tracks, const fs::path& path) {
   data::WriteTracksAny(path.string(), tracks.data, ProvenanceOf(tracks.sources));
-}
-
-// A Python number, or NumPy's, or an array without dimensions.
-bool IsNumber(const py::object& object) {
-  return PyNumber_Check(object.ptr()) != 0 &&
-         py::module_::import("numpy").attr("ndim")(object).cast<int>() == 0;
 }
 
 // Covariances as Python gives them: (n, 6) as stored, (n, 3) standard deviations, or one number.
@@ -253,7 +247,7 @@ void BindTracks(py::module_& m) {
           "known [s]. longest_gap: a longer pause starts a new stretch [s]; 0: twenty median\n"
           "intervals of a mark. jerk: spectral density of the white jerk [m^2/s^5]; 0: by maximum\n"
           "likelihood.")
-      .def("write", &Write, py::arg("path"),
+      .def("write", &WriteTracks, py::arg("path"),
            "Writes them; the ending tells the format: .h5, .csv, .c3d or .uff.")
       .def("__repr__", [](const Tracks& self) {
         const data::Tracks& d = self.data;

@@ -94,6 +94,12 @@ py::array_t<T> View(const std::vector<T>& values, py::handle owner) {
   return View(values.data(), {static_cast<py::ssize_t>(values.size())}, owner);
 }
 
+/// The same of a member of its owner, for a property.
+template <class Owner>
+auto ViewOf(std::vector<double> Owner::*member) {
+  return [member](const py::object& self) { return View(self.cast<Owner&>().*member, self); };
+}
+
 /// A matrix of k rows and n columns as an array of shape (n, k): points row by row.
 template <int kRows>
 py::array_t<double> PointsView(const Eigen::Matrix<double, kRows, Eigen::Dynamic>& points,
@@ -115,6 +121,9 @@ py::array_t<T> Owned(std::vector<T> values) {
 /// n numbers as Python gives them: any array or sequence of real numbers; what is masked is NaN.
 /// Throws TypeError or ValueError naming `what`.
 std::vector<double> NumbersFrom(const py::handle& array, const std::string& what);
+
+/// Whether it is a Python number, or NumPy's, or an array without dimensions.
+bool IsNumber(const py::object& object);
 
 /// n names. Throws TypeError naming `what`.
 std::vector<std::string> NamesFrom(const py::handle& names, const std::string& what);

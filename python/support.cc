@@ -317,6 +317,11 @@ void ReadFileBytes(const std::string& bytes, const std::function<void(const std:
   read(folder.File());
 }
 
+bool IsNumber(const py::object& object) {
+  return PyNumber_Check(object.ptr()) != 0 &&
+         py::module_::import("numpy").attr("ndim")(object).cast<int>() == 0;
+}
+
 std::string Plural(std::size_t count, const char* word) {
   return fmt::format("{} {}{}", count, word, count == 1 ? "" : "s");
 }

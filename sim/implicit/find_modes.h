@@ -45,7 +45,7 @@ struct SceneModes {
   bool latched = false;           ///< every clearance was closed first
   EquilibriumReport equilibrium;  ///< as it was found; empty where none was looked for
   int rigid = 0;                  ///< motions without stiffness, or slower than rigid_below
-  double rigid_below = 0.0;       ///< what rounding hides [Hz]
+  double rigid_below = 0.0;       ///< what rounding hides [Hz]; 0: nothing
   std::vector<Latch> latches;
 
   /// Whether the state is one of rest, or was to be taken as it is.

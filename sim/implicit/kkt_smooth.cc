@@ -316,6 +316,19 @@ std::vector<int> SmoothSaddle::Entries() const {
   return entries;
 }
 
+double SmoothSaddle::BendingSquares(const double* v) const {
+  double sum = 0.0;
+  for (const Beam& beam : list_) {
+    for (int i = 0; i < beam.size; ++i) {
+      const double part = v[beam.at[i]];
+      const double term =
+          (beam.stiffness[i] + std::fabs(beam.geometric[i * beam.size + i])) * part * part;
+      sum += term * term;
+    }
+  }
+  return sum;
+}
+
 double SmoothSaddle::Stiffest(const Tangent& tangent) const {
   double largest = 0.0;
   for (const int s : rigid_) {

@@ -47,6 +47,8 @@ class SmoothSaddle {
   std::vector<int> Entries() const;
   // An estimate of the largest eigenvalue of M^-1 K [1/s^2].
   double Stiffest(const Tangent& tangent) const;
+  // The sum of (K_ii v_i^2)^2 over the beams' own stiffness.
+  double BendingSquares(const double* v) const;
 
  private:
   // What moves a body: three unknowns of its own (`beam` -1), or those of its beam; none for one

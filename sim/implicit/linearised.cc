@@ -94,4 +94,16 @@ double Linearised::Stiffest() const {
   return largest;
 }
 
+double Linearised::StiffnessSize(const double* v) const {
+  double sum = smooth_ ? smooth_->BendingSquares(v) : 0.0;
+  for (int s = 0; s < n_; ++s) {
+    for (int d = 0; d < 3; ++d) {
+      const double part = v[d * n_ + s];
+      const double term = tangent_.K(s)[4 * d] * part * part;
+      sum += term * term;
+    }
+  }
+  return std::sqrt(sum);
+}
+
 }  // namespace unfurl::sim

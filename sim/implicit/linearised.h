@@ -39,6 +39,9 @@ class Linearised {
   void Solve(double* x, const double* g);
   // An estimate of the largest magnitude of omega^2 [1/s^2].
   double Stiffest() const;
+  // The root of the sum of squares of K_dd v_d^2, v filled in: how far one rounding of each term
+  // takes v^T K v, over the machine's epsilon [1/s^2 where v^T M v = 1].
+  double StiffnessSize(const double* v) const;
 
  private:
   Dynamics& dynamics_;

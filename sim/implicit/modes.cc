@@ -3,6 +3,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <random>
 
 #include "sim/implicit/linearised.h"
@@ -14,14 +15,23 @@ using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
 constexpr int kDenseBodies = 150;  // up to here the dense solution takes a second at most
-constexpr double kRigid = 1e-11;   // of the largest omega^2, below which rounding hides a stiffness
-constexpr int kGuard = 8;          // vectors of the subspace beyond those wanted
+// Standard deviations of what rounding makes of v^T K v; 9 were seen (beams of 4 segments), mostly
+// less than 1.
+constexpr double kRoundings = 128.0;
+constexpr double kNoStiffness = 1e-250;  // [1/s^2], so that its inverse is a number
+constexpr int kGuard = 8;                // vectors of the subspace beyond those wanted
 // Of the subspace: an error falls by the ratio of omega^2 to that of the first mode beyond it.
 constexpr int kModesMostIterations = 200;
 constexpr double kConverged = 1e-10;  // change of omega^2 in an iteration, relative
-// Parts of the largest omega^2 below which rounding hides a stiffness: what rounding changes; and,
-// so many of them, from where on a motion is taken for one that bends while none is converged yet.
-constexpr double kRigidNoise = 1e-3, kFarFromRigid = 1e3;
+// Of a motion's rounding: what it may change by and be converged; and, so many of it, from where on
+// a motion is taken for one that bends while none is converged yet.
+constexpr double kStill = 1e-3, kFarFromRigid = 1e3;
+// Of M, what rounding of b K may take.
+constexpr double kMostLost = 1e-2;
+// Where solutions with this times another b differ by more of omega^2, neither is believed.
+constexpr double kOtherB = 0.3, kAgree = 1e-3;
+constexpr double kSteady = 0.1;      // in an iteration, where rounding changes all of it
+constexpr int kFirstIterations = 5;  // after which softest and stiffer motions are apart
 // Of the search for unstable motions: b to the next, where a motion that is just missed at one b
 // has the eigenvalue 1 / (1 - 2 / 4) at the next; how soft the stiffest motion is to the last; the
 // columns, and the iterations after which a motion that grows has outgrown a thousand others,
@@ -32,7 +42,8 @@ constexpr int kUnstableColumns = 6, kUnstableIterations = 12;
 // Vectors of the unknowns alone.
 class Unknowns {
  public:
-  explicit Unknowns(Linearised* system) : system_(*system) {}
+  explicit Unknowns(Linearised* system)
+      : system_(*system), stiffest_(std::max(system->Stiffest(), kNoStiffness)) {}
 
   int size() const { return static_cast<int>(system_.entries().size()); }
   // Motions that the constraints leave.
@@ -68,6 +79,16 @@ class Unknowns {
     system_.JacobianTimes(Spread(v).data(), g.data());
     return g;
   }
+  // Rounding of v^T K v: an omega^2 below it, v^T M v = 1, is not told from none.
+  double Rounding(const VectorXd& v) const {
+    constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+    return kRoundings * kEpsilon * system_.StiffnessSize(Spread(v).data()) +
+           kEpsilon * kEpsilon * stiffest_;  // for what nothing holds
+  }
+  double stiffest() const { return stiffest_; }
+  // For (M + b K)^-1; no b beyond which rounding of b K hides M.
+  void Factor(double b) { system_.Factor(std::min(b, MostB())); }
+  double MostB() const { return kMostLost / (std::numeric_limits<double>::epsilon() * stiffest_); }
   // (M + b K)^-1 on the constraints, b of the last Factor.
   VectorXd Solve(const VectorXd& r) const {
     std::vector<double> x(system_.length(), 0.0);
@@ -79,11 +100,16 @@ class Unknowns {
 
  private:
   Linearised& system_;
+  double stiffest_;
 };
 
 struct Pairs {
   VectorXd square;  // omega^2, rising
   MatrixXd vector;  // columns, v^T M v = 1
+  // A |omega^2| up to this is not told from none, by column.
+  VectorXd hidden;
+
+  int Told() const { return static_cast<int>((square.array().abs() > hidden.array()).count()); }
 };
 
 // On the null space of J, in coordinates of which M is the unit matrix.
@@ -109,7 +135,19 @@ Pairs SolveDense(const Unknowns& of) {
   const MatrixXd reduced = N.transpose() * scaled * N;
   const Eigen::SelfAdjointEigenSolver<MatrixXd> solver(0.5 * (reduced + reduced.transpose()));
   const MatrixXd vectors = N * solver.eigenvectors();
-  return {solver.eigenvalues(), root.matrixU().solve(vectors)};
+  return {solver.eigenvalues(), root.matrixU().solve(vectors), {}};
+}
+
+// Of each omega^2: motions as soft as each other are mixed, and share theirs.
+VectorXd RoundingOf(const Unknowns& of, const VectorXd& square, const MatrixXd& vectors) {
+  VectorXd own(square.size()), out = VectorXd::Zero(square.size());
+  for (int c = 0; c < own.size(); ++c) own[c] = of.Rounding(vectors.col(c));
+  for (int c = 0; c < own.size(); ++c) {
+    for (int k = 0; k < own.size(); ++k) {
+      if (std::fabs(square[k]) <= std::fabs(square[c])) out[c] = std::max(out[c], own[k]);
+    }
+  }
+  return out;
 }
 
 // A space of trial vectors, and what the lowest motions in it are (Rayleigh and Ritz).
@@ -128,6 +166,7 @@ class Subspace {
 
   // One iteration with (M + b K)^-1 M on the constraints, b of the last Factor; omega^2, rising.
   VectorXd Iterate() {
+    before_ = square_;
     const int columns = static_cast<int>(X_.cols());
     MatrixXd KX(X_.rows(), columns), MX(X_.rows(), columns);
     for (int c = 0; c < columns; ++c) {
@@ -140,47 +179,61 @@ class Subspace {
     const MatrixXd A = X_.transpose() * KX, B = X_.transpose() * MX;
     const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> ritz(0.5 * (A + A.transpose()), B);
     X_ = X_ * ritz.eigenvectors();
-    return ritz.eigenvalues();
+    square_ = ritz.eigenvalues();
+    rounding_ = RoundingOf(of_, square_, X_);
+    return square_;
   }
   const MatrixXd& vectors() const { return X_; }
+  const VectorXd& square() const { return square_; }
+  const VectorXd& rounding() const { return rounding_; }  // of square()
+  int Unstable() const {
+    int count = 0;
+    while (count < square_.size() && square_[count] < -rounding_[count]) ++count;
+    return count;
+  }
+  // Whether the last iteration has left an omega^2 much as it was: what rounding makes changes.
+  bool Steady(int k) const {
+    return before_.size() > 0 &&
+           std::fabs(square_[k] - before_[k]) < kSteady * std::fabs(square_[k]);
+  }
+  // By how much of themselves the first `count` have changed; nothing where rounding makes it.
+  double Change(int count) const {
+    if (before_.size() == 0) return 1.0;
+    double change = 0.0;
+    for (int k = 0; k < count; ++k) {
+      const double off = std::fabs(square_[k] - before_[k]);
+      if (off > kStill * rounding_[k]) {
+        change = std::max(change, off / std::max(std::fabs(square_[k]), rounding_[k]));
+      }
+    }
+    return change;
+  }
 
  private:
   const Unknowns& of_;
   const MatrixXd& known_;
   MatrixXd mass_known_, X_;
+  VectorXd square_, before_, rounding_;
 };
-
-// By how much of itself omega^2 has changed; nothing where rounding makes it.
-double LargestChange(const VectorXd& found, const VectorXd& before, int count, double rigid) {
-  double change = 0.0;
-  for (int k = 0; k < count; ++k) {
-    const double size = std::fabs(found[k]), off = std::fabs(found[k] - before[k]);
-    if (off > kRigidNoise * rigid) change = std::max(change, off / std::max(size, rigid));
-  }
-  return change;
-}
 
 // Unstable motions, v^T M v = 1. Of (M + b K)^-1 M they have the eigenvalues 1 / (1 + b omega^2),
 // which is beyond 1, and so beyond all stable ones, where 0 > b omega^2 > -2: so b is taken from
 // what rounding hides to what is stiff. One b alone would leave out what grows much faster than the
 // softest stable motion swings.
-MatrixXd FindUnstable(const Unknowns& of, double rigid, double stiffest) {
+MatrixXd FindUnstable(Unknowns& of, double rounding) {
   MatrixXd unstable(of.size(), 0);
-  for (double b = 1.0 / (kFarFromRigid * rigid); b * stiffest > kSoft; b *= kFiner) {
-    of.system().Factor(b);
+  for (double b = std::min(1.0 / (kFarFromRigid * rounding), of.MostB()); b * of.stiffest() > kSoft;
+       b *= kFiner) {
+    of.Factor(b);
     Subspace space(of, std::min(kUnstableColumns, of.free() - static_cast<int>(unstable.cols())),
                    unstable);
-    VectorXd square, before;
-    double change = 1.0;
-    for (int k = 0; k < kModesMostIterations && change > kConverged; ++k) {
-      before = square;
-      square = space.Iterate();
+    for (int k = 0; k < kModesMostIterations; ++k) {
+      space.Iterate();
       if (k < kUnstableIterations) continue;
-      if (square[0] > -rigid) break;
-      const auto count = static_cast<int>((square.array() < -rigid).count());
-      change = LargestChange(square, before, count, rigid);
+      if (space.Unstable() == 0 || space.Change(space.Unstable()) < kConverged) break;
     }
-    for (int k = 0; k < square.size() && square[k] < -rigid; ++k) {
+    for (int k = 0; k < space.Unstable(); ++k) {
+      if (!space.Steady(k)) continue;
       unstable.conservativeResize(Eigen::NoChange, unstable.cols() + 1);
       unstable.col(unstable.cols() - 1) = space.vectors().col(k);
     }
@@ -188,56 +241,95 @@ MatrixXd FindUnstable(const Unknowns& of, double rigid, double stiffest) {
   return unstable;
 }
 
+// The least rounding among the softest motions.
+double LeastRounding(Unknowns& of, double time_scale) {
+  of.Factor(time_scale * time_scale);
+  const MatrixXd none(of.size(), 0);
+  Subspace space(of, std::min(kGuard, of.free()), none);
+  for (int k = 0; k < kFirstIterations; ++k) space.Iterate();
+  return space.rounding().minCoeff();
+}
+
 // Subspace iteration (Bathe) for the lowest motions beside `unstable` ones: of (M + b K)^-1 M the
 // eigenvalues 1 / (1 + b omega^2) are largest, rigid motions included.
-Pairs SolveStable(const Unknowns& of, int wanted, const MatrixXd& unstable, double time_scale,
-                  double rigid) {
+Pairs SolveStable(Unknowns& of, int wanted, const MatrixXd& unstable, double time_scale) {
   const int columns = std::min(wanted + kGuard, of.free() - static_cast<int>(unstable.cols()));
   const int counted = std::min(wanted, columns);
   Subspace space(of, columns, unstable);
   // [s^2]; later 1 / omega^2 of the lowest one that bends.
   double b = time_scale * time_scale;
-  of.system().Factor(b);
-  VectorXd square = VectorXd::Zero(columns);
-  for (int iteration = 0; iteration < kModesMostIterations; ++iteration) {
-    const VectorXd before = square;
-    square = space.Iterate();
-    if (LargestChange(square, before, counted, rigid) < kConverged) break;
-    if (iteration == 4) {
+  of.Factor(b);
+  for (int iteration = 1; iteration <= kModesMostIterations; ++iteration) {
+    space.Iterate();
+    if (space.Change(counted) < kConverged) break;
+    if (iteration == kFirstIterations) {
       for (int k = 0; k < columns; ++k) {
-        if (square[k] < kFarFromRigid * rigid) continue;
-        b = 1.0 / square[k];
-        of.system().Factor(b);
+        if (space.square()[k] < kFarFromRigid * space.rounding()[k] || !space.Steady(k)) continue;
+        b = 1.0 / space.square()[k];
+        of.Factor(b);
         break;
       }
     }
   }
   // The columns beyond hold what the others have left.
-  return {square.head(counted), space.vectors().leftCols(counted)};
+  return {space.square().head(counted), space.vectors().leftCols(counted), {}};
+}
+
+// What is lowest among the motions of some vectors (Rayleigh and Ritz), from K itself.
+Pairs Ritz(const Unknowns& of, const MatrixXd& vectors) {
+  MatrixXd KV(vectors.rows(), vectors.cols()), MV(vectors.rows(), vectors.cols());
+  for (int c = 0; c < vectors.cols(); ++c) {
+    KV.col(c) = of.Stiffness(vectors.col(c));
+    MV.col(c) = of.Mass(vectors.col(c));
+  }
+  const MatrixXd A = vectors.transpose() * KV, B = vectors.transpose() * MV;
+  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> ritz(0.5 * (A + A.transpose()), B);
+  Pairs pairs = {ritz.eigenvalues(), vectors * ritz.eigenvectors(), {}};
+  pairs.hidden = RoundingOf(of, pairs.square, pairs.vector);
+  return pairs;
+}
+
+// Solved once more with another b: what comes out otherwise was made by rounding, or has not
+// converged, and is not believed.
+void Repeat(Unknowns& of, Pairs* pairs) {
+  double softest = of.stiffest();
+  for (int k = 0; k < pairs->square.size(); ++k) {
+    const double size = std::fabs(pairs->square[k]);
+    if (size > pairs->hidden[k]) softest = std::min(softest, size);
+  }
+  of.Factor(kOtherB / softest);
+  MatrixXd again(pairs->vector.rows(), pairs->vector.cols());
+  for (int c = 0; c < again.cols(); ++c) again.col(c) = of.Solve(of.Mass(pairs->vector.col(c)));
+  const VectorXd square = Ritz(of, again).square;
+  for (int k = 0; k < square.size(); ++k) {
+    const double size = std::max(std::fabs(pairs->square[k]), std::fabs(square[k]));
+    if (std::fabs(square[k] - pairs->square[k]) > kAgree * size) {
+      pairs->hidden[k] = std::max(pairs->hidden[k], size);
+    }
+  }
 }
 
 // `wanted` that are not rigid, as far as there are so many; rigid ones beside them.
-Pairs SolveSubspace(const Unknowns& of, int wanted, double time_scale, double rigid,
-                    double stiffest) {
+Pairs SolveSubspace(Unknowns& of, int wanted, double time_scale) {
   constexpr int kMostRigid = 3;  // x, y, theta of one structure; there may be many
-  const MatrixXd unstable = FindUnstable(of, rigid, stiffest);
-  const auto grow = static_cast<int>(unstable.cols());
-  Pairs pairs;
+  const MatrixXd unstable = FindUnstable(of, LeastRounding(of, time_scale));
   for (int columns = wanted + kMostRigid;; columns *= 2) {
-    pairs = SolveStable(of, columns, unstable, time_scale, rigid);
-    const auto bend = static_cast<int>((pairs.square.array().abs() > rigid).count());
-    if (grow + bend >= wanted || pairs.square.size() < columns) break;
+    const Pairs stable = SolveStable(of, columns, unstable, time_scale);
+    MatrixXd all(of.size(), unstable.cols() + stable.vector.cols());
+    all << unstable, stable.vector;
+    Pairs pairs = Ritz(of, all);
+    if (pairs.Told() >= wanted || stable.square.size() < columns) return pairs;
   }
-  const int count = grow + static_cast<int>(pairs.square.size());
-  MatrixXd all(of.size(), count), K_all(of.size(), count), M_all(of.size(), count);
-  all << unstable, pairs.vector;
-  for (int c = 0; c < count; ++c) {
-    K_all.col(c) = of.Stiffness(all.col(c));
-    M_all.col(c) = of.Mass(all.col(c));
+}
+
+// The dense solution rounds all of them from the stiffest.
+Pairs SolveSmall(const Unknowns& of, int wanted) {
+  const Pairs all = SolveDense(of);
+  const auto most = static_cast<int>(all.square.size());
+  for (int columns = wanted + kGuard;; columns *= 2) {
+    Pairs pairs = Ritz(of, all.vector.leftCols(std::min(columns, most)));
+    if (pairs.Told() >= wanted || columns >= most) return pairs;
   }
-  const MatrixXd A = all.transpose() * K_all, B = all.transpose() * M_all;
-  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> ritz(0.5 * (A + A.transpose()), B);
-  return {ritz.eigenvalues(), all * ritz.eigenvectors()};
 }
 
 }  // namespace
@@ -245,27 +337,27 @@ Pairs SolveSubspace(const Unknowns& of, int wanted, double time_scale, double ri
 ModesReport FindModes(Dynamics* dynamics, double* y, int count, ModesSolver solver) {
   Linearised system(dynamics);
   system.About(y);
-  const Unknowns of(&system);
+  Unknowns of(&system);
   ModesReport report;
   if (of.free() <= 0) return report;
   const bool dense = solver == ModesSolver::kDense ||
                      (solver == ModesSolver::kAuto && of.size() <= 3 * kDenseBodies);
-  const double stiffest = system.Stiffest(), rigid = kRigid * stiffest;
-  const Pairs pairs = dense
-                          ? SolveDense(of)
-                          : SolveSubspace(of, count, dynamics->model().time_scale, rigid, stiffest);
-  report.rigid_below = std::sqrt(rigid) / (2.0 * M_PI);
+  Pairs pairs =
+      dense ? SolveSmall(of, count) : SolveSubspace(of, count, dynamics->model().time_scale);
+  Repeat(of, &pairs);
+  double hidden = 0.0;
   const RigidBodies& bodies = dynamics->model().rigid_bodies;
   const int n = bodies.count;
   for (int k = 0; k < pairs.square.size(); ++k) {
     if (static_cast<int>(report.modes.size()) == count) break;
     const double square = pairs.square[k];
-    if (std::fabs(square) <= rigid) {
+    const VectorXd v = pairs.vector.col(k);
+    if (std::fabs(square) <= pairs.hidden[k]) {
       ++report.rigid;
+      hidden = std::max(hidden, pairs.hidden[k]);
       continue;
     }
     NaturalMode mode;
-    const VectorXd v = pairs.vector.col(k);
     if (square < 0.0) {
       mode.growth = std::sqrt(-square);
     } else {
@@ -290,6 +382,7 @@ ModesReport FindModes(Dynamics* dynamics, double* y, int count, ModesSolver solv
     for (double& s : mode.shape) s /= scale;
     report.modes.push_back(std::move(mode));
   }
+  report.rigid_below = std::sqrt(hidden) / (2.0 * M_PI);
   return report;
 }
 

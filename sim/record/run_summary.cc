@@ -275,8 +275,10 @@ std::string JointsText(const SummaryInput& in, ordered_json* json) {
   const bool struck = in.model.latches.count() > 0, bends = !in.model.beams.empty();
   if (in.certificate == nullptr && (struck || bends)) {
     text += fmt::format(
-        "(peak loads of {}{}{} may be off by far more than motions are: --certify states by how "
+        "({}peak loads of {}{}{} may be off by far more than motions are: --certify states by how "
         "much)\n",
+        struck ? "impacts hand errors on: motions after many may be off by hundreds of tolerances; "
+               : "",
         struck ? "impacts" : "", struck && bends ? " and of " : "", bends ? "stiff parts" : "");
   }
   const auto& at = in.report.peak_pin_time;

@@ -217,5 +217,48 @@ TEST(Modes, BothSolversAgreeOnTheLatchedDeployment) {
   }
 }
 
+// Rounding hides little of smooth motions, however fine the mesh: free beams of up to 2048 segments
+// (closed forms), and two beams on a free hub with a spring
+// between them that is 1e7 times as stiff as they are. Of the stiffest omega^2 the softest ones are
+// 1e-13 and 1e-16.
+TEST(Modes, OfFineMeshesAreNotTakenForRigidOnes) {
+  const double squares[] = {22.37328545, 61.67282287, 120.90339169};
+  for (const int segments : {256, 2048}) {
+    const ModesReport report = ModesOf(
+        ModelFrom(fmt::format("[scene]\nname = 'free'\nduration = 1.0\n[beam.rod]\nlength = 3.0\n"
+                              "mass = 2.0\nEI = 4.0\nsegments = {}\n",
+                              segments)),
+        3);
+    EXPECT_EQ(report.rigid, 3);
+    ASSERT_EQ(report.modes.size(), 3u);
+    for (int k = 0; k < 3; ++k) {
+      const double exact = squares[k] / 9.0 * std::sqrt(4.0 / (2.0 / 3.0)) / (2.0 * M_PI);
+      EXPECT_NEAR(report.modes[k].frequency, exact, 30.0 / (segments * segments) * exact) << k;
+    }
+  }
+  std::vector<ModesReport> reports;
+  for (const int segments : {60, 256}) {
+    const Model model = ModelFrom(fmt::format(
+        "[scene]\nname = 'turned'\nduration = 1.0\n[body.hub]\nmass = 5.0\ninertia = 0.3\n"
+        "pose = [3.0, -2.0, 0.7]\n"
+        "[beam.one]\nlength = 3.0\nmass = 2.0\nEI = 4.0\nsegments = {0}\n"
+        "[beam.two]\nlength = 1.0\nmass = 0.2\nEI = 0.5\nsegments = {0}\n"
+        "[joint.a]\ninner = 'hub'\nouter = 'one.start'\ntheta = 0.33\n"
+        "[joint.a.spring]\nstiffness = 30.0\npreload = 0.33\n"
+        "[joint.b]\ninner = 'one.end'\nouter = 'two.start'\ntheta = -0.9\n"
+        "[joint.b.spring]\nstiffness = 1e7\npreload = -0.9\n",
+        segments));
+    Dynamics dynamics(model);
+    std::vector<double> y = model.initial_state;
+    reports.push_back(FindModes(&dynamics, y.data(), 3));
+    EXPECT_EQ(reports.back().rigid, 3);
+    ASSERT_EQ(reports.back().modes.size(), 3u);
+  }
+  for (int k = 0; k < 3; ++k) {
+    const double fine = reports[1].modes[k].frequency;
+    EXPECT_NEAR(reports[0].modes[k].frequency, fine, 5.0 / (60.0 * 60.0) * fine) << k;
+  }
+}
+
 }  // namespace
 }  // namespace unfurl::sim::modes_test
