@@ -104,7 +104,7 @@ std::vector<CostCounsel> CostCounsels(const SceneCost& cost) {
     advice.push_back(
         {fmt::format(
              "{} or less in all lines{} takes {:.3g} s with {} (the largest, of {}: {})", aim,
-             missing.empty() ? "" : " but " + JoinWords(missing) + ", where nothing reaches it,",
+             missing.empty() ? "" : " but " + JoinWords(missing) + ", where none of these reaches it,",
              best->seconds, best->setting.Name(), worst.quantity.name,
              CostPercent(ErrorIn(*best, reached))),
          best->setting.SetText()});

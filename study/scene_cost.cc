@@ -72,7 +72,13 @@ class CostStudy {
     if (out.problem.empty()) {
       FindLines(&out);
       MakeTight();
-      for (std::size_t k = 0; k < tolerances_.size(); ++k) Wave(k);
+      // In a budget one method at every tolerance says more than each method at the loosest.
+      const bool budget = std::isfinite(options_.within);
+      for (std::size_t rank = 0; rank < (budget ? options_.methods.size() : 1); ++rank) {
+        for (std::size_t k = 0; k < tolerances_.size(); ++k) {
+          Wave(k, [&](const Chain& chain) { return !budget || chain.rank == rank; });
+        }
+      }
       for (int k = 0; k < kMostExtensions && !Resolved(); ++k) {
         // As much again as all has taken; of a budget what is left.
         const double left = start_ + options_.within - CpuSeconds();
@@ -119,11 +125,13 @@ class CostStudy {
     return DistanceOf(bench_.OnClock(run, q, reference_->clock()), reference_->limits()[q].values);
   }
 
-  // The next tolerance of every chain, in any order.
-  void Wave(std::size_t tolerance) {
+  // The next tolerance of every chain that takes part, in any order.
+  void Wave(std::size_t tolerance, const std::function<bool(const Chain&)>& takes_part) {
     std::vector<Chain*> active;
     for (Chain& chain : chains_) {
-      if (!chain.ended && chain.runs.size() == tolerance) active.push_back(&chain);
+      if (!chain.ended && chain.runs.size() == tolerance && takes_part(chain)) {
+        active.push_back(&chain);
+      }
     }
     // The quickest first, so that a budget holds as many as it can; at first every mesh with the
     // first method, then with the next.
@@ -135,7 +143,10 @@ class CostStudy {
     const double waves = static_cast<double>(tolerances_.size());
     ParallelFor(active.size(), options_.workers, [&](std::size_t k) {
       const double part = static_cast<double>(done++) / static_cast<double>(active.size());
-      if (progress_) progress_((static_cast<double>(tolerance) + part) / waves, Name(*active[k]));
+      const double far = std::isfinite(options_.within)
+                             ? std::min(1.0, (CpuSeconds() - start_) / options_.within)
+                             : (static_cast<double>(tolerance) + part) / waves;
+      if (progress_) progress_(far, Name(*active[k]));
       Next(active[k], tolerance);
     });
     for (const Chain* chain : active) {

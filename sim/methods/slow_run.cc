@@ -46,8 +46,9 @@ std::string AboutSlowRun(const Model& model, const SimulateOptions& options,
             NameOfRigidBody(model, static_cast<int>(worst - report.worst_bodies.begin()));
   }
   return fmt::format(
-      "this run will take about {:.0f} s: {:.0f}% of its steps are limited by {}{}; {}", seconds,
-      share, LimitName(limit), where, RemedyFor(limit, options));
+      "at its present pace this run takes about {:.0f} s: {:.0f}% of its steps are limited by "
+      "{}{}; {}",
+      seconds, share, LimitName(limit), where, RemedyFor(limit, options));
 }
 
 }  // namespace unfurl::sim

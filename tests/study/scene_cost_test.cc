@@ -224,6 +224,13 @@ TEST(SceneCost, ABudgetIsKept) {
   // Beyond it by what lies between two looks at the clock.
   EXPECT_LT(CpuSeconds() - start, 2.0 * options.within);
   EXPECT_TRUE(!cost.problem.empty() || cost.left_out > 0 || cost.seconds < options.within);
+  // What one method costs and gains at every tolerance comes before other methods.
+  int tightest = 0, others = 0;
+  for (const CostPoint& p : cost.points) {
+    tightest += p.setting.method == options.methods[0] && p.setting.tolerance < 1e-3 ? 1 : 0;
+    others += p.setting.method != options.methods[0] ? 1 : 0;
+  }
+  EXPECT_TRUE(others == 0 || tightest > 0);
   // No claim about meshes that there was no time for.
   options.within = 0.02;
   const SceneCost little = StudySceneCost(scene, options);
