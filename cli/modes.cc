@@ -43,6 +43,11 @@ std::string RigidText(const sim::SceneModes& modes) {
   if (modes.rigid > 0) {
     text += fmt::format(", or slower than {:.2g} Hz, which rounding hides", modes.rigid_below);
   }
+  constexpr double kDigits = 1e-6;  // what is printed of a frequency
+  if (modes.rounding > kDigits) {
+    text += fmt::format("\nrounding leaves frequencies wrong by up to {:.1g}% of themselves",
+                        100.0 * modes.rounding);
+  }
   return text;
 }
 
@@ -94,7 +99,8 @@ int RunModes(const Common& common, const ModesArguments& arguments) {
                                                : "drawn"},
                        {"equilibrium", modes.equilibrium.found},
                        {"rigid_motions", modes.rigid},
-                       {"rigid_below", modes.rigid_below}};
+                       {"rigid_below", modes.rigid_below},
+                       {"rounding", modes.rounding}};
   if (options.at) json["at"] = *options.at;
   std::string text = fmt::format("{}: \"{}\", {}\n", arguments.scene, scene.name, state);
   text += EquilibriumText(modes, arguments.as_is);

@@ -207,6 +207,7 @@ SceneModes ModesOn(const data::Scene& scene, bool latched, const ModesOptions& o
   const ModesReport report = FindModes(&dynamics, y.data(), options.count);
   result.rigid = report.rigid;
   result.rigid_below = report.rigid_below;
+  result.rounding = report.rounding;
   result.latches = LatchesOf(dynamics, &y);
   result.record = RecordOf(&dynamics, y, report);
   return result;

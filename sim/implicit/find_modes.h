@@ -46,6 +46,7 @@ struct SceneModes {
   EquilibriumReport equilibrium;  ///< as it was found; empty where none was looked for
   int rigid = 0;                  ///< motions without stiffness, or slower than rigid_below
   double rigid_below = 0.0;       ///< what rounding hides [Hz]; 0: nothing
+  double rounding = 0.0;          ///< the largest error of a frequency that it leaves, of itself
   std::vector<Latch> latches;
 
   /// Whether the state is one of rest, or was to be taken as it is.

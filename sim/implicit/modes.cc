@@ -108,6 +108,7 @@ struct Pairs {
   MatrixXd vector;  // columns, v^T M v = 1
   // A |omega^2| up to this is not told from none, by column.
   VectorXd hidden;
+  VectorXd doubt;  // what rounding leaves of omega^2, of itself
 
   int Told() const { return static_cast<int>((square.array().abs() > hidden.array()).count()); }
 };
@@ -135,7 +136,7 @@ Pairs SolveDense(const Unknowns& of) {
   const MatrixXd reduced = N.transpose() * scaled * N;
   const Eigen::SelfAdjointEigenSolver<MatrixXd> solver(0.5 * (reduced + reduced.transpose()));
   const MatrixXd vectors = N * solver.eigenvectors();
-  return {solver.eigenvalues(), root.matrixU().solve(vectors), {}};
+  return {solver.eigenvalues(), root.matrixU().solve(vectors), {}, {}};
 }
 
 // Of each omega^2: motions as soft as each other are mixed, and share theirs.
@@ -272,7 +273,7 @@ Pairs SolveStable(Unknowns& of, int wanted, const MatrixXd& unstable, double tim
     }
   }
   // The columns beyond hold what the others have left.
-  return {space.square().head(counted), space.vectors().leftCols(counted), {}};
+  return {space.square().head(counted), space.vectors().leftCols(counted), {}, {}};
 }
 
 // What is lowest among the motions of some vectors (Rayleigh and Ritz), from K itself.
@@ -284,7 +285,7 @@ Pairs Ritz(const Unknowns& of, const MatrixXd& vectors) {
   }
   const MatrixXd A = vectors.transpose() * KV, B = vectors.transpose() * MV;
   const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> ritz(0.5 * (A + A.transpose()), B);
-  Pairs pairs = {ritz.eigenvalues(), vectors * ritz.eigenvectors(), {}};
+  Pairs pairs = {ritz.eigenvalues(), vectors * ritz.eigenvectors(), {}, {}};
   pairs.hidden = RoundingOf(of, pairs.square, pairs.vector);
   return pairs;
 }
@@ -301,11 +302,11 @@ void Repeat(Unknowns& of, Pairs* pairs) {
   MatrixXd again(pairs->vector.rows(), pairs->vector.cols());
   for (int c = 0; c < again.cols(); ++c) again.col(c) = of.Solve(of.Mass(pairs->vector.col(c)));
   const VectorXd square = Ritz(of, again).square;
+  pairs->doubt = VectorXd::Zero(square.size());
   for (int k = 0; k < square.size(); ++k) {
     const double size = std::max(std::fabs(pairs->square[k]), std::fabs(square[k]));
-    if (std::fabs(square[k] - pairs->square[k]) > kAgree * size) {
-      pairs->hidden[k] = std::max(pairs->hidden[k], size);
-    }
+    pairs->doubt[k] = size > 0.0 ? std::fabs(square[k] - pairs->square[k]) / size : 0.0;
+    if (pairs->doubt[k] > kAgree) pairs->hidden[k] = std::max(pairs->hidden[k], size);
   }
 }
 
@@ -358,6 +359,7 @@ ModesReport FindModes(Dynamics* dynamics, double* y, int count, ModesSolver solv
       continue;
     }
     NaturalMode mode;
+    report.rounding = std::max(report.rounding, 0.5 * pairs.doubt[k]);
     if (square < 0.0) {
       mode.growth = std::sqrt(-square);
     } else {

@@ -20,6 +20,7 @@ struct NaturalMode {
 struct ModesReport {
   int rigid = 0;                   // motions without stiffness, or below rigid_below
   double rigid_below = 0.0;        // rounding hides what is slower [Hz]; 0: it hides nothing
+  double rounding = 0.0;           // largest error of a frequency that it leaves, of itself
   std::vector<NaturalMode> modes;  // unstable ones first, then by frequency; rigid ones left out
 };
 
