@@ -320,7 +320,13 @@ void BindModes(py::module_& m) {
           [](const Modes& s) {
             return s.found ? std::optional(s.found->rigid_below) : std::nullopt;
           },
-          "Below it rounding hides a stiffness [Hz]; 0 where it hides none. None: read from a file.")
+          "Below it rounding hides a stiffness [Hz]; 0 where it hides none. None: read from a "
+          "file.")
+      .def_property_readonly(
+          "rounding",
+          [](const Modes& s) { return s.found ? std::optional(s.found->rounding) : std::nullopt; },
+          "The largest error that rounding leaves of a frequency, of itself. None: read from a "
+          "file.")
       .def_property_readonly(
           "latched",
           [](const Modes& s) { return s.found ? std::optional(s.found->latched) : std::nullopt; },
