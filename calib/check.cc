@@ -175,12 +175,12 @@ void TryWithout(const CheckDesign& design, const JointTest& test, bool bad, Chec
   for (std::size_t i = 0; i < without.size(); ++i) result->points[i].chance_without = without[i];
 }
 
-// How often the design is made again about cameras that were found moved: what is left of a move
+// How often the design is made again about what was found moved: what is left of a move
 // of a hundredth of the row's field falls by as much each time.
 constexpr int kRounds = 4;
 
-// What explains the misfit; of cameras that moved far about where they were moved to. There design
-// and test are made again, but where that leads nowhere.
+// What explains the misfit; of cameras and points that moved far about where they were moved to.
+// There design and test are made again, but where that leads nowhere.
 template <typename Make>
 FoundCauses FindAbout(const data::Rig& rig, const Observations& data,
                       const std::vector<std::size_t>& match, const Make& make,
@@ -188,7 +188,7 @@ FoundCauses FindAbout(const data::Rig& rig, const Observations& data,
   const FoundCauses first = FindCauses(rig, *design, *test, options);
   FoundCauses found = first;
   for (int k = 0; k < kRounds; ++k) {
-    const MovedCameras moved = MovedBy(rig, found.causes);
+    const Moved moved = MovedBy(rig, data, match, found.causes);
     if (!moved.Any()) break;
     const CheckDesign there = DesignAbout(moved, rig, data, match, make);
     const JointTest about(there.misfit, there.covariance);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "base/dense.h"
@@ -153,10 +154,22 @@ std::vector<Hypothesis> HypothesesOf(const data::Rig& rig, const CheckDesign& de
   return out;
 }
 
-MovedCameras MovedBy(const data::Rig& rig, const std::vector<FoundCause>& causes) {
+Moved MovedBy(const data::Rig& rig, const Observations& data, const std::vector<std::size_t>& match,
+              const std::vector<FoundCause>& causes) {
   const auto cameras = static_cast<Eigen::Index>(rig.cameras.size());
-  MovedCameras out{Eigen::VectorXd::Zero(kParameters * cameras), Eigen::VectorXd::Zero(cameras)};
+  Moved out{Eigen::VectorXd::Zero(kParameters * cameras), Eigen::VectorXd::Zero(cameras),
+            Eigen::Matrix3Xd::Zero(3, data.p.cols())};
   for (const FoundCause& one : causes) {
+    if (one.kind == CauseKind::kPoint && one.amount.size() == 3) {
+      const Eigen::Vector3d there = data.p.col(one.index) + one.amount;
+      double u = 0.0;
+      const bool seen =
+          std::all_of(data.readings.begin(), data.readings.end(), [&](const Reading& r) {
+            const std::size_t c = match[static_cast<std::size_t>(r.camera)];
+            return r.point != one.index || measure::Project(rig.cameras[c], there, &u);
+          });
+      if (seen) out.places.col(one.index) = one.amount;
+    }
     if (one.kind != CauseKind::kCamera) continue;
     if (one.amount.size() == 1) {
       out.shift_px(one.index) = one.amount(0);

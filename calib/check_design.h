@@ -58,19 +58,23 @@ CheckDesign DesignOfBar(const data::Rig& rig, const Observations& data,
 std::vector<Hypothesis> HypothesesOf(const data::Rig& rig, const CheckDesign& design,
                                      const CheckOptions& options);
 
-// Cameras that were moved, as far as is known.
-struct MovedCameras {
+// Cameras that were moved, and surveyed points that lie elsewhere, as far as is known.
+struct Moved {
   Eigen::VectorXd parameters;  // 31 c, changes in the order of data/rig.h
   Eigen::VectorXd shift_px;    // c, of all readings of each [px]
+  Eigen::Matrix3Xd places;     // of the points, from where they were surveyed; none of a bar's [m]
 
-  bool Any() const { return shift_px.any() || parameters.any(); }
+  bool Any() const { return shift_px.any() || parameters.any() || places.any(); }
 };
-MovedCameras MovedBy(const data::Rig& rig, const std::vector<FoundCause>& causes);
+// A point whose cameras would not see it there is left where it is.
+Moved MovedBy(const data::Rig& rig, const Observations& data, const std::vector<std::size_t>& match,
+              const std::vector<FoundCause>& causes);
 
-// A design by `make`, of a rig and of readings, about cameras that were moved so far that what it
-// does is no longer linear: the derivatives are those there. What the move does is in the misfits.
+// A design by `make`, of a rig and of readings, about cameras and points that were moved so far
+// that what it does is no longer linear: the derivatives are those there. What the move does is in
+// the misfits.
 template <typename Make>
-CheckDesign DesignAbout(const MovedCameras& moved, const data::Rig& rig, const Observations& data,
+CheckDesign DesignAbout(const Moved& moved, const data::Rig& rig, const Observations& data,
                         const std::vector<std::size_t>& match, const Make& make) {
   data::Rig there = rig;
   Observations back = data;
@@ -82,8 +86,14 @@ CheckDesign DesignAbout(const MovedCameras& moved, const data::Rig& rig, const O
   for (Reading& r : back.readings) {
     r.u_px -= moved.shift_px(static_cast<Eigen::Index>(match[static_cast<std::size_t>(r.camera)]));
   }
+  back.p += moved.places;
   CheckDesign out = make(there, back);
   out.misfit += out.by_camera * moved.parameters + out.Shifts(rig.cameras.size()) * moved.shift_px;
+  for (Eigen::Index i = 0; i < moved.places.cols(); ++i) {
+    if (moved.places.col(i).isZero(0.0)) continue;
+    const Effect& place = out.by_point[static_cast<std::size_t>(i)];
+    out.misfit.segment(place.first, place.rows.rows()) += place.rows * moved.places.col(i);
+  }
   return out;
 }
 

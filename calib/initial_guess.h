@@ -21,8 +21,8 @@ struct GuessOptions {
   double flatness = 0.05;  // [-]
   data::LensModel lens = data::LensModel::kRectilinear;
   // Prior of the distance between the two centres [m]. 0: a cylinder lens in front of a linear CCD
-  // has it near its focal length, f times the pixels' pitch; where the pitch is not stated, some
-  // per cent of the distance to the points, of which e is a share that a lens can focus.
+  // has it near its focal length, f times the pixels' pitch; where the pitch is not stated, a
+  // share of the distance to the points, as far as a lens can focus.
   double e_mean = 0.0, e_sigma = 0.0;
   // Prior of the position along the lens axis, about where the points' centre has Y = 0, as a share
   // of the distance to that centre: the camera was pointed at the volume to within some 17 degrees.

@@ -14,6 +14,7 @@
 #include "base/progress.h"
 #include "base/refuse_option.h"
 #include "base/statistics.h"
+#include "calib/wand_exchanged.h"
 #include "calib/wand_gross.h"
 #include "calib/wand_poses.h"
 #include "calib/wand_search.h"
@@ -178,10 +179,26 @@ void RefitWand(const BundleOptions& options, WandFit* fit) {
       SolveWandBundle(fit->data, fit->priors, fit->weighting, squares, &fit->state, &fit->system);
 }
 
+namespace {
+
+// The first cameras, or why there are none.
+WandSearch FirstCameras(const WandData& data, const WandData& still, const WandFitOptions& options,
+                        const std::string& where) {
+  try {
+    return SearchWand(still, options, where);
+  } catch (const Error&) {
+    const ExchangedMarks exchanged = FindExchanged(data, options, where);
+    if (exchanged.camera < 0) throw;
+    throw Error(exchanged.Words(data), where, "exchange that camera's readings of the two marks");
+  }
+}
+
+}  // namespace
+
 WandFit FitWand(const WandData& data, const WandFitOptions& options, const std::string& where) {
   options.Check();
   const WandData still = AtPoseTimes(data);
-  WandSearch search = SearchWand(still, options, where);
+  WandSearch search = FirstCameras(data, still, options, where);
   const WandFit& few = search.best;
   // All poses, from the cameras that a few of them gave, as if the bar stood still in each.
   WandFit fit;

@@ -126,6 +126,7 @@ WandSearch Compare(const BundleOptions& options, std::vector<WandFit> fits) {
   const auto least =
       static_cast<std::size_t>(std::min_element(cost.begin(), cost.end()) - cost.begin());
   WandSearch out;
+  out.fits = true;
   const std::vector<WandGridPoint> grid = WandGrid(fits[least]);
   const double same = grid.empty()
                           ? std::numeric_limits<double>::infinity()

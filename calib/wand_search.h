@@ -20,6 +20,7 @@ double RobustWand(const BundleOptions& options, WandFit* fit);
 struct WandSearch {
   WandFit best;
   std::vector<WandRival> rivals;  // other minima that explain the readings as well
+  bool fits = false;              // residuals are near the stated ones
 };
 
 // Every end of the search from nothing (or the one from known cameras) that leads to residuals near

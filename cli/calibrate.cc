@@ -296,7 +296,7 @@ Verb AddCalibrate(CLI::App& program, Common& common) {
       app->add_option("--e", arguments->options.guess.e_mean,
                       "Prior mean of the distance between a lens' two centres [m]; default: its "
                       "focal length where the pixels' pitch is known, else 1% of the "
-                      "distance to the points");
+                      "distance to the points, give or take 10%");
   app->add_option("--e-sigma", arguments->options.guess.e_sigma, "Its standard deviation [m]")
       ->check(CLI::PositiveNumber)
       ->needs(e);

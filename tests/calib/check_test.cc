@@ -140,6 +140,24 @@ TEST_F(Check, AWrongPointIsNamedAndTheRigStands) {
   EXPECT_THAT(result.reasons, Contains(HasSubstr("without point \"p5\"")));
 }
 
+// So far that readings are not linear in it: what that leaves is no second cause.
+TEST_F(Check, APointThatSlippedByCentimetresIsTheOnlyCause) {
+  const Observations ten =
+      Observe(study_->truth, PointsInCube(10, 0.7, Rng(54).Stream("ten")), 3e-4, 0.01, Rng(54));
+  for (const double metres : {0.01, 0.05, 0.1, 0.2}) {
+    for (int axis = 0; axis < 3; ++axis) {
+      SCOPED_TRACE(::testing::Message() << metres << " m along axis " << axis);
+      Observations data = ten;
+      data.p(axis, 4) += metres;
+      const CheckResult result = CheckPoints(*rig_, data, "test");
+      EXPECT_EQ(result.verdict, "doubtful");
+      ASSERT_EQ(result.causes.size(), 1u);
+      EXPECT_EQ(result.causes[0].kind, CauseKind::kPoint);
+      EXPECT_EQ(result.causes[0].point, 4);
+    }
+  }
+}
+
 // A digit too many, however far it throws a point: beyond the cameras, too, and beside a camera
 // that has moved.
 TEST_F(Check, APointThatSlippedByMetresIsNamed) {

@@ -1,5 +1,7 @@
 // Total error with data that the fitted model did not make: rays through the shipped lab's glass,
 // spots on its sensor, found by the spot finder.
+#include "tests/calib/traced.h"
+
 #include <gtest/gtest.h>
 
 #include "base/statistics.h"
@@ -103,6 +105,31 @@ TEST(Traced, ShippedLabReachesTheSurveysLimitOverManySeeds) { ExpectTrue(100); }
 #else
 TEST(Traced, ShippedLabReachesTheSurveysLimit) { ExpectTrue(6); }
 #endif
+
+// Cameras some decimetres from the points, as for a small structure: how far a lens' two centres
+// are from each other is then felt, and a survey in a table does not say how long the row is.
+TEST(Traced, ASmallRoomsErrorBarsHold) {
+  constexpr double kHalf = 0.1;  // of a side of the surveyed cube [m]
+  const double scale = kHalf / testing::kTracedHalf;
+  data::Lab room = data::ReadLab(UNFURL_SOURCE_DIR "/data/sets/deployment/lab.toml");
+  for (data::LabCamera& camera : room.cameras) {
+    camera.position *= scale;
+    camera.look_at *= scale;
+  }
+  room.mounting.position *= scale;
+  room.lens.focus_distance *= scale;
+  std::vector<double> nees(6);
+  ParallelFor(nees.size(), 0, [&](std::size_t k) {
+    data::Lab kind = room;
+    kind.seed = 40 + k;
+    testing::TracedLab lab(kind, kHalf, kind.seed);
+    lab.survey_sigma = 2e-5;
+    nees[k] = testing::NeesOf(lab, FitRig(lab.Survey(150), {}, "test").rig, 100);
+  });
+  const double mean = Mean(nees);
+  std::printf("a room of %.1f m: squared whitened error %.2f\n", 2.0 * kHalf, mean);
+  EXPECT_LT(mean, 1.3);  // as asked of every calibration that is called good
+}
 
 }  // namespace
 }  // namespace unfurl::calib::traced_test

@@ -1,7 +1,9 @@
 // What a bar's readings do not determine is refused, or said.
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "base/error.h"
@@ -76,6 +78,19 @@ TEST(WandRefusal, ReadingsOfNoBar) {
   const std::string refusal = RefusalOf(waved.data);
   EXPECT_THAT(refusal, HasSubstr("wand.csv: "));
   EXPECT_THAT(refusal, HasSubstr("; "));  // a remedy
+}
+
+// One camera's two columns of the bar's ends the other way round.
+TEST(WandRefusal, EndsThatOneCameraHasExchanged) {
+  const auto truth = MakeRig({}, Rng(61));
+  WandData data = WaveBefore(truth, {.poses = 100, .half = 0.8}, Rng(61)).data;
+  for (WandReading& r : data.readings) r.mark = r.camera == 1 ? 1 - r.mark : r.mark;
+  std::sort(data.readings.begin(), data.readings.end(),
+            [](const WandReading& a, const WandReading& b) {
+              return std::tie(a.pose, a.mark, a.camera) < std::tie(b.pose, b.mark, b.camera);
+            });
+  EXPECT_THAT(RefusalOf(data),
+              HasSubstr("camera \"" + truth[1].name + "\" has marks \"a\" and \"b\" exchanged"));
 }
 
 TEST(WandRefusal, PointsInMillimetresUnderTheNameOfMetres) {
