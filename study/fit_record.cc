@@ -11,6 +11,7 @@
 #include "base/text.h"
 #include "correlate/align/nuisance.h"
 #include "correlate/compare/metrics.h"
+#include "correlate/fit/fit_stated.h"
 #include "correlate/residual/channel.h"
 #include "correlate/residual/row_layout.h"
 #include "study/ladder_words.h"
@@ -40,11 +41,26 @@ bool AnyTrial(const correlate::FitResult& r, correlate::Explained outcome) {
   });
 }
 
+// What was stated beforehand, is contradicted by the data, and moves a value out of its interval.
+std::string Contradicted(const correlate::FitResult& r) {
+  std::vector<std::string> names;
+  for (std::size_t j = 0; j < r.parameters.size(); ++j) {
+    const correlate::Stated* s = correlate::RestsOn(r, j);
+    if (s != nullptr && std::find(names.begin(), names.end(), s->name) == names.end()) {
+      names.push_back(s->name);
+    }
+  }
+  return JoinWords(names);
+}
+
 // The whole in one sentence.
 std::string WholeVerdict(const std::vector<correlate::Parameter>& parameters,
                          const correlate::FitResult& r) {
   std::string words;
   if (AnyTrial(r, correlate::Explained::kNo)) words = "the model does not explain the data; ";
+  if (std::string names = Contradicted(r); !names.empty()) {
+    words += "what was stated of " + names + " contradicts the data; ";
+  }
   bool known = false;
   for (const VerdictPhrase& phrase : kPhrases) {
     std::vector<std::string> names;
@@ -143,6 +159,13 @@ void JudgeWhole(const correlate::FitProblem& problem, const correlate::FitResult
   }
   std::vector<std::string> names;
   for (const correlate::Parameter& p : problem.parameters) names.push_back(p.name);
+  for (const correlate::Stated& s : r.stated) {
+    if (!s.contradicted) continue;
+    record->reasons.push_back(correlate::ContradictionWords(
+        s, !s.parameter && r.trials.size() > 1
+               ? " of " + r.trials[static_cast<std::size_t>(s.trial)].name
+               : ""));
+  }
   AddTrialWords(names, problem.trials, r, record);
   AddLadderWords(r.ladder, record);
   AddSearchWords(r, record);

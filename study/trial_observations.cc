@@ -191,6 +191,7 @@ correlate::ChannelRecord RecordOf(const data::StudyChannel& want, const data::Ch
   } else if (!c.sigma.empty()) {
     r.sigma = Eigen::Map<const Eigen::VectorXd>(c.sigma.data(), n);
   }
+  correlate::LeaveOutHeld(&r);
   r.resolution = want.resolution > 0.0 ? want.resolution : correlate::ResolutionOf(r.y);
   // What is less than the scatter of a step (uniform over it) does not have that in it.
   const double step = r.resolution / std::sqrt(12.0);

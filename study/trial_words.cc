@@ -188,9 +188,11 @@ double SigmaOfDrift(const correlate::TrialResult& t) {
   return 0.0;
 }
 
-// What was known of clock and frame, what of a drift the data show, and what was put aside.
+// What was known of clock and frame (`contradicted`: the data contradict some of what was stated,
+// of any trial, which then is to blame for the model's pace), what of a drift the data show, and
+// what was put aside.
 void AddPlacementWords(const correlate::Observations& o, const correlate::TrialResult& t,
-                       const std::string& of, data::FitRecord* record) {
+                       const std::string& of, bool contradicted, data::FitRecord* record) {
   using correlate::Foreknowledge;
   auto add = [&](std::string words) { record->reasons.push_back(std::move(words)); };
   const correlate::Placement& known = o.placement;
@@ -219,7 +221,7 @@ void AddPlacementWords(const correlate::Observations& o, const correlate::TrialR
             ? ""
             : fmt::format("The model's own error may look the same (with it: ± {:.2g}). ",
                           1e6 * all)));
-  } else if (drift.too_large) {
+  } else if (drift.too_large && !contradicted) {
     add(
         fmt::format("A clock{} that runs {} by {:.2g}% would lower the residuals most, and no "
                     "clock does: look at what sets the pace of the model (gravity, masses, "
@@ -333,6 +335,8 @@ void AddTrialWords(const std::vector<std::string>& parameters,
                    const std::vector<correlate::FitTrial>& trials, const correlate::FitResult& r,
                    data::FitRecord* record) {
   const bool several = r.trials.size() > 1;
+  const bool contradicted = std::any_of(r.stated.begin(), r.stated.end(),
+                                        [](const correlate::Stated& s) { return s.contradicted; });
   for (std::size_t k = 0; k < r.trials.size(); ++k) {
     const correlate::TrialResult& t = r.trials[k];
     record->reasons.push_back(ResidualWords(trials[k], t, parameters, r.Theta(), several));
@@ -351,7 +355,7 @@ void AddTrialWords(const std::vector<std::string>& parameters,
     const std::string of = several ? " of " + t.name : "";
     if (std::string words = BetweenWords(t, of); !words.empty()) record->reasons.push_back(words);
     AddOtherWords(*trials[k].observations, t, several ? " in " + t.name : "", record);
-    AddPlacementWords(*trials[k].observations, t, of, record);
+    AddPlacementWords(*trials[k].observations, t, of, contradicted, record);
     AddGrossWords(*trials[k].observations, t, of, record);
     AddChannelGrossWords(*trials[k].observations, t, of, record);
     record->reasons.push_back(ErrorWords(*trials[k].observations, t, of));

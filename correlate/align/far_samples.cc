@@ -137,18 +137,22 @@ std::vector<FarSample> FindFarSamples(const Observations& observations) {
   return out;
 }
 
+std::vector<std::size_t> FindFarReadings(const std::vector<double>& t, const Eigen::VectorXd& y) {
+  if (static_cast<std::size_t>(y.size()) < kFewestOfMark) return {};
+  // A slow motion goes on by a step of the instrument's resolution at a time.
+  double step = std::numeric_limits<double>::infinity();
+  for (Eigen::Index i = 1; i < y.size(); ++i) {
+    if (y(i) != y(i - 1)) step = std::min(step, std::abs(y(i) - y(i - 1)));
+  }
+  return Path(t, y.transpose(), 2.0 * step).Find();
+}
+
 std::vector<std::vector<std::size_t>> FindFarReadings(const Observations& observations) {
   std::vector<std::vector<std::size_t>> out;
   for (const auto& kind : observations.others) {
-    out.emplace_back();
     const Eigen::VectorXd y = kind->Readings();
-    if (static_cast<std::size_t>(y.size()) < kFewestOfMark) continue;
-    // A slow motion goes on by a step of the instrument's resolution at a time.
-    double step = std::numeric_limits<double>::infinity();
-    for (Eigen::Index i = 1; i < y.size(); ++i) {
-      if (y(i) != y(i - 1)) step = std::min(step, std::abs(y(i) - y(i - 1)));
-    }
-    out.back() = Path(*kind->series().front().t, y.transpose(), 2.0 * step).Find();
+    out.push_back(y.size() == 0 ? std::vector<std::size_t>()
+                                : FindFarReadings(*kind->series().front().t, y));
   }
   return out;
 }

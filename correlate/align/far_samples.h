@@ -25,6 +25,9 @@ std::vector<FarSample> FindFarSamples(const Observations& observations);
 /// Likewise among the readings of each of its other kinds, by index: kind, then reading.
 std::vector<std::vector<std::size_t>> FindFarReadings(const Observations& observations);
 
+/// Likewise of one record.
+std::vector<std::size_t> FindFarReadings(const std::vector<double>& t, const Eigen::VectorXd& y);
+
 /// What they are, the first by name; `far` must not be empty.
 std::string Words(const Observations& observations, const std::vector<FarSample>& far);
 

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <limits>
 
 #include "base/dense.h"
 #include "correlate/align/nuisance.h"
@@ -185,9 +186,29 @@ class RegistrationSolver {
   }
 
   RegistrationFit Run() {
+    // A channel's swings are not linear in the clock: a step that leads up is halved. Marks alone,
+    // carried along by their velocities, hardly ever need it.
+    constexpr int kMostHalved = 20;
+    constexpr double kRises = 1.0 + 1e-9;  // beyond rounding
+    double least = std::numeric_limits<double>::infinity();
+    Registration before;
+    Eigen::VectorXd step;
     for (int iteration = 0; iteration < options_.max_iterations && !fit_.converged; ++iteration) {
       Evaluate();
-      fit_.converged = Step();
+      for (int half = 0; fit_.SumOfSquares() > kRises * least && half < kMostHalved; ++half) {
+        step *= 0.5;
+        fit_.at = before;
+        Move(step);
+        Evaluate();
+      }
+      least = fit_.SumOfSquares();
+      before = fit_.at;
+      step = NextStep();
+      Move(step);
+      // Where sigma is a unit weight's (records without one) it says nothing: relative round-off.
+      constexpr double kRoundOff = 1e-13;
+      fit_.converged =
+          (step.cwiseAbs().array() <= options_.tolerance * fit_.sigma.array() + kRoundOff).all();
     }
     Evaluate();
     fit_.data_rows = 3 * static_cast<Eigen::Index>(fit_.known);
@@ -299,8 +320,8 @@ class RegistrationSolver {
     }
   }
 
-  // One Gauss-Newton step. True: it moved no unknown by more than its tolerance.
-  bool Step() {
+  // The Gauss-Newton step, and the standard errors.
+  Eigen::VectorXd NextStep() {
     const Eigen::Index unknowns = fit_.jacobian.cols();
     Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(unknowns, unknowns);
     if (unknowns > 0) normal.selfadjointView<Eigen::Lower>().rankUpdate(fit_.jacobian.transpose());
@@ -308,7 +329,10 @@ class RegistrationSolver {
     fit_.weak.clear();
     const Eigen::MatrixXd inverse = InvertNormal(normal, names_, &fit_.weak);
     fit_.sigma = inverse.diagonal().cwiseMax(0.0).cwiseSqrt();
-    const Eigen::VectorXd step = -inverse * (fit_.jacobian.transpose() * fit_.residual);
+    return -inverse * (fit_.jacobian.transpose() * fit_.residual);
+  }
+
+  void Move(const Eigen::VectorXd& step) {
     if (options_.fit_frame) {  // a turn about the centroid and a shift of it
       Pose& X = fit_.at.X_WM;
       const Eigen::Vector3d centre = X * fit_.centroid_M + step.segment<3>(3);
@@ -319,9 +343,6 @@ class RegistrationSolver {
     if (options_.fit_drift) fit_.at.drift += step(rate_);
     if (options_.with_others) fit_.at.own += step.segment(own_, fit_.at.own.size());
     fit_.at.z += step.tail(k_);
-    // Where sigma is a unit weight's (records without one) it says nothing: relative round-off.
-    constexpr double kRoundOff = 1e-13;
-    return (step.cwiseAbs().array() <= options_.tolerance * fit_.sigma.array() + kRoundOff).all();
   }
 
   const Observations& observations_;

@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <filesystem>
 #include <limits>
 #include <memory>
 
@@ -13,6 +15,7 @@
 #include "base/text.h"
 #include "correlate/compare/clock_words.h"
 #include "correlate/compare/comparison_measures.h"
+#include "correlate/compare/wrong_readings.h"
 #include "correlate/residual/channel.h"
 #include "correlate/residual/row_layout.h"
 #include "data/csv.h"
@@ -114,11 +117,12 @@ void AddSignal(const Channel& channel, const Eigen::VectorXd& shown,
   while (first <= last && std::isnan(shown(first))) ++first;
   while (last > first && std::isnan(shown(last))) --last;
   const double widest = SampledModel::kMaxGap * MedianStep(stamps);
+  const std::vector<std::uint8_t>* aside = channel.series().front().aside;
   for (std::size_t i = 0; i < r.t.size(); ++i) {
     const auto at = static_cast<Eigen::Index>(i);
     const double value = shown(at), y = r.y(at);
     const bool known = !std::isnan(value);
-    if (at < first || at > last) continue;
+    if (at < first || at > last || (aside != nullptr && (*aside)[i] != 0)) continue;
     const double t = channel.TimeOf(at);  // by the record's clock
     if (!Says(stamps, widest, clocks.at.ModelTime(t, clocks.pivot), known)) continue;
     s.t.push_back(t);
@@ -133,6 +137,9 @@ void AddSignal(const Channel& channel, const Eigen::VectorXd& shown,
 void AddChannelReasons(Comparison* c) {
   const Alignment& a = c->alignment;
   for (std::string& words : ClockWords(*c, "all channels together", "")) {
+    c->reasons.push_back(std::move(words));
+  }
+  for (std::string& words : ContradictionsOf(c->observations, a)) {
     c->reasons.push_back(std::move(words));
   }
   const RowLayout layout(c->observations);
@@ -183,7 +190,13 @@ void TakePlacement(const Placement& said, bool clock_drift, Placement* known) {
   if (clock_drift && known->drift.kind == Foreknowledge::kUnsaid) known->drift = Prior::Free();
 }
 
-Channel InstrumentOf(const data::Channel& of_record, const data::Channel& of_reference) {
+// What was computed has no wrong readings: what it holds or does at once is motion.
+bool IsComputed(const std::string& name) {
+  return std::filesystem::is_regular_file(name) && IsRun(name);
+}
+
+Channel InstrumentOf(const data::Channel& of_record, const data::Channel& of_reference,
+                     bool computed) {
   ChannelRecord r;
   r.name = of_record.name;
   r.quantity = of_reference.name;
@@ -192,6 +205,7 @@ Channel InstrumentOf(const data::Channel& of_record, const data::Channel& of_ref
   r.t = of_record.t;
   r.y = AsVector(of_record.y);
   r.sigma = AsVector(of_record.sigma);
+  if (!computed) LeaveOutHeld(&r);
   return Channel(std::move(r), of_record.where);
 }
 
@@ -200,12 +214,13 @@ std::vector<ChannelName> PairUp(const std::vector<data::Channel>& record,
                                 const std::vector<data::Channel>& reference,
                                 const std::vector<ChannelName>& names, Comparison* c) {
   c->observations.has_sigma = false;
+  const bool computed = IsComputed(c->record);
   std::vector<ChannelName> pairs = names.empty() ? SharedNames(record, reference, c) : names;
   for (ChannelName& pair : pairs) {
     if (pair.of.empty()) pair.of = pair.name;
     const data::Channel& a = data::FindChannel(record, pair.name, c->record);
     const data::Channel& b = data::FindChannel(reference, pair.of, c->reference);
-    c->observations.others.push_back(std::make_shared<Channel>(InstrumentOf(a, b)));
+    c->observations.others.push_back(std::make_shared<Channel>(InstrumentOf(a, b, computed)));
   }
   return pairs;
 }
@@ -303,7 +318,9 @@ void CompareInstruments(const SampledModel& reference, const QuantityTimes& stam
                         const ComparisonOptions& options, Comparison* c) {
   TakePlacement(options.placement, options.clock_drift, &c->observations.placement);
   Alignment& a = c->alignment;
-  a = Align(c->observations, reference);
+  std::vector<ChannelGross> gross;
+  a = IsComputed(c->record) ? Align(c->observations, reference)
+                            : AlignWithoutGross(reference, &c->observations, &gross);
   if (!a.Usable()) {
     c->verdict = std::string("Not correlated: ") + Name(a.status) + ".";
     c->reasons.push_back(a.message + ".");
@@ -323,6 +340,9 @@ void CompareInstruments(const SampledModel& reference, const QuantityTimes& stam
   Measure(options, c);
   Judge(c);
   AddChannelReasons(c);
+  for (std::string& words : GrossWords(c->observations, gross)) {
+    c->reasons.push_back(std::move(words));
+  }
   AddModeReasons(c);
   AddPeakReasons(c);
 }
@@ -337,6 +357,7 @@ Comparison DescribeChannels(const std::vector<data::Channel>& record,
   c.alignment.message = "a record alone";
   c.alignment.overlap_start = std::numeric_limits<double>::infinity();
   c.alignment.overlap_end = -c.alignment.overlap_start;
+  const bool computed = IsComputed(record_name);
   std::vector<const data::Channel*> wanted;
   wanted.reserve(std::max(names.size(), record.size()));
   for (const std::string& name : names) {
@@ -355,6 +376,11 @@ Comparison DescribeChannels(const std::vector<data::Channel>& record,
     s.t = one->t;
     s.measured = one->y;
     s.sigma = one->sigma;
+    if (!computed) {
+      for (std::string& words : TakeOutWrong(s.name, one->unit, {&s.t, &s.measured, &s.sigma})) {
+        c.reasons.push_back(std::move(words));
+      }
+    }
     c.alignment.overlap_start = std::min(c.alignment.overlap_start, s.t.front());
     c.alignment.overlap_end = std::max(c.alignment.overlap_end, s.t.back());
     c.channels.push_back({s.name, s.id.unit, ""});

@@ -12,4 +12,7 @@ namespace unfurl::correlate {
 std::vector<std::string> ClockWords(const Comparison& comparison, const std::string& found,
                                     const std::string& then);
 
+/// What was stated beforehand of clock and frame and the data contradict, a sentence each.
+std::vector<std::string> ContradictionsOf(const Observations& observations, const Alignment& a);
+
 }  // namespace unfurl::correlate

@@ -164,6 +164,9 @@ void AddClockReasons(Comparison* c) {
   for (std::string& words : ClockWords(*c, a.signal, ", then together with the frame")) {
     c->reasons.push_back(std::move(words));
   }
+  for (std::string& words : ContradictionsOf(c->observations, a)) {
+    c->reasons.push_back(std::move(words));
+  }
   const FramePrior& known = c->observations.placement.frame;
   if (!known.Told()) return;
   c->reasons.push_back(known.kind == Foreknowledge::kKnown

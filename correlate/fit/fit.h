@@ -9,6 +9,7 @@
 
 #include "correlate/align/align.h"
 #include "correlate/align/nuisance.h"
+#include "correlate/align/stated.h"
 #include "correlate/fit/between_samples.h"
 #include "correlate/fit/clock_drift.h"
 #include "correlate/fit/evaluator.h"
@@ -270,6 +271,8 @@ struct FitResult {
   double cost = 0.0;  // half the sum of squares at the estimate, whitened, with priors [-]
   // Deviance by which the lowest point of any profile lies below the estimate; 0: none does [-].
   double profile_below = 0.0;
+  /// Priors, of parameters and of what belongs to trials, held against the data.
+  std::vector<Stated> stated;
   LadderResult ladder;
   Elsewhere elsewhere = Elsewhere::kNotLooked;
   // Those that the data do not tell from the estimate's; a motion that repeats itself has some.

@@ -5,6 +5,7 @@
 #include <cstdint>
 
 #include "correlate/fit/constancy.h"
+#include "correlate/fit/fit_stated.h"
 #include "correlate/fit/noise_doubt.h"
 #include "correlate/fit/normal_matrix.h"
 #include "correlate/fit/quantised.h"
@@ -294,17 +295,23 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
   for (Eigen::VectorXd* rows : {&left, &finer}) {
     *rows -= plain.A * (inverse_white * (plain.A.transpose() * *rows));
   }
+  const Eigen::MatrixXd total = from_data + model.covariance;
+  r->stated = StatedOf(problem, data, options, plain, inverse_white, model.covariance, *r);
   for (std::size_t t = 0; t < trials; ++t) {
     TrialResult& trial = r->trials[t];
     const StackedRows::Block& b = whole.blocks[t];
+    Eigen::VectorXd residual = trial.residual;
+    const Eigen::Index left_out =
+        LeaveOutContradicted(r->stated, t, b.row, &residual, &plain_jacobian[t]);
     GoodnessInput in;
     in.observations = data[t];
     in.plain = &trial.plain;
     in.whitened = &trial.whitened;
     in.whitened_residual = &trial.registration.residual;
-    in.residual = &trial.residual;
-    in.squares = trial.residual.squaredNorm();
-    in.dof = dof[t];
+    in.residual = &residual;
+    in.squares = residual.squaredNorm();
+    in.dof = std::max(1.0, dof[t] - static_cast<double>(left_out));
+    trial.chi2_per_dof = in.squares / in.dof;
     if (trial.error_check == ErrorCheck::kFiner || trial.error_check == ErrorCheck::kLadder) {
       const auto here = left.segment(b.row, b.rows), change = finer.segment(b.row, b.rows);
       in.left = here.squaredNorm();
@@ -319,7 +326,7 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     same.reference = trial.reference;
     same.at = trial.at;
     same.registration = options.align.registration;
-    same.residual = &trial.residual;
+    same.residual = &residual;
     same.jacobian = &plain_jacobian[t];
     same.sensitivity = plain_sensitivity.middleRows(b.row, b.rows);
     same.known = trial.model_error;
@@ -330,7 +337,6 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     trial.goodness = TestGoodness(in);
   }
 
-  const Eigen::MatrixXd total = from_data + model.covariance;
   r->covariance = total.topLeftCorner(p, p);
   r->covariance_model = model.covariance.topLeftCorner(p, p);
   const Eigen::VectorXd sigma = total.diagonal().cwiseMax(0.0).cwiseSqrt();
@@ -353,47 +359,6 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     e.sigma_model = std::sqrt(std::max(0.0, model.covariance(j, j)));
     e.sigma_doubt = std::sqrt(std::max(0.0, model.doubtful(j, j)));
     e.model_shift = -model.common(j);
-  }
-}
-
-void FillProfiles(const FitProblem& problem, ReducedProblem& reduced, const std::vector<double>& u,
-                  const ReducedProblem::Point& point, const FitOptions& options,
-                  const std::vector<double>& noise, FitResult* r) {
-  const auto p = static_cast<Eigen::Index>(u.size());
-  ProfileStart start;
-  for (std::size_t i = 0; i < point.registration.size(); ++i) {
-    const double rows = static_cast<double>(point.registration[i].data_rows);
-    start.scatter += rows * noise[reduced.parts()[i].trial] * noise[reduced.parts()[i].trial];
-  }
-  start.u = u;
-  start.point = point;
-  Eigen::MatrixXd J = r->sensitivity;
-  for (Eigen::Index j = 0; j < p; ++j) {
-    const auto i = static_cast<std::size_t>(j);
-    J.col(j) *= Slope(problem.parameters[i], r->parameters[i].value);
-  }
-  start.projected = reduced.Project(point, J);
-  Eigen::MatrixXd open;
-  Eigen::MatrixXd inverse = InverseOfNormal(start.projected.transpose() * start.projected, &open);
-  inverse += open;
-  start.sigma.resize(p);
-  start.dispersion.resize(p);
-  for (Eigen::Index j = 0; j < p; ++j) {
-    const auto i = static_cast<std::size_t>(j);
-    const Parameter& q = problem.parameters[i];
-    const double slope = Slope(q, r->parameters[i].value);
-    const double bread = std::sqrt(std::max(inverse(j, j), 1e-300));
-    const double own = r->parameters[i].sigma_data / std::max(std::abs(slope), 1e-300);
-    start.dispersion(j) = std::clamp(own * own / (bread * bread), 1.0, 1e6);
-    // Where the linear model knows nothing: a twentieth of the bounds.
-    const double range = std::isfinite(q.high - q.low) && (!q.log || q.low > 0.0)
-                             ? ToInternal(q, q.high) - ToInternal(q, q.low)
-                             : std::max(1.0, std::abs(u[i]));
-    start.sigma(j) = std::min(bread * std::sqrt(start.dispersion(j)), 0.05 * range);
-  }
-  std::vector<Profile> profiles = Profiles(reduced, start, options.profile);
-  for (std::size_t j = 0; j < profiles.size(); ++j) {
-    r->parameters[j].profile = std::move(profiles[j]);
   }
 }
 

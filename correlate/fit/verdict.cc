@@ -8,6 +8,7 @@
 #include "base/dense.h"
 #include "base/number.h"
 #include "base/text.h"
+#include "correlate/fit/fit_stated.h"
 
 namespace unfurl::correlate {
 
@@ -123,7 +124,9 @@ struct Knowledge {
   double known_within = 0.0;  // beyond which it is not known [unit]
   double size = 0.0;          // what percentages are of [unit]
   bool at_bound = false;
-  bool explained = true;  // the model explains every trial
+  bool explained = true;             // the model explains every trial
+  const Stated* rests_on = nullptr;  // a prior that the data contradict, and that moves it
+  double without = 0.0;              // where it would be without that [unit]
 };
 
 Knowledge KnowledgeOf(const Parameter& q, const ParameterEstimate& e, bool explained) {
@@ -144,7 +147,7 @@ Verdict Decide(const Knowledge& k, const ParameterEstimate& e) {
   if (!e.with.empty() && (!k.at_bound || !std::isfinite(k.data))) return Verdict::kCombination;
   if (k.at_bound) return Verdict::kAtBound;
   if (!(k.sigma <= k.known_within)) return Verdict::kNotDetermined;
-  if (!k.explained) return Verdict::kIfModelHolds;
+  if (!k.explained || k.rests_on != nullptr) return Verdict::kIfModelHolds;
   return e.sigma_model > e.sigma_data ? Verdict::kMeshLimited : Verdict::kDetermined;
 }
 
@@ -167,6 +170,12 @@ std::string ReasonOf(const Knowledge& k, const Parameter& q, const ParameterEsti
                                                   percent * e.sigma, profile)
                                     : "the marks do not respond to it" + profile;
     case Verdict::kIfModelHolds:
+      if (k.explained) {
+        return fmt::format(
+            "would be known to {:.2g}% of its value{}, but what was stated of {} and the data "
+            "contradict each other: without that it is about {:.4g}",
+            percent * e.sigma, profile, k.rests_on->name, k.without);
+      }
       return fmt::format(
           "would be known to {:.2g}% of its value{}, but the model does not explain the data: it "
           "may be off by more than that",
@@ -201,7 +210,9 @@ void Judge(const FitProblem& problem, const ReducedProblem& reduced,
     e.sigma_alone = own > 0.0 ? 1.0 / own : std::numeric_limits<double>::infinity();
     e.data95 = IntervalOfData(q, e);
     e.all95 = IntervalOfAllParts(q, e, r->ladder.one_sided);
-    const Knowledge k = KnowledgeOf(q, e, explained);
+    Knowledge k = KnowledgeOf(q, e, explained);
+    k.rests_on = RestsOn(*r, j);
+    if (k.rests_on != nullptr) k.without = e.value + k.rests_on->shift(c);
     // 2. What hides it, where it is not known: other parameters, or what is fitted beside them.
     e.with.clear();
     if (k.sigma > k.known_within) {

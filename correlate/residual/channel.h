@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "correlate/residual/held_readings.h"
 #include "correlate/residual/lowpass.h"
 #include "correlate/residual/residual_kind.h"
 
@@ -26,6 +27,8 @@ struct ChannelRecord {
   Prior delay;            ///< by which the channel's clock is behind the record's [s]
   Prior drift;            ///< by which it runs fast [-]
   LowPass filter;         ///< of the instrument
+  /// Readings that were left out of these, which the words name.
+  std::vector<HeldRun> held;
   /// Its resolution [unit]; 0: ResolutionOf(y).
   double resolution = 0.0;
   /// Ends of the instrument's range [unit]: a reading there says "this or beyond". NaN: RangeOf.
@@ -37,6 +40,10 @@ struct ChannelRecord {
   /// them within a tenth of a sigma, at 99 of 100 readings, by how the readings bend; 4 to 16.
   int points_per_step = 0;
 };
+
+/// Leaves out the readings at which the instrument dropped out (FindHeldRuns), and says so in
+/// `held`.
+void LeaveOutHeld(ChannelRecord* record);
 
 /// Standard deviation of the noise of readings that a smooth motion underlies: from their third
 /// differences, whose median ignores impacts. Of quantised readings that hardly change, that of the

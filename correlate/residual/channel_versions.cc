@@ -8,6 +8,17 @@
 
 namespace unfurl::correlate {
 
+void LeaveOutHeld(ChannelRecord* record) {
+  record->held = FindHeldRuns(record->t, record->y);
+  if (record->held.empty()) return;
+  LeaveOut(record->held, &record->t);
+  for (Eigen::VectorXd* v : {&record->y, &record->sigma}) {
+    std::vector<double> values(v->begin(), v->end());
+    LeaveOut(record->held, &values);
+    *v = Eigen::Map<const Eigen::VectorXd>(values.data(), static_cast<Eigen::Index>(values.size()));
+  }
+}
+
 std::shared_ptr<const ResidualKind> Channel::Within(const Window& window) const {
   ChannelRecord part = record_;
   part.t.clear();

@@ -59,7 +59,10 @@ std::vector<std::string> Channel::Words(const Eigen::VectorXd& numbers, const Cl
         "beyond\"",
         clipped_, n, end(record_.lowest), end(record_.highest), record_.unit);
   }
-  return {text + "."};
+  std::vector<std::string> out = {text + "."};
+  if (!record_.held.empty())
+    out.push_back(HeldWords(record_.held, record_.name + of, record_.unit));
+  return out;
 }
 
 }  // namespace unfurl::correlate
