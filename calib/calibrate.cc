@@ -296,7 +296,7 @@ RigFit FitHere(const Observations& data, const CalibrateOptions& options,
                 "three cameras or more are needed to find a point");
   }
   RigFit fit;
-  fit.guesses = GuessCameras(data, options.guess, where);
+  fit.guesses = GuessWithSetUps(data, options.guess, where);
   BundleState start;
   start.points = data.p;
   double start_floor_px = 0.0;

@@ -11,6 +11,7 @@
 #include "base/pose.h"
 #include "base/statistics.h"
 #include "calib/covariance.h"
+#include "calib/far_points.h"
 
 namespace unfurl::calib {
 namespace {
@@ -148,6 +149,67 @@ double SetUpEstimate::ShiftSigma() const {
 }
 double SetUpEstimate::TurnSigma() const {
   return SigmaAlong(covariance.bottomRightCorner<3, 3>(), turn);
+}
+
+namespace {
+
+// By the errors that are its alone: of one that is not the first.
+std::vector<int> PointsOf(const Observations& data, int set_up) {
+  std::vector<int> out;
+  for (const CommonError& error : data.common) {
+    if (error.set_up != set_up) continue;
+    for (int i = 0; i < data.points(); ++i) {
+      if (!error.shift.col(i).isZero(0.0)) out.push_back(i);
+    }
+    break;  // the first is a shift, which all its points have
+  }
+  return out;
+}
+
+// Surveyed less found by cameras, medians [m].
+Eigen::Vector3d ShiftOf(const Observations& data, const std::vector<int>& points,
+                        const std::vector<CameraGuess>& guesses, const Eigen::Matrix3Xd& others) {
+  data::Rig rig;
+  for (const CameraGuess& guess : guesses) {
+    rig.cameras.push_back(guess.camera);
+    rig.cameras.back().floor_px = guess.sigma_px;
+  }
+  rig.volume_low = others.rowwise().minCoeff();
+  rig.volume_high = others.rowwise().maxCoeff();
+  std::vector<double> off[3];
+  for (const FarPoint& point : FindFarPoints(data, points, rig)) {
+    if (!point.found) continue;
+    for (int k = 0; k < 3; ++k) off[k].push_back(data.p(k, point.point) - point.at(k));
+  }
+  if (off[0].empty()) return Eigen::Vector3d::Zero();
+  return {Median(off[0]), Median(off[1]), Median(off[2])};
+}
+
+}  // namespace
+
+std::vector<CameraGuess> GuessWithSetUps(const Observations& data, const GuessOptions& options,
+                                         const std::string& where) {
+  try {
+    return GuessCameras(data, options, where);
+  } catch (const Error&) {
+    for (std::size_t k = 1; k < data.set_ups.size(); ++k) {
+      const std::vector<int> points = PointsOf(data, static_cast<int>(k));
+      const Observations rest = Unseen(data, points);
+      std::vector<CameraGuess> guesses;
+      try {
+        guesses = GuessCameras(rest, options, where);
+      } catch (const Error&) {
+        continue;
+      }
+      const Eigen::Vector3d shift = ShiftOf(data, points, guesses, rest.p);
+      throw Error(
+          fmt::format("the readings fit cameras but for the {} points of set-up \"{}\", "
+                      "which are off from the others by about ({:+.3g}, {:+.3g}, {:+.3g}) m",
+                      points.size(), data.set_ups[k].name, shift.x(), shift.y(), shift.z()),
+          where, "bring that set-up into the frame of the others first");
+    }
+    throw;
+  }
 }
 
 std::vector<SetUpEstimate> SetUpsOf(const Observations& data, const Eigen::VectorXd& q,

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "calib/initial_guess.h"
 #include "calib/observations.h"
 #include "data/survey.h"
 
@@ -24,6 +25,12 @@ namespace unfurl::calib {
 // less than two. Throws Error where none can be first, and for the place of one station beside
 // several set-ups.
 void AddSetUps(const data::Survey& survey, const std::string& where, Observations* out);
+
+// GuessCameras. Where it refuses all points and does not without those of one set-up that is not
+// the first, the Error names that set-up and by how much it is off (medians): so far that no fit of
+// all begins.
+std::vector<CameraGuess> GuessWithSetUps(const Observations& data, const GuessOptions& options,
+                                         const std::string& where);
 
 /// What the fit made of a set-up that is not the first.
 struct SetUpEstimate {

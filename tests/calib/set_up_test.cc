@@ -150,6 +150,23 @@ TEST(SetUp, OneThatIsFarOffIsNotGood) {
 }
 
 // Two points of a third set-up, 1 m off: named; the rig is as if they had not been surveyed.
+// By metres: no camera fits all points.
+TEST(SetUp, OneThatIsOffByMetresIsNamed) {
+  const TracedLab lab(8);
+  Observations data = lab.Survey(100);
+  const TwoSetUps two(data.p, Eigen::Vector3d::UnitX());
+  Vector6 motion = Vector6::Zero();
+  motion(1) = 3.0;
+  two.Move(motion, &data.p);
+  AddSetUps(Named(data, two.names), "test", &data);
+  try {
+    FitRig(data, {}, "test");
+    ADD_FAILURE() << "not refused";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), AllOf(HasSubstr("40 points of set-up \"B\""), HasSubstr(", +3, ")));
+  }
+}
+
 TEST(SetUp, AFewPointsAreNamedAndDoNoHarm) {
   const TracedLab lab(28);
   const Eigen::Matrix3Xd places = lab.Places(80);
