@@ -153,6 +153,8 @@ double SetUpEstimate::TurnSigma() const {
 
 namespace {
 
+constexpr double kShown = 1e-3;  // of a shift, as digits [-]
+
 // By the errors that are its alone: of one that is not the first.
 std::vector<int> PointsOf(const Observations& data, int set_up) {
   std::vector<int> out;
@@ -201,7 +203,10 @@ std::vector<CameraGuess> GuessWithSetUps(const Observations& data, const GuessOp
       } catch (const Error&) {
         continue;
       }
-      const Eigen::Vector3d shift = ShiftOf(data, points, guesses, rest.p);
+      Eigen::Vector3d shift = ShiftOf(data, points, guesses, rest.p);
+      // What is small beside it are errors of single points.
+      const double digit = kShown * shift.norm();
+      if (digit > 0.0) shift = (shift / digit).array().round() * digit;
       throw Error(
           fmt::format("the readings fit cameras but for the {} points of set-up \"{}\", "
                       "which are off from the others by about ({:+.3g}, {:+.3g}, {:+.3g}) m",
