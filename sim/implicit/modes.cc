@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <random>
+#include <utility>
 
 #include "sim/implicit/linearised.h"
 
@@ -151,6 +152,20 @@ VectorXd RoundingOf(const Unknowns& of, const VectorXd& square, const MatrixXd& 
   return out;
 }
 
+// What is lowest among the motions of some vectors (Rayleigh and Ritz), from K itself.
+Pairs Ritz(const Unknowns& of, const MatrixXd& vectors) {
+  MatrixXd KV(vectors.rows(), vectors.cols()), MV(vectors.rows(), vectors.cols());
+  for (int c = 0; c < vectors.cols(); ++c) {
+    KV.col(c) = of.Stiffness(vectors.col(c));
+    MV.col(c) = of.Mass(vectors.col(c));
+  }
+  const MatrixXd A = vectors.transpose() * KV, B = vectors.transpose() * MV;
+  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> ritz(0.5 * (A + A.transpose()), B);
+  Pairs pairs = {ritz.eigenvalues(), vectors * ritz.eigenvectors(), {}, {}};
+  pairs.hidden = RoundingOf(of, pairs.square, pairs.vector);
+  return pairs;
+}
+
 // A space of trial vectors, and what the lowest motions in it are (Rayleigh and Ritz).
 class Subspace {
  public:
@@ -165,27 +180,21 @@ class Subspace {
     }
   }
 
-  // One iteration with (M + b K)^-1 M on the constraints, b of the last Factor; omega^2, rising.
-  VectorXd Iterate() {
+  // One iteration with (M + b K)^-1 M on the constraints, b of the last Factor.
+  void Iterate() {
     before_ = square_;
-    const int columns = static_cast<int>(X_.cols());
-    MatrixXd KX(X_.rows(), columns), MX(X_.rows(), columns);
-    for (int c = 0; c < columns; ++c) {
+    for (int c = 0; c < X_.cols(); ++c) {
       VectorXd x = of_.Solve(of_.Mass(X_.col(c)));
       if (known_.cols() > 0) x -= known_ * (mass_known_.transpose() * x);
       X_.col(c) = x / std::sqrt(x.dot(of_.Mass(x)));
-      MX.col(c) = of_.Mass(X_.col(c));
-      KX.col(c) = of_.Stiffness(X_.col(c));
     }
-    const MatrixXd A = X_.transpose() * KX, B = X_.transpose() * MX;
-    const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> ritz(0.5 * (A + A.transpose()), B);
-    X_ = X_ * ritz.eigenvectors();
-    square_ = ritz.eigenvalues();
-    rounding_ = RoundingOf(of_, square_, X_);
-    return square_;
+    Pairs pairs = Ritz(of_, X_);
+    X_ = std::move(pairs.vector);
+    square_ = std::move(pairs.square);
+    rounding_ = std::move(pairs.hidden);
   }
   const MatrixXd& vectors() const { return X_; }
-  const VectorXd& square() const { return square_; }
+  const VectorXd& square() const { return square_; }      // omega^2, rising
   const VectorXd& rounding() const { return rounding_; }  // of square()
   int Unstable() const {
     int count = 0;
@@ -257,37 +266,21 @@ Pairs SolveStable(Unknowns& of, int wanted, const MatrixXd& unstable, double tim
   const int columns = std::min(wanted + kGuard, of.free() - static_cast<int>(unstable.cols()));
   const int counted = std::min(wanted, columns);
   Subspace space(of, columns, unstable);
-  // [s^2]; later 1 / omega^2 of the lowest one that bends.
-  double b = time_scale * time_scale;
-  of.Factor(b);
+  // b [s^2]; later 1 / omega^2 of the lowest one that bends.
+  of.Factor(time_scale * time_scale);
   for (int iteration = 1; iteration <= kModesMostIterations; ++iteration) {
     space.Iterate();
     if (space.Change(counted) < kConverged) break;
     if (iteration == kFirstIterations) {
       for (int k = 0; k < columns; ++k) {
         if (space.square()[k] < kFarFromRigid * space.rounding()[k] || !space.Steady(k)) continue;
-        b = 1.0 / space.square()[k];
-        of.Factor(b);
+        of.Factor(1.0 / space.square()[k]);
         break;
       }
     }
   }
   // The columns beyond hold what the others have left.
   return {space.square().head(counted), space.vectors().leftCols(counted), {}, {}};
-}
-
-// What is lowest among the motions of some vectors (Rayleigh and Ritz), from K itself.
-Pairs Ritz(const Unknowns& of, const MatrixXd& vectors) {
-  MatrixXd KV(vectors.rows(), vectors.cols()), MV(vectors.rows(), vectors.cols());
-  for (int c = 0; c < vectors.cols(); ++c) {
-    KV.col(c) = of.Stiffness(vectors.col(c));
-    MV.col(c) = of.Mass(vectors.col(c));
-  }
-  const MatrixXd A = vectors.transpose() * KV, B = vectors.transpose() * MV;
-  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> ritz(0.5 * (A + A.transpose()), B);
-  Pairs pairs = {ritz.eigenvalues(), vectors * ritz.eigenvectors(), {}, {}};
-  pairs.hidden = RoundingOf(of, pairs.square, pairs.vector);
-  return pairs;
 }
 
 // Solved once more with another b: what comes out otherwise was made by rounding, or has not
