@@ -103,9 +103,11 @@ function(unfurl_test_options name)
     $<$<CXX_COMPILER_ID:GNU>:-fpch-preprocess>)  # or ccache keeps nothing of them
 endfunction()
 
-# Each TEST becomes one CTest entry; LABELS slow keeps it out of the default set.
+# Each TEST becomes one CTest entry; LABELS slow keeps it out of the default set. Those that the filters SLOW name are
+# kept out of it by themselves, and those of THOROUGH become a slow one besides, with all of the repeats that
+# tests/repeats.h leaves out of the quick one.
 function(unfurl_test name)
-  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LINKS;LABELS" ${ARGN})
+  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LINKS;LABELS;SLOW;THOROUGH" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 300)
   endif()
@@ -117,6 +119,20 @@ function(unfurl_test name)
   unfurl_test_options(${name})
   set_property(GLOBAL APPEND PROPERTY UNFURL_TEST_PROGRAMS ${name})
   include(GoogleTest)
-  gtest_discover_tests(${name} DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60
+  if("${ARG_LABELS}" MATCHES "slow" AND NOT UNFURL_SLOW)  # built where asked for by name
+    set_target_properties(${name} PROPERTIES EXCLUDE_FROM_ALL ON)
+    return()
+  endif()
+  list(JOIN ARG_SLOW ":" slow)
+  list(JOIN ARG_THOROUGH ":" thorough)
+  set(discovery DISCOVERY_MODE PRE_TEST DISCOVERY_TIMEOUT 60)
+  gtest_discover_tests(${name} ${discovery} TEST_FILTER "-${slow}"
     PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "${ARG_LABELS}")
+  if(slow)
+    gtest_discover_tests(${name} ${discovery} TEST_FILTER "${slow}" PROPERTIES TIMEOUT 3600 LABELS slow)
+  endif()
+  if(thorough)
+    gtest_discover_tests(${name} ${discovery} TEST_FILTER "${thorough}" TEST_SUFFIX .Thorough
+      PROPERTIES TIMEOUT 3600 LABELS slow ENVIRONMENT UNFURL_THOROUGH=1)
+  endif()
 endfunction()

@@ -17,7 +17,7 @@ namespace unfurl::report {
 namespace {
 
 // Of the drawing, in its own units: the pane's width and what stands around it.
-constexpr double kPane = 300.0, kLeft = 52.0, kTop = 24.0, kBottom = 44.0, kGap = 14.0;
+constexpr double kPane = 300.0, kMapLeft = 52.0, kMapTop = 24.0, kMapBottom = 44.0, kGap = 14.0;
 constexpr double kBar = 54.0;  // height of the scale with its numbers
 
 ColorScale ScaleFor(const Map& map) {
@@ -55,7 +55,7 @@ std::string Cells(const Map& map, const MapPane& pane, const ColorScale& scale, 
     const double value = pane.values[i];
     if (!std::isfinite(value)) continue;
     const std::size_t column = i % columns, row = rows - 1 - i / columns;
-    svg += Rect(left + w * static_cast<double>(column), kTop + h * static_cast<double>(row),
+    svg += Rect(left + w * static_cast<double>(column), kMapTop + h * static_cast<double>(row),
                 w + 0.3, h + 0.3, ScaleColor(scale.Share(value)), Number(value, 3) + unit);
   }
   return svg + "\n";
@@ -97,23 +97,23 @@ std::string MapSvg(const Map& of) {
   }
   const double height = std::clamp(kPane * span_y / span_x, 0.3 * kPane, 2.0 * kPane);
   const double step = kPane + kGap;
-  const double width = kLeft + step * static_cast<double>(map.panes.size());
-  const double whole = kTop + height + kBottom + kBar;
+  const double width = kMapLeft + step * static_cast<double>(map.panes.size());
+  const double whole = kMapTop + height + kMapBottom + kBar;
   std::string svg = fmt::format(
       "<div class=\"drawing\"><svg viewBox=\"0 0 {0:.0f} {1:.0f}\" width=\"{0:.0f}\" "
       "height=\"{1:.0f}\" role=\"img\" "
       "aria-label=\"{2}\">\n",
       width, whole, EscapeHtml(map.title));
   const auto X = [&](double left, double x) { return left + kPane * (x - map.x_low) / span_x; };
-  const auto Y = [&](double y) { return kTop + height * (map.y_high - y) / span_y; };
+  const auto Y = [&](double y) { return kMapTop + height * (map.y_high - y) / span_y; };
   for (std::size_t k = 0; k < map.panes.size(); ++k) {
     const MapPane& pane = map.panes[k];
-    const double left = kLeft + step * static_cast<double>(k);
+    const double left = kMapLeft + step * static_cast<double>(k);
     svg += fmt::format("<text x=\"{:.1f}\" y=\"15\">{}</text>\n", left, EscapeHtml(pane.title));
     svg += fmt::format(
         "<rect x=\"{:.1f}\" y=\"{:.1f}\" width=\"{:.1f}\" height=\"{:.1f}\" fill=\"#eceff3\" "
         "stroke=\"#566072\"/>\n",
-        left, kTop, kPane, height);
+        left, kMapTop, kPane, height);
     svg += Cells(map, pane, scale, left, height);
     for (const MapDot& dot : pane.dots) {
       svg += fmt::format(
@@ -126,21 +126,21 @@ std::string MapSvg(const Map& of) {
     svg += "\n";
     for (const double tick : Ticks(map.x_low, map.x_high, 5)) {
       svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"middle\">{}</text>",
-                         X(left, tick), kTop + height + 16.0, Number(tick, 2));
+                         X(left, tick), kMapTop + height + 16.0, Number(tick, 2));
     }
     svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"middle\">{}</text>\n",
-                       left + 0.5 * kPane, kTop + height + 34.0, EscapeHtml(AxisTitle(map.x)));
+                       left + 0.5 * kPane, kMapTop + height + 34.0, EscapeHtml(AxisTitle(map.x)));
   }
   for (const double tick : Ticks(map.y_low, map.y_high, 5)) {
-    svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"end\">{}</text>", kLeft - 6.0,
-                       Y(tick) + 4.0, Number(tick, 2));
+    svg += fmt::format("<text x=\"{:.1f}\" y=\"{:.1f}\" text-anchor=\"end\">{}</text>",
+                       kMapLeft - 6.0, Y(tick) + 4.0, Number(tick, 2));
   }
   svg += fmt::format(
       "<text x=\"12\" y=\"{0:.1f}\" text-anchor=\"middle\" transform=\"rotate(-90 12 "
       "{0:.1f})\">{1}</text>\n",
-      kTop + 0.5 * height, EscapeHtml(AxisTitle(map.y)));
-  const double bar_y = kTop + height + kBottom;
-  svg += ScaleBar(scale, map.value, kLeft, bar_y, kPane) + "</svg></div>\n";
+      kMapTop + 0.5 * height, EscapeHtml(AxisTitle(map.y)));
+  const double bar_y = kMapTop + height + kMapBottom;
+  svg += ScaleBar(scale, map.value, kMapLeft, bar_y, kPane) + "</svg></div>\n";
   return svg;
 }
 

@@ -13,7 +13,7 @@ namespace unfurl::report {
 namespace {
 
 // Of the drawing, in its own units (px at full width).
-constexpr double kWidth = 1000.0, kHeight = 600.0, kMargin = 34.0, kBars = 62.0;
+constexpr double kSpaceWidth = 1000.0, kHeight = 600.0, kMargin = 34.0, kBars = 62.0;
 // Where one looks from: to the right of the front, from above. space_view.js begins there too.
 constexpr double kAzimuth = -60.0 * std::numbers::pi / 180.0;   // [rad]
 constexpr double kElevation = 25.0 * std::numbers::pi / 180.0;  // [rad]
@@ -21,7 +21,7 @@ constexpr double kElevation = 25.0 * std::numbers::pi / 180.0;  // [rad]
 double Dot(const Place& a, const Place& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
 // Seen along parallels: to the right, up, and towards the reader.
-const Place kRight = {-std::sin(kAzimuth), std::cos(kAzimuth), 0.0};
+const Place kToRight = {-std::sin(kAzimuth), std::cos(kAzimuth), 0.0};
 const Place kUp = {-std::sin(kElevation) * std::cos(kAzimuth),
                    -std::sin(kElevation) * std::sin(kAzimuth), std::cos(kElevation)};
 const Place kNear = {std::cos(kElevation) * std::cos(kAzimuth),
@@ -37,12 +37,12 @@ std::vector<Place> Corners(const Space& space) {
   return out;
 }
 
-class Drawing {
+class SpaceDrawing {
  public:
-  explicit Drawing(const Space& space) {
+  explicit SpaceDrawing(const Space& space) {
     double low[2] = {HUGE_VAL, HUGE_VAL}, high[2] = {-HUGE_VAL, -HUGE_VAL};
     const auto add = [&](const Place& p) {
-      const double at[2] = {Dot(p, kRight), Dot(p, kUp)};
+      const double at[2] = {Dot(p, kToRight), Dot(p, kUp)};
       for (int k = 0; k < 2; ++k) {
         low[k] = std::min(low[k], at[k]);
         high[k] = std::max(high[k], at[k]);
@@ -54,14 +54,14 @@ class Drawing {
       for (const Place& corner : eye.field) add(corner);
     }
     const double wide = high[0] - low[0], tall = high[1] - low[1];
-    scale_ = std::min((kWidth - 2.0 * kMargin) / wide, (kHeight - 2.0 * kMargin) / tall);
-    x0_ = 0.5 * kWidth - 0.5 * scale_ * (low[0] + high[0]);
+    scale_ = std::min((kSpaceWidth - 2.0 * kMargin) / wide, (kHeight - 2.0 * kMargin) / tall);
+    x0_ = 0.5 * kSpaceWidth - 0.5 * scale_ * (low[0] + high[0]);
     y0_ = kMargin + scale_ * high[1];
     height_ = scale_ * tall + 2.0 * kMargin;
   }
 
   double height() const { return height_; }
-  double X(const Place& p) const { return x0_ + scale_ * Dot(p, kRight); }
+  double X(const Place& p) const { return x0_ + scale_ * Dot(p, kToRight); }
   double Y(const Place& p) const { return y0_ - scale_ * Dot(p, kUp); }
 
   std::string Segment(const Place& a, const Place& b, const char* style) const {
@@ -79,7 +79,7 @@ class Drawing {
   std::string Outline(const SpaceEllipsoid& one, double times, const std::string& color) const {
     double xx = 0.0, xy = 0.0, yy = 0.0;
     for (const Place& axis : one.axes) {
-      const double x = times * scale_ * Dot(axis, kRight), y = -times * scale_ * Dot(axis, kUp);
+      const double x = times * scale_ * Dot(axis, kToRight), y = -times * scale_ * Dot(axis, kUp);
       xx += x * x;
       xy += x * y;
       yy += y * y;
@@ -96,7 +96,7 @@ class Drawing {
   double scale_ = 1.0, x0_ = 0.0, y0_ = 0.0, height_ = kHeight;
 };
 
-std::string BoxWithAxes(const Space& space, const Drawing& drawing) {
+std::string BoxWithAxes(const Space& space, const SpaceDrawing& drawing) {
   const std::vector<Place> corner = Corners(space);
   std::string svg;
   for (std::size_t k = 0; k < 8; ++k) {
@@ -120,7 +120,7 @@ std::string BoxWithAxes(const Space& space, const Drawing& drawing) {
   return svg;
 }
 
-std::string Fields(const Space& space, const Drawing& drawing) {
+std::string Fields(const Space& space, const SpaceDrawing& drawing) {
   std::string svg;
   for (std::size_t e = 0; e < space.eyes.size(); ++e) {
     const SpaceEye& eye = space.eyes[e];
@@ -134,7 +134,7 @@ std::string Fields(const Space& space, const Drawing& drawing) {
   return svg + "\n";
 }
 
-std::string Curves(const Space& space, const Drawing& drawing) {
+std::string Curves(const Space& space, const SpaceDrawing& drawing) {
   std::string svg;
   for (const SpaceLine& line : space.lines) {
     std::string path;
@@ -153,7 +153,7 @@ std::string Curves(const Space& space, const Drawing& drawing) {
 }
 
 // Points and ellipsoids, the farthest first.
-std::string Solids(const Space& space, const Drawing& drawing) {
+std::string Solids(const Space& space, const SpaceDrawing& drawing) {
   std::vector<std::pair<double, std::string>> parts;
   if (!space.ellipsoids.empty()) {
     const SpaceEllipsoids& set = space.ellipsoids.front();
@@ -186,13 +186,13 @@ std::string Solids(const Space& space, const Drawing& drawing) {
 
 std::string SpaceSvg(const Space& space) {
   CheckSpace(space);
-  const Drawing drawing(space);
+  const SpaceDrawing drawing(space);
   const bool bars = !space.clouds.empty() || !space.ellipsoids.empty();
   const double height = drawing.height() + (bars ? kBars : 0.0);
   std::string svg = fmt::format(
       "<svg viewBox=\"0 0 {0:.0f} {1:.0f}\" width=\"{0:.0f}\" height=\"{1:.0f}\" role=\"img\" "
       "aria-label=\"{2}\">\n",
-      kWidth, height, EscapeHtml(space.title));
+      kSpaceWidth, height, EscapeHtml(space.title));
   svg += BoxWithAxes(space, drawing) + Fields(space, drawing) + Curves(space, drawing) +
          Solids(space, drawing);
   for (std::size_t e = 0; e < space.eyes.size(); ++e) {

@@ -51,7 +51,8 @@ quietly() {
 }
 
 # configure_and_build PRESET TARGET...: only what changed is built. Other cores are left alone when
-# UNFURL_JOBS says so.
+# UNFURL_JOBS says so. The array `options` holds what else cmake is told.
+options=()
 configure_and_build() {
   local preset=$1 start
   shift
@@ -62,7 +63,8 @@ configure_and_build() {
   # A whole build takes less where sources are compiled together; a build that is there stays as it is.
   local -a together=()
   if [[ ! -e $root/build/$preset/CMakeCache.txt ]]; then together=(-DUNFURL_UNITY=ON); fi
-  quietly "$root/build/$preset/configure.log" cmake -S "$root" --preset "$preset" "${cache[@]}" "${together[@]}"
+  quietly "$root/build/$preset/configure.log" cmake -S "$root" --preset "$preset" "${cache[@]}" "${together[@]}" \
+    "${options[@]}"
   local -a build=(cmake --build "$root/build/$preset" --parallel "${UNFURL_JOBS:-$(nproc)}")
   if (($# > 0)); then build+=(--target "$@"); fi
   if [[ -t 1 ]]; then

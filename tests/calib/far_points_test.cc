@@ -57,9 +57,11 @@ TEST_P(FarPointsOf, ASlipOfAnySizeIsNamed) {
   EXPECT_LT((found.rig.volume_high - found.rig.volume_low).norm(), 4.0);
 }
 INSTANTIATE_TEST_SUITE_P(Sizes, FarPointsOf,
-                         ::testing::Values(Slip{0.5, 0}, Slip{2.0, 1}, Slip{-3.0, 2}, Slip{5.0, 0},
-                                           Slip{10.0, 1}, Slip{-25.0, 2}, Slip{100.0, 0},
-                                           Slip{5e3, 1}, Slip{-3e5, 2}, Slip{1e300, 0}));
+                         ::testing::Values(Slip{0.5, 0}, Slip{-25.0, 2}, Slip{5e3, 1},
+                                           Slip{1e300, 0}));
+INSTANTIATE_TEST_SUITE_P(MoreSizes, FarPointsOf,
+                         ::testing::Values(Slip{2.0, 1}, Slip{-3.0, 2}, Slip{5.0, 0}, Slip{10.0, 1},
+                                           Slip{100.0, 0}, Slip{-3e5, 2}));
 
 // Points that few others are near, but where the cameras see them: they stay.
 TEST(FarPoints, ThatAreRightTakePart) {

@@ -43,11 +43,15 @@ TEST_F(FitRepeat, MeanAndScatterFromJsonFileAndPage) {
   }
   EXPECT_TRUE(found) << fit.dump(1);
   EXPECT_THAT(Get("fit.html"), HasSubstr("scatter"));
+}
 
-  // Stopped at any moment, and by other processes: the same file.
+// Stopped at any moment, and by other processes.
+TEST_F(FitRepeat, TheSameFileHoweverItWasMade) {
+  MakeDeployments();
+  Good({"fit", "study.toml", "-o", "fit.h5", "--json", "--report", "fit.html"});
   const std::string whole = Get("fit.h5");
-  const std::vector<std::string> words = {"fit",   "study.toml", "-o",      "fit.h5",
-                                          "--json", "--report",  "fit.html"};
+  const std::vector<std::string> words = {"fit",    "study.toml", "-o",      "fit.h5",
+                                          "--json", "--report",   "fit.html"};
   std::filesystem::remove(folder_ / "fit.h5");
   RunProgram(words, folder_, 0, 400, SIGKILL);
   std::vector<std::string> again = words;

@@ -60,8 +60,9 @@ void MainJobTest::RunJob(const JobSettings& settings, JobResult* result) const {
   if (HasFailure()) return;
   CompareTracks((folder_ / "tracks.h5").string(), (folder_ / "truth.h5").string(),
                 &result->marks_rms, &result->largest);
-  const Outcome fit = Good({"fit", Shipped("study.toml"), "--tracks", "tracks.h5", "-o", "fit.h5",
-                            "--report", "fit.html", "--json"});
+  const Outcome fit =
+      Good({"fit", settings.study.empty() ? Shipped("study.toml") : settings.study, "--tracks",
+            "tracks.h5", "-o", "fit.h5", "--report", "fit.html", "--json"});
   result->fit = nlohmann::json::parse(fit.out, nullptr, false);
   EXPECT_FALSE(result->fit.is_discarded()) << fit.out;
 }

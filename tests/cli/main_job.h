@@ -17,6 +17,7 @@ struct JobSettings {
   double duration = 5.0;   // of the deployment [s]
   double clearance = 0.0;  // true, both angles of all latches [rad]
   double damping = 0.0;    // true, of all beams [s]
+  std::string study;       // fitted; the shipped one where empty
 };
 
 struct JobResult {

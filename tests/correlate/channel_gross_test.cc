@@ -9,6 +9,7 @@
 #include "correlate/fit/gross_samples.h"
 #include "correlate/residual/row_layout.h"
 #include "tests/correlate/instruments.h"
+#include "tests/repeats.h"
 
 namespace unfurl::correlate::channel_gross_test {
 namespace {
@@ -138,15 +139,15 @@ void Expect95(int held, int of, const std::string& what) {
 
 // The scatter over the seeds is held against that of the same seeds without gross errors.
 TEST(ChannelGross, IsNamedAndCostsLittle) {
-  constexpr int kSeeds = 40;
+  const int seeds = Repeats(10, 40);
   struct Case {
     double share, sigmas;
     bool one_sided, stated;
   };
   for (const bool stated : {true, false}) {
     const Reading encoder{Encoder(stated)};
-    const Tally clean = Repeat(encoder, {}, kSeeds);
-    ASSERT_EQ(clean.usable, kSeeds);
+    const Tally clean = Repeat(encoder, {}, seeds);
+    ASSERT_EQ(clean.usable, seeds);
     for (const Case& c : {Case{0.05, 10.0, false, true}, Case{0.05, 100.0, true, true},
                           Case{0.01, 30.0, true, false}, Case{0.05, 30.0, false, false},
                           Case{0.1, 100.0, true, false}}) {
@@ -154,51 +155,52 @@ TEST(ChannelGross, IsNamedAndCostsLittle) {
       const std::string what =
           fmt::format("{}% by {} sigma{}, sigma {}", 100.0 * c.share, c.sigmas,
                       c.one_sided ? ", one-sided" : "", stated ? "stated" : "not stated");
-      const Tally t = Repeat(encoder, {c.share, c.sigmas, c.one_sided}, kSeeds);
-      const Tally best = Repeat(encoder, {c.share, c.sigmas, c.one_sided, true}, kSeeds);
+      const Tally t = Repeat(encoder, {c.share, c.sigmas, c.one_sided}, seeds);
+      const Tally best = Repeat(encoder, {c.share, c.sigmas, c.one_sided, true}, seeds);
       fmt::print("{}: {} of {} usable, {} of {} missed, {} of {} clean ones named, {} unexplained;",
-                 what, t.usable, kSeeds, t.missed, t.planted, t.wrongly, t.clean, t.unexplained);
-      ASSERT_EQ(t.usable, kSeeds) << what;
+                 what, t.usable, seeds, t.missed, t.planted, t.wrongly, t.clean, t.unexplained);
+      ASSERT_EQ(t.usable, seeds) << what;
       for (std::size_t j = 0; j < 2; ++j) {
         const double ratio = std::sqrt(Variance(t.off[j]) / Variance(clean.off[j]));
         const double least = std::sqrt(Variance(best.off[j]) / Variance(clean.off[j]));
         fmt::print(" scatter {:.3f} of clean, {:.3f} were they known, {} held;", ratio, least,
                    t.held[j]);
         EXPECT_LE(ratio, 1.1 * least) << what;
-        Expect95(t.held[j], kSeeds, what);
+        Expect95(t.held[j], seeds, what);
       }
       fmt::print("\n");
       EXPECT_LT(static_cast<double>(t.missed), 0.02 * static_cast<double>(t.planted)) << what;
       // Of one coordinate a density ten times as wide with a share of a twentieth is the likelier
       // one beyond 3.3 sigma: 1 in 1000, three times that where neighbours are gross, too.
       EXPECT_LT(static_cast<double>(t.wrongly), 5e-3 * static_cast<double>(t.clean)) << what;
-      EXPECT_LE(t.unexplained, kSeeds / 50 + 2) << what;
+      EXPECT_LE(t.unexplained, seeds / 50 + 2) << what;
     }
   }
 }
 
 // No reading is called gross where none is: noise that follows its last value, coarse steps.
 TEST(ChannelGross, OfSoundReadingsThereIsNone) {
-  constexpr int kSeeds = 40;
+  const int seeds = Repeats(10, 40);
   for (const double correlation : {0.0, 0.9}) {
     for (const double resolution : {0.0, 4e-3, 0.03}) {
-      const Tally t = Repeat({Encoder(false), resolution, correlation}, {}, kSeeds);
+      const Tally t = Repeat({Encoder(false), resolution, correlation}, {}, seeds);
       fmt::print("correlation {}, resolution {}: {} of {} records have readings named, {} in all\n",
-                 correlation, resolution, t.records_named, kSeeds, t.wrongly);
+                 correlation, resolution, t.records_named, seeds, t.wrongly);
       EXPECT_LE(t.records_named, 1);
     }
   }
 }
 
 TEST(ChannelGross, BesideCorrelatedNoiseIsNamed) {
-  constexpr int kSeeds = 40;
+  const int seeds = Repeats(10, 40);
   const Reading reading{Encoder(false), 0.0, 0.8};
-  const Tally clean = Repeat(reading, {}, kSeeds), t = Repeat(reading, {0.05, 30.0}, kSeeds);
+  const Tally clean = Repeat(reading, {}, seeds), t = Repeat(reading, {0.05, 30.0}, seeds);
   for (std::size_t j = 0; j < 2; ++j) {
     const double ratio = std::sqrt(Variance(t.off[j]) / Variance(clean.off[j]));
     fmt::print("scatter {:.3f} of clean, {} held ({} clean); ", ratio, t.held[j], clean.held[j]);
-    EXPECT_LE(ratio, 1.1);
-    Expect95(t.held[j], kSeeds, "correlated");
+    // Of few seeds the ratio itself scatters, by some sqrt(0.1 / seeds).
+    EXPECT_LE(ratio, Repeats(14, 11) * 0.1);
+    Expect95(t.held[j], seeds, "correlated");
   }
   fmt::print("{} of {} missed, {} named wrongly\n", t.missed, t.planted, t.wrongly);
   EXPECT_LT(static_cast<double>(t.missed), 0.02 * static_cast<double>(t.planted));
@@ -275,21 +277,21 @@ TEST(ChannelGross, PutAsideIsAGap) {
 // An accelerometer whose range ends a sigma or three below its peaks, or at half of them; gain and
 // bias free, so that readings at the end would bend them if they were taken at their word.
 TEST(Clipped, GainAndBiasAreRight) {
-  constexpr int kSeeds = 40;
+  const int seeds = Repeats(10, 40);
   constexpr double k95 = 1.959964;
   for (const double part : {0.97, 0.9, 0.5}) {
     std::vector<double> off[4];  // in standard errors
     int usable = 0, unexplained = 0, held[4] = {0, 0, 0, 0};
     double clipped = 0.0;
-    for (std::size_t s = 0; s < kSeeds; ++s) {
-      Rng rng(5000 + s);
+    for (int s = 0; s < seeds; ++s) {
+      Rng rng(5000 + static_cast<std::uint64_t>(s));
       Instrument accelerometer;
       accelerometer.gain = 0.11, accelerometer.bias = 0.4, accelerometer.sigma = 0.1;
       accelerometer.states_sigma = false;
       ChannelRecord record = Read(accelerometer, kOffset, rng);
       const double middle = 0.4, reach = part * (record.y.array() - middle).abs().maxCoeff();
       record.y = record.y.cwiseMin(middle + reach).cwiseMax(middle - reach).eval();
-      clipped += ((record.y.array() - middle).abs() >= reach).cast<double>().mean() / kSeeds;
+      clipped += ((record.y.array() - middle).abs() >= reach).cast<double>().mean() / seeds;
       record.gain = Prior::Free(), record.bias = Prior::Free();
       Observations data;
       data.placement.offset = Prior::Normal(kOffset, 1e-3);
@@ -310,9 +312,9 @@ TEST(Clipped, GainAndBiasAreRight) {
         if (t.nuisances[i].Name().starts_with("bias")) off[3].push_back((value - 0.4) / sigma);
       }
     }
-    fmt::print("{:.1f}% clipped: {} of {} usable, {} unexplained;", 100.0 * clipped, usable, kSeeds,
+    fmt::print("{:.1f}% clipped: {} of {} usable, {} unexplained;", 100.0 * clipped, usable, seeds,
                unexplained);
-    EXPECT_EQ(usable, kSeeds);
+    EXPECT_EQ(usable, seeds);
     EXPECT_LE(unexplained, 3);
     for (int j = 0; j < 4; ++j) {
       ASSERT_EQ(off[j].size(), static_cast<std::size_t>(usable)) << j;

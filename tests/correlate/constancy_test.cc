@@ -14,6 +14,7 @@
 #include "correlate/fit/fit.h"
 #include "correlate/residual/channel.h"
 #include "tests/dry_swing.h"
+#include "tests/repeats.h"
 
 namespace unfurl::correlate::constancy_test {
 namespace {
@@ -107,7 +108,7 @@ TEST(Constancy, DryFrictionIsNoViscousDamping) {
 
 // How often a model that is right is doubted: at most one in fifty, whatever the noise.
 TEST(Constancy, NoiseIsNoChangeOfValues) {
-  constexpr int kSeeds = 60;
+  const int seeds = Repeats(15, 60);
   constexpr double kMost = 0.02, kSure = 0.998;
   const Nature kinds[] = {{},
                           {.rho = 0.5},
@@ -117,16 +118,16 @@ TEST(Constancy, NoiseIsNoChangeOfValues) {
   std::size_t all = 0, doubted = 0;
   for (const Nature& nature : kinds) {
     std::size_t own = 0;
-    for (int seed = 1; seed <= kSeeds; ++seed) {
+    for (int seed = 1; seed <= seeds; ++seed) {
       const FitResult fit = FitViscous(nature, static_cast<std::uint64_t>(seed));
       own += fit.trials[0].goodness.outcome == Explained::kNo ? 1 : 0;
     }
     RecordProperty("doubted", static_cast<int>(own));
     std::printf("sigma %g, rho %g, %d readings: doubted %zu of %d\n", nature.sigma, nature.rho,
-                nature.readings, own, kSeeds);
+                nature.readings, own, seeds);
     doubted += own;
-    all += kSeeds;
-    EXPECT_LE(BinomialInterval(own, kSeeds, kSure).first, kMost);
+    all += seeds;
+    EXPECT_LE(BinomialInterval(own, seeds, kSure).first, kMost);
   }
   EXPECT_LE(BinomialInterval(doubted, all, kSure).first, kMost);
 }
@@ -134,19 +135,19 @@ TEST(Constancy, NoiseIsNoChangeOfValues) {
 // Of five to twenty memories: they tell the noise so badly that intervals by the likeliest one held
 // the decay in 76 and 93 of 100 of the first two.
 TEST(Noise, IntervalsHoldWhereTheNoiseIsHardlyKnown) {
-  constexpr int kSeeds = 200;
+  const int seeds = Repeats(40, 200);
   constexpr double kSure = 0.998, kHeld = 0.95;
   for (const Nature& nature :
        {Nature{.rho = 0.95, .readings = 100}, Nature{.rho = 0.9, .readings = 200},
         Nature{.sigma = 5e-3, .rho = 0.98}}) {
     std::size_t held = 0;
-    for (int seed = 1; seed <= kSeeds; ++seed) {
+    for (int seed = 1; seed <= seeds; ++seed) {
       const FitResult fit = FitViscous(nature, static_cast<std::uint64_t>(seed));
       const Interval& in = fit.parameters[0].all95;
       held += in.low <= nature.decay && nature.decay <= in.high ? 1 : 0;
     }
-    std::printf("rho %g, %d readings: held %zu of %d\n", nature.rho, nature.readings, held, kSeeds);
-    const auto [low, high] = BinomialInterval(held, kSeeds, kSure);
+    std::printf("rho %g, %d readings: held %zu of %d\n", nature.rho, nature.readings, held, seeds);
+    const auto [low, high] = BinomialInterval(held, seeds, kSure);
     EXPECT_GE(high, kHeld);
     EXPECT_LE(low, kHeld);
   }
@@ -156,14 +157,14 @@ TEST(Noise, IntervalsHoldWhereTheNoiseIsHardlyKnown) {
 // the counts are off by is alike from swing to swing. Of 40 such fits 25 were called unexplained,
 // and of those that hardly decay 6 of 10 intervals held.
 TEST(Quantised, IntervalsHoldAndTheModelIsNotDoubted) {
-  constexpr int kSeeds = 60;
+  const int seeds = Repeats(15, 60);
   constexpr double kSure = 0.998, kMost = 0.02;
   struct Range {
     double low, high;
   };
   for (const Range decays : {Range{0.005, 0.02}, Range{0.02, 0.12}}) {
     std::size_t doubted = 0, held = 0;
-    for (int seed = 1; seed <= kSeeds; ++seed) {
+    for (int seed = 1; seed <= seeds; ++seed) {
       Rng rng = Rng(static_cast<std::uint64_t>(seed)).Stream("nature");
       Nature nature{.sigma = 1e-4, .step = std::numbers::pi / 180.0};
       nature.decay = rng.Uniform(decays.low, decays.high);
@@ -177,9 +178,9 @@ TEST(Quantised, IntervalsHoldAndTheModelIsNotDoubted) {
       }
     }
     std::printf("decays of %g to %g: doubted %zu of %d, held %zu of %d\n", decays.low, decays.high,
-                doubted, kSeeds, held, 2 * kSeeds);
-    EXPECT_LE(BinomialInterval(doubted, kSeeds, kSure).first, kMost);
-    EXPECT_GE(BinomialInterval(held, 2 * kSeeds, kSure).second, 0.95);
+                doubted, seeds, held, 2 * seeds);
+    EXPECT_LE(BinomialInterval(doubted, seeds, kSure).first, kMost);
+    EXPECT_GE(BinomialInterval(held, 2 * seeds, kSure).second, 0.95);
   }
 }
 

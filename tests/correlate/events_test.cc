@@ -8,6 +8,7 @@
 #include "correlate/residual/timed_events.h"
 #include "tests/correlate/fit_repeats.h"
 #include "tests/correlate/two_link.h"
+#include "tests/repeats.h"
 
 namespace unfurl::correlate::events_test {
 namespace {
@@ -47,13 +48,13 @@ FitResult FitTo(const Observations& data, const Model& model) {
 
 // Few, poor marks and a good switch: the intervals are right, and the switch is what narrows them.
 TEST(Events, NarrowTheErrorsByWhatTheyTell) {
-  constexpr int kSeeds = 100;
+  const int seeds = Repeats(30, 100);
   constexpr double kSwitch = 1e-4;  // [s]
   const Switched model;
   Trial trial = SparseTrial();
   trial.sigma = 1e-2;
-  std::vector<FitResult> with(kSeeds), without(kSeeds);
-  ParallelFor(kSeeds, 0, [&](std::size_t i) {
+  std::vector<FitResult> with(static_cast<std::size_t>(seeds)), without(with.size());
+  ParallelFor(with.size(), 0, [&](std::size_t i) {
     Rng rng(9000 + i);
     Observations data = WithEvents(trial, kSwitch, rng);
     with[i] = FitTo(data, model);
@@ -62,17 +63,17 @@ TEST(Events, NarrowTheErrorsByWhatTheyTell) {
   });
   int covered = 0;
   std::vector<double> z, gain;
-  for (int i = 0; i < kSeeds; ++i) {
+  for (std::size_t i = 0; i < with.size(); ++i) {
     ASSERT_TRUE(with[i].Usable() && without[i].Usable()) << with[i].message;
     const ParameterEstimate& e = with[i].parameters[0];
     z.push_back((e.value - TwoLink::Truth()[0]) / e.sigma);
     covered += std::abs(z.back()) < 1.959964 ? 1 : 0;
     gain.push_back(e.sigma / without[i].parameters[0].sigma);
   }
-  const auto [low, high] = BinomialInterval(static_cast<std::size_t>(covered), kSeeds, 0.999);
+  const auto [low, high] = BinomialInterval(static_cast<std::size_t>(covered), with.size(), 0.999);
   EXPECT_LE(low, 0.95);
   EXPECT_GE(high, 0.95);
-  EXPECT_NEAR(Variance(z), 1.0, 4.0 * std::sqrt(2.0 / kSeeds));
+  EXPECT_NEAR(Variance(z), 1.0, 4.0 * std::sqrt(2.0 / seeds));
   EXPECT_LT(Median(gain), 0.8);
 }
 

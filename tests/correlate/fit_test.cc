@@ -9,6 +9,7 @@
 #include "base/statistics.h"
 #include "tests/correlate/fit_repeats.h"
 #include "tests/correlate/two_link.h"
+#include "tests/repeats.h"
 
 namespace unfurl::correlate::fit_test {
 namespace {
@@ -35,25 +36,28 @@ TEST(Fit, RecoversTheTruthFromAnExactRecord) {
 }
 
 TEST(Fit, CoversWithWhiteNoise) {
-  const Coverage c = Repeat(SparseTrial(), 200, 1000);
+  const int seeds = Repeats(60, 200);
+  const Coverage c = Repeat(SparseTrial(), seeds, 1000);
   ExpectHonest(c);
-  for (const auto& z : c.z) EXPECT_NEAR(Variance(z), 1.0, 4.0 * std::sqrt(2.0 / 200.0));
+  for (const auto& z : c.z) EXPECT_NEAR(Variance(z), 1.0, 4.0 * std::sqrt(2.0 / seeds));
 }
 
 TEST(Fit, CoversWithACalibrationErrorCommonToAllSamples) {
   Trial trial = SparseTrial();
   trial.shared_rank = 3;
   trial.shared_size = 1e-3;  // five times a sample's own error
-  const Coverage c = Repeat(trial, 200, 2000);
+  const Coverage c = Repeat(trial, Repeats(60, 200), 2000);
   ExpectHonest(c);
 }
 
 TEST(Fit, CoversWithCorrelatedNoiseWhereWhiteErrorsWouldNot) {
   Trial trial = SparseTrial();
   trial.rho = 0.9;
-  const Coverage c = Repeat(trial, 200, 3000);
+  const int seeds = Repeats(60, 200);
+  const Coverage c = Repeat(trial, seeds, 3000);
   ExpectHonest(c, 0.93, 0.97);  // the correlation is itself estimated from these residuals
-  const auto [low, high] = BinomialInterval(static_cast<std::size_t>(c.covered_white[1]), 200);
+  const auto [low, high] = BinomialInterval(static_cast<std::size_t>(c.covered_white[1]),
+                                            static_cast<std::size_t>(seeds));
   (void)low;
   EXPECT_LT(high, 0.9);
 }

@@ -4,6 +4,7 @@
 
 #include "base/error.h"
 #include "tests/correlate/two_link_campaigns.h"
+#include "tests/repeats.h"
 
 namespace unfurl::correlate::from_fits_test {
 namespace {
@@ -72,12 +73,12 @@ TEST(FromFits, LeavesOutWhatIsNoEstimate) {
 
 // Few campaigns of the real thing; hundreds are slow.
 TEST(FromFits, CoversTheTwoLinkArm) {
-  constexpr std::size_t kCampaigns = 12;
+  const auto campaigns = static_cast<std::size_t>(Repeats(8, 12));
   TwoLinkCampaigns c;
-  for (std::size_t k = 0; k < kCampaigns; ++k) ASSERT_TRUE(c.Add(7000 + k));
+  for (std::size_t k = 0; k < campaigns; ++k) ASSERT_TRUE(c.Add(7000 + k));
   for (std::size_t j = 0; j < 2; ++j) {
-    ExpectWithin(c.mean[j], kCampaigns, 0.95, 0.95);
-    ExpectWithin(c.scatter[j], kCampaigns, 0.95, 0.95);
+    ExpectWithin(c.mean[j], campaigns, 0.95, 0.95);
+    ExpectWithin(c.scatter[j], campaigns, 0.95, 0.95);
   }
   EXPECT_GT(static_cast<double>(c.inside), 0.8 * static_cast<double>(c.samples));
 }

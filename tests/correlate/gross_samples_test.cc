@@ -10,6 +10,7 @@
 #include "correlate/align/far_samples.h"
 #include "correlate/residual/row_layout.h"
 #include "tests/correlate/fit_repeats.h"
+#include "tests/repeats.h"
 
 namespace unfurl::correlate::gross_samples_test {
 namespace {
@@ -102,31 +103,31 @@ Tally Repeat(double share, double size, int seeds, bool known = false) {
 // seeds beside that of the same seeds without is printed, and beside that with the planted ones
 // taken out.
 TEST(GrossSamples, AreNamedAndTheIntervalsHold) {
-  constexpr int kSeeds = 60;
-  const Tally clean = Repeat(0.0, 1.0, kSeeds);
-  ASSERT_EQ(clean.usable, kSeeds);
+  const int seeds = Repeats(15, 60);
+  const Tally clean = Repeat(0.0, 1.0, seeds);
+  ASSERT_EQ(clean.usable, seeds);
   EXPECT_EQ(clean.wrongly, 0u);
   for (double size : {0.005, 0.02, 0.2}) {
-    const Tally t = Repeat(0.05, size, kSeeds);
-    const Tally best = Repeat(0.05, size, kSeeds, true);
+    const Tally t = Repeat(0.05, size, seeds);
+    const Tally best = Repeat(0.05, size, seeds, true);
     fmt::print(
         "gross by {:g} m: {} of {} usable, {} of {} planted missed, {} clean ones named, "
         "{} called unexplained;",
         size, t.usable, t.trials, t.missed, t.planted, t.wrongly, t.unexplained);
-    ASSERT_EQ(t.usable, kSeeds) << size;
+    ASSERT_EQ(t.usable, seeds) << size;
     for (std::size_t j = 0; j < 2; ++j) {
       const double ratio = std::sqrt(Variance(t.off[j]) / Variance(clean.off[j]));
       const double least = std::sqrt(Variance(best.off[j]) / Variance(clean.off[j]));
       fmt::print(" scatter {:.3f} of clean, {:.3f} were they known, {} of {} held;", ratio, least,
                  t.held[j], t.usable);
       EXPECT_LE(ratio, 1.05 * least);  // a twentieth for one sample missed
-      EXPECT_GE(BinomialInterval(static_cast<std::size_t>(t.held[j]), kSeeds, 0.999).second, 0.95);
+      EXPECT_GE(BinomialInterval(static_cast<std::size_t>(t.held[j]), seeds, 0.999).second, 0.95);
     }
     fmt::print("\n");
     // A uniform error of three coordinates is within three sigma with (0.6 mm / size)^3.
     EXPECT_LT(static_cast<double>(t.missed), 0.02 * static_cast<double>(t.planted));
     EXPECT_LT(static_cast<double>(t.wrongly), 1e-3 * static_cast<double>(t.clean));
-    EXPECT_LE(t.unexplained, kSeeds / 50 + 1);
+    EXPECT_LE(t.unexplained, seeds / 50 + 1);
   }
 }
 

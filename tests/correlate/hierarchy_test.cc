@@ -11,6 +11,7 @@
 #include "base/random.h"
 #include "base/statistics.h"
 #include "tests/correlate/campaigns.h"
+#include "tests/repeats.h"
 
 namespace unfurl::correlate::hierarchy_test {
 namespace {
@@ -64,12 +65,12 @@ TEST(Hierarchy, TakesEachParameterByItself) {
 
 // A combination of parameters that scatter together is covered as each of them is.
 TEST(Hierarchy, CoversACombination) {
-  constexpr std::size_t kCampaigns = 1000;
+  const auto campaigns = static_cast<std::size_t>(Repeats(250, 1000));
   Rng rng(5);
   const Structure s;
   const Eigen::Vector3d direction(0.7, 1.1, -0.4);
   std::size_t next = 0, sample = 0, mean = 0;
-  for (std::size_t k = 0; k < kCampaigns; ++k) {
+  for (std::size_t k = 0; k < campaigns; ++k) {
     const Hierarchy h(s.Campaign(8, rng));
     const double truth = direction.dot(s.mean + s.scatter * Structure::Normals(rng));
     const Interval path = h.NextAlong(direction), noisy = h.NextAlong(direction, 0.25);
@@ -78,19 +79,19 @@ TEST(Hierarchy, CoversACombination) {
     sample += noisy.low < shown && shown < noisy.high;
     mean += Inside(h.Along(direction).Mean(), direction.dot(s.mean));
   }
-  ExpectWithin(next, kCampaigns, 0.93, 0.97);
-  ExpectWithin(sample, kCampaigns, 0.93, 0.97);
-  ExpectWithin(mean, kCampaigns, 0.93, 0.97);
+  ExpectWithin(next, campaigns, 0.93, 0.97);
+  ExpectWithin(sample, campaigns, 0.93, 0.97);
+  ExpectWithin(mean, campaigns, 0.93, 0.97);
 }
 
 // Told which parameter has one value, the others are known better, and all are covered.
 TEST(Hierarchy, HoldsWhatHasOneValue) {
-  constexpr std::size_t kCampaigns = 1000;
+  const auto campaigns = static_cast<std::size_t>(Repeats(250, 1000));
   Rng rng(7);
   const Structure s;
   std::size_t common = 0, scattering = 0, next = 0;
   double own_held = 0.0, own_free = 0.0;
-  for (std::size_t k = 0; k < kCampaigns; ++k) {
+  for (std::size_t k = 0; k < campaigns; ++k) {
     HierarchyProblem problem = s.Campaign(5, rng);
     if (k == 0) own_free = Hierarchy(problem).parameters()[0].own[0];
     problem.scatters = {true, true, false};
@@ -104,9 +105,9 @@ TEST(Hierarchy, HoldsWhatHasOneValue) {
     next += a.next95.low < truth && truth < a.next95.high;
   }
   EXPECT_LT(own_held, 0.95 * own_free);
-  ExpectWithin(common, kCampaigns, 0.95, 0.95);
-  ExpectWithin(scattering, kCampaigns, 0.93, 0.97);
-  ExpectWithin(next, kCampaigns, 0.93, 0.97);
+  ExpectWithin(common, campaigns, 0.95, 0.95);
+  ExpectWithin(scattering, campaigns, 0.93, 0.97);
+  ExpectWithin(next, campaigns, 0.93, 0.97);
 }
 
 // Where no parameter scatters the mean is the generalised least-squares one.
@@ -137,24 +138,24 @@ TEST(Hierarchy, OfOneValueIsLeastSquares) {
 
 // Trials that are alike say so: the joint probability is uniform. Kolmogorov's test at 0.1%.
 TEST(Hierarchy, TestsWhetherTrialsAreAlike) {
-  constexpr std::size_t kCampaigns = 1000;
+  const auto campaigns = static_cast<std::size_t>(Repeats(250, 1000));
   Rng rng(13);
   Structure s;
   s.scatter.setZero();
   std::vector<double> p;
-  for (std::size_t k = 0; k < kCampaigns; ++k) {
+  for (std::size_t k = 0; k < campaigns; ++k) {
     const Hierarchy h(s.Campaign(3, rng));
     EXPECT_EQ(h.freedom(), 6.0);
     p.push_back(h.alike_p());
   }
   std::sort(p.begin(), p.end());
   double largest = 0.0;
-  for (std::size_t k = 0; k < kCampaigns; ++k) {
-    const auto n = static_cast<double>(kCampaigns);
+  for (std::size_t k = 0; k < campaigns; ++k) {
+    const auto n = static_cast<double>(campaigns);
     const auto at = static_cast<double>(k);
     largest = std::max({largest, std::abs(p[k] - at / n), std::abs(p[k] - (at + 1.0) / n)});
   }
-  EXPECT_LT(largest * std::sqrt(static_cast<double>(kCampaigns)), 1.95);
+  EXPECT_LT(largest * std::sqrt(static_cast<double>(campaigns)), 1.95);
 }
 
 TEST(Hierarchy, NamesTheTrialThatIsUnlike) {
