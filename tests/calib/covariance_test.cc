@@ -160,7 +160,7 @@ void ExpectHonest(std::size_t repeats, int survey_points) {
 #ifdef UNFURL_SLOW_TESTS
 TEST(CovarianceMonteCarlo, CoversFoundPointsOverAThousandCalibrations) { ExpectHonest(1000, 200); }
 #else
-TEST(CovarianceMonteCarlo, CoversFoundPoints) { ExpectHonest(120, 80); }
+TEST(CovarianceMonteCarlo, CoversFoundPoints) { ExpectHonest(60, 80); }
 #endif
 
 }  // namespace

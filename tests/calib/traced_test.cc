@@ -103,7 +103,7 @@ void ExpectTrue(std::size_t labs) {
 #ifdef UNFURL_SLOW_TESTS
 TEST(Traced, ShippedLabReachesTheSurveysLimitOverManySeeds) { ExpectTrue(100); }
 #else
-TEST(Traced, ShippedLabReachesTheSurveysLimit) { ExpectTrue(6); }
+TEST(Traced, ShippedLabReachesTheSurveysLimit) { ExpectTrue(3); }
 #endif
 
 // Cameras some decimetres from the points, as for a small structure: how far a lens' two centres

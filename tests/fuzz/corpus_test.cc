@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "tests/fuzz/readers.h"
+#include "tests/repeats.h"
 #include "tests/source_dir.h"
 
 namespace unfurl::fuzz::corpus_test {
@@ -70,7 +71,7 @@ bool IsHdf5(const std::string& bytes) { return bytes.starts_with("\x89HDF\r\n\x1
 // Readers of texts see texts, and readers of HDF5 files these: what is of the other kind they refuse
 // at its first bytes, which the test above looks at.
 TEST(Corpus, EveryReaderTakesOrRefusesWhatIsDamaged) {
-  constexpr int kRounds = 4;
+  const int rounds = Repeats(1, 4);
   std::mt19937 random(5);
   const auto below = [&](std::size_t n) { return n == 0 ? 0 : random() % n; };
   for (const fs::path& seed : Seeds()) {
@@ -78,7 +79,7 @@ TEST(Corpus, EveryReaderTakesOrRefusesWhatIsDamaged) {
     if (whole.empty() || whole.size() > 60000) continue;
     // HDF5 itself breaks on these (cli/flipped_bits_slow_test.cc).
     if (seed.string().find("/foreign/") != std::string::npos) continue;
-    for (int round = 0; round < kRounds; ++round) {
+    for (int round = 0; round < rounds; ++round) {
       std::string bytes = whole;
       for (std::size_t k = 1 + below(4); k > 0; --k) {
         const std::size_t at = below(bytes.size());

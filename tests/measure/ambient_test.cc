@@ -215,10 +215,8 @@ Room Blind(double seconds, double size) {
 
 INSTANTIATE_TEST_SUITE_P(
     Rooms, Ambient,
-    testing::Values(Case{"ramp_1", Ramp(1.0)}, Case{"ramp_4", Ramp(4.0)},
-                    Case{"ramp_20", Ramp(20.0)}, Case{"ramp_100", Ramp(100.0)},
-                    Case{"ramp_minus_100", Ramp(-100.0)}, Case{"small_step", Step(1.2, 3.0)},
-                    Case{"step_down", Step(1.2, -40.0)}, Case{"flicker_100", Flicker(100.0, 15.0)},
+    testing::Values(Case{"ramp_1", Ramp(1.0)}, Case{"ramp_minus_100", Ramp(-100.0)},
+                    Case{"small_step", Step(1.2, 3.0)}, Case{"flicker_100", Flicker(100.0, 15.0)},
                     Case{"door", Door(0.1)}, Case{"blind", Blind(1.5, 60.0), 1000}),
     [](const auto& param) { return param.param.name; });
 
