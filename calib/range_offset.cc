@@ -15,7 +15,7 @@ constexpr double kGate = 4.0;  // sigmas per coordinate
 // Points that must share an offset: one determines it where the station is known, two where it is
 // not (four unknowns, three coordinates each). The others are the check.
 constexpr int kFewestWithStation = 3, kFewestWithout = 5;
-constexpr int kRounds = 10;  // ends a cycle between two sets of members
+constexpr int kOffsetRounds = 10;  // ends a cycle between two sets of members
 
 // How far a shift is from `offset` along the line from the station, in its own sigmas.
 double Misfit(const Eigen::Vector3d& p, const Eigen::Vector3d& shift, const Eigen::Matrix3d& cov,
@@ -29,7 +29,7 @@ RangeOffset Grow(const Eigen::Matrix3Xd& p, const Eigen::Matrix3Xd& shift,
                  const std::vector<Eigen::Matrix3d>& cov, Eigen::Vector3d station, double offset,
                  bool free_station, double gate) {
   RangeOffset out;
-  for (int round = 0; round < kRounds; ++round) {
+  for (int round = 0; round < kOffsetRounds; ++round) {
     std::vector<int> members;
     for (int i = 0; i < p.cols(); ++i) {
       if (Misfit(p.col(i), shift.col(i), cov[static_cast<std::size_t>(i)], station, offset) <

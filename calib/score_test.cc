@@ -11,7 +11,7 @@
 namespace unfurl::calib {
 namespace {
 
-constexpr double kRank = 1e-10;  // of a point's information: what its readings do not fix [-]
+constexpr double kScoreRank = 1e-10;  // of a point's information: what its readings do not fix [-]
 
 }  // namespace
 
@@ -132,7 +132,7 @@ Eigen::MatrixXd ScoreTest::HarmOf(const Eigen::MatrixXd& at_use,
       if (at_use.size() > 0) effect += lever * at_use.row(static_cast<Eigen::Index>(k));
     }
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(A);
-    if (!(eigen.eigenvalues()(0) > kRank * eigen.eigenvalues()(2))) continue;
+    if (!(eigen.eigenvalues()(0) > kScoreRank * eigen.eigenvalues()(2))) continue;
     // The point's own covariance is A^-1, and errors of readings move it by A^-1 H^T W.
     effect -= by_cameras * on_cameras.topRows(cameras);
     const Eigen::Matrix3d C = A + by_cameras * of_rig * by_cameras.transpose();  // A C' A

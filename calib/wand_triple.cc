@@ -23,7 +23,7 @@ constexpr int kSubsets = 300;        // 30% gross errors leave 99.9% chance of a
 constexpr int kSubset = 10;          // 6 unknowns, and some for perspective to average out
 constexpr double kLensShare = 0.03;  // of lengths, what lens error and perspective leave [-]
 constexpr double kOffset = 0.1;      // of the row, as kOffsetShare of the bundle's prior [-]
-constexpr double kWideAngle = 0.8, kAngles = 0.6;  // row over f: 45 degrees, +- half an octave
+constexpr double kWideAngle = 0.8, kAngleSpread = 0.6;  // row over f: 45 degrees, +- half an octave
 constexpr double kWidest = 2.0;       // of random views about one axis: nearly any direction
 constexpr double kLeastDepth = 0.05;  // over that of the middle: nearer, no lens is in focus [-]
 constexpr double kLost = 0.5;         // of a bar: more, and most bars were not found at all
@@ -100,12 +100,12 @@ class PinholeCost : public ceres::SizedCostFunction<6, kOfTriple> {
       // The square root's derivative at b = 0 is held finite.
       const double size = std::sqrt(b.squaredNorm() / aa + 1e-6);
       residual[2 * j] = ab / (kOffset * aa);
-      residual[2 * j + 1] = (size - kWideAngle) / kAngles;
+      residual[2 * j + 1] = (size - kWideAngle) / kAngleSpread;
       J.block<1, 3>(2 * j, 7 * j) = (b - 2.0 * ab / aa * a).transpose() / (kOffset * aa);
       J.block<1, 3>(2 * j, 7 * j + 4) = a.transpose() / (kOffset * aa);
       J.block<1, 3>(2 * j + 1, 7 * j) =
-          -b.squaredNorm() / (aa * aa * size * kAngles) * a.transpose();
-      J.block<1, 3>(2 * j + 1, 7 * j + 4) = b.transpose() / (aa * size * kAngles);
+          -b.squaredNorm() / (aa * aa * size * kAngleSpread) * a.transpose();
+      J.block<1, 3>(2 * j + 1, 7 * j + 4) = b.transpose() / (aa * size * kAngleSpread);
     }
     return true;
   }

@@ -18,13 +18,13 @@ namespace {
 constexpr double kPatience = 60.0;                 // for an answer of the controller [s]
 constexpr std::uint64_t kDefaultArraySize = 1001;  // Slurm's own default of MaxArraySize
 
-struct Answer {
+struct SlurmAnswer {
   int code = 0;
   std::string out, err;
 };
 
 // A program of Slurm.
-Answer Ask(const std::vector<std::string>& words) {
+SlurmAnswer Ask(const std::vector<std::string>& words) {
   const data::ScratchFolder scratch("unfurl-slurm-");
   const std::string out = scratch.File("out"), err = scratch.File("err");
   const ProgramOutcome outcome =
@@ -49,11 +49,11 @@ bool ParseWhole(std::string_view text, std::uint64_t* value) {
 }
 
 // Of a job that has ended some versions say so as an error.
-bool IsForgotten(const Answer& answer) {
+bool IsForgotten(const SlurmAnswer& answer) {
   return answer.err.find("Invalid job id") != std::string::npos;
 }
 
-[[noreturn]] void Refuse(const std::string& program, const Answer& answer,
+[[noreturn]] void Refuse(const std::string& program, const SlurmAnswer& answer,
                          const std::string& remedy) {
   throw Error(program + " refuses: " + answer.err, "--engine slurm", remedy, ErrorKind::kMachine);
 }
@@ -61,7 +61,7 @@ bool IsForgotten(const Answer& answer) {
 }  // namespace
 
 std::uint64_t MaxArraySize() {
-  const Answer answer = Ask({"scontrol", "show", "config"});
+  const SlurmAnswer answer = Ask({"scontrol", "show", "config"});
   for (const std::string& line : Split(answer.out, '\n')) {
     const std::size_t equals = line.find('=');
     std::uint64_t value = 0;
@@ -77,7 +77,7 @@ std::uint64_t MaxArraySize() {
 std::vector<SlurmTask> SlurmQueue(const std::vector<std::string>& jobs) {
   std::vector<SlurmTask> out;
   for (const std::string& job : jobs) {
-    const Answer answer = Ask({"squeue", "-h", "-r", "-j", job, "-o", "%T %F %K"});
+    const SlurmAnswer answer = Ask({"squeue", "-h", "-r", "-j", job, "-o", "%T %F %K"});
     if (answer.code != 0 && !IsForgotten(answer)) Refuse("squeue", answer, "try again");
     for (const std::string& line : Split(answer.out, '\n')) {
       const std::vector<std::string> words = Split(std::string(Trim(line)), ' ');
@@ -103,7 +103,7 @@ std::string SubmitArray(const SlurmSubmission& s) {
       "--export=ALL" + (s.exported.empty() ? std::string() : "," + s.exported)};
   words.insert(words.end(), s.options.begin(), s.options.end());
   words.push_back(s.script);
-  const Answer answer = Ask(words);
+  const SlurmAnswer answer = Ask(words);
   std::string id = Split(std::string(Trim(answer.out)), ';').front();
   if (answer.code != 0 || id.empty()) Refuse("sbatch", answer, "look at the options for sbatch");
   return id;
@@ -113,7 +113,7 @@ void CancelJobs(const std::vector<std::string>& jobs) {
   if (jobs.empty()) return;
   std::vector<std::string> words = {"scancel"};
   words.insert(words.end(), jobs.begin(), jobs.end());
-  const Answer answer = Ask(words);
+  const SlurmAnswer answer = Ask(words);
   if (answer.code != 0 && !IsForgotten(answer)) Refuse("scancel", answer, "try again");
 }
 

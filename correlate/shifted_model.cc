@@ -19,7 +19,7 @@ std::map<Key, double> TimesOf(const std::vector<ModelEvent>& events) {
   return out;
 }
 
-bool Known(const MarkMotion& motion, Eigen::Index i) {
+bool KnownAt(const MarkMotion& motion, Eigen::Index i) {
   return motion.known.empty() || motion.known[static_cast<std::size_t>(i)] != 0;
 }
 
@@ -31,7 +31,7 @@ Prediction ShiftedModel::Evaluate(std::span<const double> theta, const Stamps& s
   const Prediction from = from_->Evaluate({}, stamps), to = to_->Evaluate({}, stamps);
   for (std::size_t m = 0; m < out.marks.size(); ++m) {
     for (Eigen::Index i = 0; i < out.marks[m].p.cols(); ++i) {
-      if (!Known(from.marks[m], i) || !Known(to.marks[m], i)) continue;
+      if (!KnownAt(from.marks[m], i) || !KnownAt(to.marks[m], i)) continue;
       out.marks[m].p.col(i) += to.marks[m].p.col(i) - from.marks[m].p.col(i);
       out.marks[m].v.col(i) += to.marks[m].v.col(i) - from.marks[m].v.col(i);
     }

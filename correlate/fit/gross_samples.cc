@@ -154,14 +154,14 @@ bool InBursts(const std::vector<Deviation>& gross, const std::vector<double>& kn
 }
 
 // Samples that may be gross, and what is too small for one.
-struct Candidates {
+struct GrossCandidates {
   std::vector<Deviation*> all;
   double least_size = 0.0;        // from the neighbours, in sigmas [-]
   double least_variance = 1e-12;  // of what is no gross error [-]
 };
 
 // Of series that share one noise.
-GrossErrors FindIn(std::vector<Neighbours>* series, const Candidates& among) {
+GrossErrors FindIn(std::vector<Neighbours>* series, const GrossCandidates& among) {
   constexpr double kApart = 9.0;       // ratio of variances
   constexpr std::size_t kFewest = 20;  // samples; fewer show no two densities
   constexpr int kMostRounds = 5;  // gross neighbours bend a median; two rounds nearly always do
@@ -265,7 +265,7 @@ GrossErrors FindGrossErrors(const Observations& observations, const Eigen::Vecto
   for (std::size_t m = 0; m < observations.marks.size(); ++m) {
     marks.emplace_back(layout.series[m], residual, m);
   }
-  Candidates among;
+  GrossCandidates among;
   for (Neighbours& mark : marks) {
     for (Deviation& d : mark.samples) among.all.push_back(&d);
   }
@@ -289,7 +289,7 @@ std::vector<ChannelGross> FindChannelGross(const Observations& observations,
     one.front().Measure();
     const std::vector<double> at_once = AtOnce(samples, readings - own);
     const double step = StepOf(series, readings);
-    Candidates among;
+    GrossCandidates among;
     // Of readings and of their neighbours' median, each within half a step of the motion.
     among.least_size = 2.0 * step;
     among.least_variance = std::max(1e-12, 2.0 * step * step / 12.0);

@@ -21,7 +21,7 @@ constexpr double kBendingRate = 4.6;
 constexpr double kOverdamped = 2.5, kAxialOverBending = 4.0;
 constexpr double kAtTolerance = 1e-3, kPower = -0.25;
 
-constexpr double kLongestStep = 0.01;  // of the time scale; see SimulateOptions::max_step
+constexpr double kLongestMethodStep = 0.01;  // of the time scale; see SimulateOptions::max_step
 
 // [1/s]; the lighter neighbour counts: stations have no mass of their own.
 struct ElementRates {
@@ -84,7 +84,7 @@ bool StartsAtRest(const Model& model, const ErrorScale& scale) {
 }  // namespace
 
 double LongestStep(const SimulateOptions& options, const Model& model) {
-  return options.max_step > 0.0 ? options.max_step : kLongestStep * model.time_scale;
+  return options.max_step > 0.0 ? options.max_step : kLongestMethodStep * model.time_scale;
 }
 
 double TighterTolerance(double rtol) {

@@ -28,7 +28,7 @@ constexpr double kBand = 3.8, kWithinBand = 0.5;
 // Times the band's edge: a step that begins farther out is led to the edge first.
 constexpr double kOutside = 1.5;
 constexpr int kMostHalvings = 60;       // to rounding
-constexpr double kFarthest = HUGE_VAL;  // mobility of what has no mass of its own
+constexpr double kFarthestPath = HUGE_VAL;  // mobility of what has no mass of its own
 
 double Squared(double x) { return x * x; }
 
@@ -123,7 +123,7 @@ double PathWatch::Mobility(const Coordinate& coordinate, const Motion& motion) {
       const bool heavy = bodies.inverse_mass[body] > 0.0;
       sum += heavy ? (Squared(fx_[body]) + Squared(fy_[body])) * bodies.inverse_mass[body] +
                          Squared(m_[body]) * bodies.inverse_inertia[body]
-                   : kFarthest;
+                   : kFarthestPath;
     }
     fx_[body] = fy_[body] = m_[body] = 0.0;
   }

@@ -13,7 +13,7 @@ namespace {
 // Controller of Hairer, Norsett and Wanner (Solving ODEs I, II.4), with memory against the
 // oscillation of steps that stability limits.
 constexpr double kSafety = 0.9, kMemory = 0.2;          // memory times the order
-constexpr double kMostGrowth = 5.0, kMostShrink = 0.2;  // of one step by the one before
+constexpr double kMostGrowth = 5.0, kMostStepShrink = 0.2;  // of one step by the one before
 // Of the options' time scale: how far ahead a function of time is looked for that fails; the
 // smallest step, also of the time reached.
 constexpr double kFunctionsAhead = 1e-9, kSmallestStep = 1e-15;
@@ -63,7 +63,7 @@ void Integration::NextStep(double error, double* h) {
   const double exponent = (1.0 - 0.75 * kMemory) / order, memory = kMemory / order;
   const double wanted =
       std::pow(std::max(error, 1e-10), exponent) / std::pow(last_error_, memory) / kSafety;
-  const double factor = std::clamp(wanted, 1.0 / kMostGrowth, 1.0 / kMostShrink);
+  const double factor = std::clamp(wanted, 1.0 / kMostGrowth, 1.0 / kMostStepShrink);
   last_error_ = std::max(error, 1e-4);
   limit_ = factor > wanted ? StepLimit::kGrowth
            : stable_       ? StepLimit::kError
@@ -94,7 +94,7 @@ void Integration::SeeEffects(double* h) {
 void Integration::Shrink(double error, double* h) {
   const double factor =
       std::isfinite(error)
-          ? std::max(kMostShrink, kSafety * std::pow(error, -1.0 / stepper_->ErrorOrder()))
+          ? std::max(kMostStepShrink, kSafety * std::pow(error, -1.0 / stepper_->ErrorOrder()))
           : 0.1;
   *h *= factor;
   limit_ = stable_ ? StepLimit::kError : StepLimit::kStability;
