@@ -55,9 +55,12 @@ std::string Contradicted(const correlate::FitResult& r) {
 
 // The whole in one sentence.
 std::string WholeVerdict(const std::vector<correlate::Parameter>& parameters,
-                         const correlate::FitResult& r) {
+                         const correlate::FitResult& r, const TrialsApart& apart) {
   std::string words;
-  if (AnyTrial(r, correlate::Explained::kNo)) words = "the model does not explain the data; ";
+  if (AnyTrial(r, correlate::Explained::kNo)) {
+    const std::string what = apart.verdict.empty() ? "the data" : apart.verdict;
+    words = "the model does not explain " + what + "; ";
+  }
   if (std::string names = Contradicted(r); !names.empty()) {
     words += "what was stated of " + names + " contradicts the data; ";
   }
@@ -143,20 +146,22 @@ void AddSearchWords(const correlate::FitResult& r, data::FitRecord* record) {
 }
 
 void JudgeWhole(const correlate::FitProblem& problem, const correlate::FitResult& r,
-                data::FitRecord* record) {
+                const TrialsApart& apart, data::FitRecord* record) {
   const std::vector<correlate::Parameter>& parameters = problem.parameters;
   if (!r.Usable()) {
     record->verdict = fmt::format("No result: {}", correlate::Name(r.status));
     record->reasons.push_back(r.message);
+    record->reasons.insert(record->reasons.end(), apart.reasons.begin(), apart.reasons.end());
     return;
   }
-  record->verdict = WholeVerdict(parameters, r);
+  record->verdict = WholeVerdict(parameters, r, apart);
   for (std::size_t j = 0; j < parameters.size(); ++j) {
     record->reasons.push_back(
         fmt::format("{} = {}{}: {}", parameters[j].name,
                     NumberWithError(r.parameters[j].value, r.parameters[j].sigma),
                     UnitAfter(parameters[j].unit), r.parameters[j].reason));
   }
+  record->reasons.insert(record->reasons.end(), apart.reasons.begin(), apart.reasons.end());
   std::vector<std::string> names;
   for (const correlate::Parameter& p : problem.parameters) names.push_back(p.name);
   for (const correlate::Stated& s : r.stated) {
@@ -166,7 +171,7 @@ void JudgeWhole(const correlate::FitProblem& problem, const correlate::FitResult
                ? " of " + r.trials[static_cast<std::size_t>(s.trial)].name
                : ""));
   }
-  AddTrialWords(names, problem.trials, r, record);
+  AddTrialWords(names, problem.trials, r, !apart.verdict.empty(), record);
   AddLadderWords(r.ladder, record);
   AddSearchWords(r, record);
 }
@@ -283,12 +288,12 @@ void AddSamples(const correlate::TrialResult& t, const correlate::Observations& 
 }  // namespace
 
 data::FitRecord RecordOf(const data::Study& study, const correlate::FitProblem& problem,
-                         const correlate::FitResult& r) {
+                         const correlate::FitResult& r, const TrialsApart& apart) {
   data::FitRecord record;
   record.study = study.name;
   record.status = correlate::Name(r.status);
   record.message = r.message;
-  JudgeWhole(problem, r, &record);
+  JudgeWhole(problem, r, apart, &record);
   const auto p = static_cast<Eigen::Index>(problem.parameters.size());
   record.covariance = r.covariance.size() > 0 ? r.covariance : Eigen::MatrixXd::Zero(p, p);
   for (std::size_t j = 0; j < problem.parameters.size(); ++j) {

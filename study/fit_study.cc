@@ -33,7 +33,9 @@ void Run(const data::Study& study, const FitStudyOptions& options, correlate::Wo
   how.progress = options.progress;
   fit->result = correlate::Fit(fit->binding->problem, how);
   how.where = nullptr;
-  fit->record = RecordOf(study, fit->binding->problem, fit->result);
+  TrialsApart apart = FindTrialsApart(fit->binding->problem, how, fit->result);
+  if (!fit->Usable()) apart.reasons = WhyNotAligned(fit->binding->problem, how, fit->result);
+  fit->record = RecordOf(study, fit->binding->problem, fit->result, apart);
   AddTolerances(fit->binding->tolerance, &fit->record);
 }
 

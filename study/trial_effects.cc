@@ -201,6 +201,13 @@ class TrialBench {
       return;
     }
     const Evidence evidence = Gather(as_is_, found);
+    // So is one whose clock left the record: it has next to nothing to be compared with.
+    constexpr double kBeside = 0.5;  // of the rows that the fit as it is answers for
+    if (evidence.count < kBeside * as_is_.rows) {
+      e->verdict = e->effect.there ? EffectVerdict::kNeeded : EffectVerdict::kNotNeeded;
+      e->message = "it cannot be laid beside the trial";
+      return;
+    }
     Compare(fit_, as_is_, version.binding.problem, found, evidence, e);
     JudgeEffect({.part = options_.part, .rows = evidence.count, .explained = Explains(fit_)}, e);
   }

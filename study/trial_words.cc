@@ -10,6 +10,7 @@
 #include "base/length.h"
 #include "base/number.h"
 #include "base/text.h"
+#include "correlate/compare/wrong_readings.h"
 #include "correlate/fit/goodness.h"
 #include "correlate/residual/channel.h"
 #include "correlate/residual/row_layout.h"
@@ -97,11 +98,34 @@ std::string NoExplanation(const std::string& whose, const correlate::TrialResult
           : std::string());
 }
 
+// Whether residuals are correlated in time, and what was done about it.
+std::string CorrelationWords(const correlate::TrialResult& t) {
+  if (t.plain.white()) {
+    return t.goodness.outcome == correlate::Explained::kYes ? " and white, as they should be."
+                                                            : " and white.";
+  }
+  if (t.noise.series.empty() || t.noise.white()) {
+    return ", and are correlated in time: the standard errors are widened for it.";
+  }
+  double share = 0.0, rho = 0.0, variance = 0.0;
+  for (const correlate::MarkovNoise& n : t.noise.series) {
+    variance += n.variance;
+    share += n.variance * n.share;
+    rho += n.variance * n.share * n.rho;
+  }
+  return fmt::format(
+             ", and are correlated in time: {:.0f}% of their variance from sample to sample, by "
+             "{:.3f}; the fit is weighted for it",
+             100.0 * share / variance, share > 0.0 ? rho / share : 0.0) +
+         (t.whitened.white() ? ", after which they are white."
+                             : ", and the standard errors are widened for what is left of it.");
+}
+
 // The residuals of one trial: how large, whether they are correlated, what was done about it,
 // and whether the model explains them.
 std::string ResidualWords(const correlate::FitTrial& trial, const correlate::TrialResult& t,
                           const std::vector<std::string>& parameters,
-                          const std::vector<double>& values, bool several) {
+                          const std::vector<double>& values, bool several, bool apart) {
   const correlate::Observations& o = *trial.observations;
   const std::string of = several ? " of " + t.name : "";
   const std::string whose = Whose(o);
@@ -113,26 +137,8 @@ std::string ResidualWords(const correlate::FitTrial& trial, const correlate::Tri
         "that sigma.",
         of, std::sqrt(t.chi2_per_dof), whose);
   }
-  std::string words = fmt::format("The residuals{} are {:.2f} times {} sigma", of,
-                                  std::sqrt(t.chi2_per_dof), whose);
-  if (t.plain.white()) {
-    words += " and white, as they should be.";
-  } else if (t.noise.series.empty() || t.noise.white()) {
-    words += ", and are correlated in time: the standard errors are widened for it.";
-  } else {
-    double share = 0.0, rho = 0.0, variance = 0.0;
-    for (const correlate::MarkovNoise& n : t.noise.series) {
-      variance += n.variance;
-      share += n.variance * n.share;
-      rho += n.variance * n.share * n.rho;
-    }
-    words += fmt::format(
-        ", and are correlated in time: {:.0f}% of their variance from sample to sample, by {:.3f}; "
-        "the fit is weighted for it",
-        100.0 * share / variance, share > 0.0 ? rho / share : 0.0);
-    words += t.whitened.white() ? ", after which they are white."
-                                : ", and the standard errors are widened for what is left of it.";
-  }
+  std::string words = fmt::format("The residuals{} are {:.2f} times {} sigma{}", of,
+                                  std::sqrt(t.chi2_per_dof), whose, CorrelationWords(t));
   switch (g.outcome) {
     case correlate::Explained::kYes:
       break;
@@ -151,6 +157,10 @@ std::string ResidualWords(const correlate::FitTrial& trial, const correlate::Tri
           whose, Probability(g.p_covariances()), 100.0 * g.mesh_takes);
       break;
     case correlate::Explained::kNo:
+      if (apart) {
+        words += " The model does not explain all trials together.";
+        break;
+      }
       words += NoExplanation(whose, t) + ConstancyWords(parameters, g.constancy, trial, values);
       if (correlate::LeastNoiseOverMotion(o) < correlate::kLoosestTolerance) {
         words +=
@@ -160,6 +170,27 @@ std::string ResidualWords(const correlate::FitTrial& trial, const correlate::Tri
       break;
   }
   return words;
+}
+
+// Of a trial whose residuals are noise, and far more of it than its sigmas say, while another's are
+// what they say; empty: it is not so.
+std::string TooQuiet(const correlate::FitResult& r, std::size_t trial) {
+  constexpr double kFar =
+      2.0;  // of the sigmas, and of the other trial's: beyond, no noise by chance
+  if (r.trials[trial].goodness.outcome != correlate::Explained::kNoise) return "";
+  const double times = std::sqrt(r.trials[trial].chi2_per_dof);
+  double least = times;
+  for (const correlate::TrialResult& t : r.trials) {
+    if (t.goodness.outcome == correlate::Explained::kYes) {
+      least = std::min(least, std::sqrt(t.chi2_per_dof));
+    }
+  }
+  if (times < kFar || times < kFar * least) return "";
+  return fmt::format(
+      "The sigmas of {} look {:.2g} times too small, those of the other trials do not: it counts "
+      "for {:.0f} times as much as it should. Say trial.sigma_factor = {:.2g} of its marks, or the "
+      "sigma of its channels.",
+      r.trials[trial].name, times, times * times, times);
 }
 
 // What the model does between the samples; empty: what they show.
@@ -189,10 +220,11 @@ double SigmaOfDrift(const correlate::TrialResult& t) {
 }
 
 // What was known of clock and frame (`contradicted`: the data contradict some of what was stated,
-// of any trial, which then is to blame for the model's pace), what of a drift the data show, and
-// what was put aside.
+// of any trial, or a trial goes by itself, which then is to blame for the model's pace), what of a
+// drift the data show, and what was put aside. `clocks`: of how many trials a drift was fitted.
 void AddPlacementWords(const correlate::Observations& o, const correlate::TrialResult& t,
-                       const std::string& of, bool contradicted, data::FitRecord* record) {
+                       const std::string& of, std::ptrdiff_t clocks, bool contradicted,
+                       data::FitRecord* record) {
   using correlate::Foreknowledge;
   auto add = [&](std::string words) { record->reasons.push_back(std::move(words)); };
   const correlate::Placement& known = o.placement;
@@ -217,8 +249,11 @@ void AddPlacementWords(const correlate::Observations& o, const correlate::TrialR
         "(trial.drift = \"known\").",
         of, FastOrSlow(t.at.drift), NumberWithError(1e6 * std::abs(t.at.drift), 1e6 * drift.sigma),
         std::sqrt(drift.deviance),
-        std::abs(t.at.drift) > kTold * all
-            ? ""
+        std::abs(t.at.drift) > kTold * all ? ""
+        : clocks > 1
+            ? fmt::format("Of {} clocks only what they differ by is known so well; what they have "
+                          "in common the parameters make up for (with it: ± {:.2g}). ",
+                          clocks, 1e6 * all)
             : fmt::format("The model's own error may look the same (with it: ± {:.2g}). ",
                           1e6 * all)));
   } else if (drift.too_large && !contradicted) {
@@ -261,28 +296,15 @@ void AddGrossWords(const correlate::Observations& o, const correlate::TrialResul
 // Likewise of each channel.
 void AddChannelGrossWords(const correlate::Observations& o, const correlate::TrialResult& t,
                           const std::string& of, data::FitRecord* record) {
-  constexpr std::size_t kNamed = 5;  // as above
   for (const correlate::ChannelGross& gross : t.channel_gross) {
-    if (gross.errors.in_bursts > 0) {
-      record->reasons.push_back(fmt::format(
-          "Out of the line of their neighbours, but in bursts or too often: {} of {}{}. A motion "
-          "that the model lacks, or a disturbance; all count.",
-          Counted(gross.errors.in_bursts, "reading"), gross.name, of));
-    }
-    if (gross.errors.samples.empty()) continue;
-    const auto* channel = dynamic_cast<const correlate::Channel*>(o.others[gross.kind].get());
-    std::vector<correlate::GrossSample> far = gross.errors.samples;
-    std::stable_sort(far.begin(), far.end(),
-                     [](const auto& a, const auto& b) { return a.sigmas > b.sigmas; });
-    std::vector<std::string> names;
-    for (std::size_t i = 0; i < std::min(kNamed, far.size()); ++i) {
-      const double stamp = channel != nullptr ? channel->record().t[far[i].index] : far[i].t;
-      names.push_back(fmt::format("at {:.4f} s ({:.3g} sigma)", stamp, far[i].sigmas));
-    }
-    record->reasons.push_back(
-        fmt::format("Gross errors, which are put aside: {} of {} of {}{}: {}{}.", far.size(),
-                    Counted(gross.readings, "reading"), gross.name, of,
-                    far.size() > kNamed ? "the farthest are those " : "", JoinWords(names)));
+    if (gross.errors.in_bursts == 0) continue;
+    record->reasons.push_back(fmt::format(
+        "Out of the line of their neighbours, but in bursts or too often: {} of {}{}. A motion "
+        "that the model lacks, or a disturbance; all count.",
+        Counted(gross.errors.in_bursts, "reading"), gross.name, of));
+  }
+  for (std::string& words : correlate::GrossWords(o, t.channel_gross, of)) {
+    record->reasons.push_back(std::move(words));
   }
 }
 
@@ -333,13 +355,16 @@ std::string ErrorWords(const correlate::Observations& o, const correlate::TrialR
 
 void AddTrialWords(const std::vector<std::string>& parameters,
                    const std::vector<correlate::FitTrial>& trials, const correlate::FitResult& r,
-                   data::FitRecord* record) {
+                   bool apart, data::FitRecord* record) {
   const bool several = r.trials.size() > 1;
   const bool contradicted = std::any_of(r.stated.begin(), r.stated.end(),
                                         [](const correlate::Stated& s) { return s.contradicted; });
+  const auto clocks =
+      std::count_if(r.trials.begin(), r.trials.end(), [](const auto& t) { return t.drift.called; });
   for (std::size_t k = 0; k < r.trials.size(); ++k) {
     const correlate::TrialResult& t = r.trials[k];
-    record->reasons.push_back(ResidualWords(trials[k], t, parameters, r.Theta(), several));
+    record->reasons.push_back(ResidualWords(trials[k], t, parameters, r.Theta(), several, apart));
+    if (std::string words = TooQuiet(r, k); !words.empty()) record->reasons.push_back(words);
     if (!t.less_weight.empty()) {
       double from = std::numeric_limits<double>::infinity(), least = 1.0;
       for (const correlate::LessWeight& l : t.less_weight) {
@@ -355,7 +380,7 @@ void AddTrialWords(const std::vector<std::string>& parameters,
     const std::string of = several ? " of " + t.name : "";
     if (std::string words = BetweenWords(t, of); !words.empty()) record->reasons.push_back(words);
     AddOtherWords(*trials[k].observations, t, several ? " in " + t.name : "", record);
-    AddPlacementWords(*trials[k].observations, t, of, contradicted, record);
+    AddPlacementWords(*trials[k].observations, t, of, clocks, contradicted || apart, record);
     AddGrossWords(*trials[k].observations, t, of, record);
     AddChannelGrossWords(*trials[k].observations, t, of, record);
     record->reasons.push_back(ErrorWords(*trials[k].observations, t, of));

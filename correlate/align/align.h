@@ -28,6 +28,8 @@ struct AlignOptions {
   // The same where a single history was correlated (two marks, one body): a frame and an offset
   // make any two smooth openings of one mark look somewhat alike (docs/physics-correlation.md).
   double min_correlation_of_one = 0.8, min_r2_of_one = 0.8;  // [-]
+  // The reference ends where it does by choice: what channels show beyond is not held against it.
+  bool part = false;
   RegistrationOptions registration;
 };
 

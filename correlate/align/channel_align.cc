@@ -18,6 +18,7 @@ namespace {
 // Of the channels, at one offset.
 struct Fit {
   double explained = 0.0;  // of the readings' variance, see Explained() [-]
+  double covered = 0.0;    // the same of those that the model has something for [-]
   RegistrationFit registration;
   Prediction prediction;
 };
@@ -29,7 +30,10 @@ class ChannelAligner {
         model_(model),
         options_(options.registration),
         layout_(record),
-        min_overlap_(options.search.min_overlap) {
+        // As time, of the shorter of the two.
+        min_overlap_(options.search.min_overlap *
+                     std::min(1.0, (model.Span().second - model.Span().first) /
+                                       (record.End() - record.Start()))) {
     options_.with_others = true;
     held_ = options_;
     held_.fit_offset = held_.fit_drift = false;
@@ -78,7 +82,7 @@ class ChannelAligner {
       *settled = std::abs(start.offset - reference.offset) <= kSettled * sigma || !moves;
     }
 
-    out.explained = Explained(out.registration);
+    out.explained = Explained(out.registration, &out.covered);
     return out;
   }
 
@@ -141,8 +145,8 @@ class ChannelAligner {
   // Share of the readings' variance. What the model has nothing for is not explained, or an offset
   // at which they overlap little would fit best; but while a structure is held nothing changes, and
   // there it is the mean that stands for the model.
-  double Explained(const RegistrationFit& fit) const {
-    double squares = 0.0, overlap = 0.0;
+  double Explained(const RegistrationFit& fit, double* covered = nullptr) const {
+    double squares = 0.0, overlap = 0.0, within = 0.0, motion = 0.0;
     for (std::size_t k = 0; k < layout_.series.size(); ++k) {
       const RowSeries& s = layout_.series[k];
       const auto n = static_cast<Eigen::Index>(s.size());
@@ -153,11 +157,14 @@ class ChannelAligner {
       while (first < end && left(first) == 0.0) ++first;
       while (end > first && left(end - 1) == 0.0) --end;
       overlap += static_cast<double>(end - first);
+      within += left.segment(first, end - first).squaredNorm();
+      motion += (y.segment(first, end - first).array() - y.mean()).square().sum();
       const bool held = model_.samples().held_before;
       const double mean = held && first > 0 ? y.head(first).mean() : y.mean();
       squares += (y.head(first).array() - mean).square().sum();
       squares += (y.tail(n - end).array() - y.mean()).square().sum();
     }
+    if (covered != nullptr) *covered = motion > 0.0 ? 1.0 - within / motion : 0.0;
     if (overlap < min_overlap_ * readings_) return -std::numeric_limits<double>::infinity();
     return 1.0 - squares / squares_;
   }
@@ -258,8 +265,9 @@ Alignment AlignChannels(const Observations& record, const SampledModel& model,
   out.at = out.fit.at;
   out.drift = out.at.drift;
   out.drift_pivot = record.Pivot();
-  out.correlation = std::sqrt(std::max(0.0, best.explained));
-  out.r2 = best.explained;
+  const double explained = options.part ? best.covered : best.explained;
+  out.correlation = std::sqrt(std::max(0.0, explained));
+  out.r2 = explained;
   const double dof =
       std::max(1.0, static_cast<double>(out.fit.data_rows - out.fit.jacobian.cols()));
   out.chi2_per_dof = out.fit.SumOfSquares() / dof;
@@ -271,17 +279,17 @@ Alignment AlignChannels(const Observations& record, const SampledModel& model,
   out.overlap_end = record.End();
   // One history: any two swings look somewhat alike. A known clock leaves nothing to be misled by.
   const bool placed = record.placement.offset.Told();
-  if (!placed && best.explained < options.min_r2_of_one) {
+  if (!placed && explained < options.min_r2_of_one) {
     out.status = AlignStatus::kNothingShared;
     out.message = fmt::format(
         "the channels and the model share nothing: with the best time offset ({:.4f} s) the model "
         "explains {:.0f}% of what the channels show ({:.0f}% is asked)",
-        out.at.offset, 100.0 * std::max(0.0, best.explained), 100.0 * options.min_r2_of_one);
+        out.at.offset, 100.0 * std::max(0.0, explained), 100.0 * options.min_r2_of_one);
     return out;
   }
   out.status = settled ? AlignStatus::kGood : AlignStatus::kNotConverged;
   out.message = settled ? fmt::format("aligned on {} readings; the model explains {:.3f}% of them",
-                                      out.fit.data_rows, 100.0 * best.explained)
+                                      out.fit.data_rows, 100.0 * explained)
                         : "the time offset did not settle";
   if (!out.fit.weak.empty()) {
     out.message += "; not determined by these channels: " + JoinWords(out.fit.weak);

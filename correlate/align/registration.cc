@@ -145,6 +145,7 @@ class RegistrationSolver {
         prediction_(prediction),
         reference_(reference),
         pivot_(observations.Pivot()),
+        length_(observations.End() - observations.Start()),
         options_(WithPlacement(options, observations)),
         whitening_(whitening != nullptr && !whitening->identity() ? whitening : nullptr),
         k_(observations.shared_rank),
@@ -190,10 +191,16 @@ class RegistrationSolver {
     // carried along by their velocities, hardly ever need it.
     constexpr int kMostHalved = 20;
     constexpr double kRises = 1.0 + 1e-9;  // beyond rounding
-    double least = std::numeric_limits<double>::infinity();
-    Registration before;
-    Eigen::VectorXd step;
+    Evaluate();
     for (int iteration = 0; iteration < options_.max_iterations && !fit_.converged; ++iteration) {
+      const double least = fit_.SumOfSquares();
+      const Registration before = fit_.at;
+      Eigen::VectorXd step = NextStep();
+      // Where sigma is a unit weight's (records without one) it says nothing: relative round-off.
+      constexpr double kRoundOff = 1e-13;
+      fit_.converged =
+          (step.cwiseAbs().array() <= options_.tolerance * fit_.sigma.array() + kRoundOff).all();
+      Move(step);
       Evaluate();
       for (int half = 0; fit_.SumOfSquares() > kRises * least && half < kMostHalved; ++half) {
         step *= 0.5;
@@ -201,16 +208,7 @@ class RegistrationSolver {
         Move(step);
         Evaluate();
       }
-      least = fit_.SumOfSquares();
-      before = fit_.at;
-      step = NextStep();
-      Move(step);
-      // Where sigma is a unit weight's (records without one) it says nothing: relative round-off.
-      constexpr double kRoundOff = 1e-13;
-      fit_.converged =
-          (step.cwiseAbs().array() <= options_.tolerance * fit_.sigma.array() + kRoundOff).all();
     }
-    Evaluate();
     fit_.data_rows = 3 * static_cast<Eigen::Index>(fit_.known);
     for (const ResidualKind::Rows& rows : rows_) fit_.data_rows += rows.known;
     return std::move(fit_);
@@ -326,6 +324,13 @@ class RegistrationSolver {
     Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(unknowns, unknowns);
     if (unknowns > 0) normal.selfadjointView<Eigen::Lower>().rankUpdate(fit_.jacobian.transpose());
     normal.triangularView<Eigen::StrictlyUpper>() = normal.transpose();
+    // An offset known to no more than the record's length, as where nothing moves, is not
+    // determined: a step by what rounding says of it would leave the record.
+    const bool sized = observations_.has_sigma || observations_.marks.empty();
+    if (options_.fit_offset && sized && normal(time_, time_) * length_ * length_ < 1.0) {
+      normal.row(time_).setZero();
+      normal.col(time_).setZero();
+    }
     fit_.weak.clear();
     const Eigen::MatrixXd inverse = InvertNormal(normal, names_, &fit_.weak);
     fit_.sigma = inverse.diagonal().cwiseMax(0.0).cwiseSqrt();
@@ -349,6 +354,7 @@ class RegistrationSolver {
   const Prediction& prediction_;
   const Clock reference_;  // that the prediction is for
   const double pivot_;     // of the drift [s]
+  const double length_;    // of the record [s]
   const RegistrationOptions options_;
   const RowWhitening* whitening_;  // null: white
   const int k_;                    // rank of the calibration's draw

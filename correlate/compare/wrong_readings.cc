@@ -54,11 +54,11 @@ Alignment AlignWithoutGross(const SampledModel& reference, Observations* observa
 }
 
 std::vector<std::string> GrossWords(const Observations& observations,
-                                    const std::vector<ChannelGross>& gross) {
+                                    const std::vector<ChannelGross>& gross, const std::string& of) {
   std::vector<std::string> out;
   for (const ChannelGross& one : gross) {
     const auto* channel = dynamic_cast<const Channel*>(observations.others[one.kind].get());
-    if (channel == nullptr) continue;
+    if (channel == nullptr || one.errors.samples.empty()) continue;
     std::vector<GrossSample> far = one.errors.samples;
     std::stable_sort(far.begin(), far.end(), [](const GrossSample& a, const GrossSample& b) {
       return a.sigmas > b.sigmas;
@@ -67,12 +67,12 @@ std::vector<std::string> GrossWords(const Observations& observations,
     for (std::size_t i = 0; i < std::min(kNamed, far.size()); ++i) {
       const ChannelRecord& r = channel->record();
       names.push_back(
-          fmt::format("{} at {:.4f} s",
+          fmt::format("{} at {:.4f} s ({:.3g} sigma)",
                       Number(r.y(static_cast<Eigen::Index>(far[i].index))) + UnitAfter(r.unit),
-                      r.t[far[i].index]));
+                      r.t[far[i].index], far[i].sigmas));
     }
-    out.push_back(fmt::format("Gross errors, which are put aside: {} of {} of {}: {}{}.",
-                              far.size(), Counted(one.readings, "reading"), one.name,
+    out.push_back(fmt::format("Gross errors, which are put aside: {} of {} of {}{}: {}{}.",
+                              far.size(), Counted(one.readings, "reading"), one.name, of,
                               far.size() > kNamed ? "the farthest are " : "", JoinWords(names)));
   }
   return out;

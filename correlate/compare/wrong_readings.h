@@ -14,9 +14,10 @@ namespace unfurl::correlate {
 Alignment AlignWithoutGross(const SampledModel& reference, Observations* observations,
                             std::vector<ChannelGross>* gross);
 
-/// The readings put aside, a sentence for each channel.
+/// The readings put aside, a sentence for each channel; `of`: " of trial 2".
 std::vector<std::string> GrossWords(const Observations& observations,
-                                    const std::vector<ChannelGross>& gross);
+                                    const std::vector<ChannelGross>& gross,
+                                    const std::string& of = {});
 
 /// One channel of which nothing else is known; `sigma` may be empty.
 struct Readings {

@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "correlate/align/first_impact.h"
 #include "correlate/fit/fit_run.h"
+#include "correlate/fit/growing.h"
 #include "correlate/fit/search.h"
 
 namespace unfurl::correlate {
@@ -100,6 +101,41 @@ bool GoElsewhere(const FitProblem& problem, const FitOptions& wider, bool hidden
   return lower;
 }
 
+// Leads the start along a growing horizon, where it lies beside the whole record nowhere (`aligned`
+// false) or led to what does not explain the data; goes over to what leads lower. `kept`: the
+// options of what was gone over to.
+bool GoAlong(const FitProblem& problem, const FitOptions& options, bool aligned, FitOptions* kept,
+             std::unique_ptr<FitRun>* run) {
+  constexpr int kMostLed = 2;  // where the start was led already: each costs as much as that did
+  int led_so_far = 0;
+  for (const FitOptions& grown : GrowingHorizons(problem, options)) {
+    if (aligned && led_so_far == kMostLed) break;
+    *kept = grown;
+    auto other = std::make_unique<FitRun>(problem, *kept);
+    const bool led = other->Screen() && other->StartExplains() && other->LeadStarts();
+    led_so_far += led ? 1 : 0;
+    if (led && (aligned ? other->LedLowerThan(**run) : other->LiesBesideRecord())) {
+      other->TakeOver(std::move(**run), Elsewhere::kNotLooked);
+      *run = std::move(other);
+      return true;
+    }
+    (*run)->TakeOver(std::move(*other), Elsewhere::kNotLooked);
+  }
+  return false;
+}
+
+// From the start to a first minimum; false: there is none.
+bool Begin(const FitProblem& problem, const FitOptions& options, FitOptions* growing,
+           std::unique_ptr<FitRun>* run) {
+  if (!(*run)->Screen()) {
+    return (*run)->NotAligned() && GoAlong(problem, options, false, growing, run) &&
+           (*run)->Solve();
+  }
+  if (!(*run)->LeadStarts() || !(*run)->Solve()) return false;
+  return !(*run)->Unexplained() || !GoAlong(problem, options, true, growing, run) ||
+         (*run)->Solve();
+}
+
 void Require(bool good, const char* option, const char* remedy) {
   if (!good) throw Error("is out of its range", std::string("FitOptions.") + option, remedy);
 }
@@ -127,7 +163,8 @@ FitResult Fit(const FitProblem& problem, const FitOptions& options) {
   CheckProblem(problem);
   options.Check();
   auto run = std::make_unique<FitRun>(problem, options);
-  if (!run->Screen() || !run->LeadStarts() || !run->Solve()) return run->Finish();
+  FitOptions growing;
+  if (!Begin(problem, options, &growing, &run)) return run->Finish();
   // Residuals far above the data's sigmas: the model lacks something, or this is a wrong minimum.
   const std::optional<FitOptions> wider = Wider(problem, options);
   std::optional<FitOptions> closer;

@@ -150,6 +150,25 @@ bool FitRun::Screen() {
   return false;
 }
 
+bool FitRun::StartExplains() const {
+  const Candidate& own = candidates_.front();
+  return own.usable && std::all_of(own.alignment.begin(), own.alignment.end(), [&](const auto& a) {
+           return a.r2 >= options_.align.min_r2_of_one;
+         });
+}
+
+bool FitRun::LiesBesideRecord() {
+  FitOptions whole = options_;
+  whole.stages.clear();
+  whole.stages_by_impacts = false;
+  Evaluator evaluator(problem_, workers_);
+  const std::vector<Candidate> end =
+      correlate::Screen(way_, whole, {best_->result().to}, evaluator, {}, {}, nullptr);
+  const auto& records = evaluator.records();
+  result_.evaluations.insert(result_.evaluations.end(), records.begin(), records.end());
+  return end.front().usable;
+}
+
 void FitRun::AddRunner(const Candidate& from) {
   const auto start = static_cast<int>(runners_.size() + retired_.size());
   runners_.push_back(std::make_unique<StageRunner>(way_, options_, from, workers_, start));

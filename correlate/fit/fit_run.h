@@ -27,6 +27,13 @@ class FitRun {
   // 1. Where the data lie beside the model at each point screened; from the best of them starts are
   //    carried on. False: the data and the model share nothing at any of them.
   bool Screen();
+  // After step 1, where it has found none: not because the model failed.
+  bool NotAligned() const { return result_.status == FitStatus::kNotAligned; }
+  // After step 1: over the first horizon the study's own start explains what an alignment asks of
+  // one history.
+  bool StartExplains() const;
+  // After step 2: where it led lies beside the whole record, as an alignment asks.
+  bool LiesBesideRecord();
 
   // 2. Each start through the growing horizon. What the first stage leaves open is scattered over
   //    its bounds before the second. False: the model failed on every way.

@@ -99,6 +99,8 @@ std::vector<Candidate> Screen(const FitProblem& problem, const FitOptions& optio
   }
   answers.erase(answers.begin(), answers.begin() + shift);
 
+  AlignOptions align = options.align;
+  align.part = !options.stages.empty() || options.stages_by_impacts;
   std::vector<Candidate> out(points.size());
   ParallelFor(points.size(), options.workers, [&](std::size_t i) {
     Candidate& c = out[i];
@@ -114,7 +116,7 @@ std::vector<Candidate> Screen(const FitProblem& problem, const FitOptions& optio
         continue;
       }
       const SampledModel sampled(grid[t], prediction);
-      c.alignment.push_back(Align(*problem.trials[t].observations, sampled, options.align));
+      c.alignment.push_back(Align(*problem.trials[t].observations, sampled, align));
       const Alignment& a = c.alignment.back();
       // An alignment that did not settle is start enough; one of unrelated records is not.
       c.usable = a.status == AlignStatus::kGood || a.status == AlignStatus::kNotConverged;

@@ -175,16 +175,19 @@ class TrialEffectsTest : public EffectsTest {
     }
     Put("angle.csv", text);
   }
-  TrialEffects Weigh(double damping, double quadratic) const {
+  TrialEffects Weigh(double damping, double quadratic, const std::string& clock = "0.0") const {
     Pendulum(damping, quadratic, 1e-9);
-    const std::string study = Put(
-        "study.toml",
-        "[study]\nscene = \"pendulum.toml\"\n[trial]\noffset = 0.0\n"
-        "[trial.channel.angle]\nfile = \"angle.csv\"\nquantity = \"hinge.theta\"\nsigma = 1e-3\n"
-        "[parameter.damping]\nkeys = [\"joint.hinge.damper.damping\"]\nstart = 0.02\n"
-        "bounds = [0.0, 0.2]\n"
-        "[parameter.quadratic]\nkeys = [\"joint.hinge.quadratic_damper.damping\"]\nstart = 0.02\n"
-        "bounds = [0.0, 0.2]\n");
+    const std::string study =
+        Put("study.toml",
+            "[study]\nscene = \"pendulum.toml\"\n[trial]\noffset = " + clock +
+                "\n"
+                "[trial.channel.angle]\nfile = \"angle.csv\"\nquantity = \"hinge.theta\"\nsigma = "
+                "1e-3\n"
+                "[parameter.damping]\nkeys = [\"joint.hinge.damper.damping\"]\nstart = 0.02\n"
+                "bounds = [0.0, 0.2]\n"
+                "[parameter.quadratic]\nkeys = [\"joint.hinge.quadratic_damper.damping\"]\nstart = "
+                "0.02\n"
+                "bounds = [0.0, 0.2]\n");
     return WeighTrialEffects(data::ReadStudy(study), {});
   }
   static const TrialEffect& Of(const TrialEffects& e, const std::string& name) {
@@ -220,6 +223,15 @@ TEST_F(TrialEffectsTest, WhatTheTrialShowsIsNeededWhateverTheOthersImitate) {
     EXPECT_LE(one.runs, e.fit.result.evaluations.size()) << one.effect.name;
   }
   EXPECT_THAT(e.left_out, ElementsAre("springs of the joints"));
+}
+
+// Without gravity the pendulum rests, and a clock of which nothing is known may leave the record:
+// where nothing is compared, nothing is "not needed".
+TEST_F(TrialEffectsTest, WhatLeavesNothingToCompareIsNeeded) {
+  Record(0.02, 0.01, 3);
+  const TrialEffects e = Weigh(0.02, 0.01, "\"free\"");
+  EXPECT_EQ(Of(e, "gravity").verdict, EffectVerdict::kNeeded);
+  for (const std::string& name : e.left_out) EXPECT_NE(name, "gravity");
 }
 
 // Without a trace of it in the trial an effect is never called needed.
