@@ -175,6 +175,7 @@ void FindScales(const Evidence& data, const std::vector<OpenTerm>& open, int cam
 Evidence OfFit(const std::vector<data::RigCamera>& cameras, const Eigen::MatrixXd& of_cameras,
                const std::vector<OpenTerm>& open, const Eigen::VectorXd& tau) {
   std::vector<Eigen::Index> at;
+  at.reserve(open.size());
   for (const OpenTerm& term : open) {
     at.push_back(kParameters * term.camera + data::kFirstTerm + term.term);
   }
