@@ -17,6 +17,7 @@
 #include "calib/model_floor.h"
 #include "calib/moved_late.h"
 #include "calib/near_frame.h"
+#include "calib/open_terms.h"
 #include "calib/refine.h"
 #include "calib/set_up_scan.h"
 #include "calib/unseen_drift.h"
@@ -161,8 +162,11 @@ void ChooseTerms(const Observations& data, const CalibrateOptions& options, RigF
   report->order_chosen = true;
   fit->priors = trial.priors;
   fit->bundle = trial.bundle;
-  MakeRig(data, fit);
   report->orders = std::move(chosen.trials);
+  std::vector<CameraPrior> richest;
+  for (const CameraGuess& guess : fit->guesses) richest.push_back(guess.richest);
+  report->open_terms = TakeOpenTerms(data, richest, options.refine, &fit->priors, &fit->bundle);
+  MakeRig(data, fit);
 }
 
 // Tests the residuals for trends. Readings that drift are corrected to the end of the survey,

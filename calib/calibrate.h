@@ -14,6 +14,7 @@
 #include "calib/known_lens.h"
 #include "calib/model_order.h"
 #include "calib/observations.h"
+#include "calib/open_terms.h"
 #include "calib/refine.h"
 #include "calib/set_up.h"
 #include "calib/trends.h"
@@ -92,6 +93,7 @@ struct CalibrationReport {
   std::string lens_model;                 // its name, or one for each camera
   bool order_chosen = false;              // by cross-validation
   std::vector<OrderTrial> orders;         // empty where none were compared
+  OpenTerms open_terms;                   // what the order leaves out
   double survey_factor = 1.0;             // on the survey's stated sigmas [-]
   std::vector<CommonEstimate> common;     // those of set-ups too, six each
   std::vector<SetUpEstimate> set_ups;     // of a survey from several, but for the first

@@ -91,7 +91,11 @@ std::vector<FarPoint> FindFarPoints(const Observations& data, const std::vector<
       // Outside of what was surveyed a calibration is worth less than it states: what it makes of
       // a thousandth of the way there is not held against the point.
       const double beyond = 1e-3 * (surveyed - middle).norm();
+      // What the lens may do out there is in the covariance of the cameras.
+      Eigen::Matrix3Xd shared(3, triangulator.shared_rank());
+      triangulator.SharedFactor(found, s, shared);
       const Eigen::Matrix3d both = found.cov + data.cov[static_cast<std::size_t>(i)] +
+                                   shared * shared.transpose() +
                                    beyond * beyond * Eigen::Matrix3d::Identity();
       const Eigen::Vector3d off = found.p - surveyed;
       one.right = off.dot(both.llt().solve(off)) < kRightBelow;

@@ -278,11 +278,19 @@ void JointTest::Settle(const std::vector<Hypothesis>& all, const std::vector<Wid
       for (const FoundCause& one : chain->causes) {
         if (&one != &cause) others.push_back(one);
       }
-      const FoundCause best = MostProbable(Weigh(all, wide, others)).cause;
-      if (!IsOf(all[best.hypothesis], cause)) {
+      // What is more probable may not be enough: then it is none of those it is weighed among.
+      std::vector<Weighed> rivals = Weigh(all, wide, others);
+      FoundCause best = MostProbable(rivals).cause;
+      while (!IsOf(all[best.hypothesis], cause)) {
         others.push_back(best);
-        if (ChanceBeside(Free(all, others)) < enough) continue;  // probable, and not enough
-        changed = true;
+        if (ChanceBeside(Free(all, others)) >= enough) {
+          changed = true;
+          break;
+        }
+        others.pop_back();
+        std::erase_if(rivals,
+                      [&](const Weighed& one) { return IsOf(all[one.cause.hypothesis], best); });
+        best = MostProbable(rivals).cause;
       }
       cause = best;
     }

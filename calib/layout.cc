@@ -9,12 +9,14 @@
 #include "base/error.h"
 #include "base/length.h"
 #include "base/pose.h"
+#include "base/statistics.h"
 #include "calib/verdict.h"
 
 namespace unfurl::calib {
 namespace {
 
-constexpr double kPlainly = 0.5;  // of the other's RMS: which way round is beyond doubt
+constexpr double kPlainly = 0.5;       // of the other's RMS: which way round is beyond doubt
+constexpr double kScaleChance = 1e-3;  // of a sound scale to be called off, as of a sound survey
 // Over the best: explanations that are as good for all that mounting errors tell [-].
 constexpr double kAsGood = 2.0;
 
@@ -168,11 +170,63 @@ std::vector<LayoutSlip> FindLayoutSlips(const data::Rig& rig, const data::Lab& l
   return slips;
 }
 
-void JudgeLayout(const data::Lab& lab, data::Rig* rig) {
+LayoutScale CompareScale(const data::Rig& rig, const data::Lab& lab) {
+  const Stand stand = StandOf(rig, lab, 1.0);
+  const auto n = static_cast<Eigen::Index>(rig.cameras.size());
+  const Eigen::Matrix3Xd found = stand.found(Eigen::all, Eigen::seqN(0, n, 2));
+  const Eigen::Matrix3Xd meant = stand.meant(Eigen::all, Eigen::seqN(0, n, 2));
+  const Pose X = FitRigid(found, meant).X_AB;  // found = X meant
+  const Eigen::Matrix3Xd arm = found.colwise() - found.rowwise().mean();
+  const double square = arm.squaredNorm();
+  // By each place, arm . error / square; what is rigid has no part in it.
+  Eigen::VectorXd by = Eigen::VectorXd::Zero(rig.covariance.rows());
+  LayoutScale out;
+  for (Eigen::Index j = 0; j < n; ++j) {
+    out.strain += arm.col(j).dot(X * Eigen::Vector3d(meant.col(j)) - found.col(j)) / square;
+    if (by.size() > 0) by.segment<3>(data::kCameraParameters * j + 3) = arm.col(j) / square;
+  }
+  // A camera that stands far from its place says that the layout is worse than it states.
+  double left = 0.0;
+  for (Eigen::Index j = 0; j < n; ++j) {
+    left +=
+        (X * Eigen::Vector3d(meant.col(j)) - found.col(j) - out.strain * arm.col(j)).squaredNorm();
+  }
+  const double stated = lab.mounting.position * lab.mounting.position;
+  double variance = std::max(stated, left / (3.0 * static_cast<double>(n) - 7.0)) / square;
+  if (by.size() > 0) variance += by.dot(rig.covariance * by);
+  out.sigma = std::sqrt(variance);
+  const double limit = NormalQuantile(1.0 - 0.5 * kScaleChance);
+  out.off = lab.mounting.position > 0.0 && std::abs(out.strain) > limit * out.sigma;
+  return out;
+}
+
+void JudgeScale(const data::Lab& lab, const std::string& what, data::Rig* rig) {
+  const LayoutScale scale = CompareScale(*rig, lab);
+  rig->checks["layout_scale [1]"] = 1.0 + scale.strain;
+  if (!scale.off) return;
+  const std::string text = fmt::format(
+      "the cameras stand {:.2g} +- {:.1g}% {} each other than {} has them, where each was put up "
+      "to "
+      "{}: {} is wrong, and with it the scale of everything, or the layout is",
+      100.0 * std::abs(scale.strain), 100.0 * scale.sigma,
+      scale.strain > 0.0 ? "nearer to" : "farther from", lab.path,
+      LengthText(lab.mounting.position), what);
+  if (rig->verdict == kDoNotUse) {
+    rig->reasons.push_back(text);
+    return;
+  }
+  rig->verdict = kWithCare;
+  rig->reasons.insert(rig->reasons.begin(), text);
+}
+
+void JudgeLayout(const data::Lab& lab, data::Rig* rig, const std::string& scale_from) {
   const double rms = CompareLayout(*rig, lab).rms;
   rig->checks["layout_rms [m]"] = rms;
   const std::vector<LayoutSlip> slips = FindLayoutSlips(*rig, lab);
-  if (slips.empty()) return;
+  if (slips.empty()) {
+    JudgeScale(lab, scale_from, rig);
+    return;
+  }
   std::string what, remedy;
   for (const LayoutSlip& slip : slips) {
     what += (what.empty() ? "" : "; or ") + slip.what;

@@ -33,8 +33,20 @@ struct LayoutSlip {
 };
 std::vector<LayoutSlip> FindLayoutSlips(const data::Rig& rig, const data::Lab& lab);
 
+// The cameras' distances against the layout's, to its mounting errors (`lab.mounting.position`) and
+// the rig's covariance: what the length of a bar, or a survey's scale, makes of them and no reading
+// shows. 1 + strain is what the found places had to be multiplied by.
+struct LayoutScale {
+  double strain = 0.0, sigma = 0.0;  // [-]
+  bool off = false;                  // beyond chance (0.1%); never where the layout states no error
+};
+LayoutScale CompareScale(const data::Rig& rig, const data::Lab& lab);
+// Says so, and "usable with care" at best, where it is off; `what`: what gave the scale.
+void JudgeScale(const data::Lab& lab, const std::string& what, data::Rig* rig);
+
 // Stores the match among the rig's checks; "do not use" where a slip explains how the cameras
-// stand.
-void JudgeLayout(const data::Lab& lab, data::Rig* rig);
+// stand; else the scale.
+void JudgeLayout(const data::Lab& lab, data::Rig* rig,
+                 const std::string& scale_from = "the station's scale or the survey's unit");
 
 }  // namespace unfurl::calib

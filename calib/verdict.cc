@@ -175,6 +175,13 @@ void JudgeFit(const CalibrationReport& report, const VerdictOptions& options, da
         "the data have only {:.0f} degrees of freedom to check the fit with: survey more points",
         freedom));
   }
+  if (report.open_terms.taken) {
+    tally->fine.push_back(fmt::format(
+        "lens terms that \"{}\" leaves out take part as far as the readings leave them open "
+        "({:.1g} px RMS): without them squared errors of found points would exceed what is stated "
+        "by {:.2g}%",
+        report.lens_model, report.open_terms.rms_px, 100.0 * report.open_terms.rise));
+  }
   for (std::size_t j = 0; j < report.cameras.size(); ++j) {
     const CameraReport& camera = report.cameras[j];
     if (!(camera.floor_px > 0.0)) continue;

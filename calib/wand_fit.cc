@@ -14,6 +14,7 @@
 #include "base/progress.h"
 #include "base/refuse_option.h"
 #include "base/statistics.h"
+#include "calib/open_terms.h"
 #include "calib/wand_exchanged.h"
 #include "calib/wand_gross.h"
 #include "calib/wand_poses.h"
@@ -151,6 +152,22 @@ void RefineWand(const WandFitOptions& options, const std::string& where, WandFit
   RefitWand(options.bundle, fit);
 }
 
+// What the set of terms leaves out, as far as the readings leave it open.
+void TakeOpenTerms(const BundleOptions& options, WandFit* fit) {
+  const std::vector<OpenTerm> open = ListOpenTerms(fit->priors, fit->richest);
+  if (open.empty()) return;
+  BundleOptions rough = options;
+  rough.function_tolerance = kRough;
+  const auto refit = [&](const std::vector<CameraPrior>&) {
+    RefitWand(rough, fit);
+    UpdateVariances(fit);
+    return OpenFit{&fit->state.cameras, fit->CameraCovariance()};
+  };
+  FitOpenTerms(open, Eigen::VectorXd::Ones(static_cast<Eigen::Index>(open.size())), refit,
+               &fit->priors);
+  RefitWand(options, fit);
+}
+
 }  // namespace
 
 void WandFitOptions::Check() const {
@@ -228,6 +245,10 @@ WandFit FitWand(const WandData& data, const WandFitOptions& options, const std::
   fit.data = SelectPoses(data, keep);
   StartMotion(&fit);
   RefineWand(options, where, &fit);
+  if (!few.richest.empty()) {
+    fit.richest = few.richest;
+    TakeOpenTerms(options.bundle, &fit);
+  }
   return fit;
 }
 

@@ -49,6 +49,7 @@ struct WandFit {
   std::vector<std::string> lost_poses;
   std::vector<int> lost_readings;
   std::vector<CameraPrior> priors;
+  std::vector<CameraPrior> richest;  // with every term; empty where a set of terms was asked for
   WandWeighting weighting;
   WandState state;
   WandSummary summary;

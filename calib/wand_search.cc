@@ -44,11 +44,13 @@ bool StartFit(const WandData& data, const WandGuess& guess, const WandFitOptions
               WandFit* fit) {
   fit->data = data;
   fit->priors.clear();
+  fit->richest.clear();
   std::vector<data::RigCamera> cameras;
   double floor = 0.0;
   for (const CameraGuess& camera : guess.cameras) {
     fit->priors.push_back(options.order < 0 ? camera.prior
                                             : WithOrder({camera.richest}, options.order)[0]);
+    if (options.order < 0) fit->richest.push_back(camera.richest);
     cameras.push_back(camera.camera);
     for (int k = 0; k < static_cast<int>(data::kLensTerms); ++k) {
       if (fit->priors.back().Fixed(k)) cameras.back().terms_px[static_cast<std::size_t>(k)] = 0.0;

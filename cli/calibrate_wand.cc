@@ -161,8 +161,8 @@ int RunCalibrateWand(const Common& common, const WandArguments& arguments) {
   Progress progress("calibrate", !common.quiet && !common.json);
   options.progress = [&](double done) { progress.Update(done); };
   calib::WandCalibration result = calib::CalibrateWand(data, options, arguments.readings);
-  if (!arguments.layout.empty() && !arguments.points.empty()) {
-    calib::JudgeLayout(data::ReadLab(arguments.layout), &result.rig);
+  if (!arguments.layout.empty()) {
+    calib::JudgeLayout(data::ReadLab(arguments.layout), &result.rig, "the bar's stated length");
   }
   data::WriteRig(arguments.out, result.rig, provenance);
   if (!arguments.report.empty()) {

@@ -201,5 +201,38 @@ TEST(JointTest, TwoThatLookLikeAThirdAreNamed) {
   }
 }
 
+// A gross reading among noise that is a little too large: what is named beside it was taken because
+// it is enough, where a more probable one is not. Its probability is among those that are enough.
+TEST(JointTest, NoCauseIsNamedWithoutProbability) {
+  Rng rng(11);
+  const Eigen::MatrixXd half = Eigen::MatrixXd::Identity(kData / 2, kData / 2);
+  int beside = 0;
+  for (int draw = 0; draw < 100; ++draw) {
+    const Eigen::MatrixXd shapes = Draw(kData, 4, &rng);
+    std::vector<Hypothesis> all;
+    for (int j = 0; j < 4; ++j) {
+      all.push_back({CauseKind::kCamera, j, {0, shapes.col(j)}, 1e4, 0.05});
+    }
+    for (int j = 0; j < 4; ++j) {
+      Eigen::MatrixXd at_will = Draw(kData, 6, &rng);
+      at_will.col(0) = shapes.col(j);
+      all.push_back({CauseKind::kCamera, j, {0, at_will}, 1e4, 0.01});
+    }
+    for (int r = 0; r < kData; ++r) {
+      all.push_back({CauseKind::kReading, r, {r, Eigen::MatrixXd::Ones(1, 1)}, 1e4, 0.01});
+    }
+    const Eigen::VectorXd e = 1.4 * Draw(kData, 1, &rng) + 100.0 * Eigen::VectorXd::Unit(kData, 7);
+    const JointTest test(e, {{half, half}, Eigen::MatrixXd(kData, 0)});
+    bool explained = false;
+    const auto found = test.FindCauses(all, 0.01, 3, &explained);
+    if (!explained) continue;
+    for (const FoundCause& one : found) {
+      beside += one.kind == CauseKind::kCamera ? 1 : 0;
+      EXPECT_GT(one.probability, 0.05) << draw << ": " << Name(one.kind) << " " << one.index;
+    }
+  }
+  EXPECT_GT(beside, 5);  // else there was nothing to see
+}
+
 }  // namespace
 }  // namespace unfurl::calib::joint_test_test

@@ -153,6 +153,41 @@ std::string LayoutVerdict(const Observations& data, const data::Lab& lab) {
   return rig.verdict == kGood ? "" : rig.reasons.front();
 }
 
+// What a bar's wrong length does, or a station's scale: cameras put up to some millimetres tell it
+// as far as they can, and blame no sound one.
+TEST(LayoutScale, IsHeldAgainstThePlan) {
+  const data::Lab lab = PlanOf();
+  const auto called_off = [&](double scale, double knocked, std::uint64_t seed) {
+    Rng rng(seed);
+    data::Rig rig;
+    const Eigen::AngleAxisd turn(rng.Uniform(0.0, 3.0),
+                                 Eigen::Vector3d(1.0, 2.0, 0.5).normalized());
+    for (const data::LabCamera& meant : lab.cameras) {
+      Eigen::Vector3d place = meant.position;
+      for (double& x : place) x += lab.mounting.position * rng.Normal();
+      data::RigCamera camera;
+      camera.name = meant.name;
+      camera.p_WC = scale * (turn * place) + Eigen::Vector3d(5.0, -3.0, 1.0);
+      if (rig.cameras.empty()) camera.p_WC.x() += knocked;
+      rig.cameras.push_back(camera);
+    }
+    return CompareScale(rig, lab).off;
+  };
+  int false_alarms = 0, longer = 0, shorter = 0, knocked = 0;
+  for (std::uint64_t seed = 1; seed <= 400; ++seed) {
+    false_alarms += called_off(1.0, 0.0, seed) ? 1 : 0;
+    longer += called_off(1.01, 0.0, seed) ? 1 : 0;
+    shorter += called_off(0.99, 0.0, seed) ? 1 : 0;
+    knocked += called_off(1.0, 0.3, seed) ? 1 : 0;
+  }
+  EXPECT_LE(false_alarms, 2);  // 0.1% of 400
+  // 1% of cameras 1.4 m from their middle is five sigmas and more, less where places happen to be
+  // off otherwise.
+  EXPECT_GT(longer, 300);
+  EXPECT_GT(shorter, 300);
+  EXPECT_LE(knocked, 4);  // one camera elsewhere is no scale
+}
+
 TEST(LayoutSlips, AreNamed) {
   const data::Lab lab = PlanOf();
   const Observations sound = TheHall().lab.Survey(60);
