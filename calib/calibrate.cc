@@ -383,7 +383,8 @@ Calibration CalibrateHere(const Observations& data, const CalibrateOptions& opti
   report.weak = FindWeak(out.rig, fit.priors, fit.bundle.summary.information);
   report.gross =
       ExplainGross(Corrected(steady, fit.bundle.state.common), fit.bundle, options.explain);
-  report.advice = SurveyAdvice(data, fit.bundle.weighting, out.rig, !options.guess.known.empty());
+  report.advice =
+      SurveyAdvice(data, fit.bundle.weighting, out.rig, fit.priors, !options.guess.known.empty());
   HeldOutResult held_out =
       CheckHeldOut(steady, fit.priors, fit.bundle, options.folds, options.workers);
   report.held_out = std::move(held_out.points);

@@ -203,7 +203,7 @@ PlannedRig PlanSurvey(data::Survey survey, const Look& look, const std::string& 
   PlannedRig plan;
   plan.rig = fit.rig;
   plan.weak = FindWeak(plan.rig, fit.priors, fit.bundle.summary.information);
-  plan.advice = SurveyAdvice(read, fit.bundle.weighting, plan.rig);
+  plan.advice = SurveyAdvice(read, fit.bundle.weighting, plan.rig, fit.priors);
   return plan;
 }
 

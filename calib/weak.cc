@@ -39,14 +39,23 @@ int DecimalsOf(double length) {
   return length > 0.0 ? std::clamp(2 - static_cast<int>(std::floor(std::log10(length))), 0, 9) : 2;
 }
 
-// Of the camera that has most: those whose covariance is not that of what was held fixed.
-int MostFreeParameters(const data::Rig& rig) {
-  Eigen::Index most = 0;
-  for (Eigen::Index first = 0; first < rig.covariance.rows(); first += kParameters) {
-    const auto variance = rig.covariance.diagonal().segment<kParameters>(first);
-    most = std::max<Eigen::Index>(most, (variance.array() > 0.0).count());
+// Of the camera with most: its pose and image, and the lens terms, each as far as the data tell it
+// and not its prior.
+double MostFreeParameters(const data::Rig& rig, const std::vector<CameraPrior>& priors) {
+  double most = 0.0;
+  for (std::size_t j = 0; j < priors.size(); ++j) {
+    const auto variance =
+        rig.covariance.diagonal().segment<kParameters>(kParameters * static_cast<Eigen::Index>(j));
+    double free = static_cast<double>((variance.head<data::kFirstTerm>().array() > 0.0).count());
+    for (int k = 0; k < kTerms; ++k) {
+      const double sigma = priors[j].term_sigma_px[static_cast<std::size_t>(k)];
+      if (sigma > 0.0) {
+        free += std::max(0.0, 1.0 - variance(data::kFirstTerm + k) / (sigma * sigma));
+      }
+    }
+    most = std::max(most, free);
   }
-  return static_cast<int>(most);
+  return most;
 }
 
 // What a parameter is called, and its unit.
@@ -229,7 +238,8 @@ std::vector<WeakDirection> FindWeak(const data::Rig& rig, const std::vector<Came
 }
 
 std::vector<std::string> SurveyAdvice(const Observations& data, const Weighting& weighting,
-                                      const data::Rig& rig, bool lenses_known) {
+                                      const data::Rig& rig, const std::vector<CameraPrior>& priors,
+                                      bool lenses_known) {
   std::vector<std::string> out;
   std::vector<int> used;
   for (int i = 0; i < data.points(); ++i) {
@@ -250,7 +260,7 @@ std::vector<std::string> SurveyAdvice(const Observations& data, const Weighting&
                             centre.z() - away, decimals)
               : fmt::format("{:.{}f} m and more to either side of it", away, decimals)));
   }
-  if (static_cast<int>(used.size()) < kFewPerParameter * MostFreeParameters(rig)) {
+  if (static_cast<double>(used.size()) < kFewPerParameter * MostFreeParameters(rig, priors)) {
     out.push_back(
         fmt::format("{} points calibrate the rig: four times as many would halve the calibration's "
                     "part of the error",

@@ -31,9 +31,11 @@ std::vector<WeakDirection> FindWeak(const data::Rig& rig, const std::vector<Came
 
 // What the survey's layout leaves to be wished: points near one plane, parts of a sensor without
 // readings, few points. Sentences that say what to measure; empty where all is well.
-// `lenses_known`: from a calibration before, which had the rest of each row.
+// `priors`: of the fit that `rig` is of. `lenses_known`: from a calibration before, which had the
+// rest of each row.
 std::vector<std::string> SurveyAdvice(const Observations& data, const Weighting& weighting,
-                                      const data::Rig& rig, bool lenses_known = false);
+                                      const data::Rig& rig, const std::vector<CameraPrior>& priors,
+                                      bool lenses_known = false);
 
 // Of the calibration's part alone, over a grid of the volume, where enough cameras see [m]; 0 where
 // no point is.

@@ -27,7 +27,7 @@ constexpr char kOurselves[] = "unfurl";
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 // {NAME} of a word, with nothing but a name between the braces.
-std::vector<std::string> NamesIn(const std::string& word) {
+std::vector<std::string> NamesInWord(const std::string& word) {
   std::vector<std::string> out;
   for (std::size_t at = 0; (at = word.find('{', at)) != std::string::npos; ++at) {
     const std::size_t end = word.find('}', at);
@@ -63,7 +63,7 @@ class StepsJob : public Job {
                     "--allow-programs runs the programs that a plan names");
       }
       for (const std::string& word : step) {
-        for (const std::string& name : NamesIn(word)) {
+        for (const std::string& name : NamesInWord(word)) {
           if (std::find(known.begin(), known.end(), name) == known.end()) {
             throw Error(fmt::format("{{{}}} stands for nothing", name), plan.job.where + ".step",
                         "known here: " + JoinWords(known));
