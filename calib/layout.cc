@@ -206,8 +206,7 @@ void JudgeScale(const data::Lab& lab, const std::string& what, data::Rig* rig) {
   if (!scale.off) return;
   const std::string text = fmt::format(
       "the cameras stand {:.2g} +- {:.1g}% {} each other than {} has them, where each was put up "
-      "to "
-      "{}: {} is wrong, and with it the scale of everything, or the layout is",
+      "to {}: {} is wrong, and with it the scale of everything, or the layout is",
       100.0 * std::abs(scale.strain), 100.0 * scale.sigma,
       scale.strain > 0.0 ? "nearer to" : "farther from", lab.path,
       LengthText(lab.mounting.position), what);

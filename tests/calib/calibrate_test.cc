@@ -191,6 +191,7 @@ TEST(LensOrder, OneBadLensDoesNotBurdenTheOthers) {
     ASSERT_EQ(result.report.order, kOrderByCamera);
     EXPECT_EQ(result.report.lens_model, OrderName(result.report.orders.back()));
     EXPECT_LT(result.report.open_terms.rms_px, kReadingNoise);
+    EXPECT_FALSE(result.rig.covariance.row(9).isZero(0.0));  // c1 has x^3
     const Eigen::Matrix3Xd check = testing::CheckPoints(seed);
     own += std::pow(testing::ErrorsOf(result.rig, study.truth, check).Rms(), 2);
     shared += std::pow(

@@ -48,15 +48,7 @@ Tally Repeat(const Model& model, double expected_offset,
   Tally out;
   for (int seed = 0; seed < seeds; ++seed) {
     const Observations observations = data(static_cast<std::uint64_t>(seed));
-    FitProblem problem;
-    problem.parameters = TwoLinkParameters();
-    problem.trials.resize(1);
-    problem.trials[0].model = &model;
-    problem.trials[0].observations = &observations;
-    FitOptions options;
-    options.profile.wanted = false;
-    options.workers = 1;
-    const FitResult fit = Fit(problem, options);
+    const FitResult fit = FitTwoLink(model, observations, false);
     if (!fit.Usable()) {
       out.words += fmt::format("seed {}: {}\n", seed, fit.message);
       continue;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "base/statistics.h"
@@ -69,17 +70,23 @@ inline Coverage CountCovered(const std::vector<FitResult>& fits) {
   return out;
 }
 
-// A fit of frequency and decay.
-inline FitResult FitTwoLink(const Model& model, const Observations& data, bool profile) {
+// A fit of one trial, on this thread.
+inline FitResult FitOneTrial(const Model& model, const Observations& data,
+                             std::vector<Parameter> parameters, bool profile = false) {
   FitProblem problem;
+  problem.parameters = std::move(parameters);
   problem.trials.resize(1);
   problem.trials[0].model = &model;
-  problem.parameters = TwoLinkParameters();
   problem.trials[0].observations = &data;
   FitOptions options;
   options.profile.wanted = profile;
   options.workers = 1;
   return Fit(problem, options);
+}
+
+// A fit of frequency and decay.
+inline FitResult FitTwoLink(const Model& model, const Observations& data, bool profile) {
+  return FitOneTrial(model, data, TwoLinkParameters(), profile);
 }
 
 // Repeats fits of TwoLink to noisy trials of it.

@@ -32,18 +32,7 @@ std::set<Place> Plant(double share, double size, Rng* rng, Observations* o) {
   return planted;
 }
 
-FitResult FitTo(const Observations& data) {
-  const TwoLink model;
-  FitProblem problem;
-  problem.parameters = TwoLinkParameters();
-  problem.trials.resize(1);
-  problem.trials[0].model = &model;
-  problem.trials[0].observations = &data;
-  FitOptions options;
-  options.profile.wanted = false;
-  options.workers = 1;
-  return Fit(problem, options);
-}
+FitResult FitTo(const Observations& data) { return FitTwoLink(TwoLink(), data, false); }
 
 Observations Data(Rng* rng) {
   return Record(TwoLink(), TwoLink::Truth(), {"base", "elbow", "tip"}, SparseTrial(), *rng);

@@ -9,6 +9,7 @@
 #include "base/random.h"
 #include "correlate/fit/goodness.h"
 #include "correlate/residual/channel.h"
+#include "tests/correlate/fit_repeats.h"
 
 namespace unfurl::correlate::growing_test {
 namespace {
@@ -101,20 +102,13 @@ MarkSeries Mark(const std::string& name, double sigma, Rng& rng) {
 
 FitResult FitFrom(double off, const Observations& data) {
   static const Arm model;
-  FitProblem problem;
-  problem.parameters.resize(2);
-  Parameter &frequency = problem.parameters[0], &decay = problem.parameters[1];
+  std::vector<Parameter> parameters(2);
+  Parameter &frequency = parameters[0], &decay = parameters[1];
   frequency.name = "frequency", frequency.unit = "Hz", frequency.start = 1.1 * (1.0 + off);
   frequency.low = 0.5, frequency.high = 2.5;
   decay.name = "decay", decay.unit = "1/s", decay.start = 0.1, decay.low = 0.01, decay.high = 1.0;
   decay.log = true;
-  problem.trials.resize(1);
-  problem.trials[0].model = &model;
-  problem.trials[0].observations = &data;
-  FitOptions options;
-  options.profile.wanted = false;
-  options.workers = 1;
-  return Fit(problem, options);
+  return FitOneTrial(model, data, std::move(parameters));
 }
 
 void ExpectFound(double off, const Observations& data) {

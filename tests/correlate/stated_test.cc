@@ -90,17 +90,10 @@ TEST(Stated, OfAnAlignmentIsNamedWhereItIsWrong) {
 
 FitResult FitWith(const Observations& data, double mean, double sigma) {
   const Instrumented model;
-  FitProblem problem;
-  problem.parameters = TwoLinkParameters();
-  problem.parameters[0].has_prior = true;
-  problem.parameters[0].prior_mean = mean, problem.parameters[0].prior_sigma = sigma;
-  problem.trials.resize(1);
-  problem.trials[0].model = &model;
-  problem.trials[0].observations = &data;
-  FitOptions options;
-  options.profile.wanted = false;
-  options.workers = 1;
-  return Fit(problem, options);
+  std::vector<Parameter> parameters = TwoLinkParameters();
+  parameters[0].has_prior = true;
+  parameters[0].prior_mean = mean, parameters[0].prior_sigma = sigma;
+  return FitOneTrial(model, data, std::move(parameters));
 }
 
 // Ten of both standard deviations away. Where the data rule it moves nothing; where it rules, no

@@ -125,8 +125,8 @@ TEST_F(OtherLawsTest, AQuarterOfFrictionIsNoViscousDamping) {
     }
     std::printf("%s: doubted %d of %d, friction named %d, its moment held %d\n",
                 mark ? "mark" : "encoder", doubted, seeds, named, held);
-    EXPECT_GE(doubted, seeds - 2);
-    EXPECT_GE(named, seeds - 2);
+    EXPECT_GE(10 * doubted, 8 * seeds);
+    EXPECT_GE(10 * named, 8 * seeds);
     EXPECT_GE(held, named - 1);
   }
 }
