@@ -330,6 +330,18 @@ DensePolynomial Esdirk::Polynomial(int k) {
   return {{y_[k], r0, 3.0 * d - 2.0 * r0 - r1, r0 + r1 - 2.0 * d}, 4};
 }
 
+// By what the velocities' parabola differs from the straight line.
+double Esdirk::DenseDoubt(double sigma) {
+  const int n3 = 3 * n_;
+  const double bend = 3.0 * sigma * (1.0 - sigma);
+  const auto difference = [&](int k) {
+    if (k < n3 || k >= 2 * n3) return 0.0;
+    const double mean = (trial_[k - n3] - y_[k - n3]) / h_;
+    return bend * (y_[k] + trial_[k] - 2.0 * mean);
+  };
+  return kStrictness * Norm(y_.data(), trial_.data(), difference);
+}
+
 // Between its ends the cubic is off by h^4, which is nothing in a place and may be everything in a
 // stiff force. With A of the step's start and y' the cubic's rate, d = (f(y) - y') is taken out by
 // Newton's step as far as it is stiff: -h gamma A (I - h gamma A)^-2 h gamma d, which leaves alone

@@ -43,6 +43,7 @@ class Esdirk : public Stepper {
   void AcceptUntil(double sigma, double t) override;
   DensePolynomial Polynomial(int entry) override;
   bool Sample(double sigma, double* out) override;
+  double DenseDoubt(double sigma) override;
   void Project(double t, double* y) override;
 
  protected:

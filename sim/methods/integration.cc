@@ -22,7 +22,8 @@ constexpr double kFirstStep = 1e-6;
 // Over the diagonal entry before elimination: below, constraints depend on one another but for
 // rounding.
 constexpr double kSingularPivot = 1e-12;
-constexpr double kNearEnd = 0.01;     // of an implicit step: velocities there are nearly its ends'
+constexpr double kNearEnd = 0.01;  // of what is left of a step behind an event: kept when it is cut
+constexpr int kMostCuts = 5;  // of a step to end at an event: each brings it some digits nearer
 constexpr double kAcrossError = 1e5;  // over the error allowed: taken all the same
 constexpr double kForget = 0.97;      // by which the longest step on record fades at each step
 constexpr double kZonePart = 0.25;    // of a contact's transition zone, per step on the way out
@@ -146,7 +147,8 @@ void Integration::StartMotion() {
 }
 
 void Integration::NoteAccepted(double h) {
-  across_ = ends_at_event_ = false;
+  across_ = false;
+  cuts_ = 0;
   crossings_ = 0;
   longest_ = std::max(h, kForget * longest_);
   if (report_.steps % kStabilitySteps == 0) {
@@ -166,12 +168,12 @@ bool Integration::FollowFunctions(double* h) {
   return true;
 }
 
+double Integration::LeastStep() const { return 64.0 * std::numeric_limits<double>::epsilon() * t_; }
+
 bool Integration::FollowLaws(double* h) {
   if (paths_.empty()) return false;
   const double part = paths_.Part(t_, *h, stepper_->state(), stepper_->trial());
-  // Below this, times within the step are equal but for rounding.
-  const double least = 64.0 * std::numeric_limits<double>::epsilon() * t_;
-  if (part >= 1.0 || part * *h <= least) return false;
+  if (part >= 1.0 || part * *h <= LeastStep()) return false;
   *h *= part;
   stepper_->Drop();
   ++report_.rejected;
@@ -180,13 +182,14 @@ bool Integration::FollowLaws(double* h) {
 }
 
 // Within the step its velocities are a cubic's, off by h^3 where both ends have the tolerance's
-// error: in proportion to the distance from the nearer end, as that goes to zero.
+// error: in proportion to the distance from the nearer end, as that goes to zero. The event's time
+// is off likewise, so a cut step is looked at like any other.
 bool Integration::EndAtEvent(double* h) {
-  if (role_ != StepperSet::kImplicit || is_near_ || ends_at_event_) return false;
+  if (role_ != StepperSet::kImplicit || is_near_ || cuts_ >= kMostCuts) return false;
   double sigma = 1.0;
   if (!finder_.FindFirst(*stepper_, dynamics_.modes(), &sigma)) return false;
-  if (sigma < kNearEnd || 1.0 - sigma < 2.0 * kNearEnd) return false;
-  ends_at_event_ = true;
+  if (stepper_->DenseDoubt(sigma) <= 1.0 || sigma * *h < LeastStep()) return false;
+  ++cuts_;
   *h *= sigma + kNearEnd * (1.0 - sigma);
   stepper_->Drop();
   ++report_.rejected;

@@ -37,6 +37,8 @@ class Integration {
   bool FollowLaws(double* h);
   // Shortens a good implicit step with an event in it to end just past that; true: it was.
   bool EndAtEvent(double* h);
+  // Below this, times within a step are equal but for rounding [s].
+  double LeastStep() const;
   void CountStep();
   void FillReport();
   void Shrink(double error, double* h);
@@ -121,8 +123,8 @@ class Integration {
   double longest_ = 0.0;          // of the last good steps [s]
   bool across_ = false;           // the step about to be tried is to cross
   int crossings_ = 0;
-  bool ends_at_event_ = false;  // the step about to be tried, as was found
-  double t_ = 0.0;              // [s]
+  int cuts_ = 0;    // of the step about to be tried, to end it where an event was found
+  double t_ = 0.0;  // [s]
   std::chrono::steady_clock::time_point begin_;
   // When the pace was looked at last, and which time for the whole run it then foretold [s].
   double pace_from_ = 0.0, pace_t_ = 0.0, foretold_ = 0.0;

@@ -96,6 +96,9 @@ class Stepper {
     Dense(sigma, out);
     return false;
   }
+  // How far the velocities within the last tried step may be off, in units of the error allowed to
+  // a step; 0: no further than at its ends.
+  virtual double DenseDoubt(double /*sigma*/) { return 0.0; }
   // Whether Polynomial costs no further evaluation.
   virtual bool DenseIsFree() const { return true; }
   // A cheaper stand-in for Polynomial, off by at most about `margin` anywhere in the step.
