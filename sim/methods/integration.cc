@@ -26,7 +26,6 @@ constexpr double kNearEnd = 0.01;  // of what is left of a step behind an event:
 constexpr int kMostCuts = 5;  // of a step to end at an event: each brings it some digits nearer
 constexpr double kAcrossError = 1e5;  // over the error allowed: taken all the same
 constexpr double kForget = 0.97;      // by which the longest step on record fades at each step
-constexpr double kZonePart = 0.25;    // of a contact's transition zone, per step on the way out
 // Steps between checks of Ctrl-C, pivots and progress: at most so many, and fewer where steps are
 // long, so that a check comes every tenth of a second or so.
 constexpr int kPollSteps = 512, kPollBodies = 100'000;
@@ -75,8 +74,8 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       functions_(model, end_, options.rtol, options.max_step),
       tables_(model, options.rtol),
       paths_(model, scale_),
-      last_error_(1e-4),
-      zone_part_(kZonePart * std::min(2.0, std::pow(options.rtol / 1e-6, 0.2))) {
+      contacts_(model, scale_),
+      last_error_(1e-4) {
   dynamics_.track_energy = options.track_energy;
   loops_ = model.constraints.HasLoops(true);
   switches_ = options.method == Method::kAuto && options.order == 0;
@@ -171,8 +170,11 @@ bool Integration::FollowFunctions(double* h) {
 double Integration::LeastStep() const { return 64.0 * std::numeric_limits<double>::epsilon() * t_; }
 
 bool Integration::FollowLaws(double* h) {
-  if (paths_.empty()) return false;
-  const double part = paths_.Part(t_, *h, stepper_->state(), stepper_->trial());
+  if (paths_.empty() && contacts_.empty()) return false;
+  const double part = std::min(
+      paths_.Part(t_, *h, stepper_->state(), stepper_->trial()),
+      contacts_.Part(dynamics_.MotionAt(t_, stepper_->state()),
+                     dynamics_.MotionAt(t_ + *h, stepper_->trial()), *h, dynamics_.modes()));
   if (part >= 1.0 || part * *h <= LeastStep()) return false;
   *h *= part;
   stepper_->Drop();

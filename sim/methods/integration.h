@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "sim/methods/axial_watch.h"
+#include "sim/methods/contact_watch.h"
 #include "sim/methods/edges.h"
 #include "sim/methods/event_log.h"
 #include "sim/methods/events.h"
@@ -110,6 +111,7 @@ class Integration {
   FunctionWatch functions_;
   TableWatch tables_;
   PathWatch paths_;
+  ContactWatch contacts_;
   double last_error_ = 0.0;       // of the last step, over what is allowed [-]
   double zone_part_ = 0.0;        // of a transition zone, per step [-]
   double drift_ = 0.0;            // the largest, in tolerances [-]

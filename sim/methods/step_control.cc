@@ -12,7 +12,7 @@ namespace {
 
 // Controller of Hairer, Norsett and Wanner (Solving ODEs I, II.4), with memory against the
 // oscillation of steps that stability limits.
-constexpr double kSafety = 0.9, kMemory = 0.2;          // memory times the order
+constexpr double kSafety = 0.9, kMemory = 0.2;              // memory times the order
 constexpr double kMostGrowth = 5.0, kMostStepShrink = 0.2;  // of one step by the one before
 // Of the options' time scale: how far ahead a function of time is looked for that fails; the
 // smallest step, also of the time reached.
@@ -25,6 +25,9 @@ constexpr double kFarAgain = 1.5;      // times that: far enough
 constexpr double kAcrossShrink = 0.1;  // of the steps before: they have shrunk
 constexpr double kAcrossGrowth = 1.3;  // of each further step across, where one did not lead out
 constexpr int kMostAcross = 6;         // of growing length
+// Of a contact's transition zone, per step on the way out: the watch of contacts sees kinks that
+// are an eighth of it apart.
+constexpr double kZonePart = 0.5;
 
 }  // namespace
 
@@ -133,7 +136,7 @@ double Integration::ContactStep() const {
                            std::max(zone - std::max(0.0, c.depth), kLeast * zone) / c.depth_rate);
       }
       if (c.depth_rate >= 0.0 || c.depth <= 0.0) continue;
-      longest = std::min(longest, std::max(c.depth - zone, zone_part_ * zone) / -c.depth_rate);
+      longest = std::min(longest, std::max(c.depth - zone, kZonePart * zone) / -c.depth_rate);
     }
   }
   return longest;

@@ -170,7 +170,7 @@ constexpr char kAll[] = R"(["mark1", "mark1b", "mark2", "mark3", "dark"])";
 constexpr double kNear = 2e-3;  // [m]; another mark is 0.1 m away and more
 
 TEST(Reconstruct, WhatIsKeptOfTheLineBeforeIsNoMark) {
-  for (const char* share : {"0.005", "0.02", "0.04"}) {
+  for (const char* share : {"0.005", "0.04"}) {
     Ghosts trial({std::string("sensor.residual=") + share, "led.peak=0.9"});
     data::TrialHeader header;
     // From 1.2 s on the third mark's LED is dead: its lines are as dark ones at its place are.
