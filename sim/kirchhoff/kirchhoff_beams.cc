@@ -112,6 +112,18 @@ void KirchhoffBeams::Solve(Load load, Work* work, double* ax, double* ay, double
   }
 }
 
+double KirchhoffBeams::Mobility(const Work& work, int body) const {
+  for (std::size_t b = 0; b < beams_.size(); ++b) {
+    const std::vector<int>& attached = beams_[b].attached;
+    const auto found = std::find(attached.begin(), attached.end(), body);
+    if (found == attached.end()) continue;
+    const auto angle = 3 * static_cast<std::size_t>(found - attached.begin()) + 2;
+    const std::size_t at = static_cast<std::size_t>(compliance_at_[b]);
+    return work.compliance[at + angle * (3 * attached.size() + 1)];
+  }
+  return 0.0;
+}
+
 void KirchhoffBeams::Accelerate(const double* fx, const double* fy, const double* m, Work* work,
                                 double* ax, double* ay, double* alpha) const {
   double* block[3] = {ax, ay, alpha};

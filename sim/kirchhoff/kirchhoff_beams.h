@@ -53,6 +53,9 @@ class KirchhoffBeams {
   // Accelerations of the attachments' bodies without constraints, and Work::compliance; at the last
   // Update.
   void Solve(Load load, Work* work, double* ax, double* ay, double* alpha) const;
+  // The angular acceleration of a body by a moment of 1 N m on it, all else free, at the last
+  // Solve; 0: no beam's attachment [1/(kg m^2)].
+  double Mobility(const Work& work, int body) const;
   // Accelerations of all their bodies with the constraints' forces; after Solve.
   void Accelerate(const double* fx, const double* fy, const double* m, Work* work, double* ax,
                   double* ay, double* alpha) const;

@@ -15,6 +15,9 @@ constexpr double kBesideKink = 1e-4;
 // Of the error allowed to a step: a contact has some five kinks.
 constexpr double kKinkPart = 0.2;
 
+// Of a step: so near to an end of it a kink is met.
+constexpr double kKinkMet = 1e-3;
+
 // Pieces of the law, within each of which the force is smooth.
 enum class Piece { kHeld, kZone, kBeyond };
 
@@ -48,13 +51,14 @@ double ContactWatch::PartOf(int k, bool upper, const JointPath& path, double wei
     // What a kink hides: its change of slope, over the time to the nearer end.
     const double bend = std::fabs(rise(high + kBesideKink) - rise(low - 2.0 * kBesideKink));
     const double near = std::min(high, 1.0 - high);
-    if (0.5 * bend / kBesideKink * near * near * weight > kKinkPart) return high;
+    if (near > kKinkMet && 0.5 * bend / kBesideKink * near * near * weight > kKinkPart) return high;
   }
   return 1.0;
 }
 
 double ContactWatch::Part(const Motion& start, const Motion& end, double h,
-                          const std::vector<LatchMode>& modes) const {
+                          const std::vector<LatchMode>& modes,
+                          const KirchhoffBeams::Work& beams) const {
   double part = 1.0;
   for (int k = 0; k < model_.latches.count(); ++k) {
     const LatchMode mode = modes[static_cast<std::size_t>(k)];
@@ -67,7 +71,8 @@ double ContactWatch::Part(const Motion& start, const Motion& end, double h,
     double mobility = 0.0, fastest = 0.0;
     for (const int body : {hinge.inner, hinge.outer}) {
       if (body == model_.rigid_bodies.ground) continue;
-      mobility += model_.rigid_bodies.inverse_inertia[static_cast<std::size_t>(body)];
+      mobility += model_.rigid_bodies.inverse_inertia[static_cast<std::size_t>(body)] +
+                  model_.kirchhoff.Mobility(beams, body);
       fastest = std::max(fastest, std::fabs(start.omega[body]));
     }
     const double lever = std::fabs(model_.latches.Depth(k, 1.0));

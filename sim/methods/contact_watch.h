@@ -15,9 +15,9 @@ class ContactWatch {
 
   bool empty() const { return model_.latches.count() == 0; }
   // Of the step of h [s] between two motions, in these modes: the part that ends at the first such
-  // kink; 1: there is none.
-  double Part(const Motion& start, const Motion& end, double h,
-              const std::vector<LatchMode>& modes) const;
+  // kink; 1: there is none. `beams` is of a right side that is not far away.
+  double Part(const Motion& start, const Motion& end, double h, const std::vector<LatchMode>& modes,
+              const KirchhoffBeams::Work& beams) const;
 
  private:
   double PartOf(int k, bool upper, const JointPath& path, double weight) const;

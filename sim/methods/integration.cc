@@ -171,10 +171,11 @@ double Integration::LeastStep() const { return 64.0 * std::numeric_limits<double
 
 bool Integration::FollowLaws(double* h) {
   if (paths_.empty() && contacts_.empty()) return false;
-  const double part = std::min(
-      paths_.Part(t_, *h, stepper_->state(), stepper_->trial()),
-      contacts_.Part(dynamics_.MotionAt(t_, stepper_->state()),
-                     dynamics_.MotionAt(t_ + *h, stepper_->trial()), *h, dynamics_.modes()));
+  const double part =
+      std::min(paths_.Part(t_, *h, stepper_->state(), stepper_->trial()),
+               contacts_.Part(dynamics_.MotionAt(t_, stepper_->state()),
+                              dynamics_.MotionAt(t_ + *h, stepper_->trial()), *h, dynamics_.modes(),
+                              dynamics_.constraint_work().smooth_work));
   if (part >= 1.0 || part * *h <= LeastStep()) return false;
   *h *= part;
   stepper_->Drop();
