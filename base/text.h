@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <string>
 #include <string_view>
@@ -18,5 +19,7 @@ std::string_view Trim(std::string_view text);
 
 // The whole of `text` as a number, or nothing. Locale-free; takes inf and nan, so test for finite.
 bool ParseDouble(std::string_view text, double* value);
+// Likewise as a whole number, without a sign.
+bool ParseWhole(std::string_view text, std::uint64_t* value);
 
 }  // namespace unfurl

@@ -2,13 +2,13 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
 #include <chrono>
 #include <cmath>
 #include <limits>
 
 #include "base/cpu_time.h"
 #include "base/error.h"
+#include "base/text.h"
 #include "data/h5.h"
 
 namespace unfurl::campaign {
@@ -17,11 +17,6 @@ namespace {
 
 constexpr char kSchema[] = "unfurl/campaign_part";
 constexpr int kVersion = 1;
-
-bool ParseWhole(std::string_view text, std::uint64_t* value) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), *value);
-  return error == std::errc() && end == text.data() + text.size();
-}
 
 }  // namespace
 

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
 #include <filesystem>
 
 #include "base/error.h"
@@ -41,11 +40,6 @@ SlurmAnswer Ask(const std::vector<std::string>& words) {
   std::string why = data::LastLineOf(err);
   if (why.rfind("Try ", 0) == 0) why = Split(data::ReadTextFile(err), '\n').front();
   return {outcome.code, data::ReadTextFile(out), why};
-}
-
-bool ParseWhole(std::string_view text, std::uint64_t* value) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), *value);
-  return error == std::errc() && end == text.data() + text.size();
 }
 
 // Of a job that has ended some versions say so as an error.

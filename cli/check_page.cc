@@ -27,7 +27,7 @@ Level LevelOfCheckPage(const CheckResult& result) {
 // Where all is well nothing is tried without a camera or a point.
 bool TriedWithout(const CheckResult& result) { return result.chance < result.options.doubtful; }
 
-std::string Cell(double value, double scale, int decimals) {
+std::string ScaledCell(double value, double scale, int decimals) {
   return std::isfinite(value) ? fmt::format("{:.{}f}", scale * value, decimals) : "-";
 }
 
@@ -64,9 +64,9 @@ void AddCameras(const CheckResult& result, report::Page* page) {
   }
   if (TriedWithout(result)) table.header.push_back("p-value without it");
   for (const calib::CheckedCamera& camera : result.cameras) {
-    table.rows.push_back({camera.name, std::to_string(camera.readings),
-                          Cell(camera.shift_px, 1.0, 3), Cell(camera.shift_sigma_px, 1.0, 3),
-                          Cell(camera.shows_px, 1.0, 2)});
+    table.rows.push_back(
+        {camera.name, std::to_string(camera.readings), ScaledCell(camera.shift_px, 1.0, 3),
+         ScaledCell(camera.shift_sigma_px, 1.0, 3), ScaledCell(camera.shows_px, 1.0, 2)});
     if (misfits) {
       table.rows.back().push_back(fmt::format("{:.3f}", camera.rms_px));
       table.rows.back().push_back(fmt::format("{:.3f}", camera.rms_predicted_px));
@@ -187,9 +187,10 @@ void AddPoints(const CheckResult& result, bool bar, report::Page* page) {
   const bool without = TriedWithout(result);
   if (without) table.header.push_back("p-value without it");
   for (const calib::CheckedPoint& point : result.points) {
-    table.rows.push_back({point.id, Cell(point.at.x(), 1.0, 3), Cell(point.at.y(), 1.0, 3),
-                          Cell(point.at.z(), 1.0, 3), Cell(point.error, unit.per_metre, 3),
-                          Cell(point.predicted, unit.per_metre, 3)});
+    table.rows.push_back({point.id, ScaledCell(point.at.x(), 1.0, 3),
+                          ScaledCell(point.at.y(), 1.0, 3), ScaledCell(point.at.z(), 1.0, 3),
+                          ScaledCell(point.error, unit.per_metre, 3),
+                          ScaledCell(point.predicted, unit.per_metre, 3)});
     if (without) table.rows.back().push_back(fmt::format("{:.2g}", point.chance_without));
   }
   page->AddTable(table);

@@ -38,7 +38,7 @@ struct DesignArguments {
   bool allow_programs = false;
 };
 
-ordered_json NumberOrNull(double value) {
+ordered_json SigmaOrNull(double value) {
   return std::isfinite(value) ? ordered_json(value) : ordered_json();
 }
 
@@ -51,8 +51,8 @@ ordered_json ToJson(const study::StudyDesign& d, const study::DesignCase& c) {
   if (!c.cycle.empty()) out["cycle"] = c.cycle;
   for (std::size_t j = 0; j < c.alone.size(); ++j) {
     const std::string& name = d.tells.parameters[j];
-    out["sigma"][name] = NumberOrNull(c.alone[j]);
-    out["sigma_together"][name] = NumberOrNull(c.together[j]);
+    out["sigma"][name] = SigmaOrNull(c.alone[j]);
+    out["sigma_together"][name] = SigmaOrNull(c.together[j]);
   }
   return out;
 }
@@ -70,7 +70,7 @@ ordered_json ToJson(const study::StudyDesign& d,
     ordered_json one = {{"name", c.name}, {"readings", c.readings}};
     for (std::size_t j = 0; j < c.share.size(); ++j) {
       one["share"][d.tells.parameters[j]] = c.share[j];
-      one["without"][d.tells.parameters[j]] = NumberOrNull(c.without[j]);
+      one["without"][d.tells.parameters[j]] = SigmaOrNull(c.without[j]);
     }
     out.push_back(std::move(one));
   }

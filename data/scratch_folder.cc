@@ -36,7 +36,7 @@ int LockFolder(const fs::path& path) {
 }
 
 // Programs that were killed leave their folders behind: our own, unlocked, and not just made.
-void RemoveStale(const fs::path& where, const std::string& head) {
+void RemoveStaleFolders(const fs::path& where, const std::string& head) {
   constexpr std::time_t kYoung = 10;  // [s], between making and locking
   std::error_code failed;
   for (const std::string& name : NamesIn(where.string())) {
@@ -59,7 +59,7 @@ void CleanOnce(const fs::path& where, const std::string& head) {
   static std::mutex mutex;
   static std::set<std::string> done;
   const std::lock_guard<std::mutex> lock(mutex);
-  if (done.insert(head).second) RemoveStale(where, head);
+  if (done.insert(head).second) RemoveStaleFolders(where, head);
 }
 
 }  // namespace

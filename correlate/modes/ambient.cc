@@ -155,7 +155,7 @@ AmbientMode ModeOf(const PoleCluster& cluster, const Subspace& subspace,
 // What a pole of noise alone would rarely show: of as many complex numbers as there are references
 // the one combination is looked at that shows most, and some tens of clusters are. And each follows
 // the noise that it is judged by, which makes half as much again of it.
-double EvidenceAsked(std::size_t references, double chance) {
+double AmbientEvidenceAsked(std::size_t references, double chance) {
   constexpr double kClusters = 30.0, kFollowed = 2.0;  // as said above, the latter rounded up [-]
   return kFollowed *
          ChiSquareQuantile(1.0 - chance / kClusters, 2.0 * static_cast<double>(references));
@@ -196,7 +196,7 @@ void Search(const Part& part, const AmbientOptions& options, AmbientFit* fit) {
   if (covariances.blocks.cols() < kFewestBlocks) return;
   const Subspace subspace(covariances, l, rows, part.joint.step);
   const PoleDiagram diagram = DiagramOf(subspace, part.low, part.high, options);
-  const double asked = EvidenceAsked(covariances.references.size(), options.chance);
+  const double asked = AmbientEvidenceAsked(covariances.references.size(), options.chance);
   const double sure = NormalQuantile(1.0 - options.chance);
   for (const PoleCluster& cluster : Clusters(diagram, options)) {
     AmbientMode m = ModeOf(cluster, subspace, covariances, part.joint.scale);

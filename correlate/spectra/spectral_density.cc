@@ -18,7 +18,7 @@ namespace {
 constexpr std::size_t kFewestOfSegment = 8;  // samples of a segment
 
 // "m^2"; "(m/s^2)^2" of a unit that is more than a name.
-std::string Squared(const std::string& unit) {
+std::string SquaredUnit(const std::string& unit) {
   const bool compound = unit.find_first_of("^/ ") != std::string::npos;
   return compound ? "(" + unit + ")^2" : unit + "^2";
 }
@@ -123,7 +123,7 @@ CrossSpectrum WelchCrossSpectrum(std::span<const double> t, std::span<const doub
       "of {2} samples every {3:.4g} s, overlapping by {4:.0f}%, worth {5:.1f} independent ones; "
       "{6} "
       "of each, {7} window; bins {8:.4g} Hz apart, noise bandwidth {9:.4g} Hz; {10}",
-      Squared(unit), out.segments, n, out.dt,
+      SquaredUnit(unit), out.segments, n, out.dt,
       100.0 * (1.0 - static_cast<double>(hop) / static_cast<double>(n)), out.effective_segments,
       Name(options.detrend), Name(options.window), out.resolution, out.noise_bandwidth,
       out.segments > 1 ? fmt::format("unrelated noise shows a coherence above {:.2f} in one bin of "

@@ -18,7 +18,7 @@ constexpr Method kMethods[] = {Method::kAuto, Method::kProjected, Method::kParti
                                Method::kImplicit};
 // Tolerances that a run may be off; and where hard stops, which turn an error within a contact of
 // microseconds into one of the speed after it, hand it on (docs/accuracy.md: the bouncing latch).
-constexpr double kAllowed = 10.0, kAllowedOfStops = 223.0;
+constexpr double kAllowed = 10.0, kAllowedOfStops = 100.0;
 // Of a range: the largest error that is magnified as a small one is [-].
 constexpr double kFirstOrder = 0.05;
 

@@ -13,6 +13,7 @@
 #include <utility>
 
 #include "complexity.h"
+#include "helpers.h"
 #include "house.h"
 #include "tests/source_dir.h"
 
@@ -156,6 +157,15 @@ TEST(Tree, FunctionsAreSimple) {
   std::printf("note: %zu of %zu functions are over %d\n", complex.size(), functions, kComplex);
   EXPECT_LE(100 * complex.size(), functions) << "the largest are listed above";
   EXPECT_GT(functions, 1000u);
+}
+
+TEST(Tree, HelpersAreNotConfused) {
+  std::map<std::string, std::map<std::string, std::string>> rooms;
+  for (const auto& [path, text] : Tree()) {
+    if (path.ends_with(".cc") && !RoomOf(path).empty()) rooms[RoomOf(path)][path] = text;
+  }
+  EXPECT_GT(rooms.size(), 5U);
+  for (const auto& [room, files] : rooms) Expect(CheckHelpers(files));
 }
 
 TEST(Tree, NumbersHaveReasons) {
