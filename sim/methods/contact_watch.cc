@@ -38,6 +38,11 @@ double ContactWatch::PartOf(int k, bool upper, const JointPath& path, double wei
     return contact(s + kBesideKink).force - contact(s).force;
   };
   Piece before = piece(0.0);
+  // Pressed in further from beyond the zone, it has none.
+  if (before == Piece::kBeyond && piece(1.0) == before && contact(0.0).depth_rate >= 0.0 &&
+      contact(1.0).depth_rate >= 0.0) {
+    return 1.0;
+  }
   for (int i = 1; i <= kPlacesOfContact; ++i) {
     double low = static_cast<double>(i - 1) / kPlacesOfContact;
     double high = static_cast<double>(i) / kPlacesOfContact;
