@@ -54,6 +54,8 @@ struct BundleState {
 
 // How a bundle ended; the numbers are at the solution.
 struct BundleSummary {
+  // The cost changed no more, or is at its minimum to within a tenth of a standard error in the
+  // worst direction.
   bool converged = false;
   int iterations = 0;
   // Sum of squared whitened residuals of the readings and surveyed points that lie in the loss's

@@ -15,7 +15,8 @@ struct RefineOptions {
   GrossOptions gross;
   bool choose_gross = true;  // false: what is left out stays as it is
   int rounds = 8;
-  int max_iterations = 100;  // of each bundle
+  // Of each bundle. Some ten are usual; cameras with all terms and rows of 16384 pixels take 200.
+  int max_iterations = 300;
 };
 
 // A bundle by least squares of what is believed, and what is believed of each kind of datum.

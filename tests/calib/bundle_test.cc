@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <limits>
+#include <vector>
 
 #include "base/statistics.h"
 #include "tests/calib/fixtures.h"
@@ -99,6 +101,41 @@ TEST(Bundle, DoesNotDependOnTheSurveysFrame) {
   }
   check = (R * check).colwise() + t;
   EXPECT_NEAR(ErrorsOf(there.rig, truth, check).Rms(), errors.Rms(), 0.02 * errors.Rms());
+}
+
+// A search that is out of iterations has converged where nothing that matters is left to win, and
+// nowhere else. What is left is known from a search without an end.
+TEST(Bundle, ConvergedIsWithinATenthOfAStandardError) {
+  const auto study = MakeStudy(8, 60);
+  const std::vector<CameraGuess> guesses = GuessCameras(study.data, {}, "test");
+  BundleState start;
+  start.points = study.data.p;
+  std::vector<CameraPrior> priors;
+  for (const CameraGuess& guess : guesses) {
+    priors.push_back(guess.prior);
+    start.cameras.push_back(guess.camera);
+  }
+  BundleOptions options;
+  options.loss_width = std::numeric_limits<double>::infinity();
+  options.function_tolerance = 1e-300;  // no search ends by it
+  const Weighting weighting = EqualWeighting(study.data, 0.0);
+  BundleState best = start;
+  const double least = SolveBundle(study.data, priors, weighting, options, &best).chi_square;
+  double far = 0.0, near = 0.0;
+  for (options.max_iterations = 1; options.max_iterations <= 20; ++options.max_iterations) {
+    BundleState state = start;
+    const BundleSummary summary = SolveBundle(study.data, priors, weighting, options, &state);
+    const double left = summary.chi_square - least;
+    if (summary.converged) {
+      near = left;
+      EXPECT_EQ(summary.iterations, options.max_iterations + 1);  // the start is counted
+      break;
+    }
+    far = left;
+  }
+  EXPECT_LT(options.max_iterations, 20);
+  EXPECT_GT(far, 0.01);
+  EXPECT_LT(std::abs(near), 0.01);
 }
 
 // A solver that cannot go on says so in its summary, and not on the user's terminal.
