@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "base/statistics.h"
+#include "correlate/spectra/bridge.h"
 #include "correlate/spectra/lomb_scargle.h"
 
 namespace unfurl::correlate {
@@ -46,13 +47,14 @@ bool Rate(const std::vector<double>& t, const std::vector<double>& test,
   // Samples. The standard shifts by up to a fifth of the length: of fewer than 50, one sample is
   // over a tenth of that, and the phase score is as coarse.
   constexpr std::size_t kMost = 3000, kLeast = 50;
-  const auto stretch = LongestEvenStretch(t);
+  const BridgedRecord whole = BridgeGaps(t, {test, computed});
+  const auto stretch = LongestEvenStretch(whole.t);
   if (stretch.count < kLeast) return false;
   const std::size_t skip = (stretch.count + kMost - 1) / kMost;
   std::vector<double> a, b;
   for (std::size_t i = stretch.first; i < stretch.first + stretch.count; i += skip) {
-    a.push_back(test[i]);
-    b.push_back(computed[i]);
+    a.push_back(whole.x[0][i]);
+    b.push_back(whole.x[1][i]);
   }
   *rating = RateObjectively(a, b);
   *step = stretch.dt * static_cast<double>(skip);
@@ -148,6 +150,15 @@ Spectrum AsSpectrum(LombSpectrum from) {
   return out;
 }
 
+// Samples `first` to `last` of what was measured and of its reference, or of the same again.
+BridgedRecord Bridged(const ComparedSignal& s, std::size_t first, std::size_t last) {
+  const auto part = [&](const std::vector<double>& of) {
+    return std::span(of).subspan(first, last - first);
+  };
+  return BridgeGaps(part(s.t),
+                    {part(s.measured), part(s.reference.empty() ? s.measured : s.reference)});
+}
+
 ComparedSpectrum SpectraOf(const ComparedSignal& s, std::size_t first, std::size_t last,
                            const SpectrumOptions& how) {
   // With less in one piece, least squares at the stamps themselves tell more than a shorter record.
@@ -156,12 +167,11 @@ ComparedSpectrum SpectraOf(const ComparedSignal& s, std::size_t first, std::size
   ComparedSpectrum out;
   out.id = s.id;
   out.name = s.name;
-  const auto t = std::span(s.t).subspan(first, last - first);
-  const auto x = std::span(s.measured).subspan(first, last - first);
   const bool alone = s.reference.empty();
-  const auto y = alone ? x : std::span(s.reference).subspan(first, last - first);
+  const BridgedRecord whole = Bridged(s, first, last);
+  const std::span<const double> t(whole.t), x(whole.x[0]), y(whole.x[1]);
   const auto stretch = LongestEvenStretch(t);
-  const double share = static_cast<double>(stretch.count) / static_cast<double>(last - first);
+  const double share = static_cast<double>(stretch.count) / static_cast<double>(t.size());
   if (stretch.count >= kFewestOfSpectrum && share >= kMostlyWhole) {
     out.measured =
         AmplitudeSpectrum(x.subspan(stretch.first, stretch.count), stretch.dt, unit, how);
@@ -172,9 +182,12 @@ ComparedSpectrum SpectraOf(const ComparedSignal& s, std::size_t first, std::size
     const std::span a(out.measured.value), b(out.reference.value);
     // The first two bins hold what detrending left.
     if (a.size() > 2 && !alone) out.frac = FrequencyResponseAssurance(a.subspan(2), b.subspan(2));
-    if (!stretch.whole) {
+    if (whole.filled > 0) {
+      out.note = fmt::format("samples put in where they are missing, {} of {}: what the others say",
+                             whole.filled, t.size());
+    } else if (!stretch.whole) {
       out.note = fmt::format("{} of {} samples: the longest stretch without a gap", stretch.count,
-                             last - first);
+                             t.size());
     }
   } else {
     const auto sigma = s.sigma.empty() ? std::span<const double>()
@@ -320,12 +333,9 @@ void UseDensityPeaks(const ComparisonOptions& options, bool record, bool referen
                                      [&](const auto& s) { return s.id == spectrum.id; });
     if (signal == c->signals.end() || spectrum.density.segments == 0) continue;
     const auto [first, last] = WithinSpectra(*c, *signal);
-    const auto part = [&, from = first, count = last - first](const std::vector<double>& x) {
-      return std::span(x).subspan(from, count);
-    };
     const bool alone = signal->reference.empty();
-    const auto t = part(signal->t), x = part(signal->measured);
-    const auto y = alone ? x : part(signal->reference);
+    const BridgedRecord whole = Bridged(*signal, first, last);
+    const std::span<const double> t(whole.t), x(whole.x[0]), y(whole.x[1]);
     DensityOptions how{options.window, Detrend::kLine};
     how.segment = std::max<std::size_t>(
         kFewestOfSpectrum,

@@ -124,11 +124,31 @@ bool GoAlong(const FitProblem& problem, const FitOptions& options, bool aligned,
   return false;
 }
 
+// Where the start lies beside the record nowhere, and no part of it leads: from points over the
+// bounds that do.
+bool GoFromBounds(const FitProblem& problem, const FitOptions& options, FitOptions* kept,
+                  std::unique_ptr<FitRun>* run) {
+  const std::optional<FitOptions> wider = Wider(problem, options);
+  if (!wider) return false;
+  *kept = *wider;  // the run refers to it
+  auto other = std::make_unique<FitRun>(problem, *kept);
+  const bool led = other->Screen() && other->LeadStarts() && other->LiesBesideRecord();
+  if (led) {
+    other->TakeOver(std::move(**run), Elsewhere::kFound);
+    *run = std::move(other);
+  } else {
+    (*run)->TakeOver(std::move(*other), Elsewhere::kNotLooked);
+  }
+  return led;
+}
+
 // From the start to a first minimum; false: there is none.
 bool Begin(const FitProblem& problem, const FitOptions& options, FitOptions* growing,
            std::unique_ptr<FitRun>* run) {
   if (!(*run)->Screen()) {
-    return (*run)->NotAligned() && GoAlong(problem, options, false, growing, run) &&
+    return (*run)->NotAligned() &&
+           (GoAlong(problem, options, false, growing, run) ||
+            GoFromBounds(problem, options, growing, run)) &&
            (*run)->Solve();
   }
   if (!(*run)->LeadStarts() || !(*run)->Solve()) return false;

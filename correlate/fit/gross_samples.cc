@@ -17,6 +17,7 @@ constexpr double kLikelier = 0.5;  // probability of being gross beyond which a 
 struct Deviation {
   GrossSample sample;
   double square = 0.0;       // of its coordinates [-]
+  double excused = 0.0;      // so far off it may be for what the model does there [sigmas]
   std::size_t place = 0;     // among the series' known samples
   double probability = 0.0;  // of being gross
 };
@@ -178,7 +179,7 @@ GrossErrors FindIn(std::vector<Neighbours>* series, const GrossCandidates& among
     wide = mixture.wide, narrow = mixture.narrow;
     std::vector<Deviation> now;
     for (Deviation* d : among.all) {
-      if (d->sample.sigmas < among.least_size) d->probability = 0.0;
+      if (d->sample.sigmas < std::max(among.least_size, d->excused)) d->probability = 0.0;
       if (d->probability > kLikelier) now.push_back(*d);
     }
     const bool same = std::equal(now.begin(), now.end(), gross.begin(), gross.end(),
@@ -225,10 +226,12 @@ std::vector<double> AtOnce(const std::vector<Deviation>& samples, const Eigen::V
   for (std::ptrdiff_t i = 1; i + 1 < n; ++i) {
     for (const std::ptrdiff_t by : {-1, 1}) {
       beside.clear();
-      for (std::ptrdiff_t k = i - kBeside; k <= i + kBeside; ++k) {
-        if (k != i && k >= 0 && k < n && k + by >= 0 && k + by < n)
-          beside.push_back(at(k + by) - at(k));
+      // In pairs: the slopes to one side alone are others than here wherever the motion bends.
+      for (std::ptrdiff_t d = 1; d <= kBeside; ++d) {
+        if (std::min(i - d, i - d + by) < 0 || std::max(i + d, i + d + by) >= n) break;
+        for (const std::ptrdiff_t k : {i - d, i + d}) beside.push_back(at(k + by) - at(k));
       }
+      if (beside.empty()) continue;
       double& here = off[static_cast<std::size_t>(i)];
       here = std::max(here, std::abs(at(i + by) - at(i) - Median(beside)));
     }
@@ -293,9 +296,17 @@ std::vector<ChannelGross> FindChannelGross(const Observations& observations,
     // Of readings and of their neighbours' median, each within half a step of the motion.
     among.least_size = 2.0 * step;
     among.least_variance = std::max(1e-12, 2.0 * step * step / 12.0);
+    // What is excused says nothing of the noise, unless it lies as near as the others do: a short
+    // record may have no place without something at once.
+    constexpr double kNear = 3.0;         // standard deviations
+    constexpr double kOfMedian = 0.6745;  // median of a normal deviate's size
+    std::vector<double> sizes;
+    for (const Deviation& d : samples) sizes.push_back(d.sample.sigmas);
+    const double near = kNear / kOfMedian * Median(sizes);
     for (std::size_t i = 0; i < samples.size(); ++i) {
-      if (at_once[i] == 0.0 || samples[i].sample.sigmas > at_once[i])
-        among.all.push_back(&samples[i]);
+      samples[i].excused = at_once[i];
+      const double off = samples[i].sample.sigmas;
+      if (off > at_once[i] || at_once[i] == 0.0 || off <= near) among.all.push_back(&samples[i]);
     }
     GrossErrors errors = FindIn(&one, among);
     if (errors.samples.empty() && errors.suspects.empty()) continue;

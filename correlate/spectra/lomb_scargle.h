@@ -32,9 +32,11 @@ LombSpectrum LombScargle(std::span<const double> t, std::span<const double> x,
                          const LombOptions& options = {});
 
 // Sines in a signal, strongest first: the highest maximum is refined between the frequencies, all
-// sines found so far are fitted together and taken out, and the rest is searched again, so that the
-// side lobes of gaps are not taken for peaks. `chance`: probability that noise alone shows one as
-// high anywhere in the band; the search ends where it exceeds 1%.
+// lines found so far are fitted together and taken out, each with an exponential rise or fall of
+// its own, and the rest is searched again, so that neither the side lobes of gaps nor the flanks of
+// decays are taken for peaks, or hide some. Amplitudes are of steady sines, as a spectrum's; what
+// lies within four resolutions of one five times as large is no peak. `chance`: probability that
+// noise alone shows one as high anywhere in the band; the search ends where it exceeds 1%.
 struct LombPeak {
   double frequency = 0.0;  // [Hz]
   double amplitude = 0.0;

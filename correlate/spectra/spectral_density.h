@@ -10,7 +10,7 @@
 namespace unfurl::correlate {
 
 // Power and cross-power spectral densities by averaging [Welch 1967]. Segments lie within stretches
-// without a gap, so nothing is filled in.
+// without a gap, so nothing is filled in (unless BridgeGaps did before).
 struct DensityOptions {
   SpectralWindow window = SpectralWindow::kHann;
   Detrend detrend = Detrend::kLine;  // of each segment

@@ -2,6 +2,7 @@
 // looks like them and is none.
 #include <gtest/gtest.h>
 
+#include <numbers>
 #include <set>
 
 #include "base/statistics.h"
@@ -246,6 +247,39 @@ TEST(ChannelGross, ImpactsThatTheModelHasLateAreNone) {
   ASSERT_EQ(found[0].errors.samples.size(), 1u);
   EXPECT_EQ(found[0].errors.samples[0].index, 80u);
   EXPECT_EQ(found[0].name, "peaks");
+}
+
+// Two swings and a half of 45 readings each: what the model does at its turning points, and at the
+// record's ends, excuses no reading that is off by much more, and leaves enough to tell the noise.
+TEST(ChannelGross, OfAShortSwingIsFoundToItsEnds) {
+  constexpr double kSize = 1000.0;  // of the swing [sigmas]
+  const std::vector<std::pair<Eigen::Index, double>> planted = {
+      {11, -28.0}, {25, -90.0}, {80, 870.0}, {101, 30.0}};
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    Rng rng(seed);
+    ChannelRecord r;
+    r.name = r.quantity = "swing", r.unit = "deg";
+    constexpr Eigen::Index kCount = 104;
+    r.y.resize(kCount);
+    r.sigma = Eigen::VectorXd::Ones(kCount);
+    Peaks swing;
+    swing.residual.resize(kCount);
+    for (Eigen::Index i = 0; i < kCount; ++i) {
+      const double phase = 2.0 * std::numbers::pi * static_cast<double>(i) / 45.0;
+      r.t.push_back(0.01 * static_cast<double>(i));
+      swing.residual(i) = rng.Normal();
+      for (const auto& [at, off] : planted) swing.residual(i) += at == i ? off : 0.0;
+      r.y(i) = kSize * std::cos(phase) + 0.1 * kSize * std::cos(3.0 * phase) + swing.residual(i);
+    }
+    swing.data.others = {std::make_shared<Channel>(r)};
+    const std::vector<ChannelGross> found = FindChannelGross(swing.data, swing.residual);
+    ASSERT_EQ(found.size(), 1u) << seed;
+    std::set<Eigen::Index> named;
+    for (const GrossSample& one : found[0].errors.samples) {
+      named.insert(static_cast<Eigen::Index>(one.index));
+    }
+    EXPECT_EQ(named, (std::set<Eigen::Index>{11, 25, 80, 101})) << seed;
+  }
 }
 
 // Put aside, a reading has no row, and the noise of those beside it is that of a gap.

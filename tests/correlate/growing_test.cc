@@ -100,15 +100,24 @@ MarkSeries Mark(const std::string& name, double sigma, Rng& rng) {
   return m;
 }
 
-FitResult FitFrom(double off, const Observations& data) {
+FitResult FitFrom(double off, const Observations& data, int screened = SearchOptions::kAsNeeded) {
   static const Arm model;
-  std::vector<Parameter> parameters(2);
+  FitProblem problem;
+  std::vector<Parameter>& parameters = problem.parameters;
+  parameters.resize(2);
   Parameter &frequency = parameters[0], &decay = parameters[1];
   frequency.name = "frequency", frequency.unit = "Hz", frequency.start = 1.1 * (1.0 + off);
   frequency.low = 0.5, frequency.high = 2.5;
   decay.name = "decay", decay.unit = "1/s", decay.start = 0.1, decay.low = 0.01, decay.high = 1.0;
   decay.log = true;
-  return FitOneTrial(model, data, std::move(parameters));
+  problem.trials.resize(1);
+  problem.trials[0].model = &model;
+  problem.trials[0].observations = &data;
+  FitOptions options;
+  options.profile.wanted = false;
+  options.workers = 1;
+  options.search.screened = screened;
+  return Fit(problem, options);
 }
 
 void ExpectFound(double off, const Observations& data) {
@@ -137,6 +146,22 @@ TEST(Growing, AnInstrumentAlone) {
     data.others = {Readings(quantity, 0.01, rng)};
     ExpectFound(quantity == std::string("rate") ? -0.1 : 0.03, data);
   }
+}
+
+// A start that no part of a short record lies beside: points over the bounds lead.
+TEST(Growing, AFarStartIsLedFromTheBounds) {
+  Rng rng(8);
+  ChannelRecord c = Readings("acceleration", 0.5, rng)->record();
+  constexpr Eigen::Index kFew = 75;  // readings: 3 s
+  c.t.resize(kFew), c.y = c.y.head(kFew).eval(), c.sigma = c.sigma.head(kFew).eval();
+  Observations data;
+  data.others = {std::make_shared<Channel>(std::move(c))};
+  int lost = 0;
+  for (const double off : {-0.5, -0.4, 0.6, 0.9}) {
+    lost += FitFrom(off, data, 0).status == FitStatus::kNotAligned ? 1 : 0;
+    EXPECT_NEAR(FitFrom(off, data).parameters[0].value, 1.1, 0.02) << off;
+  }
+  EXPECT_GT(lost, 0);
 }
 
 // The first swings of anything look like those of anything else: where the whole record does not

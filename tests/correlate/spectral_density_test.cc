@@ -254,6 +254,37 @@ TEST(LombScargle, SeesThroughGapsWithoutInventingPeaks) {
   EXPECT_LT(Rms(z), 1.2 + 3.0 / std::sqrt(2.0 * kSeeds));
 }
 
+// A decay's flanks are no peaks and hide none: of two modes the second was lost where the first had
+// fallen to a third, and amplitudes that fall as dry friction has it leave flanks of another form.
+TEST(LombScargle, TellsDecaysApart) {
+  for (const double decay : {0.0, 0.3, 0.8, 2.0, -0.5}) {
+    for (const bool second : {false, true}) {
+      Rng rng(7);
+      std::vector<double> t, x;
+      for (int i = 0; i < 400; ++i) {
+        if (i > 150 && i < 260 && i % 4 != 0) continue;
+        const double at = 0.015 * i, size = std::exp(-decay * at);
+        t.push_back(at);
+        x.push_back(size * std::cos(kTau * 1.3 * at) + 2e-3 * rng.Normal() +
+                    (second ? 0.3 * size * std::cos(kTau * 4.1 * at + 1.0) : 0.0));
+      }
+      const std::vector<LombPeak> peaks = FindLombPeaks(t, x, {});
+      ASSERT_EQ(peaks.size(), second ? 2u : 1u) << decay;
+      EXPECT_NEAR(peaks[0].frequency, 1.3, 0.01) << decay;
+      EXPECT_NEAR(peaks.back().frequency, second ? 4.1 : 1.3, 0.03) << decay;
+    }
+  }
+  Rng rng(8);
+  std::vector<double> t, x;
+  for (int i = 0; i < 400; ++i) {
+    if (i % 7 == 3) continue;
+    t.push_back(0.015 * i);
+    x.push_back(std::max(0.0, 1.0 - 0.2 * t.back()) * std::cos(kTau * 1.3 * t.back()) +
+                2e-3 * rng.Normal());
+  }
+  EXPECT_EQ(FindLombPeaks(t, x, {}).size(), 1u);
+}
+
 TEST(LombScargle, NoiseShowsPeaksAsOftenAsItSays) {
   constexpr int kSeeds = 300;
   std::size_t found = 0;

@@ -7,6 +7,7 @@
 
 #include "base/error.h"
 #include "base/random.h"
+#include "correlate/spectra/bridge.h"
 #include "correlate/spectra/fft.h"
 
 namespace unfurl::correlate::spectrum_test {
@@ -138,6 +139,41 @@ TEST(Spectrum, PeaksArePairedOnceNearestFirst) {
 TEST(Spectrum, TooFewSamplesAreAnError) {
   const std::vector<double> x(5, 1.0);
   EXPECT_THROW(AmplitudeSpectrum(x, 0.1, "m"), Error);
+}
+
+// Two sines, one of three samples a period, and noise: what is put in for missing samples is off by
+// little more than the noise, and spectra keep their peaks. (Without it the longest stretch, or
+// Lomb-Scargle, took the place of the record.)
+TEST(BridgeGaps, PutsInWhatIsMissing) {
+  constexpr double kNoise = 1e-3;
+  Rng rng(11);
+  std::vector<double> t, x, all, ramp;
+  for (int i = 0; i < 1200; ++i) {
+    const double at = 5e-3 * i;
+    all.push_back(3.0 + 0.5 * at + std::exp(-0.5 * at) * std::cos(8.0 * at) +
+                  0.05 * std::cos(kTau * 66.0 * at) + kNoise * rng.Normal());
+    if (i == 500 || (i > 700 && i < 709) || (i > 0 && i % 97 == 0)) continue;
+    t.push_back(7.0 + at + 1e-5 * rng.Uniform());
+    x.push_back(all.back());
+    ramp.push_back(at);
+  }
+  const BridgedRecord whole = BridgeGaps(t, {x, ramp});
+  ASSERT_EQ(whole.t.size(), all.size());
+  EXPECT_EQ(whole.filled, all.size() - x.size());
+  EXPECT_TRUE(LongestEvenStretch(whole.t).whole);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    EXPECT_NEAR(whole.x[0][i], all[i], 10.0 * kNoise) << i;
+    EXPECT_NEAR(whole.x[1][i], 5e-3 * static_cast<double>(i), 1e-9) << i;
+  }
+  // More than a twentieth, or stamps on no grid: as given.
+  std::vector<double> few_t, few_x, off = t;
+  for (std::size_t i = 0; i < t.size(); ++i) {
+    if (i < 200 || i > 300) few_t.push_back(t[i]), few_x.push_back(x[i]);
+  }
+  EXPECT_EQ(BridgeGaps(few_t, {few_x}).filled, 0u);
+  EXPECT_EQ(BridgeGaps(few_t, {few_x}).x[0], few_x);
+  for (std::size_t i = 0; i < off.size(); ++i) off[i] += 1e-3 * rng.Uniform();
+  EXPECT_EQ(BridgeGaps(off, {x}).filled, 0u);
 }
 
 TEST(EvenStretch, StopsAtAGapAndSaysSo) {

@@ -90,6 +90,32 @@ TEST(WrongReadings, ASpikeIsNamedAndChangesNothing) {
   EXPECT_EQ(DescribeChannels({sound}).signals[0].measured, sound.y);
 }
 
+// A reading that was put aside leaves spectrum, peaks and rating as they are with the sound one.
+TEST(WrongReadings, ASpikeLeavesTheSpectrum) {
+  data::Channel sound = Swing(2e-3, 0.0, 3), reference = Swing(0.0, 0.0, 4);
+  for (std::size_t i = 0; i < sound.y.size(); ++i) {
+    const double more = 0.05 * std::cos(2.0 * std::numbers::pi * 11.0 * sound.t[i]);
+    sound.y[i] += more, reference.y[i] += more;
+  }
+  data::Channel wrong = sound;
+  wrong.y[500] += 2.0;
+  const Comparison good = CompareChannels({sound}, {reference});
+  const Comparison spiked = CompareChannels({wrong}, {reference});
+  ASSERT_EQ(spiked.spectra.size(), 1U);
+  const ComparedSpectrum &a = good.spectra[0], &b = spiked.spectra[0];
+  EXPECT_THAT(b.note, ::testing::HasSubstr("put in where they are missing, 1 of"));
+  EXPECT_EQ(a.measured.n, b.measured.n);
+  ASSERT_GE(a.measured_peaks.size(), 2U);
+  ASSERT_EQ(a.measured_peaks.size(), b.measured_peaks.size());
+  for (std::size_t i = 0; i < a.measured_peaks.size(); ++i) {
+    EXPECT_NEAR(a.measured_peaks[i].frequency, b.measured_peaks[i].frequency, 1e-3);
+    EXPECT_NEAR(a.measured_peaks[i].amplitude, b.measured_peaks[i].amplitude, 1e-3);
+  }
+  EXPECT_NEAR(a.frac, b.frac, 1e-3);
+  EXPECT_NEAR(good.scores[0].rating.overall, spiked.scores[0].rating.overall, 1e-3);
+  EXPECT_EQ(good.scores[0].rating_step, spiked.scores[0].rating_step);
+}
+
 TEST(WrongReadings, ADropOutIsNamedAndLeftOut) {
   data::Channel c = Swing(2e-3, 0.0, 5);
   for (std::size_t i = 300; i < 320; ++i) c.y[i] = 0.0;
