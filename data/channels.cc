@@ -11,6 +11,7 @@
 #include "data/csv.h"
 #include "data/formats.h"
 #include "data/h5.h"
+#include "data/rounded_stamps.h"
 #include "data/run.h"
 #include "data/uff.h"
 #include "data/units.h"
@@ -104,7 +105,10 @@ std::vector<Channel> WideCsv(const CsvTable& table) {
 std::vector<Channel> FromCsv(const std::string& path) {
   const CsvTable table = CsvTable::Load(path);
   if (table.rows() == 0) throw Error("holds no readings", path, "give a table with rows");
-  return table.Find("channel") >= 0 && table.Find("value") >= 0 ? LongCsv(table) : WideCsv(table);
+  const bool is_long = table.Find("channel") >= 0 && table.Find("value") >= 0;
+  std::vector<Channel> channels = is_long ? LongCsv(table) : WideCsv(table);
+  for (Channel& channel : channels) RestoreDecimals(&channel.t);
+  return channels;
 }
 
 // "12+x" of node 12 along x.

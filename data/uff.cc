@@ -12,6 +12,7 @@
 #include "base/error.h"
 #include "base/text.h"
 #include "data/atomic_file.h"
+#include "data/rounded_stamps.h"
 
 namespace unfurl::data {
 
@@ -111,6 +112,7 @@ UffForm ReadForm(Scanner& in) {
     in.Fail(fmt::format("counts {} values, and the file holds {} bytes more", count, in.left()));
   }
   if (form.even && !(form.step > 0.0)) in.Fail("its abscissa does not rise");
+  form.step = UnroundedStep(form.step, RoundingOfE5(form.step));
   form.count = static_cast<std::size_t>(count);
   return form;
 }
@@ -134,6 +136,7 @@ void ReadAscii(Scanner& in, const UffForm& form, UffFunction* f) {
     f->t.push_back(form.even ? form.start + form.step * static_cast<double>(i) : values[2 * i]);
     f->y.push_back(form.even ? values[i] : values[2 * i + 1]);
   }
+  if (!form.even) RestoreGrid(&f->t, RoundingOfE5);
 }
 
 template <typename Word, typename Value>
@@ -172,6 +175,7 @@ void ReadBinary(Scanner& in, const UffForm& form, bool big, std::size_t bytes, U
                              : unpack(row * i, t_width));
     f->y.push_back(unpack(row * i + t_width, y_width));
   }
+  if (t_width == 4) RestoreGrid(&f->t, RoundingOfFloat);
 }
 
 void SkipToEnd(Scanner& in) {
