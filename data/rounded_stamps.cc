@@ -10,6 +10,10 @@ namespace {
 
 // A rate that a person sets has so many digits at most.
 constexpr int kDigitsOfARate = 5;
+// Stamps that are no grid look like one by chance where they are few, or their last digit is as
+// coarse as what lies between them.
+constexpr std::size_t kLeastStamps = 30;
+constexpr double kMostOfAStep = 0.5;
 // Beyond its rounding; and what sums and products of doubles may lose of a stamp.
 constexpr double kSlack = 1e-6, kOfDoubles = 1e-14;
 
@@ -30,23 +34,54 @@ double UnroundedStep(double step, double rounding) {
   return step;
 }
 
-void RestoreGrid(std::vector<double>* t, const std::function<double(double)>& rounding) {
-  const std::size_t n = t->size();
-  if (n < 3) return;
-  const double first = t->front(), last = t->back();
-  const double intervals = static_cast<double>(n - 1);
-  const double step =
-      UnroundedStep((last - first) / intervals, (rounding(first) + rounding(last)) / intervals);
-  double low = -HUGE_VAL, high = HUGE_VAL;  // of the grid's start, by each stamp
-  for (std::size_t i = 0; i < n; ++i) {
-    const double from = (*t)[i] - step * static_cast<double>(i);
-    const double within = rounding((*t)[i]) + kOfDoubles * std::fabs((*t)[i]);
+namespace {
+
+// Where a grid of this step begins, so that each stamp is within its rounding and the part `more`
+// of it; false: nowhere.
+bool Begins(const std::vector<double>& t, const std::function<double(double)>& rounding,
+            double step, double more, double* start) {
+  double low = -HUGE_VAL, high = HUGE_VAL, widest = 0.0;
+  for (std::size_t i = 0; i < t.size(); ++i) {
+    const double from = t[i] - step * static_cast<double>(i);
+    const double within = rounding(t[i]) + kOfDoubles * std::fabs(t[i]);
     low = std::max(low, from - within);
     high = std::min(high, from + within);
+    widest = std::max(widest, within);
   }
-  if (!(low <= high)) return;
   // A first stamp of zero is meant so.
-  const double start = first == 0.0 && low <= 0.0 && high >= 0.0 ? 0.0 : 0.5 * (low + high);
+  const bool from_zero = t.front() == 0.0 && low <= 0.0 && high >= 0.0;
+  *start = from_zero ? 0.0 : 0.5 * (low + high);
+  return low <= high + more * widest;
+}
+
+// The step of the straight line through all stamps.
+double LeastSquaresStep(const std::vector<double>& t) {
+  const double middle = 0.5 * static_cast<double>(t.size() - 1);
+  double over = 0.0, under = 0.0;
+  for (std::size_t i = 0; i < t.size(); ++i) {
+    const double at = static_cast<double>(i) - middle;
+    over += at * (t[i] - t.front());
+    under += at * at;
+  }
+  return over / under;
+}
+
+}  // namespace
+
+void RestoreGrid(std::vector<double>* t, const std::function<double(double)>& rounding) {
+  const std::size_t n = t->size();
+  if (n < kLeastStamps) return;
+  const double intervals = static_cast<double>(n - 1);
+  const double mean = (t->back() - t->front()) / intervals;
+  if (!(2.0 * std::max(rounding(t->front()), rounding(t->back())) <= kMostOfAStep * mean)) return;
+  const double known = (rounding(t->front()) + rounding(t->back())) / intervals;
+  double step = UnroundedStep(mean, known), start = 0.0;
+  if (!Begins(*t, rounding, step, kSlack, &start)) {
+    step = LeastSquaresStep(*t);
+    // A line through rounded stamps is off by about two of a rounding's deviations over the root of
+    // n.
+    if (!Begins(*t, rounding, step, 4.0 / std::sqrt(static_cast<double>(n)), &start)) return;
+  }
   for (std::size_t i = 0; i < n; ++i) (*t)[i] = start + step * static_cast<double>(i);
 }
 

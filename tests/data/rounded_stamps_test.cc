@@ -64,7 +64,10 @@ TEST(RoundedStamps, WhatIsNoGridIsLeftAlone) {
   std::vector<double> jitter = Grid(0.0, 0.01, 500), gap = Grid(0.0, 1.0 / 300.0, 500);
   for (double& t : jitter) t = std::stod(fmt::format("{:.4f}", t + 0.001 * rng.Normal()));
   for (std::size_t i = 250; i < gap.size(); ++i) gap[i] += 0.5 / 300.0;
-  for (std::vector<double> t : {jitter, gap, {}, {1.0}, {1.0, 2.0}, {2.0, 1.0, 1.0, 7.0}}) {
+  // A stamp a second, of what came every 0.7 to 1.3 s.
+  std::vector<double> coarse;
+  for (int i = 0; i < 40; ++i) coarse.push_back(std::round(i + 0.3 * rng.Uniform(-1.0, 1.0)));
+  for (std::vector<double> t : {jitter, gap, coarse, {}, {1.0}, {1.0, 2.0}, {0.0, 1.0, 3.0, 4.0}}) {
     const std::vector<double> before = t;
     RestoreDecimals(&t);
     EXPECT_EQ(t, before);
