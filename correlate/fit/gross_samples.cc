@@ -301,6 +301,7 @@ std::vector<ChannelGross> FindChannelGross(const Observations& observations,
     constexpr double kNear = 3.0;         // standard deviations
     constexpr double kOfMedian = 0.6745;  // median of a normal deviate's size
     std::vector<double> sizes;
+    sizes.reserve(samples.size());
     for (const Deviation& d : samples) sizes.push_back(d.sample.sigmas);
     const double near = kNear / kOfMedian * Median(sizes);
     for (std::size_t i = 0; i < samples.size(); ++i) {
