@@ -8,11 +8,11 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <charconv>
 #include <limits>
 #include <nlohmann/json.hpp>
 
 #include "base/error.h"
+#include "base/text.h"
 #include "data/atomic_file.h"
 #include "data/inputs.h"
 #include "data/journal.h"
@@ -29,11 +29,6 @@ constexpr char kAbout[] = "fit.json", kBeat[] = "beat", kQuestions[] = "question
                kClock[] = "clock-";
 constexpr char kSchema[] = "unfurl/evaluations";
 std::string Name(std::uint64_t question) { return fmt::format("{:08}", question); }
-
-bool Number(const std::string& name, std::uint64_t* question) {
-  const auto [end, error] = std::from_chars(name.data(), name.data() + name.size(), *question);
-  return error == std::errc() && end == name.data() + name.size() && !name.empty();
-}
 
 // Names in order: the oldest question first.
 std::vector<std::string> NamesIn(const fs::path& folder) {
@@ -204,7 +199,7 @@ std::vector<std::uint64_t> EvaluationFolder::AskAgain(double silence) const {
   for (const std::string& name : NamesIn(fs::path(path_) / kTaken)) {
     std::uint64_t question = 0;
     const std::string number = name.substr(0, name.find('.'));
-    if (!Number(number, &question) || Age(In(kTaken, name)) < silence) continue;
+    if (!ParseWhole(number, &question) || Age(In(kTaken, name)) < silence) continue;
     std::error_code error;
     // A worker that was merely slow may still answer: to the same bits.
     fs::rename(In(kTaken, name), In(kQuestions, number), error);
@@ -248,7 +243,7 @@ std::string EvaluationFolder::LogPath(const std::string& name) const {
 bool EvaluationFolder::Take(const std::string& worker, std::uint64_t* question,
                             std::string* bytes) const {
   for (const std::string& name : NamesIn(fs::path(path_) / kQuestions)) {
-    if (!Number(name, question)) continue;  // on its way
+    if (!ParseWhole(name, question)) continue;  // on its way
     const fs::path mine = In(kTaken, fmt::format("{}.{}", name, worker));
     std::error_code error;
     Touch(In(kQuestions, name), false);  // so that it looks fresh from the moment that it is ours

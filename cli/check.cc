@@ -16,6 +16,7 @@
 #include "base/table.h"
 #include "base/text.h"
 #include "calib/wand_data.h"
+#include "campaign/json_number.h"
 #include "cli/check_page.h"
 #include "cli/verb.h"
 #include "data/rig.h"
@@ -96,11 +97,6 @@ calib::Bar BarOf(const CheckArguments& arguments) {
               "write 1.2 for metres, or 1.2m+-0.1mm");
 }
 
-// JSON has no infinity.
-ordered_json NumberOrNull(double value) {
-  return std::isfinite(value) ? ordered_json(value) : ordered_json(nullptr);
-}
-
 int RunCheck(const Common& common, const CheckArguments& arguments) {
   data::Provenance provenance = StartProvenance(common);
   const bool bar = !arguments.bar.empty();
@@ -137,8 +133,8 @@ int RunCheck(const Common& common, const CheckArguments& arguments) {
     summary["cameras"].push_back({{"name", camera.name},
                                   {"readings", camera.readings},
                                   {"shift_px", camera.shift_px},
-                                  {"shift_sigma_px", NumberOrNull(camera.shift_sigma_px)},
-                                  {"shows_px", NumberOrNull(camera.shows_px)},
+                                  {"shift_sigma_px", campaign::NumberOrNull(camera.shift_sigma_px)},
+                                  {"shows_px", campaign::NumberOrNull(camera.shows_px)},
                                   {"chance_without", camera.chance_without}});
     if (!bar) {
       summary["cameras"].back()["rms_px"] = camera.rms_px;
@@ -158,8 +154,8 @@ int RunCheck(const Common& common, const CheckArguments& arguments) {
     if (cause.point >= 0) one["point"] = result.points[static_cast<std::size_t>(cause.point)].id;
     const bool pixels =
         cause.kind == calib::CauseKind::kCamera || cause.kind == calib::CauseKind::kReading;
-    one["size"] = NumberOrNull(cause.size);
-    one["sigma"] = NumberOrNull(cause.sigma);
+    one["size"] = campaign::NumberOrNull(cause.size);
+    one["sigma"] = campaign::NumberOrNull(cause.sigma);
     one["unit"] = pixels ? "px" : "m";
     one["probability"] = cause.probability;
     summary["causes"].push_back(one);

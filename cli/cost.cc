@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "base/progress.h"
 #include "base/text.h"
+#include "campaign/json_number.h"
 #include "cli/cost_page.h"
 #include "cli/cost_rig.h"
 #include "cli/cost_study.h"
@@ -63,18 +64,13 @@ bool IsOfRig(const CLI::App& app, const CostArguments& arguments) {
               "leave it out; `unfurl cost --help`");
 }
 
-// Null for what is not finite.
-ordered_json NumberJson(double value) {
-  return std::isfinite(value) ? ordered_json(value) : ordered_json();
-}
-
 ordered_json LineJson(const study::SceneCost& cost, int k) {
   const study::CostLine& line = cost.lines[static_cast<std::size_t>(k)];
   ordered_json out = {{"name", line.quantity.name},
                       {"unit", line.quantity.unit},
                       {"scale", line.scale},
                       {"settled", line.settled},
-                      {"reference_error", NumberJson(line.reference_error)}};
+                      {"reference_error", campaign::NumberOrNull(line.reference_error)}};
   for (const double target : study::kCostTargets) {
     const study::CostPoint* best = study::Cheapest(cost, target, k);
     out["cheapest"].push_back(
@@ -100,15 +96,16 @@ ordered_json PointJson(const study::SceneCost& cost, const study::CostPoint& p) 
   point["runs"] = p.runs;
   if (p.worst >= 0) {
     point["worst"] = cost.lines[static_cast<std::size_t>(p.worst)].quantity.name;
-    point["rms"] = NumberJson(p.rms);
-    point["largest"] = NumberJson(p.largest);
+    point["rms"] = campaign::NumberOrNull(p.rms);
+    point["largest"] = campaign::NumberOrNull(p.largest);
     point["on_front"] = p.on_front;
   }
   for (std::size_t l = 0; l < p.errors.size(); ++l) {
     if (!cost.lines[l].settled) continue;
-    point["errors"][cost.lines[l].quantity.name] = {{"rms", NumberJson(p.errors[l].rms)},
-                                                    {"largest", NumberJson(p.errors[l].largest)},
-                                                    {"bound", p.errors[l].bound}};
+    point["errors"][cost.lines[l].quantity.name] = {
+        {"rms", campaign::NumberOrNull(p.errors[l].rms)},
+        {"largest", campaign::NumberOrNull(p.errors[l].largest)},
+        {"bound", p.errors[l].bound}};
   }
   return point;
 }

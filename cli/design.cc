@@ -15,6 +15,7 @@
 #include "base/number.h"
 #include "base/progress.h"
 #include "base/table.h"
+#include "campaign/json_number.h"
 #include "cli/design_page.h"
 #include "cli/verb.h"
 #include "data/atomic_file.h"
@@ -38,10 +39,6 @@ struct DesignArguments {
   bool allow_programs = false;
 };
 
-ordered_json SigmaOrNull(double value) {
-  return std::isfinite(value) ? ordered_json(value) : ordered_json();
-}
-
 ordered_json ToJson(const study::StudyDesign& d, const study::DesignCase& c) {
   ordered_json out = {{"name", c.name}};
   if (!c.message.empty()) {
@@ -51,8 +48,8 @@ ordered_json ToJson(const study::StudyDesign& d, const study::DesignCase& c) {
   if (!c.cycle.empty()) out["cycle"] = c.cycle;
   for (std::size_t j = 0; j < c.alone.size(); ++j) {
     const std::string& name = d.tells.parameters[j];
-    out["sigma"][name] = SigmaOrNull(c.alone[j]);
-    out["sigma_together"][name] = SigmaOrNull(c.together[j]);
+    out["sigma"][name] = campaign::NumberOrNull(c.alone[j]);
+    out["sigma_together"][name] = campaign::NumberOrNull(c.together[j]);
   }
   return out;
 }
@@ -70,7 +67,7 @@ ordered_json ToJson(const study::StudyDesign& d,
     ordered_json one = {{"name", c.name}, {"readings", c.readings}};
     for (std::size_t j = 0; j < c.share.size(); ++j) {
       one["share"][d.tells.parameters[j]] = c.share[j];
-      one["without"][d.tells.parameters[j]] = SigmaOrNull(c.without[j]);
+      one["without"][d.tells.parameters[j]] = campaign::NumberOrNull(c.without[j]);
     }
     out.push_back(std::move(one));
   }

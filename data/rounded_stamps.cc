@@ -78,8 +78,7 @@ void RestoreGrid(std::vector<double>* t, const std::function<double(double)>& ro
   double step = UnroundedStep(mean, known), start = 0.0;
   if (!Begins(*t, rounding, step, kSlack, &start)) {
     step = LeastSquaresStep(*t);
-    // A line through rounded stamps is off by about two of a rounding's deviations over the root of
-    // n.
+    // A line through n rounded stamps is off by some two deviations of one over the root of n.
     if (!Begins(*t, rounding, step, 4.0 / std::sqrt(static_cast<double>(n)), &start)) return;
   }
   for (std::size_t i = 0; i < n; ++i) (*t)[i] = start + step * static_cast<double>(i);

@@ -14,7 +14,6 @@ constexpr int kContactBisections = 40;  // to rounding of a place
 constexpr double kBesideKink = 1e-4;
 // Of the error allowed to a step: a contact has some five kinks.
 constexpr double kKinkPart = 0.2;
-
 // Of a step: so near to an end of it a kink is met.
 constexpr double kKinkMet = 1e-3;
 
