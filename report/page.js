@@ -155,14 +155,14 @@
     });
   }
 
-  // As much room as the numbers beside the y axis take, and no less than all charts have.
-  function widenLabels(chart, least) {
+  // What the numbers beside the y axis need, and no less than all charts have.
+  function labelRoom(chart, least) {
     var context = document.createElement('canvas').getContext('2d'), most = least;
     chart.graphDiv.querySelectorAll('.dygraph-axis-label-y').forEach(function (label) {
       context.font = getComputedStyle(label).font;
       most = Math.max(most, Math.ceil(context.measureText(label.textContent).width) + 24);  // a tick, and a letter's height of title
     });
-    if (most !== chart.getOptionForAxis('axisLabelWidth', 'y')) chart.updateOptions({axes: {y: {axisLabelWidth: most}}});
+    return most;
   }
 
   function draw(block) {
@@ -194,7 +194,7 @@
       yAxis.ticker = function () { return data.y.names.map(function (n) { return {v: n[0], label: n[1].replace(/[<>&]/g, '')}; }); };
     }
     function unit(text) { return text ? '\u2009' + text : ''; }
-    var chart = new Dygraph(holder, merged.table, {
+    var all = {
       labels: ['x'].concat(data.series.map(function (s, k) { return 's' + k; })),
       series: options,
       customBars: merged.bands,
@@ -231,8 +231,13 @@
         readout.textContent = words.join('  \u00b7  ');
       },
       unhighlightCallback: function () { readout.textContent = ''; }
-    });
-    widenLabels(chart, labelWidth);
+    };
+    var chart = new Dygraph(holder, merged.table, all);
+    yAxis.axisLabelWidth = labelRoom(chart, labelWidth);
+    if (yAxis.axisLabelWidth > labelWidth) {  // made anew: a narrower plot leaves what was drawn beside it
+      chart.destroy();
+      chart = new Dygraph(holder, merged.table, all);
+    }
     window.unfurlWhenColoursChange(function () {
       var series = {};
       data.series.forEach(function (s, k) { series['s' + k] = seriesOptions(s, data.axes[s.axis].length); });

@@ -11,7 +11,7 @@ import pytest
 from browser import Browser
 
 NAMES = ("simulate", "correlate", "plan", "modes", "calibrate", "check", "reconstruct", "live", "wand",
-         "effects", "cost", "campaign", "ambient", "moment")
+         "effects", "cost", "campaign", "ambient", "moment", "fit", "design")
 PROGRAM, CHROMIUM = os.environ["UNFURL_PROGRAM"], os.environ["UNFURL_CHROMIUM"]
 
 
@@ -38,6 +38,55 @@ def vibration(channels=6, samples=20000, step=0.005):
     rows = (f"{k * step:.3f}," + ",".join(f"{parts[0][c] * swings[0][k] + parts[1][c] * swings[1][k]:.5g}"
                                           for c in range(channels)) for k in range(samples))
     return head + "\n" + "\n".join(rows) + "\n"
+
+
+PENDULUM = """
+[scene]
+name = "pendulum"
+duration = 5.0
+[gravity]
+acceleration = [0.0, -9.81]
+[body.arm]
+mass = 1.0
+inertia = 0.0833
+[joint.hinge]
+inner = "ground"
+outer = "arm"
+outer_point = [-0.5, 0.0]
+zero_angle = -1.5707963267948966
+theta = 0.02
+[joint.hinge.damper]
+damping = 0.1
+"""
+STUDY = """
+[study]
+scene = "pendulum.toml"
+[trial.channel.encoder]
+file = "encoder.csv"
+column = "angle"
+quantity = "hinge.theta"
+[parameter.damping]
+keys = ["joint.hinge.damper.damping"]
+start = 0.08
+bounds = [0.01, 0.5]
+unit = "N m s"
+[parameter.gravity]
+keys = ["gravity.acceleration[1]"]
+start = -9.6
+bounds = [-11.0, -8.0]
+unit = "m/s^2"
+"""
+
+
+def swings(step=0.01, duration=5.0):
+    """What an encoder reads of the pendulum of PENDULUM, in closed form for small angles."""
+    chance = random.Random(2)
+    inertia = 0.0833 + 0.25
+    decay = 0.5 * 0.1 / inertia
+    rate = math.sqrt(0.5 * 9.81 / inertia - decay ** 2)
+    rows = ((t, 0.02 * math.exp(-decay * t) * (math.cos(rate * t) + decay / rate * math.sin(rate * t)))
+            for t in (k * step for k in range(int(duration / step))))
+    return "t [s],angle [rad]\n" + "".join(f"{t:.3f},{angle + chance.gauss(0, 1e-4):.7f}\n" for t, angle in rows)
 
 
 @pytest.fixture(scope="session")
@@ -69,6 +118,11 @@ def pages(tmp_path_factory):
         "cost.html")
     run("new", "campaign")
     run("campaign", "campaign/plan.toml", "-o", "runs.h5", "--report", "campaign.html")
+    (folder / "pendulum.toml").write_text(PENDULUM)
+    (folder / "study.toml").write_text(STUDY)
+    (folder / "encoder.csv").write_text(swings())
+    run("fit", "study.toml", "-o", "fit.h5", "--report", "fit.html")
+    run("design", "study.toml", "--report", "design.html")
     (folder / "ambient.csv").write_text(vibration())
     run("correlate", "ambient.csv", "--modes", "ambient", "--report", "ambient.html")
     run("simulate", "boom/scene.toml", "--duration", "1e-9", "-o", "moment.h5", "--report", "moment.html")

@@ -193,6 +193,17 @@ def test_labels_of_the_axis_leave_its_title_alone(browser, pages):
     assert overlaps and set(overlaps) == {0}
 
 
+@pytest.mark.parametrize("name", ["fit", "moment"])
+def test_nothing_is_drawn_beside_the_axis(browser, pages, name):
+    browser.open(pages[name].as_uri())
+    drawn = browser.run("""Object.values(unfurlChartsById).map(chart => {
+      const canvas = chart.graphDiv.querySelector('canvas'), dots = canvas.width / canvas.clientWidth;
+      const wide = Math.floor((chart.getArea().x - 2) * dots);
+      const beside = canvas.getContext('2d').getImageData(0, 0, wide, canvas.height).data;
+      return beside.filter((value, i) => i % 4 === 3 && value > 0).length; })""")
+    assert drawn and set(drawn) == {0}
+
+
 def test_a_record_alone_is_a_line_and_a_page_of_a_size(browser, pages):
     browser.open(pages["ambient"].as_uri())
     assert pages["ambient"].stat().st_size < 3e6
