@@ -12,6 +12,7 @@
 #include "study/effect_versions.h"
 #include "study/latch_words.h"
 #include "study/rivals.h"
+#include "study/trial_observations.h"
 #include "study/trial_verdict.h"
 
 namespace unfurl::study {
@@ -174,6 +175,11 @@ class TrialBench {
     const double start = CpuSeconds();
     try {
       Fitted(set, e);
+    } catch (const NoQuantity& missing) {
+      e->verdict = EffectVerdict::kCannotTell;
+      e->message = fmt::format(
+          "channel {} records it ('{}'): leave the channel out to ask whether the rest needs it",
+          missing.channel(), missing.quantity());
     } catch (const Error& error) {
       e->verdict = EffectVerdict::kFailed;
       e->message = error.what();

@@ -103,6 +103,21 @@ correlate::Observations ReadTrial(const data::StudyTrial& trial, const std::stri
 
 namespace {
 
+std::string QuantityRemedy(const std::string& nearest) {
+  return nearest.empty() ? "name a column of a run, such as 'joint1.theta'"
+                         : "did you mean '" + nearest + "'?";
+}
+
+}  // namespace
+
+NoQuantity::NoQuantity(const data::StudyChannel& channel, const std::vector<std::string>& names)
+    : Error(fmt::format("the scene has no quantity '{}'", channel.quantity), channel.at,
+            QuantityRemedy(NearestName(channel.quantity, names))),
+      channel_(channel.name),
+      quantity_(channel.quantity) {}
+
+namespace {
+
 // The part of a channel that counts, in its own time.
 void Cut(const data::StudyChannel& want, data::Channel* c) {
   if (!(want.window_low < want.window_high)) return;
@@ -135,10 +150,7 @@ double ScaleOf(const data::StudyChannel& want, const std::string& unit,
                 fmt::format("state its unit, or its gain (free, or mean and sigma) in {}/({})",
                             unit.empty() ? "its unit" : unit, q.units));
   }
-  const std::string nearest = NearestName(want.quantity, names);
-  throw Error(fmt::format("the scene has no quantity '{}'", want.quantity), want.at,
-              nearest.empty() ? "name a column of a run, such as 'joint1.theta'"
-                              : "did you mean '" + nearest + "'?");
+  throw NoQuantity(want, names);
 }
 
 correlate::LowPass FilterOf(const data::StudyChannel::Filter& from) {

@@ -3,12 +3,26 @@
 #include <string>
 #include <vector>
 
+#include "base/error.h"
 #include "correlate/observations.h"
 #include "correlate/residual/channel.h"
 #include "data/run.h"
 #include "data/study.h"
 
 namespace unfurl::study {
+
+/// The scene computes no quantity of this name, which a channel records.
+class NoQuantity : public Error {
+ public:
+  /// `names`: of the quantities that there are.
+  NoQuantity(const data::StudyChannel& channel, const std::vector<std::string>& names);
+  /// Of the channel, and of what it records.
+  const std::string& channel() const { return channel_; }
+  const std::string& quantity() const { return quantity_; }
+
+ private:
+  std::string channel_, quantity_;
+};
 
 /// The marks of a trial, as its study wants them, from tracks at `path` (empty: none), and what is
 /// known of its clock and frame. Throws Error.
@@ -20,8 +34,8 @@ correlate::ChannelRecord InstrumentOf(const data::StudyChannel& want, const std:
                                       const std::vector<data::Quantity>* quantities);
 
 /// Adds what was recorded beside the marks: channels, in the units of the model's `quantities`
-/// (null: not known), switches, times of events. Throws Error for a quantity that is not there, a
-/// unit that does not measure the same where no gain is stated, a switch without the edge.
+/// (null: not known), switches, times of events. Throws NoQuantity, and Error for a unit that does
+/// not measure the same where no gain is stated, a switch without the edge.
 void AddChannels(const data::StudyTrial& trial, const std::vector<data::Quantity>* quantities,
                  correlate::Observations* observations);
 

@@ -29,6 +29,16 @@ bool BeyondChance(const EffectJudge& judge, const TrialEffect& e) {
   return judge.explained || e.share >= kSure;
 }
 
+constexpr double kOneSided = 1.645;  // 95% of a normal deviate lie below
+
+TrialEffect::Shift LargestShift(const TrialEffect& e) {
+  TrialEffect::Shift largest;
+  for (const TrialEffect::Shift& s : e.shifts) {
+    if (std::abs(s.sigmas) > std::abs(largest.sigmas)) largest = s;
+  }
+  return largest;
+}
+
 // Why nothing can be told.
 std::string Doubt(const EffectJudge& judge, const TrialEffect& e) {
   if (!judge.explained) {
@@ -44,11 +54,20 @@ std::string Doubt(const EffectJudge& judge, const TrialEffect& e) {
     }
     return "the simulator's own scatter is as large as what it rests on";
   }
-  if (e.settled && e.change <= judge.part && e.change_sigma > 0.0) {
-    return fmt::format("its change is known to {:.2g} only", e.change_sigma);
-  }
   if (!e.settled) {
     return fmt::format("not settled within {} runs; a larger --budget may tell", e.runs);
+  }
+  if (e.change > judge.part) {
+    return fmt::format(
+        "the data prefer neither, and the fitted motions are {:.2g} of a sigma apart", e.change);
+  }
+  if (e.change + kOneSided * e.change_sigma > judge.part) {
+    return fmt::format("its change is known to {:.2g} only", e.change_sigma);
+  }
+  const TrialEffect::Shift shift = LargestShift(e);
+  if (std::abs(shift.sigmas) > judge.part) {
+    return fmt::format("the data prefer neither, and it moves {} by {:.2g} of a standard error",
+                       shift.name, std::abs(shift.sigmas));
   }
   return {};
 }
@@ -68,12 +87,10 @@ double ProbabilityOfEffect(double deviance, double rows, const TrialEffect& effe
 }
 
 void JudgeEffect(const EffectJudge& judge, TrialEffect* e) {
-  double shift = 0.0;
-  for (const TrialEffect::Shift& s : e->shifts) shift = std::max(shift, std::abs(s.sigmas));
+  const double shift = std::abs(LargestShift(*e).sigmas);
   const bool there = e->effect.there;
   const double low = std::min(e->deviance, e->deviance_least) - e->deviance_error;
   const double high = e->deviance + e->deviance_error + (there ? e->deviance_left : 0.0);
-  constexpr double kOneSided = 1.645;  // 95% of a normal deviate lie below
   const bool small = e->change + kOneSided * e->change_sigma <= judge.part && shift <= judge.part;
   const bool against = ProbabilityOfEffect(high, judge.rows, *e) < 1.0 - kSure;
   if (Sure(low, judge, *e) && BeyondChance(judge, *e)) {

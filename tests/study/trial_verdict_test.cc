@@ -56,6 +56,22 @@ TEST(TrialVerdict, AChangeThatIsHardlyKnownIsNotSmall) {
   EXPECT_THAT(e.message, HasSubstr("known to 0.13 only"));
 }
 
+// The reason given is the one that keeps it from "not needed".
+TEST(TrialVerdict, WhatIsNotSmallIsNamed) {
+  const auto why = [](double change, double change_sigma, double shift) {
+    TrialEffect e = Seen("drag", true, 0.1, 0.0);
+    e.change = change;
+    e.change_sigma = change_sigma;
+    e.shifts = {{"stiffness", 0.01}, {"inertia", shift}};
+    JudgeEffect({.part = 0.3, .rows = kRows, .explained = true}, &e);
+    return e.verdict == EffectVerdict::kNotNeeded ? "not needed" : e.message;
+  };
+  EXPECT_EQ(why(0.19, 0.02, 0.29), "not needed");
+  EXPECT_THAT(why(0.19, 0.02, -0.36), HasSubstr("moves inertia by 0.36 of a standard error"));
+  EXPECT_THAT(why(0.19, 0.10, -0.36), HasSubstr("known to 0.1 only"));
+  EXPECT_THAT(why(0.41, 0.02, 0.1), HasSubstr("0.41 of a sigma apart"));
+}
+
 TEST(TrialVerdict, BesideAWrongOneNothingIsNotNeeded) {
   auto verdict = [](TrialEffect beside) {
     TrialEffect small = Seen("drag", true, 0.0, 0.0);
@@ -106,6 +122,30 @@ TEST_F(WrongBesideTest, TheRightOneIsNotLeftOut) {
   EXPECT_TRUE(with.left_out.empty());
   const TrialEffects without = Weigh(0.0);
   EXPECT_EQ(Of(without, "dampers of the joints"), EffectVerdict::kNeeded);
+}
+
+// Without the spring there is no moment of it: that is no run that failed.
+TEST_F(WrongBesideTest, WhatAChannelRecordsIsNotWeighedByIt) {
+  constexpr double kStiffness = 2.0;
+  Record({.linear = 0.02, .stiffness = kStiffness}, 1e-3, 5);
+  std::string moments = "t [s],cell [N m]\n";
+  for (int i = 0; i < 580; ++i) moments += fmt::format("{:.4f},{:.6f}\n", 0.01 * i, 0.0);
+  Put("moment.csv", moments);
+  Put("scene.toml", Scene(Laws{.linear = 0.02, .stiffness = kStiffness}));
+  const TrialEffects all = WeighTrialEffects(
+      StudyOf("cell", "scene.toml", 1e-3,
+              "[trial.channel.cell]\nfile = \"moment.csv\"\nquantity = \"hinge.spring_moment\"\n"
+              "sigma = 100.0\n"
+              "[parameter.linear]\nkeys = [\"joint.hinge.damper.damping\"]\nstart = 0.01\n"
+              "bounds = [1e-9, 0.2]\n"),
+      {});
+  ASSERT_TRUE(all.fit.Usable()) << all.fit.result.message;
+  EXPECT_EQ(Of(all, "springs of the joints"), EffectVerdict::kCannotTell);
+  for (const TrialEffect& e : all.effects) {
+    if (e.effect.name == "springs of the joints") {
+      EXPECT_THAT(e.message, HasSubstr("channel cell records it ('hinge.spring_moment')"));
+    }
+  }
 }
 
 // One standard error of a parameter, all others following, moves white rows by one over the root of
