@@ -96,7 +96,7 @@ TEST_F(FitChannelsTest, APendulumFromItsEncoderAlone) {
 // A computed record has no noise, whatever sigma is stated, and the model that made it explains it.
 // Sigmas below the simulation's own error are told as such.
 TEST_F(FitChannelsTest, RecordsWithoutNoise) {
-  Record("encoder.csv", "angle [rad]", "hinge.theta", 0.01, 1.0, 0.0, 0.0);
+  Record("encoder.csv", "angle [rad]", "hinge.theta", 0.03, 1.0, 0.0, 0.0);
   for (const char* sigma : {"", "sigma = 1e-3\n", "sigma = 1e-12\n"}) {
     Study(
         "[trial.channel.encoder]\nfile = \"encoder.csv\"\ncolumn = \"angle\"\n"
