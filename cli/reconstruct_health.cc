@@ -149,7 +149,7 @@ namespace {
 
 // "Words: remedy. "
 std::string Sentence(std::string words, const std::string& remedy) {
-  words[0] = static_cast<char>(std::toupper(words[0]));
+  words[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(words[0])));
   return words + (remedy.empty() ? "" : ": " + remedy) + ". ";
 }
 
@@ -165,7 +165,9 @@ std::string Introduction(const data::TrialHealth& health) {
             "taken out, and what its spots look like. "
           : "Whether a camera moved cannot be told: " + health.unknown + ". ";
   std::string scatter = health.scatter_words;
-  if (!scatter.empty()) scatter[0] = static_cast<char>(std::toupper(scatter[0]));
+  if (!scatter.empty()) {
+    scatter[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(scatter[0])));
+  }
   if (!health.wrong_words.empty()) {
     text += fmt::format("Some {}: {}. ", health.wrong_words, kWrongRemedy);
   }

@@ -53,6 +53,17 @@ std::string Contradicted(const correlate::FitResult& r) {
   return JoinWords(names);
 }
 
+// A sentence begins with a capital, but for a name that may be a symbol: k, or m_2, is no K.
+std::string AsASentence(std::string words) {
+  const std::string first = words.substr(0, words.find_first_of(" ,"));
+  constexpr std::size_t kShortestWord = 3;  // letters: symbols have one or two
+  const bool word =
+      first.size() >= kShortestWord &&
+      std::all_of(first.begin(), first.end(), [](char c) { return c >= 'a' && c <= 'z'; });
+  if (word) words[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(words[0])));
+  return words + ".";
+}
+
 // The whole in one sentence.
 std::string WholeVerdict(const std::vector<correlate::Parameter>& parameters,
                          const correlate::FitResult& r, const TrialsApart& apart) {
@@ -79,8 +90,7 @@ std::string WholeVerdict(const std::vector<correlate::Parameter>& parameters,
   if (known && AnyTrial(r, correlate::Explained::kNoise)) {
     words += ": if the excess of the residuals is noise";
   }
-  words[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(words[0])));
-  return words + ".";
+  return AsASentence(words);
 }
 
 // Swings that a record may begin with as well.

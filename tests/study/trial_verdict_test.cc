@@ -136,10 +136,11 @@ TEST_F(WrongBesideTest, WhatAChannelRecordsIsNotWeighedByIt) {
       StudyOf("cell", "scene.toml", 1e-3,
               "[trial.channel.cell]\nfile = \"moment.csv\"\nquantity = \"hinge.spring_moment\"\n"
               "sigma = 100.0\n"
-              "[parameter.linear]\nkeys = [\"joint.hinge.damper.damping\"]\nstart = 0.01\n"
+              "[parameter.c]\nkeys = [\"joint.hinge.damper.damping\"]\nstart = 0.01\n"
               "bounds = [1e-9, 0.2]\n"),
       {});
   ASSERT_TRUE(all.fit.Usable()) << all.fit.result.message;
+  EXPECT_EQ(all.fit.record.verdict, "c is determined.");  // a symbol is no word to begin with
   EXPECT_EQ(Of(all, "springs of the joints"), EffectVerdict::kCannotTell);
   for (const TrialEffect& e : all.effects) {
     if (e.effect.name == "springs of the joints") {
