@@ -19,6 +19,7 @@
 #include "calib/verdict.h"
 #include "tests/calib/faulty_lab.h"
 #include "tests/calib/traced.h"
+#include "tests/repeats.h"
 
 namespace unfurl::calib::trends_test {
 namespace {
@@ -267,8 +268,8 @@ TEST(Trends, ASetUpThatIsOffIsNotGood) {
 
 TEST(Trends, ASurveyInACornerIsNotGood) {
   TracedLab lab(24);
-  constexpr int kInTheCorner = 60;  // bundles of much that is left open take long
-  Eigen::Matrix3Xd places = 0.3 * lab.Places(kInTheCorner);
+  // Bundles of much that is left open take long.
+  Eigen::Matrix3Xd places = 0.3 * lab.Places(Repeats(60, kPoints));
   places.colwise() += 0.7 * Eigen::Vector3d(1.0, -1.0, 1.0);
   const Calibration result = Calibrate(lab.Survey(places), {}, "test");
   EXPECT_NE(result.rig.verdict, kGood);
