@@ -107,6 +107,22 @@ double CentreLine::Curvature(const Motion& m, double place) const {
   return (1.0 - part) * node(k) + part * node(k + 1);
 }
 
+double CentreLine::Between(const double* values, double place) const {
+  const double at = place / segment_length_ - 0.5;  // in segments, from the first one's middle
+  const int last = first_ + segments_ - 1;
+  const auto mean = [](double a, double b, double part) { return a + part * (b - a); };
+  if (at < 0.0 && start_station_ >= 0) {
+    return mean(values[first_], values[start_station_], -2.0 * at);
+  }
+  const double beyond = at - (segments_ - 1);
+  if (beyond > 0.0 && end_station_ >= 0) {
+    return mean(values[last], values[end_station_], 2.0 * beyond);
+  }
+  if (segments_ == 1) return values[first_];
+  const int k = std::clamp(static_cast<int>(std::floor(at)), 0, segments_ - 2);
+  return mean(values[first_ + k], values[first_ + k + 1], at - k);
+}
+
 double CentreLine::Strain(const Motion& m, double place) const {
   if (smooth_ >= 0) return smooth_beams_->StrainAt(smooth_, place / length_, m);
   // Half elements at welded ends have their middles a quarter of a segment in.

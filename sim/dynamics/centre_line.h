@@ -19,7 +19,10 @@ class CentreLine {
   // Keeps a reference to the model.
   CentreLine(const Model& model, const Model::Beam& beam);
 
-  double length() const { return length_; }                 // [m]
+  double length() const { return length_; }  // [m]
+  bool HasSegment(int body) const {
+    return smooth_ < 0 && body >= first_ && body < first_ + segments_;
+  }
   PlanePoint At(const Motion& motion, double place) const;  // from the start, at rest [m]
   // Distance of the middle from the chord between the ends, positive to the left of it, [m]
   // (docs/physics-simulator.md, "Slider-crank": beta is this over the length).
@@ -30,6 +33,9 @@ class CentreLine {
   // Of the line: of segments that of the elements between them, linear in between and beyond the
   // outermost; 0 where it does not stretch.
   double Strain(const Motion& motion, double place) const;
+  // Of segments, a value by body (angle, rate of turning) at a place: linear between the middles of
+  // the segments and the stations of welded ends, on beyond the last middles: second order.
+  double Between(const double* values, double place) const;
   // Distance of the end from the tangent at the start, positive to its left [m].
   double TipDeflection(const Motion& motion) const;
 

@@ -12,6 +12,16 @@ double MeanOver(const Model::Beam& beam, const double* values) {
   return sum / beam.segments;
 }
 
+// Of the beam's mass: segments of a tapered one differ. A smooth one is one body.
+double CentreOver(const Model::Beam& beam, const double* values) {
+  double sum = 0.0, mass = 0.0;
+  for (std::size_t k = 0; k < beam.mass.size(); ++k) {
+    sum += beam.mass[k] * values[static_cast<std::size_t>(beam.first) + k];
+    mass += beam.mass[k];
+  }
+  return mass > 0.0 ? sum / mass : values[beam.first];
+}
+
 }  // namespace
 
 void Observables::Declare() {
@@ -190,19 +200,19 @@ void Observables::DeclareBodies() {
     const std::string of = "the beam's centre of mass";
     Add(
         name + ".x", "m", "position of " + of,
-        [](const Frame& f, int i) { return MeanOver(f.self.model_.beams[i], f.motion.x); }, k);
+        [](const Frame& f, int i) { return CentreOver(f.self.model_.beams[i], f.motion.x); }, k);
     Add(
         name + ".y", "m", "position of " + of,
-        [](const Frame& f, int i) { return MeanOver(f.self.model_.beams[i], f.motion.y); }, k);
+        [](const Frame& f, int i) { return CentreOver(f.self.model_.beams[i], f.motion.y); }, k);
     Add(
         name + ".theta", "rad", "mean angle of the beam",
         [](const Frame& f, int i) { return MeanOver(f.self.model_.beams[i], f.motion.theta); }, k);
     Add(
         name + ".vx", "m/s", "velocity of " + of,
-        [](const Frame& f, int i) { return MeanOver(f.self.model_.beams[i], f.motion.vx); }, k);
+        [](const Frame& f, int i) { return CentreOver(f.self.model_.beams[i], f.motion.vx); }, k);
     Add(
         name + ".vy", "m/s", "velocity of " + of,
-        [](const Frame& f, int i) { return MeanOver(f.self.model_.beams[i], f.motion.vy); }, k);
+        [](const Frame& f, int i) { return CentreOver(f.self.model_.beams[i], f.motion.vy); }, k);
     Add(
         name + ".omega", "rad/s", "mean angular velocity of the beam",
         [](const Frame& f, int i) { return MeanOver(f.self.model_.beams[i], f.motion.omega); }, k);

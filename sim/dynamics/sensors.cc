@@ -33,12 +33,14 @@ Sensors::Turn Sensors::TurnOf(const Model::Sensor& sensor, const double* state) 
     const KirchhoffRod::Frame f = model_.kirchhoff.MotionAt(p.watched, state, i.n);
     return {f.theta, f.omega};
   }
-  Turn out{state[i.theta(p.body)], state[i.omega(p.body)]};
-  if (p.other_body >= 0) {
-    out.angle = 0.5 * (out.angle + state[i.theta(p.other_body)]);
-    out.rate = 0.5 * (out.rate + state[i.omega(p.other_body)]);
+  if (sensor.beam >= 0) {
+    const CentreLine& line = lines_[static_cast<std::size_t>(sensor.beam)];
+    if (line.HasSegment(p.body)) {
+      return {line.Between(state + i.theta(0), sensor.place),
+              line.Between(state + i.omega(0), sensor.place)};
+    }
   }
-  return out;
+  return {state[i.theta(p.body)], state[i.omega(p.body)]};
 }
 
 double Sensors::StepAt(const double* state) const {

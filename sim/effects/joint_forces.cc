@@ -45,7 +45,12 @@ JointForces::Force JointForces::Of(int joint, const Motion& m, const double* lam
     force.fx += f * (m.c[a.inner] * a.ax - m.s[a.inner] * a.ay);
     force.fy += f * (m.s[a.inner] * a.ax + m.c[a.inner] * a.ay);
   }
-  if (rows.hold >= 0) force.hold = lambda[rows.hold];
+  if (rows.hold >= 0) {
+    // The row's gradient with respect to outer's angle is its sign.
+    const JointRows& all = model_.constraints.joints();
+    const std::size_t first = 2 * all.pins.size() + all.alongs.size();
+    force.hold = all.angles[static_cast<std::size_t>(rows.hold) - first].sign * lambda[rows.hold];
+  }
   if (rows.drive >= 0) force.drive = lambda[rows.drive];
   return force;
 }

@@ -7,21 +7,24 @@
 namespace unfurl::sim {
 namespace {
 
-constexpr int kPartsOfWay = 4;  // of a step, at which open latches are looked at
+constexpr double kTimeRounding = 1e-12;  // of a time that is a quotient [-]
+constexpr int kPartsOfWay = 4;           // of a step, at which open latches are looked at
 
 }  // namespace
 
 void Integration::SampleStep(double h, double t_new) {
+  // The last sample is at the end, though rounding of its time may put it beyond.
+  const double reach = t_new < end_ ? t_new : end_ * (1.0 + kTimeRounding);
   for (;;) {
     const double t = static_cast<double>(report_.samples) / options_.rate;
-    if (t > std::min(t_new, end_ * (1.0 + 1e-12))) return;
+    if (t > reach) return;
     const double sigma = std::clamp((t - t_) / h, 0.0, 1.0);
     if (options_.track_forces) {
       sampled_ += stepper_->Sample(sigma, sample_.data()) ? 1 : 0;
     } else {
       stepper_->Dense(sigma, sample_.data());
     }
-    Emit(t);
+    Emit(std::min(t, end_));
   }
 }
 

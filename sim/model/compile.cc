@@ -35,6 +35,9 @@ double PlaceOn(const data::SceneEnd& end) {
 const data::SceneEnd& BodySide(const data::SceneWeld& weld) {
   return IsBeamEnd(weld.inner) ? weld.outer : weld.inner;
 }
+double BeamAgainstBody(const data::SceneWeld& weld) {
+  return IsBeamEnd(weld.outer) ? weld.angle : -weld.angle;
+}
 const data::SceneEnd& BeamSide(const data::SceneWeld& weld) {
   return IsBeamEnd(weld.inner) ? weld.inner : weld.outer;
 }
@@ -106,7 +109,7 @@ MovingPoint Compiler::PointOf(const data::SceneEnd& raw, double* angle) {
   *angle = 0.0;
   if (!OnBeam(end)) {
     const PlanePose in = InNode(end);
-    *angle = in.angle;
+    *angle = in.angle + (IsBeamEnd(raw) ? BeamAgainstBody(*EndOf(raw).weld) : 0.0);
     return {body_of_composite_[NodeOf(end)], in.x, in.y};
   }
   if (IsSmooth(end.index)) return SmoothPoint(end);
@@ -207,6 +210,7 @@ void Compiler::FillOutputs() {
         const BeamEnd& end = beam_ends_[b][k];
         if (end.weld != nullptr) model_.beams.back().stations[k] = end.station;
       }
+      for (int k = 0; k < beam.segments; ++k) model_.beams.back().mass.push_back(ShareOf(beam, k));
     }
     constexpr double kMiddle = 0.5;  // of the length [-]: where BEAM.axial_force is told
     model_.beams.back().EI = beam.EI * beam.section.Bending(kMiddle);

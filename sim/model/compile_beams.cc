@@ -44,7 +44,7 @@ void Compiler::AddStation(const BeamEnd& end, int beam) {
   s.body = body_of_composite_[NodeOf(body_end)];
   s.px = in.x;
   s.py = in.y;
-  s.angle = in.angle + (IsBeamEnd(end.weld->outer) ? end.weld->angle : -end.weld->angle);
+  s.angle = in.angle + BeamAgainstBody(*end.weld);
   // Whole turns between body and beam are no bending.
   const double turned =
       start_.node[NodeOfBeam(beam)].angle - start_.node[NodeOf(body_end)].angle - s.angle;

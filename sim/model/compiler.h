@@ -120,5 +120,7 @@ double PlaceOn(const data::SceneEnd& end);
 // Of a weld between a body and a beam's end.
 const data::SceneEnd& BodySide(const data::SceneWeld& weld);
 const data::SceneEnd& BeamSide(const data::SceneWeld& weld);
+// Of the beam's tangent there against the x axis of the body [rad].
+double BeamAgainstBody(const data::SceneWeld& weld);
 
 }  // namespace unfurl::sim

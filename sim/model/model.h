@@ -43,8 +43,9 @@ struct Model : ModelEffects {
     int smooth = -1;
     // Bodies of the stations where its start and end are welded; -1: not welded.
     std::array<int, 2> stations{-1, -1};
-    double EI = 0.0;  // of the section in the middle [N m^2]
-    double EA = 0.0;  // likewise; 0: it does not stretch [N]
+    std::vector<double> mass;  // by segment, with what its ends' bodies were given [kg]
+    double EI = 0.0;           // of the section in the middle [N m^2]
+    double EA = 0.0;           // likewise; 0: it does not stretch [N]
   };
   struct EndBody {  // that a beam's own end was given (sim/model/end_bodies.h)
     int body = -1;
@@ -79,7 +80,7 @@ struct Model : ModelEffects {
     MovingPoint point;
     double angle = 0.0;                // of its axis against the point's [rad]
     bool feels_gravity = true;         // of an accelerometer
-    int beam = -1;                     // of curvature and strain
+    int beam = -1;                     // that it is on
     double place = 0.0, height = 0.0;  // along the beam, and off its centre line [m]
   };
   struct EffectCount {

@@ -42,24 +42,56 @@ TEST(Observables, PinForceOfAPendulumIsNewtons) {
 
 TEST(Observables, DrivenSliderTellsItsForces) {
   constexpr double kMass = 2.0, kGravity = 9.81, kArm = 0.2;
-  const Model model = ModelFrom(
-      "[scene]\nname = \"slider\"\nduration = 1.0\n"
-      "[body.block]\nmass = 2.0\ninertia = 0.1\n"
-      "[joint.slide]\ntype = \"slider\"\ninner = \"ground\"\nouter = \"block\"\n"
-      "outer_point = [0.2, 0.0]\n"
-      "[joint.slide.drive]\nposition = \"0.1 * sin(3 * t)\"\n"
-      "[gravity]\nacceleration = [0.0, -9.81]\n"
-      "[mark.m]\non = \"block\"\n");
+  for (const int sign : {1, -1}) {
+    const Model model = ModelFrom(
+        "[scene]\nname = \"slider\"\nduration = 1.0\n"
+        "[body.block]\nmass = 2.0\ninertia = 0.1\n"
+        "[joint.slide]\ntype = \"slider\"\ninner = \"ground\"\nouter = \"block\"\n"
+        "outer_point = [0.2, 0.0]\nsign = " +
+        std::to_string(sign) +
+        "\n"
+        "[joint.slide.drive]\nposition = \"0.1 * sin(3 * t)\"\n"
+        "[gravity]\nacceleration = [0.0, -9.81]\n"
+        "[mark.m]\non = \"block\"\n");
+    SampledRows run(model);
+    ASSERT_TRUE(Simulate(model, Sampled(1.0, 100.0), &run).Usable());
+    for (std::size_t i = 0; i < run.t.size(); ++i) {
+      const double t = run.t[i];
+      EXPECT_NEAR(run.At(i, "slide.travel"), 0.1 * std::sin(3 * t), kForceError);
+      EXPECT_NEAR(run.At(i, "slide.travel_rate"), 0.3 * std::cos(3 * t), kForceError);
+      EXPECT_NEAR(run.At(i, "slide.drive_force"), -kMass * 0.9 * std::sin(3 * t), kForceError);
+      EXPECT_NEAR(run.At(i, "slide.pin_force_x"), 0.0, kForceError);
+      EXPECT_NEAR(run.At(i, "slide.pin_force_y"), kMass * kGravity, kForceError);
+      EXPECT_NEAR(run.At(i, "slide.hold_moment"), -kMass * kGravity * kArm, kForceError);
+    }
+  }
+}
+
+TEST(Observables, TheLastSampleIsAtTheEndThoughItsTimeIsRounded) {
+  constexpr double kDuration = 0.9;  // [s]; 3 / (3 / 0.9) is larger
+  const Model model = ModelFrom(PendulumScene(1.2, 0.5, 0.1));
   SampledRows run(model);
-  ASSERT_TRUE(Simulate(model, Sampled(1.0, 100.0), &run).Usable());
-  for (std::size_t i = 0; i < run.t.size(); ++i) {
-    const double t = run.t[i];
-    EXPECT_NEAR(run.At(i, "slide.travel"), 0.1 * std::sin(3 * t), kForceError);
-    EXPECT_NEAR(run.At(i, "slide.travel_rate"), 0.3 * std::cos(3 * t), kForceError);
-    EXPECT_NEAR(run.At(i, "slide.drive_force"), -kMass * 0.9 * std::sin(3 * t), kForceError);
-    EXPECT_NEAR(run.At(i, "slide.pin_force_x"), 0.0, kForceError);
-    EXPECT_NEAR(run.At(i, "slide.pin_force_y"), kMass * kGravity, kForceError);
-    EXPECT_NEAR(run.At(i, "slide.hold_moment"), -kMass * kGravity * kArm, kForceError);
+  ASSERT_TRUE(Simulate(model, Sampled(kDuration, 3.0 / kDuration), &run).Usable());
+  ASSERT_EQ(run.t.size(), 4u);
+  EXPECT_EQ(run.t.back(), kDuration);
+}
+
+// A beam that thins to half its size: its centre of mass is at 11/28 of its length. Its own end
+// gives mass to the body that the joint there is given, which stays the beam's.
+TEST(Observables, CentreOfMassOfATaperedBeam) {
+  for (const int segments : {6, 12}) {
+    for (const bool jointed : {false, true}) {
+      const Model model = ModelFrom(
+          "[scene]\nname = \"taper\"\nduration = 0.1\n[beam.rod]\nlength = 1.0\nmass = 1.0\n"
+          "EI = 10.0\ntaper = 0.5\nsegments = " +
+          std::to_string(segments) + "\n" +
+          (jointed ? "[joint.root]\ninner = \"ground\"\nouter = \"rod.start\"\n"
+                     "[joint.root.spring]\nstiffness = 1.0\n"
+                   : "pose = [0, 0, 0]\n"));
+      SampledRows run(model);
+      ASSERT_TRUE(Simulate(model, Sampled(0.1, 10.0), &run).Usable());
+      EXPECT_NEAR(run.At(0, "rod.x"), 11.0 / 28.0, 0.12 / (segments * segments)) << jointed;
+    }
   }
 }
 
