@@ -75,8 +75,9 @@ void CostReference::Climb(Ladder* ladder, double share) {
   const std::size_t wanted = ladder->meshes.size();
   while (ladder->rungs.size() < wanted && !ladder->ended) {
     // The check of the first takes as long as it and more.
-    ladder->stopped = spent + ladder->NextCost() + ladder->FirstCost() > share ||
-                      (bench_.Over() && !ladder->rungs.empty());
+    const double until = spent + ladder->NextCost() + ladder->FirstCost();
+    ladder->stopped = until > share || (bench_.Over() && !ladder->rungs.empty());
+    ladder->needs = until / share;
     if (ladder->stopped) return;
     const CostMesh& mesh = ladder->meshes[ladder->rungs.size()];
     CostOutcome run = bench_.Run(mesh, "auto", rtol_, {share - spent, 0.0});
@@ -87,6 +88,7 @@ void CostReference::Climb(Ladder* ladder, double share) {
     }
     ladder->message = mesh.words + ": " + run.message;
     ladder->stopped = run.stopped;
+    if (run.stopped) ladder->needs = 0.0;
     ladder->ended = run.stopped || !ladder->rungs.empty() || ++dropped == wanted || rigid_ ||
                     !HasFinerMesh(ladder->meshes.back());
     if (ladder->ended) return;
@@ -219,9 +221,13 @@ std::string CostReference::problem() const {
   const bool known = std::any_of(limits_.begin(), limits_.end(), [](const CostLimit& limit) {
     return std::isfinite(limit.error.rms);
   });
-  return limits_.empty() || (!known && ShortOfTime())
-             ? "the budget of time ended before there was a reference"
-             : "";
+  if (!limits_.empty() && (known || !ShortOfTime())) return "";
+  double needs = 0.0;
+  for (const Ladder& ladder : ladders_) {
+    if (ladder.needs > 1.0 && (needs == 0.0 || ladder.needs < needs)) needs = ladder.needs;
+  }
+  return "the budget of time ended before there was a reference, which needs " +
+         (needs > 0.0 ? fmt::format("some {:.2g} times as much", needs) : "far more");
 }
 
 std::string CostReference::Words() const {

@@ -47,6 +47,7 @@ class CostReference {
     std::vector<CostDistance> time;  // error of time stepping, by quantity
     bool ended = false;              // no finer mesh is to be had
     bool stopped = false;            // at the end of its share of time
+    double needs = 0.0;              // of that share, to the next rung, foretold; 0: not known [-]
     std::string message;
     double seconds = 0.0;  // of CPU, of all its runs [s]
     double NextCost() const;

@@ -25,7 +25,8 @@ PointMotion PointAt(const Model& model, const MovingPoint& p, const double* stat
   if (p.other_body >= 0) {
     const PointMotion a = PointAt(model, {p.body, p.px, p.py}, state, turn);
     const PointMotion b = PointAt(model, {p.other_body, p.other_px, 0.0}, state, turn);
-    return {0.5 * (a.x + b.x), 0.5 * (a.y + b.y), 0.5 * (a.vx + b.vx), 0.5 * (a.vy + b.vy)};
+    const double w = p.other_share, v = 1.0 - w;
+    return {v * a.x + w * b.x, v * a.y + w * b.y, v * a.vx + w * b.vx, v * a.vy + w * b.vy};
   }
   const auto [c, s] = turn(p.body);
   const double ox = c * p.px - s * p.py, oy = s * p.px + c * p.py;

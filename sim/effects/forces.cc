@@ -12,7 +12,8 @@ void Forces::AddForce(const LoadPoint& point, const Pair& force, bool follows, d
 }
 
 void Forces::AddTorque(const LoadPoint& point, const data::TimeFunction& torque) {
-  torques_.push_back({point.body, point.other < 0 ? point.body : point.other, torque});
+  torques_.push_back(
+      {point.body, point.other < 0 ? point.body : point.other, point.other_share, torque});
 }
 
 void Forces::AddPerLength(int first, int segments, double length, const Pair& per_length,
@@ -25,9 +26,8 @@ void Forces::AddLoad(const Motion& m, Load load, double* work) const {
   for (const Force& f : forces_) {
     double fx = f.force[0].Value(m.t), fy = f.force[1].Value(m.t);
     if (f.follows) {
-      // Between two segments the axes are those of the second, which the point counts from.
-      const double c = m.c[f.point.body] * f.c - m.s[f.point.body] * f.s;
-      const double s = m.s[f.point.body] * f.c + m.c[f.point.body] * f.s;
+      const auto [bc, bs] = f.point.Axis(m);
+      const double c = bc * f.c - bs * f.s, s = bs * f.c + bc * f.s;
       const double along = fx;
       fx = c * along - s * fy;
       fy = s * along + c * fy;
@@ -37,10 +37,10 @@ void Forces::AddLoad(const Motion& m, Load load, double* work) const {
     power += fx * at.vx + fy * at.vy;
   }
   for (const Torque& t : torques_) {
-    const double half = 0.5 * t.torque.Value(m.t);
-    load.m[t.body] += half;
-    load.m[t.other] += half;
-    power += half * (m.omega[t.body] + m.omega[t.other]);
+    const double torque = t.torque.Value(m.t), w = t.other_share;
+    load.m[t.body] += (1.0 - w) * torque;
+    load.m[t.other] += w * torque;
+    power += torque * ((1.0 - w) * m.omega[t.body] + w * m.omega[t.other]);
   }
   for (const Line& line : lines_) {
     const double qx = line.per_length[0].Value(m.t) * line.length;

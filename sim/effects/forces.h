@@ -46,6 +46,7 @@ class Forces {
   };
   struct Torque {
     int body, other;
+    double other_share;         // [-]
     data::TimeFunction torque;  // [N m]
   };
   struct Line {

@@ -87,9 +87,11 @@ PoseAndRate MotionAt(const Model& model, const NamedPoint& at, const std::vector
     return {{f.x, f.y, f.theta}, {f.vx, f.vy, f.omega}};
   }
   const PointMotion m = MotionOf(model, p, y.data());
-  double turn = y[5 * n + p.body];
-  if (p.other_body >= 0) turn = 0.5 * (turn + y[5 * n + p.other_body]);  // where two segments meet
-  return {{m.x, m.y, y[model.index.theta(p.body)]}, {m.vx, m.vy, turn}};
+  const auto turn = [&](const double* of) {
+    const double rest = p.other_body >= 0 ? p.other_share * (of[p.other_body] - of[p.body]) : 0.0;
+    return of[p.body] + rest;
+  };
+  return {{m.x, m.y, turn(y.data() + 2 * n)}, {m.vx, m.vy, turn(y.data() + 5 * n)}};
 }
 
 // Scales shapes so that of all places the largest displacement is 1 m, or the largest turn 1 rad

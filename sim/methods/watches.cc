@@ -17,8 +17,9 @@ using Watch = Watches::Watch;
 Watch PointWatch(const StateIndex& i, const MovingPoint& point, int axis, bool velocity) {
   Watch w;
   const bool two = point.other_body >= 0;
-  w.points.push_back({point.body, point.px, point.py, two ? 0.5 : 1.0, axis, velocity});
-  if (two) w.points.push_back({point.other_body, point.other_px, 0.0, 0.5, axis, velocity});
+  const double share = point.other_share;
+  w.points.push_back({point.body, point.px, point.py, 1.0 - share, axis, velocity});
+  if (two) w.points.push_back({point.other_body, point.other_px, 0.0, share, axis, velocity});
   for (const Watches::Point& p : w.points) {
     w.entries.push_back((velocity ? 3 * i.n : 0) + (axis == 0 ? i.x(p.body) : i.y(p.body)));
     w.entries.push_back(i.theta(p.body));

@@ -117,11 +117,13 @@ MovingPoint Compiler::PointOf(const data::SceneEnd& raw, double* angle) {
   const double place = PlaceOn(end) * beam.segments;  // in segments
   const int k = std::clamp(static_cast<int>(std::floor(place)), 0, beam.segments - 1);
   const double l = beam.length / beam.segments;
-  MovingPoint point{first_segment_[end.index] + k, (place - k - 0.5) * l, 0.0};
-  // On the boundary of two segments: the mean of the places that both give it.
-  if (k > 0 && std::fabs(place - k) < 1e-9) {
-    point.other_body = point.body - 1;
-    point.other_px = 0.5 * l;
+  const double off = place - k - 0.5;  // from the segment's middle
+  MovingPoint point{first_segment_[end.index] + k, off * l, 0.0};
+  const int side = off < 0.0 ? -1 : 1;
+  if (k + side >= 0 && k + side < beam.segments) {
+    point.other_body = point.body + side;
+    point.other_px = (off - side) * l;
+    point.other_share = std::fabs(off);
   }
   return point;
 }

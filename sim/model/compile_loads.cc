@@ -10,7 +10,7 @@ namespace unfurl::sim {
 
 LoadPoint Compiler::LoadPointOf(const data::SceneEnd& end, double* angle) {
   const MovingPoint p = PointOf(end, angle);
-  return {p.body, p.px, p.py, p.other_body, p.other_px};
+  return {p.body, p.px, p.py, p.other_body, p.other_px, p.other_share};
 }
 
 void Compiler::FillLinearSprings() {

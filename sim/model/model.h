@@ -19,9 +19,10 @@ namespace unfurl::sim {
 struct MovingPoint {
   int body = -1;
   double px = 0.0, py = 0.0;  // in the body's frame [m]
-  // Where two segments of a beam meet, the mean of the places that both give; -1: one body alone.
+  // Along a beam of segments: between the places that the two give whose middles are nearest, by
+  // its distance from these, so that angles and stretch are linear in between; -1: one body alone.
   int other_body = -1;
-  double other_px = 0.0;  // [m]
+  double other_px = 0.0, other_share = 0.0;  // [m], [-]
   // Into KirchhoffBeams: a place along a smooth beam that has no body; -1: none.
   int watched = -1;
 };

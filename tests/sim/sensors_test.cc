@@ -129,6 +129,30 @@ TEST(Sensors, RatesOnSegmentsConvergeInSecondOrder) {
   EXPECT_GT(error(9) / error(18), 3.0);  // 4 in second order, 2 in first
 }
 
+// At rest, places inside of segments: a torque M at a lifts a cantilever's end by M a (L - a / 2) /
+// EI, and a pulled line stretches evenly.
+TEST(Sensors, PlacesInsideSegmentsAreOfSecondOrder) {
+  for (const int segments : {7, 9, 12}) {
+    const Model model = ModelFrom(fmt::format(
+        "[scene]\nname = \"at rest\"\nduration = 4.0\n[beam.rod]\nlength = 1.0\nmass = 1.0\n"
+        "EI = 10.0\ndamping = 0.05\nsegments = {}\naxial = \"elastic\"\nEA = 400.0\n"
+        "[weld.root]\ninner = \"ground\"\nouter = \"rod.start\"\n"
+        "[force.turn]\non = \"rod\"\nat = 0.41\ntorque = 0.05\n"
+        "[force.pull]\non = \"rod.end\"\nforce = [\"0.1 * smoothstep(t)\", 0]\n"
+        "[mark.end]\non = \"rod.end\"\n[mark.seen]\non = \"rod\"\nat = 0.36\n",
+        segments));
+    SampledRows run(model);
+    ASSERT_TRUE(Simulate(model, Sampled(4.0, 10.0), &run).Usable()) << segments;
+    const std::size_t last = run.t.size() - 1;
+    constexpr double kLift = 0.05 * 0.41 * (1.0 - 0.5 * 0.41) / 10.0;
+    constexpr double kPulled = 0.01;  // of the lift: what the pull straightens, F L^2 / EI
+    EXPECT_NEAR(run.At(last, "end.y") / kLift, 1.0, 0.6 / (segments * segments) + kPulled)
+        << segments;
+    // But for what bending shortens.
+    EXPECT_NEAR(run.At(last, "seen.x"), 0.36 * (1.0 + 0.1 / 400.0), kLift * kLift) << segments;
+  }
+}
+
 // A wheel that turns for a million turns, and one of a tenth of a millisecond: r omega^2, however
 // long the scene. The angle itself is known to 1e-16 of what it has become.
 TEST(Sensors, CentripetalHoweverLongTheScene) {
