@@ -12,21 +12,27 @@
 namespace unfurl::sim {
 namespace {
 
-// Each turns by kLongestTurn at most, so that all together are some 60 turns.
-constexpr int kEquilibriumMostIterations = 2000;
+constexpr int kEquilibriumMostIterations = 2000;  // steps, of which a far start takes some 100
 // Of pseudo-time, in time scales of the model: the first, within which nothing moves far; the
 // longest, beside which masses do not count, so that it is Newton's.
 constexpr double kEquilibriumFirstStep = 0.02, kLongestStep = 1e4;
-constexpr double kLongestTurn = 0.2;  // of an angle in one iteration [rad], lengths alike
-constexpr double kStill = 1e-13;      // of an iteration's step, of the length scale
-// Of the pseudo-time step from one iteration to the next: one small residual does not make it
-// Newton's at once.
-constexpr double kEquilibriumMostGrowth = 4.0, kMostShrink = 0.25;
-// What falls far moves ahead with a residual that hardly changes. The step then doubles as long as
-// the residual grows by less than a tenth, and stiffness, where it is negative, makes the move no
-// more than half as much again: a step later it is three times as much, and never turned about,
-// which would lead to where a pendulum stands on its head.
-constexpr double kStays = 0.9, kTame = 1.5, kDoubling = 2.0, kWild = 3.0;
+constexpr double kLongestTurn = 0.3;  // of an angle in one step [rad], lengths alike
+constexpr double kStill = 1e-13;      // of a step's move, of the length scale
+// A step is solved by Newton's iterations. Turns upset what is stiff by their square, and these put
+// that right; a step whose moves do not fall by half each time is too long.
+constexpr int kMostCorrections = 6;
+constexpr double kContracts = 0.5, kSolved = 0.02;  // of the move before; of the first move [-]
+// Moves, of the length scale: of which rounding is a part; whose squares are too small to keep them
+// from falling by half, so that rounding does.
+constexpr double kNeedsNone = 1e-11, kRounding = 1e-9;
+// Of the step, of pseudo-time: after one that was easily solved, solved, and not.
+constexpr double kEasy = 0.1;  // of the move before, the largest of the corrections [-]
+constexpr double kLeap = 4.0, kGrowth = 2.0, kShrink = 0.4, kAfterShrink = 1.3;
+constexpr double kRoom = 0.7;  // of the longest turn, which the next step is meant for
+// Where stiffness is negative along the move it is more than without stiffness. Half as much again
+// is taken and no longer step tried; three times as much, and what turned about, is not taken: it
+// would lead to where a pendulum stands on its head.
+constexpr double kTame = 1.5, kWild = 3.0;
 
 // Of vectors of three blocks, of what can move; angles as lengths, of the length scale.
 double LargestOf(const Model& model, const Linearised& system, const double* v) {
@@ -39,75 +45,134 @@ double LargestOf(const Model& model, const Linearised& system, const double* v) 
   return largest;
 }
 
-// Of the pseudo-time step. `fall`: of the acceleration in the last iteration; `pulled`: its move
-// over that without stiffness, 0 where that is not to count.
-double ChangeOfStep(double fall, double pulled) {
-  const double change = std::clamp(fall, kMostShrink, kEquilibriumMostGrowth);
-  if (pulled > kWild) return std::min(change, 1.0 / kDoubling);
-  const bool tame = pulled > 0.0 && pulled < kTame && change > kStays;
-  return tame ? std::max(change, kDoubling) : change;
-}
+// Implicit Euler steps of the flow dq / db = a, where b is the square of a pseudo-time.
+class Search {
+ public:
+  explicit Search(Dynamics* dynamics)
+      : dynamics_(*dynamics),
+        model_(dynamics->model()),
+        n_(model_.rigid_bodies.count),
+        system_(dynamics, false),
+        drift_(static_cast<std::size_t>(model_.constraints.rows()) + 1),
+        from_(model_.index.size()),
+        x_(system_.length()),
+        pull_(system_.length()) {}
 
-// `hurried`: what falls far gets there; but stiff beams that nearly stand may be thrown about.
-EquilibriumReport Search(Dynamics* dynamics, bool hurried, double* y) {
-  const Model& model = dynamics->model();
-  const int n = model.rigid_bodies.count, rows = model.constraints.rows();
-  std::fill_n(y + 3 * n, 3 * n, 0.0);
-  Linearised system(dynamics);
-  std::vector<double> drift(rows + 1), x(system.length());
-  EquilibriumReport report;
-  const double first_step = kEquilibriumFirstStep * model.time_scale;
-  double step = first_step, last = 0.0;
-  double pulled = 0.0;  // the last move over that without stiffness; 0: it was cut [-]
-  for (report.iterations = 0; report.iterations < kEquilibriumMostIterations; ++report.iterations) {
-    ThrowIfInterrupted();
-    system.About(y);
-    const double* acceleration = system.rate().data() + 3 * n;
-    report.acceleration = model.length_scale * LargestOf(model, system, acceleration);
-    if (!std::isfinite(report.acceleration)) return report;
-    if (last > 0.0 && report.acceleration > 0.0) {
-      step *= ChangeOfStep(last / report.acceleration, hurried ? pulled : 0.0);
-      step = std::min(step, kLongestStep * model.time_scale);
+  EquilibriumReport Run(double* y) {
+    std::fill_n(y + 3 * n_, 3 * n_, 0.0);
+    EquilibriumReport report;
+    const double first = kEquilibriumFirstStep * model_.time_scale;
+    const double longest = kLongestStep * model_.time_scale;
+    double step = first;
+    bool shortened = false;
+    for (; report.iterations < kEquilibriumMostIterations; ++report.iterations) {
+      ThrowIfInterrupted();
+      system_.About(y);
+      const double* acceleration = system_.rate().data() + 3 * n_;
+      report.acceleration = model_.length_scale * LargestOf(model_, system_, acceleration);
+      if (!std::isfinite(report.acceleration)) return report;
+      std::copy_n(y, model_.index.size(), from_.begin());
+      const double change = Step(step * step, acceleration, y);
+      if ((moved_ < kStill && change > 0.0) || rounded_) {
+        report.found = true;
+        break;
+      }
+      const bool careful = shortened;
+      shortened = !(change > 0.0);
+      if (shortened) std::copy(from_.begin(), from_.end(), y);
+      step *= shortened ? kShrink : careful ? std::min(change, kAfterShrink) : change;
+      step = std::min(step, longest);
+      if (step < kEquilibriumFirstStep * kEquilibriumFirstStep * first) break;
     }
-    last = report.acceleration;
-    const double b = step * step;
-    for (int k = 0; k < 3 * n; ++k) x[k] = b * acceleration[k];
-    const double freely = LargestOf(model, system, x.data());
-    system.MassTimes(x.data());
-    if (rows > 0) {
-      dynamics->PositionDrift(0.0, y);
-      for (int r = 0; r < rows; ++r) drift[r] = -dynamics->constraint_work().drift[r];
+    return report;
+  }
+
+ private:
+  // Of the next step over this one; 0: it is to be taken again, shorter.
+  double Step(double b, const double* acceleration, double* y) {
+    for (int k = 0; k < 3 * n_; ++k) x_[k] = b * acceleration[k];
+    system_.MassTimes(x_.data());
+    pull_ = x_;
+    Drift(y);
+    system_.Factor(b);
+    system_.Solve(x_.data(), drift_.data());
+    double last = moved_ = LargestOf(model_, system_, x_.data());
+    if (!std::isfinite(last) || last > kLongestTurn) return 0.0;
+    if (last < kStill) return 1.0;
+    const double turned = Turned();
+    if (!(turned > 0.0) || turned > kWild) return 0.0;
+    Add(y);
+    double worst = 0.0;
+    const double solved = std::max(kSolved * moved_, kNeedsNone);
+    for (int k = 0; k < kMostCorrections && last > solved; ++k) {
+      Correct(b, y);
+      const double next = LargestOf(model_, system_, x_.data());
+      worst = std::max(worst, next / last);
+      if (!(next < kContracts * last)) {
+        rounded_ = moved_ < kRounding;
+        return 0.0;
+      }
+      Add(y);
+      last = next;
     }
-    system.Factor(b);
-    system.Solve(x.data(), drift.data());
-    const double largest = LargestOf(model, system, x.data());  // lengths as angles [rad]
-    if (!std::isfinite(largest)) return report;
-    const double part = largest > kLongestTurn ? kLongestTurn / largest : 1.0;
-    pulled = part == 1.0 && freely > 0.0 ? largest / freely : 0.0;
-    if (part < 1.0) step = std::max(step * kMostShrink, first_step);
-    for (const int k : system.entries()) y[k] += part * x[k];
-    if (largest < kStill) {
-      report.found = true;
-      break;
+    if (turned > kTame) return 1.0;
+    const double room = kRoom * kLongestTurn / moved_;
+    return std::min(worst < kEasy ? kLeap : kGrowth, std::max(1.0, std::sqrt(room)));
+  }
+
+  // What is left of the step's equation at y, into x_.
+  void Correct(double b, const double* y) {
+    state_.assign(y, y + model_.index.size());
+    system_.About(state_.data());
+    gone_.assign(system_.length(), 0.0);
+    for (const int k : system_.entries()) gone_[k] = y[k] - from_[k];
+    system_.Fill(gone_.data());
+    const double* acceleration = system_.rate().data() + 3 * n_;
+    for (int k = 0; k < 3 * n_; ++k) x_[k] = b * acceleration[k] - gone_[k];
+    system_.MassTimes(x_.data());
+    Drift(state_.data());
+    system_.Factor(b);
+    system_.Solve(x_.data(), drift_.data());
+  }
+
+  void Drift(double* y) {
+    if (model_.constraints.rows() == 0) return;
+    dynamics_.PositionDrift(0.0, y);
+    for (std::size_t r = 0; r + 1 < drift_.size(); ++r) {
+      drift_[r] = -dynamics_.constraint_work().drift[r];
     }
   }
-  return report;
-}
+
+  void Add(double* y) {
+    for (const int k : system_.entries()) y[k] += x_[k];
+  }
+
+  // The move over what it were without stiffness along it, in the masses' measure [-].
+  double Turned() {
+    std::vector<double> momentum = x_;
+    system_.MassTimes(momentum.data());
+    double own = 0.0, pulled = 0.0;
+    for (const int k : system_.entries()) {
+      own += x_[k] * momentum[k];
+      pulled += x_[k] * pull_[k];
+    }
+    return own / pulled;
+  }
+
+  Dynamics& dynamics_;
+  const Model& model_;
+  int n_;
+  Linearised system_;
+  double moved_ = 0.0;  // of the last step, its first move
+  bool rounded_ = false;
+  std::vector<double> drift_, from_, state_, gone_, x_, pull_;
+};
 
 }  // namespace
 
 EquilibriumReport FindEquilibrium(Dynamics* dynamics, double* y) {
   const std::size_t size = dynamics->model().index.size();
-  const std::vector<double> start(y, y + size);
-  EquilibriumReport report = Search(dynamics, false, y);
-  if (!report.found) {
-    std::vector<double> other = start;
-    const EquilibriumReport hurried = Search(dynamics, true, other.data());
-    if (hurried.found) {
-      std::copy(other.begin(), other.end(), y);
-      report = hurried;
-    }
-  }
+  const EquilibriumReport report = Search(dynamics).Run(y);
   std::vector<double> rate(size);
   dynamics->RightSide(0.0, y, rate.data());
   return report;

@@ -5,10 +5,11 @@
 
 namespace unfurl::sim {
 
-Linearised::Linearised(Dynamics* dynamics)
+Linearised::Linearised(Dynamics* dynamics, bool by_blocks)
     : dynamics_(*dynamics),
       n_(dynamics->model().rigid_bodies.count),
       rows_(dynamics->model().constraints.rows()),
+      by_blocks_(by_blocks),
       rate_(dynamics->model().index.size()),
       lambda_(rows_ + 1, 0.0),
       jacobian_(6 * rows_ + 6, 0.0),
@@ -31,7 +32,8 @@ void Linearised::About(double* y) {
   if (rows_ > 0) dynamics_.Jacobian(0.0, y, jacobian_.data());
   if (model.kirchhoff.count() == 0) {
     if (!saddle_) {
-      saddle_ = std::make_unique<Saddle>(model.rigid_bodies, model.constraints, tangent_);
+      saddle_ =
+          std::make_unique<Saddle>(model.rigid_bodies, model.constraints, tangent_, by_blocks_);
     }
     return;
   }

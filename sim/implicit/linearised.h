@@ -14,7 +14,9 @@ namespace unfurl::sim {
 // coordinates.
 class Linearised {
  public:
-  explicit Linearised(Dynamics* dynamics);
+  // `by_blocks`: as Saddle, without smooth beams. Faster, and exact to fewer digits where b K is
+  // far above M.
+  explicit Linearised(Dynamics* dynamics, bool by_blocks = true);
 
   // Takes M, D, K and J at y; runs the right side there, and leaves its accelerations in rate().
   void About(double* y);
@@ -46,6 +48,7 @@ class Linearised {
  private:
   Dynamics& dynamics_;
   int n_ = 0, rows_ = 0;
+  bool by_blocks_;
   std::vector<double> rate_, lambda_, jacobian_, load_x_, load_y_;
   std::vector<int> entries_;
   Tangent tangent_;
