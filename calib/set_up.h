@@ -22,8 +22,8 @@ namespace unfurl::calib {
 // have three points that are not on one line.
 //
 // Lists them in out->set_ups and adds their errors to out->common; nothing where the survey names
-// less than two, but for out->set_ups_told. Throws Error where none can be first, and for the place of one station beside
-// several set-ups.
+// less than two, but for out->set_ups_told. Throws Error where none can be first, and for the place
+// of one station beside several set-ups.
 void AddSetUps(const data::Survey& survey, const std::string& where, Observations* out);
 
 // GuessCameras. Where it refuses all points and does not without those of one set-up that is not
