@@ -193,13 +193,14 @@ Observations TakeOutDrift(const Observations& data, const CalibrateOptions& opti
   return steady;
 }
 
-// Whether a part of the survey is off as one, where nothing else was found: a cause shows in all
-// tests of what it does.
-void FindSetUps(const Observations& steady, const RigFit& fit, const TrendOptions& options,
+// Parts of the survey that are off, where nothing else was found: a cause shows in many tests.
+void FindSetUps(const Observations& steady, const TrendOptions& options, RigFit* fit,
                 CalibrationReport* report) {
   const auto found = [](const Trend& trend) { return trend.found; };
   if (std::any_of(report->trends.begin(), report->trends.end(), found)) return;
-  report->trends.push_back(ScanSetUps(steady, fit.priors, fit.bundle, options));
+  SetUpScan scan = ScanSetUps(steady, fit->priors, fit->bundle, options);
+  fit->rig.covariance += scan.covariance;
+  report->trends.push_back(std::move(scan.trend));
 }
 
 // The fit's numbers, reading by reading and camera by camera.
@@ -371,7 +372,7 @@ Calibration CalibrateHere(const Observations& data, const CalibrateOptions& opti
   for (Trend& moved : FindMovedLate(steady, fit.bundle, options.trends.level)) {
     out.report.trends.push_back(std::move(moved));
   }
-  FindSetUps(steady, fit, options.trends, &out.report);
+  FindSetUps(steady, options.trends, &fit, &out.report);
   for (Trend& unseen : FindUnseenDrift(steady, fit.priors, fit.bundle, options.trends)) {
     out.report.trends.push_back(std::move(unseen));
   }

@@ -62,6 +62,9 @@ HeldOutResult CheckFold(const Observations& data, const std::vector<CameraPrior>
   for (std::size_t j = 0; j < rig.cameras.size(); ++j) {
     rig.cameras[j].floor_px = weighting.floor_px[j];
   }
+  // Few points leave cameras less well known than they read: their readings may contradict by that.
+  const auto own = data::kCameraParameters * static_cast<Eigen::Index>(rig.cameras.size());
+  rig.covariance = covariance.topLeftCorner(own, own);
   rig.volume_low = data.p.rowwise().minCoeff();
   rig.volume_high = data.p.rowwise().maxCoeff();
   const measure::Triangulator triangulator(rig, kTriangulation);

@@ -90,6 +90,7 @@ Observations SelectPoints(const Observations& all, const std::vector<int>& keep)
         {error.name, error.unit, error.sigma, error.shift(Eigen::all, keep), error.set_up});
   }
   out.set_ups = all.set_ups;
+  out.set_ups_told = all.set_ups_told;
   out.p.resize(3, static_cast<Eigen::Index>(keep.size()));
   std::vector<int> renumbered(static_cast<std::size_t>(all.points()), -1);
   for (std::size_t k = 0; k < keep.size(); ++k) {

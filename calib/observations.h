@@ -48,6 +48,7 @@ struct Observations {
   std::vector<CommonError> common;
   // Of a survey from several: the first holds the frame, the errors of the others are in `common`.
   std::vector<SetUp> set_ups;
+  bool set_ups_told = false;  // the survey says from which each point was measured, one or several
 
   int points() const { return static_cast<int>(p.cols()); }              // n
   int camera_count() const { return static_cast<int>(cameras.size()); }  // c

@@ -113,6 +113,7 @@ std::string Six(const Eigen::Vector3d& v, const Eigen::Matrix3d& covariance, dou
 
 void AddSetUps(const data::Survey& survey, const std::string& where, Observations* out) {
   const std::vector<std::string> names = data::SetUpNames(survey);
+  out->set_ups_told = !names.empty();
   if (names.size() < 2) return;
   RefuseOneStation(survey, names.size(), where);
   std::vector<double> sigmas;
@@ -151,11 +152,7 @@ double SetUpEstimate::TurnSigma() const {
   return SigmaAlong(covariance.bottomRightCorner<3, 3>(), turn);
 }
 
-namespace {
-
-constexpr double kShown = 1e-3;  // of a shift, as digits [-]
-
-// By the errors that are its alone: of one that is not the first.
+// By the errors that are its alone.
 std::vector<int> PointsOf(const Observations& data, int set_up) {
   std::vector<int> out;
   for (const CommonError& error : data.common) {
@@ -167,6 +164,10 @@ std::vector<int> PointsOf(const Observations& data, int set_up) {
   }
   return out;
 }
+
+namespace {
+
+constexpr double kShown = 1e-3;  // of a shift, as digits [-]
 
 // Surveyed less found by cameras, medians [m].
 Eigen::Vector3d ShiftOf(const Observations& data, const std::vector<int>& points,

@@ -22,8 +22,8 @@ namespace unfurl::calib {
 // have three points that are not on one line.
 //
 // Lists them in out->set_ups and adds their errors to out->common; nothing where the survey names
-// less than two. Throws Error where none can be first, and for the place of one station beside
-// several set-ups.
+// less than two, but for out->set_ups_told. Throws Error where none can be first, and for the place
+// of one station beside several set-ups.
 void AddSetUps(const data::Survey& survey, const std::string& where, Observations* out);
 
 // GuessCameras. Where it refuses all points and does not without those of one set-up that is not
@@ -31,6 +31,9 @@ void AddSetUps(const data::Survey& survey, const std::string& where, Observation
 // all begins.
 std::vector<CameraGuess> GuessWithSetUps(const Observations& data, const GuessOptions& options,
                                          const std::string& where);
+
+// The points of a set-up that is not the first, ascending.
+std::vector<int> PointsOf(const Observations& data, int set_up);
 
 /// What the fit made of a set-up that is not the first.
 struct SetUpEstimate {

@@ -6,7 +6,8 @@
 namespace unfurl::sim {
 
 // Lets the state at rest slide to where no acceleration is left, with the modes of the latches held
-// as they are: implicit steps of pseudo-time without velocities, each solved by Newton's iterations,
+// as they are: implicit steps of pseudo-time without velocities, each solved by Newton's
+// iterations,
 //   M (q - q_before) = b M a(q),   phi(q) = 0,
 // that grow as they are easily solved and end as Newton's steps of the equilibrium. Rigid motions
 // stay where they are. `y` is changed also when nothing is found.
