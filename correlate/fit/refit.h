@@ -37,7 +37,7 @@ struct Refitted {
   std::string message;
   std::vector<double> theta;     ///< of the version's parameters, in its order [units]
   std::vector<Registration> at;  ///< by trial
-  /// By trial and parameter: of the predictions, per unit of the parameter's internal coordinate.
+  /// By trial and parameter: of the predictions, per unit of the parameter.
   std::vector<std::vector<Change>> change;
   std::vector<Eigen::VectorXd> residual;  ///< by trial, in the samples' own sigmas [-]
   /// By trial and mark, as ResidualsInModelFrame [m].
@@ -91,7 +91,7 @@ class Refits {
   FitOptions options_;
   std::vector<double> theta_;                // where refits begin [units]
   std::vector<Registration> at_;             // by trial
-  std::vector<std::vector<Change>> change_;  // by trial and parameter, per unit of u
+  std::vector<std::vector<Change>> change_;  // by trial and parameter, per unit of it
   double squares_ = 0.0;                     // of the residuals there, whitened [-]
   double model_noise_ = 0.0;                 // in sigmas of the data [-]
   std::vector<Observations> weighed_;        // by trial, as the fit left them

@@ -74,6 +74,33 @@ bool RefitPath::Begin() {
   return true;
 }
 
+// A clock that is nearer at these parameters, by turns of a swing at times, may have no way down
+// that leads as low as the fit's own: both ways are gone, and the lower end stands. False: the
+// version and the data share nothing.
+bool RefitPath::DescendFar() {
+  const std::size_t all = budget_;
+  budget_ = runs_ + (all - std::min(all, runs_)) / 2;
+  Descend();
+  budget_ = all;
+  if (!FarFromData()) return true;
+  const std::vector<double> u = u_;
+  const std::vector<Registration> at = at_;
+  const ReducedProblem::Changes change = change_;
+  const double cost = point_.cost;
+  u_ = start_.u;
+  at_ = start_.at;
+  change_ = start_.change;
+  fresh_ = false;
+  if (!Begin() || !LayBeside()) return false;
+  Descend();
+  if (point_.cost <= cost) return true;
+  u_ = u;
+  at_ = at;
+  change_ = change;
+  fresh_ = false;
+  return Begin();
+}
+
 bool RefitPath::LayBeside() {
   FitOptions options = options_;
   options.stages.clear();  // over the whole record
@@ -329,7 +356,7 @@ bool RefitPath::FarFromData() const {
 
 RefitStatus RefitPath::Run() {
   if (!Begin()) return RefitStatus::kFailed;
-  if (FarFromData() && !LayBeside()) return RefitStatus::kNotAligned;
+  if (FarFromData() && !DescendFar()) return RefitStatus::kNotAligned;
   if (has_top_ && how_.look_first && !Look()) return RefitStatus::kFailed;
   for (;;) {
     const Way way = Descend();
