@@ -217,7 +217,6 @@ Refitted Refits::Refit(const FitProblem& asked, const RefitOptions& how) const {
   const double squares = 2.0 * point.cost;
   if (squares > 0.0) {
     out.least = std::max(0.0, 1.0 - path.LeftToGain() / squares);
-    out.least_within = std::max(0.0, 1.0 - path.LeftToGainWithin() / squares);
   }
   const double rows = std::max(1.0, out.rows), scale = std::max(1.0, squares / rows);
   out.moves = MovesOf(A, plain, J.cols(), scale, rows);

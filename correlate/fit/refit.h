@@ -46,10 +46,10 @@ struct Refitted {
   /// The same whitened by the noise that the fit found [-].
   std::vector<Eigen::VectorXd> whitened;
   double prior_squares = 0.0;  ///< of what is known of the parameters beforehand [-]
-  /// Of the sum of squares, what no values of the parameters take away, as far as the linear model
-  /// about the end tells, that held to the most that a step has gained over its promise [0, 1].
+  /// Of the sum of squares, what no values of the parameters within their bounds take away, as far
+  /// as the linear model about the end tells, that held to the most that a step has gained over its
+  /// promise [0, 1].
   double least = 1.0;
-  double least_within = 1.0;  ///< likewise, no values within the parameters' bounds [0, 1]
   /// By how much a tighter tolerance changes the sum of squares, where it differs from the fit's
   /// own by so much that something rests on it [-].
   double scatter = 0.0;
