@@ -94,8 +94,10 @@ bool RefitPath::DescendFar() {
   at_ = start_.at;
   change_ = start_.change;
   fresh_ = false;
-  if (!Begin() || !LayBeside()) return false;
-  Descend();
+  if (!Begin()) return false;
+  const Laid laid = LayBeside();
+  if (laid == Laid::kNowhere) return false;
+  if (laid == Laid::kAnew) Descend();
   if (point_.cost <= cost) return true;
   u_ = u;
   at_ = at;
@@ -104,7 +106,7 @@ bool RefitPath::DescendFar() {
   return Begin();
 }
 
-bool RefitPath::LayBeside() {
+RefitPath::Laid RefitPath::LayBeside() {
   FitOptions options = options_;
   options.stages.clear();  // over the whole record
   options.stages_by_impacts = false;
@@ -113,7 +115,7 @@ bool RefitPath::LayBeside() {
       version_, options, {Values(version_.parameters, u_.data())}, evaluator_, {}, {}, nullptr);
   if (!found.front().usable) {
     message_ = found.front().message;
-    return false;
+    return Laid::kNowhere;
   }
   const std::vector<Registration> before = at_;
   for (std::size_t t = 0; t < at_.size(); ++t) {
@@ -122,9 +124,9 @@ bool RefitPath::LayBeside() {
     at_[t].offset = a.at.offset;
   }
   const double cost = point_.cost;
-  if (Begin() && point_.cost < cost) return true;
+  if (Begin() && point_.cost < cost) return Laid::kAnew;
   at_ = before;  // where the fit lay is nearer
-  return Begin();
+  return Begin() ? Laid::kAsBefore : Laid::kNowhere;
 }
 
 Eigen::VectorXd RefitPath::Sigma(const ReducedProblem::Point& point) const {

@@ -62,9 +62,10 @@ class RefitPath {
   Eigen::VectorXd Sigma(const ReducedProblem::Point& point) const;
   bool Affords(std::size_t runs) const { return runs_ + runs <= budget_; }
 
-  void Place();       // stamps by the clocks that stand
-  bool Begin();       // the first point
-  bool LayBeside();   // frame and clock anew
+  void Place();  // stamps by the clocks that stand
+  bool Begin();  // the first point
+  enum class Laid { kAnew, kAsBefore, kNowhere };
+  Laid LayBeside();   // frame and clock anew
   bool DescendFar();  // of a version that begins far from the data
   enum class Way { kSettled, kBudget };
   Way Descend();
