@@ -135,7 +135,7 @@ EffectVersion EffectVersions::Switched(const std::vector<std::string>& set, bool
     study.fidelity.wanted = false;
   }
   for (data::StudyTrial& trial : study.trials) Append(set, &trial.set);
-  out.binding = Bind(study, {});
+  out.binding = Bind(study, {}, BindFor::kVersion);
   if (mesh) {
     if (!there && out.released.empty()) OnOneRung(&out);
     return out;

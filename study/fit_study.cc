@@ -78,7 +78,7 @@ StudyFit Prepare(const data::Study& study, const FitStudyOptions& options) {
                 "UNFURL_ALLOW_PROGRAMS=1");
   }
   StudyFit fit;
-  fit.binding = std::make_unique<BoundStudy>(Bind(study, options.tracks, true));
+  fit.binding = std::make_unique<BoundStudy>(Bind(study, options.tracks, BindFor::kFit));
   fit.provenance = options.provenance;
   if (fit.provenance.program.empty()) fit.provenance.program = data::ProgramVersion();
   for (const std::string& input : fit.binding->inputs) fit.provenance.AddInput(input);

@@ -92,7 +92,7 @@ void CheckNames(const data::StudyTrial& from, const correlate::Observations& obs
 }
 
 void BindScenes(const data::Study& study, const data::StudyTrial& from, const std::string& path,
-                const std::vector<double>& theta, bool with_rivals, data::TextFiles* texts,
+                const std::vector<double>& theta, BindFor what, data::TextFiles* texts,
                 correlate::FitTrial* trial, BoundStudy* bound) {
   correlate::Observations& observations = *bound->observations.back();
   constexpr double kAtFirst = 1e-5;  // where the tolerance is still to be chosen
@@ -108,8 +108,10 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from, const st
   CheckNames(from, observations, *model);
   AddChannels(from, &model->quantities(), &observations);
   for (const std::string& file : model->files()) bound->inputs.push_back(file);
-  if (!observations.marks.empty()) RefuseOtherUnits(observations, *model, theta, path);
-  RefuseOtherChannelUnits(from, study.parameters, observations, *model, theta);
+  if (what == BindFor::kFit) {
+    if (!observations.marks.empty()) RefuseOtherUnits(observations, *model, theta, path);
+    RefuseOtherChannelUnits(from, study.parameters, observations, *model, theta);
+  }
   const std::vector<SceneRung> rungs = RungsOf(study.fidelity, model->beams());
   // Each once: the fit begins with the motions that the tolerance was chosen by.
   std::map<std::pair<double, std::size_t>, std::shared_ptr<SceneModel>> made;
@@ -144,7 +146,7 @@ void BindScenes(const data::Study& study, const data::StudyTrial& from, const st
   };
   trial->model = keep(at(binding.rtol, 0));
   trial->tighter = keep(at(sim::TighterTolerance(binding.rtol), 0));
-  if (with_rivals) {
+  if (what == BindFor::kFit) {
     const SceneModel& plain = *at(binding.rtol, 0);
     const double length = std::min(observations.End() - observations.Start(), plain.duration());
     for (OtherLaw& law : OtherLawsOf(plain.joint_records(), plain, theta, length)) {
@@ -196,7 +198,7 @@ void BindCommand(const data::Study& study, const data::StudyTrial& from, correla
 
 }  // namespace
 
-BoundStudy Bind(const data::Study& study, const std::string& tracks, bool rivals) {
+BoundStudy Bind(const data::Study& study, const std::string& tracks, BindFor what) {
   data::TextFiles texts;  // every model of the study sees the same scene
   BoundStudy bound;
   bound.inputs.push_back(study.path);
@@ -226,7 +228,7 @@ BoundStudy Bind(const data::Study& study, const std::string& tracks, bool rivals
     if (study.command) {
       BindCommand(study, from, &trial, &bound);
     } else {
-      BindScenes(study, from, path, theta, rivals, &texts, &trial, &bound);
+      BindScenes(study, from, path, theta, what, &texts, &trial, &bound);
     }
     bound.problem.trials.push_back(trial);
     if (!path.empty()) bound.inputs.push_back(path);

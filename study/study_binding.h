@@ -22,10 +22,14 @@ struct BoundStudy {
       tolerance;  // by trial; empty: a program, or given in the study
 };
 
-// `tracks` takes the place of the study's (of one trial). `rivals`: with the laws of loss that the
-// scene's joints lack, which costs a run for each trial where there are any. Throws Error for what
-// does not fit together.
-BoundStudy Bind(const data::Study& study, const std::string& tracks, bool rivals = false);
+// What a study is bound for. A version of one that was fitted is asked for no laws of loss that the
+// scene's joints lack (a run for each trial where there are any), and its data's units are not
+// doubted: that it moves at another pace than the data is what it is asked for.
+enum class BindFor { kFit, kVersion };
+
+// `tracks` takes the place of the study's (of one trial). Throws Error for what does not fit
+// together.
+BoundStudy Bind(const data::Study& study, const std::string& tracks, BindFor what);
 
 // All that the answers to evaluations depend on, as text: program, inputs' hashes, settings.
 std::string IdentityOf(const data::Provenance& provenance);

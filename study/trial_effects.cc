@@ -102,7 +102,7 @@ void Compare(const StudyFit& fit, const correlate::Refitted& as_is,
   const double scale = std::max(1.0, e.as_is / e.count);
   const double sign = out->effect.there ? 1.0 : -1.0;
   out->deviance = sign * (e.switched - e.as_is) / scale;
-  out->deviance_left = (1.0 - as_is.least_within) * e.as_is / scale;
+  out->deviance_left = (1.0 - as_is.least) * e.as_is / scale;
   out->deviance_least = out->effect.there ? (switched.least * e.switched - e.as_is) / scale
                                           : out->deviance - (1.0 - as_is.least) * e.as_is / scale;
   const double more = std::max(e.switched, e.as_is);

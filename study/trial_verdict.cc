@@ -49,10 +49,10 @@ std::string Doubt(const EffectJudge& judge, const TrialEffect& e) {
                       : "");
   }
   if (e.probability > kSure) {
-    if (!Sure(e.deviance_least, judge, e)) {
-      return "values of the parameters might still take it away";
+    if (Sure(e.deviance_least, judge, e)) {
+      return "the simulator's own scatter is as large as what it rests on";
     }
-    return "the simulator's own scatter is as large as what it rests on";
+    if (e.settled) return "values of the parameters might still take it away";
   }
   if (!e.settled) {
     return fmt::format("not settled within {} runs; a larger --budget may tell", e.runs);

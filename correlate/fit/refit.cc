@@ -46,6 +46,16 @@ std::size_t IndexOf(const FitProblem& problem, const std::string& name) {
               "refit with the same parameters, or fewer");
 }
 
+// As a refit moves it: by its value, as its logarithm has no slope where it is next to nothing and
+// has to take over what another did. `value`: where it begins. Its size, by which differences are
+// taken, is that of the fit, not that of an estimate of next to nothing.
+Parameter Moved(Parameter p, const Parameter& fitted, double value) {
+  p.log = false;
+  p.start = std::clamp(fitted.start, p.low, p.high);
+  if (std::abs(value) > std::abs(p.start)) p.start = value;
+  return p;
+}
+
 // The stretch of time of every row, by trial; -1: of none.
 std::vector<int> StretchesOf(const Observations& o, int first, int stretches) {
   const RowLayout layout(o);
@@ -111,11 +121,7 @@ Refits::Refits(const FitProblem& problem, const FitResult& fit, const FitOptions
                              : RowWhitening(weighed_.back(), noise));
     const TrialResult& found = fit.trials[t];
     at_.push_back(found.at);
-    std::vector<Change> changes;
-    for (std::size_t j = 0; j < problem.parameters.size(); ++j) {
-      changes.push_back(Scaled(found.change[j], Slope(problem.parameters[j], theta_[j])));
-    }
-    change_.push_back(std::move(changes));
+    change_.push_back(found.change);
     squares_ += found.registration.SumOfSquares();
     const double sigma = TypicalSigma(weighed_[t]);
     if (sigma > 0.0) model_noise_ = std::max(model_noise_, found.model_noise / sigma);
@@ -133,16 +139,18 @@ void Refits::GoOnFrom(const Refitted& own) {
   for (const Eigen::VectorXd& rows : own.whitened) squares_ += rows.squaredNorm();
 }
 
-Refitted Refits::Refit(const FitProblem& version, const RefitOptions& how) const {
+Refitted Refits::Refit(const FitProblem& asked, const RefitOptions& how) const {
   how.Check();
+  FitProblem version = asked;
   if (version.trials.size() != problem_.trials.size()) {
     throw Error("another number of trials", "Refits", "refit versions of the same problem");
   }
   // 1. Values, clocks and sensitivities as the fit ended.
   RefitStart start;
-  for (const Parameter& p : version.parameters) {
-    const double value = theta_[IndexOf(problem_, p.name)];
-    start.u.push_back(ToInternal(p, std::clamp(value, p.low, p.high)));
+  for (Parameter& p : version.parameters) {
+    const std::size_t j = IndexOf(problem_, p.name);
+    start.u.push_back(std::clamp(theta_[j], p.low, p.high));
+    p = Moved(p, problem_.parameters[j], start.u.back());
   }
   for (std::size_t t = 0; t < version.trials.size(); ++t) {
     start.at.push_back(at_[t]);
@@ -209,7 +217,6 @@ Refitted Refits::Refit(const FitProblem& version, const RefitOptions& how) const
   const double squares = 2.0 * point.cost;
   if (squares > 0.0) {
     out.least = std::max(0.0, 1.0 - path.LeftToGain() / squares);
-    out.least_within = std::max(0.0, 1.0 - path.LeftToGainWithin() / squares);
   }
   const double rows = std::max(1.0, out.rows), scale = std::max(1.0, squares / rows);
   out.moves = MovesOf(A, plain, J.cols(), scale, rows);

@@ -37,7 +37,7 @@ struct Refitted {
   std::string message;
   std::vector<double> theta;     ///< of the version's parameters, in its order [units]
   std::vector<Registration> at;  ///< by trial
-  /// By trial and parameter: of the predictions, per unit of the parameter's internal coordinate.
+  /// By trial and parameter: of the predictions, per unit of the parameter.
   std::vector<std::vector<Change>> change;
   std::vector<Eigen::VectorXd> residual;  ///< by trial, in the samples' own sigmas [-]
   /// By trial and mark, as ResidualsInModelFrame [m].
@@ -46,10 +46,10 @@ struct Refitted {
   /// The same whitened by the noise that the fit found [-].
   std::vector<Eigen::VectorXd> whitened;
   double prior_squares = 0.0;  ///< of what is known of the parameters beforehand [-]
-  /// Of the sum of squares, what no values of the parameters take away, as far as the linear model
-  /// about the end tells, that held to the most that a step has gained over its promise [0, 1].
+  /// Of the sum of squares, what no values of the parameters within their bounds take away, as far
+  /// as the linear model about the end tells, that held to the most that a step has gained over its
+  /// promise [0, 1].
   double least = 1.0;
-  double least_within = 1.0;  ///< likewise, no values within the parameters' bounds [0, 1]
   /// By how much a tighter tolerance changes the sum of squares, where it differs from the fit's
   /// own by so much that something rests on it [-].
   double scatter = 0.0;
@@ -91,7 +91,7 @@ class Refits {
   FitOptions options_;
   std::vector<double> theta_;                // where refits begin [units]
   std::vector<Registration> at_;             // by trial
-  std::vector<std::vector<Change>> change_;  // by trial and parameter, per unit of u
+  std::vector<std::vector<Change>> change_;  // by trial and parameter, per unit of it
   double squares_ = 0.0;                     // of the residuals there, whitened [-]
   double model_noise_ = 0.0;                 // in sigmas of the data [-]
   std::vector<Observations> weighed_;        // by trial, as the fit left them

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "base/dense.h"
+#include "correlate/fit/bounded_step.h"
 #include "correlate/fit/fit_run.h"
 #include "correlate/fit/screening.h"
 #include "correlate/fit/slopes.h"
@@ -16,6 +17,8 @@ namespace {
 // Of a sum of squares: 4 is two standard errors of one parameter, below which no verdict rests on a
 // difference.
 constexpr double kTells = 4.0;
+// Of a sum of squares that a step may leave: half a standard error of one parameter.
+constexpr double kLittle = 0.25;
 
 Eigen::VectorXd Point(const std::vector<double>& u) {
   return Eigen::Map<const Eigen::VectorXd>(u.data(), static_cast<Eigen::Index>(u.size()));
@@ -74,7 +77,36 @@ bool RefitPath::Begin() {
   return true;
 }
 
-bool RefitPath::LayBeside() {
+// A clock that is nearer at these parameters, by turns of a swing at times, may have no way down
+// that leads as low as the fit's own: both ways are gone, and the lower end stands. False: the
+// version and the data share nothing.
+bool RefitPath::DescendFar() {
+  const std::size_t all = budget_;
+  budget_ = runs_ + (all - std::min(all, runs_)) / 2;
+  Descend();
+  budget_ = all;
+  if (!FarFromData()) return true;
+  const std::vector<double> u = u_;
+  const std::vector<Registration> at = at_;
+  const ReducedProblem::Changes change = change_;
+  const double cost = point_.cost;
+  u_ = start_.u;
+  at_ = start_.at;
+  change_ = start_.change;
+  fresh_ = false;
+  if (!Begin()) return false;
+  const Laid laid = LayBeside();
+  if (laid == Laid::kNowhere) return false;
+  if (laid == Laid::kAnew) Descend();
+  if (point_.cost <= cost) return true;
+  u_ = u;
+  at_ = at;
+  change_ = change;
+  fresh_ = false;
+  return Begin();
+}
+
+RefitPath::Laid RefitPath::LayBeside() {
   FitOptions options = options_;
   options.stages.clear();  // over the whole record
   options.stages_by_impacts = false;
@@ -83,7 +115,7 @@ bool RefitPath::LayBeside() {
       version_, options, {Values(version_.parameters, u_.data())}, evaluator_, {}, {}, nullptr);
   if (!found.front().usable) {
     message_ = found.front().message;
-    return false;
+    return Laid::kNowhere;
   }
   const std::vector<Registration> before = at_;
   for (std::size_t t = 0; t < at_.size(); ++t) {
@@ -92,9 +124,9 @@ bool RefitPath::LayBeside() {
     at_[t].offset = a.at.offset;
   }
   const double cost = point_.cost;
-  if (Begin() && point_.cost < cost) return true;
+  if (Begin() && point_.cost < cost) return Laid::kAnew;
   at_ = before;  // where the fit lay is nearer
-  return Begin();
+  return Begin() ? Laid::kAsBefore : Laid::kNowhere;
 }
 
 Eigen::VectorXd RefitPath::Sigma(const ReducedProblem::Point& point) const {
@@ -107,57 +139,32 @@ RefitPath::Step RefitPath::StepFrom(const ReducedProblem::Point& point, double d
   const Eigen::MatrixXd P = reduced_->Project(point, reduced_->RowsOf(u_, point, change_));
   const Eigen::MatrixXd normal = P.transpose() * P;
   const Eigen::VectorXd slope = P.transpose() * point.residual;
-  const Eigen::Index p = P.cols();
+  Eigen::MatrixXd H = normal;
+  H.diagonal() *= 1.0 + damping;
+  Eigen::VectorXd low(P.cols()), high(P.cols());
+  for (Eigen::Index j = 0; j < P.cols(); ++j) {
+    const auto i = static_cast<std::size_t>(j);
+    const Parameter& q = version_.parameters[i];
+    low(j) = std::min(0.0, ToInternal(q, q.low) - u_[i]);
+    high(j) = std::max(0.0, ToInternal(q, q.high) - u_[i]);
+  }
   Step out;
-  out.by = Eigen::VectorXd::Zero(p);
-  std::vector<Eigen::Index> free;
-  for (Eigen::Index j = 0; j < p; ++j) {
-    if (normal(j, j) > 0.0) free.push_back(j);
-  }
-  // What would leave its bounds goes to them, and the others are solved for with that given.
-  while (!free.empty()) {
-    Eigen::MatrixXd H = normal(free, free);
-    H.diagonal() *= 1.0 + damping;
-    const Eigen::VectorXd held = slope + normal * out.by;
-    const Eigen::VectorXd s =
-        -H.completeOrthogonalDecomposition().solve(Eigen::VectorXd(held(free)));
-    std::vector<Eigen::Index> inside;
-    for (std::size_t k = 0; k < free.size(); ++k) {
-      const Eigen::Index j = free[k];
-      const Parameter& q = version_.parameters[static_cast<std::size_t>(j)];
-      const double here = u_[static_cast<std::size_t>(j)];
-      const double to = here + s(static_cast<Eigen::Index>(k));
-      const double bounded = ToInternal(q, FromInternal(q, to));
-      if (std::isfinite(bounded) && bounded != to && std::abs(bounded - to) > 1e-12) {
-        out.by(j) = bounded - here;
-      } else {
-        inside.push_back(j);
-      }
-    }
-    if (inside.size() == free.size()) {
-      for (std::size_t k = 0; k < free.size(); ++k) {
-        out.by(free[k]) = s(static_cast<Eigen::Index>(k));
-      }
-      break;
-    }
-    free = std::move(inside);
-  }
+  out.by = BoundedStep(H, slope, low, high);
   out.gain = -(2.0 * slope.dot(out.by) + out.by.dot(normal * out.by));
   const Eigen::VectorXd sigma = StepAndSigma(P, point.residual).sigma;
-  for (Eigen::Index j = 0; j < p; ++j) {
+  for (Eigen::Index j = 0; j < P.cols(); ++j) {
     if (sigma(j) > 0.0) out.sigmas = std::max(out.sigmas, std::abs(out.by(j)) / sigma(j));
   }
   return out;
 }
 
-double RefitPath::LeftToGain() const {
-  const Eigen::MatrixXd P = reduced_->Project(point_, reduced_->RowsOf(u_, point_, change_));
-  const Eigen::VectorXd slope = P.transpose() * point_.residual;
-  const Eigen::VectorXd step = StepAndSigma(P, point_.residual).step;  // whatever the bounds
-  return optimism_ * std::max(0.0, -slope.dot(step));
+// Of two parameters that do the same each has a wide standard error, of which a step of one of them
+// is a little part, while all of the misfit goes with it: both have to be little.
+bool RefitPath::Within(const Step& step, double sigmas, double gain) const {
+  return !(step.gain > 0.0) || (step.sigmas <= sigmas && step.gain <= gain * Scale(point_));
 }
 
-double RefitPath::LeftToGainWithin() const {
+double RefitPath::LeftToGain() const {
   return optimism_ * std::max(0.0, StepFrom(point_, 0.0).gain);
 }
 
@@ -201,7 +208,7 @@ std::optional<double> RefitPath::Damped(const Step& step, double damping, int* r
   constexpr double kFactor = 10.0;  // from step to step
   constexpr double kRough = 1.0;    // standard errors, as in the solver
   if (TakeSlopesAnew()) return damping;
-  if (++*rejected >= 2 && step.sigmas < kRough) return std::nullopt;
+  if (++*rejected >= 2 && Within(step, kRough, kTells)) return std::nullopt;
   return std::max(kFirst, kFactor * damping);
 }
 
@@ -211,7 +218,7 @@ RefitPath::Way RefitPath::Descend() {
   int rejected = 0;
   while (Affords(version_.trials.size())) {
     const Step step = StepFrom(point_, damping);
-    if (step.sigmas <= how_.step_tolerance || !(step.gain > 0.0)) {
+    if (Within(step, how_.step_tolerance, kLittle)) {
       if (!SlopesDecide()) return Way::kSettled;
       if (TakeSlopesAnew()) continue;
       return fresh_ ? Way::kSettled : Way::kBudget;
@@ -310,9 +317,10 @@ std::optional<RefitStatus> RefitPath::AfterLook(Way way) {
     u_ = best_u_;
     point_ = best_;
     for (std::size_t t = 0; t < at_.size(); ++t) at_[t] = point_.registration[t].at;
-    return StepFrom(point_, 0.0).sigmas < kRough ? RefitStatus::kSettled : RefitStatus::kBudget;
+    return Within(StepFrom(point_, 0.0), kRough, kTells) ? RefitStatus::kSettled
+                                                         : RefitStatus::kBudget;
   }
-  if (StepFrom(point_, 0.0).sigmas <= how_.step_tolerance) {
+  if (Within(StepFrom(point_, 0.0), how_.step_tolerance, kLittle)) {
     const bool told = !SlopesDecide() || fresh_ || TakeSlopesAnew();
     return told && way == Way::kSettled ? RefitStatus::kSettled : RefitStatus::kBudget;
   }
@@ -329,7 +337,7 @@ bool RefitPath::FarFromData() const {
 
 RefitStatus RefitPath::Run() {
   if (!Begin()) return RefitStatus::kFailed;
-  if (FarFromData() && !LayBeside()) return RefitStatus::kNotAligned;
+  if (FarFromData() && !DescendFar()) return RefitStatus::kNotAligned;
   if (has_top_ && how_.look_first && !Look()) return RefitStatus::kFailed;
   for (;;) {
     const Way way = Descend();

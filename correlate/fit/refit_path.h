@@ -39,10 +39,9 @@ class RefitPath {
   ReducedProblem& reduced() { return *reduced_; }
   /// d residual / d u at the end, as far as it is known.
   Eigen::MatrixXd Rows() const { return reduced_->RowsOf(u_, point_, change_); }
-  /// By what the linear model says that the sum of squares may still fall, times the most that a
-  /// step has gained over its promise [-]; whatever the parameters' bounds, and within them.
+  /// By what the linear model says that the sum of squares may still fall, within the
+  /// parameters' bounds, times the most that a step has gained over its promise [-].
   double LeftToGain() const;
-  double LeftToGainWithin() const;
   /// By how much a tighter tolerance changes the sum of squares at the end, where that differs from
   /// the fit's by so much that something rests on it; else 0, and nothing is run [-].
   double Scatter();
@@ -57,13 +56,17 @@ class RefitPath {
     double sigmas = 0.0;  // its largest part in standard errors [-]
   };
   Step StepFrom(const ReducedProblem::Point& point, double damping) const;
+  // Whether a step is no longer than that, and gains no more [noise's mean square].
+  bool Within(const Step& step, double sigmas, double gain) const;
   // The standard errors of u that the sensitivities give.
   Eigen::VectorXd Sigma(const ReducedProblem::Point& point) const;
   bool Affords(std::size_t runs) const { return runs_ + runs <= budget_; }
 
-  void Place();      // stamps by the clocks that stand
-  bool Begin();      // the first point
-  bool LayBeside();  // frame and clock anew
+  void Place();  // stamps by the clocks that stand
+  bool Begin();  // the first point
+  enum class Laid { kAnew, kAsBefore, kNowhere };
+  Laid LayBeside();   // frame and clock anew
+  bool DescendFar();  // of a version that begins far from the data
   enum class Way { kSettled, kBudget };
   Way Descend();
   std::optional<double> Damped(const Step& step, double damping, int* rejected);

@@ -297,12 +297,17 @@ class Steps : public ceres::Manifold {
 
 GaussNewton StepAndSigma(const Eigen::MatrixXd& projected, const Eigen::VectorXd& residual) {
   GaussNewton out;
-  const Eigen::MatrixXd normal = projected.transpose() * projected;
+  // Unit columns first: parameters of any units, and logarithms, share one normal matrix.
+  Eigen::VectorXd size = projected.colwise().norm();
+  for (double& s : size) s = s > 0.0 ? 1.0 / s : 0.0;
+  const Eigen::MatrixXd unit = projected * size.asDiagonal();
+  const Eigen::MatrixXd normal = unit.transpose() * unit;
   const auto decomposition = normal.completeOrthogonalDecomposition();
-  out.step = -decomposition.solve(projected.transpose() * residual);
+  out.step = -size.cwiseProduct(decomposition.solve(unit.transpose() * residual));
   const double dof = std::max(1.0, static_cast<double>(residual.size() - projected.cols()));
   const double scale = std::sqrt(std::max(1.0, residual.squaredNorm() / dof));
-  out.sigma = scale * decomposition.pseudoInverse().diagonal().cwiseMax(0.0).cwiseSqrt();
+  out.sigma =
+      scale * size.cwiseProduct(decomposition.pseudoInverse().diagonal().cwiseMax(0.0).cwiseSqrt());
   return out;
 }
 

@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "study/effect_versions.h"
 #include "tests/study/arm.h"
+#include "tests/study/swing.h"
 
 namespace unfurl::study::refit_test {
 namespace {
@@ -119,6 +120,58 @@ TEST_F(RefitTest, BadInputIsNamed) {
   other.trials.clear();
   EXPECT_THROW(refits.Refit(other, {}), Error);
 }
+
+// A pendulum, recorded with quadratic damping alone and refitted without, which the linear damping
+// of the scene has to take over; beside a fit of the study that has only that.
+class TakeOverTest : public SwingTest {
+ protected:
+  static constexpr double kSigma = 1e-3;  // [rad]
+
+  // `law`: bounds of the linear damping. `placed`: the offset is known.
+  data::Study LawsStudy(const std::string& law, bool quadratic, bool placed) const {
+    const std::string name = quadratic ? "both" : "one";
+    std::string joint = "[joint.hinge.damper]\ndamping = 0.01\n";
+    std::string parameters =
+        "[parameter.c]\nkeys = [\"joint.hinge.damper.damping\"]\nstart = 0.01\n" + law;
+    if (quadratic) {
+      joint += "[joint.hinge.quadratic_damper]\ndamping = 0.01\n";
+      parameters +=
+          "[parameter.d]\nkeys = [\"joint.hinge.quadratic_damper.damping\"]\nstart = 0.01\n"
+          "bounds = [1e-9, 0.2]\n";
+    }
+    Put(name + ".toml", Scene(joint));
+    data::Study out = StudyOf(name, name + ".toml", kSigma, parameters);
+    if (!placed) out.trials[0].offset = {};
+    out.profile_levels.clear();
+    return out;
+  }
+
+  void TakesOver(const std::string& law, double quadratic, bool placed) const {
+    Record({.quadratic = quadratic}, kSigma, 7);  // such noise that no linear damping is found
+    const data::Study study = LawsStudy(law, true, placed);
+    const StudyFit fit = Fit(study);
+    ASSERT_TRUE(fit.Usable()) << fit.result.message;
+    const EffectVersions versions(study, fit);
+    const correlate::Refits refits(fit.problem(), fit.result, fit.binding->options);
+    const EffectVersion version = versions.Switched({"joint.hinge.quadratic_damper="}, true);
+    const correlate::Refitted found = refits.Refit(version.binding.problem, {.workers = 1});
+    const StudyFit alone = Fit(LawsStudy(law, false, placed));
+    ASSERT_TRUE(alone.Usable()) << alone.result.message;
+    ASSERT_EQ(found.residual.size(), 1U) << found.message;
+    const double least = alone.result.trials[0].residual.squaredNorm();
+    EXPECT_NEAR(found.residual[0].squaredNorm(), least, 0.02 * least);
+    EXPECT_NEAR(found.theta[0], alone.result.parameters[0].value,
+                0.5 * alone.result.parameters[0].sigma_data);
+  }
+};
+
+// The fit leaves it at next to nothing, where a logarithm has no slope.
+TEST_F(TakeOverTest, ALogarithmThatIsNextToNothing) {
+  TakesOver("bounds = [1e-9, 0.2]\ntransform = \"log\"\n", 0.004, true);
+}
+
+// Without the damping another swing lies nearer to the record than its own.
+TEST_F(TakeOverTest, OnTheSameSwing) { TakesOver("bounds = [1e-9, 0.2]\n", 0.05, false); }
 
 }  // namespace
 }  // namespace unfurl::study::refit_test

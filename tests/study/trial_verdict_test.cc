@@ -72,6 +72,18 @@ TEST(TrialVerdict, WhatIsNotSmallIsNamed) {
   EXPECT_THAT(why(0.41, 0.02, 0.1), HasSubstr("0.41 of a sigma apart"));
 }
 
+TEST(TrialVerdict, WhatDidNotSettleIsSaidToBeThat) {
+  TrialEffect e = Seen("gravity", true, 5e4, 0.9);
+  e.deviance_least = -600.0;
+  const auto why = [&](bool settled) {
+    e.settled = settled;
+    JudgeEffect({.part = 0.3, .rows = kRows, .explained = true}, &e);
+    return e.message;
+  };
+  EXPECT_THAT(why(false), HasSubstr("not settled within"));
+  EXPECT_THAT(why(true), HasSubstr("values of the parameters"));
+}
+
 TEST(TrialVerdict, BesideAWrongOneNothingIsNotNeeded) {
   auto verdict = [](TrialEffect beside) {
     TrialEffect small = Seen("drag", true, 0.0, 0.0);
@@ -146,6 +158,29 @@ TEST_F(WrongBesideTest, WhatAChannelRecordsIsNotWeighedByIt) {
     if (e.effect.name == "springs of the joints") {
       EXPECT_THAT(e.message, HasSubstr("channel cell records it ('hinge.spring_moment')"));
     }
+  }
+}
+
+// Friction below zero, with more linear damping, would do what the quadratic one does: bounds say
+// that there is none.
+TEST_F(WrongBesideTest, ValuesBeyondTheirBoundsTakeNothingOver) {
+  Record({.quadratic = 0.02}, 1e-3, 7);
+  const std::string joint =
+      "[joint.hinge.friction]\nmoment = 0.01\ncreep_rate = 0.05\n"
+      "[joint.hinge.quadratic_damper]\ndamping = 0.02\n[joint.hinge.damper]\ndamping = 0.01\n";
+  Put("three.toml", Scene(joint));
+  std::string parameters;
+  for (const char* key : {"damper.damping", "quadratic_damper.damping", "friction.moment"}) {
+    parameters += fmt::format(
+        "[parameter.p{}]\nkeys = [\"joint.hinge.{}\"]\nstart = 0.01\nbounds = [1e-9, 0.2]\n",
+        parameters.size(), key);
+  }
+  const TrialEffects all = WeighTrialEffects(StudyOf("three", "three.toml", 1e-3, parameters), {});
+  ASSERT_TRUE(all.fit.Usable()) << all.fit.result.message;
+  for (const TrialEffect& e : all.effects) {
+    if (e.effect.name != "quadratic dampers of the joints") continue;
+    EXPECT_EQ(e.verdict, EffectVerdict::kNeeded);
+    EXPECT_NEAR(e.deviance_least, e.deviance, 0.01 * e.deviance);
   }
 }
 
