@@ -27,7 +27,7 @@ constexpr double kContracts = 0.5, kSolved = 0.02;  // of the move before; of th
 constexpr double kNeedsNone = 1e-11, kRounding = 1e-9;
 // Of the step, of pseudo-time: after one that was easily solved, solved, and not.
 constexpr double kEasy = 0.1;  // of the move before, the largest of the corrections [-]
-constexpr double kLeap = 4.0, kGrowth = 2.0, kShrink = 0.4, kAfterShrink = 1.3;
+constexpr double kLeap = 4.0, kGrowth = 2.0, kShrink = 0.4, kAfterShrink = 1.3;  // factors [-]
 constexpr double kRoom = 0.7;  // of the longest turn, which the next step is meant for
 // Where stiffness is negative along the move it is more than without stiffness. Half as much again
 // is taken and no longer step tried; three times as much, and what turned about, is not taken: it
