@@ -51,8 +51,9 @@ Eigen::MatrixXd RowsOf(const PlanBasis& basis, const Model& model, const Observa
   if (good) {
     const double sigma = TypicalSigma(record);
     const double noise = sigma > 0.0 ? found.model_noise / sigma : 0.0;
-    reduced.SetSteps(
-        J, point, std::max(basis.options->difference_sigma, basis.options->noise_factor * noise));
+    const double target =
+        std::max(basis.options->difference_sigma, basis.options->noise_factor * noise);
+    reduced.SetSteps(u, J, point, target);
     good = reduced.CentralSensitivity(u, point, &J);
   }
   if (!good) {

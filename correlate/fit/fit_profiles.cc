@@ -36,9 +36,9 @@ void FillProfiles(const FitProblem& problem, ReducedProblem& reduced, const std:
     const double own = r->parameters[i].sigma_data / std::max(std::abs(slope), 1e-300);
     start.dispersion(j) = std::clamp(own * own / (bread * bread), 1.0, 1e6);
     // Where the linear model knows nothing: a twentieth of the bounds.
-    const double range = std::isfinite(q.high - q.low) && (!q.log || q.low > 0.0)
-                             ? ToInternal(q, q.high) - ToInternal(q, q.low)
-                             : std::max(1.0, std::abs(u[i]));
+    const double range = std::isfinite(q.high - q.low) ? (q.high - q.low) / std::abs(slope)
+                         : q.log                       ? std::max(1.0, q.start / slope)
+                                                       : std::max(1.0, std::abs(u[i]));
     start.sigma(j) = std::min(bread * std::sqrt(start.dispersion(j)), 0.05 * range);
   }
   std::vector<Profile> profiles = Profiles(reduced, start, options.profile);

@@ -34,7 +34,8 @@ Interval IntervalOfData(const Parameter& parameter, const ParameterEstimate& e) 
   if (!e.profile.points.empty()) return {e.profile.low, e.profile.high};
   const double u = ToInternal(parameter, e.value);
   const double half = kHalf95 * Internal(parameter, e, e.sigma_data);
-  return {FromInternal(parameter, u - half), FromInternal(parameter, u + half)};
+  return {FromInternal(parameter, StepAsymptotic(parameter, u, -half)),
+          FromInternal(parameter, StepAsymptotic(parameter, u, half))};
 }
 
 Interval IntervalOfAllParts(const Parameter& parameter, const ParameterEstimate& e,
@@ -42,18 +43,23 @@ Interval IntervalOfAllParts(const Parameter& parameter, const ParameterEstimate&
   const Interval data = IntervalOfData(parameter, e);
   const double u = ToInternal(parameter, e.value);
   const double model = kHalf95 * Internal(parameter, e, one_sided ? e.sigma_doubt : e.sigma_model);
-  const double below = std::hypot(u - ToInternal(parameter, data.low), model);
-  const double above = std::hypot(ToInternal(parameter, data.high) - u, model);
+  auto step_to = [&](double value) {
+    return AsymptoticStep(parameter, u, ToInternal(parameter, value));
+  };
+  const double below = std::hypot(step_to(data.low), model);
+  const double above = std::hypot(step_to(data.high), model);
   // What the finest rung leaves has a direction: the value may lie anywhere on that way.
   const double way = one_sided ? e.model_shift / Slope(parameter, e.value) : 0.0;
   const double half = std::fmax(below, above);  // the other one where a side is open
   const double part = half > 0.0 ? Reach(std::abs(way) * kHalf95 / half) / kHalf95 : 1.0;
   Interval out;
   if (data.low == data.low) {
-    out.low = FromInternal(parameter, u + std::min(0.0, way) - part * below);
+    const double step = std::min(0.0, way) - part * below;
+    out.low = FromInternal(parameter, StepAsymptotic(parameter, u, step));
   }
   if (data.high == data.high) {
-    out.high = FromInternal(parameter, u + std::max(0.0, way) + part * above);
+    const double step = std::max(0.0, way) + part * above;
+    out.high = FromInternal(parameter, StepAsymptotic(parameter, u, step));
   }
   return out;
 }

@@ -131,7 +131,7 @@ bool Ladder::Ask(StageRunner& runner, bool buy, Answers* coarse, Answers* fine) 
   if (sloped && (buy || !slopes.known()) && !slopes.fresh()) {
     sloped = slopes.Buy(runner.reduced(), runner.u(), point, finest);
   } else if (sloped) {
-    slopes.StartAt(runner.u(), point);
+    slopes.StartAt(runner.reduced(), runner.u(), point);
     sloped = slopes.known();
   }
   *fine = runner.evaluator().Evaluate(finest);

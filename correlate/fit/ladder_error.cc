@@ -231,7 +231,7 @@ std::vector<double> Moved(const std::vector<Parameter>& parameters, const std::v
   std::vector<double> to = u;
   for (std::size_t j = 0; j < u.size(); ++j) {
     const Parameter& p = parameters[j];
-    to[j] = ToInternal(p, FromInternal(p, u[j] + step(static_cast<Eigen::Index>(j))));
+    to[j] = StepByValue(p, u[j], step(static_cast<Eigen::Index>(j)));
   }
   return to;
 }
@@ -244,8 +244,7 @@ Eigen::VectorXd FirstOrder(const FitProblem& problem, const std::vector<double>&
   *is_short = true;
   for (std::size_t j = 0; j < u.size(); ++j) {
     const ParameterEstimate& e = r.parameters[j];
-    way(static_cast<Eigen::Index>(j)) =
-        ToInternal(problem.parameters[j], e.value + e.model_shift) - u[j];
+    way(static_cast<Eigen::Index>(j)) = e.model_shift / Slope(problem.parameters[j], e.value);
     // What the first order leaves out of a shift is a fraction of it; a quarter of one that is as
     // large as data and doubt adds 3% to them (sqrt(1 + 1/16)).
     *is_short = *is_short && std::abs(e.model_shift) <= std::hypot(e.sigma_data, e.sigma_doubt);

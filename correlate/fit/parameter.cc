@@ -44,6 +44,43 @@ double FromInternal(const Parameter& p, double u) {
 
 double Slope(const Parameter& p, double value) { return p.log ? value : 1.0; }
 
+double StepByValue(const Parameter& p, double u, double step) {
+  if (!p.log) return std::clamp(u + step, p.low, p.high);
+  const double least = std::log1p(StepToLowest(p, u)), most = std::log1p(StepToHighest(p, u));
+  return u + (step > -1.0 ? std::clamp(std::log1p(step), least, most) : least);
+}
+
+double ValueStep(const Parameter& p, double u, double to) {
+  return p.log ? std::expm1(to - u) : to - u;
+}
+
+double StepToLowest(const Parameter& p, double u) {
+  // Of v: where a step leads there, v is not many standard errors from 0, and this a few
+  // thousandths of one.
+  constexpr double kLeast = 1e-3;
+  if (!p.log) return std::min(0.0, p.low - u);
+  return std::min(0.0, std::max(p.low * std::exp(-u), kLeast) - 1.0);
+}
+
+double StepToHighest(const Parameter& p, double u) {
+  return std::max(0.0, p.log ? p.high * std::exp(-u) - 1.0 : p.high - u);
+}
+
+namespace {
+constexpr double kHyperbola = 0.5;  // of v, where 1 + step meets 1 / (-4 step) with one slope
+}
+
+double StepAsymptotic(const Parameter& p, double u, double step) {
+  if (!p.log) return u + step;
+  return u + (step >= -kHyperbola ? std::log1p(step) : -std::log(-4.0 * step));
+}
+
+double AsymptoticStep(const Parameter& p, double u, double to) {
+  if (!p.log) return to - u;
+  const double part = std::exp(to - u);
+  return part >= kHyperbola ? part - 1.0 : -0.25 / part;
+}
+
 std::vector<double> Values(const std::vector<Parameter>& parameters, const double* u) {
   std::vector<double> out(parameters.size());
   for (std::size_t j = 0; j < parameters.size(); ++j) out[j] = FromInternal(parameters[j], u[j]);

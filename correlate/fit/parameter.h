@@ -27,6 +27,21 @@ double ToInternal(const Parameter& parameter, double value);
 double FromInternal(const Parameter& parameter, double u);
 double Slope(const Parameter& parameter, double value);  // d value / d u
 
+// A step from u on, of which the slope d / d u at u tells. A logarithm's is taken by the value: v
+// becomes v (1 + step), as a model answers nearly in proportion to what it can hardly be told from
+// nothing of. Neither leaves the bounds, nor does a logarithm fall below a thousandth of v.
+double StepByValue(const Parameter& parameter, double u, double step);
+// The step by which StepByValue leads from u to `to`.
+double ValueStep(const Parameter& parameter, double u, double to);
+// The lowest value that StepByValue leads to from u, as a step; and the highest.
+double StepToLowest(const Parameter& parameter, double u);
+double StepToHighest(const Parameter& parameter, double u);
+
+// The same, where a logarithm's values are to stay what the step says however far it leads: below
+// half of v along the hyperbola that goes on from there with the same slope, v / (-4 step).
+double StepAsymptotic(const Parameter& parameter, double u, double step);
+double AsymptoticStep(const Parameter& parameter, double u, double to);
+
 // Values from internal coordinates.
 std::vector<double> Values(const std::vector<Parameter>& parameters, const double* u);
 

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "base/dense.h"
+#include "correlate/fit/interval.h"
 
 namespace unfurl::correlate {
 
@@ -22,8 +23,9 @@ struct Lane {
   std::vector<double> trial;  // being evaluated
   double cost = std::numeric_limits<double>::infinity();
   Eigen::VectorXd residual;  // at u
-  Eigen::MatrixXd J;         // projected; empty: the estimate's
-  Eigen::VectorXd step;      // last one, of the others
+  Eigen::MatrixXd J;         // projected, at u_of_J; empty: the estimate's
+  std::vector<double> u_of_J;
+  Eigen::VectorXd step;  // last one, of the others
   double shrink = 1.0;
   int steps = 0, since_fresh = 0;
   bool done = false, settled = false, at_bound = false, failed = false;
@@ -63,47 +65,54 @@ class Follower {
   }
 
  private:
-  double Bound(std::size_t j, double side) const {
-    const Parameter& p = problem_.parameters()[j];
-    const double value = side > 0.0 ? p.high : p.low;
-    if (p.log && !(value > 0.0)) return -std::numeric_limits<double>::infinity();
-    return ToInternal(p, value);
-  }
+  const Parameter& Of(std::size_t j) const { return problem_.parameters()[j]; }
 
-  double Clamp(std::size_t j, double u) const {
-    return std::clamp(u, Bound(j, -1.0), Bound(j, 1.0));
+  // As near to a bound as anything goes.
+  bool AtEnd(std::size_t j, double u, double side) const {
+    constexpr double kRoundOff = 1e-9;  // of the value and the standard error
+    const double room =
+        side < 0.0 ? StepToLowest(Of(j), start_.u[j]) : StepToHighest(Of(j), start_.u[j]);
+    const double left = std::abs(room - ValueStep(Of(j), start_.u[j], u));
+    return left <= kRoundOff * std::max(std::abs(room), start_.sigma(static_cast<Eigen::Index>(j)));
   }
 
   // The others where the linear model, or two points already found, say.
-  Lane Open(std::size_t j, double level, const std::vector<const Lane*>& nearer) const {
+  // `to_end`: as far as the bound, whatever the level.
+  Lane Open(std::size_t j, double level, const std::vector<const Lane*>& nearer,
+            bool to_end = false) const {
     Lane lane;
     lane.held = j;
     lane.level = level;
     lane.u = start_.u;
     const auto column = static_cast<Eigen::Index>(j);
-    const double wanted = start_.u[j] + level * start_.sigma(column);
-    const double at = Clamp(j, wanted);
-    lane.at_bound = at != wanted;
-    const double distance = at - start_.u[j];
+    double distance = level * start_.sigma(column);
+    if (Of(j).log && !to_end) {  // far below, a model may be another one
+      distance = ValueStep(Of(j), start_.u[j], StepAsymptotic(Of(j), start_.u[j], distance));
+    }
+    const double at = StepByValue(Of(j), start_.u[j], distance);
+    lane.at_bound = AtEnd(j, at, level);
+    distance = ValueStep(Of(j), start_.u[j], at);
     if (!nearer.empty()) {
       // The parabola (or the line) through the estimate and the nearest points found.
       const Lane& a = *nearer[0];
-      const double da = a.u[j] - start_.u[j];
+      auto step = [&](const Lane& of, std::size_t l) {
+        return ValueStep(Of(l), start_.u[l], of.u[l]);
+      };
+      const double da = step(a, j);
       for (std::size_t l = 0; l < p_; ++l) {
-        const double slope_a = (a.u[l] - start_.u[l]) / da;
+        const double slope_a = step(a, l) / da;
         double slope = slope_a;
         if (nearer.size() > 1) {
-          const double db = nearer[1]->u[j] - start_.u[j];
-          const double slope_b = (nearer[1]->u[l] - start_.u[l]) / db;
+          const double db = step(*nearer[1], j), slope_b = step(*nearer[1], l) / db;
           slope += (slope_a - slope_b) / (da - db) * (distance - da);
         }
-        lane.u[l] = Clamp(l, start_.u[l] + slope * distance);
+        lane.u[l] = StepByValue(Of(l), start_.u[l], slope * distance);
       }
     } else {
       const Eigen::VectorXd others =
           SolveOthers(normal_, j, -normal_.col(column) * distance, start_.u);
       for (std::size_t l = 0; l < p_; ++l) {
-        lane.u[l] = Clamp(l, start_.u[l] + others(static_cast<Eigen::Index>(l)));
+        lane.u[l] = StepByValue(Of(l), start_.u[l], others(static_cast<Eigen::Index>(l)));
       }
     }
     lane.u[j] = at;
@@ -132,13 +141,10 @@ class Follower {
       std::vector<Eigen::Index> free;
       for (const Eigen::Index l : keep) {
         const auto at = static_cast<std::size_t>(l);
-        const double bounded = Clamp(at, u[at] + out(l));
-        if (bounded == u[at] + out(l)) {
-          free.push_back(l);
-        } else {
-          out(l) = bounded - u[at];
-          held.push_back(l);
-        }
+        const double bounded =
+            std::clamp(out(l), StepToLowest(Of(at), u[at]), StepToHighest(Of(at), u[at]));
+        (bounded == out(l) ? free : held).push_back(l);
+        out(l) = bounded;
       }
       if (held.size() == before) break;
       keep = std::move(free);
@@ -190,17 +196,26 @@ class Follower {
         return;
       }
     }
-    const Eigen::MatrixXd& J = lane.J.size() > 0 ? lane.J : start_.projected;
-    const Eigen::MatrixXd normal = lane.J.size() > 0 ? Eigen::MatrixXd(J.transpose() * J) : normal_;
-    const Eigen::VectorXd gradient = J.transpose() * lane.residual;
+    const bool own = lane.J.size() > 0;
+    const Eigen::MatrixXd& J = own ? lane.J : start_.projected;
+    // What a value's change does stays; per unit of a logarithm it grows with the value.
+    Eigen::VectorXd grown = Eigen::VectorXd::Ones(static_cast<Eigen::Index>(p_));
+    for (std::size_t l = 0; l < p_; ++l) {
+      const double from = own ? lane.u_of_J[l] : start_.u[l];
+      if (Of(l).log) grown(static_cast<Eigen::Index>(l)) = std::exp(lane.u[l] - from);
+    }
+    const Eigen::MatrixXd normal = grown.asDiagonal() *
+                                   (own ? Eigen::MatrixXd(J.transpose() * J) : normal_) *
+                                   grown.asDiagonal();
+    const Eigen::VectorXd gradient = grown.cwiseProduct(J.transpose() * lane.residual);
     const Eigen::VectorXd step = SolveOthers(normal, lane.held, -gradient, lane.u);
     lane.trial = lane.u;
     double moved = 0.0;
     for (std::size_t l = 0; l < p_; ++l) {
       if (l == lane.held) continue;
       const double s = lane.shrink * step(static_cast<Eigen::Index>(l));
-      lane.trial[l] = Clamp(l, lane.u[l] + s);
-      moved -= gradient(static_cast<Eigen::Index>(l)) * (lane.trial[l] - lane.u[l]);
+      lane.trial[l] = StepByValue(Of(l), lane.u[l], s);
+      moved -= gradient(static_cast<Eigen::Index>(l)) * ValueStep(Of(l), lane.u[l], lane.trial[l]);
     }
     // Of the model's scatter the share that looks like changes of the parameters is no gain.
     const double settled = std::clamp(start_.scatter, kSettled, kRough);
@@ -216,6 +231,7 @@ class Follower {
     if (!problem_.Sensitivity(lane.u, point, +1, &J)) return false;
     spent_ += static_cast<int>(p_);
     lane.J = problem_.Project(point, J);
+    lane.u_of_J = lane.u;
     lane.residual = point.residual;
     lane.shrink = 1.0;
     lane.since_fresh = 0;
@@ -260,7 +276,9 @@ class Follower {
         Narrow(j, side, done, level95, next);
         return;
       }
-      if (far.at_bound || away >= 2.0 * KnownWithin(parameter, value)) return;
+      // Twice as far as a parabola takes to the level; and no nearer than it could be called known.
+      const bool flat = reached >= 2.0 * kHalf95;
+      if (far.at_bound || (flat && away >= 2.0 * KnownWithin(parameter, value))) return;
     }
     constexpr double kShortest = 0.05;  // of the first level: beyond that, it cannot be followed
     const double first = options_.levels.empty() ? 1.0 : options_.levels.front();
@@ -269,7 +287,10 @@ class Follower {
     if (!(level > reached)) return;
     std::vector<const Lane*> nearest(
         settled.rbegin(), settled.rbegin() + std::min<std::ptrdiff_t>(2, std::ssize(settled)));
-    next->push_back(Open(j, side * level, nearest));
+    // A logarithm's logarithm has no end: where the slopes lead to nothing at all, so far.
+    const double step = level * start_.sigma(static_cast<Eigen::Index>(j));
+    const bool to_end = Of(j).log && side < 0.0 && step >= 1.0 && !std::isfinite(lost);
+    next->push_back(Open(j, side * level, nearest, to_end));
   }
 
   // A point that lies far above the 95% level tells nothing of where the profile passes it, unless
@@ -300,10 +321,9 @@ class Follower {
     const Parameter& parameter = problem_.parameters()[j];
     profile.dispersion = start_.dispersion(static_cast<Eigen::Index>(j));
     struct Root {
-      double u,
-          root;  // signed square root of the deviance, which is straight where it is a parabola
+      double value, root;  // signed square root of the deviance: straight where it is a parabola
     };
-    std::vector<Root> roots = {{start_.u[j], 0.0}};
+    std::vector<Root> roots = {{FromInternal(parameter, start_.u[j]), 0.0}};
     ProfilePoint centre;
     centre.value = FromInternal(parameter, start_.u[j]);
     centre.theta = Values(problem_.parameters(), start_.u.data());
@@ -323,20 +343,21 @@ class Follower {
       }
       if (lane.settled)
         roots.push_back(
-            {lane.u[j], std::copysign(std::sqrt(std::max(0.0, point.deviance)), lane.level)});
+            {point.value, std::copysign(std::sqrt(std::max(0.0, point.deviance)), lane.level)});
       profile.points.push_back(std::move(point));
     }
     std::sort(profile.points.begin(), profile.points.end(),
               [](const ProfilePoint& a, const ProfilePoint& b) { return a.value < b.value; });
-    std::sort(roots.begin(), roots.end(), [](const Root& a, const Root& b) { return a.u < b.u; });
+    std::sort(roots.begin(), roots.end(),
+              [](const Root& a, const Root& b) { return a.value < b.value; });
     const double wanted = std::sqrt(kDeviance95 * profile.dispersion);
-    const auto middle =
-        static_cast<std::size_t>(std::find_if(roots.begin(), roots.end(),
-                                              [&](const Root& r) { return r.u == start_.u[j]; }) -
-                                 roots.begin());
+    const auto middle = static_cast<std::size_t>(
+        std::find_if(roots.begin(), roots.end(),
+                     [&](const Root& r) { return r.value == centre.value; }) -
+        roots.begin());
     auto cross = [&](const Root& a, const Root& b) {  // between a and b, straight in the root
       const double part = (wanted - std::abs(a.root)) / (std::abs(b.root) - std::abs(a.root));
-      return FromInternal(parameter, a.u + part * (b.u - a.u));
+      return a.value + part * (b.value - a.value);
     };
     for (std::size_t i = middle; i + 1 < roots.size(); ++i) {
       if (roots[i + 1].root >= wanted) {
@@ -350,14 +371,16 @@ class Follower {
         break;
       }
     }
-    auto reached_end = [&](double reached, double side) {
-      const double away = std::abs(reached - centre.value);
-      const double bound = FromInternal(parameter, Bound(j, side));
-      return away >= 2.0 * KnownWithin(parameter, centre.value) ||
-             std::abs(reached - bound) <= 1e-9 * std::abs(bound);
+    auto reached_end = [&](double* reached, double side) {
+      const double away = std::abs(*reached - centre.value);
+      if (AtEnd(j, ToInternal(parameter, *reached), side)) {
+        *reached = side < 0.0 ? parameter.low : parameter.high;
+        return true;
+      }
+      return away >= 2.0 * KnownWithin(parameter, centre.value);
     };
-    profile.lost_low = profile.low != profile.low && !reached_end(profile.reached_low, -1.0);
-    profile.lost_high = profile.high != profile.high && !reached_end(profile.reached_high, 1.0);
+    profile.lost_low = profile.low != profile.low && !reached_end(&profile.reached_low, -1.0);
+    profile.lost_high = profile.high != profile.high && !reached_end(&profile.reached_high, 1.0);
   }
 
   ReducedProblem& problem_;

@@ -12,13 +12,12 @@ namespace unfurl::correlate {
 namespace {
 
 constexpr double kFirstStep = 1e-3;   // of the value, before any sensitivity is known
-constexpr double kWidestStep = 0.05;  // of the value or of log: differences stay local
-// Of the value or of log: differences over shorter steps, near the root of the machine's precision
+constexpr double kWidestStep = 0.05;  // of the value or its start: differences stay local
+// Of the value: differences over shorter steps, near the root of the machine's precision
 // (1.5e-8), are rounding.
 constexpr double kNarrowest = 1e-7;
 
 double SizeOf(const Parameter& p) {
-  if (p.log) return 1.0;
   const double range = p.high - p.low;
   if (p.start != 0.0) return std::abs(p.start);
   // A value that starts at zero has its size from its bounds, or its prior (Check asks for one).
@@ -182,10 +181,10 @@ std::vector<bool> ReducedProblem::AtAll(const std::vector<std::vector<double>>& 
 bool ReducedProblem::Shifted(const std::vector<double>& u, std::size_t j, int side,
                              std::vector<double>* moved) const {
   *moved = u;
-  (*moved)[j] += side * steps_[j];
   const Parameter& p = parameters()[j];
-  const double inside = ToInternal(p, FromInternal(p, (*moved)[j]));
-  return std::abs(inside - (*moved)[j]) < 1e-3 * steps_[j];
+  const double step = side * steps_[j] / Slope(p, FromInternal(p, u[j]));
+  (*moved)[j] = StepByValue(p, u[j], step);
+  return std::abs(ValueStep(p, u[j], (*moved)[j]) - step) < 1e-3 * std::abs(step);
 }
 
 bool ReducedProblem::CentralSensitivity(const std::vector<double>& u, const Point& at,
@@ -267,7 +266,7 @@ bool ReducedProblem::Sensitivity(const std::vector<double>& u, const Point& at, 
                 answers.begin() + static_cast<std::ptrdiff_t>(j * parts));
       if (!good(j)) return false;
     }
-    const double h = points[j][j] - u[j];
+    const double h = ValueStep(parameters()[j], u[j], points[j][j]);
     for (std::size_t i = 0; i < parts; ++i) {
       const Prediction& moved = *answers[j * parts + i];
       change[i].push_back(Difference(*parts_[i].observations, *at.prediction[i], moved, 1.0 / h));
@@ -317,13 +316,18 @@ Eigen::MatrixXd ReducedProblem::Project(const Point& at, const Eigen::MatrixXd& 
   return out;
 }
 
-void ReducedProblem::SetSteps(const Eigen::MatrixXd& J, const Point& at, double target) {
+void ReducedProblem::SetSteps(const std::vector<double>& u, const Eigen::MatrixXd& J,
+                              const Point& at, double target) {
   double n = 0.0;
   for (const RegistrationFit& r : at.registration) n += static_cast<double>(r.data_rows);
   n = std::max(1.0, n);
   for (std::size_t j = 0; j < parameters().size(); ++j) {
-    const double rms = J.col(static_cast<Eigen::Index>(j)).norm() / std::sqrt(n);
-    const double size = SizeOf(parameters()[j]);
+    const Parameter& p = parameters()[j];
+    const double value = FromInternal(p, u[j]);
+    const double rms =
+        J.col(static_cast<Eigen::Index>(j)).norm() / std::sqrt(n) / std::abs(Slope(p, value));
+    // Of a logarithm that has fallen far below its start a twentieth may be nothing to the data.
+    const double size = p.log ? std::max(SizeOf(p), value) : SizeOf(p);
     const double widest = kWidestStep * size;
     steps_[j] = rms > 0.0 ? std::clamp(target / rms, kNarrowest * size, widest) : widest;
   }

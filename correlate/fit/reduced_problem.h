@@ -85,10 +85,11 @@ class ReducedProblem {
   // Takes the part out of J that a change of the registrations imitates (Kaufman's form).
   Eigen::MatrixXd Project(const Point& at, const Eigen::MatrixXd& J) const;
 
-  // Steps in u from the last sensitivities: each moves the rows of the data by `target` RMS, in
-  // their standard deviations, within a twentieth of the value (or of its logarithm). Before the
-  // first: a thousandth of the value.
-  void SetSteps(const Eigen::MatrixXd& J, const Point& at, double target);
+  // Steps of the values from the last sensitivities, which are those at u: each moves the rows of
+  // the data by `target` RMS, in their standard deviations, within a twentieth of the value (of a
+  // logarithm's or its start's, whichever is larger). Before the first: a thousandth of the start.
+  void SetSteps(const std::vector<double>& u, const Eigen::MatrixXd& J, const Point& at,
+                double target);
   const std::vector<double>& steps() const { return steps_; }
   void TakeSteps(std::vector<double> steps) { steps_ = std::move(steps); }
   // Registrations begin where those of a point are.
@@ -111,7 +112,7 @@ class ReducedProblem {
   Evaluator& evaluator_;
   std::vector<Eigen::Index> first_;  // first row of each part; then that of the priors
   Eigen::Index rows_ = 0;
-  std::vector<double> steps_;  // of the differences, in u [-, or the parameter's unit]
+  std::vector<double> steps_;  // of the differences [the parameter's unit]
 };
 
 // Beyond this the differences to either side are of different motions.

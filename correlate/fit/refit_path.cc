@@ -190,7 +190,7 @@ bool RefitPath::TakeSlopesAnew() {
   const std::size_t cost = u_.size() * version_.trials.size();
   if (fresh_ || !Affords(cost)) return false;
   runs_ += cost;
-  reduced_->SetSteps(reduced_->RowsOf(u_, point_, change_), point_, start_.difference);
+  reduced_->SetSteps(u_, reduced_->RowsOf(u_, point_, change_), point_, start_.difference);
   Eigen::MatrixXd J;
   ReducedProblem::Changes change;
   if (!reduced_->Sensitivity(u_, point_, +1, &J, &change)) return false;

@@ -18,7 +18,7 @@ bool StageRunner::IsRough(const std::vector<Evaluator::Request>& beside) {
     return *std::max_element(kinks.begin(), kinks.end()) > kKink;
   };
   if (!slopes_.kinks().empty() && !rough()) return false;
-  slopes_.StartAt(u_, point_);
+  slopes_.StartAt(*reduced_, u_, point_);
   if (!slopes_.fresh() && !slopes_.Buy(*reduced_, u_, point_, beside)) return false;
   return rough();
 }

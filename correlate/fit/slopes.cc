@@ -51,7 +51,19 @@ void Slopes::Take(ReducedProblem::Changes change, const std::vector<double>& u,
   mismatch_ = 0.0;
 }
 
-void Slopes::StartAt(const std::vector<double>& u, const ReducedProblem::Point& at) {
+void Slopes::StandAt(const ReducedProblem& problem, const std::vector<double>& u,
+                     const ReducedProblem::Point& at) {
+  for (std::size_t j = 0; known() && j < u.size(); ++j) {
+    if (!problem.parameters()[j].log || u[j] == u_[j]) continue;
+    const double factor = std::exp(u[j] - u_[j]);
+    for (std::vector<Change>& of : change_) of[j] = Scaled(of[j], factor);
+  }
+  u_ = u;
+  at_ = at;
+}
+
+void Slopes::StartAt(const ReducedProblem& problem, const std::vector<double>& u,
+                     const ReducedProblem::Point& at) {
   bool same = known() && change_.size() == at.prediction.size();
   for (std::size_t i = 0; same && i < change_.size(); ++i) {
     const std::vector<MarkMotion>& marks = at.prediction[i]->marks;
@@ -64,16 +76,16 @@ void Slopes::StartAt(const std::vector<double>& u, const ReducedProblem::Point& 
   }
   if (!same) Forget();
   fresh_ = fresh_ && u == u_;
-  u_ = u;
-  at_ = at;
+  StandAt(problem, u, at);
   mismatch_ = 0.0;
 }
 
 void Slopes::MoveTo(const ReducedProblem& problem, const std::vector<double>& u,
                     const ReducedProblem::Point& at, double target) {
-  const auto p = static_cast<Eigen::Index>(u.size());
-  const Eigen::VectorXd by = Eigen::Map<const Eigen::VectorXd>(u.data(), p) -
-                             Eigen::Map<const Eigen::VectorXd>(u_.data(), p);
+  Eigen::VectorXd by(static_cast<Eigen::Index>(u.size()));
+  for (std::size_t j = 0; j < u.size(); ++j) {
+    by(static_cast<Eigen::Index>(j)) = ValueStep(problem.parameters()[j], u_[j], u[j]);
+  }
   if (by.isZero(0.0)) return;
   const Eigen::MatrixXd rows = problem.Project(at_, Rows(problem));
   const Eigen::VectorXd actual = at.residual - at_.residual;
@@ -83,8 +95,7 @@ void Slopes::MoveTo(const ReducedProblem& problem, const std::vector<double>& u,
     mismatch_ = (actual - rows * by).norm() / actual.norm();
     LearnStep(problem, at_, at, by, StepAndSigma(rows, at.residual).sigma, &change_);
   }
-  u_ = u;
-  at_ = at;
+  StandAt(problem, u, at);
   fresh_ = false;
 }
 

@@ -31,7 +31,8 @@ class Slopes {
             const ReducedProblem::Point& at);
   /// To the first point of a solution. Its stamps, weights or correction may be others: nothing is
   /// learnt. Slopes of other samples are forgotten.
-  void StartAt(const std::vector<double>& u, const ReducedProblem::Point& at);
+  void StartAt(const ReducedProblem& problem, const std::vector<double>& u,
+               const ReducedProblem::Point& at);
   /// To the next point, learning from it where the step moves the rows by at least `target` RMS:
   /// differences over less tell less than the slopes knew.
   void MoveTo(const ReducedProblem& problem, const std::vector<double>& u,
@@ -49,6 +50,10 @@ class Slopes {
   const std::vector<double>& kinks() const { return kinks_; }
 
  private:
+  // What a value's change does stays; per unit of a logarithm it grows with the value.
+  void StandAt(const ReducedProblem& problem, const std::vector<double>& u,
+               const ReducedProblem::Point& at);
+
   ReducedProblem::Changes change_;  // by part and parameter
   std::vector<double> u_;           // where they stand
   ReducedProblem::Point at_;

@@ -8,7 +8,6 @@
 #include <limits>
 #include <utility>
 
-#include "base/dense.h"
 #include "base/log_silence.h"
 
 namespace unfurl::correlate {
@@ -81,7 +80,7 @@ class ReducedCost : public ceres::CostFunction {
   bool SlopesAt(const std::vector<double>& u, const ReducedProblem::Point& point,
                 Eigen::MatrixXd* J, Eigen::MatrixXd* projected) const {
     if (std::exchange(first_, false)) {
-      slopes_.StartAt(u, point);
+      slopes_.StartAt(problem_, u, point);
       last_step_ = std::numeric_limits<double>::infinity();
       // One-sided differences lead the way; at the end their bias would hold the solver off the
       // minimum wherever the residuals are large.
@@ -89,11 +88,11 @@ class ReducedCost : public ceres::CostFunction {
         bought_ = true;
         ReducedProblem::Changes change;
         if (!problem_.Sensitivity(u, point, +1, J, &change)) return false;
-        problem_.SetSteps(*J, point, options_.difference_target);
+        problem_.SetSteps(u, *J, point, options_.difference_target);
         *projected = problem_.Project(point, *J);
         if (options_.leads) {
           slopes_.Take(std::move(change), u, point);
-          last_step_ = LengthOfStep(*projected, point.residual);
+          last_step_ = LengthOfStep(u, *projected, point.residual);
         }
         return true;
       }
@@ -103,7 +102,7 @@ class ReducedCost : public ceres::CostFunction {
     auto rows = [&] {
       *J = slopes_.Rows(problem_);
       *projected = problem_.Project(point, *J);
-      return LengthOfStep(*projected, point.residual);
+      return LengthOfStep(u, *projected, point.residual);
     };
     bool carried = slopes_.known() && slopes_.mismatch() <= kCarries;
     double next = carried ? rows() : 0.0;
@@ -120,8 +119,9 @@ class ReducedCost : public ceres::CostFunction {
   }
 
   // The largest part of the next step, in standard errors.
-  static double LengthOfStep(const Eigen::MatrixXd& projected, const Eigen::VectorXd& residual) {
-    const GaussNewton next = StepAndSigma(projected, residual);
+  double LengthOfStep(const std::vector<double>& u, const Eigen::MatrixXd& projected,
+                      const Eigen::VectorXd& residual) const {
+    const GaussNewton next = StepWithin(problem_.parameters(), u, projected, residual);
     double longest = 0.0;
     for (Eigen::Index j = 0; j < next.step.size(); ++j) {
       if (next.sigma(j) > 0.0) longest = std::max(longest, std::abs(next.step(j)) / next.sigma(j));
@@ -154,12 +154,10 @@ class ReducedCost : public ceres::CostFunction {
       const auto i = static_cast<std::size_t>(j);
       const Parameter& p = problem_.parameters()[i];
       const double here = FromInternal(p, u[i]), rise = last_projected.col(j).dot(last_residual);
-      const bool log_of_nothing = p.log && !(p.low > 0.0);
+      // Of a logarithm, by the value: what is left on the way to 0 may be nothing to the data.
       const double near = kNear * free.sigma(j);
-      const bool low = here <= p.low || (!log_of_nothing && std::isfinite(p.low) &&
-                                         free.step(j) < 0.0 && u[i] - ToInternal(p, p.low) < near);
-      const bool high = here >= p.high || (std::isfinite(p.high) && free.step(j) > 0.0 &&
-                                           ToInternal(p, p.high) - u[i] < near);
+      const bool low = here <= p.low || (free.step(j) < 0.0 && -StepToLowest(p, u[i]) < near);
+      const bool high = here >= p.high || (free.step(j) > 0.0 && StepToHighest(p, u[i]) < near);
       if ((low && rise > 0.0) || (high && rise < 0.0)) last_projected.col(j).setZero();
     }
   }
@@ -201,7 +199,8 @@ class StepWatch : public ceres::IterationCallback {
 
   // Whether the next step is a small part of every standard error.
   bool Small(double tolerance) const {
-    const GaussNewton next = StepAndSigma(cost_.last_projected, cost_.last_residual);
+    const GaussNewton next =
+        StepWithin(parameters_, cost_.last_u, cost_.last_projected, cost_.last_residual);
     for (std::size_t j = 0; j < parameters_.size(); ++j) {
       const auto i = static_cast<Eigen::Index>(j);
       if (!options_.held.empty() && options_.held[j]) continue;
@@ -227,19 +226,12 @@ class StepWatch : public ceres::IterationCallback {
   const SolverOptions& options_;
 };
 
-// Where a step of a logarithm leads. Within one it is what it is. Beyond, its slope tells no more
-// than what is added to the value: of a damping that is far too small, 20 means 21 times as much
-// and not e^20.
-double RiseOfLogarithm(double step) {
-  const double size = std::abs(step);
-  return size <= 1.0 ? step : std::copysign(std::max(1.0, std::log1p(size)), step);
-}
+// Of its value, by which a logarithm falls in one step at most: further down the model may be
+// another one. What is left of the way to 0 is then less than kCarries of it.
+constexpr double kFall = 0.75;
 
-double StepOfRise(double rise) {
-  const double size = std::abs(rise);
-  return size <= 1.0 ? rise : std::copysign(std::expm1(size), rise);
-}
-
+// Steps of logarithms are taken by the value, up and down: a slope tells what is added to the
+// value.
 class Steps : public ceres::Manifold {
  public:
   Steps(const std::vector<Parameter>& parameters, const std::vector<bool>& held)
@@ -253,10 +245,16 @@ class Steps : public ceres::Manifold {
   int TangentSize() const override { return static_cast<int>(free_.size()); }
 
   bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
+    // The other values go as far as the logarithm that comes first to where it is not to fall
+    // below: had they gone the whole way, they would make up for what it has not done.
+    double part = 1.0;
+    for (std::size_t k = 0; k < free_.size(); ++k) {
+      if (parameters_[free_[k]].log && delta[k] * part < -kFall) part = -kFall / delta[k];
+    }
     std::copy_n(x, parameters_.size(), x_plus_delta);
     for (std::size_t k = 0; k < free_.size(); ++k) {
-      const double by = delta[k];
-      x_plus_delta[free_[k]] += parameters_[free_[k]].log ? RiseOfLogarithm(by) : by;
+      const double by = part * delta[k];
+      x_plus_delta[free_[k]] += parameters_[free_[k]].log ? std::log1p(by) : by;
     }
     return true;
   }
@@ -264,7 +262,7 @@ class Steps : public ceres::Manifold {
   bool Minus(const double* y, const double* x, double* y_minus_x) const override {
     for (std::size_t k = 0; k < free_.size(); ++k) {
       const double by = y[free_[k]] - x[free_[k]];
-      y_minus_x[k] = parameters_[free_[k]].log ? StepOfRise(by) : by;
+      y_minus_x[k] = parameters_[free_[k]].log ? std::expm1(by) : by;
     }
     return true;
   }
@@ -294,22 +292,6 @@ class Steps : public ceres::Manifold {
 };
 
 }  // namespace
-
-GaussNewton StepAndSigma(const Eigen::MatrixXd& projected, const Eigen::VectorXd& residual) {
-  GaussNewton out;
-  // Unit columns first: parameters of any units, and logarithms, share one normal matrix.
-  Eigen::VectorXd size = projected.colwise().norm();
-  for (double& s : size) s = s > 0.0 ? 1.0 / s : 0.0;
-  const Eigen::MatrixXd unit = projected * size.asDiagonal();
-  const Eigen::MatrixXd normal = unit.transpose() * unit;
-  const auto decomposition = normal.completeOrthogonalDecomposition();
-  out.step = -size.cwiseProduct(decomposition.solve(unit.transpose() * residual));
-  const double dof = std::max(1.0, static_cast<double>(residual.size() - projected.cols()));
-  const double scale = std::sqrt(std::max(1.0, residual.squaredNorm() / dof));
-  out.sigma =
-      scale * size.cwiseProduct(decomposition.pseudoInverse().diagonal().cwiseMax(0.0).cwiseSqrt());
-  return out;
-}
 
 SolverResult Solve(ReducedProblem& problem, const std::vector<Parameter>& parameters,
                    const std::vector<double>& start, const SolverOptions& options) {

@@ -50,4 +50,9 @@ struct GaussNewton {
 };
 GaussNewton StepAndSigma(const Eigen::MatrixXd& projected, const Eigen::VectorXd& residual);
 
+// The step that stays within the bounds, by the values: where one is in the way, the way to it is
+// all there is to go, and the other values go with it. `sigma` as without bounds.
+GaussNewton StepWithin(const std::vector<Parameter>& parameters, const std::vector<double>& u,
+                       const Eigen::MatrixXd& projected, const Eigen::VectorXd& residual);
+
 }  // namespace unfurl::correlate
