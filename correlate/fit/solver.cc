@@ -149,16 +149,17 @@ class ReducedCost : public ceres::CostFunction {
   // are cut back at the bound lead along it by inches.
   void HoldAtBounds(const std::vector<double>& u) const {
     constexpr double kNear = 0.02;  // of a standard error: below what ends a stage
-    const GaussNewton free = StepAndSigma(last_projected, last_residual);
+    const GaussNewton next = StepWithin(problem_.parameters(), u, last_projected, last_residual);
     for (Eigen::Index j = 0; j < last_projected.cols(); ++j) {
       const auto i = static_cast<std::size_t>(j);
-      const Parameter& p = problem_.parameters()[i];
-      const double here = FromInternal(p, u[i]), rise = last_projected.col(j).dot(last_residual);
-      // Of a logarithm, by the value: what is left on the way to 0 may be nothing to the data.
-      const double near = kNear * free.sigma(j);
-      const bool low = here <= p.low || (free.step(j) < 0.0 && -StepToLowest(p, u[i]) < near);
-      const bool high = here >= p.high || (free.step(j) > 0.0 && StepToHighest(p, u[i]) < near);
-      if ((low && rise > 0.0) || (high && rise < 0.0)) last_projected.col(j).setZero();
+      const double low = StepToLowest(problem_.parameters()[i], u[i]);
+      const double high = StepToHighest(problem_.parameters()[i], u[i]);
+      const double near = kNear * next.sigma(j), step = next.step(j);
+      // Where all others are at their best, too: by its own slope it may lead inwards yet.
+      constexpr double kMost = 0.5;  // of so short a way, and at a bound none: it ends there
+      const bool at_low = -low < near && step <= kMost * low;
+      const bool at_high = high < near && step >= kMost * high;
+      if (at_low || at_high) last_projected.col(j).setZero();
     }
   }
 
@@ -226,9 +227,7 @@ class StepWatch : public ceres::IterationCallback {
   const SolverOptions& options_;
 };
 
-// Of its value, by which a logarithm falls in one step at most: further down the model may be
-// another one. What is left of the way to 0 is then less than kCarries of it.
-constexpr double kFall = 0.75;
+constexpr double kFall = 0.9;  // of a logarithm's value in one step: an order of magnitude at most
 
 // Steps of logarithms are taken by the value, up and down: a slope tells what is added to the
 // value.
