@@ -81,6 +81,17 @@ double AsymptoticStep(const Parameter& p, double u, double to) {
   return part >= kHyperbola ? part - 1.0 : -0.25 / part;
 }
 
+double KnownWithin(const Parameter& parameter, double value) {
+  // A value is known to no better than its order of magnitude beyond half of itself; an eighth of
+  // the range to either side is a quarter of what the bounds alone say.
+  constexpr double kHalf = 0.5, kEighth = 0.125;
+  const double range = parameter.high - parameter.low;
+  if (parameter.low < 0.0 && parameter.high > 0.0 && std::isfinite(range)) {
+    return std::max(kHalf * std::abs(value), kEighth * range);
+  }
+  return kHalf * std::abs(value);
+}
+
 std::vector<double> Values(const std::vector<Parameter>& parameters, const double* u) {
   std::vector<double> out(parameters.size());
   for (std::size_t j = 0; j < parameters.size(); ++j) out[j] = FromInternal(parameters[j], u[j]);

@@ -42,6 +42,10 @@ double StepToHighest(const Parameter& parameter, double u);
 double StepAsymptotic(const Parameter& parameter, double u, double step);
 double AsymptoticStep(const Parameter& parameter, double u, double to);
 
+// Distance beyond which a parameter is no longer called known: half of its value, or, where zero
+// lies within its bounds, an eighth of their range, in its unit.
+double KnownWithin(const Parameter& parameter, double value);
+
 // Values from internal coordinates.
 std::vector<double> Values(const std::vector<Parameter>& parameters, const double* u);
 

@@ -38,10 +38,8 @@ class Follower {
         start_(start),
         options_(options),
         p_(problem.parameters().size()),
-        profiles_(p_) {
-    const Eigen::MatrixXd normal = start.projected.transpose() * start.projected;
-    normal_ = normal;
-  }
+        normal_(start.projected.transpose() * start.projected),
+        profiles_(p_) {}
 
   std::vector<Profile> Run() {
     std::vector<Lane> lanes;
@@ -393,17 +391,6 @@ class Follower {
 };
 
 }  // namespace
-
-double KnownWithin(const Parameter& parameter, double value) {
-  // A value is known to no better than its order of magnitude beyond half of itself; an eighth of
-  // the range to either side is a quarter of what the bounds alone say.
-  constexpr double kHalf = 0.5, kEighth = 0.125;
-  const double range = parameter.high - parameter.low;
-  if (parameter.low < 0.0 && parameter.high > 0.0 && std::isfinite(range)) {
-    return std::max(kHalf * std::abs(value), kEighth * range);
-  }
-  return kHalf * std::abs(value);
-}
 
 std::vector<Profile> Profiles(ReducedProblem& problem, const ProfileStart& start,
                               const ProfileOptions& options) {

@@ -60,8 +60,4 @@ std::vector<Profile> Profiles(ReducedProblem& problem, const ProfileStart& start
 // 95% quantile of chi-square with one degree of freedom.
 inline constexpr double kDeviance95 = 3.841458820694124;
 
-// Distance beyond which a parameter is no longer called known: half of its value, or, where zero
-// lies within its bounds, an eighth of their range, in its unit.
-double KnownWithin(const Parameter& parameter, double value);
-
 }  // namespace unfurl::correlate

@@ -43,14 +43,33 @@ TEST(Interval, EachHalfOfAProfileAddsTheModelsErrorInQuadrature) {
   EXPECT_NEAR(all.high, 18.5, 1e-12);  // 7.5, 4, 8.5
 }
 
-TEST(Interval, OfALogarithmStaysPositiveAndIsAFactor) {
+// By the value, since that is what errors are propagated to; but never to 0: below half of the
+// value along a hyperbola, so that an error of k values ends at 1 / (4 k) of it.
+TEST(Interval, OfALogarithmStaysPositive) {
   Parameter p = Plain();
   p.log = true, p.low = 1e-9;
   const ParameterEstimate e = At(10.0, 3.0, 40.0);  // 400% of the value
   const Interval all = IntervalOfAllParts(p, e);
-  EXPECT_GT(all.low, 0.0);
-  EXPECT_NEAR(std::log(10.0 / all.low), kHalf95 * std::hypot(0.3, 4.0), 1e-12);
-  EXPECT_EQ(all.high, p.high);  // and ends at the bound
+  const double half = kHalf95 * std::hypot(0.3, 4.0);  // of the value
+  EXPECT_NEAR(all.low, 10.0 / (4.0 * half), 1e-12);
+  EXPECT_NEAR(all.high, 10.0 * (1.0 + half), 1e-12);
+  const Interval small = IntervalOfAllParts(p, At(10.0, 0.3, 0.4));
+  EXPECT_NEAR(small.low, 10.0 - kHalf95 * 0.5, 1e-12);
+  p.high = 50.0;
+  EXPECT_EQ(IntervalOfAllParts(p, e).high, p.high);  // and ends at the bound
+}
+
+// Of what is a hundredth of its standard error. The model's error, a fiftieth of that, was added to
+// the logarithm, in which it is twice the value: the interval ended thousands of times too far up.
+TEST(Interval, OfNearlyNothingIsOfItsError) {
+  Parameter p = Plain();
+  p.log = true, p.low = 1e-9;
+  ParameterEstimate e = At(0.01, 1.0, 0.02);
+  e.profile.points.resize(3);
+  e.profile.low = kNaN, e.profile.high = 1.97;
+  const Interval all = IntervalOfAllParts(p, e);
+  EXPECT_TRUE(std::isnan(all.low));
+  EXPECT_NEAR(all.high, 0.01 + std::hypot(1.96, kHalf95 * 0.02), 1e-12);
 }
 
 TEST(Interval, AnOpenSideStaysOpenWhateverTheModel) {

@@ -1,0 +1,158 @@
+// Logarithms of what is not there, or hardly: against least squares written out.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+
+#include "correlate/fit/fit.h"
+#include "correlate/residual/channel.h"
+#include "tests/correlate/fit_repeats.h"
+
+namespace unfurl::correlate::nearly_nothing_test {
+namespace {
+
+// A sum of motions, the first two much alike: as the dampings of a hinge are.
+class Alike : public Model {
+ public:
+  static Eigen::Vector3d At(double t) {
+    const double c = std::cos(2.0 * t);
+    return {c, c + 0.1 * std::sin(5.0 * t), std::cos(3.0 * t)};
+  }
+  Prediction Evaluate(std::span<const double> theta, const Stamps& stamps) const override {
+    const Eigen::Vector3d parts(theta[0], theta[1], theta[2]);
+    Prediction out;
+    for (const QuantityStamps& q : stamps.quantities) {
+      Eigen::VectorXd values(static_cast<Eigen::Index>(q.t.size()));
+      for (Eigen::Index i = 0; i < values.size(); ++i) {
+        values(i) = At(q.t[static_cast<std::size_t>(i)]).dot(parts);
+      }
+      out.quantities.push_back({q.key, std::move(values)});
+    }
+    return out;
+  }
+};
+
+constexpr double kNoise = 0.3, kLow = 1e-7;
+constexpr Eigen::Index kReadings = 400;
+
+struct LeastSquares {
+  Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  Eigen::Vector3d Best() const { return H.ldlt().solve(right); }
+  double Sigma(Eigen::Index j) const { return std::sqrt(H.inverse()(j, j)); }
+  // Of the part that may be nothing: its cost is a parabola, cut off at the bound.
+  Interval OfSecond() const {
+    const double best = Best()(1), at = std::max(best, kLow);
+    const double half = std::hypot(std::sqrt(kDeviance95) * Sigma(1), at - best);
+    Interval out;
+    out.high = best + half;
+    if (best - half > kLow) out.low = best - half;
+    return out;
+  }
+};
+
+struct Fitted {
+  FitResult fit;
+  LeastSquares exact;
+};
+
+double SigmaOfSecond() {
+  LeastSquares exact;
+  for (Eigen::Index i = 0; i < kReadings; ++i) {
+    const Eigen::Vector3d row = Alike::At(0.03 * static_cast<double>(i + 1));
+    exact.H += row * row.transpose() / (kNoise * kNoise);
+  }
+  return exact.Sigma(1);
+}
+
+Fitted FitAlike(double second, std::uint64_t seed) {
+  const Alike model;
+  const Eigen::Vector3d truth(1.0, second, 0.5);
+  Rng rng(seed);
+  Fitted out;
+  ChannelRecord r;
+  r.name = r.quantity = "sum";
+  r.unit = "rad";
+  r.y.resize(kReadings);
+  r.sigma = Eigen::VectorXd::Constant(kReadings, kNoise);
+  for (Eigen::Index i = 0; i < kReadings; ++i) {
+    r.t.push_back(0.03 * static_cast<double>(i + 1));
+    const Eigen::Vector3d row = Alike::At(r.t.back());
+    r.y(i) = row.dot(truth) + kNoise * rng.Normal();
+    out.exact.H += row * row.transpose() / (kNoise * kNoise);
+    out.exact.right += row * r.y(i) / (kNoise * kNoise);
+  }
+  Observations data;
+  data.others = {std::make_shared<Channel>(std::move(r))};
+  data.placement.offset = Prior::Known(0.0);
+  FitProblem problem;
+  problem.parameters.resize(3);
+  for (std::size_t j = 0; j < 3; ++j) {
+    Parameter& p = problem.parameters[j];
+    p.name = std::string("part ") + "abc"[j];
+    p.start = j == 0 ? 0.8 : 0.3;
+    p.low = kLow, p.high = 20.0, p.log = true;
+  }
+  problem.trials.resize(1);
+  problem.trials[0].model = &model;
+  problem.trials[0].observations = &data;
+  FitOptions options;
+  options.whiten = options.robust = false;
+  options.workers = 1;
+  options.search.screened = 0;
+  out.fit = Fit(problem, options);
+  return out;
+}
+
+// Nothing, and what lies some standard errors above it: each fit ends, beside the values that least
+// squares have within the bounds, and its interval is the one that they have.
+TEST(NearlyNothing, FitAndIntervalAreThoseOfLeastSquares) {
+  const double sigma = SigmaOfSecond();
+  constexpr double kPart =
+      0.05;  // of a standard error: steps end at a fiftieth, profiles are drawn
+  for (const double sigmas : {0.0, 1.0, 3.0}) {
+    for (std::uint64_t seed = 1; seed <= 12; ++seed) {
+      const Fitted one = FitAlike(sigmas * sigma, seed);
+      ASSERT_EQ(one.fit.status, FitStatus::kConverged)
+          << sigmas << " " << seed << ": " << one.fit.message;
+      const ParameterEstimate& e = one.fit.parameters[1];
+      EXPECT_NEAR(e.value, std::max(one.exact.Best()(1), kLow), kPart * sigma) << seed;
+      if (e.profile.dispersion > 1.0) continue;  // residuals that happen to be no white noise
+      const Interval exact = one.exact.OfSecond();
+      EXPECT_NEAR(e.data95.high, exact.high, kPart * sigma) << sigmas << " " << seed;
+      EXPECT_EQ(std::isnan(e.data95.low), std::isnan(exact.low)) << sigmas << " " << seed;
+      if (exact.low == exact.low) {
+        EXPECT_NEAR(e.data95.low, exact.low, kPart * sigma) << sigmas << " " << seed;
+      }
+      EXPECT_TRUE(one.fit.parameters[0].data95.Closed()) << sigmas << " " << seed;
+      EXPECT_TRUE(one.fit.parameters[2].data95.Closed()) << sigmas << " " << seed;
+    }
+  }
+}
+
+// Over repeats the intervals hold the truth as often as they say, or more often where it is the
+// bound: that of nothing always from below.
+TEST(NearlyNothing, IntervalsHoldTheTruth) {
+  constexpr int kRepeats = 60;
+  const double sigma = SigmaOfSecond();
+  for (const double sigmas : {0.0, 3.0}) {
+    int held[3] = {}, runs = 0;
+    for (int i = 0; i < kRepeats; ++i) {
+      const Fitted one = FitAlike(sigmas * sigma, 100 + static_cast<std::uint64_t>(i));
+      const double truth[] = {1.0, sigmas * sigma, 0.5};
+      for (std::size_t j = 0; j < 3; ++j) {
+        const Interval& of = one.fit.parameters[j].all95;
+        held[j] += !(truth[j] < of.low) && truth[j] <= of.high ? 1 : 0;
+      }
+      runs += static_cast<int>(one.fit.evaluations.size());
+    }
+    // 95% less three standard deviations of the count.
+    const double least = 0.95 * kRepeats - 3.0 * std::sqrt(0.95 * 0.05 * kRepeats);
+    for (std::size_t j = 0; j < 3; ++j) EXPECT_GE(held[j], least) << sigmas << " " << j;
+    std::printf("%g: %d %d %d of %d, %d runs\n", sigmas, held[0], held[1], held[2], kRepeats, runs);
+  }
+}
+
+}  // namespace
+}  // namespace unfurl::correlate::nearly_nothing_test
