@@ -24,8 +24,8 @@ inline constexpr double kHalf95 = 1.959963984540054;
 Interval IntervalOfData(const Parameter& parameter, const ParameterEstimate& estimate);
 
 /// The 95% interval of all parts. Each half of the data's interval and the half that the model's
-/// own error gives, 1.96 sigma_model, are independent and add in quadrature, in the coordinate that
-/// the solver moves (the logarithm where that is what moves), and end at the bounds at the latest.
+/// own error gives, 1.96 sigma_model, are independent and add in quadrature, by the value; a
+/// logarithm's lower end stays positive (StepAsymptotic). They end at the bounds at the latest.
 /// `one_sided`: of the model's error sigma_doubt lies to either side, and the rest anywhere between
 /// none and model_shift, so that the interval reaches that way.
 Interval IntervalOfAllParts(const Parameter& parameter, const ParameterEstimate& estimate,

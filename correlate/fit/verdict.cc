@@ -63,7 +63,8 @@ std::vector<std::string> Imitators(const ReducedProblem& reduced,
   return names;
 }
 
-std::string ProfileWords(const ParameterEstimate& e, const std::string& unit) {
+std::string ProfileWords(const ParameterEstimate& e, const Parameter& q) {
+  const std::string& unit = q.unit;
   constexpr int kReached = 4;  // digits of a place that a search came to
   const Profile& profile = e.profile;
   if (profile.points.empty()) return "";
@@ -75,6 +76,10 @@ std::string ProfileWords(const ParameterEstimate& e, const std::string& unit) {
   }
   if ((!low && profile.lost_low) || (!high && profile.lost_high)) {
     return "; its profile could not be followed (the model is rough there)";
+  }
+  if (!low && profile.reached_low == q.low && e.all95.high == e.all95.high) {
+    return fmt::format("; it lies below {}{} (95%), as far as its bound",
+                       IntervalEnd(e.all95.high, kReached), UnitAfter(unit));
   }
   if (!low && !high) {
     return fmt::format("; its profile stays below the 95% level from {}{}",
@@ -153,7 +158,7 @@ Verdict Decide(const Knowledge& k, const ParameterEstimate& e) {
 
 // The verdict with its numbers.
 std::string ReasonOf(const Knowledge& k, const Parameter& q, const ParameterEstimate& e) {
-  const std::string profile = ProfileWords(e, q.unit);
+  const std::string profile = ProfileWords(e, q);
   const double percent = 100.0 / k.size;
   switch (e.verdict) {
     case Verdict::kCombination:

@@ -8,6 +8,7 @@
 #include "correlate/fit/fit.h"
 #include "correlate/residual/channel.h"
 #include "tests/correlate/fit_repeats.h"
+#include "tests/repeats.h"
 
 namespace unfurl::correlate::nearly_nothing_test {
 namespace {
@@ -134,11 +135,11 @@ TEST(NearlyNothing, FitAndIntervalAreThoseOfLeastSquares) {
 // Over repeats the intervals hold the truth as often as they say, or more often where it is the
 // bound: that of nothing always from below.
 TEST(NearlyNothing, IntervalsHoldTheTruth) {
-  constexpr int kRepeats = 60;
+  const int repeats = Repeats(60, 1000);
   const double sigma = SigmaOfSecond();
   for (const double sigmas : {0.0, 3.0}) {
     int held[3] = {}, runs = 0;
-    for (int i = 0; i < kRepeats; ++i) {
+    for (int i = 0; i < repeats; ++i) {
       const Fitted one = FitAlike(sigmas * sigma, 100 + static_cast<std::uint64_t>(i));
       const double truth[] = {1.0, sigmas * sigma, 0.5};
       for (std::size_t j = 0; j < 3; ++j) {
@@ -148,9 +149,9 @@ TEST(NearlyNothing, IntervalsHoldTheTruth) {
       runs += static_cast<int>(one.fit.evaluations.size());
     }
     // 95% less three standard deviations of the count.
-    const double least = 0.95 * kRepeats - 3.0 * std::sqrt(0.95 * 0.05 * kRepeats);
+    const double least = 0.95 * repeats - 3.0 * std::sqrt(0.95 * 0.05 * repeats);
     for (std::size_t j = 0; j < 3; ++j) EXPECT_GE(held[j], least) << sigmas << " " << j;
-    std::printf("%g: %d %d %d of %d, %d runs\n", sigmas, held[0], held[1], held[2], kRepeats, runs);
+    std::printf("%g: %d %d %d of %d, %d runs\n", sigmas, held[0], held[1], held[2], repeats, runs);
   }
 }
 
