@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/log_silence.h"
+#include "correlate/fit/interval.h"
 
 namespace unfurl::correlate {
 
@@ -73,6 +74,7 @@ class ReducedCost : public ceres::CostFunction {
   mutable std::vector<double> last_u;
   mutable Eigen::VectorXd last_residual;
   mutable Eigen::MatrixXd last_projected;
+  mutable std::vector<bool> untold;  // by parameter: a logarithm of what could as well be nothing
   mutable std::exception_ptr error;
 
  private:
@@ -150,8 +152,10 @@ class ReducedCost : public ceres::CostFunction {
   void HoldAtBounds(const std::vector<double>& u) const {
     constexpr double kNear = 0.02;  // of a standard error: below what ends a stage
     const GaussNewton next = StepWithin(problem_.parameters(), u, last_projected, last_residual);
+    untold.assign(u.size(), false);
     for (Eigen::Index j = 0; j < last_projected.cols(); ++j) {
       const auto i = static_cast<std::size_t>(j);
+      untold[i] = problem_.parameters()[i].log && kHalf95 * next.sigma(j) > 1.0;
       const double low = StepToLowest(problem_.parameters()[i], u[i]);
       const double high = StepToHighest(problem_.parameters()[i], u[i]);
       const double near = kNear * next.sigma(j), step = next.step(j);
@@ -229,12 +233,26 @@ class StepWatch : public ceres::IterationCallback {
 
 constexpr double kFall = 0.9;  // of a logarithm's value in one step: an order of magnitude at most
 
-// Steps of logarithms are taken by the value, up and down: a slope tells what is added to the
-// value.
+// Where a step of a logarithm leads that is told from nothing. Within one it is what it is. Beyond,
+// its slope tells no more than what is added to the value: of a damping that is far too small, 20
+// means 21 times as much and not e^20.
+double RiseOfLogarithm(double step) {
+  const double size = std::abs(step);
+  return size <= 1.0 ? step : std::copysign(std::max(1.0, std::log1p(size)), step);
+}
+
+double StepOfRise(double rise) {
+  const double size = std::abs(rise);
+  return size <= 1.0 ? rise : std::copysign(std::expm1(size), rise);
+}
+
+// Steps of what could as well be nothing are taken by the value: it adds to what is there. What is
+// told from nothing stays a logarithm: it multiplies what others multiply, too.
 class Steps : public ceres::Manifold {
  public:
-  Steps(const std::vector<Parameter>& parameters, const std::vector<bool>& held)
-      : parameters_(parameters) {
+  Steps(const std::vector<Parameter>& parameters, const std::vector<bool>& held,
+        const std::vector<bool>& untold)
+      : parameters_(parameters), untold_(untold) {
     for (std::size_t j = 0; j < parameters.size(); ++j) {
       if (held.empty() || !held[j]) free_.push_back(j);
     }
@@ -248,12 +266,13 @@ class Steps : public ceres::Manifold {
     // below: had they gone the whole way, they would make up for what it has not done.
     double part = 1.0;
     for (std::size_t k = 0; k < free_.size(); ++k) {
-      if (parameters_[free_[k]].log && delta[k] * part < -kFall) part = -kFall / delta[k];
+      if (ByValue(free_[k]) && delta[k] * part < -kFall) part = -kFall / delta[k];
     }
     std::copy_n(x, parameters_.size(), x_plus_delta);
     for (std::size_t k = 0; k < free_.size(); ++k) {
       const double by = part * delta[k];
-      x_plus_delta[free_[k]] += parameters_[free_[k]].log ? std::log1p(by) : by;
+      const bool log = parameters_[free_[k]].log;
+      x_plus_delta[free_[k]] += ByValue(free_[k]) ? std::log1p(by) : log ? RiseOfLogarithm(by) : by;
     }
     return true;
   }
@@ -261,7 +280,8 @@ class Steps : public ceres::Manifold {
   bool Minus(const double* y, const double* x, double* y_minus_x) const override {
     for (std::size_t k = 0; k < free_.size(); ++k) {
       const double by = y[free_[k]] - x[free_[k]];
-      y_minus_x[k] = parameters_[free_[k]].log ? std::expm1(by) : by;
+      const bool log = parameters_[free_[k]].log;
+      y_minus_x[k] = ByValue(free_[k]) ? std::expm1(by) : log ? StepOfRise(by) : by;
     }
     return true;
   }
@@ -277,6 +297,8 @@ class Steps : public ceres::Manifold {
   }
 
  private:
+  bool ByValue(std::size_t j) const { return j < untold_.size() && untold_[j]; }
+
   // Row by row; `tall`: as many rows as parameters.
   void Chosen(int columns, bool tall, double* jacobian) const {
     std::fill_n(jacobian, parameters_.size() * free_.size(), 0.0);
@@ -287,6 +309,7 @@ class Steps : public ceres::Manifold {
   }
 
   const std::vector<Parameter>& parameters_;
+  const std::vector<bool>& untold_;
   std::vector<std::size_t> free_;
 };
 
@@ -317,7 +340,7 @@ SolverResult Solve(ReducedProblem& problem, const std::vector<Parameter>& parame
                                            ToInternal(parameters[j], parameters[j].high));
     }
   }
-  Steps steps(parameters, options.held);
+  Steps steps(parameters, options.held, cost.untold);
   if (steps.TangentSize() == 0) ceres_problem.SetParameterBlockConstant(result.u.data());
   if (steps.TangentSize() > 0) ceres_problem.SetManifold(result.u.data(), &steps);
   ceres::Solver::Options solver;
