@@ -9,7 +9,6 @@
 #include <utility>
 
 #include "base/log_silence.h"
-#include "correlate/fit/interval.h"
 
 namespace unfurl::correlate {
 
@@ -74,7 +73,7 @@ class ReducedCost : public ceres::CostFunction {
   mutable std::vector<double> last_u;
   mutable Eigen::VectorXd last_residual;
   mutable Eigen::MatrixXd last_projected;
-  mutable std::vector<bool> untold;  // by parameter: a logarithm of what could as well be nothing
+  mutable bool by_value = true;  // how logarithms are stepped
   mutable std::exception_ptr error;
 
  private:
@@ -152,10 +151,8 @@ class ReducedCost : public ceres::CostFunction {
   void HoldAtBounds(const std::vector<double>& u) const {
     constexpr double kNear = 0.02;  // of a standard error: below what ends a stage
     const GaussNewton next = StepWithin(problem_.parameters(), u, last_projected, last_residual);
-    untold.assign(u.size(), false);
     for (Eigen::Index j = 0; j < last_projected.cols(); ++j) {
       const auto i = static_cast<std::size_t>(j);
-      untold[i] = problem_.parameters()[i].log && kHalf95 * next.sigma(j) > 1.0;
       const double low = StepToLowest(problem_.parameters()[i], u[i]);
       const double high = StepToHighest(problem_.parameters()[i], u[i]);
       const double near = kNear * next.sigma(j), step = next.step(j);
@@ -186,6 +183,7 @@ class StepWatch : public ceres::IterationCallback {
     if (options_.on_iteration) options_.on_iteration(summary.cost, cost_.last_u);
     double tolerance = options_.step_tolerance;
     if (!summary.step_is_successful && summary.iteration > 0) {
+      cost_.by_value = !cost_.by_value;
       if (!cost_.fresh()) {
         stale = true;
         return ceres::SOLVER_TERMINATE_SUCCESSFULLY;
@@ -233,9 +231,9 @@ class StepWatch : public ceres::IterationCallback {
 
 constexpr double kFall = 0.9;  // of a logarithm's value in one step: an order of magnitude at most
 
-// Where a step of a logarithm leads that is told from nothing. Within one it is what it is. Beyond,
-// its slope tells no more than what is added to the value: of a damping that is far too small, 20
-// means 21 times as much and not e^20.
+// Where a step of a logarithm leads that stays one. Within one it is what it is. Beyond, its slope
+// tells no more than what is added to the value: of a damping that is far too small, 20 means 21
+// times as much and not e^20.
 double RiseOfLogarithm(double step) {
   const double size = std::abs(step);
   return size <= 1.0 ? step : std::copysign(std::max(1.0, std::log1p(size)), step);
@@ -246,13 +244,13 @@ double StepOfRise(double rise) {
   return size <= 1.0 ? rise : std::copysign(std::expm1(size), rise);
 }
 
-// Steps of what could as well be nothing are taken by the value: it adds to what is there. What is
-// told from nothing stays a logarithm: it multiplies what others multiply, too.
+// Logarithms are stepped by the value: what imitates others adds to them, as dampings do. Where
+// that has not led down, as logarithms: they may multiply, as a stiffness and a scale do.
 class Steps : public ceres::Manifold {
  public:
   Steps(const std::vector<Parameter>& parameters, const std::vector<bool>& held,
-        const std::vector<bool>& untold)
-      : parameters_(parameters), untold_(untold) {
+        const bool& by_value)
+      : parameters_(parameters), by_value_(by_value) {
     for (std::size_t j = 0; j < parameters.size(); ++j) {
       if (held.empty() || !held[j]) free_.push_back(j);
     }
@@ -297,7 +295,7 @@ class Steps : public ceres::Manifold {
   }
 
  private:
-  bool ByValue(std::size_t j) const { return j < untold_.size() && untold_[j]; }
+  bool ByValue(std::size_t j) const { return by_value_ && parameters_[j].log; }
 
   // Row by row; `tall`: as many rows as parameters.
   void Chosen(int columns, bool tall, double* jacobian) const {
@@ -309,7 +307,7 @@ class Steps : public ceres::Manifold {
   }
 
   const std::vector<Parameter>& parameters_;
-  const std::vector<bool>& untold_;
+  const bool& by_value_;
   std::vector<std::size_t> free_;
 };
 
@@ -340,7 +338,7 @@ SolverResult Solve(ReducedProblem& problem, const std::vector<Parameter>& parame
                                            ToInternal(parameters[j], parameters[j].high));
     }
   }
-  Steps steps(parameters, options.held, cost.untold);
+  Steps steps(parameters, options.held, cost.by_value);
   if (steps.TangentSize() == 0) ceres_problem.SetParameterBlockConstant(result.u.data());
   if (steps.TangentSize() > 0) ceres_problem.SetManifold(result.u.data(), &steps);
   ceres::Solver::Options solver;
