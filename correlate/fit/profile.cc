@@ -5,6 +5,7 @@
 
 #include "base/dense.h"
 #include "correlate/fit/interval.h"
+#include "correlate/fit/profile_lane.h"
 
 namespace unfurl::correlate {
 
@@ -15,21 +16,7 @@ constexpr double kRough = 0.1;     // the same of a rough model: 1.3% of an inte
 constexpr int kMostSteps = 12;     // of one point
 constexpr int kChordSteps = 3;     // with sensitivities of the estimate, before new ones are taken
 
-// One parameter held at one place, the others on their way to their best.
-struct Lane {
-  std::size_t held = 0;
-  double level = 0.0;         // signed, in standard errors
-  std::vector<double> u;      // best so far
-  std::vector<double> trial;  // being evaluated
-  double cost = std::numeric_limits<double>::infinity();
-  Eigen::VectorXd residual;  // at u
-  Eigen::MatrixXd J;         // projected, at u_of_J; empty: the estimate's
-  std::vector<double> u_of_J;
-  Eigen::VectorXd step;  // last one, of the others
-  double shrink = 1.0;
-  int steps = 0, since_fresh = 0;
-  bool done = false, settled = false, at_bound = false, failed = false;
-};
+using Lane = ProfileLane;
 
 class Follower {
  public:
@@ -303,7 +290,19 @@ class Follower {
                                     [&](const Lane* lane) { return Deviance(*lane) >= level95; });
     const double low = above == settled.begin() ? 0.0 : std::abs((*(above - 1))->level);
     const double high = std::abs((*above)->level);
-    if (Deviance(**above) < kFar * level95 || high - low < kShortest * high) return;
+    const double root = std::sqrt(Deviance(**above));
+    const double root_below =
+        above == settled.begin() ? 0.0 : std::sqrt(std::max(0.0, Deviance(**(above - 1))));
+    // Where it rises so much faster than it did, the straight line between the two may pass the
+    // level far too early.
+    constexpr double kBent = 2.0;    // times as fast: another's bound, and no curvature
+    constexpr double kShows = 0.03;  // of an interval's half
+    const double straight =
+        low + (std::sqrt(level95) - root_below) / (root - root_below) * (high - low);
+    const bool bent = (root - root_below) * low > kBent * root_below * (high - low) &&
+                      high - straight > kShows * high;
+    const bool far = root * root >= kFar * level95;
+    if ((!far && !bent) || high - low < kShortest * high) return;
     const bool lost = std::any_of(done.begin(), done.end(), [&](const Lane& lane) {
       const double level = lane.level * side;
       return lane.held == j && !lane.settled && level > low && level < high;

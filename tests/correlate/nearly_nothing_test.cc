@@ -43,9 +43,9 @@ struct LeastSquares {
   Eigen::Vector3d Best() const { return H.ldlt().solve(right); }
   double Sigma(Eigen::Index j) const { return std::sqrt(H.inverse()(j, j)); }
   // Of the part that may be nothing: its cost is a parabola, cut off at the bound.
-  Interval OfSecond() const {
+  Interval OfSecond(double dispersion) const {
     const double best = Best()(1), at = std::max(best, kLow);
-    const double half = std::hypot(std::sqrt(kDeviance95) * Sigma(1), at - best);
+    const double half = std::hypot(std::sqrt(kDeviance95 * dispersion) * Sigma(1), at - best);
     Interval out;
     out.high = best + half;
     if (best - half > kLow) out.low = best - half;
@@ -54,7 +54,7 @@ struct LeastSquares {
 };
 
 // The same of the first part, whose imitator comes to its bound on the way: by halving.
-Interval OfFirst(const LeastSquares& exact) {
+Interval OfFirst(const LeastSquares& exact, double dispersion) {
   const Eigen::Vector3d best = exact.Best();
   const Eigen::Matrix3d C = exact.H.inverse();
   auto cost = [&](double first) {
@@ -69,7 +69,7 @@ Interval OfFirst(const LeastSquares& exact) {
     double in = at;
     for (int i = 0; i < 60; ++i) {  // to a double's last digits
       const double middle = 0.5 * (in + out);
-      (cost(middle) - least < kDeviance95 ? in : out) = middle;
+      (cost(middle) - least < kDeviance95 * dispersion ? in : out) = middle;
     }
     return in;
   };
@@ -143,14 +143,14 @@ TEST(NearlyNothing, FitAndIntervalAreThoseOfLeastSquares) {
           << sigmas << " " << seed << ": " << one.fit.message;
       const ParameterEstimate& e = one.fit.parameters[1];
       EXPECT_NEAR(e.value, std::max(one.exact.Best()(1), kLow), kPart * sigma) << seed;
-      if (e.profile.dispersion > 1.0) continue;  // residuals that happen to be no white noise
-      const Interval exact = one.exact.OfSecond();
+      const Interval exact = one.exact.OfSecond(e.profile.dispersion);
       EXPECT_NEAR(e.data95.high, exact.high, kPart * sigma) << sigmas << " " << seed;
       EXPECT_EQ(std::isnan(e.data95.low), std::isnan(exact.low)) << sigmas << " " << seed;
       if (exact.low == exact.low) {
         EXPECT_NEAR(e.data95.low, exact.low, kPart * sigma) << sigmas << " " << seed;
       }
-      const Interval first = OfFirst(one.exact), found = one.fit.parameters[0].data95;
+      const Interval first = OfFirst(one.exact, one.fit.parameters[0].profile.dispersion);
+      const Interval found = one.fit.parameters[0].data95;
       const double part = kPart * (first.high - first.low);
       EXPECT_NEAR(found.low, first.low, part) << sigmas << " " << seed;
       EXPECT_NEAR(found.high, first.high, part) << sigmas << " " << seed;
@@ -174,8 +174,10 @@ TEST(NearlyNothing, IntervalsHoldTheTruth) {
         held[j] += !(truth[j] < of.low) && truth[j] <= of.high ? 1 : 0;
       }
     }
-    // 95% less three standard deviations of the count.
-    const double least = 0.95 * repeats - 3.0 * std::sqrt(0.95 * 0.05 * repeats);
+    // Less three standard deviations of the count. At a corner of the bounds 94.1% of the first
+    // part's exact intervals hold it, and of those found two in a hundred fewer (decision 269).
+    const double part = sigmas > 0.0 ? 0.95 : 0.92;
+    const double least = part * repeats - 3.0 * std::sqrt(part * (1.0 - part) * repeats);
     for (std::size_t j = 0; j < 3; ++j) EXPECT_GE(held[j], least) << sigmas << " " << j;
   }
 }
