@@ -120,6 +120,18 @@ void Reconstructor::ReadSlots(const std::string& path) {
   }
 }
 
+// Of a mark that lights up in a dark line the mean would keep a ghost.
+int Reconstructor::TakeDark(std::span<const std::uint16_t> line, bool anew, std::size_t camera) {
+  int mark = -1;
+  if (!backgrounds_[camera].empty()) {
+    std::array<Spot, Associator::kMostCandidates> spots;
+    const std::size_t lights = finders_[camera].FindAll(line, backgrounds_[camera], spots);
+    mark = LightOfDark({spots.data(), lights}, camera);
+  }
+  if (anew && mark < 0) backgrounds_[camera].Add(line);
+  return mark;
+}
+
 void Reconstructor::FindSpots(const data::TrialBlock& block, std::span<const Slot> slots,
                               bool learn, std::vector<Seen>* seen) {
   const std::size_t cameras = header_.cameras.size();
@@ -139,13 +151,7 @@ void Reconstructor::FindSpots(const data::TrialBlock& block, std::span<const Slo
       const std::vector<int>& marks = slots[static_cast<std::size_t>(block.slot[i])].marks;
       std::array<Spot, Associator::kMostCandidates> spots;
       if (marks.empty()) {
-        if (learn && !backgrounds_[c].empty()) {
-          const std::size_t lights = finders_[c].FindAll(line, backgrounds_[c], spots);
-          here.of_dark = LightOfDark({spots.data(), lights}, c);
-        }
-        // Of a mark that lights up there the mean would keep a ghost.
-        const bool dark = here.of_dark < 0;
-        if (learn && dark && next_line_ + i >= primed_) backgrounds_[c].Add(line);
+        if (learn) here.of_dark = TakeDark(line, next_line_ + i >= primed_, c);
         before_[c].Add({});
         continue;
       }

@@ -221,6 +221,9 @@ class Reconstructor {
   void Candidates(std::span<const Seen> seen, std::vector<std::span<const Candidate>>* out) const;
   // Takes the corrections out of a line's spots, and keeps them as evidence.
   void Correct(double t, std::size_t line, const Slot& slot, std::span<Seen> seen);
+  // Takes a line named dark into the background of that camera, where that does not know it yet,
+  // unless it shows a mark's light: the mark, or -1.
+  int TakeDark(std::span<const std::uint16_t> line, bool anew, std::size_t camera);
   // The mark whose light a line named dark shows in that camera, by its spots; -1: none.
   int LightOfDark(std::span<const Spot> spots, std::size_t camera) const;
   void CountDark(double t, std::span<const Seen> seen);
