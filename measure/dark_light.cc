@@ -8,6 +8,9 @@ namespace unfurl::measure {
 namespace {
 
 constexpr double kLitReach = 2.0;  // widths of the wider spot that one place is, as in LinesBefore
+// The same LED at the same place: half the light, if its flash ends in the next line; no edge of
+// the sun's light on a wall, which is wide and, but for what the mean lags behind, not there.
+constexpr double kLitFlux = 0.5, kLitWidth = 2.0;
 
 }  // namespace
 
@@ -20,6 +23,7 @@ void DarkLight::Lit(int mark, const Spot* spot, bool only) {
   last.before_px = last.u_px;
   last.u_px = spot->u_px;
   last.width_px = spot->width_px;
+  last.flux = spot->flux;
   last.only = only;
   last.flashes = std::min(last.flashes + 1, 2);
 }
@@ -29,7 +33,8 @@ int DarkLight::MarkOf(const Spot& spot) const {
   double least = 0.0;
   for (std::size_t m = 0; m < last_.size(); ++m) {
     const Last& last = last_[m];
-    if (last.flashes < 2) continue;
+    if (last.flashes < 2 || spot.flux < kLitFlux * last.flux) continue;
+    if (spot.width_px > kLitWidth * last.width_px) continue;
     const double away = std::abs(spot.u_px - last.u_px);
     const double reach =
         kLitReach * std::max(spot.width_px, last.width_px) + std::abs(last.u_px - last.before_px);

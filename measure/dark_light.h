@@ -19,16 +19,16 @@ class DarkLight {
   /// The brightest spot of a line in which that mark alone should be lit, and whether it is the
   /// only one; null: there was none.
   void Lit(int mark, const Spot* spot, bool only);
-  /// Whose light a spot of a dark line is: it stands where that mark was, as far as that moves from
-  /// flash to flash; -1: nobody's. Of several it is the one whose line showed nothing else, as an
-  /// LED that stays lit is seen in the lines of all.
+  /// Whose light a spot of a dark line is: as bright and narrow, it stands where that mark was, as
+  /// far as that moves from flash to flash; -1: nobody's. Of several it is the one whose line
+  /// showed nothing else, as an LED that stays lit is seen in the lines of all.
   int MarkOf(const Spot& spot) const;
 
  private:
   struct Last {
     int flashes = 0;    // seen in a row, two at most
     bool only = false;  // in the last one it was the only light
-    double u_px = 0.0, before_px = 0.0, width_px = 0.0;
+    double u_px = 0.0, before_px = 0.0, width_px = 0.0, flux = 0.0;
   };
   std::vector<Last> last_;
 };

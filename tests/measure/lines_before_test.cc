@@ -36,6 +36,7 @@ TEST(DarkLight, IsAMarksWhereThatWas) {
   of.Lit(0, &second, true);
   EXPECT_EQ(of.MarkOf(Light(180.0, 500.0)), 0);
   EXPECT_EQ(of.MarkOf(Light(300.0, 500.0)), -1);
+  EXPECT_EQ(of.MarkOf(Light(180.0, 200.0)), -1);  // an edge of light that the mean lags behind
   of.Lit(1, &other, false);
   of.Lit(1, &other, false);
   EXPECT_EQ(of.MarkOf(Light(150.0, 500.0)), 0);  // beside another light in the line of the second
