@@ -202,6 +202,9 @@ int Conclude(const Common& common, const ReconstructSettings& s, const data::Rig
   const std::vector<std::string> dark = done.DarkMarks();
   if (!dark.empty()) summary["dark_marks"] = dark;
   for (const std::string& mark : dark) text += mark + "\n";
+  const std::vector<std::string> lit = done.LitDarkLines();
+  if (!lit.empty()) summary["lit_dark_lines"] = lit;
+  for (const std::string& words : lit) text += words + "\n";
   text += HealthText(health, &summary);
   text += fmt::format("{}: {} from {} in {:.1f} s ({:.0f} lines/s)\n", s.output,
                       Counted(done.samples(), "sample"), Counted(done.lines, "line"), seconds,

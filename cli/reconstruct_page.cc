@@ -56,9 +56,9 @@ void AddVerdict(const ReconstructPageInput& in, report::Page* page) {
                         : usable >= 80.0           ? report::Level::kCare
                                                    : report::Level::kBad;
   std::vector<std::string> details = s.LostMarks();
-  for (std::string& mark : s.DarkMarks()) {
-    level = std::max(level, report::Level::kCare);
-    details.push_back(std::move(mark));
+  for (const std::vector<std::string>& dark : {s.DarkMarks(), s.LitDarkLines()}) {
+    if (!dark.empty()) level = std::max(level, report::Level::kCare);
+    details.insert(details.end(), dark.begin(), dark.end());
   }
   if (in.health != nullptr) level = std::max(level, AddVouching(*in.health, &details));
   if (in.health != nullptr && !in.health->words.empty()) {

@@ -16,7 +16,6 @@ namespace {
 constexpr double kExchangeFits = 5.0;
 constexpr double kExchangeNoise = 8.0;  // sigmas: no noise looks like a jump
 constexpr double kExchangeKick = 3.0;   // a jump is longer than so many times what the speeds cover
-constexpr std::size_t kExchangesKept = 64;  // jumps, and exchanges, that are kept
 constexpr double kExchangeWait = 40.0;  // intervals of a mark in which the others' jumps must come
 
 }  // namespace
@@ -53,7 +52,8 @@ void ExchangeWatch::Add(double t, int mark, const Eigen::Vector3d& p, double sig
         miss.distance > kExchangeKick * way * (c.t - b.t)) {
       const double since = b.t - kExchangeWait * std::min(b.t - a.t, t - c.t);
       std::erase_if(jumps_, [since](const Jump& one) { return one.at[2].t < since; });
-      if (jumps_.size() < kExchangesKept) {
+      Jumped({mark, {a, b, c, here}}, miss.distance);
+      if (jumps_.size() < kKept) {
         jumps_.push_back({mark, {a, b, c, here}});
         Match();
       }
@@ -63,6 +63,7 @@ void ExchangeWatch::Add(double t, int mark, const Eigen::Vector3d& p, double sig
   } else {
     course.last[course.count++] = here;
   }
+  Compare(mark, here);
 }
 
 // Two that go on where the other was, or more in a ring.
@@ -79,7 +80,7 @@ void ExchangeWatch::Match() {
     if (std::find(ring.begin(), ring.end(), at) != ring.end()) return;
     ring.push_back(at);
   }
-  for (std::size_t k = 0; k < ring.size() && found_.size() < kExchangesKept; ++k) {
+  for (std::size_t k = 0; k < ring.size() && found_.size() < kKept; ++k) {
     Jump& jump = jumps_[ring[k]];
     const Jump& other = jumps_[ring[(k + 1) % ring.size()]];
     found_.push_back({jump.mark, other.mark, jump.at[1].t, jump.at[2].t});
@@ -87,21 +88,50 @@ void ExchangeWatch::Match() {
   }
 }
 
+namespace {
+
+constexpr std::size_t kExchangesTold = 4;  // a sentence of more is not read
+
+// Those that one sentence can hold, joined.
+std::string Told(const std::vector<std::string>& parts) {
+  const std::size_t told = std::min(parts.size(), kExchangesTold);
+  std::string text = JoinWords({parts.begin(), parts.begin() + static_cast<std::ptrdiff_t>(told)});
+  if (parts.size() > told) text += fmt::format(", and {} more", parts.size() - told);
+  return text;
+}
+
+}  // namespace
+
 std::string Describe(std::span<const ExchangedMark> exchanged, std::span<const std::string> marks) {
-  if (exchanged.empty()) return {};
-  constexpr std::size_t kTold = 4;  // a sentence of more is not read
-  std::vector<std::string> parts;
-  for (const ExchangedMark& one : exchanged.first(std::min(exchanged.size(), kTold))) {
-    parts.push_back(fmt::format("{} goes on from {:.5g} s where {} was at {:.5g} s",
-                                marks[static_cast<std::size_t>(one.mark)], one.from,
-                                marks[static_cast<std::size_t>(one.was)], one.after));
+  std::vector<std::string> changed, both;
+  for (const ExchangedMark& one : exchanged) {
+    const std::string& mark = marks[static_cast<std::size_t>(one.mark)];
+    const std::string& was = marks[static_cast<std::size_t>(one.was)];
+    if (!one.both) {
+      changed.push_back(fmt::format("{} goes on from {:.5g} s where {} was at {:.5g} s", mark,
+                                    one.from, was, one.after));
+    } else if (std::isfinite(one.after)) {
+      both.push_back(fmt::format("{} is from {:.5g} s on where {} is, to {:.2g} mm", mark, one.from,
+                                 was, 1e3 * one.within));
+    } else {
+      both.push_back(fmt::format("{} is where {} is, to {:.2g} mm, from the first flash on", mark,
+                                 was, 1e3 * one.within));
+    }
   }
-  std::string more;
-  if (exchanged.size() > kTold) more = fmt::format(", and {} more", exchanged.size() - kTold);
-  return fmt::format(
-      "marks change their names: {}{}; the slots name them wrongly from there on, or a line was "
-      "lost: name them anew from that line, or reconstruct both parts by themselves",
-      JoinWords(parts), more);
+  std::string text;
+  if (!changed.empty()) {
+    text = fmt::format(
+        "marks change their names: {}; the slots name them wrongly from there on, or a line was "
+        "lost: name them anew from that line, or reconstruct both parts by themselves",
+        Told(changed));
+  }
+  if (!both.empty()) {
+    text += fmt::format(
+        "{}two marks in one place: {}, as two LEDs cannot be: one LED is lit in both slots, or the "
+        "slots name it twice: look at the wiring and the table of slots",
+        text.empty() ? "" : "; ", Told(both));
+  }
+  return text;
 }
 
 }  // namespace unfurl::measure

@@ -83,6 +83,7 @@ void Reconstructor::Begin(const std::string& path, std::size_t lines, const Look
   summary_.too_bright.resize(layout_.marks.size());
   unseen_.resize(layout_.marks.size());
   exchanges_.emplace(layout_.marks.size());
+  summary_.lit_dark.votes.assign(layout_.marks.size(), 0);
   readings_.resize(cameras);
   std::vector<FlashReadings> flashes;
   tracking_ = LookAhead(lines, look, &flashes);
@@ -119,12 +120,25 @@ void Reconstructor::ReadSlots(const std::string& path) {
   }
 }
 
+// Of a mark that lights up in a dark line the mean would keep a ghost.
+int Reconstructor::TakeDark(std::span<const std::uint16_t> line, bool anew, std::size_t camera) {
+  int mark = -1;
+  if (!backgrounds_[camera].empty()) {
+    std::array<Spot, Associator::kMostCandidates> spots;
+    const std::size_t lights = finders_[camera].FindAll(line, backgrounds_[camera], spots);
+    mark = LightOfDark({spots.data(), lights}, camera);
+  }
+  if (anew && mark < 0) backgrounds_[camera].Add(line);
+  return mark;
+}
+
 void Reconstructor::FindSpots(const data::TrialBlock& block, std::span<const Slot> slots,
                               bool learn, std::vector<Seen>* seen) {
   const std::size_t cameras = header_.cameras.size();
   seen->resize(block.size() * cameras);
   if (!learn || next_line_ == 0) {
     for (LinesBefore& before : before_) before.Forget();
+    dark_light_.assign(cameras, DarkLight(layout_.marks.size()));
   }
   // Each camera walks through the lines in order, so that its background is what it was then.
   ParallelFor(cameras, options_.workers, [&](std::size_t c) {
@@ -133,12 +147,14 @@ void Reconstructor::FindSpots(const data::TrialBlock& block, std::span<const Slo
       Seen& here = (*seen)[i * cameras + c];
       here.count = 0;
       here.flags = 0;
-      if (slots[static_cast<std::size_t>(block.slot[i])].marks.empty()) {
-        if (learn && next_line_ + i >= primed_) backgrounds_[c].Add(line);
+      here.of_dark = -1;
+      const std::vector<int>& marks = slots[static_cast<std::size_t>(block.slot[i])].marks;
+      std::array<Spot, Associator::kMostCandidates> spots;
+      if (marks.empty()) {
+        if (learn) here.of_dark = TakeDark(line, next_line_ + i >= primed_, c);
         before_[c].Add({});
         continue;
       }
-      std::array<Spot, Associator::kMostCandidates> spots;
       const std::size_t count = finders_[c].FindAll(line, backgrounds_[c], spots);
       for (std::size_t k = 1; k < count; ++k) {  // the brightest first
         for (std::size_t j = k; j > 0 && spots[j].flux > spots[j - 1].flux; --j) {
@@ -152,7 +168,10 @@ void Reconstructor::FindSpots(const data::TrialBlock& block, std::span<const Slo
                                     [&](const Spot& spot) { return !before_[c].Explain(spot); });
       here.width_px = own != found.end() ? static_cast<float>(own->width_px) : 0.0F;
       here.flags = own != found.end() ? own->flags : static_cast<std::uint8_t>(kSpotDim);
-      const bool alone = slots[static_cast<std::size_t>(block.slot[i])].marks.size() == 1;
+      const bool alone = marks.size() == 1;
+      if (alone && learn) {
+        dark_light_[c].Lit(marks[0], own != found.end() ? &*own : nullptr, found.size() == 1);
+      }
       for (auto spot = own; spot != found.end(); ++spot) {
         if (!Resolved(*spot) || before_[c].Explain(*spot)) continue;
         if (alone && spot->flux < options_.least_share * own->flux) continue;
@@ -185,6 +204,7 @@ void Reconstructor::Follow(const Lines& lines, data::Tracks* tracks) {
     CountLight(lines.t[i], slot, seen);
     Correct(lines.t[i], next_line_ + i, slot, seen);
     if (slot.marks.empty()) {
+      CountDark(lines.t[i], seen);
       ++summary_.dark_lines;
       continue;
     }

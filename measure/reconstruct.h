@@ -15,6 +15,7 @@
 #include "data/trial_readings.h"
 #include "measure/background.h"
 #include "measure/correction.h"
+#include "measure/dark_light.h"
 #include "measure/exchanged_marks.h"
 #include "measure/health.h"
 #include "measure/lines_before.h"
@@ -80,6 +81,7 @@ struct ReconstructSummary {
   // By mark: the longest time that no camera saw it while it alone should have been lit.
   std::vector<UnseenMark> unseen;
   std::vector<ExchangedMark> exchanged;
+  LitDark lit_dark;
   // Share of the calibration's variance that is not in the shared part but in the samples' own
   // covariance, the largest of any sample [-].
   double unshared = 0.0;
@@ -91,6 +93,8 @@ struct ReconstructSummary {
   /// Marks that have most of their samples, and that no camera sees for so many flashes in a row
   /// that they count as lost: a sentence with when, how often, and what to look at.
   std::vector<std::string> DarkMarks() const;
+  /// A mark whose light lines show that are named dark: a sentence likewise, or none.
+  std::vector<std::string> LitDarkLines() const;
   /// Of all marks; the usable ones of them.
   std::size_t samples() const;
   std::size_t usable() const;
@@ -172,6 +176,7 @@ class Reconstructor {
     std::uint8_t flags = 0;
     float width_px = 0.0F;  // of the brightest [px]
     float flux = 0.0F;      // of the first of `spots` [count]
+    int of_dark = -1;       // of a dark line: the mark whose light it shows
     std::array<Candidate, Associator::kMostCandidates> spots;
   };
 
@@ -216,6 +221,12 @@ class Reconstructor {
   void Candidates(std::span<const Seen> seen, std::vector<std::span<const Candidate>>* out) const;
   // Takes the corrections out of a line's spots, and keeps them as evidence.
   void Correct(double t, std::size_t line, const Slot& slot, std::span<Seen> seen);
+  // Takes a line named dark into the background of that camera, where that does not know it yet,
+  // unless it shows a mark's light: the mark, or -1.
+  int TakeDark(std::span<const std::uint16_t> line, bool anew, std::size_t camera);
+  // The mark whose light a line named dark shows in that camera, by its spots; -1: none.
+  int LightOfDark(std::span<const Spot> spots, std::size_t camera) const;
+  void CountDark(double t, std::span<const Seen> seen);
   void CountLight(double t, const Slot& slot, std::span<const Seen> seen);
   bool Doubtful(double t) const;
   // How the corrections' errors move a sample, behind the calibration's directions.
@@ -236,8 +247,11 @@ class Reconstructor {
   std::vector<Background> backgrounds_;  // by camera
   std::vector<SpotFinder> finders_;
   std::optional<MarkTracker> tracker_;
-  std::vector<Seen> seen_;           // line x camera, of the block
-  std::vector<LinesBefore> before_;  // by camera
+  std::vector<Seen> seen_;             // line x camera, of the block
+  std::vector<LinesBefore> before_;    // by camera
+  std::vector<DarkLight> dark_light_;  // by camera
+  std::vector<int> of_dark_;           // of one line, by camera
+  bool lit_dark_ = false;              // most cameras saw a mark's light in the last dark line
   std::optional<ExchangeWatch> exchanges_;
   std::vector<UnseenMark> unseen_;  // by mark, that last until now
   HealthEvidence evidence_;

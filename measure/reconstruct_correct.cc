@@ -103,7 +103,10 @@ void Reconstructor::Correct(double t, std::size_t line, const Slot& slot, std::s
     readings_[c] = {seen[c].spots[0].u_px, static_cast<float>(seen[c].spots[0].s_px), seen[c].flux,
                     seen[c].width_px};
   }
-  evidence_.Add(t, slot.marks.size() == 1 ? slot.marks[0] : -1, readings_);
+  // With an LED that stays lit every other slot is one of two marks.
+  const bool alone =
+      slot.marks.size() == 1 && (!lit_dark_ || slot.marks[0] == summary_.lit_dark.mark());
+  evidence_.Add(t, alone ? slot.marks[0] : -1, readings_);
   for (const Correction& correction : options_.corrections) {
     if (correction.camera < 0 || !correction.Holds(t)) continue;
     Seen& here = seen[static_cast<std::size_t>(correction.camera)];

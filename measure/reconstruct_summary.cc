@@ -99,6 +99,35 @@ void Reconstructor::CountLight(double t, const Slot& slot, std::span<const Seen>
   if (now.flashes > longest.flashes) longest = now;
 }
 
+int Reconstructor::LightOfDark(std::span<const Spot> spots, std::size_t camera) const {
+  for (const Spot& spot : spots) {
+    if ((spot.flags & kSpotDim) != 0 || before_[camera].Explain(spot)) continue;
+    const int mark = dark_light_[camera].MarkOf(spot);
+    if (mark >= 0) return mark;
+  }
+  return -1;
+}
+
+void Reconstructor::CountDark(double t, std::span<const Seen> seen) {
+  of_dark_.clear();
+  for (const Seen& one : seen) of_dark_.push_back(one.of_dark);
+  lit_dark_ = summary_.lit_dark.Add(t, of_dark_);
+}
+
+std::vector<std::string> ReconstructSummary::LitDarkLines() const {
+  // A light at the place of a mark in most cameras at once is hardly chance; thrice it is none.
+  constexpr std::size_t kTimes = 3;
+  if (lit_dark.lines < kTimes) return {};
+  return {
+      fmt::format("{} of {} lines named dark show the light of {}, from {:.4g} s to {:.4g} s: its "
+                  "LED stays lit "
+                  "or flashes in their slot, and then perhaps in other marks' lines as well: look "
+                  "at its driver "
+                  "and the table of slots",
+                  lit_dark.lines, dark_lines, marks[static_cast<std::size_t>(lit_dark.mark())],
+                  lit_dark.from, lit_dark.until)};
+}
+
 std::vector<std::string> ReconstructSummary::DarkMarks() const {
   // As many as a mark is followed without (MotionOptions::longest_gap). By chance all cameras miss
   // one flash in a thousand at worst, never twenty in a row.

@@ -17,6 +17,7 @@
 namespace unfurl::measure::exchanged_marks_test {
 namespace {
 
+using testing::ContainsRegex;
 using testing::HasSubstr;
 
 constexpr double kInterval = 0.005;  // [s]
@@ -117,6 +118,60 @@ TEST(ExchangeWatch, ABounceIsNoExchange) {
                     .empty())
         << offset;
   }
+}
+
+// The LED of one mark is lit in the slot of another, too, for some time or to the end.
+TEST(ExchangeWatch, OneLedInTwoSlotsIsFound) {
+  for (const double gap : {0.0, 0.03}) {  // in which neither is found
+    for (const double until : {1.2, 3.0}) {
+      const Way way = [&](int m, double t) {
+        return Swing(m == 1 && t > 1.0 + gap && t < until ? 2 : m, t);
+      };
+      Rng rng(5);
+      const auto names = [&](double t, int m) {
+        return m == 1 && t > 1.0 && t < 1.0 + gap ? -1 : m;
+      };
+      const auto found = Watch(4, way, names, &rng);
+      ASSERT_EQ(found.size(), 1U) << gap;
+      EXPECT_TRUE(found[0].both);
+      EXPECT_EQ(std::pair(found[0].mark, found[0].was), std::pair(1, 2));
+      EXPECT_NEAR(found[0].after, 1.0, 1.5 * kInterval);
+      EXPECT_NEAR(found[0].from, 1.0 + gap, 1.5 * kInterval);
+      EXPECT_THAT(Describe(found, std::vector<std::string>{"a", "b", "c", "d"}),
+                  ContainsRegex("s on where c is, to [0-9.]+ mm, as two LEDs cannot be"));
+    }
+  }
+}
+
+TEST(ExchangeWatch, SoIsOneThatIsInBothSlotsFromTheFirstFlashOn) {
+  Rng rng(6);
+  const auto found = Watch(
+      4, [](int m, double t) { return Swing(m == 3 ? 0 : m, t); }, [](double, int m) { return m; },
+      &rng);
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_THAT(Describe(found, std::vector<std::string>{"a", "b", "c", "d"}),
+              HasSubstr("from the first flash on"));
+}
+
+// Two on one body, as near to each other as a place of them is known; a mark that jumps to half
+// a millimetre beside another and goes with it; and two that pass through each other.
+TEST(ExchangeWatch, MarksThatAreNearEachOtherAreTwo) {
+  const auto same = [](double, int m) { return m; };
+  for (const double apart : {1.0, 2.0, 4.0}) {
+    Rng rng(7);
+    const Eigen::Vector3d off = Eigen::Vector3d(0.6, 0.0, 0.8) * kSigma * apart;
+    const Way body = [&](int m, double t) -> Eigen::Vector3d { return Swing(0, t) + m * off; };
+    EXPECT_TRUE(Watch(2, body, same, &rng).empty()) << apart;
+  }
+  Rng rng(8);
+  const Way beside = [](int m, double t) -> Eigen::Vector3d {
+    return m == 1 && t > 1.0 ? Swing(2, t) + Eigen::Vector3d(5e-4, 0.0, 0.0) : Swing(m, t);
+  };
+  EXPECT_TRUE(Watch(3, beside, same, &rng).empty());
+  const Way through = [](int m, double t) -> Eigen::Vector3d {
+    return {(m == 0 ? 0.4 : -0.4) * (t - 1.0), 0.1 * std::sin(t), 0.0};
+  };
+  EXPECT_TRUE(Watch(2, through, same, &rng).empty());
 }
 
 // Through the whole reconstruction, of readings whose slots are exchanged half-way.

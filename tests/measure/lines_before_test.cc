@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "measure/dark_light.h"
 #include "measure/expose.h"
 #include "measure/reconstruct.h"
 #include "tests/measure/spot_bench.h"
@@ -24,6 +25,31 @@ Spot Light(double u, double flux) {
   spot.flux = flux;
   spot.flags = 0;
   return spot;
+}
+
+// A lamp stays where it is; a mark is where it was, as far as it goes from flash to flash.
+TEST(DarkLight, IsAMarksWhereThatWas) {
+  DarkLight of(2);
+  const Spot first = Light(100.0, 500.0), second = Light(140.0, 500.0), other = Light(150.0, 400.0);
+  of.Lit(0, &first, true);
+  EXPECT_EQ(of.MarkOf(Light(104.0, 500.0)), -1);  // not seen to move yet
+  of.Lit(0, &second, true);
+  EXPECT_EQ(of.MarkOf(Light(180.0, 500.0)), 0);
+  EXPECT_EQ(of.MarkOf(Light(300.0, 500.0)), -1);
+  EXPECT_EQ(of.MarkOf(Light(180.0, 200.0)), -1);  // an edge of light that the mean lags behind
+  of.Lit(1, &other, false);
+  of.Lit(1, &other, false);
+  EXPECT_EQ(of.MarkOf(Light(150.0, 500.0)), 0);  // beside another light in the line of the second
+  of.Lit(0, nullptr, false);
+  EXPECT_EQ(of.MarkOf(Light(150.0, 500.0)), 1);
+  LitDark dark{.votes = std::vector<std::size_t>(2)};
+  EXPECT_FALSE(dark.Add(1.0, std::vector{0, -1, -1, 1}));
+  EXPECT_TRUE(dark.Add(2.0, std::vector{1, -1, 1, 0}));
+  EXPECT_TRUE(dark.Add(3.0, std::vector{1, -1, 1, 1}));
+  EXPECT_EQ(dark.lines, 2U);
+  EXPECT_EQ(dark.mark(), 1);
+  EXPECT_EQ(dark.from, 2.0);
+  EXPECT_EQ(dark.until, 3.0);
 }
 
 TEST(LinesBefore, ASmallShareAtThePlaceOfEarlierLightIsExplained) {
@@ -198,6 +224,36 @@ TEST(Reconstruct, WhatIsKeptOfTheLineBeforeIsNoMark) {
     EXPECT_NE(dark[0].find("no camera sees mark2 from 1.2"), std::string::npos) << dark[0];
     EXPECT_NE(dark[0].find("to the end"), std::string::npos) << dark[0];
   }
+}
+
+// From a moment on the LED of one mark is lit in all lines. In the mean of dark ones it would leave
+// a ghost all along its way, which pulls the spots of others.
+TEST(Reconstruct, AnLedThatStaysLitIsNamedAndLeavesNoGhost) {
+  Ghosts trial({});
+  data::TrialHeader header;
+  const data::TrialBlock lit =
+      trial.Lines(R"(["mark1", "mark1b+mark1", "mark2+mark1", "mark3+mark1", "dark"])", &header);
+  const data::TrialBlock last =  // the same in what is named dark
+      trial.Lines(R"(["dark", "mark1b", "mark2", "mark3", "mark1"])", &header);
+  const data::TrialBlock sound = trial.Lines(kAll, &header);
+  data::TrialBlock block = sound;
+  for (std::size_t i = 0; i < block.size(); ++i) {
+    if (block.t[i] < 1.2) continue;
+    const bool dark = header.slots[static_cast<std::size_t>(block.slot[i])] == "dark";
+    const std::vector<std::uint16_t>& counts = dark ? last.counts : lit.counts;
+    const auto n = static_cast<std::ptrdiff_t>(header.line_counts());
+    const auto from = static_cast<std::ptrdiff_t>(i) * n;
+    std::copy(counts.begin() + from, counts.begin() + from + n, block.counts.begin() + from);
+  }
+  ReconstructSummary summary;
+  const data::Tracks without = trial.Reconstruct(header, sound, &summary);
+  EXPECT_TRUE(summary.LitDarkLines().empty());
+  const data::Tracks tracks = trial.Reconstruct(header, block, &summary);
+  // Twice the light in a line is 1.4 times its noise; the ghost makes it four times.
+  EXPECT_LT(trial.Worst(tracks), 2.0 * trial.Worst(without));
+  ASSERT_EQ(summary.LitDarkLines().size(), 1U);
+  EXPECT_NE(summary.LitDarkLines()[0].find("show the light of mark1, from 1.20"), std::string::npos)
+      << summary.LitDarkLines()[0];
 }
 
 // A mark of a twentieth of the others' light that crosses where the one before was: the sensor
