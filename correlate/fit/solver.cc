@@ -311,6 +311,29 @@ class Steps : public ceres::Manifold {
   std::vector<std::size_t> free_;
 };
 
+void SetBounds(const std::vector<Parameter>& parameters, double* u, ceres::Problem* problem) {
+  for (std::size_t j = 0; j < parameters.size(); ++j) {
+    const int i = static_cast<int>(j);
+    if (std::isfinite(parameters[j].low) && (!parameters[j].log || parameters[j].low > 0.0)) {
+      problem->SetParameterLowerBound(u, i, ToInternal(parameters[j], parameters[j].low));
+    }
+    if (std::isfinite(parameters[j].high)) {
+      problem->SetParameterUpperBound(u, i, ToInternal(parameters[j], parameters[j].high));
+    }
+  }
+}
+
+void Conclude(const ceres::Solver::Summary& summary, const StepWatch& watch, SolverResult* result) {
+  if (summary.IsSolutionUsable() &&
+      (watch.small || summary.termination_type == ceres::CONVERGENCE)) {
+    result->status = SolverStatus::kConverged;
+    result->message = watch.Words(summary.message);
+  } else {
+    result->status = SolverStatus::kGaveUp;
+    result->message = summary.message;
+  }
+}
+
 }  // namespace
 
 SolverResult Solve(ReducedProblem& problem, const std::vector<Parameter>& parameters,
@@ -327,17 +350,7 @@ SolverResult Solve(ReducedProblem& problem, const std::vector<Parameter>& parame
   problem_options.manifold_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem ceres_problem(problem_options);
   ceres_problem.AddResidualBlock(&cost, nullptr, result.u.data());
-  for (std::size_t j = 0; j < parameters.size(); ++j) {
-    const int i = static_cast<int>(j);
-    if (std::isfinite(parameters[j].low) && (!parameters[j].log || parameters[j].low > 0.0)) {
-      ceres_problem.SetParameterLowerBound(result.u.data(), i,
-                                           ToInternal(parameters[j], parameters[j].low));
-    }
-    if (std::isfinite(parameters[j].high)) {
-      ceres_problem.SetParameterUpperBound(result.u.data(), i,
-                                           ToInternal(parameters[j], parameters[j].high));
-    }
-  }
+  SetBounds(parameters, result.u.data(), &ceres_problem);
   Steps steps(parameters, options.held, cost.by_value);
   if (steps.TangentSize() == 0) ceres_problem.SetParameterBlockConstant(result.u.data());
   if (steps.TangentSize() > 0) ceres_problem.SetManifold(result.u.data(), &steps);
@@ -379,14 +392,7 @@ SolverResult Solve(ReducedProblem& problem, const std::vector<Parameter>& parame
     return result;
   }
   result.sigma = StepAndSigma(cost.last_projected, cost.last_residual).sigma;
-  if (summary.IsSolutionUsable() &&
-      (watch.small || summary.termination_type == ceres::CONVERGENCE)) {
-    result.status = SolverStatus::kConverged;
-    result.message = watch.Words(summary.message);
-  } else {
-    result.status = SolverStatus::kGaveUp;
-    result.message = summary.message;
-  }
+  Conclude(summary, watch, &result);
   return result;
 }
 
