@@ -14,8 +14,6 @@ class DarkLight {
  public:
   explicit DarkLight(std::size_t marks) : last_(marks) {}
 
-  /// Lines from elsewhere follow.
-  void Forget() { last_.assign(last_.size(), {}); }
   /// The brightest spot of a line in which that mark alone should be lit, and whether it is the
   /// only one; null: there was none.
   void Lit(int mark, const Spot* spot, bool only);

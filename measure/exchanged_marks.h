@@ -70,6 +70,7 @@ class ExchangeWatch {
   void Jumped(const Jump& jump, double reach);
   void Compare(int mark, const Place& here);
   void Judge(int mark, int other, const Place& place, const std::array<const Place*, 4>& course);
+  void Tell(const Together& pair, int mark, int other, double within);
   static Miss MissOf(const Place& a, const Place& b, const Place& c, const Place& d);
   static bool Continues(const Jump& jump, const Jump& other);
   void Match();

@@ -120,10 +120,8 @@ std::vector<std::string> ReconstructSummary::LitDarkLines() const {
   if (lit_dark.lines < kTimes) return {};
   return {
       fmt::format("{} of {} lines named dark show the light of {}, from {:.4g} s to {:.4g} s: its "
-                  "LED stays lit "
-                  "or flashes in their slot, and then perhaps in other marks' lines as well: look "
-                  "at its driver "
-                  "and the table of slots",
+                  "LED stays lit or flashes in their slot, and then perhaps in other marks' lines "
+                  "as well: look at its driver and the table of slots",
                   lit_dark.lines, dark_lines, marks[static_cast<std::size_t>(lit_dark.mark())],
                   lit_dark.from, lit_dark.until)};
 }

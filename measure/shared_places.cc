@@ -101,6 +101,11 @@ void ExchangeWatch::Judge(int mark, int other, const Place& place,
   const double known_to = kSharedNoise * std::sqrt(pair.variance) + pair.slack.norm();
   if (pair.sum.norm() > known_to) return;
   pair.apart = true;  // it is told once
+  Tell(pair, mark, other, known_to / static_cast<double>(pair.count));
+}
+
+// `mark` is where `other` is; once for both where neither has jumped.
+void ExchangeWatch::Tell(const Together& pair, int mark, int other, double within) {
   const auto known = [&](const ExchangedMark& one) {
     return one.both && ((one.mark == mark && one.was == other) ||
                         (one.mark == other && one.was == mark && !pair.jumped));
@@ -112,7 +117,7 @@ void ExchangeWatch::Judge(int mark, int other, const Place& place,
                     .after = pair.jumped ? pair.after : never,
                     .from = pair.jumped ? pair.from : never,
                     .both = true,
-                    .within = known_to / static_cast<double>(pair.count)});
+                    .within = within});
 }
 
 }  // namespace unfurl::measure

@@ -17,7 +17,6 @@ struct ProfileLane {
   Eigen::VectorXd residual;  // at u
   Eigen::MatrixXd J;         // projected, at u_of_J; empty: the estimate's
   std::vector<double> u_of_J;
-  Eigen::VectorXd step;  // last one, of the others
   double shrink = 1.0;
   int steps = 0, since_fresh = 0;
   bool done = false, settled = false, at_bound = false, failed = false;

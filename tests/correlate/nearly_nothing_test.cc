@@ -3,43 +3,20 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
 
 #include "correlate/fit/fit.h"
-#include "correlate/residual/channel.h"
-#include "tests/correlate/fit_repeats.h"
+#include "tests/correlate/alike_parts.h"
 #include "tests/repeats.h"
 
 namespace unfurl::correlate::nearly_nothing_test {
 namespace {
 
-// A sum of motions, the first two much alike: as the dampings of a hinge are.
-class Alike : public Model {
- public:
-  static Eigen::Vector3d At(double t) {
-    const double c = std::cos(2.0 * t);
-    return {c, c + 0.1 * std::sin(5.0 * t), std::cos(3.0 * t)};
-  }
-  Prediction Evaluate(std::span<const double> theta, const Stamps& stamps) const override {
-    const Eigen::Vector3d parts(theta[0], theta[1], theta[2]);
-    Prediction out;
-    for (const QuantityStamps& q : stamps.quantities) {
-      Eigen::VectorXd values(static_cast<Eigen::Index>(q.t.size()));
-      for (Eigen::Index i = 0; i < values.size(); ++i) {
-        values(i) = At(q.t[static_cast<std::size_t>(i)]).dot(parts);
-      }
-      out.quantities.push_back({q.key, std::move(values)});
-    }
-    return out;
-  }
-};
-
-constexpr double kNoise = 0.3, kLow = 1e-7;
-constexpr Eigen::Index kReadings = 400;
+constexpr double kLow = 1e-7;
 
 struct LeastSquares {
-  Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  explicit LeastSquares(const AlikeRecord& record) : H(record.H), right(record.right) {}
+  Eigen::Matrix3d H;
+  Eigen::Vector3d right;
   Eigen::Vector3d Best() const { return H.ldlt().solve(right); }
   double Sigma(Eigen::Index j) const { return std::sqrt(H.inverse()(j, j)); }
   // Of the part that may be nothing: its cost is a parabola, cut off at the bound.
@@ -82,52 +59,19 @@ struct Fitted {
   LeastSquares exact;
 };
 
-double SigmaOfSecond() {
-  LeastSquares exact;
-  for (Eigen::Index i = 0; i < kReadings; ++i) {
-    const Eigen::Vector3d row = Alike::At(0.03 * static_cast<double>(i + 1));
-    exact.H += row * row.transpose() / (kNoise * kNoise);
-  }
-  return exact.Sigma(1);
-}
+double SigmaOfSecond() { return LeastSquares(AlikeRecord(Eigen::Vector3d::Zero(), 1)).Sigma(1); }
 
 Fitted FitAlike(double second, std::uint64_t seed) {
-  const Alike model;
-  const Eigen::Vector3d truth(1.0, second, 0.5);
-  Rng rng(seed);
-  Fitted out;
-  ChannelRecord r;
-  r.name = r.quantity = "sum";
-  r.unit = "rad";
-  r.y.resize(kReadings);
-  r.sigma = Eigen::VectorXd::Constant(kReadings, kNoise);
-  for (Eigen::Index i = 0; i < kReadings; ++i) {
-    r.t.push_back(0.03 * static_cast<double>(i + 1));
-    const Eigen::Vector3d row = Alike::At(r.t.back());
-    r.y(i) = row.dot(truth) + kNoise * rng.Normal();
-    out.exact.H += row * row.transpose() / (kNoise * kNoise);
-    out.exact.right += row * r.y(i) / (kNoise * kNoise);
-  }
-  Observations data;
-  data.others = {std::make_shared<Channel>(std::move(r))};
-  data.placement.offset = Prior::Known(0.0);
-  FitProblem problem;
-  problem.parameters.resize(3);
+  const AlikeRecord record({1.0, second, 0.5}, seed);
+  std::vector<Parameter> parameters(3);
   for (std::size_t j = 0; j < 3; ++j) {
-    Parameter& p = problem.parameters[j];
-    p.name = std::string("part ") + "abc"[j];
+    Parameter& p = parameters[j];
     p.start = j == 0 ? 0.8 : 0.3;
     p.low = kLow, p.high = 20.0, p.log = true;
   }
-  problem.trials.resize(1);
-  problem.trials[0].model = &model;
-  problem.trials[0].observations = &data;
   FitOptions options;
-  options.whiten = options.robust = false;
-  options.workers = 1;
   options.search.screened = 0;
-  out.fit = Fit(problem, options);
-  return out;
+  return {record.FittedBy(std::move(parameters), options), LeastSquares(record)};
 }
 
 // Nothing, and what lies some standard errors above it: each fit ends, beside the values that least

@@ -4,10 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <memory>
 
 #include "correlate/fit/fit.h"
-#include "correlate/residual/channel.h"
+#include "tests/correlate/alike_parts.h"
 #include "tests/correlate/fit_repeats.h"
 
 namespace unfurl::correlate::profile_test {
@@ -47,32 +46,11 @@ TEST(Profile, OrderOfLevelsDoesNotMatter) {
   }
 }
 
-// A sum of three motions, two of them much alike.
-class Sum : public Model {
- public:
-  static double Of(int motion, double t) {
-    const double c = std::cos(2.0 * t), s = std::sin(5.0 * t);
-    return motion == 0 ? c : motion == 1 ? c + 0.1 * s : std::cos(3.0 * t);
-  }
-  Prediction Evaluate(std::span<const double> theta, const Stamps& stamps) const override {
-    Prediction out;
-    for (const QuantityStamps& q : stamps.quantities) {
-      Eigen::VectorXd values = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(q.t.size()));
-      for (Eigen::Index i = 0; i < values.size(); ++i) {
-        for (int j = 0; j < 3; ++j) {
-          values(i) += theta[static_cast<std::size_t>(j)] * Of(j, q.t[static_cast<std::size_t>(i)]);
-        }
-      }
-      out.quantities.push_back({q.key, std::move(values)});
-    }
-    return out;
-  }
-};
-
 // Least squares written out: the deviance of the first motion's part, the second's not below 0.
 struct Bounded {
-  Eigen::Matrix3d H = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d right = Eigen::Vector3d::Zero();
+  explicit Bounded(const AlikeRecord& record) : H(record.H), right(record.right) {}
+  Eigen::Matrix3d H;
+  Eigen::Vector3d right;
   double Cost(double a, double b) const {  // the third at its best
     const double c = (right(2) - H(2, 0) * a - H(2, 1) * b) / H(2, 2);
     const Eigen::Vector3d x(a, b, c);
@@ -101,43 +79,17 @@ struct Bounded {
 // of a pendulum's damping, beside a quadratic one of almost nothing, the interval ended at 0.0195,
 // with the truth, 0.0200, at a deviance of 0.3.
 TEST(Profile, EndsWhereAnotherParameterComesToItsBound) {
-  const Sum model;
-  constexpr double kSigma = 0.3;  // with it the parts are known to 0.2 together, to 0.02 alone
-  const double truth[] = {1.0, 0.03, 0.5};
+  const Eigen::Vector3d truth(1.0, 0.03, 0.5);
   for (std::uint64_t seed = 1; seed <= 30; ++seed) {
-    Rng rng(seed);
-    ChannelRecord r;
-    r.name = r.quantity = "sum";
-    r.unit = "rad";
-    r.y.resize(400);
-    r.sigma = Eigen::VectorXd::Constant(400, kSigma);
-    Bounded exact;
-    for (Eigen::Index i = 0; i < 400; ++i) {
-      r.t.push_back(0.03 * static_cast<double>(i + 1));
-      Eigen::Vector3d row;
-      for (int j = 0; j < 3; ++j) row(j) = Sum::Of(j, r.t.back());
-      r.y(i) = row.dot(Eigen::Vector3d(truth[0], truth[1], truth[2])) + kSigma * rng.Normal();
-      exact.H += row * row.transpose() / (kSigma * kSigma);
-      exact.right += row * r.y(i) / (kSigma * kSigma);
-    }
-    Observations data;
-    data.others = {std::make_shared<Channel>(std::move(r))};
-    data.placement.offset = Prior::Known(0.0);
-    FitProblem problem;
-    problem.parameters.resize(3);
+    const AlikeRecord record(truth, seed);
+    const Bounded exact(record);
+    std::vector<Parameter> parameters(3);
     for (std::size_t j = 0; j < 3; ++j) {
-      problem.parameters[j].name = std::string("part ") + "abc"[j];
-      problem.parameters[j].start = truth[j] + 0.05;
-      problem.parameters[j].low = j == 1 ? 0.0 : -5.0;
-      problem.parameters[j].high = 5.0;
+      parameters[j].start = truth(static_cast<Eigen::Index>(j)) + 0.05;
+      parameters[j].low = j == 1 ? 0.0 : -5.0;
+      parameters[j].high = 5.0;
     }
-    problem.trials.resize(1);
-    problem.trials[0].model = &model;
-    problem.trials[0].observations = &data;
-    FitOptions options;
-    options.whiten = options.robust = false;
-    options.workers = 1;
-    const FitResult fit = Fit(problem, options);
+    const FitResult fit = record.FittedBy(std::move(parameters));
     ASSERT_TRUE(fit.Usable()) << fit.message;
     const ParameterEstimate& e = fit.parameters[0];
     if (e.profile.dispersion > 1.0) continue;  // residuals that happen to be no white noise
