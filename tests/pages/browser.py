@@ -117,8 +117,9 @@ class Browser:
         """As it is printed; a call leaves nothing of what it does not name, so the scheme is named again."""
         self._send("Emulation.setEmulatedMedia", media="print" if on else "", features=self._features)
 
-    def open(self, uri: str, width: int = 1100, height: int = 900, dark: bool = False):
-        """Loads a page afresh, with nothing held against it yet."""
+    def open(self, uri: str, width: int = 1100, height: int = 900, dark: bool = False, drawn: bool = True):
+        """Loads a page afresh, with nothing held against it yet; waits until it is drawn, which one that reads itself
+        again may never be."""
         self.wrong, self.requests = [], []
         self._send("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
         scheme = "dark" if dark else "light"
@@ -131,7 +132,8 @@ class Browser:
             if event.get("method") == "Page.loadEventFired":
                 break
         # Whatever a script asked to be drawn has been.
-        self.run("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        if drawn:
+            self.run("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
     def run(self, script: str):
         """The value of an expression, awaited."""

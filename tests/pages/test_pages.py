@@ -56,10 +56,13 @@ def test_the_motion_plays_and_takes_the_charts_along(browser, pages):
       const picture = () => canvas.toDataURL();
       player.seek(0);
       const start = picture();
+      const began = performance.now();
       panel.querySelector('.play').click();
-      await wait(1000);
+      while (player.time() === 0) await wait(100);
+      await wait(500);
       panel.querySelector('.play').click();
       const reached = player.time(), moved = picture() !== start;
+      const took = (performance.now() - began) / 1000 * +panel.querySelector('.speed').value;
       await wait(200);
       const stays = player.time() === reached;
       player.seek(0.4);
@@ -71,11 +74,12 @@ def test_the_motion_plays_and_takes_the_charts_along(browser, pages):
       player.seek(0);
       panel.querySelector('.next').click();
       const line = document.querySelector('.instant');
-      return {reached, moved, stays, bent, event: player.time(), left: parseFloat(line.style.left),
+      return {reached, took, moved, stays, bent, event: player.time(), left: parseFloat(line.style.left),
               charts: document.querySelectorAll('.instant').length,
               words: panel.querySelector('.clock').textContent};
     })()""")
-    assert 0.0 < found["reached"] < 2.0 and found["moved"] and found["stays"] and found["bent"]
+    # A frame is drawn for when it will be shown: a hundredth of a second ahead.
+    assert 0.0 < found["reached"] <= found["took"] + 0.1 and found["moved"] and found["stays"] and found["bent"]
     assert found["event"] == pytest.approx(0.80175, abs=1e-4)  # the latch, as the run says
     assert found["charts"] >= 5 and found["left"] > 50
     assert "0.802" in found["words"]
@@ -129,7 +133,7 @@ def test_modes_swing_for_ever(browser, pages):
       const period = 1 / 36.2477;
       player.seek(0.98 * period);
       panel.querySelector('.play').click();
-      await new Promise(done => setTimeout(done, 800));
+      while (player.time() >= 0.98 * period) await new Promise(done => setTimeout(done, 100));
       return {time: player.time() / period, plays: panel.querySelector('.play').textContent};
     })()""")
     assert found["time"] < 0.98 and "Pause" in found["plays"]
@@ -350,16 +354,16 @@ def test_a_live_page_follows_and_says_when_its_program_has_gone(browser, pages):
         page = folder / "now.html"
         while not page.exists() or "Who sees what" not in page.read_text():
             time.sleep(0.05)
-        browser.open(page.as_uri())
+        browser.open(page.as_uri(), drawn=False)
         lines = "+((document.body.innerText.match(/([0-9]+) lines/) || [])[1] || 0)"
         before = until(browser, lines)
         live.stdin.write(stream[half:-100])  # without its end
         live.stdin.flush()
-        until(browser, f"{lines} > {before}")
-        assert browser.run("document.getElementById('stale').hidden")
+        # In one look: between two the page may be reading itself again.
+        until(browser, f"{lines} > {before} && document.getElementById('stale').hidden")
         assert browser.wrong == [] and set(browser.requests) == {page.as_uri()}
         live.kill()
-    until(browser, "!document.getElementById('stale').hidden")
-    assert "has stopped" in browser.run("document.getElementById('stale').innerText")
+    until(browser, "!document.getElementById('stale').hidden && "
+                   "document.getElementById('stale').innerText.includes('has stopped')")
     browser.open(pages["live"].as_uri())  # the last one stays, and is not read again
     assert browser.run("document.querySelector('meta[http-equiv=refresh]')") is None
