@@ -69,6 +69,7 @@ Esdirk::Esdirk(Dynamics& dynamics, const ErrorScale& scale, const EsdirkTable& t
   for (Array& k : k_) k = Array(size_, 0.0);
   z_ = rate_ = delta_ = Array(size_, 0.0);
   sample_rate_ = sample_delta_ = sample_twice_ = z_;
+  went_.assign(3 * n_, 0.0);
   lambda_ = end_lambda_ = Array(dynamics.model().constraints.rows() + kBlock, 0.0);
 }
 
@@ -216,6 +217,7 @@ double Esdirk::Try(double h) {
     longest_solved_ = kBelowFailed * h;
     return kGivenUp;
   }
+  for (int k = 0; k < 3 * n_; ++k) went_[k] = trial_[k] - y_[k];
   double norm = EstimateError();
   // Rates of convergence fall with the step.
   const double use = std::max(slowest_ / kRateWanted, h / longest_solved_);
@@ -320,7 +322,7 @@ void Esdirk::AcceptUntil(double sigma, double t) {
 DensePolynomial Esdirk::Polynomial(int k) {
   const int n3 = 3 * n_;
   if (k >= n3 && k < 2 * n3) {
-    const double v0 = y_[k], v1 = trial_[k], d = (trial_[k - n3] - y_[k - n3]) / h_;
+    const double v0 = y_[k], v1 = trial_[k], d = went_[k - n3] / h_;
     return {{v0, 6.0 * d - 4.0 * v0 - 2.0 * v1, 3.0 * (v0 + v1 - 2.0 * d)}, 3};
   }
   const bool position = k < n3;
@@ -336,7 +338,7 @@ double Esdirk::DenseDoubt(double sigma) {
   const double bend = 3.0 * sigma * (1.0 - sigma);
   const auto difference = [&](int k) {
     if (k < n3 || k >= 2 * n3) return 0.0;
-    const double mean = (trial_[k - n3] - y_[k - n3]) / h_;
+    const double mean = went_[k - n3] / h_;
     return bend * (y_[k] + trial_[k] - 2.0 * mean);
   };
   return kStrictness * Norm(y_.data(), trial_.data(), difference);

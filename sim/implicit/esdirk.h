@@ -70,6 +70,9 @@ class Esdirk : public Stepper {
   Array z_, rate_, delta_;                           // h gamma k; of Newton's method [SI]
   Array sample_rate_, sample_delta_, sample_twice_;  // [SI]
   Array lambda_, end_lambda_;                        // at the step's ends
+  // What places went through in the last step; trial() may since have been brought back to the
+  // constraints, which is no velocity.
+  Array went_;
   bool linearised_ = false;
   double factored_h_ = 0.0;  // [s]
   // Of Newton's method at a stage: the last change, in units of the error allowed; its quotient

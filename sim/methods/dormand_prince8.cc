@@ -64,6 +64,8 @@ inline double Sum(const std::array<Array, 16>& k, const Terms<N>& terms, int i) 
 DormandPrince8::DormandPrince8(Dynamics& dynamics, const ErrorScale& scale)
     : Stepper(dynamics, scale) {
   for (Array& k : k_) k.assign(size_, 0.0);
+  inner_.assign(size_, 0.0);
+  inner_rate_.assign(size_, 0.0);
 }
 
 void DormandPrince8::Refresh() {
@@ -152,7 +154,7 @@ void DormandPrince8::MakeDense() {
   if (dense_) return;
   dense_ = true;
   const double* y = y_.data();
-  double* s = stage_.data();
+  double* s = inner_.data();
   const auto stage = [&](int k, const auto& terms) {
     Combine(k_, terms, h_, y, s, size_);
     dynamics_.RightSide(t_ + kC[k] * h_, s, k_[k].data());
@@ -207,6 +209,17 @@ void DormandPrince8::Dense(double sigma, double* out) {
     const double high = c4[i] + sigma * (c5[i] + rest * (c6[i] + sigma * c7[i]));
     out[i] = y[i] + sigma * (c1 + rest * (c2 + sigma * (c3 + rest * high)));
   }
+}
+
+double DormandPrince8::DenseDoubt(double sigma) {
+  Dense(sigma, inner_.data());
+  dynamics_.RightSide(t_ + sigma * h_, inner_.data(), inner_rate_.data());
+  ++evaluations_;
+  for (int i = 3 * n_; i < 6 * n_; ++i) {
+    inner_rate_[i] = h_ * inner_rate_[i] - Polynomial(i).Slope(sigma);
+  }
+  const auto velocities = [&](int i) { return i < 3 * n_ || i >= 6 * n_ ? 0.0 : inner_rate_[i]; };
+  return Norm(y_.data(), trial_.data(), velocities);
 }
 
 // Through both ends with their slopes. What the slopes of the stages in between differ by from the

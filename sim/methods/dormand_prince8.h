@@ -23,6 +23,9 @@ class DormandPrince8 : public Stepper {
   void Accept(double t) override;
   DensePolynomial Polynomial(int entry) override;
   void Dense(double sigma, double* out) override;
+  // By what the polynomials' rates differ from the right side there; evaluates it once, at
+  // another place than trial().
+  double DenseDoubt(double sigma) override;
   bool DenseIsFree() const override { return dense_; }
   DensePolynomial Cubic(int entry, double* margin) const override;
   double StabilityUse() const override;
@@ -39,6 +42,7 @@ class DormandPrince8 : public Stepper {
   // By stage; those that only serve the next ones (1 to 4) hold the polynomials' combinations once
   // dense_.
   std::array<Array, 16> k_;
+  Array inner_, inner_rate_;  // a state within the step, and what its rates are off by [SI]
   bool dense_ = false;
 };
 

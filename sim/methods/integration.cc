@@ -22,8 +22,6 @@ constexpr double kFirstStep = 1e-6;
 // Over the diagonal entry before elimination: below, constraints depend on one another but for
 // rounding.
 constexpr double kSingularPivot = 1e-12;
-constexpr double kNearEnd = 0.01;  // of what is left of a step behind an event: kept when it is cut
-constexpr int kMostCuts = 5;  // of a step to end at an event: each brings it some digits nearer
 constexpr double kAcrossError = 1e5;  // over the error allowed: taken all the same
 constexpr double kForget = 0.97;      // by which the longest step on record fades at each step
 // Steps between checks of Ctrl-C, pivots and progress: at most so many, and fewer where steps are
@@ -75,6 +73,7 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       tables_(model, options.rtol),
       paths_(model, scale_),
       contacts_(model, scale_),
+      impacts_(model),
       last_error_(1e-4) {
   dynamics_.track_energy = options.track_energy;
   loops_ = model.constraints.HasLoops(true);
@@ -103,7 +102,7 @@ SimulateReport Integration::Go() {
       limit_ = edges_.none_left() ? StepLimit::kEnd : StepLimit::kEdge;
     }
     if (!functions_.empty() && FollowFunctions(&h)) whole = false;
-    const double error = stepper_->Try(h);
+    const double error = stepper_->Try(h) * WeightOfImpact();
     report_.work += stepper_->StepOverhead();
     if (!(error <= 1.0) && !(across_ && error <= kAcrossError)) {
       ++report_.rejected;
@@ -181,22 +180,6 @@ bool Integration::FollowLaws(double* h) {
   stepper_->Drop();
   ++report_.rejected;
   limit_ = StepLimit::kError;
-  return true;
-}
-
-// Within the step its velocities are a cubic's, off by h^3 where both ends have the tolerance's
-// error: in proportion to the distance from the nearer end, as that goes to zero. The event's time
-// is off likewise, so a cut step is looked at like any other.
-bool Integration::EndAtEvent(double* h) {
-  if (role_ != StepperSet::kImplicit || is_near_ || cuts_ >= kMostCuts) return false;
-  double sigma = 1.0;
-  if (!finder_.FindFirst(*stepper_, dynamics_.modes(), &sigma)) return false;
-  if (stepper_->DenseDoubt(sigma) <= 1.0 || sigma * *h < LeastStep()) return false;
-  ++cuts_;
-  *h *= sigma + kNearEnd * (1.0 - sigma);
-  stepper_->Drop();
-  ++report_.rejected;
-  limit_ = StepLimit::kEvent;
   return true;
 }
 

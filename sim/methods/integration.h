@@ -11,6 +11,7 @@
 #include "sim/methods/event_log.h"
 #include "sim/methods/events.h"
 #include "sim/methods/function_watch.h"
+#include "sim/methods/impact_watch.h"
 #include "sim/methods/load_peaks.h"
 #include "sim/methods/method_switch.h"
 #include "sim/methods/pair_choice.h"
@@ -61,6 +62,7 @@ class Integration {
   bool ForbidsExplicit() const;
   bool SparesTrial(StepperSet::Role role, double* h);
   void TakeOver(StepperSet::Role role, double* h);
+  double WeightOfImpact();
   void NextStep(double error, double* h);
   // Shortens the next step to what it would not see of springs and tables.
   void SeeEffects(double* h);
@@ -112,6 +114,7 @@ class Integration {
   TableWatch tables_;
   PathWatch paths_;
   ContactWatch contacts_;
+  ImpactWatch impacts_;
   double last_error_ = 0.0;       // of the last step, over what is allowed [-]
   double zone_part_ = 0.0;        // of a transition zone, per step [-]
   double drift_ = 0.0;            // the largest, in tolerances [-]

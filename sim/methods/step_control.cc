@@ -28,6 +28,8 @@ constexpr int kMostAcross = 6;         // of growing length
 // Of a contact's transition zone, per step on the way out: the watch of contacts sees kinks that
 // are an eighth of it apart.
 constexpr double kZonePart = 0.5;
+constexpr double kNearEnd = 0.01;  // of what is left of a step behind an event: kept when it is cut
+constexpr int kMostCuts = 5;  // of a step to end at an event: each brings it some digits nearer
 
 }  // namespace
 
@@ -110,6 +112,34 @@ void Integration::Shrink(double error, double* h) {
   Fail(std::isfinite(error) ? SimulateStatus::kStepTooSmall : SimulateStatus::kNotFinite,
        fmt::format("the step shrank to {:.1e} s, worst at {}{}", *h,
                    NameOfRigidBody(model_, stepper_->WorstBody()), cause));
+}
+
+// Within an implicit step its velocities are a cubic's, off by h^3 where both ends have the
+// tolerance's error, and within a step at the edge of stability what is stiff is off by no power of
+// h: in proportion to the distance from the nearer end, as that goes to zero. The event's time is
+// off likewise, so a cut step is looked at like any other.
+bool Integration::EndAtEvent(double* h) {
+  const bool at_edge = role_ == StepperSet::kAtEdge;
+  if ((role_ != StepperSet::kImplicit && !at_edge) || is_near_ || cuts_ >= kMostCuts) return false;
+  double sigma = 1.0;
+  const bool event = finder_.FindFirst(*stepper_, dynamics_.modes(), &sigma);
+  if (!event || stepper_->DenseDoubt(sigma) <= 1.0 || sigma * *h < LeastStep()) {
+    // What looked within the step was the right side's last place.
+    if (at_edge && stepper_->DenseIsFree()) stepper_->RefreshTrial();
+    return false;
+  }
+  ++cuts_;
+  *h *= sigma + kNearEnd * (1.0 - sigma);
+  stepper_->Drop();
+  ++report_.rejected;
+  limit_ = StepLimit::kEvent;
+  return true;
+}
+
+// What a step's error counts, in errors of steps at any other time.
+double Integration::WeightOfImpact() {
+  if (impacts_.empty()) return 1.0;
+  return impacts_.Weight(t_, dynamics_.MotionAt(t_, stepper_->state()), dynamics_.modes());
 }
 
 // The longest step that does not step over the end of a contact. Where f is held at zero nothing

@@ -139,6 +139,27 @@ TEST(Esdirk, DenseOutput) {
   expect(model.index.omega(body), velocity);
 }
 
+// A short step after which the drift of many is taken out of places: that is no velocity.
+TEST(Esdirk, WhatIsBroughtBackIsNoVelocity) {
+  const Model model = ModelFrom(PendulumScene(0.7));
+  ErrorScale scale;
+  scale.rtol = kAnyError;
+  Dynamics dynamics(model);
+  const double h = 1e-6, drift = 1e-6;  // over one another: 1 m/s
+  Esdirk stepper(dynamics, scale, Ark436());
+  stepper.Start(0.0, model.initial_state);
+  stepper.Try(h);
+  const int x = model.index.x(model.bodies[0].centre.body);
+  stepper.trial()[x] += drift;
+  stepper.RefreshTrial();
+  std::vector<double> dense(model.index.size());
+  stepper.Dense(0.5, dense.data());
+  const int n3 = 3 * model.index.n;
+  EXPECT_NEAR(dense[n3 + x], 0.5 * (stepper.state()[n3 + x] + stepper.trial()[n3 + x]), 1e-9);
+  EXPECT_NEAR(dense[x], stepper.state()[x] + 0.5 * drift, 1e-9);
+  EXPECT_LT(stepper.DenseDoubt(0.5), 1e-9 / kAnyError);
+}
+
 // Energy, stored and dissipated, against that at the start.
 struct EnergyWatch : Observer {
   explicit EnergyWatch(const Model& model) : dynamics(model) {}

@@ -215,6 +215,35 @@ TEST(Stepper, ForeseesTheEdgeOfStability) {
   }
 }
 
+// What the dense output of order eight says that its velocities are off by, where steps are long
+// for the swing and where they are at the edge of stability: at least a fifth of what they are, and
+// at most what h |lambda| makes of it.
+TEST(Stepper, DoubtsItsDenseOutput) {
+  const Model model = ModelFrom(PendulumScene(0.01));
+  const int omega = model.index.omega(model.bodies[0].centre.body);
+  ErrorScale scale;
+  scale.rtol = 1.0;
+  for (const double reach : {1.0, 2.0, 4.0, 6.0}) {
+    Dynamics dynamics(model);
+    DormandPrince8 method(dynamics, scale);
+    method.Start(0.0, model.initial_state);
+    const double h = reach / kOmega;
+    method.Try(h);
+    std::vector<double> y(model.index.size());
+    double wrong = 0.0, doubt = 0.0;
+    for (const double sigma : {0.15, 0.35, 0.5, 0.65, 0.85}) {
+      method.Dense(sigma, y.data());
+      double theta, rate;
+      PendulumAt(sigma * h, 0.01, kOmega, &theta, &rate);
+      // In the norm: x, y and omega of one body, here omega and 0.5 m times it.
+      wrong = std::max(wrong, std::fabs(y[omega] - rate) * std::sqrt((1.0 + 0.25) / 6.0));
+      doubt = std::max(doubt, method.DenseDoubt(sigma));
+    }
+    EXPECT_GT(doubt, 0.2 * wrong) << reach;
+    EXPECT_LT(doubt, 20.0 * (1.0 + reach) * wrong) << reach;
+  }
+}
+
 // Of steps that are too long by far a trial says so, and overflows nothing on its way (the tests'
 // floating-point traps would end it).
 TEST(Stepper, AStepFarBeyondStabilityIsOnlyRejected) {
