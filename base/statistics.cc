@@ -71,12 +71,13 @@ double Rms(std::span<const double> x) {
 
 double Quantile(std::span<const double> x, double p) {
   if (x.empty()) return std::nan("");
-  std::vector<double> sorted(x.begin(), x.end());
-  std::sort(sorted.begin(), sorted.end());
-  const double at = std::clamp(p, 0.0, 1.0) * static_cast<double>(sorted.size() - 1);
-  const std::size_t below = static_cast<std::size_t>(at);
-  const std::size_t above = std::min(below + 1, sorted.size() - 1);
-  return sorted[below] + (at - static_cast<double>(below)) * (sorted[above] - sorted[below]);
+  std::vector<double> parted(x.begin(), x.end());
+  const double at = std::clamp(p, 0.0, 1.0) * static_cast<double>(parted.size() - 1);
+  const auto below = parted.begin() + static_cast<std::ptrdiff_t>(at);
+  std::nth_element(parted.begin(), below, parted.end());
+  if (below + 1 == parted.end()) return *below;
+  const double above = *std::min_element(below + 1, parted.end());
+  return *below + (at - std::floor(at)) * (above - *below);
 }
 
 double Median(std::span<const double> x) { return Quantile(x, 0.5); }

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/number.h"
+#include "base/sentence.h"
 #include "cli/residual_views.h"
 
 namespace unfurl::cli {
@@ -278,8 +279,7 @@ void AddDensityPanels(const correlate::Comparison& c, report::Page* page) {
     const correlate::CrossSpectrum& d = shown->density;
     Chart power, coherence;
     power.title = "Power spectral density of " + shown->name;
-    power.note = d.convention + ".";
-    power.note[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(power.note[0])));
+    power.note = Capitalised(d.convention) + ".";
     power.x = coherence.x = {"frequency", "Hz", false};
     power.y = {"density",
                shown->id.IsChannel() ? "(" + shown->id.unit + ")\u00b2/Hz" : "m\u00b2/Hz", true};

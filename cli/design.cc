@@ -100,8 +100,8 @@ std::string Text(const DesignArguments& a, const study::StudyDesign& d) {
   std::string out = fmt::format("{}: {}\n", a.study, d.fit.record.verdict);
   for (std::size_t j = 0; j < d.now.size(); ++j) {
     const auto& p = d.fit.record.parameters[j];
-    out += fmt::format("  {} {:.5g}{}, standard error of the data {:.2g}\n", p.name, p.value,
-                       UnitAfter(p.unit), d.now[j]);
+    out += fmt::format("  {} {:.5g}{}, standard error of the data {}\n", p.name, p.value,
+                       UnitAfter(p.unit), Number(d.now[j], 2));
   }
   out += "\nwhat the trials at hand tell (share of the information; error without it)\n";
   out += AlignedTable(ContributionRows(d.tells.series, d.tells.parameters, "what"));

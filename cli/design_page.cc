@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "base/sentence.h"
 #include "report/page.h"
 
 namespace unfurl::cli {
@@ -97,8 +98,10 @@ TextTable PlanRows(const study::StudyDesign& d, const std::vector<study::DesignC
 void WriteDesignPage(const std::string& path, const std::string& study, const study::StudyDesign& d,
                      const data::Provenance& provenance) {
   report::Page page("What to measure next", study);
+  std::vector<std::string> notes;
+  for (const std::string& note : d.notes) notes.push_back(Capitalised(note) + ".");
   page.AddWords(d.notes.empty() ? report::Level::kGood : report::Level::kCare, d.fit.record.verdict,
-                d.notes);
+                notes);
   page.AddSection(
       "What the trials at hand tell",
       "Share of the information about each parameter, frame, clocks, calibration and the "

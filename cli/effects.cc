@@ -10,6 +10,7 @@
 #include "base/error.h"
 #include "base/length.h"
 #include "base/progress.h"
+#include "base/sentence.h"
 #include "base/table.h"
 #include "base/text.h"
 #include "cli/effects_study.h"
@@ -96,8 +97,7 @@ Told OfScene(const Common& common, const EffectsArguments& a) {
 
 void WritePage(const Common& common, const EffectsArguments& a, const Told& told) {
   report::Page page("Effects", a.input);
-  std::string headline(told.closing.begin(), told.closing.end() - 1);
-  headline[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(headline[0])));
+  const std::string headline = Capitalised({told.closing.begin(), told.closing.end() - 1});
   page.AddWords(told.explained ? report::Level::kGood : report::Level::kCare, headline,
                 {told.head});
   report::Table table;

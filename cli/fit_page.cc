@@ -71,14 +71,13 @@ void AddParameters(const FitPageInput& in, report::Page* page) {
         p.keys.front() + (p.keys.size() > 1 ? fmt::format(" and {} more", p.keys.size() - 1) : "");
     values.rows.push_back(
         {p.name, fmt::format("{:.4g}", p.start),
-         IntervalEnd(p.value, IntervalDigits(p.low95, p.high95, 6)), fmt::format("{:.2g}", p.sigma),
+         IntervalEnd(p.value, IntervalDigits(p.low95, p.high95, 6)), Number(p.sigma, 2),
          fmt::format("{:.2f}", 100.0 * p.sigma / std::abs(p.value)),
          IntervalText(p.low95, p.high95), IntervalText(p.low95_data, p.high95_data),
          p.unit == "1" ? "" : p.unit, p.verdict, keys});
-    parts.rows.push_back({p.name, fmt::format("{:.2g}", p.sigma_white),
-                          fmt::format("{:.2g}", p.sigma_data), fmt::format("{:.2g}", p.sigma_model),
-                          fmt::format("{:.2g}", p.sigma), fmt::format("{:.2g}", p.sigma_alone),
-                          fmt::format("{:+.2g}", p.model_shift), fmt::format("{:.2g}", p.kink)});
+    parts.rows.push_back({p.name, Number(p.sigma_white, 2), Number(p.sigma_data, 2),
+                          Number(p.sigma_model, 2), Number(p.sigma, 2), Number(p.sigma_alone, 2),
+                          fmt::format("{:+.2g}", p.model_shift), Number(p.kink, 2)});
   }
   page->AddFigures(figures);
   page->AddTable(values);

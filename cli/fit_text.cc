@@ -30,12 +30,11 @@ std::string FitText(const data::FitRecord& record, double seconds) {
   for (const auto& p : record.parameters) {
     const int all = IntervalDigits(p.low95, p.high95);
     const int data = IntervalDigits(p.low95_data, p.high95_data);
-    rows.push_back({p.name, IntervalEnd(p.value, std::max(all, 6)), fmt::format("{:.2g}", p.sigma),
+    rows.push_back({p.name, IntervalEnd(p.value, std::max(all, 6)), Number(p.sigma, 2),
                     fmt::format("{:.2f}", 100.0 * p.sigma / std::abs(p.value)),
-                    fmt::format("{:.2g}", p.sigma_data), fmt::format("{:.2g}", p.sigma_model),
-                    IntervalEnd(p.low95, all), IntervalEnd(p.high95, all),
-                    IntervalEnd(p.low95_data, data), IntervalEnd(p.high95_data, data),
-                    p.unit == "1" ? "" : p.unit, p.verdict});
+                    Number(p.sigma_data, 2), Number(p.sigma_model, 2), IntervalEnd(p.low95, all),
+                    IntervalEnd(p.high95, all), IntervalEnd(p.low95_data, data),
+                    IntervalEnd(p.high95_data, data), p.unit == "1" ? "" : p.unit, p.verdict});
   }
   text += AlignedTable(rows);
   for (const auto& n : record.nuisances) {

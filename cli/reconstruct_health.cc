@@ -6,6 +6,8 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "base/sentence.h"
+
 namespace unfurl::cli {
 
 namespace {
@@ -148,9 +150,8 @@ report::Level AddVouching(const data::TrialHealth& health, std::vector<std::stri
 namespace {
 
 // "Words: remedy. "
-std::string Sentence(std::string words, const std::string& remedy) {
-  words[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(words[0])));
-  return words + (remedy.empty() ? "" : ": " + remedy) + ". ";
+std::string Sentence(const std::string& words, const std::string& remedy) {
+  return Capitalised(words) + (remedy.empty() ? "" : ": " + remedy) + ". ";
 }
 
 // What stands over the charts.
@@ -164,15 +165,11 @@ std::string Introduction(const data::TrialHealth& health) {
           ? "Each camera against what the others predict of its readings, with their own faults "
             "taken out, and what its spots look like. "
           : "Whether a camera moved cannot be told: " + health.unknown + ". ";
-  std::string scatter = health.scatter_words;
-  if (!scatter.empty()) {
-    scatter[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(scatter[0])));
-  }
   if (!health.wrong_words.empty()) {
     text += fmt::format("Some {}: {}. ", health.wrong_words, kWrongRemedy);
   }
   const std::string remedy = ScatterRemedy(health);
-  return text + scatter + (remedy.empty() ? "" : ": " + remedy) + ".";
+  return text + Capitalised(health.scatter_words) + (remedy.empty() ? "" : ": " + remedy) + ".";
 }
 
 void AddScatterTable(const data::TrialHealth& health, report::Page* page) {

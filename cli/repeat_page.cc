@@ -90,14 +90,14 @@ void AddValues(const data::FitRecord& record, report::Page* page) {
     figures.push_back({p.name, NumberWithError(p.value, p.sigma) + UnitAfter(p.unit), p.verdict,
                        LevelOfRepeatPage(p.verdict)});
     const auto scatter = [&](double s) {
-      return q.log ? fmt::format("{:.2g}%", 100.0 * s) : fmt::format("{:.2g}", s);
+      return q.log ? fmt::format("{:.2g}%", 100.0 * s) : Number(s, 2);
     };
     table.rows.push_back(
         {p.name, IntervalEnd(p.value, IntervalDigits(p.low95, p.high95, 6)),
          IntervalText(p.low95, p.high95), q.scatters ? scatter(q.scatter) : "-",
          q.scatters ? scatter(q.scatter_low95) + " to " + scatter(q.scatter_high95) : "-",
          q.scatters ? scatter(q.visible) : "-", IntervalText(q.next_low95, q.next_high95),
-         fmt::format("{:.2g}", q.alike_p), p.unit == "1" ? "" : p.unit, p.verdict});
+         Number(q.alike_p, 2), p.unit == "1" ? "" : p.unit, p.verdict});
   }
   page->AddFigures(figures);
   page->AddTable(table);

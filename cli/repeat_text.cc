@@ -36,11 +36,11 @@ std::string ValuesOverTrials(const data::FitRecord& record) {
     const RepeatTextRepeat::Parameter& q = record.repeat.parameters[j];
     const auto scatter = [&](double s) {
       if (!q.scatters) return std::string("-");
-      return q.log ? fmt::format("{:.2g}%", 100.0 * s) : fmt::format("{:.2g}", s);
+      return q.log ? fmt::format("{:.2g}%", 100.0 * s) : Number(s, 2);
     };
     const int mean = IntervalDigits(p.low95, p.high95);
     const int next = IntervalDigits(q.next_low95, q.next_high95);
-    rows.push_back({p.name, IntervalEnd(p.value, std::max(mean, 6)), fmt::format("{:.2g}", p.sigma),
+    rows.push_back({p.name, IntervalEnd(p.value, std::max(mean, 6)), Number(p.sigma, 2),
                     Text(p.low95, mean), Text(p.high95, mean), scatter(q.scatter),
                     scatter(q.scatter_low95), scatter(q.scatter_high95), Text(q.next_low95, next),
                     Text(q.next_high95, next), p.unit == "1" ? "" : p.unit, p.verdict});
@@ -61,7 +61,7 @@ std::string ValuesByTrial(const data::FitRecord& record) {
       const auto row = static_cast<Eigen::Index>(j);
       const double p = r.left_out_p(row, k);
       rows.back().insert(rows.back().end(), {Text(r.estimate(row, k)), Text(r.effect(row, k)),
-                                             std::isfinite(p) ? fmt::format("{:.2g}", p) : "-"});
+                                             std::isfinite(p) ? Number(p, 2) : "-"});
     }
   }
   return AlignedTable(rows);

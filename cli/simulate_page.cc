@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "base/count.h"
+#include "base/sentence.h"
 #include "cli/certificate_panel.h"
 #include "cli/motion_panel.h"
 #include "cli/run_columns.h"
@@ -60,7 +61,7 @@ class Composer {
       if (joint.latch >= 0) all_closed = all_closed && in_.recorder.latch(joint.latch).latched;
     }
     if (headline.empty()) headline = fmt::format("{:.6g} s simulated", in_.report.t_end);
-    headline[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(headline[0])));
+    headline = Capitalised(headline);
     Level level = all_closed ? Level::kGood : Level::kCare;
     if (!Good()) {
       headline = in_.status == sim::kNotCertified

@@ -3,11 +3,11 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 
 #include "base/length.h"
 #include "base/number.h"
+#include "base/sentence.h"
 #include "base/text.h"
 #include "correlate/align/nuisance.h"
 #include "correlate/compare/metrics.h"
@@ -53,17 +53,6 @@ std::string Contradicted(const correlate::FitResult& r) {
   return JoinWords(names);
 }
 
-// A sentence begins with a capital, but for a name that may be a symbol: k, or m_2, is no K.
-std::string AsASentence(std::string words) {
-  const std::string first = words.substr(0, words.find_first_of(" ,"));
-  constexpr std::size_t kShortestWord = 3;  // letters: symbols have one or two
-  const bool word =
-      first.size() >= kShortestWord &&
-      std::all_of(first.begin(), first.end(), [](char c) { return c >= 'a' && c <= 'z'; });
-  if (word) words[0] = static_cast<char>(std::toupper(static_cast<unsigned char>(words[0])));
-  return words + ".";
-}
-
 // The whole in one sentence.
 std::string WholeVerdict(const std::vector<correlate::Parameter>& parameters,
                          const correlate::FitResult& r, const TrialsApart& apart) {
@@ -90,7 +79,7 @@ std::string WholeVerdict(const std::vector<correlate::Parameter>& parameters,
   if (known && AnyTrial(r, correlate::Explained::kNoise)) {
     words += ": if the excess of the residuals is noise";
   }
-  return AsASentence(words);
+  return Capitalised(words) + ".";
 }
 
 // Swings that a record may begin with as well.

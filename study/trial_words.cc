@@ -252,10 +252,10 @@ void AddPlacementWords(const correlate::Observations& o, const correlate::TrialR
         std::abs(t.at.drift) > kTold * all ? ""
         : clocks > 1
             ? fmt::format("Of {} clocks only what they differ by is known so well; what they have "
-                          "in common the parameters make up for (with it: ± {:.2g}). ",
-                          clocks, 1e6 * all)
-            : fmt::format("The model's own error may look the same (with it: ± {:.2g}). ",
-                          1e6 * all)));
+                          "in common the parameters make up for (with it: ± {}). ",
+                          clocks, Number(1e6 * all, 2))
+            : fmt::format("The model's own error may look the same (with it: ± {}). ",
+                          Number(1e6 * all, 2))));
   } else if (drift.too_large && !contradicted) {
     add(
         fmt::format("A clock{} that runs {} by {:.2g}% would lower the residuals most, and no "

@@ -177,23 +177,25 @@ std::string ReasonOf(const Knowledge& k, const Parameter& q, const ParameterEsti
     case Verdict::kIfModelHolds:
       if (k.explained) {
         return fmt::format(
-            "would be known to {:.2g}% of its value{}, but what was stated of {} and the data "
+            "would be known to {}% of its value{}, but what was stated of {} and the data "
             "contradict each other: without that it is about {:.4g}",
-            percent * e.sigma, profile, k.rests_on->name, k.without);
+            Number(percent * e.sigma, 2), profile, k.rests_on->name, k.without);
       }
       return fmt::format(
-          "would be known to {:.2g}% of its value{}, but the model does not explain the data: it "
+          "would be known to {}% of its value{}, but the model does not explain the data: it "
           "may be off by more than that",
-          percent * e.sigma, profile);
+          Number(percent * e.sigma, 2), profile);
     case Verdict::kMeshLimited:
       return fmt::format(
-          "known to {:.2g}% of its value; the data alone would give {:.2g}%, the model's own error "
-          "adds {:.2g}%: a model with less of it would tell more{}",
-          percent * e.sigma, percent * e.sigma_data, percent * e.sigma_model, profile);
+          "known to {}% of its value; the data alone would give {}%, the model's own error adds "
+          "{}%: "
+          "a model with less of it would tell more{}",
+          Number(percent * e.sigma, 2), Number(percent * e.sigma_data, 2),
+          Number(percent * e.sigma_model, 2), profile);
     case Verdict::kDetermined:
       break;
   }
-  return fmt::format("known to {:.2g}% of its value{}", percent * e.sigma, profile);
+  return fmt::format("known to {}% of its value{}", Number(percent * e.sigma, 2), profile);
 }
 
 }  // namespace

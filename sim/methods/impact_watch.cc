@@ -1,19 +1,31 @@
 #include "sim/methods/impact_watch.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace unfurl::sim {
 namespace {
 
 // Steps of an impact, which add to its error.
 constexpr double kStepsOfImpact = 10.0;  // [-]: order five, one tolerance each
+// Of the rate at which a stop is reached, an error of each of them: what the stop returns is then
+// known to a tenth.
+constexpr double kOfOwnRate = 0.01;  // [-]
 // Of the way in: the way out of a stop that returns a quarter of the speed takes no longer.
 constexpr double kLongestWayOut = 4.0;  // [-]
 
 }  // namespace
 
+double ImpactWatch::WeightAt(double rate, const Hinge& hinge, const Motion& motion) const {
+  const double spin =
+      std::max(std::fabs(motion.omega[hinge.inner]), std::fabs(motion.omega[hinge.outer]));
+  const double tolerance = scale_.rtol * (scale_.spin + spin);
+  const double own = std::max(kOfOwnRate * std::fabs(rate), 1e-300);
+  return std::max(kStepsOfImpact, tolerance / own);
+}
+
 double ImpactWatch::Weight(double t, const Motion& motion, const std::vector<LatchMode>& modes) {
-  bool any = false;
+  double weight = 1.0;
   for (std::size_t k = 0; k < ways_.size(); ++k) {
     Way& way = ways_[k];
     const LatchMode mode = modes[k];
@@ -21,15 +33,18 @@ double ImpactWatch::Weight(double t, const Motion& motion, const std::vector<Lat
       way.pressed = false;
       continue;
     }
-    if (!way.pressed) way = {true, false, t, t};
+    const Hinge& hinge = model_.latches.hinge(static_cast<int>(k));
+    if (!way.pressed) way = {true, false, t, t, WeightAt(hinge.Rate(motion), hinge, motion)};
     if (!way.out) {
-      const double rate = model_.latches.hinge(static_cast<int>(k)).Rate(motion);
+      const double rate = hinge.Rate(motion);
       way.out = mode.upper_contact ? rate <= 0.0 : rate >= 0.0;
       way.turned = t;
     }
-    any = any || t - way.turned <= kLongestWayOut * (way.turned - way.from);
+    if (t - way.turned <= kLongestWayOut * (way.turned - way.from)) {
+      weight = std::max(weight, way.weight);
+    }
   }
-  return any ? kStepsOfImpact : 1.0;
+  return weight;
 }
 
 }  // namespace unfurl::sim

@@ -73,7 +73,7 @@ Integration::Integration(const Model& model, const SimulateOptions& options, Obs
       tables_(model, options.rtol),
       paths_(model, scale_),
       contacts_(model, scale_),
-      impacts_(model),
+      impacts_(model, scale_),
       last_error_(1e-4) {
   dynamics_.track_energy = options.track_energy;
   loops_ = model.constraints.HasLoops(true);

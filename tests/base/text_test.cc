@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "base/sentence.h"
 
 namespace unfurl::text_test {
 namespace {
@@ -17,6 +18,15 @@ TEST(Text, NearestNameIsWhatWasMeantOrNothing) {
 TEST(Text, WordsAreJoinedAsSpoken) {
   EXPECT_EQ(JoinWords(std::vector<std::string>{"a"}), "a");
   EXPECT_EQ(JoinWords(std::vector<std::string>{"a", "b", "c"}), "a, b and c");
+}
+
+TEST(Text, SentencesBeginWithACapitalAndSymbolsStayWhatTheyAre) {
+  EXPECT_EQ(Capitalised("damping and k are known"), "Damping and k are known");
+  EXPECT_EQ(Capitalised("no latch closed"), "No latch closed");
+  for (const char* as_is :
+       {"", "k and damping are known", "m_2 is open", "K is", "12 are", "x: y"}) {
+    EXPECT_EQ(Capitalised(as_is), as_is);
+  }
 }
 
 TEST(Text, NumbersAreTakenWholeOrNotAtAll) {

@@ -151,12 +151,13 @@ TEST(ChooseTolerance, AModelThatFailsIsTheFitsToReport) {
 // Thirty impacts: beside the start, too, the marks scatter by less than a thirtieth of their sigma
 // about a run at 1e-11.
 TEST(ChooseTolerance, HoldsForTheLatchingPendulumElsewhere) {
+  constexpr double kSigma = 2e-6;  // [m]: so fine that the loosest tolerance does not do
   std::vector<double> start;
   for (const Parameter& p : Pendulum::Parameters()) start.push_back(p.start);
   const study::SceneModel exact(Pendulum::Binding(1e-11), start);
   Rng rng = Rng(4).Stream("tolerance");
   const Observations data =
-      Record(exact, Pendulum::Truth(rng), Pendulum::Marks(), Pendulum::Recording(), rng);
+      Record(exact, Pendulum::Truth(rng), Pendulum::Marks(), Pendulum::Recording(kSigma), rng);
   const ToleranceChoice choice = ChooseTolerance(
       [&](double rtol) {
         return std::make_unique<study::SceneModel>(Pendulum::Binding(rtol), start);
