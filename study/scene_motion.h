@@ -39,7 +39,7 @@ class SceneMotion {
 
   /// Of the marks and quantities of the request.
   correlate::Prediction At(const correlate::Stamps& stamps) const;
-  std::size_t bytes() const;    // that the samples take
+  std::size_t bytes() const;  // that the samples take
 
  private:
   class Collector;
