@@ -39,9 +39,13 @@ StudyParameter ReadParameter(const std::string& name, const TomlTable& t, bool c
            "start within the bounds");
   }
   p.log = t.ChoiceOr("transform", "none", {"none", "log"}) == "log";
-  if (p.log && !(p.low > 0.0)) {
+  if (p.log && p.low < 0.0) {
     t.Fail("bounds", fmt::format("a logarithm cannot go down to {}", p.low),
-           "give a positive lower bound, or transform = \"none\"");
+           "give a lower bound of 0 or more, or transform = \"none\"");
+  }
+  if (p.log && !(p.start > 0.0)) {
+    t.Fail("start", fmt::format("a logarithm cannot begin at {}", p.start),
+           "give a positive start, or transform = \"none\"");
   }
   if (const auto prior = t.TableOrNone("prior")) {
     p.prior = {prior->Number("mean"), prior->Number("sigma", kPositive)};

@@ -2,26 +2,30 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
+#include <limits>
 
 #include "base/progress.h"
 #include "correlate/sampled_model.h"
-#include "sim/dynamics/observables.h"
 #include "sim/methods/events.h"
 
 namespace unfurl::study {
 
 namespace {
 
-constexpr double kRate = 2000.0;  // samples per second that the stamps are interpolated from
-
-// As finely as any channel wants it.
-double RateFor(const correlate::Stamps& stamps) {
-  double rate = kRate;
+// A channel joins what it asks for by cubics: of half its distance they are off by a sixteenth of
+// what it adds itself. Uneven stamps have no distance: 0.
+double StepFor(const correlate::Stamps& stamps) {
+  constexpr double kEven = 1e-3;  // of a distance: no rounding of stamps is as large
+  double step = std::numeric_limits<double>::infinity();
   for (const correlate::QuantityStamps& q : stamps.quantities) {
-    if (q.t.size() > 1) rate = std::max(rate, 1.0 / (q.t[1] - q.t[0]));
+    if (q.t.size() < 3) return 0.0;
+    const double first = q.t[1] - q.t[0];
+    for (std::size_t i = 2; i < q.t.size(); ++i) {
+      if (std::abs(q.t[i] - q.t[i - 1] - first) > kEven * first) return 0.0;
+    }
+    step = std::min(step, 0.5 * first);
   }
-  return rate;
+  return std::isfinite(step) ? step : 0.0;
 }
 
 // Up to the next of steps that grow with it, so that a horizon that moves by a sample seldom
@@ -43,71 +47,74 @@ MotionRequest MotionRequest::For(std::span<const double> theta, const correlate:
       out.quantities.push_back(q.quantity);
     }
   }
-  out.rate = RateFor(stamps);
-  // The last stamp lies between two samples.
-  out.duration = RoundedUp(std::max(0.0, stamps.Last()) + 2.0 / out.rate);
+  out.step = StepFor(stamps);
+  if (stamps.Last() > 0.0) out.duration = RoundedUp(stamps.Last());
   return out;
 }
 
 class SceneMotion::Collector : public sim::Observer {
  public:
-  Collector(const sim::Model& model, const MotionRequest& wanted, SceneMotion* out)
+  Collector(const sim::Model& model, const MotionRequest& wanted, double rtol, SceneMotion* out)
       : model_(model), out_(*out) {
-    for (const std::string& name : wanted.marks) points_.push_back(model.FindMark(name));
-    out_.samples_.resize(wanted.marks.size());
+    // Of what a step leaves: no sum of the two differs by as much as a change of the steps does.
+    constexpr double kPart = 0.1;
+    if (!wanted.marks.empty()) {
+      std::vector<int> marks;
+      for (const std::string& name : wanted.marks) marks.push_back(model.FindMark(name));
+      out_.marks_.emplace(model, std::move(marks), kPart * rtol * model.length_scale);
+    }
     if (wanted.quantities.empty()) return;  // then they cost nothing
-    observables_.emplace(model, wanted.quantities);
-    out_.quantities_ = observables_->quantities();
-    out_.columns_.resize(out_.quantities_.size());
+    out_.quantities_.emplace(model, wanted.quantities, kPart * rtol, wanted.step);
   }
-  void OnSample(double t, double* state, const std::vector<sim::LatchMode>& modes) override {
-    out_.t_.push_back(t);
-    Watch(state);
-    if (observables_) {
-      const std::vector<double>& row = observables_->Row(t, state, modes);
-      for (std::size_t q = 0; q < row.size(); ++q) out_.columns_[q].push_back(row[q]);
-    }
-    for (std::size_t m = 0; m < points_.size(); ++m) {
-      const auto mark = static_cast<std::size_t>(points_[m]);
-      const sim::PointMotion at = sim::MotionOf(model_, model_.marks[mark].point, state);
-      out_.samples_[m].push_back({at.x, at.y, at.vx, at.vy});
-    }
+  void OnStep(sim::StepMotion& step) override {
+    if (out_.marks_) out_.marks_->Take(step);
+    if (out_.quantities_) out_.quantities_->Take(step);
+    Watch(step);
   }
   void OnProgress(double) override { ThrowIfInterrupted(); }
   // Energies lost and work done are sums over the way: they are columns of noughts in a run that
   // was not asked to add them up.
   bool WantsEnergy() const {
-    return std::any_of(out_.quantities_.begin(), out_.quantities_.end(),
+    if (!out_.quantities_) return false;
+    const std::vector<data::Quantity>& all = out_.quantities_->quantities();
+    return std::any_of(all.begin(), all.end(),
                        [](const data::Quantity& q) { return q.name.starts_with("energy."); });
   }
 
  private:
   // Rates of turning, of all bodies, as long as there are no marks to look at.
-  void Watch(const double* state) {
-    if (!points_.empty()) return;
+  void Watch(sim::StepMotion& step) {
+    if (out_.marks_) return;
+    if (first_) out_.first_rate_ = Turning(step.At(step.from));
+    first_ = false;
+    out_.highest_rate_ =
+        std::max({out_.highest_rate_, out_.first_rate_, Turning(step.At(step.to))});
+  }
+  double Turning(const double* state) const {
     double rate = 0.0;
     for (int body = 0; body < model_.index.n; ++body) {
       rate = std::max(rate, std::abs(state[model_.index.omega(body)]));
     }
-    if (out_.t_.size() == 1) out_.first_rate_ = rate;
-    out_.highest_rate_ = std::max(out_.highest_rate_, rate);
+    return rate;
   }
 
   const sim::Model& model_;
   SceneMotion& out_;
-  std::vector<int> points_;
-  std::optional<sim::Observables> observables_;
+  bool first_ = true;
 };
 
 SceneMotion::SceneMotion(const sim::Model& model, const MotionRequest& wanted, double rtol) {
+  constexpr double kShort = 0.01;  // of the time scale: one of the longest steps
   sim::SimulateOptions simulate;
-  simulate.rate = wanted.rate;
   simulate.rtol = rtol;
-  simulate.duration = wanted.duration;
-  Collector collector(model, wanted, this);
+  simulate.duration = wanted.duration > 0.0 ? wanted.duration : kShort * model.time_scale;
+  // One sample, or the most there may be: those wanted are read off the steps.
+  simulate.rate = std::min(1.0 / simulate.duration, 1e7);
+  Collector collector(model, wanted, rtol, this);
   simulate.track_energy = collector.WantsEnergy();
   simulate.track_forces = false;
   const sim::SimulateReport report = sim::Simulate(model, simulate, &collector);
+  if (marks_) marks_->End();
   if (!report.Usable()) {
     failure_ = report.message;
     return;
@@ -123,19 +130,21 @@ SceneMotion::SceneMotion(const sim::Model& model, const MotionRequest& wanted, d
 bool SceneMotion::StartsAtRest() const {
   constexpr double kRoundOff = 1e-9;  // of the highest speed
   double first = first_rate_, highest = highest_rate_;
-  if (!samples_.empty()) first = highest = 0.0;
-  for (const std::vector<Sample>& s : samples_) {
+  if (marks_) first = highest = 0.0;
+  for (std::size_t m = 0; marks_ && m < marks_->marks(); ++m) {
+    const std::vector<MarkSample>& s = marks_->Of(m);
     first = std::max(first, std::hypot(s.front().vx, s.front().vy));
-    for (const Sample& m : s) highest = std::max(highest, std::hypot(m.vx, m.vy));
+    for (const MarkSample& at : s) highest = std::max(highest, std::hypot(at.vx, at.vy));
   }
   return first <= kRoundOff * highest;
 }
 
-// Cubic Hermite through the samples; before the start the marks are held, or unknown where they
-// move at the start; past the end unknown.
+// Before the start the marks are held, or unknown where they move at the start; past the end
+// unknown.
 correlate::MarkMotion SceneMotion::MarkAt(std::size_t mark,
                                           const std::vector<double>& stamps) const {
-  const std::vector<Sample>& s = samples_[mark];
+  const std::vector<double>& times = marks_->t();
+  const std::vector<MarkSample>& s = marks_->Of(mark);
   const auto n = static_cast<Eigen::Index>(stamps.size());
   correlate::MarkMotion out;
   out.p.setZero(3, n);
@@ -147,34 +156,30 @@ correlate::MarkMotion SceneMotion::MarkAt(std::size_t mark,
       out.p.col(i) << s.front().x, s.front().y, 0.0;
       continue;
     }
-    if (t < 0.0 || t > t_.back() || t_.size() < 2) {
+    if (t < 0.0 || t > times.back() || times.size() < 2) {
       out.known[static_cast<std::size_t>(i)] = 0;
       continue;
     }
-    const std::size_t after = std::clamp<std::size_t>(
-        static_cast<std::size_t>(std::upper_bound(t_.begin(), t_.end(), t) - t_.begin()), 1,
-        t_.size() - 1);
-    const Sample &a = s[after - 1], &b = s[after];
-    const double h = t_[after] - t_[after - 1], u = (t - t_[after - 1]) / h;
-    const double h00 = (1 + 2 * u) * (1 - u) * (1 - u), h01 = u * u * (3 - 2 * u);
-    const double h10 = h * u * (1 - u) * (1 - u), h11 = -h * u * u * (1 - u);
-    const double d = 6 * u * (1 - u) / h, d0 = (1 - u) * (1 - 3 * u), d1 = u * (3 * u - 2);
-    out.p.col(i) << h00 * a.x + h10 * a.vx + h01 * b.x + h11 * b.vx,
-        h00 * a.y + h10 * a.vy + h01 * b.y + h11 * b.vy, 0.0;
-    out.v.col(i) << d * (b.x - a.x) + d0 * a.vx + d1 * b.vx,
-        d * (b.y - a.y) + d0 * a.vy + d1 * b.vy, 0.0;
+    // At a jump the later of its two samples; at the end the last interval.
+    const auto after =
+        std::clamp<std::ptrdiff_t>(std::upper_bound(times.begin(), times.end(), t) - times.begin(),
+                                   1, static_cast<std::ptrdiff_t>(times.size()) - 1);
+    const auto k = static_cast<std::size_t>(after);
+    const MarkSample at = AtTime(t, times[k - 1], s[k - 1], times[k], s[k]);
+    out.p.col(i) << at.x, at.y, 0.0;
+    out.v.col(i) << at.vx, at.vy, 0.0;
   }
   return out;
 }
 
 // Before the start: what a held structure has, else nothing; as past the end.
 Eigen::VectorXd SceneMotion::QuantityAt(const correlate::QuantityStamps& asked) const {
-  const auto found =
-      std::find_if(quantities_.begin(), quantities_.end(),
-                   [&](const data::Quantity& q) { return q.name == asked.quantity; });
-  if (found == quantities_.end()) return correlate::ValuesAt({}, {}, false, asked.t);
-  return correlate::ValuesAt(t_, columns_[static_cast<std::size_t>(found - quantities_.begin())],
-                             held_ && correlate::KnownWhileHeld(found->units), asked.t);
+  const std::vector<data::Quantity>& all = quantities_->quantities();
+  const auto found = std::find_if(
+      all.begin(), all.end(), [&](const data::Quantity& q) { return q.name == asked.quantity; });
+  if (found == all.end()) return correlate::ValuesAt({}, {}, false, asked.t);
+  const bool held = held_ && correlate::KnownWhileHeld(found->units);
+  return quantities_->At(static_cast<std::size_t>(found - all.begin()), held, asked.t);
 }
 
 correlate::Prediction SceneMotion::At(const correlate::Stamps& stamps) const {
@@ -194,15 +199,16 @@ correlate::Prediction SceneMotion::At(const correlate::Stamps& stamps) const {
 }
 
 std::size_t SceneMotion::bytes() const {
-  const std::size_t row = sizeof(double) * (1 + columns_.size()) + sizeof(Sample) * samples_.size();
-  return t_.size() * row;
+  std::size_t out = 0;
+  if (marks_) out += marks_->t().size() * (sizeof(double) + sizeof(MarkSample) * marks_->marks());
+  if (quantities_) {
+    out += quantities_->t().size() * sizeof(double) * (1 + quantities_->quantities().size());
+  }
+  return out;
 }
 
 std::shared_ptr<const SceneMotion> MotionStore::Get(
     const MotionRequest& wanted, const std::function<std::shared_ptr<const SceneMotion>()>& make) {
-  // The 24 last of a deployment of 5 s with four marks: a point comes back after the differences
-  // about it.
-  constexpr std::size_t kMostBytes = 32'000'000;
   {
     const std::lock_guard lock(mutex_);
     for (const Kept& kept : kept_) {
@@ -210,11 +216,11 @@ std::shared_ptr<const SceneMotion> MotionStore::Get(
     }
   }
   auto made = make();
-  if (made->bytes() > kMostBytes) return made;
+  if (made->bytes() > most_bytes_) return made;
   const std::lock_guard lock(mutex_);
   kept_.push_back({wanted, made});
   bytes_ += made->bytes();
-  while (bytes_ > kMostBytes) {
+  while (bytes_ > most_bytes_) {
     bytes_ -= kept_.front().motion->bytes();
     kept_.pop_front();
   }

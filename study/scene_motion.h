@@ -4,6 +4,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,6 +12,7 @@
 #include "data/run.h"
 #include "sim/methods/simulate.h"
 #include "sim/model/model.h"
+#include "study/step_samples.h"
 
 namespace unfurl::study {
 
@@ -18,8 +20,8 @@ namespace unfurl::study {
 struct MotionRequest {
   std::vector<double> theta;  // [units of the parameters]
   std::vector<std::string> marks, quantities;
-  double rate = 0.0;      // samples per second [1/s]
-  double duration = 0.0;  // [s]
+  double step = 0.0;      // least distance of two samples of a quantity [s]
+  double duration = 0.0;  // 0: one that is short [s]
 
   bool operator==(const MotionRequest&) const = default;
 
@@ -28,7 +30,8 @@ struct MotionRequest {
   static MotionRequest For(std::span<const double> theta, const correlate::Stamps& stamps);
 };
 
-/// How a scene moved, sampled evenly, to be asked at any stamps.
+/// How a scene moved, to be asked at any stamps: sampled as its steps go, so that what lies between
+/// two samples adds a small part to what a step leaves.
 class SceneMotion {
  public:
   /// Simulates. A run that fails is a motion with a message.
@@ -40,19 +43,14 @@ class SceneMotion {
 
  private:
   class Collector;
-  struct Sample {
-    double x, y, vx, vy;  // [m], [m/s]
-  };
 
   correlate::MarkMotion MarkAt(std::size_t mark, const std::vector<double>& stamps) const;
   Eigen::VectorXd QuantityAt(const correlate::QuantityStamps& asked) const;
   bool StartsAtRest() const;
 
   std::string failure_;
-  std::vector<double> t_;                     // [s]
-  std::vector<std::vector<Sample>> samples_;  // by mark
-  std::vector<data::Quantity> quantities_;
-  std::vector<std::vector<double>> columns_;      // by quantity [their units]
+  std::optional<MarkSamples> marks_;
+  std::optional<QuantitySamples> quantities_;
   double first_rate_ = 0.0, highest_rate_ = 0.0;  // of turning, without marks [rad/s]
   bool held_ = true;                              // stood still before the start
   std::vector<correlate::ModelEvent> events_;
@@ -61,6 +59,11 @@ class SceneMotion {
 /// The last motions of a scene. Safe to use from several threads.
 class MotionStore {
  public:
+  /// The 24 last of a deployment of 5 s with four marks: a point comes back after the differences
+  /// about it.
+  static constexpr std::size_t kMostBytes = 32'000'000;
+
+  explicit MotionStore(std::size_t most_bytes = kMostBytes) : most_bytes_(most_bytes) {}
   /// That of an equal request, or the one that `make` makes.
   std::shared_ptr<const SceneMotion> Get(
       const MotionRequest& wanted, const std::function<std::shared_ptr<const SceneMotion>()>& make);
@@ -70,6 +73,7 @@ class MotionStore {
     MotionRequest request;
     std::shared_ptr<const SceneMotion> motion;
   };
+  std::size_t most_bytes_;
   std::mutex mutex_;
   std::deque<Kept> kept_;  // the latest last
   std::size_t bytes_ = 0;

@@ -1,5 +1,7 @@
 #include "correlate/fit/correction.h"
 
+#include <cmath>
+
 #include "correlate/fit/broyden.h"
 #include "correlate/residual/change.h"
 
@@ -36,13 +38,17 @@ Correction::Correction(const std::vector<Parameter>& parameters,
 
 Eigen::VectorXd Correction::At(std::size_t trial, const Eigen::VectorXd& u) const {
   Eigen::VectorXd out = difference_[trial];
-  if (has_slope()) out.noalias() += slope_[trial] * (u - u_);
+  if (has_slope()) out.noalias() += slope_[trial] * ValueSteps(parameters_, u_, u);
   return out;
 }
 
 void Correction::Learn(const Eigen::VectorXd& u, const Difference& difference,
                        const Eigen::VectorXd& sigma) {
-  const Eigen::VectorXd weights = BroydenWeights(u - u_, sigma);
+  Eigen::VectorXd here = sigma;  // of steps from the centre
+  for (Eigen::Index j = 0; j < u.size(); ++j) {
+    if (parameters_[static_cast<std::size_t>(j)].log) here(j) *= std::exp(u(j) - u_(j));
+  }
+  const Eigen::VectorXd weights = BroydenWeights(ValueSteps(parameters_, u_, u), here);
   if (weights.size() == 0) return;
   if (!has_slope()) {
     for (const Eigen::VectorXd& d : difference_) {
@@ -56,6 +62,10 @@ void Correction::Learn(const Eigen::VectorXd& u, const Difference& difference,
 }
 
 void Correction::MoveTo(const Eigen::VectorXd& u, Difference difference) {
+  for (Eigen::Index j = 0; has_slope() && j < u.size(); ++j) {
+    if (!parameters_[static_cast<std::size_t>(j)].log) continue;
+    for (Eigen::MatrixXd& slope : slope_) slope.col(j) *= std::exp(u(j) - u_(j));
+  }
   u_ = u;
   difference_ = std::move(difference);
 }

@@ -26,10 +26,11 @@ class Correction {
              std::vector<const Observations*> observations, Eigen::VectorXd u,
              Difference difference);
 
-  /// Another point is known: the slope takes it in, in steps measured by `sigma` (of u), and the
-  /// correction is then exact at both.
+  /// Another point is known: the slope takes it in, in steps measured by `sigma` (of u, there), and
+  /// the correction is then exact at both. Steps of logarithms are those of the value, in which it
+  /// is linear.
   void Learn(const Eigen::VectorXd& u, const Difference& difference, const Eigen::VectorXd& sigma);
-  /// The centre goes there; the slope stays as it is.
+  /// The centre goes there; what the slope says of a value stays as it is.
   void MoveTo(const Eigen::VectorXd& u, Difference difference);
 
   /// `coarse` at the values `theta`, corrected.
@@ -47,7 +48,7 @@ class Correction {
   Eigen::VectorXd u_;                              // internal coordinates [-, units]
   Difference difference_;
   std::vector<Eigen::MatrixXd>
-      slope_;  // by trial, rows of the difference x parameters; empty: none
+      slope_;  // by trial, rows of the difference x parameters, per ValueStep from u_; empty: none
 };
 
 }  // namespace unfurl::correlate

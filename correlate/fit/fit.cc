@@ -49,7 +49,7 @@ std::optional<FitOptions> Wider(const FitProblem& problem, const FitOptions& opt
   const SearchOptions& search = options.search;
   if (search.screened != SearchOptions::kAsNeeded || search.starts > 1) return {};
   for (const Parameter& p : problem.parameters) {
-    if (!std::isfinite(p.low) || !std::isfinite(p.high) || (p.log && !(p.low > 0.0))) return {};
+    if (!std::isfinite(p.low) || !std::isfinite(p.high)) return {};
   }
   FitOptions wider = options;
   wider.search.screened = kPointsEach * static_cast<int>(problem.parameters.size());

@@ -252,7 +252,9 @@ Ladder::Way Ladder::Rounds(StageRunner& runner, const std::vector<const Observat
                               Ending{within, within, false}, Ending{within, within, true}}) {
       if (end.verify && runner.slopes().fresh()) break;
       if (!runner.SolveHere(what, end.tolerance, end.verify)) return Way::kModelFailed;
-      step = InSigmas(Point(runner) - correction_->centre(), runner.sigma());
+      // From here back, where the errors are those of.
+      step = InSigmas(ValueSteps(problem_.parameters, Point(runner), correction_->centre()),
+                      runner.sigma());
       place = !runner.Settled();
       if (step > end.far || place) break;
     }

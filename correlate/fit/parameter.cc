@@ -9,6 +9,10 @@
 
 namespace unfurl::correlate {
 
+namespace {
+constexpr double kNothing = 1e-3;  // of a value whose logarithm is moved
+}
+
 void Check(const Parameter& p) {
   const std::string where = "parameter." + p.name;
   if (!(p.low < p.high)) {
@@ -54,12 +58,24 @@ double ValueStep(const Parameter& p, double u, double to) {
   return p.log ? std::expm1(to - u) : to - u;
 }
 
+Eigen::VectorXd ValueSteps(const std::vector<Parameter>& parameters, const Eigen::VectorXd& u,
+                           const Eigen::VectorXd& to) {
+  Eigen::VectorXd out(u.size());
+  for (Eigen::Index j = 0; j < u.size(); ++j) {
+    out(j) = ValueStep(parameters[static_cast<std::size_t>(j)], u(j), to(j));
+  }
+  return out;
+}
+
+double SearchLow(const Parameter& p) {
+  return p.log && !(p.low > 0.0) ? kNothing * p.start : p.low;
+}
+
 double StepToLowest(const Parameter& p, double u) {
-  // Of v: where a step leads there, v is not many standard errors from 0, and this a few
-  // thousandths of one.
-  constexpr double kLeast = 1e-3;
+  // Where a step leads to nothing, v is not many standard errors from 0, and this a few thousandths
+  // of one.
   if (!p.log) return std::min(0.0, p.low - u);
-  return std::min(0.0, std::max(p.low * std::exp(-u), kLeast) - 1.0);
+  return std::min(0.0, std::max(p.low * std::exp(-u), kNothing) - 1.0);
 }
 
 double StepToHighest(const Parameter& p, double u) {

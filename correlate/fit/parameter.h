@@ -1,5 +1,6 @@
 #pragma once
 
+#include <Eigen/Core>
 #include <limits>
 #include <string>
 #include <vector>
@@ -31,11 +32,17 @@ double Slope(const Parameter& parameter, double value);  // d value / d u
 // becomes v (1 + step), as a model answers nearly in proportion to what it can hardly be told from
 // nothing of. Neither leaves the bounds, nor does a logarithm fall below a thousandth of v.
 double StepByValue(const Parameter& parameter, double u, double step);
-// The step by which StepByValue leads from u to `to`.
+// The step by which StepByValue leads from u to `to`; of all parameters.
 double ValueStep(const Parameter& parameter, double u, double to);
+Eigen::VectorXd ValueSteps(const std::vector<Parameter>& parameters, const Eigen::VectorXd& u,
+                           const Eigen::VectorXd& to);
 // The lowest value that StepByValue leads to from u, as a step; and the highest.
 double StepToLowest(const Parameter& parameter, double u);
 double StepToHighest(const Parameter& parameter, double u);
+
+// Where a search over the bounds begins: the lower one; of a logarithm that may come to nothing a
+// thousandth of the start, which is nothing beside it.
+double SearchLow(const Parameter& parameter);
 
 // The same, where a logarithm's values are to stay what the step says however far it leads: below
 // half of v along the hyperbola that goes on from there with the same slope, v / (-4 step).

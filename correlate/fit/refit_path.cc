@@ -145,8 +145,8 @@ RefitPath::Step RefitPath::StepFrom(const ReducedProblem::Point& point, double d
   for (Eigen::Index j = 0; j < P.cols(); ++j) {
     const auto i = static_cast<std::size_t>(j);
     const Parameter& q = version_.parameters[i];
-    low(j) = std::min(0.0, ToInternal(q, q.low) - u_[i]);
-    high(j) = std::max(0.0, ToInternal(q, q.high) - u_[i]);
+    low(j) = StepToLowest(q, u_[i]);
+    high(j) = StepToHighest(q, u_[i]);
   }
   Step out;
   out.by = BoundedStep(H, slope, low, high);
@@ -169,21 +169,43 @@ double RefitPath::LeftToGain() const {
 }
 
 bool RefitPath::Try(const Step& step) {
+  // Logarithms go by the value, and the step is shortened as a whole where one would fall by more
+  // than a decade, as the solver's are.
+  constexpr double kFall = 0.9;
+  double part = 1.0;
+  for (std::size_t j = 0; j < u_.size(); ++j) {
+    const double by = step.by(static_cast<Eigen::Index>(j));
+    if (version_.parameters[j].log && part * by < -kFall) part = -kFall / by;
+  }
   std::vector<double> to = u_;
-  for (std::size_t j = 0; j < to.size(); ++j) to[j] += step.by(static_cast<Eigen::Index>(j));
+  for (std::size_t j = 0; j < to.size(); ++j) {
+    to[j] =
+        StepByValue(version_.parameters[j], u_[j], part * step.by(static_cast<Eigen::Index>(j)));
+  }
+  const Eigen::VectorXd by = ValueSteps(version_.parameters, Point(u_), Point(to));
   runs_ += version_.trials.size();
   std::vector<ReducedProblem::Point> points;
   if (!reduced_->AtAll({to}, &points, "trial").front()) return false;
   const double gained = 2.0 * (point_.cost - points[0].cost);
   if (!(gained > 0.0)) return false;
   if (step.gain > 0.0) optimism_ = std::max(optimism_, gained / step.gain);
-  LearnStep(*reduced_, point_, points[0], step.by, Sigma(points[0]), &change_);
+  LearnStep(*reduced_, point_, points[0], by, Sigma(points[0]), &change_);
   fresh_ = false;
+  Carry(to);
   u_ = to;
   point_ = std::move(points[0]);
   reduced_->TakeStarts(point_);
   for (std::size_t t = 0; t < at_.size(); ++t) at_[t] = point_.registration[t].at;
   return true;
+}
+
+// What a value's change does stays; per unit of a logarithm it grows with the value.
+void RefitPath::Carry(const std::vector<double>& to) {
+  for (std::size_t j = 0; j < to.size(); ++j) {
+    if (!version_.parameters[j].log || to[j] == u_[j]) continue;
+    const double factor = std::exp(to[j] - u_[j]);
+    for (std::vector<Change>& of : change_) of[j] = Scaled(of[j], factor);
+  }
 }
 
 bool RefitPath::TakeSlopesAnew() {
@@ -314,6 +336,7 @@ std::optional<RefitStatus> RefitPath::AfterLook(Way way) {
   if (GoBackToBest()) {
     // A step that did not lower the finest rung's cost: its roughness, or the way is lost.
     constexpr double kRough = 1.0;
+    Carry(best_u_);
     u_ = best_u_;
     point_ = best_;
     for (std::size_t t = 0; t < at_.size(); ++t) at_[t] = point_.registration[t].at;

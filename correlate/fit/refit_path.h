@@ -77,6 +77,7 @@ class RefitPath {
   // Whether the slopes have to be the version's own: so much worse than the fit that a verdict
   // rests on what they leave.
   bool SlopesDecide() const;
+  void Carry(const std::vector<double>& to);  // slopes, from where it stands
   bool TakeSlopesAnew();
   // The finest rung where the search ended, which is then what the model says there; false: it
   // failed.

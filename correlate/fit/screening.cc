@@ -27,7 +27,7 @@ std::vector<std::vector<double>> LatinHypercube(const std::vector<Parameter>& pa
   std::vector<std::vector<double>> points(count, std::vector<double>(parameters.size()));
   for (std::size_t j = 0; j < parameters.size(); ++j) {
     const Parameter& p = parameters[j];
-    if (!std::isfinite(p.low) || !std::isfinite(p.high) || (p.log && !(p.low > 0.0))) {
+    if (!std::isfinite(p.low) || !std::isfinite(p.high)) {
       throw Error("several starts need finite bounds", "parameter." + p.name,
                   "give bounds = [low, high], or one start");
     }
@@ -37,7 +37,7 @@ std::vector<std::vector<double>> LatinHypercube(const std::vector<Parameter>& pa
     for (std::size_t i = count; i > 1; --i) {
       std::swap(order[i - 1], order[static_cast<std::size_t>(rng.Integer(i))]);
     }
-    const double low = ToInternal(p, p.low), high = ToInternal(p, p.high);
+    const double low = ToInternal(p, SearchLow(p)), high = ToInternal(p, p.high);
     for (std::size_t i = 0; i < count; ++i) {
       const double part =
           (static_cast<double>(order[i]) + rng.Uniform()) / static_cast<double>(count);

@@ -214,7 +214,7 @@ std::vector<std::vector<double>> StageRunner::ScatterOpen(
   Eigen::VectorXd range(p);
   for (Eigen::Index j = 0; j < p; ++j) {
     const Parameter& q = problem_.parameters[static_cast<std::size_t>(j)];
-    range(j) = ToInternal(q, q.high) - ToInternal(q, q.low);
+    range(j) = ToInternal(q, q.high) - ToInternal(q, SearchLow(q));
   }
   const Eigen::MatrixXd scaled = reduced_->Project(point_, J) * range.asDiagonal();
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(

@@ -49,9 +49,8 @@ void StageRunner::Draw() {
   Eigen::VectorXd range(p);
   for (Eigen::Index j = 0; j < p; ++j) {
     const Parameter& q = problem_.parameters[static_cast<std::size_t>(j)];
-    range(j) = std::isfinite(q.high - q.low) && (!q.log || q.low > 0.0)
-                   ? ToInternal(q, q.high) - ToInternal(q, q.low)
-                   : 1.0;
+    range(j) =
+        std::isfinite(q.high - q.low) ? ToInternal(q, q.high) - ToInternal(q, SearchLow(q)) : 1.0;
   }
   const Eigen::VectorXd sigma = (kWide * newton.sigma).cwiseMin(0.05 * range);
   Eigen::MatrixXd cov = sigma.cwiseAbs2().asDiagonal();

@@ -16,7 +16,7 @@ bool Near(const std::vector<Parameter>& parameters, const std::vector<double>& a
           const std::vector<double>& b) {
   for (std::size_t j = 0; j < parameters.size(); ++j) {
     const Parameter& p = parameters[j];
-    const double range = ToInternal(p, p.high) - ToInternal(p, p.low);
+    const double range = ToInternal(p, p.high) - ToInternal(p, SearchLow(p));
     if (std::abs(ToInternal(p, a[j]) - ToInternal(p, b[j])) > kNear * range) return false;
   }
   return true;

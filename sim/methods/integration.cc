@@ -208,6 +208,7 @@ void Integration::FillReport() {
 }
 
 void Integration::PassEdge() {
+  jumped_ = true;
   edges_.Pass();
   dynamics_.SetInterval(edges_.after(), edges_.before());
   if (model_.constraints.driven()) FollowRates();
@@ -291,6 +292,7 @@ void Integration::Advance(double h, bool whole) {
   const bool event = !finder_.empty() && finder_.FindFirst(*stepper_, dynamics_.modes(), &sigma);
   const double t_new = event ? t_ + sigma * h : whole ? edges_.next() : t_ + h;
   SampleStep(h, t_new);
+  ShowStep(h, t_new, event, whole);
   ShowWay(h, event ? sigma : 1.0);
   WatchLoads(h, event ? sigma : 1.0, event);
   t_ = t_new;

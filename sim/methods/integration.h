@@ -73,6 +73,7 @@ class Integration {
   void SampleStep(double h, double t_new);
   // On the step just tried, as far as it is taken, what open latches go through.
   void ShowWay(double h, double sigma);
+  void ShowStep(double h, double t_new, bool event, bool whole);
   void Emit(double t);
   // Of the step just tried, of length h, as far as it is taken; `event`: it ends at one.
   void WatchLoads(double h, double sigma, bool event);
@@ -139,6 +140,7 @@ class Integration {
   bool doubted_ = false;                  // an implicit method may do better; likewise
   double use_ = 0.0;                      // Stepper::StabilityUse; likewise
   bool stopped_ = false;                  // by a watch
+  bool jumped_ = true;                    // at t_: StepMotion::jumped
 };
 
 }  // namespace unfurl::sim

@@ -50,6 +50,23 @@ struct SimulateOptions {
   void Check() const;
 };
 
+// A step that was taken, as far as it was: the motion within it, by the method's dense output.
+class StepMotion {
+ public:
+  StepMotion(double first, double last, bool fresh, bool final)
+      : from(first), to(last), jumped(fresh), ends(final) {}
+  virtual ~StepMotion() = default;
+  // At a time within the step; written over by the next call.
+  virtual double* At(double t) = 0;
+  // As they were within the step.
+  virtual const std::vector<LatchMode>& modes() const = 0;
+
+  const double from, to;  // [s]
+  // An event or an edge of a function of time is where it begins: rates may have jumped there.
+  const bool jumped;
+  const bool ends;  // at such a place, or at the run's end
+};
+
 // What a simulation hands out while it runs. States are in the layout of StateIndex and may be
 // written to (stations are filled in); they are gone after the call.
 class Observer {
@@ -57,6 +74,8 @@ class Observer {
   virtual ~Observer() = default;
   // At every sampling time.
   virtual void OnSample(double /*t*/, double* /*state*/, const std::vector<LatchMode>& /*modes*/) {}
+  // After every step, however short.
+  virtual void OnStep(StepMotion& /*step*/) {}
   // While a latch is open, some times within each step: what is there of angles and rates of the
   // bodies that open latches join, all else of the motion zero.
   virtual void OnWay(const Motion& /*motion*/, const std::vector<LatchMode>& /*modes*/) {}

@@ -28,6 +28,40 @@ void Integration::SampleStep(double h, double t_new) {
   }
 }
 
+void Integration::ShowStep(double h, double t_new, bool event, bool whole) {
+  // The trial is at hand where it is the step's end; other points may cost right sides.
+  class Step : public StepMotion {
+   public:
+    Step(Integration* of, double end, double length, bool event, bool final)
+        : StepMotion(of->t_, end, of->jumped_, final),
+          h_(length),
+          event_(event),
+          stepper_(*of->stepper_),
+          modes_(of->dynamics_.modes()),
+          out_(of->sample_) {}
+    double* At(double t) override {
+      if (!event_ && t >= to) {
+        std::copy_n(stepper_.trial(), out_.size(), out_.begin());
+      } else {
+        stepper_.Dense(std::clamp((t - from) / h_, 0.0, 1.0), out_.data());
+      }
+      return out_.data();
+    }
+    const std::vector<LatchMode>& modes() const override { return modes_; }
+
+   private:
+    double h_;  // of the step that was tried, which an event may end early [s]
+    bool event_;
+    Stepper& stepper_;
+    const std::vector<LatchMode>& modes_;
+    Array& out_;
+  };
+  if (observer_ == nullptr) return;
+  Step step(this, t_new, h, event, event || whole);
+  observer_->OnStep(step);
+  jumped_ = event;
+}
+
 void Integration::ShowWay(double h, double sigma) {
   if (observer_ == nullptr || !options_.track_forces) return;
   const StateIndex& i = model_.index;

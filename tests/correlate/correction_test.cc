@@ -47,5 +47,36 @@ TEST(Correction, IsExactAtItsPoints) {
   EXPECT_NEAR(second.events[1].t, 0.68, 1e-12);
 }
 
+// What a law adds goes with its amount: learnt at two amounts it is right at any, and stays right
+// when the centre moves, though the solver's coordinate is the logarithm.
+TEST(Correction, GoesWithTheValueOfALogarithm) {
+  const TwoLink model;
+  Rng rng(12);
+  const Observations data = Record(model, TwoLink::Truth(), TwoLink::Marks(), SparseTrial(), rng);
+  const std::vector<Parameter> parameters = TwoLinkParameters();
+  ASSERT_TRUE(parameters[1].log);
+  const Prediction coarse =
+      model.Evaluate(std::vector<double>{0.9, 0.35}, data.StampsAt(data.Start()));
+  auto fine = [&](double amount) {
+    Prediction p = coarse;
+    for (MarkMotion& mark : p.marks) mark.p.array() += 0.01 * amount;
+    return p;
+  };
+  auto u = [](double amount) { return Eigen::VectorXd{{0.9, std::log(amount)}}; };
+  auto difference = [&](double amount) {
+    return Correction::Difference{Correction::DifferenceOf(data, coarse, fine(amount))};
+  };
+  Correction correction(parameters, {&data}, u(1.0), difference(1.0));
+  correction.Learn(u(0.4), difference(0.4), Eigen::Vector2d(1e-3, 0.5));
+  for (int moved = 0; moved < 2; ++moved) {
+    for (const double amount : {2.0, 0.1, 1e-4}) {
+      const Prediction out = correction.Apply(0, {0.9, amount}, coarse);
+      EXPECT_LT((out.marks[0].p - fine(amount).marks[0].p).cwiseAbs().maxCoeff(), 1e-12)
+          << amount << " " << moved;
+    }
+    correction.MoveTo(u(0.4), difference(0.4));
+  }
+}
+
 }  // namespace
 }  // namespace unfurl::correlate::correction_test

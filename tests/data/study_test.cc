@@ -109,6 +109,8 @@ TEST(Study, NamesFileKeyAndRemedyOfWhatIsWrong) {
               HasSubstr("folder/s.toml:12:parameter.clearance.start"));
   EXPECT_THAT(Message(Replaced("[0.001, 0.02]", "[0.02, 0.001]")), HasSubstr("encloses nothing"));
   EXPECT_THAT(Message(Replaced("[0.001, 0.02]", "[-0.001, 0.02]")), HasSubstr("logarithm"));
+  // What may come to nothing has a lower bound of 0, and begins above it.
+  EXPECT_EQ(ParseStudy(Replaced("[0.001, 0.02]", "[0.0, 0.02]"), "s.toml").parameters[0].low, 0.0);
   EXPECT_THAT(Message(Replaced("sigma = 0.001", "sigma = 0")), HasSubstr("prior.sigma"));
   EXPECT_THAT(Message(Replaced("window = [0.1, 2.5]", "window = [2.5, 0.1]")),
               HasSubstr("trial.window"));

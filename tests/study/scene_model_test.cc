@@ -129,8 +129,8 @@ TEST(MotionRequest, ReachesPastTheLastStampByAHundredthAtMost) {
   const std::vector<double> theta = {1.0};
   for (double last = 1e-3; last < 1e4; last *= 1.37) {
     const MotionRequest wanted = MotionRequest::For(theta, Until(last));
-    EXPECT_GT(wanted.duration, last + 1.0 / wanted.rate);
-    EXPECT_LE(wanted.duration, std::exp2(1.0 / 64.0) * (last + 2.0 / wanted.rate) * (1.0 + 1e-12));
+    EXPECT_GE(wanted.duration, last);
+    EXPECT_LE(wanted.duration, std::exp2(1.0 / 64.0) * last * (1.0 + 1e-12));
   }
   // Another point, other marks and a longer record are other motions.
   const MotionRequest one = MotionRequest::For(theta, Until(3.0));
@@ -141,23 +141,25 @@ TEST(MotionRequest, ReachesPastTheLastStampByAHundredthAtMost) {
 
 TEST_F(SceneModelTest, AStoreMakesEachMotionOnceAndForgetsTheOldest) {
   const sim::Model model = sim::Compile(data::ReadScene(path_));
-  MotionStore store;
+  auto wanted = [](double theta, double duration) {
+    return MotionRequest::For(std::vector<double>{theta}, Until(duration));
+  };
+  constexpr double kLong = 3.0;  // [s]
+  const std::size_t bytes = SceneMotion(model, wanted(0.0, kLong), 1e-6).bytes();
+  MotionStore store(3 * bytes + bytes / 2);
   int made = 0;
   auto get = [&](double theta, double duration) {
-    MotionRequest wanted = MotionRequest::For(std::vector<double>{theta}, Until(duration));
-    return store.Get(wanted, [&] {
+    return store.Get(wanted(theta, duration), [&] {
       ++made;
-      return std::make_shared<const SceneMotion>(model, wanted, 1e-6);
+      return std::make_shared<const SceneMotion>(model, wanted(theta, duration), 1e-6);
     });
   };
   const auto first = get(0.0, 1.0);
   EXPECT_EQ(get(0.0, 1.0), first);
   EXPECT_EQ(made, 1);
-  // A free stone takes few steps, so long motions are cheap: of 10 MB each three are kept.
-  const double ten_megabytes = 10e6 / 40.0 / 2000.0;  // a mark and the time, 40 B, 2000 a second
-  for (int k = 1; k <= 4; ++k) get(k, ten_megabytes);
+  for (int k = 1; k <= 4; ++k) get(k, kLong);  // of which three are kept
   EXPECT_EQ(made, 5);
-  get(4.0, ten_megabytes);
+  get(4.0, kLong);
   EXPECT_EQ(made, 5);
   get(0.0, 1.0);
   EXPECT_EQ(made, 6);
