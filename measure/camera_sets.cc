@@ -46,6 +46,28 @@ class FlashSolver {
     const Eigen::VectorXd e = Left(i);
     return e.dot(terms_[i].P * e);
   }
+  // By the flashes that are not wrong by themselves, each of which costs a cap; from `far` by all
+  // of them first, and by those that fit worse less and less.
+  void Find(std::span<const double> cap, bool far) {
+    std::vector<double> weight(terms_.size(), 1.0);
+    Step(weight);
+    if (far) {
+      std::vector<double> shares;
+      for (std::size_t i = 0; i < terms_.size(); ++i) shares.push_back(Loss(i) / cap[i]);
+      double scale = shares.empty() ? 1.0 : std::max(1.0, Median(shares));
+      for (int round = 0; round < kHalvings; ++round, scale = std::max(0.5 * scale, 0.25)) {
+        for (std::size_t i = 0; i < terms_.size(); ++i) {
+          const double share = scale * cap[i] / (scale * cap[i] + Loss(i));
+          weight[i] = share * share;
+        }
+        Step(weight);
+      }
+    }
+    for (int round = 0; round < kSettle; ++round) {
+      for (std::size_t i = 0; i < terms_.size(); ++i) weight[i] = Loss(i) < cap[i] ? 1.0 : 0.0;
+      Step(weight);
+    }
+  }
   const Eigen::VectorXd& x() const { return x_; }
   Eigen::MatrixXd Covariance() const {
     return A_.ldlt()
@@ -178,6 +200,7 @@ void CameraSets::Reduce() {
   for (const FlashTerms& flash : Terms({})) {
     GG.noalias() += flash.G.transpose() * (flash.P * flash.G);
     lines.push_back(flash.line);
+    most_ = std::max(most_, Cap(flash));
   }
   lines_ = lines;
   const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(GG);
@@ -208,43 +231,20 @@ void CameraSets::Refine(const std::vector<FlashTerms>& terms, bool far, Fit* fit
     cap.push_back(Cap(flash));
   }
   FlashSolver solver(terms, std::move(D), m, triangulator_.rig().cameras[0].pixels);
-  std::vector<double> weight(terms.size(), 1.0);
-  solver.Step(weight);
-  if (far) {  // from all flashes to those that are not wrong by themselves
-    std::vector<double> shares;
-    for (std::size_t i = 0; i < terms.size(); ++i) shares.push_back(solver.Loss(i) / cap[i]);
-    double scale = shares.empty() ? 1.0 : std::max(1.0, Median(shares));
-    for (int round = 0; round < kHalvings; ++round, scale = std::max(0.5 * scale, 0.25)) {
-      for (std::size_t i = 0; i < terms.size(); ++i) {
-        const double share = scale * cap[i] / (scale * cap[i] + solver.Loss(i));
-        weight[i] = share * share;
-      }
-      solver.Step(weight);
-    }
-  }
-  for (int round = 0; round < kSettle; ++round) {
-    for (std::size_t i = 0; i < terms.size(); ++i) weight[i] = solver.Loss(i) < cap[i] ? 1.0 : 0.0;
-    solver.Step(weight);
-  }
+  solver.Find(cap, far);
   fit->loss = solver.x().tail(directions_.cols()).squaredNorm();
-  double first = HUGE_VAL, all = 0.0, good = 0.0;
-  for (const CameraEvent& event : events_) first = std::min(first, event.from);
   std::vector<FlashTerms> kept;
   std::map<std::size_t, Eigen::VectorXd> left;
   for (std::size_t i = 0; i < terms.size(); ++i) {
     const double loss = solver.Loss(i);
     fit->loss += std::min(loss, cap[i]);
-    const bool after = evidence_.t(terms[i].line) >= first;
-    all += after;
     if (!(loss < cap[i])) continue;
-    good += after;
     kept.push_back(terms[i]);
     left[terms[i].line] = solver.Left(i);
   }
   // What tells nothing once the rest is taken out is not explained either.
-  const double most = cap.empty() ? 0.0 : *std::max_element(cap.begin(), cap.end());
-  fit->loss += most * static_cast<double>(lines_.size() - std::min(lines_.size(), terms.size()));
-  fit->explained = all > 0.0 ? good / all : 1.0;
+  fit->loss += most_ * static_cast<double>(lines_.size() - std::min(lines_.size(), terms.size()));
+  fit->unexplained = lines_.size() - std::min(lines_.size(), kept.size());
   fit->wide =
       Overdispersion(evidence_, kept, [&](const FlashTerms& flash) { return left[flash.line]; });
   fit->value += solver.x().head(m);

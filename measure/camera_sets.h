@@ -35,11 +35,11 @@ class CameraSets {
   struct Fit {
     std::vector<std::uint32_t> sets;  // cameras, by event
     std::vector<Unknown> unknowns;
-    Eigen::VectorXd value;       // [px]
-    Eigen::MatrixXd covariance;  // [px^2]
-    double loss = 0.0;           // of all flashes [-]
-    double wide = 1.0;           // Overdispersion
-    double explained = 0.0;      // share of the flashes from the first event on [-]
+    Eigen::VectorXd value;        // [px]
+    Eigen::MatrixXd covariance;   // [px^2]
+    double loss = 0.0;            // of all flashes [-]
+    double wide = 1.0;            // Overdispersion
+    std::size_t unexplained = 0;  // flashes
   };
   Fit Solve(const std::vector<std::uint32_t>& sets) const;
   // -2 ln of how probable a fit is, with variances wider by a factor: its loss, its numbers, and
@@ -66,6 +66,7 @@ class CameraSets {
   std::vector<CameraEvent> events_;
   std::vector<std::size_t> lines_;  // of the evidence
   Eigen::MatrixXd directions_;      // of the calibration's errors
+  double most_ = 0.0;               // that a flash costs [-]
 };
 
 }  // namespace unfurl::measure

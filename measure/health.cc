@@ -185,9 +185,9 @@ Hypothesis BestLag(const CameraView& view, std::span<const Residuals> by_lag,
       gained[j] += LossOf(view, now, j, 0.0) - LossOf(view, then, j, 0.0);
     }
     const auto at = std::max_element(gained.begin(), gained.end());
-    if (*at <= price || *at - price <= best.gain) continue;
     const auto from = static_cast<std::size_t>(at - gained.begin());
-    if (*at <= noise * std::sqrt(static_cast<double>(n - from))) continue;
+    const double least = std::max(price, noise * std::sqrt(static_cast<double>(n - from)));
+    if (*at <= least || *at - price <= best.gain) continue;
     double over_no_law = 0.0;
     for (std::size_t j = from; j < n; ++j) {
       over_no_law += OverNoLaw(then, j, LossOf(view, then, j, 0.0), options.wild);

@@ -221,6 +221,8 @@ void JudgeRivals(const HealthEvidence& raw, const Triangulator& triangulator,
     std::vector<CameraEvent> moments = EventsOf(offsets, span);
     moments.push_back(at.event);
     moments.push_back(Contradiction{}.event);
+    const std::size_t none =
+        CameraSets(raw, triangulator, options, marks, {}).Solve({}).unexplained;
     // As sure as any fault has to be, of all moments and sets that are looked at.
     const double sure =
         2.0 * std::log(static_cast<double>(moments.size() * kMostSets) / options.false_alarm);
@@ -229,8 +231,8 @@ void JudgeRivals(const HealthEvidence& raw, const Triangulator& triangulator,
       moment.cameras = 1U;
       const CameraSets instead(raw, triangulator, options, marks, {moment});
       const Explanation other = Judge(instead, options, cameras);
-      // It explains most flashes, and not a few by chance.
-      if (other.fit.explained < 0.5) continue;
+      // It explains most of what contradicts itself without any fault, and not a few by chance.
+      if (2 * other.fit.unexplained > none) continue;
       if (other.price > price - (faults->empty() ? sure : 0.0)) continue;
       price = other.price;
       best = FaultsOf(instead, other);
