@@ -193,6 +193,9 @@ int Conclude(const Common& common, const ReconstructSettings& s, const data::Rig
   const std::string exchanged = Describe(done.exchanged, done.marks);
   if (!exchanged.empty()) summary["exchanged_marks"] = not_usable.emplace_back(exchanged);
   if (!health.distances_kept) not_usable.push_back(health.distances);
+  for (std::size_t k = 0; k < health.words.size(); ++k) {
+    if (health.certain[k] == 0) not_usable.push_back(health.words[k]);
+  }
   if (rig.verdict == calib::kDoNotUse) {
     not_usable.push_back(fmt::format("the verdict of the rig {} is \"{}\"{}", s.rig, rig.verdict,
                                      rig.reasons.empty() ? "" : ": " + rig.reasons.front()));

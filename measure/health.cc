@@ -10,6 +10,7 @@
 #include "base/statistics.h"
 #include "base/text.h"
 #include "measure/health_light.h"
+#include "measure/health_rivals.h"
 #include "measure/health_view.h"
 
 namespace unfurl::measure {
@@ -137,6 +138,7 @@ void HealthOptions::Check() const {
   };
   chance("false_alarm", false_alarm);
   chance("doubt", doubt);
+  chance("together", together);
   chance("wild", wild);
   chance("scatter_alarm", scatter_alarm);
   if (!(scatter_harmless >= 0.0) || !std::isfinite(scatter_harmless)) {
@@ -168,6 +170,10 @@ Hypothesis BestLag(const CameraView& view, std::span<const Residuals> by_lag,
   const double price =
       2.0 * std::log(static_cast<double>(by_lag.size() * cameras * std::max<std::size_t>(n, 1)) /
                      options.false_alarm);
+  // Of a mark that stands still two flashes tell the same but for their noise, and the loss of the
+  // one less that of the other, two chi-squares of one, has the variance 4.
+  const double noise = 2.0 * NormalQuantile(1.0 - options.false_alarm /
+                                                      static_cast<double>(by_lag.size() * cameras));
   for (int k = 0; k < static_cast<int>(by_lag.size()); ++k) {
     if (k == middle) continue;
     const Residuals& then = by_lag[static_cast<std::size_t>(k)];
@@ -179,8 +185,9 @@ Hypothesis BestLag(const CameraView& view, std::span<const Residuals> by_lag,
       gained[j] += LossOf(view, now, j, 0.0) - LossOf(view, then, j, 0.0);
     }
     const auto at = std::max_element(gained.begin(), gained.end());
-    if (*at <= price || *at - price <= best.gain) continue;
     const auto from = static_cast<std::size_t>(at - gained.begin());
+    const double least = std::max(price, noise * std::sqrt(static_cast<double>(n - from)));
+    if (*at <= least || *at - price <= best.gain) continue;
     double over_no_law = 0.0;
     for (std::size_t j = from; j < n; ++j) {
       over_no_law += OverNoLaw(then, j, LossOf(view, then, j, 0.0), options.wild);
@@ -232,6 +239,7 @@ void FindFaults(const HealthEvidence& raw, const Triangulator& triangulator,
     if (!fault.certain()) break;  // what is left cannot be told from it
     evidence.Correct(TakenOut(fault));
   }
+  JudgeRivals(raw, triangulator, options, marks, &report->faults);
 }
 
 }  // namespace
@@ -296,6 +304,12 @@ std::string Describe(const Fault& fault, std::span<const std::string> cameras) {
   if (fault.certain()) return text;
   std::vector<std::string> others;
   for (const int c : fault.suspects) others.push_back(cameras[static_cast<std::size_t>(c)]);
+  if (fault.several) {
+    return text + fmt::format(
+                      ", or something happened to others, several at once it may be, of it "
+                      "and {}: it cannot be told which",
+                      JoinWords(others));
+  }
   return text + fmt::format(", or it is {}: it cannot be told which", JoinWords(others));
 }
 

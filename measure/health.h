@@ -24,6 +24,9 @@ struct HealthOptions {
   double false_alarm = 1e-3;
   /// Chance, by the likelihoods, that another camera is the one, above which none is named [-].
   double doubt = 1e-3;
+  /// Chance that what moved one camera moved another at the same moment [-]: two stand on one beam,
+  /// or one who leans on a wall leans on both.
+  double together = 0.01;
   /// Lags looked for, either way [lines]: two rounds of a usual strobe.
   int most_lag = 10;
   /// Chance that a reading is wrong by itself (a reflection), as AssociateOptions::miss [-].
@@ -55,6 +58,7 @@ struct Fault {
   FaultKind kind = FaultKind::kMoved;
   int camera = 0;             ///< the likeliest
   std::vector<int> suspects;  ///< others that explain it nearly as well; empty: it is that camera
+  bool several = false;       ///< more than one of them may be wrong, in place of that camera
   /// From when on [s]: between `earliest` and `latest`; before the first flash: -infinity.
   double from = -std::numeric_limits<double>::infinity();
   double earliest = from, latest = from;

@@ -3,34 +3,23 @@
 // same at every flash, once for all. So what a calibration's error may do is no sign of a fault.
 #include <array>
 #include <cmath>
-#include <map>
 #include <optional>
 #include <utility>
 
 #include "base/dense.h"
 #include "base/statistics.h"
-#include "measure/camera_model.h"
+#include "measure/health_flash.h"
 #include "measure/health_view.h"
 
 namespace unfurl::measure {
 
 namespace {
 
-constexpr int kShapes = 3;                // functions of time: 1, a step, t from the middle
-constexpr std::size_t kMost = 1500;       // flashes: more gain nothing on the calibration's errors
-constexpr std::size_t kJointSlices = 40;  // of time, over which residuals are averaged
-constexpr std::size_t kMoments = 64;      // of a step, that are independent of each other
+constexpr int kShapes = 3;            // functions of time: 1, a step, t from the middle
+constexpr std::size_t kMost = 1500;   // flashes: more gain nothing on the calibration's errors
+constexpr std::size_t kMoments = 64;  // of a step, that are independent of each other
 
 using Shape = Eigen::Matrix<double, kShapes, 1>;
-
-// Of one flash: what is left of readings once the mark may be anywhere.
-struct FlashTerms {
-  std::size_t line = 0;
-  Shape s = Shape::Zero();  // the functions of time there
-  Eigen::VectorXd r;        // readings less those of the point [px]
-  Eigen::MatrixXd P;        // C x C, weights without what a place explains [1/px^2]
-  Eigen::MatrixXd G;        // C x r, what the calibration's errors do to readings [px]
-};
 
 class Joint {
  public:
@@ -39,9 +28,9 @@ class Joint {
       : evidence_(evidence),
         triangulator_(triangulator),
         cameras_(triangulator.cameras()),
-        likeliest_(likeliest) {
-    FindFactor();
-    const auto C = static_cast<Eigen::Index>(cameras_), r = factor_.cols() + C;
+        likeliest_(likeliest),
+        errors_(triangulator) {
+    const Eigen::Index r = errors_.columns();
     GG_ = Eigen::MatrixXd::Identity(r, r);
     Gy_ = Eigen::VectorXd::Zero(r);
     hG_.assign(cameras_, Eigen::MatrixXd::Zero(kShapes, r));
@@ -101,66 +90,26 @@ class Joint {
     return out;
   }
 
-  // How much wider than white what is left scatters, averaged over a while mark by mark: what the
-  // lens model misses stays the same for a while. At least 1.
-  double Overdispersion(std::size_t camera, const std::vector<int>& shapes) const {
+  // Of what is left without these functions of a camera.
+  double Overdispersed(std::size_t camera, const std::vector<int>& shapes) const {
     const Answer answer = Solve(camera, shapes);
     Eigen::VectorXd left = Gy_;
     for (std::size_t k = 0; k < shapes.size(); ++k) {
       left -= hG_[camera].row(shapes[k]).transpose() * answer.value(static_cast<Eigen::Index>(k));
     }
     const Eigen::VectorXd z = solver_.solve(left);
-    struct Cell {
-      Eigen::MatrixXd P;
-      Eigen::VectorXd y;
-    };
-    std::map<std::pair<int, int>, Cell> cells;
-    const auto C = static_cast<Eigen::Index>(cameras_);
-    for (const FlashTerms& flash : terms_) {
+    return Overdispersion(evidence_, terms_, [&](const FlashTerms& flash) {
+      const Shape s = ShapeAt(evidence_.t(flash.line));
       Eigen::VectorXd r = flash.r - flash.G * z;
       for (std::size_t k = 0; k < shapes.size(); ++k) {
         r(static_cast<Eigen::Index>(camera)) -=
-            flash.s(shapes[k]) * answer.value(static_cast<Eigen::Index>(k));
+            s(shapes[k]) * answer.value(static_cast<Eigen::Index>(k));
       }
-      const double at = 0.5 * ((evidence_.t(flash.line) - middle_) / half_ + 1.0);
-      const int slice = std::min<int>(kJointSlices - 1, static_cast<int>(at * kJointSlices));
-      Cell& cell = cells[{evidence_.mark(flash.line), slice}];
-      if (cell.P.size() == 0) cell = {Eigen::MatrixXd::Zero(C, C), Eigen::VectorXd::Zero(C)};
-      cell.P += flash.P;
-      cell.y += flash.P * r;
-    }
-    double squares = 0.0, degrees = 0.0;
-    for (const auto& [at, cell] : cells) {
-      const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(cell.P);
-      const double largest = eigen.eigenvalues()(C - 1);
-      for (Eigen::Index k = 0; k < C; ++k) {
-        // Directions that a place explains have no weight, those between hardly any.
-        constexpr double kWeight = 1e-2;  // of the largest
-        const double weight = eigen.eigenvalues()(k);
-        if (!(weight > kWeight * largest)) continue;
-        const double part = eigen.eigenvectors().col(k).dot(cell.y);
-        squares += part * part / weight;
-        degrees += 1.0;
-      }
-    }
-    return degrees > 0.0 ? std::max(1.0, squares / degrees) : 1.0;
+      return r;
+    });
   }
 
  private:
-  // Without columns that do nothing.
-  void FindFactor() {
-    const Eigen::MatrixXd& whole = triangulator_.rig_factor();
-    std::vector<Eigen::Index> kept;
-    for (Eigen::Index k = 0; k < whole.cols(); ++k) {
-      if (whole.col(k).squaredNorm() > 0.0) kept.push_back(k);
-    }
-    const auto rows = static_cast<Eigen::Index>(cameras_) * data::kCameraParameters;
-    factor_.resize(rows, static_cast<Eigen::Index>(kept.size()));
-    for (std::size_t k = 0; k < kept.size(); ++k) {
-      factor_.col(static_cast<Eigen::Index>(k)) = whole.col(kept[k]);
-    }
-  }
-
   // What the likeliest fault adds to a camera's reading.
   double Taken(std::size_t camera, double t) const {
     const Fault& fault = likeliest_.fault;
@@ -169,64 +118,34 @@ class Joint {
     return t >= fault.from ? fault.offset_px : likeliest_.before_px;
   }
 
+  Shape ShapeAt(double t) const {
+    return {1.0, t >= likeliest_.fault.from ? 1.0 : 0.0, (t - middle_) / half_};
+  }
+
   std::optional<FlashTerms> TermsOf(std::size_t i, Eigen::Vector3d* last) const {
-    const data::Rig& rig = triangulator_.rig();
-    std::array<double, CameraBank::kMaxCameras> u{}, s{};
-    for (std::size_t c = 0; c < cameras_; ++c) {
-      u[c] = evidence_.At(i, c).u_px - Taken(c, evidence_.t(i));
-      s[c] = evidence_.At(i, c).s_px;
-    }
-    const PointSolution point =
-        triangulator_.Solve({u.data(), cameras_}, {s.data(), cameras_}, *last);
+    std::array<double, CameraBank::kMaxCameras> taken{};
+    for (std::size_t c = 0; c < cameras_; ++c) taken[c] = Taken(c, evidence_.t(i));
+    Eigen::Vector3d at = *last;
+    auto out = errors_.TermsOf(evidence_, i, taken, &at);
     // A reading that is wrong by itself tells nothing of its camera's fault.
-    if (point.outcome != PointOutcome::kSolved && point.outcome != PointOutcome::kDisagree) {
-      return {};
-    }
     constexpr double kWild = 1e-5;  // chance that good readings are taken for wrong ones [-]
-    if (point.readings < 4 ||
-        point.chi_square > ChiSquareQuantile(1.0 - kWild, point.readings - 3)) {
-      return {};
-    }
-    *last = point.p;
-    const auto C = static_cast<Eigen::Index>(cameras_);
-    FlashTerms out;
-    out.line = i;
-    const double t = evidence_.t(i);
-    out.s << 1.0, t >= likeliest_.fault.from ? 1.0 : 0.0, (t - middle_) / half_;
-    out.r = Eigen::VectorXd::Zero(C);
-    Eigen::VectorXd w = Eigen::VectorXd::Zero(C);
-    Eigen::MatrixXd J = Eigen::MatrixXd::Zero(C, 3);
-    out.G = Eigen::MatrixXd::Zero(C, factor_.cols() + C);
-    for (Eigen::Index c = 0; c < C; ++c) {
-      const auto k = static_cast<std::size_t>(c);
-      Projection seen;
-      if ((point.cameras >> k & 1U) == 0 || !Project(rig.cameras[k], point.p, &seen)) continue;
-      const double floor = data::FloorOf(rig, k);
-      w(c) = 1.0 / (s[k] * s[k] + floor * floor);
-      J.row(c) = seen.du_dp;
-      out.r(c) = evidence_.At(i, k).u_px - seen.u_px;
-      out.G.row(c).head(factor_.cols()) =
-          seen.du_dc * factor_.middleRows(c * data::kCameraParameters, data::kCameraParameters);
-      // The model's own error may be the same wherever marks go.
-      out.G(c, factor_.cols() + c) = floor;
-    }
-    const Eigen::MatrixXd WJ = w.asDiagonal() * J;
-    const Eigen::Matrix3d A = J.transpose() * WJ;
-    out.P = -WJ * A.inverse() * WJ.transpose();
-    out.P.diagonal() += w;
+    if (!out || out->chi_square > ChiSquareQuantile(1.0 - kWild, out->readings - 3)) return {};
+    *last = at;
+    for (std::size_t c = 0; c < cameras_; ++c) out->r(static_cast<Eigen::Index>(c)) += taken[c];
     return out;
   }
 
   void Add(const FlashTerms& flash) {
+    const Shape s = ShapeAt(evidence_.t(flash.line));
     const Eigen::VectorXd y = flash.P * flash.r;
     const Eigen::MatrixXd PG = flash.P * flash.G;
     GG_.noalias() += flash.G.transpose() * PG;
     Gy_.noalias() += flash.G.transpose() * y;
     for (std::size_t c = 0; c < cameras_; ++c) {
       const auto k = static_cast<Eigen::Index>(c);
-      hG_[c].noalias() += flash.s * PG.row(k);
-      hh_[c].noalias() += flash.P(k, k) * flash.s * flash.s.transpose();
-      hy_[c] += y(k) * flash.s;
+      hG_[c].noalias() += s * PG.row(k);
+      hh_[c].noalias() += flash.P(k, k) * s * s.transpose();
+      hy_[c] += y(k) * s;
     }
     terms_.push_back(flash);
   }
@@ -235,8 +154,8 @@ class Joint {
   const Triangulator& triangulator_;
   std::size_t cameras_;
   const Hypothesis& likeliest_;
+  FlashErrors errors_;
   double middle_ = 0.0, half_ = 1.0;  // of the record [s]
-  Eigen::MatrixXd factor_;            // of the rig's parameters [unit]
   Eigen::MatrixXd GG_;                // r x r, with the prior [-]
   Eigen::VectorXd Gy_;
   std::vector<Eigen::MatrixXd> hG_;  // by camera, shapes x r
@@ -313,7 +232,7 @@ bool JudgeOffsets(const HealthEvidence& evidence, const Triangulator& triangulat
   for (std::size_t c = 0; c < cameras; ++c) all.push_back(BestStory(joint, c, stepped));
   const auto best = std::max_element(
       all.begin(), all.end(), [](const Verdict& a, const Verdict& b) { return a.gain < b.gain; });
-  const double wide = joint.Overdispersion(best->camera, Stories()[best->story].shapes);
+  const double wide = joint.Overdispersed(best->camera, Stories()[best->story].shapes);
   const Eigen::Index told = Stories()[best->story].told;
   // Two-sided, shared by every camera, shape, and moment of a step.
   const double tests = static_cast<double>(cameras * (kMoments + 2));

@@ -111,6 +111,33 @@ TEST_F(ReadingsVerb, AMovedCameraIsSaidFirst) {
   }
 }
 
+// A mark at rest, and two of four cameras bumped: any of them explains that, and that is no
+// success.
+TEST_F(ReadingsVerb, WhatNobodyCanTellApartEndsInOne) {
+  Record();
+  std::istringstream rows(Get("readings.csv"));
+  std::string text, row;
+  std::getline(rows, row);
+  text = row + "\n";
+  std::vector<std::string> place;  // the first: ",tip,CAMERA,u,s" by camera
+  while (place.size() < 4 && std::getline(rows, row)) place.push_back(row.substr(row.find(',')));
+  for (int i = 0; i < kPlaces; ++i) {
+    for (std::size_t c = 0; c < place.size(); ++c) {
+      const std::size_t from = place[c].rfind(',', place[c].rfind(',') - 1) + 1;
+      const std::size_t to = place[c].find(',', from);
+      const double bump = i >= kPlaces / 2 ? 2.0 * static_cast<double>(c == 1) - (c == 3) : 0.0;
+      const double u = std::stod(place[c].substr(from)) + bump + 0.01 * ((i + c) % 3);
+      text += fmt::format("{}{}{}{}\n", 0.02 * i, place[c].substr(0, from), u, place[c].substr(to));
+    }
+  }
+  Put("still.csv", text);
+  const Outcome outcome =
+      Run({"reconstruct", "still.csv", "--rig", Shipped("rig.h5"), "-o", "tracks.h5"});
+  EXPECT_EQ(outcome.code, 1) << outcome.out;
+  EXPECT_THAT(outcome.out, HasSubstr("not usable: camera "));
+  EXPECT_THAT(outcome.err, HasSubstr("it cannot be told which"));
+}
+
 TEST_F(ReadingsVerb, WhatIsNoReadingIsRefused) {
   Record();
   const std::vector<std::string> files = {"readings.csv"};

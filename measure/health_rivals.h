@@ -1,0 +1,15 @@
+#pragma once
+
+#include <vector>
+
+#include "measure/health.h"
+
+namespace unfurl::measure {
+
+// Whether other cameras than those found explain the evidence as well: one, or several that were
+// wrong at the same moment. Where they do, `faults` says that it cannot be told which; where others
+// explain it and these do not, they take their place. Nothing is taken out of `evidence`.
+void JudgeRivals(const HealthEvidence& evidence, const Triangulator& triangulator,
+                 const HealthOptions& options, std::size_t marks, std::vector<Fault>* faults);
+
+}  // namespace unfurl::measure

@@ -1,0 +1,114 @@
+// Cameras that were bumped at the same moment, through glass.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "measure/health.h"
+#include "measure/reconstruct.h"
+#include "tests/measure/health_trial.h"
+
+namespace unfurl::measure::health_rivals_test {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+constexpr double kSigma = 0.02;  // of readings [px]
+
+// Four marks that go a share of their way about one place each.
+HealthTrial Slow(std::size_t cameras, double share) {
+  return {cameras, 700, 2160, [share](int mark, double t) -> Eigen::Vector3d {
+            const Eigen::Vector3d middle = HealthTrial::Swing(mark, 0.35 + 0.6 * mark);
+            return middle + share * (HealthTrial::Swing(mark, t) - middle);
+          }};
+}
+
+// Two cameras moved from a moment on.
+data::TrialReadings TwoMoved(const HealthTrial& trial, std::size_t cameras, const Harm& one,
+                             const Harm& other, Rng* rng) {
+  data::TrialReadings out = trial.Draw(one, kSigma, rng);
+  const data::TrialReadings second = trial.Draw(other, kSigma, rng);
+  const auto c = static_cast<std::size_t>(other.camera);
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    out.u_px[i * cameras + c] = second.u_px[i * cameras + c];
+  }
+  return out;
+}
+
+struct Outcome {
+  HealthReport report;
+  std::size_t usable = 0, wrong = 0;  // wrong: off by more than six of its sigmas
+};
+
+Outcome Go(const HealthTrial& trial, const data::TrialReadings& readings, const data::Rig& rig) {
+  Outcome out;
+  const data::Tracks tracks =
+      Reconstruct(readings, rig, {.workers = 1}, nullptr, false, &out.report);
+  for (std::size_t i = 0; i < tracks.size(); ++i) {
+    if (!data::Usable(tracks.status[i])) continue;
+    ++out.usable;
+    const SampleError error = ErrorOf(tracks, i, trial.truth()[i]);
+    out.wrong += error.e.squaredNorm() > 36.0 * error.C.trace();
+  }
+  return out;
+}
+
+TEST(HealthRivals, TwoCamerasBumpedAtOnceAreBothNamedOrNobodyIs) {
+  for (const std::size_t cameras : {4U, 6U}) {
+    for (const double share : {0.0, 0.1, 1.0}) {
+      const HealthTrial trial = Slow(cameras, share);
+      for (const double from : {-1.0, 0.3}) {
+        Rng rng(9000 + 100 * cameras);
+        const data::Rig rig = trial.DrawRig(&rng);
+        const data::TrialReadings readings =
+            TwoMoved(trial, cameras, {.camera = 1, .px = -1.76, .from = from},
+                     {.camera = 2, .px = 0.9, .from = from}, &rng);
+        const Outcome outcome = Go(trial, readings, rig);
+        ASSERT_FALSE(outcome.report.faults.empty()) << cameras << " " << share << " " << from;
+        for (const Fault& fault : outcome.report.faults) {
+          if (!fault.certain()) continue;
+          EXPECT_EQ(fault.kind, FaultKind::kMoved);
+          ASSERT_TRUE(fault.camera == 1 || fault.camera == 2) << cameras << " " << share;
+          EXPECT_NEAR(fault.offset_px, fault.camera == 1 ? -1.76 : 0.9,
+                      std::max(0.09, 4.0 * fault.sigma_px));
+        }
+        EXPECT_EQ(outcome.wrong, 0U) << cameras << " " << share << " " << from;
+        // Four of six cameras are left; two of four are not enough.
+        if (cameras == 4) continue;
+        EXPECT_GE(outcome.usable, trial.truth().size() - 10);
+      }
+    }
+  }
+}
+
+// Of two that move any one of four cameras as well, nobody is named, and it is said that it may be
+// several.
+TEST(HealthRivals, WhatTwoSetsOfCamerasExplainIsNotDecided) {
+  const HealthTrial still(4, 700, 2160, true);
+  Rng rng(3);
+  const data::Rig rig = still.DrawRig(&rng);
+  const data::TrialReadings readings = TwoMoved(still, 4, {.camera = 1, .px = 2.0, .from = 0.3},
+                                                {.camera = 3, .px = -1.0, .from = 0.3}, &rng);
+  const Outcome outcome = Go(still, readings, rig);
+  ASSERT_EQ(outcome.report.faults.size(), 1U);
+  EXPECT_FALSE(outcome.report.faults[0].certain());
+  EXPECT_THAT(Describe(outcome.report.faults[0], readings.cameras),
+              HasSubstr("it cannot be told which"));
+  EXPECT_EQ(outcome.wrong, 0U);
+}
+
+// Two flashes of a mark at rest differ by noise alone, which makes no camera late.
+TEST(HealthRivals, MarksAtRestMakeNoCameraLate) {
+  for (const std::size_t cameras : {4U, 5U}) {
+    const HealthTrial trial = Slow(cameras, 0.0);
+    for (std::uint64_t draw = 0; draw < 4; ++draw) {
+      Rng rng(70 + draw);
+      const data::Rig rig = trial.DrawRig(&rng);
+      EXPECT_THAT(Go(trial, trial.Draw({}, kSigma, &rng), rig).report.faults, IsEmpty()) << draw;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace unfurl::measure::health_rivals_test
