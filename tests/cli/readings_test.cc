@@ -125,7 +125,7 @@ TEST_F(ReadingsVerb, WhatNobodyCanTellApartEndsInOne) {
     for (std::size_t c = 0; c < place.size(); ++c) {
       const std::size_t from = place[c].rfind(',', place[c].rfind(',') - 1) + 1;
       const std::size_t to = place[c].find(',', from);
-      const double bump = i >= kPlaces / 2 ? 2.0 * static_cast<double>(c == 1) - (c == 3) : 0.0;
+      const double bump = 3 * i >= 2 * kPlaces ? 2.0 * static_cast<double>(c == 1) - (c == 3) : 0.0;
       const double u = std::stod(place[c].substr(from)) + bump + 0.01 * ((i + c) % 3);
       text += fmt::format("{}{}{}{}\n", 0.02 * i, place[c].substr(0, from), u, place[c].substr(to));
     }
