@@ -26,7 +26,7 @@ struct HealthOptions {
   double doubt = 1e-3;
   /// Chance that what moved one camera moved another at the same moment [-]: two stand on one beam,
   /// or one who leans on a wall leans on both.
-  double together = 0.01;
+  double together = 1e-4;
   /// Lags looked for, either way [lines]: two rounds of a usual strobe.
   int most_lag = 10;
   /// Chance that a reading is wrong by itself (a reflection), as AssociateOptions::miss [-].

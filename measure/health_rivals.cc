@@ -55,9 +55,11 @@ struct Explanation {
 
 constexpr int kMostTogether = 3;  // cameras of one moment
 
-// The sets of an event against each other, those of the other events as they are.
+// The sets of an event against each other, those of the other events as they are. Where `sure`,
+// what is known was found for certain among as many cameras at a time: only more at once are held
+// against it.
 Explanation JudgeEvent(const CameraSets& sets, const HealthOptions& options, std::size_t event,
-                       std::size_t cameras, const std::vector<std::uint32_t>& known) {
+                       std::size_t cameras, const std::vector<std::uint32_t>& known, bool sure) {
   std::vector<CameraSets::Fit> fits;
   const int most = std::min(std::popcount(known[event]) + 1, kMostTogether);
   for (const std::uint32_t set : SetsUpTo(most, cameras)) {
@@ -80,6 +82,9 @@ Explanation JudgeEvent(const CameraSets& sets, const HealthOptions& options, std
   best.several = std::popcount(found) > 1;
   for (const CameraSets::Fit& fit : fits) {
     if ((fit.sets[event] & found) == found) continue;
+    if (sure && found == known[event] && std::popcount(fit.sets[event]) == std::popcount(found)) {
+      continue;
+    }
     const double share = std::exp(-0.5 * (sets.Price(fit, wide) - best.price));
     others += share;
     if (!(share > options.doubt)) continue;
@@ -91,12 +96,13 @@ Explanation JudgeEvent(const CameraSets& sets, const HealthOptions& options, std
 }
 
 // Event by event, until one is in doubt.
-Explanation Judge(const CameraSets& sets, const HealthOptions& options, std::size_t cameras) {
+Explanation Judge(const CameraSets& sets, const HealthOptions& options, std::size_t cameras,
+                  bool sure) {
   std::vector<std::uint32_t> known;
   for (const CameraEvent& event : sets.events()) known.push_back(event.cameras);
   Explanation out;
   for (std::size_t e = 0; e < known.size() && out.doubtful == 0; ++e) {
-    out = JudgeEvent(sets, options, e, cameras, known);
+    out = JudgeEvent(sets, options, e, cameras, known, sure);
     known[e] = out.fit.sets[e];
   }
   if (known.empty()) {
@@ -209,7 +215,8 @@ void JudgeRivals(const HealthEvidence& raw, const Triangulator& triangulator,
     return;
   const double span = std::max(raw.t(raw.size() - 1) - raw.t(0), 1e-9);
   const CameraSets found(evidence, triangulator, options, marks, EventsOf(offsets, span));
-  const Explanation by = Judge(found, options, cameras);
+  const bool sure = one && offsets[0].certain();
+  const Explanation by = Judge(found, options, cameras, sure);
   // Each lag has a price: any number of lines of any camera, from any moment on.
   const double lag = static_cast<double>(2 * options.most_lag) * static_cast<double>(cameras) *
                      static_cast<double>(found.flashes());
@@ -230,7 +237,7 @@ void JudgeRivals(const HealthEvidence& raw, const Triangulator& triangulator,
       if (moment.kind != FaultKind::kMoved) continue;
       moment.cameras = 1U;
       const CameraSets instead(raw, triangulator, options, marks, {moment});
-      const Explanation other = Judge(instead, options, cameras);
+      const Explanation other = Judge(instead, options, cameras, false);
       // It explains most of what contradicts itself without any fault, and not a few by chance.
       if (2 * other.fit.unexplained > none) continue;
       if (other.price > price - (faults->empty() ? sure : 0.0)) continue;
