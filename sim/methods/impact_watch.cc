@@ -11,6 +11,7 @@ constexpr double kStepsOfImpact = 10.0;  // [-]: order five, one tolerance each
 // Of the rate at which a stop is reached, an error of each of them: what the stop returns is then
 // known to a tenth.
 constexpr double kOfOwnRate = 0.01;  // [-]
+constexpr double kTightest = 1e-13;  // rtol that a run may ask for [-]
 // Of the way in: the way out of a stop that returns a quarter of the speed takes no longer.
 constexpr double kLongestWayOut = 4.0;  // [-]
 
@@ -20,8 +21,11 @@ double ImpactWatch::WeightAt(double rate, const Hinge& hinge, const Motion& moti
   const double spin =
       std::max(std::fabs(motion.omega[hinge.inner]), std::fabs(motion.omega[hinge.outer]));
   const double tolerance = scale_.rtol * (scale_.spin + spin);
-  const double own = std::max(kOfOwnRate * std::fabs(rate), 1e-300);
-  return std::max(kStepsOfImpact, tolerance / own);
+  const double own = kOfOwnRate * std::fabs(rate);
+  // One that is pressed at rest, as at a run's start, is not hit; and nothing is held to less than
+  // the tightest tolerance that there is.
+  if (!(own > 0.0)) return 1.0;
+  return std::max(kStepsOfImpact, std::min(tolerance / own, scale_.rtol / kTightest));
 }
 
 double ImpactWatch::Weight(double t, const Motion& motion, const std::vector<LatchMode>& modes) {

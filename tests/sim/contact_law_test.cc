@@ -204,6 +204,25 @@ TEST(Ramped, SlowBouncesLoseTheirSpeed) {
   }
 }
 
+// A stop that is pressed at rest as the run begins, or nearly so, is not hit: steps there are as
+// any.
+TEST(HuntCrossley, AStopPressedAtRestIsNoImpact) {
+  data::Scene scene = data::ParseScene(LatchingBarScene(), "bar.toml");
+  scene.contacts[0].law = Law::kHuntCrossley;
+  scene.contacts[0].alpha = 1.0;
+  scene.joints[0].theta = -scene.joints[0].latch->theta_b - 1e-6;
+  for (const double rate : {0.0, -1e-20, 1e-20}) {
+    scene.joints[0].theta_rate = rate;
+    for (const Method method : {Method::kAuto, Method::kProjected, Method::kImplicit}) {
+      SimulateOptions options;
+      options.method = method;
+      options.duration = 0.1;
+      const SimulateReport report = Simulate(Compile(scene), options, nullptr);
+      EXPECT_EQ(report.t_end, 0.1) << report.message;
+    }
+  }
+}
+
 TEST(HuntCrossley, KeysOfTheOtherLawAreRefused) {
   const auto message = [](const std::string& keys) {
     std::string text = LatchingBarScene();
