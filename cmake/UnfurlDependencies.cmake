@@ -11,7 +11,8 @@ find_package(Boost 1.74 REQUIRED)  # Boost.Math, Boost.Random, headers only
 find_package(muparser 2.3 REQUIRED)  # expressions of campaigns
 find_package(PkgConfig REQUIRED)
 pkg_check_modules(FFTW REQUIRED IMPORTED_TARGET fftw3)
-pkg_check_modules(LIBMD REQUIRED IMPORTED_TARGET libmd)
+pkg_check_modules(LIBDEFLATE REQUIRED IMPORTED_TARGET libdeflate)
+pkg_check_modules(NETTLE REQUIRED IMPORTED_TARGET nettle)
 pkg_check_modules(LIBPNG REQUIRED IMPORTED_TARGET libpng)
 find_package(Threads REQUIRED)
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <set>
@@ -11,6 +12,7 @@
 #include "data/h5.h"
 #include "data/h5_checks.h"
 #include "data/h5_handle.h"
+#include "data/h5_packed.h"
 #include "data/h5_scales.h"
 
 namespace unfurl::data {
@@ -28,9 +30,11 @@ struct H5Reader::Impl {
   H5Handle file;
   int version = 0;
   mutable std::set<std::string> checked;
+  mutable std::map<std::pair<std::string, hid_t>, H5Packed> packed;  // by name and type in memory
 
   ~Impl() {
     const ReadsForeign reads(path.c_str());
+    packed.clear();
     file.Close();
   }
 
@@ -55,6 +59,15 @@ struct H5Reader::Impl {
     std::vector<hsize_t> size(static_cast<std::size_t>(std::max(rank, 0)));
     if (rank > 0) H5Sget_simple_extent_dims(space.get(), size.data(), nullptr);
     return size;
+  }
+
+  H5Packed& Packed(const H5Reader& owner, const std::string& name, hid_t memory_type) const {
+    const auto key = std::make_pair(name, memory_type);
+    auto found = packed.find(key);
+    if (found == packed.end()) {
+      found = packed.try_emplace(key, Dataset(owner, name), memory_type).first;
+    }
+    return found->second;
   }
 
   template <typename T>
@@ -100,6 +113,7 @@ struct H5Reader::Impl {
     for (hsize_t d : size) needed *= d;
     if (needed > out_size) throw std::logic_error("H5Reader::ReadRows: buffer too small");
     if (needed == 0) return;
+    if (!column && Packed(owner, name, memory_type).Read(first, count, out)) return;
     const H5Handle space(H5Dget_space(set.get()), H5Sclose);
     H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, start.data(), nullptr, size.data(), nullptr);
     const H5Handle memory(H5Screate_simple(static_cast<int>(size.size()), size.data(), nullptr),

@@ -1,32 +1,68 @@
 #include "data/provenance.h"
 
-#include <sha256.h>
+#include <fcntl.h>
+#include <fmt/format.h>
+#include <nettle/sha2.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <cstring>
 #include <mutex>
 #include <set>
 #include <utility>
+#include <vector>
 
 #include "base/error.h"
 #include "data/inputs.h"
 
 namespace unfurl::data {
 
-std::string FileSha256(const std::string& path) {
-  char hex[SHA256_DIGEST_STRING_LENGTH];
-  if (SHA256File(path.c_str(), hex) == nullptr) {
-    throw Error(std::string("cannot read: ") + std::strerror(errno), path, "check the name");
+namespace {
+
+class Sha256 {
+ public:
+  Sha256() { sha256_init(&state_); }
+  void Add(const void* bytes, std::size_t size) {
+    sha256_update(&state_, size, static_cast<const std::uint8_t*>(bytes));
   }
-  return hex;
+  std::string Hex() {
+    std::array<std::uint8_t, SHA256_DIGEST_SIZE> digest{};
+    sha256_digest(&state_, digest.size(), digest.data());
+    return fmt::format("{:02x}", fmt::join(digest, ""));
+  }
+
+ private:
+  sha256_ctx state_ = {};
+};
+
+struct Closes {
+  int file;
+  ~Closes() { close(file); }
+};
+
+}  // namespace
+
+std::string FileSha256(const std::string& path) {
+  const Closes opened{open(path.c_str(), O_RDONLY | O_CLOEXEC)};
+  Sha256 sha;
+  std::vector<char> piece(std::size_t{1} << 17);  // [byte]: what one read takes
+  for (;;) {
+    const ssize_t size = opened.file < 0 ? -1 : read(opened.file, piece.data(), piece.size());
+    if (size == 0) return sha.Hex();
+    if (size < 0 && errno != EINTR) {
+      throw Error(std::string("cannot read: ") + std::strerror(errno), path, "check the name");
+    }
+    if (size > 0) sha.Add(piece.data(), static_cast<std::size_t>(size));
+  }
 }
 
 std::string TextSha256(const std::string& text) {
-  char hex[SHA256_DIGEST_STRING_LENGTH];
-  SHA256Data(reinterpret_cast<const std::uint8_t*>(text.data()), text.size(), hex);
-  return hex;
+  Sha256 sha;
+  sha.Add(text.data(), text.size());
+  return sha.Hex();
 }
 
 namespace {

@@ -34,24 +34,60 @@ double CorrelationsOf(const Eigen::VectorXd& a, const Eigen::VectorXd& b) {
   return sum;
 }
 
+// Times that differ by less from even ones count as even [step].
+constexpr double kEven = 1e-9;
+using DifferenceWeights = std::array<double, kCoursePoints.back()>;
+
+// Of a divided difference at times t.
+DifferenceWeights WeightsAt(std::span<const double> t) {
+  DifferenceWeights out{};
+  for (std::size_t k = 0; k < t.size(); ++k) {
+    double product = 1.0;
+    for (std::size_t j = 0; j < t.size(); ++j) {
+      if (j != k) product *= t[k] - t[j];
+    }
+    out[k] = 1.0 / product;
+  }
+  return out;
+}
+
+// Most readings come evenly in time.
+const DifferenceWeights& EvenWeights(std::size_t points) {
+  static const std::array<DifferenceWeights, kCoursePoints.back() + 1> all = [] {
+    std::array<DifferenceWeights, kCoursePoints.back() + 1> out{};
+    DifferenceWeights t{};
+    for (std::size_t n = 1; n < out.size(); ++n) {
+      t[n - 1] = static_cast<double>(n - 1);
+      out[n] = WeightsAt(std::span(t).first(n));
+    }
+    return out;
+  }();
+  return all[points];
+}
+
 // Of readings[at[k]], what no polynomial of degree points - 2 explains, by divided differences,
 // over what is stated of it.
 Difference DifferenceOf(std::span<const CourseReading> readings, std::span<const std::size_t> at,
                         int stride) {
-  std::array<double, kCoursePoints.back()> t{};
+  DifferenceWeights t{};
   const std::size_t n = at.size();
   const CourseReading &first = readings[at.front()], &last = readings[at.back()];
   const double step = (last.t - first.t) / static_cast<double>(n - 1);
-  for (std::size_t k = 0; k < n; ++k) t[k] = (readings[at[k]].t - first.t) / step;
+  double uneven = 0.0;
+  for (std::size_t k = 0; k < n; ++k) {
+    t[k] = (readings[at[k]].t - first.t) / step;
+    uneven = std::max(uneven, std::abs(t[k] - static_cast<double>(k)));
+  }
+  DifferenceWeights own;
+  const bool even = uneven <= kEven;
+  if (!even) own = WeightsAt(std::span(t).first(n));
+  const DifferenceWeights& weights = even ? EvenWeights(n) : own;
   double sum = 0.0, variance = 0.0;
   for (std::size_t k = 0; k < n; ++k) {
-    double w = 1.0;
-    for (std::size_t j = 0; j < n; ++j) {
-      if (j != k) w *= t[k] - t[j];
-    }
     const CourseReading& one = readings[at[k]];
-    sum += one.u_px / w;
-    variance += one.s_px * one.s_px / (w * w);
+    const double sigma = one.s_px * weights[k];
+    sum += one.u_px * weights[k];
+    variance += sigma * sigma;
   }
   return {sum / std::sqrt(variance), first.flash, at[n / 2],
           last.flash - first.flash == (n - 1) * static_cast<std::size_t>(stride)};
@@ -119,8 +155,8 @@ std::vector<Difference> DifferencesOf(std::span<const CourseReading> readings,
     if (row.size() < points) continue;
     out.push_back(DifferenceOf(readings, std::span(row).last(points), kind.stride));
   }
-  std::sort(out.begin(), out.end(),
-            [](const Difference& a, const Difference& b) { return a.first < b.first; });
+  const auto before = [](const Difference& a, const Difference& b) { return a.first < b.first; };
+  if (!std::is_sorted(out.begin(), out.end(), before)) std::sort(out.begin(), out.end(), before);
   return out;
 }
 

@@ -149,15 +149,25 @@ void SpotFinder::SubtractBaseline(float sigma) {
   if (!tells) return;
   widest_ = kWidest * block;
   const float half = 0.5F * static_cast<float>(width);
-  float* d = signal_.data();
-  for (int k = 0; k < n; ++k) {
-    const float at = (static_cast<float>(k) + 0.5F - half) / pitch;
-    const int left = std::clamp(static_cast<int>(std::floor(at)), 0, std::max(0, sections - 2));
+  const auto at = [&](int k) { return (static_cast<float>(k) + 0.5F - half) / pitch; };
+  // From the middle of one section to that of the next, so that the compiler takes many at once.
+  for (int left = 0, k = 0; k < n; ++left) {
     const int right = std::min(left + 1, sections - 1);
-    const float share = std::clamp(at - static_cast<float>(left), 0.0F, 1.0F);
-    const float b = level[left] + share * (level[right] - level[left]);
-    d[k] -= b;
-    sums_[static_cast<std::size_t>(k)] -= 5.0F * b;
+    int end = n;
+    if (left + 2 < sections) {
+      const auto next = static_cast<float>(left + 1);
+      end = std::clamp(static_cast<int>(next * pitch + half - 0.5F), k, n);
+      while (end < n && at(end) < next) ++end;
+      while (end > k && at(end - 1) >= next) --end;
+    }
+    const float low = level[left], rise = level[right] - low, from = static_cast<float>(left);
+    float* d = signal_.data();
+    float* sums = sums_.data();
+    for (; k < end; ++k) {
+      const float b = low + std::clamp(at(k) - from, 0.0F, 1.0F) * rise;
+      d[k] -= b;
+      sums[k] -= 5.0F * b;
+    }
   }
 }
 

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "data/h5_handle.h"
+
+namespace unfurl::data {
+
+// A packed dataset of numbers, unpacked here, on all cores: HDF5 unpacks with zlib, one chunk after
+// the other, in two to three times the CPU time, and a chunk anew for each of its rows that is
+// asked for by itself. What is damaged or stored in another way is left to HDF5, which says what it
+// is. HDF5 itself is called on the caller's thread alone. Not for several threads at once.
+class H5Packed {
+ public:
+  // Memory is of `memory_type`, in which the dataset has to be stored.
+  H5Packed(H5Handle dataset, hid_t memory_type);
+
+  // Rows [first, first + count), which the dataset has, into out. False: ask HDF5.
+  bool Read(std::size_t first, std::size_t count, void* out);
+
+ private:
+  struct Piece {  // a chunk, and where its rows go
+    std::vector<hsize_t> origin;
+    std::uint8_t* rows = nullptr;  // of its layer: all columns
+    std::vector<std::uint8_t> packed;
+  };
+  void AddLayer(std::size_t layer, std::uint8_t* rows, std::vector<Piece>* pieces) const;
+  bool Fetch(Piece* piece) const;
+  bool Unpack(Piece* piece) const;
+  void Spread(const Piece& piece, const std::uint8_t* chunk) const;
+
+  bool UnpackLayers(std::size_t from, std::size_t to, std::uint8_t* rows) const;
+
+  H5Handle dataset_;
+  bool readable_ = false;
+  std::vector<int> filters_;             // in the order of packing
+  std::vector<hsize_t> extent_, chunk_;  // [rows, ...]
+  std::size_t element_ = 0, row_bytes_ = 0, chunk_bytes_ = 0;
+  std::size_t kept_ = SIZE_MAX;  // the layer of chunks that was asked for in part
+  std::vector<std::uint8_t> kept_rows_;
+};
+
+// Fletcher's checksum as HDF5 stores it, over words of 16 bits, the high byte first.
+std::uint32_t H5Fletcher32(const std::uint8_t* data, std::size_t size);
+
+}  // namespace unfurl::data
