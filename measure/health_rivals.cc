@@ -47,7 +47,8 @@ std::vector<std::uint32_t> SetsUpTo(int most, std::size_t cameras) {
 // An explanation: sets of cameras, by event, and which others explain it as well.
 struct Explanation {
   CameraSets::Fit fit;
-  double price = HUGE_VAL;     // -2 ln of its probability [-]
+  double price = HUGE_VAL;     // -2 ln of its probability, beside others of its events [-]
+  double apart = 0.0;          // of that, what is not its loss [-]
   std::size_t event = 0;       // that is in doubt
   std::uint32_t doubtful = 0;  // cameras that may be wrong in it; 0: it is certain
   bool several = false;        // more than one at once
@@ -74,7 +75,7 @@ Explanation JudgeEvent(const CameraSets& sets, const HealthOptions& options, std
   best.event = event;
   for (const CameraSets::Fit& fit : fits) {
     const double price = sets.Price(fit, wide);
-    if (price < best.price) best = {fit, price, event, 0, false};
+    if (price < best.price) best = {fit, price, price - fit.loss / wide, event, 0, false};
   }
   const std::uint32_t found = best.fit.sets[event];
   double others = 0.0;
@@ -108,6 +109,7 @@ Explanation Judge(const CameraSets& sets, const HealthOptions& options, std::siz
   if (known.empty()) {
     out.fit = sets.Solve({});
     out.price = sets.Price(out.fit, out.fit.wide);
+    out.apart = out.price - out.fit.loss / out.fit.wide;
   }
   return out;
 }
@@ -196,6 +198,23 @@ Contradiction FindContradiction(const HealthEvidence& evidence, const Triangulat
   return out;
 }
 
+// Explanations of unlike events.
+struct Rival {
+  double loss = 0.0, wide = 1.0, apart = 0.0;
+  std::vector<Fault> faults;
+};
+
+// All by the overdispersion of what misfits least: by its own a misfit would excuse itself.
+const Rival& Likeliest(const std::vector<Rival>& rivals) {
+  const double wide =
+      std::min_element(rivals.begin(), rivals.end(), [](const auto& a, const auto& b) {
+        return a.loss < b.loss;
+      })->wide;
+  return *std::min_element(rivals.begin(), rivals.end(), [&](const auto& a, const auto& b) {
+    return a.loss / wide + a.apart < b.loss / wide + b.apart;
+  });
+}
+
 }  // namespace
 
 void JudgeRivals(const HealthEvidence& raw, const Triangulator& triangulator,
@@ -220,9 +239,9 @@ void JudgeRivals(const HealthEvidence& raw, const Triangulator& triangulator,
   // Each lag has a price: any number of lines of any camera, from any moment on.
   const double lag = static_cast<double>(2 * options.most_lag) * static_cast<double>(cameras) *
                      static_cast<double>(found.flashes());
-  double price = by.price + 2.0 * static_cast<double>(late.size()) * std::log(lag);
-  std::vector<Fault> best = FaultsOf(found, by);
-  best.insert(best.begin(), late.begin(), late.end());
+  std::vector<Rival> rivals = {{by.fit.loss, by.fit.wide, by.apart, FaultsOf(found, by)}};
+  rivals[0].apart += 2.0 * static_cast<double>(late.size()) * std::log(lag);
+  rivals[0].faults.insert(rivals[0].faults.begin(), late.begin(), late.end());
   if (!one) {
     // What happened at one moment to one camera or two instead of all that.
     std::vector<CameraEvent> moments = EventsOf(offsets, span);
@@ -231,7 +250,7 @@ void JudgeRivals(const HealthEvidence& raw, const Triangulator& triangulator,
     const std::size_t none =
         CameraSets(raw, triangulator, options, marks, {}).Solve({}).unexplained;
     // As sure as any fault has to be, of all moments and sets that are looked at.
-    const double sure =
+    const double surely =
         2.0 * std::log(static_cast<double>(moments.size() * kMostSets) / options.false_alarm);
     for (CameraEvent& moment : moments) {
       if (moment.kind != FaultKind::kMoved) continue;
@@ -240,12 +259,11 @@ void JudgeRivals(const HealthEvidence& raw, const Triangulator& triangulator,
       const Explanation other = Judge(instead, options, cameras, false);
       // It explains most of what contradicts itself without any fault, and not a few by chance.
       if (2 * other.fit.unexplained > none) continue;
-      if (other.price > price - (faults->empty() ? sure : 0.0)) continue;
-      price = other.price;
-      best = FaultsOf(instead, other);
+      rivals.push_back({other.fit.loss, other.fit.wide,
+                        other.apart + (faults->empty() ? surely : 0.0), FaultsOf(instead, other)});
     }
   }
-  *faults = best;
+  *faults = Likeliest(rivals).faults;
 }
 
 }  // namespace unfurl::measure

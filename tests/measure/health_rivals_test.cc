@@ -82,6 +82,26 @@ TEST(HealthRivals, TwoCamerasBumpedAtOnceAreBothNamedOrNobodyIs) {
   }
 }
 
+// The lines come so fast that a lag moves readings by less than 0.1 px: two cameras that moved by
+// 5 px along what the marks hardly show misfit by ten times as much, and must not be judged by what
+// they misfit themselves.
+TEST(HealthRivals, ALateCameraIsNotTwoThatMoved) {
+  constexpr double kInterval = 1e-4;  // between lines [s]
+  const HealthTrial trial(4, 2000, 4281, HealthTrial::Way(&HealthTrial::Swing), kInterval);
+  for (const int camera : {0, 1, 2, 3}) {
+    Rng rng(4002);
+    const data::Rig rig = trial.DrawRig(&rng);
+    const Outcome outcome =
+        Go(trial, trial.Draw({.camera = camera, .from = -1.0, .lag = 5}, 0.0115, &rng), rig);
+    ASSERT_EQ(outcome.report.faults.size(), 1U) << camera;
+    const Fault& fault = outcome.report.faults[0];
+    EXPECT_EQ(fault.kind, FaultKind::kLate) << camera;
+    EXPECT_EQ(fault.camera, camera);
+    EXPECT_EQ(fault.lag, 5) << camera;
+    EXPECT_EQ(outcome.wrong, 0U) << camera;
+  }
+}
+
 // Of two that move any one of four cameras as well, nobody is named, and it is said that it may be
 // several.
 TEST(HealthRivals, WhatTwoSetsOfCamerasExplainIsNotDecided) {
