@@ -230,6 +230,12 @@ Observations Cut(const Observations& all, const Window& window) {
   return out;
 }
 
+Observations WithoutDraw(Observations record) {
+  for (MarkSeries& series : record.marks) series.shared.resize(3, 0);
+  record.shared_rank = 0;
+  return record;
+}
+
 Observations WithoutDrift(Observations record, double drift, double pivot) {
   for (MarkSeries& series : record.marks) {
     for (double& t : series.t) t = pivot + (t - pivot) / (1.0 + drift);

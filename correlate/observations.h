@@ -62,6 +62,9 @@ Observations FromRun(const data::Run& run, const std::vector<std::string>& marks
 // The part of `all` within the window, other kinds too; the drift's pivot stays.
 Observations Cut(const Observations& all, const Window& window);
 
+// The same samples, without what their errors have in common.
+Observations WithoutDraw(Observations record);
+
 // The same samples by a clock that runs at the model's rate: t becomes pivot + (t - pivot) / (1 +
 // drift), `drift` being by how much the record's clock runs fast [-]. What was known of the drift
 // beforehand is from then on of what is left of it.

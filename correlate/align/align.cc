@@ -127,7 +127,8 @@ double MotionOf(const Observations& record) {
 }
 
 // The candidate offset that leaves the least squares per sample once refined; false: none has
-// enough samples with a counterpart.
+// enough samples with a counterpart. The calibration's draw, dozens of unknowns, waits for the
+// best: it takes microns away, and from every candidate alike.
 bool FindBest(const Observations& record, const SampledModel& b, const OffsetSearch& search,
               double min_correlation, const AlignOptions& options, Refined* best,
               double* correlation) {
@@ -139,10 +140,13 @@ bool FindBest(const Observations& record, const SampledModel& b, const OffsetSea
     return (r.fit.SumOfSquares() + hidden * (all - known)) / all;
   };
   const std::size_t fewest = FewestAligned(record, options.registration);
+  const bool draws = record.shared_rank > 0;
+  const Observations plain = draws ? WithoutDraw(record) : Observations();
+  const Observations& used = draws ? plain : record;
   bool found = false;
   for (const OffsetCandidate& candidate : search.candidates) {
     if (candidate.correlation < min_correlation) continue;
-    Refined refined = Refine(record, b, candidate.offset, StartingDrift(record), options);
+    Refined refined = Refine(used, b, candidate.offset, StartingDrift(record), options);
     if (refined.fit.known < fewest) continue;
     if (options.search.IsKnown(refined.fit.at.offset)) continue;
     if (found && !(per_sample(refined) < per_sample(*best))) continue;
@@ -150,6 +154,7 @@ bool FindBest(const Observations& record, const SampledModel& b, const OffsetSea
     *correlation = candidate.correlation;
     found = true;
   }
+  if (found && draws) *best = Refine(record, b, best->fit.at.offset, best->drift, options);
   return found;
 }
 

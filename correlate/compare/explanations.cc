@@ -19,6 +19,7 @@ constexpr std::size_t kMostMarks = 6;        // of which every pair is tried
 constexpr std::size_t kPairs = 3;            // tried, of marks that lie best when exchanged
 // Of what the squared distance has beyond the measurement's own error, the most that is left.
 constexpr double kLeft = 0.25;
+constexpr double kSome = 0.9;  // likewise, of a first look
 // RMS in the marks' sigmas up to which they agree within their error, as in the verdict; without
 // sigmas, part of the distance before.
 constexpr double kAgree = 1.2, kTenth = 0.1;
@@ -59,10 +60,9 @@ struct Apart {
   double sigmas = 0.0;            // 0: none known [-]
 };
 
-std::optional<Apart> Try(const Observations& record, const SampledModel& reference,
-                         const AlignOptions& how) {
+std::optional<Apart> Measured(const Observations& record, Alignment alignment) {
   Apart out;
-  out.alignment = Align(record, reference, how);
+  out.alignment = std::move(alignment);
   if (!out.alignment.Usable()) return std::nullopt;
   const Observations driftless =
       WithoutDrift(record, out.alignment.drift, out.alignment.drift_pivot);
@@ -74,6 +74,11 @@ std::optional<Apart> Try(const Observations& record, const SampledModel& referen
   out.excess =
       record.has_sigma ? std::max(0.0, all.sigmas * all.sigmas - 1.0) : all.rmse * all.rmse;
   return out;
+}
+
+std::optional<Apart> Try(const Observations& record, const SampledModel& reference,
+                         const AlignOptions& how) {
+  return Measured(record, Align(record, reference, how));
 }
 
 Observations Scaled(Observations record, double factor) {
@@ -119,17 +124,27 @@ class Explaining {
  public:
   Explaining(const Observations& record, const SampledModel& reference,
              const ExplanationOptions& options)
-      : record_(Thinned(record)), reference_(reference), options_(options) {}
+      : record_(Thinned(record)),
+        plain_(WithoutDraw(record_)),
+        reference_(reference),
+        options_(options),
+        thinned_(record_.size() < record.size()) {}
 
-  std::vector<Explanation> Run(bool aligned) {
-    if (!aligned) {
+  std::vector<Explanation> Run(const Alignment& alignment) {
+    if (!alignment.Usable()) {
       if (record_.marks.size() <= kMostMarks) TryNames(AllPairs(), nullptr);
       return Sorted();
     }
-    const std::optional<Apart> before = Try(record_, reference_, options_.align);
+    const std::optional<Apart> before = thinned_ || !alignment.far.empty()
+                                            ? Try(record_, reference_, options_.align)
+                                            : Measured(record_, alignment);
     // No more than the error: there is nothing to explain.
     if (!before || !(before->excess > 0.0) || (before->sigmas > 0.0 && before->sigmas < kAgree)) {
       return {};
+    }
+    if (record_.shared_rank > 0) {
+      const std::optional<Apart> plain = Try(plain_, reference_, options_.align);
+      if (plain) plain_excess_ = plain->excess;
     }
     if (options_.clock) TryClock(*before);
     if (options_.lengths) TryLengths(*before);
@@ -156,6 +171,14 @@ class Explaining {
     return out;
   }
 
+  // Whether a cause is worth its full price. Without the calibration's draw, dozens of unknowns, a
+  // look costs a tenth; what would take three quarters away with it takes some away without it.
+  bool Promises(const Observations& plain, const AlignOptions& how) const {
+    if (record_.shared_rank == 0) return true;
+    const std::optional<Apart> after = Try(plain, reference_, how);
+    return after && after->excess <= kSome * plain_excess_;
+  }
+
   static bool Explains(const std::optional<Apart>& after, const Apart& before) {
     return after && after->excess <= kLeft * before.excess;
   }
@@ -163,6 +186,7 @@ class Explaining {
   void TryClock(const Apart& before) {
     AlignOptions how = options_.align;
     how.registration.fit_drift = true;
+    if (!Promises(plain_, how)) return;
     const std::optional<Apart> after = Try(record_, reference_, how);
     if (!Explains(after, before)) return;
     const double drift = after->alignment.drift;
@@ -177,6 +201,7 @@ class Explaining {
 
   void TryLengths(const Apart& before) {
     double ratio = RatioOfLengths(record_, before.alignment);
+    if (!Promises(Scaled(plain_, 1.0 / ratio), options_.align)) return;
     std::optional<Apart> after;
     for (int k = 0; k < kLengthRounds; ++k) {
       const Observations scaled = Scaled(record_, 1.0 / ratio);
@@ -246,6 +271,7 @@ class Explaining {
     for (const auto& [i, j] : pairs) {
       Observations other = record_;
       std::swap(other.marks[i].name, other.marks[j].name);
+      if (before != nullptr && !Promises(WithoutDraw(other), options_.align)) continue;
       const std::optional<Apart> after = Try(other, reference_, options_.align);
       if (!after || (before != nullptr && !Explains(after, *before))) continue;
       const std::string &a = record_.marks[i].name, &b = record_.marks[j].name;
@@ -263,6 +289,7 @@ class Explaining {
     }
     Observations rest = record_;
     rest.marks.erase(rest.marks.begin() + static_cast<std::ptrdiff_t>(worst));
+    if (!Promises(WithoutDraw(rest), options_.align)) return;
     const std::optional<Apart> after = Try(rest, reference_, options_.align);
     if (!after) return;
     if (!(record_.has_sigma ? after->sigmas < kAgree : after->rms < kTenth * before.rms)) return;
@@ -274,9 +301,11 @@ class Explaining {
                     record_.has_sigma ? ", no more than their own error" : ""));
   }
 
-  const Observations record_;
+  const Observations record_, plain_;  // without the draw
+  double plain_excess_ = HUGE_VAL;
   const SampledModel& reference_;
   const ExplanationOptions& options_;
+  const bool thinned_;
   struct Found {
     Explanation explanation;
     double excess = 0.0;  // that it leaves
@@ -305,7 +334,7 @@ std::vector<Explanation> ExplainDifference(const Observations& record,
                                            const Alignment& alignment,
                                            const ExplanationOptions& options) {
   if (record.marks.size() < 2) return {};
-  return Explaining(record, reference, options).Run(alignment.Usable());
+  return Explaining(record, reference, options).Run(alignment);
 }
 
 }  // namespace unfurl::correlate
