@@ -24,6 +24,7 @@
 #include "data/toml_override.h"
 #include "data/toml_study.h"
 #include "measure/camera_model.h"
+#include "study/design_advice.h"
 
 namespace unfurl::cli {
 
@@ -76,6 +77,7 @@ ordered_json ToJson(const study::StudyDesign& d,
 
 ordered_json Json(const DesignArguments& a, const study::StudyDesign& d) {
   ordered_json out = {{"study", a.study},
+                      {"advice", study::Advice(d)},
                       {"verdict", d.fit.record.verdict},
                       {"parameters", ordered_json::object()},
                       {"wanted", d.wanted}};
@@ -97,7 +99,8 @@ ordered_json Json(const DesignArguments& a, const study::StudyDesign& d) {
 }
 
 std::string Text(const DesignArguments& a, const study::StudyDesign& d) {
-  std::string out = fmt::format("{}: {}\n", a.study, d.fit.record.verdict);
+  std::string out =
+      fmt::format("{}: {}\nThe fit: {}\n", a.study, study::Advice(d), d.fit.record.verdict);
   for (std::size_t j = 0; j < d.now.size(); ++j) {
     const auto& p = d.fit.record.parameters[j];
     out += fmt::format("  {} {:.5g}{}, standard error of the data {}\n", p.name, p.value,

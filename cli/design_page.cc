@@ -6,6 +6,7 @@
 
 #include "base/sentence.h"
 #include "report/page.h"
+#include "study/design_advice.h"
 
 namespace unfurl::cli {
 
@@ -98,9 +99,9 @@ TextTable PlanRows(const study::StudyDesign& d, const std::vector<study::DesignC
 void WriteDesignPage(const std::string& path, const std::string& study, const study::StudyDesign& d,
                      const data::Provenance& provenance) {
   report::Page page("What to measure next", study);
-  std::vector<std::string> notes;
+  std::vector<std::string> notes = {"The fit: " + d.fit.record.verdict};
   for (const std::string& note : d.notes) notes.push_back(Capitalised(note) + ".");
-  page.AddWords(d.notes.empty() ? report::Level::kGood : report::Level::kCare, d.fit.record.verdict,
+  page.AddWords(d.notes.empty() ? report::Level::kGood : report::Level::kCare, study::Advice(d),
                 notes);
   page.AddSection(
       "What the trials at hand tell",

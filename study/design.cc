@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/error.h"
+#include "base/number.h"
 #include "base/text.h"
 #include "correlate/design/schedule.h"
 #include "study/design_planner.h"
@@ -198,9 +199,9 @@ void NoteLimits(const Planner& planner, StudyDesign* out) {
     if (e.sigma_model <= e.sigma_data) continue;
     const auto j = static_cast<std::size_t>(&e - out->fit.result.parameters.data());
     out->notes.push_back(fmt::format(
-        "the model's own error leaves {:.3g} times as much open of {} as the data do: a finer rung "
+        "the model's own error leaves {} times as much open of {} as the data do: a finer rung "
         "gives more than another trial",
-        e.sigma_model / e.sigma_data, out->tells.parameters[j]));
+        Number(e.sigma_model / e.sigma_data, 2), out->tells.parameters[j]));
   }
   if (planner.weight() > 1.0) {
     out->notes.push_back(

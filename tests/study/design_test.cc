@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "base/error.h"
+#include "study/design_advice.h"
 #include "tests/study/arm.h"
 
 namespace unfurl::study::design_test {
@@ -143,6 +144,49 @@ TEST_F(DesignTest, BadInputIsNamed) {
   EXPECT_THAT(message(options), HasSubstr("next.toml:1:trial.a"));
   options.candidates = data::ParseDesign("[trial.a]\nset = [\"body.arm.mass=-1\"]\n", "next.toml");
   EXPECT_THAT(message(options), HasSubstr("next.toml:1:trial.a: body.arm.mass: -1"));
+}
+
+StudyDesign Weighed() {
+  StudyDesign d;
+  d.tells.parameters = {"stiffness", "damping"};
+  d.wanted = d.tells.parameters;
+  d.now = {1.0, 2.0};
+  d.again = {"the same once more", "", {1.0, 2.0}, {0.7, 1.4}, {}};
+  d.cycle = {"a", "b"};
+  d.schedule = {"the best cycle", "", {1.0, 2.0}, {0.69, 1.38}, {"a", "a"}};
+  d.trials = {{"high", "", {1.0, 2.0}, {0.3, 1.5}, {}},
+              {"low", "", {1.0, 2.0}, {0.6, 0.8}, {}},
+              {"broken", "does not start", {}, {}, {}}};
+  d.fit.result.parameters.resize(2);
+  for (auto& e : d.fit.result.parameters) e.sigma_data = 1.0, e.sigma_model = 0.1;
+  return d;
+}
+
+// Geometric means over today's: 0.7 again, 0.69 by the cycle, 0.474 "high", 0.490 "low".
+TEST(DesignAdvice, IsThePlanThatLeavesLeast) {
+  StudyDesign d = Weighed();
+  EXPECT_EQ(Advice(d),
+            "Measure the trial high: the data's standard errors become 0.30 of today's (stiffness) "
+            "and 0.75 (damping).");
+  d.wanted = {"damping"};
+  EXPECT_EQ(Advice(d),
+            "Measure the trial low: the data's standard errors become 0.40 of today's (damping).");
+}
+
+TEST(DesignAdvice, IsTheSameOnceMoreWhereNothingIsBetter) {
+  StudyDesign d = Weighed();
+  d.trials.clear();
+  EXPECT_THAT(Advice(d), HasSubstr("Measure the same once more"));
+  EXPECT_THAT(Advice(d), HasSubstr("0.70 of today's (stiffness) and 0.70 (damping)"));
+}
+
+TEST(DesignAdvice, IsABetterModelWhereItsOwnErrorIsTheLargerOne) {
+  StudyDesign d = Weighed();
+  d.fit.result.parameters[0].sigma_model = 1234.0;
+  EXPECT_THAT(Advice(d), HasSubstr("Measure the trial high"));
+  d.fit.result.parameters[1].sigma_model = 4.0;
+  EXPECT_THAT(Advice(d), HasSubstr("Refine the model first: its own error is 1234 (stiffness), "
+                                   "4.0 (damping) times what the data leave open. Then measure"));
 }
 
 }  // namespace

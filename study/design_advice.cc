@@ -1,0 +1,104 @@
+#include "study/design_advice.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "base/number.h"
+
+namespace unfurl::study {
+
+namespace {
+
+// Plans that take errors down by no more than this beyond the same trial once more are no better:
+// standard errors are known to some per cent.
+constexpr double kNoBetter = 0.95;
+
+std::vector<std::size_t> WantedOf(const StudyDesign& d) {
+  std::vector<std::size_t> out;
+  for (std::size_t j = 0; j < d.tells.parameters.size(); ++j) {
+    const bool counts =
+        std::find(d.wanted.begin(), d.wanted.end(), d.tells.parameters[j]) != d.wanted.end();
+    if (counts) out.push_back(j);
+  }
+  return out;
+}
+
+struct Plan {
+  const DesignCase* of = nullptr;
+  std::string words;
+  double factor = std::numeric_limits<double>::infinity();  // of errors, geometric mean [-]
+};
+
+double FactorOf(const StudyDesign& d, const DesignCase& plan) {
+  const std::vector<std::size_t> wanted = WantedOf(d);
+  if (!plan.message.empty() || plan.together.size() < d.now.size() || wanted.empty()) {
+    return std::numeric_limits<double>::infinity();
+  }
+  double sum = 0.0;
+  for (const std::size_t j : wanted) sum += std::log(plan.together[j] / d.now[j]);
+  return std::exp(sum / static_cast<double>(wanted.size()));
+}
+
+// "0.60 of today's (clearance) and 0.58 (damping)".
+std::string Become(const StudyDesign& d, const DesignCase& plan) {
+  std::string out;
+  const std::vector<std::size_t> wanted = WantedOf(d);
+  for (std::size_t i = 0; i < wanted.size(); ++i) {
+    const std::size_t j = wanted[i];
+    if (i > 0) out += i + 1 == wanted.size() ? " and " : ", ";
+    out += fmt::format("{}{} ({})", Number(plan.together[j] / d.now[j], 2),
+                       i == 0 ? " of today's" : "", d.tells.parameters[j]);
+  }
+  return out;
+}
+
+Plan BestPlan(const StudyDesign& d) {
+  Plan best;
+  const auto weigh = [&](const DesignCase& plan, const std::string& words) {
+    const double factor = FactorOf(d, plan);
+    if (factor < best.factor) best = {&plan, words, factor};
+  };
+  std::string cycle;
+  for (const std::string& slot : d.schedule.cycle) cycle += (cycle.empty() ? "" : " ") + slot;
+  if (!d.cycle.empty()) weigh(d.schedule, fmt::format("a trial with the strobe's cycle {}", cycle));
+  for (const DesignCase& c : d.marks) weigh(c, fmt::format("a trial with the mark {}", c.name));
+  for (const DesignCase& c : d.channels) weigh(c, fmt::format("a trial with {} beside", c.name));
+  for (const DesignCase& c : d.trials) weigh(c, fmt::format("the trial {}", c.name));
+  const double again = FactorOf(d, d.again);
+  if (!(best.factor < kNoBetter * again)) {
+    best = {&d.again, "the same once more, which nothing else that was weighed does better than",
+            again};
+  }
+  return best;
+}
+
+}  // namespace
+
+std::string Advice(const StudyDesign& d) {
+  std::string model;
+  bool first = true;
+  for (const std::size_t j : WantedOf(d)) {
+    const correlate::ParameterEstimate& e = d.fit.result.parameters[j];
+    first = first && e.sigma_model > e.sigma_data;
+    model += fmt::format("{}{} ({})", model.empty() ? "" : ", ",
+                         Number(e.sigma_model / e.sigma_data, 2), d.tells.parameters[j]);
+  }
+  const Plan best = BestPlan(d);
+  std::string next;
+  if (std::isfinite(best.factor)) {
+    next = fmt::format("easure {}: the data's standard errors become {}.", best.words,
+                       Become(d, *best.of));
+  }
+  if (first && !model.empty()) {
+    return fmt::format(
+        "Refine the model first: its own error is {} times what the data leave open.{}", model,
+        next.empty() ? "" : " Then m" + next);
+  }
+  return next.empty() ? next : "M" + next;
+}
+
+}  // namespace unfurl::study
