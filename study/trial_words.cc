@@ -114,8 +114,8 @@ std::string CorrelationWords(const correlate::TrialResult& t) {
     rho += n.variance * n.share * n.rho;
   }
   return fmt::format(
-             ", and are correlated in time: {:.0f}% of their variance from sample to sample, by "
-             "{:.3f}; the fit is weighted for it",
+             ", and are correlated in time: {:.0f}% of their variance is shared by neighbouring "
+             "samples (correlation {:.3f} from one to the next); the fit is weighted for it",
              100.0 * share / variance, share > 0.0 ? rho / share : 0.0) +
          (t.whitened.white() ? ", after which they are white."
                              : ", and the standard errors are widened for what is left of it.");

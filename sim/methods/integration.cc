@@ -194,6 +194,7 @@ void Integration::FillReport() {
   report_.axial = axial_.peaks();
   report_.warnings = axial_.Warnings();
   for (const std::string& w : functions_.Warnings()) report_.warnings.push_back(w);
+  for (const std::string& w : tables_.Warnings()) report_.warnings.push_back(w);
   const std::string energy = judge_.Warning();
   if (!energy.empty()) report_.warnings.push_back(energy);
   report_.t_end = t_;

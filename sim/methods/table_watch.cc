@@ -1,9 +1,12 @@
 #include "sim/methods/table_watch.h"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
 
+#include "base/number.h"
 #include "sim/methods/quartic.h"
 
 namespace unfurl::sim {
@@ -14,6 +17,10 @@ namespace {
 // at a knot: what a travel s over it is off by goes with s^2, what its work is off by with s^3. So
 // from 1e-6 on, where a thousandth is enough, the part falls as rtol^(2/3).
 constexpr double kMostUnseen = 1e-3, kUnseen = 10.0;
+
+// Of a table's width, that a coordinate may go beyond its points unsaid: a straight line is as good
+// as a point measured there [-].
+constexpr double kBeyond = 0.01;
 
 // Whether the table from `from` over `travel` is a quartic but for what may be unseen.
 bool IsSeen(const MomentTable& table, double from, double travel, double part) {
@@ -41,21 +48,48 @@ bool IsSeen(const MomentTable& table, double from, double travel, double part) {
 }  // namespace
 
 TableWatch::TableWatch(const Model& model, double rtol)
-    : tables_(std::get<JointEffect<MomentTable>>(model.joint_effects)), part_(PartUnseen(rtol)) {}
+    : model_(model),
+      tables_(std::get<JointEffect<MomentTable>>(model.joint_effects)),
+      part_(PartUnseen(rtol)),
+      reach_(static_cast<std::size_t>(tables_.count())) {}
 
 double TableWatch::PartUnseen(double rtol) {
   return std::min(kMostUnseen, kUnseen * std::pow(rtol, 2.0 / 3.0));
 }
 
-double TableWatch::Resolved(const Motion& motion, double h) const {
+double TableWatch::Resolved(const Motion& motion, double h) {
   for (int k = 0; k < tables_.count(); ++k) {
     const MomentTable& table = tables_.law(k);
     const Coordinate::State at = tables_.coordinate(k).At(motion);
+    Reach& reach = reach_[static_cast<std::size_t>(k)];
+    reach = {std::min(reach.low, at.value), std::max(reach.high, at.value)};
     const double shortest = kShortestTravel * (table.knots().back() - table.knots().front());
     while (std::fabs(at.rate * h) > shortest && !IsSeen(table, at.value, at.rate * h, part_))
       h *= 0.5;
   }
   return h;
+}
+
+std::vector<std::string> TableWatch::Warnings() const {
+  std::vector<std::string> out;
+  for (const Model::Joint& joint : model_.joints) {
+    const int k = joint.effects[JointEffectIndex<MomentTable::Record>()];
+    if (k < 0) continue;
+    const std::vector<double>& knots = tables_.law(k).knots();
+    const Reach& reach = reach_[static_cast<std::size_t>(k)];
+    const double slack = kBeyond * (knots.back() - knots.front());
+    const bool above = reach.high - knots.back() > knots.front() - reach.low;
+    const double end = above ? knots.back() : knots.front();
+    const double reached = above ? reach.high : reach.low;
+    if (!(std::fabs(reached - end) > slack) || above != (reached > end)) continue;
+    const bool travel = joint.coordinate.travel;
+    out.push_back(fmt::format(
+        "the {0} of '{1}' went to {2} {3}, but the points of its table end at {4} {3}: the {5} "
+        "beyond them is a straight line's, which nobody measured",
+        travel ? "travel" : "angle", joint.name, Number(reached), travel ? "m" : "rad", Number(end),
+        travel ? "force" : "moment"));
+  }
+  return out;
 }
 
 }  // namespace unfurl::sim

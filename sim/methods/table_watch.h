@@ -1,6 +1,9 @@
 #pragma once
 
 #include <cstddef>
+#include <limits>
+#include <string>
+#include <vector>
 
 #include "sim/model/model.h"
 
@@ -22,11 +25,18 @@ class TableWatch {
 
   bool empty() const { return tables_.count() == 0; }
   // The longest step of h, h / 2, h / 4, ... [s] from `motion` on, at its rates.
-  double Resolved(const Motion& motion, double h) const;
+  double Resolved(const Motion& motion, double h);
+  // Which coordinates went beyond the points of their tables, where nobody measured.
+  std::vector<std::string> Warnings() const;
 
  private:
+  const Model& model_;
   const JointEffect<MomentTable>& tables_;
   const double part_;  // of a table's range, that it may be off
+  struct Reach {
+    double low = std::numeric_limits<double>::infinity(), high = -low;
+  };
+  std::vector<Reach> reach_;  // of the coordinates, by table
 };
 
 }  // namespace unfurl::sim

@@ -67,5 +67,44 @@ TEST(TableWatch, SmoothTablesAreNotSlowedDown) {
   EXPECT_LE(with.report.steps, without.report.steps + 5);
 }
 
+// Beyond its points a table is a straight line that nobody measured: where a run went there is
+// told.
+TEST(TableWatch, RunsThatLeaveATableSaySo) {
+  struct Case {
+    double rate, low, high;
+    const char* told;
+  };
+  for (const Case& one : {Case{10.0, -1.0, 5.0,
+                               "went to 10.00 rad, but the points of its table "
+                               "end at 5.000 rad"},
+                          Case{-10.0, -2.0, 5.0,
+                               "went to \u221210.00 rad, but the points of its "
+                               "table end at \u22122.000 rad"},
+                          Case{10.0, -1.0, 9.95, ""}, Case{10.0, 0.0, 300.0, ""}}) {
+    for (const Method method : {Method::kAuto, Method::kPartitioned, Method::kImplicit}) {
+      SimulateOptions options;
+      options.method = method;
+      const MarkTracks tracks = SimulateMarks(
+          data::ParseScene(
+              fmt::format("[scene]\nname = \"beyond\"\nduration = 1.0\n[body.wheel]\nmass = 1.0\n"
+                          "inertia = 0.35\n[joint.axle]\ninner = \"ground\"\nouter = \"wheel\"\n"
+                          "theta_rate = {}\n[joint.axle.table]\ntheta = [{}, {}]\n"
+                          "moment = [0.0, 0.0]\n[mark.rim]\non = \"wheel\"\npoint = [1.0, 0.0]\n",
+                          one.rate, one.low, one.high),
+              "test.toml"),
+          options);
+      ASSERT_TRUE(tracks.report.Usable());
+      const std::vector<std::string>& told = tracks.report.warnings;
+      if (*one.told == '\0') {
+        EXPECT_TRUE(told.empty()) << told.front();
+        continue;
+      }
+      ASSERT_EQ(told.size(), 1U) << one.high;
+      EXPECT_NE(told[0].find(std::string("the angle of 'axle' ") + one.told), std::string::npos)
+          << told[0];
+    }
+  }
+}
+
 }  // namespace
 }  // namespace unfurl::sim::table_watch_test
