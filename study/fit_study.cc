@@ -5,6 +5,7 @@
 #include "base/error.h"
 #include "correlate/fit/evaluation_store.h"
 #include "study/fit_record.h"
+#include "study/model_warnings.h"
 
 namespace unfurl::study {
 
@@ -37,6 +38,7 @@ void Run(const data::Study& study, const FitStudyOptions& options, correlate::Wo
   if (!fit->Usable()) apart.reasons = WhyNotAligned(fit->binding->problem, how, fit->result);
   fit->record = RecordOf(study, fit->binding->problem, fit->result, apart);
   AddTolerances(fit->binding->tolerance, &fit->record);
+  AddModelWarnings(fit->binding->problem, fit->result, &fit->record);
 }
 
 }  // namespace

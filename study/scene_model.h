@@ -1,5 +1,7 @@
 #pragma once
 
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -31,6 +33,11 @@ class SceneModel : public correlate::Model {
   // point that is asked at other stamps costs nothing more.
   correlate::Prediction Evaluate(std::span<const double> theta,
                                  const correlate::Stamps& stamps) const override;
+
+  // Of the nearest of the motions that are kept; none: nothing was simulated here.
+  std::optional<std::vector<std::string>> WarningsNear(std::span<const double> theta) const {
+    return motions_.WarningsNear(theta);
+  }
 
   const std::vector<std::string>& marks() const { return marks_; }
   const std::vector<std::string>& joints() const { return joints_; }

@@ -115,6 +115,8 @@ SceneMotion::SceneMotion(const sim::Model& model, const MotionRequest& wanted, d
   simulate.track_forces = false;
   const sim::SimulateReport report = sim::Simulate(model, simulate, &collector);
   if (marks_) marks_->End();
+  warnings_ = model.warnings;
+  warnings_.insert(warnings_.end(), report.warnings.begin(), report.warnings.end());
   if (!report.Usable()) {
     failure_ = report.message;
     return;
@@ -225,6 +227,25 @@ std::shared_ptr<const SceneMotion> MotionStore::Get(
     kept_.pop_front();
   }
   return made;
+}
+
+std::optional<std::vector<std::string>> MotionStore::WarningsNear(
+    std::span<const double> theta) const {
+  const std::lock_guard lock(mutex_);
+  const SceneMotion* nearest = nullptr;
+  double least = std::numeric_limits<double>::infinity();
+  for (const Kept& kept : kept_) {
+    double distance = 0.0;
+    for (std::size_t j = 0; j < theta.size(); ++j) {
+      const double size = std::max(std::abs(theta[j]), std::abs(kept.request.theta[j]));
+      if (size > 0.0) distance += std::pow((theta[j] - kept.request.theta[j]) / size, 2);
+    }
+    if (distance > least) continue;
+    least = distance;
+    nearest = kept.motion.get();
+  }
+  if (nearest == nullptr) return std::nullopt;
+  return nearest->warnings();
 }
 
 }  // namespace unfurl::study

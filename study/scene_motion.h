@@ -5,6 +5,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -39,7 +40,8 @@ class SceneMotion {
 
   /// Of the marks and quantities of the request.
   correlate::Prediction At(const correlate::Stamps& stamps) const;
-  std::size_t bytes() const;  // that the samples take
+  std::size_t bytes() const;                                              // that the samples take
+  const std::vector<std::string>& warnings() const { return warnings_; }  // of scene and run
 
  private:
   class Collector;
@@ -49,6 +51,7 @@ class SceneMotion {
   bool StartsAtRest() const;
 
   std::string failure_;
+  std::vector<std::string> warnings_;
   std::optional<MarkSamples> marks_;
   std::optional<QuantitySamples> quantities_;
   double first_rate_ = 0.0, highest_rate_ = 0.0;  // of turning, without marks [rad/s]
@@ -68,13 +71,16 @@ class MotionStore {
   std::shared_ptr<const SceneMotion> Get(
       const MotionRequest& wanted, const std::function<std::shared_ptr<const SceneMotion>()>& make);
 
+  /// Of the kept motion nearest to `theta`, each parameter by its size; none: none is kept.
+  std::optional<std::vector<std::string>> WarningsNear(std::span<const double> theta) const;
+
  private:
   struct Kept {
     MotionRequest request;
     std::shared_ptr<const SceneMotion> motion;
   };
   std::size_t most_bytes_;
-  std::mutex mutex_;
+  mutable std::mutex mutex_;
   std::deque<Kept> kept_;  // the latest last
   std::size_t bytes_ = 0;
 };

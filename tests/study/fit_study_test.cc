@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "correlate/observations.h"
+#include "tests/study/arm.h"
 
 namespace unfurl::study::fit_study_test {
 namespace {
@@ -63,6 +64,24 @@ TEST(CompareAtEstimate, SamplesTheModelByTheRecord) {
     trial.model = &model;
     CompareAtEstimate(trial, {});
     EXPECT_NEAR(model.shortest() / interval, 0.1, 1e-6) << interval;
+  }
+}
+
+class ModelWarnings : public ArmTest {};
+
+// A fit is no better than its runs: a spring known between -0.3 and 0.3 rad, and swings of 0.6 rad.
+TEST_F(ModelWarnings, AreToldWithTheFit) {
+  for (const double reach : {0.3, 0.7}) {
+    const std::string table = fmt::format("joint.hinge.table.theta=[{}, {}]", -reach, reach);
+    const std::string moment = fmt::format("joint.hinge.table.moment=[{}, {}]", reach, -reach);
+    Record("beyond.csv", {"mid", "tip"}, {table, moment}, 4);
+    const StudyFit fit = Fit(Study("beyond.csv", fmt::format("\"{}\", \"{}\"", table, moment)), {});
+    ASSERT_TRUE(fit.Usable()) << fit.record.verdict;
+    const auto told = std::count_if(
+        fit.record.reasons.begin(), fit.record.reasons.end(), [](const std::string& reason) {
+          return reason.find("The simulation warns: the angle of 'hinge' went to") == 0;
+        });
+    EXPECT_EQ(told, reach < 0.6 ? 1 : 0) << reach;
   }
 }
 
