@@ -49,6 +49,8 @@ class H5Series {
   friend class H5Writer;
   void AppendRaw(const void* values, std::size_t count, H5Type type);
   void AppendRows(const void* values, std::size_t count, std::int64_t memory_type);
+  void WriteRows(const void* values, std::size_t first, std::size_t from, std::size_t to,
+                 std::int64_t memory_type);
   H5Writer* writer_ = nullptr;
   std::int64_t dataset_ = -1;
   H5Type type_ = H5Type::kDouble;
@@ -56,6 +58,7 @@ class H5Series {
   std::vector<std::size_t> row_;  // dimensions of one row; empty for scalars
   std::size_t width_ = 0;         // of text; 0: numbers
   std::size_t rows_ = 0;
+  std::size_t packed_rows_ = 0;  // of a chunk that is packed here; 0: HDF5 packs
 };
 
 // Writes one file: datasets with units, attributes, provenance. Not for several threads at once.

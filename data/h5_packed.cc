@@ -37,6 +37,26 @@ void Unshuffle(const std::uint8_t* in, std::size_t size, std::size_t element, st
   std::memcpy(out + count * element, in + count * element, size - count * element);
 }
 
+void Shuffle(const std::uint8_t* in, std::size_t size, std::size_t element, std::uint8_t* out) {
+  const std::size_t count = size / element;
+  for (std::size_t b = 0; b < element; ++b) {
+    for (std::size_t i = 0; i < count; ++i) out[b * count + i] = in[i * element + b];
+  }
+  std::memcpy(out + count * element, in + count * element, size - count * element);
+}
+
+std::vector<int> FiltersOf(hid_t made) {
+  std::vector<int> out;
+  const int filters = H5Pget_nfilters(made);
+  for (int f = 0; f < filters; ++f) {
+    unsigned flags = 0;
+    std::size_t values = 0;
+    out.push_back(H5Pget_filter2(made, static_cast<unsigned>(f), &flags, &values, nullptr, 0,
+                                 nullptr, nullptr));
+  }
+  return out;
+}
+
 std::uint32_t LittleEndian(const std::uint8_t* p) {
   return static_cast<std::uint32_t>(p[0]) | static_cast<std::uint32_t>(p[1]) << 8U |
          static_cast<std::uint32_t>(p[2]) << 16U | static_cast<std::uint32_t>(p[3]) << 24U;
@@ -105,6 +125,32 @@ std::uint32_t H5Fletcher32(const std::uint8_t* data, std::size_t size) {
   return static_cast<std::uint32_t>(sums << 16U | sum);
 }
 
+namespace {
+
+using Deflater = std::unique_ptr<libdeflate_compressor, decltype(&libdeflate_free_compressor)>;
+
+// Shuffled, deflated, with its checksum; empty: no memory.
+std::vector<std::uint8_t> Pack(const std::uint8_t* in, std::size_t size, std::size_t element,
+                               int level) {
+  thread_local std::vector<std::uint8_t> shuffled;
+  shuffled.resize(size);
+  Shuffle(in, size, element, shuffled.data());
+  const Deflater deflater(libdeflate_alloc_compressor(level), &libdeflate_free_compressor);
+  if (deflater == nullptr) return {};
+  std::vector<std::uint8_t> out(libdeflate_zlib_compress_bound(deflater.get(), size) + kChecksum);
+  const std::size_t packed = libdeflate_zlib_compress(deflater.get(), shuffled.data(), size,
+                                                      out.data(), out.size() - kChecksum);
+  if (packed == 0) return {};
+  const std::uint32_t sum = H5Fletcher32(out.data(), packed);
+  for (std::size_t b = 0; b < kChecksum; ++b) {
+    out[packed + b] = static_cast<std::uint8_t>(sum >> (8 * b));
+  }
+  out.resize(packed + kChecksum);
+  return out;
+}
+
+}  // namespace
+
 H5Packed::H5Packed(H5Handle dataset, hid_t memory_type) : dataset_(std::move(dataset)) {
   const H5Handle type(H5Dget_type(dataset_.get()), H5Tclose);
   const H5Handle space(H5Dget_space(dataset_.get()), H5Sclose);
@@ -121,18 +167,12 @@ H5Packed::H5Packed(H5Handle dataset, hid_t memory_type) : dataset_(std::move(dat
   element_ = chunk_bytes_ = row_bytes_ = H5Tget_size(type.get());
   for (const hsize_t n : chunk_) chunk_bytes_ *= n;
   for (std::size_t d = 1; d < extent_.size(); ++d) row_bytes_ *= extent_[d];
-  const int filters = H5Pget_nfilters(made.get());
-  for (int f = 0; f < filters; ++f) {
-    unsigned flags = 0;
-    std::size_t values = 0;
-    filters_.push_back(H5Pget_filter2(made.get(), static_cast<unsigned>(f), &flags, &values,
-                                      nullptr, 0, nullptr, nullptr));
-    if (filters_.back() != H5Z_FILTER_DEFLATE && filters_.back() != H5Z_FILTER_SHUFFLE &&
-        filters_.back() != H5Z_FILTER_FLETCHER32) {
-      return;
-    }
-  }
-  readable_ = filters > 0 && row_bytes_ > 0 && chunk_bytes_ <= kMostKept &&
+  filters_ = FiltersOf(made.get());
+  const bool known = std::all_of(filters_.begin(), filters_.end(), [](int filter) {
+    return filter == H5Z_FILTER_DEFLATE || filter == H5Z_FILTER_SHUFFLE ||
+           filter == H5Z_FILTER_FLETCHER32;
+  });
+  readable_ = known && !filters_.empty() && row_bytes_ > 0 && chunk_bytes_ <= kMostKept &&
               chunk_[0] <= kMostKept / row_bytes_;
 }
 
@@ -254,6 +294,51 @@ bool H5Packed::Read(std::size_t first, std::size_t count, void* out) {
     first = next;
   }
   return true;
+}
+
+H5Packer::H5Packer(hid_t dataset, hid_t memory_type) : dataset_(dataset) {
+  const H5Handle type(H5Dget_type(dataset), H5Tclose);
+  const H5Handle space(H5Dget_space(dataset), H5Sclose);
+  const H5Handle made(H5Dget_create_plist(dataset), H5Pclose);
+  rank_ = static_cast<std::size_t>(std::max(H5Sget_simple_extent_ndims(space.get()), 0));
+  std::vector<hsize_t> extent(rank_), chunk(rank_);
+  const std::vector<int> ours = {H5Z_FILTER_SHUFFLE, H5Z_FILTER_DEFLATE, H5Z_FILTER_FLETCHER32};
+  if (rank_ == 0 || H5Tequal(type.get(), memory_type) <= 0 || FiltersOf(made.get()) != ours ||
+      H5Pget_chunk(made.get(), static_cast<int>(rank_), chunk.data()) < 0) {
+    return;
+  }
+  H5Sget_simple_extent_dims(space.get(), extent.data(), nullptr);
+  if (!std::equal(chunk.begin() + 1, chunk.end(), extent.begin() + 1)) return;
+  unsigned level = 0, flags = 0;
+  std::size_t values = 1;
+  H5Pget_filter_by_id2(made.get(), H5Z_FILTER_DEFLATE, &flags, &values, &level, 0, nullptr,
+                       nullptr);
+  element_ = chunk_bytes_ = H5Tget_size(type.get());
+  for (const hsize_t n : chunk) chunk_bytes_ *= n;
+  level_ = static_cast<int>(level);
+  rows_ = chunk[0];
+}
+
+std::ptrdiff_t H5Packer::Write(std::size_t first, std::size_t count, const void* values) const {
+  if (rows_ == 0 || first % rows_ != 0) return 0;
+  const std::size_t chunks = count / rows_;
+  const auto* from = static_cast<const std::uint8_t*>(values);
+  const std::size_t at_once = std::max<std::size_t>(1, kMostPacked / chunk_bytes_);
+  for (std::size_t begun = 0; begun < chunks; begun += at_once) {
+    std::vector<std::vector<std::uint8_t>> packed(std::min(at_once, chunks - begun));
+    ParallelFor(packed.size(), 0, [&](std::size_t i) {
+      packed[i] = Pack(from + (begun + i) * chunk_bytes_, chunk_bytes_, element_, level_);
+    });
+    for (std::size_t i = 0; i < packed.size(); ++i) {
+      std::vector<hsize_t> origin(rank_, 0);
+      origin[0] = first + (begun + i) * rows_;
+      if (packed[i].empty() || H5Dwrite_chunk(dataset_, H5P_DEFAULT, 0, origin.data(),
+                                              packed[i].size(), packed[i].data()) < 0) {
+        return -1;
+      }
+    }
+  }
+  return static_cast<std::ptrdiff_t>(chunks * rows_);
 }
 
 }  // namespace unfurl::data

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -39,6 +40,24 @@ class H5Packed {
   std::size_t element_ = 0, row_bytes_ = 0, chunk_bytes_ = 0;
   std::size_t kept_ = SIZE_MAX;  // the layer of chunks that was asked for in part
   std::vector<std::uint8_t> kept_rows_;
+};
+
+// The other way: whole chunks of a series that grows, packed here, on all cores.
+class H5Packer {
+ public:
+  // Of a dataset that the caller keeps open. Packs nothing unless values in memory are as in the
+  // file, chunks hold whole rows, and the filters are ours: shuffle, deflate, Fletcher's checksum.
+  H5Packer(hid_t dataset, hid_t memory_type);
+
+  // How many of `count` rows, to be rows `first` and on, it wrote: those of whole chunks from the
+  // first one on. The dataset has room for them. -1: HDF5 failed.
+  std::ptrdiff_t Write(std::size_t first, std::size_t count, const void* values) const;
+
+ private:
+  hid_t dataset_;
+  std::size_t rows_ = 0;  // of a chunk; 0: nothing is packed here
+  std::size_t rank_ = 0, element_ = 0, chunk_bytes_ = 0;
+  int level_ = 0;
 };
 
 // Fletcher's checksum as HDF5 stores it, over words of 16 bits, the high byte first.

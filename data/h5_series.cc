@@ -1,5 +1,6 @@
 #include <stdexcept>
 
+#include "data/h5_packed.h"
 #include "data/h5_writer_impl.h"
 
 namespace unfurl::data {
@@ -83,21 +84,37 @@ void H5Series::AppendRows(const void* values, std::size_t count, std::int64_t me
   if (count == 0) return;
   if (count % row_size != 0) throw std::logic_error("H5Series: half a row appended to " + path_);
   const std::size_t added = count / row_size;
-  std::vector<hsize_t> total = {rows_ + added}, start = {rows_}, extent = {added};
-  for (std::size_t d : row_) {
-    total.push_back(d);
-    start.push_back(0);
-    extent.push_back(d);
-  }
+  std::vector<hsize_t> total = {rows_ + added};
+  total.insert(total.end(), row_.begin(), row_.end());
   if (H5Dset_extent(dataset_, total.data()) < 0) writer_->impl_->Fail(path_);
-  H5Handle space(H5Dget_space(dataset_), H5Sclose);
-  H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, start.data(), nullptr, extent.data(), nullptr);
-  H5Handle memory(H5Screate_simple(static_cast<int>(extent.size()), extent.data(), nullptr),
-                  H5Sclose);
+  std::ptrdiff_t packed = 0;
+  if (packed_rows_ > 0 && rows_ % packed_rows_ == 0 && added >= packed_rows_) {
+    packed = H5Packer(dataset_, memory_type).Write(rows_, added, values);
+  }
+  if (packed < 0) writer_->impl_->Fail(path_);
+  const auto whole = static_cast<std::size_t>(packed);
+  if (whole < added) WriteRows(values, rows_, whole, added, memory_type);
+  rows_ += added;
+}
+
+// Rows [from, to) of `values`, as rows `first` + from and on.
+void H5Series::WriteRows(const void* values, std::size_t first, std::size_t from, std::size_t to,
+                         std::int64_t memory_type) {
+  std::vector<hsize_t> all = {to}, extent = {to - from}, start = {from}, there = {first + from};
+  for (const std::size_t d : row_) {
+    all.push_back(d);
+    extent.push_back(d);
+    start.push_back(0);
+    there.push_back(0);
+  }
+  const H5Handle space(H5Dget_space(dataset_), H5Sclose);
+  H5Sselect_hyperslab(space.get(), H5S_SELECT_SET, there.data(), nullptr, extent.data(), nullptr);
+  const H5Handle memory(H5Screate_simple(static_cast<int>(all.size()), all.data(), nullptr),
+                        H5Sclose);
+  H5Sselect_hyperslab(memory.get(), H5S_SELECT_SET, start.data(), nullptr, extent.data(), nullptr);
   if (H5Dwrite(dataset_, memory_type, memory.get(), space.get(), H5P_DEFAULT, values) < 0) {
     writer_->impl_->Fail(path_);
   }
-  rows_ += added;
 }
 
 void H5Series::Append(std::span<const double> v) { AppendRaw(v.data(), v.size(), H5Type::kDouble); }

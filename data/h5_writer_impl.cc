@@ -140,6 +140,7 @@ H5Series H5Writer::Impl::Grow(const H5Field& field, hid_t disk,
   out.dataset_ = series.back().get();
   out.path_ = field.path;
   out.row_ = row_dims;
+  if (deflate > 0 && chunk_columns == 0 && !streamed) out.packed_rows_ = chunk_rows;
   return out;
 }
 

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 #include "base/error.h"
 #include "base/text.h"
@@ -19,17 +20,28 @@ constexpr int kAssemblyMostIterations = 60;
 // Gap of a closed loop, of the links' size and in rad: some thousand roundings, as the paths
 // through a loop of a hundred links add up to.
 constexpr double kClosed = 1e-11;
+constexpr double kRounded = 16.0;  // units in the last place, of places around a loop [-]
 constexpr double kAssemblyLongestStep = 0.5;  // of an angle in one iteration [rad]
 
 }  // namespace
 
 Assembly::Assembly(int nodes, std::vector<Link> links, const std::vector<int>& root_order)
     : links_(std::move(links)), root_(nodes, -1), parent_(nodes, -1) {
-  for (const Link& link : links_) {
-    for (const PlanePose& in : {link.inner_in, link.outer_in}) {
-      size_ = std::max(size_, std::hypot(in.x, in.y));
+  // Of a node's points from one another, not from its origin: the ground's may be anywhere.
+  std::vector<Eigen::Vector3d> mean(static_cast<std::size_t>(nodes), Eigen::Vector3d::Zero());
+  const auto each_point = [&](const auto& visit) {
+    for (const Link& link : links_) {
+      visit(link.inner, Eigen::Vector2d(link.inner_in.x, link.inner_in.y));
+      visit(link.outer, Eigen::Vector2d(link.outer_in.x, link.outer_in.y));
     }
-  }
+  };
+  each_point([&](int node, const Eigen::Vector2d& p) {
+    mean[static_cast<std::size_t>(node)] += Eigen::Vector3d(p.x(), p.y(), 1.0);
+  });
+  each_point([&](int node, const Eigen::Vector2d& p) {
+    const Eigen::Vector3d& of = mean[static_cast<std::size_t>(node)];
+    size_ = std::max(size_, (p - of.head<2>() / of.z()).norm());
+  });
   if (!(size_ > 0.0)) size_ = 1.0;  // all points coincide: no loop has a length to close
   std::vector<std::vector<int>> at(nodes);
   for (std::size_t k = 0; k < links_.size(); ++k) {
@@ -185,7 +197,10 @@ void Assembly::CloseLoops(const std::vector<PlanePose>& root_pose, LoopSystem* l
   for (int iteration = 0;; ++iteration) {
     PlaceNodes(root_pose, *at, &node);
     Linearise(node, *at, loops);
-    if (loops->gap.cwiseAbs().maxCoeff() <= kClosed) return;
+    double far = 0.0;  // from the world's origin, where places are rounded by more
+    for (const PlanePose& pose : node) far = std::max(far, std::hypot(pose.x, pose.y));
+    const double rounding = kRounded * std::numeric_limits<double>::epsilon() * far / size_;
+    if (loops->gap.cwiseAbs().maxCoeff() <= kClosed + rounding) return;
     if (iteration == kAssemblyMostIterations || loops->unknowns.empty()) FailToClose(*loops);
     const Eigen::VectorXd step = loops->J.completeOrthogonalDecomposition().solve(-loops->gap);
     const double longest = step.cwiseAbs().maxCoeff();

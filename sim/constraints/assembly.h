@@ -76,7 +76,7 @@ class Assembly {
   std::vector<int> LoopOf(int cut) const;
 
   std::vector<Link> links_;
-  double size_ = 0.0;        // largest distance of a link from its node's origin [m]
+  double size_ = 0.0;        // largest distance of a link from the middle of its node's [m]
   std::vector<int> root_;    // by node
   std::vector<int> parent_;  // tree link by node, -1 at roots
   std::vector<int> order_;   // nodes, parents first

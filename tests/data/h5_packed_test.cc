@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "base/random.h"
+#include "data/h5.h"
 #include "tests/own_folder.h"
 
 namespace unfurl::data::h5_packed_test {
@@ -148,6 +149,41 @@ TEST_F(H5Packs, WhatIsDamagedOrStoredInAnotherWayIsLeftToHDF5) {
   EXPECT_FALSE(packed_->Read(40, 2, out.data()));
   EXPECT_FALSE(packed_->Read(0, 64, out.data()));
   EXPECT_TRUE(packed_->Read(48, 16, out.data()));
+}
+
+// Appended in pieces of any size, some of whole chunks, as HDF5 itself reads it again.
+TEST_F(H5Packs, WhatIsPackedHereHDF5Unpacks) {
+  const std::vector<std::size_t> row = {3, 50};
+  Rng rng(5);
+  std::vector<std::uint16_t> all;
+  std::vector<double> numbers;
+  {
+    H5Writer writer(path_, "unfurl/sample", 1, {.program = "unfurl test", .command = "test"});
+    H5Series lines = writer.Series({"/lines", "count", "lines"}, H5Type::kUint16, row, 16, 1);
+    H5Series plain = writer.Series({"/plain", "m", "numbers"}, H5Type::kDouble, {2}, 8, 6);
+    for (const std::size_t rows : {16, 5, 3, 40, 1, 15, 32, 7, 64, 9, 200}) {
+      std::vector<std::uint16_t> some(rows * 150);
+      for (std::uint16_t& v : some) v = static_cast<std::uint16_t>(900.0 + 40.0 * rng.Normal());
+      lines.Append(some);
+      all.insert(all.end(), some.begin(), some.end());
+      std::vector<double> more(rows * 2);
+      for (double& v : more) v = rng.Normal();
+      plain.Append(more);
+      numbers.insert(numbers.end(), more.begin(), more.end());
+    }
+    writer.Commit();
+  }
+  const H5Handle file(H5Fopen(path_.c_str(), H5F_ACC_RDONLY, H5P_DEFAULT), H5Fclose);
+  const H5Handle lines(H5Dopen2(file.get(), "lines", H5P_DEFAULT), H5Dclose);
+  const H5Handle plain(H5Dopen2(file.get(), "plain", H5P_DEFAULT), H5Dclose);
+  std::vector<std::uint16_t> read(all.size());
+  std::vector<double> numbers_read(numbers.size());
+  ASSERT_GE(H5Dread(lines.get(), H5T_NATIVE_UINT16, H5S_ALL, H5S_ALL, H5P_DEFAULT, read.data()), 0);
+  ASSERT_GE(
+      H5Dread(plain.get(), H5T_NATIVE_DOUBLE, H5S_ALL, H5S_ALL, H5P_DEFAULT, numbers_read.data()),
+      0);
+  EXPECT_EQ(read, all);
+  EXPECT_EQ(numbers_read, numbers);
 }
 
 }  // namespace
