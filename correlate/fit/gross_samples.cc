@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "base/statistics.h"
+#include "correlate/fit/at_once.h"
 #include "correlate/residual/row_layout.h"
 
 namespace unfurl::correlate {
@@ -206,58 +207,26 @@ GrossErrors FindIn(std::vector<Neighbours>* series, const GrossCandidates& among
   return out;
 }
 
-// By sample of a channel, how far a single residual may lie off for a model that does what it does
-// there a sample early or late; 0 where it does nothing at once. `model`: its readings.
-std::vector<double> AtOnce(const std::vector<Deviation>& samples, const Eigen::VectorXd& model) {
-  constexpr std::ptrdiff_t kBeside = 3;  // as of the median
-  // A peak a sample off leaves its height at either place; twice that, as peaks lie between
-  // samples.
-  constexpr double kHeights = 2.0;
-  // Of what a shift does to a motion at rate alone half lies beyond the median; beyond five of it
-  // lies what the model does at once.
-  constexpr double kSharp = 5.0;
-  // As far as clocks move from one solution to the next (Channel's margin) [samples].
-  constexpr std::ptrdiff_t kWithin = 16;
-  const std::ptrdiff_t n = std::ssize(samples);
-  auto at = [&](std::ptrdiff_t k) {
-    return model(static_cast<Eigen::Index>(samples[static_cast<std::size_t>(k)].sample.index));
-  };
-  std::vector<double> off(samples.size(), 0.0), beside;
-  for (std::ptrdiff_t i = 1; i + 1 < n; ++i) {
-    for (const std::ptrdiff_t by : {-1, 1}) {
-      beside.clear();
-      // In pairs: the slopes to one side alone are others than here wherever the motion bends.
-      for (std::ptrdiff_t d = 1; d <= kBeside; ++d) {
-        if (std::min(i - d, i - d + by) < 0 || std::max(i + d, i + d + by) >= n) break;
-        for (const std::ptrdiff_t k : {i - d, i + d}) beside.push_back(at(k + by) - at(k));
-      }
-      if (beside.empty()) continue;
-      double& here = off[static_cast<std::size_t>(i)];
-      here = std::max(here, std::abs(at(i + by) - at(i) - Median(beside)));
-    }
-  }
-  const double sharp = std::max(1.0, kSharp * Median(off));  // below a sigma nothing shows
-  std::vector<double> out(samples.size(), 0.0);
-  for (std::ptrdiff_t i = 0; i < n; ++i) {
-    const double here = off[static_cast<std::size_t>(i)];
-    if (!(here > sharp)) continue;
-    for (std::ptrdiff_t k = std::max<std::ptrdiff_t>(0, i - kWithin);
-         k < std::min(n, i + kWithin + 1); ++k) {
-      double& most = out[static_cast<std::size_t>(k)];
-      most = std::max(most, kHeights * here);
-    }
-  }
-  return out;
-}
-
-// The instrument's resolution, whether it is known or no two readings lie nearer [in sigmas].
+// The instrument's resolution, whether it is known or the readings, whenever they were taken, lie
+// whole steps apart; 0: neither [in sigmas].
 double StepOf(const RowSeries& series, const Eigen::VectorXd& readings) {
-  double least = std::numeric_limits<double>::infinity();
-  for (Eigen::Index i = 1; i < readings.size(); ++i) {
-    const double by = std::abs(readings(i) - readings(i - 1));
-    if (by > 0.0) least = std::min(least, by);
+  constexpr double kRoundOff = 1e-9;    // of the range: equal, but for their digits
+  constexpr double kWhole = 0.1;        // of a step, that digits may take from a whole one
+  constexpr double kFar = 5.0;          // steps; over more the digits add up
+  constexpr std::size_t kEvidence = 3;  // gaps beside the least, that are whole by chance
+  std::vector<double> sorted(readings.begin(), readings.end()), gaps;
+  std::sort(sorted.begin(), sorted.end());
+  const double same = kRoundOff * (sorted.back() - sorted.front());
+  for (std::size_t i = 1; i < sorted.size(); ++i) {
+    if (sorted[i] - sorted[i - 1] > same) gaps.push_back(sorted[i] - sorted[i - 1]);
   }
-  return std::max(series.step, std::isfinite(least) ? least : 0.0);
+  if (gaps.empty()) return series.step;
+  const double least = *std::min_element(gaps.begin(), gaps.end());
+  std::erase_if(gaps, [&](double gap) { return gap > kFar * least; });
+  const bool whole = std::all_of(gaps.begin(), gaps.end(), [&](double gap) {
+    return std::abs(gap / least - std::round(gap / least)) < kWhole;
+  });
+  return whole && gaps.size() > kEvidence ? std::max(series.step, least) : series.step;
 }
 
 }  // namespace
@@ -290,20 +259,24 @@ std::vector<ChannelGross> FindChannelGross(const Observations& observations,
     std::vector<Deviation>& samples = one.front().samples;
     if (samples.empty()) continue;
     one.front().Measure();
-    const std::vector<double> at_once = AtOnce(samples, readings - own);
     const double step = StepOf(series, readings);
     GrossCandidates among;
     // Of readings and of their neighbours' median, each within half a step of the motion.
     among.least_size = 2.0 * step;
     among.least_variance = std::max(1e-12, 2.0 * step * step / 12.0);
-    // What is excused says nothing of the noise, unless it lies as near as the others do: a short
-    // record may have no place without something at once.
-    constexpr double kNear = 3.0;         // standard deviations
     constexpr double kOfMedian = 0.6745;  // median of a normal deviate's size
     std::vector<double> sizes;
     sizes.reserve(samples.size());
     for (const Deviation& d : samples) sizes.push_back(d.sample.sigmas);
-    const double near = kNear / kOfMedian * Median(sizes);
+    const double noise = Median(sizes) / kOfMedian;
+    std::vector<Eigen::Index> known;
+    known.reserve(samples.size());
+    for (const Deviation& d : samples) known.push_back(static_cast<Eigen::Index>(d.sample.index));
+    const std::vector<double> at_once = ExcusedAtOnce((readings - own)(known), own(known), noise);
+    // What is excused says nothing of the noise, unless it lies as near as the others do: a short
+    // record may have no place without something at once.
+    constexpr double kNear = 3.0;  // standard deviations
+    const double near = kNear * noise;
     for (std::size_t i = 0; i < samples.size(); ++i) {
       samples[i].excused = at_once[i];
       const double off = samples[i].sample.sigmas;

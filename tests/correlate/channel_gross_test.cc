@@ -2,6 +2,7 @@
 // looks like them and is none.
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <numbers>
 #include <set>
 
@@ -279,6 +280,80 @@ TEST(ChannelGross, OfAShortSwingIsFoundToItsEnds) {
       named.insert(static_cast<Eigen::Index>(one.index));
     }
     EXPECT_EQ(named, (std::set<Eigen::Index>{11, 25, 80, 101})) << seed;
+  }
+}
+
+// A record of `count` readings with sigma 1 of what `truth` does, beside a model that does `model`.
+Peaks Record(Eigen::Index count, const std::function<double(double)>& truth,
+             const std::function<double(double)>& model,
+             const std::vector<std::pair<Eigen::Index, double>>& planted, Rng* rng) {
+  ChannelRecord r;
+  r.name = r.quantity = "signal", r.unit = "V";
+  r.y.resize(count);
+  r.sigma = Eigen::VectorXd::Ones(count);
+  Peaks out;
+  out.residual.resize(count);
+  for (Eigen::Index i = 0; i < count; ++i) {
+    r.t.push_back(0.01 * static_cast<double>(i));
+    r.y(i) = truth(static_cast<double>(i)) + rng->Normal();
+    for (const auto& [at, off] : planted) r.y(i) += at == i ? off : 0.0;
+    out.residual(i) = r.y(i) - model(static_cast<double>(i));
+  }
+  out.data.others = {std::make_shared<Channel>(r)};
+  return out;
+}
+
+std::set<Eigen::Index> Named(const Peaks& record) {
+  std::set<Eigen::Index> out;
+  for (const ChannelGross& one : FindChannelGross(record.data, record.residual)) {
+    for (const GrossSample& s : one.errors.samples) out.insert(static_cast<Eigen::Index>(s.index));
+  }
+  return out;
+}
+
+// A vibration of 1400 sigma, 18 readings a swing, that dies down, and jumps wherever it turns as
+// dry friction has it: what the model does at once there excuses nothing where the residuals about
+// show it to be on time.
+TEST(ChannelGross, OfAModelThatIsOnTimeNothingIsExcused) {
+  constexpr double kPi = std::numbers::pi;
+  auto signal = [](double i) {
+    const double phase = 2.0 * kPi * i / 18.0;
+    return 1400.0 * std::exp(-0.012 * i) * std::cos(phase) +
+           40.0 * (std::sin(phase) > 0.0 ? 1 : -1);
+  };
+  const std::vector<std::pair<Eigen::Index, double>> planted = {
+      {4, -38.0}, {14, 48.0}, {16, -13.7}, {32, 34.0}, {60, 12.0}, {100, 30.0}, {149, -12.0}};
+  for (const std::uint64_t seed : {1, 2, 3, 4, 5}) {
+    Rng rng(seed);
+    const std::set<Eigen::Index> named = Named(Record(440, signal, signal, planted, &rng));
+    for (const auto& [at, off] : planted) EXPECT_EQ(named.count(at), 1u) << seed << " " << at;
+    EXPECT_LE(named.size(), planted.size() + 2) << seed;
+  }
+}
+
+// The same rate turned back by a stop every ninetieth reading, which the model hits late by a part
+// of a sample, and has all that follows late by as much.
+TEST(ChannelGross, OfAModelThatIsLateItIs) {
+  auto signal = [](double i) {
+    const double since = std::fmod(i, 90.0), sign = std::fmod(i, 180.0) < 90.0 ? 1.0 : -1.0;
+    return sign * (400.0 + 3.0 * since + 60.0 * std::sin(0.4 * since));
+  };
+  for (const double late : {0.1, 0.3, 0.9}) {
+    Rng rng(7);
+    auto model = [&](double i) { return i < 85.0 ? signal(i) : signal(i - late); };
+    EXPECT_TRUE(Named(Record(400, signal, model, {}, &rng)).empty()) << late;
+  }
+}
+
+// Of few readings of a motion that is fast, no two in a row lie near each other; that is no
+// resolution.
+TEST(ChannelGross, FewReadingsOfAFastMotionAreNoCoarseOnes) {
+  auto signal = [](double i) { return 3000.0 * std::sin(0.31 * i + 0.4); };
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    Rng rng(seed);
+    const std::set<Eigen::Index> named =
+        Named(Record(50, signal, signal, {{0, 10.0}, {28, -17.0}}, &rng));
+    EXPECT_EQ(named, (std::set<Eigen::Index>{0, 28})) << seed;
   }
 }
 
