@@ -1,10 +1,13 @@
 // Joints, drives and assembly against closed forms of rigid mechanisms.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/error.h"
@@ -192,6 +195,38 @@ TEST(Drive, DrivesThatFightAreRefusedByName) {
     FAIL() << "accepted";
   } catch (const Error& error) {
     EXPECT_NE(std::string(error.what()).find("'three'"), std::string::npos) << error.what();
+  }
+}
+
+// A crank, a rod and a slot in the ground, drawn far from closed, turned and carried away as a
+// whole: where the world's origin lies is no part of how the loop closes.
+TEST(Assembly, ClosesALoopAlikeWhereverTheOriginIs) {
+  const auto crank_at = [](double turn, double x, double y) {
+    const double c = std::cos(turn), s = std::sin(turn);
+    const auto at = [&](double px, double py) {
+      return fmt::format("[{:.17g}, {:.17g}]", x + c * px - s * py, y + s * px + c * py);
+    };
+    const Model model = ModelFrom(fmt::format(
+        "[scene]\nname = \"slot\"\nduration = 1.0\n"
+        "[body.crank]\nmass = 1.0\ninertia = 0.01\n[body.rod]\nmass = 1.0\ninertia = 0.03\n"
+        "[joint.a]\ninner = \"ground\"\ninner_point = {}\nouter = \"crank\"\n"
+        "outer_point = [-0.2, 0.0]\nzero_angle = {:.17g}\ntheta = 0.4\n"
+        "[joint.b]\ninner = \"crank\"\ninner_point = [0.2, 0.0]\nouter = \"rod\"\n"
+        "outer_point = [-0.4, 0.0]\ntheta = -0.9\n"
+        "[joint.c]\ntype = \"pin_in_slot\"\ninner = \"ground\"\ninner_point = {}\n"
+        "outer = \"rod\"\nouter_point = [0.4, 0.0]\naxis = {:.17g}\ntravel = 0.3\n"
+        "zero_angle = {:.17g}\n",
+        at(0.0, 0.0), turn, at(0.5, 0.4), turn + 0.3, turn));
+    const Columns start = RunOf(model, 1e-3);
+    return std::pair{start.Of("a.theta").front(), start.Of("c.travel").front()};
+  };
+  const auto [angle, travel] = crank_at(0.0, 0.0, 0.0);
+  for (const auto& [turn, x, y] : {std::array{1.1, 0.0, 0.0}, std::array{0.0, 5.0, -3.0},
+                                   std::array{-2.0, 1e3, 4e2}, std::array{0.4, -1e6, 2e6}}) {
+    const auto [angle_there, travel_there] = crank_at(turn, x, y);
+    const double rounding = 1e-10 + 1e-15 * std::hypot(x, y);
+    EXPECT_NEAR(angle_there, angle, 100.0 * rounding) << turn << " " << x;
+    EXPECT_NEAR(travel_there, travel, 100.0 * rounding) << turn << " " << x;
   }
 }
 
