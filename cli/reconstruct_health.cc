@@ -52,7 +52,7 @@ ordered_json ReconstructHealthFinite(double value) {
 }
 
 constexpr const char* kVouch =
-    "a fourth camera would show it, `unfurl check` with points before and after the trial, or two "
+    "one more camera would show it, `unfurl check` with points before and after the trial, or two "
     "marks on one rigid body (--rigid); --camera-shift makes error bars allow for it";
 constexpr const char* kNotKept = "check the cameras, and whether those marks are on one rigid body";
 

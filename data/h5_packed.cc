@@ -132,20 +132,26 @@ using Deflater = std::unique_ptr<libdeflate_compressor, decltype(&libdeflate_fre
 // Shuffled, deflated, with its checksum; empty: no memory.
 std::vector<std::uint8_t> Pack(const std::uint8_t* in, std::size_t size, std::size_t element,
                                int level) {
-  thread_local std::vector<std::uint8_t> shuffled;
+  thread_local std::vector<std::uint8_t> shuffled, room;
+  thread_local int made_for = 0;
+  thread_local Deflater deflater(nullptr, &libdeflate_free_compressor);
+  if (deflater == nullptr || made_for != level) {
+    deflater.reset(libdeflate_alloc_compressor(level));
+    made_for = level;
+  }
+  if (deflater == nullptr) return {};
   shuffled.resize(size);
   Shuffle(in, size, element, shuffled.data());
-  const Deflater deflater(libdeflate_alloc_compressor(level), &libdeflate_free_compressor);
-  if (deflater == nullptr) return {};
-  std::vector<std::uint8_t> out(libdeflate_zlib_compress_bound(deflater.get(), size) + kChecksum);
-  const std::size_t packed = libdeflate_zlib_compress(deflater.get(), shuffled.data(), size,
-                                                      out.data(), out.size() - kChecksum);
+  room.resize(libdeflate_zlib_compress_bound(deflater.get(), size));
+  const std::size_t packed =
+      libdeflate_zlib_compress(deflater.get(), shuffled.data(), size, room.data(), room.size());
   if (packed == 0) return {};
+  std::vector<std::uint8_t> out(packed + kChecksum);
+  std::memcpy(out.data(), room.data(), packed);
   const std::uint32_t sum = H5Fletcher32(out.data(), packed);
   for (std::size_t b = 0; b < kChecksum; ++b) {
     out[packed + b] = static_cast<std::uint8_t>(sum >> (8 * b));
   }
-  out.resize(packed + kChecksum);
   return out;
 }
 

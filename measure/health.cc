@@ -261,6 +261,13 @@ HealthReport Diagnose(const HealthEvidence& stated, const Triangulator& triangul
   if (!report.unknown.empty()) {
     report.unvouched = FindUnvouched(raw, triangulator);
     if (!report.distances.shows_px.empty()) report.unvouched.Narrow(report.distances.shows_px);
+  } else if (report.faults.empty()) {
+    std::vector<double> shows = ShiftsThatShow(raw, triangulator, options, marks);
+    for (std::size_t c = 0; c < std::min(shows.size(), report.distances.shows_px.size()); ++c) {
+      shows[c] = std::min(shows[c], report.distances.shows_px[c]);
+    }
+    report.unvouched = FindUnvouched(raw, triangulator);
+    report.unvouched.Weigh(shows);
   }
   if (options.light) report.light = FindLightFaults(raw, triangulator, options);
   for (std::size_t c = 0; c < triangulator.cameras(); ++c) {

@@ -266,4 +266,17 @@ void JudgeRivals(const HealthEvidence& raw, const Triangulator& triangulator,
   *faults = Likeliest(rivals).faults;
 }
 
+std::vector<double> ShiftsThatShow(const HealthEvidence& evidence, const Triangulator& triangulator,
+                                   const HealthOptions& options, std::size_t marks) {
+  constexpr double kFound = 0.9;  // of trials [-], as where distances are kept
+  const double sigmas = NormalQuantile(1.0 - 0.5 * options.false_alarm) + NormalQuantile(kFound);
+  const CameraSets sets(evidence, triangulator, options, marks, {Contradiction{}.event});
+  std::vector<double> out;
+  for (std::size_t c = 0; c < triangulator.cameras(); ++c) {
+    const CameraSets::Fit fit = sets.Solve({1U << static_cast<unsigned>(c)});
+    out.push_back(sigmas * std::sqrt(fit.wide * fit.covariance(0, 0)));
+  }
+  return out;
+}
+
 }  // namespace unfurl::measure

@@ -69,8 +69,27 @@ void Unvouched::Narrow(std::span<const double> shows_px) {
   any = any && hidden > stated;
 }
 
+void Unvouched::Weigh(std::span<const double> shows) {
+  hidden = 0.0;
+  for (std::size_t c = 0; c < by_camera.size() && c < shows.size(); ++c) {
+    if (!(by_camera[c] * shows[c] > hidden)) continue;
+    hidden = by_camera[c] * shows[c];
+    camera = static_cast<int>(c);
+    metres_per_px = by_camera[c];
+    shows_px = shows[c];
+  }
+  any = any && hidden > stated;
+}
+
 std::string Describe(const Unvouched& unvouched, std::span<const std::string> cameras) {
   if (!unvouched.any || unvouched.camera < 0) return {};
+  if (unvouched.shows_px > 0.0) {
+    return fmt::format(
+        "little vouches for camera {}: the others hardly show a shift of it below {:.2g} px, which "
+        "moves places by {}, and error bars state {}",
+        cameras[static_cast<std::size_t>(unvouched.camera)], unvouched.shows_px,
+        LengthText(unvouched.hidden), LengthText(unvouched.stated));
+  }
   if (unvouched.hidden > 0.0) {
     return fmt::format(
         "little vouches for the cameras: three readings meet in a point whatever became of theirs, "

@@ -13,9 +13,11 @@ namespace unfurl::measure {
 class HealthEvidence;
 
 /// Where every place rests on three readings: these meet in a point whatever became of their
-/// cameras, so what a trial says of itself cannot hold that.
+/// cameras, so what a trial says of itself cannot hold that. Or where more readings still leave one
+/// camera free to shift by what moves places by more than error bars have.
 struct Unvouched {
-  bool any = false;               ///< no place was seen by more than three cameras
+  bool any = false;               ///< too little vouches for places
+  double shows_px = 0.0;          ///< from which shift on `camera` is found; 0: from none [px]
   int camera = -1;                ///< whose shift moves places the most
   double metres_per_px = 0.0;     ///< by which one pixel of it moves a place, median [m/px]
   double stated = 0.0;            ///< error of a place as its error bars have it, median [m]
@@ -25,6 +27,8 @@ struct Unvouched {
   double hidden = 0.0;
   /// With shifts that show in distances by camera [px]: what hides is no more than error bars have.
   void Narrow(std::span<const double> shows_px);
+  /// Of places with more readings: with shifts that show in these by camera [px].
+  void Weigh(std::span<const double> shows_px);
 };
 
 /// Of flashes of one mark. `any` is true where there are places at all.

@@ -130,5 +130,32 @@ TEST(HealthRivals, MarksAtRestMakeNoCameraLate) {
   }
 }
 
+// Two of four cameras lean so that the others hardly tell of them: a shift of 0.3 px of the one
+// does not show, moves places by seven times what is stated, and that this may be so is said. Of
+// lens axes across each other nothing is said.
+TEST(HealthRivals, ACameraThatTheOthersHardlyCheckIsNotVouchedFor) {
+  for (const bool poor : {false, true}) {
+    data::Lab lab = RingOfCameras(4, 4);
+    for (std::size_t c = 0; poor && c < 4; ++c) lab.cameras[c].roll = c == 0 ? M_PI / 2.0 : 0.0;
+    const HealthTrial trial(lab, 700, 2160, HealthTrial::Way(&HealthTrial::Swing));
+    for (const double px : {0.0, 0.3}) {
+      Rng rng(31);
+      const data::Rig rig = trial.DrawRig(&rng);
+      const Outcome outcome =
+          Go(trial, trial.Draw({.camera = 1, .px = px, .from = -1.0}, kSigma, &rng), rig);
+      const Unvouched& unvouched = outcome.report.unvouched;
+      EXPECT_EQ(outcome.report.faults.empty(), poor || px == 0.0);
+      EXPECT_EQ(unvouched.any, poor) << px;
+      EXPECT_EQ(outcome.wrong > 0, poor && px > 0.0) << outcome.wrong;
+      if (!poor) continue;
+      EXPECT_EQ(unvouched.camera, 1);
+      EXPECT_GT(unvouched.shows_px, 0.3);
+      EXPECT_GT(unvouched.hidden, 5.0 * unvouched.stated);
+      EXPECT_THAT(Describe(unvouched, std::vector<std::string>{"a", "b", "c", "d"}),
+                  HasSubstr("little vouches for camera b"));
+    }
+  }
+}
+
 }  // namespace
 }  // namespace unfurl::measure::health_rivals_test

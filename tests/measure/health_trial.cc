@@ -45,8 +45,11 @@ HealthTrial::HealthTrial(std::size_t cameras, int lines, int pixels, bool still)
 }
 
 HealthTrial::HealthTrial(std::size_t cameras, int lines, int pixels, const Way& way,
-                         double interval) {
-  data::Lab lab = RingOfCameras(cameras, 4);
+                         double interval)
+    : HealthTrial(RingOfCameras(cameras, 4), lines, pixels, way, interval) {}
+
+HealthTrial::HealthTrial(data::Lab lab, int lines, int pixels, const Way& way, double interval) {
+  const std::size_t cameras = lab.cameras.size();
   lab.sensor.format.pitch *= lab.sensor.format.active / static_cast<double>(pixels);
   lab.sensor.format.active = pixels;
   cameras_ = MakeVirtualRig(lab).cameras;

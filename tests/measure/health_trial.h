@@ -37,6 +37,7 @@ class HealthTrial {
   // Marks that go other ways: where a mark is at a time, and how long after each other lines are.
   using Way = std::function<Eigen::Vector3d(int mark, double t)>;
   HealthTrial(std::size_t cameras, int lines, int pixels, const Way& way, double interval = 1e-3);
+  HealthTrial(data::Lab lab, int lines, int pixels, const Way& way, double interval = 1e-3);
   // The way of the swinging marks.
   static Eigen::Vector3d Swing(int mark, double t);
 
