@@ -232,7 +232,8 @@ void EvaluationFolder::Close(bool keep_logs) const {
     const auto comes_back = [](const std::string& name) {
       return name == kBeat || name.rfind(kClock, 0) == 0;
     };
-    if (std::none_of(left.begin(), left.end(), comes_back)) return;  // logs, or files of others
+    // Logs, or files of others; where nothing is left, it came and went since.
+    if (!left.empty() && std::none_of(left.begin(), left.end(), comes_back)) return;
   }
 }
 

@@ -65,6 +65,7 @@ class Timing {
     for (const Sample& s : samples) squares += s.slope * s.slope;
     for (int round = 0; round <= kRounds; ++round) {
       std::vector<double> size;
+      size.reserve(samples.size());
       for (const Sample& s : samples) size.push_back(std::abs(s.left));
       scale = Median(size) / kOfMedian;
       if (round == kRounds) break;
