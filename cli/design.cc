@@ -137,13 +137,7 @@ std::size_t BestTrial(const study::StudyDesign& d) {
   std::size_t best = d.trials.size();
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t t = 0; t < d.trials.size(); ++t) {
-    if (!d.trials[t].message.empty()) continue;
-    double cost = 0.0;
-    for (std::size_t j = 0; j < d.tells.parameters.size(); ++j) {
-      const bool counts =
-          std::find(d.wanted.begin(), d.wanted.end(), d.tells.parameters[j]) != d.wanted.end();
-      if (counts) cost += std::log(d.trials[t].together[j]);
-    }
+    const double cost = study::FactorOf(d, d.trials[t]);
     if (cost < least) least = cost, best = t;
   }
   return best;

@@ -122,11 +122,11 @@ void WeighMarks(const Planner& planner, const Stock& stock, const correlate::Pla
   if (planner.strobed()) {
     std::vector<std::size_t> all(stock.marks.size());
     for (std::size_t i = 0; i < all.size(); ++i) all[i] = i;
-    out->marks.push_back(BestCycle("the best of all", planner, stock, plan, wanted, all, {}));
+    out->marks.push_back(BestCycle(kBestOfAll, planner, stock, plan, wanted, all, {}));
   } else {
     Choice choice = ChoiceNow(planner, stock);
     for (auto& slots : choice.slots) slots = {0};
-    out->marks.push_back(planner.Case("all of these", plan, choice));
+    out->marks.push_back(planner.Case(kAllOfThese, plan, choice));
   }
 }
 
@@ -140,7 +140,7 @@ void WeighInstruments(const Planner& planner, const Stock& stock,
   if (stock.instruments.size() < 2) return;
   Choice choice = ChoiceNow(planner, stock);
   choice.instruments.assign(choice.instruments.size(), true);
-  out->channels.push_back(planner.Case("all of these", plan, choice));
+  out->channels.push_back(planner.Case(kAllOfThese, plan, choice));
 }
 
 void WeighTrials(const DesignOptions& options, Planner& planner, StudyDesign* out) {

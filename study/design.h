@@ -28,6 +28,9 @@ struct DesignOptions {
   void Check() const;
 };
 
+/// Names of the cases that take in all candidates of a kind.
+inline constexpr char kBestOfAll[] = "the best of all", kAllOfThese[] = "all of these";
+
 /// Something that could be measured next, and what it would leave open.
 struct DesignCase {
   std::string name;

@@ -173,6 +173,17 @@ TEST(DesignAdvice, IsThePlanThatLeavesLeast) {
             "Measure the trial low: the data's standard errors become 0.40 of today's (damping).");
 }
 
+TEST(DesignAdvice, NamesWhatTakesInAllCandidates) {
+  StudyDesign d = Weighed();
+  d.marks = {{kBestOfAll, "", {1.0, 2.0}, {0.2, 0.4}, {"a", "c"}}};
+  EXPECT_THAT(Advice(d), HasSubstr("a trial with the best of all marks, in the cycle a c: the"));
+  d.marks = {{kAllOfThese, "", {1.0, 2.0}, {0.2, 0.4}, {}}};
+  EXPECT_THAT(Advice(d), HasSubstr("a trial with all of the candidate marks: the"));
+  d.marks.clear();
+  d.channels = {{kAllOfThese, "", {1.0, 2.0}, {0.2, 0.4}, {}}};
+  EXPECT_THAT(Advice(d), HasSubstr("a trial with all of the candidate instruments: the"));
+}
+
 TEST(DesignAdvice, IsTheSameOnceMoreWhereNothingIsBetter) {
   StudyDesign d = Weighed();
   d.trials.clear();
