@@ -52,7 +52,7 @@ std::string FileSha256(const std::string& path) {
   for (;;) {
     const ssize_t size = opened.file < 0 ? -1 : read(opened.file, piece.data(), piece.size());
     if (size == 0) return sha.Hex();
-    if (size < 0 && errno != EINTR) {
+    if (size < 0 && (opened.file < 0 || errno != EINTR)) {
       throw Error(std::string("cannot read: ") + std::strerror(errno), path, "check the name");
     }
     if (size > 0) sha.Add(piece.data(), static_cast<std::size_t>(size));

@@ -13,7 +13,8 @@ void JudgeRivals(const HealthEvidence& evidence, const Triangulator& triangulato
                  const HealthOptions& options, std::size_t marks, std::vector<Fault>* faults);
 
 // How far each camera must have shifted since the calibration to be found in 9 of 10 such trials
-// [px], by camera: what the other cameras and the calibration's errors leave unknown of it.
+// [px], by camera, were it alone tested (in 6 of 10 as it is sought among all: decision 282): what
+// the other cameras and the calibration's errors leave unknown of it.
 std::vector<double> ShiftsThatShow(const HealthEvidence& evidence, const Triangulator& triangulator,
                                    const HealthOptions& options, std::size_t marks);
 

@@ -77,11 +77,10 @@ std::vector<std::string> TableWatch::Warnings() const {
     if (k < 0) continue;
     const std::vector<double>& knots = tables_.law(k).knots();
     const Reach& reach = reach_[static_cast<std::size_t>(k)];
-    const double slack = kBeyond * (knots.back() - knots.front());
-    const bool above = reach.high - knots.back() > knots.front() - reach.low;
-    const double end = above ? knots.back() : knots.front();
-    const double reached = above ? reach.high : reach.low;
-    if (!(std::fabs(reached - end) > slack) || above != (reached > end)) continue;
+    const double over = reach.high - knots.back(), under = knots.front() - reach.low;
+    if (!(std::max(over, under) > kBeyond * (knots.back() - knots.front()))) continue;
+    const double end = over > under ? knots.back() : knots.front();
+    const double reached = over > under ? reach.high : reach.low;
     const bool travel = joint.coordinate.travel;
     out.push_back(fmt::format(
         "the {0} of '{1}' went to {2} {3}, but the points of its table end at {4} {3}: the {5} "

@@ -130,9 +130,9 @@ TEST(HealthRivals, MarksAtRestMakeNoCameraLate) {
   }
 }
 
-// Two of four cameras lean so that the others hardly tell of them: a shift of 0.3 px of the one
-// does not show, moves places by seven times what is stated, and that this may be so is said. Of
-// lens axes across each other nothing is said.
+// The lens axes of three cameras of four lie alike, so that the others hardly tell of one of them:
+// a shift of 0.3 px does not show, moves places by seven times what is stated, and that this may be
+// so is said. Of lens axes across each other nothing is said.
 TEST(HealthRivals, ACameraThatTheOthersHardlyCheckIsNotVouchedFor) {
   for (const bool poor : {false, true}) {
     data::Lab lab = RingOfCameras(4, 4);
