@@ -59,6 +59,10 @@ constexpr const char* kNotKept = "check the cameras, and whether those marks are
 constexpr const char* kWrongRemedy =
     "left out, and their samples have no position; look for reflections and slips";
 
+constexpr const char* kMisfitRemedy =
+    "error bars are widened by that; look for another finder of spots than the calibration's, a "
+    "mount that sways, a lens that warmed, or recalibrate";
+
 std::string ScatterRemedy(const data::TrialHealth& health) {
   if (!health.scatter_unknown.empty()) return "error bars are as right as the stated sigmas are";
   if (!health.scatter_wide) return "";
@@ -91,6 +95,14 @@ void AddScatter(const data::TrialHealth& health, ordered_json* json, std::string
       wrong["cameras"][health.cameras[c]] = health.wrong[c];
     }
     *text += fmt::format("{}: {}\n", health.wrong_words, kWrongRemedy);
+  }
+  if (!health.misfit_words.empty()) {
+    ordered_json& misfit = (*json)["misfit"];
+    misfit = {{"words", health.misfit_words}, {"px", health.misfit}};
+    for (std::size_t c = 0; c < health.camera_misfit.size(); ++c) {
+      misfit["cameras"][health.cameras[c]] = health.camera_misfit[c];
+    }
+    *text += fmt::format("{}: {}\n", health.misfit_words, kMisfitRemedy);
   }
   const std::string remedy = ScatterRemedy(health);
   *text += health.scatter_words + (remedy.empty() ? "" : ": " + remedy) + "\n";
@@ -168,6 +180,7 @@ std::string Introduction(const data::TrialHealth& health) {
   if (!health.wrong_words.empty()) {
     text += fmt::format("Some {}: {}. ", health.wrong_words, kWrongRemedy);
   }
+  if (!health.misfit_words.empty()) text += Sentence(health.misfit_words, kMisfitRemedy);
   const std::string remedy = ScatterRemedy(health);
   return text + Capitalised(health.scatter_words) + (remedy.empty() ? "" : ": " + remedy) + ".";
 }

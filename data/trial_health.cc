@@ -88,6 +88,13 @@ void WriteScatter(const TrialHealth& health, H5Writer* file) {
   file->Write({group + "/wrong_readings", "1",
                "readings left out that depart from the course of their mark, by camera"},
               health.wrong);
+  file->Attribute(group, "misfit", health.misfit_words);
+  file->Attribute(group, "misfit [px]", health.misfit);
+  if (!health.camera_misfit.empty()) {
+    file->Write({group + "/camera_misfit", "px",
+                 "what readings leave over beyond noise and calibration, of its marks the most"},
+                health.camera_misfit);
+  }
   if (health.camera_scatter.empty()) return;
   file->Write({group + "/camera_factor", "1", "by which readings' stated sigmas were multiplied"},
               health.camera_scatter);
@@ -114,6 +121,14 @@ void ReadScatter(const H5Reader& file, TrialHealth* out) {
     out->wrong = file.ReadInts(group + "/wrong_readings");
     if (out->wrong.size() != out->cameras.size()) {
       file.Fail("counts readings of other cameras", group, "make the file again");
+    }
+  }
+  if (file.Has(group + "/camera_misfit")) {
+    out->misfit_words = file.StringAttribute(group, "misfit");
+    out->misfit = file.DoubleAttribute(group, "misfit [px]");
+    out->camera_misfit = file.ReadDoubles(group + "/camera_misfit", "px");
+    if (out->camera_misfit.size() != out->cameras.size()) {
+      file.Fail("holds a misfit of other cameras", group, "make the file again");
     }
   }
   if (!file.Has(group + "/camera_factor")) return;

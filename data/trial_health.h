@@ -58,6 +58,13 @@ struct TrialHealth {
   /// ever lit alone x c, or empty [-].
   Eigen::MatrixXd mark_scatter;
 
+  /// What readings leave over for flashes on end beyond noise and calibration, by which the tracks'
+  /// covariances were widened: in words, empty where there is none; of all, and of each camera's
+  /// marks the most [px].
+  std::string misfit_words;
+  double misfit = 0.0;
+  std::vector<double> camera_misfit;
+
   /// Readings that were left out because they depart from the course of their mark where no other
   /// camera vouches for them: in words, empty where there are none; how many, by camera.
   std::string wrong_words;

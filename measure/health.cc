@@ -20,12 +20,6 @@ namespace {
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr std::size_t kSlices = 100;  // of a record's time, in the charts
 
-std::size_t MarksOf(const HealthEvidence& evidence) {
-  int most = -1;
-  for (std::size_t i = 0; i < evidence.size(); ++i) most = std::max(most, evidence.mark(i));
-  return static_cast<std::size_t>(most + 1);
-}
-
 Correction TakenOut(const Fault& fault) {
   return {.camera = fault.camera,
           .from = fault.from,
@@ -248,7 +242,7 @@ HealthReport Diagnose(const HealthEvidence& stated, const Triangulator& triangul
                       const HealthOptions& options, std::span<const std::string> names) {
   options.Check();
   HealthReport report;
-  const std::size_t marks = MarksOf(stated);
+  const std::size_t marks = stated.Marks();
   if (marks == 0) {
     report.unknown = report.scatter.unknown = "no line shows one mark alone";
     return report;

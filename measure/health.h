@@ -114,6 +114,17 @@ struct ScatterReport {
   std::vector<std::pair<int, std::string>> untold;
 };
 
+/// What readings leave over for flashes on end that neither their noise nor the calibration's
+/// errors nor any fault explains: another finder of spots than the calibration's, a lens that
+/// warmed, a mount that sways.
+struct MisfitReport {
+  bool wide = false;    ///< beyond chance and harm
+  double all_px = 0.0;  ///< of all readings alike, standard deviation [px]
+  /// By mark and camera (mark x cameras + camera): what it is at most, were it that camera's alone
+  /// [px], and by which factor that makes stated sigmas too small [-]. Empty where there is none.
+  std::vector<double> px, factors;
+};
+
 /// What a trial says of its cameras.
 struct HealthReport {
   std::string unknown;            ///< why nothing can be told; empty: it was looked at
@@ -122,6 +133,7 @@ struct HealthReport {
   std::vector<Fault> faults;      ///< in order of their weight
   std::vector<LightFault> light;  ///< likewise; looked for wherever spots were measured
   ScatterReport scatter;          ///< of the readings, over what is stated
+  MisfitReport misfit;            ///< of the readings in use; by FindMisfit
   std::vector<std::vector<HealthSlice>> cameras;  ///< by camera and slice
   std::size_t flashes = 0;                        ///< that were looked at
 };
@@ -147,12 +159,15 @@ class HealthEvidence {
   double t(std::size_t i) const { return t_[i]; }             ///< of the i-th [s]
   std::size_t line(std::size_t i) const { return line_[i]; }  ///< of the record
   int mark(std::size_t i) const { return mark_[i]; }          ///< that was lit in it; -1: not one
+  std::size_t Marks() const;                                  ///< up to the last that was lit alone
   /// Of camera c in it.
   const Reading& At(std::size_t i, std::size_t c) const { return readings_[i * cameras_ + c]; }
   /// The kept line that was recorded `lag` lines after the i-th; -1: there is none.
   std::ptrdiff_t After(std::size_t i, int lag) const;
   /// Takes a fault out.
   void Correct(const Correction& correction);
+  /// Takes away the readings that are not used: of a camera that is left out, or in doubtful time.
+  void LeaveOut(const Correction& correction);
   /// Takes the readings of two cameras for each other's.
   void Exchange(std::size_t a, std::size_t b);
   /// Multiplies the readings' sigmas, by mark and camera (mark x cameras + camera).
@@ -178,13 +193,23 @@ HealthReport Diagnose(const HealthEvidence& evidence, const Triangulator& triang
 ScatterReport FindScatter(const HealthEvidence& evidence, const Triangulator& triangulator,
                           const HealthOptions& options = {});
 
-/// By which factor stated sigmas are too small, by mark and camera (mark x cameras + camera); 1
-/// where they are not known to be.
+/// What the readings that are in use leave over, by what no place explains of three flashes in a
+/// row that four cameras or more see. `evidence` has faults taken out, and no sigmas widened;
+/// `corrections` say what is left out.
+MisfitReport FindMisfit(const HealthEvidence& evidence, const Triangulator& triangulator,
+                        const ScatterReport& scatter, std::span<const Correction> corrections,
+                        const HealthOptions& options = {});
+
+/// By which factor scatter makes stated sigmas too small, by mark and camera (mark x cameras +
+/// camera); 1 where they are not known to be.
 std::vector<double> WideningsOf(const ScatterReport& scatter, std::size_t cells);
 
 /// "readings of camera west scatter 2.03 +- 0.05 times what is stated"; also where they do not.
 std::string Describe(const ScatterReport& scatter, std::span<const std::string> cameras,
                      std::span<const std::string> marks);
+
+/// "readings depart by 0.21 px from where the calibration puts them ..."; empty: they do not.
+std::string Describe(const MisfitReport& misfit);
 
 /// "readings depart from the course of their mark ...: 12 of camera west"; empty: there are none.
 std::string DescribeWrong(std::span<const WrongReading> wrong,
@@ -205,8 +230,9 @@ std::string Describe(const Fault& fault, std::span<const std::string> cameras);
 /// are left out while they are wrong. Where it cannot be told which camera it is, samples of the
 /// time lose their positions.
 std::vector<Correction> CorrectionsOf(std::span<const Fault> faults, bool correct);
-/// What widens the sigmas of readings that scatter more than stated.
-void AddWidenings(const ScatterReport& scatter, std::size_t cameras,
+/// What widens the sigmas of readings that scatter more than stated, or do not fit. It takes the
+/// place of what did so before.
+void AddWidenings(const ScatterReport& scatter, const MisfitReport& misfit, std::size_t cameras,
                   std::vector<Correction>* corrections);
 
 }  // namespace unfurl::measure

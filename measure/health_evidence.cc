@@ -58,6 +58,11 @@ void HealthEvidence::Widen(std::span<const double> factors) {
   }
 }
 
+std::size_t HealthEvidence::Marks() const {
+  const auto last = std::max_element(mark_.begin(), mark_.end());
+  return last == mark_.end() ? 0 : static_cast<std::size_t>(*last + 1);
+}
+
 void HealthEvidence::Exchange(std::size_t a, std::size_t b) {
   for (std::size_t i = 0; i < size(); ++i) {
     std::swap(readings_[i * cameras_ + a], readings_[i * cameras_ + b]);
@@ -78,6 +83,19 @@ void HealthEvidence::Correct(const Correction& correction) {
   }
   for (std::size_t i = 0; i < size(); ++i) {
     if (correction.Holds(t_[i])) readings_[i * cameras_ + c].u_px -= correction.Offset(t_[i]);
+  }
+}
+
+void HealthEvidence::LeaveOut(const Correction& correction) {
+  const bool doubtful = correction.camera < 0;
+  if (!doubtful && !correction.leave_out) return;
+  for (std::size_t i = 0; i < size(); ++i) {
+    if (!correction.Holds(t_[i])) continue;
+    if (doubtful) {
+      mark_[i] = -1;
+    } else {
+      readings_[i * cameras_ + static_cast<std::size_t>(correction.camera)] = {};
+    }
   }
 }
 

@@ -220,6 +220,12 @@ void Tell(const Verdict& best, const Joint& joint, double wide, const Hypothesis
 
 }  // namespace
 
+double SigmasOfAnOffset(const HealthOptions& options, std::size_t cameras) {
+  // Two-sided, shared by every camera, shape, and moment of a step.
+  const double tests = static_cast<double>(cameras * (kMoments + 2));
+  return NormalQuantile(1.0 - 0.5 * options.false_alarm / tests);
+}
+
 bool JudgeOffsets(const HealthEvidence& evidence, const Triangulator& triangulator,
                   const Hypothesis& likeliest, const HealthOptions& options, std::size_t marks,
                   Fault* fault) {
@@ -234,9 +240,7 @@ bool JudgeOffsets(const HealthEvidence& evidence, const Triangulator& triangulat
       all.begin(), all.end(), [](const Verdict& a, const Verdict& b) { return a.gain < b.gain; });
   const double wide = joint.Overdispersed(best->camera, Stories()[best->story].shapes);
   const Eigen::Index told = Stories()[best->story].told;
-  // Two-sided, shared by every camera, shape, and moment of a step.
-  const double tests = static_cast<double>(cameras * (kMoments + 2));
-  const double limit = NormalQuantile(1.0 - 0.5 * options.false_alarm / tests);
+  const double limit = SigmasOfAnOffset(options, cameras);
   if (!(std::abs(best->answer.value(told)) >
         limit * std::sqrt(wide * best->answer.covariance(told, told)))) {
     return false;

@@ -1,3 +1,5 @@
+#include <algorithm>
+
 #include "data/trial_health.h"
 #include "measure/health.h"
 
@@ -46,6 +48,15 @@ data::TrialHealth RecordOf(const HealthReport& report, const std::vector<std::st
   const ScatterReport& scatter = report.scatter;
   out.scatter_words = Describe(scatter, cameras, marks);
   out.scatter_unknown = scatter.unknown;
+  out.misfit_words = Describe(report.misfit);
+  if (report.misfit.wide) {
+    out.misfit = report.misfit.all_px;
+    out.camera_misfit.assign(cameras.size(), 0.0);
+    for (std::size_t k = 0; k < report.misfit.px.size(); ++k) {
+      double& most = out.camera_misfit[k % cameras.size()];
+      most = std::max(most, report.misfit.px[k]);
+    }
+  }
   out.wrong_words = DescribeWrong(scatter.wrong, cameras);
   out.wrong.assign(cameras.size(), 0);
   for (const WrongReading& one : scatter.wrong) ++out.wrong[static_cast<std::size_t>(one.camera)];

@@ -13,6 +13,7 @@
 
 #include "base/statistics.h"
 #include "measure/camera_sets.h"
+#include "measure/health_view.h"
 
 namespace unfurl::measure {
 
@@ -269,7 +270,7 @@ void JudgeRivals(const HealthEvidence& raw, const Triangulator& triangulator,
 std::vector<double> ShiftsThatShow(const HealthEvidence& evidence, const Triangulator& triangulator,
                                    const HealthOptions& options, std::size_t marks) {
   constexpr double kFound = 0.9;  // of trials [-], as where distances are kept
-  const double sigmas = NormalQuantile(1.0 - 0.5 * options.false_alarm) + NormalQuantile(kFound);
+  const double sigmas = SigmasOfAnOffset(options, triangulator.cameras()) + NormalQuantile(kFound);
   const CameraSets sets(evidence, triangulator, options, marks, {Contradiction{}.event});
   std::vector<double> out;
   for (std::size_t c = 0; c < triangulator.cameras(); ++c) {

@@ -13,7 +13,7 @@
 
 #include "base/dense.h"
 #include "base/statistics.h"
-#include "measure/camera_model.h"
+#include "measure/flash_triples.h"
 #include "measure/health.h"
 #include "measure/reading_course.h"
 #include "measure/scatter_components.h"
@@ -24,130 +24,9 @@ namespace unfurl::measure {
 namespace {
 
 constexpr std::size_t kMostTriples = 3000;  // the factor's error is then below 2%
-// Of a mark's usual time between flashes: a longer gap within three of them is no row.
-constexpr double kLongestGap = 1.5;
-constexpr double kFewestNumbers = 8.0;    // of fewer a median is no scale
-constexpr double kTogetherChance = 0.01;  // that sound readings are taken for a motion of marks
+constexpr double kFewestNumbers = 8.0;      // of fewer a median is no scale
+constexpr double kTogetherChance = 0.01;    // that sound readings are taken for a motion of marks
 constexpr const char* kShakes = "it shakes between its flashes";
-
-class Triples {
- public:
-  Triples(const HealthEvidence& evidence, const Triangulator& triangulator)
-      : evidence_(evidence), triangulator_(triangulator), cameras_(triangulator.cameras()) {}
-
-  std::vector<Triple> All() const {
-    std::map<int, std::vector<std::size_t>> flashes;  // by mark
-    std::size_t lit = 0;
-    for (std::size_t i = 0; i < evidence_.size(); ++i) {
-      if (evidence_.mark(i) < 0) continue;
-      flashes[evidence_.mark(i)].push_back(i);
-      ++lit;
-    }
-    // Rows that share no flash, so that triples are independent; of long records fewer.
-    const std::size_t stride = 3 * std::max<std::size_t>(1, lit / (3 * kMostTriples));
-    std::vector<Triple> out;
-    for (const auto& [mark, lines] : flashes) {
-      if (lines.size() < 3) continue;
-      std::vector<double> gaps;
-      for (std::size_t k = 1; k < lines.size(); ++k) {
-        gaps.push_back(evidence_.t(lines[k]) - evidence_.t(lines[k - 1]));
-      }
-      const double longest = kLongestGap * Median(gaps);
-      Eigen::Vector3d last = triangulator_.centre();
-      for (std::size_t k = 1; k + 1 < lines.size(); k += stride) {
-        if (gaps[k - 1] > longest || gaps[k] > longest) continue;
-        Triple triple;
-        triple.mark = static_cast<std::size_t>(mark);
-        if (TripleOf({lines[k - 1], lines[k], lines[k + 1]}, &last, &triple)) {
-          out.push_back(std::move(triple));
-        }
-      }
-    }
-    return out;
-  }
-
- private:
-  using Lanes = std::array<double, CameraBank::kMaxCameras>;
-
-  bool TripleOf(const std::array<std::size_t, 3>& lines, Eigen::Vector3d* last, Triple* out) const {
-    const double span = evidence_.t(lines[2]) - evidence_.t(lines[0]);
-    if (!(span > 0.0)) return false;
-    const double share = (evidence_.t(lines[1]) - evidence_.t(lines[0])) / span;
-    const std::array<double, 3> weight = {share - 1.0, 1.0, -share};
-    std::uint32_t use = 0;
-    for (std::size_t c = 0; c < cameras_; ++c) {
-      bool seen = true;
-      for (const std::size_t i : lines) seen = seen && !std::isnan(evidence_.At(i, c).u_px);
-      if (seen) use |= 1U << c;
-    }
-    const auto C = static_cast<Eigen::Index>(cameras_);
-    Eigen::VectorXd r = Eigen::VectorXd::Zero(C), v = Eigen::VectorXd::Zero(C);
-    PointSolution middle;
-    for (std::size_t k = 0; k < 3; ++k) {
-      Lanes u{}, s{}, residual{};
-      for (std::size_t c = 0; c < cameras_; ++c) {
-        u[c] = evidence_.At(lines[k], c).u_px;
-        s[c] = evidence_.At(lines[k], c).s_px;
-      }
-      PointSolution point;
-      if (!Solve({u.data(), cameras_}, {s.data(), cameras_}, use, *last, &point)) return false;
-      *last = point.p;
-      if (k == 1) middle = point;
-      triangulator_.Residuals({u.data(), cameras_}, point, {residual.data(), cameras_});
-      for (Eigen::Index c = 0; c < C; ++c) {
-        const auto j = static_cast<std::size_t>(c);
-        if ((use >> j & 1U) == 0) continue;
-        r(c) += weight[k] * residual[j];
-        v(c) += weight[k] * weight[k] * s[j] * s[j];
-      }
-    }
-    return Reduce(middle, r, v, out);
-  }
-
-  bool Solve(std::span<const double> u, std::span<const double> s, std::uint32_t use,
-             const Eigen::Vector3d& last, PointSolution* point) const {
-    for (const Eigen::Vector3d& start : {last, triangulator_.centre()}) {
-      *point = triangulator_.Solve(u, s, start, use);
-      if (point->readings < 4) return false;
-      if (point->outcome == PointOutcome::kSolved || point->outcome == PointOutcome::kDisagree) {
-        return true;
-      }
-    }
-    return false;
-  }
-
-  // What no place explains: along the left null space of the derivatives by place.
-  bool Reduce(const PointSolution& point, const Eigen::VectorXd& r, const Eigen::VectorXd& v,
-              Triple* out) const {
-    const Eigen::Index n = point.readings, C = r.size();
-    Eigen::MatrixXd J(n, 3);
-    std::vector<Eigen::Index> seen;
-    for (Eigen::Index c = 0; c < C; ++c) {
-      Projection here;
-      if ((point.cameras >> c & 1U) == 0) continue;
-      const auto k = static_cast<std::size_t>(c);
-      if (!Project(triangulator_.rig().cameras[k], point.p, &here)) return false;
-      J.row(static_cast<Eigen::Index>(seen.size())) = here.du_dp;
-      seen.push_back(c);
-    }
-    const Eigen::HouseholderQR<Eigen::MatrixXd> qr(J);
-    const Eigen::MatrixXd Q = qr.householderQ() * Eigen::MatrixXd::Identity(n, n);
-    const Eigen::MatrixXd N = Q.rightCols(n - 3);
-    out->y = Eigen::VectorXd::Zero(n - 3);
-    out->part = Eigen::MatrixXd::Zero(n - 3, C);
-    for (Eigen::Index k = 0; k < n; ++k) {
-      const Eigen::Index c = seen[static_cast<std::size_t>(k)];
-      out->y += N.row(k).transpose() * r(c);
-      out->part.col(c) = N.row(k).transpose() * std::sqrt(v(c));
-      if (!(v(c) > 0.0)) return false;
-    }
-    return true;
-  }
-
-  const HealthEvidence& evidence_;
-  const Triangulator& triangulator_;
-  std::size_t cameras_;
-};
 
 // The chance that a sum is so much larger than its mean, as the chi-square of its mean and
 // variance.
@@ -342,7 +221,11 @@ ScatterReport FindScatter(const HealthEvidence& evidence, const Triangulator& tr
   const std::size_t cameras = triangulator.cameras();
   const auto C = static_cast<Eigen::Index>(cameras);
   std::vector<Triple> triples;
-  if (cameras >= 4) triples = Triples(evidence, triangulator).All();
+  if (cameras >= 4) {
+    for (FlashTriple& one : TriplesOf(evidence, triangulator, kMostTriples)) {
+      triples.push_back(std::move(one.differs));
+    }
+  }
   const std::vector<ReadingCourse> readings = CoursesOf(evidence, cameras);
   std::vector<CourseScatter> courses = ScatterOfCourses(readings, triples);
   for (;;) {

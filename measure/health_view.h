@@ -66,6 +66,9 @@ Hypothesis BestOffset(const CameraView& view, const Residuals& residuals, double
 Hypothesis BestLag(const CameraView& view, std::span<const Residuals> by_lag,
                    const HealthOptions& options, std::size_t cameras);
 
+// From how many of its sigmas on an offset of any camera, at any moment, is beyond chance [-].
+double SigmasOfAnOffset(const HealthOptions& options, std::size_t cameras);
+
 // All cameras and the calibration's errors at once. `likeliest` says which readings are wrong by
 // themselves, and when a step was; the best camera and shape, its suspects; or nothing that is
 // beyond chance: false.

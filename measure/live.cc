@@ -17,6 +17,13 @@ namespace {
 
 constexpr double kLiveHour = 3600.0;  // [s]
 
+// What is not used while it goes on: what was written cannot be put right.
+std::vector<Correction> LeftOutBy(std::span<const Fault> faults) {
+  std::vector<Correction> out = CorrectionsOf(faults, false);
+  std::erase_if(out, [](const Correction& one) { return !one.leave_out && one.camera >= 0; });
+  return out;
+}
+
 // One line of a block; of a block of one it is not copied.
 const data::TrialBlock& LineOf(const data::TrialBlock& block, std::size_t i,
                                data::TrialBlock* line) {
@@ -199,30 +206,34 @@ void Live::Observe(std::int32_t slot) {
 
 void Live::Look() {
   look_t_ = t_;
-  look_ = std::async(
-      std::launch::async, [evidence = pass_->evidence(), pass = pass_.get(), health = health_] {
-        return Diagnose(evidence, pass->triangulator(), health, pass->layout().marks);
-      });
+  look_ = std::async(std::launch::async, [evidence = pass_->evidence(), pass = pass_.get(),
+                                          health = health_]() mutable {
+    HealthReport report = Diagnose(evidence, pass->triangulator(), health, pass->layout().marks);
+    const std::vector<Correction> corrections = CorrectionsOf(report.faults, false);
+    for (const Correction& correction : corrections) evidence.Correct(correction);
+    report.misfit = FindMisfit(evidence, pass->triangulator(), report.scatter, corrections, health);
+    return report;
+  });
 }
 
 void Live::TakeLook() {
   if (!look_.valid()) return;
   const HealthReport report = look_.get();
   const std::vector<std::string>& cameras = pass_->layout().cameras;
-  std::vector<Correction> away;
-  for (const Correction& correction : CorrectionsOf(report.faults, false)) {
-    if (correction.leave_out || correction.camera < 0) away.push_back(correction);
-  }
-  AddWidenings(report.scatter, cameras.size(), &away);
+  std::vector<Correction> away = LeftOutBy(report.faults);
+  AddWidenings(report.scatter, report.misfit, cameras.size(), &away);
   pass_->LeaveOut(std::move(away));
   std::vector<LiveNotice> now;
   for (const Fault& fault : report.faults) {
     now.push_back({NoticeKind::kMoved, true, fault.certain() ? fault.camera : -1, -1, t_,
                    std::max(fault.earliest, 0.0), Describe(fault, cameras)});
   }
-  if (report.scatter.wide) {
+  if (report.scatter.wide || report.misfit.wide) {
+    const std::vector<std::string>& marks = pass_->layout().marks;
+    const std::string misfit = Describe(report.misfit);
     now.push_back({NoticeKind::kScatter, true, -1, -1, t_, std::max(t_ - options_.look_every, 0.0),
-                   Describe(report.scatter, cameras, pass_->layout().marks)});
+                   report.scatter.wide ? Describe(report.scatter, cameras, marks) : misfit});
+    if (report.scatter.wide && !misfit.empty()) now.back().words += "; " + misfit;
   }
   const auto tell_new = [&](const std::vector<LiveNotice>& those,
                             const std::vector<LiveNotice>& others, bool begins) {

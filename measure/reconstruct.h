@@ -283,6 +283,7 @@ class HealthLoop {
  private:
   bool correct_;
   int passes_ = 0;
+  bool misfit_ = false;  // sigmas are widened by it
   HealthReport report_;
 };
 

@@ -162,8 +162,8 @@ void PutBackOffsets(const std::vector<Correction>& corrections, HealthReport* re
 }  // namespace
 
 bool HealthLoop::Again(const Reconstructor& pass, ReconstructOptions* options) {
-  // Passes: a late camera, what hid behind it, wider sigmas, and one to see that.
-  constexpr int kMost = 5;
+  // Passes: a late camera, what hid behind it, wider sigmas twice, and one to see that.
+  constexpr int kMost = 6;
   HealthReport now =
       Diagnose(pass.evidence(), pass.triangulator(), options->health, pass.layout().marks);
   PutBackOffsets(options->corrections, &now);
@@ -174,14 +174,25 @@ bool HealthLoop::Again(const Reconstructor& pass, ReconstructOptions* options) {
   now.faults = report_.faults;
   now.faults.insert(now.faults.end(), found.begin(), found.end());
   report_ = std::move(now);
+  if (found.empty()) {
+    report_.misfit = FindMisfit(pass.evidence(), pass.triangulator(), report_.scatter,
+                                options->corrections, options->health);
+  }
   // Sigmas are widened by what scatters once nothing else is wrong; once, for the evidence keeps
   // those that were stated.
-  const bool wide = found.empty() && report_.scatter.wide && !AnyWidened(options->corrections);
+  const bool widened = AnyWidened(options->corrections);
+  const bool wide = found.empty() && report_.scatter.wide && !widened;
+  // Then by what the cameras leave over, which is told by what their noise is.
+  const bool misfit = found.empty() && report_.misfit.wide && !misfit_;
   // Likewise readings that are wrong by themselves.
   const bool wrong = found.empty() && options->wrong.empty() && !report_.scatter.wrong.empty();
-  if ((found.empty() && !wide && !wrong) || ++passes_ == kMost) return false;
+  if ((found.empty() && !wide && !misfit && !wrong) || ++passes_ == kMost) return false;
   if (wrong) options->wrong = report_.scatter.wrong;
-  if (wide) AddWidenings(report_.scatter, pass.triangulator().cameras(), &options->corrections);
+  if (wide || misfit) {
+    AddWidenings(report_.scatter, report_.misfit, pass.triangulator().cameras(),
+                 &options->corrections);
+  }
+  misfit_ = misfit_ || misfit;
   for (const Correction& correction : CorrectionsOf(found, correct_)) {
     options->corrections.push_back(correction);
   }

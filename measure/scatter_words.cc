@@ -14,15 +14,24 @@ std::vector<double> WideningsOf(const ScatterReport& scatter, std::size_t cells)
   return out;
 }
 
-void AddWidenings(const ScatterReport& scatter, std::size_t cameras,
+void AddWidenings(const ScatterReport& scatter, const MisfitReport& misfit, std::size_t cameras,
                   std::vector<Correction>* corrections) {
-  if (!scatter.wide || cameras == 0) return;
-  for (std::size_t c = 0; c < cameras; ++c) {
-    corrections->push_back({.camera = static_cast<int>(c), .widen = scatter.cameras[c].factor});
+  std::erase_if(*corrections, [](const Correction& one) { return one.widen != 1.0; });
+  if ((!scatter.wide && !misfit.wide) || cameras == 0) return;
+  const std::size_t cells = std::max(scatter.cells.size(), misfit.wide ? misfit.factors.size() : 0);
+  std::vector<double> factors = WideningsOf(scatter, cells);
+  std::vector<double> widest(cameras, 1.0);  // of marks that are never lit alone
+  for (std::size_t k = 0; k < cells; ++k) {
+    if (misfit.wide) factors[k] *= misfit.factors[k];
+    widest[k % cameras] = std::max(widest[k % cameras], factors[k]);
   }
-  for (std::size_t k = 0; k < scatter.cells.size(); ++k) {
+  for (std::size_t c = 0; c < cameras; ++c) {
+    const double widen = misfit.wide ? widest[c] : scatter.cameras[c].factor;
+    corrections->push_back({.camera = static_cast<int>(c), .widen = widen});
+  }
+  for (std::size_t k = 0; k < cells; ++k) {
     corrections->push_back({.camera = static_cast<int>(k % cameras),
-                            .widen = scatter.cells[k].factor,
+                            .widen = factors[k],
                             .mark = static_cast<int>(k / cameras)});
   }
 }
@@ -73,6 +82,14 @@ std::string UntoldMarks(const ScatterReport& scatter, std::span<const std::strin
 }
 
 }  // namespace
+
+std::string Describe(const MisfitReport& misfit) {
+  if (!misfit.wide) return "";
+  return fmt::format(
+      "readings depart by {:.2g} px from where the calibration puts them, for flashes on end and "
+      "beyond their noise and its errors",
+      misfit.all_px);
+}
 
 std::string DescribeWrong(std::span<const WrongReading> wrong,
                           std::span<const std::string> cameras) {

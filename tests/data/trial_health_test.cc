@@ -40,6 +40,9 @@ class Health : public ::testing::Test {
     out.mark_scatter << 1.0, 2.0, 3.0, 4.0, 5.0, 6.0;
     out.wrong_words = "7 readings were left out";
     out.wrong = {0, 7, 0};
+    out.misfit_words = "readings depart by 0.3 px";
+    out.misfit = 0.3;
+    out.camera_misfit = {0.1, 0.5, 0.0};
     return out;
   }
   TrialHealth ThereAndBack(const TrialHealth& health) const {
@@ -66,6 +69,9 @@ TEST_F(Health, ScatterGoesToAFileAndBack) {
   EXPECT_EQ(read.mark_scatter, is.mark_scatter);
   EXPECT_EQ(read.wrong_words, is.wrong_words);
   EXPECT_THAT(read.wrong, ElementsAre(0, 7, 0));
+  EXPECT_EQ(read.misfit_words, is.misfit_words);
+  EXPECT_EQ(read.misfit, 0.3);
+  EXPECT_THAT(read.camera_misfit, ElementsAre(0.1, 0.5, 0.0));
 }
 
 TEST_F(Health, WhatWasNotWidenedHasNoFactors) {

@@ -7,6 +7,7 @@
 #include "measure/health.h"
 #include "measure/reconstruct.h"
 #include "tests/measure/health_trial.h"
+#include "tests/repeats.h"
 
 namespace unfurl::measure::health_rivals_test {
 namespace {
@@ -155,6 +156,27 @@ TEST(HealthRivals, ACameraThatTheOthersHardlyCheckIsNotVouchedFor) {
                   HasSubstr("little vouches for camera b"));
     }
   }
+}
+
+TEST(HealthRivals, TheShiftThatShowsIsFoundInNineOfTen) {
+  data::Lab lab = RingOfCameras(4, 4);
+  for (std::size_t c = 0; c < 4; ++c) lab.cameras[c].roll = c == 0 ? M_PI / 2.0 : 0.0;
+  const HealthTrial trial(lab, 700, 2160, HealthTrial::Way(&HealthTrial::Swing));
+  int found = 0, draws = 0;
+  for (int draw = 0; draw < Repeats(6, 40); ++draw) {
+    Rng rng(100 + draw);
+    const data::Rig rig = trial.DrawRig(&rng);
+    const auto shifted = [&](double px) {
+      return Go(trial, trial.Draw({.camera = 1, .px = px, .from = -1.0}, kSigma, &rng), rig).report;
+    };
+    const HealthReport sound = shifted(0.0);
+    if (!sound.faults.empty()) continue;  // one in some hundred
+    ++draws;
+    found += !shifted(sound.unvouched.shows_px).faults.empty();
+  }
+  // Three sigmas of a count either way.
+  EXPECT_GE(found, 0.9 * draws - 3.0 * std::sqrt(0.09 * draws));
+  EXPECT_LE(found, 0.9 * draws + 3.0 * std::sqrt(0.09 * draws));
 }
 
 }  // namespace
