@@ -148,28 +148,31 @@ class Rows {
 // All numbers as independent ones.
 class Likelihood {
  public:
-  explicit Likelihood(const Rows& rows) : eigen_(rows.Covariance()) {
-    Eigen::VectorXd y(eigen_.eigenvalues().size());
+  explicit Likelihood(const Rows& rows) {
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(rows.Covariance());
+    constexpr double kRounding = 1e-12;  // of the largest [-]
+    variance_ = eigen.eigenvalues().cwiseMax(kRounding * eigen.eigenvalues().maxCoeff());
+    Eigen::VectorXd y(variance_.size());
     Eigen::Index at = 0;
     for (const Row& row : rows.all()) {
       y.segment(at, row.y().size()) = row.y();
       at += row.y().size();
     }
-    along_ = eigen_.eigenvectors().transpose() * y;
+    along_ = eigen.eigenvectors().transpose() * y;
   }
   // -2 ln of it, where the misfit is `square` [px^2].
   double Loss(double square) const {
-    const Eigen::ArrayXd variance = eigen_.eigenvalues().array() + square;
+    const Eigen::ArrayXd variance = variance_ + square;
     return variance.log().sum() + (along_.array().square() / variance).sum();
   }
   double Best() const {
     constexpr double kFinest = 1e-4;  // of the least variance, that changes nothing
     constexpr double kFiner = 1.1;    // from one that is tried to the next: finer than it is known
     double best = 0.0, least = Loss(0.0);
-    const double most = along_.cwiseAbs2().maxCoeff();
-    double at = kFinest * eigen_.eigenvalues()(0);
-    for (; at < most; at *= kFiner) {
-      const double loss = Loss(at);
+    const double most = along_.cwiseAbs2().maxCoeff(), first = kFinest * variance_.minCoeff();
+    const auto steps = static_cast<int>(std::log(std::max(most / first, 1.0)) / std::log(kFiner));
+    for (int k = 0; k < steps; ++k) {
+      const double at = first * std::pow(kFiner, k), loss = Loss(at);
       if (loss >= least) continue;
       least = loss;
       best = at;
@@ -178,8 +181,8 @@ class Likelihood {
   }
 
  private:
-  Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen_;
-  Eigen::VectorXd along_;
+  Eigen::ArrayXd variance_;  // of independent numbers, without a misfit [px^2]
+  Eigen::VectorXd along_;    // those [px]
 };
 
 // By cell, how large a misfit of that camera alone would have to be to leave so much along its own
