@@ -130,6 +130,16 @@ CameraSets::Fit CameraSets::Solve(const std::vector<std::uint32_t>& sets) const 
   out.value = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(out.unknowns.size()));
   // Twice, the second time about what was found: readings are not quite linear in large moves.
   for (const bool far : {true, false}) Refine(Terms(out), far, &out);
+  for (std::size_t k = 0; k < out.unknowns.size(); ++k) {
+    const auto camera = static_cast<std::size_t>(out.unknowns[k].camera);
+    // Further it would see none of what it did. Two so far off fit anything, with marks elsewhere.
+    if (std::abs(out.value(static_cast<Eigen::Index>(k))) <
+        triangulator_.rig().cameras[camera].pixels)
+      continue;
+    out.loss = most_ * static_cast<double>(lines_.size());
+    out.unexplained = lines_.size();
+    out.flashes.assign(lines_.size(), {.loss = most_});
+  }
   return out;
 }
 
@@ -164,6 +174,27 @@ std::vector<Fault> CameraSets::FaultsOf(const Fit& fit) const {
     faults.push_back(fault);
   }
   return faults;
+}
+
+bool CameraSets::Explains(const Fit& fit, const Fit& without, std::size_t event) const {
+  // Of a camera that sways, steps in time with it explain 8/pi^2 of the squares.
+  constexpr double kMostOfAWave = 8.0 / (M_PI * M_PI);
+  double end = HUGE_VAL;
+  for (const CameraEvent& other : events_) {
+    if (other.kind == FaultKind::kMoved && other.from > events_[event].from) {
+      end = std::min(end, other.from);
+    }
+  }
+  double left = 0.0, was = 0.0, numbers = 0.0;
+  for (std::size_t k = 0; k < lines_.size(); ++k) {
+    const double t = evidence_.t(lines_[k]);
+    if (events_[event].kind == FaultKind::kMoved && (t < events_[event].from || t >= end)) continue;
+    left += fit.flashes[k].loss;
+    was += without.flashes[k].loss;
+    numbers += fit.flashes[k].numbers;
+  }
+  if (left < ChiSquareQuantile(1.0 - options_.false_alarm, std::max(numbers, 1.0))) return true;
+  return was - left > kMostOfAWave * (was - numbers);
 }
 
 double CameraSets::Taken(const Fit& fit, int camera, double t) const {
@@ -244,6 +275,11 @@ void CameraSets::Refine(const std::vector<FlashTerms>& terms, bool far, Fit* fit
   }
   // What tells nothing once the rest is taken out is not explained either.
   fit->loss += most_ * static_cast<double>(lines_.size() - std::min(lines_.size(), terms.size()));
+  fit->flashes.assign(lines_.size(), {.loss = most_});
+  for (std::size_t i = 0, k = 0; i < terms.size(); ++i) {
+    while (lines_[k] != terms[i].line) ++k;
+    fit->flashes[k] = {std::min(solver.Loss(i), cap[i]), terms[i].readings - 3.0};
+  }
   fit->unexplained = lines_.size() - std::min(lines_.size(), kept.size());
   fit->wide =
       Overdispersion(evidence_, kept, [&](const FlashTerms& flash) { return left[flash.line]; });

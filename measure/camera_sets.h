@@ -40,11 +40,19 @@ class CameraSets {
     double loss = 0.0;            // of all flashes [-]
     double wide = 1.0;            // Overdispersion
     std::size_t unexplained = 0;  // flashes
+    struct Flash {
+      double loss = 0.0;     // at most what one costs [-]
+      double numbers = 1.0;  // that its place does not explain
+    };
+    std::vector<Flash> flashes;
   };
   Fit Solve(const std::vector<std::uint32_t>& sets) const;
   // -2 ln of how probable a fit is, with variances wider by a factor: its loss, its numbers, and
   // the cameras that went at once.
   double Price(const Fit& fit, double wide) const;
+  // Whether what contradicts itself while an event lasts, until the next one, is explained by it,
+  // and not by a part only: `without` is the same without the event.
+  bool Explains(const Fit& fit, const Fit& without, std::size_t event) const;
   // As faults, each certain.
   std::vector<Fault> FaultsOf(const Fit& fit) const;
 

@@ -94,6 +94,13 @@ Explanation JudgeEvent(const CameraSets& sets, const HealthOptions& options, std
     best.several = best.several || std::popcount(fit.sets[event]) > 1;
   }
   if (others > options.doubt) best.doubtful = seen;
+  // Where too few are left that could contradict each other, it has to be a law.
+  std::vector<std::uint32_t> all = known;
+  all[event] = 0;
+  if (cameras < 4 + static_cast<std::size_t>(std::popcount(found)) &&
+      !sets.Explains(best.fit, sets.Solve(all), event)) {
+    best.doubtful = (1U << cameras) - 1U;
+  }
   return best;
 }
 

@@ -105,6 +105,31 @@ TEST(HealthMisfit, AMountThatSwaysIsToldAndInTheErrorBars) {
   EXPECT_LE(trials.squared, Trials::Most(trials.trials));
 }
 
+TEST(HealthMisfit, ACameraThatRingsIsNotTakenForOthersThatMoved) {
+  const std::size_t cameras = 4;
+  for (const bool still : {false, true}) {
+    const HealthTrial trial(cameras, kLines, 2160, still);
+    for (int draw = 0; draw < Repeats(2, 24); ++draw) {
+      Rng rng(630 + draw);
+      const std::size_t which = rng.Integer(cameras);
+      const double most = rng.Uniform(1.0, 10.0), hertz = rng.Uniform(3.0, 30.0);
+      const double from = rng.Uniform(0.2, 0.7), fades = rng.Uniform(0.05, 0.5);
+      const auto by = [&](std::size_t camera, double t, double) {
+        if (camera != which || t < from) return 0.0;
+        return most * std::exp((from - t) / fades) *
+               std::sin(2.0 * std::numbers::pi * hertz * (t - from));
+      };
+      const data::Rig rig = trial.DrawRig(&rng);
+      const Outcome outcome = Go(trial, Departing(trial, cameras, by, &rng), rig);
+      EXPECT_EQ(outcome.wrong, 0U) << still << ", draw " << draw;
+      for (const Fault& fault : outcome.report.faults) {
+        const bool sure = fault.certain() && fault.kind != FaultKind::kLate;
+        EXPECT_TRUE(!sure || fault.camera == static_cast<int>(which)) << still << ", draw " << draw;
+      }
+    }
+  }
+}
+
 TEST(HealthMisfit, SoundTrialsHaveNone) {
   for (const std::size_t cameras : {4U, 6U}) {
     for (const bool still : {false, true}) {
