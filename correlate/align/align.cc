@@ -98,6 +98,9 @@ bool PlacedBeforehand(const Observations& record, const SampledModel& b, double 
 OffsetSearch Search(const Observations& record, const SampledModel& b,
                     const std::vector<std::string>& marks, const AlignOptions& options) {
   const Prior& known = record.placement.offset;
+  OffsetSearch placed;
+  for (const double at : options.at) placed.candidates.push_back({at, 1.0, 1.0});
+  if (!options.at.empty()) return placed;
   if (known.kind == Foreknowledge::kKnown) {
     OffsetSearch out;
     out.candidates = {{known.mean, 1.0, 1.0}};
@@ -301,6 +304,18 @@ Alignment Align(const Observations& record, const SampledModel& b, const AlignOp
   if (!out.Usable() || out.r2 < kNothing) {
     const std::string doubt = UnitDoubt(CompareUnits(record, b.samples()));
     if (!doubt.empty()) out.message += "; " + doubt;
+  }
+  return out;
+}
+
+std::vector<double> OffsetsAlike(const Observations& record, const SampledModel& b,
+                                 const AlignOptions& options) {
+  if (record.marks.empty()) return ChannelOffsetsAlike(record, b, options);
+  std::vector<std::string> marks;
+  for (const MarkSeries& m : record.marks) marks.push_back(m.name);
+  std::vector<double> out;
+  for (const OffsetCandidate& c : Search(record, b, marks, options).candidates) {
+    out.push_back(c.offset);
   }
   return out;
 }

@@ -23,6 +23,9 @@ const char* Name(AlignStatus status);
 /// What must agree before two records count as aligned.
 struct AlignOptions {
   OffsetOptions search;
+  // Offsets to begin with in place of those that a search finds, of which no correlation is asked
+  // [s]; empty: they are searched.
+  std::vector<double> at;
   double min_correlation = 0.5;  // of the frame-independent signals at the best offset, (0, 1) [-]
   double min_r2 = 0.5;           // of the aligned positions: below, the records share nothing [-]
   // The same where a single history was correlated (two marks, one body): a frame and an offset
@@ -69,5 +72,9 @@ struct Alignment {
 // are to be compared; `b` must hold them too. What cannot be aligned is a status with a message,
 // not an error.
 Alignment Align(const Observations& a, const SampledModel& b, const AlignOptions& options = {});
+
+// The offsets that an alignment would begin with, the most alike first [s].
+std::vector<double> OffsetsAlike(const Observations& a, const SampledModel& b,
+                                 const AlignOptions& options = {});
 
 }  // namespace unfurl::correlate

@@ -183,6 +183,7 @@ class ChannelAligner {
 std::vector<double> Candidates(const ChannelAligner& aligner, const Observations& record,
                                const SampledModel& model, const AlignOptions& options) {
   const Prior& known = record.placement.offset;
+  if (!options.at.empty()) return options.at;
   if (known.kind == Foreknowledge::kKnown) return {known.mean};
   // All overlaps of which at least `min_overlap` of the shorter remains.
   const auto [from, to] = model.Span();
@@ -295,6 +296,11 @@ Alignment AlignChannels(const Observations& record, const SampledModel& model,
     out.message += "; not determined by these channels: " + JoinWords(out.fit.weak);
   }
   return out;
+}
+
+std::vector<double> ChannelOffsetsAlike(const Observations& record, const SampledModel& model,
+                                        const AlignOptions& options) {
+  return Candidates(ChannelAligner(record, model, options), record, model, options);
 }
 
 }  // namespace unfurl::correlate

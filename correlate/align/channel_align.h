@@ -10,4 +10,8 @@ namespace unfurl::correlate {
 Alignment AlignChannels(const Observations& record, const SampledModel& model,
                         const AlignOptions& options);
 
+/// Offsets at which the channels are like the model, the most alike first [s].
+std::vector<double> ChannelOffsetsAlike(const Observations& record, const SampledModel& model,
+                                        const AlignOptions& options);
+
 }  // namespace unfurl::correlate

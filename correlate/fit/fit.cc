@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <memory>
 #include <optional>
 #include <string>
@@ -104,14 +105,14 @@ bool GoElsewhere(const FitProblem& problem, const FitOptions& wider, bool hidden
 // Leads the start along a growing horizon, where it lies beside the whole record nowhere (`aligned`
 // false) or led to what does not explain the data; goes over to what leads lower. `kept`: the
 // options of what was gone over to.
-bool GoAlong(const FitProblem& problem, const FitOptions& options, bool aligned, FitOptions* kept,
-             std::unique_ptr<FitRun>* run) {
+bool GoAlong(const FitProblem& problem, const FitOptions& options, bool aligned,
+             std::deque<FitOptions>* kept, std::unique_ptr<FitRun>* run) {
   constexpr int kMostLed = 2;  // where the start was led already: each costs as much as that did
   int led_so_far = 0;
   for (const FitOptions& grown : GrowingHorizons(problem, options)) {
     if (aligned && led_so_far == kMostLed) break;
-    *kept = grown;
-    auto other = std::make_unique<FitRun>(problem, *kept);
+    kept->push_back(grown);
+    auto other = std::make_unique<FitRun>(problem, kept->back());
     const bool led = other->Screen() && other->StartExplains() && other->LeadStarts();
     led_so_far += led ? 1 : 0;
     if (led && (aligned ? other->LedLowerThan(**run) : other->LiesBesideRecord())) {
@@ -124,14 +125,39 @@ bool GoAlong(const FitProblem& problem, const FitOptions& options, bool aligned,
   return false;
 }
 
+// Leads the start from other places in time than the one that an alignment found best, where that
+// led to what does not explain the data (`aligned`), or there was none; goes over to what leads
+// lower, and ends where the data are explained.
+bool GoFromPlaces(const FitProblem& problem, const FitOptions& options, bool aligned,
+                  std::deque<FitOptions>* kept, std::unique_ptr<FitRun>* run) {
+  bool moved = false;
+  if (options.search.screened == 0) return moved;  // a search was ordered off
+  for (FitOptions& way : (*run)->OtherBeginnings(options)) {
+    kept->push_back(std::move(way));
+    auto other = std::make_unique<FitRun>(problem, kept->back());
+    const bool led = other->Screen() && other->StartExplains() && other->LeadStarts();
+    const bool better =
+        led && (aligned || moved ? other->ExplainsBetterThan(**run) : other->LiesBesideRecord());
+    if (!better) {
+      (*run)->TakeOver(std::move(*other), Elsewhere::kNotLooked);
+      continue;
+    }
+    other->TakeOver(std::move(**run), Elsewhere::kNotLooked);
+    *run = std::move(other);
+    moved = true;
+    if ((*run)->WayExplains()) break;
+  }
+  return moved;
+}
+
 // Where the start lies beside the record nowhere, and no part of it leads: from points over the
 // bounds that do.
-bool GoFromBounds(const FitProblem& problem, const FitOptions& options, FitOptions* kept,
-                  std::unique_ptr<FitRun>* run) {
+bool GoFromBounds(const FitProblem& problem, const FitOptions& options,
+                  std::deque<FitOptions>* kept, std::unique_ptr<FitRun>* run) {
   const std::optional<FitOptions> wider = Wider(problem, options);
   if (!wider) return false;
-  *kept = *wider;  // the run refers to it
-  auto other = std::make_unique<FitRun>(problem, *kept);
+  kept->push_back(*wider);  // the run refers to it
+  auto other = std::make_unique<FitRun>(problem, kept->back());
   const bool led = other->Screen() && other->LeadStarts() && other->LiesBesideRecord();
   if (led) {
     other->TakeOver(std::move(**run), Elsewhere::kFound);
@@ -143,16 +169,23 @@ bool GoFromBounds(const FitProblem& problem, const FitOptions& options, FitOptio
 }
 
 // From the start to a first minimum; false: there is none.
-bool Begin(const FitProblem& problem, const FitOptions& options, FitOptions* growing,
+bool Begin(const FitProblem& problem, const FitOptions& options, std::deque<FitOptions>* kept,
            std::unique_ptr<FitRun>* run) {
-  if (!(*run)->Screen()) {
-    return (*run)->NotAligned() &&
-           (GoAlong(problem, options, false, growing, run) ||
-            GoFromBounds(problem, options, growing, run)) &&
+  const bool aligned = (*run)->Screen();
+  if (aligned) {
+    if (!(*run)->LeadStarts() || !(*run)->Solve()) return false;
+    if (!(*run)->Unexplained()) return true;
+    if (GoAlong(problem, options, true, kept, run) && !(*run)->Solve()) return false;
+  } else if (!(*run)->NotAligned()) {
+    return false;
+  } else if (GoAlong(problem, options, false, kept, run)) {
+    if (!(*run)->Solve()) return false;
+  } else {
+    return (GoFromPlaces(problem, options, false, kept, run) ||
+            GoFromBounds(problem, options, kept, run)) &&
            (*run)->Solve();
   }
-  if (!(*run)->LeadStarts() || !(*run)->Solve()) return false;
-  return !(*run)->Unexplained() || !GoAlong(problem, options, true, growing, run) ||
+  return !(*run)->Unexplained() || !GoFromPlaces(problem, options, true, kept, run) ||
          (*run)->Solve();
 }
 
@@ -182,9 +215,9 @@ void FitOptions::Check() const {
 FitResult Fit(const FitProblem& problem, const FitOptions& options) {
   CheckProblem(problem);
   options.Check();
+  std::deque<FitOptions> kept;  // runs refer to them
   auto run = std::make_unique<FitRun>(problem, options);
-  FitOptions growing;
-  if (!Begin(problem, options, &growing, &run)) return run->Finish();
+  if (!Begin(problem, options, &kept, &run)) return run->Finish();
   // Residuals far above the data's sigmas: the model lacks something, or this is a wrong minimum.
   const std::optional<FitOptions> wider = Wider(problem, options);
   std::optional<FitOptions> closer;

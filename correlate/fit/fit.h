@@ -38,6 +38,8 @@ struct SearchOptions {
   // not scattered anew over what they leave open: for motions with a minimum at each alias.
   bool distinct = false;
   std::uint64_t seed = 1;  // of the hypercube
+  // By trial: the offset at which the way begins [s]; empty: an alignment finds it.
+  std::vector<double> places;
 };
 
 /// How a fit searches, and what it tests.

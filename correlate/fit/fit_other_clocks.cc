@@ -6,6 +6,7 @@
 
 #include "correlate/fit/fit_run.h"
 #include "correlate/fit/other_clocks.h"
+#include "correlate/fit/places.h"
 
 namespace unfurl::correlate {
 
@@ -105,6 +106,22 @@ void FitRun::LookAtOtherClocks() {
     as_good_.push_back({left, DevianceOf(cost, RowsOf(*left), CostOfWay(), rows, square), true});
     from = here;
   }
+}
+
+std::vector<FitOptions> FitRun::OtherBeginnings(const FitOptions& options) {
+  Evaluator evaluator(problem_, workers_);
+  std::vector<FitOptions> out = correlate::OtherBeginnings(way_, options, evaluator);
+  const auto& records = evaluator.records();
+  result_.evaluations.insert(result_.evaluations.end(), records.begin(), records.end());
+  return out;
+}
+
+bool FitRun::WayExplains() const {
+  return 2.0 * best_->result().cost <= kNotNoise * RowsOf(*best_);
+}
+
+bool FitRun::ExplainsBetterThan(FitRun& other) {
+  return best_ != nullptr && other.DevianceByWay(*best_) < -kDeviance95;
 }
 
 void FitRun::WeighOtherClocks() {

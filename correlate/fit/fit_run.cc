@@ -161,6 +161,10 @@ bool FitRun::LiesBesideRecord() {
   FitOptions whole = options_;
   whole.stages.clear();
   whole.stages_by_impacts = false;
+  // What was found by no correlation is held against what is explained alone.
+  for (std::size_t t = 0; t < whole.search.places.size(); ++t) {
+    whole.search.places[t] = best_->point().registration[t].at.offset;
+  }
   Evaluator evaluator(problem_, workers_);
   const std::vector<Candidate> end =
       correlate::Screen(way_, whole, {best_->result().to}, evaluator, {}, {}, nullptr);

@@ -44,6 +44,13 @@ class FitRun {
   //    residuals. False: a model failed there.
   bool Solve();
 
+  // Ways of the study's start from other places in time, with these options; no step need be taken.
+  std::vector<FitOptions> OtherBeginnings(const FitOptions& options);
+  // After step 2: whether what it led to is not far above the data's sigmas; whether it explains
+  // the data better, beyond the 95% level, than what another led to.
+  bool WayExplains() const;
+  bool ExplainsBetterThan(FitRun& other);
+
   // After step 3: the residuals are far above the data's sigmas.
   bool Unexplained() const;
   // After step 4: what is left is no noise, and larger or longer-lived than a stated sigma says, or

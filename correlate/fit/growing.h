@@ -11,6 +11,8 @@ namespace unfurl::correlate {
 
 // Options whose horizon begins with a half of the shortest record, a quarter, an eighth.. (those
 // that hold enough to be led by) and grows by 1.6 to the whole. None where stages are ordered.
-std::vector<FitOptions> GrowingHorizons(const FitProblem& problem, const FitOptions& options);
+// `all`: before them the whole at once, after them the shortest that holds enough.
+std::vector<FitOptions> GrowingHorizons(const FitProblem& problem, const FitOptions& options,
+                                        bool all = false);
 
 }  // namespace unfurl::correlate

@@ -99,11 +99,12 @@ std::vector<Candidate> Screen(const FitProblem& problem, const FitOptions& optio
   }
   answers.erase(answers.begin(), answers.begin() + shift);
 
-  AlignOptions align = options.align;
-  align.part = !options.stages.empty() || options.stages_by_impacts;
+  AlignOptions how = options.align;
+  how.part = !options.stages.empty() || options.stages_by_impacts;
   std::vector<Candidate> out(points.size());
   ParallelFor(points.size(), options.workers, [&](std::size_t i) {
     Candidate& c = out[i];
+    AlignOptions align = how;
     c.theta = points[i];
     c.usable = true;
     double squares = 0.0, count = 0.0;
@@ -116,6 +117,7 @@ std::vector<Candidate> Screen(const FitProblem& problem, const FitOptions& optio
         continue;
       }
       const SampledModel sampled(grid[t], prediction);
+      if (!options.search.places.empty()) align.at = {options.search.places[t]};
       c.alignment.push_back(Align(*problem.trials[t].observations, sampled, align));
       const Alignment& a = c.alignment.back();
       // An alignment that did not settle is start enough; one of unrelated records is not.
