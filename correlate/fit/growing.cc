@@ -49,7 +49,10 @@ std::vector<FitOptions> GrowingHorizons(const FitProblem& problem, const FitOpti
                        static_cast<double>(std::max<std::size_t>(1, lengths.fewest));
   if (all) out.push_back(options);
   double part = kShorter;
-  for (; part >= least; part *= kShorter) out.push_back(Grown(options, lengths, part));
+  while (part >= least) {
+    out.push_back(Grown(options, lengths, part));
+    part *= kShorter;
+  }
   if (all && least < 1.0) out.push_back(Grown(options, lengths, least));
   return out;
 }
