@@ -124,13 +124,10 @@ void AddSearchWords(const correlate::FitResult& r, data::FitRecord* record) {
         r.profile_below));
   }
   if (r.elsewhere != correlate::Elsewhere::kNotLooked) {
-    record->reasons.push_back(
-        r.elsewhere == correlate::Elsewhere::kFound
-            ? "The way from the start ended where the model did not explain the data; points over "
-              "the bounds were looked at, and a lower minimum was found from there."
-            : "The way from the start ended with residuals far above the data's sigmas; points "
-              "over "
-              "the bounds were looked at, and no lower minimum was found from there.");
+    record->reasons.push_back(fmt::format(
+        "The way from the start ended where the model did not explain the data; points over the "
+        "bounds were looked at, and {} lower minimum was found from there.",
+        r.elsewhere == correlate::Elsewhere::kFound ? "a" : "no"));
   }
   AddOtherClocks(r, record);
   if (r.starts.size() < 2) return;

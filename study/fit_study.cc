@@ -5,6 +5,7 @@
 #include "base/error.h"
 #include "correlate/fit/evaluation_store.h"
 #include "study/fit_record.h"
+#include "study/instruments_apart.h"
 #include "study/model_warnings.h"
 
 namespace unfurl::study {
@@ -35,6 +36,7 @@ void Run(const data::Study& study, const FitStudyOptions& options, correlate::Wo
   fit->result = correlate::Fit(fit->binding->problem, how);
   how.where = nullptr;
   TrialsApart apart = FindTrialsApart(fit->binding->problem, how, fit->result);
+  if (apart.verdict.empty()) apart = FindInstrumentsApart(fit->binding->problem, how, fit->result);
   if (!fit->Usable()) apart.reasons = WhyNotAligned(fit->binding->problem, how, fit->result);
   fit->record = RecordOf(study, fit->binding->problem, fit->result, apart);
   AddTolerances(fit->binding->tolerance, &fit->record);

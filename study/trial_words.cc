@@ -158,7 +158,8 @@ std::string ResidualWords(const correlate::FitTrial& trial, const correlate::Tri
       break;
     case correlate::Explained::kNo:
       if (apart) {
-        words += " The model does not explain all trials together.";
+        words += several ? " The model does not explain all trials together."
+                         : " The model does not explain them.";
         break;
       }
       words += NoExplanation(whose, t) + ConstancyWords(parameters, g.constancy, trial, values);

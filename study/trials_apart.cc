@@ -24,41 +24,17 @@ using correlate::FitResult;
 // 16 000 lies there.
 constexpr double kOtherClock = 4.0;
 
-bool ExplainsAll(const FitResult& r) {
-  return r.Usable() && std::none_of(r.trials.begin(), r.trials.end(), [](const auto& t) {
-           return t.goodness.outcome == Explained::kNo;
-         });
-}
-
-// "inertia 0.0833 ± 0.0001 kg m^2 and damping ..".
-std::string ValuesOf(const FitProblem& problem, const FitResult& r) {
-  std::vector<std::string> out;
-  for (std::size_t j = 0; j < problem.parameters.size(); ++j) {
-    const correlate::Parameter& p = problem.parameters[j];
-    out.push_back(fmt::format("{} {}{}", p.name,
-                              NumberWithError(r.parameters[j].value, r.parameters[j].sigma),
-                              UnitAfter(p.unit)));
-  }
-  return JoinWords(out);
-}
-
 class Apart {
  public:
   Apart(const FitProblem& problem, const correlate::FitOptions& options, const FitResult& r)
-      : problem_(problem), options_(options), r_(r) {
-    options_.profile.wanted = false;
-    options_.search.screened = 0;
-    options_.search.starts = 1;
-    options_.where = nullptr;
-    options_.progress = nullptr;
-  }
+      : problem_(problem), options_(NoSearch(options)), r_(r) {}
 
   TrialsApart Find() {
     const std::size_t n = problem_.trials.size();
     std::vector<std::size_t> candidates;
     std::vector<FitResult> without(n);
     for (std::size_t k = 0; k < n; ++k) {
-      FitProblem rest = FromEstimate();
+      FitProblem rest = FromEstimate(problem_, r_);
       rest.trials.erase(rest.trials.begin() + static_cast<std::ptrdiff_t>(k));
       without[k] = correlate::Fit(rest, options_);
       if (ExplainsAll(without[k])) candidates.push_back(k);
@@ -69,14 +45,6 @@ class Apart {
   }
 
  private:
-  FitProblem FromEstimate() const {
-    FitProblem out = problem_;
-    for (std::size_t j = 0; j < out.parameters.size(); ++j) {
-      out.parameters[j].start = r_.parameters[j].value;
-    }
-    return out;
-  }
-
   // The clock with which trial k is explained by the others' values, in words; empty: none.
   std::string ClockOf(std::size_t k, const FitResult& others) const {
     FitProblem own = problem_;
@@ -163,6 +131,40 @@ class Apart {
 };
 
 }  // namespace
+
+bool ExplainsAll(const FitResult& r) {
+  return r.Usable() && std::none_of(r.trials.begin(), r.trials.end(), [](const auto& t) {
+           return t.goodness.outcome == Explained::kNo;
+         });
+}
+
+std::string ValuesOf(const FitProblem& problem, const FitResult& r) {
+  std::vector<std::string> out;
+  for (std::size_t j = 0; j < problem.parameters.size(); ++j) {
+    const correlate::Parameter& p = problem.parameters[j];
+    out.push_back(fmt::format("{} {}{}", p.name,
+                              NumberWithError(r.parameters[j].value, r.parameters[j].sigma),
+                              UnitAfter(p.unit)));
+  }
+  return JoinWords(out);
+}
+
+FitProblem FromEstimate(const FitProblem& problem, const FitResult& r) {
+  FitProblem out = problem;
+  for (std::size_t j = 0; j < out.parameters.size(); ++j) {
+    out.parameters[j].start = r.parameters[j].value;
+  }
+  return out;
+}
+
+correlate::FitOptions NoSearch(correlate::FitOptions options) {
+  options.profile.wanted = false;
+  options.search.screened = 0;
+  options.search.starts = 1;
+  options.where = nullptr;
+  options.progress = nullptr;
+  return options;
+}
 
 TrialsApart FindTrialsApart(const FitProblem& problem, const correlate::FitOptions& options,
                             const FitResult& r) {
