@@ -30,8 +30,10 @@ struct Lengths {
 FitOptions Grown(const FitOptions& options, const Lengths& lengths, double part) {
   constexpr double kGrowth = 1.6;  // as by impacts
   FitOptions grown = options;
-  for (double end = part * lengths.least; end < lengths.most; end *= kGrowth) {
+  double end = part * lengths.least;
+  while (end < lengths.most) {
     grown.stages.push_back(end);
+    end *= kGrowth;
   }
   return grown;
 }
