@@ -153,10 +153,14 @@ std::string HealthText(const data::TrialHealth& health, ordered_json* summary) {
 
 report::Level AddVouching(const data::TrialHealth& health, std::vector<std::string>* details) {
   if (!health.distances.empty()) details->push_back(health.distances);
+  if (!health.misfit_words.empty()) {
+    details->push_back(Capitalised(health.misfit_words) + ": " + kMisfitRemedy + ".");
+  }
+  if (!health.unvouched.empty())
+    details->push_back(Capitalised(health.unvouched) + ": " + kVouch + ".");
   if (!health.distances_kept) return report::Level::kBad;
-  if (health.unvouched.empty()) return report::Level::kGood;
-  details->push_back(health.unvouched + ": " + kVouch);
-  return report::Level::kCare;
+  return health.unvouched.empty() && health.misfit_words.empty() ? report::Level::kGood
+                                                                 : report::Level::kCare;
 }
 
 namespace {

@@ -195,10 +195,10 @@ ScatterReport FindScatter(const HealthEvidence& evidence, const Triangulator& tr
 
 /// What the readings that are in use leave over, by what no place explains of three flashes in a
 /// row that four cameras or more see. `evidence` has faults taken out, and no sigmas widened;
-/// `corrections` say what is left out.
-MisfitReport FindMisfit(const HealthEvidence& evidence, const Triangulator& triangulator,
-                        const ScatterReport& scatter, std::span<const Correction> corrections,
-                        const HealthOptions& options = {});
+/// `corrections` say what is left out. Adds it to what Diagnose found.
+void FindMisfit(const HealthEvidence& evidence, const Triangulator& triangulator,
+                std::span<const Correction> corrections, const HealthOptions& options,
+                HealthReport* report);
 
 /// By which factor scatter makes stated sigmas too small, by mark and camera (mark x cameras +
 /// camera); 1 where they are not known to be.

@@ -277,13 +277,13 @@ void TakeWidest(const MisfitReport& other, MisfitReport* out) {
 
 }  // namespace
 
-MisfitReport FindMisfit(const HealthEvidence& stated, const Triangulator& triangulator,
-                        const ScatterReport& scatter, std::span<const Correction> corrections,
-                        const HealthOptions& options) {
+void FindMisfit(const HealthEvidence& stated, const Triangulator& triangulator,
+                std::span<const Correction> corrections, const HealthOptions& options,
+                HealthReport* report) {
   const std::size_t cameras = triangulator.cameras(), marks = stated.Marks();
-  if (cameras < 4) return {};
+  if (cameras < 4) return;
   HealthEvidence evidence = stated;
-  evidence.Widen(WideningsOf(scatter, marks * cameras));
+  evidence.Widen(WideningsOf(report->scatter, marks * cameras));
   bool away = false;
   for (const Correction& correction : corrections) {
     away = away || correction.leave_out;
@@ -291,11 +291,13 @@ MisfitReport FindMisfit(const HealthEvidence& stated, const Triangulator& triang
   }
   // With the cameras that are left out, put right: of few others nothing is known, and what no
   // fault explains may have been taken for theirs. Then without them, for they may be no better.
-  MisfitReport out = MisfitOf(evidence, triangulator, options, marks);
-  if (!away) return out;
-  for (const Correction& correction : corrections) evidence.LeaveOut(correction);
-  TakeWidest(MisfitOf(evidence, triangulator, options, marks), &out);
-  return out;
+  MisfitReport& out = report->misfit;
+  out = MisfitOf(evidence, triangulator, options, marks);
+  if (away) {
+    for (const Correction& correction : corrections) evidence.LeaveOut(correction);
+    TakeWidest(MisfitOf(evidence, triangulator, options, marks), &out);
+  }
+  if (out.wide) report->unvouched.Widen(Median(out.factors));
 }
 
 }  // namespace unfurl::measure

@@ -211,7 +211,7 @@ void Live::Look() {
     HealthReport report = Diagnose(evidence, pass->triangulator(), health, pass->layout().marks);
     const std::vector<Correction> corrections = CorrectionsOf(report.faults, false);
     for (const Correction& correction : corrections) evidence.Correct(correction);
-    report.misfit = FindMisfit(evidence, pass->triangulator(), report.scatter, corrections, health);
+    FindMisfit(evidence, pass->triangulator(), corrections, health, &report);
     return report;
   });
 }

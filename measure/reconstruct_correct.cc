@@ -175,8 +175,8 @@ bool HealthLoop::Again(const Reconstructor& pass, ReconstructOptions* options) {
   now.faults.insert(now.faults.end(), found.begin(), found.end());
   report_ = std::move(now);
   if (found.empty()) {
-    report_.misfit = FindMisfit(pass.evidence(), pass.triangulator(), report_.scatter,
-                                options->corrections, options->health);
+    FindMisfit(pass.evidence(), pass.triangulator(), options->corrections, options->health,
+               &report_);
   }
   // Sigmas are widened by what scatters once nothing else is wrong; once, for the evidence keeps
   // those that were stated.

@@ -81,6 +81,11 @@ void Unvouched::Weigh(std::span<const double> shows) {
   any = any && hidden > stated;
 }
 
+void Unvouched::Widen(double factor) {
+  stated *= factor;
+  any = any && !(hidden > 0.0 && hidden <= stated);
+}
+
 std::string Describe(const Unvouched& unvouched, std::span<const std::string> cameras) {
   if (!unvouched.any || unvouched.camera < 0) return {};
   if (unvouched.shows_px > 0.0) {

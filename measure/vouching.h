@@ -29,6 +29,8 @@ struct Unvouched {
   void Narrow(std::span<const double> shows_px);
   /// Of places with more readings: with shifts that show in these by camera [px].
   void Weigh(std::span<const double> shows_px);
+  /// With error bars wider by a factor.
+  void Widen(double factor);
 };
 
 /// Of flashes of one mark. `any` is true where there are places at all.
