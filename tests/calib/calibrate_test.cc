@@ -336,5 +336,28 @@ TEST(Observations, RefusesReadingsWithoutSigma) {
   EXPECT_THROW(FromSurvey(survey, "s.csv"), Error);
 }
 
+// A file that was appended to itself: n points twice are no 2n points, whose error bars would be
+// 1/sqrt(2) of what they are. Places measured again, with readings of their own, are.
+TEST(Observations, RefusesPointsThatAreCopies) {
+  data::Survey survey;
+  survey.id = {"p1", "p2", "p3", "p1 again"};
+  survey.p = Eigen::Matrix3Xd::Zero(3, 4);
+  survey.p.row(0) << 0.1234, 0.2, 0.3, 0.1234;
+  survey.cov = Eigen::Matrix<double, 6, 1>(1e-8, 0.0, 0.0, 1e-8, 0.0, 1e-8).replicate(1, 4);
+  survey.cameras = {"c1", "c2", "c3"};
+  survey.u_px.resize(4, 3);
+  survey.u_px << 100.01, 200.02, 300.03, 110.0, 210.0, 310.0, 120.0, 220.0, 320.0,  //
+      100.02, 200.02, 300.03;
+  survey.s_px = Eigen::MatrixXd::Constant(4, 3, 0.02);
+  EXPECT_EQ(FromSurvey(survey, "s.csv").readings.size(), 12U);
+  survey.u_px(3, 0) = survey.u_px(0, 0);
+  try {
+    FromSurvey(survey, "s.csv");
+    ADD_FAILURE() << "a copy was taken for a measurement";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("\"p1 again\" has the place and the readings of"));
+  }
+}
+
 }  // namespace
 }  // namespace unfurl::calib::calibrate_test
