@@ -154,6 +154,9 @@ class HealthEvidence {
   };
   /// The next line, by camera; `mark` -1 where not one mark was lit.
   void Add(double t, int mark, std::span<const Reading> readings);
+  /// Which readings a mark's point was made from, by camera (NaN: none), of a line of some time
+  /// ago: of several spots of a camera the brightest may have been another light's [px].
+  void Took(double t, std::span<const double> u_px);
 
   std::size_t size() const { return t_.size(); }              ///< lines kept
   double t(std::size_t i) const { return t_[i]; }             ///< of the i-th [s]

@@ -42,6 +42,16 @@ void HealthEvidence::Add(double t, int mark, std::span<const Reading> readings) 
   readings_.insert(readings_.end(), readings.begin(), readings.end());
 }
 
+void HealthEvidence::Took(double t, std::span<const double> u_px) {
+  const auto at = std::lower_bound(t_.begin(), t_.end(), t);
+  if (at == t_.end() || *at != t) return;  // not kept
+  const auto i = static_cast<std::size_t>(at - t_.begin());
+  if (mark_[i] < 0) return;  // several marks' readings
+  for (std::size_t c = 0; c < cameras_; ++c) {
+    if (!std::isnan(u_px[c])) readings_[i * cameras_ + c].u_px = u_px[c];
+  }
+}
+
 std::ptrdiff_t HealthEvidence::After(std::size_t i, int lag) const {
   const auto at = static_cast<std::ptrdiff_t>(i) + lag;
   if (at < 0 || at >= static_cast<std::ptrdiff_t>(size())) return -1;

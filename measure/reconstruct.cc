@@ -279,6 +279,7 @@ void Reconstructor::HandOut(data::Tracks* tracks) {
         continue;
       }
       tracks->used[sample] = mine.point.cameras;
+      evidence_.Took(line.t, {mine.u_px.data(), cameras});
       for (std::size_t c = 0; c < cameras; ++c) {
         summary_.readings[c] += mine.point.cameras >> c & 1U;
       }

@@ -6,6 +6,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <string>
 #include <vector>
@@ -18,7 +19,8 @@ namespace unfurl::measure {
 
 struct ReflectionScore {
   std::size_t samples = 0, second_spots = 0, right = 0, unsolved = 0, silent = 0;
-  double worst = 0.0;  // of what is claimed [m]
+  double worst = 0.0;                  // of what is claimed [m]
+  std::vector<double> errors, stated;  // of the same; standard deviations of readings [m]
   void Add(const ReflectionScore& other) {
     samples += other.samples;
     second_spots += other.second_spots;
@@ -66,6 +68,8 @@ inline ReflectionScore Reflected(const data::LabReflection& mirror, double durat
     const double error = (tracks.p.col(col) - truth.p.col(col)).norm();
     score.worst = std::max(score.worst, error);
     score.right += error < 1e-3;
+    score.errors.push_back(error);
+    score.stated.push_back(std::sqrt(tracks.cov(0, col) + tracks.cov(3, col) + tracks.cov(5, col)));
     score.silent += error > 5e-3;
   }
   return score;
