@@ -77,11 +77,17 @@ std::string OverlappingModes(const DecayFit& fit) {
   return out;
 }
 
-std::string SteadyMotions(const DecayFit& fit) {
-  constexpr double kSigmas = 3.0;
+std::string SteadyMotions(std::span<const DecaySignal> signals, const DecayFit& fit) {
+  constexpr double kSigmas = 2.0;
+  constexpr double kFaded = 0.1;  // of the amplitude: less in a whole record is no decay to see
+  double end = fit.start;
+  for (const DecaySignal& s : signals) {
+    if (!s.t.empty()) end = std::max(end, s.t.back());
+  }
   std::string out;
   for (const Mode& m : fit.modes) {
-    if (m.damping > kSigmas * m.damping_sigma) continue;
+    const double most = (m.damping + kSigmas * m.damping_sigma) * std::abs(m.pole);
+    if (-std::expm1(-most * (end - fit.start)) > kFaded) continue;
     out += (out.empty() ? "" : ", ") + Number(m.frequency, 5);
   }
   return out;

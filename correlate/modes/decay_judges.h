@@ -22,8 +22,9 @@ std::string WidenByLaterPart(std::span<const DecaySignal> signals, const DecayOp
 /// Empty: none.
 std::string OverlappingModes(const DecayFit& fit);
 
-/// Frequencies [Hz] of modes whose damping is within three standard errors of none, in words: what
-/// does not fade is driven, by a machine or the mains, as far as the record tells. Empty: none.
-std::string SteadyMotions(const DecayFit& fit);
+/// Frequencies [Hz] of modes that fade by less than a tenth over the signals, by two standard
+/// errors, in words: what does not fade is driven, by a machine or the mains, as far as the record
+/// tells. Empty: none.
+std::string SteadyMotions(std::span<const DecaySignal> signals, const DecayFit& fit);
 
 }  // namespace unfurl::correlate

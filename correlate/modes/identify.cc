@@ -105,11 +105,11 @@ void DoubtWhatIsLeft(Identification* out) {
 void JudgeDecay(std::span<const DecaySignal> signals, const DecayOptions& options,
                 Identification* out) {
   DoubtWhatIsLeft(out);
-  const std::string steady = SteadyMotions(out->fit.decay);
+  const std::vector<DecaySignal> fitted = UpTo(signals, out->fit);
+  const std::string steady = SteadyMotions(fitted, out->fit.decay);
   if (!steady.empty()) {
     Doubt("what swings at " + steady +
-              " Hz does not fade within its error: something that goes on, a machine or the mains, "
-              "looks so",
+              " Hz does not fade: something that goes on, a machine or the mains, looks so",
           out);
   }
   const std::string pairs = OverlappingModes(out->fit.decay);
@@ -119,8 +119,7 @@ void JudgeDecay(std::span<const DecaySignal> signals, const DecayOptions& option
               "as it decays (friction, play, a stiffness that is not linear)",
           out);
   }
-  const std::string other =
-      WidenByLaterPart(UpTo(signals, out->fit), options, kByNoise, &out->fit.decay);
+  const std::string other = WidenByLaterPart(fitted, options, kByNoise, &out->fit.decay);
   if (!other.empty()) {
     Doubt("the later half of its energy has other modes (" + other +
               "): modes are missing, or the structure changes as it decays (friction, play). The "
