@@ -292,7 +292,7 @@ void AddChannelHead(const correlate::Comparison& c, report::Page* page) {
     within = within && s.sigmas > 0.0 && s.sigmas < kWithin;
   }
   const bool alone = c.reference.empty();
-  page->AddWords(alone    ? report::Level::kNeutral
+  page->AddWords(alone    ? c.measured_doubtful ? report::Level::kCare : report::Level::kNeutral
                  : within ? report::Level::kGood
                           : report::Level::kCare,
                  c.verdict, c.reasons);

@@ -15,6 +15,7 @@
 #include "correlate/residual/channel.h"
 #include "correlate/residual/row_layout.h"
 #include "correlate/tolerance.h"
+#include "study/between_words.h"
 
 namespace unfurl::study {
 
@@ -192,19 +193,6 @@ std::string TooQuiet(const correlate::FitResult& r, std::size_t trial) {
       "for {:.0f} times as much as it should. Say trial.sigma_factor = {:.2g} of its marks, or the "
       "sigma of its channels.",
       r.trials[trial].name, times, times * times, times);
-}
-
-// What the model does between the samples; empty: what they show.
-std::string BetweenWords(const correlate::TrialResult& t, const std::string& of) {
-  if (t.between.samples == 0) return "";
-  return fmt::format(
-      "Between {} of the samples{} the model moves by what they do not show, {:.2g} times the "
-      "residuals: what is left of another minimum would look like noise there. {}",
-      t.between.samples, of, t.between.times,
-      t.goodness.hidden
-          ? "So noise cannot be told from a misfit, and residuals beyond the stated sigma are not "
-            "taken for it."
-          : "Sample faster, or state the sigma.");
 }
 
 // Standard errors from zero below which the model's own error may be all that there is.

@@ -129,7 +129,7 @@ ordered_json AmbientJson(const AmbientFit& fit) {
           {"left_out", left_out},         {"modes", modes}};
 }
 
-ordered_json ModesJson(const ModalFit& fit, const std::string& vibration,
+ordered_json ModesJson(const ModalFit& fit, const std::string& vibration, bool doubtful,
                        const std::optional<AmbientFit>& ambient) {
   const DecayFit& d = fit.decay;
   ordered_json modes = ordered_json::array();
@@ -160,6 +160,7 @@ ordered_json ModesJson(const ModalFit& fit, const std::string& vibration,
                        {"message", d.message},
                        {"vibration", ambient ? "ambient" : "decay"},
                        {"why", vibration},
+                       {"doubtful", doubtful},
                        {"explained", d.explained},
                        {"residual_rms", d.residual_rms},
                        {"chi2_per_dof", d.chi2_per_dof},
@@ -217,14 +218,14 @@ ordered_json ComparisonJson(const Comparison& c) {
                                         {"amplitude", s.amplitude},
                                         {"mac", s.mac}});
   }
-  json["modes"] = {
-      {"signals", c.mode_signals},
-      {"units", c.mode_units},
-      {"measured", ModesJson(c.measured_modes, c.measured_vibration, c.measured_ambient)},
-      {"reference", alone
-                        ? ordered_json(nullptr)
-                        : ModesJson(c.reference_modes, c.reference_vibration, c.reference_ambient)},
-      {"pairs", ordered_json::array()}};
+  json["modes"] = {{"signals", c.mode_signals},
+                   {"units", c.mode_units},
+                   {"measured", ModesJson(c.measured_modes, c.measured_vibration,
+                                          c.measured_doubtful, c.measured_ambient)},
+                   {"reference", alone ? ordered_json(nullptr)
+                                       : ModesJson(c.reference_modes, c.reference_vibration,
+                                                   c.reference_doubtful, c.reference_ambient)},
+                   {"pairs", ordered_json::array()}};
   for (const ModePair& p : c.mode_pairs) {
     if (p.a < 0 || p.b < 0) continue;
     json["modes"]["pairs"].push_back({{"measured", p.a}, {"reference", p.b}, {"mac", p.mac}});

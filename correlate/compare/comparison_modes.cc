@@ -162,12 +162,13 @@ void AddModeReasons(Comparison* c) {
     const auto shared = std::count_if(c->mode_pairs.begin(), c->mode_pairs.end(),
                                       [](const ModePair& p) { return p.a >= 0 && p.b >= 0; });
     c->reasons.push_back(fmt::format(
-        "Its {} holds {} modes{}.", c->measured_ambient ? "response to noise" : "free decay",
+        "Its {} holds {} modes{}{}.", c->measured_ambient ? "response to noise" : "free decay",
         c->measured_modes.decay.modes.size(),
         alone ? ""
               : fmt::format(", {} of which the reference has too (within 10% and alike "
                             "in shape)",
-                            shared)));
+                            shared),
+        c->measured_doubtful ? ", in doubt" : ""));
   } else if (!c->measured_modes.decay.message.empty()) {
     c->reasons.push_back("No modes: " + c->measured_modes.decay.message + ".");
   }

@@ -19,6 +19,15 @@ struct BetweenSamples {
   std::size_t samples = 0;  ///< how many are
   /// RMS of what they do not show, there, over that of their series' residuals [-].
   double times = 0.0;
+  /// What another minimum is told by, where the model moves so.
+  enum class Told {
+    kByNothing,    ///< the residuals have no stated size
+    kBySize,       ///< they are of the size that was stated; no more was looked at
+    kOneMinimum,   ///< starts over what the other samples leave open came back to one
+    kByWhatShows,  ///< they did not: the errors are those of the other samples
+    kBySearch,     ///< they did not, and those leave a parameter open: the bounds are looked over
+  };
+  Told told = Told::kByNothing;
 };
 
 /// Where the marks are needed for it: about each sample at half steps of its series. Quantities of

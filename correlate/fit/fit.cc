@@ -224,11 +224,11 @@ FitResult Fit(const FitProblem& problem, const FitOptions& options) {
   bool looked = wider && run->Unexplained();
   if (looked && GoElsewhere(problem, *wider, false, &run) && !run->Solve()) return run->Finish();
   for (;;) {
-    if (!run->Estimate()) return run->Finish();
+    if (!run->Estimate(wider.has_value())) return run->Finish();
     bool moved = run->GoToBetterPoint();
     // Where no sigma is stated residuals are as large as the sigma whatever minimum this is: that
     // it is a wrong one shows only in that they are no noise.
-    if (!moved && wider && !closer && run->HidesMotion()) {
+    if (!moved && wider && !closer && (run->HidesMotion() || run->WantsSearch())) {
       looked = true;
       closer = Closer(problem, *wider);
       moved = GoElsewhere(problem, *closer, true, &run);
@@ -241,6 +241,7 @@ FitResult Fit(const FitProblem& problem, const FitOptions& options) {
   }
   run->WeighOtherClocks();
   run->JudgeParameters();
+  run->JudgeEnd();
   return run->Finish();
 }
 

@@ -22,8 +22,6 @@ void FitRun::LookBetweenSamples() {
     const RowLayout layout(weighed_[t]);
     const bool stated = std::all_of(layout.series.begin(), layout.series.end(),
                                     [](const RowSeries& s) { return s.has_sigma; });
-    // Residuals of the size that was stated have no room for a wrong minimum.
-    if (stated && trial.goodness.p_size >= kGoodnessLevel) continue;
     Prediction own = trial.prediction, between;
     if (!weighed_[t].marks.empty()) {
       // At the samples, too: what a ladder corrected there is not what is foretold from between.
@@ -39,6 +37,9 @@ void FitRun::LookBetweenSamples() {
     }
     trial.between =
         LookBetween(weighed_[t], own, between, trial.reference, trial.at, trial.residual);
+    if (stated && trial.goodness.p_size >= kGoodnessLevel) {
+      trial.between.told = BetweenSamples::Told::kBySize;
+    }
   }
   if (!HidesMotion()) return;
   for (TrialResult& trial : result_.trials) {
@@ -74,16 +75,25 @@ Eigen::VectorXd FitRun::HiddenShare() const {
   return (all.array() > 0.0).select(hidden.array() / all.array().max(1e-300), 0.0);
 }
 
-bool FitRun::HidesMotion() const { return (HiddenShare().array() > kMostHidden).any(); }
+bool FitRun::MostIsHidden() const { return (HiddenShare().array() > kMostHidden).any(); }
+
+bool FitRun::HidesMotion() const {
+  return MostIsHidden() &&
+         std::any_of(result_.trials.begin(), result_.trials.end(), [](const TrialResult& t) {
+           return t.between.samples > 0 && t.between.told == BetweenSamples::Told::kByNothing;
+         });
+}
 
 void FitRun::OpenWhatIsHidden() {
   // Of a wrong minimum some of the hidden motion is left among the residuals: here a tenth of its
   // square or more. Of eight wrong ones of planted latches it was 13 to 37%; of right ones with
   // little noise, below.
   constexpr double kFewTimes = 3.0;
-  const bool may_be_misfit = std::any_of(
-      result_.trials.begin(), result_.trials.end(),
-      [](const TrialResult& t) { return t.between.samples > 0 && t.between.times < kFewTimes; });
+  const bool may_be_misfit =
+      std::any_of(result_.trials.begin(), result_.trials.end(), [](const TrialResult& t) {
+        return t.between.samples > 0 && t.between.times < kFewTimes &&
+               t.between.told == BetweenSamples::Told::kByNothing;
+      });
   if (!may_be_misfit) return;
   constexpr double kOpen = std::numeric_limits<double>::quiet_NaN();
   const Eigen::VectorXd share = HiddenShare();
@@ -143,17 +153,21 @@ std::vector<std::vector<double>> FitRun::Ends() const {
   return out;
 }
 
+Candidate FitRun::PlaceAt(const std::vector<double>& theta) const {
+  Candidate place = best_->candidate();
+  place.theta = theta;
+  for (std::size_t t = 0; t < trials_; ++t) {
+    place.alignment[t].at = best_->point().registration[t].at;
+    place.alignment[t].drift = place.alignment[t].at.drift;
+  }
+  return place;
+}
+
 void FitRun::LookAtEnds(const std::vector<std::vector<double>>& ends) {
   // They are ends of the mesh that leads, and would be compared with what a ladder has corrected.
   if (ladder_.wanted()) return;
   for (const std::vector<double>& theta : ends) {
-    Candidate place = best_->candidate();
-    place.theta = theta;
-    for (std::size_t t = 0; t < trials_; ++t) {
-      place.alignment[t].at = best_->point().registration[t].at;
-      place.alignment[t].drift = place.alignment[t].at.drift;
-    }
-    StageRunner* other = LeadAlong(std::move(place));
+    StageRunner* other = LeadAlong(PlaceAt(theta));
     if (other != nullptr) as_good_.push_back({other, DevianceByWay(*other), false});
   }
 }

@@ -157,22 +157,6 @@ bool FitRun::StartExplains() const {
          });
 }
 
-bool FitRun::LiesBesideRecord() {
-  FitOptions whole = options_;
-  whole.stages.clear();
-  whole.stages_by_impacts = false;
-  // What was found by no correlation is held against what is explained alone.
-  for (std::size_t t = 0; t < whole.search.places.size(); ++t) {
-    whole.search.places[t] = best_->point().registration[t].at.offset;
-  }
-  Evaluator evaluator(problem_, workers_);
-  const std::vector<Candidate> end =
-      correlate::Screen(way_, whole, {best_->result().to}, evaluator, {}, {}, nullptr);
-  const auto& records = evaluator.records();
-  result_.evaluations.insert(result_.evaluations.end(), records.begin(), records.end());
-  return end.front().usable;
-}
-
 void FitRun::AddRunner(const Candidate& from) {
   const auto start = static_cast<int>(runners_.size() + retired_.size());
   runners_.push_back(std::make_unique<StageRunner>(way_, options_, from, workers_, start));
@@ -287,26 +271,27 @@ void FitRun::TakeOver(FitRun&& other, Elsewhere found) {
   result_.elsewhere = found;
 }
 
-bool FitRun::Estimate() {
+bool FitRun::Estimate(bool searched) {
   std::vector<Evaluator::Request> beside = RungsWanted(problem_, ladder_, *best_);
-  for (Evaluator::Request& rival :
-       RivalRequests(problem_, Values(problem_.parameters, best_->u().data()))) {
-    beside.push_back(std::move(rival));
-  }
+  const auto rivals = RivalRequests(problem_, Values(problem_.parameters, best_->u().data()));
+  beside.insert(beside.end(), rivals.begin(), rivals.end());
   if (!FillEstimate(problem_, *best_, std::move(beside), &result_)) return false;
   FillRivals(problem_, *best_, &result_);
   if (ladder_.wanted()) FillWhatIsLeft(problem_, ladder_, *best_, &result_);
   for (std::size_t t = 0; t < trials_; ++t) result_.trials[t].kinds = weighed_[t].others;
   Eigen::MatrixXd doubt;
+  WaysOfError ways;
   FillCovariance(problem_, data_, whiteners_, options_, &result_, &doubt);
   if (ladder_.wanted() && result_.status == FitStatus::kConverged) {
-    const WaysOfError ways = FollowError(problem_, ladder_, *best_, result_);
+    ways = FollowError(problem_, ladder_, *best_, result_);
     result_.ladder.followed = ways.rounds;
     if (ways.first.size() + ways.bend.size() > 0) {
       FillCovariance(problem_, data_, whiteners_, options_, &result_, &doubt, ways);
     }
   }
   LookBetweenSamples();
+  const bool on_hidden = RestsOnWhatHides(searched, &doubt);
+  if (on_hidden) FillCovariance(problem_, data_, whiteners_, options_, &result_, &doubt, ways);
   // The data's part then adds at most 0.5% to a standard error (sqrt(1 + 1/100) = 1.005), so that
   // its profile would change nothing.
   constexpr double kRules = 10.0;
@@ -314,7 +299,7 @@ bool FitRun::Estimate() {
       ladder_.wanted() &&
       std::all_of(result_.parameters.begin(), result_.parameters.end(),
                   [](const ParameterEstimate& e) { return e.sigma_model > kRules * e.sigma_data; });
-  if (options_.profile.wanted && !result_.ladder.rules) {
+  if (options_.profile.wanted && !result_.ladder.rules && !on_hidden) {
     workers_.Phase("profiles", budget_.profiles);
     FillProfiles(problem_, best_->reduced(), best_->u(), best_->point(), options_, noise_sigmas_,
                  &result_);

@@ -33,7 +33,7 @@ class FitRun {
   // one history.
   bool StartExplains() const;
   // After step 2: where it led lies beside the whole record, as an alignment asks.
-  bool LiesBesideRecord();
+  bool LiesBesideRecord(std::string* why = nullptr);
 
   // 2. Each start through the growing horizon. What the first stage leaves open is scattered over
   //    its bounds before the second. False: the model failed on every way.
@@ -59,6 +59,8 @@ class FitRun {
   // After step 4: of some parameter most is told by samples between which the model moves by what
   // they do not show, and residuals have no stated size to be judged by.
   bool HidesMotion() const;
+  // The same of residuals of a stated size, and the samples that show the motion leave it open.
+  bool WantsSearch() const;
   // Values to which the starts have led, the lowest first.
   std::vector<std::vector<double>> Ends() const;
   // Leads on from such values; what is as good as the estimate is weighed with the other offsets.
@@ -69,8 +71,8 @@ class FitRun {
   void TakeOver(FitRun&& other, Elsewhere found);
 
   // 4. Sensitivities at the estimate, the model's own error, covariance, profiles. False: a model
-  //    failed beside the estimate.
-  bool Estimate();
+  //    failed beside the estimate. `searched`: the bounds may be looked over afterwards.
+  bool Estimate(bool searched);
 
   // 5. A profile that came upon a lower point has shown that the estimate is not the minimum: goes
   //    there. True: step 3 has to be taken again.
@@ -81,6 +83,8 @@ class FitRun {
 
   // 6. Verdicts.
   void JudgeParameters();
+  // 7. Nothing is a result where an alignment would say that the two share nothing.
+  void JudgeEnd();
 
   FitResult Finish();
 
@@ -103,6 +107,17 @@ class FitRun {
   void LookBetweenSamples();
   // Of each parameter, how much of what is known of it samples tell that do not show the motion.
   Eigen::VectorXd HiddenShare() const;
+  // Most of what is known of some parameter is told by samples that do not show the motion.
+  bool MostIsHidden() const;
+  // Of parameters and nuisances, by the samples that show the motion (and the bounds).
+  Eigen::MatrixXd CovarianceOfWhatShows(bool with_bounds) const;
+  // The estimate, and values that those samples leave open about it.
+  std::vector<std::vector<double>> PlacesByWhatShows() const;
+  bool ComesBack();  // from there to one minimum
+  // Whether the errors have to be those of the samples that show; what that adds to the doubt.
+  bool RestsOnWhatHides(bool searched, Eigen::MatrixXd* doubt);
+  // The estimate's place in time and space, with these values.
+  Candidate PlaceAt(const std::vector<double>& theta) const;
   // After the verdicts: where the residuals may be what is left of a motion that samples hide.
   void OpenWhatIsHidden();
   double CostOfWay();

@@ -130,6 +130,30 @@ void JudgeHarmonic(const JointSignals& joint, const AmbientOptions& options, dou
   }
 }
 
+// A mode that what is not linear may have made of a stronger one: a coarse or clipped reading, a
+// joint. The n-th multiple of a random vibration is at most as strong as that of a square wave, an
+// n-th of it, and at least as wide as it is.
+void JudgeMultiple(const AmbientOptions& options, const AmbientFit& fit, AmbientMode* m) {
+  constexpr int kHighest = 9;  // a ninth of the amplitude, an eightieth of the variance
+  const Mode& own = m->mode;
+  const double modes = static_cast<double>(fit.modes.size());
+  const double far = NormalQuantile(1.0 - 0.5 * options.chance / (modes * kHighest));
+  for (const AmbientMode& other : fit.modes) {
+    const Mode& of = other.mode;
+    const double n = std::round(own.frequency / of.frequency);
+    if (n < 2.0 || n > kHighest || own.share * n * n > of.share) continue;
+    const double sigma = std::hypot(own.frequency_sigma, n * of.frequency_sigma);
+    if (std::abs(own.frequency - n * of.frequency) > far * sigma) continue;
+    const double widest = (own.damping + 2.0 * own.damping_sigma) * own.frequency;
+    if (widest < (of.damping - 2.0 * of.damping_sigma) * of.frequency) continue;
+    m->doubts.push_back(fmt::format(
+        "it lies at {:.0f} times the frequency of a stronger one, {} Hz: a coarse or clipped "
+        "reading, or a joint that is not linear, shows as much",
+        n, Number(of.frequency, 4)));
+    return;
+  }
+}
+
 }  // namespace
 
 double MemoryOf(const Mode& mode) {
@@ -187,6 +211,7 @@ void JudgeModes(const JointSignals& joint, const AmbientOptions& options, Ambien
   for (AmbientMode& m : fit->modes) {
     const double width = std::max(0.0, m.mode.damping) * m.mode.frequency;
     JudgeHarmonic(joint, options, width, *fit, &m);
+    if (!m.harmonic) JudgeMultiple(options, *fit, &m);
     if (!m.harmonic && m.mode.damping_sigma > kRough * m.mode.damping) {
       const double times = std::pow(m.mode.damping_sigma / (0.1 * m.mode.damping), 2);
       m.doubts.push_back(fmt::format(

@@ -2,9 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "base/error.h"
+#include "correlate/modes/decay_judges.h"
 #include "correlate/modes/joint_grid.h"
 
 namespace unfurl::correlate {
@@ -61,20 +64,68 @@ Excitation ParseExcitation(const std::string& text, const std::string& where) {
 
 namespace {
 
+// The samples that the fit was made to.
+std::vector<DecaySignal> UpTo(std::span<const DecaySignal> signals, const ModalFit& fit) {
+  std::vector<DecaySignal> out(signals.begin(), signals.end());
+  for (DecaySignal& s : out) {
+    if (!fit.cut) break;
+    const auto n =
+        static_cast<std::size_t>(std::upper_bound(s.t.begin(), s.t.end(), fit.until) - s.t.begin());
+    s.t.resize(n);
+    s.value.resize(n);
+    if (!s.sigma.empty()) s.sigma.resize(n);
+  }
+  return out;
+}
+
 constexpr double kAllOfIt = 0.9;   // explained [-]
 constexpr double kByNoise = 0.01;  // chance below which what is left is no noise
+
+void Doubt(const std::string& words, Identification* out) {
+  out->why += (out->doubtful ? ". And " : ". But ") + words;
+  out->doubtful = true;
+}
 
 // A free decay whose sines leave much that is no noise: in so few cycles, say, modes are missed.
 void DoubtWhatIsLeft(Identification* out) {
   const DecayFit& fit = out->fit.decay;
-  if (!fit.Usable() || out->doubtful || fit.whiteness > kByNoise || fit.explained >= kAllOfIt)
-    return;
-  out->doubtful = true;
-  out->why += fmt::format(
-      ". But its modes explain {:.2g}% of it, and what they leave is no noise: others are missing "
-      "(of few cycles, or close to these), or it is no free decay, and the standard errors do not "
-      "hold",
-      100.0 * fit.explained);
+  if (!fit.Usable() || out->doubtful || fit.whiteness > kByNoise) return;
+  double weakest = 1.0 - kAllOfIt;
+  for (const Mode& m : fit.modes) weakest = std::min(weakest, m.share);
+  if (1.0 - fit.explained < weakest) return;
+  Doubt(fmt::format(
+            "its modes explain {:.3g}% of it, and what they leave is no noise and as strong as a "
+            "mode: others are missing (of few cycles, or close to these), or it is no free decay, "
+            "and the standard errors do not hold",
+            100.0 * fit.explained),
+        out);
+}
+
+// What was taken for a free decay: whether its modes are those of all of it.
+void JudgeDecay(std::span<const DecaySignal> signals, const DecayOptions& options,
+                Identification* out) {
+  DoubtWhatIsLeft(out);
+  const std::vector<DecaySignal> fitted = UpTo(signals, out->fit);
+  const std::string steady = SteadyMotions(fitted, out->fit.decay);
+  if (!steady.empty()) {
+    Doubt("what swings at " + steady +
+              " Hz does not fade: something that goes on, a machine or the mains, looks so",
+          out);
+  }
+  const std::string pairs = OverlappingModes(out->fit.decay);
+  if (!pairs.empty()) {
+    Doubt("its modes of " + pairs +
+              " lie within each other's width, with no other shape: they may be one that changes "
+              "as it decays (friction, play, a stiffness that is not linear)",
+          out);
+  }
+  const std::string other = WidenByLaterPart(fitted, options, kByNoise, &out->fit.decay);
+  if (!other.empty()) {
+    Doubt("the later half of its energy has other modes (" + other +
+              "): modes are missing, or the structure changes as it decays (friction, play). The "
+              "standard errors are widened by the difference",
+          out);
+  }
 }
 
 }  // namespace
@@ -102,7 +153,7 @@ Identification Identify(std::span<const DecaySignal> signals, Excitation excitat
   out.fit = IdentifyModes(signals, decay);
   if (excitation == Excitation::kDecay) {
     out.why = "It was to be taken for a free decay";
-    DoubtWhatIsLeft(&out);
+    JudgeDecay(signals, decay.decay, &out);
     return out;
   }
   // Of forces that go on, damped sines can imitate as much as a record of few memories holds: some,
@@ -125,13 +176,13 @@ Identification Identify(std::span<const DecaySignal> signals, Excitation excitat
           "memories of the structure, and then the standard errors do not hold (--modes ambient "
           "takes it for that)";
     }
-    DoubtWhatIsLeft(&out);
+    JudgeDecay(signals, decay.decay, &out);
     return out;
   }
   if (fading >= kSurelyFades) {
     out.why = fmt::format(
         "It fades, the first half has {:.2g} times the second's mean square: a free decay", fading);
-    DoubtWhatIsLeft(&out);
+    JudgeDecay(signals, decay.decay, &out);
     return out;
   }
   ModalFit as_decay = std::move(out.fit);
@@ -140,7 +191,7 @@ Identification Identify(std::span<const DecaySignal> signals, Excitation excitat
     out = {};
     out.fit = std::move(as_decay);
     out.why = "It is too short to be told from a free decay";
-    DoubtWhatIsLeft(&out);
+    JudgeDecay(signals, decay.decay, &out);
     return out;
   }
   out.why = fmt::format(

@@ -24,8 +24,9 @@ const char* Name(Excitation excitation);
 struct Identification {
   Excitation excitation = Excitation::kDecay;  ///< one of the two that it was taken for
   std::string why;                             ///< how that was decided, in words
-  /// Taken for a free decay by damped sines that leave more than noise, of a record that does not
-  /// fade enough to tell: forces that go on can look so, and the errors are not for them.
+  /// Taken for a free decay that may be none, or whose modes may not be those of a structure: `why`
+  /// says what speaks for that. Sines leave more than noise of a record that does not fade enough
+  /// to tell, or as much as a mode; one does not fade; the later part has other modes.
   bool doubtful = false;
   ModalFit fit;                       ///< modes and poles, of either method
   std::optional<AmbientFit> ambient;  ///< of an ambient record: its doubts

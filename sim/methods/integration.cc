@@ -250,7 +250,7 @@ void Integration::Judge() {
   if (drift_ <= kMostDrift) return;
   report_.status = SimulateStatus::kDrift;
   report_.message = fmt::format(
-      "constraints drifted by {:.2g} m and {:.2g} m/s, {:.0f} tolerances; use a smaller rtol, or "
+      "positions by {:.2g} m, velocities by {:.2g} m/s, {:.0f} tolerances; use a smaller rtol, or "
       "another method",
       report_.largest_position_drift, report_.largest_velocity_drift, drift_);
 }

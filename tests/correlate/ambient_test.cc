@@ -156,6 +156,31 @@ TEST(Ambient, AMachineIsNoModeWithoutAWarning) {
   }
 }
 
+// One mode, read in grains of its RMS or clipped: what is not linear makes multiples of it, of
+// which some stay where they are from order to order.
+TEST(Ambient, MultiplesOfAModeAreDoubted) {
+  const DrivenStructure one(Eigen::MatrixXd::Identity(1, 1), {1.0}, {0.005});
+  int multiples = 0;
+  for (const double grain : {0.5, 1.0, 1.5, 0.0}) {  // over the RMS; 0: clipped at 0.7 of it
+    for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+      Rng rng(seed);
+      auto record = one.Draw(rng, 0.06, 20000, {0}, DrivenStructure::Output::kPlace, 0.02);
+      const double rms = DrivenStructure::RmsOf(record[0]);
+      for (double& y : record[0].value) {
+        y = grain > 0.0 ? grain * rms * std::round(y / (grain * rms))
+                        : std::clamp(y, -0.7 * rms, 0.7 * rms);
+      }
+      const AmbientFit fit = IdentifyAmbientModes(record);
+      for (const AmbientMode& m : fit.modes) {
+        if (std::abs(m.mode.frequency - 1.0) < 0.1) continue;
+        ++multiples;
+        EXPECT_FALSE(m.doubts.empty()) << grain << " " << seed << ": " << m.mode.frequency;
+      }
+    }
+  }
+  EXPECT_GE(multiples, 4);
+}
+
 // A machine whose speed wanders by a fifth of a per cent: no line, but an amplitude that does not.
 TEST(Ambient, AMachineThatWandersIsDoubtedToo) {
   const AmbientCase c = FourMasses();

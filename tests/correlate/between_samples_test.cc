@@ -205,5 +205,91 @@ TEST(BetweenSamples, AnAliasWithinTheBoundsOpensTheInterval) {
   }
 }
 
+// One pace k for an approach, which samples show, and for a swing of k times `frequency`.
+class Paced : public Model {
+ public:
+  explicit Paced(double frequency) : frequency_(frequency) {}
+  double At(const std::string& key, double k, double t) const {
+    return key == "swing" ? std::sin(2.0 * kPi * frequency_ * k * t) : 1.0 - std::exp(-k * t);
+  }
+  Prediction Evaluate(std::span<const double> theta, const Stamps& stamps) const override {
+    Prediction out;
+    for (const QuantityStamps& q : stamps.quantities) {
+      Eigen::VectorXd values(static_cast<Eigen::Index>(q.t.size()));
+      for (Eigen::Index i = 0; i < values.size(); ++i) {
+        values(i) = At(q.key, theta[0], q.t[static_cast<std::size_t>(i)]);
+      }
+      out.quantities.push_back({q.key, std::move(values)});
+    }
+    return out;
+  }
+
+ private:
+  double frequency_;
+};
+
+struct PacedRecord {
+  double frequency;       // [Hz]
+  double sigma_approach;  // [1]
+};
+
+FitResult FitPace(const PacedRecord& how, double start, std::uint64_t seed) {
+  const Paced model(how.frequency);
+  Rng rng(seed);
+  Observations data;
+  data.placement.offset = Prior::Known(0.0);
+  data.placement.frame.kind = Foreknowledge::kKnown;
+  for (const char* key : {"approach", "swing"}) {
+    ChannelRecord c;
+    c.name = c.quantity = key;
+    c.unit = "1";
+    const double sigma = c.name == "swing" ? 5.0 * kSigma : how.sigma_approach;
+    for (int i = 0; i * kStep <= kEnd; ++i) c.t.push_back(i * kStep);
+    c.y.resize(static_cast<Eigen::Index>(c.t.size()));
+    for (std::size_t i = 0; i < c.t.size(); ++i) {
+      c.y(static_cast<Eigen::Index>(i)) = model.At(key, 1.0, c.t[i]) + sigma * rng.Normal();
+    }
+    c.sigma = Eigen::VectorXd::Constant(c.y.size(), sigma);
+    data.others.push_back(std::make_shared<Channel>(std::move(c)));
+  }
+  FitProblem problem;
+  problem.parameters = {Named("pace", start, 0.5, 2.0)};
+  FitTrial trial;
+  trial.observations = &data;
+  trial.model = &model;
+  problem.trials = {trial};
+  return Fit(problem);
+}
+
+// 20.3 swings from sample to sample: a pace that is faster by one swing in those, 0.049, gives the
+// same samples, and the approach knows it to 0.032. Whichever was found, the interval holds 1.
+TEST(BetweenSamples, OfAStatedSizeTheErrorIsThatOfTheSamplesThatShow) {
+  const PacedRecord how = {203.0, 5.0 * kSigma};
+  int elsewhere = 0;
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    const FitResult fit = FitPace(how, 1.0 + 1.0 / (how.frequency * kStep), seed);
+    ASSERT_TRUE(fit.Usable()) << fit.message;
+    const ParameterEstimate& e = fit.parameters[0];
+    elsewhere += std::abs(e.value - 1.0) > 0.02 ? 1 : 0;
+    EXPECT_TRUE(Holds(e.all95, 1.0)) << seed << " " << e.value << " " << e.sigma;
+    EXPECT_TRUE(e.verdict != Verdict::kDetermined || e.sigma > 0.03) << seed << " " << e.sigma;
+  }
+  EXPECT_GE(elsewhere, 5);  // of 10: wrong minima were there to be believed
+}
+
+// The same pace with 0.45 swings from sample to sample: what the approach leaves open holds one
+// minimum, and the swing's samples count.
+TEST(BetweenSamples, CountWhereEveryStartComesBack) {
+  for (std::uint64_t seed = 1; seed <= 10; ++seed) {
+    const FitResult fit = FitPace({4.5, kSigma}, 1.01, seed);
+    ASSERT_TRUE(fit.Usable()) << fit.message;
+    const ParameterEstimate& e = fit.parameters[0];
+    EXPECT_EQ(e.verdict, Verdict::kDetermined) << e.reason;
+    EXPECT_LT(e.sigma, 1e-3);
+    EXPECT_LT(std::abs(e.value - 1.0), 4.0 * e.sigma) << seed;
+    EXPECT_EQ(fit.trials[0].between.told, BetweenSamples::Told::kOneMinimum);
+  }
+}
+
 }  // namespace
 }  // namespace unfurl::correlate::between_samples_test
