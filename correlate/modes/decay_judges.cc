@@ -51,7 +51,7 @@ struct Compared {
 
 // Whether two shapes are one within their errors; of a single signal they always are.
 bool OneShape(const Mode& a, const Mode& b) {
-  constexpr double kSigmas = 3.0;
+  constexpr double kSigmas = 3.0;  // chance has a difference beyond those once in some hundreds
   const std::complex<double> factor = a.shape.dot(b.shape) / a.shape.squaredNorm();
   const double off = (b.shape - factor * a.shape).squaredNorm();
   const double error =
@@ -78,8 +78,8 @@ std::string OverlappingModes(const DecayFit& fit) {
 }
 
 std::string SteadyMotions(std::span<const DecaySignal> signals, const DecayFit& fit) {
-  constexpr double kSigmas = 2.0;
-  constexpr double kFaded = 0.1;  // of the amplitude: less in a whole record is no decay to see
+  constexpr double kSigmas = 2.0;  // 95% of what its damping may be
+  constexpr double kFaded = 0.1;   // of the amplitude: less in a whole record is no decay to see
   double end = fit.start;
   for (const DecaySignal& s : signals) {
     if (!s.t.empty()) end = std::max(end, s.t.back());
