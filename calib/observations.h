@@ -58,7 +58,7 @@ struct Observations {
 };
 
 // Takes the numbers of a survey that has readings (FindReadings makes them of lines). Throws Error,
-// naming the point and `where` (the survey's file), for a covariance that is not positive definite
+// naming the point and `where` (the survey's file), for a covariance that is not positive definite,
 // for a reading without a positive sigma and for a point that is a copy of another, and as
 // SetUpErrorsOf (calib/set_up.h) does.
 Observations FromSurvey(const data::Survey& survey, const std::string& where);

@@ -78,10 +78,11 @@ Eigen::VectorXd FitRun::HiddenShare() const {
 bool FitRun::MostIsHidden() const { return (HiddenShare().array() > kMostHidden).any(); }
 
 bool FitRun::HidesMotion() const {
-  return MostIsHidden() &&
-         std::any_of(result_.trials.begin(), result_.trials.end(), [](const TrialResult& t) {
-           return t.between.samples > 0 && t.between.told == BetweenSamples::Told::kByNothing;
-         });
+  const bool unsized =
+      std::any_of(result_.trials.begin(), result_.trials.end(), [](const TrialResult& t) {
+        return t.between.samples > 0 && t.between.told == BetweenSamples::Told::kByNothing;
+      });
+  return unsized && MostIsHidden();
 }
 
 void FitRun::OpenWhatIsHidden() {

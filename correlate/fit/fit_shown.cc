@@ -86,7 +86,7 @@ bool FitRun::ComesBack() {
 }
 
 bool FitRun::RestsOnWhatHides(bool searched, Eigen::MatrixXd* doubt) {
-  if (!MostIsHidden() || HidesMotion()) return false;
+  if (HidesMotion() || !MostIsHidden()) return false;
   using Told = BetweenSamples::Told;
   const Eigen::MatrixXd shown = CovarianceOfWhatShows(false);
   bool known = true;
