@@ -24,6 +24,10 @@ constexpr int kMostUnsuccessful = 2;
 // Standard errors: a step below it that does not lead down is the model's own roughness, as in the
 // solver.
 constexpr double kRough = 1.0;
+// Of what the corrected rung itself changes by over a step below kRough: as much may be the finest
+// rung's roughness, and a slope made of that, across the data as it is, shortens a standard error by
+// 1 - 1 / sqrt(1 + 0.5^2), a tenth; all of it, by a third, and the next step then looks longer.
+constexpr double kTold = 0.5;
 
 Eigen::VectorXd Point(const StageRunner& runner) {
   return Eigen::Map<const Eigen::VectorXd>(runner.u().data(),
@@ -178,6 +182,16 @@ bool Ladder::FirstLook(StageRunner& runner, const std::vector<const Observations
   return EventsAgree(coarse, fine_);
 }
 
+// Whether what the finest rung does otherwise than the corrected one is little beside what that does
+// from `before`, where the two agreed, to where the runner stands and the finest is `here`.
+bool Ladder::Told(StageRunner& runner, const ReducedProblem::Point& before,
+                  const ReducedProblem::Point& here) const {
+  ReducedProblem::Point corrected;
+  if (!runner.reduced().At(runner.u(), &corrected, "trial")) return false;
+  return (here.residual - corrected.residual).norm() <=
+         kTold * (corrected.residual - before.residual).norm();
+}
+
 // The finest rung where the corrected one has led.
 Ladder::Way Ladder::Advance(StageRunner& runner, double step, double contraction,
                             int* unsuccessful) {
@@ -199,7 +213,8 @@ Ladder::Way Ladder::Advance(StageRunner& runner, double step, double contraction
   round.counted = here.cost < before.cost;
   // 2. The slope where the way is slow, or the step was wrong.
   const Correction::Difference difference = DifferenceOf(coarse, fine);
-  round.slope = !round.counted || correction_->has_slope() || contraction > kSlow;
+  round.slope = (!round.counted || correction_->has_slope() || contraction > kSlow) &&
+                (step >= kRough || Told(runner, before, here));
   auto next = std::make_shared<Correction>(*correction_);
   if (round.slope) next->Learn(Point(runner), difference, runner.sigma());
   if (round.counted) {
@@ -208,7 +223,8 @@ Ladder::Way Ladder::Advance(StageRunner& runner, double step, double contraction
     *unsuccessful = 0;
   } else {
     runner.GoTo({centre.data(), centre.data() + centre.size()});
-    ++*unsuccessful;
+    // With nothing learnt the next round would be this one.
+    *unsuccessful = round.slope ? *unsuccessful + 1 : kMostUnsuccessful;
   }
   correction_ = next;
   runner.evaluator().SetCorrection(correction_);

@@ -47,6 +47,8 @@ class Ladder {
   // is near, which stands on slopes of its own.
   bool Ask(StageRunner& runner, bool buy, Answers* coarse, Answers* fine);
   bool FirstLook(StageRunner& runner, const std::vector<const Observations*>& data, double step);
+  bool Told(StageRunner& runner, const ReducedProblem::Point& before,
+            const ReducedProblem::Point& here) const;
   bool EventsAgree(const Answers& coarse, const Answers& fine);
   LadderRound& AddRound(const StageRunner& runner);
   void Note(const std::string& words);
