@@ -112,8 +112,9 @@ TEST(WandRefusal, PointsThatAllContradictTheLength) {
     EXPECT_EQ(found.rig.verdict, kDoNotUse) << seed;
     EXPECT_GT(found.report.gross_points.size(), 4U) << seed;
     EXPECT_THAT(found.rig.reasons.front(), HasSubstr("the stated length of the bar")) << seed;
-    // Without them nothing held the frame, and error bars were metres, or no numbers.
-    EXPECT_LT(found.rig.checks.at("point_sigma_median [m]"), 0.01) << seed;
+    // Without them nothing held the frame, and error bars were metres, or no numbers. Held, it is
+    // to 0.03 of the volume's RMS half side of 0.8 m, and to 0.03 rad.
+    EXPECT_LT(found.rig.checks.at("point_sigma_median [m]"), 0.1) << seed;
   }
 }
 
