@@ -227,7 +227,7 @@ void Test(const data::Rig& rig, const Observations& data, const std::vector<std:
 
 // Of each placement end, camera and reading in turn; one that checks anything has six readings.
 MeasuredRows PlacementRows(const Observations& data) {
-  constexpr std::size_t kFewest = 6;
+  constexpr std::size_t kFewest = 6;  // readings: one more than a bar has unknowns [-]
   MeasuredRows out{"placement", "the readings", {}, {}, 3 * kFewest};
   out.rows.resize(static_cast<std::size_t>(data.points() / 2));
   for (std::size_t i = 0; i < out.rows.size(); ++i) {

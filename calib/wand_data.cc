@@ -154,7 +154,7 @@ void RefuseRepeated(const WandData& data, const std::string& where) {
 
 // Of each pose mark, camera and reading in turn; six readings are one more than a bar's unknowns.
 MeasuredRows PoseRows(const WandData& data) {
-  constexpr std::size_t kFewest = 6;
+  constexpr std::size_t kFewest = 6;  // readings: one more than a bar has unknowns [-]
   MeasuredRows out{"pose", "the readings", data.poses, {}, 3 * kFewest};
   out.rows.resize(data.poses.size());
   for (const WandReading& r : data.readings) {
