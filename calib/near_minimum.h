@@ -1,7 +1,5 @@
 #pragma once
 
-#include <ceres/solver.h>
-
 namespace ceres {
 class Problem;
 }
@@ -12,8 +10,9 @@ namespace unfurl::calib {
 // on the rest: it ended by its tolerances, or, out of iterations, one step without damping would
 // lower the cost, half a chi-square, by next to nothing, as its linear model has it. Long rows
 // leave curved valleys along which the search creeps, far within all error bars. The step is taken
-// if it does what it promises. `report`: how the search with `solver` ended.
-bool NearMinimum(const ceres::Solver::Summary& report, ceres::Solver::Options solver,
-                 ceres::Problem* problem);
+// if it does what it promises. `report`: a ceres::Solver::Summary, how the search with `solver`, a
+// ceres::Solver::Options, ended; for these two alone, which no header can name.
+template <typename Summary, typename Options>
+bool NearMinimum(const Summary& report, Options solver, ceres::Problem* problem);
 
 }  // namespace unfurl::calib
