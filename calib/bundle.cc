@@ -17,6 +17,7 @@
 #include "calib/bundle_costs.h"
 #include "calib/common_error.h"
 #include "calib/covariance.h"
+#include "calib/near_minimum.h"
 #include "calib/stop_on_interrupt.h"
 #include "measure/camera_model.h"
 
@@ -76,24 +77,6 @@ void Summarise(const Observations& data, const std::vector<CameraPrior>& priors,
   dof -= static_cast<double>(prior.rows()) - from_prior;
   summary->chi_square = chi_square;
   summary->degrees_of_freedom = dof;
-}
-
-// By what the cost, half a chi-square, is above its minimum where the search may end: a tenth of a
-// standard error from it in the worst direction [-].
-constexpr double kAtMinimum = 0.5 * 0.1 * 0.1;
-
-// Whether one step without damping would lower the cost by next to nothing, as its linear model has
-// it. Long rows leave curved valleys along which the search creeps, far within all error bars. The
-// step is taken if it does what it promises.
-bool NearMinimum(ceres::Solver::Options solver, ceres::Problem* problem) {
-  solver.max_num_iterations = 1;
-  solver.initial_trust_region_radius = solver.max_trust_region_radius;
-  ceres::Solver::Summary report;
-  ceres::Solve(solver, problem, &report);
-  if (report.termination_type == ceres::CONVERGENCE) return true;
-  if (report.iterations.size() < 2) return false;
-  const ceres::IterationSummary& step = report.iterations[1];
-  return step.step_is_valid && step.cost_change / step.relative_decrease < kAtMinimum;
 }
 
 }  // namespace
@@ -201,9 +184,7 @@ BundleSummary SolveBundle(const Observations& data, const std::vector<CameraPrio
   ceres::Solve(solver, &problem, &report);
   ThrowIfInterrupted();
   BundleSummary summary;
-  summary.converged = report.termination_type == ceres::CONVERGENCE ||
-                      (report.termination_type == ceres::NO_CONVERGENCE &&
-                       NearMinimum(std::move(solver), &problem));
+  summary.converged = NearMinimum(report, std::move(solver), &problem);
   ThrowIfInterrupted();
 
   for (std::size_t j = 0; j < blocks.size(); ++j) {

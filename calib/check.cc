@@ -15,6 +15,7 @@
 #include "calib/check_causes.h"
 #include "calib/check_design.h"
 #include "calib/check_points.h"
+#include "calib/copies.h"
 #include "calib/slips.h"
 #include "calib/verdict.h"
 #include "measure/survey_readings.h"
@@ -190,7 +191,12 @@ FoundCauses FindAbout(const data::Rig& rig, const Observations& data,
   for (int k = 0; k < kRounds; ++k) {
     const Moved moved = MovedBy(rig, data, match, found.causes);
     if (!moved.Any()) break;
-    const CheckDesign there = DesignAbout(moved, rig, data, match, make);
+    CheckDesign there;
+    try {
+      there = DesignAbout(moved, rig, data, match, make);
+    } catch (const Error&) {
+      break;  // moved there, a camera would not see what it read
+    }
     const JointTest about(there.misfit, there.covariance);
     found = FindCauses(rig, there, about, options);
     if (!found.explained) continue;
@@ -217,6 +223,21 @@ void Test(const data::Rig& rig, const Observations& data, const std::vector<std:
   }
   NoteShown(result);
   NoteCoarse(rig, result->options, result);
+}
+
+// Of each placement end, camera and reading in turn; one that checks anything has six readings.
+MeasuredRows PlacementRows(const Observations& data) {
+  constexpr std::size_t kFewest = 6;  // readings: one more than a bar has unknowns [-]
+  MeasuredRows out{"placement", "the readings", {}, {}, 3 * kFewest};
+  out.rows.resize(static_cast<std::size_t>(data.points() / 2));
+  for (std::size_t i = 0; i < out.rows.size(); ++i) {
+    out.names.push_back(data.ids[2 * i] + " to " + data.ids[2 * i + 1]);
+  }
+  for (const Reading& r : data.readings) {
+    std::vector<double>& of = out.rows[static_cast<std::size_t>(r.point / 2)];
+    of.insert(of.end(), {static_cast<double>(r.point % 2), static_cast<double>(r.camera), r.u_px});
+  }
+  return out;
 }
 
 // Both ends of each placement, one after the other.
@@ -326,6 +347,7 @@ CheckResult CheckBar(const data::Rig& rig, const Observations& data, const Bar& 
                      const std::string& where, const CheckOptions& options) {
   options.Check();
   const std::vector<std::size_t> match = MatchCameras(rig, data, where);
+  RefuseCopiedRows(PlacementRows(data), where);
   const std::vector<Found> found = FindPoints(rig, data, match);
   Eigen::Matrix3Xd start = Eigen::Matrix3Xd::Constant(3, data.points(), kNone);
   for (Eigen::Index i = 0; i < start.cols(); ++i) {

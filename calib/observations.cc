@@ -6,12 +6,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <numeric>
 #include <vector>
 
 #include "base/error.h"
 #include "base/statistics.h"
 #include "calib/common_error.h"
+#include "calib/copies.h"
 #include "calib/set_up.h"
 #include "data/survey_points.h"
 
@@ -29,35 +29,19 @@ Eigen::Matrix3d Covariance(const data::Survey& survey, Eigen::Index i) {
 // measurement: that many tell of a point what there is to know.
 constexpr std::size_t kFewestOfACopy = 3;
 
-// A point written twice under two ids would count twice, and narrow every error bar.
-void RefuseCopies(const Observations& data, const std::string& where) {
-  // Of each point, its place and then camera and reading in turn.
-  std::vector<std::vector<double>> row(static_cast<std::size_t>(data.points()));
-  for (std::size_t i = 0; i < row.size(); ++i) {
+// Of each point its place, and then camera and reading in turn.
+MeasuredRows PointRows(const Observations& data) {
+  MeasuredRows out{"point", "the place and the readings", data.ids, {}, 3 + 2 * kFewestOfACopy};
+  out.rows.resize(data.ids.size());
+  for (std::size_t i = 0; i < out.rows.size(); ++i) {
     const Eigen::Vector3d p = data.p.col(static_cast<Eigen::Index>(i));
-    row[i].assign(p.data(), p.data() + 3);
+    out.rows[i].assign(p.data(), p.data() + 3);
   }
   for (const Reading& r : data.readings) {
-    std::vector<double>& of = row[static_cast<std::size_t>(r.point)];
+    std::vector<double>& of = out.rows[static_cast<std::size_t>(r.point)];
     of.insert(of.end(), {static_cast<double>(r.camera), r.u_px});
   }
-  std::vector<std::size_t> order(row.size());
-  std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(),
-                   [&](std::size_t a, std::size_t b) { return row[a] < row[b]; });
-  std::size_t copies = 0, first = 0, again = row.size();
-  for (std::size_t k = 1; k < order.size(); ++k) {
-    const std::size_t a = order[k - 1], b = order[k];
-    if (row[a] != row[b] || row[a].size() < 3 + 2 * kFewestOfACopy) continue;
-    ++copies;
-    if (b < again) first = a, again = b;
-  }
-  if (copies == 0) return;
-  throw Error(fmt::format("point \"{}\" has the place and the readings of point \"{}\" to the last "
-                          "digit{}: it is a copy, and tells nothing more",
-                          data.ids[again], data.ids[first],
-                          copies > 1 ? fmt::format(" ({} points are such)", copies) : ""),
-              where, "give each measurement once");
+  return out;
 }
 
 }  // namespace
@@ -113,7 +97,7 @@ Observations FromSurvey(const data::Survey& survey, const std::string& where) {
           {static_cast<int>(i), static_cast<int>(j), survey.u_px(i, j), survey.s_px(i, j)});
     }
   }
-  RefuseCopies(out, where);
+  RefuseCopiedRows(PointRows(out), where);
   out.common = StationErrorsOf(survey, where);
   AddSetUps(survey, where, &out);
   return out;

@@ -112,6 +112,9 @@ void ReportBar(const WandFit& fit, WandReport* report) {
     if (fit.weighting.use_survey[static_cast<std::size_t>(i)] != 0) continue;
     report->gross_points.push_back(fit.data.points.ids[static_cast<std::size_t>(i)]);
   }
+  const std::vector<char>& use = fit.weighting.use_point_reading;
+  report->point_readings = static_cast<int>(use.size());
+  report->gross_point_readings = static_cast<int>(std::count(use.begin(), use.end(), 0));
 }
 
 // Of all wand calibrations without a late move so many are suspected of one, as TrendOptions [-].

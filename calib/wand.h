@@ -61,8 +61,9 @@ struct WandReport {
   // how many they are, of how many that holds, and the first; 0: nothing of the kind.
   int late = 0, late_left_out = 0;
   std::string late_from;
-  std::vector<WandRival> rivals;          // other rigs that explain the readings as well
-  std::vector<std::string> gross_points;  // surveyed points that contradict the rest
+  std::vector<WandRival> rivals;                     // other rigs that explain the readings as well
+  std::vector<std::string> gross_points;             // surveyed points that contradict the rest
+  int point_readings = 0, gross_point_readings = 0;  // of surveyed points; of these left out
   double chi_square = 0.0, degrees_of_freedom = 0.0;
   bool converged = false;
   std::string frame;              // where it comes from, in words

@@ -7,10 +7,12 @@
 #include <cmath>
 #include <limits>
 #include <memory>
+#include <utility>
 
 #include "base/log_silence.h"
 #include "base/progress.h"
 #include "calib/bundle_costs.h"
+#include "calib/near_minimum.h"
 #include "calib/stop_on_interrupt.h"
 #include "calib/wand_costs.h"
 #include "calib/wand_system.h"
@@ -64,7 +66,8 @@ class WandProblem {
     AddReadings(state);
   }
 
-  ceres::Solver::Summary Solve(const BundleOptions& options) {
+  // `near`: whether it ended at its minimum.
+  ceres::Solver::Summary Solve(const BundleOptions& options, bool* near) {
     ceres::Solver::Options solver;
     // Poses that are not linked are eliminated one by one; a chain of them by their pattern.
     solver.linear_solver_type = moving_ ? ceres::SPARSE_NORMAL_CHOLESKY : ceres::DENSE_SCHUR;
@@ -86,6 +89,8 @@ class WandProblem {
     ceres::Solver::Summary report;
     const LogSilence silence;
     ceres::Solve(solver, &problem_, &report);
+    ThrowIfInterrupted();
+    *near = NearMinimum(report, std::move(solver), &problem_);
     ThrowIfInterrupted();
     return report;
   }
@@ -298,10 +303,9 @@ WandSummary SolveWandBundle(const WandData& data, const std::vector<CameraPrior>
                             const WandWeighting& weighting, const BundleOptions& options,
                             WandState* state, WandSystem* system) {
   WandProblem problem(data, priors, weighting, options, *state);
-  const ceres::Solver::Summary report = problem.Solve(options);
-  problem.Store(state);
   WandSummary out;
-  out.converged = report.termination_type == ceres::CONVERGENCE;
+  const ceres::Solver::Summary report = problem.Solve(options, &out.converged);
+  problem.Store(state);
   out.iterations = static_cast<int>(report.iterations.size());
   out.cost = report.final_cost;
   const auto residual = [&](int camera, const Eigen::Vector3d& p, double u_px) {

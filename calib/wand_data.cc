@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "base/length.h"
 #include "base/text.h"
+#include "calib/copies.h"
 
 namespace unfurl::calib {
 namespace {
@@ -151,6 +152,18 @@ void RefuseRepeated(const WandData& data, const std::string& where) {
   }
 }
 
+// Of each pose mark, camera and reading in turn; six readings are one more than a bar's unknowns.
+MeasuredRows PoseRows(const WandData& data) {
+  constexpr std::size_t kFewest = 6;  // readings: one more than a bar has unknowns [-]
+  MeasuredRows out{"pose", "the readings", data.poses, {}, 3 * kFewest};
+  out.rows.resize(data.poses.size());
+  for (const WandReading& r : data.readings) {
+    std::vector<double>& of = out.rows[static_cast<std::size_t>(r.pose)];
+    of.insert(of.end(), {static_cast<double>(r.mark), static_cast<double>(r.camera), r.u_px});
+  }
+  return out;
+}
+
 }  // namespace
 
 WandBar ParseBar(const std::string& text, const std::string& where) {
@@ -201,6 +214,7 @@ WandData MakeWandData(const data::WandReadings& readings, const WandBar& bar,
   out.place_sigma = bar.sigma;
   AddReadings(readings, flash, OrderPoses(readings, flash, where, &out), &out);
   RefuseRepeated(out, where);
+  RefuseCopiedRows(PoseRows(out), where);
   if (points != nullptr) out.points = PointsOf(*points, out.cameras, points_where);
   return out;
 }

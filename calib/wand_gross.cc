@@ -11,6 +11,7 @@ namespace {
 
 constexpr int kTelling = 4;           // readings of a mark that check each other
 constexpr double kTie = 0.9;          // of the largest residual: which of the two is wrong is open
+constexpr int kSecond = 2;            // wrong data at a surveyed point: then its place is wrong
 constexpr double kBehindFactor = 10;  // of the limit: a mark that is found behind a camera
 
 // Of each reading of the bar, its residual in its own sigmas; 0 where it takes no part or tells
@@ -61,41 +62,92 @@ bool LeaveOutOfBar(double sigmas, WandFit* fit) {
   return any;
 }
 
-bool LeaveOutPointReadings(double sigmas, WandFit* fit) {
+// What of a surveyed point is off, in the readings [first, end) of it.
+struct PointFaults {
+  int off = 0, out = 0;        // readings that are off now; that were left out before
+  std::vector<double> sigmas;  // of each reading, its residual; 0 where it tells nothing
+  bool place = false;          // the surveyed place is off
+};
+
+PointFaults FaultsOf(double sigmas, const WandFit& fit, int point, std::size_t first,
+                     std::size_t end) {
+  PointFaults out;
+  for (std::size_t k = first; k < end; ++k) {
+    const Reading& r = fit.data.points.readings[k];
+    const double redundant = fit.system.point_redundancy[k], off = fit.summary.point_residual_px[k];
+    double size = 0.0;
+    if (fit.weighting.use_point_reading[k] == 0) {
+      ++out.out;
+    } else if (!std::isfinite(off)) {
+      size = kBehindFactor * sigmas;
+    } else if (redundant >= kUsefulRedundancy) {
+      size = std::abs(off) / std::sqrt(fit.weighting.Variance(r.camera, r.s_px) * redundant);
+    }
+    out.sigmas.push_back(size);
+    out.off += size > sigmas ? 1 : 0;
+  }
+  const auto at = static_cast<std::size_t>(point);
+  const double redundant = fit.system.survey_redundancy[at] / 3.0;
+  out.place = fit.weighting.use_survey[at] != 0 && redundant >= kUsefulRedundancy &&
+              SurveySquare(fit.data.points, fit.state, point) >
+                  std::pow(SurveyLossWidth(sigmas), 2) * redundant;
+  return out;
+}
+
+// One reading may be wrong; where a second one is off, too, or the place, it is the place: two
+// wrong readings at one point are rarer, and a place that outlived its readings, one by one, would
+// be off without a word.
+bool LeaveOutAtPoint(double sigmas, int point, std::size_t first, std::size_t end, WandFit* fit) {
+  const PointFaults faults = FaultsOf(sigmas, *fit, point, first, end);
+  if (faults.off == 0 && !faults.place) return false;
+  char* const use = fit->weighting.use_point_reading.data() + first;
+  const std::size_t n = end - first;
+  char& survey = fit->weighting.use_survey[static_cast<std::size_t>(point)];
+  if (survey != 0 && (faults.place || faults.off + faults.out >= kSecond)) {
+    survey = 0;
+    std::fill(use, use + n, 1);
+    return true;
+  }
+  const double worst = *std::max_element(faults.sigmas.begin(), faults.sigmas.end());
+  for (std::size_t k = 0; k < n; ++k) {
+    if (faults.sigmas[k] >= kTie * worst) use[k] = 0;
+  }
+  // Without its place, as a mark of a pose.
+  if (survey == 0 && std::count(use, use + n, 1) < kTelling) std::fill(use, use + n, 0);
+  return true;
+}
+
+bool LeaveOutAtPoints(double sigmas, WandFit* fit) {
+  const std::vector<Reading>& readings = fit->data.points.readings;
   bool any = false;
-  for (std::size_t k = 0; k < fit->data.points.readings.size(); ++k) {
-    const Reading& r = fit->data.points.readings[k];
-    const double redundant = fit->system.point_redundancy[k];
-    if (fit->weighting.use_point_reading[k] == 0 || redundant < kUsefulRedundancy) continue;
-    const double variance = fit->weighting.Variance(r.camera, r.s_px) * redundant;
-    if (std::abs(fit->summary.point_residual_px[k]) <= sigmas * std::sqrt(variance)) continue;
-    fit->weighting.use_point_reading[k] = 0;
-    any = true;
+  for (std::size_t first = 0, end = 0; first < readings.size(); first = end) {
+    while (end < readings.size() && readings[end].point == readings[first].point) ++end;
+    any = LeaveOutAtPoint(sigmas, readings[first].point, first, end, fit) || any;
   }
   return any;
 }
 
-bool LeaveOutPlaces(double sigmas, WandFit* fit) {
-  const double limit = std::pow(SurveyLossWidth(sigmas), 2);
-  bool any = false;
-  for (int i = 0; i < fit->data.points.points(); ++i) {
-    const auto point = static_cast<std::size_t>(i);
-    const double redundant = fit->system.survey_redundancy[point] / 3.0;
-    if (fit->weighting.use_survey[point] == 0 || redundant < kUsefulRedundancy) continue;
-    if (SurveySquare(fit->data.points, fit->state, i) <= limit * redundant) continue;
-    fit->weighting.use_survey[point] = 0;
-    any = true;
+// Whether surveyed places that take part, each with the readings that find it, fix the frame.
+bool PointsFixFrame(const WandFit& fit) {
+  std::vector<int> readings(fit.weighting.use_survey.size(), 0), keep;
+  for (std::size_t k = 0; k < fit.data.points.readings.size(); ++k) {
+    const int point = fit.data.points.readings[k].point;
+    readings[static_cast<std::size_t>(point)] += fit.weighting.use_point_reading[k];
   }
-  return any;
+  for (std::size_t i = 0; i < readings.size(); ++i) {
+    if (fit.weighting.use_survey[i] != 0 && readings[i] >= 3) keep.push_back(static_cast<int>(i));
+  }
+  return FixFrame(fit.data.points.p(Eigen::all, keep));
 }
 
 }  // namespace
 
 bool LeaveOut(double sigmas, WandFit* fit) {
   const bool bar = LeaveOutOfBar(sigmas, fit);
-  const bool readings = LeaveOutPointReadings(sigmas, fit);
-  const bool places = LeaveOutPlaces(sigmas, fit);
-  return bar || readings || places;
+  const bool points = LeaveOutAtPoints(sigmas, fit);
+  // Else the frame would be anywhere, and so would all covariances.
+  if (points && fit->by_points && !PointsFixFrame(*fit)) fit->weighting.hold_frame = true;
+  return bar || points;
 }
 
 void CountLost(const WandData& data, const std::vector<int>& poses, WandFit* fit) {

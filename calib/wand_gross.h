@@ -10,8 +10,8 @@ namespace unfurl::calib {
 inline constexpr double kUsefulRedundancy = 0.1;
 
 // Leaves out, in each pose, the reading that is off by most of its own sigmas, and what is off by
-// as much at the same mark, or the whole pose where fewer than four remain there; and surveyed
-// places and their readings that are off. Whether any were.
+// as much at the same mark, or the whole pose where fewer than four remain there. Of a surveyed
+// point the reading that is off, or its place where more than that one is. Whether any were.
 bool LeaveOut(double sigmas, WandFit* fit);
 
 // Puts poses, by their number in `data`, on the fit's list of those that contradict the rest.

@@ -91,6 +91,10 @@ void CheckFold(const WandFit& fit, const BundleOptions& options, int folds, int 
     length.predicted = std::sqrt(
         (by * rest.system.covariance * by.transpose()).value() + d.dot((a.at.cov + b.at.cov) * d) +
         later * later * fit.system.speed_variance[static_cast<std::size_t>(k)]);
+    if (!(length.predicted > 0.0)) {  // round-off of what is not determined at all
+      ++out->unsolved;
+      continue;
+    }
     out->found.push_back(length);
   }
 }

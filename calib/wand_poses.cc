@@ -179,6 +179,12 @@ double SurveySquare(const Observations& points, const WandState& state, int poin
   return d.dot(points.cov[static_cast<std::size_t>(point)].llt().solve(d));
 }
 
+bool FixFrame(const Eigen::Matrix3Xd& p) {
+  if (p.cols() < 3) return false;
+  const PointSpread spread = SpreadOf(p);
+  return spread.sigma(1) >= kFlat * spread.sigma(0);
+}
+
 void TakeFrame(const std::string& where, WandFit* fit) {
   const Observations& points = fit->data.points;
   if (points.points() < 3) return;
@@ -197,8 +203,7 @@ void TakeFrame(const std::string& where, WandFit* fit) {
   }
   if (found.size() < 3) return;
   const Eigen::Matrix3Xd p = points.p(Eigen::all, found), q = at(Eigen::all, found);
-  const PointSpread spread = SpreadOf(p);
-  if (spread.sigma(1) < kFlat * spread.sigma(0)) return;  // on one line
+  if (!FixFrame(p)) return;  // on one line
   const RigidFit plain = FitRigid(p, q), mirror = FitRigid(p, -q);
   const bool mirrored = mirror.rms < plain.rms;
   MoveWand(mirrored ? mirror.X_AB : plain.X_AB, mirrored, fit);

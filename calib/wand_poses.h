@@ -26,6 +26,9 @@ PosesLeft StartPoses(const std::vector<data::RigCamera>& cameras,
 // flash at once.
 void StartMotion(WandFit* fit);
 
+// Whether places (by column) fix a frame: three or more that are not on one line.
+bool FixFrame(const Eigen::Matrix3Xd& p);
+
 // The survey's frame, where three points or more that are not on one line are found: the rig, or
 // its mirror image where that fits better, is moved there. Throws Error where they are in another
 // unit of length than the bar.

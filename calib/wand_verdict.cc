@@ -183,8 +183,8 @@ void JudgeFit(const WandFit& fit, const WandReport& report, const VerdictOptions
   for (std::string& trend : WandTrends(fit, kTrendLevel)) tally->care.push_back(std::move(trend));
 }
 
-void JudgeGross(const WandReport& report, int points, const VerdictOptions& options, data::Rig* rig,
-                Tally* tally) {
+void JudgeGross(const WandFit& fit, const WandReport& report, const VerdictOptions& options,
+                data::Rig* rig, Tally* tally) {
   int readings = 0;
   for (const WandCameraReport& camera : report.cameras) readings += camera.readings;
   rig->checks["gross_readings [1]"] = report.gross_readings;
@@ -211,7 +211,7 @@ void JudgeGross(const WandReport& report, int points, const VerdictOptions& opti
         fmt::format("surveyed points that contradict the bar were left out: {}",
                     JoinWords(report.gross_points));
     // Most of them: then it is not they that are wrong one by one, and nothing else counts before.
-    if (2 * report.gross_points.size() > static_cast<std::size_t>(points)) {
+    if (2 * report.gross_points.size() > static_cast<std::size_t>(fit.data.points.points())) {
       tally->no.insert(tally->no.begin(),
                        "the stated length of the bar, or the station's unit or distance error, is "
                        "wrong, or the points are of another set-up of the cameras: measure the bar "
@@ -220,6 +220,20 @@ void JudgeGross(const WandReport& report, int points, const VerdictOptions& opti
     } else {
       tally->care.push_back(text);
     }
+  }
+  if (fit.by_points && fit.weighting.hold_frame) {
+    tally->no.push_back(
+        "the surveyed points that agree with the bar are fewer than three or on one line, and fix "
+        "no frame: survey them again");
+  }
+  if (report.gross_point_readings > 0) {
+    const std::string text =
+        fmt::format("left out: {} of {} of surveyed points, which contradict the rest",
+                    report.gross_point_readings,
+                    Counted(static_cast<std::size_t>(report.point_readings), "reading"));
+    // Those of points that were left out, too, are told with them.
+    const bool many = report.gross_point_readings > options.gross_care * report.point_readings;
+    (many && report.gross_points.empty() ? tally->care : tally->fine).push_back(text);
   }
   if (report.dropped > 0) {
     tally->fine.push_back("passed over, seen by too few cameras: " +
@@ -303,7 +317,7 @@ void JudgeWand(const WandFit& fit, const std::vector<double>& sigmas, const Wand
   JudgeLengths(report, options, rig, &tally);
   JudgeShape(fit, sigmas, report, options, rig, &tally);
   JudgeFit(fit, report, options, rig, &tally);
-  JudgeGross(report, fit.data.points.points(), options, rig, &tally);
+  JudgeGross(fit, report, options, rig, &tally);
   JudgeRows(report, options, rig, &tally);
   JudgeMotion(fit, report, rig, &tally);
   JudgeStated(fit, report, options, &tally);

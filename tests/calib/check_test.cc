@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/error.h"
 #include "calib/layout.h"
 #include "calib/plan.h"
 #include "measure/camera_model.h"
@@ -203,6 +204,49 @@ std::vector<data::RigCamera> MakeFlatThree() {
     cameras.back().e = 0.03;
   }
   return cameras;
+}
+
+// Two labels exchanged: a camera that were moved until it explained that would have points behind
+// it, and one of them was called wrongly placed, as an error of the input.
+TEST_F(Check, TwoLabelsExchangedAreNoErrorOfOtherPoints) {
+  const Observations ten = Ten(53);
+  for (int a = 0; a < 10; ++a) {
+    for (int b = 0; b < a; ++b) {
+      Observations data = ten;
+      data.p.col(a).swap(data.p.col(b));
+      SCOPED_TRACE(data.ids[static_cast<std::size_t>(a)] + " and " +
+                   data.ids[static_cast<std::size_t>(b)]);
+      CheckResult result;
+      ASSERT_NO_THROW(result = CheckPoints(*rig_, data, "test"));
+      EXPECT_NE(result.verdict, "still valid");
+    }
+  }
+}
+
+// A placement that was pasted twice tells nothing more.
+TEST_F(Check, PlacementsThatAreCopiesAreRefused) {
+  Observations data = BarAt(study_->truth, 1.2, 60);
+  std::vector<Reading> copied;
+  for (const Reading& r : data.readings) {
+    if (r.point < 2) copied.push_back({r.point + 2, r.camera, r.u_px, r.s_px});
+  }
+  ASSERT_GE(copied.size(), 6U);
+  std::vector<Reading> all;
+  for (const Reading& r : data.readings) {
+    if (r.point == 2 || r.point == 3) continue;
+    if (r.point > 3 && !copied.empty()) {
+      all.insert(all.end(), copied.begin(), copied.end());
+      copied.clear();
+    }
+    all.push_back(r);
+  }
+  data.readings = all;
+  try {
+    CheckBar(*rig_, data, {1.2, 2e-5}, "bar.csv");
+    ADD_FAILURE() << "a copy was taken for a measurement";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), HasSubstr("has the readings of placement"));
+  }
 }
 
 TEST_F(Check, ABarOfKnownLength) {

@@ -42,5 +42,32 @@ TEST(WandData, PosesComeInTheOrderOfTime) {
   EXPECT_THROW(MakeWandData(readings, {{0.2, 0.5}, 1e-4}, nullptr, "wand", ""), Error);
 }
 
+// A recording that was pasted twice would halve the variances.
+TEST(WandData, PosesThatAreCopiesAreRefused) {
+  data::WandReadings readings;
+  readings.cameras = {"x", "y", "z"};
+  readings.u_px.resize(6, 3);
+  for (int pose = 0; pose < 3; ++pose) {
+    for (int mark = 0; mark < 2; ++mark) {
+      readings.pose.push_back(std::to_string(pose));
+      readings.mark.push_back(mark == 0 ? "a" : "b");
+      readings.u_px.row(2 * pose + mark) << 100.25 + 7.0 * pose, 300.5 + mark, 900.125 + mark;
+    }
+  }
+  readings.s_px.setConstant(6, 3, 0.1);
+  const WandBar bar{{0.5}, 1e-4};
+  EXPECT_NO_THROW(MakeWandData(readings, bar, nullptr, "wand.csv", ""));
+  readings.u_px.bottomRows(2) = readings.u_px.topRows(2);
+  try {
+    MakeWandData(readings, bar, nullptr, "wand.csv", "");
+    ADD_FAILURE() << "a copy was taken for a measurement";
+  } catch (const Error& error) {
+    EXPECT_THAT(error.what(), ::testing::HasSubstr(
+                                  "pose \"2\" has the readings of pose \"0\" to the last digit"));
+  }
+  readings.u_px(5, 2) += 1e-5;
+  EXPECT_NO_THROW(MakeWandData(readings, bar, nullptr, "wand.csv", ""));
+}
+
 }  // namespace
 }  // namespace unfurl::calib::wand_data_test

@@ -100,6 +100,38 @@ TEST(WandRefusal, PointsInMillimetresUnderTheNameOfMetres) {
   EXPECT_THAT(RefusalOf(waved.data), HasSubstr("millimetres under the name of metres; state"));
 }
 
+// Places that are off by a hundred sigmas are off themselves; each was left without the readings
+// that contradict it, one by one, and the frame and error bars were those of the wrong length.
+TEST(WandRefusal, PointsThatAllContradictTheLength) {
+  for (std::uint64_t seed = 71; seed <= 74; ++seed) {
+    const auto truth = MakeRig({}, Rng(seed).Stream("rig"));
+    Waved waved = WithPoints(truth, {.poses = 120, .half = 0.8}, 8, seed);
+    waved.data.place(1) *= 1.01;
+    waved.data.place_sigma = 1e-4;
+    const WandCalibration found = Calibrated(waved.data);
+    EXPECT_EQ(found.rig.verdict, kDoNotUse) << seed;
+    EXPECT_GT(found.report.gross_points.size(), 4U) << seed;
+    EXPECT_THAT(found.rig.reasons.front(), HasSubstr("the stated length of the bar")) << seed;
+    // Without them nothing held the frame, and error bars were metres, or no numbers. Held, it is
+    // to 0.03 of the volume's RMS half side of 0.8 m, and to 0.03 rad.
+    EXPECT_LT(found.rig.checks.at("point_sigma_median [m]"), 0.1) << seed;
+  }
+}
+
+// One reading of a surveyed point, and one place: each is left out as what it is, and told.
+TEST(WandRefusal, AWrongReadingAndAWrongPlaceOfThePoints) {
+  const auto truth = MakeRig({}, Rng(75).Stream("rig"));
+  Waved waved = WithPoints(truth, {.poses = 120, .half = 0.8}, 8, 75);
+  Observations& points = waved.data.points;
+  points.p(1, 2) += 0.03;
+  for (Reading& r : points.readings) r.u_px += r.point == 5 && r.camera == 1 ? 5.0 : 0.0;
+  const WandCalibration found = Calibrated(waved.data);
+  EXPECT_EQ(found.report.gross_points, std::vector<std::string>{points.ids[2]});
+  EXPECT_EQ(found.report.gross_point_readings, 1);
+  EXPECT_NE(found.rig.verdict, kDoNotUse);
+  EXPECT_THAT(found.rig.reasons, Contains(HasSubstr("left out: 1 of")));
+}
+
 TEST(WandRefusal, ThreeCamerasAndFewPosesLeaveNothingToCheckWith) {
   const auto truth = MakeRig({.cameras = 3}, Rng(25));
   const Waved waved = WaveBefore(truth, {.poses = 22, .half = 0.8}, Rng(25));

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <vector>
+
+namespace unfurl::calib {
+
+/// What is measured several times, each time with numbers of its own.
+struct MeasuredRows {
+  std::string kind;  ///< "point", "pose"
+  std::string what;  ///< what is alike of two copies: "the place and the readings"
+  std::vector<std::string> names;
+  std::vector<std::vector<double>> rows;  ///< of each the numbers; copies have the same
+  std::size_t fewest = 0;                 ///< numbers of a row that chance does not repeat
+};
+
+/// Throws Error with `where` where a row is there twice: it would count twice, and narrow every
+/// error bar.
+void RefuseCopiedRows(const MeasuredRows& measured, const std::string& where);
+
+}  // namespace unfurl::calib
