@@ -25,8 +25,8 @@ constexpr int kMostUnsuccessful = 2;
 // solver.
 constexpr double kRough = 1.0;
 // Of what the corrected rung itself changes by over a step below kRough: as much may be the finest
-// rung's roughness, and a slope made of that, across the data as it is, shortens a standard error by
-// 1 - 1 / sqrt(1 + 0.5^2), a tenth; all of it, by a third, and the next step then looks longer.
+// rung's roughness, and a slope made of that, across the data as it is, shortens a standard error
+// by 1 - 1 / sqrt(1 + 0.5^2), a tenth; all of it, by a third, and the next step then looks longer.
 constexpr double kTold = 0.5;
 
 Eigen::VectorXd Point(const StageRunner& runner) {
@@ -182,8 +182,8 @@ bool Ladder::FirstLook(StageRunner& runner, const std::vector<const Observations
   return EventsAgree(coarse, fine_);
 }
 
-// Whether what the finest rung does otherwise than the corrected one is little beside what that does
-// from `before`, where the two agreed, to where the runner stands and the finest is `here`.
+// Whether what the finest rung does otherwise than the corrected one is little beside what that
+// does from `before`, where the two agreed, to where the runner stands and the finest is `here`.
 bool Ladder::Told(StageRunner& runner, const ReducedProblem::Point& before,
                   const ReducedProblem::Point& here) const {
   ReducedProblem::Point corrected;
