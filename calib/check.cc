@@ -225,10 +225,9 @@ void Test(const data::Rig& rig, const Observations& data, const std::vector<std:
   NoteCoarse(rig, result->options, result);
 }
 
-// Of each placement end, camera and reading in turn; one that checks anything has six readings.
+// Of each placement end, camera and reading in turn.
 MeasuredRows PlacementRows(const Observations& data) {
-  constexpr std::size_t kFewest = 6;  // readings: one more than a bar has unknowns [-]
-  MeasuredRows out{"placement", "the readings", {}, {}, 3 * kFewest};
+  MeasuredRows out{"placement", "the readings", {}, {}, kFewestOfABar};
   out.rows.resize(static_cast<std::size_t>(data.points() / 2));
   for (std::size_t i = 0; i < out.rows.size(); ++i) {
     out.names.push_back(data.ids[2 * i] + " to " + data.ids[2 * i + 1]);

@@ -15,6 +15,10 @@ struct MeasuredRows {
   std::size_t fewest = 0;                 ///< numbers of a row that chance does not repeat
 };
 
+/// Numbers of a bar's row: end or mark, camera and reading for each of six readings, one more than
+/// a bar has unknowns. With fewer, two places of a bar may agree by chance. [-]
+inline constexpr std::size_t kFewestOfABar = 3 * 6;
+
 /// Throws Error with `where` where a row is there twice: it would count twice, and narrow every
 /// error bar.
 void RefuseCopiedRows(const MeasuredRows& measured, const std::string& where);

@@ -152,10 +152,9 @@ void RefuseRepeated(const WandData& data, const std::string& where) {
   }
 }
 
-// Of each pose mark, camera and reading in turn; six readings are one more than a bar's unknowns.
+// Of each pose mark, camera and reading in turn.
 MeasuredRows PoseRows(const WandData& data) {
-  constexpr std::size_t kFewest = 6;  // readings: one more than a bar has unknowns [-]
-  MeasuredRows out{"pose", "the readings", data.poses, {}, 3 * kFewest};
+  MeasuredRows out{"pose", "the readings", data.poses, {}, kFewestOfABar};
   out.rows.resize(data.poses.size());
   for (const WandReading& r : data.readings) {
     std::vector<double>& of = out.rows[static_cast<std::size_t>(r.pose)];

@@ -1,5 +1,5 @@
-# Two modules of OpenCV, and a third for tests. Its own CMake files are in libopencv-dev, which brings all modules and with
-# them 288 packages, of video, of maps, of databases: half of what scripts/demo would install.
+# Two modules of OpenCV, and a third for tests. Its own CMake files are in libopencv-dev, which brings all modules and
+# with them 288 packages, of video, of maps, of databases: half of what scripts/demo would install.
 find_path(UNFURL_OPENCV_DIR opencv2/core/version.hpp PATH_SUFFIXES opencv4)
 find_library(UNFURL_OPENCV_core opencv_core)
 find_library(UNFURL_OPENCV_imgproc opencv_imgproc)
