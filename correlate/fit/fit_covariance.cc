@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <stdexcept>
 
 #include "correlate/fit/constancy.h"
 #include "correlate/fit/fit_stated.h"
@@ -296,6 +297,8 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     *rows -= plain.A * (inverse_white * (plain.A.transpose() * *rows));
   }
   const Eigen::MatrixXd total = from_data + model.covariance;
+  // As a maximum of 0 and it a number that is none would be an error of 0.
+  if (!total.allFinite()) throw std::logic_error("the covariance of a fit is not a number");
   r->stated = StatedOf(problem, data, options, plain, inverse_white, model.covariance, *r);
   for (std::size_t t = 0; t < trials; ++t) {
     TrialResult& trial = r->trials[t];

@@ -100,6 +100,9 @@ bool FillEstimate(const FitProblem& problem, StageRunner& runner,
   r->cost = point.cost;
   const Eigen::MatrixXd projected_up = reduced.Project(point, forward);
   const Eigen::MatrixXd projected_down = reduced.Project(point, backward);
+  // How much of the forward difference is in a slope: the rows that are solved with and the changes
+  // that all else is made of must be the same, or what is left of the one is taken from the other.
+  std::vector<double> of_up(theta.size(), 0.5);
   for (std::size_t j = 0; j < theta.size(); ++j) {
     const auto c = static_cast<Eigen::Index>(j);
     ParameterEstimate& e = r->parameters[j];
@@ -108,9 +111,9 @@ bool FillEstimate(const FitProblem& problem, StageRunner& runner,
     e.kink = sum > 0.0 ? (projected_up.col(c) - projected_down.col(c)).norm() / sum : 0.0;
     // At a kink the flatter side bounds what the data say.
     if (e.kink > kKink) {
-      r->sensitivity.col(c) = projected_up.col(c).norm() < projected_down.col(c).norm()
-                                  ? forward.col(c)
-                                  : backward.col(c);
+      const bool up_is_flatter = projected_up.col(c).norm() < projected_down.col(c).norm();
+      of_up[j] = up_is_flatter ? 1.0 : 0.0;
+      r->sensitivity.col(c) = up_is_flatter ? forward.col(c) : backward.col(c);
     }
     r->sensitivity.col(c) /= Slope(problem.parameters[j], e.value);
   }
@@ -123,7 +126,8 @@ bool FillEstimate(const FitProblem& problem, StageRunner& runner,
     trial.change.clear();
     for (std::size_t j = 0; j < theta.size(); ++j) {
       const double slope = Slope(problem.parameters[j], theta[j]);
-      trial.change.push_back(Scaled(Sum(up[t][j], 1.0, down[t][j]), 0.5 / slope));
+      trial.change.push_back(
+          Sum(Scaled(up[t][j], of_up[j] / slope), (1.0 - of_up[j]) / slope, down[t][j]));
     }
   }
   beside.erase(beside.begin(), beside.begin() + static_cast<std::ptrdiff_t>(ladder));
