@@ -73,7 +73,7 @@ DirectFit FitDirect(const Eigen::Matrix3Xd& p, const Eigen::VectorXd& u_px) {
 
   DirectFit out;
   out.condition =
-      std::sqrt(std::max(0.0, eigen.eigenvalues()(1)) / std::max(1e-300, eigen.eigenvalues()(7)));
+      std::sqrt(std::max(eigen.eigenvalues()(1), 0.0) / std::max(1e-300, eigen.eigenvalues()(7)));
   ScaleToDepth(p, &transform);
   out.transform = transform;
   return out;

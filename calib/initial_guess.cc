@@ -262,7 +262,7 @@ CameraGuess GuessFromBefore(const Observations& data, const Observations& own,
     for (int k = 0; k < kTerms; ++k) {
       const Eigen::Index at = data::kFirstTerm + k;
       guess.richest.term_sigma_px[static_cast<std::size_t>(k)] =
-          std::sqrt(std::max(0.0, before->covariance(at, at)));
+          std::sqrt(std::max(before->covariance(at, at), 0.0));
     }
     guess.richest.lens_mean = LensOf(before->camera);
     guess.richest.lens_root = before->Root();

@@ -62,7 +62,7 @@ std::vector<double> RobustFloors(const Observations& data, const Redundancy& red
     if (static_cast<double>(whole[j].size()) < kFewRedundant) continue;
     const double sigma = 1.4826 * Median(whole[j]);
     const double s = Median(stated[j]);
-    otherwise[j] = std::sqrt(std::max(0.0, sigma * sigma - s * s));
+    otherwise[j] = std::sqrt(std::max(sigma * sigma - s * s, 0.0));
   }
   return otherwise;
 }

@@ -168,7 +168,7 @@ struct SurveyPart {
 
   // The scale, which is the last, and its standard deviation [m] at the arm.
   double Scale() const { return motion(motion.size() - 1); }
-  double ScaleSigma() const { return std::sqrt(std::max(0.0, covariance.diagonal().tail(1)(0))); }
+  double ScaleSigma() const { return std::sqrt(std::max(covariance.diagonal().tail(1)(0), 0.0)); }
   bool ByScale() const {
     return ScaleSigma() > 0.0 &&
            ChiSquareTail(std::pow(Scale() / ScaleSigma(), 2), 1.0) < kScaleChance;
@@ -346,7 +346,7 @@ SetUpScan ScanSetUps(const Observations& data, const std::vector<CameraPrior>& p
   trend.chance = ChanceOfAny(std::min(least.chance, 1.0 - 1e-15), looked);
   if (!(trend.chance < options.level)) return out;
   trend.rms = RmsOf(least);
-  trend.sigma = std::sqrt(std::max(0.0, least.covariance.trace()));
+  trend.sigma = std::sqrt(std::max(least.covariance.trace(), 0.0));
   trend.rise = test.RiseOfError({}, least.on_cameras,
                                 least.motion * least.motion.transpose() + least.covariance);
   trend.found = trend.rise > options.harmless;

@@ -58,7 +58,7 @@ Tested TestFamily(const ScoreTest& test, Family family) {
   out.covariance = prior.asDiagonal() * (I + C).partialPivLu().solve(I);
   out.value = out.covariance * out.score.value;
   out.trend.rms = out.value.norm();
-  out.trend.sigma = std::sqrt(std::max(0.0, out.covariance.trace()));
+  out.trend.sigma = std::sqrt(std::max(out.covariance.trace(), 0.0));
   return out;
 }
 

@@ -51,7 +51,7 @@ HeldOutSums Sum(const CalibrationReport& report, const Observations& data) {
     sums.nees += point.squared;
     sums.variance += 2.0 * point.predicted.squaredNorm();
     sums.sizes.push_back(point.error.norm());
-    sums.own.push_back(std::sqrt(std::max(0.0, point.predicted.trace() - survey)));
+    sums.own.push_back(std::sqrt(std::max(point.predicted.trace() - survey, 0.0)));
   }
   return sums;
 }
@@ -68,7 +68,7 @@ void StoreHeldOut(const HeldOutSums& sums, data::Rig* rig) {
   checks["held_out_nees_per_dof [1]"] = sums.nees / (3.0 * n);
   checks["own_error_rms [m]"] = std::sqrt(own / n);
   checks["own_error_rms_at_most [m]"] =
-      std::sqrt(std::max(0.0, sums.squares - sums.survey + upper) / n);
+      std::sqrt(std::max(sums.squares - sums.survey + upper, 0.0) / n);
   checks["own_error_rms_predicted [m]"] = std::sqrt((sums.predicted - sums.survey) / n);
   checks["own_error_median_predicted [m]"] = Median(sums.own);
 }

@@ -83,7 +83,7 @@ Triple TripleOf(const WandData& data, const Eigen::MatrixXd& u, const Eigen::Vec
   moments = scale.asDiagonal() * moments * scale.asDiagonal();
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(moments);
   out.worth =
-      static_cast<double>(out.poses.size()) * std::sqrt(std::max(0.0, eigen.eigenvalues()(0)));
+      static_cast<double>(out.poses.size()) * std::sqrt(std::max(eigen.eigenvalues()(0), 0.0));
   return out;
 }
 

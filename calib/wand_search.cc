@@ -169,7 +169,7 @@ double RobustWand(const BundleOptions& options, WandFit* fit) {
     scale = RobustScale(fit->summary, fit->system);
     if (!std::isfinite(scale)) return scale;
     const double before = fit->weighting.floor_px[0];
-    const double floor = std::sqrt(std::max(0.0, scale * scale - s * s));
+    const double floor = std::sqrt(std::max(scale * scale - s * s, 0.0));
     fit->weighting.floor_px.assign(fit->data.cameras.size(), floor);
     const double was = std::hypot(before, s), is = std::hypot(floor, s);
     if (std::abs(is - was) < 0.1 * was) break;

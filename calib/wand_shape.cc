@@ -79,7 +79,7 @@ std::vector<WandShape> ShapesOf(const WandFit& fit, const Eigen::MatrixXd& covar
     WandShape shape;
     shape.name = NameOf(principal.eigenvalues(), principal.eigenvectors(), main);
     shape.sigma =
-        std::sqrt(std::max(0.0, modes.eigenvalues()(m))) * std::abs(principal.eigenvalues()(main));
+        std::sqrt(std::max(modes.eigenvalues()(m), 0.0)) * std::abs(principal.eigenvalues()(main));
     shape.moved = shape.sigma * edge;
     const double stated = fit.data.place_sigma / fit.data.Length();
     shape.by_bar = shape.name == "scale of everything" && shape.sigma < std::sqrt(2.0) * stated;
@@ -100,7 +100,7 @@ double DistanceSigma(const Eigen::MatrixXd& covariance, const std::vector<WandGr
     sum += (by * covariance * by.transpose()).value();
     n += 1.0;
   }
-  return n > 0.0 ? std::sqrt(std::max(0.0, sum / n)) : std::numeric_limits<double>::infinity();
+  return n > 0.0 ? std::sqrt(std::max(sum / n, 0.0)) : std::numeric_limits<double>::infinity();
 }
 
 std::vector<double> PointSigmas(const Eigen::MatrixXd& covariance,
@@ -109,7 +109,7 @@ std::vector<double> PointSigmas(const Eigen::MatrixXd& covariance,
   for (const WandGridPoint& point : grid) {
     const double calibration =
         (point.by_cameras * covariance * point.by_cameras.transpose()).trace();
-    out.push_back(std::sqrt(std::max(0.0, calibration + point.cov.trace())));
+    out.push_back(std::sqrt(std::max(calibration + point.cov.trace(), 0.0)));
   }
   return out;
 }
@@ -141,7 +141,7 @@ void MotionOf(const WandFit& fit, WandReport* report) {
     const Eigen::Vector3d d = fit.state.direction.col(pose);
     reading.push_back(std::sqrt(d.dot((a.cov + b.cov) * d)));
     motion.push_back(std::abs(last_flash[k] - first_flash[k]) *
-                     std::sqrt(std::max(0.0, fit.system.speed_variance[k])));
+                     std::sqrt(std::max(fit.system.speed_variance[k], 0.0)));
     speed.push_back(fit.state.velocity.col(pose).norm());
   }
   if (reading.empty()) return;

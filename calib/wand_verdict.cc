@@ -81,7 +81,7 @@ void JudgeShape(const WandFit& fit, const std::vector<double>& sigmas, const Wan
   const Eigen::Matrix3d directions = fit.state.direction * fit.state.direction.transpose() /
                                      std::max<double>(1.0, fit.data.pose_count());
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(directions);
-  rig->checks["bar_direction_least [1]"] = std::sqrt(std::max(0.0, eigen.eigenvalues()(0)));
+  rig->checks["bar_direction_least [1]"] = std::sqrt(std::max(eigen.eigenvalues()(0), 0.0));
   const Eigen::Vector3d least = eigen.eigenvectors().col(0);
   const PointSpread spread = SpreadOf(fit.state.middle);
   const PointSpread ends = SpreadOf(fit.state.Ends());
@@ -112,7 +112,7 @@ void JudgeShape(const WandFit& fit, const std::vector<double>& sigmas, const Wan
         "and moved least along ({:.2f}, {:.2f}, {:.2f}) ({} RMS, {} across): point it and take it "
         "there, use a longer bar (it is {} long) or more poses",
         least.x(), least.y(), least.z(),
-        180.0 / M_PI * std::asin(std::min(1.0, std::sqrt(std::max(0.0, eigen.eigenvalues()(0))))),
+        180.0 / M_PI * std::asin(std::min(1.0, std::sqrt(std::max(eigen.eigenvalues()(0), 0.0)))),
         spread.normal.x(), spread.normal.y(), spread.normal.z(), LengthText(spread.sigma(2)),
         LengthText(spread.sigma(0)), LengthText(fit.data.Length())));
   }

@@ -208,7 +208,7 @@ std::vector<WeakDirection> FindWeak(const data::Rig& rig, const std::vector<Came
     }
     const Eigen::SelfAdjointEigenSolver<Matrix> eigen(scaled);
     for (int k = kParameters - 1; k >= 0; --k) {
-      const double width = std::sqrt(std::max(0.0, eigen.eigenvalues()(k)));
+      const double width = std::sqrt(std::max(eigen.eigenvalues()(k), 0.0));
       if (width <= 1.0) break;
       const Vector v = eigen.eigenvectors().col(k);
       WeakDirection weak;

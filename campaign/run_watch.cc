@@ -162,7 +162,7 @@ double RunWatch::Of(const CampaignResponse& r, const Tally& a) const {
   if (r.of == "range") return a.high - a.low;
   if (r.of == "final") return a.last;
   if (a.span <= 0.0) return r.of == "mean" ? a.last : std::abs(a.last);
-  return r.of == "mean" ? a.integral / a.span : std::sqrt(std::max(0.0, a.square / a.span));
+  return r.of == "mean" ? a.integral / a.span : std::sqrt(std::max(a.square / a.span, 0.0));
 }
 
 double RunWatch::Of(const CampaignResponse& r, const Count& count) const {

@@ -105,7 +105,7 @@ report::SpaceEllipsoid EllipsoidOf(const Eigen::Vector3d& at, const Eigen::Matri
   out.value = value;
   for (Eigen::Index k = 0; k < 3; ++k) {
     out.axes[static_cast<std::size_t>(k)] =
-        PlaceOf(std::sqrt(std::max(0.0, eigen.eigenvalues()(k))) * eigen.eigenvectors().col(k));
+        PlaceOf(std::sqrt(std::max(eigen.eigenvalues()(k), 0.0)) * eigen.eigenvectors().col(k));
   }
   return out;
 }

@@ -156,7 +156,7 @@ bool Gather(std::span<const StripEdge> edges, SpotLight* spot) {
   if (spot->count == 0) return false;
   spot->centre_px = first / spot->flux;
   spot->sigma_px =
-      std::sqrt(std::max(0.0, second / spot->flux - spot->centre_px * spot->centre_px));
+      std::sqrt(std::max(second / spot->flux - spot->centre_px * spot->centre_px, 0.0));
   return true;
 }
 

@@ -88,7 +88,7 @@ class SpaceDrawing {
     return fmt::format(
         "<ellipse rx=\"{:.2f}\" ry=\"{:.2f}\" transform=\"translate({:.1f} {:.1f}) "
         "rotate({:.1f})\" fill=\"{}\" stroke=\"#333\" stroke-width=\"0.4\"/>",
-        std::sqrt(mean + part), std::sqrt(std::max(0.0, mean - part)), X(one.at), Y(one.at),
+        std::sqrt(mean + part), std::sqrt(std::max(mean - part, 0.0)), X(one.at), Y(one.at),
         0.5 * std::atan2(2.0 * xy, xx - yy) * 180.0 / std::numbers::pi, color);
   }
 

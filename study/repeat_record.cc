@@ -67,7 +67,7 @@ void FillParameter(const Parameter& p, const ParameterScatter& s, double shared,
   to->sigma = slope * s.sigma;
   to->sigma_model = slope * std::sqrt(std::min(shared, s.sigma * s.sigma));
   to->sigma_data =
-      std::sqrt(std::max(0.0, to->sigma * to->sigma - to->sigma_model * to->sigma_model));
+      std::sqrt(std::max(to->sigma * to->sigma - to->sigma_model * to->sigma_model, 0.0));
   to->sigma_white = to->sigma_data;
   to->sigma_alone = kNone;
   to->low95 = Out(p, s.mean95.low), to->high95 = Out(p, s.mean95.high);

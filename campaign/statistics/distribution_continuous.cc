@@ -192,7 +192,7 @@ class TruncatedLaw : public Law {
       first += Integrate(a, b, at);
       second += Integrate(a, b, [&](double s, double t) { return at(s, t) * at(s, t); });
     }
-    return {middle + first, std::sqrt(std::max(0.0, second - first * first))};
+    return {middle + first, std::sqrt(std::max(second - first * first, 0.0))};
   }
   std::string Words() const override {
     return fmt::format("{}, truncated to {:g} .. {:g}", whole_->Words(), low_, high_);

@@ -85,7 +85,7 @@ Interval SigmaInterval(std::span<const double> x, double confidence) {
   const double kurtosis = Moment(x, TrimmedMean(x, std::min(trim, 0.49)), deviation, 4);
   const double c = n / (n - z);
   const double error =
-      c * std::sqrt(std::max(0.0, (kurtosis - (n - 3.0) / n) / (n - 1.0)));  // of log sigma^2
+      c * std::sqrt(std::max((kurtosis - (n - 3.0) / n) / (n - 1.0), 0.0));  // of log sigma^2
   const double middle = std::log(c) / 2.0 + std::log(sigma);
   return {std::exp(middle - z * error / 2.0), std::exp(middle + z * error / 2.0)};
 }

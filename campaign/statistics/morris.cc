@@ -56,7 +56,7 @@ MorrisEffect EffectOf(const std::vector<double>& effects) {
   if (e.sigma > 0.0) {
     double fourth = 0.0;  // over sigma^4
     for (double x : effects) fourth += std::pow((x - e.mu) / e.sigma, 4.0) / n;
-    e.sigma_error = e.sigma * std::sqrt(std::max(0.0, fourth - 1.0) / n) / 2.0;
+    e.sigma_error = e.sigma * std::sqrt(std::max(fourth - 1.0, 0.0) / n) / 2.0;
   }
   return e;
 }

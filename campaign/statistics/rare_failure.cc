@@ -346,7 +346,7 @@ void RareFailure::Combine() {
       // Variance of the mean of n independent weights, 0 where a draw did not fail.
       // n equal weights leave what the rule of three does: a share of 3.7 / n not seen, at 95%.
       result_.variation =
-          std::max(2.0 / n, std::sqrt(std::max(0.0, 1.0 / result_.effective - 1.0 / n)));
+          std::max(2.0 / n, std::sqrt(std::max(1.0 / result_.effective - 1.0 / n, 0.0)));
       if (share_ > 0.0) {
         const double own = share_ * surrogate_->variation();
         result_.variation = std::hypot(result_.variation, own);

@@ -57,7 +57,7 @@ const char* Name(AlignStatus status) {
 double Alignment::Sigma(const std::string& unknown) const {
   for (std::size_t i = 0; i < unknowns.size(); ++i) {
     const auto j = static_cast<Eigen::Index>(i);
-    if (unknowns[i] == unknown) return std::sqrt(std::max(0.0, covariance(j, j)));
+    if (unknowns[i] == unknown) return std::sqrt(std::max(covariance(j, j), 0.0));
   }
   return 0.0;
 }

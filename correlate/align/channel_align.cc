@@ -267,7 +267,7 @@ Alignment AlignChannels(const Observations& record, const SampledModel& model,
   out.drift = out.at.drift;
   out.drift_pivot = record.Pivot();
   const double explained = options.part ? best.covered : best.explained;
-  out.correlation = std::sqrt(std::max(0.0, explained));
+  out.correlation = std::sqrt(std::max(explained, 0.0));
   out.r2 = explained;
   const double dof =
       std::max(1.0, static_cast<double>(out.fit.data_rows - out.fit.jacobian.cols()));

@@ -19,7 +19,7 @@ double Spread(const Observations& o, const Observations& other) {
     squares += m.p.squaredNorm();
     n += static_cast<double>(m.size());
   }
-  return n > 0.0 ? std::sqrt(std::max(0.0, squares / n - (sum / n).squaredNorm())) : 0.0;
+  return n > 0.0 ? std::sqrt(std::max(squares / n - (sum / n).squaredNorm(), 0.0)) : 0.0;
 }
 
 // Over a hundredth of the record, so that noise is no speed.

@@ -357,10 +357,10 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
   for (Eigen::Index j = 0; j < p; ++j) {
     ParameterEstimate& e = r->parameters[static_cast<std::size_t>(j)];
     e.sigma = sigma(j);
-    e.sigma_data = std::sqrt(std::max(0.0, from_data(j, j)));
-    e.sigma_white = std::sqrt(std::max(0.0, white(j, j)));
-    e.sigma_model = std::sqrt(std::max(0.0, model.covariance(j, j)));
-    e.sigma_doubt = std::sqrt(std::max(0.0, model.doubtful(j, j)));
+    e.sigma_data = std::sqrt(std::max(from_data(j, j), 0.0));
+    e.sigma_white = std::sqrt(std::max(white(j, j), 0.0));
+    e.sigma_model = std::sqrt(std::max(model.covariance(j, j), 0.0));
+    e.sigma_doubt = std::sqrt(std::max(model.doubtful(j, j), 0.0));
     e.model_shift = -model.common(j);
   }
 }

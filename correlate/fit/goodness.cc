@@ -148,7 +148,7 @@ GoodnessOfFit TestGoodness(const GoodnessInput& in) {
   GoodnessOfFit out;
   out.p_size = ChiSquareTail(in.squares, in.dof);
   out.p_white = in.plain->p_together;
-  out.excess = std::sqrt(std::max(0.0, in.squares / in.dof - 1.0));
+  out.excess = std::sqrt(std::max(in.squares / in.dof - 1.0, 0.0));
   out.p_found = in.whitened->p_together;
   out.p_steady = SteadyPValue(*in.observations, *in.whitened_residual, in.sections);
   if (in.quantised != nullptr && in.quantised->all()) {

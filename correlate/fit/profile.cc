@@ -292,7 +292,7 @@ class Follower {
     const double high = std::abs((*above)->level);
     const double root = std::sqrt(Deviance(**above));
     const double root_below =
-        above == settled.begin() ? 0.0 : std::sqrt(std::max(0.0, Deviance(**(above - 1))));
+        above == settled.begin() ? 0.0 : std::sqrt(std::max(Deviance(**(above - 1)), 0.0));
     // Where it rises so much faster than it did, the straight line between the two may pass the
     // level far too early.
     constexpr double kBent = 2.0;    // times as fast: another's bound, and no curvature
@@ -340,7 +340,7 @@ class Follower {
       }
       if (lane.settled)
         roots.push_back(
-            {point.value, std::copysign(std::sqrt(std::max(0.0, point.deviance)), lane.level)});
+            {point.value, std::copysign(std::sqrt(std::max(point.deviance, 0.0)), lane.level)});
       profile.points.push_back(std::move(point));
     }
     std::sort(profile.points.begin(), profile.points.end(),

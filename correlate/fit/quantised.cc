@@ -67,7 +67,7 @@ double QuantisedRows::NoiseBeside(const Eigen::VectorXd& residual) const {
   }
   const double own = residual(rows_).cwiseQuotient(step_).squaredNorm();
   const double beyond = own - Mean(squares) - kSure * std::sqrt(Variance(squares));
-  return std::sqrt(std::max(0.0, beyond / static_cast<double>(rows_.size())));
+  return std::sqrt(std::max(beyond / static_cast<double>(rows_.size()), 0.0));
 }
 
 void QuantisedRows::Draw(Rng* rng, Eigen::VectorXd* residual) const {

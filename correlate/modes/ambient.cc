@@ -99,7 +99,7 @@ void FillShare(const SubspacePole& at, const LagCovariances& covariances,
   }
   mode->share = all > 0.0 ? std::max(0.0, own / all) : 0.0;
   mode->amplitude.resize(l);
-  const double rms = shape > 0.0 ? std::sqrt(std::max(0.0, own) / shape) : 0.0;
+  const double rms = shape > 0.0 ? std::sqrt(std::max(own, 0.0) / shape) : 0.0;
   for (Eigen::Index j = 0; j < l; ++j) {
     mode->amplitude(j) = rms * at.shape(j) * scales[static_cast<std::size_t>(j)];
   }

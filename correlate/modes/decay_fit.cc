@@ -284,8 +284,8 @@ DecayFit FitDecay(std::span<const DecaySignal> signals, std::span<const Complex>
   fit.covariance = to_modal * covariance * to_modal.transpose();
   for (Eigen::Index k = 0; k < modes; ++k) {
     Mode& mode = fit.modes[static_cast<std::size_t>(k)];
-    mode.frequency_sigma = std::sqrt(std::max(0.0, fit.covariance(2 * k, 2 * k)));
-    mode.damping_sigma = std::sqrt(std::max(0.0, fit.covariance(2 * k + 1, 2 * k + 1)));
+    mode.frequency_sigma = std::sqrt(std::max(fit.covariance(2 * k, 2 * k), 0.0));
+    mode.damping_sigma = std::sqrt(std::max(fit.covariance(2 * k + 1, 2 * k + 1), 0.0));
   }
   fit.status = converged ? DecayStatus::kGood : DecayStatus::kNotConverged;
   fit.message = converged ? fmt::format("{:.3f}% of the motion about its trend is explained by {}",

@@ -172,7 +172,7 @@ bool Minimise(const DecayProblem& problem, int max_iterations, Eigen::VectorXd* 
       const double next = bounded ? problem.SumsAt(trial, false).squares : 2.0 * current + 1.0;
       bool small = true;
       for (Eigen::Index i = 0; i < unknowns; ++i) {
-        const double sigma = std::sqrt(std::max(0.0, unit * inverse(i, i)));
+        const double sigma = std::sqrt(std::max(unit * inverse(i, i), 0.0));
         const double size = std::hypot((*pole)(i - i % 2), (*pole)(i - i % 2 + 1));
         small = small && std::abs(step(i)) <= std::max(kSmall * sigma, kRoundOff * size);
       }

@@ -325,6 +325,15 @@ Findings CheckLineLengths(const std::string& path, std::string_view text) {
   return findings;
 }
 
+Findings CheckRoots(const std::string& path, std::string_view text) {
+  Findings findings;
+  ForEachLine(text, [&](int number, std::string_view line) {
+    if (line.find("sqrt(std::max(0.0,") == std::string_view::npos) return;
+    findings.push_back(fmt::format("{}:{}: std::max(0.0, x) of no number is 0", path, number));
+  });
+  return findings;
+}
+
 Findings CheckConstants(const std::string& path, std::string_view text) {
   Findings findings;
   if (RoomOf(path).empty()) return findings;

@@ -44,6 +44,10 @@ Findings CheckLength(const std::string& path, std::string_view text, bool* is_lo
 // break at (links, long keys), are passed over.
 Findings CheckLineLengths(const std::string& path, std::string_view text);
 
+// A root is of `std::max(x, 0.0)`: with the 0 first, a variance that is no number gives an error of
+// 0.
+Findings CheckRoots(const std::string& path, std::string_view text);
+
 // A `constexpr` number in a room has a comment: beside it, or above the run of those that share
 // one. Versions of formats, k...Version, mean nothing but themselves.
 Findings CheckConstants(const std::string& path, std::string_view text);

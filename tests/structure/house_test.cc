@@ -159,6 +159,13 @@ TEST(CheckLineLengths, FindsLongLinesOfDocuments) {
   EXPECT_THAT(CheckLineLengths("a.md", umlauts), IsEmpty());
 }
 
+TEST(CheckRoots, FindsThoseThatMakeNothingOfNoNumber) {
+  EXPECT_THAT(CheckRoots("sim/a.cc", "int n;\nx = std::sqrt(std::max(0.0, y));\n"),
+              ElementsAre("sim/a.cc:2: std::max(0.0, x) of no number is 0"));
+  EXPECT_THAT(CheckRoots("sim/a.cc", "x = std::sqrt(std::max(y, 0.0)) + std::max(0.0, z);\n"),
+              IsEmpty());
+}
+
 TEST(CheckConstants, FindsNumbersWithoutAReason) {
   const auto lines = [](const std::string& text, const std::string& path = "sim/a.cc") {
     return CheckConstants(path, text).size();

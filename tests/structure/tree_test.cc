@@ -174,6 +174,12 @@ TEST(Tree, NumbersHaveReasons) {
   }
 }
 
+TEST(Tree, RootsKeepWhatIsNoNumber) {
+  for (const auto& [path, text] : Tree()) {
+    if (IsCode(path) && !RoomOf(path).empty()) Expect(CheckRoots(path, text));
+  }
+}
+
 TEST(Tree, HeadersAreGuarded) {
   for (const auto& [path, text] : Tree()) Expect(CheckHeader(path, text));
 }
