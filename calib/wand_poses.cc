@@ -101,32 +101,23 @@ void TryAround(int mark, const Eigen::Vector3d& at, PoseTrial* trial) {
   }
 }
 
-// Where no two marks were found: from the one that was, and from places of those that are rough.
-bool PoseFromRough(const Eigen::Matrix3Xd& marks, int pose, const std::vector<RoughMark>& rough,
-                   PoseTrial* trial) {
+// Where only one mark was found: the bar all around it, and to where the others roughly are.
+bool PoseFromMark(const Eigen::Matrix3Xd& marks, int pose, const std::vector<RoughMark>& rough,
+                  PoseTrial* trial) {
   const int m = trial->data.mark_count();
-  std::vector<RoughMark> some;
-  bool found = false;
-  for (int k = 0; k < m; ++k) {
-    if (!marks.col(pose * m + k).allFinite()) continue;
-    some.push_back({k, marks.col(pose * m + k)});
-    TryAround(k, some.back().p, trial);
-    found = true;
-  }
+  int mark = 0;
+  while (mark < m && !marks.col(pose * m + mark).allFinite()) ++mark;
+  if (mark == m) return false;
+  const Eigen::Vector3d at = marks.col(pose * m + mark);
+  TryAround(mark, at, trial);
   const auto first = std::lower_bound(rough.begin(), rough.end(), pose * m,
-                                      [](const RoughMark& a, int mark) { return a.mark < mark; });
+                                      [](const RoughMark& a, int of) { return a.mark < of; });
   for (auto one = first; one != rough.end() && one->mark < (pose + 1) * m; ++one) {
-    some.push_back({one->mark - pose * m, one->p});
+    const double apart = trial->place(one->mark - pose * m) - trial->place(mark);
+    const Eigen::Vector3d way = one->p - at;
+    if (way.norm() > 0.0) trial->Try(mark, at, (apart > 0.0 ? 1.0 : -1.0) * way.normalized());
   }
-  for (const RoughMark& a : some) {
-    for (const RoughMark& b : some) {
-      const double apart = trial->place(b.mark) - trial->place(a.mark);
-      if (apart == 0.0 || !((b.p - a.p).norm() > 0.0)) continue;
-      trial->Try(a.mark, a.p, (apart > 0.0 ? 1.0 : -1.0) * (b.p - a.p).normalized());
-      found = true;
-    }
-  }
-  return found;
+  return true;
 }
 
 Eigen::VectorXd CentredPlaces(const WandData& data) {
@@ -151,7 +142,7 @@ PosesLeft StartPoses(const std::vector<data::RigCamera>& cameras,
     }
     PoseTrial trial{*data, span, cameras, sigma_px, place};
     if (!PoseFromMarks(marks, k, place, &trial.middle, &trial.direction) &&
-        !PoseFromRough(marks, k, rough, &trial)) {
+        !PoseFromMark(marks, k, rough, &trial)) {
       left.contradicting.push_back(k);
       continue;
     }

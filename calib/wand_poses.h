@@ -16,11 +16,11 @@ struct PosesLeft {
   std::vector<int> contradicting;  // read well enough, but no mark is found from the readings
 };
 
-// Where the bar was in each pose, from marks that were found (3 x (n m), NaN: not found); else from
-// one that was, or a rough one, by trying directions: some all around, and those to the rough
-// places of the others. A lens that fits ill makes readings disagree at the ends of the rows, and
-// no direction is near enough there: of seven readings two would then agree with a wrong one, and
-// the robust loss stay with them. The poses of which nothing can be said are taken out of `data`.
+// Where the bar was in each pose, from marks that were found (3 x (n m), NaN: not found) and, where
+// only one mark was, by trying directions: some all around, and those to the rough places of the
+// others. Those all around are too far apart for a lens that fits ill at the ends of the rows: of
+// seven readings two agree with a wrong one, and the robust loss stays with them. The poses of
+// which nothing can be said are taken out of `data`.
 PosesLeft StartPoses(const std::vector<data::RigCamera>& cameras,
                      const std::vector<double>& sigma_px, const Eigen::Matrix3Xd& marks,
                      const std::vector<RoughMark>& rough, WandData* data, WandState* state);
