@@ -14,6 +14,7 @@
 #include "base/text.h"
 #include "calib/covariance.h"
 #include "calib/held_out.h"
+#include "calib/lens_rest.h"
 #include "calib/model_floor.h"
 #include "calib/moved_late.h"
 #include "calib/near_frame.h"
@@ -369,13 +370,13 @@ Calibration CalibrateHere(const Observations& data, const CalibrateOptions& opti
   ChooseTerms(data, options, &fit, &out.report);
   done(0.7);
   const Observations steady = TakeOutDrift(data, options, &fit, &out.report);
-  for (Trend& moved : FindMovedLate(steady, fit.bundle, options.trends.level)) {
-    out.report.trends.push_back(std::move(moved));
-  }
+  const auto add = [&](const std::vector<Trend>& more) {
+    out.report.trends.insert(out.report.trends.end(), more.begin(), more.end());
+  };
+  add(FindMovedLate(steady, fit.bundle, options.trends.level));
   FindSetUps(steady, options.trends, &fit, &out.report);
-  for (Trend& unseen : FindUnseenDrift(steady, fit.priors, fit.bundle, options.trends)) {
-    out.report.trends.push_back(std::move(unseen));
-  }
+  add(FindUnseenDrift(steady, fit.priors, fit.bundle, options.trends));
+  add(FindLensRest(steady, fit.priors, fit.bundle, fit.rig, options.trends));
   done(0.8);
   out.rig = fit.rig;
   ReportFit(steady, fit, options.verdict.set_up_level, &out.report);
@@ -386,10 +387,9 @@ Calibration CalibrateHere(const Observations& data, const CalibrateOptions& opti
       ExplainGross(Corrected(steady, fit.bundle.state.common), fit.bundle, options.explain);
   report.advice =
       SurveyAdvice(data, fit.bundle.weighting, out.rig, fit.priors, !options.guess.known.empty());
-  HeldOutResult held_out =
-      CheckHeldOut(steady, fit.priors, fit.bundle, options.folds, options.workers);
-  report.held_out = std::move(held_out.points);
-  report.held_out_unsolved = held_out.unsolved;
+  HeldOutResult held = CheckHeldOut(steady, fit.priors, fit.bundle, options.folds, options.workers);
+  report.held_out = std::move(held.points);
+  report.held_out_unsolved = held.unsolved;
   report.lenses = CompareLenses(options.guess.known, out.rig);
   Judge(report, data, &out.rig, options.verdict);
   if (options.guess.known.empty()) NoteRows(data, &out.rig);  // else the rig before states them

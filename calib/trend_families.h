@@ -14,6 +14,7 @@ enum class TrendKind {
   kSurveyDrift,   // of the surveyed places with the order of measuring
   kPattern,       // of a camera's readings over its field
   kSurveyShape,   // of the surveyed places over the volume
+  kLensRest,      // none: of what the lens model lacks, no residual tells (calib/lens_rest.h)
 };
 
 /// Smooth functions of one kind, each of unit mean square, with independent N(0, t^2 d_k)

@@ -80,6 +80,7 @@ std::string Seen(const Trend& trend, const std::vector<std::string>& cameras) {
           "camera \"{}\": its readings follow a pattern over the field that its lens model does "
           "not make, {:.2g} px RMS",
           camera, trend.rms);
+    case TrendKind::kLensRest:
     case TrendKind::kSurveyShape:
       break;
   }
@@ -100,6 +101,7 @@ const char* Remedy(TrendKind kind) {
     case TrendKind::kPattern:
       return "error bars are too short where it is. Look for a window, a reflection or a wrong "
              "flat field, or give the lens model (--lens, --order)";
+    case TrendKind::kLensRest:
     case TrendKind::kSurveyShape:
       break;
   }
@@ -150,6 +152,8 @@ const char* Name(TrendKind kind) {
       return "drift of the survey";
     case TrendKind::kPattern:
       return "pattern over the field";
+    case TrendKind::kLensRest:
+      return "rest of the lens";
     case TrendKind::kSurveyShape:
       break;
   }

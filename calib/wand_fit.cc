@@ -70,7 +70,8 @@ struct FloorReadings {
 };
 
 // The floor of some cameras' readings [px^2], at most a doubling of the whole error.
-double FloorOfReadings(const WandFit& fit, const std::vector<char>& camera, double* redundant) {
+double FloorOfReadings(const WandFit& fit, double gross_sigmas, const std::vector<char>& camera,
+                       double* redundant) {
   FloorReadings some;
   std::vector<double> whole;
   *redundant = 0.0;
@@ -81,28 +82,31 @@ double FloorOfReadings(const WandFit& fit, const std::vector<char>& camera, doub
         !std::isfinite(residual)) {
       continue;
     }
-    some.own.push_back(r.s_px * r.s_px);
-    some.residual.push_back(residual * residual);
-    some.redundancy.push_back(fit.system.redundancy[k]);
-    *redundant += fit.system.redundancy[k];
+    const double redundancy = fit.system.redundancy[k];
     whole.push_back(fit.weighting.Variance(r.camera, r.s_px));
+    // What is to be left out does not widen the floor that it is judged by.
+    const double most = gross_sigmas * gross_sigmas * redundancy * whole.back();
+    some.own.push_back(r.s_px * r.s_px);
+    some.residual.push_back(std::min(residual * residual, most));
+    some.redundancy.push_back(redundancy);
+    *redundant += redundancy;
   }
   if (!(*redundant > 0.0)) return 0.0;
   return std::min(some.Square(), kMostGrowth * Median(whole));
 }
 
 // Floors by camera and the bar's unrest by variance components; the largest relative change.
-double UpdateVariances(WandFit* fit) {
+double UpdateVariances(double gross_sigmas, WandFit* fit) {
   const WandData& data = fit->data;
   const std::size_t c = data.cameras.size();
   double change = 0.0, redundant = 0.0;
-  const double shared = FloorOfReadings(*fit, std::vector<char>(c, 1), &redundant);
+  const double shared = FloorOfReadings(*fit, gross_sigmas, std::vector<char>(c, 1), &redundant);
   const double s = MedianSigma(data);
   std::vector<double> floors;
   for (std::size_t j = 0; j < c; ++j) {
     std::vector<char> own(c, 0);
     own[j] = 1;
-    const double square = FloorOfReadings(*fit, own, &redundant);
+    const double square = FloorOfReadings(*fit, gross_sigmas, own, &redundant);
     floors.push_back(std::sqrt(redundant < kFewRedundant ? shared : square));
     const double before = fit->weighting.floor_px[j];
     change = std::max(change, std::abs(floors[j] * floors[j] - before * before) /
@@ -129,43 +133,59 @@ void RequirePoses(const WandFit& fit, const WandFitOptions& options, const std::
                           options.start.fewest_poses));
 }
 
+// Least squares of what is believed, in turn with floors, the bar's unrest and gross errors, until
+// none of them changes.
+void Settle(const WandFitOptions& options, WandFit* fit) {
+  BundleOptions rough = options.bundle;
+  rough.function_tolerance = kRough;
+  fit->settled = false;
+  for (int round = 0; round < options.rounds && !fit->settled; ++round) {
+    RefitWand(rough, fit);
+    const double change = UpdateVariances(options.gross_sigmas, fit);
+    const bool out = change < kNear && LeaveOut(options.gross_sigmas, fit);
+    fit->settled = !out && change < kSettled;
+  }
+}
+
+// What the set of terms leaves out, as far as the readings leave it open.
+void TakeOpenTerms(const WandFitOptions& options, const std::vector<OpenTerm>& open, WandFit* fit) {
+  BundleOptions rough = options.bundle;
+  rough.function_tolerance = kRough;
+  const auto refit = [&](const std::vector<CameraPrior>&) {
+    RefitWand(rough, fit);
+    UpdateVariances(options.gross_sigmas, fit);
+    return OpenFit{&fit->state.cameras, fit->CameraCovariance()};
+  };
+  FitOpenTerms(open, Eigen::VectorXd::Ones(static_cast<Eigen::Index>(open.size())), refit,
+               &fit->priors);
+}
+
 void RefineWand(const WandFitOptions& options, const std::string& where, WandFit* fit) {
+  const std::vector<OpenTerm> open =
+      fit->richest.empty() ? std::vector<OpenTerm>{} : ListOpenTerms(fit->priors, fit->richest);
+  // With all terms: what the usual ones cannot follow at the rows' ends would go for gross errors
+  // there, a layer in each round, until nothing was left to show that the lens does not fit.
+  for (const OpenTerm& one : open) {
+    fit->priors[static_cast<std::size_t>(one.camera)]
+        .term_sigma_px[static_cast<std::size_t>(one.term)] = one.sigma_px;
+  }
   // While gross errors are found, by the loss, which those that are not yet found pull little.
   BundleOptions rough = options.bundle;
   rough.function_tolerance = kRough;
+  if (!open.empty()) RobustWand(rough, fit);
   for (int round = 0; round < options.rounds; ++round) {
     fit->summary =
         SolveWandBundle(fit->data, fit->priors, fit->weighting, rough, &fit->state, &fit->system);
     if (!LeaveOut(options.gross_sigmas, fit)) break;
   }
-  rough.loss_width = std::numeric_limits<double>::infinity();
-  fit->settled = false;
-  for (int round = 0; round < options.rounds && !fit->settled; ++round) {
-    fit->summary =
-        SolveWandBundle(fit->data, fit->priors, fit->weighting, rough, &fit->state, &fit->system);
-    const double change = UpdateVariances(fit);
-    const bool out = change < kNear && LeaveOut(options.gross_sigmas, fit);
-    fit->settled = !out && change < kSettled;
+  Settle(options, fit);
+  if (!open.empty()) {
+    TakeOpenTerms(options, open, fit);
+    Settle(options, fit);
   }
   DropLostPoses(fit);
   RequirePoses(*fit, options, where);
   RefitWand(options.bundle, fit);
-}
-
-// What the set of terms leaves out, as far as the readings leave it open.
-void TakeOpenTerms(const BundleOptions& options, WandFit* fit) {
-  const std::vector<OpenTerm> open = ListOpenTerms(fit->priors, fit->richest);
-  if (open.empty()) return;
-  BundleOptions rough = options;
-  rough.function_tolerance = kRough;
-  const auto refit = [&](const std::vector<CameraPrior>&) {
-    RefitWand(rough, fit);
-    UpdateVariances(fit);
-    return OpenFit{&fit->state.cameras, fit->CameraCovariance()};
-  };
-  FitOpenTerms(open, Eigen::VectorXd::Ones(static_cast<Eigen::Index>(open.size())), refit,
-               &fit->priors);
-  RefitWand(options, fit);
 }
 
 }  // namespace
@@ -225,9 +245,10 @@ WandFit FitWand(const WandData& data, const WandFitOptions& options, const std::
   const std::vector<double>& sigma = few.weighting.floor_px;
   std::vector<int> number(data.cameras.size());
   std::iota(number.begin(), number.end(), 0);
+  std::vector<RoughMark> rough;
   const Eigen::Matrix3Xd marks = LocateMarks(AsPoints(still, still.Length()), few.state.cameras,
-                                             number, sigma, few.state.Ends());
-  const PosesLeft left = StartPoses(few.state.cameras, sigma, marks, &fit.data, &fit.state);
+                                             number, sigma, few.state.Ends(), &rough);
+  const PosesLeft left = StartPoses(few.state.cameras, sigma, marks, rough, &fit.data, &fit.state);
   fit.dropped = static_cast<int>(left.unseen.size());
   CountLost(still, left.contradicting, &fit);
   RequirePoses(fit, options, where);
@@ -244,11 +265,8 @@ WandFit FitWand(const WandData& data, const WandFitOptions& options, const std::
   }
   fit.data = SelectPoses(data, keep);
   StartMotion(&fit);
+  fit.richest = few.richest;
   RefineWand(options, where, &fit);
-  if (!few.richest.empty()) {
-    fit.richest = few.richest;
-    TakeOpenTerms(options.bundle, &fit);
-  }
   return fit;
 }
 

@@ -23,7 +23,9 @@ struct WandFitOptions {
   // Terms of the lens: an index into the orders of its model (measure::OrdersOf); below 0: the
   // usual ones (measure::UsualOrderOf).
   int order = -1;
-  int rounds = 12;         // of gross errors and variances, at most
+  // Of gross errors and variances, at most: of glass that no terms follow the ends of the rows go a
+  // layer in each.
+  int rounds = 30;
   int search_poses = 150;  // that the first cameras are found from; the rest follow [-]
   // Where the cameras stand, about, by name: an earlier rig, or where they were meant to. Empty:
   // they are found from nothing.

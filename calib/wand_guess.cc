@@ -151,7 +151,7 @@ std::vector<char> Seeing(const Observations& marks, const Eigen::Matrix3Xd& p, i
 
 Eigen::Matrix3Xd LocateMarks(const Observations& marks, const std::vector<data::RigCamera>& cameras,
                              const std::vector<int>& number, const std::vector<double>& sigma_px,
-                             const Eigen::Matrix3Xd& near) {
+                             const Eigen::Matrix3Xd& near, std::vector<RoughMark>* rough) {
   // The box by quantiles: a gross error may have put a mark anywhere.
   data::Rig rig;
   rig.cameras = cameras;
@@ -184,6 +184,13 @@ Eigen::Matrix3Xd LocateMarks(const Observations& marks, const std::vector<data::
     }
     const measure::PointSolution found = triangulator.Solve(u, s, triangulator.centre());
     if (found.outcome == measure::PointOutcome::kSolved) out.col(i) = found.p;
+    if (rough == nullptr || found.outcome != measure::PointOutcome::kDisagree) continue;
+    rough->push_back({i, found.p});
+    for (std::size_t j = 0; j < u.size(); ++j) {
+      if (std::isnan(u[j])) continue;
+      const measure::PointSolution rest = triangulator.Solve(u, s, found.p, ~(1U << j));
+      if (rest.outcome == measure::PointOutcome::kSolved) rough->push_back({i, rest.p});
+    }
   }
   return out;
 }

@@ -41,12 +41,19 @@ struct WandGuess {
 void GuessWand(const WandData& data, const GuessOptions& cameras, const WandGuessOptions& options,
                const std::string& where, const std::function<bool(const WandGuess&)>& enough);
 
+/// Where all readings of a mark that disagree put it, or all of them but one.
+struct RoughMark {
+  int mark = 0;       // its column in what LocateMarks gives
+  Eigen::Vector3d p;  // [m]
+};
+
 // Marks that at least three of some cameras find: camera k is `number[k]` of the marks', its
 // readings good to `sigma_px`. `near`: places of the kind, NaN ones passed over, which say how
-// large the volume is. 3 x (n m), NaN: not found [m].
+// large the volume is. 3 x (n m), NaN: not found [m]. `rough`, when not null, gets places for those
+// that are not found as their readings disagree.
 Eigen::Matrix3Xd LocateMarks(const Observations& marks, const std::vector<data::RigCamera>& cameras,
                              const std::vector<int>& number, const std::vector<double>& sigma_px,
-                             const Eigen::Matrix3Xd& near);
+                             const Eigen::Matrix3Xd& near, std::vector<RoughMark>* rough = nullptr);
 
 // The same where cameras are known about: the marks from them, and every camera anew.
 WandGuess GuessWandFrom(const WandData& data, const std::vector<data::RigCamera>& start,

@@ -62,36 +62,60 @@ bool PoseFromMarks(const Eigen::Matrix3Xd& marks, int pose, const Eigen::VectorX
   return true;
 }
 
-// The direction through one found mark that its readings and the other marks' fit best.
-bool PoseFromMark(const WandData& data, const Span& span,
-                  const std::vector<data::RigCamera>& cameras, const std::vector<double>& sigma_px,
-                  const Eigen::Matrix3Xd& marks, int pose, const Eigen::VectorXd& place,
-                  Eigen::Vector3d* middle, Eigen::Vector3d* direction) {
-  const int m = data.mark_count();
-  int found = 0;
-  while (found < m && !marks.col(pose * m + found).allFinite()) ++found;
-  if (found == m) return false;
-  const Eigen::Vector3d at = marks.col(pose * m + found);
+// What a pose is tried by.
+struct PoseTrial {
+  const WandData& data;
+  const Span& span;
+  const std::vector<data::RigCamera>& cameras;
+  const std::vector<double>& sigma_px;
+  const Eigen::VectorXd& place;
   double least = std::numeric_limits<double>::infinity();
-  for (int k = 0; k < kDirections; ++k) {
-    // A spiral of equal areas over the sphere.
-    const double z = 1.0 - 2.0 * (k + 0.5) / kDirections, turn = 2.399963 * k;
-    const double across = std::sqrt(1.0 - z * z);
-    const Eigen::Vector3d d(across * std::cos(turn), across * std::sin(turn), z);
+  Eigen::Vector3d middle = {}, direction = {};  // of the best
+
+  // A mark `at` a place, the bar along d.
+  void Try(int mark, const Eigen::Vector3d& at, const Eigen::Vector3d& d) {
     double cost = 0.0;
     for (std::size_t r = span.first; r < span.end; ++r) {
       const WandReading& reading = data.readings[r];
       const auto j = static_cast<std::size_t>(reading.camera);
-      const Eigen::Vector3d p = at + (place(reading.mark) - place(found)) * d;
+      const Eigen::Vector3d p = at + (place(reading.mark) - place(mark)) * d;
       double u = 0.0;
       const bool seen = measure::Project(cameras[j], p, &u);
       const double off = seen ? (reading.u_px - u) / std::hypot(sigma_px[j], reading.s_px) : 1e6;
       cost += Loss(off * off, 3.0);
     }
-    if (!(cost < least)) continue;
+    if (!(cost < least)) return;
     least = cost;
-    *direction = d;
-    *middle = at - place(found) * d;
+    direction = d;
+    middle = at - place(mark) * d;
+  }
+};
+
+// Through a mark, all around.
+void TryAround(int mark, const Eigen::Vector3d& at, PoseTrial* trial) {
+  for (int k = 0; k < kDirections; ++k) {
+    // A spiral of equal areas over the sphere.
+    const double z = 1.0 - 2.0 * (k + 0.5) / kDirections, turn = 2.399963 * k;
+    const double across = std::sqrt(1.0 - z * z);
+    trial->Try(mark, at, Eigen::Vector3d(across * std::cos(turn), across * std::sin(turn), z));
+  }
+}
+
+// Where only one mark was found: the bar all around it, and to where the others roughly are.
+bool PoseFromMark(const Eigen::Matrix3Xd& marks, int pose, const std::vector<RoughMark>& rough,
+                  PoseTrial* trial) {
+  const int m = trial->data.mark_count();
+  int mark = 0;
+  while (mark < m && !marks.col(pose * m + mark).allFinite()) ++mark;
+  if (mark == m) return false;
+  const Eigen::Vector3d at = marks.col(pose * m + mark);
+  TryAround(mark, at, trial);
+  const auto first = std::lower_bound(rough.begin(), rough.end(), pose * m,
+                                      [](const RoughMark& a, int of) { return a.mark < of; });
+  for (auto one = first; one != rough.end() && one->mark < (pose + 1) * m; ++one) {
+    const double apart = trial->place(one->mark - pose * m) - trial->place(mark);
+    const Eigen::Vector3d way = one->p - at;
+    if (way.norm() > 0.0) trial->Try(mark, at, (apart > 0.0 ? 1.0 : -1.0) * way.normalized());
   }
   return true;
 }
@@ -104,7 +128,7 @@ Eigen::VectorXd CentredPlaces(const WandData& data) {
 
 PosesLeft StartPoses(const std::vector<data::RigCamera>& cameras,
                      const std::vector<double>& sigma_px, const Eigen::Matrix3Xd& marks,
-                     WandData* data, WandState* state) {
+                     const std::vector<RoughMark>& rough, WandData* data, WandState* state) {
   const std::vector<Span> spans = SpansOf(*data);
   const Eigen::VectorXd place = CentredPlaces(*data);
   PosesLeft left;
@@ -116,15 +140,15 @@ PosesLeft StartPoses(const std::vector<data::RigCamera>& cameras,
       left.unseen.push_back(k);
       continue;
     }
-    Eigen::Vector3d middle, direction;
-    if (!PoseFromMarks(marks, k, place, &middle, &direction) &&
-        !PoseFromMark(*data, span, cameras, sigma_px, marks, k, place, &middle, &direction)) {
+    PoseTrial trial{*data, span, cameras, sigma_px, place};
+    if (!PoseFromMarks(marks, k, place, &trial.middle, &trial.direction) &&
+        !PoseFromMark(marks, k, rough, &trial)) {
       left.contradicting.push_back(k);
       continue;
     }
     keep.push_back(k);
-    middles.push_back(middle);
-    directions.push_back(direction);
+    middles.push_back(trial.middle);
+    directions.push_back(trial.direction);
   }
   *data = SelectPoses(*data, keep);
   const auto n = static_cast<Eigen::Index>(keep.size());

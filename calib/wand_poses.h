@@ -6,6 +6,7 @@
 
 #include "calib/wand_data.h"
 #include "calib/wand_fit.h"
+#include "calib/wand_guess.h"
 
 namespace unfurl::calib {
 
@@ -16,11 +17,13 @@ struct PosesLeft {
 };
 
 // Where the bar was in each pose, from marks that were found (3 x (n m), NaN: not found) and, where
-// only one mark was, by trying directions; the poses of which that cannot be said are taken out of
-// `data`.
+// only one mark was, by trying directions: some all around, and those to the rough places of the
+// others. Those all around are too far apart for a lens that fits ill at the ends of the rows: of
+// seven readings two agree with a wrong one, and the robust loss stays with them. The poses of
+// which nothing can be said are taken out of `data`.
 PosesLeft StartPoses(const std::vector<data::RigCamera>& cameras,
                      const std::vector<double>& sigma_px, const Eigen::Matrix3Xd& marks,
-                     WandData* data, WandState* state);
+                     const std::vector<RoughMark>& rough, WandData* data, WandState* state);
 
 // Velocities from neighbouring poses and the unrest from how these change; none where the marks
 // flash at once.

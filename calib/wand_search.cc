@@ -58,7 +58,7 @@ bool StartFit(const WandData& data, const WandGuess& guess, const WandFitOptions
     floor = std::max(floor, 2.0 * camera.sigma_px);
   }
   const PosesLeft left = StartPoses(cameras, std::vector<double>(cameras.size(), floor),
-                                    guess.marks, &fit->data, &fit->state);
+                                    guess.marks, {}, &fit->data, &fit->state);
   fit->dropped = static_cast<int>(left.unseen.size() + left.contradicting.size());
   fit->weighting = EqualWandWeighting(fit->data, floor);
   return fit->data.pose_count() >= options.start.fewest_poses;

@@ -196,6 +196,8 @@ int Conclude(const Common& common, const ReconstructSettings& s, const data::Rig
   for (std::size_t k = 0; k < health.words.size(); ++k) {
     if (health.certain[k] == 0) not_usable.push_back(health.words[k]);
   }
+  const std::string misfit = MisfitTooLarge(health, rig);
+  if (!misfit.empty()) not_usable.push_back(misfit);
   if (rig.verdict == calib::kDoNotUse) {
     not_usable.push_back(fmt::format("the verdict of the rig {} is \"{}\"{}", s.rig, rig.verdict,
                                      rig.reasons.empty() ? "" : ": " + rig.reasons.front()));

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cctype>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -62,6 +63,10 @@ constexpr const char* kWrongRemedy =
 constexpr const char* kMisfitRemedy =
     "error bars are widened by that; look for another finder of spots than the calibration's, a "
     "mount that sways, a lens that warmed, or recalibrate";
+
+// Of the row: as much is no sway and no other finder of spots, as for slips of a record
+// (measure/record_slips.cc) [-].
+constexpr double kLargeMisfit = 0.01;
 
 std::string ScatterRemedy(const data::TrialHealth& health) {
   if (!health.scatter_unknown.empty()) return "error bars are as right as the stated sigmas are";
@@ -149,6 +154,15 @@ std::string HealthText(const data::TrialHealth& health, ordered_json* summary) {
     text += fmt::format("the cameras' health cannot be told: {}\n", health.unknown);
   }
   return text;
+}
+
+std::string MisfitTooLarge(const data::TrialHealth& health, const data::Rig& rig) {
+  int row = 0;
+  for (const data::RigCamera& camera : rig.cameras) row = std::max(row, camera.pixels);
+  if (!(health.misfit > kLargeMisfit * row)) return "";
+  return health.misfit_words +
+         ": a camera is not the one that was calibrated, is read from the other end of its row, or "
+         "sees other lights: look at --picture, and check the rig with some points";
 }
 
 report::Level AddVouching(const data::TrialHealth& health, std::vector<std::string>* details) {

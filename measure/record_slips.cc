@@ -3,11 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstdlib>
 #include <numeric>
 
 #include "base/statistics.h"
+#include "measure/camera_model.h"
 
 namespace unfurl::measure {
 
@@ -86,6 +88,53 @@ double MisfitOf(const FlashReadings& flash, const Naming& naming,
   return std::min(1.0, std::sqrt(point.chi_square / (point.readings - 3)) / row);
 }
 
+using Flashes = std::vector<const FlashReadings*>;
+
+double MedianOff(const std::vector<double>& x) {
+  const double middle = Median(x);
+  std::vector<double> off;
+  off.reserve(x.size());
+  for (const double one : x) off.push_back(std::abs(one - middle));
+  return Median(off);
+}
+
+// A row that is read from an end that nobody knows: a survey as a table need not state how many
+// pixels it has, and its end is then a guess.
+struct FreeEnd {
+  std::size_t camera = 0;
+  double last_px = 0.0;    // a reading u is last_px - u when counted as in the rig
+  double share = kUntold;  // that this leaves, of what a mere shift of the readings does [-]
+
+  static constexpr double kUntold = 1e300;  // the marks move too little to tell [-]
+  bool Contradicts() const { return share < kUntold && share > kPlainly; }
+};
+
+// The three others predict what a camera reads. That it falls as the readings rise no shift of the
+// camera explains, whatever it is.
+FreeEnd FreeEndOf(const Flashes& flashes, std::size_t camera, const Triangulator& triangulator) {
+  const std::size_t n = triangulator.cameras();
+  const data::RigCamera& mine = triangulator.rig().cameras[camera];
+  const FlashReadings s = [] {
+    FlashReadings out;
+    out.fill(1.0);
+    return out;
+  }();
+  std::vector<double> sum, difference;
+  for (const FlashReadings* flash : flashes) {
+    if (std::isnan((*flash)[camera])) continue;
+    const PointSolution point = triangulator.Solve({flash->data(), n}, {s.data(), n},
+                                                   triangulator.centre(), ~(1U << camera));
+    double u = 0.0;
+    if (point.outcome != PointOutcome::kSolved || !Project(mine, point.p, &u)) continue;
+    sum.push_back(u + (*flash)[camera]);
+    difference.push_back(u - (*flash)[camera]);
+  }
+  if (sum.size() < kFewest) return {camera};
+  const double shifted = MedianOff(difference);
+  if (!(shifted > kLeastMisfit * mine.pixels)) return {camera};
+  return {camera, Median(sum), MedianOff(sum) / shifted};
+}
+
 }  // namespace
 
 RecordSlip FindCameraSlip(std::span<const FlashReadings> flashes,
@@ -99,25 +148,45 @@ RecordSlip FindCameraSlip(std::span<const FlashReadings> flashes,
   }
   if (seen.size() < kFewest) return {};
   const std::size_t every = (seen.size() + kRecordSlipsMost - 1) / kRecordSlipsMost;
+  Flashes some;
+  for (std::size_t i = 0; i < seen.size(); i += every) some.push_back(seen[i]);
   const std::vector<Naming> namings = NamingsOf(triangulator.rig());
   const auto misfit_of = [&](const Naming& naming) {
     std::vector<double> misfit;
-    for (std::size_t i = 0; i < seen.size(); i += every) {
-      misfit.push_back(MisfitOf(*seen[i], naming, triangulator));
+    for (const FlashReadings* flash : some) {
+      misfit.push_back(MisfitOf(*flash, naming, triangulator));
     }
     return Median(misfit);
   };
   const double as_named = misfit_of(namings.front());
   if (as_named < kLeastMisfit) return {};
+  std::vector<FreeEnd> ends;
+  for (std::size_t c = 0; c < triangulator.cameras(); ++c) {
+    ends.push_back(FreeEndOf(some, c, triangulator));
+  }
+  const auto contradicted = [&](const Naming& naming) {
+    return std::has_single_bit(naming.reversed) &&
+           ends[static_cast<std::size_t>(std::countr_zero(naming.reversed))].Contradicts();
+  };
   double least = kPlainly * as_named;
   const Naming* best = &namings.front();
   for (const Naming& naming : namings) {
     const double misfit = misfit_of(naming);
-    if (!(misfit < least)) continue;
+    if (!(misfit < least) || contradicted(naming)) continue;
     least = misfit;
     best = &naming;
   }
-  return {best->what, best->remedy};
+  // Whichever explains more.
+  const auto end =
+      std::min_element(ends.begin(), ends.end(),
+                       [](const FreeEnd& a, const FreeEnd& b) { return a.share < b.share; });
+  if (!(end->share < least / as_named)) return {best->what, best->remedy};
+  return {fmt::format("camera '{}' is read from the other end of its row than when the rig was "
+                      "calibrated",
+                      triangulator.rig().cameras[end->camera].name),
+          fmt::format("write {:.0f} - u in place of each of its readings u, or calibrate with the "
+                      "rows as they are now",
+                      end->last_px)};
 }
 
 namespace {

@@ -63,6 +63,19 @@ inline std::array<double, data::kLensTerms> PriorOf(data::LensModel model) {
   return Lenses::With(model, []<typename Lens>() { return Lens::kPrior; });
 }
 
+// Of its terms, those of the highest order: what the model breaks off with.
+inline std::array<bool, data::kLensTerms> LastOrderOf(data::LensModel model) {
+  return Lenses::With(model, []<typename Lens>() {
+    std::array<bool, data::kLensTerms> out{};
+    int highest = 0;
+    for (const Monomial& m : Lens::kMonomials) highest = std::max(highest, m.x + m.y);
+    for (std::size_t k = 0; k < Lens::kMonomials.size(); ++k) {
+      out[k] = Lens::kMonomials[k].x + Lens::kMonomials[k].y == highest;
+    }
+    return out;
+  });
+}
+
 // Whether the ideal lens is a pinhole, and x from its image (u - u0) / f.
 inline bool IsStraight(data::LensModel model) {
   return Lenses::With(model, []<typename Lens>() { return Lens::kStraight; });

@@ -71,6 +71,33 @@ TEST(CameraSlips, RowsFromTheOtherEnd) {
               HasSubstr("camera 'camera2' is read from the other end"));
 }
 
+// A survey as a table need not state how long the rows are; the rig then has them end at the
+// highest reading.
+TEST(CameraSlips, RowsWhoseLengthIsAGuess) {
+  for (const int cameras : {4, 5}) {
+    constexpr int kPixels = 3000;
+    const HealthTrial trial{static_cast<std::size_t>(cameras), 400, kPixels};
+    Rng rng(7);
+    data::Rig rig = trial.DrawRig(&rng);
+    data::TrialReadings readings = trial.Draw({}, 0.03, &rng);
+    readings.pixels.clear();
+    for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+      rig.cameras[c].pixels = kPixels - 40 - 13 * static_cast<int>(c);
+    }
+    EXPECT_EQ(RefusalOf(readings, rig), "");
+    for (std::size_t c = 0; c < rig.cameras.size(); ++c) {
+      data::TrialReadings wrong = readings;
+      for (std::size_t i = 0; i < wrong.size() * rig.cameras.size() * wrong.most; ++i) {
+        if (i / wrong.most % rig.cameras.size() == c) wrong.u_px[i] = kPixels - 1.0 - wrong.u_px[i];
+      }
+      EXPECT_THAT(RefusalOf(wrong, rig),
+                  AllOf(HasSubstr("'" + rig.cameras[c].name + "' is read from the other end"),
+                        HasSubstr("2999 - u")))
+          << cameras << " " << c;
+    }
+  }
+}
+
 TEST(CameraSlips, ACameraThatMovedFarIsNone) {
   Rng rng(4);
   const data::TrialReadings moved = Shared().trial.Draw({.camera = 2, .px = 60.0}, 0.03, &rng);
