@@ -24,8 +24,8 @@ struct WandFitOptions {
   // usual ones (measure::UsualOrderOf).
   int order = -1;
   // Of gross errors and variances, at most: of glass that no terms follow the ends of the rows go a
-  // layer in each.
-  int rounds = 30;
+  // layer in each, and 24 of them were not the last (decision 294).
+  int rounds = 12;
   int search_poses = 150;  // that the first cameras are found from; the rest follow [-]
   // Where the cameras stand, about, by name: an earlier rig, or where they were meant to. Empty:
   // they are found from nothing.
