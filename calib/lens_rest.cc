@@ -146,6 +146,7 @@ std::vector<Trend> FindLensRest(const Observations& data, const std::vector<Came
         rests[static_cast<std::size_t>(r.camera)].At(bundle.state.points.col(r.point));
   }
   std::vector<double> weight;
+  weight.reserve(cameras);
   for (const std::vector<double>& one : variance) {
     weight.push_back(one.empty() ? 0.0 : 1.0 / Median(one));
   }

@@ -297,8 +297,10 @@ void FillCovariance(const FitProblem& problem, const std::vector<const Observati
     *rows -= plain.A * (inverse_white * (plain.A.transpose() * *rows));
   }
   const Eigen::MatrixXd total = from_data + model.covariance;
-  // As a maximum of 0 and it a number that is none would be an error of 0.
-  if (!total.allFinite()) throw std::logic_error("the covariance of a fit is not a number");
+  // Infinite is what nothing tells of.
+  if (total.diagonal().array().isNaN().any()) {
+    throw std::logic_error("the covariance of a fit is not a number");
+  }
   r->stated = StatedOf(problem, data, options, plain, inverse_white, model.covariance, *r);
   for (std::size_t t = 0; t < trials; ++t) {
     TrialResult& trial = r->trials[t];
