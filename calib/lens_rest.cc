@@ -10,6 +10,7 @@
 #include "base/statistics.h"
 #include "calib/parameters.h"
 #include "calib/score_test.h"
+#include "calib/survey_cost.h"
 #include "measure/camera_model.h"
 #include "measure/lens/lens.h"
 
@@ -63,13 +64,6 @@ class Rest {
   double most_px_ = 0.0;
 };
 
-// k-th number of the low-discrepancy sequence of a base, in (0, 1) [Halton 1960].
-double RadicalInverse(int k, int base) {
-  double out = 0.0, digit = 1.0;
-  for (; k > 0; k /= base) out += (k % base) * (digit /= base);
-  return out;
-}
-
 // Mean over places of the box of what each column does to squared errors of found points, over what
 // the rig states of them [-]. `on_cameras`: how a unit of each column moved the fitted cameras.
 Eigen::VectorXd RiseInBox(const data::Rig& rig, const std::vector<double>& weight,
@@ -78,8 +72,8 @@ Eigen::VectorXd RiseInBox(const data::Rig& rig, const std::vector<double>& weigh
   Eigen::VectorXd sum = Eigen::VectorXd::Zero(kWays * cameras);
   Eigen::MatrixXd by_cameras(3, kParameters * cameras), effect(3, kWays * cameras);
   double found = 0.0;
-  for (int i = 1; i <= kPlaces; ++i) {
-    const Eigen::Vector3d share(RadicalInverse(i, 2), RadicalInverse(i, 3), RadicalInverse(i, 5));
+  for (int i = 0; i < kPlaces; ++i) {
+    const Eigen::Vector3d share(SpreadPlace(i, 2), SpreadPlace(i, 3), SpreadPlace(i, 5));
     const Eigen::Vector3d p = rig.volume_low + share.cwiseProduct(rig.volume_high - rig.volume_low);
     Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
     by_cameras.setZero();
